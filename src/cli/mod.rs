@@ -1,0 +1,88 @@
+//! The command line: flags, logging, progress bars, exit codes; one file a subcommand.
+
+mod doctor;
+mod eval;
+mod generate;
+mod generate_worker;
+mod label;
+mod predict;
+mod progress;
+mod train;
+mod view;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+/// Finds what matters to a self-driving car: makes driving episodes, labels objects harmful or
+/// harmless by a danger zone, trains a fused LiDAR-camera detector and scores it.
+#[derive(Debug, Parser)]
+#[command(name = "harmzone", version, max_term_width = 100)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Drive a simulated town and write episodes
+    Gen(generate::GenerateArgs),
+    /// Write one episode; the processes that `gen --jobs` starts
+    #[command(hide = true)]
+    GenWorker(generate_worker::WorkerArgs),
+    /// Label the objects of a dataset harmful or harmless by a danger zone
+    Label(label::LabelArgs),
+    /// Train a detector on a labelled dataset
+    Train(train::TrainArgs),
+    /// Write a detector's boxes for a dataset
+    Predict(predict::PredictArgs),
+    /// Score a detector, or any detector's JSON, in and out of distribution
+    Eval(eval::EvalArgs),
+    /// Draw a sample with its zone, truth and predictions
+    View(view::ViewArgs),
+    /// Tell what this machine has and what is missing
+    Doctor(doctor::DoctorArgs),
+}
+
+/// How a subcommand ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ExitStatus {
+    Done,
+    /// Done, but something was left out; the summary says what.
+    DoneWithLosses,
+}
+
+/// Runs the program on the process's arguments.
+#[must_use]
+pub fn main() -> ExitCode {
+    let cli = Cli::parse();
+    tracing_subscriber::fmt()
+        .with_writer(std::io::stderr)
+        .without_time()
+        .with_target(false)
+        .with_env_filter(
+            tracing_subscriber::EnvFilter::try_from_env("HARMZONE_LOG").unwrap_or_else(|_| "warn".into()),
+        )
+        .init();
+    let ended = match cli.command {
+        Command::Gen(args) => generate::run(args),
+        Command::GenWorker(args) => generate_worker::run(args),
+        Command::Label(args) => label::run(args),
+        Command::Train(args) => train::run(args),
+        Command::Predict(args) => predict::run(args),
+        Command::Eval(args) => eval::run(args),
+        Command::View(args) => view::run(args),
+        Command::Doctor(args) => doctor::run(args),
+    };
+    match ended {
+        Ok(ExitStatus::Done) => ExitCode::SUCCESS,
+        Ok(ExitStatus::DoneWithLosses) => ExitCode::from(3),
+        Err(error) => {
+            eprintln!("error: {error}");
+            for cause in error.chain().skip(1) {
+                eprintln!("  because: {cause}");
+            }
+            ExitCode::FAILURE
+        }
+    }
+}

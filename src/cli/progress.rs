@@ -1,0 +1,65 @@
+//! The one progress style: a bar on stderr with stage, count, rate, note and time to go.
+
+use std::sync::Mutex;
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::progress::Progress;
+
+/// Draws the current stage as one bar on stderr; plain lines where stderr is no terminal.
+#[derive(Debug, Default)]
+pub struct Bar {
+    current: Mutex<Option<Stage>>,
+}
+
+#[derive(Debug)]
+struct Stage {
+    bar: ProgressBar,
+    name: String,
+    note: String,
+    /// Next tenth to tell as a line where there is no terminal.
+    next_tenth: u64,
+}
+
+impl Progress for Bar {
+    fn start(&self, stage: &str, total: u64) {
+        self.finish();
+        let style = ProgressStyle::with_template(
+            "{prefix:>10} [{bar:30}] {pos}/{len} {per_sec} {msg} {elapsed}<{eta}",
+        )
+        .expect("the template is valid")
+        .progress_chars("=> ");
+        let bar = ProgressBar::new(total).with_style(style).with_prefix(stage.to_owned());
+        *self.lock() = Some(Stage { bar, name: stage.to_owned(), note: String::new(), next_tenth: 1 });
+    }
+
+    fn advance(&self, n: u64) {
+        let mut current = self.lock();
+        let Some(stage) = current.as_mut() else { return };
+        stage.bar.inc(n);
+        let total = stage.bar.length().unwrap_or(0).max(1);
+        if stage.bar.is_hidden() && stage.bar.position() * 10 >= stage.next_tenth * total {
+            stage.next_tenth = stage.bar.position() * 10 / total + 1;
+            eprintln!("{:>10} {}/{total} {}", stage.name, stage.bar.position(), stage.note);
+        }
+    }
+
+    fn note(&self, text: &str) {
+        if let Some(stage) = self.lock().as_mut() {
+            stage.bar.set_message(text.to_owned());
+            text.clone_into(&mut stage.note);
+        }
+    }
+
+    fn finish(&self) {
+        if let Some(stage) = self.lock().take() {
+            stage.bar.finish();
+        }
+    }
+}
+
+impl Bar {
+    fn lock(&self) -> std::sync::MutexGuard<'_, Option<Stage>> {
+        self.current.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+    }
+}

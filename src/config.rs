@@ -1,0 +1,141 @@
+//! Configs: TOML text to typed values, with overrides, and errors that say file, line and key.
+//!
+//! Each stage has one raw struct (`#[serde(deny_unknown_fields, default)]`), checked once by the
+//! stage into what it works with. Values come from, later over earlier: the struct's `Default`,
+//! the TOML file, `key=value` overrides (dotted keys, TOML values).
+
+use std::path::{Path, PathBuf};
+
+use fs_err as fs;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use thiserror::Error;
+
+/// Why a config could not be loaded.
+#[derive(Debug, Error)]
+pub enum ConfigError {
+    #[error("cannot read the config: {0}")]
+    Read(#[source] std::io::Error),
+    #[error("{message}: {}", path.display())]
+    Parse { message: String, path: PathBuf },
+    #[error("the override `{text}` is not `key=value` with a TOML value: {message}")]
+    Override { text: String, message: String },
+    #[error("the overrides {overrides:?} do not fit the config: {message}")]
+    OverrideValue { overrides: Vec<String>, message: String },
+}
+
+/// Loads a config: defaults, then the file if one is given, then the overrides.
+///
+/// # Errors
+/// [`ConfigError`]: unreadable file, unknown key, value of the wrong type (with line and column),
+/// malformed override.
+pub fn load<T>(path: Option<&Path>, overrides: &[String]) -> Result<T, ConfigError>
+where
+    T: DeserializeOwned + Serialize + Default,
+{
+    let Some(path) = path else { return with_overrides(&T::default(), overrides) };
+    let text = fs::read_to_string(path).map_err(ConfigError::Read)?;
+    let config: T = toml::from_str(&text)
+        .map_err(|error| ConfigError::Parse { message: error.to_string(), path: path.to_owned() })?;
+    with_overrides(&config, overrides)
+}
+
+/// The config with dotted `key=value` overrides laid over it.
+///
+/// # Errors
+/// As [`load`], for the overrides.
+pub fn with_overrides<T>(config: &T, overrides: &[String]) -> Result<T, ConfigError>
+where
+    T: DeserializeOwned + Serialize,
+{
+    let mut table = toml::Table::try_from(config).expect("a config always has a TOML form");
+    for text in overrides {
+        let fail = |message: String| ConfigError::Override { text: text.clone(), message };
+        let (key, value) = text.split_once('=').ok_or_else(|| fail("no `=`".into()))?;
+        // A bare word that is no TOML value is taken as a string, so that `town=downtown` works.
+        let value = format!("v = {value}")
+            .parse::<toml::Table>()
+            .ok()
+            .and_then(|mut parsed| parsed.remove("v"))
+            .unwrap_or_else(|| toml::Value::String(value.trim().to_owned()));
+        let mut here = &mut table;
+        let mut parts: Vec<&str> = key.trim().split('.').collect();
+        let last = parts.pop().filter(|part| !part.is_empty()).ok_or_else(|| fail("no key".into()))?;
+        for part in parts {
+            here = here
+                .entry(part)
+                .or_insert_with(|| toml::Value::Table(toml::Table::new()))
+                .as_table_mut()
+                .ok_or_else(|| fail(format!("`{part}` is a value, not a table")))?;
+        }
+        here.insert(last.to_owned(), value);
+    }
+    table.try_into().map_err(|error: toml::de::Error| ConfigError::OverrideValue {
+        overrides: overrides.to_vec(),
+        message: error.message().to_owned(),
+    })
+}
+
+/// The config as TOML text, to be saved beside what a run makes.
+#[must_use]
+pub fn to_toml<T: Serialize>(config: &T) -> String {
+    toml::to_string_pretty(config).expect("a config always has a TOML form")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde::Deserialize;
+
+    #[derive(Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    struct Example {
+        speed_mps: f64,
+        town: String,
+        inner: Inner,
+    }
+
+    #[derive(Debug, PartialEq, Default, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    struct Inner {
+        count: u32,
+    }
+
+    impl Default for Example {
+        fn default() -> Self {
+            Self { speed_mps: 2.0, town: "downtown".into(), inner: Inner::default() }
+        }
+    }
+
+    #[test]
+    fn overrides_reach_nested_keys_and_take_bare_words() {
+        let overrides = ["inner.count=3".to_owned(), "town=market".to_owned()];
+        let example: Example = load(None, &overrides).unwrap();
+        assert_eq!((example.inner.count, example.town.as_str()), (3, "market"));
+    }
+
+    #[test]
+    fn an_unknown_key_is_named_with_its_line() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("zone.toml");
+        fs::write(&path, "speed_mps = 1.0\nsped = 2\n").unwrap();
+        let message = load::<Example>(Some(&path), &[]).unwrap_err().to_string();
+        assert!(
+            message.contains("line 2") && message.contains("sped") && message.contains("zone.toml"),
+            "{message}"
+        );
+    }
+
+    #[test]
+    fn a_wrong_override_is_an_error() {
+        assert!(load::<Example>(None, &["speed_mps=fast".to_owned()]).is_err());
+        assert!(load::<Example>(None, &["inner.cuont=1".to_owned()]).is_err());
+        assert!(load::<Example>(None, &["town".to_owned()]).is_err());
+    }
+
+    #[test]
+    fn toml_text_round_trips() {
+        let example = Example { speed_mps: 0.1, ..Example::default() };
+        assert_eq!(toml::from_str::<Example>(&to_toml(&example)).unwrap(), example);
+    }
+}

@@ -1,0 +1,70 @@
+//! Files that are either whole or not there: written under a temporary name, then renamed.
+
+use std::io::{self, Write};
+use std::path::Path;
+
+use fs_err as fs;
+use sha2::{Digest, Sha256};
+
+/// Suffix of files that are still being written; a leftover may be deleted at any time.
+pub const PARTIAL_SUFFIX: &str = "partial";
+
+/// Writes a file whole or not at all: to `<path>.partial`, synced, then renamed over `path`.
+///
+/// # Errors
+/// Any IO error, among them a full disk; the partial file is removed then.
+pub fn write_atomic(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let mut partial_name = path.as_os_str().to_owned();
+    partial_name.push(".");
+    partial_name.push(PARTIAL_SUFFIX);
+    let partial = Path::new(&partial_name);
+    let written = (|| {
+        let mut file = fs::File::create(partial)?;
+        file.write_all(bytes)?;
+        file.sync_all()?;
+        fs::rename(partial, path)
+    })();
+    if written.is_err() {
+        // The first error is the one to tell; a leftover partial file does no harm.
+        let _ = fs::remove_file(partial);
+    }
+    written
+}
+
+/// Lower-case hexadecimal SHA-256 of some bytes.
+#[must_use]
+pub fn sha256_hex(bytes: &[u8]) -> String {
+    use std::fmt::Write as _;
+    Sha256::digest(bytes).iter().fold(String::with_capacity(64), |mut hex, byte| {
+        write!(hex, "{byte:02x}").expect("writing to a string cannot fail");
+        hex
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_write_into_a_missing_folder_fails_and_names_the_path() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("absent/file.json");
+        let error = write_atomic(&path, b"{}").unwrap_err();
+        assert!(error.to_string().contains("absent"), "{error}");
+    }
+
+    #[test]
+    fn a_write_replaces_the_file_and_leaves_no_partial() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("file.json");
+        write_atomic(&path, b"old").unwrap();
+        write_atomic(&path, b"new").unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"new");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn the_hash_of_nothing_is_the_published_one() {
+        assert_eq!(sha256_hex(b"")[..16], *"e3b0c44298fc1c14");
+    }
+}

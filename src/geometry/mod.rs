@@ -1,0 +1,11 @@
+//! Frames, transforms, boxes, the pinhole camera and polygon overlap: plain geometry, no IO.
+
+mod boxes;
+mod frames;
+mod pinhole;
+mod polygon;
+
+pub use boxes::{Box3, BoxError};
+pub use frames::{Camera, Ego, Frame, Lidar, Point, Transform, World};
+pub use pinhole::Pinhole;
+pub use polygon::{Point2, convex_overlap_area, polygon_area};

@@ -1,0 +1,33 @@
+//! harmzone: makes driving episodes, labels objects by a danger zone, trains and scores a fused detector.
+//!
+//! The modules are layered; each imports only from layers below its own (`tests/architecture.rs`
+//! checks it). `ARCHITECTURE.md` has the map.
+
+pub mod config;
+pub mod files;
+pub mod geometry;
+pub mod progress;
+pub mod random;
+
+pub mod object;
+pub mod sample;
+
+pub mod scene;
+pub mod sensors;
+
+pub mod episode;
+pub mod sim;
+
+pub mod generate;
+pub mod label;
+
+pub mod dataset;
+pub mod kernels;
+
+pub mod eval;
+pub mod model;
+pub mod train;
+
+pub mod report;
+
+pub mod cli;
