@@ -5,7 +5,7 @@ use thiserror::Error;
 
 use super::config::ModelConfig;
 use crate::geometry::{Camera, Ego, Pinhole, Point, Transform};
-use crate::sample::Measured;
+use crate::sample::{EgoState, Measured};
 
 /// Numbers for each LiDAR point that enters the pillar encoder.
 pub const N_POINT_FEATURES: usize = 10;
@@ -66,12 +66,6 @@ impl Input {
     /// The image is broken, or speed or steering is not finite.
     pub fn prepare(measured: &Measured, config: &ModelConfig, mirror: bool) -> Result<Self, InputError> {
         let side = if mirror { -1.0 } else { 1.0 };
-        let state = &measured.ego_state;
-        for (field, found) in [("speed_mps", state.speed_mps), ("steering_angle_rad", state.steering_angle_rad)] {
-            if !found.is_finite() {
-                return Err(InputError::NotFinite { field, found });
-            }
-        }
         let mut full = measured.image.decode()?;
         let mut intrinsics = measured.intrinsics;
         let mut ego_from_camera = measured.ego_from_camera;
@@ -103,7 +97,7 @@ impl Input {
             .collect();
         let (point_features, pillar_points, pillar_cells) = pillars(&points, config);
         let small_camera = scaled(&intrinsics, scale, config.camera.image_width_px, image_height_px);
-        Ok(Self {
+        let input = Self {
             point_features,
             pillar_points,
             pillar_cells,
@@ -111,8 +105,24 @@ impl Input {
             frustum: frustum(&small_camera, &ego_from_camera, config),
             image,
             image_height_px,
-            numeric: [(state.speed_mps / 10.0) as f32, (side * state.steering_angle_rad / 0.35) as f32],
-        })
+            numeric: [0.0; 2],
+        };
+        input.with_state(&measured.ego_state, mirror)
+    }
+
+    /// The same input at another speed and steering angle (both given before mirroring).
+    ///
+    /// # Errors
+    /// Speed or steering is not finite.
+    pub fn with_state(mut self, state: &EgoState, mirror: bool) -> Result<Self, InputError> {
+        for (field, found) in [("speed_mps", state.speed_mps), ("steering_angle_rad", state.steering_angle_rad)] {
+            if !found.is_finite() {
+                return Err(InputError::NotFinite { field, found });
+            }
+        }
+        let steering_angle_rad = if mirror { -state.steering_angle_rad } else { state.steering_angle_rad };
+        self.numeric = [(state.speed_mps / 10.0) as f32, (steering_angle_rad / 0.35) as f32];
+        Ok(self)
     }
 }
 
