@@ -1,11 +1,6 @@
-//! Own CPU operations plugged into burn.
+//! Own CPU operations plugged into burn, and the only `unsafe` code of the crate.
 
-use burn::tensor::module::conv2d;
-use burn::tensor::ops::ConvOptions;
-use burn::tensor::Tensor;
+mod burn_op;
+mod conv3x3;
 
-/// 3x3 convolution, padding 1.
-#[must_use]
-pub fn conv3x3(x: Tensor<4>, w: Tensor<4>, stride: usize) -> Tensor<4> {
-    conv2d(x, w, None, ConvOptions::new([stride, stride], [1, 1], [1, 1], 1))
-}
+pub use burn_op::conv3x3;
