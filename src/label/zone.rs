@@ -306,7 +306,10 @@ mod tests {
         assert!(matches!(zone.rect(&bumper), Err(ZoneError::StateNotPositive { .. })));
         let flat = rect(1.0, 0.0).harm_of(&block(1.0, 0.0, 2.0, -1.0)).unwrap_err();
         assert!(flat.to_string().contains("width_m is -1"));
-        assert!(matches!(rect(1.0, 0.0).harm_of(&block(0.0, 0.0, 1e200, 1e200)), Err(ZoneError::Overlap { .. })));
+        assert!(matches!(
+            rect(1.0, 0.0).harm_of(&block(0.0, 0.0, 1e200, 1e200)),
+            Err(ZoneError::Overlap { .. })
+        ));
     }
 
     proptest! {
