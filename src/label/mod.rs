@@ -1,1 +1,3 @@
-//! label
+//! Harm labels: each annotated object of an episode, harmful or harmless by a danger zone.
+
+pub mod zone;
