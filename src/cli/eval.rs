@@ -59,8 +59,8 @@ pub struct EvalArgs {
 pub fn run(args: EvalArgs) -> anyhow::Result<ExitStatus> {
     let config: EvalConfig = config::load(args.config.as_deref(), &args.overrides)?;
     let protocol = Protocol::try_from(config)?;
-    if let Some(out) = &args.out {
-        prepare(out, &protocol, args.force)?;
+    if let Some(out) = args.out.as_deref().filter(|_| !args.force) {
+        refuse_to_overwrite(out)?;
     }
     let mode = if args.ood { Mode::Ood } else { Mode::Id };
     let samples = samples(&args)?;
@@ -71,8 +71,7 @@ pub fn run(args: EvalArgs) -> anyhow::Result<ExitStatus> {
     };
     let (json, table) = (metrics.to_json(), report::table(&metrics));
     if let Some(out) = &args.out {
-        files::write_atomic(&out.join(TABLE_FILE), table.as_bytes())?;
-        files::write_atomic(&out.join(METRICS_FILE), json.as_bytes())?;
+        save(out, &protocol, &json, &table)?;
     }
     print!("{}", if args.json { json } else { table });
     Ok(ExitStatus::Done)
@@ -98,22 +97,25 @@ fn samples_of_run(run: &Path, data: &Path, labels: &str, split: &str) -> anyhow:
     )
 }
 
-/// Makes the output folder and saves how it is scored; earlier metrics are kept unless forced away.
-fn prepare(out: &Path, protocol: &Protocol, force: bool) -> anyhow::Result<()> {
+fn refuse_to_overwrite(out: &Path) -> anyhow::Result<()> {
     let metrics = out.join(METRICS_FILE);
     if metrics.exists() {
-        if !force {
-            bail!("metrics exist already; give --force to overwrite them: {}", metrics.display());
-        }
-        // Else a failed scoring would leave old metrics beside a new config.
+        bail!("metrics exist already; give --force to overwrite them: {}", metrics.display());
+    }
+    Ok(())
+}
+
+/// Saves how it was scored, the table, and last the metrics, whose presence says that all is there.
+fn save(out: &Path, protocol: &Protocol, json: &str, table: &str) -> anyhow::Result<()> {
+    fs::create_dir_all(out)?;
+    let metrics = out.join(METRICS_FILE);
+    if metrics.exists() {
         fs::remove_file(&metrics)?;
     }
-    fs::create_dir_all(out)?;
-    let text = format!(
-        "# harmzone {}, harmzone eval\n{}",
-        env!("CARGO_PKG_VERSION"),
-        config::to_toml(protocol.config())
-    );
-    files::write_atomic(&out.join(CONFIG_FILE), text.as_bytes())?;
+    let config = config::to_toml(protocol.config());
+    let config = format!("# harmzone {}, harmzone eval\n{config}", env!("CARGO_PKG_VERSION"));
+    files::write_atomic(&out.join(CONFIG_FILE), config.as_bytes())?;
+    files::write_atomic(&out.join(TABLE_FILE), table.as_bytes())?;
+    files::write_atomic(&metrics, json.as_bytes())?;
     Ok(())
 }
