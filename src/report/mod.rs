@@ -1,3 +1,4 @@
-//! What people look at: drawings of samples, tables and reports of scores.
+//! Scores and samples for people: text tables and pictures.
 
+pub mod table;
 pub mod view;
