@@ -1,5 +1,8 @@
 //! A labelled dataset in memory: each sample's measurements and its objects with their labels.
 
+#[cfg(test)]
+pub mod test_data;
+
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
@@ -38,4 +41,12 @@ impl Dataset {
     pub fn zone(&self) -> &Zone { &self.zone }
     pub fn fingerprint(&self) -> &Fingerprint { &self.fingerprint }
     pub fn train_samples(&self) -> Vec<&LabelledSample> { self.train.iter().collect() }
+}
+
+#[cfg(test)]
+impl Dataset {
+    /// A sample to spoil in a test.
+    pub fn sample_mut(&mut self, idx: usize) -> &mut LabelledSample {
+        &mut self.train[idx]
+    }
 }

@@ -119,7 +119,7 @@ fn config_of(bytes: &[u8], path: &Path) -> Result<ModelConfig, CheckpointError> 
 pub fn load(path: &Path, device: &Device) -> Result<Detector, CheckpointError> {
     let bytes = fs::read(path).map_err(CheckpointError::Io)?;
     let config = config_of(&bytes, path)?;
-    let mut detector = Detector::init(&config, device);
+    let mut detector = Detector::init(&config, 0, device);
     let mut store = SafetensorsStore::from_bytes(Some(bytes)).allow_partial(true).validate(false);
     let applied = detector
         .load_from(&mut store)
@@ -142,7 +142,7 @@ mod tests {
         let device = Device::flex();
         let config = ModelConfig { n_queries: 7, ..ModelConfig::default() };
         let (first, second) = (folder.path().join("a.safetensors"), folder.path().join("b.safetensors"));
-        save(&Detector::init(&config, &device), &first).unwrap();
+        save(&Detector::init(&config, 0, &device), &first).unwrap();
         let loaded = load(&first, &device).unwrap();
         assert_eq!(loaded.config(), &config);
         save(&loaded, &second).unwrap();
@@ -162,7 +162,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("model.safetensors");
         let device = Device::flex();
-        save(&Detector::init(&ModelConfig::default(), &device), &path).unwrap();
+        save(&Detector::init(&ModelConfig::default(), 0, &device), &path).unwrap();
         let bytes = fs::read(&path).unwrap();
         let from = "hidden_channels = 64";
         let at = bytes.windows(from.len()).position(|window| window == from.as_bytes()).unwrap();

@@ -1,6 +1,8 @@
 //! The whole detector: LiDAR and camera branches, fuser, head.
 
-use burn::module::Module;
+use std::sync::{Mutex, PoisonError};
+
+use burn::module::{Module, ModuleVisitor, Param};
 use burn::tensor::{Device, Tensor};
 
 use super::batch::Batch;
@@ -24,8 +26,20 @@ pub struct Detector {
 }
 
 impl Detector {
-    /// A detector with random weights from the device's seed.
-    pub fn init(config: &ModelConfig, device: &Device) -> Self {
+    /// A detector with random weights from `seed`: same seed, same weights.
+    #[must_use]
+    pub fn init(config: &ModelConfig, seed: u64, device: &Device) -> Self {
+        // The device's generator is one for the whole process and parameters draw when first looked at:
+        // hold it for as long as the drawing lasts.
+        static GENERATOR: Mutex<()> = Mutex::new(());
+        let _held = GENERATOR.lock().unwrap_or_else(PoisonError::into_inner);
+        device.seed(seed);
+        let detector = Self::undrawn(config, device);
+        detector.visit(&mut Draw);
+        detector
+    }
+
+    fn undrawn(config: &ModelConfig, device: &Device) -> Self {
         let channels_in = LidarBranch::channels_out(config) + config.camera.lift_channels;
         Self {
             lidar: LidarBranch::init(config, device),
@@ -52,6 +66,15 @@ impl Detector {
             }
         };
         self.head.forward(self.fuser.forward(Tensor::cat(vec![camera, lidar], 1)), batch.numeric.clone())
+    }
+}
+
+/// Looks at each parameter, which draws it.
+struct Draw;
+
+impl ModuleVisitor for Draw {
+    fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
+        let _drawn = param.val();
     }
 }
 

@@ -3,7 +3,7 @@
 
 use burn::module::Module;
 use burn::nn::conv::Conv2d;
-use burn::nn::{Embedding, EmbeddingConfig, Linear, LinearConfig};
+use burn::nn::{Embedding, EmbeddingConfig, Initializer, Linear, LinearConfig};
 use burn::tensor::activation::{relu, sigmoid};
 use burn::tensor::{Device, Int, Tensor, TensorData};
 
@@ -79,7 +79,8 @@ impl Head {
         let hidden = config.hidden_channels;
         let n_channels = config.heatmap.n_channels();
         let mut heatmap_out = pointwise(hidden, n_channels, device);
-        heatmap_out.bias = heatmap_out.bias.map(|bias| bias.map(|b| b.mul_scalar(0.0).add_scalar((PRIOR / (1.0 - PRIOR)).ln())));
+        let prior_logit = (PRIOR / (1.0 - PRIOR)).ln();
+        heatmap_out.bias = Some(Initializer::Constant { value: prior_logit }.init([n_channels], device));
         let (embed, fuse) = match config.numeric_fusion {
             NumericFusion::Paper => (
                 Some(Mlp::init(2, hidden, config.n_queries, device)),

@@ -2,3 +2,5 @@
 
 pub mod table;
 pub mod view;
+
+pub use table::table;

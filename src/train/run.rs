@@ -121,12 +121,11 @@ pub fn run(
     }
 
     let device = device.clone().autodiff();
-    device.seed(config.seed);
     let kept = state::newest(out, Optimizer::new(config), &device)?;
     let (mut detector, mut optimizer, mut position) = match kept {
         Some(kept) => (number_parameters(kept.detector), kept.optimizer, kept.position),
         None => {
-            let fresh = number_parameters(Detector::init(&config.model, &device));
+            let fresh = number_parameters(Detector::init(&config.model, config.seed, &device));
             (fresh, Optimizer::new(config), Position { stage: 0, step: 0 })
         }
     };
@@ -176,14 +175,14 @@ pub fn run(
             progress.advance(1);
             if n_done % config.save_every_steps == 0 && position.step < n_steps {
                 log.save()?;
-                state::keep(out, n_done, position, &detector, &optimizer)?;
+                state::keep(out, n_done, position, &detector.valid(), &optimizer)?;
             }
         }
         progress.finish();
         position = Position { stage: position.stage + 1, step: 0 };
         optimizer = Optimizer::new(config);
         log.save()?;
-        state::keep(out, plan.n_done(position), position, &detector, &optimizer)?;
+        state::keep(out, plan.n_done(position), position, &detector.valid(), &optimizer)?;
     }
     checkpoint::save(&detector.valid(), &final_path)?;
     state::clear(out)?;
@@ -360,5 +359,126 @@ impl Mean {
     fn mean(&self) -> LossParts {
         let n = self.n.max(1) as f32;
         LossParts { heatmap: self.sum.heatmap / n, harm: self.sum.harm / n, boxes: self.sum.boxes / n }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dataset::test_data;
+    use crate::model::{CameraConfig, GridConfig, ModelConfig};
+    use crate::progress::Silent;
+
+    fn tiny() -> TrainConfig {
+        let stage = |epochs| StageConfig { epochs, max_learning_rate: 2e-3 };
+        TrainConfig {
+            batch_size: 2,
+            lidar_stage: stage(2),
+            fused_stage: stage(1),
+            save_every_steps: 1,
+            model: ModelConfig {
+                grid: GridConfig { pillar_size_m: 1.6, ..GridConfig::default() },
+                pillar_channels: 8,
+                bev_channels: [16, 16],
+                camera: CameraConfig { image_width_px: 64, n_depth_bins: 12, ..CameraConfig::default() },
+                hidden_channels: 16,
+                n_queries: 8,
+                ..ModelConfig::default()
+            },
+            ..TrainConfig::default()
+        }
+    }
+
+    fn train(data: &Dataset, config: &TrainConfig, out: &Path) -> Result<Summary, TrainError> {
+        run(data, config, out, RunOptions::default(), &Device::flex(), &Silent)
+    }
+
+    /// Stops a run after some steps, as a kill would, by a watcher that panics.
+    struct Stop {
+        after: std::sync::atomic::AtomicI64,
+    }
+
+    impl Progress for Stop {
+        fn start(&self, _stage: &str, _total: u64) {}
+        fn advance(&self, n: u64) {
+            let left = self.after.fetch_sub(n as i64, std::sync::atomic::Ordering::SeqCst) - n as i64;
+            assert!(left > 0, "stopped on purpose");
+        }
+        fn note(&self, _text: &str) {}
+        fn finish(&self) {}
+    }
+
+    #[test]
+    fn a_run_stopped_in_either_stage_and_called_again_ends_with_the_same_bytes() {
+        let data = test_data::dataset(6);
+        let config = tiny();
+        let folder = tempfile::tempdir().unwrap();
+        let whole = train(&data, &config, &folder.path().join("whole")).unwrap();
+        let broken = folder.path().join("broken");
+        for after in [2, 5, 2] {
+            let watcher = Stop { after: after.into() };
+            let stopped = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
+                run(&data, &config, &broken, RunOptions::default(), &Device::flex(), &watcher)
+            }));
+            assert!(stopped.is_err() && !broken.join(CHECKPOINT).exists());
+        }
+        let resumed = train(&data, &config, &broken).unwrap();
+        assert!(resumed.n_steps_now < whole.n_steps_now);
+        assert!(fs::read(&whole.checkpoint).unwrap() == fs::read(&resumed.checkpoint).unwrap());
+        assert_eq!(
+            fs::read(folder.path().join("whole/log.csv")).unwrap(),
+            fs::read(broken.join("log.csv")).unwrap()
+        );
+    }
+
+    #[test]
+    fn a_folder_with_another_run_is_left_alone_without_force() {
+        let data = test_data::dataset(2);
+        let folder = tempfile::tempdir().unwrap();
+        train(&data, &tiny(), folder.path()).unwrap();
+        let before = fs::read(folder.path().join(CHECKPOINT)).unwrap();
+        let other = TrainConfig { seed: 1, ..tiny() };
+        assert!(matches!(train(&data, &other, folder.path()), Err(TrainError::OtherRun { .. })));
+        assert_eq!(fs::read(folder.path().join(CHECKPOINT)).unwrap(), before);
+        let forced = RunOptions { force: true, resume: false };
+        run(&data, &other, folder.path(), forced, &Device::flex(), &Silent).unwrap();
+        assert_ne!(fs::read(folder.path().join(CHECKPOINT)).unwrap(), before);
+    }
+
+    #[test]
+    fn a_broken_sample_is_named() {
+        let mut data = test_data::dataset(2);
+        data.sample_mut(1).measured.ego_state.steering_angle_rad = f64::NAN;
+        let config = TrainConfig {
+            augment: super::super::AugmentConfig { redraw_state_share: 0.0, ..Default::default() },
+            ..tiny()
+        };
+        let folder = tempfile::tempdir().unwrap();
+        let message = train(&data, &config, folder.path()).unwrap_err().to_string();
+        assert!(message.contains("made/1") && message.contains("steering_angle_rad"), "{message}");
+    }
+
+    #[test]
+    fn resuming_where_there_is_nothing_is_an_error() {
+        let folder = tempfile::tempdir().unwrap();
+        let options = RunOptions { force: false, resume: true };
+        let ended = run(&test_data::dataset(2), &tiny(), folder.path(), options, &Device::flex(), &Silent);
+        assert!(matches!(ended, Err(TrainError::NothingToResume { .. })));
+    }
+
+    #[test]
+    fn training_lowers_the_loss() {
+        let data = test_data::dataset(4);
+        let config = TrainConfig { lidar_stage: StageConfig { epochs: 30, max_learning_rate: 4e-3 }, ..tiny() };
+        let folder = tempfile::tempdir().unwrap();
+        train(&data, &config, folder.path()).unwrap();
+        let log = fs::read_to_string(folder.path().join("log.csv")).unwrap();
+        let losses: Vec<f32> = log
+            .lines()
+            .skip(1)
+            .map(|row| row.split(',').skip(4).take(3).map(|part| part.parse::<f32>().unwrap()).sum())
+            .collect();
+        let mean = |part: &[f32]| part.iter().sum::<f32>() / part.len() as f32;
+        assert!(mean(&losses[50..60]) < 0.5 * mean(&losses[..4]), "{losses:?}");
     }
 }

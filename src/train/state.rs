@@ -45,7 +45,8 @@ fn folder(run: &Path) -> PathBuf {
     run.join("state")
 }
 
-/// Keeps a state and drops older ones. `n_done` counts the steps of all stages and names it.
+/// Keeps a state and drops older ones. The detector must be a `valid()` copy: batch norms hand over their
+/// latest running statistics only there. `n_done` counts the steps of all stages and names it.
 ///
 /// # Errors
 /// Any IO error; the older state stays then.
