@@ -7,6 +7,8 @@ use clap::{ArgGroup, Args};
 use fs_err as fs;
 
 use super::ExitStatus;
+use super::device::DeviceArg;
+use super::predict::{detect, eval_samples, open_split};
 use crate::eval::{self, EvalConfig, EvalSample, Mode, Protocol, json};
 use crate::{config, files, report};
 
@@ -25,11 +27,13 @@ pub struct EvalArgs {
     #[arg(long, value_name = "DIR", requires = "run")]
     data: Option<PathBuf>,
     /// Label set of the dataset
-    #[arg(long, value_name = "SET", default_value = "default", requires = "run")]
+    #[arg(long, value_name = "SET", default_value = "rect", requires = "run")]
     labels: String,
-    /// Split of the dataset: train, val or test
-    #[arg(long, default_value = "val", requires = "run")]
-    split: String,
+    /// Split: train, val or test; without it, the dataset's val, or test where there is no val
+    #[arg(long, requires = "run")]
+    split: Option<String>,
+    #[command(flatten)]
+    device: DeviceArg,
     /// Also attribute false positives and score the ID and OOD columns of Table III
     #[arg(long)]
     ood: bool,
@@ -83,18 +87,17 @@ fn samples(args: &EvalArgs) -> anyhow::Result<Vec<EvalSample>> {
         return Ok(json::join(json::read_predictions(predictions)?, json::read_truth(truth)?)?);
     }
     match (&args.run, &args.data) {
-        (Some(run), Some(data)) => samples_of_run(run, data, &args.labels, &args.split),
+        (Some(run), Some(data)) => samples_of_run(run, data, args),
         _ => bail!("give a RUN with --data, or --predictions with --truth"),
     }
 }
 
 /// Runs a trained detector over a split of a dataset.
-fn samples_of_run(run: &Path, data: &Path, labels: &str, split: &str) -> anyhow::Result<Vec<EvalSample>> {
-    bail!(
-        "scoring a run is not built yet (split {split}, labels {labels}): {}: {}",
-        data.display(),
-        run.display()
-    )
+fn samples_of_run(run: &Path, data: &Path, args: &EvalArgs) -> anyhow::Result<Vec<EvalSample>> {
+    let device = args.device.open()?;
+    let dataset = open_split(data, &args.labels, args.split.as_deref())?;
+    let found = detect(run, &dataset, &device)?;
+    Ok(eval_samples(&dataset, &found))
 }
 
 fn refuse_to_overwrite(out: &Path) -> anyhow::Result<()> {

@@ -15,7 +15,8 @@ pub fn dataset(n: usize) -> Dataset {
     let zone = Zone::try_from(ZoneConfig::default()).expect("the default zone is valid");
     Dataset {
         path: "made".into(),
-        train: (0..n).map(|i| sample(i, &zone)).collect(),
+        episodes: Vec::new(),
+        samples: (0..n).map(|i| sample(i, &zone)).collect(),
         zone,
         fingerprint: Fingerprint { dataset_sha256: n.to_string(), labels_sha256: String::new() },
     }

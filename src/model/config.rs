@@ -138,6 +138,8 @@ pub struct ModelConfig {
     pub pillar_channels: usize,
     /// Channels of the bird's-eye stages at one and two cells.
     pub bev_channels: [usize; 2],
+    /// Whether the camera branch takes part; without it the detector sees LiDAR alone.
+    pub use_camera: bool,
     pub camera: CameraConfig,
     /// Channels of the queries.
     pub hidden_channels: usize,
@@ -154,6 +156,7 @@ impl Default for ModelConfig {
             max_points_per_pillar: 10,
             pillar_channels: 32,
             bev_channels: [64, 96],
+            use_camera: true,
             camera: CameraConfig::default(),
             hidden_channels: 64,
             n_queries: 64,

@@ -140,6 +140,13 @@ impl TrainConfig {
                 return Err(TrainConfigError::Field { field, found: found.to_string(), valid: "it must lie in 0..=1" });
             }
         }
+        if self.model.use_camera != (self.fused_stage.epochs > 0) {
+            return Err(TrainConfigError::Field {
+                field: "fused_stage.epochs",
+                found: self.fused_stage.epochs.to_string(),
+                valid: "with model.use_camera it must be above zero, without it zero: the camera trains there",
+            });
+        }
         Ok(self.model.check()?)
     }
 }

@@ -42,7 +42,7 @@ pub enum TrainError {
     State(#[from] StateError),
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),
-    #[error("the dataset has no training samples in split `train`: {}", path.display())]
+    #[error("the dataset has no training samples: {}", path.display())]
     NoSamples { path: PathBuf },
     #[error(
         "this folder holds a run with another config or other data; use another --out, or --force to \
@@ -109,7 +109,7 @@ pub fn run(
 ) -> Result<Summary, TrainError> {
     let started = Instant::now();
     config.check()?;
-    let samples = dataset.train_samples();
+    let samples = dataset.samples();
     if samples.is_empty() {
         return Err(TrainError::NoSamples { path: dataset.path().to_owned() });
     }
@@ -139,7 +139,7 @@ pub fn run(
         progress.advance(position.step as u64);
         while position.step < n_steps {
             let chosen = plan.batch(config.seed, position, samples.len());
-            let (batch, objects) = prepare(&chosen, &samples, dataset, config, position, &device)?;
+            let (batch, objects) = prepare(&chosen, samples, dataset, config, position, &device)?;
             let output = detector.forward(&batch);
             let loss = losses(&output, &objects, &config.model, &config.loss);
             let not_finite = |found: f32| TrainError::NotFinite {
@@ -286,7 +286,7 @@ impl Plan {
 /// Augments and stacks the samples of a step.
 fn prepare(
     chosen: &[usize],
-    samples: &[&LabelledSample],
+    samples: &[LabelledSample],
     dataset: &Dataset,
     config: &TrainConfig,
     position: Position,
@@ -296,7 +296,7 @@ fn prepare(
         .par_iter()
         .enumerate()
         .map(|(place, &sample_idx)| {
-            let sample = samples[sample_idx];
+            let sample = &samples[sample_idx];
             let draw_idx = (position.step * config.batch_size + place) as u64;
             let mut rng =
                 random::stream(config.seed, &format!("augment-{}", STAGES[position.stage]), draw_idx);
