@@ -22,7 +22,7 @@ pub const SIZE_PX: (u32, u32) = (1600, 620);
 const MARGIN_PX: u32 = 16;
 const TITLE_PX: u32 = 60;
 const FRONT_PX: (u32, u32) = (896, 504);
-const BIRDSEYE_PX: (u32, u32) = (640, 504);
+const BIRDSEYE_PX: (u32, u32) = (656, 504);
 
 /// What is drawn.
 #[derive(Debug, Clone, Copy)]

@@ -124,7 +124,7 @@ fn draw_points(canvas: &mut Canvas, plan: &Plan, scene: &Scene) {
     }
     for (step, dots) in steps.iter().enumerate() {
         let share = step as f32 / (N_HEIGHT_STEPS - 1) as f32;
-        canvas.dots(dots, 0.75 + 0.25 * share, palette::height(share));
+        canvas.dots(dots, 0.95 + 0.2 * share, palette::height(share));
     }
 }
 

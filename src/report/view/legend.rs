@@ -102,7 +102,8 @@ fn draw_height_scale(page: &mut Canvas, baseline: f32) {
     let high = format!("{high_m:.0} m");
     page.text((right, baseline), LEGEND_SIZE_PX, palette::TEXT_SOFT, Align::Right, &high);
     let bar_right = right - text_width_px(LEGEND_SIZE_PX, &high) - 8.0;
-    let (bar_left, n_steps) = (bar_right - 120.0, 60);
+    // On whole pixels, so that no seams show between the steps.
+    let (bar_left, n_steps) = ((bar_right - 120.0).round(), 60);
     for step in 0..n_steps {
         let x = bar_left + step as f32 * 2.0;
         let (top, bottom) = (baseline - 9.0, baseline - 1.0);

@@ -32,7 +32,7 @@ pub const fn predicted(harm: Harm) -> Color {
 
 /// Colours of LiDAR heights, from the ground up to [`HEIGHT_RANGE_M`].
 const HEIGHTS: [Color; 4] =
-    [Color::new(0x003a_4a63), Color::new(0x004f_86a8), Color::new(0x0087_c7b5), Color::new(0x00f3_e6a8)];
+    [Color::new(0x0048_5c7a), Color::new(0x0055_92b5), Color::new(0x0087_c7b5), Color::new(0x00f3_e6a8)];
 
 /// Heights above the ground between which the colour changes, metres.
 pub const HEIGHT_RANGE_M: (f32, f32) = (0.0, 3.0);
