@@ -68,11 +68,13 @@ pub fn run(args: EvalArgs) -> anyhow::Result<ExitStatus> {
     }
     let mode = if args.ood { Mode::Ood } else { Mode::Id };
     let samples = samples(&args)?;
-    let metrics = match &args.predictions {
-        Some(path) => eval::score(&samples, &protocol, mode)
-            .with_context(|| format!("cannot score the boxes: {}", path.display()))?,
-        None => eval::score(&samples, &protocol, mode)?,
-    };
+    let metrics =
+        eval::score(&samples, &protocol, mode).with_context(|| match (&args.predictions, &args.truth) {
+            (Some(found), Some(truth)) => {
+                format!("cannot score {} against {}", found.display(), truth.display())
+            }
+            _ => "cannot score the run".to_owned(),
+        })?;
     let (json, table) = (metrics.to_json(), report::table(&metrics));
     if let Some(out) = &args.out {
         save(out, &protocol, &json, &table)?;

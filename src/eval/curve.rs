@@ -46,7 +46,8 @@ impl Curve {
     pub(super) fn average_precision(&self, first_step: usize, min_precision: f64) -> f64 {
         let clipped =
             self.precision[first_step..].iter().map(|precision| (precision - min_precision).max(0.0));
-        mean(clipped) / (1.0 - min_precision)
+        // The devkit's own perfect AP is 1.0000000000000004.
+        (mean(clipped) / (1.0 - min_precision)).min(1.0)
     }
 
     /// Mean errors of the matches, given in rank order, over the recall that was reached; 1 each if it
@@ -74,11 +75,8 @@ impl Curve {
                 .collect();
             running.reverse();
             let beyond = *running.last().expect("there is at least one match");
-            mean(
-                self.confidence[first_step..=last_step]
-                    .iter()
-                    .map(|&confidence| interpolate(confidence, &scores, &running, beyond)),
-            )
+            let at_steps = self.confidence[first_step..=last_step].iter();
+            mean(at_steps.map(|&confidence| interpolate(confidence, &scores, &running, beyond)))
         })
     }
 }

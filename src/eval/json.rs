@@ -25,9 +25,9 @@ use super::{EvalDetection, EvalSample, EvalTruth};
 /// Why a file of boxes cannot be used.
 #[derive(Debug, Error)]
 pub enum JsonError {
-    #[error("cannot read the boxes: {0}")]
+    #[error("cannot read the boxes")]
     Read(#[source] io::Error),
-    #[error("cannot write the boxes: {0}")]
+    #[error("cannot write the boxes")]
     Write(#[source] io::Error),
     #[error("not a file of boxes, `{{\"results\": {{\"<sample>\": [..]}}}}`: {message}: {}", path.display())]
     NotBoxes { message: String, path: PathBuf },
@@ -36,8 +36,8 @@ pub enum JsonError {
     #[error("box {index}: {message}: sample `{sample}`: {}", path.display())]
     BadBox { message: String, index: usize, sample: String, path: PathBuf },
     #[error(
-        "{n_missing} of the samples in {} are missing, the first is `{sample}`; predictions and truth \
-         need the same samples, an empty list where there is nothing: {}",
+        "no list of boxes for {n_missing} of the samples in {}, the first is `{sample}`; predictions and \
+         truth need the same samples, an empty list where there is nothing: {}",
         other.display(), path.display()
     )]
     MissingSamples { n_missing: usize, sample: String, other: PathBuf, path: PathBuf },

@@ -36,7 +36,7 @@ fn write_table(text: &mut String, metrics: &Metrics) -> std::fmt::Result {
         Mode::Id => "in distribution",
         Mode::Ood => "in and out of distribution",
     };
-    writeln!(text, "Detection {what}, {} samples", counts.n_samples)?;
+    writeln!(text, "Detection {what}; samples: {}", counts.n_samples)?;
     writeln!(text, "AP, mean over centre distances {} m; (paper)\n", thresholds.join(", "))?;
     writeln!(text, "{:<28}{:>16}{:>16}{:>16}", "", "harmful", "harmless", "mean")?;
     match metrics.mode {
@@ -62,19 +62,24 @@ fn write_table(text: &mut String, metrics: &Metrics) -> std::fmt::Result {
         let errors = metrics.tp_errors.get(class);
         writeln!(text, "{:<12}{:>10.4}{:>10.4}{:>12.4}", class.name(), errors.ate, errors.ase, errors.aoe)?;
     }
-    writeln!(text, "\n{:<12}{:>10}{:>10}{:>10}{:>14}", "scored", "truths", "ID", "OOD", "detections")?;
+    writeln!(
+        text,
+        "\n{:<12}{:>12}{:>10}{}",
+        "scored",
+        "detections",
+        "truths",
+        match metrics.mode {
+            Mode::Id => "",
+            Mode::Ood => "      (ID + OOD)",
+        }
+    )?;
     for class in Harm::ALL {
-        let truths = counts.truths.get(class);
-        let n_detections = counts.detections.get(class);
-        writeln!(
-            text,
-            "{:<12}{:>10}{:>10}{:>10}{:>14}",
-            class.name(),
-            truths.all,
-            truths.id,
-            truths.ood,
-            n_detections
-        )?;
+        let (truths, n_detections) = (counts.truths.get(class), counts.detections.get(class));
+        write!(text, "{:<12}{n_detections:>12}{:>10}", class.name(), truths.all)?;
+        if metrics.mode == Mode::Ood {
+            write!(text, "{:>16}", format!("({} + {})", truths.id, truths.ood))?;
+        }
+        writeln!(text)?;
     }
     write_notes(text, metrics)
 }
