@@ -1,6 +1,7 @@
 //! The 3x3 convolution as a burn operation with gradients, for `Device::flex()` with or without autodiff.
 //!
 //! Every other device runs burn's own `conv2d`: the choice is made per call, from the device of the input.
+
 use burn::backend::autodiff::NodeId;
 use burn::backend::autodiff::checkpoint::{base::Checkpointer, strategy::CheckpointStrategy};
 use burn::backend::autodiff::grads::Gradients;
@@ -11,7 +12,8 @@ use burn::backend::{
 };
 use burn::tensor::{DType, Device, Tensor, TensorData, module::conv2d, ops::ConvOptions};
 
-use super::conv3x3::{self as kernel, Shape};
+use super::conv3x3::{Shape, forward, input_gradient, weight_gradient};
+use super::simd::InstructionSet;
 
 /// Convolves with a 3x3 kernel, one pixel of zero padding on each side and no bias.
 ///
@@ -60,6 +62,12 @@ pub trait Conv3x3Backend: Backend {
     ) -> FloatTensor<Self>;
 }
 
+/// Sizes of a convolution of an input of `[batch, channel_in, y, x]`.
+fn shape(input_dims: [usize; 4], channels_out: usize, stride: usize) -> Shape {
+    let [batch, channels_in, height_px, width_px] = input_dims;
+    Shape { batch, channels_in, channels_out, height_px, width_px, stride }
+}
+
 fn tensor(values: Vec<f32>, dims: [usize; 4]) -> FlexTensor {
     FlexTensor::from_data(TensorData::new(values, dims))
 }
@@ -72,8 +80,9 @@ impl Conv3x3Backend for Flex {
     fn conv3x3(x: FlexTensor, w: FlexTensor, stride: usize) -> FlexTensor {
         let (x, w) = (x.to_contiguous(), w.to_contiguous());
         let (xs, ws) = (x.shape(), w.shape());
-        let s = Shape { n: xs[0], ic: xs[1], oc: ws[0], h: xs[2], w: xs[3], stride };
-        tensor(kernel::forward(s, values(&x), values(&w), None), [s.n, s.oc, s.oh(), s.ow()])
+        let s = shape([xs[0], xs[1], xs[2], xs[3]], ws[0], stride);
+        let y = forward(s, values(&x), values(&w), InstructionSet::best());
+        tensor(y, [s.batch, s.channels_out, s.out_height_px(), s.out_width_px()])
     }
 
     fn conv3x3_input_gradient(
@@ -84,16 +93,18 @@ impl Conv3x3Backend for Flex {
         width_px: usize,
     ) -> FlexTensor {
         let (dy, w) = (dy.to_contiguous(), w.to_contiguous());
-        let (n, ws) = (dy.shape()[0], w.shape());
-        let s = Shape { n, ic: ws[1], oc: ws[0], h: height_px, w: width_px, stride };
-        tensor(kernel::input_grad(s, values(&dy), values(&w)), [s.n, s.ic, s.h, s.w])
+        let (batch, ws) = (dy.shape()[0], w.shape());
+        let dims = [batch, ws[1], height_px, width_px];
+        let s = shape(dims, ws[0], stride);
+        tensor(input_gradient(s, values(&dy), values(&w), InstructionSet::best()), dims)
     }
 
     fn conv3x3_weight_gradient(x: FlexTensor, dy: FlexTensor, stride: usize) -> FlexTensor {
         let (x, dy) = (x.to_contiguous(), dy.to_contiguous());
         let xs = x.shape();
-        let s = Shape { n: xs[0], ic: xs[1], oc: dy.shape()[1], h: xs[2], w: xs[3], stride };
-        tensor(kernel::weight_grad(s, values(&x), values(&dy)), [s.oc, s.ic, 3, 3])
+        let s = shape([xs[0], xs[1], xs[2], xs[3]], dy.shape()[1], stride);
+        let dw = weight_gradient(s, values(&x), values(&dy), InstructionSet::best());
+        tensor(dw, [s.channels_out, s.channels_in, 3, 3])
     }
 }
 
