@@ -9,11 +9,8 @@ from __future__ import annotations
 import sys
 
 from movers import movers
+from props import ood_props, street_props
 
-try:
-    from props import ood_props, street_props
-except ImportError:
-    ood_props = street_props = list
 
 
 def main() -> None:
