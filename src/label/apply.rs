@@ -4,8 +4,8 @@
 
 use thiserror::Error;
 
-use super::zone::{Verdict, Zone, ZoneError};
-use crate::geometry::Point2;
+use super::zone::{Zone, ZoneError};
+use crate::episode::{ObjectLabel, SampleLabels};
 use crate::sample::Sample;
 
 /// Why a sample could not be labelled.
@@ -19,22 +19,6 @@ pub enum SampleError {
         "object `{object}` stands twice in sample {sample_idx} of episode `{episode}`; ids must be unique"
     )]
     Twice { episode: String, sample_idx: usize, object: String },
-}
-
-/// The labels of one sample.
-#[derive(Debug, Clone, PartialEq)]
-pub struct SampleLabels {
-    /// Corners of the zone in the ego frame, counter-clockwise from the near right one.
-    pub zone: Vec<Point2>,
-    /// One for each true object, in the sample's order.
-    pub labels: Vec<ObjectLabel>,
-}
-
-/// One object's label.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ObjectLabel {
-    pub id: String,
-    pub verdict: Verdict,
 }
 
 /// Labels a sample; `episode` and `sample_idx` serve the errors.
@@ -64,7 +48,17 @@ pub fn label_sample(
             object: object.id.clone(),
             source,
         })?;
-        labels.push(ObjectLabel { id: object.id.clone(), verdict });
+        labels.push(ObjectLabel {
+            id: object.id.clone(),
+            harm: verdict.harm,
+            overlap_area_m2: verdict.overlap_area_m2,
+            overlap_ratio: verdict.overlap_ratio,
+        });
     }
-    Ok(SampleLabels { zone: rect.corners().to_vec(), labels })
+    Ok(SampleLabels {
+        time_ns: sample.measured.time_ns,
+        zone_name: zone.config().kind.name().to_owned(),
+        zone_corners: rect.corners().to_vec(),
+        labels,
+    })
 }

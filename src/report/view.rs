@@ -7,7 +7,10 @@ mod birdseye;
 mod canvas;
 mod front;
 mod legend;
+mod load;
 mod palette;
+
+pub use load::{ViewError, ViewRequest, ViewSummary, run};
 
 use image::RgbImage;
 

@@ -6,6 +6,7 @@ Usage: check_labels.py DATASET SET. Prints one line of counts; exits 1 at the fi
 import json
 import math
 import sys
+import tomllib
 from pathlib import Path
 
 from mcap.reader import make_reader
@@ -82,7 +83,7 @@ def check_episode(episode: Path, labels: Path, config: dict) -> tuple[int, int, 
 def main() -> int:
     dataset, label_set = Path(sys.argv[1]), sys.argv[2]
     folder = dataset / "labels" / label_set
-    config = json.loads((folder / "labels.json").read_text())["zone"]
+    config = tomllib.loads(json.loads((folder / "labels.json").read_text())["zone_toml"])
     assert config["kind"] == "rect", f"only `rect` is known here, found {config['kind']}"
     entries = json.loads((dataset / "dataset.json").read_text())["episodes"]
     n_labels = n_harmful = 0
