@@ -162,6 +162,15 @@ impl EpisodeWriter {
     }
 }
 
+#[cfg(test)]
+impl EpisodeWriter {
+    /// One message too many on one topic.
+    pub(super) fn extra_objects_for_test(&mut self, time_ns: u64) {
+        let message = convert::objects_message(time_ns, &[]);
+        self.archive.message(self.channels.objects, 1, time_ns, &message).expect("a test's disk has room");
+    }
+}
+
 fn check_ids(sample: &Sample) -> Result<(), Fault> {
     let mut ids: Vec<&str> = sample.truth.objects.iter().map(|object| object.id.as_str()).collect();
     ids.sort_unstable();
