@@ -90,7 +90,7 @@ impl EpisodeWriter {
             EpisodeError::Invalid {
                 episode: self.meta.name.clone(),
                 sample_idx: self.n_samples,
-                fault,
+                fault: Box::new(fault),
                 path: self.archive.path.clone(),
             }
         })?;
