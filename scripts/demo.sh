@@ -20,10 +20,12 @@ train() {
     "$harmzone" train "$out/id" --out "$out/run" --config configs/demo.toml
 }
 
+# Samples that the detector was not trained on: the sixth and twelfth episode, and all of the OOD set.
 draw() {
     local data=$1 sample
+    shift
     mkdir -p "$out/pictures"
-    for sample in 0 7 15 22; do
+    for sample in "$@"; do
         "$harmzone" view "$out/$data" --sample "$sample" --predictions "$out/run" \
             --out "$out/pictures/$data-$sample.png" --force
     done
@@ -45,8 +47,8 @@ part "predict, in distribution" "$harmzone" predict "$out/run" --data "$out/id" 
 part "predict, out of distribution" "$harmzone" predict "$out/run" --data "$out/ood" --force
 part "score, in distribution" "$harmzone" eval "$out/run" --data "$out/id" --out "$out/eval-id" --force
 part "score, out of distribution" "$harmzone" eval "$out/run" --data "$out/ood" --ood --out "$out/eval-ood" --force
-part "pictures, in distribution" draw id
-part "pictures, out of distribution" draw ood
+part "pictures, in distribution" draw id 152 160 170 335 345 357
+part "pictures, out of distribution" draw ood 3 12 22 33 42 55
 
 cat <<END
 

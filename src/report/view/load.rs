@@ -27,7 +27,7 @@ pub enum ViewError {
     Empty { path: PathBuf },
     #[error("no label set `{set}`, found {found:?}; `harmzone label {}` makes labels: {}", path.display(), path.display())]
     NoLabels { set: String, found: Vec<String>, path: PathBuf },
-    #[error("no predictions for episode `{episode}`; {wanted:?} is needed here or in `predictions/`: {}", path.display())]
+    #[error("no predictions for episode `{episode}`; {wanted:?} is needed here; `harmzone predict RUN --data DIR` writes it: {}", path.display())]
     NoPredictions { episode: String, wanted: String, path: PathBuf },
     #[error("no labels or predictions at this sample's time ({time_ns} ns): {}", path.display())]
     NotAligned { time_ns: u64, path: PathBuf },
@@ -44,7 +44,7 @@ pub struct ViewRequest {
     /// Counted through all episodes in the manifest's order, from 0.
     pub sample: usize,
     pub label_set: String,
-    /// A folder with `<episode>.mcap`, or one whose `predictions/` holds it.
+    /// A folder with `<episode>.mcap`, or a run that predicted this data set.
     pub predictions: Option<PathBuf>,
     /// Predictions below this score are left out.
     pub min_score: f32,
@@ -94,7 +94,7 @@ pub fn run(request: &ViewRequest) -> Result<ViewSummary, ViewError> {
     let detections = request
         .predictions
         .as_deref()
-        .map(|folder| read_detections(folder, entry, time_ns, request.min_score))
+        .map(|folder| read_detections(folder, dataset, entry, time_ns, request.min_score))
         .transpose()?;
     let picture = draw(&Scene {
         episode: &entry.name,
@@ -144,12 +144,16 @@ fn locate<'a>(
 
 fn read_detections(
     folder: &Path,
+    dataset: &Path,
     entry: &EpisodeEntry,
     time_ns: u64,
     min_score: f32,
 ) -> Result<Vec<Detection>, ViewError> {
     let file = format!("{}.mcap", entry.name);
-    let places = [folder.join(&file), folder.join("predictions").join(&file)];
+    // A run keeps its predictions by the data set's name.
+    let of_run = folder.join("predictions");
+    let name = fs::canonicalize(dataset)?.file_name().unwrap_or_default().to_owned();
+    let places = [folder.join(&file), of_run.join(name).join(&file), of_run.join(&file)];
     let Some(path) = places.iter().find(|place| place.is_file()) else {
         let (episode, path) = (entry.name.clone(), folder.to_owned());
         return Err(ViewError::NoPredictions { episode, wanted: file, path });
