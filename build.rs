@@ -28,6 +28,7 @@ fn compile_protos() {
         compiler.include_imports(true).include_source_info(false);
         compiler.open_file(file).expect("the protos in proto/ compile");
         let path = Path::new(&out_dir).join(format!("{name}.desc"));
+        #[allow(clippy::disallowed_methods, reason = "a build script has no fs_err")]
         fs::write(path, compiler.encode_file_descriptor_set()).expect("OUT_DIR can be written");
     }
 }

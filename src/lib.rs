@@ -16,13 +16,18 @@ pub mod scene;
 pub mod sensors;
 
 pub mod episode;
+#[allow(clippy::disallowed_methods, reason = "the one module that speaks to Python")]
 pub mod sim;
 
 pub mod generate;
 pub mod label;
 
 pub mod dataset;
-#[allow(unsafe_code)]
+#[allow(unsafe_code, reason = "vector instructions; every block states its bounds")]
+#[allow(
+    clippy::inline_always,
+    reason = "micro-kernels must melt into their loops to keep values in registers"
+)]
 pub mod kernels;
 
 pub mod eval;

@@ -1,5 +1,7 @@
 //! Episodes and labels as an outside reader sees them: Python's `mcap` and `mcap-protobuf-support`.
 
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 use std::path::Path;
 use std::process::Command;
 

@@ -1,5 +1,7 @@
 //! `harmzone eval` on files of boxes: what it prints, writes and refuses. Snapshots lie in tests/cli/eval.
 
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;

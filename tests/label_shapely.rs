@@ -1,5 +1,7 @@
 //! Labels against shapely: a random data set, labelled, then checked from its MCAP messages alone.
 
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 use std::path::Path;
 use std::process::Command;
 
@@ -25,7 +27,7 @@ fn random_object(i: usize, rng: &mut Rng) -> ObjectTruth {
         id: format!("object-{i}"),
         category: "thing".to_owned(),
         kind: [Kind::Vehicle, Kind::Pedestrian, Kind::Static][i % 3],
-        distribution: if i % 4 == 0 { Distribution::Ood } else { Distribution::Id },
+        distribution: if i.is_multiple_of(4) { Distribution::Ood } else { Distribution::Id },
         box_in_ego: Box3 {
             center: Point::new(between(rng, -5.0, 50.0), between(rng, -6.0, 6.0), 0.8),
             length_m: between(rng, 0.2, 8.0),

@@ -120,7 +120,11 @@ pub fn open_split(data: &Path, labels: &str, split: Option<&str>) -> anyhow::Res
 pub fn detect(run: &Path, dataset: &Dataset, device: &Device) -> anyhow::Result<Vec<Vec<Detection>>> {
     let path = checkpoint_path(run);
     if !path.exists() {
-        bail!("no finished checkpoint; `harmzone train DATA --out {}` makes one: {}", run.display(), path.display());
+        bail!(
+            "no finished checkpoint; `harmzone train DATA --out {}` makes one: {}",
+            run.display(),
+            path.display()
+        );
     }
     let detector = checkpoint::load(&path, device)?.valid();
     let measured: Vec<_> =

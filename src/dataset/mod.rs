@@ -82,8 +82,11 @@ impl Dataset {
         if labels.dataset_config_sha256 != manifest.config_sha256 {
             return Err(DatasetError::OtherLabels { set: set.to_owned(), path: path.to_owned() });
         }
-        let zone = zone_of(&labels)
-            .map_err(|message| DatasetError::Zone { set: set.to_owned(), message, path: path.to_owned() })?;
+        let zone = zone_of(&labels).map_err(|message| DatasetError::Zone {
+            set: set.to_owned(),
+            message,
+            path: path.to_owned(),
+        })?;
         let episodes: Vec<EpisodeEntry> = manifest.of_split(split).cloned().collect();
         if episodes.is_empty() {
             let mut found: Vec<Split> = manifest.episodes.iter().map(|entry| entry.split).collect();
@@ -105,7 +108,8 @@ impl Dataset {
                 load_episode(path, set, entry, of_episode)
             })
             .collect::<Result<Vec<_>, _>>()?;
-        let hash = |file: PathBuf| -> Result<String, DatasetError> { Ok(files::sha256_hex(&fs::read(file)?)) };
+        let hash =
+            |file: PathBuf| -> Result<String, DatasetError> { Ok(files::sha256_hex(&fs::read(file)?)) };
         Ok(Self {
             path: path.to_owned(),
             samples: loaded.into_iter().flatten().collect(),

@@ -204,8 +204,9 @@ impl Manifest {
         let fail = |message| Err(ManifestError::Inconsistent { message, path: path.to_owned() });
         let mut names: Vec<&str> = self.episodes.iter().map(|entry| entry.name.as_str()).collect();
         names.sort_unstable();
-        if let Some(twice) = names.windows(2).find(|pair| pair[0] == pair[1]) {
-            return fail(format!("episode `{}` is there twice", twice[0]));
+        let twice = names.iter().zip(names.iter().skip(1)).find(|(name, next)| name == next);
+        if let Some((name, _)) = twice {
+            return fail(format!("episode `{name}` is there twice"));
         }
         for entry in &self.episodes {
             let file = Path::new(&entry.file);

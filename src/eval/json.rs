@@ -150,6 +150,7 @@ struct RawBox {
     #[serde(default)]
     velocity: [Option<f64>; 2],
     detection_name: String,
+    #[allow(clippy::option_option, reason = "missing and null are two different faults")]
     #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
     detection_score: Option<Option<f64>>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -159,6 +160,7 @@ struct RawBox {
 }
 
 /// Tells a null from a missing key.
+#[allow(clippy::option_option, reason = "missing and null are two different faults")]
 fn present<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Option<f64>>, D::Error> {
     Option::deserialize(deserializer).map(Some)
 }

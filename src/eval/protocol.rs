@@ -56,7 +56,7 @@ pub enum ProtocolError {
 }
 
 /// A checked [`EvalConfig`].
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Protocol {
     config: EvalConfig,
 }
@@ -72,12 +72,6 @@ impl Protocol {
     #[must_use]
     pub(super) fn first_step(&self) -> usize {
         first_step(self.config.min_recall)
-    }
-}
-
-impl Default for Protocol {
-    fn default() -> Self {
-        Self { config: EvalConfig::default() }
     }
 }
 

@@ -59,20 +59,22 @@ impl CameraBranch {
         let depth = self.depth.forward(batch.depth.clone());
         let joint = self.joint.forward(Tensor::cat(vec![image, depth], 1));
         let [n_batch, _, n_y, n_x] = joint.dims();
-        let lifted = self.lift.forward(joint).permute([0, 2, 3, 1]).reshape([
-            n_batch * n_y * n_x,
-            self.n_depth_bins + self.n_lift_channels,
-        ]);
+        let lifted = self
+            .lift
+            .forward(joint)
+            .permute([0, 2, 3, 1])
+            .reshape([n_batch * n_y * n_x, self.n_depth_bins + self.n_lift_channels]);
         let depth_probability = softmax(lifted.clone().narrow(1, 0, self.n_depth_bins), 1)
             .reshape([n_batch * n_y * n_x * self.n_depth_bins, 1]);
         let context = lifted.narrow(1, self.n_depth_bins, self.n_lift_channels);
         let points = context.select(0, batch.frustum_features.clone())
             * depth_probability.select(0, batch.frustum_depths.clone());
         let [n_cells_y, n_cells_x] = self.n_cells;
-        let grid = Tensor::<2>::zeros([n_batch * n_cells_y * n_cells_x, self.n_lift_channels], &points.device())
-            .select_assign(0, batch.frustum_cells.clone(), points, IndexingUpdateOp::Add)
-            .reshape([n_batch, n_cells_y, n_cells_x, self.n_lift_channels])
-            .permute([0, 3, 1, 2]);
+        let grid =
+            Tensor::<2>::zeros([n_batch * n_cells_y * n_cells_x, self.n_lift_channels], &points.device())
+                .select_assign(0, batch.frustum_cells.clone(), points, IndexingUpdateOp::Add)
+                .reshape([n_batch, n_cells_y, n_cells_x, self.n_lift_channels])
+                .permute([0, 3, 1, 2]);
         self.smooth.forward(grid)
     }
 }

@@ -72,7 +72,7 @@ fn header(views: &[(String, safetensors::tensor::TensorView<'_>)], config: &Mode
         offset = end;
     }
     let mut text = serde_json::Value::Object(header).to_string();
-    while text.len() % 8 != 0 {
+    while !text.len().is_multiple_of(8) {
         text.push(' ');
     }
     text
@@ -101,7 +101,8 @@ fn config_of(bytes: &[u8], path: &Path) -> Result<ModelConfig, CheckpointError> 
         safetensors::SafeTensors::read_metadata(bytes).map_err(|error| foreign(error.to_string()))?;
     let empty = HashMap::new();
     let metadata = metadata.metadata().as_ref().unwrap_or(&empty);
-    let text = metadata.get(CONFIG_KEY).ok_or_else(|| foreign(format!("no `{CONFIG_KEY}` in its metadata")))?;
+    let text =
+        metadata.get(CONFIG_KEY).ok_or_else(|| foreign(format!("no `{CONFIG_KEY}` in its metadata")))?;
     let version = metadata.get(VERSION_KEY).map_or("none", String::as_str);
     if version != VERSION {
         return Err(foreign(format!("format version {version}; this program reads {VERSION}")));

@@ -13,7 +13,12 @@ const MAX_LOG_SIZE: f32 = 3.0;
 
 /// Encodes a box for a query at `query_m`.
 #[must_use]
-pub fn encode(truth: &Box3<Ego>, velocity_mps: [f64; 2], query_m: [f64; 2], cell_size_m: f64) -> [f32; CODE_SIZE] {
+pub fn encode(
+    truth: &Box3<Ego>,
+    velocity_mps: [f64; 2],
+    query_m: [f64; 2],
+    cell_size_m: f64,
+) -> [f32; CODE_SIZE] {
     [
         (truth.center.x() - query_m[0]) / cell_size_m,
         (truth.center.y() - query_m[1]) / cell_size_m,

@@ -182,8 +182,7 @@ impl ModelConfig {
     /// # Errors
     /// Names the first field that does not fit, and what would.
     pub fn check(&self) -> Result<(), ModelConfigError> {
-        let fail =
-            |field, found: String, valid| Err(ModelConfigError { field, found, valid });
+        let fail = |field, found: String, valid| Err(ModelConfigError { field, found, valid });
         let grid = &self.grid;
         if !(grid.pillar_size_m > 0.0) {
             return fail("grid.pillar_size_m", grid.pillar_size_m.to_string(), "it must be above zero");
@@ -192,18 +191,29 @@ impl ModelConfig {
             [("grid.x", grid.x_min_m, grid.x_max_m), ("grid.y", grid.y_min_m, grid.y_max_m)]
         {
             let n_pillars = (high - low) / grid.pillar_size_m;
-            if !(n_pillars >= 4.0) || (n_pillars - n_pillars.round()).abs() > 1e-6 || n_pillars.round() as usize % 4 != 0 {
+            if !(n_pillars >= 4.0)
+                || (n_pillars - n_pillars.round()).abs() > 1e-6
+                || !(n_pillars.round() as usize).is_multiple_of(4)
+            {
                 return fail(field, format!("{low}..{high} m"), "it must hold a multiple of four pillars");
             }
         }
         if !(grid.z_max_m > grid.z_min_m) {
-            return fail("grid.z", format!("{}..{} m", grid.z_min_m, grid.z_max_m), "the maximum must lie above the minimum");
+            return fail(
+                "grid.z",
+                format!("{}..{} m", grid.z_min_m, grid.z_max_m),
+                "the maximum must lie above the minimum",
+            );
         }
-        if self.n_heads == 0 || self.hidden_channels % self.n_heads != 0 {
+        if self.n_heads == 0 || !self.hidden_channels.is_multiple_of(self.n_heads) {
             return fail("n_heads", self.n_heads.to_string(), "it must divide hidden_channels");
         }
         if self.n_queries == 0 || self.n_queries > grid.n_cells_x() * grid.n_cells_y() {
-            return fail("n_queries", self.n_queries.to_string(), "it must lie between 1 and the number of cells");
+            return fail(
+                "n_queries",
+                self.n_queries.to_string(),
+                "it must lie between 1 and the number of cells",
+            );
         }
         let counts = [
             ("max_points_per_pillar", self.max_points_per_pillar),

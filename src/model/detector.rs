@@ -58,12 +58,11 @@ impl Detector {
     /// Without camera inputs in the batch (the LiDAR stage) the camera's channels are zero.
     pub fn forward(&self, batch: &Batch) -> Output {
         let lidar = self.lidar.forward(batch);
-        let camera = match &batch.camera {
-            Some(camera) => self.camera.forward(camera),
-            None => {
-                let [n_batch, _, n_y, n_x] = lidar.dims();
-                Tensor::zeros([n_batch, self.config.camera.lift_channels, n_y, n_x], &lidar.device())
-            }
+        let camera = if let Some(camera) = &batch.camera {
+            self.camera.forward(camera)
+        } else {
+            let [n_batch, _, n_y, n_x] = lidar.dims();
+            Tensor::zeros([n_batch, self.config.camera.lift_channels, n_y, n_x], &lidar.device())
         };
         self.head.forward(self.fuser.forward(Tensor::cat(vec![camera, lidar], 1)), batch.numeric.clone())
     }
@@ -92,7 +91,8 @@ pub fn detections(output: &Output, config: &ModelConfig, min_score: f32) -> Vec<
             let mut found = Vec::new();
             for query in queries {
                 let code = &codes[query_idx * CODE_SIZE..(query_idx + 1) * CODE_SIZE];
-                let (box_in_ego, velocity_in_ego_mps) = decode(code, query.center_m, config.grid.cell_size_m());
+                let (box_in_ego, velocity_in_ego_mps) =
+                    decode(code, query.center_m, config.grid.cell_size_m());
                 for harm in Harm::ALL {
                     let probability = 1.0 / (1.0 + (-logits[2 * query_idx + harm.index()]).exp());
                     let score = query.score * probability;

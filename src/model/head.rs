@@ -116,8 +116,12 @@ impl Head {
         let memory = shared.permute([0, 2, 3, 1]).reshape([n_batch * n_y * n_x, n_channels]);
         let n_queries = self.config.n_queries;
         let flat = |value: &dyn Fn(usize, &Query) -> i64| -> Tensor<1, Int> {
-            let values: Vec<i64> =
-                queries.iter().enumerate().flat_map(|(b, of)| of.iter().map(move |q| (b, q))).map(|(b, q)| value(b, q)).collect();
+            let values: Vec<i64> = queries
+                .iter()
+                .enumerate()
+                .flat_map(|(b, of)| of.iter().map(move |q| (b, q)))
+                .map(|(b, q)| value(b, q))
+                .collect();
             Tensor::from_data(TensorData::new(values, [n_batch * n_queries]), &device)
         };
         let cells = flat(&|b, q| (b * n_y * n_x + q.cell) as i64);
@@ -134,9 +138,9 @@ impl Head {
         let fused = self.numeric.before_heads(decoded, numeric.clone());
         let boxes = self.boxes.forward(fused.clone());
         let placed = self.place(boxes.clone(), centers);
-        let harm = self
-            .harm
-            .forward_with(Tensor::cat(vec![fused, placed], 2), |hidden| self.numeric.in_harm_head(hidden, numeric));
+        let harm = self.harm.forward_with(Tensor::cat(vec![fused, placed], 2), |hidden| {
+            self.numeric.in_harm_head(hidden, numeric)
+        });
         Output { heatmap, queries, boxes, harm }
     }
 
@@ -145,7 +149,8 @@ impl Head {
     fn place(&self, boxes: Tensor<3>, centers: Tensor<3>) -> Tensor<3> {
         let boxes = boxes.detach();
         let offset_scale = self.config.grid.cell_size_m() / 20.0;
-        let position = boxes.clone().narrow(2, 0, 2).mul_scalar(offset_scale) + centers.mul_scalar(50.0 / 20.0);
+        let position =
+            boxes.clone().narrow(2, 0, 2).mul_scalar(offset_scale) + centers.mul_scalar(50.0 / 20.0);
         let shape = boxes.clone().narrow(2, 2, 6);
         let velocity = boxes.narrow(2, 8, 2).mul_scalar(0.1);
         Tensor::cat(vec![position, shape, velocity], 2)
@@ -168,7 +173,8 @@ impl Head {
                         let (channel, y, x) = (i / (n_y * n_x), i / n_x % n_y, i % n_x);
                         let here = map[i];
                         let is_peak = (y.saturating_sub(1)..(y + 2).min(n_y)).all(|other_y| {
-                            (x.saturating_sub(1)..(x + 2).min(n_x)).all(|other_x| score_at(channel, other_y, other_x) <= here)
+                            (x.saturating_sub(1)..(x + 2).min(n_x))
+                                .all(|other_x| score_at(channel, other_y, other_x) <= here)
                         });
                         (if is_peak { here } else { 0.0 }, i)
                     })
@@ -189,7 +195,8 @@ impl Head {
 
     /// `[batch, query, 2]`: query centres in units of 50 m.
     fn query_centers(&self, queries: &[Vec<Query>], device: &Device) -> Tensor<3> {
-        let values: Vec<f32> = queries.iter().flatten().flat_map(|query| query.center_m.map(|m| (m / 50.0) as f32)).collect();
+        let values: Vec<f32> =
+            queries.iter().flatten().flat_map(|query| query.center_m.map(|m| (m / 50.0) as f32)).collect();
         Tensor::from_data(TensorData::new(values, [queries.len(), self.config.n_queries, 2]), device)
     }
 

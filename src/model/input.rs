@@ -76,7 +76,8 @@ impl Input {
         }
         let scale = config.camera.image_width_px as f64 / f64::from(full.width());
         let image_height_px = (f64::from(full.height()) * scale).round() as usize;
-        let small = resize(&full, config.camera.image_width_px as u32, image_height_px as u32, FilterType::Triangle);
+        let small =
+            resize(&full, config.camera.image_width_px as u32, image_height_px as u32, FilterType::Triangle);
         let n_pixels = config.camera.image_width_px * image_height_px;
         let mut image = vec![0; 3 * n_pixels];
         for (i, pixel) in small.pixels().enumerate() {
@@ -115,7 +116,9 @@ impl Input {
     /// # Errors
     /// Speed or steering is not finite.
     pub fn with_state(mut self, state: &EgoState, mirror: bool) -> Result<Self, InputError> {
-        for (field, found) in [("speed_mps", state.speed_mps), ("steering_angle_rad", state.steering_angle_rad)] {
+        for (field, found) in
+            [("speed_mps", state.speed_mps), ("steering_angle_rad", state.steering_angle_rad)]
+        {
             if !found.is_finite() {
                 return Err(InputError::NotFinite { field, found });
             }
@@ -174,8 +177,9 @@ fn pillars(points: &[[f64; 4]], config: &ModelConfig) -> (Vec<f32>, Vec<u32>, Ve
     for pillar in by_cell.chunk_by(|a, b| a.0 == b.0) {
         let cell = pillar[0].0;
         let n = pillar.len();
-        let mean: [f64; 3] =
-            std::array::from_fn(|axis| pillar.iter().map(|&(_, i)| points[i as usize][axis]).sum::<f64>() / n as f64);
+        let mean: [f64; 3] = std::array::from_fn(|axis| {
+            pillar.iter().map(|&(_, i)| points[i as usize][axis]).sum::<f64>() / n as f64
+        });
         let center = [
             grid.x_min_m + (f64::from(cell % n_x as u32) + 0.5) * grid.pillar_size_m,
             grid.y_min_m + (f64::from(cell / n_x as u32) + 0.5) * grid.pillar_size_m,
@@ -201,8 +205,9 @@ fn pillars(points: &[[f64; 4]], config: &ModelConfig) -> (Vec<f32>, Vec<u32>, Ve
                 .map(|value| value as f32),
             );
         }
-        pillar_points
-            .extend((0..config.max_points_per_pillar).map(|k| first_row + if k < kept { k as u32 } else { 0 }));
+        pillar_points.extend(
+            (0..config.max_points_per_pillar).map(|k| first_row + if k < kept { k as u32 } else { 0 }),
+        );
         pillar_cells.push(cell);
     }
     (features, pillar_points, pillar_cells)
@@ -215,7 +220,9 @@ fn sparse_depth(points: &[[f64; 4]], camera: &Pinhole, ego_from_camera: &Transfo
     let mut depth = vec![0f32; n_x * n_y];
     for p in points {
         let in_camera = camera_from_ego * Point::new(p[0], p[1], p[2]);
-        let Some((u, v)) = camera.project(&in_camera).filter(|&(u, v)| camera.contains(u, v)) else { continue };
+        let Some((u, v)) = camera.project(&in_camera).filter(|&(u, v)| camera.contains(u, v)) else {
+            continue;
+        };
         // Feature k of a stride-2 chain with padding 1 looks at pixel 8 k.
         let (x, y) = ((u / IMAGE_STRIDE as f64).round() as usize, (v / IMAGE_STRIDE as f64).round() as usize);
         if x < n_x && y < n_y {
@@ -276,7 +283,8 @@ mod tests {
     #[test]
     fn points_of_one_pillar_share_it_and_points_outside_are_left_out() {
         let config = ModelConfig::default();
-        let points = [[10.1, 0.1, 0.5, 0.0], [10.2, 0.2, 1.5, 0.0], [10.1, 0.1, 9.0, 0.0], [60.0, 0.0, 1.0, 0.0]];
+        let points =
+            [[10.1, 0.1, 0.5, 0.0], [10.2, 0.2, 1.5, 0.0], [10.1, 0.1, 9.0, 0.0], [60.0, 0.0, 1.0, 0.0]];
         let (features, rows, cells) = pillars(&points, &config);
         assert_eq!(cells, [80 * 128 + 25]);
         assert_eq!(features.len(), 2 * N_POINT_FEATURES);

@@ -48,9 +48,12 @@ pub fn pointwise(channels_in: usize, channels_out: usize, device: &Device) -> Co
 /// - output: `[batch, channel, 2 y, 2 x]`
 pub fn upsample_nearest(x: Tensor<4>) -> Tensor<4> {
     let [n_batch, n_channels, n_y, n_x] = x.dims();
-    x.reshape([n_batch, n_channels, n_y, 1, n_x, 1])
-        .expand([n_batch, n_channels, n_y, 2, n_x, 2])
-        .reshape([n_batch, n_channels, n_y * 2, n_x * 2])
+    x.reshape([n_batch, n_channels, n_y, 1, n_x, 1]).expand([n_batch, n_channels, n_y, 2, n_x, 2]).reshape([
+        n_batch,
+        n_channels,
+        n_y * 2,
+        n_x * 2,
+    ])
 }
 
 /// Two linear layers with a ReLU between them.
@@ -92,9 +95,6 @@ mod tests {
         let device = Device::flex();
         let x = Tensor::<4>::from_data(TensorData::new(vec![1f32, 2.0, 3.0, 4.0], [1, 1, 2, 2]), &device);
         let values: Vec<f32> = upsample_nearest(x).into_data().try_to_vec().unwrap();
-        assert_eq!(
-            values,
-            [1.0, 1.0, 2.0, 2.0, 1.0, 1.0, 2.0, 2.0, 3.0, 3.0, 4.0, 4.0, 3.0, 3.0, 4.0, 4.0]
-        );
+        assert_eq!(values, [1.0, 1.0, 2.0, 2.0, 1.0, 1.0, 2.0, 2.0, 3.0, 3.0, 4.0, 4.0, 3.0, 3.0, 4.0, 4.0]);
     }
 }

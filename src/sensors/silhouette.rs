@@ -58,7 +58,7 @@ fn project(triangle: &[Point3<f64>; 3], intrinsics: &Pinhole) -> Vec<[f64; 2]> {
 
 /// First and end column and row of the points' box inside the image, if there is any.
 fn bounds<'a>(points: impl Iterator<Item = &'a [f64; 2]>, intrinsics: &Pinhole) -> Option<[[usize; 2]; 2]> {
-    let size = [intrinsics.width_px as f64, intrinsics.height_px as f64];
+    let size = [f64::from(intrinsics.width_px), f64::from(intrinsics.height_px)];
     let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
     for point in points {
         for axis in 0..2 {

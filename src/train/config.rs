@@ -133,11 +133,17 @@ impl TrainConfig {
                 });
             }
         }
-        let shares =
-            [("rise_share", self.rise_share), ("augment.redraw_state_share", self.augment.redraw_state_share)];
+        let shares = [
+            ("rise_share", self.rise_share),
+            ("augment.redraw_state_share", self.augment.redraw_state_share),
+        ];
         for (field, found) in shares {
             if !(0.0..=1.0).contains(&found) {
-                return Err(TrainConfigError::Field { field, found: found.to_string(), valid: "it must lie in 0..=1" });
+                return Err(TrainConfigError::Field {
+                    field,
+                    found: found.to_string(),
+                    valid: "it must lie in 0..=1",
+                });
             }
         }
         if self.model.use_camera != (self.fused_stage.epochs > 0) {

@@ -59,7 +59,12 @@ fn scalar(loss: &Tensor<1>) -> f32 {
     loss.clone().into_data().try_to_vec::<f32>().expect("losses are f32")[0]
 }
 
-fn heatmap_loss(output: &Output, objects: &[Vec<LabelledObject>], model: &ModelConfig, device: &Device) -> Tensor<1> {
+fn heatmap_loss(
+    output: &Output,
+    objects: &[Vec<LabelledObject>],
+    model: &ModelConfig,
+    device: &Device,
+) -> Tensor<1> {
     let target: Vec<f32> = objects.iter().flat_map(|of| draw_heatmap(of, model)).collect();
     let n_peaks = target.iter().filter(|&&value| value == 1.0).count().max(1);
     let target = Tensor::<4>::from_data(TensorData::new(target, output.heatmap.dims()), device);
@@ -114,7 +119,9 @@ fn query_losses(
         }
     }
     let normalizer = f64::from(n_matched.max(1));
-    let tensor = |values: Vec<f32>, n| Tensor::<3>::from_data(TensorData::new(values, [n_batch, n_queries, n]), device);
+    let tensor = |values: Vec<f32>, n| {
+        Tensor::<3>::from_data(TensorData::new(values, [n_batch, n_queries, n]), device)
+    };
     let harm = sigmoid_focal(output.harm.clone(), tensor(harm_target, 2)).div_scalar(normalizer);
     let difference = output.boxes.clone() - tensor(code_target, CODE_SIZE);
     let boxes = (difference.abs() * tensor(code_weight, CODE_SIZE)).sum().div_scalar(normalizer);
@@ -135,7 +142,11 @@ mod tests {
     use super::*;
 
     /// Compares a loss's gradient with central finite differences.
-    fn check_gradient<const D: usize>(shape: [usize; D], logits: &[f32], loss: impl Fn(Tensor<D>) -> Tensor<1>) {
+    fn check_gradient<const D: usize>(
+        shape: [usize; D],
+        logits: &[f32],
+        loss: impl Fn(Tensor<D>) -> Tensor<1>,
+    ) {
         let device = Device::flex().autodiff();
         let tensor = |values: Vec<f32>| Tensor::<D>::from_data(TensorData::new(values, shape), &device);
         let x = tensor(logits.to_vec()).require_grad();

@@ -122,12 +122,11 @@ pub fn run(
 
     let device = device.clone().autodiff();
     let kept = state::newest(out, Optimizer::new(config), &device)?;
-    let (mut detector, mut optimizer, mut position) = match kept {
-        Some(kept) => (number_parameters(kept.detector), kept.optimizer, kept.position),
-        None => {
-            let fresh = number_parameters(Detector::init(&config.model, config.seed, &device));
-            (fresh, Optimizer::new(config), Position { stage: 0, step: 0 })
-        }
+    let (mut detector, mut optimizer, mut position) = if let Some(kept) = kept {
+        (number_parameters(kept.detector), kept.optimizer, kept.position)
+    } else {
+        let fresh = number_parameters(Detector::init(&config.model, config.seed, &device));
+        (fresh, Optimizer::new(config), Position { stage: 0, step: 0 })
     };
     let mut log = Log::open(out, plan.n_done(position))?;
     let mut n_steps_now = 0;
@@ -151,8 +150,12 @@ pub fn run(
             if !loss.parts.total().is_finite() {
                 return Err(not_finite(loss.parts.total()));
             }
-            let learning_rate =
-                one_cycle(position.step, n_steps, plan.stages[position.stage].max_learning_rate, config.rise_share);
+            let learning_rate = one_cycle(
+                position.step,
+                n_steps,
+                plan.stages[position.stage].max_learning_rate,
+                config.rise_share,
+            );
             let grads = GradientsParams::from_grads(loss.total.backward(), &detector);
             let (next, norm) = optimizer.step(detector, grads, learning_rate);
             if !norm.is_finite() {
@@ -173,7 +176,7 @@ pub fn run(
             ));
             progress.note(&format!("epoch {} loss {:.3}", epoch + 1, epoch_loss.mean().total()));
             progress.advance(1);
-            if n_done % config.save_every_steps == 0 && position.step < n_steps {
+            if n_done.is_multiple_of(config.save_every_steps) && position.step < n_steps {
                 log.save()?;
                 state::keep(out, n_done, position, &detector.valid(), &optimizer)?;
             }
@@ -197,7 +200,8 @@ fn open_folder(
     options: RunOptions,
 ) -> Result<(), TrainError> {
     let config_text = to_toml(config);
-    let data_text = serde_json::to_string_pretty(&dataset.fingerprint()).expect("a fingerprint has a JSON form");
+    let data_text =
+        serde_json::to_string_pretty(&dataset.fingerprint()).expect("a fingerprint has a JSON form");
     let config_path = out.join(CONFIG_FILE);
     let is_empty = !out.exists() || fs::read_dir(out)?.next().is_none();
     if is_empty {
@@ -271,7 +275,13 @@ impl Plan {
         order[first..(first + self.batch_size).min(n_samples)].to_vec()
     }
 
-    fn summary(&self, checkpoint: PathBuf, n_steps_now: usize, last_loss: LossParts, elapsed: Duration) -> Summary {
+    fn summary(
+        &self,
+        checkpoint: PathBuf,
+        n_steps_now: usize,
+        last_loss: LossParts,
+        elapsed: Duration,
+    ) -> Summary {
         Summary {
             checkpoint,
             n_samples: self.n_samples,
@@ -300,9 +310,14 @@ fn prepare(
             let draw_idx = (position.step * config.batch_size + place) as u64;
             let mut rng =
                 random::stream(config.seed, &format!("augment-{}", STAGES[position.stage]), draw_idx);
-            let view =
-                augment::draw(&sample.measured.ego_state, &sample.objects, dataset.zone(), &config.augment, &mut rng)
-                    .map_err(|source| TrainError::Label { sample: sample.id.clone(), source })?;
+            let view = augment::draw(
+                &sample.measured.ego_state,
+                &sample.objects,
+                dataset.zone(),
+                &config.augment,
+                &mut rng,
+            )
+            .map_err(|source| TrainError::Label { sample: sample.id.clone(), source })?;
             let input = Input::prepare(&sample.measured, &config.model, view.mirror)
                 .and_then(|input| input.with_state(&view.state, view.mirror))
                 .map_err(|source| TrainError::Input { sample: sample.id.clone(), source })?;
@@ -469,7 +484,8 @@ mod tests {
     #[test]
     fn training_lowers_the_loss() {
         let data = test_data::dataset(4);
-        let config = TrainConfig { lidar_stage: StageConfig { epochs: 30, max_learning_rate: 4e-3 }, ..tiny() };
+        let config =
+            TrainConfig { lidar_stage: StageConfig { epochs: 30, max_learning_rate: 4e-3 }, ..tiny() };
         let folder = tempfile::tempdir().unwrap();
         train(&data, &config, folder.path()).unwrap();
         let log = fs::read_to_string(folder.path().join("log.csv")).unwrap();

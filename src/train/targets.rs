@@ -64,7 +64,7 @@ pub fn draw_heatmap(objects: &[LabelledObject], config: &ModelConfig) -> Vec<f32
 fn gaussian_radius(length: f64, width: f64) -> usize {
     let overlap = GAUSSIAN_OVERLAP;
     let (sum, area) = (length + width, length * width);
-    let root = |a: f64, b: f64, c: f64| (b + (b * b - 4.0 * a * c).max(0.0).sqrt()) / 2.0;
+    let root = |a: f64, b: f64, c: f64| f64::midpoint(b, (b * b - 4.0 * a * c).max(0.0).sqrt());
     let r1 = root(1.0, sum, area * (1.0 - overlap) / (1.0 + overlap));
     let r2 = root(4.0, 2.0 * sum, (1.0 - overlap) * area);
     let r3 = root(4.0 * overlap, -2.0 * overlap * sum, (overlap - 1.0) * area);
@@ -88,7 +88,8 @@ pub fn assign(
     }
     let mut costs = Vec::with_capacity(queries.len() * objects.len());
     for (q, query) in queries.iter().enumerate() {
-        let (guess, _) = decode(&codes[q * CODE_SIZE..(q + 1) * CODE_SIZE], query.center_m, grid.cell_size_m());
+        let (guess, _) =
+            decode(&codes[q * CODE_SIZE..(q + 1) * CODE_SIZE], query.center_m, grid.cell_size_m());
         for object in objects {
             let truth = &object.truth.box_in_ego;
             let center_l1 = ((guess.center.x() - truth.center.x()).abs()
@@ -115,7 +116,7 @@ fn focal_cost(logit: f64) -> f64 {
 
 /// Intersection over union of two upright boxes.
 fn iou_3d(a: &Box3<Ego>, b: &Box3<Ego>) -> f64 {
-    let reach = (a.length_m.hypot(a.width_m) + b.length_m.hypot(b.width_m)) / 2.0;
+    let reach = f64::midpoint(a.length_m.hypot(a.width_m), b.length_m.hypot(b.width_m));
     let offset = a.center.coords - b.center.coords;
     if offset.x.hypot(offset.y) > reach {
         return 0.0;
@@ -206,7 +207,10 @@ mod tests {
     fn objects_without_lidar_points_are_not_asked_for() {
         let mut unseen = car(10.0, 0.0, Harm::Harmful);
         unseen.truth.n_lidar_points = 0;
-        let kept = trainable(&[unseen, car(70.0, 0.0, Harm::Harmless), car(20.0, 0.0, Harm::Harmless)], &GridConfig::default());
+        let kept = trainable(
+            &[unseen, car(70.0, 0.0, Harm::Harmless), car(20.0, 0.0, Harm::Harmless)],
+            &GridConfig::default(),
+        );
         assert_eq!(kept.len(), 1);
     }
 }
