@@ -1,12 +1,92 @@
-//! `harmzone doctor`.
+//! `harmzone doctor`: what this machine has for generating data, what is missing, and how to get it.
 
 use clap::Args;
+use nalgebra::Vector3;
+use serde::Serialize;
 
 use super::ExitStatus;
+use crate::geometry::{Pinhole, Transform};
+use crate::sim::{CameraMount, Environment, SimError, Simulator};
+
+/// A lit ball on the ground: the smallest world that shows that compiling and drawing work.
+const TINY_WORLD: &str = r#"<mujoco><worldbody>
+  <light directional="true" dir="0 0 -1" pos="0 0 10"/>
+  <geom type="plane" size="0 0 1" group="1" contype="0" conaffinity="0"/>
+  <body name="ball" pos="5 0 1"><geom type="sphere" size="1" group="2"/></body>
+  <body name="ego"/>
+</worldbody></mujoco>"#;
 
 #[derive(Debug, Args)]
-pub struct DoctorArgs {}
+pub struct DoctorArgs {
+    /// Print the findings as JSON
+    #[arg(long)]
+    json: bool,
+}
 
-pub fn run(_args: DoctorArgs) -> anyhow::Result<ExitStatus> {
-    anyhow::bail!("not built yet")
+/// One line of the findings.
+#[derive(Debug, Serialize)]
+struct Finding {
+    name: &'static str,
+    is_ok: bool,
+    /// What was found, or what is wrong with the command that mends it.
+    text: String,
+}
+
+impl Finding {
+    fn new(name: &'static str, found: Result<String, SimError>) -> Self {
+        let is_ok = found.is_ok();
+        Self { name, is_ok, text: found.unwrap_or_else(|error| error.to_string()) }
+    }
+}
+
+pub fn run(args: DoctorArgs) -> anyhow::Result<ExitStatus> {
+    let findings = examine();
+    if args.json {
+        println!("{}", serde_json::to_string_pretty(&findings)?);
+    } else {
+        for Finding { name, is_ok, text } in &findings {
+            println!("{} {name:<12} {text}", if *is_ok { "ok     " } else { "MISSING" });
+        }
+    }
+    let n_missing = findings.iter().filter(|finding| !finding.is_ok).count();
+    anyhow::ensure!(n_missing == 0, "{n_missing} of {} findings are wrong", findings.len());
+    Ok(ExitStatus::Done)
+}
+
+fn examine() -> Vec<Finding> {
+    let mut findings = vec![
+        Finding::new("harmzone", Ok(env!("CARGO_PKG_VERSION").to_owned())),
+        Finding::new("interpreter", Ok(format!("Python {}, embedded", Environment::interpreter().1))),
+    ];
+    let venv = Environment::find().map(|environment| environment.venv.display().to_string());
+    let has_venv = venv.is_ok();
+    findings.push(Finding::new("environment", venv));
+    if !has_venv {
+        return findings;
+    }
+    let mujoco = Environment::mujoco_version();
+    let has_mujoco = mujoco.is_ok();
+    findings.push(Finding::new("mujoco", mujoco));
+    if has_mujoco {
+        findings.push(Finding::new("opengl", draw()));
+    }
+    findings
+}
+
+/// Draws the tiny world; tells what drew it.
+fn draw() -> Result<String, SimError> {
+    let mount = CameraMount {
+        body: "ego".into(),
+        ego_from_camera: Transform::looking_forward(Vector3::new(0.0, 0.0, 1.0), 0.0),
+        intrinsics: Pinhole::from_horizontal_fov(64, 36, 70f64.to_radians()),
+        n_samples: 4,
+        shadow_size_px: 256,
+    };
+    let mut simulator = Simulator::new(TINY_WORLD, &[], &mount)?;
+    let [vendor, renderer, version] = simulator.gl_info()?;
+    let picture = simulator.render_rgb()?;
+    if picture.get_pixel(32, 18).0 == [0, 0, 0] {
+        return Err(SimError::NoGl { message: "the test picture came out black".into() });
+    }
+    Ok(format!("{renderer} ({vendor}), OpenGL {version}"))
 }

@@ -1,1 +1,12 @@
-//! sensors
+//! The car's sensors without the simulator: rig, LiDAR pattern and returns, silhouettes, weather.
+//!
+//! Pure: nothing here reads a file or a clock; noise comes from the stream that the caller passes.
+
+pub mod lidar;
+mod rig;
+mod silhouette;
+mod weather;
+
+pub use rig::{CameraConfig, LidarConfig, LidarPreset, Rig, RigConfig, RigError};
+pub use silhouette::silhouette_px;
+pub use weather::{UnsupportedWeather, Weather};

@@ -1,0 +1,10 @@
+"""Questions to MuJoCo: motion, rays and pictures of one compiled world.
+
+Holds no policy, files, labels or randomness; harmzone embeds this text and calls it in process.
+"""
+
+from harmzone_sim.camera import Camera, gl_info
+from harmzone_sim.rays import cast_rays
+from harmzone_sim.world import World
+
+__all__ = ["Camera", "World", "cast_rays", "gl_info"]

@@ -1,0 +1,110 @@
+"""A compiled MuJoCo model and its state."""
+
+from collections.abc import Mapping
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+# Warnings after which the state is no longer a result of the physics (MuJoCo resets it by itself).
+_FATAL_WARNINGS = (
+    mujoco.mjtWarning.mjWARN_BADQPOS,
+    mujoco.mjtWarning.mjWARN_BADQVEL,
+    mujoco.mjtWarning.mjWARN_BADQACC,
+    mujoco.mjtWarning.mjWARN_BADCTRL,
+)
+
+
+class World:
+    """A model with one camera mounted on a body, and its simulated state."""
+
+    def __init__(
+        self,
+        xml: str,
+        assets: Mapping[str, bytes],
+        camera_body: str,
+        camera_position_m: Array,
+        camera_quaternion: Array,
+        camera_fovy_deg: float,
+        image_size_px: tuple[int, int],
+        n_samples: int,
+        shadow_size_px: int,
+    ) -> None:
+        """Compiles the model.
+
+        camera_position_m: [3], camera_quaternion: [4] (w, x, y, z; MuJoCo looks along -z, up is y),
+        both in the frame of `camera_body`. image_size_px: width, height.
+        """
+        spec = mujoco.MjSpec.from_string(xml, assets=dict(assets))
+        body = spec.body(camera_body)
+        if body is None:
+            raise ValueError(f"the model has no body `{camera_body}`")
+        body.add_camera(
+            name="harmzone_camera", pos=camera_position_m, quat=camera_quaternion, fovy=camera_fovy_deg
+        )
+        spec.visual.global_.offwidth, spec.visual.global_.offheight = image_size_px
+        spec.visual.quality.offsamples = n_samples
+        spec.visual.quality.shadowsize = shadow_size_px
+        self.model = spec.compile()
+        self.data = mujoco.MjData(self.model)
+        self.camera_id = self.model.camera("harmzone_camera").id
+        self.image_size_px = image_size_px
+        mujoco.mj_forward(self.model, self.data)
+
+    def names(self, kind: str) -> list[str]:
+        """Names in id order; `kind` is body, joint, actuator or geom."""
+        obj = getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}")
+        count = {
+            "body": self.model.nbody,
+            "joint": self.model.njnt,
+            "actuator": self.model.nu,
+            "geom": self.model.ngeom,
+        }[kind]
+        return [mujoco.mj_id2name(self.model, obj, i) or "" for i in range(count)]
+
+    def timestep_s(self) -> float:
+        return float(self.model.opt.timestep)
+
+    def geom_bodies(self) -> NDArray[np.int32]:
+        """Body id of each geom: [geom]."""
+        return np.ascontiguousarray(self.model.geom_bodyid, dtype=np.int32)
+
+    def mocap_ids(self) -> NDArray[np.int32]:
+        """Mocap id of each body, -1 where it is none: [body]."""
+        return np.ascontiguousarray(self.model.body_mocapid, dtype=np.int32)
+
+    def step(self, ctrl: Array, mocap_id: NDArray[np.int64], mocap_pose: Array, n_steps: int) -> None:
+        """Sets controls and mocap poses, advances `n_steps`, brings all poses up to the new state.
+
+        ctrl: [actuator]. mocap_id: [mover]. mocap_pose: [mover, 7], position and quaternion w, x, y, z.
+        """
+        model, data = self.model, self.data
+        data.ctrl[:] = ctrl
+        data.mocap_pos[mocap_id] = mocap_pose[:, :3]
+        data.mocap_quat[mocap_id] = mocap_pose[:, 3:]
+        if n_steps > 0:
+            mujoco.mj_step(model, data, n_steps)
+        for warning in _FATAL_WARNINGS:
+            if data.warning[warning].number:
+                raise FloatingPointError(f"unstable at {data.time:.3f} s of simulated time: {warning.name}")
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_camlight(model, data)
+
+    def body_poses(self) -> Array:
+        """Poses in the world frame: [body, 7], position and quaternion w, x, y, z."""
+        return np.concatenate([self.data.xpos, self.data.xquat], axis=1)
+
+    def body_velocity(self, body: int) -> Array:
+        """Velocity of a body's origin along the body's own axes: [6], angular then linear."""
+        velocity = np.zeros(6)
+        obj = mujoco.mjtObj.mjOBJ_XBODY
+        mujoco.mj_comVel(self.model, self.data)
+        mujoco.mj_objectVelocity(self.model, self.data, obj, body, velocity, 1)
+        return velocity
+
+    def joint_positions(self) -> Array:
+        """First position coordinate of each joint: [joint]."""
+        return self.data.qpos[self.model.jnt_qposadr]

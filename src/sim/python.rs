@@ -1,0 +1,165 @@
+//! The embedded interpreter: which virtual environment it uses, and the embedded `harmzone_sim`.
+
+use std::ffi::CString;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use super::{SimError, text};
+
+/// Names a virtual environment to use in place of the one that is found.
+pub const VENV_VARIABLE: &str = "HARMZONE_VENV";
+
+/// The modules of `harmzone_sim` in the order of their imports; the package comes last.
+const MODULES: [(&str, &str); 4] = [
+    ("harmzone_sim.world", include_str!("../../python/harmzone_sim/world.py")),
+    ("harmzone_sim.rays", include_str!("../../python/harmzone_sim/rays.py")),
+    ("harmzone_sim.camera", include_str!("../../python/harmzone_sim/camera.py")),
+    ("harmzone_sim", include_str!("../../python/harmzone_sim/__init__.py")),
+];
+
+/// Whether the interpreter is set up.
+static IS_READY: Mutex<bool> = Mutex::new(false);
+
+/// The Python that this process uses.
+#[derive(Debug, Clone)]
+pub struct Environment {
+    /// `3.11`: what the program was built for.
+    pub python: String,
+    /// Full version text of the interpreter.
+    pub interpreter: String,
+    pub venv: PathBuf,
+}
+
+impl Environment {
+    /// Finds the environment: `HARMZONE_VENV`, else a `.venv` in a folder above the program, else the
+    /// `.venv` of the source tree that the program was built from.
+    ///
+    /// # Errors
+    /// [`SimError::NoVenv`], [`SimError::WrongPython`].
+    pub fn find() -> Result<Self, SimError> {
+        let (python, interpreter) = Self::interpreter();
+        let wanted = std::env::var_os(VENV_VARIABLE).map(PathBuf::from);
+        let program = std::env::current_exe().ok();
+        let venv = choose_venv(wanted, program.as_deref(), Path::new(env!("CARGO_MANIFEST_DIR")), &python)?;
+        Ok(Self { python, interpreter, venv })
+    }
+
+    /// Version of the embedded interpreter: `3.11`, and its full text.
+    #[must_use]
+    pub fn interpreter() -> (String, String) {
+        Python::attach(|py| {
+            let version = py.version_info();
+            (format!("{}.{}", version.major, version.minor), Python::version_str().to_owned())
+        })
+    }
+
+    /// MuJoCo's version; imports it.
+    ///
+    /// # Errors
+    /// [`SimError`]: no environment, no MuJoCo.
+    pub fn mujoco_version() -> Result<String, SimError> {
+        make_ready()?;
+        Python::attach(|py| {
+            let ask = || py.import("mujoco")?.getattr("__version__")?.extract();
+            ask().map_err(|error| SimError::Ask { what: "tell its version", message: text(&error) })
+        })
+    }
+}
+
+fn site_packages(venv: &Path, python: &str) -> PathBuf {
+    venv.join("lib").join(format!("python{python}")).join("site-packages")
+}
+
+fn choose_venv(
+    wanted: Option<PathBuf>,
+    program: Option<&Path>,
+    source_tree: &Path,
+    python: &str,
+) -> Result<PathBuf, SimError> {
+    let fits = |venv: &Path| site_packages(venv, python).is_dir();
+    if let Some(path) = wanted {
+        return match (fits(&path), path.is_dir()) {
+            (true, _) => Ok(path),
+            (false, true) => Err(SimError::WrongPython { python: python.to_owned(), path }),
+            (false, false) => Err(SimError::NoVenv { python: python.to_owned(), looked_at: vec![path] }),
+        };
+    }
+    let above = program.into_iter().flat_map(|program| program.ancestors().skip(1));
+    let candidates: Vec<PathBuf> = above.chain([source_tree]).map(|folder| folder.join(".venv")).collect();
+    if let Some(venv) = candidates.iter().find(|venv| fits(venv)) {
+        return Ok(venv.clone());
+    }
+    match candidates.iter().find(|venv| venv.is_dir()) {
+        Some(path) => Err(SimError::WrongPython { python: python.to_owned(), path: path.clone() }),
+        None => Err(SimError::NoVenv { python: python.to_owned(), looked_at: candidates }),
+    }
+}
+
+/// Sets the interpreter up at the first call.
+///
+/// To be called while not attached: the lock comes before Python's own, which imports let go in between.
+pub(super) fn make_ready() -> Result<(), SimError> {
+    let mut is_ready = IS_READY.lock().unwrap_or_else(PoisonError::into_inner);
+    if !*is_ready {
+        let environment = Environment::find()?;
+        Python::attach(|py| set_up(py, &environment))
+            .map_err(|error| SimError::NoMujoco { message: text(&error), venv: environment.venv.clone() })?;
+        *is_ready = true;
+    }
+    Ok(())
+}
+
+fn set_up(py: Python<'_>, environment: &Environment) -> PyResult<()> {
+    let variables = py.import("os")?.getattr("environ")?;
+    // Off screen; one thread to a process, since `gen --jobs` fills the cores. Both are read on load.
+    variables.set_item("MUJOCO_GL", "egl")?;
+    variables.set_item("LP_NUM_THREADS", "1")?;
+    let site_packages = site_packages(&environment.venv, &environment.python);
+    py.import("site")?.call_method1("addsitedir", (site_packages.as_os_str(),))?;
+    let modules = py.import("sys")?.getattr("modules")?.cast_into::<PyDict>()?;
+    for (name, source) in MODULES {
+        if modules.contains(name)? {
+            continue;
+        }
+        let c_text = |text: &str| CString::new(text).expect("the embedded sources hold no NUL");
+        PyModule::from_code(py, &c_text(source), &c_text(&format!("<{name}>")), &c_text(name))?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fs_err as fs;
+
+    #[test]
+    fn the_environment_nearest_above_the_program_wins_over_the_source_tree() {
+        let folder = tempfile::tempdir().unwrap();
+        let program = folder.path().join("app/target/release/harmzone");
+        let source_tree = folder.path().join("source");
+        for home in [folder.path().join("app"), source_tree.clone()] {
+            fs::create_dir_all(site_packages(&home.join(".venv"), "3.11")).unwrap();
+        }
+        let chosen = choose_venv(None, Some(&program), &source_tree, "3.11").unwrap();
+        assert_eq!(chosen, folder.path().join("app/.venv"));
+        let elsewhere = choose_venv(None, Some(Path::new("/nowhere/harmzone")), &source_tree, "3.11");
+        assert_eq!(elsewhere.unwrap(), source_tree.join(".venv"));
+    }
+
+    #[test]
+    fn a_missing_environment_names_the_command_that_makes_it() {
+        let error = choose_venv(None, None, Path::new("/nowhere"), "3.11").unwrap_err().to_string();
+        assert!(error.contains("make setup") && error.contains("/nowhere/.venv"), "{error}");
+    }
+
+    #[test]
+    fn an_environment_of_another_python_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        fs::create_dir_all(site_packages(&folder.path().join(".venv"), "3.9")).unwrap();
+        let error = choose_venv(None, None, folder.path(), "3.11").unwrap_err();
+        assert!(matches!(error, SimError::WrongPython { .. }), "{error}");
+    }
+}

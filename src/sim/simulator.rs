@@ -1,0 +1,432 @@
+//! One compiled world in motion, with its camera.
+
+use std::collections::HashMap;
+
+use image::RgbImage;
+use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyDict};
+
+use super::python::make_ready;
+use super::{SimError, text};
+use crate::geometry::{Camera, Ego, Pinhole, Transform};
+
+/// A camera fixed to a body, and how it draws.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CameraMount {
+    /// The body that carries it; the ego frame is that body's frame.
+    pub body: String,
+    pub ego_from_camera: Transform<Ego, Camera>,
+    pub intrinsics: Pinhole,
+    /// Samples a pixel: 0 or 4 are usual.
+    pub n_samples: u32,
+    /// Side of the shadow map.
+    pub shadow_size_px: u32,
+}
+
+/// What the rays of one cast hit, ray by ray.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RayHits {
+    /// Infinite where nothing is hit.
+    pub range_m: Vec<f64>,
+    /// -1 where nothing is hit.
+    pub geom: Vec<i32>,
+    /// Cosine of the angle between ray and surface normal, 0 to 1.
+    pub cos_incidence: Vec<f64>,
+}
+
+/// The geom seen at each pixel, row by row from the top; -1 where there is none.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Segmentation {
+    pub width_px: u32,
+    pub geom: Vec<i32>,
+}
+
+/// A compiled world, its state and its camera.
+#[derive(Debug)]
+pub struct Simulator {
+    world: Py<PyAny>,
+    camera: Option<Py<PyAny>>,
+    bodies: HashMap<String, usize>,
+    joints: HashMap<String, usize>,
+    actuators: HashMap<String, usize>,
+    /// Body of each geom.
+    geom_bodies: Vec<usize>,
+    /// Mocap number of each body, -1 for none.
+    mocap_of_body: Vec<i32>,
+    timestep_s: f64,
+}
+
+fn failed(what: &'static str) -> impl Fn(PyErr) -> SimError {
+    move |error| SimError::Ask { what, message: text(&error) }
+}
+
+impl Simulator {
+    /// Compiles an MJCF text with its named assets and mounts the camera.
+    ///
+    /// # Errors
+    /// [`SimError`]: no Python environment or MuJoCo, or MuJoCo refuses the text.
+    pub fn new(xml: &str, assets: &[(String, Vec<u8>)], mount: &CameraMount) -> Result<Self, SimError> {
+        make_ready()?;
+        Python::attach(|py| {
+            let compile = || -> PyResult<Bound<'_, PyAny>> {
+                let dict = PyDict::new(py);
+                for (name, bytes) in assets {
+                    dict.set_item(name, PyBytes::new(py, bytes))?;
+                }
+                // MuJoCo's cameras look along -z with y up; ours along +z with y down.
+                let half_turn = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
+                let pose = mount.ego_from_camera.isometry;
+                let turn = pose.rotation * half_turn;
+                let position = PyArray1::from_slice(py, pose.translation.vector.as_slice());
+                let quaternion = PyArray1::from_slice(py, &[turn.w, turn.i, turn.j, turn.k]);
+                let size = (mount.intrinsics.width_px, mount.intrinsics.height_px);
+                let fovy_deg = mount.intrinsics.vertical_fov_rad().to_degrees();
+                py.import("harmzone_sim")?.getattr("World")?.call1((
+                    xml,
+                    dict,
+                    &mount.body,
+                    position,
+                    quaternion,
+                    fovy_deg,
+                    size,
+                    mount.n_samples,
+                    mount.shadow_size_px,
+                ))
+            };
+            let world = compile().map_err(|error| SimError::Compile { message: text(&error) })?;
+            let names = |kind: &str| -> PyResult<HashMap<String, usize>> {
+                let names: Vec<String> = world.call_method1("names", (kind,))?.extract()?;
+                let named = names.into_iter().enumerate().filter(|(_, name)| !name.is_empty());
+                Ok(named.map(|(i, name)| (name, i)).collect())
+            };
+            let ints = |method: &str| -> PyResult<Vec<i32>> {
+                let array = world.call_method0(method)?.extract::<PyReadonlyArray1<'_, i32>>()?;
+                Ok(array.as_slice()?.to_vec())
+            };
+            let read = || -> PyResult<Self> {
+                let body = |id: i32| usize::try_from(id).expect("every geom has a body");
+                Ok(Self {
+                    camera: None,
+                    bodies: names("body")?,
+                    joints: names("joint")?,
+                    actuators: names("actuator")?,
+                    geom_bodies: ints("geom_bodies")?.into_iter().map(body).collect(),
+                    mocap_of_body: ints("mocap_ids")?,
+                    timestep_s: world.call_method0("timestep_s")?.extract()?,
+                    world: world.clone().unbind(),
+                })
+            };
+            read().map_err(failed("describe the world"))
+        })
+    }
+
+    /// The id of a body by name.
+    #[must_use]
+    pub fn body(&self, name: &str) -> Option<usize> {
+        self.bodies.get(name).copied()
+    }
+
+    /// The id of a joint by name, an index into [`Self::joint_positions`].
+    #[must_use]
+    pub fn joint(&self, name: &str) -> Option<usize> {
+        self.joints.get(name).copied()
+    }
+
+    /// The id of an actuator by name, an index into the controls of [`Self::step`].
+    #[must_use]
+    pub fn actuator(&self, name: &str) -> Option<usize> {
+        self.actuators.get(name).copied()
+    }
+
+    /// How many controls [`Self::step`] takes.
+    #[must_use]
+    pub fn n_actuators(&self) -> usize {
+        self.actuators.len()
+    }
+
+    /// The mocap number of a body, if it is one that is moved by hand.
+    #[must_use]
+    pub fn mocap(&self, body: usize) -> Option<usize> {
+        self.mocap_of_body.get(body).and_then(|&id| usize::try_from(id).ok())
+    }
+
+    /// Body of each geom.
+    #[must_use]
+    pub fn geom_bodies(&self) -> &[usize] {
+        &self.geom_bodies
+    }
+
+    #[must_use]
+    pub fn timestep_s(&self) -> f64 {
+        self.timestep_s
+    }
+
+    /// Sets the controls and the poses of mocap bodies (by mocap number), then advances `n_steps`.
+    ///
+    /// # Errors
+    /// The physics became unstable, or sizes do not fit.
+    pub fn step(
+        &mut self,
+        ctrl: &[f64],
+        mocap: &[(usize, Isometry3<f64>)],
+        n_steps: usize,
+    ) -> Result<(), SimError> {
+        Python::attach(|py| {
+            let ids: Vec<i64> = mocap.iter().map(|&(id, _)| id as i64).collect();
+            let mut poses = Vec::with_capacity(mocap.len() * 7);
+            for (_, pose) in mocap {
+                let (p, q) = (&pose.translation, &pose.rotation);
+                poses.extend([p.x, p.y, p.z, q.w, q.i, q.j, q.k]);
+            }
+            let ask = || -> PyResult<()> {
+                let ctrl = PyArray1::from_slice(py, ctrl);
+                let ids = PyArray1::from_vec(py, ids);
+                let poses = PyArray1::from_vec(py, poses).reshape([mocap.len(), 7])?;
+                self.world.bind(py).call_method1("step", (ctrl, ids, poses, n_steps))?;
+                Ok(())
+            };
+            ask().map_err(failed("step"))
+        })
+    }
+
+    /// The pose of every body in the world, by body id.
+    ///
+    /// # Errors
+    /// [`SimError::Ask`], only if MuJoCo itself fails.
+    pub fn body_poses(&self) -> Result<Vec<Isometry3<f64>>, SimError> {
+        Python::attach(|py| {
+            let ask = || -> PyResult<Vec<Isometry3<f64>>> {
+                let poses = self.world.bind(py).call_method0("body_poses")?;
+                let poses = poses.extract::<PyReadonlyArray2<'_, f64>>()?;
+                Ok(poses.as_slice()?.chunks_exact(7).map(isometry).collect())
+            };
+            ask().map_err(failed("tell poses"))
+        })
+    }
+
+    /// Angular and linear velocity of a body's origin, along the body's own axes.
+    ///
+    /// # Errors
+    /// As [`Self::body_poses`].
+    pub fn body_velocity(&self, body: usize) -> Result<(Vector3<f64>, Vector3<f64>), SimError> {
+        Python::attach(|py| {
+            let ask = || -> PyResult<(Vector3<f64>, Vector3<f64>)> {
+                let velocity = self.world.bind(py).call_method1("body_velocity", (body,))?;
+                let velocity = velocity.extract::<PyReadonlyArray1<'_, f64>>()?;
+                let v = velocity.as_slice()?;
+                Ok((Vector3::new(v[0], v[1], v[2]), Vector3::new(v[3], v[4], v[5])))
+            };
+            ask().map_err(failed("tell a velocity"))
+        })
+    }
+
+    /// The first position coordinate of each joint (the angle of a hinge), by joint id.
+    ///
+    /// # Errors
+    /// As [`Self::body_poses`].
+    pub fn joint_positions(&self) -> Result<Vec<f64>, SimError> {
+        Python::attach(|py| {
+            let ask = || -> PyResult<Vec<f64>> {
+                let positions = self.world.bind(py).call_method0("joint_positions")?;
+                Ok(positions.extract::<PyReadonlyArray1<'_, f64>>()?.as_slice()?.to_vec())
+            };
+            ask().map_err(failed("tell joint angles"))
+        })
+    }
+
+    /// First hits of rays in the world frame on what can be seen (not on the ego).
+    ///
+    /// # Errors
+    /// As [`Self::body_poses`].
+    pub fn cast_rays(
+        &self,
+        origin: &Point3<f64>,
+        directions: &[Vector3<f64>],
+        max_range_m: f64,
+    ) -> Result<RayHits, SimError> {
+        Python::attach(|py| {
+            let ask = || -> PyResult<RayHits> {
+                let origin = PyArray1::from_slice(py, origin.coords.as_slice());
+                let flat: Vec<f64> = directions.iter().flat_map(|d| [d.x, d.y, d.z]).collect();
+                let rays: Bound<'_, PyArray2<f64>> =
+                    PyArray1::from_vec(py, flat).reshape([directions.len(), 3])?;
+                let cast = py.import("harmzone_sim")?.getattr("cast_rays")?;
+                let hits = cast.call1((self.world.bind(py), origin, rays, max_range_m))?;
+                let (range_m, geom, cos_incidence): (
+                    PyReadonlyArray1<'_, f64>,
+                    PyReadonlyArray1<'_, i32>,
+                    PyReadonlyArray1<'_, f64>,
+                ) = hits.extract()?;
+                Ok(RayHits {
+                    range_m: range_m.as_slice()?.to_vec(),
+                    geom: geom.as_slice()?.to_vec(),
+                    cos_incidence: cos_incidence.as_slice()?.to_vec(),
+                })
+            };
+            ask().map_err(failed("cast rays"))
+        })
+    }
+
+    /// The camera's picture of the present state.
+    ///
+    /// # Errors
+    /// [`SimError::NoGl`] where nothing can be drawn.
+    pub fn render_rgb(&mut self) -> Result<RgbImage, SimError> {
+        Python::attach(|py| {
+            let camera = self.camera(py)?;
+            let ask = || -> PyResult<RgbImage> {
+                camera.call_method0("update")?;
+                let pixels = camera.call_method0("rgb")?;
+                let pixels = pixels.extract::<PyReadonlyArray3<'_, u8>>()?;
+                let (height, width) = (pixels.as_array().dim().0, pixels.as_array().dim().1);
+                let bytes = pixels.as_slice()?.to_vec();
+                Ok(RgbImage::from_raw(width as u32, height as u32, bytes).expect("three bytes a pixel"))
+            };
+            ask().map_err(failed("draw"))
+        })
+    }
+
+    /// The geom that each pixel of [`Self::render_rgb`]'s picture shows.
+    ///
+    /// # Errors
+    /// As [`Self::render_rgb`].
+    pub fn render_segmentation(&mut self) -> Result<Segmentation, SimError> {
+        Python::attach(|py| {
+            let camera = self.camera(py)?;
+            let ask = || -> PyResult<Segmentation> {
+                camera.call_method0("update")?;
+                let ids = camera.call_method0("segmentation")?;
+                let ids = ids.extract::<PyReadonlyArray2<'_, i32>>()?;
+                let width_px = ids.as_array().dim().1 as u32;
+                Ok(Segmentation { width_px, geom: ids.as_slice()?.to_vec() })
+            };
+            ask().map_err(failed("draw the segmentation"))
+        })
+    }
+
+    /// Vendor, renderer and version of the OpenGL that draws.
+    ///
+    /// # Errors
+    /// As [`Self::render_rgb`].
+    pub fn gl_info(&mut self) -> Result<[String; 3], SimError> {
+        Python::attach(|py| {
+            self.camera(py)?;
+            let ask = || -> PyResult<(String, String, String)> {
+                py.import("harmzone_sim")?.call_method0("gl_info")?.extract()
+            };
+            ask()
+                .map(|(vendor, renderer, version)| [vendor, renderer, version])
+                .map_err(failed("tell its OpenGL"))
+        })
+    }
+
+    fn camera<'py>(&mut self, py: Python<'py>) -> Result<Bound<'py, PyAny>, SimError> {
+        if let Some(camera) = &self.camera {
+            return Ok(camera.bind(py).clone());
+        }
+        let make = || py.import("harmzone_sim")?.getattr("Camera")?.call1((self.world.bind(py),));
+        let camera = make().map_err(|error| SimError::NoGl { message: text(&error) })?;
+        self.camera = Some(camera.clone().unbind());
+        Ok(camera)
+    }
+}
+
+impl Drop for Simulator {
+    fn drop(&mut self) {
+        let Some(camera) = self.camera.take() else { return };
+        Python::attach(|py| {
+            // Freed here and not by Python, which could free it while another camera is current.
+            // A failure leaks driver memory of a world that is gone; there is nobody to tell.
+            let _ = camera.bind(py).call_method0("close");
+        });
+    }
+}
+
+/// From position and quaternion (w, x, y, z).
+fn isometry(pose: &[f64]) -> Isometry3<f64> {
+    Isometry3::from_parts(
+        Translation3::new(pose[0], pose[1], pose[2]),
+        UnitQuaternion::from_quaternion(Quaternion::new(pose[3], pose[4], pose[5], pose[6])),
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A 2 m cube 10 m ahead (its face at 9 m), a mocap cube behind, and a body that may fall.
+    const XML: &str = r#"<mujoco><option timestep="0.005"/><worldbody>
+        <light directional="true" dir="0 0 -1" pos="0 0 10"/>
+        <geom name="ground" type="plane" size="0 0 1" group="1" contype="0" conaffinity="0"/>
+        <body name="obj:cube" pos="10 0 1"><geom name="cube" type="box" size="1 1 1" group="2"/></body>
+        <body name="obj:mover" mocap="true" pos="-10 0 1"><geom type="box" size="1 1 1" group="2"/></body>
+        <body name="ego"><freejoint/>
+          <geom type="box" pos="2 0 1.5" size="2 1 1" group="4" contype="0" conaffinity="0"/></body>
+        </worldbody></mujoco>"#;
+
+    fn mount() -> CameraMount {
+        CameraMount {
+            body: "ego".into(),
+            ego_from_camera: Transform::looking_forward(Vector3::new(0.0, 0.0, 1.0), 0.0),
+            intrinsics: Pinhole::from_horizontal_fov(160, 80, std::f64::consts::FRAC_PI_2),
+            n_samples: 0,
+            shadow_size_px: 256,
+        }
+    }
+
+    #[test]
+    fn a_ray_hits_the_cube_head_on_and_passes_through_the_own_car() {
+        let sim = Simulator::new(XML, &[], &mount()).unwrap();
+        let rays = [Vector3::x(), Vector3::y(), -Vector3::z()];
+        let hits = sim.cast_rays(&Point3::new(0.0, 0.0, 1.0), &rays, 70.0).unwrap();
+        assert!((hits.range_m[0] - 9.0).abs() < 1e-9 && (hits.cos_incidence[0] - 1.0).abs() < 1e-9);
+        assert_eq!(sim.geom_bodies()[hits.geom[0] as usize], sim.body("obj:cube").unwrap());
+        assert!(hits.range_m[1].is_infinite() && hits.geom[1] == -1);
+        assert!((hits.range_m[2] - 1.0).abs() < 1e-9, "the ground is a plane at z = 0");
+    }
+
+    #[test]
+    fn the_picture_shows_the_cube_where_the_pinhole_projects_it() {
+        let mut sim = Simulator::new(XML, &[], &mount()).unwrap();
+        let seen = sim.render_segmentation().unwrap();
+        let cube = sim.body("obj:cube").unwrap();
+        let columns: Vec<usize> = (0..seen.geom.len())
+            .filter(|&i| seen.geom[i] >= 0 && sim.geom_bodies()[seen.geom[i] as usize] == cube)
+            .map(|i| i % 160)
+            .collect();
+        // fx = 80 px, the face is 1 m to each side at 9 m: 80 +- 8.9 px.
+        assert_eq!((columns.iter().min(), columns.iter().max()), (Some(&71), Some(&88)));
+        assert_eq!(sim.render_rgb().unwrap().dimensions(), (160, 80));
+    }
+
+    #[test]
+    fn a_second_camera_draws_as_well_as_the_first() {
+        let mut first = Simulator::new(XML, &[], &mount()).unwrap();
+        let mut second = Simulator::new(XML, &[], &mount()).unwrap();
+        let seen = first.render_segmentation().unwrap();
+        assert_eq!(second.render_segmentation().unwrap(), seen);
+        drop(first);
+        assert_eq!(second.render_segmentation().unwrap(), seen);
+    }
+
+    #[test]
+    fn a_free_body_falls_and_a_mocap_body_goes_where_it_is_put() {
+        let mut sim = Simulator::new(XML, &[], &mount()).unwrap();
+        let mover = sim.body("obj:mover").unwrap();
+        let pose = Isometry3::translation(3.0, 4.0, 5.0);
+        sim.step(&[], &[(sim.mocap(mover).unwrap(), pose)], 20).unwrap();
+        let poses = sim.body_poses().unwrap();
+        assert!((poses[mover].translation.vector - Vector3::new(3.0, 4.0, 5.0)).norm() < 1e-12);
+        let ego = sim.body("ego").unwrap();
+        let (_, linear) = sim.body_velocity(ego).unwrap();
+        assert!((linear.z + 9.81 * 0.1).abs() < 1e-6, "0.1 s of free fall: {linear}");
+    }
+
+    #[test]
+    fn a_broken_world_is_refused_with_mujocos_words() {
+        let error = Simulator::new("<mujoco><worldbody><bdy/></worldbody></mujoco>", &[], &mount());
+        assert!(error.unwrap_err().to_string().contains("bdy"));
+    }
+}
