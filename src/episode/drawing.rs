@@ -1,0 +1,313 @@
+//! What a viewer draws: boxes as cubes, the map, the danger zone, and boxes projected into the image.
+
+use foxglove::messages as fox;
+use foxglove::messages::line_primitive::Type as LineType;
+use foxglove::messages::points_annotation::Type as PointsType;
+
+use super::messages::{fox_cube, fox_identity, fox_point, fox_span, fox_time};
+use crate::geometry::{Box3, Camera, Ego, Frame, Pinhole, Point, Point2, World};
+use crate::object::{Detection, Distribution, Harm, Kind, ObjectTruth};
+use crate::sample::Measured;
+
+/// What of the town is drawn: once per episode, for viewers only.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct MapDrawing {
+    /// Polylines along the lane borders.
+    pub lane_lines: Vec<Vec<Point<World>>>,
+    /// Triangles, counter-clockwise seen from above.
+    pub drivable_area: Vec<[Point<World>; 3]>,
+}
+
+/// How long a drawn box stays: until the next sample, 0.3 s later.
+const LIFETIME_NS: u32 = 300_000_000;
+
+/// Below this depth edges are cut, so that nothing behind the camera is drawn.
+const NEAR_PLANE_M: f64 = 0.1;
+
+const fn color(r: f64, g: f64, b: f64, a: f64) -> fox::Color {
+    fox::Color { r, g, b, a }
+}
+
+const RED: fox::Color = color(0.9, 0.1, 0.1, 0.6);
+const BLUE: fox::Color = color(0.1, 0.35, 0.95, 0.5);
+const GREEN: fox::Color = color(0.1, 0.8, 0.2, 1.0);
+const GREEN_FILL: fox::Color = color(0.1, 0.8, 0.2, 0.25);
+
+fn harm_color(harm: Harm) -> fox::Color {
+    match harm {
+        Harm::Harmful => RED,
+        Harm::Harmless => BLUE,
+    }
+}
+
+fn truth_color(object: &ObjectTruth) -> fox::Color {
+    match (object.distribution, object.kind) {
+        (Distribution::Ood, _) => color(0.9, 0.1, 0.8, 0.6),
+        (Distribution::Id, Kind::Vehicle) => color(1.0, 0.6, 0.1, 0.5),
+        (Distribution::Id, Kind::Pedestrian) => color(0.1, 0.7, 0.9, 0.5),
+        (Distribution::Id, Kind::Static) => color(0.6, 0.6, 0.6, 0.5),
+    }
+}
+
+fn entity(time_ns: u64, frame_id: &str, id: String, lifetime_ns: u32) -> fox::SceneEntity {
+    fox::SceneEntity {
+        timestamp: Some(fox_time(time_ns)),
+        frame_id: frame_id.to_owned(),
+        id,
+        lifetime: Some(fox_span(lifetime_ns)),
+        ..fox::SceneEntity::default()
+    }
+}
+
+fn pair(key: &str, value: impl Into<String>) -> fox::KeyValuePair {
+    fox::KeyValuePair { key: key.to_owned(), value: value.into() }
+}
+
+fn cube(time_ns: u64, id: String, box_in_ego: &Box3<Ego>, color: fox::Color) -> fox::SceneEntity {
+    fox::SceneEntity {
+        cubes: vec![fox_cube(box_in_ego, color)],
+        ..entity(time_ns, Ego::NAME, id, LIFETIME_NS)
+    }
+}
+
+fn update(entities: Vec<fox::SceneEntity>) -> fox::SceneUpdate {
+    fox::SceneUpdate { deletions: Vec::new(), entities }
+}
+
+/// True boxes, coloured by kind, magenta when out of distribution.
+pub(super) fn truth_markers(time_ns: u64, objects: &[ObjectTruth]) -> fox::SceneUpdate {
+    let kind = |kind| match kind {
+        Kind::Vehicle => "vehicle",
+        Kind::Pedestrian => "pedestrian",
+        Kind::Static => "static",
+    };
+    let distribution = |distribution| match distribution {
+        Distribution::Id => "id",
+        Distribution::Ood => "ood",
+    };
+    let entities = objects.iter().map(|object| fox::SceneEntity {
+        metadata: vec![
+            pair("category", &object.category),
+            pair("kind", kind(object.kind)),
+            pair("distribution", distribution(object.distribution)),
+        ],
+        ..cube(time_ns, object.id.clone(), &object.box_in_ego, truth_color(object))
+    });
+    update(entities.collect())
+}
+
+/// Lane lines and drivable area, which stay for good.
+pub(super) fn map_update(time_ns: u64, map: &MapDrawing) -> fox::SceneUpdate {
+    let lines = map.lane_lines.iter().map(|line| fox::LinePrimitive {
+        r#type: LineType::LineStrip.into(),
+        pose: Some(fox_identity()),
+        thickness: 0.12,
+        points: line.iter().map(fox_point).collect(),
+        color: Some(color(1.0, 1.0, 1.0, 0.9)),
+        ..fox::LinePrimitive::default()
+    });
+    let lines = fox::SceneEntity {
+        lines: lines.collect(),
+        ..entity(time_ns, World::NAME, "lane_lines".to_owned(), 0)
+    };
+    let triangles = fox::TriangleListPrimitive {
+        pose: Some(fox_identity()),
+        points: map.drivable_area.iter().flatten().map(fox_point).collect(),
+        color: Some(color(0.3, 0.3, 0.32, 1.0)),
+        ..fox::TriangleListPrimitive::default()
+    };
+    let area = fox::SceneEntity {
+        triangles: vec![triangles],
+        ..entity(time_ns, World::NAME, "drivable_area".to_owned(), 0)
+    };
+    update(vec![area, lines])
+}
+
+/// Boxes with their labels: harmful red, harmless blue.
+pub(super) fn harm_boxes<'a>(
+    time_ns: u64,
+    boxes: impl Iterator<Item = (&'a ObjectTruth, Harm)>,
+) -> fox::SceneUpdate {
+    let entities = boxes.map(|(object, harm)| fox::SceneEntity {
+        metadata: vec![pair("category", &object.category), pair("harm", harm.name())],
+        ..cube(time_ns, object.id.clone(), &object.box_in_ego, harm_color(harm))
+    });
+    update(entities.collect())
+}
+
+/// Reported boxes, the fainter the lower the score.
+pub(super) fn detection_boxes(time_ns: u64, detections: &[Detection]) -> fox::SceneUpdate {
+    let entities = detections.iter().enumerate().map(|(i, detection)| {
+        let paint = fox::Color { a: 0.1 + 0.6 * f64::from(detection.score), ..harm_color(detection.harm) };
+        fox::SceneEntity {
+            metadata: vec![pair("harm", detection.harm.name()), pair("score", detection.score.to_string())],
+            ..cube(time_ns, format!("detection:{i}"), &detection.box_in_ego, paint)
+        }
+    });
+    update(entities.collect())
+}
+
+/// The danger zone on the ground: green outline, translucent fill.
+pub(super) fn zone_update(time_ns: u64, corners: &[Point2]) -> fox::SceneUpdate {
+    // A little above the road, so that the two do not flicker through each other.
+    let points: Vec<fox::Point3> =
+        corners.iter().map(|corner| fox::Point3 { x: corner.x_m, y: corner.y_m, z: 0.05 }).collect();
+    let outline = fox::LinePrimitive {
+        r#type: LineType::LineLoop.into(),
+        pose: Some(fox_identity()),
+        thickness: 0.1,
+        points: points.clone(),
+        color: Some(GREEN),
+        ..fox::LinePrimitive::default()
+    };
+    let fill = fox::TriangleListPrimitive {
+        pose: Some(fox_identity()),
+        indices: fill_indices(corners.len()),
+        points,
+        color: Some(GREEN_FILL),
+        ..fox::TriangleListPrimitive::default()
+    };
+    update(vec![fox::SceneEntity {
+        lines: vec![outline],
+        triangles: vec![fill],
+        ..entity(time_ns, Ego::NAME, "danger_zone".to_owned(), LIFETIME_NS)
+    }])
+}
+
+/// Triangles between opposite sides of an outline: right for a rectangle and for a bent corridor
+/// whose corners run out along one side and back along the other.
+fn fill_indices(n_corners: usize) -> Vec<u32> {
+    let index = |i: usize| u32::try_from(i).expect("an outline has few corners");
+    let mut indices = Vec::new();
+    let (mut low, mut high) = (0, n_corners.saturating_sub(1));
+    while low + 1 < high {
+        indices.extend([low, low + 1, high].map(index));
+        if low + 1 < high - 1 {
+            indices.extend([low + 1, high - 1, high].map(index));
+        }
+        low += 1;
+        high -= 1;
+    }
+    indices
+}
+
+/// Edges of a box as pairs of its corners: bottom, top, upright.
+const BOX_EDGES: [(usize, usize); 12] =
+    [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)];
+
+/// The zone's outline and the labelled boxes, drawn into the camera image.
+pub(super) fn image_annotations<'a>(
+    measured: &Measured,
+    zone: &[Point2],
+    boxes: impl Iterator<Item = (&'a ObjectTruth, Harm)>,
+) -> fox::ImageAnnotations {
+    let camera_from_ego = measured.ego_from_camera.inverse();
+    let camera = &measured.intrinsics;
+    let on_ground: Vec<Point<Camera>> =
+        zone.iter().map(|corner| camera_from_ego * Point::<Ego>::new(corner.x_m, corner.y_m, 0.0)).collect();
+    let outline = (0..on_ground.len()).map(|i| (on_ground[i], on_ground[(i + 1) % on_ground.len()]));
+    let mut drawn = vec![line_list(measured.time_ns, camera, outline, GREEN, pair("zone", "danger_zone"))];
+    for (object, harm) in boxes {
+        let corners = object.box_in_ego.corners().map(|corner| camera_from_ego * corner);
+        let edges = BOX_EDGES.into_iter().map(|(from, to)| (corners[from], corners[to]));
+        let paint = fox::Color { a: 1.0, ..harm_color(harm) };
+        drawn.push(line_list(measured.time_ns, camera, edges, paint, pair("id", &object.id)));
+    }
+    drawn.retain(|list| !list.points.is_empty());
+    fox::ImageAnnotations {
+        timestamp: Some(fox_time(measured.time_ns)),
+        points: drawn,
+        ..fox::ImageAnnotations::default()
+    }
+}
+
+fn line_list(
+    time_ns: u64,
+    camera: &Pinhole,
+    edges: impl Iterator<Item = (Point<Camera>, Point<Camera>)>,
+    paint: fox::Color,
+    tag: fox::KeyValuePair,
+) -> fox::PointsAnnotation {
+    let pixel = |(x, y): (f64, f64)| fox::Point2 { x, y };
+    let ends = edges.filter_map(|(from, to)| project_edge(camera, from, to));
+    fox::PointsAnnotation {
+        timestamp: Some(fox_time(time_ns)),
+        r#type: PointsType::LineList.into(),
+        points: ends.flat_map(|(from, to)| [pixel(from), pixel(to)]).collect(),
+        outline_color: Some(paint),
+        thickness: 2.0,
+        metadata: vec![tag],
+        ..fox::PointsAnnotation::default()
+    }
+}
+
+type Pixel = (f64, f64);
+
+/// The visible part of an edge in pixels: cut at the near plane, then at the image's border.
+fn project_edge(camera: &Pinhole, from: Point<Camera>, to: Point<Camera>) -> Option<(Pixel, Pixel)> {
+    let cut = |point: Point<Camera>, other: Point<Camera>| {
+        if point.z() >= NEAR_PLANE_M {
+            return point;
+        }
+        let share = (NEAR_PLANE_M - point.z()) / (other.z() - point.z());
+        let mut coords = point.coords + (other.coords - point.coords) * share;
+        coords.z = NEAR_PLANE_M;
+        Point::from_coords(coords)
+    };
+    if from.z().max(to.z()) < NEAR_PLANE_M {
+        return None;
+    }
+    let (start, end) = (camera.project(&cut(from, to))?, camera.project(&cut(to, from))?);
+    clip_to_image(start, end, f64::from(camera.width_px), f64::from(camera.height_px))
+}
+
+/// The part of a segment inside the image (Liang and Barsky, 1984).
+fn clip_to_image(start: Pixel, end: Pixel, width_px: f64, height_px: f64) -> Option<(Pixel, Pixel)> {
+    let (dx, dy) = (end.0 - start.0, end.1 - start.1);
+    let (mut enter, mut leave) = (0.0f64, 1.0f64);
+    let borders = [(-dx, start.0), (dx, width_px - start.0), (-dy, start.1), (dy, height_px - start.1)];
+    for (outward, distance) in borders {
+        if outward == 0.0 {
+            if distance < 0.0 {
+                return None;
+            }
+        } else if outward < 0.0 {
+            enter = enter.max(distance / outward);
+        } else {
+            leave = leave.min(distance / outward);
+        }
+    }
+    let at = |share: f64| (start.0 + share * dx, start.1 + share * dy);
+    (enter < leave).then(|| (at(enter), at(leave)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn camera() -> Pinhole {
+        Pinhole { width_px: 100, height_px: 50, fx_px: 50.0, fy_px: 50.0, cx_px: 50.0, cy_px: 25.0 }
+    }
+
+    #[test]
+    fn an_edge_that_passes_behind_the_camera_is_cut_at_the_near_plane_and_the_image() {
+        let (start, end) =
+            project_edge(&camera(), Point::new(0.0, 1.0, 4.0), Point::new(0.0, 1.0, -4.0)).unwrap();
+        // 50 * 1 / 4 below the middle, then down to the lower border.
+        assert_eq!(start, (50.0, 37.5));
+        assert!((end.0 - 50.0).abs() < 1e-9 && (end.1 - 50.0).abs() < 1e-9, "{end:?}");
+    }
+
+    #[test]
+    fn edges_behind_the_camera_or_beside_the_image_are_not_drawn() {
+        assert_eq!(project_edge(&camera(), Point::new(0.0, 0.0, -1.0), Point::new(0.0, 0.0, -2.0)), None);
+        assert_eq!(project_edge(&camera(), Point::new(9.0, 0.0, 1.0), Point::new(9.0, 1.0, 1.0)), None);
+    }
+
+    #[test]
+    fn a_rectangle_fills_with_two_triangles_and_a_line_with_none() {
+        assert_eq!(fill_indices(4), [0, 1, 3, 1, 2, 3]);
+        assert_eq!(fill_indices(6).len(), 12);
+        assert!(fill_indices(2).is_empty() && fill_indices(0).is_empty());
+    }
+}

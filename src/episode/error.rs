@@ -1,0 +1,65 @@
+//! What can be wrong with an episode, label or prediction file; each error ends with the path.
+
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+/// A value that no consumer could use, found before writing or on reading.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[error("{}`{field}` is {found}; {wanted}", object.as_ref().map(|id| format!("object `{id}`: ")).unwrap_or_default())]
+pub struct Fault {
+    /// The object's id (for detections its index), where the value belongs to one.
+    pub object: Option<String>,
+    pub field: &'static str,
+    pub found: String,
+    /// What would be valid.
+    pub wanted: &'static str,
+}
+
+impl Fault {
+    pub(super) fn new(field: &'static str, found: impl ToString, wanted: &'static str) -> Self {
+        Self { object: None, field, found: found.to_string(), wanted }
+    }
+
+    pub(super) fn of(self, object: &str) -> Self {
+        Self { object: Some(object.to_owned()), ..self }
+    }
+}
+
+/// Why a file cannot be written or read.
+#[derive(Debug, Error)]
+pub enum EpisodeError {
+    #[error(transparent)]
+    Io(#[from] std::io::Error),
+    #[error("cannot write MCAP: {source}: {}", path.display())]
+    Write { source: mcap::McapError, path: PathBuf },
+    #[error("the file is cut short, damaged or no MCAP ({source}); make it again: {}", path.display())]
+    Damaged { source: mcap::McapError, path: PathBuf },
+    #[error("the MCAP has no index; `mcap recover` adds one: {}", path.display())]
+    NoIndex { path: PathBuf },
+    #[error("not a file of this kind: it has the topics {found:?} and lacks {missing:?}: {}", path.display())]
+    ForeignTopics { missing: Vec<&'static str>, found: Vec<String>, path: PathBuf },
+    #[error("topic `{topic}` holds `{found}`; `{wanted}` is needed: {}", path.display())]
+    ForeignSchema { topic: &'static str, found: String, wanted: String, path: PathBuf },
+    #[error("the metadata record `{record}` lacks `{key}` or holds no valid one: {}", path.display())]
+    Metadata { record: &'static str, key: &'static str, path: PathBuf },
+    #[error("topic `{topic}` holds {found} messages; {wanted} are needed: {}", path.display())]
+    Count { topic: String, found: u64, wanted: u64, path: PathBuf },
+    #[error("topic `{topic}` has {found} messages at sample {sample_idx}; 1 is needed: {}", path.display())]
+    NotAligned { topic: String, sample_idx: usize, found: usize, path: PathBuf },
+    #[error("sample {sample_idx}: a message is no valid protobuf ({source}): {}", path.display())]
+    Decode { sample_idx: usize, source: prost::DecodeError, path: PathBuf },
+    #[error("episode `{episode}`, sample {sample_idx}: {fault}: {}", path.display())]
+    Invalid { episode: String, sample_idx: usize, fault: Fault, path: PathBuf },
+    #[error("sample {sample_idx} is at {found_ns} ns, not after {before_ns} ns: {}", path.display())]
+    TimeOrder { sample_idx: usize, found_ns: u64, before_ns: u64, path: PathBuf },
+    #[error("there is no sample {sample_idx}; the file has {n_samples}: {}", path.display())]
+    NoSample { sample_idx: usize, n_samples: usize, path: PathBuf },
+    #[error("nothing was written; a file holds at least one sample: {}", path.display())]
+    Empty { path: PathBuf },
+    #[error(
+        "made from an episode with the content hash {found}, not {wanted}; make it again: {}",
+        path.display()
+    )]
+    OtherEpisode { found: String, wanted: String, path: PathBuf },
+}

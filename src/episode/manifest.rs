@@ -1,0 +1,328 @@
+//! `dataset.json`: what a data set holds; `labels.json`: what a label set says of it.
+
+use std::path::{Path, PathBuf};
+
+use fs_err as fs;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use super::meta::FORMAT_VERSION;
+use crate::files::write_atomic;
+use crate::object::{Distribution, Harm, Kind};
+
+/// Why a manifest cannot be read or written.
+#[derive(Debug, Error)]
+pub enum ManifestError {
+    #[error(transparent)]
+    Io(#[from] std::io::Error),
+    #[error("no data set here: there is no `{}`; `harmzone gen --out` makes one: {}", Manifest::FILE, path.display())]
+    NotADataset { path: PathBuf },
+    #[error("no label set `{set}` here, found {found:?}; `harmzone label` makes one: {}", path.display())]
+    NoLabels { set: String, found: Vec<String>, path: PathBuf },
+    #[error("{message}: {}", path.display())]
+    Parse { message: String, path: PathBuf },
+    #[error("format version {found}; this program reads {FORMAT_VERSION}: {}", path.display())]
+    Version { found: u32, path: PathBuf },
+    #[error("{message}: {}", path.display())]
+    Inconsistent { message: String, path: PathBuf },
+}
+
+/// Which part of the experiment an episode serves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Split {
+    Train,
+    Val,
+    Test,
+}
+
+/// One value for each kind.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PerKind<T> {
+    pub vehicle: T,
+    pub pedestrian: T,
+    #[serde(rename = "static")]
+    pub static_object: T,
+}
+
+impl<T> PerKind<T> {
+    pub fn get(&self, kind: Kind) -> &T {
+        match kind {
+            Kind::Vehicle => &self.vehicle,
+            Kind::Pedestrian => &self.pedestrian,
+            Kind::Static => &self.static_object,
+        }
+    }
+
+    pub fn get_mut(&mut self, kind: Kind) -> &mut T {
+        match kind {
+            Kind::Vehicle => &mut self.vehicle,
+            Kind::Pedestrian => &mut self.pedestrian,
+            Kind::Static => &mut self.static_object,
+        }
+    }
+
+    /// The values in the order vehicle, pedestrian, static.
+    pub fn values(&self) -> [&T; 3] {
+        [&self.vehicle, &self.pedestrian, &self.static_object]
+    }
+}
+
+/// One value for each distribution.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PerDistribution<T> {
+    pub id: T,
+    pub ood: T,
+}
+
+impl<T> PerDistribution<T> {
+    pub fn get(&self, distribution: Distribution) -> &T {
+        match distribution {
+            Distribution::Id => &self.id,
+            Distribution::Ood => &self.ood,
+        }
+    }
+
+    pub fn get_mut(&mut self, distribution: Distribution) -> &mut T {
+        match distribution {
+            Distribution::Id => &mut self.id,
+            Distribution::Ood => &mut self.ood,
+        }
+    }
+}
+
+/// Annotated boxes, each sample counted anew.
+pub type ObjectCounts = PerDistribution<PerKind<u64>>;
+
+impl ObjectCounts {
+    #[must_use]
+    pub fn total(&self) -> u64 {
+        self.id.values().into_iter().chain(self.ood.values()).sum()
+    }
+}
+
+/// Boxes of each class.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct HarmCounts {
+    pub harmful: u64,
+    pub harmless: u64,
+}
+
+impl HarmCounts {
+    pub fn add(&mut self, harm: Harm) {
+        match harm {
+            Harm::Harmful => self.harmful += 1,
+            Harm::Harmless => self.harmless += 1,
+        }
+    }
+}
+
+/// Labelled boxes, each sample counted anew.
+pub type LabelCounts = PerDistribution<PerKind<HarmCounts>>;
+
+/// One episode of a data set.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EpisodeEntry {
+    pub name: String,
+    /// Path of the file from the data set's folder, with `/`.
+    pub file: String,
+    pub split: Split,
+    pub seed: u64,
+    pub town: String,
+    pub weather: String,
+    pub ood: bool,
+    pub n_samples: usize,
+    pub n_objects: ObjectCounts,
+    /// Content hash of the file.
+    pub sha256: String,
+}
+
+/// `dataset.json`.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Manifest {
+    pub format_version: u32,
+    pub generator_version: String,
+    /// SHA-256 of the resolved config's TOML.
+    pub config_sha256: String,
+    pub seed: u64,
+    pub ood: bool,
+    pub episodes: Vec<EpisodeEntry>,
+}
+
+impl Manifest {
+    pub const FILE: &'static str = "dataset.json";
+
+    /// A manifest of this program's version without episodes.
+    #[must_use]
+    pub fn new(config_sha256: String, seed: u64, ood: bool) -> Self {
+        Self {
+            format_version: FORMAT_VERSION,
+            generator_version: env!("CARGO_PKG_VERSION").to_owned(),
+            config_sha256,
+            seed,
+            ood,
+            episodes: Vec::new(),
+        }
+    }
+
+    /// Reads the manifest of a data set's folder.
+    ///
+    /// # Errors
+    /// Not a data set, malformed, of another format version, or with two episodes of one name.
+    pub fn read(folder: &Path) -> Result<Self, ManifestError> {
+        let path = folder.join(Self::FILE);
+        if !path.is_file() {
+            return Err(ManifestError::NotADataset { path: folder.to_owned() });
+        }
+        let manifest: Self = read_json(&path)?;
+        manifest.check(&path)?;
+        Ok(manifest)
+    }
+
+    /// Writes the manifest into the data set's folder, whole or not at all.
+    ///
+    /// # Errors
+    /// Two episodes of one name, a file outside the folder, or the disk.
+    pub fn write(&self, folder: &Path) -> Result<(), ManifestError> {
+        let path = folder.join(Self::FILE);
+        self.check(&path)?;
+        write_json(&path, self)
+    }
+
+    /// The episodes of a split.
+    pub fn of_split(&self, split: Split) -> impl Iterator<Item = &EpisodeEntry> {
+        self.episodes.iter().filter(move |entry| entry.split == split)
+    }
+
+    fn check(&self, path: &Path) -> Result<(), ManifestError> {
+        let fail = |message| Err(ManifestError::Inconsistent { message, path: path.to_owned() });
+        let mut names: Vec<&str> = self.episodes.iter().map(|entry| entry.name.as_str()).collect();
+        names.sort_unstable();
+        if let Some(twice) = names.windows(2).find(|pair| pair[0] == pair[1]) {
+            return fail(format!("episode `{}` is there twice", twice[0]));
+        }
+        for entry in &self.episodes {
+            let file = Path::new(&entry.file);
+            if !file.components().all(|part| matches!(part, std::path::Component::Normal(_))) {
+                return fail(format!("the file `{}` is not inside the data set", entry.file));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The labels of one episode.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LabelEntry {
+    /// The episode's name.
+    pub name: String,
+    /// The label file, beside `labels.json`.
+    pub file: String,
+    /// Content hash of the episode that was labelled.
+    pub episode_sha256: String,
+    /// Content hash of the label file.
+    pub sha256: String,
+    pub n_samples: usize,
+}
+
+/// `labels/<set>/labels.json`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LabelManifest {
+    pub format_version: u32,
+    pub generator_version: String,
+    pub set: String,
+    /// The resolved config of the zone, as TOML.
+    pub zone_toml: String,
+    /// The config hash of the data set that was labelled.
+    pub dataset_config_sha256: String,
+    pub counts: LabelCounts,
+    pub episodes: Vec<LabelEntry>,
+}
+
+impl LabelManifest {
+    pub const FILE: &'static str = "labels.json";
+
+    /// A manifest of this program's version without episodes.
+    #[must_use]
+    pub fn new(set: &str, zone_toml: String, dataset: &Manifest) -> Self {
+        Self {
+            format_version: FORMAT_VERSION,
+            generator_version: env!("CARGO_PKG_VERSION").to_owned(),
+            set: set.to_owned(),
+            zone_toml,
+            dataset_config_sha256: dataset.config_sha256.clone(),
+            counts: LabelCounts::default(),
+            episodes: Vec::new(),
+        }
+    }
+
+    /// The folder of a label set.
+    #[must_use]
+    pub fn folder(dataset: &Path, set: &str) -> PathBuf {
+        dataset.join("labels").join(set)
+    }
+
+    /// Reads a label set of a data set's folder.
+    ///
+    /// # Errors
+    /// No such set (the error lists those that exist), malformed, or of another format version.
+    pub fn read(dataset: &Path, set: &str) -> Result<Self, ManifestError> {
+        let path = Self::folder(dataset, set).join(Self::FILE);
+        if !path.is_file() {
+            let (set, found, path) = (set.to_owned(), label_sets(dataset), dataset.to_owned());
+            return Err(ManifestError::NoLabels { set, found, path });
+        }
+        read_json(&path)
+    }
+
+    /// Writes the set's manifest, whole or not at all; the set's folder must exist.
+    ///
+    /// # Errors
+    /// The disk.
+    pub fn write(&self, dataset: &Path) -> Result<(), ManifestError> {
+        write_json(&Self::folder(dataset, &self.set).join(Self::FILE), self)
+    }
+}
+
+/// Names of the label sets of a data set, sorted; empty if there is none.
+#[must_use]
+pub fn label_sets(dataset: &Path) -> Vec<String> {
+    let Ok(entries) = fs::read_dir(dataset.join("labels")) else { return Vec::new() };
+    let mut names: Vec<String> = entries
+        .filter_map(Result::ok)
+        .filter(|entry| entry.path().join(LabelManifest::FILE).is_file())
+        .map(|entry| entry.file_name().to_string_lossy().into_owned())
+        .collect();
+    names.sort();
+    names
+}
+
+fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, ManifestError> {
+    #[derive(Deserialize)]
+    struct Version {
+        format_version: u32,
+    }
+    let text = fs::read_to_string(path)?;
+    let parse =
+        |error: serde_json::Error| ManifestError::Parse { message: error.to_string(), path: path.to_owned() };
+    // The version first: another version's fields would only confuse.
+    let found = serde_json::from_str::<Version>(&text).map_err(parse)?.format_version;
+    if found != FORMAT_VERSION {
+        return Err(ManifestError::Version { found, path: path.to_owned() });
+    }
+    serde_json::from_str(&text).map_err(parse)
+}
+
+fn write_json<T: Serialize>(path: &Path, value: &T) -> Result<(), ManifestError> {
+    let mut text = serde_json::to_string_pretty(value).expect("a manifest always has a JSON form");
+    text.push('\n');
+    Ok(write_atomic(path, text.as_bytes())?)
+}
