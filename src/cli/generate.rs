@@ -55,7 +55,7 @@ pub fn run(args: GenerateArgs) -> anyhow::Result<ExitStatus> {
     config.weather = args.weather.unwrap_or(config.weather);
     config.samples = args.samples.unwrap_or(config.samples);
     config.seed = args.seed.unwrap_or(config.seed);
-    config.ood |= args.ood;
+    config.scene.ood |= args.ood;
     let all_cores = std::thread::available_parallelism().map_or(1, usize::from);
     let options = RunOptions {
         program: std::env::current_exe()?,

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::GenerateError;
+use crate::scene::PopulateConfig;
 use crate::sensors::{Rig, RigConfig, Weather};
 
 /// Behaviour and steering act this often; physics in between.
@@ -18,8 +19,6 @@ pub struct GenerateConfig {
     pub weather: String,
     /// Every episode's seed is drawn from this one.
     pub seed: u64,
-    /// Also place objects of the kinds that no training set holds; all episodes are then for testing.
-    pub ood: bool,
     /// Samples an episode.
     pub samples: u32,
     /// Simulated time between two samples, a multiple of 0.05 s.
@@ -28,6 +27,8 @@ pub struct GenerateConfig {
     pub warm_up_s: f64,
     /// Every this many episodes one is for validation (0: none), the others for training.
     pub val_every: u32,
+    /// What stands and moves in the town; with `ood`, all episodes are for testing.
+    pub scene: PopulateConfig,
     pub annotation: AnnotationConfig,
     pub render: RenderConfig,
     pub rig: RigConfig,
@@ -39,11 +40,11 @@ impl Default for GenerateConfig {
             town: "downtown".into(),
             weather: "ClearNoon".into(),
             seed: 0,
-            ood: false,
             samples: 40,
             sample_period_s: 0.3,
             warm_up_s: 1.0,
             val_every: 6,
+            scene: PopulateConfig::default(),
             annotation: AnnotationConfig::default(),
             render: RenderConfig::default(),
             rig: RigConfig::default(),

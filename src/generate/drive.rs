@@ -1,25 +1,25 @@
 //! The closed loop of one episode: behaviour decides, physics moves; the only place that knows both.
 
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
 use super::GenerateError;
 use super::config::CONTROL_PERIOD_S;
 use crate::geometry::{Ego, Transform, World};
 use crate::sample::EgoState;
-use crate::scene::{self, EgoObservation, Traffic};
+use crate::scene::{self, EgoObservation, Traffic, mjcf};
 use crate::sim::{CameraMount, Simulator};
 
 const EGO_BODY: &str = "ego";
+const STEERING_JOINTS: [&str; 2] = ["steer_fl", "steer_fr"];
 
 /// A world in motion with its traffic.
 pub(super) struct Drive {
     pub simulator: Simulator,
     traffic: Traffic,
     ego_body: usize,
-    /// Body of each of the scene's objects.
+    /// Body of each of the scene's objects, in its order.
     pub object_bodies: Vec<usize>,
     steering_joints: Vec<usize>,
-    controls: Vec<f64>,
     physics_steps: usize,
     /// Pose of every body now and one control step ago.
     pub poses: Vec<Isometry3<f64>>,
@@ -38,7 +38,7 @@ impl Drive {
         let ego_body = body(EGO_BODY)?;
         let object_bodies =
             world.objects().iter().map(|object| body(&object.body_name)).collect::<Result<_, _>>()?;
-        let steering_joints = ["steer"]
+        let steering_joints = STEERING_JOINTS
             .iter()
             .map(|name| simulator.joint(name).ok_or_else(|| missing("joint", name)))
             .collect::<Result<_, _>>()?;
@@ -48,7 +48,6 @@ impl Drive {
             ego_body,
             object_bodies,
             steering_joints,
-            controls: vec![0.0; simulator.n_actuators()],
             physics_steps: (CONTROL_PERIOD_S / simulator.timestep_s()).round().max(1.0) as usize,
             poses_before: poses.clone(),
             poses,
@@ -61,19 +60,17 @@ impl Drive {
 
     /// One control step.
     pub(super) fn step(&mut self) -> Result<(), GenerateError> {
-        let observation = EgoObservation { world_from_ego: self.world_from_ego(), speed_mps: self.speed_mps };
+        let observation = EgoObservation { pose: self.world_from_ego(), speed_mps: self.speed_mps };
         let commands = self.traffic.step(CONTROL_PERIOD_S, &observation);
-        let missing = |what, name: &str| GenerateError::Missing { what, name: name.to_owned() };
-        for (name, value) in &commands.ctrl {
-            let actuator = self.simulator.actuator(name).ok_or_else(|| missing("actuator", name))?;
-            self.controls[actuator] = *value;
-        }
-        let mut mocap = Vec::with_capacity(commands.mocap.len());
-        for (name, pose) in &commands.mocap {
-            let body = self.simulator.body(name).and_then(|body| self.simulator.mocap(body));
-            mocap.push((body.ok_or_else(|| missing("mocap body", name))?, *pose));
-        }
-        self.simulator.step(&self.controls, &mocap, self.physics_steps)?;
+        let movers: Vec<(usize, Isometry3<f64>)> = commands
+            .mocap
+            .iter()
+            .map(|&(mover, position, yaw_rad)| {
+                let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw_rad);
+                (mover, Isometry3::from_parts(Translation3::from(position), turn))
+            })
+            .collect();
+        self.simulator.step(&commands.ego.ctrl(), &movers, self.physics_steps)?;
         self.poses_before = std::mem::replace(&mut self.poses, self.simulator.body_poses()?);
         let (angular, linear): (Vector3<f64>, Vector3<f64>) = self.simulator.body_velocity(self.ego_body)?;
         self.speed_before_mps = std::mem::replace(&mut self.speed_mps, linear.x);
@@ -94,8 +91,8 @@ impl Drive {
             steering_angle_rad: sum_rad / self.steering_joints.len() as f64,
             yaw_rate_rps: self.yaw_rate_rps,
             acceleration_mps2: (self.speed_mps - self.speed_before_mps) / CONTROL_PERIOD_S,
-            wheelbase_m: 2.8,
-            front_bumper_x_m: 3.7,
+            wheelbase_m: mjcf::WHEELBASE_M,
+            front_bumper_x_m: mjcf::FRONT_BUMPER_X_M,
         })
     }
 }

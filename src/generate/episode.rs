@@ -2,10 +2,11 @@
 
 use std::collections::HashMap;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use image::codecs::jpeg::JpegEncoder;
-use nalgebra::Vector3;
+use nalgebra::{Point3, Vector3};
 
 use super::annotate::{Observation, Shape, annotate};
 use super::config::CONTROL_PERIOD_S;
@@ -16,7 +17,7 @@ use crate::episode::{EpisodeEntry, EpisodeMeta, EpisodeWriter, MapDrawing};
 use crate::geometry::Point;
 use crate::random;
 use crate::sample::{EncodedImage, ImageFormat, Measured, Sample, Truth};
-use crate::scene::{PopulateConfig, SceneObject, Town, World, populate};
+use crate::scene::{SceneObject, Town, World, populate};
 use crate::sensors::lidar::{self, Hit};
 use crate::sim::CameraMount;
 
@@ -51,8 +52,8 @@ pub fn record(
 ) -> Result<(EpisodeEntry, Timings), GenerateError> {
     let mut timings = Timings::default();
     let begin = Instant::now();
-    let town = Town::load(&config.raw.town)?;
-    let world = populate(&town, &PopulateConfig { ood: config.raw.ood }, plan.seed)?;
+    let town = Arc::new(Town::load(&config.raw.town)?);
+    let world = populate(&town, &config.raw.scene, plan.seed)?;
     let mount = CameraMount {
         body: "ego".into(),
         ego_from_camera: config.rig.ego_from_camera,
@@ -67,7 +68,7 @@ pub fn record(
         seed: plan.seed,
         town: town.name.clone(),
         weather: config.weather.name().to_owned(),
-        ood: config.raw.ood,
+        ood: config.raw.scene.ood,
         generator_version: env!("CARGO_PKG_VERSION").to_owned(),
         config_toml: to_toml(&config.raw),
         rig_toml: to_toml(&config.raw.rig),
@@ -206,7 +207,7 @@ impl<'a> Sensing<'a> {
                 category: &object.category,
                 kind: object.kind,
                 distribution: object.distribution,
-                bounds: object.bounds,
+                bounds: [Point3::from(object.bounds.0), Point3::from(object.bounds.1)],
                 triangles: &object.triangles,
             };
             annotate(&shape, seen, CONTROL_PERIOD_S, &world_from_ego, rig, annotation)

@@ -31,7 +31,7 @@ pub fn plan(config: &GenerateConfig, n_episodes: u32) -> Vec<EpisodePlan> {
 fn episode(config: &GenerateConfig, i: u32) -> EpisodePlan {
     // 40 bits: short in file names, exact in JSON numbers, and no two alike in any real data set.
     let seed = random::stream(config.seed, "episode", u64::from(i)).random::<u64>() >> 24;
-    let split = if config.ood {
+    let split = if config.scene.ood {
         Split::Test
     } else if config.val_every > 0 && (i + 1) % config.val_every == 0 {
         Split::Val
@@ -54,7 +54,8 @@ mod tests {
         let splits: Vec<Split> = plan(&config, 12).into_iter().map(|episode| episode.split).collect();
         assert_eq!(splits.iter().filter(|&&split| split == Split::Val).count(), 2);
         assert_eq!((splits[5], splits[11]), (Split::Val, Split::Val));
-        let ood = GenerateConfig { ood: true, ..config };
+        let mut ood = config;
+        ood.scene.ood = true;
         assert!(plan(&ood, 12).iter().all(|episode| episode.split == Split::Test));
     }
 

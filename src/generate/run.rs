@@ -57,7 +57,7 @@ pub fn run(
     // An unknown town is told at once, before the folder is touched.
     Town::load(&config.town)?;
     let plans = plan(config, n_episodes);
-    let manifest = folder::open(out, &to_toml(config), config.seed, config.ood, &plans, options.force)?;
+    let manifest = folder::open(out, &to_toml(config), config.seed, config.scene.ood, &plans, options.force)?;
     let is_kept = |plan: &EpisodePlan| manifest.episodes.iter().any(|entry| entry.name == plan.name);
     let todo: Vec<u32> = (0..).zip(&plans).filter(|(_, plan)| !is_kept(plan)).map(|(i, _)| i).collect();
     let n_kept = manifest.episodes.len();

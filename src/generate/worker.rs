@@ -52,11 +52,25 @@ pub fn serve(input: impl BufRead, mut output: impl Write) -> io::Result<()> {
         let task: Task = serde_json::from_str(&line?)?;
         let answer = match make(&job, task, &mut || say(&Answer::Sample)) {
             Ok(entry) => Answer::Done(Box::new(entry)),
-            Err(error) => Answer::Failed(error.to_string()),
+            Err(error) => Answer::Failed(with_causes(&error)),
         };
         say(&answer)?;
     }
     Ok(())
+}
+
+/// The error with what lies below it, unless it says that itself already.
+fn with_causes(error: &dyn std::error::Error) -> String {
+    let mut text = error.to_string();
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        let more = error.to_string();
+        if !text.contains(&more) {
+            text = format!("{text}: {more}");
+        }
+        cause = error.source();
+    }
+    text
 }
 
 fn make(
