@@ -22,6 +22,7 @@ pub mod generate;
 pub mod label;
 
 pub mod dataset;
+#[allow(unsafe_code)]
 pub mod kernels;
 
 pub mod eval;

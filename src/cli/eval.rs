@@ -1,12 +1,126 @@
-//! `harmzone eval`.
+//! `harmzone eval`: scores a trained run, or any detector's JSON against a truth JSON.
 
-use clap::Args;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+use clap::{ArgGroup, Args};
+use fs_err as fs;
 
 use super::ExitStatus;
+use super::device::DeviceArg;
+use super::predict::{detect, eval_samples, open_split};
+use crate::eval::{self, EvalConfig, EvalSample, Mode, Protocol, json};
+use crate::{config, files, report};
+
+/// Written by every scoring that has an output folder.
+const METRICS_FILE: &str = "metrics.json";
+const TABLE_FILE: &str = "table.txt";
+const CONFIG_FILE: &str = "eval.toml";
 
 #[derive(Debug, Args)]
-pub struct EvalArgs {}
+#[command(group = ArgGroup::new("detector").args(["run", "predictions"]).required(true))]
+pub struct EvalArgs {
+    /// Folder of a trained detector; needs --data
+    #[arg(requires = "data")]
+    run: Option<PathBuf>,
+    /// Dataset to run it on
+    #[arg(long, value_name = "DIR", requires = "run")]
+    data: Option<PathBuf>,
+    /// Label set of the dataset
+    #[arg(long, value_name = "SET", default_value = "rect", requires = "run")]
+    labels: String,
+    /// Split: train, val or test; without it, the dataset's val, or test where there is no val
+    #[arg(long, requires = "run")]
+    split: Option<String>,
+    #[command(flatten)]
+    device: DeviceArg,
+    /// Also attribute false positives and score the ID and OOD columns of Table III
+    #[arg(long)]
+    ood: bool,
+    /// Any detector's boxes, nuScenes-style JSON in the ego frame; needs --truth
+    #[arg(long, value_name = "JSON", requires = "truth", conflicts_with = "run")]
+    predictions: Option<PathBuf>,
+    /// The true boxes, in the same form
+    #[arg(long, value_name = "JSON", requires = "predictions")]
+    truth: Option<PathBuf>,
+    /// Folder for metrics.json, table.txt and the resolved eval.toml
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Print metrics.json instead of the table
+    #[arg(long)]
+    json: bool,
+    /// Thresholds and filters (TOML)
+    #[arg(long, value_name = "TOML")]
+    config: Option<PathBuf>,
+    /// Override one key of the config, e.g. max_range_m=30
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    overrides: Vec<String>,
+    /// Overwrite the metrics of an existing output folder
+    #[arg(long)]
+    force: bool,
+}
 
-pub fn run(_args: EvalArgs) -> anyhow::Result<ExitStatus> {
-    anyhow::bail!("not built yet")
+pub fn run(args: EvalArgs) -> anyhow::Result<ExitStatus> {
+    let config: EvalConfig = config::load(args.config.as_deref(), &args.overrides)?;
+    let protocol = Protocol::try_from(config)?;
+    if let Some(out) = args.out.as_deref().filter(|_| !args.force) {
+        refuse_to_overwrite(out)?;
+    }
+    let mode = if args.ood { Mode::Ood } else { Mode::Id };
+    let samples = samples(&args)?;
+    let metrics =
+        eval::score(&samples, &protocol, mode).with_context(|| match (&args.predictions, &args.truth) {
+            (Some(found), Some(truth)) => {
+                format!("cannot score {} against {}", found.display(), truth.display())
+            }
+            _ => "cannot score the run".to_owned(),
+        })?;
+    let (json, table) = (metrics.to_json(), report::table(&metrics));
+    if let Some(out) = &args.out {
+        save(out, &protocol, &json, &table)?;
+    }
+    print!("{}", if args.json { json } else { table });
+    Ok(ExitStatus::Done)
+}
+
+/// The samples to score, from files of boxes or from a trained detector.
+fn samples(args: &EvalArgs) -> anyhow::Result<Vec<EvalSample>> {
+    if let (Some(predictions), Some(truth)) = (&args.predictions, &args.truth) {
+        return Ok(json::join(json::read_predictions(predictions)?, json::read_truth(truth)?)?);
+    }
+    match (&args.run, &args.data) {
+        (Some(run), Some(data)) => samples_of_run(run, data, args),
+        _ => bail!("give a RUN with --data, or --predictions with --truth"),
+    }
+}
+
+/// Runs a trained detector over a split of a dataset.
+fn samples_of_run(run: &Path, data: &Path, args: &EvalArgs) -> anyhow::Result<Vec<EvalSample>> {
+    let device = args.device.open()?;
+    let dataset = open_split(data, &args.labels, args.split.as_deref())?;
+    let found = detect(run, &dataset, &device)?;
+    Ok(eval_samples(&dataset, &found))
+}
+
+fn refuse_to_overwrite(out: &Path) -> anyhow::Result<()> {
+    let metrics = out.join(METRICS_FILE);
+    if metrics.exists() {
+        bail!("metrics exist already; give --force to overwrite them: {}", metrics.display());
+    }
+    Ok(())
+}
+
+/// Saves how it was scored, the table, and last the metrics, whose presence says that all is there.
+fn save(out: &Path, protocol: &Protocol, json: &str, table: &str) -> anyhow::Result<()> {
+    fs::create_dir_all(out)?;
+    let metrics = out.join(METRICS_FILE);
+    if metrics.exists() {
+        fs::remove_file(&metrics)?;
+    }
+    let config = config::to_toml(protocol.config());
+    let config = format!("# harmzone {}, harmzone eval\n{config}", env!("CARGO_PKG_VERSION"));
+    files::write_atomic(&out.join(CONFIG_FILE), config.as_bytes())?;
+    files::write_atomic(&out.join(TABLE_FILE), table.as_bytes())?;
+    files::write_atomic(&metrics, json.as_bytes())?;
+    Ok(())
 }

@@ -1,12 +1,42 @@
 //! `harmzone label`.
 
+use std::path::PathBuf;
+
 use clap::Args;
 
 use super::ExitStatus;
+use super::progress::Bar;
+use crate::label::zone::ZoneConfig;
+use crate::{config, label};
 
 #[derive(Debug, Args)]
-pub struct LabelArgs {}
+pub struct LabelArgs {
+    /// The data set's folder
+    dataset: PathBuf,
+    /// Zone config; without it the paper's zone (configs/zone.toml)
+    #[arg(long, value_name = "FILE")]
+    zone: Option<PathBuf>,
+    /// Name of the label set
+    #[arg(long, value_name = "NAME", default_value = "rect")]
+    set: String,
+    /// Override one key of the zone config
+    #[arg(long = "override", value_name = "KEY=VALUE")]
+    overrides: Vec<String>,
+    /// Replace a label set made with another zone
+    #[arg(long)]
+    force: bool,
+    /// Print the summary as JSON
+    #[arg(long)]
+    json: bool,
+}
 
-pub fn run(_args: LabelArgs) -> anyhow::Result<ExitStatus> {
-    anyhow::bail!("not built yet")
+pub fn run(args: LabelArgs) -> anyhow::Result<ExitStatus> {
+    let zone: ZoneConfig = config::load(args.zone.as_deref(), &args.overrides)?;
+    let summary = label::run(&args.dataset, &zone, &args.set, args.force, &Bar::default())?;
+    if args.json {
+        println!("{}", serde_json::to_string_pretty(&summary)?);
+    } else {
+        println!("{summary}");
+    }
+    Ok(ExitStatus::Done)
 }

@@ -1,5 +1,6 @@
 //! The command line: flags, logging, progress bars, exit codes; one file a subcommand.
 
+mod device;
 mod doctor;
 mod eval;
 mod generate;

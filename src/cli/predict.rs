@@ -1,12 +1,147 @@
-//! `harmzone predict`.
+//! `harmzone predict`: a detector's boxes for a dataset, as MCAP and as nuScenes-style JSON.
 
+use std::path::{Path, PathBuf};
+
+use anyhow::bail;
+use burn::module::Module;
+use burn::tensor::Device;
 use clap::Args;
+use fs_err as fs;
 
 use super::ExitStatus;
+use super::device::DeviceArg;
+use super::progress::Bar;
+use crate::dataset::Dataset;
+use crate::episode::manifest::Split;
+use crate::episode::{DetectionWriter, SampleDetections, SourceMeta};
+use crate::eval::predict::predict;
+use crate::eval::{EvalSample, json};
+use crate::model::checkpoint;
+use crate::object::Detection;
+use crate::progress::Progress;
+use crate::{config, train};
 
 #[derive(Debug, Args)]
-pub struct PredictArgs {}
+pub struct PredictArgs {
+    /// Run folder of `harmzone train`, or a checkpoint
+    run: PathBuf,
+    /// Labelled dataset
+    #[arg(long, value_name = "DIR")]
+    data: PathBuf,
+    /// Split: train, val or test; without it, the dataset's val, or test where there is no val
+    #[arg(long)]
+    split: Option<String>,
+    /// Label set
+    #[arg(long, value_name = "SET", default_value = "rect")]
+    labels: String,
+    /// Folder for one MCAP an episode and predictions.json; default `<run>/predictions/<dataset>`
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    device: DeviceArg,
+    /// Replace predictions that are there
+    #[arg(long)]
+    force: bool,
+}
 
-pub fn run(_args: PredictArgs) -> anyhow::Result<ExitStatus> {
-    anyhow::bail!("not built yet")
+const JSON_FILE: &str = "predictions.json";
+
+pub fn run(args: PredictArgs) -> anyhow::Result<ExitStatus> {
+    let out = match &args.out {
+        Some(out) => out.clone(),
+        None => default_folder(&args.run, &args.data)?,
+    };
+    if out.join(JSON_FILE).exists() && !args.force {
+        bail!("predictions exist already; give --force to replace them: {}", out.display());
+    }
+    let device = args.device.open()?;
+    let dataset = open_split(&args.data, &args.labels, args.split.as_deref())?;
+    let found = detect(&args.run, &dataset, &device)?;
+    fs::create_dir_all(&out)?;
+    let mut rest = found.as_slice();
+    let mut samples = dataset.samples();
+    for entry in dataset.episodes() {
+        let meta = SourceMeta {
+            episode: entry.name.clone(),
+            episode_sha256: entry.sha256.clone(),
+            set: args.run.display().to_string(),
+            config_toml: config::to_toml(&checkpoint::read_config(&checkpoint_path(&args.run))?),
+            generator_version: env!("CARGO_PKG_VERSION").to_owned(),
+        };
+        let (of_episode, later) = rest.split_at(entry.n_samples);
+        let (measured, later_samples) = samples.split_at(entry.n_samples);
+        (rest, samples) = (later, later_samples);
+        let mut writer = DetectionWriter::create(&out.join(format!("{}.mcap", entry.name)), &meta)?;
+        for (sample, detections) in measured.iter().zip(of_episode) {
+            writer.write(&SampleDetections {
+                time_ns: sample.measured.time_ns,
+                detections: detections.clone(),
+            })?;
+        }
+        writer.finish()?;
+    }
+    let scored = eval_samples(&dataset, &found);
+    json::write_predictions(&out.join(JSON_FILE), &scored)?;
+    let n_boxes: usize = found.iter().map(Vec::len).sum();
+    println!("{n_boxes} boxes for {} samples: {}", found.len(), out.display());
+    Ok(ExitStatus::Done)
+}
+
+/// Where the predictions of a run for a dataset lie.
+fn default_folder(run: &Path, data: &Path) -> anyhow::Result<PathBuf> {
+    let Some(name) = fs::canonicalize(data)?.file_name().map(ToOwned::to_owned) else {
+        bail!("the dataset's folder has no name; give --out: {}", data.display());
+    };
+    let folder = if run.is_dir() { run } else { run.parent().unwrap_or(Path::new(".")) };
+    Ok(folder.join("predictions").join(name))
+}
+
+/// The checkpoint that a RUN argument means.
+pub fn checkpoint_path(run: &Path) -> PathBuf {
+    if run.is_dir() { run.join(train::CHECKPOINT) } else { run.to_owned() }
+}
+
+/// Opens the named split; without a name `val`, or `test` in a dataset that has no `val`.
+pub fn open_split(data: &Path, labels: &str, split: Option<&str>) -> anyhow::Result<Dataset> {
+    let split = match split {
+        Some("train") => Split::Train,
+        Some("val") => Split::Val,
+        Some("test") => Split::Test,
+        Some(other) => bail!("no split `{other}`; there are: train, val, test"),
+        None => {
+            let manifest = crate::episode::manifest::Manifest::read(data)?;
+            if manifest.of_split(Split::Val).next().is_some() { Split::Val } else { Split::Test }
+        }
+    };
+    Ok(Dataset::open(data, labels, split)?)
+}
+
+/// Runs a run's detector over all samples of a dataset.
+pub fn detect(run: &Path, dataset: &Dataset, device: &Device) -> anyhow::Result<Vec<Vec<Detection>>> {
+    let path = checkpoint_path(run);
+    if !path.exists() {
+        bail!("no finished checkpoint; `harmzone train DATA --out {}` makes one: {}", run.display(), path.display());
+    }
+    let detector = checkpoint::load(&path, device)?.valid();
+    let measured: Vec<_> =
+        dataset.samples().iter().map(|sample| (sample.id.as_str(), &sample.measured)).collect();
+    let bar = Bar::default();
+    bar.start("predict", measured.len() as u64);
+    let found = predict(&detector, &measured, device, &bar)?;
+    bar.finish();
+    Ok(found)
+}
+
+/// Truth and detections of each sample, to be scored.
+pub fn eval_samples(dataset: &Dataset, found: &[Vec<Detection>]) -> Vec<EvalSample> {
+    dataset
+        .samples()
+        .iter()
+        .zip(found)
+        .map(|(sample, detections)| EvalSample {
+            id: sample.id.clone(),
+            truths: sample.objects.iter().map(Into::into).collect(),
+            detections: detections.iter().map(Into::into).collect(),
+        })
+        .collect()
 }

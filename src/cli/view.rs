@@ -1,12 +1,47 @@
 //! `harmzone view`.
 
+use std::path::PathBuf;
+
 use clap::Args;
 
 use super::ExitStatus;
+use crate::report::view::{self, ViewRequest};
 
 #[derive(Debug, Args)]
-pub struct ViewArgs {}
+pub struct ViewArgs {
+    /// The data set's folder
+    dataset: PathBuf,
+    /// Number of the sample, from 0 through all episodes
+    #[arg(long, value_name = "K")]
+    sample: usize,
+    /// Label set to draw
+    #[arg(long, value_name = "SET", default_value = "rect")]
+    labels: String,
+    /// Predictions to draw: a folder with a file for each episode, or a run's folder
+    #[arg(long, value_name = "DIR")]
+    predictions: Option<PathBuf>,
+    /// Leave out predictions below this score
+    #[arg(long, value_name = "SCORE", default_value_t = 0.3)]
+    min_score: f32,
+    /// The picture to write
+    #[arg(long, value_name = "PNG")]
+    out: PathBuf,
+    /// Replace the picture if it exists
+    #[arg(long)]
+    force: bool,
+}
 
-pub fn run(_args: ViewArgs) -> anyhow::Result<ExitStatus> {
-    anyhow::bail!("not built yet")
+pub fn run(args: ViewArgs) -> anyhow::Result<ExitStatus> {
+    let ViewArgs { dataset, sample, labels: label_set, predictions, min_score, out, force } = args;
+    let request = ViewRequest { dataset, sample, label_set, predictions, min_score, out, force };
+    let summary = view::run(&request)?;
+    println!(
+        "{}: sample {} of {}, {} objects, {} harmful",
+        summary.out.display(),
+        summary.sample_idx,
+        summary.episode,
+        summary.n_objects,
+        summary.n_harmful
+    );
+    Ok(ExitStatus::Done)
 }

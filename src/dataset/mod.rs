@@ -1,1 +1,202 @@
-//! dataset
+//! A labelled dataset in memory: each sample's measurements and its objects with their labels.
+
+#[cfg(test)]
+pub mod test_data;
+
+use std::path::{Path, PathBuf};
+
+use fs_err as fs;
+use rayon::prelude::*;
+use serde::Serialize;
+use thiserror::Error;
+
+use crate::episode::manifest::{EpisodeEntry, LabelEntry, LabelManifest, Manifest, ManifestError, Split};
+use crate::episode::{EpisodeError, EpisodeReader, LabelReader, SampleLabels};
+use crate::files;
+use crate::label::zone::{Zone, ZoneConfig, ZoneError};
+use crate::object::LabelledObject;
+use crate::sample::{Measured, Sample};
+
+/// Why a dataset could not be loaded.
+#[derive(Debug, Error)]
+pub enum DatasetError {
+    #[error(transparent)]
+    Manifest(#[from] ManifestError),
+    #[error(transparent)]
+    Episode(#[from] EpisodeError),
+    #[error("cannot read the dataset: {0}")]
+    Io(#[from] std::io::Error),
+    #[error(
+        "the label set `{set}` belongs to another dataset; `harmzone label {} --set {set} --force` makes it anew",
+        path.display()
+    )]
+    OtherLabels { set: String, path: PathBuf },
+    #[error(
+        "episode `{episode}` has no labels in set `{set}`; `harmzone label {} --set {set}` makes them",
+        path.display()
+    )]
+    NotLabelled { episode: String, set: String, path: PathBuf },
+    #[error("the zone of label set `{set}` is not valid: {message}: {}", path.display())]
+    Zone { set: String, message: String, path: PathBuf },
+    #[error("episode `{episode}`, sample {sample_idx}: its labels are not of its objects; label the dataset again: {}", path.display())]
+    Mismatch { episode: String, sample_idx: usize, path: PathBuf },
+    #[error("no episode of split {wanted:?}; the dataset has {found:?}: {}", path.display())]
+    EmptySplit { wanted: Split, found: Vec<Split>, path: PathBuf },
+}
+
+/// One labelled sample.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LabelledSample {
+    /// `<episode>/<sample index>`.
+    pub id: String,
+    pub measured: Measured,
+    pub objects: Vec<LabelledObject>,
+}
+
+/// What a run was trained on, to recognise it again.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Fingerprint {
+    pub dataset_sha256: String,
+    pub labels_sha256: String,
+}
+
+/// One split of a dataset with one of its label sets.
+#[derive(Debug, Clone)]
+pub struct Dataset {
+    path: PathBuf,
+    samples: Vec<LabelledSample>,
+    episodes: Vec<EpisodeEntry>,
+    zone: Zone,
+    fingerprint: Fingerprint,
+}
+
+impl Dataset {
+    /// Loads the episodes of a split with their labels, in the manifest's order.
+    ///
+    /// # Errors
+    /// [`DatasetError`]: no dataset, no such labels, labels of another dataset, a broken file, or no
+    /// episode of the split.
+    pub fn open(path: &Path, set: &str, split: Split) -> Result<Self, DatasetError> {
+        let manifest = Manifest::read(path)?;
+        let labels = LabelManifest::read(path, set)?;
+        if labels.dataset_config_sha256 != manifest.config_sha256 {
+            return Err(DatasetError::OtherLabels { set: set.to_owned(), path: path.to_owned() });
+        }
+        let zone = zone_of(&labels)
+            .map_err(|message| DatasetError::Zone { set: set.to_owned(), message, path: path.to_owned() })?;
+        let episodes: Vec<EpisodeEntry> = manifest.of_split(split).cloned().collect();
+        if episodes.is_empty() {
+            let mut found: Vec<Split> = manifest.episodes.iter().map(|entry| entry.split).collect();
+            found.sort_unstable();
+            found.dedup();
+            return Err(DatasetError::EmptySplit { wanted: split, found, path: path.to_owned() });
+        }
+        let loaded = episodes
+            .par_iter()
+            .map(|entry| {
+                let of_episode =
+                    labels.episodes.iter().find(|label| label.name == entry.name).ok_or_else(|| {
+                        DatasetError::NotLabelled {
+                            episode: entry.name.clone(),
+                            set: set.to_owned(),
+                            path: path.to_owned(),
+                        }
+                    })?;
+                load_episode(path, set, entry, of_episode)
+            })
+            .collect::<Result<Vec<_>, _>>()?;
+        let hash = |file: PathBuf| -> Result<String, DatasetError> { Ok(files::sha256_hex(&fs::read(file)?)) };
+        Ok(Self {
+            path: path.to_owned(),
+            samples: loaded.into_iter().flatten().collect(),
+            episodes,
+            zone,
+            fingerprint: Fingerprint {
+                dataset_sha256: hash(path.join(Manifest::FILE))?,
+                labels_sha256: hash(LabelManifest::folder(path, set).join(LabelManifest::FILE))?,
+            },
+        })
+    }
+
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The rule its labels were made by.
+    #[must_use]
+    pub fn zone(&self) -> &Zone {
+        &self.zone
+    }
+
+    #[must_use]
+    pub fn fingerprint(&self) -> &Fingerprint {
+        &self.fingerprint
+    }
+
+    /// The split's episodes, in the order of the samples.
+    #[must_use]
+    pub fn episodes(&self) -> &[EpisodeEntry] {
+        &self.episodes
+    }
+
+    #[must_use]
+    pub fn samples(&self) -> &[LabelledSample] {
+        &self.samples
+    }
+}
+
+fn zone_of(labels: &LabelManifest) -> Result<Zone, String> {
+    let config: ZoneConfig = toml::from_str(&labels.zone_toml).map_err(|error| error.to_string())?;
+    Zone::try_from(config).map_err(|error: ZoneError| error.to_string())
+}
+
+fn load_episode(
+    path: &Path,
+    set: &str,
+    entry: &EpisodeEntry,
+    labels: &LabelEntry,
+) -> Result<Vec<LabelledSample>, DatasetError> {
+    let reader = EpisodeReader::open(&path.join(&entry.file))?;
+    let label_path = LabelManifest::folder(path, set).join(&labels.file);
+    let label_reader = LabelReader::open(&label_path)?;
+    label_reader.check_episode(&entry.sha256)?;
+    let mismatch = |sample_idx| DatasetError::Mismatch {
+        episode: entry.name.clone(),
+        sample_idx,
+        path: label_path.clone(),
+    };
+    if reader.len() != label_reader.samples().len() {
+        return Err(mismatch(reader.len().min(label_reader.samples().len())));
+    }
+    reader
+        .samples()
+        .zip(label_reader.samples())
+        .enumerate()
+        .map(|(sample_idx, (sample, labels))| {
+            let Sample { measured, truth } = sample?;
+            let objects = pair(truth.objects, labels).ok_or_else(|| mismatch(sample_idx))?;
+            Ok(LabelledSample { id: format!("{}/{sample_idx}", entry.name), measured, objects })
+        })
+        .collect()
+}
+
+/// Each object with its label, if both lists are of the same objects in the same order.
+fn pair(objects: Vec<crate::object::ObjectTruth>, labels: &SampleLabels) -> Option<Vec<LabelledObject>> {
+    if objects.len() != labels.labels.len() {
+        return None;
+    }
+    objects
+        .into_iter()
+        .zip(&labels.labels)
+        .map(|(truth, label)| (truth.id == label.id).then_some(LabelledObject { truth, harm: label.harm }))
+        .collect()
+}
+
+#[cfg(test)]
+impl Dataset {
+    /// A sample to spoil in a test.
+    pub fn sample_mut(&mut self, idx: usize) -> &mut LabelledSample {
+        &mut self.samples[idx]
+    }
+}

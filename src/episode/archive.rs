@@ -239,8 +239,10 @@ impl Archive {
         let index = &self.summary.chunk_indexes[chunk_idx];
         let bytes = self.read(index.chunk_start_offset, index.chunk_length)?;
         let damaged = |source| self.damaged(source);
-        let Some(Ok(Record::Chunk { header, data })) = mcap::read::LinearReader::sans_magic(&bytes).next()
-        else {
+        // Nine bytes of opcode and length come before the record's own.
+        let record = bytes.get(9..).ok_or(mcap::McapError::BadIndex);
+        let record = record.and_then(|body| mcap::parse_record(mcap::records::op::CHUNK, body));
+        let Record::Chunk { header, data } = record.map_err(damaged)? else {
             return Err(damaged(mcap::McapError::BadIndex));
         };
         let mut messages = Vec::new();

@@ -159,8 +159,9 @@ pub(super) fn camera_message(time_ns: u64, frame_id: &str, camera: &Pinhole) -> 
     }
 }
 
+#[expect(clippy::similar_names, reason = "the usual names of the intrinsics")]
 pub(super) fn camera_of(message: &fox::CameraCalibration) -> Result<Pinhole, Fault> {
-    let &[fx_px, _, cx_px, _, fy_px, cy_px, ..] = message.k.as_slice() else {
+    let [fx_px, _, cx_px, _, fy_px, cy_px, ..] = *message.k.as_slice() else {
         return Err(Fault::new("K", format!("{:?}", message.k), "nine numbers are needed"));
     };
     if message.d.iter().any(|&coefficient| coefficient != 0.0) {

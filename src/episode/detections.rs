@@ -58,7 +58,7 @@ impl DetectionWriter {
             convert::check_detection(detection).map_err(|fault| EpisodeError::Invalid {
                 episode: self.meta.episode.clone(),
                 sample_idx: idx,
-                fault: fault.of(&i.to_string()),
+                fault: Box::new(fault.of(&i.to_string())),
                 path: self.archive.path.clone(),
             })?;
         }
@@ -116,7 +116,7 @@ impl DetectionReader {
                     |fault| EpisodeError::Invalid {
                         episode: meta.episode.clone(),
                         sample_idx,
-                        fault,
+                        fault: Box::new(fault),
                         path: path(),
                     },
                 )?;

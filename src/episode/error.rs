@@ -50,7 +50,7 @@ pub enum EpisodeError {
     #[error("sample {sample_idx}: a message is no valid protobuf ({source}): {}", path.display())]
     Decode { sample_idx: usize, source: prost::DecodeError, path: PathBuf },
     #[error("episode `{episode}`, sample {sample_idx}: {fault}: {}", path.display())]
-    Invalid { episode: String, sample_idx: usize, fault: Fault, path: PathBuf },
+    Invalid { episode: String, sample_idx: usize, fault: Box<Fault>, path: PathBuf },
     #[error("sample {sample_idx} is at {found_ns} ns, not after {before_ns} ns: {}", path.display())]
     TimeOrder { sample_idx: usize, found_ns: u64, before_ns: u64, path: PathBuf },
     #[error("there is no sample {sample_idx}; the file has {n_samples}: {}", path.display())]

@@ -137,7 +137,7 @@ impl LabelWriter {
         let invalid = |fault| EpisodeError::Invalid {
             episode: self.meta.episode.clone(),
             sample_idx: idx,
-            fault,
+            fault: Box::new(fault),
             path: self.archive.path.clone(),
         };
         labels.check().map_err(invalid)?;
@@ -194,9 +194,13 @@ impl LabelReader {
             let path = || path.to_owned();
             let message = wire::HarmLabels::decode(raw.bytes.as_slice())
                 .map_err(|source| EpisodeError::Decode { sample_idx, source, path: path() })?;
-            let labels = SampleLabels::from_message(raw.time_ns, message).map_err(|fault| {
-                EpisodeError::Invalid { episode: meta.episode.clone(), sample_idx, fault, path: path() }
-            })?;
+            let labels =
+                SampleLabels::from_message(raw.time_ns, message).map_err(|fault| EpisodeError::Invalid {
+                    episode: meta.episode.clone(),
+                    sample_idx,
+                    fault: Box::new(fault),
+                    path: path(),
+                })?;
             samples.push(labels);
         }
         Ok(Self { meta, samples, path: path.to_owned() })

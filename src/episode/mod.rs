@@ -12,6 +12,8 @@ pub mod manifest;
 mod messages;
 mod meta;
 mod reader;
+#[cfg(test)]
+mod tests;
 pub mod topics;
 mod writer;
 

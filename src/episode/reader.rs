@@ -137,7 +137,7 @@ impl EpisodeReader {
         build().map_err(|fault| EpisodeError::Invalid {
             episode: self.meta.name.clone(),
             sample_idx,
-            fault,
+            fault: Box::new(fault),
             path: path.clone(),
         })
     }

@@ -90,7 +90,7 @@ impl EpisodeWriter {
             EpisodeError::Invalid {
                 episode: self.meta.name.clone(),
                 sample_idx: self.n_samples,
-                fault,
+                fault: Box::new(fault),
                 path: self.archive.path.clone(),
             }
         })?;
@@ -159,6 +159,15 @@ impl EpisodeWriter {
         self.archive.finish()?;
         let sha256 = sha256_hex(&fs::read(&path)?);
         Ok(FinishedEpisode { path, n_samples: self.n_samples, n_objects: self.n_objects, sha256 })
+    }
+}
+
+#[cfg(test)]
+impl EpisodeWriter {
+    /// One message too many on one topic.
+    pub(super) fn extra_objects_for_test(&mut self, time_ns: u64) {
+        let message = convert::objects_message(time_ns, &[]);
+        self.archive.message(self.channels.objects, 1, time_ns, &message).expect("a test's disk has room");
     }
 }
 

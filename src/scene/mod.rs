@@ -1,1 +1,23 @@
-//! scene
+//! Scenes: towns, object models, the filled world as MJCF, and how all that moves behaves.
+
+mod buildings;
+mod mesh;
+pub mod mjcf;
+pub mod models;
+mod network;
+mod occupancy;
+mod path;
+mod populate;
+mod route;
+mod surface;
+mod textures;
+mod town;
+
+pub use mjcf::{EgoCommand, Mjcf};
+pub use network::{GraphLane, LaneGraph};
+pub use occupancy::Footprint;
+pub use path::{Path, Vec2};
+pub use populate::{Motion, Placement, PopulateConfig, SceneObject, World, populate};
+pub use route::{Route, Span};
+pub use surface::Surface;
+pub use town::{SceneError, Town, TownConfig, TrafficConfig, town_names};

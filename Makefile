@@ -1,0 +1,60 @@
+# harmzone: what a person or CI does with this repository. `make` alone lists it.
+
+SHELL := /bin/bash
+.SHELLFLAGS := -eu -o pipefail -c
+.DEFAULT_GOAL := help
+# The recipes of one target run in order; cargo and harmzone use all cores by themselves.
+.NOTPARALLEL:
+
+BIN = $(or $(CARGO_TARGET_DIR),target)/release/harmzone
+PYTHON_SOURCES = $(wildcard python scenes mjcf_assets tests scripts)
+
+.PHONY: help setup setup-test build demo test ci bench fmt clean
+
+help: ## List the targets
+	@echo "make <target>, where target is:"
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+
+setup: .venv/.ready ## Python venv with the pinned MuJoCo, and Mesa's EGL (once; later runs are instant)
+
+.venv/.ready: requirements.txt scripts/setup.sh
+	@scripts/setup.sh product
+
+setup-test: .venv-test/.ready ## The outside references that the tests compare with (once)
+
+.venv-test/.ready: requirements.txt requirements-test.txt scripts/setup.sh .venv/.ready
+	@scripts/setup.sh test
+
+build: setup ## The optimised program (the first time about 15 minutes on two cores)
+	@start=$$SECONDS; cargo build --release; \
+	echo "built $(BIN) in $$((SECONDS - start)) s"
+
+demo: ## Everything, small: generate, label, train, score, draw; results in demo/
+	@scripts/demo.sh
+
+test: setup setup-test ## All tests
+	cargo test --release
+	@scripts/pytest.sh
+
+ci: setup setup-test ## Tests, formats, lints, docs, spelling, licences: all that must hold before a merge
+	cargo fmt --check
+	.venv-test/bin/ruff format --check $(PYTHON_SOURCES)
+	.venv-test/bin/ruff check $(PYTHON_SOURCES)
+	.venv-test/bin/typos
+	@if cargo deny --version >/dev/null 2>&1; then cargo deny check bans licenses sources; \
+	else echo "cargo-deny is not here, licences stay unchecked; to install it: cargo install --locked cargo-deny"; fi
+	cargo clippy --release --all-targets -- -D warnings
+	RUSTDOCFLAGS="-D warnings" cargo doc --release --no-deps --document-private-items
+	cargo test --release
+	@scripts/pytest.sh
+
+bench: setup ## Benchmarks, module/case/size; never a gate
+	cargo bench --profile release
+
+fmt: setup-test ## Format Rust and Python
+	cargo fmt
+	.venv-test/bin/ruff format $(PYTHON_SOURCES)
+	.venv-test/bin/ruff check --fix $(PYTHON_SOURCES)
+
+clean: ## Remove the venvs and the demo's results (not the compiled code)
+	rm -rf .venv .venv-test demo

@@ -1,0 +1,65 @@
+#!/usr/bin/env bash
+# `make demo`: the whole pipeline, small, in demo/. Safe to run again: finished parts are kept or resumed.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+harmzone="${CARGO_TARGET_DIR:-target}/release/harmzone"
+out=demo
+times=()
+
+# part NAME COMMAND...: runs it under a heading and keeps its time.
+part() {
+    local name=$1 start=$SECONDS
+    shift
+    printf '\n== %s\n' "$name" >&2
+    "$@"
+    times+=("$(printf '  %6d s  %s' $((SECONDS - start)) "$name")")
+}
+
+train() {
+    "$harmzone" train "$out/id" --out "$out/run" --config configs/demo.toml
+}
+
+# Samples that the detector was not trained on: the sixth and twelfth episode, and all of the OOD set.
+draw() {
+    local data=$1 sample
+    shift
+    mkdir -p "$out/pictures"
+    for sample in "$@"; do
+        "$harmzone" view "$out/$data" --sample "$sample" --predictions "$out/run" \
+            --out "$out/pictures/$data-$sample.png" --force
+    done
+}
+
+begin=$SECONDS
+part "setup" make --no-print-directory setup
+part "compile" make --no-print-directory build
+compiled=$SECONDS
+
+# Every sixth episode is kept for validation: 10 x 30 samples to train on, 2 x 30 to validate.
+part "generate, in distribution" "$harmzone" gen --town downtown --episodes 12 --samples 30 --seed 1 --out "$out/id"
+part "generate, out of distribution" \
+    "$harmzone" gen --town downtown --ood --episodes 2 --samples 30 --seed 2 --out "$out/ood"
+part "label, in distribution" "$harmzone" label "$out/id"
+part "label, out of distribution" "$harmzone" label "$out/ood"
+part "train, both stages" train
+part "predict, in distribution" "$harmzone" predict "$out/run" --data "$out/id" --force
+part "predict, out of distribution" "$harmzone" predict "$out/run" --data "$out/ood" --force
+part "score, in distribution" "$harmzone" eval "$out/run" --data "$out/id" --out "$out/eval-id" --force
+part "score, out of distribution" "$harmzone" eval "$out/run" --data "$out/ood" --ood --out "$out/eval-ood" --force
+part "pictures, in distribution" draw id 152 160 170 335 345 357
+part "pictures, out of distribution" draw ood 3 12 22 33 42 55
+
+cat <<END
+
+Time
+$(printf '%s\n' "${times[@]}")
+  $(printf '%6d s  setup and compilation' $((compiled - begin)))
+  $(printf '%6d s  all the rest' $((SECONDS - compiled)))
+
+Results, all in $out/
+  id/ ood/              episodes (open the .mcap files in Foxglove or Rerun), labels beside them
+  run/                  the trained detector and its resolved config
+  eval-id/ eval-ood/    metrics.json and the tables printed above
+  pictures/             camera and bird's-eye views with zone, truth and predictions
+END

@@ -1,0 +1,97 @@
+#!/usr/bin/env bash
+# Makes the project's Python venv and what it needs from the system; called by `make setup` and
+# `make setup-test`. Usage: setup.sh product|test
+#
+# Debian and Ubuntu as root: missing system packages are installed. Elsewhere: the command to run is printed.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+say() { echo "setup: $*" >&2; }
+fail() {
+    echo "setup: $*" >&2
+    exit 1
+}
+
+# system_packages WHY PACKAGE...
+system_packages() {
+    local why=$1
+    shift
+    if [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null; then
+        say "$why is missing; installing: $*"
+        apt-get update -qq
+        DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "$@" >/dev/null
+    else
+        fail "$why is missing. Install it, then run this again. On Debian or Ubuntu:
+    sudo apt-get install $*"
+    fi
+}
+
+# Can this interpreter be embedded (3.11+, shared libpython with its link name) and make a venv?
+usable() {
+    "$1" - >/dev/null 2>&1 <<'PYTHON'
+import ensurepip, os, sys, sysconfig, venv
+get = sysconfig.get_config_var
+folders = [get("LIBDIR") or "", os.path.join(get("LIBDIR") or "", get("MULTIARCH") or "")]
+linkable = any(os.path.exists(os.path.join(folder, get("LDLIBRARY") or "none")) for folder in folders)
+headers = os.path.exists(os.path.join(sysconfig.get_path("include"), "Python.h"))
+sys.exit(not (sys.version_info >= (3, 11) and get("Py_ENABLE_SHARED") and linkable and headers))
+PYTHON
+}
+
+find_python() {
+    local candidate
+    for candidate in ${PYTHON:-python3 python3.14 python3.13 python3.12 python3.11}; do
+        if command -v "$candidate" >/dev/null && usable "$candidate"; then
+            command -v "$candidate"
+            return
+        fi
+    done
+    return 1
+}
+
+# make_venv FOLDER REQUIREMENTS: the lists pin every package, so pip resolves nothing (--no-deps).
+make_venv() {
+    local folder=$1 requirements=$2 python
+    if ! "$folder/bin/python" -c '' 2>/dev/null; then
+        if ! python=$(find_python); then
+            [ -z "${PYTHON:-}" ] || fail "PYTHON=$PYTHON is not Python 3.11+ with a shared libpython and headers"
+            system_packages "Python 3.11+ with venv, headers and a shared libpython" python3-venv python3-dev
+            python=$(find_python) || fail "no Python 3.11+ with a shared libpython; name one: PYTHON=... make setup"
+        fi
+        say "making $folder with $python"
+        rm -rf "$folder"
+        "$python" -m venv "$folder"
+    fi
+    say "installing $requirements into $folder"
+    "$folder/bin/python" -m pip install --disable-pip-version-check --quiet --no-deps -r "$requirements"
+}
+
+# Can MuJoCo draw without a window?
+renders() {
+    MUJOCO_GL=egl .venv/bin/python - >/dev/null 2>&1 <<'PYTHON'
+import mujoco
+context = mujoco.GLContext(16, 16)
+context.make_current()
+context.free()
+PYTHON
+}
+
+case "${1:-}" in
+product)
+    command -v cargo >/dev/null || fail "cargo is missing. Install Rust 1.95 or newer: https://rustup.rs"
+    command -v cc >/dev/null || system_packages "a C compiler and linker" build-essential
+    make_venv .venv requirements.txt
+    if ! renders; then
+        system_packages "off-screen OpenGL (EGL)" libegl1 libegl-mesa0 libgl1-mesa-dri libgl1 libopengl0
+        renders || fail "MuJoCo cannot render through EGL; this shows why:
+    MUJOCO_GL=egl .venv/bin/python -c 'import mujoco; mujoco.GLContext(16, 16)'"
+    fi
+    touch .venv/.ready
+    say "ready: $(.venv/bin/python --version), MuJoCo $(.venv/bin/python -c 'import mujoco; print(mujoco.__version__)')"
+    ;;
+test)
+    make_venv .venv-test requirements-test.txt
+    touch .venv-test/.ready
+    ;;
+*) fail "usage: scripts/setup.sh product|test" ;;
+esac

@@ -1,0 +1,92 @@
+//! A small made-up dataset for tests: boxes of points on a flat street.
+
+use nalgebra::Vector3;
+use rand::RngExt;
+
+use super::{Dataset, Fingerprint, LabelledSample};
+use crate::geometry::{Box3, Pinhole, Point, Transform};
+use crate::label::zone::{Zone, ZoneConfig};
+use crate::object::{Distribution, Kind, LabelledObject, ObjectTruth};
+use crate::random;
+use crate::sample::{EgoState, EncodedImage, ImageFormat, LidarPoint, Measured};
+
+/// `n` labelled samples, always the same.
+pub fn dataset(n: usize) -> Dataset {
+    let zone = Zone::try_from(ZoneConfig::default()).expect("the default zone is valid");
+    Dataset {
+        path: "made".into(),
+        episodes: Vec::new(),
+        samples: (0..n).map(|i| sample(i, &zone)).collect(),
+        zone,
+        fingerprint: Fingerprint { dataset_sha256: n.to_string(), labels_sha256: String::new() },
+    }
+}
+
+fn sample(idx: usize, zone: &Zone) -> LabelledSample {
+    let mut rng = random::stream(3, "test-data", idx as u64);
+    let mut between = |low: f64, high: f64| low + (high - low) * rng.random::<f64>();
+    let ego_state = EgoState {
+        speed_mps: between(0.0, 12.0),
+        steering_angle_rad: between(-0.2, 0.2),
+        yaw_rate_rps: 0.0,
+        acceleration_mps2: 0.0,
+        wheelbase_m: 2.6,
+        front_bumper_x_m: 3.3,
+    };
+    let mut points = Vec::new();
+    let mut objects = Vec::new();
+    for object_idx in 0..5 {
+        let (x, yaw_rad) = (between(6.0, 45.0), between(-0.4, 0.4));
+        let box_in_ego = Box3 {
+            center: Point::new(x, between(-0.5, 0.5) * x, 0.75),
+            length_m: 4.0,
+            width_m: 1.8,
+            height_m: 1.5,
+            yaw_rad,
+        };
+        for _ in 0..60 {
+            let (along, across) = (between(-2.0, 2.0), between(-0.9, 0.9));
+            points.push(LidarPoint {
+                x_m: (box_in_ego.center.x() + along * yaw_rad.cos() - across * yaw_rad.sin()) as f32,
+                y_m: (box_in_ego.center.y() + along * yaw_rad.sin() + across * yaw_rad.cos()) as f32,
+                z_m: between(-1.5, 0.0) as f32,
+                intensity: 100.0,
+                ring: 3,
+            });
+        }
+        let harm = zone
+            .rect(&ego_state)
+            .and_then(|area| area.harm_of(&box_in_ego))
+            .expect("made-up states and boxes are valid")
+            .harm;
+        objects.push(LabelledObject {
+            truth: ObjectTruth {
+                id: format!("car-{object_idx}"),
+                category: "car".into(),
+                kind: Kind::Vehicle,
+                distribution: Distribution::Id,
+                box_in_ego,
+                velocity_in_ego_mps: [0.0; 2],
+                n_lidar_points: 60,
+                visible_px: 500,
+                visible_fraction: 1.0,
+            },
+            harm,
+        });
+    }
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    image::RgbImage::from_fn(160, 90, |x, y| image::Rgb([x as u8, y as u8, (idx * 20) as u8]))
+        .write_to(&mut bytes, image::ImageFormat::Png)
+        .expect("an image in memory can be packed");
+    let measured = Measured {
+        time_ns: idx as u64 * 300_000_000,
+        ego_state,
+        world_from_ego: Transform::from_xyz_yaw(0.0, 0.0, 0.0, 0.0),
+        ego_from_lidar: Transform::from_xyz_yaw(0.9, 0.0, 1.8, 0.0),
+        ego_from_camera: Transform::looking_forward(Vector3::new(1.7, 0.0, 1.5), 0.0),
+        intrinsics: Pinhole::from_horizontal_fov(160, 90, 70f64.to_radians()),
+        image: EncodedImage { format: ImageFormat::Png, bytes: bytes.into_inner() },
+        points,
+    };
+    LabelledSample { id: format!("made/{idx}"), measured, objects }
+}

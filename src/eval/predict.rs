@@ -1,0 +1,54 @@
+//! Runs a detector over measured samples, with progress.
+
+use burn::tensor::Device;
+use rayon::prelude::*;
+use thiserror::Error;
+
+use crate::model::{Batch, Detector, Input, InputError, detections};
+use crate::object::Detection;
+use crate::progress::Progress;
+use crate::sample::Measured;
+
+/// Lowest score a reported box may have.
+pub const MIN_SCORE: f32 = 0.01;
+
+/// Samples that go through the network together.
+const BATCH: usize = 4;
+
+/// Why a sample could not be predicted.
+#[derive(Debug, Error)]
+#[error("sample {sample}: {source}")]
+pub struct PredictError {
+    pub sample: String,
+    pub source: InputError,
+}
+
+/// Boxes of each sample, best first. The detector must be in inference mode (`valid()`).
+///
+/// # Errors
+/// A sample's image is broken or its state is not finite.
+pub fn predict(
+    detector: &Detector,
+    samples: &[(&str, &Measured)],
+    device: &Device,
+    progress: &dyn Progress,
+) -> Result<Vec<Vec<Detection>>, PredictError> {
+    let config = detector.config();
+    let mut found = Vec::with_capacity(samples.len());
+    for chunk in samples.chunks(BATCH) {
+        let inputs = chunk
+            .par_iter()
+            .map(|(id, measured)| {
+                Input::prepare(measured, config, false)
+                    .map_err(|source| PredictError { sample: (*id).to_owned(), source })
+            })
+            .collect::<Result<Vec<_>, _>>()?;
+        // Images of another size than the first one's go alone: a batch has one size.
+        for same_size in inputs.chunk_by(|a, b| a.image_height_px == b.image_height_px) {
+            let batch = Batch::stack(&same_size.iter().collect::<Vec<_>>(), config, config.use_camera, device);
+            found.extend(detections(&detector.forward(&batch), config, MIN_SCORE));
+        }
+        progress.advance(chunk.len() as u64);
+    }
+    Ok(found)
+}

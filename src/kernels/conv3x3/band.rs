@@ -1,0 +1,134 @@
+//! A band of input rows, packed with its zero padding so that a tap is a constant offset.
+//!
+//! `split` 1 keeps the rows as they are; `split` 2 (stride 2) sorts pixels by the parity of y and x into
+//! four planes, so that neighbouring outputs read neighbouring inputs. Wide images are packed
+//! `[row][channel][x]`; narrow ones (`flat`) `[channel][row][x]`, where a tile may run on into the next row.
+
+/// Planes to be packed.
+#[derive(Clone, Copy)]
+pub(super) struct Source<'a> {
+    /// `[batch, channel, y, x]`
+    pub values: &'a [f32],
+    pub channels: usize,
+    pub height_px: usize,
+    pub width_px: usize,
+    /// 1, or 2 for planes sorted by parity.
+    pub split: usize,
+    /// Columns and rows of padding before the first pixel: 0 or 1.
+    pub lead: usize,
+}
+
+/// Strides of a packed band, in floats.
+#[derive(Clone, Copy)]
+pub(super) struct Layout {
+    /// Whether tiles run across rows.
+    pub is_flat: bool,
+    /// Width of a packed row.
+    pub width: usize,
+    /// Packed rows of one parity.
+    rows: usize,
+    /// From a channel to the next.
+    pub channel: usize,
+    /// From a row to the next of the same parity.
+    pub row: usize,
+    /// From even to odd rows (of padded input), where `split` is 2.
+    pub row_parity: usize,
+    /// From even to odd columns (of padded input), where `split` is 2.
+    pub column_parity: usize,
+    /// Floats of the band.
+    pub len: usize,
+}
+
+impl Layout {
+    /// For bands of `band_rows` rows of `width` tile positions each.
+    pub fn new(is_flat: bool, source: &Source, width: usize, band_rows: usize) -> Self {
+        let Source { channels, split, lead, .. } = *source;
+        // A flat row shares its right padding with the left padding of the next.
+        let width = width + if is_flat { 1 } else { 2 };
+        let rows = if split == 2 { band_rows + 1 } else { band_rows + 1 + lead };
+        let len = channels * split * split * (rows * width + 1);
+        let plane = rows * width;
+        if is_flat {
+            Self {
+                is_flat,
+                width,
+                rows,
+                channel: split * split * plane + 1,
+                row: width,
+                row_parity: 2 * plane,
+                column_parity: plane,
+                len,
+            }
+        } else {
+            let one_row = channels * width * split;
+            Self {
+                is_flat,
+                width,
+                rows,
+                channel: width * split,
+                row: one_row * split,
+                row_parity: one_row,
+                column_parity: width,
+                len,
+            }
+        }
+    }
+
+    /// Offset of kernel tap (`y`, `x`) in a forward pass.
+    pub fn tap(&self, split: usize, y: usize, x: usize) -> usize {
+        if split == 1 {
+            y * self.row + x
+        } else {
+            (y % 2) * self.row_parity + (y / 2) * self.row + (x % 2) * self.column_parity + x / 2
+        }
+    }
+}
+
+/// Packs the rows that output rows from `first_row` on read, of image `image`; rows outside are zero.
+#[inline(always)]
+pub(super) fn pack(source: &Source, layout: &Layout, image: usize, first_row: usize, packed: &mut [f32]) {
+    let Source { values, channels, height_px, width_px, split, lead } = *source;
+    for row in 0..layout.rows * split {
+        // Wraps around above the image, and so lands outside like what is below it.
+        let y = (first_row * split + row).wrapping_sub(lead);
+        for channel in 0..channels {
+            let pixels = if y < height_px {
+                &values[((image * channels + channel) * height_px + y) * width_px..][..width_px]
+            } else {
+                &[]
+            };
+            let start = channel * layout.channel;
+            if split == 1 {
+                let start = start + row * layout.row;
+                let packed = &mut packed[start..start + layout.width];
+                packed[..lead].fill(0.0);
+                packed[lead..lead + pixels.len()].copy_from_slice(pixels);
+                packed[lead + pixels.len()..].fill(0.0);
+            } else {
+                let start = start + (row % 2) * layout.row_parity + (row / 2) * layout.row;
+                let (head, tail) = packed.split_at_mut(start + layout.column_parity);
+                split_columns(pixels, &mut head[start..start + layout.width], &mut tail[..layout.width]);
+            }
+            if layout.is_flat && row == 0 {
+                // The float between two channels is the right padding of the first one's last row.
+                packed[(channel + 1) * layout.channel - 1] = 0.0;
+            }
+        }
+    }
+}
+
+/// Deals pixels 1, 3, 5.. to `even` (after a zero) and 0, 2, 4.. to `odd`: parities count the padding.
+#[inline(always)]
+fn split_columns(pixels: &[f32], even: &mut [f32], odd: &mut [f32]) {
+    even[0] = 0.0;
+    for (pair, (odd, even)) in pixels.chunks_exact(2).zip(odd.iter_mut().zip(even[1..].iter_mut())) {
+        *odd = pair[0];
+        *even = pair[1];
+    }
+    let half = pixels.len() / 2;
+    if pixels.len() % 2 == 1 {
+        odd[half] = pixels[pixels.len() - 1];
+    }
+    odd[pixels.len().div_ceil(2)..].fill(0.0);
+    even[half + 1..].fill(0.0);
+}

@@ -1,0 +1,41 @@
+//! The forward pass: nine taps, one phase.
+
+use super::Shape;
+use super::band::Source;
+use super::tiles::{Convolution, Phase, pack_weights};
+use crate::kernels::simd::InstructionSet;
+
+/// # Shapes
+/// - x: `[batch, channel_in, y, x]`, w: `[channel_out, channel_in, 3, 3]`
+/// - output: `[batch, channel_out, out_y, out_x]`
+pub(in crate::kernels) fn forward(shape: Shape, x: &[f32], w: &[f32], set: InstructionSet) -> Vec<f32> {
+    shape.check();
+    assert!(x.len() == shape.n_inputs() && w.len() == shape.n_weights());
+    let convolution = Convolution {
+        source: Source {
+            values: x,
+            channels: shape.channels_in,
+            height_px: shape.height_px,
+            width_px: shape.width_px,
+            split: shape.stride,
+            lead: 1,
+        },
+        batch: shape.batch,
+        channels_out: shape.channels_out,
+        rows: shape.out_height_px(),
+        columns: shape.out_width_px(),
+        upscale: 1,
+        out_height_px: shape.out_height_px(),
+        out_width_px: shape.out_width_px(),
+    };
+    convolution.run(set, |layout| {
+        let taps: Vec<usize> = (0..9).collect();
+        let strides = (shape.channels_in * 9, 9);
+        vec![Phase {
+            offsets: taps.iter().map(|t| layout.tap(shape.stride, t / 3, t % 3)).collect(),
+            weights: pack_weights(set, w, (shape.channels_out, shape.channels_in), strides, &taps),
+            y: 0,
+            x: 0,
+        }]
+    })
+}

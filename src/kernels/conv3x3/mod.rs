@@ -1,0 +1,66 @@
+//! 3x3 convolution with one pixel of zero padding, stride 1 or 2, f32: forward pass and both gradients.
+//!
+//! All tensors are dense: images `[batch, channel, y, x]`, kernels `[channel_out, channel_in, 3, 3]`.
+//!
+//! Forward pass and input gradient are one implicit matrix product (`tiles`): pixels lie in the vector lanes,
+//! a register tile holds a few output channels by three vectors of pixels, and the input is packed, zeros
+//! at the borders included, in bands of rows that fit the second-level cache (`band`). The weight gradient
+//! has input channels in the lanes. Every sum runs in an order that the shape fixes, so that results are
+//! equal to the bit whatever the number of threads.
+
+mod band;
+mod forward;
+mod input_gradient;
+mod tiles;
+mod weight_gradient;
+
+pub(super) use forward::forward;
+pub(super) use input_gradient::input_gradient;
+pub(super) use weight_gradient::weight_gradient;
+
+/// Bytes of packed input that a task works on at a time: what a second-level cache of 512 kB holds beside
+/// the weights.
+const BAND_BYTES: usize = 400 << 10;
+
+/// Sizes of one convolution; all at least 1.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Shape {
+    pub batch: usize,
+    pub channels_in: usize,
+    pub channels_out: usize,
+    pub height_px: usize,
+    pub width_px: usize,
+    /// 1 or 2.
+    pub stride: usize,
+}
+
+impl Shape {
+    pub fn out_height_px(&self) -> usize {
+        (self.height_px - 1) / self.stride + 1
+    }
+
+    pub fn out_width_px(&self) -> usize {
+        (self.width_px - 1) / self.stride + 1
+    }
+
+    pub fn n_inputs(&self) -> usize {
+        self.batch * self.channels_in * self.height_px * self.width_px
+    }
+
+    pub fn n_outputs(&self) -> usize {
+        self.batch * self.channels_out * self.out_height_px() * self.out_width_px()
+    }
+
+    pub fn n_weights(&self) -> usize {
+        self.channels_out * self.channels_in * 9
+    }
+
+    /// Panics unless the sizes are in range; the passes rely on it.
+    fn check(&self) {
+        assert!(matches!(self.stride, 1 | 2), "stride is 1 or 2: {self:?}");
+        assert!(self.n_inputs() > 0 && self.channels_out > 0, "every size is at least 1: {self:?}");
+    }
+}
+
+#[cfg(test)]
+mod tests;

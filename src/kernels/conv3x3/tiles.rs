@@ -1,0 +1,394 @@
+//! The matrix product behind forward pass and input gradient, over packed bands, in register tiles.
+//!
+//! Tile positions ("rows" by "columns") are source pixels; a position and a phase make an output pixel:
+//! `out = position * upscale + phase`.
+
+use rayon::prelude::*;
+
+use super::BAND_BYTES;
+use super::band::{Layout, Source, pack};
+use crate::kernels::scratch::{Scratch, with_scratch};
+use crate::kernels::simd::{InstructionSet, Kernel, Simd};
+
+/// Vectors of pixels in a register tile.
+const TILE_VECTORS: usize = 3;
+/// Floats a tile may read past the band: less than one tile.
+const OVERREAD: usize = 256;
+
+/// Outputs of one parity (`upscale` 2), or all of them.
+pub(super) struct Phase {
+    /// Of each tap, in the packed band: 1, 2, 4 or 9 of them.
+    pub offsets: Vec<usize>,
+    /// From [`pack_weights`].
+    pub weights: Vec<f32>,
+    /// Row offset of the output pixel.
+    pub y: usize,
+    /// Column offset of the output pixel.
+    pub x: usize,
+}
+
+/// What to convolve, and into what.
+pub(super) struct Convolution<'a> {
+    pub source: Source<'a>,
+    pub batch: usize,
+    pub channels_out: usize,
+    /// Tile positions.
+    pub rows: usize,
+    pub columns: usize,
+    /// 1 or 2.
+    pub upscale: usize,
+    pub out_height_px: usize,
+    pub out_width_px: usize,
+}
+
+/// Weights as `[block of channels_out][channel_in][tap][channel_out in block]`, zero beyond the last channel.
+/// `channels` and `strides` (in `w`) are of output and input.
+pub(super) fn pack_weights(
+    set: InstructionSet,
+    w: &[f32],
+    channels: (usize, usize),
+    strides: (usize, usize),
+    taps: &[usize],
+) -> Vec<f32> {
+    let (n_rows, n_taps) = (set.rows(), taps.len());
+    let mut packed = vec![0.0; channels.0.div_ceil(n_rows) * n_rows * channels.1 * n_taps];
+    packed.par_chunks_exact_mut(channels.1 * n_taps * n_rows).enumerate().for_each(|(block, packed)| {
+        let first = block * n_rows;
+        for (i, packed) in packed.chunks_exact_mut(n_taps * n_rows).enumerate() {
+            for o in 0..n_rows.min(channels.0 - first) {
+                let kernel = &w[(first + o) * strides.0 + i * strides.1..][..9];
+                for (t, &tap) in taps.iter().enumerate() {
+                    packed[t * n_rows + o] = kernel[tap];
+                }
+            }
+        }
+    });
+    packed
+}
+
+/// The output, shared by tasks that write disjoint parts of it.
+#[derive(Clone, Copy)]
+struct Output {
+    start: *mut f32,
+    len: usize,
+}
+
+// SAFETY: the pointer is only written through, by `tile` and `copy_piece`; each task owns one band of one image, that is
+// a set of output rows no other task writes, and the vector outlives the tasks.
+unsafe impl Send for Output {}
+// SAFETY: as above.
+unsafe impl Sync for Output {}
+
+/// A run of output pixels of one row, as they lie in a tile.
+#[derive(Clone, Copy, Default)]
+struct Piece {
+    in_tile: usize,
+    in_plane: usize,
+    len: usize,
+}
+
+impl Convolution<'_> {
+    /// Runs the phases that `phases` makes for the chosen layout; together they reach every output pixel.
+    pub fn run(&self, set: InstructionSet, phases: impl FnOnce(&Layout) -> Vec<Phase>) -> Vec<f32> {
+        let source = &self.source;
+        let n_threads = rayon::current_num_threads();
+        // Below three AVX-512 vectors, rows leave tiles half empty, unless they are two vectors exactly.
+        let is_flat = self.columns < 48 && self.columns != 32;
+        let row_bytes = source.channels * source.split * source.split * (self.columns + 2) * 4;
+        let band_rows = (BAND_BYTES / row_bytes).saturating_sub(2).clamp(1, self.rows);
+        let mut n_bands = self.rows.div_ceil(band_rows);
+        if n_bands + n_threads <= self.rows {
+            n_bands = (self.batch * n_bands).next_multiple_of(n_threads).div_ceil(self.batch);
+        }
+        let band_rows = self.rows.div_ceil(n_bands);
+        let n_bands = self.rows.div_ceil(band_rows);
+        let layout = Layout::new(is_flat, source, self.columns, band_rows);
+        let phases = phases(&layout);
+
+        let len = self.batch * self.channels_out * self.out_height_px * self.out_width_px;
+        let mut out: Vec<f32> = Vec::with_capacity(len);
+        if cfg!(test) {
+            out.resize(len, f32::NAN); // a pixel that no tile writes then fails the tests
+        }
+        let output = Output { start: out.as_mut_ptr(), len };
+        (0..self.batch * n_bands).into_par_iter().for_each(|task| {
+            let first_row = (task % n_bands) * band_rows;
+            with_scratch(|scratch| {
+                set.run(Band {
+                    convolution: self,
+                    layout: &layout,
+                    phases: &phases,
+                    output,
+                    image: task / n_bands,
+                    first_row,
+                    n_rows: band_rows.min(self.rows - first_row),
+                    scratch,
+                });
+            });
+        });
+        // SAFETY: the capacity is `len`, and the tasks wrote every float: bands cover all rows, tiles all
+        // columns of a row, blocks all channels, and phases all parities.
+        unsafe { out.set_len(len) };
+        out
+    }
+}
+
+/// One task: some rows of one image.
+struct Band<'a> {
+    convolution: &'a Convolution<'a>,
+    layout: &'a Layout,
+    phases: &'a [Phase],
+    output: Output,
+    image: usize,
+    first_row: usize,
+    n_rows: usize,
+    scratch: &'a mut Scratch,
+}
+
+impl Kernel for Band<'_> {
+    #[inline(always)]
+    unsafe fn run<S: Simd, const ROWS: usize, const LANES: usize>(self) {
+        let Self { convolution, layout, phases, output, image, first_row, n_rows, scratch } = self;
+        let packed = scratch.a.get(layout.len + OVERREAD);
+        pack(&convolution.source, layout, image, first_row, packed);
+        let n_blocks = convolution.channels_out.div_ceil(ROWS);
+        let tiles = scratch.b.get(n_blocks * ROWS * TILE_VECTORS * LANES);
+        // A strip is what tiles may run along: all rows if flat, else one.
+        let n_strips = if layout.is_flat { 1 } else { n_rows };
+        for y in 0..n_strips {
+            let packed = &packed[y * layout.row..];
+            let (first_row, n_rows) = (first_row + y, n_rows / n_strips);
+            for phase in phases {
+                let mut strip =
+                    Strip { convolution, layout, phase, output, image, first_row, n_rows, packed, tiles };
+                // SAFETY: this function's own contract gives the instruction set.
+                unsafe {
+                    match phase.offsets.len() {
+                        9 => strip.run::<S, ROWS, 9>(),
+                        4 => strip.run::<S, ROWS, 4>(),
+                        2 => strip.run::<S, ROWS, 2>(),
+                        _ => strip.run::<S, ROWS, 1>(),
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// One phase of one strip of a band.
+struct Strip<'a> {
+    convolution: &'a Convolution<'a>,
+    layout: &'a Layout,
+    phase: &'a Phase,
+    output: Output,
+    image: usize,
+    first_row: usize,
+    n_rows: usize,
+    packed: &'a [f32],
+    tiles: &'a mut [f32],
+}
+
+impl Strip<'_> {
+    /// The output pixels of the tile at `start`, up to `stop`; the padding between rows has none.
+    #[inline(always)]
+    fn pieces(&self, start: usize, stop: usize) -> ([Piece; TILE_VECTORS * 16], usize) {
+        let c = self.convolution;
+        let mut pieces = [Piece::default(); TILE_VECTORS * 16];
+        let mut n_pieces = 0;
+        let mut q = start;
+        while q < stop {
+            let (row, column) = (q / self.layout.width, q % self.layout.width);
+            let y = (self.first_row + row) * c.upscale + self.phase.y;
+            let x = column * c.upscale + self.phase.x;
+            let n_columns = c.columns.saturating_sub(column).min(stop - q);
+            let len = n_columns.min((c.out_width_px + c.upscale - 1).saturating_sub(x) / c.upscale);
+            if len > 0 && y < c.out_height_px {
+                pieces[n_pieces] = Piece { in_tile: q - start, in_plane: y * c.out_width_px + x, len };
+                n_pieces += 1;
+            }
+            q += n_columns.max(1);
+        }
+        (pieces, n_pieces)
+    }
+
+    /// # Safety
+    /// As for [`Kernel::run`].
+    #[inline(always)]
+    unsafe fn run<S: Simd, const ROWS: usize, const TAPS: usize>(&mut self) {
+        let (c, layout) = (self.convolution, self.layout);
+        let channels_in = c.source.channels;
+        let offsets: &[usize; TAPS] =
+            self.phase.offsets.as_slice().try_into().expect("`Band::run` chose TAPS by this length");
+        let last_offset = *offsets.iter().max().expect("at least one tap");
+        let tile_len = TILE_VECTORS * S::LANES;
+        let plane = c.out_height_px * c.out_width_px;
+        let n_blocks = c.channels_out.div_ceil(ROWS);
+        // Input channels per pass, so that the pixels of a tile stay in the first-level cache.
+        let pass_channels = (144 / TAPS).min(64).min(channels_in);
+        let end = if layout.is_flat { self.n_rows * layout.width } else { c.columns };
+
+        // The bounds that the unsafe blocks below rely on.
+        assert!(self.phase.weights.len() == n_blocks * channels_in * TAPS * ROWS);
+        assert!(self.tiles.len() >= n_blocks * ROWS * tile_len);
+        assert!((self.image + 1) * c.channels_out * plane <= self.output.len);
+
+        let mut start = 0;
+        while start < end {
+            let n_left = (end - start).div_ceil(S::LANES);
+            // Four left are better done as two and two than as three and one.
+            let n_vectors = if n_left >= 3 && n_left != 4 { 3 } else { n_left.min(2) };
+            let stop = start + n_vectors * S::LANES;
+            assert!((channels_in - 1) * layout.channel + last_offset + stop <= self.packed.len());
+            let (pieces, n_pieces) = self.pieces(start, stop.min(end));
+            let pieces = &pieces[..n_pieces];
+            for piece in pieces {
+                assert!(piece.in_tile + piece.len <= tile_len);
+                assert!(piece.in_plane + (piece.len - 1) * c.upscale < plane);
+            }
+            // A tile that is one whole run of pixels goes straight to the output.
+            let is_direct = c.upscale == 1 && n_pieces == 1 && pieces[0].len == n_vectors * S::LANES;
+
+            let mut first = 0;
+            while first < channels_in {
+                let n_channels = pass_channels.min(channels_in - first);
+                for block in 0..n_blocks {
+                    let is_last = first + n_channels == channels_in;
+                    let to_output = is_direct && is_last && (block + 1) * ROWS <= c.channels_out;
+                    // SAFETY: by the asserts above, pixels: the last read ends at `last channel + last tap +
+                    // stop`; weights: `n_channels * TAPS * ROWS` of this block's `channels_in * TAPS * ROWS`;
+                    // tile: block `block` of `n_blocks`; output: ROWS planes of this image, in each a piece
+                    // as long as the tile, written by this task alone.
+                    unsafe {
+                        let tile = self.tiles.as_mut_ptr().add(block * ROWS * tile_len);
+                        let (target, target_stride) = if to_output {
+                            let channel = self.image * c.channels_out + block * ROWS;
+                            (self.output.start.add(channel * plane + pieces[0].in_plane), plane)
+                        } else {
+                            (tile, tile_len)
+                        };
+                        let pass = Pass {
+                            n_channels,
+                            pixels: self.packed.as_ptr().add(first * layout.channel + start),
+                            channel_stride: layout.channel,
+                            offsets,
+                            weights: self
+                                .phase
+                                .weights
+                                .as_ptr()
+                                .add((block * channels_in + first) * TAPS * ROWS),
+                            is_first: first == 0,
+                            tile,
+                            target,
+                            target_stride,
+                        };
+                        match n_vectors {
+                            3 => pass.run::<S, ROWS, 3>(),
+                            2 => pass.run::<S, ROWS, 2>(),
+                            _ => pass.run::<S, ROWS, 1>(),
+                        }
+                    }
+                }
+                first += n_channels;
+            }
+
+            let first_copied = if is_direct { c.channels_out / ROWS * ROWS } else { 0 };
+            for channel in first_copied..c.channels_out {
+                for piece in pieces {
+                    // SAFETY: the asserts above hold each piece inside its tile and its plane.
+                    unsafe {
+                        let from = self.tiles.as_ptr().add(channel * tile_len + piece.in_tile);
+                        let image_channel = self.image * c.channels_out + channel;
+                        let to = self.output.start.add(image_channel * plane + piece.in_plane);
+                        copy_piece::<S>(from, to, piece.len, c.upscale);
+                    }
+                }
+            }
+            start = stop;
+        }
+    }
+}
+
+/// Some input channels of one tile.
+struct Pass<'a, const TAPS: usize> {
+    n_channels: usize,
+    pixels: *const f32,
+    channel_stride: usize,
+    offsets: &'a [usize; TAPS],
+    weights: *const f32,
+    /// Whether sums start at zero, rather than at `tile`.
+    is_first: bool,
+    tile: *const f32,
+    target: *mut f32,
+    target_stride: usize,
+}
+
+impl<const TAPS: usize> Pass<'_, TAPS> {
+    /// Adds the products to the sums of ROWS output channels by VECTORS vectors of pixels.
+    ///
+    /// # Safety
+    /// Besides [`Kernel::run`]'s terms: readable are VECTORS vectors of pixels at each tap of each channel,
+    /// `n_channels * TAPS * ROWS` weights, and, unless first, the tile (rows TILE_VECTORS vectors apart);
+    /// writable are VECTORS vectors in each of ROWS rows of `target`.
+    #[inline(always)]
+    unsafe fn run<S: Simd, const ROWS: usize, const VECTORS: usize>(self) {
+        // SAFETY: every access is one of those listed above.
+        unsafe {
+            let mut sums = [[S::zero(); VECTORS]; ROWS];
+            if !self.is_first {
+                for (row, sums) in sums.iter_mut().enumerate() {
+                    for (j, sum) in sums.iter_mut().enumerate() {
+                        *sum = S::load(self.tile.add((row * TILE_VECTORS + j) * S::LANES));
+                    }
+                }
+            }
+            let (mut pixels, mut weights) = (self.pixels, self.weights);
+            for _ in 0..self.n_channels {
+                for t in 0..TAPS {
+                    let tap = pixels.add(self.offsets[t]);
+                    let mut x = [S::zero(); VECTORS];
+                    for (j, x) in x.iter_mut().enumerate() {
+                        *x = S::load(tap.add(j * S::LANES));
+                    }
+                    for (row, sums) in sums.iter_mut().enumerate() {
+                        let weight = S::splat(*weights.add(row));
+                        for (sum, x) in sums.iter_mut().zip(x) {
+                            *sum = S::mul_add(weight, x, *sum);
+                        }
+                    }
+                    weights = weights.add(ROWS);
+                }
+                pixels = pixels.wrapping_add(self.channel_stride);
+            }
+            for (row, sums) in sums.iter().enumerate() {
+                for (j, sum) in sums.iter().enumerate() {
+                    S::store(self.target.add(row * self.target_stride + j * S::LANES), *sum);
+                }
+            }
+        }
+    }
+}
+
+/// Copies `len` floats to every `upscale`-th float; whole vectors where they are dense, the last overlapping.
+///
+/// # Safety
+/// Besides [`Kernel::run`]'s terms: `len` floats readable, `(len - 1) * upscale + 1` writable, no overlap.
+#[inline(always)]
+unsafe fn copy_piece<S: Simd>(from: *const f32, to: *mut f32, len: usize, upscale: usize) {
+    // SAFETY: every index is below `len`; a vector ends at `i + LANES <= len` or at `len`.
+    unsafe {
+        if upscale != 1 || len < S::LANES {
+            for i in 0..len {
+                *to.add(i * upscale) = *from.add(i);
+            }
+            return;
+        }
+        let mut i = 0;
+        while i + S::LANES <= len {
+            S::store(to.add(i), S::load(from.add(i)));
+            i += S::LANES;
+        }
+        if i < len {
+            S::store(to.add(len - S::LANES), S::load(from.add(len - S::LANES)));
+        }
+    }
+}

@@ -1,0 +1,43 @@
+//! Aligned working memory that each thread keeps from call to call.
+
+use std::cell::RefCell;
+
+const LINE_FLOATS: usize = 16;
+
+/// One cache line; the unit of allocation, so that buffers start on a line.
+#[derive(Clone, Copy)]
+#[repr(C, align(64))]
+struct Line([f32; LINE_FLOATS]);
+
+/// A buffer that only grows. What it holds between calls is stale, never uninitialised.
+#[derive(Default)]
+pub(super) struct Buffer(Vec<Line>);
+
+impl Buffer {
+    /// The first `n_floats` floats, with stale contents.
+    pub fn get(&mut self, n_floats: usize) -> &mut [f32] {
+        let n_lines = n_floats.div_ceil(LINE_FLOATS);
+        if self.0.len() < n_lines {
+            self.0.resize(n_lines, Line([0.0; LINE_FLOATS]));
+        }
+        // SAFETY: a `Line` is 16 floats and nothing else (64 bytes, aligned to 64), so the vector holds at
+        // least `16 * n_lines >= n_floats` initialised floats; they stay borrowed through `self`.
+        unsafe { std::slice::from_raw_parts_mut(self.0.as_mut_ptr().cast::<f32>(), n_floats) }
+    }
+}
+
+/// The two buffers of a thread.
+#[derive(Default)]
+pub(super) struct Scratch {
+    pub a: Buffer,
+    pub b: Buffer,
+}
+
+thread_local! {
+    static SCRATCH: RefCell<Scratch> = RefCell::default();
+}
+
+/// Lends this thread's buffers to `work`, which must not ask for them again nor wait for other tasks.
+pub(super) fn with_scratch<R>(work: impl FnOnce(&mut Scratch) -> R) -> R {
+    SCRATCH.with_borrow_mut(work)
+}

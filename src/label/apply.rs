@@ -1,0 +1,64 @@
+//! A zone applied to one sample: its corners and a label for each true object, in their order.
+//!
+//! Pure: errors name episode, sample and object, and nothing is read or written.
+
+use thiserror::Error;
+
+use super::zone::{Zone, ZoneError};
+use crate::episode::{ObjectLabel, SampleLabels};
+use crate::sample::Sample;
+
+/// Why a sample could not be labelled.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum SampleError {
+    #[error("sample {sample_idx} of episode `{episode}` has no zone: {source}")]
+    State { episode: String, sample_idx: usize, source: ZoneError },
+    #[error("object `{object}` in sample {sample_idx} of episode `{episode}` cannot be labelled: {source}")]
+    Object { episode: String, sample_idx: usize, object: String, source: ZoneError },
+    #[error(
+        "object `{object}` stands twice in sample {sample_idx} of episode `{episode}`; ids must be unique"
+    )]
+    Twice { episode: String, sample_idx: usize, object: String },
+}
+
+/// Labels a sample; `episode` and `sample_idx` serve the errors.
+///
+/// # Errors
+/// The ego's state or an object's box cannot be, or an id stands twice.
+pub fn label_sample(
+    zone: &Zone,
+    episode: &str,
+    sample_idx: usize,
+    sample: &Sample,
+) -> Result<SampleLabels, SampleError> {
+    let rect = zone.rect(&sample.measured.ego_state).map_err(|source| SampleError::State {
+        episode: episode.to_owned(),
+        sample_idx,
+        source,
+    })?;
+    let mut labels: Vec<ObjectLabel> = Vec::with_capacity(sample.truth.objects.len());
+    for object in &sample.truth.objects {
+        if labels.iter().any(|label| label.id == object.id) {
+            let (episode, object) = (episode.to_owned(), object.id.clone());
+            return Err(SampleError::Twice { episode, sample_idx, object });
+        }
+        let verdict = rect.harm_of(&object.box_in_ego).map_err(|source| SampleError::Object {
+            episode: episode.to_owned(),
+            sample_idx,
+            object: object.id.clone(),
+            source,
+        })?;
+        labels.push(ObjectLabel {
+            id: object.id.clone(),
+            harm: verdict.harm,
+            overlap_area_m2: verdict.overlap_area_m2,
+            overlap_ratio: verdict.overlap_ratio,
+        });
+    }
+    Ok(SampleLabels {
+        time_ns: sample.measured.time_ns,
+        zone_name: zone.config().kind.name().to_owned(),
+        zone_corners: rect.corners().to_vec(),
+        labels,
+    })
+}

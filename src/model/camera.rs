@@ -1,0 +1,78 @@
+//! Camera branch: a small convolutional net, a depth distribution for each feature helped by the
+//! LiDAR's sparse depth, and the lift to bird's-eye view (lift-splat, Philion and Fidler 2020;
+//! depth input as in BEVFusion, Liu et al. 2023).
+
+use burn::module::Module;
+use burn::nn::conv::Conv2d;
+use burn::tensor::activation::softmax;
+use burn::tensor::{Device, IndexingUpdateOp, Tensor};
+
+use super::batch::CameraBatch;
+use super::config::ModelConfig;
+use super::layers::{ConvBlock, pointwise};
+
+/// Channels of the encoded LiDAR depth.
+const DEPTH_CHANNELS: usize = 16;
+
+/// From an image to features on the bird's-eye grid.
+#[derive(Module, Debug)]
+pub struct CameraBranch {
+    image: Vec<ConvBlock>,
+    depth: ConvBlock,
+    joint: ConvBlock,
+    lift: Conv2d,
+    smooth: ConvBlock,
+    #[module(skip)]
+    n_depth_bins: usize,
+    #[module(skip)]
+    n_lift_channels: usize,
+    #[module(skip)]
+    n_cells: [usize; 2],
+}
+
+impl CameraBranch {
+    pub fn init(config: &ModelConfig, device: &Device) -> Self {
+        let [a, b, c] = config.camera.channels;
+        let lift = config.camera.lift_channels;
+        Self {
+            image: vec![
+                ConvBlock::init(3, a, 2, device),
+                ConvBlock::init(a, b, 2, device),
+                ConvBlock::init(b, b, 1, device),
+                ConvBlock::init(b, c, 2, device),
+                ConvBlock::init(c, c, 1, device),
+            ],
+            depth: ConvBlock::init(2, DEPTH_CHANNELS, 1, device),
+            joint: ConvBlock::init(c + DEPTH_CHANNELS, c, 1, device),
+            lift: pointwise(c, config.camera.n_depth_bins + lift, device),
+            smooth: ConvBlock::init(lift, lift, 1, device),
+            n_depth_bins: config.camera.n_depth_bins,
+            n_lift_channels: lift,
+            n_cells: [config.grid.n_cells_y(), config.grid.n_cells_x()],
+        }
+    }
+
+    /// # Shapes
+    /// - output: `[batch, lift_channel, cell_y, cell_x]`; each cell the sum of the frustum points in it
+    pub fn forward(&self, batch: &CameraBatch) -> Tensor<4> {
+        let image = self.image.iter().fold(batch.image.clone(), |x, block| block.forward(x));
+        let depth = self.depth.forward(batch.depth.clone());
+        let joint = self.joint.forward(Tensor::cat(vec![image, depth], 1));
+        let [n_batch, _, n_y, n_x] = joint.dims();
+        let lifted = self.lift.forward(joint).permute([0, 2, 3, 1]).reshape([
+            n_batch * n_y * n_x,
+            self.n_depth_bins + self.n_lift_channels,
+        ]);
+        let depth_probability = softmax(lifted.clone().narrow(1, 0, self.n_depth_bins), 1)
+            .reshape([n_batch * n_y * n_x * self.n_depth_bins, 1]);
+        let context = lifted.narrow(1, self.n_depth_bins, self.n_lift_channels);
+        let points = context.select(0, batch.frustum_features.clone())
+            * depth_probability.select(0, batch.frustum_depths.clone());
+        let [n_cells_y, n_cells_x] = self.n_cells;
+        let grid = Tensor::<2>::zeros([n_batch * n_cells_y * n_cells_x, self.n_lift_channels], &points.device())
+            .select_assign(0, batch.frustum_cells.clone(), points, IndexingUpdateOp::Add)
+            .reshape([n_batch, n_cells_y, n_cells_x, self.n_lift_channels])
+            .permute([0, 3, 1, 2]);
+        self.smooth.forward(grid)
+    }
+}

@@ -1,0 +1,174 @@
+//! Checkpoints: safetensors files with the model's config inside, written whole or not at all.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+use burn::store::{ModuleSnapshot, SafetensorsStore};
+use burn::tensor::Device;
+use fs_err as fs;
+use thiserror::Error;
+
+use super::config::{ModelConfig, ModelConfigError};
+use super::detector::Detector;
+use crate::files;
+
+/// Metadata key of the model's config, as TOML.
+const CONFIG_KEY: &str = "harmzone.model";
+/// Metadata key of the format's version.
+const VERSION_KEY: &str = "harmzone.format";
+const VERSION: &str = "1";
+
+/// Why a checkpoint could not be written or read.
+#[derive(Debug, Error)]
+pub enum CheckpointError {
+    #[error("cannot read or write the checkpoint: {0}")]
+    Io(#[source] std::io::Error),
+    #[error("not a harmzone checkpoint ({found}); `harmzone train` writes `model.safetensors`: {}", path.display())]
+    Foreign { found: String, path: PathBuf },
+    #[error("the checkpoint's config is not valid: {message}: {}", path.display())]
+    Config { message: String, path: PathBuf },
+    #[error(
+        "the checkpoint's weights do not fit its config: {} missing {missing:?}, {} of another shape {misshapen:?}: {}",
+        missing.len(), misshapen.len(), path.display()
+    )]
+    Weights { missing: Vec<String>, misshapen: Vec<String>, path: PathBuf },
+    #[error("the weights cannot be packed: {message}: {}", path.display())]
+    Pack { message: String, path: PathBuf },
+}
+
+/// The detector's bytes as a safetensors file. Same weights, same bytes.
+fn pack(detector: &Detector, path: &Path) -> Result<Vec<u8>, CheckpointError> {
+    let fail = |message: String| CheckpointError::Pack { message, path: path.to_owned() };
+    let mut store = SafetensorsStore::from_bytes(None);
+    detector.save_into(&mut store).map_err(|error| fail(error.to_string()))?;
+    let packed = store.get_bytes().map_err(|error| fail(error.to_string()))?;
+    // Written again with our own metadata: two keys in a fixed order, so that bytes repeat.
+    let tensors = safetensors::SafeTensors::deserialize(&packed).map_err(|error| fail(error.to_string()))?;
+    let mut views = tensors.tensors();
+    views.sort_by(|a, b| a.0.cmp(&b.0));
+    let header = header(&views, detector.config());
+    let mut bytes = (header.len() as u64).to_le_bytes().to_vec();
+    bytes.extend_from_slice(header.as_bytes());
+    for (_, view) in &views {
+        bytes.extend_from_slice(view.data());
+    }
+    Ok(bytes)
+}
+
+/// The JSON header of a safetensors file, with keys in order and padded to eight bytes.
+fn header(views: &[(String, safetensors::tensor::TensorView<'_>)], config: &ModelConfig) -> String {
+    let mut header = serde_json::Map::new();
+    header.insert(
+        "__metadata__".into(),
+        serde_json::json!({ CONFIG_KEY: crate::config::to_toml(config), VERSION_KEY: VERSION }),
+    );
+    let mut offset = 0;
+    for (name, view) in views {
+        let end = offset + view.data().len();
+        header.insert(
+            name.clone(),
+            serde_json::json!({ "dtype": view.dtype(), "shape": view.shape(), "data_offsets": [offset, end] }),
+        );
+        offset = end;
+    }
+    let mut text = serde_json::Value::Object(header).to_string();
+    while text.len() % 8 != 0 {
+        text.push(' ');
+    }
+    text
+}
+
+/// Writes a detector, whole or not at all.
+///
+/// # Errors
+/// Any IO error, among them a full disk.
+pub fn save(detector: &Detector, path: &Path) -> Result<(), CheckpointError> {
+    files::write_atomic(path, &pack(detector, path)?).map_err(CheckpointError::Io)
+}
+
+/// Reads the config inside a checkpoint.
+///
+/// # Errors
+/// Unreadable, not safetensors, not one of ours, or an invalid config.
+pub fn read_config(path: &Path) -> Result<ModelConfig, CheckpointError> {
+    let bytes = fs::read(path).map_err(CheckpointError::Io)?;
+    config_of(&bytes, path)
+}
+
+fn config_of(bytes: &[u8], path: &Path) -> Result<ModelConfig, CheckpointError> {
+    let foreign = |found: String| CheckpointError::Foreign { found, path: path.to_owned() };
+    let (_, metadata) =
+        safetensors::SafeTensors::read_metadata(bytes).map_err(|error| foreign(error.to_string()))?;
+    let empty = HashMap::new();
+    let metadata = metadata.metadata().as_ref().unwrap_or(&empty);
+    let text = metadata.get(CONFIG_KEY).ok_or_else(|| foreign(format!("no `{CONFIG_KEY}` in its metadata")))?;
+    let version = metadata.get(VERSION_KEY).map_or("none", String::as_str);
+    if version != VERSION {
+        return Err(foreign(format!("format version {version}; this program reads {VERSION}")));
+    }
+    let invalid = |message: String| CheckpointError::Config { message, path: path.to_owned() };
+    let config: ModelConfig = toml::from_str(text).map_err(|error| invalid(error.to_string()))?;
+    config.check().map_err(|error: ModelConfigError| invalid(error.to_string()))?;
+    Ok(config)
+}
+
+/// Reads a detector as its checkpoint's config describes it.
+///
+/// # Errors
+/// As [`read_config`], or weights that do not fit the config.
+pub fn load(path: &Path, device: &Device) -> Result<Detector, CheckpointError> {
+    let bytes = fs::read(path).map_err(CheckpointError::Io)?;
+    let config = config_of(&bytes, path)?;
+    let mut detector = Detector::init(&config, 0, device);
+    let mut store = SafetensorsStore::from_bytes(Some(bytes)).allow_partial(true).validate(false);
+    let applied = detector
+        .load_from(&mut store)
+        .map_err(|error| CheckpointError::Foreign { found: error.to_string(), path: path.to_owned() })?;
+    let misshapen: Vec<String> = applied.errors.iter().map(ToString::to_string).collect();
+    let missing: Vec<String> = applied.missing.iter().map(|(name, _)| name.clone()).collect();
+    if !misshapen.is_empty() || !missing.is_empty() {
+        return Err(CheckpointError::Weights { missing, misshapen, path: path.to_owned() });
+    }
+    Ok(detector)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_checkpoint_gives_back_the_same_bytes_and_config() {
+        let folder = tempfile::tempdir().unwrap();
+        let device = Device::flex();
+        let config = ModelConfig { n_queries: 7, ..ModelConfig::default() };
+        let (first, second) = (folder.path().join("a.safetensors"), folder.path().join("b.safetensors"));
+        save(&Detector::init(&config, 0, &device), &first).unwrap();
+        let loaded = load(&first, &device).unwrap();
+        assert_eq!(loaded.config(), &config);
+        save(&loaded, &second).unwrap();
+        assert_eq!(fs::read(&first).unwrap(), fs::read(&second).unwrap());
+    }
+
+    #[test]
+    fn a_file_that_is_no_checkpoint_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("model.safetensors");
+        fs::write(&path, b"something else").unwrap();
+        assert!(matches!(load(&path, &Device::flex()), Err(CheckpointError::Foreign { .. })));
+    }
+
+    #[test]
+    fn weights_of_another_config_are_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("model.safetensors");
+        let device = Device::flex();
+        save(&Detector::init(&ModelConfig::default(), 0, &device), &path).unwrap();
+        let bytes = fs::read(&path).unwrap();
+        let from = "hidden_channels = 64";
+        let at = bytes.windows(from.len()).position(|window| window == from.as_bytes()).unwrap();
+        let mut changed = bytes.clone();
+        changed[at..at + from.len()].copy_from_slice(b"hidden_channels = 32");
+        fs::write(&path, changed).unwrap();
+        assert!(matches!(load(&path, &device), Err(CheckpointError::Weights { .. })));
+    }
+}

@@ -1,0 +1,91 @@
+//! One sample as a picture: the camera with zone and boxes on the left, the LiDAR from above on the right.
+//!
+//! Truth is drawn thin (red harmful, blue harmless, dashed when out of distribution), predictions thick in
+//! their own tones with the score, the danger zone green on the ground.
+
+mod birdseye;
+mod canvas;
+mod front;
+mod legend;
+mod load;
+mod palette;
+
+pub use load::{ViewError, ViewRequest, ViewSummary, run};
+
+use image::RgbImage;
+
+use self::canvas::{Canvas, Pen};
+use crate::geometry::{Box3, Ego, Point2};
+use crate::object::{Detection, Distribution, Harm};
+use crate::sample::Sample;
+
+/// Size of the picture, pixels.
+pub const SIZE_PX: (u32, u32) = (1600, 620);
+
+const MARGIN_PX: u32 = 16;
+const TITLE_PX: u32 = 60;
+const FRONT_PX: (u32, u32) = (896, 504);
+const BIRDSEYE_PX: (u32, u32) = (656, 504);
+
+/// What is drawn.
+#[derive(Debug, Clone, Copy)]
+pub struct Scene<'a> {
+    /// The episode's name, for the title.
+    pub episode: &'a str,
+    /// The sample's place in its episode, for the title.
+    pub sample_idx: usize,
+    pub sample: &'a Sample,
+    /// One label for each of the sample's true objects, in their order; none draws them grey.
+    pub harms: Option<&'a [Harm]>,
+    /// Corners of the danger zone in the ego frame, metres.
+    pub zone: Option<&'a [Point2]>,
+    pub detections: Option<&'a [Detection]>,
+}
+
+/// Draws a sample, [`SIZE_PX`] large.
+///
+/// # Errors
+/// The sample's camera image cannot be unpacked.
+pub fn draw(scene: &Scene) -> Result<RgbImage, image::ImageError> {
+    let mut page = Canvas::new(SIZE_PX.0, SIZE_PX.1, palette::PAGE);
+    let front = front::draw(scene, FRONT_PX.0, FRONT_PX.1)?;
+    let birdseye = birdseye::draw(scene, BIRDSEYE_PX.0, BIRDSEYE_PX.1);
+    page.paste(&front, MARGIN_PX as i32, TITLE_PX as i32);
+    page.paste(&birdseye, (2 * MARGIN_PX + FRONT_PX.0) as i32, TITLE_PX as i32);
+    legend::draw_title(&mut page, scene);
+    legend::draw_legend(&mut page, scene, (TITLE_PX + FRONT_PX.1) as f32);
+    Ok(page.into_rgb())
+}
+
+/// A box to draw: where, with which pen, and what to write on it.
+struct Mark {
+    box_in_ego: Box3<Ego>,
+    pen: Pen,
+    tag: Option<String>,
+}
+
+impl Scene<'_> {
+    /// Every box: truth first, predictions over it.
+    fn marks(&self) -> Vec<Mark> {
+        let truths = self.sample.truth.objects.iter().enumerate().map(|(i, object)| {
+            let harm = self.harms.and_then(|harms| harms.get(i).copied());
+            let color = harm.map_or(palette::UNLABELLED, palette::truth);
+            let is_ood = object.distribution == Distribution::Ood;
+            let is_worth_a_name = self.detections.is_none() && (is_ood || harm == Some(Harm::Harmful));
+            Mark {
+                box_in_ego: object.box_in_ego,
+                pen: Pen { color, width_px: 1.5, is_dashed: is_ood },
+                tag: is_worth_a_name.then(|| object.category.replace('_', " ")),
+            }
+        });
+        let predictions = self.detections.unwrap_or_default().iter().map(|detection| Mark {
+            box_in_ego: detection.box_in_ego,
+            pen: Pen::solid(palette::predicted(detection.harm), 2.6),
+            tag: Some(format!("{:.2}", detection.score)),
+        });
+        truths.chain(predictions).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests;

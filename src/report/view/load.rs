@@ -1,0 +1,166 @@
+//! From a data set's folder and a sample's number to the picture on disk.
+
+use std::path::{Path, PathBuf};
+
+use fs_err as fs;
+use serde::Serialize;
+use thiserror::Error;
+
+use super::{Scene, draw};
+use crate::episode::manifest::{EpisodeEntry, LabelManifest, Manifest, ManifestError, label_sets};
+use crate::episode::{DetectionReader, EpisodeError, EpisodeReader, LabelReader};
+use crate::files::write_atomic;
+use crate::object::{Detection, Harm};
+
+/// Why a sample could not be drawn.
+#[derive(Debug, Error)]
+pub enum ViewError {
+    #[error(transparent)]
+    Manifest(#[from] ManifestError),
+    #[error(transparent)]
+    Episode(#[from] EpisodeError),
+    #[error(transparent)]
+    Io(#[from] std::io::Error),
+    #[error("there is no sample {found}; the data set has 0 to {last}: {}", path.display())]
+    NoSample { found: usize, last: usize, path: PathBuf },
+    #[error("the data set holds no sample: {}", path.display())]
+    Empty { path: PathBuf },
+    #[error("no label set `{set}`, found {found:?}; `harmzone label {}` makes labels: {}", path.display(), path.display())]
+    NoLabels { set: String, found: Vec<String>, path: PathBuf },
+    #[error("no predictions for episode `{episode}`; {wanted:?} is needed here; `harmzone predict RUN --data DIR` writes it: {}", path.display())]
+    NoPredictions { episode: String, wanted: String, path: PathBuf },
+    #[error("no labels or predictions at this sample's time ({time_ns} ns): {}", path.display())]
+    NotAligned { time_ns: u64, path: PathBuf },
+    #[error("the camera's image cannot be unpacked: {source}: {}", path.display())]
+    Image { source: image::ImageError, path: PathBuf },
+    #[error("the file exists; --force replaces it: {}", path.display())]
+    Exists { path: PathBuf },
+}
+
+/// What to draw, and where to.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ViewRequest {
+    pub dataset: PathBuf,
+    /// Counted through all episodes in the manifest's order, from 0.
+    pub sample: usize,
+    pub label_set: String,
+    /// A folder with `<episode>.mcap`, or a run that predicted this data set.
+    pub predictions: Option<PathBuf>,
+    /// Predictions below this score are left out.
+    pub min_score: f32,
+    pub out: PathBuf,
+    pub force: bool,
+}
+
+/// What was drawn.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct ViewSummary {
+    pub episode: String,
+    pub sample_idx: usize,
+    pub n_objects: usize,
+    pub n_harmful: usize,
+    pub n_detections: Option<usize>,
+    pub out: PathBuf,
+}
+
+/// Draws one sample of a data set into a PNG file.
+///
+/// # Errors
+/// [`ViewError`].
+pub fn run(request: &ViewRequest) -> Result<ViewSummary, ViewError> {
+    let dataset = &request.dataset;
+    if request.out.exists() && !request.force {
+        return Err(ViewError::Exists { path: request.out.clone() });
+    }
+    let manifest = Manifest::read(dataset)?;
+    let (entry, sample_idx) = locate(&manifest, request.sample, dataset)?;
+    let labels_folder = LabelManifest::folder(dataset, &request.label_set);
+    if !labels_folder.join(LabelManifest::FILE).is_file() {
+        let (set, path) = (request.label_set.clone(), dataset.clone());
+        return Err(ViewError::NoLabels { set, found: label_sets(dataset), path });
+    }
+    let path = dataset.join(&entry.file);
+    let sample = EpisodeReader::open(&path)?.sample(sample_idx)?;
+    let time_ns = sample.measured.time_ns;
+    let labels_path = labels_folder.join(format!("{}.mcap", entry.name));
+    let reader = LabelReader::open(&labels_path)?;
+    reader.check_episode(&entry.sha256)?;
+    let labels = reader
+        .samples()
+        .iter()
+        .find(|labels| labels.time_ns == time_ns && labels.labels.len() == sample.truth.objects.len())
+        .ok_or(ViewError::NotAligned { time_ns, path: labels_path })?;
+    let harms: Vec<Harm> = labels.labels.iter().map(|label| label.harm).collect();
+    let detections = request
+        .predictions
+        .as_deref()
+        .map(|folder| read_detections(folder, dataset, entry, time_ns, request.min_score))
+        .transpose()?;
+    let picture = draw(&Scene {
+        episode: &entry.name,
+        sample_idx,
+        sample: &sample,
+        harms: Some(&harms),
+        zone: Some(&labels.zone_corners),
+        detections: detections.as_deref(),
+    })
+    .map_err(|source| ViewError::Image { source, path: path.clone() })?;
+    let mut png = Vec::new();
+    picture
+        .write_to(&mut std::io::Cursor::new(&mut png), image::ImageFormat::Png)
+        .map_err(|source| ViewError::Image { source, path: request.out.clone() })?;
+    if let Some(folder) = request.out.parent() {
+        fs::create_dir_all(folder)?;
+    }
+    write_atomic(&request.out, &png)?;
+    Ok(ViewSummary {
+        episode: entry.name.clone(),
+        sample_idx,
+        n_objects: harms.len(),
+        n_harmful: harms.iter().filter(|&&harm| harm == Harm::Harmful).count(),
+        n_detections: detections.map(|found| found.len()),
+        out: request.out.clone(),
+    })
+}
+
+/// The episode that holds a sample of the data set, and the sample's place in it.
+fn locate<'a>(
+    manifest: &'a Manifest,
+    wanted: usize,
+    path: &Path,
+) -> Result<(&'a EpisodeEntry, usize), ViewError> {
+    let mut rest = wanted;
+    for entry in &manifest.episodes {
+        if rest < entry.n_samples {
+            return Ok((entry, rest));
+        }
+        rest -= entry.n_samples;
+    }
+    match wanted - rest {
+        0 => Err(ViewError::Empty { path: path.to_owned() }),
+        n => Err(ViewError::NoSample { found: wanted, last: n - 1, path: path.to_owned() }),
+    }
+}
+
+fn read_detections(
+    folder: &Path,
+    dataset: &Path,
+    entry: &EpisodeEntry,
+    time_ns: u64,
+    min_score: f32,
+) -> Result<Vec<Detection>, ViewError> {
+    let file = format!("{}.mcap", entry.name);
+    // A run keeps its predictions by the data set's name.
+    let of_run = folder.join("predictions");
+    let name = fs::canonicalize(dataset)?.file_name().unwrap_or_default().to_owned();
+    let places = [folder.join(&file), of_run.join(name).join(&file), of_run.join(&file)];
+    let Some(path) = places.iter().find(|place| place.is_file()) else {
+        let (episode, path) = (entry.name.clone(), folder.to_owned());
+        return Err(ViewError::NoPredictions { episode, wanted: file, path });
+    };
+    let reader = DetectionReader::open(path)?;
+    reader.check_episode(&entry.sha256)?;
+    let found = reader.samples().iter().find(|sample| sample.time_ns == time_ns);
+    let found = found.ok_or_else(|| ViewError::NotAligned { time_ns, path: path.clone() })?;
+    Ok(found.detections.iter().filter(|detection| detection.score >= min_score).copied().collect())
+}

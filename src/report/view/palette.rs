@@ -1,0 +1,45 @@
+//! The picture's colours: a dark, calm ground; one tone for each thing that is told apart.
+
+use super::canvas::Color;
+use crate::object::Harm;
+
+pub const PAGE: Color = Color::new(0x0010_141b);
+pub const PANEL: Color = Color::new(0x000b_0e13);
+pub const WEDGE: Color = Color::new(0x0014_1a23);
+pub const RING: Color = Color::new(0x002c_3747);
+pub const TEXT: Color = Color::new(0x00ee_f2f7);
+pub const TEXT_SOFT: Color = Color::new(0x0097_a5b8);
+pub const ZONE: Color = Color::new(0x003d_dc84);
+pub const EGO: Color = Color::new(0x00dd_e4ee);
+/// Truth without labels.
+pub const UNLABELLED: Color = Color::new(0x00b8_c2d0);
+
+/// Truth: red harmful, blue harmless.
+pub const fn truth(harm: Harm) -> Color {
+    match harm {
+        Harm::Harmful => Color::new(0x00ff_4d57),
+        Harm::Harmless => Color::new(0x0054_a8ff),
+    }
+}
+
+/// Predictions: warmer and paler than the truth's tones, so that both read when they lie on each other.
+pub const fn predicted(harm: Harm) -> Color {
+    match harm {
+        Harm::Harmful => Color::new(0x00ff_b938),
+        Harm::Harmless => Color::new(0x00cb_b2ff),
+    }
+}
+
+/// Colours of LiDAR heights, from the ground up to [`HEIGHT_RANGE_M`].
+const HEIGHTS: [Color; 4] =
+    [Color::new(0x0048_5c7a), Color::new(0x0055_92b5), Color::new(0x0087_c7b5), Color::new(0x00f3_e6a8)];
+
+/// Heights above the ground between which the colour changes, metres.
+pub const HEIGHT_RANGE_M: (f32, f32) = (0.0, 3.0);
+
+/// Colour for a share of the height range, 0 to 1.
+pub fn height(share: f32) -> Color {
+    let at = share.clamp(0.0, 1.0) * (HEIGHTS.len() - 1) as f32;
+    let i = (at as usize).min(HEIGHTS.len() - 2);
+    HEIGHTS[i].mix(HEIGHTS[i + 1], at - i as f32)
+}

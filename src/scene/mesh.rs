@@ -1,0 +1,114 @@
+//! Triangle meshes with texture coordinates, written as Wavefront OBJ, which MuJoCo reads.
+
+use std::fmt::Write as _;
+
+use nalgebra::Point3;
+
+/// Triangles of one material.
+#[derive(Debug, Clone, Default)]
+pub struct TriangleMesh {
+    /// Position in metres and texture coordinates in tiles.
+    vertices: Vec<([f64; 3], [f64; 2])>,
+    triangles: Vec<[usize; 3]>,
+}
+
+impl TriangleMesh {
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.triangles.is_empty()
+    }
+
+    #[must_use]
+    pub fn n_triangles(&self) -> usize {
+        self.triangles.len()
+    }
+
+    /// Adds a convex polygon, counter-clockwise seen from its front; slivers are left out.
+    pub fn add_polygon(&mut self, corners: &[([f64; 3], [f64; 2])]) {
+        let first = self.vertices.len();
+        self.vertices.extend_from_slice(corners);
+        for i in 1..corners.len().saturating_sub(1) {
+            let [a, b, c] = [corners[0].0, corners[i].0, corners[i + 1].0].map(Point3::from);
+            // MuJoCo refuses nothing here, but slivers have no normal.
+            if (b - a).cross(&(c - a)).norm() > 1e-5 {
+                self.triangles.push([first, first + i, first + i + 1]);
+            }
+        }
+    }
+
+    /// Adds a polygon that lies flat at height `z_m` and is textured by its place in the world.
+    pub fn add_flat(&mut self, corners: &[[f64; 2]], z_m: f64, tile_m: f64) {
+        let textured: Vec<_> =
+            corners.iter().map(|&[x, y]| ([x, y, z_m], [x / tile_m, y / tile_m])).collect();
+        self.add_polygon(&textured);
+    }
+
+    /// The mesh as OBJ text.
+    #[must_use]
+    pub fn to_obj(&self) -> String {
+        let mut obj = String::with_capacity(self.vertices.len() * 48);
+        let told = "writing to a string cannot fail";
+        for ([x, y, z], _) in &self.vertices {
+            writeln!(obj, "v {x:.4} {y:.4} {z:.4}").expect(told);
+        }
+        for (_, [u, v]) in &self.vertices {
+            writeln!(obj, "vt {u:.4} {v:.4}").expect(told);
+        }
+        for [a, b, c] in self.triangles.iter().map(|triangle| triangle.map(|i| i + 1)) {
+            writeln!(obj, "f {a}/{a} {b}/{b} {c}/{c}").expect(told);
+        }
+        obj
+    }
+}
+
+/// Triangles of an OBJ text: faces are fanned, everything but positions is passed over.
+///
+/// `None` if a number or an index is malformed.
+#[must_use]
+pub fn triangles_of_obj(text: &str) -> Option<Vec<[Point3<f32>; 3]>> {
+    let mut vertices: Vec<Point3<f32>> = Vec::new();
+    let mut triangles = Vec::new();
+    for line in text.lines() {
+        let mut words = line.split_whitespace();
+        match words.next() {
+            Some("v") => {
+                let mut next = || words.next()?.parse::<f32>().ok();
+                vertices.push(Point3::new(next()?, next()?, next()?));
+            }
+            Some("f") => {
+                let corners: Option<Vec<Point3<f32>>> = words
+                    .map(|word| {
+                        let index: i64 = word.split('/').next()?.parse().ok()?;
+                        let from_start = if index < 0 { index + vertices.len() as i64 } else { index - 1 };
+                        vertices.get(usize::try_from(from_start).ok()?).copied()
+                    })
+                    .collect();
+                let corners = corners?;
+                for i in 1..corners.len().saturating_sub(1) {
+                    triangles.push([corners[0], corners[i], corners[i + 1]]);
+                }
+            }
+            _ => {}
+        }
+    }
+    Some(triangles)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_square_survives_the_trip_through_obj() {
+        let mut mesh = TriangleMesh::default();
+        mesh.add_flat(&[[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]], 0.5, 1.0);
+        let triangles = triangles_of_obj(&mesh.to_obj()).unwrap();
+        assert_eq!(triangles.len(), 2);
+        assert_eq!(triangles[1][2], Point3::new(0.0, 2.0, 0.5));
+    }
+
+    #[test]
+    fn a_face_that_names_a_missing_vertex_is_refused() {
+        assert!(triangles_of_obj("v 0 0 0\nf 1 2 3\n").is_none());
+    }
+}

@@ -1,0 +1,335 @@
+//! The world as MJCF: static scene, objects, and the ego car.
+//!
+//! Visual groups: 1 static scene, 2 objects, 3 collision shapes (and the ground plane at z = 0),
+//! 4 the ego. Moving objects are mocap bodies at the top level, in the order of
+//! [`Placement::mocap`](super::populate::Placement), which is MuJoCo's mocap order.
+//!
+//! The body `ego` has its origin at the rear-axle centre projected to the ground, x forward: its
+//! pose is the ego frame. Dimensions are a Renault Zoe's, the car of nuScenes.
+
+use std::collections::BTreeSet;
+use std::fmt::Write as _;
+
+use super::buildings;
+use super::mesh::TriangleMesh;
+use super::path::Vec2;
+use super::populate::{Placement, World};
+use super::surface::GRASS_M;
+use super::textures::{self, Facade};
+
+/// Distance between the axles.
+pub const WHEELBASE_M: f64 = 2.588;
+/// Front bumper's x in the ego frame.
+pub const FRONT_BUMPER_X_M: f64 = 3.35;
+pub const EGO_LENGTH_M: f64 = 4.084;
+pub const EGO_WIDTH_M: f64 = 1.730;
+pub const EGO_HEIGHT_M: f64 = 1.562;
+/// Distance between the wheels of an axle.
+pub const TRACK_M: f64 = 1.51;
+pub const WHEEL_RADIUS_M: f64 = 0.31;
+/// Largest road-wheel angle.
+pub const MAX_STEERING_RAD: f64 = 0.6;
+/// Physics step.
+pub const TIMESTEP_S: f64 = 0.005;
+/// Time constant of the wheels' speed control: a target of `speed + a * this` yields about `a`.
+pub const DRIVE_RESPONSE_S: f64 = 0.15;
+const EGO_MASS_KG: f64 = 1500.0;
+
+/// Order of the actuators, which is the order of `ctrl`.
+pub const STEER_LEFT: usize = 0;
+pub const STEER_RIGHT: usize = 1;
+pub const SPIN_FRONT_LEFT: usize = 2;
+pub const SPIN_FRONT_RIGHT: usize = 3;
+pub const SPIN_REAR_LEFT: usize = 4;
+pub const SPIN_REAR_RIGHT: usize = 5;
+pub const N_ACTUATORS: usize = 6;
+
+/// What the driver asks of the car.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EgoCommand {
+    /// Speed that the wheels are driven towards; see [`DRIVE_RESPONSE_S`].
+    pub target_speed_mps: f64,
+    /// Ackermann mean of the road wheels, positive to the left.
+    pub steering_angle_rad: f64,
+}
+
+impl EgoCommand {
+    /// The actuators' inputs, in their order: front wheel angles by Ackermann, wheel spin rates.
+    #[must_use]
+    pub fn ctrl(&self) -> [f64; N_ACTUATORS] {
+        let mean = self.steering_angle_rad.clamp(-MAX_STEERING_RAD, MAX_STEERING_RAD);
+        let curvature = mean.tan() / WHEELBASE_M;
+        let (narrow, wide) = (1.0 - curvature * TRACK_M / 2.0, 1.0 + curvature * TRACK_M / 2.0);
+        let (left, right) =
+            ((WHEELBASE_M * curvature / narrow).atan(), (WHEELBASE_M * curvature / wide).atan());
+        let rate = self.target_speed_mps / WHEEL_RADIUS_M;
+        [left, right, rate * narrow / left.cos(), rate * wide / right.cos(), rate * narrow, rate * wide]
+    }
+}
+
+/// MJCF text with the files it names.
+#[derive(Debug, Clone)]
+pub struct Mjcf {
+    pub xml: String,
+    pub assets: Vec<(String, Vec<u8>)>,
+}
+
+const TOLD: &str = "writing to a string cannot fail";
+
+#[derive(Default)]
+struct Builder {
+    asset: String,
+    body: String,
+    files: Vec<(String, Vec<u8>)>,
+}
+
+impl Builder {
+    fn texture(&mut self, name: &str, png: Vec<u8>) {
+        writeln!(self.asset, "<texture name=\"{name}\" type=\"2d\" file=\"{name}.png\"/>").expect(TOLD);
+        writeln!(
+            self.asset,
+            "<material name=\"{name}\" texture=\"{name}\" specular=\"0.05\" shininess=\"0.05\"/>"
+        )
+        .expect(TOLD);
+        self.files.push((format!("{name}.png"), png));
+    }
+
+    fn plain(&mut self, name: &str, [r, g, b]: [f64; 3]) {
+        writeln!(
+            self.asset,
+            "<material name=\"{name}\" rgba=\"{r} {g} {b} 1\" specular=\"0.05\" shininess=\"0.05\"/>"
+        )
+        .expect(TOLD);
+    }
+
+    /// A static mesh of group 1.
+    fn mesh(&mut self, name: &str, material: &str, mesh: &TriangleMesh) {
+        if mesh.is_empty() {
+            return;
+        }
+        self.files.push((format!("{name}.obj"), mesh.to_obj().into_bytes()));
+        writeln!(self.asset, "<mesh name=\"{name}\" file=\"{name}.obj\" inertia=\"shell\"/>").expect(TOLD);
+        writeln!(
+            self.body,
+            "<geom name=\"{name}\" type=\"mesh\" mesh=\"{name}\" material=\"{material}\" group=\"1\" contype=\"0\" conaffinity=\"0\"/>"
+        )
+        .expect(TOLD);
+    }
+}
+
+impl World {
+    /// The whole world as MJCF.
+    #[must_use]
+    pub fn mjcf(&self) -> Mjcf {
+        let mut builder = Builder::default();
+        self.add_ground(&mut builder);
+        self.add_buildings(&mut builder);
+        self.add_objects(&mut builder);
+        add_ego(&mut builder, self.ego_start());
+        let Builder { asset, body, files } = builder;
+        let xml = format!(
+            "<mujoco model=\"harmzone\">\n<compiler angle=\"radian\" autolimits=\"true\"/>\n\
+             <option timestep=\"{TIMESTEP_S}\" integrator=\"implicitfast\" cone=\"elliptic\" impratio=\"5\"/>\n\
+             <statistic extent=\"60\" center=\"0 0 0\"/>\n\
+             <visual><global offwidth=\"800\" offheight=\"450\"/>\
+             <quality shadowsize=\"1024\" offsamples=\"0\" numslices=\"10\" numstacks=\"6\" numquads=\"1\"/>\
+             <headlight ambient=\"0.32 0.33 0.36\" diffuse=\"0.12 0.12 0.12\" specular=\"0 0 0\"/>\
+             <map znear=\"0.004\" zfar=\"8\" shadowclip=\"1\"/></visual>\n\
+             <asset>\n<texture name=\"sky\" type=\"skybox\" builtin=\"gradient\" rgb1=\"0.36 0.55 0.82\" rgb2=\"0.86 0.9 0.94\" width=\"128\" height=\"768\"/>\n\
+             {asset}</asset>\n<worldbody>\n\
+             <geom name=\"ground\" type=\"plane\" size=\"0 0 1\" pos=\"0 0 0\" group=\"3\" friction=\"1.1 0.005 0.0001\"/>\n\
+             {body}</worldbody>\n{ACTUATORS}</mujoco>\n"
+        );
+        Mjcf { xml, assets: files }
+    }
+
+    fn is_in_sight(&self) -> impl Fn(Vec2) -> bool + use<> {
+        let near = self.ego_route.path.sampled(15.0);
+        move |point: Vec2| near.iter().any(|other| (point - other).norm() < 160.0)
+    }
+
+    fn add_ground(&self, builder: &mut Builder) {
+        let config = &self.town.config;
+        builder.texture("scene_road", textures::grain("asphalt", [78, 79, 82], 0.22, 0.03));
+        builder.texture("scene_pavement", textures::slabs([158, 154, 148]));
+        let ground = if config.ground_texture == "dirt" { [124, 108, 84] } else { [92, 116, 66] };
+        builder.files.push(("scene_grass.png".into(), textures::grain("grass", ground, 0.3, 0.06)));
+        builder.asset.push_str(
+            "<texture name=\"scene_grass\" type=\"2d\" file=\"scene_grass.png\"/>\n\
+             <material name=\"scene_grass\" texture=\"scene_grass\" texrepeat=\"0.25 0.25\" texuniform=\"true\" specular=\"0\" shininess=\"0\"/>\n",
+        );
+        builder.plain("scene_kerb", [0.5, 0.49, 0.47]);
+        builder.plain("scene_marks", [0.86, 0.86, 0.84]);
+        writeln!(
+            builder.body,
+            "<geom name=\"scene_grass\" type=\"plane\" size=\"600 600 1\" pos=\"0 0 {GRASS_M}\" material=\"scene_grass\" group=\"1\" contype=\"0\" conaffinity=\"0\"/>"
+        )
+        .expect(TOLD);
+        let meshes = self.town.surface.meshes(self.is_in_sight());
+        builder.mesh("scene_road", "scene_road", &meshes.road);
+        builder.mesh("scene_pavement", "scene_pavement", &meshes.pavement);
+        builder.mesh("scene_kerb", "scene_kerb", &meshes.kerb);
+        builder.mesh("scene_marks", "scene_marks", &meshes.marks);
+    }
+
+    fn add_buildings(&self, builder: &mut Builder) {
+        let meshes = buildings::meshes(&self.town.buildings, self.is_in_sight());
+        for (i, (facade, ground_floor)) in meshes.facades.iter().zip(&meshes.ground_floors).enumerate() {
+            let (wall, trim) = WALLS[i % WALLS.len()];
+            let window = if i % 2 == 0 { [0.3, 0.22, 0.7, 0.82] } else { [0.18, 0.3, 0.82, 0.8] };
+            let name = format!("scene_facade_{i}");
+            let upper = Facade { wall, trim, window, has_bricks: i % 3 == 0 };
+            builder.texture(&name, textures::facade(&name, &upper));
+            builder.mesh(&name, &name, facade);
+            let name = format!("scene_shop_{i}");
+            let lower = Facade { window: [0.1, 0.12, 0.9, 0.72], has_bricks: false, ..upper };
+            builder.texture(&name, textures::facade(&name, &lower));
+            builder.mesh(&name, &name, ground_floor);
+        }
+        for (i, roof) in meshes.roofs.iter().enumerate() {
+            let name = format!("scene_roof_{i}");
+            builder.plain(&name, [[0.42, 0.3, 0.26], [0.35, 0.35, 0.36], [0.5, 0.46, 0.42]][i % 3]);
+            builder.mesh(&name, &name, roof);
+        }
+    }
+
+    fn add_objects(&self, builder: &mut Builder) {
+        let used: BTreeSet<usize> = self.placements.iter().map(|placement| placement.model).collect();
+        for model in used.into_iter().map(|i| &self.models.models[i]) {
+            builder.asset.push_str(&model.assets_xml);
+            builder.files.extend(model.files.iter().map(|(name, bytes)| (name.clone(), bytes.to_vec())));
+        }
+        let mut ordered: Vec<&Placement> = self.placements.iter().collect();
+        ordered.sort_by_key(|placement| placement.mocap);
+        for placement in ordered {
+            let model = &self.models.models[placement.model];
+            let mut geoms = model.geoms_xml.clone();
+            if let (Some([r, g, b]), Some(paint), Some(xml)) =
+                (placement.paint, &model.paint, &model.paint_xml)
+            {
+                let own = format!("obj:{}/paint", placement.id);
+                builder.asset.push_str(&recoloured(xml, paint, &own, [r, g, b]));
+                geoms = geoms.replace(&format!("material=\"{paint}\""), &format!("material=\"{own}\""));
+            }
+            let (x, y, z) = (placement.position.x, placement.position.y, placement.z_m);
+            let (sin, cos) = (placement.yaw_rad / 2.0).sin_cos();
+            let mocap = if placement.mocap.is_some() { " mocap=\"true\"" } else { "" };
+            writeln!(
+                builder.body,
+                "<body name=\"obj:{}\" pos=\"{x:.4} {y:.4} {z:.4}\" quat=\"{cos:.6} 0 0 {sin:.6}\"{mocap}>\n{geoms}</body>",
+                placement.id
+            )
+            .expect(TOLD);
+        }
+    }
+}
+
+/// Wall and trim colours.
+const WALLS: [([u8; 3], [u8; 3]); 6] = [
+    ([150, 92, 74], [212, 204, 192]),
+    ([206, 192, 164], [240, 234, 222]),
+    ([176, 178, 180], [110, 112, 116]),
+    ([188, 150, 112], [232, 222, 204]),
+    ([214, 208, 198], [150, 132, 112]),
+    ([132, 142, 150], [224, 226, 228]),
+];
+
+/// A material's element under another name and colour.
+fn recoloured(xml: &str, name: &str, own: &str, [r, g, b]: [f64; 3]) -> String {
+    let renamed = xml.replace(&format!("name=\"{name}\""), &format!("name=\"{own}\""));
+    let colour = format!("rgba=\"{r:.3} {g:.3} {b:.3} 1\"");
+    match renamed.find("rgba=\"").and_then(|start| {
+        let end = start + 6 + renamed[start + 6..].find('"')?;
+        Some(start..=end)
+    }) {
+        Some(range) => {
+            let mut text = renamed;
+            text.replace_range(range, &colour);
+            text + "\n"
+        }
+        None => renamed.replacen("<material", &format!("<material {colour}"), 1) + "\n",
+    }
+}
+
+const ACTUATORS: &str = "<actuator>
+<position name=\"steer_left\" joint=\"steer_fl\" kp=\"4000\" kv=\"200\" ctrlrange=\"-0.8 0.8\" forcerange=\"-3000 3000\"/>
+<position name=\"steer_right\" joint=\"steer_fr\" kp=\"4000\" kv=\"200\" ctrlrange=\"-0.8 0.8\" forcerange=\"-3000 3000\"/>
+<velocity name=\"spin_fl\" joint=\"spin_fl\" kv=\"240\" forcerange=\"-930 930\"/>
+<velocity name=\"spin_fr\" joint=\"spin_fr\" kv=\"240\" forcerange=\"-930 930\"/>
+<velocity name=\"spin_rl\" joint=\"spin_rl\" kv=\"240\" forcerange=\"-930 930\"/>
+<velocity name=\"spin_rr\" joint=\"spin_rr\" kv=\"240\" forcerange=\"-930 930\"/>
+</actuator>
+";
+
+fn add_ego(builder: &mut Builder, (position, yaw_rad): (Vec2, f64)) {
+    let (sin, cos) = (yaw_rad / 2.0).sin_cos();
+    let center_x_m = FRONT_BUMPER_X_M - EGO_LENGTH_M / 2.0;
+    let chassis_low_m = 0.2;
+    let half_height_m = (EGO_HEIGHT_M - chassis_low_m) / 2.0;
+    let wheel_mass_kg = 20.0;
+    let mass_kg = EGO_MASS_KG - 4.0 * wheel_mass_kg;
+    // Inertia of a homogeneous box; the mass lies low, as in a car.
+    let [ixx, iyy, izz] = [
+        mass_kg / 12.0 * (EGO_WIDTH_M.powi(2) + 1.0),
+        mass_kg / 12.0 * (EGO_LENGTH_M.powi(2) + 1.0),
+        mass_kg / 12.0 * (EGO_LENGTH_M.powi(2) + EGO_WIDTH_M.powi(2)),
+    ];
+    let body = &mut builder.body;
+    writeln!(
+        body,
+        "<body name=\"ego\" pos=\"{:.4} {:.4} 0\" quat=\"{cos:.6} 0 0 {sin:.6}\">\n<freejoint name=\"ego\"/>\n\
+         <inertial pos=\"{:.4} 0 0.4\" mass=\"{mass_kg}\" diaginertia=\"{ixx:.1} {iyy:.1} {izz:.1}\"/>\n\
+         <light name=\"sun\" mode=\"track\" directional=\"true\" castshadow=\"true\" pos=\"0 0 40\" dir=\"-0.45 0.35 -0.82\" diffuse=\"0.72 0.7 0.64\" specular=\"0.2 0.2 0.2\" ambient=\"0 0 0\"/>\n\
+         <geom name=\"ego_chassis\" type=\"box\" size=\"{:.4} {:.4} {half_height_m:.4}\" pos=\"{center_x_m:.4} 0 {:.4}\" group=\"4\" rgba=\"0.8 0.8 0.85 1\"/>",
+        position.x,
+        position.y,
+        WHEELBASE_M / 2.0,
+        EGO_LENGTH_M / 2.0,
+        EGO_WIDTH_M / 2.0,
+        chassis_low_m + half_height_m,
+    )
+    .expect(TOLD);
+    for (name, x_m, side) in
+        [("fl", WHEELBASE_M, 1.0), ("fr", WHEELBASE_M, -1.0), ("rl", 0.0, 1.0), ("rr", 0.0, -1.0)]
+    {
+        let steer = if x_m > 0.0 {
+            format!(
+                "<joint name=\"steer_{name}\" type=\"hinge\" axis=\"0 0 1\" range=\"-0.85 0.85\" damping=\"40\" armature=\"2\"/>\n"
+            )
+        } else {
+            String::new()
+        };
+        // Wheels touch the ground plane only (bit 2), the chassis other things only.
+        writeln!(
+            body,
+            "<body name=\"wheel_{name}\" pos=\"{x_m:.4} {:.4} {WHEEL_RADIUS_M}\">\n{steer}\
+             <joint name=\"spin_{name}\" type=\"hinge\" axis=\"0 1 0\" armature=\"0.5\" damping=\"0.05\"/>\n\
+             <geom type=\"cylinder\" size=\"{WHEEL_RADIUS_M} 0.1\" quat=\"0.7071068 0.7071068 0 0\" mass=\"{wheel_mass_kg}\" group=\"4\" \
+             friction=\"1.1 0.005 0.0001\" rgba=\"0.1 0.1 0.1 1\"/>\n</body>",
+            side * TRACK_M / 2.0
+        )
+        .expect(TOLD);
+    }
+    body.push_str("</body>\n");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_inner_wheel_turns_more_and_slower() {
+        let ctrl = EgoCommand { target_speed_mps: 5.0, steering_angle_rad: 0.3 }.ctrl();
+        assert!(ctrl[STEER_LEFT] > 0.3 && ctrl[STEER_RIGHT] < 0.3 && ctrl[STEER_RIGHT] > 0.2);
+        assert!(ctrl[SPIN_REAR_LEFT] < ctrl[SPIN_REAR_RIGHT]);
+        let mean = f64::midpoint(ctrl[SPIN_REAR_LEFT], ctrl[SPIN_REAR_RIGHT]);
+        assert!((mean * WHEEL_RADIUS_M - 5.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_recoloured_material_has_its_own_name_and_colour() {
+        let xml = "<material name=\"car/paint\" rgba=\"1 0 0 1\" specular=\"0.5\"/>";
+        let own = recoloured(xml, "car/paint", "obj:a/paint", [0.0, 0.5, 1.0]);
+        assert_eq!(own, "<material name=\"obj:a/paint\" rgba=\"0.000 0.500 1.000 1\" specular=\"0.5\"/>\n");
+    }
+}

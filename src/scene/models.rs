@@ -1,0 +1,242 @@
+//! Object models: one folder each under `mjcf_assets/`, read into ready MJCF pieces and triangles.
+//!
+//! A model's frame has its origin at the footprint's centre on the ground, x forward, z up; its box
+//! is the axis-aligned bound of its visual meshes.
+
+use std::path::{Path as FilePath, PathBuf};
+use std::sync::Arc;
+
+use include_dir::{Dir, include_dir};
+use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use roxmltree::{Document, Node};
+
+use super::mesh::triangles_of_obj;
+use super::town::SceneError;
+use crate::object::{Distribution, Kind};
+
+static ASSETS: Dir<'static> = include_dir!("$CARGO_MANIFEST_DIR/mjcf_assets");
+
+/// One object model.
+#[derive(Debug, Clone)]
+pub struct Model {
+    pub name: String,
+    pub category: String,
+    pub kind: Kind,
+    pub distribution: Distribution,
+    /// Share of LiDAR light sent back at right angles, 0 to 1.
+    pub reflectivity: f64,
+    /// Material that may be recoloured for each instance.
+    pub paint: Option<String>,
+    /// Lowest and highest corner of the visual meshes, in the model frame.
+    pub bounds: ([f64; 3], [f64; 3]),
+    /// Visual triangles in the model frame.
+    pub triangles: Arc<Vec<[Point3<f32>; 3]>>,
+    /// `<asset>` children as MJCF text.
+    pub(super) assets_xml: String,
+    /// The paint material's element, for recolouring.
+    pub(super) paint_xml: Option<String>,
+    /// `<body>` children as MJCF text.
+    pub(super) geoms_xml: String,
+    /// Files that the assets name.
+    pub(super) files: Vec<(String, &'static [u8])>,
+}
+
+impl Model {
+    #[must_use]
+    pub fn length_m(&self) -> f64 {
+        self.bounds.1[0] - self.bounds.0[0]
+    }
+
+    #[must_use]
+    pub fn width_m(&self) -> f64 {
+        self.bounds.1[1] - self.bounds.0[1]
+    }
+
+    #[must_use]
+    pub fn height_m(&self) -> f64 {
+        self.bounds.1[2] - self.bounds.0[2]
+    }
+}
+
+/// All models of the binary, sorted by name.
+#[derive(Debug, Clone)]
+pub struct ModelLibrary {
+    pub models: Vec<Model>,
+}
+
+impl ModelLibrary {
+    /// Reads every model folder.
+    ///
+    /// # Errors
+    /// [`SceneError::Model`] names the folder and what is wrong in it.
+    pub fn load() -> Result<Self, SceneError> {
+        let is_model = |dir: &&Dir<'static>| dir.get_file(dir.path().join("model.xml")).is_some();
+        let mut models = ASSETS
+            .dirs()
+            .filter(is_model)
+            .map(|dir| {
+                read(dir).map_err(|message| SceneError::Model {
+                    message,
+                    path: PathBuf::from("mjcf_assets").join(dir.path()),
+                })
+            })
+            .collect::<Result<Vec<_>, _>>()?;
+        models.sort_by(|a, b| a.name.cmp(&b.name));
+        Ok(Self { models })
+    }
+
+    /// Indices of the models of a kind and distribution.
+    #[must_use]
+    pub fn indices(&self, kind: Kind, distribution: Distribution) -> Vec<usize> {
+        let fits = |model: &Model| model.kind == kind && model.distribution == distribution;
+        (0..self.models.len()).filter(|&i| fits(&self.models[i])).collect()
+    }
+}
+
+fn read(dir: &'static Dir<'static>) -> Result<Model, String> {
+    let name = dir.path().display().to_string();
+    let xml = dir
+        .get_file(dir.path().join("model.xml"))
+        .and_then(include_dir::File::contents_utf8)
+        .ok_or("model.xml is not UTF-8 text")?;
+    let document = Document::parse(xml).map_err(|error| error.to_string())?;
+    let find = |tag: &str| document.descendants().find(|node| node.has_tag_name(tag));
+    let custom = |key: &str| {
+        let mut entries = document.descendants().filter(|node| node.attribute("data").is_some());
+        entries.find(|node| node.attribute("name") == Some(key)).and_then(|node| node.attribute("data"))
+    };
+    let needed = |key: &str| custom(key).ok_or(format!("no custom `{key}`"));
+    let kind = match needed("kind")? {
+        "vehicle" => Kind::Vehicle,
+        "pedestrian" => Kind::Pedestrian,
+        "static" => Kind::Static,
+        other => return Err(format!("kind `{other}` is none of vehicle, pedestrian, static")),
+    };
+    let distribution = match needed("distribution")? {
+        "id" => Distribution::Id,
+        "ood" => Distribution::Ood,
+        other => return Err(format!("distribution `{other}` is none of id, ood")),
+    };
+    let reflectivity = needed("reflectivity")?.trim().parse().map_err(|_| "reflectivity is no number")?;
+    let paint = custom("paint").map(str::to_owned);
+
+    let mut files: Vec<(String, &'static [u8])> = Vec::new();
+    let mut assets_xml = String::new();
+    let mut paint_xml = None;
+    let asset_nodes = find("asset").ok_or("no <asset>")?;
+    for node in asset_nodes.children().filter(Node::is_element) {
+        let mut text = xml[node.range()].to_owned();
+        if let Some(file) = node.attribute("file") {
+            let inside = dir.path().join(file);
+            let bytes = ASSETS.get_file(&inside).ok_or(format!("no file `{file}`"))?.contents();
+            let key = format!("{name}__{}", file.replace('/', "_"));
+            text = text.replace(&format!("file=\"{file}\""), &format!("file=\"{key}\""));
+            files.push((key, bytes));
+        }
+        if node.has_tag_name("material") && node.attribute("name") == paint.as_deref() {
+            paint_xml = Some(text.clone());
+        }
+        assets_xml.push_str(&text);
+        assets_xml.push('\n');
+    }
+
+    let body = find("worldbody").and_then(|world| world.children().find(|node| node.has_tag_name("body")));
+    let body = body.ok_or("no <body> in <worldbody>")?;
+    let mut geoms_xml = String::new();
+    let mut triangles = Vec::new();
+    for geom in body.children().filter(|node| node.has_tag_name("geom")) {
+        geoms_xml.push_str(&xml[geom.range()]);
+        geoms_xml.push('\n');
+        if let (Some(mesh), Some("2")) = (geom.attribute("mesh"), geom.attribute("group")) {
+            let node = asset_nodes
+                .children()
+                .find(|node| node.has_tag_name("mesh") && node.attribute("name") == Some(mesh))
+                .ok_or(format!("no mesh `{mesh}`"))?;
+            triangles.extend(mesh_triangles(dir.path(), node, geom)?);
+        }
+    }
+    let bounds = bounds_of(&triangles).ok_or("no visual triangles in group 2")?;
+    let triangles = Arc::new(triangles);
+    Ok(Model {
+        name,
+        category: needed("category")?.to_owned(),
+        kind,
+        distribution,
+        reflectivity,
+        paint,
+        bounds,
+        triangles,
+        assets_xml,
+        paint_xml,
+        geoms_xml,
+        files,
+    })
+}
+
+fn numbers(node: Node, attribute: &str) -> Result<Option<Vec<f64>>, String> {
+    let Some(text) = node.attribute(attribute) else { return Ok(None) };
+    let parsed: Result<Vec<f64>, _> = text.split_whitespace().map(str::parse).collect();
+    parsed.map(Some).map_err(|_| format!("{attribute}=\"{text}\" is not a list of numbers"))
+}
+
+fn mesh_triangles(folder: &FilePath, mesh: Node, geom: Node) -> Result<Vec<[Point3<f32>; 3]>, String> {
+    let file = mesh.attribute("file").ok_or("a mesh without a file")?;
+    let text = ASSETS.get_file(folder.join(file)).and_then(include_dir::File::contents_utf8);
+    let triangles = text.and_then(triangles_of_obj).ok_or(format!("`{file}` is not an OBJ mesh"))?;
+    let scale = match numbers(mesh, "scale")?.as_deref() {
+        Some(&[x, y, z]) => Vector3::new(x, y, z),
+        _ => Vector3::repeat(1.0),
+    };
+    let shift = match numbers(geom, "pos")?.as_deref() {
+        Some(&[x, y, z]) => Translation3::new(x, y, z),
+        _ => Translation3::identity(),
+    };
+    if geom.attribute("euler").is_some() || geom.attribute("axisangle").is_some() {
+        return Err("a visual geom may be turned by quat only".into());
+    }
+    let turn = match numbers(geom, "quat")?.as_deref() {
+        Some(&[w, x, y, z]) => UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)),
+        _ => UnitQuaternion::identity(),
+    };
+    let model_from_mesh = Isometry3::from_parts(shift, turn).cast::<f32>();
+    let scale = scale.cast::<f32>();
+    let place = |point: Point3<f32>| model_from_mesh * Point3::from(point.coords.component_mul(&scale));
+    Ok(triangles.into_iter().map(|triangle| triangle.map(place)).collect())
+}
+
+fn bounds_of(triangles: &[[Point3<f32>; 3]]) -> Option<([f64; 3], [f64; 3])> {
+    let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+    for point in triangles.iter().flatten() {
+        for axis in 0..3 {
+            low[axis] = low[axis].min(f64::from(point[axis]));
+            high[axis] = high[axis].max(f64::from(point[axis]));
+        }
+    }
+    (!triangles.is_empty()).then_some((low, high))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_shipped_model_stands_on_the_ground_and_is_centred() {
+        let library = ModelLibrary::load().unwrap();
+        for model in &library.models {
+            assert!(model.bounds.0[2].abs() < 0.06, "{} starts at {}", model.name, model.bounds.0[2]);
+            for axis in 0..2 {
+                let middle = f64::midpoint(model.bounds.0[axis], model.bounds.1[axis]);
+                assert!(middle.abs() < 0.15, "{} is off by {middle} along {axis}", model.name);
+            }
+        }
+    }
+
+    #[test]
+    fn asset_names_are_unique_over_all_models() {
+        let library = ModelLibrary::load().unwrap();
+        let mut names = std::collections::BTreeSet::new();
+        for model in &library.models {
+            assert!(model.files.iter().all(|(name, _)| names.insert(name.clone())), "{}", model.name);
+        }
+    }
+}

@@ -1,0 +1,134 @@
+//! What ground is taken: strips of road and pavement, and the footprints of things that stand.
+
+use std::collections::BTreeMap;
+
+use super::path::Vec2;
+use crate::geometry::{Point2, convex_overlap_area};
+
+const CELL_M: f64 = 8.0;
+
+/// An oriented rectangle on the ground.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Footprint {
+    pub center: Vec2,
+    pub yaw_rad: f64,
+    pub length_m: f64,
+    pub width_m: f64,
+}
+
+impl Footprint {
+    /// Half of the diagonal.
+    #[must_use]
+    pub fn radius_m(&self) -> f64 {
+        self.length_m.hypot(self.width_m) / 2.0
+    }
+
+    #[must_use]
+    pub fn grown(&self, margin_m: f64) -> Self {
+        Self { length_m: self.length_m + 2.0 * margin_m, width_m: self.width_m + 2.0 * margin_m, ..*self }
+    }
+
+    #[must_use]
+    pub fn corners(&self) -> [Point2; 4] {
+        let (sin, cos) = self.yaw_rad.sin_cos();
+        [(0.5, 0.5), (-0.5, 0.5), (-0.5, -0.5), (0.5, -0.5)].map(|(along, across)| {
+            let (x, y) = (along * self.length_m, across * self.width_m);
+            Point2 { x_m: self.center.x + x * cos - y * sin, y_m: self.center.y + x * sin + y * cos }
+        })
+    }
+
+    /// Whether a point lies inside.
+    #[must_use]
+    pub fn contains(&self, point: Vec2) -> bool {
+        let (sin, cos) = self.yaw_rad.sin_cos();
+        let offset = point - self.center;
+        (offset.x * cos + offset.y * sin).abs() <= self.length_m / 2.0
+            && (offset.y * cos - offset.x * sin).abs() <= self.width_m / 2.0
+    }
+
+    /// Whether two rectangles share more than a square centimetre.
+    #[must_use]
+    pub fn meets(&self, other: &Self) -> bool {
+        (self.center - other.center).norm() < self.radius_m() + other.radius_m()
+            && convex_overlap_area(&self.corners(), &other.corners()) > 1e-4
+    }
+}
+
+fn cell(point: Vec2) -> (i64, i64) {
+    ((point.x / CELL_M).floor() as i64, (point.y / CELL_M).floor() as i64)
+}
+
+fn around(point: Vec2) -> impl Iterator<Item = (i64, i64)> {
+    let (x, y) = cell(point);
+    (-1..=1).flat_map(move |dx| (-1..=1).map(move |dy| (x + dx, y + dy)))
+}
+
+/// Centre points of strips with their half widths, found by cell.
+#[derive(Debug, Clone, Default)]
+pub struct StripGrid {
+    cells: BTreeMap<(i64, i64), Vec<(Vec2, f64)>>,
+}
+
+impl StripGrid {
+    pub fn add(&mut self, points: &[Vec2], half_width_m: f64) {
+        for &point in points {
+            self.cells.entry(cell(point)).or_default().push((point, half_width_m));
+        }
+    }
+
+    /// Distance from a point to the nearest strip's edge, negative inside; at most one cell.
+    #[must_use]
+    pub fn clearance_m(&self, point: Vec2) -> f64 {
+        let near = around(point).filter_map(|key| self.cells.get(&key)).flatten();
+        near.map(|(center, half_m)| (point - center).norm() - half_m).fold(CELL_M, f64::min)
+    }
+}
+
+/// Footprints that must not meet.
+#[derive(Debug, Clone, Default)]
+pub struct Occupied {
+    footprints: Vec<Footprint>,
+}
+
+impl Occupied {
+    /// Takes the ground if it is free, with `gap_m` to everything else; tells whether it was.
+    pub fn claim(&mut self, footprint: Footprint, gap_m: f64) -> bool {
+        let is_free = self.is_free(&footprint, gap_m);
+        if is_free {
+            self.footprints.push(footprint);
+        }
+        is_free
+    }
+
+    #[must_use]
+    pub fn is_free(&self, footprint: &Footprint, gap_m: f64) -> bool {
+        let grown = footprint.grown(gap_m);
+        !self.footprints.iter().any(|other| grown.meets(other))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn square(x_m: f64) -> Footprint {
+        Footprint { center: Vec2::new(x_m, 0.0), yaw_rad: 0.0, length_m: 2.0, width_m: 2.0 }
+    }
+
+    #[test]
+    fn ground_can_be_claimed_once() {
+        let mut occupied = Occupied::default();
+        assert!(occupied.claim(square(0.0), 0.0));
+        assert!(!occupied.claim(square(1.9), 0.0));
+        assert!(occupied.claim(square(2.1), 0.0));
+        assert!(!occupied.is_free(&square(4.2), 0.5));
+    }
+
+    #[test]
+    fn clearance_is_negative_on_the_strip() {
+        let mut grid = StripGrid::default();
+        grid.add(&[Vec2::zeros()], 2.0);
+        assert!((grid.clearance_m(Vec2::new(5.0, 0.0)) - 3.0).abs() < 1e-12);
+        assert!(grid.clearance_m(Vec2::new(1.0, 0.0)) < 0.0);
+    }
+}

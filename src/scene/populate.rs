@@ -1,0 +1,506 @@
+//! Fills a town: the ego's route, parked and moving vehicles, pedestrians, props and, if wanted,
+//! out-of-distribution objects on the road and beside it. Same town, config and seed: same world.
+
+use std::sync::Arc;
+
+use nalgebra::Point3;
+use rand::RngExt;
+use serde::{Deserialize, Serialize};
+
+use super::models::{Model, ModelLibrary};
+use super::occupancy::{Footprint, Occupied};
+use super::path::{Path, Vec2};
+use super::route::Route;
+use super::surface::{PAVEMENT_M, Strip, StripKind};
+use super::town::{SceneError, Town};
+use crate::object::{Distribution, Kind};
+use crate::random::{self, Rng};
+
+/// How much is placed, and how far from the ego's route.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PopulateConfig {
+    /// Whether out-of-distribution objects are placed.
+    pub ood: bool,
+    /// Length of the ego's route, metres; driving goes on by random turns within it.
+    pub route_length_m: f64,
+    /// Nothing stands farther than this from the route, metres.
+    pub reach_m: f64,
+    /// Factors on the town's densities.
+    pub prop_density: f64,
+    pub parked_density: f64,
+    pub traffic_density: f64,
+    pub pedestrian_density: f64,
+    /// Between one out-of-distribution place and the next along the route, metres: least, most.
+    pub ood_spacing_m: [f64; 2],
+    /// Share of out-of-distribution objects that stand in the ego's lane or partly in it.
+    pub ood_in_lane_share: f64,
+}
+
+impl Default for PopulateConfig {
+    fn default() -> Self {
+        Self {
+            ood: false,
+            route_length_m: 700.0,
+            reach_m: 60.0,
+            prop_density: 0.6,
+            parked_density: 0.6,
+            traffic_density: 1.0,
+            pedestrian_density: 0.6,
+            ood_spacing_m: [9.0, 20.0],
+            ood_in_lane_share: 0.2,
+        }
+    }
+}
+
+/// A walk along a pavement, and the way across the street, if there is one.
+#[derive(Debug, Clone)]
+pub struct Walk {
+    pub footway: Path,
+    /// Offset to the left of the footway's line.
+    pub left_m: f64,
+    pub station_m: f64,
+    /// 1 or -1 along the footway.
+    pub sense: f64,
+    pub speed_mps: f64,
+    /// Station at which it crosses, and the far side.
+    pub crossing: Option<(f64, Vec2)>,
+    /// Crosses without waiting long for a gap.
+    pub is_reckless: bool,
+}
+
+/// How an object moves.
+#[derive(Debug, Clone)]
+pub enum Motion {
+    Still,
+    /// Drives a route from a station on.
+    Drives {
+        route: Route,
+        station_m: f64,
+    },
+    Walks(Walk),
+}
+
+/// One placed object.
+#[derive(Debug, Clone)]
+pub struct Placement {
+    pub id: String,
+    pub model: usize,
+    pub position: Vec2,
+    pub z_m: f64,
+    pub yaw_rad: f64,
+    /// Colour of the paint material, if it is recoloured.
+    pub paint: Option<[f64; 3]>,
+    pub motion: Motion,
+    /// Number among the mocap bodies, for what moves.
+    pub mocap: Option<usize>,
+}
+
+/// What the simulator and the labels need to know of an object.
+#[derive(Debug, Clone)]
+pub struct SceneObject {
+    pub id: String,
+    pub category: String,
+    pub kind: Kind,
+    pub distribution: Distribution,
+    pub body_name: String,
+    /// Lowest and highest corner in the model frame.
+    pub bounds: ([f64; 3], [f64; 3]),
+    pub triangles: Arc<Vec<[Point3<f32>; 3]>>,
+    pub reflectivity: f64,
+}
+
+/// A filled town, ready to be simulated.
+#[derive(Debug, Clone)]
+pub struct World {
+    pub town: Arc<Town>,
+    pub models: Arc<ModelLibrary>,
+    pub placements: Vec<Placement>,
+    pub ego_route: Route,
+    /// Where on the route the ego's rear axle starts.
+    pub ego_start_m: f64,
+    objects: Vec<SceneObject>,
+}
+
+impl World {
+    #[must_use]
+    pub fn objects(&self) -> &[SceneObject] {
+        &self.objects
+    }
+
+    /// Ground footprint of a placement at its start.
+    #[must_use]
+    pub fn footprint(&self, placement: &Placement) -> Footprint {
+        footprint_of(&self.models.models[placement.model], placement.position, placement.yaw_rad)
+    }
+
+    /// Start pose of the ego: x, y, yaw of the rear axle.
+    #[must_use]
+    pub fn ego_start(&self) -> (Vec2, f64) {
+        let path = &self.ego_route.path;
+        (path.at(self.ego_start_m), path.heading_rad(self.ego_start_m))
+    }
+}
+
+/// Fills a town.
+///
+/// # Errors
+/// [`SceneError`]: broken models, or no lane where the ego could start.
+pub fn populate(town: &Arc<Town>, config: &PopulateConfig, seed: u64) -> Result<World, SceneError> {
+    let models = Arc::new(ModelLibrary::load()?);
+    let mut rng = random::stream(seed, "ego-route", 0);
+    let starts: Vec<usize> = (0..town.graph.lanes.len())
+        .filter(|&i| town.graph.lanes[i].junction.is_none() && town.graph.lanes[i].path.length_m() > 20.0)
+        .collect();
+    if starts.is_empty() {
+        return Err(SceneError::NoStart { town: town.name.clone() });
+    }
+    let lane = starts[rng.random_range(0..starts.len())];
+    let ego_route = Route::random(&town.graph, lane, config.route_length_m, &mut rng);
+    let mut filler = Filler {
+        town,
+        config,
+        models: &models,
+        near: ego_route.path.sampled(8.0),
+        occupied: Occupied::default(),
+        placements: Vec::new(),
+        seed,
+    };
+    let start_m = 3.0;
+    let ego_center = ego_route.path.at(start_m + 1.3);
+    let ego_yaw_rad = ego_route.path.heading_rad(start_m);
+    filler
+        .occupied
+        .claim(Footprint { center: ego_center, yaw_rad: ego_yaw_rad, length_m: 12.0, width_m: 2.6 }, 0.0);
+    if config.ood {
+        filler.place_ood(&ego_route);
+    }
+    filler.park();
+    filler.place_props();
+    filler.place_traffic(&starts, ego_center);
+    filler.place_pedestrians();
+    let mut placements = filler.placements;
+    for (n, placement) in placements.iter_mut().filter(|p| !matches!(p.motion, Motion::Still)).enumerate() {
+        placement.mocap = Some(n);
+    }
+    let objects = placements.iter().map(|placement| scene_object(placement, &models)).collect();
+    Ok(World { town: Arc::clone(town), models, placements, ego_route, ego_start_m: start_m, objects })
+}
+
+fn scene_object(placement: &Placement, models: &ModelLibrary) -> SceneObject {
+    let model = &models.models[placement.model];
+    SceneObject {
+        id: placement.id.clone(),
+        category: model.category.clone(),
+        kind: model.kind,
+        distribution: model.distribution,
+        body_name: format!("obj:{}", placement.id),
+        bounds: model.bounds,
+        triangles: Arc::clone(&model.triangles),
+        reflectivity: model.reflectivity,
+    }
+}
+
+fn footprint_of(model: &Model, position: Vec2, yaw_rad: f64) -> Footprint {
+    Footprint { center: position, yaw_rad, length_m: model.length_m(), width_m: model.width_m() }
+}
+
+/// Paints of vehicles and clothes: common colours of European cars, then bolder ones.
+const PAINTS: [[f64; 3]; 9] = [
+    [0.85, 0.85, 0.84],
+    [0.12, 0.12, 0.13],
+    [0.45, 0.46, 0.48],
+    [0.62, 0.64, 0.66],
+    [0.15, 0.22, 0.42],
+    [0.55, 0.1, 0.1],
+    [0.2, 0.35, 0.22],
+    [0.75, 0.6, 0.3],
+    [0.2, 0.45, 0.6],
+];
+
+struct Filler<'a> {
+    town: &'a Town,
+    config: &'a PopulateConfig,
+    models: &'a ModelLibrary,
+    /// Points along the ego's route.
+    near: Vec<Vec2>,
+    occupied: Occupied,
+    placements: Vec<Placement>,
+    seed: u64,
+}
+
+impl Filler<'_> {
+    fn is_near(&self, point: Vec2) -> bool {
+        self.near.iter().any(|other| (point - other).norm() < self.config.reach_m)
+    }
+
+    /// Draws a model by weight of its name; models without a weight count 1 if no weights are given.
+    fn draw_model(
+        &self,
+        kind: Kind,
+        weights: &std::collections::BTreeMap<String, f64>,
+        rng: &mut Rng,
+    ) -> Option<usize> {
+        let choices: Vec<(usize, f64)> = self
+            .models
+            .indices(kind, Distribution::Id)
+            .into_iter()
+            .filter(|&i| self.models.models[i].category != "ego")
+            .map(|i| {
+                let weight = weights.get(&self.models.models[i].name).copied();
+                (i, weight.unwrap_or(if weights.is_empty() { 1.0 } else { 0.0 }).max(0.0))
+            })
+            .collect();
+        let mut left = rng.random::<f64>() * choices.iter().map(|(_, weight)| weight).sum::<f64>();
+        choices
+            .iter()
+            .find(|(_, weight)| {
+                left -= weight;
+                left < 0.0
+            })
+            .map(|(i, _)| *i)
+    }
+
+    fn put(&mut self, model: usize, position: Vec2, z_m: f64, yaw_rad: f64, motion: Motion, rng: &mut Rng) {
+        let category = &self.models.models[model].category;
+        let id = format!("{category}-{:03}", self.placements.len());
+        let paint = self.models.models[model].paint.as_ref().map(|_| {
+            PAINTS[rng.random_range(0..PAINTS.len())]
+                .map(|c| (c * (0.85 + 0.3 * rng.random::<f64>())).min(1.0))
+        });
+        self.placements.push(Placement { id, model, position, z_m, yaw_rad, paint, motion, mocap: None });
+    }
+
+    fn claim(&mut self, model: usize, position: Vec2, yaw_rad: f64, gap_m: f64) -> bool {
+        self.occupied.claim(footprint_of(&self.models.models[model], position, yaw_rad), gap_m)
+    }
+
+    /// Parked cars: in parking lanes where the town has them.
+    fn park(&mut self) {
+        let mut rng = random::stream(self.seed, "parked", 0);
+        let traffic = &self.town.config.traffic;
+        let share = traffic.parked_share * self.config.parked_density;
+        for strip in self.town.surface.strips.iter().filter(|strip| strip.kind == StripKind::Parking) {
+            let length_m = strip.center.length_m();
+            let mut station_m = 10.0;
+            while station_m < length_m - 10.0 {
+                let at = strip.center.at(station_m);
+                // Traffic on the right: a parking lane runs with the nearest driving lane.
+                let yaw_rad = self.travel_heading(at) + 0.03 * (rng.random::<f64>() - 0.5);
+                let model = self.draw_model(Kind::Vehicle, &traffic.vehicle_weights, &mut rng);
+                let is_taken = rng.random::<f64>() < share;
+                if let (true, Some(model), true) = (is_taken, model, self.is_near(at)) {
+                    let is_small = self.models.models[model].length_m() < traffic.parking_place_m + 0.3;
+                    if is_small && self.claim(model, at, yaw_rad, 0.4) {
+                        self.put(model, at, 0.0, yaw_rad, Motion::Still, &mut rng);
+                    }
+                }
+                station_m += traffic.parking_place_m;
+            }
+        }
+    }
+
+    fn travel_heading(&self, point: Vec2) -> f64 {
+        let lanes = &self.town.graph.lanes;
+        let distance = |i: &usize| lanes[*i].path.distance_m(point);
+        let nearest = (0..lanes.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)));
+        nearest.map_or(0.0, |i| {
+            let path = &lanes[i].path;
+            path.heading_rad(path.project(point, 0.0, path.length_m()).0)
+        })
+    }
+
+    /// Which side of a pavement is the kerb: 1 left, -1 right.
+    fn kerb_side(&self, strip: &Strip) -> f64 {
+        let middle_m = strip.center.length_m() / 2.0;
+        let clearance =
+            |left_m: f64| self.town.surface.road_grid.clearance_m(strip.center.beside(middle_m, left_m));
+        if clearance(strip.width_m) < clearance(-strip.width_m) { 1.0 } else { -1.0 }
+    }
+
+    fn place_props(&mut self) {
+        let mut rng = random::stream(self.seed, "props", 0);
+        let config = &self.town.config;
+        for strip in self.town.surface.strips.iter().filter(|strip| strip.kind == StripKind::Pavement) {
+            let side = self.kerb_side(strip);
+            let mut station_m = 2.0 + 5.0 * rng.random::<f64>();
+            while station_m < strip.center.length_m() - 2.0 {
+                let Some(model) = self.draw_model(Kind::Static, &config.prop_weights, &mut rng) else {
+                    return;
+                };
+                let half_m = self.models.models[model].width_m() / 2.0;
+                // Trees reach over the street; only their trunks need room.
+                let is_slim = half_m > 0.9;
+                let from_kerb_m = if is_slim {
+                    config.prop_kerb_distance_m
+                } else {
+                    config.prop_kerb_distance_m.max(half_m + 0.15)
+                };
+                let at = strip.center.beside(station_m, side * (strip.width_m / 2.0 - from_kerb_m));
+                let street_rad = strip.center.heading_rad(station_m);
+                let yaw_rad = if side > 0.0 { street_rad } else { street_rad + std::f64::consts::PI };
+                if self.is_near(at) && self.claim(model, at, yaw_rad, 0.3) {
+                    self.put(model, at, PAVEMENT_M, yaw_rad, Motion::Still, &mut rng);
+                }
+                let [low, high] = config.prop_spacing_m;
+                station_m += (low + (high - low) * rng.random::<f64>()) / self.config.prop_density.max(0.01);
+            }
+        }
+    }
+
+    /// Objects out of distribution along the route: some in the lane, most beside it.
+    fn place_ood(&mut self, route: &Route) {
+        let mut rng = random::stream(self.seed, "ood", 0);
+        let models = self.models.indices(Kind::Static, Distribution::Ood);
+        if models.is_empty() {
+            return;
+        }
+        let [low, high] = self.config.ood_spacing_m;
+        let mut station_m = 22.0;
+        while station_m < route.path.length_m() {
+            station_m += low + (high - low) * rng.random::<f64>();
+            let model = models[rng.random_range(0..models.len())];
+            let half_m = self.models.models[model].width_m() / 2.0;
+            let yaw_rad = std::f64::consts::TAU * rng.random::<f64>();
+            let is_in_lane = rng.random::<f64>() < self.config.ood_in_lane_share;
+            let (draw, side) = (rng.random::<f64>(), if rng.random_bool(0.65) { -1.0 } else { 1.0 });
+            let span = route.span_at(station_m);
+            let lane = &self.town.graph.lanes[span.lane];
+            let from_ends_m = (station_m - span.start_m).min(span.end_m - station_m);
+            if lane.junction.is_some() || from_ends_m < 7.0 {
+                continue;
+            }
+            let half_lane_m = lane.width_m / 2.0;
+            let left_m = if is_in_lane {
+                // The right part of the lane, so that the ego can pass on the left.
+                -half_lane_m + draw * (half_lane_m - 0.3)
+            } else if side < 0.0 {
+                -half_lane_m - half_m - 0.2 - 1.8 * draw
+            } else {
+                3.0 * half_lane_m + half_m + 0.2 + 1.8 * draw
+            };
+            let at = route.path.beside(station_m, left_m);
+            let clearance_m = self.town.surface.road_grid.clearance_m(at);
+            // On the pavement or on the road, not half on the kerb.
+            let z_m = if clearance_m > 0.0 { PAVEMENT_M } else { 0.0 };
+            if self.claim(model, at, yaw_rad, 0.3) {
+                self.put(model, at, z_m, yaw_rad, Motion::Still, &mut rng);
+            }
+        }
+    }
+
+    fn place_traffic(&mut self, starts: &[usize], ego_center: Vec2) {
+        let mut rng = random::stream(self.seed, "traffic", 0);
+        let traffic = &self.town.config.traffic;
+        let wanted = (f64::from(traffic.n_vehicles) * self.config.traffic_density).round() as u32;
+        let mut moving = Occupied::default();
+        for _ in 0..wanted {
+            for _ in 0..20 {
+                let lane = starts[rng.random_range(0..starts.len())];
+                let length_m = self.town.graph.lanes[lane].path.length_m();
+                let station_m = 6.0 + (length_m - 14.0).max(0.0) * rng.random::<f64>();
+                let path = &self.town.graph.lanes[lane].path;
+                let (at, yaw_rad) = (path.at(station_m), path.heading_rad(station_m));
+                let Some(model) = self.draw_model(Kind::Vehicle, &traffic.vehicle_weights, &mut rng) else {
+                    return;
+                };
+                let body = footprint_of(&self.models.models[model], at, yaw_rad);
+                let room = Footprint { length_m: body.length_m + 6.0, ..body };
+                let is_free = (at - ego_center).norm() > 14.0 && self.is_near(at);
+                if is_free && self.occupied.is_free(&room, 0.3) && moving.claim(room, 0.2) {
+                    let route = Route::random(&self.town.graph, lane, 1500.0, &mut rng);
+                    self.put(model, at, 0.0, yaw_rad, Motion::Drives { route, station_m }, &mut rng);
+                    break;
+                }
+            }
+        }
+    }
+
+    fn place_pedestrians(&mut self) {
+        let mut rng = random::stream(self.seed, "pedestrians", 0);
+        let traffic = &self.town.config.traffic;
+        let strips: Vec<&Strip> = self
+            .town
+            .surface
+            .strips
+            .iter()
+            .filter(|s| s.kind == StripKind::Pavement && s.center.length_m() > 12.0)
+            .collect();
+        let wanted = (f64::from(traffic.n_pedestrians) * self.config.pedestrian_density).round() as u32;
+        if strips.is_empty() {
+            return;
+        }
+        for n in 0..wanted {
+            let Some(model) = self.draw_model(Kind::Pedestrian, &std::collections::BTreeMap::new(), &mut rng)
+            else {
+                return;
+            };
+            for _ in 0..20 {
+                let strip = strips[rng.random_range(0..strips.len())];
+                let station_m = strip.center.length_m() * rng.random::<f64>();
+                if !self.is_near(strip.center.at(station_m)) {
+                    continue;
+                }
+                let kerb = self.kerb_side(strip);
+                // Walkers keep to the side of the houses, clear of the props.
+                let left_m = -kerb * (strip.width_m / 2.0 - 0.45 - 0.6 * rng.random::<f64>());
+                let sense = if rng.random_bool(0.5) { 1.0 } else { -1.0 };
+                let wants_across = rng.random::<f64>() < (2.0 * traffic.pedestrian_crossing_share).min(1.0);
+                let crossing =
+                    if wants_across { self.crossing(strip, &strips, kerb, &mut rng) } else { None };
+                let at = strip.center.beside(station_m, left_m);
+                let walk = Walk {
+                    footway: strip.center.clone(),
+                    left_m,
+                    station_m,
+                    sense,
+                    speed_mps: 1.0 + 0.6 * rng.random::<f64>(),
+                    crossing,
+                    is_reckless: n % 4 == 0,
+                };
+                let yaw_rad = strip.center.heading_rad(station_m)
+                    + if sense < 0.0 { std::f64::consts::PI } else { 0.0 };
+                let body = Footprint { center: at, yaw_rad, length_m: 0.7, width_m: 0.7 };
+                if self.occupied.claim(body, 0.2) {
+                    self.put(model, at, PAVEMENT_M, yaw_rad, Motion::Walks(walk), &mut rng);
+                    break;
+                }
+            }
+        }
+    }
+
+    /// Where to cross from a pavement, and the point on the other side.
+    fn crossing(&self, strip: &Strip, strips: &[&Strip], kerb: f64, rng: &mut Rng) -> Option<(f64, Vec2)> {
+        let length_m = strip.center.length_m();
+        let is_jaywalk = rng.random_bool(0.4);
+        let share = rng.random::<f64>();
+        let station_m = if is_jaywalk {
+            10.0 + (length_m - 20.0).max(0.0) * share
+        } else {
+            (1.5 + share).min(length_m / 2.0)
+        };
+        let station_m = if rng.random_bool(0.5) { station_m } else { length_m - station_m };
+        let from = strip.center.at(station_m);
+        let direction = strip.center.direction(station_m);
+        let toward = Vec2::new(-direction.y, direction.x) * kerb;
+        let mut best: Option<(f64, Vec2)> = None;
+        for other in strips {
+            let (s_m, _) = other.center.project(from + toward * 12.0, 0.0, other.center.length_m());
+            let far = other.center.at(s_m) - from;
+            let (along, across) = (far.dot(&direction).abs(), far.dot(&toward));
+            if along < 1.5 && across > 6.0 && across < 24.0 && best.is_none_or(|(least, _)| across < least) {
+                best = Some((across, from + far));
+            }
+        }
+        let (_, to) = best?;
+        // The way must be free of what stands.
+        let middle = (from + to) / 2.0;
+        let way = Footprint {
+            center: middle,
+            yaw_rad: (to - from).y.atan2((to - from).x),
+            length_m: (to - from).norm(),
+            width_m: 1.0,
+        };
+        self.occupied.is_free(&way, 0.0).then_some((station_m, to))
+    }
+}

@@ -1,0 +1,171 @@
+//! What a training run is: data order, stages, schedule, losses, augmentation.
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use crate::model::{ModelConfig, ModelConfigError};
+
+/// A training run; `configs/train.toml` equals the default.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TrainConfig {
+    /// Seed of weights, order and augmentation.
+    pub seed: u64,
+    pub batch_size: usize,
+    /// First stage: LiDAR, numeric branch and head. Default 10 epochs, as the paper.
+    pub lidar_stage: StageConfig,
+    /// Second stage: the camera joins. Default 3 epochs, as the paper.
+    pub fused_stage: StageConfig,
+    /// Share of the steps over which the learning rate rises. Default 0.4.
+    pub rise_share: f64,
+    pub weight_decay: f32,
+    /// L2 norm that all gradients together are scaled down to.
+    pub clip_norm: f32,
+    pub loss: LossConfig,
+    pub augment: AugmentConfig,
+    /// Steps between two states to resume from.
+    pub save_every_steps: usize,
+    pub model: ModelConfig,
+}
+
+/// One training stage.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StageConfig {
+    pub epochs: usize,
+    /// Peak learning rate of the one-cycle schedule.
+    pub max_learning_rate: f64,
+}
+
+/// Weights of the losses, and of the assignment's costs, as TransFusion.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LossConfig {
+    pub heatmap_weight: f64,
+    pub harm_weight: f64,
+    pub box_weight: f64,
+    pub harm_cost: f64,
+    pub center_cost: f64,
+    pub iou_cost: f64,
+}
+
+impl Default for LossConfig {
+    fn default() -> Self {
+        Self {
+            heatmap_weight: 1.0,
+            harm_weight: 1.0,
+            box_weight: 0.25,
+            harm_cost: 0.15,
+            center_cost: 0.25,
+            iou_cost: 0.25,
+        }
+    }
+}
+
+/// Augmentation that keeps labels true to the zone.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct AugmentConfig {
+    /// Reflects half of the samples in the ego's x-z plane, steering angle included.
+    pub mirror: bool,
+    /// Share of the samples whose speed and steering angle are drawn anew; their objects are labelled
+    /// again with the label set's zone. 0 turns it off.
+    pub redraw_state_share: f64,
+    /// Fastest speed drawn, m/s.
+    pub max_speed_mps: f64,
+    /// Largest steering angle drawn, degrees.
+    pub max_steering_deg: f64,
+}
+
+impl Default for AugmentConfig {
+    fn default() -> Self {
+        Self { mirror: true, redraw_state_share: 0.5, max_speed_mps: 15.0, max_steering_deg: 35.0 }
+    }
+}
+
+impl Default for TrainConfig {
+    fn default() -> Self {
+        Self {
+            seed: 0,
+            batch_size: 4,
+            lidar_stage: StageConfig { epochs: 10, max_learning_rate: 2e-3 },
+            fused_stage: StageConfig { epochs: 3, max_learning_rate: 1e-3 },
+            rise_share: 0.4,
+            weight_decay: 0.01,
+            clip_norm: 10.0,
+            loss: LossConfig::default(),
+            augment: AugmentConfig::default(),
+            save_every_steps: 100,
+            model: ModelConfig::default(),
+        }
+    }
+}
+
+/// What is wrong with a training config.
+#[derive(Debug, Error)]
+pub enum TrainConfigError {
+    #[error("training config: `{field}` is {found}; {valid}")]
+    Field { field: &'static str, found: String, valid: &'static str },
+    #[error(transparent)]
+    Model(#[from] ModelConfigError),
+}
+
+impl TrainConfig {
+    /// Checks what the types cannot say.
+    ///
+    /// # Errors
+    /// Names the first field that does not fit, and what would.
+    pub fn check(&self) -> Result<(), TrainConfigError> {
+        let positive = [
+            ("lidar_stage.max_learning_rate", self.lidar_stage.max_learning_rate),
+            ("fused_stage.max_learning_rate", self.fused_stage.max_learning_rate),
+            ("clip_norm", f64::from(self.clip_norm)),
+            ("batch_size", self.batch_size as f64),
+            ("save_every_steps", self.save_every_steps as f64),
+            ("epochs of both stages", (self.lidar_stage.epochs + self.fused_stage.epochs) as f64),
+        ];
+        for (field, found) in positive {
+            if !(found > 0.0 && found.is_finite()) {
+                return Err(TrainConfigError::Field {
+                    field,
+                    found: found.to_string(),
+                    valid: "it must be a finite number above zero",
+                });
+            }
+        }
+        let shares =
+            [("rise_share", self.rise_share), ("augment.redraw_state_share", self.augment.redraw_state_share)];
+        for (field, found) in shares {
+            if !(0.0..=1.0).contains(&found) {
+                return Err(TrainConfigError::Field { field, found: found.to_string(), valid: "it must lie in 0..=1" });
+            }
+        }
+        if self.model.use_camera != (self.fused_stage.epochs > 0) {
+            return Err(TrainConfigError::Field {
+                field: "fused_stage.epochs",
+                found: self.fused_stage.epochs.to_string(),
+                valid: "with model.use_camera it must be above zero, without it zero: the camera trains there",
+            });
+        }
+        Ok(self.model.check()?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_shipped_file_equals_the_default() {
+        let shipped: TrainConfig = toml::from_str(include_str!("../../configs/train.toml")).unwrap();
+        assert_eq!(shipped, TrainConfig::default());
+        shipped.check().unwrap();
+    }
+
+    #[test]
+    fn a_negative_rate_is_named() {
+        let mut config = TrainConfig::default();
+        config.fused_stage.max_learning_rate = -1.0;
+        assert!(config.check().unwrap_err().to_string().contains("fused_stage.max_learning_rate"));
+    }
+}

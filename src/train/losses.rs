@@ -1,0 +1,180 @@
+//! Losses of the TransFusion head.
+//!
+//! - Heatmap: Gaussian focal loss, `-log(p) (1-p)^2` at peaks, `-log(1-p) p^2 (1-t)^4` elsewhere,
+//!   over the number of peaks (Law and Deng 2018).
+//! - Harm: sigmoid focal loss, alpha 0.25, gamma 2, over the number of matched queries (Lin et al. 2017);
+//!   unmatched queries are background for both classes.
+//! - Box: L1 over the code of matched queries, velocity weighted 0.2, over their number.
+
+use burn::tensor::activation::sigmoid;
+use burn::tensor::{Device, Tensor, TensorData};
+
+use super::config::LossConfig;
+use super::targets::{assign, draw_heatmap, one_hot};
+use crate::model::coder::{CODE_SIZE, encode};
+use crate::model::{ModelConfig, Output};
+use crate::object::LabelledObject;
+
+const CODE_WEIGHTS: [f32; CODE_SIZE] = [1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.2, 0.2];
+
+/// The loss and its parts; the parts are already weighted.
+#[derive(Debug, Clone)]
+pub struct Losses {
+    pub total: Tensor<1>,
+    pub parts: LossParts,
+}
+
+/// The parts as numbers, for logs.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct LossParts {
+    pub heatmap: f32,
+    pub harm: f32,
+    pub boxes: f32,
+}
+
+impl LossParts {
+    #[must_use]
+    pub fn total(&self) -> f32 {
+        self.heatmap + self.harm + self.boxes
+    }
+}
+
+/// The head's loss for a batch; `objects` holds each sample's trainable objects.
+#[must_use]
+pub fn losses(
+    output: &Output,
+    objects: &[Vec<LabelledObject>],
+    model: &ModelConfig,
+    config: &LossConfig,
+) -> Losses {
+    let device = output.heatmap.device();
+    let heatmap = heatmap_loss(output, objects, model, &device).mul_scalar(config.heatmap_weight);
+    let (harm, boxes) = query_losses(output, objects, model, config, &device);
+    let (harm, boxes) = (harm.mul_scalar(config.harm_weight), boxes.mul_scalar(config.box_weight));
+    let parts = LossParts { heatmap: scalar(&heatmap), harm: scalar(&harm), boxes: scalar(&boxes) };
+    Losses { total: heatmap + harm + boxes, parts }
+}
+
+fn scalar(loss: &Tensor<1>) -> f32 {
+    loss.clone().into_data().try_to_vec::<f32>().expect("losses are f32")[0]
+}
+
+fn heatmap_loss(output: &Output, objects: &[Vec<LabelledObject>], model: &ModelConfig, device: &Device) -> Tensor<1> {
+    let target: Vec<f32> = objects.iter().flat_map(|of| draw_heatmap(of, model)).collect();
+    let n_peaks = target.iter().filter(|&&value| value == 1.0).count().max(1);
+    let target = Tensor::<4>::from_data(TensorData::new(target, output.heatmap.dims()), device);
+    gaussian_focal(output.heatmap.clone(), target).div_scalar(n_peaks as f64)
+}
+
+/// Sum of the Gaussian focal loss over a map.
+fn gaussian_focal(logits: Tensor<4>, target: Tensor<4>) -> Tensor<1> {
+    let p = sigmoid(logits).clamp(1e-4, 1.0 - 1e-4);
+    let peak = target.clone().equal_elem(1.0).float();
+    let not_p = p.clone().neg().add_scalar(1.0);
+    let at_peaks = p.clone().log() * not_p.clone() * not_p.clone() * peak;
+    let off = target.neg().add_scalar(1.0);
+    let off = off.clone() * off;
+    let elsewhere = not_p.log() * p.clone() * p * off.clone() * off;
+    (at_peaks + elsewhere).sum().neg()
+}
+
+fn query_losses(
+    output: &Output,
+    objects: &[Vec<LabelledObject>],
+    model: &ModelConfig,
+    config: &LossConfig,
+    device: &Device,
+) -> (Tensor<1>, Tensor<1>) {
+    let [n_batch, n_queries, _] = output.boxes.dims();
+    let codes: Vec<f32> = output.boxes.clone().into_data().try_to_vec().expect("codes are f32");
+    let logits: Vec<f32> = output.harm.clone().into_data().try_to_vec().expect("class scores are f32");
+    let mut harm_target = vec![0f32; n_batch * n_queries * 2];
+    let mut code_target = vec![0f32; n_batch * n_queries * CODE_SIZE];
+    let mut code_weight = vec![0f32; n_batch * n_queries * CODE_SIZE];
+    let mut n_matched = 0;
+    // NaN costs have no best assignment; the loss is NaN then anyway and the caller names the samples.
+    if codes.iter().chain(&logits).all(|value| value.is_finite()) {
+        for (b, (queries, of)) in output.queries.iter().zip(objects).enumerate() {
+            let first = b * n_queries;
+            let of_codes = &codes[first * CODE_SIZE..(first + n_queries) * CODE_SIZE];
+            let of_logits = &logits[first * 2..(first + n_queries) * 2];
+            for (q, object) in assign(queries, of_codes, of_logits, of, &model.grid, config) {
+                let LabelledObject { truth, harm } = &of[object];
+                let row = first + q;
+                harm_target[row * 2..row * 2 + 2].copy_from_slice(&one_hot(*harm));
+                code_target[row * CODE_SIZE..(row + 1) * CODE_SIZE].copy_from_slice(&encode(
+                    &truth.box_in_ego,
+                    truth.velocity_in_ego_mps,
+                    queries[q].center_m,
+                    model.grid.cell_size_m(),
+                ));
+                code_weight[row * CODE_SIZE..(row + 1) * CODE_SIZE].copy_from_slice(&CODE_WEIGHTS);
+                n_matched += 1;
+            }
+        }
+    }
+    let normalizer = f64::from(n_matched.max(1));
+    let tensor = |values: Vec<f32>, n| Tensor::<3>::from_data(TensorData::new(values, [n_batch, n_queries, n]), device);
+    let harm = sigmoid_focal(output.harm.clone(), tensor(harm_target, 2)).div_scalar(normalizer);
+    let difference = output.boxes.clone() - tensor(code_target, CODE_SIZE);
+    let boxes = (difference.abs() * tensor(code_weight, CODE_SIZE)).sum().div_scalar(normalizer);
+    (harm, boxes)
+}
+
+/// Sum of the sigmoid focal loss, alpha 0.25, gamma 2.
+fn sigmoid_focal(logits: Tensor<3>, target: Tensor<3>) -> Tensor<1> {
+    let p = sigmoid(logits).clamp(1e-6, 1.0 - 1e-6);
+    let not_p = p.clone().neg().add_scalar(1.0);
+    let positive = p.clone().log() * not_p.clone() * not_p.clone() * target.clone().mul_scalar(0.25);
+    let negative = not_p.log() * p.clone() * p * target.neg().add_scalar(1.0).mul_scalar(0.75);
+    (positive + negative).sum().neg()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Compares a loss's gradient with central finite differences.
+    fn check_gradient<const D: usize>(shape: [usize; D], logits: &[f32], loss: impl Fn(Tensor<D>) -> Tensor<1>) {
+        let device = Device::flex().autodiff();
+        let tensor = |values: Vec<f32>| Tensor::<D>::from_data(TensorData::new(values, shape), &device);
+        let x = tensor(logits.to_vec()).require_grad();
+        let grads = loss(x.clone()).backward();
+        let gradient: Vec<f32> = x.grad(&grads).unwrap().into_data().try_to_vec().unwrap();
+        let step = 1e-2;
+        for i in 0..logits.len() {
+            let shifted = |by: f32| {
+                let mut values = logits.to_vec();
+                values[i] += by;
+                scalar(&loss(tensor(values)))
+            };
+            let numeric = (shifted(step) - shifted(-step)) / (2.0 * step);
+            assert!((gradient[i] - numeric).abs() < 2e-3, "{i}: {} against {numeric}", gradient[i]);
+        }
+    }
+
+    #[test]
+    fn gaussian_focal_loss_of_an_undecided_peak_is_a_quarter_of_ln_2() {
+        let device = Device::flex();
+        let loss = gaussian_focal(Tensor::zeros([1, 1, 1, 1], &device), Tensor::ones([1, 1, 1, 1], &device));
+        assert!((scalar(&loss) - 2f32.ln() / 4.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn gaussian_focal_gradient_equals_finite_differences() {
+        let target = vec![1.0f32, 0.6, 0.0, 0.0];
+        check_gradient([1, 1, 2, 2], &[0.3, -0.4, 0.8, -1.2], |x| {
+            let t = Tensor::from_data(TensorData::new(target.clone(), [1, 1, 2, 2]), &x.device());
+            gaussian_focal(x, t)
+        });
+    }
+
+    #[test]
+    fn sigmoid_focal_gradient_equals_finite_differences() {
+        let target = vec![1.0f32, 0.0, 0.0, 0.0];
+        check_gradient([1, 2, 2], &[0.3, -0.4, 0.8, -1.2], |x| {
+            let t = Tensor::from_data(TensorData::new(target.clone(), [1, 2, 2]), &x.device());
+            sigmoid_focal(x, t)
+        });
+    }
+}

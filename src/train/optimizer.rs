@@ -1,0 +1,151 @@
+//! AdamW over a module, with clipping by the norm of all gradients together and a state that can be
+//! kept and loaded bit by bit.
+
+use burn::module::{Module, ModuleMapper, ModuleVisitor, Param, ParamId};
+use burn::optim::{AdamWConfig, GradientsParams, ModuleOptimizer};
+use burn::tensor::{Bytes, Tensor};
+
+use super::config::TrainConfig;
+
+/// Gives parameters the ids 1, 2, ... in the order of the module, so that an optimizer state fits the
+/// same module in another process.
+#[must_use]
+pub fn number_parameters<M: Module>(module: M) -> M {
+    struct Number {
+        next: u64,
+    }
+    impl ModuleMapper for Number {
+        fn map_float<const D: usize>(&mut self, param: Param<Tensor<D>>) -> Param<Tensor<D>> {
+            let (_, tensor, mapper) = param.consume();
+            self.next += 1;
+            Param::from_mapped_value(ParamId::from(self.next), tensor, mapper)
+        }
+    }
+    module.map(&mut Number { next: 0 })
+}
+
+/// The optimizer of a run.
+pub struct Optimizer {
+    adamw: ModuleOptimizer,
+    clip_norm: f32,
+}
+
+impl Optimizer {
+    #[must_use]
+    pub fn new(config: &TrainConfig) -> Self {
+        Self {
+            // PyTorch's epsilon; burn's default is 1e-5.
+            adamw: AdamWConfig::new().with_epsilon(1e-8).with_weight_decay(config.weight_decay).init(),
+            clip_norm: config.clip_norm,
+        }
+    }
+
+    /// One step; returns the module and the gradients' norm before clipping.
+    pub fn step<M: Module>(&mut self, module: M, grads: GradientsParams, learning_rate: f64) -> (M, f32) {
+        let mut norm = SquaredNorm { grads: &grads, sum: 0.0 };
+        module.visit(&mut norm);
+        let norm = norm.sum.sqrt() as f32;
+        let mut grads = grads;
+        if norm > self.clip_norm {
+            module.visit(&mut Scale { grads: &mut grads, by: self.clip_norm / norm });
+        }
+        (self.adamw.step(learning_rate, module, grads), norm)
+    }
+
+    /// The state as bytes.
+    ///
+    /// # Errors
+    /// The library cannot pack it; the text says why.
+    pub fn to_bytes(&self) -> Result<Vec<u8>, String> {
+        Ok(self.adamw.into_bytes().map_err(|error| error.to_string())?.to_vec())
+    }
+
+    /// Takes up a state of [`Optimizer::to_bytes`].
+    ///
+    /// # Errors
+    /// The bytes are no such state; the text says why.
+    pub fn load_bytes(self, bytes: Vec<u8>) -> Result<Self, String> {
+        let adamw = self.adamw.from_bytes(Bytes::from_bytes_vec(bytes)).map_err(|error| error.to_string())?;
+        Ok(Self { adamw, clip_norm: self.clip_norm })
+    }
+}
+
+struct SquaredNorm<'a> {
+    grads: &'a GradientsParams,
+    sum: f64,
+}
+
+impl ModuleVisitor for SquaredNorm<'_> {
+    fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
+        if let Some(grad) = self.grads.get::<D>(param.id) {
+            let values: Vec<f32> = grad.into_data().try_to_vec().expect("gradients are f32");
+            self.sum += values.iter().map(|&value| f64::from(value).powi(2)).sum::<f64>();
+        }
+    }
+}
+
+struct Scale<'a> {
+    grads: &'a mut GradientsParams,
+    by: f32,
+}
+
+impl ModuleVisitor for Scale<'_> {
+    fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
+        if let Some(grad) = self.grads.remove::<D>(param.id) {
+            self.grads.register::<D>(param.id, grad.mul_scalar(self.by));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use burn::nn::{Linear, LinearConfig};
+    use burn::tensor::{Device, TensorData};
+
+    fn weights(linear: &Linear) -> Vec<f32> {
+        linear.weight.val().into_data().try_to_vec().unwrap()
+    }
+
+    fn train(mut linear: Linear, optimizer: &mut Optimizer, n_steps: usize, device: &Device) -> Linear {
+        for step in 0..n_steps {
+            let x = Tensor::<2>::from_data(TensorData::new(vec![1.0f32, step as f32], [1, 2]), device);
+            let loss = linear.forward(x).powf_scalar(2.0).sum();
+            let grads = GradientsParams::from_grads(loss.backward(), &linear);
+            linear = optimizer.step(linear, grads, 0.01).0;
+        }
+        linear
+    }
+
+    #[test]
+    fn a_state_kept_and_loaded_goes_on_as_if_never_stopped() {
+        let device = Device::flex().autodiff();
+        let config = TrainConfig::default();
+        let start = number_parameters(LinearConfig::new(2, 3).init(&device));
+        let mut whole = Optimizer::new(&config);
+        let unbroken = train(train(start.clone(), &mut whole, 3, &device), &mut whole, 3, &device);
+
+        let mut first = Optimizer::new(&config);
+        let half = train(start, &mut first, 3, &device);
+        let mut second = Optimizer::new(&config).load_bytes(first.to_bytes().unwrap()).unwrap();
+        let resumed = train(half, &mut second, 3, &device);
+        assert_eq!(weights(&unbroken), weights(&resumed));
+
+        // The state matters: a fresh optimizer ends elsewhere.
+        let mut fresh = Optimizer::new(&config);
+        let half = train(number_parameters(unbroken.clone()), &mut fresh, 3, &device);
+        assert_ne!(weights(&half), weights(&unbroken));
+    }
+
+    #[test]
+    fn gradients_over_the_norm_are_scaled_together() {
+        let device = Device::flex().autodiff();
+        let linear: Linear = number_parameters(LinearConfig::new(2, 1).init(&device));
+        let x = Tensor::<2>::from_data(TensorData::new(vec![300.0f32, 400.0], [1, 2]), &device);
+        let mut grads = GradientsParams::from_grads(linear.forward(x).sum().backward(), &linear);
+        linear.visit(&mut Scale { grads: &mut grads, by: 0.01 });
+        let mut norm = SquaredNorm { grads: &grads, sum: 0.0 };
+        linear.visit(&mut norm);
+        assert!((norm.sum.sqrt() - (25.0f64 + 1e-4).sqrt()).abs() < 1e-3);
+    }
+}

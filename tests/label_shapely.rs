@@ -1,0 +1,142 @@
+//! Labels against shapely: a random data set, labelled, then checked from its MCAP messages alone.
+
+use std::path::Path;
+use std::process::Command;
+
+use harmzone::episode::{EpisodeEntry, EpisodeMeta, EpisodeWriter, Manifest, MapDrawing, Split};
+use harmzone::geometry::{Box3, Pinhole, Point, Transform};
+use harmzone::label::{self, zone::ZoneConfig};
+use harmzone::object::{Distribution, Kind, ObjectTruth};
+use harmzone::progress::Silent;
+use harmzone::random::{Rng, stream};
+use harmzone::sample::{EgoState, EncodedImage, ImageFormat, LidarPoint, Measured, Sample, Truth};
+use nalgebra::Vector3;
+use rand::RngExt;
+
+const N_SAMPLES: usize = 40;
+const N_OBJECTS: usize = 25;
+
+fn between(rng: &mut Rng, low: f64, high: f64) -> f64 {
+    low + (high - low) * rng.random::<f64>()
+}
+
+fn random_object(i: usize, rng: &mut Rng) -> ObjectTruth {
+    ObjectTruth {
+        id: format!("object-{i}"),
+        category: "thing".to_owned(),
+        kind: [Kind::Vehicle, Kind::Pedestrian, Kind::Static][i % 3],
+        distribution: if i % 4 == 0 { Distribution::Ood } else { Distribution::Id },
+        box_in_ego: Box3 {
+            center: Point::new(between(rng, -5.0, 50.0), between(rng, -6.0, 6.0), 0.8),
+            length_m: between(rng, 0.2, 8.0),
+            width_m: between(rng, 0.2, 2.5),
+            height_m: between(rng, 0.3, 3.0),
+            yaw_rad: between(rng, -3.1, 3.1),
+        },
+        velocity_in_ego_mps: [0.0, 0.0],
+        n_lidar_points: 5,
+        visible_px: 50,
+        visible_fraction: 0.5,
+    }
+}
+
+fn random_sample(sample_idx: usize, rng: &mut Rng) -> Sample {
+    let mut bytes = Vec::new();
+    let picture = image::RgbImage::new(8, 8);
+    picture.write_to(&mut std::io::Cursor::new(&mut bytes), image::ImageFormat::Png).unwrap();
+    Sample {
+        measured: Measured {
+            time_ns: 1_000_000_000_000 + 300_000_000 * sample_idx as u64,
+            ego_state: EgoState {
+                speed_mps: between(rng, -2.0, 18.0),
+                steering_angle_rad: between(rng, -0.6, 0.6),
+                yaw_rate_rps: 0.0,
+                acceleration_mps2: 0.0,
+                wheelbase_m: 2.7,
+                front_bumper_x_m: 3.6,
+            },
+            world_from_ego: Transform::from_xyz_yaw(10.0, 5.0, 0.0, 0.4),
+            ego_from_lidar: Transform::from_xyz_yaw(0.9, 0.0, 1.84, 0.0),
+            ego_from_camera: Transform::looking_forward(Vector3::new(1.5, 0.0, 1.6), 0.0),
+            intrinsics: Pinhole::from_horizontal_fov(8, 8, 1.2),
+            image: EncodedImage { format: ImageFormat::Png, bytes },
+            points: vec![LidarPoint { x_m: 5.0, y_m: 0.0, z_m: -1.8, intensity: 10.0, ring: 3 }],
+        },
+        truth: Truth { objects: (0..N_OBJECTS).map(|i| random_object(i, rng)).collect() },
+    }
+}
+
+fn make_dataset(folder: &Path) {
+    fs_err::create_dir_all(folder.join("episodes")).unwrap();
+    let mut manifest = Manifest::new("0".repeat(64), 3, true);
+    for seed in 0..2 {
+        let name = format!("nowhere-ClearNoon-{seed}");
+        let meta = EpisodeMeta {
+            name: name.clone(),
+            seed,
+            town: "nowhere".to_owned(),
+            weather: "ClearNoon".to_owned(),
+            ood: true,
+            generator_version: "test".to_owned(),
+            config_toml: String::new(),
+            rig_toml: String::new(),
+            n_samples: N_SAMPLES,
+        };
+        let file = format!("episodes/{name}.mcap");
+        let mut writer = EpisodeWriter::create(&folder.join(&file), &meta, &MapDrawing::default()).unwrap();
+        let mut rng = stream(seed, "label-shapely", 0);
+        for sample_idx in 0..N_SAMPLES {
+            writer.write(&random_sample(sample_idx, &mut rng)).unwrap();
+        }
+        let done = writer.finish().unwrap();
+        manifest.episodes.push(EpisodeEntry {
+            name,
+            file,
+            split: Split::Train,
+            seed,
+            town: meta.town,
+            weather: meta.weather,
+            ood: true,
+            n_samples: done.n_samples,
+            n_objects: done.n_objects,
+            sha256: done.sha256,
+        });
+    }
+    manifest.write(folder).unwrap();
+}
+
+#[test]
+fn labels_equal_those_that_shapely_computes_from_the_messages() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let python = root.join(".venv-test/bin/python");
+    assert!(python.is_file(), "no {}: run `make setup-test` first", python.display());
+    let folder = tempfile::tempdir().unwrap();
+    make_dataset(folder.path());
+    let summary = label::run(folder.path(), &ZoneConfig::default(), "rect", false, &Silent).unwrap();
+    let all = label::count_of(&summary.counts, None, None);
+    assert!(all.harmful > 100 && all.harmless > 100, "{summary}");
+    let checked = Command::new(python)
+        .arg(root.join("tests/python/check_labels.py"))
+        .arg(folder.path())
+        .arg("rect")
+        .output()
+        .unwrap();
+    let told = String::from_utf8_lossy(&checked.stdout);
+    assert!(checked.status.success(), "{told}{}", String::from_utf8_lossy(&checked.stderr));
+    let expected = format!("2 episodes, 2000 labels, {} harmful, 0 differences", all.harmful);
+    assert_eq!(told.trim(), expected);
+}
+
+#[test]
+fn a_finished_set_is_kept_and_one_of_another_zone_is_not_overwritten() {
+    let folder = tempfile::tempdir().unwrap();
+    make_dataset(folder.path());
+    let zone = ZoneConfig::default();
+    let label = |zone: &ZoneConfig, force| label::run(folder.path(), zone, "rect", force, &Silent);
+    let first = label(&zone, false).unwrap();
+    let again = label(&zone, false).unwrap();
+    assert!(!first.was_complete && again.was_complete && first.counts == again.counts);
+    let wide = ZoneConfig { width_m: 7.0, ..zone };
+    assert!(label(&wide, false).unwrap_err().to_string().contains("--force"));
+    assert!(label(&wide, true).unwrap().counts != first.counts);
+}

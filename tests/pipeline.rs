@@ -1,0 +1,293 @@
+//! End to end on tiny real data: gen -> label -> train -> predict -> eval -> view, and what each says of
+//! bad input. Needs what `make setup` makes.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::sync::OnceLock;
+use std::time::Duration;
+
+use fs_err as fs;
+
+/// A config small enough to train in seconds.
+const TINY: [&str; 20] = [
+    "--set",
+    "model.grid.pillar_size_m=1.6",
+    "--set",
+    "model.bev_channels=[16,16]",
+    "--set",
+    "model.hidden_channels=16",
+    "--set",
+    "model.n_queries=16",
+    "--set",
+    "model.camera.image_width_px=128",
+    "--set",
+    "model.camera.n_depth_bins=12",
+    "--set",
+    "lidar_stage.epochs=3",
+    "--set",
+    "fused_stage.epochs=2",
+    "--set",
+    "save_every_steps=1",
+    "--set",
+    "batch_size=2",
+];
+
+fn harmzone(args: &[&str]) -> Output {
+    command(args).output().expect("the program starts")
+}
+
+fn command(args: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_harmzone"));
+    // From another folder: the program finds all it needs by itself.
+    command.args(args).current_dir(std::env::temp_dir());
+    command
+}
+
+fn done(args: &[&str]) -> String {
+    let output = harmzone(args);
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "harmzone {args:?} failed:\n{stderr}");
+    String::from_utf8(output.stdout).expect("output is text")
+}
+
+/// Runs a command that must fail with exit code 1, and gives its message.
+fn fails(args: &[&str]) -> String {
+    let output = harmzone(args);
+    assert_eq!(output.status.code(), Some(1), "harmzone {args:?} ended with {:?}", output.status);
+    String::from_utf8(output.stderr).expect("messages are text")
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().expect("temporary paths are text")
+}
+
+fn generate(out: &Path, jobs: &str, more: &[&str]) {
+    let base = ["gen", "--town", "downtown", "--samples", "3", "--seed", "5", "--set", "val_every=2", "--jobs", jobs];
+    done(&[&base, more, &["--out", text(out)]].concat());
+}
+
+/// Two labelled datasets, ID and OOD, and a trained run; made once for all tests here.
+struct Fixture {
+    _folder: tempfile::TempDir,
+    id: PathBuf,
+    ood: PathBuf,
+    run: PathBuf,
+}
+
+fn fixture() -> &'static Fixture {
+    static FIXTURE: OnceLock<Fixture> = OnceLock::new();
+    FIXTURE.get_or_init(|| {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let (id, ood, run) = (folder.path().join("id"), folder.path().join("ood"), folder.path().join("run"));
+        generate(&id, "2", &["--episodes", "2"]);
+        generate(&ood, "2", &["--episodes", "1", "--ood"]);
+        done(&["label", text(&id)]);
+        done(&["label", text(&ood)]);
+        done(&[&["train", text(&id), "--out", text(&run)], TINY.as_slice()].concat());
+        Fixture { _folder: folder, id, ood, run }
+    })
+}
+
+fn episodes(dataset: &Path) -> Vec<(String, Vec<u8>)> {
+    let mut found: Vec<(String, Vec<u8>)> = fs::read_dir(dataset.join("episodes"))
+        .expect("the dataset has episodes")
+        .map(|entry| entry.expect("a readable folder").path())
+        .map(|path| (text(&path).rsplit('/').next().unwrap_or_default().to_owned(), fs::read(&path).expect("a readable file")))
+        .collect();
+    found.sort();
+    found
+}
+
+#[test]
+fn a_trained_run_is_scored_drawn_and_predicts_files() {
+    let Fixture { id, ood, run, .. } = fixture();
+    let table = done(&["eval", text(run), "--data", text(id)]);
+    assert!(table.contains("harmful") && table.contains("0.7947"), "{table}");
+    let scores = tempfile::tempdir().expect("a temporary folder");
+    let out = scores.path().join("ood");
+    done(&["eval", text(run), "--data", text(ood), "--ood", "--out", text(&out)]);
+    let metrics: serde_json::Value =
+        serde_json::from_slice(&fs::read(out.join("metrics.json")).expect("metrics are written")).expect("JSON");
+    for column in ["total", "id_matched", "ood_all", "ood_matched"] {
+        let mean = metrics[column]["mean"].as_f64().expect("a number");
+        assert!((0.0..=1.0).contains(&mean), "{column}: {mean}");
+    }
+
+    let predictions = scores.path().join("predictions");
+    done(&["predict", text(run), "--data", text(id), "--out", text(&predictions)]);
+    assert!(predictions.join("predictions.json").exists());
+    let n_files = fs::read_dir(&predictions).expect("a folder").count();
+    assert_eq!(n_files, 2, "one MCAP for the one validation episode, and the JSON");
+
+    let picture = scores.path().join("sample.png");
+    done(&["view", text(id), "--sample", "3", "--predictions", text(&predictions), "--out", text(&picture)]);
+    let drawn = image::open(&picture).expect("a PNG");
+    assert!(drawn.width() > 1000 && drawn.height() > 400);
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bytes_whatever_the_jobs() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let one = folder.path().join("one");
+    generate(&one, "1", &["--episodes", "2"]);
+    assert!(episodes(&one) == episodes(&fixture().id));
+    assert_eq!(
+        fs::read(one.join("dataset.json")).expect("a manifest"),
+        fs::read(fixture().id.join("dataset.json")).expect("a manifest")
+    );
+}
+
+#[test]
+fn gen_killed_in_the_middle_and_called_again_ends_with_the_same_bytes() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().join("killed");
+    let base = ["gen", "--town", "downtown", "--samples", "3", "--seed", "5", "--set", "val_every=2", "--jobs", "1"];
+    let args = [&base[..], &["--episodes", "2", "--out", text(&out)]].concat();
+    let mut child = command(&args).spawn().expect("the program starts");
+    // Once the first episode stands, the second is under way.
+    let begun = std::time::Instant::now();
+    while !out.join("episodes").exists()
+        || !fs::read_dir(out.join("episodes"))
+            .is_ok_and(|mut dir| dir.any(|e| e.is_ok_and(|e| text(&e.path()).ends_with(".mcap"))))
+    {
+        assert!(begun.elapsed() < Duration::from_secs(120), "no episode after two minutes");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    child.kill().expect("a running program can be killed");
+    child.wait().expect("a killed program ends");
+    done(&args);
+    assert!(episodes(&out) == episodes(&fixture().id));
+}
+
+#[test]
+fn train_killed_in_the_middle_and_called_again_ends_with_the_same_bytes() {
+    let Fixture { id, run, .. } = fixture();
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().join("killed");
+    let args = [&["train", text(id), "--out", text(&out)], TINY.as_slice()].concat();
+    let mut child = command(&args).spawn().expect("the program starts");
+    let begun = std::time::Instant::now();
+    while !fs::read_dir(out.join("state")).is_ok_and(|mut dir| dir.next().is_some()) {
+        assert!(begun.elapsed() < Duration::from_secs(120), "no state after two minutes");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    child.kill().expect("a running program can be killed");
+    child.wait().expect("a killed program ends");
+    done(&args);
+    for file in ["model.safetensors", "log.csv"] {
+        assert!(
+            fs::read(out.join(file)).expect("the run is whole") == fs::read(run.join(file)).expect("the run is whole"),
+            "{file} differs"
+        );
+    }
+}
+
+#[test]
+fn unknown_towns_and_weathers_list_those_that_exist() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().join("data");
+    let message = fails(&["gen", "--town", "atlantis", "--out", text(&out)]);
+    assert!(message.contains("atlantis") && message.contains("downtown"), "{message}");
+    let message = fails(&["gen", "--town", "downtown", "--weather", "Hail", "--out", text(&out)]);
+    assert!(message.contains("Hail") && message.contains("ClearNoon"), "{message}");
+    assert!(!out.join("dataset.json").exists());
+}
+
+#[test]
+fn a_dataset_without_labels_says_how_to_make_them() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let message = fails(&["train", text(&fixture().id), "--labels", "absent", "--out", text(&folder.path().join("run"))]);
+    assert!(message.contains("harmzone label") && message.contains("absent"), "{message}");
+}
+
+/// A copy of the labelled ID dataset that a test may spoil.
+fn copy() -> (tempfile::TempDir, PathBuf) {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let to = folder.path().join("copy");
+    let copied = Command::new("cp").arg("-r").arg(&fixture().id).arg(&to).status().expect("cp runs");
+    assert!(copied.success());
+    (folder, to)
+}
+
+#[test]
+fn labels_of_another_dataset_are_refused() {
+    let (_folder, dataset) = copy();
+    fs::remove_dir_all(dataset.join("labels")).expect("labels were there");
+    let other = fixture().ood.join("labels");
+    let copied = Command::new("cp").arg("-r").arg(other).arg(dataset.join("labels")).status().expect("cp runs");
+    assert!(copied.success());
+    let message = fails(&["train", text(&dataset), "--out", text(&dataset.join("run"))]);
+    assert!(message.contains("another dataset") && message.contains("harmzone label"), "{message}");
+}
+
+#[test]
+fn a_truncated_episode_and_a_foreign_file_are_named() {
+    let (_folder, dataset) = copy();
+    let (name, bytes) = episodes(&dataset).remove(0);
+    let path = dataset.join("episodes").join(&name);
+    fs::write(&path, &bytes[..bytes.len() / 2]).expect("a writable copy");
+    let message = fails(&["label", text(&dataset), "--set", "again"]);
+    assert!(message.contains(&name), "{message}");
+    fs::write(&path, b"not an MCAP at all").expect("a writable copy");
+    let message = fails(&["label", text(&dataset), "--set", "again"]);
+    assert!(message.contains(&name), "{message}");
+}
+
+#[test]
+fn an_output_folder_of_something_else_is_left_alone() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    fs::write(folder.path().join("thesis.txt"), "years of work").expect("a writable folder");
+    fails(&["gen", "--town", "downtown", "--episodes", "1", "--samples", "1", "--out", text(folder.path())]);
+    fails(&["train", text(&fixture().id), "--out", text(folder.path())]);
+    assert_eq!(fs::read_to_string(folder.path().join("thesis.txt")).expect("still there"), "years of work");
+    assert_eq!(fs::read_dir(folder.path()).expect("a folder").count(), 1);
+}
+
+#[test]
+fn another_config_in_the_same_folder_needs_force() {
+    let Fixture { id, run, .. } = fixture();
+    let before = fs::read(run.join("model.safetensors")).expect("a checkpoint");
+    let message = fails(&["train", text(id), "--out", text(run), "--set", "seed=9"]);
+    assert!(message.contains("--force"), "{message}");
+    assert!(fs::read(run.join("model.safetensors")).expect("a checkpoint") == before);
+    let message = fails(&["gen", "--town", "downtown", "--seed", "6", "--samples", "3", "--out", text(id)]);
+    assert!(message.contains("--force"), "{message}");
+}
+
+#[test]
+fn a_checkpoint_that_does_not_fit_its_config_is_refused() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("model.safetensors");
+    let mut bytes = fs::read(fixture().run.join("model.safetensors")).expect("a checkpoint");
+    let (from, to) = (b"hidden_channels = 16", b"hidden_channels = 32");
+    let at = bytes.windows(from.len()).position(|window| window == from).expect("the config is inside");
+    bytes[at..at + from.len()].copy_from_slice(to);
+    fs::write(&path, bytes).expect("a writable folder");
+    let message = fails(&["eval", text(&path), "--data", text(&fixture().id)]);
+    assert!(message.contains("do not fit its config"), "{message}");
+}
+
+#[test]
+fn a_sample_out_of_range_tells_the_range() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().join("x.png");
+    let message = fails(&["view", text(&fixture().id), "--sample", "6", "--out", text(&out)]);
+    assert!(message.contains('6') && message.contains('5'), "{message}");
+}
+
+#[test]
+fn missing_gl_says_what_to_install() {
+    let output = command(&["doctor"])
+        .env("__EGL_VENDOR_LIBRARY_FILENAMES", "/nowhere/egl.json")
+        .output()
+        .expect("the program starts");
+    assert_eq!(output.status.code(), Some(1));
+    let all = [output.stdout, output.stderr].concat();
+    let all = String::from_utf8_lossy(&all);
+    assert!(all.contains("libegl1"), "{all}");
+}
+
+#[test]
+fn a_wrong_flag_is_a_usage_error() {
+    assert_eq!(harmzone(&["gen", "--twon", "downtown"]).status.code(), Some(2));
+}
