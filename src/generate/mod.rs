@@ -1,1 +1,60 @@
-//! generate
+//! Generation: a town is driven through in simulation and recorded, episode by episode.
+//!
+//! [`run`] makes a data set with several worker processes; [`episode::record`] makes one episode. The
+//! same seed and config give the same bytes, whatever the number of processes.
+
+mod annotate;
+mod config;
+mod drive;
+pub mod episode;
+mod folder;
+mod plan;
+mod run;
+pub mod worker;
+
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+pub use config::{AnnotationConfig, CheckedConfig, GenerateConfig, RenderConfig};
+pub use plan::{EpisodePlan, plan};
+pub use run::{RunOptions, Summary, run};
+
+use crate::episode::{EpisodeError, ManifestError};
+use crate::scene::SceneError;
+use crate::sensors::{RigError, UnsupportedWeather};
+use crate::sim::SimError;
+
+/// Why a data set could not be made.
+#[derive(Debug, Error)]
+pub enum GenerateError {
+    #[error("`{field}` is {found}; {wanted} is needed")]
+    Config { field: &'static str, found: String, wanted: &'static str },
+    #[error(transparent)]
+    Rig(#[from] RigError),
+    #[error(transparent)]
+    Weather(#[from] UnsupportedWeather),
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    #[error(transparent)]
+    Simulation(#[from] SimError),
+    #[error("the scene has no {what} `{name}`")]
+    Missing { what: &'static str, name: String },
+    #[error("cannot pack the camera image: {0}")]
+    Jpeg(#[from] image::ImageError),
+    #[error(transparent)]
+    Episode(#[from] EpisodeError),
+    #[error(transparent)]
+    Manifest(#[from] ManifestError),
+    #[error(transparent)]
+    Io(#[from] std::io::Error),
+    #[error("the folder holds other things than a data set; give a new folder: {}", path.display())]
+    ForeignFolder { path: PathBuf },
+    #[error(
+        "the folder holds a data set of another {what} (found {found}, wanted {wanted}); give a new folder, \
+         or --force to replace its episodes: {}", path.display()
+    )]
+    OtherData { what: &'static str, found: String, wanted: String, path: PathBuf },
+    #[error("episode `{episode}`: {message}")]
+    Worker { episode: String, message: String },
+}

@@ -1,0 +1,192 @@
+//! Truth: each object's box, velocity, LiDAR points and visible pixels at one instant.
+
+use nalgebra::{Isometry3, Point3, Vector3};
+
+use super::AnnotationConfig;
+use crate::geometry::{Box3, Ego, Point, Transform, World};
+use crate::object::{Distribution, Kind, ObjectTruth};
+use crate::sensors::{Rig, silhouette_px};
+
+/// What of an object does not change.
+#[derive(Debug, Clone)]
+pub(super) struct Shape<'a> {
+    pub id: &'a str,
+    pub category: &'a str,
+    pub kind: Kind,
+    pub distribution: Distribution,
+    /// Least and greatest corner in the model's frame.
+    pub bounds: [Point3<f64>; 2],
+    /// The visible surface in the model's frame.
+    pub triangles: &'a [[Point3<f32>; 3]],
+}
+
+/// An object at one instant.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Observation {
+    pub world_from_model: Isometry3<f64>,
+    /// One control step earlier.
+    pub world_from_model_before: Isometry3<f64>,
+    pub n_lidar_points: u32,
+    pub visible_px: u32,
+}
+
+/// The object's truth if it is to be annotated.
+pub(super) fn annotate(
+    shape: &Shape<'_>,
+    seen: &Observation,
+    step_s: f64,
+    world_from_ego: &Transform<World, Ego>,
+    rig: &Rig,
+    config: &AnnotationConfig,
+) -> Option<ObjectTruth> {
+    if seen.n_lidar_points < config.min_lidar_points.max(1) && seen.visible_px < config.min_visible_px.max(1)
+    {
+        return None;
+    }
+    let ego_from_world = world_from_ego.inverse();
+    let box_in_world = upright_box(&seen.world_from_model, &shape.bounds);
+    let box_in_ego = box_in_world.transformed(&ego_from_world);
+    let distance_m = box_in_ego.center.x().hypot(box_in_ego.center.y());
+    if distance_m > config.max_range_m {
+        return None;
+    }
+    let camera_from_model = (rig.ego_from_camera.inverse() * ego_from_world).isometry * seen.world_from_model;
+    let triangles: Vec<[Point3<f64>; 3]> = shape
+        .triangles
+        .iter()
+        .map(|triangle| triangle.map(|corner| camera_from_model * corner.cast::<f64>()))
+        .collect();
+    let whole_px = silhouette_px(&triangles, &rig.intrinsics);
+    if whole_px == 0 {
+        return None;
+    }
+    let middle = nalgebra::center(&shape.bounds[0], &shape.bounds[1]);
+    let moved = seen.world_from_model * middle - seen.world_from_model_before * middle;
+    let velocity: Vector3<f64> = ego_from_world.rotate(&(moved / step_s));
+    Some(ObjectTruth {
+        id: shape.id.to_owned(),
+        category: shape.category.to_owned(),
+        kind: shape.kind,
+        distribution: shape.distribution,
+        box_in_ego,
+        velocity_in_ego_mps: [velocity.x, velocity.y],
+        n_lidar_points: seen.n_lidar_points,
+        visible_px: seen.visible_px,
+        visible_fraction: (f64::from(seen.visible_px) / f64::from(whole_px)).min(1.0) as f32,
+    })
+}
+
+/// The least upright box along the model's heading that holds its (perhaps tilted) bounds.
+pub(super) fn upright_box(world_from_model: &Isometry3<f64>, bounds: &[Point3<f64>; 2]) -> Box3<World> {
+    let forward = world_from_model.rotation * Vector3::x();
+    let left = world_from_model.rotation * Vector3::y();
+    // A model that stands on its nose has no heading along x; its y axis still tells.
+    let yaw_rad =
+        if forward.xy().norm() > 0.1 { forward.y.atan2(forward.x) } else { (-left.x).atan2(left.y) };
+    let (sin, cos) = yaw_rad.sin_cos();
+    let (mut low, mut high) = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
+    for corner in 0..8 {
+        let pick = |axis: usize| bounds[corner >> axis & 1][axis];
+        let at = world_from_model * Point3::new(pick(0), pick(1), pick(2));
+        let along_axes = Vector3::new(at.x * cos + at.y * sin, at.y * cos - at.x * sin, at.z);
+        low = low.inf(&along_axes);
+        high = high.sup(&along_axes);
+    }
+    let (middle, size) = ((low + high) / 2.0, high - low);
+    Box3 {
+        center: Point::new(middle.x * cos - middle.y * sin, middle.x * sin + middle.y * cos, middle.z),
+        length_m: size.x,
+        width_m: size.y,
+        height_m: size.z,
+        yaw_rad,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sensors::RigConfig;
+    use nalgebra::{Translation3, UnitQuaternion};
+
+    const BOUNDS: [Point3<f64>; 2] = [Point3::new(-2.0, -1.0, 0.0), Point3::new(2.0, 1.0, 1.5)];
+
+    fn at(x: f64, y: f64, yaw: f64) -> Isometry3<f64> {
+        Isometry3::from_parts(Translation3::new(x, y, 0.0), UnitQuaternion::from_euler_angles(0.0, 0.0, yaw))
+    }
+
+    fn truth_of(pose: Isometry3<f64>, before: Isometry3<f64>, points: u32, px: u32) -> Option<ObjectTruth> {
+        let corner = |x: f32, y: f32, z: f32| Point3::new(x, y, z);
+        // The rear face, seen by who drives behind.
+        let rear = [
+            [corner(-2.0, -1.0, 0.0), corner(-2.0, 1.0, 0.0), corner(-2.0, 1.0, 1.5)],
+            [corner(-2.0, -1.0, 0.0), corner(-2.0, 1.0, 1.5), corner(-2.0, -1.0, 1.5)],
+        ];
+        let shape = Shape {
+            id: "a",
+            category: "car",
+            kind: Kind::Vehicle,
+            distribution: Distribution::Id,
+            bounds: BOUNDS,
+            triangles: &rear,
+        };
+        let seen = Observation {
+            world_from_model: pose,
+            world_from_model_before: before,
+            n_lidar_points: points,
+            visible_px: px,
+        };
+        let rig = Rig::try_from(&RigConfig::default()).unwrap();
+        let world_from_ego = Transform::from_xyz_yaw(0.0, 0.0, 0.0, 0.0);
+        annotate(&shape, &seen, 0.05, &world_from_ego, &rig, &AnnotationConfig::default())
+    }
+
+    #[test]
+    fn a_turned_car_keeps_its_own_sizes() {
+        let found = upright_box(&at(10.0, 5.0, 0.7), &BOUNDS);
+        let wanted = [10.0, 5.0, 0.75, 4.0, 2.0, 1.5, 0.7];
+        let center = found.center;
+        let values = [
+            center.x(),
+            center.y(),
+            center.z(),
+            found.length_m,
+            found.width_m,
+            found.height_m,
+            found.yaw_rad,
+        ];
+        assert!(values.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-12), "{found:?}");
+    }
+
+    #[test]
+    fn a_car_on_its_side_is_as_wide_as_it_was_high() {
+        let roll = UnitQuaternion::from_euler_angles(std::f64::consts::FRAC_PI_2, 0.0, 0.0);
+        let found = upright_box(&Isometry3::from_parts(Translation3::identity(), roll), &BOUNDS);
+        assert!((found.width_m - 1.5).abs() < 1e-12 && (found.height_m - 2.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn half_a_metre_in_a_control_step_is_ten_metres_a_second() {
+        let truth = truth_of(at(20.5, 0.0, 0.0), at(20.0, 0.0, 0.0), 5, 0).unwrap();
+        assert!((truth.velocity_in_ego_mps[0] - 10.0).abs() < 1e-9);
+        assert!((truth.box_in_ego.center.x() - 20.5).abs() < 1e-12);
+    }
+
+    #[test]
+    fn who_is_neither_hit_nor_seen_nor_in_view_is_left_out() {
+        let ahead = at(20.0, 0.0, 0.0);
+        assert!(truth_of(ahead, ahead, 0, 99).is_none());
+        assert!(truth_of(ahead, ahead, 0, 100).is_some());
+        let behind = at(-20.0, 0.0, 0.0);
+        assert!(truth_of(behind, behind, 5, 0).is_none());
+        let far = at(71.0, 0.0, 0.0);
+        assert!(truth_of(far, far, 5, 0).is_none());
+    }
+
+    #[test]
+    fn the_visible_fraction_is_of_the_whole_silhouette() {
+        // The rear face is 2 x 1.5 m at 20 - 2 - 1.7 = 16.3 m; fx = 400 / tan 35 degrees = 571.3 px.
+        let whole_px = 2.0 * 1.5 * (571.26_f64 / 16.3).powi(2);
+        let truth = truth_of(at(20.0, 0.0, 0.0), at(20.0, 0.0, 0.0), 0, 1000).unwrap();
+        assert!((f64::from(truth.visible_fraction) - 1000.0 / whole_px).abs() < 0.01);
+    }
+}

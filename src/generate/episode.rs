@@ -1,0 +1,231 @@
+//! One episode: drive, and every 0.3 s of simulated time write down what is measured and what is true.
+
+use std::collections::HashMap;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use image::codecs::jpeg::JpegEncoder;
+use nalgebra::{Point3, Vector3};
+
+use super::annotate::{Observation, Shape, annotate};
+use super::config::CONTROL_PERIOD_S;
+use super::drive::Drive;
+use super::{CheckedConfig, EpisodePlan, GenerateError};
+use crate::config::to_toml;
+use crate::episode::{EpisodeEntry, EpisodeMeta, EpisodeWriter, MapDrawing};
+use crate::geometry::Point;
+use crate::random;
+use crate::sample::{EncodedImage, ImageFormat, Measured, Sample, Truth};
+use crate::scene::{SceneObject, Town, World, populate};
+use crate::sensors::lidar::{self, Hit};
+use crate::sim::CameraMount;
+
+/// Simulated time begins on 2025-01-01, never at the wall clock.
+const EPOCH_NS: u64 = 1_735_689_600_000_000_000;
+
+/// Reflectivity of what is no object: asphalt, pavement, walls.
+const BACKGROUND_REFLECTIVITY: f64 = 0.25;
+
+/// Where the time of an episode went.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Timings {
+    pub set_up: Duration,
+    pub motion: Duration,
+    pub picture: Duration,
+    pub segmentation: Duration,
+    pub rays: Duration,
+    pub packing: Duration,
+    pub truth: Duration,
+    pub writing: Duration,
+}
+
+/// Makes one episode in the data set's folder; `on_sample` hears of each written sample.
+///
+/// # Errors
+/// [`GenerateError`]: unknown town, no simulator, unstable physics, the disk. Nothing is left then.
+pub fn record(
+    config: &CheckedConfig,
+    plan: &EpisodePlan,
+    folder: &Path,
+    on_sample: &mut dyn FnMut() -> std::io::Result<()>,
+) -> Result<(EpisodeEntry, Timings), GenerateError> {
+    let mut timings = Timings::default();
+    let begin = Instant::now();
+    let town = Arc::new(Town::load(&config.raw.town)?);
+    let world = populate(&town, &config.raw.scene, plan.seed)?;
+    let mount = CameraMount {
+        body: "ego".into(),
+        ego_from_camera: config.rig.ego_from_camera,
+        intrinsics: config.rig.intrinsics,
+        n_samples: config.raw.render.samples_per_pixel,
+        shadow_size_px: config.raw.render.shadow_size_px,
+    };
+    let mut drive = Drive::new(&world, &mount, plan.seed)?;
+    let sensing = Sensing::new(config, &world, &drive, plan.seed);
+    let meta = EpisodeMeta {
+        name: plan.name.clone(),
+        seed: plan.seed,
+        town: town.name.clone(),
+        weather: config.weather.name().to_owned(),
+        ood: config.raw.scene.ood,
+        generator_version: env!("CARGO_PKG_VERSION").to_owned(),
+        config_toml: to_toml(&config.raw),
+        rig_toml: to_toml(&config.raw.rig),
+        n_samples: config.raw.samples as usize,
+    };
+    let mut writer = EpisodeWriter::create(&folder.join(plan.file()), &meta, &MapDrawing::default())?;
+    timings.set_up = begin.elapsed();
+
+    for _ in 0..config.warm_up_control_steps {
+        drive.step()?;
+    }
+    for sample_idx in 0..u64::from(config.raw.samples) {
+        let begin = Instant::now();
+        let n_steps = if sample_idx == 0 { 0 } else { config.control_steps_per_sample };
+        for _ in 0..n_steps {
+            drive.step()?;
+        }
+        timings.motion += begin.elapsed();
+        let sample = sensing.sample(&mut drive, sample_idx, &mut timings)?;
+        let begin = Instant::now();
+        writer.write(&sample)?;
+        timings.writing += begin.elapsed();
+        on_sample()?;
+    }
+    let finished = writer.finish()?;
+    let entry = EpisodeEntry {
+        name: plan.name.clone(),
+        file: plan.file(),
+        split: plan.split,
+        seed: plan.seed,
+        town: meta.town,
+        weather: meta.weather,
+        ood: meta.ood,
+        n_samples: finished.n_samples,
+        n_objects: finished.n_objects,
+        sha256: finished.sha256,
+    };
+    Ok((entry, timings))
+}
+
+/// What turns the state of the world into samples.
+struct Sensing<'a> {
+    config: &'a CheckedConfig,
+    objects: &'a [SceneObject],
+    /// Object of each geom, if it belongs to one.
+    object_of_geom: Vec<Option<usize>>,
+    seed: u64,
+}
+
+impl<'a> Sensing<'a> {
+    fn new(config: &'a CheckedConfig, world: &'a World, drive: &Drive, seed: u64) -> Self {
+        let object_of_body: HashMap<usize, usize> =
+            drive.object_bodies.iter().enumerate().map(|(object, &body)| (body, object)).collect();
+        let bodies = drive.simulator.geom_bodies().iter();
+        let object_of_geom = bodies.map(|body| object_of_body.get(body).copied()).collect();
+        Self { config, objects: world.objects(), object_of_geom, seed }
+    }
+
+    fn object_of(&self, geom: i32) -> Option<usize> {
+        usize::try_from(geom).ok().and_then(|geom| self.object_of_geom[geom])
+    }
+
+    fn sample(
+        &self,
+        drive: &mut Drive,
+        sample_idx: u64,
+        timings: &mut Timings,
+    ) -> Result<Sample, GenerateError> {
+        let rig = &self.config.rig;
+        let world_from_ego = drive.world_from_ego();
+        let mut seen: Vec<Observation> = drive
+            .object_bodies
+            .iter()
+            .map(|&body| Observation {
+                world_from_model: drive.poses[body],
+                world_from_model_before: drive.poses_before[body],
+                n_lidar_points: 0,
+                visible_px: 0,
+            })
+            .collect();
+
+        let begin = Instant::now();
+        let picture = drive.simulator.render_rgb()?;
+        timings.picture += begin.elapsed();
+
+        let begin = Instant::now();
+        let mut bytes = Vec::new();
+        let quality = self.config.raw.render.jpeg_quality;
+        JpegEncoder::new_with_quality(&mut bytes, quality).encode_image(&picture)?;
+        let image = EncodedImage { format: ImageFormat::Jpeg, bytes };
+        timings.packing += begin.elapsed();
+
+        let begin = Instant::now();
+        for &geom in &drive.simulator.render_segmentation()?.geom {
+            if let Some(object) = self.object_of(geom) {
+                seen[object].visible_px += 1;
+            }
+        }
+        timings.segmentation += begin.elapsed();
+
+        let begin = Instant::now();
+        let world_from_lidar = world_from_ego * rig.ego_from_lidar;
+        let directions: Vec<Vector3<f64>> =
+            rig.pattern.directions.iter().map(|direction| world_from_lidar.rotate(direction)).collect();
+        let origin = (world_from_lidar * Point::new(0.0, 0.0, 0.0)).coords;
+        let hits = drive.simulator.cast_rays(&origin, &directions, rig.noise.max_range_m + 1.0)?;
+        timings.rays += begin.elapsed();
+
+        let begin = Instant::now();
+        let reflections: Vec<Hit> = (0..directions.len())
+            .map(|ray| Hit {
+                range_m: hits.range_m[ray],
+                cos_incidence: hits.cos_incidence[ray],
+                reflectivity: self
+                    .object_of(hits.geom[ray])
+                    .map_or(BACKGROUND_REFLECTIVITY, |object| self.objects[object].reflectivity),
+            })
+            .collect();
+        let camera_from_lidar = rig.ego_from_camera.inverse() * rig.ego_from_lidar;
+        let mut rng = random::stream(self.seed, "lidar-noise", sample_idx);
+        let mut points = Vec::new();
+        for (ray, point) in lidar::returns(&rig.pattern, &reflections, &rig.noise, &mut rng) {
+            let at = Vector3::new(point.x_m, point.y_m, point.z_m).cast::<f64>();
+            if !lidar::is_in_view(&at, &rig.intrinsics, &camera_from_lidar) {
+                continue;
+            }
+            if let Some(object) = self.object_of(hits.geom[ray]) {
+                seen[object].n_lidar_points += 1;
+            }
+            points.push(point);
+        }
+        let annotation = &self.config.raw.annotation;
+        let truths = self.objects.iter().zip(&seen).filter_map(|(object, seen)| {
+            let shape = Shape {
+                id: &object.id,
+                category: &object.category,
+                kind: object.kind,
+                distribution: object.distribution,
+                bounds: [Point3::from(object.bounds.0), Point3::from(object.bounds.1)],
+                triangles: &object.triangles,
+            };
+            annotate(&shape, seen, CONTROL_PERIOD_S, &world_from_ego, rig, annotation)
+        });
+        let truth = Truth { objects: truths.collect() };
+        timings.truth += begin.elapsed();
+
+        let period_ns = (self.config.raw.sample_period_s * 1e9).round() as u64;
+        let measured = Measured {
+            time_ns: EPOCH_NS + sample_idx * period_ns,
+            ego_state: drive.ego_state()?,
+            world_from_ego,
+            ego_from_lidar: rig.ego_from_lidar,
+            ego_from_camera: rig.ego_from_camera,
+            intrinsics: rig.intrinsics,
+            image,
+            points,
+        };
+        Ok(Sample { measured, truth })
+    }
+}

@@ -1,0 +1,155 @@
+//! The data set's folder: what of it is kept when a run is taken up again, and what may be replaced.
+
+use std::path::Path;
+
+use fs_err as fs;
+
+use super::{EpisodePlan, GenerateError};
+use crate::episode::{EpisodeEntry, Manifest};
+use crate::files::{PARTIAL_SUFFIX, sha256_hex, write_atomic};
+
+/// The resolved config, written before anything else.
+pub(super) const CONFIG_FILE: &str = "gen.toml";
+const EPISODES: &str = "episodes";
+
+/// Makes the folder ready; gives the manifest to begin with, with the episodes that are whole already.
+pub(super) fn open(
+    folder: &Path,
+    config_toml: &str,
+    seed: u64,
+    ood: bool,
+    plans: &[EpisodePlan],
+    force: bool,
+) -> Result<Manifest, GenerateError> {
+    let mut manifest = Manifest::new(sha256_hex(config_toml.as_bytes()), seed, ood);
+    let config_path = folder.join(CONFIG_FILE);
+    if config_path.is_file() {
+        match kept(folder, config_toml, &manifest, plans) {
+            Ok(entries) => manifest.episodes = entries,
+            Err(_) if force => clear(folder)?,
+            Err(error) => return Err(error),
+        }
+    } else if folder.is_dir() && fs::read_dir(folder)?.next().is_some() {
+        return Err(GenerateError::ForeignFolder { path: folder.to_owned() });
+    }
+    fs::create_dir_all(folder.join(EPISODES))?;
+    remove_files(folder, |name| name.ends_with(&format!(".{PARTIAL_SUFFIX}")))?;
+    write_atomic(&config_path, config_toml.as_bytes())?;
+    manifest.write(folder)?;
+    Ok(manifest)
+}
+
+/// The entries of an earlier run of the same data set whose files are as they were written.
+fn kept(
+    folder: &Path,
+    config_toml: &str,
+    wanted: &Manifest,
+    plans: &[EpisodePlan],
+) -> Result<Vec<EpisodeEntry>, GenerateError> {
+    let other = |what, found: String, wanted: String| {
+        Err(GenerateError::OtherData { what, found, wanted, path: folder.to_owned() })
+    };
+    let found_toml = fs::read_to_string(folder.join(CONFIG_FILE))?;
+    if let Some((found, wanted)) = first_difference(&found_toml, config_toml) {
+        return other("config", found, wanted);
+    }
+    if !folder.join(Manifest::FILE).is_file() {
+        return Ok(Vec::new());
+    }
+    let found = Manifest::read(folder)?;
+    if found.generator_version != wanted.generator_version {
+        return other("version", found.generator_version, wanted.generator_version.clone());
+    }
+    if found.episodes.iter().any(|entry| plans.iter().all(|plan| plan.name != entry.name)) {
+        let n = |count: usize| format!("{count} episodes");
+        return other("size", n(found.episodes.len()), n(plans.len()));
+    }
+    let is_whole = |entry: &EpisodeEntry| {
+        fs::read(folder.join(&entry.file)).is_ok_and(|bytes| sha256_hex(&bytes) == entry.sha256)
+    };
+    Ok(found.episodes.into_iter().filter(is_whole).collect())
+}
+
+fn first_difference(found: &str, wanted: &str) -> Option<(String, String)> {
+    if found == wanted {
+        return None;
+    }
+    let missing = "nothing";
+    let (mut found, mut wanted) = (found.lines(), wanted.lines());
+    loop {
+        match (found.next(), wanted.next()) {
+            (Some(a), Some(b)) if a == b => {}
+            (a, b) => return Some((a.unwrap_or(missing).to_owned(), b.unwrap_or(missing).to_owned())),
+        }
+    }
+}
+
+/// Deletes what an earlier run made, and only that.
+fn clear(folder: &Path) -> Result<(), GenerateError> {
+    // The manifest first: without it, a half-cleared folder is an empty data set and not a broken one.
+    for name in [Manifest::FILE, CONFIG_FILE] {
+        let path = folder.join(name);
+        if path.is_file() {
+            fs::remove_file(path)?;
+        }
+    }
+    remove_files(folder, |name| name.ends_with(".mcap"))
+}
+
+fn remove_files(folder: &Path, is_ours: impl Fn(&str) -> bool) -> Result<(), GenerateError> {
+    let episodes = folder.join(EPISODES);
+    if !episodes.is_dir() {
+        return Ok(());
+    }
+    for entry in fs::read_dir(episodes)? {
+        let entry = entry?;
+        if entry.file_name().to_str().is_some_and(&is_ours) {
+            fs::remove_file(entry.path())?;
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn open_with(folder: &Path, toml: &str, force: bool) -> Result<Manifest, GenerateError> {
+        open(folder, toml, 0, false, &[], force)
+    }
+
+    #[test]
+    fn a_folder_with_foreign_files_is_refused_even_by_force() {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("thesis.doc"), "x").unwrap();
+        for force in [false, true] {
+            let error = open_with(folder.path(), "seed = 0\n", force).unwrap_err();
+            assert!(matches!(error, GenerateError::ForeignFolder { .. }), "{error}");
+        }
+    }
+
+    #[test]
+    fn another_config_needs_force_which_leaves_foreign_files_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        open_with(folder.path(), "seed = 0\n", false).unwrap();
+        let episode = folder.path().join("episodes/a.mcap");
+        let note = folder.path().join("notes.txt");
+        fs::write(&episode, "x").unwrap();
+        fs::write(&note, "x").unwrap();
+        let error = open_with(folder.path(), "seed = 1\n", false).unwrap_err().to_string();
+        assert!(error.contains("seed = 0") && error.contains("--force"), "{error}");
+        assert!(episode.is_file());
+        open_with(folder.path(), "seed = 1\n", true).unwrap();
+        assert!(!episode.is_file() && note.is_file());
+    }
+
+    #[test]
+    fn partial_files_of_a_killed_run_are_swept_up() {
+        let folder = tempfile::tempdir().unwrap();
+        open_with(folder.path(), "seed = 0\n", false).unwrap();
+        let partial = folder.path().join("episodes/a.mcap.partial");
+        fs::write(&partial, "x").unwrap();
+        open_with(folder.path(), "seed = 0\n", false).unwrap();
+        assert!(!partial.exists());
+    }
+}

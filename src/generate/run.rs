@@ -1,0 +1,179 @@
+//! Makes a whole data set with worker processes, and takes up one that was broken off.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use serde::Serialize;
+
+use super::worker::{Job, Worker};
+use super::{CheckedConfig, EpisodePlan, GenerateConfig, GenerateError, folder, plan};
+use crate::config::to_toml;
+use crate::episode::manifest::ObjectCounts;
+use crate::episode::{EpisodeEntry, Manifest, Split};
+use crate::object::{Distribution, Kind};
+use crate::progress::Progress;
+use crate::scene::Town;
+
+/// How a data set is made, which changes nothing of its bytes.
+#[derive(Debug, Clone)]
+pub struct RunOptions {
+    /// The `harmzone` program, started as worker.
+    pub program: PathBuf,
+    /// Worker processes.
+    pub jobs: usize,
+    /// Whether the episodes of another config may be deleted.
+    pub force: bool,
+}
+
+/// What a run made.
+#[derive(Debug, Clone, Serialize)]
+pub struct Summary {
+    pub folder: PathBuf,
+    pub n_episodes: usize,
+    /// Episodes that were there already.
+    pub n_kept: usize,
+    pub n_samples: usize,
+    /// Episodes for training, validation and testing.
+    pub n_by_split: [usize; 3],
+    pub n_objects: ObjectCounts,
+}
+
+/// Makes the first `n_episodes` of a config in `out`; whole ones of an earlier, equal run are kept.
+///
+/// `dataset.json` lists what is whole at any time, so a run may be killed and repeated.
+///
+/// # Errors
+/// [`GenerateError`]: a bad config, a folder that holds something else, or the first episode that failed.
+pub fn run(
+    config: &GenerateConfig,
+    n_episodes: u32,
+    out: &Path,
+    options: &RunOptions,
+    progress: &dyn Progress,
+) -> Result<Summary, GenerateError> {
+    CheckedConfig::try_from(config)?;
+    // An unknown town is told at once, before the folder is touched.
+    Town::load(&config.town)?;
+    let plans = plan(config, n_episodes);
+    let manifest = folder::open(out, &to_toml(config), config.seed, config.scene.ood, &plans, options.force)?;
+    let is_kept = |plan: &EpisodePlan| manifest.episodes.iter().any(|entry| entry.name == plan.name);
+    let todo: Vec<u32> = (0..).zip(&plans).filter(|(_, plan)| !is_kept(plan)).map(|(i, _)| i).collect();
+    let n_kept = manifest.episodes.len();
+
+    progress.start("generate", todo.len() as u64 * u64::from(config.samples));
+    let shared = Shared {
+        todo: &todo,
+        next: AtomicUsize::new(0),
+        plans: &plans,
+        manifest: Mutex::new(manifest),
+        failure: Mutex::new(None),
+        folder: out,
+        progress,
+    };
+    // Workers change their folder never, but a relative path should not depend on that.
+    let job = Job { config: config.clone(), folder: fs_err::canonicalize(out)? };
+    std::thread::scope(|scope| {
+        for _ in 0..options.jobs.clamp(1, todo.len().max(1)) {
+            scope.spawn(|| shared.work(&options.program, &job));
+        }
+    });
+    progress.finish();
+    if let Some(error) = shared.failure.into_inner().expect("no worker thread panics") {
+        return Err(error);
+    }
+    let manifest = shared.manifest.into_inner().expect("no worker thread panics");
+    Ok(summarise(&manifest, out, n_kept))
+}
+
+struct Shared<'a> {
+    todo: &'a [u32],
+    /// Place in `todo` of what is handed out next.
+    next: AtomicUsize,
+    plans: &'a [EpisodePlan],
+    manifest: Mutex<Manifest>,
+    /// The first one; ends the others after their present episode.
+    failure: Mutex<Option<GenerateError>>,
+    folder: &'a Path,
+    progress: &'a dyn Progress,
+}
+
+impl Shared<'_> {
+    fn work(&self, program: &Path, job: &Job) {
+        if let Err(error) = self.try_work(program, job) {
+            self.failure.lock().expect("no worker thread panics").get_or_insert(error);
+        }
+    }
+
+    fn try_work(&self, program: &Path, job: &Job) -> Result<(), GenerateError> {
+        let mut worker = None;
+        while let Some(&episode_idx) = self.todo.get(self.next.fetch_add(1, Ordering::Relaxed)) {
+            if self.failure.lock().expect("no worker thread panics").is_some() {
+                break;
+            }
+            let plan = &self.plans[episode_idx as usize];
+            let worker = match &mut worker {
+                Some(worker) => worker,
+                none => none.insert(Worker::start(program, job)?),
+            };
+            let made = worker.make(episode_idx, &|| self.progress.advance(1));
+            let entry =
+                made.map_err(|message| GenerateError::Worker { episode: plan.name.clone(), message })?;
+            self.progress.note(&plan.name);
+            self.add(entry)?;
+        }
+        Ok(())
+    }
+
+    /// Adds an entry to `dataset.json`, in the order of the plan.
+    fn add(&self, entry: EpisodeEntry) -> Result<(), GenerateError> {
+        let mut manifest = self.manifest.lock().expect("no worker thread panics");
+        manifest.episodes.push(entry);
+        let place = |entry: &EpisodeEntry| self.plans.iter().position(|plan| plan.name == entry.name);
+        manifest.episodes.sort_by_key(place);
+        Ok(manifest.write(self.folder)?)
+    }
+}
+
+fn summarise(manifest: &Manifest, folder: &Path, n_kept: usize) -> Summary {
+    let mut n_objects = ObjectCounts::default();
+    for entry in &manifest.episodes {
+        for distribution in [Distribution::Id, Distribution::Ood] {
+            for kind in [Kind::Vehicle, Kind::Pedestrian, Kind::Static] {
+                *n_objects.get_mut(distribution).get_mut(kind) += entry.n_objects.get(distribution).get(kind);
+            }
+        }
+    }
+    Summary {
+        folder: folder.to_owned(),
+        n_episodes: manifest.episodes.len(),
+        n_kept,
+        n_samples: manifest.episodes.iter().map(|entry| entry.n_samples).sum(),
+        n_by_split: [Split::Train, Split::Val, Split::Test].map(|split| manifest.of_split(split).count()),
+        n_objects,
+    }
+}
+
+impl fmt::Display for Summary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [n_train, n_val, n_test] = self.n_by_split;
+        writeln!(f, "{}", self.folder.display())?;
+        writeln!(
+            f,
+            "  episodes  {} ({n_train} train, {n_val} val, {n_test} test; {} kept)",
+            self.n_episodes, self.n_kept
+        )?;
+        writeln!(f, "  samples   {}", self.n_samples)?;
+        let share = self.n_objects.total() as f64 / (self.n_samples.max(1)) as f64;
+        writeln!(f, "  objects   {} ({share:.1} a sample)", self.n_objects.total())?;
+        for (name, counts) in [("id", &self.n_objects.id), ("ood", &self.n_objects.ood)] {
+            let [vehicles, pedestrians, statics] = counts.values();
+            writeln!(
+                f,
+                "    {name:<4} {vehicles:>7} vehicles {pedestrians:>7} pedestrians {statics:>7} static"
+            )?;
+        }
+        Ok(())
+    }
+}
