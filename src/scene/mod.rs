@@ -12,6 +12,7 @@ mod route;
 mod surface;
 mod textures;
 mod town;
+mod traffic;
 
 pub use mjcf::{EgoCommand, Mjcf};
 pub use network::{GraphLane, LaneGraph};
@@ -21,3 +22,4 @@ pub use populate::{Motion, Placement, PopulateConfig, SceneObject, World, popula
 pub use route::{Route, Span};
 pub use surface::Surface;
 pub use town::{SceneError, Town, TownConfig, TrafficConfig, town_names};
+pub use traffic::{Commands, EgoObservation, Traffic};
