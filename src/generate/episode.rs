@@ -11,9 +11,9 @@ use nalgebra::{Point3, Vector3};
 use super::annotate::{Observation, Shape, annotate};
 use super::config::CONTROL_PERIOD_S;
 use super::drive::Drive;
-use super::{CheckedConfig, EpisodePlan, GenerateError};
+use super::{CheckedConfig, EpisodePlan, GenerateError, map};
 use crate::config::to_toml;
-use crate::episode::{EpisodeEntry, EpisodeMeta, EpisodeWriter, MapDrawing};
+use crate::episode::{EpisodeEntry, EpisodeMeta, EpisodeWriter};
 use crate::geometry::Point;
 use crate::random;
 use crate::sample::{EncodedImage, ImageFormat, Measured, Sample, Truth};
@@ -23,6 +23,9 @@ use crate::sim::CameraMount;
 
 /// Simulated time begins on 2025-01-01, never at the wall clock.
 const EPOCH_NS: u64 = 1_735_689_600_000_000_000;
+
+/// Lanes farther than this from the route are not drawn.
+const MAP_REACH_M: f64 = 100.0;
 
 /// Reflectivity of what is no object: asphalt, pavement, walls.
 const BACKGROUND_REFLECTIVITY: f64 = 0.25;
@@ -74,7 +77,9 @@ pub fn record(
         rig_toml: to_toml(&config.raw.rig),
         n_samples: config.raw.samples as usize,
     };
-    let mut writer = EpisodeWriter::create(&folder.join(plan.file()), &meta, &MapDrawing::default())?;
+    let route: Vec<[f64; 2]> = world.ego_route.path.sampled(20.0).iter().map(|at| [at.x, at.y]).collect();
+    let map = map::drawing(&town.graph, &route, MAP_REACH_M);
+    let mut writer = EpisodeWriter::create(&folder.join(plan.file()), &meta, &map)?;
     timings.set_up = begin.elapsed();
 
     for _ in 0..config.warm_up_control_steps {

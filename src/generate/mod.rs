@@ -8,6 +8,7 @@ mod config;
 mod drive;
 pub mod episode;
 mod folder;
+mod map;
 mod plan;
 mod run;
 pub mod worker;
