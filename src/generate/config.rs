@@ -23,8 +23,9 @@ pub struct GenerateConfig {
     pub samples: u32,
     /// Simulated time between two samples, a multiple of 0.05 s.
     pub sample_period_s: f64,
-    /// Simulated before the first sample, so that cars move and suspensions rest.
-    pub warm_up_s: f64,
+    /// Simulated before the first sample, so that cars move and suspensions rest: least and most; each
+    /// episode draws its own.
+    pub warm_up_s: [f64; 2],
     /// Every this many episodes one is for validation (0: none), the others for training.
     pub val_every: u32,
     /// What stands and moves in the town; with `ood`, all episodes are for testing.
@@ -42,7 +43,7 @@ impl Default for GenerateConfig {
             seed: 0,
             samples: 40,
             sample_period_s: 0.3,
-            warm_up_s: 1.0,
+            warm_up_s: [1.0, 20.0],
             val_every: 6,
             scene: PopulateConfig::default(),
             annotation: AnnotationConfig::default(),
@@ -95,7 +96,6 @@ pub struct CheckedConfig {
     pub weather: Weather,
     pub rig: Rig,
     pub(super) control_steps_per_sample: u32,
-    pub(super) warm_up_control_steps: u32,
 }
 
 impl TryFrom<&GenerateConfig> for CheckedConfig {
@@ -110,8 +110,13 @@ impl TryFrom<&GenerateConfig> for CheckedConfig {
         let steps = raw.sample_period_s / CONTROL_PERIOD_S;
         let is_whole = (1.0..=1000.0).contains(&steps.round()) && (steps - steps.round()).abs() < 1e-6;
         require(is_whole, "sample_period_s", raw.sample_period_s.to_string(), "a multiple of 0.05 up to 50")?;
-        let warm_up_s = raw.warm_up_s;
-        require((0.1..=60.0).contains(&warm_up_s), "warm_up_s", warm_up_s.to_string(), "0.1 to 60")?;
+        let [least_s, most_s] = raw.warm_up_s;
+        require(
+            (0.1..=60.0).contains(&least_s) && (least_s..=60.0).contains(&most_s),
+            "warm_up_s",
+            format!("{least_s} to {most_s}"),
+            "two rising numbers in 0.1 to 60",
+        )?;
         let quality = raw.render.jpeg_quality;
         require((1..=100).contains(&quality), "render.jpeg_quality", quality.to_string(), "1 to 100")?;
         let n = raw.render.samples_per_pixel;
@@ -125,7 +130,6 @@ impl TryFrom<&GenerateConfig> for CheckedConfig {
             weather: raw.weather.parse()?,
             rig: Rig::try_from(&raw.rig)?,
             control_steps_per_sample: steps.round() as u32,
-            warm_up_control_steps: (warm_up_s / CONTROL_PERIOD_S).round() as u32,
         })
     }
 }

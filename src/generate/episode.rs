@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use image::codecs::jpeg::JpegEncoder;
 use nalgebra::{Point3, Vector3};
+use rand::RngExt;
 
 use super::annotate::{Observation, Shape, annotate};
 use super::config::CONTROL_PERIOD_S;
@@ -82,7 +83,10 @@ pub fn record(
     let mut writer = EpisodeWriter::create(&folder.join(plan.file()), &meta, &map)?;
     timings.set_up = begin.elapsed();
 
-    for _ in 0..config.warm_up_control_steps {
+    let [least_s, most_s] = config.raw.warm_up_s;
+    let draw: f64 = random::stream(plan.seed, "warm-up", 0).random();
+    let n_warm_up_steps = ((least_s + (most_s - least_s) * draw) / CONTROL_PERIOD_S).round() as u32;
+    for _ in 0..n_warm_up_steps {
         drive.step()?;
     }
     for sample_idx in 0..u64::from(config.raw.samples) {

@@ -30,6 +30,8 @@ pub struct PopulateConfig {
     pub prop_density: f64,
     pub parked_density: f64,
     pub traffic_density: f64,
+    /// Share of the episodes in which a vehicle drives ahead of the ego from the start.
+    pub leader_share: f64,
     pub pedestrian_density: f64,
     /// Between one out-of-distribution place and the next along the route, metres: least, most.
     pub ood_spacing_m: [f64; 2],
@@ -46,6 +48,7 @@ impl Default for PopulateConfig {
             prop_density: 0.6,
             parked_density: 0.6,
             traffic_density: 1.0,
+            leader_share: 0.75,
             pedestrian_density: 0.6,
             ood_spacing_m: [9.0, 20.0],
             ood_in_lane_share: 0.2,
@@ -177,7 +180,7 @@ pub fn populate(town: &Arc<Town>, config: &PopulateConfig, seed: u64) -> Result<
     }
     filler.park();
     filler.place_props();
-    filler.place_traffic(&starts, ego_center);
+    filler.place_traffic(&starts, ego_center, &ego_route);
     filler.place_pedestrians();
     let mut placements = filler.placements;
     for (n, placement) in placements.iter_mut().filter(|p| !matches!(p.motion, Motion::Still)).enumerate() {
@@ -264,7 +267,9 @@ impl Filler<'_> {
     fn put(&mut self, model: usize, position: Vec2, z_m: f64, yaw_rad: f64, motion: Motion, rng: &mut Rng) {
         let category = &self.models.models[model].category;
         let id = format!("{category}-{:03}", self.placements.len());
-        let paint = self.models.models[model].paint.as_ref().map(|_| {
+        // A hay bale is yellow and a tree green; only cars and clothes come in any colour.
+        let is_recoloured = self.models.models[model].kind != Kind::Static;
+        let paint = self.models.models[model].paint.as_ref().filter(|_| is_recoloured).map(|_| {
             PAINTS[rng.random_range(0..PAINTS.len())]
                 .map(|c| (c * (0.85 + 0.3 * rng.random::<f64>())).min(1.0))
         });
@@ -389,11 +394,28 @@ impl Filler<'_> {
         }
     }
 
-    fn place_traffic(&mut self, starts: &[usize], ego_center: Vec2) {
+    /// With the configured share, a vehicle ahead of the ego on its route.
+    fn place_leader(&mut self, ego_route: &Route, moving: &mut Occupied, rng: &mut Rng) {
+        if rng.random::<f64>() >= self.config.leader_share {
+            return;
+        }
+        let weights = &self.town.config.traffic.vehicle_weights;
+        let Some(model) = self.draw_model(Kind::Vehicle, weights, rng) else { return };
+        let station_m = 16.0 + 14.0 * rng.random::<f64>();
+        let (at, yaw_rad) = (ego_route.path.at(station_m), ego_route.path.heading_rad(station_m));
+        let body = footprint_of(&self.models.models[model], at, yaw_rad);
+        if self.occupied.is_free(&body, 0.3) && moving.claim(body, 0.2) {
+            let route = ego_route.clone();
+            self.put(model, at, 0.0, yaw_rad, Motion::Drives { route, station_m }, rng);
+        }
+    }
+
+    fn place_traffic(&mut self, starts: &[usize], ego_center: Vec2, ego_route: &Route) {
         let mut rng = random::stream(self.seed, "traffic", 0);
         let traffic = &self.town.config.traffic;
         let wanted = (f64::from(traffic.n_vehicles) * self.config.traffic_density).round() as u32;
         let mut moving = Occupied::default();
+        self.place_leader(ego_route, &mut moving, &mut rng);
         for _ in 0..wanted {
             for _ in 0..20 {
                 let lane = starts[rng.random_range(0..starts.len())];

@@ -8,8 +8,6 @@ mod driver;
 mod junction;
 mod pedestrian;
 
-use nalgebra::Vector3;
-
 use self::driver::{Driver, Obstacle};
 use self::junction::Junctions;
 use self::pedestrian::Pedestrian;
@@ -40,7 +38,7 @@ pub struct EgoObservation {
 pub struct Commands {
     pub ego: EgoCommand,
     /// For each moving body: its mocap number, position and heading.
-    pub mocap: Vec<(usize, Vector3<f64>, f64)>,
+    pub mocap: Vec<(usize, [f64; 3], f64)>,
 }
 
 /// All agents of a world.
@@ -71,9 +69,12 @@ impl Traffic {
                 let footprint = world.footprint(placement);
                 match &placement.motion {
                     Motion::Still => Agent::Still(footprint),
-                    Motion::Drives { route, station_m } => {
-                        Agent::Drives(Driver::new(route.clone(), *station_m, footprint.length_m, footprint.width_m))
-                    }
+                    Motion::Drives { route, station_m } => Agent::Drives(Driver::new(
+                        route.clone(),
+                        *station_m,
+                        footprint.length_m,
+                        footprint.width_m,
+                    )),
                     Motion::Walks(walk) => Agent::Walks(Pedestrian::new(walk, footprint)),
                 }
             })
@@ -99,7 +100,8 @@ impl Traffic {
 
         self.ego.observe(ego_center, ego.speed_mps);
         let ego_obstacle = self.agents.len();
-        let acceleration = self.ego.decide(ego_obstacle, &obstacles, graph, &mut self.junctions, dt_s, &mut self.rng);
+        let acceleration =
+            self.ego.decide(ego_obstacle, &obstacles, graph, &mut self.junctions, dt_s, &mut self.rng);
         let command = self.ego_command(origin, ego_yaw_rad, ego.speed_mps, acceleration);
         self.ego.keep_going(graph, &mut self.rng);
 
@@ -129,8 +131,12 @@ impl Traffic {
                 Agent::Walks(pedestrian) => pedestrian.obstacle(),
             })
             .collect();
-        let footprint =
-            Footprint { center: ego_center, yaw_rad: ego_yaw_rad, length_m: EGO_LENGTH_M, width_m: EGO_WIDTH_M };
+        let footprint = Footprint {
+            center: ego_center,
+            yaw_rad: ego_yaw_rad,
+            length_m: EGO_LENGTH_M,
+            width_m: EGO_WIDTH_M,
+        };
         obstacles.push(Obstacle::moving(footprint, ego_speed_mps));
         obstacles
     }
@@ -149,7 +155,7 @@ impl Traffic {
         }
     }
 
-    fn mocap(&self) -> Vec<(usize, Vector3<f64>, f64)> {
+    fn mocap(&self) -> Vec<(usize, [f64; 3], f64)> {
         self.world
             .placements
             .iter()
@@ -160,7 +166,7 @@ impl Traffic {
                     Agent::Drives(driver) => (driver.footprint().center, driver.footprint().yaw_rad),
                     Agent::Walks(pedestrian) => pedestrian.pose(),
                 };
-                let at = Vector3::new(position.x, position.y, placement.z_m);
+                let at = [position.x, position.y, placement.z_m];
                 placement.mocap.map(|mocap| (mocap, at, yaw_rad))
             })
             .collect()

@@ -31,8 +31,13 @@ pub struct Pedestrian {
 enum Phase {
     Along,
     /// Share of the way from the near side to the far one.
-    Across { share: f64, sense: f64 },
-    Rest { left_s: f64 },
+    Across {
+        share: f64,
+        sense: f64,
+    },
+    Rest {
+        left_s: f64,
+    },
 }
 
 impl Pedestrian {
@@ -74,7 +79,10 @@ impl Pedestrian {
         let (center, yaw_rad) = self.pose();
         let speed_mps = if self.is_moving { self.speed_mps } else { 0.0 };
         let crosses = matches!(self.phase, Phase::Across { .. });
-        Obstacle { is_crossing: crosses, ..Obstacle::moving(Footprint { center, yaw_rad, ..self.size }, speed_mps) }
+        Obstacle {
+            is_crossing: crosses,
+            ..Obstacle::moving(Footprint { center, yaw_rad, ..self.size }, speed_mps)
+        }
     }
 
     pub fn step(&mut self, me: usize, obstacles: &[Obstacle], dt_s: f64) {
@@ -144,7 +152,9 @@ impl Pedestrian {
         let own = Footprint { center, yaw_rad, ..self.size };
         obstacles.iter().enumerate().any(|(i, other)| {
             // What one already stands in does not hold one back: better to walk out of it.
-            i != me && other.footprint.meets(&body) && !other.footprint.meets(&own)
+            i != me
+                && other.footprint.meets(&body)
+                && !other.footprint.meets(&own)
                 && (other.speed_mps > 0.3 || other.footprint.length_m > 1.5 || i < me)
         })
     }
