@@ -13,7 +13,6 @@ pub const PAVEMENT_M: f64 = 0.14;
 /// Height of the grass plane.
 pub const GRASS_M: f64 = -0.05;
 const PAINT_M: f64 = 0.015;
-const FILL_M: f64 = -0.02;
 const ROAD_TILE_M: f64 = 6.0;
 const PAVEMENT_TILE_M: f64 = 2.4;
 
@@ -140,6 +139,8 @@ impl Surface {
                 }
                 let corners = quad.map(|point| [point.x, point.y]);
                 match strip.kind {
+                    // One flat fill stands for all the lanes that cross each other there.
+                    StripKind::Road if strip.is_in_junction => {}
                     StripKind::Road | StripKind::Parking => meshes.road.add_flat(&corners, 0.0, ROAD_TILE_M),
                     StripKind::Grass => {}
                     StripKind::Pavement => {
@@ -152,7 +153,7 @@ impl Surface {
         }
         for fill in self.fills.iter().filter(|fill| fill.first().is_some_and(|&point| is_near(point))) {
             let corners: Vec<[f64; 2]> = fill.iter().map(|point| [point.x, point.y]).collect();
-            meshes.road.add_flat(&corners, FILL_M, ROAD_TILE_M);
+            meshes.road.add_flat(&corners, 0.0, ROAD_TILE_M);
         }
         for mark in self.marks.iter().filter(|mark| is_near(mark[0])) {
             meshes.marks.add_flat(&mark.map(|point| [point.x, point.y]), PAINT_M, 1.0);
