@@ -60,14 +60,14 @@ impl Drive {
 
     /// One control step.
     pub(super) fn step(&mut self) -> Result<(), GenerateError> {
-        let observation = EgoObservation { pose: self.world_from_ego(), speed_mps: self.speed_mps };
+        let observation = EgoObservation { world_from_ego: self.world_from_ego(), speed_mps: self.speed_mps };
         let commands = self.traffic.step(CONTROL_PERIOD_S, &observation);
         let movers: Vec<(usize, Isometry3<f64>)> = commands
             .mocap
             .iter()
-            .map(|&(mover, position, yaw_rad)| {
-                let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw_rad);
-                (mover, Isometry3::from_parts(Translation3::from(position), turn))
+            .map(|mover| {
+                let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), mover.yaw_rad);
+                (mover.index, Isometry3::from_parts(Translation3::from(mover.position_m), turn))
             })
             .collect();
         self.simulator.step(&commands.ego.ctrl(), &movers, self.physics_steps)?;

@@ -132,8 +132,8 @@ impl World {
              <option timestep=\"{TIMESTEP_S}\" integrator=\"implicitfast\" cone=\"elliptic\" impratio=\"5\"/>\n\
              <statistic extent=\"60\" center=\"0 0 0\"/>\n\
              <visual><global offwidth=\"800\" offheight=\"450\"/>\
-             <quality shadowsize=\"1024\" offsamples=\"0\" numslices=\"10\" numstacks=\"6\" numquads=\"1\"/>\
-             <headlight ambient=\"0.32 0.33 0.36\" diffuse=\"0.12 0.12 0.12\" specular=\"0 0 0\"/>\
+             <quality shadowsize=\"2048\" offsamples=\"0\" numslices=\"10\" numstacks=\"6\" numquads=\"1\"/>\
+             <headlight ambient=\"0.42 0.43 0.46\" diffuse=\"0.12 0.12 0.12\" specular=\"0 0 0\"/>\
              <map znear=\"0.004\" zfar=\"8\" shadowclip=\"1\"/></visual>\n\
              <asset>\n<texture name=\"sky\" type=\"skybox\" builtin=\"gradient\" rgb1=\"0.36 0.55 0.82\" rgb2=\"0.86 0.9 0.94\" width=\"128\" height=\"768\"/>\n\
              {asset}</asset>\n<worldbody>\n\

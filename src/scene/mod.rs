@@ -1,6 +1,9 @@
 //! Scenes: towns, object models, the filled world as MJCF, and how all that moves behaves.
 
 mod buildings;
+mod driving;
+mod ego;
+mod junctions;
 mod mesh;
 pub mod mjcf;
 pub mod models;
@@ -13,6 +16,7 @@ mod surface;
 mod textures;
 mod town;
 mod traffic;
+mod walking;
 
 pub use mjcf::{EgoCommand, Mjcf};
 pub use network::{GraphLane, LaneGraph};
@@ -22,4 +26,4 @@ pub use populate::{Motion, Placement, PopulateConfig, SceneObject, World, popula
 pub use route::{Route, Span};
 pub use surface::Surface;
 pub use town::{SceneError, Town, TownConfig, TrafficConfig, town_names};
-pub use traffic::{Commands, EgoObservation, Traffic};
+pub use traffic::{Commands, EgoObservation, MocapPose, Traffic};

@@ -16,6 +16,9 @@ use crate::object::{Distribution, Kind};
 
 static ASSETS: Dir<'static> = include_dir!("$CARGO_MANIFEST_DIR/mjcf_assets");
 
+/// Height below which a car could hit something, with some room.
+pub const SOLID_M: f64 = 1.9;
+
 /// One object model.
 #[derive(Debug, Clone)]
 pub struct Model {
@@ -29,6 +32,8 @@ pub struct Model {
     pub paint: Option<String>,
     /// Lowest and highest corner of the visual meshes, in the model frame.
     pub bounds: ([f64; 3], [f64; 3]),
+    /// Lowest and highest x, y of what lies below [`SOLID_M`]: a tree's trunk without its crown.
+    pub solid: ([f64; 2], [f64; 2]),
     /// Visual triangles in the model frame.
     pub triangles: Arc<Vec<[Point3<f32>; 3]>>,
     /// `<asset>` children as MJCF text.
@@ -156,6 +161,7 @@ fn read(dir: &'static Dir<'static>) -> Result<Model, String> {
         }
     }
     let bounds = bounds_of(&triangles).ok_or("no visual triangles in group 2")?;
+    let solid = solid_of(&triangles).unwrap_or(([bounds.0[0], bounds.0[1]], [bounds.1[0], bounds.1[1]]));
     let triangles = Arc::new(triangles);
     Ok(Model {
         name,
@@ -165,6 +171,7 @@ fn read(dir: &'static Dir<'static>) -> Result<Model, String> {
         reflectivity,
         paint,
         bounds,
+        solid,
         triangles,
         assets_xml,
         paint_xml,
@@ -213,6 +220,30 @@ fn bounds_of(triangles: &[[Point3<f32>; 3]]) -> Option<([f64; 3], [f64; 3])> {
         }
     }
     (!triangles.is_empty()).then_some((low, high))
+}
+
+/// Bounds of the triangles that begin below [`SOLID_M`], cut there.
+fn solid_of(triangles: &[[Point3<f32>; 3]]) -> Option<([f64; 2], [f64; 2])> {
+    let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+    let limit = SOLID_M as f32;
+    let mut add = |point: Point3<f32>| {
+        for axis in 0..2 {
+            low[axis] = low[axis].min(f64::from(point[axis]));
+            high[axis] = high[axis].max(f64::from(point[axis]));
+        }
+    };
+    for triangle in triangles {
+        for i in 0..3 {
+            let (a, b) = (triangle[i], triangle[(i + 1) % 3]);
+            if a.z <= limit {
+                add(a);
+            }
+            if (a.z <= limit) != (b.z <= limit) {
+                add(a + (b - a) * ((limit - a.z) / (b.z - a.z)));
+            }
+        }
+    }
+    (low[0] < high[0] && low[1] < high[1]).then_some((low, high))
 }
 
 #[cfg(test)]

@@ -131,7 +131,7 @@ impl World {
         &self.objects
     }
 
-    /// Ground footprint of a placement at its start.
+    /// Footprint of a placement at its start, of what stands below a car's roof: of a tree, the trunk.
     #[must_use]
     pub fn footprint(&self, placement: &Placement) -> Footprint {
         footprint_of(&self.models.models[placement.model], placement.position, placement.yaw_rad)
@@ -205,7 +205,11 @@ fn scene_object(placement: &Placement, models: &ModelLibrary) -> SceneObject {
 }
 
 fn footprint_of(model: &Model, position: Vec2, yaw_rad: f64) -> Footprint {
-    Footprint { center: position, yaw_rad, length_m: model.length_m(), width_m: model.width_m() }
+    let (low, high) = model.solid;
+    let (sin, cos) = yaw_rad.sin_cos();
+    let (x, y) = (f64::midpoint(low[0], high[0]), f64::midpoint(low[1], high[1]));
+    let center = position + Vec2::new(x * cos - y * sin, x * sin + y * cos);
+    Footprint { center, yaw_rad, length_m: high[0] - low[0], width_m: high[1] - low[1] }
 }
 
 /// Paints of vehicles and clothes: common colours of European cars, then bolder ones.

@@ -39,7 +39,7 @@ impl Route {
         route
     }
 
-    pub(super) fn push(&mut self, graph: &LaneGraph, lane: usize) {
+    fn push(&mut self, graph: &LaneGraph, lane: usize) {
         let start_m = self.path.length_m();
         self.path.extend(graph.lanes[lane].path.points().iter().copied());
         self.spans.push(Span { lane, start_m, end_m: self.path.length_m() });

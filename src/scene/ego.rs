@@ -1,0 +1,249 @@
+//! The ego's driver: pure pursuit on its route, IDM for what is ahead, a way round what stands.
+//!
+//! Pure pursuit (Coulter, 1992): `steering = atan(2 wheelbase sin(alpha) / lookahead)` towards the
+//! point on the path `lookahead` ahead of the rear axle.
+
+use super::driving::{self, Gap, Obstacle, Owner};
+use super::mjcf::{
+    DRIVE_RESPONSE_S, EGO_LENGTH_M, EGO_WIDTH_M, EgoCommand, FRONT_BUMPER_X_M, MAX_STEERING_RAD, WHEELBASE_M,
+};
+use super::network::LaneGraph;
+use super::occupancy::Footprint;
+use super::path::{Vec2, turn_between};
+use super::route::Route;
+use super::surface::Surface;
+use crate::random::Rng;
+
+/// Fastest turn of the road wheels.
+const STEERING_RATE_RPS: f64 = 0.9;
+/// Standing this long for no junction's sake is a jam.
+const JAM_S: f64 = 5.0;
+/// How far ahead a way round is looked for.
+const SWERVE_REACH_M: f64 = 26.0;
+
+/// Pose and speed of the ego as the simulator reports them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EgoPose {
+    pub position: Vec2,
+    pub yaw_rad: f64,
+    pub speed_mps: f64,
+}
+
+impl EgoPose {
+    #[must_use]
+    pub fn direction(&self) -> Vec2 {
+        Vec2::new(self.yaw_rad.cos(), self.yaw_rad.sin())
+    }
+
+    #[must_use]
+    pub fn obstacle(&self) -> Obstacle {
+        let center = self.position + self.direction() * (FRONT_BUMPER_X_M - EGO_LENGTH_M / 2.0);
+        Obstacle {
+            owner: Owner::Ego,
+            footprint: Footprint {
+                center,
+                yaw_rad: self.yaw_rad,
+                length_m: EGO_LENGTH_M,
+                width_m: EGO_WIDTH_M,
+            },
+            velocity_mps: self.direction() * self.speed_mps,
+            is_still: false,
+            is_vehicle: true,
+        }
+    }
+}
+
+/// What the driver remembers.
+#[derive(Debug, Clone)]
+pub struct EgoDriver {
+    pub route: Route,
+    /// Station of the rear axle.
+    pub station_m: f64,
+    /// Offset to the left of the route that the driver steers to.
+    left_m: f64,
+    steering_rad: f64,
+    jam_s: f64,
+    /// Seconds that it still backs up.
+    backing_s: f64,
+    /// Seconds that it still takes any way round.
+    bold_s: f64,
+    rng: Rng,
+}
+
+impl EgoDriver {
+    #[must_use]
+    pub fn new(route: Route, station_m: f64, rng: Rng) -> Self {
+        Self {
+            route,
+            station_m,
+            left_m: 0.0,
+            steering_rad: 0.0,
+            jam_s: 0.0,
+            backing_s: 0.0,
+            bold_s: 0.0,
+            rng,
+        }
+    }
+
+    /// Follows the ego's pose along the route.
+    pub fn locate(&mut self, pose: &EgoPose) {
+        let window = (self.station_m - 8.0, self.station_m + 12.0);
+        self.station_m = self.route.path.project(pose.position, window.0, window.1).0;
+    }
+
+    #[must_use]
+    pub fn front_m(&self) -> f64 {
+        self.station_m + FRONT_BUMPER_X_M
+    }
+
+    #[must_use]
+    pub fn rear_m(&self) -> f64 {
+        self.station_m - (EGO_LENGTH_M - FRONT_BUMPER_X_M)
+    }
+
+    /// One decision. `line` is where the next junction asks to stop, if it does.
+    pub fn step(
+        &mut self,
+        dt_s: f64,
+        pose: &EgoPose,
+        line: Option<Gap>,
+        (graph, surface): (&LaneGraph, &Surface),
+        obstacles: &[Obstacle],
+    ) -> EgoCommand {
+        let others: Vec<Obstacle> = obstacles
+            .iter()
+            .filter(|other| {
+                other.owner != Owner::Ego && (other.footprint.center - pose.position).norm() < 60.0
+            })
+            .copied()
+            .collect();
+        self.bold_s -= dt_s;
+        self.choose_offset(pose, (graph, surface), &others);
+        let speed_mps = pose.speed_mps.max(0.0);
+        let reach_m = 12.0 + 3.0 * speed_mps;
+        let gap = self.gap(pose, self.left_m, reach_m, others.iter());
+        // Room to steer round what stands; less for what will drive on.
+        let standstill_m = if gap.is_some_and(|gap| gap.is_still) { 4.5 } else { 1.5 };
+        let limit_mps = graph.lanes[self.route.span_at(self.front_m()).lane].limit_mps;
+        let mut desired_mps = driving::bend_speed_mps(&self.route.path, self.station_m, limit_mps);
+        let swerve_m = (self.left_m - self.offset(pose)).abs();
+        if swerve_m > 0.7 || self.left_m.abs() > 1.2 {
+            desired_mps = desired_mps.min(5.0);
+        }
+        let to_end_m = self.route.path.length_m() - self.front_m();
+        let end = (to_end_m < 30.0).then(|| Gap::line(to_end_m.max(0.1)));
+        let mut acceleration = driving::acceleration_mps2(speed_mps, desired_mps, gap, standstill_m);
+        for stop in [line, end].into_iter().flatten() {
+            acceleration =
+                acceleration.min(driving::acceleration_mps2(speed_mps, desired_mps, Some(stop), 1.0));
+        }
+        let is_held = line.is_some_and(|line| line.distance_m < 4.0);
+        self.unjam(dt_s, speed_mps, is_held, graph);
+        if self.backing_s > 0.0 && self.is_free_behind(pose, &others) {
+            self.backing_s -= dt_s;
+            self.steering_rad = 0.0;
+            return EgoCommand { target_speed_mps: -1.2, steering_angle_rad: 0.0 };
+        }
+        self.steer(dt_s, pose);
+        EgoCommand {
+            target_speed_mps: (speed_mps + acceleration * DRIVE_RESPONSE_S).max(0.0),
+            steering_angle_rad: self.steering_rad,
+        }
+    }
+
+    fn offset(&self, pose: &EgoPose) -> f64 {
+        self.route.path.project(pose.position, self.station_m - 2.0, self.station_m + 2.0).1
+    }
+
+    /// What is ahead when the car moves over to `left_m` as fast as it well can.
+    fn gap<'a>(
+        &self,
+        pose: &EgoPose,
+        left_m: f64,
+        reach_m: f64,
+        others: impl Iterator<Item = &'a Obstacle>,
+    ) -> Option<Gap> {
+        let path = &self.route.path;
+        let turn_rad = turn_between(path.heading_rad(self.station_m), pose.yaw_rad);
+        let now_m = self.offset(pose) + turn_rad.sin() * FRONT_BUMPER_X_M;
+        let blend_m = (1.6 * pose.speed_mps).clamp(4.5, 10.0);
+        let from_m = self.front_m();
+        let left_at = |s_m: f64| {
+            let share = ((s_m - from_m) / blend_m).clamp(0.0, 1.0);
+            now_m + (left_m - now_m) * share * share * (3.0 - 2.0 * share)
+        };
+        driving::gap_ahead(path, (from_m, reach_m), EGO_WIDTH_M / 2.0, left_at, others)
+    }
+
+    /// The offset that costs least: free way first, then near the lane's middle, then no change.
+    fn choose_offset(
+        &mut self,
+        pose: &EgoPose,
+        (graph, surface): (&LaneGraph, &Surface),
+        others: &[Obstacle],
+    ) {
+        let free_m = |left_m: f64| {
+            let still = others.iter().filter(|other| other.is_still);
+            self.gap(pose, left_m, SWERVE_REACH_M, still).map_or(SWERVE_REACH_M, |gap| gap.distance_m)
+        };
+        if self.left_m.abs() < 0.01 && free_m(0.0) >= SWERVE_REACH_M {
+            return;
+        }
+        let is_bold = self.bold_s > 0.0;
+        let path = &self.route.path;
+        let is_met = others.iter().any(|other| {
+            let ahead_m = (other.footprint.center - pose.position).dot(&pose.direction());
+            let (s_m, left_m) = path.project(other.footprint.center, self.station_m, self.station_m + 45.0);
+            let comes = other.velocity_mps.dot(&path.direction(s_m)) < 0.5;
+            other.is_vehicle && !other.is_still && comes && ahead_m > -2.0 && left_m > 1.2 && left_m < 6.0
+        });
+        let near_junction = graph.lanes[self.route.span_at(self.front_m() + 4.0).lane].junction.is_some();
+        let cost = |left_m: f64| {
+            let shortfall_m = SWERVE_REACH_M - free_m(left_m);
+            let beyond_road_m =
+                surface.road_grid.clearance_m(path.beside(self.front_m() + 6.0, left_m)) + EGO_WIDTH_M / 2.0;
+            let meets = if left_m > 0.9 && is_met { if is_bold { 6.0 } else { 60.0 } } else { 0.0 };
+            let leaves = if beyond_road_m > 0.1 { if is_bold { 4.0 } else { 30.0 } } else { 0.0 };
+            let turns = if near_junction && left_m.abs() > 0.9 { 4.0 } else { 0.0 };
+            shortfall_m + meets + leaves + turns + 0.5 * left_m.abs() + 0.4 * (left_m - self.left_m).abs()
+        };
+        let candidates = (-4..=14).map(|i| 0.35 * f64::from(i)).map(|left_m| (cost(left_m), left_m));
+        if let Some((_, left_m)) = candidates.min_by(|a, b| a.0.total_cmp(&b.0)) {
+            self.left_m = left_m;
+        }
+    }
+
+    /// A jam ends by another way: other turns ahead, a bolder way round, at last backing up.
+    fn unjam(&mut self, dt_s: f64, speed_mps: f64, is_held: bool, graph: &LaneGraph) {
+        let before_s = self.jam_s;
+        self.jam_s = if speed_mps > 0.3 || (is_held && self.jam_s < JAM_S) { 0.0 } else { self.jam_s + dt_s };
+        if before_s <= JAM_S && self.jam_s > JAM_S {
+            self.bold_s = 12.0;
+            self.route.turn_elsewhere(graph, self.front_m() + 1.0, &mut self.rng);
+        }
+        if self.jam_s > JAM_S + 3.0 {
+            self.jam_s = 0.0;
+            self.backing_s = 3.0;
+        }
+    }
+
+    fn is_free_behind(&self, pose: &EgoPose, others: &[Obstacle]) -> bool {
+        let body = pose.obstacle().footprint;
+        let behind =
+            Footprint { center: body.center - pose.direction() * 1.5, length_m: body.length_m + 2.0, ..body };
+        // What touches in front does not hinder backing up.
+        let rear = |other: &&Obstacle| (other.footprint.center - body.center).dot(&pose.direction()) < 0.0;
+        !others.iter().filter(rear).any(|other| other.footprint.meets(&behind))
+    }
+
+    fn steer(&mut self, dt_s: f64, pose: &EgoPose) {
+        let speed_mps = pose.speed_mps.max(0.0);
+        let lookahead_m = (0.6 * speed_mps + 2.6).clamp(3.8, 9.0);
+        let target = self.route.path.beside(self.station_m + lookahead_m, self.left_m);
+        let way = target - pose.position;
+        let alpha = turn_between(pose.yaw_rad, way.y.atan2(way.x));
+        let wanted = (2.0 * WHEELBASE_M * alpha.sin() / way.norm().max(1.0)).atan();
+        let step = (wanted - self.steering_rad).clamp(-STEERING_RATE_RPS * dt_s, STEERING_RATE_RPS * dt_s);
+        self.steering_rad = (self.steering_rad + step).clamp(-MAX_STEERING_RAD, MAX_STEERING_RAD);
+    }
+}

@@ -1,0 +1,341 @@
+//! Everything that moves, one control step at a time: drivers, pedestrians and the ego's driver.
+//!
+//! Vehicles other than the ego are kinematic: they stay on their lanes' lines, and never enter what
+//! is taken. Control rate 20 Hz.
+
+use std::sync::Arc;
+
+use rand::RngExt;
+
+use super::driving::{self, Gap, Obstacle, Owner};
+use super::ego::{EgoDriver, EgoPose};
+use super::junctions::{self, Reservations};
+use super::mjcf::EgoCommand;
+use super::occupancy::Footprint;
+use super::path::Vec2;
+use super::populate::{Motion, World};
+use super::route::Route;
+use super::surface::PAVEMENT_M;
+use super::town::Town;
+use super::walking::Walker;
+use crate::geometry::{Ego, Transform, World as WorldFrame};
+use crate::random;
+
+/// Distance to the car ahead when standing.
+const STANDSTILL_M: f64 = 0.9;
+/// The ego among the holders of reservations.
+const EGO: usize = usize::MAX;
+
+/// The ego as the simulator has it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EgoObservation {
+    pub world_from_ego: Transform<WorldFrame, Ego>,
+    pub speed_mps: f64,
+}
+
+/// Where a mocap body is to be put.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MocapPose {
+    /// Number among the mocap bodies.
+    pub index: usize,
+    pub position_m: [f64; 3],
+    pub yaw_rad: f64,
+    /// Over ground, in the world frame.
+    pub velocity_mps: [f64; 2],
+}
+
+/// What one step asks of the simulator.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Commands {
+    pub ego: EgoCommand,
+    pub mocap: Vec<MocapPose>,
+}
+
+#[derive(Debug, Clone)]
+struct Driver {
+    placement: usize,
+    route: Route,
+    /// Station of the footprint's centre.
+    station_m: f64,
+    speed_mps: f64,
+    length_m: f64,
+    width_m: f64,
+    /// Share of the limit that this driver likes.
+    eagerness: f64,
+    waited_s: f64,
+}
+
+impl Driver {
+    fn front_m(&self) -> f64 {
+        self.station_m + self.length_m / 2.0
+    }
+
+    fn rear_m(&self) -> f64 {
+        self.station_m - self.length_m / 2.0
+    }
+
+    /// Heading of the chord between the axles.
+    fn yaw_rad(&self) -> f64 {
+        let half_m = 0.32 * self.length_m;
+        let chord = self.route.path.at(self.station_m + half_m) - self.route.path.at(self.station_m - half_m);
+        chord.y.atan2(chord.x)
+    }
+
+    fn obstacle(&self) -> Obstacle {
+        let yaw_rad = self.yaw_rad();
+        Obstacle {
+            owner: Owner::Placement(self.placement),
+            footprint: Footprint {
+                center: self.route.path.at(self.station_m),
+                yaw_rad,
+                length_m: self.length_m,
+                width_m: self.width_m,
+            },
+            velocity_mps: Vec2::new(yaw_rad.cos(), yaw_rad.sin()) * self.speed_mps,
+            is_still: false,
+            is_vehicle: true,
+        }
+    }
+}
+
+/// The behaviour of a world.
+#[derive(Debug, Clone)]
+pub struct Traffic {
+    town: Arc<Town>,
+    ego: EgoDriver,
+    drivers: Vec<Driver>,
+    walkers: Vec<Walker>,
+    still: Vec<Obstacle>,
+    reservations: Reservations,
+    mocap_of: Vec<Option<usize>>,
+}
+
+impl Traffic {
+    /// The world's movers at their starts.
+    #[must_use]
+    pub fn new(world: &World, seed: u64) -> Self {
+        let mut rng = random::stream(seed, "drivers", 0);
+        let (mut drivers, mut walkers, mut still) = (Vec::new(), Vec::new(), Vec::new());
+        for (i, placement) in world.placements.iter().enumerate() {
+            let footprint = world.footprint(placement);
+            match &placement.motion {
+                Motion::Still => still.push(Obstacle {
+                    owner: Owner::Placement(i),
+                    footprint,
+                    velocity_mps: Vec2::zeros(),
+                    is_still: true,
+                    is_vehicle: false,
+                }),
+                Motion::Drives { route, station_m } => drivers.push(Driver {
+                    placement: i,
+                    route: route.clone(),
+                    station_m: *station_m,
+                    speed_mps: 3.0,
+                    length_m: footprint.length_m,
+                    width_m: footprint.width_m,
+                    eagerness: 0.75 + 0.3 * rng.random::<f64>(),
+                    waited_s: 0.0,
+                }),
+                Motion::Walks(walk) => {
+                    walkers.push(Walker::new(i, walk.clone(), placement.position, placement.yaw_rad));
+                }
+            }
+        }
+        let rng = random::stream(seed, "ego-driver", 0);
+        Self {
+            town: Arc::clone(&world.town),
+            ego: EgoDriver::new(world.ego_route.clone(), world.ego_start_m, rng),
+            drivers,
+            walkers,
+            still,
+            reservations: Reservations::default(),
+            mocap_of: world.placements.iter().map(|placement| placement.mocap).collect(),
+        }
+    }
+
+    /// Ground taken by everything but the ego.
+    #[must_use]
+    pub fn footprints(&self) -> Vec<Footprint> {
+        let drivers = self.drivers.iter().map(|driver| driver.obstacle().footprint);
+        let side_m = 0.5;
+        let walkers = self.walkers.iter().map(|walker| Footprint {
+            center: walker.position,
+            yaw_rad: walker.yaw_rad,
+            length_m: side_m,
+            width_m: side_m,
+        });
+        drivers.chain(walkers).chain(self.still.iter().map(|still| still.footprint)).collect()
+    }
+
+    /// Footprints of the moving vehicles.
+    #[must_use]
+    pub fn vehicle_footprints(&self) -> Vec<Footprint> {
+        self.drivers.iter().map(|driver| driver.obstacle().footprint).collect()
+    }
+
+    /// Moves everything by one control step and tells what the ego is to do.
+    pub fn step(&mut self, dt_s: f64, observation: &EgoObservation) -> Commands {
+        let origin = observation.world_from_ego.isometry.translation;
+        let pose = EgoPose {
+            position: Vec2::new(origin.x, origin.y),
+            yaw_rad: observation.world_from_ego.yaw_rad(),
+            speed_mps: observation.speed_mps,
+        };
+        self.ego.locate(&pose);
+        let mut obstacles: Vec<Obstacle> = vec![pose.obstacle()];
+        obstacles.extend(self.drivers.iter().map(Driver::obstacle));
+        obstacles.extend(self.walkers.iter().map(Walker::obstacle));
+        let n_moving = obstacles.len();
+        obstacles.extend(self.still.iter().copied());
+        let (ego_line, lines) = self.ask_junctions(&pose, &obstacles[..n_moving]);
+        let scene = (&self.town.graph, &self.town.surface);
+        let ego = self.ego.step(dt_s, &pose, ego_line, scene, &obstacles);
+        for (i, line) in lines.into_iter().enumerate() {
+            self.step_driver(i, dt_s, line, &obstacles);
+            // Those who come later see where this one is now.
+            obstacles[1 + i] = self.drivers[i].obstacle();
+        }
+        let first_walker = 1 + self.drivers.len();
+        for (i, walker) in self.walkers.iter_mut().enumerate() {
+            walker.step(dt_s, &obstacles);
+            obstacles[first_walker + i] = walker.obstacle();
+        }
+        Commands { ego, mocap: self.mocap_poses() }
+    }
+
+    /// Stop lines for the ego and each driver who may not enter the next junction yet.
+    fn ask_junctions(&mut self, pose: &EgoPose, moving: &[Obstacle]) -> (Option<Gap>, Vec<Option<Gap>>) {
+        let mut order: Vec<usize> = (0..self.drivers.len()).collect();
+        order.sort_by(|&a, &b| self.drivers[b].waited_s.total_cmp(&self.drivers[a].waited_s).then(a.cmp(&b)));
+        let mut lines = vec![None; self.drivers.len()];
+        let graph = &self.town.graph;
+        let asker = Asker {
+            driver: EGO,
+            owner: Owner::Ego,
+            route: &self.ego.route,
+            rear_m: self.ego.rear_m(),
+            front_m: self.ego.front_m(),
+            speed_mps: pose.speed_mps,
+            length_m: self.ego.front_m() - self.ego.rear_m(),
+        };
+        let ego_line = asker.ask(graph, &mut self.reservations, moving);
+        for i in order {
+            let driver = &self.drivers[i];
+            let asker = Asker {
+                driver: i,
+                owner: Owner::Placement(driver.placement),
+                route: &driver.route,
+                rear_m: driver.rear_m(),
+                front_m: driver.front_m(),
+                speed_mps: driver.speed_mps,
+                length_m: driver.length_m,
+            };
+            lines[i] = asker.ask(graph, &mut self.reservations, moving);
+        }
+        (ego_line, lines)
+    }
+
+    fn step_driver(&mut self, i: usize, dt_s: f64, line: Option<Gap>, obstacles: &[Obstacle]) {
+        let graph = &self.town.graph;
+        let driver = &mut self.drivers[i];
+        let own = Owner::Placement(driver.placement);
+        let path = &driver.route.path;
+        let limit_mps = graph.lanes[driver.route.span_at(driver.front_m()).lane].limit_mps * driver.eagerness;
+        let desired_mps = driving::bend_speed_mps(path, driver.station_m, limit_mps);
+        let reach_m = 10.0 + 2.5 * driver.speed_mps;
+        let end_m = path.length_m() - driver.front_m();
+        let others = obstacles.iter().filter(|other| other.owner != own);
+        let gap =
+            driving::gap_ahead(path, (driver.front_m(), reach_m), driver.width_m / 2.0, |_| 0.0, others);
+        let end = (end_m < 25.0).then(|| Gap::line(end_m));
+        let mut acceleration = 2.0;
+        let mut room_m = f64::INFINITY;
+        for stop in [gap, line, end].into_iter().flatten() {
+            acceleration =
+                driving::acceleration_mps2(driver.speed_mps, desired_mps, Some(stop), STANDSTILL_M)
+                    .min(acceleration);
+            room_m = room_m.min(stop.distance_m - 0.1);
+        }
+        acceleration =
+            acceleration.min(driving::acceleration_mps2(driver.speed_mps, desired_mps, None, STANDSTILL_M));
+        let wanted_mps = (driver.speed_mps + acceleration * dt_s).max(0.0);
+        driver.speed_mps = wanted_mps.min((room_m / dt_s).max(0.0));
+        driver.station_m += driver.speed_mps * dt_s;
+        driver.waited_s = if driver.speed_mps < 0.5 { driver.waited_s + dt_s } else { 0.0 };
+    }
+
+    fn mocap_poses(&self) -> Vec<MocapPose> {
+        let mut poses = Vec::with_capacity(self.drivers.len() + self.walkers.len());
+        for driver in &self.drivers {
+            let Some(index) = self.mocap_of[driver.placement] else { continue };
+            let seen = driver.obstacle();
+            let center = seen.footprint.center;
+            poses.push(MocapPose {
+                index,
+                position_m: [center.x, center.y, 0.0],
+                yaw_rad: seen.footprint.yaw_rad,
+                velocity_mps: [seen.velocity_mps.x, seen.velocity_mps.y],
+            });
+        }
+        for walker in &self.walkers {
+            let Some(index) = self.mocap_of[walker.placement] else { continue };
+            let is_on_road = self.town.surface.road_grid.clearance_m(walker.position) < 0.0;
+            poses.push(MocapPose {
+                index,
+                position_m: [walker.position.x, walker.position.y, if is_on_road { 0.0 } else { PAVEMENT_M }],
+                yaw_rad: walker.yaw_rad,
+                velocity_mps: [walker.velocity_mps.x, walker.velocity_mps.y],
+            });
+        }
+        poses.sort_by_key(|pose| pose.index);
+        poses
+    }
+}
+
+/// One who comes to a junction.
+struct Asker<'a> {
+    driver: usize,
+    owner: Owner,
+    route: &'a Route,
+    rear_m: f64,
+    front_m: f64,
+    speed_mps: f64,
+    length_m: f64,
+}
+
+impl Asker<'_> {
+    /// The line to stop at, if the next junction cannot be entered now.
+    fn ask(
+        &self,
+        graph: &super::network::LaneGraph,
+        reservations: &mut Reservations,
+        moving: &[Obstacle],
+    ) -> Option<Gap> {
+        let Some(crossing) = junctions::next_crossing(graph, self.route, self.rear_m) else {
+            reservations.keep_only(self.driver, &[]);
+            return None;
+        };
+        reservations.keep_only(self.driver, &crossing.lanes);
+        let to_entry_m = crossing.entry_m - self.front_m;
+        if to_entry_m < -0.5 {
+            reservations.take(self.driver, &crossing.lanes);
+        }
+        if reservations.holds(self.driver, &crossing.lanes) {
+            return None;
+        }
+        let braking_m = self.speed_mps * self.speed_mps / 5.0 + 10.0;
+        if to_entry_m > braking_m {
+            return None;
+        }
+        // Whoever cannot leave a junction must not enter it.
+        let standing = moving
+            .iter()
+            .filter(|other| other.owner != self.owner && other.is_vehicle && other.velocity_mps.norm() < 1.0);
+        let room = (crossing.exit_m, self.length_m + 2.0);
+        let exit = driving::gap_ahead(&self.route.path, room, 0.8, |_| 0.0, standing);
+        if exit.is_none() && reservations.try_take(graph, self.driver, &crossing.lanes) {
+            return None;
+        }
+        Some(Gap::line((to_entry_m - 0.3).max(0.05)))
+    }
+}

@@ -1,0 +1,171 @@
+//! Pedestrians: up and down their pavement, and across the street when a gap allows.
+
+use super::driving::{Obstacle, Owner};
+use super::occupancy::Footprint;
+use super::path::{Vec2, turn_between};
+use super::populate::Walk;
+
+/// Side of the square that a standing person takes.
+const BODY_M: f64 = 0.7;
+/// Fastest turn on foot.
+const TURN_RATE_RPS: f64 = 4.0;
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Phase {
+    Along,
+    /// At the kerb, looking for a gap.
+    Waiting,
+    Across {
+        from: Vec2,
+        to: Vec2,
+    },
+    /// On the far side, before going back.
+    Resting {
+        left_s: f64,
+        back: Vec2,
+    },
+}
+
+/// Someone on foot.
+#[derive(Debug, Clone)]
+pub struct Walker {
+    pub placement: usize,
+    pub position: Vec2,
+    pub yaw_rad: f64,
+    pub velocity_mps: Vec2,
+    walk: Walk,
+    phase: Phase,
+    /// Until it crosses or turns again.
+    pause_s: f64,
+}
+
+impl Walker {
+    #[must_use]
+    pub fn new(placement: usize, walk: Walk, position: Vec2, yaw_rad: f64) -> Self {
+        let phase = Phase::Along;
+        Self { placement, position, yaw_rad, velocity_mps: Vec2::zeros(), walk, phase, pause_s: 0.0 }
+    }
+
+    /// The ground it takes: on the street, also that of the next two seconds.
+    #[must_use]
+    pub fn obstacle(&self) -> Obstacle {
+        let ahead =
+            if matches!(self.phase, Phase::Across { .. }) { self.velocity_mps } else { Vec2::zeros() };
+        let direction_rad = if ahead.norm() > 0.1 { ahead.y.atan2(ahead.x) } else { self.yaw_rad };
+        Obstacle {
+            owner: Owner::Placement(self.placement),
+            footprint: Footprint {
+                center: self.position + ahead,
+                yaw_rad: direction_rad,
+                length_m: BODY_M + 2.0 * ahead.norm(),
+                width_m: BODY_M,
+            },
+            velocity_mps: Vec2::zeros(),
+            is_still: false,
+            is_vehicle: false,
+        }
+    }
+
+    /// Moves on by one step.
+    pub fn step(&mut self, dt_s: f64, obstacles: &[Obstacle]) {
+        self.pause_s -= dt_s;
+        let before = self.position;
+        match self.phase {
+            Phase::Along => self.step_along(dt_s, obstacles),
+            Phase::Waiting => {
+                if let Some((_, to)) = self.walk.crossing
+                    && self.is_clear(to, obstacles)
+                {
+                    self.phase = Phase::Across { from: self.position, to };
+                }
+            }
+            Phase::Across { from, to } => {
+                let way = to - self.position;
+                let step_m = self.walk.speed_mps * dt_s;
+                if way.norm() <= step_m {
+                    self.position = to;
+                    self.phase = Phase::Resting { left_s: 6.0, back: from };
+                } else if !self.is_blocked(way.normalize(), obstacles) {
+                    self.position += way.normalize() * step_m;
+                }
+            }
+            Phase::Resting { left_s, back } => {
+                let is_home = self.walk.crossing.is_none_or(|(_, to)| (to - back).norm() < 0.5);
+                if is_home {
+                    self.phase = Phase::Along;
+                    self.pause_s = 20.0;
+                } else if left_s > 0.0 {
+                    self.phase = Phase::Resting { left_s: left_s - dt_s, back };
+                } else if self.is_clear(back, obstacles) {
+                    self.phase = Phase::Across { from: self.position, to: back };
+                }
+            }
+        }
+        self.velocity_mps = (self.position - before) / dt_s;
+        if self.velocity_mps.norm() > 0.2 {
+            let wanted_rad = self.velocity_mps.y.atan2(self.velocity_mps.x);
+            let turn_rad = turn_between(self.yaw_rad, wanted_rad);
+            self.yaw_rad += turn_rad.clamp(-TURN_RATE_RPS * dt_s, TURN_RATE_RPS * dt_s);
+        }
+    }
+
+    fn step_along(&mut self, dt_s: f64, obstacles: &[Obstacle]) {
+        let walk = &mut self.walk;
+        let next_m = walk.station_m + walk.sense * walk.speed_mps * dt_s;
+        if let Some((at_m, _)) = walk.crossing
+            && self.pause_s < 0.0
+            && (at_m - walk.station_m) * (at_m - next_m) <= 0.0
+        {
+            self.phase = Phase::Waiting;
+            return;
+        }
+        let direction = walk.footway.direction(next_m) * walk.sense;
+        if next_m < 0.5 || next_m > walk.footway.length_m() - 0.5 {
+            walk.sense = -walk.sense;
+            // One who starts beyond an end walks inwards.
+            walk.station_m = walk.station_m.clamp(0.5, (walk.footway.length_m() - 0.5).max(0.5));
+            return;
+        }
+        if self.is_blocked(direction, obstacles) {
+            self.walk.sense = -self.walk.sense;
+            return;
+        }
+        self.walk.station_m = next_m;
+        self.position = self.walk.footway.beside(next_m, self.walk.left_m);
+    }
+
+    fn is_own(&self, other: &Obstacle) -> bool {
+        other.owner == Owner::Placement(self.placement)
+    }
+
+    fn is_blocked(&self, direction: Vec2, obstacles: &[Obstacle]) -> bool {
+        let ahead = self.position + direction * 0.7;
+        let near = obstacles.iter().filter(|other| !self.is_own(other));
+        near.filter(|other| (other.footprint.center - ahead).norm() < 9.0).any(|other| {
+            let grown = other.footprint.grown(0.35);
+            // Whoever already stands too near may walk away.
+            grown.contains(ahead) && !grown.contains(self.position)
+        })
+    }
+
+    /// Whether no vehicle is on the way or comes along it in time.
+    fn is_clear(&self, to: Vec2, obstacles: &[Obstacle]) -> bool {
+        let way = to - self.position;
+        let needed_s = way.norm() / self.walk.speed_mps + 1.0;
+        let horizon_s = if self.walk.is_reckless { 2.8 } else { needed_s };
+        let corridor = Footprint {
+            center: self.position + way / 2.0,
+            yaw_rad: way.y.atan2(way.x),
+            length_m: way.norm(),
+            width_m: 2.6,
+        };
+        obstacles.iter().filter(|other| other.is_vehicle || other.is_still).all(|other| {
+            let n = if other.velocity_mps.norm() > 0.3 { (horizon_s / 0.4).ceil() as usize } else { 0 };
+            (0..=n).all(|i| {
+                let center = other.footprint.center + other.velocity_mps * (0.4 * i as f64);
+                let width_m = if other.is_still { 0.9 } else { corridor.width_m };
+                !Footprint { center, ..other.footprint }.meets(&Footprint { width_m, ..corridor })
+            })
+        })
+    }
+}
