@@ -338,13 +338,8 @@ impl Filler<'_> {
                     return;
                 };
                 let half_m = self.models.models[model].width_m() / 2.0;
-                // Trees reach over the street; only their trunks need room.
-                let is_slim = half_m > 0.9;
-                let from_kerb_m = if is_slim {
-                    config.prop_kerb_distance_m
-                } else {
-                    config.prop_kerb_distance_m.max(half_m + 0.15)
-                };
+                // Nothing reaches over the kerb, tree crowns and lamp arms included: boxes are what drivers avoid.
+                let from_kerb_m = config.prop_kerb_distance_m.max(half_m + 0.15);
                 let at = strip.center.beside(station_m, side * (strip.width_m / 2.0 - from_kerb_m));
                 let street_rad = strip.center.heading_rad(station_m);
                 let yaw_rad = if side > 0.0 { street_rad } else { street_rad + std::f64::consts::PI };
