@@ -141,11 +141,11 @@ impl<B: Backend + Conv3x3Backend, C: CheckpointStrategy> Conv3x3Backend for Auto
     fn conv3x3(x: FloatTensor<Self>, w: FloatTensor<Self>, stride: usize) -> FloatTensor<Self> {
         let x_shape = x.shape();
         let op = Conv3x3 { stride, height_px: x_shape[2], width_px: x_shape[3] };
-        let (is_x_tracked, is_w_tracked) = (x.is_tracked(), w.is_tracked());
+        let (input_tracked, kernel_tracked) = (x.is_tracked(), w.is_tracked());
         match op.prepare::<C>([x.node(), w.node()]).compute_bound().stateful() {
             OpsKind::Tracked(mut prep) => {
-                let x_id = is_w_tracked.then(|| prep.checkpoint(&x));
-                let w_id = is_x_tracked.then(|| prep.checkpoint(&w));
+                let x_id = kernel_tracked.then(|| prep.checkpoint(&x));
+                let w_id = input_tracked.then(|| prep.checkpoint(&w));
                 prep.finish((x_id, w_id), B::conv3x3(x.into_primitive(), w.into_primitive(), stride))
             }
             OpsKind::UnTracked(prep) => {

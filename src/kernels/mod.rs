@@ -1,6 +1,11 @@
 //! Own CPU operations plugged into burn, and the only `unsafe` code of the crate.
 //!
-//! burn's flex backend spends four times PyTorch's time on a dense 3x3 convolution; [`conv3x3()`] is on par.
+//! burn's flex backend spends four times `PyTorch`'s time on a dense 3x3 convolution; [`conv3x3`] is on par.
+
+#![allow(
+    clippy::inline_always,
+    reason = "a kernel must be inlined into the function that enables its instruction set"
+)]
 
 mod burn_op;
 mod conv3x3;

@@ -50,8 +50,8 @@ impl Default for PopulateConfig {
             traffic_density: 1.0,
             leader_share: 0.75,
             pedestrian_density: 0.6,
-            ood_spacing_m: [9.0, 20.0],
-            ood_in_lane_share: 0.2,
+            ood_spacing_m: [4.0, 9.0],
+            ood_in_lane_share: 0.3,
         }
     }
 }

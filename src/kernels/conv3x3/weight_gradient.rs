@@ -37,8 +37,9 @@ pub(in crate::kernels) fn weight_gradient(
     let n_groups = rayon::current_num_threads().div_ceil(n_parts).min(blocks_in);
     let group_blocks = blocks_in.div_ceil(n_groups);
 
-    let mut sums = vec![0.0; n_parts * blocks_in * block_len];
-    sums.par_chunks_mut(blocks_in * block_len).enumerate().for_each(|(part, sums)| {
+    let part_len = blocks_in * block_len;
+    let mut sums = vec![0.0; n_parts * part_len];
+    sums.par_chunks_mut(part_len).enumerate().for_each(|(part, sums)| {
         let rows = part * total_rows / n_parts..(part + 1) * total_rows / n_parts;
         sums.par_chunks_mut(group_blocks * block_len).enumerate().for_each(|(group, sums)| {
             let first_channel = group * group_blocks * n_lanes;
@@ -50,11 +51,18 @@ pub(in crate::kernels) fn weight_gradient(
 
     let mut gradient = vec![0.0; shape.n_weights()];
     gradient.par_chunks_mut(shape.channels_in * 9).enumerate().for_each(|(o, gradient)| {
+        let (block_out, row) = (o / n_rows, o % n_rows);
         for (i, gradient) in gradient.chunks_exact_mut(9).enumerate() {
-            for (tap, gradient) in gradient.iter_mut().enumerate() {
-                let block = ((i / n_lanes) * 3 + tap / 3) * blocks_out + o / n_rows;
-                let place = ((block * n_rows + o % n_rows) * 3 + tap % 3) * n_lanes + i % n_lanes;
-                *gradient = sums.chunks_exact(blocks_in * block_len).map(|part| part[place]).sum();
+            // Divisions stay out of the loop over taps: they would cost as much as the products on small maps.
+            let (block_in, lane) = (i / n_lanes, i % n_lanes);
+            for kernel_row in 0..3 {
+                let block = (block_in * 3 + kernel_row) * blocks_out + block_out;
+                let place = (block * n_rows + row) * 3 * n_lanes + lane;
+                for kernel_column in 0..3 {
+                    let place = place + kernel_column * n_lanes;
+                    gradient[kernel_row * 3 + kernel_column] =
+                        (0..n_parts).fold(0.0, |sum, part| sum + sums[part * part_len + place]);
+                }
             }
         }
     });
