@@ -154,6 +154,12 @@ impl EgoDriver {
         }
     }
 
+    /// How long it has been standing.
+    #[must_use]
+    pub fn waited_s(&self) -> f64 {
+        self.jam_s.max(self.held_s)
+    }
+
     fn offset(&self, pose: &EgoPose) -> f64 {
         self.route.path.project(pose.position, self.station_m - 2.0, self.station_m + 2.0).1
     }

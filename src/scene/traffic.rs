@@ -24,6 +24,8 @@ use crate::random;
 
 /// Distance to the car ahead when standing.
 const STANDSTILL_M: f64 = 0.9;
+/// Standing this long before a junction gives its reservation back.
+const GIVE_WAY_S: f64 = 3.0;
 /// The ego among the holders of reservations.
 const EGO: usize = usize::MAX;
 
@@ -226,6 +228,7 @@ impl Traffic {
             front_m: self.ego.front_m(),
             speed_mps: pose.speed_mps,
             length_m: self.ego.front_m() - self.ego.rear_m(),
+            waited_s: self.ego.waited_s(),
         };
         let ego_line = asker.ask(graph, &mut self.reservations, moving);
         for i in order {
@@ -238,6 +241,7 @@ impl Traffic {
                 front_m: driver.front_m(),
                 speed_mps: driver.speed_mps,
                 length_m: driver.length_m,
+                waited_s: driver.waited_s,
             };
             lines[i] = asker.ask(graph, &mut self.reservations, moving);
         }
@@ -342,6 +346,7 @@ struct Asker<'a> {
     front_m: f64,
     speed_mps: f64,
     length_m: f64,
+    waited_s: f64,
 }
 
 impl Asker<'_> {
@@ -361,20 +366,30 @@ impl Asker<'_> {
         if to_entry_m < -0.5 {
             reservations.take(self.driver, &crossing.lanes);
         }
+        // One who stands before the junction gives way to others, or all might wait for each other.
+        let gives_way = to_entry_m > 0.0 && self.waited_s > GIVE_WAY_S;
         if reservations.holds(self.driver, &crossing.lanes) {
-            return None;
+            if !gives_way {
+                return None;
+            }
+            reservations.keep_only(self.driver, &[]);
+            return Some(Gap::line((to_entry_m - 0.3).max(0.05)));
         }
         let braking_m = self.speed_mps * self.speed_mps / 5.0 + 10.0;
         if to_entry_m > braking_m {
             return None;
         }
+        // Only the first in the lane asks: one behind could not make use of it.
+        let ahead = moving.iter().filter(|other| other.owner != self.owner && other.is_vehicle);
+        let way = (self.front_m, to_entry_m.max(0.0));
+        let is_first = driving::gap_ahead(&self.route.path, way, 0.8, |_| 0.0, ahead).is_none();
         // Whoever cannot leave a junction must not enter it.
         let standing = moving
             .iter()
             .filter(|other| other.owner != self.owner && other.is_vehicle && other.velocity_mps.norm() < 1.0);
         let room = (crossing.exit_m, self.length_m + 2.0);
         let exit = driving::gap_ahead(&self.route.path, room, 0.8, |_| 0.0, standing);
-        if exit.is_none() && reservations.try_take(graph, self.driver, &crossing.lanes) {
+        if is_first && exit.is_none() && reservations.try_take(graph, self.driver, &crossing.lanes) {
             return None;
         }
         Some(Gap::line((to_entry_m - 0.3).max(0.05)))
