@@ -12,14 +12,15 @@ use super::occupancy::Footprint;
 use super::path::{Vec2, turn_between};
 use super::route::Route;
 use super::surface::Surface;
+use super::swerve::Swerve;
 use crate::random::Rng;
 
 /// Fastest turn of the road wheels.
 const STEERING_RATE_RPS: f64 = 0.9;
 /// Standing this long for no junction's sake is a jam.
 const JAM_S: f64 = 5.0;
-/// How far ahead a way round is looked for.
-const SWERVE_REACH_M: f64 = 26.0;
+/// Waiting this long at a junction is reason to turn elsewhere.
+const PATIENCE_S: f64 = 9.0;
 
 /// Pose and speed of the ego as the simulator reports them.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -63,6 +64,7 @@ pub struct EgoDriver {
     left_m: f64,
     steering_rad: f64,
     jam_s: f64,
+    held_s: f64,
     /// Seconds that it still backs up.
     backing_s: f64,
     /// Seconds that it still takes any way round.
@@ -79,6 +81,7 @@ impl EgoDriver {
             left_m: 0.0,
             steering_rad: 0.0,
             jam_s: 0.0,
+            held_s: 0.0,
             backing_s: 0.0,
             bold_s: 0.0,
             rng,
@@ -118,10 +121,10 @@ impl EgoDriver {
             .copied()
             .collect();
         self.bold_s -= dt_s;
-        self.choose_offset(pose, (graph, surface), &others);
+        self.left_m = self.swerve(pose, graph).best_offset(self.left_m, &surface.road_grid, &others);
         let speed_mps = pose.speed_mps.max(0.0);
         let reach_m = 12.0 + 3.0 * speed_mps;
-        let gap = self.gap(pose, self.left_m, reach_m, others.iter());
+        let gap = self.swerve(pose, graph).gap(self.left_m, reach_m, others.iter());
         // Room to steer round what stands; less for what will drive on.
         let standstill_m = if gap.is_some_and(|gap| gap.is_still) { 4.5 } else { 1.5 };
         let limit_mps = graph.lanes[self.route.span_at(self.front_m()).lane].limit_mps;
@@ -151,75 +154,44 @@ impl EgoDriver {
         }
     }
 
+    /// How long it has been standing.
+    #[must_use]
+    pub fn waited_s(&self) -> f64 {
+        self.jam_s.max(self.held_s)
+    }
+
     fn offset(&self, pose: &EgoPose) -> f64 {
         self.route.path.project(pose.position, self.station_m - 2.0, self.station_m + 2.0).1
     }
 
-    /// What is ahead when the car moves over to `left_m` as fast as it well can.
-    fn gap<'a>(
-        &self,
-        pose: &EgoPose,
-        left_m: f64,
-        reach_m: f64,
-        others: impl Iterator<Item = &'a Obstacle>,
-    ) -> Option<Gap> {
+    fn swerve(&self, pose: &EgoPose, graph: &LaneGraph) -> Swerve<'_> {
         let path = &self.route.path;
         let turn_rad = turn_between(path.heading_rad(self.station_m), pose.yaw_rad);
-        let now_m = self.offset(pose) + turn_rad.sin() * FRONT_BUMPER_X_M;
-        let blend_m = (1.6 * pose.speed_mps).clamp(4.5, 10.0);
-        let from_m = self.front_m();
-        let left_at = |s_m: f64| {
-            let share = ((s_m - from_m) / blend_m).clamp(0.0, 1.0);
-            now_m + (left_m - now_m) * share * share * (3.0 - 2.0 * share)
-        };
-        driving::gap_ahead(path, (from_m, reach_m), EGO_WIDTH_M / 2.0, left_at, others)
-    }
-
-    /// The offset that costs least: free way first, then near the lane's middle, then no change.
-    fn choose_offset(
-        &mut self,
-        pose: &EgoPose,
-        (graph, surface): (&LaneGraph, &Surface),
-        others: &[Obstacle],
-    ) {
-        let free_m = |left_m: f64| {
-            let still = others.iter().filter(|other| other.is_still);
-            self.gap(pose, left_m, SWERVE_REACH_M, still).map_or(SWERVE_REACH_M, |gap| gap.distance_m)
-        };
-        if self.left_m.abs() < 0.01 && free_m(0.0) >= SWERVE_REACH_M {
-            return;
-        }
-        let is_bold = self.bold_s > 0.0;
-        let path = &self.route.path;
-        let is_met = others.iter().any(|other| {
-            let ahead_m = (other.footprint.center - pose.position).dot(&pose.direction());
-            let (s_m, left_m) = path.project(other.footprint.center, self.station_m, self.station_m + 45.0);
-            let comes = other.velocity_mps.dot(&path.direction(s_m)) < 0.5;
-            other.is_vehicle && !other.is_still && comes && ahead_m > -2.0 && left_m > 1.2 && left_m < 6.0
-        });
-        let near_junction = graph.lanes[self.route.span_at(self.front_m() + 4.0).lane].junction.is_some();
-        let cost = |left_m: f64| {
-            let shortfall_m = SWERVE_REACH_M - free_m(left_m);
-            let beyond_road_m =
-                surface.road_grid.clearance_m(path.beside(self.front_m() + 6.0, left_m)) + EGO_WIDTH_M / 2.0;
-            let meets = if left_m > 0.9 && is_met { if is_bold { 6.0 } else { 60.0 } } else { 0.0 };
-            let leaves = if beyond_road_m > 0.1 { if is_bold { 4.0 } else { 30.0 } } else { 0.0 };
-            let turns = if near_junction && left_m.abs() > 0.9 { 4.0 } else { 0.0 };
-            shortfall_m + meets + leaves + turns + 0.5 * left_m.abs() + 0.4 * (left_m - self.left_m).abs()
-        };
-        let candidates = (-4..=14).map(|i| 0.35 * f64::from(i)).map(|left_m| (cost(left_m), left_m));
-        if let Some((_, left_m)) = candidates.min_by(|a, b| a.0.total_cmp(&b.0)) {
-            self.left_m = left_m;
+        let ahead = graph.lanes[self.route.span_at(self.front_m() + 4.0).lane].junction;
+        Swerve {
+            path,
+            front_m: self.front_m(),
+            now_m: self.offset(pose) + turn_rad.sin() * FRONT_BUMPER_X_M,
+            half_width_m: EGO_WIDTH_M / 2.0,
+            speed_mps: pose.speed_mps.max(0.0),
+            is_bold: self.bold_s > 0.0,
+            is_near_junction: ahead.is_some(),
         }
     }
 
     /// A jam ends by another way: other turns ahead, a bolder way round, at last backing up.
     fn unjam(&mut self, dt_s: f64, speed_mps: f64, is_held: bool, graph: &LaneGraph) {
         let before_s = self.jam_s;
-        self.jam_s = if speed_mps > 0.3 || (is_held && self.jam_s < JAM_S) { 0.0 } else { self.jam_s + dt_s };
+        let stands = speed_mps.abs() <= 0.3;
+        self.held_s = if stands && is_held { self.held_s + dt_s } else { 0.0 };
+        self.jam_s = if stands && !is_held { self.jam_s + dt_s } else { 0.0 };
+        if self.held_s > PATIENCE_S {
+            self.held_s = 0.0;
+            self.route.turn_elsewhere(graph, self.front_m(), &mut self.rng);
+        }
         if before_s <= JAM_S && self.jam_s > JAM_S {
             self.bold_s = 12.0;
-            self.route.turn_elsewhere(graph, self.front_m() + 1.0, &mut self.rng);
+            self.route.turn_elsewhere(graph, self.front_m(), &mut self.rng);
         }
         if self.jam_s > JAM_S + 3.0 {
             self.jam_s = 0.0;

@@ -13,6 +13,7 @@ mod path;
 mod populate;
 mod route;
 mod surface;
+mod swerve;
 mod textures;
 mod town;
 mod traffic;

@@ -16,6 +16,7 @@ use super::path::Vec2;
 use super::populate::{Motion, World};
 use super::route::Route;
 use super::surface::PAVEMENT_M;
+use super::swerve::Swerve;
 use super::town::Town;
 use super::walking::Walker;
 use crate::geometry::{Ego, Transform, World as WorldFrame};
@@ -23,6 +24,8 @@ use crate::random;
 
 /// Distance to the car ahead when standing.
 const STANDSTILL_M: f64 = 0.9;
+/// Standing this long before a junction gives its reservation back.
+const GIVE_WAY_S: f64 = 3.0;
 /// The ego among the holders of reservations.
 const EGO: usize = usize::MAX;
 
@@ -57,6 +60,11 @@ struct Driver {
     route: Route,
     /// Station of the footprint's centre.
     station_m: f64,
+    /// Offset of the centre to the left of the route, and where it is going to be.
+    left_m: f64,
+    left_wanted_m: f64,
+    /// Change of the offset for each metre of the way.
+    slope: f64,
     speed_mps: f64,
     length_m: f64,
     width_m: f64,
@@ -78,7 +86,7 @@ impl Driver {
     fn yaw_rad(&self) -> f64 {
         let half_m = 0.32 * self.length_m;
         let chord = self.route.path.at(self.station_m + half_m) - self.route.path.at(self.station_m - half_m);
-        chord.y.atan2(chord.x)
+        chord.y.atan2(chord.x) + self.slope.atan()
     }
 
     fn obstacle(&self) -> Obstacle {
@@ -86,7 +94,7 @@ impl Driver {
         Obstacle {
             owner: Owner::Placement(self.placement),
             footprint: Footprint {
-                center: self.route.path.at(self.station_m),
+                center: self.route.path.beside(self.station_m, self.left_m),
                 yaw_rad,
                 length_m: self.length_m,
                 width_m: self.width_m,
@@ -130,6 +138,9 @@ impl Traffic {
                     placement: i,
                     route: route.clone(),
                     station_m: *station_m,
+                    left_m: 0.0,
+                    left_wanted_m: 0.0,
+                    slope: 0.0,
                     speed_mps: 3.0,
                     length_m: footprint.length_m,
                     width_m: footprint.width_m,
@@ -217,6 +228,7 @@ impl Traffic {
             front_m: self.ego.front_m(),
             speed_mps: pose.speed_mps,
             length_m: self.ego.front_m() - self.ego.rear_m(),
+            waited_s: self.ego.waited_s(),
         };
         let ego_line = asker.ask(graph, &mut self.reservations, moving);
         for i in order {
@@ -229,6 +241,7 @@ impl Traffic {
                 front_m: driver.front_m(),
                 speed_mps: driver.speed_mps,
                 length_m: driver.length_m,
+                waited_s: driver.waited_s,
             };
             lines[i] = asker.ask(graph, &mut self.reservations, moving);
         }
@@ -238,29 +251,61 @@ impl Traffic {
     fn step_driver(&mut self, i: usize, dt_s: f64, line: Option<Gap>, obstacles: &[Obstacle]) {
         let graph = &self.town.graph;
         let driver = &mut self.drivers[i];
-        let own = Owner::Placement(driver.placement);
+        let before = driver.obstacle();
+        let others: Vec<Obstacle> = obstacles
+            .iter()
+            .filter(|other| other.owner != before.owner)
+            .filter(|other| (other.footprint.center - before.footprint.center).norm() < 60.0)
+            .copied()
+            .collect();
         let path = &driver.route.path;
-        let limit_mps = graph.lanes[driver.route.span_at(driver.front_m()).lane].limit_mps * driver.eagerness;
-        let desired_mps = driving::bend_speed_mps(path, driver.station_m, limit_mps);
-        let reach_m = 10.0 + 2.5 * driver.speed_mps;
-        let end_m = path.length_m() - driver.front_m();
-        let others = obstacles.iter().filter(|other| other.owner != own);
-        let gap =
-            driving::gap_ahead(path, (driver.front_m(), reach_m), driver.width_m / 2.0, |_| 0.0, others);
-        let end = (end_m < 25.0).then(|| Gap::line(end_m));
-        let mut acceleration = 2.0;
-        let mut room_m = f64::INFINITY;
+        let front_m = driver.front_m();
+        let limit_mps = graph.lanes[driver.route.span_at(front_m).lane].limit_mps * driver.eagerness;
+        let mut desired_mps = driving::bend_speed_mps(path, driver.station_m, limit_mps);
+        let swerve = Swerve {
+            path,
+            front_m,
+            now_m: driver.left_m + driver.slope * driver.length_m / 2.0,
+            half_width_m: driver.width_m / 2.0,
+            speed_mps: driver.speed_mps,
+            is_bold: driver.waited_s > 6.0,
+            is_near_junction: graph.lanes[driver.route.span_at(front_m + 4.0).lane].junction.is_some(),
+        };
+        let left_wanted_m = swerve.best_offset(driver.left_wanted_m, &self.town.surface.road_grid, &others);
+        let gap = swerve.gap(left_wanted_m, 10.0 + 2.5 * driver.speed_mps, others.iter());
+        if left_wanted_m.abs() > 0.7 || driver.left_m.abs() > 0.7 {
+            desired_mps = desired_mps.min(5.0);
+        }
+        let to_end_m = path.length_m() - front_m;
+        let end = (to_end_m < 25.0).then(|| Gap::line(to_end_m));
+        let free = driving::acceleration_mps2(driver.speed_mps, desired_mps, None, STANDSTILL_M);
+        let (mut acceleration, mut room_m) = (free, f64::INFINITY);
         for stop in [gap, line, end].into_iter().flatten() {
-            acceleration =
-                driving::acceleration_mps2(driver.speed_mps, desired_mps, Some(stop), STANDSTILL_M)
-                    .min(acceleration);
+            // Room to drive round what stands.
+            let standstill_m = if stop.is_still { 4.5 } else { STANDSTILL_M };
+            let asked = driving::acceleration_mps2(driver.speed_mps, desired_mps, Some(stop), standstill_m);
+            acceleration = acceleration.min(asked);
             room_m = room_m.min(stop.distance_m - 0.1);
         }
-        acceleration =
-            acceleration.min(driving::acceleration_mps2(driver.speed_mps, desired_mps, None, STANDSTILL_M));
-        let wanted_mps = (driver.speed_mps + acceleration * dt_s).max(0.0);
-        driver.speed_mps = wanted_mps.min((room_m / dt_s).max(0.0));
-        driver.station_m += driver.speed_mps * dt_s;
+        let moved_m = {
+            let wanted_mps = (driver.speed_mps + acceleration * dt_s).max(0.0);
+            driver.left_wanted_m = left_wanted_m;
+            driver.speed_mps = wanted_mps.min((room_m / dt_s).max(0.0));
+            driver.speed_mps * dt_s
+        };
+        let saved = (driver.station_m, driver.left_m, driver.slope);
+        let aim = ((left_wanted_m - driver.left_m) * 0.35).clamp(-0.4, 0.4);
+        driver.slope += (aim - driver.slope).clamp(-0.12 * moved_m, 0.12 * moved_m);
+        driver.left_m += driver.slope * moved_m;
+        driver.station_m += moved_m;
+        // Whatever was planned: nobody moves into what is taken.
+        let after = driver.obstacle().footprint.grown(0.03);
+        let hits =
+            |other: &Obstacle| after.meets(&other.footprint) && !before.footprint.meets(&other.footprint);
+        if others.iter().any(hits) {
+            (driver.station_m, driver.left_m, driver.slope) = saved;
+            driver.speed_mps = 0.0;
+        }
         driver.waited_s = if driver.speed_mps < 0.5 { driver.waited_s + dt_s } else { 0.0 };
     }
 
@@ -301,6 +346,7 @@ struct Asker<'a> {
     front_m: f64,
     speed_mps: f64,
     length_m: f64,
+    waited_s: f64,
 }
 
 impl Asker<'_> {
@@ -320,20 +366,30 @@ impl Asker<'_> {
         if to_entry_m < -0.5 {
             reservations.take(self.driver, &crossing.lanes);
         }
+        // One who stands before the junction gives way to others, or all might wait for each other.
+        let gives_way = to_entry_m > 0.0 && self.waited_s > GIVE_WAY_S;
         if reservations.holds(self.driver, &crossing.lanes) {
-            return None;
+            if !gives_way {
+                return None;
+            }
+            reservations.keep_only(self.driver, &[]);
+            return Some(Gap::line((to_entry_m - 0.3).max(0.05)));
         }
         let braking_m = self.speed_mps * self.speed_mps / 5.0 + 10.0;
         if to_entry_m > braking_m {
             return None;
         }
+        // Only the first in the lane asks: one behind could not make use of it.
+        let ahead = moving.iter().filter(|other| other.owner != self.owner && other.is_vehicle);
+        let way = (self.front_m, to_entry_m.max(0.0));
+        let is_first = driving::gap_ahead(&self.route.path, way, 0.8, |_| 0.0, ahead).is_none();
         // Whoever cannot leave a junction must not enter it.
         let standing = moving
             .iter()
             .filter(|other| other.owner != self.owner && other.is_vehicle && other.velocity_mps.norm() < 1.0);
         let room = (crossing.exit_m, self.length_m + 2.0);
         let exit = driving::gap_ahead(&self.route.path, room, 0.8, |_| 0.0, standing);
-        if exit.is_none() && reservations.try_take(graph, self.driver, &crossing.lanes) {
+        if is_first && exit.is_none() && reservations.try_take(graph, self.driver, &crossing.lanes) {
             return None;
         }
         Some(Gap::line((to_entry_m - 0.3).max(0.05)))

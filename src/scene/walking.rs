@@ -140,7 +140,11 @@ impl Walker {
 
     fn is_blocked(&self, direction: Vec2, obstacles: &[Obstacle]) -> bool {
         let ahead = self.position + direction * 0.7;
-        let near = obstacles.iter().filter(|other| !self.is_own(other));
+        // On the street people slip past each other; on a pavement they turn round.
+        let is_across = matches!(self.phase, Phase::Across { .. });
+        let near = obstacles
+            .iter()
+            .filter(|other| !self.is_own(other) && (other.is_vehicle || other.is_still || !is_across));
         near.filter(|other| (other.footprint.center - ahead).norm() < 9.0).any(|other| {
             let grown = other.footprint.grown(0.35);
             // Whoever already stands too near may walk away.

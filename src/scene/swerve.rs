@@ -1,0 +1,127 @@
+//! Ways round what stands in the lane: which offset from the lane's middle to drive at.
+
+use super::driving::{self, Gap, Obstacle};
+use super::occupancy::StripGrid;
+use super::path::Path;
+
+/// How far ahead a way round is looked for.
+const REACH_M: f64 = 26.0;
+/// How far ahead those who come the other way are waited for.
+const ONCOMING_REACH_M: f64 = 45.0;
+
+/// A body on its path.
+#[derive(Debug, Clone, Copy)]
+pub struct Swerve<'a> {
+    pub path: &'a Path,
+    /// Station of its front.
+    pub front_m: f64,
+    /// Offset of its front to the left of the path.
+    pub now_m: f64,
+    pub half_width_m: f64,
+    pub speed_mps: f64,
+    /// Whether it takes nearly any way round.
+    pub is_bold: bool,
+    /// Whether a junction is right ahead, where leaving the lane is to be avoided.
+    pub is_near_junction: bool,
+}
+
+impl Swerve<'_> {
+    /// What is ahead when the body moves over to `left_m` as fast as it well can.
+    pub fn gap<'b>(
+        &self,
+        left_m: f64,
+        reach_m: f64,
+        others: impl Iterator<Item = &'b Obstacle>,
+    ) -> Option<Gap> {
+        let blend_m = (1.6 * self.speed_mps).clamp(4.5, 10.0);
+        let left_at = |s_m: f64| {
+            let share = ((s_m - self.front_m) / blend_m).clamp(0.0, 1.0);
+            self.now_m + (left_m - self.now_m) * share * share * (3.0 - 2.0 * share)
+        };
+        driving::gap_ahead(self.path, (self.front_m, reach_m), self.half_width_m, left_at, others)
+    }
+
+    /// The offset that costs least: a free way first, then near the lane's middle, then no change.
+    #[must_use]
+    pub fn best_offset(&self, before_m: f64, road: &StripGrid, others: &[Obstacle]) -> f64 {
+        let free_m = |left_m: f64| {
+            let still = others.iter().filter(|other| other.is_still);
+            self.gap(left_m, REACH_M, still).map_or(REACH_M, |gap| gap.distance_m)
+        };
+        if before_m.abs() < 0.01 && free_m(0.0) >= REACH_M {
+            return 0.0;
+        }
+        let is_met = others.iter().any(|other| self.meets_oncoming(other));
+        let cost = |left_m: f64| {
+            let shortfall_m = REACH_M - free_m(left_m);
+            let beyond_m = road.clearance_m(self.path.beside(self.front_m + 6.0, left_m)) + self.half_width_m;
+            let meets = if left_m > 0.9 && is_met { if self.is_bold { 6.0 } else { 60.0 } } else { 0.0 };
+            let leaves = if beyond_m > 0.1 { if self.is_bold { 4.0 } else { 30.0 } } else { 0.0 };
+            let turns = if self.is_near_junction && left_m.abs() > 0.9 { 4.0 } else { 0.0 };
+            shortfall_m + meets + leaves + turns + 0.5 * left_m.abs() + 0.4 * (left_m - before_m).abs()
+        };
+        let candidates = (-4..=14).map(|i| 0.35 * f64::from(i)).map(|left_m| (cost(left_m), left_m));
+        candidates.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(before_m, |(_, left_m)| left_m)
+    }
+
+    /// Whether a vehicle comes, or stands, on the other half of the street ahead.
+    fn meets_oncoming(&self, other: &Obstacle) -> bool {
+        if !other.is_vehicle || other.is_still {
+            return false;
+        }
+        let rear_m = self.front_m - 5.0;
+        let (s_m, left_m) =
+            self.path.project(other.footprint.center, rear_m, self.front_m + ONCOMING_REACH_M);
+        let comes = other.velocity_mps.dot(&self.path.direction(s_m)) < 0.5;
+        comes && s_m > rear_m + 0.1 && left_m > 1.2 && left_m < 6.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::driving::Owner;
+    use super::super::occupancy::Footprint;
+    use super::super::path::Vec2;
+    use super::*;
+
+    fn thing(x_m: f64, y_m: f64, velocity_mps: Option<Vec2>) -> Obstacle {
+        Obstacle {
+            owner: Owner::Placement(0),
+            footprint: Footprint { center: Vec2::new(x_m, y_m), yaw_rad: 0.0, length_m: 1.0, width_m: 1.0 },
+            velocity_mps: velocity_mps.unwrap_or_default(),
+            is_still: velocity_mps.is_none(),
+            is_vehicle: velocity_mps.is_some(),
+        }
+    }
+
+    fn best(others: &[Obstacle]) -> f64 {
+        let path = Path::new([Vec2::zeros(), Vec2::new(100.0, 0.0)]).unwrap();
+        // The lane and the one of the other direction on its left.
+        let mut road = StripGrid::default();
+        road.add(&path.sampled(0.5), 1.75);
+        road.add(
+            &path.sampled(0.5).iter().map(|point| point + Vec2::new(0.0, 3.5)).collect::<Vec<_>>(),
+            1.75,
+        );
+        let swerve = Swerve {
+            path: &path,
+            front_m: 10.0,
+            now_m: 0.0,
+            half_width_m: 0.9,
+            speed_mps: 6.0,
+            is_bold: false,
+            is_near_junction: false,
+        };
+        swerve.best_offset(0.0, &road, others)
+    }
+
+    #[test]
+    fn an_object_on_the_right_is_passed_on_the_left_unless_someone_comes() {
+        assert!(best(&[]).abs() < 1e-12);
+        let left_m = best(&[thing(28.0, -0.5, None)]);
+        // Half the object, half the car and the room, from the object's middle: 1.65 - 0.5 m.
+        assert!(left_m > 1.1 && left_m < 2.0, "{left_m}");
+        let oncoming = thing(40.0, 3.5, Some(Vec2::new(-8.0, 0.0)));
+        assert!(best(&[thing(28.0, -0.5, None), oncoming]) < 0.9);
+    }
+}
