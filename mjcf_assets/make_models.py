@@ -12,15 +12,16 @@ from movers import movers
 from props import ood_props, street_props
 
 
-
 def main() -> None:
     total = 0
     for model in [*movers(), *street_props(), *ood_props()]:
         size, n_bytes = model.write()
         total += n_bytes
         n_triangles = sum(len(f) for solids in model.parts.values() for _, f in solids)
-        sys.stdout.write(f"{model.name:24} {model.category:18} {size[0]:6.2f} {size[1]:6.2f} {size[2]:6.2f} m"
-                         f" {n_triangles:6d} triangles {n_bytes / 1024:6.1f} KiB\n")
+        sys.stdout.write(
+            f"{model.name:24} {model.category:18} {size[0]:6.2f} {size[1]:6.2f} {size[2]:6.2f} m"
+            f" {n_triangles:6d} triangles {n_bytes / 1024:6.1f} KiB\n"
+        )
     sys.stdout.write(f"total {total / 1024:.0f} KiB\n")
 
 

@@ -19,7 +19,9 @@ def shell(profile, width: float, shoulder: float = 0.05) -> Solid:
     """A side view swept across y, drawn in at the flanks so that the edges catch the light."""
     xs, zs = [p[0] for p in profile], [p[1] for p in profile]
     mid_x, mid_z = (min(xs) + max(xs)) / 2, min(zs) + 0.35 * (max(zs) - min(zs))
-    inner = [(mid_x + (x - mid_x) * 0.985, z if z < mid_z else mid_z + (z - mid_z) * 0.90) for x, z in profile]
+    inner = [
+        (mid_x + (x - mid_x) * 0.985, z if z < mid_z else mid_z + (z - mid_z) * 0.90) for x, z in profile
+    ]
     half = width / 2
     rows = [(-half, inner), (-half + shoulder, profile), (half - shoulder, profile), (half, inner)]
     return loft([[(x, y, z) for x, z in row] for y, row in rows])
@@ -38,8 +40,14 @@ def greenhouse(model: Model, base, roof, pillar_x: float) -> None:
     model.add("glass", frustum(base, roof))
     (a, b, c, d, z0), (e, f, g, h, z1) = base, roof
     model.add("paint", frustum((e, f, g, h, z1 - 0.03), (e + 0.08, f - 0.08, g + 0.06, h - 0.06, z1 + 0.04)))
-    for (x0, y0), (x1, y1) in (((a, c), (e, g)), ((a, d), (e, h)), ((b, c), (f, g)), ((b, d), (f, h)),
-                               ((pillar_x, c), (pillar_x - 0.05, g)), ((pillar_x, d), (pillar_x - 0.05, h))):
+    for (x0, y0), (x1, y1) in (
+        ((a, c), (e, g)),
+        ((a, d), (e, h)),
+        ((b, c), (f, g)),
+        ((b, d), (f, h)),
+        ((pillar_x, c), (pillar_x - 0.05, g)),
+        ((pillar_x, d), (pillar_x - 0.05, h)),
+    ):
         model.add("paint", between((x0, y0, z0), (x1, y1, z1), 0.045, 0.04, n=6))
 
 
@@ -47,8 +55,11 @@ def lamps(model: Model, front: float, rear: float, y: float, z_front: float, z_r
     for side in (1, -1):
         model.add("headlamp", box((front, side * y, z_front), (0.10, 0.34, 0.13)))
         model.add("taillamp", box((rear, side * y, z_rear), (0.08, 0.30, 0.15)))
-    model.add("plate", box((front + 0.03, 0, z_front - 0.24), (0.03, 0.5, 0.11)),
-              box((rear - 0.02, 0, z_rear - 0.12), (0.03, 0.5, 0.11)))
+    model.add(
+        "plate",
+        box((front + 0.03, 0, z_front - 0.24), (0.03, 0.5, 0.11)),
+        box((rear - 0.02, 0, z_rear - 0.12), (0.03, 0.5, 0.11)),
+    )
 
 
 def mirrors(model: Model, x: float, y: float, z: float, tall: float = 0.14) -> None:
@@ -57,22 +68,46 @@ def mirrors(model: Model, x: float, y: float, z: float, tall: float = 0.14) -> N
 
 
 def car(name: str, category: str, about: str, paint, hatch: bool) -> Model:
-    m = Model(name, category, "vehicle", about, 1250 if hatch else 1450, 0.35, paint="paint",
-              colours={"paint": paint})
+    m = Model(
+        name,
+        category,
+        "vehicle",
+        about,
+        1250 if hatch else 1450,
+        0.35,
+        paint="paint",
+        colours={"paint": paint},
+    )
     half, front, rear = (2.02, 1.30, -1.24) if hatch else (2.30, 1.42, -1.36)
     width = 1.76 if hatch else 1.82
     nose = [(half, 0.34), (half, 0.60), (half - 0.10, 0.74), (front - 0.42, 0.93)]
-    tail = ([(-half + 0.08, 0.97), (-half, 0.70), (-half, 0.34)] if hatch else
-            [(-half + 0.55, 0.98), (-half + 0.06, 0.96), (-half, 0.72), (-half, 0.34)])
-    under = [(-half + 0.1, 0.22), *arch(rear, 0.38, 0.22)[::-1], *arch(front, 0.38, 0.22)[::-1], (half - 0.1, 0.22)]
+    tail = (
+        [(-half + 0.08, 0.97), (-half, 0.70), (-half, 0.34)]
+        if hatch
+        else [(-half + 0.55, 0.98), (-half + 0.06, 0.96), (-half, 0.72), (-half, 0.34)]
+    )
+    under = [
+        (-half + 0.1, 0.22),
+        *arch(rear, 0.38, 0.22)[::-1],
+        *arch(front, 0.38, 0.22)[::-1],
+        (half - 0.1, 0.22),
+    ]
     m.add("paint", shell([*nose, *tail, *under], width))
-    m.add("trim", box((0, 0, 0.32), (2 * half - 0.5, width - 0.45, 0.24)),
-          box((half - 0.01, 0, 0.42), (0.06, width - 0.5, 0.14)), box((-half + 0.01, 0, 0.40), (0.06, width - 0.4, 0.12)))
+    m.add(
+        "trim",
+        box((0, 0, 0.32), (2 * half - 0.5, width - 0.45, 0.24)),
+        box((half - 0.01, 0, 0.42), (0.06, width - 0.5, 0.14)),
+        box((-half + 0.01, 0, 0.40), (0.06, width - 0.4, 0.12)),
+    )
     y0, y1 = width / 2 - 0.06, width / 2 - 0.24
     if hatch:
-        greenhouse(m, (-half + 0.10, front - 0.42, -y0, y0, 0.90), (-half + 0.42, front - 1.18, -y1, y1, 1.44), -0.12)
+        greenhouse(
+            m, (-half + 0.10, front - 0.42, -y0, y0, 0.90), (-half + 0.42, front - 1.18, -y1, y1, 1.44), -0.12
+        )
     else:
-        greenhouse(m, (-half + 0.60, front - 0.44, -y0, y0, 0.91), (-half + 1.22, front - 1.22, -y1, y1, 1.40), -0.25)
+        greenhouse(
+            m, (-half + 0.60, front - 0.44, -y0, y0, 0.91), (-half + 1.22, front - 1.22, -y1, y1, 1.40), -0.25
+        )
     lamps(m, half - 0.05, -half + 0.03, width / 2 - 0.24, 0.66, 0.80)
     mirrors(m, front - 0.62, width / 2 + 0.04, 0.98)
     wheels(m, (front, rear), width / 2 - 0.12, 0.32, 0.21)
@@ -80,18 +115,58 @@ def car(name: str, category: str, about: str, paint, hatch: bool) -> Model:
 
 
 def van() -> Model:
-    m = Model("van", "van", "vehicle", "Panel van.", 2200, 0.45, paint="paint", colours={"paint": (0.90, 0.90, 0.88)})
-    side = [(2.70, 0.38), (2.70, 0.95), (2.52, 1.12), (1.98, 1.30), (1.38, 2.16), (1.10, 2.34), (-2.60, 2.36),
-            (-2.70, 2.2), (-2.70, 0.38), (-2.6, 0.26), *arch(-1.72, 0.42, 0.26)[::-1], *arch(1.72, 0.42, 0.26)[::-1], (2.6, 0.26)]
+    m = Model(
+        "van",
+        "van",
+        "vehicle",
+        "Panel van.",
+        2200,
+        0.45,
+        paint="paint",
+        colours={"paint": (0.90, 0.90, 0.88)},
+    )
+    side = [
+        (2.70, 0.38),
+        (2.70, 0.95),
+        (2.52, 1.12),
+        (1.98, 1.30),
+        (1.38, 2.16),
+        (1.10, 2.34),
+        (-2.60, 2.36),
+        (-2.70, 2.2),
+        (-2.70, 0.38),
+        (-2.6, 0.26),
+        *arch(-1.72, 0.42, 0.26)[::-1],
+        *arch(1.72, 0.42, 0.26)[::-1],
+        (2.6, 0.26),
+    ]
     m.add("paint", shell(side, 1.98, 0.10))
-    m.add("glass", loft([[(1.99, -0.86, 1.33), (2.03, -0.86, 1.33), (1.47, -0.78, 2.12), (1.43, -0.78, 2.12)],
-                         [(1.99, 0.86, 1.33), (2.03, 0.86, 1.33), (1.47, 0.78, 2.12), (1.43, 0.78, 2.12)]]))
+    m.add(
+        "glass",
+        loft(
+            [
+                [(1.99, -0.86, 1.33), (2.03, -0.86, 1.33), (1.47, -0.78, 2.12), (1.43, -0.78, 2.12)],
+                [(1.99, 0.86, 1.33), (2.03, 0.86, 1.33), (1.47, 0.78, 2.12), (1.43, 0.78, 2.12)],
+            ]
+        ),
+    )
     pane = [(1.86, 1.32), (1.34, 2.06), (0.62, 2.06), (0.62, 1.32)]
-    m.add("glass", extrude_y(pane, -1.0, -0.95), extrude_y(pane, 0.95, 1.0),
-          box((-2.70, 0.44, 1.75), (0.04, 0.70, 0.5)), box((-2.70, -0.44, 1.75), (0.04, 0.70, 0.5)))
-    m.add("trim", box((0, 0, 0.38), (4.6, 1.5, 0.26)), box((2.70, 0, 0.48), (0.10, 1.80, 0.22)),
-          box((-2.72, 0, 0.45), (0.08, 1.8, 0.16)), box((2.69, 0, 0.80), (0.06, 0.9, 0.14)),
-          box((-0.8, 0.99, 1.15), (3.2, 0.03, 0.06)), box((-0.8, -0.99, 1.15), (3.2, 0.03, 0.06)))
+    m.add(
+        "glass",
+        extrude_y(pane, -1.0, -0.95),
+        extrude_y(pane, 0.95, 1.0),
+        box((-2.70, 0.44, 1.75), (0.04, 0.70, 0.5)),
+        box((-2.70, -0.44, 1.75), (0.04, 0.70, 0.5)),
+    )
+    m.add(
+        "trim",
+        box((0, 0, 0.38), (4.6, 1.5, 0.26)),
+        box((2.70, 0, 0.48), (0.10, 1.80, 0.22)),
+        box((-2.72, 0, 0.45), (0.08, 1.8, 0.16)),
+        box((2.69, 0, 0.80), (0.06, 0.9, 0.14)),
+        box((-0.8, 0.99, 1.15), (3.2, 0.03, 0.06)),
+        box((-0.8, -0.99, 1.15), (3.2, 0.03, 0.06)),
+    )
     lamps(m, 2.62, -2.70, 0.74, 0.86, 1.05)
     mirrors(m, 1.75, 1.07, 1.50, 0.30)
     wheels(m, (1.72, -1.72), 0.86, 0.35, 0.23)
@@ -99,17 +174,49 @@ def van() -> Model:
 
 
 def truck() -> Model:
-    m = Model("truck", "truck", "vehicle", "Two-axle box truck.", 7500, 0.45, paint="paint", colours={"paint": (0.16, 0.30, 0.55)})
-    cab = [(3.80, 0.55), (3.85, 1.45), (3.62, 2.55), (3.40, 2.75), (2.15, 2.75), (2.15, 0.95), (2.30, 0.95),
-           *arch(2.75, 0.56, 0.5)[::-1], (3.3, 0.5)]
+    m = Model(
+        "truck",
+        "truck",
+        "vehicle",
+        "Two-axle box truck.",
+        7500,
+        0.45,
+        paint="paint",
+        colours={"paint": (0.16, 0.30, 0.55)},
+    )
+    cab = [
+        (3.80, 0.55),
+        (3.85, 1.45),
+        (3.62, 2.55),
+        (3.40, 2.75),
+        (2.15, 2.75),
+        (2.15, 0.95),
+        (2.30, 0.95),
+        *arch(2.75, 0.56, 0.5)[::-1],
+        (3.3, 0.5),
+    ]
     m.add("paint", shell(cab, 2.36, 0.08))
     m.add("white", box((-1.05, 0, 2.15), (5.9, 2.50, 2.40)))
-    m.add("steel", *(box((-1.05, y, z), (5.94, 0.06, 0.10)) for y in (1.24, -1.24) for z in (0.98, 3.33)),
-          *(box((-4.0, y, 2.15), (0.06, 0.08, 2.4)) for y in (1.21, 0, -1.21)))
-    m.add("dark_steel", box((-0.3, 0, 0.78), (7.2, 0.9, 0.30)), box((-3.95, 0, 0.55), (0.10, 2.3, 0.14)),
-          box((0.3, 1.0, 0.62), (1.6, 0.4, 0.5)), box((-0.2, -1.0, 0.62), (1.0, 0.4, 0.5)))
-    m.add("glass", loft([[(3.83, y, 1.60), (3.87, y, 1.60), (3.68, y, 2.46), (3.64, y, 2.46)] for y in (-1.04, 1.04)]),
-          *(extrude_y([(3.60, 1.62), (3.45, 2.42), (2.70, 2.42), (2.70, 1.62)], a, b) for a, b in ((-1.19, -1.15), (1.15, 1.19))))
+    m.add(
+        "steel",
+        *(box((-1.05, y, z), (5.94, 0.06, 0.10)) for y in (1.24, -1.24) for z in (0.98, 3.33)),
+        *(box((-4.0, y, 2.15), (0.06, 0.08, 2.4)) for y in (1.21, 0, -1.21)),
+    )
+    m.add(
+        "dark_steel",
+        box((-0.3, 0, 0.78), (7.2, 0.9, 0.30)),
+        box((-3.95, 0, 0.55), (0.10, 2.3, 0.14)),
+        box((0.3, 1.0, 0.62), (1.6, 0.4, 0.5)),
+        box((-0.2, -1.0, 0.62), (1.0, 0.4, 0.5)),
+    )
+    m.add(
+        "glass",
+        loft([[(3.83, y, 1.60), (3.87, y, 1.60), (3.68, y, 2.46), (3.64, y, 2.46)] for y in (-1.04, 1.04)]),
+        *(
+            extrude_y([(3.60, 1.62), (3.45, 2.42), (2.70, 2.42), (2.70, 1.62)], a, b)
+            for a, b in ((-1.19, -1.15), (1.15, 1.19))
+        ),
+    )
     m.add("trim", box((3.82, 0, 0.66), (0.14, 2.36, 0.30)), box((3.86, 0, 1.15), (0.05, 1.5, 0.40)))
     lamps(m, 3.86, -3.98, 0.95, 0.95, 0.72)
     mirrors(m, 3.55, 1.30, 1.95, 0.55)
@@ -118,16 +225,38 @@ def truck() -> Model:
 
 
 def bus() -> Model:
-    m = Model("bus", "truck", "vehicle", "City bus; counted as a truck.", 11500, 0.40, paint="paint", colours={"paint": (0.75, 0.12, 0.10)})
-    side = [(5.5, 0.4), (5.55, 1.2), (5.42, 2.7), (5.2, 2.98), (-5.35, 3.0), (-5.5, 2.7), (-5.5, 0.4),
-            *arch(-2.9, 0.58, 0.33)[::-1], *arch(2.8, 0.58, 0.33)[::-1], (5.3, 0.33)]
+    m = Model(
+        "bus",
+        "truck",
+        "vehicle",
+        "City bus; counted as a truck.",
+        11500,
+        0.40,
+        paint="paint",
+        colours={"paint": (0.75, 0.12, 0.10)},
+    )
+    side = [
+        (5.5, 0.4),
+        (5.55, 1.2),
+        (5.42, 2.7),
+        (5.2, 2.98),
+        (-5.35, 3.0),
+        (-5.5, 2.7),
+        (-5.5, 0.4),
+        *arch(-2.9, 0.58, 0.33)[::-1],
+        *arch(2.8, 0.58, 0.33)[::-1],
+        (5.3, 0.33),
+    ]
     m.add("paint", shell(side, 2.5, 0.08))
     for side_y in (1, -1):
         m.add("glass", *(box((-4.5 + 1.5 * k, side_y * 1.235, 1.85), (1.36, 0.05, 0.95)) for k in range(7)))
     for x in (4.85, 0.2):
         m.add("glass", box((x, -1.24, 1.35), (1.0, 0.05, 1.85)))
-    m.add("glass", loft([[(5.50, y, 1.15), (5.58, y, 1.15), (5.46, y, 2.5), (5.38, y, 2.5)] for y in (-1.1, 1.1)]),
-          box((-5.5, 0, 2.1), (0.05, 1.9, 0.8)), )
+    m.add(
+        "glass",
+        loft([[(5.50, y, 1.15), (5.58, y, 1.15), (5.46, y, 2.5), (5.38, y, 2.5)] for y in (-1.1, 1.1)]),
+        box((-5.5, 0, 2.1), (0.05, 1.9, 0.8)),
+    )
     m.add("white", box((0, 0, 3.08), (6.5, 1.6, 0.2)), box((5.42, 0, 2.68), (0.1, 1.6, 0.24)))
     m.add("trim", box((0, 0, 0.5), (9.6, 1.9, 0.3)), box((5.52, 0, 0.45), (0.1, 2.4, 0.24)))
     lamps(m, 5.53, -5.52, 0.95, 0.78, 0.9)
@@ -146,42 +275,102 @@ def body(m: Model, height: float, stride: float, top: str, legs: str, hip_scale:
         knee = (leg * math.sin(swing), y, hip - leg * math.cos(swing))
         bend = swing - (0.35 if swing < 0 else 0.05) * min(1.0, stride / 0.3)
         ankle = (knee[0] + leg * math.sin(bend), y, knee[2] - leg * math.cos(bend) + 0.012 * h)
-        m.add(legs, between((0, y, hip), knee, 0.050 * h * hip_scale, 0.038 * h, rounded=True),
-              between(knee, ankle, 0.037 * h, 0.027 * h, rounded=True))
+        m.add(
+            legs,
+            between((0, y, hip), knee, 0.050 * h * hip_scale, 0.038 * h, rounded=True),
+            between(knee, ankle, 0.037 * h, 0.027 * h, rounded=True),
+        )
         m.add("shoe", box((ankle[0] + 0.035 * h, y, ankle[2] - 0.022 * h), (0.145 * h, 0.052 * h, 0.045 * h)))
         elbow = (-arm * math.sin(swing * 0.9), side * 0.145 * h, shoulder - arm * math.cos(swing * 0.9))
-        hand = (elbow[0] + 0.15 * h * math.sin(0.4 - swing * 0.8), side * 0.135 * h, elbow[2] - 0.15 * h * math.cos(0.4 - swing * 0.8))
-        m.add(top, between((0, side * 0.115 * h, shoulder - 0.01 * h), elbow, 0.034 * h, 0.027 * h, rounded=True),
-              between(elbow, hand, 0.026 * h, 0.02 * h, rounded=True))
+        hand = (
+            elbow[0] + 0.15 * h * math.sin(0.4 - swing * 0.8),
+            side * 0.135 * h,
+            elbow[2] - 0.15 * h * math.cos(0.4 - swing * 0.8),
+        )
+        m.add(
+            top,
+            between((0, side * 0.115 * h, shoulder - 0.01 * h), elbow, 0.034 * h, 0.027 * h, rounded=True),
+            between(elbow, hand, 0.026 * h, 0.02 * h, rounded=True),
+        )
         m.add("skin", ball(hand, (0.027 * h, 0.02 * h, 0.035 * h), 8, 5))
     torso(m, top, (0, 0, hip - 0.02 * h), (0, 0, neck), h)
-    m.add("skin", between((0, 0, neck - 0.02 * h), (0.01 * h, 0, neck + 0.05 * h), 0.032 * h, n=8),
-          ball((0.012 * h, 0, 0.925 * h), (0.058 * h, 0.047 * h, 0.070 * h)))
+    m.add(
+        "skin",
+        between((0, 0, neck - 0.02 * h), (0.01 * h, 0, neck + 0.05 * h), 0.032 * h, n=8),
+        ball((0.012 * h, 0, 0.925 * h), (0.058 * h, 0.047 * h, 0.070 * h)),
+    )
     m.add("hair", ball((-0.006 * h, 0, 0.944 * h), (0.056 * h, 0.053 * h, 0.056 * h)))
 
 
 def torso(m: Model, material: str, low, high, h: float) -> None:
     rows = []
-    for t, rx, ry in ((0, 0.055, 0.088), (0.3, 0.058, 0.085), (0.7, 0.070, 0.112), (0.9, 0.055, 0.110), (1, 0.03, 0.05)):
+    for t, rx, ry in (
+        (0, 0.055, 0.088),
+        (0.3, 0.058, 0.085),
+        (0.7, 0.070, 0.112),
+        (0.9, 0.055, 0.110),
+        (1, 0.03, 0.05),
+    ):
         c = [low[k] + t * (high[k] - low[k]) for k in range(3)]
-        rows.append([(c[0] + rx * h * math.cos(a), c[1] + ry * h * math.sin(a), c[2])
-                     for a in (2 * math.pi * k / 12 for k in range(12))])
+        rows.append(
+            [
+                (c[0] + rx * h * math.cos(a), c[1] + ry * h * math.sin(a), c[2])
+                for a in (2 * math.pi * k / 12 for k in range(12))
+            ]
+        )
     m.add(material, loft(rows, smooth=True))
 
 
 def pedestrians() -> list[Model]:
-    a = Model("adult_a", "adult", "pedestrian", "Walking adult in trousers, with a backpack.", 78, 0.3, paint="clothes",
-              colours={"clothes": (0.20, 0.32, 0.52), "trousers": (0.14, 0.15, 0.19), "bag": (0.32, 0.10, 0.09)})
+    a = Model(
+        "adult_a",
+        "adult",
+        "pedestrian",
+        "Walking adult in trousers, with a backpack.",
+        78,
+        0.3,
+        paint="clothes",
+        colours={"clothes": (0.20, 0.32, 0.52), "trousers": (0.14, 0.15, 0.19), "bag": (0.32, 0.10, 0.09)},
+    )
     body(a, 1.78, 0.42, "clothes", "trousers")
     a.add("bag", box((-0.19, 0, 1.27), (0.17, 0.30, 0.42)))
-    b = Model("adult_b", "adult", "pedestrian", "Walking adult in a long coat.", 64, 0.3, paint="clothes",
-              colours={"clothes": (0.55, 0.16, 0.20), "trousers": (0.22, 0.20, 0.22), "hair": (0.38, 0.24, 0.12)})
+    b = Model(
+        "adult_b",
+        "adult",
+        "pedestrian",
+        "Walking adult in a long coat.",
+        64,
+        0.3,
+        paint="clothes",
+        colours={"clothes": (0.55, 0.16, 0.20), "trousers": (0.22, 0.20, 0.22), "hair": (0.38, 0.24, 0.12)},
+    )
     body(b, 1.66, 0.34, "clothes", "trousers")
-    b.add("clothes", moved(loft([[(r * math.cos(t), 0.8 * r * math.sin(t) * 1.35, z) for t in (2 * math.pi * k / 12 for k in range(12))]
-                                 for r, z in ((0.22, 0.60), (0.13, 0.98))], smooth=True)))
+    b.add(
+        "clothes",
+        moved(
+            loft(
+                [
+                    [
+                        (r * math.cos(t), 0.8 * r * math.sin(t) * 1.35, z)
+                        for t in (2 * math.pi * k / 12 for k in range(12))
+                    ]
+                    for r, z in ((0.22, 0.60), (0.13, 0.98))
+                ],
+                smooth=True,
+            )
+        ),
+    )
     b.add("hair", ball((-0.05, 0, 1.47), (0.06, 0.09, 0.14)))
-    c = Model("child", "child", "pedestrian", "Walking child.", 26, 0.3, paint="clothes",
-              colours={"clothes": (0.90, 0.62, 0.12), "trousers": (0.18, 0.26, 0.42)})
+    c = Model(
+        "child",
+        "child",
+        "pedestrian",
+        "Walking child.",
+        26,
+        0.3,
+        paint="clothes",
+        colours={"clothes": (0.90, 0.62, 0.12), "trousers": (0.18, 0.26, 0.42)},
+    )
     body(c, 1.22, 0.38, "clothes", "trousers", 1.1)
     c.add("skin", ball((0.01, 0, 1.125), (0.085, 0.075, 0.095)))
     c.add("hair", ball((-0.012, 0, 1.15), (0.085, 0.082, 0.08)))
@@ -189,26 +378,52 @@ def pedestrians() -> list[Model]:
 
 
 def cyclist() -> Model:
-    m = Model("cyclist", "two_wheeler", "vehicle", "Bicycle with rider.", 90, 0.3, paint="clothes",
-              colours={"clothes": (0.12, 0.42, 0.36), "trousers": (0.12, 0.12, 0.15), "frame": (0.70, 0.10, 0.10)})
+    m = Model(
+        "cyclist",
+        "two_wheeler",
+        "vehicle",
+        "Bicycle with rider.",
+        90,
+        0.3,
+        paint="clothes",
+        colours={"clothes": (0.12, 0.42, 0.36), "trousers": (0.12, 0.12, 0.15), "frame": (0.70, 0.10, 0.10)},
+    )
     for x in (0.53, -0.53):
         n = 16
-        ring = [(x + 0.325 * math.cos(2 * math.pi * k / n), 0, 0.35 + 0.325 * math.sin(2 * math.pi * k / n)) for k in range(n)]
+        ring = [
+            (x + 0.325 * math.cos(2 * math.pi * k / n), 0, 0.35 + 0.325 * math.sin(2 * math.pi * k / n))
+            for k in range(n)
+        ]
         m.add("tyre", *(between(ring[k], ring[(k + 1) % n], 0.024, n=5) for k in range(n)))
         m.add("rim", *(between((x, 0, 0.35), ring[k], 0.007, n=4) for k in range(0, n, 2)))
-    crank, seat, head = (-0.08, 0, 0.30), (-0.24, 0, 0.92), (0.36, 0, 0.92)
-    rods = [(crank, seat), (seat, (0.34, 0, 0.86)), (crank, (0.38, 0, 0.74)), ((0.53, 0, 0.35), (0.36, 0, 1.02)),
-            (crank, (-0.53, 0, 0.35)), ((-0.53, 0, 0.35), (-0.22, 0, 0.84)), ((0.36, -0.28, 1.05), (0.36, 0.28, 1.05))]
+    crank, seat = (-0.08, 0, 0.30), (-0.24, 0, 0.92)
+    rods = [
+        (crank, seat),
+        (seat, (0.34, 0, 0.86)),
+        (crank, (0.38, 0, 0.74)),
+        ((0.53, 0, 0.35), (0.36, 0, 1.02)),
+        (crank, (-0.53, 0, 0.35)),
+        ((-0.53, 0, 0.35), (-0.22, 0, 0.84)),
+        ((0.36, -0.28, 1.05), (0.36, 0.28, 1.05)),
+    ]
     m.add("frame", *(between(p, q, 0.022, n=6) for p, q in rods))
     m.add("trim", box((-0.25, 0, 0.95), (0.26, 0.16, 0.06)))
     hip, shoulders = (-0.22, 0, 1.02), (0.08, 0, 1.46)
     torso(m, "clothes", hip, (0.14, 0, 1.50), 1.70)
-    for side, foot, knee in ((1, (-0.02, 0.13, 0.14), (0.14, 0.12, 0.60)), (-1, (-0.12, -0.13, 0.46), (0.20, -0.12, 0.82))):
-        m.add("trousers", between((hip[0], side * 0.09, hip[2] - 0.02), knee, 0.085, 0.062, rounded=True),
-              between(knee, foot, 0.058, 0.042, rounded=True))
+    for side, foot, knee in (
+        (1, (-0.02, 0.13, 0.14), (0.14, 0.12, 0.60)),
+        (-1, (-0.12, -0.13, 0.46), (0.20, -0.12, 0.82)),
+    ):
+        m.add(
+            "trousers",
+            between((hip[0], side * 0.09, hip[2] - 0.02), knee, 0.085, 0.062, rounded=True),
+            between(knee, foot, 0.058, 0.042, rounded=True),
+        )
         m.add("shoe", box((foot[0] + 0.06, foot[1], foot[2] - 0.04), (0.25, 0.09, 0.08)))
         elbow, hand = (0.22, side * 0.24, 1.22), (0.36, side * 0.25, 1.08)
-        m.add("clothes", between((shoulders[0], side * 0.18, shoulders[2]), elbow, 0.055, 0.045, rounded=True))
+        m.add(
+            "clothes", between((shoulders[0], side * 0.18, shoulders[2]), elbow, 0.055, 0.045, rounded=True)
+        )
         m.add("skin", between(elbow, hand, 0.040, 0.034, rounded=True))
     m.add("skin", ball((0.20, 0, 1.63), (0.095, 0.078, 0.115)))
     m.add("helmet", ball((0.18, 0, 1.68), (0.13, 0.095, 0.095)))
@@ -217,7 +432,20 @@ def cyclist() -> Model:
 
 
 def movers() -> list[Model]:
-    ego = car("ego", "ego", "The ego's body: a sedan. It is never rendered nor hit by its own rays.", (0.80, 0.82, 0.84), False)
-    return [car("car_sedan", "car", "Four-door sedan.", (0.62, 0.64, 0.67), False),
-            car("car_hatch", "car", "Small hatchback.", (0.58, 0.10, 0.10), True),
-            van(), truck(), bus(), cyclist(), ego, *pedestrians()]
+    ego = car(
+        "ego",
+        "ego",
+        "The ego's body: a sedan. It is never rendered nor hit by its own rays.",
+        (0.80, 0.82, 0.84),
+        False,
+    )
+    return [
+        car("car_sedan", "car", "Four-door sedan.", (0.62, 0.64, 0.67), False),
+        car("car_hatch", "car", "Small hatchback.", (0.58, 0.10, 0.10), True),
+        van(),
+        truck(),
+        bus(),
+        cyclist(),
+        ego,
+        *pedestrians(),
+    ]

@@ -88,13 +88,19 @@ def loft(sections: list, smooth: bool = False) -> Solid:
             faces += [(a, b, b + n), (a, b + n, a + n)]
     caps = []
     for ring, start, flip in ((rings[0], 0, True), (rings[-1], len(vertices) - n, False)):
-        area = [abs(np.sum(ring[:, i] * np.roll(ring[:, j], -1) - np.roll(ring[:, i], -1) * ring[:, j]))
-                for i, j in ((0, 1), (0, 2), (1, 2))]
+        area = [
+            abs(np.sum(ring[:, i] * np.roll(ring[:, j], -1) - np.roll(ring[:, i], -1) * ring[:, j]))
+            for i, j in ((0, 1), (0, 2), (1, 2))
+        ]
         i, j = ((0, 1), (0, 2), (1, 2))[int(np.argmax(area))]
         triangles = triangulate(ring[:, [i, j]])
         # Wind the cap against the skin: an edge k -> k+1 runs forwards in the first ring's skin.
-        forwards = any((t[m], t[(m + 1) % 3]) == (k, (k + 1) % n) for t in triangles.tolist()
-                       for m in range(3) for k in range(n))
+        forwards = any(
+            (t[m], t[(m + 1) % 3]) == (k, (k + 1) % n)
+            for t in triangles.tolist()
+            for m in range(3)
+            for k in range(n)
+        )
         if forwards == flip:
             triangles = triangles[:, ::-1]
         caps.append((ring, triangles) if smooth else (None, triangles + start))
@@ -160,7 +166,14 @@ def between(start, end, r0: float, r1: float | None = None, n: int = 8, rounded:
     length = float(np.linalg.norm(end - start))
     if rounded:
         h = math.sqrt(0.5)
-        profile = [(0, -r0), (r0 * h, -r0 * h), (r0, 0), (r1, length), (r1 * h, length + r1 * h), (0, length + r1)]
+        profile = [
+            (0, -r0),
+            (r0 * h, -r0 * h),
+            (r0, 0),
+            (r1, length),
+            (r1 * h, length + r1 * h),
+            (0, length + r1),
+        ]
     else:
         profile = [(0, 0), (r0, 0), (r1, length), (0, length)]
     v, f = lathe(profile, n, sharp=not rounded)

@@ -17,10 +17,10 @@ part() {
 }
 
 train() {
-    "$harmzone" train "$out/id" --out "$out/run" --config configs/demo.toml
+    "$harmzone" train "$out/id" --out "$out/run"
 }
 
-# Samples that the detector was not trained on: the sixth and twelfth episode, and all of the OOD set.
+# Samples that the detector was not trained on: every sixth episode, and all of the OOD set.
 draw() {
     local data=$1 sample
     shift
@@ -36,10 +36,10 @@ part "setup" make --no-print-directory setup
 part "compile" make --no-print-directory build
 compiled=$SECONDS
 
-# Every sixth episode is kept for validation: 10 x 30 samples to train on, 2 x 30 to validate.
-part "generate, in distribution" "$harmzone" gen --town downtown --episodes 12 --samples 30 --seed 1 --out "$out/id"
+# Every sixth episode is kept for validation: 20 x 15 samples to train on, 4 x 15 to validate.
+part "generate, in distribution" "$harmzone" gen --town downtown --episodes 24 --samples 15 --seed 1 --out "$out/id"
 part "generate, out of distribution" \
-    "$harmzone" gen --town downtown --ood --episodes 2 --samples 30 --seed 2 --out "$out/ood"
+    "$harmzone" gen --town downtown --ood --episodes 8 --samples 15 --seed 2 --out "$out/ood"
 part "label, in distribution" "$harmzone" label "$out/id"
 part "label, out of distribution" "$harmzone" label "$out/ood"
 part "train, both stages" train
@@ -47,8 +47,8 @@ part "predict, in distribution" "$harmzone" predict "$out/run" --data "$out/id" 
 part "predict, out of distribution" "$harmzone" predict "$out/run" --data "$out/ood" --force
 part "score, in distribution" "$harmzone" eval "$out/run" --data "$out/id" --out "$out/eval-id" --force
 part "score, out of distribution" "$harmzone" eval "$out/run" --data "$out/ood" --ood --out "$out/eval-ood" --force
-part "pictures, in distribution" draw id 152 160 170 335 345 357
-part "pictures, out of distribution" draw ood 3 12 22 33 42 55
+part "pictures, in distribution" draw id 76 86 166 176 256 266 346 356
+part "pictures, out of distribution" draw ood 3 12 18 27 33 42 50 57 70 80 95 110
 
 cat <<END
 

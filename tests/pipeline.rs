@@ -318,5 +318,5 @@ fn missing_gl_says_what_to_install() {
 
 #[test]
 fn a_wrong_flag_is_a_usage_error() {
-    assert_eq!(harmzone(&["gen", "--twon", "downtown"]).status.code(), Some(2));
+    assert_eq!(harmzone(&["gen", "--city", "downtown"]).status.code(), Some(2));
 }

@@ -1,4 +1,4 @@
-# Writes the PNGs beside this script. Needs Python 3.11, numpy==2.4.6, pillow==13.0.0.
+# Writes the PNG files beside this script. Needs Python 3.11, numpy==2.4.6, pillow==13.0.0.
 """Tiling textures: four facades and three grounds, 256 x 256 pixels, from fixed seeds."""
 
 from pathlib import Path
@@ -24,7 +24,9 @@ def save(image: Image.Image, name: str) -> None:
     image.quantize(64).save(HERE / f"{name}.png", optimize=True)
 
 
-def facade(name: str, wall, frame, columns: int, window, seed: int, brick: bool = False, balcony: bool = False) -> None:
+def facade(
+    name: str, wall, frame, columns: int, window, seed: int, brick: bool = False, balcony: bool = False
+) -> None:
     """Two storeys to a tile; window is (width, height) as shares of its bay."""
     image = picture(grain(wall, 4, seed, 2))
     draw, rng = ImageDraw.Draw(image), np.random.default_rng(seed)

@@ -2,8 +2,9 @@
 
 import mujoco
 import numpy as np
-from harmzone_sim.world import World
 from numpy.typing import NDArray
+
+from harmzone_sim.world import World
 
 _MAX_GEOMS = 20_000
 
@@ -86,4 +87,6 @@ def gl_info() -> tuple[str, str, str]:
     """Vendor, renderer and version of the OpenGL context that is current."""
     from OpenGL import GL
 
-    return tuple((GL.glGetString(name) or b"?").decode() for name in (GL.GL_VENDOR, GL.GL_RENDERER, GL.GL_VERSION))
+    return tuple(
+        (GL.glGetString(name) or b"?").decode() for name in (GL.GL_VENDOR, GL.GL_RENDERER, GL.GL_VERSION)
+    )

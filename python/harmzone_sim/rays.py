@@ -2,8 +2,9 @@
 
 import mujoco
 import numpy as np
-from harmzone_sim.world import Array, World
 from numpy.typing import NDArray
+
+from harmzone_sim.world import Array, World
 
 # Ground (0), static scene (1) and objects (2); neither collision shapes (3) nor the own car (4).
 _VISIBLE_GROUPS = np.array([1, 1, 1, 0, 0, 0], dtype=np.uint8)

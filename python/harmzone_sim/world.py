@@ -67,6 +67,7 @@ class World:
         return [mujoco.mj_id2name(self.model, obj, i) or "" for i in range(count)]
 
     def timestep_s(self) -> float:
+        """Time that one physics step takes, in seconds."""
         return float(self.model.opt.timestep)
 
     def geom_bodies(self) -> NDArray[np.int32]:

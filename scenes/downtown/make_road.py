@@ -105,8 +105,14 @@ def section(centre_mark: str, right: list[xodr.Lane], left: list[xodr.Lane]) -> 
 def add_crosswalk(road: xodr.Road, s_m: tuple[float, float], object_id: str) -> None:
     length, middle = s_m[1] - s_m[0], (s_m[0] + s_m[1]) / 2
     walk = xodr.Object(
-        middle, 0, xodr.ObjectType.crosswalk, id=object_id, name="crosswalk",
-        length=length, width=2 * DRIVING_M, height=0.0,
+        middle,
+        0,
+        xodr.ObjectType.crosswalk,
+        id=object_id,
+        name="crosswalk",
+        length=length,
+        width=2 * DRIVING_M,
+        height=0.0,
     )
     outline = xodr.Outline(closed=True, id=0)
     for u, v in ((-1, -1), (1, -1), (1, 1), (-1, 1)):
@@ -115,8 +121,9 @@ def add_crosswalk(road: xodr.Road, s_m: tuple[float, float], object_id: str) -> 
     road.add_object(walk)
 
 
-def straight_street(street: Street, start: tuple[float, float], heading: float, length: float,
-                    name: str) -> None:
+def straight_street(
+    street: Street, start: tuple[float, float], heading: float, length: float, name: str
+) -> None:
     plan = xodr.PlanView()
     plan.add_fixed_geometry(xodr.Line(length), *start, heading)
     lanes = section("broken", side(length, street.parking[0]), side(length, street.parking[1]))
@@ -162,9 +169,10 @@ def town_corner(road_id: int, centre, arms: dict[str, Street]) -> xodr.Road:
             for arm, flip in ((arm_in, flip_in), (arm_out, flip_out)):
                 section_here = arms[arm].road.lanes.lanesections[0]
                 own = sign * rank * flip
-                lane_there = (section_here.rightlanes if own < 0 else section_here.leftlanes)
+                lane_there = section_here.rightlanes if own < 0 else section_here.leftlanes
                 lane_there[abs(own) - 1].add_link(
-                    "predecessor" if starts_here(arm) else "successor", sign * rank)
+                    "predecessor" if starts_here(arm) else "successor", sign * rank
+                )
     road = xodr.Road(road_id, plan, section("solid", *sides), name=f"corner {road_id}")
     road.add_type(xodr.RoadType.town, speed=RIGHT_TURN_KMH, speed_unit="km/h")
     road.add_predecessor(xodr.ElementType.road, arms[arm_in].id, contact(arm_in))
@@ -198,8 +206,9 @@ def crossing(junction_id: int, centre, arms: dict[str, Street]):
             lane.add_link("predecessor", lane_in)
             lane.add_link("successor", lane_out)
         road_id = junction_id * 100 + index
-        road = xodr.Road(road_id, plan, section("none", lanes, []), road_type=junction_id,
-                         name=f"{arm_in} to {arm_out}")
+        road = xodr.Road(
+            road_id, plan, section("none", lanes, []), road_type=junction_id, name=f"{arm_in} to {arm_out}"
+        )
         speed = {-1: RIGHT_TURN_KMH, 0: street_in.speed_kmh, 1: LEFT_TURN_KMH}[sign]
         road.add_type(xodr.RoadType.town, speed=speed, speed_unit="km/h")
         road.add_predecessor(xodr.ElementType.road, street_in.id, contact(arm_in))
@@ -236,8 +245,12 @@ def build() -> xodr.OpenDrive:
     more_roads, junctions = [], []
     for j, y in enumerate(Y_M):
         for i, x in enumerate(X_M):
-            found = {"east": rows.get((i, j)), "west": rows.get((i - 1, j)),
-                     "north": columns.get((i, j)), "south": columns.get((i, j - 1))}
+            found = {
+                "east": rows.get((i, j)),
+                "west": rows.get((i - 1, j)),
+                "north": columns.get((i, j)),
+                "south": columns.get((i, j - 1)),
+            }
             arms = {arm: street for arm, street in found.items() if street is not None}
             if len(arms) == 2:
                 more_roads.append(town_corner(41 + j * 4 + i, (x, y), arms))

@@ -88,7 +88,7 @@ def devkit_boxes(results: dict) -> EvalBoxes:
 
     content = {token: [one(token, raw) for raw in boxes] for token, boxes in results.items()}
     boxes = EvalBoxes.deserialize(content, DetectionBox)
-    return filter_eval_boxes(NoRacks(), boxes, {name: MAX_RANGE_M for name in DEVKIT_NAMES.values()})
+    return filter_eval_boxes(NoRacks(), boxes, dict.fromkeys(DEVKIT_NAMES.values(), MAX_RANGE_M))
 
 
 def expected(predictions: dict, truth: dict) -> dict:

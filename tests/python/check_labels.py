@@ -70,7 +70,9 @@ def check_episode(episode: Path, labels: Path, config: dict) -> tuple[int, int, 
             n_labels += 1
             n_harmful += is_harmful
             if label.harm != expected:
-                wrong.append(f"{labels} at {time}: `{item.id}` has harm {label.harm}, shapely says {expected}")
+                wrong.append(
+                    f"{labels} at {time}: `{item.id}` has harm {label.harm}, shapely says {expected}"
+                )
             for name, got, want in [
                 ("area", label.overlap_area_m2, area),
                 ("ratio", label.overlap_ratio, ratio),

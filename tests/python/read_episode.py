@@ -6,6 +6,7 @@ Usage: read_episode.py EPISODE LABELS. Knows nothing of harmzone: schemas come f
 import json
 import struct
 import sys
+from pathlib import Path
 
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
@@ -15,7 +16,7 @@ def read(path: str) -> dict:
     """Every message of a file by topic, decoded, with its log time; and the metadata records."""
     topics: dict[str, list] = {}
     schemas: dict[str, str] = {}
-    with open(path, "rb") as stream:
+    with Path(path).open("rb") as stream:
         reader = make_reader(stream, decoder_factories=[DecoderFactory()], validate_crcs=True)
         header = reader.get_header()
         assert header.profile == "", header.profile
@@ -54,7 +55,10 @@ def points(cloud) -> list:
     table = [(field.name, field.offset, "<" + codes[field.type]) for field in cloud.fields]
     assert len(cloud.data) % cloud.point_stride == 0
     starts = range(0, len(cloud.data), cloud.point_stride)
-    return [{name: struct.unpack_from(code, cloud.data, at + offset)[0] for name, offset, code in table} for at in starts]
+    return [
+        {name: struct.unpack_from(code, cloud.data, at + offset)[0] for name, offset, code in table}
+        for at in starts
+    ]
 
 
 def transform(one) -> list:
@@ -89,7 +93,7 @@ def main(episode_path: str, labels_path: str) -> None:
     samples = []
     topics = episode["topics"]
     each_sample = [topic for topic in topics if topic != "/map"]
-    (map_time, town_map), = topics["/map"]
+    ((map_time, town_map),) = topics["/map"]
     for i, (log_time, state) in enumerate(topics["/ego/state"]):
         now = {}
         for topic in each_sample:
@@ -101,7 +105,11 @@ def main(episode_path: str, labels_path: str) -> None:
         for topic, message in now.items():
             if "timestamp" in message.DESCRIPTOR.fields_by_name:
                 assert time_ns(message.timestamp) == log_time, topic
-        image, camera, pose = now["/cam_front/image_rect_compressed"], now["/cam_front/camera_info"], now["/ego/pose"]
+        image, camera, pose = (
+            now["/cam_front/image_rect_compressed"],
+            now["/cam_front/camera_info"],
+            now["/ego/pose"],
+        )
         harm = now["/harm/labels"]
         (zone,) = now["/harm/zone"].entities
         assert zone.lines[0].points and zone.triangles[0].indices
@@ -112,7 +120,14 @@ def main(episode_path: str, labels_path: str) -> None:
                 "tf": [transform(one) for one in now["/tf"].transforms],
                 "pose": [pose.frame_id, [pose.pose.position.x, pose.pose.position.y, pose.pose.position.z]],
                 "image": [image.frame_id, image.format, list(image.data)],
-                "camera": [camera.frame_id, camera.width, camera.height, list(camera.K), list(camera.P), list(camera.D)],
+                "camera": [
+                    camera.frame_id,
+                    camera.width,
+                    camera.height,
+                    list(camera.K),
+                    list(camera.P),
+                    list(camera.D),
+                ],
                 "lidar": [now["/lidar_top"].frame_id, points(now["/lidar_top"])],
                 "objects": [plain(one) for one in now["/truth/objects"].objects],
                 "markers": cubes(now["/truth/markers"]),
