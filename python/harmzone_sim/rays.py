@@ -37,7 +37,8 @@ def cast_rays(
         n_rays,
         max_range_m,
     )
-    missed = (geom_id < 0) | (range_m < 0)
+    # MuJoCo takes its own limit as a hint and may report hits beyond it.
+    missed = (geom_id < 0) | (range_m < 0) | (range_m > max_range_m)
     cos_incidence = np.abs(np.einsum("ij,ij->i", directions, normals))
     range_m[missed], geom_id[missed], cos_incidence[missed] = np.inf, -1, 0.0
     return range_m, geom_id, cos_incidence

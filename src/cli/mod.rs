@@ -79,9 +79,14 @@ pub fn main() -> ExitCode {
         Ok(ExitStatus::Done) => ExitCode::SUCCESS,
         Ok(ExitStatus::DoneWithLosses) => ExitCode::from(3),
         Err(error) => {
-            eprintln!("error: {error}");
-            for cause in error.chain().skip(1) {
-                eprintln!("  because: {cause}");
+            let mut told = error.to_string();
+            eprintln!("error: {told}");
+            for cause in error.chain().skip(1).map(ToString::to_string) {
+                // Most messages hold their cause already.
+                if !told.contains(&cause) {
+                    eprintln!("  because: {cause}");
+                    told.push_str(&cause);
+                }
             }
             ExitCode::FAILURE
         }
