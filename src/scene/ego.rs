@@ -113,7 +113,7 @@ impl EgoDriver {
         (graph, surface): (&LaneGraph, &Surface),
         obstacles: &[Obstacle],
     ) -> EgoCommand {
-        let is_bold = self.bold_s > 0.0;
+        let is_bold = self.bold_s > 0.0 && line.is_none();
         let others: Vec<Obstacle> = obstacles
             .iter()
             .filter(|other| other.owner != Owner::Ego)
@@ -180,6 +180,7 @@ impl EgoDriver {
             front_m: self.front_m(),
             now_m: self.offset(pose) + turn_rad.sin() * FRONT_BUMPER_X_M,
             half_width_m: EGO_WIDTH_M / 2.0,
+            length_m: EGO_LENGTH_M,
             speed_mps: pose.speed_mps.max(0.0),
             is_bold: self.bold_s > 0.0,
             is_near_junction: ahead.is_some(),

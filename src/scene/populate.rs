@@ -44,11 +44,11 @@ impl Default for PopulateConfig {
             route_length_m: 700.0,
             reach_m: 60.0,
             prop_density: 0.6,
-            parked_density: 0.6,
-            traffic_density: 1.0,
+            parked_density: 0.9,
+            traffic_density: 0.6,
             pedestrian_density: 0.6,
-            ood_spacing_m: [9.0, 20.0],
-            ood_in_lane_share: 0.2,
+            ood_spacing_m: [7.0, 14.0],
+            ood_in_lane_share: 0.17,
         }
     }
 }
@@ -336,13 +336,9 @@ impl Filler<'_> {
                     return;
                 };
                 let half_m = self.models.models[model].width_m() / 2.0;
-                // Trees reach over the street; only their trunks need room.
-                let is_slim = half_m > 0.9;
-                let from_kerb_m = if is_slim {
-                    config.prop_kerb_distance_m
-                } else {
-                    config.prop_kerb_distance_m.max(half_m + 0.15)
-                };
+                // Crowns keep off the street as far as the pavement is wide.
+                let widest_m = (strip.width_m - 0.7).max(config.prop_kerb_distance_m);
+                let from_kerb_m = (half_m + 0.15).clamp(config.prop_kerb_distance_m, widest_m);
                 let at = strip.center.beside(station_m, side * (strip.width_m / 2.0 - from_kerb_m));
                 let street_rad = strip.center.heading_rad(station_m);
                 let yaw_rad = if side > 0.0 { street_rad } else { street_rad + std::f64::consts::PI };
@@ -452,7 +448,7 @@ impl Filler<'_> {
                 // Walkers keep to the side of the houses, clear of the props.
                 let left_m = -kerb * (strip.width_m / 2.0 - 0.45 - 0.6 * rng.random::<f64>());
                 let sense = if rng.random_bool(0.5) { 1.0 } else { -1.0 };
-                let wants_across = rng.random::<f64>() < (2.0 * traffic.pedestrian_crossing_share).min(1.0);
+                let wants_across = rng.random::<f64>() < (5.0 * traffic.pedestrian_crossing_share).min(1.0);
                 let crossing =
                     if wants_across { self.crossing(strip, &strips, kerb, &mut rng) } else { None };
                 let at = strip.center.beside(station_m, left_m);

@@ -284,6 +284,7 @@ impl Traffic {
             front_m,
             now_m: driver.left_m + driver.slope * driver.length_m / 2.0,
             half_width_m: driver.width_m / 2.0,
+            length_m: driver.length_m,
             speed_mps: driver.speed_mps,
             is_bold: driver.waited_s > 6.0,
             is_near_junction: graph.lanes[driver.route.span_at(front_m + 4.0).lane].junction.is_some(),
