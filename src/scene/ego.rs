@@ -113,12 +113,16 @@ impl EgoDriver {
         (graph, surface): (&LaneGraph, &Surface),
         obstacles: &[Obstacle],
     ) -> EgoCommand {
+        let is_bold = self.bold_s > 0.0 && line.is_none();
         let others: Vec<Obstacle> = obstacles
             .iter()
-            .filter(|other| {
-                other.owner != Owner::Ego && (other.footprint.center - pose.position).norm() < 60.0
+            .filter(|other| other.owner != Owner::Ego)
+            .filter(|other| (other.footprint.center - pose.position).norm() < 60.0)
+            // After a jam, cars that stand are passed like things.
+            .map(|other| {
+                let stands = other.is_vehicle && other.velocity_mps.norm() < 0.1;
+                Obstacle { is_still: other.is_still || (is_bold && stands), ..*other }
             })
-            .copied()
             .collect();
         self.bold_s -= dt_s;
         self.left_m = self.swerve(pose, graph).best_offset(self.left_m, &surface.road_grid, &others);
@@ -148,6 +152,9 @@ impl EgoDriver {
             return EgoCommand { target_speed_mps: -1.2, steering_angle_rad: 0.0 };
         }
         self.steer(dt_s, pose);
+        if self.is_about_to_hit(pose, &others) {
+            return EgoCommand { target_speed_mps: 0.0, steering_angle_rad: self.steering_rad };
+        }
         EgoCommand {
             target_speed_mps: (speed_mps + acceleration * DRIVE_RESPONSE_S).max(0.0),
             steering_angle_rad: self.steering_rad,
@@ -173,6 +180,7 @@ impl EgoDriver {
             front_m: self.front_m(),
             now_m: self.offset(pose) + turn_rad.sin() * FRONT_BUMPER_X_M,
             half_width_m: EGO_WIDTH_M / 2.0,
+            length_m: EGO_LENGTH_M,
             speed_mps: pose.speed_mps.max(0.0),
             is_bold: self.bold_s > 0.0,
             is_near_junction: ahead.is_some(),
@@ -197,6 +205,25 @@ impl EgoDriver {
             self.jam_s = 0.0;
             self.backing_s = 3.0;
         }
+    }
+
+    /// The last check, whatever was planned: the arc that the wheels point along, up to a stop.
+    fn is_about_to_hit(&self, pose: &EgoPose, others: &[Obstacle]) -> bool {
+        let speed_mps = pose.speed_mps.max(0.0);
+        let reach_m = 0.5 + 0.25 * speed_mps + speed_mps * speed_mps / 12.0;
+        let curvature = self.steering_rad.tan() / WHEELBASE_M;
+        let body = pose.obstacle().footprint;
+        let n = (reach_m / 0.5).ceil() as usize;
+        let (mut position, mut yaw_rad) = (pose.position, pose.yaw_rad);
+        (0..n).any(|_| {
+            position += Vec2::new(yaw_rad.cos(), yaw_rad.sin()) * 0.5;
+            yaw_rad += curvature * 0.5;
+            let ahead = EgoPose { position, yaw_rad, ..*pose }.obstacle().footprint.grown(0.08);
+            others.iter().any(|other| {
+                let moved = other.velocity_mps.norm() > 1.0;
+                !moved && ahead.meets(&other.footprint) && !body.meets(&other.footprint)
+            })
+        })
     }
 
     fn is_free_behind(&self, pose: &EgoPose, others: &[Obstacle]) -> bool {

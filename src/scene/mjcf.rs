@@ -279,7 +279,7 @@ fn add_ego(builder: &mut Builder, (position, yaw_rad): (Vec2, f64)) {
         body,
         "<body name=\"ego\" pos=\"{:.4} {:.4} 0\" quat=\"{cos:.6} 0 0 {sin:.6}\">\n<freejoint name=\"ego\"/>\n\
          <inertial pos=\"{:.4} 0 0.4\" mass=\"{mass_kg}\" diaginertia=\"{ixx:.1} {iyy:.1} {izz:.1}\"/>\n\
-         <light name=\"sun\" mode=\"track\" directional=\"true\" castshadow=\"true\" pos=\"0 0 40\" dir=\"-0.45 0.35 -0.82\" diffuse=\"0.72 0.7 0.64\" specular=\"0.2 0.2 0.2\" ambient=\"0 0 0\"/>\n\
+         <light name=\"sun\" mode=\"track\" directional=\"true\" castshadow=\"true\" pos=\"27 -21 49\" dir=\"-0.45 0.35 -0.82\" diffuse=\"0.72 0.7 0.64\" specular=\"0.2 0.2 0.2\" ambient=\"0 0 0\"/>\n\
          <geom name=\"ego_chassis\" type=\"box\" size=\"{:.4} {:.4} {half_height_m:.4}\" pos=\"{center_x_m:.4} 0 {:.4}\" group=\"4\" rgba=\"0.8 0.8 0.85 1\"/>",
         position.x,
         position.y,

@@ -338,8 +338,9 @@ impl Filler<'_> {
                     return;
                 };
                 let half_m = self.models.models[model].width_m() / 2.0;
-                // Nothing reaches over the kerb, tree crowns and lamp arms included: boxes are what drivers avoid.
-                let from_kerb_m = config.prop_kerb_distance_m.max(half_m + 0.15);
+                // Crowns keep off the street as far as the pavement is wide.
+                let widest_m = (strip.width_m - 0.7).max(config.prop_kerb_distance_m);
+                let from_kerb_m = (half_m + 0.15).clamp(config.prop_kerb_distance_m, widest_m);
                 let at = strip.center.beside(station_m, side * (strip.width_m / 2.0 - from_kerb_m));
                 let street_rad = strip.center.heading_rad(station_m);
                 let yaw_rad = if side > 0.0 { street_rad } else { street_rad + std::f64::consts::PI };
@@ -466,7 +467,7 @@ impl Filler<'_> {
                 // Walkers keep to the side of the houses, clear of the props.
                 let left_m = -kerb * (strip.width_m / 2.0 - 0.45 - 0.6 * rng.random::<f64>());
                 let sense = if rng.random_bool(0.5) { 1.0 } else { -1.0 };
-                let wants_across = rng.random::<f64>() < (2.0 * traffic.pedestrian_crossing_share).min(1.0);
+                let wants_across = rng.random::<f64>() < (5.0 * traffic.pedestrian_crossing_share).min(1.0);
                 let crossing =
                     if wants_across { self.crossing(strip, &strips, kerb, &mut rng) } else { None };
                 let at = strip.center.beside(station_m, left_m);

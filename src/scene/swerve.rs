@@ -8,6 +8,8 @@ use super::path::Path;
 const REACH_M: f64 = 26.0;
 /// How far ahead those who come the other way are waited for.
 const ONCOMING_REACH_M: f64 = 45.0;
+/// The same for those who stand there.
+const STANDING_REACH_M: f64 = 16.0;
 
 /// A body on its path.
 #[derive(Debug, Clone, Copy)]
@@ -18,6 +20,7 @@ pub struct Swerve<'a> {
     /// Offset of its front to the left of the path.
     pub now_m: f64,
     pub half_width_m: f64,
+    pub length_m: f64,
     pub speed_mps: f64,
     /// Whether it takes nearly any way round.
     pub is_bold: bool,
@@ -48,17 +51,33 @@ impl Swerve<'_> {
             let still = others.iter().filter(|other| other.is_still);
             self.gap(left_m, REACH_M, still).map_or(REACH_M, |gap| gap.distance_m)
         };
-        if before_m.abs() < 0.01 && free_m(0.0) >= REACH_M {
+        if before_m.abs() < 0.01 && self.now_m.abs() < 0.5 && free_m(0.0) >= REACH_M {
             return 0.0;
         }
+        // What is being passed stays in mind until the rear is past it.
+        let is_beside = |left_m: f64| {
+            let body = (self.front_m - self.length_m, self.length_m);
+            driving::gap_ahead(self.path, body, self.half_width_m, |_| left_m, others.iter()).is_some()
+        };
         let is_met = others.iter().any(|other| self.meets_oncoming(other));
         let cost = |left_m: f64| {
             let shortfall_m = REACH_M - free_m(left_m);
-            let beyond_m = road.clearance_m(self.path.beside(self.front_m + 6.0, left_m)) + self.half_width_m;
+            // Both sides of the body must be on the road.
+            let beyond_m = [-self.half_width_m, self.half_width_m]
+                .map(|side_m| road.clearance_m(self.path.beside(self.front_m + 6.0, left_m + side_m)))
+                .into_iter()
+                .fold(f64::NEG_INFINITY, f64::max);
             let meets = if left_m > 0.9 && is_met { if self.is_bold { 6.0 } else { 60.0 } } else { 0.0 };
             let leaves = if beyond_m > 0.1 { if self.is_bold { 4.0 } else { 30.0 } } else { 0.0 };
             let turns = if self.is_near_junction && left_m.abs() > 0.9 { 4.0 } else { 0.0 };
-            shortfall_m + meets + leaves + turns + 0.5 * left_m.abs() + 0.4 * (left_m - before_m).abs()
+            let scrapes = if is_beside(left_m) { 25.0 } else { 0.0 };
+            shortfall_m
+                + scrapes
+                + meets
+                + leaves
+                + turns
+                + 0.5 * left_m.abs()
+                + 0.4 * (left_m - before_m).abs()
         };
         let candidates = (-4..=14).map(|i| 0.35 * f64::from(i)).map(|left_m| (cost(left_m), left_m));
         candidates.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(before_m, |(_, left_m)| left_m)
@@ -72,7 +91,9 @@ impl Swerve<'_> {
         let rear_m = self.front_m - 5.0;
         let (s_m, left_m) =
             self.path.project(other.footprint.center, rear_m, self.front_m + ONCOMING_REACH_M);
-        let comes = other.velocity_mps.dot(&self.path.direction(s_m)) < 0.5;
+        let along_mps = other.velocity_mps.dot(&self.path.direction(s_m));
+        // One who stands far off, at a junction perhaps, leaves time enough.
+        let comes = along_mps < -0.3 || (along_mps < 0.5 && s_m < self.front_m + STANDING_REACH_M);
         comes && s_m > rear_m + 0.1 && left_m > 1.2 && left_m < 6.0
     }
 }
@@ -108,6 +129,7 @@ mod tests {
             front_m: 10.0,
             now_m: 0.0,
             half_width_m: 0.9,
+            length_m: 4.0,
             speed_mps: 6.0,
             is_bold: false,
             is_near_junction: false,

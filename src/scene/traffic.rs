@@ -20,12 +20,21 @@ use super::swerve::Swerve;
 use super::town::Town;
 use super::walking::Walker;
 use crate::geometry::{Ego, Transform, World as WorldFrame};
-use crate::random;
+use crate::random::{self, Rng};
 
 /// Distance to the car ahead when standing.
 const STANDSTILL_M: f64 = 0.9;
 /// Standing this long before a junction gives its reservation back.
 const GIVE_WAY_S: f64 = 3.0;
+/// Standing this long before something still, a driver passes it at a walk, if it can.
+const CREEP_S: f64 = 3.0;
+const CREEP_MPS: f64 = 1.0;
+/// Standing this long with no way on, a driver backs up.
+const BACK_UP_S: f64 = 6.0;
+/// Standing this long out of the ego's sight, a driver starts elsewhere.
+const GIVE_UP_S: f64 = 20.0;
+/// Beyond this distance nobody sees a car come or go, metres.
+const SIGHT_M: f64 = 75.0;
 /// The ego among the holders of reservations.
 const EGO: usize = usize::MAX;
 
@@ -71,6 +80,8 @@ struct Driver {
     /// Share of the limit that this driver likes.
     eagerness: f64,
     waited_s: f64,
+    /// Seconds that it still backs up.
+    backing_s: f64,
 }
 
 impl Driver {
@@ -116,6 +127,7 @@ pub struct Traffic {
     still: Vec<Obstacle>,
     reservations: Reservations,
     mocap_of: Vec<Option<usize>>,
+    rng: Rng,
 }
 
 impl Traffic {
@@ -146,21 +158,23 @@ impl Traffic {
                     width_m: footprint.width_m,
                     eagerness: 0.75 + 0.3 * rng.random::<f64>(),
                     waited_s: 0.0,
+                    backing_s: 0.0,
                 }),
                 Motion::Walks(walk) => {
                     walkers.push(Walker::new(i, walk.clone(), placement.position, placement.yaw_rad));
                 }
             }
         }
-        let rng = random::stream(seed, "ego-driver", 0);
+        let ego_rng = random::stream(seed, "ego-driver", 0);
         Self {
             town: Arc::clone(&world.town),
-            ego: EgoDriver::new(world.ego_route.clone(), world.ego_start_m, rng),
+            ego: EgoDriver::new(world.ego_route.clone(), world.ego_start_m, ego_rng),
             drivers,
             walkers,
             still,
             reservations: Reservations::default(),
             mocap_of: world.placements.iter().map(|placement| placement.mocap).collect(),
+            rng,
         }
     }
 
@@ -203,6 +217,9 @@ impl Traffic {
         let ego = self.ego.step(dt_s, &pose, ego_line, scene, &obstacles);
         for (i, line) in lines.into_iter().enumerate() {
             self.step_driver(i, dt_s, line, &obstacles);
+            if self.drivers[i].waited_s > GIVE_UP_S {
+                self.start_elsewhere(i, &pose, &obstacles);
+            }
             // Those who come later see where this one is now.
             obstacles[1 + i] = self.drivers[i].obstacle();
         }
@@ -267,6 +284,7 @@ impl Traffic {
             front_m,
             now_m: driver.left_m + driver.slope * driver.length_m / 2.0,
             half_width_m: driver.width_m / 2.0,
+            length_m: driver.length_m,
             speed_mps: driver.speed_mps,
             is_bold: driver.waited_s > 6.0,
             is_near_junction: graph.lanes[driver.route.span_at(front_m + 4.0).lane].junction.is_some(),
@@ -282,6 +300,11 @@ impl Traffic {
         let (mut acceleration, mut room_m) = (free, f64::INFINITY);
         for stop in [gap, line, end].into_iter().flatten() {
             // Room to drive round what stands.
+            if stop.is_still && driver.waited_s > CREEP_S {
+                // What is planned too close may still be passed at a walk; the last check guards it.
+                acceleration = acceleration.min((CREEP_MPS - driver.speed_mps) / dt_s);
+                continue;
+            }
             let standstill_m = if stop.is_still { 4.5 } else { STANDSTILL_M };
             let asked = driving::acceleration_mps2(driver.speed_mps, desired_mps, Some(stop), standstill_m);
             acceleration = acceleration.min(asked);
@@ -295,7 +318,9 @@ impl Traffic {
         };
         let saved = (driver.station_m, driver.left_m, driver.slope);
         let aim = ((left_wanted_m - driver.left_m) * 0.35).clamp(-0.4, 0.4);
-        driver.slope += (aim - driver.slope).clamp(-0.12 * moved_m, 0.12 * moved_m);
+        let moved_m = if driver.backing_s > 0.0 { -CREEP_MPS * dt_s } else { moved_m };
+        driver.backing_s -= dt_s;
+        driver.slope += (aim - driver.slope).clamp(-0.12 * moved_m.abs(), 0.12 * moved_m.abs());
         driver.left_m += driver.slope * moved_m;
         driver.station_m += moved_m;
         // Whatever was planned: nobody moves into what is taken.
@@ -305,8 +330,38 @@ impl Traffic {
         if others.iter().any(hits) {
             (driver.station_m, driver.left_m, driver.slope) = saved;
             driver.speed_mps = 0.0;
+            if driver.waited_s > BACK_UP_S && driver.backing_s < -BACK_UP_S {
+                driver.backing_s = 2.5;
+            }
         }
-        driver.waited_s = if driver.speed_mps < 0.5 { driver.waited_s + dt_s } else { 0.0 };
+        let stands = driver.speed_mps < 0.3 || (driver.station_m - saved.0).abs() < 1e-9;
+        driver.waited_s = if stands || driver.backing_s > 0.0 { driver.waited_s + dt_s } else { 0.0 };
+    }
+
+    /// A driver that is stuck and unseen begins another route, unseen too; one try a step.
+    fn start_elsewhere(&mut self, i: usize, pose: &EgoPose, obstacles: &[Obstacle]) {
+        let graph = &self.town.graph;
+        let is_unseen = |point: Vec2| (point - pose.position).norm() > SIGHT_M;
+        let lane = self.rng.random_range(0..graph.lanes.len());
+        let path = &graph.lanes[lane].path;
+        let station_m = path.length_m() / 2.0;
+        let driver = &mut self.drivers[i];
+        let before = driver.obstacle();
+        let there = Footprint {
+            center: path.at(station_m),
+            yaw_rad: path.heading_rad(station_m),
+            length_m: driver.length_m + 8.0,
+            width_m: driver.width_m + 0.6,
+        };
+        let is_free = obstacles.iter().all(|other| !other.footprint.meets(&there));
+        let is_open = graph.lanes[lane].junction.is_none() && path.length_m() > 2.0 * driver.length_m;
+        if is_unseen(before.footprint.center) && is_unseen(there.center) && is_free && is_open {
+            driver.route = Route::random(graph, lane, 1500.0, &mut self.rng);
+            driver.station_m = station_m;
+            (driver.left_m, driver.left_wanted_m, driver.slope) = (0.0, 0.0, 0.0);
+            (driver.waited_s, driver.backing_s) = (0.0, 0.0);
+            self.reservations.keep_only(i, &[]);
+        }
     }
 
     fn mocap_poses(&self) -> Vec<MocapPose> {

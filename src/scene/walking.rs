@@ -93,7 +93,7 @@ impl Walker {
                 let is_home = self.walk.crossing.is_none_or(|(_, to)| (to - back).norm() < 0.5);
                 if is_home {
                     self.phase = Phase::Along;
-                    self.pause_s = 20.0;
+                    self.pause_s = 8.0;
                 } else if left_s > 0.0 {
                     self.phase = Phase::Resting { left_s: left_s - dt_s, back };
                 } else if self.is_clear(back, obstacles) {
