@@ -25,7 +25,7 @@ setup-test: .venv-test/.ready ## The outside references that the tests compare w
 .venv-test/.ready: requirements.txt requirements-test.txt scripts/setup.sh .venv/.ready
 	@scripts/setup.sh test
 
-build: setup ## The optimised program (the first time about 15 minutes on two cores)
+build: setup ## The optimised program (the first time about 8 minutes on two cores)
 	@start=$$SECONDS; cargo build --release; \
 	echo "built $(BIN) in $$((SECONDS - start)) s"
 
