@@ -24,10 +24,6 @@ pub mod label;
 
 pub mod dataset;
 #[allow(unsafe_code, reason = "vector instructions; every block states its bounds")]
-#[allow(
-    clippy::inline_always,
-    reason = "micro-kernels must melt into their loops to keep values in registers"
-)]
 pub mod kernels;
 
 pub mod eval;

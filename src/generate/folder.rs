@@ -93,7 +93,7 @@ fn clear(folder: &Path) -> Result<(), GenerateError> {
             fs::remove_file(path)?;
         }
     }
-    remove_files(folder, |name| name.ends_with(".mcap"))
+    remove_files(folder, |name| Path::new(name).extension().is_some_and(|suffix| suffix == "mcap"))
 }
 
 fn remove_files(folder: &Path, is_ours: impl Fn(&str) -> bool) -> Result<(), GenerateError> {

@@ -1,6 +1,6 @@
 //! Generation: a town is driven through in simulation and recorded, episode by episode.
 //!
-//! [`run`] makes a data set with several worker processes; [`episode::record`] makes one episode. The
+//! [`run()`] makes a data set with several worker processes; [`episode::record`] makes one episode. The
 //! same seed and config give the same bytes, whatever the number of processes.
 
 mod annotate;

@@ -33,7 +33,7 @@ fn episode(config: &GenerateConfig, i: u32) -> EpisodePlan {
     let seed = random::stream(config.seed, "episode", u64::from(i)).random::<u64>() >> 24;
     let split = if config.scene.ood {
         Split::Test
-    } else if config.val_every > 0 && (i + 1) % config.val_every == 0 {
+    } else if config.val_every > 0 && (i + 1).is_multiple_of(config.val_every) {
         Split::Val
     } else {
         Split::Train

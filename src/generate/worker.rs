@@ -1,7 +1,7 @@
 //! Worker processes: each makes episodes that the parent hands out, one after the other.
 //!
-//! Lines of JSON: the parent writes one [`Job`], then a [`Task`] at a time; the worker answers with
-//! [`Answer`]s, the last to each task being `Done` or `Failed`. A closed pipe ends the worker.
+//! Lines of JSON: the parent writes one `Job`, then a `Task` at a time; the worker answers with
+//! `Answer`s, the last to each task being `Done` or `Failed`. A closed pipe ends the worker.
 
 use std::io::{self, BufRead, BufReader, Read, Seek, Write};
 use std::path::{Path, PathBuf};

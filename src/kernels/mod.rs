@@ -1,6 +1,6 @@
 //! Own CPU operations plugged into burn, and the only `unsafe` code of the crate.
 //!
-//! burn's flex backend spends four times `PyTorch`'s time on a dense 3x3 convolution; [`conv3x3`] is on par.
+//! burn's flex backend spends four times `PyTorch`'s time on a dense 3x3 convolution; [`conv3x3()`] is on par.
 
 #![allow(
     clippy::inline_always,

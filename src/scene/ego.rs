@@ -146,7 +146,7 @@ impl EgoDriver {
         }
         let is_held = line.is_some_and(|line| line.distance_m < 4.0);
         self.unjam(dt_s, speed_mps, is_held, graph);
-        if self.backing_s > 0.0 && self.is_free_behind(pose, &others) {
+        if self.backing_s > 0.0 && is_free_behind(pose, &others) {
             self.backing_s -= dt_s;
             self.steering_rad = 0.0;
             return EgoCommand { target_speed_mps: -1.2, steering_angle_rad: 0.0 };
@@ -226,15 +226,6 @@ impl EgoDriver {
         })
     }
 
-    fn is_free_behind(&self, pose: &EgoPose, others: &[Obstacle]) -> bool {
-        let body = pose.obstacle().footprint;
-        let behind =
-            Footprint { center: body.center - pose.direction() * 1.5, length_m: body.length_m + 2.0, ..body };
-        // What touches in front does not hinder backing up.
-        let rear = |other: &&Obstacle| (other.footprint.center - body.center).dot(&pose.direction()) < 0.0;
-        !others.iter().filter(rear).any(|other| other.footprint.meets(&behind))
-    }
-
     fn steer(&mut self, dt_s: f64, pose: &EgoPose) {
         let speed_mps = pose.speed_mps.max(0.0);
         let lookahead_m = (0.6 * speed_mps + 2.6).clamp(3.8, 9.0);
@@ -245,4 +236,13 @@ impl EgoDriver {
         let step = (wanted - self.steering_rad).clamp(-STEERING_RATE_RPS * dt_s, STEERING_RATE_RPS * dt_s);
         self.steering_rad = (self.steering_rad + step).clamp(-MAX_STEERING_RAD, MAX_STEERING_RAD);
     }
+}
+
+fn is_free_behind(pose: &EgoPose, others: &[Obstacle]) -> bool {
+    let body = pose.obstacle().footprint;
+    let behind =
+        Footprint { center: body.center - pose.direction() * 1.5, length_m: body.length_m + 2.0, ..body };
+    // What touches in front does not hinder backing up.
+    let rear = |other: &&Obstacle| (other.footprint.center - body.center).dot(&pose.direction()) < 0.0;
+    !others.iter().filter(rear).any(|other| other.footprint.meets(&behind))
 }

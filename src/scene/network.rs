@@ -116,10 +116,9 @@ impl LaneGraph {
             return;
         }
         let mut new_index = vec![None; self.lanes.len()];
-        let mut n = 0;
-        for (i, _) in is_kept.iter().enumerate().filter(|(_, kept)| **kept) {
+        let kept = is_kept.iter().enumerate().filter(|(_, kept)| **kept);
+        for (n, (i, _)) in kept.enumerate() {
             new_index[i] = Some(n);
-            n += 1;
         }
         let lanes = std::mem::take(&mut self.lanes);
         self.lanes = lanes.into_iter().zip(is_kept).filter(|(_, kept)| *kept).map(|(lane, _)| lane).collect();

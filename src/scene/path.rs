@@ -25,18 +25,15 @@ impl Path {
     /// Appends points; those within a centimetre of the one before are dropped.
     pub fn extend(&mut self, raw: impl IntoIterator<Item = Vec2>) {
         for point in raw {
-            match (self.points.last(), self.stations_m.last()) {
-                (Some(last), Some(station)) => {
-                    let step_m = (point - last).norm();
-                    if step_m > 0.01 {
-                        self.stations_m.push(station + step_m);
-                        self.points.push(point);
-                    }
-                }
-                _ => {
+            if let (Some(last), Some(station)) = (self.points.last(), self.stations_m.last()) {
+                let step_m = (point - last).norm();
+                if step_m > 0.01 {
+                    self.stations_m.push(station + step_m);
                     self.points.push(point);
-                    self.stations_m.push(0.0);
                 }
+            } else {
+                self.points.push(point);
+                self.stations_m.push(0.0);
             }
         }
     }
