@@ -25,11 +25,11 @@ pub(super) struct ArchiveWriter {
 }
 
 impl ArchiveWriter {
-    /// Starts `<path>.partial`; its folder must exist.
+    /// Starts `<path>.<process>.partial`; its folder must exist.
     pub(super) fn create(path: &Path) -> Result<Self, EpisodeError> {
         let mut partial = path.as_os_str().to_owned();
-        partial.push(".");
-        partial.push(PARTIAL_SUFFIX);
+        // A name of this process alone: a worker whose parent was killed may still be writing the same file.
+        partial.push(format!(".{}.{PARTIAL_SUFFIX}", std::process::id()));
         let partial = PathBuf::from(partial);
         let file = BufWriter::new(fs::File::create(&partial)?);
         let writer = mcap::WriteOptions::new()

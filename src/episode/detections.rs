@@ -20,7 +20,7 @@ pub struct SampleDetections {
     pub detections: Vec<Detection>,
 }
 
-/// A prediction file being written to `<path>.partial`; dropped unfinished, it leaves nothing.
+/// A prediction file being written under a partial name; dropped unfinished, it leaves nothing.
 pub struct DetectionWriter {
     archive: ArchiveWriter,
     meta: SourceMeta,

@@ -96,7 +96,7 @@ impl SampleLabels {
     }
 }
 
-/// A label file being written to `<path>.partial`; dropped unfinished, it leaves nothing.
+/// A label file being written under a partial name; dropped unfinished, it leaves nothing.
 pub struct LabelWriter {
     archive: ArchiveWriter,
     meta: SourceMeta,

@@ -28,7 +28,7 @@ pub struct FinishedEpisode {
     pub sha256: String,
 }
 
-/// An episode being written to `<path>.partial`; dropped unfinished, it leaves nothing.
+/// An episode being written under a partial name; dropped unfinished, it leaves nothing.
 pub struct EpisodeWriter {
     archive: ArchiveWriter,
     meta: EpisodeMeta,

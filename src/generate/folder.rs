@@ -104,7 +104,11 @@ fn remove_files(folder: &Path, is_ours: impl Fn(&str) -> bool) -> Result<(), Gen
     for entry in fs::read_dir(episodes)? {
         let entry = entry?;
         if entry.file_name().to_str().is_some_and(&is_ours) {
-            fs::remove_file(entry.path())?;
+            match fs::remove_file(entry.path()) {
+                // A worker of a killed run, ending now, sweeps up after itself.
+                Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
+                other => other?,
+            }
         }
     }
     Ok(())
