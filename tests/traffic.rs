@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use harmzone::geometry::{Transform, convex_overlap_area};
 use harmzone::scene::mjcf::{DRIVE_RESPONSE_S, EGO_LENGTH_M, EGO_WIDTH_M, FRONT_BUMPER_X_M, WHEELBASE_M};
-use harmzone::scene::{EgoObservation, Footprint, PopulateConfig, Town, Traffic, Vec2, populate};
+use harmzone::scene::{EgoObservation, Footprint, Lighting, PopulateConfig, Town, Traffic, Vec2, populate};
 
 const DT_S: f64 = 0.05;
 
@@ -99,7 +99,8 @@ fn placed_things_do_not_overlap_and_ids_are_unique_and_stable() {
     let town = Arc::new(Town::load("downtown").unwrap());
     let config = PopulateConfig { ood: true, ..PopulateConfig::default() };
     let (world, again) = (populate(&town, &config, 3).unwrap(), populate(&town, &config, 3).unwrap());
-    assert_eq!(world.mjcf().xml, again.mjcf().xml);
+    let light = Lighting { ambient: [0.5; 3], sun: None };
+    assert_eq!(world.mjcf(&light).xml, again.mjcf(&light).xml);
     let mut ids: Vec<&str> = world.objects().iter().map(|object| object.id.as_str()).collect();
     ids.sort_unstable();
     ids.dedup();

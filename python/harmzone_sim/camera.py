@@ -30,6 +30,7 @@ class Camera:
         self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
         self._camera.fixedcamid = world.camera_id
         self._pixels = np.empty((height_px, width_px, 3), dtype=np.uint8)
+        self._depth = np.empty((height_px, width_px), dtype=np.float32)
         self._geom_from_segment = np.empty(0, dtype=np.int32)
 
     def update(self) -> None:
@@ -50,6 +51,21 @@ class Camera:
         self._scene.flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 0
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = 1
         return np.ascontiguousarray(self._read()[::-1])
+
+    def rgb_and_depth(self) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+        """The picture as `rgb` has it, and the distance along the optical axis of what it shows.
+
+        Depth in metres [height, width], row 0 at the top, inf where there is nothing but sky.
+        """
+        picture = Camera.rgb(self)
+        mujoco.mjr_readPixels(None, self._depth, self._rect, self._context)
+        visual, extent = self._world.model.vis.map, self._world.model.stat.extent
+        near_m, far_m = visual.znear * extent, visual.zfar * extent
+        # MuJoCo draws with a reversed depth buffer and reads it as 0 (near) to 1 (far).
+        with np.errstate(divide="ignore"):
+            depth_m = near_m * far_m / (far_m - self._depth[::-1] * (far_m - near_m))
+        depth_m[depth_m > 0.999 * far_m] = np.inf
+        return picture, np.ascontiguousarray(depth_m, dtype=np.float32)
 
     def segmentation(self) -> NDArray[np.int32]:
         """Geom id of each pixel, -1 where there is none: [height, width], row 0 at the top."""

@@ -74,6 +74,16 @@ class World:
         """Body id of each geom: [geom]."""
         return np.ascontiguousarray(self.model.geom_bodyid, dtype=np.int32)
 
+    def geom_materials(self) -> list[str]:
+        """Name of each geom's material, empty where it has none."""
+        kind = mujoco.mjtObj.mjOBJ_MATERIAL
+        names = [mujoco.mj_id2name(self.model, kind, i) or "" for i in range(self.model.nmat)]
+        return [names[i] if i >= 0 else "" for i in self.model.geom_matid]
+
+    def geom_centers(self) -> Array:
+        """Centres of all geoms in the world frame: [geom, 3]."""
+        return np.ascontiguousarray(self.data.geom_xpos)
+
     def mocap_ids(self) -> NDArray[np.int32]:
         """Mocap id of each body, -1 where it is none: [body]."""
         return np.ascontiguousarray(self.model.body_mocapid, dtype=np.int32)

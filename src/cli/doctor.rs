@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::ExitStatus;
 use crate::geometry::{Pinhole, Transform};
-use crate::sim::{CameraMount, Environment, SimError, Simulator};
+use crate::sim::{CameraMount, Environment, Renderer, SimError, Simulator};
 
 /// A lit ball on the ground: the smallest world that shows that compiling and drawing work.
 const TINY_WORLD: &str = r#"<mujoco><worldbody>
@@ -81,6 +81,7 @@ fn draw() -> Result<String, SimError> {
         intrinsics: Pinhole::from_horizontal_fov(64, 36, 70f64.to_radians()),
         n_samples: 4,
         shadow_size_px: 256,
+        renderer: Renderer::Classic,
     };
     let mut simulator = Simulator::new(TINY_WORLD, &[], &mount)?;
     let [vendor, renderer, version] = simulator.gl_info()?;

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::GenerateError;
 use crate::scene::PopulateConfig;
-use crate::sensors::{Rig, RigConfig, Weather};
+use crate::sensors::{Rig, RigConfig, Weather, WeatherOverride};
 
 /// Behaviour and steering act this often; physics in between.
 pub(super) const CONTROL_PERIOD_S: f64 = 0.05;
@@ -30,6 +30,8 @@ pub struct GenerateConfig {
     pub val_every: u32,
     /// What stands and moves in the town; with `ood`, all episodes are for testing.
     pub scene: PopulateConfig,
+    /// Values that replace those of the named weather.
+    pub weather_override: WeatherOverride,
     pub annotation: AnnotationConfig,
     pub render: RenderConfig,
     pub rig: RigConfig,
@@ -46,6 +48,7 @@ impl Default for GenerateConfig {
             warm_up_s: [1.0, 20.0],
             val_every: 6,
             scene: PopulateConfig::default(),
+            weather_override: WeatherOverride::default(),
             annotation: AnnotationConfig::default(),
             render: RenderConfig::default(),
             rig: RigConfig::default(),
@@ -71,10 +74,24 @@ impl Default for AnnotationConfig {
     }
 }
 
+/// Who draws the camera's colours.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RendererName {
+    /// OpenGL, on any machine.
+    #[default]
+    Classic,
+    /// Physically based, by day; needs the wheel `mujoco-studio` and Vulkan, and several times as long.
+    Filament,
+}
+
 /// How the camera draws.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct RenderConfig {
+    pub renderer: RendererName,
+    /// Also write depth, instance and category of each pixel as EXR files under `aov/`.
+    pub aov: bool,
     /// Against jagged edges; 4 smooths them and takes twice as long.
     pub samples_per_pixel: u32,
     /// Side of the shadow map.
@@ -85,7 +102,13 @@ pub struct RenderConfig {
 
 impl Default for RenderConfig {
     fn default() -> Self {
-        Self { samples_per_pixel: 0, shadow_size_px: 2048, jpeg_quality: 90 }
+        Self {
+            renderer: RendererName::Classic,
+            aov: false,
+            samples_per_pixel: 0,
+            shadow_size_px: 2048,
+            jpeg_quality: 90,
+        }
     }
 }
 

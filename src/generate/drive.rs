@@ -6,7 +6,7 @@ use super::GenerateError;
 use super::config::CONTROL_PERIOD_S;
 use crate::geometry::{Ego, Transform, World};
 use crate::sample::EgoState;
-use crate::scene::{self, EgoObservation, Traffic, mjcf};
+use crate::scene::{self, EgoObservation, Lighting, Traffic, mjcf};
 use crate::sim::{CameraMount, Simulator};
 
 const EGO_BODY: &str = "ego";
@@ -30,8 +30,13 @@ pub(super) struct Drive {
 }
 
 impl Drive {
-    pub(super) fn new(world: &scene::World, mount: &CameraMount, seed: u64) -> Result<Self, GenerateError> {
-        let mjcf = world.mjcf();
+    pub(super) fn new(
+        world: &scene::World,
+        lighting: &Lighting,
+        mount: &CameraMount,
+        seed: u64,
+    ) -> Result<Self, GenerateError> {
+        let mjcf = world.mjcf(lighting);
         let simulator = Simulator::new(&mjcf.xml, &mjcf.assets, mount)?;
         let missing = |what, name: &str| GenerateError::Missing { what, name: name.to_owned() };
         let body = |name: &str| simulator.body(name).ok_or_else(|| missing("body", name));

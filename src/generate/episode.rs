@@ -1,6 +1,5 @@
 //! One episode: drive, and every 0.3 s of simulated time write down what is measured and what is true.
 
-use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -10,7 +9,8 @@ use nalgebra::{Point3, Vector3};
 use rand::RngExt;
 
 use super::annotate::{Observation, Shape, annotate};
-use super::config::CONTROL_PERIOD_S;
+use super::appearance::Appearance;
+use super::config::{CONTROL_PERIOD_S, RendererName};
 use super::drive::Drive;
 use super::{CheckedConfig, EpisodePlan, GenerateError, map};
 use crate::config::to_toml;
@@ -18,18 +18,17 @@ use crate::episode::{EpisodeEntry, EpisodeMeta, EpisodeWriter};
 use crate::geometry::Point;
 use crate::random;
 use crate::sample::{EncodedImage, ImageFormat, Measured, Sample, Truth};
-use crate::scene::{SceneObject, Town, World, populate};
-use crate::sensors::lidar::{self, Hit};
-use crate::sim::CameraMount;
+use crate::scene::{Lighting, SceneObject, Sun, Town, populate};
+use crate::sensors::WeatherState;
+use crate::sensors::camera::{Material, Rendered, Scope, Shot};
+use crate::sensors::lidar::{self, Hit, Receiver, Source};
+use crate::sim::{CameraMount, Renderer};
 
 /// Simulated time begins on 2025-01-01, never at the wall clock.
 const EPOCH_NS: u64 = 1_735_689_600_000_000_000;
 
 /// Lanes farther than this from the route are not drawn.
 const MAP_REACH_M: f64 = 100.0;
-
-/// Reflectivity of what is no object: asphalt, pavement, walls.
-const BACKGROUND_REFLECTIVITY: f64 = 0.25;
 
 /// Where the time of an episode went.
 #[derive(Debug, Clone, Copy, Default)]
@@ -38,6 +37,8 @@ pub struct Timings {
     pub motion: Duration,
     pub picture: Duration,
     pub segmentation: Duration,
+    /// Weather and daytime in the camera's picture.
+    pub weather: Duration,
     pub rays: Duration,
     pub packing: Duration,
     pub truth: Duration,
@@ -58,15 +59,23 @@ pub fn record(
     let begin = Instant::now();
     let town = Arc::new(Town::load(&config.raw.town)?);
     let world = populate(&town, &config.raw.scene, plan.seed)?;
+    let state = config.weather.state().replaced(&config.raw.weather_override)?;
     let mount = CameraMount {
         body: "ego".into(),
         ego_from_camera: config.rig.ego_from_camera,
         intrinsics: config.rig.intrinsics,
         n_samples: config.raw.render.samples_per_pixel,
         shadow_size_px: config.raw.render.shadow_size_px,
+        renderer: renderer(config.raw.render.renderer, &state),
     };
-    let mut drive = Drive::new(&world, &mount, plan.seed)?;
-    let sensing = Sensing::new(config, &world, &drive, plan.seed);
+    let mut drive = Drive::new(&world, &lighting(&state), &mount, plan.seed)?;
+    let sensing = Sensing {
+        config,
+        objects: world.objects(),
+        appearance: Appearance::new(&world, &drive)?,
+        receiver: Receiver::new(&config.rig.noise, config.rig.n_rings, &state, plan.seed),
+        scope: Scope::new(config.weather, &state, &config.rig, plan.seed),
+    };
     let meta = EpisodeMeta {
         name: plan.name.clone(),
         seed: plan.seed,
@@ -118,28 +127,35 @@ pub fn record(
     Ok((entry, timings))
 }
 
+/// The renderer's light by the weather's.
+fn lighting(state: &WeatherState) -> Lighting {
+    let light = state.light();
+    let sun = light.sun.map(|sun| Sun {
+        direction: sun.direction,
+        colour: sun.colour,
+        casts_shadow: sun.casts_shadow,
+    });
+    Lighting { ambient: light.ambient, sun }
+}
+
+/// At night things are drawn in their own colours, which only the classic renderer does.
+fn renderer(name: RendererName, state: &WeatherState) -> Renderer {
+    match name {
+        RendererName::Filament if !state.is_night() => Renderer::Filament,
+        _ => Renderer::Classic,
+    }
+}
+
 /// What turns the state of the world into samples.
 struct Sensing<'a> {
     config: &'a CheckedConfig,
     objects: &'a [SceneObject],
-    /// Object of each geom, if it belongs to one.
-    object_of_geom: Vec<Option<usize>>,
-    seed: u64,
+    appearance: Appearance,
+    receiver: Receiver,
+    scope: Scope,
 }
 
-impl<'a> Sensing<'a> {
-    fn new(config: &'a CheckedConfig, world: &'a World, drive: &Drive, seed: u64) -> Self {
-        let object_of_body: HashMap<usize, usize> =
-            drive.object_bodies.iter().enumerate().map(|(object, &body)| (body, object)).collect();
-        let bodies = drive.simulator.geom_bodies().iter();
-        let object_of_geom = bodies.map(|body| object_of_body.get(body).copied()).collect();
-        Self { config, objects: world.objects(), object_of_geom, seed }
-    }
-
-    fn object_of(&self, geom: i32) -> Option<usize> {
-        usize::try_from(geom).ok().and_then(|geom| self.object_of_geom[geom])
-    }
-
+impl Sensing<'_> {
     fn sample(
         &self,
         drive: &mut Drive,
@@ -160,8 +176,30 @@ impl<'a> Sensing<'a> {
             .collect();
 
         let begin = Instant::now();
-        let picture = drive.simulator.render_rgb()?;
+        let (rgb, depth_m) = if self.scope.needs_depth() {
+            let picture = drive.simulator.render_rgb_and_depth()?;
+            (picture.rgb, picture.depth_m)
+        } else {
+            (drive.simulator.render_rgb()?, Vec::new())
+        };
         timings.picture += begin.elapsed();
+
+        let begin = Instant::now();
+        let geoms = drive.simulator.render_segmentation()?.geom;
+        timings.segmentation += begin.elapsed();
+
+        let begin = Instant::now();
+        let material: Vec<Material> = geoms.iter().map(|&geom| self.appearance.material(geom)).collect();
+        let rendered = Rendered { rgb: &rgb, depth_m: &depth_m, material: &material };
+        let ego_state = drive.ego_state()?;
+        let shot = Shot {
+            world_from_ego,
+            speed_mps: ego_state.speed_mps,
+            lamps: &self.appearance.lamps,
+            sample_idx,
+        };
+        let picture = self.scope.see(&rendered, &shot);
+        timings.weather += begin.elapsed();
 
         let begin = Instant::now();
         let mut bytes = Vec::new();
@@ -171,12 +209,12 @@ impl<'a> Sensing<'a> {
         timings.packing += begin.elapsed();
 
         let begin = Instant::now();
-        for &geom in &drive.simulator.render_segmentation()?.geom {
-            if let Some(object) = self.object_of(geom) {
+        for &geom in &geoms {
+            if let Some(object) = self.appearance.object(geom) {
                 seen[object].visible_px += 1;
             }
         }
-        timings.segmentation += begin.elapsed();
+        timings.truth += begin.elapsed();
 
         let begin = Instant::now();
         let world_from_lidar = world_from_ego * rig.ego_from_lidar;
@@ -188,26 +226,29 @@ impl<'a> Sensing<'a> {
 
         let begin = Instant::now();
         let reflections: Vec<Hit> = (0..directions.len())
-            .map(|ray| Hit {
-                range_m: hits.range_m[ray],
-                cos_incidence: hits.cos_incidence[ray],
-                reflectivity: self
-                    .object_of(hits.geom[ray])
-                    .map_or(BACKGROUND_REFLECTIVITY, |object| self.objects[object].reflectivity),
+            .map(|ray| {
+                let (reflectivity, is_paved) = self.appearance.surface(hits.geom[ray]);
+                Hit {
+                    range_m: hits.range_m[ray],
+                    cos_incidence: hits.cos_incidence[ray],
+                    reflectivity,
+                    is_paved,
+                }
             })
             .collect();
         let camera_from_lidar = rig.ego_from_camera.inverse() * rig.ego_from_lidar;
-        let mut rng = random::stream(self.seed, "lidar-noise", sample_idx);
         let mut points = Vec::new();
-        for (ray, point) in lidar::returns(&rig.pattern, &reflections, &rig.noise, &mut rng) {
-            let at = Vector3::new(point.x_m, point.y_m, point.z_m).cast::<f64>();
+        for found in self.receiver.returns(&rig.pattern, &reflections, sample_idx) {
+            let at = Vector3::new(found.point.x_m, found.point.y_m, found.point.z_m).cast::<f64>();
             if !lidar::is_in_view(&at, &rig.intrinsics, &camera_from_lidar) {
                 continue;
             }
-            if let Some(object) = self.object_of(hits.geom[ray]) {
+            if let (Source::Target, Some(object)) =
+                (found.source, self.appearance.object(hits.geom[found.ray]))
+            {
                 seen[object].n_lidar_points += 1;
             }
-            points.push(point);
+            points.push(found.point);
         }
         let annotation = &self.config.raw.annotation;
         let truths = self.objects.iter().zip(&seen).filter_map(|(object, seen)| {
@@ -227,7 +268,7 @@ impl<'a> Sensing<'a> {
         let period_ns = (self.config.raw.sample_period_s * 1e9).round() as u64;
         let measured = Measured {
             time_ns: EPOCH_NS + sample_idx * period_ns,
-            ego_state: drive.ego_state()?,
+            ego_state,
             world_from_ego,
             ego_from_lidar: rig.ego_from_lidar,
             ego_from_camera: rig.ego_from_camera,

@@ -4,6 +4,7 @@
 //! same seed and config give the same bytes, whatever the number of processes.
 
 mod annotate;
+mod appearance;
 mod config;
 mod drive;
 pub mod episode;
@@ -23,7 +24,7 @@ pub use run::{RunOptions, Summary, run};
 
 use crate::episode::{EpisodeError, ManifestError};
 use crate::scene::SceneError;
-use crate::sensors::{RigError, UnsupportedWeather};
+use crate::sensors::{RigError, UnknownWeather, WeatherOverrideError};
 use crate::sim::SimError;
 
 /// Why a data set could not be made.
@@ -34,7 +35,9 @@ pub enum GenerateError {
     #[error(transparent)]
     Rig(#[from] RigError),
     #[error(transparent)]
-    Weather(#[from] UnsupportedWeather),
+    Weather(#[from] UnknownWeather),
+    #[error(transparent)]
+    WeatherOverride(#[from] WeatherOverrideError),
     #[error(transparent)]
     Scene(#[from] SceneError),
     #[error(transparent)]

@@ -67,6 +67,24 @@ impl EgoCommand {
     }
 }
 
+/// The sun, as parallel light.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sun {
+    /// Towards the ground, unit length.
+    pub direction: [f64; 3],
+    pub colour: [f64; 3],
+    pub casts_shadow: bool,
+}
+
+/// The light under which the world is drawn.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Lighting {
+    /// From everywhere.
+    pub ambient: [f64; 3],
+    /// Without it everything is drawn in its own colour.
+    pub sun: Option<Sun>,
+}
+
 /// MJCF text with the files it names.
 #[derive(Debug, Clone)]
 pub struct Mjcf {
@@ -120,12 +138,15 @@ impl Builder {
 impl World {
     /// The whole world as MJCF.
     #[must_use]
-    pub fn mjcf(&self) -> Mjcf {
+    pub fn mjcf(&self, lighting: &Lighting) -> Mjcf {
         let mut builder = Builder::default();
         self.add_ground(&mut builder);
         self.add_buildings(&mut builder);
         self.add_objects(&mut builder);
-        add_ego(&mut builder, self.ego_start());
+        add_ego(&mut builder, self.ego_start(), lighting.sun.as_ref());
+        let [red, green, blue] = lighting.ambient;
+        // A little light from the eye tells a thing's sides apart where no sun does.
+        let headlight = if lighting.sun.is_some() { 0.12 } else { 0.0 };
         let Builder { asset, body, files } = builder;
         let xml = format!(
             "<mujoco model=\"harmzone\">\n<compiler angle=\"radian\" autolimits=\"true\"/>\n\
@@ -133,7 +154,7 @@ impl World {
              <statistic extent=\"60\" center=\"0 0 0\"/>\n\
              <visual><global offwidth=\"800\" offheight=\"450\"/>\
              <quality shadowsize=\"2048\" offsamples=\"0\" numslices=\"10\" numstacks=\"6\" numquads=\"1\"/>\
-             <headlight ambient=\"0.42 0.43 0.46\" diffuse=\"0.12 0.12 0.12\" specular=\"0 0 0\"/>\
+             <headlight ambient=\"{red:.3} {green:.3} {blue:.3}\" diffuse=\"{headlight} {headlight} {headlight}\" specular=\"0 0 0\"/>\
              <map znear=\"0.004\" zfar=\"8\" shadowclip=\"1\"/></visual>\n\
              <asset>\n<texture name=\"sky\" type=\"skybox\" builtin=\"gradient\" rgb1=\"0.36 0.55 0.82\" rgb2=\"0.86 0.9 0.94\" width=\"128\" height=\"768\"/>\n\
              {asset}</asset>\n<worldbody>\n\
@@ -261,7 +282,22 @@ const ACTUATORS: &str = "<actuator>
 </actuator>
 ";
 
-fn add_ego(builder: &mut Builder, (position, yaw_rad): (Vec2, f64)) {
+/// The sun stands still over the ego, so that its shadows are sharp wherever the ego is.
+fn sun_xml(sun: &Sun) -> String {
+    const DISTANCE_M: f64 = 60.0;
+    let [x, y, z] = sun.direction;
+    let [red, green, blue] = sun.colour;
+    format!(
+        "<light name=\"sun\" mode=\"track\" directional=\"true\" castshadow=\"{}\" pos=\"{:.3} {:.3} {:.3}\" \
+         dir=\"{x:.5} {y:.5} {z:.5}\" diffuse=\"{red:.3} {green:.3} {blue:.3}\" specular=\"0.2 0.2 0.2\" ambient=\"0 0 0\"/>",
+        sun.casts_shadow,
+        -DISTANCE_M * x,
+        -DISTANCE_M * y,
+        -DISTANCE_M * z,
+    )
+}
+
+fn add_ego(builder: &mut Builder, (position, yaw_rad): (Vec2, f64), sun: Option<&Sun>) {
     let (sin, cos) = (yaw_rad / 2.0).sin_cos();
     let center_x_m = FRONT_BUMPER_X_M - EGO_LENGTH_M / 2.0;
     let chassis_low_m = 0.2;
@@ -279,11 +315,12 @@ fn add_ego(builder: &mut Builder, (position, yaw_rad): (Vec2, f64)) {
         body,
         "<body name=\"ego\" pos=\"{:.4} {:.4} 0\" quat=\"{cos:.6} 0 0 {sin:.6}\">\n<freejoint name=\"ego\"/>\n\
          <inertial pos=\"{:.4} 0 0.4\" mass=\"{mass_kg}\" diaginertia=\"{ixx:.1} {iyy:.1} {izz:.1}\"/>\n\
-         <light name=\"sun\" mode=\"track\" directional=\"true\" castshadow=\"true\" pos=\"27 -21 49\" dir=\"-0.45 0.35 -0.82\" diffuse=\"0.72 0.7 0.64\" specular=\"0.2 0.2 0.2\" ambient=\"0 0 0\"/>\n\
+         {}\n\
          <geom name=\"ego_chassis\" type=\"box\" size=\"{:.4} {:.4} {half_height_m:.4}\" pos=\"{center_x_m:.4} 0 {:.4}\" group=\"4\" rgba=\"0.8 0.8 0.85 1\"/>",
         position.x,
         position.y,
         WHEELBASE_M / 2.0,
+        sun.map_or_else(String::new, sun_xml),
         EGO_LENGTH_M / 2.0,
         EGO_WIDTH_M / 2.0,
         chassis_low_m + half_height_m,

@@ -19,7 +19,7 @@ mod town;
 mod traffic;
 mod walking;
 
-pub use mjcf::{EgoCommand, Mjcf};
+pub use mjcf::{EgoCommand, Lighting, Mjcf, Sun};
 pub use network::{GraphLane, LaneGraph};
 pub use occupancy::Footprint;
 pub use path::{Path, Vec2};

@@ -2,6 +2,7 @@
 //!
 //! Pure: nothing here reads a file or a clock; noise comes from the stream that the caller passes.
 
+pub mod camera;
 pub mod lidar;
 mod rig;
 mod silhouette;
@@ -9,4 +10,6 @@ mod weather;
 
 pub use rig::{CameraConfig, LidarConfig, LidarPreset, Rig, RigConfig, RigError};
 pub use silhouette::silhouette_px;
-pub use weather::{UnsupportedWeather, Weather};
+pub use weather::{
+    Daytime, Sky, UnknownWeather, Weather, WeatherOverride, WeatherOverrideError, WeatherState,
+};

@@ -47,31 +47,37 @@ impl Default for CameraConfig {
     }
 }
 
-/// Known LiDARs: number of beams and their elevations.
+/// Known LiDARs, by their beams' elevations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LidarPreset {
-    /// Velodyne HDL-32E: 32 beams, -30.67 to +10.67 degrees.
+    /// Velodyne HDL-32E: 32 beams, -30.67 to +10.67 degrees (manual; nuScenes' LiDAR).
     Hdl32e,
     /// Velodyne VLP-16: 16 beams, -15 to +15 degrees.
     Vlp16,
-    /// Velodyne HDL-64E: 64 beams, -24.8 to +2 degrees.
+    /// Velodyne HDL-64E: 32 beams from -24.85 to -9.07 and 32 from -8.8 to +4.9 degrees (calibration
+    /// file `64e_s2.1-sztaki`; each block evenly spaced here).
     Hdl64e,
-    /// Ouster OS1-128: 128 beams, -22.5 to +22.5 degrees.
+    /// Ouster OS1-128: 128 beams, -21.82 to +20.95 degrees.
+    #[serde(rename = "os1-128")]
     Os1128,
 }
 
 impl LidarPreset {
-    /// Number of beams, lowest and highest elevation in degrees; beams are evenly spaced.
+    /// Elevation of each beam in degrees, the lowest first.
     #[must_use]
-    pub fn beams(self) -> (u16, f64, f64) {
+    pub fn elevations_deg(self) -> Vec<f64> {
         match self {
-            Self::Hdl32e => (32, -92.0 / 3.0, 32.0 / 3.0),
-            Self::Vlp16 => (16, -15.0, 15.0),
-            Self::Hdl64e => (64, -24.8, 2.0),
-            Self::Os1128 => (128, -22.5, 22.5),
+            Self::Hdl32e => even(32, -92.0 / 3.0, 32.0 / 3.0),
+            Self::Vlp16 => even(16, -15.0, 15.0),
+            Self::Hdl64e => [even(32, -24.85, -9.07), even(32, -8.8, 4.9)].concat(),
+            Self::Os1128 => even(128, -21.82, 20.95),
         }
     }
+}
+
+fn even(n: u32, low: f64, high: f64) -> Vec<f64> {
+    (0..n).map(|i| low + (high - low) * f64::from(i) / f64::from(n - 1)).collect()
 }
 
 /// The LiDAR; its axes are parallel to the ego's.
@@ -79,6 +85,9 @@ impl LidarPreset {
 #[serde(deny_unknown_fields, default)]
 pub struct LidarConfig {
     pub preset: LidarPreset,
+    /// One's own beams in place of the preset's: elevations in degrees, rising.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub elevations_deg: Vec<f64>,
     /// nuScenes' roof LiDAR: 0.94 m ahead of the rear axle, 1.84 m up.
     pub x_m: f64,
     pub y_m: f64,
@@ -86,11 +95,17 @@ pub struct LidarConfig {
     /// Between two firings of a beam.
     pub azimuth_step_deg: f64,
     pub max_range_m: f64,
-    /// Standard deviation of the range.
+    /// Range at which a target of reflectivity 0.1 is still detected for sure.
+    pub sure_range_m: f64,
+    /// Standard deviation of each return's range.
     pub range_noise_m: f64,
-    /// Share of returns lost at random.
+    /// Standard deviation of the constant range offsets that the rings have.
+    pub ring_bias_m: f64,
+    /// Share of returns lost at random, in the mean of the rings.
     pub dropout: f64,
-    /// Attenuation of the air, per metre one way; CARLA's default in clear air.
+    /// How much more or less a single ring loses, as a part of `dropout`, 0 to 1.
+    pub dropout_spread: f64,
+    /// Loss of the reported intensity, per metre one way; CARLA's default in clear air.
     pub attenuation_per_m: f64,
 }
 
@@ -98,13 +113,17 @@ impl Default for LidarConfig {
     fn default() -> Self {
         Self {
             preset: LidarPreset::Hdl32e,
+            elevations_deg: Vec::new(),
             x_m: 0.94,
             y_m: 0.0,
             z_m: 1.84,
             azimuth_step_deg: 0.33,
             max_range_m: 70.0,
+            sure_range_m: 100.0,
             range_noise_m: 0.02,
+            ring_bias_m: 0.005,
             dropout: 0.02,
+            dropout_spread: 0.5,
             attenuation_per_m: 0.004,
         }
     }
@@ -127,6 +146,7 @@ pub struct Rig {
     pub ego_from_lidar: Transform<Ego, Lidar>,
     /// The rays that can land in the camera's horizontal field of view.
     pub pattern: Pattern,
+    pub n_rings: usize,
     pub noise: Noise,
 }
 
@@ -158,8 +178,15 @@ impl TryFrom<&RigConfig> for Rig {
         require((0.05..=5.0).contains(&step_deg), "lidar.azimuth_step_deg", step_deg, "0.05 to 5")?;
         let range_m = lidar.max_range_m;
         require((5.0..=500.0).contains(&range_m), "lidar.max_range_m", range_m, "5 to 500")?;
-        let noise_m = lidar.range_noise_m;
-        require((0.0..=1.0).contains(&noise_m), "lidar.range_noise_m", noise_m, "0 to 1")?;
+        let sure_m = lidar.sure_range_m;
+        require((1.0..=1000.0).contains(&sure_m), "lidar.sure_range_m", sure_m, "1 to 1000")?;
+        for (field, found) in
+            [("lidar.range_noise_m", lidar.range_noise_m), ("lidar.ring_bias_m", lidar.ring_bias_m)]
+        {
+            require((0.0..=1.0).contains(&found), field, found, "0 to 1")?;
+        }
+        let spread = lidar.dropout_spread;
+        require((0.0..=1.0).contains(&spread), "lidar.dropout_spread", spread, "0 to 1")?;
         require((0.0..1.0).contains(&lidar.dropout), "lidar.dropout", lidar.dropout, "0 to below 1")?;
         let attenuation = lidar.attenuation_per_m;
         require((0.0..=1.0).contains(&attenuation), "lidar.attenuation_per_m", attenuation, "0 to 1")?;
@@ -172,18 +199,30 @@ impl TryFrom<&RigConfig> for Rig {
             Pinhole::from_horizontal_fov(camera.width_px, camera.height_px, fov_deg.to_radians());
         let ego_from_lidar = Transform::from_xyz_yaw(lidar.x_m, lidar.y_m, lidar.z_m, 0.0);
         let camera_from_lidar = ego_from_camera.inverse() * ego_from_lidar;
-        let pattern = Pattern::spinning(lidar.preset.beams(), step_deg).cut_to(
-            &intrinsics,
-            &camera_from_lidar,
-            range_m,
-        );
+        let elevations_deg = if lidar.elevations_deg.is_empty() {
+            lidar.preset.elevations_deg()
+        } else {
+            lidar.elevations_deg.clone()
+        };
+        let n_rings = elevations_deg.len();
+        require(n_rings <= 1024, "lidar.elevations_deg", n_rings as f64, "at most 1024 beams")?;
+        for (i, &found) in elevations_deg.iter().enumerate() {
+            let is_next = i == 0 || found > elevations_deg[i - 1];
+            let fits = is_next && (-89.0..=89.0).contains(&found);
+            require(fits, "lidar.elevations_deg", found, "rising numbers in -89 to 89")?;
+        }
+        let pattern =
+            Pattern::spinning(&elevations_deg, step_deg).cut_to(&intrinsics, &camera_from_lidar, range_m);
         let noise = Noise {
             max_range_m: range_m,
-            range_noise_m: noise_m,
+            sure_range_m: sure_m,
+            range_noise_m: lidar.range_noise_m,
+            ring_bias_m: lidar.ring_bias_m,
             dropout: lidar.dropout,
+            dropout_spread: spread,
             attenuation_per_m: attenuation,
         };
-        Ok(Self { ego_from_camera, intrinsics, ego_from_lidar, pattern, noise })
+        Ok(Self { ego_from_camera, intrinsics, ego_from_lidar, pattern, n_rings, noise })
     }
 }
 

@@ -1,10 +1,38 @@
-//! The weathers, by CARLA's names.
+//! The weathers, by CARLA's names, and the one physical state behind each that both sensors see.
+//!
+//! Extinction by haze and fog follows Koschmieder: alpha = ln 20 / MOR, where the meteorological
+//! optical range (MOR) is the distance at which contrast falls to 5 %. Extinction by rain follows
+//! Marshall and Palmer's drops, N(D) = 8000 exp(-4.1 R^-0.21 D) per m^3 and mm, as in LISA (Kilic et
+//! al. 2021): with an extinction efficiency of 2, alpha = 1e-6 pi 8000 / Lambda^3.
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+/// Drops per m^3 and mm of diameter at zero diameter (Marshall and Palmer 1948).
+pub(super) const DROPS_PER_M3_MM: f64 = 8000.0;
+
+/// Cloud, rain or fog.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Sky {
+    Clear,
+    Cloudy,
+    /// After the rain: dry air over wet streets.
+    Wet,
+    SoftRain,
+    HardRain,
+    Fog,
+}
+
+/// Time of day.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Daytime {
+    Noon,
+    Sunset,
+    Night,
+}
+
 macro_rules! weathers {
-    ($($name:ident),* $(,)?) => {
+    ($($name:ident = $sky:ident $daytime:ident),* $(,)?) => {
         /// Cloud, rain or fog, and the time of day.
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
         pub enum Weather { #[default] $($name),* }
@@ -17,56 +45,174 @@ macro_rules! weathers {
             pub fn name(self) -> &'static str {
                 match self { $(Self::$name => stringify!($name)),* }
             }
+
+            #[must_use]
+            pub fn sky(self) -> Sky {
+                match self { $(Self::$name => Sky::$sky),* }
+            }
+
+            #[must_use]
+            pub fn daytime(self) -> Daytime {
+                match self { $(Self::$name => Daytime::$daytime),* }
+            }
         }
     };
 }
 
 weathers!(
-    ClearNoon,
-    ClearSunset,
-    ClearNight,
-    CloudyNoon,
-    CloudySunset,
-    CloudyNight,
-    WetNoon,
-    WetSunset,
-    WetNight,
-    SoftRainNoon,
-    SoftRainSunset,
-    SoftRainNight,
-    HardRainNoon,
-    HardRainSunset,
-    HardRainNight,
-    FogNoon,
-    FogSunset,
-    FogNight,
+    ClearNoon = Clear Noon,
+    ClearSunset = Clear Sunset,
+    ClearNight = Clear Night,
+    CloudyNoon = Cloudy Noon,
+    CloudySunset = Cloudy Sunset,
+    CloudyNight = Cloudy Night,
+    WetNoon = Wet Noon,
+    WetSunset = Wet Sunset,
+    WetNight = Wet Night,
+    SoftRainNoon = SoftRain Noon,
+    SoftRainSunset = SoftRain Sunset,
+    SoftRainNight = SoftRain Night,
+    HardRainNoon = HardRain Noon,
+    HardRainSunset = HardRain Sunset,
+    HardRainNight = HardRain Night,
+    FogNoon = Fog Noon,
+    FogSunset = Fog Sunset,
+    FogNight = Fog Night,
 );
 
+/// What the air and the ground are like; everything that a sensor needs to know of the weather.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WeatherState {
+    /// Meteorological optical range of haze or fog; rain comes on top.
+    pub mor_m: f64,
+    pub rain_rate_mmph: f64,
+    /// Depth of the water film over the texture depth of the pavement (1.2 mm), 0 to 1.
+    pub wetness: f64,
+    /// Share of the sky that is covered, 0 to 1.
+    pub cloud_cover: f64,
+    /// Above the horizon; negative at night.
+    pub sun_altitude_rad: f64,
+}
+
+/// The part of `gen.toml` that replaces values of the named weather.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct WeatherOverride {
+    /// Meteorological optical range of haze or fog, 10 to 100,000 m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mor_m: Option<f64>,
+    /// 0 to 200 mm/h.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rain_rate_mmph: Option<f64>,
+    /// 0 (dry) to 1 (standing water).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub wetness: Option<f64>,
+}
+
+/// A value of [`WeatherOverride`] outside its range.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[error("weather_override.{field} is {found}; {wanted} is needed")]
+pub struct WeatherOverrideError {
+    pub field: &'static str,
+    pub found: f64,
+    pub wanted: &'static str,
+}
+
 impl Weather {
-    /// Those that are simulated today.
-    pub const SUPPORTED: &[Self] = &[Self::ClearNoon];
+    /// The physical state that the name stands for.
+    ///
+    /// Rain rates are those usually called light (below 2.5 to 10 mm/h) and violent (above 50 mm/h at
+    /// its peak); the fog is thick (MOR 50 to 200 m).
+    #[must_use]
+    pub fn state(self) -> WeatherState {
+        let (mor_m, rain_rate_mmph, wetness, cloud_cover) = match self.sky() {
+            Sky::Clear => (20_000.0, 0.0, 0.0, 0.15),
+            Sky::Cloudy => (12_000.0, 0.0, 0.0, 0.95),
+            Sky::Wet => (8_000.0, 0.0, 0.75, 0.45),
+            Sky::SoftRain => (4_000.0, 6.0, 0.7, 0.9),
+            Sky::HardRain => (1_200.0, 45.0, 1.0, 1.0),
+            Sky::Fog => (100.0, 0.0, 0.25, 1.0),
+        };
+        let sun_altitude_deg: f64 = match self.daytime() {
+            Daytime::Noon => 55.0,
+            Daytime::Sunset => 12.0,
+            Daytime::Night => -30.0,
+        };
+        let sun_altitude_rad = sun_altitude_deg.to_radians();
+        WeatherState { mor_m, rain_rate_mmph, wetness, cloud_cover, sun_altitude_rad }
+    }
 }
 
-/// A weather that does not exist, or is not simulated yet.
+impl WeatherState {
+    /// With some values replaced.
+    ///
+    /// # Errors
+    /// A value outside its range.
+    pub fn replaced(self, by: &WeatherOverride) -> Result<Self, WeatherOverrideError> {
+        let check = |field, value: Option<f64>, [low, high]: [f64; 2], wanted| match value {
+            Some(found) if !(low..=high).contains(&found) => {
+                Err(WeatherOverrideError { field, found, wanted })
+            }
+            _ => Ok(()),
+        };
+        check("mor_m", by.mor_m, [10.0, 100_000.0], "10 to 100000 (metres)")?;
+        check("rain_rate_mmph", by.rain_rate_mmph, [0.0, 200.0], "0 to 200 (mm/h)")?;
+        check("wetness", by.wetness, [0.0, 1.0], "0 to 1")?;
+        Ok(Self {
+            mor_m: by.mor_m.unwrap_or(self.mor_m),
+            rain_rate_mmph: by.rain_rate_mmph.unwrap_or(self.rain_rate_mmph),
+            wetness: by.wetness.unwrap_or(self.wetness),
+            ..self
+        })
+    }
+
+    /// Extinction by haze or fog, one way: what is scattered out of a beam on each metre.
+    #[must_use]
+    pub fn haze_extinction_per_m(&self) -> f64 {
+        20f64.ln() / self.mor_m
+    }
+
+    /// Extinction by rain drops, one way.
+    #[must_use]
+    pub fn rain_extinction_per_m(&self) -> f64 {
+        let slope = self.drop_slope_per_mm();
+        if slope.is_finite() { 1e-6 * std::f64::consts::PI * DROPS_PER_M3_MM / slope.powi(3) } else { 0.0 }
+    }
+
+    /// Extinction of the air as it is, one way.
+    #[must_use]
+    pub fn extinction_per_m(&self) -> f64 {
+        self.haze_extinction_per_m() + self.rain_extinction_per_m()
+    }
+
+    /// Lambda of the drops' exponential spectrum; infinite without rain.
+    pub(super) fn drop_slope_per_mm(&self) -> f64 {
+        if self.rain_rate_mmph > 0.0 { 4.1 * self.rain_rate_mmph.powf(-0.21) } else { f64::INFINITY }
+    }
+
+    #[must_use]
+    pub fn is_night(&self) -> bool {
+        self.sun_altitude_rad < 0.0
+    }
+}
+
+/// A weather that does not exist.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
-#[error("the weather `{name}` {problem}; supported: {}", supported())]
-pub struct UnsupportedWeather {
+#[error("the weather `{name}` does not exist; there are {}", names())]
+pub struct UnknownWeather {
     pub name: String,
-    problem: &'static str,
 }
 
-fn supported() -> String {
-    Weather::SUPPORTED.iter().map(|weather| weather.name()).collect::<Vec<_>>().join(", ")
+fn names() -> String {
+    Weather::ALL.iter().map(|weather| weather.name()).collect::<Vec<_>>().join(", ")
 }
 
 impl std::str::FromStr for Weather {
-    type Err = UnsupportedWeather;
+    type Err = UnknownWeather;
 
-    fn from_str(name: &str) -> Result<Self, UnsupportedWeather> {
-        let fail = |problem| UnsupportedWeather { name: name.to_owned(), problem };
+    fn from_str(name: &str) -> Result<Self, UnknownWeather> {
         let weather = Self::ALL.iter().copied().find(|weather| weather.name() == name);
-        let weather = weather.ok_or_else(|| fail("does not exist"))?;
-        if Self::SUPPORTED.contains(&weather) { Ok(weather) } else { Err(fail("is not simulated yet")) }
+        weather.ok_or_else(|| UnknownWeather { name: name.to_owned() })
     }
 }
 
@@ -75,12 +221,37 @@ mod tests {
     use super::*;
 
     #[test]
-    fn there_are_eighteen_weathers_and_only_the_working_ones_are_taken() {
+    fn there_are_eighteen_weathers_and_no_sleet() {
         assert_eq!(Weather::ALL.len(), 18);
-        assert_eq!("ClearNoon".parse(), Ok(Weather::ClearNoon));
-        for (name, problem) in [("FogNight", "not simulated yet"), ("Sleet", "does not exist")] {
-            let message = name.parse::<Weather>().unwrap_err().to_string();
-            assert!(message.contains(problem) && message.contains("ClearNoon"), "{message}");
+        for weather in Weather::ALL {
+            assert_eq!(weather.name().parse(), Ok(*weather));
         }
+        let message = "Sleet".parse::<Weather>().unwrap_err().to_string();
+        assert!(message.contains("Sleet") && message.contains("FogNight"), "{message}");
+    }
+
+    #[test]
+    fn contrast_falls_to_a_twentieth_at_the_optical_range() {
+        let state = Weather::FogNoon.state();
+        assert!(((-state.haze_extinction_per_m() * state.mor_m).exp() - 0.05).abs() < 1e-12);
+    }
+
+    #[test]
+    fn rain_extinction_is_that_of_the_closed_form() {
+        // Figures of LISA's closed form with an extinction efficiency of 2: 10, 30, 50, 100 mm/h.
+        for (rate, wanted) in [(10.0, 0.00156), (30.0, 0.0031), (50.0, 0.0043), (100.0, 0.0066)] {
+            let state = WeatherState { rain_rate_mmph: rate, ..Weather::HardRainNoon.state() };
+            assert!((state.rain_extinction_per_m() / wanted - 1.0).abs() < 0.02, "{rate} mm/h");
+        }
+        assert_eq!(Weather::ClearNoon.state().rain_extinction_per_m(), 0.0);
+    }
+
+    #[test]
+    fn an_override_replaces_only_what_it_names_and_is_checked() {
+        let by = WeatherOverride { mor_m: Some(50.0), ..WeatherOverride::default() };
+        let state = Weather::FogNoon.state().replaced(&by).unwrap();
+        assert_eq!((state.mor_m, state.wetness), (50.0, Weather::FogNoon.state().wetness));
+        let bad = WeatherOverride { wetness: Some(f64::NAN), ..WeatherOverride::default() };
+        assert_eq!(Weather::FogNoon.state().replaced(&bad).unwrap_err().field, "wetness");
     }
 }

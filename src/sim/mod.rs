@@ -12,7 +12,7 @@ use std::path::PathBuf;
 use thiserror::Error;
 
 pub use python::{Environment, VENV_VARIABLE};
-pub use simulator::{CameraMount, RayHits, Segmentation, Simulator};
+pub use simulator::{CameraMount, Picture, RayHits, Renderer, Segmentation, Simulator};
 
 /// The command that makes the virtual environment.
 pub const INSTALL_VENV: &str = "make setup";
@@ -33,6 +33,8 @@ pub enum SimError {
     NoMujoco { message: String, venv: PathBuf },
     #[error("cannot draw off screen with OpenGL ({message}); run `{INSTALL_GL}`")]
     NoGl { message: String },
+    #[error("cannot draw with Filament ({message}); the renderer `classic` needs neither")]
+    NoFilament { message: String },
     #[error("MuJoCo refuses the world: {message}")]
     Compile { message: String },
     #[error("MuJoCo failed to {what}: {message}")]

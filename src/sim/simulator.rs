@@ -12,6 +12,16 @@ use super::python::make_ready;
 use super::{SimError, text};
 use crate::geometry::{Camera, Ego, Pinhole, Transform};
 
+/// Who draws the colours.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Renderer {
+    /// OpenGL, on any machine.
+    #[default]
+    Classic,
+    /// Physically based; needs the wheel `mujoco-studio` and Vulkan, and several times as long.
+    Filament,
+}
+
 /// A camera fixed to a body, and how it draws.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CameraMount {
@@ -23,6 +33,7 @@ pub struct CameraMount {
     pub n_samples: u32,
     /// Side of the shadow map.
     pub shadow_size_px: u32,
+    pub renderer: Renderer,
 }
 
 /// What the rays of one cast hit, ray by ray.
@@ -34,6 +45,14 @@ pub struct RayHits {
     pub geom: Vec<i32>,
     /// Cosine of the angle between ray and surface normal, 0 to 1.
     pub cos_incidence: Vec<f64>,
+}
+
+/// A picture and the distances in it, rows from the top.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Picture {
+    pub rgb: RgbImage,
+    /// Along the optical axis; infinite for the sky.
+    pub depth_m: Vec<f32>,
 }
 
 /// The geom seen at each pixel, row by row from the top; -1 where there is none.
@@ -48,11 +67,14 @@ pub struct Segmentation {
 pub struct Simulator {
     world: Py<PyAny>,
     camera: Option<Py<PyAny>>,
+    renderer: Renderer,
     bodies: HashMap<String, usize>,
     joints: HashMap<String, usize>,
     actuators: HashMap<String, usize>,
     /// Body of each geom.
     geom_bodies: Vec<usize>,
+    geom_names: Vec<String>,
+    geom_materials: Vec<String>,
     /// Mocap number of each body, -1 for none.
     mocap_of_body: Vec<i32>,
     timestep_s: f64,
@@ -109,10 +131,13 @@ impl Simulator {
                 let body = |id: i32| usize::try_from(id).expect("every geom has a body");
                 Ok(Self {
                     camera: None,
+                    renderer: mount.renderer,
                     bodies: names("body")?,
                     joints: names("joint")?,
                     actuators: names("actuator")?,
                     geom_bodies: ints("geom_bodies")?.into_iter().map(body).collect(),
+                    geom_names: world.call_method1("names", ("geom",))?.extract()?,
+                    geom_materials: world.call_method0("geom_materials")?.extract()?,
                     mocap_of_body: ints("mocap_ids")?,
                     timestep_s: world.call_method0("timestep_s")?.extract()?,
                     world: world.clone().unbind(),
@@ -156,6 +181,18 @@ impl Simulator {
     #[must_use]
     pub fn geom_bodies(&self) -> &[usize] {
         &self.geom_bodies
+    }
+
+    /// Name of each geom, empty for none.
+    #[must_use]
+    pub fn geom_names(&self) -> &[String] {
+        &self.geom_names
+    }
+
+    /// Name of each geom's material, empty for none.
+    #[must_use]
+    pub fn geom_materials(&self) -> &[String] {
+        &self.geom_materials
     }
 
     #[must_use]
@@ -203,6 +240,21 @@ impl Simulator {
                 Ok(poses.as_slice()?.chunks_exact(7).map(isometry).collect())
             };
             ask().map_err(failed("tell poses"))
+        })
+    }
+
+    /// The centre of every geom in the world, by geom id.
+    ///
+    /// # Errors
+    /// As [`Self::body_poses`].
+    pub fn geom_centers(&self) -> Result<Vec<Point3<f64>>, SimError> {
+        Python::attach(|py| {
+            let ask = || -> PyResult<Vec<Point3<f64>>> {
+                let centers = self.world.bind(py).call_method0("geom_centers")?;
+                let centers = centers.extract::<PyReadonlyArray2<'_, f64>>()?;
+                Ok(centers.as_slice()?.chunks_exact(3).map(|c| Point3::new(c[0], c[1], c[2])).collect())
+            };
+            ask().map_err(failed("tell where geoms are"))
         })
     }
 
@@ -288,6 +340,25 @@ impl Simulator {
         })
     }
 
+    /// The camera's picture of the present state with the depth of each pixel.
+    ///
+    /// # Errors
+    /// As [`Self::render_rgb`].
+    pub fn render_rgb_and_depth(&mut self) -> Result<Picture, SimError> {
+        Python::attach(|py| {
+            let camera = self.camera(py)?;
+            let ask = || -> PyResult<Picture> {
+                camera.call_method0("update")?;
+                let (pixels, depth_m): (PyReadonlyArray3<'_, u8>, PyReadonlyArray2<'_, f32>) =
+                    camera.call_method0("rgb_and_depth")?.extract()?;
+                let (height, width) = (pixels.as_array().dim().0, pixels.as_array().dim().1);
+                let rgb = RgbImage::from_raw(width as u32, height as u32, pixels.as_slice()?.to_vec());
+                Ok(Picture { rgb: rgb.expect("three bytes a pixel"), depth_m: depth_m.as_slice()?.to_vec() })
+            };
+            ask().map_err(failed("draw"))
+        })
+    }
+
     /// The geom that each pixel of [`Self::render_rgb`]'s picture shows.
     ///
     /// # Errors
@@ -326,8 +397,15 @@ impl Simulator {
         if let Some(camera) = &self.camera {
             return Ok(camera.bind(py).clone());
         }
-        let make = || py.import("harmzone_sim")?.getattr("Camera")?.call1((self.world.bind(py),));
-        let camera = make().map_err(|error| SimError::NoGl { message: text(&error) })?;
+        let class = match self.renderer {
+            Renderer::Classic => "Camera",
+            Renderer::Filament => "FilamentCamera",
+        };
+        let make = || py.import("harmzone_sim")?.getattr(class)?.call1((self.world.bind(py),));
+        let camera = make().map_err(|error| match self.renderer {
+            Renderer::Classic => SimError::NoGl { message: text(&error) },
+            Renderer::Filament => SimError::NoFilament { message: text(&error) },
+        })?;
         self.camera = Some(camera.clone().unbind());
         Ok(camera)
     }
@@ -373,6 +451,7 @@ mod tests {
             intrinsics: Pinhole::from_horizontal_fov(160, 80, std::f64::consts::FRAC_PI_2),
             n_samples: 0,
             shadow_size_px: 256,
+            renderer: Renderer::Classic,
         }
     }
 
@@ -399,6 +478,18 @@ mod tests {
         // fx = 80 px, the face is 1 m to each side at 9 m: 80 +- 8.9 px.
         assert_eq!((columns.iter().min(), columns.iter().max()), (Some(&71), Some(&88)));
         assert_eq!(sim.render_rgb().unwrap().dimensions(), (160, 80));
+    }
+
+    #[test]
+    fn the_depth_of_the_cubes_face_is_its_distance_and_the_skys_is_infinite() {
+        let mut sim = Simulator::new(XML, &[], &mount()).unwrap();
+        let picture = sim.render_rgb_and_depth().unwrap();
+        assert_eq!(picture.rgb, sim.render_rgb().unwrap());
+        let at = |u: usize, v: usize| picture.depth_m[v * 160 + u];
+        assert!((at(80, 40) - 9.0).abs() < 0.01, "{}", at(80, 40));
+        // The ground 39.5 px below the horizon: 1 m * 80 px / 39.5 px.
+        assert!((at(5, 79) - 80.0 / 39.5).abs() < 0.01, "{}", at(5, 79));
+        assert!(at(5, 2).is_infinite());
     }
 
     #[test]

@@ -1,0 +1,55 @@
+"""Physically based pictures by MuJoCo's Filament renderer; needs the wheel `mujoco-studio` and Vulkan."""
+
+import collections.abc
+import ctypes
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from harmzone_sim.camera import Camera
+from harmzone_sim.world import World
+
+
+class FilamentCamera(Camera):
+    """A camera whose colours come from Filament; depth and segmentation from the classic renderer."""
+
+    def __init__(self, world: World) -> None:
+        super().__init__(world)
+        try:
+            # Filament ends the process where it finds no Vulkan.
+            ctypes.CDLL("libvulkan.so.1")
+        except OSError as error:
+            raise RuntimeError("no Vulkan: install libvulkan1 and mesa-vulkan-drivers") from error
+        if not hasattr(collections.abc, "Buffer"):
+            # The module names it on import; Python has it since 3.12. Arrays are all that is passed here.
+            collections.abc.Buffer = np.ndarray
+        try:
+            import mujoco.studio.window  # noqa: F401  (registers Filament's materials)
+            from mujoco import mjrf
+            from mujoco.rendering.filament import model_scene, renderer
+        except ImportError as error:
+            raise RuntimeError(f"no Filament: install mujoco-studio {mujoco.__version__}") from error
+        config = mjrf.ContextConfig()
+        config.graphics_api = mjrf.GraphicsApi.GRAPHICS_API_VULKAN
+        config.software_rendering = True
+        self._filament = renderer.Renderer(mjrf.Context(config))
+        context = self._filament.context
+        self._model_scene = model_scene.ModelScene(context, world.model, self._filament.scene("world"))
+        self._model_scene._renderables.set_options(self._option)
+        width_px, height_px = world.image_size_px
+        self._colours = np.empty((height_px, width_px, 3), dtype=np.uint8)
+        self._filament.target("picture", self._colours)
+        self._view = renderer.View
+
+    def rgb(self) -> NDArray[np.uint8]:
+        """The picture: [height, width, 3], row 0 at the top."""
+        self._model_scene.update(self._world.data)
+        camera = mujoco.mjv_camera2GLCamera(self._world.model, self._world.data, self._camera)
+        self._filament.render([self._view(scene="world", target="picture", camera=camera)])
+        return self._colours.copy()
+
+    def rgb_and_depth(self) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+        """As the classic camera has it, with this one's colours."""
+        _, depth_m = super().rgb_and_depth()
+        return self.rgb(), depth_m

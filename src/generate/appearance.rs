@@ -1,0 +1,101 @@
+//! How each geom of a world looks to the sensors: material for the camera, reflectivity for the LiDAR.
+//!
+//! Known by the names that the scene gives its geoms and the models their materials.
+
+use std::collections::HashMap;
+
+use super::GenerateError;
+use super::drive::Drive;
+use crate::scene::{Motion, World};
+use crate::sensors::camera::{Material, StreetLamp};
+
+/// Reflectivity at about 905 nm of what is no object, by the start of the geom's name: usual figures for
+/// worn asphalt, concrete, road paint, grass (plants are bright in the near infrared) and plaster.
+const REFLECTIVITY: [(&str, f64); 7] = [
+    ("scene_road", 0.17),
+    ("scene_pavement", 0.3),
+    ("scene_kerb", 0.3),
+    ("scene_marks", 0.55),
+    ("scene_grass", 0.4),
+    ("scene_facade", 0.35),
+    ("scene_shop", 0.3),
+];
+/// Of everything else that is no object.
+const OTHER_REFLECTIVITY: f64 = 0.25;
+/// Geoms on which water stands.
+const PAVED: [&str; 5] = ["scene_road", "scene_pavement", "scene_kerb", "scene_marks", "ground"];
+
+/// The geoms of one world, by geom id.
+#[derive(Debug, Clone)]
+pub(super) struct Appearance {
+    /// Object of each geom, if it belongs to one.
+    objects: Vec<Option<usize>>,
+    materials: Vec<Material>,
+    reflectivities: Vec<f64>,
+    is_paved: Vec<bool>,
+    /// All that light the streets.
+    pub lamps: Vec<StreetLamp>,
+}
+
+impl Appearance {
+    pub(super) fn new(world: &World, drive: &Drive) -> Result<Self, GenerateError> {
+        let simulator = &drive.simulator;
+        let object_of_body: HashMap<usize, usize> =
+            drive.object_bodies.iter().enumerate().map(|(object, &body)| (body, object)).collect();
+        let objects: Vec<Option<usize>> =
+            simulator.geom_bodies().iter().map(|body| object_of_body.get(body).copied()).collect();
+        let names = simulator.geom_names();
+        // Parked cars are dark.
+        let is_lit = |object: Option<usize>| {
+            object.is_some_and(|i| matches!(world.placements[i].motion, Motion::Drives { .. }))
+        };
+        let material_of = |geom: usize| {
+            let part = simulator.geom_materials()[geom].rsplit('/').next().unwrap_or_default();
+            match part {
+                "headlamp" if is_lit(objects[geom]) => Material::Headlamp,
+                "taillamp" if is_lit(objects[geom]) => Material::Taillamp,
+                "signal_red" | "signal_yellow" | "signal_green" => Material::Signal,
+                _ if PAVED.iter().any(|start| names[geom].starts_with(start)) => Material::Paved,
+                _ if names[geom].starts_with("scene_facade") => Material::Facade,
+                _ => Material::Solid,
+            }
+        };
+        let reflectivity_of = |geom: usize| {
+            if let Some(object) = objects[geom] {
+                return world.objects()[object].reflectivity;
+            }
+            let known = REFLECTIVITY.iter().find(|(start, _)| names[geom].starts_with(start));
+            known.map_or(OTHER_REFLECTIVITY, |(_, reflectivity)| *reflectivity)
+        };
+        let n_geoms = objects.len();
+        let materials: Vec<Material> = (0..n_geoms).map(material_of).collect();
+        let centers = simulator.geom_centers()?;
+        let is_lamp = |geom: &usize| simulator.geom_materials()[*geom].ends_with("_lamp/lamp");
+        let lamps = (0..n_geoms)
+            .filter(is_lamp)
+            .map(|geom| StreetLamp { position_in_world: centers[geom] })
+            .collect();
+        Ok(Self {
+            reflectivities: (0..n_geoms).map(reflectivity_of).collect(),
+            is_paved: materials.iter().map(|material| *material == Material::Paved).collect(),
+            materials,
+            objects,
+            lamps,
+        })
+    }
+
+    /// The object that a geom belongs to; -1 is no geom.
+    pub(super) fn object(&self, geom: i32) -> Option<usize> {
+        usize::try_from(geom).ok().and_then(|geom| self.objects[geom])
+    }
+
+    /// -1, no geom, is the sky.
+    pub(super) fn material(&self, geom: i32) -> Material {
+        usize::try_from(geom).map_or(Material::Sky, |geom| self.materials[geom])
+    }
+
+    /// Reflectivity, and whether water stands on it; -1 is no geom.
+    pub(super) fn surface(&self, geom: i32) -> (f64, bool) {
+        usize::try_from(geom).map_or((0.0, false), |geom| (self.reflectivities[geom], self.is_paved[geom]))
+    }
+}

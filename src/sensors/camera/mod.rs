@@ -1,0 +1,129 @@
+//! What weather and daytime make of the camera's picture, from the renderer's colours and depths.
+//!
+//! The renderer draws dry things in clear air: by day under the light of [`lighting`], at night evenly
+//! bright, so that its colours are the things' own. [`Scope::see`] does the rest, in this order: the sky,
+//! lamps (at night), water on the ground, Koschmieder's fog, rain, sensor noise. Colours are
+//! display-referred, 0 to 1; light is added up in linear units (display value squared).
+//!
+//! Frames: camera (x right, y down, z forward) and world. Everything random comes from named streams.
+
+mod fog;
+mod lighting;
+mod night;
+mod noise;
+mod picture;
+mod rain;
+mod sky;
+mod wet;
+
+use image::RgbImage;
+
+pub use self::lighting::{SunLight, WorldLight};
+pub use self::night::StreetLamp;
+use self::picture::{Picture, View};
+use self::sky::Panorama;
+use super::rig::Rig;
+use super::weather::{Weather, WeatherState};
+use crate::geometry::{Camera, Ego, Pinhole, Transform, World};
+
+/// What a pixel shows, as far as light and water care.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Material {
+    #[default]
+    Sky,
+    /// Road, pavement, paint: flat ground on which water stands.
+    Paved,
+    Solid,
+    /// A wall whose lit windows shine at night.
+    Facade,
+    /// Lamps of other vehicles, lit after sunset.
+    Headlamp,
+    Taillamp,
+    /// A signal that shines by itself at any time.
+    Signal,
+}
+
+/// What the renderer gives for one picture; rows from the top.
+#[derive(Debug, Clone, Copy)]
+pub struct Rendered<'a> {
+    pub rgb: &'a RgbImage,
+    /// Along the optical axis, metres; infinite for the sky.
+    pub depth_m: &'a [f32],
+    pub material: &'a [Material],
+}
+
+/// Where the car is while it takes a picture.
+#[derive(Debug, Clone, Copy)]
+pub struct Shot<'a> {
+    pub world_from_ego: Transform<World, Ego>,
+    /// Of the car, along the optical axis.
+    pub speed_mps: f64,
+    /// All that could light the view.
+    pub lamps: &'a [StreetLamp],
+    pub sample_idx: u64,
+}
+
+/// The camera of one episode in its weather.
+#[derive(Debug, Clone)]
+pub struct Scope {
+    state: WeatherState,
+    intrinsics: Pinhole,
+    ego_from_camera: Transform<Ego, Camera>,
+    panorama: Panorama,
+    /// Length of each pixel's ray for a depth of 1.
+    stretch: Vec<f32>,
+    noise: noise::Tile,
+    seed: u64,
+}
+
+impl Scope {
+    #[must_use]
+    pub fn new(weather: Weather, state: &WeatherState, rig: &Rig, seed: u64) -> Self {
+        Self {
+            state: *state,
+            intrinsics: rig.intrinsics,
+            ego_from_camera: rig.ego_from_camera,
+            panorama: Panorama::new(weather.daytime(), state, seed),
+            stretch: picture::ray_lengths(&rig.intrinsics),
+            noise: noise::Tile::new(),
+            seed,
+        }
+    }
+
+    /// Whether [`Self::see`] needs depths; where it does not, any will do.
+    #[must_use]
+    pub fn needs_depth(&self) -> bool {
+        self.state.is_night() || self.state.wetness > 0.0 || fog::is_visible(&self.state)
+    }
+
+    /// The picture as the camera takes it.
+    ///
+    /// # Panics
+    /// If the sizes of the renderer's pictures and of the intrinsics differ.
+    #[must_use]
+    pub fn see(&self, rendered: &Rendered<'_>, shot: &Shot<'_>) -> RgbImage {
+        let pose = shot.world_from_ego * self.ego_from_camera;
+        let view = View::new(&self.intrinsics, &self.ego_from_camera, &pose, &self.stretch);
+        assert_eq!(rendered.material.len(), self.stretch.len(), "one material for each pixel");
+        let mut picture = Picture::of(rendered.rgb);
+        self.panorama.paint(&mut picture, &view, rendered.material);
+        let mut glow = None;
+        if self.state.is_night() {
+            glow = Some(night::light(&mut picture, &view, rendered, shot.lamps));
+        }
+        if self.state.wetness > 0.0 {
+            wet::cover(&mut picture, &view, rendered, &self.panorama, self.state.wetness);
+        }
+        if fog::is_visible(&self.state) {
+            fog::veil(&mut picture, &view, rendered, &self.panorama, &self.state);
+        }
+        if let Some(glow) = glow {
+            glow.add_to(&mut picture, self.state.extinction_per_m());
+        }
+        if self.state.rain_rate_mmph > 0.0 {
+            rain::fall(&mut picture, &view, &self.state, shot, self.seed);
+        }
+        self.noise.add(&mut picture, noise::level(&self.state), self.seed, shot.sample_idx);
+        picture.to_image()
+    }
+}

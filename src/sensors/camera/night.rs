@@ -1,0 +1,312 @@
+//! Light at night: the car's headlamps, street lamps, the city's glow, and what shines by itself.
+//!
+//! Illuminance E = I cos(incidence) / d^2 in lux from the lamps' luminous intensities I in candela; a
+//! thing of albedo a reflects a E, and the exposure maps that to the display with a soft shoulder,
+//! 1 - exp(-a E / E_white). The headlamps' low beam has its sharp edge just below the horizon, as lamps that
+//! keep to ECE R112 have. Lamps cast no shadows. Light is worked out for every second pixel.
+
+use nalgebra::{Point3, Vector3};
+
+use super::picture::{Colour, Picture, View};
+use super::{Material, Rendered};
+
+/// Illuminance that shows white as nearly white.
+const WHITE_LUX: f32 = 16.0;
+/// Of a lit city's sky on everything.
+const AMBIENT_LUX: Colour = [0.42, 0.44, 0.52];
+/// Of a lamp that stands on a street, straight down.
+const STREET_LAMP_CD: f32 = 900.0;
+const STREET_LAMP: Colour = [1.0, 0.82, 0.58];
+/// Street lamps farther than this from a thing leave it dark.
+const STREET_LAMP_REACH_M: f32 = 28.0;
+/// Most lamps that light one picture.
+const MAX_LAMPS: usize = 12;
+const HEADLAMP: Colour = [1.0, 0.96, 0.86];
+/// The own headlamps in the ego frame: x forward, to both sides, height.
+const HEADLAMP_X_M: f32 = 3.3;
+const HEADLAMP_Y_M: f32 = 0.62;
+const HEADLAMP_Z_M: f32 = 0.66;
+/// Width of the pixels on which glow is spread.
+const GLOW_CELL_PX: usize = 4;
+
+/// A lamp over the street.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StreetLamp {
+    pub position_in_world: Point3<f64>,
+}
+
+/// Luminous intensity of one low beam, by angles to the left and up in radians.
+fn low_beam_cd(left_rad: f32, up_rad: f32) -> f32 {
+    let bell = |x: f32, width_deg: f32| (-(x / width_deg.to_radians()).powi(2)).exp();
+    let deg = std::f32::consts::PI / 180.0;
+    // 0 above the edge, 1 below.
+    let below = ((-0.4 * deg - up_rad) / (0.5 * deg)).clamp(0.0, 1.0);
+    let hot = 17_000.0 * bell(left_rad, 13.0) * bell(up_rad + 1.4 * deg, 3.0);
+    let wide = 5_500.0 * bell(left_rad, 33.0) * bell(up_rad + 6.0 * deg, 9.0);
+    (hot + wide) * (0.035 + 0.965 * below)
+}
+
+/// What one picture's pixels need to know of the lamps, along the camera's axes.
+struct Lights {
+    street_lamps: Vec<Vector3<f32>>,
+    headlamps: [Vector3<f32>; 2],
+    /// The ego's axes: forward, left, up.
+    axes: [Vector3<f32>; 3],
+    world_up: Vector3<f32>,
+}
+
+impl Lights {
+    fn new(view: &View<'_>, lamps: &[StreetLamp]) -> Self {
+        let camera_from_world = view.pose.isometry.inverse();
+        let mut near: Vec<Vector3<f32>> = lamps
+            .iter()
+            .map(|lamp| (camera_from_world * lamp.position_in_world).coords.cast::<f32>())
+            .filter(|at| at.z > -15.0 && at.norm() < 90.0)
+            .collect();
+        near.sort_by(|a, b| a.norm().total_cmp(&b.norm()));
+        near.truncate(MAX_LAMPS);
+        let camera_from_ego = view.camera_from_ego;
+        let headlamps = [HEADLAMP_Y_M, -HEADLAMP_Y_M].map(|y_m| {
+            let at = Point3::new(HEADLAMP_X_M, y_m, HEADLAMP_Z_M).cast::<f64>();
+            (camera_from_ego * at).coords.cast::<f32>()
+        });
+        let axes = [Vector3::x(), Vector3::y(), Vector3::z()]
+            .map(|axis: Vector3<f64>| (camera_from_ego * axis).cast::<f32>());
+        Self { street_lamps: near, headlamps, axes, world_up: view.in_camera(&Vector3::z()) }
+    }
+
+    /// Illuminance on a small surface, by colour.
+    fn on(&self, at: &Vector3<f32>, normal: &Vector3<f32>) -> Colour {
+        let mut lux = AMBIENT_LUX;
+        let mut add = |amount: f32, colour: Colour| {
+            for (sum, part) in lux.iter_mut().zip(colour) {
+                *sum += amount * part;
+            }
+        };
+        for lamp in &self.headlamps {
+            let way = at - lamp;
+            let [forward, left, up] = [0, 1, 2].map(|i| way.dot(&self.axes[i]));
+            if forward > 0.1 {
+                let distance2 = way.norm_squared();
+                let cos = (-way.dot(normal) / distance2.sqrt()).max(0.0);
+                let candela = low_beam_cd(left.atan2(forward), up.atan2(forward));
+                add(candela * cos / distance2, HEADLAMP);
+            }
+        }
+        for lamp in &self.street_lamps {
+            let way = at - lamp;
+            let distance2 = way.norm_squared();
+            if distance2 > STREET_LAMP_REACH_M * STREET_LAMP_REACH_M {
+                continue;
+            }
+            let distance = distance2.sqrt().max(0.3);
+            let down = (-way.dot(&self.world_up) / distance).max(0.05);
+            let cos = (-way.dot(normal) / distance).max(0.0);
+            // Fades to nothing at its reach, so that no edge shows.
+            let fade = 1.0 - distance2 / (STREET_LAMP_REACH_M * STREET_LAMP_REACH_M);
+            add(STREET_LAMP_CD * down.sqrt() * cos * fade / distance2, STREET_LAMP);
+        }
+        lux
+    }
+}
+
+/// Light spread round lamps, in linear units.
+#[derive(Debug, Clone)]
+pub(super) struct Glow {
+    width: usize,
+    height: usize,
+    cells: Vec<Colour>,
+    /// Of the own beams in the air, by cell.
+    beam: Vec<f32>,
+}
+
+/// Lights a picture of the things' own colours, and tells the glow to be added over the fog.
+pub(super) fn light(
+    picture: &mut Picture,
+    view: &View<'_>,
+    rendered: &Rendered<'_>,
+    lamps: &[StreetLamp],
+) -> Glow {
+    let lights = Lights::new(view, lamps);
+    let width = picture.width;
+    let (glow_width, glow_height) = (width.div_ceil(GLOW_CELL_PX), picture.height.div_ceil(GLOW_CELL_PX));
+    let mut glow = Glow {
+        width: glow_width,
+        height: glow_height,
+        cells: vec![[0.0; 3]; glow_width * glow_height],
+        beam: vec![0.0; glow_width * glow_height],
+    };
+    for v in (0..picture.height).step_by(2) {
+        for u in (0..width).step_by(2) {
+            let mut lux = None;
+            for (du, dv) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+                let (u, v) = (u + du, v + dv);
+                let at = v * width + u;
+                if u >= width || v >= picture.height || rendered.material[at] == Material::Sky {
+                    continue;
+                }
+                let lux = *lux.get_or_insert_with(|| {
+                    let point = view.ray_in_camera(u, v) * rendered.depth_m[at];
+                    lights.on(&point, &normal(view, rendered, &lights, u, v))
+                });
+                let own = picture.pixels[at];
+                let shining = emission(rendered.material[at], own);
+                picture.pixels[at] = [0, 1, 2].map(|i| {
+                    let linear = own[i] * own[i] * lux[i] / WHITE_LUX + shining[i];
+                    (1.0 - (-linear).exp()).sqrt()
+                });
+                if shining != [0.0; 3] {
+                    glow.shine(u, v, shining, 1.0 / (GLOW_CELL_PX * GLOW_CELL_PX) as f32);
+                }
+            }
+        }
+    }
+    for lamp in &lights.street_lamps {
+        glow.shine_lamp(lamp, view, rendered);
+    }
+    for cell_v in 0..glow_height {
+        for cell_u in 0..glow_width {
+            let (u, v) = (cell_u * GLOW_CELL_PX, cell_v * GLOW_CELL_PX);
+            let ray = view.ray_in_camera(u, v);
+            let [forward, left, up] = [0, 1, 2].map(|i| ray.dot(&lights.axes[i]));
+            // The eye's ray passes through the beams at many angles, from above them.
+            let deg = std::f32::consts::PI / 180.0;
+            let passed = (0..8).map(|k| up.atan2(forward) + (2.0 - 1.2 * k as f32) * deg);
+            let lit: f32 = passed.map(|up_rad| low_beam_cd(left.atan2(forward), up_rad)).sum();
+            glow.beam[cell_v * glow_width + cell_u] = lit / 8.0 / 20_000.0;
+        }
+    }
+    glow.spread();
+    glow
+}
+
+/// Surface normal towards the eye, along the camera's axes.
+fn normal(view: &View<'_>, rendered: &Rendered<'_>, lights: &Lights, u: usize, v: usize) -> Vector3<f32> {
+    let width = view.width();
+    let at = v * width + u;
+    if rendered.material[at] == Material::Paved {
+        return lights.world_up;
+    }
+    let here = view.ray_in_camera(u, v) * rendered.depth_m[at];
+    let toward_eye = -here.normalize();
+    let height = rendered.depth_m.len() / width;
+    if u + 2 >= width || v + 2 >= height {
+        return toward_eye;
+    }
+    let right = view.ray_in_camera(u + 2, v) * rendered.depth_m[at + 2] - here;
+    let below = view.ray_in_camera(u, v + 2) * rendered.depth_m[at + 2 * width] - here;
+    // Across an edge the difference is no tangent.
+    let is_edge = right.z.abs().max(below.z.abs()) > 0.05 * here.z + 0.2;
+    let normal = right.cross(&below);
+    if is_edge || !normal.norm().is_normal() {
+        return toward_eye;
+    }
+    let normal = normal.normalize();
+    if normal.dot(&toward_eye) < 0.0 { -normal } else { normal }
+}
+
+/// Light that a pixel sends out by itself, linear.
+fn emission(material: Material, own: Colour) -> Colour {
+    match material {
+        Material::Headlamp => [5.0, 4.8, 4.2],
+        Material::Taillamp => [1.6, 0.06, 0.04],
+        Material::Signal => own.map(|c| 2.0 * c * c),
+        // Lit windows are painted in a yellow that no wall has.
+        Material::Facade if own[0] > 0.9 && own[1] > 0.75 && own[2] < 0.72 => [0.62, 0.48, 0.24],
+        _ => [0.0; 3],
+    }
+}
+
+impl Glow {
+    fn shine(&mut self, u: usize, v: usize, light: Colour, share: f32) {
+        let at = v / GLOW_CELL_PX * self.width + u / GLOW_CELL_PX;
+        for (sum, part) in self.cells[at].iter_mut().zip(light) {
+            *sum += part * share;
+        }
+    }
+
+    /// The bright head of a street lamp, if nothing hides it.
+    fn shine_lamp(&mut self, lamp: &Vector3<f32>, view: &View<'_>, rendered: &Rendered<'_>) {
+        if lamp.z < 1.0 {
+            return;
+        }
+        let intrinsics = view.intrinsics;
+        let u = intrinsics.cx_px as f32 + intrinsics.fx_px as f32 * lamp.x / lamp.z;
+        let v = intrinsics.cy_px as f32 + intrinsics.fy_px as f32 * lamp.y / lamp.z;
+        if u < 0.0 || v < 0.0 || u >= intrinsics.width_px as f32 || v >= intrinsics.height_px as f32 {
+            return;
+        }
+        let (u, v) = (u as usize, v as usize);
+        if rendered.depth_m[v * view.width() + u] > lamp.z - 1.0 {
+            let head_px = 0.35 * intrinsics.fx_px as f32 / lamp.z / GLOW_CELL_PX as f32;
+            self.shine(u, v, STREET_LAMP.map(|c| 14.0 * c), (head_px * head_px).clamp(0.05, 4.0));
+        }
+    }
+
+    /// Three box filters make nearly a bell.
+    fn spread(&mut self) {
+        for _ in 0..3 {
+            self.cells = box_filtered(&self.cells, self.width, self.height, true);
+            self.cells = box_filtered(&self.cells, self.width, self.height, false);
+        }
+    }
+
+    /// Adds the glow of lamps and, in turbid air, of the own beams.
+    pub(super) fn add_to(&self, picture: &mut Picture, extinction_per_m: f64) {
+        // What 12 m of air scatter back of the beams.
+        let turbid = (1.0 - (-12.0 * extinction_per_m).exp()) as f32;
+        let halo = 0.45 + 2.2 * turbid;
+        let cell = GLOW_CELL_PX as f32;
+        for v in 0..picture.height {
+            // Between the four nearest cells, so that no cell shows.
+            let y = ((v as f32 + 0.5) / cell - 0.5).clamp(0.0, (self.height - 1) as f32);
+            let (top, down) = (y as usize * self.width, y.fract());
+            let below = ((y as usize + 1).min(self.height - 1)) * self.width;
+            for u in 0..picture.width {
+                let x = ((u as f32 + 0.5) / cell - 0.5).clamp(0.0, (self.width - 1) as f32);
+                let (left, over) = (x as usize, x.fract());
+                let right = (left + 1).min(self.width - 1);
+                let corners = [top + left, top + right, below + left, below + right];
+                let brightest = corners.map(|at| self.cells[at][0] + turbid * self.beam[at]);
+                if brightest.iter().all(|light| *light < 1e-4) {
+                    continue;
+                }
+                let shares =
+                    [(1.0 - over) * (1.0 - down), over * (1.0 - down), (1.0 - over) * down, over * down];
+                let pixel = &mut picture.pixels[v * picture.width + u];
+                for (i, channel) in pixel.iter_mut().enumerate() {
+                    let light =
+                        |at: usize| halo * self.cells[at][i] + 0.22 * turbid * self.beam[at] * HEADLAMP[i];
+                    let added: f32 = corners.iter().zip(shares).map(|(at, share)| light(*at) * share).sum();
+                    // Light on light: what is bright already gains less.
+                    *channel = (1.0 - (1.0 - (*channel * *channel).min(1.0)) * (-added).exp()).sqrt();
+                }
+            }
+        }
+    }
+}
+
+/// Mean over 7 cells of a row (or column).
+fn box_filtered(cells: &[Colour], width: usize, height: usize, along_rows: bool) -> Vec<Colour> {
+    const REACH: usize = 3;
+    let (n_lines, n) = if along_rows { (height, width) } else { (width, height) };
+    let index = |line: usize, i: usize| if along_rows { line * width + i } else { i * width + line };
+    let mut filtered = vec![[0.0; 3]; cells.len()];
+    for line in 0..n_lines {
+        let mut sum = [0.0f32; 3];
+        for i in 0..n + REACH {
+            for channel in 0..3 {
+                if i < n {
+                    sum[channel] += cells[index(line, i)][channel];
+                }
+                if i > 2 * REACH {
+                    sum[channel] -= cells[index(line, i - 2 * REACH - 1)][channel];
+                }
+            }
+            if i >= REACH {
+                filtered[index(line, i - REACH)] = sum.map(|c| c / (2 * REACH + 1) as f32);
+            }
+        }
+    }
+    filtered
+}

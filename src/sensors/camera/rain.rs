@@ -1,0 +1,117 @@
+//! Falling drops as streaks, and drops on the pane before the lens.
+//!
+//! Drops wider than 1 mm follow Marshall and Palmer's spectrum in the frustum's first metres; farther ones
+//! are the rain's share of the fog. A drop falls at 9.65 - 10.3 exp(-0.6 D) m/s (Atlas et al. 1973, D in mm)
+//! past a moving car, and the exposure draws its way as a line. How bright streaks look, and the drops on
+//! the pane, were chosen by eye.
+
+use nalgebra::Vector3;
+use rand::RngExt;
+
+use super::super::weather::{DROPS_PER_M3_MM, WeatherState};
+use super::Shot;
+use super::picture::{Colour, Picture, View, mix, scaled};
+use crate::random;
+
+const LEAST_MM: f64 = 1.0;
+const NEAR_M: f64 = 0.7;
+const FAR_M: f64 = 4.0;
+const EXPOSURE_S: f64 = 1.0 / 60.0;
+/// A drop on the pane stays where it is for this many samples.
+const PANE_SAMPLES: u64 = 4;
+
+/// Draws streaks and drops.
+pub(super) fn fall(picture: &mut Picture, view: &View<'_>, state: &WeatherState, shot: &Shot<'_>, seed: u64) {
+    let bright: Colour = if state.is_night() { [0.30, 0.29, 0.27] } else { [0.86, 0.88, 0.90] };
+    streaks(picture, view, state, shot, seed, bright);
+    pane(picture, state, shot, seed);
+}
+
+fn streaks(
+    picture: &mut Picture,
+    view: &View<'_>,
+    state: &WeatherState,
+    shot: &Shot<'_>,
+    seed: u64,
+    bright: Colour,
+) {
+    let mut rng = random::stream(seed, "rain-streaks", shot.sample_idx);
+    let intrinsics = view.intrinsics;
+    let half = [
+        f64::from(intrinsics.width_px) / 2.0 / intrinsics.fx_px,
+        f64::from(intrinsics.height_px) / 2.0 / intrinsics.fy_px,
+    ];
+    let volume_m3 = 4.0 * half[0] * half[1] * (FAR_M.powi(3) - NEAR_M.powi(3)) / 3.0;
+    let slope = state.drop_slope_per_mm();
+    let n = (DROPS_PER_M3_MM / slope * (-slope * LEAST_MM).exp() * volume_m3) as usize;
+    let down = view.in_camera(&-Vector3::z()).cast::<f64>();
+    for _ in 0..n {
+        let [a, b, c, d] = [0; 4].map(|_: i32| rng.random::<f64>());
+        // Evenly over the frustum.
+        let depth_m = (NEAR_M.powi(3) + (FAR_M.powi(3) - NEAR_M.powi(3)) * a).cbrt();
+        let start = Vector3::new((2.0 * b - 1.0) * half[0], (2.0 * c - 1.0) * half[1], 1.0) * depth_m;
+        let diameter_mm = LEAST_MM - (1.0 - d).ln() / slope;
+        let fall_mps = 9.65 - 10.3 * (-0.6 * diameter_mm).exp();
+        let end = start + (down * fall_mps - Vector3::z() * shot.speed_mps) * EXPOSURE_S;
+        if end.z < 0.2 {
+            continue;
+        }
+        let pixel = |p: &Vector3<f64>| {
+            [intrinsics.cx_px + intrinsics.fx_px * p.x / p.z, intrinsics.cy_px + intrinsics.fy_px * p.y / p.z]
+        };
+        let width_px = 1e-3 * diameter_mm * intrinsics.fx_px / depth_m;
+        line(picture, pixel(&start), pixel(&end), (0.16 * width_px).clamp(0.015, 0.16) as f32, bright);
+    }
+}
+
+/// A line one pixel wide, shared between the two columns that it passes between.
+fn line(picture: &mut Picture, from: [f64; 2], to: [f64; 2], share: f32, colour: Colour) {
+    let length = (to[0] - from[0]).hypot(to[1] - from[1]);
+    let n = (length.ceil() as usize).clamp(1, 200);
+    for i in 0..n {
+        let t = (i as f64 + 0.5) / n as f64;
+        let (u, v) = (from[0] + (to[0] - from[0]) * t - 0.5, from[1] + (to[1] - from[1]) * t);
+        if v < 0.0 || v >= picture.height as f64 {
+            continue;
+        }
+        let right = (u - u.floor()) as f32;
+        for (column, part) in [(u.floor(), 1.0 - right), (u.floor() + 1.0, right)] {
+            if column >= 0.0 && column < picture.width as f64 {
+                let at = v as usize * picture.width + column as usize;
+                picture.pixels[at] = mix(picture.pixels[at], colour, share * part);
+            }
+        }
+    }
+}
+
+/// Drops that bend the view: each shows a wide part of the scene upside down.
+fn pane(picture: &mut Picture, state: &WeatherState, shot: &Shot<'_>, seed: u64) {
+    let mut rng = random::stream(seed, "rain-pane", shot.sample_idx / PANE_SAMPLES);
+    let n = (4.0 + 0.5 * state.rain_rate_mmph).min(40.0) as usize;
+    let behind = picture.clone();
+    let (width, height) = (picture.width as f32, picture.height as f32);
+    for _ in 0..n {
+        let [a, b, c] = [0; 3].map(|_: i32| rng.random::<f32>());
+        let (center_u, center_v) = (a * width, b * height);
+        let radius = (0.004 + 0.011 * c * c) * width;
+        let tall = 1.25 * radius;
+        let rows =
+            (center_v - tall).max(0.0) as usize..((center_v + tall).min(height - 1.0).max(0.0) as usize);
+        for v in rows {
+            let columns = (center_u - radius).max(0.0) as usize
+                ..((center_u + radius).min(width - 1.0).max(0.0) as usize);
+            for u in columns {
+                let (dx, dy) = ((u as f32 - center_u) / radius, (v as f32 - center_v) / tall);
+                let r2 = dx * dx + dy * dy;
+                if r2 >= 1.0 {
+                    continue;
+                }
+                let from_u = (center_u - dx * radius * 5.0).clamp(0.0, width - 1.0) as usize;
+                let from_v = (center_v - dy * tall * 5.0).clamp(0.0, height - 1.0) as usize;
+                let seen = scaled(behind.pixels[from_v * picture.width + from_u], 1.0 - 0.4 * r2 * r2);
+                let at = v * picture.width + u;
+                picture.pixels[at] = mix(picture.pixels[at], seen, 0.8 * (1.0 - r2 * r2 * r2));
+            }
+        }
+    }
+}

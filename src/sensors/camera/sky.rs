@@ -1,0 +1,156 @@
+//! The sky: gradients by daytime, the sun's glow, clouds, and the haze that hides them.
+
+use nalgebra::Vector3;
+use rand::RngExt;
+
+use super::super::weather::{Daytime, WeatherState};
+use super::Material;
+use super::lighting::SUN_AZIMUTH_RAD;
+use super::picture::{Colour, Picture, View, mix, scaled};
+use crate::random;
+
+/// Columns round the horizon and rows from it to the zenith.
+const WIDTH: usize = 1024;
+const HEIGHT: usize = 192;
+/// Thickness of the hazy layer of air.
+const HAZE_LAYER_M: f64 = 400.0;
+
+/// Zenith and horizon of an open and of a covered sky.
+struct Tones {
+    open: [Colour; 2],
+    covered: [Colour; 2],
+    sun: Colour,
+    cloud: Colour,
+}
+
+fn tones(daytime: Daytime) -> Tones {
+    match daytime {
+        Daytime::Noon => Tones {
+            open: [[0.24, 0.45, 0.78], [0.76, 0.85, 0.93]],
+            covered: [[0.60, 0.63, 0.67], [0.80, 0.81, 0.82]],
+            sun: [1.0, 0.97, 0.9],
+            cloud: [0.95, 0.96, 0.97],
+        },
+        Daytime::Sunset => Tones {
+            open: [[0.25, 0.31, 0.52], [0.86, 0.58, 0.40]],
+            covered: [[0.36, 0.34, 0.38], [0.64, 0.51, 0.45]],
+            sun: [1.0, 0.72, 0.38],
+            cloud: [0.92, 0.60, 0.47],
+        },
+        Daytime::Night => Tones {
+            open: [[0.012, 0.018, 0.05], [0.075, 0.075, 0.10]],
+            covered: [[0.055, 0.052, 0.055], [0.115, 0.10, 0.09]],
+            sun: [0.0; 3],
+            cloud: [0.07, 0.07, 0.08],
+        },
+    }
+}
+
+/// The sky by direction.
+#[derive(Debug, Clone)]
+pub(super) struct Panorama {
+    colours: Vec<Colour>,
+    /// What the eye sees in thick haze: Koschmieder's air light.
+    pub air_light: Colour,
+}
+
+impl Panorama {
+    pub(super) fn new(daytime: Daytime, state: &WeatherState, seed: u64) -> Self {
+        let tones = tones(daytime);
+        let cover = state.cloud_cover as f32;
+        let gloom = 1.0 - 0.3 * (state.rain_rate_mmph / 45.0).min(1.0) as f32;
+        let clouds = Noise::new(seed);
+        let (sin, cos) = state.sun_altitude_rad.sin_cos();
+        let to_sun =
+            Vector3::new(cos * SUN_AZIMUTH_RAD.cos(), cos * SUN_AZIMUTH_RAD.sin(), sin).cast::<f32>();
+        let horizon = scaled(mix(tones.open[1], tones.covered[1], cover), gloom);
+        // Fog is lit from above as well as from the side.
+        let air_light = mix(horizon, scaled(mix(tones.open[0], tones.covered[0], cover), gloom), 0.25);
+        let mut colours = Vec::with_capacity(WIDTH * HEIGHT);
+        for row in 0..HEIGHT {
+            let altitude = (row as f32 + 0.5) / HEIGHT as f32 * std::f32::consts::FRAC_PI_2;
+            let (up, flat) = altitude.sin_cos();
+            let high = up.powf(0.55);
+            let haze = (state.extinction_per_m() * HAZE_LAYER_M) as f32 / up.max(0.03);
+            let seen_through = (-haze).exp();
+            for column in 0..WIDTH {
+                let azimuth = column as f32 / WIDTH as f32 * std::f32::consts::TAU;
+                let direction = Vector3::new(flat * azimuth.cos(), flat * azimuth.sin(), up);
+                let open = mix(tones.open[1], tones.open[0], high);
+                let covered = mix(tones.covered[1], tones.covered[0], high);
+                // Clouds lie on a plane overhead, so they crowd together towards the horizon.
+                let spot = [direction.x / (up + 0.12), direction.y / (up + 0.12)];
+                let thickness = clouds.fractal(spot.map(|c| c * 1.7));
+                let edge = 1.05 - 1.1 * cover;
+                let is_cloud = ((thickness - edge) * 4.0 + 0.5).clamp(0.0, 1.0);
+                let tone = if cover > 0.6 { scaled(covered, 0.86 + 0.28 * thickness) } else { tones.cloud };
+                let mut colour = mix(open, tone, is_cloud);
+                let along_sun = direction.dot(&to_sun).max(0.0);
+                let glare = (0.35 * along_sun.powi(8) + 0.5 * along_sun.powi(180)) * (1.0 - cover);
+                colour = mix(colour, tones.sun, glare.min(1.0));
+                if along_sun > 0.9997 && cover < 0.6 {
+                    colour = [1.0; 3];
+                }
+                colours.push(mix(air_light, scaled(colour, gloom), seen_through));
+            }
+        }
+        Self { colours, air_light }
+    }
+
+    /// The sky in a direction of the world; below the horizon its mirror image.
+    pub(super) fn towards(&self, direction: &Vector3<f32>) -> Colour {
+        let flat = direction.x.hypot(direction.y);
+        let altitude = direction.z.abs().atan2(flat);
+        let turn = direction.y.atan2(direction.x) / std::f32::consts::TAU;
+        let column = (turn.rem_euclid(1.0) * WIDTH as f32) as usize % WIDTH;
+        let row = (altitude / std::f32::consts::FRAC_PI_2 * HEIGHT as f32) as usize;
+        self.colours[row.min(HEIGHT - 1) * WIDTH + column]
+    }
+
+    /// Paints the sky's pixels.
+    pub(super) fn paint(&self, picture: &mut Picture, view: &View<'_>, material: &[Material]) {
+        for v in 0..picture.height {
+            let row = v * picture.width;
+            for u in 0..picture.width {
+                if material[row + u] == Material::Sky {
+                    picture.pixels[row + u] = self.towards(&view.ray_in_world(u, v));
+                }
+            }
+        }
+    }
+}
+
+/// Value noise on a lattice that repeats every 64 cells.
+struct Noise(Vec<f32>);
+
+impl Noise {
+    const SIDE: usize = 64;
+
+    fn new(seed: u64) -> Self {
+        let mut rng = random::stream(seed, "clouds", 0);
+        Self((0..Self::SIDE * Self::SIDE).map(|_| rng.random::<f32>()).collect())
+    }
+
+    fn at(&self, [x, y]: [f32; 2]) -> f32 {
+        let cell = |i: i32, j: i32| {
+            let wrap = |k: i32| k.rem_euclid(Self::SIDE as i32) as usize;
+            self.0[wrap(j) * Self::SIDE + wrap(i)]
+        };
+        let (i, j) = (x.floor(), y.floor());
+        let smooth = |t: f32| t * t * (3.0 - 2.0 * t);
+        let (s, t) = (smooth(x - i), smooth(y - j));
+        let (i, j) = (i as i32, j as i32);
+        let low = cell(i, j) + (cell(i + 1, j) - cell(i, j)) * s;
+        let high = cell(i, j + 1) + (cell(i + 1, j + 1) - cell(i, j + 1)) * s;
+        low + (high - low) * t
+    }
+
+    /// Five octaves, 0 to 1.
+    fn fractal(&self, [x, y]: [f32; 2]) -> f32 {
+        let octave = |k: i32| {
+            let scale = 2f32.powi(k);
+            self.at([x * scale + 17.3 * k as f32, y * scale + 9.1 * k as f32]) / scale
+        };
+        (0..5).map(octave).sum::<f32>() / (2.0 - 2f32.powi(-4))
+    }
+}

@@ -1,0 +1,217 @@
+//! The spinning LiDAR: which rays it fires, and what comes back of their hits through the weather.
+//!
+//! Powers are in units of a target with reflectivity 1 at 1 m, seen at right angles in clear air:
+//!
+//! power = reflectivity * cos(incidence) * exp(-2 alpha range) / range^2, alpha the air's extinction.
+//!
+//! A return is detected with probability min(1, power / threshold); the threshold is the power of a
+//! target of reflectivity 0.1 at the sensor's stated range. Where fog or a rain drop sends back more than
+//! the target, its return takes the target's place ([`fog`]; [`rain`], above the threshold only); water on the ground weakens the
+//! target ([`wet_ground`]). The reported intensity makes up for the range:
+//!
+//! intensity = 255 * reflectivity * cos(incidence) * exp(-2 (alpha + attenuation) range), whole numbers.
+
+mod fog;
+mod pattern;
+mod rain;
+mod wet_ground;
+
+use rand::RngExt;
+use rand_distr::{Beta, Distribution, StandardNormal};
+
+use self::fog::SoftReturns;
+pub use self::pattern::{Pattern, is_in_view};
+use self::rain::Drops;
+use super::weather::WeatherState;
+use crate::random::{self, Rng};
+use crate::sample::LidarPoint;
+
+/// Range noise of a return at the detection threshold is this over the square root of two (LISA).
+const THRESHOLD_NOISE_M: f64 = 0.09;
+/// Air in which this optical range is less than clear counts as fog.
+const FOG_MOR_M: f64 = 1000.0;
+/// Soft returns lie up to this much behind their strongest place, by Beta(2, 20) (Hahner et al. 2021).
+const SOFT_SPREAD_M: f64 = 10.0;
+
+/// What disturbs the measurement in the sensor itself.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Noise {
+    pub max_range_m: f64,
+    /// Range at which a target of reflectivity 0.1 is still detected for sure.
+    pub sure_range_m: f64,
+    /// Standard deviation of each return's range.
+    pub range_noise_m: f64,
+    /// Standard deviation of the rings' constant range offsets.
+    pub ring_bias_m: f64,
+    /// Share of returns lost at random, in the mean of the rings.
+    pub dropout: f64,
+    /// Each ring's share is this part less or more than the mean, evenly spread; 0 to 1.
+    pub dropout_spread: f64,
+    /// Loss of the reported intensity, one way.
+    pub attenuation_per_m: f64,
+}
+
+/// A ray's true hit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hit {
+    /// Infinite where nothing is hit.
+    pub range_m: f64,
+    /// Cosine of the angle between ray and surface normal, 0 to 1.
+    pub cos_incidence: f64,
+    /// Of the dry surface, 0 to 1.
+    pub reflectivity: f64,
+    /// Whether rain makes a film of water on it.
+    pub is_paved: bool,
+}
+
+/// What sent a return back.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Source {
+    Target,
+    Fog,
+    Rain,
+}
+
+/// A measured point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Return {
+    /// Index of its ray in the pattern.
+    pub ray: usize,
+    pub source: Source,
+    pub point: LidarPoint,
+}
+
+/// The sensor of one episode in its weather.
+#[derive(Debug, Clone)]
+pub struct Receiver {
+    noise: Noise,
+    state: WeatherState,
+    min_power: f64,
+    soft_returns: Option<SoftReturns>,
+    drops: Option<Drops>,
+    /// Range offset and dropout by ring.
+    rings: Vec<(f64, f64)>,
+    seed: u64,
+}
+
+impl Receiver {
+    /// A sensor with `n_rings` beams; its own flaws and all noise come from the seed.
+    #[must_use]
+    pub fn new(noise: &Noise, n_rings: usize, state: &WeatherState, seed: u64) -> Self {
+        let min_power = 0.1 / noise.sure_range_m.powi(2);
+        let mut rng = random::stream(seed, "lidar-rings", 0);
+        let rings = (0..n_rings).map(|_| {
+            let offset_m = noise.ring_bias_m * standard_normal(&mut rng);
+            let dropout = noise.dropout * (1.0 + noise.dropout_spread * (2.0 * rng.random::<f64>() - 1.0));
+            (offset_m, dropout)
+        });
+        let is_fog = state.mor_m < FOG_MOR_M;
+        Self {
+            noise: *noise,
+            state: *state,
+            min_power,
+            soft_returns: is_fog.then(|| SoftReturns::new(state.mor_m, state.extinction_per_m())),
+            drops: Drops::new(state, min_power),
+            rings: rings.collect(),
+            seed,
+        }
+    }
+
+    /// The measured points of sample `sample_idx`, ray by ray; what is lost or out of range is left out.
+    ///
+    /// Every ray draws the same amount whatever it hits, so one object more disturbs no other's noise.
+    ///
+    /// # Panics
+    /// If hits and rays differ in number, or a ring has no entry.
+    #[must_use]
+    pub fn returns(&self, pattern: &Pattern, hits: &[Hit], sample_idx: u64) -> Vec<Return> {
+        assert_eq!(hits.len(), pattern.directions.len(), "one hit for each ray");
+        let mut rng = random::stream(self.seed, "lidar-noise", sample_idx);
+        let mut weather_rng = random::stream(self.seed, "lidar-weather", sample_idx);
+        let rays = hits.iter().enumerate();
+        rays.filter_map(|(ray, hit)| self.measure(pattern, ray, hit, &mut rng, &mut weather_rng)).collect()
+    }
+
+    fn measure(
+        &self,
+        pattern: &Pattern,
+        ray: usize,
+        hit: &Hit,
+        rng: &mut Rng,
+        weather_rng: &mut Rng,
+    ) -> Option<Return> {
+        let ring = pattern.rings[ray];
+        let (ring_offset_m, ring_dropout) = self.rings[usize::from(ring)];
+        let range_draw = standard_normal(rng);
+        let [dropout_draw, detection_draw] = [rng.random::<f64>(), rng.random::<f64>()];
+
+        let answer = self.strongest(hit, weather_rng);
+        let signal_to_threshold = answer.power / self.min_power;
+        if dropout_draw < ring_dropout || detection_draw >= signal_to_threshold {
+            return None;
+        }
+        let is_turbid = self.soft_returns.is_some() || self.drops.is_some();
+        let weak_m =
+            if is_turbid { THRESHOLD_NOISE_M / (2.0 * signal_to_threshold.max(1.0)).sqrt() } else { 0.0 };
+        let range_m = answer.range_m + ring_offset_m + self.noise.range_noise_m.hypot(weak_m) * range_draw;
+        if !range_m.is_finite() || range_m <= 0.0 || range_m > self.noise.max_range_m {
+            return None;
+        }
+        let calibrated = answer.power * answer.range_m.powi(2);
+        let own_loss = (-2.0 * self.noise.attenuation_per_m * answer.range_m).exp();
+        let intensity = (255.0 * calibrated * own_loss).clamp(0.0, 255.0).round();
+        let at = pattern.directions[ray] * range_m;
+        let point = LidarPoint {
+            x_m: at.x as f32,
+            y_m: at.y as f32,
+            z_m: at.z as f32,
+            intensity: intensity as f32,
+            ring,
+        };
+        Some(Return { ray, source: answer.source, point })
+    }
+
+    /// The strongest of the target's, the fog's and the drops' answers.
+    fn strongest(&self, hit: &Hit, weather_rng: &mut Rng) -> Answer {
+        let mut strongest = Answer { source: Source::Target, power: 0.0, range_m: hit.range_m };
+        if hit.range_m.is_finite() && hit.range_m > 0.0 {
+            let reflectivity = if hit.is_paved {
+                wet_ground::reflectivity(hit.reflectivity, hit.cos_incidence, self.state.wetness)
+            } else {
+                hit.reflectivity
+            };
+            let air = (-2.0 * self.state.extinction_per_m() * hit.range_m).exp();
+            strongest.power = reflectivity * hit.cos_incidence * air / hit.range_m.powi(2);
+        }
+        if let Some(soft_returns) = &self.soft_returns {
+            let soft = soft_returns.before(hit.range_m);
+            let spread = Beta::new(2.0, 20.0).expect("both shapes are positive").sample(weather_rng);
+            if soft.power > strongest.power {
+                // Not behind the target.
+                let range_m = (soft.range_m + SOFT_SPREAD_M * spread).min(hit.range_m);
+                strongest = Answer { source: Source::Fog, power: soft.power, range_m };
+            }
+        }
+        if let Some(drops) = &self.drops {
+            let scatter = drops.strongest(hit.range_m, weather_rng);
+            if scatter.power > strongest.power.max(self.min_power) {
+                strongest = Answer { source: Source::Rain, power: scatter.power, range_m: scatter.range_m };
+            }
+        }
+        strongest
+    }
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Answer {
+    source: Source,
+    power: f64,
+    range_m: f64,
+}
+
+fn standard_normal(rng: &mut Rng) -> f64 {
+    StandardNormal.sample(rng)
+}
+
+#[cfg(test)]
+mod tests;
