@@ -56,7 +56,7 @@ pub fn record(
 ) -> Result<(EpisodeEntry, Timings), GenerateError> {
     let mut timings = Timings::default();
     let begin = Instant::now();
-    let town = Arc::new(Town::load(&config.raw.town)?);
+    let town = Arc::new(Town::load(&plan.town)?);
     let world = populate(&town, &config.raw.scene, plan.seed)?;
     let mount = CameraMount {
         body: "ego".into(),
@@ -71,7 +71,7 @@ pub fn record(
         name: plan.name.clone(),
         seed: plan.seed,
         town: town.name.clone(),
-        weather: config.weather.name().to_owned(),
+        weather: plan.weather.name().to_owned(),
         ood: config.raw.scene.ood,
         generator_version: env!("CARGO_PKG_VERSION").to_owned(),
         config_toml: to_toml(&config.raw),

@@ -10,6 +10,7 @@ pub mod episode;
 mod folder;
 mod map;
 mod plan;
+pub mod preset;
 mod run;
 pub mod worker;
 
@@ -17,8 +18,9 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-pub use config::{AnnotationConfig, CheckedConfig, GenerateConfig, RenderConfig};
+pub use config::{ALL, AnnotationConfig, CheckedConfig, GenerateConfig, RenderConfig};
 pub use plan::{EpisodePlan, plan};
+pub use preset::Preset;
 pub use run::{RunOptions, Summary, run};
 
 use crate::episode::{EpisodeError, ManifestError};
