@@ -5,6 +5,7 @@ mod doctor;
 mod eval;
 mod generate;
 mod generate_worker;
+mod info;
 mod label;
 mod predict;
 mod progress;
@@ -33,6 +34,8 @@ enum Command {
     GenWorker(generate_worker::WorkerArgs),
     /// Label the objects of a dataset harmful or harmless by a danger zone
     Label(label::LabelArgs),
+    /// Tell what a dataset holds, beside the paper's: counts, harmful shares, hardness, histograms
+    Info(info::InfoArgs),
     /// Train a detector on a labelled dataset
     Train(train::TrainArgs),
     /// Write a detector's boxes for a dataset
@@ -69,6 +72,7 @@ pub fn main() -> ExitCode {
         Command::Gen(args) => generate::run(args),
         Command::GenWorker(args) => generate_worker::run(args),
         Command::Label(args) => label::run(args),
+        Command::Info(args) => info::run(args),
         Command::Train(args) => train::run(args),
         Command::Predict(args) => predict::run(args),
         Command::Eval(args) => eval::run(args),
