@@ -54,7 +54,7 @@ fn draw_title(page: &mut Canvas, info: &Info) {
     let all = &info.all;
     let labels = info.label_set.as_ref().map_or_else(|| "not labelled".into(), |set| format!("labels {set}"));
     let counts = format!(
-        "{} episodes · {} samples · {} objects · {} towns · {} weathers · {labels}",
+        "episodes {} · samples {} · objects {} · towns {} · weathers {} · {labels}",
         all.n_episodes,
         all.n_samples,
         all.n_objects,

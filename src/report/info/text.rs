@@ -47,6 +47,11 @@ fn percent(share: Option<f64>) -> String {
     share.map_or_else(|| "-".into(), |share| format!("{:.1} %", 100.0 * share))
 }
 
+/// Rounded to tenths, without a sign before zero.
+fn tenths(value: f64) -> f64 {
+    (value * 10.0).round() / 10.0 + 0.0
+}
+
 impl Info {
     fn write_comparison(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let row = if self.ood { "OOD set" } else { "training set" };
@@ -76,7 +81,7 @@ impl Info {
 
     fn write_spread(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let span = |least: Option<f64>, most: Option<f64>, unit: &str| match (least, most) {
-            (Some(least), Some(most)) => format!("{least:.1} to {most:.1} {unit}"),
+            (Some(least), Some(most)) => format!("{:.1} to {:.1} {unit}", tenths(least), tenths(most)),
             _ => "-".into(),
         };
         let (hardness, histograms) = (&self.hardness, &self.histograms);
