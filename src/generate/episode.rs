@@ -20,7 +20,7 @@ use crate::random;
 use crate::sample::{EncodedImage, ImageFormat, Measured, Sample, Truth};
 use crate::scene::{SceneObject, Town, World, populate};
 use crate::sensors::lidar::{self, Hit};
-use crate::sim::CameraMount;
+use crate::sim::{CameraMount, Simulator};
 
 /// Simulated time begins on 2025-01-01, never at the wall clock.
 const EPOCH_NS: u64 = 1_735_689_600_000_000_000;
@@ -35,6 +35,7 @@ const BACKGROUND_REFLECTIVITY: f64 = 0.25;
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Timings {
     pub set_up: Duration,
+    pub warm_up: Duration,
     pub motion: Duration,
     pub picture: Duration,
     pub segmentation: Duration,
@@ -42,7 +43,20 @@ pub struct Timings {
     pub packing: Duration,
     pub truth: Duration,
     pub writing: Duration,
+    pub finishing: Duration,
 }
+
+/// When a watcher of an episode is called.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Moment {
+    /// Before the first sample.
+    WarmedUp,
+    /// After the last sample.
+    Sampled,
+}
+
+/// Called at each [`Moment`] of an episode.
+pub type Watch<'a> = dyn FnMut(Moment, &mut Simulator) -> Result<(), GenerateError> + 'a;
 
 /// Makes one episode in the data set's folder; `on_sample` hears of each written sample.
 ///
@@ -53,6 +67,20 @@ pub fn record(
     plan: &EpisodePlan,
     folder: &Path,
     on_sample: &mut dyn FnMut() -> std::io::Result<()>,
+) -> Result<(EpisodeEntry, Timings), GenerateError> {
+    record_watched(config, plan, folder, on_sample, &mut |_, _| Ok(()))
+}
+
+/// As [`record`], with a watcher.
+///
+/// # Errors
+/// As [`record`], and what the watcher says.
+pub fn record_watched(
+    config: &CheckedConfig,
+    plan: &EpisodePlan,
+    folder: &Path,
+    on_sample: &mut dyn FnMut() -> std::io::Result<()>,
+    watch: &mut Watch<'_>,
 ) -> Result<(EpisodeEntry, Timings), GenerateError> {
     let mut timings = Timings::default();
     let begin = Instant::now();
@@ -83,12 +111,15 @@ pub fn record(
     let mut writer = EpisodeWriter::create(&folder.join(plan.file()), &meta, &map)?;
     timings.set_up = begin.elapsed();
 
+    let begin = Instant::now();
     let [least_s, most_s] = config.raw.warm_up_s;
     let draw: f64 = random::stream(plan.seed, "warm-up", 0).random();
     let n_warm_up_steps = ((least_s + (most_s - least_s) * draw) / CONTROL_PERIOD_S).round() as u32;
     for _ in 0..n_warm_up_steps {
         drive.step()?;
     }
+    timings.warm_up = begin.elapsed();
+    watch(Moment::WarmedUp, &mut drive.simulator)?;
     for sample_idx in 0..u64::from(config.raw.samples) {
         let begin = Instant::now();
         let n_steps = if sample_idx == 0 { 0 } else { config.control_steps_per_sample };
@@ -102,7 +133,10 @@ pub fn record(
         timings.writing += begin.elapsed();
         on_sample()?;
     }
+    watch(Moment::Sampled, &mut drive.simulator)?;
+    let begin = Instant::now();
     let finished = writer.finish()?;
+    timings.finishing = begin.elapsed();
     let entry = EpisodeEntry {
         name: plan.name.clone(),
         file: plan.file(),

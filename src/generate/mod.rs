@@ -4,6 +4,7 @@
 //! same seed and config give the same bytes, whatever the number of processes.
 
 mod annotate;
+pub mod bench;
 mod config;
 mod drive;
 pub mod episode;
@@ -58,6 +59,8 @@ pub enum GenerateError {
          or --force to replace its episodes: {}", path.display()
     )]
     OtherData { what: &'static str, found: String, wanted: String, path: PathBuf },
+    #[error("two runs of the same episodes differ: {}", path.display())]
+    RunsDiffer { path: PathBuf },
     #[error("episode `{episode}`: {message}")]
     Worker { episode: String, message: String },
 }

@@ -46,7 +46,9 @@ pub struct Segmentation {
 /// A compiled world, its state and its camera.
 #[derive(Debug)]
 pub struct Simulator {
-    world: Py<PyAny>,
+    pub(super) world: Py<PyAny>,
+    /// Notes the calls to MuJoCo, if asked to.
+    pub(super) call_log: Option<Py<PyAny>>,
     camera: Option<Py<PyAny>>,
     bodies: HashMap<String, usize>,
     joints: HashMap<String, usize>,
@@ -58,7 +60,7 @@ pub struct Simulator {
     timestep_s: f64,
 }
 
-fn failed(what: &'static str) -> impl Fn(PyErr) -> SimError {
+pub(super) fn failed(what: &'static str) -> impl Fn(PyErr) -> SimError {
     move |error| SimError::Ask { what, message: text(&error) }
 }
 
@@ -109,6 +111,7 @@ impl Simulator {
                 let body = |id: i32| usize::try_from(id).expect("every geom has a body");
                 Ok(Self {
                     camera: None,
+                    call_log: None,
                     bodies: names("body")?,
                     joints: names("joint")?,
                     actuators: names("actuator")?,
@@ -322,7 +325,7 @@ impl Simulator {
         })
     }
 
-    fn camera<'py>(&mut self, py: Python<'py>) -> Result<Bound<'py, PyAny>, SimError> {
+    pub(super) fn camera<'py>(&mut self, py: Python<'py>) -> Result<Bound<'py, PyAny>, SimError> {
         if let Some(camera) = &self.camera {
             return Ok(camera.bind(py).clone());
         }
@@ -337,6 +340,9 @@ impl Drop for Simulator {
     fn drop(&mut self) {
         let Some(camera) = self.camera.take() else { return };
         Python::attach(|py| {
+            if let Some(log) = self.call_log.take() {
+                let _ = log.bind(py).call_method0("stop");
+            }
             // Freed here and not by Python, which could free it while another camera is current.
             // A failure leaks driver memory of a world that is gone; there is nobody to tell.
             let _ = camera.bind(py).call_method0("close");
