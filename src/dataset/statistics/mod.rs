@@ -26,7 +26,7 @@ pub const HALF_VISIBLE: f32 = 0.5;
 pub const FEW_POINTS: u32 = 10;
 
 /// The statistics of a data set, or of a part of it.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Statistics {
     pub all: Group,
     pub by_split: BTreeMap<Split, Group>,
@@ -93,22 +93,6 @@ impl Default for Histograms {
             speed_mps: Histogram::even(-5.0, 30.0, 35),
             steering_deg: Histogram::even(-45.0, 45.0, 36),
             objects_per_sample: Histogram::even(-0.5, 60.5, 61),
-        }
-    }
-}
-
-impl Default for Statistics {
-    fn default() -> Self {
-        Self {
-            all: Group::default(),
-            by_split: BTreeMap::new(),
-            by_town: BTreeMap::new(),
-            by_weather: BTreeMap::new(),
-            by_category: BTreeMap::new(),
-            n_occluded: 0,
-            n_few_points: 0,
-            n_bytes: 0,
-            histograms: Histograms::default(),
         }
     }
 }

@@ -64,11 +64,15 @@ fn resident_bytes(process: u32) -> Option<u64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::io::{Read, Write};
     use std::process::{Command, Stdio};
 
     #[test]
     fn a_child_has_memory_and_a_process_that_is_not_there_has_none() {
-        let mut child = Command::new("cat").stdin(Stdio::piped()).stdout(Stdio::null()).spawn().unwrap();
+        let mut child = Command::new("cat").stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
+        // What it gives back shows that it is running, and no longer a copy of this process.
+        child.stdin.as_mut().unwrap().write_all(b"x").unwrap();
+        child.stdout.as_mut().unwrap().read_exact(&mut [0]).unwrap();
         assert!(resident_bytes(child.id()).unwrap() > 100_000);
         assert!(largest_child_bytes().unwrap() > 100_000);
         child.kill().unwrap();
