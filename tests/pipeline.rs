@@ -167,15 +167,20 @@ fn info_counts_what_an_outside_reader_counts() {
 }
 
 #[test]
-fn a_set_of_all_weathers_names_town_and_weather_of_each_episode() {
+fn a_preset_lies_under_set_and_set_under_the_flags() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let out = folder.path().join("data");
-    let args = ["--weather", "all", "--episodes", "1", "--samples", "1"];
-    done(&[&["gen", "--town", "downtown", "--jobs", "1", "--out", text(&out)], &args[..]].concat());
+    let set = ["--preset", "small", "--set", "samples=2", "--set", "seed=9", "--set", "towns=[\"market\"]"];
+    let flags = ["--town", "downtown", "--episodes", "1", "--samples", "1", "--jobs", "1"];
+    done(&[&["gen", "--out", text(&out)], &set[..], &flags[..]].concat());
     let info: serde_json::Value = serde_json::from_str(&done(&["info", text(&out), "--json"])).expect("JSON");
+    assert_eq!((&info["n_samples"], &info["seed"]), (&1.into(), &9.into()));
     assert_eq!(info["towns"]["downtown"]["n_samples"], 1);
     assert_eq!(info["weathers"].as_object().map(serde_json::Map::len), Some(1));
     assert!(info["note"].as_str().is_some_and(|note| note.contains("harmzone label")), "{info}");
+    // `all` was resolved to names.
+    let config = fs::read_to_string(out.join("gen.toml")).expect("the config is saved");
+    assert!(config.contains("ClearNoon") && !config.contains("\"all\""), "{config}");
 }
 
 #[test]
