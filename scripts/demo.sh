@@ -37,9 +37,8 @@ part "compile" make --no-print-directory build
 compiled=$SECONDS
 
 # Every sixth episode is kept for validation: 20 x 15 samples to train on, 4 x 15 to validate.
-part "generate, in distribution" "$harmzone" gen --town downtown --episodes 24 --samples 15 --seed 1 --out "$out/id"
-part "generate, out of distribution" \
-    "$harmzone" gen --town downtown --ood --episodes 8 --samples 15 --seed 2 --out "$out/ood"
+part "generate, in distribution" "$harmzone" gen --preset demo --out "$out/id"
+part "generate, out of distribution" "$harmzone" gen --preset demo --ood --out "$out/ood"
 part "label, in distribution" "$harmzone" label "$out/id"
 part "label, out of distribution" "$harmzone" label "$out/ood"
 part "train, both stages" train

@@ -40,6 +40,49 @@ where
     with_overrides(&config, overrides)
 }
 
+/// Loads a config over another: `base`, then what the file says if one is given, then the overrides.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_over<T>(base: &T, path: Option<&Path>, overrides: &[String]) -> Result<T, ConfigError>
+where
+    T: DeserializeOwned + Serialize,
+{
+    let Some(path) = path else { return with_overrides(base, overrides) };
+    let text = fs::read_to_string(path).map_err(ConfigError::Read)?;
+    let fail =
+        |error: toml::de::Error| ConfigError::Parse { message: error.to_string(), path: path.to_owned() };
+    // The file alone must be right, so that an error tells its line.
+    toml::from_str::<T>(&text).map_err(fail)?;
+    with_overrides(&with_table(base, &text.parse().map_err(fail)?)?, overrides)
+}
+
+/// The config with the keys of a table laid over it, table by table.
+///
+/// # Errors
+/// An unknown key, or a value of the wrong type.
+pub fn with_table<T>(config: &T, over: &toml::Table) -> Result<T, ConfigError>
+where
+    T: DeserializeOwned + Serialize,
+{
+    fn lay(under: &mut toml::Table, over: &toml::Table) {
+        for (key, value) in over {
+            match (under.get_mut(key), value) {
+                (Some(toml::Value::Table(under)), toml::Value::Table(over)) => lay(under, over),
+                _ => {
+                    under.insert(key.clone(), value.clone());
+                }
+            }
+        }
+    }
+    let mut table = toml::Table::try_from(config).expect("a config always has a TOML form");
+    lay(&mut table, over);
+    table.try_into().map_err(|error: toml::de::Error| ConfigError::OverrideValue {
+        overrides: vec![over.to_string()],
+        message: error.message().to_owned(),
+    })
+}
+
 /// The config with dotted `key=value` overrides laid over it.
 ///
 /// # Errors
@@ -124,6 +167,20 @@ mod tests {
             message.contains("line 2") && message.contains("sped") && message.contains("zone.toml"),
             "{message}"
         );
+    }
+
+    #[test]
+    fn a_file_over_a_base_changes_only_what_it_names() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("over.toml");
+        fs::write(&path, "town = \"market\"\n").unwrap();
+        let base = Example { speed_mps: 7.0, town: "suburb".into(), inner: Inner { count: 4 } };
+        let overrides = ["inner.count=5".to_owned()];
+        let over: Example = load_over(&base, Some(&path), &overrides).unwrap();
+        assert_eq!((over.speed_mps, over.town.as_str(), over.inner.count), (7.0, "market", 5));
+        fs::write(&path, "\n\ntwon = 1\n").unwrap();
+        let message = load_over(&base, Some(&path), &[]).unwrap_err().to_string();
+        assert!(message.contains("line 3") && message.contains("over.toml"), "{message}");
     }
 
     #[test]

@@ -144,6 +144,46 @@ fn a_trained_run_is_scored_drawn_and_predicts_files() {
 }
 
 #[test]
+fn info_counts_what_an_outside_reader_counts() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let python = root.join(".venv-test/bin/python");
+    assert!(python.is_file(), "no {}: run `make setup-test` first", python.display());
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    for dataset in [&fixture().id, &fixture().ood] {
+        let told = folder.path().join("info.json");
+        fs::write(&told, done(&["info", text(dataset), "--json"])).expect("a writable folder");
+        let checked = Command::new(&python)
+            .arg(root.join("tests/python/check_info.py"))
+            .args([dataset.as_path(), Path::new("rect"), told.as_path()])
+            .output()
+            .expect("Python starts");
+        let counts = String::from_utf8_lossy(&checked.stdout);
+        assert!(checked.status.success(), "{counts}{}", String::from_utf8_lossy(&checked.stderr));
+        assert!(counts.trim().ends_with(" 0 differences"), "{counts}");
+    }
+    let plot = folder.path().join("info.png");
+    let table = done(&["info", text(&fixture().ood), "--plot", text(&plot)]);
+    assert!(table.contains("OOD objects to one ID object") && plot.is_file(), "{table}");
+}
+
+#[test]
+fn a_preset_lies_under_set_and_set_under_the_flags() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().join("data");
+    let set = ["--preset", "small", "--set", "samples=2", "--set", "seed=9", "--set", "towns=[\"market\"]"];
+    let flags = ["--town", "downtown", "--episodes", "1", "--samples", "1", "--jobs", "1"];
+    done(&[&["gen", "--out", text(&out)], &set[..], &flags[..]].concat());
+    let info: serde_json::Value = serde_json::from_str(&done(&["info", text(&out), "--json"])).expect("JSON");
+    assert_eq!((&info["n_samples"], &info["seed"]), (&1.into(), &9.into()));
+    assert_eq!(info["towns"]["downtown"]["n_samples"], 1);
+    assert_eq!(info["weathers"].as_object().map(serde_json::Map::len), Some(1));
+    assert!(info["note"].as_str().is_some_and(|note| note.contains("harmzone label")), "{info}");
+    // `all` was resolved to names.
+    let config = fs::read_to_string(out.join("gen.toml")).expect("the config is saved");
+    assert!(config.contains("ClearNoon") && !config.contains("\"all\""), "{config}");
+}
+
+#[test]
 fn the_same_seed_gives_the_same_bytes_whatever_the_jobs() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let one = folder.path().join("one");

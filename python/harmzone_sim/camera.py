@@ -86,6 +86,10 @@ class Camera:
             self._geom_from_segment = table
         return self._geom_from_segment[np.minimum(segment, n_geoms)]
 
+    def make_current(self) -> None:
+        """Makes the context the one that calls draw with."""
+        self._gl.make_current()
+
     def close(self) -> None:
         """Frees what the driver holds for this camera."""
         self._gl.make_current()

@@ -3,26 +3,30 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use clap::builder::PossibleValuesParser;
 
 use super::ExitStatus;
 use super::progress::Bar;
-use crate::config;
-use crate::generate::{self, GenerateConfig, RunOptions};
+use crate::generate::{self, Preset, RunOptions, preset};
 
 #[derive(Debug, Args)]
 pub struct GenerateArgs {
     /// Folder of the data set; a run that was broken off is taken up again
     #[arg(long)]
     out: PathBuf,
-    /// A town that comes with harmzone, or the path of an OpenDRIVE file
-    #[arg(long)]
-    town: Option<String>,
-    /// Weather, by CARLA's names
-    #[arg(long)]
-    weather: Option<String>,
-    /// How many episodes the data set has
-    #[arg(long, default_value_t = 6, value_parser = clap::value_parser!(u32).range(1..))]
-    episodes: u32,
+    /// Towns, weathers, counts and splits of a whole experiment; other flags override it
+    #[arg(long, value_parser = PossibleValuesParser::new(Preset::ALL.map(Preset::name)))]
+    preset: Option<String>,
+    /// Towns that come with harmzone, or paths of OpenDRIVE files, with commas between; or `all`
+    #[arg(long, value_delimiter = ',')]
+    town: Vec<String>,
+    /// Weathers by CARLA's names, with commas between; or `all`. Every pair of town and weather comes once
+    /// before any comes twice
+    #[arg(long, value_delimiter = ',')]
+    weather: Vec<String>,
+    /// How many episodes the data set has [default: the preset's, else 6]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
+    episodes: Option<u32>,
     /// Samples an episode
     #[arg(long)]
     samples: Option<u32>,
@@ -35,7 +39,7 @@ pub struct GenerateArgs {
     /// Worker processes [default: all cores]
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
     jobs: Option<u32>,
-    /// Config file (see configs/gen.toml)
+    /// Config file (see configs/gen.toml); over the preset, under --set, which is under the other flags
     #[arg(long)]
     config: Option<PathBuf>,
     /// Override a key of the config, for example render.jpeg_quality=95
@@ -50,19 +54,24 @@ pub struct GenerateArgs {
 }
 
 pub fn run(args: GenerateArgs) -> anyhow::Result<ExitStatus> {
-    let mut config: GenerateConfig = config::load(args.config.as_deref(), &args.overrides)?;
-    config.town = args.town.unwrap_or(config.town);
-    config.weather = args.weather.unwrap_or(config.weather);
+    let preset = args.preset.as_deref().and_then(Preset::named);
+    let (mut config, n_episodes) = preset::load(preset, args.ood, args.config.as_deref(), &args.overrides)?;
+    if !args.town.is_empty() {
+        config.towns = args.town;
+    }
+    if !args.weather.is_empty() {
+        config.weathers = args.weather;
+    }
     config.samples = args.samples.unwrap_or(config.samples);
     config.seed = args.seed.unwrap_or(config.seed);
-    config.scene.ood |= args.ood;
     let all_cores = std::thread::available_parallelism().map_or(1, usize::from);
     let options = RunOptions {
         program: std::env::current_exe()?,
         jobs: args.jobs.map_or(all_cores, |jobs| jobs as usize),
         force: args.force,
     };
-    let summary = generate::run(&config, args.episodes, &args.out, &options, &Bar::default())?;
+    let summary =
+        generate::run(&config, args.episodes.unwrap_or(n_episodes), &args.out, &options, &Bar::default())?;
     if args.json {
         println!("{}", serde_json::to_string_pretty(&summary)?);
     } else {

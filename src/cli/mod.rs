@@ -1,10 +1,12 @@
 //! The command line: flags, logging, progress bars, exit codes; one file a subcommand.
 
+mod bench_generate;
 mod device;
 mod doctor;
 mod eval;
 mod generate;
 mod generate_worker;
+mod info;
 mod label;
 mod predict;
 mod progress;
@@ -31,8 +33,13 @@ enum Command {
     /// Write one episode; the processes that `gen --jobs` starts
     #[command(hide = true)]
     GenWorker(generate_worker::WorkerArgs),
+    /// Measure the speed of `gen`: against bare MuJoCo, with several processes, and its memory
+    #[command(hide = true)]
+    BenchGen(bench_generate::BenchArgs),
     /// Label the objects of a dataset harmful or harmless by a danger zone
     Label(label::LabelArgs),
+    /// Tell what a dataset holds, beside the paper's: counts, harmful shares, hardness, histograms
+    Info(info::InfoArgs),
     /// Train a detector on a labelled dataset
     Train(train::TrainArgs),
     /// Write a detector's boxes for a dataset
@@ -68,7 +75,9 @@ pub fn main() -> ExitCode {
     let ended = match cli.command {
         Command::Gen(args) => generate::run(args),
         Command::GenWorker(args) => generate_worker::run(args),
+        Command::BenchGen(args) => bench_generate::run(args),
         Command::Label(args) => label::run(args),
+        Command::Info(args) => info::run(args),
         Command::Train(args) => train::run(args),
         Command::Predict(args) => predict::run(args),
         Command::Eval(args) => eval::run(args),

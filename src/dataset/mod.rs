@@ -1,5 +1,6 @@
 //! A labelled dataset in memory: each sample's measurements and its objects with their labels.
 
+pub mod statistics;
 #[cfg(test)]
 pub mod test_data;
 
@@ -78,10 +79,7 @@ impl Dataset {
     /// episode of the split.
     pub fn open(path: &Path, set: &str, split: Split) -> Result<Self, DatasetError> {
         let manifest = Manifest::read(path)?;
-        let labels = LabelManifest::read(path, set)?;
-        if labels.dataset_config_sha256 != manifest.config_sha256 {
-            return Err(DatasetError::OtherLabels { set: set.to_owned(), path: path.to_owned() });
-        }
+        let labels = labels_of(path, set, &manifest)?;
         let zone = zone_of(&labels).map_err(|message| DatasetError::Zone {
             set: set.to_owned(),
             message,
@@ -96,17 +94,7 @@ impl Dataset {
         }
         let loaded = episodes
             .par_iter()
-            .map(|entry| {
-                let of_episode =
-                    labels.episodes.iter().find(|label| label.name == entry.name).ok_or_else(|| {
-                        DatasetError::NotLabelled {
-                            episode: entry.name.clone(),
-                            set: set.to_owned(),
-                            path: path.to_owned(),
-                        }
-                    })?;
-                load_episode(path, set, entry, of_episode)
-            })
+            .map(|entry| load_episode(path, set, entry, label_entry(&labels, entry, path)?))
             .collect::<Result<Vec<_>, _>>()?;
         let hash =
             |file: PathBuf| -> Result<String, DatasetError> { Ok(files::sha256_hex(&fs::read(file)?)) };
@@ -148,6 +136,28 @@ impl Dataset {
     pub fn samples(&self) -> &[LabelledSample] {
         &self.samples
     }
+}
+
+/// A label set, if it is of this data set.
+fn labels_of(path: &Path, set: &str, manifest: &Manifest) -> Result<LabelManifest, DatasetError> {
+    let labels = LabelManifest::read(path, set)?;
+    if labels.dataset_config_sha256 != manifest.config_sha256 {
+        return Err(DatasetError::OtherLabels { set: set.to_owned(), path: path.to_owned() });
+    }
+    Ok(labels)
+}
+
+/// The labels of an episode.
+fn label_entry<'a>(
+    labels: &'a LabelManifest,
+    entry: &EpisodeEntry,
+    path: &Path,
+) -> Result<&'a LabelEntry, DatasetError> {
+    labels.episodes.iter().find(|label| label.name == entry.name).ok_or_else(|| DatasetError::NotLabelled {
+        episode: entry.name.clone(),
+        set: labels.set.clone(),
+        path: path.to_owned(),
+    })
 }
 
 fn zone_of(labels: &LabelManifest) -> Result<Zone, String> {

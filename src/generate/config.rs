@@ -3,20 +3,23 @@
 use serde::{Deserialize, Serialize};
 
 use super::GenerateError;
-use crate::scene::PopulateConfig;
+use crate::scene::{PopulateConfig, town_names};
 use crate::sensors::{Rig, RigConfig, Weather, WeatherOverride};
 
 /// Behaviour and steering act this often; physics in between.
 pub(super) const CONTROL_PERIOD_S: f64 = 0.05;
 
+/// Stands for every town that comes with harmzone, and for every weather.
+pub const ALL: &str = "all";
+
 /// The config of `harmzone gen`. How many episodes there are is no part of it, so that a data set can grow.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct GenerateConfig {
-    /// A town that comes with harmzone, or the path of an OpenDRIVE file.
-    pub town: String,
-    /// By CARLA's names.
-    pub weather: String,
+    /// Towns that come with harmzone, or paths of OpenDRIVE files; [`ALL`] stands for all of the former.
+    pub towns: Vec<String>,
+    /// By CARLA's names; [`ALL`] stands for all. The episodes take each pair of town and weather equally often.
+    pub weathers: Vec<String>,
     /// Every episode's seed is drawn from this one.
     pub seed: u64,
     /// Samples an episode.
@@ -26,8 +29,9 @@ pub struct GenerateConfig {
     /// Simulated before the first sample, so that cars move and suspensions rest: least and most; each
     /// episode draws its own.
     pub warm_up_s: [f64; 2],
-    /// Every this many episodes one is for validation (0: none), the others for training.
-    pub val_every: u32,
+    /// Every this many episodes one is for validation (0: none), the others for training. Need not be
+    /// whole: 4.5 takes two of nine.
+    pub val_every: f64,
     /// What stands and moves in the town; with `ood`, all episodes are for testing.
     pub scene: PopulateConfig,
     /// Values that replace those of the named weather.
@@ -40,13 +44,13 @@ pub struct GenerateConfig {
 impl Default for GenerateConfig {
     fn default() -> Self {
         Self {
-            town: "downtown".into(),
-            weather: "ClearNoon".into(),
+            towns: vec!["downtown".into()],
+            weathers: vec!["ClearNoon".into()],
             seed: 0,
             samples: 40,
             sample_period_s: 0.3,
             warm_up_s: [1.0, 20.0],
-            val_every: 6,
+            val_every: 6.0,
             scene: PopulateConfig::default(),
             weather_override: WeatherOverride::default(),
             annotation: AnnotationConfig::default(),
@@ -115,8 +119,9 @@ impl Default for RenderConfig {
 /// The checked config.
 #[derive(Debug, Clone)]
 pub struct CheckedConfig {
+    /// With the names that [`ALL`] stood for.
     pub raw: GenerateConfig,
-    pub weather: Weather,
+    pub weathers: Vec<Weather>,
     pub rig: Rig,
     pub(super) control_steps_per_sample: u32,
 }
@@ -128,7 +133,15 @@ impl TryFrom<&GenerateConfig> for CheckedConfig {
         let require = |holds: bool, field, found: String, wanted| {
             if holds { Ok(()) } else { Err(GenerateError::Config { field, found, wanted }) }
         };
-        require(!raw.town.is_empty(), "town", "empty".into(), "a name or a path")?;
+        let towns = expanded("towns", &raw.towns, town_names)?;
+        let weathers = expanded("weathers", &raw.weathers, weather_names)?;
+        let every = raw.val_every;
+        require(
+            every == 0.0 || (1.0..=1e6).contains(&every),
+            "val_every",
+            every.to_string(),
+            "0, or 1 or more",
+        )?;
         require(raw.samples > 0, "samples", raw.samples.to_string(), "at least 1")?;
         let steps = raw.sample_period_s / CONTROL_PERIOD_S;
         let is_whole = (1.0..=1000.0).contains(&steps.round()) && (steps - steps.round()).abs() < 1e-6;
@@ -148,13 +161,42 @@ impl TryFrom<&GenerateConfig> for CheckedConfig {
         require((64..=16384).contains(&side), "render.shadow_size_px", side.to_string(), "64 to 16384")?;
         let range_m = raw.annotation.max_range_m;
         require((1.0..=500.0).contains(&range_m), "annotation.max_range_m", range_m.to_string(), "1 to 500")?;
+        for weather in &weathers {
+            weather.parse::<Weather>()?.state().replaced(&raw.weather_override)?;
+        }
         Ok(Self {
-            raw: raw.clone(),
-            weather: raw.weather.parse()?,
+            weathers: weathers.iter().map(|name| name.parse()).collect::<Result<_, _>>()?,
+            raw: GenerateConfig { towns, weathers, ..raw.clone() },
             rig: Rig::try_from(&raw.rig)?,
             control_steps_per_sample: steps.round() as u32,
         })
     }
+}
+
+/// The weathers that are simulated.
+fn weather_names() -> Vec<String> {
+    Weather::ALL.iter().map(|weather| weather.name().to_owned()).collect()
+}
+
+/// The names, with all that exist in place of [`ALL`]; none may be there twice.
+fn expanded(
+    field: &'static str,
+    names: &[String],
+    all: impl Fn() -> Vec<String>,
+) -> Result<Vec<String>, GenerateError> {
+    let fail = |found: String| GenerateError::Config { field, found, wanted: "a list of different names" };
+    if names == [ALL] {
+        return Ok(all());
+    }
+    if names.is_empty() {
+        return Err(fail("empty".into()));
+    }
+    for (i, name) in names.iter().enumerate() {
+        if name.is_empty() || name == ALL || names[..i].contains(name) {
+            return Err(fail(format!("{names:?}")));
+        }
+    }
+    Ok(names.to_vec())
 }
 
 #[cfg(test)]
@@ -166,6 +208,26 @@ mod tests {
         let shipped: GenerateConfig = toml::from_str(include_str!("../../configs/gen.toml")).unwrap();
         assert_eq!(shipped, GenerateConfig::default());
         assert_eq!(CheckedConfig::try_from(&shipped).unwrap().control_steps_per_sample, 6);
+    }
+
+    #[test]
+    fn all_stands_for_every_town_and_weather_that_there_is() {
+        let all = vec![ALL.to_owned()];
+        let config = GenerateConfig { towns: all.clone(), weathers: all, ..GenerateConfig::default() };
+        let checked = CheckedConfig::try_from(&config).unwrap();
+        assert_eq!(checked.raw.towns, town_names());
+        assert_eq!(checked.weathers, Weather::ALL);
+        assert_eq!(CheckedConfig::try_from(&checked.raw).unwrap().raw, checked.raw);
+    }
+
+    #[test]
+    fn no_name_and_a_name_given_twice_are_refused() {
+        for towns in [vec![], vec!["downtown"; 2], vec!["all", "downtown"]] {
+            let towns: Vec<String> = towns.into_iter().map(str::to_owned).collect();
+            let config = GenerateConfig { towns, ..GenerateConfig::default() };
+            let error = CheckedConfig::try_from(&config).unwrap_err().to_string();
+            assert!(error.contains("`towns`"), "{error}");
+        }
     }
 
     #[test]

@@ -22,7 +22,7 @@ use crate::scene::{Lighting, SceneObject, Sun, Town, populate};
 use crate::sensors::WeatherState;
 use crate::sensors::camera::{Material, Rendered, Scope, Shot};
 use crate::sensors::lidar::{self, Hit, Receiver, Source};
-use crate::sim::{CameraMount, Renderer};
+use crate::sim::{CameraMount, Renderer, Simulator};
 
 /// Simulated time begins on 2025-01-01, never at the wall clock.
 const EPOCH_NS: u64 = 1_735_689_600_000_000_000;
@@ -34,6 +34,7 @@ const MAP_REACH_M: f64 = 100.0;
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Timings {
     pub set_up: Duration,
+    pub warm_up: Duration,
     pub motion: Duration,
     pub picture: Duration,
     pub segmentation: Duration,
@@ -43,7 +44,20 @@ pub struct Timings {
     pub packing: Duration,
     pub truth: Duration,
     pub writing: Duration,
+    pub finishing: Duration,
 }
+
+/// When a watcher of an episode is called.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Moment {
+    /// Before the first sample.
+    WarmedUp,
+    /// After the last sample.
+    Sampled,
+}
+
+/// Called at each [`Moment`] of an episode.
+pub type Watch<'a> = dyn FnMut(Moment, &mut Simulator) -> Result<(), GenerateError> + 'a;
 
 /// Makes one episode in the data set's folder; `on_sample` hears of each written sample.
 ///
@@ -55,11 +69,25 @@ pub fn record(
     folder: &Path,
     on_sample: &mut dyn FnMut() -> std::io::Result<()>,
 ) -> Result<(EpisodeEntry, Timings), GenerateError> {
+    record_watched(config, plan, folder, on_sample, &mut |_, _| Ok(()))
+}
+
+/// As [`record`], with a watcher.
+///
+/// # Errors
+/// As [`record`], and what the watcher says.
+pub fn record_watched(
+    config: &CheckedConfig,
+    plan: &EpisodePlan,
+    folder: &Path,
+    on_sample: &mut dyn FnMut() -> std::io::Result<()>,
+    watch: &mut Watch<'_>,
+) -> Result<(EpisodeEntry, Timings), GenerateError> {
     let mut timings = Timings::default();
     let begin = Instant::now();
-    let town = Arc::new(Town::load(&config.raw.town)?);
+    let town = Arc::new(Town::load(&plan.town)?);
     let world = populate(&town, &config.raw.scene, plan.seed)?;
-    let state = config.weather.state().replaced(&config.raw.weather_override)?;
+    let state = plan.weather.state().replaced(&config.raw.weather_override)?;
     let mount = CameraMount {
         body: "ego".into(),
         ego_from_camera: config.rig.ego_from_camera,
@@ -74,13 +102,13 @@ pub fn record(
         objects: world.objects(),
         appearance: Appearance::new(&world, &drive)?,
         receiver: Receiver::new(&config.rig.noise, config.rig.n_rings, &state, plan.seed),
-        scope: Scope::new(config.weather, &state, &config.rig, plan.seed),
+        scope: Scope::new(plan.weather, &state, &config.rig, plan.seed),
     };
     let meta = EpisodeMeta {
         name: plan.name.clone(),
         seed: plan.seed,
         town: town.name.clone(),
-        weather: config.weather.name().to_owned(),
+        weather: plan.weather.name().to_owned(),
         ood: config.raw.scene.ood,
         generator_version: env!("CARGO_PKG_VERSION").to_owned(),
         config_toml: to_toml(&config.raw),
@@ -92,12 +120,15 @@ pub fn record(
     let mut writer = EpisodeWriter::create(&folder.join(plan.file()), &meta, &map)?;
     timings.set_up = begin.elapsed();
 
+    let begin = Instant::now();
     let [least_s, most_s] = config.raw.warm_up_s;
     let draw: f64 = random::stream(plan.seed, "warm-up", 0).random();
     let n_warm_up_steps = ((least_s + (most_s - least_s) * draw) / CONTROL_PERIOD_S).round() as u32;
     for _ in 0..n_warm_up_steps {
         drive.step()?;
     }
+    timings.warm_up = begin.elapsed();
+    watch(Moment::WarmedUp, &mut drive.simulator)?;
     for sample_idx in 0..u64::from(config.raw.samples) {
         let begin = Instant::now();
         let n_steps = if sample_idx == 0 { 0 } else { config.control_steps_per_sample };
@@ -111,7 +142,10 @@ pub fn record(
         timings.writing += begin.elapsed();
         on_sample()?;
     }
+    watch(Moment::Sampled, &mut drive.simulator)?;
+    let begin = Instant::now();
     let finished = writer.finish()?;
+    timings.finishing = begin.elapsed();
     let entry = EpisodeEntry {
         name: plan.name.clone(),
         file: plan.file(),

@@ -5,12 +5,14 @@
 
 mod annotate;
 mod appearance;
+pub mod bench;
 mod config;
 mod drive;
 pub mod episode;
 mod folder;
 mod map;
 mod plan;
+pub mod preset;
 mod run;
 pub mod worker;
 
@@ -18,8 +20,9 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-pub use config::{AnnotationConfig, CheckedConfig, GenerateConfig, RenderConfig};
+pub use config::{ALL, AnnotationConfig, CheckedConfig, GenerateConfig, RenderConfig};
 pub use plan::{EpisodePlan, plan};
+pub use preset::Preset;
 pub use run::{RunOptions, Summary, run};
 
 use crate::episode::{EpisodeError, ManifestError};
@@ -59,6 +62,8 @@ pub enum GenerateError {
          or --force to replace its episodes: {}", path.display()
     )]
     OtherData { what: &'static str, found: String, wanted: String, path: PathBuf },
+    #[error("two runs of the same episodes differ: {}", path.display())]
+    RunsDiffer { path: PathBuf },
     #[error("episode `{episode}`: {message}")]
     Worker { episode: String, message: String },
 }

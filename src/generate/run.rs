@@ -53,10 +53,11 @@ pub fn run(
     options: &RunOptions,
     progress: &dyn Progress,
 ) -> Result<Summary, GenerateError> {
-    CheckedConfig::try_from(config)?;
+    let checked = CheckedConfig::try_from(config)?;
+    let config = &checked.raw;
     // An unknown town is told at once, before the folder is touched.
-    Town::load(&config.town)?;
-    let plans = plan(config, n_episodes);
+    config.towns.iter().try_for_each(|town| Town::load(town).map(drop))?;
+    let plans = plan(&checked, n_episodes);
     let manifest = folder::open(out, &to_toml(config), config.seed, config.scene.ood, &plans, options.force)?;
     let is_kept = |plan: &EpisodePlan| manifest.episodes.iter().any(|entry| entry.name == plan.name);
     let todo: Vec<u32> = (0..).zip(&plans).filter(|(_, plan)| !is_kept(plan)).map(|(i, _)| i).collect();

@@ -79,7 +79,7 @@ fn make(
     on_sample: &mut dyn FnMut() -> io::Result<()>,
 ) -> Result<EpisodeEntry, GenerateError> {
     let config = CheckedConfig::try_from(&job.config)?;
-    let plan = plan(&job.config, task.episode_idx + 1).pop().expect("the plan holds the episode");
+    let plan = plan(&config, task.episode_idx + 1).pop().expect("the plan holds the episode");
     let (entry, timings) = episode::record(&config, &plan, &job.folder, on_sample)?;
     tracing::info!(episode = plan.name, ?timings, "made");
     Ok(entry)

@@ -1,5 +1,8 @@
 //! Scores and samples for people: text tables and pictures.
 
+mod canvas;
+pub mod info;
+mod palette;
 pub mod table;
 pub mod view;
 

@@ -4,17 +4,16 @@
 //! their own tones with the score, the danger zone green on the ground.
 
 mod birdseye;
-mod canvas;
 mod front;
 mod legend;
 mod load;
-mod palette;
 
 pub use load::{ViewError, ViewRequest, ViewSummary, run};
 
 use image::RgbImage;
 
-use self::canvas::{Canvas, Pen};
+use super::canvas::{self, Canvas, Pen};
+use super::palette;
 use crate::geometry::{Box3, Ego, Point2};
 use crate::object::{Detection, Distribution, Harm};
 use crate::sample::Sample;

@@ -26,5 +26,5 @@ pub use path::{Path, Vec2};
 pub use populate::{Motion, Placement, PopulateConfig, SceneObject, World, populate};
 pub use route::{Route, Span};
 pub use surface::Surface;
-pub use town::{SceneError, Town, TownConfig, TrafficConfig, town_names};
+pub use town::{SceneError, Town, TownConfig, TrafficConfig, town_name, town_names};
 pub use traffic::{Commands, EgoObservation, MocapPose, Traffic};

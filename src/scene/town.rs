@@ -137,6 +137,25 @@ pub fn town_names() -> Vec<String> {
     names
 }
 
+/// The name of a town that is given by name or by path: a shipped town's own, else its file's or folder's.
+#[must_use]
+pub fn town_name(name_or_path: &str) -> String {
+    let path = FilePath::new(name_or_path);
+    if !is_map_file(path) {
+        return name_or_path.to_owned();
+    }
+    let stem = path.file_stem().map_or_else(|| "town".into(), |stem| stem.to_string_lossy());
+    // A shipped town given by path keeps its folder's name.
+    match path.parent().and_then(FilePath::file_name) {
+        Some(folder) if stem == "road" => folder.to_string_lossy().into_owned(),
+        _ => stem.to_lowercase(),
+    }
+}
+
+fn is_map_file(path: &FilePath) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("xodr"))
+}
+
 impl Town {
     /// Loads a shipped town by name, or any `.xodr` by path with the `town.toml` beside it, if any.
     ///
@@ -145,17 +164,11 @@ impl Town {
     /// map or config, a map without driving lanes.
     pub fn load(name_or_path: &str) -> Result<Self, SceneError> {
         let path = FilePath::new(name_or_path);
-        if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("xodr")) {
+        if is_map_file(path) {
             let xodr = fs::read_to_string(path)?;
             let toml_path = path.with_file_name("town.toml");
             let toml = if toml_path.exists() { Some(fs::read_to_string(&toml_path)?) } else { None };
-            let stem = path.file_stem().map_or_else(|| "town".into(), |stem| stem.to_string_lossy());
-            // A shipped town given by path keeps its folder's name.
-            let name = match path.parent().and_then(FilePath::file_name) {
-                Some(folder) if stem == "road" => folder.to_string_lossy().into_owned(),
-                _ => stem.to_lowercase(),
-            };
-            return Self::parse(&name, &xodr, toml.as_deref(), path);
+            return Self::parse(&town_name(name_or_path), &xodr, toml.as_deref(), path);
         }
         let file = |leaf: &str| SCENES.get_file(format!("{name_or_path}/{leaf}"))?.contents_utf8();
         let xodr = file("road.xodr")

@@ -5,6 +5,7 @@
 //! metres and radians.
 
 mod python;
+mod replay;
 mod simulator;
 
 use std::path::PathBuf;
@@ -12,6 +13,7 @@ use std::path::PathBuf;
 use thiserror::Error;
 
 pub use python::{Environment, VENV_VARIABLE};
+pub use replay::BareCalls;
 pub use simulator::{CameraMount, Picture, RayHits, Renderer, Segmentation, Simulator};
 
 /// The command that makes the virtual environment.

@@ -65,7 +65,9 @@ pub struct Segmentation {
 /// A compiled world, its state and its camera.
 #[derive(Debug)]
 pub struct Simulator {
-    world: Py<PyAny>,
+    pub(super) world: Py<PyAny>,
+    /// Notes the calls to MuJoCo, if asked to.
+    pub(super) call_log: Option<Py<PyAny>>,
     camera: Option<Py<PyAny>>,
     renderer: Renderer,
     bodies: HashMap<String, usize>,
@@ -80,7 +82,7 @@ pub struct Simulator {
     timestep_s: f64,
 }
 
-fn failed(what: &'static str) -> impl Fn(PyErr) -> SimError {
+pub(super) fn failed(what: &'static str) -> impl Fn(PyErr) -> SimError {
     move |error| SimError::Ask { what, message: text(&error) }
 }
 
@@ -132,6 +134,7 @@ impl Simulator {
                 Ok(Self {
                     camera: None,
                     renderer: mount.renderer,
+                    call_log: None,
                     bodies: names("body")?,
                     joints: names("joint")?,
                     actuators: names("actuator")?,
@@ -393,7 +396,7 @@ impl Simulator {
         })
     }
 
-    fn camera<'py>(&mut self, py: Python<'py>) -> Result<Bound<'py, PyAny>, SimError> {
+    pub(super) fn camera<'py>(&mut self, py: Python<'py>) -> Result<Bound<'py, PyAny>, SimError> {
         if let Some(camera) = &self.camera {
             return Ok(camera.bind(py).clone());
         }
@@ -415,6 +418,9 @@ impl Drop for Simulator {
     fn drop(&mut self) {
         let Some(camera) = self.camera.take() else { return };
         Python::attach(|py| {
+            if let Some(log) = self.call_log.take() {
+                let _ = log.bind(py).call_method0("stop");
+            }
             // Freed here and not by Python, which could free it while another camera is current.
             // A failure leaks driver memory of a world that is gone; there is nobody to tell.
             let _ = camera.bind(py).call_method0("close");

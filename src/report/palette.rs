@@ -1,4 +1,4 @@
-//! The picture's colours: a dark, calm ground; one tone for each thing that is told apart.
+//! The pictures' colours: a dark, calm ground; one tone for each thing that is told apart.
 
 use super::canvas::Color;
 use crate::object::Harm;

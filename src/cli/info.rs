@@ -1,0 +1,38 @@
+//! `harmzone info`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::ExitStatus;
+use super::progress::Bar;
+use crate::report::info::{self, InfoRequest};
+
+#[derive(Debug, Args)]
+pub struct InfoArgs {
+    /// The data set's folder
+    dataset: PathBuf,
+    /// Label set to count [default: rect, if it is there]
+    #[arg(long, value_name = "SET")]
+    labels: Option<String>,
+    /// Also draw the histograms
+    #[arg(long, value_name = "PNG")]
+    plot: Option<PathBuf>,
+    /// Replace the picture if it exists
+    #[arg(long)]
+    force: bool,
+    /// Print everything as JSON, with histograms and shares by split, town and weather
+    #[arg(long)]
+    json: bool,
+}
+
+pub fn run(args: InfoArgs) -> anyhow::Result<ExitStatus> {
+    let InfoArgs { dataset, labels: label_set, plot, force, json } = args;
+    let info = info::run(&InfoRequest { dataset, label_set, plot, force }, &Bar::default())?;
+    if json {
+        println!("{}", serde_json::to_string_pretty(&info)?);
+    } else {
+        print!("{info}");
+    }
+    Ok(ExitStatus::Done)
+}
