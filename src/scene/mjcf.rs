@@ -10,12 +10,11 @@
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
-use super::buildings;
 use super::mesh::TriangleMesh;
 use super::path::Vec2;
 use super::populate::{Placement, World};
 use super::surface::GRASS_M;
-use super::textures::{self, Facade};
+use super::textures;
 
 /// Distance between the axles.
 pub const WHEELBASE_M: f64 = 2.588;
@@ -77,14 +76,14 @@ pub struct Mjcf {
 const TOLD: &str = "writing to a string cannot fail";
 
 #[derive(Default)]
-struct Builder {
+pub(super) struct Builder {
     asset: String,
     body: String,
     files: Vec<(String, Vec<u8>)>,
 }
 
 impl Builder {
-    fn texture(&mut self, name: &str, png: Vec<u8>) {
+    pub(super) fn texture(&mut self, name: &str, png: Vec<u8>) {
         writeln!(self.asset, "<texture name=\"{name}\" type=\"2d\" file=\"{name}.png\"/>").expect(TOLD);
         writeln!(
             self.asset,
@@ -94,7 +93,7 @@ impl Builder {
         self.files.push((format!("{name}.png"), png));
     }
 
-    fn plain(&mut self, name: &str, [r, g, b]: [f64; 3]) {
+    pub(super) fn plain(&mut self, name: &str, [r, g, b]: [f64; 3]) {
         writeln!(
             self.asset,
             "<material name=\"{name}\" rgba=\"{r} {g} {b} 1\" specular=\"0.05\" shininess=\"0.05\"/>"
@@ -103,7 +102,7 @@ impl Builder {
     }
 
     /// A static mesh of group 1.
-    fn mesh(&mut self, name: &str, material: &str, mesh: &TriangleMesh) {
+    pub(super) fn mesh(&mut self, name: &str, material: &str, mesh: &TriangleMesh) {
         if mesh.is_empty() {
             return;
         }
@@ -123,7 +122,7 @@ impl World {
     pub fn mjcf(&self) -> Mjcf {
         let mut builder = Builder::default();
         self.add_ground(&mut builder);
-        self.add_buildings(&mut builder);
+        self.add_scenery(&mut builder);
         self.add_objects(&mut builder);
         add_ego(&mut builder, self.ego_start());
         let Builder { asset, body, files } = builder;
@@ -143,17 +142,16 @@ impl World {
         Mjcf { xml, assets: files }
     }
 
-    fn is_in_sight(&self) -> impl Fn(Vec2) -> bool + use<> {
+    pub(super) fn is_in_sight(&self) -> impl Fn(Vec2) -> bool + use<> {
         let near = self.ego_route.path.sampled(15.0);
         move |point: Vec2| near.iter().any(|other| (point - other).norm() < 160.0)
     }
 
     fn add_ground(&self, builder: &mut Builder) {
         let config = &self.town.config;
-        builder.texture("scene_road", textures::grain("asphalt", [78, 79, 82], 0.22, 0.03));
-        builder.texture("scene_pavement", textures::slabs([158, 154, 148]));
-        let ground = if config.ground_texture == "dirt" { [124, 108, 84] } else { [92, 116, 66] };
-        builder.files.push(("scene_grass.png".into(), textures::grain("grass", ground, 0.3, 0.06)));
+        builder.texture("scene_road", textures::ground(config.road_texture));
+        builder.texture("scene_pavement", textures::ground(config.sidewalk_texture));
+        builder.files.push(("scene_grass.png".into(), textures::ground(config.ground_texture)));
         builder.asset.push_str(
             "<texture name=\"scene_grass\" type=\"2d\" file=\"scene_grass.png\"/>\n\
              <material name=\"scene_grass\" texture=\"scene_grass\" texrepeat=\"0.25 0.25\" texuniform=\"true\" specular=\"0\" shininess=\"0\"/>\n",
@@ -170,27 +168,6 @@ impl World {
         builder.mesh("scene_pavement", "scene_pavement", &meshes.pavement);
         builder.mesh("scene_kerb", "scene_kerb", &meshes.kerb);
         builder.mesh("scene_marks", "scene_marks", &meshes.marks);
-    }
-
-    fn add_buildings(&self, builder: &mut Builder) {
-        let meshes = buildings::meshes(&self.town.buildings, self.is_in_sight());
-        for (i, (facade, ground_floor)) in meshes.facades.iter().zip(&meshes.ground_floors).enumerate() {
-            let (wall, trim) = WALLS[i % WALLS.len()];
-            let window = if i % 2 == 0 { [0.3, 0.22, 0.7, 0.82] } else { [0.18, 0.3, 0.82, 0.8] };
-            let name = format!("scene_facade_{i}");
-            let upper = Facade { wall, trim, window, has_bricks: i % 3 == 0 };
-            builder.texture(&name, textures::facade(&name, &upper));
-            builder.mesh(&name, &name, facade);
-            let name = format!("scene_shop_{i}");
-            let lower = Facade { window: [0.1, 0.12, 0.9, 0.72], has_bricks: false, ..upper };
-            builder.texture(&name, textures::facade(&name, &lower));
-            builder.mesh(&name, &name, ground_floor);
-        }
-        for (i, roof) in meshes.roofs.iter().enumerate() {
-            let name = format!("scene_roof_{i}");
-            builder.plain(&name, [[0.42, 0.3, 0.26], [0.35, 0.35, 0.36], [0.5, 0.46, 0.42]][i % 3]);
-            builder.mesh(&name, &name, roof);
-        }
     }
 
     fn add_objects(&self, builder: &mut Builder) {
@@ -223,16 +200,6 @@ impl World {
         }
     }
 }
-
-/// Wall and trim colours.
-const WALLS: [([u8; 3], [u8; 3]); 6] = [
-    ([150, 92, 74], [212, 204, 192]),
-    ([206, 192, 164], [240, 234, 222]),
-    ([176, 178, 180], [110, 112, 116]),
-    ([188, 150, 112], [232, 222, 204]),
-    ([214, 208, 198], [150, 132, 112]),
-    ([132, 142, 150], [224, 226, 228]),
-];
 
 /// A material's element under another name and colour.
 fn recoloured(xml: &str, name: &str, own: &str, [r, g, b]: [f64; 3]) -> String {

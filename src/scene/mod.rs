@@ -1,6 +1,7 @@
 //! Scenes: towns, object models, the filled world as MJCF, and how all that moves behaves.
 
 mod buildings;
+mod crosswalks;
 mod driving;
 mod ego;
 mod junctions;
@@ -10,15 +11,19 @@ pub mod models;
 mod network;
 mod occupancy;
 mod path;
+mod plots;
 mod populate;
 mod route;
+mod scenery;
 mod surface;
 mod swerve;
 mod textures;
 mod town;
+mod town_config;
 mod traffic;
 mod walking;
 
+pub use buildings::{Balcony, Building};
 pub use mjcf::{EgoCommand, Mjcf};
 pub use network::{GraphLane, LaneGraph};
 pub use occupancy::Footprint;
@@ -26,5 +31,6 @@ pub use path::{Path, Vec2};
 pub use populate::{Motion, Placement, PopulateConfig, SceneObject, World, populate};
 pub use route::{Route, Span};
 pub use surface::Surface;
-pub use town::{SceneError, Town, TownConfig, TrafficConfig, town_names};
+pub use town::{SceneError, Town, town_names};
+pub use town_config::{TownConfig, TrafficConfig};
 pub use traffic::{Commands, EgoObservation, MocapPose, Traffic};

@@ -11,7 +11,7 @@ use super::models::{Model, ModelLibrary};
 use super::occupancy::{Footprint, Occupied};
 use super::path::{Path, Vec2};
 use super::route::Route;
-use super::surface::{PAVEMENT_M, Strip, StripKind};
+use super::surface::{GRASS_M, PAVEMENT_M, Strip, StripKind};
 use super::town::{SceneError, Town};
 use crate::object::{Distribution, Kind};
 use crate::random::{self, Rng};
@@ -179,6 +179,7 @@ pub fn populate(town: &Arc<Town>, config: &PopulateConfig, seed: u64) -> Result<
         filler.place_ood(&ego_route);
     }
     filler.park();
+    filler.place_furnishings();
     filler.place_props();
     filler.place_traffic(&starts, ego_center, &ego_route);
     filler.place_pedestrians();
@@ -284,10 +285,12 @@ impl Filler<'_> {
         self.occupied.claim(footprint_of(&self.models.models[model], position, yaw_rad), gap_m)
     }
 
-    /// Parked cars: in parking lanes where the town has them.
+    /// Parked cars: in parking lanes where the town has them, in driveways, loading bays and yards.
     fn park(&mut self) {
         let mut rng = random::stream(self.seed, "parked", 0);
         let traffic = &self.town.config.traffic;
+        let weights =
+            if traffic.parked_weights.is_empty() { &traffic.vehicle_weights } else { &traffic.parked_weights };
         let share = traffic.parked_share * self.config.parked_density;
         for strip in self.town.surface.strips.iter().filter(|strip| strip.kind == StripKind::Parking) {
             let length_m = strip.center.length_m();
@@ -296,15 +299,32 @@ impl Filler<'_> {
                 let at = strip.center.at(station_m);
                 // Traffic on the right: a parking lane runs with the nearest driving lane.
                 let yaw_rad = self.travel_heading(at) + 0.03 * (rng.random::<f64>() - 0.5);
-                let model = self.draw_model(Kind::Vehicle, &traffic.vehicle_weights, &mut rng);
+                let model = self.draw_model(Kind::Vehicle, weights, &mut rng);
                 let is_taken = rng.random::<f64>() < share;
                 if let (true, Some(model), true) = (is_taken, model, self.is_near(at)) {
-                    let is_small = self.models.models[model].length_m() < traffic.parking_place_m + 0.3;
+                    let (length_m, width_m) =
+                        (self.models.models[model].length_m(), self.models.models[model].width_m());
+                    let ends = [-0.5, 0.5].map(|share| strip.width_at_m(station_m + share * length_m));
+                    let is_small = length_m < traffic.parking_place_m + 0.3
+                        && ends.iter().all(|&wide_m| wide_m > (width_m - 0.3).min(1.7));
                     if is_small && self.claim(model, at, yaw_rad, 0.4) {
                         self.put(model, at, 0.0, yaw_rad, Motion::Still, &mut rng);
                     }
                 }
                 station_m += traffic.parking_place_m;
+            }
+        }
+        for stand in &self.town.stands {
+            let Footprint { center, yaw_rad, length_m, width_m } = stand.footprint;
+            let model = self.draw_model(Kind::Vehicle, weights, &mut rng);
+            let is_taken = rng.random::<f64>() < traffic.stand_share;
+            let yaw_rad = yaw_rad + 0.05 * (rng.random::<f64>() - 0.5);
+            if let (true, Some(model), true) = (is_taken, model, self.is_near(center)) {
+                let model_fits = self.models.models[model].length_m() < length_m + 0.2
+                    && self.models.models[model].width_m() < width_m + 0.2;
+                if model_fits && self.claim(model, center, yaw_rad, 0.1) {
+                    self.put(model, center, GRASS_M, yaw_rad, Motion::Still, &mut rng);
+                }
             }
         }
     }
@@ -325,6 +345,23 @@ impl Filler<'_> {
         let clearance =
             |left_m: f64| self.town.surface.road_grid.clearance_m(strip.center.beside(middle_m, left_m));
         if clearance(strip.width_m) < clearance(-strip.width_m) { 1.0 } else { -1.0 }
+    }
+
+    /// Props that belong to a place: the same in every episode, but for those that are left out.
+    fn place_furnishings(&mut self) {
+        let mut rng = random::stream(self.seed, "furnishings", 0);
+        let index_of = |name: &str| self.models.models.iter().position(|model| model.name == name);
+        for furnishing in &self.town.furnishings {
+            let is_wanted = rng.random::<f64>() < self.config.prop_density;
+            let at = furnishing.position;
+            if let (true, Some(model), true) = (is_wanted, index_of(&furnishing.model), self.is_near(at)) {
+                let is_paved = self.town.surface.paved_grid.clearance_m(at) < 0.0;
+                let z_m = if is_paved { PAVEMENT_M } else { GRASS_M };
+                if self.claim(model, at, furnishing.yaw_rad, 0.2) {
+                    self.put(model, at, z_m, furnishing.yaw_rad, Motion::Still, &mut rng);
+                }
+            }
+        }
     }
 
     fn place_props(&mut self) {

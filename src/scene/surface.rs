@@ -3,6 +3,7 @@
 //! Heights: grass at -0.05 m, fill under junctions at -0.02 m, road at 0, paint at +0.015 m (far
 //! enough apart for the depth buffer), pavements at +0.14 m, the height of a usual kerb.
 
+use super::crosswalks;
 use super::mesh::TriangleMesh;
 use super::network::{LaneGraph, flat};
 use super::occupancy::StripGrid;
@@ -34,6 +35,17 @@ pub struct Strip {
     left: Vec<Vec2>,
     right: Vec<Vec2>,
     is_in_junction: bool,
+}
+
+impl Strip {
+    /// Width at a station; bays are narrower at their ends.
+    #[must_use]
+    pub fn width_at_m(&self, s_m: f64) -> f64 {
+        let n = self.left.len().min(self.right.len());
+        let share = (s_m / self.center.length_m()).clamp(0.0, 1.0);
+        let i = (share * (n - 1) as f64).round() as usize;
+        (self.left[i] - self.right[i]).norm()
+    }
 }
 
 /// The strips, the paint, and what ground they take.
@@ -187,7 +199,8 @@ fn add_kerb(kerb: &mut TriangleMesh, from: Vec2, to: Vec2) {
 
 fn marks_of(network: &xodr::RoadNetwork) -> Vec<[Vec2; 4]> {
     let lines = network.road_marks().iter().flat_map(|mark| &mark.lines);
-    lines.flat_map(|line| &line.pieces).map(|piece| piece.map(flat)).collect()
+    let pieces = lines.flat_map(|line| &line.pieces).map(|piece| piece.map(flat));
+    pieces.chain(crosswalks::bars(network)).collect()
 }
 
 /// The convex hull of each junction's driving lanes, so that no grass shows between its lanes.

@@ -4,12 +4,13 @@ use std::path::{Path as FilePath, PathBuf};
 
 use fs_err as fs;
 use include_dir::{Dir, include_dir};
-use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::buildings::{self, Building};
+use super::buildings::Building;
 use super::network::LaneGraph;
+use super::plots::{self, Boundary, Furnishing, Stand};
 use super::surface::Surface;
+use super::town_config::TownConfig;
 
 static SCENES: Dir<'static> = include_dir!("$CARGO_MANIFEST_DIR/scenes");
 
@@ -32,89 +33,6 @@ pub enum SceneError {
     NoStart { town: String },
 }
 
-/// How a town is built and filled: `town.toml`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct TownConfig {
-    pub description: String,
-    /// `row`: walls touch; `detached`: `building_gap_m` lies between.
-    pub building_style: String,
-    pub building_height_m: [f64; 2],
-    /// Along the street.
-    pub building_width_m: [f64; 2],
-    pub building_depth_m: [f64; 2],
-    pub building_gap_m: [f64; 2],
-    /// From the outer edge of the pavement.
-    pub building_setback_m: [f64; 2],
-    /// Share of the frontage that is built up, 0 to 1.
-    pub building_share: f64,
-    pub facade_textures: Vec<String>,
-    pub road_texture: String,
-    pub sidewalk_texture: String,
-    pub ground_texture: String,
-    /// Between one static prop and the next on a pavement.
-    pub prop_spacing_m: [f64; 2],
-    /// From the kerb to the middle of the prop.
-    pub prop_kerb_distance_m: f64,
-    /// How likely each category of prop is, relative to the others.
-    pub prop_weights: std::collections::BTreeMap<String, f64>,
-    pub traffic: TrafficConfig,
-}
-
-/// What moves and parks in a town.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct TrafficConfig {
-    /// Share of parking places taken, 0 to 1.
-    pub parked_share: f64,
-    /// Length of one parking place.
-    pub parking_place_m: f64,
-    /// Moving vehicles in the whole town.
-    pub n_vehicles: u32,
-    /// Walking pedestrians in the whole town.
-    pub n_pedestrians: u32,
-    /// Share of pedestrians that set out across the street, 0 to 1.
-    pub pedestrian_crossing_share: f64,
-    /// How likely each category of vehicle is, relative to the others.
-    pub vehicle_weights: std::collections::BTreeMap<String, f64>,
-}
-
-impl Default for TrafficConfig {
-    fn default() -> Self {
-        Self {
-            parked_share: 0.4,
-            parking_place_m: 6.0,
-            n_vehicles: 28,
-            n_pedestrians: 40,
-            pedestrian_crossing_share: 0.15,
-            vehicle_weights: std::collections::BTreeMap::new(),
-        }
-    }
-}
-
-impl Default for TownConfig {
-    fn default() -> Self {
-        Self {
-            description: String::new(),
-            building_style: "row".into(),
-            building_height_m: [7.0, 20.0],
-            building_width_m: [9.0, 20.0],
-            building_depth_m: [9.0, 13.0],
-            building_gap_m: [0.0, 0.0],
-            building_setback_m: [0.5, 3.0],
-            building_share: 0.8,
-            facade_textures: Vec::new(),
-            road_texture: "asphalt".into(),
-            sidewalk_texture: "pavement".into(),
-            ground_texture: "grass".into(),
-            prop_spacing_m: [8.0, 18.0],
-            prop_kerb_distance_m: 0.55,
-            prop_weights: std::collections::BTreeMap::new(),
-            traffic: TrafficConfig::default(),
-        }
-    }
-}
-
 /// A town: its roads, its ground and its buildings.
 #[derive(Debug, Clone)]
 pub struct Town {
@@ -123,6 +41,11 @@ pub struct Town {
     pub graph: LaneGraph,
     pub surface: Surface,
     pub buildings: Vec<Building>,
+    /// Places for parked vehicles off the street.
+    pub stands: Vec<Stand>,
+    /// Props that belong to gardens, squares and bus stops.
+    pub furnishings: Vec<Furnishing>,
+    pub boundaries: Vec<Boundary>,
 }
 
 /// Names of the shipped towns, sorted.
@@ -168,6 +91,10 @@ impl Town {
             toml.map_or_else(|| Ok(TownConfig::default()), toml::from_str).map_err(|error| {
                 SceneError::TownConfig { message: error.to_string(), path: path.with_file_name("town.toml") }
             })?;
+        config.check().map_err(|message| SceneError::TownConfig {
+            message,
+            path: path.with_file_name("town.toml"),
+        })?;
         let network = xodr::load_str(xodr)
             .map_err(|error| SceneError::OpenDrive { message: error.to_string(), path: path.to_owned() })?;
         let graph = LaneGraph::new(&network);
@@ -175,8 +102,10 @@ impl Town {
             return Err(SceneError::NoLanes { path: path.to_owned() });
         }
         let surface = Surface::new(&network, &graph);
-        let buildings = buildings::grow(&surface, &config, 0);
-        Ok(Self { name: name.to_owned(), config, graph, surface, buildings })
+        let mut plots = plots::grow(&surface, &config, 0);
+        plots.furnishings.extend(plots::bus_stops(&network));
+        let plots::Plots { buildings, stands, furnishings, boundaries } = plots;
+        Ok(Self { name: name.to_owned(), config, graph, surface, buildings, stands, furnishings, boundaries })
     }
 }
 
