@@ -102,7 +102,10 @@ impl Building {
     #[must_use]
     pub fn base_m(&self, height_m: &impl Fn(Vec2) -> f64) -> f64 {
         let half_m = self.footprint.length_m / 2.0;
-        [-half_m, 0.0, half_m].map(|along_m| height_m(self.before(along_m, 0.0))).into_iter().fold(f64::MIN, f64::max)
+        [-half_m, 0.0, half_m]
+            .map(|along_m| height_m(self.before(along_m, 0.0)))
+            .into_iter()
+            .fold(f64::MIN, f64::max)
     }
 }
 
@@ -115,6 +118,7 @@ pub struct BuildingMeshes {
     /// Slabs, cornices and chimneys.
     pub stone: TriangleMesh,
     pub railings: TriangleMesh,
+    pub doors: TriangleMesh,
 }
 
 /// Builds the meshes of the buildings that `is_near` keeps, on a ground of some height.
@@ -132,14 +136,18 @@ pub fn meshes(
         roofs: empty(config.roof_colors.len()),
         stone: TriangleMesh::default(),
         railings: TriangleMesh::default(),
+        doors: TriangleMesh::default(),
     };
     for building in buildings.iter().filter(|building| is_near(building.footprint.center)) {
         let base_m = building.base_m(&height_m);
         let corners = building.footprint.corners();
         let lowest_m =
             corners.iter().map(|at| height_m(Vec2::new(at.x_m, at.y_m))).fold(base_m, f64::min) - FOOTING_M;
-        let has_gates = config.facades[building.facade % config.facades.len()] == FacadeLook::Metal;
-        meshes.add_walls(building, base_m, lowest_m, has_gates);
+        let look = config.facades[building.facade % config.facades.len()];
+        meshes.add_walls(building, base_m, lowest_m, look == FacadeLook::Metal);
+        if look == FacadeLook::House {
+            meshes.add_door(building, base_m);
+        }
         meshes.add_roof(building, base_m + building.height_m());
         for balcony in &building.balconies {
             meshes.add_balcony(balcony, base_m);
@@ -177,6 +185,21 @@ impl BuildingMeshes {
                 facades.add_polygon(&wall(low_m, top_m, 0.0, n_floors));
             }
         }
+    }
+
+    fn add_door(&mut self, building: &Building, base_m: f64) {
+        let (half_m, top_m) = (0.55, base_m + 2.3);
+        let [left, right] = [-half_m, half_m].map(|along_m| building.before(along_m, 0.03));
+        self.doors.add_polygon(&[
+            ([left.x, left.y, base_m], [0.0, 0.0]),
+            ([right.x, right.y, base_m], [1.0, 0.0]),
+            ([right.x, right.y, top_m], [1.0, 1.0]),
+            ([left.x, left.y, top_m], [0.0, 1.0]),
+        ]);
+        // A canopy over it, and a step before it.
+        let (out, step) = (building.before(0.0, 0.5), building.before(0.0, 0.45));
+        self.stone.add_box([out.x, out.y, top_m + 0.15], building.footprint.yaw_rad, [1.9, 1.0, 0.1]);
+        self.stone.add_box([step.x, step.y, base_m - 0.1], building.footprint.yaw_rad, [1.5, 0.9, 0.3]);
     }
 
     fn add_roof(&mut self, building: &Building, top_m: f64) {
@@ -234,7 +257,9 @@ impl BuildingMeshes {
         let (x, y, top_m) = (balcony.center.x, balcony.center.y, base_m + balcony.z_m);
         let size = [balcony.depth_m, balcony.width_m, SLAB_M];
         self.stone.add_box([x, y, top_m - SLAB_M / 2.0], balcony.yaw_rad, size);
-        let at = |along: f64, across: f64, z: f64| [x + along * cos - across * sin, y + along * sin + across * cos, z];
+        let at = |along: f64, across: f64, z: f64| {
+            [x + along * cos - across * sin, y + along * sin + across * cos, z]
+        };
         let (out_m, half_m) = (balcony.depth_m / 2.0 - 0.04, balcony.width_m / 2.0 - 0.04);
         // Left, front and right; seen from outside and, through the bars, from inside.
         let posts = [(-out_m, half_m), (out_m, half_m), (out_m, -half_m), (-out_m, -half_m)];
@@ -260,7 +285,12 @@ mod tests {
 
     fn house() -> Building {
         Building {
-            footprint: Footprint { center: Vec2::new(10.0, 20.0), yaw_rad: 0.0, length_m: 12.0, width_m: 8.0 },
+            footprint: Footprint {
+                center: Vec2::new(10.0, 20.0),
+                yaw_rad: 0.0,
+                length_m: 12.0,
+                width_m: 8.0,
+            },
             n_floors: 2,
             facade: 0,
             roof_color: 0,

@@ -161,7 +161,11 @@ impl Grower<'_> {
                 from_m: station_m,
                 width_m: n_bays * BAY_M,
                 gap_m: 0.05
-                    + if config.building_style == BuildingStyle::Row { 0.0 } else { self.draw(config.building_gap_m) },
+                    + if config.building_style == BuildingStyle::Row {
+                        0.0
+                    } else {
+                        self.draw(config.building_gap_m)
+                    },
                 setback_m: self.draw(config.building_setback_m),
                 depth_m: self.draw(config.building_depth_m),
             };
@@ -358,7 +362,9 @@ impl Grower<'_> {
 pub fn bus_stops(network: &xodr::RoadNetwork) -> Vec<Furnishing> {
     let mut furnishings = Vec::new();
     for lane in network.lanes().iter().filter(|lane| lane.kind == xodr::LaneType::Stop) {
-        let Some(mut path) = Path::new(lane.center.points().iter().map(|&point| flat(point))) else { continue };
+        let Some(mut path) = Path::new(lane.center.points().iter().map(|&point| flat(point))) else {
+            continue;
+        };
         let (is_backward, length_m) = (lane.direction == xodr::Direction::Backward, path.length_m());
         if is_backward {
             path = path.reversed();

@@ -178,6 +178,7 @@ pub fn populate(town: &Arc<Town>, config: &PopulateConfig, seed: u64) -> Result<
     if config.ood {
         filler.place_ood(&ego_route);
     }
+    filler.warn_of_unknown_models();
     filler.park();
     filler.place_furnishings();
     filler.place_props();
@@ -285,12 +286,29 @@ impl Filler<'_> {
         self.occupied.claim(footprint_of(&self.models.models[model], position, yaw_rad), gap_m)
     }
 
+    /// Weights of models that do not exist have no effect, which is hardly what their author wants.
+    fn warn_of_unknown_models(&self) {
+        let names = || self.models.models.iter().map(|model| model.name.as_str());
+        for (key, weights) in self.town.config.weight_tables() {
+            for unknown in weights.keys().filter(|&name| !names().any(|known| known == name)) {
+                let known: Vec<&str> = names().collect();
+                tracing::warn!(
+                    town = self.town.name,
+                    "{key} names no model `{unknown}`; there are {known:?}"
+                );
+            }
+        }
+    }
+
     /// Parked cars: in parking lanes where the town has them, in driveways, loading bays and yards.
     fn park(&mut self) {
         let mut rng = random::stream(self.seed, "parked", 0);
         let traffic = &self.town.config.traffic;
-        let weights =
-            if traffic.parked_weights.is_empty() { &traffic.vehicle_weights } else { &traffic.parked_weights };
+        let weights = if traffic.parked_weights.is_empty() {
+            &traffic.vehicle_weights
+        } else {
+            &traffic.parked_weights
+        };
         let share = traffic.parked_share * self.config.parked_density;
         for strip in self.town.surface.strips.iter().filter(|strip| strip.kind == StripKind::Parking) {
             let length_m = strip.center.length_m();
@@ -323,7 +341,7 @@ impl Filler<'_> {
                 let model_fits = self.models.models[model].length_m() < length_m + 0.2
                     && self.models.models[model].width_m() < width_m + 0.2;
                 if model_fits && self.claim(model, center, yaw_rad, 0.1) {
-                    self.put(model, center, GRASS_M, yaw_rad, Motion::Still, &mut rng);
+                    self.put(model, center, GRASS_M + 0.03, yaw_rad, Motion::Still, &mut rng);
                 }
             }
         }

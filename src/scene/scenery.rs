@@ -5,12 +5,15 @@ use super::mesh::TriangleMesh;
 use super::mjcf::Builder;
 use super::path::{Path, Vec2};
 use super::populate::World;
+use super::surface::GRASS_M;
 use super::surface::{Strip, StripKind, Surface};
 use super::textures::{self, Facade, Floor};
-use super::town_config::{BoundaryLook, MedianLook};
+use super::town_config::{BoundaryLook, GroundLook, MedianLook};
 
 /// Points of a boundary are at most this far apart.
 const STEP_M: f64 = 3.0;
+/// Paved stands lie a little over the ground beside streets.
+const PAD_M: f64 = GRASS_M + 0.03;
 /// Half of a jersey barrier's section as width and height: the F shape, 0.81 m high.
 const BARRIER_M: [(f64, f64); 4] = [(0.30, 0.0), (0.30, 0.075), (0.17, 0.255), (0.12, 0.81)];
 
@@ -18,6 +21,7 @@ impl World {
     /// Adds buildings, boundaries and barriers near the ego's route.
     pub(super) fn add_scenery(&self, builder: &mut Builder) {
         self.add_buildings(builder);
+        self.add_pads(builder);
         self.add_boundaries(builder);
     }
 
@@ -30,7 +34,9 @@ impl World {
                 wall: config.wall_colors[i].0,
                 trim: config.trim_colors[i % config.trim_colors.len()].0,
             };
-            for (part, floor, mesh) in [("facade", Floor::Upper, facade), ("shop", Floor::Ground, ground_floor)] {
+            for (part, floor, mesh) in
+                [("facade", Floor::Upper, facade), ("shop", Floor::Ground, ground_floor)]
+            {
                 if !mesh.is_empty() {
                     let name = format!("scene_{part}_{i}");
                     builder.texture(&name, textures::facade(&name, &look, floor));
@@ -45,9 +51,40 @@ impl World {
         }
         builder.plain("scene_stone", [0.66, 0.63, 0.58]);
         builder.mesh("scene_stone", "scene_stone", &meshes.stone);
+        builder.plain("scene_doors", [0.2, 0.26, 0.24]);
+        builder.mesh("scene_doors", "scene_doors", &meshes.doors);
         if !meshes.railings.is_empty() {
             builder.texture("scene_railings", textures::bars([52, 50, 50], config.wall_colors[0].0));
             builder.mesh("scene_railings", "scene_railings", &meshes.railings);
+        }
+    }
+
+    /// Paved ground under the places where vehicles stand.
+    fn add_pads(&self, builder: &mut Builder) {
+        let (is_in_sight, height_m) = (self.is_in_sight(), |_: Vec2| 0.0);
+        let mut mesh = TriangleMesh::default();
+        for stand in self.town.stands.iter().filter(|stand| is_in_sight(stand.footprint.center)) {
+            let footprint = &stand.footprint;
+            let (sin, cos) = footprint.yaw_rad.sin_cos();
+            let (half_m, side_m) = (footprint.length_m / 2.0 + 0.5, footprint.width_m / 2.0 + 0.35);
+            let at = |x: f64, y: f64| {
+                let at = footprint.center + Vec2::new(x * cos - y * sin, x * sin + y * cos);
+                ([at.x, at.y, height_m(at) + PAD_M], [at.x / 4.0, at.y / 4.0])
+            };
+            let n = (footprint.length_m / STEP_M).ceil() as usize;
+            let x = |i: usize| half_m * (2.0 * i as f64 / n as f64 - 1.0);
+            for i in 0..n {
+                mesh.add_polygon(&[
+                    at(x(i), -side_m),
+                    at(x(i + 1), -side_m),
+                    at(x(i + 1), side_m),
+                    at(x(i), side_m),
+                ]);
+            }
+        }
+        if !mesh.is_empty() {
+            builder.texture("scene_pads", textures::ground(GroundLook::Concrete));
+            builder.mesh("scene_pads", "scene_pads", &mesh);
         }
     }
 

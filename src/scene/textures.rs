@@ -56,8 +56,7 @@ fn tile(mut color: impl FnMut(f64, f64) -> Rgb<u8>) -> Vec<u8> {
 /// Stones in rows, shifted from row to row, each with a tone of its own.
 fn stones(name: &str, base: [u8; 3], [n_x, n_y]: [u32; 2], joint: f64, contrast: f64) -> Vec<u8> {
     let mut rng = random::stream(0, name, 0);
-    let tones: Vec<f64> =
-        (0..n_x * n_y).map(|_| 1.0 + contrast * (rng.random::<f64>() - 0.5)).collect();
+    let tones: Vec<f64> = (0..n_x * n_y).map(|_| 1.0 + contrast * (rng.random::<f64>() - 0.5)).collect();
     let warmth: Vec<f64> = (0..n_x * n_y).map(|_| contrast * 0.4 * (rng.random::<f64>() - 0.5)).collect();
     tile(|u, v| {
         let row = ((v * f64::from(n_y)) as u32).min(n_y - 1);
@@ -81,11 +80,11 @@ fn stones(name: &str, base: [u8; 3], [n_x, n_y]: [u32; 2], joint: f64, contrast:
 pub fn ground(look: GroundLook) -> Vec<u8> {
     match look {
         GroundLook::Asphalt => grain("asphalt", [78, 79, 82], 0.22, 0.03),
-        GroundLook::WornAsphalt => grain("worn asphalt", [104, 102, 98], 0.2, 0.09),
+        GroundLook::WornAsphalt => grain("worn asphalt", [106, 104, 100], 0.22, 0.035),
         GroundLook::Concrete => stones("concrete slabs", [150, 148, 142], [2, 2], 0.012, 0.07),
-        GroundLook::Cobbles => stones("cobbles", [122, 112, 100], [20, 20], 0.3, 0.32),
+        GroundLook::Cobbles => stones("cobbles", [118, 110, 100], [22, 24], 0.3, 0.26),
         GroundLook::Pavement => stones("slabs", [158, 154, 148], [4, 4], 0.06, 0.12),
-        GroundLook::Flagstones => stones("flagstones", [176, 158, 130], [3, 5], 0.08, 0.2),
+        GroundLook::Flagstones => stones("flagstones", [172, 154, 126], [6, 8], 0.1, 0.18),
         GroundLook::Grass => grain("grass", [92, 116, 66], 0.3, 0.06),
         GroundLook::Dirt => grain("dirt", [124, 108, 84], 0.3, 0.08),
         GroundLook::Gravel => grain("gravel", [146, 138, 124], 0.42, 0.05),
@@ -174,7 +173,8 @@ pub fn facade(name: &str, facade: &Facade, floor: Floor) -> Vec<u8> {
         }
         let wing = 0.5 * (right - left);
         let is_beside = |from: f64, to: f64| u > from && u < to && v > bottom && v < top;
-        if has_shutters && (is_beside(left - 0.04 - wing, left - 0.04) || is_beside(right + 0.04, right + 0.04 + wing))
+        if has_shutters
+            && (is_beside(left - 0.04 - wing, left - 0.04) || is_beside(right + 0.04, right + 0.04 + wing))
         {
             let slat = if (v * 30.0).fract() < 0.3 { 0.42 } else { 0.56 };
             return shade(facade.trim, slat * grain);

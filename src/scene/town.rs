@@ -91,10 +91,9 @@ impl Town {
             toml.map_or_else(|| Ok(TownConfig::default()), toml::from_str).map_err(|error| {
                 SceneError::TownConfig { message: error.to_string(), path: path.with_file_name("town.toml") }
             })?;
-        config.check().map_err(|message| SceneError::TownConfig {
-            message,
-            path: path.with_file_name("town.toml"),
-        })?;
+        config
+            .check()
+            .map_err(|message| SceneError::TownConfig { message, path: path.with_file_name("town.toml") })?;
         let network = xodr::load_str(xodr)
             .map_err(|error| SceneError::OpenDrive { message: error.to_string(), path: path.to_owned() })?;
         let graph = LaneGraph::new(&network);
@@ -111,7 +110,10 @@ impl Town {
 
 #[cfg(test)]
 mod tests {
+    use super::super::path::{Vec2, turn_between};
+    use super::super::route::Route;
     use super::*;
+    use crate::random;
 
     #[test]
     fn an_unknown_town_lists_those_that_exist() {
@@ -119,21 +121,93 @@ mod tests {
         assert!(message.contains("atlantis") && message.contains("downtown"), "{message}");
     }
 
+    fn shipped() -> Vec<Town> {
+        town_names().iter().map(|name| Town::load(name).unwrap()).collect()
+    }
+
+    #[test]
+    fn the_five_towns_are_shipped() {
+        assert_eq!(town_names(), ["arterial", "downtown", "market", "oldtown", "suburb"]);
+    }
+
     #[test]
     fn every_lane_of_a_shipped_town_leads_on() {
-        for name in town_names() {
-            let town = Town::load(&name).unwrap();
-            assert!(town.graph.lanes.iter().all(|lane| !lane.successors.is_empty()), "{name}");
+        for town in shipped() {
+            assert!(town.graph.lanes.iter().all(|lane| !lane.successors.is_empty()), "{}", town.name);
+        }
+    }
+
+    #[test]
+    fn lanes_of_a_shipped_town_meet_end_to_end_and_bend_gently() {
+        for town in shipped() {
+            let name = &town.name;
+            for lane in &town.graph.lanes {
+                let length_m = lane.path.length_m();
+                for &next in &lane.successors {
+                    let next = &town.graph.lanes[next].path;
+                    let gap_m = (next.at(0.0) - lane.path.at(length_m)).norm();
+                    let turn_rad = turn_between(lane.path.heading_rad(length_m), next.heading_rad(0.0));
+                    assert!(gap_m < 0.1 && turn_rad.abs() < 0.25, "{name}: gap {gap_m} m, turn {turn_rad}");
+                }
+                for i in 1..(length_m - 4.0).max(0.0) as usize {
+                    let curvature = lane.path.curvature_per_m(i as f64 + 2.0).abs();
+                    assert!(curvature < 1.0 / 5.5, "{name}: radius {:.1} m", 1.0 / curvature);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_shipped_town_offers_long_drives_from_nearly_everywhere() {
+        for town in shipped() {
+            let mut rng = random::stream(3, "drives", 0);
+            let n_long = (0..town.graph.lanes.len())
+                .filter(|&lane| Route::random(&town.graph, lane, 700.0, &mut rng).path.length_m() >= 700.0)
+                .count();
+            assert!(n_long * 20 >= town.graph.lanes.len() * 19, "{}: {n_long}", town.name);
         }
     }
 
     #[test]
     fn no_building_stands_on_a_road_or_in_another() {
-        let town = Town::load("downtown").unwrap();
-        assert!(town.buildings.len() > 50, "{}", town.buildings.len());
-        for (i, building) in town.buildings.iter().enumerate() {
-            assert!(town.surface.road_grid.clearance_m(building.footprint.center) > 3.0);
-            assert!(town.buildings[..i].iter().all(|other| !other.footprint.meets(&building.footprint)));
+        for (town, least) in shipped().iter().zip([40, 50, 20, 150, 70]) {
+            assert!(town.buildings.len() > least, "{}: {}", town.name, town.buildings.len());
+            for (i, building) in town.buildings.iter().enumerate() {
+                let footprint = &building.footprint;
+                let points = footprint.corners().map(|corner| Vec2::new(corner.x_m, corner.y_m));
+                for point in points.into_iter().chain([footprint.center]) {
+                    assert!(town.surface.road_grid.clearance_m(point) > 0.5, "{}: {point}", town.name);
+                }
+                assert!(town.buildings[..i].iter().all(|other| !other.footprint.meets(footprint)));
+            }
         }
+    }
+
+    #[test]
+    fn what_belongs_to_plots_keeps_off_the_roads() {
+        for town in shipped() {
+            let clearance = |point: Vec2| town.surface.road_grid.clearance_m(point);
+            let walls = town.boundaries.iter().flat_map(|boundary| boundary.line.points());
+            assert!(walls.copied().all(|point| clearance(point) > 0.1), "{}", town.name);
+            assert!(town.furnishings.iter().all(|prop| clearance(prop.position) > 0.2), "{}", town.name);
+            let stands = town.stands.iter().flat_map(|stand| stand.footprint.corners());
+            assert!(
+                stands.map(|at| Vec2::new(at.x_m, at.y_m)).all(|point| clearance(point) > 0.0),
+                "{}",
+                town.name
+            );
+        }
+    }
+
+    #[test]
+    fn each_town_has_what_makes_it_that_town() {
+        let [arterial, _, market, oldtown, suburb] = <[Town; 5]>::try_from(shipped()).unwrap();
+        let n_balconies: usize = oldtown.buildings.iter().map(|building| building.balconies.len()).sum();
+        assert!(n_balconies > 200, "{n_balconies}");
+        assert!(suburb.stands.len() > 40 && suburb.boundaries.len() > 80);
+        assert!(market.stands.len() > 40, "{}", market.stands.len());
+        assert_eq!(arterial.furnishings.iter().filter(|prop| prop.model == "bus_shelter").count(), 2);
+        let fastest = arterial.graph.lanes.iter().map(|lane| lane.limit_mps).fold(0.0, f64::max);
+        assert!(fastest > 19.0, "{fastest}");
     }
 }

@@ -99,7 +99,8 @@ impl TryFrom<String> for Color {
     fn try_from(text: String) -> Result<Self, String> {
         let digits = text.strip_prefix('#').filter(|digits| digits.len() == 6);
         let number = digits.and_then(|digits| u32::from_str_radix(digits, 16).ok());
-        let [_, r, g, b] = number.ok_or_else(|| format!("`{text}` is no colour like `#b4866a`"))?.to_be_bytes();
+        let [_, r, g, b] =
+            number.ok_or_else(|| format!("`{text}` is no colour like `#b4866a`"))?.to_be_bytes();
         Ok(Self([r, g, b]))
     }
 }
