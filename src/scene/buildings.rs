@@ -2,6 +2,7 @@
 
 use rand::RngExt;
 
+use super::ground::Ground;
 use super::mesh::TriangleMesh;
 use super::occupancy::{Footprint, Occupied, StripGrid};
 use super::path::{Path, Vec2};
@@ -129,13 +130,18 @@ pub struct BuildingMeshes {
 
 /// Builds the meshes of the buildings that `is_near` keeps.
 #[must_use]
-pub fn meshes(buildings: &[Building], is_near: impl Fn(Vec2) -> bool) -> BuildingMeshes {
+pub fn meshes(buildings: &[Building], ground: &Ground, is_near: impl Fn(Vec2) -> bool) -> BuildingMeshes {
     let empty = |n: usize| vec![TriangleMesh::default(); n];
     let mut meshes =
         BuildingMeshes { facades: empty(N_FACADES), ground_floors: empty(N_FACADES), roofs: empty(N_ROOFS) };
     for building in buildings.iter().filter(|building| is_near(building.footprint.center)) {
         let corners = building.footprint.corners().map(|corner| [corner.x_m, corner.y_m]);
-        let (low_m, top_m) = (GROUND_FLOOR_M, building.height_m());
+        let foot = |[x, y]: [f64; 2]| ground.height_m(Vec2::new(x, y));
+        let (foot_m, high_m) = corners.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), corner| {
+            (low.min(foot(*corner)), high.max(foot(*corner)))
+        });
+        // The floors begin at the highest corner; the walls reach down to the lowest.
+        let (low_m, top_m) = (high_m + GROUND_FLOOR_M, high_m + building.height_m());
         for i in 0..4 {
             let (from, to) = (corners[i], corners[(i + 1) % 4]);
             let n_bays = ((to[0] - from[0]).hypot(to[1] - from[1]) / BAY_M).round().max(1.0);
@@ -147,7 +153,7 @@ pub fn meshes(buildings: &[Building], is_near: impl Fn(Vec2) -> bool) -> Buildin
                     ([from[0], from[1], top_m], [0.0, n_floors]),
                 ]
             };
-            meshes.ground_floors[building.facade].add_polygon(&wall(-0.1, low_m, 1.0));
+            meshes.ground_floors[building.facade].add_polygon(&wall(foot_m - 0.1, low_m, 1.0));
             if building.n_floors > 0 {
                 let n_floors = f64::from(building.n_floors);
                 meshes.facades[building.facade].add_polygon(&wall(low_m, top_m, n_floors));

@@ -3,12 +3,14 @@
 mod buildings;
 mod driving;
 mod ego;
+mod ground;
 mod junctions;
 mod mesh;
 pub mod mjcf;
 pub mod models;
 mod network;
 mod occupancy;
+mod opendrive;
 mod path;
 mod populate;
 mod route;
@@ -20,7 +22,8 @@ mod traffic;
 mod walking;
 
 pub use mjcf::{EgoCommand, Mjcf};
-pub use network::{GraphLane, LaneGraph};
+pub use ground::{Grid, Ground};
+pub use network::{GraphLane, LaneGraph, Rank};
 pub use occupancy::Footprint;
 pub use path::{Path, Vec2};
 pub use populate::{Motion, Placement, PopulateConfig, SceneObject, World, populate};

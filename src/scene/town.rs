@@ -9,7 +9,8 @@ use thiserror::Error;
 
 use super::buildings::{self, Building};
 use super::network::LaneGraph;
-use super::surface::Surface;
+use super::opendrive;
+use super::surface::{Levels, Surface};
 
 static SCENES: Dir<'static> = include_dir!("$CARGO_MANIFEST_DIR/scenes");
 
@@ -22,7 +23,7 @@ pub enum SceneError {
     Read(#[from] std::io::Error),
     #[error("{message}: {}", path.display())]
     TownConfig { message: String, path: PathBuf },
-    #[error("not an OpenDRIVE map: {message}: {}", path.display())]
+    #[error("not a usable OpenDRIVE map: {message}: {}", path.display())]
     OpenDrive { message: String, path: PathBuf },
     #[error("the map has no lane that can be driven: {}", path.display())]
     NoLanes { path: PathBuf },
@@ -123,6 +124,8 @@ pub struct Town {
     pub graph: LaneGraph,
     pub surface: Surface,
     pub buildings: Vec<Building>,
+    /// What of the map could not be used, in counts.
+    pub notes: Vec<String>,
 }
 
 /// Names of the shipped towns, sorted.
@@ -168,15 +171,18 @@ impl Town {
             toml.map_or_else(|| Ok(TownConfig::default()), toml::from_str).map_err(|error| {
                 SceneError::TownConfig { message: error.to_string(), path: path.with_file_name("town.toml") }
             })?;
-        let network = xodr::load_str(xodr)
-            .map_err(|error| SceneError::OpenDrive { message: error.to_string(), path: path.to_owned() })?;
-        let graph = LaneGraph::new(&network);
+        let (network, mut notes) = opendrive::read(xodr)
+            .map_err(|message| SceneError::OpenDrive { message, path: path.to_owned() })?;
+        let levels = Levels::of(&network);
+        notes.extend(levels.note());
+        let (graph, unused) = LaneGraph::read(&network, |id| levels.is_above(id));
+        notes.extend(unused);
         if graph.lanes.is_empty() {
             return Err(SceneError::NoLanes { path: path.to_owned() });
         }
-        let surface = Surface::new(&network, &graph);
+        let surface = Surface::new(&network, &graph, levels);
         let buildings = buildings::grow(&surface, &config, 0);
-        Ok(Self { name: name.to_owned(), config, graph, surface, buildings })
+        Ok(Self { name: name.to_owned(), config, graph, surface, buildings, notes })
     }
 }
 
