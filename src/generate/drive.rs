@@ -1,6 +1,6 @@
 //! The closed loop of one episode: behaviour decides, physics moves; the only place that knows both.
 
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Translation3, Vector3};
 
 use super::GenerateError;
 use super::config::CONTROL_PERIOD_S;
@@ -66,8 +66,7 @@ impl Drive {
             .mocap
             .iter()
             .map(|mover| {
-                let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), mover.yaw_rad);
-                (mover.index, Isometry3::from_parts(Translation3::from(mover.position_m), turn))
+                (mover.index, Isometry3::from_parts(Translation3::from(mover.position_m), mover.turn))
             })
             .collect();
         self.simulator.step(&commands.ego.ctrl(), &movers, self.physics_steps)?;

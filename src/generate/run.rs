@@ -55,7 +55,9 @@ pub fn run(
 ) -> Result<Summary, GenerateError> {
     CheckedConfig::try_from(config)?;
     // An unknown town is told at once, before the folder is touched.
-    Town::load(&config.town)?;
+    for note in Town::load(&config.town)?.notes {
+        tracing::warn!("{}: {note}", config.town);
+    }
     let plans = plan(config, n_episodes);
     let manifest = folder::open(out, &to_toml(config), config.seed, config.scene.ood, &plans, options.force)?;
     let is_kept = |plan: &EpisodePlan| manifest.episodes.iter().any(|entry| entry.name == plan.name);

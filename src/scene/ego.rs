@@ -22,12 +22,18 @@ const JAM_S: f64 = 5.0;
 /// Waiting this long at a junction is reason to turn elsewhere.
 const PATIENCE_S: f64 = 9.0;
 
+/// Who stands this close to the end of the route has arrived, and waits.
+const END_M: f64 = 8.0;
+const GRAVITY_MPS2: f64 = 9.81;
+
 /// Pose and speed of the ego as the simulator reports them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EgoPose {
     pub position: Vec2,
     pub yaw_rad: f64,
     pub speed_mps: f64,
+    /// Sine of the slope that it stands on, positive uphill.
+    pub grade: f64,
 }
 
 impl EgoPose {
@@ -145,18 +151,22 @@ impl EgoDriver {
                 acceleration.min(driving::acceleration_mps2(speed_mps, desired_mps, Some(stop), 1.0));
         }
         let is_held = line.is_some_and(|line| line.distance_m < 4.0);
-        self.unjam(dt_s, speed_mps, is_held, graph);
+        if to_end_m > END_M {
+            self.unjam(dt_s, speed_mps, is_held, graph);
+        }
+        // The wheels hold the car against the slope.
+        let hold_mps = GRAVITY_MPS2 * pose.grade * DRIVE_RESPONSE_S;
         if self.backing_s > 0.0 && is_free_behind(pose, &others) {
             self.backing_s -= dt_s;
             self.steering_rad = 0.0;
-            return EgoCommand { target_speed_mps: -1.2, steering_angle_rad: 0.0 };
+            return EgoCommand { target_speed_mps: hold_mps - 1.2, steering_angle_rad: 0.0 };
         }
         self.steer(dt_s, pose);
         if self.is_about_to_hit(pose, &others) {
-            return EgoCommand { target_speed_mps: 0.0, steering_angle_rad: self.steering_rad };
+            return EgoCommand { target_speed_mps: hold_mps, steering_angle_rad: self.steering_rad };
         }
         EgoCommand {
-            target_speed_mps: (speed_mps + acceleration * DRIVE_RESPONSE_S).max(0.0),
+            target_speed_mps: (speed_mps + acceleration * DRIVE_RESPONSE_S).max(0.0) + hold_mps,
             steering_angle_rad: self.steering_rad,
         }
     }
@@ -183,6 +193,7 @@ impl EgoDriver {
             length_m: EGO_LENGTH_M,
             speed_mps: pose.speed_mps.max(0.0),
             is_bold: self.bold_s > 0.0,
+            mirror: -graph.kerb_sign(),
             is_near_junction: ahead.is_some(),
         }
     }

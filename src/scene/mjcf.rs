@@ -10,11 +10,15 @@
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
+use nalgebra::{UnitQuaternion, Vector3};
+
+use super::ground::Ground;
 use super::mesh::TriangleMesh;
 use super::path::Vec2;
 use super::populate::{Placement, World};
 use super::surface::GRASS_M;
 use super::textures;
+use crate::object::Kind;
 
 /// Distance between the axles.
 pub const WHEELBASE_M: f64 = 2.588;
@@ -124,7 +128,8 @@ impl World {
         self.add_ground(&mut builder);
         self.add_scenery(&mut builder);
         self.add_objects(&mut builder);
-        add_ego(&mut builder, self.ego_start());
+        let contact = self.add_contact(&mut builder);
+        add_ego(&mut builder, self.ego_start(), &self.town.surface.ground);
         let Builder { asset, body, files } = builder;
         let xml = format!(
             "<mujoco model=\"harmzone\">\n<compiler angle=\"radian\" autolimits=\"true\"/>\n\
@@ -136,7 +141,7 @@ impl World {
              <map znear=\"0.004\" zfar=\"8\" shadowclip=\"1\"/></visual>\n\
              <asset>\n<texture name=\"sky\" type=\"skybox\" builtin=\"gradient\" rgb1=\"0.36 0.55 0.82\" rgb2=\"0.86 0.9 0.94\" width=\"128\" height=\"768\"/>\n\
              {asset}</asset>\n<worldbody>\n\
-             <geom name=\"ground\" type=\"plane\" size=\"0 0 1\" pos=\"0 0 0\" group=\"3\" friction=\"1.1 0.005 0.0001\"/>\n\
+             <geom name=\"ground\" {contact} group=\"3\" friction=\"1.1 0.005 0.0001\"/>\n\
              {body}</worldbody>\n{ACTUATORS}</mujoco>\n"
         );
         Mjcf { xml, assets: files }
@@ -145,6 +150,31 @@ impl World {
     pub(super) fn is_in_sight(&self) -> impl Fn(Vec2) -> bool + use<> {
         let near = self.ego_route.path.sampled(15.0);
         move |point: Vec2| near.iter().any(|other| (point - other).norm() < 160.0)
+    }
+
+    /// What wheels and free bodies stand on: a plane, or on slopes the height field of the ground.
+    fn add_contact(&self, builder: &mut Builder) -> String {
+        let Some(grid) = self.town.surface.ground.grid() else {
+            return "type=\"plane\" size=\"0 0 1\" pos=\"0 0 0\"".to_owned();
+        };
+        let (center, half) = grid.extent();
+        let (low, high) =
+            grid.z_m.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), z| (low.min(*z), high.max(*z)));
+        let span_m = (high - low).max(0.01);
+        // MuJoCo's own format: rows, columns, then heights, row by row.
+        let mut bytes = Vec::with_capacity(8 + 4 * grid.z_m.len());
+        for n in [grid.n_y, grid.n_x] {
+            bytes.extend((n as i32).to_le_bytes());
+        }
+        grid.z_m.iter().for_each(|z| bytes.extend(((z - low) / span_m).to_le_bytes()));
+        builder.files.push(("ground.hfield".into(), bytes));
+        writeln!(
+            builder.asset,
+            "<hfield name=\"ground\" content_type=\"image/vnd.mujoco.hfield\" file=\"ground.hfield\" size=\"{:.4} {:.4} {span_m:.6} 1\"/>",
+            half.x, half.y
+        )
+        .expect(TOLD);
+        format!("type=\"hfield\" hfield=\"ground\" pos=\"{:.4} {:.4} {low:.6}\"", center.x, center.y)
     }
 
     fn add_ground(&self, builder: &mut Builder) {
@@ -156,11 +186,13 @@ impl World {
             "<texture name=\"scene_grass\" type=\"2d\" file=\"scene_grass.png\"/>\n\
              <material name=\"scene_grass\" texture=\"scene_grass\" texrepeat=\"0.25 0.25\" texuniform=\"true\" specular=\"0\" shininess=\"0\"/>\n",
         );
+        // The terrain stands in for the plane where the land is not flat; beyond it lies the plane.
+        let grass_m = if self.town.surface.ground.is_flat() { GRASS_M } else { GRASS_M - 0.5 };
         builder.plain("scene_kerb", [0.5, 0.49, 0.47]);
         builder.plain("scene_marks", [0.86, 0.86, 0.84]);
         writeln!(
             builder.body,
-            "<geom name=\"scene_grass\" type=\"plane\" size=\"600 600 1\" pos=\"0 0 {GRASS_M}\" material=\"scene_grass\" group=\"1\" contype=\"0\" conaffinity=\"0\"/>"
+            "<geom name=\"scene_grass\" type=\"plane\" size=\"600 600 1\" pos=\"0 0 {grass_m}\" material=\"scene_grass\" group=\"1\" contype=\"0\" conaffinity=\"0\"/>"
         )
         .expect(TOLD);
         let meshes = self.town.surface.meshes(self.is_in_sight());
@@ -168,6 +200,25 @@ impl World {
         builder.mesh("scene_pavement", "scene_pavement", &meshes.pavement);
         builder.mesh("scene_kerb", "scene_kerb", &meshes.kerb);
         builder.mesh("scene_marks", "scene_marks", &meshes.marks);
+        if !meshes.terrain.is_empty() {
+            builder.asset.push_str(
+                "<material name=\"scene_terrain\" texture=\"scene_grass\" specular=\"0\" shininess=\"0\"/>\n",
+            );
+            builder.mesh("scene_terrain", "scene_terrain", &meshes.terrain);
+        }
+    }
+
+    /// What is wider than high lies on the slope, all else stands upright.
+    fn turn_of(&self, placement: &Placement) -> String {
+        let model = &self.models.models[placement.model];
+        let ground = &self.town.surface.ground;
+        let is_low = model.height_m() < model.length_m().max(model.width_m());
+        if ground.is_flat() || !is_low || model.kind == Kind::Pedestrian {
+            let (sin, cos) = (placement.yaw_rad / 2.0).sin_cos();
+            return format!("{cos:.6} 0 0 {sin:.6}");
+        }
+        let (length_m, width_m) = (0.8 * model.length_m(), 0.9 * model.width_m());
+        quaternion(&ground.stance(placement.position, placement.yaw_rad, length_m, width_m).1)
     }
 
     fn add_objects(&self, builder: &mut Builder) {
@@ -189,16 +240,21 @@ impl World {
                 geoms = geoms.replace(&format!("material=\"{paint}\""), &format!("material=\"{own}\""));
             }
             let (x, y, z) = (placement.position.x, placement.position.y, placement.z_m);
-            let (sin, cos) = (placement.yaw_rad / 2.0).sin_cos();
+            let turn = self.turn_of(placement);
             let mocap = if placement.mocap.is_some() { " mocap=\"true\"" } else { "" };
             writeln!(
                 builder.body,
-                "<body name=\"obj:{}\" pos=\"{x:.4} {y:.4} {z:.4}\" quat=\"{cos:.6} 0 0 {sin:.6}\"{mocap}>\n{geoms}</body>",
+                "<body name=\"obj:{}\" pos=\"{x:.4} {y:.4} {z:.4}\" quat=\"{turn}\"{mocap}>\n{geoms}</body>",
                 placement.id
             )
             .expect(TOLD);
         }
     }
+}
+
+/// A turn as MuJoCo writes it: w, x, y, z.
+fn quaternion(turn: &UnitQuaternion<f64>) -> String {
+    format!("{:.6} {:.6} {:.6} {:.6}", turn.w, turn.i, turn.j, turn.k)
 }
 
 /// A material's element under another name and colour.
@@ -228,8 +284,17 @@ const ACTUATORS: &str = "<actuator>
 </actuator>
 ";
 
-fn add_ego(builder: &mut Builder, (position, yaw_rad): (Vec2, f64)) {
-    let (sin, cos) = (yaw_rad / 2.0).sin_cos();
+/// The car, with its rear axle at a place on the ground.
+fn add_ego(builder: &mut Builder, (position, yaw_rad): (Vec2, f64), ground: &Ground) {
+    let center = position + Vec2::new(yaw_rad.cos(), yaw_rad.sin()) * (WHEELBASE_M / 2.0);
+    let (middle_m, turn) = ground.stance(center, yaw_rad, WHEELBASE_M, TRACK_M);
+    let z_m = middle_m - (turn * Vector3::x()).z * WHEELBASE_M / 2.0;
+    let quaternion = if ground.is_flat() {
+        let (sin, cos) = (yaw_rad / 2.0).sin_cos();
+        format!("{cos:.6} 0 0 {sin:.6}")
+    } else {
+        quaternion(&turn)
+    };
     let center_x_m = FRONT_BUMPER_X_M - EGO_LENGTH_M / 2.0;
     let chassis_low_m = 0.2;
     let half_height_m = (EGO_HEIGHT_M - chassis_low_m) / 2.0;
@@ -244,7 +309,7 @@ fn add_ego(builder: &mut Builder, (position, yaw_rad): (Vec2, f64)) {
     let body = &mut builder.body;
     writeln!(
         body,
-        "<body name=\"ego\" pos=\"{:.4} {:.4} 0\" quat=\"{cos:.6} 0 0 {sin:.6}\">\n<freejoint name=\"ego\"/>\n\
+        "<body name=\"ego\" pos=\"{:.4} {:.4} {z_m}\" quat=\"{quaternion}\">\n<freejoint name=\"ego\"/>\n\
          <inertial pos=\"{:.4} 0 0.4\" mass=\"{mass_kg}\" diaginertia=\"{ixx:.1} {iyy:.1} {izz:.1}\"/>\n\
          <light name=\"sun\" mode=\"track\" directional=\"true\" castshadow=\"true\" pos=\"27 -21 49\" dir=\"-0.45 0.35 -0.82\" diffuse=\"0.72 0.7 0.64\" specular=\"0.2 0.2 0.2\" ambient=\"0 0 0\"/>\n\
          <geom name=\"ego_chassis\" type=\"box\" size=\"{:.4} {:.4} {half_height_m:.4}\" pos=\"{center_x_m:.4} 0 {:.4}\" group=\"4\" rgba=\"0.8 0.8 0.85 1\"/>",

@@ -8,6 +8,7 @@ use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
 use super::models::{Model, ModelLibrary};
+use super::network::LaneGraph;
 use super::occupancy::{Footprint, Occupied};
 use super::path::{Path, Vec2};
 use super::route::Route;
@@ -152,13 +153,15 @@ impl World {
 pub fn populate(town: &Arc<Town>, config: &PopulateConfig, seed: u64) -> Result<World, SceneError> {
     let models = Arc::new(ModelLibrary::load()?);
     let mut rng = random::stream(seed, "ego-route", 0);
-    let starts: Vec<usize> = (0..town.graph.lanes.len())
-        .filter(|&i| town.graph.lanes[i].junction.is_none() && town.graph.lanes[i].path.length_m() > 20.0)
-        .collect();
-    if starts.is_empty() {
+    let starts = starts(&town.graph);
+    // The ego sets out where the way is long.
+    let reach_m = |lane: &usize| town.graph.lanes[*lane].reach_m;
+    let longest_m = starts.iter().map(reach_m).fold(0.0, f64::max).min(config.route_length_m / 0.7);
+    let ego_starts: Vec<usize> = starts.iter().copied().filter(|lane| reach_m(lane) >= 0.7 * longest_m).collect();
+    if ego_starts.is_empty() {
         return Err(SceneError::NoStart { town: town.name.clone() });
     }
-    let lane = starts[rng.random_range(0..starts.len())];
+    let lane = ego_starts[rng.random_range(0..ego_starts.len())];
     let ego_route = Route::random(&town.graph, lane, config.route_length_m, &mut rng);
     let mut filler = Filler {
         town,
@@ -190,6 +193,19 @@ pub fn populate(town: &Arc<Town>, config: &PopulateConfig, seed: u64) -> Result<
     }
     let objects = placements.iter().map(|placement| scene_object(placement, &models)).collect();
     Ok(World { town: Arc::clone(town), models, placements, ego_route, ego_start_m: start_m, objects })
+}
+
+/// Lanes to set out on: outside junctions, and with some length where there are such.
+fn starts(graph: &LaneGraph) -> Vec<usize> {
+    let of_length = |least_m: f64| -> Vec<usize> {
+        let fits = |i: &usize| {
+            let lane = &graph.lanes[*i];
+            lane.junction.is_none() && lane.path.length_m() > least_m
+        };
+        (0..graph.lanes.len()).filter(fits).collect()
+    };
+    let long = of_length(20.0);
+    if long.is_empty() { of_length(8.0) } else { long }
 }
 
 fn scene_object(placement: &Placement, models: &ModelLibrary) -> SceneObject {
@@ -270,7 +286,9 @@ impl Filler<'_> {
             .map(|(i, _)| *i)
     }
 
-    fn put(&mut self, model: usize, position: Vec2, z_m: f64, yaw_rad: f64, motion: Motion, rng: &mut Rng) {
+    /// Puts a model `over_m` above the ground.
+    fn put(&mut self, model: usize, position: Vec2, over_m: f64, yaw_rad: f64, motion: Motion, rng: &mut Rng) {
+        let z_m = self.town.surface.ground_m(position) + over_m;
         let category = &self.models.models[model].category;
         let id = format!("{category}-{:03}", self.placements.len());
         // A hay bale is yellow and a tree green; only cars and clothes come in any colour.
@@ -385,6 +403,10 @@ impl Filler<'_> {
     fn place_props(&mut self) {
         let mut rng = random::stream(self.seed, "props", 0);
         let config = &self.town.config;
+        if !self.town.surface.strips.iter().any(|strip| strip.kind == StripKind::Pavement) {
+            self.place_props_on_verges(&mut rng);
+            return;
+        }
         for strip in self.town.surface.strips.iter().filter(|strip| strip.kind == StripKind::Pavement) {
             let side = self.kerb_side(strip);
             let mut station_m = 2.0 + 5.0 * rng.random::<f64>();
@@ -408,6 +430,34 @@ impl Filler<'_> {
         }
     }
 
+    /// Props on the grass beside roads that have no pavement.
+    fn place_props_on_verges(&mut self, rng: &mut Rng) {
+        let config = &self.town.config;
+        for strip in self.town.surface.strips.iter().filter(|strip| strip.kind == StripKind::Road) {
+            for side in [-1.0, 1.0] {
+                let [low, high] = config.prop_spacing_m;
+                let mut station_m = 2.0 + 5.0 * rng.random::<f64>();
+                while station_m < strip.center.length_m() - 2.0 {
+                    let Some(model) = self.draw_model(Kind::Static, &config.prop_weights, rng) else { return };
+                    let from_edge_m = self.models.models[model].width_m() / 2.0 + 0.4 + 0.8 * rng.random::<f64>();
+                    let at = strip.center.beside(station_m, side * (strip.width_m / 2.0 + from_edge_m));
+                    let street_rad = strip.center.heading_rad(station_m);
+                    let yaw_rad = if side < 0.0 { street_rad } else { street_rad + std::f64::consts::PI };
+                    let is_on_grass = self.town.surface.paved_grid.clearance_m(at) > from_edge_m - 0.3;
+                    let is_clear = self.is_off_buildings(at);
+                    if is_on_grass && is_clear && self.is_near(at) && self.claim(model, at, yaw_rad, 0.3) {
+                        self.put(model, at, GRASS_M, yaw_rad, Motion::Still, rng);
+                    }
+                    station_m += (low + (high - low) * rng.random::<f64>()) / self.config.prop_density.max(0.01);
+                }
+            }
+        }
+    }
+
+    fn is_off_buildings(&self, point: Vec2) -> bool {
+        !self.town.buildings.iter().any(|building| building.footprint.grown(0.5).contains(point))
+    }
+
     /// Objects out of distribution along the route: some in the lane, most beside it.
     fn place_ood(&mut self, route: &Route) {
         let mut rng = random::stream(self.seed, "ood", 0);
@@ -424,6 +474,7 @@ impl Filler<'_> {
             let yaw_rad = std::f64::consts::TAU * rng.random::<f64>();
             let is_in_lane = rng.random::<f64>() < self.config.ood_in_lane_share;
             let (draw, side) = (rng.random::<f64>(), if rng.random_bool(0.65) { -1.0 } else { 1.0 });
+            let mirror = -self.town.graph.kerb_sign();
             let span = route.span_at(station_m);
             let lane = &self.town.graph.lanes[span.lane];
             let from_ends_m = (station_m - span.start_m).min(span.end_m - station_m);
@@ -439,7 +490,7 @@ impl Filler<'_> {
             } else {
                 3.0 * half_lane_m + half_m + 0.2 + 1.8 * draw
             };
-            let at = route.path.beside(station_m, left_m);
+            let at = route.path.beside(station_m, mirror * left_m);
             let clearance_m = self.town.surface.road_grid.clearance_m(at);
             // On the pavement or on the road, not half on the kerb.
             let z_m = if clearance_m > 0.0 { PAVEMENT_M } else { 0.0 };

@@ -25,9 +25,13 @@ impl World {
         self.add_boundaries(builder);
     }
 
+    fn height_m(&self) -> impl Fn(Vec2) -> f64 + '_ {
+        |at| self.town.surface.ground.height_m(at)
+    }
+
     fn add_buildings(&self, builder: &mut Builder) {
         let config = &self.town.config;
-        let meshes = buildings::meshes(&self.town.buildings, config, |_| 0.0, self.is_in_sight());
+        let meshes = buildings::meshes(&self.town.buildings, config, self.height_m(), self.is_in_sight());
         for (i, (facade, ground_floor)) in meshes.facades.iter().zip(&meshes.ground_floors).enumerate() {
             let look = Facade {
                 look: config.facades[i % config.facades.len()],
@@ -61,7 +65,7 @@ impl World {
 
     /// Paved ground under the places where vehicles stand.
     fn add_pads(&self, builder: &mut Builder) {
-        let (is_in_sight, height_m) = (self.is_in_sight(), |_: Vec2| 0.0);
+        let (is_in_sight, height_m) = (self.is_in_sight(), self.height_m());
         let mut mesh = TriangleMesh::default();
         for stand in self.town.stands.iter().filter(|stand| is_in_sight(stand.footprint.center)) {
             let footprint = &stand.footprint;
@@ -89,7 +93,7 @@ impl World {
     }
 
     fn add_boundaries(&self, builder: &mut Builder) {
-        let is_in_sight = self.is_in_sight();
+        let (is_in_sight, height_m) = (self.is_in_sight(), self.height_m());
         let is_near = |line: &Path| is_in_sight(line.at(line.length_m() / 2.0));
         let mut meshes: [TriangleMesh; 5] = Default::default();
         let [hedge, fence, wall, railings, concrete] = &mut meshes;
@@ -97,18 +101,18 @@ impl World {
             let line = &boundary.line;
             match boundary.look {
                 BoundaryLook::Open => {}
-                BoundaryLook::Hedge => add_wall(hedge, line, 0.6, 1.3, &|_| 0.0),
-                BoundaryLook::Fence => add_wall(fence, line, 0.06, 1.0, &|_| 0.0),
-                BoundaryLook::Wall => add_wall(wall, line, 0.25, 1.1, &|_| 0.0),
-                BoundaryLook::Railings => add_wall(railings, line, 0.06, 2.0, &|_| 0.0),
+                BoundaryLook::Hedge => add_wall(hedge, line, 0.6, 1.3, &height_m),
+                BoundaryLook::Fence => add_wall(fence, line, 0.06, 1.0, &height_m),
+                BoundaryLook::Wall => add_wall(wall, line, 0.25, 1.1, &height_m),
+                BoundaryLook::Railings => add_wall(railings, line, 0.06, 2.0, &height_m),
             }
         }
         let median = self.town.config.median;
         if median != MedianLook::Open {
             for line in median_lines(&self.town.surface).iter().filter(|line| is_near(line)) {
                 match median {
-                    MedianLook::Barrier => add_barrier(concrete, line, &|_| 0.0),
-                    _ => add_wall(hedge, line, 0.8, 1.0, &|_| 0.0),
+                    MedianLook::Barrier => add_barrier(concrete, line, &height_m),
+                    _ => add_wall(hedge, line, 0.8, 1.0, &height_m),
                 }
             }
         }

@@ -8,8 +8,9 @@ use thiserror::Error;
 
 use super::buildings::Building;
 use super::network::LaneGraph;
+use super::opendrive;
 use super::plots::{self, Boundary, Furnishing, Stand};
-use super::surface::Surface;
+use super::surface::{Levels, Surface};
 use super::town_config::TownConfig;
 
 static SCENES: Dir<'static> = include_dir!("$CARGO_MANIFEST_DIR/scenes");
@@ -23,7 +24,7 @@ pub enum SceneError {
     Read(#[from] std::io::Error),
     #[error("{message}: {}", path.display())]
     TownConfig { message: String, path: PathBuf },
-    #[error("not an OpenDRIVE map: {message}: {}", path.display())]
+    #[error("not a usable OpenDRIVE map: {message}: {}", path.display())]
     OpenDrive { message: String, path: PathBuf },
     #[error("the map has no lane that can be driven: {}", path.display())]
     NoLanes { path: PathBuf },
@@ -46,6 +47,8 @@ pub struct Town {
     /// Props that belong to gardens, squares and bus stops.
     pub furnishings: Vec<Furnishing>,
     pub boundaries: Vec<Boundary>,
+    /// What of the map could not be used, in counts.
+    pub notes: Vec<String>,
 }
 
 /// Names of the shipped towns, sorted.
@@ -94,17 +97,20 @@ impl Town {
         config
             .check()
             .map_err(|message| SceneError::TownConfig { message, path: path.with_file_name("town.toml") })?;
-        let network = xodr::load_str(xodr)
-            .map_err(|error| SceneError::OpenDrive { message: error.to_string(), path: path.to_owned() })?;
-        let graph = LaneGraph::new(&network);
+        let (network, mut notes) = opendrive::read(xodr)
+            .map_err(|message| SceneError::OpenDrive { message, path: path.to_owned() })?;
+        let levels = Levels::of(&network);
+        notes.extend(levels.note());
+        let (graph, unused) = LaneGraph::read(&network, |id| levels.is_above(id));
+        notes.extend(unused);
         if graph.lanes.is_empty() {
             return Err(SceneError::NoLanes { path: path.to_owned() });
         }
-        let surface = Surface::new(&network, &graph);
+        let surface = Surface::new(&network, &graph, levels);
         let mut plots = plots::grow(&surface, &config, 0);
         plots.furnishings.extend(plots::bus_stops(&network));
         let plots::Plots { buildings, stands, furnishings, boundaries } = plots;
-        Ok(Self { name: name.to_owned(), config, graph, surface, buildings, stands, furnishings, boundaries })
+        Ok(Self { name: name.to_owned(), config, graph, surface, buildings, stands, furnishings, boundaries, notes })
     }
 }
 

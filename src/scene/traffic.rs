@@ -5,6 +5,7 @@
 
 use std::sync::Arc;
 
+use nalgebra::{UnitQuaternion, Vector3};
 use rand::RngExt;
 
 use super::driving::{self, Gap, Obstacle, Owner};
@@ -51,7 +52,8 @@ pub struct MocapPose {
     /// Number among the mocap bodies.
     pub index: usize,
     pub position_m: [f64; 3],
-    pub yaw_rad: f64,
+    /// From the body's axes (x forward, z up) to the world's.
+    pub turn: UnitQuaternion<f64>,
     /// Over ground, in the world frame.
     pub velocity_mps: [f64; 2],
 }
@@ -205,6 +207,7 @@ impl Traffic {
             position: Vec2::new(origin.x, origin.y),
             yaw_rad: observation.world_from_ego.yaw_rad(),
             speed_mps: observation.speed_mps,
+            grade: observation.world_from_ego.rotate(&Vector3::x()).z,
         };
         self.ego.locate(&pose);
         let mut obstacles: Vec<Obstacle> = vec![pose.obstacle()];
@@ -287,6 +290,7 @@ impl Traffic {
             length_m: driver.length_m,
             speed_mps: driver.speed_mps,
             is_bold: driver.waited_s > 6.0,
+            mirror: -graph.kerb_sign(),
             is_near_junction: graph.lanes[driver.route.span_at(front_m + 4.0).lane].junction.is_some(),
         };
         let left_wanted_m = swerve.best_offset(driver.left_wanted_m, &self.town.surface.road_grid, &others);
@@ -365,15 +369,18 @@ impl Traffic {
     }
 
     fn mocap_poses(&self) -> Vec<MocapPose> {
+        let ground = &self.town.surface.ground;
         let mut poses = Vec::with_capacity(self.drivers.len() + self.walkers.len());
         for driver in &self.drivers {
             let Some(index) = self.mocap_of[driver.placement] else { continue };
             let seen = driver.obstacle();
-            let center = seen.footprint.center;
+            let Footprint { center, yaw_rad, .. } = seen.footprint;
+            // The axles stand within the ends.
+            let (z_m, turn) = ground.stance(center, yaw_rad, 0.64 * driver.length_m, 0.9 * driver.width_m);
             poses.push(MocapPose {
                 index,
-                position_m: [center.x, center.y, 0.0],
-                yaw_rad: seen.footprint.yaw_rad,
+                position_m: [center.x, center.y, z_m],
+                turn,
                 velocity_mps: [seen.velocity_mps.x, seen.velocity_mps.y],
             });
         }
@@ -382,8 +389,12 @@ impl Traffic {
             let is_on_road = self.town.surface.road_grid.clearance_m(walker.position) < 0.0;
             poses.push(MocapPose {
                 index,
-                position_m: [walker.position.x, walker.position.y, if is_on_road { 0.0 } else { PAVEMENT_M }],
-                yaw_rad: walker.yaw_rad,
+                position_m: [
+                    walker.position.x,
+                    walker.position.y,
+                    ground.height_m(walker.position) + if is_on_road { 0.0 } else { PAVEMENT_M },
+                ],
+                turn: UnitQuaternion::from_axis_angle(&Vector3::z_axis(), walker.yaw_rad),
                 velocity_mps: [walker.velocity_mps.x, walker.velocity_mps.y],
             });
         }
