@@ -54,6 +54,8 @@ class Profile:
 
 @dataclass
 class Crossing:
+    """A point where streets meet, and how its corners and rules are made."""
+
     id: int
     x: float
     y: float
@@ -69,6 +71,8 @@ class Crossing:
 
 @dataclass
 class Street:
+    """A road from one crossing to another, through points on the way."""
+
     id: int
     start: int
     end: int
@@ -526,7 +530,8 @@ def add_speed_sign(street: Street) -> None:
 def write(town: xodr.OpenDrive, controllers: dict[int, list[tuple[int, list[int]]]], path: Path) -> None:
     """Writes the file; `controllers` by junction, which the library does not know."""
     root = town.get_element()
-    root.find("header").set("date", "2026-01-01T00:00:00")  # the library writes the clock; keep the file still
+    # The library writes the clock; the file shall keep still.
+    root.find("header").set("date", "2026-01-01T00:00:00")
     first_junction = [child.tag for child in root].index("junction")
     for junction_id, groups in sorted(controllers.items(), reverse=True):
         junction = next(j for j in root.iter("junction") if j.get("id") == str(junction_id))

@@ -12,7 +12,7 @@ import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-from roadkit import Crossing, Lane, Profile, Street, driving, write_town  # noqa: E402
+from roadkit import Crossing, Lane, Profile, Street, driving, write_town
 
 WALK = Lane("sidewalk", 3.0)
 MEDIAN = Lane("median", 1.5, "solid")

@@ -19,7 +19,7 @@ from pathlib import Path
 from scenariogeneration import xodr
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-from roadkit import add_light, write  # noqa: E402
+from roadkit import add_light, write
 
 X_M = (-134.0, -46.0, 38.0, 134.0)
 Y_M = (-126.0, -42.0, 46.0, 126.0)

@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-from roadkit import Crossing, Lane, Profile, Street, write_town  # noqa: E402
+from roadkit import Crossing, Lane, Profile, Street, write_town
 
 DRIVE = Lane("driving", 4.0, "curb")
 WALK, STALLS = Lane("sidewalk", 2.0), Lane("sidewalk", 6.0)

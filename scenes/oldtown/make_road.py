@@ -12,10 +12,11 @@ import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-from roadkit import Crossing, Lane, Profile, Street, write_town  # noqa: E402
+from roadkit import Crossing, Lane, Profile, Street, write_town
 
 WALK = Lane("sidewalk", 1.1)
-STREET = Profile((Lane("driving", 2.8, "curb"), WALK), (Lane("driving", 2.8, "curb"), WALK), 30, centre="none")
+DRIVE = Lane("driving", 2.8, "curb")
+STREET = Profile((DRIVE, WALK), (DRIVE, WALK), 30, centre="none")
 # A single lane; the road's line is its left kerb.
 ONE_WAY = Profile((Lane("driving", 3.4, "curb"), WALK), (WALK,), 20, centre="none")
 

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-from roadkit import Crossing, Lane, Profile, Street, write_town  # noqa: E402
+from roadkit import Crossing, Lane, Profile, Street, write_town
 
 WALK = Lane("sidewalk", 1.8)
 DRIVE = Lane("driving", 3.2, "curb")

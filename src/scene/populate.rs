@@ -181,7 +181,6 @@ pub fn populate(town: &Arc<Town>, config: &PopulateConfig, seed: u64) -> Result<
     if config.ood {
         filler.place_ood(&ego_route);
     }
-    filler.warn_of_unknown_models();
     filler.park();
     filler.place_furnishings();
     filler.place_props();
@@ -302,20 +301,6 @@ impl Filler<'_> {
 
     fn claim(&mut self, model: usize, position: Vec2, yaw_rad: f64, gap_m: f64) -> bool {
         self.occupied.claim(footprint_of(&self.models.models[model], position, yaw_rad), gap_m)
-    }
-
-    /// Weights of models that do not exist have no effect, which is hardly what their author wants.
-    fn warn_of_unknown_models(&self) {
-        let names = || self.models.models.iter().map(|model| model.name.as_str());
-        for (key, weights) in self.town.config.weight_tables() {
-            for unknown in weights.keys().filter(|&name| !names().any(|known| known == name)) {
-                let known: Vec<&str> = names().collect();
-                tracing::warn!(
-                    town = self.town.name,
-                    "{key} names no model `{unknown}`; there are {known:?}"
-                );
-            }
-        }
     }
 
     /// Parked cars: in parking lanes where the town has them, in driveways, loading bays and yards.

@@ -7,6 +7,7 @@ use include_dir::{Dir, include_dir};
 use thiserror::Error;
 
 use super::buildings::Building;
+use super::models;
 use super::network::LaneGraph;
 use super::opendrive;
 use super::plots::{self, Boundary, Furnishing, Stand};
@@ -103,6 +104,7 @@ impl Town {
         notes.extend(levels.note());
         let (graph, unused) = LaneGraph::read(&network, |id| levels.is_above(id));
         notes.extend(unused);
+        notes.extend(config.unknown_models(&models::names()));
         if graph.lanes.is_empty() {
             return Err(SceneError::NoLanes { path: path.to_owned() });
         }

@@ -343,6 +343,16 @@ impl TownConfig {
         Ok(())
     }
 
+    /// Names in tables of weights that no model has: they have no effect, hardly what their author wants.
+    #[must_use]
+    pub fn unknown_models(&self, known: &[String]) -> Vec<String> {
+        let named = self.weight_tables().flat_map(|(key, weights)| weights.keys().map(move |name| (key, name)));
+        named
+            .filter(|(_, name)| !known.contains(name))
+            .map(|(key, name)| format!("town.toml: {key} names no model `{name}`; there are {}", known.join(", ")))
+            .collect()
+    }
+
     /// All tables of weights by model name, with their keys.
     pub fn weight_tables(&self) -> impl Iterator<Item = (&'static str, &BTreeMap<String, f64>)> {
         [
@@ -374,6 +384,15 @@ mod tests {
         assert!(message.contains("lava") && message.contains("worn_asphalt"), "{message}");
         assert!(told("roof_stile = \"flat\"").contains("roof_style"));
         assert!(told("wall_colors = [\"red\"]").contains("#b4866a"));
+    }
+
+    #[test]
+    fn a_weight_for_no_model_is_told_with_those_that_exist() {
+        let mut config = TownConfig::default();
+        config.garden_weights.insert("gnome".into(), 1.0);
+        config.prop_weights.insert("tree".into(), 1.0);
+        let told = config.unknown_models(&["bin".into(), "tree".into()]);
+        assert_eq!(told, ["town.toml: garden_weights names no model `gnome`; there are bin, tree"]);
     }
 
     #[test]
