@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::buildings::{self, Building};
+use super::lights::Lights;
 use super::network::LaneGraph;
 use super::opendrive;
 use super::surface::{Levels, Surface};
@@ -122,6 +123,7 @@ pub struct Town {
     pub name: String,
     pub config: TownConfig,
     pub graph: LaneGraph,
+    pub lights: Lights,
     pub surface: Surface,
     pub buildings: Vec<Building>,
     /// What of the map could not be used, in counts.
@@ -175,14 +177,17 @@ impl Town {
             .map_err(|message| SceneError::OpenDrive { message, path: path.to_owned() })?;
         let levels = Levels::of(&network);
         notes.extend(levels.note());
-        let (graph, unused) = LaneGraph::read(&network, |id| levels.is_above(id));
+        let (mut graph, unused) = LaneGraph::read(&network, |id| levels.is_above(id));
         notes.extend(unused);
         if graph.lanes.is_empty() {
             return Err(SceneError::NoLanes { path: path.to_owned() });
         }
-        let surface = Surface::new(&network, &graph, levels);
+        let crosswalks = opendrive::crosswalks(&network);
+        let (lights, unknown) = Lights::read(&network, &mut graph, &crosswalks);
+        notes.extend(unknown);
+        let surface = Surface::new(&network, &graph, levels, &crosswalks);
         let buildings = buildings::grow(&surface, &config, 0);
-        Ok(Self { name: name.to_owned(), config, graph, surface, buildings, notes })
+        Ok(Self { name: name.to_owned(), config, graph, lights, surface, buildings, notes })
     }
 }
 
