@@ -7,12 +7,13 @@
 //! The body `ego` has its origin at the rear-axle centre projected to the ground, x forward: its
 //! pose is the ego frame. Dimensions are a Renault Zoe's, the car of nuScenes.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
 use nalgebra::{UnitQuaternion, Vector3};
 
 use super::ground::Ground;
+use super::lights::Aspect;
 use super::mesh::TriangleMesh;
 use super::path::Vec2;
 use super::populate::{Placement, World};
@@ -229,9 +230,17 @@ impl World {
         }
         let mut ordered: Vec<&Placement> = self.placements.iter().collect();
         ordered.sort_by_key(|placement| placement.mocap);
+        let light_of: BTreeMap<&str, usize> =
+            self.lamp_posts.iter().map(|&(post, light)| (self.placements[post].id.as_str(), light)).collect();
+        if !light_of.is_empty() {
+            add_lamp_materials(builder);
+        }
         for placement in ordered {
             let model = &self.models.models[placement.model];
             let mut geoms = model.geoms_xml.clone();
+            if let Some(&light) = light_of.get(placement.id.as_str()) {
+                geoms.push_str(&lamps(light, model.bounds.1[0]));
+            }
             if let (Some([r, g, b]), Some(paint), Some(xml)) =
                 (placement.paint, &model.paint, &model.paint_xml)
             {
@@ -250,6 +259,53 @@ impl World {
             .expect(TOLD);
         }
     }
+}
+
+/// Lamps of a traffic light from the top: name, and colour when lit.
+const LAMPS: [(&str, [f64; 3]); 3] =
+    [("red", [0.95, 0.08, 0.05]), ("yellow", [0.98, 0.72, 0.05]), ("green", [0.1, 0.9, 0.35])];
+/// Height of the middle lamp, and the way to its neighbours.
+const LAMP_M: f64 = 2.88;
+const LAMP_STEP_M: f64 = 0.3;
+
+/// The geoms of a light's lamps with the materials they show, from the top.
+#[must_use]
+pub fn lamps_of(light: usize, aspect: Aspect) -> [(String, String); 3] {
+    let lit = match aspect {
+        Aspect::Red => 0,
+        Aspect::Yellow => 1,
+        Aspect::Green => 2,
+    };
+    std::array::from_fn(|i| {
+        let state = if i == lit { "lit" } else { "dark" };
+        (format!("lamp:{light}:{i}"), format!("lamp_{}_{state}", LAMPS[i].0))
+    })
+}
+
+fn add_lamp_materials(builder: &mut Builder) {
+    for (name, [r, g, b]) in LAMPS {
+        let dim = [r, g, b].map(|c| 0.22 * c);
+        writeln!(
+            builder.asset,
+            "<material name=\"lamp_{name}_lit\" rgba=\"{r} {g} {b} 1\" emission=\"1\"/>\n\
+             <material name=\"lamp_{name}_dark\" rgba=\"{:.3} {:.3} {:.3} 1\" specular=\"0.3\"/>",
+            dim[0], dim[1], dim[2]
+        )
+        .expect(TOLD);
+    }
+}
+
+/// Discs on the head's front.
+fn lamps(light: usize, front_m: f64) -> String {
+    let disc = |(i, (geom, _)): (usize, (String, String))| {
+        let z_m = LAMP_M + LAMP_STEP_M * (1.0 - i as f64);
+        format!(
+            "<geom name=\"{geom}\" type=\"cylinder\" size=\"0.11 0.008\" pos=\"{front_m:.4} 0 {z_m:.3}\" \
+             quat=\"0.7071068 0 0.7071068 0\" material=\"lamp_{}_dark\" group=\"2\" contype=\"0\" conaffinity=\"0\" mass=\"0\"/>\n",
+            LAMPS[i].0
+        )
+    };
+    lamps_of(light, Aspect::Red).into_iter().enumerate().map(disc).collect()
 }
 
 /// A turn as MuJoCo writes it: w, x, y, z.

@@ -1,11 +1,13 @@
 //! Scenes: towns, object models, the filled world as MJCF, and how all that moves behaves.
 
 mod buildings;
-mod crosswalks;
+mod driver;
 mod driving;
 mod ego;
 mod ground;
 mod junctions;
+mod lane_change;
+mod lights;
 mod mesh;
 pub mod mjcf;
 pub mod models;
@@ -26,6 +28,7 @@ mod traffic;
 mod walking;
 
 pub use buildings::{Balcony, Building};
+pub use lights::{Aspect, Light, Lights};
 pub use mjcf::{EgoCommand, Mjcf};
 pub use ground::{Grid, Ground};
 pub use network::{GraphLane, LaneGraph, Rank};

@@ -77,7 +77,7 @@ pub struct LaneGraph {
     /// Whether traffic keeps to the left.
     pub keeps_left: bool,
     /// Lane of the graph by the map's number.
-    index_of: BTreeMap<usize, usize>,
+    pub(super) index_of: BTreeMap<usize, usize>,
 }
 
 /// A point of the map on the ground plane.

@@ -8,6 +8,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use roxmltree::{Document, Node};
 
+use super::network::flat;
+use super::occupancy::Footprint;
+
 /// Attributes that must be there as numbers, by element (OpenDRIVE 1.4, sections 5.3 to 5.5).
 const NUMBERS: [(&str, &[&str]); 14] = [
     ("road", &["length"]),
@@ -164,10 +167,54 @@ fn summary(warnings: &[xodr::Warning]) -> Vec<String> {
     kinds.into_values().map(tell).collect()
 }
 
+/// Crosswalks, whose length runs along the road they cross.
+///
+/// A plain box has its length along the road (OpenDRIVE: along `hdg`, relative to the road's); of an
+/// outline, the shorter side is taken to be along the road, as crosswalks are wider than long.
+#[must_use]
+pub fn crosswalks(network: &xodr::RoadNetwork) -> Vec<Footprint> {
+    let is_crosswalk = |object: &&xodr::Object| object.kind == xodr::ObjectType::Crosswalk;
+    network.objects().iter().filter(is_crosswalk).filter_map(|object| footprint(&object.shape)).collect()
+}
+
+fn footprint(shape: &xodr::Shape) -> Option<Footprint> {
+    match shape {
+        xodr::Shape::Solid { position, heading, extent: Some(xodr::Extent::Box { length, width, .. }), .. } => {
+            (*length > 0.5 && *width > 0.5).then(|| Footprint {
+                center: flat(*position),
+                yaw_rad: f64::from(*heading),
+                length_m: f64::from(*length),
+                width_m: f64::from(*width),
+            })
+        }
+        xodr::Shape::Outline { corners, closed: true, .. } => {
+            let [a, b, c, d] = corners.get(..4)?.iter().map(|corner| flat(corner.base)).collect::<Vec<_>>()[..]
+            else {
+                return None;
+            };
+            // Anything but a rectangle, perhaps closed by its first corner, is no zebra.
+            let is_four = corners.len() == 4 || (corners.len() == 5 && (flat(corners[4].base) - a).norm() < 0.1);
+            let (one, other) = ((b - a + c - d) / 2.0, (d - a + c - b) / 2.0);
+            let (along, across) = if one.norm() < other.norm() { (one, other) } else { (other, one) };
+            let is_square = along.normalize().dot(&across.normalize()).abs() < 0.3;
+            (is_four && is_square && along.norm() > 0.5).then(|| Footprint {
+                center: (a + b + c + d) / 4.0,
+                yaw_rad: along.y.atan2(along.x),
+                length_m: along.norm(),
+                width_m: across.norm(),
+            })
+        }
+        _ => None,
+    }
+}
+
 /// Objects of the map: the world has its own.
 fn undrawn(network: &xodr::RoadNetwork) -> Option<String> {
     let mut kinds: BTreeMap<&str, usize> = BTreeMap::new();
-    for object in network.objects() {
+    let is_drawn = |object: &xodr::Object| {
+        object.kind == xodr::ObjectType::Crosswalk && footprint(&object.shape).is_some()
+    };
+    for object in network.objects().iter().filter(|object| !is_drawn(object)) {
         *kinds.entry(object.kind.as_str()).or_default() += 1;
     }
     let parts: Vec<String> = kinds.iter().map(|(kind, n)| format!("{n} {kind}")).collect();
@@ -210,7 +257,7 @@ mod tests {
     #[test]
     fn what_is_broken_is_named_with_its_line() {
         for (from, to, wanted) in [
-            ("</laneSection>", "", "broken XML, line 14"),
+            ("</laneSection>", "", "broken XML, line 15"),
             ("OpenDRIVE>", "Map>", "<Map>, line 1: the root element must be <OpenDRIVE>"),
             (" hdg=\"0\"", "", "<geometry>, line 5: the attribute `hdg` is missing"),
             ("length=\"50\" junction", "length=\"long\" junction", "<road id=\"7\">, line 3: `length` is \"long\""),

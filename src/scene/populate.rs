@@ -123,6 +123,8 @@ pub struct World {
     pub ego_route: Route,
     /// Where on the route the ego's rear axle starts.
     pub ego_start_m: f64,
+    /// Placements that are traffic lights, with the town's light each one is.
+    pub lamp_posts: Vec<(usize, usize)>,
     objects: Vec<SceneObject>,
 }
 
@@ -178,6 +180,7 @@ pub fn populate(town: &Arc<Town>, config: &PopulateConfig, seed: u64) -> Result<
     filler
         .occupied
         .claim(Footprint { center: ego_center, yaw_rad: ego_yaw_rad, length_m: 12.0, width_m: 2.6 }, 0.0);
+    let lamp_posts = filler.place_lights();
     if config.ood {
         filler.place_ood(&ego_route);
     }
@@ -191,7 +194,7 @@ pub fn populate(town: &Arc<Town>, config: &PopulateConfig, seed: u64) -> Result<
         placement.mocap = Some(n);
     }
     let objects = placements.iter().map(|placement| scene_object(placement, &models)).collect();
-    Ok(World { town: Arc::clone(town), models, placements, ego_route, ego_start_m: start_m, objects })
+    Ok(World { town: Arc::clone(town), models, placements, ego_route, ego_start_m: start_m, lamp_posts, objects })
 }
 
 /// Lanes to set out on: outside junctions, and with some length where there are such.
@@ -242,6 +245,9 @@ const PAINTS: [[f64; 3]; 9] = [
     [0.2, 0.45, 0.6],
 ];
 
+/// Category of the models that stand for traffic lights.
+const TRAFFIC_LIGHT: &str = "traffic_light";
+
 struct Filler<'a> {
     town: &'a Town,
     config: &'a PopulateConfig,
@@ -269,7 +275,7 @@ impl Filler<'_> {
             .models
             .indices(kind, Distribution::Id)
             .into_iter()
-            .filter(|&i| self.models.models[i].category != "ego")
+            .filter(|&i| !matches!(self.models.models[i].category.as_str(), "ego" | TRAFFIC_LIGHT))
             .map(|i| {
                 let weight = weights.get(&self.models.models[i].name).copied();
                 (i, weight.unwrap_or(if weights.is_empty() { 1.0 } else { 0.0 }).max(0.0))
@@ -383,6 +389,34 @@ impl Filler<'_> {
                 }
             }
         }
+    }
+
+    /// The posts of lights near the route: where the map has them, or beside the lanes if that is on
+    /// the road. Returns the placements with their lights.
+    fn place_lights(&mut self) -> Vec<(usize, usize)> {
+        let mut rng = random::stream(self.seed, "lights", 0);
+        let town = self.town;
+        let Some(model) = self.models.models.iter().position(|model| model.category == TRAFFIC_LIGHT) else {
+            return Vec::new();
+        };
+        let mut posts = Vec::new();
+        for (i, light) in town.lights.lights.iter().enumerate() {
+            let is_off_road = |point: &Vec2| town.surface.road_grid.clearance_m(*point) > 0.35;
+            let beside = || {
+                let (lane, stop_m) = *light.stops.first()?;
+                let lane = &town.graph.lanes[lane];
+                let shifts = (0..30).map(|n| lane.width_m / 2.0 + 0.5 * f64::from(n));
+                shifts.map(|shift| lane.path.beside(stop_m, town.graph.kerb_sign() * shift)).find(is_off_road)
+            };
+            let Some(at) = Some(light.position).filter(is_off_road).or_else(beside) else { continue };
+            if self.is_near(at) && self.claim(model, at, light.heading_rad, 0.05) {
+                let is_paved = town.surface.paved_grid.clearance_m(at) < 0.0;
+                let over_m = if is_paved { PAVEMENT_M } else { GRASS_M };
+                posts.push((self.placements.len(), i));
+                self.put(model, at, over_m, light.heading_rad, Motion::Still, &mut rng);
+            }
+        }
+        posts
     }
 
     fn place_props(&mut self) {

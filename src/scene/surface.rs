@@ -8,11 +8,10 @@ use std::collections::BTreeSet;
 
 use nalgebra::Vector3;
 
-use super::crosswalks;
 use super::ground::{Ground, Ribbon};
 use super::mesh::TriangleMesh;
 use super::network::{LaneGraph, flat};
-use super::occupancy::StripGrid;
+use super::occupancy::{Footprint, StripGrid};
 use super::path::{Path, Vec2};
 
 /// Height of pavements over the road.
@@ -30,6 +29,8 @@ const TERRAIN_CELL_M: f64 = 4.0;
 const UNDER_PAVING_M: f64 = 0.15;
 /// How deep kerbs reach into the ground.
 const KERB_FOOT_M: f64 = 0.3;
+/// Width of a crosswalk's stripes and of the gaps between.
+const STRIPE_M: f64 = 0.5;
 const ROAD_TILE_M: f64 = 6.0;
 const PAVEMENT_TILE_M: f64 = 2.4;
 
@@ -153,7 +154,12 @@ fn kind_of(kind: xodr::LaneType) -> Option<StripKind> {
 impl Surface {
     /// Reads strips and marks off a road network.
     #[must_use]
-    pub fn new(network: &xodr::RoadNetwork, graph: &LaneGraph, levels: Levels) -> Self {
+    pub fn new(
+        network: &xodr::RoadNetwork,
+        graph: &LaneGraph,
+        levels: Levels,
+        crosswalks: &[Footprint],
+    ) -> Self {
         let Levels { mesh, ground, above } = levels;
         let mut strips = Vec::new();
         for span in mesh.lanes.iter().filter(|span| !above.contains(&span.lane.0)) {
@@ -186,7 +192,8 @@ impl Surface {
                 road_grid.add(&points, strip.width_m / 2.0);
             }
         }
-        let (marks, fills) = (marks_of(network, &ground), fills_of(network, &mesh, &above));
+        let (mut marks, fills) = (marks_of(network, &ground), fills_of(network, &mesh, &above));
+        marks.extend(crosswalks.iter().flat_map(zebra));
         let mut surface = Self { strips, marks, fills, road_grid, paved_grid, ground };
         surface.drop_pavement_on_roads(graph);
         surface
@@ -380,14 +387,29 @@ fn clipped(corners: &[Vec2], axis: usize, bound: f64, sign: f64) -> Vec<Vec2> {
 fn marks_of(network: &xodr::RoadNetwork, ground: &Ground) -> Vec<[Vec2; 4]> {
     let lines = network.road_marks().iter().flat_map(|mark| &mark.lines);
     let base_m = f64::from(network.min_elevation().unwrap_or_default());
-    let pieces = lines
+    lines
         .flat_map(|line| &line.pieces)
         .filter(|piece| {
             let over_m = f64::from(piece[0].z) - base_m - ground.height_m(flat(piece[0]));
             ground.is_flat() || over_m < 2.0
         })
-        .map(|piece| piece.map(flat));
-    pieces.chain(crosswalks::bars(network)).collect()
+        .map(|piece| piece.map(flat))
+        .collect()
+}
+
+/// The stripes of a crosswalk, along the road.
+fn zebra(walk: &Footprint) -> Vec<[Vec2; 4]> {
+    let (sin, cos) = walk.yaw_rad.sin_cos();
+    let at = |along: f64, across: f64| walk.center + Vec2::new(along * cos - across * sin, along * sin + across * cos);
+    let n = ((walk.width_m / (2.0 * STRIPE_M)).floor() as usize).max(1);
+    let half_m = walk.length_m / 2.0;
+    (0..n)
+        .map(|i| {
+            let left_m = (i as f64 - (n as f64 - 1.0) / 2.0) * 2.0 * STRIPE_M;
+            let (low_m, high_m) = (left_m - STRIPE_M / 2.0, left_m + STRIPE_M / 2.0);
+            [at(-half_m, low_m), at(half_m, low_m), at(half_m, high_m), at(-half_m, high_m)]
+        })
+        .collect()
 }
 
 /// The convex hull of each junction's driving lanes, so that no grass shows between its lanes.

@@ -38,7 +38,10 @@ impl Swerve<'_> {
         reach_m: f64,
         others: impl Iterator<Item = &'b Obstacle>,
     ) -> Option<Gap> {
-        let blend_m = (1.6 * self.speed_mps).clamp(4.5, 10.0);
+        // Far over, as to another lane, takes longer.
+        let blend_m = (1.6 * self.speed_mps)
+            .clamp(4.5, 10.0)
+            .max(if (left_m - self.now_m).abs() > 2.0 { 2.3 * self.speed_mps } else { 0.0 });
         let left_at = |s_m: f64| {
             let share = ((s_m - self.front_m) / blend_m).clamp(0.0, 1.0);
             self.now_m + (left_m - self.now_m) * share * share * (3.0 - 2.0 * share)

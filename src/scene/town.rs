@@ -7,6 +7,7 @@ use include_dir::{Dir, include_dir};
 use thiserror::Error;
 
 use super::buildings::Building;
+use super::lights::Lights;
 use super::models;
 use super::network::LaneGraph;
 use super::opendrive;
@@ -41,6 +42,7 @@ pub struct Town {
     pub name: String,
     pub config: TownConfig,
     pub graph: LaneGraph,
+    pub lights: Lights,
     pub surface: Surface,
     pub buildings: Vec<Building>,
     /// Places for parked vehicles off the street.
@@ -102,17 +104,20 @@ impl Town {
             .map_err(|message| SceneError::OpenDrive { message, path: path.to_owned() })?;
         let levels = Levels::of(&network);
         notes.extend(levels.note());
-        let (graph, unused) = LaneGraph::read(&network, |id| levels.is_above(id));
+        let (mut graph, unused) = LaneGraph::read(&network, |id| levels.is_above(id));
         notes.extend(unused);
         notes.extend(config.unknown_models(&models::names()));
         if graph.lanes.is_empty() {
             return Err(SceneError::NoLanes { path: path.to_owned() });
         }
-        let surface = Surface::new(&network, &graph, levels);
+        let crosswalks = opendrive::crosswalks(&network);
+        let (lights, unknown) = Lights::read(&network, &mut graph, &crosswalks);
+        notes.extend(unknown);
+        let surface = Surface::new(&network, &graph, levels, &crosswalks);
         let mut plots = plots::grow(&surface, &config, 0);
         plots.furnishings.extend(plots::bus_stops(&network));
         let plots::Plots { buildings, stands, furnishings, boundaries } = plots;
-        Ok(Self { name: name.to_owned(), config, graph, surface, buildings, stands, furnishings, boundaries, notes })
+        Ok(Self { name: name.to_owned(), config, graph, lights, surface, buildings, stands, furnishings, boundaries, notes })
     }
 }
 
