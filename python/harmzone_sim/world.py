@@ -106,6 +106,11 @@ class World:
         mujoco.mj_comPos(model, data)
         mujoco.mj_camlight(model, data)
 
+    def set_materials(self, geoms: list[str], materials: list[str]) -> None:
+        """Gives each geom the material of the same place in the other list, both by name."""
+        for geom, material in zip(geoms, materials, strict=True):
+            self.model.geom_matid[self.model.geom(geom).id] = self.model.material(material).id
+
     def body_poses(self) -> Array:
         """Poses in the world frame: [body, 7], position and quaternion w, x, y, z."""
         return np.concatenate([self.data.xpos, self.data.xquat], axis=1)

@@ -13,10 +13,13 @@ Metres, radians. The origin is the middle of the town. No randomness: same file 
 from __future__ import annotations
 
 import math
+import sys
 from pathlib import Path
-from xml.etree import ElementTree
 
 from scenariogeneration import xodr
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from roadkit import add_light, write
 
 X_M = (-134.0, -46.0, 38.0, 134.0)
 Y_M = (-126.0, -42.0, 46.0, 126.0)
@@ -32,6 +35,8 @@ RIGHT_TURN_KMH, LEFT_TURN_KMH = 19, 22
 ROW_PARKING = {1: (True, True), 2: (True, False)}
 COLUMN_PARKING = {1: (True, True)}
 CALM_COLUMNS = {2}
+# Crossings with traffic lights, by column and row: all four arms, and the parking streets' ends.
+LIT = {(1, 1), (2, 1), (1, 2), (2, 2), (1, 0), (0, 1)}
 
 # Arms of a crossing: the heading away from it. A street leaves eastwards and northwards, so it
 # starts at the crossing on those arms and ends there on the others.
@@ -50,6 +55,7 @@ class Street:
         self.parking = parking
         self.speed_kmh = speed_kmh
         self.road: xodr.Road | None = None
+        self.length_m = 0.0
 
     def sidewalk(self, right: bool) -> int:
         n_lanes = 3 if self.parking[0 if right else 1] else 2
@@ -131,7 +137,7 @@ def straight_street(
     road.add_type(xodr.RoadType.town, speed=street.speed_kmh, speed_unit="km/h")
     add_crosswalk(road, CROSSWALK_S_M, f"{street.id}0")
     add_crosswalk(road, (length - CROSSWALK_S_M[1], length - CROSSWALK_S_M[0]), f"{street.id}1")
-    street.road = road
+    street.road, street.length_m = road, length
 
 
 def turn_geometry(centre: tuple[float, float], arm_in: str, arm_out: str):
@@ -224,7 +230,25 @@ def crossing(junction_id: int, centre, arms: dict[str, Street]):
     return junction, roads
 
 
-def build() -> xodr.OpenDrive:
+def lights(junction_id: int, arms: dict[str, Street]) -> list[tuple[int, list[int]]]:
+    """Lights on every approach, and controllers: east with west, north with south."""
+    controllers = []
+    for k, axis in enumerate((("east", "west"), ("north", "south"))):
+        signals = []
+        for arm in axis:
+            if arm not in arms:
+                continue
+            street, is_end = arms[arm].road, not starts_here(arm)
+            signal_id = junction_id * 1000 + list(ARM_HEADING).index(arm)
+            beside = DRIVING_M + 0.6
+            lane, t = (-1, -beside) if is_end else (1, beside)
+            add_light(street, signal_id, arms[arm].length_m, is_end, t, (lane, lane))
+            signals.append(signal_id)
+        controllers.append((junction_id * 1000 + 500 + k, signals))
+    return controllers
+
+
+def build() -> tuple[xodr.OpenDrive, dict[int, list[tuple[int, list[int]]]]]:
     town = xodr.OpenDrive("downtown", revMinor="7")
     rows, columns = {}, {}
     for j, y in enumerate(Y_M):
@@ -242,7 +266,7 @@ def build() -> xodr.OpenDrive:
             straight_street(street, start, math.pi / 2, length, f"avenue {i}")
             columns[i, j] = street
 
-    more_roads, junctions = [], []
+    more_roads, junctions, controllers = [], [], {}
     for j, y in enumerate(Y_M):
         for i, x in enumerate(X_M):
             found = {
@@ -257,6 +281,8 @@ def build() -> xodr.OpenDrive:
                 continue
             junction, roads = crossing(100 + j * 4 + i, (x, y), arms)
             junctions.append(junction)
+            if (i, j) in LIT:
+                controllers[100 + j * 4 + i] = lights(100 + j * 4 + i, arms)
             more_roads.extend(roads)
     for street in [*rows.values(), *columns.values()]:
         town.add_road(street.road)
@@ -264,17 +290,12 @@ def build() -> xodr.OpenDrive:
         town.add_road(road)
     for junction in junctions:
         town.add_junction(junction)
-    return town
+    return town, controllers
 
 
 def main() -> None:
-    root = build().get_element()
-    header = root.find("header")
-    header.set("date", "2026-01-01T00:00:00")  # the library writes the clock; keep the file still
-    ElementTree.indent(root)
-    text = ElementTree.tostring(root, encoding="unicode")
-    path = Path(__file__).with_name("road.xodr")
-    path.write_text('<?xml version="1.0" encoding="utf-8"?>\n' + text + "\n", encoding="utf-8")
+    town, controllers = build()
+    write(town, controllers, Path(__file__).with_name("road.xodr"))
 
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
 use nalgebra::{Isometry3, Point3, Vector3};
 
 use super::AnnotationConfig;
-use crate::geometry::{Box3, Ego, Point, Transform, World};
+use crate::geometry::{Box3, Ego, Frame, Point, Transform, World};
 use crate::object::{Distribution, Kind, ObjectTruth};
 use crate::sensors::{Rig, silhouette_px};
 
@@ -44,8 +44,9 @@ pub(super) fn annotate(
         return None;
     }
     let ego_from_world = world_from_ego.inverse();
-    let box_in_world = upright_box(&seen.world_from_model, &shape.bounds);
-    let box_in_ego = box_in_world.transformed(&ego_from_world);
+    // Upright is the ego's up: on a slope, a car ahead on the same slope keeps its own sizes.
+    let box_in_ego: Box3<Ego> =
+        upright_box(&(ego_from_world.isometry * seen.world_from_model), &shape.bounds);
     let distance_m = box_in_ego.center.x().hypot(box_in_ego.center.y());
     if distance_m > config.max_range_m {
         return None;
@@ -76,10 +77,10 @@ pub(super) fn annotate(
     })
 }
 
-/// The least upright box along the model's heading that holds its (perhaps tilted) bounds.
-pub(super) fn upright_box(world_from_model: &Isometry3<f64>, bounds: &[Point3<f64>; 2]) -> Box3<World> {
-    let forward = world_from_model.rotation * Vector3::x();
-    let left = world_from_model.rotation * Vector3::y();
+/// The least box, upright in a frame, along the model's heading that holds its (perhaps tilted) bounds.
+pub(super) fn upright_box<F: Frame>(frame_from_model: &Isometry3<f64>, bounds: &[Point3<f64>; 2]) -> Box3<F> {
+    let forward = frame_from_model.rotation * Vector3::x();
+    let left = frame_from_model.rotation * Vector3::y();
     // A model that stands on its nose has no heading along x; its y axis still tells.
     let yaw_rad =
         if forward.xy().norm() > 0.1 { forward.y.atan2(forward.x) } else { (-left.x).atan2(left.y) };
@@ -87,7 +88,7 @@ pub(super) fn upright_box(world_from_model: &Isometry3<f64>, bounds: &[Point3<f6
     let (mut low, mut high) = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
     for corner in 0..8 {
         let pick = |axis: usize| bounds[corner >> axis & 1][axis];
-        let at = world_from_model * Point3::new(pick(0), pick(1), pick(2));
+        let at = frame_from_model * Point3::new(pick(0), pick(1), pick(2));
         let along_axes = Vector3::new(at.x * cos + at.y * sin, at.y * cos - at.x * sin, at.z);
         low = low.inf(&along_axes);
         high = high.sup(&along_axes);
@@ -142,7 +143,7 @@ mod tests {
 
     #[test]
     fn a_turned_car_keeps_its_own_sizes() {
-        let found = upright_box(&at(10.0, 5.0, 0.7), &BOUNDS);
+        let found: Box3<World> = upright_box(&at(10.0, 5.0, 0.7), &BOUNDS);
         let wanted = [10.0, 5.0, 0.75, 4.0, 2.0, 1.5, 0.7];
         let center = found.center;
         let values = [
@@ -160,8 +161,18 @@ mod tests {
     #[test]
     fn a_car_on_its_side_is_as_wide_as_it_was_high() {
         let roll = UnitQuaternion::from_euler_angles(std::f64::consts::FRAC_PI_2, 0.0, 0.0);
-        let found = upright_box(&Isometry3::from_parts(Translation3::identity(), roll), &BOUNDS);
+        let found: Box3<World> = upright_box(&Isometry3::from_parts(Translation3::identity(), roll), &BOUNDS);
         assert!((found.width_m - 1.5).abs() < 1e-12 && (found.height_m - 2.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn on_a_common_slope_a_car_keeps_its_sizes_and_stands_on_the_plane() {
+        let slope = UnitQuaternion::from_euler_angles(0.0, -0.1, 0.4);
+        let ego = Isometry3::from_parts(Translation3::new(5.0, 1.0, 3.0), slope);
+        let ahead = ego * at(20.0, 0.0, 0.0);
+        let found: Box3<Ego> = upright_box(&(ego.inverse() * ahead), &BOUNDS);
+        assert!((found.center.x() - 20.0).abs() < 1e-9 && (found.center.z() - 0.75).abs() < 1e-9);
+        assert!((found.length_m - 4.0).abs() < 1e-9 && (found.height_m - 1.5).abs() < 1e-9);
     }
 
     #[test]

@@ -1,12 +1,12 @@
 //! The closed loop of one episode: behaviour decides, physics moves; the only place that knows both.
 
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Translation3, Vector3};
 
 use super::GenerateError;
 use super::config::CONTROL_PERIOD_S;
 use crate::geometry::{Ego, Transform, World};
 use crate::sample::EgoState;
-use crate::scene::{self, EgoObservation, Lighting, Traffic, mjcf};
+use crate::scene::{self, Aspect, EgoObservation, Lighting, Traffic, mjcf};
 use crate::sim::{CameraMount, Simulator};
 
 const EGO_BODY: &str = "ego";
@@ -16,6 +16,9 @@ const STEERING_JOINTS: [&str; 2] = ["steer_fl", "steer_fr"];
 pub(super) struct Drive {
     pub simulator: Simulator,
     traffic: Traffic,
+    /// The town's lights that stand in the world, and what all of the town's show.
+    lights: Vec<usize>,
+    shown: Vec<Aspect>,
     ego_body: usize,
     /// Body of each of the scene's objects, in its order.
     pub object_bodies: Vec<usize>,
@@ -48,8 +51,10 @@ impl Drive {
             .map(|name| simulator.joint(name).ok_or_else(|| missing("joint", name)))
             .collect::<Result<_, _>>()?;
         let poses = simulator.body_poses()?;
-        Ok(Self {
+        let mut drive = Self {
             traffic: Traffic::new(world, seed),
+            lights: world.lamp_posts.iter().map(|&(_, light)| light).collect(),
+            shown: Vec::new(),
             ego_body,
             object_bodies,
             steering_joints,
@@ -60,7 +65,25 @@ impl Drive {
             speed_before_mps: 0.0,
             yaw_rate_rps: 0.0,
             simulator,
-        })
+        };
+        drive.show(drive.traffic.aspects())?;
+        Ok(drive)
+    }
+
+    /// Lights the lamps that have changed.
+    fn show(&mut self, aspects: Vec<Aspect>) -> Result<(), GenerateError> {
+        let is_new = |light: &usize| self.shown.get(*light) != aspects.get(*light);
+        let changed: Vec<_> = self
+            .lights
+            .iter()
+            .filter(|light| is_new(light))
+            .flat_map(|&i| mjcf::lamps_of(i, aspects[i]))
+            .collect();
+        if !changed.is_empty() {
+            self.simulator.set_materials(&changed)?;
+        }
+        self.shown = aspects;
+        Ok(())
     }
 
     /// One control step.
@@ -71,10 +94,10 @@ impl Drive {
             .mocap
             .iter()
             .map(|mover| {
-                let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), mover.yaw_rad);
-                (mover.index, Isometry3::from_parts(Translation3::from(mover.position_m), turn))
+                (mover.index, Isometry3::from_parts(Translation3::from(mover.position_m), mover.turn))
             })
             .collect();
+        self.show(commands.lights)?;
         self.simulator.step(&commands.ego.ctrl(), &movers, self.physics_steps)?;
         self.poses_before = std::mem::replace(&mut self.poses, self.simulator.body_poses()?);
         let (angular, linear): (Vector3<f64>, Vector3<f64>) = self.simulator.body_velocity(self.ego_body)?;
@@ -99,5 +122,98 @@ impl Drive {
             wheelbase_m: mjcf::WHEELBASE_M,
             front_bumper_x_m: mjcf::FRONT_BUMPER_X_M,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::geometry::Pinhole;
+    use crate::scene::{PopulateConfig, Town, populate};
+
+    /// One road of 400 m: level, then from 60 m on 8 % uphill, then from 220 m on banked by 4 %.
+    const SLOPE: &str = r#"<OpenDRIVE><header revMajor="1" revMinor="6"/>
+<road id="1" length="400" junction="-1"><type s="0" type="town"><speed max="50" unit="km/h"/></type>
+ <planView><geometry s="0" x="0" y="0" hdg="0.5" length="400"><line/></geometry></planView>
+ <elevationProfile>
+  <elevation s="0" a="3" b="0" c="0" d="0"/>
+  <elevation s="60" a="3" b="0" c="0.001" d="0"/>
+  <elevation s="100" a="4.6" b="0.08" c="0" d="0"/>
+ </elevationProfile>
+ <lateralProfile>
+  <superelevation s="0" a="0" b="0" c="0" d="0"/>
+  <superelevation s="200" a="0" b="0.002" c="0" d="0"/>
+  <superelevation s="220" a="0.04" b="0" c="0" d="0"/>
+ </lateralProfile>
+ <lanes><laneSection s="0"><center><lane id="0" type="none"/></center><right>
+  <lane id="-1" type="driving"><width sOffset="0" a="3.5" b="0" c="0" d="0"/></lane>
+  <lane id="-2" type="sidewalk"><width sOffset="0" a="2" b="0" c="0" d="0"/></lane>
+ </right></laneSection></lanes>
+</road></OpenDRIVE>"#;
+
+    fn mount() -> CameraMount {
+        CameraMount {
+            body: "ego".into(),
+            ego_from_camera: Transform::looking_forward(Vector3::new(1.5, 0.0, 1.5), 0.0),
+            intrinsics: Pinhole::from_horizontal_fov(160, 90, 1.2),
+            n_samples: 0,
+            shadow_size_px: 256,
+        }
+    }
+
+    #[test]
+    fn on_a_slope_the_car_keeps_to_the_ground_and_to_its_speed() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("slope.xodr");
+        fs_err::write(&path, SLOPE).unwrap();
+        let town = Arc::new(Town::load(path.to_str().unwrap()).unwrap());
+        let config = PopulateConfig {
+            traffic_density: 0.0,
+            leader_share: 0.0,
+            pedestrian_density: 0.0,
+            prop_density: 0.1,
+            ..PopulateConfig::default()
+        };
+        let world = populate(&town, &config, 1).unwrap();
+        let mut drive = Drive::new(&world, &mount(), 1).unwrap();
+        let (mut farthest_m, mut jerks, mut speeds) = (0.0_f64, Vec::new(), Vec::new());
+        let (mut steepest, mut widest_roll) = (0.0_f64, 0.0_f64);
+        let mut climb_before = 0.0;
+        for step in 0..760 {
+            drive.step().unwrap();
+            if step % 40 == 0 {
+                println!("{step} {:.2}", drive.speed_mps);
+            }
+            let pose = drive.world_from_ego().isometry;
+            let at = pose.translation.vector;
+            let over_m = at.z - town.surface.ground_m(at.xy());
+            assert!(over_m.abs() < 0.03, "step {step}: {over_m} m over the ground at {at}");
+            let (forward, left) = (pose.rotation * Vector3::x(), pose.rotation * Vector3::y());
+            let s_m = at.xy().dot(&nalgebra::Vector2::new(0.5_f64.cos(), 0.5_f64.sin()));
+            if (110.0..360.0).contains(&s_m) {
+                speeds.push(drive.speed_mps);
+                steepest = steepest.max((forward.z - 0.08_f64.atan().sin()).abs());
+                // Change of the climb rate in one control step: bumps of the contact.
+                jerks.push((forward.z * drive.speed_mps - climb_before).abs());
+            }
+            if (240.0..360.0).contains(&s_m) {
+                // The left edge is the higher one.
+                widest_roll = widest_roll.max((left.z - 0.04).abs());
+            }
+            climb_before = forward.z * drive.speed_mps;
+            farthest_m = farthest_m.max(s_m);
+        }
+        let (slowest, fastest) =
+            speeds.iter().fold((f64::INFINITY, 0.0_f64), |(low, high), v| (low.min(*v), high.max(*v)));
+        println!("{farthest_m} m, {slowest}..{fastest} m/s, pitch {steepest}, roll {widest_roll}");
+        assert!(farthest_m > 365.0, "{farthest_m}");
+        assert!(slowest > 13.0 && fastest < 14.2, "{slowest} to {fastest} m/s of 13.9");
+        assert!(steepest < 0.006 && widest_roll < 0.006, "pitch {steepest}, roll {widest_roll}");
+        let worst = jerks.iter().copied().fold(0.0, f64::max);
+        assert!(worst < 0.08, "a bump of {worst} m/s");
+        // It has come to rest before the end, and stays.
+        assert!(drive.speed_mps.abs() < 0.05, "{}", drive.speed_mps);
     }
 }

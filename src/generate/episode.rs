@@ -116,7 +116,7 @@ pub fn record_watched(
         n_samples: config.raw.samples as usize,
     };
     let route: Vec<[f64; 2]> = world.ego_route.path.sampled(20.0).iter().map(|at| [at.x, at.y]).collect();
-    let map = map::drawing(&town.graph, &route, MAP_REACH_M);
+    let map = map::drawing(&town.graph, &town.surface.ground, &route, MAP_REACH_M);
     let mut writer = EpisodeWriter::create(&folder.join(plan.file()), &meta, &map)?;
     timings.set_up = begin.elapsed();
 

@@ -56,7 +56,11 @@ pub fn run(
     let checked = CheckedConfig::try_from(config)?;
     let config = &checked.raw;
     // An unknown town is told at once, before the folder is touched.
-    config.towns.iter().try_for_each(|town| Town::load(town).map(drop))?;
+    for town in &config.towns {
+        for note in Town::load(town)?.notes {
+            tracing::warn!("{town}: {note}");
+        }
+    }
     let plans = plan(&checked, n_episodes);
     let manifest = folder::open(out, &to_toml(config), config.seed, config.scene.ood, &plans, options.force)?;
     let is_kept = |plan: &EpisodePlan| manifest.episodes.iter().any(|entry| entry.name == plan.name);

@@ -1,159 +1,321 @@
-//! Buildings along the outer edges of pavements: boxes with facades of whole bays and floors.
-
-use rand::RngExt;
+//! Buildings: what they are, and their meshes of whole bays and floors.
 
 use super::mesh::TriangleMesh;
-use super::occupancy::{Footprint, Occupied, StripGrid};
-use super::path::{Path, Vec2};
-use super::surface::{Strip, StripKind, Surface};
-use super::town::TownConfig;
-use crate::random::{self, Rng};
+use super::occupancy::Footprint;
+use super::path::Vec2;
+use super::town_config::{FacadeLook, TownConfig};
 
 /// One tile of a facade texture: a bay's width and a floor's height.
-const BAY_M: f64 = 3.0;
+pub const BAY_M: f64 = 3.0;
 const FLOOR_M: f64 = 3.2;
 const GROUND_FLOOR_M: f64 = 4.0;
+/// Walls reach this far below the lowest ground at a building.
+const FOOTING_M: f64 = 0.3;
+const EAVES_M: f64 = 0.35;
+const CORNICE_M: f64 = 0.35;
+const SLAB_M: f64 = 0.14;
+const RAILING_M: f64 = 1.0;
+
+/// How a roof stands on the walls.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Roof {
+    Flat,
+    /// The ridge runs along the street, so high above the walls.
+    Gable {
+        rise_m: f64,
+    },
+}
+
+/// A slab with railings on the front of a building.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Balcony {
+    /// Middle of the slab.
+    pub center: Vec2,
+    /// Height of the slab's top over the ground floor's level.
+    pub z_m: f64,
+    /// The direction it stands out to.
+    pub yaw_rad: f64,
+    /// Along the wall.
+    pub width_m: f64,
+    /// From the wall outwards.
+    pub depth_m: f64,
+}
 
 /// A building.
 #[derive(Debug, Clone)]
 pub struct Building {
     /// Yaw along the street; the front is on the side of `-width`.
     pub footprint: Footprint,
+    /// Above the ground floor.
     pub n_floors: u32,
-    /// Index of the facade look.
+    /// Index of the wall colour, which also chooses look and trim.
     pub facade: usize,
-    pub roof: usize,
+    /// Index of the roof colour.
+    pub roof_color: usize,
+    pub roof: Roof,
+    pub balconies: Vec<Balcony>,
+}
+
+/// Floors above the ground floor in a building of some height.
+#[must_use]
+pub fn n_floors_of(height_m: f64) -> u32 {
+    ((height_m - GROUND_FLOOR_M) / FLOOR_M).round().max(0.0) as u32
 }
 
 impl Building {
+    /// From the ground floor's level to the eaves.
     #[must_use]
     pub fn height_m(&self) -> f64 {
         GROUND_FLOOR_M + FLOOR_M * f64::from(self.n_floors)
     }
-}
 
-/// Number of facade looks and of roof colours.
-pub const N_FACADES: usize = 6;
-pub const N_ROOFS: usize = 3;
-
-/// Rows of buildings, the same for the same town and seed.
-#[must_use]
-pub fn grow(surface: &Surface, config: &TownConfig, seed: u64) -> Vec<Building> {
-    let mut rng = random::stream(seed, "buildings", 0);
-    let mut occupied = Occupied::default();
-    let mut buildings = Vec::new();
-    let has_pavements = surface.strips.iter().any(|strip| strip.kind == StripKind::Pavement);
-    let wanted = if has_pavements { StripKind::Pavement } else { StripKind::Road };
-    for strip in surface.strips.iter().filter(|strip| strip.kind == wanted) {
-        for side in [-1.0, 1.0] {
-            grow_row(strip, side, surface, config, &mut rng, &mut occupied, &mut buildings);
-        }
+    /// The point `along_m` from the middle along the street and `out_m` in front of the front wall.
+    #[must_use]
+    pub fn before(&self, along_m: f64, out_m: f64) -> Vec2 {
+        let (sin, cos) = self.footprint.yaw_rad.sin_cos();
+        let y = -self.footprint.width_m / 2.0 - out_m;
+        self.footprint.center + Vec2::new(along_m * cos - y * sin, along_m * sin + y * cos)
     }
-    buildings
-}
 
-fn draw(rng: &mut Rng, [low, high]: [f64; 2]) -> f64 {
-    low + (high - low) * rng.random::<f64>()
-}
-
-fn grow_row(
-    strip: &Strip,
-    side: f64,
-    surface: &Surface,
-    config: &TownConfig,
-    rng: &mut Rng,
-    occupied: &mut Occupied,
-    buildings: &mut Vec<Building>,
-) {
-    let path: &Path = &strip.center;
-    let length_m = path.length_m();
-    let mut station_m = 0.0;
-    while station_m + 4.0 < length_m {
-        let n_bays = (draw(rng, config.building_width_m) / BAY_M).round().max(2.0);
-        let mut width_m = n_bays * BAY_M;
-        let depth_m = draw(rng, config.building_depth_m);
-        let setback_m = draw(rng, config.building_setback_m);
-        let n_floors =
-            ((draw(rng, config.building_height_m) - GROUND_FLOOR_M) / FLOOR_M).round().max(0.0) as u32;
-        let (facade, roof) = (rng.random_range(0..N_FACADES), rng.random_range(0..N_ROOFS));
-        let is_wanted = rng.random::<f64>() < config.building_share;
-        let gap_m = 0.05 + draw(rng, config.building_gap_m);
-        if !is_wanted {
-            station_m += width_m;
-            continue;
-        }
-        let mut is_built = false;
-        // A narrower house may fit where a wide one does not.
-        while width_m >= 2.0 * BAY_M {
-            let middle_m = station_m + width_m / 2.0;
-            let offset_m = side * (strip.width_m / 2.0 + setback_m + depth_m / 2.0);
-            // The yaw puts the street on the building's right, so that its front is at -y.
-            let along = path.direction(middle_m) * side;
-            let footprint = Footprint {
-                center: path.beside(middle_m, offset_m),
-                yaw_rad: along.y.atan2(along.x),
-                length_m: width_m,
-                width_m: depth_m,
-            };
-            if is_off_the_pavement(&footprint, &surface.paved_grid) && occupied.claim(footprint, 0.02) {
-                buildings.push(Building { footprint, n_floors, facade, roof });
-                is_built = true;
-                break;
+    /// Balconies on bays of the upper floors that `wants` picks, `depth_m` deep.
+    pub fn add_balconies(&mut self, mut wants: impl FnMut() -> bool, depth_m: f64) {
+        let n_bays = (self.footprint.length_m / BAY_M).round() as u32;
+        for bay in 0..n_bays {
+            // A column of balconies: facades are built floor upon floor.
+            if !wants() {
+                continue;
             }
-            width_m -= BAY_M;
+            let along_m = (f64::from(bay) + 0.5) * BAY_M - self.footprint.length_m / 2.0;
+            for floor in 0..self.n_floors {
+                self.balconies.push(Balcony {
+                    center: self.before(along_m, depth_m / 2.0),
+                    z_m: GROUND_FLOOR_M + FLOOR_M * f64::from(floor) + 0.1,
+                    yaw_rad: self.footprint.yaw_rad - std::f64::consts::FRAC_PI_2,
+                    width_m: 0.8 * BAY_M,
+                    depth_m,
+                });
+            }
         }
-        station_m += if is_built { width_m + gap_m } else { BAY_M };
+    }
+
+    /// Level of the ground floor: the ground's at the front, where the door is.
+    #[must_use]
+    pub fn base_m(&self, height_m: &impl Fn(Vec2) -> f64) -> f64 {
+        let half_m = self.footprint.length_m / 2.0;
+        [-half_m, 0.0, half_m]
+            .map(|along_m| height_m(self.before(along_m, 0.0)))
+            .into_iter()
+            .fold(f64::MIN, f64::max)
     }
 }
 
-fn is_off_the_pavement(footprint: &Footprint, paved: &StripGrid) -> bool {
-    let (sin, cos) = footprint.yaw_rad.sin_cos();
-    let n_along = (footprint.length_m / 1.5).ceil() as usize;
-    let n_across = (footprint.width_m / 1.5).ceil() as usize;
-    (0..=n_along).all(|i| {
-        (0..=n_across).all(|j| {
-            let x = footprint.length_m * (i as f64 / n_along as f64 - 0.5);
-            let y = footprint.width_m * (j as f64 / n_across as f64 - 0.5);
-            paved.clearance_m(footprint.center + Vec2::new(x * cos - y * sin, x * sin + y * cos)) > 0.1
-        })
-    })
-}
-
-/// Meshes of all buildings near something: one for each facade, its ground floor, and each roof.
+/// Meshes of all buildings near something: upper and ground floors by wall colour, roofs by theirs.
 #[derive(Debug, Clone)]
 pub struct BuildingMeshes {
     pub facades: Vec<TriangleMesh>,
     pub ground_floors: Vec<TriangleMesh>,
     pub roofs: Vec<TriangleMesh>,
+    /// Slabs, cornices and chimneys.
+    pub stone: TriangleMesh,
+    pub railings: TriangleMesh,
+    pub doors: TriangleMesh,
 }
 
-/// Builds the meshes of the buildings that `is_near` keeps.
+/// Builds the meshes of the buildings that `is_near` keeps, on a ground of some height.
 #[must_use]
-pub fn meshes(buildings: &[Building], is_near: impl Fn(Vec2) -> bool) -> BuildingMeshes {
+pub fn meshes(
+    buildings: &[Building],
+    config: &TownConfig,
+    height_m: impl Fn(Vec2) -> f64,
+    is_near: impl Fn(Vec2) -> bool,
+) -> BuildingMeshes {
     let empty = |n: usize| vec![TriangleMesh::default(); n];
-    let mut meshes =
-        BuildingMeshes { facades: empty(N_FACADES), ground_floors: empty(N_FACADES), roofs: empty(N_ROOFS) };
+    let mut meshes = BuildingMeshes {
+        facades: empty(config.wall_colors.len()),
+        ground_floors: empty(config.wall_colors.len()),
+        roofs: empty(config.roof_colors.len()),
+        stone: TriangleMesh::default(),
+        railings: TriangleMesh::default(),
+        doors: TriangleMesh::default(),
+    };
     for building in buildings.iter().filter(|building| is_near(building.footprint.center)) {
+        let base_m = building.base_m(&height_m);
+        let corners = building.footprint.corners();
+        let lowest_m =
+            corners.iter().map(|at| height_m(Vec2::new(at.x_m, at.y_m))).fold(base_m, f64::min) - FOOTING_M;
+        let look = config.facades[building.facade % config.facades.len()];
+        meshes.add_walls(building, base_m, lowest_m, look == FacadeLook::Metal);
+        if look == FacadeLook::House {
+            meshes.add_door(building, base_m);
+        }
+        meshes.add_roof(building, base_m + building.height_m());
+        for balcony in &building.balconies {
+            meshes.add_balcony(balcony, base_m);
+        }
+    }
+    meshes
+}
+
+impl BuildingMeshes {
+    fn add_walls(&mut self, building: &Building, base_m: f64, lowest_m: f64, has_gates: bool) {
         let corners = building.footprint.corners().map(|corner| [corner.x_m, corner.y_m]);
-        let (low_m, top_m) = (GROUND_FLOOR_M, building.height_m());
+        let (low_m, top_m) = (base_m + GROUND_FLOOR_M, base_m + building.height_m());
         for i in 0..4 {
             let (from, to) = (corners[i], corners[(i + 1) % 4]);
             let n_bays = ((to[0] - from[0]).hypot(to[1] - from[1]) / BAY_M).round().max(1.0);
-            let wall = |bottom_m: f64, top_m: f64, n_floors: f64| {
+            let wall = |bottom_m: f64, top_m: f64, first: f64, last: f64| {
                 [
-                    ([from[0], from[1], bottom_m], [0.0, 0.0]),
-                    ([to[0], to[1], bottom_m], [n_bays, 0.0]),
-                    ([to[0], to[1], top_m], [n_bays, n_floors]),
-                    ([from[0], from[1], top_m], [0.0, n_floors]),
+                    ([from[0], from[1], bottom_m], [0.0, first]),
+                    ([to[0], to[1], bottom_m], [n_bays, first]),
+                    ([to[0], to[1], top_m], [n_bays, last]),
+                    ([from[0], from[1], top_m], [0.0, last]),
                 ]
             };
-            meshes.ground_floors[building.facade].add_polygon(&wall(-0.1, low_m, 1.0));
+            // Below the ground floor goes on what is lowest in its tile: a plain plinth.
+            let n_floors = f64::from(building.n_floors);
+            let facades = &mut self.facades[building.facade];
+            if has_gates && i != 2 {
+                facades.add_polygon(&wall(lowest_m, top_m, 0.0, n_floors + 1.0));
+                continue;
+            }
+            let ground_floors = &mut self.ground_floors[building.facade];
+            ground_floors.add_polygon(&wall(lowest_m, base_m, 0.0, 0.02));
+            ground_floors.add_polygon(&wall(base_m, low_m, 0.0, 1.0));
             if building.n_floors > 0 {
-                let n_floors = f64::from(building.n_floors);
-                meshes.facades[building.facade].add_polygon(&wall(low_m, top_m, n_floors));
+                facades.add_polygon(&wall(low_m, top_m, 0.0, n_floors));
             }
         }
-        meshes.roofs[building.roof].add_flat(&corners, top_m, 4.0);
     }
-    meshes
+
+    fn add_door(&mut self, building: &Building, base_m: f64) {
+        let (half_m, top_m) = (0.55, base_m + 2.3);
+        let [left, right] = [-half_m, half_m].map(|along_m| building.before(along_m, 0.03));
+        self.doors.add_polygon(&[
+            ([left.x, left.y, base_m], [0.0, 0.0]),
+            ([right.x, right.y, base_m], [1.0, 0.0]),
+            ([right.x, right.y, top_m], [1.0, 1.0]),
+            ([left.x, left.y, top_m], [0.0, 1.0]),
+        ]);
+        // A canopy over it, and a step before it.
+        let (out, step) = (building.before(0.0, 0.5), building.before(0.0, 0.45));
+        self.stone.add_box([out.x, out.y, top_m + 0.15], building.footprint.yaw_rad, [1.9, 1.0, 0.1]);
+        self.stone.add_box([step.x, step.y, base_m - 0.1], building.footprint.yaw_rad, [1.5, 0.9, 0.3]);
+    }
+
+    fn add_roof(&mut self, building: &Building, top_m: f64) {
+        let footprint = &building.footprint;
+        let roof = &mut self.roofs[building.roof_color];
+        let Roof::Gable { rise_m } = building.roof else {
+            let corners = footprint.corners().map(|corner| [corner.x_m, corner.y_m]);
+            roof.add_flat(&corners, top_m, 4.0);
+            // A cornice along the top; its underside is seen from the street.
+            let (sin, cos) = footprint.yaw_rad.sin_cos();
+            let center = footprint.center - Vec2::new(-sin, cos) * (footprint.width_m / 2.0 + 0.08);
+            let size = [footprint.length_m, 0.3, CORNICE_M];
+            self.stone.add_box([center.x, center.y, top_m - CORNICE_M / 2.0 + 0.05], footprint.yaw_rad, size);
+            return;
+        };
+        let (sin, cos) = footprint.yaw_rad.sin_cos();
+        let (half_x, half_y) = (footprint.length_m / 2.0, footprint.width_m / 2.0);
+        let at = |x: f64, y: f64, z: f64| {
+            [footprint.center.x + x * cos - y * sin, footprint.center.y + x * sin + y * cos, z]
+        };
+        // Eaves hang over and so lie a little lower than the walls' tops.
+        let drop_m = rise_m * EAVES_M / half_y;
+        let (out_x, out_y) = (half_x + EAVES_M * 0.6, half_y + EAVES_M);
+        let (eaves_m, ridge_m) = (top_m - drop_m + 0.02, top_m + rise_m + 0.02);
+        let (n_along, n_up) = (2.0 * out_x / 3.0, rise_m.hypot(half_y) / 3.0);
+        for side in [-1.0, 1.0] {
+            roof.add_polygon(&[
+                (at(side * -out_x, side * -out_y, eaves_m), [0.0, 0.0]),
+                (at(side * out_x, side * -out_y, eaves_m), [n_along, 0.0]),
+                (at(side * out_x, 0.0, ridge_m), [n_along, n_up]),
+                (at(side * -out_x, 0.0, ridge_m), [0.0, n_up]),
+            ]);
+            // The underside of the eaves.
+            roof.add_polygon(&[
+                (at(side * out_x, side * -out_y, eaves_m - 0.01), [0.0, 0.0]),
+                (at(side * -out_x, side * -out_y, eaves_m - 0.01), [n_along, 0.0]),
+                (at(side * -out_x, side * -half_y, top_m - 0.01), [n_along, 0.1]),
+                (at(side * out_x, side * -half_y, top_m - 0.01), [0.0, 0.1]),
+            ]);
+            // The gable, of plain wall: a narrow strip of the tile beside the window.
+            self.facades[building.facade].add_polygon(&[
+                (at(side * half_x, side * -half_y, top_m), [0.0, 0.9]),
+                (at(side * half_x, side * half_y, top_m), [0.06, 0.9]),
+                (at(side * half_x, 0.0, top_m + rise_m), [0.03, 0.97]),
+            ]);
+        }
+        if footprint.length_m < 25.0 {
+            let chimney = at(half_x * 0.55, half_y * 0.25, top_m + rise_m * 0.9);
+            self.stone.add_box(chimney, footprint.yaw_rad, [0.6, 0.6, 1.6]);
+        }
+    }
+
+    fn add_balcony(&mut self, balcony: &Balcony, base_m: f64) {
+        let (sin, cos) = balcony.yaw_rad.sin_cos();
+        let (x, y, top_m) = (balcony.center.x, balcony.center.y, base_m + balcony.z_m);
+        let size = [balcony.depth_m, balcony.width_m, SLAB_M];
+        self.stone.add_box([x, y, top_m - SLAB_M / 2.0], balcony.yaw_rad, size);
+        let at = |along: f64, across: f64, z: f64| {
+            [x + along * cos - across * sin, y + along * sin + across * cos, z]
+        };
+        let (out_m, half_m) = (balcony.depth_m / 2.0 - 0.04, balcony.width_m / 2.0 - 0.04);
+        // Left, front and right; seen from outside and, through the bars, from inside.
+        let posts = [(-out_m, half_m), (out_m, half_m), (out_m, -half_m), (-out_m, -half_m)];
+        for pair in posts.windows(2) {
+            let ((x0, y0), (x1, y1)) = (pair[0], pair[1]);
+            let n_bars = (x1 - x0).hypot(y1 - y0);
+            let rail = [
+                (at(x1, y1, top_m), [0.0, 0.0]),
+                (at(x0, y0, top_m), [n_bars, 0.0]),
+                (at(x0, y0, top_m + RAILING_M), [n_bars, 1.0]),
+                (at(x1, y1, top_m + RAILING_M), [0.0, 1.0]),
+            ];
+            self.railings.add_polygon(&rail);
+            let inside = [rail[1], rail[0], rail[3], rail[2]];
+            self.railings.add_polygon(&inside);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn house() -> Building {
+        Building {
+            footprint: Footprint {
+                center: Vec2::new(10.0, 20.0),
+                yaw_rad: 0.0,
+                length_m: 12.0,
+                width_m: 8.0,
+            },
+            n_floors: 2,
+            facade: 0,
+            roof_color: 0,
+            roof: Roof::Gable { rise_m: 3.0 },
+            balconies: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn balconies_stand_out_of_the_front_wall_on_each_upper_floor() {
+        let mut house = house();
+        let mut picks = [true, false, false, true].into_iter();
+        house.add_balconies(|| picks.next().unwrap(), 1.0);
+        assert_eq!(house.balconies.len(), 4);
+        for balcony in &house.balconies {
+            assert!((balcony.center.y - 15.5).abs() < 1e-12, "{balcony:?}");
+            assert!((balcony.yaw_rad + std::f64::consts::FRAC_PI_2).abs() < 1e-12);
+        }
+        assert!((house.balconies[0].center.x - 5.5).abs() < 1e-12);
+        assert!((house.balconies[1].z_m - house.balconies[0].z_m - FLOOR_M).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_ground_floor_is_level_with_the_highest_ground_at_the_front() {
+        let base_m = house().base_m(&|at: Vec2| 0.1 * at.x + at.y);
+        assert!((base_m - (1.6 + 16.0)).abs() < 1e-12, "{base_m}");
+    }
 }

@@ -4,6 +4,8 @@
 //! point on the path `lookahead` ahead of the rear axle.
 
 use super::driving::{self, Gap, Obstacle, Owner};
+use super::junctions::Answer;
+use super::lane_change::Mover;
 use super::mjcf::{
     DRIVE_RESPONSE_S, EGO_LENGTH_M, EGO_WIDTH_M, EgoCommand, FRONT_BUMPER_X_M, MAX_STEERING_RAD, WHEELBASE_M,
 };
@@ -22,12 +24,26 @@ const JAM_S: f64 = 5.0;
 /// Waiting this long at a junction is reason to turn elsewhere.
 const PATIENCE_S: f64 = 9.0;
 
+/// Who stands this close to the end of the route has arrived, and waits.
+const END_M: f64 = 8.0;
+const GRAVITY_MPS2: f64 = 9.81;
+/// Drag is learnt over this time, up to a bound, while little is asked for.
+const DRAG_TIME_S: f64 = 2.0;
+const MAX_DRAG_MPS2: f64 = 0.8;
+const MAX_LEARNT_MPS2: f64 = 2.0;
+/// Sideways speed of a change of lanes.
+const SIDEWAYS_MPS: f64 = 1.3;
+/// From one change of lanes to the next.
+const CHANGED_S: f64 = 5.0;
+
 /// Pose and speed of the ego as the simulator reports them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EgoPose {
     pub position: Vec2,
     pub yaw_rad: f64,
     pub speed_mps: f64,
+    /// Sine of the slope that it stands on, positive uphill.
+    pub grade: f64,
 }
 
 impl EgoPose {
@@ -69,6 +85,15 @@ pub struct EgoDriver {
     backing_s: f64,
     /// Seconds that it still takes any way round.
     bold_s: f64,
+    /// Whether it moves over to another lane, the offset it steers at on the way, and how long until
+    /// the next change.
+    is_changing: bool,
+    glide_m: f64,
+    change_s: f64,
+    /// What was asked for last, the speed then, and the drag learnt from what came of it.
+    asked_mps2: f64,
+    speed_before_mps: f64,
+    drag_mps2: f64,
     rng: Rng,
 }
 
@@ -84,6 +109,12 @@ impl EgoDriver {
             held_s: 0.0,
             backing_s: 0.0,
             bold_s: 0.0,
+            is_changing: false,
+            glide_m: 0.0,
+            change_s: 0.0,
+            asked_mps2: 0.0,
+            speed_before_mps: 0.0,
+            drag_mps2: 0.0,
             rng,
         }
     }
@@ -104,15 +135,19 @@ impl EgoDriver {
         self.station_m - (EGO_LENGTH_M - FRONT_BUMPER_X_M)
     }
 
-    /// One decision. `line` is where the next junction asks to stop, if it does.
+    /// One decision. `answer` is what the next junction and its lights say.
     pub fn step(
         &mut self,
         dt_s: f64,
         pose: &EgoPose,
-        line: Option<Gap>,
+        answer: &Answer,
         (graph, surface): (&LaneGraph, &Surface),
         obstacles: &[Obstacle],
     ) -> EgoCommand {
+        let line = answer.stop.map(|stop| stop.gap);
+        if answer.is_granted {
+            self.held_s = 0.0;
+        }
         let is_bold = self.bold_s > 0.0 && line.is_none();
         let others: Vec<Obstacle> = obstacles
             .iter()
@@ -125,6 +160,7 @@ impl EgoDriver {
             })
             .collect();
         self.bold_s -= dt_s;
+        self.consider_change(dt_s, pose, graph, &others);
         self.left_m = self.swerve(pose, graph).best_offset(self.left_m, &surface.road_grid, &others);
         let speed_mps = pose.speed_mps.max(0.0);
         let reach_m = 12.0 + 3.0 * speed_mps;
@@ -134,7 +170,7 @@ impl EgoDriver {
         let limit_mps = graph.lanes[self.route.span_at(self.front_m()).lane].limit_mps;
         let mut desired_mps = driving::bend_speed_mps(&self.route.path, self.station_m, limit_mps);
         let swerve_m = (self.left_m - self.offset(pose)).abs();
-        if swerve_m > 0.7 || self.left_m.abs() > 1.2 {
+        if !self.is_changing && (swerve_m > 0.7 || self.left_m.abs() > 1.2) {
             desired_mps = desired_mps.min(5.0);
         }
         let to_end_m = self.route.path.length_m() - self.front_m();
@@ -145,20 +181,71 @@ impl EgoDriver {
                 acceleration.min(driving::acceleration_mps2(speed_mps, desired_mps, Some(stop), 1.0));
         }
         let is_held = line.is_some_and(|line| line.distance_m < 4.0);
-        self.unjam(dt_s, speed_mps, is_held, graph);
+        // A queue before a light is no jam.
+        if to_end_m > END_M && !answer.is_queue {
+            self.unjam(dt_s, speed_mps, is_held, graph);
+        }
+        let hold_mps = self.hold_mps(dt_s, pose);
         if self.backing_s > 0.0 && is_free_behind(pose, &others) {
             self.backing_s -= dt_s;
             self.steering_rad = 0.0;
-            return EgoCommand { target_speed_mps: -1.2, steering_angle_rad: 0.0 };
+            return EgoCommand { target_speed_mps: hold_mps - 1.2, steering_angle_rad: 0.0 };
         }
         self.steer(dt_s, pose);
         if self.is_about_to_hit(pose, &others) {
-            return EgoCommand { target_speed_mps: 0.0, steering_angle_rad: self.steering_rad };
+            return EgoCommand { target_speed_mps: hold_mps, steering_angle_rad: self.steering_rad };
         }
+        self.asked_mps2 = acceleration;
         EgoCommand {
-            target_speed_mps: (speed_mps + acceleration * DRIVE_RESPONSE_S).max(0.0),
+            target_speed_mps: (speed_mps + acceleration * DRIVE_RESPONSE_S).max(0.0) + hold_mps,
             steering_angle_rad: self.steering_rad,
         }
+    }
+
+    /// What the wheels' target needs on top, so that the car does as asked: against the slope, and
+    /// against drag, which shows as the difference between asked and found acceleration.
+    fn hold_mps(&mut self, dt_s: f64, pose: &EgoPose) -> f64 {
+        let found_mps2 = (pose.speed_mps - self.speed_before_mps) / dt_s;
+        self.speed_before_mps = pose.speed_mps;
+        if pose.speed_mps > 2.0 && self.asked_mps2.abs() < MAX_LEARNT_MPS2 {
+            let change = (self.asked_mps2 - found_mps2) * dt_s / DRAG_TIME_S;
+            self.drag_mps2 = (self.drag_mps2 + change).clamp(-MAX_DRAG_MPS2, MAX_DRAG_MPS2);
+        }
+        let drag_mps2 = if pose.speed_mps > 2.0 { self.drag_mps2 } else { 0.0 };
+        (GRAVITY_MPS2 * pose.grade + drag_mps2) * DRIVE_RESPONSE_S
+    }
+
+    /// Moves over to a neighbouring lane where that serves, gently.
+    fn consider_change(&mut self, dt_s: f64, pose: &EgoPose, graph: &LaneGraph, others: &[Obstacle]) {
+        self.change_s -= dt_s;
+        if self.is_changing {
+            let step_m = SIDEWAYS_MPS * dt_s;
+            self.glide_m += (self.left_m - self.glide_m).clamp(-step_m, step_m);
+            if (self.glide_m - self.left_m).abs() < 0.05 {
+                self.is_changing = false;
+                self.change_s = CHANGED_S;
+            }
+            return;
+        }
+        if self.change_s > 0.0 || pose.speed_mps < 2.0 || self.left_m.abs() > 0.5 {
+            return;
+        }
+        let lane = &graph.lanes[self.route.span_at(self.front_m()).lane];
+        let mover = Mover {
+            route: &self.route,
+            station_m: self.station_m + FRONT_BUMPER_X_M - EGO_LENGTH_M / 2.0,
+            length_m: EGO_LENGTH_M,
+            speed_mps: pose.speed_mps,
+            wish_mps: lane.limit_mps,
+        };
+        let Some(change) = mover.change(graph, others, &mut self.rng) else { return };
+        let left_m = self.route.path.length_m() - self.station_m;
+        self.route = change.route;
+        self.route.extend(graph, change.station_m + left_m, &mut self.rng);
+        self.station_m = self.route.path.project(pose.position, 0.0, change.station_m + 5.0).0;
+        self.left_m = 0.0;
+        self.glide_m = self.offset(pose);
+        self.is_changing = true;
     }
 
     /// How long it has been standing.
@@ -183,6 +270,7 @@ impl EgoDriver {
             length_m: EGO_LENGTH_M,
             speed_mps: pose.speed_mps.max(0.0),
             is_bold: self.bold_s > 0.0,
+            mirror: -graph.kerb_sign(),
             is_near_junction: ahead.is_some(),
         }
     }
@@ -229,7 +317,8 @@ impl EgoDriver {
     fn steer(&mut self, dt_s: f64, pose: &EgoPose) {
         let speed_mps = pose.speed_mps.max(0.0);
         let lookahead_m = (0.6 * speed_mps + 2.6).clamp(3.8, 9.0);
-        let target = self.route.path.beside(self.station_m + lookahead_m, self.left_m);
+        let left_m = if self.is_changing { self.glide_m } else { self.left_m };
+        let target = self.route.path.beside(self.station_m + lookahead_m, left_m);
         let way = target - pose.position;
         let alpha = turn_between(pose.yaw_rad, way.y.atan2(way.x));
         let wanted = (2.0 * WHEELBASE_M * alpha.sin() / way.norm().max(1.0)).atan();

@@ -1,7 +1,21 @@
 //! Junctions by reservation: who may drive in, so that paths that cross are never driven at once.
+//!
+//! Lights come first, then right of way: who yields waits for those of higher rank who arrive soon.
+//! Among equals, who asks first drives first.
 
-use super::network::LaneGraph;
+use super::driving::{self, Gap, Obstacle, Owner};
+use super::lights::{Aspect, Clock, Lights};
+use super::network::{LaneGraph, Rank};
 use super::route::{Route, Span};
+
+/// Standing this long before a junction gives its reservation back.
+const GIVE_WAY_S: f64 = 3.0;
+/// Braking that a yellow light may ask for.
+const YELLOW_BRAKING_MPS2: f64 = 3.0;
+/// Who yields leaves those who have priority this much time.
+const YIELD_S: f64 = 4.0;
+/// Lights this far ahead explain why a queue stands.
+const QUEUE_M: f64 = 70.0;
 
 /// Lanes of junctions that are taken: by which driver.
 #[derive(Debug, Clone, Default)]
@@ -60,5 +74,240 @@ impl Reservations {
                 self.held.push((driver, lane));
             }
         }
+    }
+}
+
+/// What all who come to junctions look at.
+#[derive(Debug, Clone, Copy)]
+pub struct View<'a> {
+    pub graph: &'a LaneGraph,
+    pub lights: &'a Lights,
+    pub clock: &'a Clock,
+    pub moving: &'a [Obstacle],
+    pub approaches: &'a [Approach],
+}
+
+/// One who comes to a junction and might have priority.
+#[derive(Debug, Clone)]
+pub struct Approach {
+    driver: usize,
+    lanes: Vec<usize>,
+    rank: Rank,
+    in_s: f64,
+}
+
+/// Where a driver has to stop, and why.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Stop {
+    pub gap: Gap,
+    pub is_light: bool,
+}
+
+/// What a junction answers.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Answer {
+    pub stop: Option<Stop>,
+    /// Whether the way through has just been granted.
+    pub is_granted: bool,
+    /// Whether a light that is not green lies ahead: standing is no jam.
+    pub is_queue: bool,
+}
+
+/// One who comes to a junction.
+#[derive(Debug, Clone, Copy)]
+pub struct Asker<'a> {
+    pub driver: usize,
+    pub owner: Owner,
+    pub route: &'a Route,
+    pub rear_m: f64,
+    pub front_m: f64,
+    pub speed_mps: f64,
+    pub length_m: f64,
+    pub waited_s: f64,
+}
+
+impl Asker<'_> {
+    /// When and with what right this driver comes to its next junction; `None` if it will stop before.
+    #[must_use]
+    pub fn approach(&self, graph: &LaneGraph, lights: &Lights, clock: &Clock) -> Option<Approach> {
+        let crossing = next_crossing(graph, self.route, self.rear_m)?;
+        let to_entry_m = crossing.entry_m - self.front_m;
+        let is_stopped = self.light(lights, clock, to_entry_m.max(0.0) + 1.0).is_some();
+        if is_stopped || to_entry_m > 60.0 || (to_entry_m > 0.0 && self.speed_mps < 1.0) {
+            return None;
+        }
+        let rank = crossing.lanes.iter().map(|&lane| graph.lanes[lane].rank).min().unwrap_or_default();
+        let in_s = to_entry_m.max(0.0) / self.speed_mps.max(1.0);
+        Some(Approach { driver: self.driver, lanes: crossing.lanes, rank, in_s })
+    }
+
+    /// Distance to the first light ahead that has to be stopped for.
+    fn light(&self, lights: &Lights, clock: &Clock, reach_m: f64) -> Option<f64> {
+        self.lights_ahead(lights, reach_m).find_map(|(to_line_m, light)| {
+            let braking_m = self.speed_mps * self.speed_mps / (2.0 * YELLOW_BRAKING_MPS2);
+            let must_stop = match clock.aspect(lights, light) {
+                Aspect::Green => false,
+                Aspect::Yellow => to_line_m > braking_m,
+                // One who could not stop in time has driven on at yellow, and drives on.
+                Aspect::Red => to_line_m > 0.5 * braking_m,
+            };
+            must_stop.then_some(to_line_m)
+        })
+    }
+
+    /// Distance to stop lines ahead, with their lights.
+    fn lights_ahead<'b>(
+        &self,
+        lights: &'b Lights,
+        reach_m: f64,
+    ) -> impl Iterator<Item = (f64, usize)> + use<'_, 'b> {
+        let (front_m, until_m) = (self.front_m, self.front_m + reach_m);
+        self.route.spans_from(front_m - 1.0).take_while(move |span| span.start_m < until_m).flat_map(
+            move |span| {
+                let lines = lights.on_lane(span.lane).iter();
+                let to_line =
+                    move |&(station_m, light): &(f64, usize)| (span.start_m + station_m - front_m, light);
+                lines.map(to_line).filter(move |(to_line_m, _)| (-0.5..reach_m).contains(to_line_m))
+            },
+        )
+    }
+
+    /// Asks for the way through the next junction.
+    pub fn ask(&self, view: &View<'_>, reservations: &mut Reservations) -> Answer {
+        let braking_m = self.speed_mps * self.speed_mps / 5.0 + 10.0;
+        let line = |to_line_m: f64| Gap::line((to_line_m - 0.3).max(0.05));
+        let is_queue = self
+            .lights_ahead(view.lights, QUEUE_M)
+            .any(|(_, light)| view.clock.aspect(view.lights, light) != Aspect::Green);
+        let red = self.light(view.lights, view.clock, braking_m + 10.0);
+        let stop = red.map(|to_line_m| Stop { gap: line(to_line_m), is_light: true });
+        let waits = Answer { stop, is_granted: false, is_queue };
+        let Some(crossing) = next_crossing(view.graph, self.route, self.rear_m) else {
+            reservations.keep_only(self.driver, &[]);
+            return waits;
+        };
+        reservations.keep_only(self.driver, &crossing.lanes);
+        let to_entry_m = crossing.entry_m - self.front_m;
+        if to_entry_m < -0.5 {
+            reservations.take(self.driver, &crossing.lanes);
+        } else if red.is_some() {
+            reservations.keep_only(self.driver, &[]);
+            return waits;
+        }
+        let refused = Answer { stop: Some(Stop { gap: line(to_entry_m), is_light: false }), ..waits };
+        // One who stands before the junction gives way to others, or all might wait for each other.
+        let gives_way = to_entry_m > 0.0 && self.waited_s > GIVE_WAY_S;
+        if reservations.holds(self.driver, &crossing.lanes) {
+            if !gives_way {
+                return waits;
+            }
+            reservations.keep_only(self.driver, &[]);
+            return refused;
+        }
+        if to_entry_m > braking_m {
+            return waits;
+        }
+        // Only the first in the lane asks: one behind could not make use of it.
+        let ahead = view.moving.iter().filter(|other| other.owner != self.owner && other.is_vehicle);
+        let way = (self.front_m, to_entry_m.max(0.0));
+        let is_first = driving::gap_ahead(&self.route.path, way, 0.8, |_| 0.0, ahead).is_none();
+        // Whoever cannot leave a junction must not enter it.
+        let standing = view
+            .moving
+            .iter()
+            .filter(|other| other.owner != self.owner && other.is_vehicle && other.velocity_mps.norm() < 1.0);
+        let room = (crossing.exit_m, self.length_m + 2.0);
+        let exit = driving::gap_ahead(&self.route.path, room, 0.8, |_| 0.0, standing);
+        let may_go = is_first && exit.is_none() && !self.must_yield(view, &crossing.lanes);
+        if may_go && reservations.try_take(view.graph, self.driver, &crossing.lanes) {
+            return Answer { is_granted: true, ..waits };
+        }
+        refused
+    }
+
+    /// Whether someone of higher rank comes soon, on a way that crosses this one.
+    fn must_yield(&self, view: &View<'_>, lanes: &[usize]) -> bool {
+        let rank = lanes.iter().map(|&lane| view.graph.lanes[lane].rank).min().unwrap_or_default();
+        if rank == Rank::Stops && self.speed_mps > 0.3 {
+            return true;
+        }
+        view.approaches.iter().any(|other| {
+            let crosses = || {
+                let conflicts =
+                    |lane: &usize| lanes.iter().any(|&own| view.graph.lanes[own].conflicts.contains(lane));
+                other.lanes.iter().any(conflicts)
+            };
+            other.driver != self.driver && other.rank > rank && other.in_s < YIELD_S && crosses()
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::network::GraphLane;
+    use super::super::path::{Path, Vec2};
+    use super::*;
+
+    /// A way from the west through a junction, crossed by one from the south.
+    fn crossroads(rank: Rank) -> (LaneGraph, Route, Route) {
+        let lane = |points: [(f64, f64); 2], successors: Vec<usize>, junction: Option<usize>| GraphLane {
+            successors,
+            junction,
+            ..GraphLane::new(Path::new(points.map(|(x, y)| Vec2::new(x, y))).unwrap())
+        };
+        let mut lanes = vec![
+            lane([(-50.0, 0.0), (-8.0, 0.0)], vec![1], None),
+            lane([(-8.0, 0.0), (8.0, 0.0)], vec![2], Some(0)),
+            lane([(8.0, 0.0), (50.0, 0.0)], vec![], None),
+            lane([(0.0, -50.0), (0.0, -8.0)], vec![4], None),
+            lane([(0.0, -8.0), (0.0, 8.0)], vec![5], Some(0)),
+            lane([(0.0, 8.0), (0.0, 50.0)], vec![], None),
+        ];
+        lanes[1].rank = rank;
+        lanes[4].rank = Rank::HasPriority;
+        lanes[1].conflicts = vec![4];
+        lanes[4].conflicts = vec![1];
+        let graph = LaneGraph { lanes, ..LaneGraph::default() };
+        let mut rng = crate::random::stream(0, "test", 0);
+        let (west, south) =
+            (Route::random(&graph, 0, 200.0, &mut rng), Route::random(&graph, 3, 200.0, &mut rng));
+        (graph, west, south)
+    }
+
+    fn asker(route: &Route, driver: usize, front_m: f64, speed_mps: f64) -> Asker<'_> {
+        let owner = Owner::Placement(driver);
+        Asker {
+            driver,
+            owner,
+            route,
+            rear_m: front_m - 4.0,
+            front_m,
+            speed_mps,
+            length_m: 4.0,
+            waited_s: 0.0,
+        }
+    }
+
+    fn answer(rank: Rank, speed_mps: f64, other_front_m: f64) -> Answer {
+        let (graph, west, south) = crossroads(rank);
+        let (lights, clock) = (Lights::default(), Clock::default());
+        let approaches: Vec<Approach> =
+            asker(&south, 1, other_front_m, 10.0).approach(&graph, &lights, &clock).into_iter().collect();
+        let view =
+            View { graph: &graph, lights: &lights, clock: &clock, moving: &[], approaches: &approaches };
+        asker(&west, 0, 40.0, speed_mps).ask(&view, &mut Reservations::default())
+    }
+
+    #[test]
+    fn who_yields_waits_for_priority_that_comes_soon_and_not_for_one_far_off() {
+        assert!(answer(Rank::Yields, 3.0, 30.0).stop.is_some());
+        assert!(answer(Rank::Yields, 3.0, -5.0).is_granted, "47 m away at 10 m/s");
+        assert!(answer(Rank::HasPriority, 3.0, 30.0).is_granted, "equals: first come, first served");
+    }
+
+    #[test]
+    fn at_a_stop_sign_one_stops_even_when_alone() {
+        assert!(answer(Rank::Stops, 3.0, -100.0).stop.is_some());
+        assert!(answer(Rank::Stops, 0.0, -100.0).is_granted);
     }
 }

@@ -43,6 +43,31 @@ impl TriangleMesh {
         self.add_polygon(&textured);
     }
 
+    /// Adds an upright box by its middle, the yaw of its first side, and its sizes; a tile is a metre.
+    pub fn add_box(&mut self, [x, y, z]: [f64; 3], yaw_rad: f64, [length_m, width_m, height_m]: [f64; 3]) {
+        let (sin, cos) = yaw_rad.sin_cos();
+        let at = |i: f64, j: f64, k: f64| {
+            let (u, v) = (i * length_m / 2.0, j * width_m / 2.0);
+            [x + u * cos - v * sin, y + u * sin + v * cos, z + k * height_m / 2.0]
+        };
+        let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
+        for i in 0..4 {
+            let ((x0, y0), (x1, y1)) = (corners[i], corners[(i + 1) % 4]);
+            let n = if i % 2 == 0 { length_m } else { width_m };
+            self.add_polygon(&[
+                (at(x0, y0, -1.0), [0.0, 0.0]),
+                (at(x1, y1, -1.0), [n, 0.0]),
+                (at(x1, y1, 1.0), [n, height_m]),
+                (at(x0, y0, 1.0), [0.0, height_m]),
+            ]);
+        }
+        let flat = |k: f64| corners.map(|(i, j)| (at(i, j, k), [i * length_m / 2.0, j * width_m / 2.0]));
+        self.add_polygon(&flat(1.0));
+        let mut bottom = flat(-1.0);
+        bottom.reverse();
+        self.add_polygon(&bottom);
+    }
+
     /// The mesh as OBJ text.
     #[must_use]
     pub fn to_obj(&self) -> String {
@@ -105,6 +130,18 @@ mod tests {
         let triangles = triangles_of_obj(&mesh.to_obj()).unwrap();
         assert_eq!(triangles.len(), 2);
         assert_eq!(triangles[1][2], Point3::new(0.0, 2.0, 0.5));
+    }
+
+    #[test]
+    fn every_side_of_a_box_faces_outwards() {
+        let mut mesh = TriangleMesh::default();
+        mesh.add_box([3.0, 4.0, 5.0], 0.7, [2.0, 1.0, 4.0]);
+        let triangles = triangles_of_obj(&mesh.to_obj()).unwrap();
+        assert_eq!(triangles.len(), 12);
+        for [a, b, c] in triangles {
+            let out = (a.coords + b.coords + c.coords) / 3.0 - nalgebra::Vector3::new(3.0, 4.0, 5.0);
+            assert!((b - a).cross(&(c - a)).dot(&out) > 0.0);
+        }
     }
 
     #[test]

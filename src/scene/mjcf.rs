@@ -7,15 +7,19 @@
 //! The body `ego` has its origin at the rear-axle centre projected to the ground, x forward: its
 //! pose is the ego frame. Dimensions are a Renault Zoe's, the car of nuScenes.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
-use super::buildings;
+use nalgebra::{UnitQuaternion, Vector3};
+
+use super::ground::Ground;
+use super::lights::Aspect;
 use super::mesh::TriangleMesh;
 use super::path::Vec2;
 use super::populate::{Placement, World};
 use super::surface::GRASS_M;
-use super::textures::{self, Facade};
+use super::textures;
+use crate::object::Kind;
 
 /// Distance between the axles.
 pub const WHEELBASE_M: f64 = 2.588;
@@ -95,14 +99,14 @@ pub struct Mjcf {
 const TOLD: &str = "writing to a string cannot fail";
 
 #[derive(Default)]
-struct Builder {
+pub(super) struct Builder {
     asset: String,
     body: String,
     files: Vec<(String, Vec<u8>)>,
 }
 
 impl Builder {
-    fn texture(&mut self, name: &str, png: Vec<u8>) {
+    pub(super) fn texture(&mut self, name: &str, png: Vec<u8>) {
         writeln!(self.asset, "<texture name=\"{name}\" type=\"2d\" file=\"{name}.png\"/>").expect(TOLD);
         writeln!(
             self.asset,
@@ -112,7 +116,7 @@ impl Builder {
         self.files.push((format!("{name}.png"), png));
     }
 
-    fn plain(&mut self, name: &str, [r, g, b]: [f64; 3]) {
+    pub(super) fn plain(&mut self, name: &str, [r, g, b]: [f64; 3]) {
         writeln!(
             self.asset,
             "<material name=\"{name}\" rgba=\"{r} {g} {b} 1\" specular=\"0.05\" shininess=\"0.05\"/>"
@@ -121,7 +125,7 @@ impl Builder {
     }
 
     /// A static mesh of group 1.
-    fn mesh(&mut self, name: &str, material: &str, mesh: &TriangleMesh) {
+    pub(super) fn mesh(&mut self, name: &str, material: &str, mesh: &TriangleMesh) {
         if mesh.is_empty() {
             return;
         }
@@ -141,12 +145,13 @@ impl World {
     pub fn mjcf(&self, lighting: &Lighting) -> Mjcf {
         let mut builder = Builder::default();
         self.add_ground(&mut builder);
-        self.add_buildings(&mut builder);
+        self.add_scenery(&mut builder);
         self.add_objects(&mut builder);
-        add_ego(&mut builder, self.ego_start(), lighting.sun.as_ref());
         let [red, green, blue] = lighting.ambient;
         // A little light from the eye tells a thing's sides apart where no sun does.
         let headlight = if lighting.sun.is_some() { 0.12 } else { 0.0 };
+        let contact = self.add_contact(&mut builder);
+        add_ego(&mut builder, self.ego_start(), &self.town.surface.ground, lighting.sun.as_ref());
         let Builder { asset, body, files } = builder;
         let xml = format!(
             "<mujoco model=\"harmzone\">\n<compiler angle=\"radian\" autolimits=\"true\"/>\n\
@@ -158,32 +163,60 @@ impl World {
              <map znear=\"0.004\" zfar=\"8\" shadowclip=\"1\"/></visual>\n\
              <asset>\n<texture name=\"sky\" type=\"skybox\" builtin=\"gradient\" rgb1=\"0.36 0.55 0.82\" rgb2=\"0.86 0.9 0.94\" width=\"128\" height=\"768\"/>\n\
              {asset}</asset>\n<worldbody>\n\
-             <geom name=\"ground\" type=\"plane\" size=\"0 0 1\" pos=\"0 0 0\" group=\"3\" friction=\"1.1 0.005 0.0001\"/>\n\
+             <geom name=\"ground\" {contact} group=\"3\" friction=\"1.1 0.005 0.0001\"/>\n\
              {body}</worldbody>\n{ACTUATORS}</mujoco>\n"
         );
         Mjcf { xml, assets: files }
     }
 
-    fn is_in_sight(&self) -> impl Fn(Vec2) -> bool + use<> {
+    pub(super) fn is_in_sight(&self) -> impl Fn(Vec2) -> bool + use<> {
         let near = self.ego_route.path.sampled(15.0);
         move |point: Vec2| near.iter().any(|other| (point - other).norm() < 160.0)
     }
 
+    /// What wheels and free bodies stand on: a plane, or on slopes the height field of the ground.
+    fn add_contact(&self, builder: &mut Builder) -> String {
+        let Some(grid) = self.town.surface.ground.grid() else {
+            return "type=\"plane\" size=\"0 0 1\" pos=\"0 0 0\"".to_owned();
+        };
+        let (center, half) = grid.extent();
+        let (low, high) = grid
+            .z_m
+            .iter()
+            .fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), z| (low.min(*z), high.max(*z)));
+        let span_m = (high - low).max(0.01);
+        // MuJoCo's own format: rows, columns, then heights, row by row.
+        let mut bytes = Vec::with_capacity(8 + 4 * grid.z_m.len());
+        for n in [grid.n_y, grid.n_x] {
+            bytes.extend((n as i32).to_le_bytes());
+        }
+        grid.z_m.iter().for_each(|z| bytes.extend(((z - low) / span_m).to_le_bytes()));
+        builder.files.push(("ground.hfield".into(), bytes));
+        writeln!(
+            builder.asset,
+            "<hfield name=\"ground\" content_type=\"image/vnd.mujoco.hfield\" file=\"ground.hfield\" size=\"{:.4} {:.4} {span_m:.6} 1\"/>",
+            half.x, half.y
+        )
+        .expect(TOLD);
+        format!("type=\"hfield\" hfield=\"ground\" pos=\"{:.4} {:.4} {low:.6}\"", center.x, center.y)
+    }
+
     fn add_ground(&self, builder: &mut Builder) {
         let config = &self.town.config;
-        builder.texture("scene_road", textures::grain("asphalt", [78, 79, 82], 0.22, 0.03));
-        builder.texture("scene_pavement", textures::slabs([158, 154, 148]));
-        let ground = if config.ground_texture == "dirt" { [124, 108, 84] } else { [92, 116, 66] };
-        builder.files.push(("scene_grass.png".into(), textures::grain("grass", ground, 0.3, 0.06)));
+        builder.texture("scene_road", textures::ground(config.road_texture));
+        builder.texture("scene_pavement", textures::ground(config.sidewalk_texture));
+        builder.files.push(("scene_grass.png".into(), textures::ground(config.ground_texture)));
         builder.asset.push_str(
             "<texture name=\"scene_grass\" type=\"2d\" file=\"scene_grass.png\"/>\n\
              <material name=\"scene_grass\" texture=\"scene_grass\" texrepeat=\"0.25 0.25\" texuniform=\"true\" specular=\"0\" shininess=\"0\"/>\n",
         );
+        // The terrain stands in for the plane where the land is not flat; beyond it lies the plane.
+        let grass_m = if self.town.surface.ground.is_flat() { GRASS_M } else { GRASS_M - 0.5 };
         builder.plain("scene_kerb", [0.5, 0.49, 0.47]);
         builder.plain("scene_marks", [0.86, 0.86, 0.84]);
         writeln!(
             builder.body,
-            "<geom name=\"scene_grass\" type=\"plane\" size=\"600 600 1\" pos=\"0 0 {GRASS_M}\" material=\"scene_grass\" group=\"1\" contype=\"0\" conaffinity=\"0\"/>"
+            "<geom name=\"scene_grass\" type=\"plane\" size=\"600 600 1\" pos=\"0 0 {grass_m}\" material=\"scene_grass\" group=\"1\" contype=\"0\" conaffinity=\"0\"/>"
         )
         .expect(TOLD);
         let meshes = self.town.surface.meshes(self.is_in_sight());
@@ -191,27 +224,25 @@ impl World {
         builder.mesh("scene_pavement", "scene_pavement", &meshes.pavement);
         builder.mesh("scene_kerb", "scene_kerb", &meshes.kerb);
         builder.mesh("scene_marks", "scene_marks", &meshes.marks);
+        if !meshes.terrain.is_empty() {
+            builder.asset.push_str(
+                "<material name=\"scene_terrain\" texture=\"scene_grass\" specular=\"0\" shininess=\"0\"/>\n",
+            );
+            builder.mesh("scene_terrain", "scene_terrain", &meshes.terrain);
+        }
     }
 
-    fn add_buildings(&self, builder: &mut Builder) {
-        let meshes = buildings::meshes(&self.town.buildings, self.is_in_sight());
-        for (i, (facade, ground_floor)) in meshes.facades.iter().zip(&meshes.ground_floors).enumerate() {
-            let (wall, trim) = WALLS[i % WALLS.len()];
-            let window = if i % 2 == 0 { [0.3, 0.22, 0.7, 0.82] } else { [0.18, 0.3, 0.82, 0.8] };
-            let name = format!("scene_facade_{i}");
-            let upper = Facade { wall, trim, window, has_bricks: i % 3 == 0 };
-            builder.texture(&name, textures::facade(&name, &upper));
-            builder.mesh(&name, &name, facade);
-            let name = format!("scene_shop_{i}");
-            let lower = Facade { window: [0.1, 0.12, 0.9, 0.72], has_bricks: false, ..upper };
-            builder.texture(&name, textures::facade(&name, &lower));
-            builder.mesh(&name, &name, ground_floor);
+    /// What is wider than high lies on the slope, all else stands upright.
+    fn turn_of(&self, placement: &Placement) -> String {
+        let model = &self.models.models[placement.model];
+        let ground = &self.town.surface.ground;
+        let is_low = model.height_m() < model.length_m().max(model.width_m());
+        if ground.is_flat() || !is_low || model.kind == Kind::Pedestrian {
+            let (sin, cos) = (placement.yaw_rad / 2.0).sin_cos();
+            return format!("{cos:.6} 0 0 {sin:.6}");
         }
-        for (i, roof) in meshes.roofs.iter().enumerate() {
-            let name = format!("scene_roof_{i}");
-            builder.plain(&name, [[0.42, 0.3, 0.26], [0.35, 0.35, 0.36], [0.5, 0.46, 0.42]][i % 3]);
-            builder.mesh(&name, &name, roof);
-        }
+        let (length_m, width_m) = (0.8 * model.length_m(), 0.9 * model.width_m());
+        quaternion(&ground.stance(placement.position, placement.yaw_rad, length_m, width_m).1)
     }
 
     fn add_objects(&self, builder: &mut Builder) {
@@ -222,9 +253,17 @@ impl World {
         }
         let mut ordered: Vec<&Placement> = self.placements.iter().collect();
         ordered.sort_by_key(|placement| placement.mocap);
+        let light_of: BTreeMap<&str, usize> =
+            self.lamp_posts.iter().map(|&(post, light)| (self.placements[post].id.as_str(), light)).collect();
+        if !light_of.is_empty() {
+            add_lamp_materials(builder);
+        }
         for placement in ordered {
             let model = &self.models.models[placement.model];
             let mut geoms = model.geoms_xml.clone();
+            if let Some(&light) = light_of.get(placement.id.as_str()) {
+                geoms.push_str(&lamps(light, model.bounds.1[0]));
+            }
             if let (Some([r, g, b]), Some(paint), Some(xml)) =
                 (placement.paint, &model.paint, &model.paint_xml)
             {
@@ -233,11 +272,11 @@ impl World {
                 geoms = geoms.replace(&format!("material=\"{paint}\""), &format!("material=\"{own}\""));
             }
             let (x, y, z) = (placement.position.x, placement.position.y, placement.z_m);
-            let (sin, cos) = (placement.yaw_rad / 2.0).sin_cos();
+            let turn = self.turn_of(placement);
             let mocap = if placement.mocap.is_some() { " mocap=\"true\"" } else { "" };
             writeln!(
                 builder.body,
-                "<body name=\"obj:{}\" pos=\"{x:.4} {y:.4} {z:.4}\" quat=\"{cos:.6} 0 0 {sin:.6}\"{mocap}>\n{geoms}</body>",
+                "<body name=\"obj:{}\" pos=\"{x:.4} {y:.4} {z:.4}\" quat=\"{turn}\"{mocap}>\n{geoms}</body>",
                 placement.id
             )
             .expect(TOLD);
@@ -245,15 +284,57 @@ impl World {
     }
 }
 
-/// Wall and trim colours.
-const WALLS: [([u8; 3], [u8; 3]); 6] = [
-    ([150, 92, 74], [212, 204, 192]),
-    ([206, 192, 164], [240, 234, 222]),
-    ([176, 178, 180], [110, 112, 116]),
-    ([188, 150, 112], [232, 222, 204]),
-    ([214, 208, 198], [150, 132, 112]),
-    ([132, 142, 150], [224, 226, 228]),
-];
+/// Lamps of a traffic light from the top: name, and colour when lit.
+const LAMPS: [(&str, [f64; 3]); 3] =
+    [("red", [0.95, 0.08, 0.05]), ("yellow", [0.98, 0.72, 0.05]), ("green", [0.1, 0.9, 0.35])];
+/// Height of the middle lamp, and the way to its neighbours.
+const LAMP_M: f64 = 2.88;
+const LAMP_STEP_M: f64 = 0.3;
+
+/// The geoms of a light's lamps with the materials they show, from the top.
+#[must_use]
+pub fn lamps_of(light: usize, aspect: Aspect) -> [(String, String); 3] {
+    let lit = match aspect {
+        Aspect::Red => 0,
+        Aspect::Yellow => 1,
+        Aspect::Green => 2,
+    };
+    std::array::from_fn(|i| {
+        let state = if i == lit { "lit" } else { "dark" };
+        (format!("lamp:{light}:{i}"), format!("lamp_{}_{state}", LAMPS[i].0))
+    })
+}
+
+fn add_lamp_materials(builder: &mut Builder) {
+    for (name, [r, g, b]) in LAMPS {
+        let dim = [r, g, b].map(|c| 0.22 * c);
+        writeln!(
+            builder.asset,
+            "<material name=\"lamp_{name}_lit\" rgba=\"{r} {g} {b} 1\" emission=\"1\"/>\n\
+             <material name=\"lamp_{name}_dark\" rgba=\"{:.3} {:.3} {:.3} 1\" specular=\"0.3\"/>",
+            dim[0], dim[1], dim[2]
+        )
+        .expect(TOLD);
+    }
+}
+
+/// Discs on the head's front.
+fn lamps(light: usize, front_m: f64) -> String {
+    let disc = |(i, (geom, _)): (usize, (String, String))| {
+        let z_m = LAMP_M + LAMP_STEP_M * (1.0 - i as f64);
+        format!(
+            "<geom name=\"{geom}\" type=\"cylinder\" size=\"0.11 0.008\" pos=\"{front_m:.4} 0 {z_m:.3}\" \
+             quat=\"0.7071068 0 0.7071068 0\" material=\"lamp_{}_dark\" group=\"2\" contype=\"0\" conaffinity=\"0\" mass=\"0\"/>\n",
+            LAMPS[i].0
+        )
+    };
+    lamps_of(light, Aspect::Red).into_iter().enumerate().map(disc).collect()
+}
+
+/// A turn as MuJoCo writes it: w, x, y, z.
+fn quaternion(turn: &UnitQuaternion<f64>) -> String {
+    format!("{:.6} {:.6} {:.6} {:.6}", turn.w, turn.i, turn.j, turn.k)
+}
 
 /// A material's element under another name and colour.
 fn recoloured(xml: &str, name: &str, own: &str, [r, g, b]: [f64; 3]) -> String {
@@ -297,8 +378,17 @@ fn sun_xml(sun: &Sun) -> String {
     )
 }
 
-fn add_ego(builder: &mut Builder, (position, yaw_rad): (Vec2, f64), sun: Option<&Sun>) {
-    let (sin, cos) = (yaw_rad / 2.0).sin_cos();
+/// The car, with its rear axle at a place on the ground.
+fn add_ego(builder: &mut Builder, (position, yaw_rad): (Vec2, f64), ground: &Ground, sun: Option<&Sun>) {
+    let center = position + Vec2::new(yaw_rad.cos(), yaw_rad.sin()) * (WHEELBASE_M / 2.0);
+    let (middle_m, turn) = ground.stance(center, yaw_rad, WHEELBASE_M, TRACK_M);
+    let z_m = middle_m - (turn * Vector3::x()).z * WHEELBASE_M / 2.0;
+    let quaternion = if ground.is_flat() {
+        let (sin, cos) = (yaw_rad / 2.0).sin_cos();
+        format!("{cos:.6} 0 0 {sin:.6}")
+    } else {
+        quaternion(&turn)
+    };
     let center_x_m = FRONT_BUMPER_X_M - EGO_LENGTH_M / 2.0;
     let chassis_low_m = 0.2;
     let half_height_m = (EGO_HEIGHT_M - chassis_low_m) / 2.0;
@@ -313,7 +403,7 @@ fn add_ego(builder: &mut Builder, (position, yaw_rad): (Vec2, f64), sun: Option<
     let body = &mut builder.body;
     writeln!(
         body,
-        "<body name=\"ego\" pos=\"{:.4} {:.4} 0\" quat=\"{cos:.6} 0 0 {sin:.6}\">\n<freejoint name=\"ego\"/>\n\
+        "<body name=\"ego\" pos=\"{:.4} {:.4} {z_m}\" quat=\"{quaternion}\">\n<freejoint name=\"ego\"/>\n\
          <inertial pos=\"{:.4} 0 0.4\" mass=\"{mass_kg}\" diaginertia=\"{ixx:.1} {iyy:.1} {izz:.1}\"/>\n\
          {}\n\
          <geom name=\"ego_chassis\" type=\"box\" size=\"{:.4} {:.4} {half_height_m:.4}\" pos=\"{center_x_m:.4} 0 {:.4}\" group=\"4\" rgba=\"0.8 0.8 0.85 1\"/>",

@@ -63,6 +63,16 @@ impl Model {
     }
 }
 
+/// Names of all models of the binary, sorted.
+#[must_use]
+pub fn names() -> Vec<String> {
+    let is_model = |dir: &&Dir<'static>| dir.get_file(dir.path().join("model.xml")).is_some();
+    let mut names: Vec<String> =
+        ASSETS.dirs().filter(is_model).map(|dir| dir.path().display().to_string()).collect();
+    names.sort();
+    names
+}
+
 /// All models of the binary, sorted by name.
 #[derive(Debug, Clone)]
 pub struct ModelLibrary {

@@ -1,10 +1,10 @@
 //! The lane graph: driving lanes as polylines in travel direction, with successors and limits.
 //!
-//! Lanes that lead only into dead ends are left out, so that following successors never ends,
-//! as long as the map has a single loop; a map without one keeps all its lanes. Towns are taken as
-//! flat: heights are dropped.
+//! Lanes are addressed on the plane; heights are the ground's. Every lane that can be driven is kept;
+//! [`GraphLane::reach_m`] tells those that lead on for ever from those that end somewhere. A lane end
+//! without a link that meets the start of a lane without one is joined to it.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::path::{Path, Vec2};
 
@@ -12,6 +12,8 @@ use super::path::{Path, Vec2};
 const DEFAULT_LIMIT_MPS: f64 = 50.0 / 3.6;
 /// Lanes of a junction conflict where their centre lines come closer than a car and some room.
 const CONFLICT_M: f64 = 2.6;
+/// A lane's end and another's start that are closer are the same place.
+const JOIN_M: f64 = 0.3;
 /// The highest speed the simulation drives at, whatever a map allows.
 const MAX_LIMIT_MPS: f64 = 20.0;
 
@@ -23,16 +25,59 @@ pub struct GraphLane {
     pub limit_mps: f64,
     pub successors: Vec<usize>,
     pub predecessors: Vec<usize>,
+    /// Neighbours that run the same way, and may be changed to.
+    pub left: Option<usize>,
+    pub right: Option<usize>,
+    /// The longest way from its start; infinite where it leads into a loop.
+    pub reach_m: f64,
+    /// How much right of way it has at its end, against others of the same junction.
+    pub rank: Rank,
     /// Number of the junction that the lane crosses.
     pub junction: Option<usize>,
     /// Lanes of the same junction that cannot be driven at the same time.
     pub conflicts: Vec<usize>,
 }
 
+impl GraphLane {
+    /// A lane that is linked to nothing, as wide and fast as usual.
+    #[must_use]
+    pub fn new(path: Path) -> Self {
+        Self {
+            path,
+            width_m: 3.5,
+            limit_mps: DEFAULT_LIMIT_MPS,
+            successors: Vec::new(),
+            predecessors: Vec::new(),
+            left: None,
+            right: None,
+            reach_m: f64::INFINITY,
+            rank: Rank::Equal,
+            junction: None,
+            conflicts: Vec::new(),
+        }
+    }
+}
+
+/// Right of way of a lane through a junction, lowest first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
+pub enum Rank {
+    /// Must stop, then yield.
+    Stops,
+    Yields,
+    /// First come, first served.
+    #[default]
+    Equal,
+    HasPriority,
+}
+
 /// All driving lanes of a town.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct LaneGraph {
     pub lanes: Vec<GraphLane>,
+    /// Whether traffic keeps to the left.
+    pub keeps_left: bool,
+    /// Lane of the graph by the map's number.
+    pub(super) index_of: BTreeMap<usize, usize>,
 }
 
 /// A point of the map on the ground plane.
@@ -41,16 +86,23 @@ pub(super) fn flat(point: xodr::Point) -> Vec2 {
 }
 
 impl LaneGraph {
-    /// Builds the graph from a road network.
+    /// Builds the graph from a road network, without the lanes that `is_left_out` names; also tells
+    /// what of the network is not driven.
     #[must_use]
-    pub fn new(network: &xodr::RoadNetwork) -> Self {
+    pub fn read(
+        network: &xodr::RoadNetwork,
+        is_left_out: impl Fn(xodr::LaneId) -> bool,
+    ) -> (Self, Vec<String>) {
+        let mut graph = Self::default();
         let mut junctions: BTreeMap<String, usize> = BTreeMap::new();
-        let mut index_of: BTreeMap<usize, usize> = BTreeMap::new();
-        let mut lanes = Vec::new();
-        let usable = |lane: &&xodr::Lane| lane.kind.is_drivable() && lane.layer == xodr::Layer::Permanent;
+        let (mut ids, mut n_left, mut n_right) = (Vec::new(), 0, 0);
+        let usable = |lane: &&xodr::Lane| {
+            lane.kind.is_drivable() && lane.layer == xodr::Layer::Permanent && !is_left_out(lane.id)
+        };
         for lane in network.lanes().iter().filter(usable) {
             let mut points: Vec<Vec2> = lane.center.points().iter().map(|&point| flat(point)).collect();
-            if lane.direction == xodr::Direction::Backward {
+            let is_backward = lane.direction == xodr::Direction::Backward;
+            if is_backward {
                 points.reverse();
             }
             let Some(path) = Path::new(points) else { continue };
@@ -58,72 +110,134 @@ impl LaneGraph {
                 Some(xodr::SpeedLimit::Max(limit)) if limit > 1.0 => f64::from(limit).min(MAX_LIMIT_MPS),
                 _ => DEFAULT_LIMIT_MPS,
             };
-            let road = network.road_lane(lane.id).and_then(|at| network.road(at.road));
+            let at = network.road_lane(lane.id);
+            // With traffic on the right, lanes of negative number run along their road.
+            match at.map(|at| (at.od_id < 0) == is_backward) {
+                Some(true) => n_left += 1,
+                _ => n_right += 1,
+            }
             let n_junctions = junctions.len();
-            let junction = road
+            let junction = at
+                .and_then(|at| network.road(at.road))
                 .and_then(xodr::Road::junction)
                 .map(|id| *junctions.entry(id.to_owned()).or_insert(n_junctions));
-            index_of.insert(lane.id.0, lanes.len());
-            let width_m = f64::from(lane.width);
-            lanes.push((
-                lane.id,
-                GraphLane {
-                    path,
-                    width_m,
-                    limit_mps,
-                    successors: Vec::new(),
-                    predecessors: Vec::new(),
-                    junction,
-                    conflicts: Vec::new(),
-                },
-            ));
+            graph.index_of.insert(lane.id.0, graph.lanes.len());
+            ids.push(lane.id);
+            graph.lanes.push(GraphLane {
+                width_m: f64::from(lane.width),
+                limit_mps,
+                junction,
+                ..GraphLane::new(path)
+            });
         }
-        for (id, lane) in &mut lanes {
-            let end = lane.path.at(lane.path.length_m());
-            lane.successors =
-                network.successors(*id).filter_map(|next| index_of.get(&next.id.0).copied()).collect();
-            lane.successors.dedup();
-            let _ = end;
-        }
-        let mut graph = Self { lanes: lanes.into_iter().map(|(_, lane)| lane).collect() };
-        graph.drop_broken_links();
-        graph.drop_dead_ends();
-        graph.link_back();
-        graph.find_conflicts();
-        graph
-    }
-
-    /// A successor that does not begin where the lane ends would make cars jump.
-    fn drop_broken_links(&mut self) {
-        let starts: Vec<Vec2> = self.lanes.iter().map(|lane| lane.path.at(0.0)).collect();
-        for lane in &mut self.lanes {
-            let end = lane.path.at(lane.path.length_m());
-            lane.successors.retain(|&next| (starts[next] - end).norm() < 1.5);
-        }
-    }
-
-    fn drop_dead_ends(&mut self) {
-        let mut is_kept = vec![true; self.lanes.len()];
-        loop {
-            let ends = |i: usize| !self.lanes[i].successors.iter().any(|&next| is_kept[next]);
-            let dead: Vec<usize> = (0..self.lanes.len()).filter(|&i| is_kept[i] && ends(i)).collect();
-            if dead.is_empty() {
-                break;
+        graph.keeps_left = n_left > n_right;
+        for (i, &id) in ids.iter().enumerate() {
+            let mut next: Vec<usize> =
+                network.successors(id).filter_map(|lane| graph.find(lane.id)).collect();
+            next.dedup();
+            graph.lanes[i].successors = next;
+            let neighbours = network.lane(id).map(|lane| lane.neighbors.clone()).unwrap_or_default();
+            for other in neighbours {
+                if let Some(other) = graph.find(other) {
+                    graph.set_beside(i, other);
+                }
             }
-            dead.iter().for_each(|&i| is_kept[i] = false);
         }
-        if !is_kept.contains(&true) {
-            return;
-        }
-        let mut new_index = vec![None; self.lanes.len()];
-        let kept = is_kept.iter().enumerate().filter(|(_, kept)| **kept);
-        for (n, (i, _)) in kept.enumerate() {
-            new_index[i] = Some(n);
-        }
-        let lanes = std::mem::take(&mut self.lanes);
-        self.lanes = lanes.into_iter().zip(is_kept).filter(|(_, kept)| *kept).map(|(lane, _)| lane).collect();
+        let mut notes = Vec::new();
+        let mut note = |n: usize, text: &str| {
+            if n > 0 {
+                notes.push(format!("{n} {text}"));
+            }
+        };
+        note(graph.drop_broken_links(), "links between lanes that do not meet are not driven");
+        note(graph.join_ends(), "lanes without a link are joined to the lane that begins where they end");
+        graph.link_back();
+        graph.measure_reach();
+        let ends = graph.lanes.iter().filter(|lane| lane.successors.is_empty()).count();
+        note(ends, "driving lanes lead nowhere: traffic ends there");
+        graph.find_conflicts();
+        graph.rank_by_priority(network, &ids);
+        (graph, notes)
+    }
+
+    /// The lane of the graph that a lane of the map became.
+    #[must_use]
+    pub fn find(&self, id: xodr::LaneId) -> Option<usize> {
+        self.index_of.get(&id.0).copied()
+    }
+
+    /// Sign of an offset towards the kerb's side, seen along the way: -1 where traffic keeps right.
+    #[must_use]
+    pub fn kerb_sign(&self) -> f64 {
+        if self.keeps_left { 1.0 } else { -1.0 }
+    }
+
+    fn set_beside(&mut self, lane: usize, other: usize) {
+        let middle_m = self.lanes[lane].path.length_m() / 2.0;
+        let path = &self.lanes[other].path;
+        let (station_m, _) = path.project(self.lanes[lane].path.at(middle_m), 0.0, path.length_m());
+        let offset = path.at(station_m) - self.lanes[lane].path.at(middle_m);
+        let is_left = self.lanes[lane].path.direction(middle_m).perp(&offset) > 0.0;
+        let side = if is_left { &mut self.lanes[lane].left } else { &mut self.lanes[lane].right };
+        *side = Some(other);
+    }
+
+    /// A successor that does not begin where the lane ends would make cars jump; tells how many did.
+    fn drop_broken_links(&mut self) -> usize {
+        let starts: Vec<Vec2> = self.lanes.iter().map(|lane| lane.path.at(0.0)).collect();
+        let mut n_dropped = 0;
         for lane in &mut self.lanes {
-            lane.successors = lane.successors.iter().filter_map(|&next| new_index[next]).collect();
+            let end = lane.path.at(lane.path.length_m());
+            let n_before = lane.successors.len();
+            lane.successors.retain(|&next| (starts[next] - end).norm() < 1.5);
+            n_dropped += n_before - lane.successors.len();
+        }
+        n_dropped
+    }
+
+    /// Links ends to starts that meet in place and heading where the map links neither.
+    fn join_ends(&mut self) -> usize {
+        let is_entered: BTreeSet<usize> =
+            self.lanes.iter().flat_map(|lane| lane.successors.clone()).collect();
+        let mut n_joined = 0;
+        for i in 0..self.lanes.len() {
+            if !self.lanes[i].successors.is_empty() {
+                continue;
+            }
+            let (path, length_m) = (&self.lanes[i].path, self.lanes[i].path.length_m());
+            let (end, direction) = (path.at(length_m), path.direction(length_m));
+            let next = (0..self.lanes.len()).find(|next| {
+                let other = &self.lanes[*next].path;
+                let meets =
+                    (other.at(0.0) - end).norm() < JOIN_M && other.direction(0.0).dot(&direction) > 0.9;
+                meets && !is_entered.contains(next)
+            });
+            if let Some(next) = next {
+                self.lanes[i].successors.push(next);
+                n_joined += 1;
+            }
+        }
+        n_joined
+    }
+
+    /// Fills [`GraphLane::reach_m`]: what is left when dead ends are taken away, one after the other,
+    /// leads on for ever.
+    fn measure_reach(&mut self) {
+        for lane in &mut self.lanes {
+            lane.reach_m = f64::INFINITY;
+        }
+        let mut is_open: Vec<usize> = self.lanes.iter().map(|lane| lane.successors.len()).collect();
+        let mut dead: Vec<usize> = (0..self.lanes.len()).filter(|&i| is_open[i] == 0).collect();
+        while let Some(i) = dead.pop() {
+            let beyond_m =
+                self.lanes[i].successors.iter().map(|&next| self.lanes[next].reach_m).fold(0.0, f64::max);
+            self.lanes[i].reach_m = self.lanes[i].path.length_m() + beyond_m;
+            for before in self.lanes[i].predecessors.clone() {
+                is_open[before] -= 1;
+                if is_open[before] == 0 {
+                    dead.push(before);
+                }
+            }
         }
     }
 
@@ -132,6 +246,22 @@ impl LaneGraph {
             for next in self.lanes[i].successors.clone() {
                 self.lanes[next].predecessors.push(i);
             }
+        }
+    }
+
+    /// Right of way from `<priority>` of junctions: a lane that yields to nobody has priority over those
+    /// that yield to it.
+    fn rank_by_priority(&mut self, network: &xodr::RoadNetwork, ids: &[xodr::LaneId]) {
+        let road_of = |i: usize| network.road_lane(ids[i]).map(|at| at.road);
+        let (high, low): (BTreeSet<usize>, BTreeSet<usize>) =
+            network.priorities().iter().map(|priority| (priority.high.0, priority.low.0)).unzip();
+        for i in 0..self.lanes.len() {
+            let Some(road) = road_of(i) else { continue };
+            self.lanes[i].rank = match (high.contains(&road.0), low.contains(&road.0)) {
+                (true, false) => Rank::HasPriority,
+                (false, true) => Rank::Yields,
+                _ => Rank::Equal,
+            };
         }
     }
 
@@ -160,28 +290,38 @@ mod tests {
     use super::*;
 
     fn lane(from: (f64, f64), to: (f64, f64), successors: Vec<usize>) -> GraphLane {
-        GraphLane {
-            path: Path::new([Vec2::new(from.0, from.1), Vec2::new(to.0, to.1)]).unwrap(),
-            width_m: 3.5,
-            limit_mps: 10.0,
-            successors,
-            predecessors: Vec::new(),
-            junction: Some(0),
-            conflicts: Vec::new(),
-        }
+        let path = Path::new([Vec2::new(from.0, from.1), Vec2::new(to.0, to.1)]).unwrap();
+        GraphLane { successors, junction: Some(0), ..GraphLane::new(path) }
     }
 
     #[test]
-    fn lanes_that_lead_into_a_dead_end_are_left_out() {
+    fn only_a_loop_leads_on_for_ever() {
         let square = [(0.0, 0.0), (9.0, 0.0), (9.0, 9.0), (0.0, 9.0)];
         let mut lanes: Vec<GraphLane> =
             (0..4).map(|i| lane(square[i], square[(i + 1) % 4], vec![(i + 1) % 4])).collect();
-        lanes.push(lane((9.0, 0.0), (30.0, 0.0), vec![]));
+        lanes.push(lane((9.0, 0.0), (30.0, 0.0), vec![5]));
+        lanes.push(lane((30.0, 0.0), (35.0, 0.0), vec![]));
         lanes[0].successors.push(4);
-        let mut graph = LaneGraph { lanes };
-        graph.drop_dead_ends();
-        assert_eq!(graph.lanes.len(), 4);
+        let mut graph = LaneGraph { lanes, ..LaneGraph::default() };
+        graph.link_back();
+        graph.measure_reach();
+        let reach: Vec<f64> = graph.lanes.iter().map(|lane| lane.reach_m).collect();
+        assert!(reach[..4].iter().all(|reach_m| reach_m.is_infinite()));
+        assert_eq!(reach[4..], [26.0, 5.0]);
+    }
+
+    #[test]
+    fn an_end_is_joined_to_the_start_it_meets_and_not_to_a_corner() {
+        let mut lanes = vec![
+            lane((0.0, 0.0), (20.0, 0.0), vec![]),
+            lane((20.1, 0.0), (40.0, 0.0), vec![]),
+            lane((40.0, 0.0), (40.0, 20.0), vec![]),
+        ];
+        lanes[2].junction = None;
+        let mut graph = LaneGraph { lanes, ..LaneGraph::default() };
+        assert_eq!(graph.join_ends(), 1);
         assert_eq!(graph.lanes[0].successors, [1]);
+        assert!(graph.lanes[1].successors.is_empty());
     }
 
     #[test]
@@ -191,7 +331,7 @@ mod tests {
             lane((10.0, -9.0), (10.0, 9.0), vec![]),
             lane((20.0, 3.5), (0.0, 3.5), vec![]),
         ];
-        let mut graph = LaneGraph { lanes };
+        let mut graph = LaneGraph { lanes, ..LaneGraph::default() };
         graph.find_conflicts();
         assert_eq!(graph.lanes[0].conflicts, [1]);
         assert_eq!(graph.lanes[1].conflicts, [0, 2]);

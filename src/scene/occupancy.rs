@@ -100,6 +100,11 @@ impl Occupied {
         is_free
     }
 
+    /// Takes the ground whatever stands there.
+    pub fn take(&mut self, footprint: Footprint) {
+        self.footprints.push(footprint);
+    }
+
     #[must_use]
     pub fn is_free(&self, footprint: &Footprint, gap_m: f64) -> bool {
         let grown = footprint.grown(gap_m);

@@ -38,6 +38,14 @@ impl Path {
         }
     }
 
+    /// The same way from its end to its start.
+    #[must_use]
+    pub fn reversed(&self) -> Self {
+        let mut path = Self { points: Vec::new(), stations_m: Vec::new() };
+        path.extend(self.points.iter().rev().copied());
+        path
+    }
+
     #[must_use]
     pub fn points(&self) -> &[Vec2] {
         &self.points

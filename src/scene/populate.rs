@@ -8,10 +8,11 @@ use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
 use super::models::{Model, ModelLibrary};
+use super::network::LaneGraph;
 use super::occupancy::{Footprint, Occupied};
 use super::path::{Path, Vec2};
 use super::route::Route;
-use super::surface::{PAVEMENT_M, Strip, StripKind};
+use super::surface::{GRASS_M, PAVEMENT_M, Strip, StripKind};
 use super::town::{SceneError, Town};
 use crate::object::{Distribution, Kind};
 use crate::random::{self, Rng};
@@ -122,6 +123,8 @@ pub struct World {
     pub ego_route: Route,
     /// Where on the route the ego's rear axle starts.
     pub ego_start_m: f64,
+    /// Placements that are traffic lights, with the town's light each one is.
+    pub lamp_posts: Vec<(usize, usize)>,
     objects: Vec<SceneObject>,
 }
 
@@ -152,13 +155,16 @@ impl World {
 pub fn populate(town: &Arc<Town>, config: &PopulateConfig, seed: u64) -> Result<World, SceneError> {
     let models = Arc::new(ModelLibrary::load()?);
     let mut rng = random::stream(seed, "ego-route", 0);
-    let starts: Vec<usize> = (0..town.graph.lanes.len())
-        .filter(|&i| town.graph.lanes[i].junction.is_none() && town.graph.lanes[i].path.length_m() > 20.0)
-        .collect();
-    if starts.is_empty() {
+    let starts = starts(&town.graph);
+    // The ego sets out where the way is long.
+    let reach_m = |lane: &usize| town.graph.lanes[*lane].reach_m;
+    let longest_m = starts.iter().map(reach_m).fold(0.0, f64::max).min(config.route_length_m / 0.7);
+    let ego_starts: Vec<usize> =
+        starts.iter().copied().filter(|lane| reach_m(lane) >= 0.7 * longest_m).collect();
+    if ego_starts.is_empty() {
         return Err(SceneError::NoStart { town: town.name.clone() });
     }
-    let lane = starts[rng.random_range(0..starts.len())];
+    let lane = ego_starts[rng.random_range(0..ego_starts.len())];
     let ego_route = Route::random(&town.graph, lane, config.route_length_m, &mut rng);
     let mut filler = Filler {
         town,
@@ -175,10 +181,12 @@ pub fn populate(town: &Arc<Town>, config: &PopulateConfig, seed: u64) -> Result<
     filler
         .occupied
         .claim(Footprint { center: ego_center, yaw_rad: ego_yaw_rad, length_m: 12.0, width_m: 2.6 }, 0.0);
+    let lamp_posts = filler.place_lights();
     if config.ood {
         filler.place_ood(&ego_route);
     }
     filler.park();
+    filler.place_furnishings();
     filler.place_props();
     filler.place_traffic(&starts, ego_center, &ego_route);
     filler.place_pedestrians();
@@ -187,7 +195,28 @@ pub fn populate(town: &Arc<Town>, config: &PopulateConfig, seed: u64) -> Result<
         placement.mocap = Some(n);
     }
     let objects = placements.iter().map(|placement| scene_object(placement, &models)).collect();
-    Ok(World { town: Arc::clone(town), models, placements, ego_route, ego_start_m: start_m, objects })
+    Ok(World {
+        town: Arc::clone(town),
+        models,
+        placements,
+        ego_route,
+        ego_start_m: start_m,
+        lamp_posts,
+        objects,
+    })
+}
+
+/// Lanes to set out on: outside junctions, and with some length where there are such.
+fn starts(graph: &LaneGraph) -> Vec<usize> {
+    let of_length = |least_m: f64| -> Vec<usize> {
+        let fits = |i: &usize| {
+            let lane = &graph.lanes[*i];
+            lane.junction.is_none() && lane.path.length_m() > least_m
+        };
+        (0..graph.lanes.len()).filter(fits).collect()
+    };
+    let long = of_length(20.0);
+    if long.is_empty() { of_length(8.0) } else { long }
 }
 
 fn scene_object(placement: &Placement, models: &ModelLibrary) -> SceneObject {
@@ -225,6 +254,9 @@ const PAINTS: [[f64; 3]; 9] = [
     [0.2, 0.45, 0.6],
 ];
 
+/// Category of the models that stand for traffic lights.
+const TRAFFIC_LIGHT: &str = "traffic_light";
+
 struct Filler<'a> {
     town: &'a Town,
     config: &'a PopulateConfig,
@@ -252,7 +284,7 @@ impl Filler<'_> {
             .models
             .indices(kind, Distribution::Id)
             .into_iter()
-            .filter(|&i| self.models.models[i].category != "ego")
+            .filter(|&i| !matches!(self.models.models[i].category.as_str(), "ego" | TRAFFIC_LIGHT))
             .map(|i| {
                 let weight = weights.get(&self.models.models[i].name).copied();
                 (i, weight.unwrap_or(if weights.is_empty() { 1.0 } else { 0.0 }).max(0.0))
@@ -268,7 +300,17 @@ impl Filler<'_> {
             .map(|(i, _)| *i)
     }
 
-    fn put(&mut self, model: usize, position: Vec2, z_m: f64, yaw_rad: f64, motion: Motion, rng: &mut Rng) {
+    /// Puts a model `over_m` above the ground.
+    fn put(
+        &mut self,
+        model: usize,
+        position: Vec2,
+        over_m: f64,
+        yaw_rad: f64,
+        motion: Motion,
+        rng: &mut Rng,
+    ) {
+        let z_m = self.town.surface.ground_m(position) + over_m;
         let category = &self.models.models[model].category;
         let id = format!("{category}-{:03}", self.placements.len());
         // A hay bale is yellow and a tree green; only cars and clothes come in any colour.
@@ -284,10 +326,15 @@ impl Filler<'_> {
         self.occupied.claim(footprint_of(&self.models.models[model], position, yaw_rad), gap_m)
     }
 
-    /// Parked cars: in parking lanes where the town has them.
+    /// Parked cars: in parking lanes where the town has them, in driveways, loading bays and yards.
     fn park(&mut self) {
         let mut rng = random::stream(self.seed, "parked", 0);
         let traffic = &self.town.config.traffic;
+        let weights = if traffic.parked_weights.is_empty() {
+            &traffic.vehicle_weights
+        } else {
+            &traffic.parked_weights
+        };
         let share = traffic.parked_share * self.config.parked_density;
         for strip in self.town.surface.strips.iter().filter(|strip| strip.kind == StripKind::Parking) {
             let length_m = strip.center.length_m();
@@ -296,15 +343,32 @@ impl Filler<'_> {
                 let at = strip.center.at(station_m);
                 // Traffic on the right: a parking lane runs with the nearest driving lane.
                 let yaw_rad = self.travel_heading(at) + 0.03 * (rng.random::<f64>() - 0.5);
-                let model = self.draw_model(Kind::Vehicle, &traffic.vehicle_weights, &mut rng);
+                let model = self.draw_model(Kind::Vehicle, weights, &mut rng);
                 let is_taken = rng.random::<f64>() < share;
                 if let (true, Some(model), true) = (is_taken, model, self.is_near(at)) {
-                    let is_small = self.models.models[model].length_m() < traffic.parking_place_m + 0.3;
+                    let (length_m, width_m) =
+                        (self.models.models[model].length_m(), self.models.models[model].width_m());
+                    let ends = [-0.5, 0.5].map(|share| strip.width_at_m(station_m + share * length_m));
+                    let is_small = length_m < traffic.parking_place_m + 0.3
+                        && ends.iter().all(|&wide_m| wide_m > (width_m - 0.3).min(1.7));
                     if is_small && self.claim(model, at, yaw_rad, 0.4) {
                         self.put(model, at, 0.0, yaw_rad, Motion::Still, &mut rng);
                     }
                 }
                 station_m += traffic.parking_place_m;
+            }
+        }
+        for stand in &self.town.stands {
+            let Footprint { center, yaw_rad, length_m, width_m } = stand.footprint;
+            let model = self.draw_model(Kind::Vehicle, weights, &mut rng);
+            let is_taken = rng.random::<f64>() < traffic.stand_share;
+            let yaw_rad = yaw_rad + 0.05 * (rng.random::<f64>() - 0.5);
+            if let (true, Some(model), true) = (is_taken, model, self.is_near(center)) {
+                let model_fits = self.models.models[model].length_m() < length_m + 0.2
+                    && self.models.models[model].width_m() < width_m + 0.2;
+                if model_fits && self.claim(model, center, yaw_rad, 0.1) {
+                    self.put(model, center, GRASS_M + 0.03, yaw_rad, Motion::Still, &mut rng);
+                }
             }
         }
     }
@@ -327,9 +391,58 @@ impl Filler<'_> {
         if clearance(strip.width_m) < clearance(-strip.width_m) { 1.0 } else { -1.0 }
     }
 
+    /// Props that belong to a place: the same in every episode, but for those that are left out.
+    fn place_furnishings(&mut self) {
+        let mut rng = random::stream(self.seed, "furnishings", 0);
+        let index_of = |name: &str| self.models.models.iter().position(|model| model.name == name);
+        for furnishing in &self.town.furnishings {
+            let is_wanted = rng.random::<f64>() < self.config.prop_density;
+            let at = furnishing.position;
+            if let (true, Some(model), true) = (is_wanted, index_of(&furnishing.model), self.is_near(at)) {
+                let is_paved = self.town.surface.paved_grid.clearance_m(at) < 0.0;
+                let z_m = if is_paved { PAVEMENT_M } else { GRASS_M };
+                if self.claim(model, at, furnishing.yaw_rad, 0.2) {
+                    self.put(model, at, z_m, furnishing.yaw_rad, Motion::Still, &mut rng);
+                }
+            }
+        }
+    }
+
+    /// The posts of lights near the route: where the map has them, or beside the lanes if that is on
+    /// the road. Returns the placements with their lights.
+    fn place_lights(&mut self) -> Vec<(usize, usize)> {
+        let mut rng = random::stream(self.seed, "lights", 0);
+        let town = self.town;
+        let Some(model) = self.models.models.iter().position(|model| model.category == TRAFFIC_LIGHT) else {
+            return Vec::new();
+        };
+        let mut posts = Vec::new();
+        for (i, light) in town.lights.lights.iter().enumerate() {
+            let is_off_road = |point: &Vec2| town.surface.road_grid.clearance_m(*point) > 0.35;
+            let beside = || {
+                let (lane, stop_m) = *light.stops.first()?;
+                let lane = &town.graph.lanes[lane];
+                let shifts = (0..30).map(|n| lane.width_m / 2.0 + 0.5 * f64::from(n));
+                shifts.map(|shift| lane.path.beside(stop_m, town.graph.kerb_sign() * shift)).find(is_off_road)
+            };
+            let Some(at) = Some(light.position).filter(is_off_road).or_else(beside) else { continue };
+            if self.is_near(at) && self.claim(model, at, light.heading_rad, 0.05) {
+                let is_paved = town.surface.paved_grid.clearance_m(at) < 0.0;
+                let over_m = if is_paved { PAVEMENT_M } else { GRASS_M };
+                posts.push((self.placements.len(), i));
+                self.put(model, at, over_m, light.heading_rad, Motion::Still, &mut rng);
+            }
+        }
+        posts
+    }
+
     fn place_props(&mut self) {
         let mut rng = random::stream(self.seed, "props", 0);
         let config = &self.town.config;
+        if !self.town.surface.strips.iter().any(|strip| strip.kind == StripKind::Pavement) {
+            self.place_props_on_verges(&mut rng);
+            return;
+        }
         for strip in self.town.surface.strips.iter().filter(|strip| strip.kind == StripKind::Pavement) {
             let side = self.kerb_side(strip);
             let mut station_m = 2.0 + 5.0 * rng.random::<f64>();
@@ -353,6 +466,38 @@ impl Filler<'_> {
         }
     }
 
+    /// Props on the grass beside roads that have no pavement.
+    fn place_props_on_verges(&mut self, rng: &mut Rng) {
+        let config = &self.town.config;
+        for strip in self.town.surface.strips.iter().filter(|strip| strip.kind == StripKind::Road) {
+            for side in [-1.0, 1.0] {
+                let [low, high] = config.prop_spacing_m;
+                let mut station_m = 2.0 + 5.0 * rng.random::<f64>();
+                while station_m < strip.center.length_m() - 2.0 {
+                    let Some(model) = self.draw_model(Kind::Static, &config.prop_weights, rng) else {
+                        return;
+                    };
+                    let from_edge_m =
+                        self.models.models[model].width_m() / 2.0 + 0.4 + 0.8 * rng.random::<f64>();
+                    let at = strip.center.beside(station_m, side * (strip.width_m / 2.0 + from_edge_m));
+                    let street_rad = strip.center.heading_rad(station_m);
+                    let yaw_rad = if side < 0.0 { street_rad } else { street_rad + std::f64::consts::PI };
+                    let is_on_grass = self.town.surface.paved_grid.clearance_m(at) > from_edge_m - 0.3;
+                    let is_clear = self.is_off_buildings(at);
+                    if is_on_grass && is_clear && self.is_near(at) && self.claim(model, at, yaw_rad, 0.3) {
+                        self.put(model, at, GRASS_M, yaw_rad, Motion::Still, rng);
+                    }
+                    station_m +=
+                        (low + (high - low) * rng.random::<f64>()) / self.config.prop_density.max(0.01);
+                }
+            }
+        }
+    }
+
+    fn is_off_buildings(&self, point: Vec2) -> bool {
+        !self.town.buildings.iter().any(|building| building.footprint.grown(0.5).contains(point))
+    }
+
     /// Objects out of distribution along the route: some in the lane, most beside it.
     fn place_ood(&mut self, route: &Route) {
         let mut rng = random::stream(self.seed, "ood", 0);
@@ -369,6 +514,7 @@ impl Filler<'_> {
             let yaw_rad = std::f64::consts::TAU * rng.random::<f64>();
             let is_in_lane = rng.random::<f64>() < self.config.ood_in_lane_share;
             let (draw, side) = (rng.random::<f64>(), if rng.random_bool(0.65) { -1.0 } else { 1.0 });
+            let mirror = -self.town.graph.kerb_sign();
             let span = route.span_at(station_m);
             let lane = &self.town.graph.lanes[span.lane];
             let from_ends_m = (station_m - span.start_m).min(span.end_m - station_m);
@@ -384,7 +530,7 @@ impl Filler<'_> {
             } else {
                 3.0 * half_lane_m + half_m + 0.2 + 1.8 * draw
             };
-            let at = route.path.beside(station_m, left_m);
+            let at = route.path.beside(station_m, mirror * left_m);
             let clearance_m = self.town.surface.road_grid.clearance_m(at);
             // On the pavement or on the road, not half on the kerb.
             let z_m = if clearance_m > 0.0 { PAVEMENT_M } else { 0.0 };

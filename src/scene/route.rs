@@ -23,20 +23,33 @@ pub struct Route {
 
 impl Route {
     /// Starts on a lane and takes random turns until the route is `length_m` long or ends.
+    ///
+    /// Turns that lead on for ever are taken before those that end somewhere, and of these the longer.
     #[must_use]
     pub fn random(graph: &LaneGraph, lane: usize, length_m: f64, rng: &mut Rng) -> Self {
         let path = graph.lanes[lane].path.clone();
         let spans = vec![Span { lane, start_m: 0.0, end_m: path.length_m() }];
         let mut route = Self { path, spans };
-        while route.path.length_m() < length_m {
-            let last = route.spans[route.spans.len() - 1].lane;
+        route.extend(graph, length_m, rng);
+        route
+    }
+
+    /// Goes on by random turns until the route is `length_m` long or ends.
+    pub fn extend(&mut self, graph: &LaneGraph, length_m: f64, rng: &mut Rng) {
+        while self.path.length_m() < length_m {
+            let last = self.spans[self.spans.len() - 1].lane;
             let successors = &graph.lanes[last].successors;
-            if successors.is_empty() {
+            let longest_m = successors.iter().map(|&next| graph.lanes[next].reach_m).fold(0.0, f64::max);
+            let choices: Vec<usize> = successors
+                .iter()
+                .copied()
+                .filter(|&next| graph.lanes[next].reach_m >= 0.5 * longest_m)
+                .collect();
+            if choices.is_empty() {
                 break;
             }
-            route.push(graph, successors[rng.random_range(0..successors.len())]);
+            self.push(graph, choices[rng.random_range(0..choices.len())]);
         }
-        route
     }
 
     fn push(&mut self, graph: &LaneGraph, lane: usize) {

@@ -1,11 +1,17 @@
 //! The ground of a town: road surface, raised pavements with kerbs, and painted marks.
 //!
-//! Heights: grass at -0.05 m, fill under junctions at -0.02 m, road at 0, paint at +0.015 m (far
-//! enough apart for the depth buffer), pavements at +0.14 m, the height of a usual kerb.
+//! Heights over the [`Ground`]: grass at -0.05 m, road at 0, paint at +0.015 m (far enough apart for
+//! the depth buffer), pavements at +0.14 m, the height of a usual kerb. On slopes all of it is cut
+//! into small pieces that follow the ground.
 
+use std::collections::BTreeSet;
+
+use nalgebra::Vector3;
+
+use super::ground::{Ground, Ribbon};
 use super::mesh::TriangleMesh;
 use super::network::{LaneGraph, flat};
-use super::occupancy::StripGrid;
+use super::occupancy::{Footprint, StripGrid};
 use super::path::{Path, Vec2};
 
 /// Height of pavements over the road.
@@ -13,6 +19,18 @@ pub const PAVEMENT_M: f64 = 0.14;
 /// Height of the grass plane.
 pub const GRASS_M: f64 = -0.05;
 const PAINT_M: f64 = 0.015;
+/// On slopes, where road and paint are cut differently.
+const PAINT_ON_SLOPES_M: f64 = 0.03;
+/// Longest piece on slopes.
+const PIECE_M: f64 = 3.0;
+/// Cells of the terrain that is drawn.
+const TERRAIN_CELL_M: f64 = 4.0;
+/// Under paving, the terrain lies this much deeper, so that none comes through.
+const UNDER_PAVING_M: f64 = 0.15;
+/// How deep kerbs reach into the ground.
+const KERB_FOOT_M: f64 = 0.3;
+/// Width of a crosswalk's stripes and of the gaps between.
+const STRIPE_M: f64 = 0.5;
 const ROAD_TILE_M: f64 = 6.0;
 const PAVEMENT_TILE_M: f64 = 2.4;
 
@@ -36,6 +54,17 @@ pub struct Strip {
     is_in_junction: bool,
 }
 
+impl Strip {
+    /// Width at a station; bays are narrower at their ends.
+    #[must_use]
+    pub fn width_at_m(&self, s_m: f64) -> f64 {
+        let n = self.left.len().min(self.right.len());
+        let share = (s_m / self.center.length_m()).clamp(0.0, 1.0);
+        let i = (share * (n - 1) as f64).round() as usize;
+        (self.left[i] - self.right[i]).norm()
+    }
+}
+
 /// The strips, the paint, and what ground they take.
 #[derive(Debug, Clone)]
 pub struct Surface {
@@ -48,6 +77,52 @@ pub struct Surface {
     pub road_grid: StripGrid,
     /// Everything paved.
     pub paved_grid: StripGrid,
+    pub ground: Ground,
+}
+
+/// The network's heights: the ground, and the lanes that lie on a level above it.
+#[derive(Debug, Clone)]
+pub struct Levels {
+    mesh: xodr::Mesh,
+    ground: Ground,
+    above: BTreeSet<usize>,
+}
+
+impl Levels {
+    #[must_use]
+    pub fn of(network: &xodr::RoadNetwork) -> Self {
+        let mesh = network.surface_mesh();
+        // Pavements and medians may be raised; the ground there is the road's edge.
+        let is_level =
+            |lane: &&xodr::Lane| !matches!(kind_of(lane.kind), Some(StripKind::Pavement | StripKind::Grass));
+        let (mut ids, mut ribbons) = (Vec::new(), Vec::new());
+        for span in &mesh.lanes {
+            let Some(lane) = network.lane(span.lane).filter(is_level) else { continue };
+            let ribs = &mesh.vertices[span.vertices.start as usize..span.vertices.end as usize];
+            let at = |point: &xodr::Point| Vector3::new(point.x, point.y, point.z).cast::<f64>();
+            ids.push(lane.id.0);
+            ribbons.push(Ribbon {
+                left: ribs.iter().step_by(2).map(at).collect(),
+                right: ribs.iter().skip(1).step_by(2).map(at).collect(),
+            });
+        }
+        let (ground, is_above) = Ground::under(&ribbons);
+        let above = ids.into_iter().zip(is_above).filter(|(_, above)| *above).map(|(id, _)| id).collect();
+        Self { mesh, ground, above }
+    }
+
+    /// Whether a lane lies above others.
+    #[must_use]
+    pub fn is_above(&self, lane: xodr::LaneId) -> bool {
+        self.above.contains(&lane.0)
+    }
+
+    /// What is left out, if anything.
+    #[must_use]
+    pub fn note(&self) -> Option<String> {
+        let n = self.above.len();
+        (n > 0).then(|| format!("{n} lanes on a level above other lanes are left out"))
+    }
 }
 
 /// The visible meshes of the ground.
@@ -57,6 +132,8 @@ pub struct GroundMeshes {
     pub pavement: TriangleMesh,
     pub kerb: TriangleMesh,
     pub marks: TriangleMesh,
+    /// Grass where it is not flat.
+    pub terrain: TriangleMesh,
 }
 
 fn kind_of(kind: xodr::LaneType) -> Option<StripKind> {
@@ -76,10 +153,15 @@ fn kind_of(kind: xodr::LaneType) -> Option<StripKind> {
 impl Surface {
     /// Reads strips and marks off a road network.
     #[must_use]
-    pub fn new(network: &xodr::RoadNetwork, graph: &LaneGraph) -> Self {
-        let mesh = network.surface_mesh();
+    pub fn new(
+        network: &xodr::RoadNetwork,
+        graph: &LaneGraph,
+        levels: Levels,
+        crosswalks: &[Footprint],
+    ) -> Self {
+        let Levels { mesh, ground, above } = levels;
         let mut strips = Vec::new();
-        for span in &mesh.lanes {
+        for span in mesh.lanes.iter().filter(|span| !above.contains(&span.lane.0)) {
             let Some(lane) = network.lane(span.lane) else { continue };
             let Some(kind) = kind_of(lane.kind) else { continue };
             let ribs = &mesh.vertices[span.vertices.start as usize..span.vertices.end as usize];
@@ -109,8 +191,9 @@ impl Surface {
                 road_grid.add(&points, strip.width_m / 2.0);
             }
         }
-        let mut surface =
-            Self { strips, marks: marks_of(network), fills: fills_of(network), road_grid, paved_grid };
+        let (mut marks, fills) = (marks_of(network, &ground), fills_of(network, &mesh, &above));
+        marks.extend(crosswalks.iter().flat_map(zebra));
+        let mut surface = Self { strips, marks, fills, road_grid, paved_grid, ground };
         surface.drop_pavement_on_roads(graph);
         surface
     }
@@ -127,38 +210,67 @@ impl Surface {
         });
     }
 
+    /// Height of the ground at a place, metres: of roads and grass; pavements stand [`PAVEMENT_M`] over it.
+    #[must_use]
+    pub fn ground_m(&self, point: Vec2) -> f64 {
+        self.ground.height_m(point)
+    }
+
     /// The visible ground; parts of which `is_near` says no are left out.
     #[must_use]
     pub fn meshes(&self, is_near: impl Fn(Vec2) -> bool) -> GroundMeshes {
         let mut meshes = GroundMeshes::default();
+        let drape = Drape { ground: &self.ground };
         for strip in &self.strips {
             for i in 1..strip.left.len().min(strip.right.len()) {
                 let quad = [strip.right[i - 1], strip.right[i], strip.left[i], strip.left[i - 1]];
                 if !is_near(quad[0]) {
                     continue;
                 }
-                let corners = quad.map(|point| [point.x, point.y]);
                 match strip.kind {
                     // One flat fill stands for all the lanes that cross each other there.
                     StripKind::Road if strip.is_in_junction => {}
-                    StripKind::Road | StripKind::Parking => meshes.road.add_flat(&corners, 0.0, ROAD_TILE_M),
+                    StripKind::Road | StripKind::Parking => {
+                        drape.add(&mut meshes.road, quad, 0.0, ROAD_TILE_M)
+                    }
                     StripKind::Grass => {}
                     StripKind::Pavement => {
-                        meshes.pavement.add_flat(&corners, PAVEMENT_M, PAVEMENT_TILE_M);
-                        add_kerb(&mut meshes.kerb, quad[0], quad[1]);
-                        add_kerb(&mut meshes.kerb, quad[2], quad[3]);
+                        drape.add(&mut meshes.pavement, quad, PAVEMENT_M, PAVEMENT_TILE_M);
+                        drape.add_kerb(&mut meshes.kerb, quad[0], quad[1]);
+                        drape.add_kerb(&mut meshes.kerb, quad[2], quad[3]);
                     }
                 }
             }
         }
         for fill in self.fills.iter().filter(|fill| fill.first().is_some_and(|&point| is_near(point))) {
-            let corners: Vec<[f64; 2]> = fill.iter().map(|point| [point.x, point.y]).collect();
-            meshes.road.add_flat(&corners, 0.0, ROAD_TILE_M);
+            drape.add_convex(&mut meshes.road, fill, ROAD_TILE_M);
         }
+        let paint_m = if self.ground.is_flat() { PAINT_M } else { PAINT_ON_SLOPES_M };
         for mark in self.marks.iter().filter(|mark| is_near(mark[0])) {
-            meshes.marks.add_flat(&mark.map(|point| [point.x, point.y]), PAINT_M, 1.0);
+            drape.add(&mut meshes.marks, *mark, paint_m, 1.0);
         }
+        self.add_terrain(&mut meshes.terrain, is_near);
         meshes
+    }
+
+    /// The land between the roads, where it is not flat.
+    fn add_terrain(&self, terrain: &mut TriangleMesh, is_near: impl Fn(Vec2) -> bool) {
+        let Some(grid) = self.ground.grid() else { return };
+        let stride = (TERRAIN_CELL_M / grid.cell_m).round().max(1.0) as usize;
+        let corner = |i: usize, j: usize| {
+            let at = grid.node(i, j);
+            let under_m = if self.paved_grid.clearance_m(at) < 0.0 { UNDER_PAVING_M } else { 0.0 };
+            let tile_m = 4.0;
+            ([at.x, at.y, grid.z_at(i, j) + GRASS_M - under_m], [at.x / tile_m, at.y / tile_m])
+        };
+        for j in (0..grid.n_y.saturating_sub(stride)).step_by(stride) {
+            for i in (0..grid.n_x.saturating_sub(stride)).step_by(stride) {
+                if is_near(grid.node(i, j)) {
+                    let ends = [(i, j), (i + stride, j), (i + stride, j + stride), (i, j + stride)];
+                    terrain.add_polygon(&ends.map(|(i, j)| corner(i, j)));
+                }
+            }
+        }
     }
 
     /// Lane lines as quads, for drawing the map.
@@ -174,27 +286,140 @@ impl Surface {
     }
 }
 
-/// A wall from the pavement's edge down into the ground, facing right of `from -> to`.
-fn add_kerb(kerb: &mut TriangleMesh, from: Vec2, to: Vec2) {
+/// Lays flat shapes on the ground.
+struct Drape<'a> {
+    ground: &'a Ground,
+}
+
+impl Drape<'_> {
+    /// A quad, counter-clockwise from above; its first edge and the opposite one run along the way.
+    fn add(&self, mesh: &mut TriangleMesh, quad: [Vec2; 4], over_m: f64, tile_m: f64) {
+        if self.ground.is_flat() {
+            mesh.add_flat(&quad.map(|point| [point.x, point.y]), over_m, tile_m);
+            return;
+        }
+        let n = |a: Vec2, b: Vec2| ((b - a).norm() / PIECE_M).ceil().max(1.0);
+        let (n_along, n_across) = (n(quad[0], quad[1]).max(n(quad[3], quad[2])), n(quad[0], quad[3]));
+        let at = |i: usize, j: usize| {
+            let (u, v) = (i as f64 / n_along, j as f64 / n_across);
+            let point =
+                (quad[0] * (1.0 - u) + quad[1] * u) * (1.0 - v) + (quad[3] * (1.0 - u) + quad[2] * u) * v;
+            ([point.x, point.y, self.ground.height_m(point) + over_m], [point.x / tile_m, point.y / tile_m])
+        };
+        for i in 0..n_along as usize {
+            for j in 0..n_across as usize {
+                mesh.add_polygon(&[at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)]);
+            }
+        }
+    }
+
+    /// A convex polygon at the ground's height.
+    fn add_convex(&self, mesh: &mut TriangleMesh, corners: &[Vec2], tile_m: f64) {
+        if self.ground.is_flat() {
+            let corners: Vec<[f64; 2]> = corners.iter().map(|point| [point.x, point.y]).collect();
+            mesh.add_flat(&corners, 0.0, tile_m);
+            return;
+        }
+        let fold = |pick: fn(f64, f64) -> f64, axis: usize| {
+            corners.iter().map(|corner| corner[axis]).fold(corners[0][axis], pick)
+        };
+        let (low, high) = ([fold(f64::min, 0), fold(f64::min, 1)], [fold(f64::max, 0), fold(f64::max, 1)]);
+        let n = |axis: usize| ((high[axis] - low[axis]) / PIECE_M).ceil().max(1.0) as usize;
+        for i in 0..n(0) {
+            for j in 0..n(1) {
+                let cell = [low[0] + PIECE_M * i as f64, low[1] + PIECE_M * j as f64];
+                let mut piece = corners.to_vec();
+                for (axis, from) in cell.into_iter().enumerate() {
+                    piece = clipped(&clipped(&piece, axis, from, 1.0), axis, from + PIECE_M, -1.0);
+                }
+                let textured: Vec<_> = piece
+                    .iter()
+                    .map(|at| ([at.x, at.y, self.ground.height_m(*at)], [at.x / tile_m, at.y / tile_m]))
+                    .collect();
+                mesh.add_polygon(&textured);
+            }
+        }
+    }
+
+    /// A wall from the pavement's edge down into the ground, facing right of `from -> to`.
+    fn add_kerb(&self, kerb: &mut TriangleMesh, from: Vec2, to: Vec2) {
+        if self.ground.is_flat() {
+            add_kerb(kerb, (from, 0.0), (to, 0.0), GRASS_M - 0.01);
+            return;
+        }
+        let n = ((to - from).norm() / PIECE_M).ceil().max(1.0);
+        let at = |i: f64| {
+            let point = from + (to - from) * (i / n);
+            (point, self.ground.height_m(point))
+        };
+        for i in 0..n as usize {
+            add_kerb(kerb, at(i as f64), at(i as f64 + 1.0), -KERB_FOOT_M);
+        }
+    }
+}
+
+fn add_kerb(kerb: &mut TriangleMesh, (from, from_m): (Vec2, f64), (to, to_m): (Vec2, f64), foot_m: f64) {
     let length_m = (to - from).norm();
     kerb.add_polygon(&[
-        ([from.x, from.y, GRASS_M - 0.01], [0.0, 0.0]),
-        ([to.x, to.y, GRASS_M - 0.01], [length_m, 0.0]),
-        ([to.x, to.y, PAVEMENT_M], [length_m, 0.2]),
-        ([from.x, from.y, PAVEMENT_M], [0.0, 0.2]),
+        ([from.x, from.y, from_m + foot_m], [0.0, 0.0]),
+        ([to.x, to.y, to_m + foot_m], [length_m, 0.0]),
+        ([to.x, to.y, to_m + PAVEMENT_M], [length_m, 0.2]),
+        ([from.x, from.y, from_m + PAVEMENT_M], [0.0, 0.2]),
     ]);
 }
 
-fn marks_of(network: &xodr::RoadNetwork) -> Vec<[Vec2; 4]> {
+/// The part of a convex polygon where `sign * (x[axis] - bound) >= 0` (Sutherland and Hodgman, 1974).
+fn clipped(corners: &[Vec2], axis: usize, bound: f64, sign: f64) -> Vec<Vec2> {
+    let inside = |point: Vec2| sign * (point[axis] - bound);
+    let mut kept = Vec::with_capacity(corners.len() + 1);
+    for (i, &to) in corners.iter().enumerate() {
+        let from = corners[(i + corners.len() - 1) % corners.len()];
+        let (a, b) = (inside(from), inside(to));
+        if a * b < 0.0 {
+            kept.push(from + (to - from) * (a / (a - b)));
+        }
+        if b >= 0.0 {
+            kept.push(to);
+        }
+    }
+    kept
+}
+
+/// Painted quads; of paint on other levels than the ground, none.
+fn marks_of(network: &xodr::RoadNetwork, ground: &Ground) -> Vec<[Vec2; 4]> {
     let lines = network.road_marks().iter().flat_map(|mark| &mark.lines);
-    lines.flat_map(|line| &line.pieces).map(|piece| piece.map(flat)).collect()
+    let base_m = f64::from(network.min_elevation().unwrap_or_default());
+    lines
+        .flat_map(|line| &line.pieces)
+        .filter(|piece| {
+            let over_m = f64::from(piece[0].z) - base_m - ground.height_m(flat(piece[0]));
+            ground.is_flat() || over_m < 2.0
+        })
+        .map(|piece| piece.map(flat))
+        .collect()
+}
+
+/// The stripes of a crosswalk, along the road.
+fn zebra(walk: &Footprint) -> Vec<[Vec2; 4]> {
+    let (sin, cos) = walk.yaw_rad.sin_cos();
+    let at = |along: f64, across: f64| {
+        walk.center + Vec2::new(along * cos - across * sin, along * sin + across * cos)
+    };
+    let n = ((walk.width_m / (2.0 * STRIPE_M)).floor() as usize).max(1);
+    let half_m = walk.length_m / 2.0;
+    (0..n)
+        .map(|i| {
+            let left_m = (i as f64 - (n as f64 - 1.0) / 2.0) * 2.0 * STRIPE_M;
+            let (low_m, high_m) = (left_m - STRIPE_M / 2.0, left_m + STRIPE_M / 2.0);
+            [at(-half_m, low_m), at(half_m, low_m), at(half_m, high_m), at(-half_m, high_m)]
+        })
+        .collect()
 }
 
 /// The convex hull of each junction's driving lanes, so that no grass shows between its lanes.
-fn fills_of(network: &xodr::RoadNetwork) -> Vec<Vec<Vec2>> {
-    let mesh = network.surface_mesh();
+fn fills_of(network: &xodr::RoadNetwork, mesh: &xodr::Mesh, above: &BTreeSet<usize>) -> Vec<Vec<Vec2>> {
     let mut corners: std::collections::BTreeMap<&str, Vec<Vec2>> = std::collections::BTreeMap::new();
-    for span in &mesh.lanes {
+    for span in mesh.lanes.iter().filter(|span| !above.contains(&span.lane.0)) {
         let road = network.road_lane(span.lane).and_then(|at| network.road(at.road));
         let (Some(junction), Some(lane)) = (road.and_then(xodr::Road::junction), network.lane(span.lane))
         else {
@@ -233,6 +458,15 @@ fn convex_hull(mut points: Vec<Vec2>) -> Vec<Vec2> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_clipped_square_keeps_its_near_half() {
+        let square = [(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)].map(|(x, y)| Vec2::new(x, y));
+        let half = clipped(&square, 0, 1.0, -1.0);
+        assert_eq!(half.len(), 4);
+        assert!(half.iter().all(|corner| corner.x <= 1.0));
+        assert!(clipped(&square, 1, 3.0, 1.0).is_empty());
+    }
 
     #[test]
     fn the_hull_of_a_square_leaves_out_its_middle() {

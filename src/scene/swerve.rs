@@ -24,6 +24,8 @@ pub struct Swerve<'a> {
     pub speed_mps: f64,
     /// Whether it takes nearly any way round.
     pub is_bold: bool,
+    /// 1 where traffic keeps right, -1 where it keeps left.
+    pub mirror: f64,
     /// Whether a junction is right ahead, where leaving the lane is to be avoided.
     pub is_near_junction: bool,
 }
@@ -36,7 +38,12 @@ impl Swerve<'_> {
         reach_m: f64,
         others: impl Iterator<Item = &'b Obstacle>,
     ) -> Option<Gap> {
-        let blend_m = (1.6 * self.speed_mps).clamp(4.5, 10.0);
+        // Far over, as to another lane, takes longer.
+        let blend_m = (1.6 * self.speed_mps).clamp(4.5, 10.0).max(if (left_m - self.now_m).abs() > 2.0 {
+            2.3 * self.speed_mps
+        } else {
+            0.0
+        });
         let left_at = |s_m: f64| {
             let share = ((s_m - self.front_m) / blend_m).clamp(0.0, 1.0);
             self.now_m + (left_m - self.now_m) * share * share * (3.0 - 2.0 * share)
@@ -67,7 +74,11 @@ impl Swerve<'_> {
                 .map(|side_m| road.clearance_m(self.path.beside(self.front_m + 6.0, left_m + side_m)))
                 .into_iter()
                 .fold(f64::NEG_INFINITY, f64::max);
-            let meets = if left_m > 0.9 && is_met { if self.is_bold { 6.0 } else { 60.0 } } else { 0.0 };
+            let meets = if self.mirror * left_m > 0.9 && is_met {
+                if self.is_bold { 6.0 } else { 60.0 }
+            } else {
+                0.0
+            };
             let leaves = if beyond_m > 0.1 { if self.is_bold { 4.0 } else { 30.0 } } else { 0.0 };
             let turns = if self.is_near_junction && left_m.abs() > 0.9 { 4.0 } else { 0.0 };
             let scrapes = if is_beside(left_m) { 25.0 } else { 0.0 };
@@ -79,7 +90,8 @@ impl Swerve<'_> {
                 + 0.5 * left_m.abs()
                 + 0.4 * (left_m - before_m).abs()
         };
-        let candidates = (-4..=14).map(|i| 0.35 * f64::from(i)).map(|left_m| (cost(left_m), left_m));
+        let candidates =
+            (-4..=14).map(|i| self.mirror * 0.35 * f64::from(i)).map(|left_m| (cost(left_m), left_m));
         candidates.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(before_m, |(_, left_m)| left_m)
     }
 
@@ -94,7 +106,7 @@ impl Swerve<'_> {
         let along_mps = other.velocity_mps.dot(&self.path.direction(s_m));
         // One who stands far off, at a junction perhaps, leaves time enough.
         let comes = along_mps < -0.3 || (along_mps < 0.5 && s_m < self.front_m + STANDING_REACH_M);
-        comes && s_m > rear_m + 0.1 && left_m > 1.2 && left_m < 6.0
+        comes && s_m > rear_m + 0.1 && (1.2..6.0).contains(&(self.mirror * left_m))
     }
 }
 
@@ -132,6 +144,7 @@ mod tests {
             length_m: 4.0,
             speed_mps: 6.0,
             is_bold: false,
+            mirror: 1.0,
             is_near_junction: false,
         };
         swerve.best_offset(0.0, &road, others)

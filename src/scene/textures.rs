@@ -1,21 +1,29 @@
 //! Procedural textures of the static scene, drawn in code so that no picture has to be shipped.
 
+use std::f64::consts::TAU;
+
 use image::{ImageFormat, Rgb, RgbImage};
 use rand::RngExt;
 
+use super::town_config::{FacadeLook, GroundLook};
 use crate::random;
 
 /// Edge length of every texture in pixels.
-const SIZE_PX: u32 = 128;
+const SIZE_PX: u32 = 256;
 
-/// How a facade tile (one bay of one floor) looks.
+/// How a building's walls look.
 #[derive(Debug, Clone, Copy)]
 pub struct Facade {
+    pub look: FacadeLook,
     pub wall: [u8; 3],
     pub trim: [u8; 3],
-    /// Window as fractions of the tile: left, bottom, right, top.
-    pub window: [f64; 4],
-    pub has_bricks: bool,
+}
+
+/// Which floor a tile shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Floor {
+    Ground,
+    Upper,
 }
 
 fn png(image: &RgbImage) -> Vec<u8> {
@@ -32,47 +40,149 @@ fn shade([r, g, b]: [u8; 3], factor: f64) -> Rgb<u8> {
 #[must_use]
 pub fn grain(name: &str, base: [u8; 3], amount: f64, blotch: f64) -> Vec<u8> {
     let mut rng = random::stream(0, name, 0);
-    let turn = std::f64::consts::TAU / f64::from(SIZE_PX);
-    png(&RgbImage::from_fn(SIZE_PX, SIZE_PX, |x, y| {
-        let (x, y) = (f64::from(x) * turn, f64::from(y) * turn);
+    tile(|u, v| {
+        let (x, y) = (u * TAU, v * TAU);
         let wave = (x + (2.0 * y).sin()).sin() * (3.0 * y + x.cos()).cos();
         shade(base, 1.0 + amount * (rng.random::<f64>() - 0.5) + blotch * wave)
-    }))
+    })
 }
 
-/// Paving slabs, four by four in a tile.
+/// A tile of `SIZE_PX` pixels a side; `u` to the right and `v` upwards, 0 to 1.
+fn tile(mut color: impl FnMut(f64, f64) -> Rgb<u8>) -> Vec<u8> {
+    let size = f64::from(SIZE_PX);
+    png(&RgbImage::from_fn(SIZE_PX, SIZE_PX, |x, y| color(f64::from(x) / size, 1.0 - f64::from(y) / size)))
+}
+
+/// Stones in rows, shifted from row to row, each with a tone of its own.
+fn stones(name: &str, base: [u8; 3], [n_x, n_y]: [u32; 2], joint: f64, contrast: f64) -> Vec<u8> {
+    let mut rng = random::stream(0, name, 0);
+    let tones: Vec<f64> = (0..n_x * n_y).map(|_| 1.0 + contrast * (rng.random::<f64>() - 0.5)).collect();
+    let warmth: Vec<f64> = (0..n_x * n_y).map(|_| contrast * 0.4 * (rng.random::<f64>() - 0.5)).collect();
+    tile(|u, v| {
+        let row = ((v * f64::from(n_y)) as u32).min(n_y - 1);
+        let shift = if n_x > 4 { 0.5 * f64::from(row % 2) } else { 0.37 * f64::from(row) };
+        let x = (u * f64::from(n_x) + shift).rem_euclid(f64::from(n_x));
+        let (column, in_x) = ((x as u32).min(n_x - 1), x.fract());
+        let in_y = (v * f64::from(n_y)).fract();
+        let edge = in_x.min(1.0 - in_x).min(in_y).min(1.0 - in_y);
+        let stone = (row * n_x + column) as usize;
+        // Worn stones are darkest in the joints and rise softly to their middle.
+        let rise = (edge / joint).min(1.0);
+        let factor = tones[stone] * (0.72 + 0.28 * rise) + 0.05 * (rng.random::<f64>() - 0.5);
+        let Rgb([r, g, b]) = shade(base, factor);
+        let warm = |channel: u8, share: f64| (f64::from(channel) * (1.0 + share)).clamp(0.0, 255.0) as u8;
+        Rgb([warm(r, warmth[stone]), g, warm(b, -warmth[stone])])
+    })
+}
+
+/// The ground's tiles: 6 m a side on roads, 2.4 m on pavements, 4 m elsewhere.
 #[must_use]
-pub fn slabs(base: [u8; 3]) -> Vec<u8> {
-    let mut rng = random::stream(0, "slabs", 0);
-    let tones: Vec<f64> = (0..16).map(|_| 0.93 + 0.12 * rng.random::<f64>()).collect();
-    let slab_px = SIZE_PX / 4;
-    png(&RgbImage::from_fn(SIZE_PX, SIZE_PX, |x, y| {
-        let is_joint = x % slab_px < 2 || y % slab_px < 2;
-        let tone = tones[(x / slab_px + 4 * (y / slab_px)) as usize];
-        shade(base, (if is_joint { 0.75 } else { tone }) + 0.05 * (rng.random::<f64>() - 0.5))
-    }))
+pub fn ground(look: GroundLook) -> Vec<u8> {
+    match look {
+        GroundLook::Asphalt => grain("asphalt", [78, 79, 82], 0.22, 0.03),
+        GroundLook::WornAsphalt => grain("worn asphalt", [106, 104, 100], 0.22, 0.035),
+        GroundLook::Concrete => stones("concrete slabs", [150, 148, 142], [2, 2], 0.012, 0.07),
+        GroundLook::Cobbles => stones("cobbles", [118, 110, 100], [22, 24], 0.3, 0.26),
+        GroundLook::Pavement => stones("slabs", [158, 154, 148], [4, 4], 0.06, 0.12),
+        GroundLook::Flagstones => stones("flagstones", [172, 154, 126], [6, 8], 0.1, 0.18),
+        GroundLook::Grass => grain("grass", [92, 116, 66], 0.3, 0.06),
+        GroundLook::Dirt => grain("dirt", [124, 108, 84], 0.3, 0.08),
+        GroundLook::Gravel => grain("gravel", [146, 138, 124], 0.42, 0.05),
+    }
+}
+
+/// Roof tiles in rows.
+#[must_use]
+pub fn tiles(base: [u8; 3]) -> Vec<u8> {
+    stones("roof tiles", base, [12, 10], 0.25, 0.16)
+}
+
+/// Leaves: dark hollows and lit tufts.
+#[must_use]
+pub fn leaves(base: [u8; 3]) -> Vec<u8> {
+    stones("leaves", base, [13, 12], 0.5, 0.6)
+}
+
+/// Upright bars before something darker, with a rail at the foot and at the top.
+#[must_use]
+pub fn bars(bar: [u8; 3], behind: [u8; 3]) -> Vec<u8> {
+    let mut rng = random::stream(0, "bars", 0);
+    tile(|u, v| {
+        let grain = 1.0 + 0.08 * (rng.random::<f64>() - 0.5);
+        let is_bar = (u * 8.0).fract() < 0.42 || !(0.05..0.93).contains(&v);
+        if is_bar { shade(bar, grain) } else { shade(behind, 0.62 * grain) }
+    })
+}
+
+impl Facade {
+    /// Window as fractions of the tile: left, bottom, right, top.
+    fn window(&self, floor: Floor) -> [f64; 4] {
+        match (self.look, floor) {
+            (FacadeLook::Brick, Floor::Upper) => [0.3, 0.22, 0.7, 0.82],
+            (FacadeLook::Brick | FacadeLook::Plaster, Floor::Ground) => [0.1, 0.12, 0.9, 0.72],
+            (FacadeLook::Plaster, Floor::Upper) => [0.18, 0.3, 0.82, 0.8],
+            (FacadeLook::Shutters, Floor::Upper) => [0.35, 0.1, 0.65, 0.78],
+            (FacadeLook::Shutters, Floor::Ground) => [0.26, 0.04, 0.74, 0.68],
+            (FacadeLook::Stone, Floor::Upper) => [0.36, 0.25, 0.64, 0.85],
+            (FacadeLook::Stone, Floor::Ground) => [0.22, 0.04, 0.78, 0.78],
+            (FacadeLook::Glass, Floor::Upper) => [0.02, 0.3, 0.98, 0.96],
+            (FacadeLook::Glass, Floor::Ground) => [0.03, 0.05, 0.97, 0.85],
+            (FacadeLook::House, Floor::Upper) => [0.3, 0.35, 0.7, 0.82],
+            (FacadeLook::House, Floor::Ground) => [0.28, 0.32, 0.72, 0.76],
+            (FacadeLook::Metal, Floor::Upper) => [0.12, 0.7, 0.88, 0.9],
+            (FacadeLook::Metal, Floor::Ground) => [0.14, 0.03, 0.86, 0.82],
+        }
+    }
+
+    /// The wall's brightness where it has a pattern.
+    fn pattern(&self, u: f64, v: f64) -> f64 {
+        let joints = |n_x: f64, n_y: f64, joint: f64, dark: f64| {
+            let row = (v * n_y).floor();
+            let x = (u * n_x + 0.5 * (row % 2.0)).fract();
+            if x < joint || (v * n_y).fract() < joint * n_y / n_x { dark } else { 1.0 - 0.02 * (row % 3.0) }
+        };
+        match self.look {
+            FacadeLook::Brick => joints(8.0, 21.0, 0.07, 0.85),
+            FacadeLook::Stone => joints(3.0, 6.0, 0.03, 0.8),
+            FacadeLook::Metal => 0.86 + 0.14 * (u * 16.0 * TAU).sin(),
+            _ => 1.0 - 0.05 * (1.0 - v),
+        }
+    }
 }
 
 /// One bay of one floor.
 #[must_use]
-pub fn facade(name: &str, look: &Facade) -> Vec<u8> {
+pub fn facade(name: &str, facade: &Facade, floor: Floor) -> Vec<u8> {
     let mut rng = random::stream(0, name, 0);
-    let [left, bottom, right, top] = look.window;
-    png(&RgbImage::from_fn(SIZE_PX, SIZE_PX, |x, y| {
-        let (u, v) = (f64::from(x) / f64::from(SIZE_PX), 1.0 - f64::from(y) / f64::from(SIZE_PX));
+    let window @ [left, bottom, right, top] = facade.window(floor);
+    let is_gate = facade.look == FacadeLook::Metal && floor == Floor::Ground;
+    let has_shutters = facade.look == FacadeLook::Shutters && floor == Floor::Upper;
+    tile(|u, v| {
         let grain = 1.0 + 0.06 * (rng.random::<f64>() - 0.5);
-        let within =
-            |margin: f64| u > left - margin && u < right + margin && v > bottom - margin && v < top + margin;
         let is_mullion = (u - f64::midpoint(left, right)).abs() < 0.015;
-        if within(0.0) && !is_mullion {
+        if is_within(window, 0.0, u, v) && is_gate {
+            // A roller gate: narrow slats.
+            return shade(facade.trim, grain * if (v * 24.0).fract() < 0.25 { 0.8 } else { 1.0 });
+        }
+        if is_within(window, 0.0, u, v) && !is_mullion {
             // Glass: darker below, a hint of sky above.
             return shade([96, 118, 138], 0.5 + 0.6 * (v - bottom) / (top - bottom));
         }
-        if within(0.04) || v < 0.035 {
-            return shade(look.trim, grain);
+        if is_within(window, 0.04, u, v) || (v < 0.035 && facade.look != FacadeLook::Metal) {
+            return shade(facade.trim, grain);
         }
-        let (row, brick_x) = (y / 6, x + 8 * ((y / 6) % 2));
-        let is_joint = look.has_bricks && (y % 6 == 0 || brick_x % 16 == 0);
-        shade(look.wall, grain * if is_joint { 0.85 } else { 1.0 - 0.02 * f64::from(row % 3) })
-    }))
+        let wing = 0.5 * (right - left);
+        let is_beside = |from: f64, to: f64| u > from && u < to && v > bottom && v < top;
+        if has_shutters
+            && (is_beside(left - 0.04 - wing, left - 0.04) || is_beside(right + 0.04, right + 0.04 + wing))
+        {
+            let slat = if (v * 30.0).fract() < 0.3 { 0.42 } else { 0.56 };
+            return shade(facade.trim, slat * grain);
+        }
+        shade(facade.wall, grain * facade.pattern(u, v))
+    })
+}
+
+fn is_within([left, bottom, right, top]: [f64; 4], margin: f64, u: f64, v: f64) -> bool {
+    u > left - margin && u < right + margin && v > bottom - margin && v < top + margin
 }

@@ -4,12 +4,16 @@ use std::path::{Path as FilePath, PathBuf};
 
 use fs_err as fs;
 use include_dir::{Dir, include_dir};
-use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::buildings::{self, Building};
+use super::buildings::Building;
+use super::lights::Lights;
+use super::models;
 use super::network::LaneGraph;
-use super::surface::Surface;
+use super::opendrive;
+use super::plots::{self, Boundary, Furnishing, Stand};
+use super::surface::{Levels, Surface};
+use super::town_config::TownConfig;
 
 static SCENES: Dir<'static> = include_dir!("$CARGO_MANIFEST_DIR/scenes");
 
@@ -22,7 +26,7 @@ pub enum SceneError {
     Read(#[from] std::io::Error),
     #[error("{message}: {}", path.display())]
     TownConfig { message: String, path: PathBuf },
-    #[error("not an OpenDRIVE map: {message}: {}", path.display())]
+    #[error("not a usable OpenDRIVE map: {message}: {}", path.display())]
     OpenDrive { message: String, path: PathBuf },
     #[error("the map has no lane that can be driven: {}", path.display())]
     NoLanes { path: PathBuf },
@@ -32,97 +36,22 @@ pub enum SceneError {
     NoStart { town: String },
 }
 
-/// How a town is built and filled: `town.toml`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct TownConfig {
-    pub description: String,
-    /// `row`: walls touch; `detached`: `building_gap_m` lies between.
-    pub building_style: String,
-    pub building_height_m: [f64; 2],
-    /// Along the street.
-    pub building_width_m: [f64; 2],
-    pub building_depth_m: [f64; 2],
-    pub building_gap_m: [f64; 2],
-    /// From the outer edge of the pavement.
-    pub building_setback_m: [f64; 2],
-    /// Share of the frontage that is built up, 0 to 1.
-    pub building_share: f64,
-    pub facade_textures: Vec<String>,
-    pub road_texture: String,
-    pub sidewalk_texture: String,
-    pub ground_texture: String,
-    /// Between one static prop and the next on a pavement.
-    pub prop_spacing_m: [f64; 2],
-    /// From the kerb to the middle of the prop.
-    pub prop_kerb_distance_m: f64,
-    /// How likely each category of prop is, relative to the others.
-    pub prop_weights: std::collections::BTreeMap<String, f64>,
-    pub traffic: TrafficConfig,
-}
-
-/// What moves and parks in a town.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct TrafficConfig {
-    /// Share of parking places taken, 0 to 1.
-    pub parked_share: f64,
-    /// Length of one parking place.
-    pub parking_place_m: f64,
-    /// Moving vehicles in the whole town.
-    pub n_vehicles: u32,
-    /// Walking pedestrians in the whole town.
-    pub n_pedestrians: u32,
-    /// Share of pedestrians that set out across the street, 0 to 1.
-    pub pedestrian_crossing_share: f64,
-    /// How likely each category of vehicle is, relative to the others.
-    pub vehicle_weights: std::collections::BTreeMap<String, f64>,
-}
-
-impl Default for TrafficConfig {
-    fn default() -> Self {
-        Self {
-            parked_share: 0.4,
-            parking_place_m: 6.0,
-            n_vehicles: 28,
-            n_pedestrians: 40,
-            pedestrian_crossing_share: 0.15,
-            vehicle_weights: std::collections::BTreeMap::new(),
-        }
-    }
-}
-
-impl Default for TownConfig {
-    fn default() -> Self {
-        Self {
-            description: String::new(),
-            building_style: "row".into(),
-            building_height_m: [7.0, 20.0],
-            building_width_m: [9.0, 20.0],
-            building_depth_m: [9.0, 13.0],
-            building_gap_m: [0.0, 0.0],
-            building_setback_m: [0.5, 3.0],
-            building_share: 0.8,
-            facade_textures: Vec::new(),
-            road_texture: "asphalt".into(),
-            sidewalk_texture: "pavement".into(),
-            ground_texture: "grass".into(),
-            prop_spacing_m: [8.0, 18.0],
-            prop_kerb_distance_m: 0.55,
-            prop_weights: std::collections::BTreeMap::new(),
-            traffic: TrafficConfig::default(),
-        }
-    }
-}
-
 /// A town: its roads, its ground and its buildings.
 #[derive(Debug, Clone)]
 pub struct Town {
     pub name: String,
     pub config: TownConfig,
     pub graph: LaneGraph,
+    pub lights: Lights,
     pub surface: Surface,
     pub buildings: Vec<Building>,
+    /// Places for parked vehicles off the street.
+    pub stands: Vec<Stand>,
+    /// Props that belong to gardens, squares and bus stops.
+    pub furnishings: Vec<Furnishing>,
+    pub boundaries: Vec<Boundary>,
+    /// What of the map could not be used, in counts.
+    pub notes: Vec<String>,
 }
 
 /// Names of the shipped towns, sorted.
@@ -181,21 +110,47 @@ impl Town {
             toml.map_or_else(|| Ok(TownConfig::default()), toml::from_str).map_err(|error| {
                 SceneError::TownConfig { message: error.to_string(), path: path.with_file_name("town.toml") }
             })?;
-        let network = xodr::load_str(xodr)
-            .map_err(|error| SceneError::OpenDrive { message: error.to_string(), path: path.to_owned() })?;
-        let graph = LaneGraph::new(&network);
+        config
+            .check()
+            .map_err(|message| SceneError::TownConfig { message, path: path.with_file_name("town.toml") })?;
+        let (network, mut notes) = opendrive::read(xodr)
+            .map_err(|message| SceneError::OpenDrive { message, path: path.to_owned() })?;
+        let levels = Levels::of(&network);
+        notes.extend(levels.note());
+        let (mut graph, unused) = LaneGraph::read(&network, |id| levels.is_above(id));
+        notes.extend(unused);
+        notes.extend(config.unknown_models(&models::names()));
         if graph.lanes.is_empty() {
             return Err(SceneError::NoLanes { path: path.to_owned() });
         }
-        let surface = Surface::new(&network, &graph);
-        let buildings = buildings::grow(&surface, &config, 0);
-        Ok(Self { name: name.to_owned(), config, graph, surface, buildings })
+        let crosswalks = opendrive::crosswalks(&network);
+        let (lights, unknown) = Lights::read(&network, &mut graph, &crosswalks);
+        notes.extend(unknown);
+        let surface = Surface::new(&network, &graph, levels, &crosswalks);
+        let mut plots = plots::grow(&surface, &config, 0);
+        plots.furnishings.extend(plots::bus_stops(&network));
+        let plots::Plots { buildings, stands, furnishings, boundaries } = plots;
+        Ok(Self {
+            name: name.to_owned(),
+            config,
+            graph,
+            lights,
+            surface,
+            buildings,
+            stands,
+            furnishings,
+            boundaries,
+            notes,
+        })
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::path::{Vec2, turn_between};
+    use super::super::route::Route;
     use super::*;
+    use crate::random;
 
     #[test]
     fn an_unknown_town_lists_those_that_exist() {
@@ -203,21 +158,93 @@ mod tests {
         assert!(message.contains("atlantis") && message.contains("downtown"), "{message}");
     }
 
+    fn shipped() -> Vec<Town> {
+        town_names().iter().map(|name| Town::load(name).unwrap()).collect()
+    }
+
+    #[test]
+    fn the_five_towns_are_shipped() {
+        assert_eq!(town_names(), ["arterial", "downtown", "market", "oldtown", "suburb"]);
+    }
+
     #[test]
     fn every_lane_of_a_shipped_town_leads_on() {
-        for name in town_names() {
-            let town = Town::load(&name).unwrap();
-            assert!(town.graph.lanes.iter().all(|lane| !lane.successors.is_empty()), "{name}");
+        for town in shipped() {
+            assert!(town.graph.lanes.iter().all(|lane| !lane.successors.is_empty()), "{}", town.name);
+        }
+    }
+
+    #[test]
+    fn lanes_of_a_shipped_town_meet_end_to_end_and_bend_gently() {
+        for town in shipped() {
+            let name = &town.name;
+            for lane in &town.graph.lanes {
+                let length_m = lane.path.length_m();
+                for &next in &lane.successors {
+                    let next = &town.graph.lanes[next].path;
+                    let gap_m = (next.at(0.0) - lane.path.at(length_m)).norm();
+                    let turn_rad = turn_between(lane.path.heading_rad(length_m), next.heading_rad(0.0));
+                    assert!(gap_m < 0.1 && turn_rad.abs() < 0.25, "{name}: gap {gap_m} m, turn {turn_rad}");
+                }
+                for i in 1..(length_m - 4.0).max(0.0) as usize {
+                    let curvature = lane.path.curvature_per_m(i as f64 + 2.0).abs();
+                    assert!(curvature < 1.0 / 5.5, "{name}: radius {:.1} m", 1.0 / curvature);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_shipped_town_offers_long_drives_from_nearly_everywhere() {
+        for town in shipped() {
+            let mut rng = random::stream(3, "drives", 0);
+            let n_long = (0..town.graph.lanes.len())
+                .filter(|&lane| Route::random(&town.graph, lane, 700.0, &mut rng).path.length_m() >= 700.0)
+                .count();
+            assert!(n_long * 20 >= town.graph.lanes.len() * 19, "{}: {n_long}", town.name);
         }
     }
 
     #[test]
     fn no_building_stands_on_a_road_or_in_another() {
-        let town = Town::load("downtown").unwrap();
-        assert!(town.buildings.len() > 50, "{}", town.buildings.len());
-        for (i, building) in town.buildings.iter().enumerate() {
-            assert!(town.surface.road_grid.clearance_m(building.footprint.center) > 3.0);
-            assert!(town.buildings[..i].iter().all(|other| !other.footprint.meets(&building.footprint)));
+        for (town, least) in shipped().iter().zip([40, 50, 20, 150, 70]) {
+            assert!(town.buildings.len() > least, "{}: {}", town.name, town.buildings.len());
+            for (i, building) in town.buildings.iter().enumerate() {
+                let footprint = &building.footprint;
+                let points = footprint.corners().map(|corner| Vec2::new(corner.x_m, corner.y_m));
+                for point in points.into_iter().chain([footprint.center]) {
+                    assert!(town.surface.road_grid.clearance_m(point) > 0.5, "{}: {point}", town.name);
+                }
+                assert!(town.buildings[..i].iter().all(|other| !other.footprint.meets(footprint)));
+            }
         }
+    }
+
+    #[test]
+    fn what_belongs_to_plots_keeps_off_the_roads() {
+        for town in shipped() {
+            let clearance = |point: Vec2| town.surface.road_grid.clearance_m(point);
+            let walls = town.boundaries.iter().flat_map(|boundary| boundary.line.points());
+            assert!(walls.copied().all(|point| clearance(point) > 0.1), "{}", town.name);
+            assert!(town.furnishings.iter().all(|prop| clearance(prop.position) > 0.2), "{}", town.name);
+            let stands = town.stands.iter().flat_map(|stand| stand.footprint.corners());
+            assert!(
+                stands.map(|at| Vec2::new(at.x_m, at.y_m)).all(|point| clearance(point) > 0.0),
+                "{}",
+                town.name
+            );
+        }
+    }
+
+    #[test]
+    fn each_town_has_what_makes_it_that_town() {
+        let [arterial, _, market, oldtown, suburb] = <[Town; 5]>::try_from(shipped()).unwrap();
+        let n_balconies: usize = oldtown.buildings.iter().map(|building| building.balconies.len()).sum();
+        assert!(n_balconies > 200, "{n_balconies}");
+        assert!(suburb.stands.len() > 40 && suburb.boundaries.len() > 80);
+        assert!(market.stands.len() > 40, "{}", market.stands.len());
+        assert_eq!(arterial.furnishings.iter().filter(|prop| prop.model == "bus_shelter").count(), 2);
+        let fastest = arterial.graph.lanes.iter().map(|lane| lane.limit_mps).fold(0.0, f64::max);
+        assert!(fastest > 19.0, "{fastest}");
     }
 }

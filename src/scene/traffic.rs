@@ -1,40 +1,34 @@
 //! Everything that moves, one control step at a time: drivers, pedestrians and the ego's driver.
 //!
-//! Vehicles other than the ego are kinematic: they stay on their lanes' lines, and never enter what
-//! is taken. Control rate 20 Hz.
+//! Control rate 20 Hz.
 
 use std::sync::Arc;
 
+use nalgebra::{UnitQuaternion, Vector3};
 use rand::RngExt;
 
-use super::driving::{self, Gap, Obstacle, Owner};
+use super::driver::Driver;
+use super::driving::{Gap, Obstacle, Owner};
 use super::ego::{EgoDriver, EgoPose};
-use super::junctions::{self, Reservations};
+use super::junctions::{Answer, Approach, Asker, Reservations, View};
+use super::lights::{Aspect, Clock};
 use super::mjcf::EgoCommand;
 use super::occupancy::Footprint;
 use super::path::Vec2;
 use super::populate::{Motion, World};
 use super::route::Route;
 use super::surface::PAVEMENT_M;
-use super::swerve::Swerve;
 use super::town::Town;
 use super::walking::Walker;
 use crate::geometry::{Ego, Transform, World as WorldFrame};
 use crate::random::{self, Rng};
 
-/// Distance to the car ahead when standing.
-const STANDSTILL_M: f64 = 0.9;
-/// Standing this long before a junction gives its reservation back.
-const GIVE_WAY_S: f64 = 3.0;
-/// Standing this long before something still, a driver passes it at a walk, if it can.
-const CREEP_S: f64 = 3.0;
-const CREEP_MPS: f64 = 1.0;
-/// Standing this long with no way on, a driver backs up.
-const BACK_UP_S: f64 = 6.0;
 /// Standing this long out of the ego's sight, a driver starts elsewhere.
 const GIVE_UP_S: f64 = 20.0;
 /// Beyond this distance nobody sees a car come or go, metres.
 const SIGHT_M: f64 = 75.0;
+/// How far ahead a driver knows its way.
+const LOOK_AHEAD_M: f64 = 400.0;
 /// The ego among the holders of reservations.
 const EGO: usize = usize::MAX;
 
@@ -51,7 +45,8 @@ pub struct MocapPose {
     /// Number among the mocap bodies.
     pub index: usize,
     pub position_m: [f64; 3],
-    pub yaw_rad: f64,
+    /// From the body's axes (x forward, z up) to the world's.
+    pub turn: UnitQuaternion<f64>,
     /// Over ground, in the world frame.
     pub velocity_mps: [f64; 2],
 }
@@ -61,60 +56,8 @@ pub struct MocapPose {
 pub struct Commands {
     pub ego: EgoCommand,
     pub mocap: Vec<MocapPose>,
-}
-
-#[derive(Debug, Clone)]
-struct Driver {
-    placement: usize,
-    route: Route,
-    /// Station of the footprint's centre.
-    station_m: f64,
-    /// Offset of the centre to the left of the route, and where it is going to be.
-    left_m: f64,
-    left_wanted_m: f64,
-    /// Change of the offset for each metre of the way.
-    slope: f64,
-    speed_mps: f64,
-    length_m: f64,
-    width_m: f64,
-    /// Share of the limit that this driver likes.
-    eagerness: f64,
-    waited_s: f64,
-    /// Seconds that it still backs up.
-    backing_s: f64,
-}
-
-impl Driver {
-    fn front_m(&self) -> f64 {
-        self.station_m + self.length_m / 2.0
-    }
-
-    fn rear_m(&self) -> f64 {
-        self.station_m - self.length_m / 2.0
-    }
-
-    /// Heading of the chord between the axles.
-    fn yaw_rad(&self) -> f64 {
-        let half_m = 0.32 * self.length_m;
-        let chord = self.route.path.at(self.station_m + half_m) - self.route.path.at(self.station_m - half_m);
-        chord.y.atan2(chord.x) + self.slope.atan()
-    }
-
-    fn obstacle(&self) -> Obstacle {
-        let yaw_rad = self.yaw_rad();
-        Obstacle {
-            owner: Owner::Placement(self.placement),
-            footprint: Footprint {
-                center: self.route.path.beside(self.station_m, self.left_m),
-                yaw_rad,
-                length_m: self.length_m,
-                width_m: self.width_m,
-            },
-            velocity_mps: Vec2::new(yaw_rad.cos(), yaw_rad.sin()) * self.speed_mps,
-            is_still: false,
-            is_vehicle: true,
-        }
-    }
+    /// What each light of the town shows, in the town's order.
+    pub lights: Vec<Aspect>,
 }
 
 /// The behaviour of a world.
@@ -126,6 +69,7 @@ pub struct Traffic {
     walkers: Vec<Walker>,
     still: Vec<Obstacle>,
     reservations: Reservations,
+    clock: Clock,
     mocap_of: Vec<Option<usize>>,
     rng: Rng,
 }
@@ -146,20 +90,10 @@ impl Traffic {
                     is_still: true,
                     is_vehicle: false,
                 }),
-                Motion::Drives { route, station_m } => drivers.push(Driver {
-                    placement: i,
-                    route: route.clone(),
-                    station_m: *station_m,
-                    left_m: 0.0,
-                    left_wanted_m: 0.0,
-                    slope: 0.0,
-                    speed_mps: 3.0,
-                    length_m: footprint.length_m,
-                    width_m: footprint.width_m,
-                    eagerness: 0.75 + 0.3 * rng.random::<f64>(),
-                    waited_s: 0.0,
-                    backing_s: 0.0,
-                }),
+                Motion::Drives { route, station_m } => {
+                    let eagerness = 0.75 + 0.3 * rng.random::<f64>();
+                    drivers.push(Driver::new(i, route.clone(), *station_m, &footprint, eagerness));
+                }
                 Motion::Walks(walk) => {
                     walkers.push(Walker::new(i, walk.clone(), placement.position, placement.yaw_rad));
                 }
@@ -173,6 +107,7 @@ impl Traffic {
             walkers,
             still,
             reservations: Reservations::default(),
+            clock: Clock::new(&world.town.lights, seed),
             mocap_of: world.placements.iter().map(|placement| placement.mocap).collect(),
             rng,
         }
@@ -198,6 +133,13 @@ impl Traffic {
         self.drivers.iter().map(|driver| driver.obstacle().footprint).collect()
     }
 
+    /// What each light of the town shows, in the town's order.
+    #[must_use]
+    pub fn aspects(&self) -> Vec<Aspect> {
+        let lights = &self.town.lights;
+        (0..lights.lights.len()).map(|light| self.clock.aspect(lights, light)).collect()
+    }
+
     /// Moves everything by one control step and tells what the ego is to do.
     pub fn step(&mut self, dt_s: f64, observation: &EgoObservation) -> Commands {
         let origin = observation.world_from_ego.isometry.translation;
@@ -205,6 +147,7 @@ impl Traffic {
             position: Vec2::new(origin.x, origin.y),
             yaw_rad: observation.world_from_ego.yaw_rad(),
             speed_mps: observation.speed_mps,
+            grade: observation.world_from_ego.rotate(&Vector3::x()).z,
         };
         self.ego.locate(&pose);
         let mut obstacles: Vec<Obstacle> = vec![pose.obstacle()];
@@ -212,12 +155,15 @@ impl Traffic {
         obstacles.extend(self.walkers.iter().map(Walker::obstacle));
         let n_moving = obstacles.len();
         obstacles.extend(self.still.iter().copied());
-        let (ego_line, lines) = self.ask_junctions(&pose, &obstacles[..n_moving]);
+        self.clock.time_s += dt_s;
+        let (ego_answer, lines) = self.ask_junctions(&pose, &obstacles[..n_moving]);
         let scene = (&self.town.graph, &self.town.surface);
-        let ego = self.ego.step(dt_s, &pose, ego_line, scene, &obstacles);
+        let ego = self.ego.step(dt_s, &pose, &ego_answer, scene, &obstacles);
         for (i, line) in lines.into_iter().enumerate() {
-            self.step_driver(i, dt_s, line, &obstacles);
-            if self.drivers[i].waited_s > GIVE_UP_S {
+            let driver = &mut self.drivers[i];
+            driver.step(dt_s, line, &self.town, &obstacles, &mut self.rng);
+            driver.route.extend(&self.town.graph, driver.station_m + LOOK_AHEAD_M, &mut self.rng);
+            if driver.waited_s > GIVE_UP_S || driver.has_arrived() {
                 self.start_elsewhere(i, &pose, &obstacles);
             }
             // Those who come later see where this one is now.
@@ -228,16 +174,13 @@ impl Traffic {
             walker.step(dt_s, &obstacles);
             obstacles[first_walker + i] = walker.obstacle();
         }
-        Commands { ego, mocap: self.mocap_poses() }
+        Commands { ego, mocap: self.mocap_poses(), lights: self.aspects() }
     }
 
-    /// Stop lines for the ego and each driver who may not enter the next junction yet.
-    fn ask_junctions(&mut self, pose: &EgoPose, moving: &[Obstacle]) -> (Option<Gap>, Vec<Option<Gap>>) {
-        let mut order: Vec<usize> = (0..self.drivers.len()).collect();
-        order.sort_by(|&a, &b| self.drivers[b].waited_s.total_cmp(&self.drivers[a].waited_s).then(a.cmp(&b)));
-        let mut lines = vec![None; self.drivers.len()];
-        let graph = &self.town.graph;
-        let asker = Asker {
+    /// What junctions and lights say to the ego, and the line at which each driver has to stop.
+    fn ask_junctions(&mut self, pose: &EgoPose, moving: &[Obstacle]) -> (Answer, Vec<Option<Gap>>) {
+        let (graph, lights, clock) = (&self.town.graph, &self.town.lights, &self.clock);
+        let ego = Asker {
             driver: EGO,
             owner: Owner::Ego,
             route: &self.ego.route,
@@ -247,10 +190,8 @@ impl Traffic {
             length_m: self.ego.front_m() - self.ego.rear_m(),
             waited_s: self.ego.waited_s(),
         };
-        let ego_line = asker.ask(graph, &mut self.reservations, moving);
-        for i in order {
-            let driver = &self.drivers[i];
-            let asker = Asker {
+        let askers: Vec<Asker<'_>> = (self.drivers.iter().enumerate())
+            .map(|(i, driver)| Asker {
                 driver: i,
                 owner: Owner::Placement(driver.placement),
                 route: &driver.route,
@@ -259,83 +200,27 @@ impl Traffic {
                 speed_mps: driver.speed_mps,
                 length_m: driver.length_m,
                 waited_s: driver.waited_s,
-            };
-            lines[i] = asker.ask(graph, &mut self.reservations, moving);
-        }
-        (ego_line, lines)
-    }
-
-    fn step_driver(&mut self, i: usize, dt_s: f64, line: Option<Gap>, obstacles: &[Obstacle]) {
-        let graph = &self.town.graph;
-        let driver = &mut self.drivers[i];
-        let before = driver.obstacle();
-        let others: Vec<Obstacle> = obstacles
-            .iter()
-            .filter(|other| other.owner != before.owner)
-            .filter(|other| (other.footprint.center - before.footprint.center).norm() < 60.0)
-            .copied()
+            })
             .collect();
-        let path = &driver.route.path;
-        let front_m = driver.front_m();
-        let limit_mps = graph.lanes[driver.route.span_at(front_m).lane].limit_mps * driver.eagerness;
-        let mut desired_mps = driving::bend_speed_mps(path, driver.station_m, limit_mps);
-        let swerve = Swerve {
-            path,
-            front_m,
-            now_m: driver.left_m + driver.slope * driver.length_m / 2.0,
-            half_width_m: driver.width_m / 2.0,
-            length_m: driver.length_m,
-            speed_mps: driver.speed_mps,
-            is_bold: driver.waited_s > 6.0,
-            is_near_junction: graph.lanes[driver.route.span_at(front_m + 4.0).lane].junction.is_some(),
-        };
-        let left_wanted_m = swerve.best_offset(driver.left_wanted_m, &self.town.surface.road_grid, &others);
-        let gap = swerve.gap(left_wanted_m, 10.0 + 2.5 * driver.speed_mps, others.iter());
-        if left_wanted_m.abs() > 0.7 || driver.left_m.abs() > 0.7 {
-            desired_mps = desired_mps.min(5.0);
+        let approaches: Vec<Approach> = std::iter::once(&ego)
+            .chain(&askers)
+            .filter_map(|asker| asker.approach(graph, lights, clock))
+            .collect();
+        let view = View { graph, lights, clock, moving, approaches: &approaches };
+        let ego_answer = ego.ask(&view, &mut self.reservations);
+        // Who has waited longest asks first.
+        let mut order: Vec<usize> = (0..askers.len()).collect();
+        order.sort_by(|&a, &b| askers[b].waited_s.total_cmp(&askers[a].waited_s).then(a.cmp(&b)));
+        let mut answers = vec![Answer::default(); askers.len()];
+        for i in order {
+            answers[i] = askers[i].ask(&view, &mut self.reservations);
         }
-        let to_end_m = path.length_m() - front_m;
-        let end = (to_end_m < 25.0).then(|| Gap::line(to_end_m));
-        let free = driving::acceleration_mps2(driver.speed_mps, desired_mps, None, STANDSTILL_M);
-        let (mut acceleration, mut room_m) = (free, f64::INFINITY);
-        for stop in [gap, line, end].into_iter().flatten() {
-            // Room to drive round what stands.
-            if stop.is_still && driver.waited_s > CREEP_S {
-                // What is planned too close may still be passed at a walk; the last check guards it.
-                acceleration = acceleration.min((CREEP_MPS - driver.speed_mps) / dt_s);
-                continue;
-            }
-            let standstill_m = if stop.is_still { 4.5 } else { STANDSTILL_M };
-            let asked = driving::acceleration_mps2(driver.speed_mps, desired_mps, Some(stop), standstill_m);
-            acceleration = acceleration.min(asked);
-            room_m = room_m.min(stop.distance_m - 0.1);
-        }
-        let moved_m = {
-            let wanted_mps = (driver.speed_mps + acceleration * dt_s).max(0.0);
-            driver.left_wanted_m = left_wanted_m;
-            driver.speed_mps = wanted_mps.min((room_m / dt_s).max(0.0));
-            driver.speed_mps * dt_s
-        };
-        let saved = (driver.station_m, driver.left_m, driver.slope);
-        let aim = ((left_wanted_m - driver.left_m) * 0.35).clamp(-0.4, 0.4);
-        let moved_m = if driver.backing_s > 0.0 { -CREEP_MPS * dt_s } else { moved_m };
-        driver.backing_s -= dt_s;
-        driver.slope += (aim - driver.slope).clamp(-0.12 * moved_m.abs(), 0.12 * moved_m.abs());
-        driver.left_m += driver.slope * moved_m;
-        driver.station_m += moved_m;
-        // Whatever was planned: nobody moves into what is taken.
-        let after = driver.obstacle().footprint.grown(0.03);
-        let hits =
-            |other: &Obstacle| after.meets(&other.footprint) && !before.footprint.meets(&other.footprint);
-        if others.iter().any(hits) {
-            (driver.station_m, driver.left_m, driver.slope) = saved;
-            driver.speed_mps = 0.0;
-            if driver.waited_s > BACK_UP_S && driver.backing_s < -BACK_UP_S {
-                driver.backing_s = 2.5;
+        for (driver, answer) in self.drivers.iter_mut().zip(&answers) {
+            if answer.is_granted {
+                driver.waited_s = 0.0;
             }
         }
-        let stands = driver.speed_mps < 0.3 || (driver.station_m - saved.0).abs() < 1e-9;
-        driver.waited_s = if stands || driver.backing_s > 0.0 { driver.waited_s + dt_s } else { 0.0 };
+        (ego_answer, answers.iter().map(|answer| answer.stop.map(|stop| stop.gap)).collect())
     }
 
     /// A driver that is stuck and unseen begins another route, unseen too; one try a step.
@@ -356,24 +241,24 @@ impl Traffic {
         let is_free = obstacles.iter().all(|other| !other.footprint.meets(&there));
         let is_open = graph.lanes[lane].junction.is_none() && path.length_m() > 2.0 * driver.length_m;
         if is_unseen(before.footprint.center) && is_unseen(there.center) && is_free && is_open {
-            driver.route = Route::random(graph, lane, 1500.0, &mut self.rng);
-            driver.station_m = station_m;
-            (driver.left_m, driver.left_wanted_m, driver.slope) = (0.0, 0.0, 0.0);
-            (driver.waited_s, driver.backing_s) = (0.0, 0.0);
+            driver.restart(Route::random(graph, lane, LOOK_AHEAD_M, &mut self.rng), station_m);
             self.reservations.keep_only(i, &[]);
         }
     }
 
     fn mocap_poses(&self) -> Vec<MocapPose> {
+        let ground = &self.town.surface.ground;
         let mut poses = Vec::with_capacity(self.drivers.len() + self.walkers.len());
         for driver in &self.drivers {
             let Some(index) = self.mocap_of[driver.placement] else { continue };
             let seen = driver.obstacle();
-            let center = seen.footprint.center;
+            let Footprint { center, yaw_rad, .. } = seen.footprint;
+            // The axles stand within the ends.
+            let (z_m, turn) = ground.stance(center, yaw_rad, 0.64 * driver.length_m, 0.9 * driver.width_m);
             poses.push(MocapPose {
                 index,
-                position_m: [center.x, center.y, 0.0],
-                yaw_rad: seen.footprint.yaw_rad,
+                position_m: [center.x, center.y, z_m],
+                turn,
                 velocity_mps: [seen.velocity_mps.x, seen.velocity_mps.y],
             });
         }
@@ -382,71 +267,16 @@ impl Traffic {
             let is_on_road = self.town.surface.road_grid.clearance_m(walker.position) < 0.0;
             poses.push(MocapPose {
                 index,
-                position_m: [walker.position.x, walker.position.y, if is_on_road { 0.0 } else { PAVEMENT_M }],
-                yaw_rad: walker.yaw_rad,
+                position_m: [
+                    walker.position.x,
+                    walker.position.y,
+                    ground.height_m(walker.position) + if is_on_road { 0.0 } else { PAVEMENT_M },
+                ],
+                turn: UnitQuaternion::from_axis_angle(&Vector3::z_axis(), walker.yaw_rad),
                 velocity_mps: [walker.velocity_mps.x, walker.velocity_mps.y],
             });
         }
         poses.sort_by_key(|pose| pose.index);
         poses
-    }
-}
-
-/// One who comes to a junction.
-struct Asker<'a> {
-    driver: usize,
-    owner: Owner,
-    route: &'a Route,
-    rear_m: f64,
-    front_m: f64,
-    speed_mps: f64,
-    length_m: f64,
-    waited_s: f64,
-}
-
-impl Asker<'_> {
-    /// The line to stop at, if the next junction cannot be entered now.
-    fn ask(
-        &self,
-        graph: &super::network::LaneGraph,
-        reservations: &mut Reservations,
-        moving: &[Obstacle],
-    ) -> Option<Gap> {
-        let Some(crossing) = junctions::next_crossing(graph, self.route, self.rear_m) else {
-            reservations.keep_only(self.driver, &[]);
-            return None;
-        };
-        reservations.keep_only(self.driver, &crossing.lanes);
-        let to_entry_m = crossing.entry_m - self.front_m;
-        if to_entry_m < -0.5 {
-            reservations.take(self.driver, &crossing.lanes);
-        }
-        // One who stands before the junction gives way to others, or all might wait for each other.
-        let gives_way = to_entry_m > 0.0 && self.waited_s > GIVE_WAY_S;
-        if reservations.holds(self.driver, &crossing.lanes) {
-            if !gives_way {
-                return None;
-            }
-            reservations.keep_only(self.driver, &[]);
-            return Some(Gap::line((to_entry_m - 0.3).max(0.05)));
-        }
-        let braking_m = self.speed_mps * self.speed_mps / 5.0 + 10.0;
-        if to_entry_m > braking_m {
-            return None;
-        }
-        // Only the first in the lane asks: one behind could not make use of it.
-        let ahead = moving.iter().filter(|other| other.owner != self.owner && other.is_vehicle);
-        let way = (self.front_m, to_entry_m.max(0.0));
-        let is_first = driving::gap_ahead(&self.route.path, way, 0.8, |_| 0.0, ahead).is_none();
-        // Whoever cannot leave a junction must not enter it.
-        let standing = moving
-            .iter()
-            .filter(|other| other.owner != self.owner && other.is_vehicle && other.velocity_mps.norm() < 1.0);
-        let room = (crossing.exit_m, self.length_m + 2.0);
-        let exit = driving::gap_ahead(&self.route.path, room, 0.8, |_| 0.0, standing);
-        if is_first && exit.is_none() && reservations.try_take(graph, self.driver, &crossing.lanes) {
-            return None;
-        }
-        Some(Gap::line((to_entry_m - 0.3).max(0.05)))
     }
 }

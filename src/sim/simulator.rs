@@ -231,6 +231,19 @@ impl Simulator {
         })
     }
 
+    /// Gives geoms other materials, both by name.
+    ///
+    /// # Errors
+    /// [`SimError::Ask`]: there is no such geom or material.
+    pub fn set_materials(&mut self, materials: &[(String, String)]) -> Result<(), SimError> {
+        let (geoms, materials): (Vec<&str>, Vec<&str>) =
+            materials.iter().map(|(geom, material)| (geom.as_str(), material.as_str())).unzip();
+        Python::attach(|py| {
+            let ask = || self.world.bind(py).call_method1("set_materials", (geoms, materials)).map(drop);
+            ask().map_err(failed("change materials"))
+        })
+    }
+
     /// The pose of every body in the world, by body id.
     ///
     /// # Errors
@@ -519,6 +532,25 @@ mod tests {
         let ego = sim.body("ego").unwrap();
         let (_, linear) = sim.body_velocity(ego).unwrap();
         assert!((linear.z + 9.81 * 0.1).abs() < 1e-6, "0.1 s of free fall: {linear}");
+    }
+
+    #[test]
+    fn a_geom_takes_another_colour_while_running() {
+        let lit = XML.replace(
+            "<worldbody>",
+            "<asset><material name=\"lit\" rgba=\"1 0 0 1\" emission=\"1\"/></asset><worldbody>",
+        );
+        let mut sim = Simulator::new(&lit, &[], &mount()).unwrap();
+        let middle = |sim: &mut Simulator| sim.render_rgb().unwrap().get_pixel(80, 40).0;
+        let before = middle(&mut sim);
+        sim.set_materials(&[("cube".into(), "lit".into())]).unwrap();
+        let after = middle(&mut sim);
+        assert!(
+            before[0].abs_diff(before[1]) < 30 && after[0] > 200 && after[1] < 30,
+            "{before:?} {after:?}"
+        );
+        let error = sim.set_materials(&[("cube".into(), "unlit".into())]).unwrap_err().to_string();
+        assert!(error.contains("unlit"), "{error}");
     }
 
     #[test]

@@ -1,0 +1,223 @@
+//! One driver other than the ego: keeps to its route, follows, passes, waits, backs up.
+//!
+//! Kinematic: the body stays on the route's line, plus an offset to the left, and never enters what
+//! is taken.
+
+use super::driving::{self, Gap, Obstacle, Owner};
+use super::lane_change::Mover;
+use super::network::LaneGraph;
+use super::occupancy::Footprint;
+use super::path::Vec2;
+use super::route::Route;
+use super::swerve::Swerve;
+use super::town::Town;
+use crate::random::Rng;
+
+/// Distance to the car ahead when standing.
+const STANDSTILL_M: f64 = 0.9;
+/// Standing this long before something still, a driver passes it at a walk, if it can.
+const CREEP_S: f64 = 3.0;
+const CREEP_MPS: f64 = 1.0;
+/// Standing this long with no way on, a driver backs up.
+const BACK_UP_S: f64 = 6.0;
+/// From one change of lanes, when it is done, to the next.
+const CHANGED_S: f64 = 5.0;
+
+#[derive(Debug, Clone)]
+pub struct Driver {
+    pub placement: usize,
+    pub route: Route,
+    /// Station of the footprint's centre.
+    pub station_m: f64,
+    /// Offset of the centre to the left of the route, and where it is going to be.
+    pub left_m: f64,
+    left_wanted_m: f64,
+    /// Change of the offset for each metre of the way.
+    slope: f64,
+    pub speed_mps: f64,
+    pub length_m: f64,
+    pub width_m: f64,
+    /// Share of the limit that this driver likes.
+    eagerness: f64,
+    pub waited_s: f64,
+    /// Seconds that it still backs up.
+    backing_s: f64,
+    /// Seconds until it may change lanes again; above [`CHANGED_S`], it is changing.
+    change_s: f64,
+}
+
+impl Driver {
+    /// A driver at its start.
+    #[must_use]
+    pub fn new(placement: usize, route: Route, station_m: f64, body: &Footprint, eagerness: f64) -> Self {
+        Self {
+            placement,
+            route,
+            station_m,
+            left_m: 0.0,
+            left_wanted_m: 0.0,
+            slope: 0.0,
+            speed_mps: 3.0,
+            length_m: body.length_m,
+            width_m: body.width_m,
+            eagerness,
+            waited_s: 0.0,
+            backing_s: 0.0,
+            change_s: 0.0,
+        }
+    }
+
+    /// Goes on elsewhere, in the middle of a lane.
+    pub fn restart(&mut self, route: Route, station_m: f64) {
+        (self.route, self.station_m) = (route, station_m);
+        (self.left_m, self.left_wanted_m, self.slope) = (0.0, 0.0, 0.0);
+        (self.waited_s, self.backing_s, self.change_s) = (0.0, 0.0, 0.0);
+    }
+
+    /// Whether it stands at the end of its way.
+    #[must_use]
+    pub fn has_arrived(&self) -> bool {
+        self.speed_mps < 0.3 && self.route.path.length_m() - self.front_m() < 6.0
+    }
+
+    #[must_use]
+    pub fn front_m(&self) -> f64 {
+        self.station_m + self.length_m / 2.0
+    }
+
+    #[must_use]
+    pub fn rear_m(&self) -> f64 {
+        self.station_m - self.length_m / 2.0
+    }
+
+    /// Heading of the chord between the axles.
+    #[must_use]
+    pub fn yaw_rad(&self) -> f64 {
+        let half_m = 0.32 * self.length_m;
+        let chord = self.route.path.at(self.station_m + half_m) - self.route.path.at(self.station_m - half_m);
+        chord.y.atan2(chord.x) + self.slope.atan()
+    }
+
+    #[must_use]
+    pub fn obstacle(&self) -> Obstacle {
+        let yaw_rad = self.yaw_rad();
+        Obstacle {
+            owner: Owner::Placement(self.placement),
+            footprint: Footprint {
+                center: self.route.path.beside(self.station_m, self.left_m),
+                yaw_rad,
+                length_m: self.length_m,
+                width_m: self.width_m,
+            },
+            velocity_mps: Vec2::new(yaw_rad.cos(), yaw_rad.sin()) * self.speed_mps,
+            is_still: false,
+            is_vehicle: true,
+        }
+    }
+
+    /// Moves on by one step; `line` is where to stop for a junction or a light.
+    pub fn step(&mut self, dt_s: f64, line: Option<Gap>, town: &Town, obstacles: &[Obstacle], rng: &mut Rng) {
+        let graph = &town.graph;
+        let driver = self;
+        let before = driver.obstacle();
+        let others: Vec<Obstacle> = obstacles
+            .iter()
+            .filter(|other| other.owner != before.owner)
+            .filter(|other| (other.footprint.center - before.footprint.center).norm() < 60.0)
+            .copied()
+            .collect();
+        if driver.left_m.abs() < 0.5 && driver.change_s > CHANGED_S {
+            driver.change_s = CHANGED_S;
+        }
+        driver.change_s -= dt_s;
+        driver.consider_change(graph, &others, rng);
+        let is_changing = driver.change_s > CHANGED_S;
+        let path = &driver.route.path;
+        let front_m = driver.front_m();
+        let limit_mps = graph.lanes[driver.route.span_at(front_m).lane].limit_mps * driver.eagerness;
+        let mut desired_mps = driving::bend_speed_mps(path, driver.station_m, limit_mps);
+        let swerve = Swerve {
+            path,
+            front_m,
+            now_m: driver.left_m + driver.slope * driver.length_m / 2.0,
+            half_width_m: driver.width_m / 2.0,
+            length_m: driver.length_m,
+            speed_mps: driver.speed_mps,
+            is_bold: driver.waited_s > 6.0,
+            mirror: -graph.kerb_sign(),
+            is_near_junction: graph.lanes[driver.route.span_at(front_m + 4.0).lane].junction.is_some(),
+        };
+        let left_wanted_m = swerve.best_offset(driver.left_wanted_m, &town.surface.road_grid, &others);
+        let gap = swerve.gap(left_wanted_m, 10.0 + 2.5 * driver.speed_mps, others.iter());
+        if !is_changing && (left_wanted_m.abs() > 0.7 || driver.left_m.abs() > 0.7) {
+            desired_mps = desired_mps.min(5.0);
+        }
+        let to_end_m = path.length_m() - front_m;
+        let end = (to_end_m < 25.0).then(|| Gap::line(to_end_m));
+        let free = driving::acceleration_mps2(driver.speed_mps, desired_mps, None, STANDSTILL_M);
+        let (mut acceleration, mut room_m) = (free, f64::INFINITY);
+        for stop in [gap, line, end].into_iter().flatten() {
+            // Room to drive round what stands.
+            if stop.is_still && driver.waited_s > CREEP_S {
+                // What is planned too close may still be passed at a walk; the last check guards it.
+                acceleration = acceleration.min((CREEP_MPS - driver.speed_mps) / dt_s);
+                continue;
+            }
+            let standstill_m = if stop.is_still { 4.5 } else { STANDSTILL_M };
+            let asked = driving::acceleration_mps2(driver.speed_mps, desired_mps, Some(stop), standstill_m);
+            acceleration = acceleration.min(asked);
+            room_m = room_m.min(stop.distance_m - 0.1);
+        }
+        let moved_m = {
+            let wanted_mps = (driver.speed_mps + acceleration * dt_s).max(0.0);
+            driver.left_wanted_m = left_wanted_m;
+            driver.speed_mps = wanted_mps.min((room_m / dt_s).max(0.0));
+            driver.speed_mps * dt_s
+        };
+        let saved = (driver.station_m, driver.left_m, driver.slope);
+        // Sideways 1.5 m/s and 2.5 m/s2 at most.
+        let speed_mps = driver.speed_mps.max(0.1);
+        let steepest = (1.5 / speed_mps).min(0.4);
+        let sharpest_per_m = (2.5 / (speed_mps * speed_mps)).min(0.12);
+        let aim = ((left_wanted_m - driver.left_m) * 0.35).clamp(-steepest, steepest);
+        let moved_m = if driver.backing_s > 0.0 { -CREEP_MPS * dt_s } else { moved_m };
+        driver.backing_s -= dt_s;
+        driver.slope +=
+            (aim - driver.slope).clamp(-sharpest_per_m * moved_m.abs(), sharpest_per_m * moved_m.abs());
+        driver.left_m += driver.slope * moved_m;
+        driver.station_m += moved_m;
+        // Whatever was planned: nobody moves into what is taken.
+        let after = driver.obstacle().footprint.grown(0.03);
+        let hits =
+            |other: &Obstacle| after.meets(&other.footprint) && !before.footprint.meets(&other.footprint);
+        if others.iter().any(hits) {
+            (driver.station_m, driver.left_m, driver.slope) = saved;
+            driver.speed_mps = 0.0;
+            if driver.waited_s > BACK_UP_S && driver.backing_s < -BACK_UP_S {
+                driver.backing_s = 2.5;
+            }
+        }
+        let stands = driver.speed_mps < 0.3 || (driver.station_m - saved.0).abs() < 1e-9;
+        driver.waited_s = if stands || driver.backing_s > 0.0 { driver.waited_s + dt_s } else { 0.0 };
+    }
+
+    /// Moves over to a neighbouring lane where that serves: it takes up a route there, and finds
+    /// itself beside it.
+    fn consider_change(&mut self, graph: &LaneGraph, others: &[Obstacle], rng: &mut Rng) {
+        if self.change_s > 0.0 || self.speed_mps < 1.0 || self.backing_s > 0.0 || self.left_m.abs() > 0.5 {
+            return;
+        }
+        let mover = Mover {
+            route: &self.route,
+            station_m: self.station_m,
+            length_m: self.length_m,
+            speed_mps: self.speed_mps,
+            wish_mps: graph.lanes[self.route.span_at(self.front_m()).lane].limit_mps * self.eagerness,
+        };
+        let Some(change) = mover.change(graph, others, rng) else { return };
+        (self.route, self.station_m) = (change.route, change.station_m);
+        self.left_m = change.left_m;
+        self.left_wanted_m = 0.0;
+        self.change_s = CHANGED_S + 12.0;
+    }
+}

@@ -1,0 +1,303 @@
+//! Reads OpenDRIVE: what is broken is an error with element, line and reason; what is whole but of no
+//! use here is told in counts.
+//!
+//! The `xodr` crate passes over what it cannot read, road by road. A file by another hand is better
+//! refused where an element lacks what OpenDRIVE demands of it, so the text is checked first.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use roxmltree::{Document, Node};
+
+use super::network::flat;
+use super::occupancy::Footprint;
+
+/// Attributes that must be there as numbers, by element (OpenDRIVE 1.4, sections 5.3 to 5.5).
+const NUMBERS: [(&str, &[&str]); 14] = [
+    ("road", &["length"]),
+    ("geometry", &["s", "x", "y", "hdg", "length"]),
+    ("arc", &["curvature"]),
+    ("spiral", &["curvStart", "curvEnd"]),
+    ("poly3", &["a", "b", "c", "d"]),
+    ("paramPoly3", &["aU", "bU", "cU", "dU", "aV", "bV", "cV", "dV"]),
+    ("elevation", &["s", "a"]),
+    ("superelevation", &["s", "a"]),
+    ("laneOffset", &["s", "a"]),
+    ("laneSection", &["s"]),
+    ("lane", &["id"]),
+    ("width", &["a"]),
+    ("signal", &["s", "t"]),
+    ("object", &["s", "t"]),
+];
+
+/// Elements that must name something, and by which attribute.
+const NAMES: [(&str, &str); 4] = [("road", "id"), ("junction", "id"), ("controller", "id"), ("signal", "id")];
+
+/// Shapes that a geometry can have.
+const SHAPES: [&str; 5] = ["line", "arc", "spiral", "poly3", "paramPoly3"];
+
+/// The network of a map, and what of it is passed over.
+///
+/// # Errors
+/// What is wrong, with its element and line; the caller adds the path.
+pub fn read(text: &str) -> Result<(xodr::RoadNetwork, Vec<String>), String> {
+    let document = Document::parse(text).map_err(|error| {
+        // The parser's words end in "at line:column".
+        format!("broken XML, line {}: {error}", error.pos().row)
+    })?;
+    let mut notes = check(&document)?;
+    let (network, provenance) = xodr::load_str_with_provenance(text).map_err(|error| error.to_string())?;
+    notes.extend(summary(&provenance.warnings));
+    notes.extend(undrawn(&network));
+    Ok((network, notes))
+}
+
+fn line(node: &Node<'_, '_>) -> u32 {
+    node.document().text_pos_at(node.range().start).row
+}
+
+/// The element with its id and line: `<lane id="-1">, line 12`.
+fn named(node: &Node<'_, '_>) -> String {
+    let id = node.attribute("id").map_or_else(String::new, |id| format!(" id=\"{id}\""));
+    format!("<{}{id}>, line {}", node.tag_name().name(), line(node))
+}
+
+fn child<'a, 'b>(node: &Node<'a, 'b>, name: &str) -> Option<Node<'a, 'b>> {
+    node.children().find(|child| child.tag_name().name() == name)
+}
+
+fn check(document: &Document<'_>) -> Result<Vec<String>, String> {
+    let root = document.root_element();
+    if root.tag_name().name() != "OpenDRIVE" {
+        return Err(format!("{}: the root element must be <OpenDRIVE>", named(&root)));
+    }
+    let roads: Vec<Node<'_, '_>> = root.children().filter(|node| node.tag_name().name() == "road").collect();
+    if roads.is_empty() {
+        return Err(format!("{}: there is no <road> in it", named(&root)));
+    }
+    // What users append is theirs.
+    let is_own = |node: &Node<'_, '_>| !node.ancestors().any(|above| above.tag_name().name() == "userData");
+    for node in root.descendants().filter(Node::is_element).filter(is_own) {
+        check_attributes(&node)?;
+    }
+    let mut ids = BTreeMap::new();
+    for road in &roads {
+        if let Some(first) = ids.insert(road.attribute("id").unwrap_or_default(), line(road)) {
+            return Err(format!("{}: the road of line {first} has the same id", named(road)));
+        }
+        check_road(road)?;
+    }
+    Ok(dangling(&root, &ids.into_keys().collect()))
+}
+
+fn check_attributes(node: &Node<'_, '_>) -> Result<(), String> {
+    let name = node.tag_name().name();
+    for attribute in NUMBERS.iter().filter(|(element, _)| *element == name).flat_map(|(_, needed)| *needed) {
+        let found = node
+            .attribute(*attribute)
+            .ok_or_else(|| format!("{}: the attribute `{attribute}` is missing", named(node)))?;
+        let is_number = found.trim().parse::<f64>().is_ok_and(f64::is_finite);
+        let is_whole = name != "lane" || found.trim().parse::<i32>().is_ok();
+        if !is_number || !is_whole {
+            let wanted = if is_whole { "a number" } else { "a whole number" };
+            return Err(format!("{}: `{attribute}` is \"{found}\", not {wanted}", named(node)));
+        }
+    }
+    for (_, attribute) in NAMES.iter().filter(|(element, _)| *element == name) {
+        if node.attribute(*attribute).is_none_or(str::is_empty) {
+            return Err(format!("{}: the attribute `{attribute}` is missing", named(node)));
+        }
+    }
+    Ok(())
+}
+
+fn check_road(road: &Node<'_, '_>) -> Result<(), String> {
+    let number = |node: &Node<'_, '_>, attribute: &str| {
+        node.attribute(attribute).and_then(|text| text.trim().parse::<f64>().ok()).unwrap_or(0.0)
+    };
+    if number(road, "length") <= 0.0 {
+        return Err(format!("{}: its length must be above 0", named(road)));
+    }
+    let plan = child(road, "planView").ok_or_else(|| format!("{}: it has no <planView>", named(road)))?;
+    let mut geometries = plan.children().filter(|node| node.tag_name().name() == "geometry").peekable();
+    if geometries.peek().is_none() {
+        return Err(format!("{}: there is no <geometry> in it", named(&plan)));
+    }
+    for geometry in geometries {
+        let shape = geometry.children().find(Node::is_element);
+        if shape.is_none_or(|shape| !SHAPES.contains(&shape.tag_name().name())) {
+            let found =
+                shape.map_or_else(|| "nothing".into(), |shape| format!("<{}>", shape.tag_name().name()));
+            return Err(format!("{}: it holds {found}, not one of {SHAPES:?}", named(&geometry)));
+        }
+    }
+    let lanes = child(road, "lanes").ok_or_else(|| format!("{}: it has no <lanes>", named(road)))?;
+    let sections = lanes.children().filter(|node| node.tag_name().name() == "laneSection");
+    if sections.count() == 0 {
+        return Err(format!("{}: there is no <laneSection> in it", named(&lanes)));
+    }
+    Ok(())
+}
+
+/// Links to roads that the file does not hold, as in maps cut out of larger ones.
+fn dangling(root: &Node<'_, '_>, roads: &BTreeSet<&str>) -> Vec<String> {
+    let named_road = |node: &Node<'_, '_>| {
+        let road = match node.tag_name().name() {
+            "predecessor" | "successor" if node.attribute("elementType") == Some("road") => {
+                node.attribute("elementId")
+            }
+            "connection" => node.attribute("connectingRoad"),
+            _ => None,
+        };
+        road.filter(|road| !roads.contains(road)).map(|road| (road.to_owned(), line(node)))
+    };
+    let lost: Vec<(String, u32)> = root.descendants().filter_map(|node| named_road(&node)).collect();
+    let Some((road, line)) = lost.first() else { return Vec::new() };
+    vec![format!(
+        "{} links lead to roads that the map does not hold, the first to road {road} in line {line}",
+        lost.len()
+    )]
+}
+
+/// The importer's warnings by kind: how many, and the first.
+fn summary(warnings: &[xodr::Warning]) -> Vec<String> {
+    let mut kinds: BTreeMap<String, (usize, String)> = BTreeMap::new();
+    for warning in warnings {
+        let text = format!("{warning:?}");
+        let kind = text.split([' ', '{', '(']).next().unwrap_or_default().to_owned();
+        kinds.entry(kind).or_insert_with(|| (0, warning.to_string())).0 += 1;
+    }
+    let tell = |(n, first): (usize, String)| {
+        if n == 1 { first } else { format!("{first} (and {} more such)", n - 1) }
+    };
+    kinds.into_values().map(tell).collect()
+}
+
+/// Crosswalks, whose length runs along the road they cross.
+///
+/// A plain box has its length along the road (OpenDRIVE: along `hdg`, relative to the road's); of an
+/// outline, the shorter side is taken to be along the road, as crosswalks are wider than long.
+#[must_use]
+pub fn crosswalks(network: &xodr::RoadNetwork) -> Vec<Footprint> {
+    let is_crosswalk = |object: &&xodr::Object| object.kind == xodr::ObjectType::Crosswalk;
+    network.objects().iter().filter(is_crosswalk).filter_map(|object| footprint(&object.shape)).collect()
+}
+
+fn footprint(shape: &xodr::Shape) -> Option<Footprint> {
+    match shape {
+        xodr::Shape::Solid {
+            position,
+            heading,
+            extent: Some(xodr::Extent::Box { length, width, .. }),
+            ..
+        } => (*length > 0.5 && *width > 0.5).then(|| Footprint {
+            center: flat(*position),
+            yaw_rad: f64::from(*heading),
+            length_m: f64::from(*length),
+            width_m: f64::from(*width),
+        }),
+        xodr::Shape::Outline { corners, closed: true, .. } => {
+            let [a, b, c, d] =
+                corners.get(..4)?.iter().map(|corner| flat(corner.base)).collect::<Vec<_>>()[..]
+            else {
+                return None;
+            };
+            // Anything but a rectangle, perhaps closed by its first corner, is no zebra.
+            let is_four =
+                corners.len() == 4 || (corners.len() == 5 && (flat(corners[4].base) - a).norm() < 0.1);
+            let (one, other) = ((b - a + c - d) / 2.0, (d - a + c - b) / 2.0);
+            let (along, across) = if one.norm() < other.norm() { (one, other) } else { (other, one) };
+            let is_square = along.normalize().dot(&across.normalize()).abs() < 0.3;
+            (is_four && is_square && along.norm() > 0.5).then(|| Footprint {
+                center: (a + b + c + d) / 4.0,
+                yaw_rad: along.y.atan2(along.x),
+                length_m: along.norm(),
+                width_m: across.norm(),
+            })
+        }
+        _ => None,
+    }
+}
+
+/// Objects of the map: the world has its own.
+fn undrawn(network: &xodr::RoadNetwork) -> Option<String> {
+    let mut kinds: BTreeMap<&str, usize> = BTreeMap::new();
+    let is_drawn = |object: &xodr::Object| {
+        object.kind == xodr::ObjectType::Crosswalk && footprint(&object.shape).is_some()
+    };
+    for object in network.objects().iter().filter(|object| !is_drawn(object)) {
+        *kinds.entry(object.kind.as_str()).or_default() += 1;
+    }
+    let parts: Vec<String> = kinds.iter().map(|(kind, n)| format!("{n} {kind}")).collect();
+    (!parts.is_empty()).then(|| format!("objects of the map are not drawn: {}", parts.join(", ")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// One straight road; `from` is replaced by `to`, which must occur.
+    fn broken(from: &str, to: &str) -> String {
+        let whole = r#"<OpenDRIVE>
+  <header revMajor="1" revMinor="6"/>
+  <road id="7" length="50" junction="-1">
+    <planView>
+      <geometry s="0" x="0" y="0" hdg="0" length="50">
+        <line/>
+      </geometry>
+    </planView>
+    <lanes>
+      <laneSection s="0">
+        <right>
+          <lane id="-1" type="driving"><width sOffset="0" a="3.5" b="0" c="0" d="0"/></lane>
+        </right>
+      </laneSection>
+    </lanes>
+  </road>
+</OpenDRIVE>"#;
+        assert!(whole.contains(from), "{from}");
+        whole.replace(from, to)
+    }
+
+    #[test]
+    fn a_whole_map_is_read() {
+        let (network, notes) = read(&broken("driving", "driving")).unwrap();
+        assert_eq!((network.lanes().len(), notes.len()), (1, 0), "{notes:?}");
+    }
+
+    #[test]
+    fn what_is_broken_is_named_with_its_line() {
+        for (from, to, wanted) in [
+            ("</laneSection>", "", "broken XML, line 15"),
+            ("OpenDRIVE>", "Map>", "<Map>, line 1: the root element must be <OpenDRIVE>"),
+            (" hdg=\"0\"", "", "<geometry>, line 5: the attribute `hdg` is missing"),
+            (
+                "length=\"50\" junction",
+                "length=\"long\" junction",
+                "<road id=\"7\">, line 3: `length` is \"long\"",
+            ),
+            (
+                "length=\"50\" junction",
+                "length=\"0\" junction",
+                "<road id=\"7\">, line 3: its length must be above 0",
+            ),
+            ("id=\"-1\"", "id=\"-1.5\"", "<lane id=\"-1.5\">, line 12: `id` is \"-1.5\", not a whole number"),
+            ("<line/>", "<curve/>", "<geometry>, line 5: it holds <curve>"),
+            ("a=\"3.5\"", "a=\"NaN\"", "<width>, line 12: `a` is \"NaN\""),
+            (
+                "<laneSection s=\"0\">",
+                "<laneSection>",
+                "<laneSection>, line 10: the attribute `s` is missing",
+            ),
+        ] {
+            let message = read(&broken(from, to)).unwrap_err();
+            assert!(message.contains(wanted), "{from} -> {to}: {message}");
+        }
+    }
+
+    #[test]
+    fn a_link_to_a_road_outside_the_map_is_told_and_no_error() {
+        let link = "<link><successor elementType=\"road\" elementId=\"99\" contactPoint=\"start\"/></link>\n    <planView>";
+        let (_, notes) = read(&broken("<planView>", link)).unwrap();
+        assert!(notes[0].contains("road 99 in line 4"), "{notes:?}");
+    }
+}
