@@ -1,6 +1,7 @@
 //! Scenes: towns, object models, the filled world as MJCF, and how all that moves behaves.
 
 mod buildings;
+mod bus_stops;
 mod driver;
 mod driving;
 mod ego;

@@ -43,7 +43,7 @@ impl World {
             {
                 if !mesh.is_empty() {
                     let name = format!("scene_{part}_{i}");
-                    builder.texture(&name, textures::facade(&name, &look, floor));
+                    builder.texture(&name, textures::facade(&name, look, floor));
                     builder.mesh(&name, &name, mesh);
                 }
             }

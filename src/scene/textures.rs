@@ -116,7 +116,7 @@ pub fn bars(bar: [u8; 3], behind: [u8; 3]) -> Vec<u8> {
 
 impl Facade {
     /// Window as fractions of the tile: left, bottom, right, top.
-    fn window(&self, floor: Floor) -> [f64; 4] {
+    fn window(self, floor: Floor) -> [f64; 4] {
         match (self.look, floor) {
             (FacadeLook::Brick, Floor::Upper) => [0.3, 0.22, 0.7, 0.82],
             (FacadeLook::Brick | FacadeLook::Plaster, Floor::Ground) => [0.1, 0.12, 0.9, 0.72],
@@ -135,7 +135,7 @@ impl Facade {
     }
 
     /// The wall's brightness where it has a pattern.
-    fn pattern(&self, u: f64, v: f64) -> f64 {
+    fn pattern(self, u: f64, v: f64) -> f64 {
         let joints = |n_x: f64, n_y: f64, joint: f64, dark: f64| {
             let row = (v * n_y).floor();
             let x = (u * n_x + 0.5 * (row % 2.0)).fract();
@@ -152,7 +152,7 @@ impl Facade {
 
 /// One bay of one floor.
 #[must_use]
-pub fn facade(name: &str, facade: &Facade, floor: Floor) -> Vec<u8> {
+pub fn facade(name: &str, facade: Facade, floor: Floor) -> Vec<u8> {
     let mut rng = random::stream(0, name, 0);
     let window @ [left, bottom, right, top] = facade.window(floor);
     let is_gate = facade.look == FacadeLook::Metal && floor == Floor::Ground;

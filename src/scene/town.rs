@@ -7,6 +7,7 @@ use include_dir::{Dir, include_dir};
 use thiserror::Error;
 
 use super::buildings::Building;
+use super::bus_stops;
 use super::lights::Lights;
 use super::models;
 use super::network::LaneGraph;
@@ -128,7 +129,7 @@ impl Town {
         notes.extend(unknown);
         let surface = Surface::new(&network, &graph, levels, &crosswalks);
         let mut plots = plots::grow(&surface, &config, 0);
-        plots.furnishings.extend(plots::bus_stops(&network));
+        plots.furnishings.extend(bus_stops::furnishings(&network));
         let plots::Plots { buildings, stands, furnishings, boundaries } = plots;
         Ok(Self {
             name: name.to_owned(),
