@@ -9,7 +9,7 @@ SHELL := /bin/bash
 BIN = $(or $(CARGO_TARGET_DIR),target)/release/harmzone
 PYTHON_SOURCES = $(wildcard python scenes mjcf_assets tests scripts)
 
-.PHONY: help setup setup-test build demo test ci bench fmt clean
+.PHONY: help setup setup-test build demo test ci bench gallery fmt clean
 
 help: ## List the targets
 	@echo "make <target>, where target is:"
@@ -50,6 +50,9 @@ ci: setup setup-test ## Tests, formats, lints, docs, spelling, licences: all tha
 
 bench: setup ## Benchmarks, module/case/size; never a gate
 	cargo bench --profile release
+
+gallery: setup-test ## A picture of all object models: docs/gallery.png
+	.venv-test/bin/python mjcf_assets/make_gallery.py
 
 fmt: setup-test ## Format Rust and Python
 	cargo fmt

@@ -241,7 +241,7 @@ impl Filler<'_> {
         self.near.iter().any(|other| (point - other).norm() < self.config.reach_m)
     }
 
-    /// Draws a model by weight of its name; models without a weight count 1 if no weights are given.
+    /// Draws a model by weight of its name; if no weights are given, by the models' own.
     fn draw_model(
         &self,
         kind: Kind,
@@ -254,8 +254,9 @@ impl Filler<'_> {
             .into_iter()
             .filter(|&i| self.models.models[i].category != "ego")
             .map(|i| {
-                let weight = weights.get(&self.models.models[i].name).copied();
-                (i, weight.unwrap_or(if weights.is_empty() { 1.0 } else { 0.0 }).max(0.0))
+                let model = &self.models.models[i];
+                let weight = weights.get(&model.name).copied();
+                (i, weight.unwrap_or(if weights.is_empty() { model.weight } else { 0.0 }).max(0.0))
             })
             .collect();
         let mut left = rng.random::<f64>() * choices.iter().map(|(_, weight)| weight).sum::<f64>();
@@ -337,13 +338,21 @@ impl Filler<'_> {
                 let Some(model) = self.draw_model(Kind::Static, &config.prop_weights, &mut rng) else {
                     return;
                 };
-                let half_m = self.models.models[model].width_m() / 2.0;
-                // Crowns keep off the street as far as the pavement is wide.
+                let shape = &self.models.models[model];
+                // Crowns keep off the street as far as the pavement is wide; a lamp's arm reaches over it.
+                let (reach_m, middle_m) = if shape.faces_traffic {
+                    (shape.width_m() / 2.0, f64::midpoint(shape.solid.0[1], shape.solid.1[1]))
+                } else {
+                    (shape.overhang_m, f64::midpoint(shape.solid.0[0], shape.solid.1[0]))
+                };
                 let widest_m = (strip.width_m - 0.7).max(config.prop_kerb_distance_m);
-                let from_kerb_m = (half_m + 0.15).clamp(config.prop_kerb_distance_m, widest_m);
+                let from_kerb_m = (reach_m + 0.15).max(config.prop_kerb_distance_m + middle_m).min(widest_m);
                 let at = strip.center.beside(station_m, side * (strip.width_m / 2.0 - from_kerb_m));
-                let street_rad = strip.center.heading_rad(station_m);
-                let yaw_rad = if side > 0.0 { street_rad } else { street_rad + std::f64::consts::PI };
+                // Traffic keeps to the right, so that it comes along with the kerb on its right.
+                let along_rad =
+                    strip.center.heading_rad(station_m) + if side > 0.0 { 0.0 } else { std::f64::consts::PI };
+                let yaw_rad = along_rad
+                    + if shape.faces_traffic { std::f64::consts::PI } else { std::f64::consts::FRAC_PI_2 };
                 if self.is_near(at) && self.claim(model, at, yaw_rad, 0.3) {
                     self.put(model, at, PAVEMENT_M, yaw_rad, Motion::Still, &mut rng);
                 }
@@ -524,5 +533,43 @@ impl Filler<'_> {
             width_m: 1.0,
         };
         self.occupied.is_free(&way, 0.0).then_some((station_m, to))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_bus_shelter_opens_to_the_road_and_a_sign_faces_the_drivers() {
+        let mut town = Town::load("downtown").unwrap();
+        town.config.prop_weights = [("bus_shelter".to_owned(), 1.0), ("traffic_sign".to_owned(), 1.0)].into();
+        let world = populate(&Arc::new(town), &PopulateConfig::default(), 2).unwrap();
+        let (mut n_shelters, mut n_signs) = (0, 0);
+        for placement in &world.placements {
+            let model = &world.models.models[placement.model];
+            let facing = Vec2::new(placement.yaw_rad.cos(), placement.yaw_rad.sin());
+            let lanes = world.town.graph.lanes.iter();
+            let lane = lanes
+                .min_by(|a, b| {
+                    let distance = |lane: &crate::scene::GraphLane| lane.path.distance_m(placement.position);
+                    distance(a).total_cmp(&distance(b))
+                })
+                .unwrap();
+            let (station_m, _) = lane.path.project(placement.position, 0.0, lane.path.length_m());
+            if model.name == "bus_shelter" {
+                let to_lane = lane.path.at(station_m) - placement.position;
+                assert!(facing.dot(&to_lane.normalize()) > 0.9, "{} looks away", placement.id);
+                n_shelters += 1;
+            } else if model.name == "traffic_sign" && lane.junction.is_none() {
+                assert!(
+                    facing.dot(&lane.path.direction(station_m)) < -0.9,
+                    "{} shows its back",
+                    placement.id
+                );
+                n_signs += 1;
+            }
+        }
+        assert!(n_shelters > 5 && n_signs > 5, "{n_shelters} shelters, {n_signs} signs");
     }
 }
