@@ -52,6 +52,8 @@ class Model:
     damping: float = 0.6
     # "street": x points over the kerb; "traffic": at the drivers who come.
     faces: str | None = None
+    # The axis about which it is round, if it rolls: "y" or "z".
+    rolls: str | None = None
     # Against the other models of its kind, in towns that give no weights.
     weight: float = 1.0
     shapes: list[tuple] = field(default_factory=list)
@@ -108,6 +110,8 @@ class Model:
         ]
         if self.faces:
             custom.append(f'<text name="faces" data="{self.faces}"/>')
+        if self.rolls:
+            custom.append(f'<text name="rolls" data="{self.rolls}"/>')
         if self.weight != 1:
             custom.append(f'<numeric name="weight" data="{self.weight:g}"/>')
         if self.paint:

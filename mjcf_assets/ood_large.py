@@ -60,7 +60,8 @@ def barrels() -> list[Model]:
         ),
     )
     for model in (*out, m):
-        model.friction = (0.7, 0.01, 0.004)
+        model.friction = (0.7, 0.01, 0.03)
+        model.rolls = "z"
     return [*out, m]
 
 
@@ -336,7 +337,8 @@ def hay_bales() -> list[Model]:
     )
     a.add("strap", *(box((x, 0, 0.24), (0.03, 0.535, 0.492)) for x in (-0.25, 0.25)))
     b = ood("hay_bale_b", "Round bale lying on its side.", 220, 0.35, paint="straw")
-    b.friction = (0.9, 0.02, 0.015)
+    b.friction = (0.9, 0.02, 0.04)
+    b.rolls = "y"
     b.collide_cylinder((0, 0, 0.6), 0.6, 1.16, "y")
     b.add(
         "straw",

@@ -33,7 +33,7 @@ def small_things() -> list[Model]:
             ]
             m.add("trim", *(between(p, q, 0.009, n=5) for p, q in zip(arc, arc[1:])))
         m.add("white", box((l * 0.45, 0, h * 0.5), (0.02, w * 0.4, h * 0.25)))
-        m.collide_hull(*m.parts["paint"])
+        m.collide_hull(*m.everything())
         out.append(m)
     out.append(carrier_bag())
     for tag, roof in (("a", True), ("b", False)):
@@ -73,7 +73,6 @@ def small_things() -> list[Model]:
             paint="card",
             colours={"card": (0.86, 0.83, 0.76), "tape": (0.20, 0.36, 0.62)} if tag == "c" else {},
         )
-        m.collide_box((0, 0, h / 2), (l, w, h))
         m.add("card", box((0, 0, h / 2), (l, w, h)))
         if tag == "b":
             m.add(
@@ -91,6 +90,7 @@ def small_things() -> list[Model]:
         else:
             m.add("tape", box((0, 0, h / 2), (l + 0.006, 0.07, h + 0.006)))
         m.add("paper", box((l / 2, w * 0.22, h * 0.6), (0.012, w * 0.3, h * 0.3)))
+        m.collide_hull(*m.parts["card"])
         out.append(m)
     for tag, colour, round_top in (("a", (0.75, 0.08, 0.08), False), ("b", (0.10, 0.28, 0.60), True)):
         m = ood(
@@ -156,7 +156,7 @@ def carrier_bag() -> Model:
     )
     m.add("green", moved(cylinder(0.085, -0.01, 0.01, 14), (0.165, 0, 0.15), pitch=math.pi / 2))
     m.add("red", box((-0.165, 0, 0.15), (0.02, 0.16, 0.10)))
-    m.collide_hull(m.parts["paint"][0])
+    m.collide_hull(*m.parts["paint"])
     return m
 
 

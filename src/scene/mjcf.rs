@@ -11,10 +11,11 @@ use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
 use super::buildings;
+use super::events::Balcony;
 use super::mesh::TriangleMesh;
 use super::path::Vec2;
-use super::populate::{Placement, World};
-use super::surface::GRASS_M;
+use super::populate::{Motion, Placement, World};
+use super::surface::{GRASS_M, PAVEMENT_M, StripKind};
 use super::textures::{self, Facade};
 
 /// Distance between the axles.
@@ -98,6 +99,7 @@ const TOLD: &str = "writing to a string cannot fail";
 struct Builder {
     asset: String,
     body: String,
+    equality: String,
     files: Vec<(String, Vec<u8>)>,
 }
 
@@ -143,11 +145,12 @@ impl World {
         self.add_ground(&mut builder);
         self.add_buildings(&mut builder);
         self.add_objects(&mut builder);
+        self.add_event_scenery(&mut builder);
         add_ego(&mut builder, self.ego_start(), lighting.sun.as_ref());
         let [red, green, blue] = lighting.ambient;
         // A little light from the eye tells a thing's sides apart where no sun does.
         let headlight = if lighting.sun.is_some() { 0.12 } else { 0.0 };
-        let Builder { asset, body, files } = builder;
+        let Builder { asset, body, equality, files } = builder;
         let xml = format!(
             "<mujoco model=\"harmzone\">\n<compiler angle=\"radian\" autolimits=\"true\"/>\n\
              <option timestep=\"{TIMESTEP_S}\" integrator=\"implicitfast\" cone=\"elliptic\" impratio=\"5\"/>\n\
@@ -159,7 +162,7 @@ impl World {
              <asset>\n<texture name=\"sky\" type=\"skybox\" builtin=\"gradient\" rgb1=\"0.36 0.55 0.82\" rgb2=\"0.86 0.9 0.94\" width=\"128\" height=\"768\"/>\n\
              {asset}</asset>\n<worldbody>\n\
              <geom name=\"ground\" type=\"plane\" size=\"0 0 1\" pos=\"0 0 0\" group=\"3\" friction=\"1.1 0.005 0.0001\"/>\n\
-             {body}</worldbody>\n{ACTUATORS}</mujoco>\n"
+             {body}</worldbody>\n<equality>\n{equality}</equality>\n{ACTUATORS}</mujoco>\n"
         );
         Mjcf { xml, assets: files }
     }
@@ -232,6 +235,24 @@ impl World {
                 builder.asset.push_str(&recoloured(xml, paint, &own, [r, g, b]));
                 geoms = geoms.replace(&format!("material=\"{paint}\""), &format!("material=\"{own}\""));
             }
+            if let Motion::Loose(loose) = &placement.motion {
+                let (at, turn) = (loose.world_from_model.translation, loose.world_from_model.rotation);
+                let geoms = geoms.replace("group=\"3\"", "group=\"3\" contype=\"3\" conaffinity=\"3\"");
+                writeln!(
+                    builder.body,
+                    "<body name=\"obj:{}\" pos=\"{:.4} {:.4} {:.4}\" quat=\"{:.6} {:.6} {:.6} {:.6}\"><freejoint/>\n{geoms}</body>",
+                    placement.id, at.x, at.y, at.z, turn.w, turn.i, turn.j, turn.k
+                )
+                .expect(TOLD);
+                // Holds it until it is let go.
+                writeln!(
+                    builder.equality,
+                    "<weld body1=\"obj:{}\" anchor=\"{:.4} {:.4} {:.4}\"/>",
+                    placement.id, at.x, at.y, at.z
+                )
+                .expect(TOLD);
+                continue;
+            }
             let (x, y, z) = (placement.position.x, placement.position.y, placement.z_m);
             let (sin, cos) = (placement.yaw_rad / 2.0).sin_cos();
             let mocap = if placement.mocap.is_some() { " mocap=\"true\"" } else { "" };
@@ -243,6 +264,66 @@ impl World {
             .expect(TOLD);
         }
     }
+}
+
+/// Contact bits of scenery that only loose things meet: the ego's wheels mount kerbs as before.
+const SCENERY_CONTACT: &str = "contype=\"2\" conaffinity=\"2\"";
+/// Scenery farther than this from where a loose thing starts or goes cannot be met by it.
+const EVENT_REACH_M: f64 = 22.0;
+
+impl World {
+    /// Balconies, and shapes to bounce on near loose things: pavements and walls.
+    fn add_event_scenery(&self, builder: &mut Builder) {
+        let centers: Vec<Vec2> = self
+            .loose()
+            .flat_map(|(_, loose)| [loose.aim, loose.world_from_model.translation.vector.xy()])
+            .collect();
+        let reach_m =
+            |point: Vec2| centers.iter().map(|center| (point - center).norm()).fold(f64::MAX, f64::min);
+        for building in &self.town.buildings {
+            let body = building.footprint;
+            if reach_m(body.center) > EVENT_REACH_M + body.radius_m() {
+                continue;
+            }
+            let half_m = building.height_m() / 2.0;
+            let half = [body.length_m / 2.0, body.width_m / 2.0, half_m];
+            add_box(builder, body.center, half_m, body.yaw_rad, half, "group=\"3\"");
+        }
+        for strip in self.town.surface.strips.iter().filter(|strip| strip.kind == StripKind::Pavement) {
+            let points = strip.center.sampled(3.0);
+            for (from, to) in points.iter().zip(&points[1..]) {
+                let (middle, way) = ((from + to) / 2.0, to - from);
+                if reach_m(middle) > EVENT_REACH_M {
+                    continue;
+                }
+                // Longer than the piece, so that no gap opens in bends.
+                let half = [way.norm() / 2.0 + 0.1, strip.width_m / 2.0, PAVEMENT_M];
+                add_box(builder, middle, 0.0, way.y.atan2(way.x), half, "group=\"3\"");
+            }
+        }
+        if !self.balconies().is_empty() {
+            builder.plain("scene_balcony", [0.78, 0.76, 0.72]);
+        }
+        for balcony in self.balconies() {
+            let Balcony { foot, out_rad, .. } = *balcony;
+            let (sin, cos) = out_rad.sin_cos();
+            for ([x, y, z_m], half) in balcony.boxes() {
+                let center = foot + Vec2::new(x * cos - y * sin, x * sin + y * cos);
+                add_box(builder, center, z_m, out_rad, half, "group=\"1\" material=\"scene_balcony\"");
+            }
+        }
+    }
+}
+
+/// A fixed box that loose things meet.
+fn add_box(builder: &mut Builder, at: Vec2, z_m: f64, yaw_rad: f64, [x, y, z]: [f64; 3], look: &str) {
+    let (sin, cos) = (yaw_rad / 2.0).sin_cos();
+    writeln!(
+        builder.body,
+        "<geom type=\"box\" pos=\"{:.4} {:.4} {z_m:.4}\" quat=\"{cos:.6} 0 0 {sin:.6}\" size=\"{x:.4} {y:.4} {z:.4}\" {look} {SCENERY_CONTACT}/>",
+        at.x, at.y
+    )
+    .expect(TOLD);
 }
 
 /// Wall and trim colours.

@@ -3,6 +3,7 @@
 mod buildings;
 mod driving;
 mod ego;
+mod events;
 mod junctions;
 mod mesh;
 pub mod mjcf;
@@ -19,6 +20,7 @@ mod town;
 mod traffic;
 mod walking;
 
+pub use events::{Balcony, Loose};
 pub use mjcf::{EgoCommand, Lighting, Mjcf, Sun};
 pub use network::{GraphLane, LaneGraph};
 pub use occupancy::Footprint;

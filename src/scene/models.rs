@@ -35,6 +35,10 @@ pub struct Model {
     pub weight: f64,
     /// Whether it faces the drivers who come, and not the street across the kerb.
     pub faces_traffic: bool,
+    /// Of its collision shapes.
+    pub mass_kg: f64,
+    /// The axis, 0 to 2, about which it is round, if it rolls.
+    pub rolls: Option<usize>,
     /// Material that may be recoloured for each instance.
     pub paint: Option<String>,
     /// Lowest and highest corner of the visual meshes, in the model frame.
@@ -139,6 +143,12 @@ fn read(dir: &'static Dir<'static>) -> Result<Model, String> {
         Some("traffic") => true,
         Some(other) => return Err(format!("faces `{other}` is none of street, traffic")),
     };
+    let rolls = match custom("rolls") {
+        None => None,
+        Some("y") => Some(1),
+        Some("z") => Some(2),
+        Some(other) => return Err(format!("rolls `{other}` is none of y, z")),
+    };
     let paint = custom("paint").map(str::to_owned);
 
     let mut files: Vec<(String, &'static [u8])> = Vec::new();
@@ -165,9 +175,12 @@ fn read(dir: &'static Dir<'static>) -> Result<Model, String> {
     let body = body.ok_or("no <body> in <worldbody>")?;
     let mut geoms_xml = String::new();
     let mut triangles = Vec::new();
+    let mut mass_kg = 0.0;
     for geom in body.children().filter(|node| node.has_tag_name("geom")) {
         geoms_xml.push_str(&xml[geom.range()]);
         geoms_xml.push('\n');
+        mass_kg +=
+            numbers(geom, "mass")?.and_then(|mass| mass.first().copied()).ok_or("a geom without mass")?;
         if let (Some(mesh), Some("2")) = (geom.attribute("mesh"), geom.attribute("group")) {
             let node = asset_nodes
                 .children()
@@ -189,6 +202,8 @@ fn read(dir: &'static Dir<'static>) -> Result<Model, String> {
         reflectivity,
         weight,
         faces_traffic,
+        mass_kg,
+        rolls,
         paint,
         bounds,
         solid,
@@ -275,6 +290,7 @@ mod tests {
     fn every_shipped_model_stands_on_the_ground_and_is_centred() {
         let library = ModelLibrary::load().unwrap();
         for model in &library.models {
+            assert!(model.mass_kg > 0.5, "{} weighs {}", model.name, model.mass_kg);
             assert!(model.bounds.0[2].abs() < 0.06, "{} starts at {}", model.name, model.bounds.0[2]);
             for axis in 0..2 {
                 let middle = f64::midpoint(model.bounds.0[axis], model.bounds.1[axis]);

@@ -7,13 +7,14 @@ use nalgebra::Point3;
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
+use super::events::{Balcony, Loose};
 use super::models::{Model, ModelLibrary};
 use super::occupancy::{Footprint, Occupied};
 use super::path::{Path, Vec2};
 use super::route::Route;
 use super::surface::{PAVEMENT_M, Strip, StripKind};
 use super::town::{SceneError, Town};
-use crate::object::{Distribution, Kind};
+use crate::object::{Distribution, Event, Kind};
 use crate::random::{self, Rng};
 
 /// How much is placed, and how far from the ego's route.
@@ -37,6 +38,8 @@ pub struct PopulateConfig {
     pub ood_spacing_m: [f64; 2],
     /// Share of out-of-distribution objects that stand in the ego's lane or partly in it.
     pub ood_in_lane_share: f64,
+    /// Share of out-of-distribution objects that fall, roll or are thrown when the ego comes, 0 to 1.
+    pub event_share: f64,
 }
 
 impl Default for PopulateConfig {
@@ -52,6 +55,7 @@ impl Default for PopulateConfig {
             pedestrian_density: 0.6,
             ood_spacing_m: [4.0, 9.0],
             ood_in_lane_share: 0.3,
+            event_share: 0.15,
         }
     }
 }
@@ -82,6 +86,8 @@ pub enum Motion {
         station_m: f64,
     },
     Walks(Walk),
+    /// Held until the ego comes near, then free.
+    Loose(Box<Loose>),
 }
 
 /// One placed object.
@@ -111,6 +117,7 @@ pub struct SceneObject {
     pub bounds: ([f64; 3], [f64; 3]),
     pub triangles: Arc<Vec<[Point3<f32>; 3]>>,
     pub reflectivity: f64,
+    pub event: Event,
 }
 
 /// A filled town, ready to be simulated.
@@ -123,9 +130,24 @@ pub struct World {
     /// Where on the route the ego's rear axle starts.
     pub ego_start_m: f64,
     objects: Vec<SceneObject>,
+    balconies: Vec<Balcony>,
 }
 
 impl World {
+    /// Things that an event sets free, each with its number among objects and placements.
+    pub fn loose(&self) -> impl Iterator<Item = (usize, &Loose)> {
+        self.placements.iter().enumerate().filter_map(|(i, placement)| match &placement.motion {
+            Motion::Loose(loose) => Some((i, loose.as_ref())),
+            _ => None,
+        })
+    }
+
+    /// Balconies that events need.
+    #[must_use]
+    pub fn balconies(&self) -> &[Balcony] {
+        &self.balconies
+    }
+
     #[must_use]
     pub fn objects(&self) -> &[SceneObject] {
         &self.objects
@@ -167,6 +189,7 @@ pub fn populate(town: &Arc<Town>, config: &PopulateConfig, seed: u64) -> Result<
         near: ego_route.path.sampled(8.0),
         occupied: Occupied::default(),
         placements: Vec::new(),
+        balconies: Vec::new(),
         seed,
     };
     let start_m = 3.0;
@@ -175,22 +198,25 @@ pub fn populate(town: &Arc<Town>, config: &PopulateConfig, seed: u64) -> Result<
     filler
         .occupied
         .claim(Footprint { center: ego_center, yaw_rad: ego_yaw_rad, length_m: 12.0, width_m: 2.6 }, 0.0);
-    if config.ood {
-        filler.place_ood(&ego_route);
-    }
+    let event_stations_m = if config.ood { filler.place_ood(&ego_route) } else { Vec::new() };
     filler.park();
     filler.place_props();
+    for station_m in filler.place_events(&ego_route, &event_stations_m) {
+        filler.lay_in_lane(&ego_route, station_m);
+    }
     filler.place_traffic(&starts, ego_center, &ego_route);
     filler.place_pedestrians();
-    let mut placements = filler.placements;
-    for (n, placement) in placements.iter_mut().filter(|p| !matches!(p.motion, Motion::Still)).enumerate() {
+    let (mut placements, balconies) = (filler.placements, filler.balconies);
+    let is_mocap = |p: &&mut Placement| matches!(p.motion, Motion::Drives { .. } | Motion::Walks(_));
+    for (n, placement) in placements.iter_mut().filter(is_mocap).enumerate() {
         placement.mocap = Some(n);
     }
-    let objects = placements.iter().map(|placement| scene_object(placement, &models)).collect();
-    Ok(World { town: Arc::clone(town), models, placements, ego_route, ego_start_m: start_m, objects })
+    let objects = placements.iter().map(|placement| scene_object(placement, &models, town)).collect();
+    let town = Arc::clone(town);
+    Ok(World { town, models, placements, ego_route, ego_start_m: start_m, objects, balconies })
 }
 
-fn scene_object(placement: &Placement, models: &ModelLibrary) -> SceneObject {
+fn scene_object(placement: &Placement, models: &ModelLibrary, town: &Town) -> SceneObject {
     let model = &models.models[placement.model];
     SceneObject {
         id: placement.id.clone(),
@@ -201,10 +227,16 @@ fn scene_object(placement: &Placement, models: &ModelLibrary) -> SceneObject {
         bounds: model.bounds,
         triangles: Arc::clone(&model.triangles),
         reflectivity: model.reflectivity,
+        event: match &placement.motion {
+            Motion::Loose(loose) => loose.event,
+            _ if model.distribution == Distribution::Id => Event::None,
+            _ if town.surface.road_grid.clearance_m(placement.position) > 0.0 => Event::None,
+            _ => Event::Lies,
+        },
     }
 }
 
-fn footprint_of(model: &Model, position: Vec2, yaw_rad: f64) -> Footprint {
+pub(super) fn footprint_of(model: &Model, position: Vec2, yaw_rad: f64) -> Footprint {
     let (low, high) = model.solid;
     let (sin, cos) = yaw_rad.sin_cos();
     let (x, y) = (f64::midpoint(low[0], high[0]), f64::midpoint(low[1], high[1]));
@@ -225,15 +257,16 @@ const PAINTS: [[f64; 3]; 9] = [
     [0.2, 0.45, 0.6],
 ];
 
-struct Filler<'a> {
-    town: &'a Town,
+pub(super) struct Filler<'a> {
+    pub(super) town: &'a Town,
     config: &'a PopulateConfig,
-    models: &'a ModelLibrary,
+    pub(super) models: &'a ModelLibrary,
     /// Points along the ego's route.
     near: Vec<Vec2>,
-    occupied: Occupied,
-    placements: Vec<Placement>,
-    seed: u64,
+    pub(super) occupied: Occupied,
+    pub(super) placements: Vec<Placement>,
+    pub(super) balconies: Vec<Balcony>,
+    pub(super) seed: u64,
 }
 
 impl Filler<'_> {
@@ -269,7 +302,15 @@ impl Filler<'_> {
             .map(|(i, _)| *i)
     }
 
-    fn put(&mut self, model: usize, position: Vec2, z_m: f64, yaw_rad: f64, motion: Motion, rng: &mut Rng) {
+    pub(super) fn put(
+        &mut self,
+        model: usize,
+        position: Vec2,
+        z_m: f64,
+        yaw_rad: f64,
+        motion: Motion,
+        rng: &mut Rng,
+    ) {
         let category = &self.models.models[model].category;
         let id = format!("{category}-{:03}", self.placements.len());
         // A hay bale is yellow and a tree green; only cars and clothes come in any colour.
@@ -362,12 +403,28 @@ impl Filler<'_> {
         }
     }
 
-    /// Objects out of distribution along the route: some in the lane, most beside it.
-    fn place_ood(&mut self, route: &Route) {
+    /// A thing in the lane where no event could be.
+    fn lay_in_lane(&mut self, route: &Route, station_m: f64) {
+        let mut rng = random::stream(self.seed, "no-event", station_m.to_bits());
+        let models = self.models.indices(Kind::Static, Distribution::Ood);
+        let model = models[rng.random_range(0..models.len())];
+        let half_lane_m = self.town.graph.lanes[route.span_at(station_m).lane].width_m / 2.0;
+        let at = route.path.beside(station_m, -half_lane_m + rng.random::<f64>() * (half_lane_m - 0.3));
+        let yaw_rad = std::f64::consts::TAU * rng.random::<f64>();
+        if self.claim(model, at, yaw_rad, 0.3) {
+            self.put(model, at, 0.0, yaw_rad, Motion::Still, &mut rng);
+        }
+    }
+
+    /// Objects out of distribution along the route: some in the lane, most beside it. Returns the
+    /// stations that are kept for events.
+    fn place_ood(&mut self, route: &Route) -> Vec<f64> {
         let mut rng = random::stream(self.seed, "ood", 0);
+        let mut event_rng = random::stream(self.seed, "event-stations", 0);
+        let mut event_stations_m = Vec::new();
         let models = self.models.indices(Kind::Static, Distribution::Ood);
         if models.is_empty() {
-            return;
+            return event_stations_m;
         }
         let [low, high] = self.config.ood_spacing_m;
         let mut station_m = 22.0;
@@ -382,6 +439,10 @@ impl Filler<'_> {
             let lane = &self.town.graph.lanes[span.lane];
             let from_ends_m = (station_m - span.start_m).min(span.end_m - station_m);
             if lane.junction.is_some() || from_ends_m < 7.0 {
+                continue;
+            }
+            if event_rng.random::<f64>() < self.config.event_share {
+                event_stations_m.push(station_m);
                 continue;
             }
             let half_lane_m = lane.width_m / 2.0;
@@ -401,6 +462,7 @@ impl Filler<'_> {
                 self.put(model, at, z_m, yaw_rad, Motion::Still, &mut rng);
             }
         }
+        event_stations_m
     }
 
     /// With the configured share, a vehicle ahead of the ego on its route.
