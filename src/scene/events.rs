@@ -7,6 +7,7 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use rand::RngExt;
 
 use super::buildings::Building;
+use super::event_scenery::Balcony;
 use super::models::{Model, SOLID_M};
 use super::occupancy::Footprint;
 use super::path::Vec2;
@@ -44,52 +45,6 @@ pub struct Loose {
     /// Of the centre of mass when it is let go, in the world frame.
     pub linear_mps: Vector3<f64>,
     pub angular_rps: Vector3<f64>,
-}
-
-/// A balcony that an event needs: a slab on a wall with a parapet.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Balcony {
-    /// On the wall, under the middle of the slab.
-    pub foot: Vec2,
-    /// Away from the wall.
-    pub out_rad: f64,
-    /// Top of the slab.
-    pub floor_m: f64,
-}
-
-impl Balcony {
-    pub const DEPTH_M: f64 = 1.0;
-    pub const WIDTH_M: f64 = 2.2;
-    pub const SLAB_M: f64 = 0.14;
-    pub const PARAPET_M: f64 = 0.85;
-    pub const PARAPET_WIDTH_M: f64 = 0.22;
-
-    fn out(&self) -> Vec2 {
-        Vec2::new(self.out_rad.cos(), self.out_rad.sin())
-    }
-
-    /// The middle of the parapet's top.
-    fn ledge(&self) -> (Vec2, f64) {
-        (
-            self.foot + self.out() * (Self::DEPTH_M - Self::PARAPET_WIDTH_M / 2.0),
-            self.floor_m + Self::PARAPET_M,
-        )
-    }
-
-    /// Its parts as boxes: centre (x outwards, y along the wall, z), and half sizes.
-    #[must_use]
-    pub fn boxes(&self) -> [([f64; 3], [f64; 3]); 4] {
-        let (depth, width, wall) = (Self::DEPTH_M / 2.0, Self::WIDTH_M / 2.0, Self::PARAPET_WIDTH_M / 2.0);
-        let middle = self.floor_m + Self::PARAPET_M / 2.0;
-        let half_m = Self::PARAPET_M / 2.0;
-        let cheek = 0.05;
-        [
-            ([depth, 0.0, self.floor_m - Self::SLAB_M / 2.0], [depth, width, Self::SLAB_M / 2.0]),
-            ([2.0 * depth - wall, 0.0, middle], [wall, width, half_m]),
-            ([depth - wall, width - cheek, middle], [depth - wall, cheek, half_m]),
-            ([depth - wall, cheek - width, middle], [depth - wall, cheek, half_m]),
-        ]
-    }
 }
 
 /// What one event adds to the world.
@@ -151,7 +106,7 @@ impl Filler<'_> {
         let push = 5.0 / linear_mps.xy().norm().max(5.0);
         let linear_mps = Vector3::new(linear_mps.x * push, linear_mps.y * push, linear_mps.z);
         let lead_m = 8.0 + 10.0 * rng.random::<f64>();
-        self.from_ledge(Event::Falls, model, balcony, aim, (linear_mps, time_s), lead_m, rng)
+        self.flight_from_ledge(Event::Falls, model, balcony, aim, (linear_mps, time_s), lead_m, rng)
     }
 
     /// From a balcony ahead, or from behind a parked car, to just before the ego.
@@ -168,11 +123,11 @@ impl Filler<'_> {
         if linear_mps.norm() > FASTEST_THROW_MPS {
             return None;
         }
-        self.from_ledge(Event::Thrown, model, balcony, aim, (linear_mps, time_s), lead_m, rng)
+        self.flight_from_ledge(Event::Thrown, model, balcony, aim, (linear_mps, time_s), lead_m, rng)
     }
 
     #[expect(clippy::too_many_arguments, reason = "what a flight is made of")]
-    fn from_ledge(
+    fn flight_from_ledge(
         &self,
         event: Event,
         model: usize,
@@ -226,7 +181,7 @@ impl Filler<'_> {
             .map(|cover| {
                 let body = footprint_of(&self.models.models[cover.model], cover.position, cover.yaw_rad);
                 let turn = cover.yaw_rad - along.y.atan2(along.x);
-                let half_m = (body.length_m * turn.cos().abs() + body.width_m * turn.sin().abs()) / 2.0;
+                let half_m = f64::midpoint(body.length_m * turn.cos().abs(), body.width_m * turn.sin().abs());
                 body.center + along * (half_m + radius_m + 0.3)
             })
             .filter(|&start| {

@@ -11,11 +11,10 @@ use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
 use super::buildings;
-use super::events::Balcony;
 use super::mesh::TriangleMesh;
 use super::path::Vec2;
 use super::populate::{Motion, Placement, World};
-use super::surface::{GRASS_M, PAVEMENT_M, StripKind};
+use super::surface::GRASS_M;
 use super::textures::{self, Facade};
 
 /// Distance between the axles.
@@ -93,12 +92,12 @@ pub struct Mjcf {
     pub assets: Vec<(String, Vec<u8>)>,
 }
 
-const TOLD: &str = "writing to a string cannot fail";
+pub(super) const TOLD: &str = "writing to a string cannot fail";
 
 #[derive(Default)]
-struct Builder {
+pub(super) struct Builder {
     asset: String,
-    body: String,
+    pub(super) body: String,
     equality: String,
     files: Vec<(String, Vec<u8>)>,
 }
@@ -114,7 +113,7 @@ impl Builder {
         self.files.push((format!("{name}.png"), png));
     }
 
-    fn plain(&mut self, name: &str, [r, g, b]: [f64; 3]) {
+    pub(super) fn plain(&mut self, name: &str, [r, g, b]: [f64; 3]) {
         writeln!(
             self.asset,
             "<material name=\"{name}\" rgba=\"{r} {g} {b} 1\" specular=\"0.05\" shininess=\"0.05\"/>"
@@ -264,66 +263,6 @@ impl World {
             .expect(TOLD);
         }
     }
-}
-
-/// Contact bits of scenery that only loose things meet: the ego's wheels mount kerbs as before.
-const SCENERY_CONTACT: &str = "contype=\"2\" conaffinity=\"2\"";
-/// Scenery farther than this from where a loose thing starts or goes cannot be met by it.
-const EVENT_REACH_M: f64 = 22.0;
-
-impl World {
-    /// Balconies, and shapes to bounce on near loose things: pavements and walls.
-    fn add_event_scenery(&self, builder: &mut Builder) {
-        let centers: Vec<Vec2> = self
-            .loose()
-            .flat_map(|(_, loose)| [loose.aim, loose.world_from_model.translation.vector.xy()])
-            .collect();
-        let reach_m =
-            |point: Vec2| centers.iter().map(|center| (point - center).norm()).fold(f64::MAX, f64::min);
-        for building in &self.town.buildings {
-            let body = building.footprint;
-            if reach_m(body.center) > EVENT_REACH_M + body.radius_m() {
-                continue;
-            }
-            let half_m = building.height_m() / 2.0;
-            let half = [body.length_m / 2.0, body.width_m / 2.0, half_m];
-            add_box(builder, body.center, half_m, body.yaw_rad, half, "group=\"3\"");
-        }
-        for strip in self.town.surface.strips.iter().filter(|strip| strip.kind == StripKind::Pavement) {
-            let points = strip.center.sampled(3.0);
-            for (from, to) in points.iter().zip(&points[1..]) {
-                let (middle, way) = ((from + to) / 2.0, to - from);
-                if reach_m(middle) > EVENT_REACH_M {
-                    continue;
-                }
-                // Longer than the piece, so that no gap opens in bends.
-                let half = [way.norm() / 2.0 + 0.1, strip.width_m / 2.0, PAVEMENT_M];
-                add_box(builder, middle, 0.0, way.y.atan2(way.x), half, "group=\"3\"");
-            }
-        }
-        if !self.balconies().is_empty() {
-            builder.plain("scene_balcony", [0.78, 0.76, 0.72]);
-        }
-        for balcony in self.balconies() {
-            let Balcony { foot, out_rad, .. } = *balcony;
-            let (sin, cos) = out_rad.sin_cos();
-            for ([x, y, z_m], half) in balcony.boxes() {
-                let center = foot + Vec2::new(x * cos - y * sin, x * sin + y * cos);
-                add_box(builder, center, z_m, out_rad, half, "group=\"1\" material=\"scene_balcony\"");
-            }
-        }
-    }
-}
-
-/// A fixed box that loose things meet.
-fn add_box(builder: &mut Builder, at: Vec2, z_m: f64, yaw_rad: f64, [x, y, z]: [f64; 3], look: &str) {
-    let (sin, cos) = (yaw_rad / 2.0).sin_cos();
-    writeln!(
-        builder.body,
-        "<geom type=\"box\" pos=\"{:.4} {:.4} {z_m:.4}\" quat=\"{cos:.6} 0 0 {sin:.6}\" size=\"{x:.4} {y:.4} {z:.4}\" {look} {SCENERY_CONTACT}/>",
-        at.x, at.y
-    )
-    .expect(TOLD);
 }
 
 /// Wall and trim colours.

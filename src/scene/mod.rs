@@ -3,6 +3,7 @@
 mod buildings;
 mod driving;
 mod ego;
+mod event_scenery;
 mod events;
 mod junctions;
 mod mesh;
@@ -20,7 +21,8 @@ mod town;
 mod traffic;
 mod walking;
 
-pub use events::{Balcony, Loose};
+pub use event_scenery::Balcony;
+pub use events::Loose;
 pub use mjcf::{EgoCommand, Lighting, Mjcf, Sun};
 pub use network::{GraphLane, LaneGraph};
 pub use occupancy::Footprint;

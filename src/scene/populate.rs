@@ -7,7 +7,8 @@ use nalgebra::Point3;
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
-use super::events::{Balcony, Loose};
+use super::event_scenery::Balcony;
+use super::events::Loose;
 use super::models::{Model, ModelLibrary};
 use super::occupancy::{Footprint, Occupied};
 use super::path::{Path, Vec2};
