@@ -163,6 +163,7 @@ mod tests {
     use crate::generate::{CheckedConfig, GenerateConfig};
     use crate::object::Event;
     use crate::scene::{PopulateConfig, Town, populate};
+    use crate::sim::Renderer;
     use std::sync::Arc;
 
     fn world(seed: u64, traffic_density: f64) -> scene::World {
@@ -186,8 +187,10 @@ mod tests {
             intrinsics: config.rig.intrinsics,
             n_samples: 0,
             shadow_size_px: 256,
+            renderer: Renderer::default(),
         };
-        Drive::new(world, &mount, seed).unwrap()
+        let lighting = Lighting { ambient: [0.5; 3], sun: None };
+        Drive::new(world, &lighting, &mount, seed).unwrap()
     }
 
     /// Height of the lowest point that is seen.
