@@ -9,7 +9,7 @@ SHELL := /bin/bash
 BIN = $(or $(CARGO_TARGET_DIR),target)/release/harmzone
 PYTHON_SOURCES = $(wildcard python scenes mjcf_assets tests scripts)
 
-.PHONY: help setup setup-test build demo test ci bench bench-gen fmt clean
+.PHONY: help setup setup-test build demo test ci bench bench-gen gallery fmt clean
 
 help: ## List the targets
 	@echo "make <target>, where target is:"
@@ -53,6 +53,9 @@ bench: setup ## Benchmarks, module/case/size; never a gate
 
 bench-gen: build ## Speed of gen against bare MuJoCo, of two processes against one, memory, disk; about 10 minutes
 	$(BIN) bench-gen --town all --weather all
+
+gallery: setup-test ## A picture of all object models: docs/gallery.png
+	.venv-test/bin/python mjcf_assets/make_gallery.py
 
 fmt: setup-test ## Format Rust and Python
 	cargo fmt

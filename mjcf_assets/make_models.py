@@ -9,7 +9,8 @@ from __future__ import annotations
 import sys
 
 from movers import movers
-from props import ood_props, street_props
+from props import ood_props
+from street import street_props
 
 
 def main() -> None:

@@ -12,9 +12,31 @@ from solids import Solid, join
 ASSETS = Path(__file__).parent
 
 
+# What a hull keeps of its vertices: the farthest one along each of these directions.
+_GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
+_HEIGHTS = 1 - 2 * (np.arange(160) + 0.5) / 160
+_HULL_DIRECTIONS = np.concatenate(
+    [
+        np.stack(
+            [
+                np.sqrt(1 - _HEIGHTS**2) * np.cos(_GOLDEN_ANGLE * np.arange(160)),
+                np.sqrt(1 - _HEIGHTS**2) * np.sin(_GOLDEN_ANGLE * np.arange(160)),
+                _HEIGHTS,
+            ],
+            1,
+        ),
+        np.array([(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if x or y or z]),
+    ]
+)
+
+
 @dataclass
 class Model:
-    """Parts by material name; mass_kg and shape are for the collision geom."""
+    """Parts by material name, and convex shapes that stand for them in collisions.
+
+    The mass is shared among the shapes by the volume of their bounds. Without `collide_*`, one shape
+    holds the whole model: `collision` tells which.
+    """
 
     name: str
     category: str
@@ -23,13 +45,42 @@ class Model:
     mass_kg: float
     reflectivity: float
     distribution: str = "id"
-    collision: str = "box"  # or "cylinder"
+    collision: str = "box"  # or "cylinder", "hull"
+    # Of sliding (1), spinning and rolling (m), as MuJoCo counts them.
+    friction: tuple = (0.8, 0.01, 0.01)
+    # Of contacts: 1 never bounces.
+    damping: float = 0.6
+    # "street": x points over the kerb; "traffic": at the drivers who come.
+    faces: str | None = None
+    # The axis about which it is round, if it rolls: "y" or "z".
+    rolls: str | None = None
+    # Against the other models of its kind, in towns that give no weights.
+    weight: float = 1.0
+    shapes: list[tuple] = field(default_factory=list)
     paint: str | None = None
     colours: dict[str, tuple] = field(default_factory=dict)
     parts: dict[str, list[Solid]] = field(default_factory=dict)
 
     def add(self, material: str, *solids: Solid) -> None:
         self.parts.setdefault(material, []).extend(solids)
+
+    def collide_box(self, centre, size, pitch: float = 0) -> None:
+        centre, size = np.asarray(centre, float), np.asarray(size, float)
+        self.shapes.append(("box", centre, size, pitch))
+
+    def collide_cylinder(self, centre, radius: float, length: float, axis: str = "z") -> None:
+        """A cylinder about z, or lying along y."""
+        size = np.array([2 * radius, 2 * radius, length])
+        self.shapes.append(("cylinder", np.asarray(centre, float), size, axis))
+
+    def collide_hull(self, *solids: Solid) -> None:
+        v = np.round(join(list(solids))[0], 3)
+        kept = v[sorted(set(np.argmax(v @ _HULL_DIRECTIONS.T, axis=0).tolist()))]
+        low, high = kept.min(0), kept.max(0)
+        self.shapes.append(("hull", (low + high) / 2, high - low, np.unique(kept, axis=0)))
+
+    def everything(self) -> list[Solid]:
+        return [solid for solids in self.parts.values() for solid in solids]
 
     def write(self) -> tuple[np.ndarray, int]:
         """Centres the footprint on the origin and stands it on the ground. Returns size, bytes."""
@@ -45,11 +96,11 @@ class Model:
         folder.mkdir()
         for material, (v, f) in meshes.items():
             (folder / f"{material}.obj").write_text(obj_text(v - shift, f))
-        (folder / "model.xml").write_text(self.xml(meshes, size))
+        (folder / "model.xml").write_text(self.xml(meshes, low, high, shift))
         (folder / "README.md").write_text(self.readme(size))
         return size, sum(p.stat().st_size for p in folder.iterdir())
 
-    def xml(self, meshes: dict, size: np.ndarray) -> str:
+    def xml(self, meshes: dict, low: np.ndarray, high: np.ndarray, shift: np.ndarray) -> str:
         n = self.name
         custom = [
             f'<text name="category" data="{self.category}"/>',
@@ -57,6 +108,12 @@ class Model:
             f'<text name="distribution" data="{self.distribution}"/>',
             f'<numeric name="reflectivity" data="{self.reflectivity:g}"/>',
         ]
+        if self.faces:
+            custom.append(f'<text name="faces" data="{self.faces}"/>')
+        if self.rolls:
+            custom.append(f'<text name="rolls" data="{self.rolls}"/>')
+        if self.weight != 1:
+            custom.append(f'<numeric name="weight" data="{self.weight:g}"/>')
         if self.paint:
             custom.append(f'<text name="paint" data="{n}/{self.paint}"/>')
         asset, geoms = [], []
@@ -74,18 +131,44 @@ class Model:
                 f'<geom type="mesh" mesh="{n}/{material}" material="{n}/{material}"'
                 ' group="2" contype="0" conaffinity="0" mass="0"/>'
             )
-        x, y, z = size / 2
-        if self.collision == "cylinder":
-            shape = f'type="cylinder" size="{max(x, y):.3f} {z:.3f}"'
-        else:
-            shape = f'type="box" size="{x:.3f} {y:.3f} {z:.3f}"'
-        geoms.append(f'<geom {shape} pos="0 0 {z:.3f}" group="3" mass="{self.mass_kg:g}"/>')
+        if not self.shapes:
+            self.whole_shape(low, high)
+        volume = sum(float(np.prod(size)) for _, _, size, _ in self.shapes)
+        for k, (kind, centre, size, more) in enumerate(self.shapes):
+            x, y, z = size / 2
+            pos = " ".join(f"{c + 0.0:.3f}" for c in np.round(centre - shift, 3) + 0.0)
+            if kind == "hull":
+                points = np.round(more - shift, 3) + 0.0
+                text = "  ".join(" ".join(f"{c:g}" for c in p) for p in points)
+                asset.append(f'<mesh name="{n}/hull_{k}" vertex="{text}" inertia="convex"/>')
+                shape = f'type="mesh" mesh="{n}/hull_{k}"'
+            elif kind == "cylinder":
+                turn = ' quat="0.70710678 0.70710678 0 0"' if more == "y" else ""
+                shape = f'type="cylinder" size="{x:.3f} {z:.3f}" pos="{pos}"{turn}'
+            else:
+                turn = f' quat="{np.cos(more / 2):.6f} 0 {np.sin(more / 2):.6f} 0"' if more else ""
+                shape = f'type="box" size="{x:.3f} {y:.3f} {z:.3f}" pos="{pos}"{turn}'
+            mass_kg = self.mass_kg * float(np.prod(size)) / volume
+            friction = " ".join(f"{c:g}" for c in self.friction)
+            geoms.append(
+                f'<geom {shape} group="3" mass="{mass_kg:.4g}" condim="6" priority="1"'
+                f' friction="{friction}" solref="0.02 {self.damping:g}"/>'
+            )
         pad = lambda rows, k: "\n".join(" " * k + r for r in rows)  # noqa: E731
         return (
             f'<mujoco model="{n}">\n  <custom>\n{pad(custom, 4)}\n  </custom>\n'
             f'  <asset>\n{pad(asset, 4)}\n  </asset>\n  <worldbody>\n    <body name="{n}">\n'
             f"{pad(geoms, 6)}\n    </body>\n  </worldbody>\n</mujoco>\n"
         )
+
+    def whole_shape(self, low: np.ndarray, high: np.ndarray) -> None:
+        centre, size = (low + high) / 2, high - low
+        if self.collision == "hull":
+            self.collide_hull(*self.everything())
+        elif self.collision == "cylinder":
+            self.collide_cylinder(centre, max(size[0], size[1]) / 2, size[2])
+        else:
+            self.collide_box(centre, size)
 
     def readme(self, size: np.ndarray) -> str:
         l, w, h = size

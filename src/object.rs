@@ -23,6 +23,23 @@ pub enum Distribution {
     Ood,
 }
 
+/// What an object out of distribution does in its episode.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Event {
+    /// Nothing of the kind.
+    #[default]
+    None,
+    /// It lies on the road.
+    Lies,
+    /// It falls from a balcony.
+    Falls,
+    /// It rolls or tumbles across the road.
+    Rolls,
+    /// It is thrown before the ego.
+    Thrown,
+}
+
 /// The two classes of the detector, in the order of its channels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -70,6 +87,7 @@ pub struct ObjectTruth {
     pub visible_px: u32,
     /// Visible pixels over the pixels of the whole silhouette inside the image, 0 to 1.
     pub visible_fraction: f32,
+    pub event: Event,
 }
 
 /// One box that a detector reports.

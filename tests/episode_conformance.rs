@@ -9,7 +9,7 @@ use harmzone::episode::{
     EpisodeMeta, EpisodeWriter, LabelWriter, MapDrawing, ObjectLabel, SampleLabels, SourceMeta,
 };
 use harmzone::geometry::{Box3, Pinhole, Point, Point2, Transform};
-use harmzone::object::{Distribution, Harm, Kind, ObjectTruth};
+use harmzone::object::{Distribution, Event, Harm, Kind, ObjectTruth};
 use harmzone::sample::{EgoState, EncodedImage, ImageFormat, LidarPoint, Measured, Sample, Truth};
 use nalgebra::Vector3;
 use serde_json::{Value, json};
@@ -28,6 +28,7 @@ fn object(id: &str, x_m: f64, kind: Kind, distribution: Distribution) -> ObjectT
         n_lidar_points: 12,
         visible_px: 345,
         visible_fraction: 0.5,
+        event: if distribution == Distribution::Ood { Event::Falls } else { Event::None },
     }
 }
 
@@ -131,16 +132,17 @@ fn read_in_python() -> Value {
 }
 
 fn expected_object(object: &ObjectTruth) -> Value {
-    let (kind, distribution) = match object.id.as_str() {
-        "car:1" => ("KIND_VEHICLE", "DISTRIBUTION_ID"),
-        "child:2" => ("KIND_PEDESTRIAN", "DISTRIBUTION_ID"),
-        _ => ("KIND_STATIC", "DISTRIBUTION_OOD"),
+    let (kind, distribution, event) = match object.id.as_str() {
+        "car:1" => ("KIND_VEHICLE", "DISTRIBUTION_ID", "EVENT_NONE"),
+        "child:2" => ("KIND_PEDESTRIAN", "DISTRIBUTION_ID", "EVENT_NONE"),
+        _ => ("KIND_STATIC", "DISTRIBUTION_OOD", "EVENT_FALLS"),
     };
     json!({
         "id": object.id, "category": object.category, "kind": kind, "distribution": distribution,
         "x_m": object.box_in_ego.center.x(), "y_m": -0.5, "z_m": 0.75,
         "length_m": 4.5, "width_m": 2.0, "height_m": 1.5, "yaw_rad": 0.25,
         "vx_mps": 1.5, "vy_mps": -0.5, "n_lidar_points": 12, "visible_px": 345, "visible_fraction": 0.5,
+        "event": event,
     })
 }
 

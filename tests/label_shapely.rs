@@ -8,7 +8,7 @@ use std::process::Command;
 use harmzone::episode::{EpisodeEntry, EpisodeMeta, EpisodeWriter, Manifest, MapDrawing, Split};
 use harmzone::geometry::{Box3, Pinhole, Point, Transform};
 use harmzone::label::{self, zone::ZoneConfig};
-use harmzone::object::{Distribution, Kind, ObjectTruth};
+use harmzone::object::{Distribution, Event, Kind, ObjectTruth};
 use harmzone::progress::Silent;
 use harmzone::random::{Rng, stream};
 use harmzone::sample::{EgoState, EncodedImage, ImageFormat, LidarPoint, Measured, Sample, Truth};
@@ -39,6 +39,7 @@ fn random_object(i: usize, rng: &mut Rng) -> ObjectTruth {
         n_lidar_points: 5,
         visible_px: 50,
         visible_fraction: 0.5,
+        event: Event::None,
     }
 }
 

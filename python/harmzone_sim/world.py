@@ -111,6 +111,24 @@ class World:
         for geom, material in zip(geoms, materials, strict=True):
             self.model.geom_matid[self.model.geom(geom).id] = self.model.material(material).id
 
+    def release(self, body: int, linear_mps: Array, angular_rps: Array) -> None:
+        """Lets a body go that a weld holds, with a velocity.
+
+        linear_mps: [3], of the centre of mass. angular_rps: [3]. Both along the world's axes.
+        """
+        model, data = self.model, self.data
+        is_weld = model.eq_type == mujoco.mjtEq.mjEQ_WELD
+        holds = is_weld & (model.eq_obj1id == body) & (data.eq_active != 0)
+        if not holds.any():
+            raise ValueError(f"body {body} is not held")
+        data.eq_active[holds] = 0
+        dof = model.jnt_dofadr[model.body_jntadr[body]]
+        world_from_body = data.xmat[body].reshape(3, 3)
+        from_origin_m = world_from_body @ model.body_ipos[body]
+        # A free joint counts its origin's velocity along the world's axes, its spin along its own.
+        data.qvel[dof : dof + 3] = linear_mps - np.cross(angular_rps, from_origin_m)
+        data.qvel[dof + 3 : dof + 6] = world_from_body.T @ angular_rps
+
     def body_poses(self) -> Array:
         """Poses in the world frame: [body, 7], position and quaternion w, x, y, z."""
         return np.concatenate([self.data.xpos, self.data.xquat], axis=1)

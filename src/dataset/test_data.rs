@@ -6,7 +6,7 @@ use rand::RngExt;
 use super::{Dataset, Fingerprint, LabelledSample};
 use crate::geometry::{Box3, Pinhole, Point, Transform};
 use crate::label::zone::{Zone, ZoneConfig};
-use crate::object::{Distribution, Kind, LabelledObject, ObjectTruth};
+use crate::object::{Distribution, Event, Kind, LabelledObject, ObjectTruth};
 use crate::random;
 use crate::sample::{EgoState, EncodedImage, ImageFormat, LidarPoint, Measured};
 
@@ -70,6 +70,7 @@ fn sample(idx: usize, zone: &Zone) -> LabelledSample {
                 n_lidar_points: 60,
                 visible_px: 500,
                 visible_fraction: 1.0,
+                event: Event::None,
             },
             harm,
         });

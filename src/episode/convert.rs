@@ -7,7 +7,7 @@ use nalgebra::{Isometry3, Quaternion, Translation3, Unit};
 use super::error::Fault;
 use super::messages::{fox_identity, fox_parts, fox_time, own_time, wire};
 use crate::geometry::{Box3, BoxError, Frame, Pinhole, Point, Transform};
-use crate::object::{Detection, Distribution, Harm, Kind, ObjectTruth};
+use crate::object::{Detection, Distribution, Event, Harm, Kind, ObjectTruth};
 use crate::sample::{EgoState, EncodedImage, ImageFormat, LidarPoint, Sample};
 
 const FINITE: &str = "a finite number is needed";
@@ -269,6 +269,14 @@ pub(super) fn objects_message(time_ns: u64, objects: &[ObjectTruth]) -> wire::Ob
             n_lidar_points: object.n_lidar_points,
             visible_px: object.visible_px,
             visible_fraction: object.visible_fraction,
+            event: match object.event {
+                Event::None => wire::Event::None,
+                Event::Lies => wire::Event::Lies,
+                Event::Falls => wire::Event::Falls,
+                Event::Rolls => wire::Event::Rolls,
+                Event::Thrown => wire::Event::Thrown,
+            }
+            .into(),
         }
     });
     wire::Objects { timestamp: Some(own_time(time_ns)), objects: objects.collect() }
@@ -286,6 +294,14 @@ pub(super) fn object_of(message: wire::Object) -> Result<ObjectTruth, Fault> {
         Ok(wire::Distribution::Id) => Distribution::Id,
         Ok(wire::Distribution::Ood) => Distribution::Ood,
         _ => return Err(fail("distribution", message.distribution, "id (1) or ood (2) is needed")),
+    };
+    let event = match wire::Event::try_from(message.event) {
+        Ok(wire::Event::None) => Event::None,
+        Ok(wire::Event::Lies) => Event::Lies,
+        Ok(wire::Event::Falls) => Event::Falls,
+        Ok(wire::Event::Rolls) => Event::Rolls,
+        Ok(wire::Event::Thrown) => Event::Thrown,
+        Err(_) => return Err(fail("event", message.event, "a number from 0 to 4 is needed")),
     };
     let box_in_ego = Box3 {
         center: Point::new(message.x_m, message.y_m, message.z_m),
@@ -306,6 +322,7 @@ pub(super) fn object_of(message: wire::Object) -> Result<ObjectTruth, Fault> {
         n_lidar_points: message.n_lidar_points,
         visible_px: message.visible_px,
         visible_fraction: message.visible_fraction,
+        event,
     })
 }
 

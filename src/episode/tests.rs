@@ -6,7 +6,7 @@ use super::archive::ArchiveWriter;
 use super::messages::wire;
 use super::*;
 use crate::geometry::{Box3, Pinhole, Point, Point2, Transform};
-use crate::object::{Detection, Distribution, Harm, Kind, ObjectTruth};
+use crate::object::{Detection, Distribution, Event, Harm, Kind, ObjectTruth};
 use crate::sample::{EgoState, EncodedImage, ImageFormat, LidarPoint, Measured, Sample, Truth};
 use nalgebra::Vector3;
 
@@ -41,6 +41,7 @@ fn object(id: &str, x_m: f64, kind: Kind, distribution: Distribution) -> ObjectT
         n_lidar_points: 12,
         visible_px: 345,
         visible_fraction: 0.7,
+        event: if distribution == Distribution::Ood { Event::Rolls } else { Event::None },
     }
 }
 

@@ -4,7 +4,7 @@ use nalgebra::{Isometry3, Point3, Vector3};
 
 use super::AnnotationConfig;
 use crate::geometry::{Box3, Ego, Frame, Point, Transform, World};
-use crate::object::{Distribution, Kind, ObjectTruth};
+use crate::object::{Distribution, Event, Kind, ObjectTruth};
 use crate::sensors::{Rig, silhouette_px};
 
 /// What of an object does not change.
@@ -14,6 +14,7 @@ pub(super) struct Shape<'a> {
     pub category: &'a str,
     pub kind: Kind,
     pub distribution: Distribution,
+    pub event: Event,
     /// Least and greatest corner in the model's frame.
     pub bounds: [Point3<f64>; 2],
     /// The visible surface in the model's frame.
@@ -45,8 +46,14 @@ pub(super) fn annotate(
     }
     let ego_from_world = world_from_ego.inverse();
     // Upright is the ego's up: on a slope, a car ahead on the same slope keeps its own sizes.
-    let box_in_ego: Box3<Ego> =
-        upright_box(&(ego_from_world.isometry * seen.world_from_model), &shape.bounds);
+    let ego_from_model = ego_from_world.isometry * seen.world_from_model;
+    let box_in_ego: Box3<Ego> = if matches!(shape.event, Event::None | Event::Lies) {
+        upright_box(&ego_from_model, &shape.bounds)
+    } else {
+        // Of what tumbles, the corners of the bounds may lie far outside, even below the ground.
+        let points = shape.triangles.iter().flatten().map(|point| point.cast());
+        upright_box_of(&ego_from_model, points)
+    };
     let distance_m = box_in_ego.center.x().hypot(box_in_ego.center.y());
     if distance_m > config.max_range_m {
         return None;
@@ -74,11 +81,24 @@ pub(super) fn annotate(
         n_lidar_points: seen.n_lidar_points,
         visible_px: seen.visible_px,
         visible_fraction: (f64::from(seen.visible_px) / f64::from(whole_px)).min(1.0) as f32,
+        event: shape.event,
     })
 }
 
 /// The least box, upright in a frame, along the model's heading that holds its (perhaps tilted) bounds.
 pub(super) fn upright_box<F: Frame>(frame_from_model: &Isometry3<f64>, bounds: &[Point3<f64>; 2]) -> Box3<F> {
+    let corner = |i: usize| {
+        let pick = |axis: usize| bounds[i >> axis & 1][axis];
+        Point3::new(pick(0), pick(1), pick(2))
+    };
+    upright_box_of(frame_from_model, (0..8).map(corner))
+}
+
+/// As [`upright_box`], of points in the model's frame.
+fn upright_box_of<F: Frame>(
+    frame_from_model: &Isometry3<f64>,
+    points: impl Iterator<Item = Point3<f64>>,
+) -> Box3<F> {
     let forward = frame_from_model.rotation * Vector3::x();
     let left = frame_from_model.rotation * Vector3::y();
     // A model that stands on its nose has no heading along x; its y axis still tells.
@@ -86,9 +106,8 @@ pub(super) fn upright_box<F: Frame>(frame_from_model: &Isometry3<f64>, bounds: &
         if forward.xy().norm() > 0.1 { forward.y.atan2(forward.x) } else { (-left.x).atan2(left.y) };
     let (sin, cos) = yaw_rad.sin_cos();
     let (mut low, mut high) = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
-    for corner in 0..8 {
-        let pick = |axis: usize| bounds[corner >> axis & 1][axis];
-        let at = frame_from_model * Point3::new(pick(0), pick(1), pick(2));
+    for point in points {
+        let at = frame_from_model * point;
         let along_axes = Vector3::new(at.x * cos + at.y * sin, at.y * cos - at.x * sin, at.z);
         low = low.inf(&along_axes);
         high = high.sup(&along_axes);
@@ -127,6 +146,7 @@ mod tests {
             category: "car",
             kind: Kind::Vehicle,
             distribution: Distribution::Id,
+            event: Event::None,
             bounds: BOUNDS,
             triangles: &rear,
         };
@@ -173,6 +193,23 @@ mod tests {
         let found: Box3<Ego> = upright_box(&(ego.inverse() * ahead), &BOUNDS);
         assert!((found.center.x() - 20.0).abs() < 1e-9 && (found.center.z() - 0.75).abs() < 1e-9);
         assert!((found.length_m - 4.0).abs() < 1e-9 && (found.height_m - 1.5).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_cone_on_its_side_is_not_boxed_below_the_ground() {
+        // Base radius 0.5, tip 2 m high; laid down so that tip and rim touch the ground.
+        let rim = (0..16).map(|i| std::f64::consts::TAU * f64::from(i) / 16.0);
+        let mut points: Vec<Point3<f64>> =
+            rim.map(|a| Point3::new(0.5 * a.cos(), 0.5 * a.sin(), 0.0)).collect();
+        points.push(Point3::new(0.0, 0.0, 2.0));
+        let slant = 2.0_f64.hypot(0.5);
+        let turn = UnitQuaternion::from_euler_angles(0.0, std::f64::consts::FRAC_PI_2 + 0.25_f64.atan(), 0.0);
+        let lying = Isometry3::from_parts(Translation3::new(0.0, 0.0, 1.0 / slant), turn);
+        let found: Box3<World> = upright_box_of(&lying, points.iter().copied());
+        assert!((found.center.z() - found.height_m / 2.0).abs() < 1e-9, "{found:?}");
+        let bounds = [Point3::new(-0.5, -0.5, 0.0), Point3::new(0.5, 0.5, 2.0)];
+        let loose: Box3<World> = upright_box(&lying, &bounds);
+        assert!(loose.center.z() - loose.height_m / 2.0 < -0.4, "{loose:?}");
     }
 
     #[test]

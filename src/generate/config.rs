@@ -157,6 +157,8 @@ impl TryFrom<&GenerateConfig> for CheckedConfig {
         require((1..=100).contains(&quality), "render.jpeg_quality", quality.to_string(), "1 to 100")?;
         let n = raw.render.samples_per_pixel;
         require(n <= 16, "render.samples_per_pixel", n.to_string(), "0 to 16")?;
+        let share = raw.scene.event_share;
+        require((0.0..=1.0).contains(&share), "scene.event_share", share.to_string(), "0 to 1")?;
         let side = raw.render.shadow_size_px;
         require((64..=16384).contains(&side), "render.shadow_size_px", side.to_string(), "64 to 16384")?;
         let range_m = raw.annotation.max_range_m;

@@ -1,16 +1,26 @@
 //! The closed loop of one episode: behaviour decides, physics moves; the only place that knows both.
 
-use nalgebra::{Isometry3, Translation3, Vector3};
+use nalgebra::{Isometry3, Point3, Translation3, Vector3};
 
 use super::GenerateError;
+use super::annotate::upright_box;
 use super::config::CONTROL_PERIOD_S;
-use crate::geometry::{Ego, Transform, World};
+use crate::geometry::{Box3, Ego, Transform, World};
 use crate::sample::EgoState;
-use crate::scene::{self, Aspect, EgoObservation, Lighting, Traffic, mjcf};
+use crate::scene::{self, Aspect, EgoObservation, Footprint, Lighting, Loose, Traffic, Vec2, mjcf};
 use crate::sim::{CameraMount, Simulator};
 
 const EGO_BODY: &str = "ego";
 const STEERING_JOINTS: [&str; 2] = ["steer_fl", "steer_fr"];
+
+/// A thing that an event sets free.
+struct LooseThing {
+    placement: usize,
+    body: usize,
+    bounds: [Point3<f64>; 2],
+    plan: Loose,
+    is_held: bool,
+}
 
 /// A world in motion with its traffic.
 pub(super) struct Drive {
@@ -22,6 +32,7 @@ pub(super) struct Drive {
     ego_body: usize,
     /// Body of each of the scene's objects, in its order.
     pub object_bodies: Vec<usize>,
+    loose: Vec<LooseThing>,
     steering_joints: Vec<usize>,
     physics_steps: usize,
     /// Pose of every body now and one control step ago.
@@ -44,8 +55,23 @@ impl Drive {
         let missing = |what, name: &str| GenerateError::Missing { what, name: name.to_owned() };
         let body = |name: &str| simulator.body(name).ok_or_else(|| missing("body", name));
         let ego_body = body(EGO_BODY)?;
-        let object_bodies =
+        let object_bodies: Vec<usize> =
             world.objects().iter().map(|object| body(&object.body_name)).collect::<Result<_, _>>()?;
+
+        let loose = world
+            .loose()
+            .map(|(placement, plan)| {
+                let (low, high) = world.objects()[placement].bounds;
+                let bounds = [Point3::from(low), Point3::from(high)];
+                LooseThing {
+                    placement,
+                    body: object_bodies[placement],
+                    bounds,
+                    plan: plan.clone(),
+                    is_held: true,
+                }
+            })
+            .collect();
         let steering_joints = STEERING_JOINTS
             .iter()
             .map(|name| simulator.joint(name).ok_or_else(|| missing("joint", name)))
@@ -57,6 +83,7 @@ impl Drive {
             shown: Vec::new(),
             ego_body,
             object_bodies,
+            loose,
             steering_joints,
             physics_steps: (CONTROL_PERIOD_S / simulator.timestep_s()).round().max(1.0) as usize,
             poses_before: poses.clone(),
@@ -89,6 +116,20 @@ impl Drive {
     /// One control step.
     pub(super) fn step(&mut self) -> Result<(), GenerateError> {
         let observation = EgoObservation { world_from_ego: self.world_from_ego(), speed_mps: self.speed_mps };
+        self.release_loose()?;
+        self.traffic.see_loose(self.loose.iter().map(|thing| {
+            let (now, before) = (self.poses[thing.body], self.poses_before[thing.body]);
+            let found: Box3<World> = upright_box(&now, &thing.bounds);
+            let middle = nalgebra::center(&thing.bounds[0], &thing.bounds[1]);
+            let body = Footprint {
+                center: Vec2::new(found.center.x(), found.center.y()),
+                yaw_rad: found.yaw_rad,
+                length_m: found.length_m,
+                width_m: found.width_m,
+            };
+            let velocity = (now * middle - before * middle) / CONTROL_PERIOD_S;
+            (thing.placement, body, found.center.z() - found.height_m / 2.0, velocity.xy())
+        }));
         let commands = self.traffic.step(CONTROL_PERIOD_S, &observation);
         let movers: Vec<(usize, Isometry3<f64>)> = commands
             .mocap
@@ -103,6 +144,20 @@ impl Drive {
         let (angular, linear): (Vector3<f64>, Vector3<f64>) = self.simulator.body_velocity(self.ego_body)?;
         self.speed_before_mps = std::mem::replace(&mut self.speed_mps, linear.x);
         self.yaw_rate_rps = angular.z;
+        Ok(())
+    }
+
+    /// Lets go what waits for the ego to come so near.
+    fn release_loose(&mut self) -> Result<(), GenerateError> {
+        let pose = self.poses[self.ego_body];
+        for thing in self.loose.iter_mut().filter(|thing| thing.is_held) {
+            let to_aim = thing.plan.aim - pose.translation.vector.xy();
+            let is_ahead = (pose.rotation * Vector3::x()).xy().dot(&to_aim) > 0.0;
+            if is_ahead && to_aim.norm() < thing.plan.release_m {
+                self.simulator.release(thing.body, &thing.plan.linear_mps, &thing.plan.angular_rps)?;
+                thing.is_held = false;
+            }
+        }
         Ok(())
     }
 
@@ -127,11 +182,14 @@ impl Drive {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::Arc;
-
     use super::*;
     use crate::geometry::Pinhole;
+    use crate::object::Event;
     use crate::scene::{PopulateConfig, Town, populate};
+    use crate::sim::Renderer;
+    use std::sync::Arc;
+
+    const LIGHTING: Lighting = Lighting { ambient: [0.5; 3], sun: None };
 
     /// One road of 400 m: level, then from 60 m on 8 % uphill, then from 220 m on banked by 4 %.
     const SLOPE: &str = r#"<OpenDRIVE><header revMajor="1" revMinor="6"/>
@@ -160,6 +218,7 @@ mod tests {
             intrinsics: Pinhole::from_horizontal_fov(160, 90, 1.2),
             n_samples: 0,
             shadow_size_px: 256,
+            renderer: Renderer::default(),
         }
     }
 
@@ -177,7 +236,7 @@ mod tests {
             ..PopulateConfig::default()
         };
         let world = populate(&town, &config, 1).unwrap();
-        let mut drive = Drive::new(&world, &mount(), 1).unwrap();
+        let mut drive = Drive::new(&world, &LIGHTING, &mount(), 1).unwrap();
         let (mut farthest_m, mut jerks, mut speeds) = (0.0_f64, Vec::new(), Vec::new());
         let (mut steepest, mut widest_roll) = (0.0_f64, 0.0_f64);
         let mut climb_before = 0.0;
@@ -215,5 +274,92 @@ mod tests {
         assert!(worst < 0.08, "a bump of {worst} m/s");
         // It has come to rest before the end, and stays.
         assert!(drive.speed_mps.abs() < 0.05, "{}", drive.speed_mps);
+    }
+
+    fn world(seed: u64, traffic_density: f64) -> scene::World {
+        let town = Arc::new(Town::load("downtown").unwrap());
+        let config = PopulateConfig {
+            ood: true,
+            event_share: 0.8,
+            traffic_density,
+            leader_share: 0.0,
+            pedestrian_density: 0.0,
+            ..PopulateConfig::default()
+        };
+        populate(&town, &config, seed).unwrap()
+    }
+
+    fn drive(world: &scene::World, seed: u64) -> Drive {
+        Drive::new(world, &LIGHTING, &mount(), seed).unwrap()
+    }
+
+    /// Height of the lowest point that is seen.
+    fn lowest_m(pose: &Isometry3<f64>, object: &scene::SceneObject) -> f64 {
+        let points = object.triangles.iter().flatten();
+        points.map(|point| (pose * point.cast::<f64>()).z).fold(f64::INFINITY, f64::min)
+    }
+
+    #[test]
+    fn each_kind_of_event_moves_as_it_says_and_ends_at_rest_on_the_ground() {
+        let world = world(3, 0.0);
+        let mut drive = drive(&world, 3);
+        for thing in &drive.loose {
+            drive.simulator.release(thing.body, &thing.plan.linear_mps, &thing.plan.angular_rps).unwrap();
+        }
+        let starts: Vec<Isometry3<f64>> = drive.loose.iter().map(|thing| drive.poses[thing.body]).collect();
+        let route = &world.ego_route.path;
+        let mut nearest_m = vec![f64::INFINITY; starts.len()];
+        for _ in 0..200 {
+            drive.simulator.step(&[0.0; mjcf::N_ACTUATORS], &[], drive.physics_steps).unwrap();
+            drive.poses_before = std::mem::replace(&mut drive.poses, drive.simulator.body_poses().unwrap());
+            for (thing, nearest_m) in drive.loose.iter().zip(&mut nearest_m) {
+                *nearest_m = nearest_m.min(route.distance_m(drive.poses[thing.body].translation.vector.xy()));
+            }
+        }
+        let mut counts = std::collections::BTreeMap::new();
+        for ((thing, start), nearest_m) in drive.loose.iter().zip(&starts).zip(&nearest_m) {
+            let (now, before) = (drive.poses[thing.body], drive.poses_before[thing.body]);
+            let object = &world.objects()[thing.placement];
+            let way = now.translation.vector - start.translation.vector;
+            let nearer_m = route.distance_m(start.translation.vector.xy()) - nearest_m;
+            let moves = match thing.plan.event {
+                Event::Falls => way.z < -2.0,
+                Event::Rolls => way.xy().norm() > 2.0,
+                Event::Thrown => nearer_m > 3.0,
+                Event::None | Event::Lies => false,
+            };
+            assert!(moves, "{} {:?}: moved by {way}, nearer by {nearer_m}", object.id, thing.plan.event);
+            let speed_mps = (now.translation.vector - before.translation.vector).norm() / CONTROL_PERIOD_S;
+            let low_m = lowest_m(&now, object);
+            let is_at_rest = speed_mps < 0.1 && (-0.04..0.2).contains(&low_m);
+            assert!(is_at_rest, "{} {:?}: {speed_mps} m/s, {low_m} m high", object.id, thing.plan.event);
+            *counts.entry(thing.plan.event).or_insert(0) += 1;
+        }
+        assert!(counts.len() == 3 && counts.values().all(|&n| n > 3), "{counts:?}");
+    }
+
+    #[test]
+    fn what_is_held_keeps_still_until_the_ego_is_near_and_is_then_seen_by_the_drivers() {
+        let world = world(5, 0.3);
+        let mut drive = drive(&world, 5);
+        let starts: Vec<Isometry3<f64>> = drive.loose.iter().map(|thing| drive.poses[thing.body]).collect();
+        for _ in 0..300 {
+            let was_held: Vec<bool> = drive.loose.iter().map(|thing| thing.is_held).collect();
+            let ego = drive.poses[drive.ego_body].translation.vector.xy();
+            drive.step().unwrap();
+            for ((thing, start), was_held) in drive.loose.iter().zip(&starts).zip(was_held) {
+                let moved_m = (drive.poses[thing.body].translation.vector - start.translation.vector).norm();
+                assert!(!thing.is_held || moved_m < 0.02, "a held thing moved by {moved_m} m");
+                let is_let_go = was_held && !thing.is_held;
+                assert!(!is_let_go || (thing.plan.aim - ego).norm() < thing.plan.release_m);
+            }
+        }
+        let free: Vec<&LooseThing> = drive.loose.iter().filter(|thing| !thing.is_held).collect();
+        assert!(!free.is_empty() && free.len() < drive.loose.len(), "{} of {}", free.len(), starts.len());
+        let ground = drive.traffic.footprints();
+        for thing in free {
+            let at = drive.poses[thing.body].translation.vector.xy();
+            assert!(ground.iter().any(|body| body.grown(0.5).contains(at)), "nobody sees what lies at {at}");
+        }
     }
 }

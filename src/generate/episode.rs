@@ -291,6 +291,7 @@ impl Sensing<'_> {
                 category: &object.category,
                 kind: object.kind,
                 distribution: object.distribution,
+                event: object.event,
                 bounds: [Point3::from(object.bounds.0), Point3::from(object.bounds.1)],
                 triangles: &object.triangles,
             };

@@ -16,7 +16,7 @@ use super::ground::Ground;
 use super::lights::Aspect;
 use super::mesh::TriangleMesh;
 use super::path::Vec2;
-use super::populate::{Placement, World};
+use super::populate::{Motion, Placement, World};
 use super::surface::GRASS_M;
 use super::textures;
 use crate::object::Kind;
@@ -96,12 +96,13 @@ pub struct Mjcf {
     pub assets: Vec<(String, Vec<u8>)>,
 }
 
-const TOLD: &str = "writing to a string cannot fail";
+pub(super) const TOLD: &str = "writing to a string cannot fail";
 
 #[derive(Default)]
 pub(super) struct Builder {
     asset: String,
-    body: String,
+    pub(super) body: String,
+    equality: String,
     files: Vec<(String, Vec<u8>)>,
 }
 
@@ -147,12 +148,13 @@ impl World {
         self.add_ground(&mut builder);
         self.add_scenery(&mut builder);
         self.add_objects(&mut builder);
+        self.add_event_scenery(&mut builder);
         let [red, green, blue] = lighting.ambient;
         // A little light from the eye tells a thing's sides apart where no sun does.
         let headlight = if lighting.sun.is_some() { 0.12 } else { 0.0 };
         let contact = self.add_contact(&mut builder);
         add_ego(&mut builder, self.ego_start(), &self.town.surface.ground, lighting.sun.as_ref());
-        let Builder { asset, body, files } = builder;
+        let Builder { asset, body, equality, files } = builder;
         let xml = format!(
             "<mujoco model=\"harmzone\">\n<compiler angle=\"radian\" autolimits=\"true\"/>\n\
              <option timestep=\"{TIMESTEP_S}\" integrator=\"implicitfast\" cone=\"elliptic\" impratio=\"5\"/>\n\
@@ -164,7 +166,7 @@ impl World {
              <asset>\n<texture name=\"sky\" type=\"skybox\" builtin=\"gradient\" rgb1=\"0.36 0.55 0.82\" rgb2=\"0.86 0.9 0.94\" width=\"128\" height=\"768\"/>\n\
              {asset}</asset>\n<worldbody>\n\
              <geom name=\"ground\" {contact} group=\"3\" friction=\"1.1 0.005 0.0001\"/>\n\
-             {body}</worldbody>\n{ACTUATORS}</mujoco>\n"
+             {body}</worldbody>\n<equality>\n{equality}</equality>\n{ACTUATORS}</mujoco>\n"
         );
         Mjcf { xml, assets: files }
     }
@@ -270,6 +272,24 @@ impl World {
                 let own = format!("obj:{}/paint", placement.id);
                 builder.asset.push_str(&recoloured(xml, paint, &own, [r, g, b]));
                 geoms = geoms.replace(&format!("material=\"{paint}\""), &format!("material=\"{own}\""));
+            }
+            if let Motion::Loose(loose) = &placement.motion {
+                let (at, turn) = (loose.world_from_model.translation, loose.world_from_model.rotation);
+                let geoms = geoms.replace("group=\"3\"", "group=\"3\" contype=\"3\" conaffinity=\"3\"");
+                writeln!(
+                    builder.body,
+                    "<body name=\"obj:{}\" pos=\"{:.4} {:.4} {:.4}\" quat=\"{:.6} {:.6} {:.6} {:.6}\"><freejoint/>\n{geoms}</body>",
+                    placement.id, at.x, at.y, at.z, turn.w, turn.i, turn.j, turn.k
+                )
+                .expect(TOLD);
+                // Holds it until it is let go.
+                writeln!(
+                    builder.equality,
+                    "<weld body1=\"obj:{}\" anchor=\"{:.4} {:.4} {:.4}\"/>",
+                    placement.id, at.x, at.y, at.z
+                )
+                .expect(TOLD);
+                continue;
             }
             let (x, y, z) = (placement.position.x, placement.position.y, placement.z_m);
             let turn = self.turn_of(placement);

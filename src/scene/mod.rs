@@ -5,6 +5,8 @@ mod bus_stops;
 mod driver;
 mod driving;
 mod ego;
+mod event_scenery;
+mod events;
 mod ground;
 mod junctions;
 mod lane_change;
@@ -29,6 +31,7 @@ mod traffic;
 mod walking;
 
 pub use buildings::{Balcony, Building};
+pub use events::Loose;
 pub use ground::{Grid, Ground};
 pub use lights::{Aspect, Light, Lights};
 pub use mjcf::{EgoCommand, Lighting, Mjcf, Sun};

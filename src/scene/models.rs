@@ -19,6 +19,9 @@ static ASSETS: Dir<'static> = include_dir!("$CARGO_MANIFEST_DIR/mjcf_assets");
 /// Height below which a car could hit something, with some room.
 pub const SOLID_M: f64 = 1.9;
 
+/// What is higher may hang over the road: the clearance that German roads keep, metres.
+const CLEARANCE_M: f64 = 4.5;
+
 /// One object model.
 #[derive(Debug, Clone)]
 pub struct Model {
@@ -28,12 +31,22 @@ pub struct Model {
     pub distribution: Distribution,
     /// Share of LiDAR light sent back at right angles, 0 to 1.
     pub reflectivity: f64,
+    /// Against the other models of its kind, where a town gives no weights.
+    pub weight: f64,
+    /// Whether it faces the drivers who come, and not the street across the kerb.
+    pub faces_traffic: bool,
+    /// Of its collision shapes.
+    pub mass_kg: f64,
+    /// The axis, 0 to 2, about which it is round, if it rolls.
+    pub rolls: Option<usize>,
     /// Material that may be recoloured for each instance.
     pub paint: Option<String>,
     /// Lowest and highest corner of the visual meshes, in the model frame.
     pub bounds: ([f64; 3], [f64; 3]),
     /// Lowest and highest x, y of what lies below [`SOLID_M`]: a tree's trunk without its crown.
     pub solid: ([f64; 2], [f64; 2]),
+    /// Highest x of what hangs too low over a road.
+    pub(super) overhang_m: f64,
     /// Visual triangles in the model frame.
     pub triangles: Arc<Vec<[Point3<f32>; 3]>>,
     /// `<asset>` children as MJCF text.
@@ -133,6 +146,19 @@ fn read(dir: &'static Dir<'static>) -> Result<Model, String> {
         other => return Err(format!("distribution `{other}` is none of id, ood")),
     };
     let reflectivity = needed("reflectivity")?.trim().parse().map_err(|_| "reflectivity is no number")?;
+    let weight = custom("weight").map_or(Ok(1.0), |text| text.trim().parse());
+    let weight = weight.map_err(|_| "weight is no number")?;
+    let faces_traffic = match custom("faces") {
+        None | Some("street") => false,
+        Some("traffic") => true,
+        Some(other) => return Err(format!("faces `{other}` is none of street, traffic")),
+    };
+    let rolls = match custom("rolls") {
+        None => None,
+        Some("y") => Some(1),
+        Some("z") => Some(2),
+        Some(other) => return Err(format!("rolls `{other}` is none of y, z")),
+    };
     let paint = custom("paint").map(str::to_owned);
 
     let mut files: Vec<(String, &'static [u8])> = Vec::new();
@@ -159,9 +185,12 @@ fn read(dir: &'static Dir<'static>) -> Result<Model, String> {
     let body = body.ok_or("no <body> in <worldbody>")?;
     let mut geoms_xml = String::new();
     let mut triangles = Vec::new();
+    let mut mass_kg = 0.0;
     for geom in body.children().filter(|node| node.has_tag_name("geom")) {
         geoms_xml.push_str(&xml[geom.range()]);
         geoms_xml.push('\n');
+        mass_kg +=
+            numbers(geom, "mass")?.and_then(|mass| mass.first().copied()).ok_or("a geom without mass")?;
         if let (Some(mesh), Some("2")) = (geom.attribute("mesh"), geom.attribute("group")) {
             let node = asset_nodes
                 .children()
@@ -171,7 +200,9 @@ fn read(dir: &'static Dir<'static>) -> Result<Model, String> {
         }
     }
     let bounds = bounds_of(&triangles).ok_or("no visual triangles in group 2")?;
-    let solid = solid_of(&triangles).unwrap_or(([bounds.0[0], bounds.0[1]], [bounds.1[0], bounds.1[1]]));
+    let whole = ([bounds.0[0], bounds.0[1]], [bounds.1[0], bounds.1[1]]);
+    let solid = bounds_below(&triangles, SOLID_M).unwrap_or(whole);
+    let overhang_m = bounds_below(&triangles, CLEARANCE_M).unwrap_or(whole).1[0];
     let triangles = Arc::new(triangles);
     Ok(Model {
         name,
@@ -179,9 +210,14 @@ fn read(dir: &'static Dir<'static>) -> Result<Model, String> {
         kind,
         distribution,
         reflectivity,
+        weight,
+        faces_traffic,
+        mass_kg,
+        rolls,
         paint,
         bounds,
         solid,
+        overhang_m,
         triangles,
         assets_xml,
         paint_xml,
@@ -232,10 +268,10 @@ fn bounds_of(triangles: &[[Point3<f32>; 3]]) -> Option<([f64; 3], [f64; 3])> {
     (!triangles.is_empty()).then_some((low, high))
 }
 
-/// Bounds of the triangles that begin below [`SOLID_M`], cut there.
-fn solid_of(triangles: &[[Point3<f32>; 3]]) -> Option<([f64; 2], [f64; 2])> {
+/// Bounds on the ground of what is lower than a height.
+fn bounds_below(triangles: &[[Point3<f32>; 3]], limit_m: f64) -> Option<([f64; 2], [f64; 2])> {
     let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
-    let limit = SOLID_M as f32;
+    let limit = limit_m as f32;
     let mut add = |point: Point3<f32>| {
         for axis in 0..2 {
             low[axis] = low[axis].min(f64::from(point[axis]));
@@ -264,12 +300,23 @@ mod tests {
     fn every_shipped_model_stands_on_the_ground_and_is_centred() {
         let library = ModelLibrary::load().unwrap();
         for model in &library.models {
+            assert!(model.mass_kg > 0.5, "{} weighs {}", model.name, model.mass_kg);
             assert!(model.bounds.0[2].abs() < 0.06, "{} starts at {}", model.name, model.bounds.0[2]);
             for axis in 0..2 {
                 let middle = f64::midpoint(model.bounds.0[axis], model.bounds.1[axis]);
                 assert!(middle.abs() < 0.15, "{} is off by {middle} along {axis}", model.name);
             }
         }
+    }
+
+    #[test]
+    fn a_lamp_reaches_over_the_road_and_a_crown_does_not() {
+        let library = ModelLibrary::load().unwrap();
+        let model = |name: &str| library.models.iter().find(|model| model.name == name).unwrap();
+        assert!(model("street_lamp").overhang_m < model("street_lamp").bounds.1[0] - 1.0);
+        assert!(model("tree").overhang_m > model("tree").bounds.1[0] - 0.1);
+        assert!(model("traffic_sign").faces_traffic && !model("bench").faces_traffic);
+        assert!(model("stall").weight == 0.0 && model("bench").weight == 1.0);
     }
 
     #[test]

@@ -7,6 +7,8 @@ use nalgebra::Point3;
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
+use super::event_scenery::EventBalcony;
+use super::events::Loose;
 use super::models::{Model, ModelLibrary};
 use super::network::LaneGraph;
 use super::occupancy::{Footprint, Occupied};
@@ -14,7 +16,7 @@ use super::path::{Path, Vec2};
 use super::route::Route;
 use super::surface::{GRASS_M, PAVEMENT_M, Strip, StripKind};
 use super::town::{SceneError, Town};
-use crate::object::{Distribution, Kind};
+use crate::object::{Distribution, Event, Kind};
 use crate::random::{self, Rng};
 
 /// How much is placed, and how far from the ego's route.
@@ -38,6 +40,8 @@ pub struct PopulateConfig {
     pub ood_spacing_m: [f64; 2],
     /// Share of out-of-distribution objects that stand in the ego's lane or partly in it.
     pub ood_in_lane_share: f64,
+    /// Share of out-of-distribution objects that fall, roll or are thrown when the ego comes, 0 to 1.
+    pub event_share: f64,
 }
 
 impl Default for PopulateConfig {
@@ -53,6 +57,7 @@ impl Default for PopulateConfig {
             pedestrian_density: 0.6,
             ood_spacing_m: [4.0, 9.0],
             ood_in_lane_share: 0.3,
+            event_share: 0.15,
         }
     }
 }
@@ -83,6 +88,8 @@ pub enum Motion {
         station_m: f64,
     },
     Walks(Walk),
+    /// Held until the ego comes near, then free.
+    Loose(Box<Loose>),
 }
 
 /// One placed object.
@@ -112,6 +119,7 @@ pub struct SceneObject {
     pub bounds: ([f64; 3], [f64; 3]),
     pub triangles: Arc<Vec<[Point3<f32>; 3]>>,
     pub reflectivity: f64,
+    pub event: Event,
 }
 
 /// A filled town, ready to be simulated.
@@ -126,9 +134,24 @@ pub struct World {
     /// Placements that are traffic lights, with the town's light each one is.
     pub lamp_posts: Vec<(usize, usize)>,
     objects: Vec<SceneObject>,
+    balconies: Vec<EventBalcony>,
 }
 
 impl World {
+    /// Things that an event sets free, each with its number among objects and placements.
+    pub fn loose(&self) -> impl Iterator<Item = (usize, &Loose)> {
+        self.placements.iter().enumerate().filter_map(|(i, placement)| match &placement.motion {
+            Motion::Loose(loose) => Some((i, loose.as_ref())),
+            _ => None,
+        })
+    }
+
+    /// Balconies that events need.
+    #[must_use]
+    pub fn balconies(&self) -> &[EventBalcony] {
+        &self.balconies
+    }
+
     #[must_use]
     pub fn objects(&self) -> &[SceneObject] {
         &self.objects
@@ -173,6 +196,7 @@ pub fn populate(town: &Arc<Town>, config: &PopulateConfig, seed: u64) -> Result<
         near: ego_route.path.sampled(8.0),
         occupied: Occupied::default(),
         placements: Vec::new(),
+        balconies: Vec::new(),
         seed,
     };
     let start_m = 3.0;
@@ -182,19 +206,21 @@ pub fn populate(town: &Arc<Town>, config: &PopulateConfig, seed: u64) -> Result<
         .occupied
         .claim(Footprint { center: ego_center, yaw_rad: ego_yaw_rad, length_m: 12.0, width_m: 2.6 }, 0.0);
     let lamp_posts = filler.place_lights();
-    if config.ood {
-        filler.place_ood(&ego_route);
-    }
+    let event_stations_m = if config.ood { filler.place_ood(&ego_route) } else { Vec::new() };
     filler.park();
     filler.place_furnishings();
     filler.place_props();
+    for station_m in filler.place_events(&ego_route, &event_stations_m) {
+        filler.lay_in_lane(&ego_route, station_m);
+    }
     filler.place_traffic(&starts, ego_center, &ego_route);
     filler.place_pedestrians();
-    let mut placements = filler.placements;
-    for (n, placement) in placements.iter_mut().filter(|p| !matches!(p.motion, Motion::Still)).enumerate() {
+    let (mut placements, balconies) = (filler.placements, filler.balconies);
+    let is_mocap = |p: &&mut Placement| matches!(p.motion, Motion::Drives { .. } | Motion::Walks(_));
+    for (n, placement) in placements.iter_mut().filter(is_mocap).enumerate() {
         placement.mocap = Some(n);
     }
-    let objects = placements.iter().map(|placement| scene_object(placement, &models)).collect();
+    let objects = placements.iter().map(|placement| scene_object(placement, &models, town)).collect();
     Ok(World {
         town: Arc::clone(town),
         models,
@@ -203,6 +229,7 @@ pub fn populate(town: &Arc<Town>, config: &PopulateConfig, seed: u64) -> Result<
         ego_start_m: start_m,
         lamp_posts,
         objects,
+        balconies,
     })
 }
 
@@ -219,7 +246,7 @@ fn starts(graph: &LaneGraph) -> Vec<usize> {
     if long.is_empty() { of_length(8.0) } else { long }
 }
 
-fn scene_object(placement: &Placement, models: &ModelLibrary) -> SceneObject {
+fn scene_object(placement: &Placement, models: &ModelLibrary, town: &Town) -> SceneObject {
     let model = &models.models[placement.model];
     SceneObject {
         id: placement.id.clone(),
@@ -230,10 +257,16 @@ fn scene_object(placement: &Placement, models: &ModelLibrary) -> SceneObject {
         bounds: model.bounds,
         triangles: Arc::clone(&model.triangles),
         reflectivity: model.reflectivity,
+        event: match &placement.motion {
+            Motion::Loose(loose) => loose.event,
+            _ if model.distribution == Distribution::Id => Event::None,
+            _ if town.surface.road_grid.clearance_m(placement.position) > 0.0 => Event::None,
+            _ => Event::Lies,
+        },
     }
 }
 
-fn footprint_of(model: &Model, position: Vec2, yaw_rad: f64) -> Footprint {
+pub(super) fn footprint_of(model: &Model, position: Vec2, yaw_rad: f64) -> Footprint {
     let (low, high) = model.solid;
     let (sin, cos) = yaw_rad.sin_cos();
     let (x, y) = (f64::midpoint(low[0], high[0]), f64::midpoint(low[1], high[1]));
@@ -257,15 +290,16 @@ const PAINTS: [[f64; 3]; 9] = [
 /// Category of the models that stand for traffic lights.
 const TRAFFIC_LIGHT: &str = "traffic_light";
 
-struct Filler<'a> {
-    town: &'a Town,
+pub(super) struct Filler<'a> {
+    pub(super) town: &'a Town,
     config: &'a PopulateConfig,
-    models: &'a ModelLibrary,
+    pub(super) models: &'a ModelLibrary,
     /// Points along the ego's route.
     near: Vec<Vec2>,
-    occupied: Occupied,
-    placements: Vec<Placement>,
-    seed: u64,
+    pub(super) occupied: Occupied,
+    pub(super) placements: Vec<Placement>,
+    pub(super) balconies: Vec<EventBalcony>,
+    pub(super) seed: u64,
 }
 
 impl Filler<'_> {
@@ -273,7 +307,7 @@ impl Filler<'_> {
         self.near.iter().any(|other| (point - other).norm() < self.config.reach_m)
     }
 
-    /// Draws a model by weight of its name; models without a weight count 1 if no weights are given.
+    /// Draws a model by weight of its name; if no weights are given, by the models' own.
     fn draw_model(
         &self,
         kind: Kind,
@@ -286,8 +320,9 @@ impl Filler<'_> {
             .into_iter()
             .filter(|&i| !matches!(self.models.models[i].category.as_str(), "ego" | TRAFFIC_LIGHT))
             .map(|i| {
-                let weight = weights.get(&self.models.models[i].name).copied();
-                (i, weight.unwrap_or(if weights.is_empty() { 1.0 } else { 0.0 }).max(0.0))
+                let model = &self.models.models[i];
+                let weight = weights.get(&model.name).copied();
+                (i, weight.unwrap_or(if weights.is_empty() { model.weight } else { 0.0 }).max(0.0))
             })
             .collect();
         let mut left = rng.random::<f64>() * choices.iter().map(|(_, weight)| weight).sum::<f64>();
@@ -301,7 +336,7 @@ impl Filler<'_> {
     }
 
     /// Puts a model `over_m` above the ground.
-    fn put(
+    pub(super) fn put(
         &mut self,
         model: usize,
         position: Vec2,
@@ -450,13 +485,21 @@ impl Filler<'_> {
                 let Some(model) = self.draw_model(Kind::Static, &config.prop_weights, &mut rng) else {
                     return;
                 };
-                let half_m = self.models.models[model].width_m() / 2.0;
-                // Crowns keep off the street as far as the pavement is wide.
+                let shape = &self.models.models[model];
+                // Crowns keep off the street as far as the pavement is wide; a lamp's arm reaches over it.
+                let (reach_m, middle_m) = if shape.faces_traffic {
+                    (shape.width_m() / 2.0, f64::midpoint(shape.solid.0[1], shape.solid.1[1]))
+                } else {
+                    (shape.overhang_m, f64::midpoint(shape.solid.0[0], shape.solid.1[0]))
+                };
                 let widest_m = (strip.width_m - 0.7).max(config.prop_kerb_distance_m);
-                let from_kerb_m = (half_m + 0.15).clamp(config.prop_kerb_distance_m, widest_m);
+                let from_kerb_m = (reach_m + 0.15).max(config.prop_kerb_distance_m + middle_m).min(widest_m);
                 let at = strip.center.beside(station_m, side * (strip.width_m / 2.0 - from_kerb_m));
-                let street_rad = strip.center.heading_rad(station_m);
-                let yaw_rad = if side > 0.0 { street_rad } else { street_rad + std::f64::consts::PI };
+                // Traffic keeps to the right, so that it comes along with the kerb on its right.
+                let along_rad =
+                    strip.center.heading_rad(station_m) + if side > 0.0 { 0.0 } else { std::f64::consts::PI };
+                let yaw_rad = along_rad
+                    + if shape.faces_traffic { std::f64::consts::PI } else { std::f64::consts::FRAC_PI_2 };
                 if self.is_near(at) && self.claim(model, at, yaw_rad, 0.3) {
                     self.put(model, at, PAVEMENT_M, yaw_rad, Motion::Still, &mut rng);
                 }
@@ -498,12 +541,28 @@ impl Filler<'_> {
         !self.town.buildings.iter().any(|building| building.footprint.grown(0.5).contains(point))
     }
 
-    /// Objects out of distribution along the route: some in the lane, most beside it.
-    fn place_ood(&mut self, route: &Route) {
+    /// A thing in the lane where no event could be.
+    fn lay_in_lane(&mut self, route: &Route, station_m: f64) {
+        let mut rng = random::stream(self.seed, "no-event", station_m.to_bits());
+        let models = self.models.indices(Kind::Static, Distribution::Ood);
+        let model = models[rng.random_range(0..models.len())];
+        let half_lane_m = self.town.graph.lanes[route.span_at(station_m).lane].width_m / 2.0;
+        let at = route.path.beside(station_m, -half_lane_m + rng.random::<f64>() * (half_lane_m - 0.3));
+        let yaw_rad = std::f64::consts::TAU * rng.random::<f64>();
+        if self.claim(model, at, yaw_rad, 0.3) {
+            self.put(model, at, 0.0, yaw_rad, Motion::Still, &mut rng);
+        }
+    }
+
+    /// Objects out of distribution along the route: some in the lane, most beside it. Returns the
+    /// stations that are kept for events.
+    fn place_ood(&mut self, route: &Route) -> Vec<f64> {
         let mut rng = random::stream(self.seed, "ood", 0);
+        let mut event_rng = random::stream(self.seed, "event-stations", 0);
+        let mut event_stations_m = Vec::new();
         let models = self.models.indices(Kind::Static, Distribution::Ood);
         if models.is_empty() {
-            return;
+            return event_stations_m;
         }
         let [low, high] = self.config.ood_spacing_m;
         let mut station_m = 22.0;
@@ -519,6 +578,10 @@ impl Filler<'_> {
             let lane = &self.town.graph.lanes[span.lane];
             let from_ends_m = (station_m - span.start_m).min(span.end_m - station_m);
             if lane.junction.is_some() || from_ends_m < 7.0 {
+                continue;
+            }
+            if event_rng.random::<f64>() < self.config.event_share {
+                event_stations_m.push(station_m);
                 continue;
             }
             let half_lane_m = lane.width_m / 2.0;
@@ -538,6 +601,7 @@ impl Filler<'_> {
                 self.put(model, at, z_m, yaw_rad, Motion::Still, &mut rng);
             }
         }
+        event_stations_m
     }
 
     /// With the configured share, a vehicle ahead of the ego on its route.
@@ -670,5 +734,43 @@ impl Filler<'_> {
             width_m: 1.0,
         };
         self.occupied.is_free(&way, 0.0).then_some((station_m, to))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_bus_shelter_opens_to_the_road_and_a_sign_faces_the_drivers() {
+        let mut town = Town::load("downtown").unwrap();
+        town.config.prop_weights = [("bus_shelter".to_owned(), 1.0), ("traffic_sign".to_owned(), 1.0)].into();
+        let world = populate(&Arc::new(town), &PopulateConfig::default(), 2).unwrap();
+        let (mut n_shelters, mut n_signs) = (0, 0);
+        for placement in &world.placements {
+            let model = &world.models.models[placement.model];
+            let facing = Vec2::new(placement.yaw_rad.cos(), placement.yaw_rad.sin());
+            let lanes = world.town.graph.lanes.iter();
+            let lane = lanes
+                .min_by(|a, b| {
+                    let distance = |lane: &crate::scene::GraphLane| lane.path.distance_m(placement.position);
+                    distance(a).total_cmp(&distance(b))
+                })
+                .unwrap();
+            let (station_m, _) = lane.path.project(placement.position, 0.0, lane.path.length_m());
+            if model.name == "bus_shelter" {
+                let to_lane = lane.path.at(station_m) - placement.position;
+                assert!(facing.dot(&to_lane.normalize()) > 0.9, "{} looks away", placement.id);
+                n_shelters += 1;
+            } else if model.name == "traffic_sign" && lane.junction.is_none() {
+                assert!(
+                    facing.dot(&lane.path.direction(station_m)) < -0.9,
+                    "{} shows its back",
+                    placement.id
+                );
+                n_signs += 1;
+            }
+        }
+        assert!(n_shelters > 5 && n_signs > 5, "{n_shelters} shelters, {n_signs} signs");
     }
 }

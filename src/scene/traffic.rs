@@ -13,6 +13,7 @@ use super::ego::{EgoDriver, EgoPose};
 use super::junctions::{Answer, Approach, Asker, Reservations, View};
 use super::lights::{Aspect, Clock};
 use super::mjcf::EgoCommand;
+use super::models::SOLID_M;
 use super::occupancy::Footprint;
 use super::path::Vec2;
 use super::populate::{Motion, World};
@@ -29,6 +30,10 @@ const GIVE_UP_S: f64 = 20.0;
 const SIGHT_M: f64 = 75.0;
 /// How far ahead a driver knows its way.
 const LOOK_AHEAD_M: f64 = 400.0;
+/// Slower than this a loose thing counts as lying.
+const MOVING_MPS: f64 = 0.3;
+/// So far ahead people see where a flying or rolling thing goes.
+const FORESIGHT_S: f64 = 0.5;
 /// The ego among the holders of reservations.
 const EGO: usize = usize::MAX;
 
@@ -68,6 +73,7 @@ pub struct Traffic {
     drivers: Vec<Driver>,
     walkers: Vec<Walker>,
     still: Vec<Obstacle>,
+    loose: Vec<Obstacle>,
     reservations: Reservations,
     clock: Clock,
     mocap_of: Vec<Option<usize>>,
@@ -94,6 +100,8 @@ impl Traffic {
                     let eagerness = 0.75 + 0.3 * rng.random::<f64>();
                     drivers.push(Driver::new(i, route.clone(), *station_m, &footprint, eagerness));
                 }
+                // Seen as soon as the simulator tells where it is.
+                Motion::Loose(_) => {}
                 Motion::Walks(walk) => {
                     walkers.push(Walker::new(i, walk.clone(), placement.position, placement.yaw_rad));
                 }
@@ -106,11 +114,39 @@ impl Traffic {
             drivers,
             walkers,
             still,
+            loose: Vec::new(),
             reservations: Reservations::default(),
             clock: Clock::new(&world.town.lights, seed),
             mocap_of: world.placements.iter().map(|placement| placement.mocap).collect(),
             rng,
         }
+    }
+
+    /// Tells where the loose things are now: placement, box on the ground, bottom's height, velocity.
+    pub fn see_loose(&mut self, seen: impl Iterator<Item = (usize, Footprint, f64, Vec2)>) {
+        // What stands high above the heads, held on its balcony, takes no ground.
+        let takes_ground = |bottom_m: f64, speed_mps: f64| bottom_m < SOLID_M || speed_mps > MOVING_MPS;
+        self.loose = seen
+            .filter(|(_, _, bottom_m, velocity)| takes_ground(*bottom_m, velocity.norm()))
+            .map(|(placement, body, _, velocity_mps)| {
+                let speed_mps = velocity_mps.norm();
+                let is_still = speed_mps < MOVING_MPS;
+                // The ground that it comes over next is taken too.
+                let ahead_m = speed_mps * FORESIGHT_S;
+                let footprint = if is_still {
+                    body
+                } else {
+                    Footprint {
+                        center: body.center + velocity_mps * (FORESIGHT_S / 2.0),
+                        yaw_rad: velocity_mps.y.atan2(velocity_mps.x),
+                        length_m: body.length_m.max(body.width_m) + ahead_m,
+                        width_m: body.length_m.max(body.width_m),
+                    }
+                };
+                let owner = Owner::Placement(placement);
+                Obstacle { owner, footprint, velocity_mps, is_still, is_vehicle: false }
+            })
+            .collect();
     }
 
     /// Ground taken by everything but the ego.
@@ -124,7 +160,8 @@ impl Traffic {
             length_m: side_m,
             width_m: side_m,
         });
-        drivers.chain(walkers).chain(self.still.iter().map(|still| still.footprint)).collect()
+        let others = self.still.iter().chain(&self.loose).map(|other| other.footprint);
+        drivers.chain(walkers).chain(others).collect()
     }
 
     /// Footprints of the moving vehicles.
@@ -155,6 +192,7 @@ impl Traffic {
         obstacles.extend(self.walkers.iter().map(Walker::obstacle));
         let n_moving = obstacles.len();
         obstacles.extend(self.still.iter().copied());
+        obstacles.extend(self.loose.iter().copied());
         self.clock.time_s += dt_s;
         let (ego_answer, lines) = self.ask_junctions(&pose, &obstacles[..n_moving]);
         let scene = (&self.town.graph, &self.town.surface);

@@ -244,6 +244,28 @@ impl Simulator {
         })
     }
 
+    /// Lets a body go that a weld holds, with the velocity of its centre of mass and its spin, both
+    /// along the world's axes.
+    ///
+    /// # Errors
+    /// The body is not held, or is not free to move.
+    pub fn release(
+        &mut self,
+        body: usize,
+        linear_mps: &Vector3<f64>,
+        angular_rps: &Vector3<f64>,
+    ) -> Result<(), SimError> {
+        Python::attach(|py| {
+            let ask = || -> PyResult<()> {
+                let linear = PyArray1::from_slice(py, linear_mps.as_slice());
+                let angular = PyArray1::from_slice(py, angular_rps.as_slice());
+                self.world.bind(py).call_method1("release", (body, linear, angular))?;
+                Ok(())
+            };
+            ask().map_err(failed("release a body"))
+        })
+    }
+
     /// The pose of every body in the world, by body id.
     ///
     /// # Errors
@@ -551,6 +573,34 @@ mod tests {
         );
         let error = sim.set_materials(&[("cube".into(), "unlit".into())]).unwrap_err().to_string();
         assert!(error.contains("unlit"), "{error}");
+    }
+
+    #[test]
+    fn a_held_body_stays_until_it_is_let_go_and_then_flies_and_spins() {
+        let xml = XML.replace(
+            "</worldbody>",
+            r#"<body name="held" pos="0 20 6" quat="0.7071068 0.7071068 0 0"><freejoint/>
+               <geom type="box" size="0.2 0.2 0.2" pos="0 0 0.5" mass="2"/></body></worldbody>
+               <equality><weld body1="held" anchor="0 20 6"/></equality>"#,
+        );
+        let mut sim = Simulator::new(&xml, &[], &mount()).unwrap();
+        let held = sim.body("held").unwrap();
+        // Its centre of mass: half a metre along the body's z, which points to -y.
+        let center = |sim: &Simulator| sim.body_poses().unwrap()[held] * Point3::new(0.0, 0.0, 0.5);
+        let start = center(&sim);
+        sim.step(&[], &[], 100).unwrap();
+        // The weld gives way by millimetres.
+        assert!((center(&sim) - start).norm() < 0.01, "{}", center(&sim));
+        let start = center(&sim);
+        sim.release(held, &Vector3::new(3.0, 0.0, 1.0), &Vector3::new(0.0, 4.0, 0.0)).unwrap();
+        sim.step(&[], &[], 100).unwrap();
+        let fall_m = 1.0 * 0.5 - 9.81 * 0.5 * 0.5 / 2.0;
+        let moved = center(&sim) - start;
+        assert!((moved - Vector3::new(1.5, 0.0, fall_m)).norm() < 0.02, "{moved}");
+        let (angular, _) = sim.body_velocity(held).unwrap();
+        assert!((angular.norm() - 4.0).abs() < 0.01, "{angular}");
+        let error = sim.release(held, &Vector3::zeros(), &Vector3::zeros()).unwrap_err().to_string();
+        assert!(error.contains("not held"), "{error}");
     }
 
     #[test]

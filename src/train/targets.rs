@@ -142,7 +142,7 @@ mod tests {
     use super::*;
     use crate::geometry::Point;
     use crate::model::coder::encode;
-    use crate::object::{Distribution, Kind, ObjectTruth};
+    use crate::object::{Distribution, Event, Kind, ObjectTruth};
 
     fn car(x: f64, y: f64, harm: Harm) -> LabelledObject {
         LabelledObject {
@@ -162,6 +162,7 @@ mod tests {
                 n_lidar_points: 10,
                 visible_px: 100,
                 visible_fraction: 1.0,
+                event: Event::None,
             },
             harm,
         }

@@ -4,7 +4,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::*;
 use crate::geometry::{Camera, Lidar, Pinhole, Point, Transform};
-use crate::object::{Kind, ObjectTruth};
+use crate::object::{Event, Kind, ObjectTruth};
 use crate::sample::{EgoState, EncodedImage, ImageFormat, LidarPoint, Measured, Truth};
 
 fn object(category: &str, ood: bool, at: [f64; 2], size: [f64; 3], yaw_rad: f64) -> ObjectTruth {
@@ -24,6 +24,7 @@ fn object(category: &str, ood: bool, at: [f64; 2], size: [f64; 3], yaw_rad: f64)
         n_lidar_points: 10,
         visible_px: 100,
         visible_fraction: 1.0,
+        event: Event::None,
     }
 }
 

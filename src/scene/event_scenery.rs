@@ -1,0 +1,124 @@
+//! What events need about them: balconies, and shapes to bounce on.
+
+use std::fmt::Write as _;
+
+use super::mjcf::{Builder, TOLD};
+use super::path::Vec2;
+use super::populate::World;
+use super::surface::{PAVEMENT_M, StripKind};
+
+/// A balcony that an event needs: a slab on a wall with a parapet.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EventBalcony {
+    /// On the wall, under the middle of the slab.
+    pub foot: Vec2,
+    /// Away from the wall.
+    pub out_rad: f64,
+    /// Top of the slab.
+    pub floor_m: f64,
+}
+
+impl EventBalcony {
+    pub const DEPTH_M: f64 = 1.0;
+    pub const WIDTH_M: f64 = 2.2;
+    pub const SLAB_M: f64 = 0.14;
+    pub const PARAPET_M: f64 = 0.85;
+    pub const PARAPET_WIDTH_M: f64 = 0.22;
+
+    #[must_use]
+    pub fn out(&self) -> Vec2 {
+        Vec2::new(self.out_rad.cos(), self.out_rad.sin())
+    }
+
+    /// The middle of the parapet's top.
+    #[must_use]
+    pub fn ledge(&self) -> (Vec2, f64) {
+        (
+            self.foot + self.out() * (Self::DEPTH_M - Self::PARAPET_WIDTH_M / 2.0),
+            self.floor_m + Self::PARAPET_M,
+        )
+    }
+
+    /// Its parts as boxes: centre (x outwards, y along the wall, z), and half sizes.
+    #[must_use]
+    pub fn boxes(&self) -> [([f64; 3], [f64; 3]); 4] {
+        let (depth, width, wall) = (Self::DEPTH_M / 2.0, Self::WIDTH_M / 2.0, Self::PARAPET_WIDTH_M / 2.0);
+        let middle = self.floor_m + Self::PARAPET_M / 2.0;
+        let half_m = Self::PARAPET_M / 2.0;
+        let cheek = 0.05;
+        [
+            ([depth, 0.0, self.floor_m - Self::SLAB_M / 2.0], [depth, width, Self::SLAB_M / 2.0]),
+            ([2.0 * depth - wall, 0.0, middle], [wall, width, half_m]),
+            ([depth - wall, width - cheek, middle], [depth - wall, cheek, half_m]),
+            ([depth - wall, cheek - width, middle], [depth - wall, cheek, half_m]),
+        ]
+    }
+}
+
+/// Contact bits of scenery that only loose things meet: the ego's wheels mount kerbs as before.
+const SCENERY_CONTACT: &str = "contype=\"2\" conaffinity=\"2\"";
+/// Scenery farther than this from where a loose thing starts or goes cannot be met by it.
+const EVENT_REACH_M: f64 = 22.0;
+
+impl World {
+    /// Balconies, and shapes to bounce on near loose things: pavements and walls.
+    pub(super) fn add_event_scenery(&self, builder: &mut Builder) {
+        let centers: Vec<Vec2> = self
+            .loose()
+            .flat_map(|(_, loose)| [loose.aim, loose.world_from_model.translation.vector.xy()])
+            .collect();
+        let reach_m =
+            |point: Vec2| centers.iter().map(|center| (point - center).norm()).fold(f64::MAX, f64::min);
+        for building in &self.town.buildings {
+            let body = building.footprint;
+            if reach_m(body.center) > EVENT_REACH_M + body.radius_m() {
+                continue;
+            }
+            let half_m = building.height_m() / 2.0;
+            let ground_m = self.town.surface.ground_m(body.center);
+            let half = [body.length_m / 2.0, body.width_m / 2.0, half_m];
+            add_box(builder, body.center, ground_m + half_m, body.yaw_rad, half, "group=\"3\"");
+        }
+        for strip in self.town.surface.strips.iter().filter(|strip| strip.kind == StripKind::Pavement) {
+            let points = strip.center.sampled(3.0);
+            for (from, to) in points.iter().zip(&points[1..]) {
+                let (middle, way) = ((from + to) / 2.0, to - from);
+                if reach_m(middle) > EVENT_REACH_M {
+                    continue;
+                }
+                // Longer than the piece, so that no gap opens in bends.
+                let half = [way.norm() / 2.0 + 0.1, strip.width_m / 2.0, PAVEMENT_M];
+                add_box(
+                    builder,
+                    middle,
+                    self.town.surface.ground_m(middle),
+                    way.y.atan2(way.x),
+                    half,
+                    "group=\"3\"",
+                );
+            }
+        }
+        if !self.balconies().is_empty() {
+            builder.plain("scene_balcony", [0.78, 0.76, 0.72]);
+        }
+        for balcony in self.balconies() {
+            let EventBalcony { foot, out_rad, .. } = *balcony;
+            let (sin, cos) = out_rad.sin_cos();
+            for ([x, y, z_m], half) in balcony.boxes() {
+                let center = foot + Vec2::new(x * cos - y * sin, x * sin + y * cos);
+                add_box(builder, center, z_m, out_rad, half, "group=\"1\" material=\"scene_balcony\"");
+            }
+        }
+    }
+}
+
+/// A fixed box that loose things meet.
+fn add_box(builder: &mut Builder, at: Vec2, z_m: f64, yaw_rad: f64, [x, y, z]: [f64; 3], look: &str) {
+    let (sin, cos) = (yaw_rad / 2.0).sin_cos();
+    writeln!(
+        builder.body,
+        "<geom type=\"box\" pos=\"{:.4} {:.4} {z_m:.4}\" quat=\"{cos:.6} 0 0 {sin:.6}\" size=\"{x:.4} {y:.4} {z:.4}\" {look} {SCENERY_CONTACT}/>",
+        at.x, at.y
+    )
+    .expect(TOLD);
+}

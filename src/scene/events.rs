@@ -1,0 +1,438 @@
+//! Events: things that fall from a balcony, roll across the road, or are thrown before the ego.
+//!
+//! Each is a free body that is held still until the ego comes near where it will cross its way; from
+//! then on it belongs to the physics. A flight is a parabola: `z(t) = z0 + vz t - g t^2 / 2`.
+
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use rand::RngExt;
+
+use super::buildings::Building;
+use super::event_scenery::EventBalcony;
+use super::models::{Model, SOLID_M};
+use super::occupancy::Footprint;
+use super::path::Vec2;
+use super::populate::{Filler, Motion, footprint_of};
+use super::route::Route;
+use super::surface::PAVEMENT_M;
+use crate::object::{Distribution, Event, Kind};
+use crate::random::{self, Rng};
+
+const GRAVITY_MPS2: f64 = 9.81;
+/// Heights of the balconies' floors: the first and second storey over a shop.
+const STOREYS_M: [f64; 2] = [4.1, 7.3];
+/// What may stand on a parapet.
+const LARGEST_M: f64 = 1.1;
+const HEAVIEST_KG: f64 = 25.0;
+/// What the wind tumbles along; heavier things must be round.
+const LIGHT_KG: f64 = 6.0;
+/// The ego is thought to come at most so fast.
+const APPROACH_MPS: f64 = 8.0;
+/// Between a held thing and what it stands on, so that nothing presses.
+const AIR_M: f64 = 0.005;
+/// Faster than this nobody throws a box.
+const FASTEST_THROW_MPS: f64 = 13.0;
+
+/// A free body that is held until the ego comes near.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Loose {
+    pub event: Event,
+    /// Where it is held.
+    pub world_from_model: Isometry3<f64>,
+    /// Where it is to come down, or to cross the ego's lane.
+    pub aim: Vec2,
+    /// Let go when the ego's rear axle is nearer to the aim than this.
+    pub release_m: f64,
+    /// Of the centre of mass when it is let go, in the world frame.
+    pub linear_mps: Vector3<f64>,
+    pub angular_rps: Vector3<f64>,
+}
+
+/// What one event adds to the world.
+struct Plan {
+    model: usize,
+    loose: Loose,
+    balcony: Option<EventBalcony>,
+}
+
+impl Filler<'_> {
+    /// An event for each station, where the surroundings allow one; returns the stations left over.
+    pub(super) fn place_events(&mut self, route: &Route, stations_m: &[f64]) -> Vec<f64> {
+        let mut left_over = Vec::new();
+        for (n, &station_m) in stations_m.iter().enumerate() {
+            let mut rng = random::stream(self.seed, "event", n as u64);
+            let first = rng.random_range(0..3);
+            let plan = (0..3).find_map(|k| match (first + k) % 3 {
+                0 => self.plan_fall(route, station_m, &mut rng),
+                1 => self.plan_roll(route, station_m, &mut rng),
+                _ => self.plan_throw(route, station_m, &mut rng),
+            });
+            let Some(Plan { model, mut loose, mut balcony }) = plan else {
+                left_over.push(station_m);
+                continue;
+            };
+            let pose = loose.world_from_model;
+            let (position, z_m) = (pose.translation.vector.xy(), pose.translation.z);
+            let (_, _, yaw_rad) = pose.rotation.euler_angles();
+            // Planned as if the ground were level; the slope over one flight is small.
+            let ground_m = self.town.surface.ground_m(position);
+            loose.world_from_model.translation.z += ground_m;
+            if let Some(balcony) = &mut balcony {
+                balcony.floor_m += ground_m;
+            }
+            if loose.event == Event::Rolls || balcony.is_none() {
+                self.occupied.claim(footprint_of(&self.models.models[model], position, yaw_rad), 0.0);
+            }
+            self.balconies.extend(balcony);
+            self.put(model, position, z_m, yaw_rad, Motion::Loose(Box::new(loose)), &mut rng);
+        }
+        left_over
+    }
+
+    fn draw_loose_model(&self, fits: impl Fn(&Model) -> bool, rng: &mut Rng) -> Option<usize> {
+        let mut models = self.models.indices(Kind::Static, Distribution::Ood);
+        models.retain(|&i| fits(&self.models.models[i]));
+        (!models.is_empty()).then(|| models[rng.random_range(0..models.len())])
+    }
+
+    fn draw_small_model(&self, rng: &mut Rng) -> Option<usize> {
+        let is_small = |model: &Model| {
+            let size_m = model.length_m().max(model.width_m()).max(model.height_m());
+            size_m < LARGEST_M && model.mass_kg <= HEAVIEST_KG
+        };
+        self.draw_loose_model(is_small, rng)
+    }
+
+    /// From a balcony's parapet onto the right half of the ego's lane.
+    fn plan_fall(&self, route: &Route, station_m: f64, rng: &mut Rng) -> Option<Plan> {
+        let aim = route.path.beside(station_m, -1.4 * rng.random::<f64>());
+        let balcony = self.balcony_near(aim, aim, rng)?;
+        let model = self.draw_small_model(rng)?;
+        let (linear_mps, time_s) = throw(balcony.ledge(), aim, 0.6 + rng.random::<f64>());
+        // Farther out than a push takes it, it comes down on the way there.
+        let push = 5.0 / linear_mps.xy().norm().max(5.0);
+        let linear_mps = Vector3::new(linear_mps.x * push, linear_mps.y * push, linear_mps.z);
+        let lead_m = 8.0 + 10.0 * rng.random::<f64>();
+        self.flight_from_ledge(Event::Falls, model, balcony, aim, (linear_mps, time_s), lead_m, rng)
+    }
+
+    /// From a balcony ahead, or from behind a parked car, to just before the ego.
+    fn plan_throw(&self, route: &Route, station_m: f64, rng: &mut Rng) -> Option<Plan> {
+        let aim = route.path.beside(station_m, 0.8 * (rng.random::<f64>() - 0.5));
+        let model = self.draw_small_model(rng)?;
+        let lead_m = 4.0 + 5.0 * rng.random::<f64>();
+        if let Some(plan) = self.throw_from_cover(route, model, aim, station_m, lead_m, rng) {
+            return Some(plan);
+        }
+        let ahead = route.path.at(station_m + 4.0 + 8.0 * rng.random::<f64>());
+        let balcony = self.balcony_near(ahead, aim, rng)?;
+        let (linear_mps, time_s) = throw(balcony.ledge(), aim, 1.5 + 2.0 * rng.random::<f64>());
+        if linear_mps.norm() > FASTEST_THROW_MPS {
+            return None;
+        }
+        self.flight_from_ledge(Event::Thrown, model, balcony, aim, (linear_mps, time_s), lead_m, rng)
+    }
+
+    #[expect(clippy::too_many_arguments, reason = "what a flight is made of")]
+    fn flight_from_ledge(
+        &self,
+        event: Event,
+        model: usize,
+        balcony: EventBalcony,
+        aim: Vec2,
+        (linear_mps, time_s): (Vector3<f64>, f64),
+        lead_m: f64,
+        rng: &mut Rng,
+    ) -> Option<Plan> {
+        let (ledge, z_m) = balcony.ledge();
+        if !self.is_way_free(ledge, aim) {
+            return None;
+        }
+        let yaw_rad = balcony.out_rad + std::f64::consts::FRAC_PI_2 * f64::from(rng.random_range(0..4));
+        let loose = Loose {
+            event,
+            world_from_model: standing(ledge, z_m + AIR_M, yaw_rad),
+            aim,
+            release_m: APPROACH_MPS * time_s + lead_m,
+            linear_mps,
+            angular_rps: any_direction(rng) * (1.0 + 4.0 * rng.random::<f64>()),
+        };
+        Some(Plan { model, loose, balcony: Some(balcony) })
+    }
+
+    /// From beyond a standing vehicle, where the ego cannot see it, across into the lane.
+    fn throw_from_cover(
+        &self,
+        route: &Route,
+        model: usize,
+        aim: Vec2,
+        station_m: f64,
+        lead_m: f64,
+        rng: &mut Rng,
+    ) -> Option<Plan> {
+        let shape = &self.models.models[model];
+        let radius_m = shape.length_m().hypot(shape.width_m()) / 2.0;
+        let along = route.path.direction(station_m);
+        let covers = self.placements.iter().filter(|placement| {
+            let model = &self.models.models[placement.model];
+            let is_large = model.kind == Kind::Vehicle
+                || (model.height_m() > 1.1 && model.length_m() > 0.9 && model.width_m() > 0.9);
+            let off = placement.position - aim;
+            let across_m = off.perp(&along).abs();
+            matches!(placement.motion, Motion::Still)
+                && is_large
+                && off.dot(&along).abs() < 12.0
+                && (3.4..9.0).contains(&across_m)
+        });
+        let starts: Vec<Vec2> = covers
+            .map(|cover| {
+                let body = footprint_of(&self.models.models[cover.model], cover.position, cover.yaw_rad);
+                let turn = cover.yaw_rad - along.y.atan2(along.x);
+                let half_m = f64::midpoint(body.length_m * turn.cos().abs(), body.width_m * turn.sin().abs());
+                body.center + along * (half_m + radius_m + 0.3)
+            })
+            .filter(|&start| {
+                let here = Footprint {
+                    center: start,
+                    yaw_rad: 0.0,
+                    length_m: 2.0 * radius_m,
+                    width_m: 2.0 * radius_m,
+                };
+                self.occupied.is_free(&here, 0.05) && self.is_outdoors(start)
+            })
+            .collect();
+        if starts.is_empty() {
+            return None;
+        }
+        let start = starts[rng.random_range(0..starts.len())];
+        // Straight across, where the lane passes it.
+        let (at_m, left_m) = route.path.project(start, station_m - 15.0, station_m + 15.0);
+        let aim = route.path.beside(at_m - 0.8 * rng.random::<f64>(), 0.3 * left_m.signum());
+        if !self.is_way_free(start, aim) {
+            return None;
+        }
+        let z_m = self.level_m(start) + AIR_M;
+        let (linear_mps, time_s) = throw((start, z_m), aim, 3.0 + 1.5 * rng.random::<f64>());
+        let loose = Loose {
+            event: Event::Thrown,
+            world_from_model: standing(start, z_m, std::f64::consts::TAU * rng.random::<f64>()),
+            aim,
+            release_m: APPROACH_MPS * time_s + lead_m,
+            linear_mps,
+            angular_rps: any_direction(rng) * (1.0 + 4.0 * rng.random::<f64>()),
+        };
+        Some(Plan { model, loose, balcony: None })
+    }
+
+    /// From one side of the road towards the other: round things roll, light ones tumble.
+    fn plan_roll(&self, route: &Route, station_m: f64, rng: &mut Rng) -> Option<Plan> {
+        let model = self.draw_loose_model(|m| m.rolls.is_some() || m.mass_kg <= LIGHT_KG, rng)?;
+        let shape = &self.models.models[model];
+        let along = route.path.direction(station_m);
+        let half_lane_m = self.town.graph.lanes[route.span_at(station_m).lane].width_m / 2.0;
+        let (pose, start) = (0..8).find_map(|_| {
+            let side = if rng.random_bool(0.7) { -1.0 } else { 1.0 };
+            let beyond_m = if side < 0.0 { half_lane_m } else { 3.0 * half_lane_m };
+            let left_m = side * (beyond_m + 0.5 + 2.5 * rng.random::<f64>());
+            let start = route.path.beside(station_m + 2.0 * rng.random::<f64>(), left_m);
+            let pose = lying(shape, start, self.level_m(start) + AIR_M, along.y.atan2(along.x));
+            let radius_m = shape.length_m().max(shape.height_m()).max(shape.width_m()) / 2.0;
+            let here =
+                Footprint { center: start, yaw_rad: 0.0, length_m: 2.0 * radius_m, width_m: 2.0 * radius_m };
+            let is_free = self.occupied.is_free(&here, 0.1) && self.is_outdoors(start);
+            (is_free && self.is_way_free(start, route.path.at(station_m))).then_some((pose, start))
+        })?;
+        let (at_m, left_m) = route.path.project(start, station_m - 15.0, station_m + 15.0);
+        let aim = route.path.at(at_m);
+        let way = (aim - start).normalize();
+        let speed_mps = if shape.rolls.is_some() { 3.0 } else { 5.5 } + 1.5 * rng.random::<f64>();
+        let hop_mps = if shape.rolls.is_some() { 0.0 } else { 1.5 + rng.random::<f64>() };
+        // Rolling without slipping: about the axis to the left of the way.
+        let radius_m = rolling_radius_m(shape);
+        let loose = Loose {
+            event: Event::Rolls,
+            world_from_model: pose,
+            aim,
+            release_m: APPROACH_MPS * left_m.abs() / speed_mps + 6.0 + 8.0 * rng.random::<f64>(),
+            linear_mps: Vector3::new(way.x * speed_mps, way.y * speed_mps, hop_mps),
+            angular_rps: Vector3::new(-way.y, way.x, 0.0) * (speed_mps / radius_m),
+        };
+        Some(Plan { model, loose, balcony: None })
+    }
+
+    /// A balcony on the front nearest to a point, from which another point can be reached.
+    fn balcony_near(&self, point: Vec2, aim: Vec2, rng: &mut Rng) -> Option<EventBalcony> {
+        let before = |building: &Building| {
+            let body = building.footprint;
+            let (sin, cos) = body.yaw_rad.sin_cos();
+            let offset = point - body.center;
+            // The front is on the side of -y.
+            let along_m = offset.x * cos + offset.y * sin;
+            let out_m = -(offset.y * cos - offset.x * sin) - body.width_m / 2.0;
+            let room_m = body.length_m / 2.0 - EventBalcony::WIDTH_M / 2.0;
+            ((2.2..14.0).contains(&out_m) && along_m.abs() < room_m + 3.0).then(|| {
+                let along_m = along_m.clamp(-room_m, room_m);
+                let y = -body.width_m / 2.0;
+                let foot = body.center + Vec2::new(along_m * cos - y * sin, along_m * sin + y * cos);
+                (out_m, foot, body.yaw_rad - std::f64::consts::FRAC_PI_2)
+            })
+        };
+        let nearest = self
+            .town
+            .buildings
+            .iter()
+            .filter(|building| (building.footprint.center - point).norm() < 40.0)
+            .filter_map(|building| before(building).map(|found| (building, found)))
+            .min_by(|(_, a), (_, b)| a.0.total_cmp(&b.0));
+        let (building, (_, foot, out_rad)) = nearest?;
+        let storey = usize::from(rng.random_bool(0.4));
+        let top_m = building.height_m() - 2.2;
+        let floor_m = *STOREYS_M[..=storey].iter().rev().find(|&&floor_m| floor_m < top_m)?;
+        let balcony = EventBalcony { foot, out_rad, floor_m };
+        let is_apart =
+            self.balconies.iter().all(|other| (other.foot - foot).norm() > EventBalcony::WIDTH_M + 0.3);
+        let reach = aim - balcony.ledge().0;
+        (is_apart && reach.dot(&balcony.out()) > 0.5).then_some(balcony)
+    }
+
+    /// Whether nothing tall stands within a metre of a straight way over the ground.
+    fn is_way_free(&self, from: Vec2, to: Vec2) -> bool {
+        let middle = (from + to) / 2.0;
+        let way = to - from;
+        let strip = Footprint {
+            center: middle,
+            yaw_rad: way.y.atan2(way.x),
+            length_m: way.norm() + 0.4,
+            width_m: 1.2,
+        };
+        let is_outdoors = (1..8).all(|i| self.is_outdoors(from + way * (f64::from(i) / 8.0)));
+        is_outdoors
+            && self.placements.iter().filter(|placement| matches!(placement.motion, Motion::Still)).all(
+                |placement| {
+                    let model = &self.models.models[placement.model];
+                    let crown_m = model.length_m().max(model.width_m());
+                    let body = if model.height_m() > SOLID_M {
+                        Footprint {
+                            center: placement.position,
+                            yaw_rad: placement.yaw_rad,
+                            length_m: crown_m,
+                            width_m: crown_m,
+                        }
+                    } else {
+                        footprint_of(model, placement.position, placement.yaw_rad)
+                    };
+                    !strip.meets(&body)
+                },
+            )
+    }
+
+    fn is_outdoors(&self, point: Vec2) -> bool {
+        self.town.buildings.iter().all(|building| !building.footprint.grown(0.3).contains(point))
+    }
+
+    /// Height of what is walked or driven on.
+    fn level_m(&self, point: Vec2) -> f64 {
+        if self.town.surface.road_grid.clearance_m(point) > 0.0 { PAVEMENT_M } else { 0.0 }
+    }
+}
+
+/// Velocity and time of a flight that starts with `vz_mps` upwards and comes down on the road.
+fn throw((from, from_m): (Vec2, f64), to: Vec2, vz_mps: f64) -> (Vector3<f64>, f64) {
+    let time_s = (vz_mps + (vz_mps * vz_mps + 2.0 * GRAVITY_MPS2 * from_m).sqrt()) / GRAVITY_MPS2;
+    let level = (to - from) / time_s;
+    (Vector3::new(level.x, level.y, vz_mps), time_s)
+}
+
+fn standing(at: Vec2, z_m: f64, yaw_rad: f64) -> Isometry3<f64> {
+    let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw_rad);
+    Isometry3::from_parts(Translation3::new(at.x, at.y, z_m), turn)
+}
+
+/// On its round side, the axis along a heading; what is not round stands.
+fn lying(model: &Model, at: Vec2, z_m: f64, heading_rad: f64) -> Isometry3<f64> {
+    match model.rolls {
+        // The model's y runs along the heading.
+        Some(1) => standing(at, z_m, heading_rad - std::f64::consts::FRAC_PI_2),
+        Some(_) => {
+            // The model's z is laid along the heading; its middle comes over the point.
+            let about_y = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), std::f64::consts::FRAC_PI_2);
+            let about_z = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), heading_rad);
+            let turn = about_z * about_y;
+            let back = turn * Vector3::new(0.0, 0.0, model.height_m() / 2.0);
+            let at = Vector3::new(at.x, at.y, z_m + rolling_radius_m(model)) - back;
+            Isometry3::from_parts(Translation3::from(at), turn)
+        }
+        None => standing(at, z_m, heading_rad),
+    }
+}
+
+fn rolling_radius_m(model: &Model) -> f64 {
+    match model.rolls {
+        Some(1) => model.height_m() / 2.0,
+        Some(_) => model.length_m().max(model.width_m()) / 2.0,
+        None => model.height_m().max(model.width_m()) / 2.0,
+    }
+}
+
+fn any_direction(rng: &mut Rng) -> Vector3<f64> {
+    let (z, turn) = (2.0 * rng.random::<f64>() - 1.0, std::f64::consts::TAU * rng.random::<f64>());
+    let r = (1.0 - z * z).sqrt();
+    Vector3::new(r * turn.cos(), r * turn.sin(), z)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{PopulateConfig, Town, World, populate};
+    use std::sync::Arc;
+
+    fn world(event_share: f64, seed: u64) -> World {
+        let town = Arc::new(Town::load("downtown").unwrap());
+        let config = PopulateConfig { ood: true, event_share, ..PopulateConfig::default() };
+        populate(&town, &config, seed).unwrap()
+    }
+
+    fn events(world: &World) -> Vec<Event> {
+        world.loose().map(|(_, loose)| loose.event).collect()
+    }
+
+    #[test]
+    fn the_share_of_events_is_the_configured_one_and_every_kind_occurs() {
+        let (mut n_events, mut n_ood) = (0.0, 0.0);
+        let mut all = Vec::new();
+        for seed in 0..6 {
+            let world = world(0.3, seed);
+            let found = events(&world);
+            n_events += found.len() as f64;
+            n_ood += world.objects().iter().filter(|o| o.distribution == Distribution::Ood).count() as f64;
+            all.extend(found);
+        }
+        assert!((0.2..0.4).contains(&(n_events / n_ood)), "{n_events} of {n_ood}");
+        for event in [Event::Falls, Event::Rolls, Event::Thrown] {
+            assert!(all.iter().filter(|&&found| found == event).count() > 5, "{all:?}");
+        }
+        assert_eq!(events(&world(0.0, 1)), []);
+    }
+
+    #[test]
+    fn a_thrown_thing_comes_down_on_its_aim() {
+        let to = Vec2::new(3.0, -4.0);
+        let (velocity, time_s) = throw((Vec2::zeros(), 5.0), to, 2.0);
+        assert!((velocity.xy() * time_s - to).norm() < 1e-12);
+        assert!((5.0 + 2.0 * time_s - GRAVITY_MPS2 * time_s * time_s / 2.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn what_stands_aloft_stands_on_a_balcony_and_all_else_on_the_ground() {
+        for seed in 0..4 {
+            let world = world(0.5, seed);
+            for (_, loose) in world.loose() {
+                let at = loose.world_from_model.translation;
+                let is_on_a_ledge = world.balconies().iter().any(|balcony| {
+                    let (ledge, z_m) = balcony.ledge();
+                    (ledge - at.vector.xy()).norm() < 0.01 && (at.z - z_m - AIR_M).abs() < 1e-9
+                });
+                assert!(is_on_a_ledge || at.z < 1.0, "{loose:?}");
+            }
+        }
+    }
+}
