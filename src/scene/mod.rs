@@ -1,11 +1,14 @@
 //! Scenes: towns, object models, the filled world as MJCF, and how all that moves behaves.
 
 mod buildings;
+mod crowd;
+mod drape;
 mod driver;
 mod driving;
 mod ego;
 mod event_scenery;
 mod events;
+mod furniture;
 mod ground;
 mod junctions;
 mod lane_change;
