@@ -114,7 +114,7 @@ fn in_every_town_nobody_drives_through_anybody_and_the_ego_gets_about() {
         let town = Arc::new(Town::load(&name).unwrap());
         let limit_mps = town.graph.lanes.iter().map(|lane| lane.limit_mps).fold(0.0, f64::max);
         let (mut fastest_mps, mut driven_m, mut n_stuck) = (0.0_f64, 0.0, 0);
-        for seed in 0..4 {
+        for seed in 0..8 {
             let world = filled(&town, seed, seed % 2 == 1);
             let drive = drive(&world, seed, 40.0, |_, _, _, _| {});
             assert_eq!(drive.meetings, [], "{name}, seed {seed}");
@@ -132,7 +132,7 @@ fn in_every_town_nobody_drives_through_anybody_and_the_ego_gets_about() {
         }
         println!("{name}: up to {fastest_mps:.1} of {limit_mps:.1} m/s");
         assert!(fastest_mps > 0.6 * limit_mps && fastest_mps < limit_mps + 0.8, "{name}: {fastest_mps}");
-        assert!(driven_m > 4.0 * 50.0 && n_stuck <= 1, "{name}: {driven_m} m, {n_stuck} stuck");
+        assert!(driven_m > 8.0 * 50.0 && n_stuck <= 2, "{name}: {driven_m} m, {n_stuck} stuck");
     }
     println!("steering {:.1} to {:.1} degrees", right_most.to_degrees(), left_most.to_degrees());
     assert!(slowest < 0.1, "{slowest}");

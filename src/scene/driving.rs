@@ -14,6 +14,8 @@ const TIME_GAP_S: f64 = 1.2;
 const MAX_BRAKING_MPS2: f64 = 8.0;
 /// Sideways acceleration that people accept in bends.
 const MAX_LATERAL_MPS2: f64 = 2.2;
+/// Braking before bends.
+const BEND_BRAKING_MPS2: f64 = 1.5;
 /// Step of the search along a path.
 const STEP_M: f64 = 0.6;
 /// Room kept to both sides.
@@ -101,11 +103,13 @@ pub fn acceleration_mps2(speed_mps: f64, desired_mps: f64, gap: Option<Gap>, sta
 /// The speed that bends ahead allow, braking comfortably.
 #[must_use]
 pub fn bend_speed_mps(path: &Path, s_m: f64, limit_mps: f64) -> f64 {
-    (0..9).fold(limit_mps, |speed, i| {
-        let ahead_m = 3.0 * f64::from(i);
+    // As far as the way to a stop.
+    let n = (limit_mps * limit_mps / (2.0 * BEND_BRAKING_MPS2) / 3.0).ceil().clamp(8.0, 60.0) as usize;
+    (0..=n).fold(limit_mps, |speed, i| {
+        let ahead_m = 3.0 * i as f64;
         let curvature = path.curvature_per_m(s_m + ahead_m).abs().max(1e-4);
         let in_bend = (MAX_LATERAL_MPS2 / curvature).sqrt();
-        speed.min((in_bend * in_bend + 2.0 * 1.5 * ahead_m).sqrt())
+        speed.min((in_bend * in_bend + 2.0 * BEND_BRAKING_MPS2 * ahead_m).sqrt())
     })
 }
 

@@ -2,11 +2,14 @@
 
 mod buildings;
 mod bus_stops;
+mod crowd;
+mod drape;
 mod driver;
 mod driving;
 mod ego;
 mod event_scenery;
 mod events;
+mod furniture;
 mod ground;
 mod junctions;
 mod lane_change;

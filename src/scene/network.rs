@@ -15,7 +15,7 @@ const CONFLICT_M: f64 = 2.6;
 /// A lane's end and another's start that are closer are the same place.
 const JOIN_M: f64 = 0.3;
 /// The highest speed the simulation drives at, whatever a map allows.
-const MAX_LIMIT_MPS: f64 = 20.0;
+const MAX_LIMIT_MPS: f64 = 80.0 / 3.6;
 
 /// One driving lane.
 #[derive(Debug, Clone)]

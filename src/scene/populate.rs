@@ -14,7 +14,7 @@ use super::network::LaneGraph;
 use super::occupancy::{Footprint, Occupied};
 use super::path::{Path, Vec2};
 use super::route::Route;
-use super::surface::{GRASS_M, PAVEMENT_M, Strip, StripKind};
+use super::surface::PAVEMENT_M;
 use super::town::{SceneError, Town};
 use crate::object::{Distribution, Event, Kind};
 use crate::random::{self, Rng};
@@ -195,6 +195,7 @@ pub fn populate(town: &Arc<Town>, config: &PopulateConfig, seed: u64) -> Result<
         models: &models,
         near: ego_route.path.sampled(8.0),
         occupied: Occupied::default(),
+        moving: Occupied::default(),
         placements: Vec::new(),
         balconies: Vec::new(),
         seed,
@@ -266,6 +267,7 @@ fn scene_object(placement: &Placement, models: &ModelLibrary, town: &Town) -> Sc
     }
 }
 
+/// Ground that a model takes.
 pub(super) fn footprint_of(model: &Model, position: Vec2, yaw_rad: f64) -> Footprint {
     let (low, high) = model.solid;
     let (sin, cos) = yaw_rad.sin_cos();
@@ -288,27 +290,30 @@ const PAINTS: [[f64; 3]; 9] = [
 ];
 
 /// Category of the models that stand for traffic lights.
-const TRAFFIC_LIGHT: &str = "traffic_light";
+pub(super) const TRAFFIC_LIGHT: &str = "traffic_light";
 
+/// A world on its way: what is placed, and the ground it takes.
 pub(super) struct Filler<'a> {
     pub(super) town: &'a Town,
-    config: &'a PopulateConfig,
+    pub(super) config: &'a PopulateConfig,
     pub(super) models: &'a ModelLibrary,
     /// Points along the ego's route.
-    near: Vec<Vec2>,
+    pub(super) near: Vec<Vec2>,
     pub(super) occupied: Occupied,
+    /// Ground of what drives, at the start.
+    pub(super) moving: Occupied,
     pub(super) placements: Vec<Placement>,
     pub(super) balconies: Vec<EventBalcony>,
     pub(super) seed: u64,
 }
 
 impl Filler<'_> {
-    fn is_near(&self, point: Vec2) -> bool {
+    pub(super) fn is_near(&self, point: Vec2) -> bool {
         self.near.iter().any(|other| (point - other).norm() < self.config.reach_m)
     }
 
     /// Draws a model by weight of its name; if no weights are given, by the models' own.
-    fn draw_model(
+    pub(super) fn draw_model(
         &self,
         kind: Kind,
         weights: &std::collections::BTreeMap<String, f64>,
@@ -357,188 +362,8 @@ impl Filler<'_> {
         self.placements.push(Placement { id, model, position, z_m, yaw_rad, paint, motion, mocap: None });
     }
 
-    fn claim(&mut self, model: usize, position: Vec2, yaw_rad: f64, gap_m: f64) -> bool {
+    pub(super) fn claim(&mut self, model: usize, position: Vec2, yaw_rad: f64, gap_m: f64) -> bool {
         self.occupied.claim(footprint_of(&self.models.models[model], position, yaw_rad), gap_m)
-    }
-
-    /// Parked cars: in parking lanes where the town has them, in driveways, loading bays and yards.
-    fn park(&mut self) {
-        let mut rng = random::stream(self.seed, "parked", 0);
-        let traffic = &self.town.config.traffic;
-        let weights = if traffic.parked_weights.is_empty() {
-            &traffic.vehicle_weights
-        } else {
-            &traffic.parked_weights
-        };
-        let share = traffic.parked_share * self.config.parked_density;
-        for strip in self.town.surface.strips.iter().filter(|strip| strip.kind == StripKind::Parking) {
-            let length_m = strip.center.length_m();
-            let mut station_m = 10.0;
-            while station_m < length_m - 10.0 {
-                let at = strip.center.at(station_m);
-                // Traffic on the right: a parking lane runs with the nearest driving lane.
-                let yaw_rad = self.travel_heading(at) + 0.03 * (rng.random::<f64>() - 0.5);
-                let model = self.draw_model(Kind::Vehicle, weights, &mut rng);
-                let is_taken = rng.random::<f64>() < share;
-                if let (true, Some(model), true) = (is_taken, model, self.is_near(at)) {
-                    let (length_m, width_m) =
-                        (self.models.models[model].length_m(), self.models.models[model].width_m());
-                    let ends = [-0.5, 0.5].map(|share| strip.width_at_m(station_m + share * length_m));
-                    let is_small = length_m < traffic.parking_place_m + 0.3
-                        && ends.iter().all(|&wide_m| wide_m > (width_m - 0.3).min(1.7));
-                    if is_small && self.claim(model, at, yaw_rad, 0.4) {
-                        self.put(model, at, 0.0, yaw_rad, Motion::Still, &mut rng);
-                    }
-                }
-                station_m += traffic.parking_place_m;
-            }
-        }
-        for stand in &self.town.stands {
-            let Footprint { center, yaw_rad, length_m, width_m } = stand.footprint;
-            let model = self.draw_model(Kind::Vehicle, weights, &mut rng);
-            let is_taken = rng.random::<f64>() < traffic.stand_share;
-            let yaw_rad = yaw_rad + 0.05 * (rng.random::<f64>() - 0.5);
-            if let (true, Some(model), true) = (is_taken, model, self.is_near(center)) {
-                let model_fits = self.models.models[model].length_m() < length_m + 0.2
-                    && self.models.models[model].width_m() < width_m + 0.2;
-                if model_fits && self.claim(model, center, yaw_rad, 0.1) {
-                    self.put(model, center, GRASS_M + 0.03, yaw_rad, Motion::Still, &mut rng);
-                }
-            }
-        }
-    }
-
-    fn travel_heading(&self, point: Vec2) -> f64 {
-        let lanes = &self.town.graph.lanes;
-        let distance = |i: &usize| lanes[*i].path.distance_m(point);
-        let nearest = (0..lanes.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)));
-        nearest.map_or(0.0, |i| {
-            let path = &lanes[i].path;
-            path.heading_rad(path.project(point, 0.0, path.length_m()).0)
-        })
-    }
-
-    /// Which side of a pavement is the kerb: 1 left, -1 right.
-    fn kerb_side(&self, strip: &Strip) -> f64 {
-        let middle_m = strip.center.length_m() / 2.0;
-        let clearance =
-            |left_m: f64| self.town.surface.road_grid.clearance_m(strip.center.beside(middle_m, left_m));
-        if clearance(strip.width_m) < clearance(-strip.width_m) { 1.0 } else { -1.0 }
-    }
-
-    /// Props that belong to a place: the same in every episode, but for those that are left out.
-    fn place_furnishings(&mut self) {
-        let mut rng = random::stream(self.seed, "furnishings", 0);
-        let index_of = |name: &str| self.models.models.iter().position(|model| model.name == name);
-        for furnishing in &self.town.furnishings {
-            let is_wanted = rng.random::<f64>() < self.config.prop_density;
-            let at = furnishing.position;
-            if let (true, Some(model), true) = (is_wanted, index_of(&furnishing.model), self.is_near(at)) {
-                let is_paved = self.town.surface.paved_grid.clearance_m(at) < 0.0;
-                let z_m = if is_paved { PAVEMENT_M } else { GRASS_M };
-                if self.claim(model, at, furnishing.yaw_rad, 0.2) {
-                    self.put(model, at, z_m, furnishing.yaw_rad, Motion::Still, &mut rng);
-                }
-            }
-        }
-    }
-
-    /// The posts of lights near the route: where the map has them, or beside the lanes if that is on
-    /// the road. Returns the placements with their lights.
-    fn place_lights(&mut self) -> Vec<(usize, usize)> {
-        let mut rng = random::stream(self.seed, "lights", 0);
-        let town = self.town;
-        let Some(model) = self.models.models.iter().position(|model| model.category == TRAFFIC_LIGHT) else {
-            return Vec::new();
-        };
-        let mut posts = Vec::new();
-        for (i, light) in town.lights.lights.iter().enumerate() {
-            let is_off_road = |point: &Vec2| town.surface.road_grid.clearance_m(*point) > 0.35;
-            let beside = || {
-                let (lane, stop_m) = *light.stops.first()?;
-                let lane = &town.graph.lanes[lane];
-                let shifts = (0..30).map(|n| lane.width_m / 2.0 + 0.5 * f64::from(n));
-                shifts.map(|shift| lane.path.beside(stop_m, town.graph.kerb_sign() * shift)).find(is_off_road)
-            };
-            let Some(at) = Some(light.position).filter(is_off_road).or_else(beside) else { continue };
-            if self.is_near(at) && self.claim(model, at, light.heading_rad, 0.05) {
-                let is_paved = town.surface.paved_grid.clearance_m(at) < 0.0;
-                let over_m = if is_paved { PAVEMENT_M } else { GRASS_M };
-                posts.push((self.placements.len(), i));
-                self.put(model, at, over_m, light.heading_rad, Motion::Still, &mut rng);
-            }
-        }
-        posts
-    }
-
-    fn place_props(&mut self) {
-        let mut rng = random::stream(self.seed, "props", 0);
-        let config = &self.town.config;
-        if !self.town.surface.strips.iter().any(|strip| strip.kind == StripKind::Pavement) {
-            self.place_props_on_verges(&mut rng);
-            return;
-        }
-        for strip in self.town.surface.strips.iter().filter(|strip| strip.kind == StripKind::Pavement) {
-            let side = self.kerb_side(strip);
-            let mut station_m = 2.0 + 5.0 * rng.random::<f64>();
-            while station_m < strip.center.length_m() - 2.0 {
-                let Some(model) = self.draw_model(Kind::Static, &config.prop_weights, &mut rng) else {
-                    return;
-                };
-                let shape = &self.models.models[model];
-                // Crowns keep off the street as far as the pavement is wide; a lamp's arm reaches over it.
-                let (reach_m, middle_m) = if shape.faces_traffic {
-                    (shape.width_m() / 2.0, f64::midpoint(shape.solid.0[1], shape.solid.1[1]))
-                } else {
-                    (shape.overhang_m, f64::midpoint(shape.solid.0[0], shape.solid.1[0]))
-                };
-                let widest_m = (strip.width_m - 0.7).max(config.prop_kerb_distance_m);
-                let from_kerb_m = (reach_m + 0.15).max(config.prop_kerb_distance_m + middle_m).min(widest_m);
-                let at = strip.center.beside(station_m, side * (strip.width_m / 2.0 - from_kerb_m));
-                // Traffic keeps to the right, so that it comes along with the kerb on its right.
-                let along_rad =
-                    strip.center.heading_rad(station_m) + if side > 0.0 { 0.0 } else { std::f64::consts::PI };
-                let yaw_rad = along_rad
-                    + if shape.faces_traffic { std::f64::consts::PI } else { std::f64::consts::FRAC_PI_2 };
-                if self.is_near(at) && self.claim(model, at, yaw_rad, 0.3) {
-                    self.put(model, at, PAVEMENT_M, yaw_rad, Motion::Still, &mut rng);
-                }
-                let [low, high] = config.prop_spacing_m;
-                station_m += (low + (high - low) * rng.random::<f64>()) / self.config.prop_density.max(0.01);
-            }
-        }
-    }
-
-    /// Props on the grass beside roads that have no pavement.
-    fn place_props_on_verges(&mut self, rng: &mut Rng) {
-        let config = &self.town.config;
-        for strip in self.town.surface.strips.iter().filter(|strip| strip.kind == StripKind::Road) {
-            for side in [-1.0, 1.0] {
-                let [low, high] = config.prop_spacing_m;
-                let mut station_m = 2.0 + 5.0 * rng.random::<f64>();
-                while station_m < strip.center.length_m() - 2.0 {
-                    let Some(model) = self.draw_model(Kind::Static, &config.prop_weights, rng) else {
-                        return;
-                    };
-                    let from_edge_m =
-                        self.models.models[model].width_m() / 2.0 + 0.4 + 0.8 * rng.random::<f64>();
-                    let at = strip.center.beside(station_m, side * (strip.width_m / 2.0 + from_edge_m));
-                    let street_rad = strip.center.heading_rad(station_m);
-                    let yaw_rad = if side < 0.0 { street_rad } else { street_rad + std::f64::consts::PI };
-                    let is_on_grass = self.town.surface.paved_grid.clearance_m(at) > from_edge_m - 0.3;
-                    let is_clear = self.is_off_buildings(at);
-                    if is_on_grass && is_clear && self.is_near(at) && self.claim(model, at, yaw_rad, 0.3) {
-                        self.put(model, at, GRASS_M, yaw_rad, Motion::Still, rng);
-                    }
-                    station_m +=
-                        (low + (high - low) * rng.random::<f64>()) / self.config.prop_density.max(0.01);
-                }
-            }
-        }
-    }
-
-    fn is_off_buildings(&self, point: Vec2) -> bool {
-        !self.town.buildings.iter().any(|building| building.footprint.grown(0.5).contains(point))
     }
 
     /// A thing in the lane where no event could be.
@@ -602,138 +427,6 @@ impl Filler<'_> {
             }
         }
         event_stations_m
-    }
-
-    /// With the configured share, a vehicle ahead of the ego on its route.
-    fn place_leader(&mut self, ego_route: &Route, moving: &mut Occupied, rng: &mut Rng) {
-        if rng.random::<f64>() >= self.config.leader_share {
-            return;
-        }
-        let weights = &self.town.config.traffic.vehicle_weights;
-        let Some(model) = self.draw_model(Kind::Vehicle, weights, rng) else { return };
-        let station_m = 16.0 + 14.0 * rng.random::<f64>();
-        let (at, yaw_rad) = (ego_route.path.at(station_m), ego_route.path.heading_rad(station_m));
-        let body = footprint_of(&self.models.models[model], at, yaw_rad);
-        if self.occupied.is_free(&body, 0.3) && moving.claim(body, 0.2) {
-            let route = ego_route.clone();
-            self.put(model, at, 0.0, yaw_rad, Motion::Drives { route, station_m }, rng);
-        }
-    }
-
-    fn place_traffic(&mut self, starts: &[usize], ego_center: Vec2, ego_route: &Route) {
-        let mut rng = random::stream(self.seed, "traffic", 0);
-        let traffic = &self.town.config.traffic;
-        let wanted = (f64::from(traffic.n_vehicles) * self.config.traffic_density).round() as u32;
-        let mut moving = Occupied::default();
-        self.place_leader(ego_route, &mut moving, &mut rng);
-        for _ in 0..wanted {
-            for _ in 0..20 {
-                let lane = starts[rng.random_range(0..starts.len())];
-                let length_m = self.town.graph.lanes[lane].path.length_m();
-                let station_m = 6.0 + (length_m - 14.0).max(0.0) * rng.random::<f64>();
-                let path = &self.town.graph.lanes[lane].path;
-                let (at, yaw_rad) = (path.at(station_m), path.heading_rad(station_m));
-                let Some(model) = self.draw_model(Kind::Vehicle, &traffic.vehicle_weights, &mut rng) else {
-                    return;
-                };
-                let body = footprint_of(&self.models.models[model], at, yaw_rad);
-                let room = Footprint { length_m: body.length_m + 6.0, ..body };
-                let is_free = (at - ego_center).norm() > 14.0 && self.is_near(at);
-                if is_free && self.occupied.is_free(&room, 0.3) && moving.claim(room, 0.2) {
-                    let route = Route::random(&self.town.graph, lane, 1500.0, &mut rng);
-                    self.put(model, at, 0.0, yaw_rad, Motion::Drives { route, station_m }, &mut rng);
-                    break;
-                }
-            }
-        }
-    }
-
-    fn place_pedestrians(&mut self) {
-        let mut rng = random::stream(self.seed, "pedestrians", 0);
-        let traffic = &self.town.config.traffic;
-        let strips: Vec<&Strip> = self
-            .town
-            .surface
-            .strips
-            .iter()
-            .filter(|s| s.kind == StripKind::Pavement && s.center.length_m() > 12.0)
-            .collect();
-        let wanted = (f64::from(traffic.n_pedestrians) * self.config.pedestrian_density).round() as u32;
-        if strips.is_empty() {
-            return;
-        }
-        for n in 0..wanted {
-            let Some(model) = self.draw_model(Kind::Pedestrian, &std::collections::BTreeMap::new(), &mut rng)
-            else {
-                return;
-            };
-            for _ in 0..20 {
-                let strip = strips[rng.random_range(0..strips.len())];
-                let station_m = strip.center.length_m() * rng.random::<f64>();
-                if !self.is_near(strip.center.at(station_m)) {
-                    continue;
-                }
-                let kerb = self.kerb_side(strip);
-                // Walkers keep to the side of the houses, clear of the props.
-                let left_m = -kerb * (strip.width_m / 2.0 - 0.45 - 0.6 * rng.random::<f64>());
-                let sense = if rng.random_bool(0.5) { 1.0 } else { -1.0 };
-                let wants_across = rng.random::<f64>() < (5.0 * traffic.pedestrian_crossing_share).min(1.0);
-                let crossing =
-                    if wants_across { self.crossing(strip, &strips, kerb, &mut rng) } else { None };
-                let at = strip.center.beside(station_m, left_m);
-                let walk = Walk {
-                    footway: strip.center.clone(),
-                    left_m,
-                    station_m,
-                    sense,
-                    speed_mps: 1.0 + 0.6 * rng.random::<f64>(),
-                    crossing,
-                    is_reckless: n % 4 == 0,
-                };
-                let yaw_rad = strip.center.heading_rad(station_m)
-                    + if sense < 0.0 { std::f64::consts::PI } else { 0.0 };
-                let body = Footprint { center: at, yaw_rad, length_m: 0.7, width_m: 0.7 };
-                if self.occupied.claim(body, 0.2) {
-                    self.put(model, at, PAVEMENT_M, yaw_rad, Motion::Walks(walk), &mut rng);
-                    break;
-                }
-            }
-        }
-    }
-
-    /// Where to cross from a pavement, and the point on the other side.
-    fn crossing(&self, strip: &Strip, strips: &[&Strip], kerb: f64, rng: &mut Rng) -> Option<(f64, Vec2)> {
-        let length_m = strip.center.length_m();
-        let is_jaywalk = rng.random_bool(0.4);
-        let share = rng.random::<f64>();
-        let station_m = if is_jaywalk {
-            10.0 + (length_m - 20.0).max(0.0) * share
-        } else {
-            (1.5 + share).min(length_m / 2.0)
-        };
-        let station_m = if rng.random_bool(0.5) { station_m } else { length_m - station_m };
-        let from = strip.center.at(station_m);
-        let direction = strip.center.direction(station_m);
-        let toward = Vec2::new(-direction.y, direction.x) * kerb;
-        let mut best: Option<(f64, Vec2)> = None;
-        for other in strips {
-            let (s_m, _) = other.center.project(from + toward * 12.0, 0.0, other.center.length_m());
-            let far = other.center.at(s_m) - from;
-            let (along, across) = (far.dot(&direction).abs(), far.dot(&toward));
-            if along < 1.5 && across > 6.0 && across < 24.0 && best.is_none_or(|(least, _)| across < least) {
-                best = Some((across, from + far));
-            }
-        }
-        let (_, to) = best?;
-        // The way must be free of what stands.
-        let middle = (from + to) / 2.0;
-        let way = Footprint {
-            center: middle,
-            yaw_rad: (to - from).y.atan2((to - from).x),
-            length_m: (to - from).norm(),
-            width_m: 1.0,
-        };
-        self.occupied.is_free(&way, 0.0).then_some((station_m, to))
     }
 }
 
