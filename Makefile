@@ -9,7 +9,7 @@ SHELL := /bin/bash
 BIN = $(or $(CARGO_TARGET_DIR),target)/release/harmzone
 PYTHON_SOURCES = $(wildcard python scenes mjcf_assets tests scripts)
 
-.PHONY: help setup setup-test build demo test ci bench bench-gen gallery fmt clean
+.PHONY: help setup setup-test build demo test ci bench bench-gen gallery weathers fmt clean
 
 help: ## List the targets
 	@echo "make <target>, where target is:"
@@ -56,6 +56,9 @@ bench-gen: build ## Speed of gen against bare MuJoCo, of two processes against o
 
 gallery: setup-test ## A picture of all object models: docs/gallery.png
 	.venv-test/bin/python mjcf_assets/make_gallery.py
+
+weathers: build setup-test ## One frame in all weathers, on camera and LiDAR: docs/pictures/weather*
+	.venv-test/bin/python scripts/weather_sheet.py $(BIN) data/weathers
 
 fmt: setup-test ## Format Rust and Python
 	cargo fmt
