@@ -169,6 +169,13 @@ mod tests {
     }
 
     #[test]
+    fn shipped_towns_are_used_whole_and_name_only_models_that_exist() {
+        for town in shipped() {
+            assert_eq!(town.notes, Vec::<String>::new(), "{}", town.name);
+        }
+    }
+
+    #[test]
     fn every_lane_of_a_shipped_town_leads_on() {
         for town in shipped() {
             assert!(town.graph.lanes.iter().all(|lane| !lane.successors.is_empty()), "{}", town.name);
