@@ -7,7 +7,8 @@ use clap::builder::PossibleValuesParser;
 
 use super::ExitStatus;
 use super::progress::Bar;
-use crate::generate::{self, Preset, RunOptions, preset};
+use crate::config;
+use crate::generate::{self, Preset, RendererName, RunOptions, preset};
 
 #[derive(Debug, Args)]
 pub struct GenerateArgs {
@@ -36,6 +37,15 @@ pub struct GenerateArgs {
     /// Also place objects of kinds that no training set holds
     #[arg(long)]
     ood: bool,
+    /// Sensor rig (TOML with [camera] and [lidar]) in place of the config's
+    #[arg(long)]
+    rig: Option<PathBuf>,
+    /// Who draws the camera's picture; `filament` is physically based and needs mujoco-studio and Vulkan
+    #[arg(long, value_parser = PossibleValuesParser::new(["classic", "filament"]))]
+    renderer: Option<String>,
+    /// Also write depth, instance and category of each pixel as EXR files under aov/
+    #[arg(long)]
+    aov: bool,
     /// Worker processes [default: all cores]
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
     jobs: Option<u32>,
@@ -62,6 +72,15 @@ pub fn run(args: GenerateArgs) -> anyhow::Result<ExitStatus> {
     if !args.weather.is_empty() {
         config.weathers = args.weather;
     }
+    if let Some(path) = &args.rig {
+        config.rig = config::load(Some(path), &[])?;
+    }
+    match args.renderer.as_deref() {
+        Some("filament") => config.render.renderer = RendererName::Filament,
+        Some(_) => config.render.renderer = RendererName::Classic,
+        None => {}
+    }
+    config.render.aov |= args.aov;
     config.samples = args.samples.unwrap_or(config.samples);
     config.seed = args.seed.unwrap_or(config.seed);
     let all_cores = std::thread::available_parallelism().map_or(1, usize::from);

@@ -111,7 +111,7 @@ impl Default for RenderConfig {
             aov: false,
             samples_per_pixel: 0,
             shadow_size_px: 2048,
-            jpeg_quality: 90,
+            jpeg_quality: 85,
         }
     }
 }

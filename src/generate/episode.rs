@@ -9,6 +9,7 @@ use nalgebra::{Point3, Vector3};
 use rand::RngExt;
 
 use super::annotate::{Observation, Shape, annotate};
+use super::aov::AovWriter;
 use super::appearance::Appearance;
 use super::config::{CONTROL_PERIOD_S, RendererName};
 use super::drive::Drive;
@@ -118,6 +119,13 @@ pub fn record_watched(
     let route: Vec<[f64; 2]> = world.ego_route.path.sampled(20.0).iter().map(|at| [at.x, at.y]).collect();
     let map = map::drawing(&town.graph, &town.surface.ground, &route, MAP_REACH_M);
     let mut writer = EpisodeWriter::create(&folder.join(plan.file()), &meta, &map)?;
+    let size_px = (config.raw.rig.camera.width_px as usize, config.raw.rig.camera.height_px as usize);
+    let aov = config
+        .raw
+        .render
+        .aov
+        .then(|| AovWriter::create(folder, &plan.name, size_px, world.objects()))
+        .transpose()?;
     timings.set_up = begin.elapsed();
 
     let begin = Instant::now();
@@ -136,7 +144,7 @@ pub fn record_watched(
             drive.step()?;
         }
         timings.motion += begin.elapsed();
-        let sample = sensing.sample(&mut drive, sample_idx, &mut timings)?;
+        let sample = sensing.sample(&mut drive, sample_idx, aov.as_ref(), &mut timings)?;
         let begin = Instant::now();
         writer.write(&sample)?;
         timings.writing += begin.elapsed();
@@ -144,6 +152,9 @@ pub fn record_watched(
     }
     watch(Moment::Sampled, &mut drive.simulator)?;
     let begin = Instant::now();
+    if let Some(aov) = aov {
+        aov.finish()?;
+    }
     let finished = writer.finish()?;
     timings.finishing = begin.elapsed();
     let entry = EpisodeEntry {
@@ -194,6 +205,7 @@ impl Sensing<'_> {
         &self,
         drive: &mut Drive,
         sample_idx: u64,
+        aov: Option<&AovWriter>,
         timings: &mut Timings,
     ) -> Result<Sample, GenerateError> {
         let rig = &self.config.rig;
@@ -210,7 +222,7 @@ impl Sensing<'_> {
             .collect();
 
         let begin = Instant::now();
-        let (rgb, depth_m) = if self.scope.needs_depth() {
+        let (rgb, depth_m) = if self.scope.needs_depth() || aov.is_some() {
             let picture = drive.simulator.render_rgb_and_depth()?;
             (picture.rgb, picture.depth_m)
         } else {
@@ -221,6 +233,12 @@ impl Sensing<'_> {
         let begin = Instant::now();
         let geoms = drive.simulator.render_segmentation()?.geom;
         timings.segmentation += begin.elapsed();
+        if let Some(aov) = aov {
+            let begin = Instant::now();
+            let objects = geoms.iter().map(|&geom| self.appearance.object(geom));
+            aov.write(sample_idx, &depth_m, objects)?;
+            timings.writing += begin.elapsed();
+        }
 
         let begin = Instant::now();
         let material: Vec<Material> = geoms.iter().map(|&geom| self.appearance.material(geom)).collect();

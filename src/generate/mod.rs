@@ -4,6 +4,7 @@
 //! same seed and config give the same bytes, whatever the number of processes.
 
 mod annotate;
+mod aov;
 mod appearance;
 pub mod bench;
 mod config;
@@ -20,7 +21,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-pub use config::{ALL, AnnotationConfig, CheckedConfig, GenerateConfig, RenderConfig};
+pub use config::{ALL, AnnotationConfig, CheckedConfig, GenerateConfig, RenderConfig, RendererName};
 pub use plan::{EpisodePlan, plan};
 pub use preset::Preset;
 pub use run::{RunOptions, Summary, run};

@@ -109,7 +109,8 @@ impl Scope {
         self.panorama.paint(&mut picture, &view, rendered.material);
         let mut glow = None;
         if self.state.is_night() {
-            glow = Some(night::light(&mut picture, &view, rendered, shot.lamps));
+            glow =
+                Some(night::light(&mut picture, &view, rendered, shot.lamps, self.state.extinction_per_m()));
         }
         if self.state.wetness > 0.0 {
             wet::cover(&mut picture, &view, rendered, &self.panorama, self.state.wetness);

@@ -126,6 +126,7 @@ pub(super) fn light(
     view: &View<'_>,
     rendered: &Rendered<'_>,
     lamps: &[StreetLamp],
+    extinction_per_m: f64,
 ) -> Glow {
     let lights = Lights::new(view, lamps);
     let width = picture.width;
@@ -156,13 +157,14 @@ pub(super) fn light(
                     (1.0 - (-linear).exp()).sqrt()
                 });
                 if shining != [0.0; 3] {
-                    glow.shine(u, v, shining, 1.0 / (GLOW_CELL_PX * GLOW_CELL_PX) as f32);
+                    let share = seen_share(extinction_per_m, rendered.depth_m[at]);
+                    glow.shine(u, v, shining, share / (GLOW_CELL_PX * GLOW_CELL_PX) as f32);
                 }
             }
         }
     }
     for lamp in &lights.street_lamps {
-        glow.shine_lamp(lamp, view, rendered);
+        glow.shine_lamp(lamp, view, rendered, seen_share(extinction_per_m, lamp.norm()));
     }
     for cell_v in 0..glow_height {
         for cell_u in 0..glow_width {
@@ -178,6 +180,12 @@ pub(super) fn light(
     }
     glow.spread();
     glow
+}
+
+/// Share of a lamp's light that comes through the air, straight or scattered a little on the way: the
+/// glow is what scatters, so half of the extinction counts.
+fn seen_share(extinction_per_m: f64, distance_m: f32) -> f32 {
+    (-0.5 * extinction_per_m as f32 * distance_m).exp()
 }
 
 /// Surface normal towards the eye, along the camera's axes.
@@ -226,7 +234,7 @@ impl Glow {
     }
 
     /// The bright head of a street lamp, if nothing hides it.
-    fn shine_lamp(&mut self, lamp: &Vector3<f32>, view: &View<'_>, rendered: &Rendered<'_>) {
+    fn shine_lamp(&mut self, lamp: &Vector3<f32>, view: &View<'_>, rendered: &Rendered<'_>, share: f32) {
         if lamp.z < 1.0 {
             return;
         }
@@ -239,13 +247,13 @@ impl Glow {
         let (u, v) = (u as usize, v as usize);
         if rendered.depth_m[v * view.width() + u] > lamp.z - 1.0 {
             let head_px = 0.35 * intrinsics.fx_px as f32 / lamp.z / GLOW_CELL_PX as f32;
-            self.shine(u, v, STREET_LAMP.map(|c| 14.0 * c), (head_px * head_px).clamp(0.05, 4.0));
+            self.shine(u, v, STREET_LAMP.map(|c| 14.0 * c), share * (head_px * head_px).clamp(0.05, 4.0));
         }
     }
 
-    /// Three box filters make nearly a bell.
+    /// Five box filters make a bell.
     fn spread(&mut self) {
-        for _ in 0..3 {
+        for _ in 0..5 {
             self.cells = box_filtered(&self.cells, self.width, self.height, true);
             self.cells = box_filtered(&self.cells, self.width, self.height, false);
         }
@@ -286,9 +294,9 @@ impl Glow {
     }
 }
 
-/// Mean over 7 cells of a row (or column).
+/// Mean over 5 cells of a row (or column).
 fn box_filtered(cells: &[Colour], width: usize, height: usize, along_rows: bool) -> Vec<Colour> {
-    const REACH: usize = 3;
+    const REACH: usize = 2;
     let (n_lines, n) = if along_rows { (height, width) } else { (width, height) };
     let index = |line: usize, i: usize| if along_rows { line * width + i } else { i * width + line };
     let mut filtered = vec![[0.0; 3]; cells.len()];

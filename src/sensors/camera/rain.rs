@@ -22,7 +22,7 @@ const PANE_SAMPLES: u64 = 4;
 
 /// Draws streaks and drops.
 pub(super) fn fall(picture: &mut Picture, view: &View<'_>, state: &WeatherState, shot: &Shot<'_>, seed: u64) {
-    let bright: Colour = if state.is_night() { [0.30, 0.29, 0.27] } else { [0.86, 0.88, 0.90] };
+    let bright: Colour = if state.is_night() { [0.46, 0.45, 0.42] } else { [0.86, 0.88, 0.90] };
     streaks(picture, view, state, shot, seed, bright);
     pane(picture, state, shot, seed);
 }

@@ -15,6 +15,8 @@ use super::{Material, Rendered};
 const F0: f32 = 0.02;
 /// How much darker soaked asphalt is.
 const DARKENING: f32 = 0.45;
+/// A thing that ends this far before the mirrored ray is passed behind.
+const THICKNESS_M: f32 = 2.5;
 /// Rows between two probes of the march.
 const PROBE_PX: f32 = 5.0;
 
@@ -101,7 +103,9 @@ fn mirrored(
         let column = (intrinsics.cx_px as f32 + intrinsics.fx_px as f32 * x / z) as usize;
         let at = row as usize * dry.width + column.min(dry.width - 1);
         let is_thing = !matches!(rendered.material[at], Material::Sky | Material::Paved);
-        Some((is_thing && rendered.depth_m[at] < z + 0.5).then_some(at))
+        // Nothing but walls is thicker than this; a pole before the ray does not hide what is behind it.
+        let is_met = (z - THICKNESS_M..z + 0.5).contains(&rendered.depth_m[at]);
+        Some((is_thing && is_met).then_some(at))
     };
     let mut row = v as f32 - PROBE_PX;
     while row > vanishing && row >= 0.0 {
