@@ -345,7 +345,8 @@ mod tests {
             drive.step().unwrap();
             for ((thing, start), was_held) in drive.loose.iter().zip(&starts).zip(was_held) {
                 let moved_m = (drive.poses[thing.body].translation.vector - start.translation.vector).norm();
-                assert!(!thing.is_held || moved_m < 0.02, "a held thing moved by {moved_m} m");
+                // The weld gives way by centimetres where somebody bumps into it.
+                assert!(!thing.is_held || moved_m < 0.06, "a held thing moved by {moved_m} m");
                 let is_let_go = was_held && !thing.is_held;
                 assert!(!is_let_go || (thing.plan.aim - ego).norm() < thing.plan.release_m);
             }

@@ -3,10 +3,10 @@
 //! I = J t + A (1 - t), t = exp(-alpha d), with the same alpha as the LiDAR's, d the distance along the
 //! ray and A the air light. Display-referred, as in Foggy Cityscapes (Sakaridis et al. 2018).
 
-use super::super::weather::WeatherState;
 use super::picture::{Picture, View, mix};
 use super::sky::Panorama;
 use super::{Material, Rendered};
+use crate::sensors::weather::WeatherState;
 
 /// Things farther away than this all look alike.
 const FAR_M: f32 = 1024.0;

@@ -3,7 +3,7 @@
 //! Display-referred colours that were chosen by eye against photographs; the sun's share falls with
 //! cloud, its colour reddens near the horizon, and shadows end where the sun's disk is covered.
 
-use super::super::weather::WeatherState;
+use crate::sensors::weather::WeatherState;
 
 /// Parallel light.
 #[derive(Debug, Clone, Copy, PartialEq)]

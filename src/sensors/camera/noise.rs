@@ -5,9 +5,9 @@
 use rand::RngExt;
 use rand_distr::{Distribution, StandardNormal};
 
-use super::super::weather::WeatherState;
 use super::picture::Picture;
 use crate::random;
+use crate::sensors::weather::WeatherState;
 
 const SIDE: usize = 256;
 

@@ -8,10 +8,10 @@
 use nalgebra::Vector3;
 use rand::RngExt;
 
-use super::super::weather::{DROPS_PER_M3_MM, WeatherState};
 use super::Shot;
 use super::picture::{Colour, Picture, View, mix, scaled};
 use crate::random;
+use crate::sensors::weather::{DROPS_PER_M3_MM, WeatherState};
 
 const LEAST_MM: f64 = 1.0;
 const NEAR_M: f64 = 0.7;

@@ -3,11 +3,11 @@
 use nalgebra::Vector3;
 use rand::RngExt;
 
-use super::super::weather::{Daytime, WeatherState};
 use super::Material;
 use super::lighting::SUN_AZIMUTH_RAD;
 use super::picture::{Colour, Picture, View, mix, scaled};
 use crate::random;
+use crate::sensors::weather::{Daytime, WeatherState};
 
 /// Columns round the horizon and rows from it to the zenith.
 const WIDTH: usize = 1024;

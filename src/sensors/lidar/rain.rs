@@ -10,8 +10,8 @@
 use rand::RngExt;
 use rand_distr::{Distribution, Poisson};
 
-use super::super::weather::{DROPS_PER_M3_MM, WeatherState};
 use crate::random::Rng;
+use crate::sensors::weather::{DROPS_PER_M3_MM, WeatherState};
 
 /// Refractive index of water at 905 nm.
 const WATER_INDEX: f64 = 1.328;
