@@ -14,7 +14,7 @@ const FOOTING_M: f64 = 0.3;
 const EAVES_M: f64 = 0.35;
 const CORNICE_M: f64 = 0.35;
 const SLAB_M: f64 = 0.14;
-const RAILING_M: f64 = 1.0;
+pub const RAILING_M: f64 = 1.0;
 
 /// How a roof stands on the walls.
 #[derive(Debug, Clone, Copy, PartialEq)]

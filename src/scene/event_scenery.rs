@@ -2,14 +2,16 @@
 
 use std::fmt::Write as _;
 
-use super::mjcf::{Builder, TOLD};
+use nalgebra::{UnitQuaternion, Vector3};
+
+use super::mjcf::{Builder, TOLD, quaternion};
 use super::path::Vec2;
 use super::populate::World;
 use super::surface::{PAVEMENT_M, StripKind};
 
-/// A balcony that an event needs: a slab on a wall with a parapet.
+/// A balcony that an event adds where a building has none: a slab on a wall with a parapet.
 #[derive(Debug, Clone, PartialEq)]
-pub struct EventBalcony {
+pub struct Perch {
     /// On the wall, under the middle of the slab.
     pub foot: Vec2,
     /// Away from the wall.
@@ -18,7 +20,7 @@ pub struct EventBalcony {
     pub floor_m: f64,
 }
 
-impl EventBalcony {
+impl Perch {
     pub const DEPTH_M: f64 = 1.0;
     pub const WIDTH_M: f64 = 2.2;
     pub const SLAB_M: f64 = 0.14;
@@ -75,9 +77,9 @@ impl World {
                 continue;
             }
             let half_m = building.height_m() / 2.0;
-            let ground_m = self.town.surface.ground_m(body.center);
             let half = [body.length_m / 2.0, body.width_m / 2.0, half_m];
-            add_box(builder, body.center, ground_m + half_m, body.yaw_rad, half, "group=\"3\"");
+            let z_m = half_m + building.base_m(&|at| self.town.surface.ground_m(at));
+            add_box(builder, (body.center, z_m), heading(body.yaw_rad), half, "group=\"3\"");
         }
         for strip in self.town.surface.strips.iter().filter(|strip| strip.kind == StripKind::Pavement) {
             let points = strip.center.sampled(3.0);
@@ -86,39 +88,56 @@ impl World {
                 if reach_m(middle) > EVENT_REACH_M {
                     continue;
                 }
+                let [low_m, high_m] = [from, to].map(|&at| self.town.surface.ground_m(at));
+                let climb = UnitQuaternion::from_axis_angle(
+                    &Vector3::y_axis(),
+                    -((high_m - low_m) / way.norm()).atan(),
+                );
+                let turn = heading(way.y.atan2(way.x)) * climb;
                 // Longer than the piece, so that no gap opens in bends.
                 let half = [way.norm() / 2.0 + 0.1, strip.width_m / 2.0, PAVEMENT_M];
-                add_box(
-                    builder,
-                    middle,
-                    self.town.surface.ground_m(middle),
-                    way.y.atan2(way.x),
-                    half,
-                    "group=\"3\"",
-                );
+                let center = (middle, f64::midpoint(low_m, high_m));
+                add_box(builder, center, turn, half, "group=\"3\"");
             }
         }
-        if !self.balconies().is_empty() {
+        if !self.perches().is_empty() {
             builder.plain("scene_balcony", [0.78, 0.76, 0.72]);
         }
-        for balcony in self.balconies() {
-            let EventBalcony { foot, out_rad, .. } = *balcony;
+        for perch in self.perches() {
+            let Perch { foot, out_rad, .. } = *perch;
             let (sin, cos) = out_rad.sin_cos();
-            for ([x, y, z_m], half) in balcony.boxes() {
+            for ([x, y, z_m], half) in perch.boxes() {
                 let center = foot + Vec2::new(x * cos - y * sin, x * sin + y * cos);
-                add_box(builder, center, z_m, out_rad, half, "group=\"1\" material=\"scene_balcony\"");
+                add_box(
+                    builder,
+                    (center, z_m),
+                    heading(out_rad),
+                    half,
+                    "group=\"1\" material=\"scene_balcony\"",
+                );
             }
         }
     }
 }
 
+fn heading(yaw_rad: f64) -> UnitQuaternion<f64> {
+    UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw_rad)
+}
+
 /// A fixed box that loose things meet.
-fn add_box(builder: &mut Builder, at: Vec2, z_m: f64, yaw_rad: f64, [x, y, z]: [f64; 3], look: &str) {
-    let (sin, cos) = (yaw_rad / 2.0).sin_cos();
+fn add_box(
+    builder: &mut Builder,
+    (at, z_m): (Vec2, f64),
+    turn: UnitQuaternion<f64>,
+    [x, y, z]: [f64; 3],
+    look: &str,
+) {
     writeln!(
         builder.body,
-        "<geom type=\"box\" pos=\"{:.4} {:.4} {z_m:.4}\" quat=\"{cos:.6} 0 0 {sin:.6}\" size=\"{x:.4} {y:.4} {z:.4}\" {look} {SCENERY_CONTACT}/>",
-        at.x, at.y
+        "<geom type=\"box\" pos=\"{:.4} {:.4} {z_m:.4}\" quat=\"{}\" size=\"{x:.4} {y:.4} {z:.4}\" {look} {SCENERY_CONTACT}/>",
+        at.x,
+        at.y,
+        quaternion(&turn)
     )
     .expect(TOLD);
 }

@@ -6,8 +6,8 @@
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use rand::RngExt;
 
-use super::buildings::Building;
-use super::event_scenery::EventBalcony;
+use super::buildings::{Balcony, Building, RAILING_M};
+use super::event_scenery::Perch;
 use super::models::{Model, SOLID_M};
 use super::occupancy::Footprint;
 use super::path::Vec2;
@@ -51,7 +51,17 @@ pub struct Loose {
 struct Plan {
     model: usize,
     loose: Loose,
-    balcony: Option<EventBalcony>,
+    perch: Option<Perch>,
+}
+
+/// Where something may stand aloft: the middle of a balcony's rail or parapet.
+struct Ledge {
+    at: Vec2,
+    z_m: f64,
+    /// Away from the wall.
+    out_rad: f64,
+    /// The balcony, if the building does not have it already.
+    perch: Option<Perch>,
 }
 
 impl Filler<'_> {
@@ -66,24 +76,19 @@ impl Filler<'_> {
                 1 => self.plan_roll(route, station_m, &mut rng),
                 _ => self.plan_throw(route, station_m, &mut rng),
             });
-            let Some(Plan { model, mut loose, mut balcony }) = plan else {
+            let Some(Plan { model, loose, perch }) = plan else {
                 left_over.push(station_m);
                 continue;
             };
             let pose = loose.world_from_model;
-            let (position, z_m) = (pose.translation.vector.xy(), pose.translation.z);
+            let position = pose.translation.vector.xy();
+            let over_m = pose.translation.z - self.town.surface.ground_m(position);
             let (_, _, yaw_rad) = pose.rotation.euler_angles();
-            // Planned as if the ground were level; the slope over one flight is small.
-            let ground_m = self.town.surface.ground_m(position);
-            loose.world_from_model.translation.z += ground_m;
-            if let Some(balcony) = &mut balcony {
-                balcony.floor_m += ground_m;
-            }
-            if loose.event == Event::Rolls || balcony.is_none() {
+            if over_m < SOLID_M {
                 self.occupied.claim(footprint_of(&self.models.models[model], position, yaw_rad), 0.0);
             }
-            self.balconies.extend(balcony);
-            self.put(model, position, z_m, yaw_rad, Motion::Loose(Box::new(loose)), &mut rng);
+            self.perches.extend(perch);
+            self.put(model, position, over_m, yaw_rad, Motion::Loose(Box::new(loose)), &mut rng);
         }
         left_over
     }
@@ -102,17 +107,19 @@ impl Filler<'_> {
         self.draw_loose_model(is_small, rng)
     }
 
-    /// From a balcony's parapet onto the right half of the ego's lane.
+    /// From a balcony onto the kerb's half of the ego's lane.
     fn plan_fall(&self, route: &Route, station_m: f64, rng: &mut Rng) -> Option<Plan> {
-        let aim = route.path.beside(station_m, -1.4 * rng.random::<f64>());
-        let balcony = self.balcony_near(aim, aim, rng)?;
+        let to_kerb_m = 1.4 * self.town.graph.kerb_sign() * rng.random::<f64>();
+        let aim = route.path.beside(station_m, to_kerb_m);
+        let ledge = self.ledge_near(aim, aim, rng)?;
         let model = self.draw_small_model(rng)?;
-        let (linear_mps, time_s) = throw(balcony.ledge(), aim, 0.6 + rng.random::<f64>());
+        let (linear_mps, time_s) =
+            throw((ledge.at, self.over_m(&ledge, aim)), aim, 0.6 + rng.random::<f64>());
         // Farther out than a push takes it, it comes down on the way there.
         let push = 5.0 / linear_mps.xy().norm().max(5.0);
         let linear_mps = Vector3::new(linear_mps.x * push, linear_mps.y * push, linear_mps.z);
         let lead_m = 8.0 + 10.0 * rng.random::<f64>();
-        self.flight_from_ledge(Event::Falls, model, balcony, aim, (linear_mps, time_s), lead_m, rng)
+        self.flight_from_ledge(Event::Falls, model, ledge, aim, (linear_mps, time_s), lead_m, rng)
     }
 
     /// From a balcony ahead, or from behind a parked car, to just before the ego.
@@ -124,12 +131,13 @@ impl Filler<'_> {
             return Some(plan);
         }
         let ahead = route.path.at(station_m + 4.0 + 8.0 * rng.random::<f64>());
-        let balcony = self.balcony_near(ahead, aim, rng)?;
-        let (linear_mps, time_s) = throw(balcony.ledge(), aim, 1.5 + 2.0 * rng.random::<f64>());
+        let ledge = self.ledge_near(ahead, aim, rng)?;
+        let (linear_mps, time_s) =
+            throw((ledge.at, self.over_m(&ledge, aim)), aim, 1.5 + 2.0 * rng.random::<f64>());
         if linear_mps.norm() > FASTEST_THROW_MPS {
             return None;
         }
-        self.flight_from_ledge(Event::Thrown, model, balcony, aim, (linear_mps, time_s), lead_m, rng)
+        self.flight_from_ledge(Event::Thrown, model, ledge, aim, (linear_mps, time_s), lead_m, rng)
     }
 
     #[expect(clippy::too_many_arguments, reason = "what a flight is made of")]
@@ -137,26 +145,25 @@ impl Filler<'_> {
         &self,
         event: Event,
         model: usize,
-        balcony: EventBalcony,
+        ledge: Ledge,
         aim: Vec2,
         (linear_mps, time_s): (Vector3<f64>, f64),
         lead_m: f64,
         rng: &mut Rng,
     ) -> Option<Plan> {
-        let (ledge, z_m) = balcony.ledge();
-        if !self.is_way_free(ledge, aim) {
+        if !self.is_way_free(ledge.at, aim) {
             return None;
         }
-        let yaw_rad = balcony.out_rad + std::f64::consts::FRAC_PI_2 * f64::from(rng.random_range(0..4));
+        let yaw_rad = ledge.out_rad + std::f64::consts::FRAC_PI_2 * f64::from(rng.random_range(0..4));
         let loose = Loose {
             event,
-            world_from_model: standing(ledge, z_m + AIR_M, yaw_rad),
+            world_from_model: standing(ledge.at, ledge.z_m + AIR_M, yaw_rad),
             aim,
             release_m: APPROACH_MPS * time_s + lead_m,
             linear_mps,
             angular_rps: any_direction(rng) * (1.0 + 4.0 * rng.random::<f64>()),
         };
-        Some(Plan { model, loose, balcony: Some(balcony) })
+        Some(Plan { model, loose, perch: ledge.perch })
     }
 
     /// From beyond a standing vehicle, where the ego cannot see it, across into the lane.
@@ -197,7 +204,7 @@ impl Filler<'_> {
                     length_m: 2.0 * radius_m,
                     width_m: 2.0 * radius_m,
                 };
-                self.occupied.is_free(&here, 0.05) && self.is_outdoors(start)
+                self.occupied.is_free(&here, 0.05) && self.is_open(&here)
             })
             .collect();
         if starts.is_empty() {
@@ -211,7 +218,8 @@ impl Filler<'_> {
             return None;
         }
         let z_m = self.level_m(start) + AIR_M;
-        let (linear_mps, time_s) = throw((start, z_m), aim, 3.0 + 1.5 * rng.random::<f64>());
+        let over_m = z_m - self.town.surface.ground_m(aim);
+        let (linear_mps, time_s) = throw((start, over_m), aim, 3.0 + 1.5 * rng.random::<f64>());
         let loose = Loose {
             event: Event::Thrown,
             world_from_model: standing(start, z_m, std::f64::consts::TAU * rng.random::<f64>()),
@@ -220,7 +228,7 @@ impl Filler<'_> {
             linear_mps,
             angular_rps: any_direction(rng) * (1.0 + 4.0 * rng.random::<f64>()),
         };
-        Some(Plan { model, loose, balcony: None })
+        Some(Plan { model, loose, perch: None })
     }
 
     /// From one side of the road towards the other: round things roll, light ones tumble.
@@ -230,21 +238,22 @@ impl Filler<'_> {
         let along = route.path.direction(station_m);
         let half_lane_m = self.town.graph.lanes[route.span_at(station_m).lane].width_m / 2.0;
         let (pose, start) = (0..8).find_map(|_| {
-            let side = if rng.random_bool(0.7) { -1.0 } else { 1.0 };
-            let beyond_m = if side < 0.0 { half_lane_m } else { 3.0 * half_lane_m };
+            let kerb = self.town.graph.kerb_sign();
+            let side = if rng.random_bool(0.7) { kerb } else { -kerb };
+            let beyond_m = if side == kerb { half_lane_m } else { 3.0 * half_lane_m };
             let left_m = side * (beyond_m + 0.5 + 2.5 * rng.random::<f64>());
             let start = route.path.beside(station_m + 2.0 * rng.random::<f64>(), left_m);
             let pose = lying(shape, start, self.level_m(start) + AIR_M, along.y.atan2(along.x));
             let radius_m = shape.length_m().max(shape.height_m()).max(shape.width_m()) / 2.0;
             let here =
                 Footprint { center: start, yaw_rad: 0.0, length_m: 2.0 * radius_m, width_m: 2.0 * radius_m };
-            let is_free = self.occupied.is_free(&here, 0.1) && self.is_outdoors(start);
+            let is_free = self.occupied.is_free(&here, 0.1) && self.is_open(&here);
             (is_free && self.is_way_free(start, route.path.at(station_m))).then_some((pose, start))
         })?;
         let (at_m, left_m) = route.path.project(start, station_m - 15.0, station_m + 15.0);
         let aim = route.path.at(at_m);
         let way = (aim - start).normalize();
-        let speed_mps = if shape.rolls.is_some() { 3.0 } else { 5.5 } + 1.5 * rng.random::<f64>();
+        let speed_mps = if shape.rolls.is_some() { 3.0 } else { 6.5 } + 1.5 * rng.random::<f64>();
         let hop_mps = if shape.rolls.is_some() { 0.0 } else { 1.5 + rng.random::<f64>() };
         // Rolling without slipping: about the axis to the left of the way.
         let radius_m = rolling_radius_m(shape);
@@ -256,11 +265,11 @@ impl Filler<'_> {
             linear_mps: Vector3::new(way.x * speed_mps, way.y * speed_mps, hop_mps),
             angular_rps: Vector3::new(-way.y, way.x, 0.0) * (speed_mps / radius_m),
         };
-        Some(Plan { model, loose, balcony: None })
+        Some(Plan { model, loose, perch: None })
     }
 
     /// A balcony on the front nearest to a point, from which another point can be reached.
-    fn balcony_near(&self, point: Vec2, aim: Vec2, rng: &mut Rng) -> Option<EventBalcony> {
+    fn ledge_near(&self, point: Vec2, aim: Vec2, rng: &mut Rng) -> Option<Ledge> {
         let before = |building: &Building| {
             let body = building.footprint;
             let (sin, cos) = body.yaw_rad.sin_cos();
@@ -268,7 +277,7 @@ impl Filler<'_> {
             // The front is on the side of -y.
             let along_m = offset.x * cos + offset.y * sin;
             let out_m = -(offset.y * cos - offset.x * sin) - body.width_m / 2.0;
-            let room_m = body.length_m / 2.0 - EventBalcony::WIDTH_M / 2.0;
+            let room_m = body.length_m / 2.0 - Perch::WIDTH_M / 2.0;
             ((2.2..14.0).contains(&out_m) && along_m.abs() < room_m + 3.0).then(|| {
                 let along_m = along_m.clamp(-room_m, room_m);
                 let y = -body.width_m / 2.0;
@@ -284,14 +293,30 @@ impl Filler<'_> {
             .filter_map(|building| before(building).map(|found| (building, found)))
             .min_by(|(_, a), (_, b)| a.0.total_cmp(&b.0));
         let (building, (_, foot, out_rad)) = nearest?;
+        let base_m = building.base_m(&|at| self.town.surface.ground_m(at));
         let storey = usize::from(rng.random_bool(0.4));
         let top_m = building.height_m() - 2.2;
         let floor_m = *STOREYS_M[..=storey].iter().rev().find(|&&floor_m| floor_m < top_m)?;
-        let balcony = EventBalcony { foot, out_rad, floor_m };
-        let is_apart =
-            self.balconies.iter().all(|other| (other.foot - foot).norm() > EventBalcony::WIDTH_M + 0.3);
-        let reach = aim - balcony.ledge().0;
-        (is_apart && reach.dot(&balcony.out()) > 0.5).then_some(balcony)
+        let ledge = if building.balconies.is_empty() {
+            let perch = Perch { foot, out_rad, floor_m: base_m + floor_m };
+            let (at, z_m) = perch.ledge();
+            Ledge { at, z_m, out_rad, perch: Some(perch) }
+        } else {
+            let low = building.balconies.iter().filter(|balcony| balcony.z_m < floor_m + 1.0);
+            let nearest = low.min_by(|a, b| {
+                let distance = |balcony: &Balcony| (balcony.center - foot).norm();
+                distance(a).total_cmp(&distance(b))
+            })?;
+            let out = Vec2::new(nearest.yaw_rad.cos(), nearest.yaw_rad.sin());
+            let at = nearest.center + out * (nearest.depth_m / 2.0);
+            Ledge { at, z_m: base_m + nearest.z_m + RAILING_M, out_rad: nearest.yaw_rad, perch: None }
+        };
+        let is_apart = self.placements.iter().all(|other| {
+            !matches!(other.motion, Motion::Loose(_))
+                || (other.position - ledge.at).norm() > Perch::WIDTH_M + 0.3
+        });
+        let out = Vec2::new(ledge.out_rad.cos(), ledge.out_rad.sin());
+        (is_apart && (aim - ledge.at).dot(&out) > 0.5).then_some(ledge)
     }
 
     /// Whether nothing tall stands within a metre of a straight way over the ground.
@@ -329,9 +354,27 @@ impl Filler<'_> {
         self.town.buildings.iter().all(|building| !building.footprint.grown(0.3).contains(point))
     }
 
-    /// Height of what is walked or driven on.
+    /// Whether a place is outdoors, and wholly on the pavement or wholly off it.
+    fn is_open(&self, place: &Footprint) -> bool {
+        let is_raised = self.is_pavement(place.center);
+        let corners = place.grown(0.1).corners();
+        self.is_outdoors(place.center)
+            && corners.iter().all(|corner| self.is_pavement(Vec2::new(corner.x_m, corner.y_m)) == is_raised)
+    }
+
+    /// Height of what things lie on: pavements are raised, all else is the ground.
     fn level_m(&self, point: Vec2) -> f64 {
-        if self.town.surface.road_grid.clearance_m(point) > 0.0 { PAVEMENT_M } else { 0.0 }
+        let raised_m = if self.is_pavement(point) { PAVEMENT_M } else { 0.0 };
+        self.town.surface.ground_m(point) + raised_m
+    }
+
+    fn is_pavement(&self, point: Vec2) -> bool {
+        let surface = &self.town.surface;
+        surface.road_grid.clearance_m(point) > 0.0 && surface.paved_grid.clearance_m(point) < 0.0
+    }
+
+    fn over_m(&self, ledge: &Ledge, aim: Vec2) -> f64 {
+        ledge.z_m - self.town.surface.ground_m(aim)
     }
 }
 
@@ -385,8 +428,8 @@ mod tests {
     use crate::scene::{PopulateConfig, Town, World, populate};
     use std::sync::Arc;
 
-    fn world(event_share: f64, seed: u64) -> World {
-        let town = Arc::new(Town::load("downtown").unwrap());
+    fn world(town: &str, event_share: f64, seed: u64) -> World {
+        let town = Arc::new(Town::load(town).unwrap());
         let config = PopulateConfig { ood: true, event_share, ..PopulateConfig::default() };
         populate(&town, &config, seed).unwrap()
     }
@@ -400,7 +443,7 @@ mod tests {
         let (mut n_events, mut n_ood) = (0.0, 0.0);
         let mut all = Vec::new();
         for seed in 0..6 {
-            let world = world(0.3, seed);
+            let world = world("downtown", 0.3, seed);
             let found = events(&world);
             n_events += found.len() as f64;
             n_ood += world.objects().iter().filter(|o| o.distribution == Distribution::Ood).count() as f64;
@@ -410,7 +453,7 @@ mod tests {
         for event in [Event::Falls, Event::Rolls, Event::Thrown] {
             assert!(all.iter().filter(|&&found| found == event).count() > 5, "{all:?}");
         }
-        assert_eq!(events(&world(0.0, 1)), []);
+        assert_eq!(events(&world("downtown", 0.0, 1)), []);
     }
 
     #[test]
@@ -423,15 +466,22 @@ mod tests {
 
     #[test]
     fn what_stands_aloft_stands_on_a_balcony_and_all_else_on_the_ground() {
-        for seed in 0..4 {
-            let world = world(0.5, seed);
+        for town in crate::scene::town_names() {
+            let world = world(&town, 0.5, 2);
+            assert!(events(&world).len() > 3, "{town}: {:?}", events(&world));
             for (_, loose) in world.loose() {
                 let at = loose.world_from_model.translation;
-                let is_on_a_ledge = world.balconies().iter().any(|balcony| {
-                    let (ledge, z_m) = balcony.ledge();
-                    (ledge - at.vector.xy()).norm() < 0.01 && (at.z - z_m - AIR_M).abs() < 1e-9
+                let own = world.perches().iter().map(Perch::ledge);
+                let height_m = |at| world.town.surface.ground_m(at);
+                let of_buildings = world.town.buildings.iter().flat_map(|building| {
+                    let base_m = building.base_m(&height_m);
+                    building.balconies.iter().map(move |b| (b.center, base_m + b.z_m + RAILING_M))
                 });
-                assert!(is_on_a_ledge || at.z < 1.0, "{loose:?}");
+                let is_on_a_ledge = own.chain(of_buildings).any(|(ledge, z_m)| {
+                    (ledge - at.vector.xy()).norm() < 1.0 && (at.z - z_m - AIR_M).abs() < 1e-9
+                });
+                let over_m = at.z - height_m(at.vector.xy());
+                assert!(is_on_a_ledge || over_m < 1.0, "{town}: {loose:?}");
             }
         }
     }

@@ -2,12 +2,21 @@
 
 use rand::RngExt;
 
+use super::models::Model;
 use super::occupancy::Footprint;
 use super::path::Vec2;
 use super::populate::{Filler, Motion, TRAFFIC_LIGHT};
 use super::surface::{GRASS_M, PAVEMENT_M, Strip, StripKind};
 use crate::object::Kind;
 use crate::random::{self, Rng};
+
+/// How far a model reaches to the street from its origin, and where the middle of its foot is.
+fn reach_to_street(model: &Model) -> (f64, f64) {
+    if model.faces_traffic {
+        return (model.width_m() / 2.0, f64::midpoint(model.solid.0[1], model.solid.1[1]));
+    }
+    (model.overhang_m, f64::midpoint(model.solid.0[0], model.solid.1[0]))
+}
 
 impl Filler<'_> {
     /// Parked cars: in parking lanes where the town has them, in driveways, loading bays and yards.
@@ -134,21 +143,12 @@ impl Filler<'_> {
                 let Some(model) = self.draw_model(Kind::Static, &config.prop_weights, &mut rng) else {
                     return;
                 };
-                let shape = &self.models.models[model];
                 // Crowns keep off the street as far as the pavement is wide; a lamp's arm reaches over it.
-                let (reach_m, middle_m) = if shape.faces_traffic {
-                    (shape.width_m() / 2.0, f64::midpoint(shape.solid.0[1], shape.solid.1[1]))
-                } else {
-                    (shape.overhang_m, f64::midpoint(shape.solid.0[0], shape.solid.1[0]))
-                };
+                let (reach_m, middle_m) = reach_to_street(&self.models.models[model]);
                 let widest_m = (strip.width_m - 0.7).max(config.prop_kerb_distance_m);
                 let from_kerb_m = (reach_m + 0.15).max(config.prop_kerb_distance_m + middle_m).min(widest_m);
                 let at = strip.center.beside(station_m, side * (strip.width_m / 2.0 - from_kerb_m));
-                // Traffic keeps to the right, so that it comes along with the kerb on its right.
-                let along_rad =
-                    strip.center.heading_rad(station_m) + if side > 0.0 { 0.0 } else { std::f64::consts::PI };
-                let yaw_rad = along_rad
-                    + if shape.faces_traffic { std::f64::consts::PI } else { std::f64::consts::FRAC_PI_2 };
+                let yaw_rad = self.facing_rad(model, strip.center.heading_rad(station_m), side);
                 if self.is_near(at) && self.claim(model, at, yaw_rad, 0.3) {
                     self.put(model, at, PAVEMENT_M, yaw_rad, Motion::Still, &mut rng);
                 }
@@ -156,6 +156,18 @@ impl Filler<'_> {
                 station_m += (low + (high - low) * rng.random::<f64>()) / self.config.prop_density.max(0.01);
             }
         }
+    }
+
+    /// Heading of a model beside a street: to the street, or at the drivers who come along here.
+    ///
+    /// `street_side` is 1 where the street is to the left of the heading, else -1.
+    fn facing_rad(&self, model: usize, heading_rad: f64, street_side: f64) -> f64 {
+        if !self.models.models[model].faces_traffic {
+            return heading_rad + street_side * std::f64::consts::FRAC_PI_2;
+        }
+        // Who drives along the heading has this place on the side away from the street.
+        let they_come_along = street_side * self.town.graph.kerb_sign() < 0.0;
+        heading_rad + if they_come_along { std::f64::consts::PI } else { 0.0 }
     }
 
     /// Props on the grass beside roads that have no pavement.
@@ -169,11 +181,10 @@ impl Filler<'_> {
                     let Some(model) = self.draw_model(Kind::Static, &config.prop_weights, rng) else {
                         return;
                     };
-                    let from_edge_m =
-                        self.models.models[model].width_m() / 2.0 + 0.4 + 0.8 * rng.random::<f64>();
+                    let (reach_m, middle_m) = reach_to_street(&self.models.models[model]);
+                    let from_edge_m = reach_m.max(middle_m) + 0.4 + 0.8 * rng.random::<f64>();
                     let at = strip.center.beside(station_m, side * (strip.width_m / 2.0 + from_edge_m));
-                    let street_rad = strip.center.heading_rad(station_m);
-                    let yaw_rad = if side < 0.0 { street_rad } else { street_rad + std::f64::consts::PI };
+                    let yaw_rad = self.facing_rad(model, strip.center.heading_rad(station_m), -side);
                     let is_on_grass = self.town.surface.paved_grid.clearance_m(at) > from_edge_m - 0.3;
                     let is_clear = self.is_off_buildings(at);
                     if is_on_grass && is_clear && self.is_near(at) && self.claim(model, at, yaw_rad, 0.3) {

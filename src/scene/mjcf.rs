@@ -352,7 +352,7 @@ fn lamps(light: usize, front_m: f64) -> String {
 }
 
 /// A turn as MuJoCo writes it: w, x, y, z.
-fn quaternion(turn: &UnitQuaternion<f64>) -> String {
+pub(super) fn quaternion(turn: &UnitQuaternion<f64>) -> String {
     format!("{:.6} {:.6} {:.6} {:.6}", turn.w, turn.i, turn.j, turn.k)
 }
 

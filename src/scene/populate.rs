@@ -7,7 +7,7 @@ use nalgebra::Point3;
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
-use super::event_scenery::EventBalcony;
+use super::event_scenery::Perch;
 use super::events::Loose;
 use super::models::{Model, ModelLibrary};
 use super::network::LaneGraph;
@@ -134,7 +134,7 @@ pub struct World {
     /// Placements that are traffic lights, with the town's light each one is.
     pub lamp_posts: Vec<(usize, usize)>,
     objects: Vec<SceneObject>,
-    balconies: Vec<EventBalcony>,
+    perches: Vec<Perch>,
 }
 
 impl World {
@@ -146,10 +146,10 @@ impl World {
         })
     }
 
-    /// Balconies that events need.
+    /// Balconies that events add.
     #[must_use]
-    pub fn balconies(&self) -> &[EventBalcony] {
-        &self.balconies
+    pub fn perches(&self) -> &[Perch] {
+        &self.perches
     }
 
     #[must_use]
@@ -197,7 +197,7 @@ pub fn populate(town: &Arc<Town>, config: &PopulateConfig, seed: u64) -> Result<
         occupied: Occupied::default(),
         moving: Occupied::default(),
         placements: Vec::new(),
-        balconies: Vec::new(),
+        perches: Vec::new(),
         seed,
     };
     let start_m = 3.0;
@@ -216,7 +216,7 @@ pub fn populate(town: &Arc<Town>, config: &PopulateConfig, seed: u64) -> Result<
     }
     filler.place_traffic(&starts, ego_center, &ego_route);
     filler.place_pedestrians();
-    let (mut placements, balconies) = (filler.placements, filler.balconies);
+    let (mut placements, perches) = (filler.placements, filler.perches);
     let is_mocap = |p: &&mut Placement| matches!(p.motion, Motion::Drives { .. } | Motion::Walks(_));
     for (n, placement) in placements.iter_mut().filter(is_mocap).enumerate() {
         placement.mocap = Some(n);
@@ -230,7 +230,7 @@ pub fn populate(town: &Arc<Town>, config: &PopulateConfig, seed: u64) -> Result<
         ego_start_m: start_m,
         lamp_posts,
         objects,
-        balconies,
+        perches,
     })
 }
 
@@ -303,7 +303,7 @@ pub(super) struct Filler<'a> {
     /// Ground of what drives, at the start.
     pub(super) moving: Occupied,
     pub(super) placements: Vec<Placement>,
-    pub(super) balconies: Vec<EventBalcony>,
+    pub(super) perches: Vec<Perch>,
     pub(super) seed: u64,
 }
 
@@ -372,7 +372,8 @@ impl Filler<'_> {
         let models = self.models.indices(Kind::Static, Distribution::Ood);
         let model = models[rng.random_range(0..models.len())];
         let half_lane_m = self.town.graph.lanes[route.span_at(station_m).lane].width_m / 2.0;
-        let at = route.path.beside(station_m, -half_lane_m + rng.random::<f64>() * (half_lane_m - 0.3));
+        let left_m = -half_lane_m + rng.random::<f64>() * (half_lane_m - 0.3);
+        let at = route.path.beside(station_m, -self.town.graph.kerb_sign() * left_m);
         let yaw_rad = std::f64::consts::TAU * rng.random::<f64>();
         if self.claim(model, at, yaw_rad, 0.3) {
             self.put(model, at, 0.0, yaw_rad, Motion::Still, &mut rng);

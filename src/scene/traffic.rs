@@ -125,9 +125,12 @@ impl Traffic {
     /// Tells where the loose things are now: placement, box on the ground, bottom's height, velocity.
     pub fn see_loose(&mut self, seen: impl Iterator<Item = (usize, Footprint, f64, Vec2)>) {
         // What stands high above the heads, held on its balcony, takes no ground.
-        let takes_ground = |bottom_m: f64, speed_mps: f64| bottom_m < SOLID_M || speed_mps > MOVING_MPS;
+        let surface = &self.town.surface;
+        let takes_ground = |body: &Footprint, bottom_m: f64, speed_mps: f64| {
+            bottom_m - surface.ground_m(body.center) < SOLID_M || speed_mps > MOVING_MPS
+        };
         self.loose = seen
-            .filter(|(_, _, bottom_m, velocity)| takes_ground(*bottom_m, velocity.norm()))
+            .filter(|(_, body, bottom_m, velocity)| takes_ground(body, *bottom_m, velocity.norm()))
             .map(|(placement, body, _, velocity_mps)| {
                 let speed_mps = velocity_mps.norm();
                 let is_still = speed_mps < MOVING_MPS;
