@@ -14,6 +14,8 @@ mod folder;
 mod map;
 mod plan;
 pub mod preset;
+#[cfg(test)]
+mod projection_tests;
 mod run;
 pub mod worker;
 

@@ -94,7 +94,7 @@ impl Filler<'_> {
                     sense,
                     speed_mps: 1.0 + 0.6 * rng.random::<f64>(),
                     crossing,
-                    is_reckless: n % 2 == 0,
+                    is_reckless: n % 4 != 0,
                 };
                 let yaw_rad = strip.center.heading_rad(station_m)
                     + if sense < 0.0 { std::f64::consts::PI } else { 0.0 };

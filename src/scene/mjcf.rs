@@ -163,7 +163,7 @@ impl World {
              <quality shadowsize=\"2048\" offsamples=\"0\" numslices=\"10\" numstacks=\"6\" numquads=\"1\"/>\
              <headlight ambient=\"{red:.3} {green:.3} {blue:.3}\" diffuse=\"{headlight} {headlight} {headlight}\" specular=\"0 0 0\"/>\
              <map znear=\"0.004\" zfar=\"8\" shadowclip=\"1\"/></visual>\n\
-             <asset>\n<texture name=\"sky\" type=\"skybox\" builtin=\"gradient\" rgb1=\"0.36 0.55 0.82\" rgb2=\"0.86 0.9 0.94\" width=\"128\" height=\"768\"/>\n\
+             <asset>\n\
              {asset}</asset>\n<worldbody>\n\
              <geom name=\"ground\" {contact} group=\"3\" friction=\"1.1 0.005 0.0001\"/>\n\
              {body}</worldbody>\n<equality>\n{equality}</equality>\n{ACTUATORS}</mujoco>\n"

@@ -51,7 +51,7 @@ impl Default for PopulateConfig {
             route_length_m: 700.0,
             reach_m: 60.0,
             prop_density: 0.4,
-            parked_density: 1.15,
+            parked_density: 1.3,
             traffic_density: 1.0,
             leader_share: 0.75,
             pedestrian_density: 0.6,
