@@ -228,7 +228,7 @@ impl Surface {
                     // One flat fill stands for all the lanes that cross each other there.
                     StripKind::Road if strip.is_in_junction => {}
                     StripKind::Road | StripKind::Parking => {
-                        drape.add(&mut meshes.road, quad, 0.0, ROAD_TILE_M)
+                        drape.add(&mut meshes.road, quad, 0.0, ROAD_TILE_M);
                     }
                     StripKind::Grass => {}
                     StripKind::Pavement => {
