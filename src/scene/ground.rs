@@ -26,8 +26,6 @@ const MARGIN_M: f64 = 200.0;
 const FADE_M: f64 = 120.0;
 /// Roads that much above the lowest at the same place are on another level.
 const LEVEL_M: f64 = 2.0;
-/// Passes of the relaxation: what the filling leaves unsmooth is a few cells wide.
-const N_PASSES: usize = 30;
 /// A lane is on another level where this share of it lies above others.
 const LEVEL_SHARE: f64 = 0.1;
 
@@ -237,11 +235,10 @@ fn relaxed(sums: &[(f64, f64)], n_x: usize, n_y: usize) -> Vec<f32> {
         .collect();
     let mut z_m = filled(&known, n_x, n_y);
     let is_road: Vec<bool> = known.iter().map(|&(_, weight)| weight >= 1.0).collect();
-    let mut before = z_m.clone();
-    for pass in 0..N_PASSES {
+    for pass in 0..80 {
         // The last passes smooth the roads too, where lanes of a junction disagree.
-        let is_last = pass + 2 >= N_PASSES;
-        before.copy_from_slice(&z_m);
+        let is_last = pass >= 78;
+        let before = z_m.clone();
         for j in 1..n_y.saturating_sub(1) {
             for i in 1..n_x - 1 {
                 let at = j * n_x + i;
