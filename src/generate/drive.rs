@@ -265,7 +265,7 @@ mod tests {
             speeds.iter().fold((f64::INFINITY, 0.0_f64), |(low, high), v| (low.min(*v), high.max(*v)));
         assert!(farthest_m > 365.0, "{farthest_m}");
         assert!(slowest > 13.0 && fastest < 14.2, "{slowest} to {fastest} m/s of 13.9");
-        assert!(steepest < 0.015 && widest_roll < 0.01, "pitch {steepest}, roll {widest_roll}");
+        assert!(steepest < 0.01 && widest_roll < 0.01, "pitch {steepest}, roll {widest_roll}");
         let worst = jerks.iter().copied().fold(0.0, f64::max);
         assert!(worst < 0.08, "a bump of {worst} m/s");
         // It has come to rest before the end, and stays.
@@ -353,7 +353,7 @@ mod tests {
                 let is_pushed = moved_m < 0.3 && vehicles.iter().any(|body| body.grown(1.0).contains(at));
                 was_pushed |= is_pushed;
                 assert!(
-                    !thing.is_held || moved_m < 0.02 || was_pushed,
+                    !thing.is_held || moved_m < 0.04 || was_pushed,
                     "{id} is held and moved by {moved_m} m"
                 );
                 let is_let_go = was_held && !thing.is_held;

@@ -68,7 +68,6 @@ fn lidar_points_have_the_pictures_depth_in_every_town() {
     for town in town_names() {
         let found = differences_m(&town);
         let median_m = found[found.len() / 2];
-        println!("{town}: median {median_m:.4} m of {} points", found.len());
         assert!(found.len() > 1000 && median_m < 0.1, "{town}: {median_m} m of {}", found.len());
     }
 }
