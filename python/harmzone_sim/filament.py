@@ -25,7 +25,7 @@ class FilamentCamera(Camera):
             # The module names it on import; Python has it since 3.12. Arrays are all that is passed here.
             collections.abc.Buffer = np.ndarray
         try:
-            import mujoco.studio.window  # noqa: F401  (registers Filament's materials)
+            import mujoco.studio.window
             from mujoco import mjrf
             from mujoco.rendering.filament import model_scene, renderer
         except ImportError as error:
