@@ -2,6 +2,7 @@
 
 import collections.abc
 import ctypes
+import importlib
 
 import mujoco
 import numpy as np
@@ -25,7 +26,8 @@ class FilamentCamera(Camera):
             # The module names it on import; Python has it since 3.12. Arrays are all that is passed here.
             collections.abc.Buffer = np.ndarray
         try:
-            import mujoco.studio.window
+            # Registers Filament's materials.
+            importlib.import_module("mujoco.studio.window")
             from mujoco import mjrf
             from mujoco.rendering.filament import model_scene, renderer
         except ImportError as error:
