@@ -17,7 +17,7 @@ pub struct Batch {
     pub pillar_cells: Option<Tensor<1, Int>>,
     /// The camera's inputs; `None` in the LiDAR-only stage.
     pub camera: Option<CameraBatch>,
-    /// `[batch, 2]`: scaled speed and steering.
+    /// `[batch * state, 2]`: scaled speed and steering; every sample has as many states.
     pub numeric: Tensor<2>,
 }
 
@@ -45,7 +45,7 @@ impl Batch {
     /// Stacks inputs; all images must have one size.
     ///
     /// # Panics
-    /// If `inputs` is empty.
+    /// If `inputs` is empty, or their numbers of states differ.
     #[must_use]
     pub fn stack(inputs: &[&Input], config: &ModelConfig, with_camera: bool, device: &Device) -> Self {
         assert!(!inputs.is_empty(), "a batch holds at least one sample");
@@ -62,7 +62,10 @@ impl Batch {
         }
         let n_points = features.len() / N_POINT_FEATURES;
         let has_points = n_points > 0;
-        let numeric: Vec<f32> = inputs.iter().flat_map(|input| input.numeric).collect();
+        let n_states = inputs[0].numeric.len();
+        assert!(inputs.iter().all(|input| input.numeric.len() == n_states), "as many states everywhere");
+        let numeric: Vec<f32> =
+            inputs.iter().flat_map(|input| input.numeric.iter().flatten().copied()).collect();
         Self {
             n_samples,
             point_features: has_points
@@ -70,7 +73,7 @@ impl Batch {
             pillar_points: has_points.then(|| indices(rows, device)),
             pillar_cells: has_points.then(|| indices(cells, device)),
             camera: with_camera.then(|| CameraBatch::stack(inputs, config, device)),
-            numeric: Tensor::from_data(TensorData::new(numeric, [n_samples, 2]), device),
+            numeric: Tensor::from_data(TensorData::new(numeric, [n_samples * n_states, 2]), device),
         }
     }
 }

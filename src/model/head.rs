@@ -26,7 +26,7 @@ pub struct Head {
     decoder: DecoderLayer,
     numeric: Numeric,
     boxes: Mlp,
-    harm: Mlp,
+    harm: HarmBranch,
     #[module(skip)]
     config: HeadSizes,
 }
@@ -40,7 +40,7 @@ struct HeadSizes {
 /// How speed and steering enter; the layers that the chosen way does not need are absent.
 #[derive(Module, Debug)]
 struct Numeric {
-    /// `[2] -> [query]` (paper) or `[2] -> [2 channel]` of the harm branch (film).
+    /// `[2] -> [query]` (paper) or `[2] -> [4 channel]` of the harm branch (film).
     embed: Option<Mlp>,
     /// Fuses `[channel + 1]` back to `[channel]` (paper).
     fuse: Option<Linear>,
@@ -68,9 +68,9 @@ pub struct Output {
     pub heatmap: Tensor<4>,
     /// `[batch][query]`.
     pub queries: Vec<Vec<Query>>,
-    /// `[batch, query, CODE_SIZE]`.
+    /// `[batch * state, query, CODE_SIZE]`; the states of a sample stand side by side.
     pub boxes: Tensor<3>,
-    /// `[batch, query, 2]`, before the sigmoid, in the order of [`crate::object::Harm::ALL`].
+    /// `[batch * state, query, 2]`, before the sigmoid, in the order of [`crate::object::Harm::ALL`].
     pub harm: Tensor<3>,
 }
 
@@ -86,7 +86,7 @@ impl Head {
                 Some(Mlp::init(2, hidden, config.n_queries, device)),
                 Some(LinearConfig::new(hidden + 1, hidden).init(device)),
             ),
-            NumericFusion::Film => (Some(Mlp::init(2, hidden, 4 * hidden, device)), None),
+            NumericFusion::Film => (Some(Mlp::init(2, hidden, 8 * hidden, device)), None),
             NumericFusion::None => (None, None),
         };
         Self {
@@ -98,14 +98,14 @@ impl Head {
             decoder: DecoderLayer::init(hidden, config.n_heads, device),
             numeric: Numeric { embed, fuse, fusion: config.numeric_fusion },
             boxes: Mlp::init(hidden, hidden, CODE_SIZE, device),
-            harm: Mlp::init(hidden + CODE_SIZE, 2 * hidden, 2, device),
+            harm: HarmBranch::init(hidden + CODE_SIZE, 2 * hidden, device),
             config: HeadSizes { n_queries: config.n_queries, grid: config.grid },
         }
     }
 
     /// # Shapes
     /// - features: `[batch, channel, cell_y, cell_x]`
-    /// - numeric: `[batch, 2]`
+    /// - numeric: `[batch * state, 2]`; the sample's features serve all of its states
     pub fn forward(&self, features: Tensor<4>, numeric: Tensor<2>) -> Output {
         let device = features.device();
         let shared = self.shared.forward(features);
@@ -135,12 +135,14 @@ impl Head {
         let memory = memory.reshape([n_batch, n_y * n_x, n_channels]) + cell_position.unsqueeze::<3>();
         let decoded = self.decoder.forward(query, query_position.clone(), memory) + query_position;
 
+        let n_states = numeric.dims()[0] / n_batch;
+        let decoded = repeat_rows(decoded, n_states);
+        let centers = repeat_rows(centers, n_states);
         let fused = self.numeric.before_heads(decoded, numeric.clone());
         let boxes = self.boxes.forward(fused.clone());
         let placed = self.place(boxes.clone(), centers);
-        let harm = self.harm.forward_with(Tensor::cat(vec![fused, placed], 2), |hidden| {
-            self.numeric.in_harm_head(hidden, numeric)
-        });
+        let modulation = self.numeric.for_harm(numeric);
+        let harm = self.harm.forward(Tensor::cat(vec![fused, placed], 2), modulation);
         Output { heatmap, queries, boxes, harm }
     }
 
@@ -209,6 +211,20 @@ impl Head {
     }
 }
 
+/// Repeats each row `n` times, side by side.
+///
+/// # Shapes
+/// - x: `[row, query, channel]`
+/// - output: `[row * n, query, channel]`
+fn repeat_rows(x: Tensor<3>, n: usize) -> Tensor<3> {
+    let [n_rows, n_queries, n_channels] = x.dims();
+    x.reshape([n_rows, 1, n_queries, n_channels]).expand([n_rows, n, n_queries, n_channels]).reshape([
+        n_rows * n,
+        n_queries,
+        n_channels,
+    ])
+}
+
 /// Centre of feature cell `y * n_x + x` in the ego frame: x, y.
 #[must_use]
 pub fn cell_center_m(grid: &GridConfig, cell: usize, n_x: usize) -> [f64; 2] {
@@ -231,16 +247,44 @@ impl Numeric {
         }
     }
 
-    /// Feature-wise modulation (Perez et al. 2018) of the harm branch's hidden channels.
-    fn in_harm_head(&self, hidden: Tensor<3>, numeric: Tensor<2>) -> Tensor<3> {
-        match (self.fusion, &self.embed) {
-            (NumericFusion::Film, Some(embed)) => {
-                let [n_batch, _, n_channels] = hidden.dims();
-                let modulation = embed.forward(numeric).reshape([n_batch, 1, 2 * n_channels]);
-                let scale = modulation.clone().narrow(2, 0, n_channels).add_scalar(1.0);
-                hidden * scale + modulation.narrow(2, n_channels, n_channels)
-            }
-            _ => hidden,
+    /// What modulates the harm branch, `[row, 1, 4 channel]`, where the fusion does that.
+    fn for_harm(&self, numeric: Tensor<2>) -> Option<Tensor<3>> {
+        let embed = self.embed.as_ref().filter(|_| self.fusion == NumericFusion::Film)?;
+        Some(embed.forward(numeric).unsqueeze_dim(1))
+    }
+}
+
+/// From a query to harmful and harmless: two hidden layers, which speed and steering may modulate
+/// channel by channel (FiLM, Perez et al. 2018). A product of position and steering is what turning
+/// into the direction of travel takes; the second layer joins the sides of an area.
+#[derive(Module, Debug)]
+struct HarmBranch {
+    first: Linear,
+    second: Linear,
+    out: Linear,
+}
+
+impl HarmBranch {
+    fn init(n_in: usize, n_hidden: usize, device: &Device) -> Self {
+        Self {
+            first: LinearConfig::new(n_in, n_hidden).init(device),
+            second: LinearConfig::new(n_hidden, n_hidden).init(device),
+            out: LinearConfig::new(n_hidden, 2).init(device),
         }
+    }
+
+    /// # Shapes
+    /// - x: `[row, query, channel_in]`
+    /// - modulation: `[row, 1, 4 channel]`, scale and shift of the first and of the second layer
+    /// - output: `[row, query, 2]`
+    fn forward(&self, x: Tensor<3>, modulation: Option<Tensor<3>>) -> Tensor<3> {
+        let modulated = |hidden: Tensor<3>, layer: usize| {
+            let Some(modulation) = &modulation else { return hidden };
+            let [_, _, n_channels] = hidden.dims();
+            let part = |i: usize| modulation.clone().narrow(2, (2 * layer + i) * n_channels, n_channels);
+            hidden * part(0).add_scalar(1.0) + part(1)
+        };
+        let hidden = relu(modulated(self.first.forward(x), 0));
+        self.out.forward(relu(modulated(self.second.forward(hidden), 1)))
     }
 }

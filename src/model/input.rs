@@ -27,8 +27,8 @@ pub struct Input {
     pub depth: Vec<f32>,
     /// Frustum points that fall into the bird's-eye grid.
     pub frustum: Frustum,
-    /// Speed over 10 m/s and steering over 0.35 rad.
-    pub numeric: [f32; 2],
+    /// Speed over 10 m/s and steering over 0.35 rad, of each state the sample is asked about.
+    pub numeric: Vec<[f32; 2]>,
 }
 
 /// Which frustum point lands in which bird's-eye cell.
@@ -106,25 +106,30 @@ impl Input {
             frustum: frustum(&small_camera, &ego_from_camera, config),
             image,
             image_height_px,
-            numeric: [0.0; 2],
+            numeric: Vec::new(),
         };
-        input.with_state(&measured.ego_state, mirror)
+        input.with_states(std::slice::from_ref(&measured.ego_state), mirror)
     }
 
-    /// The same input at another speed and steering angle (both given before mirroring).
+    /// The same input at other speeds and steering angles (both given before mirroring).
     ///
     /// # Errors
     /// Speed or steering is not finite.
-    pub fn with_state(mut self, state: &EgoState, mirror: bool) -> Result<Self, InputError> {
-        for (field, found) in
-            [("speed_mps", state.speed_mps), ("steering_angle_rad", state.steering_angle_rad)]
-        {
-            if !found.is_finite() {
-                return Err(InputError::NotFinite { field, found });
-            }
-        }
-        let steering_angle_rad = if mirror { -state.steering_angle_rad } else { state.steering_angle_rad };
-        self.numeric = [(state.speed_mps / 10.0) as f32, (steering_angle_rad / 0.35) as f32];
+    pub fn with_states(mut self, states: &[EgoState], mirror: bool) -> Result<Self, InputError> {
+        self.numeric = states
+            .iter()
+            .map(|state| {
+                for (field, found) in
+                    [("speed_mps", state.speed_mps), ("steering_angle_rad", state.steering_angle_rad)]
+                {
+                    if !found.is_finite() {
+                        return Err(InputError::NotFinite { field, found });
+                    }
+                }
+                let side = if mirror { -1.0 } else { 1.0 };
+                Ok([(state.speed_mps / 10.0) as f32, (side * state.steering_angle_rad / 0.35) as f32])
+            })
+            .collect::<Result<_, _>>()?;
         Ok(self)
     }
 }

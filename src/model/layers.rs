@@ -74,15 +74,6 @@ impl Mlp {
     pub fn forward<const D: usize>(&self, x: Tensor<D>) -> Tensor<D> {
         self.out.forward(relu(self.hidden.forward(x)))
     }
-
-    /// The hidden activations and then the output layer, with a change of the former in between.
-    pub fn forward_with<const D: usize>(
-        &self,
-        x: Tensor<D>,
-        modulate: impl FnOnce(Tensor<D>) -> Tensor<D>,
-    ) -> Tensor<D> {
-        self.out.forward(relu(modulate(self.hidden.forward(x))))
-    }
 }
 
 #[cfg(test)]

@@ -68,9 +68,12 @@ impl Default for LossConfig {
 pub struct AugmentConfig {
     /// Reflects half of the samples in the ego's x-z plane, steering angle included.
     pub mirror: bool,
-    /// Share of the samples whose speed and steering angle are drawn anew; their objects are labelled
-    /// again with the label set's zone. 0 turns it off.
-    pub redraw_state_share: f64,
+    /// Speeds and steering angles drawn anew for each sample beside the recorded ones; the objects are
+    /// labelled again for each with the label set's zone. 0 turns it off, as does a network that does
+    /// not see speed and steering.
+    pub n_redrawn_states: usize,
+    /// Share of the steering angles drawn anew that point at some object.
+    pub aimed_share: f64,
     /// Fastest speed drawn, m/s.
     pub max_speed_mps: f64,
     /// Largest steering angle drawn, degrees.
@@ -79,7 +82,13 @@ pub struct AugmentConfig {
 
 impl Default for AugmentConfig {
     fn default() -> Self {
-        Self { mirror: true, redraw_state_share: 0.5, max_speed_mps: 15.0, max_steering_deg: 35.0 }
+        Self {
+            mirror: true,
+            n_redrawn_states: 7,
+            aimed_share: 0.5,
+            max_speed_mps: 18.0,
+            max_steering_deg: 35.0,
+        }
     }
 }
 
@@ -133,10 +142,7 @@ impl TrainConfig {
                 });
             }
         }
-        let shares = [
-            ("rise_share", self.rise_share),
-            ("augment.redraw_state_share", self.augment.redraw_state_share),
-        ];
+        let shares = [("rise_share", self.rise_share), ("augment.aimed_share", self.augment.aimed_share)];
         for (field, found) in shares {
             if !(0.0..=1.0).contains(&found) {
                 return Err(TrainConfigError::Field {

@@ -39,11 +39,12 @@ impl LossParts {
     }
 }
 
-/// The head's loss for a batch; `objects` holds each sample's trainable objects.
+/// The head's loss for a batch; `objects` holds the trainable objects `[batch][state]`. The heatmap is
+/// drawn for a sample's first state.
 #[must_use]
 pub fn losses(
     output: &Output,
-    objects: &[Vec<LabelledObject>],
+    objects: &[Vec<Vec<LabelledObject>>],
     model: &ModelConfig,
     config: &LossConfig,
 ) -> Losses {
@@ -61,11 +62,11 @@ fn scalar(loss: &Tensor<1>) -> f32 {
 
 fn heatmap_loss(
     output: &Output,
-    objects: &[Vec<LabelledObject>],
+    objects: &[Vec<Vec<LabelledObject>>],
     model: &ModelConfig,
     device: &Device,
 ) -> Tensor<1> {
-    let target: Vec<f32> = objects.iter().flat_map(|of| draw_heatmap(of, model)).collect();
+    let target: Vec<f32> = objects.iter().flat_map(|states| draw_heatmap(&states[0], model)).collect();
     let n_peaks = target.iter().filter(|&&value| value == 1.0).count().max(1);
     let target = Tensor::<4>::from_data(TensorData::new(target, output.heatmap.dims()), device);
     gaussian_focal(output.heatmap.clone(), target).div_scalar(n_peaks as f64)
@@ -85,22 +86,27 @@ fn gaussian_focal(logits: Tensor<4>, target: Tensor<4>) -> Tensor<1> {
 
 fn query_losses(
     output: &Output,
-    objects: &[Vec<LabelledObject>],
+    objects: &[Vec<Vec<LabelledObject>>],
     model: &ModelConfig,
     config: &LossConfig,
     device: &Device,
 ) -> (Tensor<1>, Tensor<1>) {
-    let [n_batch, n_queries, _] = output.boxes.dims();
+    let [n_rows, n_queries, _] = output.boxes.dims();
     let codes: Vec<f32> = output.boxes.clone().into_data().try_to_vec().expect("codes are f32");
     let logits: Vec<f32> = output.harm.clone().into_data().try_to_vec().expect("class scores are f32");
-    let mut harm_target = vec![0f32; n_batch * n_queries * 2];
-    let mut code_target = vec![0f32; n_batch * n_queries * CODE_SIZE];
-    let mut code_weight = vec![0f32; n_batch * n_queries * CODE_SIZE];
+    let mut harm_target = vec![0f32; n_rows * n_queries * 2];
+    let mut code_target = vec![0f32; n_rows * n_queries * CODE_SIZE];
+    let mut code_weight = vec![0f32; n_rows * n_queries * CODE_SIZE];
     let mut n_matched = 0;
     // NaN costs have no best assignment; the loss is NaN then anyway and the caller names the samples.
     if codes.iter().chain(&logits).all(|value| value.is_finite()) {
-        for (b, (queries, of)) in output.queries.iter().zip(objects).enumerate() {
-            let first = b * n_queries;
+        let of_states = output
+            .queries
+            .iter()
+            .zip(objects)
+            .flat_map(|(queries, states)| states.iter().map(move |of| (queries, of)));
+        for (state_row, (queries, of)) in of_states.enumerate() {
+            let first = state_row * n_queries;
             let of_codes = &codes[first * CODE_SIZE..(first + n_queries) * CODE_SIZE];
             let of_logits = &logits[first * 2..(first + n_queries) * 2];
             for (q, object) in assign(queries, of_codes, of_logits, of, &model.grid, config) {
@@ -119,9 +125,8 @@ fn query_losses(
         }
     }
     let normalizer = f64::from(n_matched.max(1));
-    let tensor = |values: Vec<f32>, n| {
-        Tensor::<3>::from_data(TensorData::new(values, [n_batch, n_queries, n]), device)
-    };
+    let tensor =
+        |values: Vec<f32>, n| Tensor::<3>::from_data(TensorData::new(values, [n_rows, n_queries, n]), device);
     let harm = sigmoid_focal(output.harm.clone(), tensor(harm_target, 2)).div_scalar(normalizer);
     let difference = output.boxes.clone() - tensor(code_target, CODE_SIZE);
     let boxes = (difference.abs() * tensor(code_weight, CODE_SIZE)).sum().div_scalar(normalizer);

@@ -26,7 +26,7 @@ use crate::dataset::{Dataset, LabelledSample};
 use crate::files;
 use crate::label::zone::ZoneError;
 use crate::model::checkpoint::{self, CheckpointError};
-use crate::model::{Batch, Detector, Input, InputError};
+use crate::model::{Batch, Detector, Input, InputError, NumericFusion};
 use crate::object::LabelledObject;
 use crate::progress::Progress;
 use crate::random;
@@ -301,7 +301,11 @@ fn prepare(
     config: &TrainConfig,
     position: Position,
     device: &Device,
-) -> Result<(Batch, Vec<Vec<LabelledObject>>), TrainError> {
+) -> Result<(Batch, Vec<Vec<Vec<LabelledObject>>>), TrainError> {
+    let mut augment = config.augment;
+    if config.model.numeric_fusion == NumericFusion::None {
+        augment.n_redrawn_states = 0;
+    }
     let prepared = chosen
         .par_iter()
         .enumerate()
@@ -314,14 +318,14 @@ fn prepare(
                 &sample.measured.ego_state,
                 &sample.objects,
                 dataset.zone(),
-                &config.augment,
+                &augment,
                 &mut rng,
             )
             .map_err(|source| TrainError::Label { sample: sample.id.clone(), source })?;
             let input = Input::prepare(&sample.measured, &config.model, view.mirror)
-                .and_then(|input| input.with_state(&view.state, view.mirror))
+                .and_then(|input| input.with_states(&view.states, view.mirror))
                 .map_err(|source| TrainError::Input { sample: sample.id.clone(), source })?;
-            Ok((input, trainable(&view.objects, &config.model.grid)))
+            Ok((input, view.objects.iter().map(|of| trainable(of, &config.model.grid)).collect()))
         })
         .collect::<Result<Vec<_>, TrainError>>()?;
     let (inputs, objects): (Vec<_>, Vec<_>) = prepared.into_iter().unzip();
@@ -465,7 +469,7 @@ mod tests {
         let mut data = test_data::dataset(2);
         data.sample_mut(1).measured.ego_state.steering_angle_rad = f64::NAN;
         let config = TrainConfig {
-            augment: super::super::AugmentConfig { redraw_state_share: 0.0, ..Default::default() },
+            augment: super::super::AugmentConfig { n_redrawn_states: 0, ..Default::default() },
             ..tiny()
         };
         let folder = tempfile::tempdir().unwrap();
