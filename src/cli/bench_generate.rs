@@ -9,6 +9,7 @@ use super::progress::Bar;
 use crate::config;
 use crate::generate::GenerateConfig;
 use crate::generate::bench::{self, BenchOptions};
+use crate::generate::worker::ALLOCATOR_ENVIRONMENT;
 
 #[derive(Debug, Args)]
 pub struct BenchArgs {
@@ -39,6 +40,18 @@ pub struct BenchArgs {
 }
 
 pub fn run(args: BenchArgs) -> anyhow::Result<ExitStatus> {
+    // The measured process has the environment of a worker, which counts from its start on.
+    if ALLOCATOR_ENVIRONMENT.iter().any(|(name, value)| std::env::var(name).as_deref() != Ok(value)) {
+        let status = std::process::Command::new(std::env::current_exe()?)
+            .args(std::env::args_os().skip(1))
+            .envs(ALLOCATOR_ENVIRONMENT)
+            .status()?;
+        return if status.success() {
+            Ok(ExitStatus::Done)
+        } else {
+            anyhow::bail!("the benchmark ended with {status}")
+        };
+    }
     let mut config: GenerateConfig = config::load(args.config.as_deref(), &args.overrides)?;
     (config.towns, config.weathers) = (args.town, args.weather);
     let options = BenchOptions {

@@ -74,7 +74,7 @@ pub struct AnnotationConfig {
 
 impl Default for AnnotationConfig {
     fn default() -> Self {
-        Self { min_lidar_points: 1, min_visible_px: 50, max_range_m: 70.0 }
+        Self { min_lidar_points: 1, min_visible_px: 20, max_range_m: 70.0 }
     }
 }
 

@@ -10,6 +10,34 @@ use super::surface::{PAVEMENT_M, Strip, StripKind};
 use crate::object::Kind;
 use crate::random::{self, Rng};
 
+/// Jaywalkers stand beside the first part of the ego's route when the world starts, metres along it: what
+/// the ego reaches while it is driven and filmed.
+const JAYWALKERS_FROM_M: f64 = 10.0;
+const JAYWALKERS_TO_M: f64 = 220.0;
+/// The same where obstacles lie on the street and the ego drives more slowly.
+const JAYWALKERS_TO_M_SLOW: f64 = 60.0;
+
+/// The pavement nearest to a point of a route, on its left or right, and the station there.
+fn beside_route<'a>(
+    strips: &[&'a Strip],
+    route: &Route,
+    along_m: f64,
+    is_left: bool,
+) -> Option<(&'a Strip, f64)> {
+    let (at, heading_rad) = (route.path.at(along_m), route.path.heading_rad(along_m));
+    let left = Vec2::new(-heading_rad.sin(), heading_rad.cos());
+    strips
+        .iter()
+        .filter_map(|strip| {
+            let (station_m, _) = strip.center.project(at, 0.0, strip.center.length_m());
+            let offset = strip.center.at(station_m) - at;
+            let is_beside = offset.norm() < 14.0 && (offset.dot(&left) > 0.0) == is_left;
+            is_beside.then(|| (offset.norm(), *strip, station_m))
+        })
+        .min_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, strip, station_m)| (strip, station_m))
+}
+
 impl Filler<'_> {
     /// With the configured share, a vehicle ahead of the ego on its route.
     fn place_leader(&mut self, ego_route: &Route, rng: &mut Rng) {
@@ -54,7 +82,7 @@ impl Filler<'_> {
         }
     }
 
-    pub(super) fn place_pedestrians(&mut self) {
+    pub(super) fn place_pedestrians(&mut self, ego_route: &Route) {
         let mut rng = random::stream(self.seed, "pedestrians", 0);
         let traffic = &self.town.config.traffic;
         let strips: Vec<&Strip> = self
@@ -73,9 +101,18 @@ impl Filler<'_> {
             else {
                 return;
             };
+            let jaywalks = rng.random::<f64>() < self.config.jaywalker_share;
             for _ in 0..20 {
-                let strip = strips[rng.random_range(0..strips.len())];
-                let station_m = strip.center.length_m() * rng.random::<f64>();
+                let (strip, station_m) = if jaywalks {
+                    let to_m = if self.config.ood { JAYWALKERS_TO_M_SLOW } else { JAYWALKERS_TO_M };
+                    let along_m = JAYWALKERS_FROM_M + (to_m - JAYWALKERS_FROM_M) * rng.random::<f64>();
+                    let near = beside_route(&strips, ego_route, along_m, rng.random_bool(0.5));
+                    let Some(found) = near else { continue };
+                    found
+                } else {
+                    let strip = strips[rng.random_range(0..strips.len())];
+                    (strip, strip.center.length_m() * rng.random::<f64>())
+                };
                 if !self.is_near(strip.center.at(station_m)) {
                     continue;
                 }
@@ -84,8 +121,16 @@ impl Filler<'_> {
                 let left_m = -kerb * (strip.width_m / 2.0 - 0.45 - 0.6 * rng.random::<f64>());
                 let sense = if rng.random_bool(0.5) { 1.0 } else { -1.0 };
                 let wants_across = rng.random::<f64>() < (5.0 * traffic.pedestrian_crossing_share).min(1.0);
-                let crossing =
-                    if wants_across { self.crossing(strip, &strips, kerb, &mut rng) } else { None };
+                let crossing = if jaywalks {
+                    self.way_across(strip, &strips, kerb, station_m)
+                } else if wants_across {
+                    self.crossing(strip, &strips, kerb, &mut rng)
+                } else {
+                    None
+                };
+                if jaywalks && crossing.is_none() {
+                    continue;
+                }
                 let at = strip.center.beside(station_m, left_m);
                 let walk = Walk {
                     footway: strip.center.clone(),
@@ -94,7 +139,8 @@ impl Filler<'_> {
                     sense,
                     speed_mps: 1.0 + 0.6 * rng.random::<f64>(),
                     crossing,
-                    is_reckless: n % 4 != 0,
+                    is_reckless: jaywalks || n % 4 != 0,
+                    is_restless: jaywalks,
                 };
                 let yaw_rad = strip.center.heading_rad(station_m)
                     + if sense < 0.0 { std::f64::consts::PI } else { 0.0 };
@@ -119,6 +165,11 @@ impl Filler<'_> {
             (1.5 + share).min(length_m / 2.0)
         };
         let station_m = if rng.random_bool(0.5) { station_m } else { length_m - station_m };
+        self.way_across(strip, strips, kerb, station_m)
+    }
+
+    /// The way across the street from a station of a pavement, if nothing stands on it.
+    fn way_across(&self, strip: &Strip, strips: &[&Strip], kerb: f64, station_m: f64) -> Option<(f64, Vec2)> {
         let from = strip.center.at(station_m);
         let direction = strip.center.direction(station_m);
         let toward = Vec2::new(-direction.y, direction.x) * kerb;

@@ -36,6 +36,8 @@ pub struct PopulateConfig {
     /// Share of the episodes in which a vehicle drives ahead of the ego from the start.
     pub leader_share: f64,
     pub pedestrian_density: f64,
+    /// Share of the pedestrians who stand beside the ego's route and cross it again and again.
+    pub jaywalker_share: f64,
     /// Between one out-of-distribution place and the next along the route, metres: least, most.
     pub ood_spacing_m: [f64; 2],
     /// Share of out-of-distribution objects that stand in the ego's lane or partly in it.
@@ -50,13 +52,14 @@ impl Default for PopulateConfig {
             ood: false,
             route_length_m: 700.0,
             reach_m: 60.0,
-            prop_density: 0.4,
-            parked_density: 1.3,
-            traffic_density: 1.0,
-            leader_share: 0.75,
-            pedestrian_density: 0.6,
+            prop_density: 0.31,
+            parked_density: 1.7,
+            traffic_density: 1.1,
+            leader_share: 0.6,
+            pedestrian_density: 0.28,
+            jaywalker_share: 0.08,
             ood_spacing_m: [5.0, 11.0],
-            ood_in_lane_share: 0.3,
+            ood_in_lane_share: 0.22,
             event_share: 0.15,
         }
     }
@@ -76,6 +79,8 @@ pub struct Walk {
     pub crossing: Option<(f64, Vec2)>,
     /// Crosses without waiting long for a gap.
     pub is_reckless: bool,
+    /// Goes back across soon.
+    pub is_restless: bool,
 }
 
 /// How an object moves.
@@ -215,7 +220,7 @@ pub fn populate(town: &Arc<Town>, config: &PopulateConfig, seed: u64) -> Result<
         filler.lay_in_lane(&ego_route, station_m);
     }
     filler.place_traffic(&starts, ego_center, &ego_route);
-    filler.place_pedestrians();
+    filler.place_pedestrians(&ego_route);
     let (mut placements, perches) = (filler.placements, filler.perches);
     let is_mocap = |p: &&mut Placement| matches!(p.motion, Motion::Drives { .. } | Motion::Walks(_));
     for (n, placement) in placements.iter_mut().filter(is_mocap).enumerate() {

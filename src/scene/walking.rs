@@ -84,7 +84,8 @@ impl Walker {
                 let step_m = self.walk.speed_mps * dt_s;
                 if way.norm() <= step_m {
                     self.position = to;
-                    self.phase = Phase::Resting { left_s: 6.0, back: from };
+                    self.phase =
+                        Phase::Resting { left_s: if self.walk.is_restless { 1.0 } else { 6.0 }, back: from };
                 } else if !self.is_blocked(way.normalize(), obstacles) {
                     self.position += way.normalize() * step_m;
                 }

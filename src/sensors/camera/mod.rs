@@ -14,6 +14,7 @@ mod noise;
 mod picture;
 mod rain;
 mod sky;
+mod table;
 mod wet;
 
 use image::RgbImage;
@@ -73,6 +74,8 @@ pub struct Scope {
     /// Length of each pixel's ray for a depth of 1.
     stretch: Vec<f32>,
     noise: noise::Tile,
+    lamps: night::Curves,
+    puddles: wet::Puddles,
     seed: u64,
 }
 
@@ -86,6 +89,8 @@ impl Scope {
             panorama: Panorama::new(weather.daytime(), state, seed),
             stretch: picture::ray_lengths(&rig.intrinsics),
             noise: noise::Tile::new(),
+            lamps: night::Curves::new(),
+            puddles: wet::Puddles::new(),
             seed,
         }
     }
@@ -109,17 +114,22 @@ impl Scope {
         self.panorama.paint(&mut picture, &view, rendered.material);
         let mut glow = None;
         if self.state.is_night() {
-            glow =
-                Some(night::light(&mut picture, &view, rendered, shot.lamps, self.state.extinction_per_m()));
+            glow = Some(self.lamps.light(
+                &mut picture,
+                &view,
+                rendered,
+                shot.lamps,
+                self.state.extinction_per_m(),
+            ));
         }
         if self.state.wetness > 0.0 {
-            wet::cover(&mut picture, &view, rendered, &self.panorama, self.state.wetness);
+            self.puddles.cover(&mut picture, &view, rendered, &self.panorama, self.state.wetness);
         }
         if fog::is_visible(&self.state) {
             fog::veil(&mut picture, &view, rendered, &self.panorama, &self.state);
         }
         if let Some(glow) = glow {
-            glow.add_to(&mut picture, self.state.extinction_per_m());
+            self.lamps.add_glow(&glow, &mut picture, self.state.extinction_per_m());
         }
         if self.state.rain_rate_mmph > 0.0 {
             rain::fall(&mut picture, &view, &self.state, shot, self.seed);

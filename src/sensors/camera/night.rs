@@ -8,6 +8,7 @@
 use nalgebra::{Point3, Vector3};
 
 use super::picture::{Colour, Picture, View};
+use super::table::Table;
 use super::{Material, Rendered};
 
 /// Illuminance that shows white as nearly white.
@@ -46,8 +47,50 @@ fn low_beam_cd(left_rad: f32, up_rad: f32) -> f32 {
     (hot + wide) * (0.035 + 0.965 * below)
 }
 
+/// Luminous intensity of one low beam by the tangents of both angles.
+#[derive(Debug, Clone)]
+struct LowBeam(Vec<f32>);
+
+impl LowBeam {
+    const LEFT_STEPS_PER_UNIT: f32 = 64.0;
+    const UP_STEPS_PER_UNIT: f32 = 512.0;
+    /// Tangents within which it is tabulated; outside the edge's value holds.
+    const LEFT: f32 = 2.5;
+    const DOWN: f32 = 1.0;
+    const UP: f32 = 0.25;
+    const N_LEFT: usize = (2.0 * Self::LEFT * Self::LEFT_STEPS_PER_UNIT) as usize + 1;
+    const N_UP: usize = ((Self::DOWN + Self::UP) * Self::UP_STEPS_PER_UNIT) as usize + 1;
+
+    fn new() -> Self {
+        let left = |i: usize| (i as f32 / Self::LEFT_STEPS_PER_UNIT - Self::LEFT).atan();
+        let up = |j: usize| (j as f32 / Self::UP_STEPS_PER_UNIT - Self::DOWN).atan();
+        let rows = 0..Self::N_UP;
+        Self(rows.flat_map(|j| (0..Self::N_LEFT).map(move |i| low_beam_cd(left(i), up(j)))).collect())
+    }
+
+    /// Of a way with these parts forward (above zero), to the left and up.
+    fn cd(&self, forward: f32, left: f32, up: f32) -> f32 {
+        let i = (left / forward + Self::LEFT) * Self::LEFT_STEPS_PER_UNIT + 0.5;
+        let j = (up / forward + Self::DOWN) * Self::UP_STEPS_PER_UNIT + 0.5;
+        let i = (i.max(0.0) as usize).min(Self::N_LEFT - 1);
+        let j = (j.max(0.0) as usize).min(Self::N_UP - 1);
+        self.0[j * Self::N_LEFT + i]
+    }
+}
+
+/// The curves of light at night.
+#[derive(Debug, Clone)]
+pub(super) struct Curves {
+    low_beam: LowBeam,
+    /// Display value by the root of linear light: sqrt(1 - exp(-x^2)).
+    shoulder: Table,
+    /// exp(-x).
+    fade: Table,
+}
+
 /// What one picture's pixels need to know of the lamps, along the camera's axes.
-struct Lights {
+struct Lights<'a> {
+    low_beam: &'a LowBeam,
     street_lamps: Vec<Vector3<f32>>,
     headlamps: [Vector3<f32>; 2],
     /// The ego's axes: forward, left, up.
@@ -55,8 +98,8 @@ struct Lights {
     world_up: Vector3<f32>,
 }
 
-impl Lights {
-    fn new(view: &View<'_>, lamps: &[StreetLamp]) -> Self {
+impl<'a> Lights<'a> {
+    fn new(low_beam: &'a LowBeam, view: &View<'_>, lamps: &[StreetLamp]) -> Self {
         let camera_from_world = view.pose.isometry.inverse();
         let mut near: Vec<Vector3<f32>> = lamps
             .iter()
@@ -72,7 +115,7 @@ impl Lights {
         });
         let axes = [Vector3::x(), Vector3::y(), Vector3::z()]
             .map(|axis: Vector3<f64>| (camera_from_ego * axis).cast::<f32>());
-        Self { street_lamps: near, headlamps, axes, world_up: view.in_camera(&Vector3::z()) }
+        Self { low_beam, street_lamps: near, headlamps, axes, world_up: view.in_camera(&Vector3::z()) }
     }
 
     /// Illuminance on a small surface, by colour.
@@ -89,7 +132,7 @@ impl Lights {
             if forward > 0.1 {
                 let distance2 = way.norm_squared();
                 let cos = (-way.dot(normal) / distance2.sqrt()).max(0.0);
-                let candela = low_beam_cd(left.atan2(forward), up.atan2(forward));
+                let candela = self.low_beam.cd(forward, left, up);
                 add(candela * cos / distance2, HEADLAMP);
             }
         }
@@ -120,66 +163,116 @@ pub(super) struct Glow {
     beam: Vec<f32>,
 }
 
-/// Lights a picture of the things' own colours, and tells the glow to be added over the fog.
-pub(super) fn light(
-    picture: &mut Picture,
-    view: &View<'_>,
-    rendered: &Rendered<'_>,
-    lamps: &[StreetLamp],
-    extinction_per_m: f64,
-) -> Glow {
-    let lights = Lights::new(view, lamps);
-    let width = picture.width;
-    let (glow_width, glow_height) = (width.div_ceil(GLOW_CELL_PX), picture.height.div_ceil(GLOW_CELL_PX));
-    let mut glow = Glow {
-        width: glow_width,
-        height: glow_height,
-        cells: vec![[0.0; 3]; glow_width * glow_height],
-        beam: vec![0.0; glow_width * glow_height],
-    };
-    for v in (0..picture.height).step_by(2) {
-        for u in (0..width).step_by(2) {
-            let mut lux = None;
-            for (du, dv) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
-                let (u, v) = (u + du, v + dv);
-                let at = v * width + u;
-                if u >= width || v >= picture.height || rendered.material[at] == Material::Sky {
+impl Curves {
+    pub(super) fn new() -> Self {
+        Self {
+            low_beam: LowBeam::new(),
+            shoulder: Table::new(0.0, 4.0, 1024, |x| (1.0 - (-x * x).exp()).sqrt()),
+            fade: Table::new(0.0, 8.0, 1024, |x| (-x).exp()),
+        }
+    }
+
+    /// Lights a picture of the things' own colours, and tells the glow to be added over the fog.
+    pub(super) fn light(
+        &self,
+        picture: &mut Picture,
+        view: &View<'_>,
+        rendered: &Rendered<'_>,
+        lamps: &[StreetLamp],
+        extinction_per_m: f64,
+    ) -> Glow {
+        let lights = Lights::new(&self.low_beam, view, lamps);
+        let width = picture.width;
+        let (glow_width, glow_height) = (width.div_ceil(GLOW_CELL_PX), picture.height.div_ceil(GLOW_CELL_PX));
+        let mut glow = Glow {
+            width: glow_width,
+            height: glow_height,
+            cells: vec![[0.0; 3]; glow_width * glow_height],
+            beam: vec![0.0; glow_width * glow_height],
+        };
+        for v in (0..picture.height).step_by(2) {
+            for u in (0..width).step_by(2) {
+                let mut lux = None;
+                for (du, dv) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+                    let (u, v) = (u + du, v + dv);
+                    let at = v * width + u;
+                    if u >= width || v >= picture.height || rendered.material[at] == Material::Sky {
+                        continue;
+                    }
+                    let lux = *lux.get_or_insert_with(|| {
+                        let point = view.ray_in_camera(u, v) * rendered.depth_m[at];
+                        lights.on(&point, &normal(view, rendered, &lights, u, v))
+                    });
+                    let own = picture.pixels[at];
+                    let shining = emission(rendered.material[at], own);
+                    picture.pixels[at] = [0, 1, 2].map(|i| {
+                        let linear = own[i] * own[i] * lux[i] / WHITE_LUX + shining[i];
+                        self.shoulder.at(linear.sqrt())
+                    });
+                    if shining != [0.0; 3] {
+                        let share = seen_share(extinction_per_m, rendered.depth_m[at]);
+                        glow.shine(u, v, shining, share / (GLOW_CELL_PX * GLOW_CELL_PX) as f32);
+                    }
+                }
+            }
+        }
+        for lamp in &lights.street_lamps {
+            glow.shine_lamp(lamp, view, rendered, seen_share(extinction_per_m, lamp.norm()));
+        }
+        if turbidity(extinction_per_m) > 0.02 {
+            for cell_v in 0..glow_height {
+                for cell_u in 0..glow_width {
+                    let ray = view.ray_in_camera(cell_u * GLOW_CELL_PX, cell_v * GLOW_CELL_PX);
+                    let [forward, left, up] = [0, 1, 2].map(|i| ray.dot(&lights.axes[i]));
+                    // The eye's ray passes through the beams at many angles, from above them.
+                    let deg = std::f32::consts::PI / 180.0;
+                    let passed = (0..8).map(|k| up + forward * (2.0 - 1.2 * k as f32) * deg);
+                    let lit: f32 = passed.map(|up| self.low_beam.cd(forward, left, up)).sum();
+                    glow.beam[cell_v * glow_width + cell_u] = lit / 8.0 / 20_000.0;
+                }
+            }
+        }
+        glow.spread();
+        glow
+    }
+
+    /// Adds the glow of lamps and, in turbid air, of the own beams.
+    pub(super) fn add_glow(&self, glow: &Glow, picture: &mut Picture, extinction_per_m: f64) {
+        let turbid = turbidity(extinction_per_m);
+        let halo = 0.45 + 2.2 * turbid;
+        let cell = GLOW_CELL_PX as f32;
+        for v in 0..picture.height {
+            // Between the four nearest cells, so that no cell shows.
+            let y = ((v as f32 + 0.5) / cell - 0.5).clamp(0.0, (glow.height - 1) as f32);
+            let (top, down) = (y as usize * glow.width, y.fract());
+            let below = ((y as usize + 1).min(glow.height - 1)) * glow.width;
+            for u in 0..picture.width {
+                let x = ((u as f32 + 0.5) / cell - 0.5).clamp(0.0, (glow.width - 1) as f32);
+                let (left, over) = (x as usize, x.fract());
+                let right = (left + 1).min(glow.width - 1);
+                let corners = [top + left, top + right, below + left, below + right];
+                let brightest = corners.map(|at| glow.cells[at][0] + turbid * glow.beam[at]);
+                if brightest.iter().all(|light| *light < 1e-4) {
                     continue;
                 }
-                let lux = *lux.get_or_insert_with(|| {
-                    let point = view.ray_in_camera(u, v) * rendered.depth_m[at];
-                    lights.on(&point, &normal(view, rendered, &lights, u, v))
-                });
-                let own = picture.pixels[at];
-                let shining = emission(rendered.material[at], own);
-                picture.pixels[at] = [0, 1, 2].map(|i| {
-                    let linear = own[i] * own[i] * lux[i] / WHITE_LUX + shining[i];
-                    (1.0 - (-linear).exp()).sqrt()
-                });
-                if shining != [0.0; 3] {
-                    let share = seen_share(extinction_per_m, rendered.depth_m[at]);
-                    glow.shine(u, v, shining, share / (GLOW_CELL_PX * GLOW_CELL_PX) as f32);
+                let shares =
+                    [(1.0 - over) * (1.0 - down), over * (1.0 - down), (1.0 - over) * down, over * down];
+                let pixel = &mut picture.pixels[v * picture.width + u];
+                for (i, channel) in pixel.iter_mut().enumerate() {
+                    let light =
+                        |at: usize| halo * glow.cells[at][i] + 0.22 * turbid * glow.beam[at] * HEADLAMP[i];
+                    let added: f32 = corners.iter().zip(shares).map(|(at, share)| light(*at) * share).sum();
+                    // Light on light: what is bright already gains less.
+                    *channel = (1.0 - (1.0 - (*channel * *channel).min(1.0)) * self.fade.at(added)).sqrt();
                 }
             }
         }
     }
-    for lamp in &lights.street_lamps {
-        glow.shine_lamp(lamp, view, rendered, seen_share(extinction_per_m, lamp.norm()));
-    }
-    for cell_v in 0..glow_height {
-        for cell_u in 0..glow_width {
-            let (u, v) = (cell_u * GLOW_CELL_PX, cell_v * GLOW_CELL_PX);
-            let ray = view.ray_in_camera(u, v);
-            let [forward, left, up] = [0, 1, 2].map(|i| ray.dot(&lights.axes[i]));
-            // The eye's ray passes through the beams at many angles, from above them.
-            let deg = std::f32::consts::PI / 180.0;
-            let passed = (0..8).map(|k| up.atan2(forward) + (2.0 - 1.2 * k as f32) * deg);
-            let lit: f32 = passed.map(|up_rad| low_beam_cd(left.atan2(forward), up_rad)).sum();
-            glow.beam[cell_v * glow_width + cell_u] = lit / 8.0 / 20_000.0;
-        }
-    }
-    glow.spread();
-    glow
+}
+
+/// What 12 m of air scatter back of the beams.
+fn turbidity(extinction_per_m: f64) -> f32 {
+    (1.0 - (-12.0 * extinction_per_m).exp()) as f32
 }
 
 /// Share of a lamp's light that comes through the air, straight or scattered a little on the way: the
@@ -256,40 +349,6 @@ impl Glow {
         for _ in 0..5 {
             self.cells = box_filtered(&self.cells, self.width, self.height, true);
             self.cells = box_filtered(&self.cells, self.width, self.height, false);
-        }
-    }
-
-    /// Adds the glow of lamps and, in turbid air, of the own beams.
-    pub(super) fn add_to(&self, picture: &mut Picture, extinction_per_m: f64) {
-        // What 12 m of air scatter back of the beams.
-        let turbid = (1.0 - (-12.0 * extinction_per_m).exp()) as f32;
-        let halo = 0.45 + 2.2 * turbid;
-        let cell = GLOW_CELL_PX as f32;
-        for v in 0..picture.height {
-            // Between the four nearest cells, so that no cell shows.
-            let y = ((v as f32 + 0.5) / cell - 0.5).clamp(0.0, (self.height - 1) as f32);
-            let (top, down) = (y as usize * self.width, y.fract());
-            let below = ((y as usize + 1).min(self.height - 1)) * self.width;
-            for u in 0..picture.width {
-                let x = ((u as f32 + 0.5) / cell - 0.5).clamp(0.0, (self.width - 1) as f32);
-                let (left, over) = (x as usize, x.fract());
-                let right = (left + 1).min(self.width - 1);
-                let corners = [top + left, top + right, below + left, below + right];
-                let brightest = corners.map(|at| self.cells[at][0] + turbid * self.beam[at]);
-                if brightest.iter().all(|light| *light < 1e-4) {
-                    continue;
-                }
-                let shares =
-                    [(1.0 - over) * (1.0 - down), over * (1.0 - down), (1.0 - over) * down, over * down];
-                let pixel = &mut picture.pixels[v * picture.width + u];
-                for (i, channel) in pixel.iter_mut().enumerate() {
-                    let light =
-                        |at: usize| halo * self.cells[at][i] + 0.22 * turbid * self.beam[at] * HEADLAMP[i];
-                    let added: f32 = corners.iter().zip(shares).map(|(at, share)| light(*at) * share).sum();
-                    // Light on light: what is bright already gains less.
-                    *channel = (1.0 - (1.0 - (*channel * *channel).min(1.0)) * (-added).exp()).sqrt();
-                }
-            }
         }
     }
 }

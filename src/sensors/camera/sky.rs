@@ -107,13 +107,18 @@ impl Panorama {
         self.colours[row.min(HEIGHT - 1) * WIDTH + column]
     }
 
-    /// Paints the sky's pixels.
+    /// Paints the sky's pixels, two by two: the panorama's own cells are wider.
     pub(super) fn paint(&self, picture: &mut Picture, view: &View<'_>, material: &[Material]) {
-        for v in 0..picture.height {
-            let row = v * picture.width;
-            for u in 0..picture.width {
-                if material[row + u] == Material::Sky {
-                    picture.pixels[row + u] = self.towards(&view.ray_in_world(u, v));
+        let (width, height) = (picture.width, picture.height);
+        for v in (0..height).step_by(2) {
+            for u in (0..width).step_by(2) {
+                let mut seen = None;
+                for (u, v) in [(u, v), (u + 1, v), (u, v + 1), (u + 1, v + 1)] {
+                    let at = v * width + u;
+                    if u < width && v < height && material[at] == Material::Sky {
+                        picture.pixels[at] =
+                            *seen.get_or_insert_with(|| self.towards(&view.ray_in_world(u, v)));
+                    }
                 }
             }
         }

@@ -9,6 +9,7 @@ use nalgebra::Vector3;
 
 use super::picture::{Colour, Picture, View, mix, scaled};
 use super::sky::Panorama;
+use super::table::Sine;
 use super::{Material, Rendered};
 
 /// Reflectance of water at right angles.
@@ -20,54 +21,68 @@ const THICKNESS_M: f32 = 2.5;
 /// Rows between two probes of the march.
 const PROBE_PX: f32 = 5.0;
 
-/// Covers the paved ground with a film of water.
-pub(super) fn cover(
-    picture: &mut Picture,
-    view: &View<'_>,
-    rendered: &Rendered<'_>,
-    panorama: &Panorama,
-    wetness: f64,
-) {
-    let wetness = wetness as f32;
-    let width = picture.width;
-    let dry = picture.clone();
-    for v in (0..picture.height).step_by(2) {
-        for u in (0..width).step_by(2) {
-            let block = [(0, 0), (1, 0), (0, 1), (1, 1)];
-            let paved = |du: usize, dv: usize| {
-                let (u, v) = (u + du, v + dv);
-                (u < width && v < dry.height && rendered.material[v * width + u] == Material::Paved)
-                    .then_some(v * width + u)
-            };
-            let Some(first) = block.into_iter().find_map(|(du, dv)| paved(du, dv)) else { continue };
-            let ray = view.ray_in_world(u, v);
-            let share = mirror_share(&ray, rendered.depth_m[first], view, wetness);
-            let seen = if share > 0.01 {
-                mirrored(&dry, view, rendered, panorama, u, first / width, &ray)
-            } else {
-                [0.0; 3]
-            };
-            for at in block.into_iter().filter_map(|(du, dv)| paved(du, dv)) {
-                let soaked = scaled(dry.pixels[at], 1.0 - DARKENING * wetness);
-                picture.pixels[at] = mix(soaked, seen, share);
+/// Water on the ground, in a pattern fixed to it.
+#[derive(Debug, Clone)]
+pub(super) struct Puddles {
+    sine: Sine,
+}
+
+impl Puddles {
+    pub(super) fn new() -> Self {
+        Self { sine: Sine::new() }
+    }
+
+    /// Covers the paved ground with a film of water.
+    pub(super) fn cover(
+        &self,
+        picture: &mut Picture,
+        view: &View<'_>,
+        rendered: &Rendered<'_>,
+        panorama: &Panorama,
+        wetness: f64,
+    ) {
+        let wetness = wetness as f32;
+        let width = picture.width;
+        let dry = picture.clone();
+        for v in (0..picture.height).step_by(2) {
+            for u in (0..width).step_by(2) {
+                let block = [(0, 0), (1, 0), (0, 1), (1, 1)];
+                let paved = |du: usize, dv: usize| {
+                    let (u, v) = (u + du, v + dv);
+                    (u < width && v < dry.height && rendered.material[v * width + u] == Material::Paved)
+                        .then_some(v * width + u)
+                };
+                let Some(first) = block.into_iter().find_map(|(du, dv)| paved(du, dv)) else { continue };
+                let ray = view.ray_in_world(u, v);
+                let share = self.mirror_share(&ray, rendered.depth_m[first], view, wetness);
+                let seen = if share > 0.01 {
+                    mirrored(&dry, view, rendered, panorama, u, first / width, &ray)
+                } else {
+                    [0.0; 3]
+                };
+                for at in block.into_iter().filter_map(|(du, dv)| paved(du, dv)) {
+                    let soaked = scaled(dry.pixels[at], 1.0 - DARKENING * wetness);
+                    picture.pixels[at] = mix(soaked, seen, share);
+                }
             }
         }
     }
-}
 
-/// How much of the light is the mirror's: Fresnel times the film's smoothness there.
-fn mirror_share(ray: &Vector3<f32>, depth_m: f32, view: &View<'_>, wetness: f32) -> f32 {
-    let cos = (-ray.z / ray.norm()).clamp(0.0, 1.0);
-    let fresnel = F0 + (1.0 - F0) * (1.0 - cos).powi(5);
-    let x = view.camera_in_world.x as f32 + ray.x * depth_m;
-    let y = view.camera_in_world.y as f32 + ray.y * depth_m;
-    // Puddles: two waves of a few metres that do not repeat together, finer ones on top.
-    let wave = (0.9 * x + 1.7 * (0.31 * y).sin()).sin() + (1.1 * y + 1.3 * (0.27 * x).sin()).sin();
-    let ripple = (3.1 * x - 2.3 * y).sin() + (2.7 * x + 3.7 * y).sin();
-    let puddle = (0.5 + 0.22 * wave + 0.06 * ripple).clamp(0.0, 1.0);
-    // A full film mirrors nearly everywhere, a thin one only in its puddles.
-    let film = (puddle + wetness - 0.65).clamp(0.0, 1.0);
-    0.85 * fresnel * film
+    /// How much of the light is the mirror's: Fresnel times the film's smoothness there.
+    fn mirror_share(&self, ray: &Vector3<f32>, depth_m: f32, view: &View<'_>, wetness: f32) -> f32 {
+        let cos = (-ray.z / ray.norm()).clamp(0.0, 1.0);
+        let fresnel = F0 + (1.0 - F0) * (1.0 - cos).powi(5);
+        let x = view.camera_in_world.x as f32 + ray.x * depth_m;
+        let y = view.camera_in_world.y as f32 + ray.y * depth_m;
+        // Puddles: two waves of a few metres that do not repeat together, finer ones on top.
+        let sin = |angle_rad| self.sine.of(angle_rad);
+        let wave = sin(0.9 * x + 1.7 * sin(0.31 * y)) + sin(1.1 * y + 1.3 * sin(0.27 * x));
+        let ripple = sin(3.1 * x - 2.3 * y) + sin(2.7 * x + 3.7 * y);
+        let puddle = (0.5 + 0.22 * wave + 0.06 * ripple).clamp(0.0, 1.0);
+        // A full film mirrors nearly everywhere, a thin one only in its puddles.
+        let film = (puddle + wetness - 0.65).clamp(0.0, 1.0);
+        0.85 * fresnel * film
+    }
 }
 
 /// What the mirror shows at a pixel of the ground.
