@@ -8,7 +8,8 @@ use fs_err as fs;
 
 use super::ExitStatus;
 use super::device::DeviceArg;
-use super::predict::{detect, eval_samples, open_split};
+use super::predict::{detect, open_split};
+use crate::eval::predict::eval_samples;
 use crate::eval::{self, EvalConfig, EvalSample, Mode, Protocol, json};
 use crate::{config, files, report};
 

@@ -14,8 +14,8 @@ use super::progress::Bar;
 use crate::dataset::Dataset;
 use crate::episode::manifest::Split;
 use crate::episode::{DetectionWriter, SampleDetections, SourceMeta};
-use crate::eval::predict::predict;
-use crate::eval::{EvalSample, json};
+use crate::eval::json;
+use crate::eval::predict::{eval_samples, predict};
 use crate::model::checkpoint;
 use crate::object::Detection;
 use crate::progress::Progress;
@@ -131,21 +131,7 @@ pub fn detect(run: &Path, dataset: &Dataset, device: &Device) -> anyhow::Result<
         dataset.samples().iter().map(|sample| (sample.id.as_str(), &sample.measured)).collect();
     let bar = Bar::default();
     bar.start("predict", measured.len() as u64);
-    let found = predict(&detector, &measured, device, &bar)?;
+    let found = predict(&detector, &measured, detector.config().use_camera, device, &bar)?;
     bar.finish();
     Ok(found)
-}
-
-/// Truth and detections of each sample, to be scored.
-pub fn eval_samples(dataset: &Dataset, found: &[Vec<Detection>]) -> Vec<EvalSample> {
-    dataset
-        .samples()
-        .iter()
-        .zip(found)
-        .map(|(sample, detections)| EvalSample {
-            id: sample.id.clone(),
-            truths: sample.objects.iter().map(Into::into).collect(),
-            detections: detections.iter().map(Into::into).collect(),
-        })
-        .collect()
 }

@@ -8,7 +8,7 @@ use super::ExitStatus;
 use super::device::DeviceArg;
 use super::progress::Bar;
 use crate::config;
-use crate::dataset::Dataset;
+use crate::dataset::{Dataset, DatasetError};
 use crate::episode::manifest::Split;
 use crate::train::{self, RunOptions, TrainConfig};
 
@@ -45,7 +45,13 @@ pub fn run(args: TrainArgs) -> anyhow::Result<ExitStatus> {
     let device = args.device.open()?;
     let dataset = Dataset::open(&args.data, &args.labels, Split::Train)?;
     let options = RunOptions { force: args.force, resume: args.resume };
-    let summary = train::run(&dataset, &config, &args.out, options, &device, &Bar::default())?;
+    let validation = match Dataset::open(&args.data, &args.labels, Split::Val) {
+        Ok(split) if config.validate_every_epochs > 0 => Some(split),
+        Ok(_) | Err(DatasetError::EmptySplit { .. }) => None,
+        Err(error) => return Err(error.into()),
+    };
+    let summary =
+        train::run(&dataset, validation.as_ref(), &config, &args.out, options, &device, &Bar::default())?;
     if summary.n_steps_now == 0 {
         println!("already trained: {}", summary.checkpoint.display());
         return Ok(ExitStatus::Done);

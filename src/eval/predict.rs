@@ -4,6 +4,8 @@ use burn::tensor::Device;
 use rayon::prelude::*;
 use thiserror::Error;
 
+use super::EvalSample;
+use crate::dataset::Dataset;
 use crate::model::{Batch, Detector, Input, InputError, detections};
 use crate::object::Detection;
 use crate::progress::Progress;
@@ -23,13 +25,15 @@ pub struct PredictError {
     pub source: InputError,
 }
 
-/// Boxes of each sample, best first. The detector must be in inference mode (`valid()`).
+/// Boxes of each sample, best first. The detector must be in inference mode (`valid()`); `with_camera` is
+/// false only for one whose camera branch has not been trained yet.
 ///
 /// # Errors
 /// A sample's image is broken or its state is not finite.
 pub fn predict(
     detector: &Detector,
     samples: &[(&str, &Measured)],
+    with_camera: bool,
     device: &Device,
     progress: &dyn Progress,
 ) -> Result<Vec<Vec<Detection>>, PredictError> {
@@ -45,11 +49,24 @@ pub fn predict(
             .collect::<Result<Vec<_>, _>>()?;
         // Images of another size than the first one's go alone: a batch has one size.
         for same_size in inputs.chunk_by(|a, b| a.image_height_px == b.image_height_px) {
-            let batch =
-                Batch::stack(&same_size.iter().collect::<Vec<_>>(), config, config.use_camera, device);
+            let batch = Batch::stack(&same_size.iter().collect::<Vec<_>>(), config, with_camera, device);
             found.extend(detections(&detector.forward(&batch), config, MIN_SCORE));
         }
         progress.advance(chunk.len() as u64);
     }
     Ok(found)
+}
+
+/// Truth and detections of each sample, to be scored.
+pub fn eval_samples(dataset: &Dataset, found: &[Vec<Detection>]) -> Vec<EvalSample> {
+    dataset
+        .samples()
+        .iter()
+        .zip(found)
+        .map(|(sample, detections)| EvalSample {
+            id: sample.id.clone(),
+            truths: sample.objects.iter().map(Into::into).collect(),
+            detections: detections.iter().map(Into::into).collect(),
+        })
+        .collect()
 }

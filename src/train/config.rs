@@ -21,6 +21,16 @@ pub struct TrainConfig {
     pub weight_decay: f32,
     /// L2 norm that all gradients together are scaled down to.
     pub clip_norm: f32,
+    /// Decay of the moving average of the weights, which is what a run leaves behind; 0 leaves the last
+    /// step's weights.
+    pub average_decay: f64,
+    /// Share of each epoch's places that go to samples with something harmful ahead, drawn again and again;
+    /// the rest goes through all samples. 0 shows each sample once.
+    pub harmful_share: f64,
+    /// Batches whose gradients are summed for one step of the optimizer.
+    pub accumulate: usize,
+    /// Epochs between two scores on the validation split, written to `validation.csv`; 0 for none.
+    pub validate_every_epochs: usize,
     pub loss: LossConfig,
     pub augment: AugmentConfig,
     /// Steps between two states to resume from.
@@ -102,6 +112,10 @@ impl Default for TrainConfig {
             rise_share: 0.4,
             weight_decay: 0.01,
             clip_norm: 10.0,
+            average_decay: 0.998,
+            harmful_share: 0.0,
+            accumulate: 1,
+            validate_every_epochs: 1,
             loss: LossConfig::default(),
             augment: AugmentConfig::default(),
             save_every_steps: 100,
@@ -130,6 +144,7 @@ impl TrainConfig {
             ("fused_stage.max_learning_rate", self.fused_stage.max_learning_rate),
             ("clip_norm", f64::from(self.clip_norm)),
             ("batch_size", self.batch_size as f64),
+            ("accumulate", self.accumulate as f64),
             ("save_every_steps", self.save_every_steps as f64),
             ("epochs of both stages", (self.lidar_stage.epochs + self.fused_stage.epochs) as f64),
         ];
@@ -142,7 +157,12 @@ impl TrainConfig {
                 });
             }
         }
-        let shares = [("rise_share", self.rise_share), ("augment.aimed_share", self.augment.aimed_share)];
+        let shares = [
+            ("average_decay", self.average_decay),
+            ("harmful_share", self.harmful_share),
+            ("rise_share", self.rise_share),
+            ("augment.aimed_share", self.augment.aimed_share),
+        ];
         for (field, found) in shares {
             if !(0.0..=1.0).contains(&found) {
                 return Err(TrainConfigError::Field {

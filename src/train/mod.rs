@@ -1,13 +1,17 @@
 //! Training: targets, losses, schedule, optimizer and the resumable loop.
 
 mod augment;
+mod average;
 mod config;
+mod log;
 mod losses;
 mod optimizer;
+mod plan;
 mod run;
 mod schedule;
 mod state;
 mod targets;
+mod validate;
 
 pub use config::{AugmentConfig, LossConfig, StageConfig, TrainConfig, TrainConfigError};
 pub use losses::LossParts;

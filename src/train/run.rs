@@ -7,20 +7,23 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use burn::module::Module;
-use burn::optim::GradientsParams;
+use burn::optim::{GradientsAccumulator, GradientsParams};
 use burn::tensor::Device;
 use fs_err as fs;
-use rand::seq::SliceRandom;
 use rayon::prelude::*;
 use thiserror::Error;
 
 use super::augment;
-use super::config::{StageConfig, TrainConfig, TrainConfigError};
+use super::average::Average;
+use super::config::{TrainConfig, TrainConfigError};
+use super::log::Log;
 use super::losses::{LossParts, losses};
 use super::optimizer::{Optimizer, number_parameters};
+use super::plan::{Plan, STAGES};
 use super::schedule::one_cycle;
 use super::state::{self, Position, StateError};
 use super::targets::trainable;
+use super::validate::{self, ValidationError, validate};
 use crate::config::to_toml;
 use crate::dataset::{Dataset, LabelledSample};
 use crate::files;
@@ -57,6 +60,8 @@ pub enum TrainError {
     Input { sample: String, source: InputError },
     #[error("sample {sample}: {source}")]
     Label { sample: String, source: ZoneError },
+    #[error("validation failed: {0}")]
+    Validation(#[from] ValidationError),
     #[error(
         "the loss became {found} at step {step} of the {stage} stage, on samples {samples:?}; \
          the state before it is kept: lower the learning rate or look at these samples"
@@ -86,21 +91,22 @@ pub struct Summary {
     pub elapsed: Duration,
 }
 
-const STAGES: [&str; 2] = ["lidar", "fused"];
-
 /// Name of the finished checkpoint in a run's folder.
 pub const CHECKPOINT: &str = "model.safetensors";
 const CONFIG_FILE: &str = "train.toml";
 const DATA_FILE: &str = "data.json";
 const LOG_FILE: &str = "log.csv";
+const VALIDATION_FILE: &str = "validation.csv";
 const LOG_HEADER: &str = "n_done,stage,epoch,learning_rate,heatmap,harm,boxes,gradient_norm";
 
-/// Trains a detector; goes on where an earlier call with the same config and data stopped.
+/// Trains a detector; goes on where an earlier call with the same config and data stopped. With
+/// `validation`, the moving average is scored on it between epochs.
 ///
 /// # Errors
 /// [`TrainError`]; what was learnt up to the last kept state stays.
 pub fn run(
     dataset: &Dataset,
+    validation: Option<&Dataset>,
     config: &TrainConfig,
     out: &Path,
     options: RunOptions,
@@ -114,21 +120,33 @@ pub fn run(
         return Err(TrainError::NoSamples { path: dataset.path().to_owned() });
     }
     open_folder(dataset, config, out, options)?;
-    let plan = Plan::new(config, samples.len());
+    let plan = Plan::new(config, samples);
     let final_path = out.join(CHECKPOINT);
+    let summary = |n_steps_now, last_loss| Summary {
+        checkpoint: final_path.clone(),
+        n_samples: samples.len(),
+        n_steps: plan.n_steps.iter().sum(),
+        n_steps_now,
+        last_loss,
+        elapsed: started.elapsed(),
+    };
     if final_path.exists() {
-        return Ok(plan.summary(final_path, 0, LossParts::default(), started.elapsed()));
+        return Ok(summary(0, LossParts::default()));
     }
 
+    let inference_device = device;
     let device = device.clone().autodiff();
-    let kept = state::newest(out, Optimizer::new(config), &device)?;
-    let (mut detector, mut optimizer, mut position) = if let Some(kept) = kept {
-        (number_parameters(kept.detector), kept.optimizer, kept.position)
+    let kept = state::newest(out, Optimizer::new(config), &device, inference_device)?;
+    let (mut detector, mut optimizer, mut position, mut average) = if let Some(kept) = kept {
+        let average = Average::new(kept.average, config.average_decay);
+        (number_parameters(kept.detector), kept.optimizer, kept.position, average)
     } else {
         let fresh = number_parameters(Detector::init(&config.model, config.seed, &device));
-        (fresh, Optimizer::new(config), Position { stage: 0, step: 0 })
+        let average = Average::new(fresh.valid(), config.average_decay);
+        (fresh, Optimizer::new(config), Position { stage: 0, step: 0 }, average)
     };
-    let mut log = Log::open(out, plan.n_done(position))?;
+    let mut log = Log::open(&out.join(LOG_FILE), LOG_HEADER, plan.n_done(position))?;
+    let mut scores = Log::open(&out.join(VALIDATION_FILE), validate::HEADER, plan.n_done(position))?;
     let mut n_steps_now = 0;
     let mut epoch_loss = Mean::default();
     while position.stage < STAGES.len() {
@@ -137,59 +155,104 @@ pub fn run(
         progress.start(stage, n_steps as u64);
         progress.advance(position.step as u64);
         while position.step < n_steps {
-            let chosen = plan.batch(config.seed, position, samples.len());
-            let (batch, objects) = prepare(&chosen, samples, dataset, config, position, &device)?;
-            let output = detector.forward(&batch);
-            let loss = losses(&output, &objects, &config.model, &config.loss);
-            let not_finite = |found: f32| TrainError::NotFinite {
-                found,
-                step: position.step,
-                stage,
-                samples: chosen.iter().map(|&i| samples[i].id.clone()).collect(),
-            };
-            if !loss.parts.total().is_finite() {
-                return Err(not_finite(loss.parts.total()));
-            }
             let learning_rate = one_cycle(
                 position.step,
                 n_steps,
                 plan.stages[position.stage].max_learning_rate,
                 config.rise_share,
             );
-            let grads = GradientsParams::from_grads(loss.total.backward(), &detector);
+            let (grads, parts) = gradients(&detector, &plan, position, dataset, config, &device)?;
             let (next, norm) = optimizer.step(detector, grads, learning_rate);
             if !norm.is_finite() {
-                return Err(not_finite(norm));
+                let chosen = plan.step_samples(config, position).concat();
+                return Err(not_finite(norm, position, &chosen, samples));
             }
             detector = next;
+            if config.average_decay > 0.0 {
+                average.update(&detector.valid(), position.step);
+            }
             let epoch = position.step / plan.steps_per_epoch;
             if position.step % plan.steps_per_epoch == 0 {
                 epoch_loss = Mean::default();
             }
-            epoch_loss.add(loss.parts);
+            epoch_loss.add(parts);
             position.step += 1;
             n_steps_now += 1;
             let n_done = plan.n_done(position);
             log.push(format!(
                 "{n_done},{stage},{epoch},{learning_rate:.3e},{:.5},{:.5},{:.5},{norm:.3}",
-                loss.parts.heatmap, loss.parts.harm, loss.parts.boxes
+                parts.heatmap, parts.harm, parts.boxes
             ));
             progress.note(&format!("epoch {} loss {:.3}", epoch + 1, epoch_loss.mean().total()));
             progress.advance(1);
+            let is_epoch_end = position.step % plan.steps_per_epoch == 0;
+            let is_due = config.validate_every_epochs > 0
+                && is_epoch_end
+                && (epoch + 1).is_multiple_of(config.validate_every_epochs);
+            if let Some(data) = validation.filter(|_| is_due) {
+                let latest = finished(&detector, &average, config);
+                let scored = validate(&latest, data, inference_device, position.stage == 1)?;
+                progress.note(&format!("epoch {} mAP {:.3}", epoch + 1, scored.mean));
+                let [a, b, c] = [scored.harmful, scored.harmless, scored.mean];
+                scores.push(format!("{n_done},{stage},{epoch},{a:.4},{b:.4},{c:.4}"));
+                scores.save()?;
+            }
             if n_done.is_multiple_of(config.save_every_steps) && position.step < n_steps {
                 log.save()?;
-                state::keep(out, n_done, position, &detector.valid(), &optimizer)?;
+                state::keep(out, n_done, position, &detector.valid(), average.detector(), &optimizer)?;
             }
         }
         progress.finish();
         position = Position { stage: position.stage + 1, step: 0 };
         optimizer = Optimizer::new(config);
         log.save()?;
-        state::keep(out, plan.n_done(position), position, &detector.valid(), &optimizer)?;
+        let n_done = plan.n_done(position);
+        state::keep(out, n_done, position, &detector.valid(), average.detector(), &optimizer)?;
     }
-    checkpoint::save(&detector.valid(), &final_path)?;
+    checkpoint::save(&finished(&detector, &average, config), &final_path)?;
     state::clear(out)?;
-    Ok(plan.summary(final_path, n_steps_now, epoch_loss.mean(), started.elapsed()))
+    Ok(summary(n_steps_now, epoch_loss.mean()))
+}
+
+/// What a run leaves behind: the moving average, or the last weights where there is none.
+fn finished(detector: &Detector, average: &Average, config: &TrainConfig) -> Detector {
+    if config.average_decay > 0.0 { average.detector().clone() } else { detector.valid() }
+}
+
+fn not_finite(found: f32, position: Position, chosen: &[usize], samples: &[LabelledSample]) -> TrainError {
+    TrainError::NotFinite {
+        found,
+        step: position.step,
+        stage: STAGES[position.stage],
+        samples: chosen.iter().map(|&i| samples[i].id.clone()).collect(),
+    }
+}
+
+/// Gradients of one step, the mean over its batches, and the mean loss.
+fn gradients(
+    detector: &Detector,
+    plan: &Plan,
+    position: Position,
+    dataset: &Dataset,
+    config: &TrainConfig,
+    device: &Device,
+) -> Result<(GradientsParams, LossParts), TrainError> {
+    let samples = dataset.samples();
+    let batches = plan.step_samples(config, position);
+    let mut sum = GradientsAccumulator::new();
+    let mut mean = Mean::default();
+    for (batch_idx, chosen) in batches.iter().enumerate() {
+        let first_draw = (position.step * config.accumulate + batch_idx) * config.batch_size;
+        let (batch, objects) = prepare(chosen, samples, dataset, config, position, first_draw, device)?;
+        let loss = losses(&detector.forward(&batch), &objects, &config.model, &config.loss);
+        if !loss.parts.total().is_finite() {
+            return Err(not_finite(loss.parts.total(), position, chosen, samples));
+        }
+        mean.add(loss.parts);
+        let scaled = loss.total.div_scalar(batches.len() as f64);
+        sum.accumulate(detector, GradientsParams::from_grads(scaled.backward(), detector));
+    }
+    Ok((sum.grads(), mean.mean()))
 }
 
 /// Makes the run's folder, or checks that the run in it is this one.
@@ -218,7 +281,7 @@ fn open_folder(
             return Err(TrainError::OtherRun { path: out.to_owned() });
         }
         state::clear(out)?;
-        for name in [CHECKPOINT, LOG_FILE, CONFIG_FILE, DATA_FILE] {
+        for name in [CHECKPOINT, LOG_FILE, VALIDATION_FILE, CONFIG_FILE, DATA_FILE] {
             let path = out.join(name);
             if path.exists() {
                 fs::remove_file(path)?;
@@ -239,60 +302,6 @@ fn open_folder(
     Ok(())
 }
 
-/// The run's steps, laid out from config and sample count alone.
-struct Plan {
-    stages: [StageConfig; 2],
-    steps_per_epoch: usize,
-    n_steps: [usize; 2],
-    batch_size: usize,
-    n_samples: usize,
-}
-
-impl Plan {
-    fn new(config: &TrainConfig, n_samples: usize) -> Self {
-        let steps_per_epoch = n_samples.div_ceil(config.batch_size);
-        let stages = [config.lidar_stage, config.fused_stage];
-        Self {
-            stages,
-            steps_per_epoch,
-            n_steps: stages.map(|stage| stage.epochs * steps_per_epoch),
-            batch_size: config.batch_size,
-            n_samples,
-        }
-    }
-
-    /// Steps done before a position, over all stages.
-    fn n_done(&self, position: Position) -> usize {
-        self.n_steps[..position.stage].iter().sum::<usize>() + position.step
-    }
-
-    /// The samples of a step: a shuffle for each epoch, cut into batches; the last may be short.
-    fn batch(&self, seed: u64, position: Position, n_samples: usize) -> Vec<usize> {
-        let epoch = position.step / self.steps_per_epoch;
-        let mut order: Vec<usize> = (0..n_samples).collect();
-        order.shuffle(&mut random::stream(seed, &format!("order-{}", STAGES[position.stage]), epoch as u64));
-        let first = position.step % self.steps_per_epoch * self.batch_size;
-        order[first..(first + self.batch_size).min(n_samples)].to_vec()
-    }
-
-    fn summary(
-        &self,
-        checkpoint: PathBuf,
-        n_steps_now: usize,
-        last_loss: LossParts,
-        elapsed: Duration,
-    ) -> Summary {
-        Summary {
-            checkpoint,
-            n_samples: self.n_samples,
-            n_steps: self.n_steps.iter().sum(),
-            n_steps_now,
-            last_loss,
-            elapsed,
-        }
-    }
-}
-
 /// Augments and stacks the samples of a step.
 fn prepare(
     chosen: &[usize],
@@ -300,6 +309,7 @@ fn prepare(
     dataset: &Dataset,
     config: &TrainConfig,
     position: Position,
+    first_draw: usize,
     device: &Device,
 ) -> Result<(Batch, Vec<Vec<Vec<LabelledObject>>>), TrainError> {
     let mut augment = config.augment;
@@ -311,7 +321,7 @@ fn prepare(
         .enumerate()
         .map(|(place, &sample_idx)| {
             let sample = &samples[sample_idx];
-            let draw_idx = (position.step * config.batch_size + place) as u64;
+            let draw_idx = (first_draw + place) as u64;
             let mut rng =
                 random::stream(config.seed, &format!("augment-{}", STAGES[position.stage]), draw_idx);
             let view = augment::draw(
@@ -331,33 +341,6 @@ fn prepare(
     let (inputs, objects): (Vec<_>, Vec<_>) = prepared.into_iter().unzip();
     let batch = Batch::stack(&inputs.iter().collect::<Vec<_>>(), &config.model, position.stage == 1, device);
     Ok((batch, objects))
-}
-
-/// The log: a row for each step, cut back to the resumed step.
-struct Log {
-    path: PathBuf,
-    rows: Vec<String>,
-}
-
-impl Log {
-    fn open(out: &Path, n_done: usize) -> Result<Self, TrainError> {
-        let path = out.join(LOG_FILE);
-        let rows = if path.exists() {
-            fs::read_to_string(&path)?.lines().skip(1).take(n_done).map(ToOwned::to_owned).collect()
-        } else {
-            Vec::new()
-        };
-        Ok(Self { path, rows })
-    }
-
-    fn push(&mut self, row: String) {
-        self.rows.push(row);
-    }
-
-    fn save(&self) -> Result<(), TrainError> {
-        let text = format!("{LOG_HEADER}\n{}\n", self.rows.join("\n"));
-        Ok(files::write_atomic(&self.path, text.as_bytes())?)
-    }
 }
 
 /// Running mean of losses.
@@ -383,6 +366,7 @@ impl Mean {
 
 #[cfg(test)]
 mod tests {
+    use super::super::StageConfig;
     use super::*;
     use crate::dataset::test_data;
     use crate::model::{CameraConfig, GridConfig, ModelConfig};
@@ -409,7 +393,7 @@ mod tests {
     }
 
     fn train(data: &Dataset, config: &TrainConfig, out: &Path) -> Result<Summary, TrainError> {
-        run(data, config, out, RunOptions::default(), &Device::flex(), &Silent)
+        run(data, None, config, out, RunOptions::default(), &Device::flex(), &Silent)
     }
 
     /// Stops a run after some steps, as a kill would, by a watcher that panics.
@@ -432,22 +416,23 @@ mod tests {
         let data = test_data::dataset(6);
         let config = tiny();
         let folder = tempfile::tempdir().unwrap();
-        let whole = train(&data, &config, &folder.path().join("whole")).unwrap();
+        let options = RunOptions::default();
+        let path = folder.path().join("whole");
+        let whole = run(&data, Some(&data), &config, &path, options, &Device::flex(), &Silent).unwrap();
         let broken = folder.path().join("broken");
         for after in [2, 5, 2] {
             let watcher = Stop { after: after.into() };
             let stopped = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
-                run(&data, &config, &broken, RunOptions::default(), &Device::flex(), &watcher)
+                run(&data, Some(&data), &config, &broken, RunOptions::default(), &Device::flex(), &watcher)
             }));
             assert!(stopped.is_err() && !broken.join(CHECKPOINT).exists());
         }
-        let resumed = train(&data, &config, &broken).unwrap();
+        let resumed = run(&data, Some(&data), &config, &broken, options, &Device::flex(), &Silent).unwrap();
         assert!(resumed.n_steps_now < whole.n_steps_now);
         assert!(fs::read(&whole.checkpoint).unwrap() == fs::read(&resumed.checkpoint).unwrap());
-        assert_eq!(
-            fs::read(folder.path().join("whole/log.csv")).unwrap(),
-            fs::read(broken.join("log.csv")).unwrap()
-        );
+        for name in [LOG_FILE, VALIDATION_FILE] {
+            assert_eq!(fs::read(path.join(name)).unwrap(), fs::read(broken.join(name)).unwrap(), "{name}");
+        }
     }
 
     #[test]
@@ -460,7 +445,7 @@ mod tests {
         assert!(matches!(train(&data, &other, folder.path()), Err(TrainError::OtherRun { .. })));
         assert_eq!(fs::read(folder.path().join(CHECKPOINT)).unwrap(), before);
         let forced = RunOptions { force: true, resume: false };
-        run(&data, &other, folder.path(), forced, &Device::flex(), &Silent).unwrap();
+        run(&data, None, &other, folder.path(), forced, &Device::flex(), &Silent).unwrap();
         assert_ne!(fs::read(folder.path().join(CHECKPOINT)).unwrap(), before);
     }
 
@@ -481,7 +466,8 @@ mod tests {
     fn resuming_where_there_is_nothing_is_an_error() {
         let folder = tempfile::tempdir().unwrap();
         let options = RunOptions { force: false, resume: true };
-        let ended = run(&test_data::dataset(2), &tiny(), folder.path(), options, &Device::flex(), &Silent);
+        let ended =
+            run(&test_data::dataset(2), None, &tiny(), folder.path(), options, &Device::flex(), &Silent);
         assert!(matches!(ended, Err(TrainError::NothingToResume { .. })));
     }
 

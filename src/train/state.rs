@@ -38,6 +38,8 @@ pub enum StateError {
 pub struct Kept {
     pub position: Position,
     pub detector: Detector,
+    /// The moving average, on the inference device.
+    pub average: Detector,
     pub optimizer: Optimizer,
 }
 
@@ -55,6 +57,7 @@ pub fn keep(
     n_done: usize,
     position: Position,
     detector: &Detector,
+    average: &Detector,
     optimizer: &Optimizer,
 ) -> Result<(), StateError> {
     let states = folder(run);
@@ -66,6 +69,7 @@ pub fn keep(
     fs::create_dir_all(&partial)?;
     let broken = |message: String| StateError::Broken { message, path: partial.clone() };
     checkpoint::save(detector, &partial.join("model.safetensors"))?;
+    checkpoint::save(average, &partial.join("average.safetensors"))?;
     fs::write(partial.join("optimizer.bpk"), optimizer.to_bytes().map_err(broken)?)?;
     let text = serde_json::to_string(&position).expect("a position always has a JSON form");
     fs::write(partial.join("position.json"), text)?;
@@ -102,14 +106,20 @@ fn all(run: &Path) -> Result<Vec<PathBuf>, StateError> {
 ///
 /// # Errors
 /// The state is broken or of another config.
-pub fn newest(run: &Path, optimizer: Optimizer, device: &Device) -> Result<Option<Kept>, StateError> {
+pub fn newest(
+    run: &Path,
+    optimizer: Optimizer,
+    device: &Device,
+    inference_device: &Device,
+) -> Result<Option<Kept>, StateError> {
     let Some(path) = all(run)?.pop() else { return Ok(None) };
     let broken = |message: String| StateError::Broken { message, path: path.clone() };
     let text = fs::read_to_string(path.join("position.json"))?;
     let position = serde_json::from_str(&text).map_err(|error| broken(error.to_string()))?;
     let detector = checkpoint::load(&path.join("model.safetensors"), device)?;
+    let average = checkpoint::load(&path.join("average.safetensors"), inference_device)?;
     let optimizer = optimizer.load_bytes(fs::read(path.join("optimizer.bpk"))?).map_err(broken)?;
-    Ok(Some(Kept { position, detector, optimizer }))
+    Ok(Some(Kept { position, detector, average, optimizer }))
 }
 
 /// Removes all states of a finished run.

@@ -1,0 +1,39 @@
+//! Scores on the validation split while a run goes on.
+
+use burn::tensor::Device;
+
+use crate::dataset::Dataset;
+use crate::eval::predict::{PredictError, eval_samples, predict};
+use crate::eval::{ClassScores, Mode, Protocol, ScoreError, score};
+use crate::model::Detector;
+use crate::progress::Silent;
+use thiserror::Error;
+
+/// Why a detector could not be scored.
+#[derive(Debug, Error)]
+pub enum ValidationError {
+    #[error(transparent)]
+    Predict(#[from] PredictError),
+    #[error(transparent)]
+    Score(#[from] ScoreError),
+}
+
+/// Columns of a row of `validation.csv` after step, stage and epoch.
+pub const HEADER: &str = "n_done,stage,epoch,harmful,harmless,mean";
+
+/// Scores a detector in inference mode on a split, with the default protocol; without the camera as long as
+/// that has not been trained.
+///
+/// # Errors
+/// A sample is broken, or its boxes cannot be scored.
+pub fn validate(
+    detector: &Detector,
+    data: &Dataset,
+    device: &Device,
+    with_camera: bool,
+) -> Result<ClassScores, ValidationError> {
+    let measured: Vec<_> =
+        data.samples().iter().map(|sample| (sample.id.as_str(), &sample.measured)).collect();
+    let found = predict(detector, &measured, with_camera, device, &Silent)?;
+    Ok(score(&eval_samples(data, &found), &Protocol::default(), Mode::Id)?.columns.total)
+}
