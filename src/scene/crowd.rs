@@ -15,7 +15,7 @@ use crate::random::{self, Rng};
 const JAYWALKERS_FROM_M: f64 = 10.0;
 const JAYWALKERS_TO_M: f64 = 220.0;
 /// The same where obstacles lie on the street and the ego drives more slowly.
-const JAYWALKERS_TO_M_SLOW: f64 = 60.0;
+const JAYWALKERS_TO_M_SLOW: f64 = 45.0;
 
 /// The pavement nearest to a point of a route, on its left or right, and the station there.
 fn beside_route<'a>(
