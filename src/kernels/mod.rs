@@ -11,5 +11,7 @@ mod burn_op;
 mod conv3x3;
 mod scratch;
 mod simd;
+mod sparse_conv;
 
 pub use burn_op::conv3x3;
+pub use sparse_conv::{OffsetPairs, Rulebook, sparse_conv};

@@ -27,6 +27,13 @@ impl ConvBlock {
         }
     }
 
+    /// The same block whose running statistics follow the batches by another share than burn's 0.1.
+    #[must_use]
+    pub fn with_momentum(mut self, momentum: f64) -> Self {
+        self.norm.momentum = momentum;
+        self
+    }
+
     /// # Shapes
     /// - x: `[batch, channel_in, y, x]`
     /// - output: `[batch, channel_out, ceil(y / stride), ceil(x / stride)]`
