@@ -229,6 +229,7 @@ impl BevBackbone {
 mod tests {
     use super::*;
     use crate::model::golden::{Golden, relative_error};
+    use crate::model::n_trained;
 
     fn small(upsample: Upsample) -> BevBackboneConfig {
         BevBackboneConfig {
@@ -242,9 +243,9 @@ mod tests {
 
     #[test]
     fn the_published_backbone_has_4_281_and_its_neck_0_296_million_parameters() {
-        let backbone = BevBackbone::init(256, &BevBackboneConfig::default(), &Device::flex());
-        let in_scales: usize = backbone.scales.iter().flatten().map(Module::num_params).sum();
-        let in_necks: usize = backbone.necks.iter().map(Module::num_params).sum();
+        let backbone = BevBackbone::init(256, &BevBackboneConfig::default(), &Device::flex().autodiff());
+        let in_scales: usize = backbone.scales.iter().flatten().map(n_trained).sum();
+        let in_necks: usize = backbone.necks.iter().map(n_trained).sum();
         assert_eq!((in_scales, in_necks), (4_280_832, 295_936));
         assert_eq!(BevBackboneConfig::default().n_channels_out(), 512);
     }

@@ -142,6 +142,7 @@ impl LidarVoxelBranch {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::n_trained;
     use crate::model::voxelize;
 
     fn small() -> LidarVoxelConfig {
@@ -190,8 +191,8 @@ mod tests {
         assert_eq!(config.sparse_shape(), [41, 1440, 720]);
         assert_eq!((config.encoded_shape(), config.out_shape()), ([256, 180, 90], [512, 180, 90]));
         assert!((config.cell_size_m() - 0.6).abs() < 1e-12);
-        let n = LidarVoxelBranch::init(&config, &Device::flex()).num_params();
-        assert_eq!(n, 2_693_920 + 4_280_832 + 295_936);
+        let branch = LidarVoxelBranch::init(&config, &Device::flex().autodiff());
+        assert_eq!(n_trained(&branch), 2_693_920 + 4_280_832 + 295_936);
     }
 
     #[test]

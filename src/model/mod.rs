@@ -16,6 +16,7 @@ mod input;
 mod layers;
 mod lidar;
 mod lidar_voxel;
+mod parameters;
 mod sparse;
 mod voxel;
 
@@ -26,5 +27,6 @@ pub use detector::{Detector, detections};
 pub use head::{Output, Query, cell_center_m};
 pub use input::{Input, InputError};
 pub use lidar_voxel::{LidarVoxelBranch, LidarVoxelConfig, VoxelBatch};
+pub use parameters::n_trained;
 pub use sparse::{EncoderRulebooks, Sites, SparseEncoder, SparseEncoderConfig};
 pub use voxel::{N_VOXEL_FEATURES, VoxelConfig, Voxels, voxelize};
