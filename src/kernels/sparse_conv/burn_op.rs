@@ -1,7 +1,7 @@
 //! The sparse convolution as a burn operation with gradients, for `Device::flex()` with or without autodiff.
 //!
-//! Every other device runs burn's own operations on the rulebook's index tensors. Either way only the
-//! input and the matrices are kept for the backward pass, or what burn keeps of one offset's rows.
+//! For the backward pass it keeps input and matrices alone: rows are gathered anew. Every other device runs
+//! burn's own operations on the rulebook's index tensors, whose graph keeps the gathered rows.
 
 use std::sync::Arc;
 

@@ -150,3 +150,30 @@ pub(super) fn weight_gradient(
     });
     dw
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::OffsetPairs;
+    use super::*;
+
+    #[test]
+    fn results_do_not_depend_on_the_number_of_threads() {
+        let n = 3 * BLOCK_FLOATS as u32 / 4;
+        let pairs = |shift: u32| OffsetPairs {
+            inputs: (0..n - shift).collect(),
+            outputs: (shift..n).collect(),
+        };
+        let rulebook = Rulebook::new(n as usize, n as usize, vec![pairs(1), pairs(0), pairs(700)]);
+        let values = |n: usize| (0..n).map(|i| (i * 7919 % 1000) as f32 / 500.0 - 1.0).collect::<Vec<f32>>();
+        let (x, w) = (values(n as usize * 4), values(3 * 4 * 4));
+        let run = |n_threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads).build().unwrap();
+            pool.install(|| {
+                let out = apply(&rulebook, Direction::Forward, &x, &w, [4, 4]);
+                let dw = weight_gradient(&rulebook, &x, &out, [4, 4]);
+                [out, dw].concat().into_iter().map(f32::to_bits).collect::<Vec<u32>>()
+            })
+        };
+        assert_eq!(run(1), run(3));
+    }
+}

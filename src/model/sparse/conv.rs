@@ -93,7 +93,10 @@ mod tests {
                 if geometry == Geometry::SUBMANIFOLD { inputs.clone() } else { geometry.reached(&inputs) };
             assert_eq!(outputs, golden.sites(&name("out_shape"), &name("out_cells")), "{case}: sites");
 
-            let rulebook = Arc::new(geometry.rulebook(&inputs, &outputs));
+            let rulebook = Arc::new(match geometry {
+                Geometry::SUBMANIFOLD => Geometry::submanifold_rulebook(&inputs),
+                strided => strided.rulebook(&inputs, &outputs),
+            });
             let x = tensor("x").require_grad();
             let w = golden.tensor::<3>(&name("w"), &device).require_grad();
             let y = sparse_conv(x.clone(), w.clone(), &rulebook);

@@ -47,10 +47,16 @@ impl Geometry {
         let mut output = [0; 3];
         for axis in 0..3 {
             let ahead = (input[axis] + self.padding[axis]).checked_sub(offset[axis])?;
-            output[axis] = ahead / self.stride[axis];
-            if !ahead.is_multiple_of(self.stride[axis]) || output[axis] >= out_shape[axis] {
+            // Divisions by a number that is not known in advance would take most of the time.
+            let (quotient, remainder) = match self.stride[axis] {
+                1 => (ahead, 0),
+                2 => (ahead / 2, ahead % 2),
+                stride => (ahead / stride, ahead % stride),
+            };
+            if remainder != 0 || quotient >= out_shape[axis] {
                 return None;
             }
+            output[axis] = quotient;
         }
         Some(output)
     }
@@ -84,6 +90,24 @@ impl Geometry {
         Rulebook::new(inputs.len(), outputs.len(), pairs)
     }
 
+    /// The pairs of a submanifold convolution, whose outputs are its inputs: those of an offset are those
+    /// of the opposite one turned around, and the middle joins each site with itself.
+    pub fn submanifold_rulebook(sites: &Sites) -> Rulebook {
+        let offsets = Self::SUBMANIFOLD.offsets();
+        let middle = offsets.len() / 2;
+        let mut pairs: Vec<OffsetPairs> = offsets[..middle]
+            .par_iter()
+            .map(|&offset| Self::SUBMANIFOLD.pairs(sites, sites, offset))
+            .collect();
+        let all: Vec<u32> = (0..sites.len() as u32).collect();
+        pairs.push(OffsetPairs { inputs: all.clone(), outputs: all });
+        for opposite in (0..middle).rev() {
+            let OffsetPairs { inputs, outputs } = pairs[opposite].clone();
+            pairs.push(OffsetPairs { inputs: outputs, outputs: inputs });
+        }
+        Rulebook::new(sites.len(), sites.len(), pairs)
+    }
+
     /// The pairs of one offset.
     fn pairs(&self, inputs: &Sites, outputs: &Sites, offset: [usize; 3]) -> OffsetPairs {
         let mut pairs = OffsetPairs::default();
@@ -115,6 +139,17 @@ mod tests {
         let last = Geometry { kernel: [3, 1, 1], stride: [2, 1, 1], padding: [0; 3] }.out_shape(flat);
         assert_eq!((down, flat, last), ([11, 360, 180], [5, 180, 90], Some([2, 180, 90])));
         assert_eq!(Geometry { padding: [0; 3], ..STRIDED }.out_shape([2, 9, 9]), None);
+    }
+
+    #[test]
+    fn turning_pairs_around_gives_those_of_the_opposite_offset() {
+        let cells: Vec<[u16; 3]> =
+            (0..240).filter(|i| i * i % 7 < 3).map(|i| [i / 60, i / 10 % 6, i % 10]).collect();
+        let sites = Sites::new([4, 6, 10], &[&cells, &cells[5..]]);
+        let (turned, merged) =
+            (Geometry::submanifold_rulebook(&sites), Geometry::SUBMANIFOLD.rulebook(&sites, &sites));
+        assert_eq!(turned.offsets(), merged.offsets());
+        assert!(turned.n_pairs() > 3 * sites.len());
     }
 
     #[test]

@@ -34,7 +34,7 @@ impl EncoderRulebooks {
             levels.push(geometry.reached(&levels[levels.len() - 1]));
         }
         let n_stages = config.channels.len();
-        let stages = levels[..n_stages].par_iter().map(|sites| Geometry::SUBMANIFOLD.rulebook(sites, sites));
+        let stages = levels[..n_stages].par_iter().map(Geometry::submanifold_rulebook);
         let between = strided
             .par_iter()
             .enumerate()
