@@ -228,7 +228,7 @@ impl BevBackbone {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::golden::{Golden, relative_error};
+    use crate::model::golden::{Golden, assert_close};
     use crate::model::n_trained;
 
     fn small(upsample: Upsample) -> BevBackboneConfig {
@@ -259,19 +259,19 @@ mod tests {
             let tensor = |part: &str| golden.tensor::<4>(&name(part), &inner);
             let fresh = BevBackbone::init(5, &small(upsample), &device);
             let backbone = golden.load_torch(&name("net"), fresh);
-            assert!(relative_error(backbone.valid().forward(tensor("x")), tensor("y_eval")) < 1e-4, "{case}");
+            assert_close(&backbone.valid().forward(tensor("x")), &tensor("y_eval"), &name("y_eval"));
 
             let x = golden.tensor::<4>(&name("x"), &device).require_grad();
             let y = backbone.forward(x.clone());
             let gradients = (y.clone() * golden.tensor::<4>(&name("dy"), &device)).sum().backward();
-            assert!(relative_error(y.inner(), tensor("y_train")) < 1e-4, "{case}");
-            assert!(relative_error(x.grad(&gradients).unwrap(), tensor("dx")) < 1e-4, "{case}");
+            assert_close(&y.inner(), &tensor("y_train"), &name("y_train"));
+            assert_close(&x.grad(&gradients).unwrap(), &tensor("dx"), &name("dx"));
             let neck = &backbone.necks[2];
-            let w = neck.spread.as_ref().map_or_else(
-                || neck.point.as_ref().unwrap().weight.val(),
-                |spread| spread.weight.val(),
-            );
-            assert!(relative_error(w.grad(&gradients).unwrap(), tensor("d_neck")) < 1e-4, "{case}");
+            let w = neck
+                .spread
+                .as_ref()
+                .map_or_else(|| neck.point.as_ref().unwrap().weight.val(), |spread| spread.weight.val());
+            assert_close(&w.grad(&gradients).unwrap(), &tensor("d_neck"), &name("d_neck"));
         }
     }
 

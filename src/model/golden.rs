@@ -13,7 +13,8 @@ pub struct Golden {
 
 impl Golden {
     pub fn read(topic: &str) -> Self {
-        let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join(format!("tests/golden/{topic}.safetensors"));
+        let path =
+            PathBuf::from(env!("CARGO_MANIFEST_DIR")).join(format!("tests/golden/{topic}.safetensors"));
         Self { bytes: fs_err::read(path).unwrap() }
     }
 

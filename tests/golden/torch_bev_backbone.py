@@ -20,6 +20,8 @@ def norm(channels: int) -> nn.BatchNorm2d:
 
 
 class ConvBlock(nn.Module):
+    """3x3 convolution, batch norm, ReLU."""
+
     def __init__(self, channels_in: int, channels_out: int, stride: int) -> None:
         super().__init__()
         self.conv = nn.Conv2d(channels_in, channels_out, 3, stride, 1, bias=False)
@@ -30,6 +32,8 @@ class ConvBlock(nn.Module):
 
 
 class Neck(nn.Module):
+    """Brings a scale to the size of the first: 1x1 or transposed convolution, batch norm, ReLU, repetition."""
+
     def __init__(self, channels_in: int, channels_out: int, factor: int, is_transposed: bool) -> None:
         super().__init__()
         if factor > 1 and is_transposed:
@@ -46,6 +50,8 @@ class Neck(nn.Module):
 
 
 class BevBackbone(nn.Module):
+    """Scales of 3x3 convolutions, their necks side by side in the channels."""
+
     def __init__(self, is_transposed: bool) -> None:
         super().__init__()
         self.scales, self.necks = nn.ModuleList(), nn.ModuleList()

@@ -107,6 +107,8 @@ class ConvNorm(nn.Module):
 
 
 class Block(nn.Module):
+    """Two convolutions with a short cut around them."""
+
     def __init__(self, channels: int) -> None:
         super().__init__()
         self.first, self.second = ConvNorm(channels, channels), ConvNorm(channels, channels)

@@ -1,4 +1,6 @@
-"""Writes voxel.safetensors: a cloud, and its voxels by a plain loop over the points (mmcv's hard voxelization).
+"""Writes voxel.safetensors: a cloud, and its voxels by a plain loop over the points.
+
+The rules are those of mmcv's hard voxelization on the CPU.
 
 Run in the environment of requirements.txt in this folder, from any folder:
     python tests/golden/torch_voxel.py

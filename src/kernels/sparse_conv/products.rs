@@ -159,10 +159,8 @@ mod tests {
     #[test]
     fn results_do_not_depend_on_the_number_of_threads() {
         let n = 3 * BLOCK_FLOATS as u32 / 4;
-        let pairs = |shift: u32| OffsetPairs {
-            inputs: (0..n - shift).collect(),
-            outputs: (shift..n).collect(),
-        };
+        let pairs =
+            |shift: u32| OffsetPairs { inputs: (0..n - shift).collect(), outputs: (shift..n).collect() };
         let rulebook = Rulebook::new(n as usize, n as usize, vec![pairs(1), pairs(0), pairs(700)]);
         let values = |n: usize| (0..n).map(|i| (i * 7919 % 1000) as f32 / 500.0 - 1.0).collect::<Vec<f32>>();
         let (x, w) = (values(n as usize * 4), values(3 * 4 * 4));

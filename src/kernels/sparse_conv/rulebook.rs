@@ -76,7 +76,9 @@ impl Rulebook {
             };
             self.offsets.iter().map(pair).collect()
         });
-        made.iter().map(|pair| pair.clone().map(|(a, b)| (a.to_device(device), b.to_device(device)))).collect()
+        made.iter()
+            .map(|pair| pair.clone().map(|(a, b)| (a.to_device(device), b.to_device(device))))
+            .collect()
     }
 }
 

@@ -69,7 +69,7 @@ mod tests {
     use super::super::geometry::Geometry;
     use super::super::sites::Sites;
     use super::*;
-    use crate::model::golden::{Golden, relative_error};
+    use crate::model::golden::{Golden, assert_close};
     use burn::tensor::Gradients;
 
     /// Against a dense convolution of the same voxels that is read at the active sites only.
@@ -103,10 +103,10 @@ mod tests {
             let gradients = (y.clone() * tensor("dy")).sum().backward();
             let inner = Device::flex();
             let expected = |part: &str| golden.tensor::<2>(&name(part), &inner);
-            assert!(relative_error(y.inner(), expected("y")) < 1e-4, "{case}: values");
-            assert!(relative_error(x.grad(&gradients).unwrap(), expected("dx")) < 1e-4, "{case}: dx");
+            assert_close(&y.inner(), &expected("y"), &name("y"));
+            assert_close(&x.grad(&gradients).unwrap(), &expected("dx"), &name("dx"));
             let dw = golden.tensor::<3>(&name("dw"), &inner);
-            assert!(relative_error(w.grad(&gradients).unwrap(), dw) < 1e-4, "{case}: dw");
+            assert_close(&w.grad(&gradients).unwrap(), &dw, &name("dw"));
         }
     }
 

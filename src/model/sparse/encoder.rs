@@ -174,7 +174,7 @@ impl SparseEncoder {
 mod tests {
     use super::super::sites::Sites;
     use super::*;
-    use crate::model::golden::{Golden, relative_error};
+    use crate::model::golden::{Golden, assert_close, relative_error};
     use crate::model::n_trained;
 
     fn small() -> SparseEncoderConfig {
@@ -208,21 +208,21 @@ mod tests {
 
         let x = golden.tensor::<2>("encoder.x", &inner);
         let evaluated = encoder.valid().forward(x, &rulebooks, 2);
-        assert!(relative_error(evaluated, tensor("encoder.y_eval")) < 1e-4);
+        assert_close(&evaluated, &tensor("encoder.y_eval"), "evaluated");
 
         let x = golden.tensor::<2>("encoder.x", &device).require_grad();
         let y = encoder.forward(x.clone(), &rulebooks, 2);
         let dy = golden.tensor::<4>("encoder.dy", &device);
         let gradients = (y.clone() * dy).sum().backward();
-        assert!(relative_error(y.inner(), tensor("encoder.y_train")) < 1e-4);
+        assert_close(&y.inner(), &tensor("encoder.y_train"), "in training");
         let dx = golden.tensor::<2>("encoder.dx", &inner);
-        assert!(relative_error(x.grad(&gradients).unwrap(), dx) < 1e-4);
+        assert_close(&x.grad(&gradients).unwrap(), &dx, "dx");
         let dw = golden.tensor::<3>("encoder.d_first", &inner);
-        assert!(relative_error(encoder.first.weight_gradient(&gradients), dw) < 1e-4);
+        assert_close(&encoder.first.weight_gradient(&gradients), &dw, "gradient of the first kernel");
         let dw = golden.tensor::<3>("encoder.d_last", &inner);
-        assert!(relative_error(encoder.last.weight_gradient(&gradients), dw) < 1e-4);
+        assert_close(&encoder.last.weight_gradient(&gradients), &dw, "gradient of the last kernel");
         let [mean, variance] = encoder.last.running_statistics();
-        assert!(relative_error(mean, golden.tensor("encoder.running_mean", &inner)) < 1e-4);
+        assert_close(&mean, &golden.tensor("encoder.running_mean", &inner), "running mean");
         // PyTorch's running variance is the unbiased one, n / (n - 1) times burn's, of which 1 % enters.
         assert!(relative_error(variance, golden.tensor("encoder.running_var", &inner)) < 1e-3);
     }

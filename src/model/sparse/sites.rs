@@ -30,7 +30,10 @@ impl Sites {
         let mut keys = Vec::with_capacity(samples.iter().map(|cells| cells.len()).sum());
         for (sample_idx, cells) in samples.iter().enumerate() {
             for cell in cells.iter().map(|cell| cell.map(usize::from)) {
-                assert!(cell.iter().zip(shape).all(|(&at, n)| at < n), "cell {cell:?} lies outside {shape:?}");
+                assert!(
+                    cell.iter().zip(shape).all(|(&at, n)| at < n),
+                    "cell {cell:?} lies outside {shape:?}"
+                );
                 keys.push(key(sample_idx, cell));
             }
         }
