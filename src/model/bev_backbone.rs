@@ -11,7 +11,7 @@ use burn::tensor::{Device, Tensor};
 use serde::{Deserialize, Serialize};
 
 use super::config::ModelConfigError;
-use super::layers::ConvBlock;
+use super::layers::{ConvBlock, upsample_nearest};
 
 /// Published batch norm of the LiDAR branch; [`ConvBlock`] has the same epsilon.
 const NORM_EPSILON: f64 = 1e-3;
@@ -152,7 +152,8 @@ impl Neck {
             Some(point) => point.forward(x),
             None => unreachable!("a neck has one of its two convolutions"),
         };
-        repeat(relu(self.norm.forward(x)), self.factor)
+        // Strides are 1 or 2, so that their product is a power of two.
+        (0..self.factor.ilog2()).fold(relu(self.norm.forward(x)), |x, _| upsample_nearest(x))
     }
 }
 
@@ -170,17 +171,6 @@ fn transpose_without_overlap(x: Tensor<4>, w: Tensor<4>) -> Tensor<4> {
         .reshape([n_batch, channels_out, side, side, n_y, n_x])
         .permute([0, 1, 4, 2, 5, 3])
         .reshape([n_batch, channels_out, side * n_y, side * n_x])
-}
-
-/// Repeats each cell `factor` times along y and x.
-fn repeat(x: Tensor<4>, factor: usize) -> Tensor<4> {
-    let [n_batch, n_channels, n_y, n_x] = x.dims();
-    if factor == 1 {
-        return x;
-    }
-    x.reshape([n_batch, n_channels, n_y, 1, n_x, 1])
-        .expand([n_batch, n_channels, n_y, factor, n_x, factor])
-        .reshape([n_batch, n_channels, factor * n_y, factor * n_x])
 }
 
 /// Backbone and neck.

@@ -32,7 +32,7 @@ class ConvBlock(nn.Module):
 
 
 class Neck(nn.Module):
-    """Brings a scale to the size of the first: 1x1 or transposed convolution, batch norm, ReLU, repetition."""
+    """A scale brought to the size of the first: 1x1 or transposed convolution, batch norm, ReLU."""
 
     def __init__(self, channels_in: int, channels_out: int, factor: int, is_transposed: bool) -> None:
         super().__init__()

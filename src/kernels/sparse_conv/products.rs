@@ -5,8 +5,8 @@
 
 use rayon::prelude::*;
 
-use super::super::scratch::with_scratch;
 use super::rulebook::{Direction, Rulebook, positions};
+use crate::kernels::scratch::with_scratch;
 
 /// Floats gathered at once: half of a common L2 cache together with the product.
 const BLOCK_FLOATS: usize = 32 * 1024;
