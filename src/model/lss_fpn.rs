@@ -50,3 +50,38 @@ impl LssFpn {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::formula::{
+        assert_equal, assert_gradients_equal, fill, golden, gradients, n_parameters, tensor, values,
+    };
+
+    #[test]
+    fn the_map_and_gradients_are_pytorchs() {
+        let expected = golden(include_bytes!("../../tests/golden/lss_fpn.safetensors"));
+        let device = Device::flex().autodiff();
+        let mut fpn = LssFpn::init([6, 8, 10], 12, &device);
+        fill(&mut fpn);
+        let map = |name, dims| tensor::<4>(name, dims, &device).require_grad();
+        let maps = [map("map0", [2, 6, 7, 10]), map("map1", [2, 8, 4, 5]), map("map2", [2, 10, 2, 3])];
+        let out = fpn.forward(maps.clone());
+        assert_equal("output", &values(out.clone()), &expected["out"]);
+        let d_out = tensor("d_out", out.dims(), &device);
+        let found = (out * d_out).sum().backward();
+        for (i, map) in maps.iter().enumerate() {
+            let d_map = values(map.grad(&found).expect("every map has a gradient"));
+            assert_equal(&format!("map {i}"), &d_map, &expected[&format!("gradient.map{i}")]);
+        }
+        let of_weights = gradients(fpn, &found);
+        assert_eq!(of_weights.len(), 12);
+        assert_gradients_equal(&of_weights, &expected);
+    }
+
+    #[test]
+    fn the_published_sizes_have_the_published_number_of_parameters() {
+        let fpn = LssFpn::init([192, 384, 768], 256, &Device::flex());
+        assert_eq!(n_parameters(&fpn), 1_591_296);
+    }
+}

@@ -10,7 +10,10 @@ mod config;
 mod conv_norm;
 mod depth_lss;
 mod detector;
+#[cfg(test)]
+mod formula;
 mod head;
+pub mod image_weights;
 mod input;
 mod layers;
 mod lidar;
@@ -23,6 +26,7 @@ pub use config::{CameraConfig, GridConfig, Heatmap, ModelConfig, ModelConfigErro
 pub use depth_lss::{DepthLssConfig, pool_plan, sparse_depth};
 pub use detector::{Detector, detections};
 pub use head::{Output, Query, cell_center_m};
+pub use image_weights::{ImageWeightsError, ImageWeightsReport, load_image_weights};
 pub use input::{Input, InputError};
 pub use swin::{Swin, SwinConfig};
 pub use swin_camera::{
