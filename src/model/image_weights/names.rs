@@ -87,11 +87,17 @@ impl Scheme {
         {
             return Meaning::Unneeded;
         }
+        if let Some(stage) = output_norm(module) {
+            return match out_stages.iter().position(|&out| out == stage) {
+                Some(at) => Meaning::Weight(format!("norms.{at}.{parameter}")),
+                None => Meaning::Unneeded,
+            };
+        }
         let module = match self {
             Self::Torchvision => of_torchvision(module),
             Self::Timm => of_timm_or_microsoft(module, 1),
-            Self::Microsoft => of_timm_or_microsoft(module, 0).or_else(|| output_norm(module, out_stages)),
-            Self::Mmdet => of_mmdet(module).or_else(|| output_norm(module, out_stages)),
+            Self::Microsoft => of_timm_or_microsoft(module, 0),
+            Self::Mmdet => of_mmdet(module),
         };
         let parameter = match parameter {
             "relative_position_bias_table" => "bias_table",
@@ -165,10 +171,10 @@ fn of_mmdet(module: &[&str]) -> Option<String> {
     }
 }
 
-fn output_norm(module: &[&str], out_stages: &[usize]) -> Option<String> {
+/// Stage of an output norm, as detectors have it behind each stage.
+fn output_norm(module: &[&str]) -> Option<usize> {
     let [norm] = module else { return None };
-    let stage: usize = norm.strip_prefix("norm")?.parse().ok()?;
-    out_stages.iter().position(|&out| out == stage).map(|at| format!("norms.{at}"))
+    stage_idx(norm.strip_prefix("norm")?, 0)
 }
 
 #[cfg(test)]
@@ -208,7 +214,12 @@ mod tests {
         {
             assert_eq!(Scheme::Timm.meaning(key, &[1, 2, 3]), Meaning::Unknown, "{key}");
         }
-        assert_eq!(Scheme::Mmdet.meaning("norm0.weight", &[1, 2, 3]), Meaning::Unknown);
+        assert_eq!(
+            Scheme::Mmdet.meaning("norm0.weight", &[1, 2, 3]),
+            Meaning::Unneeded,
+            "stage 0 stays inside"
+        );
+        assert_eq!(Scheme::Mmdet.meaning("norm4.weight", &[1, 2, 3]), Meaning::Unknown);
         assert_eq!(Scheme::Torchvision.meaning("features.8.norm.weight", &[1, 2, 3]), Meaning::Unknown);
     }
 
