@@ -1,7 +1,7 @@
-//! The published camera branch at 256 x 704, one sample: forward and a training step, the backbone alone and all.
+//! The published camera branch at 256 x 704, one sample: forward and training step, the backbone alone and all.
 //!
-//! `cargo bench --bench camera_branch -- branch_train --sample-count 3`; run one bench alone for its peak memory,
-//! which is printed at the end.
+//! `cargo bench --bench camera_branch -- branch_train --sample-count 3`; run one bench alone for its peak
+//! memory, which is printed at the end.
 
 use burn::tensor::{Device, Distribution, Tensor};
 use harmzone::geometry::{Pinhole, Point, Transform};

@@ -10,7 +10,7 @@ import torch
 
 
 def uniform(name: str, n: int) -> np.ndarray:
-    """n numbers in [-1, 1) from an integer hash of the name and the index; exact in float64."""
+    """Returns n numbers in [-1, 1) from an integer hash of the name and the index; exact in float64."""
     seed = 2166136261
     for byte in name.encode():
         seed = ((seed ^ byte) * 16777619) & 0xFFFFFFFF

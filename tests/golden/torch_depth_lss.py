@@ -113,7 +113,8 @@ def frustum_cells(k: torch.Tensor, pose: torch.Tensor) -> torch.Tensor:
     in_camera = torch.linalg.inv(k) @ torch.stack([u * d, v * d, d]).reshape(3, -1)
     p = (pose[:3, :3] @ in_camera + pose[:3, 3:]).reshape(3, *d.shape)
     x, y = torch.floor(p[0] - X_MIN), torch.floor(p[1] - Y_MIN)
-    inside = (x >= 0) & (x < X_MAX - X_MIN) & (y >= 0) & (y < Y_MAX - Y_MIN) & (p[2] >= Z_MIN) & (p[2] < Z_MAX)
+    inside = (x >= 0) & (x < X_MAX - X_MIN) & (y >= 0) & (y < Y_MAX - Y_MIN)
+    inside &= (p[2] >= Z_MIN) & (p[2] < Z_MAX)
     return torch.where(inside, y * (X_MAX - X_MIN) + x, -1.0).long()
 
 
@@ -147,10 +148,12 @@ def save_depth_lss() -> None:
         out = block(out)
     (out * formula.tensor("d_out", tuple(out.shape))).sum().backward()
     result = {f"gradient.{name}": p.grad for name, p in net.named_parameters()}
-    result |= {"gradient.features": features.grad, "pooled": pooled.detach().clone(), "out": out.detach().clone()}
+    result |= {"gradient.features": features.grad, "pooled": pooled.detach().clone()}
+    result |= {"out": out.detach().clone()}
     result |= {"depth": depth, "cells": torch.stack(cells).permute(0, 2, 3, 1).contiguous().float()}
     save_file(result, HERE / "depth_lss.safetensors")
-    print("frustum points inside:", [int((c >= 0).sum()) for c in cells], "pixels seen:", int((depth > 0).sum()))
+    print("frustum points inside:", [int((c >= 0).sum()) for c in cells])
+    print("pixels seen:", int((depth > 0).sum()))
 
 
 def save_lss_fpn() -> None:

@@ -141,21 +141,25 @@ def rename(state: dict, table: list[tuple[str, str]]) -> dict:
 
 
 def microsoft(state: dict) -> dict:
-    """Microsoft's names: merging at the end of a stage, output norms numbered by stage."""
+    """Names of Microsoft: merging at the end of a stage, output norms numbered by stage."""
     table = [("patch.conv", "patch_embed.proj"), ("patch.norm", "patch_embed.norm"), ("attention.", "attn.")]
-    table += [("bias_table", "relative_position_bias_table"), ("mlp.hidden", "mlp.fc1"), ("mlp.out", "mlp.fc2")]
+    table += [
+        ("bias_table", "relative_position_bias_table"),
+        ("mlp.hidden", "mlp.fc1"),
+        ("mlp.out", "mlp.fc2"),
+    ]
     table += [("merge.", "downsample."), ("norms.2.", "norm3."), ("norms.1.", "norm2.")]
     return rename(state, [*table, ("norms.0.", "norm1."), ("stages.", "layers.")])
 
 
 def timm(state: dict) -> dict:
-    """timm's names: merging at the start of a stage, a classifier instead of output norms."""
+    """Names of timm: merging at the start of a stage, a classifier instead of output norms."""
     table = [(f"layers.{i}.downsample", f"layers.{i + 1}.downsample") for i in (2, 1, 0)]
     return rename({k: v for k, v in microsoft(state).items() if not k.startswith("norm")}, table)
 
 
 def torchvision(state: dict) -> dict:
-    """torchvision's names: features counts stages and mergings in turn."""
+    """Names of torchvision: features counts stages and mergings in turn."""
     state = {k: v for k, v in microsoft(state).items() if not k.startswith("norm")}
     table = [("patch_embed.proj", "features.0.0"), ("patch_embed.norm", "features.0.2")]
     table += [(f"layers.{i}.blocks.", f"features.{2 * i + 1}.") for i in range(4)]
@@ -164,7 +168,7 @@ def torchvision(state: dict) -> dict:
 
 
 def mmdet(state: dict) -> dict:
-    """mmdet's names, and its order of merged channels: torch's unfold, channel outermost, then row, column."""
+    """Names of mmdet, and its order of merged channels: torch's unfold, channel outermost, then rows."""
     table = [("patch_embed.proj", "patch_embed.projection"), ("layers.", "stages."), ("attn.", "attn.w_msa.")]
     table += [("mlp.fc1", "ffn.layers.0.0"), ("mlp.fc2", "ffn.layers.1")]
     state = rename(microsoft(state), table)
@@ -200,7 +204,10 @@ def small() -> None:
     save_file(out | {"gradient.image": image.grad}, HERE / "swin.safetensors")
 
     state = net.state_dict()
-    torch.save({"model": with_classifier(torchvision(state), 32, "head", True)}, HERE / "swin_weights_torchvision.pth")
+    torch.save(
+        {"model": with_classifier(torchvision(state), 32, "head", True)},
+        HERE / "swin_weights_torchvision.pth",
+    )
     save_file(with_classifier(timm(state), 32, "head.fc", False), HERE / "swin_weights_timm.safetensors")
     prefixed = {f"backbone.{key}": value for key, value in mmdet(state).items()}
     prefixed["neck.convs.0.weight"] = torch.zeros(3)
@@ -215,7 +222,9 @@ def tiny() -> None:
     with torch.no_grad():
         maps = net(formula.tensor("image", (1, 3, 122, 206)))
     # Every 37th value; 37 divides no channel count or map.
-    save_file({f"map{i}": m.flatten()[::37].contiguous() for i, m in enumerate(maps)}, HERE / "swin_t.safetensors")
+    save_file(
+        {f"map{i}": m.flatten()[::37].contiguous() for i, m in enumerate(maps)}, HERE / "swin_t.safetensors"
+    )
     print("Swin-T parameters:", sum(p.numel() for p in net.parameters()))
 
 

@@ -4,8 +4,8 @@ use super::config::DepthLssConfig;
 use crate::geometry::{Camera, Ego, Pinhole, Point, Transform};
 use crate::kernels::PoolPlan;
 
-/// Middle of the pixel that feature `i` of `n` looks through, from the first pixel's to the last's in even steps
-/// (as published: `linspace(0, n_px - 1, n)` over pixel indices, whose middles lie half a pixel further).
+/// Where feature `i` of `n` looks through the image: from the middle of the first pixel to the last's in even
+/// steps (as published: `linspace(0, n_px - 1, n)` over pixel indices; middles lie half a pixel further).
 fn feature_px(i: usize, n: usize, n_px: u32) -> f64 {
     let step_px = if n > 1 { f64::from(n_px - 1) / (n - 1) as f64 } else { 0.0 };
     i as f64 * step_px + 0.5
@@ -107,7 +107,7 @@ mod tests {
         assert_eq!((plan.n_pixels(), plan.n_bins(), plan.n_cells()), (9, 4, 15));
         // x = 2, 3, 4 and 5 m on the row around y = 0; 5 m is outside.
         assert_eq!(plan.cell_of_point()[4 * 4..5 * 4], [5 + 2, 5 + 3, 5 + 4, PoolPlan::OUTSIDE]);
-        // The left column looks through pixel 0, half a metre to the left (ego +y) a metre ahead: at 4 m, y = 2 m.
+        // The left column looks through pixel 0, half a metre to the left (+y) a metre ahead: at 4 m, y = 2 m.
         assert_eq!(plan.cell_of_point()[3 * 4..4 * 4][..3], [10 + 2, 10 + 3, PoolPlan::OUTSIDE]);
     }
 

@@ -13,8 +13,8 @@ use super::ImageWeightsError;
 /// Where the JSON header of a safetensors file begins, behind its length.
 const SAFETENSORS_HEADER_AT: u64 = 8;
 
-/// Tensors by name, their values not yet read; a name inside a dictionary of the file has the dictionary's key and
-/// a dot in front. safetensors is told by its content, anything else is taken for PyTorch's.
+/// Tensors by name, their values not yet read; a name inside a dictionary of the file has the dictionary's key
+/// and a dot in front. safetensors is told by its content, anything else is taken for PyTorch's.
 pub(super) fn read(path: &Path) -> Result<BTreeMap<String, burn_pack::Tensor>, ImageWeightsError> {
     let unreadable = |message: String| ImageWeightsError::Unreadable { message, path: path.to_owned() };
     let mut start = Vec::new();

@@ -29,6 +29,7 @@ pub struct SwinCameraInput {
 }
 
 /// Why an image cannot be an input.
+#[allow(clippy::struct_field_names, reason = "a quantity says its unit")]
 #[derive(Debug, Error, PartialEq)]
 #[error(
     "the camera image of {width_px} x {height_px} px is {resized_height_px} px high when {needed_width_px} px wide; \
