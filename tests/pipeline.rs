@@ -11,17 +11,17 @@ use fs_err as fs;
 /// A config small enough to train in seconds.
 const TINY: [&str; 20] = [
     "--set",
-    "model.grid.pillar_size_m=1.6",
+    "model.grid.cell_size_m=3.2",
     "--set",
-    "model.bev_channels=[16,16]",
+    "model.lidar.pillars.bev_channels=[16,16]",
     "--set",
-    "model.hidden_channels=16",
+    "model.fuser_channels=16",
     "--set",
-    "model.n_queries=16",
+    "model.head.n_queries=16",
     "--set",
-    "model.camera.image_width_px=128",
+    "model.camera.cnn.image_width_px=128",
     "--set",
-    "model.camera.n_depth_bins=12",
+    "model.camera.cnn.n_depth_bins=12",
     "--set",
     "lidar_stage.epochs=3",
     "--set",
@@ -328,7 +328,7 @@ fn a_checkpoint_that_does_not_fit_its_config_is_refused() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("model.safetensors");
     let mut bytes = fs::read(fixture().run.join("model.safetensors")).expect("a checkpoint");
-    let (from, to) = (b"hidden_channels = 16", b"hidden_channels = 32");
+    let (from, to) = (b"fuser_channels = 16", b"fuser_channels = 32");
     let at = bytes.windows(from.len()).position(|window| window == from).expect("the config is inside");
     bytes[at..at + from.len()].copy_from_slice(to);
     fs::write(&path, bytes).expect("a writable folder");

@@ -1,7 +1,10 @@
 //! `harmzone train`: trains a detector on a labelled dataset, resumable.
 
+use std::convert::Infallible;
 use std::path::PathBuf;
+use std::str::FromStr;
 
+use anyhow::Context;
 use clap::Args;
 
 use super::ExitStatus;
@@ -10,7 +13,8 @@ use super::progress::Bar;
 use crate::config;
 use crate::dataset::{Dataset, DatasetError};
 use crate::episode::manifest::Split;
-use crate::train::{self, RunOptions, TrainConfig};
+use crate::model::{ModelConfig, PAPER_TOML, SMALL_TOML};
+use crate::train::{self, DryRun, RunOptions, TrainConfig};
 
 #[derive(Debug, Args)]
 pub struct TrainArgs {
@@ -18,19 +22,32 @@ pub struct TrainArgs {
     data: PathBuf,
     /// Folder of the run: config, log, states, and at the end `model.safetensors`. The same command
     /// again goes on where it stopped
-    #[arg(long, value_name = "DIR")]
-    out: PathBuf,
+    #[arg(long, value_name = "DIR", required_unless_present = "dry_run")]
+    out: Option<PathBuf>,
     /// Label set
     #[arg(long, value_name = "SET", default_value = "rect")]
     labels: String,
     /// Training config (TOML); `configs/train.toml` holds the defaults
     #[arg(long, value_name = "TOML")]
     config: Option<PathBuf>,
+    /// Network: `small`, `paper`, or a TOML file as those of `configs/model/`. `--config` and `--set` go over it
+    #[arg(long, value_name = "PROFILE", default_value = "small")]
+    model: ModelArg,
+    /// Weights of the image backbone to start from: a Swin Transformer of torchvision, timm, Microsoft or
+    /// mmdet (.pth, .pt, .safetensors)
+    #[arg(long, value_name = "FILE")]
+    image_weights: Option<PathBuf>,
     /// Override one key of the config, e.g. lidar_stage.epochs=4
     #[arg(long = "set", value_name = "KEY=VALUE")]
     overrides: Vec<String>,
     #[command(flatten)]
     device: DeviceArg,
+    /// Print parameters, shapes, memory and steps, and stop
+    #[arg(long)]
+    dry_run: bool,
+    /// With --dry-run: print JSON
+    #[arg(long, requires = "dry_run")]
+    json: bool,
     /// Require a run to go on with
     #[arg(long, conflicts_with = "force")]
     resume: bool,
@@ -39,11 +56,54 @@ pub struct TrainArgs {
     force: bool,
 }
 
+/// `--model`.
+#[derive(Debug, Clone)]
+enum ModelArg {
+    Shipped(&'static str),
+    File(PathBuf),
+}
+
+impl FromStr for ModelArg {
+    type Err = Infallible;
+
+    fn from_str(text: &str) -> Result<Self, Infallible> {
+        Ok(match text {
+            "small" => Self::Shipped(SMALL_TOML),
+            "paper" => Self::Shipped(PAPER_TOML),
+            path => Self::File(path.into()),
+        })
+    }
+}
+
+impl ModelArg {
+    fn load(&self) -> anyhow::Result<ModelConfig> {
+        match self {
+            Self::Shipped(text) => Ok(toml::from_str(text)?),
+            Self::File(path) => config::load(Some(path), &[]).with_context(|| {
+                format!("--model {} is no shipped profile (small, paper), so a TOML file", path.display())
+            }),
+        }
+    }
+}
+
 pub fn run(args: TrainArgs) -> anyhow::Result<ExitStatus> {
-    let config: TrainConfig = config::load(args.config.as_deref(), &args.overrides)?;
+    let base = TrainConfig { model: args.model.load()?, ..TrainConfig::default() };
+    let mut config: TrainConfig = config::load_over(&base, args.config.as_deref(), &args.overrides)?;
+    if args.image_weights.is_some() {
+        config.image_weights = args.image_weights;
+    }
     config.check()?;
     let device = args.device.open()?;
     let dataset = Dataset::open(&args.data, &args.labels, Split::Train)?;
+    let Some(out) = args.out.filter(|_| !args.dry_run) else {
+        let dry_run = DryRun::of(&dataset, &config)?;
+        if args.json {
+            println!("{}", serde_json::to_string_pretty(&dry_run)?);
+        } else {
+            println!("{dry_run}");
+        }
+        return Ok(ExitStatus::Done);
+    };
     let options = RunOptions { force: args.force, resume: args.resume };
     let validation = match Dataset::open(&args.data, &args.labels, Split::Val) {
         Ok(split) if config.validate_every_epochs > 0 => Some(split),
@@ -51,7 +111,10 @@ pub fn run(args: TrainArgs) -> anyhow::Result<ExitStatus> {
         Err(error) => return Err(error.into()),
     };
     let summary =
-        train::run(&dataset, validation.as_ref(), &config, &args.out, options, &device, &Bar::default())?;
+        train::run(&dataset, validation.as_ref(), &config, &out, options, &device, &Bar::default())?;
+    if let Some(report) = &summary.image_weights {
+        println!("{report}");
+    }
     if summary.n_steps_now == 0 {
         println!("already trained: {}", summary.checkpoint.display());
         return Ok(ExitStatus::Done);

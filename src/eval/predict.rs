@@ -48,7 +48,7 @@ pub fn predict(
             })
             .collect::<Result<Vec<_>, _>>()?;
         // Images of another size than the first one's go alone: a batch has one size.
-        for same_size in inputs.chunk_by(|a, b| a.image_height_px == b.image_height_px) {
+        for same_size in inputs.chunk_by(|a, b| a.image_height_px() == b.image_height_px()) {
             let batch = Batch::stack(&same_size.iter().collect::<Vec<_>>(), config, with_camera, device);
             found.extend(detections(&detector.forward(&batch), config, MIN_SCORE));
         }

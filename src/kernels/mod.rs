@@ -1,6 +1,7 @@
 //! Own CPU operations plugged into burn, and the only `unsafe` code of the crate.
 //!
 //! burn's flex backend spends four times `PyTorch`'s time on a dense 3x3 convolution; [`conv3x3()`] is on par.
+//! [`lift_pool()`] pools lifted image features without building the list of weighted points.
 
 #![allow(
     clippy::inline_always,
@@ -9,7 +10,11 @@
 
 mod burn_op;
 mod conv3x3;
+mod lift_pool;
 mod scratch;
 mod simd;
+mod sparse_conv;
 
 pub use burn_op::conv3x3;
+pub use lift_pool::{PoolPlan, lift_pool};
+pub use sparse_conv::{OffsetPairs, Rulebook, sparse_conv};

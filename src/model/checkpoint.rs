@@ -141,7 +141,8 @@ mod tests {
     fn a_checkpoint_gives_back_the_same_bytes_and_config() {
         let folder = tempfile::tempdir().unwrap();
         let device = Device::flex();
-        let config = ModelConfig { n_queries: 7, ..ModelConfig::default() };
+        let mut config = ModelConfig::default();
+        config.head.n_queries = 7;
         let (first, second) = (folder.path().join("a.safetensors"), folder.path().join("b.safetensors"));
         save(&Detector::init(&config, 0, &device), &first).unwrap();
         let loaded = load(&first, &device).unwrap();
@@ -165,10 +166,10 @@ mod tests {
         let device = Device::flex();
         save(&Detector::init(&ModelConfig::default(), 0, &device), &path).unwrap();
         let bytes = fs::read(&path).unwrap();
-        let from = "hidden_channels = 64";
+        let from = "fuser_channels = 64";
         let at = bytes.windows(from.len()).position(|window| window == from.as_bytes()).unwrap();
         let mut changed = bytes.clone();
-        changed[at..at + from.len()].copy_from_slice(b"hidden_channels = 32");
+        changed[at..at + from.len()].copy_from_slice(b"fuser_channels = 32");
         fs::write(&path, changed).unwrap();
         assert!(matches!(load(&path, &device), Err(CheckpointError::Weights { .. })));
     }

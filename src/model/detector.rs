@@ -1,25 +1,51 @@
 //! The whole detector: LiDAR and camera branches, fuser, head.
 
+use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
 use burn::module::{Module, ModuleVisitor, Param};
 use burn::tensor::{Device, Tensor};
 
-use super::batch::Batch;
-use super::camera::CameraBranch;
+use super::batch::{Batch, CameraBatch, LidarBatch};
+use super::bev_backbone::BevBackbone;
+use super::cnn_branch::CnnBranch;
 use super::coder::{CODE_SIZE, decode};
-use super::config::ModelConfig;
+use super::config::{CameraBackbone, Heatmap, LidarEncoder, ModelConfig};
 use super::head::{Head, Output};
+use super::image_weights::{ImageWeightsError, ImageWeightsReport, load_image_weights};
 use super::layers::ConvBlock;
-use super::lidar::LidarBranch;
+use super::parameters::n_trained;
+use super::pillar_branch::PillarBranch;
+use super::queries::Query;
+use super::sparse::SparseEncoder;
+use super::swin_camera::SwinCameraBranch;
+use super::voxel::N_VOXEL_FEATURES;
 use crate::object::{Detection, Harm};
+
+/// The device's generator is one for the whole process.
+static GENERATOR: Mutex<()> = Mutex::new(());
+
+/// From points to a bird's-eye map.
+#[derive(Module, Debug)]
+enum LidarBranch {
+    Pillars(PillarBranch),
+    Voxels(SparseEncoder),
+}
+
+/// From the image to a bird's-eye map.
+#[derive(Module, Debug)]
+enum CameraBranch {
+    Cnn(CnnBranch),
+    Swin(SwinCameraBranch),
+}
 
 /// A fused LiDAR-camera detector of harmful and harmless objects.
 #[derive(Module, Debug)]
 pub struct Detector {
-    lidar: LidarBranch,
-    camera: CameraBranch,
-    fuser: ConvBlock,
+    lidar: Option<LidarBranch>,
+    camera: Option<CameraBranch>,
+    fuser: Option<ConvBlock>,
+    backbone: Option<BevBackbone>,
     head: Head,
     #[module(skip)]
     config: ModelConfig,
@@ -29,9 +55,7 @@ impl Detector {
     /// A detector with random weights from `seed`: same seed, same weights.
     #[must_use]
     pub fn init(config: &ModelConfig, seed: u64, device: &Device) -> Self {
-        // The device's generator is one for the whole process and parameters draw when first looked at:
-        // hold it for as long as the drawing lasts.
-        static GENERATOR: Mutex<()> = Mutex::new(());
+        // Parameters draw when first looked at: hold the generator for as long as the drawing lasts.
         let _held = GENERATOR.lock().unwrap_or_else(PoisonError::into_inner);
         device.seed(seed);
         let detector = Self::undrawn(config, device);
@@ -39,13 +63,49 @@ impl Detector {
         detector
     }
 
+    /// Seeds what training draws: dropout and drop path.
+    pub fn seed(device: &Device, seed: u64) {
+        let _held = GENERATOR.lock().unwrap_or_else(PoisonError::into_inner);
+        device.seed(seed);
+    }
+
+    /// Loads the image backbone's weights from a file of another library.
+    ///
+    /// # Errors
+    /// The file cannot be read or does not fit.
+    ///
+    /// # Panics
+    /// If the camera branch has no Swin Transformer.
+    pub fn load_image_weights(&mut self, path: &Path) -> Result<ImageWeightsReport, ImageWeightsError> {
+        let Some(CameraBranch::Swin(branch)) = &mut self.camera else {
+            panic!("the training config was checked: image weights need a Swin Transformer");
+        };
+        load_image_weights(path, branch.swin_mut())
+    }
+
     fn undrawn(config: &ModelConfig, device: &Device) -> Self {
-        let channels_in = LidarBranch::channels_out(config) + config.camera.lift_channels;
+        let lidar = config.use_lidar.then(|| match config.lidar.encoder {
+            LidarEncoder::Pillars => LidarBranch::Pillars(PillarBranch::init(config, device)),
+            LidarEncoder::Voxels => {
+                let encoder = &config.lidar.voxel.encoder;
+                LidarBranch::Voxels(SparseEncoder::init(N_VOXEL_FEATURES, encoder, device))
+            }
+        });
+        let camera = config.use_camera.then(|| match config.camera.backbone {
+            CameraBackbone::Cnn => CameraBranch::Cnn(CnnBranch::init(config, device)),
+            CameraBackbone::Swin => CameraBranch::Swin(SwinCameraBranch::init(&config.camera.swin, device)),
+        });
+        let channels_in = config.lidar_channels() + config.camera_channels();
         Self {
-            lidar: LidarBranch::init(config, device),
-            camera: CameraBranch::init(config, device),
-            fuser: ConvBlock::init(channels_in, config.hidden_channels, 1, device),
-            head: Head::init(config.hidden_channels, config, device),
+            lidar,
+            camera,
+            fuser: config
+                .has_fuser()
+                .then(|| ConvBlock::init(channels_in, config.fuser_channels, 1, device).with_plain_norm()),
+            backbone: config
+                .has_backbone()
+                .then(|| BevBackbone::init(config.fused_channels(), &config.lidar.voxel.backbone, device)),
+            head: Head::init(config.head_channels_in(), &config.head, &config.grid, device),
             config: config.clone(),
         }
     }
@@ -55,16 +115,74 @@ impl Detector {
         &self.config
     }
 
-    /// Without camera inputs in the batch (the LiDAR stage) the camera's channels are zero.
+    /// Parts and the numbers that training changes in each, of a detector on an autodiff device.
+    #[must_use]
+    pub fn n_parameters(&self) -> Vec<(&'static str, usize)> {
+        let mut parts = Vec::new();
+        if let Some(lidar) = &self.lidar {
+            parts.push(("LiDAR encoder", n_trained(lidar)));
+        }
+        match &self.camera {
+            Some(CameraBranch::Swin(branch)) => {
+                parts.push(("image backbone", n_trained(branch.swin())));
+                parts.push(("camera neck and lift", n_trained(branch) - n_trained(branch.swin())));
+            }
+            Some(CameraBranch::Cnn(branch)) => parts.push(("camera branch", n_trained(branch))),
+            None => {}
+        }
+        if let Some(fuser) = &self.fuser {
+            parts.push(("fuser", n_trained(fuser)));
+        }
+        if let Some(backbone) = &self.backbone {
+            parts.push(("bird's-eye backbone", n_trained(backbone)));
+        }
+        parts.push(("head", n_trained(&self.head)));
+        parts
+    }
+
+    /// Without camera inputs in the batch (the LiDAR stage) the camera's channels are zero: the fuser's LiDAR
+    /// half learns there, and the camera joins a network that detects already.
+    ///
+    /// # Panics
+    /// If the batch was made with another config.
     pub fn forward(&self, batch: &Batch) -> Output {
-        let lidar = self.lidar.forward(batch);
-        let camera = if let Some(camera) = &batch.camera {
-            self.camera.forward(camera)
-        } else {
-            let [n_batch, _, n_y, n_x] = lidar.dims();
-            Tensor::zeros([n_batch, self.config.camera.lift_channels, n_y, n_x], &lidar.device())
-        };
-        self.head.forward(self.fuser.forward(Tensor::cat(vec![camera, lidar], 1)), batch.numeric.clone())
+        self.head.forward(self.features(batch), batch.numeric.clone())
+    }
+
+    /// The bird's-eye map that the head sees.
+    ///
+    /// # Shapes
+    /// - output: `[batch, channel, cell_y, cell_x]`
+    fn features(&self, batch: &Batch) -> Tensor<4> {
+        let device = batch.numeric.device();
+        let camera = self.camera.as_ref().map(|branch| match (branch, &batch.camera) {
+            (CameraBranch::Cnn(branch), Some(CameraBatch::Cnn(batch))) => branch.forward(batch),
+            (CameraBranch::Swin(branch), Some(CameraBatch::Swin(batch))) => branch.forward(batch),
+            (_, None) => {
+                let grid = &self.config.grid;
+                let cells = [grid.n_cells_y(), grid.n_cells_x()];
+                Tensor::zeros([batch.n_samples, self.config.camera_channels(), cells[0], cells[1]], &device)
+            }
+            _ => panic!("the batch was made with another config"),
+        });
+        let lidar = self.lidar.as_ref().map(|branch| match (branch, &batch.lidar) {
+            (LidarBranch::Pillars(branch), Some(LidarBatch::Pillars(pillars))) => {
+                branch.forward(pillars.as_ref(), batch.n_samples, &device)
+            }
+            (LidarBranch::Voxels(encoder), Some(LidarBatch::Voxels(voxels))) => {
+                encoder.forward(voxels.features.clone(), &voxels.rulebooks, batch.n_samples)
+            }
+            _ => panic!("the batch was made with another config"),
+        });
+        let maps: Vec<_> = camera.into_iter().chain(lidar).collect();
+        let mut x = Tensor::cat(maps, 1);
+        if let Some(fuser) = &self.fuser {
+            x = fuser.forward(x);
+        }
+        if let Some(backbone) = &self.backbone {
+            x = backbone.forward(x);
+        }
+        x
     }
 }
 
@@ -77,33 +195,135 @@ impl ModuleVisitor for Draw {
     }
 }
 
+/// The classes that a query may report: that of its peak, where the heatmap tells classes apart.
+fn reported(query: &Query, heatmap: Heatmap) -> &'static [Harm] {
+    match heatmap {
+        Heatmap::Agnostic => &Harm::ALL,
+        Heatmap::PerClass => &Harm::ALL[query.channel..=query.channel],
+    }
+}
+
 /// Boxes of each sample of a batch, best first: every query reports each class whose score, the
-/// product of heatmap and class probability, reaches `min_score`.
+/// product of heatmap and class probability, reaches `min_score`. Of several states of a sample the first.
 #[must_use]
 pub fn detections(output: &Output, config: &ModelConfig, min_score: f32) -> Vec<Vec<Detection>> {
     let codes: Vec<f32> = output.boxes.clone().into_data().try_to_vec().expect("codes are f32");
     let logits: Vec<f32> = output.harm.clone().into_data().try_to_vec().expect("class scores are f32");
-    let mut query_idx = 0;
-    output
-        .queries
-        .iter()
-        .map(|queries| {
-            let mut found = Vec::new();
-            for query in queries {
-                let code = &codes[query_idx * CODE_SIZE..(query_idx + 1) * CODE_SIZE];
-                let (box_in_ego, velocity_in_ego_mps) =
-                    decode(code, query.center_m, config.grid.cell_size_m());
-                for harm in Harm::ALL {
-                    let probability = 1.0 / (1.0 + (-logits[2 * query_idx + harm.index()]).exp());
-                    let score = query.score * probability;
-                    if score >= min_score {
-                        found.push(Detection { box_in_ego, velocity_in_ego_mps, harm, score });
-                    }
+    let n_states = output.boxes.dims()[0] / output.queries.len().max(1);
+    let of_sample = |(sample_idx, queries): (usize, &Vec<Query>)| {
+        let mut found = Vec::new();
+        let first_row = sample_idx * n_states * queries.len();
+        for (row, query) in (first_row..).zip(queries) {
+            let code = &codes[row * CODE_SIZE..(row + 1) * CODE_SIZE];
+            let (box_in_ego, velocity_in_ego_mps) = decode(code, query.center_m, config.grid.cell_size_m);
+            for &harm in reported(query, config.head.heatmap) {
+                let probability = 1.0 / (1.0 + (-logits[2 * row + harm.index()]).exp());
+                let score = query.score * probability;
+                if score >= min_score {
+                    found.push(Detection { box_in_ego, velocity_in_ego_mps, harm, score });
                 }
-                query_idx += 1;
             }
-            found.sort_by(|a, b| b.score.total_cmp(&a.score));
-            found
-        })
-        .collect()
+        }
+        found.sort_by(|a, b| b.score.total_cmp(&a.score));
+        found
+    };
+    output.queries.iter().enumerate().map(of_sample).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dataset::test_data;
+    use crate::model::Input;
+    use burn::optim::GradientsParams;
+
+    /// `small` on a coarse map, and `paper` with every part in little.
+    fn profiles() -> [ModelConfig; 2] {
+        let mut small = ModelConfig::default();
+        (small.grid.cell_size_m, small.camera.cnn.image_width_px, small.head.n_queries) = (3.2, 64, 20);
+        let paper = toml::from_str(include_str!("../../tests/data/paper_scaled_down.toml")).unwrap();
+        [small, paper]
+    }
+
+    fn batch(config: &ModelConfig, with_camera: bool, device: &Device) -> Batch {
+        let data = test_data::dataset(2);
+        let prepare = |sample: &crate::dataset::LabelledSample| {
+            let input = Input::prepare(&sample.measured, config, false).unwrap();
+            // Two states a sample.
+            input.with_states(&[sample.measured.ego_state; 2], false).unwrap()
+        };
+        let inputs: Vec<Input> = data.samples().iter().map(prepare).collect();
+        Batch::stack(&inputs.iter().collect::<Vec<_>>(), config, with_camera, device)
+    }
+
+    #[test]
+    fn either_branch_or_both_make_a_detector_of_either_profile() {
+        let device = Device::flex();
+        for config in profiles() {
+            for (use_lidar, use_camera) in [(true, true), (true, false), (false, true)] {
+                let config = ModelConfig { use_lidar, use_camera, ..config.clone() };
+                config.check().unwrap();
+                let detector = Detector::init(&config, 0, &device);
+                let output = detector.forward(&batch(&config, use_camera, &device));
+                assert_eq!(output.boxes.dims(), [4, 20, CODE_SIZE]);
+                assert_eq!(output.heatmap.dims()[2..], [config.grid.n_cells_y(), config.grid.n_cells_x()]);
+                assert!(output.harm.sum().into_scalar::<f32>().is_finite());
+            }
+        }
+    }
+
+    /// Each parameter of both branches takes part: none is left without a gradient.
+    #[test]
+    fn gradients_reach_every_parameter() {
+        let device = Device::flex().autodiff();
+        for config in profiles() {
+            let detector = Detector::init(&config, 0, &device);
+            let output = detector.forward(&batch(&config, true, &device));
+            let loss = output.heatmap.sum() + output.boxes.abs().sum() + output.harm.abs().sum();
+            let gradients = GradientsParams::from_grads(loss.backward(), &detector);
+            let mut missing = Missing { gradients: &gradients, n_missing: 0 };
+            detector.visit(&mut missing);
+            assert_eq!(missing.n_missing, 0);
+        }
+    }
+
+    struct Missing<'a> {
+        gradients: &'a GradientsParams,
+        n_missing: usize,
+    }
+
+    impl ModuleVisitor for Missing<'_> {
+        fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
+            let is_left_out = param.val().is_require_grad() && self.gradients.get::<D>(param.id).is_none();
+            self.n_missing += usize::from(is_left_out);
+        }
+    }
+
+    #[test]
+    fn the_lidar_stage_and_a_sample_without_points_pass_through() {
+        let device = Device::flex();
+        for config in profiles() {
+            let mut data = test_data::dataset(1);
+            data.sample_mut(0).measured.points.clear();
+            let input = Input::prepare(&data.samples()[0].measured, &config, false).unwrap();
+            let batch = Batch::stack(&[&input], &config, false, &device);
+            let output = Detector::init(&config, 0, &device).forward(&batch);
+            assert!(output.boxes.sum().into_scalar::<f32>().is_finite());
+        }
+    }
+
+    #[test]
+    fn a_query_of_a_class_specific_heatmap_reports_its_class_alone() {
+        let device = Device::flex();
+        let [small, paper] = profiles();
+        let classes = |config: &ModelConfig, min_score: f32| {
+            let output = Detector::init(config, 0, &device).forward(&batch(config, true, &device));
+            let n_queries = output.queries[0].len();
+            (detections(&output, config, min_score)[0].len(), n_queries)
+        };
+        let (n_small, n_queries) = classes(&small, 0.0);
+        assert_eq!(n_small, 2 * n_queries);
+        let (n_paper, n_queries) = classes(&paper, 0.0);
+        assert_eq!(n_paper, n_queries);
+    }
 }

@@ -2,63 +2,47 @@
 //! and harm for each query; speed and steering join the queries after the decoder.
 
 use burn::module::Module;
-use burn::nn::conv::Conv2d;
-use burn::nn::{Embedding, EmbeddingConfig, Initializer, Linear, LinearConfig};
-use burn::tensor::activation::{relu, sigmoid};
+use burn::nn::{Linear, LinearConfig};
 use burn::tensor::{Device, Int, Tensor, TensorData};
 
 use super::attention::DecoderLayer;
-use super::coder::CODE_SIZE;
-use super::config::{GridConfig, ModelConfig, NumericFusion};
-use super::layers::{ConvBlock, Mlp, pointwise};
+use super::config::{GridConfig, HeadConfig};
+use super::layers::{ConvBlock, PlainConv};
+use super::numeric::Numeric;
+use super::positions::Positions;
+use super::predict::{Features, Predictor};
+use super::queries::{Query, each, pick_queries};
 
 /// Chance that a cell holds an object at the start of training: the focal loss's prior (Lin et al. 2017).
+/// The published head defines it and never applies it; without it the first steps unlearn half a map of
+/// objects.
 const PRIOR: f64 = 0.1;
 
 /// The detection head.
 #[derive(Module, Debug)]
 pub struct Head {
-    shared: ConvBlock,
+    shared: Shared,
     heatmap_hidden: ConvBlock,
-    heatmap_out: Conv2d,
-    class_embedding: Embedding,
-    position: Mlp,
+    heatmap_out: PlainConv,
+    /// Of the heatmap channel, one-hot.
+    class_embedding: Linear,
+    position: Positions,
     decoder: DecoderLayer,
     numeric: Numeric,
-    boxes: Mlp,
-    harm: HarmBranch,
+    predict: Predictor,
     #[module(skip)]
-    config: HeadSizes,
-}
-
-#[derive(Debug, Clone)]
-struct HeadSizes {
-    n_queries: usize,
+    config: HeadConfig,
+    #[module(skip)]
     grid: GridConfig,
 }
 
-/// How speed and steering enter; the layers that the chosen way does not need are absent.
+/// The first convolution, whose output is memory and query features.
 #[derive(Module, Debug)]
-struct Numeric {
-    /// `[2] -> [query]` (paper) or `[2] -> [4 channel]` of the harm branch (film).
-    embed: Option<Mlp>,
-    /// Fuses `[channel + 1]` back to `[channel]` (paper).
-    fuse: Option<Linear>,
-    #[module(skip)]
-    fusion: NumericFusion,
-}
-
-/// A cell of the heatmap chosen as a query.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Query {
-    /// Heatmap channel.
-    pub channel: usize,
-    /// `y * n_cells_x + x`.
-    pub cell: usize,
-    /// Sigmoid of the heatmap there.
-    pub score: f32,
-    /// Cell centre in the ego frame: x, y.
-    pub center_m: [f64; 2],
+enum Shared {
+    /// As published.
+    Plain(PlainConv),
+    /// With batch norm and ReLU.
+    Normed(ConvBlock),
 }
 
 /// The head's raw output.
@@ -75,31 +59,25 @@ pub struct Output {
 }
 
 impl Head {
-    pub fn init(channels_in: usize, config: &ModelConfig, device: &Device) -> Self {
-        let hidden = config.hidden_channels;
-        let n_channels = config.heatmap.n_channels();
-        let mut heatmap_out = pointwise(hidden, n_channels, device);
+    pub fn init(channels_in: usize, config: &HeadConfig, grid: &GridConfig, device: &Device) -> Self {
+        let n = config.channels;
+        let n_classes = config.heatmap.n_channels();
         let prior_logit = (PRIOR / (1.0 - PRIOR)).ln();
-        heatmap_out.bias = Some(Initializer::Constant { value: prior_logit }.init([n_channels], device));
-        let (embed, fuse) = match config.numeric_fusion {
-            NumericFusion::Paper => (
-                Some(Mlp::init(2, hidden, config.n_queries, device)),
-                Some(LinearConfig::new(hidden + 1, hidden).init(device)),
-            ),
-            NumericFusion::Film => (Some(Mlp::init(2, hidden, 8 * hidden, device)), None),
-            NumericFusion::None => (None, None),
-        };
         Self {
-            shared: ConvBlock::init(channels_in, hidden, 1, device),
-            heatmap_hidden: ConvBlock::init(hidden, hidden, 1, device),
-            heatmap_out,
-            class_embedding: EmbeddingConfig::new(n_channels, hidden).init(device),
-            position: Mlp::init(2, hidden, hidden, device),
-            decoder: DecoderLayer::init(hidden, config.n_heads, device),
-            numeric: Numeric { embed, fuse, fusion: config.numeric_fusion },
-            boxes: Mlp::init(hidden, hidden, CODE_SIZE, device),
-            harm: HarmBranch::init(hidden + CODE_SIZE, 2 * hidden, device),
-            config: HeadSizes { n_queries: config.n_queries, grid: config.grid },
+            shared: if config.shared_norm {
+                Shared::Normed(ConvBlock::init(channels_in, n, 1, device).with_plain_norm())
+            } else {
+                Shared::Plain(PlainConv::init(channels_in, n, None, device))
+            },
+            heatmap_hidden: ConvBlock::init(n, n, 1, device).with_plain_norm(),
+            heatmap_out: PlainConv::init(n, n_classes, Some(prior_logit), device),
+            class_embedding: LinearConfig::new(n_classes, n).init(device),
+            position: Positions::init(config, device),
+            decoder: DecoderLayer::init(config, device),
+            numeric: Numeric::init(config, device),
+            predict: Predictor::init(config, grid, device),
+            config: *config,
+            grid: *grid,
         }
     }
 
@@ -108,106 +86,60 @@ impl Head {
     /// - numeric: `[batch * state, 2]`; the sample's features serve all of its states
     pub fn forward(&self, features: Tensor<4>, numeric: Tensor<2>) -> Output {
         let device = features.device();
-        let shared = self.shared.forward(features);
-        let heatmap = self.heatmap_out.forward(self.heatmap_hidden.forward(shared.clone()));
-        let [n_batch, n_channels, n_y, n_x] = shared.dims();
-        let queries = self.pick_queries(heatmap.clone());
-
-        let memory = shared.permute([0, 2, 3, 1]).reshape([n_batch * n_y * n_x, n_channels]);
-        let n_queries = self.config.n_queries;
-        let flat = |value: &dyn Fn(usize, &Query) -> i64| -> Tensor<1, Int> {
-            let values: Vec<i64> = queries
-                .iter()
-                .enumerate()
-                .flat_map(|(b, of)| of.iter().map(move |q| (b, q)))
-                .map(|(b, q)| value(b, q))
-                .collect();
-            Tensor::from_data(TensorData::new(values, [n_batch * n_queries]), &device)
+        let shared = match &self.shared {
+            Shared::Plain(conv) => conv.forward(features),
+            Shared::Normed(block) => block.forward(features),
         };
-        let cells = flat(&|b, q| (b * n_y * n_x + q.cell) as i64);
-        let channels = flat(&|_, q| q.channel as i64).reshape([n_batch, n_queries]);
-        let centers = self.query_centers(&queries, &device);
+        let heatmap = self.heatmap_out.forward(self.heatmap_hidden.forward(shared.clone()));
+        let queries = pick_queries(heatmap.clone(), &self.config, &self.grid);
+        let (decoded, position) = self.decode(shared, &queries, &device);
 
-        let query = memory.clone().select(0, cells).reshape([n_batch, n_queries, n_channels])
-            + self.class_embedding.forward(channels);
-        let query_position = self.position.forward(centers.clone());
-        let cell_position = self.position.forward(self.cell_centers(n_y, n_x, &device));
-        let memory = memory.reshape([n_batch, n_y * n_x, n_channels]) + cell_position.unsqueeze::<3>();
-        let decoded = self.decoder.forward(query, query_position.clone(), memory) + query_position;
-
-        let n_states = numeric.dims()[0] / n_batch;
-        let decoded = repeat_rows(decoded, n_states);
-        let centers = repeat_rows(centers, n_states);
-        let fused = self.numeric.before_heads(decoded, numeric.clone());
-        let boxes = self.boxes.forward(fused.clone());
-        let placed = self.place(boxes.clone(), centers);
-        let modulation = self.numeric.for_harm(numeric);
-        let harm = self.harm.forward(Tensor::cat(vec![fused, placed], 2), modulation);
+        let n_states = numeric.dims()[0] / queries.len();
+        let decoded = repeat_rows(self.predict.prepare(decoded, position), n_states);
+        let (boxes, harm) = self.predict.forward(Features {
+            decoded: self.numeric.before_heads(decoded, numeric.clone()),
+            center_m: repeat_rows(self.centers_m(&queries, &device), n_states),
+            modulation: self.numeric.for_harm(numeric),
+        });
         Output { heatmap, queries, boxes, harm }
     }
 
-    /// The codes with centre offsets turned into positions (in units of 20 m), as input for the harm
-    /// branch. No gradient flows back: the boxes learn from the box loss alone.
-    fn place(&self, boxes: Tensor<3>, centers: Tensor<3>) -> Tensor<3> {
-        let boxes = boxes.detach();
-        let offset_scale = self.config.grid.cell_size_m() / 20.0;
-        let position =
-            boxes.clone().narrow(2, 0, 2).mul_scalar(offset_scale) + centers.mul_scalar(50.0 / 20.0);
-        let shape = boxes.clone().narrow(2, 2, 6);
-        let velocity = boxes.narrow(2, 8, 2).mul_scalar(0.1);
-        Tensor::cat(vec![position, shape, velocity], 2)
+    /// The decoder layer over the shared features.
+    ///
+    /// # Shapes
+    /// - shared: `[batch, channel, cell_y, cell_x]`
+    /// - output: features and position encodings of the queries, both `[batch, query, channel]`
+    fn decode(&self, shared: Tensor<4>, queries: &[Vec<Query>], device: &Device) -> (Tensor<3>, Tensor<3>) {
+        let [n_batch, n_channels, n_y, n_x] = shared.dims();
+        let n_cells = n_y * n_x;
+        let memory = shared.permute([0, 2, 3, 1]).reshape([n_batch * n_cells, n_channels]);
+        let rows: Tensor<1, Int> =
+            each(queries, device, |sample_idx, query| sample_idx * n_cells + query.cell);
+        let query =
+            memory.clone().select(0, rows) + self.class_embedding.forward(self.one_hot(queries, device));
+        let query = query.reshape([n_batch, self.config.n_queries, n_channels]);
+        let position = self.position.of_queries(queries, &self.grid, device);
+        let memory = memory.reshape([n_batch, n_cells, n_channels])
+            + self.position.of_cells([n_y, n_x], &self.grid, device);
+        (self.decoder.forward(query, position.clone(), memory), position)
     }
 
-    /// The best `n_queries` local maxima (3x3) of the heatmap, best first; where there are too few,
-    /// other cells fill up with a score of zero. Ties: the lower index first.
-    fn pick_queries(&self, heatmap: Tensor<4>) -> Vec<Vec<Query>> {
-        let [n_batch, n_channels, n_y, n_x] = heatmap.dims();
-        let scores: Vec<f32> =
-            sigmoid(heatmap.detach()).into_data().try_to_vec().expect("the heatmap is made of f32");
-        let grid = &self.config.grid;
-        let per_sample = n_channels * n_y * n_x;
-        (0..n_batch)
-            .map(|b| {
-                let map = &scores[b * per_sample..(b + 1) * per_sample];
-                let score_at = |channel: usize, y: usize, x: usize| map[(channel * n_y + y) * n_x + x];
-                let mut ranked: Vec<(f32, usize)> = (0..per_sample)
-                    .map(|i| {
-                        let (channel, y, x) = (i / (n_y * n_x), i / n_x % n_y, i % n_x);
-                        let here = map[i];
-                        let is_peak = (y.saturating_sub(1)..(y + 2).min(n_y)).all(|other_y| {
-                            (x.saturating_sub(1)..(x + 2).min(n_x))
-                                .all(|other_x| score_at(channel, other_y, other_x) <= here)
-                        });
-                        (if is_peak { here } else { 0.0 }, i)
-                    })
-                    .collect();
-                ranked.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-                ranked[..self.config.n_queries]
-                    .iter()
-                    .map(|&(score, i)| Query {
-                        channel: i / (n_y * n_x),
-                        cell: i % (n_y * n_x),
-                        score,
-                        center_m: cell_center_m(grid, i % (n_y * n_x), n_x),
-                    })
-                    .collect()
-            })
-            .collect()
+    /// `[batch * query, heatmap_channel]`: one for the channel of the query's peak.
+    fn one_hot(&self, queries: &[Vec<Query>], device: &Device) -> Tensor<2> {
+        let n_classes = self.config.heatmap.n_channels();
+        let mut values = vec![0f32; queries.len() * self.config.n_queries * n_classes];
+        for (row, query) in values.chunks_mut(n_classes).zip(queries.iter().flatten()) {
+            row[query.channel] = 1.0;
+        }
+        let n = values.len() / n_classes;
+        Tensor::from_data(TensorData::new(values, [n, n_classes]), device)
     }
 
-    /// `[batch, query, 2]`: query centres in units of 50 m.
-    fn query_centers(&self, queries: &[Vec<Query>], device: &Device) -> Tensor<3> {
+    /// `[batch, query, 2]`: x and y of the queries' cells.
+    fn centers_m(&self, queries: &[Vec<Query>], device: &Device) -> Tensor<3> {
         let values: Vec<f32> =
-            queries.iter().flatten().flat_map(|query| query.center_m.map(|m| (m / 50.0) as f32)).collect();
+            queries.iter().flatten().flat_map(|query| query.center_m.map(|m| m as f32)).collect();
         Tensor::from_data(TensorData::new(values, [queries.len(), self.config.n_queries, 2]), device)
-    }
-
-    /// `[cell, 2]`: cell centres in units of 50 m.
-    fn cell_centers(&self, n_y: usize, n_x: usize, device: &Device) -> Tensor<2> {
-        let values: Vec<f32> = (0..n_y * n_x)
-            .flat_map(|cell| cell_center_m(&self.config.grid, cell, n_x).map(|m| (m / 50.0) as f32))
-            .collect();
-        Tensor::from_data(TensorData::new(values, [n_y * n_x, 2]), device)
     }
 }
 
@@ -225,66 +157,116 @@ fn repeat_rows(x: Tensor<3>, n: usize) -> Tensor<3> {
     ])
 }
 
-/// Centre of feature cell `y * n_x + x` in the ego frame: x, y.
-#[must_use]
-pub fn cell_center_m(grid: &GridConfig, cell: usize, n_x: usize) -> [f64; 2] {
-    [
-        grid.x_min_m + ((cell % n_x) as f64 + 0.5) * grid.cell_size_m(),
-        grid.y_min_m + ((cell / n_x) as f64 + 0.5) * grid.cell_size_m(),
-    ]
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::config::{Heatmap, NumericFusion, PositionEncoding, Prediction};
+    use crate::model::golden::{Golden, assert_close};
+    use burn::optim::GradientsParams;
 
-impl Numeric {
-    /// The paper's fusion: one number for each query joins its channels.
-    fn before_heads(&self, decoded: Tensor<3>, numeric: Tensor<2>) -> Tensor<3> {
-        match (&self.embed, &self.fuse) {
-            (Some(embed), Some(fuse)) => {
-                let [n_batch, n_queries, _] = decoded.dims();
-                let per_query = embed.forward(numeric).reshape([n_batch, n_queries, 1]);
-                relu(fuse.forward(Tensor::cat(vec![decoded, per_query], 2)))
-            }
-            _ => decoded,
-        }
-    }
-
-    /// What modulates the harm branch, `[row, 1, 4 channel]`, where the fusion does that.
-    fn for_harm(&self, numeric: Tensor<2>) -> Option<Tensor<3>> {
-        let embed = self.embed.as_ref().filter(|_| self.fusion == NumericFusion::Film)?;
-        Some(embed.forward(numeric).unsqueeze_dim(1))
-    }
-}
-
-/// From a query to harmful and harmless: two hidden layers, which speed and steering may modulate
-/// channel by channel (FiLM, Perez et al. 2018). A product of position and steering is what turning
-/// into the direction of travel takes; the second layer joins the sides of an area.
-#[derive(Module, Debug)]
-struct HarmBranch {
-    first: Linear,
-    second: Linear,
-    out: Linear,
-}
-
-impl HarmBranch {
-    fn init(n_in: usize, n_hidden: usize, device: &Device) -> Self {
-        Self {
-            first: LinearConfig::new(n_in, n_hidden).init(device),
-            second: LinearConfig::new(n_hidden, n_hidden).init(device),
-            out: LinearConfig::new(n_hidden, 2).init(device),
-        }
-    }
-
-    /// # Shapes
-    /// - x: `[row, query, channel_in]`
-    /// - modulation: `[row, 1, 4 channel]`, scale and shift of the first and of the second layer
-    /// - output: `[row, query, 2]`
-    fn forward(&self, x: Tensor<3>, modulation: Option<Tensor<3>>) -> Tensor<3> {
-        let modulated = |hidden: Tensor<3>, layer: usize| {
-            let Some(modulation) = &modulation else { return hidden };
-            let [_, _, n_channels] = hidden.dims();
-            let part = |i: usize| modulation.clone().narrow(2, (2 * layer + i) * n_channels, n_channels);
-            hidden * part(0).add_scalar(1.0) + part(1)
+    /// The sizes of `tests/golden/torch_head.py`, in the `paper` profile's ways.
+    fn golden_head(device: &Device) -> (Head, Golden) {
+        let config = HeadConfig {
+            channels: 16,
+            n_queries: 10,
+            n_heads: 4,
+            ffn_channels: 24,
+            dropout: 0.0,
+            shared_norm: false,
+            heatmap: Heatmap::PerClass,
+            peak_kernels: [3, 3],
+            border_peaks: false,
+            positions: PositionEncoding::Separate,
+            prediction: Prediction::Separate,
+            prediction_channels: 8,
+            numeric_fusion: NumericFusion::Paper,
         };
-        let hidden = relu(modulated(self.first.forward(x), 0));
-        self.out.forward(relu(modulated(self.second.forward(hidden), 1)))
+        let grid = GridConfig {
+            x_min_m: 0.0,
+            x_max_m: 9.0 * 0.6,
+            y_min_m: -2.1,
+            y_max_m: 2.1,
+            cell_size_m: 0.6,
+            ..GridConfig::default()
+        };
+        let golden = Golden::read("head");
+        (golden.load_torch("head.weights", Head::init(12, &config, &grid, device)), golden)
+    }
+
+    #[test]
+    fn at_inference_it_equals_pytorchs() {
+        let device = Device::flex();
+        let (head, golden) = golden_head(&device);
+        let found =
+            head.forward(golden.tensor("head.features", &device), golden.tensor("head.numeric", &device));
+        let expected = |name: &str| format!("head.eval.{name}");
+        assert_close(&found.heatmap, &golden.tensor(&expected("heatmap"), &device), "heatmap");
+        let picked = |of: fn(&Query) -> usize| -> Vec<f64> {
+            found.queries.iter().flatten().map(|query| of(query) as f64).collect()
+        };
+        assert_eq!(picked(|query| query.cell), golden.numbers(&expected("cells")));
+        assert_eq!(picked(|query| query.channel), golden.numbers(&expected("classes")));
+        let scores = golden.numbers(&expected("scores"));
+        assert!(
+            found
+                .queries
+                .iter()
+                .flatten()
+                .zip(&scores)
+                .all(|(query, score)| { (f64::from(query.score) - score).abs() < 1e-5 })
+        );
+        // Both kinds of query are there: peaks, and cells that fill up.
+        assert!(scores.contains(&0.0) && scores.iter().any(|&score| score > 0.5));
+        assert_close(&found.boxes, &golden.tensor(&expected("boxes"), &device), "boxes");
+        assert_close(&found.harm, &golden.tensor(&expected("harm"), &device), "harm");
+    }
+
+    #[test]
+    fn in_training_values_and_gradients_equal_pytorchs() {
+        let device = Device::flex().autodiff();
+        let (head, golden) = golden_head(&device);
+        let features = golden.tensor::<4>("head.features", &device).require_grad();
+        let found = head.forward(features.clone(), golden.tensor("head.numeric", &device));
+        let expected = |name: &str| format!("head.train.{name}");
+        assert_close(&found.heatmap, &golden.tensor(&expected("heatmap"), &device), "heatmap");
+        assert_close(&found.boxes, &golden.tensor(&expected("boxes"), &device), "boxes");
+        assert_close(&found.harm, &golden.tensor(&expected("harm"), &device), "harm");
+
+        let of = |name: &str| format!("head.train.output_gradients.{name}");
+        let loss = (found.heatmap * golden.tensor(&of("heatmap"), &device)).sum()
+            + (found.boxes * golden.tensor(&of("boxes"), &device)).sum()
+            + (found.harm * golden.tensor(&of("harm"), &device)).sum();
+        let gradients = loss.backward();
+        let of_features = features.grad(&gradients).unwrap();
+        assert_close(&of_features, &golden.tensor(&expected("features_gradient"), &device), "features");
+        let gradients = GradientsParams::from_grads(gradients, &head);
+        let Positions::Separate(positions) = &head.position else { unreachable!() };
+        for (linear, name) in [
+            (&head.class_embedding, "class_embedding"),
+            (&positions.query.hidden, "position.query.hidden"),
+            (&head.numeric.embed.as_ref().unwrap().out, "numeric.embed.out"),
+        ] {
+            let name = expected(&format!("weight_gradients.{name}.weight"));
+            let gradient = gradients.get::<2>(linear.weight.id).unwrap().transpose();
+            assert_close(&gradient, &golden.tensor(&name, &device), &name);
+        }
+        let Predictor::Separate(nets) = &head.predict else { unreachable!() };
+        let mean = nets.dims.norm.running_mean.value_sync();
+        assert_close(&mean, &golden.tensor(&expected("running_mean"), &device), "running mean");
+    }
+
+    #[test]
+    fn states_of_one_sample_share_boxes_by_film_and_differ_in_harm() {
+        let device = Device::flex();
+        let (config, grid) = (HeadConfig::default(), GridConfig::default());
+        let head = Head::init(8, &config, &grid, &device);
+        let features = Tensor::<4>::ones([1, 8, grid.n_cells_y(), grid.n_cells_x()], &device);
+        let states = TensorData::new(vec![0.3f32, 0.1, 1.2, -0.4], [2, 2]);
+        let output = head.forward(features, Tensor::from_data(states, &device));
+        assert_eq!(output.boxes.dims()[0], 2);
+        let difference = |x: Tensor<3>| -> f32 {
+            (x.clone().narrow(0, 0, 1) - x.narrow(0, 1, 1)).abs().max().into_scalar()
+        };
+        assert!(difference(output.boxes) == 0.0 && difference(output.harm) > 0.0);
     }
 }

@@ -1,6 +1,6 @@
-//! Small building blocks: 3x3 convolution with batch norm, pointwise convolution, up-sampling.
+//! Small building blocks: 3x3 convolutions, pointwise convolution, up-sampling, pairs of linear layers.
 
-use burn::module::Module;
+use burn::module::{Module, Param};
 use burn::nn::conv::{Conv2d, Conv2dConfig};
 use burn::nn::{BatchNorm, BatchNormConfig, Initializer, Linear, LinearConfig};
 use burn::tensor::activation::relu;
@@ -27,12 +27,52 @@ impl ConvBlock {
         }
     }
 
+    /// With PyTorch's batch norm (epsilon 1e-5, momentum 0.1), as in the published fuser and head.
+    #[must_use]
+    pub fn with_plain_norm(mut self) -> Self {
+        (self.norm.epsilon, self.norm.momentum) = (1e-5, 0.1);
+        self
+    }
+
+    /// The same block whose running statistics follow the batches by another share than burn's 0.1.
+    #[must_use]
+    pub fn with_momentum(mut self, momentum: f64) -> Self {
+        self.norm.momentum = momentum;
+        self
+    }
+
     /// # Shapes
     /// - x: `[batch, channel_in, y, x]`
     /// - output: `[batch, channel_out, ceil(y / stride), ceil(x / stride)]`
     pub fn forward(&self, x: Tensor<4>) -> Tensor<4> {
         let x = conv3x3(x, self.conv.weight.val(), self.conv.stride[0]);
         relu(self.norm.forward(x))
+    }
+}
+
+/// 3x3 convolution (stride 1, padding 1) with bias and nothing after it.
+#[derive(Module, Debug)]
+pub struct PlainConv {
+    weight: Param<Tensor<4>>,
+    bias: Param<Tensor<1>>,
+}
+
+impl PlainConv {
+    /// PyTorch's default weights; `bias` gives every channel one value in place of a random one.
+    pub fn init(channels_in: usize, channels_out: usize, bias: Option<f64>, device: &Device) -> Self {
+        let conv = Conv2dConfig::new([channels_in, channels_out], [3, 3]).init(device);
+        let random = conv.bias.expect("a convolution has a bias unless told otherwise");
+        let bias = bias.map_or(random, |value| Initializer::Constant { value }.init([channels_out], device));
+        Self { weight: conv.weight, bias }
+    }
+
+    /// # Shapes
+    /// - x: `[batch, channel_in, y, x]`
+    /// - output: `[batch, channel_out, y, x]`
+    pub fn forward(&self, x: Tensor<4>) -> Tensor<4> {
+        let bias = self.bias.val();
+        let [n_channels] = bias.dims();
+        conv3x3(x, self.weight.val(), 1) + bias.reshape([1, n_channels, 1, 1])
     }
 }
 
@@ -59,8 +99,8 @@ pub fn upsample_nearest(x: Tensor<4>) -> Tensor<4> {
 /// Two linear layers with a ReLU between them.
 #[derive(Module, Debug)]
 pub struct Mlp {
-    hidden: Linear,
-    out: Linear,
+    pub hidden: Linear,
+    pub out: Linear,
 }
 
 impl Mlp {
@@ -76,6 +116,50 @@ impl Mlp {
     }
 }
 
+/// Two linear layers with batch norm (PyTorch's epsilon and momentum) and a ReLU between them: what the
+/// published head writes as two convolutions of kernel 1 over a row of queries or cells.
+#[derive(Module, Debug)]
+pub struct NormedMlp {
+    pub hidden: Linear,
+    pub norm: BatchNorm,
+    pub out: Linear,
+}
+
+impl NormedMlp {
+    /// `hidden_bias` gives the first layer a bias, which the norm takes out again.
+    pub fn init(n_in: usize, n_hidden: usize, n_out: usize, hidden_bias: bool, device: &Device) -> Self {
+        Self {
+            hidden: LinearConfig::new(n_in, n_hidden).with_bias(hidden_bias).init(device),
+            norm: BatchNormConfig::new(n_hidden).init(device),
+            out: LinearConfig::new(n_hidden, n_out).init(device),
+        }
+    }
+
+    /// # Shapes
+    /// - x: `[row, query, channel_in]`
+    /// - output: `[row, query, channel_out]`
+    pub fn forward(&self, x: Tensor<3>) -> Tensor<3> {
+        self.forward_with(x, |hidden| hidden)
+    }
+
+    /// With a change of the normed hidden channels before the ReLU.
+    pub fn forward_with(&self, x: Tensor<3>, change: impl FnOnce(Tensor<3>) -> Tensor<3>) -> Tensor<3> {
+        let hidden = self.hidden.forward(x);
+        let [n_rows, n_queries, n_channels] = hidden.dims();
+        let normed = self.norm.forward(hidden.reshape([n_rows * n_queries, n_channels]));
+        self.out.forward(relu(change(normed.reshape([n_rows, n_queries, n_channels]))))
+    }
+}
+
+/// Draws a layer's weight as Glorot and Bengio (2010) do, for a matrix of `n_parts` layers' rows side by side.
+pub fn xavier(linear: &mut Linear, n_parts: usize, device: &Device) {
+    let [n_in, n_out] = linear.weight.lazy_shape().dims();
+    // Bound sqrt(6 / (in + out)); the joined matrix has `n_parts` times the outputs.
+    let gain = ((n_in + n_out) as f64 / (n_in + n_parts * n_out) as f64).sqrt();
+    linear.weight =
+        Initializer::XavierUniform { gain }.init_with([n_in, n_out], Some(n_in), Some(n_out), device);
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -87,5 +171,16 @@ mod tests {
         let x = Tensor::<4>::from_data(TensorData::new(vec![1f32, 2.0, 3.0, 4.0], [1, 1, 2, 2]), &device);
         let values: Vec<f32> = upsample_nearest(x).into_data().try_to_vec().unwrap();
         assert_eq!(values, [1.0, 1.0, 2.0, 2.0, 1.0, 1.0, 2.0, 2.0, 3.0, 3.0, 4.0, 4.0, 3.0, 3.0, 4.0, 4.0]);
+    }
+
+    #[test]
+    fn xavier_weights_of_three_joined_layers_reach_their_bound_and_no_further() {
+        let device = Device::flex();
+        let mut linear = LinearConfig::new(32, 32).init(&device);
+        xavier(&mut linear, 3, &device);
+        let weights: Vec<f32> = linear.weight.val().into_data().try_to_vec().unwrap();
+        let largest = weights.iter().fold(0f32, |largest, weight| largest.max(weight.abs()));
+        let bound = (6f32 / (4.0 * 32.0)).sqrt();
+        assert!(largest <= bound && largest > 0.95 * bound, "{largest} against {bound}");
     }
 }

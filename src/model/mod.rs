@@ -3,18 +3,57 @@
 
 mod attention;
 mod batch;
-mod camera;
+mod bev_backbone;
 pub mod checkpoint;
+mod cnn_branch;
+mod cnn_input;
 pub mod coder;
 mod config;
+mod conv_norm;
+mod depth_lss;
 mod detector;
+mod forecast;
+#[cfg(test)]
+mod formula;
+#[cfg(test)]
+pub(crate) mod golden;
 mod head;
+pub mod image_weights;
 mod input;
 mod layers;
-mod lidar;
+mod lidar_voxel;
+mod lss_fpn;
+mod numeric;
+mod parameters;
+mod pillar_branch;
+mod pillars;
+mod positions;
+mod predict;
+mod queries;
+mod sparse;
+mod swin;
+mod swin_camera;
+mod voxel;
 
 pub use batch::Batch;
-pub use config::{CameraConfig, GridConfig, Heatmap, ModelConfig, ModelConfigError, NumericFusion};
+pub use bev_backbone::{BevBackbone, BevBackboneConfig, Upsample};
+pub use config::{
+    CameraBackbone, CameraConfig, CnnConfig, GridConfig, HeadConfig, Heatmap, LidarConfig, LidarEncoder,
+    ModelConfig, ModelConfigError, NumericFusion, PAPER_TOML, PillarConfig, PositionEncoding, Prediction,
+    SMALL_TOML,
+};
+pub use depth_lss::{DepthLssConfig, pool_plan, sparse_depth};
 pub use detector::{Detector, detections};
-pub use head::{Output, Query, cell_center_m};
+pub use forecast::{MainTensor, main_tensors};
+pub use head::Output;
+pub use image_weights::{ImageWeightsError, ImageWeightsReport, load_image_weights};
 pub use input::{Input, InputError};
+pub use lidar_voxel::{LidarVoxelBranch, LidarVoxelConfig, VoxelBatch};
+pub use parameters::n_trained;
+pub use queries::{Query, cell_center_m};
+pub use sparse::{EncoderRulebooks, Sites, SparseEncoder, SparseEncoderConfig};
+pub use swin::{Swin, SwinConfig};
+pub use swin_camera::{
+    SwinCameraBatch, SwinCameraBranch, SwinCameraConfig, SwinCameraInput, SwinCameraInputError,
+};
+pub use voxel::{N_VOXEL_FEATURES, VoxelConfig, Voxels, voxelize};

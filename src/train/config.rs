@@ -1,9 +1,11 @@
 //! What a training run is: data order, stages, schedule, losses, augmentation.
 
+use std::path::PathBuf;
+
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::model::{ModelConfig, ModelConfigError};
+use crate::model::{CameraBackbone, ModelConfig, ModelConfigError};
 
 /// A training run; `configs/train.toml` equals the default.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -35,6 +37,9 @@ pub struct TrainConfig {
     pub augment: AugmentConfig,
     /// Steps between two states to resume from.
     pub save_every_steps: usize,
+    /// Weights of the image backbone to start from, of torchvision, timm, Microsoft or mmdet; `--image-weights`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub image_weights: Option<PathBuf>,
     pub model: ModelConfig,
 }
 
@@ -119,6 +124,7 @@ impl Default for TrainConfig {
             loss: LossConfig::default(),
             augment: AugmentConfig::default(),
             save_every_steps: 100,
+            image_weights: None,
             model: ModelConfig::default(),
         }
     }
@@ -177,6 +183,21 @@ impl TrainConfig {
                 field: "fused_stage.epochs",
                 found: self.fused_stage.epochs.to_string(),
                 valid: "with model.use_camera it must be above zero, without it zero: the camera trains there",
+            });
+        }
+        if self.model.use_lidar != (self.lidar_stage.epochs > 0) {
+            return Err(TrainConfigError::Field {
+                field: "lidar_stage.epochs",
+                found: self.lidar_stage.epochs.to_string(),
+                valid: "with model.use_lidar it must be above zero, without it zero: the LiDAR trains there first",
+            });
+        }
+        let has_swin = self.model.use_camera && self.model.camera.backbone == CameraBackbone::Swin;
+        if let Some(path) = self.image_weights.as_ref().filter(|_| !has_swin) {
+            return Err(TrainConfigError::Field {
+                field: "image_weights",
+                found: path.display().to_string(),
+                valid: "only a camera branch with backbone = \"swin\" takes image weights (--model paper)",
             });
         }
         Ok(self.model.check()?)

@@ -6,11 +6,12 @@
 //!   unmatched queries are background for both classes.
 //! - Box: L1 over the code of matched queries, velocity weighted 0.2, over their number.
 
-use burn::tensor::activation::sigmoid;
+use burn::tensor::activation::{log_sigmoid, sigmoid};
 use burn::tensor::{Device, Tensor, TensorData};
 
+use super::assignment::assign;
 use super::config::LossConfig;
-use super::targets::{assign, draw_heatmap, one_hot};
+use super::targets::{draw_heatmap, one_hot};
 use crate::model::coder::{CODE_SIZE, encode};
 use crate::model::{ModelConfig, Output};
 use crate::object::LabelledObject;
@@ -67,21 +68,24 @@ fn heatmap_loss(
     device: &Device,
 ) -> Tensor<1> {
     let target: Vec<f32> = objects.iter().flat_map(|states| draw_heatmap(&states[0], model)).collect();
-    let n_peaks = target.iter().filter(|&&value| value == 1.0).count().max(1);
-    let target = Tensor::<4>::from_data(TensorData::new(target, output.heatmap.dims()), device);
-    gaussian_focal(output.heatmap.clone(), target).div_scalar(n_peaks as f64)
+    gaussian_focal(
+        output.heatmap.clone(),
+        Tensor::from_data(TensorData::new(target, output.heatmap.dims()), device),
+    )
 }
 
-/// Sum of the Gaussian focal loss over a map.
+/// The Gaussian focal loss of a map, over the number of ones in its target, at least one.
 fn gaussian_focal(logits: Tensor<4>, target: Tensor<4>) -> Tensor<1> {
+    // Scores are clipped as published, so that a map that is far off keeps a finite loss.
     let p = sigmoid(logits).clamp(1e-4, 1.0 - 1e-4);
     let peak = target.clone().equal_elem(1.0).float();
+    let n_peaks = peak.clone().sum().clamp_min(1.0);
     let not_p = p.clone().neg().add_scalar(1.0);
     let at_peaks = p.clone().log() * not_p.clone() * not_p.clone() * peak;
     let off = target.neg().add_scalar(1.0);
     let off = off.clone() * off;
     let elsewhere = not_p.log() * p.clone() * p * off.clone() * off;
-    (at_peaks + elsewhere).sum().neg()
+    (at_peaks + elsewhere).sum().neg() / n_peaks
 }
 
 fn query_losses(
@@ -97,7 +101,7 @@ fn query_losses(
     let mut harm_target = vec![0f32; n_rows * n_queries * 2];
     let mut code_target = vec![0f32; n_rows * n_queries * CODE_SIZE];
     let mut code_weight = vec![0f32; n_rows * n_queries * CODE_SIZE];
-    let mut n_matched = 0;
+    let mut n_matched = 0usize;
     // NaN costs have no best assignment; the loss is NaN then anyway and the caller names the samples.
     if codes.iter().chain(&logits).all(|value| value.is_finite()) {
         let of_states = output
@@ -117,34 +121,39 @@ fn query_losses(
                     &truth.box_in_ego,
                     truth.velocity_in_ego_mps,
                     queries[q].center_m,
-                    model.grid.cell_size_m(),
+                    model.grid.cell_size_m,
                 ));
                 code_weight[row * CODE_SIZE..(row + 1) * CODE_SIZE].copy_from_slice(&CODE_WEIGHTS);
                 n_matched += 1;
             }
         }
     }
-    let normalizer = f64::from(n_matched.max(1));
     let tensor =
         |values: Vec<f32>, n| Tensor::<3>::from_data(TensorData::new(values, [n_rows, n_queries, n]), device);
-    let harm = sigmoid_focal(output.harm.clone(), tensor(harm_target, 2)).div_scalar(normalizer);
-    let difference = output.boxes.clone() - tensor(code_target, CODE_SIZE);
-    let boxes = (difference.abs() * tensor(code_weight, CODE_SIZE)).sum().div_scalar(normalizer);
-    (harm, boxes)
+    let harm = sigmoid_focal(output.harm.clone(), tensor(harm_target, 2), n_matched);
+    let (target, weight) = (tensor(code_target, CODE_SIZE), tensor(code_weight, CODE_SIZE));
+    (harm, box_l1(output.boxes.clone(), target, weight, n_matched))
 }
 
-/// Sum of the sigmoid focal loss, alpha 0.25, gamma 2.
-fn sigmoid_focal(logits: Tensor<3>, target: Tensor<3>) -> Tensor<1> {
-    let p = sigmoid(logits).clamp(1e-6, 1.0 - 1e-6);
+/// The sigmoid focal loss, alpha 0.25, gamma 2, over the number of matched queries, at least one.
+fn sigmoid_focal(logits: Tensor<3>, target: Tensor<3>, n_matched: usize) -> Tensor<1> {
+    let p = sigmoid(logits.clone());
     let not_p = p.clone().neg().add_scalar(1.0);
-    let positive = p.clone().log() * not_p.clone() * not_p.clone() * target.clone().mul_scalar(0.25);
-    let negative = not_p.log() * p.clone() * p * target.neg().add_scalar(1.0).mul_scalar(0.75);
-    (positive + negative).sum().neg()
+    let positive = log_sigmoid(logits.clone()) * not_p.clone() * not_p * target.clone().mul_scalar(0.25);
+    let negative = log_sigmoid(logits.neg()) * p.clone() * p * target.neg().add_scalar(1.0).mul_scalar(0.75);
+    (positive + negative).sum().div_scalar(-(n_matched.max(1) as f64))
+}
+
+/// The weighted L1 distance of codes, over the number of matched queries, at least one; `weight` is zero for
+/// the others.
+fn box_l1(codes: Tensor<3>, target: Tensor<3>, weight: Tensor<3>, n_matched: usize) -> Tensor<1> {
+    ((codes - target).abs() * weight).sum().div_scalar(n_matched.max(1) as f64)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::golden::{Golden, assert_close};
 
     /// Compares a loss's gradient with central finite differences.
     fn check_gradient<const D: usize>(
@@ -190,7 +199,50 @@ mod tests {
         let target = vec![1.0f32, 0.0, 0.0, 0.0];
         check_gradient([1, 2, 2], &[0.3, -0.4, 0.8, -1.2], |x| {
             let t = Tensor::from_data(TensorData::new(target.clone(), [1, 2, 2]), &x.device());
-            sigmoid_focal(x, t)
+            sigmoid_focal(x, t, 1)
         });
+    }
+
+    /// A loss and its gradient against a golden case's.
+    fn check_golden<const D: usize>(
+        golden: &Golden,
+        [case, input]: [&str; 2],
+        loss: impl Fn(Tensor<D>, &dyn Fn(&str) -> Tensor<D>) -> Tensor<1>,
+    ) {
+        let device = Device::flex().autodiff();
+        let part = |name: &str| golden.tensor::<D>(&format!("{case}.{name}"), &device);
+        let x = part(input).require_grad();
+        let found = loss(x.clone(), &part);
+        let expected = golden.numbers(&format!("{case}.loss"))[0];
+        let error = (f64::from(scalar(&found)) - expected).abs();
+        assert!(error <= 1e-4 * expected.abs(), "{case}: {} against {expected}", scalar(&found));
+        let gradient = x.grad(&found.backward()).unwrap();
+        if expected == 0.0 {
+            assert_eq!(gradient.abs().max().into_scalar::<f32>(), 0.0, "{case}");
+        } else {
+            assert_close(&gradient, &part("gradient").inner(), case);
+        }
+    }
+
+    #[test]
+    fn values_and_gradients_equal_pytorchs() {
+        let golden = Golden::read("losses");
+        for case in ["heatmap.peaks", "heatmap.no_peaks"] {
+            check_golden::<4>(&golden, [case, "logits"], |x, part| gaussian_focal(x, part("target")));
+        }
+        for (case, n_matched) in [("matched", 5), ("unmatched", 0)] {
+            check_golden::<3>(&golden, [&format!("harm.{case}"), "input"], |x, part| {
+                sigmoid_focal(x, part("target"), n_matched)
+            });
+            let is_matched = golden.numbers(&format!("boxes.{case}.is_matched"));
+            let weights: Vec<f32> = is_matched
+                .iter()
+                .flat_map(|&is_matched| CODE_WEIGHTS.map(|weight| weight * is_matched as f32))
+                .collect();
+            check_golden::<3>(&golden, [&format!("boxes.{case}"), "input"], |x, part| {
+                let weight = Tensor::from_data(TensorData::new(weights.clone(), x.dims()), &x.device());
+                box_l1(x, part("target"), weight, n_matched)
+            });
+        }
     }
 }

@@ -1,8 +1,10 @@
 //! Training: targets, losses, schedule, optimizer and the resumable loop.
 
+mod assignment;
 mod augment;
 mod average;
 mod config;
+mod dry_run;
 mod log;
 mod losses;
 mod optimizer;
@@ -14,5 +16,6 @@ mod targets;
 mod validate;
 
 pub use config::{AugmentConfig, LossConfig, StageConfig, TrainConfig, TrainConfigError};
+pub use dry_run::DryRun;
 pub use losses::LossParts;
 pub use run::{CHECKPOINT, RunOptions, Summary, TrainError, run};

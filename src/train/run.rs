@@ -10,6 +10,7 @@ use burn::module::Module;
 use burn::optim::{GradientsAccumulator, GradientsParams};
 use burn::tensor::Device;
 use fs_err as fs;
+use rand::RngExt;
 use rayon::prelude::*;
 use thiserror::Error;
 
@@ -29,7 +30,9 @@ use crate::dataset::{Dataset, LabelledSample};
 use crate::files;
 use crate::label::zone::ZoneError;
 use crate::model::checkpoint::{self, CheckpointError};
-use crate::model::{Batch, Detector, Input, InputError, NumericFusion};
+use crate::model::{
+    Batch, Detector, ImageWeightsError, ImageWeightsReport, Input, InputError, NumericFusion,
+};
 use crate::object::LabelledObject;
 use crate::progress::Progress;
 use crate::random;
@@ -41,6 +44,8 @@ pub enum TrainError {
     Config(#[from] TrainConfigError),
     #[error("cannot write the run: {0}")]
     Io(#[from] std::io::Error),
+    #[error(transparent)]
+    ImageWeights(#[from] ImageWeightsError),
     #[error(transparent)]
     State(#[from] StateError),
     #[error(transparent)]
@@ -89,6 +94,8 @@ pub struct Summary {
     /// Mean loss over the last epoch.
     pub last_loss: LossParts,
     pub elapsed: Duration,
+    /// What was loaded into the image backbone, if this call did.
+    pub image_weights: Option<ImageWeightsReport>,
 }
 
 /// Name of the finished checkpoint in a run's folder.
@@ -129,6 +136,7 @@ pub fn run(
         n_steps_now,
         last_loss,
         elapsed: started.elapsed(),
+        image_weights: None,
     };
     if final_path.exists() {
         return Ok(summary(0, LossParts::default()));
@@ -136,12 +144,17 @@ pub fn run(
 
     let inference_device = device;
     let device = device.clone().autodiff();
+    let mut image_weights = None;
     let kept = state::newest(out, Optimizer::new(config), &device, inference_device)?;
     let (mut detector, mut optimizer, mut position, mut average) = if let Some(kept) = kept {
         let average = Average::new(kept.average, config.average_decay);
         (number_parameters(kept.detector), kept.optimizer, kept.position, average)
     } else {
-        let fresh = number_parameters(Detector::init(&config.model, config.seed, &device));
+        let mut fresh = Detector::init(&config.model, config.seed, &device);
+        if let Some(path) = &config.image_weights {
+            image_weights = Some(fresh.load_image_weights(path)?);
+        }
+        let fresh = number_parameters(fresh);
         let average = Average::new(fresh.valid(), config.average_decay);
         (fresh, Optimizer::new(config), Position { stage: 0, step: 0 }, average)
     };
@@ -211,7 +224,7 @@ pub fn run(
     }
     checkpoint::save(&finished(&detector, &average, config), &final_path)?;
     state::clear(out)?;
-    Ok(summary(n_steps_now, epoch_loss.mean()))
+    Ok(Summary { image_weights, ..summary(n_steps_now, epoch_loss.mean()) })
 }
 
 /// What a run leaves behind: the moving average, or the last weights where there is none.
@@ -244,6 +257,9 @@ fn gradients(
     for (batch_idx, chosen) in batches.iter().enumerate() {
         let first_draw = (position.step * config.accumulate + batch_idx) * config.batch_size;
         let (batch, objects) = prepare(chosen, samples, dataset, config, position, first_draw, device)?;
+        // What training drops at random depends on the step alone, however often the run was stopped.
+        let name = format!("dropout-{}", STAGES[position.stage]);
+        Detector::seed(device, random::stream(config.seed, &name, first_draw as u64).random());
         let loss = losses(&detector.forward(&batch), &objects, &config.model, &config.loss);
         if !loss.parts.total().is_finite() {
             return Err(not_finite(loss.parts.total(), position, chosen, samples));
@@ -313,7 +329,7 @@ fn prepare(
     device: &Device,
 ) -> Result<(Batch, Vec<Vec<Vec<LabelledObject>>>), TrainError> {
     let mut augment = config.augment;
-    if config.model.numeric_fusion == NumericFusion::None {
+    if config.model.head.numeric_fusion == NumericFusion::None {
         augment.n_redrawn_states = 0;
     }
     let prepared = chosen
@@ -369,7 +385,9 @@ mod tests {
     use super::super::StageConfig;
     use super::*;
     use crate::dataset::test_data;
-    use crate::model::{CameraConfig, GridConfig, ModelConfig};
+    use crate::model::{
+        CameraConfig, CnnConfig, GridConfig, HeadConfig, LidarConfig, ModelConfig, PillarConfig,
+    };
     use crate::progress::Silent;
 
     fn tiny() -> TrainConfig {
@@ -380,12 +398,17 @@ mod tests {
             fused_stage: stage(1),
             save_every_steps: 1,
             model: ModelConfig {
-                grid: GridConfig { pillar_size_m: 1.6, ..GridConfig::default() },
-                pillar_channels: 8,
-                bev_channels: [16, 16],
-                camera: CameraConfig { image_width_px: 64, n_depth_bins: 12, ..CameraConfig::default() },
-                hidden_channels: 16,
-                n_queries: 8,
+                grid: GridConfig { cell_size_m: 3.2, ..GridConfig::default() },
+                fuser_channels: 16,
+                lidar: LidarConfig {
+                    pillars: PillarConfig { channels: 8, bev_channels: [16, 16], ..PillarConfig::default() },
+                    ..LidarConfig::default()
+                },
+                camera: CameraConfig {
+                    cnn: CnnConfig { image_width_px: 64, n_depth_bins: 12, ..CnnConfig::default() },
+                    ..CameraConfig::default()
+                },
+                head: HeadConfig { channels: 16, n_queries: 8, ffn_channels: 32, ..HeadConfig::default() },
                 ..ModelConfig::default()
             },
             ..TrainConfig::default()

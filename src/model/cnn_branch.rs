@@ -1,4 +1,4 @@
-//! Camera branch: a small convolutional net, a depth distribution for each feature helped by the
+//! Small camera branch: a convolutional net, a depth distribution for each feature helped by the
 //! LiDAR's sparse depth, and the lift to bird's-eye view (lift-splat, Philion and Fidler 2020;
 //! depth input as in BEVFusion, Liu et al. 2023).
 
@@ -7,7 +7,7 @@ use burn::nn::conv::Conv2d;
 use burn::tensor::activation::softmax;
 use burn::tensor::{Device, IndexingUpdateOp, Tensor};
 
-use super::batch::CameraBatch;
+use super::cnn_input::CnnBatch;
 use super::config::ModelConfig;
 use super::layers::{ConvBlock, pointwise};
 
@@ -16,7 +16,7 @@ const DEPTH_CHANNELS: usize = 16;
 
 /// From an image to features on the bird's-eye grid.
 #[derive(Module, Debug)]
-pub struct CameraBranch {
+pub struct CnnBranch {
     image: Vec<ConvBlock>,
     depth: ConvBlock,
     joint: ConvBlock,
@@ -30,10 +30,12 @@ pub struct CameraBranch {
     n_cells: [usize; 2],
 }
 
-impl CameraBranch {
+impl CnnBranch {
     pub fn init(config: &ModelConfig, device: &Device) -> Self {
-        let [a, b, c] = config.camera.channels;
-        let lift = config.camera.lift_channels;
+        let grid = &config.grid;
+        let config = &config.camera.cnn;
+        let [a, b, c] = config.channels;
+        let lift = config.lift_channels;
         Self {
             image: vec![
                 ConvBlock::init(3, a, 2, device),
@@ -44,17 +46,17 @@ impl CameraBranch {
             ],
             depth: ConvBlock::init(2, DEPTH_CHANNELS, 1, device),
             joint: ConvBlock::init(c + DEPTH_CHANNELS, c, 1, device),
-            lift: pointwise(c, config.camera.n_depth_bins + lift, device),
+            lift: pointwise(c, config.n_depth_bins + lift, device),
             smooth: ConvBlock::init(lift, lift, 1, device),
-            n_depth_bins: config.camera.n_depth_bins,
+            n_depth_bins: config.n_depth_bins,
             n_lift_channels: lift,
-            n_cells: [config.grid.n_cells_y(), config.grid.n_cells_x()],
+            n_cells: [grid.n_cells_y(), grid.n_cells_x()],
         }
     }
 
     /// # Shapes
     /// - output: `[batch, lift_channel, cell_y, cell_x]`; each cell the sum of the frustum points in it
-    pub fn forward(&self, batch: &CameraBatch) -> Tensor<4> {
+    pub fn forward(&self, batch: &CnnBatch) -> Tensor<4> {
         let image = self.image.iter().fold(batch.image.clone(), |x, block| block.forward(x));
         let depth = self.depth.forward(batch.depth.clone());
         let joint = self.joint.forward(Tensor::cat(vec![image, depth], 1));

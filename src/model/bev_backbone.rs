@@ -1,0 +1,279 @@
+//! Bird's-eye backbone and neck: scales of 3x3 convolutions (SECOND, Yan et al. 2018), each brought to the
+//! first scale's size and laid channel by channel beside the others (SECOND's FPN).
+//!
+//! Convolutions have no bias; each is followed by batch norm and ReLU.
+
+use burn::module::Module;
+use burn::nn::conv::{Conv2d, Conv2dConfig, ConvTranspose2d, ConvTranspose2dConfig};
+use burn::nn::{BatchNorm, BatchNormConfig, Initializer};
+use burn::tensor::activation::relu;
+use burn::tensor::{Device, Tensor};
+use serde::{Deserialize, Serialize};
+
+use super::config::ModelConfigError;
+use super::layers::{ConvBlock, upsample_nearest};
+
+/// Published batch norm of the LiDAR branch; [`ConvBlock`] has the same epsilon.
+const NORM_EPSILON: f64 = 1e-3;
+const NORM_MOMENTUM: f64 = 0.01;
+
+/// How a coarse scale is brought to the first scale's size.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Upsample {
+    /// The published way: a transposed convolution, its kernel as large as its stride.
+    Transpose,
+    /// A 1x1 convolution whose cells are repeated: fewer weights, faster on a CPU.
+    Nearest,
+}
+
+/// Scales of the backbone; the default is the published one.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct BevBackboneConfig {
+    /// Channels of each scale.
+    pub channels: Vec<usize>,
+    /// Stride of each scale's first convolution, 1 or 2.
+    pub strides: Vec<usize>,
+    /// Convolutions of each scale that follow its first one.
+    pub n_layers: Vec<usize>,
+    /// Channels that each scale hands on.
+    pub channels_out: Vec<usize>,
+    pub upsample: Upsample,
+}
+
+impl Default for BevBackboneConfig {
+    fn default() -> Self {
+        Self {
+            channels: vec![128, 256],
+            strides: vec![1, 2],
+            n_layers: vec![5, 5],
+            channels_out: vec![256, 256],
+            upsample: Upsample::Transpose,
+        }
+    }
+}
+
+impl BevBackboneConfig {
+    /// Cells of the input along y and x for one cell of the output.
+    #[must_use]
+    pub fn stride(&self) -> usize {
+        self.strides.first().copied().unwrap_or(1)
+    }
+
+    /// Channels of the output, all scales together.
+    #[must_use]
+    pub fn n_channels_out(&self) -> usize {
+        self.channels_out.iter().sum()
+    }
+
+    /// Checks what the types cannot say, for a map of cells along y and x.
+    ///
+    /// # Errors
+    /// Names the first field that does not fit, and what would.
+    pub fn check(&self, shape: [usize; 2]) -> Result<(), ModelConfigError> {
+        let fail = |field, found: String, valid| Err(ModelConfigError { field, found, valid });
+        let lists = [
+            ("backbone.channels", &self.channels, 1),
+            ("backbone.strides", &self.strides, 1),
+            ("backbone.n_layers", &self.n_layers, 0),
+            ("backbone.channels_out", &self.channels_out, 1),
+        ];
+        for (field, list, least) in lists {
+            if list.is_empty() || list.len() != self.channels.len() || list.iter().any(|&n| n < least) {
+                return fail(
+                    field,
+                    format!("{list:?}"),
+                    "there is one for each scale, at least 1 (layers: 0)",
+                );
+            }
+        }
+        if self.strides.iter().any(|&stride| stride > 2) {
+            return fail("backbone.strides", format!("{:?}", self.strides), "a stride is 1 or 2");
+        }
+        let total: usize = self.strides.iter().product();
+        if shape.iter().any(|&n| n == 0 || !n.is_multiple_of(total)) {
+            return fail(
+                "backbone.strides",
+                format!("{:?} for a map of {shape:?} cells", self.strides),
+                "their product must divide the map",
+            );
+        }
+        Ok(())
+    }
+}
+
+/// Brings one scale to the size of the first, then batch norm and ReLU.
+#[derive(Module, Debug)]
+struct Neck {
+    /// Where the scale has the size of the first, or its cells are repeated.
+    point: Option<Conv2d>,
+    /// Otherwise.
+    spread: Option<ConvTranspose2d>,
+    norm: BatchNorm,
+    #[module(skip)]
+    factor: usize,
+}
+
+impl Neck {
+    fn init(channels: [usize; 2], factor: usize, upsample: Upsample, device: &Device) -> Self {
+        let kaiming = Initializer::KaimingNormal { gain: 2f64.sqrt(), fan_out_only: false };
+        let is_spread = factor > 1 && upsample == Upsample::Transpose;
+        Self {
+            point: (!is_spread).then(|| {
+                Conv2dConfig::new(channels, [1, 1])
+                    .with_bias(false)
+                    .with_initializer(kaiming.clone())
+                    .init(device)
+            }),
+            spread: is_spread.then(|| {
+                ConvTranspose2dConfig::new(channels, [factor, factor])
+                    .with_stride([factor, factor])
+                    .with_bias(false)
+                    .with_initializer(kaiming)
+                    .init(device)
+            }),
+            norm: BatchNormConfig::new(channels[1])
+                .with_epsilon(NORM_EPSILON)
+                .with_momentum(NORM_MOMENTUM)
+                .init(device),
+            factor,
+        }
+    }
+
+    /// # Shapes
+    /// - x: `[batch, channel_in, y, x]`
+    /// - output: `[batch, channel_out, factor * y, factor * x]`
+    fn forward(&self, x: Tensor<4>) -> Tensor<4> {
+        if let Some(spread) = &self.spread {
+            return relu(self.norm.forward(transpose_without_overlap(x, spread.weight.val())));
+        }
+        let x = match &self.point {
+            Some(point) => point.forward(x),
+            None => unreachable!("a neck has one of its two convolutions"),
+        };
+        // Strides are 1 or 2, so that their product is a power of two.
+        (0..self.factor.ilog2()).fold(relu(self.norm.forward(x)), |x, _| upsample_nearest(x))
+    }
+}
+
+/// Transposed convolution whose stride is the side of its square kernel: one matrix product, since no two
+/// kernels overlap. burn's own op is many times slower on a CPU.
+///
+/// # Shapes
+/// - x: `[batch, channel_in, y, x]`
+/// - w: `[channel_in, channel_out, side, side]`
+/// - output: `[batch, channel_out, side * y, side * x]`
+fn transpose_without_overlap(x: Tensor<4>, w: Tensor<4>) -> Tensor<4> {
+    let ([n_batch, channels_in, n_y, n_x], [_, channels_out, side, _]) = (x.dims(), w.dims());
+    let w = w.reshape([channels_in, channels_out * side * side]).transpose().unsqueeze::<3>();
+    w.matmul(x.reshape([n_batch, channels_in, n_y * n_x]))
+        .reshape([n_batch, channels_out, side, side, n_y, n_x])
+        .permute([0, 1, 4, 2, 5, 3])
+        .reshape([n_batch, channels_out, side * n_y, side * n_x])
+}
+
+/// Backbone and neck.
+#[derive(Module, Debug)]
+pub struct BevBackbone {
+    /// Convolutions of each scale.
+    scales: Vec<Vec<ConvBlock>>,
+    necks: Vec<Neck>,
+}
+
+impl BevBackbone {
+    pub fn init(channels_in: usize, config: &BevBackboneConfig, device: &Device) -> Self {
+        let (mut scales, mut necks) = (Vec::new(), Vec::new());
+        let (mut channels_before, mut factor) = (channels_in, 1);
+        for (scale, &n_channels) in config.channels.iter().enumerate() {
+            let block = |channels_in: usize, stride: usize| {
+                ConvBlock::init(channels_in, n_channels, stride, device).with_momentum(NORM_MOMENTUM)
+            };
+            let following = (0..config.n_layers[scale]).map(|_| block(n_channels, 1));
+            let first = block(channels_before, config.strides[scale]);
+            scales.push([first].into_iter().chain(following).collect());
+            if scale > 0 {
+                factor *= config.strides[scale];
+            }
+            necks.push(Neck::init([n_channels, config.channels_out[scale]], factor, config.upsample, device));
+            channels_before = n_channels;
+        }
+        Self { scales, necks }
+    }
+
+    /// # Shapes
+    /// - x: `[batch, channel_in, y, x]`, y and x divided by the product of the strides
+    /// - output: `[batch, sum of channels_out, y / first stride, x / first stride]`
+    pub fn forward(&self, x: Tensor<4>) -> Tensor<4> {
+        let mut x = x;
+        let mut scales = Vec::new();
+        for (blocks, neck) in self.scales.iter().zip(&self.necks) {
+            x = blocks.iter().fold(x, |x, block| block.forward(x));
+            scales.push(neck.forward(x.clone()));
+        }
+        Tensor::cat(scales, 1)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::golden::{Golden, assert_close};
+    use crate::model::n_trained;
+
+    fn small(upsample: Upsample) -> BevBackboneConfig {
+        BevBackboneConfig {
+            channels: vec![4, 6, 5],
+            strides: vec![1, 2, 2],
+            n_layers: vec![1, 2, 0],
+            channels_out: vec![3, 4, 2],
+            upsample,
+        }
+    }
+
+    #[test]
+    fn the_published_backbone_has_4_281_and_its_neck_0_296_million_parameters() {
+        let backbone = BevBackbone::init(256, &BevBackboneConfig::default(), &Device::flex().autodiff());
+        let in_scales: usize = backbone.scales.iter().flatten().map(n_trained).sum();
+        let in_necks: usize = backbone.necks.iter().map(n_trained).sum();
+        assert_eq!((in_scales, in_necks), (4_280_832, 295_936));
+        assert_eq!(BevBackboneConfig::default().n_channels_out(), 512);
+    }
+
+    #[test]
+    fn values_and_gradients_equal_pytorch() {
+        let golden = Golden::read("bev_backbone");
+        let (device, inner) = (Device::flex().autodiff(), Device::flex());
+        for (case, upsample) in [("transpose", Upsample::Transpose), ("nearest", Upsample::Nearest)] {
+            let name = |part: &str| format!("{case}.{part}");
+            let tensor = |part: &str| golden.tensor::<4>(&name(part), &inner);
+            let fresh = BevBackbone::init(5, &small(upsample), &device);
+            let backbone = golden.load_torch(&name("net"), fresh);
+            assert_close(&backbone.valid().forward(tensor("x")), &tensor("y_eval"), &name("y_eval"));
+
+            let x = golden.tensor::<4>(&name("x"), &device).require_grad();
+            let y = backbone.forward(x.clone());
+            let gradients = (y.clone() * golden.tensor::<4>(&name("dy"), &device)).sum().backward();
+            assert_close(&y.inner(), &tensor("y_train"), &name("y_train"));
+            assert_close(&x.grad(&gradients).unwrap(), &tensor("dx"), &name("dx"));
+            let neck = &backbone.necks[2];
+            let w = neck
+                .spread
+                .as_ref()
+                .map_or_else(|| neck.point.as_ref().unwrap().weight.val(), |spread| spread.weight.val());
+            assert_close(&w.grad(&gradients).unwrap(), &tensor("d_neck"), &name("d_neck"));
+        }
+    }
+
+    #[test]
+    fn a_config_that_does_not_fit_names_its_field() {
+        let good = BevBackboneConfig::default;
+        assert_eq!(good().check([180, 90]), Ok(()));
+        assert_eq!(good().check([180, 91]).unwrap_err().field, "backbone.strides");
+        let wrong = BevBackboneConfig { strides: vec![1, 3], ..good() };
+        assert_eq!(wrong.check([180, 90]).unwrap_err().field, "backbone.strides");
+        let wrong = BevBackboneConfig { channels_out: vec![256], ..good() };
+        assert_eq!(wrong.check([180, 90]).unwrap_err().field, "backbone.channels_out");
+        assert!(BevBackboneConfig { channels: vec![], ..good() }.check([180, 90]).is_err());
+    }
+}

@@ -1,0 +1,223 @@
+//! Inputs of the small camera branch: a resized image, LiDAR depths at its features, and where its frustum falls.
+
+use burn::tensor::{Device, Int, Tensor, TensorData};
+use image::RgbImage;
+use image::imageops::{FilterType, resize};
+
+use super::config::ModelConfig;
+use crate::geometry::{Camera, Ego, Pinhole, Point, Transform};
+
+/// Stride of the camera features over the resized image.
+pub const IMAGE_STRIDE: usize = 8;
+
+/// One sample's inputs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CnnInput {
+    /// `[3, y, x]`, 8-bit RGB, resized.
+    pub image: Vec<u8>,
+    pub image_height_px: usize,
+    /// `[feature_y, feature_x]` at an eighth of the resized image: nearest LiDAR depth in metres, 0 for none.
+    pub depth: Vec<f32>,
+    /// Frustum points that fall into the bird's-eye grid.
+    pub frustum: Frustum,
+}
+
+/// Which frustum point lands in which bird's-eye cell.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Frustum {
+    /// Index into `[depth_bin, feature_y, feature_x]`.
+    pub points: Vec<u32>,
+    /// Bird's-eye cell `y * n_cells_x + x` of the same point.
+    pub cells: Vec<u32>,
+}
+
+/// Feature rows or columns after three stride-2 convolutions with padding 1.
+#[must_use]
+pub fn n_features(n_px: usize) -> usize {
+    n_px.div_ceil(2).div_ceil(2).div_ceil(2)
+}
+
+impl CnnInput {
+    /// Resizes the image to the network's width; the calibration follows. For a mirrored sample give
+    /// everything mirrored. `points` are in the ego frame.
+    #[must_use]
+    pub fn prepare(
+        full: &RgbImage,
+        points: &[[f64; 4]],
+        intrinsics: &Pinhole,
+        ego_from_camera: &Transform<Ego, Camera>,
+        config: &ModelConfig,
+    ) -> Self {
+        let width_px = config.camera.cnn.image_width_px;
+        let scale = width_px as f64 / f64::from(full.width());
+        let image_height_px = (f64::from(full.height()) * scale).round() as usize;
+        let small = resize(full, width_px as u32, image_height_px as u32, FilterType::Triangle);
+        let n_pixels = width_px * image_height_px;
+        let mut image = vec![0; 3 * n_pixels];
+        for (i, pixel) in small.pixels().enumerate() {
+            for channel in 0..3 {
+                image[channel * n_pixels + i] = pixel[channel];
+            }
+        }
+        let small_camera = scaled(intrinsics, scale, width_px, image_height_px);
+        Self {
+            depth: sparse_depth(points, &small_camera, ego_from_camera),
+            frustum: frustum(&small_camera, ego_from_camera, config),
+            image,
+            image_height_px,
+        }
+    }
+}
+
+/// Inputs of several samples.
+#[derive(Debug, Clone)]
+pub struct CnnBatch {
+    /// `[batch, 3, y, x]`, about zero mean and unit variance.
+    pub image: Tensor<4>,
+    /// `[batch, 2, feature_y, feature_x]`: LiDAR depth over 50 m, and whether there is one.
+    pub depth: Tensor<4>,
+    /// `[frustum]`: index into `[batch, feature_y, feature_x]`.
+    pub frustum_features: Tensor<1, Int>,
+    /// `[frustum]`: index into `[batch, feature_y, feature_x, depth_bin]`.
+    pub frustum_depths: Tensor<1, Int>,
+    /// `[frustum]`: index into `[batch, cell_y, cell_x]`.
+    pub frustum_cells: Tensor<1, Int>,
+}
+
+fn indices(values: Vec<i64>, device: &Device) -> Tensor<1, Int> {
+    let n = values.len();
+    Tensor::from_data(TensorData::new(values, [n]), device)
+}
+
+impl CnnBatch {
+    /// Stacks inputs; all images must have one size.
+    #[must_use]
+    pub fn stack(inputs: &[&CnnInput], config: &ModelConfig, device: &Device) -> Self {
+        let n_samples = inputs.len();
+        let (width_px, height_px) = (config.camera.cnn.image_width_px, inputs[0].image_height_px);
+        let (n_x, n_y) = (n_features(width_px), n_features(height_px));
+        let n_cells = config.grid.n_cells();
+        let mut image = Vec::with_capacity(n_samples * 3 * width_px * height_px);
+        let mut depth = Vec::with_capacity(n_samples * 2 * n_x * n_y);
+        let (mut of_features, mut of_depths, mut of_cells) = (Vec::new(), Vec::new(), Vec::new());
+        for (sample_idx, input) in inputs.iter().enumerate() {
+            image.extend(input.image.iter().map(|&value| (f32::from(value) - 115.0) / 58.0));
+            depth.extend(input.depth.iter().map(|&d| d / 50.0));
+            depth.extend(input.depth.iter().map(|&d| f32::from(u8::from(d > 0.0))));
+            for (&point, &cell) in input.frustum.points.iter().zip(&input.frustum.cells) {
+                let (bin, pixel) = (point as usize / (n_x * n_y), point as usize % (n_x * n_y));
+                let feature = sample_idx * n_x * n_y + pixel;
+                of_features.push(feature as i64);
+                of_depths.push((feature * config.camera.cnn.n_depth_bins + bin) as i64);
+                of_cells.push((sample_idx * n_cells + cell as usize) as i64);
+            }
+        }
+        Self {
+            image: Tensor::from_data(TensorData::new(image, [n_samples, 3, height_px, width_px]), device),
+            depth: Tensor::from_data(TensorData::new(depth, [n_samples, 2, n_y, n_x]), device),
+            frustum_features: indices(of_features, device),
+            frustum_depths: indices(of_depths, device),
+            frustum_cells: indices(of_cells, device),
+        }
+    }
+}
+
+fn scaled(intrinsics: &Pinhole, scale: f64, width_px: usize, height_px: usize) -> Pinhole {
+    Pinhole {
+        width_px: width_px as u32,
+        height_px: height_px as u32,
+        fx_px: intrinsics.fx_px * scale,
+        fy_px: intrinsics.fy_px * scale,
+        cx_px: intrinsics.cx_px * scale,
+        cy_px: intrinsics.cy_px * scale,
+    }
+}
+
+/// Nearest LiDAR depth in each feature cell of the image.
+fn sparse_depth(points: &[[f64; 4]], camera: &Pinhole, ego_from_camera: &Transform<Ego, Camera>) -> Vec<f32> {
+    let (n_x, n_y) = (n_features(camera.width_px as usize), n_features(camera.height_px as usize));
+    let camera_from_ego = ego_from_camera.inverse();
+    let mut depth = vec![0f32; n_x * n_y];
+    for p in points {
+        let in_camera = camera_from_ego * Point::new(p[0], p[1], p[2]);
+        let Some((u, v)) = camera.project(&in_camera).filter(|&(u, v)| camera.contains(u, v)) else {
+            continue;
+        };
+        // Feature k of a stride-2 chain with padding 1 looks at pixel 8 k.
+        let (x, y) = ((u / IMAGE_STRIDE as f64).round() as usize, (v / IMAGE_STRIDE as f64).round() as usize);
+        if x < n_x && y < n_y {
+            let cell = &mut depth[y * n_x + x];
+            let found = in_camera.z() as f32;
+            if *cell == 0.0 || found < *cell {
+                *cell = found;
+            }
+        }
+    }
+    depth
+}
+
+/// Frustum points (feature cells at each depth bin's middle) that lie in the grid.
+fn frustum(camera: &Pinhole, ego_from_camera: &Transform<Ego, Camera>, config: &ModelConfig) -> Frustum {
+    let (n_x, n_y) = (n_features(camera.width_px as usize), n_features(camera.height_px as usize));
+    let grid = &config.grid;
+    let bin_m = (config.camera.cnn.depth_max_m - config.camera.cnn.depth_min_m)
+        / config.camera.cnn.n_depth_bins as f64;
+    let mut kept = Frustum::default();
+    for bin in 0..config.camera.cnn.n_depth_bins {
+        let depth_m = config.camera.cnn.depth_min_m + (bin as f64 + 0.5) * bin_m;
+        for y in 0..n_y {
+            for x in 0..n_x {
+                let (u, v) = ((x * IMAGE_STRIDE) as f64 + 0.5, (y * IMAGE_STRIDE) as f64 + 0.5);
+                let p = *ego_from_camera
+                    * Point::new(
+                        (u - camera.cx_px) / camera.fx_px * depth_m,
+                        (v - camera.cy_px) / camera.fy_px * depth_m,
+                        depth_m,
+                    );
+                let cell_x = ((p.x() - grid.x_min_m) / grid.cell_size_m).floor();
+                let cell_y = ((p.y() - grid.y_min_m) / grid.cell_size_m).floor();
+                let inside = (0.0..grid.n_cells_x() as f64).contains(&cell_x)
+                    && (0.0..grid.n_cells_y() as f64).contains(&cell_y)
+                    && (grid.z_min_m..grid.z_max_m).contains(&p.z());
+                if inside {
+                    kept.points.push(((bin * n_y + y) * n_x + x) as u32);
+                    kept.cells.push((cell_y as usize * grid.n_cells_x() + cell_x as usize) as u32);
+                }
+            }
+        }
+    }
+    kept
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Vector3;
+
+    fn camera() -> (Pinhole, Transform<Ego, Camera>) {
+        (
+            Pinhole::from_horizontal_fov(400, 225, 70f64.to_radians()),
+            Transform::looking_forward(Vector3::new(1.7, 0.2, 1.5), 0.02),
+        )
+    }
+
+    #[test]
+    fn the_depth_image_keeps_the_nearest_point() {
+        let (pinhole, ego_from_camera) = camera();
+        let far = ego_from_camera * Point::new(0.0, 0.0, 20.0);
+        let near = ego_from_camera * Point::new(0.0, 0.0, 7.0);
+        let points = [far, near].map(|p| [p.x(), p.y(), p.z(), 0.0]);
+        let depth = sparse_depth(&points, &pinhole, &ego_from_camera);
+        assert_eq!(depth.iter().filter(|&&d| d > 0.0).count(), 1);
+        assert!((depth.iter().copied().fold(0.0, f32::max) - 7.0).abs() < 1e-5);
+    }
+
+    #[test]
+    fn frustum_points_fall_into_cells_of_the_grid_only() {
+        let (pinhole, ego_from_camera) = camera();
+        let config = ModelConfig::default();
+        let kept = frustum(&pinhole, &ego_from_camera, &config);
+        let n_cells = (config.grid.n_cells_x() * config.grid.n_cells_y()) as u32;
+        assert!(kept.points.len() > 10_000 && kept.cells.iter().all(|&cell| cell < n_cells));
+    }
+}

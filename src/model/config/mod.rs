@@ -1,0 +1,193 @@
+//! What a detector is made of: one typed config for both profiles, checked once.
+//!
+//! The default is the `small` profile, sized for two CPU cores; `paper` is the published model, restricted to
+//! the front. The files of `configs/model/` are part of the program.
+
+mod camera;
+mod grid;
+mod head;
+mod lidar;
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use super::pillar_branch::PillarBranch;
+
+pub use camera::{CameraBackbone, CameraConfig, CnnConfig};
+pub use grid::GridConfig;
+pub use head::{HeadConfig, Heatmap, NumericFusion, PositionEncoding, Prediction};
+pub use lidar::{LidarConfig, LidarEncoder, PillarConfig};
+
+/// A detector.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ModelConfig {
+    /// Whether the LiDAR branch takes part.
+    pub use_lidar: bool,
+    /// Whether the camera branch takes part; one of the two must.
+    pub use_camera: bool,
+    /// Channels that the fuser, a 3x3 convolution over both branches' maps, puts out. Default 64; the paper's
+    /// 256.
+    pub fuser_channels: usize,
+    pub grid: GridConfig,
+    pub lidar: LidarConfig,
+    pub camera: CameraConfig,
+    pub head: HeadConfig,
+}
+
+impl Default for ModelConfig {
+    fn default() -> Self {
+        Self {
+            use_lidar: true,
+            use_camera: true,
+            fuser_channels: 64,
+            grid: GridConfig::default(),
+            lidar: LidarConfig::default(),
+            camera: CameraConfig::default(),
+            head: HeadConfig::default(),
+        }
+    }
+}
+
+/// What is wrong with a model config.
+#[derive(Debug, Error, PartialEq)]
+#[error("model config: `{field}` is {found}; {valid}")]
+pub struct ModelConfigError {
+    pub field: &'static str,
+    pub found: String,
+    pub valid: &'static str,
+}
+
+fn fail<T>(field: &'static str, found: impl ToString, valid: &'static str) -> Result<T, ModelConfigError> {
+    Err(ModelConfigError { field, found: found.to_string(), valid })
+}
+
+impl ModelConfig {
+    /// The published model, restricted to the front.
+    #[must_use]
+    pub fn paper() -> Self {
+        toml::from_str(PAPER_TOML).expect("a test reads the shipped file")
+    }
+
+    /// Checks what the types cannot say.
+    ///
+    /// # Errors
+    /// Names the first field that does not fit, and what would.
+    pub fn check(&self) -> Result<(), ModelConfigError> {
+        if !self.use_lidar && !self.use_camera {
+            return fail("use_lidar", false, "LiDAR or camera must take part");
+        }
+        if self.fuser_channels == 0 {
+            return fail("fuser_channels", 0, "it must be at least 1");
+        }
+        self.grid.check()?;
+        if self.use_lidar || self.has_backbone() {
+            self.lidar.check(&self.grid)?;
+        }
+        if self.use_camera {
+            self.camera.check(&self.grid)?;
+        }
+        self.head.check(&self.grid)
+    }
+}
+
+/// What the branches hand to the fuser.
+impl ModelConfig {
+    /// Channels of the LiDAR branch's map; none without it.
+    #[must_use]
+    pub fn lidar_channels(&self) -> usize {
+        match self.lidar.encoder {
+            _ if !self.use_lidar => 0,
+            LidarEncoder::Pillars => PillarBranch::channels_out(&self.lidar.pillars),
+            LidarEncoder::Voxels => self.lidar.voxel.encoded_shape()[0],
+        }
+    }
+
+    /// Channels of the camera branch's map; none without it.
+    #[must_use]
+    pub fn camera_channels(&self) -> usize {
+        match self.camera.backbone {
+            _ if !self.use_camera => 0,
+            CameraBackbone::Cnn => self.camera.cnn.lift_channels,
+            CameraBackbone::Swin => self.camera.swin.depth_lss.out_channels,
+        }
+    }
+
+    /// Whether a bird's-eye backbone follows the fuser: with voxels. Pillars have their own before it.
+    #[must_use]
+    pub fn has_backbone(&self) -> bool {
+        self.lidar.encoder == LidarEncoder::Voxels
+    }
+
+    /// Whether there is a fuser: as published, one branch alone goes straight to the backbone. Without a
+    /// backbone the fuser stays, so that networks of an ablation are equally deep.
+    #[must_use]
+    pub fn has_fuser(&self) -> bool {
+        (self.use_lidar && self.use_camera) || !self.has_backbone()
+    }
+
+    /// Channels behind the fuser, or of the one branch where there is none.
+    #[must_use]
+    pub fn fused_channels(&self) -> usize {
+        if self.has_fuser() { self.fuser_channels } else { self.lidar_channels() + self.camera_channels() }
+    }
+
+    /// Channels that the head sees.
+    #[must_use]
+    pub fn head_channels_in(&self) -> usize {
+        if self.has_backbone() { self.lidar.voxel.backbone.n_channels_out() } else { self.fused_channels() }
+    }
+}
+
+/// `configs/model/paper.toml`.
+pub const PAPER_TOML: &str = include_str!("../../../configs/model/paper.toml");
+/// `configs/model/small.toml`.
+pub const SMALL_TOML: &str = include_str!("../../../configs/model/small.toml");
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_shipped_small_profile_equals_the_default() {
+        assert_eq!(toml::from_str::<ModelConfig>(SMALL_TOML).unwrap(), ModelConfig::default());
+    }
+
+    #[test]
+    fn both_profiles_are_valid_and_have_the_maps_they_should() {
+        for (config, cells) in [(ModelConfig::default(), [80, 64]), (ModelConfig::paper(), [180, 90])] {
+            assert_eq!(config.check(), Ok(()));
+            assert_eq!([config.grid.n_cells_y(), config.grid.n_cells_x()], cells);
+        }
+    }
+
+    /// The branches' own tests hold their defaults against the published counts.
+    #[test]
+    fn the_paper_profile_states_the_published_sizes() {
+        let paper = ModelConfig::paper();
+        assert_eq!(paper.lidar.encoder, LidarEncoder::Voxels);
+        assert_eq!(paper.lidar.voxel, crate::model::LidarVoxelConfig::default());
+        assert_eq!(paper.camera.backbone, CameraBackbone::Swin);
+        assert_eq!(paper.camera.swin, crate::model::SwinCameraConfig::default());
+        let channels = (paper.camera_channels(), paper.lidar_channels(), paper.head_channels_in());
+        assert_eq!(channels, (80, 256, 512));
+    }
+
+    #[test]
+    fn what_does_not_fit_is_named() {
+        let wrong = |change: fn(&mut ModelConfig)| {
+            let mut config = ModelConfig::default();
+            change(&mut config);
+            config.check().unwrap_err().field
+        };
+        assert_eq!(wrong(|config| config.grid.x_max_m = 51.0), "grid.x");
+        assert_eq!(wrong(|config| config.head.n_heads = 5), "head.n_heads");
+        assert_eq!(wrong(|config| config.head.dropout = 1.0), "head.dropout");
+        assert_eq!(wrong(|config| config.head.peak_kernels = [3, 2]), "head.peak_kernels");
+        assert_eq!(wrong(|config| config.head.n_queries = 80 * 64 + 1), "head.n_queries");
+        assert_eq!(wrong(|config| (config.use_lidar, config.use_camera) = (false, false)), "use_lidar");
+        assert_eq!(wrong(|config| config.camera.cnn.image_width_px = 31), "camera.cnn.image_width_px");
+        assert_eq!(wrong(|config| config.lidar.encoder = LidarEncoder::Voxels), "lidar.voxel");
+        assert_eq!(wrong(|config| config.camera.backbone = CameraBackbone::Swin), "camera.swin.depth_lss");
+    }
+}

@@ -1,0 +1,303 @@
+//! Pretrained Swin Transformer weights from other libraries' files: torchvision, timm, Microsoft, mmdet;
+//! `.pth`, `.pt` or `.safetensors`, inside `state_dict` or `model`, behind a prefix such as `backbone.` or not.
+//!
+//! A file must fit the backbone in full. Output norms alone may be missing, since classifiers have none; they
+//! keep their values then. Keys outside the backbone's prefix (necks, heads, optimizers) are passed over.
+
+mod file;
+mod names;
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+use burn::store::{BurnToPyTorchAdapter, ModuleSnapshot, PyTorchToBurnAdapter, bridge, burn_pack};
+use burn::tensor::{DType, TensorData};
+use thiserror::Error;
+
+use super::swin::Swin;
+use names::Meaning;
+pub use names::Scheme;
+
+/// Keys that an error lists before it only counts them.
+const N_LISTED: usize = 8;
+
+/// Why weights could not be loaded.
+#[derive(Debug, Error)]
+pub enum ImageWeightsError {
+    #[error("cannot read the image weights: {0}")]
+    Io(#[source] std::io::Error),
+    #[error("the image weights are neither PyTorch's nor safetensors: {message}: {}", path.display())]
+    Unreadable { message: String, path: PathBuf },
+    #[error(
+        "the image weights hold no Swin Transformer with names of torchvision (`features.0.0.weight`), timm or \
+         Microsoft (`patch_embed.proj.weight`) or mmdet (`patch_embed.projection.weight`); they hold {}: {}",
+        listed(found), path.display()
+    )]
+    NoSwin { found: Vec<String>, path: PathBuf },
+    /// Names with the file's prefix; a missing one has harmzone's name.
+    #[error(
+        "the image weights ({scheme} names) do not fit the backbone: missing {}; unexpected {}; of another shape {}: {}",
+        listed(missing), listed(unexpected), listed(misshapen), path.display()
+    )]
+    Unfit {
+        scheme: Scheme,
+        missing: Vec<String>,
+        unexpected: Vec<String>,
+        /// Each with the shape found and the shape needed.
+        misshapen: Vec<Misshapen>,
+        path: PathBuf,
+    },
+    #[error("the values of `{key}` cannot be read: {message}: {}", path.display())]
+    Values { key: String, message: String, path: PathBuf },
+}
+
+/// A weight whose shape is not the backbone's.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Misshapen {
+    pub key: String,
+    pub found: Vec<usize>,
+    pub needed: Vec<usize>,
+}
+
+impl fmt::Display for Misshapen {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} {:?} (needed {:?})", self.key, self.found, self.needed)
+    }
+}
+
+/// The first items and how many more there are.
+fn listed<T: fmt::Display>(items: &[T]) -> String {
+    let first: Vec<String> = items.iter().take(N_LISTED).map(ToString::to_string).collect();
+    match items.len() {
+        0 => "none".into(),
+        n if n > N_LISTED => format!("{} and {} more", first.join(", "), n - N_LISTED),
+        _ => first.join(", "),
+    }
+}
+
+/// What was loaded.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ImageWeightsReport {
+    pub scheme: Scheme,
+    /// What stood in front of the backbone's keys.
+    pub prefix: String,
+    pub n_loaded: usize,
+    /// Weights, by harmzone's names, that the file lacks and that keep their values: output norms.
+    pub fresh: Vec<String>,
+    /// Keys that the backbone does without: classifiers, constants, other parts of a detector.
+    pub unneeded: Vec<String>,
+}
+
+impl fmt::Display for ImageWeightsReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { scheme, prefix, n_loaded, .. } = self;
+        write!(f, "{n_loaded} image weights loaded ({scheme} names, prefix `{prefix}`)")?;
+        write!(f, "; left as they were: {}; not needed: {}", listed(&self.fresh), listed(&self.unneeded))
+    }
+}
+
+/// A weight of the file, under harmzone's name.
+struct Found<'a> {
+    key: &'a str,
+    tensor: &'a burn_pack::Tensor,
+}
+
+/// Loads a Swin Transformer's weights from a file of another library.
+///
+/// # Errors
+/// The file cannot be read, holds no Swin Transformer, or does not fit in every name and shape; then the
+/// backbone stays as it was.
+pub fn load_image_weights(path: &Path, swin: &mut Swin) -> Result<ImageWeightsReport, ImageWeightsError> {
+    let tensors = file::read(path)?;
+    let Some((scheme, prefix)) = names::recognise(tensors.keys().map(String::as_str)) else {
+        return Err(ImageWeightsError::NoSwin {
+            found: tensors.into_keys().collect(),
+            path: path.to_owned(),
+        });
+    };
+    let (mut found, mut unexpected, mut unneeded) = (BTreeMap::new(), Vec::new(), Vec::new());
+    for (key, tensor) in &tensors {
+        let meaning = match key.strip_prefix(&prefix) {
+            Some(inner) => scheme.meaning(inner, &swin.out_stages()),
+            None => Meaning::Unneeded,
+        };
+        match meaning {
+            Meaning::Weight(name) => {
+                found.insert(name, Found { key, tensor });
+            }
+            Meaning::Unneeded => unneeded.push(key.clone()),
+            Meaning::Unknown => unexpected.push(key.clone()),
+        }
+    }
+
+    let needed = weights_of(swin);
+    let (mut missing, mut fresh, mut misshapen) = (Vec::new(), Vec::new(), Vec::new());
+    for (name, shape) in &needed {
+        match found.get(name) {
+            Some(Found { tensor, .. }) if tensor.shape.as_slice() == shape => {}
+            Some(Found { key, tensor }) => misshapen.push(Misshapen {
+                key: (*key).to_owned(),
+                found: tensor.shape.to_vec(),
+                needed: shape.clone(),
+            }),
+            None if name.starts_with("norms.") => fresh.push(name.clone()),
+            None => missing.push(name.clone()),
+        }
+    }
+    let surplus = found.iter().filter(|(name, _)| !needed.contains_key(*name));
+    unexpected.extend(surplus.map(|(_, found)| found.key.to_owned()));
+    if !missing.is_empty() || !unexpected.is_empty() || !misshapen.is_empty() {
+        unexpected.sort();
+        return Err(ImageWeightsError::Unfit {
+            scheme,
+            missing,
+            unexpected,
+            misshapen,
+            path: path.to_owned(),
+        });
+    }
+
+    let mut weights = Vec::with_capacity(found.len());
+    for (name, Found { key, tensor }) in &found {
+        let mut values = file::values(tensor).map_err(|message| ImageWeightsError::Values {
+            key: (*key).to_owned(),
+            message,
+            path: path.to_owned(),
+        })?;
+        if scheme == Scheme::Mmdet && name.contains(".merge.") {
+            values = by_neighbour(&values, *tensor.shape.as_slice().last().expect("a weight has an axis"));
+        }
+        weights.push(bridge::from_data(TensorData::new(values, needed[name].clone()), name.clone(), None));
+    }
+    let n_loaded = weights.len();
+    let applied = swin.apply(weights, None, Some(Box::new(PyTorchToBurnAdapter)), false);
+    assert!(applied.errors.is_empty() && applied.applied.len() == n_loaded, "names and shapes were checked");
+    Ok(ImageWeightsReport { scheme, prefix, n_loaded, fresh, unneeded })
+}
+
+/// Names and shapes of the backbone's weights, as PyTorch has them.
+fn weights_of(swin: &Swin) -> BTreeMap<String, Vec<usize>> {
+    let tensors = swin.collect(None, Some(Box::new(BurnToPyTorchAdapter)), false);
+    let floats = tensors.into_iter().filter(|tensor| tensor.dtype == DType::F32);
+    floats.map(|tensor| (tensor.name, tensor.shape.to_vec())).collect()
+}
+
+/// Reorders the merged channels of `[.., 4 * channel]` values from mmdet's order (channel, row, column) to ours
+/// (column, row, channel).
+fn by_neighbour(values: &[f32], n_merged: usize) -> Vec<f32> {
+    let n_channels = n_merged / 4;
+    let of_row = |row: &[f32]| -> Vec<f32> {
+        let value = |ours: usize| {
+            let (neighbour, channel) = (ours / n_channels, ours % n_channels);
+            let (column, line) = (neighbour / 2, neighbour % 2);
+            row[channel * 4 + line * 2 + column]
+        };
+        (0..n_merged).map(value).collect()
+    };
+    values.chunks(n_merged).flat_map(of_row).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::formula::{assert_equal, fill, golden, named_weights, tensor, values};
+    use crate::model::swin::SwinConfig;
+    use burn::store::PathFilter;
+    use burn::tensor::Device;
+
+    /// The backbone that `tests/golden/torch_swin.py` wrote weights of.
+    fn small() -> Swin {
+        let config = SwinConfig {
+            embed_channels: 4,
+            depths: [2, 2, 1, 1],
+            n_heads: [1, 2, 2, 4],
+            window_size: 3,
+            mlp_ratio: 2,
+            ..SwinConfig::default()
+        };
+        Swin::init(&config, &Device::flex())
+    }
+
+    fn golden_file(name: &str) -> PathBuf {
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden").join(name)
+    }
+
+    #[test]
+    fn weights_of_every_library_give_the_same_maps() {
+        let expected = golden(include_bytes!("../../../tests/golden/swin.safetensors"));
+        for (name, scheme, prefix, n_fresh, n_unneeded) in [
+            ("swin_weights_torchvision.pth", Scheme::Torchvision, "model.", 6, 4 + 6),
+            ("swin_weights_timm.safetensors", Scheme::Timm, "", 6, 4),
+            ("swin_weights_mmdet.pth", Scheme::Mmdet, "state_dict.backbone.", 0, 1),
+            ("swin_weights_microsoft.pt", Scheme::Microsoft, "", 0, 0),
+        ] {
+            let mut swin = small();
+            let report = load_image_weights(&golden_file(name), &mut swin).unwrap();
+            assert_eq!((report.scheme, report.prefix.as_str()), (scheme, prefix), "{name}");
+            assert_eq!(
+                (report.fresh.len(), report.unneeded.len()),
+                (n_fresh, n_unneeded),
+                "{name}: {report}"
+            );
+            assert_eq!(report.n_loaded + n_fresh, named_weights(&swin).len());
+            if n_fresh > 0 {
+                // Classifiers hold no output norms: these are the formula's in the script.
+                let mut whole = small();
+                fill(&mut whole);
+                let norms = PathFilter::new().with_regex("^norms");
+                let _ = swin.apply(whole.collect(Some(norms), None, false), None, None, false);
+            }
+            let maps = swin.forward(tensor("image", [2, 3, 37, 50], &Device::flex()));
+            for (i, map) in maps.into_iter().enumerate() {
+                assert_equal(&format!("{name}: map {i}"), &values(map), &expected[&format!("map{i}")]);
+            }
+        }
+    }
+
+    #[test]
+    fn every_key_that_does_not_fit_is_named_and_the_backbone_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("weights.safetensors");
+        let bytes = fs_err::read(golden_file("swin_weights_timm.safetensors")).unwrap();
+        let file = safetensors::SafeTensors::deserialize(&bytes).unwrap();
+        let mut views: BTreeMap<String, _> = file.tensors().into_iter().collect();
+        views.remove("layers.1.blocks.0.norm1.weight").unwrap();
+        let bias = views["layers.0.blocks.0.norm1.bias"].clone();
+        views.insert("absolute_pos_embed".into(), bias.clone());
+        views.insert("layers.0.blocks.2.norm1.bias".into(), bias.clone());
+        views.insert("layers.3.blocks.0.attn.relative_position_bias_table".into(), bias);
+        fs_err::write(&path, safetensors::serialize(&views, None).unwrap()).unwrap();
+
+        let mut swin = small();
+        let before = values(swin.forward(tensor("image", [1, 3, 8, 8], &Device::flex()))[0].clone());
+        let error = load_image_weights(&path, &mut swin).unwrap_err();
+        let text = error.to_string();
+        let ImageWeightsError::Unfit { missing, unexpected, misshapen, .. } = error else { panic!("{text}") };
+        assert_eq!(missing, ["stages.1.blocks.0.norm1.weight"]);
+        assert_eq!(unexpected, ["absolute_pos_embed", "layers.0.blocks.2.norm1.bias"]);
+        let key = "layers.3.blocks.0.attn.relative_position_bias_table".into();
+        assert_eq!(misshapen, [Misshapen { key, found: vec![4], needed: vec![25, 4] }]);
+        assert!(text.contains(
+            "of another shape layers.3.blocks.0.attn.relative_position_bias_table [4] (needed [25, 4])"
+        ));
+        assert_eq!(values(swin.forward(tensor("image", [1, 3, 8, 8], &Device::flex()))[0].clone()), before);
+    }
+
+    #[test]
+    fn files_that_hold_no_swin_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("weights.pth");
+        let load = |bytes: &[u8]| {
+            fs_err::write(&path, bytes).unwrap();
+            load_image_weights(&path, &mut small()).unwrap_err()
+        };
+        assert!(matches!(load(b"not a pickle"), ImageWeightsError::Unreadable { .. }));
+        let other = include_bytes!("../../../tests/golden/lss_fpn.safetensors");
+        let error = load(other);
+        assert!(matches!(&error, ImageWeightsError::NoSwin { .. }), "{error}");
+        assert!(error.to_string().contains("gradient.levels.0.lateral.conv.weight"), "{error}");
+        fs_err::remove_file(&path).unwrap();
+        assert!(matches!(load_image_weights(&path, &mut small()), Err(ImageWeightsError::Io(_))));
+    }
+}

@@ -1,0 +1,146 @@
+//! Queries: the highest local maxima of the heatmap, and where they and all cells lie.
+
+use burn::tensor::activation::sigmoid;
+use burn::tensor::{Device, Int, Tensor, TensorData};
+
+use super::config::{GridConfig, HeadConfig};
+
+/// A cell of the heatmap chosen as a query.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Query {
+    /// Heatmap channel.
+    pub channel: usize,
+    /// `y * n_cells_x + x`.
+    pub cell: usize,
+    /// Sigmoid of the heatmap there.
+    pub score: f32,
+    /// Cell centre in the ego frame: x, y.
+    pub center_m: [f64; 2],
+}
+
+/// The best `n_queries` peaks of each sample, best first; where there are too few, other cells fill up
+/// with a score of zero. Ties: the lower index first. No gradient flows through the choice.
+///
+/// # Shapes
+/// - heatmap: `[batch, heatmap_channel, cell_y, cell_x]`, before the sigmoid
+/// - output: `[batch][query]`
+#[must_use]
+pub fn pick_queries(heatmap: Tensor<4>, config: &HeadConfig, grid: &GridConfig) -> Vec<Vec<Query>> {
+    let [_, n_channels, n_y, n_x] = heatmap.dims();
+    let scores: Vec<f32> =
+        sigmoid(heatmap.detach()).into_data().try_to_vec().expect("the heatmap is made of f32");
+    let n_cells = n_y * n_x;
+    scores
+        .chunks(n_channels * n_cells)
+        .map(|map| {
+            let mut ranked: Vec<(f32, usize)> = (0..map.len())
+                .map(|i| {
+                    let (channel, cell) = (i / n_cells, i % n_cells);
+                    let of_channel = &map[channel * n_cells..(channel + 1) * n_cells];
+                    let reach = config.peak_kernels[channel] / 2;
+                    let is_peak = is_peak(of_channel, [n_y, n_x], cell, reach, config.border_peaks);
+                    (if is_peak { map[i] } else { 0.0 }, i)
+                })
+                .collect();
+            ranked.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+            ranked[..config.n_queries]
+                .iter()
+                .map(|&(score, i)| Query {
+                    channel: i / n_cells,
+                    cell: i % n_cells,
+                    score,
+                    center_m: cell_center_m(grid, i % n_cells, n_x),
+                })
+                .collect()
+        })
+        .collect()
+}
+
+/// Whether no cell within `reach` is higher. Without `at_border`, a cell whose square leaves the map is
+/// no peak (the published head takes maxima without padding).
+fn is_peak(map: &[f32], [n_y, n_x]: [usize; 2], cell: usize, reach: usize, at_border: bool) -> bool {
+    let (y, x) = (cell / n_x, cell % n_x);
+    let is_inner = y >= reach && y + reach < n_y && x >= reach && x + reach < n_x;
+    (at_border || is_inner)
+        && (y.saturating_sub(reach)..(y + reach + 1).min(n_y)).all(|other_y| {
+            (x.saturating_sub(reach)..(x + reach + 1).min(n_x))
+                .all(|other_x| map[other_y * n_x + other_x] <= map[cell])
+        })
+}
+
+/// Centre of feature cell `y * n_x + x` in the ego frame: x, y.
+#[must_use]
+pub fn cell_center_m(grid: &GridConfig, cell: usize, n_x: usize) -> [f64; 2] {
+    [
+        grid.x_min_m + ((cell % n_x) as f64 + 0.5) * grid.cell_size_m,
+        grid.y_min_m + ((cell / n_x) as f64 + 0.5) * grid.cell_size_m,
+    ]
+}
+
+/// One integer for each query.
+///
+/// # Shapes
+/// - output: `[batch * query]`
+pub fn each(
+    queries: &[Vec<Query>],
+    device: &Device,
+    value: impl Fn(usize, &Query) -> usize,
+) -> Tensor<1, Int> {
+    let values: Vec<i64> = queries
+        .iter()
+        .enumerate()
+        .flat_map(|(sample_idx, of)| of.iter().map(move |query| (sample_idx, query)))
+        .map(|(sample_idx, query)| value(sample_idx, query) as i64)
+        .collect();
+    let n = values.len();
+    Tensor::from_data(TensorData::new(values, [n]), device)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn picked(map: &[f32], n_x: usize, config: HeadConfig) -> Vec<(usize, usize, f32)> {
+        let n_channels = config.heatmap.n_channels();
+        let n_y = map.len() / n_channels / n_x;
+        let logits = map.iter().map(|&p| (p / (1.0 - p)).ln()).collect::<Vec<_>>();
+        let shape = [1, n_channels, n_y, n_x];
+        let heatmap = Tensor::from_data(TensorData::new(logits, shape), &Device::flex());
+        pick_queries(heatmap, &config, &GridConfig::default())[0]
+            .iter()
+            .map(|query| (query.channel, query.cell, query.score))
+            .collect()
+    }
+
+    /// Peaks at the border (0.9 at cell 3), inside (0.8 at cell 6) and beside the latter (0.7 at 10).
+    const MAP: [f32; 16] = [0.1, 0.1, 0.1, 0.9, 0.1, 0.1, 0.8, 0.1, 0.1, 0.1, 0.7, 0.1, 0.1, 0.1, 0.1, 0.1];
+
+    #[test]
+    fn a_neighbour_of_a_peak_is_none_and_border_cells_count_where_told() {
+        let config = HeadConfig { n_queries: 2, border_peaks: false, ..HeadConfig::default() };
+        let near = |found: &[(usize, usize, f32)], cell: usize, score: f32| {
+            found.iter().any(|query| query.1 == cell && (query.2 - score).abs() < 1e-5)
+        };
+        let mut map = MAP;
+        // Away from the border's peak, so that it is a peak of its own.
+        (map[6], map[9]) = (0.1, 0.8);
+        let found = picked(&map, 4, config);
+        assert!(near(&found, 9, 0.8) && found[1].2 == 0.0, "{found:?}");
+        let found = picked(&map, 4, HeadConfig { border_peaks: true, ..config });
+        assert!(near(&found, 3, 0.9) && near(&found, 9, 0.8), "{found:?}");
+    }
+
+    #[test]
+    fn a_kernel_of_one_makes_every_cell_a_peak_of_its_class() {
+        let config = HeadConfig {
+            n_queries: 3,
+            border_peaks: false,
+            heatmap: crate::model::Heatmap::PerClass,
+            peak_kernels: [3, 1],
+            ..HeadConfig::default()
+        };
+        let map: Vec<f32> = [0.05; 16].into_iter().chain(MAP).collect();
+        let cells: Vec<_> = picked(&map, 4, config).iter().map(|query| (query.0, query.1)).collect();
+        assert_eq!(cells, [(1, 3), (1, 6), (1, 10)]);
+    }
+}

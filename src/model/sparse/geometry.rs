@@ -1,0 +1,179 @@
+//! Kernel, stride and padding of a sparse convolution, and the rulebooks they make of active sites.
+//!
+//! As a dense convolution: output cell `o` reads input cell `i = o * stride - padding + k` at offset `k`.
+//! At a fixed offset, `o` rises with `i` in the order of sites, so that two sorted lists are merged and no
+//! hash is needed.
+
+use rayon::prelude::*;
+
+use super::sites::{Sites, key, sample_and_cell};
+use crate::kernels::{OffsetPairs, Rulebook};
+
+/// Kernel, stride and padding along z, y, x.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Geometry {
+    pub kernel: [usize; 3],
+    pub stride: [usize; 3],
+    pub padding: [usize; 3],
+}
+
+impl Geometry {
+    /// 3x3x3 around each site.
+    pub const SUBMANIFOLD: Self = Self { kernel: [3; 3], stride: [1; 3], padding: [1; 3] };
+
+    /// Number of offsets of the kernel.
+    pub fn n_offsets(&self) -> usize {
+        self.kernel.iter().product()
+    }
+
+    /// Offsets along z, y, x, in the order of the kernel's matrices.
+    fn offsets(&self) -> Vec<[usize; 3]> {
+        let [n_z, n_y, n_x] = self.kernel;
+        (0..n_z * n_y * n_x).map(|k| [k / (n_x * n_y), k / n_x % n_y, k % n_x]).collect()
+    }
+
+    /// Output cells of an input grid; `None` where the kernel does not fit.
+    pub fn out_shape(&self, shape: [usize; 3]) -> Option<[usize; 3]> {
+        let mut out = [0; 3];
+        for axis in 0..3 {
+            let padded = shape[axis] + 2 * self.padding[axis];
+            out[axis] = padded.checked_sub(self.kernel[axis])? / self.stride[axis] + 1;
+        }
+        Some(out)
+    }
+
+    /// The output cell that reads `input` at `offset`.
+    fn output_of(&self, input: [usize; 3], offset: [usize; 3], out_shape: [usize; 3]) -> Option<[usize; 3]> {
+        let mut output = [0; 3];
+        for axis in 0..3 {
+            let ahead = (input[axis] + self.padding[axis]).checked_sub(offset[axis])?;
+            // Divisions by a number that is not known in advance would take most of the time.
+            let (quotient, remainder) = match self.stride[axis] {
+                1 => (ahead, 0),
+                2 => (ahead / 2, ahead % 2),
+                stride => (ahead / stride, ahead % stride),
+            };
+            if remainder != 0 || quotient >= out_shape[axis] {
+                return None;
+            }
+            output[axis] = quotient;
+        }
+        Some(output)
+    }
+
+    /// The output sites of a strided sparse convolution: every cell that reads at least one input.
+    ///
+    /// # Panics
+    /// If the kernel does not fit into the grid.
+    pub fn reached(&self, inputs: &Sites) -> Sites {
+        let out_shape = self.out_shape(inputs.shape()).expect("the encoder's config has been checked");
+        let offsets = self.offsets();
+        let mut keys: Vec<u64> = inputs
+            .keys()
+            .par_iter()
+            .flat_map_iter(|&input| {
+                let (sample_idx, cell) = sample_and_cell(input);
+                offsets.iter().filter_map(move |&offset| {
+                    self.output_of(cell, offset, out_shape).map(|output| key(sample_idx, output))
+                })
+            })
+            .collect();
+        keys.par_sort_unstable();
+        keys.dedup();
+        Sites::from_keys(out_shape, keys)
+    }
+
+    /// The pairs of all offsets from input sites to output sites.
+    pub fn rulebook(&self, inputs: &Sites, outputs: &Sites) -> Rulebook {
+        let pairs: Vec<OffsetPairs> =
+            self.offsets().into_par_iter().map(|offset| self.pairs(inputs, outputs, offset)).collect();
+        Rulebook::new(inputs.len(), outputs.len(), pairs)
+    }
+
+    /// The pairs of a submanifold convolution, whose outputs are its inputs: those of an offset are those
+    /// of the opposite one turned around, and the middle joins each site with itself.
+    pub fn submanifold_rulebook(sites: &Sites) -> Rulebook {
+        let offsets = Self::SUBMANIFOLD.offsets();
+        let middle = offsets.len() / 2;
+        let mut pairs: Vec<OffsetPairs> = offsets[..middle]
+            .par_iter()
+            .map(|&offset| Self::SUBMANIFOLD.pairs(sites, sites, offset))
+            .collect();
+        let all: Vec<u32> = (0..sites.len() as u32).collect();
+        pairs.push(OffsetPairs { inputs: all.clone(), outputs: all });
+        for opposite in (0..middle).rev() {
+            let OffsetPairs { inputs, outputs } = pairs[opposite].clone();
+            pairs.push(OffsetPairs { inputs: outputs, outputs: inputs });
+        }
+        Rulebook::new(sites.len(), sites.len(), pairs)
+    }
+
+    /// The pairs of one offset.
+    fn pairs(&self, inputs: &Sites, outputs: &Sites, offset: [usize; 3]) -> OffsetPairs {
+        let mut pairs = OffsetPairs::default();
+        let mut candidates = outputs.keys().iter().enumerate().peekable();
+        for (input_row, &input) in inputs.keys().iter().enumerate() {
+            let (sample_idx, cell) = sample_and_cell(input);
+            let Some(output) = self.output_of(cell, offset, outputs.shape()) else { continue };
+            let wanted = key(sample_idx, output);
+            while candidates.next_if(|&(_, &candidate)| candidate < wanted).is_some() {}
+            if let Some((output_row, _)) = candidates.next_if(|&(_, &candidate)| candidate == wanted) {
+                pairs.inputs.push(input_row as u32);
+                pairs.outputs.push(output_row as u32);
+            }
+        }
+        pairs
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const STRIDED: Geometry = Geometry { kernel: [3; 3], stride: [2; 3], padding: [1; 3] };
+
+    #[test]
+    fn shapes_of_the_published_encoder() {
+        let down = STRIDED.out_shape([41, 1440, 720]).and_then(|shape| STRIDED.out_shape(shape)).unwrap();
+        let flat = Geometry { padding: [0, 1, 1], ..STRIDED }.out_shape(down).unwrap();
+        let last = Geometry { kernel: [3, 1, 1], stride: [2, 1, 1], padding: [0; 3] }.out_shape(flat);
+        assert_eq!((down, flat, last), ([11, 360, 180], [5, 180, 90], Some([2, 180, 90])));
+        assert_eq!(Geometry { padding: [0; 3], ..STRIDED }.out_shape([2, 9, 9]), None);
+    }
+
+    #[test]
+    fn turning_pairs_around_gives_those_of_the_opposite_offset() {
+        let cells: Vec<[u16; 3]> =
+            (0..240).filter(|i| i * i % 7 < 3).map(|i| [i / 60, i / 10 % 6, i % 10]).collect();
+        let sites = Sites::new([4, 6, 10], &[&cells, &cells[5..]]);
+        let (turned, merged) =
+            (Geometry::submanifold_rulebook(&sites), Geometry::SUBMANIFOLD.rulebook(&sites, &sites));
+        assert_eq!(turned.offsets(), merged.offsets());
+        assert!(turned.n_pairs() > 3 * sites.len());
+    }
+
+    #[test]
+    fn a_submanifold_pair_needs_both_sites_and_one_sample() {
+        let sites = Sites::new([2, 2, 4], &[&[[0, 0, 0], [0, 0, 1], [0, 0, 3]], &[[0, 0, 2]]]);
+        let rulebook = Geometry::SUBMANIFOLD.rulebook(&sites, &sites);
+        let at = |z: usize, y: usize, x: usize| &rulebook.offsets()[(z * 3 + y) * 3 + x];
+        assert_eq!(at(1, 1, 1).inputs, [0, 1, 2, 3]);
+        // Offset 2 along x: an output reads its right neighbour.
+        assert_eq!((&at(1, 1, 2).inputs[..], &at(1, 1, 2).outputs[..]), (&[1][..], &[0][..]));
+        assert_eq!((&at(1, 1, 0).inputs[..], &at(1, 1, 0).outputs[..]), (&[0][..], &[1][..]));
+        assert_eq!(rulebook.n_pairs(), 6);
+    }
+
+    #[test]
+    fn a_strided_site_is_reached_from_every_cell_of_its_kernel() {
+        let sites = Sites::new([1, 1, 6], &[&[[0, 0, 1], [0, 0, 4]]]);
+        let outputs = STRIDED.reached(&sites);
+        // Along x, cell 1 is read by outputs 0 and 1, cell 4 by output 2.
+        assert_eq!(outputs, Sites::new([1, 1, 3], &[&[[0, 0, 0], [0, 0, 1], [0, 0, 2]]]));
+        let rulebook = STRIDED.rulebook(&sites, &outputs);
+        let along_x: Vec<&OffsetPairs> = (0..3).map(|x| &rulebook.offsets()[(3 + 1) * 3 + x]).collect();
+        assert_eq!((&along_x[0].inputs[..], &along_x[0].outputs[..]), (&[0][..], &[1][..]));
+        assert_eq!((&along_x[1].inputs[..], &along_x[1].outputs[..]), (&[1][..], &[2][..]));
+        assert_eq!((&along_x[2].inputs[..], &along_x[2].outputs[..]), (&[0][..], &[0][..]));
+    }
+}

@@ -1,0 +1,61 @@
+//! All rulebooks of an encoder for one batch: made once from the voxels' cells, shared by its layers.
+
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use super::encoder::SparseEncoderConfig;
+use super::geometry::Geometry;
+use super::sites::Sites;
+use crate::kernels::Rulebook;
+
+/// The rulebooks of a [`super::SparseEncoder`] and the sites it ends in.
+#[derive(Debug, Clone)]
+pub struct EncoderRulebooks {
+    /// Of the submanifold convolutions of each stage.
+    pub(super) stages: Vec<Arc<Rulebook>>,
+    /// Of the strided convolution that ends each stage but the last.
+    pub(super) downs: Vec<Arc<Rulebook>>,
+    /// Of the convolution along z at the end.
+    pub(super) last: Arc<Rulebook>,
+    /// Sites of the output.
+    pub(super) sites: Sites,
+}
+
+impl EncoderRulebooks {
+    /// # Panics
+    /// If the config has not passed its check for the sites' shape.
+    #[must_use]
+    pub fn build(sites: Sites, config: &SparseEncoderConfig) -> Self {
+        let strided: Vec<Geometry> = config.strided();
+        // The sites of each level first, one after the other; then all rulebooks at once.
+        let mut levels = vec![sites];
+        for geometry in &strided {
+            levels.push(geometry.reached(&levels[levels.len() - 1]));
+        }
+        let n_stages = config.channels.len();
+        let stages = levels[..n_stages].par_iter().map(Geometry::submanifold_rulebook);
+        let between = strided
+            .par_iter()
+            .enumerate()
+            .map(|(level, geometry)| geometry.rulebook(&levels[level], &levels[level + 1]));
+        let mut made = stages.chain(between).map(Arc::new).collect::<Vec<_>>().into_iter();
+        let stages = made.by_ref().take(n_stages).collect();
+        let downs = made.by_ref().take(n_stages - 1).collect();
+        let last = made.next().expect("there is one strided convolution for each stage");
+        let sites = levels.pop().expect("there is one level more than strided convolutions");
+        Self { stages, downs, last, sites }
+    }
+
+    /// Sites of each stage, and of the output.
+    #[must_use]
+    pub fn n_sites(&self) -> Vec<usize> {
+        self.stages.iter().map(|book| book.n_inputs()).chain([self.sites.len()]).collect()
+    }
+
+    /// Pairs of each rulebook of the submanifold convolutions.
+    #[must_use]
+    pub fn n_pairs(&self) -> Vec<usize> {
+        self.stages.iter().map(|book| book.n_pairs()).collect()
+    }
+}

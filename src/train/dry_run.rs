@@ -1,0 +1,242 @@
+//! What a training run would be, without training: parameters, tensors, memory, steps.
+
+use std::fmt;
+
+use burn::tensor::Device;
+use serde::Serialize;
+
+use super::config::TrainConfig;
+use super::run::TrainError;
+use crate::dataset::Dataset;
+use crate::model::{Detector, NumericFusion, main_tensors};
+
+/// A run before it starts.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct DryRun {
+    /// Trained numbers of each part.
+    pub parameters: Vec<Part>,
+    pub n_parameters: usize,
+    pub tensors: Vec<StepTensor>,
+    /// Of a training step with the camera, where there is one.
+    pub memory: Memory,
+    pub batch_size: usize,
+    /// Batches of a step.
+    pub accumulate: usize,
+    /// Speeds and steering angles asked about for each sample.
+    pub n_states: usize,
+    pub stages: Vec<Stage>,
+    pub n_steps: usize,
+}
+
+/// A part of the detector.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Part {
+    pub name: &'static str,
+    pub n_parameters: usize,
+}
+
+/// A main tensor of a step.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct StepTensor {
+    pub name: &'static str,
+    pub shape: Vec<usize>,
+    pub kept_bytes: usize,
+}
+
+/// Estimated bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct Memory {
+    pub parameters: usize,
+    pub gradients: usize,
+    /// AdamW's two moments, and the parameters after the step beside those before it.
+    pub optimizer: usize,
+    /// The moving average of the parameters.
+    pub average: usize,
+    /// What autodiff keeps for the backward pass.
+    pub activations: usize,
+    pub total: usize,
+}
+
+/// A stage of the run.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Stage {
+    pub name: &'static str,
+    pub n_epochs: usize,
+    pub n_steps: usize,
+}
+
+impl DryRun {
+    /// Looks ahead at a run over a dataset.
+    ///
+    /// # Errors
+    /// The dataset has no training samples.
+    pub fn of(dataset: &Dataset, config: &TrainConfig) -> Result<Self, TrainError> {
+        let Some(first) = dataset.samples().first() else {
+            return Err(TrainError::NoSamples { path: dataset.path().to_owned() });
+        };
+        let camera = &first.measured.intrinsics;
+        Ok(Self::new(config, dataset.samples().len(), [camera.width_px, camera.height_px]))
+    }
+
+    /// Looks ahead at a run over `n_samples` samples with images of `image_px` (width, height). The config has
+    /// passed its check.
+    #[must_use]
+    pub fn new(config: &TrainConfig, n_samples: usize, image_px: [u32; 2]) -> Self {
+        let detector = Detector::init(&config.model, config.seed, &Device::flex().autodiff());
+        let parameters: Vec<Part> = detector
+            .n_parameters()
+            .into_iter()
+            .map(|(name, n_parameters)| Part { name, n_parameters })
+            .collect();
+        let n_parameters: usize = parameters.iter().map(|part| part.n_parameters).sum();
+        let n_states = match config.model.head.numeric_fusion {
+            NumericFusion::None => 1,
+            NumericFusion::Paper | NumericFusion::Film => 1 + config.augment.n_redrawn_states,
+        };
+        let batch_size = config.batch_size.min(n_samples);
+        let tensors: Vec<StepTensor> = main_tensors(&config.model, batch_size, n_states, image_px)
+            .into_iter()
+            .map(|tensor| StepTensor { name: tensor.name, kept_bytes: tensor.n_bytes(), shape: tensor.shape })
+            .collect();
+        let bytes = 4 * n_parameters;
+        let activations = tensors.iter().map(|tensor| tensor.kept_bytes).sum();
+        let steps_per_epoch = n_samples.div_ceil(config.batch_size * config.accumulate);
+        let stages: Vec<Stage> = [("lidar", config.lidar_stage), ("fused", config.fused_stage)]
+            .into_iter()
+            .map(|(name, stage)| Stage {
+                name,
+                n_epochs: stage.epochs,
+                n_steps: stage.epochs * steps_per_epoch,
+            })
+            .collect();
+        Self {
+            parameters,
+            n_parameters,
+            tensors,
+            memory: Memory {
+                parameters: bytes,
+                gradients: bytes,
+                optimizer: 3 * bytes,
+                average: bytes,
+                activations,
+                total: 6 * bytes + activations,
+            },
+            batch_size,
+            accumulate: config.accumulate,
+            n_states,
+            n_steps: stages.iter().map(|stage| stage.n_steps).sum(),
+            stages,
+        }
+    }
+}
+
+impl fmt::Display for DryRun {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mib = |bytes: usize| bytes as f64 / f64::from(1 << 20);
+        writeln!(f, "parameters")?;
+        for part in &self.parameters {
+            writeln!(f, "  {:<24}{:>12}", part.name, part.n_parameters)?;
+        }
+        writeln!(f, "  {:<24}{:>12}", "all", self.n_parameters)?;
+        writeln!(f, "main tensors of a step (kept for the backward pass, MiB)")?;
+        for tensor in &self.tensors {
+            let shape = tensor.shape.iter().map(ToString::to_string).collect::<Vec<_>>().join(" x ");
+            writeln!(f, "  {:<24}{shape:>24}{:>10.1}", tensor.name, mib(tensor.kept_bytes))?;
+        }
+        writeln!(f, "memory of a step, estimated (MiB; without the program and the data)")?;
+        let Memory { parameters, gradients, optimizer, average, activations, total } = self.memory;
+        for (name, bytes) in [
+            ("parameters", parameters),
+            ("gradients", gradients),
+            ("optimizer", optimizer),
+            ("moving average", average),
+            ("activations", activations),
+            ("all", total),
+        ] {
+            writeln!(f, "  {name:<24}{:>10.1}", mib(bytes))?;
+        }
+        writeln!(
+            f,
+            "steps ({} batches of {}, {} states a sample)",
+            self.accumulate, self.batch_size, self.n_states
+        )?;
+        for stage in &self.stages {
+            writeln!(f, "  {:<24}{:>4} epochs{:>10} steps", stage.name, stage.n_epochs, stage.n_steps)?;
+        }
+        write!(f, "  {:<24}{:>21} steps", "all", self.n_steps)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::ModelConfig;
+    use crate::train::StageConfig;
+
+    fn of(model: ModelConfig, n_samples: usize) -> DryRun {
+        let config = TrainConfig { model, ..TrainConfig::default() };
+        config.check().unwrap();
+        DryRun::new(&config, n_samples, [800, 450])
+    }
+
+    #[test]
+    fn what_it_tells_of_small() {
+        insta::assert_snapshot!(of(ModelConfig::default(), 1001));
+    }
+
+    #[test]
+    fn what_it_tells_of_paper() {
+        insta::assert_snapshot!(of(ModelConfig::paper(), 1001));
+    }
+
+    #[test]
+    fn what_it_tells_machines() {
+        let config = TrainConfig {
+            model: ModelConfig { use_camera: false, ..ModelConfig::default() },
+            fused_stage: StageConfig { epochs: 0, ..TrainConfig::default().fused_stage },
+            ..TrainConfig::default()
+        };
+        let told = serde_json::to_string_pretty(&DryRun::new(&config, 3, [800, 450])).unwrap();
+        insta::assert_snapshot!(told);
+    }
+
+    /// The published counts (ANCHORS of BEVFusion's two repositories): 39.8 M in all.
+    #[test]
+    fn paper_has_the_published_numbers_of_parameters() {
+        let paper = of(ModelConfig::paper(), 1);
+        let part = |name: &str| {
+            let part = paper.parameters.iter().find(|part| part.name == name);
+            part.unwrap_or_else(|| panic!("{name} among {:?}", paper.parameters)).n_parameters as f64
+        };
+        let near = |found: f64, published: f64, share: f64| (found / published - 1.0).abs() < share;
+        assert!(near(paper.n_parameters as f64, 39.8e6, 0.02), "{}", paper.n_parameters);
+        assert!(near(part("fuser"), 0.775e6, 0.001), "{}", part("fuser"));
+        assert!(near(part("LiDAR encoder"), 2.694e6, 0.002), "{}", part("LiDAR encoder"));
+        assert!(near(part("bird's-eye backbone"), 4.281e6 + 0.296e6, 0.001));
+        assert!(near(part("image backbone"), 27.5e6, 0.005), "{}", part("image backbone"));
+        assert!(near(part("camera neck and lift"), 1.591e6 + 0.058e6 + 1.380e6 + 0.173e6, 0.001));
+    }
+
+    /// The published head has 1.035 M with ten classes and no numeric branch.
+    #[test]
+    fn the_papers_head_has_the_published_number_of_parameters_and_its_numeric_branch() {
+        let mut plain = ModelConfig::paper();
+        plain.head.numeric_fusion = NumericFusion::None;
+        let head = |model: ModelConfig| of(model, 1).parameters.last().unwrap().n_parameters;
+        let (plain, full) = (head(plain), head(ModelConfig::paper()));
+        // Eight classes fewer: heatmap (3x3 and bias), embedding, class net.
+        let ten_classes = plain + 8 * (128 * 9 + 1) + 8 * 128 + 8 * (64 + 1);
+        assert!((ten_classes as f64 / 1.035e6 - 1.0).abs() < 0.001, "{ten_classes}");
+        assert_eq!(full - plain, 2 * 128 + 128 + 128 * 200 + 200 + 129 * 128 + 128);
+    }
+
+    #[test]
+    fn lidar_alone_is_the_published_lidar_model() {
+        let mut model = ModelConfig::paper();
+        (model.use_camera, model.head.numeric_fusion) = (false, NumericFusion::None);
+        let config = TrainConfig { model, ..TrainConfig::default() };
+        let n = DryRun::new(&config, 1, [800, 450]).n_parameters;
+        // 8.306 M, with ten classes.
+        assert!((n as f64 / 8.306e6 - 1.0).abs() < 0.005, "{n}");
+    }
+}
