@@ -222,8 +222,8 @@ mod tests {
     #[test]
     fn who_is_neither_hit_nor_seen_nor_in_view_is_left_out() {
         let ahead = at(20.0, 0.0, 0.0);
-        assert!(truth_of(ahead, ahead, 0, 49).is_none());
-        assert!(truth_of(ahead, ahead, 0, 50).is_some());
+        assert!(truth_of(ahead, ahead, 0, 19).is_none());
+        assert!(truth_of(ahead, ahead, 0, 20).is_some());
         let behind = at(-20.0, 0.0, 0.0);
         assert!(truth_of(behind, behind, 5, 0).is_none());
         let far = at(71.0, 0.0, 0.0);

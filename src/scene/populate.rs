@@ -444,7 +444,8 @@ mod tests {
     fn a_bus_shelter_opens_to_the_road_and_a_sign_faces_the_drivers() {
         let mut town = Town::load("downtown").unwrap();
         town.config.prop_weights = [("bus_shelter".to_owned(), 1.0), ("traffic_sign".to_owned(), 1.0)].into();
-        let world = populate(&Arc::new(town), &PopulateConfig::default(), 2).unwrap();
+        let config = PopulateConfig { prop_density: 0.5, ..PopulateConfig::default() };
+        let world = populate(&Arc::new(town), &config, 2).unwrap();
         let (mut n_shelters, mut n_signs) = (0, 0);
         for placement in &world.placements {
             let model = &world.models.models[placement.model];
