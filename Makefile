@@ -52,7 +52,8 @@ bench: setup ## Benchmarks, module/case/size; never a gate
 	cargo bench --profile release
 
 bench-gen: build ## Speed of gen against bare MuJoCo, of two processes against one, memory, disk; about 10 minutes
-	$(BIN) bench-gen --town all --weather all
+	$(BIN) bench-gen --town all
+	$(BIN) bench-gen --town all --weather all --episodes 18 --run-samples 2 # what weather adds
 
 gallery: setup-test ## A picture of all object models: docs/gallery.png
 	.venv-test/bin/python mjcf_assets/make_gallery.py

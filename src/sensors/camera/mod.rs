@@ -88,7 +88,7 @@ impl Scope {
             ego_from_camera: rig.ego_from_camera,
             panorama: Panorama::new(weather.daytime(), state, seed),
             stretch: picture::ray_lengths(&rig.intrinsics),
-            noise: noise::Tile::new(),
+            noise: noise::Tile::new(rig.intrinsics.width_px as usize),
             lamps: night::Curves::new(),
             puddles: wet::Puddles::new(),
             seed,

@@ -9,7 +9,8 @@ use super::picture::Picture;
 use crate::random;
 use crate::sensors::weather::WeatherState;
 
-const SIDE: usize = 256;
+/// Draws at which a row can start.
+const N_STARTS: usize = 1 << 16;
 
 /// Noise as a share of full scale.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -28,27 +29,24 @@ pub(super) fn level(state: &WeatherState) -> Option<Level> {
     (state.sun_altitude_rad < 0.3).then_some(Level { photon: 4e-5, dark: 1e-5 })
 }
 
-/// A tile of normal draws, laid over each picture at another place.
+/// Normal draws; each row of a picture takes another part of them.
 #[derive(Debug, Clone)]
 pub(super) struct Tile(Vec<f32>);
 
 impl Tile {
-    pub(super) fn new() -> Self {
+    /// For pictures of this width.
+    pub(super) fn new(width: usize) -> Self {
         let mut rng = random::stream(0, "camera-noise-tile", 0);
-        Self((0..SIDE * SIDE).map(|_| StandardNormal.sample(&mut rng)).collect())
+        Self((0..N_STARTS + 3 * width).map(|_| StandardNormal.sample(&mut rng)).collect())
     }
 
     pub(super) fn add(&self, picture: &mut Picture, level: Option<Level>, seed: u64, sample_idx: u64) {
         let Some(level) = level else { return };
         let mut rng = random::stream(seed, "camera-noise", sample_idx);
-        // Rows and channels take different parts of the tile, so that no pattern repeats.
         for row in picture.pixels.chunks_mut(picture.width) {
-            let starts = [0; 3].map(|_: i32| rng.random_range(0..SIDE * SIDE));
-            for (u, pixel) in row.iter_mut().enumerate() {
-                for (channel, start) in pixel.iter_mut().zip(starts) {
-                    let sigma = (level.photon * *channel + level.dark).max(0.0).sqrt();
-                    *channel += sigma * self.0[(start + u) % (SIDE * SIDE)];
-                }
+            let start = rng.random_range(0..N_STARTS);
+            for (channel, draw) in row.as_flattened_mut().iter_mut().zip(&self.0[start..]) {
+                *channel += (level.photon * *channel + level.dark).max(0.0).sqrt() * draw;
             }
         }
     }

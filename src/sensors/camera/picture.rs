@@ -25,8 +25,7 @@ impl Picture {
     }
 
     pub(super) fn to_image(&self) -> RgbImage {
-        let quantised = |c: f32| (c * 255.0 + 0.5).clamp(0.0, 255.0) as u8;
-        let bytes = self.pixels.iter().flat_map(|pixel| pixel.map(quantised)).collect();
+        let bytes = self.pixels.as_flattened().iter().map(|c| (c * 255.0 + 0.5) as u8).collect();
         RgbImage::from_raw(self.width as u32, self.height as u32, bytes).expect("three bytes a pixel")
     }
 }

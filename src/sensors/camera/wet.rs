@@ -19,7 +19,7 @@ const DARKENING: f32 = 0.45;
 /// A thing that ends this far before the mirrored ray is passed behind.
 const THICKNESS_M: f32 = 2.5;
 /// Rows between two probes of the march.
-const PROBE_PX: f32 = 5.0;
+const PROBE_PX: f32 = 9.0;
 
 /// Water on the ground, in a pattern fixed to it.
 #[derive(Debug, Clone)]
