@@ -37,7 +37,7 @@ pub struct GenerateArgs {
     /// Also place objects of kinds that no training set holds
     #[arg(long)]
     ood: bool,
-    /// Sensor rig (TOML with [camera] and [lidar]) in place of the config's
+    /// Sensor rig (TOML with the tables camera and lidar) in place of the config's
     #[arg(long)]
     rig: Option<PathBuf>,
     /// Who draws the camera's picture; `filament` is physically based and needs mujoco-studio and Vulkan

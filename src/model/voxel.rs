@@ -33,7 +33,8 @@ pub struct VoxelConfig {
     /// Points of one voxel that enter its mean; later ones are dropped.
     pub max_points_per_voxel: usize,
     /// Voxels of one cloud; points that would open another are dropped. Published: 120,000 in training,
-    /// 160,000 in testing, for ten sweeps all around. One front sector fills some 10,000 to 30,000.
+    /// 160,000 in testing, for ten sweeps all around. One sweep of the default LiDAR over the front sector
+    /// fills 3,000 to 5,000.
     pub max_voxels: usize,
 }
 

@@ -16,6 +16,9 @@ use crate::sample::EgoState;
 /// An aimed steering angle points at an object, off by at most this many metres to a side.
 const AIM_SPREAD_M: f64 = 4.0;
 
+/// The objects of one sample as labelled for each of its states.
+pub type ObjectsByState = Vec<Vec<LabelledObject>>;
+
 /// How one sample is shown to the network this time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct View {
@@ -24,7 +27,7 @@ pub struct View {
     /// The states before reflection; the recorded one is the first.
     pub states: Vec<EgoState>,
     /// The objects as labelled for each state, reflected with `mirror`.
-    pub objects: Vec<Vec<LabelledObject>>,
+    pub objects: ObjectsByState,
 }
 
 /// Draws a view of a sample, with `config.n_redrawn_states` states beside the recorded one.

@@ -10,6 +10,7 @@ use burn::tensor::activation::{log_sigmoid, sigmoid};
 use burn::tensor::{Device, Tensor, TensorData};
 
 use super::assignment::assign;
+use super::augment::ObjectsByState;
 use super::config::LossConfig;
 use super::targets::{draw_heatmap, one_hot};
 use crate::model::coder::{CODE_SIZE, encode};
@@ -45,7 +46,7 @@ impl LossParts {
 #[must_use]
 pub fn losses(
     output: &Output,
-    objects: &[Vec<Vec<LabelledObject>>],
+    objects: &[ObjectsByState],
     model: &ModelConfig,
     config: &LossConfig,
 ) -> Losses {
@@ -63,7 +64,7 @@ fn scalar(loss: &Tensor<1>) -> f32 {
 
 fn heatmap_loss(
     output: &Output,
-    objects: &[Vec<Vec<LabelledObject>>],
+    objects: &[ObjectsByState],
     model: &ModelConfig,
     device: &Device,
 ) -> Tensor<1> {
@@ -90,7 +91,7 @@ fn gaussian_focal(logits: Tensor<4>, target: Tensor<4>) -> Tensor<1> {
 
 fn query_losses(
     output: &Output,
-    objects: &[Vec<Vec<LabelledObject>>],
+    objects: &[ObjectsByState],
     model: &ModelConfig,
     config: &LossConfig,
     device: &Device,

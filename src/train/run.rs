@@ -14,7 +14,7 @@ use rand::RngExt;
 use rayon::prelude::*;
 use thiserror::Error;
 
-use super::augment;
+use super::augment::{self, ObjectsByState};
 use super::average::Average;
 use super::config::{TrainConfig, TrainConfigError};
 use super::log::Log;
@@ -33,7 +33,6 @@ use crate::model::checkpoint::{self, CheckpointError};
 use crate::model::{
     Batch, Detector, ImageWeightsError, ImageWeightsReport, Input, InputError, NumericFusion,
 };
-use crate::object::LabelledObject;
 use crate::progress::Progress;
 use crate::random;
 
@@ -327,7 +326,7 @@ fn prepare(
     position: Position,
     first_draw: usize,
     device: &Device,
-) -> Result<(Batch, Vec<Vec<Vec<LabelledObject>>>), TrainError> {
+) -> Result<(Batch, Vec<ObjectsByState>), TrainError> {
     let mut augment = config.augment;
     if config.model.head.numeric_fusion == NumericFusion::None {
         augment.n_redrawn_states = 0;
