@@ -121,12 +121,13 @@ pub fn run(args: TrainArgs) -> anyhow::Result<ExitStatus> {
     }
     let loss = summary.last_loss;
     println!(
-        "trained on {} samples: {} of {} steps in {:.0} s; last epoch's loss {:.3} (heatmap {:.3}, harm {:.3}, \
+        "trained on {} samples: {} of {} steps in {:.0} s, {:.1} % of it spent on inputs; last epoch's loss {:.3} (heatmap {:.3}, harm {:.3}, \
          boxes {:.3})",
         summary.n_samples,
         summary.n_steps_now,
         summary.n_steps,
         summary.elapsed.as_secs_f64(),
+        100.0 * summary.loading.as_secs_f64() / summary.elapsed.as_secs_f64(),
         loss.total(),
         loss.heatmap,
         loss.harm,

@@ -43,7 +43,7 @@ pub fn predict(
         let inputs = chunk
             .par_iter()
             .map(|(id, measured)| {
-                Input::prepare(measured, config, false)
+                Input::prepare(measured, config, false, with_camera)
                     .map_err(|source| PredictError { sample: (*id).to_owned(), source })
             })
             .collect::<Result<Vec<_>, _>>()?;

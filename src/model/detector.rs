@@ -248,7 +248,7 @@ mod tests {
     fn batch(config: &ModelConfig, with_camera: bool, device: &Device) -> Batch {
         let data = test_data::dataset(2);
         let prepare = |sample: &crate::dataset::LabelledSample| {
-            let input = Input::prepare(&sample.measured, config, false).unwrap();
+            let input = Input::prepare(&sample.measured, config, false, true).unwrap();
             // Two states a sample.
             input.with_states(&[sample.measured.ego_state; 2], false).unwrap()
         };
@@ -305,7 +305,7 @@ mod tests {
         for config in profiles() {
             let mut data = test_data::dataset(1);
             data.sample_mut(0).measured.points.clear();
-            let input = Input::prepare(&data.samples()[0].measured, &config, false).unwrap();
+            let input = Input::prepare(&data.samples()[0].measured, &config, false, true).unwrap();
             let batch = Batch::stack(&[&input], &config, false, &device);
             let output = Detector::init(&config, 0, &device).forward(&batch);
             assert!(output.boxes.sum().into_scalar::<f32>().is_finite());

@@ -48,11 +48,16 @@ pub enum InputError {
 
 impl Input {
     /// Prepares a sample. With `mirror`, everything is reflected in the ego's x-z plane, the steering
-    /// angle too, which leaves every box's label as it was.
+    /// angle too, which leaves every box's label as it was. Without `with_camera` the picture stays packed.
     ///
     /// # Errors
     /// The image is broken or too flat, or speed or steering is not finite.
-    pub fn prepare(measured: &Measured, config: &ModelConfig, mirror: bool) -> Result<Self, InputError> {
+    pub fn prepare(
+        measured: &Measured,
+        config: &ModelConfig,
+        mirror: bool,
+        with_camera: bool,
+    ) -> Result<Self, InputError> {
         let side = if mirror { -1.0 } else { 1.0 };
         let points: Vec<[f64; 4]> = measured
             .points
@@ -70,13 +75,36 @@ impl Input {
         });
         // A camera without LiDAR gets no depths from it either.
         let seen = if config.use_lidar { points.as_slice() } else { &[] };
-        let camera = if config.use_camera {
+        let camera = if config.use_camera && with_camera {
             Some(CameraInput::prepare(measured, seen, config, mirror)?)
         } else {
             None
         };
         let input = Self { lidar, camera, numeric: Vec::new() };
         input.with_states(std::slice::from_ref(&measured.ego_state), mirror)
+    }
+
+    /// Memory that the arrays take.
+    #[must_use]
+    pub fn n_bytes(&self) -> usize {
+        let lidar = match &self.lidar {
+            Some(LidarInput::Pillars(of)) => {
+                size_of_val(&*of.point_features) + size_of_val(&*of.points) + size_of_val(&*of.cells)
+            }
+            Some(LidarInput::Voxels(of)) => size_of_val(&*of.features) + size_of_val(&*of.cells),
+            None => 0,
+        };
+        let camera = match &self.camera {
+            Some(CameraInput::Cnn(of)) => {
+                size_of_val(&*of.image)
+                    + size_of_val(&*of.depth)
+                    + size_of_val(&*of.frustum.points)
+                    + size_of_val(&*of.frustum.cells)
+            }
+            Some(CameraInput::Swin(of)) => size_of_val(&*of.image) + size_of_val(&*of.depths),
+            None => 0,
+        };
+        lidar + camera
     }
 
     /// Height of the resized image; inputs of one batch share it. 0 without a camera.

@@ -33,6 +33,8 @@ pub struct TrainConfig {
     pub accumulate: usize,
     /// Epochs between two scores on the validation split, written to `validation.csv`; 0 for none.
     pub validate_every_epochs: usize,
+    /// Memory for prepared inputs, MiB; what does not fit is prepared anew in each epoch.
+    pub cache_mib: usize,
     pub loss: LossConfig,
     pub augment: AugmentConfig,
     /// Steps between two states to resume from.
@@ -121,6 +123,7 @@ impl Default for TrainConfig {
             harmful_share: 0.0,
             accumulate: 1,
             validate_every_epochs: 1,
+            cache_mib: 3072,
             loss: LossConfig::default(),
             augment: AugmentConfig::default(),
             save_every_steps: 100,

@@ -3,6 +3,7 @@
 mod assignment;
 mod augment;
 mod average;
+mod cache;
 mod config;
 mod dry_run;
 mod log;
@@ -12,6 +13,7 @@ mod plan;
 mod run;
 mod schedule;
 mod state;
+mod step;
 mod targets;
 mod validate;
 

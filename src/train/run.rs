@@ -7,34 +7,27 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use burn::module::Module;
-use burn::optim::{GradientsAccumulator, GradientsParams};
 use burn::tensor::Device;
 use fs_err as fs;
-use rand::RngExt;
-use rayon::prelude::*;
 use thiserror::Error;
 
-use super::augment::{self, ObjectsByState};
 use super::average::Average;
 use super::config::{TrainConfig, TrainConfigError};
 use super::log::Log;
-use super::losses::{LossParts, losses};
+use super::losses::LossParts;
 use super::optimizer::{Optimizer, number_parameters};
 use super::plan::{Plan, STAGES};
 use super::schedule::one_cycle;
 use super::state::{self, Position, StateError};
-use super::targets::trainable;
+use super::step::{Mean, Steps, not_finite};
 use super::validate::{self, ValidationError, validate};
 use crate::config::to_toml;
-use crate::dataset::{Dataset, LabelledSample};
+use crate::dataset::Dataset;
 use crate::files;
 use crate::label::zone::ZoneError;
 use crate::model::checkpoint::{self, CheckpointError};
-use crate::model::{
-    Batch, Detector, ImageWeightsError, ImageWeightsReport, Input, InputError, NumericFusion,
-};
+use crate::model::{Detector, ImageWeightsError, ImageWeightsReport, InputError};
 use crate::progress::Progress;
-use crate::random;
 
 /// Why a run stopped.
 #[derive(Debug, Error)]
@@ -93,6 +86,8 @@ pub struct Summary {
     /// Mean loss over the last epoch.
     pub last_loss: LossParts,
     pub elapsed: Duration,
+    /// Part of it that went into preparing inputs.
+    pub loading: Duration,
     /// What was loaded into the image backbone, if this call did.
     pub image_weights: Option<ImageWeightsReport>,
 }
@@ -128,17 +123,18 @@ pub fn run(
     open_folder(dataset, config, out, options)?;
     let plan = Plan::new(config, samples);
     let final_path = out.join(CHECKPOINT);
-    let summary = |n_steps_now, last_loss| Summary {
+    let summary = |n_steps_now, last_loss, loading| Summary {
         checkpoint: final_path.clone(),
         n_samples: samples.len(),
         n_steps: plan.n_steps.iter().sum(),
         n_steps_now,
         last_loss,
         elapsed: started.elapsed(),
+        loading,
         image_weights: None,
     };
     if final_path.exists() {
-        return Ok(summary(0, LossParts::default()));
+        return Ok(summary(0, LossParts::default(), Duration::ZERO));
     }
 
     let inference_device = device;
@@ -159,11 +155,13 @@ pub fn run(
     };
     let mut log = Log::open(&out.join(LOG_FILE), LOG_HEADER, plan.n_done(position))?;
     let mut scores = Log::open(&out.join(VALIDATION_FILE), validate::HEADER, plan.n_done(position))?;
+    let mut steps = Steps::new(&plan, dataset, config, &device);
     let mut n_steps_now = 0;
     let mut epoch_loss = Mean::default();
     while position.stage < STAGES.len() {
         let stage = STAGES[position.stage];
         let n_steps = plan.n_steps[position.stage];
+        steps.begin_stage();
         progress.start(stage, n_steps as u64);
         progress.advance(position.step as u64);
         while position.step < n_steps {
@@ -173,7 +171,7 @@ pub fn run(
                 plan.stages[position.stage].max_learning_rate,
                 config.rise_share,
             );
-            let (grads, parts) = gradients(&detector, &plan, position, dataset, config, &device)?;
+            let (grads, parts) = steps.gradients(&detector, position)?;
             let (next, norm) = optimizer.step(detector, grads, learning_rate);
             if !norm.is_finite() {
                 let chosen = plan.step_samples(config, position).concat();
@@ -223,51 +221,12 @@ pub fn run(
     }
     checkpoint::save(&finished(&detector, &average, config), &final_path)?;
     state::clear(out)?;
-    Ok(Summary { image_weights, ..summary(n_steps_now, epoch_loss.mean()) })
+    Ok(Summary { image_weights, ..summary(n_steps_now, epoch_loss.mean(), steps.loading) })
 }
 
 /// What a run leaves behind: the moving average, or the last weights where there is none.
 fn finished(detector: &Detector, average: &Average, config: &TrainConfig) -> Detector {
     if config.average_decay > 0.0 { average.detector().clone() } else { detector.valid() }
-}
-
-fn not_finite(found: f32, position: Position, chosen: &[usize], samples: &[LabelledSample]) -> TrainError {
-    TrainError::NotFinite {
-        found,
-        step: position.step,
-        stage: STAGES[position.stage],
-        samples: chosen.iter().map(|&i| samples[i].id.clone()).collect(),
-    }
-}
-
-/// Gradients of one step, the mean over its batches, and the mean loss.
-fn gradients(
-    detector: &Detector,
-    plan: &Plan,
-    position: Position,
-    dataset: &Dataset,
-    config: &TrainConfig,
-    device: &Device,
-) -> Result<(GradientsParams, LossParts), TrainError> {
-    let samples = dataset.samples();
-    let batches = plan.step_samples(config, position);
-    let mut sum = GradientsAccumulator::new();
-    let mut mean = Mean::default();
-    for (batch_idx, chosen) in batches.iter().enumerate() {
-        let first_draw = (position.step * config.accumulate + batch_idx) * config.batch_size;
-        let (batch, objects) = prepare(chosen, samples, dataset, config, position, first_draw, device)?;
-        // What training drops at random depends on the step alone, however often the run was stopped.
-        let name = format!("dropout-{}", STAGES[position.stage]);
-        Detector::seed(device, random::stream(config.seed, &name, first_draw as u64).random());
-        let loss = losses(&detector.forward(&batch), &objects, &config.model, &config.loss);
-        if !loss.parts.total().is_finite() {
-            return Err(not_finite(loss.parts.total(), position, chosen, samples));
-        }
-        mean.add(loss.parts);
-        let scaled = loss.total.div_scalar(batches.len() as f64);
-        sum.accumulate(detector, GradientsParams::from_grads(scaled.backward(), detector));
-    }
-    Ok((sum.grads(), mean.mean()))
 }
 
 /// Makes the run's folder, or checks that the run in it is this one.
@@ -315,68 +274,6 @@ fn open_folder(
     files::write_atomic(&out.join(DATA_FILE), data_text.as_bytes())?;
     files::write_atomic(&config_path, config_text.as_bytes())?;
     Ok(())
-}
-
-/// Augments and stacks the samples of a step.
-fn prepare(
-    chosen: &[usize],
-    samples: &[LabelledSample],
-    dataset: &Dataset,
-    config: &TrainConfig,
-    position: Position,
-    first_draw: usize,
-    device: &Device,
-) -> Result<(Batch, Vec<ObjectsByState>), TrainError> {
-    let mut augment = config.augment;
-    if config.model.head.numeric_fusion == NumericFusion::None {
-        augment.n_redrawn_states = 0;
-    }
-    let prepared = chosen
-        .par_iter()
-        .enumerate()
-        .map(|(place, &sample_idx)| {
-            let sample = &samples[sample_idx];
-            let draw_idx = (first_draw + place) as u64;
-            let mut rng =
-                random::stream(config.seed, &format!("augment-{}", STAGES[position.stage]), draw_idx);
-            let view = augment::draw(
-                &sample.measured.ego_state,
-                &sample.objects,
-                dataset.zone(),
-                &augment,
-                &mut rng,
-            )
-            .map_err(|source| TrainError::Label { sample: sample.id.clone(), source })?;
-            let input = Input::prepare(&sample.measured, &config.model, view.mirror)
-                .and_then(|input| input.with_states(&view.states, view.mirror))
-                .map_err(|source| TrainError::Input { sample: sample.id.clone(), source })?;
-            Ok((input, view.objects.iter().map(|of| trainable(of, &config.model.grid)).collect()))
-        })
-        .collect::<Result<Vec<_>, TrainError>>()?;
-    let (inputs, objects): (Vec<_>, Vec<_>) = prepared.into_iter().unzip();
-    let batch = Batch::stack(&inputs.iter().collect::<Vec<_>>(), &config.model, position.stage == 1, device);
-    Ok((batch, objects))
-}
-
-/// Running mean of losses.
-#[derive(Default)]
-struct Mean {
-    sum: LossParts,
-    n: usize,
-}
-
-impl Mean {
-    fn add(&mut self, parts: LossParts) {
-        self.sum.heatmap += parts.heatmap;
-        self.sum.harm += parts.harm;
-        self.sum.boxes += parts.boxes;
-        self.n += 1;
-    }
-
-    fn mean(&self) -> LossParts {
-        let n = self.n.max(1) as f32;
-        LossParts { heatmap: self.sum.heatmap / n, harm: self.sum.harm / n, boxes: self.sum.boxes / n }
-    }
 }
 
 #[cfg(test)]
