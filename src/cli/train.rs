@@ -13,6 +13,7 @@ use super::progress::Bar;
 use crate::config;
 use crate::dataset::{Dataset, DatasetError};
 use crate::episode::manifest::Split;
+use crate::kernels::keep_freed_memory;
 use crate::model::{ModelConfig, PAPER_TOML, SMALL_TOML};
 use crate::train::{self, DryRun, RunOptions, TrainConfig};
 
@@ -104,6 +105,7 @@ pub fn run(args: TrainArgs) -> anyhow::Result<ExitStatus> {
         }
         return Ok(ExitStatus::Done);
     };
+    keep_freed_memory();
     let options = RunOptions { force: args.force, resume: args.resume };
     let validation = match Dataset::open(&args.data, &args.labels, Split::Val) {
         Ok(split) if config.validate_every_epochs > 0 => Some(split),

@@ -11,10 +11,14 @@
 mod burn_op;
 mod conv3x3;
 mod lift_pool;
+mod memory;
+mod norm_relu;
 mod scratch;
 mod simd;
 mod sparse_conv;
 
 pub use burn_op::conv3x3;
 pub use lift_pool::{PoolPlan, lift_pool};
+pub use memory::keep_freed_memory;
+pub use norm_relu::{Normed, norm_relu, scale_shift_relu};
 pub use sparse_conv::{OffsetPairs, Rulebook, sparse_conv};

@@ -6,12 +6,12 @@
 use burn::module::Module;
 use burn::nn::conv::{Conv2d, Conv2dConfig, ConvTranspose2d, ConvTranspose2dConfig};
 use burn::nn::{BatchNorm, BatchNormConfig, Initializer};
-use burn::tensor::activation::relu;
 use burn::tensor::{Device, Tensor};
 use serde::{Deserialize, Serialize};
 
 use super::config::ModelConfigError;
 use super::layers::{ConvBlock, upsample_nearest};
+use super::norm::batch_norm_relu;
 
 /// Published batch norm of the LiDAR branch; [`ConvBlock`] has the same epsilon.
 const NORM_EPSILON: f64 = 1e-3;
@@ -146,14 +146,14 @@ impl Neck {
     /// - output: `[batch, channel_out, factor * y, factor * x]`
     fn forward(&self, x: Tensor<4>) -> Tensor<4> {
         if let Some(spread) = &self.spread {
-            return relu(self.norm.forward(transpose_without_overlap(x, spread.weight.val())));
+            return batch_norm_relu(&self.norm, transpose_without_overlap(x, spread.weight.val()));
         }
         let x = match &self.point {
             Some(point) => point.forward(x),
             None => unreachable!("a neck has one of its two convolutions"),
         };
         // Strides are 1 or 2, so that their product is a power of two.
-        (0..self.factor.ilog2()).fold(relu(self.norm.forward(x)), |x, _| upsample_nearest(x))
+        (0..self.factor.ilog2()).fold(batch_norm_relu(&self.norm, x), |x, _| upsample_nearest(x))
     }
 }
 

@@ -3,9 +3,9 @@
 use burn::module::Module;
 use burn::nn::conv::{Conv2d, Conv2dConfig};
 use burn::nn::{BatchNorm, BatchNormConfig, PaddingConfig2d};
-use burn::tensor::activation::relu;
 use burn::tensor::{Device, Tensor};
 
+use super::norm::batch_norm_relu;
 use crate::kernels::conv3x3;
 
 /// Sizes of one block.
@@ -72,6 +72,6 @@ impl ConvNorm {
         } else {
             self.conv.forward(x)
         };
-        relu(self.norm.forward(x))
+        batch_norm_relu(&self.norm, x)
     }
 }

@@ -6,6 +6,7 @@ use burn::nn::{BatchNorm, BatchNormConfig, Initializer, Linear, LinearConfig};
 use burn::tensor::activation::relu;
 use burn::tensor::{Device, Tensor};
 
+use super::norm::batch_norm_relu;
 use crate::kernels::conv3x3;
 
 /// 3x3 convolution (padding 1, no bias), batch norm, ReLU.
@@ -46,7 +47,7 @@ impl ConvBlock {
     /// - output: `[batch, channel_out, ceil(y / stride), ceil(x / stride)]`
     pub fn forward(&self, x: Tensor<4>) -> Tensor<4> {
         let x = conv3x3(x, self.conv.weight.val(), self.conv.stride[0]);
-        relu(self.norm.forward(x))
+        batch_norm_relu(&self.norm, x)
     }
 }
 

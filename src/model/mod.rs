@@ -23,6 +23,7 @@ mod input;
 mod layers;
 mod lidar_voxel;
 mod lss_fpn;
+mod norm;
 mod numeric;
 mod parameters;
 mod pillar_branch;

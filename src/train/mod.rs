@@ -10,6 +10,7 @@ mod log;
 mod losses;
 mod optimizer;
 mod plan;
+mod replica;
 mod run;
 mod schedule;
 mod state;

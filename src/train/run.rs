@@ -171,8 +171,8 @@ pub fn run(
                 plan.stages[position.stage].max_learning_rate,
                 config.rise_share,
             );
-            let (grads, parts) = steps.gradients(&detector, position)?;
-            let (next, norm) = optimizer.step(detector, grads, learning_rate);
+            let (passed, grads, parts) = steps.gradients(detector, position)?;
+            let (next, norm) = optimizer.step(passed, grads, learning_rate);
             if !norm.is_finite() {
                 let chosen = plan.step_samples(config, position).concat();
                 return Err(not_finite(norm, position, &chosen, samples));

@@ -12,6 +12,7 @@ use super::cache::{Cache, Key};
 use super::config::TrainConfig;
 use super::losses::{LossParts, losses};
 use super::plan::{Plan, STAGES};
+use super::replica::{replica, with_mean_statistics};
 use super::run::TrainError;
 use super::state::Position;
 use super::targets::trainable;
@@ -47,31 +48,71 @@ impl<'a> Steps<'a> {
     /// A sample is broken, or the loss is not finite.
     pub fn gradients(
         &mut self,
-        detector: &Detector,
+        detector: Detector,
         position: Position,
-    ) -> Result<(GradientsParams, LossParts), TrainError> {
+    ) -> Result<(Detector, GradientsParams, LossParts), TrainError> {
         let config = self.config;
-        let samples = self.dataset.samples();
         let batches = self.plan.step_samples(config, position);
+        let started = Instant::now();
+        let prepared = (batches.par_iter().enumerate())
+            .map(|(batch_idx, chosen)| {
+                let first_draw = (position.step * config.accumulate + batch_idx) * config.batch_size;
+                let (batch, objects) = self.prepare(chosen, position, first_draw)?;
+                Ok(Prepared { chosen, first_draw, batch, objects })
+            })
+            .collect::<Result<Vec<_>, TrainError>>()?;
+        self.loading += started.elapsed();
+        let share = 1.0 / batches.len() as f64;
+        let passes = if config.model.draws_in_training() {
+            // What is dropped at random comes from one generator: batches take turns.
+            let of = |prepared| self.pass(replica(&detector), prepared, position, share);
+            prepared.iter().map(of).collect::<Vec<_>>()
+        } else {
+            std::thread::scope(|scope| {
+                let steps: &Self = self;
+                let begin = |prepared| {
+                    let replica = replica(&detector);
+                    scope.spawn(move || steps.pass(replica, prepared, position, share))
+                };
+                let running: Vec<_> = prepared.iter().map(begin).collect();
+                running
+                    .into_iter()
+                    .map(|pass| pass.join().expect("a pass panics by our own bugs alone"))
+                    .collect()
+            })
+        };
         let mut sum = GradientsAccumulator::new();
         let mut mean = Mean::default();
-        for (batch_idx, chosen) in batches.iter().enumerate() {
-            let first_draw = (position.step * config.accumulate + batch_idx) * config.batch_size;
-            let started = Instant::now();
-            let (batch, objects) = self.prepare(chosen, position, first_draw)?;
-            self.loading += started.elapsed();
-            // What training drops at random depends on the step alone, however often the run was stopped.
-            let name = format!("dropout-{}", STAGES[position.stage]);
-            Detector::seed(self.device, random::stream(config.seed, &name, first_draw as u64).random());
-            let loss = losses(&detector.forward(&batch), &objects, &config.model, &config.loss);
-            if !loss.parts.total().is_finite() {
-                return Err(not_finite(loss.parts.total(), position, chosen, samples));
-            }
-            mean.add(loss.parts);
-            let scaled = loss.total.div_scalar(batches.len() as f64);
-            sum.accumulate(detector, GradientsParams::from_grads(scaled.backward(), detector));
+        let mut replicas = Vec::new();
+        for pass in passes {
+            let (replica, gradients, parts) = pass?;
+            mean.add(parts);
+            sum.accumulate(&detector, gradients);
+            replicas.push(replica);
         }
-        Ok((sum.grads(), mean.mean()))
+        Ok((with_mean_statistics(detector, &replicas), sum.grads(), mean.mean()))
+    }
+
+    /// Forward and backward through one batch.
+    fn pass(
+        &self,
+        replica: Detector,
+        prepared: &Prepared,
+        position: Position,
+        share: f64,
+    ) -> Result<(Detector, GradientsParams, LossParts), TrainError> {
+        let config = self.config;
+        // What training drops at random depends on the step alone, however often the run was stopped.
+        let name = format!("dropout-{}", STAGES[position.stage]);
+        Detector::seed(self.device, random::stream(config.seed, &name, prepared.first_draw as u64).random());
+        let loss = losses(&replica.forward(&prepared.batch), &prepared.objects, &config.model, &config.loss);
+        if !loss.parts.total().is_finite() {
+            let samples = self.dataset.samples();
+            return Err(not_finite(loss.parts.total(), position, prepared.chosen, samples));
+        }
+        let gradients = loss.total.mul_scalar(share).backward();
+        let gradients = GradientsParams::from_grads(gradients, &replica);
+        Ok((replica, gradients, loss.parts))
     }
 
     /// Augments and stacks the samples of a batch.
@@ -118,6 +159,14 @@ impl<'a> Steps<'a> {
         let batch = Batch::stack(&inputs.iter().collect::<Vec<_>>(), &config.model, with_camera, self.device);
         Ok((batch, objects))
     }
+}
+
+/// One batch of a step, ready for the network.
+struct Prepared<'a> {
+    chosen: &'a [usize],
+    first_draw: usize,
+    batch: Batch,
+    objects: Vec<ObjectsByState>,
 }
 
 /// The error of a loss or a gradient that is not finite.

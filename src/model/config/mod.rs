@@ -91,6 +91,15 @@ impl ModelConfig {
     }
 }
 
+/// Whether training drops anything at random.
+impl ModelConfig {
+    #[must_use]
+    pub fn draws_in_training(&self) -> bool {
+        let is_swin = self.use_camera && self.camera.backbone == CameraBackbone::Swin;
+        self.head.dropout > 0.0 || (is_swin && self.camera.swin.swin.drop_path > 0.0)
+    }
+}
+
 /// What the branches hand to the fuser.
 impl ModelConfig {
     /// Channels of the LiDAR branch's map; none without it.

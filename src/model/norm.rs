@@ -1,0 +1,61 @@
+//! Batch norm followed by a ReLU over images, as every convolution of the bird's-eye and image nets has it.
+
+use burn::nn::BatchNorm;
+use burn::tensor::Tensor;
+
+use crate::kernels::{norm_relu, scale_shift_relu};
+
+/// burn's batch norm, then a ReLU, in one pass: by the batch's statistics in training, which the running
+/// statistics follow, by the running statistics at inference and where the layer is frozen.
+///
+/// # Shapes
+/// - x: `[batch, channel, y, x]`
+#[must_use]
+pub fn batch_norm_relu(norm: &BatchNorm, x: Tensor<4>) -> Tensor<4> {
+    let device = x.device();
+    if device.is_autodiff() && norm.training.is_enabled() {
+        let normed = norm_relu(x, norm.gamma.val(), norm.beta.val(), norm.epsilon);
+        for (running, latest) in [(&norm.running_mean, normed.mean), (&norm.running_var, normed.variance)] {
+            let kept = running.value_sync().to_device(&device).mul_scalar(1.0 - norm.momentum);
+            running.update((kept + latest.mul_scalar(norm.momentum)).detach());
+        }
+        return normed.output;
+    }
+    let [mean, variance] = [&norm.running_mean, &norm.running_var].map(|of| of.value().to_device(&device));
+    let scale = norm.gamma.val() / variance.add_scalar(norm.epsilon).sqrt();
+    let shift = norm.beta.val() - mean * scale.clone();
+    scale_shift_relu(x, scale, shift)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use burn::module::Module;
+    use burn::nn::BatchNormConfig;
+    use burn::tensor::activation::relu;
+    use burn::tensor::{Device, Distribution};
+
+    fn largest(a: Tensor<4>, b: Tensor<4>) -> f32 {
+        (a - b).abs().max().into_scalar()
+    }
+
+    /// In training, after it, and with the layer frozen.
+    #[test]
+    fn it_is_burns_batch_norm_and_a_relu() {
+        let device = Device::flex().autodiff();
+        device.seed(5);
+        let [own, burns] = [0, 1].map(|_| BatchNormConfig::new(3).with_momentum(0.3).init(&device));
+        for _ in 0..3 {
+            let x = Tensor::<4>::random([2, 3, 4, 5], Distribution::Normal(0.7, 2.0), &device);
+            let (a, b) = (batch_norm_relu(&own, x.clone()), relu(burns.forward(x)));
+            assert!(largest(a.inner(), b.inner()) < 1e-5);
+        }
+        let x = Tensor::<4>::random([1, 3, 4, 5], Distribution::Normal(0.7, 2.0), &device);
+        let (a, b) = (own.valid(), burns.valid());
+        let inner = x.clone().inner();
+        assert!(largest(batch_norm_relu(&a, inner.clone()), relu(b.forward(inner))) < 1e-5);
+        let frozen = own.clone().freeze();
+        let still = largest(batch_norm_relu(&frozen, x.clone()).inner(), relu(frozen.forward(x)).inner());
+        assert!(still < 1e-5);
+    }
+}

@@ -1,0 +1,74 @@
+//! Copies of a detector that pass through batches of one step side by side, and what they share afterwards.
+//!
+//! A copy shares the weights' values and the parameters' ids, has an autodiff graph of its own, and gathers
+//! running statistics of its own: those of a step are the mean over its batches.
+
+use std::collections::HashMap;
+
+use burn::module::{Module, ModuleMapper, ModuleVisitor, Param, ParamId};
+use burn::tensor::{Tensor, TensorData};
+
+use crate::model::Detector;
+
+/// A copy for one batch.
+#[must_use]
+pub fn replica(detector: &Detector) -> Detector {
+    detector.valid().train()
+}
+
+/// The detector with the mean of its copies' running statistics; one copy's pass on unchanged.
+#[must_use]
+pub fn with_mean_statistics(detector: Detector, replicas: &[Detector]) -> Detector {
+    let mut means = Means { share: 1.0 / replicas.len() as f32, by_id: HashMap::new() };
+    for replica in replicas {
+        // The copy for inference has taken in what the forward pass put off.
+        replica.valid().visit(&mut means);
+    }
+    detector.map(&mut SetStatistics { means: means.by_id })
+}
+
+/// Means over copies, as the first copy's values and the mean difference from them: equal values stay
+/// what they are to the bit.
+struct Means {
+    share: f32,
+    by_id: HashMap<ParamId, Mean>,
+}
+
+struct Mean {
+    first: Vec<f32>,
+    difference: Vec<f32>,
+}
+
+impl ModuleVisitor for Means {
+    fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
+        let values: Vec<f32> = param.val().into_data().try_to_vec().expect("weights and statistics are f32");
+        if let Some(mean) = self.by_id.get_mut(&param.id) {
+            for ((difference, value), first) in mean.difference.iter_mut().zip(values).zip(&mean.first) {
+                *difference += self.share * (value - first);
+            }
+        } else {
+            let difference = vec![0.0; values.len()];
+            self.by_id.insert(param.id, Mean { first: values, difference });
+        }
+    }
+}
+
+/// Sets what is not trained.
+struct SetStatistics {
+    means: HashMap<ParamId, Mean>,
+}
+
+impl ModuleMapper for SetStatistics {
+    fn map_float<const D: usize>(&mut self, param: Param<Tensor<D>>) -> Param<Tensor<D>> {
+        let (id, tensor, mapper) = param.consume();
+        let tensor = match self.means.remove(&id) {
+            Some(mean) if !tensor.is_require_grad() => {
+                let values = mean.first.iter().zip(&mean.difference).map(|(a, b)| a + b).collect();
+                let data = TensorData::new(values, tensor.dims());
+                Tensor::from_data(data, &tensor.device())
+            }
+            _ => tensor,
+        };
+        Param::from_mapped_value(id, tensor, mapper)
+    }
+}
