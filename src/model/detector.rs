@@ -266,7 +266,8 @@ mod tests {
                 let detector = Detector::init(&config, 0, &device);
                 let output = detector.forward(&batch(&config, use_camera, &device));
                 assert_eq!(output.boxes.dims(), [4, 20, CODE_SIZE]);
-                assert_eq!(output.heatmap.dims()[2..], [config.grid.n_cells_y(), config.grid.n_cells_x()]);
+                let cells = [config.grid.n_cells_y(), config.grid.n_cells_x()];
+                assert_eq!(output.heatmap.dims()[2..], cells.map(|n| config.head.heatmap_scale * n));
                 assert!(output.harm.sum().into_scalar::<f32>().is_finite());
             }
         }

@@ -83,7 +83,8 @@ pub fn main_tensors(
     let head = &config.head;
     let n_shared = if head.shared_norm { BLOCK } else { 2 };
     list.push("shared features", &[head.channels, cells[0], cells[1]], n_shared + BLOCK);
-    list.push("heatmap", &[head.heatmap.n_channels(), cells[0], cells[1]], 12);
+    let scale = head.heatmap_scale;
+    list.push("heatmap", &[head.heatmap.n_channels(), scale * cells[0], scale * cells[1]], 12);
     // The memory in rows, placed, then keys and values, each also laid out by head.
     list.push("keys and values", &[n_cells, head.channels], 8);
     // The softmax and what it is made of; where dropout acts, its mask and result too.

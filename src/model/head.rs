@@ -24,7 +24,7 @@ pub struct Head {
     shared: Shared,
     heatmap_hidden: ConvBlock,
     heatmap_out: PlainConv,
-    /// Of the heatmap channel, one-hot.
+    /// Of the heatmap channel and the place in the feature cell, one-hot.
     class_embedding: Linear,
     position: Positions,
     decoder: DecoderLayer,
@@ -48,7 +48,7 @@ enum Shared {
 /// The head's raw output.
 #[derive(Debug, Clone)]
 pub struct Output {
-    /// `[batch, heatmap_channel, cell_y, cell_x]`, before the sigmoid.
+    /// `[batch, heatmap_channel, scale * cell_y, scale * cell_x]`, before the sigmoid.
     pub heatmap: Tensor<4>,
     /// `[batch][query]`.
     pub queries: Vec<Vec<Query>>,
@@ -61,7 +61,7 @@ pub struct Output {
 impl Head {
     pub fn init(channels_in: usize, config: &HeadConfig, grid: &GridConfig, device: &Device) -> Self {
         let n = config.channels;
-        let n_classes = config.heatmap.n_channels();
+        let n_outputs = config.n_heatmap_outputs();
         let prior_logit = (PRIOR / (1.0 - PRIOR)).ln();
         Self {
             shared: if config.shared_norm {
@@ -70,8 +70,8 @@ impl Head {
                 Shared::Plain(PlainConv::init(channels_in, n, None, device))
             },
             heatmap_hidden: ConvBlock::init(n, n, 1, device).with_plain_norm(),
-            heatmap_out: PlainConv::init(n, n_classes, Some(prior_logit), device),
-            class_embedding: LinearConfig::new(n_classes, n).init(device),
+            heatmap_out: PlainConv::init(n, n_outputs, Some(prior_logit), device),
+            class_embedding: LinearConfig::new(n_outputs, n).init(device),
             position: Positions::init(config, device),
             decoder: DecoderLayer::init(config, device),
             numeric: Numeric::init(config, device),
@@ -91,6 +91,7 @@ impl Head {
             Shared::Normed(block) => block.forward(features),
         };
         let heatmap = self.heatmap_out.forward(self.heatmap_hidden.forward(shared.clone()));
+        let heatmap = spread(heatmap, self.config.heatmap_scale);
         let queries = pick_queries(heatmap.clone(), &self.config, &self.grid);
         let (decoded, position) = self.decode(shared, &queries, &device);
 
@@ -124,15 +125,16 @@ impl Head {
         (self.decoder.forward(query, position.clone(), memory), position)
     }
 
-    /// `[batch * query, heatmap_channel]`: one for the channel of the query's peak.
+    /// `[batch * query, heatmap_channel * place]`: one for the channel and place of the query's peak.
     fn one_hot(&self, queries: &[Vec<Query>], device: &Device) -> Tensor<2> {
-        let n_classes = self.config.heatmap.n_channels();
-        let mut values = vec![0f32; queries.len() * self.config.n_queries * n_classes];
-        for (row, query) in values.chunks_mut(n_classes).zip(queries.iter().flatten()) {
-            row[query.channel] = 1.0;
+        let n_outputs = self.config.n_heatmap_outputs();
+        let n_places = self.config.heatmap_scale * self.config.heatmap_scale;
+        let mut values = vec![0f32; queries.len() * self.config.n_queries * n_outputs];
+        for (row, query) in values.chunks_mut(n_outputs).zip(queries.iter().flatten()) {
+            row[query.channel * n_places + query.place] = 1.0;
         }
-        let n = values.len() / n_classes;
-        Tensor::from_data(TensorData::new(values, [n, n_classes]), device)
+        let n = values.len() / n_outputs;
+        Tensor::from_data(TensorData::new(values, [n, n_outputs]), device)
     }
 
     /// `[batch, query, 2]`: x and y of the queries' cells.
@@ -141,6 +143,25 @@ impl Head {
             queries.iter().flatten().flat_map(|query| query.center_m.map(|m| m as f32)).collect();
         Tensor::from_data(TensorData::new(values, [queries.len(), self.config.n_queries, 2]), device)
     }
+}
+
+/// Lays the channels of a feature cell out as heatmap cells (sub-pixel convolution, Shi et al. 2016).
+///
+/// # Shapes
+/// - x: `[batch, class * scale * scale, y, x]`
+/// - output: `[batch, class, scale * y, scale * x]`
+fn spread(x: Tensor<4>, scale: usize) -> Tensor<4> {
+    if scale == 1 {
+        return x;
+    }
+    let [n_batch, n_channels, n_y, n_x] = x.dims();
+    let n_classes = n_channels / (scale * scale);
+    x.reshape([n_batch, n_classes, scale, scale, n_y, n_x]).permute([0, 1, 4, 2, 5, 3]).reshape([
+        n_batch,
+        n_classes,
+        scale * n_y,
+        scale * n_x,
+    ])
 }
 
 /// Repeats each row `n` times, side by side.
@@ -174,6 +195,7 @@ mod tests {
             dropout: 0.0,
             shared_norm: false,
             heatmap: Heatmap::PerClass,
+            heatmap_scale: 1,
             peak_kernels: [3, 3],
             border_peaks: false,
             positions: PositionEncoding::Separate,

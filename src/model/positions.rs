@@ -56,7 +56,7 @@ impl Positions {
     /// # Shapes
     /// - output: `[1, cell_y * cell_x, channel]`
     pub fn of_cells(&self, [n_y, n_x]: [usize; 2], grid: &GridConfig, device: &Device) -> Tensor<3> {
-        let centers = (0..n_y * n_x).map(|cell| cell_center_m(grid, cell, n_x));
+        let centers = (0..n_y * n_x).map(|cell| cell_center_m(grid, cell, n_x, 1));
         let at = self.input(centers, [1, n_y * n_x, 2], grid, device);
         match self {
             Self::Shared(net) => net.forward(at),

@@ -10,6 +10,11 @@ use super::coder::CODE_SIZE;
 use super::config::{GridConfig, HeadConfig, Prediction};
 use super::layers::{Mlp, NormedMlp};
 
+/// Numbers by which the class branch knows a predicted box: five points, the rest of its code.
+const N_PLACED: usize = 5 * 2 + CODE_SIZE - 2;
+/// Metres that the class branch takes as one: near zones are decided by tenths of metres.
+const FOOTPRINT_UNIT_M: f64 = 5.0;
+
 /// What predicts boxes and harm.
 #[derive(Module, Debug)]
 pub enum Predictor {
@@ -103,7 +108,7 @@ impl SeparateNets {
     }
 }
 
-/// One net for the box; the class branch sees position and box.
+/// One net for the box; the class branch sees where its footprint lies.
 #[derive(Module, Debug)]
 pub struct PlacedNets {
     boxes: Mlp,
@@ -116,7 +121,7 @@ impl PlacedNets {
     fn init(config: &HeadConfig, grid: &GridConfig, device: &Device) -> Self {
         Self {
             boxes: Mlp::init(config.channels, config.channels, CODE_SIZE, device),
-            harm: HarmBranch::init(config.channels + CODE_SIZE, Self::n_hidden(config), device),
+            harm: HarmBranch::init(config.channels + N_PLACED, Self::n_hidden(config), device),
             cell_size_m: grid.cell_size_m,
         }
     }
@@ -134,15 +139,33 @@ impl PlacedNets {
         (boxes, harm)
     }
 
-    /// The codes with centre offsets turned into positions (in units of 20 m), as input for the harm
-    /// branch. No gradient flows back: the boxes learn from the box loss alone.
+    /// Input of the harm branch: centre and corners of the predicted footprint in the ego frame, height,
+    /// log sizes, direction, velocity. No gradient flows back: the boxes learn from the box loss alone.
+    ///
+    /// # Shapes
+    /// - boxes: `[row, query, CODE_SIZE]`, center_m: `[row, query, 2]`
+    /// - output: `[row, query, N_PLACED]`
     fn place(&self, boxes: Tensor<3>, center_m: Tensor<3>) -> Tensor<3> {
         let boxes = boxes.detach();
-        let position = boxes.clone().narrow(2, 0, 2).mul_scalar(self.cell_size_m / 20.0)
-            + center_m.mul_scalar(1.0 / 20.0);
-        let shape = boxes.clone().narrow(2, 2, 6);
-        let velocity = boxes.narrow(2, 8, 2).mul_scalar(0.1);
-        Tensor::cat(vec![position, shape, velocity], 2)
+        let part = |first, n| boxes.clone().narrow(2, first, n);
+        let center = part(0, 2).mul_scalar(self.cell_size_m) + center_m;
+        // Sizes and direction of an untrained net can be anything.
+        let half_m = part(3, 2).clamp(-3.0, 3.0).exp().mul_scalar(0.5);
+        let (sin, cos) = (part(6, 1), part(7, 1));
+        let norm = (sin.clone() * sin.clone() + cos.clone() * cos.clone()).add_scalar(1e-6).sqrt();
+        let (sin, cos) = (sin / norm.clone(), cos / norm);
+        let along = Tensor::cat(vec![cos.clone(), sin.clone()], 2) * half_m.clone().narrow(2, 0, 1);
+        let across = Tensor::cat(vec![sin.neg(), cos], 2) * half_m.narrow(2, 1, 1);
+        let (front, back) = (center.clone() + along.clone(), center.clone() - along);
+        let corners = [
+            front.clone() + across.clone(),
+            front - across.clone(),
+            back.clone() + across.clone(),
+            back - across,
+        ];
+        let points = Tensor::cat([vec![center], corners.to_vec()].concat(), 2);
+        let velocity = part(8, 2).mul_scalar(0.1);
+        Tensor::cat(vec![points.mul_scalar(1.0 / FOOTPRINT_UNIT_M), part(2, 6), velocity], 2)
     }
 }
 

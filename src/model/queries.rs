@@ -10,11 +10,13 @@ use super::config::{GridConfig, HeadConfig};
 pub struct Query {
     /// Heatmap channel.
     pub channel: usize,
-    /// `y * n_cells_x + x`.
+    /// Feature cell `y * n_cells_x + x`.
     pub cell: usize,
+    /// Heatmap cell within the feature cell, `y * heatmap_scale + x`.
+    pub place: usize,
     /// Sigmoid of the heatmap there.
     pub score: f32,
-    /// Cell centre in the ego frame: x, y.
+    /// Centre of the heatmap cell in the ego frame: x, y.
     pub center_m: [f64; 2],
 }
 
@@ -22,36 +24,36 @@ pub struct Query {
 /// with a score of zero. Ties: the lower index first. No gradient flows through the choice.
 ///
 /// # Shapes
-/// - heatmap: `[batch, heatmap_channel, cell_y, cell_x]`, before the sigmoid
+/// - heatmap: `[batch, heatmap_channel, scale * cell_y, scale * cell_x]`, before the sigmoid
 /// - output: `[batch][query]`
 #[must_use]
 pub fn pick_queries(heatmap: Tensor<4>, config: &HeadConfig, grid: &GridConfig) -> Vec<Vec<Query>> {
     let [_, n_channels, n_y, n_x] = heatmap.dims();
     let scores: Vec<f32> =
         sigmoid(heatmap.detach()).into_data().try_to_vec().expect("the heatmap is made of f32");
-    let n_cells = n_y * n_x;
+    let (n_cells, scale) = (n_y * n_x, config.heatmap_scale);
     scores
         .chunks(n_channels * n_cells)
         .map(|map| {
-            let mut ranked: Vec<(f32, usize)> = (0..map.len())
-                .map(|i| {
-                    let (channel, cell) = (i / n_cells, i % n_cells);
-                    let of_channel = &map[channel * n_cells..(channel + 1) * n_cells];
-                    let reach = config.peak_kernels[channel] / 2;
-                    let is_peak = is_peak(of_channel, [n_y, n_x], cell, reach, config.border_peaks);
-                    (if is_peak { map[i] } else { 0.0 }, i)
-                })
-                .collect();
-            ranked.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-            ranked[..config.n_queries]
-                .iter()
-                .map(|&(score, i)| Query {
+            let (mut peaks, others): (Vec<usize>, Vec<usize>) = (0..map.len()).partition(|i| {
+                let (channel, cell) = (i / n_cells, i % n_cells);
+                let of_channel = &map[channel * n_cells..(channel + 1) * n_cells];
+                let reach = config.peak_kernels[channel] / 2;
+                is_peak(of_channel, [n_y, n_x], cell, reach, config.border_peaks)
+            });
+            peaks.sort_unstable_by(|&a, &b| map[b].total_cmp(&map[a]).then(a.cmp(&b)));
+            let ranked = peaks.into_iter().map(|i| (map[i], i)).chain(others.into_iter().map(|i| (0.0, i)));
+            let query = |(score, i): (f32, usize)| {
+                let (y, x) = (i % n_cells / n_x, i % n_x);
+                Query {
                     channel: i / n_cells,
-                    cell: i % n_cells,
+                    cell: y / scale * (n_x / scale) + x / scale,
+                    place: y % scale * scale + x % scale,
                     score,
-                    center_m: cell_center_m(grid, i % n_cells, n_x),
-                })
-                .collect()
+                    center_m: cell_center_m(grid, i % n_cells, n_x, scale),
+                }
+            };
+            ranked.take(config.n_queries).map(query).collect()
         })
         .collect()
 }
@@ -68,12 +70,13 @@ fn is_peak(map: &[f32], [n_y, n_x]: [usize; 2], cell: usize, reach: usize, at_bo
         })
 }
 
-/// Centre of feature cell `y * n_x + x` in the ego frame: x, y.
+/// Centre of cell `y * n_x + x` in the ego frame, x and y, on a map of `scale` cells along a feature cell.
 #[must_use]
-pub fn cell_center_m(grid: &GridConfig, cell: usize, n_x: usize) -> [f64; 2] {
+pub fn cell_center_m(grid: &GridConfig, cell: usize, n_x: usize, scale: usize) -> [f64; 2] {
+    let cell_size_m = grid.cell_size_m / scale as f64;
     [
-        grid.x_min_m + ((cell % n_x) as f64 + 0.5) * grid.cell_size_m,
-        grid.y_min_m + ((cell / n_x) as f64 + 0.5) * grid.cell_size_m,
+        grid.x_min_m + ((cell % n_x) as f64 + 0.5) * cell_size_m,
+        grid.y_min_m + ((cell / n_x) as f64 + 0.5) * cell_size_m,
     ]
 }
 
@@ -117,7 +120,8 @@ mod tests {
 
     #[test]
     fn a_neighbour_of_a_peak_is_none_and_border_cells_count_where_told() {
-        let config = HeadConfig { n_queries: 2, border_peaks: false, ..HeadConfig::default() };
+        let config =
+            HeadConfig { n_queries: 2, border_peaks: false, heatmap_scale: 1, ..HeadConfig::default() };
         let near = |found: &[(usize, usize, f32)], cell: usize, score: f32| {
             found.iter().any(|query| query.1 == cell && (query.2 - score).abs() < 1e-5)
         };
@@ -131,11 +135,28 @@ mod tests {
     }
 
     #[test]
+    fn a_finer_heatmap_parts_peaks_of_neighbouring_feature_cells() {
+        let config = HeadConfig { n_queries: 2, heatmap_scale: 2, ..HeadConfig::default() };
+        let mut map = [0.1f32; 16];
+        // Row 1, columns 0 and 2 of a map of four: feature cells 0 and 1 of the first row.
+        (map[4], map[6]) = (0.9, 0.8);
+        let logits = map.iter().map(|&p| (p / (1.0 - p)).ln()).collect::<Vec<_>>();
+        let heatmap = Tensor::from_data(TensorData::new(logits, [1, 1, 4, 4]), &Device::flex());
+        let grid = GridConfig::default();
+        let found = &pick_queries(heatmap, &config, &grid)[0];
+        let places: Vec<_> = found.iter().map(|query| (query.cell, query.place)).collect();
+        assert_eq!(places, [(0, 2), (1, 2)]);
+        let expected = [grid.x_min_m + 0.25 * grid.cell_size_m, grid.y_min_m + 0.75 * grid.cell_size_m];
+        assert_eq!(found[0].center_m, expected);
+    }
+
+    #[test]
     fn a_kernel_of_one_makes_every_cell_a_peak_of_its_class() {
         let config = HeadConfig {
             n_queries: 3,
             border_peaks: false,
             heatmap: crate::model::Heatmap::PerClass,
+            heatmap_scale: 1,
             peak_kernels: [3, 1],
             ..HeadConfig::default()
         };

@@ -13,6 +13,7 @@ use crate::model::{CameraBackbone, ModelConfig, ModelConfigError};
 pub struct TrainConfig {
     /// Seed of weights, order and augmentation.
     pub seed: u64,
+    /// Samples of a batch.
     pub batch_size: usize,
     /// First stage: LiDAR, numeric branch and head. Default 10 epochs, as the paper.
     pub lidar_stage: StageConfig,
@@ -29,7 +30,8 @@ pub struct TrainConfig {
     /// Share of each epoch's places that go to samples with something harmful ahead, drawn again and again;
     /// the rest goes through all samples. 0 shows each sample once.
     pub harmful_share: f64,
-    /// Batches whose gradients are summed for one step of the optimizer.
+    /// Batches whose mean gradient makes one step of the optimizer; as many as there are threads are computed
+    /// side by side, each with its own batch statistics.
     pub accumulate: usize,
     /// Epochs between two scores on the validation split, written to `validation.csv`; 0 for none.
     pub validate_every_epochs: usize,
@@ -113,7 +115,7 @@ impl Default for TrainConfig {
     fn default() -> Self {
         Self {
             seed: 0,
-            batch_size: 4,
+            batch_size: 2,
             lidar_stage: StageConfig { epochs: 10, max_learning_rate: 2e-3 },
             fused_stage: StageConfig { epochs: 3, max_learning_rate: 1e-3 },
             rise_share: 0.4,
@@ -121,7 +123,7 @@ impl Default for TrainConfig {
             clip_norm: 10.0,
             average_decay: 0.998,
             harmful_share: 0.0,
-            accumulate: 1,
+            accumulate: 2,
             validate_every_epochs: 1,
             cache_mib: 3072,
             loss: LossConfig::default(),

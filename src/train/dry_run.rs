@@ -7,6 +7,7 @@ use serde::Serialize;
 
 use super::config::TrainConfig;
 use super::run::TrainError;
+use super::step::n_abreast;
 use crate::dataset::Dataset;
 use crate::model::{Detector, NumericFusion, main_tensors};
 
@@ -52,7 +53,7 @@ pub struct Memory {
     pub optimizer: usize,
     /// The moving average of the parameters.
     pub average: usize,
-    /// What autodiff keeps for the backward pass.
+    /// What autodiff keeps for the backward pass, of all batches that pass side by side.
     pub activations: usize,
     pub total: usize,
 }
@@ -99,7 +100,8 @@ impl DryRun {
             .map(|tensor| StepTensor { name: tensor.name, kept_bytes: tensor.n_bytes(), shape: tensor.shape })
             .collect();
         let bytes = 4 * n_parameters;
-        let activations = tensors.iter().map(|tensor| tensor.kept_bytes).sum();
+        let of_batch: usize = tensors.iter().map(|tensor| tensor.kept_bytes).sum();
+        let activations = n_abreast(config) * of_batch;
         let steps_per_epoch = n_samples.div_ceil(config.batch_size * config.accumulate);
         let stages: Vec<Stage> = [("lidar", config.lidar_stage), ("fused", config.fused_stage)]
             .into_iter()

@@ -72,3 +72,62 @@ impl ModuleMapper for SetStatistics {
         Param::from_mapped_value(id, tensor, mapper)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dataset::test_data;
+    use crate::model::{Batch, Input, ModelConfig};
+    use burn::tensor::Device;
+
+    struct Collected(Vec<(bool, Vec<f32>)>);
+
+    impl ModuleVisitor for Collected {
+        fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
+            let tensor = param.val();
+            let is_trained = tensor.is_require_grad();
+            self.0.push((is_trained, tensor.into_data().try_to_vec().unwrap()));
+        }
+    }
+
+    fn values(detector: &Detector) -> Vec<(bool, Vec<f32>)> {
+        let mut collected = Collected(Vec::new());
+        detector.visit(&mut collected);
+        collected.0
+    }
+
+    #[test]
+    fn running_statistics_become_the_mean_over_copies_and_weights_stay() {
+        let mut config = ModelConfig::default();
+        (config.grid.cell_size_m, config.use_camera) = (3.2, false);
+        let device = Device::flex().autodiff();
+        let detector = Detector::init(&config, 0, &device);
+        let before = values(&detector);
+        let data = test_data::dataset(2);
+        let alone = |samples: &[usize]| {
+            let copies: Vec<Detector> = samples
+                .iter()
+                .map(|&i| {
+                    let input = Input::prepare(&data.samples()[i].measured, &config, i == 1, false).unwrap();
+                    let copy = replica(&detector);
+                    let _seen = copy.forward(&Batch::stack(&[&input], &config, false, &device));
+                    copy
+                })
+                .collect();
+            values(&with_mean_statistics(replica(&detector), &copies))
+        };
+        let (first, second, both) = (alone(&[0]), alone(&[1]), alone(&[0, 1]));
+        let mut n_moved = 0;
+        for (((before, first), second), both) in before.iter().zip(&first).zip(&second).zip(&both) {
+            if before.0 {
+                assert_eq!(before.1, both.1);
+                continue;
+            }
+            for ((a, b), mean) in first.1.iter().zip(&second.1).zip(&both.1) {
+                assert!((0.5 * (a + b) - mean).abs() < 1e-6);
+            }
+            n_moved += usize::from(before.1 != both.1);
+        }
+        assert!(n_moved > 4);
+    }
+}

@@ -289,7 +289,8 @@ mod tests {
     fn tiny() -> TrainConfig {
         let stage = |epochs| StageConfig { epochs, max_learning_rate: 2e-3 };
         TrainConfig {
-            batch_size: 2,
+            batch_size: 1,
+            accumulate: 2,
             lidar_stage: stage(2),
             fused_stage: stage(1),
             save_every_steps: 1,

@@ -1,5 +1,7 @@
 //! One step of a run: its samples prepared and augmented, and the gradients of their loss.
 
+use std::panic::resume_unwind;
+use std::thread::ScopedJoinHandle;
 use std::time::{Duration, Instant};
 
 use burn::optim::{GradientsAccumulator, GradientsParams};
@@ -63,24 +65,20 @@ impl<'a> Steps<'a> {
             .collect::<Result<Vec<_>, TrainError>>()?;
         self.loading += started.elapsed();
         let share = 1.0 / batches.len() as f64;
-        let passes = if config.model.draws_in_training() {
-            // What is dropped at random comes from one generator: batches take turns.
-            let of = |prepared| self.pass(replica(&detector), prepared, position, share);
-            prepared.iter().map(of).collect::<Vec<_>>()
-        } else {
-            std::thread::scope(|scope| {
-                let steps: &Self = self;
+        let mut passes = Vec::new();
+        for abreast in prepared.chunks(n_abreast(config)) {
+            let steps: &Self = self;
+            passes.extend(std::thread::scope(|scope| {
                 let begin = |prepared| {
                     let replica = replica(&detector);
                     scope.spawn(move || steps.pass(replica, prepared, position, share))
                 };
-                let running: Vec<_> = prepared.iter().map(begin).collect();
-                running
-                    .into_iter()
-                    .map(|pass| pass.join().expect("a pass panics by our own bugs alone"))
-                    .collect()
-            })
-        };
+                let running: Vec<_> = abreast.iter().map(begin).collect();
+                let end =
+                    |pass: ScopedJoinHandle<'_, _>| pass.join().unwrap_or_else(|panic| resume_unwind(panic));
+                running.into_iter().map(end).collect::<Vec<_>>()
+            }));
+        }
         let mut sum = GradientsAccumulator::new();
         let mut mean = Mean::default();
         let mut replicas = Vec::new();
@@ -159,6 +157,13 @@ impl<'a> Steps<'a> {
         let batch = Batch::stack(&inputs.iter().collect::<Vec<_>>(), &config.model, with_camera, self.device);
         Ok((batch, objects))
     }
+}
+
+/// Batches of a step that pass side by side: one for each thread, or one at a time where the network drops
+/// parts of itself at random, which comes from one generator.
+#[must_use]
+pub fn n_abreast(config: &TrainConfig) -> usize {
+    if config.model.draws_in_training() { 1 } else { config.accumulate.min(rayon::current_num_threads()) }
 }
 
 /// One batch of a step, ready for the network.

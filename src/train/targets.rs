@@ -1,7 +1,7 @@
 //! Training targets: the objects to ask for, and the heatmap to draw.
 //!
 //! A Gaussian stands at each object's cell, its radius from CornerNet's overlap rule (Law and Deng 2018)
-//! at overlap 0.1, at least two cells.
+//! at overlap 0.1, at least two cells of the heatmap.
 
 use crate::model::{GridConfig, Heatmap, ModelConfig};
 use crate::object::{Harm, LabelledObject};
@@ -26,11 +26,13 @@ pub fn trainable(objects: &[LabelledObject], grid: &GridConfig) -> Vec<LabelledO
         .collect()
 }
 
-/// Draws the target heatmap `[heatmap_channel, cell_y, cell_x]` of one sample.
+/// Draws the target heatmap `[heatmap_channel, scale * cell_y, scale * cell_x]` of one sample.
 #[must_use]
 pub fn draw_heatmap(objects: &[LabelledObject], config: &ModelConfig) -> Vec<f32> {
     let grid = &config.grid;
-    let (n_x, n_y) = (grid.n_cells_x(), grid.n_cells_y());
+    let scale = config.head.heatmap_scale;
+    let cell_size_m = grid.cell_size_m / scale as f64;
+    let (n_x, n_y) = (scale * grid.n_cells_x(), scale * grid.n_cells_y());
     let mut map = vec![0f32; config.head.heatmap.n_channels() * n_y * n_x];
     for object in objects {
         let truth = &object.truth.box_in_ego;
@@ -38,9 +40,9 @@ pub fn draw_heatmap(objects: &[LabelledObject], config: &ModelConfig) -> Vec<f32
             Heatmap::Agnostic => 0,
             Heatmap::PerClass => object.harm.index(),
         };
-        let x = ((truth.center.x() - grid.x_min_m) / grid.cell_size_m) as usize;
-        let y = ((truth.center.y() - grid.y_min_m) / grid.cell_size_m) as usize;
-        let radius = gaussian_radius(truth.length_m / grid.cell_size_m, truth.width_m / grid.cell_size_m);
+        let x = ((truth.center.x() - grid.x_min_m) / cell_size_m) as usize;
+        let y = ((truth.center.y() - grid.y_min_m) / cell_size_m) as usize;
+        let radius = gaussian_radius(truth.length_m / cell_size_m, truth.width_m / cell_size_m);
         let sigma = (2 * radius + 1) as f64 / 6.0;
         for cell_y in y.saturating_sub(radius)..(y + radius + 1).min(n_y) {
             for cell_x in x.saturating_sub(radius)..(x + radius + 1).min(n_x) {
@@ -110,9 +112,9 @@ mod tests {
     fn the_heatmap_is_one_at_the_object_and_falls_off() {
         let config = ModelConfig::default();
         let map = draw_heatmap(&[car(10.1, 0.1, Harm::Harmful)], &config);
-        let at = |x: usize, y: usize| map[y * 64 + x];
-        assert!((at(12, 40) - 1.0).abs() < 1e-6);
-        assert!(at(13, 40) < 1.0 && at(13, 40) > at(14, 40) && at(12, 50) == 0.0);
+        let at = |x: usize, y: usize| map[y * 128 + x];
+        assert!((at(25, 80) - 1.0).abs() < 1e-6);
+        assert!(at(26, 80) < 1.0 && at(26, 80) > at(27, 80) && at(25, 100) == 0.0);
     }
 
     #[test]

@@ -76,6 +76,9 @@ pub struct HeadConfig {
     /// Batch norm and ReLU after the first convolution. Default true; published: false.
     pub shared_norm: bool,
     pub heatmap: Heatmap,
+    /// Heatmap cells along each side of a feature cell: 1 or 2. At 2 objects that stand closer than two
+    /// feature cells have peaks of their own. Default 2; published: 1.
+    pub heatmap_scale: usize,
     /// A peak is the highest of so many cells square, for each class of the heatmap (the first alone
     /// where it is agnostic): 3 or 1. The published head has 1 for its small classes, pedestrian and
     /// cone; harmful and harmless hold every size, so both profiles have 3.
@@ -99,6 +102,7 @@ impl Default for HeadConfig {
             dropout: 0.0,
             shared_norm: true,
             heatmap: Heatmap::Agnostic,
+            heatmap_scale: 2,
             peak_kernels: [3, 3],
             border_peaks: true,
             positions: PositionEncoding::Shared,
@@ -110,6 +114,12 @@ impl Default for HeadConfig {
 }
 
 impl HeadConfig {
+    /// Channels of the net that makes the heatmap: each class for each place in a feature cell.
+    #[must_use]
+    pub fn n_heatmap_outputs(&self) -> usize {
+        self.heatmap.n_channels() * self.heatmap_scale * self.heatmap_scale
+    }
+
     pub(super) fn check(&self, grid: &GridConfig) -> Result<(), ModelConfigError> {
         if self.n_heads == 0 || self.channels == 0 || !self.channels.is_multiple_of(self.n_heads) {
             return fail("head.n_heads", self.n_heads, "it must divide head.channels");
@@ -122,6 +132,9 @@ impl HeadConfig {
         }
         if self.peak_kernels.iter().any(|kernel| ![1, 3].contains(kernel)) {
             return fail("head.peak_kernels", format!("{:?}", self.peak_kernels), "each must be 1 or 3");
+        }
+        if ![1, 2].contains(&self.heatmap_scale) {
+            return fail("head.heatmap_scale", self.heatmap_scale, "it must be 1 or 2");
         }
         for (field, count) in
             [("head.ffn_channels", self.ffn_channels), ("head.prediction_channels", self.prediction_channels)]
