@@ -15,10 +15,12 @@ mod memory;
 mod norm_relu;
 mod scratch;
 mod simd;
+mod softmax;
 mod sparse_conv;
 
 pub use burn_op::conv3x3;
 pub use lift_pool::{PoolPlan, lift_pool};
 pub use memory::keep_freed_memory;
 pub use norm_relu::{Normed, norm_relu, scale_shift_relu};
+pub use softmax::softmax_last;
 pub use sparse_conv::{OffsetPairs, Rulebook, sparse_conv};

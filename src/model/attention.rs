@@ -6,11 +6,12 @@
 
 use burn::module::Module;
 use burn::nn::{Dropout, DropoutConfig, Initializer, LayerNorm, LayerNormConfig, Linear, LinearConfig};
-use burn::tensor::activation::{relu, softmax};
+use burn::tensor::activation::relu;
 use burn::tensor::{Device, Tensor};
 
 use super::config::HeadConfig;
 use super::layers::{Mlp, xavier};
+use crate::kernels::softmax_last;
 
 /// Scaled dot-product attention with several heads (Vaswani et al. 2017).
 #[derive(Module, Debug)]
@@ -58,7 +59,7 @@ impl Attention {
         let q = heads(self.query.forward(query)).mul_scalar(1.0 / (n_per_head as f64).sqrt());
         let k = heads(self.key.forward(memory.clone()));
         let v = heads(self.value.forward(memory));
-        let weights = self.dropout.forward(softmax(q.matmul(k.swap_dims(2, 3)), 3));
+        let weights = self.dropout.forward(softmax_last(q.matmul(k.swap_dims(2, 3))));
         self.out.forward(weights.matmul(v).swap_dims(1, 2).reshape([n_batch, n_query, n_channels]))
     }
 }

@@ -10,7 +10,7 @@ use burn::tensor::{Device, Tensor};
 use serde::{Deserialize, Serialize};
 
 use super::config::ModelConfigError;
-use super::layers::{ConvBlock, upsample_nearest};
+use super::layers::{ConvBlock, mix_channels, upsample_nearest};
 use super::norm::batch_norm_relu;
 
 /// Published batch norm of the LiDAR branch; [`ConvBlock`] has the same epsilon.
@@ -149,7 +149,7 @@ impl Neck {
             return batch_norm_relu(&self.norm, transpose_without_overlap(x, spread.weight.val()));
         }
         let x = match &self.point {
-            Some(point) => point.forward(x),
+            Some(point) => mix_channels(point, x),
             None => unreachable!("a neck has one of its two convolutions"),
         };
         // Strides are 1 or 2, so that their product is a power of two.

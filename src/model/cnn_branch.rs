@@ -4,12 +4,12 @@
 
 use burn::module::Module;
 use burn::nn::conv::Conv2d;
-use burn::tensor::activation::softmax;
 use burn::tensor::{Device, IndexingUpdateOp, Tensor};
 
 use super::cnn_input::CnnBatch;
 use super::config::ModelConfig;
-use super::layers::{ConvBlock, pointwise};
+use super::layers::{ConvBlock, mix_channels, pointwise};
+use crate::kernels::softmax_last;
 
 /// Channels of the encoded LiDAR depth.
 const DEPTH_CHANNELS: usize = 16;
@@ -61,12 +61,10 @@ impl CnnBranch {
         let depth = self.depth.forward(batch.depth.clone());
         let joint = self.joint.forward(Tensor::cat(vec![image, depth], 1));
         let [n_batch, _, n_y, n_x] = joint.dims();
-        let lifted = self
-            .lift
-            .forward(joint)
+        let lifted = mix_channels(&self.lift, joint)
             .permute([0, 2, 3, 1])
             .reshape([n_batch * n_y * n_x, self.n_depth_bins + self.n_lift_channels]);
-        let depth_probability = softmax(lifted.clone().narrow(1, 0, self.n_depth_bins), 1)
+        let depth_probability = softmax_last(lifted.clone().narrow(1, 0, self.n_depth_bins))
             .reshape([n_batch * n_y * n_x * self.n_depth_bins, 1]);
         let context = lifted.narrow(1, self.n_depth_bins, self.n_lift_channels);
         let points = context.select(0, batch.frustum_features.clone())

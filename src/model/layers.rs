@@ -82,6 +82,25 @@ pub fn pointwise(channels_in: usize, channels_out: usize, device: &Device) -> Co
     Conv2dConfig::new([channels_in, channels_out], [1, 1]).init(device)
 }
 
+/// What a 1x1 convolution makes of an image, as one matrix product: burn's own lays pixels out anew.
+///
+/// # Shapes
+/// - x: `[batch, channel_in, y, x]`
+/// - output: `[batch, channel_out, y, x]`
+pub fn mix_channels(conv: &Conv2d, x: Tensor<4>) -> Tensor<4> {
+    let [n_batch, channels_in, n_y, n_x] = x.dims();
+    let weight = conv.weight.val();
+    let channels_out = weight.dims()[0];
+    let mixed = weight
+        .reshape([1, channels_out, channels_in])
+        .matmul(x.reshape([n_batch, channels_in, n_y * n_x]))
+        .reshape([n_batch, channels_out, n_y, n_x]);
+    match &conv.bias {
+        Some(bias) => mixed + bias.val().reshape([1, channels_out, 1, 1]),
+        None => mixed,
+    }
+}
+
 /// Doubles height and width by repeating each cell.
 ///
 /// # Shapes
@@ -172,6 +191,25 @@ mod tests {
         let x = Tensor::<4>::from_data(TensorData::new(vec![1f32, 2.0, 3.0, 4.0], [1, 1, 2, 2]), &device);
         let values: Vec<f32> = upsample_nearest(x).into_data().try_to_vec().unwrap();
         assert_eq!(values, [1.0, 1.0, 2.0, 2.0, 1.0, 1.0, 2.0, 2.0, 3.0, 3.0, 4.0, 4.0, 3.0, 3.0, 4.0, 4.0]);
+    }
+
+    #[test]
+    fn mixing_channels_is_a_convolution_of_kernel_1() {
+        let device = Device::flex().autodiff();
+        device.seed(3);
+        let conv = pointwise(5, 3, &device);
+        let random = |dims| Tensor::<4>::random(dims, burn::tensor::Distribution::Default, &device);
+        let (x, dy) = (random([2, 5, 4, 6]), random([2, 3, 4, 6]));
+        let run = |is_own: bool| {
+            let x = x.clone().require_grad();
+            let y = if is_own { mix_channels(&conv, x.clone()) } else { conv.forward(x.clone()) };
+            let gradients = (y.clone() * dy.clone()).sum().backward();
+            let weight = conv.weight.val().grad(&gradients).unwrap();
+            [y.inner(), x.grad(&gradients).unwrap(), weight]
+        };
+        for (own, burns) in run(true).into_iter().zip(run(false)) {
+            assert!((own - burns).abs().max().into_scalar::<f32>() < 1e-5);
+        }
     }
 
     #[test]

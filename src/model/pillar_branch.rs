@@ -7,7 +7,7 @@ use burn::tensor::activation::relu;
 use burn::tensor::{Device, IndexingUpdateOp, Tensor};
 
 use super::config::{ModelConfig, PillarConfig};
-use super::layers::{ConvBlock, pointwise, upsample_nearest};
+use super::layers::{ConvBlock, mix_channels, pointwise, upsample_nearest};
 use super::pillars::{N_POINT_FEATURES, PillarBatch};
 
 /// From points to features on the bird's-eye grid at one cell (two pillars).
@@ -69,8 +69,8 @@ impl PillarBranch {
         let map = self.scatter(pillars, n_samples, device);
         let fine = self.fine.iter().fold(map, |x, block| block.forward(x));
         let coarse = self.coarse.iter().fold(fine.clone(), |x, block| block.forward(x));
-        let fine = self.fine_out.forward(fine);
-        let coarse = upsample_nearest(self.coarse_out.forward(coarse));
+        let fine = mix_channels(&self.fine_out, fine);
+        let coarse = upsample_nearest(mix_channels(&self.coarse_out, coarse));
         Tensor::cat(vec![fine, coarse], 1)
     }
 

@@ -92,7 +92,7 @@ mod tests {
         let grid = GridConfig::default();
         let objects = [car(10.0, 0.0, Harm::Harmful), car(30.0, 5.0, Harm::Harmless)];
         let centers = [[30.0, 5.0], [20.0, 0.0], [10.0, 0.0]];
-        let queries = centers.map(|center_m| Query { channel: 0, cell: 0, score: 0.5, center_m });
+        let queries = centers.map(|center_m| Query { channel: 0, cell: 0, place: 0, score: 0.5, center_m });
         let codes: Vec<f32> = centers
             .iter()
             .flat_map(|&center| {
@@ -115,7 +115,7 @@ mod tests {
     }
 
     fn query(center_m: [f64; 2]) -> Query {
-        Query { channel: 0, cell: 0, score: 0.5, center_m }
+        Query { channel: 0, cell: 0, place: 0, score: 0.5, center_m }
     }
 
     #[test]

@@ -9,12 +9,11 @@ use std::sync::Arc;
 
 use burn::module::Module;
 use burn::nn::conv::Conv2d;
-use burn::tensor::activation::softmax;
 use burn::tensor::{Device, Tensor};
 
 use super::conv_norm::{ConvNorm, ConvNormConfig};
 use super::layers::pointwise;
-use crate::kernels::{PoolPlan, lift_pool};
+use crate::kernels::{PoolPlan, lift_pool, softmax_last};
 pub use config::DepthLssConfig;
 pub use geometry::{pool_plan, sparse_depth};
 
@@ -74,7 +73,7 @@ impl DepthLss {
         let [n_batch, n_lifted, n_y, n_x] = lifted.dims();
         let lifted = lifted.permute([0, 2, 3, 1]).reshape([n_batch, n_y * n_x, n_lifted]);
         let n_channels = n_lifted - self.n_depth_bins;
-        let depth = softmax(lifted.clone().narrow(2, 0, self.n_depth_bins), 2);
+        let depth = softmax_last(lifted.clone().narrow(2, 0, self.n_depth_bins));
         let context = lifted.narrow(2, self.n_depth_bins, n_channels);
         let [n_pooled_x, n_pooled_y] = self.n_pooled;
         lift_pool(depth, context, plans)

@@ -5,9 +5,9 @@
 //! no multiple of the window is filled up with zeros on the right and at the bottom, as torchvision's and
 //! mmdet's Swin do; a side that fits in one window is not shifted, as in torchvision's.
 
+use crate::kernels::softmax_last;
 use burn::module::{Module, Param};
 use burn::nn::{Initializer, Linear, LinearConfig};
-use burn::tensor::activation::softmax;
 use burn::tensor::ops::PadMode;
 use burn::tensor::{Device, Int, Tensor, TensorData};
 
@@ -181,7 +181,7 @@ impl WindowAttention {
         let query = part(0).mul_scalar(1.0 / (n_per_head as f64).sqrt());
         let scores = query.matmul(part(1).swap_dims(2, 3));
         let scores = self.biased(scores, mask);
-        let seen = softmax(scores, 3).matmul(part(2));
+        let seen = softmax_last(scores).matmul(part(2));
         let joined = seen.swap_dims(1, 2).reshape([n_windows, n_tokens, n_channels]);
         windows.join(self.proj.forward(joined))
     }
