@@ -144,6 +144,32 @@ fn a_trained_run_is_scored_drawn_and_predicts_files() {
 }
 
 #[test]
+fn the_network_inside_the_program_predicts_is_scored_and_drawn_by_its_name() {
+    let (_folder, id) = copy();
+    let table = done(&["eval", "small", "--data", text(&id)]);
+    assert!(table.contains("0.7947"), "{table}");
+    let table = done(&["eval", "small", "--data", text(&fixture().ood), "--ood"]);
+    assert!(table.contains("mAP_OOD"), "{table}");
+    let told = done(&["predict", "small", "--data", text(&id)]);
+    let n_boxes: usize = told.split(' ').next().and_then(|n| n.parse().ok()).expect("a count of boxes");
+    let predictions = id.join("predictions/small");
+    assert!(n_boxes > 0 && predictions.join("predictions.json").is_file(), "{told}");
+    let picture = id.join("sample.png");
+    done(&["view", text(&id), "--sample", "3", "--predictions", "small", "--out", text(&picture)]);
+    // The weights went through the same code as a checkpoint of one's own.
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/models/small.safetensors");
+    let out = id.join("of-file");
+    done(&["predict", file, "--data", text(&id), "--out", text(&out)]);
+    let boxes = |folder: &Path| fs::read(folder.join("predictions.json")).expect("predictions");
+    assert!(boxes(&predictions) == boxes(&out));
+
+    let message = fails(&["eval", "smal", "--data", text(&id)]);
+    assert!(message.contains("`small`") && message.contains("harmzone train"), "{message}");
+    let message = fails(&["eval", "./small", "--data", text(&id)]);
+    assert!(message.contains("no finished checkpoint") && message.contains("./small"), "{message}");
+}
+
+#[test]
 fn info_counts_what_an_outside_reader_counts() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let python = root.join(".venv-test/bin/python");

@@ -1,6 +1,7 @@
 //! The command line: flags, logging, progress bars, exit codes; one file a subcommand.
 
 mod bench_generate;
+mod detector;
 mod device;
 mod doctor;
 mod eval;
