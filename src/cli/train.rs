@@ -14,7 +14,6 @@ use crate::config;
 use crate::dataset::{Dataset, DatasetError};
 use crate::episode::manifest::Split;
 use crate::kernels::keep_freed_memory;
-use crate::model::{ModelConfig, PAPER_TOML, SMALL_TOML};
 use crate::train::{self, DryRun, RunOptions, TrainConfig};
 
 #[derive(Debug, Args)]
@@ -31,7 +30,8 @@ pub struct TrainArgs {
     /// Training config (TOML); `configs/train.toml` holds the defaults
     #[arg(long, value_name = "TOML")]
     config: Option<PathBuf>,
-    /// Network: `small`, `paper`, or a TOML file as those of `configs/model/`. `--config` and `--set` go over it
+    /// Network: `small`, `paper` (which brings `configs/train-paper.toml`), or a TOML file as those of
+    /// `configs/model/`. `--config` and `--set` go over it
     #[arg(long, value_name = "PROFILE", default_value = "small")]
     model: ModelArg,
     /// Weights of the image backbone to start from: a Swin Transformer of torchvision, timm, Microsoft or
@@ -60,7 +60,8 @@ pub struct TrainArgs {
 /// `--model`.
 #[derive(Debug, Clone)]
 enum ModelArg {
-    Shipped(&'static str),
+    Small,
+    Paper,
     File(PathBuf),
 }
 
@@ -69,27 +70,32 @@ impl FromStr for ModelArg {
 
     fn from_str(text: &str) -> Result<Self, Infallible> {
         Ok(match text {
-            "small" => Self::Shipped(SMALL_TOML),
-            "paper" => Self::Shipped(PAPER_TOML),
+            "small" => Self::Small,
+            "paper" => Self::Paper,
             path => Self::File(path.into()),
         })
     }
 }
 
 impl ModelArg {
-    fn load(&self) -> anyhow::Result<ModelConfig> {
+    /// What `--config` and `--set` lie over: the profile's training, or the default's with a network from a file.
+    fn base(&self) -> anyhow::Result<TrainConfig> {
         match self {
-            Self::Shipped(text) => Ok(toml::from_str(text)?),
-            Self::File(path) => config::load(Some(path), &[]).with_context(|| {
-                format!("--model {} is no shipped profile (small, paper), so a TOML file", path.display())
-            }),
+            Self::Small => Ok(TrainConfig::default()),
+            Self::Paper => Ok(TrainConfig::paper()),
+            Self::File(path) => {
+                let model = config::load(Some(path), &[]).with_context(|| {
+                    format!("--model {} is no shipped profile (small, paper), so a TOML file", path.display())
+                })?;
+                Ok(TrainConfig { model, ..TrainConfig::default() })
+            }
         }
     }
 }
 
 pub fn run(args: TrainArgs) -> anyhow::Result<ExitStatus> {
-    let base = TrainConfig { model: args.model.load()?, ..TrainConfig::default() };
-    let mut config: TrainConfig = config::load_over(&base, args.config.as_deref(), &args.overrides)?;
+    let mut config: TrainConfig =
+        config::load_over(&args.model.base()?, args.config.as_deref(), &args.overrides)?;
     if args.image_weights.is_some() {
         config.image_weights = args.image_weights;
     }

@@ -22,3 +22,4 @@ pub use config::{AugmentConfig, LossConfig, StageConfig, TrainConfig, TrainConfi
 pub use dry_run::DryRun;
 pub use losses::LossParts;
 pub use run::{CHECKPOINT, RunOptions, Summary, TrainError, run};
+pub use schedule::{Pace, Schedule};

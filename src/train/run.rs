@@ -12,12 +12,11 @@ use fs_err as fs;
 use thiserror::Error;
 
 use super::average::Average;
-use super::config::{TrainConfig, TrainConfigError};
+use super::config::{StageConfig, TrainConfig, TrainConfigError};
 use super::log::Log;
 use super::losses::LossParts;
 use super::optimizer::{Optimizer, number_parameters};
 use super::plan::{Plan, STAGES};
-use super::schedule::one_cycle;
 use super::state::{self, Position, StateError};
 use super::step::{Mean, Steps, not_finite};
 use super::validate::{self, ValidationError, validate};
@@ -161,18 +160,18 @@ pub fn run(
     while position.stage < STAGES.len() {
         let stage = STAGES[position.stage];
         let n_steps = plan.n_steps[position.stage];
+        if n_steps == 0 {
+            position = Position { stage: position.stage + 1, step: 0 };
+            continue;
+        }
         steps.begin_stage();
         progress.start(stage, n_steps as u64);
         progress.advance(position.step as u64);
         while position.step < n_steps {
-            let learning_rate = one_cycle(
-                position.step,
-                n_steps,
-                plan.stages[position.stage].max_learning_rate,
-                config.rise_share,
-            );
+            let StageConfig { schedule, max_learning_rate, .. } = plan.stages[position.stage];
+            let pace = schedule.pace(position.step, n_steps, max_learning_rate, config.rise_share);
             let (passed, grads, parts) = steps.gradients(detector, position)?;
-            let (next, norm) = optimizer.step(passed, grads, learning_rate);
+            let (next, norm) = optimizer.step(passed, grads, pace);
             if !norm.is_finite() {
                 let chosen = plan.step_samples(config, position).concat();
                 return Err(not_finite(norm, position, &chosen, samples));
@@ -190,8 +189,8 @@ pub fn run(
             n_steps_now += 1;
             let n_done = plan.n_done(position);
             log.push(format!(
-                "{n_done},{stage},{epoch},{learning_rate:.3e},{:.5},{:.5},{:.5},{norm:.3}",
-                parts.heatmap, parts.harm, parts.boxes
+                "{n_done},{stage},{epoch},{:.3e},{:.5},{:.5},{:.5},{norm:.3}",
+                pace.learning_rate, parts.heatmap, parts.harm, parts.boxes
             ));
             progress.note(&format!("epoch {} loss {:.3}", epoch + 1, epoch_loss.mean().total()));
             progress.advance(1);
@@ -278,7 +277,7 @@ fn open_folder(
 
 #[cfg(test)]
 mod tests {
-    use super::super::StageConfig;
+    use super::super::Schedule;
     use super::*;
     use crate::dataset::test_data;
     use crate::model::{
@@ -287,11 +286,12 @@ mod tests {
     use crate::progress::Silent;
 
     fn tiny() -> TrainConfig {
-        let stage = |epochs| StageConfig { epochs, max_learning_rate: 2e-3 };
+        let stage = |epochs, schedule| StageConfig { epochs, max_learning_rate: 2e-3, schedule };
         TrainConfig {
             batch_size: 2,
-            lidar_stage: stage(2),
-            fused_stage: stage(1),
+            // The two that change beta1 from step to step.
+            lidar_stage: stage(2, Schedule::Cyclic),
+            fused_stage: stage(1, Schedule::WarmupCosine),
             save_every_steps: 1,
             model: ModelConfig {
                 grid: GridConfig { cell_size_m: 3.2, ..GridConfig::default() },
@@ -393,8 +393,8 @@ mod tests {
     #[test]
     fn training_lowers_the_loss() {
         let data = test_data::dataset(4);
-        let config =
-            TrainConfig { lidar_stage: StageConfig { epochs: 30, max_learning_rate: 4e-3 }, ..tiny() };
+        let stage = StageConfig { epochs: 30, max_learning_rate: 4e-3, schedule: Schedule::OneCycle };
+        let config = TrainConfig { lidar_stage: stage, ..tiny() };
         let folder = tempfile::tempdir().unwrap();
         train(&data, &config, folder.path()).unwrap();
         let log = fs::read_to_string(folder.path().join("log.csv")).unwrap();
