@@ -1,6 +1,7 @@
 //! The command line: flags, logging, progress bars, exit codes; one file a subcommand.
 
 mod bench_generate;
+mod curves;
 mod detector;
 mod device;
 mod doctor;
@@ -43,6 +44,8 @@ enum Command {
     Info(info::InfoArgs),
     /// Train a detector on a labelled dataset
     Train(train::TrainArgs),
+    /// Draw the course of a training: losses, learning rate, AP on the validation split
+    Curves(curves::CurvesArgs),
     /// Write a detector's boxes for a dataset
     Predict(predict::PredictArgs),
     /// Score a detector, or any detector's JSON, in and out of distribution
@@ -80,6 +83,7 @@ pub fn main() -> ExitCode {
         Command::Label(args) => label::run(args),
         Command::Info(args) => info::run(args),
         Command::Train(args) => train::run(args),
+        Command::Curves(args) => curves::run(args),
         Command::Predict(args) => predict::run(args),
         Command::Eval(args) => eval::run(args),
         Command::View(args) => view::run(args),

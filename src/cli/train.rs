@@ -1,7 +1,7 @@
 //! `harmzone train`: trains a detector on a labelled dataset, resumable.
 
 use std::convert::Infallible;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use anyhow::Context;
@@ -14,14 +14,15 @@ use crate::config;
 use crate::dataset::{Dataset, DatasetError};
 use crate::episode::manifest::Split;
 use crate::kernels::keep_freed_memory;
+use crate::report::curves;
 use crate::train::{self, DryRun, RunOptions, TrainConfig};
 
 #[derive(Debug, Args)]
 pub struct TrainArgs {
     /// Labelled dataset
     data: PathBuf,
-    /// Folder of the run: config, log, states, and at the end `model.safetensors`. The same command
-    /// again goes on where it stopped
+    /// Folder of the run: config, logs, curves, states, and at the end `model.safetensors`. The same
+    /// command again goes on where it stopped
     #[arg(long, value_name = "DIR", required_unless_present = "dry_run")]
     out: Option<PathBuf>,
     /// Label set
@@ -112,7 +113,13 @@ pub fn run(args: TrainArgs) -> anyhow::Result<ExitStatus> {
         return Ok(ExitStatus::Done);
     };
     keep_freed_memory();
-    let options = RunOptions { force: args.force, resume: args.resume };
+    let draw = |run: &Path| {
+        // A picture that fails is no reason to stop a training.
+        if let Err(error) = curves::run(run) {
+            tracing::warn!("{error}");
+        }
+    };
+    let options = RunOptions { force: args.force, resume: args.resume, after_validation: Some(&draw) };
     let validation = match Dataset::open(&args.data, &args.labels, Split::Val) {
         Ok(split) if config.validate_every_epochs > 0 => Some(split),
         Ok(_) | Err(DatasetError::EmptySplit { .. }) => None,
@@ -120,6 +127,7 @@ pub fn run(args: TrainArgs) -> anyhow::Result<ExitStatus> {
     };
     let summary =
         train::run(&dataset, validation.as_ref(), &config, &out, options, &device, &Bar::default())?;
+    draw(&out);
     if let Some(report) = &summary.image_weights {
         println!("{report}");
     }
@@ -141,6 +149,10 @@ pub fn run(args: TrainArgs) -> anyhow::Result<ExitStatus> {
         loss.harm,
         loss.boxes,
     );
-    println!("checkpoint: {}", summary.checkpoint.display());
+    println!(
+        "checkpoint: {}; curves: {}",
+        summary.checkpoint.display(),
+        out.join(curves::FILES[1]).display()
+    );
     Ok(ExitStatus::Done)
 }
