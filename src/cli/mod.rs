@@ -12,6 +12,7 @@ mod info;
 mod label;
 mod predict;
 mod progress;
+mod results;
 mod train;
 mod view;
 
@@ -50,6 +51,8 @@ enum Command {
     Predict(predict::PredictArgs),
     /// Score a detector, or any detector's JSON, in and out of distribution
     Eval(eval::EvalArgs),
+    /// Generate, train and score a whole experiment, and write its tables
+    Results(results::ResultsArgs),
     /// Draw a sample with its zone, truth and predictions
     View(view::ViewArgs),
     /// Tell what this machine has and what is missing
@@ -86,6 +89,7 @@ pub fn main() -> ExitCode {
         Command::Curves(args) => curves::run(args),
         Command::Predict(args) => predict::run(args),
         Command::Eval(args) => eval::run(args),
+        Command::Results(args) => results::run(args),
         Command::View(args) => view::run(args),
         Command::Doctor(args) => doctor::run(args),
     };
