@@ -36,7 +36,7 @@ pub fn markdown(results: &Results) -> String {
     text += "\n## Ablations\n\n";
     text += &format!(
         "One training each, over `configs/train.toml` with {}, a shorter schedule than that of the network above. \
-         Cells: AP of harmful / harmless / mean. Differences of a hundredth are within what another seed changes.\n",
+         Cells: AP of harmful / harmless / mean. One seed each: small differences tell nothing.\n",
         inline_list(&results.common)
     );
     for table in &results.tables {
@@ -108,7 +108,7 @@ fn headline_text(results: &Results, record: &Record) -> String {
         text += &format!("| {name} |{}\n", cells.collect::<String>());
     }
     text += &format!(
-        "\n{:.2} M parameters, {:.1} MiB, seed {}, {} + {} epochs (LiDAR stage, fused stage) of {} samples; training took {}. \
+        "\n{:.2} M parameters, {:.1} MiB, seed {}, {} + {} epochs (LiDAR stage, fused stage) of {} samples; training time {}. \
          The paper's figures come from another simulator: a yardstick, not the same work.\n\n",
         record.n_parameters as f64 / 1e6,
         record.checkpoint_bytes as f64 / f64::from(1 << 20),
@@ -158,7 +158,7 @@ fn duration(spent: Option<Spent>) -> String {
     match spent {
         Some(spent) if spent.wall_s < 120.0 => format!("{:.0} s (CPU {:.0} s)", spent.wall_s, spent.cpu_s),
         Some(spent) => format!("{} min (CPU {} min)", minutes(spent.wall_s), minutes(spent.cpu_s)),
-        None => "a time that was not kept".to_owned(),
+        None => "not kept".to_owned(),
     }
 }
 
