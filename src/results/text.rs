@@ -123,7 +123,7 @@ fn headline_text(results: &Results, record: &Record) -> String {
 
 fn table_text(results: &Results, table: &TableConfig) -> String {
     let mut text = format!("\n### {}\n\n{}\n\n", table.title, table.note);
-    text += "| | ID | OOD total | mAP_ID | mAP_OOD, all FPs | mAP_OOD, matched FPs | parameters | training | seed |\n";
+    text += "| | ID | OOD total | mAP_ID | mAP_OOD, all FPs | mAP_OOD, matched FPs | parameters | training: wall (CPU) | seed |\n";
     text += "|---|---|---|---|---|---|---|---|---|\n";
     let mut records = Vec::new();
     for of in &table.rows {
