@@ -19,7 +19,7 @@ pub struct ResultsArgs {
     /// Rows and tables (TOML); `configs/results.toml` holds the defaults
     #[arg(long, value_name = "TOML")]
     config: Option<PathBuf>,
-    /// Override one key of the config, e.g. 'common=["lidar_stage.epochs=1"]'
+    /// Override one key of the config, e.g. preset=demo
     #[arg(long = "set", value_name = "KEY=VALUE")]
     overrides: Vec<String>,
     /// Data set to train and validate on [default: made in the experiment's folder]

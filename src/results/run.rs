@@ -69,7 +69,7 @@ pub enum ResultsError {
     #[error(transparent)]
     Io(#[from] std::io::Error),
     #[error("row `{row}`: {source}")]
-    Train { row: String, source: TrainError },
+    Train { row: String, source: Box<TrainError> },
     #[error(
         "row `{row}` was trained with another config or on other data; delete this folder to train it anew, \
          or give another --out: {}", path.display()
@@ -320,7 +320,7 @@ impl Experiment<'_> {
         train::run(data, validation, &row.config, &row.folder, options, self.device, self.progress).map_err(
             |source| match source {
                 TrainError::OtherRun { path } => ResultsError::OtherRun { row: row.name.clone(), path },
-                source => ResultsError::Train { row: row.name.clone(), source },
+                source => ResultsError::Train { row: row.name.clone(), source: Box::new(source) },
             },
         )?;
         draw(&row.folder);

@@ -131,12 +131,12 @@ fn table_text(results: &Results, table: &TableConfig) -> String {
             writeln!(text, "| {} | not trained yet | | | | | | | |", of.label).expect(WRITES);
             continue;
         };
-        let cells: String =
-            record.scores().iter().map(|(_, scores)| format!(" {} |", cell(scores))).collect();
+        let cells: Vec<String> = record.scores().iter().map(|(_, scores)| cell(scores)).collect();
         writeln!(
             text,
-            "| {} |{cells} {:.2} M | {} | {} |",
+            "| {} | {} | {:.2} M | {} | {} |",
             of.label,
+            cells.join(" | "),
             record.n_parameters as f64 / 1e6,
             duration(record.spent),
             record.seed
@@ -212,7 +212,7 @@ mod tests {
             fingerprint: fingerprint(c),
             is_of_preset,
         };
-        let ap = |harmful: f64| ClassScores { harmful, harmless: 0.5, mean: (harmful + 0.5) / 2.0 };
+        let ap = |harmful: f64| ClassScores { harmful, harmless: 0.5, mean: f64::midpoint(harmful, 0.5) };
         let record = |name: &str, set: &[&str], spent| Record {
             name: name.into(),
             profile: "small".into(),
