@@ -9,7 +9,9 @@ SHELL := /bin/bash
 BIN = $(or $(CARGO_TARGET_DIR),target)/release/harmzone
 PYTHON_SOURCES = $(wildcard python scenes mjcf_assets tests scripts)
 
-.PHONY: help setup setup-test build demo test ci bench bench-gen gallery weathers fmt clean
+RESULTS = runs/results
+
+.PHONY: help setup setup-test build demo results test ci bench bench-gen gallery weathers fmt clean
 
 help: ## List the targets
 	@echo "make <target>, where target is:"
@@ -31,6 +33,10 @@ build: setup ## The optimised program (the first time about 8 minutes on two cor
 
 demo: ## Everything, small: generate, label, train, score, draw; results in demo/
 	@scripts/demo.sh
+
+results: build ## RESULTS.md from nothing: data, every training, scores; hours, may be stopped and called again
+	$(BIN) results --config configs/results.toml --out $(RESULTS) $(ARGS)
+	cp $(RESULTS)/RESULTS.md RESULTS.md
 
 test: setup setup-test ## All tests
 	cargo test --release

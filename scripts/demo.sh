@@ -46,10 +46,21 @@ part "predict, in distribution" "$harmzone" predict "$out/run" --data "$out/id" 
 part "predict, out of distribution" "$harmzone" predict "$out/run" --data "$out/ood" --force
 part "score, in distribution" "$harmzone" eval "$out/run" --data "$out/id" --out "$out/eval-id" --force
 part "score, out of distribution" "$harmzone" eval "$out/run" --data "$out/ood" --ood --out "$out/eval-ood" --force
+# The network inside the program, trained on the preset `small`, beside the one of minutes above.
+part "score the network that comes with harmzone, in distribution" \
+    "$harmzone" eval small --data "$out/id" --out "$out/eval-small-id" --force
+part "score the network that comes with harmzone, out of distribution" \
+    "$harmzone" eval small --data "$out/ood" --ood --out "$out/eval-small-ood" --force
 part "pictures, in distribution" draw id 76 86 166 176 256 266 346 356
 part "pictures, out of distribution" draw ood 3 12 18 27 33 42 50 57 70 80 95 110
 
 cat <<END
+
+== Out of distribution: trained here in minutes
+$(head -n 8 "$out/eval-ood/table.txt")
+
+== Out of distribution: the network that comes with harmzone
+$(head -n 8 "$out/eval-small-ood/table.txt")
 
 Time
 $(printf '%s\n' "${times[@]}")
@@ -60,5 +71,6 @@ Results, all in $out/
   id/ ood/              episodes (open the .mcap files in Foxglove or Rerun), labels beside them
   run/                  the trained detector and its resolved config
   eval-id/ eval-ood/    metrics.json and the tables printed above
+  eval-small-id/ eval-small-ood/    the same of the network that comes with harmzone
   pictures/             camera and bird's-eye views with zone, truth and predictions
 END

@@ -4,6 +4,7 @@
 //! stage into what it works with. Values come from, later over earlier: the struct's `Default`,
 //! the TOML file, `key=value` overrides (dotted keys, TOML values).
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use fs_err as fs;
@@ -119,6 +120,43 @@ where
     })
 }
 
+/// The `key=value` overrides that make `other` of `base`, in the order of their keys. A key that only `base` has is
+/// left out: no override can take a key away.
+#[must_use]
+pub fn differences<T: Serialize>(base: &T, other: &T) -> Vec<String> {
+    fn flatten(table: &toml::Table, prefix: &str, into: &mut BTreeMap<String, toml::Value>) {
+        for (key, value) in table {
+            match value {
+                toml::Value::Table(inner) => flatten(inner, &format!("{prefix}{key}."), into),
+                _ => {
+                    into.insert(format!("{prefix}{key}"), value.clone());
+                }
+            }
+        }
+    }
+    let [base, other] = [base, other].map(|config| {
+        let mut keys = BTreeMap::new();
+        let table = toml::Table::try_from(config).expect("a config always has a TOML form");
+        flatten(&table, "", &mut keys);
+        keys
+    });
+    let differs = |(key, value): &(String, toml::Value)| base.get(key) != Some(value);
+    other.into_iter().filter(differs).map(|(key, value)| format!("{key}={}", word(&value))).collect()
+}
+
+/// A value as an override takes it: a string without quotes where it is a plain word.
+fn word(value: &toml::Value) -> String {
+    let is_plain = |text: &str| {
+        text.starts_with(|c: char| c.is_ascii_alphabetic())
+            && text.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
+            && !["true", "false", "inf", "nan"].contains(&text)
+    };
+    match value {
+        toml::Value::String(text) if is_plain(text) => text.clone(),
+        other => other.to_string(),
+    }
+}
+
 /// The config as TOML text, to be saved beside what a run makes.
 #[must_use]
 pub fn to_toml<T: Serialize>(config: &T) -> String {
@@ -181,6 +219,18 @@ mod tests {
         fs::write(&path, "\n\ntwon = 1\n").unwrap();
         let message = load_over(&base, Some(&path), &[]).unwrap_err().to_string();
         assert!(message.contains("line 3") && message.contains("over.toml"), "{message}");
+    }
+
+    #[test]
+    fn differences_are_the_overrides_that_make_the_other_config() {
+        let base = Example::default();
+        let other = Example { speed_mps: 2.5, town: "old town".into(), inner: Inner { count: 4 } };
+        let overrides = differences(&base, &other);
+        assert_eq!(overrides, ["inner.count=4", "speed_mps=2.5", "town=\"old town\""]);
+        assert_eq!(with_overrides(&base, &overrides).unwrap(), other);
+        let word = Example { town: "market".into(), ..Example::default() };
+        assert_eq!(differences(&base, &word), ["town=market"]);
+        assert!(differences(&base, &base).is_empty());
     }
 
     #[test]

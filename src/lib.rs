@@ -32,4 +32,6 @@ pub mod train;
 
 pub mod report;
 
+pub mod results;
+
 pub mod cli;

@@ -144,6 +144,32 @@ fn a_trained_run_is_scored_drawn_and_predicts_files() {
 }
 
 #[test]
+fn the_network_inside_the_program_predicts_is_scored_and_drawn_by_its_name() {
+    let (_folder, id) = copy();
+    let table = done(&["eval", "small", "--data", text(&id)]);
+    assert!(table.contains("0.7947"), "{table}");
+    let table = done(&["eval", "small", "--data", text(&fixture().ood), "--ood"]);
+    assert!(table.contains("mAP_OOD"), "{table}");
+    let told = done(&["predict", "small", "--data", text(&id)]);
+    let n_boxes: usize = told.split(' ').next().and_then(|n| n.parse().ok()).expect("a count of boxes");
+    let predictions = id.join("predictions/small");
+    assert!(n_boxes > 0 && predictions.join("predictions.json").is_file(), "{told}");
+    let picture = id.join("sample.png");
+    done(&["view", text(&id), "--sample", "3", "--predictions", "small", "--out", text(&picture)]);
+    // The weights went through the same code as a checkpoint of one's own.
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/models/small.safetensors");
+    let out = id.join("of-file");
+    done(&["predict", file, "--data", text(&id), "--out", text(&out)]);
+    let boxes = |folder: &Path| fs::read(folder.join("predictions.json")).expect("predictions");
+    assert!(boxes(&predictions) == boxes(&out));
+
+    let message = fails(&["eval", "smal", "--data", text(&id)]);
+    assert!(message.contains("`small`") && message.contains("harmzone train"), "{message}");
+    let message = fails(&["eval", "./small", "--data", text(&id)]);
+    assert!(message.contains("no finished checkpoint") && message.contains("./small"), "{message}");
+}
+
+#[test]
 fn info_counts_what_an_outside_reader_counts() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let python = root.join(".venv-test/bin/python");
@@ -241,6 +267,96 @@ fn train_killed_in_the_middle_and_called_again_ends_with_the_same_bytes() {
             "{file} differs"
         );
     }
+}
+
+/// Rows of one branch, and of one stage, in little.
+fn experiment(folder: &Path) -> PathBuf {
+    let keys = |keys: &[&str]| {
+        let quoted: Vec<String> = keys.iter().map(|key| format!("'{key}'")).collect();
+        format!("[{}]", quoted.join(", "))
+    };
+    let tiny: Vec<&str> = TINY.iter().copied().filter(|&key| key != "--set").collect();
+    let file = folder.join("results.toml");
+    let rows = [
+        ("lidar", ["model.use_camera=false", "fused_stage.epochs=0", "lidar_stage.schedule=cyclic"]),
+        ("camera", ["model.use_lidar=false", "lidar_stage.epochs=0", "fused_stage.schedule=warmup_cosine"]),
+        ("one-stage", ["lidar_stage.epochs=0", "fused_stage.epochs=1", "model.head.numeric_fusion=paper"]),
+    ];
+    let mut config = format!("preset = 'small'\ncommon = {}\nheadline = {{ name = 'small' }}\n", keys(&tiny));
+    for (name, set) in rows {
+        config += &format!("[[rows]]\nname = '{name}'\nset = {}\n", keys(&set));
+    }
+    config += "[[tables]]\ntitle = 'Branches'\nnote = 'One each.'\nrows = [";
+    config += &rows.map(|(name, _)| format!("{{ label = 'with {name}', row = '{name}' }}")).join(", ");
+    fs::write(&file, config + "]\n").expect("a writable folder");
+    file
+}
+
+#[test]
+fn an_experiment_killed_in_a_training_goes_on_and_its_commands_make_its_rows() {
+    let Fixture { id, ood, run, .. } = fixture();
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().join("results");
+    let config = experiment(folder.path());
+    let data = ["--data", text(id), "--ood", text(ood), "--headline", text(run)];
+    let args = [&["results", "--config", text(&config), "--out", text(&out)], data.as_slice()].concat();
+    let document = || fs::read_to_string(out.join("RESULTS.md")).expect("tables are written");
+
+    let message = fails(&[&args, ["--only", "radar"].as_slice()].concat());
+    assert!(message.contains("radar") && message.contains("one-stage"), "{message}");
+    done(&[&args, ["--only", "lidar"].as_slice()].concat());
+    assert!(document().contains("| with camera | not trained yet"), "{}", document());
+    assert!(document().contains("Not trained yet."), "the headline was not asked for: {}", document());
+    let checkpoint = |run: &Path| fs::read(run.join("model.safetensors")).expect("the run is whole");
+    let changed = || fs::metadata(out.join("scores/lidar.json")).and_then(|file| file.modified());
+    let first = changed().expect("a record");
+
+    let mut child = command(&args).spawn().expect("the program starts");
+    let begun = std::time::Instant::now();
+    while !fs::read_dir(out.join("runs/camera/state")).is_ok_and(|mut dir| dir.next().is_some()) {
+        assert!(begun.elapsed() < Duration::from_mins(2), "no state after two minutes");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    child.kill().expect("a running program can be killed");
+    child.wait().expect("a killed program ends");
+    assert!(!out.join("scores/camera.json").exists());
+    done(&args);
+    assert_eq!(changed().expect("a record"), first, "a finished row is not done again");
+    let whole = document();
+    assert!(!whole.contains("not trained yet") && !whole.contains("Not trained yet"), "{whole}");
+    let time = fs::read_to_string(out.join("runs/camera/time.json")).expect("a time");
+    assert!(time.contains("\"n_calls\":2"), "{time}");
+
+    // What stands under a table makes the same networks.
+    for name in ["camera", "one-stage"] {
+        let own = folder.path().join(name);
+        let line =
+            whole.lines().find(|line| line.contains(&format!("--out runs/{name}"))).expect("a command");
+        let line = line.replace("data/id", text(id)).replace(&format!("runs/{name}"), text(&own));
+        let script = line.replace("harmzone ", &format!("{} ", env!("CARGO_BIN_EXE_harmzone")));
+        assert!(Command::new("sh").args(["-c", &script]).status().expect("a shell").success(), "{script}");
+        assert!(checkpoint(&own) == checkpoint(&out.join("runs").join(name)), "{script}");
+        assert!(own.join("curves.png").is_file() && own.join("curves.svg").is_file());
+    }
+
+    // The tables come from results.json alone; a card takes the figures of the network beside it.
+    let card = folder.path().join("net.md");
+    fs::write(&card, "# Net\n<!-- figures: begin --><!-- figures: end -->\n").expect("a writable folder");
+    fs::write(card.with_extension("safetensors"), b"another network").expect("a writable folder");
+    let again = ["results", "--out", text(&out), "--tables-only", "--card", text(&card)];
+    let message = fails(&again);
+    assert!(message.contains("not the headline's"), "{message}");
+    fs::write(card.with_extension("safetensors"), checkpoint(run)).expect("a writable folder");
+    fs::remove_file(out.join("RESULTS.md")).expect("it was there");
+    done(&again);
+    assert_eq!(document(), whole);
+    assert!(fs::read_to_string(&card).expect("a card").contains("mAP_OOD"));
+
+    // Another config for a row that is trained is told, not silently mixed in.
+    let changed = fs::read_to_string(&config).expect("a config").replace("batch_size=2", "batch_size=3");
+    fs::write(&config, changed).expect("a writable folder");
+    let message = fails(&args);
+    assert!(message.contains("row `lidar`") && message.contains("another config"), "{message}");
 }
 
 #[test]

@@ -7,6 +7,7 @@ use clap::{ArgGroup, Args};
 use fs_err as fs;
 
 use super::ExitStatus;
+use super::detector::Trained;
 use super::device::DeviceArg;
 use super::predict::{detect, open_split};
 use crate::eval::predict::eval_samples;
@@ -21,7 +22,7 @@ const CONFIG_FILE: &str = "eval.toml";
 #[derive(Debug, Args)]
 #[command(group = ArgGroup::new("detector").args(["run", "predictions"]).required(true))]
 pub struct EvalArgs {
-    /// Folder of a trained detector; needs --data
+    /// Folder of a trained detector, a checkpoint, or `small`, the network inside the program; needs --data
     #[arg(requires = "data")]
     run: Option<PathBuf>,
     /// Dataset to run it on
@@ -99,7 +100,7 @@ fn samples(args: &EvalArgs) -> anyhow::Result<Vec<EvalSample>> {
 fn samples_of_run(run: &Path, data: &Path, args: &EvalArgs) -> anyhow::Result<Vec<EvalSample>> {
     let device = args.device.open()?;
     let dataset = open_split(data, &args.labels, args.split.as_deref())?;
-    let found = detect(run, &dataset, &device)?;
+    let found = detect(&Trained::find(run)?, &dataset, &device)?;
     Ok(eval_samples(&dataset, &found))
 }
 

@@ -1,6 +1,8 @@
 //! The command line: flags, logging, progress bars, exit codes; one file a subcommand.
 
 mod bench_generate;
+mod curves;
+mod detector;
 mod device;
 mod doctor;
 mod eval;
@@ -10,6 +12,7 @@ mod info;
 mod label;
 mod predict;
 mod progress;
+mod results;
 mod train;
 mod view;
 
@@ -42,10 +45,14 @@ enum Command {
     Info(info::InfoArgs),
     /// Train a detector on a labelled dataset
     Train(train::TrainArgs),
+    /// Draw the course of a training: losses, learning rate, AP on the validation split
+    Curves(curves::CurvesArgs),
     /// Write a detector's boxes for a dataset
     Predict(predict::PredictArgs),
     /// Score a detector, or any detector's JSON, in and out of distribution
     Eval(eval::EvalArgs),
+    /// Generate, train and score a whole experiment, and write its tables
+    Results(results::ResultsArgs),
     /// Draw a sample with its zone, truth and predictions
     View(view::ViewArgs),
     /// Tell what this machine has and what is missing
@@ -79,8 +86,10 @@ pub fn main() -> ExitCode {
         Command::Label(args) => label::run(args),
         Command::Info(args) => info::run(args),
         Command::Train(args) => train::run(args),
+        Command::Curves(args) => curves::run(args),
         Command::Predict(args) => predict::run(args),
         Command::Eval(args) => eval::run(args),
+        Command::Results(args) => results::run(args),
         Command::View(args) => view::run(args),
         Command::Doctor(args) => doctor::run(args),
     };

@@ -3,27 +3,26 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
-use burn::module::Module;
 use burn::tensor::Device;
 use clap::Args;
 use fs_err as fs;
 
 use super::ExitStatus;
+use super::detector::Trained;
 use super::device::DeviceArg;
 use super::progress::Bar;
+use crate::config;
 use crate::dataset::Dataset;
 use crate::episode::manifest::Split;
 use crate::episode::{DetectionWriter, SampleDetections, SourceMeta};
 use crate::eval::json;
 use crate::eval::predict::{eval_samples, predict};
-use crate::model::checkpoint;
 use crate::object::Detection;
 use crate::progress::Progress;
-use crate::{config, train};
 
 #[derive(Debug, Args)]
 pub struct PredictArgs {
-    /// Run folder of `harmzone train`, or a checkpoint
+    /// Run folder of `harmzone train`, a checkpoint, or `small`, the trained network inside the program
     run: PathBuf,
     /// Labelled dataset
     #[arg(long, value_name = "DIR")]
@@ -34,7 +33,8 @@ pub struct PredictArgs {
     /// Label set
     #[arg(long, value_name = "SET", default_value = "rect")]
     labels: String,
-    /// Folder for one MCAP an episode and predictions.json; default `<run>/predictions/<dataset>`
+    /// Folder for one MCAP an episode and predictions.json; default `<run>/predictions/<dataset>`, and
+    /// `<dataset>/predictions/small` for `small`
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     #[command(flatten)]
@@ -47,16 +47,17 @@ pub struct PredictArgs {
 const JSON_FILE: &str = "predictions.json";
 
 pub fn run(args: PredictArgs) -> anyhow::Result<ExitStatus> {
+    let trained = Trained::find(&args.run)?;
     let out = match &args.out {
         Some(out) => out.clone(),
-        None => default_folder(&args.run, &args.data)?,
+        None => trained.predictions_folder(&args.data)?,
     };
     if out.join(JSON_FILE).exists() && !args.force {
         bail!("predictions exist already; give --force to replace them: {}", out.display());
     }
     let device = args.device.open()?;
     let dataset = open_split(&args.data, &args.labels, args.split.as_deref())?;
-    let found = detect(&args.run, &dataset, &device)?;
+    let found = detect(&trained, &dataset, &device)?;
     fs::create_dir_all(&out)?;
     let mut rest = found.as_slice();
     let mut samples = dataset.samples();
@@ -65,7 +66,7 @@ pub fn run(args: PredictArgs) -> anyhow::Result<ExitStatus> {
             episode: entry.name.clone(),
             episode_sha256: entry.sha256.clone(),
             set: args.run.display().to_string(),
-            config_toml: config::to_toml(&checkpoint::read_config(&checkpoint_path(&args.run))?),
+            config_toml: config::to_toml(&trained.config()?),
             generator_version: env!("CARGO_PKG_VERSION").to_owned(),
         };
         let (of_episode, later) = rest.split_at(entry.n_samples);
@@ -87,20 +88,6 @@ pub fn run(args: PredictArgs) -> anyhow::Result<ExitStatus> {
     Ok(ExitStatus::Done)
 }
 
-/// Where the predictions of a run for a dataset lie.
-fn default_folder(run: &Path, data: &Path) -> anyhow::Result<PathBuf> {
-    let Some(name) = fs::canonicalize(data)?.file_name().map(ToOwned::to_owned) else {
-        bail!("the dataset's folder has no name; give --out: {}", data.display());
-    };
-    let folder = if run.is_dir() { run } else { run.parent().unwrap_or(Path::new(".")) };
-    Ok(folder.join("predictions").join(name))
-}
-
-/// The checkpoint that a RUN argument means.
-pub fn checkpoint_path(run: &Path) -> PathBuf {
-    if run.is_dir() { run.join(train::CHECKPOINT) } else { run.to_owned() }
-}
-
 /// Opens the named split; without a name `val`, or `test` in a dataset that has no `val`.
 pub fn open_split(data: &Path, labels: &str, split: Option<&str>) -> anyhow::Result<Dataset> {
     let split = match split {
@@ -116,17 +103,9 @@ pub fn open_split(data: &Path, labels: &str, split: Option<&str>) -> anyhow::Res
     Ok(Dataset::open(data, labels, split)?)
 }
 
-/// Runs a run's detector over all samples of a dataset.
-pub fn detect(run: &Path, dataset: &Dataset, device: &Device) -> anyhow::Result<Vec<Vec<Detection>>> {
-    let path = checkpoint_path(run);
-    if !path.exists() {
-        bail!(
-            "no finished checkpoint; `harmzone train DATA --out {}` makes one: {}",
-            run.display(),
-            path.display()
-        );
-    }
-    let detector = checkpoint::load(&path, device)?.valid();
+/// Runs a detector over all samples of a dataset.
+pub fn detect(trained: &Trained, dataset: &Dataset, device: &Device) -> anyhow::Result<Vec<Vec<Detection>>> {
+    let detector = trained.load(device)?;
     let measured: Vec<_> =
         dataset.samples().iter().map(|sample| (sample.id.as_str(), &sample.measured)).collect();
     let bar = Bar::default();

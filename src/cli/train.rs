@@ -1,7 +1,7 @@
 //! `harmzone train`: trains a detector on a labelled dataset, resumable.
 
 use std::convert::Infallible;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use anyhow::Context;
@@ -14,15 +14,15 @@ use crate::config;
 use crate::dataset::{Dataset, DatasetError};
 use crate::episode::manifest::Split;
 use crate::kernels::keep_freed_memory;
-use crate::model::{ModelConfig, PAPER_TOML, SMALL_TOML};
+use crate::report::curves;
 use crate::train::{self, DryRun, RunOptions, TrainConfig};
 
 #[derive(Debug, Args)]
 pub struct TrainArgs {
     /// Labelled dataset
     data: PathBuf,
-    /// Folder of the run: config, log, states, and at the end `model.safetensors`. The same command
-    /// again goes on where it stopped
+    /// Folder of the run: config, logs, curves, states, and at the end `model.safetensors`. The same
+    /// command again goes on where it stopped
     #[arg(long, value_name = "DIR", required_unless_present = "dry_run")]
     out: Option<PathBuf>,
     /// Label set
@@ -31,7 +31,8 @@ pub struct TrainArgs {
     /// Training config (TOML); `configs/train.toml` holds the defaults
     #[arg(long, value_name = "TOML")]
     config: Option<PathBuf>,
-    /// Network: `small`, `paper`, or a TOML file as those of `configs/model/`. `--config` and `--set` go over it
+    /// Network: `small`, `paper` (which brings `configs/train-paper.toml`), or a TOML file as those of
+    /// `configs/model/`. `--config` and `--set` go over it
     #[arg(long, value_name = "PROFILE", default_value = "small")]
     model: ModelArg,
     /// Weights of the image backbone to start from: a Swin Transformer of torchvision, timm, Microsoft or
@@ -60,7 +61,8 @@ pub struct TrainArgs {
 /// `--model`.
 #[derive(Debug, Clone)]
 enum ModelArg {
-    Shipped(&'static str),
+    Small,
+    Paper,
     File(PathBuf),
 }
 
@@ -69,27 +71,32 @@ impl FromStr for ModelArg {
 
     fn from_str(text: &str) -> Result<Self, Infallible> {
         Ok(match text {
-            "small" => Self::Shipped(SMALL_TOML),
-            "paper" => Self::Shipped(PAPER_TOML),
+            "small" => Self::Small,
+            "paper" => Self::Paper,
             path => Self::File(path.into()),
         })
     }
 }
 
 impl ModelArg {
-    fn load(&self) -> anyhow::Result<ModelConfig> {
+    /// What `--config` and `--set` lie over: the profile's training, or the default's with a network from a file.
+    fn base(&self) -> anyhow::Result<TrainConfig> {
         match self {
-            Self::Shipped(text) => Ok(toml::from_str(text)?),
-            Self::File(path) => config::load(Some(path), &[]).with_context(|| {
-                format!("--model {} is no shipped profile (small, paper), so a TOML file", path.display())
-            }),
+            Self::Small => Ok(TrainConfig::default()),
+            Self::Paper => Ok(TrainConfig::paper()),
+            Self::File(path) => {
+                let model = config::load(Some(path), &[]).with_context(|| {
+                    format!("--model {} is no shipped profile (small, paper), so a TOML file", path.display())
+                })?;
+                Ok(TrainConfig { model, ..TrainConfig::default() })
+            }
         }
     }
 }
 
 pub fn run(args: TrainArgs) -> anyhow::Result<ExitStatus> {
-    let base = TrainConfig { model: args.model.load()?, ..TrainConfig::default() };
-    let mut config: TrainConfig = config::load_over(&base, args.config.as_deref(), &args.overrides)?;
+    let mut config: TrainConfig =
+        config::load_over(&args.model.base()?, args.config.as_deref(), &args.overrides)?;
     if args.image_weights.is_some() {
         config.image_weights = args.image_weights;
     }
@@ -106,7 +113,13 @@ pub fn run(args: TrainArgs) -> anyhow::Result<ExitStatus> {
         return Ok(ExitStatus::Done);
     };
     keep_freed_memory();
-    let options = RunOptions { force: args.force, resume: args.resume };
+    let draw = |run: &Path| {
+        // A picture that fails is no reason to stop a training.
+        if let Err(error) = curves::run(run) {
+            tracing::warn!("{error}");
+        }
+    };
+    let options = RunOptions { force: args.force, resume: args.resume, after_validation: Some(&draw) };
     let validation = match Dataset::open(&args.data, &args.labels, Split::Val) {
         Ok(split) if config.validate_every_epochs > 0 => Some(split),
         Ok(_) | Err(DatasetError::EmptySplit { .. }) => None,
@@ -114,6 +127,7 @@ pub fn run(args: TrainArgs) -> anyhow::Result<ExitStatus> {
     };
     let summary =
         train::run(&dataset, validation.as_ref(), &config, &out, options, &device, &Bar::default())?;
+    draw(&out);
     if let Some(report) = &summary.image_weights {
         println!("{report}");
     }
@@ -135,6 +149,10 @@ pub fn run(args: TrainArgs) -> anyhow::Result<ExitStatus> {
         loss.harm,
         loss.boxes,
     );
-    println!("checkpoint: {}", summary.checkpoint.display());
+    println!(
+        "checkpoint: {}; curves: {}",
+        summary.checkpoint.display(),
+        out.join(curves::FILES[1]).display()
+    );
     Ok(ExitStatus::Done)
 }

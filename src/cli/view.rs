@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::ExitStatus;
+use super::detector::Trained;
 use crate::report::view::{self, ViewRequest};
 
 #[derive(Debug, Args)]
@@ -17,7 +18,8 @@ pub struct ViewArgs {
     /// Label set to draw
     #[arg(long, value_name = "SET", default_value = "rect")]
     labels: String,
-    /// Predictions to draw: a folder with a file for each episode, or a run's folder
+    /// Predictions to draw: a folder with a file for each episode, a run's folder, or `small` for those of the
+    /// network inside the program
     #[arg(long, value_name = "DIR")]
     predictions: Option<PathBuf>,
     /// Leave out predictions below this score
@@ -33,6 +35,12 @@ pub struct ViewArgs {
 
 pub fn run(args: ViewArgs) -> anyhow::Result<ExitStatus> {
     let ViewArgs { dataset, sample, labels: label_set, predictions, min_score, out, force } = args;
+    // A folder needs no checkpoint; a name has one folder in each dataset.
+    let predictions = predictions.map(|folder| match Trained::find(&folder) {
+        Ok(shipped @ Trained::Shipped(_)) => shipped.predictions_folder(&dataset),
+        _ => Ok(folder),
+    });
+    let predictions = predictions.transpose()?;
     let request = ViewRequest { dataset, sample, label_set, predictions, min_score, out, force };
     let summary = view::run(&request)?;
     println!(

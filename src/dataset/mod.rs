@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use fs_err as fs;
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::episode::manifest::{EpisodeEntry, LabelEntry, LabelManifest, Manifest, ManifestError, Split};
@@ -55,10 +55,24 @@ pub struct LabelledSample {
 }
 
 /// What a run was trained on, to recognise it again.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Fingerprint {
     pub dataset_sha256: String,
     pub labels_sha256: String,
+}
+
+impl Fingerprint {
+    /// Of a data set's folder and one of its label sets.
+    ///
+    /// # Errors
+    /// One of the two is not there.
+    pub fn of(path: &Path, set: &str) -> std::io::Result<Self> {
+        let hash = |file: PathBuf| fs::read(file).map(|bytes| files::sha256_hex(&bytes));
+        Ok(Self {
+            dataset_sha256: hash(path.join(Manifest::FILE))?,
+            labels_sha256: hash(LabelManifest::folder(path, set).join(LabelManifest::FILE))?,
+        })
+    }
 }
 
 /// One split of a dataset with one of its label sets.
@@ -96,17 +110,12 @@ impl Dataset {
             .par_iter()
             .map(|entry| load_episode(path, set, entry, label_entry(&labels, entry, path)?))
             .collect::<Result<Vec<_>, _>>()?;
-        let hash =
-            |file: PathBuf| -> Result<String, DatasetError> { Ok(files::sha256_hex(&fs::read(file)?)) };
         Ok(Self {
             path: path.to_owned(),
             samples: loaded.into_iter().flatten().collect(),
             episodes,
             zone,
-            fingerprint: Fingerprint {
-                dataset_sha256: hash(path.join(Manifest::FILE))?,
-                labels_sha256: hash(LabelManifest::folder(path, set).join(LabelManifest::FILE))?,
-            },
+            fingerprint: Fingerprint::of(path, set)?,
         })
     }
 

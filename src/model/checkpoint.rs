@@ -91,11 +91,14 @@ pub fn save(detector: &Detector, path: &Path) -> Result<(), CheckpointError> {
 /// # Errors
 /// Unreadable, not safetensors, not one of ours, or an invalid config.
 pub fn read_config(path: &Path) -> Result<ModelConfig, CheckpointError> {
-    let bytes = fs::read(path).map_err(CheckpointError::Io)?;
-    config_of(&bytes, path)
+    config_in(&fs::read(path).map_err(CheckpointError::Io)?, path)
 }
 
-fn config_of(bytes: &[u8], path: &Path) -> Result<ModelConfig, CheckpointError> {
+/// Reads the config inside a checkpoint's bytes; errors call them `path`.
+///
+/// # Errors
+/// Not safetensors, not one of ours, or an invalid config.
+pub fn config_in(bytes: &[u8], path: &Path) -> Result<ModelConfig, CheckpointError> {
     let foreign = |found: String| CheckpointError::Foreign { found, path: path.to_owned() };
     let (_, metadata) =
         safetensors::SafeTensors::read_metadata(bytes).map_err(|error| foreign(error.to_string()))?;
@@ -118,10 +121,17 @@ fn config_of(bytes: &[u8], path: &Path) -> Result<ModelConfig, CheckpointError> 
 /// # Errors
 /// As [`read_config`], or weights that do not fit the config.
 pub fn load(path: &Path, device: &Device) -> Result<Detector, CheckpointError> {
-    let bytes = fs::read(path).map_err(CheckpointError::Io)?;
-    let config = config_of(&bytes, path)?;
+    unpack(&fs::read(path).map_err(CheckpointError::Io)?, path, device)
+}
+
+/// Makes a detector of a checkpoint's bytes; errors call them `path`.
+///
+/// # Errors
+/// As [`config_in`], or weights that do not fit the config.
+pub fn unpack(bytes: &[u8], path: &Path, device: &Device) -> Result<Detector, CheckpointError> {
+    let config = config_in(bytes, path)?;
     let mut detector = Detector::init(&config, 0, device);
-    let mut store = SafetensorsStore::from_bytes(Some(bytes)).allow_partial(true).validate(false);
+    let mut store = SafetensorsStore::from_bytes(Some(bytes.to_vec())).allow_partial(true).validate(false);
     let applied = detector
         .load_from(&mut store)
         .map_err(|error| CheckpointError::Foreign { found: error.to_string(), path: path.to_owned() })?;

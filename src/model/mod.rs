@@ -31,6 +31,7 @@ mod pillars;
 mod positions;
 mod predict;
 mod queries;
+mod shipped;
 mod sparse;
 mod swin;
 mod swin_camera;
@@ -40,8 +41,7 @@ pub use batch::Batch;
 pub use bev_backbone::{BevBackbone, BevBackboneConfig, Upsample};
 pub use config::{
     CameraBackbone, CameraConfig, CnnConfig, GridConfig, HeadConfig, Heatmap, LidarConfig, LidarEncoder,
-    ModelConfig, ModelConfigError, NumericFusion, PAPER_TOML, PillarConfig, PositionEncoding, Prediction,
-    SMALL_TOML,
+    ModelConfig, ModelConfigError, NumericFusion, PillarConfig, PositionEncoding, Prediction,
 };
 pub use depth_lss::{DepthLssConfig, pool_plan, sparse_depth};
 pub use detector::{Detector, detections};
@@ -52,6 +52,7 @@ pub use input::{Input, InputError};
 pub use lidar_voxel::{LidarVoxelBranch, LidarVoxelConfig, VoxelBatch};
 pub use parameters::n_trained;
 pub use queries::{Query, cell_center_m};
+pub use shipped::{SHIPPED, Shipped};
 pub use sparse::{EncoderRulebooks, Sites, SparseEncoder, SparseEncoderConfig};
 pub use swin::{Swin, SwinConfig};
 pub use swin_camera::{

@@ -1,6 +1,7 @@
 //! Scores and samples for people: text tables and pictures.
 
 mod canvas;
+pub mod curves;
 pub mod info;
 mod palette;
 pub mod table;

@@ -11,6 +11,13 @@ struct PaperScores(f64, f64, f64);
 /// ID run of the paper (Table II).
 const PAPER_ID: PaperScores = PaperScores(0.7947, 0.8289, 0.8118);
 
+/// The paper's AP, harmful, harmless and mean: of its ID run, or of a column of its OOD run.
+#[must_use]
+pub fn paper_scores(column: Option<Column>) -> [f64; 3] {
+    let PaperScores(harmful, harmless, mean) = column.map_or(PAPER_ID, |column| described(column).1);
+    [harmful, harmless, mean]
+}
+
 /// A column's name, and the paper's figures for an OOD run (Table III).
 fn described(column: Column) -> (&'static str, PaperScores) {
     match column {

@@ -5,7 +5,12 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use super::schedule::Schedule;
+use crate::config::with_table;
 use crate::model::{CameraBackbone, ModelConfig, ModelConfigError};
+
+/// `configs/train-paper.toml`: the keys in which training the `paper` profile differs from the default.
+const PAPER_TOML: &str = include_str!("../../configs/train-paper.toml");
 
 /// A training run; `configs/train.toml` equals the default.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -15,11 +20,12 @@ pub struct TrainConfig {
     pub seed: u64,
     /// Samples of a batch.
     pub batch_size: usize,
-    /// First stage: LiDAR, numeric branch and head. Default 10 epochs, as the paper.
+    /// First stage: LiDAR, numeric branch and head. Default 10 epochs, as the paper; with 0 the camera trains
+    /// with all the rest from the start.
     pub lidar_stage: StageConfig,
-    /// Second stage: the camera joins. Default 3 epochs, as the paper.
+    /// Second stage: the camera joins. Default 3 epochs, as the paper; 0 without a camera.
     pub fused_stage: StageConfig,
-    /// Share of the steps over which the learning rate rises. Default 0.4.
+    /// Share of a stage's steps over which the learning rate rises, or beta1 falls. Default 0.4.
     pub rise_share: f64,
     pub weight_decay: f32,
     /// L2 norm that all gradients together are scaled down to.
@@ -52,8 +58,11 @@ pub struct TrainConfig {
 #[serde(deny_unknown_fields)]
 pub struct StageConfig {
     pub epochs: usize,
-    /// Peak learning rate of the one-cycle schedule.
+    /// Peak of the schedule's learning rate.
     pub max_learning_rate: f64,
+    /// Default `one_cycle`.
+    #[serde(default)]
+    pub schedule: Schedule,
 }
 
 /// Weights of the losses, and of the assignment's costs, as TransFusion.
@@ -116,8 +125,8 @@ impl Default for TrainConfig {
         Self {
             seed: 0,
             batch_size: 2,
-            lidar_stage: StageConfig { epochs: 10, max_learning_rate: 2e-3 },
-            fused_stage: StageConfig { epochs: 3, max_learning_rate: 1e-3 },
+            lidar_stage: StageConfig { epochs: 10, max_learning_rate: 2e-3, schedule: Schedule::OneCycle },
+            fused_stage: StageConfig { epochs: 3, max_learning_rate: 1e-3, schedule: Schedule::OneCycle },
             rise_share: 0.4,
             weight_decay: 0.01,
             clip_norm: 10.0,
@@ -145,6 +154,14 @@ pub enum TrainConfigError {
 }
 
 impl TrainConfig {
+    /// Training of the `paper` profile, with the published schedules.
+    #[must_use]
+    pub fn paper() -> Self {
+        let keys = PAPER_TOML.parse().expect("a test reads the shipped file");
+        let default = Self { model: ModelConfig::paper(), ..Self::default() };
+        with_table(&default, &keys).expect("a test reads the shipped file")
+    }
+
     /// Checks what the types cannot say.
     ///
     /// # Errors
@@ -190,11 +207,11 @@ impl TrainConfig {
                 valid: "with model.use_camera it must be above zero, without it zero: the camera trains there",
             });
         }
-        if self.model.use_lidar != (self.lidar_stage.epochs > 0) {
+        if !self.model.use_lidar && self.lidar_stage.epochs > 0 {
             return Err(TrainConfigError::Field {
                 field: "lidar_stage.epochs",
                 found: self.lidar_stage.epochs.to_string(),
-                valid: "with model.use_lidar it must be above zero, without it zero: the LiDAR trains there first",
+                valid: "without model.use_lidar it must be zero: the LiDAR trains there",
             });
         }
         let has_swin = self.model.use_camera && self.model.camera.backbone == CameraBackbone::Swin;
@@ -218,6 +235,36 @@ mod tests {
         let shipped: TrainConfig = toml::from_str(include_str!("../../configs/train.toml")).unwrap();
         assert_eq!(shipped, TrainConfig::default());
         shipped.check().unwrap();
+    }
+
+    /// BEVFusion's two stages (mit-han-lab/bevfusion), with the epochs of arXiv 2506.23426.
+    #[test]
+    fn the_paper_profile_trains_as_published() {
+        let paper = TrainConfig::paper();
+        paper.check().unwrap();
+        assert_eq!(paper.model, ModelConfig::paper());
+        let stage = |epochs, max_learning_rate, schedule| StageConfig { epochs, max_learning_rate, schedule };
+        assert_eq!(paper.lidar_stage, stage(10, 1e-3, Schedule::Cyclic));
+        assert_eq!(paper.fused_stage, stage(3, 2e-4, Schedule::WarmupCosine));
+        assert_eq!((paper.weight_decay, paper.clip_norm, paper.rise_share), (0.01, 35.0, 0.4));
+        assert_eq!((paper.batch_size * paper.accumulate, paper.average_decay), (32, 0.0));
+    }
+
+    #[test]
+    fn a_branch_that_is_not_there_has_no_stage_and_the_camera_may_train_from_the_start() {
+        let with = |keys: &[&str]| {
+            let keys: Vec<String> = keys.iter().map(|&key| key.to_owned()).collect();
+            crate::config::with_overrides(&TrainConfig::default(), &keys).unwrap().check()
+        };
+        with(&["lidar_stage.epochs=0"]).unwrap();
+        with(&["model.use_camera=false", "fused_stage.epochs=0"]).unwrap();
+        with(&["model.use_lidar=false", "lidar_stage.epochs=0"]).unwrap();
+        for wrong in [&["model.use_lidar=false"], &["model.use_camera=false"], &["fused_stage.epochs=0"]] {
+            let message = with(wrong).unwrap_err().to_string();
+            assert!(message.contains("_stage.epochs"), "{wrong:?}: {message}");
+        }
+        let message = with(&["lidar_stage.epochs=0", "fused_stage.epochs=0"]).unwrap_err().to_string();
+        assert!(message.contains("both stages"), "{message}");
     }
 
     #[test]

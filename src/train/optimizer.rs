@@ -1,11 +1,15 @@
-//! AdamW over a module, with clipping by the norm of all gradients together and a state that can be
-//! kept and loaded bit by bit.
+//! AdamW over a module, with a first beta that may change from step to step, clipping by the norm of all
+//! gradients together and a state that can be kept and loaded bit by bit.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
 
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param, ParamId};
-use burn::optim::{AdamWConfig, GradientsParams, ModuleOptimizer};
-use burn::tensor::{Bytes, Tensor};
+use burn::optim::{AdamWConfig, AdamWState, GradientsParams, LearningRate, ModuleOptimizer};
+use burn::tensor::{Bytes, Device, Tensor};
 
 use super::config::TrainConfig;
+use super::schedule::{BETA_1, Pace};
 
 /// Gives parameters the ids 1, 2, ... in the order of the module, so that an optimizer state fits the
 /// same module in another process.
@@ -24,24 +28,52 @@ pub fn number_parameters<M: Module>(module: M) -> M {
     module.map(&mut Number { next: 0 })
 }
 
+/// burn's AdamW with the beta1 of the step under way.
+#[derive(Clone)]
+struct PacedAdamW {
+    config: AdamWConfig,
+    /// An f32's bits; [`Optimizer`] sets it before each step.
+    beta_1: Arc<AtomicU32>,
+}
+
+impl burn::optim::Optimizer for PacedAdamW {
+    type State<const D: usize> = AdamWState<D>;
+
+    fn step<const D: usize>(
+        &self,
+        learning_rate: LearningRate,
+        tensor: Tensor<D>,
+        grad: Tensor<D>,
+        state: Option<Self::State<D>>,
+    ) -> (Tensor<D>, Option<Self::State<D>>) {
+        let beta_1 = f32::from_bits(self.beta_1.load(Ordering::Relaxed));
+        self.config.clone().with_beta_1(beta_1).build().step(learning_rate, tensor, grad, state)
+    }
+
+    fn to_device<const D: usize>(state: Self::State<D>, device: &Device) -> Self::State<D> {
+        burn::optim::AdamW::to_device(state, device)
+    }
+}
+
 /// The optimizer of a run.
 pub struct Optimizer {
     adamw: ModuleOptimizer,
+    beta_1: Arc<AtomicU32>,
     clip_norm: f32,
 }
 
 impl Optimizer {
     #[must_use]
     pub fn new(config: &TrainConfig) -> Self {
-        Self {
-            // PyTorch's epsilon; burn's default is 1e-5.
-            adamw: AdamWConfig::new().with_epsilon(1e-8).with_weight_decay(config.weight_decay).init(),
-            clip_norm: config.clip_norm,
-        }
+        let beta_1 = Arc::new(AtomicU32::new((BETA_1 as f32).to_bits()));
+        // PyTorch's epsilon; burn's default is 1e-5.
+        let adamw = AdamWConfig::new().with_epsilon(1e-8).with_weight_decay(config.weight_decay);
+        let adamw = PacedAdamW { config: adamw, beta_1: beta_1.clone() };
+        Self { adamw: ModuleOptimizer::from(adamw), beta_1, clip_norm: config.clip_norm }
     }
 
     /// One step; returns the module and the gradients' norm before clipping.
-    pub fn step<M: Module>(&mut self, module: M, grads: GradientsParams, learning_rate: f64) -> (M, f32) {
+    pub fn step<M: Module>(&mut self, module: M, grads: GradientsParams, pace: Pace) -> (M, f32) {
         let mut norm = SquaredNorm { grads: &grads, sum: 0.0 };
         module.visit(&mut norm);
         let norm = norm.sum.sqrt() as f32;
@@ -49,7 +81,8 @@ impl Optimizer {
         if norm > self.clip_norm {
             module.visit(&mut Scale { grads: &mut grads, by: self.clip_norm / norm });
         }
-        (self.adamw.step(learning_rate, module, grads), norm)
+        self.beta_1.store((pace.beta_1 as f32).to_bits(), Ordering::Relaxed);
+        (self.adamw.step(pace.learning_rate, module, grads), norm)
     }
 
     /// The state as bytes.
@@ -65,8 +98,9 @@ impl Optimizer {
     /// # Errors
     /// The bytes are no such state; the text says why.
     pub fn load_bytes(self, bytes: Vec<u8>) -> Result<Self, String> {
-        let adamw = self.adamw.from_bytes(Bytes::from_bytes_vec(bytes)).map_err(|error| error.to_string())?;
-        Ok(Self { adamw, clip_norm: self.clip_norm })
+        let Self { adamw, beta_1, clip_norm } = self;
+        let adamw = adamw.from_bytes(Bytes::from_bytes_vec(bytes)).map_err(|error| error.to_string())?;
+        Ok(Self { adamw, beta_1, clip_norm })
     }
 }
 
@@ -112,7 +146,7 @@ mod tests {
             let x = Tensor::<2>::from_data(TensorData::new(vec![1.0f32, step as f32], [1, 2]), device);
             let loss = linear.forward(x).powf_scalar(2.0).sum();
             let grads = GradientsParams::from_grads(loss.backward(), &linear);
-            linear = optimizer.step(linear, grads, 0.01).0;
+            linear = optimizer.step(linear, grads, Pace { learning_rate: 0.01, beta_1: BETA_1 }).0;
         }
         linear
     }
@@ -135,6 +169,30 @@ mod tests {
         let mut fresh = Optimizer::new(&config);
         let half = train(number_parameters(unbroken.clone()), &mut fresh, 3, &device);
         assert_ne!(weights(&half), weights(&unbroken));
+    }
+
+    /// PyTorch, first beta b: m = b m + (1 - b) g and m / (1 - b^t) with the beta of the step.
+    #[test]
+    fn beta_1_is_that_of_each_step() {
+        let device = Device::flex().autodiff();
+        let config = TrainConfig { weight_decay: 0.0, clip_norm: f32::MAX, ..TrainConfig::default() };
+        let mut linear: Linear = number_parameters(LinearConfig::new(1, 1).with_bias(false).init(&device));
+        let mut optimizer = Optimizer::new(&config);
+        let mut expected = f64::from(weights(&linear)[0]);
+        let (mut first, mut second) = (0.0, 0.0);
+        for (t, (gradient, beta_1)) in
+            [(1.0, 0.9), (-0.5, 0.85), (2.0, 0.81), (0.25, 0.9)].into_iter().enumerate()
+        {
+            let x = Tensor::<2>::from_data(TensorData::new(vec![gradient as f32], [1, 1]), &device);
+            let grads = GradientsParams::from_grads(linear.forward(x).sum().backward(), &linear);
+            linear = optimizer.step(linear, grads, Pace { learning_rate: 0.1, beta_1 }).0;
+            first = beta_1 * first + (1.0 - beta_1) * gradient;
+            second = 0.999 * second + 0.001 * gradient * gradient;
+            let n = t as i32 + 1;
+            let (mean, spread) = (first / (1.0 - beta_1.powi(n)), second / (1.0 - 0.999f64.powi(n)));
+            expected -= 0.1 * mean / (spread.sqrt() + 1e-8);
+            assert!((f64::from(weights(&linear)[0]) - expected).abs() < 1e-5, "step {t}");
+        }
     }
 
     #[test]

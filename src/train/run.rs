@@ -8,22 +8,20 @@ use std::time::{Duration, Instant};
 
 use burn::module::Module;
 use burn::tensor::Device;
-use fs_err as fs;
 use thiserror::Error;
 
 use super::average::Average;
-use super::config::{TrainConfig, TrainConfigError};
+use super::config::{StageConfig, TrainConfig, TrainConfigError};
+use super::folder::{self, CHECKPOINT, LOG_FILE, VALIDATION_FILE};
 use super::log::Log;
 use super::losses::LossParts;
 use super::optimizer::{Optimizer, number_parameters};
 use super::plan::{Plan, STAGES};
-use super::schedule::one_cycle;
+use super::spent::Stopwatch;
 use super::state::{self, Position, StateError};
 use super::step::{Mean, Steps, not_finite};
 use super::validate::{self, ValidationError, validate};
-use crate::config::to_toml;
 use crate::dataset::Dataset;
-use crate::files;
 use crate::label::zone::ZoneError;
 use crate::model::checkpoint::{self, CheckpointError};
 use crate::model::{Detector, ImageWeightsError, ImageWeightsReport, InputError};
@@ -66,13 +64,15 @@ pub enum TrainError {
     NotFinite { found: f32, step: usize, stage: &'static str, samples: Vec<String> },
 }
 
-/// How a run may treat what it finds in its folder.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct RunOptions {
+/// How a run may treat what it finds in its folder, and whom it tells.
+#[derive(Clone, Copy, Default)]
+pub struct RunOptions<'a> {
     /// Discard a run of another config.
     pub force: bool,
     /// There must be something to go on with.
     pub resume: bool,
+    /// Called with the run's folder after each validation, when its logs are up to date.
+    pub after_validation: Option<&'a dyn Fn(&Path)>,
 }
 
 /// What a run did.
@@ -92,13 +92,7 @@ pub struct Summary {
     pub image_weights: Option<ImageWeightsReport>,
 }
 
-/// Name of the finished checkpoint in a run's folder.
-pub const CHECKPOINT: &str = "model.safetensors";
-const CONFIG_FILE: &str = "train.toml";
-const DATA_FILE: &str = "data.json";
-const LOG_FILE: &str = "log.csv";
-const VALIDATION_FILE: &str = "validation.csv";
-const LOG_HEADER: &str = "n_done,stage,epoch,learning_rate,heatmap,harm,boxes,gradient_norm";
+pub(super) const LOG_HEADER: &str = "n_done,stage,epoch,learning_rate,heatmap,harm,boxes,gradient_norm";
 
 /// Trains a detector; goes on where an earlier call with the same config and data stopped. With
 /// `validation`, the moving average is scored on it between epochs.
@@ -110,7 +104,7 @@ pub fn run(
     validation: Option<&Dataset>,
     config: &TrainConfig,
     out: &Path,
-    options: RunOptions,
+    options: RunOptions<'_>,
     device: &Device,
     progress: &dyn Progress,
 ) -> Result<Summary, TrainError> {
@@ -120,7 +114,7 @@ pub fn run(
     if samples.is_empty() {
         return Err(TrainError::NoSamples { path: dataset.path().to_owned() });
     }
-    open_folder(dataset, config, out, options)?;
+    folder::open(dataset, config, out, options)?;
     let plan = Plan::new(config, samples);
     let final_path = out.join(CHECKPOINT);
     let summary = |n_steps_now, last_loss, loading| Summary {
@@ -137,6 +131,7 @@ pub fn run(
         return Ok(summary(0, LossParts::default(), Duration::ZERO));
     }
 
+    let stopwatch = Stopwatch::start(out);
     let inference_device = device;
     let device = device.clone().autodiff();
     let mut image_weights = None;
@@ -161,18 +156,18 @@ pub fn run(
     while position.stage < STAGES.len() {
         let stage = STAGES[position.stage];
         let n_steps = plan.n_steps[position.stage];
+        if n_steps == 0 {
+            position = Position { stage: position.stage + 1, step: 0 };
+            continue;
+        }
         steps.begin_stage();
         progress.start(stage, n_steps as u64);
         progress.advance(position.step as u64);
         while position.step < n_steps {
-            let learning_rate = one_cycle(
-                position.step,
-                n_steps,
-                plan.stages[position.stage].max_learning_rate,
-                config.rise_share,
-            );
+            let StageConfig { schedule, max_learning_rate, .. } = plan.stages[position.stage];
+            let pace = schedule.pace(position.step, n_steps, max_learning_rate, config.rise_share);
             let (passed, grads, parts) = steps.gradients(detector, position)?;
-            let (next, norm) = optimizer.step(passed, grads, learning_rate);
+            let (next, norm) = optimizer.step(passed, grads, pace);
             if !norm.is_finite() {
                 let chosen = plan.step_samples(config, position).concat();
                 return Err(not_finite(norm, position, &chosen, samples));
@@ -190,8 +185,8 @@ pub fn run(
             n_steps_now += 1;
             let n_done = plan.n_done(position);
             log.push(format!(
-                "{n_done},{stage},{epoch},{learning_rate:.3e},{:.5},{:.5},{:.5},{norm:.3}",
-                parts.heatmap, parts.harm, parts.boxes
+                "{n_done},{stage},{epoch},{:.3e},{:.5},{:.5},{:.5},{norm:.3}",
+                pace.learning_rate, parts.heatmap, parts.harm, parts.boxes
             ));
             progress.note(&format!("epoch {} loss {:.3}", epoch + 1, epoch_loss.mean().total()));
             progress.advance(1);
@@ -206,9 +201,14 @@ pub fn run(
                 let [a, b, c] = [scored.harmful, scored.harmless, scored.mean];
                 scores.push(format!("{n_done},{stage},{epoch},{a:.4},{b:.4},{c:.4}"));
                 scores.save()?;
+                if let Some(tell) = options.after_validation {
+                    log.save()?;
+                    tell(out);
+                }
             }
             if n_done.is_multiple_of(config.save_every_steps) && position.step < n_steps {
                 log.save()?;
+                stopwatch.save(out)?;
                 state::keep(out, n_done, position, &detector.valid(), average.detector(), &optimizer)?;
             }
         }
@@ -216,9 +216,11 @@ pub fn run(
         position = Position { stage: position.stage + 1, step: 0 };
         optimizer = Optimizer::new(config);
         log.save()?;
+        stopwatch.save(out)?;
         let n_done = plan.n_done(position);
         state::keep(out, n_done, position, &detector.valid(), average.detector(), &optimizer)?;
     }
+    stopwatch.save(out)?;
     checkpoint::save(&finished(&detector, &average, config), &final_path)?;
     state::clear(out)?;
     Ok(Summary { image_weights, ..summary(n_steps_now, epoch_loss.mean(), steps.loading) })
@@ -229,70 +231,25 @@ fn finished(detector: &Detector, average: &Average, config: &TrainConfig) -> Det
     if config.average_decay > 0.0 { average.detector().clone() } else { detector.valid() }
 }
 
-/// Makes the run's folder, or checks that the run in it is this one.
-fn open_folder(
-    dataset: &Dataset,
-    config: &TrainConfig,
-    out: &Path,
-    options: RunOptions,
-) -> Result<(), TrainError> {
-    let config_text = to_toml(config);
-    let data_text =
-        serde_json::to_string_pretty(&dataset.fingerprint()).expect("a fingerprint has a JSON form");
-    let config_path = out.join(CONFIG_FILE);
-    let is_empty = !out.exists() || fs::read_dir(out)?.next().is_none();
-    if is_empty {
-        if options.resume {
-            return Err(TrainError::NothingToResume { path: out.to_owned() });
-        }
-    } else if config_path.exists() {
-        let is_same = fs::read_to_string(&config_path)? == config_text
-            && fs::read_to_string(out.join(DATA_FILE)).is_ok_and(|text| text == data_text);
-        if is_same && !options.force {
-            return Ok(());
-        }
-        if !options.force {
-            return Err(TrainError::OtherRun { path: out.to_owned() });
-        }
-        state::clear(out)?;
-        for name in [CHECKPOINT, LOG_FILE, VALIDATION_FILE, CONFIG_FILE, DATA_FILE] {
-            let path = out.join(name);
-            if path.exists() {
-                fs::remove_file(path)?;
-            }
-        }
-    } else if fs::read_dir(out)?.any(|entry| {
-        // A run that was stopped while it began leaves only these.
-        entry.is_ok_and(|entry| {
-            let name = entry.file_name();
-            name != DATA_FILE && !name.to_string_lossy().ends_with(files::PARTIAL_SUFFIX)
-        })
-    }) {
-        return Err(TrainError::NotARun { path: out.to_owned() });
-    }
-    fs::create_dir_all(out)?;
-    files::write_atomic(&out.join(DATA_FILE), data_text.as_bytes())?;
-    files::write_atomic(&config_path, config_text.as_bytes())?;
-    Ok(())
-}
-
 #[cfg(test)]
 mod tests {
-    use super::super::StageConfig;
+    use super::super::{History, Schedule, Spent};
     use super::*;
     use crate::dataset::test_data;
     use crate::model::{
         CameraConfig, CnnConfig, GridConfig, HeadConfig, LidarConfig, ModelConfig, PillarConfig,
     };
     use crate::progress::Silent;
+    use fs_err as fs;
 
     fn tiny() -> TrainConfig {
-        let stage = |epochs| StageConfig { epochs, max_learning_rate: 2e-3 };
+        let stage = |epochs, schedule| StageConfig { epochs, max_learning_rate: 2e-3, schedule };
         TrainConfig {
             batch_size: 1,
             accumulate: 2,
-            lidar_stage: stage(2),
-            fused_stage: stage(1),
+            // The two that change beta1 from step to step.
+            lidar_stage: stage(2, Schedule::Cyclic),
+            fused_stage: stage(1, Schedule::WarmupCosine),
             save_every_steps: 1,
             model: ModelConfig {
                 grid: GridConfig { cell_size_m: 3.2, ..GridConfig::default() },
@@ -338,7 +295,14 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let options = RunOptions::default();
         let path = folder.path().join("whole");
-        let whole = run(&data, Some(&data), &config, &path, options, &Device::flex(), &Silent).unwrap();
+        let told = std::cell::RefCell::new(Vec::new());
+        let tell = |run: &Path| {
+            let history = History::read(run).unwrap();
+            told.borrow_mut().push((history.steps.len(), history.scores.len()));
+        };
+        let telling = RunOptions { after_validation: Some(&tell), ..options };
+        let whole = run(&data, Some(&data), &config, &path, telling, &Device::flex(), &Silent).unwrap();
+        assert_eq!(told.into_inner(), [(3, 1), (6, 2), (9, 3)], "logs are up to date at each validation");
         let broken = folder.path().join("broken");
         for after in [2, 5, 2] {
             let watcher = Stop { after: after.into() };
@@ -349,6 +313,8 @@ mod tests {
         }
         let resumed = run(&data, Some(&data), &config, &broken, options, &Device::flex(), &Silent).unwrap();
         assert!(resumed.n_steps_now < whole.n_steps_now);
+        let spent = Spent::read(&broken).unwrap();
+        assert!(spent.wall_s >= resumed.elapsed.as_secs_f64() - 0.1 && spent.n_calls == 3, "{spent:?}");
         assert!(fs::read(&whole.checkpoint).unwrap() == fs::read(&resumed.checkpoint).unwrap());
         for name in [LOG_FILE, VALIDATION_FILE] {
             assert_eq!(fs::read(path.join(name)).unwrap(), fs::read(broken.join(name)).unwrap(), "{name}");
@@ -364,7 +330,7 @@ mod tests {
         let other = TrainConfig { seed: 1, ..tiny() };
         assert!(matches!(train(&data, &other, folder.path()), Err(TrainError::OtherRun { .. })));
         assert_eq!(fs::read(folder.path().join(CHECKPOINT)).unwrap(), before);
-        let forced = RunOptions { force: true, resume: false };
+        let forced = RunOptions { force: true, ..RunOptions::default() };
         run(&data, None, &other, folder.path(), forced, &Device::flex(), &Silent).unwrap();
         assert_ne!(fs::read(folder.path().join(CHECKPOINT)).unwrap(), before);
     }
@@ -385,7 +351,7 @@ mod tests {
     #[test]
     fn resuming_where_there_is_nothing_is_an_error() {
         let folder = tempfile::tempdir().unwrap();
-        let options = RunOptions { force: false, resume: true };
+        let options = RunOptions { resume: true, ..RunOptions::default() };
         let ended =
             run(&test_data::dataset(2), None, &tiny(), folder.path(), options, &Device::flex(), &Silent);
         assert!(matches!(ended, Err(TrainError::NothingToResume { .. })));
@@ -394,8 +360,8 @@ mod tests {
     #[test]
     fn training_lowers_the_loss() {
         let data = test_data::dataset(4);
-        let config =
-            TrainConfig { lidar_stage: StageConfig { epochs: 30, max_learning_rate: 4e-3 }, ..tiny() };
+        let stage = StageConfig { epochs: 30, max_learning_rate: 4e-3, schedule: Schedule::OneCycle };
+        let config = TrainConfig { lidar_stage: stage, ..tiny() };
         let folder = tempfile::tempdir().unwrap();
         train(&data, &config, folder.path()).unwrap();
         let log = fs::read_to_string(folder.path().join("log.csv")).unwrap();

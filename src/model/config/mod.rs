@@ -148,10 +148,7 @@ impl ModelConfig {
     }
 }
 
-/// `configs/model/paper.toml`.
-pub const PAPER_TOML: &str = include_str!("../../../configs/model/paper.toml");
-/// `configs/model/small.toml`.
-pub const SMALL_TOML: &str = include_str!("../../../configs/model/small.toml");
+const PAPER_TOML: &str = include_str!("../../../configs/model/paper.toml");
 
 #[cfg(test)]
 mod tests {
@@ -159,7 +156,8 @@ mod tests {
 
     #[test]
     fn the_shipped_small_profile_equals_the_default() {
-        assert_eq!(toml::from_str::<ModelConfig>(SMALL_TOML).unwrap(), ModelConfig::default());
+        let shipped = include_str!("../../../configs/model/small.toml");
+        assert_eq!(toml::from_str::<ModelConfig>(shipped).unwrap(), ModelConfig::default());
     }
 
     #[test]

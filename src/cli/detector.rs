@@ -1,0 +1,98 @@
+//! What a RUN argument means: a run's folder, a checkpoint, or the name of a network inside the program.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::bail;
+use burn::module::Module;
+use burn::tensor::Device;
+use fs_err as fs;
+
+use crate::model::{Detector, ModelConfig, SHIPPED, Shipped, checkpoint};
+use crate::train;
+
+/// A trained detector that a command was pointed at.
+#[derive(Debug)]
+pub enum Trained {
+    Shipped(&'static Shipped),
+    /// A checkpoint.
+    File(PathBuf),
+}
+
+impl Trained {
+    /// Finds what RUN names; the name of a network inside the program goes first, `./small` is a path.
+    ///
+    /// # Errors
+    /// Nothing is there; the message tells what would be.
+    pub fn find(run: &Path) -> anyhow::Result<Self> {
+        if let Some(shipped) = run.to_str().and_then(Shipped::named) {
+            return Ok(Self::Shipped(shipped));
+        }
+        let path = if run.is_dir() { run.join(train::CHECKPOINT) } else { run.to_owned() };
+        if !path.exists() {
+            bail!(
+                "no finished checkpoint; `harmzone train DATA --out {}` makes one, and the program has {} inside: {}",
+                run.display(),
+                SHIPPED.map(|shipped| format!("`{}`", shipped.name)).join(", "),
+                path.display()
+            );
+        }
+        Ok(Self::File(path))
+    }
+
+    /// The detector, in inference mode.
+    ///
+    /// # Errors
+    /// The checkpoint is broken.
+    pub fn load(&self, device: &Device) -> anyhow::Result<Detector> {
+        let detector = match self {
+            Self::Shipped(shipped) => {
+                checkpoint::unpack(shipped.checkpoint, Path::new(shipped.name), device)?
+            }
+            Self::File(path) => checkpoint::load(path, device)?,
+        };
+        Ok(detector.valid())
+    }
+
+    /// The network's config.
+    ///
+    /// # Errors
+    /// The checkpoint is broken.
+    pub fn config(&self) -> anyhow::Result<ModelConfig> {
+        Ok(match self {
+            Self::Shipped(shipped) => checkpoint::config_in(shipped.checkpoint, Path::new(shipped.name))?,
+            Self::File(path) => checkpoint::read_config(path)?,
+        })
+    }
+
+    /// Where its predictions for a dataset lie unless told otherwise: in the run's folder, by the dataset's
+    /// name; those of a network inside the program in the dataset, by the network's.
+    ///
+    /// # Errors
+    /// The dataset is not there, or its folder has no name.
+    pub fn predictions_folder(&self, data: &Path) -> anyhow::Result<PathBuf> {
+        let checkpoint = match self {
+            Self::Shipped(shipped) => return Ok(data.join("predictions").join(shipped.name)),
+            Self::File(path) => path,
+        };
+        let Some(name) = fs::canonicalize(data)?.file_name().map(ToOwned::to_owned) else {
+            bail!("the dataset's folder has no name; give --out: {}", data.display());
+        };
+        Ok(checkpoint.parent().unwrap_or(Path::new(".")).join("predictions").join(name))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_is_the_network_inside_and_a_path_is_a_path() {
+        assert!(matches!(Trained::find(Path::new("small")), Ok(Trained::Shipped(_))));
+        let message = Trained::find(Path::new("./small")).unwrap_err().to_string();
+        assert!(message.contains("`small`") && message.contains("harmzone train"), "{message}");
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join(train::CHECKPOINT), b"").unwrap();
+        let found = Trained::find(folder.path()).unwrap();
+        assert!(matches!(&found, Trained::File(path) if path.ends_with(train::CHECKPOINT)), "{found:?}");
+    }
+}

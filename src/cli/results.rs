@@ -1,0 +1,70 @@
+//! `harmzone results`: an experiment from nothing, resumable.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::ExitStatus;
+use super::device::DeviceArg;
+use super::progress::Bar;
+use crate::kernels::keep_freed_memory;
+use crate::results::{self, Request, ResultsConfig};
+
+#[derive(Debug, Args)]
+pub struct ResultsArgs {
+    /// Folder of the experiment: data, runs, scores, results.json, results.csv, RESULTS.md. The same command again
+    /// goes on where it stopped
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Rows and tables (TOML); `configs/results.toml` holds the defaults
+    #[arg(long, value_name = "TOML")]
+    config: Option<PathBuf>,
+    /// Override one key of the config, e.g. preset=demo
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    overrides: Vec<String>,
+    /// Data set to train and validate on [default: made in the experiment's folder]
+    #[arg(long, value_name = "DIR")]
+    data: Option<PathBuf>,
+    /// Data set with unfamiliar objects [default: made in the experiment's folder]
+    #[arg(long, value_name = "DIR")]
+    ood: Option<PathBuf>,
+    /// Finished run to stand above the tables [default: trained as the config says]
+    #[arg(long, value_name = "RUN")]
+    headline: Option<PathBuf>,
+    /// Card whose figures are written anew, e.g. models/small.md; its network lies beside it
+    #[arg(long, value_name = "MD")]
+    card: Option<PathBuf>,
+    /// Train and score one row
+    #[arg(long, value_name = "ROW", conflicts_with = "tables_only")]
+    only: Option<String>,
+    /// Write RESULTS.md, results.csv and the card anew from results.json, and do nothing else
+    #[arg(long)]
+    tables_only: bool,
+    #[command(flatten)]
+    device: DeviceArg,
+}
+
+pub fn run(args: ResultsArgs) -> anyhow::Result<ExitStatus> {
+    let text = args.out.join("RESULTS.md");
+    if args.tables_only {
+        results::rewrite(&args.out, args.card.as_deref())?;
+        println!("{}", text.display());
+        return Ok(ExitStatus::Done);
+    }
+    keep_freed_memory();
+    let config: ResultsConfig = crate::config::load(args.config.as_deref(), &args.overrides)?;
+    let request = Request {
+        config: &config,
+        out: args.out,
+        data: args.data,
+        ood: args.ood,
+        headline: args.headline,
+        only: args.only,
+        card: args.card,
+        program: std::env::current_exe()?,
+        jobs: std::thread::available_parallelism().map_or(1, usize::from),
+    };
+    let results = results::run(&request, &args.device.open()?, &Bar::default())?;
+    println!("{} of {} rows: {}", results.rows.len(), config.rows.len(), text.display());
+    Ok(ExitStatus::Done)
+}

@@ -1,0 +1,160 @@
+//! Which rows are trained, over which schedule, and in which tables they stand.
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use crate::config::{self, ConfigError};
+use crate::generate::Preset;
+use crate::train::{TrainConfig, TrainConfigError};
+
+/// An experiment; `configs/results.toml` equals the default.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ResultsConfig {
+    /// Preset of `harmzone gen` for both sets.
+    pub preset: String,
+    /// Name of the row above all tables: the network that ships. It stands alone, without the common keys.
+    pub headline: RowConfig,
+    /// `key=value` over configs/train.toml for every other row; a row's own keys go over these.
+    pub common: Vec<String>,
+    /// One training each.
+    pub rows: Vec<RowConfig>,
+    pub tables: Vec<TableConfig>,
+}
+
+/// A training.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RowConfig {
+    /// Letters, digits, `-` and `_`: it names files.
+    pub name: String,
+    /// `key=value` of the training config.
+    #[serde(default)]
+    pub set: Vec<String>,
+}
+
+/// A table of rows.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TableConfig {
+    pub title: String,
+    /// A sentence above the table.
+    pub note: String,
+    pub rows: Vec<RowOf>,
+}
+
+/// A row's place in a table.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RowOf {
+    pub label: String,
+    /// Name of the row.
+    pub row: String,
+}
+
+/// What is wrong with an experiment's config.
+#[derive(Debug, Error)]
+pub enum ResultsConfigError {
+    #[error("results config: no preset `{found}`; there are: {}", Preset::ALL.map(Preset::name).join(", "))]
+    Preset { found: String },
+    #[error("results config: row name `{found}`; letters, digits, `-` and `_` are needed, each name once")]
+    Name { found: String },
+    #[error("results config: table `{table}` names row `{found}`; there are: {}", valid.join(", "))]
+    TableRow { table: String, found: String, valid: Vec<String> },
+    #[error("row `{row}`: {source}")]
+    Keys { row: String, source: ConfigError },
+    #[error("row `{row}`: {source}")]
+    Train { row: String, source: TrainConfigError },
+    #[error("no row `{found}`; there are: {}", valid.join(", "))]
+    Only { found: String, valid: Vec<String> },
+}
+
+impl Default for ResultsConfig {
+    fn default() -> Self {
+        toml::from_str(include_str!("../../configs/results.toml")).expect("a test reads the shipped file")
+    }
+}
+
+impl ResultsConfig {
+    /// Each row's training, the headline's first.
+    ///
+    /// # Errors
+    /// Names the row or table that does not fit.
+    pub fn trainings(&self) -> Result<Vec<(String, TrainConfig)>, ResultsConfigError> {
+        if Preset::named(&self.preset).is_none() {
+            return Err(ResultsConfigError::Preset { found: self.preset.clone() });
+        }
+        let none = Vec::new();
+        let others = self.rows.iter().map(|row| (row, &self.common));
+        let mut trainings: Vec<(String, TrainConfig)> = Vec::new();
+        for (row, common) in std::iter::once((&self.headline, &none)).chain(others) {
+            let name = row.name.clone();
+            let is_word = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+            if name.is_empty() || !name.chars().all(is_word) || trainings.iter().any(|(n, _)| *n == name) {
+                return Err(ResultsConfigError::Name { found: name });
+            }
+            let keys = [common.as_slice(), &row.set].concat();
+            let training = config::with_overrides(&TrainConfig::default(), &keys)
+                .map_err(|source| ResultsConfigError::Keys { row: name.clone(), source })?;
+            training.check().map_err(|source| ResultsConfigError::Train { row: name.clone(), source })?;
+            trainings.push((name, training));
+        }
+        for table in &self.tables {
+            for RowOf { row, .. } in &table.rows {
+                if !self.rows.iter().any(|known| known.name == *row) {
+                    let valid = self.rows.iter().map(|row| row.name.clone()).collect();
+                    let (table, found) = (table.title.clone(), row.clone());
+                    return Err(ResultsConfigError::TableRow { table, found, valid });
+                }
+            }
+        }
+        Ok(trainings)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::NumericFusion;
+
+    #[test]
+    fn the_shipped_rows_are_the_ablations_and_see_each_sample_equally_often() {
+        let config = ResultsConfig::default();
+        let trainings = config.trainings().unwrap();
+        assert_eq!(trainings[0].1, TrainConfig::default(), "the headline is what `harmzone train` does");
+        let of = |name: &str| &trainings.iter().find(|(n, _)| n == name).unwrap().1;
+        let base = of("fused");
+        assert!(base.model.use_lidar && base.model.use_camera && base.lidar_stage.epochs > 0);
+        assert_eq!(base.model.head.numeric_fusion, NumericFusion::Film);
+        assert!(!of("lidar").model.use_camera && !of("camera").model.use_lidar);
+        assert_eq!(of("numeric-none").model.head.numeric_fusion, NumericFusion::None);
+        assert_eq!(of("numeric-paper").model.head.numeric_fusion, NumericFusion::Paper);
+        assert_eq!(of("one-stage").lidar_stage.epochs, 0);
+        let epochs = |config: &TrainConfig| config.lidar_stage.epochs + config.fused_stage.epochs;
+        assert!(trainings[1..].iter().all(|(_, config)| epochs(config) == epochs(base)));
+        // Every row stands in a table.
+        let placed = |name: &str| config.tables.iter().flat_map(|table| &table.rows).any(|of| of.row == name);
+        assert!(config.rows.iter().all(|row| placed(&row.name)));
+    }
+
+    #[test]
+    fn what_does_not_fit_is_named() {
+        let wrong = |change: fn(&mut ResultsConfig)| {
+            let mut config = ResultsConfig::default();
+            change(&mut config);
+            config.trainings().unwrap_err().to_string()
+        };
+        let message = wrong(|config| config.preset = "huge".into());
+        assert!(message.contains("huge") && message.contains("small"), "{message}");
+        let message = wrong(|config| config.tables[0].rows[0].row = "radar".into());
+        assert!(message.contains("radar") && message.contains("lidar"), "{message}");
+        let message = wrong(|config| config.rows[0].name = "a/b".into());
+        assert!(message.contains("a/b"), "{message}");
+        let message = wrong(|config| config.rows[1].name = config.rows[0].name.clone());
+        assert!(message.contains("each name once"), "{message}");
+        let message = wrong(|config| config.rows[0].set.push("model.use_radar=true".into()));
+        assert!(message.contains("use_radar") && message.contains("fused"), "{message}");
+        let message = wrong(|config| config.rows[0].set.push("fused_stage.epochs=0".into()));
+        assert!(message.contains("fused_stage.epochs"), "{message}");
+    }
+}

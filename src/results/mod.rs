@@ -1,0 +1,20 @@
+//! An experiment from nothing: data, the trainings of every row, their scores, and `RESULTS.md`.
+//!
+//! ```text
+//! <out>/id/ ood/              data sets, unless others are given
+//! <out>/runs/<row>/           one training a row, resumable
+//! <out>/scores/<row>.json     what that row came to; there when the row is done
+//! <out>/scores/<row>-id.json  all figures of its scoring, and <row>-ood.json
+//! <out>/results.json          all of it; results.csv and RESULTS.md are written from it alone
+//! ```
+
+mod config;
+mod data;
+mod record;
+mod run;
+mod text;
+
+pub use config::{ResultsConfig, ResultsConfigError, RowConfig, RowOf, TableConfig};
+pub use record::{DataRecord, Record, Results, SetRecord};
+pub use run::{Request, ResultsError, rewrite, run};
+pub use text::{card, markdown};

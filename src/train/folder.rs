@@ -1,0 +1,72 @@
+//! A run's folder: what lies in it, and whose it is.
+
+use std::path::Path;
+
+use fs_err as fs;
+
+use super::config::TrainConfig;
+use super::run::{RunOptions, TrainError};
+use super::spent::TIME_FILE;
+use super::state;
+use crate::config::to_toml;
+use crate::dataset::Dataset;
+use crate::files;
+
+/// Name of the finished checkpoint in a run's folder.
+pub const CHECKPOINT: &str = "model.safetensors";
+/// Name of the resolved config in a run's folder.
+pub const CONFIG_FILE: &str = "train.toml";
+/// Name of the file that says which data a run saw.
+pub const DATA_FILE: &str = "data.json";
+pub const LOG_FILE: &str = "log.csv";
+pub const VALIDATION_FILE: &str = "validation.csv";
+
+/// Makes the run's folder, or checks that the run in it is this one.
+///
+/// # Errors
+/// The folder holds another run or something else, there is nothing to resume, or any IO error.
+pub fn open(
+    dataset: &Dataset,
+    config: &TrainConfig,
+    out: &Path,
+    options: RunOptions<'_>,
+) -> Result<(), TrainError> {
+    let config_text = to_toml(config);
+    let data_text =
+        serde_json::to_string_pretty(&dataset.fingerprint()).expect("a fingerprint has a JSON form");
+    let config_path = out.join(CONFIG_FILE);
+    let is_empty = !out.exists() || fs::read_dir(out)?.next().is_none();
+    if is_empty {
+        if options.resume {
+            return Err(TrainError::NothingToResume { path: out.to_owned() });
+        }
+    } else if config_path.exists() {
+        let is_same = fs::read_to_string(&config_path)? == config_text
+            && fs::read_to_string(out.join(DATA_FILE)).is_ok_and(|text| text == data_text);
+        if is_same && !options.force {
+            return Ok(());
+        }
+        if !options.force {
+            return Err(TrainError::OtherRun { path: out.to_owned() });
+        }
+        state::clear(out)?;
+        for name in [CHECKPOINT, LOG_FILE, VALIDATION_FILE, TIME_FILE, CONFIG_FILE, DATA_FILE] {
+            let path = out.join(name);
+            if path.exists() {
+                fs::remove_file(path)?;
+            }
+        }
+    } else if fs::read_dir(out)?.any(|entry| {
+        // A run that was stopped while it began leaves only these.
+        entry.is_ok_and(|entry| {
+            let name = entry.file_name();
+            name != DATA_FILE && !name.to_string_lossy().ends_with(files::PARTIAL_SUFFIX)
+        })
+    }) {
+        return Err(TrainError::NotARun { path: out.to_owned() });
+    }
+    fs::create_dir_all(out)?;
+    files::write_atomic(&out.join(DATA_FILE), data_text.as_bytes())?;
+    files::write_atomic(&config_path, config_text.as_bytes())?;
+    Ok(())
+}
