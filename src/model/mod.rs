@@ -14,7 +14,7 @@ mod depth_lss;
 mod detector;
 mod forecast;
 #[cfg(test)]
-mod formula;
+pub(crate) mod formula;
 #[cfg(test)]
 pub(crate) mod golden;
 mod head;

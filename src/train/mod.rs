@@ -15,6 +15,8 @@ mod schedule;
 mod state;
 mod step;
 mod targets;
+#[cfg(test)]
+mod twin_tests;
 mod validate;
 
 pub use config::{AugmentConfig, LossConfig, StageConfig, TrainConfig, TrainConfigError};
