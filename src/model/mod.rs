@@ -31,6 +31,7 @@ mod positions;
 mod predict;
 mod queries;
 mod sparse;
+mod staged;
 mod swin;
 mod swin_camera;
 mod voxel;
@@ -47,11 +48,12 @@ pub use detector::{Detector, detections};
 pub use forecast::{MainTensor, main_tensors};
 pub use head::Output;
 pub use image_weights::{ImageWeightsError, ImageWeightsReport, load_image_weights};
-pub use input::{Input, InputError};
+pub use input::{CameraInput, Input, InputError, LidarInput};
 pub use lidar_voxel::{LidarVoxelBranch, LidarVoxelConfig, VoxelBatch};
 pub use parameters::n_trained;
 pub use queries::{Query, cell_center_m};
 pub use sparse::{EncoderRulebooks, Sites, SparseEncoder, SparseEncoderConfig};
+pub use staged::{InferenceStage, detect_by_stage};
 pub use swin::{Swin, SwinConfig};
 pub use swin_camera::{
     SwinCameraBatch, SwinCameraBranch, SwinCameraConfig, SwinCameraInput, SwinCameraInputError,

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::model::{CameraBackbone, ModelConfig, ModelConfigError};
+use crate::model::{CameraBackbone, ModelConfig, ModelConfigError, NumericFusion};
 
 /// A training run; `configs/train.toml` equals the default.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -143,6 +143,16 @@ pub enum TrainConfigError {
 }
 
 impl TrainConfig {
+    /// The augmentation that serves this network: no other states for one that does not see them.
+    #[must_use]
+    pub fn augment_of_model(&self) -> AugmentConfig {
+        let mut augment = self.augment;
+        if self.model.head.numeric_fusion == NumericFusion::None {
+            augment.n_redrawn_states = 0;
+        }
+        augment
+    }
+
     /// Checks what the types cannot say.
     ///
     /// # Errors

@@ -3,6 +3,7 @@
 mod assignment;
 mod augment;
 mod average;
+pub mod bench;
 mod cache;
 mod config;
 mod dry_run;

@@ -130,7 +130,11 @@ fn assert_output(output: &Output, golden: &Golden, prefix: &str) {
     let device = Device::flex();
     let name = |part: &str| format!("{prefix}.{part}");
     let heatmap = output.heatmap.clone().detach().into_data();
-    assert_close(&Tensor::from_data(heatmap, &device), &golden.tensor::<4>(&name("heatmap"), &device), prefix);
+    assert_close(
+        &Tensor::from_data(heatmap, &device),
+        &golden.tensor::<4>(&name("heatmap"), &device),
+        prefix,
+    );
     let queries: Vec<_> = output.queries.iter().flatten().collect();
     let scores = golden.numbers(&name("scores"));
     assert_eq!(queries.len(), scores.len());
@@ -271,7 +275,11 @@ impl ModuleVisitor for Statistics<'_> {
             ["lidar.Pillars.point_norm", "camera.Cnn.smooth.norm", "fuser.norm", "head.heatmap_hidden.norm"];
         let name = self.path.join(".");
         if WATCHED.iter().any(|norm| name.starts_with(norm)) && name.contains(".running_") {
-            assert_close(&param.val(), &self.golden.tensor(&format!("{}.{name}", self.prefix), &Device::flex()), &name);
+            assert_close(
+                &param.val(),
+                &self.golden.tensor(&format!("{}.{name}", self.prefix), &Device::flex()),
+                &name,
+            );
             self.n_compared += 1;
         }
     }

@@ -99,7 +99,11 @@ def frustum(camera: Camera, config: Config) -> tuple[Array, Array]:
         depth, np.arange(rows) * STRIDE + 0.5, np.arange(columns) * STRIDE + 0.5, indexing="ij"
     )
     in_camera = np.stack(
-        [(u - camera.center_px[0]) / camera.focal_px[0] * d, (v - camera.center_px[1]) / camera.focal_px[1] * d, d]
+        [
+            (u - camera.center_px[0]) / camera.focal_px[0] * d,
+            (v - camera.center_px[1]) / camera.focal_px[1] * d,
+            d,
+        ]
     )
     p = camera.rotation @ in_camera.reshape(3, -1) + camera.position[:, None]
     x = np.floor((p[0] - config.x_min_m) / config.cell_size_m)

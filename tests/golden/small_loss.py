@@ -1,7 +1,7 @@
-"""The training loss of the `small` detector: targets, assignment and losses, the twin of `src/train/losses.rs`.
+"""The training loss of the `small` detector, the twin of `src/train/losses.rs`: targets, assignment, losses.
 
-The losses themselves are those of `torch_losses.py`; boxes are (x, y, z, length, width, height, yaw), and with
-the velocity (x, y) nine numbers.
+The losses themselves are those of `torch_losses.py`; boxes are (x, y, z, length, width, height, yaw), and
+with the velocity (x, y) nine numbers.
 """
 
 from __future__ import annotations
@@ -49,7 +49,10 @@ def draw_heatmap(boxes: Array, config: Config) -> Array:
     n_y, n_x = config.cells
     heat = np.zeros((1, n_y, n_x), np.float32)
     for x_m, y_m, _, length_m, width_m, *_ in boxes:
-        x, y = int((x_m - config.x_min_m) / config.cell_size_m), int((y_m - config.y_min_m) / config.cell_size_m)
+        x, y = (
+            int((x_m - config.x_min_m) / config.cell_size_m),
+            int((y_m - config.y_min_m) / config.cell_size_m),
+        )
         r = gaussian_radius(length_m / config.cell_size_m, width_m / config.cell_size_m)
         sigma = (2 * r + 1) / 6
         ys, xs = np.arange(max(y - r, 0), min(y + r + 1, n_y)), np.arange(max(x - r, 0), min(x + r + 1, n_x))

@@ -1,12 +1,12 @@
-"""The whole `small` detector in PyTorch: values in training and at inference, and gradients of the training loss.
+"""The whole `small` detector in PyTorch: values in training and at inference, and gradients of the loss.
 
 Writes `small.safetensors` beside itself. Weights and inputs are numbers that `formula.py` makes from their
 names, as `src/train/twin_tests.rs` makes them: points, a picture, speeds, objects. Computed in f64.
 
-Case `whole` is the profile as it ships: values. Case `coarse` is the same network on a coarse map with a little
-picture: values and gradients. A gradient jumps where an activation crosses the kink of its ReLU; among the
-whole's millions some always lie within the rounding of f32, among the coarse one's inputs are chosen (`seed`)
-so that none does.
+Case `whole` is the profile as it ships: values. Case `coarse` is the same network on a coarse map with a
+little picture: values and gradients. A gradient jumps where an activation crosses the kink of its ReLU. Of
+the whole's millions of activations some always lie within the rounding of f32; the coarse one's inputs are
+chosen (`seed`) so that none does.
 
     .venv-golden/bin/python tests/golden/torch_small.py
 """
@@ -166,7 +166,7 @@ def prepare(case: Case) -> list[small_input.Prepared]:
 
 
 def last_gap(head: Head, heatmap: Tensor) -> float:
-    """Between the score of the last query and of the best cell that is none; of those without a peak, any do."""
+    """Between the scores of the last query and of the best cell that is none; inf where no peak is left."""
     head.n_queries += 1
     _, scores = head.pick(heatmap)
     head.n_queries -= 1
@@ -183,8 +183,8 @@ def kept(values: Tensor) -> Tensor:
 def results(case: Case) -> dict[str, Tensor]:
     """What the program must find. The LiDAR stage first, then the fused one; running statistics follow both.
 
-    Inference is of the whole alone: burn takes the plain variance into its running statistics, PyTorch n / (n - 1)
-    of it, which shows where a map has few cells.
+    Inference is of the whole alone: burn takes the plain variance into its running statistics, PyTorch
+    n / (n - 1) of it, which shows where a map has few cells.
     """
     samples, detector, found, gaps = prepare(case), network(case), {}, []
     for stage, with_camera in (("lidar", False), ("fused", True)):
@@ -218,7 +218,7 @@ def results(case: Case) -> dict[str, Tensor]:
 
 
 def check_overlap() -> None:
-    """The assignment's own overlap of boxes against that of `torch_assignment.py`, which is another method."""
+    """The overlap of boxes here against that of `torch_assignment.py`, which is another method."""
     rng = np.random.default_rng(50)
     truths = torch_assignment.random_boxes(rng, 12)
     guesses = truths + rng.normal(0, [0.6, 0.6, 0.2, 0.1, 0.1, 0.05, 0.5], (12, 7))
