@@ -11,7 +11,8 @@ PYTHON_SOURCES = $(wildcard python scenes mjcf_assets tests scripts)
 
 RESULTS = runs/results
 
-.PHONY: help setup setup-test build demo results test ci bench bench-gen gallery weathers fmt clean
+.PHONY: help setup setup-test setup-golden build demo results test ci bench bench-gen bench-eval race gallery weathers \
+	fmt clean
 
 help: ## List the targets
 	@echo "make <target>, where target is:"
@@ -26,6 +27,11 @@ setup-test: .venv-test/.ready ## The outside references that the tests compare w
 
 .venv-test/.ready: requirements.txt requirements-test.txt scripts/setup.sh .venv/.ready
 	@scripts/setup.sh test
+
+setup-golden: .venv-golden/.ready ## PyTorch, which the golden tests' files and `make race` come from (once; large)
+
+.venv-golden/.ready: tests/golden/requirements.txt scripts/setup.sh
+	@scripts/setup.sh golden
 
 build: setup ## The optimised program (the first time about 8 minutes on two cores)
 	@start=$$SECONDS; cargo build --release; \
@@ -61,6 +67,16 @@ bench-gen: build ## Speed of gen against bare MuJoCo, of two processes against o
 	$(BIN) bench-gen --town all
 	$(BIN) bench-gen --town all --weather all --episodes 18 --run-samples 2 # what weather adds
 
+# The race's labelled dataset and its checkpoint or run folder; `small` is the network with random weights.
+RACE_DATA ?= data/race
+RACE_MODEL ?= small
+
+race: build setup-golden ## Speed of the small detector, and against PyTorch; RACE_DATA=DIR RACE_MODEL=RUN
+	@test -d $(RACE_DATA) || { $(BIN) gen --town downtown --samples 30 --episodes 8 --seed 7 --set val_every=2 \
+	    --out $(RACE_DATA) && $(BIN) label $(RACE_DATA); }
+	RAYON_NUM_THREADS=2 $(BIN) bench-model --data $(RACE_DATA) --model $(RACE_MODEL)
+	.venv-golden/bin/python scripts/race_pytorch.py $(BIN) $(RACE_DATA) --model $(RACE_MODEL)
+
 gallery: setup-test ## A picture of all object models: docs/gallery.png
 	.venv-test/bin/python mjcf_assets/make_gallery.py
 
@@ -73,4 +89,4 @@ fmt: setup-test ## Format Rust and Python
 	.venv-test/bin/ruff check --fix $(PYTHON_SOURCES)
 
 clean: ## Remove the venvs and the demo's results (not the compiled code)
-	rm -rf .venv .venv-test demo
+	rm -rf .venv .venv-test .venv-golden demo

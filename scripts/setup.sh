@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Makes the project's Python venv and what it needs from the system; called by `make setup` and
-# `make setup-test`. Usage: setup.sh product|test
+# Makes the project's Python venv and what it needs from the system; called by `make setup`,
+# `make setup-test` and `make setup-golden`. Usage: setup.sh product|test|golden
 #
 # Debian and Ubuntu as root: missing system packages are installed. Elsewhere: the command to run is printed.
 set -euo pipefail
@@ -93,5 +93,12 @@ test)
     make_venv .venv-test requirements-test.txt
     touch .venv-test/.ready
     ;;
-*) fail "usage: scripts/setup.sh product|test" ;;
+golden)
+    make_venv .venv-golden tests/golden/requirements.txt
+    # The wheel is linked against CUDA's libraries, which its own pins name; the network here runs on the CPU.
+    .venv-golden/bin/python -c 'import torch' 2>/dev/null ||
+        .venv-golden/bin/python -m pip install --disable-pip-version-check --quiet -r tests/golden/requirements.txt
+    touch .venv-golden/.ready
+    ;;
+*) fail "usage: scripts/setup.sh product|test|golden" ;;
 esac

@@ -1,6 +1,7 @@
 //! The command line: flags, logging, progress bars, exit codes; one file a subcommand.
 
 mod bench_generate;
+mod bench_model;
 mod curves;
 mod detector;
 mod device;
@@ -39,6 +40,9 @@ enum Command {
     /// Measure the speed of `gen`: against bare MuJoCo, with several processes, and its memory
     #[command(hide = true)]
     BenchGen(bench_generate::BenchArgs),
+    /// Measure the speed of a detector: inference stage by stage, training steps part by part
+    #[command(hide = true)]
+    BenchModel(bench_model::BenchModelArgs),
     /// Label the objects of a dataset harmful or harmless by a danger zone
     Label(label::LabelArgs),
     /// Tell what a dataset holds, beside the paper's: counts, harmful shares, hardness, histograms
@@ -83,6 +87,7 @@ pub fn main() -> ExitCode {
         Command::Gen(args) => generate::run(args),
         Command::GenWorker(args) => generate_worker::run(args),
         Command::BenchGen(args) => bench_generate::run(args),
+        Command::BenchModel(args) => bench_model::run(args),
         Command::Label(args) => label::run(args),
         Command::Info(args) => info::run(args),
         Command::Train(args) => train::run(args),

@@ -141,6 +141,18 @@ impl Dataset {
         &self.episodes
     }
 
+    /// The same with its first `n` samples alone and no episodes; for measurements.
+    #[must_use]
+    pub fn first(&self, n: usize) -> Self {
+        Self {
+            path: self.path.clone(),
+            samples: self.samples[..n.min(self.samples.len())].to_vec(),
+            episodes: Vec::new(),
+            zone: self.zone.clone(),
+            fingerprint: self.fingerprint.clone(),
+        }
+    }
+
     #[must_use]
     pub fn samples(&self) -> &[LabelledSample] {
         &self.samples

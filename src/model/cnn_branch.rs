@@ -54,12 +54,22 @@ impl CnnBranch {
         }
     }
 
+    /// Features of the image and of the LiDAR's depths in it.
+    ///
     /// # Shapes
-    /// - output: `[batch, lift_channel, cell_y, cell_x]`; each cell the sum of the frustum points in it
-    pub fn forward(&self, batch: &CnnBatch) -> Tensor<4> {
+    /// - output: `[batch, channel, feature_y, feature_x]`
+    pub fn image_features(&self, batch: &CnnBatch) -> Tensor<4> {
         let image = self.image.iter().fold(batch.image.clone(), |x, block| block.forward(x));
         let depth = self.depth.forward(batch.depth.clone());
-        let joint = self.joint.forward(Tensor::cat(vec![image, depth], 1));
+        self.joint.forward(Tensor::cat(vec![image, depth], 1))
+    }
+
+    /// From these features to the bird's-eye grid.
+    ///
+    /// # Shapes
+    /// - joint: `[batch, channel, feature_y, feature_x]`
+    /// - output: `[batch, lift_channel, cell_y, cell_x]`; each cell the sum of the frustum points in it
+    pub fn lift_and_splat(&self, joint: Tensor<4>, batch: &CnnBatch) -> Tensor<4> {
         let [n_batch, _, n_y, n_x] = joint.dims();
         let lifted = mix_channels(&self.lift, joint)
             .permute([0, 2, 3, 1])

@@ -48,10 +48,21 @@ impl CnnInput {
         ego_from_camera: &Transform<Ego, Camera>,
         config: &ModelConfig,
     ) -> Self {
-        let width_px = config.camera.cnn.image_width_px;
-        let scale = width_px as f64 / f64::from(full.width());
-        let image_height_px = (f64::from(full.height()) * scale).round() as usize;
-        let small = resize(full, width_px as u32, image_height_px as u32, FilterType::Triangle);
+        Self::of_resized(&resized(full, config), full.width(), points, intrinsics, ego_from_camera, config)
+    }
+
+    /// The same from a picture that is [`resized`] already from one of `full_width_px`.
+    #[must_use]
+    pub fn of_resized(
+        small: &RgbImage,
+        full_width_px: u32,
+        points: &[[f64; 4]],
+        intrinsics: &Pinhole,
+        ego_from_camera: &Transform<Ego, Camera>,
+        config: &ModelConfig,
+    ) -> Self {
+        let (width_px, image_height_px) = (small.width() as usize, small.height() as usize);
+        let scale = width_px as f64 / f64::from(full_width_px);
         let n_pixels = width_px * image_height_px;
         let mut image = vec![0; 3 * n_pixels];
         for (i, pixel) in small.pixels().enumerate() {
@@ -67,6 +78,15 @@ impl CnnInput {
             image_height_px,
         }
     }
+}
+
+/// A picture at the network's width.
+#[must_use]
+pub fn resized(full: &RgbImage, config: &ModelConfig) -> RgbImage {
+    let width_px = config.camera.cnn.image_width_px as u32;
+    let scale = f64::from(width_px) / f64::from(full.width());
+    let height_px = (f64::from(full.height()) * scale).round() as u32;
+    resize(full, width_px, height_px, FilterType::Triangle)
 }
 
 /// Inputs of several samples.

@@ -146,36 +146,53 @@ impl Detector {
     /// # Panics
     /// If the batch was made with another config.
     pub fn forward(&self, batch: &Batch) -> Output {
-        self.head.forward(self.features(batch), batch.numeric.clone())
+        let camera = self.camera_map(batch, self.image_features(batch));
+        self.head(batch, self.fuse(camera, self.lidar_map(batch)))
+    }
+}
+
+/// The parts of [`Detector::forward`], in its order; maps are `[batch, channel, cell_y, cell_x]`.
+impl Detector {
+    /// The camera branch before its lift; all of it where image and lift are not told apart.
+    pub(super) fn image_features(&self, batch: &Batch) -> Option<Tensor<4>> {
+        self.camera.as_ref().zip(batch.camera.as_ref()).map(|parts| match parts {
+            (CameraBranch::Cnn(branch), CameraBatch::Cnn(batch)) => branch.image_features(batch),
+            (CameraBranch::Swin(branch), CameraBatch::Swin(batch)) => branch.forward(batch),
+            _ => panic!("the batch was made with another config"),
+        })
     }
 
-    /// The bird's-eye map that the head sees.
-    ///
-    /// # Shapes
-    /// - output: `[batch, channel, cell_y, cell_x]`
-    fn features(&self, batch: &Batch) -> Tensor<4> {
-        let device = batch.numeric.device();
-        let camera = self.camera.as_ref().map(|branch| match (branch, &batch.camera) {
-            (CameraBranch::Cnn(branch), Some(CameraBatch::Cnn(batch))) => branch.forward(batch),
-            (CameraBranch::Swin(branch), Some(CameraBatch::Swin(batch))) => branch.forward(batch),
-            (_, None) => {
+    /// The camera's map from [`Self::image_features`].
+    pub(super) fn camera_map(&self, batch: &Batch, features: Option<Tensor<4>>) -> Option<Tensor<4>> {
+        self.camera.as_ref().map(|branch| match (branch, &batch.camera, features) {
+            (CameraBranch::Cnn(branch), Some(CameraBatch::Cnn(batch)), Some(features)) => {
+                branch.lift_and_splat(features, batch)
+            }
+            (CameraBranch::Swin(_), _, Some(features)) => features,
+            _ => {
                 let grid = &self.config.grid;
                 let cells = [grid.n_cells_y(), grid.n_cells_x()];
-                Tensor::zeros([batch.n_samples, self.config.camera_channels(), cells[0], cells[1]], &device)
+                let shape = [batch.n_samples, self.config.camera_channels(), cells[0], cells[1]];
+                Tensor::zeros(shape, &batch.numeric.device())
             }
-            _ => panic!("the batch was made with another config"),
-        });
-        let lidar = self.lidar.as_ref().map(|branch| match (branch, &batch.lidar) {
+        })
+    }
+
+    pub(super) fn lidar_map(&self, batch: &Batch) -> Option<Tensor<4>> {
+        self.lidar.as_ref().map(|branch| match (branch, &batch.lidar) {
             (LidarBranch::Pillars(branch), Some(LidarBatch::Pillars(pillars))) => {
-                branch.forward(pillars.as_ref(), batch.n_samples, &device)
+                branch.forward(pillars.as_ref(), batch.n_samples, &batch.numeric.device())
             }
             (LidarBranch::Voxels(encoder), Some(LidarBatch::Voxels(voxels))) => {
                 encoder.forward(voxels.features.clone(), &voxels.rulebooks, batch.n_samples)
             }
             _ => panic!("the batch was made with another config"),
-        });
-        let maps: Vec<_> = camera.into_iter().chain(lidar).collect();
-        let mut x = Tensor::cat(maps, 1);
+        })
+    }
+
+    /// The map that the head sees.
+    pub(super) fn fuse(&self, camera: Option<Tensor<4>>, lidar: Option<Tensor<4>>) -> Tensor<4> {
+        let mut x = Tensor::cat(camera.into_iter().chain(lidar).collect(), 1);
         if let Some(fuser) = &self.fuser {
             x = fuser.forward(x);
         }
@@ -183,6 +200,10 @@ impl Detector {
             x = backbone.forward(x);
         }
         x
+    }
+
+    pub(super) fn head(&self, batch: &Batch, fused: Tensor<4>) -> Output {
+        self.head.forward(fused, batch.numeric.clone())
     }
 }
 

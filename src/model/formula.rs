@@ -58,6 +58,20 @@ pub fn fill(module: &mut impl ModuleSnapshot) {
     assert!(result.errors.is_empty() && result.applied.len() == n, "{result}");
 }
 
+/// Sets all values of one weight, by its PyTorch name.
+pub fn set_all(module: &mut impl ModuleSnapshot, name: &str, value: f32) {
+    let named = named_weights(module).into_iter().find(|(of, _)| of == name);
+    let dims = named.unwrap_or_else(|| panic!("no weight `{name}`")).1;
+    let data = TensorData::new(vec![value; dims.iter().product()], dims);
+    let result = module.apply(
+        vec![from_data(data, name.to_owned(), None)],
+        None,
+        Some(Box::new(PyTorchToBurnAdapter)),
+        false,
+    );
+    assert!(result.errors.is_empty() && result.applied.len() == 1, "{result}");
+}
+
 /// Puts each weight's gradient in its place.
 struct ToGradients<'a>(&'a Gradients);
 

@@ -58,21 +58,8 @@ impl Input {
         mirror: bool,
         with_camera: bool,
     ) -> Result<Self, InputError> {
-        let side = if mirror { -1.0 } else { 1.0 };
-        let points: Vec<[f64; 4]> = measured
-            .points
-            .iter()
-            .map(|p| {
-                let in_lidar = Point::new(f64::from(p.x_m), f64::from(p.y_m), f64::from(p.z_m));
-                let in_ego = measured.ego_from_lidar * in_lidar;
-                [in_ego.x(), side * in_ego.y(), in_ego.z(), f64::from(p.intensity)]
-            })
-            .filter(|p| p.iter().all(|value| value.is_finite()))
-            .collect();
-        let lidar = config.use_lidar.then(|| match config.lidar.encoder {
-            LidarEncoder::Pillars => LidarInput::Pillars(pillars(&points, config)),
-            LidarEncoder::Voxels => LidarInput::Voxels(voxelize(&points, &config.lidar.voxel.voxels)),
-        });
+        let points = points_in_ego(measured, mirror);
+        let lidar = LidarInput::prepare(&points, config);
         // A camera without LiDAR gets no depths from it either.
         let seen = if config.use_lidar { points.as_slice() } else { &[] };
         let camera = if config.use_camera && with_camera {
@@ -140,8 +127,34 @@ impl Input {
     }
 }
 
+/// x, y, z and intensity of the points in the ego frame, those alone that are finite.
+pub fn points_in_ego(measured: &Measured, mirror: bool) -> Vec<[f64; 4]> {
+    let side = if mirror { -1.0 } else { 1.0 };
+    measured
+        .points
+        .iter()
+        .map(|p| {
+            let in_lidar = Point::new(f64::from(p.x_m), f64::from(p.y_m), f64::from(p.z_m));
+            let in_ego = measured.ego_from_lidar * in_lidar;
+            [in_ego.x(), side * in_ego.y(), in_ego.z(), f64::from(p.intensity)]
+        })
+        .filter(|p| p.iter().all(|value| value.is_finite()))
+        .collect()
+}
+
+impl LidarInput {
+    /// `points` are in the ego frame.
+    pub fn prepare(points: &[[f64; 4]], config: &ModelConfig) -> Option<Self> {
+        config.use_lidar.then(|| match config.lidar.encoder {
+            LidarEncoder::Pillars => Self::Pillars(pillars(points, config)),
+            LidarEncoder::Voxels => Self::Voxels(voxelize(points, &config.lidar.voxel.voxels)),
+        })
+    }
+}
+
 impl CameraInput {
-    fn prepare(
+    /// `points` are in the ego frame, and mirrored where the picture is to be.
+    pub fn prepare(
         measured: &Measured,
         points: &[[f64; 4]],
         config: &ModelConfig,

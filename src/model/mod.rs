@@ -14,7 +14,7 @@ mod depth_lss;
 mod detector;
 mod forecast;
 #[cfg(test)]
-mod formula;
+pub(crate) mod formula;
 #[cfg(test)]
 pub(crate) mod golden;
 mod head;
@@ -33,6 +33,7 @@ mod predict;
 mod queries;
 mod shipped;
 mod sparse;
+mod staged;
 mod swin;
 mod swin_camera;
 mod voxel;
@@ -48,12 +49,13 @@ pub use detector::{Detector, detections};
 pub use forecast::{MainTensor, main_tensors};
 pub use head::Output;
 pub use image_weights::{ImageWeightsError, ImageWeightsReport, load_image_weights};
-pub use input::{Input, InputError};
+pub use input::{CameraInput, Input, InputError, LidarInput};
 pub use lidar_voxel::{LidarVoxelBranch, LidarVoxelConfig, VoxelBatch};
 pub use parameters::n_trained;
 pub use queries::{Query, cell_center_m};
 pub use shipped::{SHIPPED, Shipped};
 pub use sparse::{EncoderRulebooks, Sites, SparseEncoder, SparseEncoderConfig};
+pub use staged::{InferenceStage, detect_by_stage};
 pub use swin::{Swin, SwinConfig};
 pub use swin_camera::{
     SwinCameraBatch, SwinCameraBranch, SwinCameraConfig, SwinCameraInput, SwinCameraInputError,

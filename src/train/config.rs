@@ -7,7 +7,7 @@ use thiserror::Error;
 
 use super::schedule::Schedule;
 use crate::config::with_table;
-use crate::model::{CameraBackbone, ModelConfig, ModelConfigError};
+use crate::model::{CameraBackbone, ModelConfig, ModelConfigError, NumericFusion};
 
 /// `configs/train-paper.toml`: the keys in which training the `paper` profile differs from the default.
 const PAPER_TOML: &str = include_str!("../../configs/train-paper.toml");
@@ -160,6 +160,16 @@ impl TrainConfig {
         let keys = PAPER_TOML.parse().expect("a test reads the shipped file");
         let default = Self { model: ModelConfig::paper(), ..Self::default() };
         with_table(&default, &keys).expect("a test reads the shipped file")
+    }
+
+    /// The augmentation that serves this network: no other states for one that does not see them.
+    #[must_use]
+    pub fn augment_of_model(&self) -> AugmentConfig {
+        let mut augment = self.augment;
+        if self.model.head.numeric_fusion == NumericFusion::None {
+            augment.n_redrawn_states = 0;
+        }
+        augment
     }
 
     /// Checks what the types cannot say.

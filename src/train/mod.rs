@@ -3,6 +3,7 @@
 mod assignment;
 mod augment;
 mod average;
+pub mod bench;
 mod cache;
 mod config;
 mod dry_run;
@@ -19,6 +20,8 @@ mod spent;
 mod state;
 mod step;
 mod targets;
+#[cfg(test)]
+mod twin_tests;
 mod validate;
 
 pub use config::{AugmentConfig, LossConfig, StageConfig, TrainConfig, TrainConfigError};

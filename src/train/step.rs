@@ -19,7 +19,7 @@ use super::run::TrainError;
 use super::state::Position;
 use super::targets::trainable;
 use crate::dataset::{Dataset, LabelledSample};
-use crate::model::{Batch, Detector, Input, NumericFusion};
+use crate::model::{Batch, Detector, Input};
 use crate::random;
 
 /// Takes the steps of a run, in any order: a step depends on its position alone.
@@ -123,10 +123,7 @@ impl<'a> Steps<'a> {
         let config = self.config;
         let samples = self.dataset.samples();
         let with_camera = position.stage == 1;
-        let mut augment = config.augment;
-        if config.model.head.numeric_fusion == NumericFusion::None {
-            augment.n_redrawn_states = 0;
-        }
+        let augment = config.augment_of_model();
         let prepared = chosen
             .par_iter()
             .enumerate()

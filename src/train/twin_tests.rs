@@ -1,0 +1,286 @@
+//! The whole `small` detector and its training loss against the twin in PyTorch, `tests/golden/torch_small.py`:
+//! from points and picture to boxes, and from the loss back to every weight.
+//!
+//! Both sides make weights and inputs alike from names (`formula`); the golden file holds what came out.
+
+use burn::module::{Module, ModuleVisitor, Param};
+use burn::tensor::{Device, Tensor, TensorData};
+use nalgebra::Vector3;
+
+use super::augment::ObjectsByState;
+use super::config::LossConfig;
+use super::losses::losses;
+use super::targets::car;
+use crate::geometry::{Box3, Pinhole, Point, Transform};
+use crate::model::formula::{self, uniform};
+use crate::model::golden::{Golden, assert_close};
+use crate::model::{Batch, Detector, Input, ModelConfig, Output};
+use crate::object::{Harm, LabelledObject};
+use crate::sample::{EgoState, EncodedImage, ImageFormat, LidarPoint, Measured};
+
+const N_SAMPLES: usize = 2;
+const N_STATES: usize = 2;
+const N_CROWDED: usize = 600;
+const N_OBJECTS: usize = 5;
+const HEATMAP_BIAS: f32 = -2.2;
+/// Values that the golden file keeps of a gradient, evenly over the tensor.
+const N_KEPT: usize = 48;
+const TOLERANCE: f64 = 1e-4;
+
+/// A config and its inputs, as in the script.
+struct Case {
+    name: &'static str,
+    config: ModelConfig,
+    height_px: u32,
+    n_points: usize,
+    seed: usize,
+}
+
+/// The profile as it ships.
+fn whole() -> Case {
+    Case { name: "whole", config: ModelConfig::default(), height_px: 225, n_points: 8000, seed: 0 }
+}
+
+/// The same network on a coarse map with a little picture.
+fn coarse() -> Case {
+    let mut config = ModelConfig::default();
+    (config.grid.cell_size_m, config.camera.cnn.image_width_px, config.head.n_queries) = (6.4, 64, 20);
+    Case { name: "coarse", config, height_px: 36, n_points: 1200, seed: 68 }
+}
+
+fn points(case: &Case, sample_idx: usize) -> Vec<LidarPoint> {
+    let numbers = uniform(&format!("points{sample_idx}.{}", case.seed), case.n_points * 4);
+    let point = |(i, u): (usize, &[f64])| {
+        let ([x, y], [middle_x, middle_y]) =
+            if i < N_CROWDED { ([1.2, 1.2], [12.0, 3.0]) } else { ([26.0, 33.0], [25.0, 0.0]) };
+        LidarPoint {
+            x_m: (middle_x + x * u[0]) as f32,
+            y_m: (middle_y + y * u[1]) as f32,
+            z_m: (-0.6 + 2.6 * u[2]) as f32,
+            intensity: (127.5 + 127.5 * u[3]) as f32,
+            ring: 0,
+        }
+    };
+    numbers.chunks(4).enumerate().map(point).collect()
+}
+
+fn picture(case: &Case, sample_idx: usize) -> EncodedImage {
+    let (width_px, height_px) = (case.config.camera.cnn.image_width_px as u32, case.height_px);
+    let name = format!("picture{sample_idx}.{}", case.seed);
+    let values = uniform(&name, (3 * width_px * height_px) as usize).into_iter();
+    let values = values.map(|u| ((u + 1.0) * 128.0).floor() as u8).collect();
+    let picture = image::RgbImage::from_raw(width_px, height_px, values).unwrap();
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    picture.write_to(&mut bytes, image::ImageFormat::Png).unwrap();
+    EncodedImage { format: ImageFormat::Png, bytes: bytes.into_inner() }
+}
+
+fn states() -> Vec<EgoState> {
+    let state = |u: &[f64]| EgoState {
+        speed_mps: u[0] * 9.0 + 9.0,
+        steering_angle_rad: u[1] * 0.3,
+        yaw_rate_rps: 0.0,
+        acceleration_mps2: 0.0,
+        wheelbase_m: 2.6,
+        front_bumper_x_m: 3.3,
+    };
+    uniform("states", N_SAMPLES * N_STATES * 2).chunks(2).map(state).collect()
+}
+
+fn inputs(case: &Case) -> Vec<Input> {
+    let (width_px, height_px) = (case.config.camera.cnn.image_width_px as u32, case.height_px);
+    let input = |(sample_idx, states): (usize, &[EgoState])| {
+        let measured = Measured {
+            time_ns: 0,
+            ego_state: states[0],
+            world_from_ego: Transform::from_xyz_yaw(0.0, 0.0, 0.0, 0.0),
+            ego_from_lidar: Transform::from_xyz_yaw(0.9, 0.0, 1.8, 0.0),
+            ego_from_camera: Transform::looking_forward(Vector3::new(1.7, 0.2, 1.5), 0.02),
+            intrinsics: Pinhole::from_horizontal_fov(width_px, height_px, 70f64.to_radians()),
+            image: picture(case, sample_idx),
+            points: points(case, sample_idx),
+        };
+        Input::prepare(&measured, &case.config, false, true).unwrap().with_states(states, false).unwrap()
+    };
+    states().chunks(N_STATES).enumerate().map(input).collect()
+}
+
+fn objects(sample_idx: usize) -> ObjectsByState {
+    let boxes = uniform(&format!("objects{sample_idx}"), N_OBJECTS * 9);
+    let harm = uniform(&format!("harm{sample_idx}"), N_STATES * N_OBJECTS);
+    let object = |(u, &harm): (&[f64], &f64)| -> LabelledObject {
+        let mut object = car(0.0, 0.0, if harm >= 0.0 { Harm::Harmless } else { Harm::Harmful });
+        object.truth.box_in_ego = Box3 {
+            center: Point::new(20.0 * u[0] + 26.0, 20.0 * u[1], 0.3 * u[2] + 0.8),
+            length_m: 1.6 * u[3] + 2.6,
+            width_m: 0.6 * u[4] + 1.4,
+            height_m: 0.4 * u[5] + 1.2,
+            yaw_rad: 3.0 * u[6],
+        };
+        object.truth.velocity_in_ego_mps = [5.0 * u[7], 5.0 * u[8]];
+        object
+    };
+    let of_state = |harm: &[f64]| boxes.chunks(9).zip(harm).map(object).collect();
+    harm.chunks(N_OBJECTS).map(of_state).collect()
+}
+
+/// Compares heatmap, scores, and what is predicted for each cell that became a query: scores that differ by less
+/// than the rounding of f32 may stand in either order.
+fn assert_output(output: &Output, golden: &Golden, prefix: &str) {
+    let device = Device::flex();
+    let name = |part: &str| format!("{prefix}.{part}");
+    let heatmap = output.heatmap.clone().detach().into_data();
+    assert_close(
+        &Tensor::from_data(heatmap, &device),
+        &golden.tensor::<4>(&name("heatmap"), &device),
+        prefix,
+    );
+    let queries: Vec<_> = output.queries.iter().flatten().collect();
+    let scores = golden.numbers(&name("scores"));
+    assert_eq!(queries.len(), scores.len());
+    for (query, score) in queries.iter().zip(scores) {
+        assert!((f64::from(query.score) - score).abs() < 1e-5, "{prefix}: {query:?}, expected {score}");
+    }
+    let (cells, n_queries) = (golden.numbers(&name("cells")), output.queries[0].len());
+    let row_of = |expected: usize| {
+        let sample_idx = expected / n_queries;
+        let mut of_sample = output.queries[sample_idx].iter();
+        let found = of_sample.position(|query| query.cell as f64 == cells[expected]);
+        found.unwrap_or_else(|| panic!("{prefix}: no query {}", cells[expected]))
+    };
+    let order: Vec<usize> = (0..cells.len()).map(row_of).collect();
+    for (found, part) in [(&output.boxes, "boxes"), (&output.harm, "harm")] {
+        let [n_rows, _, n_numbers] = found.dims();
+        let values: Vec<f32> = found.clone().detach().into_data().try_to_vec().unwrap();
+        let sorted: Vec<f32> = (0..n_rows * n_queries)
+            .flat_map(|i| {
+                let (row, place) = (i / n_queries, i % n_queries);
+                let query = order[row / N_STATES * n_queries + place];
+                values[(row * n_queries + query) * n_numbers..][..n_numbers].to_vec()
+            })
+            .collect();
+        let sorted = Tensor::<3>::from_data(TensorData::new(sorted, found.dims()), &device);
+        assert_close(&sorted, &golden.tensor::<3>(&name(part), &device), &name(part));
+    }
+}
+
+/// Compares kept values of each weight's gradient on the scale of its largest one; the number of weights.
+fn assert_gradients(detector: &Detector, loss: Tensor<1>, golden: &Golden, prefix: &str) -> usize {
+    let mut n_compared = 0;
+    for (name, found) in formula::gradients(detector.clone(), &loss.backward()) {
+        let what = format!("{prefix} {name}");
+        if prefix.ends_with("lidar") && name.starts_with("camera.") {
+            assert!(found.iter().all(|&value| value == 0.0), "{what}: the camera takes no part");
+            continue;
+        }
+        let largest_of = |name: &str| golden.numbers(&format!("{prefix}.largest.{name}"))[0];
+        // A key's bias shifts all of a query's scores alike, which the softmax takes out again: its gradient is
+        // rounding, and compared on the scale of the weight beside it.
+        let scale = largest_of(&name.replace("key.bias", "key.weight"));
+        let expected = golden.numbers(&format!("{prefix}.gradient.{name}"));
+        let kept: Vec<f32> = found.iter().copied().step_by(found.len().div_ceil(N_KEPT)).collect();
+        assert!(scale > 0.0 && kept.len() == expected.len(), "{what}");
+        let largest = found.iter().fold(0f32, |largest, value| largest.max(value.abs()));
+        let pairs = kept.into_iter().zip(expected).chain([(largest, largest_of(&name))]);
+        for (i, (a, b)) in pairs.enumerate() {
+            let error = (f64::from(a) - b).abs() / scale;
+            assert!(error <= TOLERANCE, "{what}: value {i} is {a}, expected {b}; off by {error:.1e}");
+        }
+        n_compared += 1;
+    }
+    n_compared
+}
+
+/// Both stages in training, then inference or the gradients, against the golden file.
+fn check(case: &Case, with_gradients: bool) {
+    let golden = Golden::read("small");
+    let device = Device::flex().autodiff();
+    let mut detector = Detector::init(&case.config, 0, &device);
+    formula::fill(&mut detector);
+    formula::set_all(&mut detector, "head.heatmap_out.bias", HEATMAP_BIAS);
+    let inputs = inputs(case);
+    let inputs: Vec<&Input> = inputs.iter().collect();
+    let objects: Vec<ObjectsByState> = (0..N_SAMPLES).map(objects).collect();
+
+    let mut totals = Vec::new();
+    // Each pass in training also moves the running statistics.
+    for (stage, with_camera) in [("lidar", false), ("fused", true)] {
+        let prefix = format!("{}.{stage}", case.name);
+        let output = detector.forward(&Batch::stack(&inputs, &case.config, with_camera, &device));
+        assert_output(&output, &golden, &format!("{prefix}.train"));
+        let found = losses(&output, &objects, &case.config, &LossConfig::default());
+        let parts = [
+            ("heatmap", found.parts.heatmap),
+            ("harm", found.parts.harm),
+            ("boxes", found.parts.boxes),
+            ("total", found.parts.total()),
+        ];
+        for (part, value) in parts {
+            let expected = golden.numbers(&format!("{prefix}.loss.{part}"))[0];
+            let error = (f64::from(value) - expected).abs() / expected;
+            assert!(error <= TOLERANCE, "{prefix} {part}: {value}, expected {expected}");
+        }
+        totals.push((prefix, with_camera, found.total));
+    }
+
+    if !with_gradients {
+        let at_inference = detector.valid();
+        let output = at_inference.forward(&Batch::stack(&inputs, &case.config, true, &Device::flex()));
+        assert_output(&output, &golden, &format!("{}.eval", case.name));
+        let mut statistics =
+            Statistics { path: Vec::new(), prefix: case.name, golden: &golden, n_compared: 0 };
+        at_inference.visit(&mut statistics);
+        assert_eq!(statistics.n_compared, 8);
+        return;
+    }
+    // Copies of a module share their running statistics, which this overwrites.
+    for (prefix, with_camera, total) in totals {
+        let n_compared = assert_gradients(&detector, total, &golden, &prefix);
+        let names = formula::named_weights(&detector);
+        let n_trained = names.iter().filter(|(name, _)| with_camera || !name.starts_with("camera.")).count();
+        assert!(n_compared == n_trained && n_compared > 60, "{prefix}: {n_compared} of {n_trained}");
+    }
+}
+
+#[test]
+fn outputs_and_losses_equal_pytorchs() {
+    check(&whole(), false);
+}
+
+/// A gradient jumps where an activation crosses the kink of its ReLU; this case's inputs keep clear of all kinks.
+#[test]
+fn gradients_of_the_loss_for_every_weight_equal_pytorchs() {
+    check(&coarse(), true);
+}
+
+/// Compares the running statistics that the golden file has.
+struct Statistics<'a> {
+    path: Vec<String>,
+    prefix: &'a str,
+    golden: &'a Golden,
+    n_compared: usize,
+}
+
+impl ModuleVisitor for Statistics<'_> {
+    fn enter_module(&mut self, name: &str, _container: &str) {
+        self.path.push(name.to_owned());
+    }
+
+    fn exit_module(&mut self, _name: &str, _container: &str) {
+        self.path.pop();
+    }
+
+    fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
+        const WATCHED: [&str; 4] =
+            ["lidar.Pillars.point_norm", "camera.Cnn.smooth.norm", "fuser.norm", "head.heatmap_hidden.norm"];
+        let name = self.path.join(".");
+        if WATCHED.iter().any(|norm| name.starts_with(norm)) && name.contains(".running_") {
+            assert_close(
+                &param.val(),
+                &self.golden.tensor(&format!("{}.{name}", self.prefix), &Device::flex()),
+                &name,
+            );
+            self.n_compared += 1;
+        }
+    }
+}

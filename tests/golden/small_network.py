@@ -1,0 +1,396 @@
+"""The `small` detector in plain PyTorch, module by module under harmzone's names: the twin of `src/model`.
+
+Maps are [batch, channel, y, x]. `Config` is read from the same TOML that the program reads; a checkpoint is
+loaded by name. Where PyTorch has several ways to compute one thing, the fastest on two CPU threads is taken
+(`docs/detector.md` says which were tried).
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+from safetensors.torch import load_file
+from torch import Tensor, nn
+from torch.nn import functional
+
+DEPTH_CHANNELS, CODE_SIZE, N_POINT_FEATURES = 16, 10, 10
+
+
+@dataclass(frozen=True)
+class Config:
+    """What the twin needs of a model config; other architectures are refused."""
+
+    x_min_m: float
+    x_max_m: float
+    y_min_m: float
+    y_max_m: float
+    z_min_m: float
+    z_max_m: float
+    cell_size_m: float
+    max_points: int
+    pillar_channels: int
+    bev_channels: tuple[int, int]
+    image_width_px: int
+    image_channels: tuple[int, int, int]
+    lift_channels: int
+    depth_min_m: float
+    depth_max_m: float
+    n_depth_bins: int
+    fuser_channels: int
+    channels: int
+    n_queries: int
+    n_heads: int
+    ffn_channels: int
+
+    @staticmethod
+    def parse(text: str) -> Config:
+        """Reads `configs/model/small.toml` or the text inside a checkpoint."""
+        whole = tomllib.loads(text)
+        head, cnn, pillars = whole["head"], whole["camera"]["cnn"], whole["lidar"]["pillars"]
+        chosen = {
+            "use_lidar": whole["use_lidar"],
+            "use_camera": whole["use_camera"],
+            "encoder": whole["lidar"]["encoder"],
+            "backbone": whole["camera"]["backbone"],
+            **{key: head[key] for key in ("dropout", "shared_norm", "heatmap", "border_peaks", "positions")},
+            **{key: head[key] for key in ("prediction", "numeric_fusion")},
+            "first peak kernel": head["peak_kernels"][0],
+        }
+        twins = {
+            "use_lidar": True,
+            "use_camera": True,
+            "encoder": "pillars",
+            "backbone": "cnn",
+            "dropout": 0.0,
+            "shared_norm": True,
+            "heatmap": "agnostic",
+            "border_peaks": True,
+            "positions": "shared",
+            "prediction": "placed",
+            "numeric_fusion": "film",
+            "first peak kernel": 3,
+        }
+        if chosen != twins:
+            raise ValueError(f"the twin has {twins}, the config {chosen}")
+        return Config(
+            **whole["grid"],
+            max_points=pillars["max_points"],
+            pillar_channels=pillars["channels"],
+            bev_channels=tuple(pillars["bev_channels"]),
+            image_width_px=cnn["image_width_px"],
+            image_channels=tuple(cnn["channels"]),
+            lift_channels=cnn["lift_channels"],
+            depth_min_m=cnn["depth_min_m"],
+            depth_max_m=cnn["depth_max_m"],
+            n_depth_bins=cnn["n_depth_bins"],
+            fuser_channels=whole["fuser_channels"],
+            channels=head["channels"],
+            n_queries=head["n_queries"],
+            n_heads=head["n_heads"],
+            ffn_channels=head["ffn_channels"],
+        )
+
+    @property
+    def cells(self) -> tuple[int, int]:
+        """Cells along y and x."""
+        size = self.cell_size_m
+        return round((self.y_max_m - self.y_min_m) / size), round((self.x_max_m - self.x_min_m) / size)
+
+
+@dataclass
+class Batch:
+    """Inputs of some samples, as `src/model/batch.rs` stacks them."""
+
+    n_samples: int
+    point_features: Tensor  # [point, feature]
+    points: Tensor  # [pillar * max_points], rows of point_features
+    pillars: Tensor  # [pillar], index into [batch, 2 cell_y, 2 cell_x]
+    numeric: Tensor  # [batch * state, 2]
+    image: Tensor | None = None  # [batch, 3, y, x], normalized; None in the LiDAR stage
+    depth: Tensor | None = None  # [batch, 2, feature_y, feature_x]
+    frustum_features: Tensor | None = None  # [frustum], index into [batch, feature_y, feature_x]
+    frustum_depths: Tensor | None = None  # [frustum], index into [batch, feature_y, feature_x, bin]
+    frustum_cells: Tensor | None = None  # [frustum], index into [batch, cell_y, cell_x]; sorted
+
+
+class ConvBlock(nn.Module):
+    """3x3 convolution without bias, batch norm, ReLU."""
+
+    def __init__(self, n_in: int, n_out: int, stride: int = 1, epsilon: float = 1e-3):
+        super().__init__()
+        self.conv = nn.Conv2d(n_in, n_out, 3, stride, 1, bias=False)
+        self.norm = nn.BatchNorm2d(n_out, epsilon)
+
+    def forward(self, x: Tensor) -> Tensor:
+        return functional.relu(self.norm(self.conv(x)), inplace=True)
+
+
+class Mlp(nn.Module):
+    """Two linear layers with a ReLU between them."""
+
+    def __init__(self, n_in: int, n_hidden: int, n_out: int):
+        super().__init__()
+        self.hidden, self.out = nn.Linear(n_in, n_hidden), nn.Linear(n_hidden, n_out)
+
+    def forward(self, x: Tensor) -> Tensor:
+        return self.out(functional.relu(self.hidden(x), inplace=True))
+
+
+class PillarBranch(nn.Module):
+    """Pillar encoder and two-scale bird's-eye net."""
+
+    def __init__(self, config: Config):
+        super().__init__()
+        n, (fine, coarse) = config.pillar_channels, config.bev_channels
+        out = fine * 3 // 4
+        self.point = nn.Linear(N_POINT_FEATURES, n, bias=False)
+        self.point_norm = nn.BatchNorm1d(n, 1e-3)
+        self.fine = nn.Sequential(ConvBlock(n, fine, 2), ConvBlock(fine, fine), ConvBlock(fine, fine))
+        self.coarse = nn.Sequential(
+            ConvBlock(fine, coarse, 2), ConvBlock(coarse, coarse), ConvBlock(coarse, coarse)
+        )
+        self.fine_out, self.coarse_out = nn.Conv2d(fine, out, 1), nn.Conv2d(coarse, out, 1)
+        self.max_points = config.max_points
+        self.n_pillars = [2 * n for n in config.cells]
+
+    def forward(self, batch: Batch) -> Tensor:
+        encoded = functional.relu(self.point_norm(self.point(batch.point_features)), inplace=True)
+        n = encoded.shape[1]
+        highest = encoded.index_select(0, batch.points).view(-1, self.max_points, n).max(1).values
+        n_y, n_x = self.n_pillars
+        grid = encoded.new_zeros(batch.n_samples * n_y * n_x, n).index_copy(0, batch.pillars, highest)
+        fine = self.fine(grid.view(batch.n_samples, n_y, n_x, n).permute(0, 3, 1, 2))
+        coarse = functional.interpolate(self.coarse_out(self.coarse(fine)), scale_factor=2, mode="nearest")
+        return torch.cat([self.fine_out(fine), coarse], 1)
+
+
+class CnnBranch(nn.Module):
+    """Image net, depth distribution, lift-splat."""
+
+    def __init__(self, config: Config):
+        super().__init__()
+        (a, b, c), lift = config.image_channels, config.lift_channels
+        self.image = nn.Sequential(
+            ConvBlock(3, a, 2), ConvBlock(a, b, 2), ConvBlock(b, b), ConvBlock(b, c, 2), ConvBlock(c, c)
+        )
+        self.depth = ConvBlock(2, DEPTH_CHANNELS)
+        self.joint = ConvBlock(c + DEPTH_CHANNELS, c)
+        self.lift = nn.Conv2d(c, config.n_depth_bins + lift, 1)
+        self.smooth = ConvBlock(lift, lift)
+        self.n_depth_bins, self.n_lift = config.n_depth_bins, lift
+        self.cells = config.cells
+        self.pool = "bags"
+
+    def forward(self, batch: Batch) -> Tensor:
+        joint = self.joint(torch.cat([self.image(batch.image), self.depth(batch.depth)], 1))
+        lifted = self.lift(joint).permute(0, 2, 3, 1).reshape(-1, self.n_depth_bins + self.n_lift)
+        share = lifted[:, : self.n_depth_bins].softmax(1).reshape(-1)
+        context = lifted[:, self.n_depth_bins :]
+        n_y, n_x = self.cells
+        grid = POOLS[self.pool](context, share, batch, batch.n_samples * n_y * n_x)
+        return self.smooth(grid.view(batch.n_samples, n_y, n_x, self.n_lift).permute(0, 3, 1, 2))
+
+
+def pool_bags(context: Tensor, share: Tensor, batch: Batch, n_cells: int) -> Tensor:
+    """[cell, channel]: a cell is a bag of pixels, weighted."""
+    offsets = torch.searchsorted(batch.frustum_cells, torch.arange(n_cells))
+    weights = share.index_select(0, batch.frustum_depths)
+    return functional.embedding_bag(
+        batch.frustum_features, context.contiguous(), offsets, mode="sum", per_sample_weights=weights
+    )
+
+
+def pool_index_add(context: Tensor, share: Tensor, batch: Batch, n_cells: int) -> Tensor:
+    """[cell, channel]: points first."""
+    weights = share.index_select(0, batch.frustum_depths)[:, None]
+    points = context.index_select(0, batch.frustum_features) * weights
+    return context.new_zeros(n_cells, context.shape[1]).index_add(0, batch.frustum_cells, points)
+
+
+def pool_scatter_add(context: Tensor, share: Tensor, batch: Batch, n_cells: int) -> Tensor:
+    """[cell, channel]: points first, with an index that is expanded over channels."""
+    weights = share.index_select(0, batch.frustum_depths)[:, None]
+    points = context.index_select(0, batch.frustum_features) * weights
+    index = batch.frustum_cells[:, None].expand_as(points)
+    return context.new_zeros(n_cells, context.shape[1]).scatter_add(0, index, points)
+
+
+POOLS = {"bags": pool_bags, "index_add": pool_index_add, "scatter_add": pool_scatter_add}
+
+
+class Attention(nn.Module):
+    """Scaled dot-product attention with several heads."""
+
+    def __init__(self, n_channels: int, n_heads: int):
+        super().__init__()
+        self.query, self.key, self.value, self.out = (nn.Linear(n_channels, n_channels) for _ in range(4))
+        self.n_heads = n_heads
+
+    def forward(self, query: Tensor, memory: Tensor) -> Tensor:
+        """All [batch, query or key, channel]."""
+
+        def heads(x: Tensor) -> Tensor:
+            return x.unflatten(2, (self.n_heads, -1)).transpose(1, 2)
+
+        q, k, v = heads(self.query(query)), heads(self.key(memory)), heads(self.value(memory))
+        return self.out(functional.scaled_dot_product_attention(q, k, v).transpose(1, 2).flatten(2))
+
+
+class DecoderLayer(nn.Module):
+    """Post-norm: self attention, cross attention, feed-forward net."""
+
+    def __init__(self, config: Config):
+        super().__init__()
+        n = config.channels
+        self.self_attention, self.cross_attention = (Attention(n, config.n_heads) for _ in range(2))
+        self.feed_forward = Mlp(n, config.ffn_channels, n)
+        self.norms = nn.ModuleList(nn.LayerNorm(n) for _ in range(3))
+
+    def forward(self, query: Tensor, position: Tensor, memory: Tensor) -> Tensor:
+        placed = query + position
+        x = self.norms[0](query + self.self_attention(placed, placed))
+        x = self.norms[1](x + self.cross_attention(x + position, memory))
+        return self.norms[2](x + self.feed_forward(x))
+
+
+class Numeric(nn.Module):
+    """Speed and steering to scales and shifts of the class branch (FiLM)."""
+
+    def __init__(self, config: Config):
+        super().__init__()
+        self.embed = Mlp(2, config.channels, 8 * config.channels)
+
+
+class HarmBranch(nn.Module):
+    """Two hidden layers, scaled and shifted channel by channel."""
+
+    def __init__(self, n_in: int, n_hidden: int):
+        super().__init__()
+        self.first, self.second = nn.Linear(n_in, n_hidden), nn.Linear(n_hidden, n_hidden)
+        self.out = nn.Linear(n_hidden, 2)
+
+    def forward(self, x: Tensor, modulation: Tensor) -> Tensor:
+        scale_1, shift_1, scale_2, shift_2 = modulation.chunk(4, 2)
+        hidden = functional.relu(self.first(x) * (scale_1 + 1) + shift_1)
+        return self.out(functional.relu(self.second(hidden) * (scale_2 + 1) + shift_2))
+
+
+class Placed(nn.Module):
+    """One net for the box; the class branch sees position and box."""
+
+    def __init__(self, config: Config):
+        super().__init__()
+        n = config.channels
+        self.boxes = Mlp(n, n, CODE_SIZE)
+        self.harm = HarmBranch(n + CODE_SIZE, 2 * n)
+        self.cell_size_m = config.cell_size_m
+
+    def forward(self, decoded: Tensor, center_m: Tensor, modulation: Tensor) -> tuple[Tensor, Tensor]:
+        boxes = self.boxes(decoded)
+        code = boxes.detach()
+        place = [
+            code[..., :2] * (self.cell_size_m / 20) + center_m / 20,
+            code[..., 2:8],
+            code[..., 8:] * 0.1,
+        ]
+        return boxes, self.harm(torch.cat([decoded, *place], 2), modulation)
+
+
+class Head(nn.Module):
+    """Heatmap, queries at its peaks, one decoder layer, boxes and harm."""
+
+    def __init__(self, config: Config):
+        super().__init__()
+        n = config.channels
+        self.shared = nn.ModuleDict({"Normed": ConvBlock(config.fuser_channels, n, epsilon=1e-5)})
+        self.heatmap_hidden = ConvBlock(n, n, epsilon=1e-5)
+        self.heatmap_out = nn.Conv2d(n, 1, 3, padding=1)
+        self.class_embedding = nn.Linear(1, n)
+        self.position = nn.ModuleDict({"Shared": Mlp(2, n, n)})
+        self.decoder = DecoderLayer(config)
+        self.numeric = Numeric(config)
+        self.predict = nn.ModuleDict({"Placed": Placed(config)})
+        self.n_queries = config.n_queries
+        n_y, n_x = config.cells
+        cell = torch.arange(n_y * n_x, dtype=torch.float64)
+        x = config.x_min_m + (cell % n_x + 0.5) * config.cell_size_m
+        y = config.y_min_m + (cell.div(n_x, rounding_mode="floor") + 0.5) * config.cell_size_m
+        self.register_buffer("centers_m", torch.stack([x, y], 1).float(), persistent=False)
+
+    def pick(self, heatmap: Tensor) -> tuple[Tensor, Tensor]:
+        """Cells and scores of the best peaks, both [batch, query]; no gradient."""
+        scores = heatmap.detach().sigmoid()
+        peaks = functional.max_pool2d(scores, 3, 1, 1)
+        flat = (scores * (scores == peaks)).flatten(1)
+        scores, cells = flat.sort(dim=1, descending=True, stable=True)
+        return cells[:, : self.n_queries], scores[:, : self.n_queries]
+
+    def forward(self, features: Tensor, numeric: Tensor, cells: Tensor | None = None) -> dict[str, Tensor]:
+        """`cells` takes the place of the picked ones."""
+        shared = self.shared["Normed"](features)
+        heatmap = self.heatmap_out(self.heatmap_hidden(shared))
+        picked, scores = self.pick(heatmap)
+        cells = picked if cells is None else cells
+        memory = shared.flatten(2).transpose(1, 2)
+        query = memory.gather(1, cells[..., None].expand(-1, -1, memory.shape[2]))
+        query = query + self.class_embedding(query.new_ones(1))
+        center_m = self.centers_m[cells]
+        place = self.position["Shared"]
+        position = place(center_m / 50)
+        decoded = self.decoder(query, position, memory + place(self.centers_m / 50)) + position
+        n_states = numeric.shape[0] // features.shape[0]
+        decoded, center_m = (x.repeat_interleave(n_states, 0) for x in (decoded, center_m))
+        modulation = self.numeric.embed(numeric)[:, None]
+        boxes, harm = self.predict["Placed"](decoded, center_m, modulation)
+        return {"heatmap": heatmap, "cells": cells, "scores": scores, "boxes": boxes, "harm": harm}
+
+
+class Detector(nn.Module):
+    """The whole detector."""
+
+    def __init__(self, config: Config):
+        super().__init__()
+        self.config = config
+        self.lidar = nn.ModuleDict({"Pillars": PillarBranch(config)})
+        self.camera = nn.ModuleDict({"Cnn": CnnBranch(config)})
+        n_in = 2 * (config.bev_channels[0] * 3 // 4) + config.lift_channels
+        self.fuser = ConvBlock(n_in, config.fuser_channels, epsilon=1e-5)
+        self.head = Head(config)
+
+    def forward(self, batch: Batch, cells: Tensor | None = None) -> dict[str, Tensor]:
+        lidar = self.lidar["Pillars"](batch)
+        if batch.image is None:
+            n, _, n_y, n_x = lidar.shape
+            camera = torch.zeros_like(lidar[:, :1]).expand(n, self.config.lift_channels, n_y, n_x)
+        else:
+            camera = self.camera["Cnn"](batch)
+        return self.head(self.fuser(torch.cat([camera, lidar], 1)), batch.numeric, cells)
+
+
+def read_metadata(path: Path) -> dict[str, str]:
+    """The texts in a safetensors file's header."""
+    with path.open("rb") as file:
+        (n,) = struct.unpack("<Q", file.read(8))
+        return json.loads(file.read(n))["__metadata__"]
+
+
+def load(path: Path) -> Detector:
+    """The twin of a checkpoint that `harmzone train` wrote."""
+    detector = Detector(Config.parse(read_metadata(path)["harmzone.model"]))
+    found = load_file(path)
+    renamed = {"gamma": "weight", "beta": "bias"}
+    state = {}
+    for name, value in found.items():
+        owner, _, leaf = name.rpartition(".")
+        is_linear = isinstance(detector.get_submodule(owner), nn.Linear)
+        state[f"{owner}.{renamed.get(leaf, leaf)}"] = value.T if is_linear and leaf == "weight" else value
+    missing, unexpected = detector.load_state_dict(state, strict=False)
+    missing = [name for name in missing if not name.endswith("num_batches_tracked")]
+    if missing or unexpected:
+        raise ValueError(f"{path}: missing {missing}, unexpected {unexpected}")
+    return detector
