@@ -5,7 +5,9 @@
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use harmzone::eval::{self, Column, EvalDetection, EvalSample, EvalTruth, Metrics, Mode, Protocol};
+use harmzone::eval::{
+    self, Column, EvalDetection, EvalSample, EvalTruth, Metrics, Mode, Protocol, SampleFacts, TruthFacts,
+};
 use harmzone::geometry::{Box3, Point};
 use harmzone::object::{Distribution, Harm};
 use harmzone::random;
@@ -27,6 +29,7 @@ fn truth(x_m: f64, y_m: f64, harm: Harm, distribution: Distribution) -> EvalTrut
         harm,
         distribution: Some(distribution),
         n_lidar_points: None,
+        facts: TruthFacts::default(),
     }
 }
 
@@ -58,7 +61,7 @@ fn random_samples(seed: u64) -> Vec<EvalSample> {
                 let x_m = f64::from(rng.random_range(0..40));
                 detections.push(detection(x_m, 7.0, Harm::ALL[rng.random_range(0..2)], score));
             }
-            EvalSample { id: format!("s{i}"), truths, detections }
+            EvalSample { id: format!("s{i}"), facts: SampleFacts::default(), truths, detections }
         })
         .collect()
 }
@@ -191,7 +194,7 @@ fn perfect(truths: Vec<EvalTruth>) -> EvalSample {
             score: 0.9,
         })
         .collect();
-    EvalSample { id: "s".into(), truths, detections }
+    EvalSample { id: "s".into(), facts: SampleFacts::default(), truths, detections }
 }
 
 fn means(metrics: &Metrics) -> [f64; 4] {
@@ -269,7 +272,7 @@ fn three_hundred_thousand_detections_are_scored_in_seconds() {
                     detection(x_m, y_m, Harm::ALL[k % 2], x_m / 50.0)
                 })
                 .collect();
-            EvalSample { id: format!("s{i}"), truths, detections }
+            EvalSample { id: format!("s{i}"), facts: SampleFacts::default(), truths, detections }
         })
         .collect();
     let start = std::time::Instant::now();

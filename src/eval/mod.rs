@@ -6,10 +6,12 @@
 //! on, if any, which gives four columns ([`Column`]). All boxes are in the ego frame.
 
 mod curve;
+pub mod facts;
 pub mod json;
 mod matching;
 mod metrics;
 pub mod predict;
+mod pretty_json;
 mod protocol;
 
 use thiserror::Error;
@@ -17,7 +19,9 @@ use thiserror::Error;
 use crate::geometry::{Box3, BoxError, Ego};
 use crate::object::{Detection, Distribution, Harm, LabelledObject};
 
-pub use matching::{Outcome, Ranked, Ranking};
+pub use curve::Curve;
+pub use facts::{SampleFacts, TruthFacts};
+pub use matching::{ClassMatching, NumberedTruth, Outcome, Ranked, Ranking};
 pub use metrics::{
     ClassScores, Column, Columns, Counts, Filters, Metrics, OutcomeCounts, PerClass, TpErrors, TruthCounts,
 };
@@ -34,6 +38,7 @@ pub struct EvalTruth {
     pub distribution: Option<Distribution>,
     /// `None` where unknown; such a truth is kept by the filter on points.
     pub n_lidar_points: Option<u32>,
+    pub facts: TruthFacts,
 }
 
 /// A detected box; the score has the precision of the file it came from, since ties decide ranks.
@@ -54,6 +59,7 @@ pub struct EvalDetection {
 #[derive(Debug, Clone, PartialEq)]
 pub struct EvalSample {
     pub id: String,
+    pub facts: SampleFacts,
     pub truths: Vec<EvalTruth>,
     pub detections: Vec<EvalDetection>,
 }
@@ -66,6 +72,7 @@ impl From<&LabelledObject> for EvalTruth {
             harm: object.harm,
             distribution: Some(object.truth.distribution),
             n_lidar_points: Some(object.truth.n_lidar_points),
+            facts: (&object.truth).into(),
         }
     }
 }
@@ -118,7 +125,9 @@ pub enum ScoreError {
 /// not finite, a size that is not above zero, a truth without its distribution in [`Mode::Ood`].
 pub fn score(samples: &[EvalSample], protocol: &Protocol, mode: Mode) -> Result<Metrics, ScoreError> {
     check(samples, protocol, mode)?;
-    Ok(metrics::measure(samples, protocol, mode))
+    let (kept, filters) = metrics::filtered(samples, protocol.config());
+    let matching = metrics::matched(&kept, protocol.config());
+    Ok(metrics::measure(&kept, &matching, filters, protocol, mode))
 }
 
 fn check(samples: &[EvalSample], protocol: &Protocol, mode: Mode) -> Result<(), ScoreError> {

@@ -4,7 +4,7 @@ use burn::tensor::Device;
 use rayon::prelude::*;
 use thiserror::Error;
 
-use super::EvalSample;
+use super::{EvalSample, facts};
 use crate::dataset::Dataset;
 use crate::model::{Batch, Detector, Input, InputError, detections};
 use crate::object::Detection;
@@ -62,9 +62,11 @@ pub fn eval_samples(dataset: &Dataset, found: &[Vec<Detection>]) -> Vec<EvalSamp
     dataset
         .samples()
         .iter()
+        .zip(facts::of_dataset(dataset))
         .zip(found)
-        .map(|(sample, detections)| EvalSample {
+        .map(|((sample, facts), detections)| EvalSample {
             id: sample.id.clone(),
+            facts,
             truths: sample.objects.iter().map(Into::into).collect(),
             detections: detections.iter().map(Into::into).collect(),
         })

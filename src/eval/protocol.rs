@@ -68,6 +68,14 @@ impl Protocol {
         &self.config
     }
 
+    /// Which of the thresholds is the one of the errors.
+    #[must_use]
+    pub(super) fn tp_threshold_idx(&self) -> usize {
+        let thresholds = &self.config.dist_thresholds_m;
+        let at = thresholds.iter().position(|&threshold| threshold == self.config.tp_threshold_m);
+        at.expect("the TP threshold was checked to be one of the list")
+    }
+
     /// First of the 101 recall steps that count: the one after `min_recall`.
     #[must_use]
     pub(super) fn first_step(&self) -> usize {
