@@ -347,11 +347,8 @@ fn write(
     }
     let facts = samples.iter().filter(|_| with_facts).map(|sample| (sample.id.as_str(), &sample.facts));
     let samples_facts = facts.filter(|(_, facts)| **facts != SampleFacts::default()).collect();
-    let file = File {
-        meta: serde_json::Map::new(),
-        results: Results(samples, boxes),
-        samples: samples_facts,
-    };
+    let file =
+        File { meta: serde_json::Map::new(), results: Results(samples, boxes), samples: samples_facts };
     let text = serde_json::to_vec(&file).expect("boxes hold only numbers and names");
     files::write_atomic(path, &text).map_err(JsonError::Write)
 }
@@ -381,12 +378,7 @@ mod tests {
                 }],
                 detections: vec![found(0.1, Harm::Harmful, 0.3)],
             },
-            EvalSample {
-                id: "a".into(),
-                facts: SampleFacts::default(),
-                truths: vec![],
-                detections: vec![],
-            },
+            EvalSample { id: "a".into(), facts: SampleFacts::default(), truths: vec![], detections: vec![] },
         ];
         let (predictions, truths) = (folder.path().join("p.json"), folder.path().join("t.json"));
         write_predictions(&predictions, &samples).unwrap();

@@ -178,8 +178,8 @@ fn yaw_difference_rad(one: f64, other: f64) -> f64 {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use crate::geometry::Point;
     use crate::eval::{SampleFacts, TruthFacts};
+    use crate::geometry::Point;
     use crate::object::Distribution;
 
     pub(crate) fn a_box(x_m: f64, y_m: f64) -> Box3<Ego> {

@@ -252,9 +252,9 @@ pub(super) fn measure(
         PerClass::from_fn(|class| {
             let matching = matching.get(class);
             let curve = |threshold_idx| {
-                let judged = matching.at(threshold_idx).filter_map(|(ranked, outcome)| {
-                    Some((ranked.detection.score, column.judge(outcome)?))
-                });
+                let judged = matching
+                    .at(threshold_idx)
+                    .filter_map(|(ranked, outcome)| Some((ranked.detection.score, column.judge(outcome)?)));
                 Curve::new(judged, n_positives(class, column))
             };
             (0..config.dist_thresholds_m.len()).map(curve).collect::<Vec<_>>()

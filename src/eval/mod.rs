@@ -5,7 +5,10 @@
 //! nuscenes-devkit's. Out of distribution each false positive is attributed to the truth it was made
 //! on, if any, which gives four columns ([`Column`]). All boxes are in the ego frame.
 
+mod bootstrap;
+mod breakdown;
 mod curve;
+mod evaluation;
 pub mod facts;
 pub mod json;
 mod matching;
@@ -19,7 +22,10 @@ use thiserror::Error;
 use crate::geometry::{Box3, BoxError, Ego};
 use crate::object::{Detection, Distribution, Harm, LabelledObject};
 
+pub use bootstrap::{Confidence, Intervals};
+pub use breakdown::{Axis, Breakdown, BreakdownConfig, Group, GroupScores};
 pub use curve::Curve;
+pub use evaluation::{Evaluation, evaluate};
 pub use facts::{SampleFacts, TruthFacts};
 pub use matching::{ClassMatching, NumberedTruth, Outcome, Ranked, Ranking};
 pub use metrics::{

@@ -27,7 +27,8 @@ pub fn to_string(value: &impl Serialize) -> String {
 /// Where the list that opens in a line closes, if it holds no list and no struct. A string never ends a line with a
 /// bracket: its quote comes after.
 fn end_of_plain_list(lines: &[&str], opening: usize) -> Option<usize> {
-    let end = (opening + 1..lines.len()).find(|&i| lines[i].ends_with(['[', '{', ']', '}']) || lines[i].ends_with("],"))?;
+    let end = (opening + 1..lines.len())
+        .find(|&i| lines[i].ends_with(['[', '{', ']', '}']) || lines[i].ends_with("],"))?;
     lines[end].trim_start().starts_with(']').then_some(end)
 }
 
@@ -40,7 +41,10 @@ mod tests {
     fn plain_lists_take_one_line_and_the_value_stays_the_same() {
         let value = json!({"a": [1, 2.5, null], "b": [[1, 2], [3]], "c": [{"d": ["x[", "]", "y],"]}], "e": [], "f": 1});
         let text = to_string(&value);
-        assert!(text.contains("\"a\": [1, 2.5, null],\n") && text.contains("    [1, 2],\n    [3]\n"), "{text}");
+        assert!(
+            text.contains("\"a\": [1, 2.5, null],\n") && text.contains("    [1, 2],\n    [3]\n"),
+            "{text}"
+        );
         assert!(text.contains("[\"x[\", \"]\", \"y],\"]"), "{text}");
         assert_eq!(serde_json::from_str::<serde_json::Value>(&text).unwrap(), value);
     }

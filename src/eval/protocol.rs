@@ -5,6 +5,8 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use super::breakdown::BreakdownConfig;
+
 /// How detections are scored; `configs/eval.toml` equals the default.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -26,6 +28,14 @@ pub struct EvalConfig {
     pub drop_truths_without_points: bool,
     /// Most detections a sample may have; more is an error, as in nuScenes. Default 500.
     pub max_boxes: usize,
+    /// Score from which a detection counts where found, missed and false ones are told apart. Default 0.2.
+    pub operating_score: f64,
+    /// Resamples of the episodes for confidence intervals; 0 for none. Default 1000.
+    pub n_resamples: usize,
+    /// Seed of the resamples. Default 0.
+    pub bootstrap_seed: u64,
+    /// Edges of the bands of the breakdowns.
+    pub breakdown: BreakdownConfig,
 }
 
 impl Default for EvalConfig {
@@ -38,6 +48,10 @@ impl Default for EvalConfig {
             max_range_m: 50.0,
             drop_truths_without_points: true,
             max_boxes: 500,
+            operating_score: 0.2,
+            n_resamples: 1000,
+            bootstrap_seed: 0,
+            breakdown: BreakdownConfig::default(),
         }
     }
 }
@@ -53,6 +67,8 @@ pub enum ProtocolError {
     TpThreshold { found: f64, valid: Vec<f64> },
     #[error("{field} is {found}; {valid} is needed")]
     OutOfRange { field: &'static str, found: f64, valid: &'static str },
+    #[error("{field} is {found:?}; finite numbers, each above the one before, are needed")]
+    Bands { field: &'static str, found: Vec<f64> },
 }
 
 /// A checked [`EvalConfig`].
@@ -112,6 +128,14 @@ impl TryFrom<EvalConfig> for Protocol {
         if config.max_boxes == 0 {
             return out("max_boxes", 0.0, "a count of 1 or more");
         }
+        if !config.operating_score.is_finite() {
+            return out("operating_score", config.operating_score, "a finite number");
+        }
+        for (field, edges) in config.breakdown.bands() {
+            if !edges.windows(2).all(|pair| pair[0] < pair[1]) || !edges.iter().all(|edge| edge.is_finite()) {
+                return Err(ProtocolError::Bands { field, found: edges.to_vec() });
+            }
+        }
         Ok(Self { config })
     }
 }
@@ -147,6 +171,11 @@ mod tests {
             EvalConfig { min_precision: 1.0, ..base() },
             EvalConfig { max_range_m: f64::NAN, ..base() },
             EvalConfig { max_boxes: 0, ..base() },
+            EvalConfig { operating_score: f64::NAN, ..base() },
+            EvalConfig {
+                breakdown: BreakdownConfig { speed_mps: vec![3.0, 3.0], ..BreakdownConfig::default() },
+                ..base()
+            },
         ];
         for config in refused {
             assert!(Protocol::try_from(config.clone()).is_err(), "{config:?}");

@@ -1,9 +1,11 @@
 //! Scores and samples for people: text tables and pictures.
 
+mod breakdown;
 mod canvas;
 pub mod info;
 mod palette;
 pub mod table;
 pub mod view;
 
+pub use breakdown::breakdown;
 pub use table::table;
