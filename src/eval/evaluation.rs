@@ -6,6 +6,7 @@ use super::bootstrap::{self, Confidence};
 use super::breakdown::{self, Breakdown};
 use super::metrics::{self, Metrics};
 use super::protocol::Protocol;
+use super::safety::{self, Safety};
 use super::{EvalSample, Mode, ScoreError, check, pretty_json};
 
 /// The content of `metrics.json`.
@@ -17,6 +18,7 @@ pub struct Evaluation {
     pub confidence: Option<Confidence>,
     /// One for each axis of which something is known.
     pub breakdowns: Vec<Breakdown>,
+    pub safety: Safety,
 }
 
 impl Evaluation {
@@ -38,6 +40,7 @@ pub fn evaluate(samples: &[EvalSample], protocol: &Protocol, mode: Mode) -> Resu
     Ok(Evaluation {
         confidence: bootstrap::intervals(&kept, &matching, protocol, mode),
         breakdowns: breakdown::break_down(&kept, &matching, protocol),
+        safety: safety::measure(&kept, &matching, protocol),
         metrics: metrics::measure(&kept, &matching, filters, protocol, mode),
     })
 }

@@ -16,6 +16,7 @@ mod metrics;
 pub mod predict;
 mod pretty_json;
 mod protocol;
+pub mod safety;
 
 use thiserror::Error;
 

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::breakdown::BreakdownConfig;
+use super::safety::SafetyConfig;
 
 /// How detections are scored; `configs/eval.toml` equals the default.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -36,6 +37,8 @@ pub struct EvalConfig {
     pub bootstrap_seed: u64,
     /// Edges of the bands of the breakdowns.
     pub breakdown: BreakdownConfig,
+    /// Numbers of the safety metrics.
+    pub safety: SafetyConfig,
 }
 
 impl Default for EvalConfig {
@@ -52,6 +55,7 @@ impl Default for EvalConfig {
             n_resamples: 1000,
             bootstrap_seed: 0,
             breakdown: BreakdownConfig::default(),
+            safety: SafetyConfig::default(),
         }
     }
 }
@@ -136,8 +140,30 @@ impl TryFrom<EvalConfig> for Protocol {
                 return Err(ProtocolError::Bands { field, found: edges.to_vec() });
             }
         }
+        check_safety(&config.safety)?;
         Ok(Self { config })
     }
+}
+
+fn check_safety(config: &SafetyConfig) -> Result<(), ProtocolError> {
+    let out = |field, found, valid| Err(ProtocolError::OutOfRange { field, found, valid });
+    let is_above_zero = |value: f64| value.is_finite() && value > 0.0;
+    if let Some(&found) = config.false_alarms_per_km.iter().find(|&&value| !is_above_zero(value)) {
+        return out("safety.false_alarms_per_km", found, "a list of finite numbers above 0");
+    }
+    if let Some(&found) = config.decelerations_mps2.iter().find(|&&value| !is_above_zero(value)) {
+        return out("safety.decelerations_mps2", found, "a list of finite numbers above 0");
+    }
+    if !config.reaction_time_s.is_finite() || config.reaction_time_s < 0.0 {
+        return out("safety.reaction_time_s", config.reaction_time_s, "a finite number of 0 or more");
+    }
+    if config.confirm_n == 0 || config.confirm_n > config.confirm_of {
+        return out("safety.confirm_n", config.confirm_n as f64, "a count from 1 to safety.confirm_of");
+    }
+    if config.n_bins == 0 {
+        return out("safety.n_bins", 0.0, "a count of 1 or more");
+    }
+    Ok(())
 }
 
 /// The devkit's `round(100 * min_recall) + 1`; Python rounds halves to even.
@@ -172,6 +198,8 @@ mod tests {
             EvalConfig { max_range_m: f64::NAN, ..base() },
             EvalConfig { max_boxes: 0, ..base() },
             EvalConfig { operating_score: f64::NAN, ..base() },
+            EvalConfig { safety: SafetyConfig { confirm_n: 4, ..SafetyConfig::default() }, ..base() },
+            EvalConfig { safety: SafetyConfig { n_bins: 0, ..SafetyConfig::default() }, ..base() },
             EvalConfig {
                 breakdown: BreakdownConfig { speed_mps: vec![3.0, 3.0], ..BreakdownConfig::default() },
                 ..base()
