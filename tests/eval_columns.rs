@@ -299,6 +299,45 @@ proptest! {
     }
 
     #[test]
+    fn perfect_detections_of_any_scene_score_one_wherever_there_is_a_truth(seed in 0_u64..1000) {
+        let mut samples = random_samples(seed);
+        for sample in &mut samples {
+            // Truths on one another would claim each other's detections.
+            sample.truths.dedup_by_key(|truth| truth.box_in_ego.center.x().to_bits());
+            *sample = EvalSample { id: sample.id.clone(), ..perfect(std::mem::take(&mut sample.truths)) };
+        }
+        let metrics = scored(&samples);
+        for (column, distributions) in [
+            (Column::Total, &[Distribution::Id, Distribution::Ood][..]),
+            (Column::IdMatched, &[Distribution::Id]),
+            (Column::OodAll, &[Distribution::Ood]),
+            (Column::OodMatched, &[Distribution::Ood]),
+        ] {
+            for class in Harm::ALL {
+                let is_positive = |truth: &EvalTruth| {
+                    truth.harm == class && distributions.contains(&truth.distribution.unwrap())
+                };
+                let has_truth = samples.iter().flat_map(|sample| &sample.truths).any(is_positive);
+                for ap in metrics.per_threshold.get(column).unwrap().get(class) {
+                    prop_assert!((ap - f64::from(u8::from(has_truth))).abs() < 1e-12, "{column:?} {class:?} {ap}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn no_detections_of_any_scene_score_zero(seed in 0_u64..1000) {
+        let mut samples = random_samples(seed);
+        samples.iter_mut().for_each(|sample| sample.detections.clear());
+        let metrics = scored(&samples);
+        prop_assert_eq!(means(&metrics), [0.0; 4]);
+        for class in Harm::ALL {
+            let errors = metrics.tp_errors.get(class);
+            prop_assert_eq!([errors.ate, errors.ase, errors.aoe], [1.0; 3]);
+        }
+    }
+
+    #[test]
     fn turning_the_boxes_changes_only_the_orientation_error(seed in 0_u64..1000, turn in 0.1..3.0_f64) {
         let mut samples = random_samples(seed);
         let before = scored(&samples);

@@ -157,9 +157,9 @@ mod tests {
     proptest! {
         #[test]
         fn the_signed_distance_is_negative_where_areas_overlap_and_alike_both_ways(
-            x in -4.0..4.0, y in -4.0..4.0, turn in 0.0..6.3, size in 0.2..3.0,
+            x in -4.0..4.0_f64, y in -4.0..4.0_f64, turn in 0.0..6.3_f64, size in 0.2..3.0_f64,
         ) {
-            let (one, turned) = (square(-1.0, -1.0, 2.0), square(-size, -size, 2.0 * size).map(|p| {
+            let (one, turned) = (square(-1.0, -1.0, 2.0), square(-size, -size, 2.0 * size).map(|p: Point2| {
                 let (sin, cos) = f64::sin_cos(turn);
                 Point2 { x_m: x + p.x_m * cos - p.y_m * sin, y_m: y + p.x_m * sin + p.y_m * cos }
             }));
