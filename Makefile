@@ -9,7 +9,7 @@ SHELL := /bin/bash
 BIN = $(or $(CARGO_TARGET_DIR),target)/release/harmzone
 PYTHON_SOURCES = $(wildcard python scenes mjcf_assets tests scripts)
 
-.PHONY: help setup setup-test build demo test ci bench bench-gen gallery weathers fmt clean
+.PHONY: help setup setup-test build demo test ci bench bench-gen bench-eval gallery weathers fmt clean
 
 help: ## List the targets
 	@echo "make <target>, where target is:"
@@ -54,6 +54,9 @@ bench: setup ## Benchmarks, module/case/size; never a gate
 bench-gen: build ## Speed of gen against bare MuJoCo, of two processes against one, memory, disk; about 10 minutes
 	$(BIN) bench-gen --town all
 	$(BIN) bench-gen --town all --weather all --episodes 18 --run-samples 2 # what weather adds
+
+bench-eval: setup setup-test ## Speed of eval against nuscenes-devkit and of label against shapely; about 5 minutes
+	cargo bench --profile release --bench eval_speed
 
 gallery: setup-test ## A picture of all object models: docs/gallery.png
 	.venv-test/bin/python mjcf_assets/make_gallery.py

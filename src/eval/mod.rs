@@ -17,6 +17,7 @@ pub mod predict;
 mod pretty_json;
 mod protocol;
 pub mod safety;
+pub mod sweep;
 
 use thiserror::Error;
 

@@ -6,7 +6,7 @@
 mod alarms;
 mod calibration;
 mod early;
-mod located;
+pub(super) mod located;
 mod separation;
 mod slope;
 mod steadiness;
