@@ -77,6 +77,9 @@ race: build setup-golden ## Speed of the small detector, and against PyTorch; RA
 	RAYON_NUM_THREADS=2 $(BIN) bench-model --data $(RACE_DATA) --model $(RACE_MODEL)
 	.venv-golden/bin/python scripts/race_pytorch.py $(BIN) $(RACE_DATA) --model $(RACE_MODEL)
 
+bench-eval: setup setup-test ## Speed of eval against nuscenes-devkit and of label against shapely; about 5 minutes
+	cargo bench --profile release --bench eval_speed
+
 gallery: setup-test ## A picture of all object models: docs/gallery.png
 	.venv-test/bin/python mjcf_assets/make_gallery.py
 

@@ -5,7 +5,9 @@
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use harmzone::eval::{self, Column, EvalDetection, EvalSample, EvalTruth, Metrics, Mode, Protocol};
+use harmzone::eval::{
+    self, Column, EvalDetection, EvalSample, EvalTruth, Metrics, Mode, Protocol, SampleFacts, TruthFacts,
+};
 use harmzone::geometry::{Box3, Point};
 use harmzone::object::{Distribution, Harm};
 use harmzone::random;
@@ -27,6 +29,7 @@ fn truth(x_m: f64, y_m: f64, harm: Harm, distribution: Distribution) -> EvalTrut
         harm,
         distribution: Some(distribution),
         n_lidar_points: None,
+        facts: TruthFacts::default(),
     }
 }
 
@@ -58,7 +61,7 @@ fn random_samples(seed: u64) -> Vec<EvalSample> {
                 let x_m = f64::from(rng.random_range(0..40));
                 detections.push(detection(x_m, 7.0, Harm::ALL[rng.random_range(0..2)], score));
             }
-            EvalSample { id: format!("s{i}"), truths, detections }
+            EvalSample { id: format!("s{i}"), facts: SampleFacts::default(), truths, detections }
         })
         .collect()
 }
@@ -191,7 +194,7 @@ fn perfect(truths: Vec<EvalTruth>) -> EvalSample {
             score: 0.9,
         })
         .collect();
-    EvalSample { id: "s".into(), truths, detections }
+    EvalSample { id: "s".into(), facts: SampleFacts::default(), truths, detections }
 }
 
 fn means(metrics: &Metrics) -> [f64; 4] {
@@ -269,7 +272,7 @@ fn three_hundred_thousand_detections_are_scored_in_seconds() {
                     detection(x_m, y_m, Harm::ALL[k % 2], x_m / 50.0)
                 })
                 .collect();
-            EvalSample { id: format!("s{i}"), truths, detections }
+            EvalSample { id: format!("s{i}"), facts: SampleFacts::default(), truths, detections }
         })
         .collect();
     let start = std::time::Instant::now();
@@ -292,6 +295,45 @@ proptest! {
         for column in [Column::Total, Column::OodAll] {
             let (before, after) = (before.columns.get(column).unwrap(), after.columns.get(column).unwrap());
             prop_assert!(after.harmful <= before.harmful + 1e-12);
+        }
+    }
+
+    #[test]
+    fn perfect_detections_of_any_scene_score_one_wherever_there_is_a_truth(seed in 0_u64..1000) {
+        let mut samples = random_samples(seed);
+        for sample in &mut samples {
+            // Truths on one another would claim each other's detections.
+            sample.truths.dedup_by_key(|truth| truth.box_in_ego.center.x().to_bits());
+            *sample = EvalSample { id: sample.id.clone(), ..perfect(std::mem::take(&mut sample.truths)) };
+        }
+        let metrics = scored(&samples);
+        for (column, distributions) in [
+            (Column::Total, &[Distribution::Id, Distribution::Ood][..]),
+            (Column::IdMatched, &[Distribution::Id]),
+            (Column::OodAll, &[Distribution::Ood]),
+            (Column::OodMatched, &[Distribution::Ood]),
+        ] {
+            for class in Harm::ALL {
+                let is_positive = |truth: &EvalTruth| {
+                    truth.harm == class && distributions.contains(&truth.distribution.unwrap())
+                };
+                let has_truth = samples.iter().flat_map(|sample| &sample.truths).any(is_positive);
+                for ap in metrics.per_threshold.get(column).unwrap().get(class) {
+                    prop_assert!((ap - f64::from(u8::from(has_truth))).abs() < 1e-12, "{column:?} {class:?} {ap}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn no_detections_of_any_scene_score_zero(seed in 0_u64..1000) {
+        let mut samples = random_samples(seed);
+        samples.iter_mut().for_each(|sample| sample.detections.clear());
+        let metrics = scored(&samples);
+        prop_assert_eq!(means(&metrics), [0.0; 4]);
+        for class in Harm::ALL {
+            let errors = metrics.tp_errors.get(class);
+            prop_assert_eq!([errors.ate, errors.ase, errors.aoe], [1.0; 3]);
         }
     }
 

@@ -10,42 +10,47 @@ use super::ExitStatus;
 use super::detector::Trained;
 use super::device::DeviceArg;
 use super::predict::{detect, open_split};
-use crate::eval::predict::eval_samples;
+use crate::eval::predict::{eval_samples, truth_of};
 use crate::eval::{self, EvalConfig, EvalSample, Mode, Protocol, json};
 use crate::{config, files, report};
 
 /// Written by every scoring that has an output folder.
 const METRICS_FILE: &str = "metrics.json";
 const TABLE_FILE: &str = "table.txt";
+const BREAKDOWN_FILE: &str = "breakdown.txt";
 const CONFIG_FILE: &str = "eval.toml";
 
 #[derive(Debug, Args)]
 #[command(group = ArgGroup::new("detector").args(["run", "predictions"]).required(true))]
+#[command(group = ArgGroup::new("against").args(["data", "truth"]).required(true))]
 pub struct EvalArgs {
     /// Folder of a trained detector, a checkpoint, or `small`, the network inside the program; needs --data
     #[arg(requires = "data")]
     run: Option<PathBuf>,
-    /// Dataset to run it on
-    #[arg(long, value_name = "DIR", requires = "run")]
+    /// Labelled dataset: what a run sees, and the truth
+    #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
     /// Label set of the dataset
-    #[arg(long, value_name = "SET", default_value = "rect", requires = "run")]
+    #[arg(long, value_name = "SET", default_value = "rect", requires = "data")]
     labels: String,
     /// Split: train, val or test; without it, the dataset's val, or test where there is no val
-    #[arg(long, requires = "run")]
+    #[arg(long, requires = "data")]
     split: Option<String>,
     #[command(flatten)]
     device: DeviceArg,
     /// Also attribute false positives and score the ID and OOD columns of Table III
     #[arg(long)]
     ood: bool,
-    /// Any detector's boxes, nuScenes-style JSON in the ego frame; needs --truth
-    #[arg(long, value_name = "JSON", requires = "truth", conflicts_with = "run")]
+    /// Any detector's boxes, nuScenes-style JSON in the ego frame; needs --truth or --data
+    #[arg(long, value_name = "JSON", conflicts_with = "run")]
     predictions: Option<PathBuf>,
     /// The true boxes, in the same form
     #[arg(long, value_name = "JSON", requires = "predictions")]
     truth: Option<PathBuf>,
-    /// Folder for metrics.json, table.txt and the resolved eval.toml
+    /// Also print scores by group and confidence intervals; metrics.json always has them
+    #[arg(long, conflicts_with = "json")]
+    breakdown: bool,
+    /// Folder for metrics.json, table.txt, breakdown.txt and the resolved eval.toml
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Print metrics.json instead of the table
@@ -70,29 +75,47 @@ pub fn run(args: EvalArgs) -> anyhow::Result<ExitStatus> {
     }
     let mode = if args.ood { Mode::Ood } else { Mode::Id };
     let samples = samples(&args)?;
-    let metrics =
-        eval::score(&samples, &protocol, mode).with_context(|| match (&args.predictions, &args.truth) {
-            (Some(found), Some(truth)) => {
-                format!("cannot score {} against {}", found.display(), truth.display())
-            }
-            _ => "cannot score the run".to_owned(),
-        })?;
-    let (json, table) = (metrics.to_json(), report::table(&metrics));
+    let evaluation = eval::evaluate(&samples, &protocol, mode).with_context(|| match &args.predictions {
+        Some(found) => {
+            let truth = args.truth.as_ref().or(args.data.as_ref()).map(|path| path.display().to_string());
+            format!("cannot score {} against {}", found.display(), truth.unwrap_or_default())
+        }
+        None => "cannot score the run".to_owned(),
+    })?;
+    let texts = Texts {
+        json: evaluation.to_json(),
+        table: report::table(&evaluation.metrics),
+        breakdown: report::breakdown(&evaluation),
+    };
     if let Some(out) = &args.out {
-        save(out, &protocol, &json, &table)?;
+        save(out, &protocol, &texts)?;
     }
-    print!("{}", if args.json { json } else { table });
+    print!("{}", if args.json { &texts.json } else { &texts.table });
+    if args.breakdown {
+        print!("\n{}", texts.breakdown);
+    }
     Ok(ExitStatus::Done)
+}
+
+/// What is printed and saved.
+struct Texts {
+    json: String,
+    table: String,
+    breakdown: String,
 }
 
 /// The samples to score, from files of boxes or from a trained detector.
 fn samples(args: &EvalArgs) -> anyhow::Result<Vec<EvalSample>> {
-    if let (Some(predictions), Some(truth)) = (&args.predictions, &args.truth) {
-        return Ok(json::join(json::read_predictions(predictions)?, json::read_truth(truth)?)?);
-    }
-    match (&args.run, &args.data) {
-        (Some(run), Some(data)) => samples_of_run(run, data, args),
-        _ => bail!("give a RUN with --data, or --predictions with --truth"),
+    match (&args.run, &args.predictions, &args.truth, &args.data) {
+        (_, Some(predictions), Some(truth), _) => {
+            Ok(json::join(json::read_predictions(predictions)?, json::read_truth(truth)?)?)
+        }
+        (_, Some(predictions), _, Some(data)) => {
+            let dataset = open_split(data, &args.labels, args.split.as_deref())?;
+            Ok(json::join(json::read_predictions(predictions)?, truth_of(&dataset))?)
+        }
+        (Some(run), _, _, Some(data)) => samples_of_run(run, data, args),
+        _ => bail!("give a RUN with --data, or --predictions with --truth or --data"),
     }
 }
 
@@ -112,8 +135,8 @@ fn refuse_to_overwrite(out: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Saves how it was scored, the table, and last the metrics, whose presence says that all is there.
-fn save(out: &Path, protocol: &Protocol, json: &str, table: &str) -> anyhow::Result<()> {
+/// Saves how it was scored, the tables, and last the metrics, whose presence says that all is there.
+fn save(out: &Path, protocol: &Protocol, texts: &Texts) -> anyhow::Result<()> {
     fs::create_dir_all(out)?;
     let metrics = out.join(METRICS_FILE);
     if metrics.exists() {
@@ -122,7 +145,8 @@ fn save(out: &Path, protocol: &Protocol, json: &str, table: &str) -> anyhow::Res
     let config = config::to_toml(protocol.config());
     let config = format!("# harmzone {}, harmzone eval\n{config}", env!("CARGO_PKG_VERSION"));
     files::write_atomic(&out.join(CONFIG_FILE), config.as_bytes())?;
-    files::write_atomic(&out.join(TABLE_FILE), table.as_bytes())?;
-    files::write_atomic(&metrics, json.as_bytes())?;
+    files::write_atomic(&out.join(TABLE_FILE), texts.table.as_bytes())?;
+    files::write_atomic(&out.join(BREAKDOWN_FILE), texts.breakdown.as_bytes())?;
+    files::write_atomic(&metrics, texts.json.as_bytes())?;
     Ok(())
 }

@@ -4,6 +4,8 @@
 //! max(0, precision - `min_precision`), over 1 - `min_precision`. Source: `accumulate`, `calc_ap` and
 //! `calc_tp` of nuscenes-devkit 1.2.0 (`nuscenes/eval/detection/algo.py`), and `numpy.interp`.
 
+use serde::{Deserialize, Serialize};
+
 /// Recall steps from 0 to 1.
 const N_STEPS: usize = 101;
 
@@ -13,11 +15,12 @@ const STEP: f64 = 0.01;
 /// Errors kept for each match: translation (metres), scale (1 - IoU of aligned boxes), orientation (radians).
 pub(super) const N_ERRORS: usize = 3;
 
-/// Precision and confidence at each of the 101 recall steps.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct Curve {
-    precision: Vec<f64>,
-    confidence: Vec<f64>,
+/// Precision and confidence at each of the 101 recall steps, 0, 0.01 .. 1; zero beyond the recall that is reached.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Curve {
+    pub precision: Vec<f64>,
+    /// The score down to which detections must be taken to reach the recall.
+    pub confidence: Vec<f64>,
 }
 
 impl Curve {

@@ -2,10 +2,11 @@
 //!
 //! `{"meta": {..}, "results": {"<sample>": [{"translation": [x, y, z], "size": [w, l, h], "rotation":
 //! [w, x, y, z], "velocity": [vx, vy], "detection_name": "harmful", "detection_score": 0.9}]}}`. Truth
-//! has no score, may have `"distribution": "id"|"ood"` and `"num_pts"` (-1: unknown). Metres, m/s;
+//! has no score, may have `"distribution": "id"|"ood"`, `"num_pts"` (-1: unknown) and what [`TruthFacts`] names;
+//! beside `results` it may have `"samples": {"<sample>": {..}}` with what [`SampleFacts`] names. Metres, m/s;
 //! other keys are ignored. Python's bare `NaN` and `Infinity` are read, and refused but for velocities.
 
-use std::collections::{BTreeSet, HashMap, HashSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -20,7 +21,7 @@ use crate::files;
 use crate::geometry::{Box3, BoxError, Ego, Point};
 use crate::object::{Distribution, Harm};
 
-use super::{EvalDetection, EvalSample, EvalTruth};
+use super::{EvalDetection, EvalSample, EvalTruth, SampleFacts, TruthFacts};
 
 /// Why a file of boxes cannot be used.
 #[derive(Debug, Error)]
@@ -48,6 +49,8 @@ pub enum JsonError {
 pub struct Boxes<T> {
     pub path: PathBuf,
     pub samples: Vec<(String, Vec<T>)>,
+    /// What the file tells of samples beyond their boxes; of samples that it does not name, nothing.
+    pub facts: HashMap<String, SampleFacts>,
 }
 
 /// Reads predictions.
@@ -78,8 +81,8 @@ pub fn read_truth(path: &Path) -> Result<Boxes<EvalTruth>, JsonError> {
                 Some(u32::try_from(n).map_err(|_| format!("`num_pts` is {n}; -1 or a count is needed"))?)
             }
         };
-        let distribution = raw.distribution;
-        Ok(EvalTruth { box_in_ego, velocity_in_ego_mps, harm, distribution, n_lidar_points })
+        let (distribution, facts) = (raw.distribution, raw.facts);
+        Ok(EvalTruth { box_in_ego, velocity_in_ego_mps, harm, distribution, n_lidar_points, facts })
     })
 }
 
@@ -96,12 +99,13 @@ pub fn join(
     check_present(&wanted, &found, &truth.path, &predictions.path)?;
     check_present(&found, &wanted, &predictions.path, &truth.path)?;
     let mut truths: HashMap<String, Vec<EvalTruth>> = truth.samples.into_iter().collect();
+    let mut facts = truth.facts;
     Ok(predictions
         .samples
         .into_iter()
         .map(|(id, detections)| {
             let truths = truths.remove(&id).expect("both files were checked to hold the same samples");
-            EvalSample { id, truths, detections }
+            EvalSample { facts: facts.remove(&id).unwrap_or_default(), id, truths, detections }
         })
         .collect())
 }
@@ -128,15 +132,15 @@ fn check_present(
 /// # Errors
 /// [`JsonError::Write`].
 pub fn write_predictions(path: &Path, samples: &[EvalSample]) -> Result<(), JsonError> {
-    write(path, samples, |sample| sample.detections.iter().map(RawBox::from).collect())
+    write(path, samples, false, |sample| sample.detections.iter().map(RawBox::from).collect())
 }
 
-/// Writes the truths of samples.
+/// Writes the truths of samples, with the facts that are known.
 ///
 /// # Errors
 /// [`JsonError::Write`].
 pub fn write_truth(path: &Path, samples: &[EvalSample]) -> Result<(), JsonError> {
-    write(path, samples, |sample| sample.truths.iter().map(RawBox::from).collect())
+    write(path, samples, true, |sample| sample.truths.iter().map(RawBox::from).collect())
 }
 
 /// A box as the file has it; a number that is null, NaN or infinite is `None`.
@@ -157,6 +161,8 @@ struct RawBox {
     distribution: Option<Distribution>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     num_pts: Option<i64>,
+    #[serde(flatten)]
+    facts: TruthFacts,
 }
 
 /// Tells a null from a missing key.
@@ -198,6 +204,7 @@ impl RawBox {
             detection_score: None,
             distribution: None,
             num_pts: None,
+            facts: TruthFacts::default(),
         }
     }
 }
@@ -216,6 +223,7 @@ impl From<&EvalTruth> for RawBox {
         Self {
             distribution: truth.distribution,
             num_pts: truth.n_lidar_points.map(i64::from),
+            facts: truth.facts.clone(),
             ..Self::new(&truth.box_in_ego, truth.velocity_in_ego_mps, truth.harm)
         }
     }
@@ -257,12 +265,14 @@ fn read<T>(path: &Path, convert: impl Fn(RawBox) -> Result<T, String>) -> Result
         }
         samples.push((sample, boxes));
     }
-    Ok(Boxes { path: path.to_owned(), samples })
+    Ok(Boxes { path: path.to_owned(), samples, facts: file.samples })
 }
 
 #[derive(Deserialize)]
 struct RawFile {
     results: InOrder,
+    #[serde(default)]
+    samples: HashMap<String, SampleFacts>,
 }
 
 /// A JSON object in the file's order, repeated keys kept.
@@ -319,6 +329,7 @@ fn without_python_numbers(text: &str) -> std::borrow::Cow<'_, str> {
 fn write(
     path: &Path,
     samples: &[EvalSample],
+    with_facts: bool,
     boxes: impl Fn(&EvalSample) -> Vec<RawBox>,
 ) -> Result<(), JsonError> {
     struct Results<'a, F>(&'a [EvalSample], F);
@@ -328,11 +339,16 @@ fn write(
         }
     }
     #[derive(Serialize)]
-    struct File<R> {
+    struct File<'a, R> {
         meta: serde_json::Map<String, Value>,
         results: R,
+        #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+        samples: BTreeMap<&'a str, &'a SampleFacts>,
     }
-    let file = File { meta: serde_json::Map::new(), results: Results(samples, boxes) };
+    let facts = samples.iter().filter(|_| with_facts).map(|sample| (sample.id.as_str(), &sample.facts));
+    let samples_facts = facts.filter(|(_, facts)| **facts != SampleFacts::default()).collect();
+    let file =
+        File { meta: serde_json::Map::new(), results: Results(samples, boxes), samples: samples_facts };
     let text = serde_json::to_vec(&file).expect("boxes hold only numbers and names");
     files::write_atomic(path, &text).map_err(JsonError::Write)
 }
@@ -355,10 +371,14 @@ mod tests {
         let samples = [
             EvalSample {
                 id: "b".into(),
-                truths: vec![truth(3.25, Harm::Harmless, Distribution::Ood)],
+                facts: SampleFacts { town: Some("oldtown".into()), ..SampleFacts::default() },
+                truths: vec![EvalTruth {
+                    facts: TruthFacts { id: Some("car-1".into()), ..TruthFacts::default() },
+                    ..truth(3.25, Harm::Harmless, Distribution::Ood)
+                }],
                 detections: vec![found(0.1, Harm::Harmful, 0.3)],
             },
-            EvalSample { id: "a".into(), truths: vec![], detections: vec![] },
+            EvalSample { id: "a".into(), facts: SampleFacts::default(), truths: vec![], detections: vec![] },
         ];
         let (predictions, truths) = (folder.path().join("p.json"), folder.path().join("t.json"));
         write_predictions(&predictions, &samples).unwrap();

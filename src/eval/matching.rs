@@ -12,13 +12,20 @@ use super::curve::N_ERRORS;
 use super::{EvalDetection, EvalSample, EvalTruth};
 use crate::geometry::{Box3, Ego};
 
+/// A true object with its number among the truths of all samples.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NumberedTruth<'a> {
+    pub number: usize,
+    pub truth: &'a EvalTruth,
+}
+
 /// What became of a detection.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Outcome<'a> {
     /// A true positive on this truth, at this distance in metres.
-    Matched(&'a EvalTruth, f64),
+    Matched(NumberedTruth<'a>, f64),
     /// A false positive; this truth of the other class is the nearest within the threshold.
-    Misclassified(&'a EvalTruth),
+    Misclassified(NumberedTruth<'a>),
     /// A false positive with no truth within the threshold that it could be attributed to.
     Unmatched,
 }
@@ -27,10 +34,12 @@ pub enum Outcome<'a> {
 #[derive(Debug, Clone)]
 pub struct Ranked<'a> {
     pub detection: &'a EvalDetection,
-    /// Truths of its class within reach, nearest first: number among all truths, truth, distance.
-    same_class: Vec<(usize, &'a EvalTruth, f64)>,
+    /// Index of its sample.
+    pub sample_idx: usize,
+    /// Truths of its class within reach, nearest first, each with its distance.
+    same_class: Vec<(NumberedTruth<'a>, f64)>,
     /// The nearest truth of the other class within reach.
-    other_class: Option<(&'a EvalTruth, f64)>,
+    other_class: Option<(NumberedTruth<'a>, f64)>,
 }
 
 /// All detections of one class by rank, each with the truths within reach.
@@ -48,9 +57,10 @@ impl<'a> Ranking<'a> {
     pub fn new(samples: &'a [EvalSample], class: Harm, reach_m: f64) -> Self {
         let mut ranked = Vec::new();
         let mut n_truths = 0;
-        for sample in samples {
+        for (sample_idx, sample) in samples.iter().enumerate() {
             for detection in sample.detections.iter().filter(|detection| detection.harm == class) {
-                ranked.push(neighbours(detection, &sample.truths, n_truths, reach_m));
+                let (same_class, other_class) = neighbours(detection, &sample.truths, n_truths, reach_m);
+                ranked.push(Ranked { detection, sample_idx, same_class, other_class });
             }
             n_truths += sample.truths.len();
         }
@@ -62,50 +72,84 @@ impl<'a> Ranking<'a> {
         Self { ranked, n_truths }
     }
 
-    /// The detections by rank, each with its outcome at one distance threshold.
-    pub fn outcomes(&self, threshold_m: f64) -> impl Iterator<Item = (&Ranked<'a>, Outcome<'a>)> {
+    /// The detections by rank.
+    #[must_use]
+    pub fn ranked(&self) -> &[Ranked<'a>] {
+        &self.ranked
+    }
+
+    /// The outcome of each detection at one distance threshold, by rank.
+    pub fn outcomes(&self, threshold_m: f64) -> impl Iterator<Item = Outcome<'a>> {
         let mut is_claimed = vec![false; self.n_truths];
         self.ranked.iter().map(move |ranked| {
-            let free = ranked.same_class.iter().find(|&&(number, ..)| !is_claimed[number]);
-            let outcome = match (free, ranked.other_class) {
-                (Some(&(number, truth, distance_m)), _) if distance_m < threshold_m => {
-                    is_claimed[number] = true;
+            let free = ranked.same_class.iter().find(|(truth, _)| !is_claimed[truth.number]);
+            match (free, ranked.other_class) {
+                (Some(&(truth, distance_m)), _) if distance_m < threshold_m => {
+                    is_claimed[truth.number] = true;
                     Outcome::Matched(truth, distance_m)
                 }
                 (_, Some((truth, distance_m))) if distance_m < threshold_m => Outcome::Misclassified(truth),
                 _ => Outcome::Unmatched,
-            };
-            (ranked, outcome)
+            }
         })
     }
 }
 
-/// A detection with the truths of its sample that it can reach; `first_number` counts earlier samples' truths.
+/// The detections of one class with their outcomes at each threshold.
+#[derive(Debug)]
+pub struct ClassMatching<'a> {
+    pub ranking: Ranking<'a>,
+    /// `[threshold][rank]`.
+    pub outcomes: Vec<Vec<Outcome<'a>>>,
+}
+
+impl<'a> ClassMatching<'a> {
+    /// Matches the detections of a class at each threshold.
+    #[must_use]
+    pub fn new(samples: &'a [EvalSample], class: Harm, thresholds_m: &[f64]) -> Self {
+        let reach_m = thresholds_m.iter().copied().fold(0.0, f64::max);
+        let ranking = Ranking::new(samples, class, reach_m);
+        let outcomes = thresholds_m.iter().map(|&threshold_m| ranking.outcomes(threshold_m).collect());
+        Self { outcomes: outcomes.collect(), ranking }
+    }
+
+    /// The detections by rank, each with its outcome at one of the thresholds.
+    pub fn at(&self, threshold_idx: usize) -> impl Iterator<Item = (&Ranked<'a>, Outcome<'a>)> {
+        self.ranking.ranked.iter().zip(self.outcomes[threshold_idx].iter().copied())
+    }
+}
+
+/// A truth within reach and its distance, metres.
+type Reached<'a> = (NumberedTruth<'a>, f64);
+
+/// The truths of its sample that a detection can reach: those of its class, nearest first, and the nearest of the
+/// other class. `first_number` counts earlier samples' truths.
 fn neighbours<'a>(
-    detection: &'a EvalDetection,
+    detection: &EvalDetection,
     truths: &'a [EvalTruth],
     first_number: usize,
     reach_m: f64,
-) -> Ranked<'a> {
+) -> (Vec<Reached<'a>>, Option<Reached<'a>>) {
     let mut same_class = Vec::new();
-    let mut other_class: Option<(&EvalTruth, f64)> = None;
-    for (number, truth) in truths.iter().enumerate() {
+    let mut other_class: Option<Reached<'_>> = None;
+    for (idx, truth) in truths.iter().enumerate() {
         let distance_m = center_distance_m(&detection.box_in_ego, &truth.box_in_ego);
         if distance_m >= reach_m {
             continue;
         }
+        let numbered = NumberedTruth { number: first_number + idx, truth };
         if truth.harm == detection.harm {
-            same_class.push((first_number + number, truth, distance_m));
+            same_class.push((numbered, distance_m));
         } else if other_class.is_none_or(|(_, nearest_m)| distance_m < nearest_m) {
-            other_class = Some((truth, distance_m));
+            other_class = Some((numbered, distance_m));
         }
     }
-    same_class.sort_by(|a, b| a.2.total_cmp(&b.2));
-    Ranked { detection, same_class, other_class }
+    same_class.sort_by(|a, b| a.1.total_cmp(&b.1));
+    (same_class, other_class)
 }
 
 /// Distance of two boxes' centres on the ground.
-fn center_distance_m(one: &Box3<Ego>, other: &Box3<Ego>) -> f64 {
+pub(super) fn center_distance_m(one: &Box3<Ego>, other: &Box3<Ego>) -> f64 {
     let (dx, dy) = (one.center.x() - other.center.x(), one.center.y() - other.center.y());
     // Not `hypot`: its last digit may differ from the devkit's, which decides at a threshold.
     (dx * dx + dy * dy).sqrt()
@@ -134,6 +178,7 @@ fn yaw_difference_rad(one: f64, other: f64) -> f64 {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
+    use crate::eval::{SampleFacts, TruthFacts};
     use crate::geometry::Point;
     use crate::object::Distribution;
 
@@ -148,6 +193,7 @@ pub(super) mod tests {
             harm,
             distribution: Some(distribution),
             n_lidar_points: Some(5),
+            facts: TruthFacts::default(),
         }
     }
 
@@ -159,7 +205,7 @@ pub(super) mod tests {
         let samples = [sample];
         Ranking::new(&samples, Harm::Harmful, 4.0)
             .outcomes(threshold_m)
-            .map(|(_, outcome)| match outcome {
+            .map(|outcome| match outcome {
                 Outcome::Matched(..) => 'm',
                 Outcome::Misclassified(_) => 'c',
                 Outcome::Unmatched => 'u',
@@ -171,6 +217,7 @@ pub(super) mod tests {
     fn a_detection_exactly_at_the_threshold_does_not_match() {
         let sample = EvalSample {
             id: "s".into(),
+            facts: SampleFacts::default(),
             truths: vec![truth(10.0, Harm::Harmful, Distribution::Id)],
             detections: vec![found(12.0, Harm::Harmful, 0.5)],
         };
@@ -182,20 +229,21 @@ pub(super) mod tests {
     fn of_equal_scores_the_later_detection_claims_the_truth() {
         let sample = EvalSample {
             id: "s".into(),
+            facts: SampleFacts::default(),
             truths: vec![truth(10.0, Harm::Harmful, Distribution::Id)],
             detections: vec![found(10.0, Harm::Harmful, 0.5), found(10.5, Harm::Harmful, 0.5)],
         };
         let samples = [sample];
         let ranking = Ranking::new(&samples, Harm::Harmful, 4.0);
-        let winner = ranking.outcomes(2.0).next().unwrap();
-        assert_eq!(winner.0.detection.box_in_ego.center.x(), 10.5);
-        assert!(matches!(winner.1, Outcome::Matched(..)));
+        assert_eq!(ranking.ranked()[0].detection.box_in_ego.center.x(), 10.5);
+        assert!(matches!(ranking.outcomes(2.0).next().unwrap(), Outcome::Matched(..)));
     }
 
     #[test]
     fn a_second_detection_takes_the_next_nearest_truth_then_falls_on_the_other_class_then_on_nothing() {
         let sample = EvalSample {
             id: "s".into(),
+            facts: SampleFacts::default(),
             truths: vec![
                 truth(10.0, Harm::Harmful, Distribution::Id),
                 truth(11.0, Harm::Harmful, Distribution::Id),

@@ -14,9 +14,9 @@ use serde::{Deserialize, Serialize};
 use crate::object::{Distribution, Harm};
 
 use super::curve::Curve;
-use super::matching::{Outcome, Ranking, match_errors};
+use super::matching::{ClassMatching, Outcome, match_errors};
 use super::protocol::{EvalConfig, Protocol};
-use super::{EvalSample, EvalTruth, Mode};
+use super::{EvalSample, EvalTruth, Mode, pretty_json};
 
 /// A value for each class.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -58,7 +58,7 @@ impl Column {
     pub const ALL: [Self; 4] = [Self::Total, Self::IdMatched, Self::OodAll, Self::OodMatched];
 
     /// Whether a truth of this distribution is a positive of the column.
-    fn has_positive(self, distribution: Option<Distribution>) -> bool {
+    pub(super) fn has_positive(self, distribution: Option<Distribution>) -> bool {
         match self {
             Self::Total => true,
             Self::IdMatched => distribution == Some(Distribution::Id),
@@ -67,10 +67,10 @@ impl Column {
     }
 
     /// Whether an outcome is a true (`Some(true)`), a false (`Some(false)`) or no (`None`) positive here.
-    fn judge(self, outcome: Outcome<'_>) -> Option<bool> {
+    pub(super) fn judge(self, outcome: Outcome<'_>) -> Option<bool> {
         match outcome {
-            Outcome::Matched(truth, _) => self.has_positive(truth.distribution).then_some(true),
-            Outcome::Misclassified(truth) => self.has_positive(truth.distribution).then_some(false),
+            Outcome::Matched(truth, _) => self.has_positive(truth.truth.distribution).then_some(true),
+            Outcome::Misclassified(truth) => self.has_positive(truth.truth.distribution).then_some(false),
             Outcome::Unmatched => matches!(self, Self::Total | Self::OodAll).then_some(false),
         }
     }
@@ -86,7 +86,7 @@ pub struct Columns<T> {
 }
 
 impl<T> Columns<T> {
-    fn from_fn(mode: Mode, mut value: impl FnMut(Column) -> T) -> Self {
+    pub(super) fn from_fn(mode: Mode, mut value: impl FnMut(Column) -> T) -> Self {
         let mut if_ood = |column| (mode == Mode::Ood).then(|| value(column));
         let others = [if_ood(Column::IdMatched), if_ood(Column::OodAll), if_ood(Column::OodMatched)];
         let [id_matched, ood_all, ood_matched] = others;
@@ -146,6 +146,12 @@ pub struct OutcomeCounts {
 }
 
 impl OutcomeCounts {
+    fn of(outcomes: &[Outcome<'_>]) -> Self {
+        let mut counts = Self::default();
+        outcomes.iter().for_each(|&outcome| counts.add(outcome));
+        counts
+    }
+
     fn add(&mut self, outcome: Outcome<'_>) {
         let (all, id, ood, truth) = match outcome {
             Outcome::Matched(truth, _) => {
@@ -160,7 +166,7 @@ impl OutcomeCounts {
             }
         };
         *all += 1;
-        match truth.distribution {
+        match truth.truth.distribution {
             Some(Distribution::Id) => *id += 1,
             Some(Distribution::Ood) => *ood += 1,
             None => {}
@@ -202,6 +208,8 @@ pub struct Metrics {
     pub columns: Columns<ClassScores>,
     /// AP at each threshold, in the config's order.
     pub per_threshold: Columns<PerClass<Vec<f64>>>,
+    /// Precision over recall at each threshold, in the config's order.
+    pub curves: Columns<PerClass<Vec<Curve>>>,
     /// Of all true positives, ID and OOD.
     pub tp_errors: PerClass<TpErrors>,
     pub counts: Counts,
@@ -213,105 +221,105 @@ impl Metrics {
     /// The file's text; the same metrics give the same bytes.
     #[must_use]
     pub fn to_json(&self) -> String {
-        let mut text =
-            serde_json::to_string_pretty(self).expect("metrics hold only numbers, names and lists");
-        text.push('\n');
-        text
+        pretty_json::to_string(self)
     }
 }
 
-/// Scores samples that were checked: finite boxes and scores.
-pub(super) fn measure(samples: &[EvalSample], protocol: &Protocol, mode: Mode) -> Metrics {
-    let (kept, filters) = filtered(samples, protocol.config());
-    let classes = PerClass::from_fn(|class| measure_class(&kept, class, protocol, mode));
+/// The detections of both classes matched at each of the config's thresholds.
+pub(super) type Matching<'a> = PerClass<ClassMatching<'a>>;
+
+/// Matches what the filters kept.
+pub(super) fn matched<'a>(kept: &'a [EvalSample], config: &EvalConfig) -> Matching<'a> {
+    PerClass::from_fn(|class| ClassMatching::new(kept, class, &config.dist_thresholds_m))
+}
+
+/// Scores what the filters kept.
+pub(super) fn measure(
+    kept: &[EvalSample],
+    matching: &Matching<'_>,
+    filters: Filters,
+    protocol: &Protocol,
+    mode: Mode,
+) -> Metrics {
+    let config = protocol.config();
+    let truths = PerClass::from_fn(|class| -> Vec<&EvalTruth> {
+        kept.iter().flat_map(|sample| &sample.truths).filter(|truth| truth.harm == class).collect()
+    });
+    let n_positives = |class: Harm, column: Column| {
+        truths.get(class).iter().filter(|truth| column.has_positive(truth.distribution)).count()
+    };
+    let curves = Columns::from_fn(mode, |column| {
+        PerClass::from_fn(|class| {
+            let matching = matching.get(class);
+            let curve = |threshold_idx| {
+                let judged = matching
+                    .at(threshold_idx)
+                    .filter_map(|(ranked, outcome)| Some((ranked.detection.score, column.judge(outcome)?)));
+                Curve::new(judged, n_positives(class, column))
+            };
+            (0..config.dist_thresholds_m.len()).map(curve).collect::<Vec<_>>()
+        })
+    });
+    let (first_step, min_precision) = (protocol.first_step(), config.min_precision);
     let per_threshold = Columns::from_fn(mode, |column| {
-        PerClass::from_fn(|class| classes.get(class).aps.get(column).expect("same mode").clone())
+        let curves = curves.get(column).expect("same mode");
+        PerClass::from_fn(|class| {
+            curves.get(class).iter().map(|c| c.average_precision(first_step, min_precision)).collect()
+        })
     });
     let columns = Columns::from_fn(mode, |column| {
-        let aps = per_threshold.get(column).expect("same mode");
+        let aps: &PerClass<Vec<f64>> = per_threshold.get(column).expect("same mode");
         let (harmful, harmless) = (mean(&aps.harmful), mean(&aps.harmless));
         ClassScores { harmful, harmless, mean: mean(&[harmful, harmless]) }
     });
-    let count_detections = |class| {
-        kept.iter().flat_map(|sample| &sample.detections).filter(|detection| detection.harm == class).count()
-    };
+    let count_detections = |class| matching.get(class).ranking.ranked().len();
+    let tp_errors = PerClass::from_fn(|class| {
+        let at = protocol.tp_threshold_idx();
+        mean_errors(matching.get(class), at, &curves.total.get(class)[at], first_step)
+    });
     Metrics {
         mode,
         columns,
         per_threshold,
-        tp_errors: PerClass::from_fn(|class| classes.get(class).errors),
+        curves,
+        tp_errors,
         counts: Counts {
-            n_samples: samples.len(),
-            truths: PerClass::from_fn(|class| classes.get(class).truths),
+            n_samples: kept.len(),
+            truths: PerClass::from_fn(|class| TruthCounts {
+                all: truths.get(class).len(),
+                id: n_positives(class, Column::IdMatched),
+                ood: n_positives(class, Column::OodAll),
+            }),
             detections: PerClass::from_fn(count_detections),
-            outcomes: PerClass::from_fn(|class| classes.get(class).outcomes.clone()),
+            outcomes: PerClass::from_fn(|class| {
+                matching.get(class).outcomes.iter().map(|outcomes| OutcomeCounts::of(outcomes)).collect()
+            }),
         },
         filters,
-        config: protocol.config().clone(),
+        config: config.clone(),
     }
 }
 
-struct OfClass {
-    aps: Columns<Vec<f64>>,
-    errors: TpErrors,
-    truths: TruthCounts,
-    outcomes: Vec<OutcomeCounts>,
-}
-
-fn measure_class(samples: &[EvalSample], class: Harm, protocol: &Protocol, mode: Mode) -> OfClass {
-    let config = protocol.config();
-    let truths: Vec<&EvalTruth> =
-        samples.iter().flat_map(|sample| &sample.truths).filter(|truth| truth.harm == class).collect();
-    let n_positives =
-        |column: Column| truths.iter().filter(|truth| column.has_positive(truth.distribution)).count();
-    let reach_m = config.dist_thresholds_m.iter().copied().fold(0.0, f64::max);
-    let ranking = Ranking::new(samples, class, reach_m);
-    let mut aps = Columns::from_fn(mode, |_| Vec::with_capacity(config.dist_thresholds_m.len()));
-    let mut errors = TpErrors { ate: 1.0, ase: 1.0, aoe: 1.0 };
-    let mut outcome_counts = Vec::with_capacity(config.dist_thresholds_m.len());
-    for &threshold_m in &config.dist_thresholds_m {
-        let outcomes: Vec<_> = ranking.outcomes(threshold_m).collect();
-        let curve = |column: Column| {
-            let judged = outcomes
-                .iter()
-                .filter_map(|(ranked, outcome)| Some((ranked.detection.score, column.judge(*outcome)?)));
-            Curve::new(judged, n_positives(column))
-        };
-        let curves = Columns::from_fn(mode, curve);
-        let ap = |column| {
-            curves.get(column).map(|c| c.average_precision(protocol.first_step(), config.min_precision))
-        };
-        aps.total.extend(ap(Column::Total));
-        aps.id_matched.iter_mut().for_each(|list| list.extend(ap(Column::IdMatched)));
-        aps.ood_all.iter_mut().for_each(|list| list.extend(ap(Column::OodAll)));
-        aps.ood_matched.iter_mut().for_each(|list| list.extend(ap(Column::OodMatched)));
-        #[allow(clippy::float_cmp)] // the TP threshold is checked to be one of the list, bit for bit
-        if threshold_m == config.tp_threshold_m {
-            let matches: Vec<_> = outcomes
-                .iter()
-                .filter_map(|(ranked, outcome)| {
-                    let Outcome::Matched(truth, distance_m) = outcome else { return None };
-                    let found = &ranked.detection.box_in_ego;
-                    Some((ranked.detection.score, match_errors(&truth.box_in_ego, found, *distance_m)))
-                })
-                .collect();
-            let [ate, ase, aoe] = curves.total.mean_errors(&matches, protocol.first_step());
-            errors = TpErrors { ate, ase, aoe };
-        }
-        let mut counts = OutcomeCounts::default();
-        outcomes.iter().for_each(|(_, outcome)| counts.add(*outcome));
-        outcome_counts.push(counts);
-    }
-    let truths = TruthCounts {
-        all: truths.len(),
-        id: n_positives(Column::IdMatched),
-        ood: n_positives(Column::OodAll),
-    };
-    OfClass { aps, errors, truths, outcomes: outcome_counts }
+fn mean_errors(
+    matching: &ClassMatching<'_>,
+    threshold_idx: usize,
+    curve: &Curve,
+    first_step: usize,
+) -> TpErrors {
+    let matches: Vec<_> = matching
+        .at(threshold_idx)
+        .filter_map(|(ranked, outcome)| {
+            let Outcome::Matched(truth, distance_m) = outcome else { return None };
+            let found = &ranked.detection.box_in_ego;
+            Some((ranked.detection.score, match_errors(&truth.truth.box_in_ego, found, distance_m)))
+        })
+        .collect();
+    let [ate, ase, aoe] = curve.mean_errors(&matches, first_step);
+    TpErrors { ate, ase, aoe }
 }
 
 /// The samples without what the filters drop, in the same order.
-fn filtered(samples: &[EvalSample], config: &EvalConfig) -> (Vec<EvalSample>, Filters) {
+pub(super) fn filtered(samples: &[EvalSample], config: &EvalConfig) -> (Vec<EvalSample>, Filters) {
     let mut filters = Filters {
         max_range_m: config.max_range_m,
         drop_truths_without_points: config.drop_truths_without_points,
@@ -340,7 +348,6 @@ fn filtered(samples: &[EvalSample], config: &EvalConfig) -> (Vec<EvalSample>, Fi
     (kept, filters)
 }
 
-#[allow(clippy::cast_precision_loss)] // a handful of values
-fn mean(values: &[f64]) -> f64 {
+pub(super) fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }

@@ -5,19 +5,31 @@
 //! nuscenes-devkit's. Out of distribution each false positive is attributed to the truth it was made
 //! on, if any, which gives four columns ([`Column`]). All boxes are in the ego frame.
 
+mod bootstrap;
+mod breakdown;
 mod curve;
+mod evaluation;
+pub mod facts;
 pub mod json;
 mod matching;
 mod metrics;
 pub mod predict;
+mod pretty_json;
 mod protocol;
+pub mod safety;
+pub mod sweep;
 
 use thiserror::Error;
 
 use crate::geometry::{Box3, BoxError, Ego};
 use crate::object::{Detection, Distribution, Harm, LabelledObject};
 
-pub use matching::{Outcome, Ranked, Ranking};
+pub use bootstrap::{Confidence, Intervals};
+pub use breakdown::{Axis, Breakdown, BreakdownConfig, Group, GroupScores};
+pub use curve::Curve;
+pub use evaluation::{Evaluation, evaluate};
+pub use facts::{SampleFacts, TruthFacts};
+pub use matching::{ClassMatching, NumberedTruth, Outcome, Ranked, Ranking};
 pub use metrics::{
     ClassScores, Column, Columns, Counts, Filters, Metrics, OutcomeCounts, PerClass, TpErrors, TruthCounts,
 };
@@ -34,6 +46,7 @@ pub struct EvalTruth {
     pub distribution: Option<Distribution>,
     /// `None` where unknown; such a truth is kept by the filter on points.
     pub n_lidar_points: Option<u32>,
+    pub facts: TruthFacts,
 }
 
 /// A detected box; the score has the precision of the file it came from, since ties decide ranks.
@@ -54,6 +67,7 @@ pub struct EvalDetection {
 #[derive(Debug, Clone, PartialEq)]
 pub struct EvalSample {
     pub id: String,
+    pub facts: SampleFacts,
     pub truths: Vec<EvalTruth>,
     pub detections: Vec<EvalDetection>,
 }
@@ -66,6 +80,7 @@ impl From<&LabelledObject> for EvalTruth {
             harm: object.harm,
             distribution: Some(object.truth.distribution),
             n_lidar_points: Some(object.truth.n_lidar_points),
+            facts: (&object.truth).into(),
         }
     }
 }
@@ -118,7 +133,9 @@ pub enum ScoreError {
 /// not finite, a size that is not above zero, a truth without its distribution in [`Mode::Ood`].
 pub fn score(samples: &[EvalSample], protocol: &Protocol, mode: Mode) -> Result<Metrics, ScoreError> {
     check(samples, protocol, mode)?;
-    Ok(metrics::measure(samples, protocol, mode))
+    let (kept, filters) = metrics::filtered(samples, protocol.config());
+    let matching = metrics::matched(&kept, protocol.config());
+    Ok(metrics::measure(&kept, &matching, filters, protocol, mode))
 }
 
 fn check(samples: &[EvalSample], protocol: &Protocol, mode: Mode) -> Result<(), ScoreError> {

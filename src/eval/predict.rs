@@ -4,7 +4,8 @@ use burn::tensor::Device;
 use rayon::prelude::*;
 use thiserror::Error;
 
-use super::EvalSample;
+use super::json::Boxes;
+use super::{EvalSample, EvalTruth, facts};
 use crate::dataset::Dataset;
 use crate::model::{Batch, Detector, Input, InputError, detections};
 use crate::object::Detection;
@@ -57,14 +58,29 @@ pub fn predict(
     Ok(found)
 }
 
+/// The truth of each sample, to score any detector's boxes against.
+pub fn truth_of(dataset: &Dataset) -> Boxes<EvalTruth> {
+    let of_samples = dataset.samples().iter();
+    let ids = || dataset.samples().iter().map(|sample| sample.id.clone());
+    Boxes {
+        path: dataset.path().to_owned(),
+        samples: of_samples
+            .map(|sample| (sample.id.clone(), sample.objects.iter().map(Into::into).collect()))
+            .collect(),
+        facts: ids().zip(facts::of_dataset(dataset)).collect(),
+    }
+}
+
 /// Truth and detections of each sample, to be scored.
 pub fn eval_samples(dataset: &Dataset, found: &[Vec<Detection>]) -> Vec<EvalSample> {
     dataset
         .samples()
         .iter()
+        .zip(facts::of_dataset(dataset))
         .zip(found)
-        .map(|(sample, detections)| EvalSample {
+        .map(|((sample, facts), detections)| EvalSample {
             id: sample.id.clone(),
+            facts,
             truths: sample.objects.iter().map(Into::into).collect(),
             detections: detections.iter().map(Into::into).collect(),
         })

@@ -5,6 +5,9 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use super::breakdown::BreakdownConfig;
+use super::safety::SafetyConfig;
+
 /// How detections are scored; `configs/eval.toml` equals the default.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -26,6 +29,16 @@ pub struct EvalConfig {
     pub drop_truths_without_points: bool,
     /// Most detections a sample may have; more is an error, as in nuScenes. Default 500.
     pub max_boxes: usize,
+    /// Score from which a detection counts where found, missed and false ones are told apart. Default 0.2.
+    pub operating_score: f64,
+    /// Resamples of the episodes for confidence intervals; 0 for none. Default 1000.
+    pub n_resamples: usize,
+    /// Seed of the resamples. Default 0.
+    pub bootstrap_seed: u64,
+    /// Edges of the bands of the breakdowns.
+    pub breakdown: BreakdownConfig,
+    /// Numbers of the safety metrics.
+    pub safety: SafetyConfig,
 }
 
 impl Default for EvalConfig {
@@ -38,6 +51,11 @@ impl Default for EvalConfig {
             max_range_m: 50.0,
             drop_truths_without_points: true,
             max_boxes: 500,
+            operating_score: 0.2,
+            n_resamples: 1000,
+            bootstrap_seed: 0,
+            breakdown: BreakdownConfig::default(),
+            safety: SafetyConfig::default(),
         }
     }
 }
@@ -53,6 +71,8 @@ pub enum ProtocolError {
     TpThreshold { found: f64, valid: Vec<f64> },
     #[error("{field} is {found}; {valid} is needed")]
     OutOfRange { field: &'static str, found: f64, valid: &'static str },
+    #[error("{field} is {found:?}; finite numbers, each above the one before, are needed")]
+    Bands { field: &'static str, found: Vec<f64> },
 }
 
 /// A checked [`EvalConfig`].
@@ -66,6 +86,14 @@ impl Protocol {
     #[must_use]
     pub fn config(&self) -> &EvalConfig {
         &self.config
+    }
+
+    /// Which of the thresholds is the one of the errors.
+    #[must_use]
+    pub(super) fn tp_threshold_idx(&self) -> usize {
+        let thresholds = &self.config.dist_thresholds_m;
+        let at = thresholds.iter().position(|&threshold| threshold == self.config.tp_threshold_m);
+        at.expect("the TP threshold was checked to be one of the list")
     }
 
     /// First of the 101 recall steps that count: the one after `min_recall`.
@@ -104,8 +132,38 @@ impl TryFrom<EvalConfig> for Protocol {
         if config.max_boxes == 0 {
             return out("max_boxes", 0.0, "a count of 1 or more");
         }
+        if !config.operating_score.is_finite() {
+            return out("operating_score", config.operating_score, "a finite number");
+        }
+        for (field, edges) in config.breakdown.bands() {
+            if !edges.windows(2).all(|pair| pair[0] < pair[1]) || !edges.iter().all(|edge| edge.is_finite()) {
+                return Err(ProtocolError::Bands { field, found: edges.to_vec() });
+            }
+        }
+        check_safety(&config.safety)?;
         Ok(Self { config })
     }
+}
+
+fn check_safety(config: &SafetyConfig) -> Result<(), ProtocolError> {
+    let out = |field, found, valid| Err(ProtocolError::OutOfRange { field, found, valid });
+    let is_above_zero = |value: f64| value.is_finite() && value > 0.0;
+    if let Some(&found) = config.false_alarms_per_km.iter().find(|&&value| !is_above_zero(value)) {
+        return out("safety.false_alarms_per_km", found, "a list of finite numbers above 0");
+    }
+    if let Some(&found) = config.decelerations_mps2.iter().find(|&&value| !is_above_zero(value)) {
+        return out("safety.decelerations_mps2", found, "a list of finite numbers above 0");
+    }
+    if !config.reaction_time_s.is_finite() || config.reaction_time_s < 0.0 {
+        return out("safety.reaction_time_s", config.reaction_time_s, "a finite number of 0 or more");
+    }
+    if config.confirm_n == 0 || config.confirm_n > config.confirm_of {
+        return out("safety.confirm_n", config.confirm_n as f64, "a count from 1 to safety.confirm_of");
+    }
+    if config.n_bins == 0 {
+        return out("safety.n_bins", 0.0, "a count of 1 or more");
+    }
+    Ok(())
 }
 
 /// The devkit's `round(100 * min_recall) + 1`; Python rounds halves to even.
@@ -139,6 +197,13 @@ mod tests {
             EvalConfig { min_precision: 1.0, ..base() },
             EvalConfig { max_range_m: f64::NAN, ..base() },
             EvalConfig { max_boxes: 0, ..base() },
+            EvalConfig { operating_score: f64::NAN, ..base() },
+            EvalConfig { safety: SafetyConfig { confirm_n: 4, ..SafetyConfig::default() }, ..base() },
+            EvalConfig { safety: SafetyConfig { n_bins: 0, ..SafetyConfig::default() }, ..base() },
+            EvalConfig {
+                breakdown: BreakdownConfig { speed_mps: vec![3.0, 3.0], ..BreakdownConfig::default() },
+                ..base()
+            },
         ];
         for config in refused {
             assert!(Protocol::try_from(config.clone()).is_err(), "{config:?}");

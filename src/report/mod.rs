@@ -1,5 +1,6 @@
 //! Scores and samples for people: text tables and pictures.
 
+mod breakdown;
 mod canvas;
 pub mod curves;
 pub mod info;
@@ -7,4 +8,5 @@ mod palette;
 pub mod table;
 pub mod view;
 
+pub use breakdown::breakdown;
 pub use table::table;

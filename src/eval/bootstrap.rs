@@ -1,0 +1,214 @@
+//! How much the scores would vary with other episodes: percentile intervals of the bootstrap.
+//!
+//! Samples of an episode resemble each other, so whole episodes are drawn, with replacement, as many as there are
+//! (cluster bootstrap; Efron and Tibshirani 1993, ch. 8). Matching never leaves a sample, so a resample is the same
+//! ranking with each detection taken as often as its episode was drawn. A resample without a truth of a class in a
+//! column tells nothing of that cell and is left out of it.
+
+use std::collections::HashMap;
+
+use rand::RngExt;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::curve::Curve;
+use super::facts::episode_of_id;
+use super::metrics::{Column, Columns, Matching, mean};
+use super::protocol::Protocol;
+use super::{EvalSample, Mode};
+use crate::object::Harm;
+use crate::random;
+
+/// Share of resamples that an interval holds.
+const LEVEL: f64 = 0.95;
+
+/// Intervals of every headline cell.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Confidence {
+    /// Share of resamples within an interval.
+    pub level: f64,
+    pub n_resamples: usize,
+    pub n_episodes: usize,
+    #[serde(flatten)]
+    pub columns: Columns<Intervals>,
+}
+
+/// Lower and upper end of the APs' intervals and of their mean's; `None` where no resample tells.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Intervals {
+    pub harmful: Option<[f64; 2]>,
+    pub harmless: Option<[f64; 2]>,
+    pub mean: Option<[f64; 2]>,
+}
+
+/// What counts in one cell: for each threshold the judged detections by rank, and the positives of each episode.
+struct Cell {
+    /// Episode, score, whether true.
+    judged: Vec<Vec<(usize, f64, bool)>>,
+    n_positives: Vec<usize>,
+}
+
+/// Draws the resamples; `None` if the config asks for none or there is but one episode.
+pub(super) fn intervals(
+    kept: &[EvalSample],
+    matching: &Matching<'_>,
+    protocol: &Protocol,
+    mode: Mode,
+) -> Option<Confidence> {
+    let config = protocol.config();
+    let (episode_of, n_episodes) = episodes(kept);
+    if config.n_resamples == 0 || n_episodes < 2 {
+        return None;
+    }
+    let cells = Columns::from_fn(mode, |column| {
+        Harm::ALL.map(|class| cell(kept, matching, protocol, column, class, &episode_of, n_episodes))
+    });
+    let resampled: Vec<Columns<[Option<f64>; 2]>> = (0..config.n_resamples as u64)
+        .into_par_iter()
+        .map(|resample| {
+            let mut rng = random::stream(config.bootstrap_seed, "bootstrap", resample);
+            let mut n_drawn = vec![0_usize; n_episodes];
+            (0..n_episodes).for_each(|_| n_drawn[rng.random_range(0..n_episodes)] += 1);
+            Columns::from_fn(mode, |column| {
+                let of_column = cells.get(column).expect("same mode");
+                [0, 1].map(|class| of_column[class].ap(&n_drawn, protocol))
+            })
+        })
+        .collect();
+    let columns = Columns::from_fn(mode, |column| {
+        let of_column = || resampled.iter().map(|one| one.get(column).expect("same mode"));
+        let mean_of = |[harmful, harmless]: &[Option<f64>; 2]| Some(mean(&[(*harmful)?, (*harmless)?]));
+        Intervals {
+            harmful: interval(of_column().filter_map(|aps| aps[0])),
+            harmless: interval(of_column().filter_map(|aps| aps[1])),
+            mean: interval(of_column().filter_map(mean_of)),
+        }
+    });
+    Some(Confidence { level: LEVEL, n_resamples: config.n_resamples, n_episodes, columns })
+}
+
+/// The episode of each sample as a number, and how many there are. A sample of which nothing names the episode is
+/// one of its own.
+fn episodes(samples: &[EvalSample]) -> (Vec<usize>, usize) {
+    let mut numbers: HashMap<&str, usize> = HashMap::new();
+    let of_samples = samples
+        .iter()
+        .map(|sample| {
+            let name = sample.facts.episode.as_deref().unwrap_or_else(|| episode_of_id(&sample.id));
+            let next = numbers.len();
+            *numbers.entry(name).or_insert(next)
+        })
+        .collect();
+    (of_samples, numbers.len())
+}
+
+fn cell(
+    kept: &[EvalSample],
+    matching: &Matching<'_>,
+    protocol: &Protocol,
+    column: Column,
+    class: Harm,
+    episode_of: &[usize],
+    n_episodes: usize,
+) -> Cell {
+    let mut n_positives = vec![0; n_episodes];
+    for (sample, &episode) in kept.iter().zip(episode_of) {
+        let is_positive =
+            |truth: &&super::EvalTruth| truth.harm == class && column.has_positive(truth.distribution);
+        n_positives[episode] += sample.truths.iter().filter(is_positive).count();
+    }
+    let judged = (0..protocol.config().dist_thresholds_m.len()).map(|threshold_idx| {
+        let ranked = matching.get(class).at(threshold_idx);
+        ranked
+            .filter_map(|(ranked, outcome)| {
+                Some((episode_of[ranked.sample_idx], ranked.detection.score, column.judge(outcome)?))
+            })
+            .collect()
+    });
+    Cell { judged: judged.collect(), n_positives }
+}
+
+impl Cell {
+    /// AP, mean over the thresholds, of a resample; `None` if it has no positive.
+    fn ap(&self, n_drawn: &[usize], protocol: &Protocol) -> Option<f64> {
+        let n_positives: usize = self.n_positives.iter().zip(n_drawn).map(|(n, drawn)| n * drawn).sum();
+        if n_positives == 0 {
+            return None;
+        }
+        let aps: Vec<f64> = self
+            .judged
+            .iter()
+            .map(|judged| {
+                let drawn = judged.iter().flat_map(|&(episode, score, is_match)| {
+                    std::iter::repeat_n((score, is_match), n_drawn[episode])
+                });
+                let curve = Curve::new(drawn, n_positives);
+                curve.average_precision(protocol.first_step(), protocol.config().min_precision)
+            })
+            .collect();
+        Some(mean(&aps))
+    }
+}
+
+/// The middle [`LEVEL`] of some values; quantiles between two values are interpolated, as numpy's default.
+fn interval(values: impl Iterator<Item = f64>) -> Option<[f64; 2]> {
+    let mut sorted: Vec<f64> = values.collect();
+    sorted.sort_by(f64::total_cmp);
+    let last = sorted.len().checked_sub(1)?;
+    let quantile = |share: f64| {
+        let at = share * last as f64;
+        let (low, high) = (sorted[at.floor() as usize], sorted[at.ceil() as usize]);
+        low + (high - low) * at.fract()
+    };
+    Some([quantile((1.0 - LEVEL) / 2.0), quantile((1.0 + LEVEL) / 2.0)])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::matching::tests::{found, truth};
+    use super::super::{SampleFacts, evaluate};
+    use super::*;
+    use crate::object::Distribution;
+
+    /// `n` episodes of two alike samples: in the first `n_good` both truths are found, in the others none.
+    fn samples(n: usize, n_good: usize) -> Vec<EvalSample> {
+        (0..2 * n)
+            .map(|i| EvalSample {
+                id: format!("{}/{}", i / 2, i % 2),
+                facts: SampleFacts::default(),
+                truths: Harm::ALL
+                    .map(|harm| truth(8.0 + 9.0 * harm.index() as f64, harm, Distribution::Id))
+                    .into(),
+                detections: if i / 2 < n_good {
+                    Harm::ALL.map(|harm| found(8.0 + 9.0 * harm.index() as f64, harm, 0.5)).into()
+                } else {
+                    vec![]
+                },
+            })
+            .collect()
+    }
+
+    fn confidence(samples: &[EvalSample]) -> Confidence {
+        evaluate(samples, &Protocol::default(), Mode::Id).unwrap().confidence.unwrap()
+    }
+
+    #[test]
+    fn the_interval_is_that_of_drawing_episodes_not_samples() {
+        // Recall of a resample is the share of good episodes drawn, of 20 by 0.5 each; AP follows it.
+        let found = confidence(&samples(20, 10));
+        assert_eq!((found.n_episodes, found.n_resamples), (20, 1000));
+        let [low, high] = found.columns.total.mean.unwrap();
+        // Binomial(20, 0.5): 2.5 % and 97.5 % lie at 6 and 14 episodes, recall 0.3 and 0.7.
+        let ap = |recall: f64| (recall * 100.0 - 10.0) / 90.0;
+        assert!((low - ap(0.3)).abs() < 0.06 && (high - ap(0.7)).abs() < 0.06, "{low} {high}");
+        assert_eq!(confidence(&samples(20, 10)), found, "seeded");
+    }
+
+    #[test]
+    fn where_all_is_found_nothing_varies_and_one_episode_tells_nothing() {
+        assert_eq!(confidence(&samples(5, 5)).columns.total.harmful, Some([1.0, 1.0]));
+        assert!(evaluate(&samples(1, 1), &Protocol::default(), Mode::Id).unwrap().confidence.is_none());
+        assert_eq!(interval([3.0, 1.0].into_iter()), Some([1.05, 2.95]));
+        assert_eq!(interval(std::iter::empty()), None);
+    }
+}

@@ -1,0 +1,85 @@
+//! The four columns against a second implementation in Python, from files, through the command line.
+//!
+//! `tests/python/table_columns.py` holds it: numpy, its own reading, its own matching.
+
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use std::path::Path;
+use std::process::Command;
+
+use harmzone::eval::{EvalDetection, EvalSample, EvalTruth, SampleFacts, TruthFacts, json};
+use harmzone::geometry::{Box3, Point};
+use harmzone::object::{Distribution, Harm};
+use harmzone::random;
+use rand::RngExt;
+
+/// Crowded samples of a seed: boxes near and on each other, far ones, truths without points, tied scores.
+fn random_samples(seed: u64) -> Vec<EvalSample> {
+    let mut rng = random::stream(seed, "eval-python", 0);
+    let is_tied = seed % 2 == 0;
+    let mut place = |x_m: f64, y_m: f64, spread_m: f64| {
+        let mut off = || spread_m * (2.0 * rng.random::<f64>() - 1.0);
+        let center = Point::new(x_m + off(), y_m + off(), 1.0);
+        let box_in_ego = Box3 { center, length_m: 3.0, width_m: 1.5, height_m: 1.5, yaw_rad: off() };
+        let (harm, raw) = (Harm::ALL[usize::from(off() > 0.0)], rng.random::<f64>());
+        let score = if is_tied { (raw * 8.0).floor() / 8.0 } else { raw };
+        (box_in_ego, harm, score)
+    };
+    (0..12)
+        .map(|i| {
+            let mut truths = Vec::new();
+            let mut detections = Vec::new();
+            for k in 0..9_u32 {
+                let (box_in_ego, harm, luck) = place(26.0, 0.0, 26.0);
+                truths.push(EvalTruth {
+                    box_in_ego,
+                    velocity_in_ego_mps: [0.0; 2],
+                    harm,
+                    distribution: Some([Distribution::Id, Distribution::Ood][usize::from(luck > 0.6)]),
+                    n_lidar_points: [None, Some(0), Some(3)][(k % 7).min(2) as usize],
+                    facts: TruthFacts::default(),
+                });
+                for n in 0..2 {
+                    let (found, other, score) = place(box_in_ego.center.x(), box_in_ego.center.y(), 1.5);
+                    let harm = if n == 0 { harm } else { other };
+                    let velocity_in_ego_mps = [0.0; 2];
+                    detections.push(EvalDetection { box_in_ego: found, velocity_in_ego_mps, harm, score });
+                }
+            }
+            EvalSample { id: format!("s{i}"), facts: SampleFacts::default(), truths, detections }
+        })
+        .collect()
+}
+
+#[test]
+fn every_column_equals_that_of_the_python_implementation() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let python = root.join(".venv-test/bin/python");
+    assert!(python.is_file(), "no {}: run `make setup-test` first", python.display());
+    for seed in 0..8 {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        let samples = random_samples(seed);
+        json::write_predictions(&path("p.json"), &samples).unwrap();
+        json::write_truth(&path("t.json"), &samples).unwrap();
+        let scored = Command::new(assert_cmd::cargo::cargo_bin!("harmzone"))
+            .args(["eval", "--ood", "--set", "n_resamples=0", "--predictions"])
+            .arg(path("p.json"))
+            .arg("--truth")
+            .arg(path("t.json"))
+            .arg("--out")
+            .arg(path("out"))
+            .output()
+            .unwrap();
+        assert!(scored.status.success(), "{}", String::from_utf8_lossy(&scored.stderr));
+        let checked = Command::new(&python)
+            .arg(root.join("tests/python/table_columns.py"))
+            .args([path("p.json"), path("t.json"), path("out/metrics.json")])
+            .output()
+            .unwrap();
+        let told = String::from_utf8_lossy(&checked.stdout);
+        assert!(checked.status.success(), "seed {seed}: {told}{}", String::from_utf8_lossy(&checked.stderr));
+        let n_between: usize = told.split([' ', ',']).nth(3).unwrap().parse().unwrap();
+        assert!(told.starts_with("32 compared") && n_between > 20, "the set hardly tests anything: {told}");
+    }
+}
