@@ -108,7 +108,7 @@ class Training:
         """One step."""
         self.optimizer.zero_grad(set_to_none=True)
         output = self.detector(self.batch)
-        parts = loss(output, self.objects, self.detector.head.centers_m, self.detector.config)
+        parts = loss(output, self.objects, self.detector.head.fine_centers_m, self.detector.config)
         parts["total"].backward()
         nn.utils.clip_grad_norm_(self.detector.parameters(), CLIP_NORM, foreach=True)
         self.optimizer.step()
@@ -189,7 +189,7 @@ def check_equal(detector: Detector, found: dict[str, Tensor]) -> None:
         batch = read_batch(found, "training", detector, with_camera)
         output = training(batch, found[f"{stage}.output.cells"])
         check_output(stage, output, found, stage)
-        parts = loss(output, objects, training.head.centers_m, training.config)
+        parts = loss(output, objects, training.head.fine_centers_m, training.config)
         for name in ("heatmap", "harm", "boxes"):
             check(f"{stage}, {name} loss", parts[name].detach(), found[f"{stage}.loss.{name}"])
         parts["total"].backward()

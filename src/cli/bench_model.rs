@@ -8,11 +8,11 @@ use clap::Args;
 use serde_json::json;
 
 use super::ExitStatus;
+use super::detector::Trained;
 use super::device::DeviceArg;
-use super::predict::{checkpoint_path, open_split};
+use super::predict::open_split;
 use super::progress::Bar;
 use crate::config;
-use crate::model::{ModelConfig, checkpoint};
 use crate::train::TrainConfig;
 use crate::train::bench::{self, Bench, BenchOptions, Contest};
 
@@ -21,9 +21,10 @@ pub struct BenchModelArgs {
     /// Labelled dataset
     #[arg(long, value_name = "DIR")]
     data: PathBuf,
-    /// Run folder or checkpoint; or `small`, with random weights
-    #[arg(long, value_name = "FILE", default_value = "small")]
-    model: PathBuf,
+    /// Run folder, checkpoint, or the name of a network inside the program; without it, the config's with
+    /// random weights
+    #[arg(long, value_name = "RUN")]
+    model: Option<PathBuf>,
     /// Split: train, val or test; without it, the dataset's val, or test where there is no val
     #[arg(long)]
     split: Option<String>,
@@ -57,16 +58,13 @@ pub struct BenchModelArgs {
 }
 
 pub fn run(args: BenchModelArgs) -> anyhow::Result<ExitStatus> {
-    let checkpoint = (args.model.as_os_str() != "small").then(|| checkpoint_path(&args.model));
-    let model = match &checkpoint {
-        Some(path) => checkpoint::read_config(path)?,
-        None => ModelConfig::default(),
-    };
-    let base = TrainConfig { model: model.clone(), ..TrainConfig::default() };
-    let mut config: TrainConfig = config::load_over(&base, args.config.as_deref(), &args.overrides)?;
-    if checkpoint.is_some() {
-        config.model = model;
+    let trained = args.model.as_deref().map(Trained::find).transpose()?;
+    let mut config: TrainConfig =
+        config::load_over(&TrainConfig::default(), args.config.as_deref(), &args.overrides)?;
+    if let Some(trained) = &trained {
+        config.model = trained.config()?;
     }
+    let checkpoint = trained.as_ref().map(Trained::bytes).transpose()?;
     let dataset = open_split(&args.data, &args.labels, args.split.as_deref())?;
     let device = args.device.open()?;
     let bench = Bench { dataset: &dataset, config: &config, checkpoint, device: &device };

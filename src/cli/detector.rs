@@ -1,5 +1,6 @@
 //! What a RUN argument means: a run's folder, a checkpoint, or the name of a network inside the program.
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
@@ -51,6 +52,17 @@ impl Trained {
             Self::File(path) => checkpoint::load(path, device)?,
         };
         Ok(detector.valid())
+    }
+
+    /// The checkpoint's bytes, and where they lie.
+    ///
+    /// # Errors
+    /// The checkpoint cannot be read.
+    pub fn bytes(&self) -> anyhow::Result<(PathBuf, Cow<'static, [u8]>)> {
+        Ok(match self {
+            Self::Shipped(shipped) => (shipped.name.into(), Cow::Borrowed(shipped.checkpoint)),
+            Self::File(path) => (path.clone(), Cow::Owned(fs::read(path)?)),
+        })
     }
 
     /// The network's config.

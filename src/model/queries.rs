@@ -20,6 +20,16 @@ pub struct Query {
     pub center_m: [f64; 2],
 }
 
+impl Query {
+    /// The heatmap cell `y * scale * n_cells_x + x`, of a map of `n_cells_x` feature cells along x.
+    #[must_use]
+    pub fn heatmap_cell(&self, n_cells_x: usize, scale: usize) -> usize {
+        let y = self.cell / n_cells_x * scale + self.place / scale;
+        let x = self.cell % n_cells_x * scale + self.place % scale;
+        y * scale * n_cells_x + x
+    }
+}
+
 /// The best `n_queries` peaks of each sample, best first; where there are too few, other cells fill up
 /// with a score of zero. Ties: the lower index first. No gradient flows through the choice.
 ///

@@ -45,15 +45,13 @@ def gaussian_radius(length: float, width: float) -> int:
 
 
 def draw_heatmap(boxes: Array, config: Config) -> Array:
-    """[1, y, x]."""
-    n_y, n_x = config.cells
+    """[1, scale * y, scale * x]."""
+    n_y, n_x = (config.heatmap_scale * n for n in config.cells)
+    size_m = config.cell_size_m / config.heatmap_scale
     heat = np.zeros((1, n_y, n_x), np.float32)
     for x_m, y_m, _, length_m, width_m, *_ in boxes:
-        x, y = (
-            int((x_m - config.x_min_m) / config.cell_size_m),
-            int((y_m - config.y_min_m) / config.cell_size_m),
-        )
-        r = gaussian_radius(length_m / config.cell_size_m, width_m / config.cell_size_m)
+        x, y = int((x_m - config.x_min_m) / size_m), int((y_m - config.y_min_m) / size_m)
+        r = gaussian_radius(length_m / size_m, width_m / size_m)
         sigma = (2 * r + 1) / 6
         ys, xs = np.arange(max(y - r, 0), min(y + r + 1, n_y)), np.arange(max(x - r, 0), min(x + r + 1, n_x))
         bell = np.exp(-((ys[:, None] - y) ** 2 + (xs - x) ** 2) / (2 * sigma**2)).astype(np.float32)
@@ -142,9 +140,9 @@ def focal_cost(logits: Array) -> Array:
 
 
 def loss(
-    output: dict[str, Tensor], objects: list[Objects], centers_m: Tensor, config: Config
+    output: dict[str, Tensor], objects: list[Objects], fine_centers_m: Tensor, config: Config
 ) -> dict[str, Tensor]:
-    """The weighted parts and their total."""
+    """The weighted parts and their total; fine_centers_m: [heatmap cell, 2]."""
     n_batch, n_rows, n_queries = len(objects), *output["boxes"].shape[:2]
     n_states = n_rows // n_batch
     dtype = output["boxes"].dtype
@@ -153,7 +151,7 @@ def loss(
 
     codes = output["boxes"].detach().double().numpy().reshape(n_batch, n_states, n_queries, CODE_SIZE)
     logits = output["harm"].detach().double().numpy().reshape(n_batch, n_states, n_queries, 2)
-    queries_m = centers_m[output["cells"]].double().numpy()
+    queries_m = fine_centers_m[output["cells"]].double().numpy()
     size = np.array([config.x_max_m - config.x_min_m, config.y_max_m - config.y_min_m])
     harm_target = np.zeros((n_batch, n_states, n_queries, 2), np.float32)
     code_target = np.zeros((n_batch, n_states, n_queries, CODE_SIZE), np.float32)

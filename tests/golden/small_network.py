@@ -18,7 +18,7 @@ from safetensors.torch import load_file
 from torch import Tensor, nn
 from torch.nn import functional
 
-DEPTH_CHANNELS, CODE_SIZE, N_POINT_FEATURES = 16, 10, 10
+DEPTH_CHANNELS, CODE_SIZE, N_POINT_FEATURES, N_FOOTPRINT_POINTS = 16, 10, 10, 5
 
 
 @dataclass(frozen=True)
@@ -46,6 +46,7 @@ class Config:
     n_queries: int
     n_heads: int
     ffn_channels: int
+    heatmap_scale: int
 
     @staticmethod
     def parse(text: str) -> Config:
@@ -93,6 +94,7 @@ class Config:
             n_queries=head["n_queries"],
             n_heads=head["n_heads"],
             ffn_channels=head["ffn_channels"],
+            heatmap_scale=head["heatmap_scale"],
         )
 
     @property
@@ -100,6 +102,14 @@ class Config:
         """Cells along y and x."""
         size = self.cell_size_m
         return round((self.y_max_m - self.y_min_m) / size), round((self.x_max_m - self.x_min_m) / size)
+
+    def centers_m(self, scale: int) -> Tensor:
+        """x and y of each cell on a map of `scale` cells along a feature cell, [cell, 2]."""
+        (n_y, n_x), size_m = self.cells, self.cell_size_m / scale
+        cell = torch.arange(scale * n_y * scale * n_x, dtype=torch.float64)
+        x = self.x_min_m + (cell % (scale * n_x) + 0.5) * size_m
+        y = self.y_min_m + (cell.div(scale * n_x, rounding_mode="floor") + 0.5) * size_m
+        return torch.stack([x, y], 1).float()
 
 
 @dataclass
@@ -281,23 +291,27 @@ class HarmBranch(nn.Module):
 
 
 class Placed(nn.Module):
-    """One net for the box; the class branch sees position and box."""
+    """One net for the box; the class branch sees centre and corners of its footprint."""
 
     def __init__(self, config: Config):
         super().__init__()
         n = config.channels
         self.boxes = Mlp(n, n, CODE_SIZE)
-        self.harm = HarmBranch(n + CODE_SIZE, 2 * n)
+        self.harm = HarmBranch(n + 2 * N_FOOTPRINT_POINTS + CODE_SIZE - 2, 2 * n)
         self.cell_size_m = config.cell_size_m
 
     def forward(self, decoded: Tensor, center_m: Tensor, modulation: Tensor) -> tuple[Tensor, Tensor]:
         boxes = self.boxes(decoded)
         code = boxes.detach()
-        place = [
-            code[..., :2] * (self.cell_size_m / 20) + center_m / 20,
-            code[..., 2:8],
-            code[..., 8:] * 0.1,
-        ]
+        center = code[..., :2] * self.cell_size_m + center_m
+        half_length, half_width = (code[..., 3:5].clamp(-3, 3).exp() / 2).split(1, 2)
+        direction = code[..., 6:8] / (code[..., 6:8].square().sum(2, keepdim=True) + 1e-6).sqrt()
+        sin, cos = direction.split(1, 2)
+        along = torch.cat([cos, sin], 2) * half_length
+        across = torch.cat([-sin, cos], 2) * half_width
+        front, back = center + along, center - along
+        points = torch.cat([center, front + across, front - across, back + across, back - across], 2)
+        place = [points / 5, code[..., 2:8], code[..., 8:] * 0.1]
         return boxes, self.harm(torch.cat([decoded, *place], 2), modulation)
 
 
@@ -306,21 +320,19 @@ class Head(nn.Module):
 
     def __init__(self, config: Config):
         super().__init__()
-        n = config.channels
+        n, self.scale = config.channels, config.heatmap_scale
         self.shared = nn.ModuleDict({"Normed": ConvBlock(config.fuser_channels, n, epsilon=1e-5)})
         self.heatmap_hidden = ConvBlock(n, n, epsilon=1e-5)
-        self.heatmap_out = nn.Conv2d(n, 1, 3, padding=1)
-        self.class_embedding = nn.Linear(1, n)
+        self.heatmap_out = nn.Conv2d(n, self.scale**2, 3, padding=1)
+        self.class_embedding = nn.Linear(self.scale**2, n)
         self.position = nn.ModuleDict({"Shared": Mlp(2, n, n)})
         self.decoder = DecoderLayer(config)
         self.numeric = Numeric(config)
         self.predict = nn.ModuleDict({"Placed": Placed(config)})
         self.n_queries = config.n_queries
-        n_y, n_x = config.cells
-        cell = torch.arange(n_y * n_x, dtype=torch.float64)
-        x = config.x_min_m + (cell % n_x + 0.5) * config.cell_size_m
-        y = config.y_min_m + (cell.div(n_x, rounding_mode="floor") + 0.5) * config.cell_size_m
-        self.register_buffer("centers_m", torch.stack([x, y], 1).float(), persistent=False)
+        # Of feature cells and of heatmap cells.
+        self.register_buffer("centers_m", config.centers_m(1), persistent=False)
+        self.register_buffer("fine_centers_m", config.centers_m(self.scale), persistent=False)
 
     def pick(self, heatmap: Tensor) -> tuple[Tensor, Tensor]:
         """Cells and scores of the best peaks, both [batch, query]; no gradient."""
@@ -331,15 +343,19 @@ class Head(nn.Module):
         return cells[:, : self.n_queries], scores[:, : self.n_queries]
 
     def forward(self, features: Tensor, numeric: Tensor, cells: Tensor | None = None) -> dict[str, Tensor]:
-        """`cells` takes the place of the picked ones."""
+        """`cells`, of the heatmap, take the place of the picked ones."""
         shared = self.shared["Normed"](features)
-        heatmap = self.heatmap_out(self.heatmap_hidden(shared))
+        heatmap = functional.pixel_shuffle(self.heatmap_out(self.heatmap_hidden(shared)), self.scale)
         picked, scores = self.pick(heatmap)
         cells = picked if cells is None else cells
         memory = shared.flatten(2).transpose(1, 2)
-        query = memory.gather(1, cells[..., None].expand(-1, -1, memory.shape[2]))
-        query = query + self.class_embedding(query.new_ones(1))
-        center_m = self.centers_m[cells]
+        y, x = cells.div(heatmap.shape[3], rounding_mode="floor"), cells % heatmap.shape[3]
+        feature_cells = y.div(self.scale, rounding_mode="floor") * shared.shape[3]
+        feature_cells += x.div(self.scale, rounding_mode="floor")
+        query = memory.gather(1, feature_cells[..., None].expand(-1, -1, memory.shape[2]))
+        place_in_cell = functional.one_hot(y % self.scale * self.scale + x % self.scale, self.scale**2)
+        query = query + self.class_embedding(place_in_cell.to(query.dtype))
+        center_m = self.fine_centers_m[cells]
         place = self.position["Shared"]
         position = place(center_m / 50)
         decoded = self.decoder(query, position, memory + place(self.centers_m / 50)) + position

@@ -43,6 +43,8 @@ WATCHED = ("lidar.Pillars.point_norm", "camera.Cnn.smooth.norm", "fuser.norm", "
 MARGIN = 3e-6
 # And a score, so that the same cells become queries.
 GAP = 5e-6
+# And an output, relative to it, so that the same queries go to the same objects.
+ROUNDING = 1e-5
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,13 +60,13 @@ class Case:
 
 
 CASES = (
-    Case("whole", SMALL, 225, 8000, seed=0),
+    Case("whole", SMALL, 225, 8000, seed=13),
     Case(
         "coarse",
         dataclasses.replace(SMALL, cell_size_m=6.4, image_width_px=64, n_queries=20),
         36,
         1200,
-        seed=68,
+        seed=59,
         with_gradients=True,
     ),
 )
@@ -141,7 +143,6 @@ def network(case: Case) -> Detector:
     formula.fill(detector)
     with torch.no_grad():
         detector.head.heatmap_out.bias.fill_(HEATMAP_BIAS)
-    detector.head.centers_m = detector.head.centers_m.double()
     return detector.double()
 
 
@@ -152,9 +153,28 @@ def train(case: Case, detector: Detector, samples: list, with_camera: bool) -> t
     detector.zero_grad()
     with Kinks() as kinks:
         output = detector(batch)
-    parts = loss(output, [objects(i) for i in range(N_SAMPLES)], detector.head.centers_m, case.config)
+    parts = loss(output, [objects(i) for i in range(N_SAMPLES)], detector.head.fine_centers_m, case.config)
     parts["total"].backward()
     return output, parts, kinks.nearest
+
+
+def is_assignment_clear(case: Case, output: dict, parts: dict) -> bool:
+    """Whether the losses change no more than the outputs do, at some disturbances by rounding."""
+
+    def noise(name: str, like: Tensor) -> Tensor:
+        return torch.from_numpy(numbers(name, *like.shape))
+
+    centers_m = case.config.centers_m(case.config.heatmap_scale)
+    for trial in range(4):
+        disturbed = {
+            name: output[name].detach() * (1 + ROUNDING * noise(f"rounding{trial}{name}", output[name]))
+            for name in ("heatmap", "boxes", "harm")
+        }
+        of = [objects(i) for i in range(N_SAMPLES)]
+        found = loss(output | disturbed, of, centers_m, case.config)
+        if any(abs(found[name] / parts[name] - 1) > 5 * ROUNDING for name in ("harm", "boxes")):
+            return False
+    return True
 
 
 def prepare(case: Case) -> list[small_input.Prepared]:
@@ -193,6 +213,7 @@ def results(case: Case) -> dict[str, Tensor]:
         found |= {f"{stage}.loss.{name}": value for name, value in parts.items()}
         print(case.name, stage, {name: round(value.item(), 4) for name, value in parts.items()})
         gaps.append(last_gap(detector.head, output["heatmap"]))
+        assert is_assignment_clear(case, output, parts), "choose another seed"
         print(f"  nearest kink {nearest:.1e}, gap behind the last query {gaps[-1]:.1e}")
         if case.with_gradients:
             assert nearest > MARGIN, "choose another seed"

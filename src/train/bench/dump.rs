@@ -11,7 +11,7 @@ use safetensors::tensor::{Dtype, TensorView};
 use super::training::{Trainee, batch};
 use super::{Bench, BenchError};
 use crate::files;
-use crate::model::{Batch, CameraInput, Input, LidarInput, Output, checkpoint};
+use crate::model::{Batch, CameraInput, Input, LidarInput, Output, Query, checkpoint};
 use crate::train::augment::ObjectsByState;
 use crate::train::losses::{LossParts, losses};
 use crate::train::plan::STAGES;
@@ -36,7 +36,7 @@ pub fn dump(bench: &Bench, folder: &Path) -> Result<(), BenchError> {
         .map_err(|source| BenchError::Input { sample: first.id.clone(), source })?;
     let output = detector.forward(&Batch::stack(&[&input], model, true, bench.device));
     file.inputs("inference", &[input])?;
-    file.output("inference", &output);
+    file.output("inference", &output, model.head.heatmap_scale);
 
     let device = bench.device.clone().autodiff();
     for (stage, name) in STAGES.into_iter().enumerate() {
@@ -45,7 +45,7 @@ pub fn dump(bench: &Bench, folder: &Path) -> Result<(), BenchError> {
         let output = trainee.detector().forward(&batch);
         let loss = losses(&output, &objects, model, &bench.config.loss);
         let gradients = GradientsParams::from_grads(loss.total.backward(), trainee.detector());
-        file.output(name, &output);
+        file.output(name, &output, model.head.heatmap_scale);
         file.losses(name, loss.parts, trainee.learn(gradients));
         if stage == 1 {
             file.inputs("training", &inputs)?;
@@ -129,7 +129,8 @@ impl Tensors {
         }
     }
 
-    fn output(&mut self, prefix: &str, output: &Output) {
+    /// `cells` are of the heatmap.
+    fn output(&mut self, prefix: &str, output: &Output, scale: usize) {
         let name = |part: &str| format!("{prefix}.output.{part}");
         let [n_batch, n_channels, n_y, n_x] = output.heatmap.dims();
         let values = |data: burn::tensor::TensorData| data.try_to_vec::<f32>().expect("outputs are f32");
@@ -139,7 +140,8 @@ impl Tensors {
             self.floats(name(part), &tensor.dims(), &values(tensor.clone().into_data()));
         }
         let queries = output.queries.iter().flatten();
-        let cells: Vec<i64> = queries.clone().map(|query| query.cell as i64).collect();
+        let cell = |query: &Query| query.heatmap_cell(n_x / scale, scale) as i64;
+        let cells: Vec<i64> = queries.clone().map(cell).collect();
         let scores: Vec<f32> = queries.map(|query| query.score).collect();
         let shape = [n_batch, cells.len() / n_batch];
         self.integers(name("cells"), &shape, &cells);

@@ -7,6 +7,7 @@ mod race;
 mod text;
 mod training;
 
+use std::borrow::Cow;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -16,6 +17,7 @@ use thiserror::Error;
 
 use super::config::TrainConfig;
 use super::run::TrainError;
+use super::schedule::{BETA_1, Pace};
 use crate::dataset::Dataset;
 use crate::model::checkpoint::{self, CheckpointError};
 use crate::model::{Detector, InputError};
@@ -24,8 +26,8 @@ use crate::progress::Progress;
 pub use dump::dump;
 pub use race::{Contest, race};
 
-/// Learning rate of measured steps; small, so that weights stay near where they were.
-const LEARNING_RATE: f64 = 1e-5;
+/// Pace of measured steps; slow, so that weights stay near where they were.
+const PACE: Pace = Pace { learning_rate: 1e-5, beta_1: BETA_1 };
 
 /// Why nothing could be measured.
 #[derive(Debug, Error)]
@@ -51,8 +53,8 @@ pub struct Bench<'a> {
     pub dataset: &'a Dataset,
     /// Its `model` is the checkpoint's, where there is one.
     pub config: &'a TrainConfig,
-    /// Random weights of the config's seed without it.
-    pub checkpoint: Option<PathBuf>,
+    /// Where it lies, and its bytes. Random weights of the config's seed without it.
+    pub checkpoint: Option<(PathBuf, Cow<'static, [u8]>)>,
     pub device: &'a Device,
 }
 
@@ -167,7 +169,7 @@ impl Bench<'_> {
     /// The detector on a device.
     fn detector(&self, device: &Device) -> Result<Detector, BenchError> {
         Ok(match &self.checkpoint {
-            Some(path) => checkpoint::load(path, device)?,
+            Some((path, bytes)) => checkpoint::unpack(bytes, path, device)?,
             None => Detector::init(&self.config.model, self.config.seed, device),
         })
     }
@@ -189,7 +191,7 @@ mod tests {
     }
 
     fn tiny() -> TrainConfig {
-        let mut config = TrainConfig { batch_size: 2, ..TrainConfig::default() };
+        let mut config = TrainConfig { batch_size: 2, accumulate: 1, ..TrainConfig::default() };
         let model = &mut config.model;
         (model.grid.cell_size_m, model.camera.cnn.image_width_px, model.head.n_queries) = (3.2, 64, 20);
         config

@@ -6,7 +6,7 @@ use burn::module::Module;
 use burn::optim::GradientsParams;
 use burn::tensor::Device;
 
-use super::{Bench, BenchError, LEARNING_RATE, Times, TrainingReport};
+use super::{Bench, BenchError, PACE, Times, TrainingReport};
 use crate::dataset::Dataset;
 use crate::model::{Batch, Detector, Input};
 use crate::progress::Progress;
@@ -51,7 +51,7 @@ impl Trainee {
     /// Takes up gradients; the norm that they had.
     pub fn learn(&mut self, gradients: GradientsParams) -> f32 {
         let detector = self.detector.take().expect("it is back after each step");
-        let (detector, norm) = self.optimizer.step(detector, gradients, LEARNING_RATE);
+        let (detector, norm) = self.optimizer.step(detector, gradients, PACE);
         self.detector = Some(detector);
         norm
     }
@@ -65,7 +65,9 @@ impl Trainee {
 /// One whole step, from its samples to the moving average.
 pub fn step(trainee: &mut Trainee, steps: &mut Steps, position: Position) -> Result<Duration, TrainError> {
     let begin = Instant::now();
-    let (gradients, _) = steps.gradients(trainee.detector(), position)?;
+    let detector = trainee.detector.take().expect("it is back after each step");
+    let (detector, gradients, _) = steps.gradients(detector, position)?;
+    trainee.detector = Some(detector);
     trainee.learn(gradients);
     trainee.follow(position.step);
     Ok(begin.elapsed())
