@@ -11,7 +11,7 @@ PYTHON_SOURCES = $(wildcard python scenes mjcf_assets tests scripts)
 
 RESULTS = runs/results
 
-.PHONY: help setup setup-test setup-golden build demo results test ci bench bench-gen bench-eval race gallery weathers \
+.PHONY: help setup setup-test setup-golden build demo results test ci bench bench-gen bench-eval race miri gallery weathers \
 	fmt clean
 
 help: ## List the targets
@@ -79,6 +79,9 @@ race: build setup-golden ## Speed of the small detector, and against PyTorch; RA
 
 bench-eval: setup setup-test ## Speed of eval against nuscenes-devkit and of label against shapely; about 5 minutes
 	cargo bench --profile release --bench eval_speed
+
+miri: ## The kernels under Miri, portable path: cargo +nightly with the component miri; minutes
+	cd tests/miri && MIRIFLAGS="-Zmiri-tree-borrows -Zmiri-ignore-leaks" cargo +nightly miri test -- --test-threads=1
 
 gallery: setup-test ## A picture of all object models: docs/gallery.png
 	.venv-test/bin/python mjcf_assets/make_gallery.py
