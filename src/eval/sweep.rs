@@ -1,75 +1,212 @@
-//! The same frames with another speed or steering angle: does the detector's harmful set follow the zone's?
+//! The same frames at other speeds and steering angles: does the set of harmful objects follow the zone's?
 //!
-//! At each value the network sees the frame's own image and cloud with the changed state. The truth either follows, by
-//! the zone of the changed state (the paper's figures), or stays as it is (an error of the speed or steering sensor).
+//! At each value the detector is given the frame's own image and cloud with the changed state. The truth either follows,
+//! by the zone of the changed state (the paper's figures), or stays as it is (an error of the speed or steering
+//! sensor). Beside the network's own harm its rivals are judged, [`Judge`], on the same boxes.
 
 use burn::tensor::Device;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::metrics::ClassScores;
-use super::predict::{PredictError, predict};
+use super::judge::Judge;
+use super::metrics::{self, ClassScores, Columns};
+use super::predict::{PredictError, predict_states};
 use super::protocol::Protocol;
+use super::safety::Early;
 use super::safety::located::Located;
-use super::{EvalSample, EvalTruth, Mode, SampleFacts, ScoreError, score};
-use crate::dataset::LabelledSample;
+use super::{EvalSample, EvalTruth, Mode, SampleFacts, ScoreError, check, facts, pretty_json, safety, score};
+use crate::dataset::{Dataset, LabelledSample};
 use crate::label::zone::{Zone, ZoneError};
 use crate::model::Detector;
-use crate::object::Harm;
+use crate::object::{Detection, Distribution, Harm};
 use crate::progress::Progress;
 use crate::sample::{EgoState, Measured};
 
-/// What is changed of the ego's state.
+/// What is swept; `configs/sweep.toml` equals the default.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SweepConfig {
+    /// Speeds that the frames are given, m/s. Default 0 to 14 by 1, the paper's.
+    pub speed_mps: Vec<f64>,
+    /// Steering angles that the frames are given, degrees, positive to the left. Default -35 to 35 by 5, the paper's.
+    pub steering_deg: Vec<f64>,
+    /// Factors of a speed sensor that errs. Default 0.8 to 1.2 by 0.05.
+    pub speed_factor: Vec<f64>,
+    /// Offsets of a steering sensor that errs, degrees. Default -4 to 4 by 1.
+    pub steering_offset_deg: Vec<f64>,
+    /// Who decides on harm. Default all.
+    pub judges: Vec<Judge>,
+    /// Episodes that are looked at, the first ones; 0 for all. Default 0.
+    pub n_episodes: usize,
+    /// Speeds of the picture of one frame, m/s, one panel each. Default 2, 7, 14.
+    pub picture_speed_mps: Vec<f64>,
+    /// Steering angles of the picture of one frame, degrees, one panel each. Default -20, 0, 20.
+    pub picture_steering_deg: Vec<f64>,
+    /// Score from which boxes are drawn in pictures. Default 0.3.
+    pub picture_min_score: f32,
+}
+
+impl Default for SweepConfig {
+    fn default() -> Self {
+        let steps = |range: std::ops::RangeInclusive<i32>, step: f64| range.map(move |i| f64::from(i) * step);
+        Self {
+            speed_mps: steps(0..=14, 1.0).collect(),
+            steering_deg: steps(-7..=7, 5.0).collect(),
+            speed_factor: (16..=24).map(|i| f64::from(i) / 20.0).collect(),
+            steering_offset_deg: steps(-4..=4, 1.0).collect(),
+            judges: Judge::ALL.to_vec(),
+            n_episodes: 0,
+            picture_speed_mps: vec![2.0, 7.0, 14.0],
+            picture_steering_deg: vec![-20.0, 0.0, 20.0],
+            picture_min_score: 0.3,
+        }
+    }
+}
+
+/// What is changed of the ego's state; values are in the unit of the name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Change {
-    /// The speed becomes the value, m/s.
-    Speed,
-    /// The steering angle becomes the value, radians, positive to the left.
-    Steering,
+    /// The speed becomes the value.
+    SpeedMps,
+    /// The steering angle becomes the value, positive to the left.
+    SteeringDeg,
     /// The speed is multiplied by the value.
     SpeedFactor,
-    /// The value is added to the steering angle, radians.
-    SteeringOffset,
+    /// The value is added to the steering angle.
+    SteeringOffsetDeg,
 }
 
 impl Change {
+    /// All of them, in the order of the output.
+    pub const ALL: [Self; 4] =
+        [Self::SpeedMps, Self::SteeringDeg, Self::SpeedFactor, Self::SteeringOffsetDeg];
+
+    /// The name in files.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::SpeedMps => "speed_mps",
+            Self::SteeringDeg => "steering_deg",
+            Self::SpeedFactor => "speed_factor",
+            Self::SteeringOffsetDeg => "steering_offset_deg",
+        }
+    }
+
     /// The state with one value of the change.
     #[must_use]
     pub fn apply(self, state: &EgoState, value: f64) -> EgoState {
         let mut changed = *state;
         match self {
-            Self::Speed => changed.speed_mps = value,
-            Self::Steering => changed.steering_angle_rad = value,
+            Self::SpeedMps => changed.speed_mps = value,
+            Self::SteeringDeg => changed.steering_angle_rad = value.to_radians(),
             Self::SpeedFactor => changed.speed_mps *= value,
-            Self::SteeringOffset => changed.steering_angle_rad += value,
+            Self::SteeringOffsetDeg => changed.steering_angle_rad += value.to_radians(),
         }
         changed
     }
+
+    /// Whether the truth follows the change; where it does not, a sensor errs and the labels stay.
+    #[must_use]
+    pub fn moves_truth(self) -> bool {
+        matches!(self, Self::SpeedMps | Self::SteeringDeg)
+    }
+
+    fn values(self, config: &SweepConfig) -> &[f64] {
+        match self {
+            Self::SpeedMps => &config.speed_mps,
+            Self::SteeringDeg => &config.steering_deg,
+            Self::SpeedFactor => &config.speed_factor,
+            Self::SteeringOffsetDeg => &config.steering_offset_deg,
+        }
+    }
 }
 
-/// What the truth is at a changed state.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum TruthAt {
-    /// What the zone says at the changed state.
-    Changed,
-    /// The labels as they are: the sensor errs, the world does not.
-    Unchanged,
+/// All curves over the same frames; the content of `sweeps.json`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Sweeps {
+    pub n_samples: usize,
+    /// By change, then by judge.
+    pub curves: Vec<SweepCurve>,
+    /// Of the network at the recorded states; `None` where nothing is known of the objects' tracks.
+    pub early: Option<Early>,
+}
+
+/// One judge over the values of one change.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SweepCurve {
+    pub change: Change,
+    pub judge: Judge,
+    /// Whether the truth is the zone's of the changed state; otherwise the labels stay.
+    pub truth_moves: bool,
+    pub points: Vec<SweepPoint>,
 }
 
 /// The frames at one value.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SweepPoint {
+    /// In the unit of the change's name.
     pub value: f64,
-    pub scores: ClassScores,
-    /// Truths that a detection lies on, after the filters.
+    /// AP; the columns of Table III where the frames hold objects out of distribution.
+    pub scores: Columns<ClassScores>,
+    /// Truths after the filters.
+    pub n_truths: usize,
+    /// Of these, the ones that a detection lies on.
     pub n_located: usize,
-    /// Of these: harmful in truth, and by the greater of the two scores.
+    /// Truths that are harmful, that are called so, and both. One that is not located is not called harmful.
     pub n_harmful: usize,
     pub n_called_harmful: usize,
+    pub n_both: usize,
+    /// Overlap of the two sets: both over either; `None` where neither has an object.
+    pub set_iou: Option<f64>,
     /// Share of the located whose class is right.
     pub agreement: Option<f64>,
+}
+
+impl Sweeps {
+    /// `sweeps.json`; the same figures give the same bytes.
+    #[must_use]
+    pub fn to_json(&self) -> String {
+        pretty_json::to_string(self)
+    }
+
+    /// `sweeps.csv`: a line a point, AP in the column `total`.
+    #[must_use]
+    pub fn to_csv(&self) -> String {
+        let mut text = String::from(
+            "change,judge,value,ap_harmful,ap_harmless,ap_mean,n_truths,n_located,n_harmful,n_called_harmful,\
+             n_both,set_iou,agreement\n",
+        );
+        let share = |share: Option<f64>| share.map_or_else(String::new, |share| format!("{share:.4}"));
+        for (curve, point) in self.curves.iter().flat_map(|of| of.points.iter().map(move |point| (of, point)))
+        {
+            let ap = &point.scores.total;
+            text += &format!(
+                "{},{},{},{:.4},{:.4},{:.4},{},{},{},{},{},{},{}\n",
+                curve.change.name(),
+                curve.judge.name(),
+                point.value,
+                ap.harmful,
+                ap.harmless,
+                ap.mean,
+                point.n_truths,
+                point.n_located,
+                point.n_harmful,
+                point.n_called_harmful,
+                point.n_both,
+                share(point.set_iou),
+                share(point.agreement),
+            );
+        }
+        text
+    }
+
+    /// A judge's points for a change; none where it was not swept.
+    #[must_use]
+    pub fn points(&self, change: Change, judge: Judge) -> &[SweepPoint] {
+        let curve = self.curves.iter().find(|curve| curve.change == change && curve.judge == judge);
+        curve.map_or(&[], |curve| &curve.points)
+    }
 }
 
 /// Why a sweep could not be made.
@@ -79,145 +216,305 @@ pub enum SweepError {
     Predict(#[from] PredictError),
     #[error(transparent)]
     Score(#[from] ScoreError),
-    #[error("sample {sample} with {change:?} {value}: {source}")]
+    #[error("sample {sample} with {change} {value}: {source}", change = change.name())]
     Zone { sample: String, change: Change, value: f64, source: ZoneError },
 }
 
-/// What is swept, and how it is judged.
-#[derive(Debug, Clone, Copy)]
-pub struct Sweep<'a> {
-    pub change: Change,
-    pub values: &'a [f64],
-    pub truth: TruthAt,
-    pub zone: &'a Zone,
-    pub protocol: &'a Protocol,
+/// The frames of a dataset with the network's boxes at the recorded state and at every value of every change.
+pub struct Swept<'a> {
+    frames: &'a [LabelledSample],
+    facts: Vec<SampleFacts>,
+    zone: &'a Zone,
+    values: Vec<(Change, f64)>,
+    /// `[frame][state][box]`: the recorded state first, then the values'.
+    found: Vec<Vec<Vec<Detection>>>,
 }
 
-impl Sweep<'_> {
-    /// Runs the detector, in inference mode, on all frames at each value.
+impl<'a> Swept<'a> {
+    /// Runs the detector, in inference mode, over the first `config.n_episodes` episodes of a dataset, once through
+    /// each frame's sensors.
     ///
     /// # Errors
-    /// [`SweepError`]: a broken sample, a state that cannot be, no sample at all.
+    /// A sample is broken, or a state cannot be.
     pub fn run(
-        &self,
         detector: &Detector,
-        frames: &[&LabelledSample],
+        dataset: &'a Dataset,
+        config: &SweepConfig,
         device: &Device,
         progress: &dyn Progress,
-    ) -> Result<Vec<SweepPoint>, SweepError> {
-        progress.start("sweep", (self.values.len() * frames.len()) as u64);
-        let points = self.values.iter().map(|&value| {
-            let changed: Vec<Measured> = frames
-                .iter()
-                .map(|frame| Measured {
-                    ego_state: self.change.apply(&frame.measured.ego_state, value),
-                    ..frame.measured.clone()
-                })
-                .collect();
-            let named: Vec<(&str, &Measured)> =
-                frames.iter().map(|frame| frame.id.as_str()).zip(&changed).collect();
-            let found = predict(detector, &named, detector.config().use_camera, device, progress)?;
-            let samples = frames
-                .iter()
-                .zip(found)
-                .map(|(frame, detections)| {
-                    Ok(EvalSample {
-                        id: frame.id.clone(),
-                        facts: SampleFacts::default(),
-                        truths: self.truths(frame, value)?,
-                        detections: detections.iter().map(Into::into).collect(),
-                    })
-                })
-                .collect::<Result<Vec<_>, SweepError>>()?;
-            self.point(value, &samples)
-        });
-        let points = points.collect();
-        progress.finish();
-        points
-    }
-
-    /// The truths of a frame at a value.
-    fn truths(&self, frame: &LabelledSample, value: f64) -> Result<Vec<EvalTruth>, SweepError> {
-        let mut truths: Vec<EvalTruth> = frame.objects.iter().map(Into::into).collect();
-        if self.truth == TruthAt::Unchanged {
-            return Ok(truths);
-        }
-        let fail = |source| SweepError::Zone { sample: frame.id.clone(), change: self.change, value, source };
-        let zone = self.zone.rect(&self.change.apply(&frame.measured.ego_state, value)).map_err(fail)?;
-        for truth in &mut truths {
-            truth.harm = zone.harm_of(&truth.box_in_ego).map_err(fail)?.harm;
-        }
-        Ok(truths)
-    }
-
-    fn point(&self, value: f64, samples: &[EvalSample]) -> Result<SweepPoint, SweepError> {
-        let scores = score(samples, self.protocol, Mode::Id)?.columns.total;
-        let (kept, _) = super::metrics::filtered(samples, self.protocol.config());
-        let located = Located::of_samples(&kept, self.protocol.config().tp_threshold_m);
-        let labels: Vec<(bool, bool)> = located
-            .iter()
-            .filter_map(|found| Some((found.truth.harm == Harm::Harmful, found.harm_probability()? >= 0.5)))
+    ) -> Result<Self, SweepError> {
+        let frames = dataset.first_episodes(config.n_episodes);
+        let values: Vec<(Change, f64)> = Change::ALL
+            .into_iter()
+            .flat_map(|change| change.values(config).iter().map(move |&value| (change, value)))
             .collect();
-        let count = |fits: fn(&(bool, bool)) -> bool| labels.iter().filter(|label| fits(label)).count();
-        let n_right = count(|(truth, called)| truth == called);
-        Ok(SweepPoint {
-            value,
-            scores,
-            n_located: labels.len(),
-            n_harmful: count(|&(truth, _)| truth),
-            n_called_harmful: count(|&(_, called)| called),
-            agreement: (!labels.is_empty()).then(|| n_right as f64 / labels.len() as f64),
-        })
+        let states = |measured: &Measured| {
+            let recorded = &measured.ego_state;
+            let changed = values.iter().map(|&(change, value)| change.apply(recorded, value));
+            std::iter::once(*recorded).chain(changed).collect()
+        };
+        let named: Vec<_> = frames.iter().map(|frame| (frame.id.as_str(), &frame.measured)).collect();
+        progress.start("sweep", named.len() as u64);
+        let with_camera = detector.config().use_camera;
+        let found = predict_states(detector, &named, &states, with_camera, device, progress)?;
+        progress.finish();
+        let mut facts = facts::of_dataset(dataset);
+        facts.truncate(frames.len());
+        Ok(Self { frames, facts, zone: dataset.zone(), values, found })
     }
+
+    /// The frames that were looked at.
+    #[must_use]
+    pub fn frames(&self) -> &'a [LabelledSample] {
+        self.frames
+    }
+
+    /// The network's boxes in a frame at its recorded state.
+    #[must_use]
+    pub fn recorded(&self, frame_idx: usize) -> &[Detection] {
+        &self.found[frame_idx][0]
+    }
+
+    /// Judges and scores all of it.
+    ///
+    /// # Errors
+    /// No frame, or a state that cannot be.
+    pub fn measure(&self, judges: &[Judge], protocol: &Protocol) -> Result<Sweeps, SweepError> {
+        let is_ood = |frame: &LabelledSample| {
+            frame.objects.iter().any(|object| object.truth.distribution == Distribution::Ood)
+        };
+        let mode = if self.frames.iter().any(is_ood) { Mode::Ood } else { Mode::Id };
+        let mut curves = Vec::new();
+        for change in Change::ALL {
+            for &judge in judges {
+                let values = self.values.iter().enumerate().filter(|(_, (of, _))| *of == change);
+                let points = values.map(|(i, &(_, value))| {
+                    let samples = self.samples(1 + i, change, value, judge)?;
+                    Ok(point(value, &samples, protocol, mode)?)
+                });
+                let points = points.collect::<Result<Vec<_>, SweepError>>()?;
+                if !points.is_empty() {
+                    curves.push(SweepCurve { change, judge, truth_moves: change.moves_truth(), points });
+                }
+            }
+        }
+        Ok(Sweeps { n_samples: self.frames.len(), curves, early: self.early(protocol)? })
+    }
+
+    /// The frames at a value, as a judge sees them.
+    fn samples(
+        &self,
+        state_idx: usize,
+        change: Change,
+        value: f64,
+        judge: Judge,
+    ) -> Result<Vec<EvalSample>, SweepError> {
+        let of_frame = |(frame, found): (&LabelledSample, &Vec<Vec<Detection>>)| {
+            let fail = |source| SweepError::Zone { sample: frame.id.clone(), change, value, source };
+            let state = change.apply(&frame.measured.ego_state, value);
+            let judged = judge.judged(&found[state_idx], &state, self.zone).map_err(fail)?;
+            let truths = truths(frame, change.moves_truth().then_some(&state), self.zone).map_err(fail)?;
+            let detections = judged.iter().map(Into::into).collect();
+            Ok(EvalSample { id: frame.id.clone(), facts: SampleFacts::default(), truths, detections })
+        };
+        self.frames.iter().zip(&self.found).map(of_frame).collect()
+    }
+
+    fn early(&self, protocol: &Protocol) -> Result<Option<Early>, ScoreError> {
+        let frames = self.frames.iter().zip(&self.facts).zip(&self.found);
+        let samples: Vec<EvalSample> = frames
+            .map(|((frame, facts), found)| EvalSample {
+                id: frame.id.clone(),
+                facts: facts.clone(),
+                truths: frame.objects.iter().map(Into::into).collect(),
+                detections: found[0].iter().map(Into::into).collect(),
+            })
+            .collect();
+        check(&samples, protocol, Mode::Id)?;
+        let (kept, _) = metrics::filtered(&samples, protocol.config());
+        let matching = metrics::matched(&kept, protocol.config());
+        Ok(safety::measure(&kept, &matching, protocol).early)
+    }
+}
+
+/// The truths of a frame, labelled by the zone of a state where one is given.
+fn truths(
+    frame: &LabelledSample,
+    changed: Option<&EgoState>,
+    zone: &Zone,
+) -> Result<Vec<EvalTruth>, ZoneError> {
+    let mut truths: Vec<EvalTruth> = frame.objects.iter().map(Into::into).collect();
+    if let Some(state) = changed {
+        let zone = zone.rect(state)?;
+        for truth in &mut truths {
+            truth.harm = zone.harm_of(&truth.box_in_ego)?.harm;
+        }
+    }
+    Ok(truths)
+}
+
+fn point(
+    value: f64,
+    samples: &[EvalSample],
+    protocol: &Protocol,
+    mode: Mode,
+) -> Result<SweepPoint, ScoreError> {
+    let scores = score(samples, protocol, mode)?.columns;
+    let (kept, _) = metrics::filtered(samples, protocol.config());
+    let located = Located::of_samples(&kept, protocol.config().tp_threshold_m);
+    // Truth, and what it is called where a detection lies on it.
+    let labels: Vec<(bool, Option<bool>)> = located
+        .iter()
+        .map(|found| {
+            let called = found.harm_probability().map(|probability| probability >= 0.5);
+            (found.truth.harm == Harm::Harmful, called)
+        })
+        .collect();
+    let count = |fits: fn(&(bool, Option<bool>)) -> bool| labels.iter().filter(|label| fits(label)).count();
+    let n_harmful = count(|&(truth, _)| truth);
+    let n_called_harmful = count(|&(_, called)| called == Some(true));
+    let n_both = count(|&(truth, called)| truth && called == Some(true));
+    let n_located = count(|(_, called)| called.is_some());
+    let n_right = count(|&(truth, called)| called == Some(truth));
+    let share = |n: usize, of: usize| (of > 0).then(|| n as f64 / of as f64);
+    Ok(SweepPoint {
+        value,
+        scores,
+        n_truths: labels.len(),
+        n_located,
+        n_harmful,
+        n_called_harmful,
+        n_both,
+        set_iou: share(n_both, n_harmful + n_called_harmful - n_both),
+        agreement: share(n_right, n_located),
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::dataset::test_data;
+    use crate::eval::matching::tests::{found, truth};
     use crate::model::ModelConfig;
     use crate::progress::Silent;
     use burn::module::Module;
 
-    fn sweep<'a>(values: &'a [f64], truth: TruthAt, zone: &'a Zone, protocol: &'a Protocol) -> Sweep<'a> {
-        Sweep { change: Change::Speed, values, truth, zone, protocol }
+    #[test]
+    fn the_shipped_config_is_the_default() {
+        let shipped: SweepConfig = toml::from_str(include_str!("../../configs/sweep.toml")).unwrap();
+        assert_eq!(shipped, SweepConfig::default());
+    }
+
+    fn detector() -> Detector {
+        let mut config = ModelConfig::default();
+        (config.grid.cell_size_m, config.camera.cnn.image_width_px, config.head.n_queries) = (3.2, 64, 40);
+        Detector::init(&config, 0, &Device::flex()).valid()
+    }
+
+    fn config() -> SweepConfig {
+        SweepConfig {
+            speed_mps: vec![0.0, 14.0],
+            steering_deg: vec![20.0],
+            speed_factor: vec![1.0],
+            steering_offset_deg: vec![],
+            judges: vec![Judge::Network, Judge::Zone],
+            ..SweepConfig::default()
+        }
     }
 
     #[test]
     fn the_truth_follows_the_speed_or_stays() {
-        let (dataset, protocol) = (test_data::dataset(6), Protocol::default());
-        let n_harmful = |truth, value| -> usize {
-            let sweep = sweep(&[], truth, dataset.zone(), &protocol);
-            let of_frame = |frame| sweep.truths(frame, value).unwrap();
+        let dataset = test_data::dataset(6);
+        let n_harmful = |change: Change, value: f64| -> usize {
+            let of_frame = |frame: &LabelledSample| {
+                let state = change.apply(&frame.measured.ego_state, value);
+                truths(frame, change.moves_truth().then_some(&state), dataset.zone()).unwrap()
+            };
             let truths = dataset.samples().iter().flat_map(of_frame);
             truths.filter(|truth| truth.harm == Harm::Harmful).count()
         };
-        assert!(n_harmful(TruthAt::Changed, 0.0) < n_harmful(TruthAt::Changed, 20.0));
-        assert_eq!(n_harmful(TruthAt::Unchanged, 0.0), n_harmful(TruthAt::Unchanged, 20.0));
+        assert!(n_harmful(Change::SpeedMps, 0.0) < n_harmful(Change::SpeedMps, 20.0));
+        assert_eq!(n_harmful(Change::SpeedFactor, 0.0), n_harmful(Change::SpeedFactor, 20.0));
         let state = dataset.samples()[0].measured.ego_state;
         assert_eq!(Change::SpeedFactor.apply(&state, 1.1).speed_mps, 1.1 * state.speed_mps);
-        let turned = Change::SteeringOffset.apply(&state, -0.03).steering_angle_rad;
-        assert!((state.steering_angle_rad - turned - 0.03).abs() < 1e-12);
+        let turned = Change::SteeringOffsetDeg.apply(&state, -2.0).steering_angle_rad;
+        assert!((state.steering_angle_rad - turned - 2f64.to_radians()).abs() < 1e-12);
     }
 
     #[test]
-    fn each_value_has_a_point_and_a_state_that_cannot_be_is_named() {
-        let (dataset, protocol) = (test_data::dataset(2), Protocol::default());
-        let mut config = ModelConfig::default();
-        (config.grid.cell_size_m, config.camera.cnn.image_width_px, config.head.n_queries) = (3.2, 64, 40);
-        let device = Device::flex();
-        let detector = Detector::init(&config, 0, &device).valid();
-        let frames: Vec<&LabelledSample> = dataset.samples().iter().collect();
-        let run = |values: &[f64]| {
-            let sweep = sweep(values, TruthAt::Changed, dataset.zone(), &protocol);
-            sweep.run(&detector, &frames, &device, &Silent)
-        };
-        let points = run(&[0.0, 14.0]).unwrap();
-        assert_eq!(points.iter().map(|point| point.value).collect::<Vec<_>>(), [0.0, 14.0]);
-        for point in points {
-            assert!(point.n_located <= 10 && point.n_harmful <= point.n_located, "{point:?}");
-            assert_eq!(point.agreement.is_none(), point.n_located == 0);
+    fn one_pass_over_the_sensors_finds_what_a_pass_for_each_state_finds() {
+        let (dataset, detector, device) = (test_data::dataset(2), detector(), Device::flex());
+        let swept = Swept::run(&detector, &dataset, &config(), &device, &Silent).unwrap();
+        for (state_idx, (change, value)) in
+            [(Change::SpeedFactor, 1.0)].iter().chain(&swept.values).copied().enumerate()
+        {
+            for (frame, of_frame) in dataset.samples().iter().zip(&swept.found) {
+                let mut measured = frame.measured.clone();
+                measured.ego_state = change.apply(&measured.ego_state, value);
+                let alone = super::super::predict::predict(
+                    &detector,
+                    &[("alone", &measured)],
+                    true,
+                    &device,
+                    &Silent,
+                );
+                let (alone, at_once) = (&alone.unwrap()[0], &of_frame[state_idx]);
+                assert_eq!(alone.len(), at_once.len(), "{change:?} {value}");
+                let off = |(a, b): (&Detection, &Detection)| (a.score - b.score).abs();
+                assert!(alone.iter().zip(at_once).map(off).all(|off| off < 1e-5));
+            }
         }
-        assert!(run(&[f64::NAN]).is_err());
+        // The network is asked about speed: other scores.
+        assert_ne!(swept.found[0][1], swept.found[0][2]);
+    }
+
+    #[test]
+    fn each_value_has_a_point_for_each_judge_and_a_state_that_cannot_be_is_an_error() {
+        let (dataset, detector, device) = (test_data::dataset(3), detector(), Device::flex());
+        let swept = Swept::run(&detector, &dataset, &config(), &device, &Silent).unwrap();
+        let sweeps = swept.measure(&config().judges, &Protocol::default()).unwrap();
+        assert_eq!((sweeps.n_samples, sweeps.curves.len()), (3, 6));
+        let speeds = sweeps.points(Change::SpeedMps, Judge::Zone);
+        assert_eq!(speeds.iter().map(|point| point.value).collect::<Vec<_>>(), [0.0, 14.0]);
+        for point in sweeps.curves.iter().flat_map(|curve| &curve.points) {
+            assert!(point.n_located <= point.n_truths && point.n_both <= point.n_harmful, "{point:?}");
+            assert!(point.scores.id_matched.is_none(), "all objects are in distribution");
+        }
+        // The rival calls by the rule itself: what it locates is right unless the box is off.
+        let harmful = |judge| sweeps.points(Change::SpeedMps, judge)[1].n_harmful;
+        assert_eq!(harmful(Judge::Zone), harmful(Judge::Network));
+        assert!(sweeps.points(Change::SteeringOffsetDeg, Judge::Zone).is_empty());
+        assert_eq!(sweeps.to_csv().lines().count(), 1 + 2 * 4);
+        assert_eq!(serde_json::from_str::<Sweeps>(&sweeps.to_json()).unwrap(), sweeps);
+        let broken = SweepConfig { speed_mps: vec![f64::NAN], ..config() };
+        assert!(Swept::run(&detector, &dataset, &broken, &device, &Silent).is_err());
+    }
+
+    #[test]
+    fn both_sets_are_counted_over_all_truths() {
+        use crate::object::Distribution::Id;
+        use Harm::{Harmful, Harmless};
+        let sample = EvalSample {
+            id: "s".into(),
+            facts: SampleFacts::default(),
+            truths: vec![
+                truth(10.0, Harmful, Id),  // called harmful
+                truth(15.0, Harmful, Id),  // called harmless
+                truth(20.0, Harmful, Id),  // not located
+                truth(25.0, Harmless, Id), // called harmful
+                truth(30.0, Harmless, Id), // called harmless
+            ],
+            detections: vec![
+                found(10.0, Harmful, 0.9),
+                found(15.0, Harmful, 0.2),
+                found(15.0, Harmless, 0.4),
+                found(25.0, Harmful, 0.3),
+                found(30.0, Harmless, 0.3),
+            ],
+        };
+        let point = point(5.0, &[sample], &Protocol::default(), Mode::Id).unwrap();
+        assert_eq!((point.n_truths, point.n_located), (5, 4));
+        assert_eq!((point.n_harmful, point.n_called_harmful, point.n_both), (3, 2, 1));
+        assert_eq!((point.set_iou, point.agreement), (Some(0.25), Some(0.5)));
     }
 }

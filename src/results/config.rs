@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::config::{self, ConfigError};
+use crate::eval::judge::Judge;
 use crate::generate::Preset;
 use crate::train::{TrainConfig, TrainConfigError};
 
@@ -20,6 +21,19 @@ pub struct ResultsConfig {
     /// One training each.
     pub rows: Vec<RowConfig>,
     pub tables: Vec<TableConfig>,
+    /// Lines of the table of rivals, scored with both sensors right and off. Default: none.
+    #[serde(default)]
+    pub rivals: Vec<RivalConfig>,
+}
+
+/// Who decides on harm over whose boxes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RivalConfig {
+    pub label: String,
+    /// Name of the row whose boxes are judged, the headline's included.
+    pub row: String,
+    pub judge: Judge,
 }
 
 /// A training.
@@ -108,6 +122,13 @@ impl ResultsConfig {
                 }
             }
         }
+        for RivalConfig { label, row, .. } in &self.rivals {
+            if !trainings.iter().any(|(name, _)| name == row) {
+                let valid = trainings.iter().map(|(name, _)| name.clone()).collect();
+                let (table, found) = (format!("rivals: {label}"), row.clone());
+                return Err(ResultsConfigError::TableRow { table, found, valid });
+            }
+        }
         Ok(trainings)
     }
 }
@@ -135,6 +156,9 @@ mod tests {
         // Every row stands in a table.
         let placed = |name: &str| config.tables.iter().flat_map(|table| &table.rows).any(|of| of.row == name);
         assert!(config.rows.iter().all(|row| placed(&row.name)));
+        // Every judge is told of one network, which is no other than a table's.
+        let judged = |judge| config.rivals.iter().any(|rival| rival.row == "fused" && rival.judge == judge);
+        assert!(Judge::ALL.into_iter().all(judged));
     }
 
     #[test]
@@ -148,6 +172,8 @@ mod tests {
         assert!(message.contains("huge") && message.contains("small"), "{message}");
         let message = wrong(|config| config.tables[0].rows[0].row = "radar".into());
         assert!(message.contains("radar") && message.contains("lidar"), "{message}");
+        let message = wrong(|config| config.rivals[0].row = "radar".into());
+        assert!(message.contains("rivals") && message.contains("radar"), "{message}");
         let message = wrong(|config| config.rows[0].name = "a/b".into());
         assert!(message.contains("a/b"), "{message}");
         let message = wrong(|config| config.rows[1].name = config.rows[0].name.clone());

@@ -8,14 +8,16 @@ use fs_err as fs;
 use serde::de::DeserializeOwned;
 use thiserror::Error;
 
-use super::config::{ResultsConfig, ResultsConfigError};
+use super::config::{ResultsConfig, ResultsConfigError, RivalConfig};
 use super::data::{self, LABELS};
-use super::record::{DataRecord, Record, Results};
+use super::record::{DataRecord, Record, Results, RivalRecord};
+use super::rivals;
 use super::text::{NoMarks, card, markdown};
 use crate::config::{ConfigError, differences};
 use crate::dataset::{Dataset, DatasetError, Fingerprint};
 use crate::episode::{ManifestError, Split};
 use crate::eval::predict::{PredictError, eval_samples, predict};
+use crate::eval::sweep::SweepError;
 use crate::eval::{Metrics, Mode, Protocol, ScoreError, score};
 use crate::files::{sha256_hex, write_atomic};
 use crate::generate::GenerateError;
@@ -85,6 +87,8 @@ pub enum ResultsError {
     Predict { row: String, source: PredictError },
     #[error("row `{row}`: {source}")]
     Score { row: String, source: ScoreError },
+    #[error("row `{row}`, rivals: {source}")]
+    Sweep { row: String, source: Box<SweepError> },
     #[error(
         "the data set was made {} unfamiliar objects; --data needs one without and --ood one with: {}",
         if *is_ood { "with" } else { "without" }, path.display()
@@ -134,6 +138,7 @@ pub fn run(request: &Request<'_>, device: &Device, progress: &dyn Progress) -> R
         headline: None,
         rows: Vec::new(),
         tables: request.config.tables.clone(),
+        rivals: Vec::new(),
     };
     for (i, (name, config)) in trainings.iter().enumerate() {
         let row = experiment.row(name, config, i == 0)?;
@@ -150,6 +155,7 @@ pub fn run(request: &Request<'_>, device: &Device, progress: &dyn Progress) -> R
         // What is done is told even if a later row fails.
         write(&results, &request.out, None)?;
     }
+    results.rivals = experiment.rivals(&trainings, &results)?;
     write(&results, &request.out, request.card.as_deref())?;
     Ok(results)
 }
@@ -178,13 +184,17 @@ fn write(results: &Results, out: &Path, card_path: Option<&Path>) -> Result<(), 
     Ok(write_atomic(path, text.as_bytes())?)
 }
 
-fn read<T: DeserializeOwned>(path: &Path) -> Result<T, ResultsError> {
+/// Reads a file of an experiment.
+///
+/// # Errors
+/// It is not there, or of something else.
+pub fn read<T: DeserializeOwned>(path: &Path) -> Result<T, ResultsError> {
     serde_json::from_str(&fs::read_to_string(path)?)
         .map_err(|error| ResultsError::Broken { message: error.to_string(), path: path.to_owned() })
 }
 
 /// A split that is loaded when it is first needed.
-struct Lazy<'a> {
+pub struct Lazy<'a> {
     path: &'a Path,
     split: Split,
     loaded: Option<Dataset>,
@@ -195,7 +205,11 @@ impl<'a> Lazy<'a> {
         Self { path, split, loaded: None }
     }
 
-    fn get(&mut self) -> Result<&Dataset, DatasetError> {
+    /// The split.
+    ///
+    /// # Errors
+    /// It cannot be loaded.
+    pub fn get(&mut self) -> Result<&Dataset, DatasetError> {
         if self.loaded.is_none() {
             self.loaded = Some(Dataset::open(self.path, LABELS, self.split)?);
         }
@@ -204,15 +218,15 @@ impl<'a> Lazy<'a> {
 }
 
 /// What all rows share.
-struct Experiment<'a> {
-    request: &'a Request<'a>,
-    id: Fingerprint,
-    ood: Fingerprint,
+pub struct Experiment<'a> {
+    pub request: &'a Request<'a>,
+    pub id: Fingerprint,
+    pub ood: Fingerprint,
     train: Lazy<'a>,
-    val: Lazy<'a>,
-    test: Lazy<'a>,
-    device: &'a Device,
-    progress: &'a dyn Progress,
+    pub val: Lazy<'a>,
+    pub test: Lazy<'a>,
+    pub device: &'a Device,
+    pub progress: &'a dyn Progress,
 }
 
 /// A row to train and score.
@@ -250,6 +264,28 @@ fn read_training(run: &Path) -> Result<TrainConfig, ResultsError> {
 }
 
 impl Experiment<'_> {
+    /// The table of rivals, of the rows that are done.
+    fn rivals(
+        &mut self,
+        trainings: &[(String, TrainConfig)],
+        results: &Results,
+    ) -> Result<Vec<RivalRecord>, ResultsError> {
+        let mut told = Vec::new();
+        for (i, (name, config)) in trainings.iter().enumerate() {
+            let row = self.row(name, config, i == 0)?;
+            if let Some(record) = results.row(name) {
+                told.extend(rivals::of_row(self, record, &row.folder)?);
+            }
+        }
+        // In the config's order.
+        let place = |rival: &RivalRecord| {
+            let is_it = |of: &RivalConfig| (&of.row, of.judge) == (&rival.row, rival.scores.judge);
+            self.request.config.rivals.iter().position(is_it)
+        };
+        told.sort_by_key(place);
+        Ok(told)
+    }
+
     fn row(&self, name: &str, config: &TrainConfig, is_headline: bool) -> Result<Row, ResultsError> {
         let given = self.request.headline.as_ref().filter(|_| is_headline);
         let row = |config, folder| Row {
