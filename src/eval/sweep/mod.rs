@@ -4,210 +4,28 @@
 //! by the zone of the changed state (the paper's figures), or stays as it is (an error of the speed or steering
 //! sensor). Beside the network's own harm its rivals are judged, [`Judge`], on the same boxes.
 
+mod config;
+mod curves;
+
 use burn::tensor::Device;
-use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+pub use config::{Change, SweepConfig};
+pub use curves::{SweepCurve, SweepPoint, Sweeps};
+
 use super::judge::Judge;
-use super::metrics::{self, ClassScores, Columns};
+use super::metrics;
 use super::predict::{PredictError, predict_states};
 use super::protocol::Protocol;
 use super::safety::Early;
 use super::safety::located::Located;
-use super::{EvalSample, EvalTruth, Mode, SampleFacts, ScoreError, check, facts, pretty_json, safety, score};
+use super::{EvalSample, EvalTruth, Mode, SampleFacts, ScoreError, check, facts, safety, score};
 use crate::dataset::{Dataset, LabelledSample};
 use crate::label::zone::{Zone, ZoneError};
 use crate::model::Detector;
 use crate::object::{Detection, Distribution, Harm};
 use crate::progress::Progress;
 use crate::sample::{EgoState, Measured};
-
-/// What is swept; `configs/sweep.toml` equals the default.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct SweepConfig {
-    /// Speeds that the frames are given, m/s. Default 0 to 14 by 1, the paper's.
-    pub speed_mps: Vec<f64>,
-    /// Steering angles that the frames are given, degrees, positive to the left. Default -35 to 35 by 5, the paper's.
-    pub steering_deg: Vec<f64>,
-    /// Factors of a speed sensor that errs. Default 0.8 to 1.2 by 0.05.
-    pub speed_factor: Vec<f64>,
-    /// Offsets of a steering sensor that errs, degrees. Default -4 to 4 by 1.
-    pub steering_offset_deg: Vec<f64>,
-    /// Who decides on harm. Default all.
-    pub judges: Vec<Judge>,
-    /// Episodes that are looked at, the first ones; 0 for all. Default 0.
-    pub n_episodes: usize,
-    /// Speeds of the picture of one frame, m/s, one panel each. Default 2, 7, 14.
-    pub picture_speed_mps: Vec<f64>,
-    /// Steering angles of the picture of one frame, degrees, one panel each. Default -20, 0, 20.
-    pub picture_steering_deg: Vec<f64>,
-    /// Score from which boxes are drawn in pictures. Default 0.3.
-    pub picture_min_score: f32,
-}
-
-impl Default for SweepConfig {
-    fn default() -> Self {
-        let steps = |range: std::ops::RangeInclusive<i32>, step: f64| range.map(move |i| f64::from(i) * step);
-        Self {
-            speed_mps: steps(0..=14, 1.0).collect(),
-            steering_deg: steps(-7..=7, 5.0).collect(),
-            speed_factor: (16..=24).map(|i| f64::from(i) / 20.0).collect(),
-            steering_offset_deg: steps(-4..=4, 1.0).collect(),
-            judges: Judge::ALL.to_vec(),
-            n_episodes: 0,
-            picture_speed_mps: vec![2.0, 7.0, 14.0],
-            picture_steering_deg: vec![-20.0, 0.0, 20.0],
-            picture_min_score: 0.3,
-        }
-    }
-}
-
-/// What is changed of the ego's state; values are in the unit of the name.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Change {
-    /// The speed becomes the value.
-    SpeedMps,
-    /// The steering angle becomes the value, positive to the left.
-    SteeringDeg,
-    /// The speed is multiplied by the value.
-    SpeedFactor,
-    /// The value is added to the steering angle.
-    SteeringOffsetDeg,
-}
-
-impl Change {
-    /// All of them, in the order of the output.
-    pub const ALL: [Self; 4] =
-        [Self::SpeedMps, Self::SteeringDeg, Self::SpeedFactor, Self::SteeringOffsetDeg];
-
-    /// The name in files.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::SpeedMps => "speed_mps",
-            Self::SteeringDeg => "steering_deg",
-            Self::SpeedFactor => "speed_factor",
-            Self::SteeringOffsetDeg => "steering_offset_deg",
-        }
-    }
-
-    /// The state with one value of the change.
-    #[must_use]
-    pub fn apply(self, state: &EgoState, value: f64) -> EgoState {
-        let mut changed = *state;
-        match self {
-            Self::SpeedMps => changed.speed_mps = value,
-            Self::SteeringDeg => changed.steering_angle_rad = value.to_radians(),
-            Self::SpeedFactor => changed.speed_mps *= value,
-            Self::SteeringOffsetDeg => changed.steering_angle_rad += value.to_radians(),
-        }
-        changed
-    }
-
-    /// Whether the truth follows the change; where it does not, a sensor errs and the labels stay.
-    #[must_use]
-    pub fn moves_truth(self) -> bool {
-        matches!(self, Self::SpeedMps | Self::SteeringDeg)
-    }
-
-    fn values(self, config: &SweepConfig) -> &[f64] {
-        match self {
-            Self::SpeedMps => &config.speed_mps,
-            Self::SteeringDeg => &config.steering_deg,
-            Self::SpeedFactor => &config.speed_factor,
-            Self::SteeringOffsetDeg => &config.steering_offset_deg,
-        }
-    }
-}
-
-/// All curves over the same frames; the content of `sweeps.json`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Sweeps {
-    pub n_samples: usize,
-    /// By change, then by judge.
-    pub curves: Vec<SweepCurve>,
-    /// Of the network at the recorded states; `None` where nothing is known of the objects' tracks.
-    pub early: Option<Early>,
-}
-
-/// One judge over the values of one change.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct SweepCurve {
-    pub change: Change,
-    pub judge: Judge,
-    /// Whether the truth is the zone's of the changed state; otherwise the labels stay.
-    pub truth_moves: bool,
-    pub points: Vec<SweepPoint>,
-}
-
-/// The frames at one value.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct SweepPoint {
-    /// In the unit of the change's name.
-    pub value: f64,
-    /// AP; the columns of Table III where the frames hold objects out of distribution.
-    pub scores: Columns<ClassScores>,
-    /// Truths after the filters.
-    pub n_truths: usize,
-    /// Of these, the ones that a detection lies on.
-    pub n_located: usize,
-    /// Truths that are harmful, that are called so, and both. One that is not located is not called harmful.
-    pub n_harmful: usize,
-    pub n_called_harmful: usize,
-    pub n_both: usize,
-    /// Overlap of the two sets: both over either; `None` where neither has an object.
-    pub set_iou: Option<f64>,
-    /// Share of the located whose class is right.
-    pub agreement: Option<f64>,
-}
-
-impl Sweeps {
-    /// `sweeps.json`; the same figures give the same bytes.
-    #[must_use]
-    pub fn to_json(&self) -> String {
-        pretty_json::to_string(self)
-    }
-
-    /// `sweeps.csv`: a line a point, AP in the column `total`.
-    #[must_use]
-    pub fn to_csv(&self) -> String {
-        let mut text = String::from(
-            "change,judge,value,ap_harmful,ap_harmless,ap_mean,n_truths,n_located,n_harmful,n_called_harmful,\
-             n_both,set_iou,agreement\n",
-        );
-        let share = |share: Option<f64>| share.map_or_else(String::new, |share| format!("{share:.4}"));
-        for (curve, point) in self.curves.iter().flat_map(|of| of.points.iter().map(move |point| (of, point)))
-        {
-            let ap = &point.scores.total;
-            text += &format!(
-                "{},{},{},{:.4},{:.4},{:.4},{},{},{},{},{},{},{}\n",
-                curve.change.name(),
-                curve.judge.name(),
-                point.value,
-                ap.harmful,
-                ap.harmless,
-                ap.mean,
-                point.n_truths,
-                point.n_located,
-                point.n_harmful,
-                point.n_called_harmful,
-                point.n_both,
-                share(point.set_iou),
-                share(point.agreement),
-            );
-        }
-        text
-    }
-
-    /// A judge's points for a change; none where it was not swept.
-    #[must_use]
-    pub fn points(&self, change: Change, judge: Judge) -> &[SweepPoint] {
-        let curve = self.curves.iter().find(|curve| curve.change == change && curve.judge == judge);
-        curve.map_or(&[], |curve| &curve.points)
-    }
-}
 
 /// Why a sweep could not be made.
 #[derive(Debug, Error)]
@@ -398,12 +216,6 @@ mod tests {
     use crate::model::ModelConfig;
     use crate::progress::Silent;
     use burn::module::Module;
-
-    #[test]
-    fn the_shipped_config_is_the_default() {
-        let shipped: SweepConfig = toml::from_str(include_str!("../../configs/sweep.toml")).unwrap();
-        assert_eq!(shipped, SweepConfig::default());
-    }
 
     fn detector() -> Detector {
         let mut config = ModelConfig::default();
