@@ -395,6 +395,9 @@ fn experiment(folder: &Path) -> PathBuf {
     for judge in ["network", "zone-soft"] {
         config += &format!("[[rivals]]\nlabel = 'by {judge}'\nrow = 'lidar'\njudge = '{judge}'\n");
     }
+    let kinds =
+        keys(&["model.head.classes=kind", "model.head.numeric_fusion=none", "validate_every_epochs=0"]);
+    config += &format!("[closed_set]\nname = 'kinds'\nset = {kinds}\n");
     fs::write(&file, config).expect("a writable folder");
     file
 }
@@ -435,7 +438,9 @@ fn an_experiment_killed_in_a_training_goes_on_and_its_commands_make_its_rows() {
     assert_eq!(changed(), first, "a finished row is not done again, nor are its rivals");
     let whole = document();
     assert!(
-        whole.contains("| by network | `lidar` |") && whole.contains("| by zone-soft | `lidar` |"),
+        whole.contains("| closed set, energy | `kinds` |")
+            && whole.contains("| by network | `lidar` |")
+            && whole.contains("| by zone-soft | `lidar` |"),
         "{whole}"
     );
     assert!(!whole.contains("not trained yet") && !whole.contains("Not trained yet"), "{whole}");

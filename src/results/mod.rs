@@ -9,8 +9,10 @@
 //! <out>/results.json          all of it; results.csv and RESULTS.md are written from it alone
 //! ```
 
+mod closed_set;
 mod config;
 mod data;
+mod experiment;
 mod record;
 mod rivals;
 mod run;

@@ -4,7 +4,6 @@ use serde::{Deserialize, Serialize};
 
 use super::config::TableConfig;
 use crate::dataset::Fingerprint;
-use crate::eval::judge::Judge;
 use crate::eval::{ClassScores, Column, Columns};
 use crate::train::Spent;
 
@@ -38,7 +37,8 @@ pub struct RivalRecord {
 /// A judge over one network's boxes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct JudgeScores {
-    pub judge: Judge,
+    /// Its name.
+    pub judge: String,
     /// Median time of one sample, milliseconds: through the network, cloud and packed image to boxes, and through the
     /// judge.
     pub network_ms: f64,

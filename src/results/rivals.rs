@@ -1,14 +1,15 @@
 //! Who decides on harm over one network's boxes, with both sensors right and with each of them off.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use burn::module::Module;
 use serde::{Deserialize, Serialize};
 
+use super::experiment::Experiment;
 use super::record::{JudgeScores, Record, RivalRecord, SetScores};
-use super::run::{Experiment, ResultsError, read};
-use crate::dataset::{Dataset, Fingerprint};
+use super::run::{ResultsError, read};
+use crate::dataset::{Dataset, Fingerprint, LabelledSample};
 use crate::eval::Protocol;
 use crate::eval::judge::Judge;
 use crate::eval::predict::predict;
@@ -49,34 +50,55 @@ pub fn of_row(
         return Ok(Vec::new());
     }
     let judges: Vec<Judge> = wanted.iter().map(|rival| rival.judge).collect();
-    let file = experiment.request.out.join("scores").join(format!("{}-rivals.json", record.name));
-    let kept = if file.is_file() { Some(read::<Kept>(&file)?) } else { None };
-    let is_of_these = |kept: &Kept| {
-        kept.checkpoint_sha256 == record.checkpoint_sha256
-            && (&kept.id, &kept.ood) == (&experiment.id, &experiment.ood)
-            && judges.iter().all(|judge| kept.judges.iter().any(|of| of.judge == *judge))
-    };
-    let kept = match kept.filter(is_of_these) {
-        Some(kept) => kept,
-        None => {
-            let kept = Kept {
-                checkpoint_sha256: record.checkpoint_sha256.clone(),
-                id: experiment.id.clone(),
-                ood: experiment.ood.clone(),
-                judges: make(experiment, record, run, &judges)?,
-            };
-            let text = serde_json::to_string_pretty(&kept).expect("names and numbers have a JSON form");
-            write_atomic(&file, text.as_bytes())?;
-            kept
-        }
-    };
-    let of = |judge| kept.judges.iter().find(|of| of.judge == judge);
+    let names: Vec<&str> = judges.iter().map(|judge| judge.name()).collect();
+    let scores = kept_or(experiment, &record.name, &record.checkpoint_sha256, &names, |experiment| {
+        make(experiment, record, run, &judges)
+    })?;
+    let of = |judge: Judge| scores.iter().find(|of| of.judge == judge.name());
     let rival = |wanted: &super::RivalConfig| RivalRecord {
         label: wanted.label.clone(),
         row: record.name.clone(),
         scores: of(wanted.judge).expect("all that are wanted were judged").clone(),
     };
     Ok(wanted.into_iter().map(rival).collect())
+}
+
+/// Where the judges of a row's boxes are kept.
+pub fn kept_file(experiment: &Experiment<'_>, row: &str) -> PathBuf {
+    experiment.request.out.join("scores").join(format!("{row}-rivals.json"))
+}
+
+/// The judges of a row's boxes as kept, if they are of its checkpoint and of the data and none is missing; else made and
+/// kept.
+///
+/// # Errors
+/// Those of `make`, or the record cannot be read or written.
+pub fn kept_or<'a>(
+    experiment: &mut Experiment<'a>,
+    row: &str,
+    checkpoint_sha256: &str,
+    names: &[&str],
+    make: impl FnOnce(&mut Experiment<'a>) -> Result<Vec<JudgeScores>, ResultsError>,
+) -> Result<Vec<JudgeScores>, ResultsError> {
+    let file = kept_file(experiment, row);
+    if file.is_file() {
+        let kept: Kept = read(&file)?;
+        let is_of_these = kept.checkpoint_sha256 == checkpoint_sha256
+            && (&kept.id, &kept.ood) == (&experiment.id, &experiment.ood)
+            && names.iter().all(|name| kept.judges.iter().any(|of| of.judge == *name));
+        if is_of_these {
+            return Ok(kept.judges);
+        }
+    }
+    let kept = Kept {
+        checkpoint_sha256: checkpoint_sha256.to_owned(),
+        id: experiment.id.clone(),
+        ood: experiment.ood.clone(),
+        judges: make(experiment)?,
+    };
+    let text = serde_json::to_string_pretty(&kept).expect("names and numbers have a JSON form");
+    write_atomic(&file, text.as_bytes())?;
+    Ok(kept.judges)
 }
 
 fn make(
@@ -111,7 +133,7 @@ fn make(
         let (network_ms, judge_ms) = times(&detector, data, judge, device).map_err(fail)?;
         let scores = |change, i: usize| set_scores(&id, &ood, change, judge, i);
         Ok(JudgeScores {
-            judge,
+            judge: judge.name().to_owned(),
             network_ms,
             judge_ms,
             right: scores(Change::SpeedFactor, 0),
@@ -127,23 +149,22 @@ fn set_scores(id: &Sweeps, ood: &Sweeps, change: Change, judge: Judge, i: usize)
     SetScores { id: at(id).scores.total, ood: at(ood).scores }
 }
 
-/// Median times of a sample through the network and through a judge, milliseconds; samples evenly over the set.
+/// Median times of a sample through the network and through a judge, milliseconds.
 fn times(
     detector: &Detector,
     data: &Dataset,
     judge: Judge,
     device: &burn::tensor::Device,
 ) -> Result<(f64, f64), SweepError> {
-    let every = data.samples().len().div_ceil(N_TIMED).max(1);
     let (mut network, mut rule) = (Vec::new(), Vec::new());
-    for sample in data.samples().iter().step_by(every) {
-        let started = Instant::now();
+    for sample in timed(data) {
         let named = [(sample.id.as_str(), &sample.measured)];
-        let found = predict(detector, &named, detector.config().use_camera, device, &Silent)?;
-        network.push(started.elapsed().as_secs_f64() * 1e3);
-        let started = Instant::now();
-        let judged = judge.judged(&found[0], &sample.measured.ego_state, data.zone());
-        rule.push(started.elapsed().as_secs_f64() * 1e3);
+        let (found, ms) =
+            watched(|| predict(detector, &named, detector.config().use_camera, device, &Silent));
+        network.push(ms);
+        let found = found?;
+        let (judged, ms) = watched(|| judge.judged(&found[0], &sample.measured.ego_state, data.zone()));
+        rule.push(ms);
         judged.map_err(|source| SweepError::Zone {
             sample: sample.id.clone(),
             change: Change::SpeedFactor,
@@ -154,8 +175,20 @@ fn times(
     Ok((median(network), median(rule)))
 }
 
+/// The samples whose times are taken, evenly over the set.
+pub fn timed(data: &Dataset) -> impl Iterator<Item = &LabelledSample> {
+    data.samples().iter().step_by(data.samples().len().div_ceil(N_TIMED).max(1))
+}
+
+/// What some work gives, and its time in milliseconds.
+pub fn watched<T>(work: impl FnOnce() -> T) -> (T, f64) {
+    let started = Instant::now();
+    let given = work();
+    (given, started.elapsed().as_secs_f64() * 1e3)
+}
+
 /// The middle value; 0 of none.
-fn median(mut values: Vec<f64>) -> f64 {
+pub fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
