@@ -156,8 +156,9 @@ fn rivals_text(rivals: &[RivalRecord]) -> String {
         "\n## Who decides on harm\n\n\
          The network's class branch against the zone's own rule, laid over the network's boxes with the measured speed and \
          steering angle (`docs/evaluation.md`, rivals). mAP with both sensors right, with the speed measured 10 % too low or \
-         too high, and with the steering angle measured 2° off; of the two the lower. ID / OOD total. A closed set tells kinds in place of harm and sees neither sensor. Times: medians of a \
-         sample, cloud and packed image to boxes.\n\n\
+         too high, and with the steering angle measured 2° off; of the two the lower. ID / OOD total. \
+         A closed set tells kinds in place of harm and sees neither sensor. Times: medians of a sample, cloud and packed image \
+         to boxes.\n\n\
          | | of row | sensors right | mAP_OOD, matched FPs | speed off | steering off | network | rule |\n\
          |---|---|---|---|---|---|---|---|\n",
     );
