@@ -153,6 +153,7 @@ impl Lines {
         let px = |px: u32| (px * scale) as i32;
         let xs = || panel.lines.iter().flat_map(|(_, points)| points.iter().map(|&(x, _)| x));
         let (low, high) = (xs().fold(f64::INFINITY, f64::min), xs().fold(f64::NEG_INFINITY, f64::max));
+        let most_points = panel.lines.iter().map(|(_, points)| points.len()).max().unwrap_or(0);
         // A line of one point, or none, has a width too.
         let x_range = if low < high { low..high } else { 0.0..1.0 };
         let mut chart = ChartBuilder::on(area)
@@ -171,7 +172,7 @@ impl Lines {
             .axis_desc_style(font(15, scale))
             .x_desc(&panel.x_name)
             .y_desc(&panel.y_name)
-            .x_labels(10)
+            .x_labels(most_points.clamp(2, 10))
             .x_label_formatter(&|x| short(*x))
             .y_labels(6)
             .y_label_formatter(&|y| short(*y))
@@ -190,9 +191,9 @@ impl Lines {
     }
 }
 
-/// A number with as many digits as it needs, at most two behind the point.
+/// A number with as many digits as it needs, at most three behind the point.
 fn short(x: f64) -> String {
-    let text = format!("{x:.2}");
+    let text = format!("{x:.3}");
     let text = text.trim_end_matches('0').trim_end_matches('.');
     if text == "-0" { "0".to_owned() } else { text.to_owned() }
 }
@@ -225,6 +226,6 @@ mod tests {
         let picture = image::load_from_memory(&png(&figure).unwrap()).unwrap().into_rgb8();
         assert_eq!(picture.dimensions(), figure.size_px());
         assert!(picture.pixels().any(|pixel| pixel.0 == [VERMILION.0, VERMILION.1, VERMILION.2]));
-        assert_eq!([short(-0.001), short(12.0), short(0.25), short(-35.0)], ["0", "12", "0.25", "-35"]);
+        assert_eq!([short(-0.0001), short(12.0), short(0.25), short(-35.0)], ["0", "12", "0.25", "-35"]);
     }
 }

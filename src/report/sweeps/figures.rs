@@ -55,6 +55,14 @@ fn fitted(mut panel: Panel) -> Panel {
     panel
 }
 
+/// The panel's scale from the tenth below its lowest point to one.
+fn zoomed(mut panel: Panel) -> Panel {
+    let values = panel.lines.iter().flat_map(|(_, points)| points.iter().map(|&(_, y)| y));
+    let lowest = values.fold(1.0, f64::min);
+    panel.y_range = [((10.0 * lowest - 0.2).floor() / 10.0).clamp(0.0, 0.9), 1.0];
+    panel
+}
+
 /// Over speed or steering: how many objects are harmful and called so, how well both sets agree, and mAP.
 pub fn over_states(sweeps: &Sweeps, change: Change) -> Lines {
     let n_samples = sweeps.n_samples.max(1) as f64;
@@ -70,14 +78,14 @@ pub fn over_states(sweeps: &Sweeps, change: Change) -> Lines {
         panels: vec![
             fitted(counts),
             panel(sweeps, change, 1, "agreement: IoU of the harmful sets", |point| point.set_iou),
-            panel(sweeps, change, 1, "mAP", |point| Some(point.scores.total.mean)),
+            zoomed(panel(sweeps, change, 1, "mAP", |point| Some(point.scores.total.mean))),
         ],
     }
 }
 
 /// mAP where speed or steering is measured wrongly.
 pub fn sensor_errors(sweeps: &Sweeps) -> Lines {
-    let over = |change| panel(sweeps, change, 0, "mAP", |point| Some(point.scores.total.mean));
+    let over = |change| zoomed(panel(sweeps, change, 0, "mAP", |point| Some(point.scores.total.mean)));
     Lines {
         legend: judges(sweeps).into_iter().map(entry).collect(),
         panels: vec![over(Change::SpeedFactor), over(Change::SteeringOffsetDeg)],
@@ -155,7 +163,7 @@ mod tests {
         assert_eq!(counts.lines[0], (0, vec![(0.0, 2.0), (7.0, 2.0), (14.0, 2.0)]));
         assert_eq!(counts.lines[2], (2, vec![(0.0, 0.0), (7.0, 0.5), (14.0, 1.0)]));
         assert_eq!(agreement.lines[1], (2, vec![(7.0, 0.25), (14.0, 0.5)]));
-        assert_eq!(ap.lines.len(), 2);
+        assert_eq!((ap.lines.len(), ap.y_range), (2, [0.6, 1.0]));
         let text = plot::svg(&figure).unwrap();
         assert!(text.contains("IoU of the harmful sets") && text.contains("zone over its boxes"));
         plot::svg(&sensor_errors(&sweeps())).unwrap();
