@@ -1,5 +1,6 @@
 //! The command line: flags, logging, progress bars, exit codes; one file a subcommand.
 
+mod baseline;
 mod bench_generate;
 mod bench_model;
 mod curves;
@@ -14,6 +15,7 @@ mod label;
 mod predict;
 mod progress;
 mod results;
+mod sweep;
 mod train;
 mod view;
 
@@ -55,6 +57,10 @@ enum Command {
     Predict(predict::PredictArgs),
     /// Score a detector, or any detector's JSON, in and out of distribution
     Eval(eval::EvalArgs),
+    /// Write the boxes of a rival that decides on harm without the network's class branch
+    Baseline(baseline::BaselineArgs),
+    /// Show a dataset's frames at other speeds and steering angles: curves, pictures, sensor errors
+    Sweep(sweep::SweepArgs),
     /// Generate, train and score a whole experiment, and write its tables
     Results(results::ResultsArgs),
     /// Draw a sample with its zone, truth and predictions
@@ -94,6 +100,8 @@ pub fn main() -> ExitCode {
         Command::Curves(args) => curves::run(args),
         Command::Predict(args) => predict::run(args),
         Command::Eval(args) => eval::run(args),
+        Command::Baseline(args) => baseline::run(args),
+        Command::Sweep(args) => sweep::run(args),
         Command::Results(args) => results::run(args),
         Command::View(args) => view::run(args),
         Command::Doctor(args) => doctor::run(args),

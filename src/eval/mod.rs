@@ -7,10 +7,12 @@
 
 mod bootstrap;
 mod breakdown;
+pub mod closed_set;
 mod curve;
 mod evaluation;
 pub mod facts;
 pub mod json;
+pub mod judge;
 mod matching;
 mod metrics;
 pub mod predict;

@@ -5,6 +5,8 @@ mod canvas;
 pub mod curves;
 pub mod info;
 mod palette;
+mod plot;
+pub mod sweeps;
 pub mod table;
 pub mod view;
 

@@ -7,8 +7,10 @@ mod birdseye;
 mod front;
 mod legend;
 mod load;
+mod states;
 
 pub use load::{ViewError, ViewRequest, ViewSummary, run};
+pub use states::{StatePanel, draw_states};
 
 use image::RgbImage;
 

@@ -7,7 +7,7 @@ use thiserror::Error;
 
 use super::schedule::Schedule;
 use crate::config::with_table;
-use crate::model::{CameraBackbone, ModelConfig, ModelConfigError, NumericFusion};
+use crate::model::{CameraBackbone, Classes, ModelConfig, ModelConfigError, NumericFusion};
 
 /// `configs/train-paper.toml`: the keys in which training the `paper` profile differs from the default.
 const PAPER_TOML: &str = include_str!("../../configs/train-paper.toml");
@@ -246,6 +246,13 @@ impl TrainConfig {
                 valid: "without model.use_lidar it must be zero: the LiDAR trains there",
             });
         }
+        if self.model.head.classes == Classes::Kind && self.validate_every_epochs > 0 {
+            return Err(TrainConfigError::Field {
+                field: "validate_every_epochs",
+                found: self.validate_every_epochs.to_string(),
+                valid: "with model.head.classes = \"kind\" it must be zero: the score is of harm",
+            });
+        }
         let has_swin = self.model.use_camera && self.model.camera.backbone == CameraBackbone::Swin;
         if let Some(path) = self.image_weights.as_ref().filter(|_| !has_swin) {
             return Err(TrainConfigError::Field {
@@ -297,6 +304,15 @@ mod tests {
         }
         let message = with(&["lidar_stage.epochs=0", "fused_stage.epochs=0"]).unwrap_err().to_string();
         assert!(message.contains("both stages"), "{message}");
+    }
+
+    #[test]
+    fn a_closed_set_is_trained_without_scores_of_harm() {
+        let mut config = TrainConfig::default();
+        config.model.head.classes = Classes::Kind;
+        assert!(config.check().unwrap_err().to_string().contains("validate_every_epochs"));
+        config.validate_every_epochs = 0;
+        config.check().unwrap();
     }
 
     #[test]
