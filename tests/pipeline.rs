@@ -32,6 +32,19 @@ const TINY: [&str; 20] = [
     "batch_size=2",
 ];
 
+/// Over that, a closed set that fits three samples well enough to find some object of each kind.
+const KINDS: [&str; 9] = [
+    "model.head.classes=kind",
+    "model.head.numeric_fusion=none",
+    "validate_every_epochs=0",
+    "model.use_camera=false",
+    "fused_stage.epochs=0",
+    "lidar_stage.epochs=60",
+    "save_every_steps=100",
+    "average_decay=0.5",
+    "model.head.n_queries=40",
+];
+
 fn harmzone(args: &[&str]) -> Output {
     command(args).output().expect("the program starts")
 }
@@ -168,8 +181,7 @@ fn a_closed_set_is_trained_on_kinds_and_its_harm_is_a_file_of_boxes() {
     let Fixture { id, ood, run, .. } = fixture();
     let folder = tempfile::tempdir().expect("a temporary folder");
     let kinds = folder.path().join("kinds");
-    let keys = ["model.head.classes=kind", "model.head.numeric_fusion=none", "validate_every_epochs=0"];
-    let set: Vec<&str> = keys.iter().flat_map(|key| ["--set", key]).collect();
+    let set: Vec<&str> = KINDS.iter().flat_map(|key| ["--set", key]).collect();
     let train = ["train", text(id), "--out", text(&kinds)];
     let message = fails(&[&train, TINY.as_slice(), &set[..4]].concat());
     assert!(message.contains("validate_every_epochs"), "{message}");
@@ -395,8 +407,7 @@ fn experiment(folder: &Path) -> PathBuf {
     for judge in ["network", "zone-soft"] {
         config += &format!("[[rivals]]\nlabel = 'by {judge}'\nrow = 'lidar'\njudge = '{judge}'\n");
     }
-    let kinds =
-        keys(&["model.head.classes=kind", "model.head.numeric_fusion=none", "validate_every_epochs=0"]);
+    let kinds = keys(&KINDS);
     config += &format!("[closed_set]\nname = 'kinds'\nset = {kinds}\n");
     fs::write(&file, config).expect("a writable folder");
     file
