@@ -278,7 +278,7 @@ fn the_network_inside_the_program_predicts_is_scored_and_drawn_by_its_name() {
     let boxes = |folder: &Path| fs::read(folder.join("predictions.json")).expect("predictions");
     assert!(boxes(&predictions) == boxes(&out));
 
-    let message = fails(&["eval", "smal", "--data", text(&id)]);
+    let message = fails(&["eval", "tiny", "--data", text(&id)]);
     assert!(message.contains("`small`") && message.contains("harmzone train"), "{message}");
     let message = fails(&["eval", "./small", "--data", text(&id)]);
     assert!(message.contains("no finished checkpoint") && message.contains("./small"), "{message}");

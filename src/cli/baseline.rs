@@ -69,13 +69,12 @@ impl Rival {
 pub fn run(args: BaselineArgs) -> anyhow::Result<ExitStatus> {
     let rival = Rival::named(&args.name)?;
     let trained = Trained::find(&args.run)?;
-    let out = match &args.out {
-        Some(out) => out.clone(),
-        None => {
-            let mut folder = trained.predictions_folder(&args.data)?.into_os_string();
-            folder.push(format!("-{}", args.name));
-            folder.into()
-        }
+    let out = if let Some(out) = &args.out {
+        out.clone()
+    } else {
+        let mut folder = trained.predictions_folder(&args.data)?.into_os_string();
+        folder.push(format!("-{}", args.name));
+        folder.into()
     };
     refuse_to_overwrite(&out, args.force)?;
     let device = args.device.open()?;

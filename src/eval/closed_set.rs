@@ -216,8 +216,8 @@ mod tests {
 
     /// Two features: a kind's mean at (10 kind, 0), spread by a tenth.
     fn features(i: usize) -> Vec<f32> {
-        let side = if (i / 3) % 2 == 0 { 0.1 } else { -0.1 };
-        vec![10.0 * (i % 3) as f32 + side, if (i / 6) % 2 == 0 { 0.1 } else { -0.1 }]
+        let side = if (i / 3).is_multiple_of(2) { 0.1 } else { -0.1 };
+        vec![10.0 * (i % 3) as f32 + side, if (i / 6).is_multiple_of(2) { 0.1 } else { -0.1 }]
     }
 
     #[test]

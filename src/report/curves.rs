@@ -94,10 +94,13 @@ struct Line {
     has_marks: bool,
 }
 
+/// A line's name, what it draws of a row, and its colour.
+type Part<R> = (&'static str, fn(&R) -> f64, RGBColor);
+
 fn losses(history: &History) -> Panel {
     let steps = &history.steps;
     let window = (steps.len() / 100).max(1);
-    let parts: [(&str, fn(&StepRow) -> f64, RGBColor); 4] = [
+    let parts: [Part<StepRow>; 4] = [
         ("all", |row| row.heatmap + row.harm + row.boxes, DARK),
         ("heatmap", |row| row.heatmap, BLUE),
         ("boxes", |row| row.boxes, GREEN),
@@ -141,7 +144,7 @@ fn rates(history: &History) -> Panel {
 
 fn scores(history: &History) -> Panel {
     let scores = &history.scores;
-    let parts: [(&str, fn(&ScoreRow) -> f64, RGBColor); 3] = [
+    let parts: [Part<ScoreRow>; 3] = [
         ("harmless", |row| row.harmless, BLUE),
         ("harmful", |row| row.harmful, VERMILION),
         ("mean", |row| row.mean, DARK),

@@ -30,7 +30,7 @@ pub fn rivals(
     is_wanted: bool,
 ) -> Result<Vec<RivalRecord>, ResultsError> {
     let path = row.folder.join(CHECKPOINT);
-    if !is_wanted && !(path.is_file() && kept_file(experiment, &row.name).is_file()) {
+    if !is_wanted && (!path.is_file() || !kept_file(experiment, &row.name).is_file()) {
         return Ok(Vec::new());
     }
     if !path.is_file() || !row.is_trained_so(&experiment.id)? {
