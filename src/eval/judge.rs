@@ -148,7 +148,7 @@ mod tests {
     use crate::dataset::test_data;
     use crate::eval::{Columns, EvalSample, Mode, Protocol, SampleFacts, score};
     use crate::geometry::{Box3, Ego, Point};
-    use crate::label::zone::ZoneConfig;
+    use crate::label::zone::{ZoneConfig, ZoneKind};
     use crate::object::Distribution;
 
     fn state(speed_mps: f64, steering_deg: f64) -> EgoState {
@@ -226,6 +226,19 @@ mod tests {
             assert_eq!(Judge::named(judge.name()), Some(judge));
         }
         assert_eq!(Judge::named("oracle"), None);
+    }
+
+    #[test]
+    fn every_zone_judges_hard_and_only_the_rectangle_softly() {
+        for kind in ZoneKind::ALL {
+            let zone = Zone::try_from(ZoneConfig { kind, ..ZoneConfig::default() }).unwrap();
+            let boxes = [found(10.0, 0.0, Harm::Harmless, 0.9), found(10.0, 9.0, Harm::Harmful, 0.8)];
+            let hard = Judge::Zone.judged(&boxes, &state(10.0, 0.0), &zone).unwrap();
+            let harms: Vec<Harm> = hard.iter().map(|detection| detection.harm).collect();
+            assert_eq!(harms, [Harm::Harmful, Harm::Harmless], "{kind:?}");
+            let soft = Judge::ZoneSoft.judged(&boxes, &state(10.0, 0.0), &zone);
+            assert_eq!(matches!(soft, Err(ZoneError::NoEdge)), kind != ZoneKind::Rect);
+        }
     }
 
     /// AP of a judge over perfect boxes of made-up streets, every second object out of distribution.
