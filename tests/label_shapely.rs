@@ -163,7 +163,7 @@ fn a_comparison_counts_what_the_label_sets_hold() {
     let folder = tempfile::tempdir().unwrap();
     make_dataset(folder.path());
     let zones = ZoneKind::ALL.map(|kind| ZoneConfig { kind, ..ZoneConfig::default() });
-    let found = label::compare(folder.path(), &zones, &Silent).unwrap();
+    let found = harmzone::eval::zone_comparison::compare(folder.path(), &zones, &Silent).unwrap();
     assert_eq!((found.n_episodes, found.n_samples, found.n_objects), (2, 80, 2000));
     for (zone, counted) in zones.iter().zip(&found.zones) {
         let labelled = label::run(folder.path(), zone, zone.kind.name(), false, &Silent).unwrap();

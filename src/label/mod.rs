@@ -1,12 +1,10 @@
 //! Harm labels: each annotated object of an episode, harmful or harmless by a danger zone.
 
 mod apply;
-mod compare;
 mod counts;
 mod run;
 pub mod zone;
 
 pub use apply::{SampleError, label_sample};
-pub use compare::{MOVING_MPS, ZoneComparison, ZoneCounts, compare};
 pub use counts::{Summary, count_of};
 pub use run::{LabelError, run};

@@ -14,9 +14,10 @@ use super::view::ViewError;
 use super::view::load::locate;
 use crate::episode::manifest::{Manifest, ManifestError};
 use crate::episode::{EpisodeError, EpisodeReader};
+use crate::eval::zone_comparison::{ZoneComparison, compare};
 use crate::files::write_atomic;
+use crate::label::LabelError;
 use crate::label::zone::{ZoneConfig, ZoneKind};
-use crate::label::{LabelError, ZoneComparison, compare};
 use crate::progress::Progress;
 
 /// Why zones could not be compared.

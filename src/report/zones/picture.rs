@@ -3,8 +3,8 @@
 use image::RgbImage;
 use thiserror::Error;
 
+use crate::eval::zone_comparison::MOVING_MPS;
 use crate::geometry::Point2;
-use crate::label::MOVING_MPS;
 use crate::label::zone::{Verdict, Zone, ZoneConfig, ZoneError, ZoneKind};
 use crate::object::{Distribution, Harm, ObjectTruth};
 use crate::report::canvas::{Align, Canvas, Color, Pen, text_width_px};

@@ -8,12 +8,10 @@ use std::path::Path;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::apply::label_sample;
-use super::counts::count_of;
-use super::run::LabelError;
-use super::zone::{Zone, ZoneConfig};
 use crate::episode::manifest::{EpisodeEntry, HarmCounts, LabelCounts, Manifest};
 use crate::episode::{EpisodeReader, SampleLabels};
+use crate::label::zone::{Zone, ZoneConfig};
+use crate::label::{LabelError, count_of, label_sample};
 use crate::object::{Distribution, Harm, Kind};
 use crate::progress::Progress;
 use crate::sample::Sample;
