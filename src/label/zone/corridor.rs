@@ -13,6 +13,7 @@ const CHORD_M: f64 = 0.005;
 
 /// A body's extent from the rear axle's middle: to the front, rear, left and right, all positive, metres.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[allow(clippy::struct_field_names, reason = "units are part of names")]
 pub(super) struct Body {
     pub front_m: f64,
     pub rear_m: f64,

@@ -16,6 +16,7 @@ use super::RssConfig;
 
 /// Distances to keep, metres: before the front bumper, and from the ego's sides to an object on the left or right.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[allow(clippy::struct_field_names, reason = "units are part of names")]
 pub(super) struct SafeDistances {
     pub ahead_m: f64,
     pub left_m: f64,
