@@ -72,11 +72,11 @@ impl Judged<'_> {
         vx_mps.hypot(vy_mps)
     }
 
-    /// White where zones differ, else the class's tone.
+    /// White where zones differ, red where all say harmful, grey where none does: blue is a zone's here.
     fn color(&self) -> Color {
         match self.n_harmful() {
             _ if self.is_disputed() => palette::TEXT,
-            0 => palette::truth(Harm::Harmless),
+            0 => palette::TEXT_SOFT,
             _ => palette::truth(Harm::Harmful),
         }
     }
@@ -197,7 +197,7 @@ impl Overlay<'_> {
         let heads = [
             (palette::truth(Harm::Harmful), "harmful by all"),
             (palette::TEXT, "zones differ"),
-            (palette::truth(Harm::Harmless), "by none"),
+            (palette::TEXT_SOFT, "by none"),
         ];
         let mut x = RIGHT_PX;
         for (color, name) in heads {
