@@ -8,7 +8,7 @@ use burn::tensor::module::interpolate;
 use burn::tensor::ops::{InterpolateMode, InterpolateOptions};
 use burn::tensor::{Device, Tensor};
 
-use super::norm::batch_norm_relu;
+use super::norm::conv3x3_norm_relu;
 use crate::kernels::conv3x3;
 
 /// 3x3 convolution (padding 1, no bias), batch norm, ReLU.
@@ -48,8 +48,7 @@ impl ConvBlock {
     /// - x: `[batch, channel_in, y, x]`
     /// - output: `[batch, channel_out, ceil(y / stride), ceil(x / stride)]`
     pub fn forward(&self, x: Tensor<4>) -> Tensor<4> {
-        let x = conv3x3(x, self.conv.weight.val(), self.conv.stride[0]);
-        batch_norm_relu(&self.norm, x)
+        conv3x3_norm_relu(self.conv.weight.val(), &self.norm, x, self.conv.stride[0])
     }
 }
 
