@@ -1,23 +1,21 @@
 //! The `--device` flag: where the network runs, chosen at run time.
 
-use anyhow::bail;
 use burn::tensor::Device;
 use clap::Args;
 
+use crate::device::{DeviceError, DeviceName};
+
 #[derive(Debug, Args)]
 pub struct DeviceArg {
-    /// Where the network runs: cpu
+    /// Where the network runs: cpu, or cuda:N or vulkan:N in a build with that backend
     #[arg(long, default_value = "cpu")]
-    device: String,
+    device: DeviceName,
 }
 
 impl DeviceArg {
     /// # Errors
-    /// This build has no such device.
-    pub fn open(&self) -> anyhow::Result<Device> {
-        match self.device.as_str() {
-            "cpu" => Ok(Device::flex()),
-            other => bail!("no device `{other}`; this build has: cpu"),
-        }
+    /// This build has no such device, or the machine.
+    pub fn open(&self) -> Result<Device, DeviceError> {
+        self.device.open()
     }
 }
