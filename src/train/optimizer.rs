@@ -5,7 +5,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param, ParamId};
-use burn::optim::{AdamWConfig, AdamWState, GradientsParams, LearningRate, ModuleOptimizer};
+use burn::optim::{
+    AdamWConfig, AdamWState, GradientsParams, LearningRate, ModuleOptimizer, RecordState, StateSink,
+    StateSource,
+};
 use burn::tensor::{Bytes, Device, Tensor};
 
 use super::config::TrainConfig;
@@ -38,7 +41,7 @@ struct PacedAdamW {
 }
 
 impl burn::optim::Optimizer for PacedAdamW {
-    type State<const D: usize> = AdamWState<D>;
+    type State<const D: usize> = State<D>;
 
     fn step<const D: usize>(
         &self,
@@ -48,11 +51,28 @@ impl burn::optim::Optimizer for PacedAdamW {
         state: Option<Self::State<D>>,
     ) -> (Tensor<D>, Option<Self::State<D>>) {
         let beta_1 = f32::from_bits(self.beta_1.load(Ordering::Relaxed));
-        self.config.clone().with_beta_1(beta_1).build().step(learning_rate, tensor, grad, state)
+        let adamw = self.config.clone().with_beta_1(beta_1).build();
+        let (tensor, state) = adamw.step(learning_rate, tensor, grad, state.map(|State(state)| state));
+        (tensor, state.map(State))
     }
 
     fn to_device<const D: usize>(state: Self::State<D>, device: &Device) -> Self::State<D> {
-        burn::optim::AdamW::to_device(state, device)
+        State(burn::optim::AdamW::to_device(state.0, device))
+    }
+}
+
+/// AdamW's state. Kept ones are taken up on the CPU, and the next step moves them to their parameter: burn would
+/// take them up on its default device, in a build with a GPU backend a GPU that may not be there.
+#[derive(Clone)]
+struct State<const D: usize>(AdamWState<D>);
+
+impl<const D: usize> RecordState for State<D> {
+    fn state_flatten(&self, prefix: &str, out: &mut StateSink) {
+        self.0.state_flatten(prefix, out);
+    }
+
+    fn state_unflatten(prefix: &str, source: &mut StateSource, _default: &Device) -> Option<Self> {
+        AdamWState::state_unflatten(prefix, source, &Device::flex()).map(Self)
     }
 }
 
@@ -172,7 +192,7 @@ mod tests {
 
     #[test]
     fn a_state_kept_and_loaded_goes_on_as_if_never_stopped() {
-        let device = Device::flex().autodiff();
+        let device = test_device().autodiff();
         let config = TrainConfig::default();
         let start = number_parameters(LinearConfig::new(2, 3).init(&device));
         let mut whole = Optimizer::new(&config);
