@@ -134,6 +134,26 @@ pub fn built() -> Vec<&'static str> {
     std::iter::once("cpu").chain(of_gpu.into_iter().filter(|of| of.1).map(|of| of.0)).collect()
 }
 
+/// The devices that this build can open on this machine, and what each GPU calls itself. Opens them.
+#[must_use]
+pub fn present() -> Vec<(DeviceName, Option<String>)> {
+    let of_backend = |backend: GpuBackend| {
+        let devices = backend.devices().unwrap_or_default().into_iter().enumerate();
+        devices.map(move |(index, device)| (DeviceName::Gpu(backend, index), own_name(&device)))
+    };
+    std::iter::once((DeviceName::Cpu, None)).chain(GpuBackend::ALL.into_iter().flat_map(of_backend)).collect()
+}
+
+#[cfg(any(feature = "cuda", feature = "vulkan"))]
+fn own_name(device: &Device) -> Option<String> {
+    device.identity().map(|identity| identity.name)
+}
+
+#[cfg(not(any(feature = "cuda", feature = "vulkan")))]
+fn own_name(_: &Device) -> Option<String> {
+    None
+}
+
 /// Whether tensors lie in the program's own memory, so that reading one costs nothing and several threads may
 /// compute side by side. A GPU has one queue and memory pool a thread, and waits for all of its work wherever a
 /// tensor is read.
@@ -195,5 +215,6 @@ mod tests {
     fn the_cpu_is_there_with_and_without_autodiff() {
         let cpu = DeviceName::Cpu.open().unwrap();
         assert!(is_cpu(&cpu) && is_cpu(&cpu.autodiff()));
+        assert_eq!(present()[0], (DeviceName::Cpu, None));
     }
 }
