@@ -537,6 +537,31 @@ fn labels_of_another_dataset_are_refused() {
 }
 
 #[test]
+fn the_zones_are_compared_drawn_and_labelled_under_their_names() {
+    let (_folder, dataset) = copy();
+    let plot = dataset.join("zones.png");
+    let told = done(&["zones", text(&dataset), "--json", "--plot", text(&plot)]);
+    let told: serde_json::Value = serde_json::from_str(&told).expect("JSON");
+    let drawn = image::open(&plot).expect("a PNG");
+    assert!(drawn.width() > 1000 && told["plot"]["sample"] == told["most_disputed_sample"], "{told}");
+    let message = fails(&["zones", text(&dataset), "--plot", text(&plot)]);
+    assert!(message.contains("--force"), "{message}");
+    let message =
+        fails(&["zones", text(&dataset), "--plot", text(&dataset.join("b.png")), "--sample", "999"]);
+    assert!(message.contains("no sample 999"), "{message}");
+    for (i, kind) in ["rect", "arc", "ttc", "rss"].into_iter().enumerate() {
+        done(&["label", text(&dataset), "--override", &format!("kind={kind}")]);
+        let labels = fs::read(dataset.join("labels").join(kind).join("labels.json")).expect("a label set");
+        let labels: serde_json::Value = serde_json::from_slice(&labels).expect("JSON");
+        assert_eq!(labels["counts"], told["zones"][i]["counts"], "{kind}");
+    }
+    // A run learns from any of them.
+    let run = dataset.join("run-rss");
+    done(&[&["train", text(&dataset), "--labels", "rss", "--out", text(&run)], TINY.as_slice()].concat());
+    done(&["eval", text(&run), "--data", text(&dataset), "--labels", "rss"]);
+}
+
+#[test]
 fn a_truncated_episode_and_a_foreign_file_are_named() {
     let (_folder, dataset) = copy();
     let (name, bytes) = episodes(&dataset).remove(0);

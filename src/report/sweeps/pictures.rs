@@ -68,9 +68,10 @@ fn labels_at(
     state: &EgoState,
 ) -> Result<(Vec<Point2>, Vec<Harm>), SweepReportError> {
     let fail = |source| SweepReportError::Zone { sample: frame.id.clone(), source };
-    let area = zone.rect(state).map_err(fail)?;
+    let area = zone.at(state).map_err(fail)?;
     let harms = frame.objects.iter().map(|object| {
-        let verdict = area.harm_of(&object.truth.box_in_ego).map_err(fail)?;
+        let truth = &object.truth;
+        let verdict = area.harm_of(&truth.box_in_ego, truth.velocity_in_ego_mps).map_err(fail)?;
         Ok::<_, SweepReportError>(verdict.harm)
     });
     Ok((area.corners().to_vec(), harms.collect::<Result<_, _>>()?))
