@@ -76,7 +76,7 @@ impl Display for DeviceName {
 pub enum DeviceError {
     #[error("no device is called `{found}`; valid are cpu, and cuda:N and vulkan:N with N from 0")]
     Name { found: String },
-    #[error("this build has: {has}; build with --features {feature} for {name}")]
+    #[error("no device {name}: this build has {has}; one built with --features {feature} has it")]
     NotBuilt { name: DeviceName, has: String, feature: &'static str },
     #[error(
         "no device {name}: {feature} lists no device here; it needs {needs}; --device cpu runs everywhere"
@@ -205,7 +205,8 @@ mod tests {
     fn a_backend_that_is_not_built_names_the_feature_that_builds_it() {
         let message = listed::<char>(GpuBackend::Cuda, 0, None).unwrap_err().to_string();
         let has = built().join(", ");
-        assert_eq!(message, format!("this build has: {has}; build with --features cuda for cuda:0"));
+        let told = format!("no device cuda:0: this build has {has}; one built with --features cuda has it");
+        assert_eq!(message, told);
         for backend in GpuBackend::ALL {
             assert_eq!(built().contains(&backend.name()), backend.devices().is_some());
         }
