@@ -4,6 +4,7 @@ use burn::tensor::Device;
 use clap::Args;
 
 use crate::device::{DeviceError, DeviceName};
+use crate::kernels::keep_freed_memory;
 
 #[derive(Debug, Args)]
 pub struct DeviceArg {
@@ -13,9 +14,12 @@ pub struct DeviceArg {
 }
 
 impl DeviceArg {
+    /// Opens the device, and has the allocator keep what a network frees: each sample asks for it again.
+    ///
     /// # Errors
     /// This build has no such device, or the machine.
     pub fn open(&self) -> Result<Device, DeviceError> {
+        keep_freed_memory();
         self.device.open()
     }
 }

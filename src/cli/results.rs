@@ -7,7 +7,6 @@ use clap::Args;
 use super::ExitStatus;
 use super::device::DeviceArg;
 use super::progress::Bar;
-use crate::kernels::keep_freed_memory;
 use crate::results::{self, Request, ResultsConfig};
 
 #[derive(Debug, Args)]
@@ -51,7 +50,6 @@ pub fn run(args: ResultsArgs) -> anyhow::Result<ExitStatus> {
         println!("{}", text.display());
         return Ok(ExitStatus::Done);
     }
-    keep_freed_memory();
     let config: ResultsConfig = crate::config::load(args.config.as_deref(), &args.overrides)?;
     let request = Request {
         config: &config,
