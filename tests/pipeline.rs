@@ -629,6 +629,18 @@ fn missing_gl_says_what_to_install() {
 }
 
 #[test]
+fn a_device_that_is_not_there_is_told_with_what_is() {
+    let of = |device| harmzone(&["train", "nowhere", "--out", "nowhere", "--device", device]);
+    let absent = of("vulkan:99");
+    let text = String::from_utf8_lossy(&absent.stderr).into_owned();
+    let told = if cfg!(feature = "vulkan") { "no device vulkan:99" } else { "this build has cpu" };
+    assert!(absent.status.code() == Some(1) && text.contains(told), "{text}");
+    let unknown = of("gpu");
+    let text = String::from_utf8_lossy(&unknown.stderr).into_owned();
+    assert!(unknown.status.code() == Some(2) && text.contains("vulkan:N"), "{text}");
+}
+
+#[test]
 fn a_wrong_flag_is_a_usage_error() {
     assert_eq!(harmzone(&["gen", "--city", "downtown"]).status.code(), Some(2));
 }

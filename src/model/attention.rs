@@ -108,6 +108,7 @@ impl DecoderLayer {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::device::test_device;
     use crate::model::golden::{Golden, assert_close};
     use burn::optim::GradientsParams;
     use burn::tensor::TensorData;
@@ -120,7 +121,7 @@ mod tests {
     #[test]
     fn one_layer_equals_pytorchs_in_values_and_gradients() {
         let golden = Golden::read("head");
-        let device = Device::flex().autodiff();
+        let device = test_device().autodiff();
         let layer = golden.load_torch("decoder.weights", DecoderLayer::init(&config(), &device));
         let input =
             |name: &str| golden.tensor::<3>(&format!("decoder.inputs.{name}"), &device).require_grad();

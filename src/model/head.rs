@@ -184,6 +184,7 @@ fn repeat_rows(x: Tensor<3>, n: usize) -> Tensor<3> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::device::test_device;
     use crate::model::config::{Classes, Heatmap, NumericFusion, PositionEncoding, Prediction};
     use crate::model::golden::{Golden, assert_close};
     use burn::optim::GradientsParams;
@@ -221,7 +222,7 @@ mod tests {
 
     #[test]
     fn at_inference_it_equals_pytorchs() {
-        let device = Device::flex();
+        let device = test_device();
         let (head, golden) = golden_head(&device);
         let found =
             head.forward(golden.tensor("head.features", &device), golden.tensor("head.numeric", &device));
@@ -249,7 +250,7 @@ mod tests {
 
     #[test]
     fn in_training_values_and_gradients_equal_pytorchs() {
-        let device = Device::flex().autodiff();
+        let device = test_device().autodiff();
         let (head, golden) = golden_head(&device);
         let features = golden.tensor::<4>("head.features", &device).require_grad();
         let found = head.forward(features.clone(), golden.tensor("head.numeric", &device));

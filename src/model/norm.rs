@@ -52,10 +52,11 @@ fn scale_and_shift(norm: &BatchNorm, device: &Device) -> [Tensor<1>; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::device::test_device;
     use burn::module::Module;
     use burn::nn::BatchNormConfig;
+    use burn::tensor::Distribution;
     use burn::tensor::activation::relu;
-    use burn::tensor::{Device, Distribution};
 
     fn largest(a: Tensor<4>, b: Tensor<4>) -> f32 {
         (a - b).abs().max().into_scalar()
@@ -64,7 +65,7 @@ mod tests {
     /// In training, after it, and with the layer frozen.
     #[test]
     fn it_is_burns_batch_norm_and_a_relu() {
-        let device = Device::flex().autodiff();
+        let device = test_device().autodiff();
         device.seed(5);
         let [own, burns] = [0, 1].map(|_| BatchNormConfig::new(3).with_momentum(0.3).init(&device));
         for _ in 0..3 {
