@@ -20,6 +20,7 @@ use super::queries::Query;
 use super::sparse::SparseEncoder;
 use super::swin_camera::SwinCameraBranch;
 use super::voxel::N_VOXEL_FEATURES;
+use crate::device::is_cpu;
 use crate::object::{Detection, Harm};
 
 /// The device's generator is one for the whole process.
@@ -148,7 +149,9 @@ impl Detector {
     pub fn forward(&self, batch: &Batch) -> Output {
         let camera = || self.camera_map(batch, self.image_features(batch));
         let lidar = || self.lidar_map(batch);
-        if batch.numeric.device().is_autodiff() {
+        let device = batch.numeric.device();
+        // A GPU orders the work of one thread, and waits where that of two meets.
+        if device.is_autodiff() || !is_cpu(&device) {
             return self.head(batch, self.fuse(camera(), lidar()));
         }
         // Started in the pool, no operation wakes it up and waits outside; and what one branch does on one thread
