@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Makes the project's Python venv and what it needs from the system; called by `make setup`,
-# `make setup-test` and `make setup-golden`. Usage: setup.sh product|test|golden
+# `make setup-test`, `make setup-golden` and `make bundle`. Usage: setup.sh product|test|golden|bundle
 #
 # Debian and Ubuntu as root: missing system packages are installed. Elsewhere: the command to run is printed.
 set -euo pipefail
@@ -100,5 +100,20 @@ golden)
         .venv-golden/bin/python -m pip install --disable-pip-version-check --quiet -r tests/golden/requirements.txt
     touch .venv-golden/.ready
     ;;
-*) fail "usage: scripts/setup.sh product|test|golden" ;;
+bundle)
+    command -v c++ >/dev/null || system_packages "a C++ compiler" build-essential
+    PYTHON="$PWD/.venv/bin/python" make_venv .venv-bundle requirements-bundle.txt
+    # The wheel's OpenBLAS alone takes 28 MB. harmzone multiplies no matrices in numpy, which has slower code of its
+    # own for it; without variants for each processor it computes what the wheel computes on any of them.
+    say "building numpy without OpenBLAS (5 to 10 minutes)"
+    sections="-ffunction-sections -fdata-sections"
+    PATH="$PWD/.venv-bundle/bin:$PATH" .venv-bundle/bin/python -m pip install --disable-pip-version-check --quiet \
+        --no-deps --no-cache-dir --no-build-isolation --no-binary numpy -r requirements.txt \
+        -Csetup-args=-Dblas=none -Csetup-args=-Dlapack=none -Csetup-args=-Dcpu-dispatch=none \
+        -Csetup-args=-Doptimization=s -Csetup-args="-Dcpp_args=$sections" \
+        -Csetup-args="-Dc_args=$sections -fno-asynchronous-unwind-tables" \
+        -Csetup-args=-Dc_link_args=-Wl,--gc-sections -Csetup-args=-Dcpp_link_args=-Wl,--gc-sections
+    touch .venv-bundle/.ready
+    ;;
+*) fail "usage: scripts/setup.sh product|test|golden|bundle" ;;
 esac
