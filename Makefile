@@ -83,14 +83,11 @@ race: build setup-golden ## Speed of the small detector, and against PyTorch; RA
 bench-eval: setup setup-test ## Speed of eval against nuscenes-devkit and of label against shapely; about 5 minutes
 	cargo bench --profile release --bench eval_speed
 
-# What makes the program smaller and no stage slower: equal functions once, no relocations, and size before speed
-# where no stage spends its time. The crates that compute are the same as in `make build`.
-BUNDLE_CARGO = --config 'profile.release.package.harmzone.codegen-units=1' \
-	$(foreach crate,xodr exr clap_builder,--config 'profile.release.package.$(crate).opt-level="s"')
+# What makes the program smaller: equal functions once, no relocations.
 BUNDLE_RUSTC = -C relocation-model=static -C link-arg=-Wl,--icf=all
 
-bundle: setup .venv-bundle/.ready ## One folder below 60 MiB that runs on other x86-64 Linux machines: dist/
-	CARGO_INCREMENTAL=0 cargo rustc --release --bin harmzone $(BUNDLE_CARGO) -- $(BUNDLE_RUSTC)
+bundle: setup .venv-bundle/.ready ## One folder that runs on other x86-64 Linux machines, at most 60 MiB: dist/
+	cargo rustc --release --bin harmzone -- $(BUNDLE_RUSTC)
 	.venv-bundle/bin/python scripts/bundle.py $(BIN) dist/harmzone-x86_64-linux
 
 gallery: setup-test ## A picture of all object models: docs/gallery.png

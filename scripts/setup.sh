@@ -104,15 +104,12 @@ bundle)
     command -v c++ >/dev/null || system_packages "a C++ compiler" build-essential
     PYTHON="$PWD/.venv/bin/python" make_venv .venv-bundle requirements-bundle.txt
     # The wheel's OpenBLAS alone takes 28 MB. harmzone multiplies no matrices in numpy, which has slower code of its
-    # own for it; without variants for each processor it computes what the wheel computes on any of them.
+    # own for it.
     say "building numpy without OpenBLAS (5 to 10 minutes)"
-    sections="-ffunction-sections -fdata-sections"
     PATH="$PWD/.venv-bundle/bin:$PATH" .venv-bundle/bin/python -m pip install --disable-pip-version-check --quiet \
         --no-deps --no-cache-dir --no-build-isolation --no-binary numpy -r requirements.txt \
         -Csetup-args=-Dblas=none -Csetup-args=-Dlapack=none -Csetup-args=-Dcpu-dispatch=none \
-        -Csetup-args=-Doptimization=s -Csetup-args="-Dcpp_args=$sections" \
-        -Csetup-args="-Dc_args=$sections -fno-asynchronous-unwind-tables" \
-        -Csetup-args=-Dc_link_args=-Wl,--gc-sections -Csetup-args=-Dcpp_link_args=-Wl,--gc-sections
+        -Csetup-args=-Doptimization=s
     touch .venv-bundle/.ready
     ;;
 *) fail "usage: scripts/setup.sh product|test|golden|bundle" ;;
