@@ -11,8 +11,8 @@ PYTHON_SOURCES = $(wildcard python scenes mjcf_assets tests scripts)
 
 RESULTS = runs/results
 
-.PHONY: help setup setup-test setup-golden build demo results test ci bench bench-gen bench-eval race bundle gallery weathers \
-	fmt clean
+.PHONY: help setup setup-test setup-golden build demo results test ci bench bench-gen bench-eval race miri bundle gallery \
+	weathers fmt clean
 
 help: ## List the targets
 	@echo "make <target>, where target is:"
@@ -89,6 +89,9 @@ BUNDLE_RUSTC = -C relocation-model=static -C link-arg=-Wl,--icf=all
 bundle: setup .venv-bundle/.ready ## One folder that runs on other x86-64 Linux machines, at most 60 MiB: dist/
 	cargo rustc --release --bin harmzone -- $(BUNDLE_RUSTC)
 	.venv-bundle/bin/python scripts/bundle.py $(BIN) dist/harmzone-x86_64-linux
+
+miri: ## The kernels under Miri, portable path: cargo +nightly with the component miri; minutes
+	cd tests/miri && MIRIFLAGS="-Zmiri-tree-borrows -Zmiri-ignore-leaks" cargo +nightly miri test -- --test-threads=1
 
 gallery: setup-test ## A picture of all object models: docs/gallery.png
 	.venv-test/bin/python mjcf_assets/make_gallery.py

@@ -1,7 +1,8 @@
 """Times nuscenes-devkit's accumulate and shapely over the boxes of a folder; `benches/eval_speed.rs` runs it.
 
-Usage: bench_eval.py FOLDER, with predictions.json, truth.json and states.json. Prints JSON with seconds and results.
-Reading the files and making the devkit's boxes is not timed; making shapely's polygons is, as a label needs them.
+Usage: bench_eval.py FOLDER, with predictions.json, truth.json and states.json. Prints JSON with seconds and
+results. Reading the files and making the devkit's boxes is not timed; making shapely's polygons is, as a
+label needs them.
 """
 
 import json
@@ -26,6 +27,8 @@ TIME_GAP_S, MIN_SAFE_DISTANCE_M, WIDTH_M, MIN_AREA_M2, MIN_RATIO = 2.0, 5.0, 3.5
 
 
 def devkit_boxes(results: dict) -> EvalBoxes:
+    """The devkit's boxes of a results dict."""
+
     def one(token: str, raw: dict) -> dict:
         return raw | {
             "sample_token": token,
@@ -40,6 +43,7 @@ def devkit_boxes(results: dict) -> EvalBoxes:
 
 
 def time_devkit(predictions: dict, truth: dict) -> tuple[float, dict]:
+    """Seconds of the devkit's accumulate, and its APs."""
     found, true = devkit_boxes(predictions), devkit_boxes(truth)
     start = time.perf_counter()
     data = {
@@ -51,6 +55,7 @@ def time_devkit(predictions: dict, truth: dict) -> tuple[float, dict]:
 
 
 def zone_corners(speed_mps: float, steering_rad: float, bumper_x_m: float) -> list[tuple[float, float]]:
+    """The danger zone's corners in the ego frame."""
     depth = TIME_GAP_S * max(speed_mps, 0.0) + MIN_SAFE_DISTANCE_M
     sin, cos = math.sin(steering_rad), math.cos(steering_rad)
     local = [(0, -WIDTH_M / 2), (depth, -WIDTH_M / 2), (depth, WIDTH_M / 2), (0, WIDTH_M / 2)]
@@ -58,6 +63,7 @@ def zone_corners(speed_mps: float, steering_rad: float, bumper_x_m: float) -> li
 
 
 def footprint_corners(raw: dict) -> list[tuple[float, float]]:
+    """Corners of a box on the ground."""
     yaw = 2 * math.atan2(raw["rotation"][3], raw["rotation"][0])
     sin, cos = math.sin(yaw), math.cos(yaw)
     (x, y, _), (width, length, _) = raw["translation"], raw["size"]
@@ -66,6 +72,7 @@ def footprint_corners(raw: dict) -> list[tuple[float, float]]:
 
 
 def time_shapely(truth: list[list[dict]], states: list[list[float]]) -> tuple[float, int]:
+    """Seconds of labelling object by object, and how many are harmful."""
     start, n_harmful = time.perf_counter(), 0
     for boxes, state in zip(truth, states, strict=True):
         zone = Polygon(zone_corners(*state))
@@ -88,6 +95,7 @@ def time_shapely_arrays(truth: list[list[dict]], states: list[list[float]]) -> t
 
 
 def main() -> None:
+    """Prints all as JSON."""
     folder = Path(sys.argv[1])
     predictions, truth, states = (
         json.loads((folder / f"{name}.json").read_text()) for name in ("predictions", "truth", "states")

@@ -13,6 +13,21 @@ pub enum Kind {
     Static,
 }
 
+impl Kind {
+    /// All three, in channel order.
+    pub const ALL: [Self; 3] = [Self::Vehicle, Self::Pedestrian, Self::Static];
+
+    /// The kind's channel.
+    #[must_use]
+    pub fn index(self) -> usize {
+        match self {
+            Self::Vehicle => 0,
+            Self::Pedestrian => 1,
+            Self::Static => 2,
+        }
+    }
+}
+
 /// Whether training data may hold such an object.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]

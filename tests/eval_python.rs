@@ -16,7 +16,7 @@ use rand::RngExt;
 /// Crowded samples of a seed: boxes near and on each other, far ones, truths without points, tied scores.
 fn random_samples(seed: u64) -> Vec<EvalSample> {
     let mut rng = random::stream(seed, "eval-python", 0);
-    let is_tied = seed % 2 == 0;
+    let is_tied = seed.is_multiple_of(2);
     let mut place = |x_m: f64, y_m: f64, spread_m: f64| {
         let mut off = || spread_m * (2.0 * rng.random::<f64>() - 1.0);
         let center = Point::new(x_m + off(), y_m + off(), 1.0);

@@ -32,6 +32,19 @@ const TINY: [&str; 20] = [
     "batch_size=2",
 ];
 
+/// Over that, a closed set that fits three samples well enough to find some object of each kind.
+const KINDS: [&str; 9] = [
+    "model.head.classes=kind",
+    "model.head.numeric_fusion=none",
+    "validate_every_epochs=0",
+    "model.use_camera=false",
+    "fused_stage.epochs=0",
+    "lidar_stage.epochs=60",
+    "save_every_steps=100",
+    "average_decay=0.5",
+    "model.head.n_queries=40",
+];
+
 fn harmzone(args: &[&str]) -> Output {
     command(args).output().expect("the program starts")
 }
@@ -144,6 +157,108 @@ fn a_trained_run_is_scored_drawn_and_predicts_files() {
 }
 
 #[test]
+fn a_rival_is_a_file_of_boxes_that_eval_scores() {
+    let Fixture { ood, run, .. } = fixture();
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().join("zone");
+    let args = ["baseline", "zone", text(run), "--data", text(ood), "--out", text(&out)];
+    let told = done(&args);
+    assert!(told.contains("boxes for 3 samples"), "{told}");
+    let message = fails(&args);
+    assert!(message.contains("--force") && message.contains("zone"), "{message}");
+    let boxes = out.join("predictions.json");
+    let table = done(&["eval", "--predictions", text(&boxes), "--data", text(ood), "--ood"]);
+    assert!(table.contains("mAP_OOD"), "{table}");
+    // Beside the network's own boxes unless told otherwise, with its own name.
+    done(&["baseline", "zone-soft", text(run), "--data", text(ood)]);
+    assert!(run.join("predictions/ood-zone-soft/predictions.json").is_file());
+    let message = fails(&["baseline", "oracle", text(run), "--data", text(ood)]);
+    assert!(message.contains("oracle") && message.contains("speed-zone-soft"), "{message}");
+}
+
+#[test]
+fn a_closed_set_is_trained_on_kinds_and_its_harm_is_a_file_of_boxes() {
+    let Fixture { id, ood, run, .. } = fixture();
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let kinds = folder.path().join("kinds");
+    let set: Vec<&str> = KINDS.iter().flat_map(|key| ["--set", key]).collect();
+    let train = ["train", text(id), "--out", text(&kinds)];
+    let message = fails(&[&train, TINY.as_slice(), &set[..4]].concat());
+    assert!(message.contains("validate_every_epochs"), "{message}");
+    done(&[&train, TINY.as_slice(), &set[..]].concat());
+    let out = folder.path().join("closed");
+    let closed = ["baseline", "closed-mahalanobis", text(&kinds), "--data", text(ood), "--out", text(&out)];
+    let message = fails(&closed);
+    assert!(message.contains("--fit"), "{message}");
+    done(&[&closed, ["--fit", text(id)].as_slice()].concat());
+    let boxes = out.join("predictions.json");
+    let table = done(&["eval", "--predictions", text(&boxes), "--data", text(ood), "--ood"]);
+    assert!(table.contains("mAP_OOD"), "{table}");
+
+    // Neither network is taken for the other.
+    let message = fails(&["eval", text(&kinds), "--data", text(ood)]);
+    assert!(message.contains("tells kinds") && message.contains("closed-msp"), "{message}");
+    let wrong = [
+        "baseline",
+        "closed-msp",
+        text(run),
+        "--data",
+        text(ood),
+        "--fit",
+        text(id),
+        "--out",
+        text(&out),
+        "--force",
+    ];
+    let message = fails(&wrong);
+    assert!(message.contains("model.head.classes=kind"), "{message}");
+}
+
+#[test]
+fn a_sweep_is_a_folder_of_figures_and_pictures() {
+    let Fixture { ood, run, .. } = fixture();
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let sweep = |out: &Path, more: &[&str]| -> Vec<String> {
+        let few = ["speed_mps=[0.0, 14.0]", "steering_deg=[-35.0, 35.0]", "speed_factor=[0.9, 1.1]"];
+        let set = few.iter().chain(more).flat_map(|key| ["--set", key]);
+        ["sweep", text(run), "--data", text(ood), "--out", text(out)]
+            .into_iter()
+            .chain(set)
+            .map(str::to_owned)
+            .collect()
+    };
+    let call = |args: &[String]| done(&args.iter().map(String::as_str).collect::<Vec<_>>());
+    let out = folder.path().join("sweep");
+    let table = call(&sweep(&out, &[]));
+    assert!(table.contains("network") && table.contains("speed-zone-soft"), "{table}");
+    let plots = ["speed", "steering", "sensor_errors", "early"]
+        .map(|name| [format!("{name}.svg"), format!("{name}.png")]);
+    let others = ["sweeps.csv", "sweep.toml", "frame_speed.png", "frame_steering.png"].map(str::to_owned);
+    for name in plots.as_flattened().iter().chain(&others) {
+        assert!(out.join(name).is_file(), "{name}");
+    }
+    let n_kinds = fs::read_dir(out.join("kinds")).expect("pictures of kinds").count();
+    assert!(n_kinds > 0, "the dataset holds objects out of distribution");
+    let text_of = |out: &Path| fs::read_to_string(out.join("sweeps.json")).expect("figures");
+    let sweeps: serde_json::Value = serde_json::from_str(&text_of(&out)).expect("JSON");
+    let curves = sweeps["curves"].as_array().expect("curves");
+    assert_eq!((curves.len(), &sweeps["n_samples"]), (4 * 5, &3.into()));
+    let harmful = |i: usize| curves[0]["points"][i]["n_harmful"].as_u64().expect("a count");
+    assert!(curves[0]["change"] == "speed_mps" && harmful(0) <= harmful(1), "{}", curves[0]);
+
+    // The same again, byte for byte, but never by accident.
+    let other = folder.path().join("other");
+    call(&sweep(&other, &[]));
+    assert!(text_of(&out) == text_of(&other));
+    let again = sweep(&out, &[]);
+    let message = fails(&again.iter().map(String::as_str).collect::<Vec<_>>());
+    assert!(message.contains("--force"), "{message}");
+    let wrong = sweep(&folder.path().join("wrong"), &["speeds=[1.0]"]);
+    let message = fails(&wrong.iter().map(String::as_str).collect::<Vec<_>>());
+    assert!(message.contains("speeds") && message.contains("speed_mps"), "{message}");
+}
+
+#[test]
 fn the_network_inside_the_program_predicts_is_scored_and_drawn_by_its_name() {
     let (_folder, id) = copy();
     let table = done(&["eval", "small", "--data", text(&id)]);
@@ -163,7 +278,7 @@ fn the_network_inside_the_program_predicts_is_scored_and_drawn_by_its_name() {
     let boxes = |folder: &Path| fs::read(folder.join("predictions.json")).expect("predictions");
     assert!(boxes(&predictions) == boxes(&out));
 
-    let message = fails(&["eval", "smal", "--data", text(&id)]);
+    let message = fails(&["eval", "tiny", "--data", text(&id)]);
     assert!(message.contains("`small`") && message.contains("harmzone train"), "{message}");
     let message = fails(&["eval", "./small", "--data", text(&id)]);
     assert!(message.contains("no finished checkpoint") && message.contains("./small"), "{message}");
@@ -288,7 +403,13 @@ fn experiment(folder: &Path) -> PathBuf {
     }
     config += "[[tables]]\ntitle = 'Branches'\nnote = 'One each.'\nrows = [";
     config += &rows.map(|(name, _)| format!("{{ label = 'with {name}', row = '{name}' }}")).join(", ");
-    fs::write(&file, config + "]\n").expect("a writable folder");
+    config += "]\n";
+    for judge in ["network", "zone-soft"] {
+        config += &format!("[[rivals]]\nlabel = 'by {judge}'\nrow = 'lidar'\njudge = '{judge}'\n");
+    }
+    let kinds = keys(&KINDS);
+    config += &format!("[closed_set]\nname = 'kinds'\nset = {kinds}\n");
+    fs::write(&file, config).expect("a writable folder");
     file
 }
 
@@ -308,8 +429,12 @@ fn an_experiment_killed_in_a_training_goes_on_and_its_commands_make_its_rows() {
     assert!(document().contains("| with camera | not trained yet"), "{}", document());
     assert!(document().contains("Not trained yet."), "the headline was not asked for: {}", document());
     let checkpoint = |run: &Path| fs::read(run.join("model.safetensors")).expect("the run is whole");
-    let changed = || fs::metadata(out.join("scores/lidar.json")).and_then(|file| file.modified());
-    let first = changed().expect("a record");
+    let changed = || {
+        let time =
+            |name: &str| fs::metadata(out.join(name)).and_then(|file| file.modified()).expect("a record");
+        ["scores/lidar.json", "scores/lidar-rivals.json"].map(time)
+    };
+    let first = changed();
 
     let mut child = command(&args).spawn().expect("the program starts");
     let begun = std::time::Instant::now();
@@ -321,8 +446,14 @@ fn an_experiment_killed_in_a_training_goes_on_and_its_commands_make_its_rows() {
     child.wait().expect("a killed program ends");
     assert!(!out.join("scores/camera.json").exists());
     done(&args);
-    assert_eq!(changed().expect("a record"), first, "a finished row is not done again");
+    assert_eq!(changed(), first, "a finished row is not done again, nor are its rivals");
     let whole = document();
+    assert!(
+        whole.contains("| closed set, energy | `kinds` |")
+            && whole.contains("| by network | `lidar` |")
+            && whole.contains("| by zone-soft | `lidar` |"),
+        "{whole}"
+    );
     assert!(!whole.contains("not trained yet") && !whole.contains("Not trained yet"), "{whole}");
     let time = fs::read_to_string(out.join("runs/camera/time.json")).expect("a time");
     assert!(time.contains("\"n_calls\":2"), "{time}");
@@ -403,6 +534,31 @@ fn labels_of_another_dataset_are_refused() {
     assert!(copied.success());
     let message = fails(&["train", text(&dataset), "--out", text(&dataset.join("run"))]);
     assert!(message.contains("another dataset") && message.contains("harmzone label"), "{message}");
+}
+
+#[test]
+fn the_zones_are_compared_drawn_and_labelled_under_their_names() {
+    let (_folder, dataset) = copy();
+    let plot = dataset.join("zones.png");
+    let told = done(&["zones", text(&dataset), "--json", "--plot", text(&plot)]);
+    let told: serde_json::Value = serde_json::from_str(&told).expect("JSON");
+    let drawn = image::open(&plot).expect("a PNG");
+    assert!(drawn.width() > 1000 && told["plot"]["sample"] == told["most_disputed_sample"], "{told}");
+    let message = fails(&["zones", text(&dataset), "--plot", text(&plot)]);
+    assert!(message.contains("--force"), "{message}");
+    let message =
+        fails(&["zones", text(&dataset), "--plot", text(&dataset.join("b.png")), "--sample", "999"]);
+    assert!(message.contains("no sample 999"), "{message}");
+    for (i, kind) in ["rect", "arc", "ttc", "rss"].into_iter().enumerate() {
+        done(&["label", text(&dataset), "--override", &format!("kind={kind}")]);
+        let labels = fs::read(dataset.join("labels").join(kind).join("labels.json")).expect("a label set");
+        let labels: serde_json::Value = serde_json::from_slice(&labels).expect("JSON");
+        assert_eq!(labels["counts"], told["zones"][i]["counts"], "{kind}");
+    }
+    // A run learns from any of them.
+    let run = dataset.join("run-rss");
+    done(&[&["train", text(&dataset), "--labels", "rss", "--out", text(&run)], TINY.as_slice()].concat());
+    done(&["eval", text(&run), "--data", text(&dataset), "--labels", "rss"]);
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! The command line: flags, logging, progress bars, exit codes; one file a subcommand.
 
+mod baseline;
 mod bench_generate;
 mod bench_model;
 mod curves;
@@ -14,8 +15,10 @@ mod label;
 mod predict;
 mod progress;
 mod results;
+mod sweep;
 mod train;
 mod view;
+mod zones;
 
 use std::process::ExitCode;
 
@@ -45,6 +48,8 @@ enum Command {
     BenchModel(bench_model::BenchModelArgs),
     /// Label the objects of a dataset harmful or harmless by a danger zone
     Label(label::LabelArgs),
+    /// Compare the danger zones on one dataset: harmful shares, objects that change sides, a picture
+    Zones(zones::ZonesArgs),
     /// Tell what a dataset holds, beside the paper's: counts, harmful shares, hardness, histograms
     Info(info::InfoArgs),
     /// Train a detector on a labelled dataset
@@ -55,6 +60,10 @@ enum Command {
     Predict(predict::PredictArgs),
     /// Score a detector, or any detector's JSON, in and out of distribution
     Eval(eval::EvalArgs),
+    /// Write the boxes of a rival that decides on harm without the network's class branch
+    Baseline(baseline::BaselineArgs),
+    /// Show a dataset's frames at other speeds and steering angles: curves, pictures, sensor errors
+    Sweep(sweep::SweepArgs),
     /// Generate, train and score a whole experiment, and write its tables
     Results(results::ResultsArgs),
     /// Draw a sample with its zone, truth and predictions
@@ -89,11 +98,14 @@ pub fn main() -> ExitCode {
         Command::BenchGen(args) => bench_generate::run(args),
         Command::BenchModel(args) => bench_model::run(args),
         Command::Label(args) => label::run(args),
+        Command::Zones(args) => zones::run(args),
         Command::Info(args) => info::run(args),
         Command::Train(args) => train::run(args),
         Command::Curves(args) => curves::run(args),
         Command::Predict(args) => predict::run(args),
         Command::Eval(args) => eval::run(args),
+        Command::Baseline(args) => baseline::run(args),
+        Command::Sweep(args) => sweep::run(args),
         Command::Results(args) => results::run(args),
         Command::View(args) => view::run(args),
         Command::Doctor(args) => doctor::run(args),

@@ -52,21 +52,34 @@ pub fn run(args: PredictArgs) -> anyhow::Result<ExitStatus> {
         Some(out) => out.clone(),
         None => trained.predictions_folder(&args.data)?,
     };
-    if out.join(JSON_FILE).exists() && !args.force {
-        bail!("predictions exist already; give --force to replace them: {}", out.display());
-    }
+    refuse_to_overwrite(&out, args.force)?;
     let device = args.device.open()?;
     let dataset = open_split(&args.data, &args.labels, args.split.as_deref())?;
     let found = detect(&trained, &dataset, &device)?;
-    fs::create_dir_all(&out)?;
-    let mut rest = found.as_slice();
+    let source =
+        Source { set: args.run.display().to_string(), config_toml: config::to_toml(&trained.config()?) };
+    write(&out, &dataset, &found, &source)?;
+    Ok(ExitStatus::Done)
+}
+
+/// Where boxes come from, as their files tell it.
+pub struct Source {
+    /// The detector.
+    pub set: String,
+    pub config_toml: String,
+}
+
+/// Writes boxes, one MCAP an episode and the JSON, and tells how many.
+pub fn write(out: &Path, dataset: &Dataset, found: &[Vec<Detection>], source: &Source) -> anyhow::Result<()> {
+    fs::create_dir_all(out)?;
+    let mut rest = found;
     let mut samples = dataset.samples();
     for entry in dataset.episodes() {
         let meta = SourceMeta {
             episode: entry.name.clone(),
             episode_sha256: entry.sha256.clone(),
-            set: args.run.display().to_string(),
-            config_toml: config::to_toml(&trained.config()?),
+            set: source.set.clone(),
+            config_toml: source.config_toml.clone(),
             generator_version: env!("CARGO_PKG_VERSION").to_owned(),
         };
         let (of_episode, later) = rest.split_at(entry.n_samples);
@@ -81,11 +94,18 @@ pub fn run(args: PredictArgs) -> anyhow::Result<ExitStatus> {
         }
         writer.finish()?;
     }
-    let scored = eval_samples(&dataset, &found);
-    json::write_predictions(&out.join(JSON_FILE), &scored)?;
+    json::write_predictions(&out.join(JSON_FILE), &eval_samples(dataset, found))?;
     let n_boxes: usize = found.iter().map(Vec::len).sum();
     println!("{n_boxes} boxes for {} samples: {}", found.len(), out.display());
-    Ok(ExitStatus::Done)
+    Ok(())
+}
+
+/// Refuses to write over predictions.
+pub fn refuse_to_overwrite(out: &Path, force: bool) -> anyhow::Result<()> {
+    if out.join(JSON_FILE).exists() && !force {
+        bail!("predictions exist already; give --force to replace them: {}", out.display());
+    }
+    Ok(())
 }
 
 /// Opens the named split; without a name `val`, or `test` in a dataset that has no `val`.

@@ -157,6 +157,16 @@ impl Dataset {
     pub fn samples(&self) -> &[LabelledSample] {
         &self.samples
     }
+
+    /// The samples of the first `n` episodes; of all with 0.
+    #[must_use]
+    pub fn first_episodes(&self, n: usize) -> &[LabelledSample] {
+        if n == 0 {
+            return &self.samples;
+        }
+        let n_samples = self.episodes.iter().take(n).map(|entry| entry.n_samples).sum();
+        &self.samples[..n_samples]
+    }
 }
 
 /// A label set, if it is of this data set.

@@ -160,7 +160,7 @@ fn interval(values: impl Iterator<Item = f64>) -> Option<[f64; 2]> {
         let (low, high) = (sorted[at.floor() as usize], sorted[at.ceil() as usize]);
         low + (high - low) * at.fract()
     };
-    Some([quantile((1.0 - LEVEL) / 2.0), quantile((1.0 + LEVEL) / 2.0)])
+    Some([quantile((1.0 - LEVEL) / 2.0), quantile(f64::midpoint(1.0, LEVEL))])
 }
 
 #[cfg(test)]

@@ -7,10 +7,12 @@
 
 mod bootstrap;
 mod breakdown;
+pub mod closed_set;
 mod curve;
 mod evaluation;
 pub mod facts;
 pub mod json;
+pub mod judge;
 mod matching;
 mod metrics;
 pub mod predict;
@@ -18,6 +20,7 @@ mod pretty_json;
 mod protocol;
 pub mod safety;
 pub mod sweep;
+pub mod zone_comparison;
 
 use thiserror::Error;
 

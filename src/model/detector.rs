@@ -10,7 +10,7 @@ use super::batch::{Batch, CameraBatch, LidarBatch};
 use super::bev_backbone::BevBackbone;
 use super::cnn_branch::CnnBranch;
 use super::coder::{CODE_SIZE, decode};
-use super::config::{CameraBackbone, Heatmap, LidarEncoder, ModelConfig};
+use super::config::{CameraBackbone, Classes, Heatmap, LidarEncoder, ModelConfig};
 use super::head::{Head, Output};
 use super::image_weights::{ImageWeightsError, ImageWeightsReport, load_image_weights};
 use super::layers::ConvBlock;
@@ -228,12 +228,23 @@ fn reported(query: &Query, heatmap: Heatmap) -> &'static [Harm] {
 /// product of heatmap and class probability, reaches `min_score`. Of several states of a sample the first.
 #[must_use]
 pub fn detections(output: &Output, config: &ModelConfig, min_score: f32) -> Vec<Vec<Detection>> {
+    let by_state = detections_by_state(output, config, min_score).into_iter();
+    by_state.map(|states| states.into_iter().next().unwrap_or_default()).collect()
+}
+
+/// As [`detections`], of each state of each sample: `[sample][state][box]`.
+#[must_use]
+pub fn detections_by_state(
+    output: &Output,
+    config: &ModelConfig,
+    min_score: f32,
+) -> Vec<Vec<Vec<Detection>>> {
+    assert_eq!(config.head.classes, Classes::Harm, "kinds are told by `kind_boxes`");
     let codes: Vec<f32> = output.boxes.clone().into_data().try_to_vec().expect("codes are f32");
     let logits: Vec<f32> = output.harm.clone().into_data().try_to_vec().expect("class scores are f32");
     let n_states = output.boxes.dims()[0] / output.queries.len().max(1);
-    let of_sample = |(sample_idx, queries): (usize, &Vec<Query>)| {
+    let of_state = |queries: &[Query], first_row: usize| {
         let mut found = Vec::new();
-        let first_row = sample_idx * n_states * queries.len();
         for (row, query) in (first_row..).zip(queries) {
             let code = &codes[row * CODE_SIZE..(row + 1) * CODE_SIZE];
             let (box_in_ego, velocity_in_ego_mps) = decode(code, query.center_m, config.grid.cell_size_m);
@@ -247,6 +258,10 @@ pub fn detections(output: &Output, config: &ModelConfig, min_score: f32) -> Vec<
         }
         found.sort_by(|a, b| b.score.total_cmp(&a.score));
         found
+    };
+    let of_sample = |(sample_idx, queries): (usize, &Vec<Query>)| {
+        let first = sample_idx * n_states;
+        (first..first + n_states).map(|state| of_state(queries, state * queries.len())).collect()
     };
     output.queries.iter().enumerate().map(of_sample).collect()
 }

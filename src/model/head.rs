@@ -54,8 +54,11 @@ pub struct Output {
     pub queries: Vec<Vec<Query>>,
     /// `[batch * state, query, CODE_SIZE]`; the states of a sample stand side by side.
     pub boxes: Tensor<3>,
-    /// `[batch * state, query, 2]`, before the sigmoid, in the order of [`crate::object::Harm::ALL`].
+    /// `[batch * state, query, class]`, before the sigmoid, in the order of [`crate::object::Harm::ALL`], or of
+    /// [`crate::object::Kind::ALL`] where the config tells kinds.
     pub harm: Tensor<3>,
+    /// `[batch * state, query, channel]`: what boxes and classes are predicted from.
+    pub features: Tensor<3>,
 }
 
 impl Head {
@@ -97,12 +100,13 @@ impl Head {
 
         let n_states = numeric.dims()[0] / queries.len();
         let decoded = repeat_rows(self.predict.prepare(decoded, position), n_states);
+        let features = self.numeric.before_heads(decoded, numeric.clone());
         let (boxes, harm) = self.predict.forward(Features {
-            decoded: self.numeric.before_heads(decoded, numeric.clone()),
+            decoded: features.clone(),
             center_m: repeat_rows(self.centers_m(&queries, &device), n_states),
             modulation: self.numeric.for_harm(numeric),
         });
-        Output { heatmap, queries, boxes, harm }
+        Output { heatmap, queries, boxes, harm, features }
     }
 
     /// The decoder layer over the shared features.
@@ -181,7 +185,7 @@ fn repeat_rows(x: Tensor<3>, n: usize) -> Tensor<3> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::config::{Heatmap, NumericFusion, PositionEncoding, Prediction};
+    use crate::model::config::{Classes, Heatmap, NumericFusion, PositionEncoding, Prediction};
     use crate::model::golden::{Golden, assert_close};
     use burn::optim::GradientsParams;
 
@@ -202,6 +206,7 @@ mod tests {
             prediction: Prediction::Separate,
             prediction_channels: 8,
             numeric_fusion: NumericFusion::Paper,
+            classes: Classes::Harm,
         };
         let grid = GridConfig {
             x_min_m: 0.0,

@@ -154,6 +154,9 @@ impl LidarInput {
 
 impl CameraInput {
     /// `points` are in the ego frame, and mirrored where the picture is to be.
+    ///
+    /// # Errors
+    /// The image is broken, or not of the size that the backbone takes.
     pub fn prepare(
         measured: &Measured,
         points: &[[f64; 4]],

@@ -20,6 +20,7 @@ pub(crate) mod golden;
 mod head;
 pub mod image_weights;
 mod input;
+mod kind_boxes;
 mod layers;
 mod lidar_voxel;
 mod lss_fpn;
@@ -41,15 +42,16 @@ mod voxel;
 pub use batch::Batch;
 pub use bev_backbone::{BevBackbone, BevBackboneConfig, Upsample};
 pub use config::{
-    CameraBackbone, CameraConfig, CnnConfig, GridConfig, HeadConfig, Heatmap, LidarConfig, LidarEncoder,
-    ModelConfig, ModelConfigError, NumericFusion, PillarConfig, PositionEncoding, Prediction,
+    CameraBackbone, CameraConfig, Classes, CnnConfig, GridConfig, HeadConfig, Heatmap, LidarConfig,
+    LidarEncoder, ModelConfig, ModelConfigError, NumericFusion, PillarConfig, PositionEncoding, Prediction,
 };
 pub use depth_lss::{DepthLssConfig, pool_plan, sparse_depth};
-pub use detector::{Detector, detections};
+pub use detector::{Detector, detections, detections_by_state};
 pub use forecast::{MainTensor, main_tensors};
 pub use head::Output;
 pub use image_weights::{ImageWeightsError, ImageWeightsReport, load_image_weights};
 pub use input::{CameraInput, Input, InputError, LidarInput};
+pub use kind_boxes::{KindBox, kind_boxes};
 pub use lidar_voxel::{LidarVoxelBranch, LidarVoxelConfig, VoxelBatch};
 pub use parameters::n_trained;
 pub use queries::{Query, cell_center_m};

@@ -59,7 +59,7 @@ impl Predictor {
         }
     }
 
-    /// Box codes `[row, query, CODE_SIZE]` and harm `[row, query, 2]` before the sigmoid.
+    /// Box codes `[row, query, CODE_SIZE]` and classes `[row, query, class]` before the sigmoid.
     pub fn forward(&self, features: Features) -> (Tensor<3>, Tensor<3>) {
         match self {
             Self::Placed(nets) => nets.forward(features),
@@ -96,7 +96,7 @@ impl SeparateNets {
             dims: net(3),
             rotation: net(2),
             velocity: net(2),
-            harm: net(2),
+            harm: net(config.classes.n()),
         }
     }
 
@@ -121,7 +121,7 @@ impl PlacedNets {
     fn init(config: &HeadConfig, grid: &GridConfig, device: &Device) -> Self {
         Self {
             boxes: Mlp::init(config.channels, config.channels, CODE_SIZE, device),
-            harm: HarmBranch::init(config.channels + N_PLACED, Self::n_hidden(config), device),
+            harm: HarmBranch::init(config, device),
             cell_size_m: grid.cell_size_m,
         }
     }
@@ -180,18 +180,19 @@ struct HarmBranch {
 }
 
 impl HarmBranch {
-    fn init(n_in: usize, n_hidden: usize, device: &Device) -> Self {
+    fn init(config: &HeadConfig, device: &Device) -> Self {
+        let (n_in, n_hidden) = (config.channels + N_PLACED, PlacedNets::n_hidden(config));
         Self {
             first: LinearConfig::new(n_in, n_hidden).init(device),
             second: LinearConfig::new(n_hidden, n_hidden).init(device),
-            out: LinearConfig::new(n_hidden, 2).init(device),
+            out: LinearConfig::new(n_hidden, config.classes.n()).init(device),
         }
     }
 
     /// # Shapes
     /// - x: `[row, query, channel_in]`
     /// - modulation: `[row, 1, 4 channel]`, scale and shift of the first and of the second layer
-    /// - output: `[row, query, 2]`
+    /// - output: `[row, query, class]`
     fn forward(&self, x: Tensor<3>, modulation: Option<&Tensor<3>>) -> Tensor<3> {
         let hidden = relu(modulated(self.first.forward(x), modulation, 0));
         self.out.forward(relu(modulated(self.second.forward(hidden), modulation, 1)))

@@ -3,17 +3,14 @@
 //! `curves.svg` and `curves.png` in the run's folder. Losses are means over a window of a hundredth of the steps, which
 //! never reaches over the end of a stage. The same logs give the same bytes.
 
-use std::io::Cursor;
 use std::path::{Path, PathBuf};
-use std::sync::Once;
 
-use image::{ImageFormat, RgbImage, imageops};
 use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
-use plotters::style::{FontStyle, register_font};
 use thiserror::Error;
 
+use super::plot::{self, Area, BLUE, DARK, Drawn, Figure, GREEN, GRID, PlotError, VERMILION};
 use crate::files::write_atomic;
 use crate::train::{History, HistoryError, ScoreRow, StepRow};
 
@@ -21,15 +18,6 @@ use crate::train::{History, HistoryError, ScoreRow, StepRow};
 pub const FILES: [&str; 2] = ["curves.svg", "curves.png"];
 
 const SIZE_PX: (u32, u32) = (960, 900);
-/// The PNG is drawn so many times larger and shrunk, which smooths its edges.
-const FINER: u32 = 3;
-/// Loss parts, then classes: tones that colour-blind people tell apart (Okabe and Ito 2008).
-const BLUE: RGBColor = RGBColor(0, 114, 178);
-const VERMILION: RGBColor = RGBColor(213, 94, 0);
-const GREEN: RGBColor = RGBColor(0, 158, 115);
-const DARK: RGBColor = RGBColor(40, 44, 52);
-const GRID: RGBColor = RGBColor(222, 226, 230);
-const FONT: &str = "sans-serif";
 /// Points of a line at most; more cannot be seen.
 const MAX_POINTS: usize = 600;
 
@@ -38,10 +26,8 @@ const MAX_POINTS: usize = 600;
 pub enum CurvesError {
     #[error(transparent)]
     History(#[from] HistoryError),
-    #[error("the curves cannot be drawn: {message}")]
-    Draw { message: String },
-    #[error("the picture cannot be packed: {0}")]
-    Png(#[from] image::ImageError),
+    #[error(transparent)]
+    Plot(#[from] PlotError),
     #[error(transparent)]
     Io(#[from] std::io::Error),
 }
@@ -62,37 +48,29 @@ pub fn run(folder: &Path) -> Result<[PathBuf; 2], CurvesError> {
 ///
 /// # Errors
 /// The plotting library refuses.
-pub fn svg(history: &History) -> Result<String, CurvesError> {
-    let mut text = String::new();
-    draw(history, &SVGBackend::with_string(&mut text, SIZE_PX).into_drawing_area(), 1)?;
-    Ok(text)
+pub fn svg(history: &History) -> Result<String, PlotError> {
+    plot::svg(&Course(history))
 }
 
 /// The picture as PNG.
 ///
 /// # Errors
 /// The plotting library refuses.
-pub fn png(history: &History) -> Result<Vec<u8>, CurvesError> {
-    let size = (SIZE_PX.0 * FINER, SIZE_PX.1 * FINER);
-    let mut pixels = vec![0; (3 * size.0 * size.1) as usize];
-    draw(history, &BitMapBackend::with_buffer(&mut pixels, size).into_drawing_area(), FINER)?;
-    let fine = RgbImage::from_raw(size.0, size.1, pixels).expect("the buffer has three bytes a pixel");
-    let picture = imageops::resize(&fine, SIZE_PX.0, SIZE_PX.1, imageops::FilterType::Triangle);
-    let mut bytes = Cursor::new(Vec::new());
-    picture.write_to(&mut bytes, ImageFormat::Png)?;
-    Ok(bytes.into_inner())
+pub fn png(history: &History) -> Result<Vec<u8>, PlotError> {
+    plot::png(&Course(history))
 }
 
-type Area<DB> = DrawingArea<DB, plotters::coord::Shift>;
+/// The course of a training.
+struct Course<'a>(&'a History);
 
-fn draw<DB: DrawingBackend>(history: &History, area: &Area<DB>, scale: u32) -> Result<(), CurvesError> {
-    static FONT_ONCE: Once = Once::new();
-    FONT_ONCE.call_once(|| {
-        // Fails only for bytes that are no font; drawing text would then say so.
-        let _ = register_font(FONT, FontStyle::Normal, epaint_default_fonts::UBUNTU_LIGHT);
-    });
-    let page = Page { history, scale };
-    page.draw(area).map_err(|error| CurvesError::Draw { message: error.to_string() })
+impl Figure for Course<'_> {
+    fn size_px(&self) -> (u32, u32) {
+        SIZE_PX
+    }
+
+    fn draw<DB: DrawingBackend>(&self, area: &Area<DB>, scale: u32) -> Drawn<DB> {
+        Page { history: self.0, scale }.draw(area)
+    }
 }
 
 /// One panel: what it shows.
@@ -116,10 +94,13 @@ struct Line {
     has_marks: bool,
 }
 
+/// A line's name, what it draws of a row, and its colour.
+type Part<R> = (&'static str, fn(&R) -> f64, RGBColor);
+
 fn losses(history: &History) -> Panel {
     let steps = &history.steps;
     let window = (steps.len() / 100).max(1);
-    let parts: [(&str, fn(&StepRow) -> f64, RGBColor); 4] = [
+    let parts: [Part<StepRow>; 4] = [
         ("all", |row| row.heatmap + row.harm + row.boxes, DARK),
         ("heatmap", |row| row.heatmap, BLUE),
         ("boxes", |row| row.boxes, GREEN),
@@ -163,7 +144,7 @@ fn rates(history: &History) -> Panel {
 
 fn scores(history: &History) -> Panel {
     let scores = &history.scores;
-    let parts: [(&str, fn(&ScoreRow) -> f64, RGBColor); 3] = [
+    let parts: [Part<ScoreRow>; 3] = [
         ("harmless", |row| row.harmless, BLUE),
         ("harmful", |row| row.harmful, VERMILION),
         ("mean", |row| row.mean, DARK),
@@ -205,11 +186,8 @@ struct Page<'a> {
     scale: u32,
 }
 
-type Drawn<DB> = Result<(), DrawingAreaErrorKind<<DB as DrawingBackend>::ErrorType>>;
-
 impl Page<'_> {
     fn draw<DB: DrawingBackend>(&self, area: &Area<DB>) -> Drawn<DB> {
-        area.fill(&WHITE)?;
         let (top, rest) = area.split_vertically(self.px(400));
         let (middle, bottom) = rest.split_vertically(self.px(170));
         let losses = losses(self.history);
@@ -219,7 +197,7 @@ impl Page<'_> {
             let [low, high] = panel.y_range;
             self.panel(area, &panel, low..high)?;
         }
-        area.present()
+        Ok(())
     }
 
     fn panel<DB, Y>(&self, area: &Area<DB>, panel: &Panel, y: Y) -> Drawn<DB>
@@ -300,7 +278,7 @@ impl Page<'_> {
     }
 
     fn font(&self, px: u32) -> TextStyle<'static> {
-        (FONT, self.px(px)).into_font().color(&DARK)
+        plot::font(px, self.scale)
     }
 
     fn pen(&self, color: RGBColor, width_px: u32) -> ShapeStyle {

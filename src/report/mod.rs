@@ -5,8 +5,11 @@ mod canvas;
 pub mod curves;
 pub mod info;
 mod palette;
+mod plot;
+pub mod sweeps;
 pub mod table;
 pub mod view;
+pub mod zones;
 
 pub use breakdown::breakdown;
 pub use table::table;

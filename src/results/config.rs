@@ -4,7 +4,9 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::config::{self, ConfigError};
+use crate::eval::judge::Judge;
 use crate::generate::Preset;
+use crate::model::Classes;
 use crate::train::{TrainConfig, TrainConfigError};
 
 /// An experiment; `configs/results.toml` equals the default.
@@ -20,6 +22,23 @@ pub struct ResultsConfig {
     /// One training each.
     pub rows: Vec<RowConfig>,
     pub tables: Vec<TableConfig>,
+    /// Lines of the table of rivals, scored with both sensors right and off. Default: none.
+    #[serde(default)]
+    pub rivals: Vec<RivalConfig>,
+    /// The training of a closed set, over the common keys: a network that tells kinds; its lines follow the rivals'.
+    /// Default: none.
+    #[serde(default)]
+    pub closed_set: Option<RowConfig>,
+}
+
+/// Who decides on harm over whose boxes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RivalConfig {
+    pub label: String,
+    /// Name of the row whose boxes are judged, the headline's included.
+    pub row: String,
+    pub judge: Judge,
 }
 
 /// A training.
@@ -63,6 +82,8 @@ pub enum ResultsConfigError {
     TableRow { table: String, found: String, valid: Vec<String> },
     #[error("row `{row}`: {source}")]
     Keys { row: String, source: ConfigError },
+    #[error("row `{row}` is the closed set's, but its network tells harm; model.head.classes=kind is needed")]
+    TellsHarm { row: String },
     #[error("row `{row}`: {source}")]
     Train { row: String, source: TrainConfigError },
     #[error("no row `{found}`; there are: {}", valid.join(", "))]
@@ -89,14 +110,10 @@ impl ResultsConfig {
         let mut trainings: Vec<(String, TrainConfig)> = Vec::new();
         for (row, common) in std::iter::once((&self.headline, &none)).chain(others) {
             let name = row.name.clone();
-            let is_word = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
-            if name.is_empty() || !name.chars().all(is_word) || trainings.iter().any(|(n, _)| *n == name) {
+            if !is_word(&name) || trainings.iter().any(|(n, _)| *n == name) {
                 return Err(ResultsConfigError::Name { found: name });
             }
-            let keys = [common.as_slice(), &row.set].concat();
-            let training = config::with_overrides(&TrainConfig::default(), &keys)
-                .map_err(|source| ResultsConfigError::Keys { row: name.clone(), source })?;
-            training.check().map_err(|source| ResultsConfigError::Train { row: name.clone(), source })?;
+            let training = training(&name, &[common.as_slice(), &row.set].concat())?;
             trainings.push((name, training));
         }
         for table in &self.tables {
@@ -108,8 +125,45 @@ impl ResultsConfig {
                 }
             }
         }
+        self.closed_set_training()?;
+        for RivalConfig { label, row, .. } in &self.rivals {
+            if !trainings.iter().any(|(name, _)| name == row) {
+                let valid = trainings.iter().map(|(name, _)| name.clone()).collect();
+                let (table, found) = (format!("rivals: {label}"), row.clone());
+                return Err(ResultsConfigError::TableRow { table, found, valid });
+            }
+        }
         Ok(trainings)
     }
+
+    /// The closed set's training, if there is one.
+    ///
+    /// # Errors
+    /// Its keys do not fit, or its network tells harm.
+    pub fn closed_set_training(&self) -> Result<Option<(String, TrainConfig)>, ResultsConfigError> {
+        let Some(RowConfig { name, set }) = &self.closed_set else { return Ok(None) };
+        let is_taken = self.rows.iter().chain([&self.headline]).any(|row| row.name == *name);
+        if !is_word(name) || is_taken {
+            return Err(ResultsConfigError::Name { found: name.clone() });
+        }
+        let training = training(name, &[self.common.as_slice(), set].concat())?;
+        if training.model.head.classes != Classes::Kind {
+            return Err(ResultsConfigError::TellsHarm { row: name.clone() });
+        }
+        Ok(Some((name.clone(), training)))
+    }
+}
+
+fn is_word(name: &str) -> bool {
+    !name.is_empty() && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '-' || c == '_')
+}
+
+/// The training of a row with these keys.
+fn training(row: &str, keys: &[String]) -> Result<TrainConfig, ResultsConfigError> {
+    let training = config::with_overrides(&TrainConfig::default(), keys)
+        .map_err(|source| ResultsConfigError::Keys { row: row.to_owned(), source })?;
+    training.check().map_err(|source| ResultsConfigError::Train { row: row.to_owned(), source })?;
+    Ok(training)
 }
 
 #[cfg(test)]
@@ -135,6 +189,9 @@ mod tests {
         // Every row stands in a table.
         let placed = |name: &str| config.tables.iter().flat_map(|table| &table.rows).any(|of| of.row == name);
         assert!(config.rows.iter().all(|row| placed(&row.name)));
+        // Every judge is told of one network, which is no other than a table's.
+        let judged = |judge| config.rivals.iter().any(|rival| rival.row == "fused" && rival.judge == judge);
+        assert!(Judge::ALL.into_iter().all(judged));
     }
 
     #[test]
@@ -148,6 +205,12 @@ mod tests {
         assert!(message.contains("huge") && message.contains("small"), "{message}");
         let message = wrong(|config| config.tables[0].rows[0].row = "radar".into());
         assert!(message.contains("radar") && message.contains("lidar"), "{message}");
+        let message = wrong(|config| config.closed_set.as_mut().unwrap().set.clear());
+        assert!(message.contains("kinds") && message.contains("classes=kind"), "{message}");
+        let message = wrong(|config| config.closed_set.as_mut().unwrap().name = "fused".into());
+        assert!(message.contains("each name once"), "{message}");
+        let message = wrong(|config| config.rivals[0].row = "radar".into());
+        assert!(message.contains("rivals") && message.contains("radar"), "{message}");
         let message = wrong(|config| config.rows[0].name = "a/b".into());
         assert!(message.contains("a/b"), "{message}");
         let message = wrong(|config| config.rows[1].name = config.rows[0].name.clone());

@@ -5,16 +5,20 @@
 //! <out>/runs/<row>/           one training a row, resumable
 //! <out>/scores/<row>.json     what that row came to; there when the row is done
 //! <out>/scores/<row>-id.json  all figures of its scoring, and <row>-ood.json
+//! <out>/scores/<row>-rivals.json  who decides on harm over the row's boxes, under errors of the sensors
 //! <out>/results.json          all of it; results.csv and RESULTS.md are written from it alone
 //! ```
 
+mod closed_set;
 mod config;
 mod data;
+mod experiment;
 mod record;
+mod rivals;
 mod run;
 mod text;
 
-pub use config::{ResultsConfig, ResultsConfigError, RowConfig, RowOf, TableConfig};
-pub use record::{DataRecord, Record, Results, SetRecord};
+pub use config::{ResultsConfig, ResultsConfigError, RivalConfig, RowConfig, RowOf, TableConfig};
+pub use record::{DataRecord, JudgeScores, Record, Results, RivalRecord, SetRecord, SetScores};
 pub use run::{Request, ResultsError, rewrite, run};
 pub use text::{card, markdown};

@@ -20,6 +20,43 @@ pub struct Results {
     /// Those that are done, in the config's order.
     pub rows: Vec<Record>,
     pub tables: Vec<TableConfig>,
+    /// Those whose row is done, in the config's order.
+    #[serde(default)]
+    pub rivals: Vec<RivalRecord>,
+}
+
+/// One line of the table of rivals.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RivalRecord {
+    pub label: String,
+    /// Whose boxes.
+    pub row: String,
+    pub scores: JudgeScores,
+}
+
+/// A judge over one network's boxes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct JudgeScores {
+    /// Its name.
+    pub judge: String,
+    /// Median time of one sample, milliseconds: through the network, cloud and packed image to boxes, and through the
+    /// judge.
+    pub network_ms: f64,
+    pub judge_ms: f64,
+    /// Both sensors right.
+    pub right: SetScores,
+    /// Speed measured too low and too high, steering angle measured too far right and left.
+    pub speed_off: [SetScores; 2],
+    pub steering_off: [SetScores; 2],
+}
+
+/// AP on both sets.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SetScores {
+    /// On the validation split, in distribution.
+    pub id: ClassScores,
+    /// On the OOD set.
+    pub ood: Columns<ClassScores>,
 }
 
 /// Both data sets.

@@ -2,29 +2,30 @@
 
 use std::path::{Path, PathBuf};
 
-use burn::module::Module;
 use burn::tensor::Device;
 use fs_err as fs;
 use serde::de::DeserializeOwned;
 use thiserror::Error;
 
+use super::closed_set;
 use super::config::{ResultsConfig, ResultsConfigError};
-use super::data::{self, LABELS};
-use super::record::{DataRecord, Record, Results};
+use super::data;
+use super::experiment::Experiment;
+use super::record::{DataRecord, Results};
 use super::text::{NoMarks, card, markdown};
-use crate::config::{ConfigError, differences};
-use crate::dataset::{Dataset, DatasetError, Fingerprint};
-use crate::episode::{ManifestError, Split};
-use crate::eval::predict::{PredictError, eval_samples, predict};
-use crate::eval::{Metrics, Mode, Protocol, ScoreError, score};
+use crate::config::ConfigError;
+use crate::dataset::DatasetError;
+use crate::episode::ManifestError;
+use crate::eval::ScoreError;
+use crate::eval::closed_set::ClosedSetError;
+use crate::eval::predict::PredictError;
+use crate::eval::sweep::SweepError;
 use crate::files::{sha256_hex, write_atomic};
 use crate::generate::GenerateError;
 use crate::label::LabelError;
-use crate::model::checkpoint::{self, CheckpointError};
-use crate::model::{Detector, ModelConfig};
+use crate::model::checkpoint::CheckpointError;
 use crate::progress::Progress;
-use crate::report::curves;
-use crate::train::{self, CHECKPOINT, CONFIG_FILE, DATA_FILE, Spent, TrainConfig, TrainError};
+use crate::train::{CHECKPOINT, TrainError};
 
 /// Names of the files in the experiment's folder.
 const JSON_FILE: &str = "results.json";
@@ -85,6 +86,10 @@ pub enum ResultsError {
     Predict { row: String, source: PredictError },
     #[error("row `{row}`: {source}")]
     Score { row: String, source: ScoreError },
+    #[error("row `{row}`: {source}")]
+    ClosedSet { row: String, source: ClosedSetError },
+    #[error("row `{row}`, rivals: {source}")]
+    Sweep { row: String, source: Box<SweepError> },
     #[error(
         "the data set was made {} unfamiliar objects; --data needs one without and --ood one with: {}",
         if *is_ood { "with" } else { "without" }, path.display()
@@ -108,25 +113,18 @@ pub enum ResultsError {
 /// [`ResultsError`]; rows that were done stay.
 pub fn run(request: &Request<'_>, device: &Device, progress: &dyn Progress) -> Result<Results, ResultsError> {
     let trainings = request.config.trainings()?;
-    if let Some(only) = request.only.as_ref().filter(|only| !trainings.iter().any(|(name, _)| name == *only))
-    {
-        let valid = trainings.into_iter().map(|(name, _)| name).collect();
+    let closed_set = request.config.closed_set.iter().map(|row| row.name.clone());
+    let names: Vec<String> = trainings.iter().map(|(name, _)| name.clone()).chain(closed_set).collect();
+    if let Some(only) = request.only.as_ref().filter(|only| !names.contains(only)) {
+        let valid = names;
         return Err(ResultsConfigError::Only { found: only.clone(), valid }.into());
     }
     let scores = request.out.join("scores");
     fs::create_dir_all(&scores)?;
     let (id_path, id) = data::prepare(request, false, progress)?;
     let (ood_path, ood) = data::prepare(request, true, progress)?;
-    let mut experiment = Experiment {
-        request,
-        id: id.fingerprint.clone(),
-        ood: ood.fingerprint.clone(),
-        train: Lazy::new(&id_path, Split::Train),
-        val: Lazy::new(&id_path, Split::Val),
-        test: Lazy::new(&ood_path, Split::Test),
-        device,
-        progress,
-    };
+    let fingerprints = [id.fingerprint.clone(), ood.fingerprint.clone()];
+    let mut experiment = Experiment::new(request, fingerprints, [&id_path, &ood_path], device, progress);
     let mut results = Results {
         version: env!("CARGO_PKG_VERSION").to_owned(),
         data: DataRecord { preset: request.config.preset.clone(), id, ood },
@@ -134,6 +132,7 @@ pub fn run(request: &Request<'_>, device: &Device, progress: &dyn Progress) -> R
         headline: None,
         rows: Vec::new(),
         tables: request.config.tables.clone(),
+        rivals: Vec::new(),
     };
     for (i, (name, config)) in trainings.iter().enumerate() {
         let row = experiment.row(name, config, i == 0)?;
@@ -149,6 +148,13 @@ pub fn run(request: &Request<'_>, device: &Device, progress: &dyn Progress) -> R
         }
         // What is done is told even if a later row fails.
         write(&results, &request.out, None)?;
+    }
+    results.rivals = experiment.rivals(&trainings, &results)?;
+    if let Some((name, config)) = request.config.closed_set_training()? {
+        let is_wanted = request.only.as_ref().is_none_or(|only| *only == name);
+        write(&results, &request.out, None)?;
+        let row = experiment.row(&name, &config, false)?;
+        results.rivals.extend(closed_set::rivals(&mut experiment, &row, is_wanted)?);
     }
     write(&results, &request.out, request.card.as_deref())?;
     Ok(results)
@@ -178,184 +184,11 @@ fn write(results: &Results, out: &Path, card_path: Option<&Path>) -> Result<(), 
     Ok(write_atomic(path, text.as_bytes())?)
 }
 
-fn read<T: DeserializeOwned>(path: &Path) -> Result<T, ResultsError> {
+/// Reads a file of an experiment.
+///
+/// # Errors
+/// It is not there, or of something else.
+pub fn read<T: DeserializeOwned>(path: &Path) -> Result<T, ResultsError> {
     serde_json::from_str(&fs::read_to_string(path)?)
         .map_err(|error| ResultsError::Broken { message: error.to_string(), path: path.to_owned() })
-}
-
-/// A split that is loaded when it is first needed.
-struct Lazy<'a> {
-    path: &'a Path,
-    split: Split,
-    loaded: Option<Dataset>,
-}
-
-impl<'a> Lazy<'a> {
-    fn new(path: &'a Path, split: Split) -> Self {
-        Self { path, split, loaded: None }
-    }
-
-    fn get(&mut self) -> Result<&Dataset, DatasetError> {
-        if self.loaded.is_none() {
-            self.loaded = Some(Dataset::open(self.path, LABELS, self.split)?);
-        }
-        Ok(self.loaded.as_ref().expect("it was loaded just now"))
-    }
-}
-
-/// What all rows share.
-struct Experiment<'a> {
-    request: &'a Request<'a>,
-    id: Fingerprint,
-    ood: Fingerprint,
-    train: Lazy<'a>,
-    val: Lazy<'a>,
-    test: Lazy<'a>,
-    device: &'a Device,
-    progress: &'a dyn Progress,
-}
-
-/// A row to train and score.
-struct Row {
-    name: String,
-    config: TrainConfig,
-    /// Its run's folder.
-    folder: PathBuf,
-    /// Whether the run was given, finished.
-    is_given: bool,
-    /// Its record.
-    file: PathBuf,
-}
-
-impl Row {
-    /// The row's record, if it is still that of its run and of the data.
-    fn kept(&self, experiment: &Experiment<'_>) -> Result<Option<Record>, ResultsError> {
-        let checkpoint = self.folder.join(CHECKPOINT);
-        if !self.file.is_file() || !checkpoint.is_file() {
-            return Ok(None);
-        }
-        let record: Record = read(&self.file)?;
-        let is_same = read_training(&self.folder)? == self.config
-            && record.checkpoint_sha256 == sha256_hex(&fs::read(checkpoint)?)
-            && (&record.trained_on, &record.tested_on) == (&experiment.id, &experiment.ood);
-        Ok(is_same.then_some(record))
-    }
-}
-
-/// The config that a run was trained with.
-fn read_training(run: &Path) -> Result<TrainConfig, ResultsError> {
-    let path = run.join(CONFIG_FILE);
-    toml::from_str(&fs::read_to_string(&path)?)
-        .map_err(|error| ResultsError::Broken { message: error.to_string(), path })
-}
-
-impl Experiment<'_> {
-    fn row(&self, name: &str, config: &TrainConfig, is_headline: bool) -> Result<Row, ResultsError> {
-        let given = self.request.headline.as_ref().filter(|_| is_headline);
-        let row = |config, folder| Row {
-            name: name.to_owned(),
-            config,
-            folder,
-            is_given: given.is_some(),
-            file: self.request.out.join("scores").join(format!("{name}.json")),
-        };
-        let Some(folder) = given else {
-            return Ok(row(config.clone(), self.request.out.join("runs").join(name)));
-        };
-        for what in [CHECKPOINT, CONFIG_FILE, DATA_FILE] {
-            if !folder.join(what).is_file() {
-                return Err(ResultsError::Unfinished { what, path: folder.clone() });
-            }
-        }
-        if read::<Fingerprint>(&folder.join(DATA_FILE))? != self.id {
-            return Err(ResultsError::OtherData { path: folder.clone() });
-        }
-        Ok(row(read_training(folder)?, folder.clone()))
-    }
-
-    /// Trains a row where it is not trained, scores it, and keeps its record.
-    fn make(&mut self, row: &Row) -> Result<Record, ResultsError> {
-        if !row.is_given {
-            self.train(row)?;
-        }
-        let path = row.folder.join(CHECKPOINT);
-        let name = || row.name.clone();
-        let detector = checkpoint::load(&path, self.device)
-            .map_err(|source| ResultsError::Checkpoint { row: name(), source })?
-            .valid();
-        let id = self.score(row, &detector, Mode::Id)?;
-        let ood = self.score(row, &detector, Mode::Ood)?;
-        let bytes = fs::read(&path)?;
-        let (profile, set) = as_flags(&row.config);
-        let record = Record {
-            name: name(),
-            profile: profile.to_owned(),
-            set,
-            seed: row.config.seed,
-            epochs: [row.config.lidar_stage.epochs, row.config.fused_stage.epochs],
-            n_parameters: n_parameters(detector.config()),
-            spent: Spent::read(&row.folder),
-            checkpoint_sha256: sha256_hex(&bytes),
-            checkpoint_bytes: bytes.len(),
-            trained_on: self.id.clone(),
-            tested_on: self.ood.clone(),
-            id: id.columns.total,
-            ood: ood.columns,
-        };
-        let text = serde_json::to_string_pretty(&record).expect("names and numbers have a JSON form");
-        write_atomic(&row.file, text.as_bytes())?;
-        Ok(record)
-    }
-
-    fn train(&mut self, row: &Row) -> Result<(), ResultsError> {
-        let draw = |run: &Path| {
-            // A picture that fails is no reason to stop a training.
-            if let Err(error) = curves::run(run) {
-                tracing::warn!("{error}");
-            }
-        };
-        let options = train::RunOptions { after_validation: Some(&draw), ..train::RunOptions::default() };
-        let validation = if row.config.validate_every_epochs > 0 { Some(self.val.get()?) } else { None };
-        let data = self.train.get()?;
-        train::run(data, validation, &row.config, &row.folder, options, self.device, self.progress).map_err(
-            |source| match source {
-                TrainError::OtherRun { path } => ResultsError::OtherRun { row: row.name.clone(), path },
-                source => ResultsError::Train { row: row.name.clone(), source: Box::new(source) },
-            },
-        )?;
-        draw(&row.folder);
-        Ok(())
-    }
-
-    /// Scores a detector, in distribution on the validation split, else on the OOD set; all figures are kept.
-    fn score(&mut self, row: &Row, detector: &Detector, mode: Mode) -> Result<Metrics, ResultsError> {
-        let (data, kind) = match mode {
-            Mode::Id => (self.val.get()?, "id"),
-            Mode::Ood => (self.test.get()?, "ood"),
-        };
-        let measured: Vec<_> =
-            data.samples().iter().map(|sample| (sample.id.as_str(), &sample.measured)).collect();
-        self.progress.start(&format!("{} {kind}", row.name), measured.len() as u64);
-        let with_camera = detector.config().use_camera;
-        let found = predict(detector, &measured, with_camera, self.device, self.progress)
-            .map_err(|source| ResultsError::Predict { row: row.name.clone(), source })?;
-        self.progress.finish();
-        let metrics = score(&eval_samples(data, &found), &Protocol::default(), mode)
-            .map_err(|source| ResultsError::Score { row: row.name.clone(), source })?;
-        let path = row.file.with_file_name(format!("{}-{kind}.json", row.name));
-        write_atomic(&path, metrics.to_json().as_bytes())?;
-        Ok(metrics)
-    }
-}
-
-/// Profile and overrides by which `harmzone train` makes a config.
-fn as_flags(config: &TrainConfig) -> (&'static str, Vec<String>) {
-    let small = differences(&TrainConfig::default(), config);
-    let paper = differences(&TrainConfig::paper(), config);
-    if paper.len() < small.len() { ("paper", paper) } else { ("small", small) }
-}
-
-fn n_parameters(config: &ModelConfig) -> usize {
-    let detector = Detector::init(config, 0, &Device::flex().autodiff());
-    detector.n_parameters().into_iter().map(|(_, n)| n).sum()
 }

@@ -4,27 +4,28 @@
 //! view, each axis over the map's length, - IoU of the boxes in 3D; each with its weight from the config.
 
 use super::config::LossConfig;
+use super::targets::class_of;
 use crate::geometry::{Box3, Ego, convex_overlap_area};
 use crate::model::coder::{CODE_SIZE, decode};
-use crate::model::{GridConfig, Query};
+use crate::model::{ModelConfig, Query};
 use crate::object::LabelledObject;
 
 /// Pairs `(query, object)` of one sample, each object with one query as long as queries last.
 ///
-/// `codes` is `[query, CODE_SIZE]`, `harm_logits` `[query, 2]`.
+/// `codes` is `[query, CODE_SIZE]`, `logits` `[query, class]`.
 #[must_use]
 pub fn assign(
     queries: &[Query],
     codes: &[f32],
-    harm_logits: &[f32],
+    logits: &[f32],
     objects: &[LabelledObject],
-    grid: &GridConfig,
+    model: &ModelConfig,
     loss: &LossConfig,
 ) -> Vec<(usize, usize)> {
     if objects.is_empty() {
         return Vec::new();
     }
-    let costs = costs(queries, codes, harm_logits, objects, grid, loss);
+    let costs = costs(queries, codes, logits, objects, model, loss);
     let (rows, columns) = lsap::solve(queries.len(), objects.len(), &costs, false)
         .expect("costs are finite: the loss before them was checked");
     rows.into_iter().zip(columns).collect()
@@ -34,11 +35,12 @@ pub fn assign(
 fn costs(
     queries: &[Query],
     codes: &[f32],
-    harm_logits: &[f32],
+    logits: &[f32],
     objects: &[LabelledObject],
-    grid: &GridConfig,
+    model: &ModelConfig,
     loss: &LossConfig,
 ) -> Vec<f64> {
+    let (grid, classes) = (&model.grid, model.head.classes);
     let (length_m, width_m) = (grid.x_max_m - grid.x_min_m, grid.y_max_m - grid.y_min_m);
     let mut costs = Vec::with_capacity(queries.len() * objects.len());
     for (q, query) in queries.iter().enumerate() {
@@ -47,7 +49,7 @@ fn costs(
             let truth = &object.truth.box_in_ego;
             let center = (guess.center.x() - truth.center.x()).abs() / length_m
                 + (guess.center.y() - truth.center.y()).abs() / width_m;
-            let harm = focal_cost(f64::from(harm_logits[2 * q + object.harm.index()]));
+            let harm = focal_cost(f64::from(logits[classes.n() * q + class_of(object, classes)]));
             costs.push(
                 loss.harm_cost * harm + loss.center_cost * center - loss.iou_cost * iou_3d(&guess, truth),
             );
@@ -89,7 +91,7 @@ mod tests {
 
     #[test]
     fn each_object_goes_to_the_query_that_already_sits_on_it() {
-        let grid = GridConfig::default();
+        let model = ModelConfig::default();
         let objects = [car(10.0, 0.0, Harm::Harmful), car(30.0, 5.0, Harm::Harmless)];
         let centers = [[30.0, 5.0], [20.0, 0.0], [10.0, 0.0]];
         let queries = centers.map(|center_m| Query { channel: 0, cell: 0, place: 0, score: 0.5, center_m });
@@ -98,10 +100,10 @@ mod tests {
             .flat_map(|&center| {
                 let mut at = objects[0].truth.box_in_ego;
                 at.center = Point::new(center[0], center[1], 0.75);
-                encode(&at, [0.0; 2], center, grid.cell_size_m)
+                encode(&at, [0.0; 2], center, model.grid.cell_size_m)
             })
             .collect();
-        let mut pairs = assign(&queries, &codes, &[0.0; 6], &objects, &grid, &LossConfig::default());
+        let mut pairs = assign(&queries, &codes, &[0.0; 6], &objects, &model, &LossConfig::default());
         pairs.sort_unstable();
         assert_eq!(pairs, [(0, 1), (2, 0)]);
     }
@@ -121,7 +123,7 @@ mod tests {
     #[test]
     fn costs_and_pairs_equal_scipys() {
         let golden = Golden::read("assignment");
-        let (grid, loss) = (GridConfig::default(), LossConfig::default());
+        let (model, loss) = (ModelConfig::default(), LossConfig::default());
         for case in ["more_queries", "more_objects", "as_many", "one", "ties"] {
             let numbers = |part: &str| golden.numbers(&format!("{case}.{part}"));
             let singles = |part: &str| numbers(part).iter().map(|&x| x as f32).collect::<Vec<_>>();
@@ -142,14 +144,14 @@ mod tests {
                 })
                 .collect();
             let (codes, logits) = (singles("codes"), singles("logits"));
-            let found = costs(&queries, &codes, &logits, &objects, &grid, &loss);
+            let found = costs(&queries, &codes, &logits, &objects, &model, &loss);
             let expected = numbers("costs");
             let largest = expected.iter().fold(0f64, |largest, cost| largest.max(cost.abs()));
             // The guess passes through an f32 code.
             let off = found.iter().zip(&expected).fold(0f64, |off, (a, b)| off.max((a - b).abs()));
             assert!(off < 1e-5 * largest, "{case}: costs off by {off} of {largest}");
 
-            let mut pairs = assign(&queries, &codes, &logits, &objects, &grid, &loss);
+            let mut pairs = assign(&queries, &codes, &logits, &objects, &model, &loss);
             pairs.sort_unstable();
             let scipys: Vec<(usize, usize)> =
                 numbers("pairs").chunks(2).map(|pair| (pair[0] as usize, pair[1] as usize)).collect();

@@ -7,7 +7,7 @@ use thiserror::Error;
 
 use super::schedule::Schedule;
 use crate::config::with_table;
-use crate::model::{CameraBackbone, ModelConfig, ModelConfigError, NumericFusion};
+use crate::model::{CameraBackbone, Classes, ModelConfig, ModelConfigError, NumericFusion};
 
 /// `configs/train-paper.toml`: the keys in which training the `paper` profile differs from the default.
 const PAPER_TOML: &str = include_str!("../../configs/train-paper.toml");
@@ -106,6 +106,13 @@ pub struct AugmentConfig {
     pub max_speed_mps: f64,
     /// Largest steering angle drawn, degrees.
     pub max_steering_deg: f64,
+    /// Most objects of other samples pasted into a sample's cloud, 0 to this many, each as likely; none
+    /// without a LiDAR branch.
+    pub max_pasted: usize,
+    /// Most that a pasted object is stretched or shrunk by, along each of its axes.
+    pub max_stretch: f64,
+    /// Share of the pasted static objects that lie on their side.
+    pub tipped_share: f64,
 }
 
 impl Default for AugmentConfig {
@@ -116,6 +123,9 @@ impl Default for AugmentConfig {
             aimed_share: 0.5,
             max_speed_mps: 18.0,
             max_steering_deg: 35.0,
+            max_pasted: 3,
+            max_stretch: 1.5,
+            tipped_share: 0.2,
         }
     }
 }
@@ -162,12 +172,16 @@ impl TrainConfig {
         with_table(&default, &keys).expect("a test reads the shipped file")
     }
 
-    /// The augmentation that serves this network: no other states for one that does not see them.
+    /// The augmentation that serves this network: no other states for one that does not see them, and no pasted
+    /// objects, which pictures do not show, for one without LiDAR.
     #[must_use]
     pub fn augment_of_model(&self) -> AugmentConfig {
         let mut augment = self.augment;
         if self.model.head.numeric_fusion == NumericFusion::None {
             augment.n_redrawn_states = 0;
+        }
+        if !self.model.use_lidar {
+            augment.max_pasted = 0;
         }
         augment
     }
@@ -195,11 +209,19 @@ impl TrainConfig {
                 });
             }
         }
+        if !(self.augment.max_stretch >= 1.0 && self.augment.max_stretch.is_finite()) {
+            return Err(TrainConfigError::Field {
+                field: "augment.max_stretch",
+                found: self.augment.max_stretch.to_string(),
+                valid: "it must be 1, which is as it was, or more",
+            });
+        }
         let shares = [
             ("average_decay", self.average_decay),
             ("harmful_share", self.harmful_share),
             ("rise_share", self.rise_share),
             ("augment.aimed_share", self.augment.aimed_share),
+            ("augment.tipped_share", self.augment.tipped_share),
         ];
         for (field, found) in shares {
             if !(0.0..=1.0).contains(&found) {
@@ -222,6 +244,13 @@ impl TrainConfig {
                 field: "lidar_stage.epochs",
                 found: self.lidar_stage.epochs.to_string(),
                 valid: "without model.use_lidar it must be zero: the LiDAR trains there",
+            });
+        }
+        if self.model.head.classes == Classes::Kind && self.validate_every_epochs > 0 {
+            return Err(TrainConfigError::Field {
+                field: "validate_every_epochs",
+                found: self.validate_every_epochs.to_string(),
+                valid: "with model.head.classes = \"kind\" it must be zero: the score is of harm",
             });
         }
         let has_swin = self.model.use_camera && self.model.camera.backbone == CameraBackbone::Swin;
@@ -275,6 +304,15 @@ mod tests {
         }
         let message = with(&["lidar_stage.epochs=0", "fused_stage.epochs=0"]).unwrap_err().to_string();
         assert!(message.contains("both stages"), "{message}");
+    }
+
+    #[test]
+    fn a_closed_set_is_trained_without_scores_of_harm() {
+        let mut config = TrainConfig::default();
+        config.model.head.classes = Classes::Kind;
+        assert!(config.check().unwrap_err().to_string().contains("validate_every_epochs"));
+        config.validate_every_epochs = 0;
+        config.check().unwrap();
     }
 
     #[test]

@@ -2,8 +2,8 @@
 //!
 //! - Heatmap: Gaussian focal loss, `-log(p) (1-p)^2` at peaks, `-log(1-p) p^2 (1-t)^4` elsewhere,
 //!   over the number of peaks (Law and Deng 2018).
-//! - Harm: sigmoid focal loss, alpha 0.25, gamma 2, over the number of matched queries (Lin et al. 2017);
-//!   unmatched queries are background for both classes.
+//! - Harm, or kind: sigmoid focal loss, alpha 0.25, gamma 2, over the number of matched queries (Lin et al. 2017);
+//!   unmatched queries are background for all classes.
 //! - Box: L1 over the code of matched queries, velocity weighted 0.2, over their number.
 
 use burn::tensor::activation::{log_sigmoid, sigmoid};
@@ -12,7 +12,7 @@ use burn::tensor::{Device, Tensor, TensorData};
 use super::assignment::assign;
 use super::augment::ObjectsByState;
 use super::config::LossConfig;
-use super::targets::{draw_heatmap, one_hot};
+use super::targets::{class_of, draw_heatmap};
 use crate::model::coder::{CODE_SIZE, encode};
 use crate::model::{ModelConfig, Output};
 use crate::object::LabelledObject;
@@ -99,7 +99,8 @@ fn query_losses(
     let [n_rows, n_queries, _] = output.boxes.dims();
     let codes: Vec<f32> = output.boxes.clone().into_data().try_to_vec().expect("codes are f32");
     let logits: Vec<f32> = output.harm.clone().into_data().try_to_vec().expect("class scores are f32");
-    let mut harm_target = vec![0f32; n_rows * n_queries * 2];
+    let n_classes = model.head.classes.n();
+    let mut class_target = vec![0f32; n_rows * n_queries * n_classes];
     let mut code_target = vec![0f32; n_rows * n_queries * CODE_SIZE];
     let mut code_weight = vec![0f32; n_rows * n_queries * CODE_SIZE];
     let mut n_matched = 0usize;
@@ -113,11 +114,11 @@ fn query_losses(
         for (state_row, (queries, of)) in of_states.enumerate() {
             let first = state_row * n_queries;
             let of_codes = &codes[first * CODE_SIZE..(first + n_queries) * CODE_SIZE];
-            let of_logits = &logits[first * 2..(first + n_queries) * 2];
-            for (q, object) in assign(queries, of_codes, of_logits, of, &model.grid, config) {
-                let LabelledObject { truth, harm } = &of[object];
+            let of_logits = &logits[first * n_classes..(first + n_queries) * n_classes];
+            for (q, object) in assign(queries, of_codes, of_logits, of, model, config) {
+                let LabelledObject { truth, .. } = &of[object];
                 let row = first + q;
-                harm_target[row * 2..row * 2 + 2].copy_from_slice(&one_hot(*harm));
+                class_target[row * n_classes + class_of(&of[object], model.head.classes)] = 1.0;
                 code_target[row * CODE_SIZE..(row + 1) * CODE_SIZE].copy_from_slice(&encode(
                     &truth.box_in_ego,
                     truth.velocity_in_ego_mps,
@@ -131,7 +132,7 @@ fn query_losses(
     }
     let tensor =
         |values: Vec<f32>, n| Tensor::<3>::from_data(TensorData::new(values, [n_rows, n_queries, n]), device);
-    let harm = sigmoid_focal(output.harm.clone(), tensor(harm_target, 2), n_matched);
+    let harm = sigmoid_focal(output.harm.clone(), tensor(class_target, n_classes), n_matched);
     let (target, weight) = (tensor(code_target, CODE_SIZE), tensor(code_weight, CODE_SIZE));
     (harm, box_l1(output.boxes.clone(), target, weight, n_matched))
 }

@@ -12,6 +12,7 @@ mod history;
 mod log;
 mod losses;
 mod optimizer;
+mod paste;
 mod plan;
 mod replica;
 mod run;

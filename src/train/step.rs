@@ -13,6 +13,7 @@ use super::augment::{self, ObjectsByState};
 use super::cache::{Cache, Key};
 use super::config::TrainConfig;
 use super::losses::{LossParts, losses};
+use super::paste::paste;
 use super::plan::{Plan, STAGES};
 use super::replica::{replica, with_mean_statistics};
 use super::run::TrainError;
@@ -132,19 +133,20 @@ impl<'a> Steps<'a> {
                 let draw_idx = (first_draw + place) as u64;
                 let mut rng =
                     random::stream(config.seed, &format!("augment-{}", STAGES[position.stage]), draw_idx);
-                let view = augment::draw(
-                    &sample.measured.ego_state,
-                    &sample.objects,
-                    self.dataset.zone(),
-                    &augment,
-                    &mut rng,
-                )
-                .map_err(|source| TrainError::Label { sample: sample.id.clone(), source })?;
+                let mut paste_rng =
+                    random::stream(config.seed, &format!("paste-{}", STAGES[position.stage]), draw_idx);
+                let zone = self.dataset.zone();
+                let not_labelled = |source| TrainError::Label { sample: sample.id.clone(), source };
+                let pasted = paste(sample, samples, zone, &augment, &mut paste_rng).map_err(not_labelled)?;
+                let (measured, objects) = match &pasted {
+                    Some(pasted) => (&pasted.measured, &pasted.objects),
+                    None => (&sample.measured, &sample.objects),
+                };
+                let view = augment::draw(&measured.ego_state, objects, zone, &augment, &mut rng)
+                    .map_err(not_labelled)?;
                 let key = Key { sample_idx, mirror: view.mirror, with_camera };
-                let prepare = || Input::prepare(&sample.measured, &config.model, view.mirror, with_camera);
-                let input = self
-                    .cache
-                    .get(key, prepare)
+                let prepare = || Input::prepare(measured, &config.model, view.mirror, with_camera);
+                let input = if pasted.is_some() { prepare() } else { self.cache.get(key, prepare) }
                     .and_then(|input| input.with_states(&view.states, view.mirror))
                     .map_err(|source| TrainError::Input { sample: sample.id.clone(), source })?;
                 Ok((input, view.objects.iter().map(|of| trainable(of, &config.model.grid)).collect()))

@@ -3,8 +3,8 @@
 //! A Gaussian stands at each object's cell, its radius from CornerNet's overlap rule (Law and Deng 2018)
 //! at overlap 0.1, at least two cells of the heatmap.
 
-use crate::model::{GridConfig, Heatmap, ModelConfig};
-use crate::object::{Harm, LabelledObject};
+use crate::model::{Classes, GridConfig, Heatmap, ModelConfig};
+use crate::object::LabelledObject;
 
 /// Smallest Gaussian radius, cells.
 const MIN_RADIUS: usize = 2;
@@ -67,18 +67,18 @@ fn gaussian_radius(length: f64, width: f64) -> usize {
     (r1.min(r2).min(r3) as usize).max(MIN_RADIUS)
 }
 
-/// The class target of a matched query, `[harmful, harmless]`.
+/// The channel of an object's class.
 #[must_use]
-pub fn one_hot(harm: Harm) -> [f32; 2] {
-    match harm {
-        Harm::Harmful => [1.0, 0.0],
-        Harm::Harmless => [0.0, 1.0],
+pub fn class_of(object: &LabelledObject, classes: Classes) -> usize {
+    match classes {
+        Classes::Harm => object.harm.index(),
+        Classes::Kind => object.truth.kind.index(),
     }
 }
 
 /// A car that the LiDAR hit, for tests.
 #[cfg(test)]
-pub fn car(x: f64, y: f64, harm: Harm) -> LabelledObject {
+pub fn car(x: f64, y: f64, harm: crate::object::Harm) -> LabelledObject {
     use crate::geometry::{Box3, Point};
     use crate::object::{Distribution, Event, Kind, ObjectTruth};
     LabelledObject {
@@ -107,6 +107,16 @@ pub fn car(x: f64, y: f64, harm: Harm) -> LabelledObject {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::object::{Harm, Kind};
+
+    #[test]
+    fn a_closed_set_is_told_kinds_whatever_the_harm() {
+        let mut person = car(10.0, 0.0, Harm::Harmful);
+        person.truth.kind = Kind::Pedestrian;
+        assert_eq!((class_of(&person, Classes::Kind), class_of(&person, Classes::Harm)), (1, 0));
+        person.harm = Harm::Harmless;
+        assert_eq!((class_of(&person, Classes::Kind), class_of(&person, Classes::Harm)), (1, 1));
+    }
 
     #[test]
     fn the_heatmap_is_one_at_the_object_and_falls_off() {

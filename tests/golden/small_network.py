@@ -104,7 +104,7 @@ class Config:
         return round((self.y_max_m - self.y_min_m) / size), round((self.x_max_m - self.x_min_m) / size)
 
     def centers_m(self, scale: int) -> Tensor:
-        """x and y of each cell on a map of `scale` cells along a feature cell, [cell, 2]."""
+        """Centre of each cell, x and y, on a map of `scale` cells along a feature cell, [cell, 2]."""
         (n_y, n_x), size_m = self.cells, self.cell_size_m / scale
         cell = torch.arange(scale * n_y * scale * n_x, dtype=torch.float64)
         x = self.x_min_m + (cell % (scale * n_x) + 0.5) * size_m

@@ -1,12 +1,12 @@
-"""The four columns of the evaluation, from their words alone: an implementation that shares no code with the product.
+"""The four columns of the evaluation, from their words alone; shares no code with the product.
 
-Usage: table_columns.py PREDICTIONS TRUTH METRICS. Compares AP of every column, class and threshold with the product's
-metrics.json; prints how many were compared and the greatest difference, exits 1 if it exceeds 1e-9.
+Usage: table_columns.py PREDICTIONS TRUTH METRICS. Compares AP of every column, class and threshold with the
+product's metrics.json; prints how many were compared and the greatest difference, exits 1 if it exceeds 1e-9.
 
-For class c and threshold d, predictions in descending score (ties: later index first). Each takes the nearest unclaimed
-truth of class c in its sample within d: a true positive, of that truth's distribution. Otherwise, if a truth of the
-other class lies within d (the nearest one counts), it is a misclassified false positive of that truth's distribution.
-Otherwise it is an unmatched false positive.
+For class c and threshold d, predictions in descending score (ties: later index first). Each takes the
+nearest unclaimed truth of class c in its sample within d: a true positive, of that truth's distribution.
+Otherwise, if a truth of the other class lies within d (the nearest one counts), it is a misclassified false
+positive of that truth's distribution. Otherwise it is an unmatched false positive.
 
 | column      | true positives | false positives                | positives |
 |-------------|----------------|--------------------------------|-----------|
@@ -15,8 +15,9 @@ Otherwise it is an unmatched false positive.
 | ood_all     | OOD            | misclassified on OOD, unmatched| OOD       |
 | ood_matched | OOD            | misclassified on OOD           | OOD       |
 
-AP: precision over recall at 0, 0.01 .. 1 (numpy's interp, 0 beyond what is reached), mean over the 90 steps above 0.1
-of what exceeds a precision of 0.1, over 0.9. Truths without a LiDAR point and boxes at 50 m or more do not count.
+AP: precision over recall at 0, 0.01 .. 1 (numpy's interp, 0 beyond what is reached), mean over the 90 steps
+above 0.1 of what exceeds a precision of 0.1, over 0.9. Truths without a LiDAR point and boxes at 50 m or more
+do not count.
 """
 
 import json

@@ -79,7 +79,7 @@ mod tests {
         let found = Calibration::new(&judged, 2);
         assert!((found.brier.unwrap() - (0.01 + 0.64 + 0.01) / 4.0).abs() < 1e-12);
         // First bin: mean 0.15 against 0.5; second: 0.95 against 1; two of four each.
-        assert!((found.ece.unwrap() - (0.35 + 0.05) / 2.0).abs() < 1e-12);
+        assert!((found.ece.unwrap() - f64::midpoint(0.35, 0.05)).abs() < 1e-12);
         assert_eq!((found.bins[1].n, found.bins[1].frequency), (2, Some(1.0)));
         assert_eq!(Calibration::new(&[], 2).ece, None);
     }

@@ -40,12 +40,12 @@ pub fn measure(tracks: &Tracks, harmful: &ClassMatching<'_>, protocol: &Protocol
     let false_harmful: Vec<&[Sight]> = ranked
         .take_while(|(ranked, _)| ranked.detection.score >= protocol.config().operating_score)
         .filter_map(|(_, outcome)| match outcome {
-            Outcome::Misclassified(truth) => tracks.from_truth_on(truth.number),
+            Outcome::Misclassified(truth) => tracks.sights_from(truth.number),
             _ => None,
         })
         .collect();
     let all_harmless: Vec<&[Sight]> = tracks
-        .tracks
+        .objects
         .iter()
         .flat_map(|track| (0..track.sights.len()).map(|at| &track.sights[at..]))
         .filter(|sights| sights[0].harm == Harm::Harmless)

@@ -28,7 +28,7 @@ pub struct Steadiness {
 pub fn measure(tracks: &Tracks, located: &[Located<'_>]) -> Steadiness {
     let (mut n_pairs, mut tracked_s) = (0, 0.0);
     let (mut n_true_flips, mut n_flips, mut n_spurious_flips) = (0, 0, 0);
-    for pair in tracks.tracks.iter().flat_map(|track| track.sights.windows(2)) {
+    for pair in tracks.objects.iter().flat_map(|track| track.sights.windows(2)) {
         let is_harmful = |i: usize| Some(located[pair[i].truth].harm_probability()? >= 0.5);
         let (Some(before), Some(after)) = (is_harmful(0), is_harmful(1)) else { continue };
         if pair[1].place != pair[0].place + 1 {

@@ -26,7 +26,7 @@ pub struct Track {
 /// All objects whose ids are known.
 #[derive(Debug)]
 pub struct Tracks {
-    pub tracks: Vec<Track>,
+    pub objects: Vec<Track>,
     /// Time of each sample, seconds.
     pub times_s: Vec<f64>,
     /// Samples of each episode, by time.
@@ -63,19 +63,19 @@ impl Tracks {
                 }
             }
         }
-        (!tracks.is_empty()).then_some(Self { tracks, times_s, episodes, of_truth })
+        (!tracks.is_empty()).then_some(Self { objects: tracks, times_s, episodes, of_truth })
     }
 
     /// The sight of a truth and those of its object after it.
-    pub fn from_truth_on(&self, truth: usize) -> Option<&[Sight]> {
+    pub fn sights_from(&self, truth: usize) -> Option<&[Sight]> {
         let (track, at) = self.of_truth[truth]?;
-        Some(&self.tracks[track].sights[at..])
+        Some(&self.objects[track].sights[at..])
     }
 
     /// Events: the longest runs of samples in a row in which an object is harmful.
     pub fn events(&self) -> Vec<&[Sight]> {
         let is_same_run = |a: &Sight, b: &Sight| a.harm == b.harm && b.place == a.place + 1;
-        let runs = self.tracks.iter().flat_map(|track| track.sights.chunk_by(is_same_run));
+        let runs = self.objects.iter().flat_map(|track| track.sights.chunk_by(is_same_run));
         runs.filter(|run| run[0].harm == Harm::Harmful).collect()
     }
 }
@@ -118,8 +118,7 @@ pub mod tests {
                     'n' => Some(Harm::Harmless),
                     _ => None,
                 };
-                let mut facts = TruthFacts::default();
-                facts.id = Some("one".into());
+                let facts = TruthFacts { id: Some("one".into()), ..TruthFacts::default() };
                 let x_m = 20.0 - 5.0 * i as f64;
                 let truths =
                     harm.map(|harm| crate::eval::EvalTruth { facts, ..truth(x_m, harm, Distribution::Id) });
@@ -149,8 +148,8 @@ pub mod tests {
         let tracks = Tracks::of_samples(&samples).unwrap();
         let lengths: Vec<usize> = tracks.events().iter().map(|event| event.len()).collect();
         assert_eq!(lengths, [2, 1, 2]);
-        assert_eq!(tracks.tracks.len(), 2);
-        assert_eq!(tracks.from_truth_on(0).unwrap().len(), 5);
+        assert_eq!(tracks.objects.len(), 2);
+        assert_eq!(tracks.sights_from(0).unwrap().len(), 5);
         samples[0].facts.time_s = None;
         assert!(Tracks::of_samples(&samples).is_none());
     }

@@ -8,12 +8,14 @@
 //! in lanes whose number only the instruction set decides, one row by one thread, so that results are
 //! equal to the bit whatever the number of threads.
 
+#[cfg(not(miri))]
 mod burn_op;
 
 use rayon::prelude::*;
 
 use super::simd::{InstructionSet, Kernel, Simd};
 
+#[cfg(not(miri))]
 pub use burn_op::softmax_last;
 
 /// Floats that make a task worth sending to another thread.
@@ -133,7 +135,7 @@ mod tests {
 
     #[test]
     fn the_exponential_is_within_a_few_units_of_the_last_place() {
-        for i in 0..=87_000 {
+        for i in (0..=87_000).step_by(if cfg!(miri) { 997 } else { 1 }) {
             let x = -(i as f32) / 1000.0;
             let exact = f64::from(x).exp();
             assert!((f64::from(exp_of_negative(x)) - exact).abs() <= 3e-7 * exact, "{x}");
@@ -144,7 +146,8 @@ mod tests {
 
     #[test]
     fn every_instruction_set_equals_double_precision() {
-        for (n_rows, n_columns) in [(3, 5), (40, 700), (1, 1), (2, 33)] {
+        let n_of_many = if cfg!(miri) { 4 } else { 40 };
+        for (n_rows, n_columns) in [(3, 5), (n_of_many, 700), (1, 1), (2, 33)] {
             let mut random = crate::random::stream(4, "softmax-test", n_columns as u64);
             let mut draw = || -> Vec<f32> {
                 (0..n_rows * n_columns).map(|_| rand::RngExt::random_range(&mut random, -9.0..9.0)).collect()

@@ -59,6 +59,27 @@ pub enum Prediction {
     Separate,
 }
 
+/// What the class branch tells apart.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Classes {
+    /// Harmful and harmless.
+    Harm,
+    /// Vehicle, pedestrian and static: a closed set, which knows nothing of harm; for a baseline.
+    Kind,
+}
+
+impl Classes {
+    /// How many there are.
+    #[must_use]
+    pub fn n(self) -> usize {
+        match self {
+            Self::Harm => 2,
+            Self::Kind => 3,
+        }
+    }
+}
+
 /// The head.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -90,6 +111,8 @@ pub struct HeadConfig {
     /// Hidden channels of each of the separate nets. The paper's 64.
     pub prediction_channels: usize,
     pub numeric_fusion: NumericFusion,
+    /// Default `harm`.
+    pub classes: Classes,
 }
 
 impl Default for HeadConfig {
@@ -109,6 +132,7 @@ impl Default for HeadConfig {
             prediction: Prediction::Placed,
             prediction_channels: 64,
             numeric_fusion: NumericFusion::Film,
+            classes: Classes::Harm,
         }
     }
 }
@@ -132,6 +156,13 @@ impl HeadConfig {
         }
         if self.peak_kernels.iter().any(|kernel| ![1, 3].contains(kernel)) {
             return fail("head.peak_kernels", format!("{:?}", self.peak_kernels), "each must be 1 or 3");
+        }
+        if self.classes == Classes::Kind && self.heatmap == Heatmap::PerClass {
+            return fail(
+                "head.classes",
+                "kind",
+                "its heatmap must be agnostic: per_class is harmful and harmless",
+            );
         }
         if ![1, 2].contains(&self.heatmap_scale) {
             return fail("head.heatmap_scale", self.heatmap_scale, "it must be 1 or 2");

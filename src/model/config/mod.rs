@@ -15,7 +15,7 @@ use super::pillar_branch::PillarBranch;
 
 pub use camera::{CameraBackbone, CameraConfig, CnnConfig};
 pub use grid::GridConfig;
-pub use head::{HeadConfig, Heatmap, NumericFusion, PositionEncoding, Prediction};
+pub use head::{Classes, HeadConfig, Heatmap, NumericFusion, PositionEncoding, Prediction};
 pub use lidar::{LidarConfig, LidarEncoder, PillarConfig};
 
 /// A detector.
@@ -190,6 +190,10 @@ mod tests {
         assert_eq!(wrong(|config| config.grid.x_max_m = 51.0), "grid.x");
         assert_eq!(wrong(|config| config.head.n_heads = 5), "head.n_heads");
         assert_eq!(wrong(|config| config.head.dropout = 1.0), "head.dropout");
+        let of_kinds = |config: &mut ModelConfig| {
+            (config.head.classes, config.head.heatmap) = (Classes::Kind, Heatmap::PerClass);
+        };
+        assert_eq!(wrong(of_kinds), "head.classes");
         assert_eq!(wrong(|config| config.head.peak_kernels = [3, 2]), "head.peak_kernels");
         assert_eq!(wrong(|config| config.head.n_queries = 80 * 64 + 1), "head.n_queries");
         assert_eq!(wrong(|config| (config.use_lidar, config.use_camera) = (false, false)), "use_lidar");

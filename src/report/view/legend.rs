@@ -35,7 +35,8 @@ pub fn draw_title(page: &mut Canvas, scene: &Scene) {
     page.text((right + MARGIN_PX as f32, 39.0), 17.0, palette::TEXT_SOFT, Align::Left, &counts(scene));
 }
 
-fn counts(scene: &Scene) -> String {
+/// How many objects there are, and of which kind.
+pub fn counts(scene: &Scene) -> String {
     let objects = &scene.sample.truth.objects;
     let n_ood = objects.iter().filter(|object| object.distribution == Distribution::Ood).count();
     let mut text = format!("{} object{}", objects.len(), if objects.len() == 1 { "" } else { "s" });

@@ -124,7 +124,7 @@ pub fn run(request: &ViewRequest) -> Result<ViewSummary, ViewError> {
 }
 
 /// The episode that holds a sample of the data set, and the sample's place in it.
-fn locate<'a>(
+pub(in crate::report) fn locate<'a>(
     manifest: &'a Manifest,
     wanted: usize,
     path: &Path,

@@ -211,7 +211,10 @@ fn predictions_are_drawn_in_tones_of_their_own() {
 fn a_zone_behind_the_camera_is_not_drawn_on_its_picture() {
     let sample = street();
     let behind = ZONE.map(|corner| Point2 { x_m: corner.x_m - 40.0, ..corner });
-    let front = |zone| front::draw(&Scene { zone, ..scene(&sample) }, 400, 225).unwrap().into_rgb();
+    let front = |zone| {
+        let scene = Scene { zone, ..scene(&sample) };
+        front::draw(&sample.measured, &scene.areas(), &scene.marks(), 400, 225).unwrap().into_rgb()
+    };
     assert_eq!(front(Some(&behind[..])).as_raw(), front(None).as_raw());
 }
 

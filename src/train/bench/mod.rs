@@ -20,7 +20,7 @@ use super::run::TrainError;
 use super::schedule::{BETA_1, Pace};
 use crate::dataset::Dataset;
 use crate::model::checkpoint::{self, CheckpointError};
-use crate::model::{Detector, InputError};
+use crate::model::{Classes, Detector, InputError};
 use crate::progress::Progress;
 
 pub use dump::dump;
@@ -46,6 +46,10 @@ pub enum BenchError {
     TooFewSamples { found: usize, wanted: usize, path: PathBuf },
     #[error("only the `small` network has a twin to race against; the model has {found}")]
     NoTwin { found: &'static str },
+    #[error(
+        "only a network that tells harm is measured; this one tells kinds (model.head.classes = \"kind\")"
+    )]
+    TellsKinds,
 }
 
 /// What is measured.
@@ -157,6 +161,9 @@ impl Bench<'_> {
     }
 
     fn check(&self) -> Result<(), BenchError> {
+        if self.config.model.head.classes != Classes::Harm {
+            return Err(BenchError::TellsKinds);
+        }
         self.config.check().map_err(TrainError::from)?;
         let (found, wanted) = (self.dataset.samples().len(), self.samples_per_step());
         if found < wanted {

@@ -1,0 +1,128 @@
+//! `harmzone baseline`: the boxes of a rival of the network's class branch, to be scored as any detector's.
+
+use std::path::PathBuf;
+
+use anyhow::{anyhow, bail};
+use burn::tensor::Device;
+use clap::Args;
+
+use super::ExitStatus;
+use super::detector::Trained;
+use super::device::DeviceArg;
+use super::predict::{Source, detect, open_split, refuse_to_overwrite, write};
+use super::progress::Bar;
+use crate::config;
+use crate::dataset::Dataset;
+use crate::eval::closed_set::{ClosedSet, Strangeness};
+use crate::eval::judge::Judge;
+use crate::eval::predict::predict_kinds;
+use crate::model::{Detector, KindBox};
+use crate::progress::Progress;
+
+#[derive(Debug, Args)]
+pub struct BaselineArgs {
+    /// Who decides on harm: `zone`, the zone's rule over the network's boxes; `zone-soft`, with a probability by the
+    /// distance to the zone's edge; `speed-zone`, `speed-zone-soft`, the zone straight ahead whatever the steering angle; `closed-msp`,
+    /// `closed-energy`, `closed-mahalanobis`, by the kind of object and harmful where the kind is in doubt
+    name: String,
+    /// Whose boxes: a run's folder, a checkpoint, or `small`, the network inside the program
+    run: PathBuf,
+    /// Labelled dataset
+    #[arg(long, value_name = "DIR")]
+    data: PathBuf,
+    /// Split: train, val or test; without it, the dataset's val, or test where there is no val
+    #[arg(long)]
+    split: Option<String>,
+    /// Label set, whose zone is used
+    #[arg(long, value_name = "SET", default_value = "rect")]
+    labels: String,
+    /// Labelled dataset that a closed set's network was trained on; its train split fits the closed-* baselines
+    #[arg(long, value_name = "DIR")]
+    fit: Option<PathBuf>,
+    /// Folder for one MCAP an episode and predictions.json; default as of `predict`, with `-<name>` at its end
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    device: DeviceArg,
+    /// Replace predictions that are there
+    #[arg(long)]
+    force: bool,
+}
+
+/// A rival by its name.
+enum Rival {
+    Zone(Judge),
+    ClosedSet(Strangeness),
+}
+
+impl Rival {
+    fn named(name: &str) -> anyhow::Result<Self> {
+        let judges = || Judge::ALL.into_iter().filter(|&judge| judge != Judge::Network);
+        let closed = Strangeness::ALL.into_iter().find(|score| score.name() == name).map(Self::ClosedSet);
+        judges().find(|judge| judge.name() == name).map(Self::Zone).or(closed).ok_or_else(|| {
+            let names = judges().map(Judge::name).chain(Strangeness::ALL.map(Strangeness::name));
+            anyhow!("no baseline `{name}`; there are: {}", names.collect::<Vec<_>>().join(", "))
+        })
+    }
+}
+
+pub fn run(args: BaselineArgs) -> anyhow::Result<ExitStatus> {
+    let rival = Rival::named(&args.name)?;
+    let trained = Trained::find(&args.run)?;
+    let out = if let Some(out) = &args.out {
+        out.clone()
+    } else {
+        let mut folder = trained.predictions_folder(&args.data)?.into_os_string();
+        folder.push(format!("-{}", args.name));
+        folder.into()
+    };
+    refuse_to_overwrite(&out, args.force)?;
+    let device = args.device.open()?;
+    let dataset = open_split(&args.data, &args.labels, args.split.as_deref())?;
+    let judged = match rival {
+        Rival::Zone(judge) => {
+            let found = detect(&trained, &dataset, &device)?;
+            let judged = dataset.samples().iter().zip(&found).map(|(sample, found)| {
+                judge
+                    .judged(found, &sample.measured.ego_state, dataset.zone())
+                    .map_err(|error| anyhow!("sample {}: {error}", sample.id))
+            });
+            judged.collect::<anyhow::Result<Vec<_>>>()?
+        }
+        Rival::ClosedSet(score) => {
+            let Some(fit) = &args.fit else {
+                bail!("`{}` is fitted on what its network was trained on; give that by --fit DIR", args.name)
+            };
+            let detector = trained.load(&device)?;
+            let training = open_split(fit, &args.labels, Some("train"))?;
+            let found = kinds(&detector, &training, "fit", &device)?;
+            let objects = training.samples().iter().map(|sample| sample.objects.as_slice());
+            let frames: Vec<_> = objects.zip(found.iter().map(Vec::as_slice)).collect();
+            let set = ClosedSet::fit(&frames)?;
+            let found = kinds(&detector, &dataset, "predict", &device)?;
+            found.iter().map(|found| set.judged(score, found)).collect()
+        }
+    };
+    let source = Source {
+        set: format!("{} of {}", args.name, args.run.display()),
+        config_toml: config::to_toml(&trained.config()?),
+    };
+    write(&out, &dataset, &judged, &source)?;
+    Ok(ExitStatus::Done)
+}
+
+/// The boxes of a network that tells kinds.
+fn kinds(
+    detector: &Detector,
+    dataset: &Dataset,
+    stage: &str,
+    device: &Device,
+) -> anyhow::Result<Vec<Vec<KindBox>>> {
+    let samples = dataset.samples().iter();
+    let measured: Vec<_> = samples.map(|sample| (sample.id.as_str(), &sample.measured)).collect();
+    let bar = Bar::default();
+    bar.start(stage, measured.len() as u64);
+    let found = predict_kinds(detector, &measured, device, &bar)?;
+    bar.finish();
+    Ok(found)
+}

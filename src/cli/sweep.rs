@@ -1,0 +1,62 @@
+//! `harmzone sweep`: a dataset's frames at other speeds and steering angles.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::ExitStatus;
+use super::detector::Trained;
+use super::device::DeviceArg;
+use super::predict::open_split;
+use super::progress::Bar;
+use crate::config;
+use crate::eval::Protocol;
+use crate::eval::sweep::SweepConfig;
+use crate::report::sweeps::{self, SweepRequest};
+
+#[derive(Debug, Args)]
+pub struct SweepArgs {
+    /// Folder of a trained detector, a checkpoint, or `small`, the network inside the program
+    run: PathBuf,
+    /// Labelled dataset
+    #[arg(long, value_name = "DIR")]
+    data: PathBuf,
+    /// Folder for sweeps.json, sweeps.csv, sweep.toml, plots (SVG and PNG) and pictures
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Split: train, val or test; without it, the dataset's val, or test where there is no val
+    #[arg(long)]
+    split: Option<String>,
+    /// Label set, whose zone is used
+    #[arg(long, value_name = "SET", default_value = "rect")]
+    labels: String,
+    /// What is swept (TOML); `configs/sweep.toml` holds the defaults
+    #[arg(long, value_name = "TOML")]
+    config: Option<PathBuf>,
+    /// Override one key of the config, e.g. n_episodes=4
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    overrides: Vec<String>,
+    #[command(flatten)]
+    device: DeviceArg,
+    /// Replace the sweeps of an existing output folder
+    #[arg(long)]
+    force: bool,
+}
+
+pub fn run(args: SweepArgs) -> anyhow::Result<ExitStatus> {
+    let config: SweepConfig = config::load(args.config.as_deref(), &args.overrides)?;
+    sweeps::refuse_to_overwrite(&args.out, args.force)?;
+    let trained = Trained::find(&args.run)?;
+    let device = args.device.open()?;
+    let dataset = open_split(&args.data, &args.labels, args.split.as_deref())?;
+    let detector = trained.load(&device)?;
+    let request = SweepRequest {
+        detector: &detector,
+        dataset: &dataset,
+        config: &config,
+        protocol: &Protocol::default(),
+        out: &args.out,
+    };
+    print!("{}", sweeps::run(&request, &device, &Bar::default())?);
+    Ok(ExitStatus::Done)
+}

@@ -1,0 +1,354 @@
+//! The same frames at other speeds and steering angles: does the set of harmful objects follow the zone's?
+//!
+//! At each value the detector is given the frame's own image and cloud with the changed state. The truth either follows,
+//! by the zone of the changed state (the paper's figures), or stays as it is (an error of the speed or steering
+//! sensor). Beside the network's own harm its rivals are judged, [`Judge`], on the same boxes.
+
+mod config;
+mod curves;
+
+use burn::tensor::Device;
+use thiserror::Error;
+
+pub use config::{Change, SweepConfig};
+pub use curves::{SweepCurve, SweepPoint, Sweeps};
+
+use super::judge::Judge;
+use super::metrics;
+use super::predict::{PredictError, predict_states};
+use super::protocol::Protocol;
+use super::safety::Early;
+use super::safety::located::Located;
+use super::{EvalSample, EvalTruth, Mode, SampleFacts, ScoreError, check, facts, safety, score};
+use crate::dataset::{Dataset, LabelledSample};
+use crate::label::zone::{Zone, ZoneError};
+use crate::model::Detector;
+use crate::object::{Detection, Distribution, Harm};
+use crate::progress::Progress;
+use crate::sample::{EgoState, Measured};
+
+/// Why a sweep could not be made.
+#[derive(Debug, Error)]
+pub enum SweepError {
+    #[error(transparent)]
+    Predict(#[from] PredictError),
+    #[error(transparent)]
+    Score(#[from] ScoreError),
+    #[error("sample {sample} with {change} {value}: {source}", change = change.name())]
+    Zone { sample: String, change: Change, value: f64, source: ZoneError },
+}
+
+/// The frames of a dataset with the network's boxes at the recorded state and at every value of every change.
+pub struct Swept<'a> {
+    frames: &'a [LabelledSample],
+    facts: Vec<SampleFacts>,
+    zone: &'a Zone,
+    values: Vec<(Change, f64)>,
+    /// `[frame][state][box]`: the recorded state first, then the values'.
+    found: Vec<Vec<Vec<Detection>>>,
+}
+
+impl<'a> Swept<'a> {
+    /// Runs the detector, in inference mode, over the first `config.n_episodes` episodes of a dataset, once through
+    /// each frame's sensors.
+    ///
+    /// # Errors
+    /// A sample is broken, or a state cannot be.
+    pub fn run(
+        detector: &Detector,
+        dataset: &'a Dataset,
+        config: &SweepConfig,
+        device: &Device,
+        progress: &dyn Progress,
+    ) -> Result<Self, SweepError> {
+        let frames = dataset.first_episodes(config.n_episodes);
+        let values: Vec<(Change, f64)> = Change::ALL
+            .into_iter()
+            .flat_map(|change| change.values(config).iter().map(move |&value| (change, value)))
+            .collect();
+        let states = |measured: &Measured| {
+            let recorded = &measured.ego_state;
+            let changed = values.iter().map(|&(change, value)| change.apply(recorded, value));
+            std::iter::once(*recorded).chain(changed).collect()
+        };
+        let named: Vec<_> = frames.iter().map(|frame| (frame.id.as_str(), &frame.measured)).collect();
+        progress.start("sweep", named.len() as u64);
+        let with_camera = detector.config().use_camera;
+        let found = predict_states(detector, &named, &states, with_camera, device, progress)?;
+        progress.finish();
+        let mut facts = facts::of_dataset(dataset);
+        facts.truncate(frames.len());
+        Ok(Self { frames, facts, zone: dataset.zone(), values, found })
+    }
+
+    /// The frames that were looked at.
+    #[must_use]
+    pub fn frames(&self) -> &'a [LabelledSample] {
+        self.frames
+    }
+
+    /// The network's boxes in a frame at its recorded state.
+    #[must_use]
+    pub fn recorded(&self, frame_idx: usize) -> &[Detection] {
+        &self.found[frame_idx][0]
+    }
+
+    /// Judges and scores all of it.
+    ///
+    /// # Errors
+    /// No frame, or a state that cannot be.
+    pub fn measure(&self, judges: &[Judge], protocol: &Protocol) -> Result<Sweeps, SweepError> {
+        let is_ood = |frame: &LabelledSample| {
+            frame.objects.iter().any(|object| object.truth.distribution == Distribution::Ood)
+        };
+        let mode = if self.frames.iter().any(is_ood) { Mode::Ood } else { Mode::Id };
+        let mut curves = Vec::new();
+        for change in Change::ALL {
+            for &judge in judges {
+                let values = self.values.iter().enumerate().filter(|(_, (of, _))| *of == change);
+                let points = values.map(|(i, &(_, value))| {
+                    let samples = self.samples(1 + i, change, value, judge)?;
+                    Ok(point(value, &samples, protocol, mode)?)
+                });
+                let points = points.collect::<Result<Vec<_>, SweepError>>()?;
+                if !points.is_empty() {
+                    curves.push(SweepCurve { change, judge, truth_moves: change.moves_truth(), points });
+                }
+            }
+        }
+        Ok(Sweeps { n_samples: self.frames.len(), curves, early: self.early(protocol)? })
+    }
+
+    /// The frames at a value, as a judge sees them.
+    fn samples(
+        &self,
+        state_idx: usize,
+        change: Change,
+        value: f64,
+        judge: Judge,
+    ) -> Result<Vec<EvalSample>, SweepError> {
+        let of_frame = |(frame, found): (&LabelledSample, &Vec<Vec<Detection>>)| {
+            let fail = |source| SweepError::Zone { sample: frame.id.clone(), change, value, source };
+            let state = change.apply(&frame.measured.ego_state, value);
+            let judged = judge.judged(&found[state_idx], &state, self.zone).map_err(fail)?;
+            let truths = truths(frame, change.moves_truth().then_some(&state), self.zone).map_err(fail)?;
+            let detections = judged.iter().map(Into::into).collect();
+            Ok(EvalSample { id: frame.id.clone(), facts: SampleFacts::default(), truths, detections })
+        };
+        self.frames.iter().zip(&self.found).map(of_frame).collect()
+    }
+
+    fn early(&self, protocol: &Protocol) -> Result<Option<Early>, ScoreError> {
+        let frames = self.frames.iter().zip(&self.facts).zip(&self.found);
+        let samples: Vec<EvalSample> = frames
+            .map(|((frame, facts), found)| EvalSample {
+                id: frame.id.clone(),
+                facts: facts.clone(),
+                truths: frame.objects.iter().map(Into::into).collect(),
+                detections: found[0].iter().map(Into::into).collect(),
+            })
+            .collect();
+        check(&samples, protocol, Mode::Id)?;
+        let (kept, _) = metrics::filtered(&samples, protocol.config());
+        let matching = metrics::matched(&kept, protocol.config());
+        Ok(safety::measure(&kept, &matching, protocol).early)
+    }
+}
+
+/// The truths of a frame, labelled by the zone of a state where one is given.
+fn truths(
+    frame: &LabelledSample,
+    changed: Option<&EgoState>,
+    zone: &Zone,
+) -> Result<Vec<EvalTruth>, ZoneError> {
+    let mut truths: Vec<EvalTruth> = frame.objects.iter().map(Into::into).collect();
+    if let Some(state) = changed {
+        let zone = zone.at(state)?;
+        for truth in &mut truths {
+            truth.harm = zone.harm_of(&truth.box_in_ego, truth.velocity_in_ego_mps)?.harm;
+        }
+    }
+    Ok(truths)
+}
+
+fn point(
+    value: f64,
+    samples: &[EvalSample],
+    protocol: &Protocol,
+    mode: Mode,
+) -> Result<SweepPoint, ScoreError> {
+    let scores = score(samples, protocol, mode)?.columns;
+    let (kept, _) = metrics::filtered(samples, protocol.config());
+    let located = Located::of_samples(&kept, protocol.config().tp_threshold_m);
+    // Truth, and what it is called where a detection lies on it.
+    let labels: Vec<(bool, Option<bool>)> = located
+        .iter()
+        .map(|found| {
+            let called = found.harm_probability().map(|probability| probability >= 0.5);
+            (found.truth.harm == Harm::Harmful, called)
+        })
+        .collect();
+    let count = |fits: fn(&(bool, Option<bool>)) -> bool| labels.iter().filter(|label| fits(label)).count();
+    let n_harmful = count(|&(truth, _)| truth);
+    let n_called_harmful = count(|&(_, called)| called == Some(true));
+    let n_both = count(|&(truth, called)| truth && called == Some(true));
+    let n_located = count(|(_, called)| called.is_some());
+    let n_right = count(|&(truth, called)| called == Some(truth));
+    let share = |n: usize, of: usize| (of > 0).then(|| n as f64 / of as f64);
+    Ok(SweepPoint {
+        value,
+        scores,
+        n_truths: labels.len(),
+        n_located,
+        n_harmful,
+        n_called_harmful,
+        n_both,
+        set_iou: share(n_both, n_harmful + n_called_harmful - n_both),
+        agreement: share(n_right, n_located),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dataset::test_data;
+    use crate::eval::matching::tests::{found, truth};
+    use crate::label::zone::ZoneKind;
+    use crate::model::ModelConfig;
+    use crate::progress::Silent;
+    use burn::module::Module;
+
+    fn detector() -> Detector {
+        let mut config = ModelConfig::default();
+        (config.grid.cell_size_m, config.camera.cnn.image_width_px, config.head.n_queries) = (3.2, 64, 40);
+        Detector::init(&config, 0, &Device::flex()).valid()
+    }
+
+    fn config() -> SweepConfig {
+        SweepConfig {
+            speed_mps: vec![0.0, 14.0],
+            steering_deg: vec![20.0],
+            speed_factor: vec![1.0],
+            steering_offset_deg: vec![],
+            judges: vec![Judge::Network, Judge::Zone],
+            ..SweepConfig::default()
+        }
+    }
+
+    #[test]
+    fn the_truth_follows_the_speed_or_stays() {
+        let dataset = test_data::dataset(6);
+        let n_harmful = |change: Change, value: f64| -> usize {
+            let of_frame = |frame: &LabelledSample| {
+                let state = change.apply(&frame.measured.ego_state, value);
+                truths(frame, change.moves_truth().then_some(&state), dataset.zone()).unwrap()
+            };
+            let truths = dataset.samples().iter().flat_map(of_frame);
+            truths.filter(|truth| truth.harm == Harm::Harmful).count()
+        };
+        assert!(n_harmful(Change::SpeedMps, 0.0) < n_harmful(Change::SpeedMps, 20.0));
+        assert_eq!(n_harmful(Change::SpeedFactor, 0.0), n_harmful(Change::SpeedFactor, 20.0));
+        let state = dataset.samples()[0].measured.ego_state;
+        assert_eq!(Change::SpeedFactor.apply(&state, 1.1).speed_mps, 1.1 * state.speed_mps);
+        let turned = Change::SteeringOffsetDeg.apply(&state, -2.0).steering_angle_rad;
+        assert!((state.steering_angle_rad - turned - 2f64.to_radians()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_truth_follows_the_zone_of_every_shape() {
+        for kind in ZoneKind::ALL {
+            let dataset = test_data::dataset_of(6, kind);
+            let harms = |change: Change, value: f64| -> Vec<Harm> {
+                let of_frame = |frame: &LabelledSample| {
+                    let state = change.apply(&frame.measured.ego_state, value);
+                    truths(frame, Some(&state), dataset.zone()).unwrap()
+                };
+                dataset.samples().iter().flat_map(of_frame).map(|truth| truth.harm).collect()
+            };
+            let n_harmful =
+                |speed| harms(Change::SpeedMps, speed).iter().filter(|&&harm| harm == Harm::Harmful).count();
+            assert!(n_harmful(0.0) < n_harmful(14.0), "{kind:?}");
+            // Every angle that a car steers can be had, and the far ones differ.
+            let turned: Vec<_> = (-35..=35).map(|deg| harms(Change::SteeringDeg, f64::from(deg))).collect();
+            assert!(turned[0] != turned[35] && turned[35] != turned[70], "{kind:?}");
+        }
+    }
+
+    #[test]
+    fn one_pass_over_the_sensors_finds_what_a_pass_for_each_state_finds() {
+        let (dataset, detector, device) = (test_data::dataset(2), detector(), Device::flex());
+        let swept = Swept::run(&detector, &dataset, &config(), &device, &Silent).unwrap();
+        for (state_idx, (change, value)) in
+            [(Change::SpeedFactor, 1.0)].iter().chain(&swept.values).copied().enumerate()
+        {
+            for (frame, of_frame) in dataset.samples().iter().zip(&swept.found) {
+                let mut measured = frame.measured.clone();
+                measured.ego_state = change.apply(&measured.ego_state, value);
+                let alone = super::super::predict::predict(
+                    &detector,
+                    &[("alone", &measured)],
+                    true,
+                    &device,
+                    &Silent,
+                );
+                let (alone, at_once) = (&alone.unwrap()[0], &of_frame[state_idx]);
+                assert_eq!(alone.len(), at_once.len(), "{change:?} {value}");
+                let off = |(a, b): (&Detection, &Detection)| (a.score - b.score).abs();
+                assert!(alone.iter().zip(at_once).map(off).all(|off| off < 1e-5));
+            }
+        }
+        // The network is asked about speed: other scores.
+        assert_ne!(swept.found[0][1], swept.found[0][2]);
+    }
+
+    #[test]
+    fn each_value_has_a_point_for_each_judge_and_a_state_that_cannot_be_is_an_error() {
+        let (dataset, detector, device) = (test_data::dataset(3), detector(), Device::flex());
+        let swept = Swept::run(&detector, &dataset, &config(), &device, &Silent).unwrap();
+        let sweeps = swept.measure(&config().judges, &Protocol::default()).unwrap();
+        assert_eq!((sweeps.n_samples, sweeps.curves.len()), (3, 6));
+        let speeds = sweeps.points(Change::SpeedMps, Judge::Zone);
+        assert_eq!(speeds.iter().map(|point| point.value).collect::<Vec<_>>(), [0.0, 14.0]);
+        for point in sweeps.curves.iter().flat_map(|curve| &curve.points) {
+            assert!(point.n_located <= point.n_truths && point.n_both <= point.n_harmful, "{point:?}");
+            assert!(point.scores.id_matched.is_none(), "all objects are in distribution");
+        }
+        // The rival calls by the rule itself: what it locates is right unless the box is off.
+        let harmful = |judge| sweeps.points(Change::SpeedMps, judge)[1].n_harmful;
+        assert_eq!(harmful(Judge::Zone), harmful(Judge::Network));
+        assert!(sweeps.points(Change::SteeringOffsetDeg, Judge::Zone).is_empty());
+        assert_eq!(sweeps.to_csv().lines().count(), 1 + 2 * 4);
+        let again: Sweeps = serde_json::from_str(&sweeps.to_json()).unwrap();
+        assert_eq!((again.to_csv(), again.early), (sweeps.to_csv(), sweeps.early));
+        let broken = SweepConfig { speed_mps: vec![f64::NAN], ..config() };
+        assert!(Swept::run(&detector, &dataset, &broken, &device, &Silent).is_err());
+    }
+
+    #[test]
+    fn both_sets_are_counted_over_all_truths() {
+        use crate::object::Distribution::Id;
+        use Harm::{Harmful, Harmless};
+        let sample = EvalSample {
+            id: "s".into(),
+            facts: SampleFacts::default(),
+            truths: vec![
+                truth(10.0, Harmful, Id),  // called harmful
+                truth(15.0, Harmful, Id),  // called harmless
+                truth(20.0, Harmful, Id),  // not located
+                truth(25.0, Harmless, Id), // called harmful
+                truth(30.0, Harmless, Id), // called harmless
+            ],
+            detections: vec![
+                found(10.0, Harmful, 0.9),
+                found(15.0, Harmful, 0.2),
+                found(15.0, Harmless, 0.4),
+                found(25.0, Harmful, 0.3),
+                found(30.0, Harmless, 0.3),
+            ],
+        };
+        let point = point(5.0, &[sample], &Protocol::default(), Mode::Id).unwrap();
+        assert_eq!((point.n_truths, point.n_located), (5, 4));
+        assert_eq!((point.n_harmful, point.n_called_harmful, point.n_both), (3, 2, 1));
+        assert_eq!((point.set_iou, point.agreement), (Some(0.25), Some(0.5)));
+    }
+}

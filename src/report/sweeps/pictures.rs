@@ -1,0 +1,273 @@
+//! Pictures of a sweep: one frame at several states, and an object of each kind out of distribution.
+
+use std::collections::BTreeMap;
+
+use burn::tensor::Device;
+use image::RgbImage;
+
+use super::SweepReportError;
+use crate::dataset::LabelledSample;
+use crate::eval::predict::predict_states;
+use crate::eval::sweep::{Change, SweepConfig, SweepError, Swept};
+use crate::geometry::Point2;
+use crate::label::zone::Zone;
+use crate::model::Detector;
+use crate::object::{Detection, Distribution, Harm};
+use crate::progress::Silent;
+use crate::report::view::{self, Scene, StatePanel, draw_states};
+use crate::sample::{EgoState, Sample, Truth};
+
+/// Pictures by their names in the folder.
+type Named = Vec<(String, RgbImage)>;
+
+/// Draws all of them.
+///
+/// # Errors
+/// A state that cannot be, or an image that cannot be unpacked.
+pub fn draw_all(
+    swept: &Swept<'_>,
+    zone: &Zone,
+    config: &SweepConfig,
+    detector: &Detector,
+    device: &Device,
+) -> Result<Named, SweepReportError> {
+    let mut pictures = Vec::new();
+    for (name, change, values) in [
+        ("frame_speed.png", Change::SpeedMps, &config.picture_speed_mps),
+        ("frame_steering.png", Change::SteeringDeg, &config.picture_steering_deg),
+    ] {
+        if let Some(frame) = most_changed(swept.frames(), zone, change, values)? {
+            let found = at_values(detector, frame, change, values, device)?;
+            let picture = draw_frame(frame, zone, change, values, &found, config.picture_min_score)?;
+            pictures.push((name.to_owned(), picture));
+        }
+    }
+    for (category, frame_idx) in best_seen(swept.frames()) {
+        let found = shown(swept.recorded(frame_idx), config.picture_min_score);
+        let picture = draw_kind(&swept.frames()[frame_idx], zone, &found)?;
+        pictures.push((format!("kinds/{category}.png"), picture));
+    }
+    Ok(pictures)
+}
+
+/// The boxes that are drawn: of one query the better class alone.
+fn shown(found: &[Detection], min_score: f32) -> Vec<Detection> {
+    let mut shown: Vec<Detection> = Vec::new();
+    for detection in found.iter().filter(|detection| detection.score >= min_score) {
+        if !shown.iter().any(|better| better.box_in_ego == detection.box_in_ego) {
+            shown.push(*detection);
+        }
+    }
+    shown
+}
+
+/// The zone at a state, and the labels of a frame's objects by it.
+fn labels_at(
+    frame: &LabelledSample,
+    zone: &Zone,
+    state: &EgoState,
+) -> Result<(Vec<Point2>, Vec<Harm>), SweepReportError> {
+    let fail = |source| SweepReportError::Zone { sample: frame.id.clone(), source };
+    let area = zone.at(state).map_err(fail)?;
+    let harms = frame.objects.iter().map(|object| {
+        let truth = &object.truth;
+        let verdict = area.harm_of(&truth.box_in_ego, truth.velocity_in_ego_mps).map_err(fail)?;
+        Ok::<_, SweepReportError>(verdict.harm)
+    });
+    Ok((area.corners().to_vec(), harms.collect::<Result<_, _>>()?))
+}
+
+/// The frame of which most objects that the LiDAR hit change sides from value to value, the first of equals; none where
+/// there is no value or no frame.
+fn most_changed<'a>(
+    frames: &'a [LabelledSample],
+    zone: &Zone,
+    change: Change,
+    values: &[f64],
+) -> Result<Option<&'a LabelledSample>, SweepReportError> {
+    let mut best: Option<(usize, &LabelledSample)> = None;
+    for frame in frames.iter().filter(|_| !values.is_empty()) {
+        let at =
+            |&value: &f64| Ok(labels_at(frame, zone, &change.apply(&frame.measured.ego_state, value))?.1);
+        let harms = values.iter().map(at).collect::<Result<Vec<_>, SweepReportError>>()?;
+        let changes = |i: &usize| harms.windows(2).any(|pair| pair[0][*i] != pair[1][*i]);
+        let is_hit = |i: &usize| frame.objects[*i].truth.n_lidar_points > 0;
+        let n_changed = (0..frame.objects.len()).filter(is_hit).filter(changes).count();
+        if best.is_none_or(|(most, _)| n_changed > most) {
+            best = Some((n_changed, frame));
+        }
+    }
+    Ok(best.map(|(_, frame)| frame))
+}
+
+/// The network's boxes in a frame at each value.
+fn at_values(
+    detector: &Detector,
+    frame: &LabelledSample,
+    change: Change,
+    values: &[f64],
+    device: &Device,
+) -> Result<Vec<Vec<Detection>>, SweepReportError> {
+    let named = [(frame.id.as_str(), &frame.measured)];
+    let states = |measured: &crate::sample::Measured| {
+        values.iter().map(|&value| change.apply(&measured.ego_state, value)).collect()
+    };
+    let with_camera = detector.config().use_camera;
+    let found = predict_states(detector, &named, &states, with_camera, device, &Silent);
+    Ok(found.map_err(SweepError::from)?.into_iter().flatten().collect())
+}
+
+/// A sample of a frame at a state.
+fn sample_at(frame: &LabelledSample, state: EgoState) -> Sample {
+    let objects = frame.objects.iter().map(|object| object.truth.clone()).collect();
+    let mut measured = frame.measured.clone();
+    measured.ego_state = state;
+    Sample { measured, truth: Truth { objects } }
+}
+
+/// Episode and place in it, as a frame's id tells them.
+fn place(frame: &LabelledSample) -> (&str, usize) {
+    let (episode, idx) = frame.id.rsplit_once('/').unwrap_or((&frame.id, "0"));
+    (episode, idx.parse().unwrap_or(0))
+}
+
+fn draw_frame(
+    frame: &LabelledSample,
+    zone: &Zone,
+    change: Change,
+    values: &[f64],
+    found: &[Vec<Detection>],
+    min_score: f32,
+) -> Result<RgbImage, SweepReportError> {
+    let (episode, sample_idx) = place(frame);
+    let states: Vec<EgoState> =
+        values.iter().map(|&value| change.apply(&frame.measured.ego_state, value)).collect();
+    let samples: Vec<Sample> = states.iter().map(|&state| sample_at(frame, state)).collect();
+    let labels = states.iter().map(|state| labels_at(frame, zone, state)).collect::<Result<Vec<_>, _>>()?;
+    let found: Vec<_> = found.iter().map(|found| shown(found, min_score)).collect();
+    let panels: Vec<StatePanel<'_>> = values
+        .iter()
+        .enumerate()
+        .map(|(i, &value)| StatePanel {
+            title: title(change, value),
+            scene: Scene {
+                episode,
+                sample_idx,
+                sample: &samples[i],
+                harms: Some(&labels[i].1),
+                zone: Some(&labels[i].0),
+                detections: Some(&found[i]),
+            },
+        })
+        .collect();
+    Ok(draw_states(&panels))
+}
+
+fn title(change: Change, value: f64) -> String {
+    match change {
+        Change::SpeedMps => format!("{value} m/s"),
+        Change::SteeringDeg if value == 0.0 => "straight".to_owned(),
+        Change::SteeringDeg => format!("{}° {}", value.abs(), if value > 0.0 { "left" } else { "right" }),
+        Change::SpeedFactor => format!("speed · {value}"),
+        Change::SteeringOffsetDeg => format!("{value:+}°"),
+    }
+}
+
+/// Of each category out of distribution the frame in which one of its objects shows the most pixels, if any does.
+fn best_seen(frames: &[LabelledSample]) -> BTreeMap<&str, usize> {
+    let mut best: BTreeMap<&str, (u32, usize)> = BTreeMap::new();
+    for (frame_idx, frame) in frames.iter().enumerate() {
+        let is_ood = |truth: &&crate::object::ObjectTruth| truth.distribution == Distribution::Ood;
+        for truth in frame.objects.iter().map(|object| &object.truth).filter(is_ood) {
+            let seen = best.entry(&truth.category).or_insert((0, frame_idx));
+            if truth.visible_px > seen.0 {
+                *seen = (truth.visible_px, frame_idx);
+            }
+        }
+    }
+    best.into_iter().map(|(category, (_, frame_idx))| (category, frame_idx)).collect()
+}
+
+fn draw_kind(frame: &LabelledSample, zone: &Zone, found: &[Detection]) -> Result<RgbImage, SweepReportError> {
+    let (episode, sample_idx) = place(frame);
+    let state = frame.measured.ego_state;
+    let harms: Vec<Harm> = frame.objects.iter().map(|object| object.harm).collect();
+    view::draw(&Scene {
+        episode,
+        sample_idx,
+        sample: &sample_at(frame, state),
+        harms: Some(&harms),
+        zone: Some(&labels_at(frame, zone, &state)?.0),
+        detections: Some(found),
+    })
+    .map_err(|source| SweepReportError::Image { sample: frame.id.clone(), source })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dataset::test_data;
+
+    #[test]
+    fn the_frame_with_most_objects_that_change_sides_is_drawn() {
+        let dataset = test_data::dataset(8);
+        let n_changed = |frame: &LabelledSample| {
+            let at = |value| {
+                let state = Change::SpeedMps.apply(&frame.measured.ego_state, value);
+                labels_at(frame, dataset.zone(), &state).unwrap().1
+            };
+            at(0.0).iter().zip(at(14.0)).filter(|(a, b)| **a != *b).count()
+        };
+        let chosen = most_changed(dataset.samples(), dataset.zone(), Change::SpeedMps, &[0.0, 14.0]);
+        let chosen = chosen.unwrap().unwrap();
+        let most = dataset.samples().iter().map(n_changed).max().unwrap();
+        assert!(most > 0 && n_changed(chosen) == most);
+        assert!(most_changed(dataset.samples(), dataset.zone(), Change::SpeedMps, &[]).unwrap().is_none());
+    }
+
+    #[test]
+    fn each_kind_is_shown_where_it_is_seen_best() {
+        let mut dataset = test_data::dataset(3);
+        for (frame_idx, px) in [(0, 50), (1, 900), (2, 400)] {
+            let truth = &mut dataset.sample_mut(frame_idx).objects[2].truth;
+            truth.category = "sofa".into();
+            (truth.distribution, truth.visible_px) = (Distribution::Ood, px);
+        }
+        let best: Vec<_> = best_seen(dataset.samples()).into_iter().collect();
+        assert_eq!(best, [("sofa", 1)]);
+        let picture = draw_kind(&dataset.samples()[1], dataset.zone(), &[]).unwrap();
+        assert_eq!(picture.dimensions(), view::SIZE_PX);
+    }
+
+    #[test]
+    fn a_frame_at_three_speeds_has_three_panels_whose_zones_grow() {
+        let dataset = test_data::dataset(1);
+        let frame = &dataset.samples()[0];
+        let values = [0.0, 7.0, 14.0];
+        let found = vec![Vec::new(); 3];
+        let picture = draw_frame(frame, dataset.zone(), Change::SpeedMps, &values, &found, 0.3).unwrap();
+        let again = draw_frame(frame, dataset.zone(), Change::SpeedMps, &values, &found, 0.3).unwrap();
+        assert!(picture == again);
+        let third = picture.width() / 3;
+        // The zone's edge is green.
+        let n_green = |panel: u32| {
+            let columns = panel * third..(panel + 1) * third;
+            let pixels = columns.flat_map(|x| (60..560).map(move |y| (x, y)));
+            let is_green = |p: [u8; 3]| p[1] > 150 && p[0] < 120 && p[2] < 160;
+            pixels.filter(|&(x, y)| is_green(picture.get_pixel(x, y).0)).count()
+        };
+        assert!(n_green(0) < n_green(1) && n_green(1) < n_green(2), "{:?}", [0, 1, 2].map(n_green));
+    }
+
+    #[test]
+    fn of_one_query_the_better_class_is_shown() {
+        let found = |harm, score| Detection {
+            box_in_ego: test_data::dataset(1).samples()[0].objects[0].truth.box_in_ego,
+            velocity_in_ego_mps: [0.0; 2],
+            harm,
+            score,
+        };
+        let shown = shown(&[found(Harm::Harmful, 0.5), found(Harm::Harmless, 0.4)], 0.3);
+        assert_eq!(shown.iter().map(|d| d.harm).collect::<Vec<_>>(), [Harm::Harmful]);
+    }
+}

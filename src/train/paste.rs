@@ -1,0 +1,465 @@
+//! Objects of other samples pasted into a sample's cloud, labelled by the zone where they come to stand.
+//!
+//! Copy-paste of LiDAR objects is SECOND's (Yan et al. 2018). Here an object turns about the LiDAR and keeps its
+//! distance, so that it shows the side and the number of points that the sensor would see of it; what it
+//! hides loses its points, and so does it where something hides it. It may be stretched along each
+//! axis and tipped over: shapes and places that the training split does not hold, which is what an unfamiliar object is
+//! to a detector. The picture does not show it.
+
+use std::collections::{HashMap, HashSet};
+
+use nalgebra::Vector3;
+use rand::RngExt;
+
+use super::config::AugmentConfig;
+use crate::dataset::LabelledSample;
+use crate::geometry::{Box3, Ego, Lidar, Point, Transform, convex_signed_distance_m};
+use crate::label::zone::{Zone, ZoneError};
+use crate::object::{Kind, LabelledObject, ObjectTruth};
+use crate::random::Rng;
+use crate::sample::{LidarPoint, Measured};
+
+/// An object with fewer points is not worth pasting.
+const MIN_POINTS_OF_DONOR: u32 = 8;
+/// What must be left of it where it stands.
+const MIN_VISIBLE_POINTS: usize = 3;
+/// Lower points in a donor's box are the ground's.
+const ABOVE_GROUND_M: f64 = 0.05;
+/// Points this far inside a place make it taken.
+const TAKEN_ABOVE_GROUND_M: f64 = 0.3;
+const MAX_POINTS_OF_TAKEN: usize = 2;
+/// Least gap to other objects and to the front bumper.
+const CLEARANCE_M: f64 = 0.3;
+/// Ground height is that of the lowest points this near.
+const GROUND_RADIUS_M: f64 = 2.5;
+const MIN_GROUND_POINTS: usize = 5;
+/// Where the lowest points are this much higher or lower than the object stood, they are no ground for it.
+const MAX_RISE_M: f64 = 1.5;
+/// Somewhat more than the step between shots of a ring, so that a thing is no sieve.
+const AZIMUTH_BIN_RAD: f64 = 0.5 * std::f64::consts::PI / 180.0;
+/// One thing hides another that is this much farther away.
+const DEPTH_M: f64 = 0.3;
+/// Margin to the edge of the cloud.
+const EDGE_RAD: f64 = 3.0 * std::f64::consts::PI / 180.0;
+/// Taller things do not lie about.
+const MAX_HEIGHT_OF_TIPPED_M: f64 = 2.5;
+const INTENSITY_SPREAD: f64 = 0.4;
+/// Donors tried for one object.
+const N_TRIES: usize = 4;
+
+/// A sample with others' objects in it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Pasted {
+    pub measured: Measured,
+    pub objects: Vec<LabelledObject>,
+}
+
+/// Pastes up to `config.max_pasted` objects; `None` where none was drawn or found its place.
+///
+/// # Errors
+/// The zone cannot be had for the sample's state, or a box is not valid.
+pub fn paste(
+    sample: &LabelledSample,
+    donors: &[LabelledSample],
+    zone: &Zone,
+    config: &AugmentConfig,
+    rng: &mut Rng,
+) -> Result<Option<Pasted>, ZoneError> {
+    let n = rng.random_range(0..=config.max_pasted);
+    if n == 0 {
+        return Ok(None);
+    }
+    let area = zone.at(&sample.measured.ego_state)?;
+    let mut scene = Scene::of(sample);
+    for i in 0..n {
+        for _ in 0..N_TRIES {
+            let thing = Thing::draw(donors, &sample.measured, config, rng);
+            if let Some((truth, points)) = thing.and_then(|thing| scene.place(thing)) {
+                let harm = area.harm_of(&truth.box_in_ego, truth.velocity_in_ego_mps)?.harm;
+                scene.add(
+                    LabelledObject { truth: ObjectTruth { id: format!("pasted-{i}"), ..truth }, harm },
+                    points,
+                );
+                break;
+            }
+        }
+    }
+    Ok(scene.into_pasted(sample))
+}
+
+/// A LiDAR return in the ego frame.
+#[derive(Debug, Clone, Copy)]
+struct Return {
+    at: Point<Ego>,
+    intensity: f32,
+    ring: u16,
+}
+
+/// An object on its way.
+struct Thing {
+    truth: ObjectTruth,
+    points: Vec<Return>,
+}
+
+impl Thing {
+    /// Some object of some sample: of two the nearer, turned about the LiDAR of `into`, stretched, perhaps tipped over.
+    fn draw(
+        donors: &[LabelledSample],
+        into: &Measured,
+        config: &AugmentConfig,
+        rng: &mut Rng,
+    ) -> Option<Self> {
+        let donor = &donors[rng.random_range(0..donors.len())];
+        let known = |object: &&LabelledObject| object.truth.n_lidar_points >= MIN_POINTS_OF_DONOR;
+        let candidates: Vec<&LabelledObject> = donor.objects.iter().filter(known).collect();
+        if candidates.is_empty() {
+            return None;
+        }
+        let lidar = into.ego_from_lidar.isometry.translation.vector;
+        let distance_m =
+            |object: &LabelledObject| (object.truth.box_in_ego.center.coords.coords - lidar).xy().norm();
+        let mut any = || candidates[rng.random_range(0..candidates.len())];
+        let (one, other) = (any(), any());
+        let object = if distance_m(other) < distance_m(one) { other } else { one };
+
+        let mut truth = object.truth.clone();
+        let mut points = returns_in(&donor.measured, &truth.box_in_ego);
+        let mut factor = || config.max_stretch.powf(2.0 * rng.random::<f64>() - 1.0);
+        let factors = [factor(), factor(), factor()];
+        let intensity = 1.0 + INTENSITY_SPREAD * (2.0 * rng.random::<f64>() - 1.0);
+        let is_tipped = rng.random::<f64>() < config.tipped_share
+            && truth.kind == Kind::Static
+            && truth.box_in_ego.height_m < MAX_HEIGHT_OF_TIPPED_M;
+        reshape(&mut truth.box_in_ego, &mut points, factors, is_tipped);
+        for point in &mut points {
+            point.intensity = (f64::from(point.intensity) * intensity).min(255.0) as f32;
+        }
+
+        let center = truth.box_in_ego.center;
+        let bearing = (center.y() - lidar.y).atan2(center.x() - lidar.x);
+        let reach = (into.intrinsics.horizontal_fov_rad() / 2.0 - EDGE_RAD).max(0.0);
+        let turn = (2.0 * rng.random::<f64>() - 1.0) * reach - bearing;
+        let about_origin = Transform::<Ego, Ego>::from_xyz_yaw(0.0, 0.0, 0.0, turn);
+        let axis = Vector3::new(lidar.x, lidar.y, 0.0);
+        let moved =
+            Transform::<Ego, Ego>::new(axis - about_origin.rotate(&axis), about_origin.isometry.rotation);
+        truth.box_in_ego = truth.box_in_ego.transformed(&moved);
+        let [x, y] = truth.velocity_in_ego_mps;
+        let velocity = moved.rotate(&Vector3::new(x, y, 0.0));
+        truth.velocity_in_ego_mps = [velocity.x, velocity.y];
+        points.iter_mut().for_each(|point| point.at = moved * point.at);
+        Some(Self { truth, points })
+    }
+}
+
+/// Returns of what stands in a box, without the ground's.
+fn returns_in(measured: &Measured, box_in_ego: &Box3<Ego>) -> Vec<Return> {
+    let bottom_m = box_in_ego.center.z() - box_in_ego.height_m / 2.0;
+    let inside =
+        |of: &Return| box_in_ego.contains(&of.at, ABOVE_GROUND_M) && of.at.z() > bottom_m + ABOVE_GROUND_M;
+    returns(measured).filter(inside).collect()
+}
+
+fn returns(measured: &Measured) -> impl Iterator<Item = Return> {
+    measured.points.iter().map(|of| {
+        let in_lidar = Point::<Lidar>::new(f64::from(of.x_m), f64::from(of.y_m), f64::from(of.z_m));
+        Return { at: measured.ego_from_lidar * in_lidar, intensity: of.intensity, ring: of.ring }
+    })
+}
+
+/// Stretches a box and its points about the middle of its bottom; a tipped one lies on its side.
+fn reshape(of: &mut Box3<Ego>, points: &mut [Return], [along, across, up]: [f64; 3], is_tipped: bool) {
+    let bottom = of.center.coords.coords - Vector3::z() * (of.height_m / 2.0);
+    let (sin, cos) = of.yaw_rad.sin_cos();
+    (of.length_m, of.width_m, of.height_m) = (of.length_m * along, of.width_m * across, of.height_m * up);
+    let (stretched_width_m, stretched_height_m) = (of.width_m, of.height_m);
+    if is_tipped {
+        (of.width_m, of.height_m) = (of.height_m, of.width_m);
+    }
+    for point in points {
+        let offset = point.at.coords.coords - bottom;
+        let x = (offset.x * cos + offset.y * sin) * along;
+        let mut y = (offset.y * cos - offset.x * sin) * across;
+        let mut z = offset.z * up;
+        if is_tipped {
+            (y, z) = (z - stretched_height_m / 2.0, stretched_width_m / 2.0 - y);
+        }
+        let turned = bottom + Vector3::new(x * cos - y * sin, x * sin + y * cos, z);
+        point.at = Point::new(turned.x, turned.y, turned.z);
+    }
+    of.center = Point::new(bottom.x, bottom.y, bottom.z + of.height_m / 2.0);
+}
+
+/// A ray's place: ring, and bin of the azimuth.
+type Ray = (u16, i64);
+
+/// The sample that is pasted into.
+struct Scene {
+    ego_from_lidar: Transform<Ego, Lidar>,
+    min_x_m: f64,
+    returns: Vec<Return>,
+    objects: Vec<LabelledObject>,
+    n_pasted: usize,
+}
+
+impl Scene {
+    fn of(sample: &LabelledSample) -> Self {
+        let measured = &sample.measured;
+        Self {
+            ego_from_lidar: measured.ego_from_lidar,
+            min_x_m: measured.ego_state.front_bumper_x_m + CLEARANCE_M,
+            returns: returns(measured).collect(),
+            objects: sample.objects.clone(),
+            n_pasted: 0,
+        }
+    }
+
+    /// Ray and distance of a return.
+    fn ray(&self, of: &Return) -> (Ray, f64) {
+        let offset = of.at.coords.coords - self.ego_from_lidar.isometry.translation.vector;
+        ((of.ring, (offset.y.atan2(offset.x) / AZIMUTH_BIN_RAD).floor() as i64), offset.norm())
+    }
+
+    /// Height of the ground near a point of the plane.
+    fn ground_m(&self, x_m: f64, y_m: f64) -> Option<f64> {
+        let near = |of: &&Return| (of.at.x() - x_m).hypot(of.at.y() - y_m) < GROUND_RADIUS_M;
+        let mut heights: Vec<f64> = self.returns.iter().filter(near).map(|of| of.at.z()).collect();
+        if heights.len() < MIN_GROUND_POINTS {
+            return None;
+        }
+        let tenth = heights.len() / 10;
+        Some(*heights.select_nth_unstable_by(tenth, f64::total_cmp).1)
+    }
+
+    /// The object on the ground of the scene and what is seen of it; `None` where it cannot stand or is hidden.
+    fn place(&self, thing: Thing) -> Option<(ObjectTruth, Vec<Return>)> {
+        let Thing { mut truth, mut points } = thing;
+        let of = &mut truth.box_in_ego;
+        let bottom_m = of.center.z() - of.height_m / 2.0;
+        let rise_m = self.ground_m(of.center.x(), of.center.y()).unwrap_or(bottom_m) - bottom_m;
+        if rise_m.abs() > MAX_RISE_M {
+            return None;
+        }
+        let raised = |p: Point<Ego>| Point::new(p.x(), p.y(), p.z() + rise_m);
+        of.center = raised(of.center);
+        points.iter_mut().for_each(|point| point.at = raised(point.at));
+
+        let footprint = of.footprint();
+        let is_ahead = footprint.iter().all(|corner| corner.x_m > self.min_x_m);
+        let gap_m = |object: &LabelledObject| {
+            convex_signed_distance_m(&footprint, &object.truth.box_in_ego.footprint())
+        };
+        if !is_ahead || self.objects.iter().any(|object| gap_m(object) < CLEARANCE_M) {
+            return None;
+        }
+        let taken_above_m = bottom_m + rise_m + TAKEN_ABOVE_GROUND_M;
+        let takes = |other: &&Return| other.at.z() > taken_above_m && of.contains(&other.at, 0.0);
+        if self.returns.iter().filter(takes).count() > MAX_POINTS_OF_TAKEN {
+            return None;
+        }
+        let mut nearest: HashMap<Ray, f64> =
+            points.iter().map(|point| (self.ray(point).0, f64::INFINITY)).collect();
+        for other in &self.returns {
+            let (ray, distance_m) = self.ray(other);
+            if let Some(nearest_m) = nearest.get_mut(&ray) {
+                *nearest_m = nearest_m.min(distance_m);
+            }
+        }
+        points.retain(|point| {
+            let (ray, distance_m) = self.ray(point);
+            nearest[&ray] > distance_m - DEPTH_M
+        });
+        truth.n_lidar_points = points.len() as u32;
+        (points.len() >= MIN_VISIBLE_POINTS).then_some((truth, points))
+    }
+
+    /// Takes up an object that has found its place; what it hides goes.
+    fn add(&mut self, object: LabelledObject, points: Vec<Return>) {
+        let mut nearest: HashMap<Ray, f64> = HashMap::new();
+        for point in &points {
+            let (ray, distance_m) = self.ray(point);
+            let nearest_m = nearest.entry(ray).or_insert(distance_m);
+            *nearest_m = nearest_m.min(distance_m);
+        }
+        let is_hidden = |of: &Return| {
+            let (ray, distance_m) = self.ray(of);
+            nearest.get(&ray).is_some_and(|nearest_m| distance_m > *nearest_m)
+        };
+        let hidden: HashSet<usize> =
+            self.returns.iter().enumerate().filter(|(_, of)| is_hidden(of)).map(|(i, _)| i).collect();
+        for other in &mut self.objects {
+            let of = &other.truth.box_in_ego;
+            let n = hidden.iter().filter(|&&i| of.contains(&self.returns[i].at, ABOVE_GROUND_M)).count();
+            other.truth.n_lidar_points = other.truth.n_lidar_points.saturating_sub(n as u32);
+        }
+        let mut i = 0;
+        self.returns.retain(|_| {
+            i += 1;
+            !hidden.contains(&(i - 1))
+        });
+        self.returns.extend(points);
+        self.objects.push(object);
+        self.n_pasted += 1;
+    }
+
+    fn into_pasted(self, sample: &LabelledSample) -> Option<Pasted> {
+        let lidar_from_ego = self.ego_from_lidar.inverse();
+        let points = self.returns.iter().map(|of| {
+            let at = lidar_from_ego * of.at;
+            LidarPoint {
+                x_m: at.x() as f32,
+                y_m: at.y() as f32,
+                z_m: at.z() as f32,
+                intensity: of.intensity,
+                ring: of.ring,
+            }
+        });
+        (self.n_pasted > 0).then(|| Pasted {
+            measured: Measured { points: points.collect(), ..sample.measured.clone() },
+            objects: self.objects,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dataset::test_data;
+    use crate::object::Harm;
+    use crate::random;
+    use crate::train::targets::car;
+
+    fn at(x: f64, y: f64, z: f64, ring: u16) -> Return {
+        Return { at: Point::new(x, y, z), intensity: 100.0, ring }
+    }
+
+    /// A flat road of `rings` circles before the test data's LiDAR, without objects.
+    fn road() -> LabelledSample {
+        let mut sample = test_data::dataset(1).samples()[0].clone();
+        sample.objects.clear();
+        let ring = |ring: u16| {
+            (-60..60).map(move |i| {
+                let (azimuth, radius_m) = (f64::from(i) * 0.0058, 4.0 + 2.0 * f64::from(ring));
+                let (x, y) = (radius_m * azimuth.cos(), radius_m * azimuth.sin());
+                LidarPoint { x_m: x as f32, y_m: y as f32, z_m: -1.8, intensity: 20.0, ring }
+            })
+        };
+        sample.measured.points = (0..12).flat_map(ring).collect();
+        sample
+    }
+
+    /// A donor: the road with one car 12 m away, on whose front there are points.
+    fn donor() -> LabelledSample {
+        let mut sample = road();
+        let mut object = car(12.0, 0.0, Harm::Harmless);
+        object.truth.n_lidar_points = 20;
+        object.truth.velocity_in_ego_mps = [-3.0, 0.0];
+        let lidar_from_ego = sample.measured.ego_from_lidar.inverse();
+        for i in 0..20 {
+            let on_front = Point::new(10.05, -0.8 + 0.08 * f64::from(i), 0.4 + 0.4 * f64::from(i % 3));
+            let p = lidar_from_ego * on_front;
+            let [x_m, y_m, z_m] = [p.x() as f32, p.y() as f32, p.z() as f32];
+            sample.measured.points.push(LidarPoint {
+                x_m,
+                y_m,
+                z_m,
+                intensity: 90.0,
+                ring: 5 + (i % 3) as u16,
+            });
+        }
+        sample.objects.push(object);
+        sample
+    }
+
+    fn config() -> AugmentConfig {
+        AugmentConfig { max_pasted: 1, max_stretch: 1.0, tipped_share: 0.0, ..AugmentConfig::default() }
+    }
+
+    fn pasted(config: &AugmentConfig) -> Vec<Pasted> {
+        let (sample, donors) = (road(), [donor()]);
+        let data = test_data::dataset(1);
+        let one = |i| paste(&sample, &donors, data.zone(), config, &mut random::stream(3, "paste-test", i));
+        (0..40).filter_map(|i| one(i).unwrap()).collect()
+    }
+
+    #[test]
+    fn a_pasted_object_keeps_its_distance_and_its_points_and_is_labelled_where_it_stands() {
+        let found = pasted(&config());
+        assert!(found.len() > 10);
+        let mut harms = HashSet::new();
+        for Pasted { measured, objects } in &found {
+            let of = &objects[0].truth;
+            let center = of.box_in_ego.center;
+            let lidar = measured.ego_from_lidar.isometry.translation.vector;
+            assert!(((center.x() - lidar.x).hypot(center.y() - lidar.y) - (12.0 - lidar.x)).abs() < 1e-6);
+            assert!((of.velocity_in_ego_mps[0].hypot(of.velocity_in_ego_mps[1]) - 3.0).abs() < 1e-9);
+            let inside = returns_in(measured, &of.box_in_ego);
+            assert_eq!(inside.len(), 20);
+            assert_eq!(of.n_lidar_points, 20);
+            let bottom_m = center.z() - of.box_in_ego.height_m / 2.0;
+            assert!(bottom_m.abs() < 1e-3, "on the road: {bottom_m}");
+            let area = test_data::dataset(1).zone().at(&measured.ego_state).unwrap();
+            assert_eq!(objects[0].harm, area.harm_of(&of.box_in_ego, of.velocity_in_ego_mps).unwrap().harm);
+            harms.insert(objects[0].harm.index());
+            // Ring 7 meets the road behind the car, where the car stands before it no more.
+            if center.y().atan2(center.x() - lidar.x).abs() < 0.2 {
+                let n_of_ring = |of: &Measured| of.points.iter().filter(|p| p.ring == 7).count();
+                let n_of_car = inside.iter().filter(|p| p.ring == 7).count();
+                assert!(n_of_ring(&road().measured) > n_of_ring(measured) - n_of_car);
+            }
+        }
+        assert_eq!(harms.len(), 2, "some stand before the car and some beside its way");
+    }
+
+    #[test]
+    fn stretched_and_tipped_objects_fill_their_boxes() {
+        let mut of = car(12.0, 3.0, Harm::Harmless).truth.box_in_ego;
+        of.yaw_rad = 0.7;
+        let corners = of.corners();
+        let mut points: Vec<Return> = corners.iter().map(|p| at(p.x(), p.y(), p.z(), 0)).collect();
+        reshape(&mut of, &mut points, [1.5, 0.5, 2.0], true);
+        assert!(
+            (of.length_m - 6.0).abs() < 1e-9
+                && (of.height_m - 0.9).abs() < 1e-9
+                && (of.width_m - 3.0).abs() < 1e-9
+        );
+        assert!((of.center.z() - 0.45).abs() < 1e-9);
+        for point in &points {
+            assert!(of.contains(&point.at, 1e-9) && !of.contains(&point.at, -0.01), "{point:?}");
+        }
+    }
+
+    #[test]
+    fn no_object_is_pasted_where_another_stands_or_behind_a_wall() {
+        let scene = |points: Vec<Return>, objects| Scene { returns: points, objects, ..Scene::of(&road()) };
+        let thing = || Thing {
+            truth: car(12.0, 0.0, Harm::Harmless).truth,
+            points: (0..20).map(|i| at(10.05, -0.8 + 0.08 * f64::from(i), 0.8, 4)).collect(),
+        };
+        assert!(scene(Vec::new(), Vec::new()).place(thing()).is_some());
+        let neighbour = car(16.1, 0.5, Harm::Harmless);
+        assert!(scene(Vec::new(), vec![neighbour]).place(thing()).is_none());
+        let wall = (0..400).map(|i| at(6.0, -2.0 + 0.01 * f64::from(i), 1.2, 4)).collect();
+        assert!(scene(wall, Vec::new()).place(thing()).is_none(), "hidden");
+        let mut bush: Vec<Return> = returns(&road().measured).collect();
+        assert!(scene(bush.clone(), Vec::new()).place(thing()).is_some());
+        bush.extend((0..5).map(|i| at(12.0 + 0.1 * f64::from(i), 0.2, 0.9, 9)));
+        assert!(scene(bush, Vec::new()).place(thing()).is_none(), "the place is taken");
+        let roof = (0..9).map(|i| at(12.0 + 0.1 * f64::from(i), 0.2, 3.9, 9)).collect();
+        assert!(scene(roof, Vec::new()).place(thing()).is_none(), "no ground is seen there");
+    }
+
+    #[test]
+    fn what_is_hidden_is_counted_off_its_object() {
+        let mut scene = Scene::of(&road());
+        scene.returns = (0..20).map(|i| at(20.0, -0.8 + 0.08 * f64::from(i), 0.8, 4)).collect();
+        let mut behind = car(22.0, 0.0, Harm::Harmless);
+        behind.truth.n_lidar_points = 20;
+        scene.objects.push(behind);
+        let front = (0..40).map(|i| at(10.05, -0.8 + 0.02 * f64::from(i), 0.8, 4)).collect();
+        scene.add(car(12.0, 0.0, Harm::Harmful), front);
+        let left = scene.objects[0].truth.n_lidar_points;
+        assert!(left > 0 && left < 20, "{left}");
+        assert_eq!(scene.returns.len(), left as usize + 40);
+    }
+}

@@ -1,0 +1,12 @@
+//! As `src/kernels/mod.rs`, without burn.
+
+#[path = "../../../src/kernels/conv3x3/mod.rs"]
+mod conv3x3;
+#[path = "../../../src/kernels/norm_relu/mod.rs"]
+mod norm_relu;
+#[path = "../../../src/kernels/scratch.rs"]
+mod scratch;
+#[path = "../../../src/kernels/simd.rs"]
+mod simd;
+#[path = "../../../src/kernels/softmax/mod.rs"]
+mod softmax;
