@@ -66,6 +66,29 @@ make_venv() {
     "$folder/bin/python" -m pip install --disable-pip-version-check --quiet --no-deps -r "$requirements"
 }
 
+# build_numpy REQUIREMENTS: prints the path of a wheel without OpenBLAS, which alone takes 28 MB. harmzone multiplies
+# no matrices in numpy, which has slower code of its own for it. The wheel is kept: building takes 5 to 10 minutes.
+build_numpy() {
+    local requirements=$1 options kept building
+    options=(-Dblas=none -Dlapack=none -Dcpu-dispatch=none -Doptimization=s)
+    kept="${XDG_CACHE_HOME:-$HOME/.cache}/harmzone/wheels/$(
+        { cat "$requirements" && echo "${options[@]}" && .venv-bundle/bin/python -VV && c++ --version; } | sha256sum | cut -c 1-16
+    )"
+    if ! compgen -G "$kept/*.whl" >/dev/null; then
+        say "building numpy without OpenBLAS into $kept (5 to 10 minutes)"
+        building=$(mktemp -d)
+        # In one build folder; else pip compiles once for the metadata and again for the wheel.
+        PATH="$PWD/.venv-bundle/bin:$PATH" .venv-bundle/bin/python -m pip wheel --disable-pip-version-check --quiet \
+            --no-deps --no-cache-dir --no-build-isolation --no-binary :all: --require-hashes -r "$requirements" \
+            -w "$building/wheels" "-Cbuild-dir=$building/build" "${options[@]/#/-Csetup-args=}" >&2
+        rm -rf "$kept"
+        mkdir -p "$(dirname "$kept")"
+        mv "$building/wheels" "$kept"
+        rm -rf "$building"
+    fi
+    echo "$kept"/*.whl
+}
+
 # Can MuJoCo draw without a window?
 renders() {
     MUJOCO_GL=egl .venv/bin/python - >/dev/null 2>&1 <<'PYTHON'
@@ -103,13 +126,8 @@ golden)
 bundle)
     command -v c++ >/dev/null || system_packages "a C++ compiler" build-essential
     PYTHON="$PWD/.venv/bin/python" make_venv .venv-bundle requirements-bundle.txt
-    # The wheel's OpenBLAS alone takes 28 MB. harmzone multiplies no matrices in numpy, which has slower code of its
-    # own for it.
-    say "building numpy without OpenBLAS (5 to 10 minutes)"
-    PATH="$PWD/.venv-bundle/bin:$PATH" .venv-bundle/bin/python -m pip install --disable-pip-version-check --quiet \
-        --no-deps --no-cache-dir --no-build-isolation --no-binary numpy -r requirements.txt \
-        -Csetup-args=-Dblas=none -Csetup-args=-Dlapack=none -Csetup-args=-Dcpu-dispatch=none \
-        -Csetup-args=-Doptimization=s
+    numpy=$(build_numpy requirements-bundle-source.txt)
+    .venv-bundle/bin/python -m pip install --disable-pip-version-check --quiet --no-deps --no-index --force-reinstall "$numpy"
     touch .venv-bundle/.ready
     ;;
 *) fail "usage: scripts/setup.sh product|test|golden|bundle" ;;

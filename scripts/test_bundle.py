@@ -1,6 +1,7 @@
 """The layout that `make bundle` makes and the script that starts it, without packing a whole folder."""
 
 import os
+import re
 import subprocess
 import sys
 import zipfile
@@ -97,6 +98,18 @@ def imported(path: Path, code: str) -> str:
     """What the rest of an import statement prints in a fresh Python with `path` first."""
     command = [sys.executable, "-I", "-c", f"import sys; sys.path.insert(0, {str(path)!r}); import {code}"]
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
+
+
+def test_the_packages_packed_are_those_that_the_program_is_built_and_tested_with():
+    def pins(name: str) -> dict[str, str]:
+        text = (bundle.ROOT / name).read_text()
+        return dict(re.findall(r"^([A-Za-z-]+)(?:\[.*\])?==([0-9.]+)", text, re.MULTILINE))
+
+    product = pins("requirements.txt")
+    packed = pins("requirements-bundle.txt") | pins("requirements-bundle-source.txt")
+    shared = product.keys() & packed.keys()
+    assert shared == {"mujoco-core", "numpy", "PyOpenGL"}
+    assert {name: packed[name] for name in shared} == {name: product[name] for name in shared}
 
 
 def test_the_glibc_needed_is_the_newest_that_any_library_names(tmp_path):
