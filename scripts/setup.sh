@@ -77,10 +77,14 @@ build_numpy() {
     if ! compgen -G "$kept/*.whl" >/dev/null; then
         say "building numpy without OpenBLAS into $kept (5 to 10 minutes)"
         building=$(mktemp -d)
-        # In one build folder; else pip compiles once for the metadata and again for the wheel.
+        # In one build folder; else pip compiles once for the metadata and again for the wheel. The settings stand in the
+        # list, since pip does not apply those of its command line to what a list names.
+        sed "s|^numpy==.*|& --config-settings=build-dir=$building/build ${options[*]/#/--config-settings=setup-args=}|" \
+            "$requirements" >"$building/requirements.txt"
         PATH="$PWD/.venv-bundle/bin:$PATH" .venv-bundle/bin/python -m pip wheel --disable-pip-version-check --quiet \
-            --no-deps --no-cache-dir --no-build-isolation --no-binary :all: --require-hashes -r "$requirements" \
-            -w "$building/wheels" "-Cbuild-dir=$building/build" "${options[@]/#/-Csetup-args=}" >&2
+            --no-deps --no-cache-dir --no-build-isolation --no-binary :all: --require-hashes \
+            -r "$building/requirements.txt" -w "$building/wheels" >&2 || fail "numpy cannot be built; see above"
+        compgen -G "$building/wheels/*.whl" >/dev/null || fail "pip left no wheel of numpy: $building/wheels"
         rm -rf "$kept"
         mkdir -p "$(dirname "$kept")"
         mv "$building/wheels" "$kept"
@@ -126,7 +130,7 @@ golden)
 bundle)
     command -v c++ >/dev/null || system_packages "a C++ compiler" build-essential
     PYTHON="$PWD/.venv/bin/python" make_venv .venv-bundle requirements-bundle.txt
-    numpy=$(build_numpy requirements-bundle-source.txt)
+    numpy=$(build_numpy requirements-bundle-source.txt) || exit 1
     .venv-bundle/bin/python -m pip install --disable-pip-version-check --quiet --no-deps --no-index --force-reinstall "$numpy"
     touch .venv-bundle/.ready
     ;;
