@@ -11,8 +11,8 @@ PYTHON_SOURCES = $(wildcard python scenes mjcf_assets tests scripts)
 
 RESULTS = runs/results
 
-.PHONY: help setup setup-test setup-golden build demo results test ci bench bench-gen bench-eval race miri gallery weathers \
-	fmt clean
+.PHONY: help setup setup-test setup-golden build demo results test ci bench bench-gen bench-eval race miri bundle \
+	bundle-test gallery weathers fmt clean
 
 help: ## List the targets
 	@echo "make <target>, where target is:"
@@ -32,6 +32,9 @@ setup-golden: .venv-golden/.ready ## PyTorch, which the golden tests' files and 
 
 .venv-golden/.ready: tests/golden/requirements.txt scripts/setup.sh
 	@scripts/setup.sh golden
+
+.venv-bundle/.ready: requirements-bundle.txt requirements-bundle-source.txt scripts/setup.sh .venv/.ready
+	@scripts/setup.sh bundle
 
 build: setup ## The optimised program (the first time about 8 minutes on two cores)
 	@start=$$SECONDS; cargo build --release; \
@@ -80,6 +83,21 @@ race: build setup-golden ## Speed of the small detector, and against PyTorch; RA
 bench-eval: setup setup-test ## Speed of eval against nuscenes-devkit and of label against shapely; about 5 minutes
 	cargo bench --profile release --bench eval_speed
 
+BUNDLE = dist/harmzone-x86_64-linux
+
+# scripts/bundle.toml and these make the program smaller: equal functions are in it once, and no relocations.
+bundle: setup .venv-bundle/.ready ## One folder that runs on other x86-64 Linux machines, at most 60 MiB: dist/
+	cargo rustc --config scripts/bundle.toml --release --bin harmzone -- \
+	    -C relocation-model=static -C link-arg=-Wl,--icf=all
+	.venv-bundle/bin/python scripts/bundle.py $(BIN) $(BUNDLE)
+
+# ROOT is the root folder of any other Linux, such as an unpacked container image; as root, with unshare and chroot.
+ROOT ?= dist/debian
+
+bundle-test: ## The bundle from gen to eval in a Debian that has neither Rust, Python nor network; some minutes
+	@test -d $(BUNDLE) || $(MAKE) bundle
+	.venv-bundle/bin/python scripts/try_bundle.py $(BUNDLE) $(ROOT)
+
 miri: ## The kernels under Miri, portable path: cargo +nightly with the component miri; minutes
 	cd tests/miri && MIRIFLAGS="-Zmiri-tree-borrows -Zmiri-ignore-leaks" cargo +nightly miri test -- --test-threads=1
 
@@ -94,5 +112,5 @@ fmt: setup-test ## Format Rust and Python
 	.venv-test/bin/ruff format $(PYTHON_SOURCES)
 	.venv-test/bin/ruff check --fix $(PYTHON_SOURCES)
 
-clean: ## Remove the venvs and the demo's results (not the compiled code)
-	rm -rf .venv .venv-test .venv-golden demo
+clean: ## Remove the venvs, the bundle and the demo's results (not the compiled code)
+	rm -rf .venv .venv-test .venv-golden .venv-bundle demo dist

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Makes the project's Python venv and what it needs from the system; called by `make setup`,
-# `make setup-test` and `make setup-golden`. Usage: setup.sh product|test|golden
+# `make setup-test`, `make setup-golden` and `make bundle`. Usage: setup.sh product|test|golden|bundle
 #
 # Debian and Ubuntu as root: missing system packages are installed. Elsewhere: the command to run is printed.
 set -euo pipefail
@@ -66,6 +66,33 @@ make_venv() {
     "$folder/bin/python" -m pip install --disable-pip-version-check --quiet --no-deps -r "$requirements"
 }
 
+# build_numpy REQUIREMENTS: prints the path of a wheel without OpenBLAS, which alone takes 28 MB. harmzone multiplies
+# no matrices in numpy, which has slower code of its own for it. The wheel is kept: building takes 5 to 10 minutes.
+build_numpy() {
+    local requirements=$1 options kept building
+    options=(-Dblas=none -Dlapack=none -Dcpu-dispatch=none -Doptimization=s)
+    kept="${XDG_CACHE_HOME:-$HOME/.cache}/harmzone/wheels/$(
+        { cat "$requirements" && echo "${options[@]}" && .venv-bundle/bin/python -VV && c++ --version; } | sha256sum | cut -c 1-16
+    )"
+    if ! compgen -G "$kept/*.whl" >/dev/null; then
+        say "building numpy without OpenBLAS into $kept (5 to 10 minutes)"
+        building=$(mktemp -d)
+        # In one build folder; else pip compiles once for the metadata and again for the wheel. The settings stand in the
+        # list, since pip does not apply those of its command line to what a list names.
+        sed "s|^numpy==.*|& --config-settings=build-dir=$building/build ${options[*]/#/--config-settings=setup-args=}|" \
+            "$requirements" >"$building/requirements.txt"
+        PATH="$PWD/.venv-bundle/bin:$PATH" .venv-bundle/bin/python -m pip wheel --disable-pip-version-check --quiet \
+            --no-deps --no-cache-dir --no-build-isolation --no-binary :all: --require-hashes \
+            -r "$building/requirements.txt" -w "$building/wheels" >&2 || fail "numpy cannot be built; see above"
+        compgen -G "$building/wheels/*.whl" >/dev/null || fail "pip left no wheel of numpy: $building/wheels"
+        rm -rf "$kept"
+        mkdir -p "$(dirname "$kept")"
+        mv "$building/wheels" "$kept"
+        rm -rf "$building"
+    fi
+    echo "$kept"/*.whl
+}
+
 # Can MuJoCo draw without a window?
 renders() {
     MUJOCO_GL=egl .venv/bin/python - >/dev/null 2>&1 <<'PYTHON'
@@ -100,5 +127,12 @@ golden)
         .venv-golden/bin/python -m pip install --disable-pip-version-check --quiet -r tests/golden/requirements.txt
     touch .venv-golden/.ready
     ;;
-*) fail "usage: scripts/setup.sh product|test|golden" ;;
+bundle)
+    command -v c++ >/dev/null || system_packages "a C++ compiler" build-essential
+    PYTHON="$PWD/.venv/bin/python" make_venv .venv-bundle requirements-bundle.txt
+    numpy=$(build_numpy requirements-bundle-source.txt) || exit 1
+    .venv-bundle/bin/python -m pip install --disable-pip-version-check --quiet --no-deps --no-index --force-reinstall "$numpy"
+    touch .venv-bundle/.ready
+    ;;
+*) fail "usage: scripts/setup.sh product|test|golden|bundle" ;;
 esac

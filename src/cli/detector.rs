@@ -33,7 +33,7 @@ impl Trained {
             bail!(
                 "no finished checkpoint; `harmzone train DATA --out {}` makes one, and the program has {} inside: {}",
                 run.display(),
-                SHIPPED.map(|shipped| format!("`{}`", shipped.name)).join(", "),
+                SHIPPED.each_ref().map(|shipped| format!("`{}`", shipped.name)).join(", "),
                 path.display()
             );
         }

@@ -9,16 +9,15 @@ pub struct Shipped {
     pub checkpoint: &'static [u8],
 }
 
-/// All of them.
-pub const SHIPPED: [Shipped; 1] =
+/// All of them; a static, so that the weights are in the program once.
+pub static SHIPPED: [Shipped; 1] =
     [Shipped { name: "small", checkpoint: include_bytes!("../../models/small.safetensors") }];
 
 impl Shipped {
     /// The network of a name, if there is one.
     #[must_use]
     pub fn named(name: &str) -> Option<&'static Self> {
-        const ALL: &[Shipped] = &SHIPPED;
-        ALL.iter().find(|shipped| shipped.name == name)
+        SHIPPED.iter().find(|shipped| shipped.name == name)
     }
 }
 
@@ -32,7 +31,7 @@ mod tests {
 
     #[test]
     fn each_loads_and_is_smaller_than_eight_mebibytes() {
-        for Shipped { name, checkpoint } in SHIPPED {
+        for Shipped { name, checkpoint } in &SHIPPED {
             assert!(checkpoint.len() < 8 << 20, "{name}: {} bytes", checkpoint.len());
             let detector = checkpoint::unpack(checkpoint, Path::new(name), &Device::flex()).unwrap();
             assert!(detector.config().use_lidar && detector.config().use_camera);

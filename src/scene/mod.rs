@@ -25,6 +25,7 @@ mod plots;
 mod populate;
 mod route;
 mod scenery;
+mod shipped;
 mod surface;
 mod swerve;
 mod textures;

@@ -3,18 +3,19 @@
 //! A model's frame has its origin at the footprint's centre on the ground, x forward, z up; its box
 //! is the axis-aligned bound of its visual meshes.
 
-use std::path::{Path as FilePath, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
-use include_dir::{Dir, include_dir};
 use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use roxmltree::{Document, Node};
 
 use super::mesh::triangles_of_obj;
+use super::shipped;
 use super::town::SceneError;
 use crate::object::{Distribution, Kind};
 
-static ASSETS: Dir<'static> = include_dir!("$CARGO_MANIFEST_DIR/mjcf_assets");
+/// Where the models are in the source tree.
+const FOLDER: &str = "mjcf_assets";
 
 /// Height below which a car could hit something, with some room.
 pub const SOLID_M: f64 = 1.9;
@@ -79,11 +80,7 @@ impl Model {
 /// Names of all models of the binary, sorted.
 #[must_use]
 pub fn names() -> Vec<String> {
-    let is_model = |dir: &&Dir<'static>| dir.get_file(dir.path().join("model.xml")).is_some();
-    let mut names: Vec<String> =
-        ASSETS.dirs().filter(is_model).map(|dir| dir.path().display().to_string()).collect();
-    names.sort();
-    names
+    shipped::folders_with(FOLDER, "model.xml").into_iter().map(str::to_owned).collect()
 }
 
 /// All models of the binary, sorted by name.
@@ -98,19 +95,12 @@ impl ModelLibrary {
     /// # Errors
     /// [`SceneError::Model`] names the folder and what is wrong in it.
     pub fn load() -> Result<Self, SceneError> {
-        let is_model = |dir: &&Dir<'static>| dir.get_file(dir.path().join("model.xml")).is_some();
-        let mut models = ASSETS
-            .dirs()
-            .filter(is_model)
-            .map(|dir| {
-                read(dir).map_err(|message| SceneError::Model {
-                    message,
-                    path: PathBuf::from("mjcf_assets").join(dir.path()),
-                })
-            })
-            .collect::<Result<Vec<_>, _>>()?;
-        models.sort_by(|a, b| a.name.cmp(&b.name));
-        Ok(Self { models })
+        let read = |name: &str| {
+            read(name)
+                .map_err(|message| SceneError::Model { message, path: PathBuf::from(FOLDER).join(name) })
+        };
+        let models = shipped::folders_with(FOLDER, "model.xml").into_iter().map(read);
+        Ok(Self { models: models.collect::<Result<_, _>>()? })
     }
 
     /// Indices of the models of a kind and distribution.
@@ -121,12 +111,8 @@ impl ModelLibrary {
     }
 }
 
-fn read(dir: &'static Dir<'static>) -> Result<Model, String> {
-    let name = dir.path().display().to_string();
-    let xml = dir
-        .get_file(dir.path().join("model.xml"))
-        .and_then(include_dir::File::contents_utf8)
-        .ok_or("model.xml is not UTF-8 text")?;
+fn read(name: &str) -> Result<Model, String> {
+    let xml = shipped::text(&inside(name, "model.xml")).ok_or("model.xml is not UTF-8 text")?;
     let document = Document::parse(xml).map_err(|error| error.to_string())?;
     let find = |tag: &str| document.descendants().find(|node| node.has_tag_name(tag));
     let custom = |key: &str| {
@@ -168,8 +154,7 @@ fn read(dir: &'static Dir<'static>) -> Result<Model, String> {
     for node in asset_nodes.children().filter(Node::is_element) {
         let mut text = xml[node.range()].to_owned();
         if let Some(file) = node.attribute("file") {
-            let inside = dir.path().join(file);
-            let bytes = ASSETS.get_file(&inside).ok_or(format!("no file `{file}`"))?.contents();
+            let bytes = shipped::bytes(&inside(name, file)).ok_or(format!("no file `{file}`"))?;
             let key = format!("{name}__{}", file.replace('/', "_"));
             text = text.replace(&format!("file=\"{file}\""), &format!("file=\"{key}\""));
             files.push((key, bytes));
@@ -196,7 +181,7 @@ fn read(dir: &'static Dir<'static>) -> Result<Model, String> {
                 .children()
                 .find(|node| node.has_tag_name("mesh") && node.attribute("name") == Some(mesh))
                 .ok_or(format!("no mesh `{mesh}`"))?;
-            triangles.extend(mesh_triangles(dir.path(), node, geom)?);
+            triangles.extend(mesh_triangles(name, node, geom)?);
         }
     }
     let bounds = bounds_of(&triangles).ok_or("no visual triangles in group 2")?;
@@ -205,7 +190,7 @@ fn read(dir: &'static Dir<'static>) -> Result<Model, String> {
     let overhang_m = bounds_below(&triangles, CLEARANCE_M).unwrap_or(whole).1[0];
     let triangles = Arc::new(triangles);
     Ok(Model {
-        name,
+        name: name.to_owned(),
         category: needed("category")?.to_owned(),
         kind,
         distribution,
@@ -226,15 +211,20 @@ fn read(dir: &'static Dir<'static>) -> Result<Model, String> {
     })
 }
 
+/// Path of a model's file in the source tree.
+fn inside(name: &str, file: &str) -> String {
+    format!("{FOLDER}/{name}/{file}")
+}
+
 fn numbers(node: Node, attribute: &str) -> Result<Option<Vec<f64>>, String> {
     let Some(text) = node.attribute(attribute) else { return Ok(None) };
     let parsed: Result<Vec<f64>, _> = text.split_whitespace().map(str::parse).collect();
     parsed.map(Some).map_err(|_| format!("{attribute}=\"{text}\" is not a list of numbers"))
 }
 
-fn mesh_triangles(folder: &FilePath, mesh: Node, geom: Node) -> Result<Vec<[Point3<f32>; 3]>, String> {
+fn mesh_triangles(name: &str, mesh: Node, geom: Node) -> Result<Vec<[Point3<f32>; 3]>, String> {
     let file = mesh.attribute("file").ok_or("a mesh without a file")?;
-    let text = ASSETS.get_file(folder.join(file)).and_then(include_dir::File::contents_utf8);
+    let text = shipped::text(&inside(name, file));
     let triangles = text.and_then(triangles_of_obj).ok_or(format!("`{file}` is not an OBJ mesh"))?;
     let scale = match numbers(mesh, "scale")?.as_deref() {
         Some(&[x, y, z]) => Vector3::new(x, y, z),

@@ -3,7 +3,6 @@
 use std::path::{Path as FilePath, PathBuf};
 
 use fs_err as fs;
-use include_dir::{Dir, include_dir};
 use thiserror::Error;
 
 use super::buildings::Building;
@@ -13,10 +12,9 @@ use super::models;
 use super::network::LaneGraph;
 use super::opendrive;
 use super::plots::{self, Boundary, Furnishing, Stand};
+use super::shipped;
 use super::surface::{Levels, Surface};
 use super::town_config::TownConfig;
-
-static SCENES: Dir<'static> = include_dir!("$CARGO_MANIFEST_DIR/scenes");
 
 /// Why a scene could not be made.
 #[derive(Debug, Error)]
@@ -58,13 +56,7 @@ pub struct Town {
 /// Names of the shipped towns, sorted.
 #[must_use]
 pub fn town_names() -> Vec<String> {
-    let mut names: Vec<String> = SCENES
-        .dirs()
-        .filter(|dir| dir.get_file(dir.path().join("road.xodr")).is_some())
-        .map(|dir| dir.path().display().to_string())
-        .collect();
-    names.sort();
-    names
+    shipped::folders_with("scenes", "road.xodr").into_iter().map(str::to_owned).collect()
 }
 
 /// The name of a town that is given by name or by path: a shipped town's own, else its file's or folder's.
@@ -100,7 +92,7 @@ impl Town {
             let toml = if toml_path.exists() { Some(fs::read_to_string(&toml_path)?) } else { None };
             return Self::parse(&town_name(name_or_path), &xodr, toml.as_deref(), path);
         }
-        let file = |leaf: &str| SCENES.get_file(format!("{name_or_path}/{leaf}"))?.contents_utf8();
+        let file = |leaf: &str| shipped::text(&format!("scenes/{name_or_path}/{leaf}"));
         let xodr = file("road.xodr")
             .ok_or_else(|| SceneError::UnknownTown { name: name_or_path.to_owned(), found: town_names() })?;
         Self::parse(name_or_path, xodr, file("town.toml"), &FilePath::new("scenes").join(name_or_path))

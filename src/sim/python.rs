@@ -107,11 +107,17 @@ pub(super) fn make_ready() -> Result<(), SimError> {
     let mut is_ready = IS_READY.lock().unwrap_or_else(PoisonError::into_inner);
     if !*is_ready {
         let environment = Environment::find()?;
+        Python::attach(load_egl).map_err(|error| SimError::NoGl { message: text(&error) })?;
         Python::attach(|py| set_up(py, &environment))
             .map_err(|error| SimError::NoMujoco { message: text(&error), venv: environment.venv.clone() })?;
         *is_ready = true;
     }
     Ok(())
+}
+
+/// Loads EGL, without which importing MuJoCo fails with words that do not say so.
+fn load_egl(py: Python<'_>) -> PyResult<()> {
+    py.import("ctypes")?.call_method1("CDLL", ("libEGL.so.1",)).map(drop)
 }
 
 fn set_up(py: Python<'_>, environment: &Environment) -> PyResult<()> {
