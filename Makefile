@@ -11,8 +11,8 @@ PYTHON_SOURCES = $(wildcard python scenes mjcf_assets tests scripts)
 
 RESULTS = runs/results
 
-.PHONY: help setup setup-test setup-golden build demo results test ci bench bench-gen bench-eval race miri gallery weathers \
-	fmt clean
+.PHONY: help setup setup-test setup-golden build demo results report test ci bench bench-gen bench-eval race miri gallery \
+	weathers fmt clean
 
 help: ## List the targets
 	@echo "make <target>, where target is:"
@@ -43,6 +43,18 @@ demo: ## Everything, small: generate, label, train, score, draw; results in demo
 results: build ## RESULTS.md from nothing: data, every training, scores; hours, may be stopped and called again
 	$(BIN) results --config configs/results.toml --out $(RESULTS) $(ARGS)
 	cp $(RESULTS)/RESULTS.md RESULTS.md
+	@test ! -d $(REPORT_ID) || $(MAKE) --no-print-directory report
+
+# What `make report` scores: a run, or `small`, the network inside the program; and both data sets.
+REPORT_RUN ?= small
+REPORT_ID ?= $(RESULTS)/id
+REPORT_OOD ?= $(RESULTS)/ood
+
+report: build ## One HTML page of all scores of a run; REPORT_RUN=RUN REPORT_ID=DIR REPORT_OOD=DIR
+	$(BIN) eval $(REPORT_RUN) --data $(REPORT_ID) --out $(RESULTS)/report/id --force
+	$(BIN) eval $(REPORT_RUN) --data $(REPORT_OOD) --ood --out $(RESULTS)/report/ood --force
+	$(BIN) report $(RESULTS)/report/report.html --id $(RESULTS)/report/id --ood $(RESULTS)/report/ood \
+	    $(if $(wildcard RESULTS.md),--results RESULTS.md) --force
 
 test: setup setup-test ## All tests
 	cargo test --release

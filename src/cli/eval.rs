@@ -12,13 +12,12 @@ use super::device::DeviceArg;
 use super::predict::{detect, open_split};
 use crate::eval::predict::{eval_samples, truth_of};
 use crate::eval::{self, EvalConfig, EvalSample, Mode, Protocol, json};
-use crate::{config, files, report};
+use crate::report::page::scores::{CONFIG_FILE, FAULTS_FILE, METRICS_FILE, SOURCE_FILE, Source, quoted};
+use crate::{config, files, report, train};
 
-/// Written by every scoring that has an output folder.
-const METRICS_FILE: &str = "metrics.json";
+/// Written for people by every scoring that has an output folder.
 const TABLE_FILE: &str = "table.txt";
 const BREAKDOWN_FILE: &str = "breakdown.txt";
-const CONFIG_FILE: &str = "eval.toml";
 
 #[derive(Debug, Args)]
 #[command(group = ArgGroup::new("detector").args(["run", "predictions"]).required(true))]
@@ -50,7 +49,8 @@ pub struct EvalArgs {
     /// Also print scores by group and confidence intervals; metrics.json always has them
     #[arg(long, conflicts_with = "json")]
     breakdown: bool,
-    /// Folder for metrics.json, table.txt, breakdown.txt and the resolved eval.toml
+    /// Folder for metrics.json, table.txt, breakdown.txt, the resolved eval.toml, and what `harmzone report` shows:
+    /// faults.json, source.json
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Print metrics.json instead of the table
@@ -88,6 +88,10 @@ pub fn run(args: EvalArgs) -> anyhow::Result<ExitStatus> {
         breakdown: report::breakdown(&evaluation),
     };
     if let Some(out) = &args.out {
+        let faults = eval::worst_faults(&samples, &protocol)?;
+        fs::create_dir_all(out)?;
+        files::write_atomic(&out.join(FAULTS_FILE), &serde_json::to_vec(&faults)?)?;
+        files::write_atomic(&out.join(SOURCE_FILE), &serde_json::to_vec_pretty(&source(&args)?)?)?;
         save(out, &protocol, &texts)?;
     }
     print!("{}", if args.json { &texts.json } else { &texts.table });
@@ -125,6 +129,30 @@ fn samples_of_run(run: &Path, data: &Path, args: &EvalArgs) -> anyhow::Result<Ve
     let dataset = open_split(data, &args.labels, args.split.as_deref())?;
     let found = detect(&Trained::find(run)?, &dataset, &device)?;
     Ok(eval_samples(&dataset, &found))
+}
+
+/// Where the scores come from.
+fn source(args: &EvalArgs) -> anyhow::Result<Source> {
+    let trained = args.run.as_deref().map(Trained::find).transpose()?;
+    let model = trained.as_ref().map(Trained::config).transpose()?;
+    let train_toml = match &trained {
+        Some(Trained::File(path)) => fs::read_to_string(path.with_file_name(train::CONFIG_FILE)).ok(),
+        _ => None,
+    };
+    Ok(Source {
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        command: command_line(),
+        data: args.data.clone(),
+        labels: args.data.as_ref().map(|_| args.labels.clone()),
+        model_toml: model.as_ref().map(config::to_toml),
+        train_toml,
+    })
+}
+
+/// This command, as a shell takes it.
+pub fn command_line() -> String {
+    let words = std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned());
+    quoted(&std::iter::once("harmzone".to_owned()).chain(words).collect::<Vec<_>>())
 }
 
 fn refuse_to_overwrite(out: &Path) -> anyhow::Result<()> {

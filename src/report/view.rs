@@ -9,7 +9,7 @@ mod legend;
 mod load;
 mod states;
 
-pub use load::{ViewError, ViewRequest, ViewSummary, run};
+pub use load::{Labelled, ViewError, ViewRequest, ViewSummary, run};
 pub use states::{StatePanel, draw_states};
 
 use image::RgbImage;
@@ -41,6 +41,22 @@ pub struct Scene<'a> {
     /// Corners of the danger zone in the ego frame, metres.
     pub zone: Option<&'a [Point2]>,
     pub detections: Option<&'a [Detection]>,
+    /// A box to point at.
+    pub focus: Option<Box3<Ego>>,
+}
+
+/// The two panels alone, in their sizes: the camera's picture, and the view from above.
+///
+/// # Errors
+/// The sample's camera image cannot be unpacked.
+pub fn panels(
+    scene: &Scene,
+    front_px: (u32, u32),
+    birdseye_px: (u32, u32),
+) -> Result<[RgbImage; 2], image::ImageError> {
+    let front = front::draw(scene, front_px.0, front_px.1)?;
+    let birdseye = birdseye::draw(scene, birdseye_px.0, birdseye_px.1);
+    Ok([front.into_rgb(), birdseye.into_rgb()])
 }
 
 /// Draws a sample, [`SIZE_PX`] large.
@@ -57,6 +73,9 @@ pub fn draw(scene: &Scene) -> Result<RgbImage, image::ImageError> {
     legend::draw_legend(&mut page, scene, (TITLE_PX + FRONT_PX.1) as f32);
     Ok(page.into_rgb())
 }
+
+/// The light around the box that is pointed at.
+const FOCUS: Pen = Pen::solid(palette::TEXT, 6.0);
 
 /// A box to draw: where, with which pen, and what to write on it.
 struct Mark {

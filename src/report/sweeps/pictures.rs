@@ -156,6 +156,7 @@ fn draw_frame(
                 harms: Some(&labels[i].1),
                 zone: Some(&labels[i].0),
                 detections: Some(&found[i]),
+                focus: None,
             },
         })
         .collect();
@@ -198,6 +199,7 @@ fn draw_kind(frame: &LabelledSample, zone: &Zone, found: &[Detection]) -> Result
         harms: Some(&harms),
         zone: Some(&labels_at(frame, zone, &state)?.0),
         detections: Some(found),
+        focus: None,
     })
     .map_err(|source| SweepReportError::Image { sample: frame.id.clone(), source })
 }

@@ -1,7 +1,7 @@
 //! The LiDAR from above: ego at the bottom, ahead is up, left is left; metres on range rings.
 
 use super::canvas::{Align, Canvas, Pen, Px};
-use super::{Scene, palette};
+use super::{FOCUS, Scene, palette};
 use crate::geometry::Point;
 
 /// How far ahead is drawn, metres.
@@ -12,6 +12,8 @@ const RING_STEP_M: f64 = 10.0;
 /// The ego's width is no part of a sample; this is drawn, metres.
 const EGO_WIDTH_M: f64 = 1.9;
 const EGO_REAR_OVERHANG_M: f64 = 0.9;
+/// Between a box that is pointed at and the ring around it, metres.
+const FOCUS_GAP_M: f64 = 1.0;
 /// Steps of the height colours.
 const N_HEIGHT_STEPS: usize = 24;
 
@@ -34,6 +36,15 @@ pub fn draw(scene: &Scene, width_px: u32, height_px: u32) -> Canvas {
         let corners: Vec<Px> = zone.iter().map(|corner| plan.at(corner.x_m, corner.y_m)).collect();
         canvas.fill(&corners, palette::ZONE.with_alpha(0.20));
         canvas.outline(&corners, Pen::solid(palette::ZONE, 1.4));
+    }
+    if let Some(focus) = scene.focus {
+        let center = plan.at(focus.center.x(), focus.center.y());
+        let radius_px = ((focus.length_m.hypot(focus.width_m) / 2.0 + FOCUS_GAP_M) * plan.px_per_m) as f32;
+        let ring = (0..48).map(|step| {
+            let (sin, cos) = (step as f32 / 48.0 * std::f32::consts::TAU).sin_cos();
+            (center.0 + radius_px * cos, center.1 + radius_px * sin)
+        });
+        canvas.outline(&ring.collect::<Vec<Px>>(), Pen { width_px: FOCUS.width_px / 3.0, ..FOCUS });
     }
     for mark in scene.marks() {
         let corners = mark.box_in_ego.footprint().map(|corner| plan.at(corner.x_m, corner.y_m));

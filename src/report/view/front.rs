@@ -3,7 +3,7 @@
 use image::imageops::FilterType;
 
 use super::canvas::{Align, Canvas, Color, Pen, Px, text_width_px};
-use super::{Mark, Scene, palette};
+use super::{FOCUS, Mark, Scene, palette};
 use crate::geometry::{Box3, Camera, Ego, Point, Transform};
 use crate::sample::Measured;
 
@@ -42,6 +42,9 @@ pub fn draw(scene: &Scene, width_px: u32, height_px: u32) -> Result<Canvas, imag
     let mut marks = scene.marks();
     // Far to near, so that near boxes and tags lie on top.
     marks.sort_by(|a, b| b.box_in_ego.center.x().total_cmp(&a.box_in_ego.center.x()));
+    if let Some(box_in_ego) = scene.focus {
+        lens.draw_box(&mut inner, &Mark { box_in_ego, pen: FOCUS, tag: None });
+    }
     for mark in &marks {
         lens.draw_box(&mut inner, mark);
     }

@@ -149,6 +149,7 @@ fn scene(sample: &Sample) -> Scene<'_> {
         harms: None,
         zone: None,
         detections: None,
+        focus: None,
     }
 }
 
@@ -221,4 +222,19 @@ fn a_sample_without_points_or_objects_is_still_a_picture() {
     sample.measured.points.clear();
     sample.truth.objects.clear();
     assert_eq!(drawn(&scene(&sample), "empty.png").dimensions(), SIZE_PX);
+}
+
+#[test]
+fn the_panels_alone_have_their_sizes_and_point_at_a_box() {
+    let sample = street();
+    let focus = Some(sample.truth.objects[0].box_in_ego);
+    let sizes = ((480, 270), (300, 270));
+    let without = panels(&scene(&sample), sizes.0, sizes.1).unwrap();
+    let with = panels(&Scene { focus, ..scene(&sample) }, sizes.0, sizes.1).unwrap();
+    for (panel, size) in with.iter().zip([sizes.0, sizes.1]) {
+        assert_eq!(panel.dimensions(), size);
+    }
+    for (with, without) in with.iter().zip(&without) {
+        assert!(n_pixels_near(with, palette::TEXT) > n_pixels_near(without, palette::TEXT) + 50);
+    }
 }
