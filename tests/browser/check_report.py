@@ -10,7 +10,7 @@ import shutil
 import sys
 from pathlib import Path
 
-from playwright.sync_api import Page, sync_playwright
+from playwright.sync_api import Page, expect, sync_playwright
 
 SKIPPED = 77
 # Orders of the gallery, and whether the largest comes first.
@@ -58,7 +58,7 @@ def check_gallery(page: Page) -> None:
     page.fill("[name=words]", "no card has these words")
     assert values(page, "rank") == [] and page.is_visible(".none")
     page.click("#controls [type=reset]")
-    page.wait_for_function(f"document.getElementById('count').textContent === '{n_cards} of {n_cards}'")
+    expect(page.locator("#count")).to_have_text(f"{n_cards} of {n_cards}")
     assert values(page, "rank") == first, "reset brings the first order back"
 
 

@@ -35,7 +35,6 @@ pub enum Tone {
     Harmful,
     Harmless,
     Green,
-    Purple,
     Amber,
 }
 
@@ -52,7 +51,6 @@ impl Tone {
             Self::Harmful => RGBColor(213, 94, 0),
             Self::Harmless => RGBColor(0, 114, 178),
             Self::Green => RGBColor(0, 158, 115),
-            Self::Purple => RGBColor(204, 121, 167),
             Self::Amber => RGBColor(230, 159, 0),
         }
     }
