@@ -40,20 +40,23 @@ build: setup ## The optimised program (the first time about 8 minutes on two cor
 demo: ## Everything, small: generate, label, train, score, draw; results in demo/
 	@scripts/demo.sh
 
-results: build ## RESULTS.md from nothing: data, every training, scores; hours, may be stopped and called again
+results: build ## RESULTS.md and the report from nothing: data, every training, scores; hours, may be stopped and called again
 	$(BIN) results --config configs/results.toml --out $(RESULTS) $(ARGS)
 	cp $(RESULTS)/RESULTS.md RESULTS.md
-	@test ! -d $(REPORT_ID) || $(MAKE) --no-print-directory report
+	@echo "the report: $(RESULTS)/report.html"
 
 # What `make report` scores: a run, or `small`, the network inside the program; and both data sets.
 REPORT_RUN ?= small
 REPORT_ID ?= $(RESULTS)/id
 REPORT_OOD ?= $(RESULTS)/ood
+REPORT = runs/report
 
-report: build ## One HTML page of all scores of a run; REPORT_RUN=RUN REPORT_ID=DIR REPORT_OOD=DIR
-	$(BIN) eval $(REPORT_RUN) --data $(REPORT_ID) --out $(RESULTS)/report/id --force
-	$(BIN) eval $(REPORT_RUN) --data $(REPORT_OOD) --ood --out $(RESULTS)/report/ood --force
-	$(BIN) report $(RESULTS)/report/report.html --id $(RESULTS)/report/id --ood $(RESULTS)/report/ood \
+report: build ## The report of any run: runs/report/report.html; REPORT_RUN=RUN REPORT_ID=DIR REPORT_OOD=DIR
+	$(BIN) eval $(REPORT_RUN) --data $(REPORT_ID) --out $(REPORT)/id --force
+	$(BIN) eval $(REPORT_RUN) --data $(REPORT_OOD) --ood --out $(REPORT)/ood --force
+	$(BIN) sweep $(REPORT_RUN) --data $(REPORT_ID) --out $(REPORT)/id --force
+	$(BIN) sweep $(REPORT_RUN) --data $(REPORT_OOD) --out $(REPORT)/ood --force
+	$(BIN) report $(REPORT)/report.html --id $(REPORT)/id --ood $(REPORT)/ood \
 	    $(if $(wildcard RESULTS.md),--results RESULTS.md) --force
 
 test: setup setup-test ## All tests

@@ -108,9 +108,10 @@ fn main() {
     let zone = Zone::try_from(ZoneConfig::default()).unwrap();
     let label = || -> usize {
         let of_sample = |(sample, state): (&EvalSample, &EgoState)| {
-            let rect = zone.rect(state).unwrap();
-            let is_harmful =
-                |truth: &&EvalTruth| rect.harm_of(&truth.box_in_ego).unwrap().harm == Harm::Harmful;
+            let here = zone.at(state).unwrap();
+            let is_harmful = |truth: &&EvalTruth| {
+                here.harm_of(&truth.box_in_ego, truth.velocity_in_ego_mps).unwrap().harm == Harm::Harmful
+            };
             sample.truths.iter().filter(is_harmful).count()
         };
         samples.iter().zip(&states).map(of_sample).sum()

@@ -4,6 +4,7 @@
 //! checks it). `ARCHITECTURE.md` has the map.
 
 pub mod config;
+pub mod device;
 pub mod files;
 pub mod geometry;
 pub mod progress;

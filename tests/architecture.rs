@@ -10,9 +10,10 @@ use std::path::{Path, PathBuf};
 use fs_err as fs;
 
 /// Each top module and its layer; a module imports only from lower numbers.
-const LAYERS: [(&str, u32); 20] = [
+const LAYERS: [(&str, u32); 21] = [
     ("geometry", 0),
     ("config", 0),
+    ("device", 0),
     ("files", 0),
     ("progress", 0),
     ("random", 0),

@@ -77,6 +77,7 @@ fn labels_of(sample: &Sample) -> SampleLabels {
         harm,
         overlap_area_m2: 2.25,
         overlap_ratio: 0.25,
+        time_to_collision_s: (harm == Harm::Harmful).then_some(1.5),
     };
     SampleLabels {
         time_ns: sample.measured.time_ns,
@@ -194,7 +195,13 @@ fn an_outside_reader_decodes_every_topic_of_an_episode_and_its_labels() {
         let cubes: Vec<Value> = ["car:1", "child:2", "hay_bale:3"]
             .map(|id| json!([id, "ego", 300_000_000, [4.5, 2.0, 1.5]]))
             .to_vec();
-        let label = |id: &str, harm: &str| json!({ "id": id, "harm": harm, "overlap_area_m2": 2.25, "overlap_ratio": 0.25 });
+        let label = |id: &str, harm: &str| {
+            let mut label = json!({ "id": id, "harm": harm, "overlap_area_m2": 2.25, "overlap_ratio": 0.25 });
+            if harm == "HARM_HARMFUL" {
+                label["time_to_collision_s"] = json!(1.5);
+            }
+            label
+        };
         let k = [571.5, 0.0, 400.0, 0.0, 571.25, 225.0, 0.0, 0.0, 1.0];
         let p = [571.5, 0.0, 400.0, 0.0, 0.0, 571.25, 225.0, 0.0, 0.0, 0.0, 1.0, 0.0];
         let no_distortion: [f64; 0] = [];

@@ -7,7 +7,10 @@ use std::process::Command;
 
 use harmzone::episode::{EpisodeEntry, EpisodeMeta, EpisodeWriter, Manifest, MapDrawing, Split};
 use harmzone::geometry::{Box3, Pinhole, Point, Transform};
-use harmzone::label::{self, zone::ZoneConfig};
+use harmzone::label::{
+    self,
+    zone::{ZoneConfig, ZoneKind},
+};
 use harmzone::object::{Distribution, Event, Kind, ObjectTruth};
 use harmzone::progress::Silent;
 use harmzone::random::{Rng, stream};
@@ -35,7 +38,11 @@ fn random_object(i: usize, rng: &mut Rng) -> ObjectTruth {
             height_m: between(rng, 0.3, 3.0),
             yaw_rad: between(rng, -3.1, 3.1),
         },
-        velocity_in_ego_mps: [0.0, 0.0],
+        velocity_in_ego_mps: if i % 5 < 2 {
+            [0.0, 0.0]
+        } else {
+            [between(rng, -9.0, 9.0), between(rng, -3.0, 3.0)]
+        },
         n_lidar_points: 5,
         visible_px: 50,
         visible_fraction: 0.5,
@@ -108,26 +115,60 @@ fn make_dataset(folder: &Path) {
     manifest.write(folder).unwrap();
 }
 
-#[test]
-fn labels_equal_those_that_shapely_computes_from_the_messages() {
+/// Labels the random data set by a zone and lets Python compute every label again.
+fn assert_python_agrees(kind: ZoneKind) {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let python = root.join(".venv-test/bin/python");
     assert!(python.is_file(), "no {}: run `make setup-test` first", python.display());
     let folder = tempfile::tempdir().unwrap();
     make_dataset(folder.path());
-    let summary = label::run(folder.path(), &ZoneConfig::default(), "rect", false, &Silent).unwrap();
+    let zone = ZoneConfig { kind, ..ZoneConfig::default() };
+    let summary = label::run(folder.path(), &zone, kind.name(), false, &Silent).unwrap();
     let all = label::count_of(&summary.counts, None, None);
     assert!(all.harmful > 100 && all.harmless > 100, "{summary}");
     let checked = Command::new(python)
         .arg(root.join("tests/python/check_labels.py"))
         .arg(folder.path())
-        .arg("rect")
+        .arg(kind.name())
         .output()
         .unwrap();
     let told = String::from_utf8_lossy(&checked.stdout);
     assert!(checked.status.success(), "{told}{}", String::from_utf8_lossy(&checked.stderr));
     let expected = format!("2 episodes, 2000 labels, {} harmful, 0 differences", all.harmful);
     assert_eq!(told.trim(), expected);
+}
+
+#[test]
+fn labels_equal_those_that_shapely_computes_from_the_messages() {
+    assert_python_agrees(ZoneKind::Rect);
+}
+
+#[test]
+fn arcs_equal_those_of_the_bicycle_model_in_small_steps() {
+    assert_python_agrees(ZoneKind::Arc);
+}
+
+#[test]
+fn times_to_collision_equal_those_that_small_steps_of_time_find() {
+    assert_python_agrees(ZoneKind::Ttc);
+}
+
+#[test]
+fn rss_dangers_equal_bodies_tried_place_by_place() {
+    assert_python_agrees(ZoneKind::Rss);
+}
+
+#[test]
+fn a_comparison_counts_what_the_label_sets_hold() {
+    let folder = tempfile::tempdir().unwrap();
+    make_dataset(folder.path());
+    let zones = ZoneKind::ALL.map(|kind| ZoneConfig { kind, ..ZoneConfig::default() });
+    let found = harmzone::eval::zone_comparison::compare(folder.path(), &zones, &Silent).unwrap();
+    assert_eq!((found.n_episodes, found.n_samples, found.n_objects), (2, 80, 2000));
+    for (zone, counted) in zones.iter().zip(&found.zones) {
+        let labelled = label::run(folder.path(), zone, zone.kind.name(), false, &Silent).unwrap();
+        assert_eq!(labelled.counts, counted.counts, "{}", counted.zone);
+    }
 }
 
 #[test]

@@ -428,6 +428,7 @@ fn an_experiment_killed_in_a_training_goes_on_and_its_commands_make_its_rows() {
     done(&[&args, ["--only", "lidar"].as_slice()].concat());
     assert!(document().contains("| with camera | not trained yet"), "{}", document());
     assert!(document().contains("Not trained yet."), "the headline was not asked for: {}", document());
+    assert!(!out.join("report.html").exists(), "a page is of the headline");
     let checkpoint = |run: &Path| fs::read(run.join("model.safetensors")).expect("the run is whole");
     let changed = || {
         let time =
@@ -455,6 +456,18 @@ fn an_experiment_killed_in_a_training_goes_on_and_its_commands_make_its_rows() {
         "{whole}"
     );
     assert!(!whole.contains("not trained yet") && !whole.contains("Not trained yet"), "{whole}");
+    // One page of the headline's scores, faults and sweeps, and of the tables.
+    let page = || fs::read_to_string(out.join("report.html")).expect("a page is written");
+    let told = page();
+    for part in ["closed set, energy", "Steering set to: mAP", "harmzone results --config", "lidar_stage.schedule"] {
+        assert!(told.contains(part), "{part}");
+    }
+    assert!(told.contains("data:image/jpeg") && !told.contains("To make it:"), "all of it is there");
+    let scored = || {
+        let time = |side: &str| fs::metadata(out.join("report").join(side).join("metrics.json"))?.modified();
+        ["id", "ood"].map(|side| time(side).expect("the headline is scored"))
+    };
+    let first_scored = scored();
     let time = fs::read_to_string(out.join("runs/camera/time.json")).expect("a time");
     assert!(time.contains("\"n_calls\":2"), "{time}");
 
@@ -478,9 +491,13 @@ fn an_experiment_killed_in_a_training_goes_on_and_its_commands_make_its_rows() {
     let message = fails(&again);
     assert!(message.contains("not the headline's"), "{message}");
     fs::write(card.with_extension("safetensors"), checkpoint(run)).expect("a writable folder");
-    fs::remove_file(out.join("RESULTS.md")).expect("it was there");
+    for name in ["RESULTS.md", "report.html"] {
+        fs::remove_file(out.join(name)).expect("it was there");
+    }
     done(&again);
     assert_eq!(document(), whole);
+    assert_eq!(page(), told, "from what is kept");
+    assert_eq!(scored(), first_scored, "and nothing is scored again");
     assert!(fs::read_to_string(&card).expect("a card").contains("mAP_OOD"));
 
     // Another config for a row that is trained is told, not silently mixed in.
@@ -534,6 +551,31 @@ fn labels_of_another_dataset_are_refused() {
     assert!(copied.success());
     let message = fails(&["train", text(&dataset), "--out", text(&dataset.join("run"))]);
     assert!(message.contains("another dataset") && message.contains("harmzone label"), "{message}");
+}
+
+#[test]
+fn the_zones_are_compared_drawn_and_labelled_under_their_names() {
+    let (_folder, dataset) = copy();
+    let plot = dataset.join("zones.png");
+    let told = done(&["zones", text(&dataset), "--json", "--plot", text(&plot)]);
+    let told: serde_json::Value = serde_json::from_str(&told).expect("JSON");
+    let drawn = image::open(&plot).expect("a PNG");
+    assert!(drawn.width() > 1000 && told["plot"]["sample"] == told["most_disputed_sample"], "{told}");
+    let message = fails(&["zones", text(&dataset), "--plot", text(&plot)]);
+    assert!(message.contains("--force"), "{message}");
+    let message =
+        fails(&["zones", text(&dataset), "--plot", text(&dataset.join("b.png")), "--sample", "999"]);
+    assert!(message.contains("no sample 999"), "{message}");
+    for (i, kind) in ["rect", "arc", "ttc", "rss"].into_iter().enumerate() {
+        done(&["label", text(&dataset), "--override", &format!("kind={kind}")]);
+        let labels = fs::read(dataset.join("labels").join(kind).join("labels.json")).expect("a label set");
+        let labels: serde_json::Value = serde_json::from_slice(&labels).expect("JSON");
+        assert_eq!(labels["counts"], told["zones"][i]["counts"], "{kind}");
+    }
+    // A run learns from any of them.
+    let run = dataset.join("run-rss");
+    done(&[&["train", text(&dataset), "--labels", "rss", "--out", text(&run)], TINY.as_slice()].concat());
+    done(&["eval", text(&run), "--data", text(&dataset), "--labels", "rss"]);
 }
 
 #[test]
@@ -601,6 +643,18 @@ fn missing_gl_says_what_to_install() {
     let all = [output.stdout, output.stderr].concat();
     let all = String::from_utf8_lossy(&all);
     assert!(all.contains("libegl1"), "{all}");
+}
+
+#[test]
+fn a_device_that_is_not_there_is_told_with_what_is() {
+    let of = |device| harmzone(&["train", "nowhere", "--out", "nowhere", "--device", device]);
+    let absent = of("vulkan:99");
+    let text = String::from_utf8_lossy(&absent.stderr).into_owned();
+    let told = if cfg!(feature = "vulkan") { "no device vulkan:99" } else { "this build has cpu" };
+    assert!(absent.status.code() == Some(1) && text.contains(told), "{text}");
+    let unknown = of("gpu");
+    let text = String::from_utf8_lossy(&unknown.stderr).into_owned();
+    assert!(unknown.status.code() == Some(2) && text.contains("vulkan:N"), "{text}");
 }
 
 #[test]

@@ -1,23 +1,25 @@
 //! The `--device` flag: where the network runs, chosen at run time.
 
-use anyhow::bail;
 use burn::tensor::Device;
 use clap::Args;
 
+use crate::device::{DeviceError, DeviceName};
+use crate::kernels::keep_freed_memory;
+
 #[derive(Debug, Args)]
 pub struct DeviceArg {
-    /// Where the network runs: cpu
+    /// Where the network runs: cpu, or cuda:N or vulkan:N in a build with that backend
     #[arg(long, default_value = "cpu")]
-    device: String,
+    device: DeviceName,
 }
 
 impl DeviceArg {
+    /// Opens the device, and has the allocator keep what a network frees: each sample asks for it again.
+    ///
     /// # Errors
-    /// This build has no such device.
-    pub fn open(&self) -> anyhow::Result<Device> {
-        match self.device.as_str() {
-            "cpu" => Ok(Device::flex()),
-            other => bail!("no device `{other}`; this build has: cpu"),
-        }
+    /// This build has no such device, or the machine.
+    pub fn open(&self) -> Result<Device, DeviceError> {
+        keep_freed_memory();
+        self.device.open()
     }
 }

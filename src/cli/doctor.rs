@@ -1,10 +1,12 @@
-//! `harmzone doctor`: what this machine has for generating data, what is missing, and how to get it.
+//! `harmzone doctor`: what this machine has for generating data and for the network, what is missing, and how to
+//! get it.
 
 use clap::Args;
 use nalgebra::Vector3;
 use serde::Serialize;
 
 use super::ExitStatus;
+use crate::device::{self, DeviceName};
 use crate::geometry::{Pinhole, Transform};
 use crate::sim::{CameraMount, Environment, Renderer, SimError, Simulator};
 
@@ -56,6 +58,7 @@ pub fn run(args: DoctorArgs) -> anyhow::Result<ExitStatus> {
 fn examine() -> Vec<Finding> {
     let mut findings = vec![
         Finding::new("harmzone", Ok(env!("CARGO_PKG_VERSION").to_owned())),
+        Finding::new("devices", Ok(devices())),
         Finding::new("interpreter", Ok(format!("Python {}, embedded", Environment::interpreter().1))),
     ];
     let venv = Environment::find().map(|environment| environment.venv.display().to_string());
@@ -71,6 +74,15 @@ fn examine() -> Vec<Finding> {
         findings.push(Finding::new("opengl", draw()));
     }
     findings
+}
+
+/// What `--device` can name here.
+fn devices() -> String {
+    let device = |(name, own): (DeviceName, Option<String>)| match own {
+        Some(own) => format!("{name} ({own})"),
+        None => name.to_string(),
+    };
+    device::present().into_iter().map(device).collect::<Vec<_>>().join(", ")
 }
 
 /// Draws the tiny world; tells what drew it.

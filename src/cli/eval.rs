@@ -10,14 +10,12 @@ use super::ExitStatus;
 use super::detector::Trained;
 use super::device::DeviceArg;
 use super::predict::{detect, open_split};
+use crate::dataset::Fingerprint;
 use crate::eval::predict::{eval_samples, truth_of};
 use crate::eval::{self, EvalConfig, EvalSample, Mode, Protocol, json};
-use crate::report::page::scores::{CONFIG_FILE, FAULTS_FILE, METRICS_FILE, SOURCE_FILE, Source, quoted};
-use crate::{config, files, report, train};
-
-/// Written for people by every scoring that has an output folder.
-const TABLE_FILE: &str = "table.txt";
-const BREAKDOWN_FILE: &str = "breakdown.txt";
+use crate::files::sha256_hex;
+use crate::report::page::scores::{self, METRICS_FILE, Source, quoted};
+use crate::{config, report, train};
 
 #[derive(Debug, Args)]
 #[command(group = ArgGroup::new("detector").args(["run", "predictions"]).required(true))]
@@ -82,30 +80,15 @@ pub fn run(args: EvalArgs) -> anyhow::Result<ExitStatus> {
         }
         None => "cannot score the run".to_owned(),
     })?;
-    let texts = Texts {
-        json: evaluation.to_json(),
-        table: report::table(&evaluation.metrics),
-        breakdown: report::breakdown(&evaluation),
-    };
     if let Some(out) = &args.out {
         let faults = eval::worst_faults(&samples, &protocol)?;
-        fs::create_dir_all(out)?;
-        files::write_atomic(&out.join(FAULTS_FILE), &serde_json::to_vec(&faults)?)?;
-        files::write_atomic(&out.join(SOURCE_FILE), &serde_json::to_vec_pretty(&source(&args)?)?)?;
-        save(out, &protocol, &texts)?;
+        scores::write(out, &protocol, &evaluation, &faults, &source(&args)?)?;
     }
-    print!("{}", if args.json { &texts.json } else { &texts.table });
+    print!("{}", if args.json { evaluation.to_json() } else { report::table(&evaluation.metrics) });
     if args.breakdown {
-        print!("\n{}", texts.breakdown);
+        print!("\n{}", report::breakdown(&evaluation));
     }
     Ok(ExitStatus::Done)
-}
-
-/// What is printed and saved.
-struct Texts {
-    json: String,
-    table: String,
-    breakdown: String,
 }
 
 /// The samples to score, from files of boxes or from a trained detector.
@@ -139,11 +122,15 @@ fn source(args: &EvalArgs) -> anyhow::Result<Source> {
         Some(Trained::File(path)) => fs::read_to_string(path.with_file_name(train::CONFIG_FILE)).ok(),
         _ => None,
     };
+    let fingerprint = args.data.as_deref().map(|data| Fingerprint::of(data, &args.labels)).transpose()?;
+    let checkpoint = trained.as_ref().map(Trained::bytes).transpose()?;
     Ok(Source {
         version: env!("CARGO_PKG_VERSION").to_owned(),
         command: command_line(),
         data: args.data.clone(),
         labels: args.data.as_ref().map(|_| args.labels.clone()),
+        fingerprint,
+        checkpoint_sha256: checkpoint.map(|(_, bytes)| sha256_hex(&bytes)),
         model_toml: model.as_ref().map(config::to_toml),
         train_toml,
     })
@@ -160,21 +147,5 @@ fn refuse_to_overwrite(out: &Path) -> anyhow::Result<()> {
     if metrics.exists() {
         bail!("metrics exist already; give --force to overwrite them: {}", metrics.display());
     }
-    Ok(())
-}
-
-/// Saves how it was scored, the tables, and last the metrics, whose presence says that all is there.
-fn save(out: &Path, protocol: &Protocol, texts: &Texts) -> anyhow::Result<()> {
-    fs::create_dir_all(out)?;
-    let metrics = out.join(METRICS_FILE);
-    if metrics.exists() {
-        fs::remove_file(&metrics)?;
-    }
-    let config = config::to_toml(protocol.config());
-    let config = format!("# harmzone {}, harmzone eval\n{config}", env!("CARGO_PKG_VERSION"));
-    files::write_atomic(&out.join(CONFIG_FILE), config.as_bytes())?;
-    files::write_atomic(&out.join(TABLE_FILE), texts.table.as_bytes())?;
-    files::write_atomic(&out.join(BREAKDOWN_FILE), texts.breakdown.as_bytes())?;
-    files::write_atomic(&metrics, texts.json.as_bytes())?;
     Ok(())
 }

@@ -13,13 +13,13 @@ use crate::{config, label};
 pub struct LabelArgs {
     /// The data set's folder
     dataset: PathBuf,
-    /// Zone config; without it the paper's zone (configs/zone.toml)
+    /// Zone config; without it the paper's rectangle (configs/zone.toml)
     #[arg(long, value_name = "FILE")]
     zone: Option<PathBuf>,
-    /// Name of the label set
-    #[arg(long, value_name = "NAME", default_value = "rect")]
-    set: String,
-    /// Override one key of the zone config
+    /// Name of the label set [default: the zone's kind]
+    #[arg(long, value_name = "NAME")]
+    set: Option<String>,
+    /// Override one key of the zone config: kind=arc, kind=ttc, kind=rss, ...
     #[arg(long = "override", value_name = "KEY=VALUE")]
     overrides: Vec<String>,
     /// Replace a label set made with another zone
@@ -32,7 +32,8 @@ pub struct LabelArgs {
 
 pub fn run(args: LabelArgs) -> anyhow::Result<ExitStatus> {
     let zone: ZoneConfig = config::load(args.zone.as_deref(), &args.overrides)?;
-    let summary = label::run(&args.dataset, &zone, &args.set, args.force, &Bar::default())?;
+    let set = args.set.unwrap_or_else(|| zone.kind.name().to_owned());
+    let summary = label::run(&args.dataset, &zone, &set, args.force, &Bar::default())?;
     if args.json {
         println!("{}", serde_json::to_string_pretty(&summary)?);
     } else {

@@ -19,6 +19,7 @@ mod results;
 mod sweep;
 mod train;
 mod view;
+mod zones;
 
 use std::process::ExitCode;
 
@@ -48,6 +49,8 @@ enum Command {
     BenchModel(bench_model::BenchModelArgs),
     /// Label the objects of a dataset harmful or harmless by a danger zone
     Label(label::LabelArgs),
+    /// Compare the danger zones on one dataset: harmful shares, objects that change sides, a picture
+    Zones(zones::ZonesArgs),
     /// Tell what a dataset holds, beside the paper's: counts, harmful shares, hardness, histograms
     Info(info::InfoArgs),
     /// Train a detector on a labelled dataset
@@ -98,6 +101,7 @@ pub fn main() -> ExitCode {
         Command::BenchGen(args) => bench_generate::run(args),
         Command::BenchModel(args) => bench_model::run(args),
         Command::Label(args) => label::run(args),
+        Command::Zones(args) => zones::run(args),
         Command::Info(args) => info::run(args),
         Command::Train(args) => train::run(args),
         Command::Curves(args) => curves::run(args),

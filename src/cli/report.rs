@@ -29,7 +29,7 @@ pub struct ReportArgs {
     #[arg(long, value_name = "MD")]
     results: Option<PathBuf>,
     /// Pictures of each kind of fault in each data set, at most
-    #[arg(long, value_name = "N", default_value_t = 12)]
+    #[arg(long, value_name = "N", default_value_t = page::DEFAULT_CARDS)]
     cards: usize,
     /// Replace the page if it exists
     #[arg(long)]

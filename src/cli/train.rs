@@ -13,7 +13,6 @@ use super::progress::Bar;
 use crate::config;
 use crate::dataset::{Dataset, DatasetError};
 use crate::episode::manifest::Split;
-use crate::kernels::keep_freed_memory;
 use crate::report::curves;
 use crate::train::{self, DryRun, RunOptions, TrainConfig};
 
@@ -112,7 +111,6 @@ pub fn run(args: TrainArgs) -> anyhow::Result<ExitStatus> {
         }
         return Ok(ExitStatus::Done);
     };
-    keep_freed_memory();
     let draw = |run: &Path| {
         // A picture that fails is no reason to stop a training.
         if let Err(error) = curves::run(run) {

@@ -5,14 +5,20 @@ use rand::RngExt;
 
 use super::{Dataset, Fingerprint, LabelledSample};
 use crate::geometry::{Box3, Pinhole, Point, Transform};
-use crate::label::zone::{Zone, ZoneConfig};
+use crate::label::zone::{Zone, ZoneConfig, ZoneKind};
 use crate::object::{Distribution, Event, Kind, LabelledObject, ObjectTruth};
 use crate::random;
 use crate::sample::{EgoState, EncodedImage, ImageFormat, LidarPoint, Measured};
 
 /// `n` labelled samples, always the same.
 pub fn dataset(n: usize) -> Dataset {
-    let zone = Zone::try_from(ZoneConfig::default()).expect("the default zone is valid");
+    dataset_of(n, ZoneKind::Rect)
+}
+
+/// The same samples, labelled by a zone of another shape.
+pub fn dataset_of(n: usize, kind: ZoneKind) -> Dataset {
+    let config = ZoneConfig { kind, ..ZoneConfig::default() };
+    let zone = Zone::try_from(config).expect("the default zones are valid");
     Dataset {
         path: "made".into(),
         episodes: Vec::new(),
@@ -55,8 +61,8 @@ fn sample(idx: usize, zone: &Zone) -> LabelledSample {
             });
         }
         let harm = zone
-            .rect(&ego_state)
-            .and_then(|area| area.harm_of(&box_in_ego))
+            .at(&ego_state)
+            .and_then(|area| area.harm_of(&box_in_ego, [0.0; 2]))
             .expect("made-up states and boxes are valid")
             .harm;
         objects.push(LabelledObject {

@@ -25,6 +25,8 @@ pub struct ObjectLabel {
     pub overlap_area_m2: f64,
     /// The shared area over the footprint's, 0 to 1.
     pub overlap_ratio: f64,
+    /// Seconds until contact; only of zone `ttc`, and only where contact comes within its horizon.
+    pub time_to_collision_s: Option<f64>,
 }
 
 /// The labels of one sample.
@@ -47,6 +49,7 @@ impl SampleLabels {
             harm: convert::harm_number(label.harm),
             overlap_area_m2: label.overlap_area_m2,
             overlap_ratio: label.overlap_ratio,
+            time_to_collision_s: label.time_to_collision_s,
         };
         wire::HarmLabels {
             timestamp: Some(own_time(self.time_ns)),
@@ -60,8 +63,8 @@ impl SampleLabels {
         let corner = |corner: wire::Point2| Point2 { x_m: corner.x_m, y_m: corner.y_m };
         let label = |label: wire::HarmLabel| {
             let harm = convert::harm_of(label.harm).map_err(|fault| fault.of(&label.id))?;
-            let (overlap_area_m2, overlap_ratio) = (label.overlap_area_m2, label.overlap_ratio);
-            Ok(ObjectLabel { id: label.id, harm, overlap_area_m2, overlap_ratio })
+            let wire::HarmLabel { id, overlap_area_m2, overlap_ratio, time_to_collision_s, .. } = label;
+            Ok(ObjectLabel { id, harm, overlap_area_m2, overlap_ratio, time_to_collision_s })
         };
         let labels = Self {
             time_ns,
@@ -81,6 +84,10 @@ impl SampleLabels {
         self.labels.iter().try_for_each(|label| {
             convert::check_finite("overlap_area_m2", label.overlap_area_m2)
                 .and_then(|()| convert::check_finite("overlap_ratio", label.overlap_ratio))
+                .and_then(|()| {
+                    let time_s = label.time_to_collision_s.unwrap_or(0.0);
+                    convert::check_finite("time_to_collision_s", time_s)
+                })
                 .map_err(|fault| fault.of(&label.id))
         })
     }

@@ -104,6 +104,7 @@ fn labels_of(sample: &Sample) -> SampleLabels {
         harm,
         overlap_area_m2,
         overlap_ratio: overlap_area_m2 / 7.79,
+        time_to_collision_s: (harm == Harm::Harmful).then_some(1.75),
     };
     SampleLabels {
         time_ns: sample.measured.time_ns,

@@ -10,6 +10,7 @@ use crate::dataset::{Dataset, LabelledSample};
 use crate::episode::EpisodeEntry;
 use crate::generate::GenerateConfig;
 use crate::geometry::{Box3, Ego, Point, Point2, convex_signed_distance_m, distance_to_convex_m};
+use crate::label::zone::ZoneKind;
 use crate::object::{Event, Kind, ObjectTruth};
 use crate::sensors::{Weather, WeatherOverride, WeatherState};
 
@@ -71,7 +72,8 @@ pub struct SampleFacts {
     pub position_in_world_m: Option<[f64; 2]>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub front_bumper_x_m: Option<f64>,
-    /// Corners of the danger zone, convex: x, y.
+    /// Corners of the danger zone, convex: x, y. Datasets tell it where their zone is `rect`: the others bend, and what
+    /// `ttc` and `rss` say of an object is not the distance to one edge.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub zone_in_ego_m: Option<Vec<[f64; 2]>>,
 }
@@ -131,7 +133,8 @@ pub fn of_dataset(dataset: &Dataset) -> Vec<SampleFacts> {
 fn of_ego(dataset: &Dataset, sample: &LabelledSample) -> SampleFacts {
     let state = &sample.measured.ego_state;
     let origin = sample.measured.world_from_ego * Point::new(0.0, 0.0, 0.0);
-    let zone = dataset.zone().rect(state).ok();
+    let is_convex = dataset.zone().config().kind == ZoneKind::Rect;
+    let zone = dataset.zone().at(state).ok().filter(|_| is_convex);
     SampleFacts {
         speed_mps: Some(state.speed_mps),
         steering_angle_rad: Some(state.steering_angle_rad),
@@ -173,6 +176,14 @@ mod tests {
                     crate::object::Harm::Harmless => assert!(distance_m > -0.6, "{distance_m}"),
                 }
             }
+        }
+    }
+
+    #[test]
+    fn only_the_rectangle_has_an_edge_to_measure_from() {
+        for kind in ZoneKind::ALL {
+            let facts = of_dataset(&test_data::dataset_of(1, kind));
+            assert_eq!(facts[0].zone_in_ego_m.is_some(), kind == ZoneKind::Rect, "{kind:?}");
         }
     }
 

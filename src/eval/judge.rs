@@ -8,7 +8,6 @@ use serde::{Deserialize, Serialize};
 
 use super::matching::center_distance_m;
 use super::predict::MIN_SCORE;
-use crate::geometry::convex_signed_distance_m;
 use crate::label::zone::{Zone, ZoneError};
 use crate::object::{Detection, Harm};
 use crate::sample::EgoState;
@@ -72,7 +71,7 @@ impl Judge {
     /// the soft one both with the shares of its score; shares below [`MIN_SCORE`] are left out.
     ///
     /// # Errors
-    /// The state or a box cannot be.
+    /// The state or a box cannot be, or the soft rule meets a zone other than `rect`.
     pub fn judged(
         self,
         found: &[Detection],
@@ -83,15 +82,15 @@ impl Judge {
             return Ok(found.to_vec());
         }
         let straight = EgoState { steering_angle_rad: 0.0, ..*state };
-        let zone = zone.rect(if self.is_straight() { &straight } else { state })?;
+        let zone = zone.at(if self.is_straight() { &straight } else { state })?;
         let mut judged = Vec::with_capacity(found.len());
         for object in objects(found) {
-            let harm = zone.harm_of(&object.box_in_ego)?.harm;
+            let harm = zone.harm_of(&object.box_in_ego, object.velocity_in_ego_mps)?.harm;
             if !self.is_soft() {
                 judged.push(Detection { harm, ..object });
                 continue;
             }
-            let distance_m = convex_signed_distance_m(zone.corners(), &object.box_in_ego.footprint());
+            let distance_m = zone.edge_distance_m(&object.box_in_ego)?;
             // A share of the score each, as the network's classes have.
             let p = harm_probability(distance_m, harm) as f32;
             for (harm, share) in [(Harm::Harmful, p), (Harm::Harmless, 1.0 - p)] {
@@ -149,7 +148,7 @@ mod tests {
     use crate::dataset::test_data;
     use crate::eval::{Columns, EvalSample, Mode, Protocol, SampleFacts, score};
     use crate::geometry::{Box3, Ego, Point};
-    use crate::label::zone::ZoneConfig;
+    use crate::label::zone::{ZoneConfig, ZoneKind};
     use crate::object::Distribution;
 
     fn state(speed_mps: f64, steering_deg: f64) -> EgoState {
@@ -227,6 +226,19 @@ mod tests {
             assert_eq!(Judge::named(judge.name()), Some(judge));
         }
         assert_eq!(Judge::named("oracle"), None);
+    }
+
+    #[test]
+    fn every_zone_judges_hard_and_only_the_rectangle_softly() {
+        for kind in ZoneKind::ALL {
+            let zone = Zone::try_from(ZoneConfig { kind, ..ZoneConfig::default() }).unwrap();
+            let boxes = [found(10.0, 0.0, Harm::Harmless, 0.9), found(10.0, 9.0, Harm::Harmful, 0.8)];
+            let hard = Judge::Zone.judged(&boxes, &state(10.0, 0.0), &zone).unwrap();
+            let harms: Vec<Harm> = hard.iter().map(|detection| detection.harm).collect();
+            assert_eq!(harms, [Harm::Harmful, Harm::Harmless], "{kind:?}");
+            let soft = Judge::ZoneSoft.judged(&boxes, &state(10.0, 0.0), &zone);
+            assert_eq!(matches!(soft, Err(ZoneError::NoEdge)), kind != ZoneKind::Rect);
+        }
     }
 
     /// AP of a judge over perfect boxes of made-up streets, every second object out of distribution.

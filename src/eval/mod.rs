@@ -21,6 +21,7 @@ mod pretty_json;
 mod protocol;
 pub mod safety;
 pub mod sweep;
+pub mod zone_comparison;
 
 use thiserror::Error;
 

@@ -12,7 +12,8 @@ use burn::backend::{
 };
 use burn::tensor::{DType, Device, Tensor, TensorData, module::conv2d, ops::ConvOptions};
 
-use super::conv3x3::{Shape, forward, input_gradient, weight_gradient};
+use super::conv3x3::{ScaleShiftRelu, Shape, forward, input_gradient, weight_gradient};
+use super::norm_relu::scale_shift_relu;
 use super::simd::InstructionSet;
 
 /// Convolves with a 3x3 kernel, one pixel of zero padding on each side and no bias.
@@ -41,11 +42,53 @@ pub fn conv3x3(x: Tensor<4>, w: Tensor<4>, stride: usize) -> Tensor<4> {
     Tensor::from_dispatch(<Dispatch as Conv3x3Backend>::conv3x3(x.into_dispatch(), w.into_dispatch(), stride))
 }
 
+/// [`conv3x3`], then `max(0, scale y + shift)`, in one pass over the map: a block with batch norm at inference.
+/// Without gradients.
+///
+/// # Shapes
+/// - x, w, output: as for [`conv3x3`]
+/// - scale, shift: `[channel_out]`
+///
+/// # Panics
+/// As for [`conv3x3`].
+#[must_use]
+pub fn conv3x3_scale_shift_relu(
+    x: Tensor<4>,
+    w: Tensor<4>,
+    scale: Tensor<1>,
+    shift: Tensor<1>,
+    stride: usize,
+) -> Tensor<4> {
+    let is_own = x.device() == Device::flex()
+        && !x.device().is_autodiff()
+        && x.dtype() == DType::F32
+        && w.dtype() == DType::F32
+        && x.shape().num_elements() > 0
+        && w.shape().num_elements() > 0;
+    if !is_own {
+        return scale_shift_relu(conv3x3(x, w, stride), scale, shift);
+    }
+    let [x_dims, w_dims] = [x.dims(), w.dims()];
+    assert!(matches!(stride, 1 | 2), "conv3x3: stride is 1 or 2, not {stride}");
+    assert_eq!(w_dims[1..], [x_dims[1], 3, 3], "conv3x3: input channels of kernel and input, kernel of 3x3");
+    let [x, w] = [x, w].map(Tensor::into_dispatch);
+    let [scale, shift] = [scale, shift].map(Tensor::into_dispatch);
+    Tensor::from_dispatch(<Dispatch as Conv3x3Backend>::conv3x3_scale_shift_relu(x, w, scale, shift, stride))
+}
+
 /// The convolution and its two gradients on one backend.
 #[backend_extension(Flex, Autodiff)]
 pub trait Conv3x3Backend: Backend {
     /// The convolution itself.
     fn conv3x3(x: FloatTensor<Self>, w: FloatTensor<Self>, stride: usize) -> FloatTensor<Self>;
+    /// With scale, shift and ReLU in the same pass.
+    fn conv3x3_scale_shift_relu(
+        x: FloatTensor<Self>,
+        w: FloatTensor<Self>,
+        scale: FloatTensor<Self>,
+        shift: FloatTensor<Self>,
+        stride: usize,
+    ) -> FloatTensor<Self>;
     /// Gradient with respect to an input of `height_px` by `width_px`.
     fn conv3x3_input_gradient(
         dy: FloatTensor<Self>,
@@ -81,7 +124,22 @@ impl Conv3x3Backend for Flex {
         let (x, w) = (x.to_contiguous(), w.to_contiguous());
         let (xs, ws) = (x.shape(), w.shape());
         let s = shape([xs[0], xs[1], xs[2], xs[3]], ws[0], stride);
-        let y = forward(s, values(&x), values(&w), InstructionSet::best());
+        let y = forward(s, values(&x), values(&w), None, InstructionSet::best());
+        tensor(y, [s.batch, s.channels_out, s.out_height_px(), s.out_width_px()])
+    }
+
+    fn conv3x3_scale_shift_relu(
+        x: FlexTensor,
+        w: FlexTensor,
+        scale: FlexTensor,
+        shift: FlexTensor,
+        stride: usize,
+    ) -> FlexTensor {
+        let [x, w, scale, shift] = [x, w, scale, shift].map(|tensor| tensor.to_contiguous());
+        let (xs, ws) = (x.shape(), w.shape());
+        let s = shape([xs[0], xs[1], xs[2], xs[3]], ws[0], stride);
+        let then = ScaleShiftRelu { scale: values(&scale), shift: values(&shift) };
+        let y = forward(s, values(&x), values(&w), Some(then), InstructionSet::best());
         tensor(y, [s.batch, s.channels_out, s.out_height_px(), s.out_width_px()])
     }
 
@@ -154,6 +212,16 @@ impl<B: Backend + Conv3x3Backend, C: CheckpointStrategy> Conv3x3Backend for Auto
         }
     }
 
+    fn conv3x3_scale_shift_relu(
+        _: FloatTensor<Self>,
+        _: FloatTensor<Self>,
+        _: FloatTensor<Self>,
+        _: FloatTensor<Self>,
+        _: usize,
+    ) -> FloatTensor<Self> {
+        unreachable!("conv3x3_scale_shift_relu is for inference: with autodiff its parts run")
+    }
+
     fn conv3x3_input_gradient(
         _: FloatTensor<Self>,
         _: FloatTensor<Self>,
@@ -209,6 +277,22 @@ mod tests {
             assert!(max_difference(own.1, burns.1) < 2e-5);
             assert!(max_difference(own.2, burns.2) < 1e-4);
         }
+    }
+
+    #[test]
+    fn in_one_pass_or_in_its_parts_a_block_is_the_same() {
+        let device = Device::flex();
+        device.seed(9);
+        let random = |dims| Tensor::<4>::random(dims, Distribution::Uniform(-0.5, 0.5), &device);
+        let (x, w) = (random([2, 6, 9, 20]), random([11, 6, 3, 3]));
+        let [scale, shift] = [(); 2].map(|()| random([1, 11, 1, 1]).reshape([11]));
+        let parts = scale_shift_relu(conv3x3(x.clone(), w.clone(), 2), scale.clone(), shift.clone());
+        let with_autodiff = [scale.clone(), shift.clone()].map(Tensor::from_inner);
+        let [x_tracked, w_tracked] = [x.clone(), w.clone()].map(Tensor::from_inner);
+        let [scale_tracked, shift_tracked] = with_autodiff;
+        let tracked = conv3x3_scale_shift_relu(x_tracked, w_tracked, scale_tracked, shift_tracked, 2);
+        assert!(max_difference(tracked.inner(), parts.clone()) < 1e-6);
+        assert!(max_difference(conv3x3_scale_shift_relu(x, w, scale, shift, 2), parts) < 1e-6);
     }
 
     #[test]

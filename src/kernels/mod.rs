@@ -18,7 +18,7 @@ mod simd;
 mod softmax;
 mod sparse_conv;
 
-pub use burn_op::conv3x3;
+pub use burn_op::{conv3x3, conv3x3_scale_shift_relu};
 pub use lift_pool::{PoolPlan, lift_pool};
 pub use memory::keep_freed_memory;
 pub use norm_relu::{Normed, norm_relu, scale_shift_relu};

@@ -19,6 +19,8 @@ pub(super) trait Simd: Copy {
     unsafe fn load(p: *const f32) -> Self::Vector;
     /// Writes `LANES` floats at `p`, which need no alignment beyond that of f32.
     unsafe fn store(p: *mut f32, v: Self::Vector);
+    /// The larger of each pair of lanes; `b` where one is no number.
+    unsafe fn max(a: Self::Vector, b: Self::Vector) -> Self::Vector;
     /// `a * b + c`.
     unsafe fn mul_add(a: Self::Vector, b: Self::Vector, c: Self::Vector) -> Self::Vector;
 }
@@ -157,6 +159,14 @@ impl Simd for Portable {
     }
 
     #[inline(always)]
+    unsafe fn max(mut a: [f32; 8], b: [f32; 8]) -> [f32; 8] {
+        for lane in 0..8 {
+            a[lane] = if a[lane] > b[lane] { a[lane] } else { b[lane] };
+        }
+        a
+    }
+
+    #[inline(always)]
     unsafe fn mul_add(a: [f32; 8], b: [f32; 8], mut c: [f32; 8]) -> [f32; 8] {
         // Not `f32::mul_add`, which is a slow library call where the target has no such instruction.
         for lane in 0..8 {
@@ -171,7 +181,7 @@ mod x86 {
     use std::arch::x86_64 as arch;
 
     macro_rules! simd {
-        ($name:ident, $vector:ty, $lanes:expr, $zero:ident, $splat:ident, $load:ident, $store:ident, $fma:ident) => {
+        ($name:ident, $vector:ty, $lanes:expr, $zero:ident, $splat:ident, $load:ident, $store:ident, $max:ident, $fma:ident) => {
             #[derive(Clone, Copy)]
             pub(super) struct $name;
 
@@ -206,6 +216,12 @@ mod x86 {
                 }
 
                 #[inline(always)]
+                unsafe fn max(a: $vector, b: $vector) -> $vector {
+                    // SAFETY: see above.
+                    unsafe { arch::$max(a, b) }
+                }
+
+                #[inline(always)]
                 unsafe fn mul_add(a: $vector, b: $vector, c: $vector) -> $vector {
                     // SAFETY: see above.
                     unsafe { arch::$fma(a, b, c) }
@@ -222,6 +238,7 @@ mod x86 {
         _mm256_set1_ps,
         _mm256_loadu_ps,
         _mm256_storeu_ps,
+        _mm256_max_ps,
         _mm256_fmadd_ps
     );
     simd!(
@@ -232,6 +249,7 @@ mod x86 {
         _mm512_set1_ps,
         _mm512_loadu_ps,
         _mm512_storeu_ps,
+        _mm512_max_ps,
         _mm512_fmadd_ps
     );
 }

@@ -31,7 +31,7 @@ pub fn label_sample(
     sample_idx: usize,
     sample: &Sample,
 ) -> Result<SampleLabels, SampleError> {
-    let rect = zone.rect(&sample.measured.ego_state).map_err(|source| SampleError::State {
+    let here = zone.at(&sample.measured.ego_state).map_err(|source| SampleError::State {
         episode: episode.to_owned(),
         sample_idx,
         source,
@@ -42,23 +42,21 @@ pub fn label_sample(
             let (episode, object) = (episode.to_owned(), object.id.clone());
             return Err(SampleError::Twice { episode, sample_idx, object });
         }
-        let verdict = rect.harm_of(&object.box_in_ego).map_err(|source| SampleError::Object {
-            episode: episode.to_owned(),
-            sample_idx,
-            object: object.id.clone(),
-            source,
+        let verdict = here.harm_of(&object.box_in_ego, object.velocity_in_ego_mps).map_err(|source| {
+            SampleError::Object { episode: episode.to_owned(), sample_idx, object: object.id.clone(), source }
         })?;
         labels.push(ObjectLabel {
             id: object.id.clone(),
             harm: verdict.harm,
             overlap_area_m2: verdict.overlap_area_m2,
             overlap_ratio: verdict.overlap_ratio,
+            time_to_collision_s: verdict.time_to_collision_s,
         });
     }
     Ok(SampleLabels {
         time_ns: sample.measured.time_ns,
         zone_name: zone.config().kind.name().to_owned(),
-        zone_corners: rect.corners().to_vec(),
+        zone_corners: here.corners().to_vec(),
         labels,
     })
 }

@@ -67,7 +67,7 @@ pub fn run(
     let folder = LabelManifest::folder(dataset, set);
     if !force
         && folder.join(LabelManifest::FILE).is_file()
-        && let Some(done) = finished(LabelManifest::read(dataset, set)?, &manifest, &zone_toml, &folder)?
+        && let Some(done) = finished(LabelManifest::read(dataset, set)?, &manifest, zone_config, &folder)?
     {
         return Ok(summary(&done, true));
     }
@@ -93,11 +93,12 @@ pub fn run(
 fn finished(
     labels: LabelManifest,
     manifest: &Manifest,
-    zone_toml: &str,
+    zone_config: &ZoneConfig,
     folder: &Path,
 ) -> Result<Option<LabelManifest>, LabelError> {
     let other = |what| LabelError::Other { set: labels.set.clone(), what, path: folder.to_owned() };
-    if labels.zone_toml != zone_toml {
+    // Read, not compared as text: a set made before a key was there was made with its default.
+    if toml::from_str::<ZoneConfig>(&labels.zone_toml).ok().as_ref() != Some(zone_config) {
         return Err(other("another zone"));
     }
     let is_known = |entry: &LabelEntry| {

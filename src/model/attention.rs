@@ -10,7 +10,7 @@ use burn::tensor::activation::relu;
 use burn::tensor::{Device, Tensor};
 
 use super::config::HeadConfig;
-use super::layers::{Mlp, xavier};
+use super::layers::{Mlp, linear_over_channels, xavier};
 use crate::kernels::softmax_last;
 
 /// Scaled dot-product attention with several heads (Vaswani et al. 2017).
@@ -47,20 +47,21 @@ impl Attention {
 
     /// # Shapes
     /// - query: `[batch, query, channel]`
-    /// - memory: `[batch, key, channel]`, keys and values
+    /// - memory: `[batch, channel, key]`, keys and values: a map as it lies
     /// - output: `[batch, query, channel]`
     fn forward(&self, query: Tensor<3>, memory: Tensor<3>) -> Tensor<3> {
         let [n_batch, n_query, n_channels] = query.dims();
         let n_per_head = n_channels / self.n_heads;
-        let heads = |x: Tensor<3>| {
-            let [_, n, _] = x.dims();
-            x.reshape([n_batch, n, self.n_heads, n_per_head]).swap_dims(1, 2)
-        };
-        let q = heads(self.query.forward(query)).mul_scalar(1.0 / (n_per_head as f64).sqrt());
-        let k = heads(self.key.forward(memory.clone()));
-        let v = heads(self.value.forward(memory));
-        let weights = self.dropout.forward(softmax_last(q.matmul(k.swap_dims(2, 3))));
-        self.out.forward(weights.matmul(v).swap_dims(1, 2).reshape([n_batch, n_query, n_channels]))
+        let [_, _, n_keys] = memory.dims();
+        let q = self.query.forward(query).mul_scalar(1.0 / (n_per_head as f64).sqrt());
+        let q = q.reshape([n_batch, n_query, self.n_heads, n_per_head]).swap_dims(1, 2);
+        let [k, v] = [&self.key, &self.value].map(|linear| {
+            let projected = linear_over_channels(linear, memory.clone());
+            projected.reshape([n_batch, self.n_heads, n_per_head, n_keys])
+        });
+        let weights = self.dropout.forward(softmax_last(q.matmul(k)));
+        let attended = weights.matmul(v.swap_dims(2, 3));
+        self.out.forward(attended.swap_dims(1, 2).reshape([n_batch, n_query, n_channels]))
     }
 }
 
@@ -90,12 +91,13 @@ impl DecoderLayer {
 
     /// # Shapes
     /// - query, query_position: `[batch, query, channel]`
-    /// - memory: `[batch, key, channel]` with its position encoding added
+    /// - memory: `[batch, channel, key]` with its position encoding added
     /// - output: `[batch, query, channel]`
     pub fn forward(&self, query: Tensor<3>, query_position: Tensor<3>, memory: Tensor<3>) -> Tensor<3> {
         let dropped = |x: Tensor<3>| self.dropout.forward(x);
         let placed = query.clone() + query_position.clone();
-        let x = self.norms[0].forward(query + dropped(self.self_attention.forward(placed.clone(), placed)));
+        let among = self.self_attention.forward(placed.clone(), placed.swap_dims(1, 2));
+        let x = self.norms[0].forward(query + dropped(among));
         let asked = self.cross_attention.forward(x.clone() + query_position, memory);
         let x = self.norms[1].forward(x + dropped(asked));
         let hidden = dropped(relu(self.feed_forward.hidden.forward(x.clone())));
@@ -106,6 +108,7 @@ impl DecoderLayer {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::device::test_device;
     use crate::model::golden::{Golden, assert_close};
     use burn::optim::GradientsParams;
     use burn::tensor::TensorData;
@@ -118,15 +121,15 @@ mod tests {
     #[test]
     fn one_layer_equals_pytorchs_in_values_and_gradients() {
         let golden = Golden::read("head");
-        let device = Device::flex().autodiff();
+        let device = test_device().autodiff();
         let layer = golden.load_torch("decoder.weights", DecoderLayer::init(&config(), &device));
         let input =
             |name: &str| golden.tensor::<3>(&format!("decoder.inputs.{name}"), &device).require_grad();
         let [query, query_position] = ["query", "query_position"].map(input);
         let [memory, memory_position] = ["memory", "memory_position"].map(input);
 
-        let output =
-            layer.forward(query.clone(), query_position.clone(), memory.clone() + memory_position.clone());
+        let placed = (memory.clone() + memory_position.clone()).swap_dims(1, 2);
+        let output = layer.forward(query.clone(), query_position.clone(), placed);
         assert_close(&output, &golden.tensor("decoder.output", &device), "output");
 
         let weighted = output * golden.tensor("decoder.output_gradient", &device);
@@ -167,7 +170,8 @@ mod tests {
         let forward = |layer: &DecoderLayer, device: &Device| -> Vec<f32> {
             let numbers = |n: usize| (0..n * 16).map(|i| (i as f32).sin()).collect::<Vec<_>>();
             let tensor = |n| Tensor::<3>::from_data(TensorData::new(numbers(n), [1, n, 16]), device);
-            layer.forward(tensor(5), tensor(5), tensor(9)).into_data().try_to_vec().unwrap()
+            let memory = tensor(9).swap_dims(1, 2);
+            layer.forward(tensor(5), tensor(5), memory).into_data().try_to_vec().unwrap()
         };
         let inference = forward(&layer.valid(), &Device::flex());
         assert_eq!(forward(&layer.valid(), &Device::flex()), inference);

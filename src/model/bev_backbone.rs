@@ -218,6 +218,7 @@ impl BevBackbone {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::device::test_device;
     use crate::model::golden::{Golden, assert_close};
     use crate::model::n_trained;
 
@@ -243,7 +244,7 @@ mod tests {
     #[test]
     fn values_and_gradients_equal_pytorch() {
         let golden = Golden::read("bev_backbone");
-        let (device, inner) = (Device::flex().autodiff(), Device::flex());
+        let (device, inner) = (test_device().autodiff(), test_device());
         for (case, upsample) in [("transpose", Upsample::Transpose), ("nearest", Upsample::Nearest)] {
             let name = |part: &str| format!("{case}.{part}");
             let tensor = |part: &str| golden.tensor::<4>(&name(part), &inner);

@@ -4,12 +4,12 @@
 
 use burn::module::Module;
 use burn::nn::conv::Conv2d;
-use burn::tensor::{Device, IndexingUpdateOp, Tensor};
+use burn::tensor::{Device, Tensor};
 
 use super::cnn_input::CnnBatch;
 use super::config::ModelConfig;
 use super::layers::{ConvBlock, mix_channels, pointwise};
-use crate::kernels::softmax_last;
+use crate::kernels::{lift_pool, softmax_last};
 
 /// Channels of the encoded LiDAR depth.
 const DEPTH_CHANNELS: usize = 16;
@@ -71,20 +71,17 @@ impl CnnBranch {
     /// - output: `[batch, lift_channel, cell_y, cell_x]`; each cell the sum of the frustum points in it
     pub fn lift_and_splat(&self, joint: Tensor<4>, batch: &CnnBatch) -> Tensor<4> {
         let [n_batch, _, n_y, n_x] = joint.dims();
-        let lifted = mix_channels(&self.lift, joint)
-            .permute([0, 2, 3, 1])
-            .reshape([n_batch * n_y * n_x, self.n_depth_bins + self.n_lift_channels]);
-        let depth_probability = softmax_last(lifted.clone().narrow(1, 0, self.n_depth_bins))
-            .reshape([n_batch * n_y * n_x * self.n_depth_bins, 1]);
-        let context = lifted.narrow(1, self.n_depth_bins, self.n_lift_channels);
-        let points = context.select(0, batch.frustum_features.clone())
-            * depth_probability.select(0, batch.frustum_depths.clone());
+        let lifted = mix_channels(&self.lift, joint).permute([0, 2, 3, 1]).reshape([
+            n_batch,
+            n_y * n_x,
+            self.n_depth_bins + self.n_lift_channels,
+        ]);
+        let depth = softmax_last(lifted.clone().narrow(2, 0, self.n_depth_bins));
+        let context = lifted.narrow(2, self.n_depth_bins, self.n_lift_channels);
         let [n_cells_y, n_cells_x] = self.n_cells;
-        let grid =
-            Tensor::<2>::zeros([n_batch * n_cells_y * n_cells_x, self.n_lift_channels], &points.device())
-                .select_assign(0, batch.frustum_cells.clone(), points, IndexingUpdateOp::Add)
-                .reshape([n_batch, n_cells_y, n_cells_x, self.n_lift_channels])
-                .permute([0, 3, 1, 2]);
+        let grid = lift_pool(depth, context, &batch.plans)
+            .reshape([n_batch, n_cells_y, n_cells_x, self.n_lift_channels])
+            .permute([0, 3, 1, 2]);
         self.smooth.forward(grid)
     }
 }

@@ -1,11 +1,14 @@
 //! Inputs of the small camera branch: a resized image, LiDAR depths at its features, and where its frustum falls.
 
-use burn::tensor::{Device, Int, Tensor, TensorData};
+use std::sync::Arc;
+
+use burn::tensor::{Device, Tensor, TensorData};
 use image::RgbImage;
 use image::imageops::{FilterType, resize};
 
 use super::config::ModelConfig;
 use crate::geometry::{Camera, Ego, Pinhole, Point, Transform};
+use crate::kernels::PoolPlan;
 
 /// Stride of the camera features over the resized image.
 pub const IMAGE_STRIDE: usize = 8;
@@ -18,17 +21,8 @@ pub struct CnnInput {
     pub image_height_px: usize,
     /// `[feature_y, feature_x]` at an eighth of the resized image: nearest LiDAR depth in metres, 0 for none.
     pub depth: Vec<f32>,
-    /// Frustum points that fall into the bird's-eye grid.
-    pub frustum: Frustum,
-}
-
-/// Which frustum point lands in which bird's-eye cell.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Frustum {
-    /// Index into `[depth_bin, feature_y, feature_x]`.
-    pub points: Vec<u32>,
-    /// Bird's-eye cell `y * n_cells_x + x` of the same point.
-    pub cells: Vec<u32>,
+    /// Bird's-eye cell `y * n_cells_x + x` of each frustum point, `[feature_y * feature_x, depth_bin]`.
+    pub plan: Arc<PoolPlan>,
 }
 
 /// Feature rows or columns after three stride-2 convolutions with padding 1.
@@ -73,7 +67,7 @@ impl CnnInput {
         let small_camera = scaled(intrinsics, scale, width_px, image_height_px);
         Self {
             depth: sparse_depth(points, &small_camera, ego_from_camera),
-            frustum: frustum(&small_camera, ego_from_camera, config),
+            plan: Arc::new(pool_plan(&small_camera, ego_from_camera, config)),
             image,
             image_height_px,
         }
@@ -96,17 +90,8 @@ pub struct CnnBatch {
     pub image: Tensor<4>,
     /// `[batch, 2, feature_y, feature_x]`: LiDAR depth over 50 m, and whether there is one.
     pub depth: Tensor<4>,
-    /// `[frustum]`: index into `[batch, feature_y, feature_x]`.
-    pub frustum_features: Tensor<1, Int>,
-    /// `[frustum]`: index into `[batch, feature_y, feature_x, depth_bin]`.
-    pub frustum_depths: Tensor<1, Int>,
-    /// `[frustum]`: index into `[batch, cell_y, cell_x]`.
-    pub frustum_cells: Tensor<1, Int>,
-}
-
-fn indices(values: Vec<i64>, device: &Device) -> Tensor<1, Int> {
-    let n = values.len();
-    Tensor::from_data(TensorData::new(values, [n]), device)
+    /// Of each sample: where its frustum falls.
+    pub plans: Vec<Arc<PoolPlan>>,
 }
 
 impl CnnBatch {
@@ -116,28 +101,17 @@ impl CnnBatch {
         let n_samples = inputs.len();
         let (width_px, height_px) = (config.camera.cnn.image_width_px, inputs[0].image_height_px);
         let (n_x, n_y) = (n_features(width_px), n_features(height_px));
-        let n_cells = config.grid.n_cells();
         let mut image = Vec::with_capacity(n_samples * 3 * width_px * height_px);
         let mut depth = Vec::with_capacity(n_samples * 2 * n_x * n_y);
-        let (mut of_features, mut of_depths, mut of_cells) = (Vec::new(), Vec::new(), Vec::new());
-        for (sample_idx, input) in inputs.iter().enumerate() {
+        for input in inputs {
             image.extend(input.image.iter().map(|&value| (f32::from(value) - 115.0) / 58.0));
             depth.extend(input.depth.iter().map(|&d| d / 50.0));
             depth.extend(input.depth.iter().map(|&d| f32::from(u8::from(d > 0.0))));
-            for (&point, &cell) in input.frustum.points.iter().zip(&input.frustum.cells) {
-                let (bin, pixel) = (point as usize / (n_x * n_y), point as usize % (n_x * n_y));
-                let feature = sample_idx * n_x * n_y + pixel;
-                of_features.push(feature as i64);
-                of_depths.push((feature * config.camera.cnn.n_depth_bins + bin) as i64);
-                of_cells.push((sample_idx * n_cells + cell as usize) as i64);
-            }
         }
         Self {
             image: Tensor::from_data(TensorData::new(image, [n_samples, 3, height_px, width_px]), device),
             depth: Tensor::from_data(TensorData::new(depth, [n_samples, 2, n_y, n_x]), device),
-            frustum_features: indices(of_features, device),
-            frustum_depths: indices(of_depths, device),
-            frustum_cells: indices(of_cells, device),
+            plans: inputs.iter().map(|input| Arc::clone(&input.plan)).collect(),
         }
     }
 }
@@ -176,37 +150,36 @@ fn sparse_depth(points: &[[f64; 4]], camera: &Pinhole, ego_from_camera: &Transfo
     depth
 }
 
-/// Frustum points (feature cells at each depth bin's middle) that lie in the grid.
-fn frustum(camera: &Pinhole, ego_from_camera: &Transform<Ego, Camera>, config: &ModelConfig) -> Frustum {
+/// The cell of each frustum point: a feature, at the middle of each depth bin.
+fn pool_plan(camera: &Pinhole, ego_from_camera: &Transform<Ego, Camera>, config: &ModelConfig) -> PoolPlan {
     let (n_x, n_y) = (n_features(camera.width_px as usize), n_features(camera.height_px as usize));
-    let grid = &config.grid;
-    let bin_m = (config.camera.cnn.depth_max_m - config.camera.cnn.depth_min_m)
-        / config.camera.cnn.n_depth_bins as f64;
-    let mut kept = Frustum::default();
-    for bin in 0..config.camera.cnn.n_depth_bins {
-        let depth_m = config.camera.cnn.depth_min_m + (bin as f64 + 0.5) * bin_m;
-        for y in 0..n_y {
-            for x in 0..n_x {
-                let (u, v) = ((x * IMAGE_STRIDE) as f64 + 0.5, (y * IMAGE_STRIDE) as f64 + 0.5);
-                let p = *ego_from_camera
-                    * Point::new(
-                        (u - camera.cx_px) / camera.fx_px * depth_m,
-                        (v - camera.cy_px) / camera.fy_px * depth_m,
-                        depth_m,
-                    );
-                let cell_x = ((p.x() - grid.x_min_m) / grid.cell_size_m).floor();
-                let cell_y = ((p.y() - grid.y_min_m) / grid.cell_size_m).floor();
-                let inside = (0.0..grid.n_cells_x() as f64).contains(&cell_x)
-                    && (0.0..grid.n_cells_y() as f64).contains(&cell_y)
-                    && (grid.z_min_m..grid.z_max_m).contains(&p.z());
-                if inside {
-                    kept.points.push(((bin * n_y + y) * n_x + x) as u32);
-                    kept.cells.push((cell_y as usize * grid.n_cells_x() + cell_x as usize) as u32);
-                }
-            }
+    let (grid, config) = (&config.grid, &config.camera.cnn);
+    let n_bins = config.n_depth_bins;
+    let bin_m = (config.depth_max_m - config.depth_min_m) / n_bins as f64;
+    let cell_of = |x_m: f64, y_m: f64, z_m: f64| {
+        let cell_x = ((x_m - grid.x_min_m) / grid.cell_size_m).floor();
+        let cell_y = ((y_m - grid.y_min_m) / grid.cell_size_m).floor();
+        let inside = (0.0..grid.n_cells_x() as f64).contains(&cell_x)
+            && (0.0..grid.n_cells_y() as f64).contains(&cell_y)
+            && (grid.z_min_m..grid.z_max_m).contains(&z_m);
+        if inside { (cell_y as usize * grid.n_cells_x() + cell_x as usize) as u32 } else { PoolPlan::OUTSIDE }
+    };
+    let at = |x_m: f64, y_m: f64, z_m: f64| *ego_from_camera * Point::new(x_m, y_m, z_m);
+    let origin = at(0.0, 0.0, 0.0);
+    let mut cells = Vec::with_capacity(n_x * n_y * n_bins);
+    for y in 0..n_y {
+        for x in 0..n_x {
+            let (u, v) = ((x * IMAGE_STRIDE) as f64 + 0.5, (y * IMAGE_STRIDE) as f64 + 0.5);
+            let at_1_m = at((u - camera.cx_px) / camera.fx_px, (v - camera.cy_px) / camera.fy_px, 1.0);
+            let along = [at_1_m.x() - origin.x(), at_1_m.y() - origin.y(), at_1_m.z() - origin.z()];
+            cells.extend((0..n_bins).map(|bin| {
+                let depth_m = config.depth_min_m + (bin as f64 + 0.5) * bin_m;
+                let [x_m, y_m, z_m] = along.map(|along| along * depth_m);
+                cell_of(origin.x() + x_m, origin.y() + y_m, origin.z() + z_m)
+            }));
         }
     }
-    kept
+    PoolPlan::new(n_bins, grid.n_cells(), cells)
 }
 
 #[cfg(test)]
@@ -236,8 +209,23 @@ mod tests {
     fn frustum_points_fall_into_cells_of_the_grid_only() {
         let (pinhole, ego_from_camera) = camera();
         let config = ModelConfig::default();
-        let kept = frustum(&pinhole, &ego_from_camera, &config);
-        let n_cells = (config.grid.n_cells_x() * config.grid.n_cells_y()) as u32;
-        assert!(kept.points.len() > 10_000 && kept.cells.iter().all(|&cell| cell < n_cells));
+        let plan = pool_plan(&pinhole, &ego_from_camera, &config);
+        assert!(plan.points().len() > 10_000);
+        // Straight ahead, 20 m off: half of the picture's width, and the bin that holds 20 m.
+        let (n_x, cnn) = (n_features(400), &config.camera.cnn);
+        let bin_m = (cnn.depth_max_m - cnn.depth_min_m) / cnn.n_depth_bins as f64;
+        let (pixel, bin) = (14 * n_x + 25, ((20.0 - cnn.depth_min_m) / bin_m) as usize);
+        let depth_m = cnn.depth_min_m + (bin as f64 + 0.5) * bin_m;
+        let [u, v] = [200.5, 112.5];
+        let p = ego_from_camera
+            * Point::new(
+                (u - pinhole.cx_px) / pinhole.fx_px * depth_m,
+                (v - pinhole.cy_px) / pinhole.fy_px * depth_m,
+                depth_m,
+            );
+        let cell = |m: f64, min_m: f64| ((m - min_m) / config.grid.cell_size_m) as usize;
+        let expected =
+            cell(p.y(), config.grid.y_min_m) * config.grid.n_cells_x() + cell(p.x(), config.grid.x_min_m);
+        assert_eq!(plan.cell_of_point()[pixel * cnn.n_depth_bins + bin] as usize, expected);
     }
 }

@@ -5,7 +5,7 @@ use burn::nn::conv::{Conv2d, Conv2dConfig};
 use burn::nn::{BatchNorm, BatchNormConfig, PaddingConfig2d};
 use burn::tensor::{Device, Tensor};
 
-use super::norm::batch_norm_relu;
+use super::norm::{batch_norm_relu, conv3x3_norm_relu};
 use crate::kernels::conv3x3;
 
 /// Sizes of one block.
@@ -63,14 +63,11 @@ impl ConvNorm {
     /// - output: `[batch, channel_out, ceil(y / stride), ceil(x / stride)]`
     pub fn forward(&self, x: Tensor<4>) -> Tensor<4> {
         let stride = self.conv.stride[0];
-        let x = if self.conv.kernel_size == [3, 3] && stride <= 2 {
-            let x = conv3x3(x, self.conv.weight.val(), stride);
-            match &self.conv.bias {
-                Some(bias) => x + bias.val().reshape([1, -1, 1, 1]),
-                None => x,
-            }
-        } else {
-            self.conv.forward(x)
+        let weight = self.conv.weight.val();
+        let x = match &self.conv.bias {
+            _ if self.conv.kernel_size != [3, 3] || stride > 2 => self.conv.forward(x),
+            Some(bias) => conv3x3(x, weight, stride) + bias.val().reshape([1, -1, 1, 1]),
+            None => return conv3x3_norm_relu(weight, &self.norm, x, stride),
         };
         batch_norm_relu(&self.norm, x)
     }

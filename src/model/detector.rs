@@ -146,8 +146,17 @@ impl Detector {
     /// # Panics
     /// If the batch was made with another config.
     pub fn forward(&self, batch: &Batch) -> Output {
-        let camera = self.camera_map(batch, self.image_features(batch));
-        self.head(batch, self.fuse(camera, self.lidar_map(batch)))
+        let camera = || self.camera_map(batch, self.image_features(batch));
+        let lidar = || self.lidar_map(batch);
+        if batch.numeric.device().is_autodiff() {
+            return self.head(batch, self.fuse(camera(), lidar()));
+        }
+        // Started in the pool, no operation wakes it up and waits outside; and what one branch does on one thread
+        // leaves the others to the other branch.
+        rayon::scope(|_| {
+            let (camera, lidar) = rayon::join(camera, lidar);
+            self.head(batch, self.fuse(camera, lidar))
+        })
     }
 }
 

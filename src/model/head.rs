@@ -117,15 +117,14 @@ impl Head {
     fn decode(&self, shared: Tensor<4>, queries: &[Vec<Query>], device: &Device) -> (Tensor<3>, Tensor<3>) {
         let [n_batch, n_channels, n_y, n_x] = shared.dims();
         let n_cells = n_y * n_x;
-        let memory = shared.permute([0, 2, 3, 1]).reshape([n_batch * n_cells, n_channels]);
-        let rows: Tensor<1, Int> =
-            each(queries, device, |sample_idx, query| sample_idx * n_cells + query.cell);
-        let query =
-            memory.clone().select(0, rows) + self.class_embedding.forward(self.one_hot(queries, device));
-        let query = query.reshape([n_batch, self.config.n_queries, n_channels]);
+        let memory = shared.reshape([n_batch, n_channels, n_cells]);
+        let cells: Tensor<1, Int> = each(queries, device, |_, query| query.cell);
+        let cells = cells.reshape([n_batch, 1, self.config.n_queries]);
+        let at_queries = memory.clone().gather(2, cells.expand([n_batch, n_channels, self.config.n_queries]));
+        let class = self.class_embedding.forward(self.one_hot(queries, device));
+        let query = at_queries.swap_dims(1, 2) + class.reshape([n_batch, self.config.n_queries, n_channels]);
         let position = self.position.of_queries(queries, &self.grid, device);
-        let memory = memory.reshape([n_batch, n_cells, n_channels])
-            + self.position.of_cells([n_y, n_x], &self.grid, device);
+        let memory = memory + self.position.of_cells([n_y, n_x], &self.grid, device);
         (self.decoder.forward(query, position.clone(), memory), position)
     }
 
@@ -185,6 +184,7 @@ fn repeat_rows(x: Tensor<3>, n: usize) -> Tensor<3> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::device::test_device;
     use crate::model::config::{Classes, Heatmap, NumericFusion, PositionEncoding, Prediction};
     use crate::model::golden::{Golden, assert_close};
     use burn::optim::GradientsParams;
@@ -222,7 +222,7 @@ mod tests {
 
     #[test]
     fn at_inference_it_equals_pytorchs() {
-        let device = Device::flex();
+        let device = test_device();
         let (head, golden) = golden_head(&device);
         let found =
             head.forward(golden.tensor("head.features", &device), golden.tensor("head.numeric", &device));
@@ -250,7 +250,7 @@ mod tests {
 
     #[test]
     fn in_training_values_and_gradients_equal_pytorchs() {
-        let device = Device::flex().autodiff();
+        let device = test_device().autodiff();
         let (head, golden) = golden_head(&device);
         let features = golden.tensor::<4>("head.features", &device).require_grad();
         let found = head.forward(features.clone(), golden.tensor("head.numeric", &device));

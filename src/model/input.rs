@@ -83,10 +83,7 @@ impl Input {
         };
         let camera = match &self.camera {
             Some(CameraInput::Cnn(of)) => {
-                size_of_val(&*of.image)
-                    + size_of_val(&*of.depth)
-                    + size_of_val(&*of.frustum.points)
-                    + size_of_val(&*of.frustum.cells)
+                size_of_val(&*of.image) + size_of_val(&*of.depth) + of.plan.n_bytes()
             }
             Some(CameraInput::Swin(of)) => size_of_val(&*of.image) + size_of_val(&*of.depths),
             None => 0,

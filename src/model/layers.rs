@@ -4,9 +4,11 @@ use burn::module::{Module, Param};
 use burn::nn::conv::{Conv2d, Conv2dConfig};
 use burn::nn::{BatchNorm, BatchNormConfig, Initializer, Linear, LinearConfig};
 use burn::tensor::activation::relu;
+use burn::tensor::module::interpolate;
+use burn::tensor::ops::{InterpolateMode, InterpolateOptions};
 use burn::tensor::{Device, Tensor};
 
-use super::norm::batch_norm_relu;
+use super::norm::conv3x3_norm_relu;
 use crate::kernels::conv3x3;
 
 /// 3x3 convolution (padding 1, no bias), batch norm, ReLU.
@@ -46,8 +48,7 @@ impl ConvBlock {
     /// - x: `[batch, channel_in, y, x]`
     /// - output: `[batch, channel_out, ceil(y / stride), ceil(x / stride)]`
     pub fn forward(&self, x: Tensor<4>) -> Tensor<4> {
-        let x = conv3x3(x, self.conv.weight.val(), self.conv.stride[0]);
-        batch_norm_relu(&self.norm, x)
+        conv3x3_norm_relu(self.conv.weight.val(), &self.norm, x, self.conv.stride[0])
     }
 }
 
@@ -107,13 +108,21 @@ pub fn mix_channels(conv: &Conv2d, x: Tensor<4>) -> Tensor<4> {
 /// - x: `[batch, channel, y, x]`
 /// - output: `[batch, channel, 2 y, 2 x]`
 pub fn upsample_nearest(x: Tensor<4>) -> Tensor<4> {
-    let [n_batch, n_channels, n_y, n_x] = x.dims();
-    x.reshape([n_batch, n_channels, n_y, 1, n_x, 1]).expand([n_batch, n_channels, n_y, 2, n_x, 2]).reshape([
-        n_batch,
-        n_channels,
-        n_y * 2,
-        n_x * 2,
-    ])
+    let nearest = InterpolateOptions::new(InterpolateMode::Nearest);
+    interpolate(x, nearest.with_scale_factor([2.0, 2.0]))
+}
+
+/// A linear layer over the channels of a map, as one matrix product that leaves the map as it lies.
+///
+/// # Shapes
+/// - x: `[batch, channel_in, cell]`
+/// - output: `[batch, channel_out, cell]`
+pub fn linear_over_channels(linear: &Linear, x: Tensor<3>) -> Tensor<3> {
+    let mixed = linear.weight.val().transpose().unsqueeze::<3>().matmul(x);
+    match &linear.bias {
+        Some(bias) => mixed + bias.val().reshape([1, -1, 1]),
+        None => mixed,
+    }
 }
 
 /// Two linear layers with a ReLU between them.
@@ -133,6 +142,11 @@ impl Mlp {
 
     pub fn forward<const D: usize>(&self, x: Tensor<D>) -> Tensor<D> {
         self.out.forward(relu(self.hidden.forward(x)))
+    }
+
+    /// The same over the channels of a map, `[batch, channel, cell]`.
+    pub fn forward_over_channels(&self, x: Tensor<3>) -> Tensor<3> {
+        linear_over_channels(&self.out, relu(linear_over_channels(&self.hidden, x)))
     }
 }
 
@@ -210,6 +224,15 @@ mod tests {
         for (own, burns) in run(true).into_iter().zip(run(false)) {
             assert!((own - burns).abs().max().into_scalar::<f32>() < 1e-5);
         }
+    }
+
+    #[test]
+    fn a_pair_of_layers_over_a_maps_channels_is_the_pair_over_its_cells() {
+        let device = Device::flex();
+        let net = Mlp::init(3, 7, 5, &device);
+        let x = Tensor::<3>::random([2, 4, 3], burn::tensor::Distribution::Default, &device);
+        let over_channels = net.forward_over_channels(x.clone().swap_dims(1, 2)).swap_dims(1, 2);
+        assert!((over_channels - net.forward(x)).abs().max().into_scalar::<f32>() < 1e-6);
     }
 
     #[test]

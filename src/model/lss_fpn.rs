@@ -54,6 +54,7 @@ impl LssFpn {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::device::test_device;
     use crate::model::formula::{
         assert_equal, assert_gradients_equal, fill, golden, gradients, n_parameters, tensor, values,
     };
@@ -61,7 +62,7 @@ mod tests {
     #[test]
     fn the_map_and_gradients_are_pytorchs() {
         let expected = golden(include_bytes!("../../tests/golden/lss_fpn.safetensors"));
-        let device = Device::flex().autodiff();
+        let device = test_device().autodiff();
         let mut fpn = LssFpn::init([6, 8, 10], 12, &device);
         fill(&mut fpn);
         let map = |name, dims| tensor::<4>(name, dims, &device).require_grad();

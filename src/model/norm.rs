@@ -1,9 +1,9 @@
 //! Batch norm followed by a ReLU over images, as every convolution of the bird's-eye and image nets has it.
 
 use burn::nn::BatchNorm;
-use burn::tensor::Tensor;
+use burn::tensor::{Device, Tensor};
 
-use crate::kernels::{norm_relu, scale_shift_relu};
+use crate::kernels::{conv3x3, conv3x3_scale_shift_relu, norm_relu, scale_shift_relu};
 
 /// burn's batch norm, then a ReLU, in one pass: by the batch's statistics in training, which the running
 /// statistics follow, by the running statistics at inference and where the layer is frozen.
@@ -21,19 +21,42 @@ pub fn batch_norm_relu(norm: &BatchNorm, x: Tensor<4>) -> Tensor<4> {
         }
         return normed.output;
     }
-    let [mean, variance] = [&norm.running_mean, &norm.running_var].map(|of| of.value().to_device(&device));
+    let [scale, shift] = scale_and_shift(norm, &device);
+    scale_shift_relu(x, scale, shift)
+}
+
+/// A 3x3 convolution, batch norm and a ReLU; one pass over the map at inference.
+///
+/// # Shapes
+/// - x: `[batch, channel_in, y, x]`
+/// - weight: `[channel_out, channel_in, 3, 3]`
+/// - output: `[batch, channel_out, ceil(y / stride), ceil(x / stride)]`
+#[must_use]
+pub fn conv3x3_norm_relu(weight: Tensor<4>, norm: &BatchNorm, x: Tensor<4>, stride: usize) -> Tensor<4> {
+    let device = x.device();
+    if device.is_autodiff() {
+        return batch_norm_relu(norm, conv3x3(x, weight, stride));
+    }
+    let [scale, shift] = scale_and_shift(norm, &device);
+    conv3x3_scale_shift_relu(x, weight, scale, shift, stride)
+}
+
+/// What a norm does by its running statistics, each `[channel]`.
+fn scale_and_shift(norm: &BatchNorm, device: &Device) -> [Tensor<1>; 2] {
+    let [mean, variance] = [&norm.running_mean, &norm.running_var].map(|of| of.value().to_device(device));
     let scale = norm.gamma.val() / variance.add_scalar(norm.epsilon).sqrt();
     let shift = norm.beta.val() - mean * scale.clone();
-    scale_shift_relu(x, scale, shift)
+    [scale, shift]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::device::test_device;
     use burn::module::Module;
     use burn::nn::BatchNormConfig;
+    use burn::tensor::Distribution;
     use burn::tensor::activation::relu;
-    use burn::tensor::{Device, Distribution};
 
     fn largest(a: Tensor<4>, b: Tensor<4>) -> f32 {
         (a - b).abs().max().into_scalar()
@@ -42,7 +65,7 @@ mod tests {
     /// In training, after it, and with the layer frozen.
     #[test]
     fn it_is_burns_batch_norm_and_a_relu() {
-        let device = Device::flex().autodiff();
+        let device = test_device().autodiff();
         device.seed(5);
         let [own, burns] = [0, 1].map(|_| BatchNormConfig::new(3).with_momentum(0.3).init(&device));
         for _ in 0..3 {

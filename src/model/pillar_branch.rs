@@ -80,7 +80,7 @@ impl PillarBranch {
     /// - output: `[batch, channel, pillar_y, pillar_x]`, zero where no point falls
     fn scatter(&self, pillars: Option<&PillarBatch>, n_samples: usize, device: &Device) -> Tensor<4> {
         let [n_y, n_x] = self.n_pillars;
-        let mut map = Tensor::<2>::zeros([n_samples * n_y * n_x, self.n_pillar_channels], device);
+        let mut map = Tensor::<2>::zeros([self.n_pillar_channels, n_samples * n_y * n_x], device);
         if let Some(batch) = pillars {
             let points = relu(self.point_norm.forward(self.point.forward(batch.point_features.clone())));
             let [n_pillars] = batch.cells.dims();
@@ -89,8 +89,9 @@ impl PillarBranch {
                 .reshape([n_pillars, self.max_points, self.n_pillar_channels])
                 .max_dim(1)
                 .reshape([n_pillars, self.n_pillar_channels]);
-            map = map.select_assign(0, batch.cells.clone(), highest, IndexingUpdateOp::Add);
+            // Few pillars hold points: to turn them is less work than to turn the map.
+            map = map.select_assign(1, batch.cells.clone(), highest.transpose(), IndexingUpdateOp::Add);
         }
-        map.reshape([n_samples, n_y, n_x, self.n_pillar_channels]).permute([0, 3, 1, 2])
+        map.reshape([self.n_pillar_channels, n_samples, n_y, n_x]).swap_dims(0, 1)
     }
 }

@@ -54,13 +54,13 @@ impl Positions {
     }
 
     /// # Shapes
-    /// - output: `[1, cell_y * cell_x, channel]`
+    /// - output: `[1, channel, cell_y * cell_x]`
     pub fn of_cells(&self, [n_y, n_x]: [usize; 2], grid: &GridConfig, device: &Device) -> Tensor<3> {
         let centers = (0..n_y * n_x).map(|cell| cell_center_m(grid, cell, n_x, 1));
         let at = self.input(centers, [1, n_y * n_x, 2], grid, device);
         match self {
-            Self::Shared(net) => net.forward(at),
-            Self::Separate(nets) => nets.cell.forward(at),
+            Self::Shared(net) => net.forward_over_channels(at.swap_dims(1, 2)),
+            Self::Separate(nets) => nets.cell.forward(at).swap_dims(1, 2),
         }
     }
 

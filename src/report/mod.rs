@@ -10,6 +10,7 @@ mod plot;
 pub mod sweeps;
 pub mod table;
 pub mod view;
+pub mod zones;
 
 pub use breakdown::breakdown;
 pub use table::table;

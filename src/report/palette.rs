@@ -1,6 +1,7 @@
 //! The pictures' colours: a dark, calm ground; one tone for each thing that is told apart.
 
 use super::canvas::Color;
+use crate::label::zone::ZoneKind;
 use crate::object::Harm;
 
 pub const PAGE: Color = Color::new(0x0010_141b);
@@ -19,6 +20,16 @@ pub const fn truth(harm: Harm) -> Color {
     match harm {
         Harm::Harmful => Color::new(0x00ff_4d57),
         Harm::Harmless => Color::new(0x0054_a8ff),
+    }
+}
+
+/// The zones where several are drawn: four tones that stay apart for the colour-blind too.
+pub const fn zone(kind: ZoneKind) -> Color {
+    match kind {
+        ZoneKind::Rect => ZONE,
+        ZoneKind::Arc => Color::new(0x00ff_d84d),
+        ZoneKind::Ttc => Color::new(0x00ff_7ad9),
+        ZoneKind::Rss => Color::new(0x0048_b8ff),
     }
 }
 

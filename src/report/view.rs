@@ -3,10 +3,10 @@
 //! Truth is drawn thin (red harmful, blue harmless, dashed when out of distribution), predictions thick in
 //! their own tones with the score, the danger zone green on the ground.
 
-mod birdseye;
-mod front;
+pub(super) mod birdseye;
+pub(super) mod front;
 mod legend;
-mod load;
+pub(super) mod load;
 mod states;
 
 pub use load::{Labelled, ViewError, ViewRequest, ViewSummary, run};
@@ -14,7 +14,7 @@ pub use states::{StatePanel, draw_states};
 
 use image::RgbImage;
 
-use super::canvas::{self, Canvas, Pen};
+use super::canvas::{self, Canvas, Color, Pen};
 use super::palette;
 use crate::geometry::{Box3, Ego, Point2};
 use crate::object::{Detection, Distribution, Harm};
@@ -41,21 +41,27 @@ pub struct Scene<'a> {
     /// Corners of the danger zone in the ego frame, metres.
     pub zone: Option<&'a [Point2]>,
     pub detections: Option<&'a [Detection]>,
-    /// A box to point at.
-    pub focus: Option<Box3<Ego>>,
 }
 
-/// The two panels alone, in their sizes: the camera's picture, and the view from above.
+/// The two panels alone, in their sizes: the camera's picture, and the view from above. `focus` is pointed at, by a
+/// light around it in the one and by a ring in the other.
 ///
 /// # Errors
 /// The sample's camera image cannot be unpacked.
 pub fn panels(
     scene: &Scene,
+    focus: Option<&Box3<Ego>>,
     front_px: (u32, u32),
     birdseye_px: (u32, u32),
 ) -> Result<[RgbImage; 2], image::ImageError> {
-    let front = front::draw(scene, front_px.0, front_px.1)?;
-    let birdseye = birdseye::draw(scene, birdseye_px.0, birdseye_px.1);
+    let (measured, areas, mut marks) = (&scene.sample.measured, scene.areas(), scene.marks());
+    let mut birdseye = birdseye::draw(measured, &areas, &marks, birdseye_px.0, birdseye_px.1);
+    if let Some(focus) = focus {
+        birdseye::point_at(&mut birdseye, focus);
+        // First, so that it lies below the lines of its own box.
+        marks.insert(0, Mark { box_in_ego: *focus, pen: FOCUS, tag: None });
+    }
+    let front = front::draw(measured, &areas, &marks, front_px.0, front_px.1)?;
     Ok([front.into_rgb(), birdseye.into_rgb()])
 }
 
@@ -65,8 +71,9 @@ pub fn panels(
 /// The sample's camera image cannot be unpacked.
 pub fn draw(scene: &Scene) -> Result<RgbImage, image::ImageError> {
     let mut page = Canvas::new(SIZE_PX.0, SIZE_PX.1, palette::PAGE);
-    let front = front::draw(scene, FRONT_PX.0, FRONT_PX.1)?;
-    let birdseye = birdseye::draw(scene, BIRDSEYE_PX.0, BIRDSEYE_PX.1);
+    let (measured, areas, marks) = (&scene.sample.measured, scene.areas(), scene.marks());
+    let front = front::draw(measured, &areas, &marks, FRONT_PX.0, FRONT_PX.1)?;
+    let birdseye = birdseye::draw(measured, &areas, &marks, BIRDSEYE_PX.0, BIRDSEYE_PX.1);
     page.paste(&front, MARGIN_PX as i32, TITLE_PX as i32);
     page.paste(&birdseye, (2 * MARGIN_PX + FRONT_PX.0) as i32, TITLE_PX as i32);
     legend::draw_title(&mut page, scene);
@@ -78,13 +85,24 @@ pub fn draw(scene: &Scene) -> Result<RgbImage, image::ImageError> {
 const FOCUS: Pen = Pen::solid(palette::TEXT, 6.0);
 
 /// A box to draw: where, with which pen, and what to write on it.
-struct Mark {
-    box_in_ego: Box3<Ego>,
-    pen: Pen,
-    tag: Option<String>,
+pub struct Mark {
+    pub box_in_ego: Box3<Ego>,
+    pub pen: Pen,
+    pub tag: Option<String>,
+}
+
+/// Ground to draw: its outline in the ego frame, metres, and how opaque its inside is.
+pub struct Area<'a> {
+    pub corners: &'a [Point2],
+    pub color: Color,
+    pub fill: f32,
 }
 
 impl Scene<'_> {
+    fn areas(&self) -> Vec<Area<'_>> {
+        self.zone.map(|corners| Area { corners, color: palette::ZONE, fill: 0.20 }).into_iter().collect()
+    }
+
     /// Every box: truth first, predictions over it.
     fn marks(&self) -> Vec<Mark> {
         let truths = self.sample.truth.objects.iter().enumerate().map(|(i, object)| {

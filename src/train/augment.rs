@@ -7,13 +7,13 @@
 use rand::RngExt;
 
 use super::config::AugmentConfig;
-use crate::geometry::Point;
+use crate::geometry::{Point, Point2};
 use crate::label::zone::{Zone, ZoneError};
-use crate::object::LabelledObject;
+use crate::object::{LabelledObject, ObjectTruth};
 use crate::random::Rng;
 use crate::sample::EgoState;
 
-/// An aimed steering angle points at an object, off by at most this many metres to a side.
+/// An aimed steering angle leads the zone to an object, off by at most this many metres to a side.
 const AIM_SPREAD_M: f64 = 4.0;
 
 /// The objects of one sample as labelled for each of its states.
@@ -44,11 +44,12 @@ pub fn draw(
     let mut states = vec![*recorded];
     let mut labelled = vec![objects.to_vec()];
     for _ in 0..config.n_redrawn_states {
-        let state = redraw(recorded, objects, config, rng);
-        let area = zone.rect(&state)?;
+        let state = redraw(recorded, objects, zone, config, rng);
+        let area = zone.at(&state)?;
         let mut again = objects.to_vec();
         for object in &mut again {
-            object.harm = area.harm_of(&object.truth.box_in_ego)?.harm;
+            let ObjectTruth { box_in_ego, velocity_in_ego_mps, .. } = &object.truth;
+            object.harm = area.harm_of(box_in_ego, *velocity_in_ego_mps)?.harm;
         }
         states.push(state);
         labelled.push(again);
@@ -64,6 +65,7 @@ pub fn draw(
 fn redraw(
     recorded: &EgoState,
     objects: &[LabelledObject],
+    zone: &Zone,
     config: &AugmentConfig,
     rng: &mut Rng,
 ) -> EgoState {
@@ -75,7 +77,7 @@ fn redraw(
     let spread_m = (2.0 * rng.random::<f64>() - 1.0) * AIM_SPREAD_M;
     let aimed = (is_aimed && !objects.is_empty()).then(|| {
         let center = objects[rng.random_range(0..objects.len())].truth.box_in_ego.center;
-        (center.y() + spread_m).atan2(center.x() - recorded.front_bumper_x_m)
+        zone.steering_towards_rad(recorded, Point2 { x_m: center.x(), y_m: center.y() + spread_m })
     });
     let steering_angle_rad = aimed.filter(|angle| angle.abs() <= max_angle_rad).unwrap_or(straight);
     EgoState { speed_mps, steering_angle_rad, ..*recorded }
@@ -88,4 +90,63 @@ fn reflect(object: &mut LabelledObject) {
     truth.box_in_ego.center = Point::new(center.x(), -center.y(), center.z());
     truth.box_in_ego.yaw_rad = -truth.box_in_ego.yaw_rad;
     truth.velocity_in_ego_mps[1] = -truth.velocity_in_ego_mps[1];
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dataset::test_data;
+    use crate::label::zone::ZoneKind;
+    use crate::object::Harm;
+    use crate::random::stream;
+
+    #[test]
+    fn every_zone_labels_each_state_anew_before_the_mirror_and_alike_after() {
+        for kind in ZoneKind::ALL {
+            let dataset = test_data::dataset_of(6, kind);
+            let (zone, config) = (dataset.zone(), AugmentConfig::default());
+            let mut rng = stream(1, "augment-test", 0);
+            let mut n_changed = 0;
+            for sample in dataset.samples() {
+                let recorded = &sample.measured.ego_state;
+                let view = draw(recorded, &sample.objects, zone, &config, &mut rng).unwrap();
+                assert_eq!(view.states.len(), 1 + config.n_redrawn_states);
+                for (state, objects) in view.states.iter().zip(&view.objects) {
+                    let sign = if view.mirror { -1.0 } else { 1.0 };
+                    let seen = EgoState { steering_angle_rad: sign * state.steering_angle_rad, ..*state };
+                    let here = zone.at(&seen).unwrap();
+                    for (object, before) in objects.iter().zip(&sample.objects) {
+                        let truth = &object.truth;
+                        let harm = here.harm_of(&truth.box_in_ego, truth.velocity_in_ego_mps).unwrap().harm;
+                        assert_eq!(harm, object.harm, "{kind:?}");
+                        n_changed += usize::from(object.harm != before.harm);
+                    }
+                }
+            }
+            assert!(n_changed > 5, "{kind:?}: {n_changed}");
+        }
+    }
+
+    #[test]
+    fn aimed_angles_put_objects_into_the_zone_of_every_shape() {
+        for kind in ZoneKind::ALL {
+            let dataset = test_data::dataset_of(12, kind);
+            let mut rng = stream(1, "augment-test", 1);
+            let mut share_at = |aimed_share: f64| {
+                let config = AugmentConfig { aimed_share, ..AugmentConfig::default() };
+                let (mut n_harmful, mut n) = (0, 0);
+                for sample in dataset.samples() {
+                    let recorded = &sample.measured.ego_state;
+                    let view = draw(recorded, &sample.objects, dataset.zone(), &config, &mut rng).unwrap();
+                    for object in view.objects.iter().skip(1).flatten() {
+                        n_harmful += usize::from(object.harm == Harm::Harmful);
+                        n += 1;
+                    }
+                }
+                f64::from(n_harmful as u32) / f64::from(n)
+            };
+            let (aimed, not_aimed) = (share_at(1.0), share_at(0.0));
+            assert!(aimed > 1.2 * not_aimed, "{kind:?}: {aimed} {not_aimed}");
+        }
+    }
 }

@@ -5,7 +5,7 @@
 //! the random start is soon forgotten.
 
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
-use burn::tensor::{Tensor, TensorData};
+use burn::tensor::Tensor;
 
 use crate::model::Detector;
 
@@ -39,19 +39,21 @@ impl Average {
     }
 }
 
-/// All parameters in the module's order.
+/// All parameters in the module's order, on their device, as rows of numbers whatever their shape.
 struct Collected {
-    values: Vec<TensorData>,
+    values: Vec<Tensor<1>>,
 }
 
 impl ModuleVisitor for Collected {
     fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
-        self.values.push(param.val().into_data());
+        let values = param.val();
+        let n_values = values.shape().num_elements();
+        self.values.push(values.reshape([n_values]));
     }
 }
 
 struct Mix {
-    latest: std::vec::IntoIter<TensorData>,
+    latest: std::vec::IntoIter<Tensor<1>>,
     decay: f64,
 }
 
@@ -59,7 +61,7 @@ impl ModuleMapper for Mix {
     fn map_float<const D: usize>(&mut self, param: Param<Tensor<D>>) -> Param<Tensor<D>> {
         let latest = self.latest.next().expect("two detectors of one config have as many parameters");
         let (id, tensor, mapper) = param.consume();
-        let latest = Tensor::from_data(latest, &tensor.device());
+        let latest = latest.reshape(tensor.dims());
         let mixed = tensor.mul_scalar(self.decay) + latest.mul_scalar(1.0 - self.decay);
         Param::from_mapped_value(id, mixed, mapper)
     }
@@ -74,7 +76,7 @@ mod tests {
     fn values(detector: &Detector) -> Vec<f32> {
         let mut collected = Collected { values: Vec::new() };
         detector.visit(&mut collected);
-        collected.values.into_iter().flat_map(|data| data.try_to_vec::<f32>().unwrap()).collect()
+        collected.values.into_iter().flat_map(|row| row.into_data().try_to_vec::<f32>().unwrap()).collect()
     }
 
     #[test]

@@ -101,7 +101,7 @@ impl DryRun {
             .collect();
         let bytes = 4 * n_parameters;
         let of_batch: usize = tensors.iter().map(|tensor| tensor.kept_bytes).sum();
-        let activations = n_abreast(config) * of_batch;
+        let activations = n_abreast(config, &Device::flex()) * of_batch;
         let steps_per_epoch = n_samples.div_ceil(config.batch_size * config.accumulate);
         let stages: Vec<Stage> = [("lidar", config.lidar_stage), ("fused", config.fused_stage)]
             .into_iter()

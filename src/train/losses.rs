@@ -54,12 +54,11 @@ pub fn losses(
     let heatmap = heatmap_loss(output, objects, model, &device).mul_scalar(config.heatmap_weight);
     let (harm, boxes) = query_losses(output, objects, model, config, &device);
     let (harm, boxes) = (harm.mul_scalar(config.harm_weight), boxes.mul_scalar(config.box_weight));
-    let parts = LossParts { heatmap: scalar(&heatmap), harm: scalar(&harm), boxes: scalar(&boxes) };
+    // Read all at once: a GPU finishes its work before each reading.
+    let parts = Tensor::cat([&heatmap, &harm, &boxes].map(|part| part.clone().detach()).to_vec(), 0);
+    let parts: Vec<f32> = parts.into_data().try_to_vec().expect("losses are f32");
+    let parts = LossParts { heatmap: parts[0], harm: parts[1], boxes: parts[2] };
     Losses { total: heatmap + harm + boxes, parts }
-}
-
-fn scalar(loss: &Tensor<1>) -> f32 {
-    loss.clone().into_data().try_to_vec::<f32>().expect("losses are f32")[0]
 }
 
 fn heatmap_loss(
@@ -155,7 +154,12 @@ fn box_l1(codes: Tensor<3>, target: Tensor<3>, weight: Tensor<3>, n_matched: usi
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::device::test_device;
     use crate::model::golden::{Golden, assert_close};
+
+    fn scalar(loss: &Tensor<1>) -> f32 {
+        loss.clone().into_scalar()
+    }
 
     /// Compares a loss's gradient with central finite differences.
     fn check_gradient<const D: usize>(
@@ -163,7 +167,7 @@ mod tests {
         logits: &[f32],
         loss: impl Fn(Tensor<D>) -> Tensor<1>,
     ) {
-        let device = Device::flex().autodiff();
+        let device = test_device().autodiff();
         let tensor = |values: Vec<f32>| Tensor::<D>::from_data(TensorData::new(values, shape), &device);
         let x = tensor(logits.to_vec()).require_grad();
         let grads = loss(x.clone()).backward();
@@ -211,7 +215,7 @@ mod tests {
         [case, input]: [&str; 2],
         loss: impl Fn(Tensor<D>, &dyn Fn(&str) -> Tensor<D>) -> Tensor<1>,
     ) {
-        let device = Device::flex().autodiff();
+        let device = test_device().autodiff();
         let part = |name: &str| golden.tensor::<D>(&format!("{case}.{name}"), &device);
         let x = part(input).require_grad();
         let found = loss(x.clone(), &part);

@@ -5,11 +5,15 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param, ParamId};
-use burn::optim::{AdamWConfig, AdamWState, GradientsParams, LearningRate, ModuleOptimizer};
+use burn::optim::{
+    AdamWConfig, AdamWState, GradientsParams, LearningRate, ModuleOptimizer, RecordState, StateSink,
+    StateSource,
+};
 use burn::tensor::{Bytes, Device, Tensor};
 
 use super::config::TrainConfig;
 use super::schedule::{BETA_1, Pace};
+use crate::device::is_cpu;
 
 /// Gives parameters the ids 1, 2, ... in the order of the module, so that an optimizer state fits the
 /// same module in another process.
@@ -37,7 +41,7 @@ struct PacedAdamW {
 }
 
 impl burn::optim::Optimizer for PacedAdamW {
-    type State<const D: usize> = AdamWState<D>;
+    type State<const D: usize> = State<D>;
 
     fn step<const D: usize>(
         &self,
@@ -47,11 +51,28 @@ impl burn::optim::Optimizer for PacedAdamW {
         state: Option<Self::State<D>>,
     ) -> (Tensor<D>, Option<Self::State<D>>) {
         let beta_1 = f32::from_bits(self.beta_1.load(Ordering::Relaxed));
-        self.config.clone().with_beta_1(beta_1).build().step(learning_rate, tensor, grad, state)
+        let adamw = self.config.clone().with_beta_1(beta_1).build();
+        let (tensor, state) = adamw.step(learning_rate, tensor, grad, state.map(|State(state)| state));
+        (tensor, state.map(State))
     }
 
     fn to_device<const D: usize>(state: Self::State<D>, device: &Device) -> Self::State<D> {
-        burn::optim::AdamW::to_device(state, device)
+        State(burn::optim::AdamW::to_device(state.0, device))
+    }
+}
+
+/// AdamW's state. Kept ones are taken up on the CPU, and the next step moves them to their parameter: burn would
+/// take them up on its default device, in a build with a GPU backend a GPU that may not be there.
+#[derive(Clone)]
+struct State<const D: usize>(AdamWState<D>);
+
+impl<const D: usize> RecordState for State<D> {
+    fn state_flatten(&self, prefix: &str, out: &mut StateSink) {
+        self.0.state_flatten(prefix, out);
+    }
+
+    fn state_unflatten(prefix: &str, source: &mut StateSource, _default: &Device) -> Option<Self> {
+        AdamWState::state_unflatten(prefix, source, &Device::flex()).map(Self)
     }
 }
 
@@ -74,9 +95,7 @@ impl Optimizer {
 
     /// One step; returns the module and the gradients' norm before clipping.
     pub fn step<M: Module>(&mut self, module: M, grads: GradientsParams, pace: Pace) -> (M, f32) {
-        let mut norm = SquaredNorm { grads: &grads, sum: 0.0 };
-        module.visit(&mut norm);
-        let norm = norm.sum.sqrt() as f32;
+        let norm = norm(&module, &grads) as f32;
         let mut grads = grads;
         if norm > self.clip_norm {
             module.visit(&mut Scale { grads: &mut grads, by: self.clip_norm / norm });
@@ -104,18 +123,37 @@ impl Optimizer {
     }
 }
 
-struct SquaredNorm<'a> {
-    grads: &'a GradientsParams,
-    sum: f64,
+/// The norm of all gradients together.
+fn norm<M: Module>(module: &M, grads: &GradientsParams) -> f64 {
+    let mut squares = Squares { grads, of_cpu: 0.0, of_gpu: Vec::new() };
+    module.visit(&mut squares);
+    let Squares { of_cpu, of_gpu, .. } = squares;
+    let of_gpu = if of_gpu.is_empty() { 0.0 } else { sum(Tensor::cat(of_gpu, 0), |value| value) };
+    (of_cpu + of_gpu).sqrt()
 }
 
-impl ModuleVisitor for SquaredNorm<'_> {
+/// Sums of squared gradients: on the CPU exactly, on a GPU one number a parameter, to be read all at once.
+struct Squares<'a> {
+    grads: &'a GradientsParams,
+    of_cpu: f64,
+    of_gpu: Vec<Tensor<1>>,
+}
+
+impl ModuleVisitor for Squares<'_> {
     fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
-        if let Some(grad) = self.grads.get::<D>(param.id) {
-            let values: Vec<f32> = grad.into_data().try_to_vec().expect("gradients are f32");
-            self.sum += values.iter().map(|&value| f64::from(value).powi(2)).sum::<f64>();
+        let Some(grad) = self.grads.get::<D>(param.id) else { return };
+        if is_cpu(&grad.device()) {
+            self.of_cpu += sum(grad, |value| value * value);
+        } else {
+            self.of_gpu.push((grad.clone() * grad).sum());
         }
     }
+}
+
+/// The sum of a number made of each value.
+fn sum<const D: usize>(tensor: Tensor<D>, of: impl Fn(f64) -> f64) -> f64 {
+    let values: Vec<f32> = tensor.into_data().try_to_vec().expect("gradients are f32");
+    values.into_iter().map(|value| of(f64::from(value))).sum()
 }
 
 struct Scale<'a> {
@@ -134,6 +172,7 @@ impl ModuleVisitor for Scale<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::device::test_device;
     use burn::nn::{Linear, LinearConfig};
     use burn::tensor::{Device, TensorData};
 
@@ -153,7 +192,7 @@ mod tests {
 
     #[test]
     fn a_state_kept_and_loaded_goes_on_as_if_never_stopped() {
-        let device = Device::flex().autodiff();
+        let device = test_device().autodiff();
         let config = TrainConfig::default();
         let start = number_parameters(LinearConfig::new(2, 3).init(&device));
         let mut whole = Optimizer::new(&config);
@@ -197,13 +236,11 @@ mod tests {
 
     #[test]
     fn gradients_over_the_norm_are_scaled_together() {
-        let device = Device::flex().autodiff();
+        let device = test_device().autodiff();
         let linear: Linear = number_parameters(LinearConfig::new(2, 1).init(&device));
         let x = Tensor::<2>::from_data(TensorData::new(vec![300.0f32, 400.0], [1, 2]), &device);
         let mut grads = GradientsParams::from_grads(linear.forward(x).sum().backward(), &linear);
         linear.visit(&mut Scale { grads: &mut grads, by: 0.01 });
-        let mut norm = SquaredNorm { grads: &grads, sum: 0.0 };
-        linear.visit(&mut norm);
-        assert!((norm.sum.sqrt() - (25.0f64 + 1e-4).sqrt()).abs() < 1e-3);
+        assert!((norm(&linear, &grads) - (25.0f64 + 1e-4).sqrt()).abs() < 1e-3);
     }
 }

@@ -69,13 +69,13 @@ pub fn paste(
     if n == 0 {
         return Ok(None);
     }
-    let area = zone.rect(&sample.measured.ego_state)?;
+    let area = zone.at(&sample.measured.ego_state)?;
     let mut scene = Scene::of(sample);
     for i in 0..n {
         for _ in 0..N_TRIES {
             let thing = Thing::draw(donors, &sample.measured, config, rng);
             if let Some((truth, points)) = thing.and_then(|thing| scene.place(thing)) {
-                let harm = area.harm_of(&truth.box_in_ego)?.harm;
+                let harm = area.harm_of(&truth.box_in_ego, truth.velocity_in_ego_mps)?.harm;
                 scene.add(
                     LabelledObject { truth: ObjectTruth { id: format!("pasted-{i}"), ..truth }, harm },
                     points,
@@ -398,8 +398,8 @@ mod tests {
             assert_eq!(of.n_lidar_points, 20);
             let bottom_m = center.z() - of.box_in_ego.height_m / 2.0;
             assert!(bottom_m.abs() < 1e-3, "on the road: {bottom_m}");
-            let area = test_data::dataset(1).zone().rect(&measured.ego_state).unwrap();
-            assert_eq!(objects[0].harm, area.harm_of(&of.box_in_ego).unwrap().harm);
+            let area = test_data::dataset(1).zone().at(&measured.ego_state).unwrap();
+            assert_eq!(objects[0].harm, area.harm_of(&of.box_in_ego, of.velocity_in_ego_mps).unwrap().harm);
             harms.insert(objects[0].harm.index());
             // Ring 7 meets the road behind the car, where the car stands before it no more.
             if center.y().atan2(center.x() - lidar.x).abs() < 0.2 {

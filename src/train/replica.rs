@@ -3,10 +3,10 @@
 //! A copy shares the weights' values and the parameters' ids, has an autodiff graph of its own, and gathers
 //! running statistics of its own: those of a step are the mean over its batches.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param, ParamId};
-use burn::tensor::{Tensor, TensorData};
+use burn::tensor::Tensor;
 
 use crate::model::Detector;
 
@@ -19,7 +19,10 @@ pub fn replica(detector: &Detector) -> Detector {
 /// The detector with the mean of its copies' running statistics; one copy's pass on unchanged.
 #[must_use]
 pub fn with_mean_statistics(detector: Detector, replicas: &[Detector]) -> Detector {
-    let mut means = Means { share: 1.0 / replicas.len() as f32, by_id: HashMap::new() };
+    let mut statistics = Statistics { ids: HashSet::new() };
+    detector.visit(&mut statistics);
+    let share = 1.0 / replicas.len() as f32;
+    let mut means = Means { ids: statistics.ids, share, by_id: HashMap::new() };
     for replica in replicas {
         // The copy for inference has taken in what the forward pass put off.
         replica.valid().visit(&mut means);
@@ -27,29 +30,48 @@ pub fn with_mean_statistics(detector: Detector, replicas: &[Detector]) -> Detect
     detector.map(&mut SetStatistics { means: means.by_id })
 }
 
+/// What is not trained.
+struct Statistics {
+    ids: HashSet<ParamId>,
+}
+
+impl ModuleVisitor for Statistics {
+    fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
+        if !param.val().is_require_grad() {
+            self.ids.insert(param.id);
+        }
+    }
+}
+
 /// Means over copies, as the first copy's values and the mean difference from them: equal values stay
-/// what they are to the bit.
+/// what they are to the bit. They stay on the device, as rows of numbers whatever their shape.
 struct Means {
+    ids: HashSet<ParamId>,
     share: f32,
     by_id: HashMap<ParamId, Mean>,
 }
 
 struct Mean {
-    first: Vec<f32>,
-    difference: Vec<f32>,
+    first: Tensor<1>,
+    difference: Tensor<1>,
 }
 
 impl ModuleVisitor for Means {
     fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
-        let values: Vec<f32> = param.val().into_data().try_to_vec().expect("weights and statistics are f32");
-        if let Some(mean) = self.by_id.get_mut(&param.id) {
-            for ((difference, value), first) in mean.difference.iter_mut().zip(values).zip(&mean.first) {
-                *difference += self.share * (value - first);
-            }
-        } else {
-            let difference = vec![0.0; values.len()];
-            self.by_id.insert(param.id, Mean { first: values, difference });
+        if !self.ids.contains(&param.id) {
+            return;
         }
+        let values = param.val();
+        let n_values = values.shape().num_elements();
+        let values = values.reshape([n_values]);
+        let mean = self.by_id.remove(&param.id).map_or_else(
+            || Mean { first: values.clone(), difference: values.zeros_like() },
+            |Mean { first, difference }| {
+                let apart = (values.clone() - first.clone()).mul_scalar(self.share);
+                Mean { first, difference: difference + apart }
+            },
+        );
+        self.by_id.insert(param.id, mean);
     }
 }
 
@@ -62,12 +84,11 @@ impl ModuleMapper for SetStatistics {
     fn map_float<const D: usize>(&mut self, param: Param<Tensor<D>>) -> Param<Tensor<D>> {
         let (id, tensor, mapper) = param.consume();
         let tensor = match self.means.remove(&id) {
-            Some(mean) if !tensor.is_require_grad() => {
-                let values = mean.first.iter().zip(&mean.difference).map(|(a, b)| a + b).collect();
-                let data = TensorData::new(values, tensor.dims());
-                Tensor::from_data(data, &tensor.device())
+            Some(mean) => {
+                let mean = (mean.first + mean.difference).reshape(tensor.dims());
+                if tensor.is_autodiff() { mean.autodiff() } else { mean }
             }
-            _ => tensor,
+            None => tensor,
         };
         Param::from_mapped_value(id, tensor, mapper)
     }

@@ -20,6 +20,7 @@ use super::run::TrainError;
 use super::state::Position;
 use super::targets::trainable;
 use crate::dataset::{Dataset, LabelledSample};
+use crate::device::is_cpu;
 use crate::model::{Batch, Detector, Input};
 use crate::random;
 
@@ -60,15 +61,29 @@ impl<'a> Steps<'a> {
         let prepared = (batches.par_iter().enumerate())
             .map(|(batch_idx, chosen)| {
                 let first_draw = (position.step * config.accumulate + batch_idx) * config.batch_size;
-                let (batch, objects) = self.prepare(chosen, position, first_draw)?;
-                Ok(Prepared { chosen, first_draw, batch, objects })
+                let (inputs, objects) = self.prepare(chosen, position, first_draw)?;
+                Ok((chosen.as_slice(), first_draw, inputs, objects))
             })
             .collect::<Result<Vec<_>, TrainError>>()?;
+        let stack = |(chosen, first_draw, inputs, objects): (_, _, Vec<Input>, _)| {
+            let inputs: Vec<&Input> = inputs.iter().collect();
+            let batch = Batch::stack(&inputs, &config.model, position.stage == 1, self.device);
+            Prepared { chosen, first_draw, batch, objects }
+        };
+        let prepared: Vec<Prepared> = if is_cpu(self.device) {
+            prepared.into_par_iter().map(stack).collect()
+        } else {
+            prepared.into_iter().map(stack).collect()
+        };
         self.loading += started.elapsed();
         let share = 1.0 / batches.len() as f64;
         let mut passes = Vec::new();
-        for abreast in prepared.chunks(n_abreast(config)) {
-            let steps: &Self = self;
+        let steps: &Self = self;
+        for abreast in prepared.chunks(n_abreast(config, self.device)) {
+            if let [alone] = abreast {
+                passes.push(steps.pass(replica(&detector), alone, position, share));
+                continue;
+            }
             passes.extend(std::thread::scope(|scope| {
                 let begin = |prepared| {
                     let replica = replica(&detector);
@@ -114,13 +129,13 @@ impl<'a> Steps<'a> {
         Ok((replica, gradients, loss.parts))
     }
 
-    /// Augments and stacks the samples of a batch.
+    /// Augments the samples of a batch.
     fn prepare(
         &self,
         chosen: &[usize],
         position: Position,
         first_draw: usize,
-    ) -> Result<(Batch, Vec<ObjectsByState>), TrainError> {
+    ) -> Result<(Vec<Input>, Vec<ObjectsByState>), TrainError> {
         let config = self.config;
         let samples = self.dataset.samples();
         let with_camera = position.stage == 1;
@@ -152,17 +167,19 @@ impl<'a> Steps<'a> {
                 Ok((input, view.objects.iter().map(|of| trainable(of, &config.model.grid)).collect()))
             })
             .collect::<Result<Vec<_>, TrainError>>()?;
-        let (inputs, objects): (Vec<_>, Vec<_>) = prepared.into_iter().unzip();
-        let batch = Batch::stack(&inputs.iter().collect::<Vec<_>>(), &config.model, with_camera, self.device);
-        Ok((batch, objects))
+        Ok(prepared.into_iter().unzip())
     }
 }
 
 /// Batches of a step that pass side by side: one for each thread, or one at a time where the network drops
-/// parts of itself at random, which comes from one generator.
+/// parts of itself at random, which comes from one generator, and on a GPU, which one batch keeps busy.
 #[must_use]
-pub fn n_abreast(config: &TrainConfig) -> usize {
-    if config.model.draws_in_training() { 1 } else { config.accumulate.min(rayon::current_num_threads()) }
+pub fn n_abreast(config: &TrainConfig, device: &Device) -> usize {
+    if config.model.draws_in_training() || !is_cpu(device) {
+        1
+    } else {
+        config.accumulate.min(rayon::current_num_threads())
+    }
 }
 
 /// One batch of a step, ready for the network.

@@ -4,13 +4,14 @@
 //! Both sides make weights and inputs alike from names (`formula`); the golden file holds what came out.
 
 use burn::module::{Module, ModuleVisitor, Param};
-use burn::tensor::{Device, Tensor, TensorData};
+use burn::tensor::{Tensor, TensorData};
 use nalgebra::Vector3;
 
 use super::augment::ObjectsByState;
 use super::config::LossConfig;
 use super::losses::losses;
 use super::targets::car;
+use crate::device::test_device;
 use crate::geometry::{Box3, Pinhole, Point, Transform};
 use crate::model::formula::{self, uniform};
 use crate::model::golden::{Golden, assert_close};
@@ -127,7 +128,7 @@ fn objects(sample_idx: usize) -> ObjectsByState {
 /// Compares heatmap, scores, and what is predicted for each cell that became a query: scores that differ by less
 /// than the rounding of f32 may stand in either order.
 fn assert_output(output: &Output, golden: &Golden, prefix: &str) {
-    let device = Device::flex();
+    let device = test_device();
     let name = |part: &str| format!("{prefix}.{part}");
     let heatmap = output.heatmap.clone().detach().into_data();
     assert_close(
@@ -197,7 +198,7 @@ fn assert_gradients(detector: &Detector, loss: Tensor<1>, golden: &Golden, prefi
 /// Both stages in training, then inference or the gradients, against the golden file.
 fn check(case: &Case, with_gradients: bool) {
     let golden = Golden::read("small");
-    let device = Device::flex().autodiff();
+    let device = test_device().autodiff();
     let mut detector = Detector::init(&case.config, 0, &device);
     formula::fill(&mut detector);
     formula::set_all(&mut detector, "head.heatmap_out.bias", HEATMAP_BIAS);
@@ -228,7 +229,7 @@ fn check(case: &Case, with_gradients: bool) {
 
     if !with_gradients {
         let at_inference = detector.valid();
-        let output = at_inference.forward(&Batch::stack(&inputs, &case.config, true, &Device::flex()));
+        let output = at_inference.forward(&Batch::stack(&inputs, &case.config, true, &test_device()));
         assert_output(&output, &golden, &format!("{}.eval", case.name));
         let mut statistics =
             Statistics { path: Vec::new(), prefix: case.name, golden: &golden, n_compared: 0 };
@@ -280,7 +281,7 @@ impl ModuleVisitor for Statistics<'_> {
         if WATCHED.iter().any(|norm| name.starts_with(norm)) && name.contains(".running_") {
             assert_close(
                 &param.val(),
-                &self.golden.tensor(&format!("{}.{name}", self.prefix), &Device::flex()),
+                &self.golden.tensor(&format!("{}.{name}", self.prefix), &test_device()),
                 &name,
             );
             self.n_compared += 1;

@@ -78,9 +78,11 @@ def cubes(update) -> list:
 
 
 def plain(message) -> dict:
-    """A message's scalar fields, enums by name."""
+    """A message's scalar fields, enums by name; optional ones where they are set."""
     values = {}
     for field in message.DESCRIPTOR.fields:
+        if field.has_presence and not message.HasField(field.name):
+            continue
         if field.enum_type is not None:
             values[field.name] = enum_name(message, field.name)
         elif field.message_type is None:

@@ -163,9 +163,9 @@ fn truths(
 ) -> Result<Vec<EvalTruth>, ZoneError> {
     let mut truths: Vec<EvalTruth> = frame.objects.iter().map(Into::into).collect();
     if let Some(state) = changed {
-        let zone = zone.rect(state)?;
+        let zone = zone.at(state)?;
         for truth in &mut truths {
-            truth.harm = zone.harm_of(&truth.box_in_ego)?.harm;
+            truth.harm = zone.harm_of(&truth.box_in_ego, truth.velocity_in_ego_mps)?.harm;
         }
     }
     Ok(truths)
@@ -213,6 +213,7 @@ mod tests {
     use super::*;
     use crate::dataset::test_data;
     use crate::eval::matching::tests::{found, truth};
+    use crate::label::zone::ZoneKind;
     use crate::model::ModelConfig;
     use crate::progress::Silent;
     use burn::module::Module;
@@ -251,6 +252,26 @@ mod tests {
         assert_eq!(Change::SpeedFactor.apply(&state, 1.1).speed_mps, 1.1 * state.speed_mps);
         let turned = Change::SteeringOffsetDeg.apply(&state, -2.0).steering_angle_rad;
         assert!((state.steering_angle_rad - turned - 2f64.to_radians()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_truth_follows_the_zone_of_every_shape() {
+        for kind in ZoneKind::ALL {
+            let dataset = test_data::dataset_of(6, kind);
+            let harms = |change: Change, value: f64| -> Vec<Harm> {
+                let of_frame = |frame: &LabelledSample| {
+                    let state = change.apply(&frame.measured.ego_state, value);
+                    truths(frame, Some(&state), dataset.zone()).unwrap()
+                };
+                dataset.samples().iter().flat_map(of_frame).map(|truth| truth.harm).collect()
+            };
+            let n_harmful =
+                |speed| harms(Change::SpeedMps, speed).iter().filter(|&&harm| harm == Harm::Harmful).count();
+            assert!(n_harmful(0.0) < n_harmful(14.0), "{kind:?}");
+            // Every angle that a car steers can be had, and the far ones differ.
+            let turned: Vec<_> = (-35..=35).map(|deg| harms(Change::SteeringDeg, f64::from(deg))).collect();
+            assert!(turned[0] != turned[35] && turned[35] != turned[70], "{kind:?}");
+        }
     }
 
     #[test]

@@ -1,14 +1,27 @@
-//! The forward pass: nine taps, one phase.
+//! The forward pass: nine taps, one phase; at inference with batch norm and ReLU in the same pass.
 
 use super::Shape;
 use super::band::Source;
 use super::tiles::{Convolution, Phase, pack_weights};
 use crate::kernels::simd::InstructionSet;
 
+/// What follows a convolution: `max(0, scale y + shift)`, a scale and a shift for each output channel.
+#[derive(Clone, Copy)]
+pub(in crate::kernels) struct ScaleShiftRelu<'a> {
+    pub scale: &'a [f32],
+    pub shift: &'a [f32],
+}
+
 /// # Shapes
 /// - x: `[batch, channel_in, y, x]`, w: `[channel_out, channel_in, 3, 3]`
 /// - output: `[batch, channel_out, out_y, out_x]`
-pub(in crate::kernels) fn forward(shape: Shape, x: &[f32], w: &[f32], set: InstructionSet) -> Vec<f32> {
+pub(in crate::kernels) fn forward(
+    shape: Shape,
+    x: &[f32],
+    w: &[f32],
+    then: Option<ScaleShiftRelu>,
+    set: InstructionSet,
+) -> Vec<f32> {
     shape.check();
     assert!(x.len() == shape.n_inputs() && w.len() == shape.n_weights());
     let convolution = Convolution {
@@ -27,13 +40,21 @@ pub(in crate::kernels) fn forward(shape: Shape, x: &[f32], w: &[f32], set: Instr
         upscale: 1,
         out_height_px: shape.out_height_px(),
         out_width_px: shape.out_width_px(),
+        shift_relu: then.map(|then| then.shift),
     };
     convolution.run(set, |layout| {
         let taps: Vec<usize> = (0..9).collect();
         let strides = (shape.channels_in * 9, 9);
         vec![Phase {
             offsets: taps.iter().map(|t| layout.tap(shape.stride, t / 3, t % 3)).collect(),
-            weights: pack_weights(set, w, (shape.channels_out, shape.channels_in), strides, &taps),
+            weights: pack_weights(
+                set,
+                w,
+                (shape.channels_out, shape.channels_in),
+                strides,
+                &taps,
+                then.map(|then| then.scale),
+            ),
             y: 0,
             x: 0,
         }]

@@ -35,10 +35,11 @@ pub(in crate::kernels) fn input_gradient(
         upscale: shape.stride,
         out_height_px: shape.height_px,
         out_width_px: shape.width_px,
+        shift_relu: None,
     };
     let weights = |taps: &[usize]| {
         let strides = (9, shape.channels_in * 9);
-        pack_weights(set, w, (shape.channels_in, shape.channels_out), strides, taps)
+        pack_weights(set, w, (shape.channels_in, shape.channels_out), strides, taps, None)
     };
     convolution.run(set, |layout| {
         if shape.stride == 1 {

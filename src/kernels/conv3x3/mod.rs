@@ -3,7 +3,7 @@
 //! All tensors are dense: images `[batch, channel, y, x]`, kernels `[channel_out, channel_in, 3, 3]`.
 //!
 //! Forward pass and input gradient are one implicit matrix product (`tiles`): pixels lie in the vector lanes,
-//! a register tile holds a few output channels by three vectors of pixels, and the input is packed, zeros
+//! a register tile (`pass`) holds a few output channels by three vectors of pixels, and the input is packed, zeros
 //! at the borders included, in bands of rows that fit the second-level cache (`band`). The weight gradient
 //! has input channels in the lanes. Every sum runs in an order that the shape fixes, so that results are
 //! equal to the bit whatever the number of threads.
@@ -11,10 +11,11 @@
 mod band;
 mod forward;
 mod input_gradient;
+mod pass;
 mod tiles;
 mod weight_gradient;
 
-pub(super) use forward::forward;
+pub(super) use forward::{ScaleShiftRelu, forward};
 pub(super) use input_gradient::input_gradient;
 pub(super) use weight_gradient::weight_gradient;
 

@@ -1,6 +1,6 @@
 //! Every pass against a plain loop in f64, for every instruction set of the machine.
 
-use super::{Shape, forward, input_gradient, weight_gradient};
+use super::{ScaleShiftRelu, Shape, forward, input_gradient, weight_gradient};
 use crate::kernels::simd::InstructionSet;
 
 const fn shape(
@@ -86,7 +86,11 @@ fn operands(shape: Shape) -> [Vec<f32>; 3] {
 /// Output, input gradient and weight gradient.
 fn passes(shape: Shape, set: InstructionSet) -> [Vec<f32>; 3] {
     let [x, w, dy] = operands(shape);
-    [forward(shape, &x, &w, set), input_gradient(shape, &dy, &w, set), weight_gradient(shape, &x, &dy, set)]
+    [
+        forward(shape, &x, &w, None, set),
+        input_gradient(shape, &dy, &w, set),
+        weight_gradient(shape, &x, &dy, set),
+    ]
 }
 
 #[test]
@@ -115,6 +119,27 @@ fn all_passes_equal_a_plain_loop_on_every_instruction_set() {
 }
 
 #[test]
+fn scale_shift_and_relu_in_the_same_pass_equal_them_in_passes_of_their_own() {
+    for shape in shapes() {
+        let [x, w, _] = operands(shape);
+        let (scale, shift) = (values(shape.channels_out, 4), values(shape.channels_out, 5));
+        let pixels = shape.out_height_px() * shape.out_width_px();
+        for set in InstructionSet::available() {
+            let plain = forward(shape, &x, &w, None, set);
+            let largest = plain.iter().fold(0f32, |largest, y| largest.max(y.abs()));
+            let then = ScaleShiftRelu { scale: &scale, shift: &shift };
+            let found = forward(shape, &x, &w, Some(then), set);
+            assert!(found.contains(&0.0) || found.len() < 10, "ReLU cuts off something, {shape:?}");
+            for (i, (found, y)) in found.iter().zip(plain).enumerate() {
+                let c = i / pixels % shape.channels_out;
+                let expected = (y * scale[c] + shift[c]).max(0.0);
+                assert!((found - expected).abs() <= 2e-5 * largest.max(1.0), "{set:?}, {shape:?}");
+            }
+        }
+    }
+}
+
+#[test]
 #[cfg_attr(miri, ignore = "Miri takes minutes for a pool of threads")]
 fn results_are_bit_identical_on_any_number_of_threads() {
     let bits = |passes: [Vec<f32>; 3]| passes.map(|v| v.into_iter().map(f32::to_bits).collect::<Vec<_>>());
@@ -133,7 +158,7 @@ fn results_are_bit_identical_on_any_number_of_threads() {
 fn ones_count_the_taps_inside_the_image() {
     let shape = shape(1, 1, 1, 3, 3, 1);
     for set in InstructionSet::available() {
-        let y = forward(shape, &[1.0; 9], &[1.0; 9], set);
+        let y = forward(shape, &[1.0; 9], &[1.0; 9], None, set);
         assert_eq!(y, [4.0, 6.0, 4.0, 6.0, 9.0, 6.0, 4.0, 6.0, 4.0]);
     }
 }
@@ -141,5 +166,5 @@ fn ones_count_the_taps_inside_the_image() {
 #[test]
 #[should_panic(expected = "stride is 1 or 2")]
 fn stride_3_is_refused() {
-    forward(shape(1, 1, 1, 3, 3, 3), &[0.0; 9], &[0.0; 9], InstructionSet::best());
+    forward(shape(1, 1, 1, 3, 3, 3), &[0.0; 9], &[0.0; 9], None, InstructionSet::best());
 }

@@ -7,11 +7,10 @@ use rayon::prelude::*;
 
 use super::BAND_BYTES;
 use super::band::{Layout, Source, pack};
+use super::pass::{Pass, Start, TILE_VECTORS, copy_piece};
 use crate::kernels::scratch::{Scratch, with_scratch};
 use crate::kernels::simd::{InstructionSet, Kernel, Simd};
 
-/// Vectors of pixels in a register tile.
-const TILE_VECTORS: usize = 3;
 /// Floats a tile may read past the band: less than one tile.
 const OVERREAD: usize = 256;
 
@@ -39,16 +38,20 @@ pub(super) struct Convolution<'a> {
     pub upscale: usize,
     pub out_height_px: usize,
     pub out_width_px: usize,
+    /// Of each output channel, `[channel_out]`: added to the sums, of which then only what is positive stays.
+    /// `None` leaves the sums as they are.
+    pub shift_relu: Option<&'a [f32]>,
 }
 
 /// Weights as `[block of channels_out][channel_in][tap][channel_out in block]`, zero beyond the last channel.
-/// `channels` and `strides` (in `w`) are of output and input.
+/// `channels` and `strides` (in `w`) are of output and input; `scale`, `[channel_out]`, multiplies the weights.
 pub(super) fn pack_weights(
     set: InstructionSet,
     w: &[f32],
     channels: (usize, usize),
     strides: (usize, usize),
     taps: &[usize],
+    scale: Option<&[f32]>,
 ) -> Vec<f32> {
     let (n_rows, n_taps) = (set.rows(), taps.len());
     let mut packed = vec![0.0; channels.0.div_ceil(n_rows) * n_rows * channels.1 * n_taps];
@@ -57,8 +60,9 @@ pub(super) fn pack_weights(
         for (i, packed) in packed.chunks_exact_mut(n_taps * n_rows).enumerate() {
             for o in 0..n_rows.min(channels.0 - first) {
                 let kernel = &w[(first + o) * strides.0 + i * strides.1..][..9];
+                let scale = scale.map_or(1.0, |scale| scale[first + o]);
                 for (t, &tap) in taps.iter().enumerate() {
-                    packed[t * n_rows + o] = kernel[tap];
+                    packed[t * n_rows + o] = kernel[tap] * scale;
                 }
             }
         }
@@ -104,6 +108,13 @@ impl Convolution<'_> {
         let n_bands = self.rows.div_ceil(band_rows);
         let layout = Layout::new(is_flat, source, self.columns, band_rows);
         let phases = phases(&layout);
+        let n_blocks = self.channels_out.div_ceil(set.rows());
+        let shift = self.shift_relu.map(|shift| {
+            assert_eq!(shift.len(), self.channels_out, "a shift for each output channel");
+            let mut padded = shift.to_vec();
+            padded.resize(n_blocks * set.rows(), 0.0);
+            padded
+        });
 
         let len = self.batch * self.channels_out * self.out_height_px * self.out_width_px;
         let mut out: Vec<f32> = Vec::with_capacity(len);
@@ -118,6 +129,7 @@ impl Convolution<'_> {
                     convolution: self,
                     layout: &layout,
                     phases: &phases,
+                    shift: shift.as_deref(),
                     output,
                     image: task / n_bands,
                     first_row,
@@ -138,6 +150,8 @@ struct Band<'a> {
     convolution: &'a Convolution<'a>,
     layout: &'a Layout,
     phases: &'a [Phase],
+    /// As long as all blocks' rows.
+    shift: Option<&'a [f32]>,
     output: Output,
     image: usize,
     first_row: usize,
@@ -148,7 +162,7 @@ struct Band<'a> {
 impl Kernel for Band<'_> {
     #[inline(always)]
     unsafe fn run<S: Simd, const ROWS: usize, const LANES: usize>(self) {
-        let Self { convolution, layout, phases, output, image, first_row, n_rows, scratch } = self;
+        let Self { convolution, layout, phases, shift, output, image, first_row, n_rows, scratch } = self;
         let packed = scratch.a.get(layout.len + OVERREAD);
         pack(&convolution.source, layout, image, first_row, packed);
         let n_blocks = convolution.channels_out.div_ceil(ROWS);
@@ -159,8 +173,18 @@ impl Kernel for Band<'_> {
             let packed = &packed[y * layout.row..];
             let (first_row, n_rows) = (first_row + y, n_rows / n_strips);
             for phase in phases {
-                let mut strip =
-                    Strip { convolution, layout, phase, output, image, first_row, n_rows, packed, tiles };
+                let mut strip = Strip {
+                    convolution,
+                    layout,
+                    phase,
+                    shift,
+                    output,
+                    image,
+                    first_row,
+                    n_rows,
+                    packed,
+                    tiles,
+                };
                 // SAFETY: this function's own contract gives the instruction set.
                 unsafe {
                     match phase.offsets.len() {
@@ -180,6 +204,7 @@ struct Strip<'a> {
     convolution: &'a Convolution<'a>,
     layout: &'a Layout,
     phase: &'a Phase,
+    shift: Option<&'a [f32]>,
     output: Output,
     image: usize,
     first_row: usize,
@@ -231,6 +256,7 @@ impl Strip<'_> {
         assert!(self.phase.weights.len() == n_blocks * channels_in * TAPS * ROWS);
         assert!(self.tiles.len() >= n_blocks * ROWS * tile_len);
         assert!((self.image + 1) * c.channels_out * plane <= self.output.len);
+        assert!(self.shift.is_none_or(|shift| shift.len() == n_blocks * ROWS));
 
         let mut start = 0;
         while start < end {
@@ -256,8 +282,8 @@ impl Strip<'_> {
                     let to_output = is_direct && is_last && (block + 1) * ROWS <= c.channels_out;
                     // SAFETY: by the asserts above, pixels: the last read ends at `last channel + last tap +
                     // stop`; weights: `n_channels * TAPS * ROWS` of this block's `channels_in * TAPS * ROWS`;
-                    // tile: block `block` of `n_blocks`; output: ROWS planes of this image, in each a piece
-                    // as long as the tile, written by this task alone.
+                    // tile and shift: block `block` of `n_blocks`; output: ROWS planes of this image, in each a
+                    // piece as long as the tile, written by this task alone.
                     unsafe {
                         let tile = self.tiles.as_mut_ptr().add(block * ROWS * tile_len);
                         let (target, target_stride) = if to_output {
@@ -276,7 +302,12 @@ impl Strip<'_> {
                                 .weights
                                 .as_ptr()
                                 .add((block * channels_in + first) * TAPS * ROWS),
-                            is_first: first == 0,
+                            start: match self.shift {
+                                _ if first > 0 => Start::Tile,
+                                Some(shift) => Start::Shift(shift.as_ptr().add(block * ROWS)),
+                                None => Start::Zero,
+                            },
+                            has_relu: is_last && self.shift.is_some(),
                             tile,
                             target,
                             target_stride,
@@ -304,91 +335,6 @@ impl Strip<'_> {
                 }
             }
             start = stop;
-        }
-    }
-}
-
-/// Some input channels of one tile.
-struct Pass<'a, const TAPS: usize> {
-    n_channels: usize,
-    pixels: *const f32,
-    channel_stride: usize,
-    offsets: &'a [usize; TAPS],
-    weights: *const f32,
-    /// Whether sums start at zero, rather than at `tile`.
-    is_first: bool,
-    tile: *const f32,
-    target: *mut f32,
-    target_stride: usize,
-}
-
-impl<const TAPS: usize> Pass<'_, TAPS> {
-    /// Adds the products to the sums of ROWS output channels by VECTORS vectors of pixels.
-    ///
-    /// # Safety
-    /// Besides [`Kernel::run`]'s terms: readable are VECTORS vectors of pixels at each tap of each channel,
-    /// `n_channels * TAPS * ROWS` weights, and, unless first, the tile (rows TILE_VECTORS vectors apart);
-    /// writable are VECTORS vectors in each of ROWS rows of `target`.
-    #[inline(always)]
-    unsafe fn run<S: Simd, const ROWS: usize, const VECTORS: usize>(self) {
-        // SAFETY: every access is one of those listed above.
-        unsafe {
-            let mut sums = [[S::zero(); VECTORS]; ROWS];
-            if !self.is_first {
-                for (row, sums) in sums.iter_mut().enumerate() {
-                    for (j, sum) in sums.iter_mut().enumerate() {
-                        *sum = S::load(self.tile.add((row * TILE_VECTORS + j) * S::LANES));
-                    }
-                }
-            }
-            let (mut pixels, mut weights) = (self.pixels, self.weights);
-            for _ in 0..self.n_channels {
-                for t in 0..TAPS {
-                    let tap = pixels.add(self.offsets[t]);
-                    let mut x = [S::zero(); VECTORS];
-                    for (j, x) in x.iter_mut().enumerate() {
-                        *x = S::load(tap.add(j * S::LANES));
-                    }
-                    for (row, sums) in sums.iter_mut().enumerate() {
-                        let weight = S::splat(*weights.add(row));
-                        for (sum, x) in sums.iter_mut().zip(x) {
-                            *sum = S::mul_add(weight, x, *sum);
-                        }
-                    }
-                    weights = weights.add(ROWS);
-                }
-                pixels = pixels.wrapping_add(self.channel_stride);
-            }
-            for (row, sums) in sums.iter().enumerate() {
-                for (j, sum) in sums.iter().enumerate() {
-                    S::store(self.target.add(row * self.target_stride + j * S::LANES), *sum);
-                }
-            }
-        }
-    }
-}
-
-/// Copies `len` floats to every `upscale`-th float; whole vectors where they are dense, the last overlapping.
-///
-/// # Safety
-/// Besides [`Kernel::run`]'s terms: `len` floats readable, `(len - 1) * upscale + 1` writable, no overlap.
-#[inline(always)]
-unsafe fn copy_piece<S: Simd>(from: *const f32, to: *mut f32, len: usize, upscale: usize) {
-    // SAFETY: every index is below `len`; a vector ends at `i + LANES <= len` or at `len`.
-    unsafe {
-        if upscale != 1 || len < S::LANES {
-            for i in 0..len {
-                *to.add(i * upscale) = *from.add(i);
-            }
-            return;
-        }
-        let mut i = 0;
-        while i + S::LANES <= len {
-            S::store(to.add(i), S::load(from.add(i)));
-            i += S::LANES;
-        }
-        if i < len {
-            S::store(to.add(len - S::LANES), S::load(from.add(len - S::LANES)));
         }
     }
 }

@@ -69,6 +69,13 @@ impl PoolPlan {
         self.n_bins
     }
 
+    /// Memory that the lists take.
+    #[must_use]
+    pub fn n_bytes(&self) -> usize {
+        let lists = [&self.cell_of_point, &self.first_of_cell, &self.points];
+        lists.map(|list| size_of_val(list.as_slice())).iter().sum()
+    }
+
     #[must_use]
     pub fn n_cells(&self) -> usize {
         self.first_of_cell.len() - 1

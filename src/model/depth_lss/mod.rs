@@ -87,6 +87,7 @@ mod tests {
     use nalgebra::{UnitQuaternion, Vector3};
 
     use super::*;
+    use crate::device::test_device;
     use crate::geometry::{Camera, Ego, Pinhole, Point, Transform};
     use crate::model::formula::{
         assert_equal, assert_equal_within, assert_gradients_equal, fill, golden, gradients, n_parameters,
@@ -147,7 +148,7 @@ mod tests {
     #[test]
     fn geometry_pooling_maps_and_gradients_are_pytorchs() {
         let expected = golden(include_bytes!("../../../tests/golden/depth_lss.safetensors"));
-        let device = Device::flex().autodiff();
+        let device = test_device().autodiff();
         let config = small();
         let depth: Vec<f32> = (0..2).flat_map(depth_image).collect();
         assert_equal_within("depth image", &depth, &expected["depth"], 1e-5);

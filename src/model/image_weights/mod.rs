@@ -201,10 +201,10 @@ fn by_neighbour(values: &[f32], n_merged: usize) -> Vec<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::device::test_device;
     use crate::model::formula::{assert_equal, fill, golden, named_weights, tensor, values};
     use crate::model::swin::SwinConfig;
     use burn::store::PathFilter;
-    use burn::tensor::Device;
 
     /// The backbone that `tests/golden/torch_swin.py` wrote weights of.
     fn small() -> Swin {
@@ -216,7 +216,7 @@ mod tests {
             mlp_ratio: 2,
             ..SwinConfig::default()
         };
-        Swin::init(&config, &Device::flex())
+        Swin::init(&config, &test_device())
     }
 
     fn golden_file(name: &str) -> PathBuf {
@@ -248,7 +248,7 @@ mod tests {
                 let norms = PathFilter::new().with_regex("^norms");
                 let _ = swin.apply(whole.collect(Some(norms), None, false), None, None, false);
             }
-            let maps = swin.forward(tensor("image", [2, 3, 37, 50], &Device::flex()));
+            let maps = swin.forward(tensor("image", [2, 3, 37, 50], &test_device()));
             for (i, map) in maps.into_iter().enumerate() {
                 assert_equal(&format!("{name}: map {i}"), &values(map), &expected[&format!("map{i}")]);
             }
@@ -270,7 +270,7 @@ mod tests {
         fs_err::write(&path, safetensors::serialize(&views, None).unwrap()).unwrap();
 
         let mut swin = small();
-        let before = values(swin.forward(tensor("image", [1, 3, 8, 8], &Device::flex()))[0].clone());
+        let before = values(swin.forward(tensor("image", [1, 3, 8, 8], &test_device()))[0].clone());
         let error = load_image_weights(&path, &mut swin).unwrap_err();
         let text = error.to_string();
         let ImageWeightsError::Unfit { missing, unexpected, misshapen, .. } = error else { panic!("{text}") };
@@ -281,7 +281,7 @@ mod tests {
         assert!(text.contains(
             "of another shape layers.3.blocks.0.attn.relative_position_bias_table [4] (needed [25, 4])"
         ));
-        assert_eq!(values(swin.forward(tensor("image", [1, 3, 8, 8], &Device::flex()))[0].clone()), before);
+        assert_eq!(values(swin.forward(tensor("image", [1, 3, 8, 8], &test_device()))[0].clone()), before);
     }
 
     #[test]

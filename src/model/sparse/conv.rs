@@ -69,6 +69,7 @@ mod tests {
     use super::super::geometry::Geometry;
     use super::super::sites::Sites;
     use super::*;
+    use crate::device::test_device;
     use crate::model::golden::{Golden, assert_close};
     use burn::tensor::Gradients;
 
@@ -84,7 +85,7 @@ mod tests {
             ("column", Geometry { kernel: [3, 1, 1], stride: [2, 1, 1], padding: [0; 3] }),
         ];
         let golden = Golden::read("sparse");
-        let device = Device::flex().autodiff();
+        let device = test_device().autodiff();
         for (case, geometry) in cases {
             let name = |part: &str| format!("{case}.{part}");
             let tensor = |part: &str| golden.tensor::<2>(&name(part), &device);
@@ -101,7 +102,7 @@ mod tests {
             let w = golden.tensor::<3>(&name("w"), &device).require_grad();
             let y = sparse_conv(x.clone(), w.clone(), &rulebook);
             let gradients = (y.clone() * tensor("dy")).sum().backward();
-            let inner = Device::flex();
+            let inner = test_device();
             let expected = |part: &str| golden.tensor::<2>(&name(part), &inner);
             assert_close(&y.inner(), &expected("y"), &name("y"));
             assert_close(&x.grad(&gradients).unwrap(), &expected("dx"), &name("dx"));

@@ -174,6 +174,7 @@ impl SparseEncoder {
 mod tests {
     use super::super::sites::Sites;
     use super::*;
+    use crate::device::test_device;
     use crate::model::golden::{Golden, assert_close, relative_error};
     use crate::model::n_trained;
 
@@ -199,11 +200,11 @@ mod tests {
     #[test]
     fn equals_dense_convolutions_read_at_the_active_sites() {
         let golden = Golden::read("sparse");
-        let device = Device::flex().autodiff();
+        let device = test_device().autodiff();
         let sites = golden.sites("encoder.shape", "encoder.cells");
         let rulebooks = EncoderRulebooks::build(sites, &small());
         let encoder = golden.load_torch("encoder.net", SparseEncoder::init(4, &small(), &device));
-        let inner = Device::flex();
+        let inner = test_device();
         let tensor = |name: &str| golden.tensor::<4>(name, &inner);
 
         let x = golden.tensor::<2>("encoder.x", &inner);

@@ -61,6 +61,7 @@ impl Swin {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::device::test_device;
     use crate::model::formula::{
         assert_equal, assert_gradients_equal, fill, golden, gradients, tensor, values,
     };
@@ -77,7 +78,7 @@ mod tests {
             drop_path: 0.0,
             ..SwinConfig::default()
         };
-        let device = Device::flex().autodiff();
+        let device = test_device().autodiff();
         let mut swin = Swin::init(&config, &device);
         fill(&mut swin);
         let image = tensor("image", [2, 3, 37, 50], &device).require_grad();
@@ -104,7 +105,7 @@ mod tests {
     #[test]
     fn swin_t_has_the_maps_of_pytorch_and_the_published_size() {
         let expected = golden(include_bytes!("../../../tests/golden/swin_t.safetensors"));
-        let device = Device::flex();
+        let device = test_device();
         let mut swin = Swin::init(&SwinConfig::default(), &device);
         assert_eq!(swin.num_params(), 27_520_506);
         fill(&mut swin);

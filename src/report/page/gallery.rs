@@ -1,16 +1,12 @@
 //! The worst misses and false alarms as cards with pictures, for a page that sorts and filters them.
 
-use std::io::Cursor;
-
-use base64::Engine as _;
-use base64::engine::general_purpose::STANDARD;
-use image::codecs::jpeg::JpegEncoder;
-use image::{ImageError, RgbImage};
+use image::ImageError;
 use rayon::prelude::*;
 use serde::Serialize;
 
 use super::groups::spoken;
 use super::model::{Block, number};
+use super::pictures::jpeg;
 use super::scores::FAULTS_FILE;
 use super::{ReportError, Side};
 use crate::eval::{Fault, FaultKind};
@@ -20,8 +16,6 @@ use crate::report::view::{self, Labelled, Scene};
 /// The camera's picture and the view from above, pixels; the camera's has the shape of the sensor's default.
 const FRONT_PX: (u32, u32) = (576, 324);
 const BIRDSEYE_PX: (u32, u32) = (324, 324);
-/// 1 to 100: lines stay clean from about here.
-const JPEG_QUALITY: u8 = 74;
 
 /// Cards, and the choices by which they can be filtered.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -218,15 +212,9 @@ fn pictures(side: &Side, fault: &Fault) -> Result<Option<[String; 2]>, ReportErr
         harms: Some(&labelled.harms),
         zone: Some(&labelled.zone),
         detections: Some(&detections),
-        focus: Some((&fault.place).into()),
     };
     let picture = |source: ImageError| ReportError::Picture { source, sample: fault.sample.clone() };
-    let [front, birdseye] = view::panels(&scene, FRONT_PX, BIRDSEYE_PX).map_err(picture)?;
+    let focus = Some(&(&fault.place).into());
+    let [front, birdseye] = view::panels(&scene, focus, FRONT_PX, BIRDSEYE_PX).map_err(picture)?;
     Ok(Some([jpeg(&front).map_err(picture)?, jpeg(&birdseye).map_err(picture)?]))
-}
-
-fn jpeg(picture: &RgbImage) -> Result<String, ImageError> {
-    let mut bytes = Cursor::new(Vec::new());
-    JpegEncoder::new_with_quality(&mut bytes, JPEG_QUALITY).encode_image(picture)?;
-    Ok(STANDARD.encode(bytes.into_inner()))
 }

@@ -9,6 +9,7 @@ mod gallery;
 mod groups;
 mod headline;
 mod model;
+mod pictures;
 mod plot;
 mod provenance;
 mod render;
@@ -34,6 +35,8 @@ use scores::{Scores, ScoresError};
 
 /// Name of the page where a folder is given.
 pub const PAGE_FILE: &str = "report.html";
+/// Cards of a kind of fault and data set, unless told otherwise.
+pub const DEFAULT_CARDS: usize = 12;
 
 /// Why the report could not be made.
 #[derive(Debug, Error)]
@@ -50,6 +53,8 @@ pub enum ReportError {
     Plot { message: String },
     #[error("a picture of sample {sample} cannot be made: {source}")]
     Picture { source: image::ImageError, sample: String },
+    #[error("a picture cannot be read: {source}: {}", path.display())]
+    File { source: image::ImageError, path: PathBuf },
     #[error("the file exists; --force replaces it: {}", path.display())]
     Exists { path: PathBuf },
     #[error(transparent)]
@@ -181,7 +186,7 @@ fn page(sides: &[Side], request: &ReportRequest) -> Result<Page, ReportError> {
         Some(path) => vec![Block::Markup { html: tables::html_of(&fs::read_to_string(path)?) }],
         None => vec![Block::absent(
             "no ablations and baselines (RESULTS.md)",
-            "make results, then harmzone report OUT .. --results RESULTS.md",
+            "harmzone results --out DIR, then harmzone report OUT .. --results DIR/RESULTS.md",
         )],
     };
     let section = |id, title, blocks| Section { id, title, blocks };
@@ -200,7 +205,7 @@ fn page(sides: &[Side], request: &ReportRequest) -> Result<Page, ReportError> {
             section("calibration", "Calibration", calibration::blocks(sides)?),
             section("sweeps", "Speed and steering", sweeps::blocks(sides)?),
             section("groups", "By group", groups::blocks(sides)?),
-            section("results", "Ablations", results),
+            section("results", "Ablations and rivals", results),
             section("gallery", "Gallery", gallery::blocks(sides, request.n_cards)?),
             section("made", "How it was made", provenance::blocks(sides, &request.command)),
         ],

@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use super::ReportError;
 use super::gallery::Gallery;
+use super::pictures::Picture;
 use super::plot::{self, Chart, Look, Tone};
 
 /// The whole page.
@@ -41,6 +42,9 @@ pub enum Block {
     Table(Table),
     Figures {
         figures: Vec<Figure>,
+    },
+    Pictures {
+        pictures: Vec<Picture>,
     },
     /// Hidden until it is opened.
     Fold {

@@ -4,6 +4,7 @@ use fs_err as fs;
 
 use super::Side;
 use super::model::Block;
+use super::scores::Source;
 use crate::episode::LabelManifest;
 
 /// The section's blocks.
@@ -18,6 +19,7 @@ pub fn blocks(sides: &[Side], command: &str) -> Vec<Block> {
                 if source.version != env!("CARGO_PKG_VERSION") {
                     blocks.push(Block::text(format!("Scored by harmzone {}.", source.version)));
                 }
+                blocks.extend(hashes(source));
             }
             None => blocks.push(Block::absent(
                 "where the scores come from is not known (source.json)",
@@ -42,6 +44,17 @@ pub fn blocks(sides: &[Side], command: &str) -> Vec<Block> {
         }
     }
     blocks
+}
+
+/// SHA-256 of what was scored, as far as it is known.
+fn hashes(source: &Source) -> Option<Block> {
+    let mut lines: Vec<String> =
+        source.checkpoint_sha256.iter().map(|hash| format!("network       {hash}")).collect();
+    if let Some(of) = &source.fingerprint {
+        lines.push(format!("dataset.json  {}", of.dataset_sha256));
+        lines.push(format!("labels        {}", of.labels_sha256));
+    }
+    (!lines.is_empty()).then(|| Block::fold("Network and data, SHA-256", vec![code(&lines.join("\n"))]))
 }
 
 fn code(text: &str) -> Block {

@@ -8,8 +8,12 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use crate::config::to_toml;
+use crate::dataset::Fingerprint;
 use crate::eval::sweep::Sweeps;
-use crate::eval::{Evaluation, Fault};
+use crate::eval::{Evaluation, Fault, Protocol};
+use crate::files::write_atomic;
+use crate::report;
 
 /// Everything that was found out.
 pub const METRICS_FILE: &str = "metrics.json";
@@ -19,6 +23,9 @@ pub const CONFIG_FILE: &str = "eval.toml";
 pub const SOURCE_FILE: &str = "source.json";
 /// The worst misses and false alarms, a list of [`Fault`].
 pub const FAULTS_FILE: &str = "faults.json";
+/// For people: the table beside the paper's, and scores by group.
+const TABLE_FILE: &str = "table.txt";
+const BREAKDOWN_FILE: &str = "breakdown.txt";
 /// Speed and steering swept over the same frames; `harmzone sweep --out` writes it.
 pub const SWEEPS_FILE: &str = "sweeps.json";
 
@@ -33,6 +40,10 @@ pub struct Source {
     /// The data set, as it was named.
     pub data: Option<PathBuf>,
     pub labels: Option<String>,
+    /// Of the data set and its labels.
+    pub fingerprint: Option<Fingerprint>,
+    /// Of the network's file.
+    pub checkpoint_sha256: Option<String>,
     /// The resolved config of the detector.
     pub model_toml: Option<String>,
     /// The resolved config of its training.
@@ -78,6 +89,31 @@ impl Scores {
             sweeps: read_json(&folder.join(SWEEPS_FILE))?,
         })
     }
+}
+
+/// Writes a folder of scores, all but the sweeps; the metrics come last, their presence says that all is there.
+///
+/// # Errors
+/// The folder cannot be written.
+pub fn write(
+    folder: &Path,
+    protocol: &Protocol,
+    evaluation: &Evaluation,
+    faults: &[Fault],
+    source: &Source,
+) -> io::Result<()> {
+    fs::create_dir_all(folder)?;
+    let metrics = folder.join(METRICS_FILE);
+    if metrics.exists() {
+        fs::remove_file(&metrics)?;
+    }
+    let config = format!("# harmzone {}, harmzone eval\n{}", source.version, to_toml(protocol.config()));
+    write_atomic(&folder.join(CONFIG_FILE), config.as_bytes())?;
+    write_atomic(&folder.join(TABLE_FILE), report::table(&evaluation.metrics).as_bytes())?;
+    write_atomic(&folder.join(BREAKDOWN_FILE), report::breakdown(evaluation).as_bytes())?;
+    write_atomic(&folder.join(FAULTS_FILE), &serde_json::to_vec(faults)?)?;
+    write_atomic(&folder.join(SOURCE_FILE), &serde_json::to_vec_pretty(source)?)?;
+    write_atomic(&metrics, evaluation.to_json().as_bytes())
 }
 
 /// `None` where there is no such file.

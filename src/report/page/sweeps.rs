@@ -1,6 +1,12 @@
 //! The same frames with another speed or steering: does the harmful set follow the zone's, and whose does so better?
 
+use std::io;
+
+use fs_err as fs;
+
+use super::groups::spoken;
 use super::model::{Block, Figure, Table, ap, number};
+use super::pictures::{self, Picture};
 use super::plot::{Axis, Chart, Look, Series, Tone};
 use super::scores::SWEEPS_FILE;
 use super::{ReportError, Side};
@@ -61,8 +67,37 @@ pub fn blocks(sides: &[Side]) -> Result<Vec<Block>, ReportError> {
              labels stay as they are.",
         ));
         blocks.push(Block::fold("As a table", vec![table(sweeps)]));
+        blocks.extend(pictures(side)?);
     }
     Ok(blocks)
+}
+
+/// What `harmzone sweep` drew beside its figures.
+fn pictures(side: &Side) -> Result<Vec<Block>, ReportError> {
+    let folder = &side.scores.folder;
+    let mut frames = Vec::new();
+    for (file, title) in [
+        ("frame_speed.png", "The frame of which most objects change sides with the speed"),
+        ("frame_steering.png", "The frame of which most objects change sides with the steering"),
+    ] {
+        frames.extend(pictures::of_file(&folder.join(file), title)?);
+    }
+    let mut kinds = Vec::new();
+    let folder = folder.join("kinds");
+    if folder.is_dir() {
+        let found = fs::read_dir(&folder)?.map(|entry| Ok(entry?.path())).collect::<io::Result<Vec<_>>>();
+        let mut found = found?;
+        found.sort();
+        for path in found.iter().filter(|path| path.extension().is_some_and(|ending| ending == "png")) {
+            let name = path.file_stem().map(|name| spoken(&name.to_string_lossy())).unwrap_or_default();
+            kinds.extend(pictures::of_file(path, &name)?);
+        }
+    }
+    let fold = |title: &str, pictures: Vec<Picture>| {
+        (!pictures.is_empty()).then(|| Block::fold(title, vec![Block::Pictures { pictures }]))
+    };
+    let titles = ["One frame at several states, in pictures", "Each kind out of distribution, in pictures"];
+    Ok(titles.into_iter().zip([frames, kinds]).filter_map(|(title, pictures)| fold(title, pictures)).collect())
 }
 
 /// A line for each judge, from 0 to 1.

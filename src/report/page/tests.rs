@@ -6,6 +6,7 @@ use fs_err as fs;
 
 use super::scores::{FAULTS_FILE, METRICS_FILE, SOURCE_FILE, SWEEPS_FILE, Source};
 use super::*;
+use crate::dataset::Fingerprint;
 use crate::eval::{
     EvalDetection, EvalSample, EvalTruth, Protocol, SampleFacts, TruthFacts, evaluate, worst_faults,
 };
@@ -90,9 +91,8 @@ fn sweeps() -> serde_json::Value {
                 "set_iou": if value == 0.0 { None } else { Some(0.8) }, "agreement": 0.9,
             })
         };
-        serde_json::json!({
-            "change": "steering_deg", "judge": judge, "truth_moves": true, "points": [-35.0, 0.0, 35.0].map(point),
-        })
+        let points = [-35.0, 0.0, 35.0].map(point);
+        serde_json::json!({"change": "steering_deg", "judge": judge, "truth_moves": true, "points": points})
     };
     serde_json::json!({"n_samples": 12, "curves": [curve("network"), curve("zone-soft")], "early": null})
 }
@@ -107,9 +107,21 @@ fn write_scores(folder: &Path, mode: Mode, is_whole: bool) {
         let json = |value: serde_json::Value| value.to_string();
         let faults = worst_faults(&samples(), &protocol).unwrap();
         fs::write(folder.join(FAULTS_FILE), json(serde_json::to_value(faults).unwrap())).unwrap();
-        let source = Source { command: format!("harmzone eval {HOSTILE}"), ..Source::default() };
+        let hash = |c: &str| c.repeat(16);
+        let fingerprint = Fingerprint { dataset_sha256: hash("0123"), labels_sha256: hash("4567") };
+        let source = Source {
+            command: format!("harmzone eval {HOSTILE}"),
+            fingerprint: Some(fingerprint),
+            checkpoint_sha256: Some(hash("89ab")),
+            ..Source::default()
+        };
         fs::write(folder.join(SOURCE_FILE), json(serde_json::to_value(source).unwrap())).unwrap();
         fs::write(folder.join(SWEEPS_FILE), json(sweeps())).unwrap();
+        let picture = image::RgbImage::from_pixel(64, 32, image::Rgb([90, 120, 60]));
+        fs::create_dir_all(folder.join("kinds")).unwrap();
+        for name in ["frame_speed.png", "kinds/hay_bale.png"] {
+            picture.save(folder.join(name)).unwrap();
+        }
     }
 }
 
@@ -162,6 +174,9 @@ fn the_page_tells_all_that_the_scores_hold_beside_the_paper() {
         "hay bale",
         "Recall in haze and fog",
         "Steering set to: agreement of the harmful sets",
+        "One frame at several states, in pictures",
+        "Each kind out of distribution, in pictures",
+        "dataset.json  0123",
         "zone over its boxes, soft",
         "room to stop",
         "data-kind=\"missed: not seen\"",

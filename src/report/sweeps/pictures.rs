@@ -68,9 +68,10 @@ fn labels_at(
     state: &EgoState,
 ) -> Result<(Vec<Point2>, Vec<Harm>), SweepReportError> {
     let fail = |source| SweepReportError::Zone { sample: frame.id.clone(), source };
-    let area = zone.rect(state).map_err(fail)?;
+    let area = zone.at(state).map_err(fail)?;
     let harms = frame.objects.iter().map(|object| {
-        let verdict = area.harm_of(&object.truth.box_in_ego).map_err(fail)?;
+        let truth = &object.truth;
+        let verdict = area.harm_of(&truth.box_in_ego, truth.velocity_in_ego_mps).map_err(fail)?;
         Ok::<_, SweepReportError>(verdict.harm)
     });
     Ok((area.corners().to_vec(), harms.collect::<Result<_, _>>()?))
@@ -156,7 +157,6 @@ fn draw_frame(
                 harms: Some(&labels[i].1),
                 zone: Some(&labels[i].0),
                 detections: Some(&found[i]),
-                focus: None,
             },
         })
         .collect();
@@ -199,7 +199,6 @@ fn draw_kind(frame: &LabelledSample, zone: &Zone, found: &[Detection]) -> Result
         harms: Some(&harms),
         zone: Some(&labels_at(frame, zone, &state)?.0),
         detections: Some(found),
-        focus: None,
     })
     .map_err(|source| SweepReportError::Image { sample: frame.id.clone(), source })
 }

@@ -1,8 +1,9 @@
 //! The LiDAR from above: ego at the bottom, ahead is up, left is left; metres on range rings.
 
 use super::canvas::{Align, Canvas, Pen, Px};
-use super::{FOCUS, Scene, palette};
-use crate::geometry::Point;
+use super::{Area, FOCUS, Mark, palette};
+use crate::geometry::{Box3, Ego, Point};
+use crate::sample::Measured;
 
 /// How far ahead is drawn, metres.
 const AHEAD_M: f64 = 60.0;
@@ -18,35 +19,21 @@ const FOCUS_GAP_M: f64 = 1.0;
 const N_HEIGHT_STEPS: usize = 24;
 
 /// Draws the panel; the scale is set by its height.
-pub fn draw(scene: &Scene, width_px: u32, height_px: u32) -> Canvas {
+pub fn draw(measured: &Measured, areas: &[Area], marks: &[Mark], width_px: u32, height_px: u32) -> Canvas {
     let mut canvas = Canvas::new(width_px, height_px, palette::PANEL);
-    let plan = Plan {
-        center_px: f64::from(width_px) / 2.0,
-        bottom_px: f64::from(height_px),
-        px_per_m: f64::from(height_px) / (AHEAD_M + BEHIND_M),
-    };
-    let measured = &scene.sample.measured;
+    let plan = Plan::of(width_px, height_px);
     let camera = measured.ego_from_camera.isometry.translation;
     let half_fov_rad = measured.intrinsics.horizontal_fov_rad() / 2.0;
     let wedge = Wedge { x_m: camera.x, y_m: camera.y, half_fov_rad };
     canvas.fill(&wedge.outline(&plan), palette::WEDGE);
     draw_rings(&mut canvas, &plan, &wedge);
-    draw_points(&mut canvas, &plan, scene);
-    if let Some(zone) = scene.zone {
-        let corners: Vec<Px> = zone.iter().map(|corner| plan.at(corner.x_m, corner.y_m)).collect();
-        canvas.fill(&corners, palette::ZONE.with_alpha(0.20));
-        canvas.outline(&corners, Pen::solid(palette::ZONE, 1.4));
+    draw_points(&mut canvas, &plan, measured);
+    for area in areas {
+        let corners: Vec<Px> = area.corners.iter().map(|corner| plan.at(corner.x_m, corner.y_m)).collect();
+        canvas.fill(&corners, area.color.with_alpha(area.fill));
+        canvas.outline(&corners, Pen::solid(area.color, 1.4));
     }
-    if let Some(focus) = scene.focus {
-        let center = plan.at(focus.center.x(), focus.center.y());
-        let radius_px = ((focus.length_m.hypot(focus.width_m) / 2.0 + FOCUS_GAP_M) * plan.px_per_m) as f32;
-        let ring = (0..48).map(|step| {
-            let (sin, cos) = (step as f32 / 48.0 * std::f32::consts::TAU).sin_cos();
-            (center.0 + radius_px * cos, center.1 + radius_px * sin)
-        });
-        canvas.outline(&ring.collect::<Vec<Px>>(), Pen { width_px: FOCUS.width_px / 3.0, ..FOCUS });
-    }
-    for mark in scene.marks() {
+    for mark in marks {
         let corners = mark.box_in_ego.footprint().map(|corner| plan.at(corner.x_m, corner.y_m));
         canvas.fill(&corners, mark.pen.color.with_alpha(0.16));
         canvas.outline(&corners, mark.pen);
@@ -59,15 +46,36 @@ pub fn draw(scene: &Scene, width_px: u32, height_px: u32) -> Canvas {
     canvas
 }
 
+/// Draws a ring around a box, over a drawn panel.
+pub fn point_at(canvas: &mut Canvas, focus: &Box3<Ego>) {
+    let plan = Plan::of(canvas.width_px() as u32, canvas.height_px() as u32);
+    let center = plan.at(focus.center.x(), focus.center.y());
+    let radius_px = ((focus.length_m.hypot(focus.width_m) / 2.0 + FOCUS_GAP_M) * plan.px_per_m) as f32;
+    let ring = (0..48).map(|step| {
+        let (sin, cos) = (step as f32 / 48.0 * std::f32::consts::TAU).sin_cos();
+        (center.0 + radius_px * cos, center.1 + radius_px * sin)
+    });
+    canvas.outline(&ring.collect::<Vec<Px>>(), Pen { width_px: FOCUS.width_px / 3.0, ..FOCUS });
+}
+
 /// From ego metres to the panel's pixels.
-struct Plan {
+pub struct Plan {
     center_px: f64,
     bottom_px: f64,
     px_per_m: f64,
 }
 
 impl Plan {
-    fn at(&self, x_m: f64, y_m: f64) -> Px {
+    /// Of a panel of this size.
+    pub fn of(width_px: u32, height_px: u32) -> Self {
+        Self {
+            center_px: f64::from(width_px) / 2.0,
+            bottom_px: f64::from(height_px),
+            px_per_m: f64::from(height_px) / (AHEAD_M + BEHIND_M),
+        }
+    }
+
+    pub fn at(&self, x_m: f64, y_m: f64) -> Px {
         let up_px = (x_m + BEHIND_M) * self.px_per_m;
         ((self.center_px - y_m * self.px_per_m) as f32, (self.bottom_px - up_px) as f32)
     }
@@ -119,8 +127,7 @@ fn draw_rings(canvas: &mut Canvas, plan: &Plan, wedge: &Wedge) {
     }
 }
 
-fn draw_points(canvas: &mut Canvas, plan: &Plan, scene: &Scene) {
-    let measured = &scene.sample.measured;
+fn draw_points(canvas: &mut Canvas, plan: &Plan, measured: &Measured) {
     let (low_m, high_m) = palette::HEIGHT_RANGE_M;
     let mut steps: Vec<Vec<Px>> = vec![Vec::new(); N_HEIGHT_STEPS];
     for point in &measured.points {

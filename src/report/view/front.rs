@@ -3,7 +3,7 @@
 use image::imageops::FilterType;
 
 use super::canvas::{Align, Canvas, Color, Pen, Px, text_width_px};
-use super::{FOCUS, Mark, Scene, palette};
+use super::{Area, Mark, palette};
 use crate::geometry::{Box3, Camera, Ego, Point, Transform};
 use crate::sample::Measured;
 
@@ -15,8 +15,13 @@ const EDGES: [(usize, usize); 12] =
     [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)];
 
 /// Draws the panel, the camera's picture as large as fits.
-pub fn draw(scene: &Scene, width_px: u32, height_px: u32) -> Result<Canvas, image::ImageError> {
-    let measured = &scene.sample.measured;
+pub fn draw(
+    measured: &Measured,
+    areas: &[Area],
+    marks: &[Mark],
+    width_px: u32,
+    height_px: u32,
+) -> Result<Canvas, image::ImageError> {
     let picture = measured.image.decode()?;
     let scale = (f64::from(width_px) / f64::from(picture.width().max(1)))
         .min(f64::from(height_px) / f64::from(picture.height().max(1)));
@@ -32,19 +37,17 @@ pub fn draw(scene: &Scene, width_px: u32, height_px: u32) -> Result<Canvas, imag
             f64::from(inner_height) / f64::from(measured.intrinsics.height_px.max(1)),
         ),
     };
-    if let Some(zone) = scene.zone {
+    for area in areas {
         let ground: Vec<Point<Ego>> =
-            zone.iter().map(|corner| Point::new(corner.x_m, corner.y_m, 0.0)).collect();
+            area.corners.iter().map(|corner| Point::new(corner.x_m, corner.y_m, 0.0)).collect();
         let seen = lens.polygon(&ground);
-        inner.fill(&seen, palette::ZONE.with_alpha(0.24));
-        inner.outline(&seen, Pen::solid(palette::ZONE.with_alpha(0.9), 1.6));
+        // A little more than from above: a photograph is brighter than the panel.
+        inner.fill(&seen, area.color.with_alpha(1.2 * area.fill));
+        inner.outline(&seen, Pen::solid(area.color.with_alpha(0.9), 1.6));
     }
-    let mut marks = scene.marks();
+    let mut marks: Vec<&Mark> = marks.iter().collect();
     // Far to near, so that near boxes and tags lie on top.
     marks.sort_by(|a, b| b.box_in_ego.center.x().total_cmp(&a.box_in_ego.center.x()));
-    if let Some(box_in_ego) = scene.focus {
-        lens.draw_box(&mut inner, &Mark { box_in_ego, pen: FOCUS, tag: None });
-    }
     for mark in &marks {
         lens.draw_box(&mut inner, mark);
     }

@@ -90,7 +90,6 @@ pub fn run(request: &ViewRequest) -> Result<ViewSummary, ViewError> {
         harms: Some(&harms),
         zone: Some(&zone),
         detections: detections.as_deref(),
-        focus: None,
     })
     .map_err(|source| ViewError::Image { source, path: dataset.join(&entry.file) })?;
     let mut png = Vec::new();
@@ -153,7 +152,7 @@ impl Labelled {
 }
 
 /// The episode that holds a sample of the data set, and the sample's place in it.
-fn locate<'a>(
+pub(in crate::report) fn locate<'a>(
     manifest: &'a Manifest,
     wanted: usize,
     path: &Path,

@@ -20,7 +20,10 @@ pub fn draw_states(panels: &[StatePanel<'_>]) -> RgbImage {
     let width_px = SIZE_PX.0.saturating_sub(MARGIN_PX * (n + 1)) / n;
     for (i, panel) in panels.iter().enumerate() {
         let left_px = MARGIN_PX + i as u32 * (width_px + MARGIN_PX);
-        page.paste(&birdseye::draw(&panel.scene, width_px, BIRDSEYE_PX.1), left_px as i32, TITLE_PX as i32);
+        let scene = &panel.scene;
+        let (areas, marks) = (scene.areas(), scene.marks());
+        let above = birdseye::draw(&scene.sample.measured, &areas, &marks, width_px, BIRDSEYE_PX.1);
+        page.paste(&above, left_px as i32, TITLE_PX as i32);
         let left = left_px as f32;
         page.text((left, 39.0), 22.0, palette::TEXT, Align::Left, &panel.title);
         let x = left + text_width_px(22.0, &panel.title) + 14.0;

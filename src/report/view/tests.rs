@@ -149,7 +149,6 @@ fn scene(sample: &Sample) -> Scene<'_> {
         harms: None,
         zone: None,
         detections: None,
-        focus: None,
     }
 }
 
@@ -212,7 +211,10 @@ fn predictions_are_drawn_in_tones_of_their_own() {
 fn a_zone_behind_the_camera_is_not_drawn_on_its_picture() {
     let sample = street();
     let behind = ZONE.map(|corner| Point2 { x_m: corner.x_m - 40.0, ..corner });
-    let front = |zone| front::draw(&Scene { zone, ..scene(&sample) }, 400, 225).unwrap().into_rgb();
+    let front = |zone| {
+        let scene = Scene { zone, ..scene(&sample) };
+        front::draw(&sample.measured, &scene.areas(), &scene.marks(), 400, 225).unwrap().into_rgb()
+    };
     assert_eq!(front(Some(&behind[..])).as_raw(), front(None).as_raw());
 }
 
@@ -229,8 +231,8 @@ fn the_panels_alone_have_their_sizes_and_point_at_a_box() {
     let sample = street();
     let focus = Some(sample.truth.objects[0].box_in_ego);
     let sizes = ((480, 270), (300, 270));
-    let without = panels(&scene(&sample), sizes.0, sizes.1).unwrap();
-    let with = panels(&Scene { focus, ..scene(&sample) }, sizes.0, sizes.1).unwrap();
+    let without = panels(&scene(&sample), None, sizes.0, sizes.1).unwrap();
+    let with = panels(&scene(&sample), focus.as_ref(), sizes.0, sizes.1).unwrap();
     for (panel, size) in with.iter().zip([sizes.0, sizes.1]) {
         assert_eq!(panel.dimensions(), size);
     }

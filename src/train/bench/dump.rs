@@ -97,11 +97,17 @@ impl Tensors {
             let shape = vec![3, height_px, camera.image.len() / 3 / height_px];
             self.0.insert(name("image"), (Dtype::U8, shape, camera.image.clone()));
             self.floats(name("depth"), &[camera.depth.len()], &camera.depth);
-            let of_frustum =
-                [("frustum_points", &camera.frustum.points), ("frustum_cells", &camera.frustum.cells)];
-            for (part, values) in of_frustum {
-                self.integers(name(part), &[values.len()], &integers(values));
-            }
+            let (plan, n_pixels) = (&camera.plan, camera.plan.n_pixels() as i64);
+            let (points, cells): (Vec<i64>, Vec<i64>) = plan
+                .points()
+                .iter()
+                .map(|&point| {
+                    let (pixel, bin) = (point as usize / plan.n_bins(), point as usize % plan.n_bins());
+                    (bin as i64 * n_pixels + pixel as i64, i64::from(plan.cell_of_point()[point as usize]))
+                })
+                .unzip();
+            self.integers(name("frustum_points"), &[points.len()], &points);
+            self.integers(name("frustum_cells"), &[cells.len()], &cells);
         }
         let numeric: Vec<f32> =
             inputs.iter().flat_map(|input| input.numeric.as_flattened().to_vec()).collect();

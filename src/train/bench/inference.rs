@@ -29,13 +29,18 @@ pub fn measure(
         detect(&detector, &sample.measured, bench).map_err(fail)?;
         let total = begin.elapsed();
         let mut spent = [Duration::ZERO; InferenceStage::ALL.len()];
+        let mut waited = Ok(());
         detect_by_stage(&detector, &sample.measured, MIN_SCORE, bench.device, &mut |stage, work| {
             let begin = Instant::now();
             work();
+            if waited.is_ok() {
+                waited = bench.wait();
+            }
             let place = InferenceStage::ALL.iter().position(|&of| of == stage);
             spent[place.expect("ALL holds all stages")] = begin.elapsed();
         })
         .map_err(fail)?;
+        waited?;
         if i >= N_WARM_UP {
             totals.push(total);
             of_stages.iter_mut().zip(spent).for_each(|(times, spent)| times.push(spent));

@@ -44,6 +44,8 @@ pub enum BenchError {
     Pack { message: String, path: PathBuf },
     #[error("the split holds {found} samples; at least {wanted} are needed: {}", path.display())]
     TooFewSamples { found: usize, wanted: usize, path: PathBuf },
+    #[error("the device failed: {message}")]
+    Device { message: String },
     #[error("only the `small` network has a twin to race against; the model has {found}")]
     NoTwin { found: &'static str },
     #[error(
@@ -171,6 +173,11 @@ impl Bench<'_> {
             return Err(BenchError::TooFewSamples { found, wanted, path });
         }
         Ok(())
+    }
+
+    /// Waits for the device: a GPU has only queued what it was asked for.
+    fn wait(&self) -> Result<(), BenchError> {
+        self.device.sync().map_err(|error| BenchError::Device { message: error.reason().to_owned() })
     }
 
     /// The detector on a device.

@@ -60,11 +60,12 @@ pub fn race<E: From<BenchError>>(
                     &mut of_stages[usize::from(contest == Contest::FusedStep)];
                 let position = Position { stage: *stage, step: *step_idx };
                 *step_idx += 1;
-                in_ms(step(trainee, steps, position).map_err(BenchError::from)?)
+                in_ms(step(bench, trainee, steps, position)?)
             }
             Contest::Inference => {
                 let begin = Instant::now();
                 let output = detector.forward(&batch);
+                bench.wait()?;
                 let time = begin.elapsed();
                 drop(output);
                 in_ms(time)

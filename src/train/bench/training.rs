@@ -63,13 +63,19 @@ impl Trainee {
 }
 
 /// One whole step, from its samples to the moving average.
-pub fn step(trainee: &mut Trainee, steps: &mut Steps, position: Position) -> Result<Duration, TrainError> {
+pub fn step(
+    bench: &Bench,
+    trainee: &mut Trainee,
+    steps: &mut Steps,
+    position: Position,
+) -> Result<Duration, BenchError> {
     let begin = Instant::now();
     let detector = trainee.detector.take().expect("it is back after each step");
     let (detector, gradients, _) = steps.gradients(detector, position)?;
     trainee.detector = Some(detector);
     trainee.learn(gradients);
     trainee.follow(position.step);
+    bench.wait()?;
     Ok(begin.elapsed())
 }
 
@@ -139,7 +145,7 @@ fn whole_steps(
     let n_warm_up = N_WARM_UP_EPOCHS * plan.steps_per_epoch;
     for step_idx in 0..n_warm_up + n_steps {
         let loaded_before = steps.loading;
-        let time = step(&mut trainee, &mut steps, Position { stage, step: step_idx })?;
+        let time = step(bench, &mut trainee, &mut steps, Position { stage, step: step_idx })?;
         if step_idx >= n_warm_up {
             times.push(time);
             loading.push(steps.loading.saturating_sub(loaded_before));
@@ -165,19 +171,21 @@ fn parts(
         let mut spent = Vec::with_capacity(PARTS.len());
         let mut begin = Instant::now();
         let mut lap = || {
+            bench.wait()?;
             spent.push(begin.elapsed());
             begin = Instant::now();
+            Ok::<_, BenchError>(())
         };
         let output = trainee.detector().forward(&batch);
-        lap();
+        lap()?;
         let loss = losses(&output, &objects, &config.model, &config.loss);
-        lap();
+        lap()?;
         let gradients = GradientsParams::from_grads(loss.total.backward(), trainee.detector());
-        lap();
+        lap()?;
         trainee.learn(gradients);
-        lap();
+        lap()?;
         trainee.follow(step_idx);
-        lap();
+        lap()?;
         // The first steps find memory and moments not yet there.
         if step_idx >= 2 {
             times.iter_mut().zip(spent).for_each(|(times, spent)| times.push(spent));

@@ -1,0 +1,332 @@
+//! The same objects labelled by several zones: how much each calls harmful, and which objects change sides.
+//!
+//! Nothing is written; every annotated box counts once in each sample it is in.
+
+use std::fmt;
+use std::path::Path;
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::episode::manifest::{EpisodeEntry, HarmCounts, LabelCounts, Manifest};
+use crate::episode::{EpisodeReader, SampleLabels};
+use crate::label::zone::{Zone, ZoneConfig};
+use crate::label::{LabelError, count_of, label_sample};
+use crate::object::{Distribution, Harm, Kind};
+use crate::progress::Progress;
+use crate::sample::Sample;
+
+/// An object faster than this over ground moves, m/s.
+pub const MOVING_MPS: f64 = 0.5;
+
+/// What several zones say of one data set.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ZoneComparison {
+    pub n_episodes: u64,
+    pub n_samples: u64,
+    pub n_objects: u64,
+    pub zones: Vec<ZoneCounts>,
+    /// `[row][column]`: objects that are harmful by the row's zone and harmless by the column's, in the order of `zones`.
+    pub change_sides: Vec<Vec<u64>>,
+    /// `[row][column]`: objects harmful by both over those harmful by either; none where no object is.
+    pub agreement: Vec<Vec<Option<f64>>>,
+    /// Objects that are harmful by exactly so many zones, from none to all.
+    pub n_harmful_by: Vec<u64>,
+    /// The first sample with the most objects on which zones differ, counted through all episodes from 0.
+    pub most_disputed_sample: Option<usize>,
+}
+
+/// What one zone says.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ZoneCounts {
+    pub zone: String,
+    /// Harmful objects over all.
+    pub harmful_share: Option<f64>,
+    /// By distribution and kind.
+    pub counts: LabelCounts,
+    pub moving: HarmCounts,
+    pub standing: HarmCounts,
+}
+
+/// Labels every object of a data set by each of the zones.
+///
+/// # Errors
+/// [`LabelError`]: no data set or an empty one, a broken file, a zone's config or a state that cannot be.
+pub fn compare(
+    dataset: &Path,
+    zones: &[ZoneConfig],
+    progress: &dyn Progress,
+) -> Result<ZoneComparison, LabelError> {
+    let zones = zones.iter().map(|config| Zone::try_from(config.clone())).collect::<Result<Vec<_>, _>>()?;
+    let manifest = Manifest::read(dataset)?;
+    if manifest.episodes.is_empty() {
+        return Err(LabelError::NoEpisodes { path: dataset.to_owned() });
+    }
+    progress.start("compare", manifest.episodes.iter().map(|entry| entry.n_samples as u64).sum());
+    let tallies = manifest
+        .episodes
+        .par_iter()
+        .map(|entry| {
+            let tally = Tally::of_episode(dataset, entry, &zones);
+            progress.advance(entry.n_samples as u64);
+            tally
+        })
+        .collect::<Result<Vec<_>, _>>()?;
+    progress.finish();
+    let mut sum = Tally::new(zones.len());
+    tallies.into_iter().for_each(|tally| sum.merge(tally));
+    let names = zones.iter().map(|zone| zone.config().kind.name().to_owned()).collect();
+    Ok(sum.finish(names, manifest.episodes.len() as u64))
+}
+
+/// Counts over some samples.
+#[derive(Debug, Clone, PartialEq)]
+struct Tally {
+    by_zone: Vec<LabelCounts>,
+    moving: Vec<HarmCounts>,
+    standing: Vec<HarmCounts>,
+    change_sides: Vec<Vec<u64>>,
+    both: Vec<Vec<u64>>,
+    n_harmful_by: Vec<u64>,
+    /// Of each sample: objects on which zones differ.
+    n_disputed: Vec<usize>,
+}
+
+impl Tally {
+    fn new(n_zones: usize) -> Self {
+        Self {
+            by_zone: vec![LabelCounts::default(); n_zones],
+            moving: vec![HarmCounts::default(); n_zones],
+            standing: vec![HarmCounts::default(); n_zones],
+            change_sides: vec![vec![0; n_zones]; n_zones],
+            both: vec![vec![0; n_zones]; n_zones],
+            n_harmful_by: vec![0; n_zones + 1],
+            n_disputed: Vec::new(),
+        }
+    }
+
+    fn of_episode(dataset: &Path, entry: &EpisodeEntry, zones: &[Zone]) -> Result<Self, LabelError> {
+        let mut tally = Self::new(zones.len());
+        let reader = EpisodeReader::open(&dataset.join(&entry.file))?;
+        for (sample_idx, sample) in reader.samples().enumerate() {
+            let sample = sample?;
+            let labels = zones
+                .iter()
+                .map(|zone| label_sample(zone, &entry.name, sample_idx, &sample))
+                .collect::<Result<Vec<_>, _>>()?;
+            tally.add(&sample, &labels);
+        }
+        Ok(tally)
+    }
+
+    /// Adds a sample with the labels of each zone.
+    fn add(&mut self, sample: &Sample, labels: &[SampleLabels]) {
+        let mut n_disputed = 0;
+        for (object_idx, object) in sample.truth.objects.iter().enumerate() {
+            let [vx_mps, vy_mps] = object.velocity_in_ego_mps;
+            let is_moving = vx_mps.hypot(vy_mps) > MOVING_MPS;
+            let harms: Vec<Harm> = labels.iter().map(|labels| labels.labels[object_idx].harm).collect();
+            for (zone_idx, &harm) in harms.iter().enumerate() {
+                self.by_zone[zone_idx].get_mut(object.distribution).get_mut(object.kind).add(harm);
+                let by_motion = if is_moving { &mut self.moving } else { &mut self.standing };
+                by_motion[zone_idx].add(harm);
+                for (other_idx, &other) in harms.iter().enumerate().filter(|_| harm == Harm::Harmful) {
+                    let counts = if other == harm { &mut self.both } else { &mut self.change_sides };
+                    counts[zone_idx][other_idx] += 1;
+                }
+            }
+            let n_harmful = harms.iter().filter(|&&harm| harm == Harm::Harmful).count();
+            self.n_harmful_by[n_harmful] += 1;
+            n_disputed += usize::from(n_harmful > 0 && n_harmful < harms.len());
+        }
+        self.n_disputed.push(n_disputed);
+    }
+
+    fn merge(&mut self, other: Self) {
+        let add_harm = |into: &mut HarmCounts, from: HarmCounts| {
+            into.harmful += from.harmful;
+            into.harmless += from.harmless;
+        };
+        for (into, from) in self.by_zone.iter_mut().zip(&other.by_zone) {
+            for distribution in [Distribution::Id, Distribution::Ood] {
+                for kind in [Kind::Vehicle, Kind::Pedestrian, Kind::Static] {
+                    add_harm(into.get_mut(distribution).get_mut(kind), *from.get(distribution).get(kind));
+                }
+            }
+        }
+        for (into, from) in [(&mut self.moving, other.moving), (&mut self.standing, other.standing)] {
+            into.iter_mut().zip(from).for_each(|(into, from)| add_harm(into, from));
+        }
+        for (into, from) in [(&mut self.change_sides, other.change_sides), (&mut self.both, other.both)] {
+            let pairs = into.iter_mut().flatten().zip(from.into_iter().flatten());
+            pairs.for_each(|(into, from)| *into += from);
+        }
+        self.n_harmful_by.iter_mut().zip(other.n_harmful_by).for_each(|(into, from)| *into += from);
+        self.n_disputed.extend(other.n_disputed);
+    }
+
+    fn finish(self, names: Vec<String>, n_episodes: u64) -> ZoneComparison {
+        let share = |part: u64, whole: u64| (whole > 0).then(|| part as f64 / whole as f64);
+        let zones = names.into_iter().zip(self.by_zone).zip(self.moving.into_iter().zip(self.standing));
+        let zones: Vec<ZoneCounts> = zones
+            .map(|((zone, counts), (moving, standing))| {
+                let all = count_of(&counts, None, None);
+                let harmful_share = share(all.harmful, all.harmful + all.harmless);
+                ZoneCounts { zone, harmful_share, counts, moving, standing }
+            })
+            .collect();
+        let n = zones.len();
+        // By either: by both, by one alone, by the other alone.
+        let agreement = |row: usize, column: usize| {
+            let both = self.both[row][column];
+            share(both, both + self.change_sides[row][column] + self.change_sides[column][row])
+        };
+        let agreement = (0..n).map(|row| (0..n).map(|column| agreement(row, column)).collect()).collect();
+        let most = self.n_disputed.iter().copied().max();
+        ZoneComparison {
+            n_episodes,
+            n_samples: self.n_disputed.len() as u64,
+            n_objects: self.n_harmful_by.iter().sum(),
+            zones,
+            change_sides: self.change_sides,
+            agreement,
+            n_harmful_by: self.n_harmful_by,
+            most_disputed_sample: most.and_then(|most| self.n_disputed.iter().position(|&n| n == most)),
+        }
+    }
+}
+
+impl fmt::Display for ZoneComparison {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let percent =
+            |share: Option<f64>| share.map_or("-".to_owned(), |share| format!("{:.1}%", 100.0 * share));
+        let of = |counts: HarmCounts| {
+            let all = counts.harmful + counts.harmless;
+            percent((all > 0).then(|| counts.harmful as f64 / all as f64))
+        };
+        writeln!(
+            f,
+            "{} episodes, {} samples, {} objects, each labelled by every zone\n",
+            self.n_episodes, self.n_samples, self.n_objects
+        )?;
+        let columns = [
+            ("id", Some(Distribution::Id), None),
+            ("ood", Some(Distribution::Ood), None),
+            ("vehicle", None, Some(Kind::Vehicle)),
+            ("pedestrian", None, Some(Kind::Pedestrian)),
+            ("static", None, Some(Kind::Static)),
+        ];
+        write!(f, "{:<10}{:>9}{:>9}{:>9}{:>9}", "harmful", "objects", "all", "standing", "moving")?;
+        for (name, ..) in columns {
+            write!(f, "{name:>11}")?;
+        }
+        for zone in &self.zones {
+            let all = count_of(&zone.counts, None, None);
+            write!(f, "\n{:<10}{:>9}{:>9}", zone.zone, all.harmful, of(all))?;
+            write!(f, "{:>9}{:>9}", of(zone.standing), of(zone.moving))?;
+            for (_, distribution, kind) in columns {
+                write!(f, "{:>11}", of(count_of(&zone.counts, distribution, kind)))?;
+            }
+        }
+        let matrix = |f: &mut fmt::Formatter<'_>, title: &str, cell: &dyn Fn(usize, usize) -> String| {
+            write!(f, "\n\n{title}\n{:<10}", "")?;
+            self.zones.iter().try_for_each(|zone| write!(f, "{:>9}", zone.zone))?;
+            for (row, zone) in self.zones.iter().enumerate() {
+                write!(f, "\n{:<10}", zone.zone)?;
+                (0..self.zones.len()).try_for_each(|column| write!(f, "{:>9}", cell(row, column)))?;
+            }
+            Ok(())
+        };
+        matrix(f, "Objects harmful by the row's zone and harmless by the column's", &|row, column| {
+            if row == column { "-".to_owned() } else { self.change_sides[row][column].to_string() }
+        })?;
+        matrix(f, "Objects harmful by both, over those harmful by either", &|row, column| {
+            percent(self.agreement[row][column])
+        })?;
+        let by: Vec<String> =
+            self.n_harmful_by.iter().enumerate().map(|(n, count)| format!("{n}: {count}")).collect();
+        write!(f, "\n\nObjects by the number of zones that call them harmful: {}", by.join(", "))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dataset::test_data;
+    use crate::label::zone::ZoneKind;
+    use crate::sample::Truth;
+
+    fn tally(n_samples: usize, velocity_in_ego_mps: [f64; 2]) -> Tally {
+        let zones =
+            ZoneKind::ALL.map(|kind| Zone::try_from(ZoneConfig { kind, ..ZoneConfig::default() }).unwrap());
+        let mut tally = Tally::new(zones.len());
+        for labelled in test_data::dataset(n_samples).samples() {
+            let mut objects: Vec<_> = labelled.objects.iter().map(|object| object.truth.clone()).collect();
+            objects.iter_mut().for_each(|object| object.velocity_in_ego_mps = velocity_in_ego_mps);
+            let sample = Sample { measured: labelled.measured.clone(), truth: Truth { objects } };
+            let labels: Vec<_> =
+                zones.iter().map(|zone| label_sample(zone, "made", 0, &sample).unwrap()).collect();
+            tally.add(&sample, &labels);
+        }
+        tally
+    }
+
+    fn names() -> Vec<String> {
+        ZoneKind::ALL.map(|kind| kind.name().to_owned()).to_vec()
+    }
+
+    #[test]
+    fn changes_of_sides_and_agreement_follow_from_the_counts() {
+        let found = tally(20, [0.0, 0.0]).finish(names(), 1);
+        assert_eq!((found.n_samples, found.n_objects), (20, 100));
+        assert_eq!(found.n_harmful_by.iter().sum::<u64>(), 100);
+        let n_harmful: Vec<u64> =
+            found.zones.iter().map(|zone| count_of(&zone.counts, None, None).harmful).collect();
+        let weighted: u64 = found.n_harmful_by.iter().enumerate().map(|(n, count)| n as u64 * count).sum();
+        assert_eq!(weighted, n_harmful.iter().sum::<u64>());
+        for row in 0..4 {
+            assert_eq!(found.change_sides[row][row], 0);
+            assert_eq!(found.agreement[row][row], Some(1.0));
+            for column in 0..4 {
+                // Harmful by the row = by both + by the row alone.
+                let both = n_harmful[row] - found.change_sides[row][column];
+                assert_eq!(both, n_harmful[column] - found.change_sides[column][row]);
+                assert_eq!(found.agreement[row][column], found.agreement[column][row]);
+            }
+        }
+        assert!(found.change_sides.iter().flatten().any(|&n| n > 0));
+        assert_eq!(found.zones[0].moving, HarmCounts::default());
+        assert_eq!(found.zones[0].standing.harmful, n_harmful[0]);
+    }
+
+    #[test]
+    fn velocities_move_ttc_and_rss_and_leave_rect_and_arc() {
+        let [standing, coming] =
+            [[0.0, 0.0], [-8.0, 0.0]].map(|velocity| tally(20, velocity).finish(names(), 1));
+        for (a, b) in standing.zones.iter().zip(&coming.zones) {
+            let more = b.harmful_share.unwrap() > a.harmful_share.unwrap();
+            assert_eq!(more, ["ttc", "rss"].contains(&a.zone.as_str()), "{}", a.zone);
+            assert_eq!(b.standing, HarmCounts::default());
+        }
+    }
+
+    #[test]
+    fn parts_add_up_to_the_whole() {
+        let (mut one, other) = (tally(7, [1.0, 0.0]), tally(7, [1.0, 0.0]));
+        one.merge(other);
+        let (twice, once) = (one.finish(names(), 2), tally(7, [1.0, 0.0]).finish(names(), 1));
+        assert_eq!((twice.n_objects, twice.n_samples), (2 * once.n_objects, 14));
+        assert_eq!(twice.change_sides[0][1], 2 * once.change_sides[0][1]);
+        assert_eq!(twice.agreement, once.agreement);
+        assert_eq!(twice.most_disputed_sample, once.most_disputed_sample);
+    }
+
+    #[test]
+    fn the_table_names_every_zone_in_rows_and_columns() {
+        let text = tally(20, [0.0, 0.0]).finish(names(), 1).to_string();
+        for name in names() {
+            assert!(text.matches(&name).count() >= 5, "{text}");
+        }
+        assert!(text.contains("20 samples, 100 objects") && text.contains("100.0%"), "{text}");
+    }
+}

@@ -1,0 +1,105 @@
+//! One register tile: products of some input channels added up, and what becomes of the sums.
+
+use crate::kernels::simd::Simd;
+
+/// Vectors of pixels in a register tile.
+pub(super) const TILE_VECTORS: usize = 3;
+
+/// What sums begin with.
+#[derive(Clone, Copy)]
+pub(super) enum Start {
+    Zero,
+    /// A value for each row.
+    Shift(*const f32),
+    /// What the pass before left.
+    Tile,
+}
+
+/// Some input channels of one tile.
+pub(super) struct Pass<'a, const TAPS: usize> {
+    pub n_channels: usize,
+    pub pixels: *const f32,
+    pub channel_stride: usize,
+    pub offsets: &'a [usize; TAPS],
+    pub weights: *const f32,
+    pub start: Start,
+    /// Whether only what is positive stays.
+    pub has_relu: bool,
+    pub tile: *const f32,
+    pub target: *mut f32,
+    pub target_stride: usize,
+}
+
+impl<const TAPS: usize> Pass<'_, TAPS> {
+    /// Adds the products to the sums of ROWS output channels by VECTORS vectors of pixels.
+    ///
+    /// # Safety
+    /// Besides [`Kernel::run`]'s terms: readable are VECTORS vectors of pixels at each tap of each channel,
+    /// `n_channels * TAPS * ROWS` weights, and, where sums start there, ROWS shifts or the tile (rows TILE_VECTORS
+    /// vectors apart); writable are VECTORS vectors in each of ROWS rows of `target`.
+    #[inline(always)]
+    pub unsafe fn run<S: Simd, const ROWS: usize, const VECTORS: usize>(self) {
+        // SAFETY: every access is one of those listed above.
+        unsafe {
+            let mut sums = [[S::zero(); VECTORS]; ROWS];
+            for (row, sums) in sums.iter_mut().enumerate() {
+                for (j, sum) in sums.iter_mut().enumerate() {
+                    match self.start {
+                        Start::Zero => {}
+                        Start::Shift(shift) => *sum = S::splat(*shift.add(row)),
+                        Start::Tile => *sum = S::load(self.tile.add((row * TILE_VECTORS + j) * S::LANES)),
+                    }
+                }
+            }
+            let (mut pixels, mut weights) = (self.pixels, self.weights);
+            for _ in 0..self.n_channels {
+                for t in 0..TAPS {
+                    let tap = pixels.add(self.offsets[t]);
+                    let mut x = [S::zero(); VECTORS];
+                    for (j, x) in x.iter_mut().enumerate() {
+                        *x = S::load(tap.add(j * S::LANES));
+                    }
+                    for (row, sums) in sums.iter_mut().enumerate() {
+                        let weight = S::splat(*weights.add(row));
+                        for (sum, x) in sums.iter_mut().zip(x) {
+                            *sum = S::mul_add(weight, x, *sum);
+                        }
+                    }
+                    weights = weights.add(ROWS);
+                }
+                pixels = pixels.wrapping_add(self.channel_stride);
+            }
+            for (row, sums) in sums.iter().enumerate() {
+                for (j, &sum) in sums.iter().enumerate() {
+                    let sum = if self.has_relu { S::max(sum, S::zero()) } else { sum };
+                    S::store(self.target.add(row * self.target_stride + j * S::LANES), sum);
+                }
+            }
+        }
+    }
+}
+
+/// Copies `len` floats to every `upscale`-th float; whole vectors where they are dense, the last overlapping.
+///
+/// # Safety
+/// Besides [`Kernel::run`]'s terms: `len` floats readable, `(len - 1) * upscale + 1` writable, no overlap.
+#[inline(always)]
+pub(super) unsafe fn copy_piece<S: Simd>(from: *const f32, to: *mut f32, len: usize, upscale: usize) {
+    // SAFETY: every index is below `len`; a vector ends at `i + LANES <= len` or at `len`.
+    unsafe {
+        if upscale != 1 || len < S::LANES {
+            for i in 0..len {
+                *to.add(i * upscale) = *from.add(i);
+            }
+            return;
+        }
+        let mut i = 0;
+        while i + S::LANES <= len {
+            S::store(to.add(i), S::load(from.add(i)));
+            i += S::LANES;
+        }
+        if i < len {
+            S::store(to.add(len - S::LANES), S::load(from.add(len - S::LANES)));
+        }
+    }
+}

@@ -1,0 +1,143 @@
+//! Time to collision: when the ego's body and a footprint meet if both keep their motion.
+//!
+//! "The time required for two vehicles to collide if they continue at their present speed and on the same path"
+//! (Hayward, Near-miss determination through use of a scale of danger, Highway Research Record 384, 1972). The ego
+//! keeps speed and steering and runs along its [`Course`]; the object keeps its velocity and its yaw.
+//!
+//! Found by conservative advancement (Mirtich 1996): from a gap `d`, no point can close it sooner than `d` over the sum
+//! of the greatest speeds, so time goes on by that much until the gap is gone; a contact is never jumped over.
+
+use super::corridor::Body;
+use super::course::Course;
+use crate::geometry::{Box3, Ego, Point2, convex_signed_distance_m};
+
+/// A gap as small as this is contact, metres.
+const TOUCH_M: f64 = 0.01;
+
+/// Seconds until contact, 0 where the two overlap already; none within `horizon_s`.
+///
+/// `velocity_mps` is the object's over ground, in the ego's axes at the start. The ego may roll backwards.
+pub(super) fn time_to_collision_s(
+    course: &Course,
+    speed_mps: f64,
+    body: &Body,
+    object: &Box3<Ego>,
+    velocity_mps: [f64; 2],
+    horizon_s: f64,
+) -> Option<f64> {
+    let (ego, footprint) = (body.corners(), object.footprint());
+    let fastest = ego.iter().map(|&corner| {
+        let [x, y] = course.velocity_at(corner);
+        x.hypot(y)
+    });
+    let closing_mps = speed_mps.abs() * fastest.fold(0.0, f64::max) + velocity_mps[0].hypot(velocity_mps[1]);
+    let mut time_s = 0.0;
+    while time_s <= horizon_s {
+        let ego_then = ego.map(|corner| course.moved(corner, speed_mps * time_s));
+        let object_then = footprint.map(|corner| Point2 {
+            x_m: corner.x_m + velocity_mps[0] * time_s,
+            y_m: corner.y_m + velocity_mps[1] * time_s,
+        });
+        let gap_m = convex_signed_distance_m(&ego_then, &object_then);
+        if gap_m <= TOUCH_M {
+            return Some(time_s);
+        }
+        // Both at rest: infinite, and the loop ends.
+        time_s += gap_m / closing_mps;
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::super::course::tests::course;
+    use super::*;
+    use crate::geometry::Point;
+
+    const CAR: Body = Body { front_m: 3.6, rear_m: 0.8, left_m: 0.9, right_m: 0.9 };
+
+    fn block(x_m: f64, y_m: f64, length_m: f64, width_m: f64) -> Box3<Ego> {
+        Box3 { center: Point::new(x_m, y_m, 0.5), length_m, width_m, height_m: 1.0, yaw_rad: 0.0 }
+    }
+
+    fn ttc(speed: f64, steering: f64, object: &Box3<Ego>, velocity: [f64; 2]) -> Option<f64> {
+        time_to_collision_s(&course(steering), speed, &CAR, object, velocity, 4.0)
+    }
+
+    fn assert_near(found: Option<f64>, expected: f64) {
+        assert!(
+            found.is_some_and(|found| (found - expected).abs() < 0.015),
+            "{found:?}, {expected} expected"
+        );
+    }
+
+    #[test]
+    fn straight_ahead_it_is_the_gap_over_the_closing_speed() {
+        // The bumper is at 3.6 m, the object's near side at 23.6 m: 20 m.
+        let car = block(25.6, 0.3, 4.0, 1.8);
+        assert_near(ttc(10.0, 0.0, &car, [0.0, 0.0]), 2.0);
+        assert_near(ttc(10.0, 0.0, &car, [-6.0, 0.0]), 1.25);
+        assert_near(ttc(10.0, 0.0, &car, [2.0, 0.0]), 2.5);
+        assert_eq!(ttc(10.0, 0.0, &car, [6.0, 0.0]), None, "5 s, beyond the horizon");
+        assert_eq!(ttc(10.0, 0.0, &car, [10.0, 0.0]), None, "as fast as the ego");
+    }
+
+    #[test]
+    fn a_pedestrian_who_steps_out_is_met_and_one_who_has_crossed_is_not() {
+        // Side at 3 m; the body's side at 0.9 m: 2.1 m at 1.5 m/s are 1.4 s, and the body is there from 1 to 1.49 s.
+        let child = block(13.8, 3.2, 0.4, 0.4);
+        assert_near(ttc(10.0, 0.0, &child, [0.0, -1.5]), 1.4);
+        assert_eq!(ttc(10.0, 0.0, &child, [0.0, 0.0]), None);
+        assert_eq!(ttc(10.0, 0.0, &child, [0.0, -5.0]), None, "through before the ego comes");
+    }
+
+    #[test]
+    fn contact_now_is_zero_and_two_at_rest_never_meet() {
+        assert_eq!(ttc(0.0, 0.2, &block(3.5, 0.0, 1.0, 1.0), [0.0, 0.0]), Some(0.0));
+        assert_eq!(ttc(0.0, 0.2, &block(6.0, 0.0, 1.0, 1.0), [0.0, 0.0]), None);
+        assert_near(ttc(0.0, 0.0, &block(9.6, 0.0, 4.0, 1.0), [-2.0, 0.0]), 2.0);
+        assert_near(ttc(-1.0, 0.0, &block(-3.3, 0.0, 1.0, 1.0), [0.0, 0.0]), 2.0);
+    }
+
+    #[test]
+    fn in_a_turn_what_lies_on_the_arc_is_met_and_what_lies_ahead_is_not() {
+        // Radius 13.3 m to the left; 20 m of arc are 1.5 rad: the rear axle is then at (13.3, 12.4).
+        let on_the_arc = block(13.5, 13.5, 1.0, 1.0);
+        assert!(ttc(6.0, 0.2, &on_the_arc, [0.0, 0.0]).is_some());
+        assert_eq!(ttc(6.0, 0.2, &block(24.0, 0.0, 1.0, 1.0), [0.0, 0.0]), None);
+        assert_eq!(ttc(6.0, 0.0, &on_the_arc, [0.0, 0.0]), None);
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+
+        /// Against small steps of time, which may miss a contact but see none where there is none.
+        #[test]
+        fn it_is_the_first_contact_that_small_steps_find(
+            speed in -2.0..15.0_f64, steering in -0.5..0.5_f64, x in 4.0..40.0_f64, y in -10.0..10.0_f64,
+            yaw in -3.0..3.0_f64, vx in -8.0..8.0_f64, vy in -4.0..4.0_f64,
+        ) {
+            let object = Box3 { yaw_rad: yaw, ..block(x, y, 3.0, 1.6) };
+            let found = ttc(speed, steering, &object, [vx, vy]);
+            let course = course(steering);
+            let gap = |time: f64| {
+                let ego = CAR.corners().map(|corner| course.moved(corner, speed * time));
+                let there = Box3 { center: Point::new(x + vx * time, y + vy * time, 0.5), ..object };
+                convex_signed_distance_m(&ego, &there.footprint())
+            };
+            let stepped = (0..=4000).map(|i| f64::from(i) * 1e-3).find(|&time| gap(time) <= 0.0);
+            match (found, stepped) {
+                // The search ends 1 cm before contact, the steps up to a step after it.
+                (Some(found), Some(stepped)) => {
+                    prop_assert!(found <= stepped + 1e-9);
+                    prop_assert!(gap(found) <= TOUCH_M + 1e-9);
+                }
+                (None, Some(stepped)) => prop_assert!(false, "steps met it at {stepped} s"),
+                (Some(found), None) => prop_assert!(gap(found) <= TOUCH_M + 1e-9, "{found}"),
+                (None, None) => {}
+            }
+        }
+    }
+}

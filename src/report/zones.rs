@@ -1,0 +1,122 @@
+//! The danger zones compared on one data set: counts, and one sample with all zones over each other.
+
+mod picture;
+
+use std::fmt;
+use std::path::PathBuf;
+
+use fs_err as fs;
+use serde::Serialize;
+use thiserror::Error;
+
+use self::picture::{Overlay, OverlayError};
+use super::view::ViewError;
+use super::view::load::locate;
+use crate::episode::manifest::{Manifest, ManifestError};
+use crate::episode::{EpisodeError, EpisodeReader};
+use crate::eval::zone_comparison::{ZoneComparison, compare};
+use crate::files::write_atomic;
+use crate::label::LabelError;
+use crate::label::zone::{ZoneConfig, ZoneKind};
+use crate::progress::Progress;
+
+/// Why zones could not be compared.
+#[derive(Debug, Error)]
+pub enum ZonesError {
+    #[error(transparent)]
+    Label(#[from] LabelError),
+    #[error(transparent)]
+    Manifest(#[from] ManifestError),
+    #[error(transparent)]
+    Episode(#[from] EpisodeError),
+    /// No such sample, or a picture that cannot be packed.
+    #[error(transparent)]
+    View(#[from] ViewError),
+    #[error(transparent)]
+    Io(#[from] std::io::Error),
+    #[error("{source}: {}", path.display())]
+    Overlay { source: OverlayError, path: PathBuf },
+}
+
+/// What to compare.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ZonesRequest {
+    pub dataset: PathBuf,
+    /// What the zones share; its `kind` is replaced by each.
+    pub zone: ZoneConfig,
+    /// Where to draw a sample.
+    pub plot: Option<PathBuf>,
+    /// Counted through all episodes in the manifest's order, from 0; none takes the most disputed one.
+    pub sample: Option<usize>,
+    pub force: bool,
+}
+
+/// What was found, and drawn.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ZonesSummary {
+    #[serde(flatten)]
+    pub comparison: ZoneComparison,
+    pub plot: Option<Plot>,
+}
+
+/// A picture that was drawn.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Plot {
+    /// Counted through all episodes.
+    pub sample: usize,
+    pub episode: String,
+    /// Counted in its episode.
+    pub sample_idx: usize,
+    pub path: PathBuf,
+}
+
+/// Labels a data set by every kind of zone, and draws one sample if asked to.
+///
+/// # Errors
+/// [`ZonesError`]: no data set, no such sample, a picture that exists, a config or a state that cannot be.
+pub fn run(request: &ZonesRequest, progress: &dyn Progress) -> Result<ZonesSummary, ZonesError> {
+    let ZonesRequest { dataset, zone, plot, sample, force } = request;
+    if let Some(path) = plot.as_ref().filter(|path| path.exists() && !force) {
+        return Err(ViewError::Exists { path: path.clone() }.into());
+    }
+    let zones = ZoneKind::ALL.map(|kind| ZoneConfig { kind, ..zone.clone() });
+    let manifest = Manifest::read(dataset)?;
+    // Before the long work, so that a wrong number is told at once.
+    if let Some(sample) = sample {
+        locate(&manifest, *sample, dataset)?;
+    }
+    let comparison = compare(dataset, &zones, progress)?;
+    let Some(path) = plot else { return Ok(ZonesSummary { comparison, plot: None }) };
+    let number = sample.or(comparison.most_disputed_sample).unwrap_or(0);
+    let (entry, sample_idx) = locate(&manifest, number, dataset)?;
+    let file = dataset.join(&entry.file);
+    let read = EpisodeReader::open(&file)?.sample(sample_idx)?;
+    let overlay = Overlay {
+        episode: &entry.name,
+        sample_idx,
+        sample: &read,
+        zones: &zones,
+        shares: &comparison.zones.iter().map(|zone| zone.harmful_share).collect::<Vec<_>>(),
+    };
+    let drawn = overlay.draw().map_err(|source| ZonesError::Overlay { source, path: file })?;
+    let mut png = Vec::new();
+    drawn
+        .write_to(&mut std::io::Cursor::new(&mut png), image::ImageFormat::Png)
+        .map_err(|source| ViewError::Image { source, path: path.clone() })?;
+    if let Some(folder) = path.parent() {
+        fs::create_dir_all(folder)?;
+    }
+    write_atomic(path, &png)?;
+    let plot = Plot { sample: number, episode: entry.name.clone(), sample_idx, path: path.clone() };
+    Ok(ZonesSummary { comparison, plot: Some(plot) })
+}
+
+impl fmt::Display for ZonesSummary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.comparison)?;
+        if let Some(Plot { sample, episode, sample_idx, path }) = &self.plot {
+            write!(f, "\n{}: sample {sample}, which is {sample_idx} of {episode}", path.display())?;
+        }
+        Ok(())
+    }
+}
