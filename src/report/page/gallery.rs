@@ -174,7 +174,7 @@ fn facts(fault: &Fault) -> Vec<String> {
         (true, score) => Some(format!("best harmful score {}", number(score, 2))),
         (false, score) => Some(format!("score {}", number(score, 2))),
     });
-    facts.extend(fault.facts.speed_mps.map(|speed_mps| format!("ego {speed_mps:.1} m/s")));
+    facts.extend(fault.facts.speed_mps.map(|speed_mps| format!("ego {:.1} m/s", tenths(speed_mps))));
     facts.extend(fault.stopping_margin_m.map(|margin_m| format!("room to stop {margin_m:+.1} m")));
     facts.extend(fault.zone_distance_m.map(|distance_m| format!("zone's edge {distance_m:+.2} m")));
     if let Some(object) = &fault.object {
@@ -186,6 +186,11 @@ fn facts(fault: &Fault) -> Vec<String> {
     }
     facts.extend(fault.facts.weather.clone());
     facts
+}
+
+/// Rounded, so that nothing is called -0.0.
+fn tenths(value: f64) -> f64 {
+    (10.0 * value).round() / 10.0 + 0.0
 }
 
 /// `None` where the sample is not in the side's data set.

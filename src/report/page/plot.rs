@@ -20,6 +20,9 @@ const WIDTH_PX: u32 = 480;
 /// Coordinates are whole numbers; so many of them make a pixel.
 const FINER: u32 = 4;
 
+/// Room for a character of a label: the widest of the faces that a page may be shown in (DejaVu Sans) needs so much.
+const CHARACTER_PX: u32 = 9;
+
 /// The page sets the face; the library needs one to measure by.
 const FONT: &str = "sans-serif";
 
@@ -99,7 +102,7 @@ impl Axis {
     /// Over all values, with ticks at round numbers; `low` and `high` must be finite.
     pub fn over(name: &str, low: f64, high: f64) -> Self {
         let high = if high > low { high } else { low + 1.0 };
-        let rough = (high - low) / 5.0;
+        let rough = (high - low) / 7.0;
         let power = 10f64.powf(rough.log10().floor());
         let step = [1.0, 2.0, 5.0, 10.0].map(|n| n * power).into_iter().find(|&step| step >= rough);
         let step = step.unwrap_or(rough);
@@ -189,9 +192,11 @@ fn draw<DB: DrawingBackend>(chart: &Chart, area: &DrawingArea<DB, Shift>) -> Dra
     let name_px = if chart.y.name.is_empty() { 0 } else { 20 };
     let mut plane = ChartBuilder::on(area)
         .margin(px(6))
+        // Half of the topmost label stands above the plane.
+        .margin_top(px(12))
         .margin_right(px(18))
         .x_label_area_size(px(if chart.x.name.is_empty() { 24 } else { 44 }))
-        .y_label_area_size(px(14 + 7 * widest + name_px))
+        .y_label_area_size(px(14 + CHARACTER_PX * widest + name_px))
         .build_cartesian_2d(Ticked(chart.x.clone()), Ticked(chart.y.clone()))?;
     plane
         .configure_mesh()
@@ -282,9 +287,9 @@ mod tests {
     fn ticks_are_round_numbers_within_the_axis() {
         let ticks =
             |low, high| Axis::over("", low, high).ticks.into_iter().map(|tick| tick.1).collect::<Vec<_>>();
-        assert_eq!(ticks(0.0, 14.0), ["0", "5", "10"]);
-        assert_eq!(ticks(-35.0, 35.0), ["-20", "0", "20"]);
-        assert_eq!(ticks(0.0, 0.3), ["0.0", "0.1", "0.2", "0.3"]);
+        assert_eq!(ticks(0.0, 14.0), ["0", "2", "4", "6", "8", "10", "12", "14"]);
+        assert_eq!(ticks(-35.0, 35.0), ["-30", "-20", "-10", "0", "10", "20", "30"]);
+        assert_eq!(ticks(0.0, 0.3), ["0.00", "0.05", "0.10", "0.15", "0.20", "0.25", "0.30"]);
         assert_eq!(ticks(2.0, 2.0).first().map(String::as_str), Some("2.0"));
     }
 

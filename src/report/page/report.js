@@ -2,9 +2,13 @@
 (() => {
   "use strict";
   const links = new Map([...document.querySelectorAll("nav a")].map((link) => [link.hash.slice(1), link]));
+  const bar = document.querySelector("nav");
   const seen = new IntersectionObserver((entries) => {
     for (const entry of entries) {
-      links.get(entry.target.id)?.classList.toggle("here", entry.isIntersecting);
+      const link = links.get(entry.target.id);
+      link?.classList.toggle("here", entry.isIntersecting);
+      // On a phone the bar is wider than the screen.
+      if (link && entry.isIntersecting) bar.scrollTo({ left: link.offsetLeft - (bar.clientWidth - link.offsetWidth) / 2 });
     }
   }, { rootMargin: "-20% 0px -75% 0px" });
   document.querySelectorAll("main > section").forEach((section) => seen.observe(section));
