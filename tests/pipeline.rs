@@ -440,7 +440,7 @@ fn an_experiment_killed_in_a_training_goes_on_and_its_commands_make_its_rows() {
     let mut child = command(&args).spawn().expect("the program starts");
     let begun = std::time::Instant::now();
     while !fs::read_dir(out.join("runs/camera/state")).is_ok_and(|mut dir| dir.next().is_some()) {
-        assert!(begun.elapsed() < Duration::from_mins(2), "no state after two minutes");
+        assert!(begun.elapsed() < Duration::from_mins(4), "no state after four minutes");
         std::thread::sleep(Duration::from_millis(5));
     }
     child.kill().expect("a running program can be killed");
@@ -459,7 +459,9 @@ fn an_experiment_killed_in_a_training_goes_on_and_its_commands_make_its_rows() {
     // One page of the headline's scores, faults and sweeps, and of the tables.
     let page = || fs::read_to_string(out.join("report.html")).expect("a page is written");
     let told = page();
-    for part in ["closed set, energy", "Steering set to: mAP", "harmzone results --config", "lidar_stage.schedule"] {
+    for part in
+        ["closed set, energy", "Steering set to: mAP", "harmzone results --config", "Training, train.toml"]
+    {
         assert!(told.contains(part), "{part}");
     }
     assert!(told.contains("data:image/jpeg") && !told.contains("To make it:"), "all of it is there");

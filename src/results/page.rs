@@ -112,9 +112,8 @@ pub fn write(results: &Results, out: &Path) -> Result<Option<PathBuf>, ResultsEr
     let (page, tables) = (out.join(PAGE_FILE), out.join(TEXT_FILE));
     let text = |path: &Path| path.display().to_string();
     let (id, ood) = (text(&folder(out, Mode::Id)), text(&folder(out, Mode::Ood)));
-    let words =
-        ["harmzone", "report", &text(&page), "--id", &id, "--ood", &ood, "--results", &text(&tables)]
-            .map(str::to_owned);
+    let words = ["harmzone", "report", &text(&page), "--id", &id, "--ood", &ood, "--results", &text(&tables)]
+        .map(str::to_owned);
     let request = ReportRequest {
         out: page,
         id: scores(Mode::Id),

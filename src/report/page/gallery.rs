@@ -10,6 +10,7 @@ use super::pictures::jpeg;
 use super::scores::FAULTS_FILE;
 use super::{ReportError, Side};
 use crate::eval::{Fault, FaultKind};
+use crate::geometry::{Box3, Ego};
 use crate::object::{Detection, Distribution};
 use crate::report::view::{self, Labelled, Scene};
 
@@ -219,7 +220,7 @@ fn pictures(side: &Side, fault: &Fault) -> Result<Option<[String; 2]>, ReportErr
         detections: Some(&detections),
     };
     let picture = |source: ImageError| ReportError::Picture { source, sample: fault.sample.clone() };
-    let focus = Some(&(&fault.place).into());
-    let [front, birdseye] = view::panels(&scene, focus, FRONT_PX, BIRDSEYE_PX).map_err(picture)?;
+    let focus: Box3<Ego> = (&fault.place).into();
+    let [front, birdseye] = view::panels(&scene, Some(&focus), FRONT_PX, BIRDSEYE_PX).map_err(picture)?;
     Ok(Some([jpeg(&front).map_err(picture)?, jpeg(&birdseye).map_err(picture)?]))
 }

@@ -97,7 +97,11 @@ fn pictures(side: &Side) -> Result<Vec<Block>, ReportError> {
         (!pictures.is_empty()).then(|| Block::fold(title, vec![Block::Pictures { pictures }]))
     };
     let titles = ["One frame at several states, in pictures", "Each kind out of distribution, in pictures"];
-    Ok(titles.into_iter().zip([frames, kinds]).filter_map(|(title, pictures)| fold(title, pictures)).collect())
+    Ok(titles
+        .into_iter()
+        .zip([frames, kinds])
+        .filter_map(|(title, pictures)| fold(title, pictures))
+        .collect())
 }
 
 /// A line for each judge, from 0 to 1.
