@@ -73,8 +73,12 @@ fn a_report_opens_from_disk_and_its_gallery_sorts_and_filters() {
     }
     let output = run(&report);
     assert_eq!(output.status.code(), Some(1), "a page is not overwritten without --force");
-    done(&[&report[..], &["--force"]].concat());
-    assert_eq!(fs::read_to_string(&page).unwrap(), html, "the same scores give the same bytes");
+    // The page tells its own command, so that only the same one gives the same page.
+    let again = || {
+        done(&[&report[..], &["--force"]].concat());
+        fs::read_to_string(&page).unwrap()
+    };
+    assert!(again() == again(), "the same scores give the same bytes");
 
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let python = root.join(".venv-test/bin/python");
