@@ -254,8 +254,8 @@ fn scores_of_the_other_kind_and_missing_data_are_refused() {
 
 #[test]
 fn the_style_sheet_knows_every_tone_of_the_charts() {
-    let style = include_str!("report.css");
     use plot::Tone::{Amber, Green, Grid, Harmful, Harmless, Ink, Soft};
+    let style = include_str!("report.css");
     for tone in [Ink, Soft, Grid, Harmful, Harmless, Green, Amber] {
         let color = tone.rgb();
         let written = format!("#{:02X}{:02X}{:02X}", color.0, color.1, color.2);
