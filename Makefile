@@ -11,7 +11,7 @@ PYTHON_SOURCES = $(wildcard python scenes mjcf_assets tests scripts)
 
 RESULTS = runs/results
 
-.PHONY: help setup setup-test setup-golden build demo results test ci bench bench-gen bench-eval race miri bundle \
+.PHONY: help setup setup-test setup-golden build demo results report test ci bench bench-gen bench-eval race miri bundle \
 	bundle-test gallery weathers fmt clean
 
 help: ## List the targets
@@ -43,9 +43,24 @@ build: setup ## The optimised program (the first time about 8 minutes on two cor
 demo: ## Everything, small: generate, label, train, score, draw; results in demo/
 	@scripts/demo.sh
 
-results: build ## RESULTS.md from nothing: data, every training, scores; hours, may be stopped and called again
+results: build ## RESULTS.md and the report from nothing: data, every training, scores; hours, may be stopped and called again
 	$(BIN) results --config configs/results.toml --out $(RESULTS) $(ARGS)
 	cp $(RESULTS)/RESULTS.md RESULTS.md
+	@echo "the report: $(RESULTS)/report.html"
+
+# What `make report` scores: a run, or `small`, the network inside the program; and both data sets.
+REPORT_RUN ?= small
+REPORT_ID ?= $(RESULTS)/id
+REPORT_OOD ?= $(RESULTS)/ood
+REPORT = runs/report
+
+report: build ## The report of any run: runs/report/report.html; REPORT_RUN=RUN REPORT_ID=DIR REPORT_OOD=DIR
+	$(BIN) eval $(REPORT_RUN) --data $(REPORT_ID) --out $(REPORT)/id --force
+	$(BIN) eval $(REPORT_RUN) --data $(REPORT_OOD) --ood --out $(REPORT)/ood --force
+	$(BIN) sweep $(REPORT_RUN) --data $(REPORT_ID) --out $(REPORT)/id --force
+	$(BIN) sweep $(REPORT_RUN) --data $(REPORT_OOD) --out $(REPORT)/ood --force
+	$(BIN) report $(REPORT)/report.html --id $(REPORT)/id --ood $(REPORT)/ood \
+	    $(if $(wildcard RESULTS.md),--results RESULTS.md) --force
 
 test: setup setup-test ## All tests
 	cargo test --release

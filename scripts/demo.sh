@@ -51,6 +51,9 @@ part "score the network that comes with harmzone, in distribution" \
     "$harmzone" eval small --data "$out/id" --out "$out/eval-small-id" --force
 part "score the network that comes with harmzone, out of distribution" \
     "$harmzone" eval small --data "$out/ood" --ood --out "$out/eval-small-ood" --force
+for run in eval eval-small; do
+    part "report of $run" "$harmzone" report "$out/$run.html" --id "$out/$run-id" --ood "$out/$run-ood" --force
+done
 part "pictures, in distribution" draw id 76 86 166 176 256 266 346 356
 part "pictures, out of distribution" draw ood 3 12 18 27 33 42 50 57 70 80 95 110
 
@@ -72,5 +75,6 @@ Results, all in $out/
   run/                  the trained detector and its resolved config
   eval-id/ eval-ood/    metrics.json and the tables printed above
   eval-small-id/ eval-small-ood/    the same of the network that comes with harmzone
+  eval.html eval-small.html    both as a page each: tables, curves, the worst misses and false alarms in pictures
   pictures/             camera and bird's-eye views with zone, truth and predictions
 END

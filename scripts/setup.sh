@@ -118,6 +118,8 @@ product)
     ;;
 test)
     make_venv .venv-test requirements-test.txt
+    command -v chromium >/dev/null || command -v google-chrome >/dev/null ||
+        say "no Chromium: the report will not be tested in a browser. On Debian: apt-get install chromium"
     touch .venv-test/.ready
     ;;
 golden)

@@ -428,6 +428,7 @@ fn an_experiment_killed_in_a_training_goes_on_and_its_commands_make_its_rows() {
     done(&[&args, ["--only", "lidar"].as_slice()].concat());
     assert!(document().contains("| with camera | not trained yet"), "{}", document());
     assert!(document().contains("Not trained yet."), "the headline was not asked for: {}", document());
+    assert!(!out.join("report.html").exists(), "a page is of the headline");
     let checkpoint = |run: &Path| fs::read(run.join("model.safetensors")).expect("the run is whole");
     let changed = || {
         let time =
@@ -439,7 +440,7 @@ fn an_experiment_killed_in_a_training_goes_on_and_its_commands_make_its_rows() {
     let mut child = command(&args).spawn().expect("the program starts");
     let begun = std::time::Instant::now();
     while !fs::read_dir(out.join("runs/camera/state")).is_ok_and(|mut dir| dir.next().is_some()) {
-        assert!(begun.elapsed() < Duration::from_mins(2), "no state after two minutes");
+        assert!(begun.elapsed() < Duration::from_mins(4), "no state after four minutes");
         std::thread::sleep(Duration::from_millis(5));
     }
     child.kill().expect("a running program can be killed");
@@ -455,6 +456,20 @@ fn an_experiment_killed_in_a_training_goes_on_and_its_commands_make_its_rows() {
         "{whole}"
     );
     assert!(!whole.contains("not trained yet") && !whole.contains("Not trained yet"), "{whole}");
+    // One page of the headline's scores, faults and sweeps, and of the tables.
+    let page = || fs::read_to_string(out.join("report.html")).expect("a page is written");
+    let told = page();
+    for part in
+        ["closed set, energy", "Steering set to: mAP", "harmzone results --config", "Training, train.toml"]
+    {
+        assert!(told.contains(part), "{part}");
+    }
+    assert!(told.contains("data:image/jpeg") && !told.contains("To make it:"), "all of it is there");
+    let scored = || {
+        let time = |side: &str| fs::metadata(out.join("report").join(side).join("metrics.json"))?.modified();
+        ["id", "ood"].map(|side| time(side).expect("the headline is scored"))
+    };
+    let first_scored = scored();
     let time = fs::read_to_string(out.join("runs/camera/time.json")).expect("a time");
     assert!(time.contains("\"n_calls\":2"), "{time}");
 
@@ -478,9 +493,13 @@ fn an_experiment_killed_in_a_training_goes_on_and_its_commands_make_its_rows() {
     let message = fails(&again);
     assert!(message.contains("not the headline's"), "{message}");
     fs::write(card.with_extension("safetensors"), checkpoint(run)).expect("a writable folder");
-    fs::remove_file(out.join("RESULTS.md")).expect("it was there");
+    for name in ["RESULTS.md", "report.html"] {
+        fs::remove_file(out.join(name)).expect("it was there");
+    }
     done(&again);
     assert_eq!(document(), whole);
+    assert_eq!(page(), told, "from what is kept");
+    assert_eq!(scored(), first_scored, "and nothing is scored again");
     assert!(fs::read_to_string(&card).expect("a card").contains("mAP_OOD"));
 
     // Another config for a row that is trained is told, not silently mixed in.

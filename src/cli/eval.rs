@@ -10,15 +10,12 @@ use super::ExitStatus;
 use super::detector::Trained;
 use super::device::DeviceArg;
 use super::predict::{detect, open_split};
+use crate::dataset::Fingerprint;
 use crate::eval::predict::{eval_samples, truth_of};
 use crate::eval::{self, EvalConfig, EvalSample, Mode, Protocol, json};
-use crate::{config, files, report};
-
-/// Written by every scoring that has an output folder.
-const METRICS_FILE: &str = "metrics.json";
-const TABLE_FILE: &str = "table.txt";
-const BREAKDOWN_FILE: &str = "breakdown.txt";
-const CONFIG_FILE: &str = "eval.toml";
+use crate::files::sha256_hex;
+use crate::report::page::scores::{self, METRICS_FILE, Source, quoted};
+use crate::{config, report, train};
 
 #[derive(Debug, Args)]
 #[command(group = ArgGroup::new("detector").args(["run", "predictions"]).required(true))]
@@ -50,7 +47,8 @@ pub struct EvalArgs {
     /// Also print scores by group and confidence intervals; metrics.json always has them
     #[arg(long, conflicts_with = "json")]
     breakdown: bool,
-    /// Folder for metrics.json, table.txt, breakdown.txt and the resolved eval.toml
+    /// Folder for metrics.json, table.txt, breakdown.txt, the resolved eval.toml, and what `harmzone report` shows:
+    /// faults.json, source.json
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Print metrics.json instead of the table
@@ -82,26 +80,15 @@ pub fn run(args: EvalArgs) -> anyhow::Result<ExitStatus> {
         }
         None => "cannot score the run".to_owned(),
     })?;
-    let texts = Texts {
-        json: evaluation.to_json(),
-        table: report::table(&evaluation.metrics),
-        breakdown: report::breakdown(&evaluation),
-    };
     if let Some(out) = &args.out {
-        save(out, &protocol, &texts)?;
+        let faults = eval::worst_faults(&samples, &protocol)?;
+        scores::write(out, &protocol, &evaluation, &faults, &source(&args)?)?;
     }
-    print!("{}", if args.json { &texts.json } else { &texts.table });
+    print!("{}", if args.json { evaluation.to_json() } else { report::table(&evaluation.metrics) });
     if args.breakdown {
-        print!("\n{}", texts.breakdown);
+        print!("\n{}", report::breakdown(&evaluation));
     }
     Ok(ExitStatus::Done)
-}
-
-/// What is printed and saved.
-struct Texts {
-    json: String,
-    table: String,
-    breakdown: String,
 }
 
 /// The samples to score, from files of boxes or from a trained detector.
@@ -127,26 +114,38 @@ fn samples_of_run(run: &Path, data: &Path, args: &EvalArgs) -> anyhow::Result<Ve
     Ok(eval_samples(&dataset, &found))
 }
 
+/// Where the scores come from.
+fn source(args: &EvalArgs) -> anyhow::Result<Source> {
+    let trained = args.run.as_deref().map(Trained::find).transpose()?;
+    let model = trained.as_ref().map(Trained::config).transpose()?;
+    let train_toml = match &trained {
+        Some(Trained::File(path)) => fs::read_to_string(path.with_file_name(train::CONFIG_FILE)).ok(),
+        _ => None,
+    };
+    let fingerprint = args.data.as_deref().map(|data| Fingerprint::of(data, &args.labels)).transpose()?;
+    let checkpoint = trained.as_ref().map(Trained::bytes).transpose()?;
+    Ok(Source {
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        command: command_line(),
+        data: args.data.clone(),
+        labels: args.data.as_ref().map(|_| args.labels.clone()),
+        fingerprint,
+        checkpoint_sha256: checkpoint.map(|(_, bytes)| sha256_hex(&bytes)),
+        model_toml: model.as_ref().map(config::to_toml),
+        train_toml,
+    })
+}
+
+/// This command, as a shell takes it.
+pub fn command_line() -> String {
+    let words = std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned());
+    quoted(&std::iter::once("harmzone".to_owned()).chain(words).collect::<Vec<_>>())
+}
+
 fn refuse_to_overwrite(out: &Path) -> anyhow::Result<()> {
     let metrics = out.join(METRICS_FILE);
     if metrics.exists() {
         bail!("metrics exist already; give --force to overwrite them: {}", metrics.display());
     }
-    Ok(())
-}
-
-/// Saves how it was scored, the tables, and last the metrics, whose presence says that all is there.
-fn save(out: &Path, protocol: &Protocol, texts: &Texts) -> anyhow::Result<()> {
-    fs::create_dir_all(out)?;
-    let metrics = out.join(METRICS_FILE);
-    if metrics.exists() {
-        fs::remove_file(&metrics)?;
-    }
-    let config = config::to_toml(protocol.config());
-    let config = format!("# harmzone {}, harmzone eval\n{config}", env!("CARGO_PKG_VERSION"));
-    files::write_atomic(&out.join(CONFIG_FILE), config.as_bytes())?;
-    files::write_atomic(&out.join(TABLE_FILE), texts.table.as_bytes())?;
-    files::write_atomic(&out.join(BREAKDOWN_FILE), texts.breakdown.as_bytes())?;
-    files::write_atomic(&metrics, texts.json.as_bytes())?;
     Ok(())
 }

@@ -14,6 +14,7 @@ mod info;
 mod label;
 mod predict;
 mod progress;
+mod report;
 mod results;
 mod sweep;
 mod train;
@@ -64,6 +65,8 @@ enum Command {
     Baseline(baseline::BaselineArgs),
     /// Show a dataset's frames at other speeds and steering angles: curves, pictures, sensor errors
     Sweep(sweep::SweepArgs),
+    /// Make one HTML page of scores: tables, curves, and a gallery of the worst misses and false alarms
+    Report(report::ReportArgs),
     /// Generate, train and score a whole experiment, and write its tables
     Results(results::ResultsArgs),
     /// Draw a sample with its zone, truth and predictions
@@ -106,6 +109,7 @@ pub fn main() -> ExitCode {
         Command::Eval(args) => eval::run(args),
         Command::Baseline(args) => baseline::run(args),
         Command::Sweep(args) => sweep::run(args),
+        Command::Report(args) => report::run(args),
         Command::Results(args) => results::run(args),
         Command::View(args) => view::run(args),
         Command::Doctor(args) => doctor::run(args),

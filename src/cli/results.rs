@@ -6,13 +6,15 @@ use clap::Args;
 
 use super::ExitStatus;
 use super::device::DeviceArg;
+use super::eval::command_line;
 use super::progress::Bar;
+use crate::report::page::PAGE_FILE;
 use crate::results::{self, Request, ResultsConfig};
 
 #[derive(Debug, Args)]
 pub struct ResultsArgs {
-    /// Folder of the experiment: data, runs, scores, results.json, results.csv, RESULTS.md. The same command again
-    /// goes on where it stopped
+    /// Folder of the experiment: data, runs, scores, results.json, results.csv, RESULTS.md, report.html. The same
+    /// command again goes on where it stopped
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// Rows and tables (TOML); `configs/results.toml` holds the defaults
@@ -36,7 +38,7 @@ pub struct ResultsArgs {
     /// Train and score one row
     #[arg(long, value_name = "ROW", conflicts_with = "tables_only")]
     only: Option<String>,
-    /// Write RESULTS.md, results.csv and the card anew from results.json, and do nothing else
+    /// Write RESULTS.md, results.csv, report.html and the card anew from what is kept, and do nothing else
     #[arg(long)]
     tables_only: bool,
     #[command(flatten)]
@@ -44,7 +46,7 @@ pub struct ResultsArgs {
 }
 
 pub fn run(args: ResultsArgs) -> anyhow::Result<ExitStatus> {
-    let text = args.out.join("RESULTS.md");
+    let (text, page) = (args.out.join("RESULTS.md"), args.out.join(PAGE_FILE));
     if args.tables_only {
         results::rewrite(&args.out, args.card.as_deref())?;
         println!("{}", text.display());
@@ -60,9 +62,13 @@ pub fn run(args: ResultsArgs) -> anyhow::Result<ExitStatus> {
         only: args.only,
         card: args.card,
         program: std::env::current_exe()?,
+        command: command_line(),
         jobs: std::thread::available_parallelism().map_or(1, usize::from),
     };
     let results = results::run(&request, &args.device.open()?, &Bar::default())?;
     println!("{} of {} rows: {}", results.rows.len(), config.rows.len(), text.display());
+    if page.is_file() {
+        println!("{}", page.display());
+    }
     Ok(ExitStatus::Done)
 }

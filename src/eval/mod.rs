@@ -11,6 +11,7 @@ pub mod closed_set;
 mod curve;
 mod evaluation;
 pub mod facts;
+mod faults;
 pub mod json;
 pub mod judge;
 mod matching;
@@ -32,6 +33,7 @@ pub use breakdown::{Axis, Breakdown, BreakdownConfig, Group, GroupScores};
 pub use curve::Curve;
 pub use evaluation::{Evaluation, evaluate};
 pub use facts::{SampleFacts, TruthFacts};
+pub use faults::{Fault, FaultDetection, FaultKind, FaultObject, Place, worst_faults};
 pub use matching::{ClassMatching, NumberedTruth, Outcome, Ranked, Ranking};
 pub use metrics::{
     ClassScores, Column, Columns, Counts, Filters, Metrics, OutcomeCounts, PerClass, TpErrors, TruthCounts,

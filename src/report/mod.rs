@@ -1,9 +1,10 @@
-//! Scores and samples for people: text tables and pictures.
+//! Scores and samples for people: text tables, pictures, and one page of all.
 
 mod breakdown;
 mod canvas;
 pub mod curves;
 pub mod info;
+pub mod page;
 mod palette;
 mod plot;
 pub mod sweeps;

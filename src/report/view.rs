@@ -9,7 +9,7 @@ mod legend;
 pub(super) mod load;
 mod states;
 
-pub use load::{ViewError, ViewRequest, ViewSummary, run};
+pub use load::{Labelled, ViewError, ViewRequest, ViewSummary, run};
 pub use states::{StatePanel, draw_states};
 
 use image::RgbImage;
@@ -43,6 +43,28 @@ pub struct Scene<'a> {
     pub detections: Option<&'a [Detection]>,
 }
 
+/// The two panels alone, in their sizes: the camera's picture, and the view from above. `focus` is pointed at, by a
+/// light around it in the one and by a ring in the other.
+///
+/// # Errors
+/// The sample's camera image cannot be unpacked.
+pub fn panels(
+    scene: &Scene,
+    focus: Option<&Box3<Ego>>,
+    front_px: (u32, u32),
+    birdseye_px: (u32, u32),
+) -> Result<[RgbImage; 2], image::ImageError> {
+    let (measured, areas, mut marks) = (&scene.sample.measured, scene.areas(), scene.marks());
+    let mut birdseye = birdseye::draw(measured, &areas, &marks, birdseye_px.0, birdseye_px.1);
+    if let Some(focus) = focus {
+        birdseye::point_at(&mut birdseye, focus);
+        // First, so that it lies below the lines of its own box.
+        marks.insert(0, Mark { box_in_ego: *focus, pen: FOCUS, tag: None });
+    }
+    let front = front::draw(measured, &areas, &marks, front_px.0, front_px.1)?;
+    Ok([front.into_rgb(), birdseye.into_rgb()])
+}
+
 /// Draws a sample, [`SIZE_PX`] large.
 ///
 /// # Errors
@@ -58,6 +80,9 @@ pub fn draw(scene: &Scene) -> Result<RgbImage, image::ImageError> {
     legend::draw_legend(&mut page, scene, (TITLE_PX + FRONT_PX.1) as f32);
     Ok(page.into_rgb())
 }
+
+/// The light around the box that is pointed at.
+const FOCUS: Pen = Pen::solid(palette::TEXT, 6.0);
 
 /// A box to draw: where, with which pen, and what to write on it.
 pub struct Mark {

@@ -19,6 +19,7 @@ use crate::eval::{Metrics, Mode, Protocol, score};
 use crate::files::{sha256_hex, write_atomic};
 use crate::model::checkpoint;
 use crate::model::{Detector, ModelConfig};
+use crate::object::Detection;
 use crate::progress::Progress;
 use crate::report::curves;
 use crate::train::{self, CHECKPOINT, CONFIG_FILE, DATA_FILE, Spent, TrainConfig, TrainError};
@@ -249,24 +250,46 @@ impl Experiment<'_> {
         Ok(())
     }
 
-    /// Scores a detector, in distribution on the validation split, else on the OOD set; all figures are kept.
-    fn score(&mut self, row: &Row, detector: &Detector, mode: Mode) -> Result<Metrics, ResultsError> {
-        let (data, kind) = match mode {
-            Mode::Id => (self.val.get()?, "id"),
-            Mode::Ood => (self.test.get()?, "ood"),
+    /// What a detector finds in the validation split in distribution, else in the OOD set.
+    ///
+    /// # Errors
+    /// The set cannot be loaded, or a sample is broken.
+    pub fn found(
+        &mut self,
+        row: &Row,
+        detector: &Detector,
+        mode: Mode,
+    ) -> Result<(&Dataset, Vec<Vec<Detection>>), ResultsError> {
+        let (device, progress) = (self.device, self.progress);
+        let data = match mode {
+            Mode::Id => self.val.get()?,
+            Mode::Ood => self.test.get()?,
         };
         let measured: Vec<_> =
             data.samples().iter().map(|sample| (sample.id.as_str(), &sample.measured)).collect();
-        self.progress.start(&format!("{} {kind}", row.name), measured.len() as u64);
+        progress.start(&format!("{} {}", row.name, kind(mode)), measured.len() as u64);
         let with_camera = detector.config().use_camera;
-        let found = predict(detector, &measured, with_camera, self.device, self.progress)
+        let found = predict(detector, &measured, with_camera, device, progress)
             .map_err(|source| ResultsError::Predict { row: row.name.clone(), source })?;
-        self.progress.finish();
+        progress.finish();
+        Ok((data, found))
+    }
+
+    /// Scores a detector; all figures are kept.
+    fn score(&mut self, row: &Row, detector: &Detector, mode: Mode) -> Result<Metrics, ResultsError> {
+        let (data, found) = self.found(row, detector, mode)?;
         let metrics = score(&eval_samples(data, &found), &Protocol::default(), mode)
             .map_err(|source| ResultsError::Score { row: row.name.clone(), source })?;
-        let path = row.file.with_file_name(format!("{}-{kind}.json", row.name));
+        let path = row.file.with_file_name(format!("{}-{}.json", row.name, kind(mode)));
         write_atomic(&path, metrics.to_json().as_bytes())?;
         Ok(metrics)
+    }
+}
+
+fn kind(mode: Mode) -> &'static str {
+    match mode {
+        Mode::Id => "id",
+        Mode::Ood => "ood",
     }
 }
 

@@ -11,6 +11,7 @@ use super::closed_set;
 use super::config::{ResultsConfig, ResultsConfigError};
 use super::data;
 use super::experiment::Experiment;
+use super::page;
 use super::record::{DataRecord, Results};
 use super::text::{NoMarks, card, markdown};
 use crate::config::ConfigError;
@@ -25,12 +26,14 @@ use crate::generate::GenerateError;
 use crate::label::LabelError;
 use crate::model::checkpoint::CheckpointError;
 use crate::progress::Progress;
+use crate::report::page::ReportError;
+use crate::report::sweeps::SweepReportError;
 use crate::train::{CHECKPOINT, TrainError};
 
 /// Names of the files in the experiment's folder.
 const JSON_FILE: &str = "results.json";
 const CSV_FILE: &str = "results.csv";
-const TEXT_FILE: &str = "RESULTS.md";
+pub const TEXT_FILE: &str = "RESULTS.md";
 
 /// What to run, and where.
 #[derive(Debug, Clone)]
@@ -50,6 +53,8 @@ pub struct Request<'a> {
     /// The `harmzone` program, started to generate, and how many of it.
     pub program: PathBuf,
     pub jobs: usize,
+    /// The command, as it was typed.
+    pub command: String,
 }
 
 /// Why an experiment stopped.
@@ -90,6 +95,10 @@ pub enum ResultsError {
     ClosedSet { row: String, source: ClosedSetError },
     #[error("row `{row}`, rivals: {source}")]
     Sweep { row: String, source: Box<SweepError> },
+    #[error("row `{row}`, sweeps: {source}")]
+    SweepReport { row: String, source: Box<SweepReportError> },
+    #[error(transparent)]
+    Report(#[from] ReportError),
     #[error(
         "the data set was made {} unfamiliar objects; --data needs one without and --ood one with: {}",
         if *is_ood { "with" } else { "without" }, path.display()
@@ -142,6 +151,9 @@ pub fn run(request: &Request<'_>, device: &Device, progress: &dyn Progress) -> R
             kept => kept,
         };
         if i == 0 {
+            if let Some(record) = record.as_ref().filter(|_| is_wanted) {
+                page::score(&mut experiment, &row, record)?;
+            }
             results.headline = record;
         } else {
             results.rows.extend(record);
@@ -160,7 +172,7 @@ pub fn run(request: &Request<'_>, device: &Device, progress: &dyn Progress) -> R
     Ok(results)
 }
 
-/// Writes everything again from `results.json`.
+/// Writes everything again from `results.json`, the page also from the scores kept for it.
 ///
 /// # Errors
 /// There is no such file in the folder, or it is of something else.
@@ -174,6 +186,7 @@ fn write(results: &Results, out: &Path, card_path: Option<&Path>) -> Result<(), 
     write_atomic(&out.join(JSON_FILE), results.to_json().as_bytes())?;
     write_atomic(&out.join(CSV_FILE), results.to_csv().as_bytes())?;
     write_atomic(&out.join(TEXT_FILE), markdown(results).as_bytes())?;
+    page::write(results, out)?;
     let (Some(path), Some(headline)) = (card_path, &results.headline) else { return Ok(()) };
     let network = path.with_extension("safetensors");
     if sha256_hex(&fs::read(&network)?) != headline.checkpoint_sha256 {

@@ -1,8 +1,8 @@
 //! The LiDAR from above: ego at the bottom, ahead is up, left is left; metres on range rings.
 
 use super::canvas::{Align, Canvas, Pen, Px};
-use super::{Area, Mark, palette};
-use crate::geometry::Point;
+use super::{Area, FOCUS, Mark, palette};
+use crate::geometry::{Box3, Ego, Point};
 use crate::sample::Measured;
 
 /// How far ahead is drawn, metres.
@@ -13,6 +13,8 @@ const RING_STEP_M: f64 = 10.0;
 /// The ego's width is no part of a sample; this is drawn, metres.
 const EGO_WIDTH_M: f64 = 1.9;
 const EGO_REAR_OVERHANG_M: f64 = 0.9;
+/// Between a box that is pointed at and the ring around it, metres.
+const FOCUS_GAP_M: f64 = 1.0;
 /// Steps of the height colours.
 const N_HEIGHT_STEPS: usize = 24;
 
@@ -42,6 +44,18 @@ pub fn draw(measured: &Measured, areas: &[Area], marks: &[Mark], width_px: u32, 
     }
     draw_ego(&mut canvas, &plan, measured.ego_state.front_bumper_x_m);
     canvas
+}
+
+/// Draws a ring around a box, over a drawn panel.
+pub fn point_at(canvas: &mut Canvas, focus: &Box3<Ego>) {
+    let plan = Plan::of(canvas.width_px() as u32, canvas.height_px() as u32);
+    let center = plan.at(focus.center.x(), focus.center.y());
+    let radius_px = ((focus.length_m.hypot(focus.width_m) / 2.0 + FOCUS_GAP_M) * plan.px_per_m) as f32;
+    let ring = (0..48).map(|step| {
+        let (sin, cos) = (step as f32 / 48.0 * std::f32::consts::TAU).sin_cos();
+        (center.0 + radius_px * cos, center.1 + radius_px * sin)
+    });
+    canvas.outline(&ring.collect::<Vec<Px>>(), Pen { width_px: FOCUS.width_px / 3.0, ..FOCUS });
 }
 
 /// From ego metres to the panel's pixels.

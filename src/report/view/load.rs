@@ -10,7 +10,9 @@ use super::{Scene, draw};
 use crate::episode::manifest::{EpisodeEntry, LabelManifest, Manifest, ManifestError, label_sets};
 use crate::episode::{DetectionReader, EpisodeError, EpisodeReader, LabelReader};
 use crate::files::write_atomic;
+use crate::geometry::Point2;
 use crate::object::{Detection, Harm};
+use crate::sample::Sample;
 
 /// Why a sample could not be drawn.
 #[derive(Debug, Error)]
@@ -74,23 +76,8 @@ pub fn run(request: &ViewRequest) -> Result<ViewSummary, ViewError> {
     }
     let manifest = Manifest::read(dataset)?;
     let (entry, sample_idx) = locate(&manifest, request.sample, dataset)?;
-    let labels_folder = LabelManifest::folder(dataset, &request.label_set);
-    if !labels_folder.join(LabelManifest::FILE).is_file() {
-        let (set, path) = (request.label_set.clone(), dataset.clone());
-        return Err(ViewError::NoLabels { set, found: label_sets(dataset), path });
-    }
-    let path = dataset.join(&entry.file);
-    let sample = EpisodeReader::open(&path)?.sample(sample_idx)?;
+    let Labelled { sample, harms, zone } = Labelled::read(dataset, &request.label_set, entry, sample_idx)?;
     let time_ns = sample.measured.time_ns;
-    let labels_path = labels_folder.join(format!("{}.mcap", entry.name));
-    let reader = LabelReader::open(&labels_path)?;
-    reader.check_episode(&entry.sha256)?;
-    let labels = reader
-        .samples()
-        .iter()
-        .find(|labels| labels.time_ns == time_ns && labels.labels.len() == sample.truth.objects.len())
-        .ok_or(ViewError::NotAligned { time_ns, path: labels_path })?;
-    let harms: Vec<Harm> = labels.labels.iter().map(|label| label.harm).collect();
     let detections = request
         .predictions
         .as_deref()
@@ -101,10 +88,10 @@ pub fn run(request: &ViewRequest) -> Result<ViewSummary, ViewError> {
         sample_idx,
         sample: &sample,
         harms: Some(&harms),
-        zone: Some(&labels.zone_corners),
+        zone: Some(&zone),
         detections: detections.as_deref(),
     })
-    .map_err(|source| ViewError::Image { source, path: path.clone() })?;
+    .map_err(|source| ViewError::Image { source, path: dataset.join(&entry.file) })?;
     let mut png = Vec::new();
     picture
         .write_to(&mut std::io::Cursor::new(&mut png), image::ImageFormat::Png)
@@ -121,6 +108,47 @@ pub fn run(request: &ViewRequest) -> Result<ViewSummary, ViewError> {
         n_detections: detections.map(|found| found.len()),
         out: request.out.clone(),
     })
+}
+
+/// A sample with its labels, as one is drawn.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Labelled {
+    pub sample: Sample,
+    /// One for each of the sample's true objects, in their order.
+    pub harms: Vec<Harm>,
+    /// Corners of the danger zone in the ego frame, metres.
+    pub zone: Vec<Point2>,
+}
+
+impl Labelled {
+    /// Reads one sample of an episode of a data set.
+    ///
+    /// # Errors
+    /// [`ViewError`]: no such labels, labels of another episode, a broken file.
+    pub fn read(
+        dataset: &Path,
+        label_set: &str,
+        entry: &EpisodeEntry,
+        sample_idx: usize,
+    ) -> Result<Self, ViewError> {
+        let labels_folder = LabelManifest::folder(dataset, label_set);
+        if !labels_folder.join(LabelManifest::FILE).is_file() {
+            let (set, path) = (label_set.to_owned(), dataset.to_owned());
+            return Err(ViewError::NoLabels { set, found: label_sets(dataset), path });
+        }
+        let sample = EpisodeReader::open(&dataset.join(&entry.file))?.sample(sample_idx)?;
+        let time_ns = sample.measured.time_ns;
+        let path = labels_folder.join(format!("{}.mcap", entry.name));
+        let reader = LabelReader::open(&path)?;
+        reader.check_episode(&entry.sha256)?;
+        let labels = reader
+            .samples()
+            .iter()
+            .find(|labels| labels.time_ns == time_ns && labels.labels.len() == sample.truth.objects.len())
+            .ok_or(ViewError::NotAligned { time_ns, path })?;
+        let harms = labels.labels.iter().map(|label| label.harm).collect();
+        Ok(Self { harms, zone: labels.zone_corners.clone(), sample })
+    }
 }
 
 /// The episode that holds a sample of the data set, and the sample's place in it.

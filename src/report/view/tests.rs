@@ -225,3 +225,18 @@ fn a_sample_without_points_or_objects_is_still_a_picture() {
     sample.truth.objects.clear();
     assert_eq!(drawn(&scene(&sample), "empty.png").dimensions(), SIZE_PX);
 }
+
+#[test]
+fn the_panels_alone_have_their_sizes_and_point_at_a_box() {
+    let sample = street();
+    let focus = Some(sample.truth.objects[0].box_in_ego);
+    let sizes = ((480, 270), (300, 270));
+    let without = panels(&scene(&sample), None, sizes.0, sizes.1).unwrap();
+    let with = panels(&scene(&sample), focus.as_ref(), sizes.0, sizes.1).unwrap();
+    for (panel, size) in with.iter().zip([sizes.0, sizes.1]) {
+        assert_eq!(panel.dimensions(), size);
+    }
+    for (with, without) in with.iter().zip(&without) {
+        assert!(n_pixels_near(with, palette::TEXT) > n_pixels_near(without, palette::TEXT) + 50);
+    }
+}

@@ -1,0 +1,56 @@
+//! `harmzone report`: one HTML file from the scores of both data sets.
+
+use std::path::PathBuf;
+
+use clap::{ArgGroup, Args};
+
+use super::ExitStatus;
+use super::eval::command_line;
+use crate::report::page::{self, ReportRequest, ScoresRequest};
+
+#[derive(Debug, Args)]
+#[command(group = ArgGroup::new("scores").args(["id", "ood"]).required(true).multiple(true))]
+pub struct ReportArgs {
+    /// The page to write: a name that ends in .html, or a folder, which gets report.html
+    out: PathBuf,
+    /// Scores in distribution: what `harmzone eval RUN --data DIR --out SCORES` wrote
+    #[arg(long, value_name = "SCORES")]
+    id: Option<PathBuf>,
+    /// Scores out of distribution, of `harmzone eval .. --ood`
+    #[arg(long, value_name = "SCORES")]
+    ood: Option<PathBuf>,
+    /// Data set of the scores --id, for pictures [default: the one that was scored, if it still is there]
+    #[arg(long, value_name = "DIR", requires = "id")]
+    id_data: Option<PathBuf>,
+    /// Data set of the scores --ood
+    #[arg(long, value_name = "DIR", requires = "ood")]
+    ood_data: Option<PathBuf>,
+    /// Tables of ablations and baselines: RESULTS.md of `harmzone results`
+    #[arg(long, value_name = "MD")]
+    results: Option<PathBuf>,
+    /// Pictures of each kind of fault in each data set, at most
+    #[arg(long, value_name = "N", default_value_t = page::DEFAULT_CARDS)]
+    cards: usize,
+    /// Replace the page if it exists
+    #[arg(long)]
+    force: bool,
+}
+
+pub fn run(args: ReportArgs) -> anyhow::Result<ExitStatus> {
+    let scores = |folder: Option<PathBuf>, data| folder.map(|folder| ScoresRequest { folder, data });
+    let summary = page::run(&ReportRequest {
+        out: args.out,
+        id: scores(args.id, args.id_data),
+        ood: scores(args.ood, args.ood_data),
+        results: args.results,
+        n_cards: args.cards,
+        command: command_line(),
+        force: args.force,
+    })?;
+    for absent in &summary.absent {
+        eprintln!("left out: {absent}");
+    }
+    let size_mb = summary.bytes as f64 / 1e6;
+    println!("{}: {} cards, {size_mb:.1} MB", summary.out.display(), summary.n_cards);
+    Ok(ExitStatus::Done)
+}

@@ -1,0 +1,75 @@
+//! Whether scores are honest probabilities: reliability diagrams, ECE and Brier score.
+
+use super::model::{Block, Cell, Figure, Table, number};
+use super::plot::{Axis, Chart, Look, Series, Tone};
+use super::{ReportError, Side};
+use crate::eval::safety::Calibration;
+
+/// The section's blocks.
+pub fn blocks(sides: &[Side]) -> Result<Vec<Block>, ReportError> {
+    let mut blocks = vec![Block::text(
+        "A point on the diagonal is honest: of detections with a score of 0.7, seven in ten are right. ECE is the mean \
+         distance from the diagonal, weighed by how many fall into each bin; Brier is the mean squared error.",
+    )];
+    for side in sides {
+        let safety = &side.scores.evaluation.safety;
+        let (mut figures, mut rows) = (Vec::new(), Vec::new());
+        if let Some(detections) = &safety.detection_calibration {
+            let lines = [
+                ("harmful", Tone::Harmful, &detections.harmful),
+                ("harmless", Tone::Harmless, &detections.harmless),
+            ];
+            figures.extend(diagram(&format!("Score of detections, {}", side.short), "score", &lines)?);
+            rows.extend(
+                lines.map(|(name, _, calibration)| told(&format!("detections, {name}"), calibration)),
+            );
+        }
+        let harm = &safety.harm_calibration;
+        let lines = [
+            ("all objects", Tone::Ink, &harm.all),
+            ("ID objects", Tone::Harmless, &harm.id),
+            ("OOD objects", Tone::Amber, &harm.ood),
+        ];
+        figures.extend(diagram(&format!("Probability of harm, {}", side.short), "probability", &lines)?);
+        rows.extend(
+            lines
+                .into_iter()
+                .filter(|line| line.2.n > 0)
+                .map(|(name, _, calibration)| told(&format!("harm, {name}"), calibration)),
+        );
+        blocks.push(Block::heading(side.name));
+        if !figures.is_empty() {
+            blocks.push(Block::Figures { figures });
+        }
+        blocks.push(Block::Table(Table::new(&["calibration", "n", "ECE", "Brier"], rows)));
+    }
+    Ok(blocks)
+}
+
+fn told(name: &str, calibration: &Calibration) -> Vec<Cell> {
+    let errors = [calibration.ece, calibration.brier].map(|value| number(value, 4).into());
+    [name.into(), calibration.n.to_string().into()].into_iter().chain(errors).collect()
+}
+
+/// `None` where there is nothing to show.
+fn diagram(
+    title: &str,
+    x_name: &str,
+    lines: &[(&str, Tone, &Calibration)],
+) -> Result<Option<Figure>, ReportError> {
+    let of_line = |&(name, tone, calibration): &(&str, Tone, &Calibration)| {
+        let bins = calibration.bins.iter();
+        let points: Vec<_> = bins.filter_map(|bin| bin.mean_probability.zip(bin.frequency)).collect();
+        let name = format!("{name}, ECE {}", number(calibration.ece, 3));
+        (!points.is_empty()).then_some(Series { name, tone, look: Look::LineAndDots, points })
+    };
+    let mut series: Vec<Series> = lines.iter().filter_map(of_line).collect();
+    if series.is_empty() {
+        return Ok(None);
+    }
+    let diagonal = vec![(0.0, 0.0), (1.0, 1.0)];
+    let honest = Series { name: "honest".to_owned(), tone: Tone::Soft, look: Look::Dashed, points: diagonal };
+    series.insert(0, honest);
+    let chart = Chart { x: Axis::share(x_name), y: Axis::share("share that is so"), series, height_px: 380 };
+    Figure::new(title, &chart).map(Some)
+}

@@ -1,0 +1,226 @@
+//! The worst misses and false alarms as cards with pictures, for a page that sorts and filters them.
+
+use image::ImageError;
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::groups::spoken;
+use super::model::{Block, number};
+use super::pictures::jpeg;
+use super::scores::FAULTS_FILE;
+use super::{ReportError, Side};
+use crate::eval::{Fault, FaultKind};
+use crate::geometry::{Box3, Ego};
+use crate::object::{Detection, Distribution};
+use crate::report::view::{self, Labelled, Scene};
+
+/// The camera's picture and the view from above, pixels; the camera's has the shape of the sensor's default.
+const FRONT_PX: (u32, u32) = (576, 324);
+const BIRDSEYE_PX: (u32, u32) = (324, 324);
+
+/// Cards, and the choices by which they can be filtered.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Gallery {
+    pub cards: Vec<Card>,
+    pub filters: Vec<Filter>,
+}
+
+/// A choice; an option's value is what the cards have under the filter's key.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Filter {
+    pub key: &'static str,
+    pub name: &'static str,
+    pub options: Vec<[String; 2]>,
+}
+
+/// One fault.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Card {
+    pub title: String,
+    pub kind: &'static str,
+    pub is_miss: bool,
+    pub sample: String,
+    pub facts: Vec<String>,
+    /// Values of the filters, in their order.
+    pub choices: Vec<(&'static str, String)>,
+    /// Place among the faults of its kind and side, from 1.
+    pub rank: usize,
+    /// Numbers to sort by; what is not known sorts last.
+    pub score: Option<f64>,
+    pub range_m: f64,
+    pub margin_m: Option<f64>,
+    pub speed_mps: Option<f64>,
+    pub n_samples: usize,
+    /// JPEG in base64: camera, then from above.
+    pub pictures: Option<[String; 2]>,
+}
+
+/// The section's blocks; `most` cards of a kind and side.
+pub fn blocks(sides: &[Side], most: usize) -> Result<Vec<Block>, ReportError> {
+    let mut blocks = Vec::new();
+    let mut cards = Vec::new();
+    for side in sides {
+        let Some(faults) = &side.scores.faults else {
+            let what = format!("{}: no faults to show ({FAULTS_FILE})", side.name);
+            blocks.push(Block::absent(what, side.command_of_scores()));
+            continue;
+        };
+        if side.dataset.is_none() {
+            let what = format!("{}: no pictures, since the data set is not known or not there", side.name);
+            let command = format!(
+                "harmzone report OUT .. --{0} {1} --{0}-data DIR",
+                side.key,
+                side.scores.folder.display()
+            );
+            blocks.push(Block::absent(what, command));
+        }
+        let chosen: Vec<(usize, &Fault)> = FaultKind::ALL
+            .into_iter()
+            .flat_map(|kind| faults.iter().filter(move |fault| fault.kind == kind).take(most).enumerate())
+            .collect();
+        let of_side: Vec<Card> =
+            chosen.into_par_iter().map(|(i, fault)| card(side, i + 1, fault)).collect::<Result<_, _>>()?;
+        cards.extend(of_side);
+    }
+    if cards.is_empty() {
+        blocks.push(Block::text("There is no fault to show."));
+        return Ok(blocks);
+    }
+    let note = "Misses: harmful objects that no harmful box found. False alarms: harmful boxes on anything else. An object \
+                is shown once an episode, where it is worst: misses where the least room to stop is left, false alarms \
+                where the score is highest. In the pictures truth is thin (red harmful, blue harmless, dashed out of \
+                distribution), detections are thick (amber harmful, violet harmless), the zone is green, and a white \
+                light or ring marks the fault.";
+    blocks.insert(0, Block::text(note));
+    blocks.push(Block::Gallery(Gallery { filters: filters(&cards), cards }));
+    Ok(blocks)
+}
+
+fn filters(cards: &[Card]) -> Vec<Filter> {
+    let names = [
+        ("set", "Set"),
+        ("kind", "Fault"),
+        ("object", "Object"),
+        ("family", "Family"),
+        ("town", "Town"),
+        ("weather", "Weather"),
+    ];
+    let with_options = names.into_iter().enumerate().map(|(i, (key, name))| {
+        let mut values: Vec<&str> = cards.iter().map(|card| card.choices[i].1.as_str()).collect();
+        // Sets and kinds stay in the order of the cards, which is one of meaning.
+        if i > 1 {
+            values.sort_unstable();
+        }
+        let mut options: Vec<[String; 2]> = Vec::new();
+        for value in values {
+            if !value.is_empty() && !options.iter().any(|option| option[0] == value) {
+                options.push([value.to_owned(), value.to_owned()]);
+            }
+        }
+        Filter { key, name, options }
+    });
+    with_options.filter(|filter| filter.options.len() > 1).collect()
+}
+
+fn kind_name(kind: FaultKind) -> &'static str {
+    match kind {
+        FaultKind::NotSeen => "missed: not seen",
+        FaultKind::CalledHarmless => "missed: called harmless",
+        FaultKind::CalledHarmful => "false alarm: harmless object",
+        FaultKind::NothingThere => "false alarm: nothing there",
+    }
+}
+
+fn card(side: &Side, rank: usize, fault: &Fault) -> Result<Card, ReportError> {
+    let family = fault.object.as_ref().and_then(|object| object.facts.category.as_deref()).map(spoken);
+    let distribution = fault.object.as_ref().and_then(|object| object.distribution);
+    let object = match distribution {
+        Some(Distribution::Id) => "in distribution",
+        Some(Distribution::Ood) => "out of distribution",
+        None => "",
+    };
+    let title = family
+        .clone()
+        .unwrap_or_else(|| if fault.object.is_some() { "object".to_owned() } else { "nothing".to_owned() });
+    let text = |value: &Option<String>| value.clone().unwrap_or_default();
+    Ok(Card {
+        kind: kind_name(fault.kind),
+        is_miss: fault.kind.is_miss(),
+        sample: fault.sample.clone(),
+        facts: facts(fault),
+        choices: vec![
+            ("set", side.name.to_owned()),
+            ("kind", kind_name(fault.kind).to_owned()),
+            ("object", object.to_owned()),
+            ("family", family.unwrap_or_default()),
+            ("town", text(&fault.facts.town)),
+            ("weather", text(&fault.facts.weather)),
+        ],
+        rank,
+        score: fault.score,
+        range_m: fault.range_m,
+        margin_m: fault.stopping_margin_m,
+        speed_mps: fault.facts.speed_mps,
+        n_samples: fault.n_samples,
+        pictures: pictures(side, fault)?,
+        title,
+    })
+}
+
+fn facts(fault: &Fault) -> Vec<String> {
+    let mut facts = vec![format!("{:.1} m away", fault.range_m)];
+    let of_miss = fault.kind.is_miss();
+    facts.extend(match (of_miss, fault.score) {
+        (true, None) => Some("no harmful box on it".to_owned()),
+        (true, score) => Some(format!("best harmful score {}", number(score, 2))),
+        (false, score) => Some(format!("score {}", number(score, 2))),
+    });
+    facts.extend(fault.facts.speed_mps.map(|speed_mps| format!("ego {:.1} m/s", tenths(speed_mps))));
+    facts.extend(fault.stopping_margin_m.map(|margin_m| format!("room to stop {margin_m:+.1} m")));
+    facts.extend(fault.zone_distance_m.map(|distance_m| format!("zone's edge {distance_m:+.2} m")));
+    if let Some(object) = &fault.object {
+        facts.extend(object.n_lidar_points.map(|n| format!("{n} LiDAR points")));
+        facts.extend(object.facts.visible_fraction.map(|share| format!("{:.0} % visible", 100.0 * share)));
+    }
+    if fault.n_samples > 1 {
+        facts.push(format!("in {} samples of the episode", fault.n_samples));
+    }
+    facts.extend(fault.facts.weather.clone());
+    facts
+}
+
+/// Rounded, so that nothing is called -0.0.
+fn tenths(value: f64) -> f64 {
+    (10.0 * value).round() / 10.0 + 0.0
+}
+
+/// `None` where the sample is not in the side's data set.
+fn pictures(side: &Side, fault: &Fault) -> Result<Option<[String; 2]>, ReportError> {
+    let Some(dataset) = &side.dataset else { return Ok(None) };
+    let Some((episode, sample_idx)) = fault.sample.rsplit_once('/') else { return Ok(None) };
+    let entry = dataset.manifest.episodes.iter().find(|entry| entry.name == episode);
+    let (Some(entry), Ok(sample_idx)) = (entry, sample_idx.parse()) else { return Ok(None) };
+    let labelled = Labelled::read(&dataset.path, &dataset.labels, entry, sample_idx)?;
+    let detections: Vec<Detection> = fault
+        .detections
+        .iter()
+        .map(|found| Detection {
+            box_in_ego: (&found.place).into(),
+            velocity_in_ego_mps: [0.0; 2],
+            harm: found.harm,
+            score: found.score as f32,
+        })
+        .collect();
+    let scene = Scene {
+        episode,
+        sample_idx,
+        sample: &labelled.sample,
+        harms: Some(&labelled.harms),
+        zone: Some(&labelled.zone),
+        detections: Some(&detections),
+    };
+    let picture = |source: ImageError| ReportError::Picture { source, sample: fault.sample.clone() };
+    let focus: Box3<Ego> = (&fault.place).into();
+    let [front, birdseye] = view::panels(&scene, Some(&focus), FRONT_PX, BIRDSEYE_PX).map_err(picture)?;
+    Ok(Some([jpeg(&front).map_err(picture)?, jpeg(&birdseye).map_err(picture)?]))
+}

@@ -1,0 +1,213 @@
+//! The report: one HTML file that stands by itself, from the scores of both data sets.
+//!
+//! It holds tables, charts and pictures and asks the network for nothing. The same scores give the same bytes. What is
+//! not there is left out, with the command that makes it.
+
+mod calibration;
+mod detection;
+mod gallery;
+mod groups;
+mod headline;
+mod model;
+mod pictures;
+mod plot;
+mod provenance;
+mod render;
+mod safety;
+pub mod scores;
+mod sweeps;
+mod tables;
+#[cfg(test)]
+mod tests;
+
+use std::path::{Path, PathBuf};
+
+use fs_err as fs;
+use serde::Serialize;
+use thiserror::Error;
+
+use crate::episode::{Manifest, ManifestError};
+use crate::eval::Mode;
+use crate::files::write_atomic;
+use crate::report::view::ViewError;
+use model::{Block, Page, Section};
+use scores::{Scores, ScoresError};
+
+/// Name of the page where a folder is given.
+pub const PAGE_FILE: &str = "report.html";
+/// Cards of a kind of fault and data set, unless told otherwise.
+pub const DEFAULT_CARDS: usize = 12;
+
+/// Why the report could not be made.
+#[derive(Debug, Error)]
+pub enum ReportError {
+    #[error(transparent)]
+    Scores(#[from] ScoresError),
+    #[error(transparent)]
+    Manifest(#[from] ManifestError),
+    #[error(transparent)]
+    View(#[from] ViewError),
+    #[error("the scores are {found}; --{key} needs {wanted}: {}", path.display())]
+    OtherMode { key: &'static str, found: &'static str, wanted: &'static str, path: PathBuf },
+    #[error("a chart cannot be drawn: {message}")]
+    Plot { message: String },
+    #[error("a picture of sample {sample} cannot be made: {source}")]
+    Picture { source: image::ImageError, sample: String },
+    #[error("a picture cannot be read: {source}: {}", path.display())]
+    File { source: image::ImageError, path: PathBuf },
+    #[error("the file exists; --force replaces it: {}", path.display())]
+    Exists { path: PathBuf },
+    #[error(transparent)]
+    Io(#[from] std::io::Error),
+}
+
+/// One set of scores to tell of.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ScoresRequest {
+    /// Folder of `harmzone eval --out`.
+    pub folder: PathBuf,
+    /// The data set that was scored, for pictures; without it, the one that the scores name, if it is there.
+    pub data: Option<PathBuf>,
+}
+
+/// What to tell of, and where to.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ReportRequest {
+    /// The file to write; in a folder, [`PAGE_FILE`].
+    pub out: PathBuf,
+    pub id: Option<ScoresRequest>,
+    pub ood: Option<ScoresRequest>,
+    /// A Markdown file of tables: RESULTS.md of `harmzone results`.
+    pub results: Option<PathBuf>,
+    /// Cards of a kind of fault and data set.
+    pub n_cards: usize,
+    /// The command, as it was typed.
+    pub command: String,
+    pub force: bool,
+}
+
+/// What was written.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct ReportSummary {
+    pub out: PathBuf,
+    pub bytes: usize,
+    pub n_cards: usize,
+    /// What was left out, with the command that makes it.
+    pub absent: Vec<String>,
+}
+
+/// Scores with what is needed to speak of them.
+#[derive(Debug, Clone, PartialEq)]
+struct Side {
+    /// Its flag.
+    key: &'static str,
+    name: &'static str,
+    short: &'static str,
+    scores: Scores,
+    dataset: Option<SideData>,
+}
+
+/// The data set of a side.
+#[derive(Debug, Clone, PartialEq)]
+struct SideData {
+    path: PathBuf,
+    labels: String,
+    manifest: Manifest,
+}
+
+impl Side {
+    fn read(key: &'static str, request: &ScoresRequest) -> Result<Self, ReportError> {
+        let (mode, name, short) = match key {
+            "id" => (Mode::Id, "In distribution", "ID"),
+            _ => (Mode::Ood, "Out of distribution", "OOD"),
+        };
+        let scores = Scores::read(&request.folder)?;
+        let told = |mode| match mode {
+            Mode::Id => "those of `harmzone eval` without --ood",
+            Mode::Ood => "those of `harmzone eval --ood`",
+        };
+        let found = scores.evaluation.metrics.mode;
+        if found != mode {
+            let (found, wanted, path) = (told(found), told(mode), request.folder.clone());
+            return Err(ReportError::OtherMode { key, found, wanted, path });
+        }
+        let source = scores.source.as_ref();
+        let named =
+            source.and_then(|source| source.data.clone()).filter(|path| path.join(Manifest::FILE).is_file());
+        let dataset = match request.data.clone().or(named) {
+            None => None,
+            Some(path) => {
+                let labels = source.and_then(|source| source.labels.clone());
+                let manifest = Manifest::read(&path)?;
+                Some(SideData { path, labels: labels.unwrap_or_else(|| "rect".to_owned()), manifest })
+            }
+        };
+        Ok(Self { key, name, short, scores, dataset })
+    }
+
+    /// The command that makes all files of the scores.
+    fn command_of_scores(&self) -> String {
+        let flag = if self.key == "ood" { " --ood" } else { "" };
+        format!("harmzone eval RUN --data DIR{flag} --out {} --force", self.scores.folder.display())
+    }
+}
+
+/// Writes the report.
+///
+/// # Errors
+/// [`ReportError`]: no scores, scores of the other kind, a data set or picture that cannot be read, a file that exists.
+pub fn run(request: &ReportRequest) -> Result<ReportSummary, ReportError> {
+    let is_page = request.out.extension().is_some_and(|extension| extension == "html");
+    let out = if is_page { request.out.clone() } else { request.out.join(PAGE_FILE) };
+    if out.exists() && !request.force {
+        return Err(ReportError::Exists { path: out });
+    }
+    let wanted = [("id", &request.id), ("ood", &request.ood)];
+    let given = wanted.into_iter().filter_map(|(key, side)| Some((key, side.as_ref()?)));
+    let sides: Vec<Side> = given.map(|(key, side)| Side::read(key, side)).collect::<Result<_, _>>()?;
+    let page = page(&sides, request)?;
+    let html = render::html(&page);
+    if let Some(folder) = out.parent().filter(|folder| *folder != Path::new("")) {
+        fs::create_dir_all(folder)?;
+    }
+    write_atomic(&out, html.as_bytes())?;
+    let blocks = || page.sections.iter().flat_map(|section| &section.blocks);
+    let absent = blocks().filter_map(|block| match block {
+        Block::Absent { what, command } => Some(format!("{what}; {command}")),
+        _ => None,
+    });
+    let n_cards =
+        blocks().map(|block| if let Block::Gallery(gallery) = block { gallery.cards.len() } else { 0 });
+    Ok(ReportSummary { bytes: html.len(), n_cards: n_cards.sum(), absent: absent.collect(), out })
+}
+
+fn page(sides: &[Side], request: &ReportRequest) -> Result<Page, ReportError> {
+    let results = match &request.results {
+        Some(path) => vec![Block::Markup { html: tables::html_of(&fs::read_to_string(path)?) }],
+        None => vec![Block::absent(
+            "no ablations and baselines (RESULTS.md)",
+            "harmzone results --out DIR, then harmzone report OUT .. --results DIR/RESULTS.md",
+        )],
+    };
+    let section = |id, title, blocks| Section { id, title, blocks };
+    let counts = sides.iter().map(|side| {
+        let counts = &side.scores.evaluation.metrics.counts;
+        format!("{} samples {}", counts.n_samples, side.name.to_lowercase())
+    });
+    Ok(Page {
+        title: "harmzone report".to_owned(),
+        subtitle: counts.collect::<Vec<_>>().join(", "),
+        version: env!("CARGO_PKG_VERSION"),
+        sections: vec![
+            section("headline", "Headline", headline::blocks(sides)?),
+            section("curves", "Curves", detection::blocks(sides)?),
+            section("safety", "Safety", safety::blocks(sides)?),
+            section("calibration", "Calibration", calibration::blocks(sides)?),
+            section("sweeps", "Speed and steering", sweeps::blocks(sides)?),
+            section("groups", "By group", groups::blocks(sides)?),
+            section("results", "Ablations and rivals", results),
+            section("gallery", "Gallery", gallery::blocks(sides, request.n_cards)?),
+            section("made", "How it was made", provenance::blocks(sides, &request.command)),
+        ],
+    })
+}

@@ -1,0 +1,78 @@
+//! Pictures as they stand in the page: JPEG in base64.
+
+use std::io::Cursor;
+use std::path::Path;
+
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
+use fs_err as fs;
+use image::codecs::jpeg::JpegEncoder;
+use image::imageops::FilterType;
+use image::{ImageError, RgbImage};
+use serde::Serialize;
+
+use super::ReportError;
+
+/// 1 to 100: lines stay clean from about here.
+const JPEG_QUALITY: u8 = 74;
+/// Wider files are made smaller, pixels.
+const MOST_WIDTH_PX: u32 = 1120;
+
+/// A picture with what it shows.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Picture {
+    pub title: String,
+    /// JPEG in base64.
+    pub data: String,
+    pub width_px: u32,
+    pub height_px: u32,
+}
+
+/// A picture as JPEG in base64.
+///
+/// # Errors
+/// It cannot be packed.
+pub fn jpeg(picture: &RgbImage) -> Result<String, ImageError> {
+    let mut bytes = Cursor::new(Vec::new());
+    JpegEncoder::new_with_quality(&mut bytes, JPEG_QUALITY).encode_image(picture)?;
+    Ok(STANDARD.encode(bytes.into_inner()))
+}
+
+/// The picture of a file; `None` where there is no such file.
+///
+/// # Errors
+/// It is no picture.
+pub fn of_file(path: &Path, title: &str) -> Result<Option<Picture>, ReportError> {
+    if !path.is_file() {
+        return Ok(None);
+    }
+    let broken = |source: ImageError| ReportError::File { source, path: path.to_owned() };
+    let mut picture = image::load_from_memory(&fs::read(path)?).map_err(broken)?.into_rgb8();
+    if picture.width() > MOST_WIDTH_PX {
+        let share = f64::from(MOST_WIDTH_PX) / f64::from(picture.width());
+        let height_px = (f64::from(picture.height()) * share).round() as u32;
+        picture = image::imageops::resize(&picture, MOST_WIDTH_PX, height_px.max(1), FilterType::CatmullRom);
+    }
+    let (width_px, height_px) = picture.dimensions();
+    Ok(Some(Picture { title: title.to_owned(), data: jpeg(&picture).map_err(broken)?, width_px, height_px }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_becomes_a_jpeg_of_its_shape_and_none_is_none() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("wide.png");
+        assert_eq!(of_file(&path, "none").unwrap(), None);
+        RgbImage::from_pixel(2 * MOST_WIDTH_PX, 200, image::Rgb([200, 30, 40])).save(&path).unwrap();
+        let picture = of_file(&path, "wide").unwrap().unwrap();
+        assert_eq!((picture.width_px, picture.height_px), (MOST_WIDTH_PX, 100));
+        let again = image::load_from_memory(&STANDARD.decode(&picture.data).unwrap()).unwrap().into_rgb8();
+        assert_eq!(again.dimensions(), (MOST_WIDTH_PX, 100));
+        assert!(again.get_pixel(9, 9).0[0] > 180, "{:?}", again.get_pixel(9, 9));
+        fs::write(&path, "words").unwrap();
+        assert!(of_file(&path, "broken").unwrap_err().to_string().contains("wide.png"));
+    }
+}

@@ -1,0 +1,98 @@
+//! `harmzone report` on a small real data set, in a real browser.
+//!
+//! Predictions are made up around those of the network inside the program, so that there are faults to show. The
+//! browser's part is `tests/browser/check_report.py`; where no Chromium is installed it is skipped, and says so.
+
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use fs_err as fs;
+use serde_json::{Value, json};
+
+/// What `check_report.py` ends with where there is no browser.
+const SKIPPED: i32 = 77;
+
+fn run(args: &[&str]) -> Output {
+    Command::new(assert_cmd::cargo::cargo_bin!("harmzone")).args(args).output().unwrap()
+}
+
+fn done(args: &[&str]) -> String {
+    let output = run(args);
+    assert!(output.status.success(), "harmzone {args:?}: {}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+/// A labelled data set of two short episodes, and the scores of made-up predictions on it: `<name>-scores`.
+fn scored(folder: &Path, name: &str, more: &[&str], flags: &[&str]) -> PathBuf {
+    let data = folder.join(name);
+    let base =
+        ["gen", "--town", "downtown", "--episodes", "2", "--samples", "4", "--seed", "5", "--jobs", "2"];
+    let base = [&base[..], &["--set", "val_every=1"], more, &["--out", text(&data)]].concat();
+    done(&base);
+    done(&["label", text(&data)]);
+    let found = folder.join(format!("{name}-found"));
+    done(&["predict", "small", "--data", text(&data), "--out", text(&found)]);
+    let file = found.join("predictions.json");
+    let mut boxes: Value = serde_json::from_slice(&fs::read(&file).unwrap()).unwrap();
+    for (i, (_, found)) in boxes["results"].as_object_mut().unwrap().iter_mut().enumerate() {
+        // Beside the street, where nothing is: farther and farther, surer and surer.
+        found.as_array_mut().unwrap().push(json!({
+            "translation": [18.0 + 2.0 * i as f64, 14.0, 0.8], "size": [1.8, 4.2, 1.6], "rotation": [1, 0, 0, 0],
+            "velocity": [0, 0], "detection_name": "harmful", "detection_score": 0.6 + 0.02 * i as f64,
+        }));
+    }
+    fs::write(&file, boxes.to_string()).unwrap();
+    let scores = folder.join(format!("{name}-scores"));
+    let eval = ["eval", "--predictions", text(&file), "--data", text(&data), "--out", text(&scores)];
+    done(&[&eval[..], flags].concat());
+    scores
+}
+
+#[test]
+fn a_report_opens_from_disk_and_its_gallery_sorts_and_filters() {
+    let folder = tempfile::tempdir().unwrap();
+    let id = scored(folder.path(), "id", &[], &[]);
+    let ood = scored(folder.path(), "ood", &["--ood"], &["--ood"]);
+    let page = folder.path().join("report.html");
+    let report = ["report", text(&page), "--id", text(&id), "--ood", text(&ood)];
+    let told = done(&report);
+    assert!(told.contains("report.html") && told.contains("cards"), "{told}");
+    let html = fs::read_to_string(&page).unwrap();
+    assert!(
+        html.matches("data:image/jpeg;base64,").count() >= 8,
+        "camera and bird's-eye pictures are inside"
+    );
+    for part in ["gen.toml", "time_gap_s", "harmzone eval --predictions", "false alarm: nothing there"] {
+        assert!(html.contains(part), "{part}");
+    }
+    let output = run(&report);
+    assert_eq!(output.status.code(), Some(1), "a page is not overwritten without --force");
+    // The page tells its own command, so that only the same one gives the same page.
+    let again = || {
+        done(&[&report[..], &["--force"]].concat());
+        fs::read_to_string(&page).unwrap()
+    };
+    assert!(again() == again(), "the same scores give the same bytes");
+
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let python = root.join(".venv-test/bin/python");
+    assert!(python.is_file(), "no {}: run `make setup-test` first", python.display());
+    let mut check = Command::new(&python);
+    check.arg(root.join("tests/browser/check_report.py")).arg(&page);
+    // To look at what the browser shows.
+    check.args(std::env::var_os("HARMZONE_KEEP_PICTURES"));
+    let checked = check.output().unwrap();
+    let said =
+        [checked.stdout, checked.stderr].map(|said| String::from_utf8_lossy(&said).into_owned()).concat();
+    if checked.status.code() == Some(SKIPPED) {
+        eprintln!("SKIPPED, the report was not opened in a browser: {said}");
+        return;
+    }
+    assert!(checked.status.success() && said.contains("wide and narrow"), "{said}");
+}
