@@ -34,7 +34,7 @@ impl<const TAPS: usize> Pass<'_, TAPS> {
     /// Adds the products to the sums of ROWS output channels by VECTORS vectors of pixels.
     ///
     /// # Safety
-    /// Besides [`Kernel::run`]'s terms: readable are VECTORS vectors of pixels at each tap of each channel,
+    /// Besides `Kernel::run`'s terms: readable are VECTORS vectors of pixels at each tap of each channel,
     /// `n_channels * TAPS * ROWS` weights, and, where sums start there, ROWS shifts or the tile (rows TILE_VECTORS
     /// vectors apart); writable are VECTORS vectors in each of ROWS rows of `target`.
     #[inline(always)]
@@ -82,7 +82,7 @@ impl<const TAPS: usize> Pass<'_, TAPS> {
 /// Copies `len` floats to every `upscale`-th float; whole vectors where they are dense, the last overlapping.
 ///
 /// # Safety
-/// Besides [`Kernel::run`]'s terms: `len` floats readable, `(len - 1) * upscale + 1` writable, no overlap.
+/// Besides `Kernel::run`'s terms: `len` floats readable, `(len - 1) * upscale + 1` writable, no overlap.
 #[inline(always)]
 pub(super) unsafe fn copy_piece<S: Simd>(from: *const f32, to: *mut f32, len: usize, upscale: usize) {
     // SAFETY: every index is below `len`; a vector ends at `i + LANES <= len` or at `len`.
