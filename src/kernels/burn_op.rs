@@ -27,16 +27,7 @@ use super::simd::InstructionSet;
 /// If `stride` is neither 1 nor 2, if the channels disagree, or if the kernel is not 3x3.
 #[must_use]
 pub fn conv3x3(x: Tensor<4>, w: Tensor<4>, stride: usize) -> Tensor<4> {
-    let [_, channels_in, ..] = x.dims();
-    let [_, kernel_channels, kernel_y, kernel_x] = w.dims();
-    assert!(matches!(stride, 1 | 2), "conv3x3: stride is 1 or 2, not {stride}");
-    assert_eq!([kernel_y, kernel_x], [3, 3], "conv3x3: the kernel is 3x3");
-    assert_eq!(kernel_channels, channels_in, "conv3x3: input channels of kernel and input");
-
-    // `==` on devices compares the hardware and leaves autodiff aside.
-    let is_flex = x.device() == Device::flex();
-    let is_f32 = x.dtype() == DType::F32 && w.dtype() == DType::F32;
-    if !is_flex || !is_f32 || x.shape().num_elements() == 0 || w.shape().num_elements() == 0 {
+    if !is_own(&x, &w, stride) {
         return conv2d(x, w, None, ConvOptions::new([stride, stride], [1, 1], [1, 1], 1));
     }
     Tensor::from_dispatch(<Dispatch as Conv3x3Backend>::conv3x3(x.into_dispatch(), w.into_dispatch(), stride))
@@ -59,21 +50,29 @@ pub fn conv3x3_scale_shift_relu(
     shift: Tensor<1>,
     stride: usize,
 ) -> Tensor<4> {
-    let is_own = x.device() == Device::flex()
-        && !x.device().is_autodiff()
-        && x.dtype() == DType::F32
-        && w.dtype() == DType::F32
-        && x.shape().num_elements() > 0
-        && w.shape().num_elements() > 0;
-    if !is_own {
+    if !is_own(&x, &w, stride) || x.device().is_autodiff() {
         return scale_shift_relu(conv3x3(x, w, stride), scale, shift);
     }
-    let [x_dims, w_dims] = [x.dims(), w.dims()];
-    assert!(matches!(stride, 1 | 2), "conv3x3: stride is 1 or 2, not {stride}");
-    assert_eq!(w_dims[1..], [x_dims[1], 3, 3], "conv3x3: input channels of kernel and input, kernel of 3x3");
     let [x, w] = [x, w].map(Tensor::into_dispatch);
     let [scale, shift] = [scale, shift].map(Tensor::into_dispatch);
     Tensor::from_dispatch(<Dispatch as Conv3x3Backend>::conv3x3_scale_shift_relu(x, w, scale, shift, stride))
+}
+
+/// Whether the kernels here can convolve these; burn's operations serve the rest.
+///
+/// # Panics
+/// As for [`conv3x3`].
+fn is_own(x: &Tensor<4>, w: &Tensor<4>, stride: usize) -> bool {
+    let [_, channels_in, ..] = x.dims();
+    let [_, kernel_channels, kernel_y, kernel_x] = w.dims();
+    assert!(matches!(stride, 1 | 2), "conv3x3: stride is 1 or 2, not {stride}");
+    assert_eq!([kernel_y, kernel_x], [3, 3], "conv3x3: the kernel is 3x3");
+    assert_eq!(kernel_channels, channels_in, "conv3x3: input channels of kernel and input");
+
+    // `==` on devices compares the hardware and leaves autodiff aside.
+    let is_flex = x.device() == Device::flex();
+    let is_f32 = x.dtype() == DType::F32 && w.dtype() == DType::F32;
+    is_flex && is_f32 && x.shape().num_elements() > 0 && w.shape().num_elements() > 0
 }
 
 /// The convolution and its two gradients on one backend.
