@@ -7,8 +7,10 @@
 use std::fmt::{self, Display};
 use std::str::FromStr;
 
+#[cfg(feature = "vulkan")]
+use burn::backend::{CubeDevice, WgpuBackend, WgpuDevice, WgpuDeviceKind};
 use burn::tensor::Device;
-#[cfg(any(feature = "cuda", feature = "vulkan"))]
+#[cfg(feature = "cuda")]
 use burn::tensor::DeviceType;
 use thiserror::Error;
 
@@ -47,11 +49,39 @@ impl GpuBackend {
             #[cfg(feature = "cuda")]
             Self::Cuda => Some(Device::enumerate(DeviceType::Cuda).into_vec()),
             #[cfg(feature = "vulkan")]
-            Self::Vulkan => Some(Device::enumerate(DeviceType::Vulkan).into_vec()),
+            Self::Vulkan => Some(vulkan_devices()),
             #[allow(unreachable_patterns, reason = "with all features no backend is left")]
             _ => None,
         }
     }
+}
+
+/// What wgpu lists under Vulkan: discrete GPUs, then integrated and virtual ones, then CPUs.
+///
+/// burn has a feature and a list of its own for Vulkan, left off here: it brings a compiler to SPIR-V (cubecl-spirv
+/// 0.11.3) whose matrix products break the rules for shared memory, so that drivers crash on them. Without that
+/// feature the kernels go through WGSL, which wgpu checks.
+#[cfg(feature = "vulkan")]
+fn vulkan_devices() -> Vec<Device> {
+    let kinds = [
+        WgpuDeviceKind::DiscreteGpu(0),
+        WgpuDeviceKind::IntegratedGpu(0),
+        WgpuDeviceKind::VirtualGpu(0),
+        WgpuDeviceKind::Cpu,
+        WgpuDeviceKind::Other(0),
+    ];
+    let of_kind = |kind| {
+        // Of a seed's kind and graphics API, whatever its index.
+        let seed = CubeDevice::Wgpu(WgpuDevice::new(kind).on(WgpuBackend::Vulkan));
+        CubeDevice::enumerate(seed.to_id()).into_iter().map(|id| Device::new(CubeDevice::from_id(id)))
+    };
+    let mut devices: Vec<Device> = Vec::new();
+    for device in kinds.into_iter().flat_map(of_kind) {
+        if !devices.contains(&device) {
+            devices.push(device);
+        }
+    }
+    devices
 }
 
 /// A device by name: `cpu`, `cuda:0`, `vulkan:1`.
