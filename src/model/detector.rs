@@ -53,15 +53,19 @@ pub struct Detector {
 }
 
 impl Detector {
-    /// A detector with random weights from `seed`: same seed, same weights.
+    /// A detector with random weights from `seed`: same seed, same weights, whatever the device.
     #[must_use]
     pub fn init(config: &ModelConfig, seed: u64, device: &Device) -> Self {
-        // Parameters draw when first looked at: hold the generator for as long as the drawing lasts.
-        let _held = GENERATOR.lock().unwrap_or_else(PoisonError::into_inner);
-        device.seed(seed);
-        let detector = Self::undrawn(config, device);
-        detector.visit(&mut Draw);
-        detector
+        let cpu = if device.is_autodiff() { Device::flex().autodiff() } else { Device::flex() };
+        let detector = {
+            // Parameters draw when first looked at: hold the generator for as long as the drawing lasts.
+            let _held = GENERATOR.lock().unwrap_or_else(PoisonError::into_inner);
+            cpu.seed(seed);
+            let detector = Self::undrawn(config, &cpu);
+            detector.visit(&mut Draw);
+            detector
+        };
+        if *device == cpu { detector } else { detector.to_device(device) }
     }
 
     /// Seeds what training draws: dropout and drop path.

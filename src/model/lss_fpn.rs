@@ -2,11 +2,10 @@
 //! laid beside the next finer one and mixed with it.
 
 use burn::module::Module;
-use burn::tensor::module::interpolate;
-use burn::tensor::ops::{InterpolateMode, InterpolateOptions};
 use burn::tensor::{Device, Tensor};
 
 use super::conv_norm::{ConvNorm, ConvNormConfig};
+use super::layers::resize_bilinear;
 
 /// Mixes one map with the enlarged coarser one.
 #[derive(Module, Debug)]
@@ -42,10 +41,7 @@ impl LssFpn {
         let [fine, middle, coarse] = maps;
         [middle, fine].into_iter().zip(self.levels.iter().rev()).fold(coarse, |coarser, (own, level)| {
             let [_, _, n_y, n_x] = own.dims();
-            let options = InterpolateOptions::new(InterpolateMode::Bilinear)
-                .with_align_corners(false)
-                .with_output_size([n_y, n_x]);
-            let mixed = Tensor::cat(vec![own, interpolate(coarser, options)], 1);
+            let mixed = Tensor::cat(vec![own, resize_bilinear(coarser, [n_y, n_x])], 1);
             level.smooth.forward(level.lateral.forward(mixed))
         })
     }
