@@ -6,6 +6,7 @@
 
 mod python;
 mod replay;
+mod sensing;
 mod simulator;
 
 use std::path::PathBuf;
@@ -14,7 +15,8 @@ use thiserror::Error;
 
 pub use python::{Environment, VENV_VARIABLE};
 pub use replay::BareCalls;
-pub use simulator::{CameraMount, Picture, RayHits, Renderer, Segmentation, Simulator};
+pub use sensing::{Picture, RayHits, Segmentation};
+pub use simulator::{CameraMount, Renderer, Simulator};
 
 /// The command that makes the virtual environment.
 pub const INSTALL_VENV: &str = "make setup";

@@ -1,0 +1,212 @@
+//! What the sensors get of a world: first hits of rays, pictures, depths and segmentations.
+
+use image::RgbImage;
+use nalgebra::{Point3, Vector3};
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
+use pyo3::prelude::*;
+
+use super::simulator::{Renderer, Simulator, failed};
+use super::{SimError, text};
+
+/// What the rays of one cast hit, ray by ray.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RayHits {
+    /// Infinite where nothing is hit.
+    pub range_m: Vec<f64>,
+    /// -1 where nothing is hit.
+    pub geom: Vec<i32>,
+    /// Cosine of the angle between ray and surface normal, 0 to 1.
+    pub cos_incidence: Vec<f64>,
+}
+
+/// A picture and the distances in it, rows from the top.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Picture {
+    pub rgb: RgbImage,
+    /// Along the optical axis; infinite for the sky.
+    pub depth_m: Vec<f32>,
+}
+
+/// The geom seen at each pixel, row by row from the top; -1 where there is none.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Segmentation {
+    pub width_px: u32,
+    pub geom: Vec<i32>,
+}
+
+impl Simulator {
+    /// First hits of rays in the world frame on what can be seen (not on the ego).
+    ///
+    /// # Errors
+    /// As [`Self::body_poses`].
+    pub fn cast_rays(
+        &self,
+        origin: &Point3<f64>,
+        directions: &[Vector3<f64>],
+        max_range_m: f64,
+    ) -> Result<RayHits, SimError> {
+        Python::attach(|py| {
+            let ask = || -> PyResult<RayHits> {
+                let origin = PyArray1::from_slice(py, origin.coords.as_slice());
+                let flat: Vec<f64> = directions.iter().flat_map(|d| [d.x, d.y, d.z]).collect();
+                let rays: Bound<'_, PyArray2<f64>> =
+                    PyArray1::from_vec(py, flat).reshape([directions.len(), 3])?;
+                let cast = py.import("harmzone_sim")?.getattr("cast_rays")?;
+                let hits = cast.call1((self.world.bind(py), origin, rays, max_range_m))?;
+                let (range_m, geom, cos_incidence): (
+                    PyReadonlyArray1<'_, f64>,
+                    PyReadonlyArray1<'_, i32>,
+                    PyReadonlyArray1<'_, f64>,
+                ) = hits.extract()?;
+                Ok(RayHits {
+                    range_m: range_m.as_slice()?.to_vec(),
+                    geom: geom.as_slice()?.to_vec(),
+                    cos_incidence: cos_incidence.as_slice()?.to_vec(),
+                })
+            };
+            ask().map_err(failed("cast rays"))
+        })
+    }
+
+    /// The camera's picture of the present state.
+    ///
+    /// # Errors
+    /// [`SimError::NoGl`] where nothing can be drawn.
+    pub fn render_rgb(&mut self) -> Result<RgbImage, SimError> {
+        Python::attach(|py| {
+            let camera = self.camera(py)?;
+            let ask = || -> PyResult<RgbImage> {
+                camera.call_method0("update")?;
+                let pixels = camera.call_method0("rgb")?;
+                let pixels = pixels.extract::<PyReadonlyArray3<'_, u8>>()?;
+                let (height, width) = (pixels.as_array().dim().0, pixels.as_array().dim().1);
+                let bytes = pixels.as_slice()?.to_vec();
+                Ok(RgbImage::from_raw(width as u32, height as u32, bytes).expect("three bytes a pixel"))
+            };
+            ask().map_err(failed("draw"))
+        })
+    }
+
+    /// The camera's picture of the present state with the depth of each pixel.
+    ///
+    /// # Errors
+    /// As [`Self::render_rgb`].
+    pub fn render_rgb_and_depth(&mut self) -> Result<Picture, SimError> {
+        Python::attach(|py| {
+            let camera = self.camera(py)?;
+            let ask = || -> PyResult<Picture> {
+                camera.call_method0("update")?;
+                let (pixels, depth_m): (PyReadonlyArray3<'_, u8>, PyReadonlyArray2<'_, f32>) =
+                    camera.call_method0("rgb_and_depth")?.extract()?;
+                let (height, width) = (pixels.as_array().dim().0, pixels.as_array().dim().1);
+                let rgb = RgbImage::from_raw(width as u32, height as u32, pixels.as_slice()?.to_vec());
+                Ok(Picture { rgb: rgb.expect("three bytes a pixel"), depth_m: depth_m.as_slice()?.to_vec() })
+            };
+            ask().map_err(failed("draw"))
+        })
+    }
+
+    /// The geom that each pixel of [`Self::render_rgb`]'s picture shows.
+    ///
+    /// # Errors
+    /// As [`Self::render_rgb`].
+    pub fn render_segmentation(&mut self) -> Result<Segmentation, SimError> {
+        Python::attach(|py| {
+            let camera = self.camera(py)?;
+            let ask = || -> PyResult<Segmentation> {
+                camera.call_method0("update")?;
+                let ids = camera.call_method0("segmentation")?;
+                let ids = ids.extract::<PyReadonlyArray2<'_, i32>>()?;
+                let width_px = ids.as_array().dim().1 as u32;
+                Ok(Segmentation { width_px, geom: ids.as_slice()?.to_vec() })
+            };
+            ask().map_err(failed("draw the segmentation"))
+        })
+    }
+
+    /// Vendor, renderer and version of the OpenGL that draws.
+    ///
+    /// # Errors
+    /// As [`Self::render_rgb`].
+    pub fn gl_info(&mut self) -> Result<[String; 3], SimError> {
+        Python::attach(|py| {
+            self.camera(py)?;
+            let ask = || -> PyResult<(String, String, String)> {
+                py.import("harmzone_sim")?.call_method0("gl_info")?.extract()
+            };
+            ask()
+                .map(|(vendor, renderer, version)| [vendor, renderer, version])
+                .map_err(failed("tell its OpenGL"))
+        })
+    }
+
+    pub(super) fn camera<'py>(&mut self, py: Python<'py>) -> Result<Bound<'py, PyAny>, SimError> {
+        if let Some(camera) = &self.camera {
+            return Ok(camera.bind(py).clone());
+        }
+        let class = match self.renderer {
+            Renderer::Classic => "Camera",
+            Renderer::Filament => "FilamentCamera",
+        };
+        let make = || py.import("harmzone_sim")?.getattr(class)?.call1((self.world.bind(py),));
+        let camera = make().map_err(|error| match self.renderer {
+            Renderer::Classic => SimError::NoGl { message: text(&error) },
+            Renderer::Filament => SimError::NoFilament { message: text(&error) },
+        })?;
+        self.camera = Some(camera.clone().unbind());
+        Ok(camera)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::simulator::tests::{XML, mount};
+
+    #[test]
+    fn a_ray_hits_the_cube_head_on_and_passes_through_the_own_car() {
+        let sim = Simulator::new(XML, &[], &mount()).unwrap();
+        let rays = [Vector3::x(), Vector3::y(), -Vector3::z()];
+        let hits = sim.cast_rays(&Point3::new(0.0, 0.0, 1.0), &rays, 70.0).unwrap();
+        assert!((hits.range_m[0] - 9.0).abs() < 1e-9 && (hits.cos_incidence[0] - 1.0).abs() < 1e-9);
+        assert_eq!(sim.geom_bodies()[hits.geom[0] as usize], sim.body("obj:cube").unwrap());
+        assert!(hits.range_m[1].is_infinite() && hits.geom[1] == -1);
+        assert!((hits.range_m[2] - 1.0).abs() < 1e-9, "the ground is a plane at z = 0");
+    }
+
+    #[test]
+    fn the_picture_shows_the_cube_where_the_pinhole_projects_it() {
+        let mut sim = Simulator::new(XML, &[], &mount()).unwrap();
+        let seen = sim.render_segmentation().unwrap();
+        let cube = sim.body("obj:cube").unwrap();
+        let columns: Vec<usize> = (0..seen.geom.len())
+            .filter(|&i| seen.geom[i] >= 0 && sim.geom_bodies()[seen.geom[i] as usize] == cube)
+            .map(|i| i % 160)
+            .collect();
+        // fx = 80 px, the face is 1 m to each side at 9 m: 80 +- 8.9 px.
+        assert_eq!((columns.iter().min(), columns.iter().max()), (Some(&71), Some(&88)));
+        assert_eq!(sim.render_rgb().unwrap().dimensions(), (160, 80));
+    }
+
+    #[test]
+    fn the_depth_of_the_cubes_face_is_its_distance_and_the_skys_is_infinite() {
+        let mut sim = Simulator::new(XML, &[], &mount()).unwrap();
+        let picture = sim.render_rgb_and_depth().unwrap();
+        assert_eq!(picture.rgb, sim.render_rgb().unwrap());
+        let at = |u: usize, v: usize| picture.depth_m[v * 160 + u];
+        assert!((at(80, 40) - 9.0).abs() < 0.01, "{}", at(80, 40));
+        // The ground 39.5 px below the horizon: 1 m * 80 px / 39.5 px.
+        assert!((at(5, 79) - 80.0 / 39.5).abs() < 0.01, "{}", at(5, 79));
+        assert!(at(5, 2).is_infinite());
+    }
+
+    #[test]
+    fn a_second_camera_draws_as_well_as_the_first() {
+        let mut first = Simulator::new(XML, &[], &mount()).unwrap();
+        let mut second = Simulator::new(XML, &[], &mount()).unwrap();
+        let seen = first.render_segmentation().unwrap();
+        assert_eq!(second.render_segmentation().unwrap(), seen);
+        drop(first);
+        assert_eq!(second.render_segmentation().unwrap(), seen);
+    }
+}
