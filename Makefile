@@ -11,8 +11,8 @@ PYTHON_SOURCES = $(wildcard python scenes mjcf_assets tests scripts)
 
 RESULTS = runs/results
 
-.PHONY: help setup setup-test setup-golden build demo results report test ci bench bench-gen bench-eval race miri bundle \
-	bundle-test gallery weathers fmt clean
+.PHONY: help setup setup-test setup-golden build demo results report test ci check-gpu bench bench-gen bench-eval race miri \
+	bundle bundle-test gallery weathers fmt clean
 
 help: ## List the targets
 	@echo "make <target>, where target is:"
@@ -77,6 +77,9 @@ ci: setup setup-test ## Tests, formats, lints, docs, spelling, licences: all tha
 	RUSTDOCFLAGS="-D warnings" cargo doc --release --no-deps --document-private-items
 	cargo test --release
 	@scripts/pytest.sh
+
+check-gpu: setup ## The GPU backends compile, without a GPU; minutes
+	cargo clippy --release --features vulkan,cuda -- -D warnings
 
 bench: setup ## Benchmarks, module/case/size; never a gate
 	cargo bench --profile release
