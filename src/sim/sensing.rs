@@ -77,11 +77,7 @@ impl Simulator {
             let camera = self.camera(py)?;
             let ask = || -> PyResult<RgbImage> {
                 camera.call_method0("update")?;
-                let pixels = camera.call_method0("rgb")?;
-                let pixels = pixels.extract::<PyReadonlyArray3<'_, u8>>()?;
-                let (height, width) = (pixels.as_array().dim().0, pixels.as_array().dim().1);
-                let bytes = pixels.as_slice()?.to_vec();
-                Ok(RgbImage::from_raw(width as u32, height as u32, bytes).expect("three bytes a pixel"))
+                rgb_image(&camera.call_method0("rgb")?.extract()?)
             };
             ask().map_err(failed("draw"))
         })
@@ -98,9 +94,7 @@ impl Simulator {
                 camera.call_method0("update")?;
                 let (pixels, depth_m): (PyReadonlyArray3<'_, u8>, PyReadonlyArray2<'_, f32>) =
                     camera.call_method0("rgb_and_depth")?.extract()?;
-                let (height, width) = (pixels.as_array().dim().0, pixels.as_array().dim().1);
-                let rgb = RgbImage::from_raw(width as u32, height as u32, pixels.as_slice()?.to_vec());
-                Ok(Picture { rgb: rgb.expect("three bytes a pixel"), depth_m: depth_m.as_slice()?.to_vec() })
+                Ok(Picture { rgb: rgb_image(&pixels)?, depth_m: depth_m.as_slice()?.to_vec() })
             };
             ask().map_err(failed("draw"))
         })
@@ -156,6 +150,13 @@ impl Simulator {
         self.camera = Some(camera.clone().unbind());
         Ok(camera)
     }
+}
+
+/// From `[row, column, channel]`.
+fn rgb_image(pixels: &PyReadonlyArray3<'_, u8>) -> PyResult<RgbImage> {
+    let (n_rows, n_columns, _) = pixels.as_array().dim();
+    let image = RgbImage::from_raw(n_columns as u32, n_rows as u32, pixels.as_slice()?.to_vec());
+    Ok(image.expect("three bytes a pixel"))
 }
 
 #[cfg(test)]
