@@ -14,10 +14,10 @@ use harmzone::eval::{
     self, EvalConfig, EvalDetection, EvalSample, EvalTruth, Mode, Protocol, SampleFacts, TruthFacts, json,
 };
 use harmzone::geometry::{Box3, Ego, Point};
-use harmzone::label::zone::{Zone, ZoneConfig};
 use harmzone::object::{Distribution, Harm};
 use harmzone::random;
 use harmzone::sample::EgoState;
+use harmzone::zone::{Zone, ZoneConfig};
 use rand::RngExt;
 use serde_json::{Value, json};
 

@@ -12,6 +12,7 @@ pub mod random;
 
 pub mod object;
 pub mod sample;
+pub mod zone;
 
 pub mod scene;
 pub mod sensors;
@@ -28,11 +29,10 @@ pub mod dataset;
 pub mod kernels;
 
 pub mod eval;
+pub mod infer;
 pub mod model;
 pub mod train;
 
 pub mod report;
-
-pub mod results;
 
 pub mod cli;

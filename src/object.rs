@@ -105,6 +105,9 @@ pub struct ObjectTruth {
     pub event: Event,
 }
 
+/// Lowest score that a reported box may have.
+pub const MIN_SCORE: f32 = 0.01;
+
 /// One box that a detector reports.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Detection {

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use fs_err as fs;
 
 /// Each top module and its layer; a module imports only from lower numbers.
-const LAYERS: [(&str, u32); 21] = [
+const LAYERS: [(&str, u32); 22] = [
     ("geometry", 0),
     ("config", 0),
     ("device", 0),
@@ -19,6 +19,7 @@ const LAYERS: [(&str, u32); 21] = [
     ("random", 0),
     ("object", 1),
     ("sample", 2), // above `object`: a sample holds objects
+    ("zone", 3),
     ("scene", 3),
     ("sensors", 3),
     ("sim", 4),
@@ -28,12 +29,12 @@ const LAYERS: [(&str, u32); 21] = [
     ("dataset", 6),
     ("kernels", 6),
     ("model", 7),
-    ("eval", 8),
+    ("eval", 7),
+    ("infer", 8),
     ("train", 9),
     ("report", 10),
-    ("results", 11), // runs all stages, and tells of them
 ];
-const CLI_LAYER: u32 = 12;
+const CLI_LAYER: u32 = 11;
 
 /// Words that may appear only in files under the given prefixes (relative to `src/`), and why.
 const CONFINED: [(&[&str], &[&str], &str); 6] = [
@@ -58,7 +59,7 @@ const PURE: [&str; 8] = [
     "model/",
     "eval/matching",
     "eval/metrics",
-    "label/zone",
+    "zone/",
 ];
 const IMPURE: [&str; 3] = ["model/checkpoint", "model/image_weights", "model/golden"]; // the last is for tests alone
 const IO_WORDS: [&str; 8] =

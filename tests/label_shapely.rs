@@ -7,14 +7,12 @@ use std::process::Command;
 
 use harmzone::episode::{EpisodeEntry, EpisodeMeta, EpisodeWriter, Manifest, MapDrawing, Split};
 use harmzone::geometry::{Box3, Pinhole, Point, Transform};
-use harmzone::label::{
-    self,
-    zone::{ZoneConfig, ZoneKind},
-};
+use harmzone::label;
 use harmzone::object::{Distribution, Event, Kind, ObjectTruth};
 use harmzone::progress::Silent;
 use harmzone::random::{Rng, stream};
 use harmzone::sample::{EgoState, EncodedImage, ImageFormat, LidarPoint, Measured, Sample, Truth};
+use harmzone::zone::{ZoneConfig, ZoneKind};
 use nalgebra::Vector3;
 use rand::RngExt;
 

@@ -3,21 +3,15 @@
 use std::path::PathBuf;
 
 use anyhow::{anyhow, bail};
-use burn::tensor::Device;
 use clap::Args;
 
 use super::ExitStatus;
-use super::detector::Trained;
 use super::device::DeviceArg;
 use super::predict::{Source, detect, open_split, refuse_to_overwrite, write};
 use super::progress::Bar;
 use crate::config;
-use crate::dataset::Dataset;
-use crate::eval::closed_set::{ClosedSet, Strangeness};
 use crate::eval::judge::Judge;
-use crate::eval::predict::predict_kinds;
-use crate::model::{Detector, KindBox};
-use crate::progress::Progress;
+use crate::infer::{self, ClosedSet, Strangeness, Trained};
 
 #[derive(Debug, Args)]
 pub struct BaselineArgs {
@@ -93,13 +87,14 @@ pub fn run(args: BaselineArgs) -> anyhow::Result<ExitStatus> {
             let Some(fit) = &args.fit else {
                 bail!("`{}` is fitted on what its network was trained on; give that by --fit DIR", args.name)
             };
+            let bar = Bar::default();
             let detector = trained.load(&device)?;
             let training = open_split(fit, &args.labels, Some("train"))?;
-            let found = kinds(&detector, &training, "fit", &device)?;
+            let found = infer::detect_kinds(&detector, &training, "fit", &device, &bar)?;
             let objects = training.samples().iter().map(|sample| sample.objects.as_slice());
             let frames: Vec<_> = objects.zip(found.iter().map(Vec::as_slice)).collect();
             let set = ClosedSet::fit(&frames)?;
-            let found = kinds(&detector, &dataset, "predict", &device)?;
+            let found = infer::detect_kinds(&detector, &dataset, "predict", &device, &bar)?;
             found.iter().map(|found| set.judged(score, found)).collect()
         }
     };
@@ -109,20 +104,4 @@ pub fn run(args: BaselineArgs) -> anyhow::Result<ExitStatus> {
     };
     write(&out, &dataset, &judged, &source)?;
     Ok(ExitStatus::Done)
-}
-
-/// The boxes of a network that tells kinds.
-fn kinds(
-    detector: &Detector,
-    dataset: &Dataset,
-    stage: &str,
-    device: &Device,
-) -> anyhow::Result<Vec<Vec<KindBox>>> {
-    let samples = dataset.samples().iter();
-    let measured: Vec<_> = samples.map(|sample| (sample.id.as_str(), &sample.measured)).collect();
-    let bar = Bar::default();
-    bar.start(stage, measured.len() as u64);
-    let found = predict_kinds(detector, &measured, device, &bar)?;
-    bar.finish();
-    Ok(found)
 }

@@ -7,13 +7,12 @@ use clap::{ArgGroup, Args};
 use fs_err as fs;
 
 use super::ExitStatus;
-use super::detector::Trained;
 use super::device::DeviceArg;
 use super::predict::{detect, open_split};
 use crate::dataset::Fingerprint;
-use crate::eval::predict::{eval_samples, truth_of};
-use crate::eval::{self, EvalConfig, EvalSample, Mode, Protocol, json};
+use crate::eval::{self, EvalConfig, EvalSample, Mode, Protocol, eval_samples, json, truth_of};
 use crate::files::sha256_hex;
+use crate::infer::Trained;
 use crate::report::page::scores::{self, METRICS_FILE, Source, quoted};
 use crate::{config, report, train};
 

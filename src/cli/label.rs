@@ -6,7 +6,7 @@ use clap::Args;
 
 use super::ExitStatus;
 use super::progress::Bar;
-use crate::label::zone::ZoneConfig;
+use crate::zone::ZoneConfig;
 use crate::{config, label};
 
 #[derive(Debug, Args)]

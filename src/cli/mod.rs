@@ -1,10 +1,7 @@
 //! The command line: flags, logging, progress bars, exit codes; one file a subcommand.
 
 mod baseline;
-mod bench_generate;
-mod bench_model;
 mod curves;
-mod detector;
 mod device;
 mod doctor;
 mod eval;
@@ -15,7 +12,6 @@ mod label;
 mod predict;
 mod progress;
 mod report;
-mod results;
 mod sweep;
 mod train;
 mod view;
@@ -24,6 +20,11 @@ mod zones;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+
+pub use device::DeviceArg;
+pub use eval::command_line;
+pub use predict::open_split;
+pub use progress::Bar;
 
 /// Finds what matters to a self-driving car: makes driving episodes, labels objects harmful or
 /// harmless by a danger zone, trains a fused LiDAR-camera detector and scores it.
@@ -41,12 +42,6 @@ enum Command {
     /// Write one episode; the processes that `gen --jobs` starts
     #[command(hide = true)]
     GenWorker(generate_worker::WorkerArgs),
-    /// Measure the speed of `gen`: against bare MuJoCo, with several processes, and its memory
-    #[command(hide = true)]
-    BenchGen(bench_generate::BenchArgs),
-    /// Measure the speed of a detector: inference stage by stage, training steps part by part
-    #[command(hide = true)]
-    BenchModel(bench_model::BenchModelArgs),
     /// Label the objects of a dataset harmful or harmless by a danger zone
     Label(label::LabelArgs),
     /// Compare the danger zones on one dataset: harmful shares, objects that change sides, a picture
@@ -67,8 +62,6 @@ enum Command {
     Sweep(sweep::SweepArgs),
     /// Make one HTML page of scores: tables, curves, and a gallery of the worst misses and false alarms
     Report(report::ReportArgs),
-    /// Generate, train and score a whole experiment, and write its tables
-    Results(results::ResultsArgs),
     /// Draw a sample with its zone, truth and predictions
     View(view::ViewArgs),
     /// Tell what this machine has and what is missing
@@ -86,20 +79,10 @@ pub enum ExitStatus {
 /// Runs the program on the process's arguments.
 #[must_use]
 pub fn main() -> ExitCode {
-    let cli = Cli::parse();
-    tracing_subscriber::fmt()
-        .with_writer(std::io::stderr)
-        .without_time()
-        .with_target(false)
-        .with_env_filter(
-            tracing_subscriber::EnvFilter::try_from_env("HARMZONE_LOG").unwrap_or_else(|_| "warn".into()),
-        )
-        .init();
-    let ended = match cli.command {
+    let command = Cli::parse().command;
+    finish(|| match command {
         Command::Gen(args) => generate::run(args),
         Command::GenWorker(args) => generate_worker::run(args),
-        Command::BenchGen(args) => bench_generate::run(args),
-        Command::BenchModel(args) => bench_model::run(args),
         Command::Label(args) => label::run(args),
         Command::Zones(args) => zones::run(args),
         Command::Info(args) => info::run(args),
@@ -110,11 +93,23 @@ pub fn main() -> ExitCode {
         Command::Baseline(args) => baseline::run(args),
         Command::Sweep(args) => sweep::run(args),
         Command::Report(args) => report::run(args),
-        Command::Results(args) => results::run(args),
         Command::View(args) => view::run(args),
         Command::Doctor(args) => doctor::run(args),
-    };
-    match ended {
+    })
+}
+
+/// Does the work of a command, with logs on stderr, and tells how it ended.
+#[must_use]
+pub fn finish(work: impl FnOnce() -> anyhow::Result<ExitStatus>) -> ExitCode {
+    tracing_subscriber::fmt()
+        .with_writer(std::io::stderr)
+        .without_time()
+        .with_target(false)
+        .with_env_filter(
+            tracing_subscriber::EnvFilter::try_from_env("HARMZONE_LOG").unwrap_or_else(|_| "warn".into()),
+        )
+        .init();
+    match work() {
         Ok(ExitStatus::Done) => ExitCode::SUCCESS,
         Ok(ExitStatus::DoneWithLosses) => ExitCode::from(3),
         Err(error) => {

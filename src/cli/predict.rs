@@ -8,17 +8,15 @@ use clap::Args;
 use fs_err as fs;
 
 use super::ExitStatus;
-use super::detector::Trained;
 use super::device::DeviceArg;
 use super::progress::Bar;
 use crate::config;
 use crate::dataset::Dataset;
 use crate::episode::manifest::Split;
 use crate::episode::{DetectionWriter, SampleDetections, SourceMeta};
-use crate::eval::json;
-use crate::eval::predict::{eval_samples, predict};
+use crate::eval::{eval_samples, json};
+use crate::infer::{self, Trained};
 use crate::object::Detection;
-use crate::progress::Progress;
 
 #[derive(Debug, Args)]
 pub struct PredictArgs {
@@ -125,12 +123,5 @@ pub fn open_split(data: &Path, labels: &str, split: Option<&str>) -> anyhow::Res
 
 /// Runs a detector over all samples of a dataset.
 pub fn detect(trained: &Trained, dataset: &Dataset, device: &Device) -> anyhow::Result<Vec<Vec<Detection>>> {
-    let detector = trained.load(device)?;
-    let measured: Vec<_> =
-        dataset.samples().iter().map(|sample| (sample.id.as_str(), &sample.measured)).collect();
-    let bar = Bar::default();
-    bar.start("predict", measured.len() as u64);
-    let found = predict(&detector, &measured, detector.config().use_camera, device, &bar)?;
-    bar.finish();
-    Ok(found)
+    Ok(infer::detect(&trained.load(device)?, dataset, device, &Bar::default())?)
 }

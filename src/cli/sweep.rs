@@ -5,13 +5,13 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::ExitStatus;
-use super::detector::Trained;
 use super::device::DeviceArg;
 use super::predict::open_split;
 use super::progress::Bar;
 use crate::config;
 use crate::eval::Protocol;
 use crate::eval::sweep::SweepConfig;
+use crate::infer::{self, Trained};
 use crate::report::sweeps::{self, SweepRequest};
 
 #[derive(Debug, Args)]
@@ -50,13 +50,15 @@ pub fn run(args: SweepArgs) -> anyhow::Result<ExitStatus> {
     let device = args.device.open()?;
     let dataset = open_split(&args.data, &args.labels, args.split.as_deref())?;
     let detector = trained.load(&device)?;
+    let (swept, series) = infer::sweep(&detector, &dataset, &config, &device, &Bar::default())?;
     let request = SweepRequest {
-        detector: &detector,
+        swept: &swept,
+        series: &series,
         dataset: &dataset,
         config: &config,
         protocol: &Protocol::default(),
         out: &args.out,
     };
-    print!("{}", sweeps::run(&request, &device, &Bar::default())?);
+    print!("{}", sweeps::run(&request)?);
     Ok(ExitStatus::Done)
 }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::ExitStatus;
-use super::detector::Trained;
+use crate::infer::Trained;
 use crate::report::view::{self, ViewRequest};
 
 #[derive(Debug, Args)]

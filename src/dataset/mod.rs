@@ -1,7 +1,6 @@
 //! A labelled dataset in memory: each sample's measurements and its objects with their labels.
 
 pub mod statistics;
-#[cfg(test)]
 pub mod test_data;
 
 use std::path::{Path, PathBuf};
@@ -14,9 +13,9 @@ use thiserror::Error;
 use crate::episode::manifest::{EpisodeEntry, LabelEntry, LabelManifest, Manifest, ManifestError, Split};
 use crate::episode::{EpisodeError, EpisodeReader, LabelReader, SampleLabels};
 use crate::files;
-use crate::label::zone::{Zone, ZoneConfig, ZoneError};
 use crate::object::LabelledObject;
 use crate::sample::{Measured, Sample};
+use crate::zone::{Zone, ZoneConfig, ZoneError};
 
 /// Why a dataset could not be loaded.
 #[derive(Debug, Error)]
@@ -156,6 +155,12 @@ impl Dataset {
     #[must_use]
     pub fn samples(&self) -> &[LabelledSample] {
         &self.samples
+    }
+
+    /// Each sample's id and measurements, which is all that a detector may see.
+    #[must_use]
+    pub fn named(&self) -> Vec<(&str, &Measured)> {
+        self.samples.iter().map(|sample| (sample.id.as_str(), &sample.measured)).collect()
     }
 
     /// The samples of the first `n` episodes; of all with 0.

@@ -5,10 +5,10 @@ use rand::RngExt;
 
 use super::{Dataset, Fingerprint, LabelledSample};
 use crate::geometry::{Box3, Pinhole, Point, Transform};
-use crate::label::zone::{Zone, ZoneConfig, ZoneKind};
 use crate::object::{Distribution, Event, Kind, LabelledObject, ObjectTruth};
 use crate::random;
 use crate::sample::{EgoState, EncodedImage, ImageFormat, LidarPoint, Measured};
+use crate::zone::{Zone, ZoneConfig, ZoneKind};
 
 /// `n` labelled samples, always the same.
 pub fn dataset(n: usize) -> Dataset {

@@ -10,9 +10,9 @@ use crate::dataset::{Dataset, LabelledSample};
 use crate::episode::EpisodeEntry;
 use crate::generate::GenerateConfig;
 use crate::geometry::{Box3, Ego, Point, Point2, convex_signed_distance_m, distance_to_convex_m};
-use crate::label::zone::ZoneKind;
 use crate::object::{Event, Kind, ObjectTruth};
 use crate::sensors::{Weather, WeatherOverride, WeatherState};
+use crate::zone::ZoneKind;
 
 /// Facts of a true object.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]

@@ -7,10 +7,9 @@
 use serde::{Deserialize, Serialize};
 
 use super::matching::center_distance_m;
-use super::predict::MIN_SCORE;
-use crate::label::zone::{Zone, ZoneError};
-use crate::object::{Detection, Harm};
+use crate::object::{Detection, Harm, MIN_SCORE};
 use crate::sample::EgoState;
+use crate::zone::{Zone, ZoneError};
 
 /// A harmful and a harmless detection nearer than this are of one object, metres: less than two people side by side.
 const SAME_M: f64 = 0.5;
@@ -148,8 +147,8 @@ mod tests {
     use crate::dataset::test_data;
     use crate::eval::{Columns, EvalSample, Mode, Protocol, SampleFacts, score};
     use crate::geometry::{Box3, Ego, Point};
-    use crate::label::zone::{ZoneConfig, ZoneKind};
     use crate::object::Distribution;
+    use crate::zone::{ZoneConfig, ZoneKind};
 
     fn state(speed_mps: f64, steering_deg: f64) -> EgoState {
         EgoState {

@@ -149,7 +149,7 @@ fn neighbours<'a>(
 }
 
 /// Distance of two boxes' centres on the ground.
-pub(super) fn center_distance_m(one: &Box3<Ego>, other: &Box3<Ego>) -> f64 {
+pub fn center_distance_m(one: &Box3<Ego>, other: &Box3<Ego>) -> f64 {
     let (dx, dy) = (one.center.x() - other.center.x(), one.center.y() - other.center.y());
     // Not `hypot`: its last digit may differ from the devkit's, which decides at a threshold.
     (dx * dx + dy * dy).sqrt()

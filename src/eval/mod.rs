@@ -7,7 +7,6 @@
 
 mod bootstrap;
 mod breakdown;
-pub mod closed_set;
 mod curve;
 mod evaluation;
 pub mod facts;
@@ -16,7 +15,7 @@ pub mod json;
 pub mod judge;
 mod matching;
 mod metrics;
-pub mod predict;
+mod of_dataset;
 mod pretty_json;
 mod protocol;
 pub mod safety;
@@ -34,10 +33,11 @@ pub use curve::Curve;
 pub use evaluation::{Evaluation, evaluate};
 pub use facts::{SampleFacts, TruthFacts};
 pub use faults::{Fault, FaultDetection, FaultKind, FaultObject, Place, worst_faults};
-pub use matching::{ClassMatching, NumberedTruth, Outcome, Ranked, Ranking};
+pub use matching::{ClassMatching, NumberedTruth, Outcome, Ranked, Ranking, center_distance_m};
 pub use metrics::{
     ClassScores, Column, Columns, Counts, Filters, Metrics, OutcomeCounts, PerClass, TpErrors, TruthCounts,
 };
+pub use of_dataset::{eval_samples, truth_of};
 pub use protocol::{EvalConfig, Protocol, ProtocolError};
 
 /// A true box with its class.

@@ -10,11 +10,11 @@ use serde::Serialize;
 
 use crate::episode::manifest::{EpisodeEntry, HarmCounts, LabelCounts, Manifest};
 use crate::episode::{EpisodeReader, SampleLabels};
-use crate::label::zone::{Zone, ZoneConfig};
 use crate::label::{LabelError, count_of, label_sample};
 use crate::object::{Distribution, Harm, Kind};
 use crate::progress::Progress;
 use crate::sample::Sample;
+use crate::zone::{Zone, ZoneConfig};
 
 /// An object faster than this over ground moves, m/s.
 pub const MOVING_MPS: f64 = 0.5;
@@ -253,8 +253,8 @@ impl fmt::Display for ZoneComparison {
 mod tests {
     use super::*;
     use crate::dataset::test_data;
-    use crate::label::zone::ZoneKind;
     use crate::sample::Truth;
+    use crate::zone::ZoneKind;
 
     fn tally(n_samples: usize, velocity_in_ego_mps: [f64; 2]) -> Tally {
         let zones =

@@ -6,7 +6,6 @@
 mod annotate;
 mod aov;
 mod appearance;
-pub mod bench;
 mod config;
 mod drive;
 pub mod episode;

@@ -4,9 +4,9 @@
 
 use thiserror::Error;
 
-use super::zone::{Zone, ZoneError};
 use crate::episode::{ObjectLabel, SampleLabels};
 use crate::sample::Sample;
+use crate::zone::{Zone, ZoneError};
 
 /// Why a sample could not be labelled.
 #[derive(Debug, Clone, PartialEq, Error)]

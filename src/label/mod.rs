@@ -3,7 +3,6 @@
 mod apply;
 mod counts;
 mod run;
-pub mod zone;
 
 pub use apply::{SampleError, label_sample};
 pub use counts::{Summary, count_of};

@@ -9,7 +9,6 @@ use thiserror::Error;
 
 use super::apply::{SampleError, label_sample};
 use super::counts::Summary;
-use super::zone::{Zone, ZoneConfig, ZoneError};
 use crate::config;
 use crate::episode::manifest::{
     EpisodeEntry, LabelCounts, LabelEntry, LabelManifest, Manifest, ManifestError,
@@ -17,6 +16,7 @@ use crate::episode::manifest::{
 use crate::episode::{EpisodeError, EpisodeReader, LabelWriter, SourceMeta};
 use crate::files::sha256_hex;
 use crate::progress::Progress;
+use crate::zone::{Zone, ZoneConfig, ZoneError};
 
 /// Why a data set could not be labelled.
 #[derive(Debug, Error)]

@@ -12,6 +12,8 @@ use super::config::{ModelConfig, ModelConfigError};
 use super::detector::Detector;
 use crate::files;
 
+/// Name of the finished checkpoint in a run's folder.
+pub const CHECKPOINT: &str = "model.safetensors";
 /// Metadata key of the model's config, as TOML.
 const CONFIG_KEY: &str = "harmzone.model";
 /// Metadata key of the format's version.

@@ -1,8 +1,8 @@
 //! The pictures' colours: a dark, calm ground; one tone for each thing that is told apart.
 
 use super::canvas::Color;
-use crate::label::zone::ZoneKind;
 use crate::object::Harm;
+use crate::zone::ZoneKind;
 
 pub const PAGE: Color = Color::new(0x0010_141b);
 pub const PANEL: Color = Color::new(0x000b_0e13);

@@ -17,8 +17,8 @@ use crate::episode::{EpisodeError, EpisodeReader};
 use crate::eval::zone_comparison::{ZoneComparison, compare};
 use crate::files::write_atomic;
 use crate::label::LabelError;
-use crate::label::zone::{ZoneConfig, ZoneKind};
 use crate::progress::Progress;
+use crate::zone::{ZoneConfig, ZoneKind};
 
 /// Why zones could not be compared.
 #[derive(Debug, Error)]

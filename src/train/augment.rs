@@ -8,10 +8,10 @@ use rand::RngExt;
 
 use super::config::AugmentConfig;
 use crate::geometry::{Point, Point2};
-use crate::label::zone::{Zone, ZoneError};
 use crate::object::{LabelledObject, ObjectTruth};
 use crate::random::Rng;
 use crate::sample::EgoState;
+use crate::zone::{Zone, ZoneError};
 
 /// An aimed steering angle leads the zone to an object, off by at most this many metres to a side.
 const AIM_SPREAD_M: f64 = 4.0;
@@ -96,9 +96,9 @@ fn reflect(object: &mut LabelledObject) {
 mod tests {
     use super::*;
     use crate::dataset::test_data;
-    use crate::label::zone::ZoneKind;
     use crate::object::Harm;
     use crate::random::stream;
+    use crate::zone::ZoneKind;
 
     #[test]
     fn every_zone_labels_each_state_anew_before_the_mirror_and_alike_after() {

@@ -11,9 +11,8 @@ use super::state;
 use crate::config::to_toml;
 use crate::dataset::Dataset;
 use crate::files;
+use crate::model::checkpoint::CHECKPOINT;
 
-/// Name of the finished checkpoint in a run's folder.
-pub const CHECKPOINT: &str = "model.safetensors";
 /// Name of the resolved config in a run's folder.
 pub const CONFIG_FILE: &str = "train.toml";
 /// Name of the file that says which data a run saw.

@@ -14,10 +14,10 @@ use rand::RngExt;
 use super::config::AugmentConfig;
 use crate::dataset::LabelledSample;
 use crate::geometry::{Box3, Ego, Lidar, Point, Transform, convex_signed_distance_m};
-use crate::label::zone::{Zone, ZoneError};
 use crate::object::{Kind, LabelledObject, ObjectTruth};
 use crate::random::Rng;
 use crate::sample::{LidarPoint, Measured};
+use crate::zone::{Zone, ZoneError};
 
 /// An object with fewer points is not worth pasting.
 const MIN_POINTS_OF_DONOR: u32 = 8;

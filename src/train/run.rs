@@ -12,7 +12,7 @@ use thiserror::Error;
 
 use super::average::Average;
 use super::config::{StageConfig, TrainConfig, TrainConfigError};
-use super::folder::{self, CHECKPOINT, LOG_FILE, VALIDATION_FILE};
+use super::folder::{self, LOG_FILE, VALIDATION_FILE};
 use super::log::Log;
 use super::losses::LossParts;
 use super::optimizer::{Optimizer, number_parameters};
@@ -22,10 +22,11 @@ use super::state::{self, Position, StateError};
 use super::step::{Mean, Steps, not_finite};
 use super::validate::{self, ValidationError, validate};
 use crate::dataset::Dataset;
-use crate::label::zone::ZoneError;
+use crate::model::checkpoint::CHECKPOINT;
 use crate::model::checkpoint::{self, CheckpointError};
 use crate::model::{Detector, ImageWeightsError, ImageWeightsReport, InputError};
 use crate::progress::Progress;
+use crate::zone::ZoneError;
 
 /// Why a run stopped.
 #[derive(Debug, Error)]

@@ -3,8 +3,8 @@
 use burn::tensor::Device;
 
 use crate::dataset::Dataset;
-use crate::eval::predict::{PredictError, eval_samples, predict};
-use crate::eval::{ClassScores, Mode, Protocol, ScoreError, score};
+use crate::eval::{ClassScores, Mode, Protocol, ScoreError, eval_samples, score};
+use crate::infer::{PredictError, predict};
 use crate::model::Detector;
 use crate::progress::Silent;
 use thiserror::Error;
@@ -32,8 +32,6 @@ pub fn validate(
     device: &Device,
     with_camera: bool,
 ) -> Result<ClassScores, ValidationError> {
-    let measured: Vec<_> =
-        data.samples().iter().map(|sample| (sample.id.as_str(), &sample.measured)).collect();
-    let found = predict(detector, &measured, with_camera, device, &Silent)?;
+    let found = predict(detector, &data.named(), with_camera, device, &Silent)?;
     Ok(score(&eval_samples(data, &found), &Protocol::default(), Mode::Id)?.columns.total)
 }

@@ -95,7 +95,9 @@ impl Change {
         matches!(self, Self::SpeedMps | Self::SteeringDeg)
     }
 
-    pub(super) fn values(self, config: &SweepConfig) -> &[f64] {
+    /// The values that a config gives the change.
+    #[must_use]
+    pub fn values(self, config: &SweepConfig) -> &[f64] {
         match self {
             Self::SpeedMps => &config.speed_mps,
             Self::SteeringDeg => &config.steering_deg,

@@ -7,7 +7,6 @@
 mod config;
 mod curves;
 
-use burn::tensor::Device;
 use thiserror::Error;
 
 pub use config::{Change, SweepConfig};
@@ -15,23 +14,18 @@ pub use curves::{SweepCurve, SweepPoint, Sweeps};
 
 use super::judge::Judge;
 use super::metrics;
-use super::predict::{PredictError, predict_states};
 use super::protocol::Protocol;
 use super::safety::Early;
 use super::safety::located::Located;
 use super::{EvalSample, EvalTruth, Mode, SampleFacts, ScoreError, check, facts, safety, score};
 use crate::dataset::{Dataset, LabelledSample};
-use crate::label::zone::{Zone, ZoneError};
-use crate::model::Detector;
 use crate::object::{Detection, Distribution, Harm};
-use crate::progress::Progress;
-use crate::sample::{EgoState, Measured};
+use crate::sample::EgoState;
+use crate::zone::{Zone, ZoneError};
 
 /// Why a sweep could not be made.
 #[derive(Debug, Error)]
 pub enum SweepError {
-    #[error(transparent)]
-    Predict(#[from] PredictError),
     #[error(transparent)]
     Score(#[from] ScoreError),
     #[error("sample {sample} with {change} {value}: {source}", change = change.name())]
@@ -49,42 +43,35 @@ pub struct Swept<'a> {
 }
 
 impl<'a> Swept<'a> {
-    /// Runs the detector, in inference mode, over the first `config.n_episodes` episodes of a dataset, once through
-    /// each frame's sensors.
-    ///
-    /// # Errors
-    /// A sample is broken, or a state cannot be.
-    pub fn run(
-        detector: &Detector,
+    /// The boxes that a network found in each frame: `[frame][state][box]`, the recorded state first, then `values`.
+    #[must_use]
+    pub fn new(
         dataset: &'a Dataset,
-        config: &SweepConfig,
-        device: &Device,
-        progress: &dyn Progress,
-    ) -> Result<Self, SweepError> {
-        let frames = dataset.first_episodes(config.n_episodes);
-        let values: Vec<(Change, f64)> = Change::ALL
-            .into_iter()
-            .flat_map(|change| change.values(config).iter().map(move |&value| (change, value)))
-            .collect();
-        let states = |measured: &Measured| {
-            let recorded = &measured.ego_state;
-            let changed = values.iter().map(|&(change, value)| change.apply(recorded, value));
-            std::iter::once(*recorded).chain(changed).collect()
-        };
-        let named: Vec<_> = frames.iter().map(|frame| (frame.id.as_str(), &frame.measured)).collect();
-        progress.start("sweep", named.len() as u64);
-        let with_camera = detector.config().use_camera;
-        let found = predict_states(detector, &named, &states, with_camera, device, progress)?;
-        progress.finish();
+        frames: &'a [LabelledSample],
+        values: Vec<(Change, f64)>,
+        found: Vec<Vec<Vec<Detection>>>,
+    ) -> Self {
         let mut facts = facts::of_dataset(dataset);
         facts.truncate(frames.len());
-        Ok(Self { frames, facts, zone: dataset.zone(), values, found })
+        Self { frames, facts, zone: dataset.zone(), values, found }
     }
 
     /// The frames that were looked at.
     #[must_use]
     pub fn frames(&self) -> &'a [LabelledSample] {
         self.frames
+    }
+
+    /// The changes and values that the frames were looked at with.
+    #[must_use]
+    pub fn values(&self) -> &[(Change, f64)] {
+        &self.values
+    }
+
+    /// The network's boxes: `[frame][state][box]`, the recorded state first.
+    #[must_use]
+    pub fn found(&self) -> &[Vec<Vec<Detection>>] {
+        &self.found
     }
 
     /// The network's boxes in a frame at its recorded state.
@@ -155,6 +142,45 @@ impl<'a> Swept<'a> {
     }
 }
 
+/// A frame's boxes at several values of one change, to be drawn side by side.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Series<'a> {
+    pub frame: &'a LabelledSample,
+    pub change: Change,
+    pub values: Vec<f64>,
+    /// `[value][box]`.
+    pub found: Vec<Vec<Detection>>,
+}
+
+/// The frame of which most objects that the LiDAR hit change sides from value to value, the first of equals; none where
+/// there is no value or no frame.
+///
+/// # Errors
+/// A state or an object is not valid.
+pub fn most_changed<'a>(
+    frames: &'a [LabelledSample],
+    zone: &Zone,
+    change: Change,
+    values: &[f64],
+) -> Result<Option<&'a LabelledSample>, SweepError> {
+    let mut best: Option<(usize, &LabelledSample)> = None;
+    for frame in frames.iter().filter(|_| !values.is_empty()) {
+        let harms_at = |&value: &f64| {
+            let fail = |source| SweepError::Zone { sample: frame.id.clone(), change, value, source };
+            let state = change.apply(&frame.measured.ego_state, value);
+            Ok(truths(frame, Some(&state), zone).map_err(fail)?.iter().map(|truth| truth.harm).collect())
+        };
+        let harms = values.iter().map(harms_at).collect::<Result<Vec<Vec<Harm>>, SweepError>>()?;
+        let changes = |i: &usize| harms.windows(2).any(|pair| pair[0][*i] != pair[1][*i]);
+        let is_hit = |i: &usize| frame.objects[*i].truth.n_lidar_points > 0;
+        let n_changed = (0..frame.objects.len()).filter(is_hit).filter(changes).count();
+        if best.is_none_or(|(most, _)| n_changed > most) {
+            best = Some((n_changed, frame));
+        }
+    }
+    Ok(best.map(|(_, frame)| frame))
+}
+
 /// The truths of a frame, labelled by the zone of a state where one is given.
 fn truths(
     frame: &LabelledSample,
@@ -213,27 +239,7 @@ mod tests {
     use super::*;
     use crate::dataset::test_data;
     use crate::eval::matching::tests::{found, truth};
-    use crate::label::zone::ZoneKind;
-    use crate::model::ModelConfig;
-    use crate::progress::Silent;
-    use burn::module::Module;
-
-    fn detector() -> Detector {
-        let mut config = ModelConfig::default();
-        (config.grid.cell_size_m, config.camera.cnn.image_width_px, config.head.n_queries) = (3.2, 64, 40);
-        Detector::init(&config, 0, &Device::flex()).valid()
-    }
-
-    fn config() -> SweepConfig {
-        SweepConfig {
-            speed_mps: vec![0.0, 14.0],
-            steering_deg: vec![20.0],
-            speed_factor: vec![1.0],
-            steering_offset_deg: vec![],
-            judges: vec![Judge::Network, Judge::Zone],
-            ..SweepConfig::default()
-        }
-    }
+    use crate::zone::ZoneKind;
 
     #[test]
     fn the_truth_follows_the_speed_or_stays() {
@@ -275,53 +281,20 @@ mod tests {
     }
 
     #[test]
-    fn one_pass_over_the_sensors_finds_what_a_pass_for_each_state_finds() {
-        let (dataset, detector, device) = (test_data::dataset(2), detector(), Device::flex());
-        let swept = Swept::run(&detector, &dataset, &config(), &device, &Silent).unwrap();
-        for (state_idx, (change, value)) in
-            [(Change::SpeedFactor, 1.0)].iter().chain(&swept.values).copied().enumerate()
-        {
-            for (frame, of_frame) in dataset.samples().iter().zip(&swept.found) {
-                let mut measured = frame.measured.clone();
-                measured.ego_state = change.apply(&measured.ego_state, value);
-                let alone = super::super::predict::predict(
-                    &detector,
-                    &[("alone", &measured)],
-                    true,
-                    &device,
-                    &Silent,
-                );
-                let (alone, at_once) = (&alone.unwrap()[0], &of_frame[state_idx]);
-                assert_eq!(alone.len(), at_once.len(), "{change:?} {value}");
-                let off = |(a, b): (&Detection, &Detection)| (a.score - b.score).abs();
-                assert!(alone.iter().zip(at_once).map(off).all(|off| off < 1e-5));
-            }
-        }
-        // The network is asked about speed: other scores.
-        assert_ne!(swept.found[0][1], swept.found[0][2]);
-    }
-
-    #[test]
-    fn each_value_has_a_point_for_each_judge_and_a_state_that_cannot_be_is_an_error() {
-        let (dataset, detector, device) = (test_data::dataset(3), detector(), Device::flex());
-        let swept = Swept::run(&detector, &dataset, &config(), &device, &Silent).unwrap();
-        let sweeps = swept.measure(&config().judges, &Protocol::default()).unwrap();
-        assert_eq!((sweeps.n_samples, sweeps.curves.len()), (3, 6));
-        let speeds = sweeps.points(Change::SpeedMps, Judge::Zone);
-        assert_eq!(speeds.iter().map(|point| point.value).collect::<Vec<_>>(), [0.0, 14.0]);
-        for point in sweeps.curves.iter().flat_map(|curve| &curve.points) {
-            assert!(point.n_located <= point.n_truths && point.n_both <= point.n_harmful, "{point:?}");
-            assert!(point.scores.id_matched.is_none(), "all objects are in distribution");
-        }
-        // The rival calls by the rule itself: what it locates is right unless the box is off.
-        let harmful = |judge| sweeps.points(Change::SpeedMps, judge)[1].n_harmful;
-        assert_eq!(harmful(Judge::Zone), harmful(Judge::Network));
-        assert!(sweeps.points(Change::SteeringOffsetDeg, Judge::Zone).is_empty());
-        assert_eq!(sweeps.to_csv().lines().count(), 1 + 2 * 4);
-        let again: Sweeps = serde_json::from_str(&sweeps.to_json()).unwrap();
-        assert_eq!((again.to_csv(), again.early), (sweeps.to_csv(), sweeps.early));
-        let broken = SweepConfig { speed_mps: vec![f64::NAN], ..config() };
-        assert!(Swept::run(&detector, &dataset, &broken, &device, &Silent).is_err());
+    fn the_frame_with_most_objects_that_change_sides_is_drawn() {
+        let dataset = test_data::dataset(8);
+        let n_changed = |frame: &LabelledSample| {
+            let at = |value| {
+                let state = Change::SpeedMps.apply(&frame.measured.ego_state, value);
+                truths(frame, Some(&state), dataset.zone()).unwrap()
+            };
+            at(0.0).into_iter().zip(at(14.0)).filter(|(a, b)| a.harm != b.harm).count()
+        };
+        let chosen = most_changed(dataset.samples(), dataset.zone(), Change::SpeedMps, &[0.0, 14.0]);
+        let chosen = chosen.unwrap().unwrap();
+        let most = dataset.samples().iter().map(n_changed).max().unwrap();
+        assert!(most > 0 && n_changed(chosen) == most);
+        assert!(most_changed(dataset.samples(), dataset.zone(), Change::SpeedMps, &[]).unwrap().is_none());
     }
 
     #[test]

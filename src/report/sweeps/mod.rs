@@ -18,7 +18,6 @@ mod pictures;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use burn::tensor::Device;
 use fs_err as fs;
 use thiserror::Error;
 
@@ -27,22 +26,21 @@ use crate::config::to_toml;
 use crate::dataset::Dataset;
 use crate::eval::Protocol;
 use crate::eval::judge::Judge;
-use crate::eval::sweep::{Change, SweepConfig, SweepError, Sweeps, Swept};
+use crate::eval::sweep::{Change, Series, SweepConfig, SweepError, Sweeps, Swept};
 use crate::files::write_atomic;
-use crate::label::zone::ZoneError;
-use crate::model::Detector;
-use crate::progress::Progress;
+use crate::zone::ZoneError;
 
 /// Name of the file whose presence says that all is there.
 pub const JSON_FILE: &str = "sweeps.json";
 const CSV_FILE: &str = "sweeps.csv";
 const CONFIG_FILE: &str = "sweep.toml";
 
-/// What to sweep, and where to.
-#[derive(Debug, Clone, Copy)]
+/// What was swept, and where its figures go.
+#[derive(Clone, Copy)]
 pub struct SweepRequest<'a> {
-    /// In inference mode.
-    pub detector: &'a Detector,
+    pub swept: &'a Swept<'a>,
+    /// Frames to draw at several states.
+    pub series: &'a [Series<'a>],
     pub dataset: &'a Dataset,
     pub config: &'a SweepConfig,
     pub protocol: &'a Protocol,
@@ -85,17 +83,12 @@ pub fn refuse_to_overwrite(out: &Path, force: bool) -> Result<(), SweepReportErr
     if path.exists() && !force { Err(SweepReportError::Exists { path }) } else { Ok(()) }
 }
 
-/// Runs the detector over the frames and writes all figures and pictures.
+/// Scores what was swept, and writes all figures and pictures.
 ///
 /// # Errors
 /// [`SweepReportError`].
-pub fn run(
-    request: &SweepRequest<'_>,
-    device: &Device,
-    progress: &dyn Progress,
-) -> Result<SweepSummary, SweepReportError> {
-    let SweepRequest { detector, dataset, config, protocol, out } = *request;
-    let swept = Swept::run(detector, dataset, config, device, progress)?;
+pub fn run(request: &SweepRequest<'_>) -> Result<SweepSummary, SweepReportError> {
+    let SweepRequest { swept, series, dataset, config, protocol, out } = *request;
     let sweeps = swept.measure(&config.judges, protocol)?;
     fs::create_dir_all(out)?;
     let json = out.join(JSON_FILE);
@@ -112,7 +105,7 @@ pub fn run(
     if let Some(early) = &sweeps.early {
         save_plot(out, "early", &figures::early(early))?;
     }
-    let pictures = pictures::draw_all(&swept, dataset.zone(), config, detector, device)?;
+    let pictures = pictures::draw_all(swept, dataset.zone(), config, series)?;
     for (name, picture) in &pictures {
         let path = out.join(name);
         fs::create_dir_all(path.parent().unwrap_or(out))?;

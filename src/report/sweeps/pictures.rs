@@ -2,20 +2,16 @@
 
 use std::collections::BTreeMap;
 
-use burn::tensor::Device;
 use image::RgbImage;
 
 use super::SweepReportError;
 use crate::dataset::LabelledSample;
-use crate::eval::predict::predict_states;
-use crate::eval::sweep::{Change, SweepConfig, SweepError, Swept};
+use crate::eval::sweep::{Change, Series, SweepConfig, Swept};
 use crate::geometry::Point2;
-use crate::label::zone::Zone;
-use crate::model::Detector;
 use crate::object::{Detection, Distribution, Harm};
-use crate::progress::Silent;
 use crate::report::view::{self, Scene, StatePanel, draw_states};
 use crate::sample::{EgoState, Sample, Truth};
+use crate::zone::Zone;
 
 /// Pictures by their names in the folder.
 type Named = Vec<(String, RgbImage)>;
@@ -28,19 +24,13 @@ pub fn draw_all(
     swept: &Swept<'_>,
     zone: &Zone,
     config: &SweepConfig,
-    detector: &Detector,
-    device: &Device,
+    series: &[Series<'_>],
 ) -> Result<Named, SweepReportError> {
     let mut pictures = Vec::new();
-    for (name, change, values) in [
-        ("frame_speed.png", Change::SpeedMps, &config.picture_speed_mps),
-        ("frame_steering.png", Change::SteeringDeg, &config.picture_steering_deg),
-    ] {
-        if let Some(frame) = most_changed(swept.frames(), zone, change, values)? {
-            let found = at_values(detector, frame, change, values, device)?;
-            let picture = draw_frame(frame, zone, change, values, &found, config.picture_min_score)?;
-            pictures.push((name.to_owned(), picture));
-        }
+    for Series { frame, change, values, found } in series {
+        let name = if *change == Change::SpeedMps { "frame_speed.png" } else { "frame_steering.png" };
+        let picture = draw_frame(frame, zone, *change, values, found, config.picture_min_score)?;
+        pictures.push((name.to_owned(), picture));
     }
     for (category, frame_idx) in best_seen(swept.frames()) {
         let found = shown(swept.recorded(frame_idx), config.picture_min_score);
@@ -75,46 +65,6 @@ fn labels_at(
         Ok::<_, SweepReportError>(verdict.harm)
     });
     Ok((area.corners().to_vec(), harms.collect::<Result<_, _>>()?))
-}
-
-/// The frame of which most objects that the LiDAR hit change sides from value to value, the first of equals; none where
-/// there is no value or no frame.
-fn most_changed<'a>(
-    frames: &'a [LabelledSample],
-    zone: &Zone,
-    change: Change,
-    values: &[f64],
-) -> Result<Option<&'a LabelledSample>, SweepReportError> {
-    let mut best: Option<(usize, &LabelledSample)> = None;
-    for frame in frames.iter().filter(|_| !values.is_empty()) {
-        let at =
-            |&value: &f64| Ok(labels_at(frame, zone, &change.apply(&frame.measured.ego_state, value))?.1);
-        let harms = values.iter().map(at).collect::<Result<Vec<_>, SweepReportError>>()?;
-        let changes = |i: &usize| harms.windows(2).any(|pair| pair[0][*i] != pair[1][*i]);
-        let is_hit = |i: &usize| frame.objects[*i].truth.n_lidar_points > 0;
-        let n_changed = (0..frame.objects.len()).filter(is_hit).filter(changes).count();
-        if best.is_none_or(|(most, _)| n_changed > most) {
-            best = Some((n_changed, frame));
-        }
-    }
-    Ok(best.map(|(_, frame)| frame))
-}
-
-/// The network's boxes in a frame at each value.
-fn at_values(
-    detector: &Detector,
-    frame: &LabelledSample,
-    change: Change,
-    values: &[f64],
-    device: &Device,
-) -> Result<Vec<Vec<Detection>>, SweepReportError> {
-    let named = [(frame.id.as_str(), &frame.measured)];
-    let states = |measured: &crate::sample::Measured| {
-        values.iter().map(|&value| change.apply(&measured.ego_state, value)).collect()
-    };
-    let with_camera = detector.config().use_camera;
-    let found = predict_states(detector, &named, &states, with_camera, device, &Silent);
-    Ok(found.map_err(SweepError::from)?.into_iter().flatten().collect())
 }
 
 /// A sample of a frame at a state.
@@ -207,23 +157,6 @@ fn draw_kind(frame: &LabelledSample, zone: &Zone, found: &[Detection]) -> Result
 mod tests {
     use super::*;
     use crate::dataset::test_data;
-
-    #[test]
-    fn the_frame_with_most_objects_that_change_sides_is_drawn() {
-        let dataset = test_data::dataset(8);
-        let n_changed = |frame: &LabelledSample| {
-            let at = |value| {
-                let state = Change::SpeedMps.apply(&frame.measured.ego_state, value);
-                labels_at(frame, dataset.zone(), &state).unwrap().1
-            };
-            at(0.0).iter().zip(at(14.0)).filter(|(a, b)| **a != *b).count()
-        };
-        let chosen = most_changed(dataset.samples(), dataset.zone(), Change::SpeedMps, &[0.0, 14.0]);
-        let chosen = chosen.unwrap().unwrap();
-        let most = dataset.samples().iter().map(n_changed).max().unwrap();
-        assert!(most > 0 && n_changed(chosen) == most);
-        assert!(most_changed(dataset.samples(), dataset.zone(), Change::SpeedMps, &[]).unwrap().is_none());
-    }
 
     #[test]
     fn each_kind_is_shown_where_it_is_seen_best() {

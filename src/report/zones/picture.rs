@@ -5,12 +5,12 @@ use thiserror::Error;
 
 use crate::eval::zone_comparison::MOVING_MPS;
 use crate::geometry::Point2;
-use crate::label::zone::{Verdict, Zone, ZoneConfig, ZoneError, ZoneKind};
 use crate::object::{Distribution, Harm, ObjectTruth};
 use crate::report::canvas::{Align, Canvas, Color, Pen, text_width_px};
 use crate::report::palette;
 use crate::report::view::{Area, Mark, birdseye, front};
 use crate::sample::Sample;
+use crate::zone::{Verdict, Zone, ZoneConfig, ZoneError, ZoneKind};
 
 /// Size of the picture, pixels.
 pub(super) const SIZE_PX: (u32, u32) = (1600, 900);
@@ -97,9 +97,8 @@ impl Overlay<'_> {
         let mut judged = objects
             .iter()
             .map(|object| {
-                let harm_of = |zone: &crate::label::zone::ZoneAt| {
-                    zone.harm_of(&object.box_in_ego, object.velocity_in_ego_mps)
-                };
+                let harm_of =
+                    |zone: &crate::zone::ZoneAt| zone.harm_of(&object.box_in_ego, object.velocity_in_ego_mps);
                 Ok(Judged { object, verdicts: zones.iter().map(harm_of).collect::<Result<_, _>>()? })
             })
             .collect::<Result<Vec<_>, ZoneError>>()?;

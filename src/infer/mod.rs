@@ -1,0 +1,11 @@
+//! A trained network over a data set, to boxes: what `predict`, `eval`, `sweep` and `baseline` share.
+
+mod closed_set;
+mod predict;
+mod sweep;
+mod trained;
+
+pub use closed_set::{ClosedSet, ClosedSetError, Strangeness};
+pub use predict::{PredictError, detect, detect_kinds, predict, predict_kinds, predict_states};
+pub use sweep::{SweepRunError, sweep};
+pub use trained::{Trained, TrainedError};

@@ -1,0 +1,155 @@
+//! Runs a detector over measured samples, with progress.
+
+use burn::tensor::Device;
+use rayon::prelude::*;
+use thiserror::Error;
+
+use crate::dataset::Dataset;
+use crate::model::{
+    Batch, Classes, Detector, Input, InputError, KindBox, Output, detections_by_state, kind_boxes,
+};
+use crate::object::{Detection, MIN_SCORE};
+use crate::progress::Progress;
+use crate::sample::{EgoState, Measured};
+
+/// Samples that go through the network together.
+const BATCH: usize = 4;
+
+/// Why samples could not be predicted.
+#[derive(Debug, Error)]
+pub enum PredictError {
+    #[error("sample {sample}: {source}")]
+    Input { sample: String, source: InputError },
+    #[error(
+        "the network tells kinds of objects, not harm (model.head.classes = \"kind\"); \
+         `harmzone baseline closed-msp RUN --data DIR --fit DIR` decides on harm by kind"
+    )]
+    TellsKinds,
+    #[error(
+        "the network tells harm, not kinds of objects; a closed set is trained by `harmzone train DATA --out RUN \
+         --set model.head.classes=kind --set model.head.numeric_fusion=none --set validate_every_epochs=0`"
+    )]
+    TellsHarm,
+}
+
+/// Boxes of each sample, best first. The detector must be in inference mode (`valid()`); `with_camera` is
+/// false only for one whose camera branch has not been trained yet.
+///
+/// # Errors
+/// A sample's image is broken or its state is not finite.
+pub fn predict(
+    detector: &Detector,
+    samples: &[(&str, &Measured)],
+    with_camera: bool,
+    device: &Device,
+    progress: &dyn Progress,
+) -> Result<Vec<Vec<Detection>>, PredictError> {
+    let recorded = |measured: &Measured| vec![measured.ego_state];
+    let found = predict_states(detector, samples, &recorded, with_camera, device, progress)?;
+    Ok(found.into_iter().flatten().collect())
+}
+
+/// As [`predict`], at several speeds and steering angles: `[sample][state][box]`. A sample's sensors are looked at
+/// once, since its state joins the last layers only.
+///
+/// # Arguments
+/// - `states`: as many for each sample
+///
+/// # Errors
+/// A sample's image is broken or one of its states is not finite.
+pub fn predict_states(
+    detector: &Detector,
+    samples: &[(&str, &Measured)],
+    states: &(dyn Fn(&Measured) -> Vec<EgoState> + Sync),
+    with_camera: bool,
+    device: &Device,
+    progress: &dyn Progress,
+) -> Result<Vec<Vec<Vec<Detection>>>, PredictError> {
+    if detector.config().head.classes != Classes::Harm {
+        return Err(PredictError::TellsKinds);
+    }
+    let read = |output: &Output| detections_by_state(output, detector.config(), MIN_SCORE);
+    forward(detector, samples, states, with_camera, device, progress, &read)
+}
+
+/// Boxes of each sample with their kinds, best first, of a detector that tells kinds; otherwise as [`predict`].
+///
+/// # Errors
+/// The detector tells harm, a sample's image is broken or its state is not finite.
+pub fn predict_kinds(
+    detector: &Detector,
+    samples: &[(&str, &Measured)],
+    device: &Device,
+    progress: &dyn Progress,
+) -> Result<Vec<Vec<KindBox>>, PredictError> {
+    if detector.config().head.classes != Classes::Kind {
+        return Err(PredictError::TellsHarm);
+    }
+    let recorded = |measured: &Measured| vec![measured.ego_state];
+    let read = |output: &Output| kind_boxes(output, detector.config(), MIN_SCORE);
+    forward(detector, samples, &recorded, detector.config().use_camera, device, progress, &read)
+}
+
+/// Boxes of each sample of a data set, by a detector in inference mode.
+///
+/// # Errors
+/// As [`predict`].
+pub fn detect(
+    detector: &Detector,
+    dataset: &Dataset,
+    device: &Device,
+    progress: &dyn Progress,
+) -> Result<Vec<Vec<Detection>>, PredictError> {
+    progress.start("predict", dataset.samples().len() as u64);
+    let found = predict(detector, &dataset.named(), detector.config().use_camera, device, progress)?;
+    progress.finish();
+    Ok(found)
+}
+
+/// As [`detect`], of a detector that tells kinds; `stage` names the progress.
+///
+/// # Errors
+/// As [`predict_kinds`].
+pub fn detect_kinds(
+    detector: &Detector,
+    dataset: &Dataset,
+    stage: &str,
+    device: &Device,
+    progress: &dyn Progress,
+) -> Result<Vec<Vec<KindBox>>, PredictError> {
+    progress.start(stage, dataset.samples().len() as u64);
+    let found = predict_kinds(detector, &dataset.named(), device, progress)?;
+    progress.finish();
+    Ok(found)
+}
+
+/// What `read` makes of each sample's part of the network's output.
+fn forward<T>(
+    detector: &Detector,
+    samples: &[(&str, &Measured)],
+    states: &(dyn Fn(&Measured) -> Vec<EgoState> + Sync),
+    with_camera: bool,
+    device: &Device,
+    progress: &dyn Progress,
+    read: &dyn Fn(&Output) -> Vec<T>,
+) -> Result<Vec<T>, PredictError> {
+    let config = detector.config();
+    let mut found = Vec::with_capacity(samples.len());
+    for chunk in samples.chunks(BATCH) {
+        let inputs = chunk
+            .par_iter()
+            .map(|(id, measured)| {
+                Input::prepare(measured, config, false, with_camera)
+                    .and_then(|input| input.with_states(&states(measured), false))
+                    .map_err(|source| PredictError::Input { sample: (*id).to_owned(), source })
+            })
+            .collect::<Result<Vec<_>, _>>()?;
+        // Images of another size than the first one's go alone: a batch has one size.
+        for same_size in inputs.chunk_by(|a, b| a.image_height_px() == b.image_height_px()) {
+            let batch = Batch::stack(&same_size.iter().collect::<Vec<_>>(), config, with_camera, device);
+            found.extend(read(&detector.forward(&batch)));
+        }
+        progress.advance(chunk.len() as u64);
+    }
+    Ok(found)
+}

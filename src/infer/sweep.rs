@@ -1,0 +1,142 @@
+//! Runs a network over the same frames at other speeds and steering angles.
+
+use burn::tensor::Device;
+use thiserror::Error;
+
+use super::predict::{PredictError, predict_states};
+use crate::dataset::Dataset;
+use crate::eval::sweep::{Change, Series, SweepConfig, SweepError, Swept, most_changed};
+use crate::model::Detector;
+use crate::progress::{Progress, Silent};
+use crate::sample::Measured;
+
+/// Why a network could not be asked.
+#[derive(Debug, Error)]
+pub enum SweepRunError {
+    #[error(transparent)]
+    Predict(#[from] PredictError),
+    #[error(transparent)]
+    Sweep(#[from] SweepError),
+}
+
+/// The detector's boxes, in inference mode, in the first `config.n_episodes` episodes of a dataset at every value of
+/// every change, once through each frame's sensors; and the frames to draw.
+///
+/// # Errors
+/// A sample is broken, or a state is not valid.
+pub fn sweep<'a>(
+    detector: &Detector,
+    dataset: &'a Dataset,
+    config: &SweepConfig,
+    device: &Device,
+    progress: &dyn Progress,
+) -> Result<(Swept<'a>, Vec<Series<'a>>), SweepRunError> {
+    let frames = dataset.first_episodes(config.n_episodes);
+    let values: Vec<(Change, f64)> = Change::ALL
+        .into_iter()
+        .flat_map(|change| change.values(config).iter().map(move |&value| (change, value)))
+        .collect();
+    let states = |measured: &Measured| {
+        let recorded = &measured.ego_state;
+        let changed = values.iter().map(|&(change, value)| change.apply(recorded, value));
+        std::iter::once(*recorded).chain(changed).collect()
+    };
+    let named = &dataset.named()[..frames.len()];
+    progress.start("sweep", named.len() as u64);
+    let with_camera = detector.config().use_camera;
+    let found = predict_states(detector, named, &states, with_camera, device, progress)?;
+    let mut series = Vec::new();
+    for (change, values) in
+        [(Change::SpeedMps, &config.picture_speed_mps), (Change::SteeringDeg, &config.picture_steering_deg)]
+    {
+        if let Some(frame) = most_changed(frames, dataset.zone(), change, values)? {
+            let named = [(frame.id.as_str(), &frame.measured)];
+            let states = |measured: &Measured| {
+                values.iter().map(|&value| change.apply(&measured.ego_state, value)).collect()
+            };
+            let found = predict_states(detector, &named, &states, with_camera, device, &Silent)?;
+            series.push(Series {
+                frame,
+                change,
+                values: values.clone(),
+                found: found.into_iter().flatten().collect(),
+            });
+        }
+    }
+    progress.finish();
+    Ok((Swept::new(dataset, frames, values, found), series))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dataset::test_data;
+    use crate::eval::Protocol;
+    use crate::eval::judge::Judge;
+    use crate::eval::sweep::Sweeps;
+    use crate::infer::predict;
+    use crate::model::ModelConfig;
+    use crate::object::Detection;
+    use burn::module::Module;
+
+    fn detector() -> Detector {
+        let mut config = ModelConfig::default();
+        (config.grid.cell_size_m, config.camera.cnn.image_width_px, config.head.n_queries) = (3.2, 64, 40);
+        Detector::init(&config, 0, &Device::flex()).valid()
+    }
+
+    fn config() -> SweepConfig {
+        SweepConfig {
+            speed_mps: vec![0.0, 14.0],
+            steering_deg: vec![20.0],
+            speed_factor: vec![1.0],
+            steering_offset_deg: vec![],
+            judges: vec![Judge::Network, Judge::Zone],
+            ..SweepConfig::default()
+        }
+    }
+
+    #[test]
+    fn one_pass_over_the_sensors_finds_what_a_pass_for_each_state_finds() {
+        let (dataset, detector, device) = (test_data::dataset(2), detector(), Device::flex());
+        let swept = sweep(&detector, &dataset, &config(), &device, &Silent).unwrap().0;
+        for (state_idx, (change, value)) in
+            [(Change::SpeedFactor, 1.0)].iter().chain(swept.values()).copied().enumerate()
+        {
+            for (frame, of_frame) in dataset.samples().iter().zip(swept.found()) {
+                let mut measured = frame.measured.clone();
+                measured.ego_state = change.apply(&measured.ego_state, value);
+                let alone = predict(&detector, &[("alone", &measured)], true, &device, &Silent);
+                let (alone, at_once) = (&alone.unwrap()[0], &of_frame[state_idx]);
+                assert_eq!(alone.len(), at_once.len(), "{change:?} {value}");
+                let off = |(a, b): (&Detection, &Detection)| (a.score - b.score).abs();
+                assert!(alone.iter().zip(at_once).map(off).all(|off| off < 1e-5));
+            }
+        }
+        // The network is asked about speed: other scores.
+        assert_ne!(swept.found()[0][1], swept.found()[0][2]);
+    }
+
+    #[test]
+    fn each_value_has_a_point_for_each_judge_and_a_state_that_cannot_be_is_an_error() {
+        let (dataset, detector, device) = (test_data::dataset(3), detector(), Device::flex());
+        let swept = sweep(&detector, &dataset, &config(), &device, &Silent).unwrap().0;
+        let sweeps = swept.measure(&config().judges, &Protocol::default()).unwrap();
+        assert_eq!((sweeps.n_samples, sweeps.curves.len()), (3, 6));
+        let speeds = sweeps.points(Change::SpeedMps, Judge::Zone);
+        assert_eq!(speeds.iter().map(|point| point.value).collect::<Vec<_>>(), [0.0, 14.0]);
+        for point in sweeps.curves.iter().flat_map(|curve| &curve.points) {
+            assert!(point.n_located <= point.n_truths && point.n_both <= point.n_harmful, "{point:?}");
+            assert!(point.scores.id_matched.is_none(), "all objects are in distribution");
+        }
+        // The rival calls by the rule itself: what it locates is right unless the box is off.
+        let harmful = |judge| sweeps.points(Change::SpeedMps, judge)[1].n_harmful;
+        assert_eq!(harmful(Judge::Zone), harmful(Judge::Network));
+        assert!(sweeps.points(Change::SteeringOffsetDeg, Judge::Zone).is_empty());
+        assert_eq!(sweeps.to_csv().lines().count(), 1 + 2 * 4);
+        let again: Sweeps = serde_json::from_str(&sweeps.to_json()).unwrap();
+        assert_eq!((again.to_csv(), again.early), (sweeps.to_csv(), sweeps.early));
+        let broken = SweepConfig { speed_mps: vec![f64::NAN], ..config() };
+        assert!(sweep(&detector, &dataset, &broken, &device, &Silent).is_err());
+    }
+}

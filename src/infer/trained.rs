@@ -1,0 +1,123 @@
+//! What a RUN argument means: a run's folder, a checkpoint, or the name of a network inside the program.
+
+use std::borrow::Cow;
+use std::path::{Path, PathBuf};
+
+use burn::module::Module;
+use burn::tensor::Device;
+use fs_err as fs;
+use thiserror::Error;
+
+use crate::model::checkpoint::{self, CheckpointError};
+use crate::model::{Detector, ModelConfig, SHIPPED, Shipped};
+
+/// Why a trained detector could not be found or read.
+#[derive(Debug, Error)]
+pub enum TrainedError {
+    #[error(
+        "no finished checkpoint; `harmzone train DATA --out {}` makes one, and the program has {} inside: {}",
+        run.display(),
+        SHIPPED.each_ref().map(|shipped| format!("`{}`", shipped.name)).join(", "),
+        path.display()
+    )]
+    NotFound { run: PathBuf, path: PathBuf },
+    #[error(transparent)]
+    Checkpoint(#[from] CheckpointError),
+    #[error(transparent)]
+    Io(#[from] std::io::Error),
+    #[error("the dataset's folder has no name; give --out: {}", path.display())]
+    NoName { path: PathBuf },
+}
+
+/// A trained detector that a command was pointed at.
+#[derive(Debug)]
+pub enum Trained {
+    Shipped(&'static Shipped),
+    /// A checkpoint.
+    File(PathBuf),
+}
+
+impl Trained {
+    /// Finds what RUN names; the name of a network inside the program goes first, `./small` is a path.
+    ///
+    /// # Errors
+    /// Nothing is there; the message tells what would be.
+    pub fn find(run: &Path) -> Result<Self, TrainedError> {
+        if let Some(shipped) = run.to_str().and_then(Shipped::named) {
+            return Ok(Self::Shipped(shipped));
+        }
+        let path = if run.is_dir() { run.join(checkpoint::CHECKPOINT) } else { run.to_owned() };
+        if !path.exists() {
+            return Err(TrainedError::NotFound { run: run.to_owned(), path });
+        }
+        Ok(Self::File(path))
+    }
+
+    /// The detector, in inference mode.
+    ///
+    /// # Errors
+    /// The checkpoint is broken.
+    pub fn load(&self, device: &Device) -> Result<Detector, TrainedError> {
+        let detector = match self {
+            Self::Shipped(shipped) => {
+                checkpoint::unpack(shipped.checkpoint, Path::new(shipped.name), device)?
+            }
+            Self::File(path) => checkpoint::load(path, device)?,
+        };
+        Ok(detector.valid())
+    }
+
+    /// The checkpoint's bytes, and where they lie.
+    ///
+    /// # Errors
+    /// The checkpoint cannot be read.
+    pub fn bytes(&self) -> Result<(PathBuf, Cow<'static, [u8]>), TrainedError> {
+        Ok(match self {
+            Self::Shipped(shipped) => (shipped.name.into(), Cow::Borrowed(shipped.checkpoint)),
+            Self::File(path) => (path.clone(), Cow::Owned(fs::read(path)?)),
+        })
+    }
+
+    /// The network's config.
+    ///
+    /// # Errors
+    /// The checkpoint is broken.
+    pub fn config(&self) -> Result<ModelConfig, TrainedError> {
+        Ok(match self {
+            Self::Shipped(shipped) => checkpoint::config_in(shipped.checkpoint, Path::new(shipped.name))?,
+            Self::File(path) => checkpoint::read_config(path)?,
+        })
+    }
+
+    /// Where its predictions for a dataset lie unless told otherwise: in the run's folder, by the dataset's
+    /// name; those of a network inside the program in the dataset, by the network's.
+    ///
+    /// # Errors
+    /// The dataset is not there, or its folder has no name.
+    pub fn predictions_folder(&self, data: &Path) -> Result<PathBuf, TrainedError> {
+        let checkpoint = match self {
+            Self::Shipped(shipped) => return Ok(data.join("predictions").join(shipped.name)),
+            Self::File(path) => path,
+        };
+        let Some(name) = fs::canonicalize(data)?.file_name().map(ToOwned::to_owned) else {
+            return Err(TrainedError::NoName { path: data.to_owned() });
+        };
+        Ok(checkpoint.parent().unwrap_or(Path::new(".")).join("predictions").join(name))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_is_the_network_inside_and_a_path_is_a_path() {
+        assert!(matches!(Trained::find(Path::new("small")), Ok(Trained::Shipped(_))));
+        let message = Trained::find(Path::new("./small")).unwrap_err().to_string();
+        assert!(message.contains("`small`") && message.contains("harmzone train"), "{message}");
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join(checkpoint::CHECKPOINT), b"").unwrap();
+        let found = Trained::find(folder.path()).unwrap();
+        assert!(matches!(&found, Trained::File(path) if path.ends_with(checkpoint::CHECKPOINT)), "{found:?}");
+    }
+}

@@ -1,0 +1,99 @@
+//! `harmzone bench-model`: how fast a detector infers and trains; what `make race` runs.
+
+use std::io::{BufRead, Write};
+use std::path::PathBuf;
+
+use anyhow::Context;
+use clap::Args;
+use serde_json::json;
+
+use crate::bench_model::{self as bench, Bench, BenchOptions, Contest};
+use harmzone::cli::{Bar, DeviceArg, ExitStatus, open_split};
+use harmzone::config;
+use harmzone::infer::Trained;
+use harmzone::train::TrainConfig;
+
+#[derive(Debug, Args)]
+pub struct BenchModelArgs {
+    /// Labelled dataset
+    #[arg(long, value_name = "DIR")]
+    data: PathBuf,
+    /// Run folder, checkpoint, or the name of a network inside the program; without it, the config's with
+    /// random weights
+    #[arg(long, value_name = "RUN")]
+    model: Option<PathBuf>,
+    /// Split: train, val or test; without it, the dataset's val, or test where there is no val
+    #[arg(long)]
+    split: Option<String>,
+    /// Label set
+    #[arg(long, value_name = "SET", default_value = "rect")]
+    labels: String,
+    /// Samples of inference
+    #[arg(long, default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..))]
+    samples: u32,
+    /// Training steps of each stage
+    #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..))]
+    steps: u32,
+    /// Training config (TOML); `configs/train.toml` holds the defaults
+    #[arg(long, value_name = "TOML")]
+    config: Option<PathBuf>,
+    /// Override one key of the training config, e.g. batch_size=2
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    overrides: Vec<String>,
+    #[command(flatten)]
+    device: DeviceArg,
+    /// Write inputs, weights and outputs for `scripts/race_pytorch.py` into a folder, and stop
+    #[arg(long, value_name = "DIR")]
+    dump: Option<PathBuf>,
+    /// Do what each line on stdin names, once, and print its milliseconds: "lidar_step", "fused_step",
+    /// "inference", "whole", each a JSON string
+    #[arg(long, conflicts_with = "dump")]
+    lockstep: bool,
+    /// Print the figures as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub fn run(args: BenchModelArgs) -> anyhow::Result<ExitStatus> {
+    let trained = args.model.as_deref().map(Trained::find).transpose()?;
+    let mut config: TrainConfig =
+        config::load_over(&TrainConfig::default(), args.config.as_deref(), &args.overrides)?;
+    if let Some(trained) = &trained {
+        config.model = trained.config()?;
+    }
+    let checkpoint = trained.as_ref().map(Trained::bytes).transpose()?;
+    let dataset = open_split(&args.data, &args.labels, args.split.as_deref())?;
+    let device = args.device.open()?;
+    let bench = Bench { dataset: &dataset, config: &config, checkpoint, device: &device };
+    if let Some(folder) = &args.dump {
+        bench::dump(&bench, folder)?;
+        println!("{}", folder.display());
+    } else if args.lockstep {
+        lockstep(&bench)?;
+    } else {
+        let options = BenchOptions { n_samples: args.samples as usize, n_steps: args.steps as usize };
+        let report = bench.run(options, &Bar::default())?;
+        if args.json {
+            println!("{}", serde_json::to_string_pretty(&report)?);
+        } else {
+            print!("{report}");
+        }
+    }
+    Ok(ExitStatus::Done)
+}
+
+fn lockstep(bench: &Bench) -> anyhow::Result<()> {
+    let mut unread = None;
+    let mut lines = std::io::stdin().lock().lines();
+    let next = || {
+        let contest = lines.next()?.map_err(anyhow::Error::from).and_then(|line| {
+            serde_json::from_str::<Contest>(&line).with_context(|| format!("no contest in the line `{line}`"))
+        });
+        contest.map_err(|error| unread = Some(error)).ok()
+    };
+    bench::race(bench, next, |contest, ms| {
+        println!("{}", json!({ "contest": contest, "ms": ms }));
+        std::io::stdout().flush().map_err(anyhow::Error::from)
+    })?;
+    unread.map_or(Ok(()), Err)
+}

@@ -1,0 +1,37 @@
+//! What developers of harmzone run through `make`: the results, the races and the benchmarks.
+
+mod bench_gen;
+mod bench_gen_command;
+mod bench_model;
+mod bench_model_command;
+mod results;
+mod results_command;
+
+use clap::{Parser, Subcommand};
+
+/// What developers of harmzone run through `make`.
+#[derive(Debug, Parser)]
+#[command(name = "xtask", max_term_width = 100)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Measure the speed of `gen`: against bare MuJoCo, with several processes, and its memory
+    BenchGen(bench_gen_command::BenchArgs),
+    /// Measure the speed of a detector: inference stage by stage, training steps part by part
+    BenchModel(bench_model_command::BenchModelArgs),
+    /// Generate, train and score a whole experiment, and write its tables
+    Results(results_command::ResultsArgs),
+}
+
+fn main() -> std::process::ExitCode {
+    let command = Cli::parse().command;
+    harmzone::cli::finish(|| match command {
+        Command::BenchGen(args) => bench_gen_command::run(args),
+        Command::BenchModel(args) => bench_model_command::run(args),
+        Command::Results(args) => results_command::run(args),
+    })
+}

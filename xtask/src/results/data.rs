@@ -1,0 +1,63 @@
+//! The two data sets of an experiment: made and labelled, or those that were given.
+
+use std::path::{Path, PathBuf};
+
+use super::record::SetRecord;
+use super::run::{Request, ResultsError};
+use harmzone::config::to_toml;
+use harmzone::dataset::Fingerprint;
+use harmzone::episode::Split;
+use harmzone::episode::manifest::{LabelManifest, Manifest};
+use harmzone::files::sha256_hex;
+use harmzone::generate::{self, CheckedConfig, Preset, RunOptions, preset};
+use harmzone::label;
+use harmzone::progress::Progress;
+use harmzone::zone::ZoneConfig;
+
+/// The label set that is made and used.
+pub const LABELS: &str = "rect";
+
+/// Makes what is missing of a data set; one that was given is only labelled, and only where it is not.
+///
+/// # Errors
+/// The set cannot be made, read or labelled.
+pub fn prepare(
+    request: &Request<'_>,
+    is_ood: bool,
+    progress: &dyn Progress,
+) -> Result<(PathBuf, SetRecord), ResultsError> {
+    let preset = Preset::named(&request.config.preset).expect("the config was checked");
+    let (config, n_episodes) = preset::load(Some(preset), is_ood, None, &[])?;
+    let given = if is_ood { request.ood.as_ref() } else { request.data.as_ref() };
+    let path = given.cloned().unwrap_or_else(|| request.out.join(if is_ood { "ood" } else { "id" }));
+    if given.is_none() {
+        let options = RunOptions { program: request.program.clone(), jobs: request.jobs, force: false };
+        generate::run(&config, n_episodes, &path, &options, progress)?;
+    }
+    let manifest = Manifest::read(&path)?;
+    if manifest.ood != is_ood {
+        return Err(ResultsError::OtherKind { is_ood: manifest.ood, path });
+    }
+    let has_labels = LabelManifest::folder(&path, LABELS).join(LabelManifest::FILE).is_file();
+    if given.is_none() || !has_labels {
+        label::run(&path, &ZoneConfig::default(), LABELS, false, progress)?;
+    }
+    let checked = CheckedConfig::try_from(&config)?;
+    let record = describe(&path, &manifest, &sha256_hex(to_toml(&checked.raw).as_bytes()), n_episodes)?;
+    Ok((path, record))
+}
+
+fn describe(
+    path: &Path,
+    manifest: &Manifest,
+    preset_sha256: &str,
+    n_episodes: u32,
+) -> Result<SetRecord, ResultsError> {
+    let count = |split| manifest.of_split(split).map(|entry| entry.n_samples).sum();
+    Ok(SetRecord {
+        n_samples: [Split::Train, Split::Val, Split::Test].map(count),
+        fingerprint: Fingerprint::of(path, LABELS)?,
+        is_of_preset: manifest.config_sha256 == preset_sha256
+            && manifest.episodes.len() == n_episodes as usize,
+    })
+}

@@ -1,0 +1,25 @@
+//! An experiment from nothing: data, the trainings of every row, their scores, and `RESULTS.md`.
+//!
+//! ```text
+//! <out>/id/ ood/              data sets, unless others are given
+//! <out>/runs/<row>/           one training a row, resumable
+//! <out>/scores/<row>.json     what that row came to; there when the row is done
+//! <out>/scores/<row>-id.json  all figures of its scoring, and <row>-ood.json
+//! <out>/scores/<row>-rivals.json  who decides on harm over the row's boxes, under errors of the sensors
+//! <out>/report/id/ ood/       the headline's scores with faults, sweeps and pictures, as `harmzone report` reads them
+//! <out>/results.json          all of it; results.csv and RESULTS.md are written from it alone
+//! <out>/report.html           one page of report/ and RESULTS.md; there once the headline is scored
+//! ```
+
+mod closed_set;
+mod config;
+mod data;
+mod experiment;
+mod page;
+mod record;
+mod rivals;
+mod run;
+mod text;
+
+pub use config::ResultsConfig;
+pub use run::{Request, rewrite, run};

@@ -1,0 +1,71 @@
+//! `harmzone results`: an experiment from nothing, resumable.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use crate::results::{self, Request, ResultsConfig};
+use harmzone::cli::{Bar, DeviceArg, ExitStatus, command_line};
+use harmzone::report::page::PAGE_FILE;
+
+#[derive(Debug, Args)]
+pub struct ResultsArgs {
+    /// Folder of the experiment: data, runs, scores, results.json, results.csv, RESULTS.md, report.html. The same
+    /// command again goes on where it stopped
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Rows and tables (TOML); `configs/results.toml` holds the defaults
+    #[arg(long, value_name = "TOML")]
+    config: Option<PathBuf>,
+    /// Override one key of the config, e.g. preset=demo
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    overrides: Vec<String>,
+    /// Data set to train and validate on [default: made in the experiment's folder]
+    #[arg(long, value_name = "DIR")]
+    data: Option<PathBuf>,
+    /// Data set with unfamiliar objects [default: made in the experiment's folder]
+    #[arg(long, value_name = "DIR")]
+    ood: Option<PathBuf>,
+    /// Finished run to stand above the tables [default: trained as the config says]
+    #[arg(long, value_name = "RUN")]
+    headline: Option<PathBuf>,
+    /// Card whose figures are written anew, e.g. models/small.md; its network lies beside it
+    #[arg(long, value_name = "MD")]
+    card: Option<PathBuf>,
+    /// Train and score one row
+    #[arg(long, value_name = "ROW", conflicts_with = "tables_only")]
+    only: Option<String>,
+    /// Write RESULTS.md, results.csv, report.html and the card anew from what is kept, and do nothing else
+    #[arg(long)]
+    tables_only: bool,
+    #[command(flatten)]
+    device: DeviceArg,
+}
+
+pub fn run(args: ResultsArgs) -> anyhow::Result<ExitStatus> {
+    let (text, page) = (args.out.join("RESULTS.md"), args.out.join(PAGE_FILE));
+    if args.tables_only {
+        results::rewrite(&args.out, args.card.as_deref())?;
+        println!("{}", text.display());
+        return Ok(ExitStatus::Done);
+    }
+    let config: ResultsConfig = harmzone::config::load(args.config.as_deref(), &args.overrides)?;
+    let request = Request {
+        config: &config,
+        out: args.out,
+        data: args.data,
+        ood: args.ood,
+        headline: args.headline,
+        only: args.only,
+        card: args.card,
+        program: std::env::current_exe()?,
+        command: command_line(),
+        jobs: std::thread::available_parallelism().map_or(1, usize::from),
+    };
+    let results = results::run(&request, &args.device.open()?, &Bar::default())?;
+    println!("{} of {} rows: {}", results.rows.len(), config.rows.len(), text.display());
+    if page.is_file() {
+        println!("{}", page.display());
+    }
+    Ok(ExitStatus::Done)
+}
