@@ -51,16 +51,8 @@ const CONFINED: [(&[&str], &[&str], &str); 6] = [
 ];
 
 /// Files (prefixes relative to `src/`) that touch neither disk, clock nor environment; exceptions after.
-const PURE: [&str; 8] = [
-    "geometry/",
-    "object.rs",
-    "sample.rs",
-    "sensors/",
-    "model/",
-    "eval/matching",
-    "eval/metrics",
-    "zone/",
-];
+const PURE: [&str; 8] =
+    ["geometry/", "object.rs", "sample.rs", "sensors/", "model/", "eval/matching", "eval/metrics", "zone/"];
 const IMPURE: [&str; 3] = ["model/checkpoint", "model/image_weights", "model/golden"]; // the last is for tests alone
 const IO_WORDS: [&str; 8] =
     ["fs_err", "std::fs", "std::net", "std::process", "std::env", "std::time", "write_atomic", "SystemTime"];

@@ -2,82 +2,11 @@
 
 use burn::module::Module;
 use burn::tensor::{Device, Tensor, TensorData};
-use serde::{Deserialize, Serialize};
 
-use super::bev_backbone::{BevBackbone, BevBackboneConfig};
-use super::config::ModelConfigError;
-use super::sparse::{EncoderRulebooks, Sites, SparseEncoder, SparseEncoderConfig};
-use super::voxel::{N_VOXEL_FEATURES, VoxelConfig, Voxels};
-
-/// The branch; the default is the published net on the front half of its grid.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct LidarVoxelConfig {
-    pub voxels: VoxelConfig,
-    pub encoder: SparseEncoderConfig,
-    pub backbone: BevBackboneConfig,
-}
-
-impl LidarVoxelConfig {
-    /// Cells of the sparse grid along z, y, x: the voxels', and as published one more along z.
-    #[must_use]
-    pub fn sparse_shape(&self) -> [usize; 3] {
-        let [n_z, n_y, n_x] = self.voxels.shape();
-        [n_z + 1, n_y, n_x]
-    }
-
-    /// Channels, cells along y and cells along x of the encoder's map.
-    ///
-    /// # Panics
-    /// If the config has not passed its check.
-    #[must_use]
-    pub fn encoded_shape(&self) -> [usize; 3] {
-        let [n_z, n_y, n_x] =
-            self.encoder.out_shape(self.sparse_shape()).expect("the config has been checked");
-        [self.encoder.channels_out * n_z, n_y, n_x]
-    }
-
-    /// Channels, cells along y and cells along x of the branch's output.
-    ///
-    /// # Panics
-    /// If the config has not passed its check.
-    #[must_use]
-    pub fn out_shape(&self) -> [usize; 3] {
-        let [_, n_y, n_x] = self.encoded_shape();
-        let stride = self.backbone.stride();
-        [self.backbone.n_channels_out(), n_y / stride, n_x / stride]
-    }
-
-    /// Length of an output cell along x and along y.
-    ///
-    /// # Panics
-    /// If the config has not passed its check.
-    #[must_use]
-    pub fn cell_size_m(&self) -> f64 {
-        let [_, _, n_x] = self.out_shape();
-        (self.voxels.x_max_m - self.voxels.x_min_m) / n_x as f64
-    }
-
-    /// Checks what the types cannot say.
-    ///
-    /// # Errors
-    /// Names the first field that does not fit, and what would.
-    pub fn check(&self) -> Result<(), ModelConfigError> {
-        self.voxels.check()?;
-        self.encoder.check(self.sparse_shape())?;
-        let halvings = 1 << (self.encoder.channels.len() - 1);
-        let [_, n_y, n_x] = self.voxels.shape();
-        if !n_y.is_multiple_of(halvings) || !n_x.is_multiple_of(halvings) {
-            return Err(ModelConfigError {
-                field: "voxels",
-                found: format!("{n_y} by {n_x} voxels along y and x, halved after each stage but the last"),
-                valid: "both must stay whole: cells of the map begin where the grid does and fill it",
-            });
-        }
-        let [_, n_y, n_x] = self.encoded_shape();
-        self.backbone.check([n_y, n_x])
-    }
-}
+use super::bev_backbone::BevBackbone;
+use super::config::LidarVoxelConfig;
+use super::sparse::{EncoderRulebooks, Sites, SparseEncoder};
+use super::voxel::{N_VOXEL_FEATURES, Voxels};
 
 /// The voxels of `n_samples` samples and what is built from their cells once for all layers.
 #[derive(Debug, Clone)]
@@ -142,6 +71,7 @@ impl LidarVoxelBranch {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::config::{BevBackboneConfig, SparseEncoderConfig, VoxelConfig};
     use crate::model::n_trained;
     use crate::model::voxelize;
 
@@ -224,18 +154,5 @@ mod tests {
         let lit: Vec<usize> = (0..n_y * n_x).filter(|&cell| per_cell[cell] > 0.0).collect();
         assert!(lit.contains(&(n_x - 1)), "{lit:?}");
         assert!(lit.iter().all(|&cell| cell / n_x <= 1 && cell % n_x >= n_x - 2), "{lit:?}");
-    }
-
-    #[test]
-    fn a_grid_that_cannot_be_halved_is_refused() {
-        let mut config = small();
-        config.voxels.x_max_m = 3.3;
-        assert_eq!(config.check().unwrap_err().field, "voxels");
-    }
-
-    #[test]
-    fn the_config_survives_toml() {
-        let text = crate::config::to_toml(&LidarVoxelConfig::default());
-        assert_eq!(toml::from_str::<LidarVoxelConfig>(&text).unwrap(), LidarVoxelConfig::default());
     }
 }

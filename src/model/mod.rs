@@ -40,26 +40,26 @@ mod swin_camera;
 mod voxel;
 
 pub use batch::Batch;
-pub use bev_backbone::{BevBackbone, BevBackboneConfig, Upsample};
+pub use bev_backbone::BevBackbone;
 pub use config::{
-    CameraBackbone, CameraConfig, Classes, CnnConfig, GridConfig, HeadConfig, Heatmap, LidarConfig,
-    LidarEncoder, ModelConfig, ModelConfigError, NumericFusion, PillarConfig, PositionEncoding, Prediction,
+    BevBackboneConfig, CameraBackbone, CameraConfig, Classes, CnnConfig, DepthLssConfig, GridConfig,
+    HeadConfig, Heatmap, LidarConfig, LidarEncoder, LidarVoxelConfig, ModelConfig, ModelConfigError,
+    NumericFusion, PillarConfig, PositionEncoding, Prediction, SparseEncoderConfig, SwinCameraConfig,
+    SwinConfig, Upsample, VoxelConfig,
 };
-pub use depth_lss::{DepthLssConfig, pool_plan, sparse_depth};
+pub use depth_lss::{pool_plan, sparse_depth};
 pub use detector::{Detector, detections, detections_by_state};
 pub use forecast::{MainTensor, main_tensors};
 pub use head::Output;
 pub use image_weights::{ImageWeightsError, ImageWeightsReport, load_image_weights};
 pub use input::{CameraInput, Input, InputError, LidarInput};
 pub use kind_boxes::{KindBox, kind_boxes};
-pub use lidar_voxel::{LidarVoxelBranch, LidarVoxelConfig, VoxelBatch};
+pub use lidar_voxel::{LidarVoxelBranch, VoxelBatch};
 pub use parameters::n_trained;
 pub use queries::{Query, cell_center_m};
 pub use shipped::{SHIPPED, Shipped};
-pub use sparse::{EncoderRulebooks, Sites, SparseEncoder, SparseEncoderConfig};
+pub use sparse::{EncoderRulebooks, Sites, SparseEncoder};
 pub use staged::{InferenceStage, detect_by_stage};
-pub use swin::{Swin, SwinConfig};
-pub use swin_camera::{
-    SwinCameraBatch, SwinCameraBranch, SwinCameraConfig, SwinCameraInput, SwinCameraInputError,
-};
-pub use voxel::{N_VOXEL_FEATURES, VoxelConfig, Voxels, voxelize};
+pub use swin::Swin;
+pub use swin_camera::{SwinCameraBatch, SwinCameraBranch, SwinCameraInput, SwinCameraInputError};
+pub use voxel::{N_VOXEL_FEATURES, Voxels, voxelize};

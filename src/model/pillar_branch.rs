@@ -6,7 +6,7 @@ use burn::nn::{BatchNorm, BatchNormConfig, Linear, LinearConfig};
 use burn::tensor::activation::relu;
 use burn::tensor::{Device, IndexingUpdateOp, Tensor};
 
-use super::config::{ModelConfig, PillarConfig};
+use super::config::ModelConfig;
 use super::layers::{ConvBlock, mix_channels, pointwise, upsample_nearest};
 use super::pillars::{N_POINT_FEATURES, PillarBatch};
 
@@ -32,7 +32,7 @@ impl PillarBranch {
         let grid = &config.grid;
         let config = &config.lidar.pillars;
         let [fine, coarse] = config.bev_channels;
-        let out = Self::channels_out_of_scale(config);
+        let out = config.channels_out_of_scale();
         Self {
             point: LinearConfig::new(N_POINT_FEATURES, config.channels).with_bias(false).init(device),
             point_norm: BatchNormConfig::new(config.channels).with_epsilon(1e-3).init(device),
@@ -52,15 +52,6 @@ impl PillarBranch {
             max_points: config.max_points,
             n_pillar_channels: config.channels,
         }
-    }
-
-    fn channels_out_of_scale(config: &PillarConfig) -> usize {
-        config.bev_channels[0] * 3 / 4
-    }
-
-    /// Channels of the output.
-    pub fn channels_out(config: &PillarConfig) -> usize {
-        2 * Self::channels_out_of_scale(config)
     }
 
     /// # Shapes

@@ -6,103 +6,10 @@
 //! The published net eats five numbers a point, the fifth being the time since the key frame; a sample
 //! of ours holds one sweep, whose fifth number would be zero for every point: it is left out.
 
-use serde::{Deserialize, Serialize};
-
-use super::config::ModelConfigError;
+use super::config::VoxelConfig;
 
 /// Numbers of a voxel: the means of x, y, z (metres, ego frame) and intensity (0 to 255).
 pub const N_VOXEL_FEATURES: usize = 4;
-
-/// The voxel grid, in the ego frame.
-///
-/// The default is the published grid's front half: 720 by 1440 by 40 voxels. The published LiDAR stands in
-/// the origin of its grid; ours stands 1.84 m above the ego's, so z runs 2 m higher.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct VoxelConfig {
-    pub x_min_m: f64,
-    pub x_max_m: f64,
-    pub y_min_m: f64,
-    pub y_max_m: f64,
-    pub z_min_m: f64,
-    pub z_max_m: f64,
-    /// Length of a voxel along x and y.
-    pub size_xy_m: f64,
-    /// Height of a voxel.
-    pub size_z_m: f64,
-    /// Points of one voxel that enter its mean; later ones are dropped.
-    pub max_points_per_voxel: usize,
-    /// Voxels of one cloud; points that would open another are dropped. Published: 120,000 in training,
-    /// 160,000 in testing, for ten sweeps all around. One sweep of the default LiDAR over the front sector
-    /// fills 3,000 to 5,000.
-    pub max_voxels: usize,
-}
-
-impl Default for VoxelConfig {
-    fn default() -> Self {
-        Self {
-            x_min_m: 0.0,
-            x_max_m: 54.0,
-            y_min_m: -54.0,
-            y_max_m: 54.0,
-            z_min_m: -3.0,
-            z_max_m: 5.0,
-            size_xy_m: 0.075,
-            size_z_m: 0.2,
-            max_points_per_voxel: 10,
-            max_voxels: 120_000,
-        }
-    }
-}
-
-impl VoxelConfig {
-    /// Lower bound, upper bound and voxel size along z, y, x.
-    fn axes(&self) -> [(f64, f64, f64); 3] {
-        [
-            (self.z_min_m, self.z_max_m, self.size_z_m),
-            (self.y_min_m, self.y_max_m, self.size_xy_m),
-            (self.x_min_m, self.x_max_m, self.size_xy_m),
-        ]
-    }
-
-    /// Voxels along z, y, x.
-    #[must_use]
-    pub fn shape(&self) -> [usize; 3] {
-        self.axes().map(|(low, high, size)| ((high - low) / size).round() as usize)
-    }
-
-    /// Checks what the types cannot say.
-    ///
-    /// # Errors
-    /// Names the first field that does not fit, and what would.
-    pub fn check(&self) -> Result<(), ModelConfigError> {
-        let fail = |field, found: String, valid| Err(ModelConfigError { field, found, valid });
-        for (field, size) in [("voxels.size_xy_m", self.size_xy_m), ("voxels.size_z_m", self.size_z_m)] {
-            if !(size > 0.0 && size.is_finite()) {
-                return fail(field, size.to_string(), "it must be above zero");
-            }
-        }
-        for (field, (low, high, size)) in ["voxels.z", "voxels.y", "voxels.x"].into_iter().zip(self.axes()) {
-            let n = (high - low) / size;
-            if !(1.0 - 1e-6..=f64::from(u16::MAX)).contains(&n) || (n - n.round()).abs() > 1e-6 {
-                return fail(
-                    field,
-                    format!("{low}..{high} m at {size} m"),
-                    "it must hold a whole number of voxels, 1 to 65535",
-                );
-            }
-        }
-        for (field, count) in [
-            ("voxels.max_points_per_voxel", self.max_points_per_voxel),
-            ("voxels.max_voxels", self.max_voxels),
-        ] {
-            if count == 0 {
-                return fail(field, count.to_string(), "it must be at least 1");
-            }
-        }
-        Ok(())
-    }
-}
 
 /// The voxels of one cloud, ordered by z, then y, then x.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -180,12 +87,6 @@ mod tests {
     }
 
     #[test]
-    fn the_published_grid_in_front_is_720_by_1440_by_40_voxels() {
-        assert_eq!(VoxelConfig::default().check(), Ok(()));
-        assert_eq!(VoxelConfig::default().shape(), [40, 1440, 720]);
-    }
-
-    #[test]
     fn a_voxel_is_the_mean_of_its_first_points() {
         let points = [[0.2, -0.5, 0.5, 10.0], [0.4, -0.7, 0.7, 30.0], [0.9, -0.9, 0.9, 255.0]];
         let voxels = voxelize(&points, &small());
@@ -236,15 +137,5 @@ mod tests {
         assert_eq!(voxels.features.len(), expected.len());
         let is_near = |(&a, &b): (&f32, &f64)| (f64::from(a) - b).abs() <= 1e-6 * b.abs().max(1.0);
         assert!(voxels.features.iter().zip(&expected).all(is_near));
-    }
-
-    #[test]
-    fn a_grid_that_does_not_divide_is_refused() {
-        let config = VoxelConfig { x_max_m: 54.01, ..VoxelConfig::default() };
-        assert_eq!(config.check().unwrap_err().field, "voxels.x");
-        let config = VoxelConfig { size_z_m: 0.0, ..VoxelConfig::default() };
-        assert_eq!(config.check().unwrap_err().field, "voxels.size_z_m");
-        let config = VoxelConfig { max_voxels: 0, ..VoxelConfig::default() };
-        assert_eq!(config.check().unwrap_err().field, "voxels.max_voxels");
     }
 }

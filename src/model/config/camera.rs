@@ -2,8 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{GridConfig, ModelConfigError, fail};
-use crate::model::swin_camera::SwinCameraConfig;
+use super::error::{ModelConfigError, fail};
+use super::grid::GridConfig;
+use super::swin_camera::SwinCameraConfig;
 
 /// What turns the image into features.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{ModelConfigError, fail};
+use super::error::{ModelConfigError, fail};
 
 /// Where the detector looks, and the feature cells of that ground.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{GridConfig, ModelConfigError, fail};
+use super::error::{ModelConfigError, fail};
+use super::grid::GridConfig;
 
 /// How speed and steering reach the prediction heads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

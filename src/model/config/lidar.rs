@@ -2,8 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{GridConfig, ModelConfigError, fail};
-use crate::model::lidar_voxel::LidarVoxelConfig;
+use super::error::{ModelConfigError, fail};
+use super::grid::GridConfig;
+use super::voxels::LidarVoxelConfig;
 
 /// What turns points into a bird's-eye map.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -30,6 +31,20 @@ pub struct PillarConfig {
 impl Default for PillarConfig {
     fn default() -> Self {
         Self { max_points: 10, channels: 32, bev_channels: [64, 96] }
+    }
+}
+
+impl PillarConfig {
+    /// Channels that each of the two scales hands on.
+    #[must_use]
+    pub fn channels_out_of_scale(&self) -> usize {
+        self.bev_channels[0] * 3 / 4
+    }
+
+    /// Channels of the branch's map, both scales together.
+    #[must_use]
+    pub fn channels_out(&self) -> usize {
+        2 * self.channels_out_of_scale()
     }
 }
 

@@ -3,20 +3,32 @@
 //! The default is the `small` profile, sized for two CPU cores; `paper` is the published model, restricted to
 //! the front. The files of `configs/model/` are part of the program.
 
+mod bev_backbone;
 mod camera;
+mod depth_lss;
+mod error;
 mod grid;
 mod head;
 mod lidar;
+mod sparse_encoder;
+mod swin;
+mod swin_camera;
+mod voxels;
 
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
 
-use super::pillar_branch::PillarBranch;
-
+pub use bev_backbone::{BevBackboneConfig, Upsample};
 pub use camera::{CameraBackbone, CameraConfig, CnnConfig};
+pub use depth_lss::DepthLssConfig;
+pub use error::ModelConfigError;
+use error::fail;
 pub use grid::GridConfig;
 pub use head::{Classes, HeadConfig, Heatmap, NumericFusion, PositionEncoding, Prediction};
 pub use lidar::{LidarConfig, LidarEncoder, PillarConfig};
+pub use sparse_encoder::{SparseEncoderConfig, SparseKernel};
+pub use swin::{N_STAGES, SwinConfig};
+pub use swin_camera::SwinCameraConfig;
+pub use voxels::{LidarVoxelConfig, VoxelConfig};
 
 /// A detector.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -47,19 +59,6 @@ impl Default for ModelConfig {
             head: HeadConfig::default(),
         }
     }
-}
-
-/// What is wrong with a model config.
-#[derive(Debug, Error, PartialEq)]
-#[error("model config: `{field}` is {found}; {valid}")]
-pub struct ModelConfigError {
-    pub field: &'static str,
-    pub found: String,
-    pub valid: &'static str,
-}
-
-fn fail<T>(field: &'static str, found: impl ToString, valid: &'static str) -> Result<T, ModelConfigError> {
-    Err(ModelConfigError { field, found: found.to_string(), valid })
 }
 
 impl ModelConfig {
@@ -107,7 +106,7 @@ impl ModelConfig {
     pub fn lidar_channels(&self) -> usize {
         match self.lidar.encoder {
             _ if !self.use_lidar => 0,
-            LidarEncoder::Pillars => PillarBranch::channels_out(&self.lidar.pillars),
+            LidarEncoder::Pillars => self.lidar.pillars.channels_out(),
             LidarEncoder::Voxels => self.lidar.voxel.encoded_shape()[0],
         }
     }

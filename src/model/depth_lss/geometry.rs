@@ -1,8 +1,8 @@
 //! Where rays and points fall: frustum points to bird's-eye cells, LiDAR points to pixels.
 
-use super::config::DepthLssConfig;
 use crate::geometry::{Camera, Ego, Pinhole, Point, Transform};
 use crate::kernels::PoolPlan;
+use crate::model::config::DepthLssConfig;
 
 /// Where feature `i` of `n` looks through the image: from the middle of the first pixel to the last's in even
 /// steps (as published: `linspace(0, n_px - 1, n)` over pixel indices; middles lie half a pixel further).

@@ -2,7 +2,6 @@
 //! and image features give a distribution over depth and a context at each feature; their outer product,
 //! spread along the feature's ray, is summed into bird's-eye cells.
 
-mod config;
 mod geometry;
 
 use std::sync::Arc;
@@ -11,10 +10,10 @@ use burn::module::Module;
 use burn::nn::conv::Conv2d;
 use burn::tensor::{Device, Tensor};
 
+use super::config::DepthLssConfig;
 use super::conv_norm::{ConvNorm, ConvNormConfig};
 use super::layers::pointwise;
 use crate::kernels::{PoolPlan, lift_pool, softmax_last};
-pub use config::DepthLssConfig;
 pub use geometry::{pool_plan, sparse_depth};
 
 /// From image features to the bird's-eye map.

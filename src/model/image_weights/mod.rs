@@ -202,8 +202,8 @@ fn by_neighbour(values: &[f32], n_merged: usize) -> Vec<f32> {
 mod tests {
     use super::*;
     use crate::device::test_device;
+    use crate::model::config::SwinConfig;
     use crate::model::formula::{assert_equal, fill, golden, named_weights, tensor, values};
-    use crate::model::swin::SwinConfig;
     use burn::store::PathFilter;
 
     /// The backbone that `tests/golden/torch_swin.py` wrote weights of.

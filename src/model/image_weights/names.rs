@@ -14,7 +14,7 @@
 
 use std::fmt;
 
-use crate::model::swin::N_STAGES;
+use crate::model::config::N_STAGES;
 
 /// Whose names a file uses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -66,23 +66,23 @@ impl SparseBlock {
 
 #[cfg(test)]
 mod tests {
-    use super::super::geometry::Geometry;
     use super::super::sites::Sites;
     use super::*;
     use crate::device::test_device;
+    use crate::model::config::SparseKernel;
     use crate::model::golden::{Golden, assert_close};
     use burn::tensor::Gradients;
 
     /// Against a dense convolution of the same voxels that is read at the active sites only.
     #[test]
     fn values_and_gradients_equal_a_dense_convolution() {
-        let strided = Geometry { kernel: [3; 3], stride: [2; 3], padding: [1; 3] };
+        let strided = SparseKernel { kernel: [3; 3], stride: [2; 3], padding: [1; 3] };
         let cases = [
-            ("submanifold", Geometry::SUBMANIFOLD),
-            ("submanifold_wide", Geometry::SUBMANIFOLD),
+            ("submanifold", SparseKernel::SUBMANIFOLD),
+            ("submanifold_wide", SparseKernel::SUBMANIFOLD),
             ("strided", strided),
-            ("strided_flat", Geometry { padding: [0, 1, 1], ..strided }),
-            ("column", Geometry { kernel: [3, 1, 1], stride: [2, 1, 1], padding: [0; 3] }),
+            ("strided_flat", SparseKernel { padding: [0, 1, 1], ..strided }),
+            ("column", SparseKernel { kernel: [3, 1, 1], stride: [2, 1, 1], padding: [0; 3] }),
         ];
         let golden = Golden::read("sparse");
         let device = test_device().autodiff();
@@ -90,12 +90,15 @@ mod tests {
             let name = |part: &str| format!("{case}.{part}");
             let tensor = |part: &str| golden.tensor::<2>(&name(part), &device);
             let inputs = golden.sites(&name("shape"), &name("cells"));
-            let outputs =
-                if geometry == Geometry::SUBMANIFOLD { inputs.clone() } else { geometry.reached(&inputs) };
+            let outputs = if geometry == SparseKernel::SUBMANIFOLD {
+                inputs.clone()
+            } else {
+                geometry.reached(&inputs)
+            };
             assert_eq!(outputs, golden.sites(&name("out_shape"), &name("out_cells")), "{case}: sites");
 
             let rulebook = Arc::new(match geometry {
-                Geometry::SUBMANIFOLD => Geometry::submanifold_rulebook(&inputs),
+                SparseKernel::SUBMANIFOLD => SparseKernel::submanifold_rulebook(&inputs),
                 strided => strided.rulebook(&inputs, &outputs),
             });
             let x = tensor("x").require_grad();

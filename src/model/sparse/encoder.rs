@@ -8,85 +8,10 @@
 use burn::module::Module;
 use burn::tensor::activation::relu;
 use burn::tensor::{Device, IndexingUpdateOp, Int, Tensor, TensorData};
-use serde::{Deserialize, Serialize};
 
 use super::conv::{SparseBlock, SparseConvNorm};
-use super::geometry::Geometry;
 use super::rulebooks::EncoderRulebooks;
-use crate::model::config::ModelConfigError;
-
-/// Stages of the encoder; the default is the published one.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct SparseEncoderConfig {
-    /// Channels of each stage; from one to the next, y and x (and z) are halved.
-    pub channels: Vec<usize>,
-    /// Residual blocks of each stage.
-    pub n_blocks: Vec<usize>,
-    /// Padding along z, in cells, of the stride-2 convolution between two stages; along y and x it is 1.
-    pub z_padding: Vec<usize>,
-    /// Channels of the last convolution, at each height that remains.
-    pub channels_out: usize,
-}
-
-impl Default for SparseEncoderConfig {
-    fn default() -> Self {
-        Self {
-            channels: vec![16, 32, 64, 128],
-            n_blocks: vec![2, 2, 2, 2],
-            z_padding: vec![1, 1, 0],
-            channels_out: 128,
-        }
-    }
-}
-
-impl SparseEncoderConfig {
-    /// The strided convolutions in order: between stages, then the last one along z.
-    pub(super) fn strided(&self) -> Vec<Geometry> {
-        let last = Geometry { kernel: [3, 1, 1], stride: [2, 1, 1], padding: [0; 3] };
-        let down = |&z: &usize| Geometry { kernel: [3; 3], stride: [2; 3], padding: [z, 1, 1] };
-        self.z_padding.iter().map(down).chain([last]).collect()
-    }
-
-    /// Cells along z, y, x of the output of voxels of a grid; `None` where a kernel does not fit.
-    #[must_use]
-    pub fn out_shape(&self, shape: [usize; 3]) -> Option<[usize; 3]> {
-        self.strided().iter().try_fold(shape, |shape, geometry| geometry.out_shape(shape))
-    }
-
-    /// Checks what the types cannot say, for a grid of cells along z, y, x.
-    ///
-    /// # Errors
-    /// Names the first field that does not fit, and what would.
-    pub fn check(&self, shape: [usize; 3]) -> Result<(), ModelConfigError> {
-        let fail = |field, found: String, valid| Err(ModelConfigError { field, found, valid });
-        let n_stages = self.channels.len();
-        if n_stages == 0 || self.channels.contains(&0) {
-            return fail("encoder.channels", format!("{:?}", self.channels), "each stage needs at least 1");
-        }
-        if self.n_blocks.len() != n_stages {
-            return fail("encoder.n_blocks", format!("{:?}", self.n_blocks), "there is one for each stage");
-        }
-        if self.z_padding.len() + 1 != n_stages || self.z_padding.iter().any(|&padding| padding > 1) {
-            return fail(
-                "encoder.z_padding",
-                format!("{:?}", self.z_padding),
-                "there is 0 or 1 between any two stages",
-            );
-        }
-        if self.channels_out == 0 {
-            return fail("encoder.channels_out", "0".into(), "it must be at least 1");
-        }
-        if self.out_shape(shape).is_none() {
-            return fail(
-                "encoder.z_padding",
-                format!("{:?}", self.z_padding),
-                "some height must remain for each convolution: pad, or voxelize finer along z",
-            );
-        }
-        Ok(())
-    }
-}
+use crate::model::config::{SparseEncoderConfig, SparseKernel};
 
 /// The encoder.
 #[derive(Module, Debug)]
@@ -102,12 +27,12 @@ pub struct SparseEncoder {
 
 impl SparseEncoder {
     pub fn init(channels_in: usize, config: &SparseEncoderConfig, device: &Device) -> Self {
-        let n_offsets = Geometry::SUBMANIFOLD.n_offsets();
+        let n_offsets = SparseKernel::SUBMANIFOLD.n_offsets();
         let stage = |(&n_channels, &n_blocks): (&usize, &usize)| {
             (0..n_blocks).map(|_| SparseBlock::init(n_channels, n_offsets, device)).collect()
         };
         let (&widest, strided) = (config.channels.last().expect("there is a stage"), config.strided());
-        let down = |(channels, geometry): (&[usize], &Geometry)| {
+        let down = |(channels, geometry): (&[usize], &SparseKernel)| {
             SparseConvNorm::init(channels[0], channels[1], geometry.n_offsets(), device)
         };
         let last = &strided[strided.len() - 1];
@@ -236,15 +161,5 @@ mod tests {
         let map = encoder.forward(Tensor::zeros([0, 4], &device), &rulebooks, 2);
         assert_eq!(map.dims(), [2, 12, 4, 3]);
         assert_eq!(map.abs().max().into_scalar::<f32>(), 0.0);
-    }
-
-    #[test]
-    fn a_config_that_does_not_fit_names_its_field() {
-        let field = |config: SparseEncoderConfig| config.check([41, 64, 64]).unwrap_err().field;
-        let good = SparseEncoderConfig::default;
-        assert_eq!(field(SparseEncoderConfig { n_blocks: vec![2], ..good() }), "encoder.n_blocks");
-        assert_eq!(field(SparseEncoderConfig { z_padding: vec![1, 1], ..good() }), "encoder.z_padding");
-        assert_eq!(field(SparseEncoderConfig { channels: vec![], ..good() }), "encoder.channels");
-        assert_eq!(good().check([8, 64, 64]).unwrap_err().field, "encoder.z_padding");
     }
 }

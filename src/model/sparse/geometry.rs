@@ -8,38 +8,13 @@ use rayon::prelude::*;
 
 use super::sites::{Sites, key, sample_and_cell};
 use crate::kernels::{OffsetPairs, Rulebook};
+use crate::model::config::SparseKernel;
 
-/// Kernel, stride and padding along z, y, x.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Geometry {
-    pub kernel: [usize; 3],
-    pub stride: [usize; 3],
-    pub padding: [usize; 3],
-}
-
-impl Geometry {
-    /// 3x3x3 around each site.
-    pub const SUBMANIFOLD: Self = Self { kernel: [3; 3], stride: [1; 3], padding: [1; 3] };
-
-    /// Number of offsets of the kernel.
-    pub fn n_offsets(&self) -> usize {
-        self.kernel.iter().product()
-    }
-
+impl SparseKernel {
     /// Offsets along z, y, x, in the order of the kernel's matrices.
     fn offsets(&self) -> Vec<[usize; 3]> {
         let [n_z, n_y, n_x] = self.kernel;
         (0..n_z * n_y * n_x).map(|k| [k / (n_x * n_y), k / n_x % n_y, k % n_x]).collect()
-    }
-
-    /// Output cells of an input grid; `None` where the kernel does not fit.
-    pub fn out_shape(&self, shape: [usize; 3]) -> Option<[usize; 3]> {
-        let mut out = [0; 3];
-        for axis in 0..3 {
-            let padded = shape[axis] + 2 * self.padding[axis];
-            out[axis] = padded.checked_sub(self.kernel[axis])? / self.stride[axis] + 1;
-        }
-        Some(out)
     }
 
     /// The output cell that reads `input` at `offset`.
@@ -130,16 +105,7 @@ impl Geometry {
 mod tests {
     use super::*;
 
-    const STRIDED: Geometry = Geometry { kernel: [3; 3], stride: [2; 3], padding: [1; 3] };
-
-    #[test]
-    fn shapes_of_the_published_encoder() {
-        let down = STRIDED.out_shape([41, 1440, 720]).and_then(|shape| STRIDED.out_shape(shape)).unwrap();
-        let flat = Geometry { padding: [0, 1, 1], ..STRIDED }.out_shape(down).unwrap();
-        let last = Geometry { kernel: [3, 1, 1], stride: [2, 1, 1], padding: [0; 3] }.out_shape(flat);
-        assert_eq!((down, flat, last), ([11, 360, 180], [5, 180, 90], Some([2, 180, 90])));
-        assert_eq!(Geometry { padding: [0; 3], ..STRIDED }.out_shape([2, 9, 9]), None);
-    }
+    const STRIDED: SparseKernel = SparseKernel { kernel: [3; 3], stride: [2; 3], padding: [1; 3] };
 
     #[test]
     fn turning_pairs_around_gives_those_of_the_opposite_offset() {
@@ -147,7 +113,7 @@ mod tests {
             (0..240).filter(|i| i * i % 7 < 3).map(|i| [i / 60, i / 10 % 6, i % 10]).collect();
         let sites = Sites::new([4, 6, 10], &[&cells, &cells[5..]]);
         let (turned, merged) =
-            (Geometry::submanifold_rulebook(&sites), Geometry::SUBMANIFOLD.rulebook(&sites, &sites));
+            (SparseKernel::submanifold_rulebook(&sites), SparseKernel::SUBMANIFOLD.rulebook(&sites, &sites));
         assert_eq!(turned.offsets(), merged.offsets());
         assert!(turned.n_pairs() > 3 * sites.len());
     }
@@ -155,7 +121,7 @@ mod tests {
     #[test]
     fn a_submanifold_pair_needs_both_sites_and_one_sample() {
         let sites = Sites::new([2, 2, 4], &[&[[0, 0, 0], [0, 0, 1], [0, 0, 3]], &[[0, 0, 2]]]);
-        let rulebook = Geometry::SUBMANIFOLD.rulebook(&sites, &sites);
+        let rulebook = SparseKernel::SUBMANIFOLD.rulebook(&sites, &sites);
         let at = |z: usize, y: usize, x: usize| &rulebook.offsets()[(z * 3 + y) * 3 + x];
         assert_eq!(at(1, 1, 1).inputs, [0, 1, 2, 3]);
         // Offset 2 along x: an output reads its right neighbour.

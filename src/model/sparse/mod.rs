@@ -8,6 +8,6 @@ mod geometry;
 mod rulebooks;
 mod sites;
 
-pub use encoder::{SparseEncoder, SparseEncoderConfig};
+pub use encoder::SparseEncoder;
 pub use rulebooks::EncoderRulebooks;
 pub use sites::Sites;

@@ -4,10 +4,9 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::encoder::SparseEncoderConfig;
-use super::geometry::Geometry;
 use super::sites::Sites;
 use crate::kernels::Rulebook;
+use crate::model::config::{SparseEncoderConfig, SparseKernel};
 
 /// The rulebooks of a [`super::SparseEncoder`] and the sites it ends in.
 #[derive(Debug, Clone)]
@@ -27,14 +26,14 @@ impl EncoderRulebooks {
     /// If the config has not passed its check for the sites' shape.
     #[must_use]
     pub fn build(sites: Sites, config: &SparseEncoderConfig) -> Self {
-        let strided: Vec<Geometry> = config.strided();
+        let strided: Vec<SparseKernel> = config.strided();
         // The sites of each level first, one after the other; then all rulebooks at once.
         let mut levels = vec![sites];
         for geometry in &strided {
             levels.push(geometry.reached(&levels[levels.len() - 1]));
         }
         let n_stages = config.channels.len();
-        let stages = levels[..n_stages].par_iter().map(Geometry::submanifold_rulebook);
+        let stages = levels[..n_stages].par_iter().map(SparseKernel::submanifold_rulebook);
         let between = strided
             .par_iter()
             .enumerate()

@@ -5,9 +5,9 @@ use burn::nn::{Dropout, DropoutConfig, LayerNorm, LayerNormConfig, Linear};
 use burn::tensor::activation::gelu;
 use burn::tensor::{Device, Tensor};
 
-use super::config::SwinConfig;
 use super::patch::PatchMerging;
 use super::window::{WindowAttention, Windows, linear};
+use crate::model::config::SwinConfig;
 
 /// Skips a residual branch for whole samples at random while training (Huang et al. 2016), and scales it up
 /// where it stays; draws from the device's generator, as burn's dropout does, and stops when frozen as it does.

@@ -2,7 +2,6 @@
 //! (Liu et al. 2021; the values of Swin-T by default).
 
 mod block;
-mod config;
 mod patch;
 mod window;
 
@@ -10,8 +9,9 @@ use burn::module::Module;
 use burn::nn::{LayerNorm, LayerNormConfig};
 use burn::tensor::{Device, Tensor};
 
+use super::config::{N_STAGES, SwinConfig};
+
 use block::Stage;
-pub use config::{N_STAGES, SwinConfig};
 use patch::PatchEmbedding;
 
 /// The whole backbone.

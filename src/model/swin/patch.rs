@@ -6,8 +6,8 @@ use burn::nn::{LayerNorm, LayerNormConfig, Linear};
 use burn::tensor::ops::PadMode;
 use burn::tensor::{Device, Tensor};
 
-use super::config::SwinConfig;
 use super::window::linear;
+use crate::model::config::SwinConfig;
 
 /// One token for each patch of the image.
 #[derive(Module, Debug)]

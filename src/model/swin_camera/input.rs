@@ -7,9 +7,9 @@ use image::RgbImage;
 use image::imageops::{FilterType, crop_imm, resize};
 use thiserror::Error;
 
-use super::config::SwinCameraConfig;
 use crate::geometry::{Camera, Ego, Pinhole, Point, Transform};
 use crate::kernels::PoolPlan;
+use crate::model::config::SwinCameraConfig;
 use crate::model::depth_lss::{pool_plan, sparse_depth};
 
 /// Mean and deviation of ImageNet's pixels by channel, on a scale from 0 to 1: what pretrained weights expect.

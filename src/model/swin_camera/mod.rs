@@ -1,16 +1,15 @@
 //! The published camera branch (BEVFusion, Liu et al. 2023), front camera only: Swin Transformer, feature
 //! pyramid, depth-LSS view transform.
 
-mod config;
 mod input;
 
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 
+use super::config::SwinCameraConfig;
 use super::depth_lss::DepthLss;
 use super::lss_fpn::LssFpn;
 use super::swin::Swin;
-pub use config::SwinCameraConfig;
 pub use input::{SwinCameraBatch, SwinCameraInput, SwinCameraInputError};
 
 /// From an image and the LiDAR's depths to features on the bird's-eye grid.
@@ -55,9 +54,8 @@ mod tests {
 
     use super::*;
     use crate::geometry::{Pinhole, Point, Transform};
-    use crate::model::depth_lss::DepthLssConfig;
+    use crate::model::config::{DepthLssConfig, SwinConfig};
     use crate::model::formula::{fill, gradients, n_parameters, values};
-    use crate::model::swin::SwinConfig;
 
     fn small() -> SwinCameraConfig {
         SwinCameraConfig {

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::model::config::ModelConfigError;
+use super::error::{ModelConfigError, fail};
 
 /// Stages of a Swin Transformer; every published one has four.
 pub const N_STAGES: usize = 4;
@@ -71,7 +71,8 @@ impl SwinConfig {
     }
 
     /// Probability of skipping a branch for each block in order.
-    pub(super) fn drop_path_of_blocks(&self) -> Vec<f64> {
+    #[must_use]
+    pub fn drop_path_of_blocks(&self) -> Vec<f64> {
         let n_blocks: usize = self.depths.iter().sum();
         let last = n_blocks.saturating_sub(1).max(1) as f64;
         (0..n_blocks).map(|block| self.drop_path * block as f64 / last).collect()
@@ -82,7 +83,6 @@ impl SwinConfig {
     /// # Errors
     /// Names the first field that does not fit, and what would.
     pub fn check(&self) -> Result<(), ModelConfigError> {
-        let fail = |field, found: String, valid| Err(ModelConfigError { field, found, valid });
         let counts = [
             ("swin.patch_size_px", self.patch_size_px, 1),
             ("swin.embed_channels", self.embed_channels, 1),
@@ -92,7 +92,7 @@ impl SwinConfig {
         ];
         for (field, found, least) in counts {
             if found < least {
-                return fail(field, found.to_string(), "it must be at least 1 (a window: 2)");
+                return fail(field, found, "it must be at least 1 (a window: 2)");
             }
         }
         for (stage, &n_heads) in self.n_heads.iter().enumerate() {
@@ -105,7 +105,7 @@ impl SwinConfig {
             }
         }
         if !(0.0..1.0).contains(&self.drop_path) {
-            return fail("swin.drop_path", self.drop_path.to_string(), "it must lie in 0..1");
+            return fail("swin.drop_path", self.drop_path, "it must lie in 0..1");
         }
         if !self.out_stages.is_sorted_by(|a, b| a < b) || self.out_stages[2] >= N_STAGES {
             return fail(

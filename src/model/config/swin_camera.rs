@@ -2,9 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::model::config::ModelConfigError;
-use crate::model::depth_lss::DepthLssConfig;
-use crate::model::swin::SwinConfig;
+use super::depth_lss::DepthLssConfig;
+use super::error::{ModelConfigError, fail};
+use super::swin::SwinConfig;
 
 /// Image, backbone, pyramid and view transform; the default is BEVFusion's, restricted to the front.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -54,11 +54,11 @@ impl SwinCameraConfig {
         self.depth_lss.check()?;
         let [a, b] = self.depth_lss.depth_strides;
         if a * b != self.feature_stride_px() {
-            return Err(ModelConfigError {
-                field: "depth_lss.depth_strides",
-                found: format!("[{a}, {b}]"),
-                valid: "their product must be the stride of Swin's first map: patch_size_px * 2^out_stages[0]",
-            });
+            return fail(
+                "depth_lss.depth_strides",
+                format!("[{a}, {b}]"),
+                "their product must be the stride of Swin's first map: patch_size_px * 2^out_stages[0]",
+            );
         }
         let counts = [
             ("image_width_px", self.image_width_px),
@@ -67,7 +67,7 @@ impl SwinCameraConfig {
         ];
         for (field, count) in counts {
             if count == 0 {
-                return Err(ModelConfigError { field, found: "0".into(), valid: "it must be at least 1" });
+                return fail(field, 0, "it must be at least 1");
             }
         }
         Ok(())

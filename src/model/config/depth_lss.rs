@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::model::config::ModelConfigError;
+use super::error::{ModelConfigError, fail};
 
 /// The view transform.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -93,7 +93,6 @@ impl DepthLssConfig {
     /// # Errors
     /// Names the first field that does not fit, and what would.
     pub fn check(&self) -> Result<(), ModelConfigError> {
-        let fail = |field, found: String, valid| Err(ModelConfigError { field, found, valid });
         let steps = [
             ("depth_lss.depth", self.depth_min_m, self.depth_max_m, self.depth_step_m),
             ("depth_lss.x", self.x_min_m, self.x_max_m, self.cell_size_m),
@@ -110,17 +109,17 @@ impl DepthLssConfig {
             }
         }
         if !(self.depth_min_m > 0.0) {
-            return fail("depth_lss.depth_min_m", self.depth_min_m.to_string(), "it must lie above zero");
+            return fail("depth_lss.depth_min_m", self.depth_min_m, "it must lie above zero");
         }
         if !(self.z_max_m > self.z_min_m) {
             let found = format!("{}..{} m", self.z_min_m, self.z_max_m);
             return fail("depth_lss.z", found, "the maximum must lie above the minimum");
         }
         if !matches!(self.downsample, 1 | 2) {
-            return fail("depth_lss.downsample", self.downsample.to_string(), "it must be 1 or 2");
+            return fail("depth_lss.downsample", self.downsample, "it must be 1 or 2");
         }
         if self.depth_kernel_px.is_multiple_of(2) {
-            return fail("depth_lss.depth_kernel_px", self.depth_kernel_px.to_string(), "it must be odd");
+            return fail("depth_lss.depth_kernel_px", self.depth_kernel_px, "it must be odd");
         }
         let counts = [
             ("depth_lss.depth_channels", self.depth_channels.into_iter().min().unwrap_or(0)),
@@ -130,7 +129,7 @@ impl DepthLssConfig {
         ];
         for (field, count) in counts {
             if count == 0 {
-                return fail(field, count.to_string(), "it must be at least 1");
+                return fail(field, count, "it must be at least 1");
             }
         }
         Ok(())
