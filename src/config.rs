@@ -4,6 +4,8 @@
 //! stage into what it works with. Values come from, later over earlier: the struct's `Default`,
 //! the TOML file, `key=value` overrides (dotted keys, TOML values).
 
+mod bounds;
+
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -11,6 +13,8 @@ use fs_err as fs;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use thiserror::Error;
+
+pub use bounds::{Check, InvalidConfig, Keys, Order, Range, Rule, SHARE, above, below, from_to};
 
 /// Why a config could not be loaded.
 #[derive(Debug, Error)]
@@ -162,6 +166,9 @@ fn word(value: &toml::Value) -> String {
 pub fn to_toml<T: Serialize>(config: &T) -> String {
     toml::to_string_pretty(config).expect("a config always has a TOML form")
 }
+
+#[cfg(test)]
+pub(crate) use bounds::tests::assert_every_number_is_checked;
 
 #[cfg(test)]
 mod tests {

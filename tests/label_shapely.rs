@@ -12,7 +12,7 @@ use harmzone::object::{Distribution, Event, Kind, ObjectTruth};
 use harmzone::progress::Silent;
 use harmzone::random::{Rng, stream};
 use harmzone::sample::{EgoState, EncodedImage, ImageFormat, LidarPoint, Measured, Sample, Truth};
-use harmzone::zone::{ZoneConfig, ZoneKind};
+use harmzone::zone::{Zone, ZoneConfig, ZoneKind};
 use nalgebra::Vector3;
 use rand::RngExt;
 
@@ -161,7 +161,8 @@ fn a_comparison_counts_what_the_label_sets_hold() {
     let folder = tempfile::tempdir().unwrap();
     make_dataset(folder.path());
     let zones = ZoneKind::ALL.map(|kind| ZoneConfig { kind, ..ZoneConfig::default() });
-    let found = harmzone::eval::zone_comparison::compare(folder.path(), &zones, &Silent).unwrap();
+    let checked = zones.each_ref().map(|config| Zone::try_from(config.clone()).unwrap());
+    let found = label::compare(folder.path(), &checked, &Silent).unwrap();
     assert_eq!((found.n_episodes, found.n_samples, found.n_objects), (2, 80, 2000));
     for (zone, counted) in zones.iter().zip(&found.zones) {
         let labelled = label::run(folder.path(), zone, zone.kind.name(), false, &Silent).unwrap();

@@ -569,10 +569,18 @@ fn the_zones_are_compared_drawn_and_labelled_under_their_names() {
         fails(&["zones", text(&dataset), "--plot", text(&dataset.join("b.png")), "--sample", "999"]);
     assert!(message.contains("no sample 999"), "{message}");
     for (i, kind) in ["rect", "arc", "ttc", "rss"].into_iter().enumerate() {
-        done(&["label", text(&dataset), "--override", &format!("kind={kind}")]);
+        done(&["label", text(&dataset), "--set", &format!("kind={kind}")]);
         let labels = fs::read(dataset.join("labels").join(kind).join("labels.json")).expect("a label set");
         let labels: serde_json::Value = serde_json::from_slice(&labels).expect("JSON");
         assert_eq!(labels["counts"], told["zones"][i]["counts"], "{kind}");
+    }
+    // The flags' old meanings are told.
+    for (old, new) in
+        [(["--set", "again"], "--labels NAME"), (["--override", "kind=arc"], "`--set kind=arc`")]
+    {
+        let output = harmzone(&[&["label", text(&dataset)], old.as_slice()].concat());
+        let message = String::from_utf8(output.stderr).expect("messages are text");
+        assert!(output.status.code() == Some(2) && message.contains(new), "{message}");
     }
     // A run learns from any of them.
     let run = dataset.join("run-rss");
@@ -586,10 +594,10 @@ fn a_truncated_episode_and_a_foreign_file_are_named() {
     let (name, bytes) = episodes(&dataset).remove(0);
     let path = dataset.join("episodes").join(&name);
     fs::write(&path, &bytes[..bytes.len() / 2]).expect("a writable copy");
-    let message = fails(&["label", text(&dataset), "--set", "again"]);
+    let message = fails(&["label", text(&dataset), "--labels", "again"]);
     assert!(message.contains(&name), "{message}");
     fs::write(&path, b"not an MCAP at all").expect("a writable copy");
-    let message = fails(&["label", text(&dataset), "--set", "again"]);
+    let message = fails(&["label", text(&dataset), "--labels", "again"]);
     assert!(message.contains(&name), "{message}");
 }
 

@@ -27,12 +27,12 @@ pub enum DatasetError {
     #[error("cannot read the dataset: {0}")]
     Io(#[from] std::io::Error),
     #[error(
-        "the label set `{set}` belongs to another dataset; `harmzone label {} --set {set} --force` makes it anew",
+        "the label set `{set}` belongs to another dataset; `harmzone label {} --labels {set} --force` makes it anew",
         path.display()
     )]
     OtherLabels { set: String, path: PathBuf },
     #[error(
-        "episode `{episode}` has no labels in set `{set}`; `harmzone label {} --set {set}` makes them",
+        "episode `{episode}` has no labels in set `{set}`; `harmzone label {} --labels {set}` makes them",
         path.display()
     )]
     NotLabelled { episode: String, set: String, path: PathBuf },

@@ -12,7 +12,7 @@ use crate::generate::GenerateConfig;
 use crate::geometry::{Box3, Ego, Point, Point2, convex_signed_distance_m, distance_to_convex_m};
 use crate::object::{Event, Kind, ObjectTruth};
 use crate::sensors::{Weather, WeatherOverride, WeatherState};
-use crate::zone::ZoneKind;
+use crate::zone::ZoneAt;
 
 /// Facts of a true object.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -133,14 +133,14 @@ pub fn of_dataset(dataset: &Dataset) -> Vec<SampleFacts> {
 fn of_ego(dataset: &Dataset, sample: &LabelledSample) -> SampleFacts {
     let state = &sample.measured.ego_state;
     let origin = sample.measured.world_from_ego * Point::new(0.0, 0.0, 0.0);
-    let is_convex = dataset.zone().config().kind == ZoneKind::Rect;
-    let zone = dataset.zone().at(state).ok().filter(|_| is_convex);
+    let zone = dataset.zone().at(state).ok();
+    let edge = zone.as_ref().and_then(ZoneAt::edge);
     SampleFacts {
         speed_mps: Some(state.speed_mps),
         steering_angle_rad: Some(state.steering_angle_rad),
         position_in_world_m: Some([origin.x(), origin.y()]),
         front_bumper_x_m: Some(state.front_bumper_x_m),
-        zone_in_ego_m: zone.map(|zone| zone.corners().iter().map(|p| [p.x_m, p.y_m]).collect()),
+        zone_in_ego_m: edge.map(|corners| corners.iter().map(|p| [p.x_m, p.y_m]).collect()),
         ..SampleFacts::default()
     }
 }
@@ -160,6 +160,7 @@ pub fn episode_of_id(id: &str) -> &str {
 mod tests {
     use super::*;
     use crate::dataset::test_data;
+    use crate::zone::ZoneKind;
 
     #[test]
     fn a_dataset_tells_time_speed_and_where_the_zone_ends() {

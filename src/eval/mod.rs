@@ -20,7 +20,6 @@ mod pretty_json;
 mod protocol;
 pub mod safety;
 pub mod sweep;
-pub mod zone_comparison;
 
 use thiserror::Error;
 

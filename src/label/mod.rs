@@ -1,9 +1,11 @@
-//! Harm labels: each annotated object of an episode, harmful or harmless by a danger zone.
+//! Harm labels: each annotated object of an episode, harmful or harmless by a danger zone; and zones compared.
 
 mod apply;
+mod compare;
 mod counts;
 mod run;
 
-pub use apply::{SampleError, label_sample};
+pub use apply::SampleError;
+pub use compare::{MOVING_MPS, ZoneComparison, ZoneCounts, compare};
 pub use counts::{Summary, count_of};
 pub use run::{LabelError, run};

@@ -35,7 +35,7 @@ pub enum LabelError {
     SetName { found: String },
     #[error("the data set holds no episode: {}", path.display())]
     NoEpisodes { path: PathBuf },
-    #[error("label set `{set}` was made with {what}; --force makes it anew, --set NAME makes another: {}", path.display())]
+    #[error("label set `{set}` was made with {what}; --force makes it anew, --labels NAME makes another: {}", path.display())]
     Other { set: String, what: &'static str, path: PathBuf },
     #[error("the episode has {found} samples, the manifest says {wanted}; generate it again: {}", path.display())]
     SampleCount { found: usize, wanted: usize, path: PathBuf },

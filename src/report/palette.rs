@@ -23,14 +23,21 @@ pub const fn truth(harm: Harm) -> Color {
     }
 }
 
-/// The zones where several are drawn: four tones that stay apart for the colour-blind too.
+/// Tones of the zones where several are drawn, in their order: they stay apart for the colour-blind too.
+const ZONES: [Color; 8] = [
+    ZONE,
+    Color::new(0x00ff_d84d),
+    Color::new(0x00ff_7ad9),
+    Color::new(0x0048_b8ff),
+    Color::new(0x00ff_9a3d),
+    Color::new(0x00b5_8cff),
+    Color::new(0x0039_e0d0),
+    Color::new(0x00d9_e7a0),
+];
+
+/// A zone's tone where several are drawn.
 pub const fn zone(kind: ZoneKind) -> Color {
-    match kind {
-        ZoneKind::Rect => ZONE,
-        ZoneKind::Arc => Color::new(0x00ff_d84d),
-        ZoneKind::Ttc => Color::new(0x00ff_7ad9),
-        ZoneKind::Rss => Color::new(0x0048_b8ff),
-    }
+    ZONES[kind as usize % ZONES.len()]
 }
 
 /// Predictions: warmer and paler than the truth's tones, so that both read when they lie on each other.

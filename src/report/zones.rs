@@ -14,15 +14,16 @@ use super::view::ViewError;
 use super::view::load::locate;
 use crate::episode::manifest::{Manifest, ManifestError};
 use crate::episode::{EpisodeError, EpisodeReader};
-use crate::eval::zone_comparison::{ZoneComparison, compare};
 use crate::files::write_atomic;
-use crate::label::LabelError;
+use crate::label::{LabelError, ZoneComparison, compare};
 use crate::progress::Progress;
-use crate::zone::{ZoneConfig, ZoneKind};
+use crate::zone::{Zone, ZoneConfig, ZoneError, ZoneKind};
 
 /// Why zones could not be compared.
 #[derive(Debug, Error)]
 pub enum ZonesError {
+    #[error(transparent)]
+    Zone(#[from] ZoneError),
     #[error(transparent)]
     Label(#[from] LabelError),
     #[error(transparent)]
@@ -73,13 +74,15 @@ pub struct Plot {
 /// Labels a data set by every kind of zone, and draws one sample if asked to.
 ///
 /// # Errors
-/// [`ZonesError`]: no data set, no such sample, a picture that exists, a config or a state that cannot be.
+/// [`ZonesError`]: no data set, no such sample, a picture that exists, a config or a state of the ego that is
+/// not valid.
 pub fn run(request: &ZonesRequest, progress: &dyn Progress) -> Result<ZonesSummary, ZonesError> {
     let ZonesRequest { dataset, zone, plot, sample, force } = request;
     if let Some(path) = plot.as_ref().filter(|path| path.exists() && !force) {
         return Err(ViewError::Exists { path: path.clone() }.into());
     }
-    let zones = ZoneKind::ALL.map(|kind| ZoneConfig { kind, ..zone.clone() });
+    let of_kind = |kind| Zone::try_from(ZoneConfig { kind, ..zone.clone() });
+    let zones = ZoneKind::ALL.into_iter().map(of_kind).collect::<Result<Vec<_>, _>>()?;
     let manifest = Manifest::read(dataset)?;
     // Before the long work, so that a wrong number is told at once.
     if let Some(sample) = sample {

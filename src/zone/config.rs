@@ -1,40 +1,12 @@
-//! The zone's config as `zone.toml` gives it, and what can be wrong with it or with what it is applied to.
+//! The zone's config as `zone.toml` gives it, and what zones share of it.
 
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
 
-use crate::geometry::BoxError;
-
-/// The shape of the zone.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum ZoneKind {
-    /// The paper's rectangle, turned by the steering angle.
-    #[default]
-    Rect,
-    /// A lane-wide corridor as deep as the rectangle, along the arc that the ego drives.
-    Arc,
-    /// Contact with the ego's body within a time, if both keep their motion.
-    Ttc,
-    /// Nearer than the longitudinal and the lateral safe distance of RSS.
-    Rss,
-}
-
-impl ZoneKind {
-    /// All of them; the paper's first.
-    pub const ALL: [Self; 4] = [Self::Rect, Self::Arc, Self::Ttc, Self::Rss];
-
-    /// The name in files.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Rect => "rect",
-            Self::Arc => "arc",
-            Self::Ttc => "ttc",
-            Self::Rss => "rss",
-        }
-    }
-}
+use super::corridor::Body;
+use super::error::ZoneError;
+use super::kinds::ZoneKind;
+use crate::config::{Check, Keys, Rule, above};
+use crate::sample::EgoState;
 
 /// The zone as `zone.toml` gives it, unchecked; [`super::Zone`] is the checked form.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -95,6 +67,21 @@ impl Default for BodyConfig {
     }
 }
 
+impl Check for ZoneConfig {
+    /// Every key is checked, also those of the other zones.
+    const BOUNDS: Keys = &[
+        ("min_safe_distance_m", above(0.0, 1000.0)),
+        ("time_gap_s", above(0.0, 100.0)),
+        ("width_m", above(0.0, 100.0)),
+        ("min_overlap_area_m2", above(0.0, 1e6)),
+        ("min_overlap_ratio", above(0.0, 1.0)),
+        ("max_turn_deg", above(0.0, 180.0)),
+        ("body", Rule::Part(&[("width_m", above(0.0, 100.0)), ("rear_overhang_m", above(0.0, 100.0))])),
+        ("ttc", Rule::Part(TtcConfig::BOUNDS)),
+        ("rss", Rule::Part(RssConfig::BOUNDS)),
+    ];
+}
+
 /// Keys of `ttc` alone.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -107,6 +94,10 @@ impl Default for TtcConfig {
     fn default() -> Self {
         Self { horizon_s: 4.0 }
     }
+}
+
+impl Check for TtcConfig {
+    const BOUNDS: Keys = &[("horizon_s", above(0.0, 60.0))];
 }
 
 /// Keys of `rss` alone: what each side is assumed to do. Defaults: ad-rss-lib's parameter discussion.
@@ -152,75 +143,41 @@ impl Default for RssConfig {
     }
 }
 
-/// What is wrong with a zone's config, or with the state or box it is applied to.
-#[derive(Debug, Clone, PartialEq, Error)]
-pub enum ZoneError {
-    #[error("the zone's {field} is {found}; a finite number above zero is needed")]
-    Config { field: &'static str, found: f64 },
-    #[error("the zone's {field} is {found}; a number above 0 and at most {most} is needed")]
-    AtMost { field: &'static str, found: f64, most: f64 },
-    #[error("the ego's {field} is {found}; a finite number is needed")]
-    StateNotFinite { field: &'static str, found: f64 },
-    #[error("the ego's {field} is {found}; a number above zero is needed")]
-    StateNotPositive { field: &'static str, found: f64 },
-    #[error("the zone's depth comes out as {depth_m} m at {speed_mps} m/s; a finite depth is needed")]
-    Depth { depth_m: f64, speed_mps: f64 },
-    #[error("the ego's steering_angle_rad is {found}; a car that drives on needs less than a right angle")]
-    Steering { found: f64 },
-    #[error(
-        "at steering_angle_rad {steering_angle_rad} the ego turns on a radius of {radius_m} m; the zone's width needs \
-         more than {needed_m} m"
-    )]
-    Radius { steering_angle_rad: f64, radius_m: f64, needed_m: f64 },
-    #[error("the object's velocity is {found:?} m/s; finite numbers are needed")]
-    Velocity { found: [f64; 2] },
-    #[error("only zone `rect` has an edge to measure a distance to; hard rules take every zone")]
-    NoEdge,
-    #[error("{0}")]
-    Box(#[from] BoxError),
-    #[error(
-        "footprint and overlap come out as {footprint_area_m2} and {overlap_area_m2} m²; finite areas are needed"
-    )]
-    Overlap { footprint_area_m2: f64, overlap_area_m2: f64 },
+impl Check for RssConfig {
+    const BOUNDS: Keys = &[
+        ("response_time_s", above(0.0, 60.0)),
+        ("other_response_time_s", above(0.0, 60.0)),
+        ("max_accel_mps2", above(0.0, 100.0)),
+        ("min_brake_mps2", above(0.0, 100.0)),
+        ("max_brake_mps2", above(0.0, 100.0)),
+        ("min_brake_correct_mps2", above(0.0, 100.0)),
+        ("lateral_max_accel_mps2", above(0.0, 100.0)),
+        ("lateral_min_brake_mps2", above(0.0, 100.0)),
+        ("lateral_margin_m", above(0.0, 100.0)),
+        ("standing_speed_mps", above(0.0, 100.0)),
+    ];
 }
 
 impl ZoneConfig {
-    /// Checks every key, also those of the other shapes.
-    pub(super) fn check(&self) -> Result<(), ZoneError> {
-        let fields = [
-            ("min_safe_distance_m", self.min_safe_distance_m),
-            ("time_gap_s", self.time_gap_s),
-            ("width_m", self.width_m),
-            ("min_overlap_area_m2", self.min_overlap_area_m2),
-            ("min_overlap_ratio", self.min_overlap_ratio),
-            ("max_turn_deg", self.max_turn_deg),
-            ("body.width_m", self.body.width_m),
-            ("body.rear_overhang_m", self.body.rear_overhang_m),
-            ("ttc.horizon_s", self.ttc.horizon_s),
-            ("rss.response_time_s", self.rss.response_time_s),
-            ("rss.other_response_time_s", self.rss.other_response_time_s),
-            ("rss.max_accel_mps2", self.rss.max_accel_mps2),
-            ("rss.min_brake_mps2", self.rss.min_brake_mps2),
-            ("rss.max_brake_mps2", self.rss.max_brake_mps2),
-            ("rss.min_brake_correct_mps2", self.rss.min_brake_correct_mps2),
-            ("rss.lateral_max_accel_mps2", self.rss.lateral_max_accel_mps2),
-            ("rss.lateral_min_brake_mps2", self.rss.lateral_min_brake_mps2),
-            ("rss.lateral_margin_m", self.rss.lateral_margin_m),
-            ("rss.standing_speed_mps", self.rss.standing_speed_mps),
-        ];
-        for (field, found) in fields {
-            if !found.is_finite() || found <= 0.0 {
-                return Err(ZoneError::Config { field, found });
-            }
-        }
-        let limited =
-            [("min_overlap_ratio", self.min_overlap_ratio, 1.0), ("max_turn_deg", self.max_turn_deg, 180.0)];
-        for (field, found, most) in limited {
-            if found > most {
-                return Err(ZoneError::AtMost { field, found, most });
-            }
-        }
-        Ok(())
+    /// Depth of the rectangle and of the arc; a car that rolls backwards keeps the safe distance alone.
+    pub(super) fn depth_at_m(&self, speed_mps: f64) -> f64 {
+        self.time_gap_s * speed_mps.max(0.0) + self.min_safe_distance_m
+    }
+
+    pub(super) fn depth_m(&self, ego: &EgoState) -> Result<f64, ZoneError> {
+        let depth_m = self.depth_at_m(ego.speed_mps);
+        let error = ZoneError::Depth { depth_m, speed_mps: ego.speed_mps };
+        depth_m.is_finite().then_some(depth_m).ok_or(error)
+    }
+
+    pub(super) fn body_of(&self, ego: &EgoState) -> Body {
+        let (front_m, rear_m) = (ego.front_bumper_x_m, self.body.rear_overhang_m);
+        let half_width_m = self.body.width_m / 2.0;
+        Body { front_m, rear_m, left_m: half_width_m, right_m: half_width_m }
+    }
+
+    pub(super) fn max_turn_rad(&self) -> f64 {
+        self.max_turn_deg.to_radians()
     }
 }
 
@@ -250,11 +207,10 @@ mod tests {
     }
 
     #[test]
-    fn keys_that_cannot_be_are_named() {
-        let mut config = ZoneConfig { max_turn_deg: 270.0, ..ZoneConfig::default() };
-        assert!(config.check().unwrap_err().to_string().contains("max_turn_deg is 270"));
-        config.max_turn_deg = 90.0;
-        config.rss.max_brake_mps2 = f64::NAN;
-        assert!(config.check().unwrap_err().to_string().contains("rss.max_brake_mps2 is NaN"));
+    fn every_number_is_checked() {
+        crate::config::assert_every_number_is_checked(&ZoneConfig::default());
+        let config = ZoneConfig { max_turn_deg: 270.0, ..ZoneConfig::default() };
+        let wanted = "max_turn_deg is 270.0; a number above 0 and at most 180 is needed";
+        assert_eq!(config.check().unwrap_err().to_string(), wanted);
     }
 }

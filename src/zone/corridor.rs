@@ -4,8 +4,8 @@
 //! run on circles about the centre of the turn, at different radii, so the pieces share no ground up to a full turn.
 //! Arcs become chords that leave them by at most [`CHORD_M`]. Metres, ego frame.
 
-use super::ZoneError;
 use super::course::Course;
+use super::error::ZoneError;
 use crate::geometry::{Point2, convex_overlap_area};
 
 /// Largest distance of a chord from its arc, metres.
@@ -63,7 +63,7 @@ impl Corridor {
         left.extend(back);
         // The triangle between the bar's last place and the front edge there.
         let front = [point(body.front_m, -body.right_m), point(body.front_m, body.left_m)];
-        let [front_right, front_left] = front.map(|corner| course.moved(corner, along_m));
+        let [front_right, front_left] = front.map(|corner| course.carry(corner, along_m));
         let middle = point(
             f64::midpoint(front_right.x_m, front_left.x_m),
             f64::midpoint(front_right.y_m, front_left.y_m),
@@ -105,7 +105,7 @@ fn sweep(course: &Course, bar: [Point2; 2], along_m: f64) -> (Vec<Point2>, Vec<P
     let bend = course.curvature_per_m.abs() * f64::max(fastest[0], fastest[1]);
     let n_steps = ((along_m * (bend / (8.0 * CHORD_M)).sqrt()).ceil() as usize).max(1);
     let places = |end: Point2| {
-        (0..=n_steps).map(|i| course.moved(end, along_m * i as f64 / n_steps as f64)).collect::<Vec<_>>()
+        (0..=n_steps).map(|i| course.carry(end, along_m * i as f64 / n_steps as f64)).collect::<Vec<_>>()
     };
     (places(bar[0]), places(bar[1]))
 }
@@ -178,7 +178,7 @@ mod tests {
         let course = course(steering);
         (0..=2000).any(|i| {
             let along_m = along_m * f64::from(i) / 2000.0;
-            let corners = body.corners().map(|corner| course.moved(corner, along_m));
+            let corners = body.corners().map(|corner| course.carry(corner, along_m));
             crate::geometry::distance_to_convex_m(at, &corners) <= 0.0
         })
     }

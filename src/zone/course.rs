@@ -6,7 +6,7 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use super::ZoneError;
+use super::error::ZoneError;
 use crate::geometry::Point2;
 use crate::sample::EgoState;
 
@@ -36,8 +36,8 @@ impl Course {
         if squared > 0.0 { (ego.wheelbase_m * 2.0 * to.y_m / squared).atan() } else { 0.0 }
     }
 
-    /// Where a point of the body is when the rear axle has run `along_m`.
-    pub fn moved(&self, point: Point2, along_m: f64) -> Point2 {
+    /// Carries a point of the body along the course: where it is when the rear axle has run `along_m`.
+    pub fn carry(&self, point: Point2, along_m: f64) -> Point2 {
         let turn = self.curvature_per_m * along_m;
         let (sin, cos) = turn.sin_cos();
         // The rear axle's chord: sin(turn) / k and (1 - cos(turn)) / k, written so that a straight course is no case
@@ -62,8 +62,8 @@ impl Course {
         if length > 1e-9 { [x / length, y / length] } else { [1.0, 0.0] }
     }
 
-    /// A way, cut where the ego has turned by `max_turn_rad`.
-    pub fn limited_m(&self, along_m: f64, max_turn_rad: f64) -> f64 {
+    /// Cuts a way where the ego has turned by `max_turn_rad`.
+    pub fn cut_m(&self, along_m: f64, max_turn_rad: f64) -> f64 {
         let turn_rad = self.curvature_per_m.abs() * along_m;
         if turn_rad > max_turn_rad { max_turn_rad / self.curvature_per_m.abs() } else { along_m }
     }
@@ -130,9 +130,9 @@ pub(super) mod tests {
         // tan(45 degrees) = 1: the radius is the wheelbase.
         let course = course(std::f64::consts::FRAC_PI_4);
         let quarter_m = FRAC_PI_2 * 2.7;
-        assert!(distance_m(course.moved(REAR_AXLE, quarter_m), Point2 { x_m: 2.7, y_m: 2.7 }) < 1e-12);
+        assert!(distance_m(course.carry(REAR_AXLE, quarter_m), Point2 { x_m: 2.7, y_m: 2.7 }) < 1e-12);
         // The bumper, 3.6 m before it, now looks along y.
-        let bumper = course.moved(Point2 { x_m: 3.6, y_m: 0.0 }, quarter_m);
+        let bumper = course.carry(Point2 { x_m: 3.6, y_m: 0.0 }, quarter_m);
         assert!(distance_m(bumper, Point2 { x_m: 2.7, y_m: 6.3 }) < 1e-12);
     }
 
@@ -141,7 +141,7 @@ pub(super) mod tests {
         // A wheelbase of 2.588 m: 2.10 m at one degree, where a ray turned by the angle is 0.44 m off; 9.95 at five.
         for (deg, expected_m) in [(1.0f64, 2.103), (2.0, 4.177), (5.0, 9.950)] {
             let state = EgoState { wheelbase_m: 2.588, ..ego(0.0, deg.to_radians()) };
-            let y_m = Course::of(&state).unwrap().moved(REAR_AXLE, 25.0).y_m;
+            let y_m = Course::of(&state).unwrap().carry(REAR_AXLE, 25.0).y_m;
             assert!((y_m - expected_m).abs() < 0.01, "{deg} degrees: {y_m}");
         }
     }
@@ -164,7 +164,7 @@ pub(super) mod tests {
                 let middle = heading + rate * step / 2.0;
                 (x, y, heading) = (x + step * middle.cos(), y + step * middle.sin(), heading + rate * step);
             }
-            let there = course(steering).moved(REAR_AXLE, along);
+            let there = course(steering).carry(REAR_AXLE, along);
             prop_assert!(distance_m(there, Point2 { x_m: x, y_m: y }) < 1e-4, "{there:?}, {x} {y}");
         }
 
@@ -173,7 +173,7 @@ pub(super) mod tests {
             let to = Point2 { x_m: x, y_m: y };
             let steered = course(Course::steering_towards_rad(&ego(0.0, 0.0), to));
             let nearest = (0..20_000)
-                .map(|i| distance_m(steered.moved(REAR_AXLE, f64::from(i) * 0.005), to))
+                .map(|i| distance_m(steered.carry(REAR_AXLE, f64::from(i) * 0.005), to))
                 .fold(f64::INFINITY, f64::min);
             prop_assert!(nearest < 0.01, "{nearest}");
         }
@@ -183,7 +183,7 @@ pub(super) mod tests {
             steering in -0.6..0.6_f64, x in -1.0..4.0_f64, y in -1.0..1.0_f64,
         ) {
             let (course, point) = (course(steering), Point2 { x_m: x, y_m: y });
-            let later = course.moved(point, 1e-6);
+            let later = course.carry(point, 1e-6);
             let [vx, vy] = course.velocity_at(point);
             let expected = Point2 { x_m: x + vx * 1e-6, y_m: y + vy * 1e-6 };
             prop_assert!(distance_m(later, expected) < 1e-10);

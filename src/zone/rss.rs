@@ -12,20 +12,111 @@
 //! A situation is dangerous where both distances are too small. The paper's lanes are here the ego's course: along is
 //! along its arc, aside is across it, and the ego has no speed aside.
 
-use super::RssConfig;
+use super::config::{RssConfig, ZoneConfig};
+use super::corridor::{Body, Corridor};
+use super::course::Course;
+use super::error::ZoneError;
+use super::rule::{Meeting, Rule, Seen};
+use crate::geometry::Point2;
+use crate::sample::EgoState;
+
+/// Shared ground from which two shapes meet, square metres: above rounding.
+const TOUCH_M2: f64 = 1e-6;
+
+/// The ego, and the ground where an object that stands is harmful.
+#[derive(Debug)]
+pub(super) struct Rss {
+    standing: Corridor,
+    needs: Needs,
+}
+
+impl Rule for Rss {
+    fn at(config: &ZoneConfig, ego: &EgoState) -> Result<Self, ZoneError> {
+        let needs = Needs {
+            course: Course::of(ego)?,
+            body: config.body_of(ego),
+            speed_mps: ego.speed_mps,
+            config: config.rss,
+            max_turn_rad: config.max_turn_rad(),
+        };
+        Ok(Self { standing: needs.corridor(0.0, 0.0)?, needs })
+    }
+
+    fn describe(_config: &ZoneConfig, _speed_mps: f64) -> String {
+        "nearer than the safe distances; drawn for an object that stands".to_owned()
+    }
+
+    fn outline(&self) -> &[Point2] {
+        self.standing.outline()
+    }
+
+    fn uses_velocity(&self) -> bool {
+        true
+    }
+
+    /// Of the ground for the object's own velocity.
+    fn overlap_m2(&self, object: &Seen) -> Result<f64, ZoneError> {
+        let center = object.box_in_ego.center;
+        let at = Point2 { x_m: center.x(), y_m: center.y() };
+        Ok(self.needs.corridor_for(at, object.velocity_mps)?.overlap_m2(&object.footprint))
+    }
+
+    fn is_harmful(&self, meeting: &Meeting) -> bool {
+        meeting.overlap_area_m2 > TOUCH_M2
+    }
+}
+
+/// What the distances need to know of the ego.
+#[derive(Debug)]
+struct Needs {
+    course: Course,
+    body: Body,
+    speed_mps: f64,
+    config: RssConfig,
+    max_turn_rad: f64,
+}
+
+impl Needs {
+    /// The ground nearer than both safe distances, for an object of this velocity in the course's directions.
+    fn corridor(&self, along_mps: f64, leftward_mps: f64) -> Result<Corridor, ZoneError> {
+        let Self { course, body, speed_mps, config, max_turn_rad } = self;
+        let safe = SafeDistances::of(config, *speed_mps, along_mps, leftward_mps);
+        if !safe.ahead_m.is_finite() {
+            return Err(ZoneError::Depth { depth_m: safe.ahead_m, speed_mps: *speed_mps });
+        }
+        // Across the turn's centre there is no more aside; the body itself must fit, or the corridor says so.
+        let room_m = course.room_inside_m() - 1e-9;
+        let widen = |half_m: f64, by_m: f64, is_inside: bool| {
+            if is_inside { f64::max(half_m, f64::min(half_m + by_m, room_m)) } else { half_m + by_m }
+        };
+        let turns_left = course.curvature_per_m >= 0.0;
+        let wide = Body {
+            left_m: widen(body.left_m, safe.left_m, turns_left),
+            right_m: widen(body.right_m, safe.right_m, !turns_left),
+            ..*body
+        };
+        Corridor::of_body(course, &wide, course.cut_m(safe.ahead_m, *max_turn_rad))
+    }
+
+    /// The same for a velocity in the ego's axes, of an object at a place.
+    fn corridor_for(&self, at: Point2, [vx_mps, vy_mps]: [f64; 2]) -> Result<Corridor, ZoneError> {
+        let [along_x, along_y] = self.course.direction_at(at);
+        self.corridor(vx_mps * along_x + vy_mps * along_y, vy_mps * along_x - vx_mps * along_y)
+    }
+}
 
 /// Distances to keep, metres: before the front bumper, and from the ego's sides to an object on the left or right.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[allow(clippy::struct_field_names, reason = "units are part of names")]
-pub(super) struct SafeDistances {
-    pub ahead_m: f64,
-    pub left_m: f64,
-    pub right_m: f64,
+struct SafeDistances {
+    ahead_m: f64,
+    left_m: f64,
+    right_m: f64,
 }
 
 impl SafeDistances {
     /// For an object that moves `along_mps` with the ego's course and `leftward_mps` across it.
-    pub fn of(config: &RssConfig, ego_speed_mps: f64, along_mps: f64, leftward_mps: f64) -> Self {
+    fn of(config: &RssConfig, ego_speed_mps: f64, along_mps: f64, leftward_mps: f64) -> Self {
         let ego_mps = ego_speed_mps.max(0.0);
         let ego_stop_m =
             |brake_mps2| stop_m(ego_mps, config.response_time_s, config.max_accel_mps2, brake_mps2);

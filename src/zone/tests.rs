@@ -46,7 +46,7 @@ fn at_ten_metres_a_second_the_zone_is_twenty_five_metres_deep() {
 
 #[test]
 fn a_car_that_stands_or_rolls_back_keeps_the_safe_distance() {
-    assert_eq!(rect(0.0, 0.0), rect(-3.0, 0.0));
+    assert_eq!(rect(0.0, 0.0).corners(), rect(-3.0, 0.0).corners());
     assert_corners(&rect(0.0, 0.0), [(3.6, -1.75), (8.6, -1.75), (8.6, 1.75), (3.6, 1.75)]);
 }
 
@@ -183,11 +183,11 @@ fn a_full_lock_at_speed_ends_after_the_greatest_turn() {
 }
 
 #[test]
-fn numbers_that_cannot_be_are_errors_that_name_the_field() {
+fn invalid_numbers_are_errors_that_name_the_field() {
     let config = ZoneConfig { width_m: 0.0, ..ZoneConfig::default() };
     assert!(Zone::try_from(config).unwrap_err().to_string().contains("width_m is 0"));
     let config = ZoneConfig { min_overlap_ratio: 1.5, ..ZoneConfig::default() };
-    assert!(matches!(Zone::try_from(config), Err(ZoneError::AtMost { .. })));
+    assert!(Zone::try_from(config).unwrap_err().to_string().contains("min_overlap_ratio is 1.5"));
     for kind in ZoneKind::ALL {
         let zone = zone(kind);
         assert!(zone.at(&ego(f64::NAN, 0.0)).unwrap_err().to_string().contains("speed_mps is NaN"));

@@ -7,17 +7,72 @@
 //! Found by conservative advancement (Mirtich 1996): from a gap `d`, no point can close it sooner than `d` over the sum
 //! of the greatest speeds, so time goes on by that much until the gap is gone; a contact is never jumped over.
 
-use super::corridor::Body;
+use super::config::ZoneConfig;
+use super::corridor::{Body, Corridor};
 use super::course::Course;
+use super::error::ZoneError;
+use super::rule::{Meeting, Rule, Seen};
 use crate::geometry::{Box3, Ego, Point2, convex_signed_distance_m};
+use crate::sample::EgoState;
 
 /// A gap as small as this is contact, metres.
 const TOUCH_M: f64 = 0.01;
 
+/// The forecast of the ego.
+#[derive(Debug)]
+pub(super) struct Ttc {
+    /// What the body sweeps within the horizon.
+    swept: Corridor,
+    course: Course,
+    body: Body,
+    speed_mps: f64,
+    horizon_s: f64,
+}
+
+impl Rule for Ttc {
+    fn at(config: &ZoneConfig, ego: &EgoState) -> Result<Self, ZoneError> {
+        let (course, body, speed_mps) = (Course::of(ego)?, config.body_of(ego), ego.speed_mps);
+        let horizon_m = speed_mps.abs() * config.ttc.horizon_s;
+        let along_m = course.cut_m(horizon_m, config.max_turn_rad());
+        if !along_m.is_finite() {
+            return Err(ZoneError::Depth { depth_m: along_m, speed_mps });
+        }
+        // A course that ends by its turn ends the forecast too.
+        let share = if horizon_m > 0.0 { along_m / horizon_m } else { 1.0 };
+        let swept = Corridor::of_body(&course, &body, if speed_mps > 0.0 { along_m } else { 0.0 })?;
+        Ok(Self { swept, course, body, speed_mps, horizon_s: share * config.ttc.horizon_s })
+    }
+
+    fn describe(config: &ZoneConfig, _speed_mps: f64) -> String {
+        format!("contact within {:.1} s if both keep their motion", config.ttc.horizon_s)
+    }
+
+    fn outline(&self) -> &[Point2] {
+        self.swept.outline()
+    }
+
+    fn uses_velocity(&self) -> bool {
+        true
+    }
+
+    fn overlap_m2(&self, object: &Seen) -> Result<f64, ZoneError> {
+        Ok(self.swept.overlap_m2(&object.footprint))
+    }
+
+    fn time_to_collision_s(&self, object: &Seen) -> Option<f64> {
+        let Self { course, body, speed_mps, horizon_s, .. } = self;
+        time_to_collision_s(course, *speed_mps, body, object.box_in_ego, object.velocity_mps, *horizon_s)
+    }
+
+    fn is_harmful(&self, meeting: &Meeting) -> bool {
+        meeting.time_to_collision_s.is_some()
+    }
+}
+
 /// Seconds until contact, 0 where the two overlap already; none within `horizon_s`.
 ///
 /// `velocity_mps` is the object's over ground, in the ego's axes at the start. The ego may roll backwards.
-pub(super) fn time_to_collision_s(
+fn time_to_collision_s(
     course: &Course,
     speed_mps: f64,
     body: &Body,
@@ -33,7 +88,7 @@ pub(super) fn time_to_collision_s(
     let closing_mps = speed_mps.abs() * fastest.fold(0.0, f64::max) + velocity_mps[0].hypot(velocity_mps[1]);
     let mut time_s = 0.0;
     while time_s <= horizon_s {
-        let ego_then = ego.map(|corner| course.moved(corner, speed_mps * time_s));
+        let ego_then = ego.map(|corner| course.carry(corner, speed_mps * time_s));
         let object_then = footprint.map(|corner| Point2 {
             x_m: corner.x_m + velocity_mps[0] * time_s,
             y_m: corner.y_m + velocity_mps[1] * time_s,
@@ -123,7 +178,7 @@ mod tests {
             let found = ttc(speed, steering, &object, [vx, vy]);
             let course = course(steering);
             let gap = |time: f64| {
-                let ego = CAR.corners().map(|corner| course.moved(corner, speed * time));
+                let ego = CAR.corners().map(|corner| course.carry(corner, speed * time));
                 let there = Box3 { center: Point::new(x + vx * time, y + vy * time, 0.5), ..object };
                 convex_signed_distance_m(&ego, &there.footprint())
             };

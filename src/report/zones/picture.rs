@@ -3,14 +3,14 @@
 use image::RgbImage;
 use thiserror::Error;
 
-use crate::eval::zone_comparison::MOVING_MPS;
 use crate::geometry::Point2;
+use crate::label::MOVING_MPS;
 use crate::object::{Distribution, Harm, ObjectTruth};
 use crate::report::canvas::{Align, Canvas, Color, Pen, text_width_px};
 use crate::report::palette;
 use crate::report::view::{Area, Mark, birdseye, front};
 use crate::sample::Sample;
-use crate::zone::{Verdict, Zone, ZoneConfig, ZoneError, ZoneKind};
+use crate::zone::{Verdict, Zone, ZoneAt, ZoneError};
 
 /// Size of the picture, pixels.
 pub(super) const SIZE_PX: (u32, u32) = (1600, 900);
@@ -42,7 +42,7 @@ pub(super) struct Overlay<'a> {
     pub episode: &'a str,
     pub sample_idx: usize,
     pub sample: &'a Sample,
-    pub zones: &'a [ZoneConfig],
+    pub zones: &'a [Zone],
     /// Harmful share of each zone over the data set.
     pub shares: &'a [Option<f64>],
 }
@@ -89,16 +89,12 @@ impl Judged<'_> {
 impl Overlay<'_> {
     pub fn draw(&self) -> Result<RgbImage, OverlayError> {
         let (measured, objects) = (&self.sample.measured, &self.sample.truth.objects);
-        let zones = self
-            .zones
-            .iter()
-            .map(|config| Zone::try_from(config.clone())?.at(&measured.ego_state))
-            .collect::<Result<Vec<_>, _>>()?;
+        let zones: Vec<ZoneAt> =
+            self.zones.iter().map(|zone| zone.at(&measured.ego_state)).collect::<Result<_, _>>()?;
         let mut judged = objects
             .iter()
             .map(|object| {
-                let harm_of =
-                    |zone: &crate::zone::ZoneAt| zone.harm_of(&object.box_in_ego, object.velocity_in_ego_mps);
+                let harm_of = |zone: &ZoneAt| zone.harm_of(&object.box_in_ego, object.velocity_in_ego_mps);
                 Ok(Judged { object, verdicts: zones.iter().map(harm_of).collect::<Result<_, _>>()? })
             })
             .collect::<Result<Vec<_>, ZoneError>>()?;
@@ -110,9 +106,9 @@ impl Overlay<'_> {
             .zones
             .iter()
             .zip(&zones)
-            .map(|(config, zone)| Area {
-                corners: zone.corners(),
-                color: palette::zone(config.kind),
+            .map(|(zone, here)| Area {
+                corners: here.corners(),
+                color: palette::zone(zone.config().kind),
                 fill: 0.08,
             })
             .collect();
@@ -164,24 +160,18 @@ impl Overlay<'_> {
         let note = "harmful, whole set";
         page.text((right, top), TEXT_PX, palette::TEXT_SOFT, Align::Right, note);
         let speed_mps = self.sample.measured.ego_state.speed_mps.max(0.0);
-        for (i, (config, share)) in self.zones.iter().zip(self.shares).enumerate() {
+        for (i, (zone, share)) in self.zones.iter().zip(self.shares).enumerate() {
             let baseline = top + (i + 1) as f32 * ROW_PX;
-            let color = palette::zone(config.kind);
+            let color = palette::zone(zone.config().kind);
             square(page, (RIGHT_PX, baseline), color, true);
-            page.text((RIGHT_PX + 24.0, baseline), TEXT_PX, palette::TEXT, Align::Left, config.kind.name());
-            let depth_m = config.time_gap_s * speed_mps + config.min_safe_distance_m;
-            let told = match config.kind {
-                ZoneKind::Rect => {
-                    format!("{depth_m:.1} m deep, {:.1} m wide, turned by the steering angle", config.width_m)
-                }
-                ZoneKind::Arc => {
-                    format!("{depth_m:.1} m along the arc that is driven, {:.1} m wide", config.width_m)
-                }
-                ZoneKind::Ttc => {
-                    format!("contact within {:.1} s if both keep their motion", config.ttc.horizon_s)
-                }
-                ZoneKind::Rss => "nearer than the safe distances; drawn for an object that stands".to_owned(),
-            };
+            page.text(
+                (RIGHT_PX + 24.0, baseline),
+                TEXT_PX,
+                palette::TEXT,
+                Align::Left,
+                zone.config().kind.name(),
+            );
+            let told = zone.describe(speed_mps);
             page.text((RIGHT_PX + 66.0, baseline), TEXT_PX, palette::TEXT_SOFT, Align::Left, &told);
             let share = share.map_or("-".to_owned(), |share| format!("{:.1}%", 100.0 * share));
             page.text((right, baseline), TEXT_PX, palette::TEXT, Align::Right, &share);
@@ -207,9 +197,15 @@ impl Overlay<'_> {
         for (at, name) in columns {
             page.text((RIGHT_PX + at + 45.0, top), 13.0, palette::TEXT_SOFT, Align::Right, name);
         }
-        for (zone_idx, config) in self.zones.iter().enumerate() {
-            let x = square_at(zone_idx) + 7.0 + text_width_px(13.0, config.kind.name()) / 2.0;
-            page.text((x, top), 13.0, palette::zone(config.kind), Align::Right, config.kind.name());
+        for (zone_idx, zone) in self.zones.iter().enumerate() {
+            let x = square_at(zone_idx) + 7.0 + text_width_px(13.0, zone.config().kind.name()) / 2.0;
+            page.text(
+                (x, top),
+                13.0,
+                palette::zone(zone.config().kind),
+                Align::Right,
+                zone.config().kind.name(),
+            );
         }
         for (i, judged) in judged.iter().take(MAX_ROWS).enumerate() {
             let baseline = top + (i + 1) as f32 * ROW_PX;
@@ -223,9 +219,9 @@ impl Overlay<'_> {
             for ((at, _), text) in columns.iter().zip(told) {
                 page.text((RIGHT_PX + at + 45.0, baseline), TEXT_PX, palette::TEXT_SOFT, Align::Right, &text);
             }
-            for (zone_idx, (config, verdict)) in self.zones.iter().zip(&judged.verdicts).enumerate() {
+            for (zone_idx, (zone, verdict)) in self.zones.iter().zip(&judged.verdicts).enumerate() {
                 let is_harmful = verdict.harm == Harm::Harmful;
-                square(page, (square_at(zone_idx), baseline), palette::zone(config.kind), is_harmful);
+                square(page, (square_at(zone_idx), baseline), palette::zone(zone.config().kind), is_harmful);
             }
         }
     }
@@ -272,6 +268,7 @@ mod tests {
     use super::*;
     use crate::dataset::test_data;
     use crate::sample::Truth;
+    use crate::zone::{ZoneConfig, ZoneKind};
 
     #[test]
     fn all_zones_and_the_disputed_objects_are_drawn() {
@@ -284,13 +281,14 @@ mod tests {
         let mut measured = labelled.measured.clone();
         (measured.ego_state.speed_mps, measured.ego_state.steering_angle_rad) = (8.0, 0.02);
         let sample = Sample { measured, truth: Truth { objects } };
-        let zones = ZoneKind::ALL.map(|kind| ZoneConfig { kind, ..ZoneConfig::default() });
+        let zones =
+            ZoneKind::ALL.map(|kind| Zone::try_from(ZoneConfig { kind, ..ZoneConfig::default() }).unwrap());
         let overlay = Overlay {
             episode: "made",
             sample_idx: 1,
             sample: &sample,
             zones: &zones,
-            shares: &[Some(0.1); 4],
+            shares: &[Some(0.1); ZoneKind::ALL.len()],
         };
         let drawn = overlay.draw().unwrap();
         assert_eq!(drawn.dimensions(), SIZE_PX);
@@ -301,15 +299,15 @@ mod tests {
             assert!(count(palette::zone(kind), 0) > 196, "{kind:?}: its square and its outline");
         }
         // In the table, a square of 14 by 14 pixels for each object that a zone calls harmful; the head adds fewer.
-        for config in &zones {
-            let zone = Zone::try_from(config.clone()).unwrap().at(&sample.measured.ego_state).unwrap();
+        for zone in &zones {
+            let (kind, zone) = (zone.config().kind, zone.at(&sample.measured.ego_state).unwrap());
             let is_harmful = |object: &&ObjectTruth| {
                 let verdict = zone.harm_of(&object.box_in_ego, object.velocity_in_ego_mps).unwrap();
                 verdict.harm == Harm::Harmful
             };
             let n_harmful = sample.truth.objects.iter().filter(is_harmful).count();
-            let n_squares = count(palette::zone(config.kind), RIGHT_PX as u32 + 500) / 196;
-            assert_eq!(n_squares, n_harmful, "{:?}", config.kind);
+            let n_squares = count(palette::zone(kind), RIGHT_PX as u32 + 500) / 196;
+            assert_eq!(n_squares, n_harmful, "{kind:?}");
         }
         assert_eq!(drawn, overlay.draw().unwrap());
     }

@@ -8,13 +8,14 @@ use std::path::Path;
 use rayon::prelude::*;
 use serde::Serialize;
 
+use super::apply::label_sample;
+use super::counts::count_of;
+use super::run::LabelError;
+use crate::episode::EpisodeReader;
 use crate::episode::manifest::{EpisodeEntry, HarmCounts, LabelCounts, Manifest};
-use crate::episode::{EpisodeReader, SampleLabels};
-use crate::label::{LabelError, count_of, label_sample};
-use crate::object::{Distribution, Harm, Kind};
+use crate::object::{Distribution, Harm, Kind, ObjectTruth};
 use crate::progress::Progress;
-use crate::sample::Sample;
-use crate::zone::{Zone, ZoneConfig};
+use crate::zone::Zone;
 
 /// An object faster than this over ground moves, m/s.
 pub const MOVING_MPS: f64 = 0.5;
@@ -51,13 +52,12 @@ pub struct ZoneCounts {
 /// Labels every object of a data set by each of the zones.
 ///
 /// # Errors
-/// [`LabelError`]: no data set or an empty one, a broken file, a zone's config or a state that cannot be.
+/// [`LabelError`]: no data set or an empty one, a broken file, a state of the ego that is not valid.
 pub fn compare(
     dataset: &Path,
-    zones: &[ZoneConfig],
+    zones: &[Zone],
     progress: &dyn Progress,
 ) -> Result<ZoneComparison, LabelError> {
-    let zones = zones.iter().map(|config| Zone::try_from(config.clone())).collect::<Result<Vec<_>, _>>()?;
     let manifest = Manifest::read(dataset)?;
     if manifest.episodes.is_empty() {
         return Err(LabelError::NoEpisodes { path: dataset.to_owned() });
@@ -67,7 +67,7 @@ pub fn compare(
         .episodes
         .par_iter()
         .map(|entry| {
-            let tally = Tally::of_episode(dataset, entry, &zones);
+            let tally = Tally::of_episode(dataset, entry, zones);
             progress.advance(entry.n_samples as u64);
             tally
         })
@@ -110,22 +110,23 @@ impl Tally {
         let reader = EpisodeReader::open(&dataset.join(&entry.file))?;
         for (sample_idx, sample) in reader.samples().enumerate() {
             let sample = sample?;
-            let labels = zones
-                .iter()
-                .map(|zone| label_sample(zone, &entry.name, sample_idx, &sample))
-                .collect::<Result<Vec<_>, _>>()?;
-            tally.add(&sample, &labels);
+            let harms_by = |zone: &Zone| -> Result<Vec<Harm>, LabelError> {
+                let labels = label_sample(zone, &entry.name, sample_idx, &sample)?.labels;
+                Ok(labels.iter().map(|label| label.harm).collect())
+            };
+            let harms = zones.iter().map(harms_by).collect::<Result<Vec<_>, _>>()?;
+            tally.add(&sample.truth.objects, &harms);
         }
         Ok(tally)
     }
 
-    /// Adds a sample with the labels of each zone.
-    fn add(&mut self, sample: &Sample, labels: &[SampleLabels]) {
+    /// Adds a sample's objects with what each zone says of each.
+    fn add(&mut self, objects: &[ObjectTruth], harms_by_zone: &[Vec<Harm>]) {
         let mut n_disputed = 0;
-        for (object_idx, object) in sample.truth.objects.iter().enumerate() {
+        for (object_idx, object) in objects.iter().enumerate() {
             let [vx_mps, vy_mps] = object.velocity_in_ego_mps;
             let is_moving = vx_mps.hypot(vy_mps) > MOVING_MPS;
-            let harms: Vec<Harm> = labels.iter().map(|labels| labels.labels[object_idx].harm).collect();
+            let harms: Vec<Harm> = harms_by_zone.iter().map(|harms| harms[object_idx]).collect();
             for (zone_idx, &harm) in harms.iter().enumerate() {
                 self.by_zone[zone_idx].get_mut(object.distribution).get_mut(object.kind).add(harm);
                 let by_motion = if is_moving { &mut self.moving } else { &mut self.standing };
@@ -251,24 +252,61 @@ impl fmt::Display for ZoneComparison {
 
 #[cfg(test)]
 mod tests {
+    use rand::RngExt;
+
     use super::*;
-    use crate::dataset::test_data;
-    use crate::sample::Truth;
-    use crate::zone::ZoneKind;
+    use crate::geometry::{Box3, Point};
+    use crate::object::Event;
+    use crate::random;
+    use crate::sample::EgoState;
+    use crate::zone::{ZoneConfig, ZoneKind};
 
     fn tally(n_samples: usize, velocity_in_ego_mps: [f64; 2]) -> Tally {
         let zones =
             ZoneKind::ALL.map(|kind| Zone::try_from(ZoneConfig { kind, ..ZoneConfig::default() }).unwrap());
         let mut tally = Tally::new(zones.len());
-        for labelled in test_data::dataset(n_samples).samples() {
-            let mut objects: Vec<_> = labelled.objects.iter().map(|object| object.truth.clone()).collect();
-            objects.iter_mut().for_each(|object| object.velocity_in_ego_mps = velocity_in_ego_mps);
-            let sample = Sample { measured: labelled.measured.clone(), truth: Truth { objects } };
-            let labels: Vec<_> =
-                zones.iter().map(|zone| label_sample(zone, "made", 0, &sample).unwrap()).collect();
-            tally.add(&sample, &labels);
+        let mut rng = random::stream(3, "zone-comparison", 0);
+        for _ in 0..n_samples {
+            let ego = EgoState {
+                speed_mps: rng.random_range(0.0..12.0),
+                steering_angle_rad: rng.random_range(-0.2..0.2),
+                yaw_rate_rps: 0.0,
+                acceleration_mps2: 0.0,
+                wheelbase_m: 2.6,
+                front_bumper_x_m: 3.3,
+            };
+            let objects: Vec<ObjectTruth> = (0..5)
+                .map(|i| {
+                    let x_m = rng.random_range(6.0..45.0);
+                    car(i, [x_m, rng.random_range(-0.5..0.5) * x_m], velocity_in_ego_mps)
+                })
+                .collect();
+            let harms = zones.each_ref().map(|zone| {
+                let here = zone.at(&ego).unwrap();
+                objects
+                    .iter()
+                    .map(|car| here.harm_of(&car.box_in_ego, velocity_in_ego_mps).unwrap().harm)
+                    .collect()
+            });
+            tally.add(&objects, &harms);
         }
         tally
+    }
+
+    fn car(i: usize, [x_m, y_m]: [f64; 2], velocity_in_ego_mps: [f64; 2]) -> ObjectTruth {
+        let center = Point::new(x_m, y_m, 0.75);
+        ObjectTruth {
+            id: format!("car-{i}"),
+            category: "car".into(),
+            kind: Kind::Vehicle,
+            distribution: Distribution::Id,
+            box_in_ego: Box3 { center, length_m: 4.0, width_m: 1.8, height_m: 1.5, yaw_rad: 0.2 },
+            velocity_in_ego_mps,
+            n_lidar_points: 60,
+            visible_px: 500,
+            visible_fraction: 1.0,
+            event: Event::None,
+        }
     }
 
     fn names() -> Vec<String> {
@@ -284,10 +322,10 @@ mod tests {
             found.zones.iter().map(|zone| count_of(&zone.counts, None, None).harmful).collect();
         let weighted: u64 = found.n_harmful_by.iter().enumerate().map(|(n, count)| n as u64 * count).sum();
         assert_eq!(weighted, n_harmful.iter().sum::<u64>());
-        for row in 0..4 {
+        for row in 0..names().len() {
             assert_eq!(found.change_sides[row][row], 0);
             assert_eq!(found.agreement[row][row], Some(1.0));
-            for column in 0..4 {
+            for column in 0..names().len() {
                 // Harmful by the row = by both + by the row alone.
                 let both = n_harmful[row] - found.change_sides[row][column];
                 assert_eq!(both, n_harmful[column] - found.change_sides[column][row]);
