@@ -4,9 +4,10 @@
 //! memory, which is printed at the end.
 
 use burn::tensor::{Device, Distribution, Tensor};
-use harmzone::geometry::{Pinhole, Point, Transform};
+use harmzone::geometry::{Pinhole, Transform};
 use harmzone::model::{
-    Swin, SwinCameraBatch, SwinCameraBranch, SwinCameraConfig, SwinCameraInput, SwinConfig,
+    CameraBackbone, CameraConfig, CameraView, NetworkImage, Swin, SwinCameraBatch, SwinCameraBranch,
+    SwinCameraConfig, SwinCameraInput, SwinConfig,
 };
 use image::RgbImage;
 use nalgebra::Vector3;
@@ -21,13 +22,17 @@ fn main() {
 
 /// A grey image and a wall of LiDAR points, as the car's sensors are mounted.
 fn batch(config: &SwinCameraConfig, device: &Device) -> SwinCameraBatch {
-    let camera = Pinhole::from_horizontal_fov(800, 450, 70f64.to_radians());
-    let pose = Transform::looking_forward(Vector3::new(1.7, 0.0, 1.5), 0.0);
+    let full = CameraView {
+        intrinsics: Pinhole::from_horizontal_fov(800, 450, 70f64.to_radians()),
+        ego_from_camera: Transform::looking_forward(Vector3::new(1.7, 0.0, 1.5), 0.0),
+    };
     let image = RgbImage::from_fn(800, 450, |x, y| image::Rgb([(x % 256) as u8, (y % 256) as u8, 90]));
-    let points = (0..20_000)
-        .map(|i| Point::new(5.0 + f64::from(i % 200) * 0.25, f64::from(i / 200) * 0.5 - 25.0, 0.5));
-    let input =
-        SwinCameraInput::prepare(&image, points, &camera, &pose, config).expect("the image is high enough");
+    let camera_config =
+        CameraConfig { backbone: CameraBackbone::Swin, swin: *config, ..CameraConfig::default() };
+    let image = NetworkImage::resize(&image, &camera_config).expect("the image is high enough");
+    let point = |i| [5.0 + f64::from(i % 200) * 0.25, f64::from(i / 200) * 0.5 - 25.0, 0.5, 0.0];
+    let points: Vec<[f64; 4]> = (0..20_000).map(point).collect();
+    let input = SwinCameraInput::prepare(&image, &image.view(&full), &points);
     SwinCameraBatch::stack(&[&input], config, device)
 }
 

@@ -6,7 +6,9 @@
 use std::hint::black_box;
 
 use burn::tensor::{Device, Tensor};
-use harmzone::model::{LidarVoxelBranch, LidarVoxelConfig, VoxelBatch, Voxels, voxelize};
+use harmzone::model::{
+    BevBackbone, LidarVoxelConfig, N_VOXEL_FEATURES, SparseEncoder, VoxelBatch, Voxels, voxelize,
+};
 
 /// Sweeps laid over each other: one as our samples have, and many for the limits of memory.
 const N_SWEEPS: [usize; 2] = [1, 10];
@@ -55,36 +57,59 @@ fn rulebooks(bencher: divan::Bencher, n_sweeps: usize) {
     bencher.bench_local(|| VoxelBatch::stack(&[&voxels], &config, &device));
 }
 
-fn forward(bencher: divan::Bencher, n_sweeps: usize, run: fn(&LidarVoxelBranch, &VoxelBatch) -> Tensor<4>) {
-    let (config, device) = (LidarVoxelConfig::default(), Device::flex());
-    let branch = LidarVoxelBranch::init(&config, &device);
-    let batch = VoxelBatch::stack(&[&voxels(n_sweeps, &config)], &config, &device);
-    bencher.bench_local(|| black_box(run(&branch, &batch)));
+struct Net {
+    encoder: SparseEncoder,
+    backbone: BevBackbone,
 }
 
-fn train(bencher: divan::Bencher, n_sweeps: usize, run: fn(&LidarVoxelBranch, &VoxelBatch) -> Tensor<4>) {
-    let (config, device) = (LidarVoxelConfig::default(), Device::flex().autodiff());
-    let branch = LidarVoxelBranch::init(&config, &device);
+impl Net {
+    fn init(config: &LidarVoxelConfig, device: &Device) -> Self {
+        let [n_channels, ..] = config.encoded_shape();
+        Self {
+            encoder: SparseEncoder::init(N_VOXEL_FEATURES, &config.encoder, device),
+            backbone: BevBackbone::init(n_channels, &config.backbone, device),
+        }
+    }
+
+    fn encode(&self, batch: &VoxelBatch) -> Tensor<4> {
+        self.encoder.forward(batch.features.clone(), &batch.rulebooks, 1)
+    }
+
+    fn run_all(&self, batch: &VoxelBatch) -> Tensor<4> {
+        self.backbone.forward(self.encode(batch))
+    }
+}
+
+fn forward(bencher: divan::Bencher, n_sweeps: usize, run: fn(&Net, &VoxelBatch) -> Tensor<4>) {
+    let (config, device) = (LidarVoxelConfig::default(), Device::flex());
+    let net = Net::init(&config, &device);
     let batch = VoxelBatch::stack(&[&voxels(n_sweeps, &config)], &config, &device);
-    bencher.bench_local(|| black_box(run(&branch, &batch).sum().backward()));
+    bencher.bench_local(|| black_box(run(&net, &batch)));
+}
+
+fn train(bencher: divan::Bencher, n_sweeps: usize, run: fn(&Net, &VoxelBatch) -> Tensor<4>) {
+    let (config, device) = (LidarVoxelConfig::default(), Device::flex().autodiff());
+    let net = Net::init(&config, &device);
+    let batch = VoxelBatch::stack(&[&voxels(n_sweeps, &config)], &config, &device);
+    bencher.bench_local(|| black_box(run(&net, &batch).sum().backward()));
 }
 
 #[divan::bench(args = N_SWEEPS, sample_count = 5, sample_size = 1)]
 fn encoder_forward(bencher: divan::Bencher, n_sweeps: usize) {
-    forward(bencher, n_sweeps, LidarVoxelBranch::encode);
+    forward(bencher, n_sweeps, Net::encode);
 }
 
 #[divan::bench(args = N_SWEEPS, sample_count = 5, sample_size = 1)]
 fn encoder_train(bencher: divan::Bencher, n_sweeps: usize) {
-    train(bencher, n_sweeps, LidarVoxelBranch::encode);
+    train(bencher, n_sweeps, Net::encode);
 }
 
 #[divan::bench(args = [1], sample_count = 3, sample_size = 1)]
 fn branch_forward(bencher: divan::Bencher, n_sweeps: usize) {
-    forward(bencher, n_sweeps, LidarVoxelBranch::forward);
+    forward(bencher, n_sweeps, Net::run_all);
 }
 
 #[divan::bench(args = [1], sample_count = 3, sample_size = 1)]
 fn branch_train(bencher: divan::Bencher, n_sweeps: usize) {
-    train(bencher, n_sweeps, LidarVoxelBranch::forward);
+    train(bencher, n_sweeps, Net::run_all);
 }

@@ -9,8 +9,7 @@ use burn::nn::{BatchNorm, BatchNormConfig, Initializer};
 use burn::tensor::{Device, Tensor};
 
 use super::config::{BevBackboneConfig, Upsample};
-use super::layers::{ConvBlock, mix_channels, upsample_nearest};
-use super::norm::batch_norm_relu;
+use super::layers::{ConvBlock, batch_norm_relu, mix_channels, upsample_nearest};
 
 /// Published batch norm of the LiDAR branch; [`ConvBlock`] has the same epsilon.
 const NORM_EPSILON: f64 = 1e-3;

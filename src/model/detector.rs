@@ -6,39 +6,19 @@ use std::sync::{Mutex, PoisonError};
 use burn::module::{Module, ModuleVisitor, Param};
 use burn::tensor::{Device, Tensor};
 
-use super::batch::{Batch, CameraBatch, LidarBatch};
+use super::batch::Batch;
 use super::bev_backbone::BevBackbone;
-use super::cnn_branch::CnnBranch;
-use super::coder::{CODE_SIZE, decode};
-use super::config::{CameraBackbone, Classes, Heatmap, LidarEncoder, ModelConfig};
+use super::camera::CameraBranch;
+use super::config::ModelConfig;
 use super::head::{Head, Output};
 use super::image_weights::{ImageWeightsError, ImageWeightsReport, load_image_weights};
 use super::layers::ConvBlock;
+use super::lidar::LidarBranch;
 use super::parameters::n_trained;
-use super::pillar_branch::PillarBranch;
-use super::queries::Query;
-use super::sparse::SparseEncoder;
-use super::swin_camera::SwinCameraBranch;
-use super::voxel::N_VOXEL_FEATURES;
 use crate::device::is_cpu;
-use crate::object::{Detection, Harm};
 
 /// The device's generator is one for the whole process.
 static GENERATOR: Mutex<()> = Mutex::new(());
-
-/// From points to a bird's-eye map.
-#[derive(Module, Debug)]
-enum LidarBranch {
-    Pillars(PillarBranch),
-    Voxels(SparseEncoder),
-}
-
-/// From the image to a bird's-eye map.
-#[derive(Module, Debug)]
-enum CameraBranch {
-    Cnn(CnnBranch),
-    Swin(SwinCameraBranch),
-}
 
 /// A fused LiDAR-camera detector of harmful and harmless objects.
 #[derive(Module, Debug)]
@@ -89,21 +69,10 @@ impl Detector {
     }
 
     fn undrawn(config: &ModelConfig, device: &Device) -> Self {
-        let lidar = config.use_lidar.then(|| match config.lidar.encoder {
-            LidarEncoder::Pillars => LidarBranch::Pillars(PillarBranch::init(config, device)),
-            LidarEncoder::Voxels => {
-                let encoder = &config.lidar.voxel.encoder;
-                LidarBranch::Voxels(SparseEncoder::init(N_VOXEL_FEATURES, encoder, device))
-            }
-        });
-        let camera = config.use_camera.then(|| match config.camera.backbone {
-            CameraBackbone::Cnn => CameraBranch::Cnn(CnnBranch::init(config, device)),
-            CameraBackbone::Swin => CameraBranch::Swin(SwinCameraBranch::init(&config.camera.swin, device)),
-        });
         let channels_in = config.lidar_channels() + config.camera_channels();
         Self {
-            lidar,
-            camera,
+            lidar: config.use_lidar.then(|| LidarBranch::init(config, device)),
+            camera: config.use_camera.then(|| CameraBranch::init(config, device)),
             fuser: config
                 .has_fuser()
                 .then(|| ConvBlock::init(channels_in, config.fuser_channels, 1, device).with_plain_norm()),
@@ -169,41 +138,30 @@ impl Detector {
 
 /// The parts of [`Detector::forward`], in its order; maps are `[batch, channel, cell_y, cell_x]`.
 impl Detector {
-    /// The camera branch before its lift; all of it where image and lift are not told apart.
+    /// The camera branch before its lift, where it can be told apart.
     pub(super) fn image_features(&self, batch: &Batch) -> Option<Tensor<4>> {
-        self.camera.as_ref().zip(batch.camera.as_ref()).map(|parts| match parts {
-            (CameraBranch::Cnn(branch), CameraBatch::Cnn(batch)) => branch.image_features(batch),
-            (CameraBranch::Swin(branch), CameraBatch::Swin(batch)) => branch.forward(batch),
-            _ => panic!("the batch was made with another config"),
-        })
+        let (branch, batch) = self.camera.as_ref().zip(batch.camera.as_ref())?;
+        Some(branch.image_features(batch))
     }
 
     /// The camera's map from [`Self::image_features`].
     pub(super) fn camera_map(&self, batch: &Batch, features: Option<Tensor<4>>) -> Option<Tensor<4>> {
-        self.camera.as_ref().map(|branch| match (branch, &batch.camera, features) {
-            (CameraBranch::Cnn(branch), Some(CameraBatch::Cnn(batch)), Some(features)) => {
-                branch.lift_and_splat(features, batch)
-            }
-            (CameraBranch::Swin(_), _, Some(features)) => features,
+        let branch = self.camera.as_ref()?;
+        Some(match (&batch.camera, features) {
+            (Some(batch), Some(features)) => branch.lift(features, batch),
             _ => {
                 let grid = &self.config.grid;
-                let cells = [grid.n_cells_y(), grid.n_cells_x()];
-                let shape = [batch.n_samples, self.config.camera_channels(), cells[0], cells[1]];
+                let channels = self.config.camera_channels();
+                let shape = [batch.n_samples, channels, grid.n_cells_y(), grid.n_cells_x()];
                 Tensor::zeros(shape, &batch.numeric.device())
             }
         })
     }
 
     pub(super) fn lidar_map(&self, batch: &Batch) -> Option<Tensor<4>> {
-        self.lidar.as_ref().map(|branch| match (branch, &batch.lidar) {
-            (LidarBranch::Pillars(branch), Some(LidarBatch::Pillars(pillars))) => {
-                branch.forward(pillars.as_ref(), batch.n_samples, &batch.numeric.device())
-            }
-            (LidarBranch::Voxels(encoder), Some(LidarBatch::Voxels(voxels))) => {
-                encoder.forward(voxels.features.clone(), &voxels.rulebooks, batch.n_samples)
-            }
-            _ => panic!("the batch was made with another config"),
-        })
+        let branch = self.lidar.as_ref()?;
+        let points = batch.lidar.as_ref().expect("the batch was made with this config");
+        Some(branch.forward(points, batch.n_samples, &batch.numeric.device()))
     }
 
     /// The map that the head sees.
@@ -232,61 +190,13 @@ impl ModuleVisitor for Draw {
     }
 }
 
-/// The classes that a query may report: that of its peak, where the heatmap tells classes apart.
-fn reported(query: &Query, heatmap: Heatmap) -> &'static [Harm] {
-    match heatmap {
-        Heatmap::Agnostic => &Harm::ALL,
-        Heatmap::PerClass => &Harm::ALL[query.channel..=query.channel],
-    }
-}
-
-/// Boxes of each sample of a batch, best first: every query reports each class whose score, the
-/// product of heatmap and class probability, reaches `min_score`. Of several states of a sample the first.
-#[must_use]
-pub fn detections(output: &Output, config: &ModelConfig, min_score: f32) -> Vec<Vec<Detection>> {
-    let by_state = detections_by_state(output, config, min_score).into_iter();
-    by_state.map(|states| states.into_iter().next().unwrap_or_default()).collect()
-}
-
-/// As [`detections`], of each state of each sample: `[sample][state][box]`.
-#[must_use]
-pub fn detections_by_state(
-    output: &Output,
-    config: &ModelConfig,
-    min_score: f32,
-) -> Vec<Vec<Vec<Detection>>> {
-    assert_eq!(config.head.classes, Classes::Harm, "kinds are told by `kind_boxes`");
-    let codes: Vec<f32> = output.boxes.clone().into_data().try_to_vec().expect("codes are f32");
-    let logits: Vec<f32> = output.harm.clone().into_data().try_to_vec().expect("class scores are f32");
-    let n_states = output.boxes.dims()[0] / output.queries.len().max(1);
-    let of_state = |queries: &[Query], first_row: usize| {
-        let mut found = Vec::new();
-        for (row, query) in (first_row..).zip(queries) {
-            let code = &codes[row * CODE_SIZE..(row + 1) * CODE_SIZE];
-            let (box_in_ego, velocity_in_ego_mps) = decode(code, query.center_m, config.grid.cell_size_m);
-            for &harm in reported(query, config.head.heatmap) {
-                let probability = 1.0 / (1.0 + (-logits[2 * row + harm.index()]).exp());
-                let score = query.score * probability;
-                if score >= min_score {
-                    found.push(Detection { box_in_ego, velocity_in_ego_mps, harm, score });
-                }
-            }
-        }
-        found.sort_by(|a, b| b.score.total_cmp(&a.score));
-        found
-    };
-    let of_sample = |(sample_idx, queries): (usize, &Vec<Query>)| {
-        let first = sample_idx * n_states;
-        (first..first + n_states).map(|state| of_state(queries, state * queries.len())).collect()
-    };
-    output.queries.iter().enumerate().map(of_sample).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::dataset::test_data;
     use crate::model::Input;
+    use crate::model::head::coder::CODE_SIZE;
+    use crate::model::head::detections;
     use burn::optim::GradientsParams;
 
     /// `small` on a coarse map, and `paper` with every part in little.

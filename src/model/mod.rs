@@ -1,65 +1,54 @@
-//! The fused detector: inputs, branches, head, box codes, checkpoints. Inputs come from
-//! [`crate::sample::Measured`] alone.
+//! The fused detector: a sample's measurements in, scored boxes out.
+//!
+//! 1. [`ModelConfig`] says what a network is made of; every part is built from its piece of it.
+//! 2. [`Input::prepare`] turns one [`crate::sample::Measured`] into arrays: [`LidarInput`] (pillars or voxels),
+//!    [`CameraInput`] (picture, depths, where its rays meet the ground), speed and steering.
+//! 3. [`Batch::stack`] joins several inputs as tensors.
+//! 4. [`Detector::forward`] runs both branches (`lidar`, `camera`) to maps of the ground, fuses them, passes
+//!    the [`BevBackbone`] where there is one, and the `head`: heatmap, queries at its peaks, one decoder
+//!    layer, box codes and classes, together an [`Output`].
+//! 5. [`detections`] reads boxes from it, [`kind_boxes`] those of a closed-set baseline.
+//!
+//! [`checkpoint`] keeps a network in a file, [`SHIPPED`] holds those inside the program, [`image_weights`] reads
+//! other libraries' files. `layers` are the blocks that all parts share; shapes stand at each `forward`.
 
-mod attention;
 mod batch;
 mod bev_backbone;
+mod camera;
 pub mod checkpoint;
-mod cnn_branch;
-mod cnn_input;
-pub mod coder;
 mod config;
-mod conv_norm;
-mod depth_lss;
 mod detector;
-mod forecast;
-#[cfg(test)]
-pub(crate) mod formula;
 #[cfg(test)]
 pub(crate) mod golden;
 mod head;
 pub mod image_weights;
 mod input;
-mod kind_boxes;
 mod layers;
-mod lidar_voxel;
-mod lss_fpn;
-mod norm;
-mod numeric;
+mod lidar;
 mod parameters;
-mod pillar_branch;
-mod pillars;
-mod positions;
-mod predict;
-mod queries;
 mod shipped;
-mod sparse;
-mod staged;
-mod swin;
-mod swin_camera;
-mod voxel;
+mod stages;
+mod step_memory;
 
 pub use batch::Batch;
 pub use bev_backbone::BevBackbone;
+pub use camera::{
+    CameraBatch, CameraInput, CameraView, ImageTooFlat, NetworkImage, Swin, SwinCameraBatch,
+    SwinCameraBranch, SwinCameraInput,
+};
 pub use config::{
     BevBackboneConfig, CameraBackbone, CameraConfig, Classes, CnnConfig, DepthLssConfig, GridConfig,
     HeadConfig, Heatmap, LidarConfig, LidarEncoder, LidarVoxelConfig, ModelConfig, ModelConfigError,
     NumericFusion, PillarConfig, PositionEncoding, Prediction, SparseEncoderConfig, SwinCameraConfig,
     SwinConfig, Upsample, VoxelConfig,
 };
-pub use depth_lss::{pool_plan, sparse_depth};
-pub use detector::{Detector, detections, detections_by_state};
-pub use forecast::{MainTensor, main_tensors};
-pub use head::Output;
-pub use image_weights::{ImageWeightsError, ImageWeightsReport, load_image_weights};
-pub use input::{CameraInput, Input, InputError, LidarInput};
-pub use kind_boxes::{KindBox, kind_boxes};
-pub use lidar_voxel::{LidarVoxelBranch, VoxelBatch};
+pub use detector::Detector;
+pub use head::{KindBox, Output, Query, coder, detections, detections_by_state, kind_boxes};
+pub use image_weights::{ImageWeightsError, ImageWeightsReport};
+pub use input::{Input, InputError};
+pub use lidar::sparse::SparseEncoder;
+pub use lidar::{LidarBatch, LidarInput, N_VOXEL_FEATURES, VoxelBatch, Voxels, voxelize};
 pub use parameters::n_trained;
-pub use queries::{Query, cell_center_m};
 pub use shipped::{SHIPPED, Shipped};
-pub use sparse::{EncoderRulebooks, Sites, SparseEncoder};
-pub use staged::{InferenceStage, detect_by_stage};
-pub use swin::Swin;
-pub use swin_camera::{SwinCameraBatch, SwinCameraBranch, SwinCameraInput, SwinCameraInputError};
-pub use voxel::{N_VOXEL_FEATURES, Voxels, voxelize};
+pub use stages::detect_by_stage;
+pub use step_memory::{MainTensor, main_tensors};

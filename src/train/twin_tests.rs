@@ -13,7 +13,7 @@ use super::losses::losses;
 use super::targets::car;
 use crate::device::test_device;
 use crate::geometry::{Box3, Pinhole, Point, Transform};
-use crate::model::formula::{self, uniform};
+use crate::model::golden::formula::{self, uniform};
 use crate::model::golden::{Golden, assert_close};
 use crate::model::{Batch, Detector, Input, ModelConfig, Output};
 use crate::object::{Harm, LabelledObject};

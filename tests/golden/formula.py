@@ -1,6 +1,6 @@
 """Numbers that the scripts here and the Rust tests make alike, so that large weights need no file.
 
-`src/model/formula.rs` is the same in Rust.
+`src/model/golden/formula.rs` is the same in Rust.
 """
 
 import math

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::error::{ModelConfigError, fail};
+use super::grid::GridConfig;
 
 /// The view transform.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -69,23 +70,30 @@ impl DepthLssConfig {
         ((self.depth_max_m - self.depth_min_m) / self.depth_step_m).round() as usize
     }
 
-    /// Pooled cells along x and y.
+    /// The cells that are pooled into.
     #[must_use]
-    pub fn n_pooled(&self) -> [usize; 2] {
-        [self.x_max_m - self.x_min_m, self.y_max_m - self.y_min_m]
-            .map(|side_m| (side_m / self.cell_size_m).round() as usize)
+    pub fn pooled_grid(&self) -> GridConfig {
+        let Self { x_min_m, x_max_m, y_min_m, y_max_m, z_min_m, z_max_m, cell_size_m, .. } = *self;
+        GridConfig { x_min_m, x_max_m, y_min_m, y_max_m, z_min_m, z_max_m, cell_size_m }
+    }
+
+    /// Rows and columns of pooled cells.
+    #[must_use]
+    pub fn pooled_cells(&self) -> [usize; 2] {
+        let grid = self.pooled_grid();
+        [grid.n_cells_y(), grid.n_cells_x()]
     }
 
     /// Columns of the bird's-eye map.
     #[must_use]
     pub fn n_cells_x(&self) -> usize {
-        self.n_pooled()[0].div_ceil(self.downsample)
+        self.pooled_cells()[1].div_ceil(self.downsample)
     }
 
     /// Rows of the bird's-eye map.
     #[must_use]
     pub fn n_cells_y(&self) -> usize {
-        self.n_pooled()[1].div_ceil(self.downsample)
+        self.pooled_cells()[0].div_ceil(self.downsample)
     }
 
     /// Checks what the types cannot say.
@@ -145,7 +153,7 @@ mod tests {
         let config = DepthLssConfig::default();
         assert_eq!(config.check(), Ok(()));
         assert_eq!(config.n_depth_bins(), 118);
-        assert_eq!(config.n_pooled(), [180, 360]);
+        assert_eq!(config.pooled_cells(), [360, 180]);
         assert_eq!((config.n_cells_y(), config.n_cells_x()), (180, 90));
     }
 

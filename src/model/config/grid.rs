@@ -56,6 +56,36 @@ impl GridConfig {
     pub fn n_cells(&self) -> usize {
         self.n_cells_x() * self.n_cells_y()
     }
+
+    /// The same ground in cells of another size.
+    #[must_use]
+    pub fn with_cell_size(&self, cell_size_m: f64) -> Self {
+        Self { cell_size_m, ..*self }
+    }
+
+    /// Finds the cell `y * n_cells_x + x` of a point (x, y, z in the ego frame); `None` outside, above and
+    /// below the grid.
+    pub fn cell_finder(&self) -> impl Fn([f64; 3]) -> Option<u32> + use<> {
+        let (grid, n_x, n_y) = (*self, self.n_cells_x(), self.n_cells_y());
+        move |[x_m, y_m, z_m]| {
+            let x = ((x_m - grid.x_min_m) / grid.cell_size_m).floor();
+            let y = ((y_m - grid.y_min_m) / grid.cell_size_m).floor();
+            let is_inside = (0.0..n_x as f64).contains(&x)
+                && (0.0..n_y as f64).contains(&y)
+                && (grid.z_min_m..grid.z_max_m).contains(&z_m);
+            is_inside.then(|| (y as usize * n_x + x as usize) as u32)
+        }
+    }
+
+    /// Centre of cell `y * n_x + x` in the ego frame, x and y, on a map of `scale` cells along a feature cell.
+    #[must_use]
+    pub fn cell_center_m(&self, cell: usize, n_x: usize, scale: usize) -> [f64; 2] {
+        let cell_size_m = self.cell_size_m / scale as f64;
+        [
+            self.x_min_m + ((cell % n_x) as f64 + 0.5) * cell_size_m,
+            self.y_min_m + ((cell / n_x) as f64 + 0.5) * cell_size_m,
+        ]
+    }
 }
 
 impl GridConfig {

@@ -172,9 +172,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_published_grid_in_front_is_720_by_1440_by_40_voxels() {
-        assert_eq!(VoxelConfig::default().check(), Ok(()));
-        assert_eq!(VoxelConfig::default().shape(), [40, 1440, 720]);
+    fn the_published_grid_in_front_ends_in_512_channels_on_180_by_90_cells_of_60_cm() {
+        let config = LidarVoxelConfig::default();
+        assert_eq!(config.check(), Ok(()));
+        assert_eq!((config.voxels.shape(), config.sparse_shape()), ([40, 1440, 720], [41, 1440, 720]));
+        assert_eq!((config.encoded_shape(), config.out_shape()), ([256, 180, 90], [512, 180, 90]));
+        assert!((config.cell_size_m() - 0.6).abs() < 1e-12);
     }
 
     #[test]

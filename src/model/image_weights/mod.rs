@@ -15,7 +15,7 @@ use burn::store::{BurnToPyTorchAdapter, ModuleSnapshot, PyTorchToBurnAdapter, br
 use burn::tensor::{DType, TensorData};
 use thiserror::Error;
 
-use super::swin::Swin;
+use super::camera::Swin;
 use names::Meaning;
 pub use names::Scheme;
 
@@ -203,7 +203,7 @@ mod tests {
     use super::*;
     use crate::device::test_device;
     use crate::model::config::SwinConfig;
-    use crate::model::formula::{assert_equal, fill, golden, named_weights, tensor, values};
+    use crate::model::golden::formula::{assert_equal, fill, golden, named_weights, tensor, values};
     use burn::store::PathFilter;
 
     /// The backbone that `tests/golden/torch_swin.py` wrote weights of.

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use burn::module::Module;
 
 use super::{Bench, BenchError, InferenceReport, Times};
-use harmzone::model::{Batch, Detector, InferenceStage, Input, InputError, detect_by_stage, detections};
+use harmzone::model::{Batch, Detector, Input, InputError, detect_by_stage, detections};
 use harmzone::object::Detection;
 use harmzone::object::MIN_SCORE;
 use harmzone::progress::Progress;
@@ -20,7 +20,7 @@ pub fn measure(
     progress: &dyn Progress,
 ) -> Result<InferenceReport, BenchError> {
     let detector = bench.detector(bench.device)?.valid();
-    let mut of_stages = vec![Vec::with_capacity(n_samples); InferenceStage::ALL.len()];
+    let mut of_stages: Vec<(&str, Vec<Duration>)> = Vec::new();
     let mut totals = Vec::with_capacity(n_samples);
     progress.start("inference", n_samples as u64);
     for (i, sample) in bench.dataset.samples().iter().cycle().take(N_WARM_UP + n_samples).enumerate() {
@@ -28,31 +28,33 @@ pub fn measure(
         let begin = Instant::now();
         detect(&detector, &sample.measured, bench).map_err(fail)?;
         let total = begin.elapsed();
-        let mut spent = [Duration::ZERO; InferenceStage::ALL.len()];
+        let mut spent = Vec::new();
         let mut waited = Ok(());
-        detect_by_stage(&detector, &sample.measured, MIN_SCORE, bench.device, &mut |stage, work| {
-            let begin = Instant::now();
-            work();
+        let mut begin = Instant::now();
+        detect_by_stage(&detector, &sample.measured, MIN_SCORE, bench.device, &mut |stage| {
             if waited.is_ok() {
                 waited = bench.wait();
             }
-            let place = InferenceStage::ALL.iter().position(|&of| of == stage);
-            spent[place.expect("ALL holds all stages")] = begin.elapsed();
+            spent.push((stage, begin.elapsed()));
+            begin = Instant::now();
         })
         .map_err(fail)?;
         waited?;
         if i >= N_WARM_UP {
             totals.push(total);
-            of_stages.iter_mut().zip(spent).for_each(|(times, spent)| times.push(spent));
+            of_stages.resize_with(spent.len(), Default::default);
+            for (times, (stage, spent)) in of_stages.iter_mut().zip(spent) {
+                times.0 = stage;
+                times.1.push(spent);
+            }
             progress.advance(1);
         }
     }
     progress.finish();
     let total = Times::of("total", &totals);
-    let stages = InferenceStage::ALL.iter().zip(&of_stages);
     Ok(InferenceReport {
         n_samples,
-        stages: stages.map(|(stage, times)| Times::of(stage.name(), times)).collect(),
+        stages: of_stages.iter().map(|(stage, times)| Times::of(stage, times)).collect(),
         samples_per_s: 1e3 / total.mean_ms,
         total,
     })

@@ -1,0 +1,171 @@
+//! The picture as a network sees it: resized to its width, cropped where it needs fewer rows, and the
+//! calibration that belongs to it.
+
+use image::RgbImage;
+use image::imageops::{FilterType, crop_imm, flip_horizontal_in_place, resize};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use thiserror::Error;
+
+use crate::geometry::{Camera, Ego, Pinhole, Point, Transform};
+use crate::model::config::{CameraBackbone, CameraConfig};
+use crate::sample::Measured;
+
+/// How a camera sees, and from where.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CameraView {
+    pub intrinsics: Pinhole,
+    pub ego_from_camera: Transform<Ego, Camera>,
+}
+
+impl CameraView {
+    /// The view of a sample's picture; with `mirror` reflected in the ego's x-z plane.
+    #[must_use]
+    pub fn of(measured: &Measured, mirror: bool) -> Self {
+        let Measured { mut intrinsics, ego_from_camera, .. } = *measured;
+        if !mirror {
+            return Self { intrinsics, ego_from_camera };
+        }
+        intrinsics.cx_px = f64::from(intrinsics.width_px) - intrinsics.cx_px;
+        Self { intrinsics, ego_from_camera: reflect(&ego_from_camera) }
+    }
+
+    /// Pixel column, pixel row and depth in metres of the points (x, y, z in the ego frame) that lie in the image.
+    pub fn see(&self, points: &[[f64; 4]]) -> impl Iterator<Item = (f64, f64, f32)> {
+        let camera_from_ego = self.ego_from_camera.inverse();
+        points.iter().filter_map(move |p| {
+            let in_camera = camera_from_ego * Point::new(p[0], p[1], p[2]);
+            let (u, v) = self.intrinsics.project(&in_camera)?;
+            self.intrinsics.contains(u, v).then_some((u, v, in_camera.z() as f32))
+        })
+    }
+}
+
+/// The camera pose reflected in the ego's x-z plane; its image is flipped left to right with it.
+fn reflect(ego_from_camera: &Transform<Ego, Camera>) -> Transform<Ego, Camera> {
+    let mut isometry = ego_from_camera.isometry;
+    isometry.translation.y = -isometry.translation.y;
+    // A reflection in y on the ego side and one in x (its image) on the camera side keep a rotation.
+    let reflect_ego = Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, 1.0));
+    let reflect_camera = Matrix3::from_diagonal(&Vector3::new(-1.0, 1.0, 1.0));
+    let rotation = reflect_ego * isometry.rotation.to_rotation_matrix().into_inner() * reflect_camera;
+    isometry.rotation = UnitQuaternion::from_matrix(&rotation);
+    Transform::from_isometry(isometry)
+}
+
+/// Unpacks a sample's picture; with `mirror` flipped left to right.
+///
+/// # Errors
+/// The image is broken.
+pub fn unpack_image(measured: &Measured, mirror: bool) -> Result<RgbImage, image::ImageError> {
+    let mut full = measured.image.decode()?;
+    if mirror {
+        flip_horizontal_in_place(&mut full);
+    }
+    Ok(full)
+}
+
+/// A picture at the network's size.
+#[derive(Debug, Clone)]
+pub struct NetworkImage {
+    pub pixels: RgbImage,
+    /// Columns and rows for one of the full picture, before the crop.
+    scale: [f64; 2],
+    /// Rows cut off at the top.
+    cut_px: u32,
+}
+
+/// The picture is too flat for the network.
+#[allow(clippy::struct_field_names, reason = "a quantity says its unit")]
+#[derive(Debug, Error, PartialEq)]
+#[error(
+    "the camera image of {width_px} x {height_px} px is {resized_height_px} px high when {needed_width_px} px wide; \
+     the network needs at least {needed_height_px} px"
+)]
+pub struct ImageTooFlat {
+    width_px: u32,
+    height_px: u32,
+    resized_height_px: u32,
+    needed_width_px: u32,
+    needed_height_px: u32,
+}
+
+impl NetworkImage {
+    /// Resizes a picture to the network's width; for the published backbone keeps its lowest rows.
+    ///
+    /// # Errors
+    /// The resized picture has fewer rows than the published backbone needs.
+    pub fn resize(full: &RgbImage, config: &CameraConfig) -> Result<Self, ImageTooFlat> {
+        let (width_px, kept_height_px) = match config.backbone {
+            CameraBackbone::Cnn => (config.cnn.image_width_px, None),
+            CameraBackbone::Swin => (config.swin.image_width_px, Some(config.swin.image_height_px as u32)),
+        };
+        let needed_width_px = width_px as u32;
+        let scale = f64::from(needed_width_px) / f64::from(full.width());
+        let resized_height_px = (f64::from(full.height()) * scale).round() as u32;
+        let resized = resize(full, needed_width_px, resized_height_px, FilterType::Triangle);
+        let Some(needed_height_px) = kept_height_px else {
+            return Ok(Self { pixels: resized, scale: [scale; 2], cut_px: 0 });
+        };
+        let cut_px = resized_height_px.checked_sub(needed_height_px).ok_or(ImageTooFlat {
+            width_px: full.width(),
+            height_px: full.height(),
+            resized_height_px,
+            needed_width_px,
+            needed_height_px,
+        })?;
+        Ok(Self {
+            pixels: crop_imm(&resized, 0, cut_px, needed_width_px, needed_height_px).to_image(),
+            scale: [scale, f64::from(resized_height_px) / f64::from(full.height())],
+            cut_px,
+        })
+    }
+
+    /// This picture's view from the full picture's.
+    #[must_use]
+    pub fn view(&self, full: &CameraView) -> CameraView {
+        let ([scale_x, scale_y], of) = (self.scale, &full.intrinsics);
+        let intrinsics = Pinhole {
+            width_px: self.pixels.width(),
+            height_px: self.pixels.height(),
+            fx_px: of.fx_px * scale_x,
+            fy_px: of.fy_px * scale_y,
+            cx_px: of.cx_px * scale_x,
+            cy_px: of.cy_px * scale_y - f64::from(self.cut_px),
+        };
+        CameraView { intrinsics, ..*full }
+    }
+
+    /// Pixels as `[3, y, x]`, 8-bit RGB.
+    #[must_use]
+    pub fn planes(&self) -> Vec<u8> {
+        (0..3).flat_map(|channel| self.pixels.pixels().map(move |pixel| pixel[channel])).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::config::SwinCameraConfig;
+
+    #[test]
+    fn a_mirrored_camera_sees_a_mirrored_point_in_the_flipped_column() {
+        let camera = Pinhole::from_horizontal_fov(400, 225, 70f64.to_radians());
+        let pose = Transform::looking_forward(Vector3::new(1.7, 0.2, 1.5), 0.02);
+        let seen = camera.project(&(pose.inverse() * Point::new(12.0, 3.0, 0.7))).unwrap();
+        let mirror = camera.project(&(reflect(&pose).inverse() * Point::new(12.0, -3.0, 0.7))).unwrap();
+        assert!((seen.0 + mirror.0 - 400.0).abs() < 1e-9 && (seen.1 - mirror.1).abs() < 1e-9);
+    }
+
+    #[test]
+    fn an_image_too_flat_for_the_crop_is_refused() {
+        let config = CameraConfig {
+            backbone: CameraBackbone::Swin,
+            swin: SwinCameraConfig::default(),
+            ..CameraConfig::default()
+        };
+        assert_eq!(
+            NetworkImage::resize(&RgbImage::new(800, 200), &config).unwrap_err().to_string(),
+            "the camera image of 800 x 200 px is 176 px high when 704 px wide; the network needs at least 256 px"
+        );
+    }
+}

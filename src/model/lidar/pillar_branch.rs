@@ -1,0 +1,88 @@
+//! Small LiDAR branch: pillar encoder (PointPillars, Lang et al. 2019) and a two-scale bird's-eye net.
+
+use burn::module::Module;
+use burn::nn::conv::Conv2d;
+use burn::nn::{BatchNorm, BatchNormConfig, Linear, LinearConfig};
+use burn::tensor::activation::relu;
+use burn::tensor::{Device, IndexingUpdateOp, Tensor};
+
+use super::pillars::{N_POINT_FEATURES, PillarBatch};
+use crate::model::config::ModelConfig;
+use crate::model::layers::{ConvBlock, mix_channels, pointwise, upsample_nearest};
+
+/// From points to features on the bird's-eye grid at one cell (two pillars).
+#[derive(Module, Debug)]
+pub struct PillarBranch {
+    point: Linear,
+    point_norm: BatchNorm,
+    fine: Vec<ConvBlock>,
+    coarse: Vec<ConvBlock>,
+    fine_out: Conv2d,
+    coarse_out: Conv2d,
+    #[module(skip)]
+    n_pillars: [usize; 2],
+    #[module(skip)]
+    max_points: usize,
+    #[module(skip)]
+    n_pillar_channels: usize,
+}
+
+impl PillarBranch {
+    pub fn init(config: &ModelConfig, device: &Device) -> Self {
+        let grid = &config.grid;
+        let config = &config.lidar.pillars;
+        let [fine, coarse] = config.bev_channels;
+        let out = config.channels_out_of_scale();
+        Self {
+            point: LinearConfig::new(N_POINT_FEATURES, config.channels).with_bias(false).init(device),
+            point_norm: BatchNormConfig::new(config.channels).with_epsilon(1e-3).init(device),
+            fine: vec![
+                ConvBlock::init(config.channels, fine, 2, device),
+                ConvBlock::init(fine, fine, 1, device),
+                ConvBlock::init(fine, fine, 1, device),
+            ],
+            coarse: vec![
+                ConvBlock::init(fine, coarse, 2, device),
+                ConvBlock::init(coarse, coarse, 1, device),
+                ConvBlock::init(coarse, coarse, 1, device),
+            ],
+            fine_out: pointwise(fine, out, device),
+            coarse_out: pointwise(coarse, out, device),
+            n_pillars: [2 * grid.n_cells_y(), 2 * grid.n_cells_x()],
+            max_points: config.max_points,
+            n_pillar_channels: config.channels,
+        }
+    }
+
+    /// # Shapes
+    /// - output: `[batch, channel, cell_y, cell_x]`
+    pub fn forward(&self, pillars: Option<&PillarBatch>, n_samples: usize, device: &Device) -> Tensor<4> {
+        let map = self.scatter(pillars, n_samples, device);
+        let fine = self.fine.iter().fold(map, |x, block| block.forward(x));
+        let coarse = self.coarse.iter().fold(fine.clone(), |x, block| block.forward(x));
+        let fine = mix_channels(&self.fine_out, fine);
+        let coarse = upsample_nearest(mix_channels(&self.coarse_out, coarse));
+        Tensor::cat(vec![fine, coarse], 1)
+    }
+
+    /// Encodes points, takes the maximum of each pillar and lays it on the grid.
+    ///
+    /// # Shapes
+    /// - output: `[batch, channel, pillar_y, pillar_x]`, zero where no point falls
+    fn scatter(&self, pillars: Option<&PillarBatch>, n_samples: usize, device: &Device) -> Tensor<4> {
+        let [n_y, n_x] = self.n_pillars;
+        let mut map = Tensor::<2>::zeros([self.n_pillar_channels, n_samples * n_y * n_x], device);
+        if let Some(batch) = pillars {
+            let points = relu(self.point_norm.forward(self.point.forward(batch.point_features.clone())));
+            let [n_pillars] = batch.cells.dims();
+            let highest = points
+                .select(0, batch.points.clone())
+                .reshape([n_pillars, self.max_points, self.n_pillar_channels])
+                .max_dim(1)
+                .reshape([n_pillars, self.n_pillar_channels]);
+            // Few pillars hold points: to turn them is less work than to turn the map.
+            map = map.select_assign(1, batch.cells.clone(), highest.transpose(), IndexingUpdateOp::Add);
+        }
+        map.reshape([self.n_pillar_channels, n_samples, n_y, n_x]).swap_dims(0, 1)
+    }
+}

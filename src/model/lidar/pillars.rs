@@ -1,0 +1,136 @@
+//! Pillars: LiDAR points by vertical column of the grid (PointPillars, Lang et al. 2019), half a feature cell wide.
+
+use burn::tensor::{Device, Int, Tensor, TensorData};
+
+use crate::model::config::ModelConfig;
+
+/// Numbers for each LiDAR point that enters the pillar encoder.
+pub const N_POINT_FEATURES: usize = 10;
+
+/// One sample's pillars.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Pillars {
+    /// `[point, N_POINT_FEATURES]`: x, y, z, intensity, offset from the pillar's mean point (3),
+    /// offset from its centre (2), log of its point count; all scaled to about one.
+    pub point_features: Vec<f32>,
+    /// `[pillar, max_points]`: rows of `point_features`; a short pillar repeats its first point.
+    pub points: Vec<u32>,
+    /// `[pillar]`: cell index `y * 2 n_cells_x + x`.
+    pub cells: Vec<u32>,
+}
+
+impl Pillars {
+    /// Groups points (x, y, z in the ego frame, intensity) by pillar, in cell order.
+    #[must_use]
+    pub fn group(points: &[[f64; 4]], config: &ModelConfig) -> Self {
+        let grid = config.grid.with_cell_size(config.grid.cell_size_m / 2.0);
+        let (n_x, cell_of) = (grid.n_cells_x(), grid.cell_finder());
+        let mut by_cell: Vec<(u32, u32)> = points
+            .iter()
+            .enumerate()
+            .filter_map(|(i, p)| Some((cell_of([p[0], p[1], p[2]])?, i as u32)))
+            .collect();
+        by_cell.sort_unstable();
+
+        let max_points = config.lidar.pillars.max_points;
+        let mut pillars = Self::default();
+        for pillar in by_cell.chunk_by(|a, b| a.0 == b.0) {
+            let cell = pillar[0].0;
+            let n = pillar.len();
+            let mean: [f64; 3] = std::array::from_fn(|axis| {
+                pillar.iter().map(|&(_, i)| points[i as usize][axis]).sum::<f64>() / n as f64
+            });
+            let center = grid.cell_center_m(cell as usize, n_x, 1);
+            let n_kept = n.min(max_points);
+            let first_row = (pillars.point_features.len() / N_POINT_FEATURES) as u32;
+            for k in 0..n_kept {
+                // An even pick, so that a crowded pillar keeps points from all of its beams.
+                let p = points[pillar[k * n / n_kept].1 as usize];
+                let features = [
+                    p[0] / 50.0,
+                    p[1] / 30.0,
+                    p[2],
+                    p[3] / 255.0,
+                    p[0] - mean[0],
+                    p[1] - mean[1],
+                    p[2] - mean[2],
+                    p[0] - center[0],
+                    p[1] - center[1],
+                    (n as f64).ln() / 3.0,
+                ];
+                pillars.point_features.extend(features.map(|value| value as f32));
+            }
+            let row = |k: usize| first_row + if k < n_kept { k as u32 } else { 0 };
+            pillars.points.extend((0..max_points).map(row));
+            pillars.cells.push(cell);
+        }
+        pillars
+    }
+}
+
+/// Pillars of several samples; points and pillars of all samples stand in one list.
+#[derive(Debug, Clone)]
+pub struct PillarBatch {
+    /// `[point, N_POINT_FEATURES]`.
+    pub point_features: Tensor<2>,
+    /// `[pillar * max_points]`: rows of `point_features`.
+    pub points: Tensor<1, Int>,
+    /// `[pillar]`: `(batch * 2 n_cells_y + y) * 2 n_cells_x + x`.
+    pub cells: Tensor<1, Int>,
+}
+
+impl PillarBatch {
+    /// Stacks pillars; `None` when no sample has a LiDAR point in the grid.
+    #[must_use]
+    pub fn stack(samples: &[&Pillars], config: &ModelConfig, device: &Device) -> Option<Self> {
+        let pillars_per_map = 4 * config.grid.n_cells();
+        let mut features = Vec::new();
+        let (mut rows, mut cells) = (Vec::new(), Vec::new());
+        for (sample_idx, pillars) in samples.iter().enumerate() {
+            let first_row = (features.len() / N_POINT_FEATURES) as i64;
+            features.extend_from_slice(&pillars.point_features);
+            rows.extend(pillars.points.iter().map(|&row| first_row + i64::from(row)));
+            let first_cell = (sample_idx * pillars_per_map) as i64;
+            cells.extend(pillars.cells.iter().map(|&cell| first_cell + i64::from(cell)));
+        }
+        let n_points = features.len() / N_POINT_FEATURES;
+        let indices = |values: Vec<i64>| {
+            let n = values.len();
+            Tensor::from_data(TensorData::new(values, [n]), device)
+        };
+        (n_points > 0).then(|| Self {
+            point_features: Tensor::from_data(
+                TensorData::new(features, [n_points, N_POINT_FEATURES]),
+                device,
+            ),
+            points: indices(rows),
+            cells: indices(cells),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_of_one_pillar_share_it_and_points_outside_are_left_out() {
+        let config = ModelConfig::default();
+        let points =
+            [[10.1, 0.1, 0.5, 0.0], [10.2, 0.2, 1.5, 0.0], [10.1, 0.1, 9.0, 0.0], [60.0, 0.0, 1.0, 0.0]];
+        let Pillars { point_features: features, points: rows, cells } = Pillars::group(&points, &config);
+        assert_eq!(cells, [80 * 128 + 25]);
+        assert_eq!(features.len(), 2 * N_POINT_FEATURES);
+        assert_eq!(rows[..3], [0, 1, 0]);
+        assert!((features[6] + 0.5).abs() < 1e-6, "z of the first point lies 0.5 m under the mean");
+    }
+
+    #[test]
+    fn a_crowded_pillar_keeps_the_configured_number_of_points() {
+        let config = ModelConfig::default();
+        let points: Vec<[f64; 4]> = (0..100).map(|i| [10.1, 0.1, 0.01 * f64::from(i), 0.0]).collect();
+        let Pillars { point_features: features, points: rows, .. } = Pillars::group(&points, &config);
+        assert_eq!(features.len() / N_POINT_FEATURES, config.lidar.pillars.max_points);
+        assert_eq!(rows.len(), config.lidar.pillars.max_points);
+    }
+}
