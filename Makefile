@@ -7,7 +7,8 @@ SHELL := /bin/bash
 .NOTPARALLEL:
 
 BIN = $(or $(CARGO_TARGET_DIR),target)/release/harmzone
-PYTHON_SOURCES = $(wildcard python scenes mjcf_assets tests scripts)
+XTASK = cargo run --release -p xtask --
+PYTHON_SOURCES = python scenes mjcf_assets tests scripts xtask/python
 
 RESULTS = runs/results
 
@@ -43,8 +44,8 @@ build: setup ## The optimised program (the first time about 8 minutes on two cor
 demo: ## Everything, small: generate, label, train, score, draw; results in demo/
 	@scripts/demo.sh
 
-results: build ## RESULTS.md and the report from nothing: data, every training, scores; hours, may be stopped and called again
-	$(BIN) results --config configs/results.toml --out $(RESULTS) $(ARGS)
+results: setup ## RESULTS.md and the report from nothing: data, every training, scores; hours, may be stopped and called again
+	$(XTASK) results --config configs/results.toml --out $(RESULTS) $(ARGS)
 	cp $(RESULTS)/RESULTS.md RESULTS.md
 	@echo "the report: $(RESULTS)/report.html"
 
@@ -63,20 +64,26 @@ report: build ## The report of any run: runs/report/report.html; REPORT_RUN=RUN 
 	    $(if $(wildcard RESULTS.md),--results RESULTS.md) --force
 
 test: setup setup-test ## All tests
-	cargo test --release
+	cargo test --release --workspace
 	@scripts/pytest.sh
 
-ci: setup setup-test ## Tests, formats, lints, docs, spelling, licences: all that must hold before a merge
-	cargo fmt --check
+# Built from source: 5 minutes on two cores, once.
+CARGO_DENY_VERSION = 0.20.2
+CARGO_DENY = $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/harmzone/cargo-deny-$(CARGO_DENY_VERSION)/bin/cargo-deny
+
+$(CARGO_DENY):
+	env -u CARGO_TARGET_DIR cargo install --locked --quiet cargo-deny --version =$(CARGO_DENY_VERSION) \
+	    --no-default-features --root $(@D:/bin=)
+
+ci: setup setup-test $(CARGO_DENY) ## Tests, formats, lints, docs, spelling, licences: all that must hold before a merge
+	cargo fmt --all --check
 	.venv-test/bin/ruff format --check $(PYTHON_SOURCES)
 	.venv-test/bin/ruff check $(PYTHON_SOURCES)
 	.venv-test/bin/typos
-	@if cargo deny --version >/dev/null 2>&1; then cargo deny check bans licenses sources; \
-	else echo "cargo-deny is not here, licences stay unchecked; to install it: cargo install --locked cargo-deny"; fi
-	cargo clippy --release --all-targets -- -D warnings
-	RUSTDOCFLAGS="-D warnings" cargo doc --release --no-deps --document-private-items
-	cargo test --release
-	@scripts/pytest.sh
+	$(CARGO_DENY) check bans licenses sources
+	cargo clippy --release --workspace --all-targets -- -D warnings
+	RUSTDOCFLAGS="-D warnings" cargo doc --release --workspace --no-deps --document-private-items
+	@$(MAKE) --no-print-directory test
 
 check-gpu: setup ## The GPU backends compile, without a GPU; minutes
 	cargo clippy --release --features vulkan,cuda -- -D warnings
@@ -84,9 +91,9 @@ check-gpu: setup ## The GPU backends compile, without a GPU; minutes
 bench: setup ## Benchmarks, module/case/size; never a gate
 	cargo bench --profile release
 
-bench-gen: build ## Speed of gen against bare MuJoCo, of two processes against one, memory, disk; about 10 minutes
-	$(BIN) bench-gen --town all
-	$(BIN) bench-gen --town all --weather all --episodes 18 --run-samples 2 # what weather adds
+bench-gen: setup ## Speed of gen against bare MuJoCo, of two processes against one, memory, disk; about 10 minutes
+	$(XTASK) bench-gen --town all
+	$(XTASK) bench-gen --town all --weather all --episodes 18 --run-samples 2 # what weather adds
 
 # The race's labelled dataset and its checkpoint or run folder; `small` is the network with random weights.
 RACE_DATA ?= data/race
@@ -95,8 +102,8 @@ RACE_MODEL ?= small
 race: build setup-golden ## Speed of the small detector, and against PyTorch; RACE_DATA=DIR RACE_MODEL=RUN
 	@test -d $(RACE_DATA) || { $(BIN) gen --town downtown --samples 30 --episodes 8 --seed 7 --set val_every=2 \
 	    --out $(RACE_DATA) && $(BIN) label $(RACE_DATA); }
-	RAYON_NUM_THREADS=2 $(BIN) bench-model --data $(RACE_DATA) --model $(RACE_MODEL)
-	.venv-golden/bin/python scripts/race_pytorch.py $(BIN) $(RACE_DATA) --model $(RACE_MODEL)
+	RAYON_NUM_THREADS=2 $(XTASK) bench-model --data $(RACE_DATA) --model $(RACE_MODEL)
+	.venv-golden/bin/python scripts/race_pytorch.py $(dir $(BIN))xtask $(RACE_DATA) --model $(RACE_MODEL)
 
 bench-eval: setup setup-test ## Speed of eval against nuscenes-devkit and of label against shapely; about 5 minutes
 	cargo bench --profile release --bench eval_speed
@@ -126,7 +133,7 @@ weathers: build setup-test ## One frame in all weathers, on camera and LiDAR: do
 	.venv-test/bin/python scripts/weather_sheet.py $(BIN) data/weathers
 
 fmt: setup-test ## Format Rust and Python
-	cargo fmt
+	cargo fmt --all
 	.venv-test/bin/ruff format $(PYTHON_SOURCES)
 	.venv-test/bin/ruff check --fix $(PYTHON_SOURCES)
 

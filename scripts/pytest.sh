@@ -6,4 +6,4 @@ if [ -z "$(find python -name 'test_*.py' -print -quit 2>/dev/null)" ]; then
     echo "no Python tests yet"
     exit 0
 fi
-MUJOCO_GL="${MUJOCO_GL:-egl}" PYTHONPATH=python:scripts exec .venv-test/bin/python -m pytest python scripts
+MUJOCO_GL="${MUJOCO_GL:-egl}" PYTHONPATH=python:scripts:xtask/python exec .venv-test/bin/python -m pytest python scripts xtask/python

@@ -1,10 +1,10 @@
 """Races `harmzone` against the same network in PyTorch: repetition by repetition, two threads each.
 
-Weights, inputs and objects come from the program (`bench-model --dump`), and before the race outputs, losses
+Weights, inputs and objects come from `xtask bench-model --dump`, and before the race outputs, losses
 and the norm of the gradients must agree. Of the ways to run PyTorch (`VARIANTS`) the fastest is raced. Prints
 medians, minima and their ratios as Markdown; `--json FILE` keeps all times.
 
-    .venv-golden/bin/python scripts/race_pytorch.py target/release/harmzone DATA --model small
+    .venv-golden/bin/python scripts/race_pytorch.py target/release/xtask DATA --model small
 """
 
 from __future__ import annotations
@@ -225,7 +225,7 @@ def contestants(detector: Detector, found: dict[str, Tensor]) -> dict[str, tuple
 
 
 class Program:
-    """The other side: `harmzone bench-model --lockstep`."""
+    """The other side: `xtask bench-model --lockstep`."""
 
     def __init__(self, command: list[str], environment: dict[str, str]) -> None:
         self.process = subprocess.Popen(
@@ -263,7 +263,7 @@ def race(program: Program, contest: str, work: Callable[[], object], n: int) -> 
 def main() -> None:
     """Dumps, checks, chooses, races, prints."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("program", help="the harmzone program")
+    parser.add_argument("program", help="the xtask program (cargo build --release -p xtask)")
     parser.add_argument("data", help="labelled dataset")
     parser.add_argument("--model", default="small", help="run folder or checkpoint, or `small`")
     parser.add_argument("--repetitions", type=int, default=20)

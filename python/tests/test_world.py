@@ -1,11 +1,9 @@
 """Questions to MuJoCo with answers that can be checked by hand: one wall ten metres ahead."""
 
-import mujoco
 import numpy as np
 import pytest
 from harmzone_sim.camera import Camera
 from harmzone_sim.rays import cast_rays
-from harmzone_sim.replay import CallLog
 from harmzone_sim.world import World
 
 SCENE = """
@@ -60,38 +58,3 @@ def test_the_camera_sees_the_wall_above_the_ground(world):
 def test_an_unknown_body_is_named():
     with pytest.raises(ValueError, match="nobody"):
         World(SCENE, {}, "nobody", np.zeros(3), FORWARD, 60.0, (80, 60), 0, 256)
-
-
-def frame(world, camera):
-    ctrl, ids, poses = np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 7))
-    world.step(ctrl, ids, poses, 5)
-    camera.update()
-    camera.rgb()
-    camera.segmentation()
-    cast_rays(world, np.array([0.0, 0.0, 1.0]), np.array([[1.0, 0.0, 0.0]]), 70.0)
-
-
-def test_noted_calls_are_issued_again_and_end_in_the_same_picture():
-    world = World(SCENE, {}, "ego", np.array([0.0, 0.0, 0.5]), FORWARD, 60.0, (80, 60), 0, 256)
-    camera = Camera(world)
-    mj_step = mujoco.mj_step
-    log = CallLog(world, camera)
-    assert mujoco.mj_step is not mj_step
-    for _ in range(3):
-        frame(world, camera)
-    after = world.data.qpos.copy()
-    seconds = log.replay()
-    assert mujoco.mj_step is mj_step
-    assert np.array_equal(world.data.qpos, after)
-    assert all(spent > 0 for spent in seconds.values()) and "mj_multiRay" in seconds
-
-
-def test_calls_that_end_in_another_picture_are_told():
-    world = World(SCENE, {}, "ego", np.array([0.0, 0.0, 0.5]), FORWARD, 60.0, (80, 60), 0, 256)
-    camera = Camera(world)
-    log = CallLog(world, camera)
-    frame(world, camera)
-    # The wall is moved behind the log's back.
-    world.model.geom("wall").pos[0] += 5.0
-    with pytest.raises(RuntimeError, match="another picture"):
-        log.replay()

@@ -125,7 +125,7 @@ fn source(args: &EvalArgs) -> anyhow::Result<Source> {
     let checkpoint = trained.as_ref().map(Trained::bytes).transpose()?;
     Ok(Source {
         version: env!("CARGO_PKG_VERSION").to_owned(),
-        command: command_line(),
+        command: command_line("harmzone"),
         data: args.data.clone(),
         labels: args.data.as_ref().map(|_| args.labels.clone()),
         fingerprint,
@@ -135,10 +135,10 @@ fn source(args: &EvalArgs) -> anyhow::Result<Source> {
     })
 }
 
-/// This command, as a shell takes it.
-pub fn command_line() -> String {
+/// This command as a shell takes it; `program` is how the program is called.
+pub fn command_line(program: &str) -> String {
     let words = std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned());
-    quoted(&std::iter::once("harmzone".to_owned()).chain(words).collect::<Vec<_>>())
+    quoted(&program.split(' ').map(str::to_owned).chain(words).collect::<Vec<_>>())
 }
 
 fn refuse_to_overwrite(out: &Path) -> anyhow::Result<()> {

@@ -25,7 +25,7 @@ pub struct ReportArgs {
     /// Data set of the scores --ood
     #[arg(long, value_name = "DIR", requires = "ood")]
     ood_data: Option<PathBuf>,
-    /// Tables of ablations and baselines: RESULTS.md of `harmzone results`
+    /// Tables of ablations and baselines: RESULTS.md of `make results`
     #[arg(long, value_name = "MD")]
     results: Option<PathBuf>,
     /// Pictures of each kind of fault in each data set, at most
@@ -44,7 +44,7 @@ pub fn run(args: ReportArgs) -> anyhow::Result<ExitStatus> {
         ood: scores(args.ood, args.ood_data),
         results: args.results,
         n_cards: args.cards,
-        command: command_line(),
+        command: command_line("harmzone"),
         force: args.force,
     })?;
     for absent in &summary.absent {

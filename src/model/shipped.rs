@@ -43,6 +43,6 @@ mod tests {
     fn the_card_is_of_these_weights() {
         let card = include_str!("../../models/small.md");
         let hash = sha256_hex(Shipped::named("small").unwrap().checkpoint);
-        assert!(card.contains(&hash), "`harmzone results` rewrites the card; the file's hash is {hash}");
+        assert!(card.contains(&hash), "`make results` rewrites the card; the file's hash is {hash}");
     }
 }

@@ -5,7 +5,6 @@
 //! metres and radians.
 
 mod python;
-mod replay;
 mod sensing;
 mod simulator;
 
@@ -14,7 +13,6 @@ use std::path::PathBuf;
 use thiserror::Error;
 
 pub use python::{Environment, VENV_VARIABLE};
-pub use replay::BareCalls;
 pub use sensing::{Picture, RayHits, Segmentation};
 pub use simulator::{CameraMount, Renderer, Simulator};
 

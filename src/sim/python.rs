@@ -13,12 +13,11 @@ use super::{SimError, text};
 pub const VENV_VARIABLE: &str = "HARMZONE_VENV";
 
 /// The modules of `harmzone_sim` in the order of their imports; the package comes last.
-const MODULES: [(&str, &str); 6] = [
+const MODULES: [(&str, &str); 5] = [
     ("harmzone_sim.world", include_str!("../../python/harmzone_sim/world.py")),
     ("harmzone_sim.rays", include_str!("../../python/harmzone_sim/rays.py")),
     ("harmzone_sim.camera", include_str!("../../python/harmzone_sim/camera.py")),
     ("harmzone_sim.filament", include_str!("../../python/harmzone_sim/filament.py")),
-    ("harmzone_sim.replay", include_str!("../../python/harmzone_sim/replay.py")),
     ("harmzone_sim", include_str!("../../python/harmzone_sim/__init__.py")),
 ];
 

@@ -39,8 +39,6 @@ pub struct CameraMount {
 #[derive(Debug)]
 pub struct Simulator {
     pub(super) world: Py<PyAny>,
-    /// Notes the calls to MuJoCo, if asked to.
-    pub(super) call_log: Option<Py<PyAny>>,
     pub(super) camera: Option<Py<PyAny>>,
     pub(super) renderer: Renderer,
     bodies: HashMap<String, usize>,
@@ -107,7 +105,6 @@ impl Simulator {
                 Ok(Self {
                     camera: None,
                     renderer: mount.renderer,
-                    call_log: None,
                     bodies: names("body")?,
                     joints: names("joint")?,
                     actuators: names("actuator")?,
@@ -120,6 +117,21 @@ impl Simulator {
                 })
             };
             read().map_err(failed("describe the world"))
+        })
+    }
+
+    /// Lends the Python objects of the world and of its camera; `what` says in an error what failed.
+    ///
+    /// # Errors
+    /// As [`Simulator::render_rgb`]; [`SimError::Ask`] where `ask` fails.
+    pub fn with_python<T>(
+        &mut self,
+        what: &'static str,
+        ask: impl FnOnce(&Bound<'_, PyAny>, &Bound<'_, PyAny>) -> PyResult<T>,
+    ) -> Result<T, SimError> {
+        Python::attach(|py| {
+            let camera = self.camera(py)?;
+            ask(self.world.bind(py), &camera).map_err(failed(what))
         })
     }
 
@@ -304,9 +316,6 @@ impl Drop for Simulator {
     fn drop(&mut self) {
         let Some(camera) = self.camera.take() else { return };
         Python::attach(|py| {
-            if let Some(log) = self.call_log.take() {
-                let _ = log.bind(py).call_method0("stop");
-            }
             // Freed here and not by Python, which could free it while another camera is current.
             // A failure leaks driver memory of a world that is gone; there is nobody to tell.
             let _ = camera.bind(py).call_method0("close");

@@ -1,4 +1,4 @@
-//! `harmzone bench-gen`: what `make bench-gen` runs.
+//! `xtask bench-gen`: what `make bench-gen` runs.
 
 use std::path::PathBuf;
 

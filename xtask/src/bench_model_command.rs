@@ -1,4 +1,4 @@
-//! `harmzone bench-model`: how fast a detector infers and trains; what `make race` runs.
+//! `xtask bench-model`: how fast a detector infers and trains; what `make race` runs.
 
 use std::io::{BufRead, Write};
 use std::path::PathBuf;

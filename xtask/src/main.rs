@@ -8,6 +8,7 @@ mod results;
 mod results_command;
 
 use clap::{Parser, Subcommand};
+use harmzone::cli::ExitStatus;
 
 /// What developers of harmzone run through `make`.
 #[derive(Debug, Parser)]
@@ -23,6 +24,9 @@ enum Command {
     BenchGen(bench_gen_command::BenchArgs),
     /// Measure the speed of a detector: inference stage by stage, training steps part by part
     BenchModel(bench_model_command::BenchModelArgs),
+    /// Write one episode; the processes that the others start to generate
+    #[command(hide = true)]
+    GenWorker,
     /// Generate, train and score a whole experiment, and write its tables
     Results(results_command::ResultsArgs),
 }
@@ -32,6 +36,10 @@ fn main() -> std::process::ExitCode {
     harmzone::cli::finish(|| match command {
         Command::BenchGen(args) => bench_gen_command::run(args),
         Command::BenchModel(args) => bench_model_command::run(args),
+        Command::GenWorker => {
+            harmzone::generate::worker::serve(std::io::stdin().lock(), std::io::stdout().lock())?;
+            Ok(ExitStatus::Done)
+        }
         Command::Results(args) => results_command::run(args),
     })
 }

@@ -1,4 +1,4 @@
-//! `harmzone results`: an experiment from nothing, resumable.
+//! `xtask results`: an experiment from nothing, resumable; what `make results` runs.
 
 use std::path::PathBuf;
 
@@ -59,7 +59,7 @@ pub fn run(args: ResultsArgs) -> anyhow::Result<ExitStatus> {
         only: args.only,
         card: args.card,
         program: std::env::current_exe()?,
-        command: command_line(),
+        command: command_line("cargo run --release -p xtask --"),
         jobs: std::thread::available_parallelism().map_or(1, usize::from),
     };
     let results = results::run(&request, &args.device.open()?, &Bar::default())?;

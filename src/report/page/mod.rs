@@ -77,7 +77,7 @@ pub struct ReportRequest {
     pub out: PathBuf,
     pub id: Option<ScoresRequest>,
     pub ood: Option<ScoresRequest>,
-    /// A Markdown file of tables: RESULTS.md of `harmzone results`.
+    /// A Markdown file of tables: RESULTS.md of `make results`.
     pub results: Option<PathBuf>,
     /// Cards of a kind of fault and data set.
     pub n_cards: usize,
@@ -186,7 +186,7 @@ fn page(sides: &[Side], request: &ReportRequest) -> Result<Page, ReportError> {
         Some(path) => vec![Block::Markup { html: tables::html_of(&fs::read_to_string(path)?) }],
         None => vec![Block::absent(
             "no ablations and baselines (RESULTS.md)",
-            "harmzone results --out DIR, then harmzone report OUT .. --results DIR/RESULTS.md",
+            "make results, then harmzone report OUT .. --results RESULTS.md",
         )],
     };
     let section = |id, title, blocks| Section { id, title, blocks };

@@ -2,6 +2,7 @@
 //! whether a worker's memory stays flat.
 
 mod memory;
+mod replay;
 mod text;
 
 use std::path::{Path, PathBuf};
@@ -10,11 +11,11 @@ use std::time::{Duration, Instant};
 use serde::Serialize;
 
 use self::memory::MemoryWatch;
+use self::replay::{BareCalls, CallLog};
 use harmzone::episode::Manifest;
 use harmzone::generate::episode::{self, Moment, record_watched};
 use harmzone::generate::{self, CheckedConfig, EpisodePlan, GenerateConfig, GenerateError, RunOptions, plan};
 use harmzone::progress::Progress;
-use harmzone::sim::BareCalls;
 
 /// What a sample may cost over the bare calls, at most.
 pub const MOST_OVER_BARE: f64 = 1.25;
@@ -23,7 +24,7 @@ pub const LEAST_SPEED_UP: f64 = 1.7;
 
 #[derive(Debug, Clone)]
 pub struct BenchOptions {
-    /// The `harmzone` program, started as worker.
+    /// This program, started as worker.
     pub program: PathBuf,
     /// Episodes measured against bare MuJoCo, in this process.
     pub n_episodes: u32,
@@ -131,6 +132,7 @@ fn measure(
     folder: &Path,
     progress: &dyn Progress,
 ) -> Result<Measured, GenerateError> {
+    let mut log = None;
     let (mut begin, mut sampling, mut bare) = (Instant::now(), Duration::ZERO, BareCalls::default());
     let mut on_sample = || {
         progress.advance(1);
@@ -139,12 +141,13 @@ fn measure(
     let (_, timings) = record_watched(config, plan, folder, &mut on_sample, &mut |moment, simulator| {
         match moment {
             Moment::WarmedUp => {
-                simulator.note_calls()?;
+                log = Some(CallLog::start(simulator)?);
                 begin = Instant::now();
             }
             Moment::Sampled => {
                 sampling = begin.elapsed();
-                bare = simulator.replay_calls()?;
+                let log = log.take().expect("an episode warms up before it samples");
+                bare = log.replay(simulator)?;
             }
         }
         Ok(())

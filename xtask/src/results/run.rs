@@ -50,7 +50,7 @@ pub struct Request<'a> {
     pub only: Option<String>,
     /// A network's card to write the headline's figures into; the network lies beside it.
     pub card: Option<PathBuf>,
-    /// The `harmzone` program, started to generate, and how many of it.
+    /// This program, started to generate, and how many of it.
     pub program: PathBuf,
     pub jobs: usize,
     /// The command, as it was typed.
@@ -104,7 +104,7 @@ pub enum ResultsError {
         if *is_ood { "with" } else { "without" }, path.display()
     )]
     OtherKind { is_ood: bool, path: PathBuf },
-    #[error("not a file of `harmzone results`: {message}: {}", path.display())]
+    #[error("not a file of `make results`: {message}: {}", path.display())]
     Broken { message: String, path: PathBuf },
     #[error("{source}: {}", path.display())]
     Marks { source: NoMarks, path: PathBuf },

@@ -24,7 +24,7 @@ pub struct NoMarks;
 pub fn markdown(results: &Results) -> String {
     let mut text = String::from(
         "# Results\n\n\
-         Written by `harmzone results` (`make results`), which generates, trains and scores all of it; \
+         Written by `make results`, which generates, trains and scores all of it; \
          `configs/results.toml` has the rows.\n",
     );
     text += &data_text(results);

@@ -5,7 +5,6 @@ from collections.abc import Callable
 
 import mujoco
 import numpy as np
-
 from harmzone_sim.camera import Camera
 from harmzone_sim.world import World
 
