@@ -1,6 +1,6 @@
 //! One register tile: products of some input channels added up, and what becomes of the sums.
 
-use crate::kernels::simd::Simd;
+use crate::kernels::simd::{Scalar, Simd, lanes};
 
 /// Vectors of pixels in a register tile.
 pub(super) const TILE_VECTORS: usize = 3;
@@ -34,20 +34,21 @@ impl<const TAPS: usize> Pass<'_, TAPS> {
     /// Adds the products to the sums of ROWS output channels by VECTORS vectors of pixels.
     ///
     /// # Safety
-    /// Besides `Kernel::run`'s terms: readable are VECTORS vectors of pixels at each tap of each channel,
+    /// Readable are VECTORS vectors of pixels at each tap of each channel,
     /// `n_channels * TAPS * ROWS` weights, and, where sums start there, ROWS shifts or the tile (rows TILE_VECTORS
     /// vectors apart); writable are VECTORS vectors in each of ROWS rows of `target`.
     #[inline(always)]
     pub unsafe fn run<S: Simd, const ROWS: usize, const VECTORS: usize>(self) {
         // SAFETY: every access is one of those listed above.
         unsafe {
-            let mut sums = [[S::zero(); VECTORS]; ROWS];
+            let mut sums = [[0f32.splat::<S>(); VECTORS]; ROWS];
             for (row, sums) in sums.iter_mut().enumerate() {
                 for (j, sum) in sums.iter_mut().enumerate() {
+                    let in_tile = (row * TILE_VECTORS + j) * lanes::<S>();
                     match self.start {
                         Start::Zero => {}
-                        Start::Shift(shift) => *sum = S::splat(*shift.add(row)),
-                        Start::Tile => *sum = S::load(self.tile.add((row * TILE_VECTORS + j) * S::LANES)),
+                        Start::Shift(shift) => *sum = (*shift.add(row)).splat(),
+                        Start::Tile => *sum = f32::vload_unaligned(self.tile.add(in_tile)),
                     }
                 }
             }
@@ -55,14 +56,14 @@ impl<const TAPS: usize> Pass<'_, TAPS> {
             for _ in 0..self.n_channels {
                 for t in 0..TAPS {
                     let tap = pixels.add(self.offsets[t]);
-                    let mut x = [S::zero(); VECTORS];
+                    let mut x = [0f32.splat::<S>(); VECTORS];
                     for (j, x) in x.iter_mut().enumerate() {
-                        *x = S::load(tap.add(j * S::LANES));
+                        *x = f32::vload_unaligned(tap.add(j * lanes::<S>()));
                     }
                     for (row, sums) in sums.iter_mut().enumerate() {
-                        let weight = S::splat(*weights.add(row));
+                        let weight = (*weights.add(row)).splat::<S>();
                         for (sum, x) in sums.iter_mut().zip(x) {
-                            *sum = S::mul_add(weight, x, *sum);
+                            *sum = weight.mul_add(x, *sum);
                         }
                     }
                     weights = weights.add(ROWS);
@@ -71,8 +72,8 @@ impl<const TAPS: usize> Pass<'_, TAPS> {
             }
             for (row, sums) in sums.iter().enumerate() {
                 for (j, &sum) in sums.iter().enumerate() {
-                    let sum = if self.has_relu { S::max(sum, S::zero()) } else { sum };
-                    S::store(self.target.add(row * self.target_stride + j * S::LANES), sum);
+                    let sum = if self.has_relu { sum.max(0f32.splat()) } else { sum };
+                    f32::vstore_unaligned(self.target.add(row * self.target_stride + j * lanes::<S>()), sum);
                 }
             }
         }
@@ -82,24 +83,27 @@ impl<const TAPS: usize> Pass<'_, TAPS> {
 /// Copies `len` floats to every `upscale`-th float; whole vectors where they are dense, the last overlapping.
 ///
 /// # Safety
-/// Besides `Kernel::run`'s terms: `len` floats readable, `(len - 1) * upscale + 1` writable, no overlap.
+/// `len` floats are readable, `(len - 1) * upscale + 1` writable, no overlap.
 #[inline(always)]
 pub(super) unsafe fn copy_piece<S: Simd>(from: *const f32, to: *mut f32, len: usize, upscale: usize) {
     // SAFETY: every index is below `len`; a vector ends at `i + LANES <= len` or at `len`.
     unsafe {
-        if upscale != 1 || len < S::LANES {
+        if upscale != 1 || len < lanes::<S>() {
             for i in 0..len {
                 *to.add(i * upscale) = *from.add(i);
             }
             return;
         }
         let mut i = 0;
-        while i + S::LANES <= len {
-            S::store(to.add(i), S::load(from.add(i)));
-            i += S::LANES;
+        while i + lanes::<S>() <= len {
+            f32::vstore_unaligned::<S>(to.add(i), f32::vload_unaligned::<S>(from.add(i)));
+            i += lanes::<S>();
         }
         if i < len {
-            S::store(to.add(len - S::LANES), S::load(from.add(len - S::LANES)));
+            f32::vstore_unaligned(
+                to.add(len - lanes::<S>()),
+                f32::vload_unaligned::<S>(from.add(len - lanes::<S>())),
+            );
         }
     }
 }

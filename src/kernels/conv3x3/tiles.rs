@@ -9,7 +9,7 @@ use super::BAND_BYTES;
 use super::band::{Layout, Source, pack};
 use super::pass::{Pass, Start, TILE_VECTORS, copy_piece};
 use crate::kernels::scratch::{Scratch, with_scratch};
-use crate::kernels::simd::{InstructionSet, Kernel, Simd};
+use crate::kernels::simd::{InstructionSet, Kernel, Simd, lanes};
 
 /// Floats a tile may read past the band: less than one tile.
 const OVERREAD: usize = 256;
@@ -161,7 +161,7 @@ struct Band<'a> {
 
 impl Kernel for Band<'_> {
     #[inline(always)]
-    unsafe fn run<S: Simd, const ROWS: usize, const LANES: usize>(self) {
+    fn run<S: Simd, const ROWS: usize, const LANES: usize>(self) {
         let Self { convolution, layout, phases, shift, output, image, first_row, n_rows, scratch } = self;
         let packed = scratch.a.get(layout.len + OVERREAD);
         pack(&convolution.source, layout, image, first_row, packed);
@@ -185,14 +185,11 @@ impl Kernel for Band<'_> {
                     packed,
                     tiles,
                 };
-                // SAFETY: this function's own contract gives the instruction set.
-                unsafe {
-                    match phase.offsets.len() {
-                        9 => strip.run::<S, ROWS, 9>(),
-                        4 => strip.run::<S, ROWS, 4>(),
-                        2 => strip.run::<S, ROWS, 2>(),
-                        _ => strip.run::<S, ROWS, 1>(),
-                    }
+                match phase.offsets.len() {
+                    9 => strip.run::<S, ROWS, 9>(),
+                    4 => strip.run::<S, ROWS, 4>(),
+                    2 => strip.run::<S, ROWS, 2>(),
+                    _ => strip.run::<S, ROWS, 1>(),
                 }
             }
         }
@@ -236,16 +233,14 @@ impl Strip<'_> {
         (pieces, n_pieces)
     }
 
-    /// # Safety
-    /// As for [`Kernel::run`].
     #[inline(always)]
-    unsafe fn run<S: Simd, const ROWS: usize, const TAPS: usize>(&mut self) {
+    fn run<S: Simd, const ROWS: usize, const TAPS: usize>(&mut self) {
         let (c, layout) = (self.convolution, self.layout);
         let channels_in = c.source.channels;
         let offsets: &[usize; TAPS] =
             self.phase.offsets.as_slice().try_into().expect("`Band::run` chose TAPS by this length");
         let last_offset = *offsets.iter().max().expect("at least one tap");
-        let tile_len = TILE_VECTORS * S::LANES;
+        let tile_len = TILE_VECTORS * lanes::<S>();
         let plane = c.out_height_px * c.out_width_px;
         let n_blocks = c.channels_out.div_ceil(ROWS);
         // Input channels per pass, so that the pixels of a tile stay in the first-level cache.
@@ -260,10 +255,10 @@ impl Strip<'_> {
 
         let mut start = 0;
         while start < end {
-            let n_left = (end - start).div_ceil(S::LANES);
+            let n_left = (end - start).div_ceil(lanes::<S>());
             // Four left are better done as two and two than as three and one.
             let n_vectors = if n_left >= 3 && n_left != 4 { 3 } else { n_left.min(2) };
-            let stop = start + n_vectors * S::LANES;
+            let stop = start + n_vectors * lanes::<S>();
             assert!((channels_in - 1) * layout.channel + last_offset + stop <= self.packed.len());
             let (pieces, n_pieces) = self.pieces(start, stop.min(end));
             let pieces = &pieces[..n_pieces];
@@ -272,7 +267,7 @@ impl Strip<'_> {
                 assert!(piece.in_plane + (piece.len - 1) * c.upscale < plane);
             }
             // A tile that is one whole run of pixels goes straight to the output.
-            let is_direct = c.upscale == 1 && n_pieces == 1 && pieces[0].len == n_vectors * S::LANES;
+            let is_direct = c.upscale == 1 && n_pieces == 1 && pieces[0].len == n_vectors * lanes::<S>();
 
             let mut first = 0;
             while first < channels_in {

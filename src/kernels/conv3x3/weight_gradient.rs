@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::{BAND_BYTES, Shape};
 use crate::kernels::scratch::{Scratch, with_scratch};
-use crate::kernels::simd::{InstructionSet, Kernel, Simd};
+use crate::kernels::simd::{InstructionSet, Kernel, Scalar, Simd, lanes};
 
 /// Pixels that make a part worth its own sums and their addition.
 const PART_PX: usize = 1024;
@@ -84,7 +84,7 @@ struct Part<'a> {
 
 impl Kernel for Part<'_> {
     #[inline(always)]
-    unsafe fn run<S: Simd, const ROWS: usize, const LANES: usize>(mut self) {
+    fn run<S: Simd, const ROWS: usize, const LANES: usize>(mut self) {
         let (height, width) = (self.shape.out_height_px(), self.shape.out_width_px());
         let blocks_out = self.shape.channels_out.div_ceil(ROWS);
         let blocks_in = self.sums.len() / (blocks_out * 9 * ROWS * LANES);
@@ -95,8 +95,7 @@ impl Kernel for Part<'_> {
         while row < self.rows.end {
             let (image, y) = (row / height, row % height);
             let n_rows = chunk_rows.min(height - y).min(self.rows.end - row);
-            // SAFETY: this function's own contract gives the instruction set.
-            unsafe { self.add_rows::<S, ROWS, LANES>(image, y, n_rows, blocks_in) };
+            self.add_rows::<S, ROWS, LANES>(image, y, n_rows, blocks_in);
             row += n_rows;
         }
     }
@@ -104,11 +103,8 @@ impl Kernel for Part<'_> {
 
 impl Part<'_> {
     /// Adds what output rows `y..y + n_rows` of one image contribute.
-    ///
-    /// # Safety
-    /// As for [`Kernel::run`].
     #[inline(always)]
-    unsafe fn add_rows<S: Simd, const ROWS: usize, const LANES: usize>(
+    fn add_rows<S: Simd, const ROWS: usize, const LANES: usize>(
         &mut self,
         image: usize,
         y: usize,
@@ -198,26 +194,30 @@ impl Tile {
     /// Adds the products of all pixels to `sums`, `[ROWS][3][LANES]`.
     ///
     /// # Safety
-    /// Besides [`Kernel::run`]'s terms: of each row, three vectors of x are readable at each pixel and ROWS
+    /// Of each row, three vectors of x are readable at each pixel and ROWS
     /// floats of dy; `sums` is readable and writable.
     #[inline(always)]
     unsafe fn add<S: Simd, const ROWS: usize>(self, sums: *mut f32) {
         // SAFETY: every access is one of those listed above.
         unsafe {
-            let mut tile = [[S::zero(); 3]; ROWS];
+            let mut tile = [[0f32.splat::<S>(); 3]; ROWS];
             for (row, tile) in tile.iter_mut().enumerate() {
                 for (k, sum) in tile.iter_mut().enumerate() {
-                    *sum = S::load(sums.add((row * 3 + k) * S::LANES));
+                    *sum = f32::vload_unaligned::<S>(sums.add((row * 3 + k) * lanes::<S>()));
                 }
             }
             for row in 0..self.n_rows {
                 let (mut x, mut dy) = (self.x.add(row * self.x_row), self.dy.add(row * self.dy_row));
                 for _ in 0..self.n_pixels {
-                    let columns = [S::load(x), S::load(x.add(S::LANES)), S::load(x.add(2 * S::LANES))];
+                    let columns = [
+                        f32::vload_unaligned::<S>(x),
+                        f32::vload_unaligned::<S>(x.add(lanes::<S>())),
+                        f32::vload_unaligned::<S>(x.add(2 * lanes::<S>())),
+                    ];
                     for (row, tile) in tile.iter_mut().enumerate() {
-                        let dy = S::splat(*dy.add(row));
+                        let dy = (*dy.add(row)).splat::<S>();
                         for (sum, x) in tile.iter_mut().zip(columns) {
-                            *sum = S::mul_add(dy, x, *sum);
+                            *sum = dy.mul_add(x, *sum);
                         }
                     }
                     x = x.wrapping_add(self.x_pixel);
@@ -226,7 +226,7 @@ impl Tile {
             }
             for (row, tile) in tile.iter().enumerate() {
                 for (k, sum) in tile.iter().enumerate() {
-                    S::store(sums.add((row * 3 + k) * S::LANES), *sum);
+                    f32::vstore_unaligned::<S>(sums.add((row * 3 + k) * lanes::<S>()), *sum);
                 }
             }
         }

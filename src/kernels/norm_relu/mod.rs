@@ -193,7 +193,7 @@ struct ForwardChannel<'a> {
 
 impl Kernel for ForwardChannel<'_> {
     #[inline(always)]
-    unsafe fn run<S: Simd, const ROWS: usize, const LANES: usize>(self) {
+    fn run<S: Simd, const ROWS: usize, const LANES: usize>(self) {
         let n_values = self.x.iter().map(|plane| plane.len()).sum::<usize>() as f64;
         // Planes add up in f64: a plane's own sum is short.
         let sum: f64 = self.x.iter().map(|x| f64::from(sum2::<LANES>(x, x, |a, _| a))).sum();
@@ -225,7 +225,7 @@ struct BackwardChannel<'a> {
 
 impl Kernel for BackwardChannel<'_> {
     #[inline(always)]
-    unsafe fn run<S: Simd, const ROWS: usize, const LANES: usize>(self) {
+    fn run<S: Simd, const ROWS: usize, const LANES: usize>(self) {
         let n_values = self.x.iter().map(|plane| plane.len()).sum::<usize>() as f64;
         let Affine { gamma, beta } = self.affine;
         let mean = self.statistics.mean;
@@ -257,7 +257,7 @@ struct ScaleShift<'a> {
 
 impl Kernel for ScaleShift<'_> {
     #[inline(always)]
-    unsafe fn run<S: Simd, const ROWS: usize, const LANES: usize>(self) {
+    fn run<S: Simd, const ROWS: usize, const LANES: usize>(self) {
         for (y, &x) in self.y.iter_mut().zip(self.x) {
             *y = (x * self.scale + self.shift).max(0.0);
         }

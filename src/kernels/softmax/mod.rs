@@ -53,7 +53,7 @@ struct Forward<'a> {
 
 impl Kernel for Forward<'_> {
     #[inline(always)]
-    unsafe fn run<S: Simd, const ROWS: usize, const LANES: usize>(self) {
+    fn run<S: Simd, const ROWS: usize, const LANES: usize>(self) {
         let rows = self.x.chunks_exact(self.n_columns).zip(self.y.chunks_exact_mut(self.n_columns));
         for (x, y) in rows {
             let highest =
@@ -79,7 +79,7 @@ struct Backward<'a> {
 
 impl Kernel for Backward<'_> {
     #[inline(always)]
-    unsafe fn run<S: Simd, const ROWS: usize, const LANES: usize>(self) {
+    fn run<S: Simd, const ROWS: usize, const LANES: usize>(self) {
         let n = self.n_columns;
         let rows = self.y.chunks_exact(n).zip(self.dy.chunks_exact(n)).zip(self.dx.chunks_exact_mut(n));
         for ((y, dy), dx) in rows {
