@@ -7,6 +7,7 @@ pub mod config;
 pub mod device;
 pub mod files;
 pub mod geometry;
+pub mod history;
 pub mod progress;
 pub mod random;
 

@@ -10,13 +10,14 @@ use std::path::{Path, PathBuf};
 use fs_err as fs;
 
 /// Each top module and its layer; a module imports only from lower numbers.
-const LAYERS: [(&str, u32); 22] = [
+const LAYERS: [(&str, u32); 23] = [
     ("geometry", 0),
     ("config", 0),
     ("device", 0),
     ("files", 0),
     ("progress", 0),
     ("random", 0),
+    ("history", 1),
     ("object", 1),
     ("sample", 2), // above `object`: a sample holds objects
     ("zone", 3),

@@ -12,7 +12,7 @@ use thiserror::Error;
 
 use super::plot::{self, Area, BLUE, DARK, Drawn, Figure, GREEN, GRID, PlotError, VERMILION};
 use crate::files::write_atomic;
-use crate::train::{History, HistoryError, ScoreRow, StepRow};
+use crate::history::{History, HistoryError, ScoreRow, StepRow};
 
 /// Names of the two files.
 pub const FILES: [&str; 2] = ["curves.svg", "curves.png"];

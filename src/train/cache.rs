@@ -1,5 +1,6 @@
-//! Prepared inputs kept in memory: decoding a picture and sorting points into pillars is the same work in
-//! every epoch. What does not fit the budget is prepared anew each time; results do not depend on it.
+//! Prepared inputs in memory: decoding a picture and sorting points into pillars is the same work in every epoch.
+//!
+//! What does not fit the budget is prepared anew each time; results do not depend on it.
 
 use std::collections::HashMap;
 use std::sync::{Mutex, PoisonError};
@@ -18,11 +19,11 @@ pub struct Key {
 #[derive(Debug)]
 pub struct Cache {
     budget_bytes: usize,
-    kept: Mutex<Kept>,
+    contents: Mutex<Contents>,
 }
 
 #[derive(Debug, Default)]
-struct Kept {
+struct Contents {
     inputs: HashMap<Key, Input>,
     n_bytes: usize,
 }
@@ -30,10 +31,10 @@ struct Kept {
 impl Cache {
     #[must_use]
     pub fn new(budget_mib: usize) -> Self {
-        Self { budget_bytes: budget_mib << 20, kept: Mutex::default() }
+        Self { budget_bytes: budget_mib << 20, contents: Mutex::default() }
     }
 
-    /// A copy of the kept input, or a new one from `prepare`, which is kept if there is room.
+    /// Copies an input from memory, or makes it with `prepare` and keeps it if there is room.
     ///
     /// # Errors
     /// Those of `prepare`.
@@ -42,23 +43,23 @@ impl Cache {
         key: Key,
         prepare: impl FnOnce() -> Result<Input, InputError>,
     ) -> Result<Input, InputError> {
-        let lock = || self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        let lock = || self.contents.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(input) = lock().inputs.get(&key) {
             return Ok(input.clone());
         }
         let input = prepare()?;
         let n_bytes = input.n_bytes();
-        let mut kept = lock();
-        if kept.n_bytes + n_bytes <= self.budget_bytes {
-            kept.n_bytes += n_bytes;
-            kept.inputs.insert(key, input.clone());
+        let mut contents = lock();
+        if contents.n_bytes + n_bytes <= self.budget_bytes {
+            contents.n_bytes += n_bytes;
+            contents.inputs.insert(key, input.clone());
         }
         Ok(input)
     }
 
-    /// Lets go of everything, as between stages that need different inputs.
+    /// Forgets everything, as between stages that need different inputs.
     pub fn clear(&self) {
-        *self.kept.lock().unwrap_or_else(PoisonError::into_inner) = Kept::default();
+        *self.contents.lock().unwrap_or_else(PoisonError::into_inner) = Contents::default();
     }
 }
 

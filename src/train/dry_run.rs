@@ -6,7 +6,8 @@ use burn::tensor::Device;
 use serde::Serialize;
 
 use super::config::TrainConfig;
-use super::run::TrainError;
+use super::error::TrainError;
+use super::plan::STAGES;
 use super::step::n_abreast;
 use crate::dataset::Dataset;
 use crate::model::{Detector, NumericFusion, main_tensors};
@@ -25,7 +26,7 @@ pub struct DryRun {
     pub accumulate: usize,
     /// Speeds and steering angles asked about for each sample.
     pub n_states: usize,
-    pub stages: Vec<Stage>,
+    pub stages: Vec<StageSteps>,
     pub n_steps: usize,
 }
 
@@ -60,7 +61,7 @@ pub struct Memory {
 
 /// A stage of the run.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct Stage {
+pub struct StageSteps {
     pub name: &'static str,
     pub n_epochs: usize,
     pub n_steps: usize,
@@ -103,9 +104,10 @@ impl DryRun {
         let of_batch: usize = tensors.iter().map(|tensor| tensor.kept_bytes).sum();
         let activations = n_abreast(config, &Device::flex()) * of_batch;
         let steps_per_epoch = n_samples.div_ceil(config.batch_size * config.accumulate);
-        let stages: Vec<Stage> = [("lidar", config.lidar_stage), ("fused", config.fused_stage)]
+        let stages: Vec<StageSteps> = STAGES
             .into_iter()
-            .map(|(name, stage)| Stage {
+            .zip([config.lidar_stage, config.fused_stage])
+            .map(|(name, stage)| StageSteps {
                 name,
                 n_epochs: stage.epochs,
                 n_steps: stage.epochs * steps_per_epoch,

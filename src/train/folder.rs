@@ -1,24 +1,34 @@
-//! A run's folder: what lies in it, and whose it is.
+//! The folder of a run: its files, and whether it may be used.
 
 use std::path::Path;
 
 use fs_err as fs;
 
 use super::config::TrainConfig;
-use super::run::{RunOptions, TrainError};
-use super::spent::TIME_FILE;
+use super::error::TrainError;
 use super::state;
+use super::time::TIME_FILE;
 use crate::config::to_toml;
 use crate::dataset::Dataset;
 use crate::files;
+use crate::history::{SCORES_FILE, STEPS_FILE};
 use crate::model::checkpoint::CHECKPOINT;
 
 /// Name of the resolved config in a run's folder.
 pub const CONFIG_FILE: &str = "train.toml";
 /// Name of the file that says which data a run saw.
 pub const DATA_FILE: &str = "data.json";
-pub const LOG_FILE: &str = "log.csv";
-pub const VALIDATION_FILE: &str = "validation.csv";
+
+/// How a run may treat what it finds in its folder, and whom it tells.
+#[derive(Clone, Copy, Default)]
+pub struct RunOptions<'a> {
+    /// Discard a run of another config.
+    pub force: bool,
+    /// There must be a run to go on with.
+    pub resume: bool,
+    /// Called with the run's folder after each validation, when its logs are up to date.
+    pub after_validation: Option<&'a dyn Fn(&Path)>,
+}
 
 /// Makes the run's folder, or checks that the run in it is this one.
 ///
@@ -49,7 +59,7 @@ pub fn open(
             return Err(TrainError::OtherRun { path: out.to_owned() });
         }
         state::clear(out)?;
-        for name in [CHECKPOINT, LOG_FILE, VALIDATION_FILE, TIME_FILE, CONFIG_FILE, DATA_FILE] {
+        for name in [CHECKPOINT, STEPS_FILE, SCORES_FILE, TIME_FILE, CONFIG_FILE, DATA_FILE] {
             let path = out.join(name);
             if path.exists() {
                 fs::remove_file(path)?;

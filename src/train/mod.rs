@@ -1,34 +1,42 @@
 //! Training: targets, losses, schedule, optimizer and the resumable loop.
 
 mod assignment;
-pub mod augment;
-pub mod average;
+mod augment;
+mod average;
 mod cache;
 mod config;
+mod copies;
+mod cut_out;
 mod dry_run;
+mod error;
 mod folder;
-mod history;
-mod log;
-pub mod losses;
-pub mod optimizer;
+mod learner;
+mod losses;
+mod optimizer;
 mod paste;
-pub mod plan;
-mod replica;
+mod plan;
 mod run;
 mod schedule;
-mod spent;
-pub mod state;
-pub mod step;
-pub mod targets;
+mod state;
+mod step;
+mod targets;
+mod time;
 #[cfg(test)]
 mod twin_tests;
 mod validate;
 
 pub use config::{AugmentConfig, LossConfig, StageConfig, TrainConfig, TrainConfigError};
 pub use dry_run::DryRun;
-pub use folder::{CONFIG_FILE, DATA_FILE};
-pub use history::{History, HistoryError, ScoreRow, StepRow};
-pub use losses::LossParts;
-pub use run::{RunOptions, Summary, TrainError, run};
+pub use error::TrainError;
+pub use folder::{CONFIG_FILE, DATA_FILE, RunOptions};
+pub use run::{Summary, run};
 pub use schedule::{BETA_1, Pace, Schedule};
-pub use spent::{Spent, TIME_FILE};
+pub use time::{TIME_FILE, TrainingTime};
+
+// What one step is made of, for whoever measures it.
+pub use augment::{ObjectsByState, View, draw};
+pub use learner::Learner;
+pub use losses::{LossParts, Losses, losses};
+pub use plan::{Plan, Position, STAGES};
+pub use step::Steps;
+pub use targets::trainable;

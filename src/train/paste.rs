@@ -1,30 +1,26 @@
 //! Objects of other samples pasted into a sample's cloud, labelled by the zone where they come to stand.
 //!
 //! Copy-paste of LiDAR objects is SECOND's (Yan et al. 2018). Here an object turns about the LiDAR and keeps its
-//! distance, so that it shows the side and the number of points that the sensor would see of it; what it
-//! hides loses its points, and so does it where something hides it. It may be stretched along each
-//! axis and tipped over: shapes and places that the training split does not hold, which is what an unfamiliar object is
-//! to a detector. The picture does not show it.
+//! distance, so that it shows the side and the number of points that the sensor would see of it. It hides the points
+//! behind it, and loses its own points where something hides it. It may be stretched along each axis and tipped over:
+//! that gives shapes and places that the training split does not hold, as those of an unfamiliar object. The picture
+//! does not show it.
 
 use std::collections::{HashMap, HashSet};
 
-use nalgebra::Vector3;
 use rand::RngExt;
 
 use super::config::AugmentConfig;
+use super::cut_out::{ABOVE_GROUND_M, CutOut, Return, returns};
 use crate::dataset::LabelledSample;
-use crate::geometry::{Box3, Ego, Lidar, Point, Transform, convex_signed_distance_m};
-use crate::object::{Kind, LabelledObject, ObjectTruth};
+use crate::geometry::{Ego, Lidar, Point, Transform, convex_signed_distance_m};
+use crate::object::{LabelledObject, ObjectTruth};
 use crate::random::Rng;
 use crate::sample::{LidarPoint, Measured};
 use crate::zone::{Zone, ZoneError};
 
-/// An object with fewer points is not worth pasting.
-const MIN_POINTS_OF_DONOR: u32 = 8;
 /// What must be left of it where it stands.
 const MIN_VISIBLE_POINTS: usize = 3;
-/// Lower points in a donor's box are the ground's.
-const ABOVE_GROUND_M: f64 = 0.05;
 /// Points this far inside a place make it taken.
 const TAKEN_ABOVE_GROUND_M: f64 = 0.3;
 const MAX_POINTS_OF_TAKEN: usize = 2;
@@ -39,25 +35,20 @@ const MAX_RISE_M: f64 = 1.5;
 const AZIMUTH_BIN_RAD: f64 = 0.5 * std::f64::consts::PI / 180.0;
 /// One thing hides another that is this much farther away.
 const DEPTH_M: f64 = 0.3;
-/// Margin to the edge of the cloud.
-const EDGE_RAD: f64 = 3.0 * std::f64::consts::PI / 180.0;
-/// Taller things do not lie about.
-const MAX_HEIGHT_OF_TIPPED_M: f64 = 2.5;
-const INTENSITY_SPREAD: f64 = 0.4;
 /// Donors tried for one object.
 const N_TRIES: usize = 4;
 
-/// A sample with others' objects in it.
+/// A sample with objects of other samples in it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Pasted {
     pub measured: Measured,
     pub objects: Vec<LabelledObject>,
 }
 
-/// Pastes up to `config.max_pasted` objects; `None` where none was drawn or found its place.
+/// Pastes up to `config.max_pasted` objects; `None` where none was drawn or none found a place.
 ///
 /// # Errors
-/// The zone cannot be had for the sample's state, or a box is not valid.
+/// The sample's state or a box is not valid.
 pub fn paste(
     sample: &LabelledSample,
     donors: &[LabelledSample],
@@ -73,8 +64,8 @@ pub fn paste(
     let mut scene = Scene::of(sample);
     for i in 0..n {
         for _ in 0..N_TRIES {
-            let thing = Thing::draw(donors, &sample.measured, config, rng);
-            if let Some((truth, points)) = thing.and_then(|thing| scene.place(thing)) {
+            let cut_out = CutOut::draw(donors, &sample.measured, config, rng);
+            if let Some((truth, points)) = cut_out.and_then(|cut_out| scene.place(cut_out)) {
                 let harm = area.harm_of(&truth.box_in_ego, truth.velocity_in_ego_mps)?.harm;
                 scene.add(
                     LabelledObject { truth: ObjectTruth { id: format!("pasted-{i}"), ..truth }, harm },
@@ -87,113 +78,10 @@ pub fn paste(
     Ok(scene.into_pasted(sample))
 }
 
-/// A LiDAR return in the ego frame.
-#[derive(Debug, Clone, Copy)]
-struct Return {
-    at: Point<Ego>,
-    intensity: f32,
-    ring: u16,
-}
-
-/// An object on its way.
-struct Thing {
-    truth: ObjectTruth,
-    points: Vec<Return>,
-}
-
-impl Thing {
-    /// Some object of some sample: of two the nearer, turned about the LiDAR of `into`, stretched, perhaps tipped over.
-    fn draw(
-        donors: &[LabelledSample],
-        into: &Measured,
-        config: &AugmentConfig,
-        rng: &mut Rng,
-    ) -> Option<Self> {
-        let donor = &donors[rng.random_range(0..donors.len())];
-        let known = |object: &&LabelledObject| object.truth.n_lidar_points >= MIN_POINTS_OF_DONOR;
-        let candidates: Vec<&LabelledObject> = donor.objects.iter().filter(known).collect();
-        if candidates.is_empty() {
-            return None;
-        }
-        let lidar = into.ego_from_lidar.isometry.translation.vector;
-        let distance_m =
-            |object: &LabelledObject| (object.truth.box_in_ego.center.coords.coords - lidar).xy().norm();
-        let mut any = || candidates[rng.random_range(0..candidates.len())];
-        let (one, other) = (any(), any());
-        let object = if distance_m(other) < distance_m(one) { other } else { one };
-
-        let mut truth = object.truth.clone();
-        let mut points = returns_in(&donor.measured, &truth.box_in_ego);
-        let mut factor = || config.max_stretch.powf(2.0 * rng.random::<f64>() - 1.0);
-        let factors = [factor(), factor(), factor()];
-        let intensity = 1.0 + INTENSITY_SPREAD * (2.0 * rng.random::<f64>() - 1.0);
-        let is_tipped = rng.random::<f64>() < config.tipped_share
-            && truth.kind == Kind::Static
-            && truth.box_in_ego.height_m < MAX_HEIGHT_OF_TIPPED_M;
-        reshape(&mut truth.box_in_ego, &mut points, factors, is_tipped);
-        for point in &mut points {
-            point.intensity = (f64::from(point.intensity) * intensity).min(255.0) as f32;
-        }
-
-        let center = truth.box_in_ego.center;
-        let bearing = (center.y() - lidar.y).atan2(center.x() - lidar.x);
-        let reach = (into.intrinsics.horizontal_fov_rad() / 2.0 - EDGE_RAD).max(0.0);
-        let turn = (2.0 * rng.random::<f64>() - 1.0) * reach - bearing;
-        let about_origin = Transform::<Ego, Ego>::from_xyz_yaw(0.0, 0.0, 0.0, turn);
-        let axis = Vector3::new(lidar.x, lidar.y, 0.0);
-        let moved =
-            Transform::<Ego, Ego>::new(axis - about_origin.rotate(&axis), about_origin.isometry.rotation);
-        truth.box_in_ego = truth.box_in_ego.transformed(&moved);
-        let [x, y] = truth.velocity_in_ego_mps;
-        let velocity = moved.rotate(&Vector3::new(x, y, 0.0));
-        truth.velocity_in_ego_mps = [velocity.x, velocity.y];
-        points.iter_mut().for_each(|point| point.at = moved * point.at);
-        Some(Self { truth, points })
-    }
-}
-
-/// Returns of what stands in a box, without the ground's.
-fn returns_in(measured: &Measured, box_in_ego: &Box3<Ego>) -> Vec<Return> {
-    let bottom_m = box_in_ego.center.z() - box_in_ego.height_m / 2.0;
-    let inside =
-        |of: &Return| box_in_ego.contains(&of.at, ABOVE_GROUND_M) && of.at.z() > bottom_m + ABOVE_GROUND_M;
-    returns(measured).filter(inside).collect()
-}
-
-fn returns(measured: &Measured) -> impl Iterator<Item = Return> {
-    measured.points.iter().map(|of| {
-        let in_lidar = Point::<Lidar>::new(f64::from(of.x_m), f64::from(of.y_m), f64::from(of.z_m));
-        Return { at: measured.ego_from_lidar * in_lidar, intensity: of.intensity, ring: of.ring }
-    })
-}
-
-/// Stretches a box and its points about the middle of its bottom; a tipped one lies on its side.
-fn reshape(of: &mut Box3<Ego>, points: &mut [Return], [along, across, up]: [f64; 3], is_tipped: bool) {
-    let bottom = of.center.coords.coords - Vector3::z() * (of.height_m / 2.0);
-    let (sin, cos) = of.yaw_rad.sin_cos();
-    (of.length_m, of.width_m, of.height_m) = (of.length_m * along, of.width_m * across, of.height_m * up);
-    let (stretched_width_m, stretched_height_m) = (of.width_m, of.height_m);
-    if is_tipped {
-        (of.width_m, of.height_m) = (of.height_m, of.width_m);
-    }
-    for point in points {
-        let offset = point.at.coords.coords - bottom;
-        let x = (offset.x * cos + offset.y * sin) * along;
-        let mut y = (offset.y * cos - offset.x * sin) * across;
-        let mut z = offset.z * up;
-        if is_tipped {
-            (y, z) = (z - stretched_height_m / 2.0, stretched_width_m / 2.0 - y);
-        }
-        let turned = bottom + Vector3::new(x * cos - y * sin, x * sin + y * cos, z);
-        point.at = Point::new(turned.x, turned.y, turned.z);
-    }
-    of.center = Point::new(bottom.x, bottom.y, bottom.z + of.height_m / 2.0);
-}
-
 /// A ray's place: ring, and bin of the azimuth.
 type Ray = (u16, i64);
 
-/// The sample that is pasted into.
+/// A sample that objects are pasted into.
 struct Scene {
     ego_from_lidar: Transform<Ego, Lidar>,
     min_x_m: f64,
@@ -231,9 +119,10 @@ impl Scene {
         Some(*heights.select_nth_unstable_by(tenth, f64::total_cmp).1)
     }
 
-    /// The object on the ground of the scene and what is seen of it; `None` where it cannot stand or is hidden.
-    fn place(&self, thing: Thing) -> Option<(ObjectTruth, Vec<Return>)> {
-        let Thing { mut truth, mut points } = thing;
+    /// Puts an object on the ground; returns it with the points that stay visible, `None` where it cannot stand or is
+    /// hidden.
+    fn place(&self, cut_out: CutOut) -> Option<(ObjectTruth, Vec<Return>)> {
+        let CutOut { mut truth, mut points } = cut_out;
         let of = &mut truth.box_in_ego;
         let bottom_m = of.center.z() - of.height_m / 2.0;
         let rise_m = self.ground_m(of.center.x(), of.center.y()).unwrap_or(bottom_m) - bottom_m;
@@ -273,7 +162,7 @@ impl Scene {
         (points.len() >= MIN_VISIBLE_POINTS).then_some((truth, points))
     }
 
-    /// Takes up an object that has found its place; what it hides goes.
+    /// Adds an object in its place and removes the points that it hides.
     fn add(&mut self, object: LabelledObject, points: Vec<Return>) {
         let mut nearest: HashMap<Ray, f64> = HashMap::new();
         for point in &points {
@@ -304,18 +193,16 @@ impl Scene {
 
     fn into_pasted(self, sample: &LabelledSample) -> Option<Pasted> {
         let lidar_from_ego = self.ego_from_lidar.inverse();
-        let points = self.returns.iter().map(|of| {
+        let point = |of: &Return| {
             let at = lidar_from_ego * of.at;
-            LidarPoint {
-                x_m: at.x() as f32,
-                y_m: at.y() as f32,
-                z_m: at.z() as f32,
-                intensity: of.intensity,
-                ring: of.ring,
-            }
-        });
+            let [x_m, y_m, z_m] = [at.x() as f32, at.y() as f32, at.z() as f32];
+            LidarPoint { x_m, y_m, z_m, intensity: of.intensity, ring: of.ring }
+        };
         (self.n_pasted > 0).then(|| Pasted {
-            measured: Measured { points: points.collect(), ..sample.measured.clone() },
+            measured: Measured {
+                points: self.returns.iter().map(point).collect(),
+                ..sample.measured.clone()
+            },
             objects: self.objects,
         })
     }
@@ -323,6 +210,7 @@ impl Scene {
 
 #[cfg(test)]
 mod tests {
+    use super::super::cut_out::returns_in;
     use super::*;
     use crate::dataset::test_data;
     use crate::object::Harm;
@@ -412,41 +300,23 @@ mod tests {
     }
 
     #[test]
-    fn stretched_and_tipped_objects_fill_their_boxes() {
-        let mut of = car(12.0, 3.0, Harm::Harmless).truth.box_in_ego;
-        of.yaw_rad = 0.7;
-        let corners = of.corners();
-        let mut points: Vec<Return> = corners.iter().map(|p| at(p.x(), p.y(), p.z(), 0)).collect();
-        reshape(&mut of, &mut points, [1.5, 0.5, 2.0], true);
-        assert!(
-            (of.length_m - 6.0).abs() < 1e-9
-                && (of.height_m - 0.9).abs() < 1e-9
-                && (of.width_m - 3.0).abs() < 1e-9
-        );
-        assert!((of.center.z() - 0.45).abs() < 1e-9);
-        for point in &points {
-            assert!(of.contains(&point.at, 1e-9) && !of.contains(&point.at, -0.01), "{point:?}");
-        }
-    }
-
-    #[test]
     fn no_object_is_pasted_where_another_stands_or_behind_a_wall() {
         let scene = |points: Vec<Return>, objects| Scene { returns: points, objects, ..Scene::of(&road()) };
-        let thing = || Thing {
+        let cut_out = || CutOut {
             truth: car(12.0, 0.0, Harm::Harmless).truth,
             points: (0..20).map(|i| at(10.05, -0.8 + 0.08 * f64::from(i), 0.8, 4)).collect(),
         };
-        assert!(scene(Vec::new(), Vec::new()).place(thing()).is_some());
+        assert!(scene(Vec::new(), Vec::new()).place(cut_out()).is_some());
         let neighbour = car(16.1, 0.5, Harm::Harmless);
-        assert!(scene(Vec::new(), vec![neighbour]).place(thing()).is_none());
+        assert!(scene(Vec::new(), vec![neighbour]).place(cut_out()).is_none());
         let wall = (0..400).map(|i| at(6.0, -2.0 + 0.01 * f64::from(i), 1.2, 4)).collect();
-        assert!(scene(wall, Vec::new()).place(thing()).is_none(), "hidden");
+        assert!(scene(wall, Vec::new()).place(cut_out()).is_none(), "hidden");
         let mut bush: Vec<Return> = returns(&road().measured).collect();
-        assert!(scene(bush.clone(), Vec::new()).place(thing()).is_some());
+        assert!(scene(bush.clone(), Vec::new()).place(cut_out()).is_some());
         bush.extend((0..5).map(|i| at(12.0 + 0.1 * f64::from(i), 0.2, 0.9, 9)));
-        assert!(scene(bush, Vec::new()).place(thing()).is_none(), "the place is taken");
+        assert!(scene(bush, Vec::new()).place(cut_out()).is_none(), "the place is taken");
         let roof = (0..9).map(|i| at(12.0 + 0.1 * f64::from(i), 0.2, 3.9, 9)).collect();
-        assert!(scene(roof, Vec::new()).place(thing()).is_none(), "no ground is seen there");
+        assert!(scene(roof, Vec::new()).place(cut_out()).is_none(), "no ground is seen there");
     }
 
     #[test]

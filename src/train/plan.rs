@@ -2,9 +2,9 @@
 
 use rand::RngExt;
 use rand::seq::SliceRandom;
+use serde::{Deserialize, Serialize};
 
 use super::config::{StageConfig, TrainConfig};
-use super::state::Position;
 use crate::dataset::LabelledSample;
 use crate::object::Harm;
 use crate::random;
@@ -12,7 +12,16 @@ use crate::random;
 /// Names of the stages.
 pub const STAGES: [&str; 2] = ["lidar", "fused"];
 
-/// The run's steps, laid out from config and sample count alone.
+/// A step of a run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Position {
+    /// 0 LiDAR, 1 fused.
+    pub stage: usize,
+    /// Step within the stage.
+    pub step: usize,
+}
+
+/// The run's steps.
 pub struct Plan {
     pub stages: [StageConfig; 2],
     pub steps_per_epoch: usize,

@@ -1,80 +1,28 @@
 //! The training loop: two stages, resumable at any step, the same bytes however often it was stopped.
 //!
-//! Order and augmentation of every step come from named streams of the run's seed, so a step depends
-//! on its number alone; a state is kept every `save_every_steps` steps.
+//! Named streams of the run's seed give the order and augmentation of every step, so a step depends on its number
+//! alone; a state is saved every `save_every_steps` steps.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use burn::module::Module;
 use burn::tensor::Device;
-use thiserror::Error;
 
-use super::average::Average;
-use super::config::{StageConfig, TrainConfig, TrainConfigError};
-use super::folder::{self, LOG_FILE, VALIDATION_FILE};
-use super::log::Log;
+use super::config::{StageConfig, TrainConfig};
+use super::error::TrainError;
+use super::folder::{self, RunOptions};
+use super::learner::Learner;
 use super::losses::LossParts;
-use super::optimizer::{Optimizer, number_parameters};
-use super::plan::{Plan, STAGES};
-use super::spent::Stopwatch;
-use super::state::{self, Position, StateError};
-use super::step::{Mean, Steps, not_finite};
-use super::validate::{self, ValidationError, validate};
+use super::plan::{Plan, Position, STAGES};
+use super::state;
+use super::step::{Mean, Steps};
+use super::time::Stopwatch;
+use super::validate::validate;
 use crate::dataset::Dataset;
-use crate::model::checkpoint::CHECKPOINT;
-use crate::model::checkpoint::{self, CheckpointError};
-use crate::model::{Detector, ImageWeightsError, ImageWeightsReport, InputError};
+use crate::history::{History, ScoreRow, StepRow};
+use crate::model::checkpoint::{self, CHECKPOINT};
+use crate::model::{Detector, ImageWeightsReport};
 use crate::progress::Progress;
-use crate::zone::ZoneError;
-
-/// Why a run stopped.
-#[derive(Debug, Error)]
-pub enum TrainError {
-    #[error(transparent)]
-    Config(#[from] TrainConfigError),
-    #[error("cannot write the run: {0}")]
-    Io(#[from] std::io::Error),
-    #[error(transparent)]
-    ImageWeights(#[from] ImageWeightsError),
-    #[error(transparent)]
-    State(#[from] StateError),
-    #[error(transparent)]
-    Checkpoint(#[from] CheckpointError),
-    #[error("the dataset has no training samples: {}", path.display())]
-    NoSamples { path: PathBuf },
-    #[error(
-        "this folder holds a run with another config or other data; use another --out, or --force to \
-         discard it: {}", path.display()
-    )]
-    OtherRun { path: PathBuf },
-    #[error("this folder is not empty and holds no run; use another --out: {}", path.display())]
-    NotARun { path: PathBuf },
-    #[error("nothing to resume: no run in {}; leave --resume out to start one", path.display())]
-    NothingToResume { path: PathBuf },
-    #[error("sample {sample}: {source}")]
-    Input { sample: String, source: InputError },
-    #[error("sample {sample}: {source}")]
-    Label { sample: String, source: ZoneError },
-    #[error("validation failed: {0}")]
-    Validation(#[from] ValidationError),
-    #[error(
-        "the loss became {found} at step {step} of the {stage} stage, on samples {samples:?}; \
-         the state before it is kept: lower the learning rate or look at these samples"
-    )]
-    NotFinite { found: f32, step: usize, stage: &'static str, samples: Vec<String> },
-}
-
-/// How a run may treat what it finds in its folder, and whom it tells.
-#[derive(Clone, Copy, Default)]
-pub struct RunOptions<'a> {
-    /// Discard a run of another config.
-    pub force: bool,
-    /// There must be something to go on with.
-    pub resume: bool,
-    /// Called with the run's folder after each validation, when its logs are up to date.
-    pub after_validation: Option<&'a dyn Fn(&Path)>,
-}
 
 /// What a run did.
 #[derive(Debug, Clone)]
@@ -93,13 +41,11 @@ pub struct Summary {
     pub image_weights: Option<ImageWeightsReport>,
 }
 
-pub(super) const LOG_HEADER: &str = "n_done,stage,epoch,learning_rate,heatmap,harm,boxes,gradient_norm";
-
 /// Trains a detector; goes on where an earlier call with the same config and data stopped. With
 /// `validation`, the moving average is scored on it between epochs.
 ///
 /// # Errors
-/// [`TrainError`]; what was learnt up to the last kept state stays.
+/// [`TrainError`]; what was learnt up to the last saved state stays.
 pub fn run(
     dataset: &Dataset,
     validation: Option<&Dataset>,
@@ -136,21 +82,17 @@ pub fn run(
     let inference_device = device;
     let device = device.clone().autodiff();
     let mut image_weights = None;
-    let kept = state::newest(out, Optimizer::new(config), &device, inference_device)?;
-    let (mut detector, mut optimizer, mut position, mut average) = if let Some(kept) = kept {
-        let average = Average::new(kept.average, config.average_decay);
-        (number_parameters(kept.detector), kept.optimizer, kept.position, average)
+    let saved = state::load_newest(out, config, &device, inference_device)?;
+    let (mut position, mut learner) = if let Some(saved) = saved {
+        saved
     } else {
-        let mut fresh = Detector::init(&config.model, config.seed, &device);
+        let mut detector = Detector::init(&config.model, config.seed, &device);
         if let Some(path) = &config.image_weights {
-            image_weights = Some(fresh.load_image_weights(path)?);
+            image_weights = Some(detector.load_image_weights(path)?);
         }
-        let fresh = number_parameters(fresh);
-        let average = Average::new(fresh.valid(), config.average_decay);
-        (fresh, Optimizer::new(config), Position { stage: 0, step: 0 }, average)
+        (Position { stage: 0, step: 0 }, Learner::start(detector, config))
     };
-    let mut log = Log::open(&out.join(LOG_FILE), LOG_HEADER, plan.n_done(position))?;
-    let mut scores = Log::open(&out.join(VALIDATION_FILE), validate::HEADER, plan.n_done(position))?;
+    let mut history = History::read_until(out, plan.n_done(position))?;
     let mut steps = Steps::new(&plan, dataset, config, &device);
     let mut n_steps_now = 0;
     let mut epoch_loss = Mean::default();
@@ -167,16 +109,7 @@ pub fn run(
         while position.step < n_steps {
             let StageConfig { schedule, max_learning_rate, .. } = plan.stages[position.stage];
             let pace = schedule.pace(position.step, n_steps, max_learning_rate, config.rise_share);
-            let (passed, grads, parts) = steps.gradients(detector, position)?;
-            let (next, norm) = optimizer.step(passed, grads, pace);
-            if !norm.is_finite() {
-                let chosen = plan.step_samples(config, position).concat();
-                return Err(not_finite(norm, position, &chosen, samples));
-            }
-            detector = next;
-            if config.average_decay > 0.0 {
-                average.update(&detector.valid(), position.step);
-            }
+            let (parts, norm) = learner.step(&mut steps, position, pace)?;
             let epoch = position.step / plan.steps_per_epoch;
             if position.step % plan.steps_per_epoch == 0 {
                 epoch_loss = Mean::default();
@@ -185,10 +118,16 @@ pub fn run(
             position.step += 1;
             n_steps_now += 1;
             let n_done = plan.n_done(position);
-            log.push(format!(
-                "{n_done},{stage},{epoch},{:.3e},{:.5},{:.5},{:.5},{norm:.3}",
-                pace.learning_rate, parts.heatmap, parts.harm, parts.boxes
-            ));
+            history.steps.push(StepRow {
+                n_done,
+                stage: stage.to_owned(),
+                epoch,
+                learning_rate: pace.learning_rate,
+                heatmap: parts.heatmap.into(),
+                harm: parts.harm.into(),
+                boxes: parts.boxes.into(),
+                gradient_norm: norm.into(),
+            });
             progress.note(&format!("epoch {} loss {:.3}", epoch + 1, epoch_loss.mean().total()));
             progress.advance(1);
             let is_epoch_end = position.step % plan.steps_per_epoch == 0;
@@ -196,47 +135,46 @@ pub fn run(
                 && is_epoch_end
                 && (epoch + 1).is_multiple_of(config.validate_every_epochs);
             if let Some(data) = validation.filter(|_| is_due) {
-                let latest = finished(&detector, &average, config);
-                let scored = validate(&latest, data, inference_device, position.stage == 1)?;
-                progress.note(&format!("epoch {} mAP {:.3}", epoch + 1, scored.mean));
-                let [a, b, c] = [scored.harmful, scored.harmless, scored.mean];
-                scores.push(format!("{n_done},{stage},{epoch},{a:.4},{b:.4},{c:.4}"));
-                scores.save()?;
+                let scores = validate(&learner.result(), data, inference_device, position.stage == 1)?;
+                progress.note(&format!("epoch {} mAP {:.3}", epoch + 1, scores.mean));
+                history.scores.push(ScoreRow {
+                    n_done,
+                    stage: stage.to_owned(),
+                    epoch,
+                    harmful: scores.harmful,
+                    harmless: scores.harmless,
+                    mean: scores.mean,
+                });
+                history.write(out)?;
                 if let Some(tell) = options.after_validation {
-                    log.save()?;
                     tell(out);
                 }
             }
             if n_done.is_multiple_of(config.save_every_steps) && position.step < n_steps {
-                log.save()?;
+                history.write(out)?;
                 stopwatch.save(out)?;
-                state::keep(out, n_done, position, &detector.valid(), average.detector(), &optimizer)?;
+                state::save(out, n_done, position, &learner)?;
             }
         }
         progress.finish();
         position = Position { stage: position.stage + 1, step: 0 };
-        optimizer = Optimizer::new(config);
-        log.save()?;
+        learner.restart_optimizer(config);
+        history.write(out)?;
         stopwatch.save(out)?;
-        let n_done = plan.n_done(position);
-        state::keep(out, n_done, position, &detector.valid(), average.detector(), &optimizer)?;
+        state::save(out, plan.n_done(position), position, &learner)?;
     }
     stopwatch.save(out)?;
-    checkpoint::save(&finished(&detector, &average, config), &final_path)?;
+    checkpoint::save(&learner.result(), &final_path)?;
     state::clear(out)?;
     Ok(Summary { image_weights, ..summary(n_steps_now, epoch_loss.mean(), steps.loading) })
 }
 
-/// What a run leaves behind: the moving average, or the last weights where there is none.
-fn finished(detector: &Detector, average: &Average, config: &TrainConfig) -> Detector {
-    if config.average_decay > 0.0 { average.detector().clone() } else { detector.valid() }
-}
-
 #[cfg(test)]
 mod tests {
-    use super::super::{History, Schedule, Spent};
+    use super::super::{Schedule, TrainingTime};
     use super::*;
     use crate::dataset::test_data;
+    use crate::history::{SCORES_FILE, STEPS_FILE};
     use crate::model::{
         CameraConfig, CnnConfig, GridConfig, HeadConfig, LidarConfig, ModelConfig, PillarConfig,
     };
@@ -314,10 +252,10 @@ mod tests {
         }
         let resumed = run(&data, Some(&data), &config, &broken, options, &Device::flex(), &Silent).unwrap();
         assert!(resumed.n_steps_now < whole.n_steps_now);
-        let spent = Spent::read(&broken).unwrap();
-        assert!(spent.wall_s >= resumed.elapsed.as_secs_f64() - 0.1 && spent.n_calls == 3, "{spent:?}");
+        let time = TrainingTime::read(&broken).unwrap();
+        assert!(time.wall_s >= resumed.elapsed.as_secs_f64() - 0.1 && time.n_calls == 3, "{time:?}");
         assert!(fs::read(&whole.checkpoint).unwrap() == fs::read(&resumed.checkpoint).unwrap());
-        for name in [LOG_FILE, VALIDATION_FILE] {
+        for name in [STEPS_FILE, SCORES_FILE] {
             assert_eq!(fs::read(path.join(name)).unwrap(), fs::read(broken.join(name)).unwrap(), "{name}");
         }
     }
@@ -365,13 +303,9 @@ mod tests {
         let config = TrainConfig { lidar_stage: stage, ..tiny() };
         let folder = tempfile::tempdir().unwrap();
         train(&data, &config, folder.path()).unwrap();
-        let log = fs::read_to_string(folder.path().join("log.csv")).unwrap();
-        let losses: Vec<f32> = log
-            .lines()
-            .skip(1)
-            .map(|row| row.split(',').skip(4).take(3).map(|part| part.parse::<f32>().unwrap()).sum())
-            .collect();
-        let mean = |part: &[f32]| part.iter().sum::<f32>() / part.len() as f32;
+        let steps = History::read(folder.path()).unwrap().steps;
+        let losses: Vec<f64> = steps.iter().map(|row| row.heatmap + row.harm + row.boxes).collect();
+        let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
         assert!(mean(&losses[50..60]) < 0.5 * mean(&losses[..4]), "{losses:?}");
     }
 }

@@ -4,62 +4,28 @@
 
 use std::path::{Path, PathBuf};
 
+use burn::module::Module;
 use burn::tensor::Device;
 use fs_err as fs;
-use serde::{Deserialize, Serialize};
-use thiserror::Error;
 
+use super::config::TrainConfig;
+use super::error::StateError;
+use super::learner::Learner;
 use super::optimizer::Optimizer;
+use super::plan::Position;
 use crate::files::PARTIAL_SUFFIX;
-use crate::model::Detector;
-use crate::model::checkpoint::{self, CheckpointError};
-
-/// Where a run stands: the next step to take.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Position {
-    /// 0 LiDAR, 1 fused.
-    pub stage: usize,
-    /// Step within the stage.
-    pub step: usize,
-}
-
-/// Why a state could not be kept or taken up.
-#[derive(Debug, Error)]
-pub enum StateError {
-    #[error("cannot keep or read the run's state: {0}")]
-    Io(#[from] std::io::Error),
-    #[error(transparent)]
-    Checkpoint(#[from] CheckpointError),
-    #[error("the run's state is broken: {message}; delete it to start anew: {}", path.display())]
-    Broken { message: String, path: PathBuf },
-}
-
-/// A state read back.
-pub struct Kept {
-    pub position: Position,
-    pub detector: Detector,
-    /// The moving average, on the inference device.
-    pub average: Detector,
-    pub optimizer: Optimizer,
-}
+use crate::model::checkpoint;
 
 fn folder(run: &Path) -> PathBuf {
     run.join("state")
 }
 
-/// Keeps a state and drops older ones. The detector must be a `valid()` copy: batch norms hand over their
-/// latest running statistics only there. `n_done` counts the steps of all stages and names it.
+/// Saves a state, then removes older ones. `position` is the next step to take; `n_done`, the number of steps taken in
+/// all stages, names the state.
 ///
 /// # Errors
 /// Any IO error; the older state stays then.
-pub fn keep(
-    run: &Path,
-    n_done: usize,
-    position: Position,
-    detector: &Detector,
-    average: &Detector,
-    optimizer: &Optimizer,
-) -> Result<(), StateError> {
+pub fn save(run: &Path, n_done: usize, position: Position, learner: &Learner) -> Result<(), StateError> {
     let states = folder(run);
     let whole = states.join(format!("step-{n_done:08}"));
     let partial = states.join(format!("step-{n_done:08}.{PARTIAL_SUFFIX}"));
@@ -68,23 +34,24 @@ pub fn keep(
     }
     fs::create_dir_all(&partial)?;
     let broken = |message: String| StateError::Broken { message, path: partial.clone() };
-    checkpoint::save(detector, &partial.join("model.safetensors"))?;
-    checkpoint::save(average, &partial.join("average.safetensors"))?;
-    fs::write(partial.join("optimizer.bpk"), optimizer.to_bytes().map_err(broken)?)?;
+    // Batch norms hand over their latest running statistics only to a `valid()` copy.
+    checkpoint::save(&learner.detector().valid(), &partial.join("model.safetensors"))?;
+    checkpoint::save(learner.average(), &partial.join("average.safetensors"))?;
+    fs::write(partial.join("optimizer.bpk"), learner.optimizer().to_bytes().map_err(broken)?)?;
     let text = serde_json::to_string(&position).expect("a position always has a JSON form");
     fs::write(partial.join("position.json"), text)?;
     if whole.exists() {
         fs::remove_dir_all(&whole)?;
     }
     fs::rename(&partial, &whole)?;
-    for older in all(run)?.into_iter().filter(|path| *path != whole) {
+    for older in list(run)?.into_iter().filter(|path| *path != whole) {
         fs::remove_dir_all(older)?;
     }
     Ok(())
 }
 
 /// Whole states of a run, oldest first.
-fn all(run: &Path) -> Result<Vec<PathBuf>, StateError> {
+fn list(run: &Path) -> Result<Vec<PathBuf>, StateError> {
     let states = folder(run);
     if !states.exists() {
         return Ok(Vec::new());
@@ -102,24 +69,25 @@ fn all(run: &Path) -> Result<Vec<PathBuf>, StateError> {
     Ok(found)
 }
 
-/// Takes up the newest state of a run, if there is one.
+/// Loads the newest state of a run, if there is one: the next step to take, and the learner before it.
 ///
 /// # Errors
 /// The state is broken or of another config.
-pub fn newest(
+pub fn load_newest(
     run: &Path,
-    optimizer: Optimizer,
+    config: &TrainConfig,
     device: &Device,
     inference_device: &Device,
-) -> Result<Option<Kept>, StateError> {
-    let Some(path) = all(run)?.pop() else { return Ok(None) };
+) -> Result<Option<(Position, Learner)>, StateError> {
+    let Some(path) = list(run)?.pop() else { return Ok(None) };
     let broken = |message: String| StateError::Broken { message, path: path.clone() };
     let text = fs::read_to_string(path.join("position.json"))?;
     let position = serde_json::from_str(&text).map_err(|error| broken(error.to_string()))?;
     let detector = checkpoint::load(&path.join("model.safetensors"), device)?;
     let average = checkpoint::load(&path.join("average.safetensors"), inference_device)?;
-    let optimizer = optimizer.load_bytes(fs::read(path.join("optimizer.bpk"))?).map_err(broken)?;
-    Ok(Some(Kept { position, detector, average, optimizer }))
+    let bytes = fs::read(path.join("optimizer.bpk"))?;
+    let optimizer = Optimizer::new(config).load_bytes(bytes).map_err(broken)?;
+    Ok(Some((position, Learner::new(detector, average, optimizer, config))))
 }
 
 /// Removes all states of a finished run.

@@ -12,14 +12,13 @@ use rayon::prelude::*;
 use super::augment::{self, ObjectsByState};
 use super::cache::{Cache, Key};
 use super::config::TrainConfig;
+use super::copies::{average_statistics, copy_detector};
+use super::error::TrainError;
 use super::losses::{LossParts, losses};
 use super::paste::paste;
-use super::plan::{Plan, STAGES};
-use super::replica::{replica, with_mean_statistics};
-use super::run::TrainError;
-use super::state::Position;
+use super::plan::{Plan, Position, STAGES};
 use super::targets::trainable;
-use crate::dataset::{Dataset, LabelledSample};
+use crate::dataset::Dataset;
 use crate::device::is_cpu;
 use crate::model::{Batch, Detector, Input};
 use crate::random;
@@ -81,13 +80,13 @@ impl<'a> Steps<'a> {
         let steps: &Self = self;
         for abreast in prepared.chunks(n_abreast(config, self.device)) {
             if let [alone] = abreast {
-                passes.push(steps.pass(replica(&detector), alone, position, share));
+                passes.push(steps.pass(copy_detector(&detector), alone, position, share));
                 continue;
             }
             passes.extend(std::thread::scope(|scope| {
                 let begin = |prepared| {
-                    let replica = replica(&detector);
-                    scope.spawn(move || steps.pass(replica, prepared, position, share))
+                    let copy = copy_detector(&detector);
+                    scope.spawn(move || steps.pass(copy, prepared, position, share))
                 };
                 let running: Vec<_> = abreast.iter().map(begin).collect();
                 let end =
@@ -97,20 +96,35 @@ impl<'a> Steps<'a> {
         }
         let mut sum = GradientsAccumulator::new();
         let mut mean = Mean::default();
-        let mut replicas = Vec::new();
+        let mut copies = Vec::new();
         for pass in passes {
-            let (replica, gradients, parts) = pass?;
+            let (copy, gradients, parts) = pass?;
             mean.add(parts);
             sum.accumulate(&detector, gradients);
-            replicas.push(replica);
+            copies.push(copy);
         }
-        Ok((with_mean_statistics(detector, &replicas), sum.grads(), mean.mean()))
+        Ok((average_statistics(detector, &copies), sum.grads(), mean.mean()))
+    }
+
+    /// The samples of a step.
+    pub fn samples(&self, position: Position) -> Vec<usize> {
+        self.plan.step_samples(self.config, position).concat()
+    }
+
+    /// The error of a loss or a gradient that is not finite.
+    pub fn not_finite(&self, found: f32, position: Position, chosen: &[usize]) -> TrainError {
+        TrainError::NotFinite {
+            found,
+            step: position.step,
+            stage: STAGES[position.stage],
+            samples: chosen.iter().map(|&i| self.dataset.samples()[i].id.clone()).collect(),
+        }
     }
 
     /// Forward and backward through one batch.
     fn pass(
         &self,
-        replica: Detector,
+        detector: Detector,
         prepared: &Prepared,
         position: Position,
         share: f64,
@@ -119,14 +133,13 @@ impl<'a> Steps<'a> {
         // What training drops at random depends on the step alone, however often the run was stopped.
         let name = format!("dropout-{}", STAGES[position.stage]);
         Detector::seed(self.device, random::stream(config.seed, &name, prepared.first_draw as u64).random());
-        let loss = losses(&replica.forward(&prepared.batch), &prepared.objects, &config.model, &config.loss);
+        let loss = losses(&detector.forward(&prepared.batch), &prepared.objects, &config.model, &config.loss);
         if !loss.parts.total().is_finite() {
-            let samples = self.dataset.samples();
-            return Err(not_finite(loss.parts.total(), position, prepared.chosen, samples));
+            return Err(self.not_finite(loss.parts.total(), position, prepared.chosen));
         }
         let gradients = loss.total.mul_scalar(share).backward();
-        let gradients = GradientsParams::from_grads(gradients, &replica);
-        Ok((replica, gradients, loss.parts))
+        let gradients = GradientsParams::from_grads(gradients, &detector);
+        Ok((detector, gradients, loss.parts))
     }
 
     /// Augments the samples of a batch.
@@ -188,21 +201,6 @@ struct Prepared<'a> {
     first_draw: usize,
     batch: Batch,
     objects: Vec<ObjectsByState>,
-}
-
-/// The error of a loss or a gradient that is not finite.
-pub fn not_finite(
-    found: f32,
-    position: Position,
-    chosen: &[usize],
-    samples: &[LabelledSample],
-) -> TrainError {
-    TrainError::NotFinite {
-        found,
-        step: position.step,
-        stage: STAGES[position.stage],
-        samples: chosen.iter().map(|&i| samples[i].id.clone()).collect(),
-    }
 }
 
 /// Running mean of losses.

@@ -18,9 +18,6 @@ pub enum ValidationError {
     Score(#[from] ScoreError),
 }
 
-/// Columns of a row of `validation.csv` after step, stage and epoch.
-pub const HEADER: &str = "n_done,stage,epoch,harmful,harmless,mean";
-
 /// Scores a detector in inference mode on a split, with the default protocol; without the camera as long as
 /// that has not been trained.
 ///

@@ -8,13 +8,11 @@ use burn::optim::GradientsParams;
 use fs_err as fs;
 use safetensors::tensor::{Dtype, TensorView};
 
-use super::training::{Trainee, batch};
-use super::{Bench, BenchError};
+use super::training::{batch, learner};
+use super::{Bench, BenchError, PACE};
 use harmzone::files;
 use harmzone::model::{Batch, CameraInput, Input, LidarInput, Output, Query, checkpoint};
-use harmzone::train::augment::ObjectsByState;
-use harmzone::train::losses::{LossParts, losses};
-use harmzone::train::plan::STAGES;
+use harmzone::train::{LossParts, ObjectsByState, STAGES, losses};
 
 /// The weights, and inputs with what the network makes of them.
 const CHECKPOINT: &str = "model.safetensors";
@@ -41,12 +39,12 @@ pub fn dump(bench: &Bench, folder: &Path) -> Result<(), BenchError> {
     let device = bench.device.clone().autodiff();
     for (stage, name) in STAGES.into_iter().enumerate() {
         let (inputs, batch, objects) = batch(bench, stage, bench.samples_per_step(), &device)?;
-        let mut trainee = Trainee::new(bench)?;
-        let output = trainee.detector().forward(&batch);
+        let mut learner = learner(bench)?;
+        let output = learner.detector().forward(&batch);
         let loss = losses(&output, &objects, model, &bench.config.loss);
-        let gradients = GradientsParams::from_grads(loss.total.backward(), trainee.detector());
+        let gradients = GradientsParams::from_grads(loss.total.backward(), learner.detector());
         file.output(name, &output, model.head.heatmap_scale);
-        file.losses(name, loss.parts, trainee.learn(gradients));
+        file.losses(name, loss.parts, learner.apply(gradients, PACE));
         if stage == 1 {
             file.inputs("training", &inputs)?;
             file.objects("training", &objects);

@@ -5,12 +5,10 @@ use std::time::Instant;
 use burn::module::Module;
 use serde::{Deserialize, Serialize};
 
-use super::training::{Trainee, step};
+use super::training::{learner, step};
 use super::{Bench, BenchError, in_ms};
 use harmzone::model::{Batch, Input};
-use harmzone::train::plan::Plan;
-use harmzone::train::state::Position;
-use harmzone::train::step::Steps;
+use harmzone::train::{Plan, Position, Steps};
 
 /// What is done once.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -45,7 +43,7 @@ pub fn race<E: From<BenchError>>(
     let plan = Plan::new(&config, dataset.samples());
     let mut of_stages = Vec::new();
     for stage in [0, 1] {
-        of_stages.push((Trainee::new(bench)?, Steps::new(&plan, &dataset, &config, &device), stage, 0));
+        of_stages.push((learner(bench)?, Steps::new(&plan, &dataset, &config, &device), stage, 0));
     }
     let detector = bench.detector(bench.device)?.valid();
     let (first, model) = (&dataset.samples()[0], detector.config());
@@ -56,11 +54,11 @@ pub fn race<E: From<BenchError>>(
     while let Some(contest) = next() {
         let ms = match contest {
             Contest::LidarStep | Contest::FusedStep => {
-                let (trainee, steps, stage, step_idx) =
+                let (learner, steps, stage, step_idx) =
                     &mut of_stages[usize::from(contest == Contest::FusedStep)];
                 let position = Position { stage: *stage, step: *step_idx };
                 *step_idx += 1;
-                in_ms(step(bench, trainee, steps, position)?)
+                in_ms(step(bench, learner, steps, position)?)
             }
             Contest::Inference => {
                 let begin = Instant::now();

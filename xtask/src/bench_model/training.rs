@@ -2,25 +2,17 @@
 
 use std::time::{Duration, Instant};
 
-use burn::module::Module;
 use burn::optim::GradientsParams;
 use burn::tensor::Device;
 
 use super::{Bench, BenchError, PACE, Times, TrainingReport};
 use harmzone::dataset::Dataset;
-use harmzone::model::{Batch, Detector, Input};
+use harmzone::model::{Batch, Input};
 use harmzone::progress::Progress;
 use harmzone::random;
-use harmzone::train::TrainConfig;
-use harmzone::train::TrainError;
-use harmzone::train::augment::{self, ObjectsByState};
-use harmzone::train::average::Average;
-use harmzone::train::losses::losses;
-use harmzone::train::optimizer::{Optimizer, number_parameters};
-use harmzone::train::plan::{Plan, STAGES};
-use harmzone::train::state::Position;
-use harmzone::train::step::Steps;
-use harmzone::train::targets::trainable;
+use harmzone::train::{
+    Learner, ObjectsByState, Plan, Position, STAGES, Steps, TrainConfig, TrainError, draw, losses, trainable,
+};
 
 /// Epochs over the measured samples before the first step that counts: all inputs are in the cache then.
 const N_WARM_UP_EPOCHS: usize = 4;
@@ -29,52 +21,20 @@ const N_EPOCH_STEPS: usize = 4;
 
 const PARTS: [&str; 5] = ["forward", "loss", "backward", "optimizer", "moving average"];
 
-/// What training changes.
-pub struct Trainee {
-    /// Taken while the optimizer has it.
-    detector: Option<Detector>,
-    optimizer: Optimizer,
-    average: Average,
+/// The detector in training.
+pub fn learner(bench: &Bench) -> Result<Learner, BenchError> {
+    Ok(Learner::start(bench.detector(&bench.device.clone().autodiff())?, bench.config))
 }
 
-impl Trainee {
-    pub fn new(bench: &Bench) -> Result<Self, BenchError> {
-        let detector = number_parameters(bench.detector(&bench.device.clone().autodiff())?);
-        let average = Average::new(detector.valid(), bench.config.average_decay);
-        Ok(Self { detector: Some(detector), optimizer: Optimizer::new(bench.config), average })
-    }
-
-    pub fn detector(&self) -> &Detector {
-        self.detector.as_ref().expect("it is back after each step")
-    }
-
-    /// Takes up gradients; the norm that they had.
-    pub fn learn(&mut self, gradients: GradientsParams) -> f32 {
-        let detector = self.detector.take().expect("it is back after each step");
-        let (detector, norm) = self.optimizer.step(detector, gradients, PACE);
-        self.detector = Some(detector);
-        norm
-    }
-
-    pub fn follow(&mut self, step: usize) {
-        let latest = self.detector().valid();
-        self.average.update(&latest, step);
-    }
-}
-
-/// One whole step, from its samples to the moving average.
+/// Takes one whole step, from its samples to the moving average; returns its time.
 pub fn step(
     bench: &Bench,
-    trainee: &mut Trainee,
+    learner: &mut Learner,
     steps: &mut Steps,
     position: Position,
 ) -> Result<Duration, BenchError> {
     let begin = Instant::now();
-    let detector = trainee.detector.take().expect("it is back after each step");
-    let (detector, gradients, _) = steps.gradients(detector, position)?;
-    trainee.detector = Some(detector);
-    trainee.learn(gradients);
-    trainee.follow(position.step);
+    learner.step(steps, position, PACE)?;
     bench.wait()?;
     Ok(begin.elapsed())
 }
@@ -93,7 +53,7 @@ pub fn batch(
     for (i, sample) in bench.dataset.samples()[..n_samples].iter().enumerate() {
         let mut rng = random::stream(config.seed, "bench-states", i as u64);
         let recorded = &sample.measured.ego_state;
-        let view = augment::draw(recorded, &sample.objects, bench.dataset.zone(), &augment, &mut rng)
+        let view = draw(recorded, &sample.objects, bench.dataset.zone(), &augment, &mut rng)
             .map_err(|source| TrainError::Label { sample: sample.id.clone(), source })?;
         let input = Input::prepare(&sample.measured, &config.model, false, with_camera)
             .and_then(|input| input.with_states(&view.states, false))
@@ -140,12 +100,12 @@ fn whole_steps(
     let device = bench.device.clone().autodiff();
     let plan = Plan::new(bench.config, dataset.samples());
     let mut steps = Steps::new(&plan, dataset, bench.config, &device);
-    let mut trainee = Trainee::new(bench)?;
+    let mut learner = learner(bench)?;
     let (mut times, mut loading) = (Vec::new(), Vec::new());
     let n_warm_up = N_WARM_UP_EPOCHS * plan.steps_per_epoch;
     for step_idx in 0..n_warm_up + n_steps {
         let loaded_before = steps.loading;
-        let time = step(bench, &mut trainee, &mut steps, Position { stage, step: step_idx })?;
+        let time = step(bench, &mut learner, &mut steps, Position { stage, step: step_idx })?;
         if step_idx >= n_warm_up {
             times.push(time);
             loading.push(steps.loading.saturating_sub(loaded_before));
@@ -165,7 +125,7 @@ fn parts(
     let config: &TrainConfig = bench.config;
     let device = bench.device.clone().autodiff();
     let (_, batch, objects) = batch(bench, stage, config.batch_size, &device)?;
-    let mut trainee = Trainee::new(bench)?;
+    let mut learner = learner(bench)?;
     let mut times: [Vec<Duration>; PARTS.len()] = Default::default();
     for step_idx in 0..2 + n_steps {
         let mut spent = Vec::with_capacity(PARTS.len());
@@ -176,15 +136,15 @@ fn parts(
             begin = Instant::now();
             Ok::<_, BenchError>(())
         };
-        let output = trainee.detector().forward(&batch);
+        let output = learner.detector().forward(&batch);
         lap()?;
         let loss = losses(&output, &objects, &config.model, &config.loss);
         lap()?;
-        let gradients = GradientsParams::from_grads(loss.total.backward(), trainee.detector());
+        let gradients = GradientsParams::from_grads(loss.total.backward(), learner.detector());
         lap()?;
-        trainee.learn(gradients);
+        learner.apply(gradients, PACE);
         lap()?;
-        trainee.follow(step_idx);
+        learner.update_average(step_idx);
         lap()?;
         // The first steps find memory and moments not yet there.
         if step_idx >= 2 {

@@ -24,7 +24,7 @@ use harmzone::model::{Detector, ModelConfig};
 use harmzone::object::Detection;
 use harmzone::progress::Progress;
 use harmzone::report::curves;
-use harmzone::train::{self, CONFIG_FILE, DATA_FILE, Spent, TrainConfig, TrainError};
+use harmzone::train::{self, CONFIG_FILE, DATA_FILE, TrainConfig, TrainError, TrainingTime};
 
 /// A split that is loaded when it is first needed.
 pub struct Lazy<'a> {
@@ -215,7 +215,7 @@ impl Experiment<'_> {
             seed: row.config.seed,
             epochs: [row.config.lidar_stage.epochs, row.config.fused_stage.epochs],
             n_parameters: n_parameters(detector.config()),
-            spent: Spent::read(&row.folder),
+            spent: TrainingTime::read(&row.folder),
             checkpoint_sha256: sha256_hex(&bytes),
             checkpoint_bytes: bytes.len(),
             trained_on: self.id.clone(),

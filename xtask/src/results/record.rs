@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::config::TableConfig;
 use harmzone::dataset::Fingerprint;
 use harmzone::eval::{ClassScores, Column, Columns};
-use harmzone::train::Spent;
+use harmzone::train::TrainingTime;
 
 /// An experiment, finished or under way.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -92,7 +92,7 @@ pub struct Record {
     /// Numbers that training changed.
     pub n_parameters: usize,
     /// Unknown for a run that did not keep it.
-    pub spent: Option<Spent>,
+    pub spent: Option<TrainingTime>,
     pub checkpoint_sha256: String,
     pub checkpoint_bytes: usize,
     /// Data it was trained on, and was tested on out of distribution.
@@ -152,7 +152,7 @@ impl Results {
         let expect = "writing to memory cannot fail";
         writer.write_record(&header).expect(expect);
         for record in self.headline.iter().chain(&self.rows) {
-            let time = |of: fn(&Spent) -> f64| {
+            let time = |of: fn(&TrainingTime) -> f64| {
                 record.spent.as_ref().map(of).map_or_else(String::new, |s| s.to_string())
             };
             let mut line = vec![

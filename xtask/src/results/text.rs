@@ -8,7 +8,7 @@ use super::config::TableConfig;
 use super::record::{Record, Results, RivalRecord, SetRecord, SetScores};
 use harmzone::eval::{ClassScores, Column};
 use harmzone::report::table::paper_scores;
-use harmzone::train::Spent;
+use harmzone::train::TrainingTime;
 
 /// Marks in a card between which its figures stand.
 const BEGIN: &str = "<!-- figures: begin -->";
@@ -191,7 +191,7 @@ fn cell(scores: &ClassScores) -> String {
     format!("{:.3} / {:.3} / **{:.3}**", scores.harmful, scores.harmless, scores.mean)
 }
 
-fn duration(spent: Option<Spent>) -> String {
+fn duration(spent: Option<TrainingTime>) -> String {
     let minutes = |seconds: f64| (seconds / 60.0).round() as u64;
     match spent {
         Some(spent) if spent.wall_s < 120.0 => format!("{:.0} s (CPU {:.0} s)", spent.wall_s, spent.cpu_s),
@@ -295,7 +295,7 @@ mod tests {
                 steering_off: [both(0.7, 0.5), both(0.6, 0.4)],
             },
         };
-        let hour = Spent { wall_s: 3600.4, cpu_s: 7000.0, n_calls: 2 };
+        let hour = TrainingTime { wall_s: 3600.4, cpu_s: 7000.0, n_calls: 2 };
         let config = ResultsConfig::default();
         Results {
             version: "0.1.0".into(),
@@ -310,7 +310,7 @@ mod tests {
                 record(
                     "fused",
                     &["lidar_stage.epochs=3", "model.lidar.pillars.bev_channels=[16, 16]"],
-                    Some(Spent { wall_s: 90.0, cpu_s: 99.0, n_calls: 1 }),
+                    Some(TrainingTime { wall_s: 90.0, cpu_s: 99.0, n_calls: 1 }),
                 ),
                 record("lidar", &["model.use_camera=false"], None),
             ],

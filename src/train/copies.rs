@@ -1,4 +1,4 @@
-//! Copies of a detector that pass through batches of one step side by side, and what they share afterwards.
+//! Copies of a detector, one for each batch of a step, and the mean of their running statistics.
 //!
 //! A copy shares the weights' values and the parameters' ids, has an autodiff graph of its own, and gathers
 //! running statistics of its own: those of a step are the mean over its batches.
@@ -10,27 +10,27 @@ use burn::tensor::Tensor;
 
 use crate::model::Detector;
 
-/// A copy for one batch.
+/// Copies a detector for one batch.
 #[must_use]
-pub fn replica(detector: &Detector) -> Detector {
+pub fn copy_detector(detector: &Detector) -> Detector {
     detector.valid().train()
 }
 
-/// The detector with the mean of its copies' running statistics; one copy's pass on unchanged.
+/// Gives the detector the mean of its copies' running statistics; those of a single copy stay as they are.
 #[must_use]
-pub fn with_mean_statistics(detector: Detector, replicas: &[Detector]) -> Detector {
+pub fn average_statistics(detector: Detector, copies: &[Detector]) -> Detector {
     let mut statistics = Statistics { ids: HashSet::new() };
     detector.visit(&mut statistics);
-    let share = 1.0 / replicas.len() as f32;
+    let share = 1.0 / copies.len() as f32;
     let mut means = Means { ids: statistics.ids, share, by_id: HashMap::new() };
-    for replica in replicas {
+    for copy in copies {
         // The copy for inference has taken in what the forward pass put off.
-        replica.valid().visit(&mut means);
+        copy.valid().visit(&mut means);
     }
     detector.map(&mut SetStatistics { means: means.by_id })
 }
 
-/// What is not trained.
+/// Ids of the numbers that are not trained.
 struct Statistics {
     ids: HashSet<ParamId>,
 }
@@ -75,7 +75,7 @@ impl ModuleVisitor for Means {
     }
 }
 
-/// Sets what is not trained.
+/// Sets the numbers that are not trained.
 struct SetStatistics {
     means: HashMap<ParamId, Mean>,
 }
@@ -130,15 +130,15 @@ mod tests {
                 .iter()
                 .map(|&i| {
                     let input = Input::prepare(&data.samples()[i].measured, &config, i == 1, false).unwrap();
-                    let copy = replica(&detector);
+                    let copy = copy_detector(&detector);
                     let _seen = copy.forward(&Batch::stack(&[&input], &config, false, &device));
                     copy
                 })
                 .collect();
-            values(&with_mean_statistics(replica(&detector), &copies))
+            values(&average_statistics(copy_detector(&detector), &copies))
         };
         let (first, second, both) = (alone(&[0]), alone(&[1]), alone(&[0, 1]));
-        let mut n_moved = 0;
+        let mut n_changed = 0;
         for (((before, first), second), both) in before.iter().zip(&first).zip(&second).zip(&both) {
             if before.0 {
                 assert_eq!(before.1, both.1);
@@ -147,8 +147,8 @@ mod tests {
             for ((a, b), mean) in first.1.iter().zip(&second.1).zip(&both.1) {
                 assert!((0.5 * (a + b) - mean).abs() < 1e-6);
             }
-            n_moved += usize::from(before.1 != both.1);
+            n_changed += usize::from(before.1 != both.1);
         }
-        assert!(n_moved > 4);
+        assert!(n_changed > 4);
     }
 }

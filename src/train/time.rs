@@ -1,6 +1,6 @@
-//! What a run has taken so far: wall and CPU time, summed over all calls, in `time.json` of its folder.
+//! How long a run has taken so far: wall and CPU time, summed over all calls, in `time.json` of its folder.
 //!
-//! Measured, so no two runs agree: no other file of a run holds a time. What a killed call did after its last kept
+//! Measured, so no two runs agree: no other file of a run holds a time. What a killed call did after its last saved
 //! state is not counted; the next call does it again.
 
 use std::path::Path;
@@ -17,17 +17,17 @@ pub const TIME_FILE: &str = "time.json";
 
 /// Time that a run took.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-pub struct Spent {
+pub struct TrainingTime {
     /// Seconds on the clock, from inputs to the last weights, validation between epochs included.
     pub wall_s: f64,
     /// Seconds of all the process's threads together.
     pub cpu_s: f64,
-    /// Calls that kept a state.
+    /// Calls that saved a state.
     pub n_calls: usize,
 }
 
-impl Spent {
-    /// What a run's folder says; `None` where it says nothing that can be read.
+impl TrainingTime {
+    /// Reads a run's folder; `None` where the file is missing or broken.
     #[must_use]
     pub fn read(run: &Path) -> Option<Self> {
         serde_json::from_str(&fs::read_to_string(run.join(TIME_FILE)).ok()?).ok()
@@ -36,16 +36,16 @@ impl Spent {
 
 /// Measures one call of a run over what earlier ones took.
 pub struct Stopwatch {
-    earlier: Spent,
+    earlier: TrainingTime,
     wall: Instant,
     cpu: ProcessTime,
 }
 
 impl Stopwatch {
-    /// Starts, on top of what the folder says.
+    /// Starts from what earlier calls took.
     #[must_use]
     pub fn start(run: &Path) -> Self {
-        let earlier = Spent::read(run).unwrap_or_default();
+        let earlier = TrainingTime::read(run).unwrap_or_default();
         Self { earlier, wall: Instant::now(), cpu: ProcessTime::now() }
     }
 
@@ -55,12 +55,12 @@ impl Stopwatch {
     /// Any IO error.
     pub fn save(&self, run: &Path) -> std::io::Result<()> {
         let tenths = |seconds: f64| (10.0 * seconds).round() / 10.0;
-        let spent = Spent {
+        let time = TrainingTime {
             wall_s: tenths(self.earlier.wall_s + self.wall.elapsed().as_secs_f64()),
             cpu_s: tenths(self.earlier.cpu_s + self.cpu.elapsed().as_secs_f64()),
             n_calls: self.earlier.n_calls + 1,
         };
-        let text = serde_json::to_string(&spent).expect("two numbers and a count have a JSON form");
+        let text = serde_json::to_string(&time).expect("two numbers and a count have a JSON form");
         files::write_atomic(&run.join(TIME_FILE), format!("{text}\n").as_bytes())
     }
 }
@@ -72,8 +72,8 @@ mod tests {
     #[test]
     fn a_second_call_adds_to_the_first() {
         let folder = tempfile::tempdir().unwrap();
-        assert_eq!(Spent::read(folder.path()), None);
-        let before = Spent { wall_s: 100.0, cpu_s: 150.0, n_calls: 1 };
+        assert_eq!(TrainingTime::read(folder.path()), None);
+        let before = TrainingTime { wall_s: 100.0, cpu_s: 150.0, n_calls: 1 };
         fs::write(folder.path().join(TIME_FILE), serde_json::to_string(&before).unwrap()).unwrap();
         let watch = Stopwatch::start(folder.path());
         let (wall, cpu, mut n) = (Instant::now(), ProcessTime::now(), 0u64);
@@ -82,7 +82,7 @@ mod tests {
         }
         watch.save(folder.path()).unwrap();
         watch.save(folder.path()).unwrap();
-        let after = Spent::read(folder.path()).unwrap();
+        let after = TrainingTime::read(folder.path()).unwrap();
         assert!(after.wall_s >= 100.2 && after.cpu_s >= 150.2 && after.n_calls == 2, "{after:?}");
     }
 }

@@ -1,0 +1,164 @@
+//! The course of a training run: `log.csv` and `validation.csv` in its folder, written and read.
+
+use std::fmt::{Display, LowerExp};
+use std::path::{Path, PathBuf};
+
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize, Serializer};
+use thiserror::Error;
+
+use crate::files::write_atomic;
+
+/// Name of the file with a row for each step.
+pub const STEPS_FILE: &str = "log.csv";
+/// Name of the file with a row for each validation.
+pub const SCORES_FILE: &str = "validation.csv";
+
+/// A row of `log.csv`: one step.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct StepRow {
+    /// Steps of all stages, this one included.
+    pub n_done: usize,
+    /// `lidar` or `fused`.
+    pub stage: String,
+    /// Of the stage, from 0.
+    pub epoch: usize,
+    #[serde(serialize_with = "scientific")]
+    pub learning_rate: f64,
+    /// This part of the loss, weighted; the next two are the other parts.
+    #[serde(serialize_with = "decimals::<5, _, _>")]
+    pub heatmap: f64,
+    #[serde(serialize_with = "decimals::<5, _, _>")]
+    pub harm: f64,
+    #[serde(serialize_with = "decimals::<5, _, _>")]
+    pub boxes: f64,
+    /// Norm of all gradients together before clipping.
+    #[serde(serialize_with = "decimals::<3, _, _>")]
+    pub gradient_norm: f64,
+}
+
+/// A row of `validation.csv`: AP after an epoch.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ScoreRow {
+    pub n_done: usize,
+    pub stage: String,
+    pub epoch: usize,
+    #[serde(serialize_with = "decimals::<4, _, _>")]
+    pub harmful: f64,
+    #[serde(serialize_with = "decimals::<4, _, _>")]
+    pub harmless: f64,
+    #[serde(serialize_with = "decimals::<4, _, _>")]
+    pub mean: f64,
+}
+
+fn decimals<const N: usize, T: Display, S: Serializer>(value: &T, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_str(&format_args!("{value:.N$}"))
+}
+
+fn scientific<T: LowerExp, S: Serializer>(value: &T, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_str(&format_args!("{value:.3e}"))
+}
+
+/// The course of a run, finished or under way.
+#[derive(Debug, Clone, PartialEq)]
+pub struct History {
+    pub steps: Vec<StepRow>,
+    pub scores: Vec<ScoreRow>,
+}
+
+/// Why the course of a run could not be read.
+#[derive(Debug, Error)]
+pub enum HistoryError {
+    #[error("no steps were logged here yet; give the --out folder of a `harmzone train`: {}", path.display())]
+    Nothing { path: PathBuf },
+    #[error("{source}: {}", path.display())]
+    Broken { source: csv::Error, path: PathBuf },
+}
+
+impl History {
+    /// Reads the folder of a run that has taken at least one step; a run that has not been validated has no scores.
+    ///
+    /// # Errors
+    /// There is no log, or training did not write a file; the message names the line.
+    pub fn read(run: &Path) -> Result<Self, HistoryError> {
+        let history = Self::read_until(run, usize::MAX)?;
+        if history.steps.is_empty() {
+            return Err(HistoryError::Nothing { path: run.to_owned() });
+        }
+        Ok(history)
+    }
+
+    /// Reads the rows of the first `n_done` steps, from which a run goes on; none where there is no log.
+    ///
+    /// # Errors
+    /// Training did not write a file; the message names the line.
+    pub fn read_until(run: &Path, n_done: usize) -> Result<Self, HistoryError> {
+        let mut steps: Vec<StepRow> = read_rows(&run.join(STEPS_FILE))?;
+        let mut scores: Vec<ScoreRow> = read_rows(&run.join(SCORES_FILE))?;
+        steps.retain(|row| row.n_done <= n_done);
+        scores.retain(|row| row.n_done <= n_done);
+        Ok(Self { steps, scores })
+    }
+
+    /// Writes both files, each whole or not at all; without rows there is no file.
+    ///
+    /// # Errors
+    /// Any IO error.
+    pub fn write(&self, run: &Path) -> std::io::Result<()> {
+        write_rows(&run.join(STEPS_FILE), &self.steps)?;
+        write_rows(&run.join(SCORES_FILE), &self.scores)
+    }
+}
+
+/// The rows of a file; none where there is no file.
+fn read_rows<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>, HistoryError> {
+    if !path.exists() {
+        return Ok(Vec::new());
+    }
+    let broken = |source| HistoryError::Broken { source, path: path.to_owned() };
+    csv::Reader::from_path(path).map_err(broken)?.deserialize().collect::<Result<_, _>>().map_err(broken)
+}
+
+fn write_rows<T: Serialize>(path: &Path, rows: &[T]) -> std::io::Result<()> {
+    if rows.is_empty() {
+        return Ok(());
+    }
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    for row in rows {
+        writer.serialize(row).expect("a row of numbers and a name has a CSV form");
+    }
+    write_atomic(path, &writer.into_inner().expect("a vector takes all that is written"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fs_err as fs;
+
+    const HEADER: &str = "n_done,stage,epoch,learning_rate,heatmap,harm,boxes,gradient_norm";
+
+    #[test]
+    fn a_folder_without_a_log_and_a_broken_row_are_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let message = || History::read(folder.path()).unwrap_err().to_string();
+        assert!(message().contains("harmzone train"), "{}", message());
+        let row = "1,lidar,0,2.0e-4,4.1,6.3,3.2,62.1";
+        fs::write(folder.path().join(STEPS_FILE), format!("{HEADER}\n{row}\n2,lidar,0,fast,1,1,1,1\n"))
+            .unwrap();
+        assert!(message().contains("line: 3") && message().contains("log.csv"), "{}", message());
+    }
+
+    #[test]
+    fn rows_cut_back_to_a_step_are_written_with_the_same_digits() {
+        let folder = tempfile::tempdir().unwrap();
+        let first = format!("{HEADER}\n1,lidar,0,2.000e-4,4.10000,6.30001,3.20000,62.100\n");
+        let path = folder.path().join(STEPS_FILE);
+        fs::write(&path, format!("{first}2,lidar,0,1.000e-3,1.00000,1.00000,1.00000,1.000\n")).unwrap();
+        let history = History::read_until(folder.path(), 1).unwrap();
+        assert_eq!((history.steps.len(), history.scores.len()), (1, 0));
+        assert_eq!((history.steps[0].learning_rate, history.steps[0].harm), (2e-4, 6.30001));
+        history.write(folder.path()).unwrap();
+        assert_eq!(fs::read_to_string(path).unwrap(), first);
+        assert!(!folder.path().join(SCORES_FILE).exists());
+    }
+}

@@ -1,0 +1,152 @@
+//! An object cut out of a sample, made ready for another: turned, stretched, perhaps tipped over.
+
+use nalgebra::Vector3;
+use rand::RngExt;
+
+use super::config::AugmentConfig;
+use crate::dataset::LabelledSample;
+use crate::geometry::{Box3, Ego, Lidar, Point, Transform};
+use crate::object::{Kind, LabelledObject, ObjectTruth};
+use crate::random::Rng;
+use crate::sample::Measured;
+
+/// An object with fewer points is not worth pasting.
+const MIN_POINTS_OF_DONOR: u32 = 8;
+/// Margin to the edge of the cloud.
+const EDGE_RAD: f64 = 3.0 * std::f64::consts::PI / 180.0;
+/// Lower points in a donor's box are the ground's.
+pub const ABOVE_GROUND_M: f64 = 0.05;
+/// Taller things do not lie about.
+const MAX_HEIGHT_OF_TIPPED_M: f64 = 2.5;
+const INTENSITY_SPREAD: f64 = 0.4;
+
+/// A LiDAR return in the ego frame.
+#[derive(Debug, Clone, Copy)]
+pub struct Return {
+    pub at: Point<Ego>,
+    pub intensity: f32,
+    pub ring: u16,
+}
+
+/// An object and its returns.
+pub struct CutOut {
+    pub truth: ObjectTruth,
+    pub points: Vec<Return>,
+}
+
+impl CutOut {
+    /// Draws two objects of one sample and takes the nearer; turns it about the LiDAR of `into`, stretches it, and may
+    /// tip it over. `None` where the sample has no object with enough points.
+    pub fn draw(
+        donors: &[LabelledSample],
+        into: &Measured,
+        config: &AugmentConfig,
+        rng: &mut Rng,
+    ) -> Option<Self> {
+        let donor = &donors[rng.random_range(0..donors.len())];
+        let known = |object: &&LabelledObject| object.truth.n_lidar_points >= MIN_POINTS_OF_DONOR;
+        let candidates: Vec<&LabelledObject> = donor.objects.iter().filter(known).collect();
+        if candidates.is_empty() {
+            return None;
+        }
+        let lidar = into.ego_from_lidar.isometry.translation.vector;
+        let distance_m =
+            |object: &LabelledObject| (object.truth.box_in_ego.center.coords.coords - lidar).xy().norm();
+        let mut any = || candidates[rng.random_range(0..candidates.len())];
+        let (one, other) = (any(), any());
+        let object = if distance_m(other) < distance_m(one) { other } else { one };
+
+        let mut truth = object.truth.clone();
+        let mut points = returns_in(&donor.measured, &truth.box_in_ego);
+        let mut factor = || config.max_stretch.powf(2.0 * rng.random::<f64>() - 1.0);
+        let factors = [factor(), factor(), factor()];
+        let intensity = 1.0 + INTENSITY_SPREAD * (2.0 * rng.random::<f64>() - 1.0);
+        let is_tipped = rng.random::<f64>() < config.tipped_share
+            && truth.kind == Kind::Static
+            && truth.box_in_ego.height_m < MAX_HEIGHT_OF_TIPPED_M;
+        reshape(&mut truth.box_in_ego, &mut points, factors, is_tipped);
+        for point in &mut points {
+            point.intensity = (f64::from(point.intensity) * intensity).min(255.0) as f32;
+        }
+
+        let center = truth.box_in_ego.center;
+        let bearing = (center.y() - lidar.y).atan2(center.x() - lidar.x);
+        let reach = (into.intrinsics.horizontal_fov_rad() / 2.0 - EDGE_RAD).max(0.0);
+        let turn = (2.0 * rng.random::<f64>() - 1.0) * reach - bearing;
+        let about_origin = Transform::<Ego, Ego>::from_xyz_yaw(0.0, 0.0, 0.0, turn);
+        let axis = Vector3::new(lidar.x, lidar.y, 0.0);
+        let turned =
+            Transform::<Ego, Ego>::new(axis - about_origin.rotate(&axis), about_origin.isometry.rotation);
+        truth.box_in_ego = truth.box_in_ego.transformed(&turned);
+        let [x, y] = truth.velocity_in_ego_mps;
+        let velocity = turned.rotate(&Vector3::new(x, y, 0.0));
+        truth.velocity_in_ego_mps = [velocity.x, velocity.y];
+        points.iter_mut().for_each(|point| point.at = turned * point.at);
+        Some(Self { truth, points })
+    }
+}
+
+/// Finds the returns of what stands in a box, without those of the ground.
+pub fn returns_in(measured: &Measured, box_in_ego: &Box3<Ego>) -> Vec<Return> {
+    let bottom_m = box_in_ego.center.z() - box_in_ego.height_m / 2.0;
+    let inside =
+        |of: &Return| box_in_ego.contains(&of.at, ABOVE_GROUND_M) && of.at.z() > bottom_m + ABOVE_GROUND_M;
+    returns(measured).filter(inside).collect()
+}
+
+/// Lists the returns of a sample.
+pub fn returns(measured: &Measured) -> impl Iterator<Item = Return> {
+    measured.points.iter().map(|of| {
+        let in_lidar = Point::<Lidar>::new(f64::from(of.x_m), f64::from(of.y_m), f64::from(of.z_m));
+        Return { at: measured.ego_from_lidar * in_lidar, intensity: of.intensity, ring: of.ring }
+    })
+}
+
+/// Stretches a box and its points about the middle of its bottom, and lays a tipped one on its side.
+fn reshape(of: &mut Box3<Ego>, points: &mut [Return], [along, across, up]: [f64; 3], is_tipped: bool) {
+    let bottom = of.center.coords.coords - Vector3::z() * (of.height_m / 2.0);
+    let (sin, cos) = of.yaw_rad.sin_cos();
+    (of.length_m, of.width_m, of.height_m) = (of.length_m * along, of.width_m * across, of.height_m * up);
+    let (stretched_width_m, stretched_height_m) = (of.width_m, of.height_m);
+    if is_tipped {
+        (of.width_m, of.height_m) = (of.height_m, of.width_m);
+    }
+    for point in points {
+        let offset = point.at.coords.coords - bottom;
+        let x = (offset.x * cos + offset.y * sin) * along;
+        let mut y = (offset.y * cos - offset.x * sin) * across;
+        let mut z = offset.z * up;
+        if is_tipped {
+            (y, z) = (z - stretched_height_m / 2.0, stretched_width_m / 2.0 - y);
+        }
+        let turned = bottom + Vector3::new(x * cos - y * sin, x * sin + y * cos, z);
+        point.at = Point::new(turned.x, turned.y, turned.z);
+    }
+    of.center = Point::new(bottom.x, bottom.y, bottom.z + of.height_m / 2.0);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::object::Harm;
+    use crate::train::targets::car;
+
+    #[test]
+    fn stretched_and_tipped_objects_fill_their_boxes() {
+        let mut of = car(12.0, 3.0, Harm::Harmless).truth.box_in_ego;
+        of.yaw_rad = 0.7;
+        let corners = of.corners();
+        let mut points: Vec<Return> =
+            corners.iter().map(|p| Return { at: *p, intensity: 100.0, ring: 0 }).collect();
+        reshape(&mut of, &mut points, [1.5, 0.5, 2.0], true);
+        assert!(
+            (of.length_m - 6.0).abs() < 1e-9
+                && (of.height_m - 0.9).abs() < 1e-9
+                && (of.width_m - 3.0).abs() < 1e-9
+        );
+        assert!((of.center.z() - 0.45).abs() < 1e-9);
+        for point in &points {
+            assert!(of.contains(&point.at, 1e-9) && !of.contains(&point.at, -0.01), "{point:?}");
+        }
+    }
+}

@@ -1,0 +1,62 @@
+//! Why a training run stopped.
+
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+use super::config::TrainConfigError;
+use super::validate::ValidationError;
+use crate::history::HistoryError;
+use crate::model::checkpoint::CheckpointError;
+use crate::model::{ImageWeightsError, InputError};
+use crate::zone::ZoneError;
+
+/// Why a run stopped.
+#[derive(Debug, Error)]
+pub enum TrainError {
+    #[error(transparent)]
+    Config(#[from] TrainConfigError),
+    #[error("cannot write the run: {0}")]
+    Io(#[from] std::io::Error),
+    #[error(transparent)]
+    ImageWeights(#[from] ImageWeightsError),
+    #[error(transparent)]
+    State(#[from] StateError),
+    #[error(transparent)]
+    Checkpoint(#[from] CheckpointError),
+    #[error("cannot read the run's log: {0}")]
+    History(#[from] HistoryError),
+    #[error("the dataset has no training samples: {}", path.display())]
+    NoSamples { path: PathBuf },
+    #[error(
+        "this folder holds a run with another config or other data; use another --out, or --force to \
+         discard it: {}", path.display()
+    )]
+    OtherRun { path: PathBuf },
+    #[error("this folder is not empty and holds no run; use another --out: {}", path.display())]
+    NotARun { path: PathBuf },
+    #[error("nothing to resume: no run in {}; leave --resume out to start one", path.display())]
+    NothingToResume { path: PathBuf },
+    #[error("sample {sample}: {source}")]
+    Input { sample: String, source: InputError },
+    #[error("sample {sample}: {source}")]
+    Label { sample: String, source: ZoneError },
+    #[error("validation failed: {0}")]
+    Validation(#[from] ValidationError),
+    #[error(
+        "the loss became {found} at step {step} of the {stage} stage, on samples {samples:?}; the last saved \
+         state stays: lower the learning rate or look at these samples"
+    )]
+    NotFinite { found: f32, step: usize, stage: &'static str, samples: Vec<String> },
+}
+
+/// Why a state could not be saved or loaded.
+#[derive(Debug, Error)]
+pub enum StateError {
+    #[error("cannot write or read the run's state: {0}")]
+    Io(#[from] std::io::Error),
+    #[error(transparent)]
+    Checkpoint(#[from] CheckpointError),
+    #[error("the run's state is broken: {message}; delete it to start anew: {}", path.display())]
+    Broken { message: String, path: PathBuf },
+}
