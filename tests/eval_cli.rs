@@ -194,6 +194,15 @@ fn predictions_without_truth_and_no_detector_at_all_are_usage_errors() {
 }
 
 #[test]
-fn help() {
-    assert_snapshot("help", &Folder::new().eval(&["--help"]).1);
+fn a_closed_pipe_ends_a_command_quietly() {
+    let folder = Folder::new();
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    let output = std::process::Command::new(assert_cmd::cargo::cargo_bin!("harmzone"))
+        .current_dir(folder.0.path())
+        .args(["eval", "--predictions", "p.json", "--truth", "t.json"])
+        .stdout(writer)
+        .output()
+        .unwrap();
+    assert_eq!((output.status.code(), output.stderr.as_slice()), (Some(0), b"".as_slice()));
 }

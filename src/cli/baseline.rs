@@ -5,11 +5,10 @@ use std::path::PathBuf;
 use anyhow::{anyhow, bail};
 use clap::Args;
 
-use super::ExitStatus;
-use super::device::DeviceArg;
-use super::predict::{Source, detect, open_split, refuse_to_overwrite, write};
-use super::progress::Bar;
+use super::predict::{Source, detect, refuse_to_overwrite, write};
+use super::{Bar, DeviceArg, ExitStatus, open_split, split};
 use crate::config;
+use crate::episode::Split;
 use crate::eval::judge::Judge;
 use crate::infer::{self, ClosedSet, Strangeness, Trained};
 
@@ -24,9 +23,9 @@ pub struct BaselineArgs {
     /// Labelled dataset
     #[arg(long, value_name = "DIR")]
     data: PathBuf,
-    /// Split: train, val or test; without it, the dataset's val, or test where there is no val
-    #[arg(long)]
-    split: Option<String>,
+    /// Split; without it, the dataset's val, or test where there is no val
+    #[arg(long, value_parser = split())]
+    split: Option<Split>,
     /// Label set, whose zone is used
     #[arg(long, value_name = "SET", default_value = "rect")]
     labels: String,
@@ -72,7 +71,7 @@ pub fn run(args: BaselineArgs) -> anyhow::Result<ExitStatus> {
     };
     refuse_to_overwrite(&out, args.force)?;
     let device = args.device.open()?;
-    let dataset = open_split(&args.data, &args.labels, args.split.as_deref())?;
+    let dataset = open_split(&args.data, &args.labels, args.split)?;
     let judged = match rival {
         Rival::Zone(judge) => {
             let found = detect(&trained, &dataset, &device)?;
@@ -89,7 +88,7 @@ pub fn run(args: BaselineArgs) -> anyhow::Result<ExitStatus> {
             };
             let bar = Bar::default();
             let detector = trained.load(&device)?;
-            let training = open_split(fit, &args.labels, Some("train"))?;
+            let training = open_split(fit, &args.labels, Some(Split::Train))?;
             let found = infer::detect_kinds(&detector, &training, "fit", &device, &bar)?;
             let objects = training.samples().iter().map(|sample| sample.objects.as_slice());
             let frames: Vec<_> = objects.zip(found.iter().map(Vec::as_slice)).collect();

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::ExitStatus;
+use super::{ExitStatus, print};
 use crate::report::curves;
 
 #[derive(Debug, Args)]
@@ -15,7 +15,7 @@ pub struct CurvesArgs {
 
 pub fn run(args: CurvesArgs) -> anyhow::Result<ExitStatus> {
     for path in curves::run(&args.run)? {
-        println!("{}", path.display());
+        print(path.display())?;
     }
     Ok(ExitStatus::Done)
 }

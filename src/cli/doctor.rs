@@ -1,11 +1,13 @@
 //! `harmzone doctor`: what this machine has for generating data and for the network, what is missing, and how to
 //! get it.
 
+use std::fmt;
+
 use clap::Args;
 use nalgebra::Vector3;
 use serde::Serialize;
 
-use super::ExitStatus;
+use super::{ExitStatus, print_summary};
 use crate::device::{self, DeviceName};
 use crate::geometry::{Pinhole, Transform};
 use crate::sim::{CameraMount, Environment, Renderer, SimError, Simulator};
@@ -34,6 +36,17 @@ struct Finding {
     text: String,
 }
 
+#[derive(Debug, Serialize)]
+struct Findings(Vec<Finding>);
+
+impl fmt::Display for Findings {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.iter().try_for_each(|Finding { name, is_ok, text }| {
+            writeln!(f, "{} {name:<12} {text}", if *is_ok { "ok     " } else { "MISSING" })
+        })
+    }
+}
+
 impl Finding {
     fn new(name: &'static str, found: Result<String, SimError>) -> Self {
         let is_ok = found.is_ok();
@@ -42,16 +55,10 @@ impl Finding {
 }
 
 pub fn run(args: DoctorArgs) -> anyhow::Result<ExitStatus> {
-    let findings = examine();
-    if args.json {
-        println!("{}", serde_json::to_string_pretty(&findings)?);
-    } else {
-        for Finding { name, is_ok, text } in &findings {
-            println!("{} {name:<12} {text}", if *is_ok { "ok     " } else { "MISSING" });
-        }
-    }
-    let n_missing = findings.iter().filter(|finding| !finding.is_ok).count();
-    anyhow::ensure!(n_missing == 0, "{n_missing} of {} findings are wrong", findings.len());
+    let findings = Findings(examine());
+    print_summary(&findings, args.json)?;
+    let n_missing = findings.0.iter().filter(|finding| !finding.is_ok).count();
+    anyhow::ensure!(n_missing == 0, "{n_missing} of {} findings are wrong", findings.0.len());
     Ok(ExitStatus::Done)
 }
 

@@ -6,14 +6,14 @@ use anyhow::{Context, bail};
 use clap::{ArgGroup, Args};
 use fs_err as fs;
 
-use super::ExitStatus;
-use super::device::DeviceArg;
-use super::predict::{detect, open_split};
+use super::predict::detect;
+use super::{DeviceArg, ExitStatus, open_split, print, split};
 use crate::dataset::Fingerprint;
+use crate::episode::Split;
 use crate::eval::{self, EvalConfig, EvalSample, Mode, Protocol, eval_samples, json, truth_of};
 use crate::files::sha256_hex;
 use crate::infer::Trained;
-use crate::report::page::scores::{self, METRICS_FILE, Source, quoted};
+use crate::report::page::scores::{self, METRICS_FILE, Source, quote};
 use crate::{config, report, train};
 
 #[derive(Debug, Args)]
@@ -29,9 +29,9 @@ pub struct EvalArgs {
     /// Label set of the dataset
     #[arg(long, value_name = "SET", default_value = "rect", requires = "data")]
     labels: String,
-    /// Split: train, val or test; without it, the dataset's val, or test where there is no val
-    #[arg(long, requires = "data")]
-    split: Option<String>,
+    /// Split; without it, the dataset's val, or test where there is no val
+    #[arg(long, requires = "data", value_parser = split())]
+    split: Option<Split>,
     #[command(flatten)]
     device: DeviceArg,
     /// Also attribute false positives and score the ID and OOD columns of Table III
@@ -83,9 +83,9 @@ pub fn run(args: EvalArgs) -> anyhow::Result<ExitStatus> {
         let faults = eval::worst_faults(&samples, &protocol)?;
         scores::write(out, &protocol, &evaluation, &faults, &source(&args)?)?;
     }
-    print!("{}", if args.json { evaluation.to_json() } else { report::table(&evaluation.metrics) });
+    print(if args.json { evaluation.to_json() } else { report::table(&evaluation.metrics) })?;
     if args.breakdown {
-        print!("\n{}", report::breakdown(&evaluation));
+        print(format!("\n{}", report::breakdown(&evaluation)))?;
     }
     Ok(ExitStatus::Done)
 }
@@ -97,7 +97,7 @@ fn samples(args: &EvalArgs) -> anyhow::Result<Vec<EvalSample>> {
             Ok(json::join(json::read_predictions(predictions)?, json::read_truth(truth)?)?)
         }
         (_, Some(predictions), _, Some(data)) => {
-            let dataset = open_split(data, &args.labels, args.split.as_deref())?;
+            let dataset = open_split(data, &args.labels, args.split)?;
             Ok(json::join(json::read_predictions(predictions)?, truth_of(&dataset))?)
         }
         (Some(run), _, _, Some(data)) => samples_of_run(run, data, args),
@@ -108,7 +108,7 @@ fn samples(args: &EvalArgs) -> anyhow::Result<Vec<EvalSample>> {
 /// Runs a trained detector over a split of a dataset.
 fn samples_of_run(run: &Path, data: &Path, args: &EvalArgs) -> anyhow::Result<Vec<EvalSample>> {
     let device = args.device.open()?;
-    let dataset = open_split(data, &args.labels, args.split.as_deref())?;
+    let dataset = open_split(data, &args.labels, args.split)?;
     let found = detect(&Trained::find(run)?, &dataset, &device)?;
     Ok(eval_samples(&dataset, &found))
 }
@@ -138,7 +138,7 @@ fn source(args: &EvalArgs) -> anyhow::Result<Source> {
 /// This command as a shell takes it; `program` is how the program is called.
 pub fn command_line(program: &str) -> String {
     let words = std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned());
-    quoted(&program.split(' ').map(str::to_owned).chain(words).collect::<Vec<_>>())
+    quote(program.split(' ').map(str::to_owned).chain(words))
 }
 
 fn refuse_to_overwrite(out: &Path) -> anyhow::Result<()> {

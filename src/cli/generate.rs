@@ -5,8 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use clap::builder::PossibleValuesParser;
 
-use super::ExitStatus;
-use super::progress::Bar;
+use super::{Bar, ExitStatus, number, print_summary};
 use crate::config;
 use crate::generate::{self, Preset, RendererName, RunOptions, preset};
 
@@ -26,13 +25,13 @@ pub struct GenerateArgs {
     #[arg(long, value_delimiter = ',')]
     weather: Vec<String>,
     /// How many episodes the data set has [default: the preset's, else 6]
-    #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_parser = number(1..=u32::MAX))]
     episodes: Option<u32>,
     /// Samples an episode
-    #[arg(long)]
+    #[arg(long, value_parser = number(1..=u32::MAX))]
     samples: Option<u32>,
     /// The same seed gives the same bytes
-    #[arg(long)]
+    #[arg(long, value_parser = number(0..=u64::MAX))]
     seed: Option<u64>,
     /// Also place objects of kinds that no training set holds
     #[arg(long)]
@@ -47,8 +46,8 @@ pub struct GenerateArgs {
     #[arg(long)]
     aov: bool,
     /// Worker processes [default: all cores]
-    #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
-    jobs: Option<u32>,
+    #[arg(long, value_parser = number(1..=usize::MAX))]
+    jobs: Option<usize>,
     /// Config file (see configs/gen.toml); over the preset, under --set, which is under the other flags
     #[arg(long)]
     config: Option<PathBuf>,
@@ -86,15 +85,11 @@ pub fn run(args: GenerateArgs) -> anyhow::Result<ExitStatus> {
     let all_cores = std::thread::available_parallelism().map_or(1, usize::from);
     let options = RunOptions {
         program: std::env::current_exe()?,
-        jobs: args.jobs.map_or(all_cores, |jobs| jobs as usize),
+        jobs: args.jobs.unwrap_or(all_cores),
         force: args.force,
     };
     let summary =
         generate::run(&config, args.episodes.unwrap_or(n_episodes), &args.out, &options, &Bar::default())?;
-    if args.json {
-        println!("{}", serde_json::to_string_pretty(&summary)?);
-    } else {
-        print!("{summary}");
-    }
+    print_summary(&summary, args.json)?;
     Ok(ExitStatus::Done)
 }

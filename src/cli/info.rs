@@ -4,8 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::ExitStatus;
-use super::progress::Bar;
+use super::{Bar, ExitStatus, print_summary};
 use crate::report::info::{self, InfoRequest};
 
 #[derive(Debug, Args)]
@@ -29,10 +28,6 @@ pub struct InfoArgs {
 pub fn run(args: InfoArgs) -> anyhow::Result<ExitStatus> {
     let InfoArgs { dataset, labels: label_set, plot, force, json } = args;
     let info = info::run(&InfoRequest { dataset, label_set, plot, force }, &Bar::default())?;
-    if json {
-        println!("{}", serde_json::to_string_pretty(&info)?);
-    } else {
-        print!("{info}");
-    }
+    print_summary(&info, json)?;
     Ok(ExitStatus::Done)
 }

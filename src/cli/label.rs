@@ -4,9 +4,8 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::ExitStatus;
-use super::progress::Bar;
 use super::zones::ZoneArgs;
+use super::{Bar, ExitStatus, print_summary};
 use crate::label;
 
 #[derive(Debug, Args)]
@@ -30,10 +29,6 @@ pub fn run(args: LabelArgs) -> anyhow::Result<ExitStatus> {
     let zone = args.zone.load()?;
     let set = args.labels.unwrap_or_else(|| zone.kind.name().to_owned());
     let summary = label::run(&args.dataset, &zone, &set, args.force, &Bar::default())?;
-    if args.json {
-        println!("{}", serde_json::to_string_pretty(&summary)?);
-    } else {
-        println!("{summary}");
-    }
+    print_summary(&summary, args.json)?;
     Ok(ExitStatus::Done)
 }

@@ -9,11 +9,13 @@ mod generate;
 mod generate_worker;
 mod info;
 mod label;
+mod output;
 mod predict;
 mod progress;
 mod report;
 mod sweep;
 mod train;
+mod values;
 mod view;
 mod zones;
 
@@ -23,17 +25,22 @@ use clap::{Parser, Subcommand};
 
 pub use device::DeviceArg;
 pub use eval::command_line;
+pub use output::{ClosedPipe, print, print_summary, tell};
 pub use predict::open_split;
 pub use progress::Bar;
+pub use values::{number, split};
 
 /// Finds what matters to a self-driving car: makes driving episodes, labels objects harmful or
 /// harmless by a danger zone, trains a fused LiDAR-camera detector and scores it.
 #[derive(Debug, Parser)]
-#[command(name = "harmzone", version, max_term_width = 100)]
+#[command(name = "harmzone", version, max_term_width = 100, after_help = EXIT_CODES)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
 }
+
+const EXIT_CODES: &str = "Results go to standard output, logs and progress to standard error.
+Exit codes: 0 done; 1 failed; 2 wrong usage; 3 done, but a part that was asked for is missing, which standard error names.";
 
 #[derive(Debug, Subcommand)]
 enum Command {
@@ -72,15 +79,14 @@ enum Command {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ExitStatus {
     Done,
-    /// Done, but something was left out; the summary says what.
+    /// Done, but a part that was asked for is missing; standard error says which.
     DoneWithLosses,
 }
 
 /// Runs the program on the process's arguments.
 #[must_use]
 pub fn main() -> ExitCode {
-    let command = Cli::parse().command;
-    finish(|| match command {
+    finish(|| match parse::<Cli>().command {
         Command::Gen(args) => generate::run(args),
         Command::GenWorker(args) => generate_worker::run(args),
         Command::Label(args) => label::run(args),
@@ -98,7 +104,22 @@ pub fn main() -> ExitCode {
     })
 }
 
-/// Does the work of a command, with logs on stderr, and tells how it ended.
+/// Reads the process's arguments; ends the process where they are not valid.
+#[must_use]
+pub fn parse<C: Parser>() -> C {
+    let matches = take_negative_numbers(C::command()).get_matches();
+    C::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())
+}
+
+/// Lets options take values such as `-3`, so that the error says what is valid and not that `-3` is no flag.
+fn take_negative_numbers(command: clap::Command) -> clap::Command {
+    let is_option = |arg: &clap::Arg| arg.get_long().is_some() && arg.get_action().takes_values();
+    command.mut_subcommands(|command| {
+        command.mut_args(|arg| if is_option(&arg) { arg.allow_negative_numbers(true) } else { arg })
+    })
+}
+
+/// Does the work of a command, with logs on stderr, and tells how it ended. A closed pipe is a quiet end, as in ripgrep.
 #[must_use]
 pub fn finish(work: impl FnOnce() -> anyhow::Result<ExitStatus>) -> ExitCode {
     tracing_subscriber::fmt()
@@ -112,17 +133,65 @@ pub fn finish(work: impl FnOnce() -> anyhow::Result<ExitStatus>) -> ExitCode {
     match work() {
         Ok(ExitStatus::Done) => ExitCode::SUCCESS,
         Ok(ExitStatus::DoneWithLosses) => ExitCode::from(3),
+        Err(error) if error.is::<ClosedPipe>() => ExitCode::SUCCESS,
         Err(error) => {
             let mut told = error.to_string();
-            eprintln!("error: {told}");
+            tell(format!("error: {told}"));
             for cause in error.chain().skip(1).map(ToString::to_string) {
                 // Most messages hold their cause already.
                 if !told.contains(&cause) {
-                    eprintln!("  because: {cause}");
+                    tell(format!("  because: {cause}"));
                     told.push_str(&cause);
                 }
             }
             ExitCode::FAILURE
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory as _;
+
+    use super::*;
+
+    /// What clap says to a command line; empty where it is valid.
+    fn answer(args: &[&str]) -> String {
+        let command = take_negative_numbers(Cli::command()).term_width(100);
+        let matches = command.try_get_matches_from(["harmzone"].iter().chain(args));
+        matches.map_or_else(|error| error.to_string(), |_| String::new())
+    }
+
+    #[test]
+    fn the_help_of_every_command() {
+        let mut settings = insta::Settings::clone_current();
+        settings.set_snapshot_path("../../tests/cli/help");
+        settings.set_prepend_module_to_snapshot(false);
+        settings.set_omit_expression(true);
+        settings.bind(|| {
+            insta::assert_snapshot!("harmzone", answer(&["--help"]));
+            for command in Cli::command().get_subcommands() {
+                insta::assert_snapshot!(command.get_name(), answer(&[command.get_name(), "--help"]));
+            }
+        });
+    }
+
+    #[test]
+    fn a_number_out_of_its_range_is_told_the_range() {
+        let mut told = Vec::new();
+        for command in Cli::command().get_subcommands() {
+            for flag in command.get_arguments().filter_map(clap::Arg::get_long) {
+                let answer = answer(&[command.get_name(), &format!("--{flag}"), "-3"]);
+                assert!(!answer.contains("unexpected argument '-3'"), "{answer}");
+                // What the standard library says of a number that it cannot parse.
+                assert!(!answer.contains("digit") && !answer.contains("literal"), "{answer}");
+                if answer.contains("valid is a number from") {
+                    told.push(format!("{} --{flag}", command.get_name()));
+                }
+            }
+        }
+        let numbers = ["gen --episodes", "gen --samples", "gen --seed", "gen --jobs", "zones --sample"];
+        let more = ["report --cards", "view --sample", "view --min-score"];
+        assert_eq!(told, [&numbers[..], &more].concat());
     }
 }

@@ -7,13 +7,10 @@ use burn::tensor::Device;
 use clap::Args;
 use fs_err as fs;
 
-use super::ExitStatus;
-use super::device::DeviceArg;
-use super::progress::Bar;
+use super::{Bar, DeviceArg, ExitStatus, print, split};
 use crate::config;
 use crate::dataset::Dataset;
-use crate::episode::manifest::Split;
-use crate::episode::{DetectionWriter, SampleDetections, SourceMeta};
+use crate::episode::{DetectionWriter, Manifest, SampleDetections, SourceMeta, Split};
 use crate::eval::{eval_samples, json};
 use crate::infer::{self, Trained};
 use crate::object::Detection;
@@ -25,9 +22,9 @@ pub struct PredictArgs {
     /// Labelled dataset
     #[arg(long, value_name = "DIR")]
     data: PathBuf,
-    /// Split: train, val or test; without it, the dataset's val, or test where there is no val
-    #[arg(long)]
-    split: Option<String>,
+    /// Split; without it, the dataset's val, or test where there is no val
+    #[arg(long, value_parser = split())]
+    split: Option<Split>,
     /// Label set
     #[arg(long, value_name = "SET", default_value = "rect")]
     labels: String,
@@ -52,7 +49,7 @@ pub fn run(args: PredictArgs) -> anyhow::Result<ExitStatus> {
     };
     refuse_to_overwrite(&out, args.force)?;
     let device = args.device.open()?;
-    let dataset = open_split(&args.data, &args.labels, args.split.as_deref())?;
+    let dataset = open_split(&args.data, &args.labels, args.split)?;
     let found = detect(&trained, &dataset, &device)?;
     let source =
         Source { set: args.run.display().to_string(), config_toml: config::to_toml(&trained.config()?) };
@@ -94,8 +91,7 @@ pub fn write(out: &Path, dataset: &Dataset, found: &[Vec<Detection>], source: &S
     }
     json::write_predictions(&out.join(JSON_FILE), &eval_samples(dataset, found))?;
     let n_boxes: usize = found.iter().map(Vec::len).sum();
-    println!("{n_boxes} boxes for {} samples: {}", found.len(), out.display());
-    Ok(())
+    print(format!("{n_boxes} boxes for {} samples: {}", found.len(), out.display()))
 }
 
 /// Refuses to write over predictions.
@@ -107,16 +103,11 @@ pub fn refuse_to_overwrite(out: &Path, force: bool) -> anyhow::Result<()> {
 }
 
 /// Opens the named split; without a name `val`, or `test` in a dataset that has no `val`.
-pub fn open_split(data: &Path, labels: &str, split: Option<&str>) -> anyhow::Result<Dataset> {
+pub fn open_split(data: &Path, labels: &str, split: Option<Split>) -> anyhow::Result<Dataset> {
     let split = match split {
-        Some("train") => Split::Train,
-        Some("val") => Split::Val,
-        Some("test") => Split::Test,
-        Some(other) => bail!("no split `{other}`; there are: train, val, test"),
-        None => {
-            let manifest = crate::episode::manifest::Manifest::read(data)?;
-            if manifest.of_split(Split::Val).next().is_some() { Split::Val } else { Split::Test }
-        }
+        Some(split) => split,
+        None if Manifest::read(data)?.of_split(Split::Val).next().is_some() => Split::Val,
+        None => Split::Test,
     };
     Ok(Dataset::open(data, labels, split)?)
 }

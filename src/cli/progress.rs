@@ -4,16 +4,17 @@ use std::sync::Mutex;
 
 use indicatif::{ProgressBar, ProgressStyle};
 
+use super::tell;
 use crate::progress::Progress;
 
 /// Draws the current stage as one bar on stderr; plain lines where stderr is no terminal.
 #[derive(Debug, Default)]
 pub struct Bar {
-    current: Mutex<Option<Stage>>,
+    current: Mutex<Option<CurrentBar>>,
 }
 
 #[derive(Debug)]
-struct Stage {
+struct CurrentBar {
     bar: ProgressBar,
     name: String,
     note: String,
@@ -30,7 +31,7 @@ impl Progress for Bar {
         .expect("the template is valid")
         .progress_chars("=> ");
         let bar = ProgressBar::new(total).with_style(style).with_prefix(stage.to_owned());
-        *self.lock() = Some(Stage { bar, name: stage.to_owned(), note: String::new(), next_tenth: 1 });
+        *self.lock() = Some(CurrentBar { bar, name: stage.to_owned(), note: String::new(), next_tenth: 1 });
     }
 
     fn advance(&self, n: u64) {
@@ -40,7 +41,7 @@ impl Progress for Bar {
         let total = stage.bar.length().unwrap_or(0).max(1);
         if stage.bar.is_hidden() && stage.bar.position() * 10 >= stage.next_tenth * total {
             stage.next_tenth = stage.bar.position() * 10 / total + 1;
-            eprintln!("{:>10} {}/{total} {}", stage.name, stage.bar.position(), stage.note);
+            tell(format!("{:>10} {}/{total} {}", stage.name, stage.bar.position(), stage.note));
         }
     }
 
@@ -59,7 +60,7 @@ impl Progress for Bar {
 }
 
 impl Bar {
-    fn lock(&self) -> std::sync::MutexGuard<'_, Option<Stage>> {
+    fn lock(&self) -> std::sync::MutexGuard<'_, Option<CurrentBar>> {
         self.current.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
     }
 }

@@ -4,8 +4,7 @@ use std::path::PathBuf;
 
 use clap::{ArgGroup, Args};
 
-use super::ExitStatus;
-use super::eval::command_line;
+use super::{ExitStatus, command_line, number, print, tell};
 use crate::report::page::{self, ReportRequest, ScoresRequest};
 
 #[derive(Debug, Args)]
@@ -29,7 +28,7 @@ pub struct ReportArgs {
     #[arg(long, value_name = "MD")]
     results: Option<PathBuf>,
     /// Pictures of each kind of fault in each data set, at most
-    #[arg(long, value_name = "N", default_value_t = page::DEFAULT_CARDS)]
+    #[arg(long, value_name = "N", default_value_t = page::DEFAULT_CARDS, value_parser = number(0..=usize::MAX))]
     cards: usize,
     /// Replace the page if it exists
     #[arg(long)]
@@ -48,9 +47,9 @@ pub fn run(args: ReportArgs) -> anyhow::Result<ExitStatus> {
         force: args.force,
     })?;
     for absent in &summary.absent {
-        eprintln!("left out: {absent}");
+        tell(format!("left out: {absent}"));
     }
     let size_mb = summary.bytes as f64 / 1e6;
-    println!("{}: {} cards, {size_mb:.1} MB", summary.out.display(), summary.n_cards);
+    print(format!("{}: {} cards, {size_mb:.1} MB", summary.out.display(), summary.n_cards))?;
     Ok(ExitStatus::Done)
 }

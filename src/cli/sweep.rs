@@ -4,11 +4,9 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::ExitStatus;
-use super::device::DeviceArg;
-use super::predict::open_split;
-use super::progress::Bar;
+use super::{Bar, DeviceArg, ExitStatus, open_split, print, split};
 use crate::config;
+use crate::episode::Split;
 use crate::eval::Protocol;
 use crate::eval::sweep::SweepConfig;
 use crate::infer::{self, Trained};
@@ -24,9 +22,9 @@ pub struct SweepArgs {
     /// Folder for sweeps.json, sweeps.csv, sweep.toml, plots (SVG and PNG) and pictures
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Split: train, val or test; without it, the dataset's val, or test where there is no val
-    #[arg(long)]
-    split: Option<String>,
+    /// Split; without it, the dataset's val, or test where there is no val
+    #[arg(long, value_parser = split())]
+    split: Option<Split>,
     /// Label set, whose zone is used
     #[arg(long, value_name = "SET", default_value = "rect")]
     labels: String,
@@ -48,7 +46,7 @@ pub fn run(args: SweepArgs) -> anyhow::Result<ExitStatus> {
     sweeps::refuse_to_overwrite(&args.out, args.force)?;
     let trained = Trained::find(&args.run)?;
     let device = args.device.open()?;
-    let dataset = open_split(&args.data, &args.labels, args.split.as_deref())?;
+    let dataset = open_split(&args.data, &args.labels, args.split)?;
     let detector = trained.load(&device)?;
     let (swept, series) = infer::sweep(&detector, &dataset, &config, &device, &Bar::default())?;
     let request = SweepRequest {
@@ -59,6 +57,6 @@ pub fn run(args: SweepArgs) -> anyhow::Result<ExitStatus> {
         protocol: &Protocol::default(),
         out: &args.out,
     };
-    print!("{}", sweeps::run(&request)?);
+    print(sweeps::run(&request)?)?;
     Ok(ExitStatus::Done)
 }

@@ -7,12 +7,10 @@ use std::str::FromStr;
 use anyhow::Context;
 use clap::Args;
 
-use super::ExitStatus;
-use super::device::DeviceArg;
-use super::progress::Bar;
+use super::{Bar, DeviceArg, ExitStatus, print, print_summary, tell};
 use crate::config;
 use crate::dataset::{Dataset, DatasetError};
-use crate::episode::manifest::Split;
+use crate::episode::Split;
 use crate::report::curves;
 use crate::train::{self, DryRun, RunOptions, TrainConfig};
 
@@ -104,20 +102,20 @@ pub fn run(args: TrainArgs) -> anyhow::Result<ExitStatus> {
     let dataset = Dataset::open(&args.data, &args.labels, Split::Train)?;
     let Some(out) = args.out.filter(|_| !args.dry_run) else {
         let dry_run = DryRun::of(&dataset, &config)?;
-        if args.json {
-            println!("{}", serde_json::to_string_pretty(&dry_run)?);
-        } else {
-            println!("{dry_run}");
-        }
+        print_summary(&dry_run, args.json)?;
         return Ok(ExitStatus::Done);
     };
-    let draw = |run: &Path| {
-        // A picture that fails is no reason to stop a training.
-        if let Err(error) = curves::run(run) {
-            tracing::warn!("{error}");
+    // A picture that fails is no reason to stop a training.
+    let draw = |run: &Path| match curves::run(run) {
+        Ok(_) => ExitStatus::Done,
+        Err(error) => {
+            tell(format!("left out: the curves: {error}"));
+            ExitStatus::DoneWithLosses
         }
     };
-    let options = RunOptions { force: args.force, resume: args.resume, after_validation: Some(&draw) };
+    let after_validation = |run: &Path| drop(draw(run));
+    let options =
+        RunOptions { force: args.force, resume: args.resume, after_validation: Some(&after_validation) };
     let validation = match Dataset::open(&args.data, &args.labels, Split::Val) {
         Ok(split) if config.validate_every_epochs > 0 => Some(split),
         Ok(_) | Err(DatasetError::EmptySplit { .. }) => None,
@@ -125,32 +123,29 @@ pub fn run(args: TrainArgs) -> anyhow::Result<ExitStatus> {
     };
     let summary =
         train::run(&dataset, validation.as_ref(), &config, &out, options, &device, &Bar::default())?;
-    draw(&out);
+    let status = draw(&out);
     if let Some(report) = &summary.image_weights {
-        println!("{report}");
+        print(report)?;
     }
     if summary.n_steps_now == 0 {
-        println!("already trained: {}", summary.checkpoint.display());
-        return Ok(ExitStatus::Done);
+        print(format!("already trained: {}", summary.checkpoint.display()))?;
+        return Ok(status);
     }
-    let loss = summary.last_loss;
-    println!(
-        "trained on {} samples: {} of {} steps in {:.0} s, {:.1} % of it spent on inputs; last epoch's loss {:.3} (heatmap {:.3}, harm {:.3}, \
-         boxes {:.3})",
+    let (loss, wall_s) = (summary.last_loss, summary.elapsed.as_secs_f64());
+    print(format!(
+        "trained on {} samples: {} of {} steps in {wall_s:.0} s, {:.1} % of it spent on inputs; \
+         last epoch's loss {:.3} (heatmap {:.3}, harm {:.3}, boxes {:.3})\n\
+         checkpoint: {}; curves: {}",
         summary.n_samples,
         summary.n_steps_now,
         summary.n_steps,
-        summary.elapsed.as_secs_f64(),
-        100.0 * summary.loading.as_secs_f64() / summary.elapsed.as_secs_f64(),
+        100.0 * summary.loading.as_secs_f64() / wall_s,
         loss.total(),
         loss.heatmap,
         loss.harm,
         loss.boxes,
-    );
-    println!(
-        "checkpoint: {}; curves: {}",
         summary.checkpoint.display(),
         out.join(curves::FILES[1]).display()
-    );
-    Ok(ExitStatus::Done)
+    ))?;
+    Ok(status)
 }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::ExitStatus;
+use super::{ExitStatus, number, print};
 use crate::infer::Trained;
 use crate::report::view::{self, ViewRequest};
 
@@ -13,7 +13,7 @@ pub struct ViewArgs {
     /// The data set's folder
     dataset: PathBuf,
     /// Number of the sample, from 0 through all episodes
-    #[arg(long, value_name = "K")]
+    #[arg(long, value_name = "K", value_parser = number(0..=usize::MAX))]
     sample: usize,
     /// Label set to draw
     #[arg(long, value_name = "SET", default_value = "rect")]
@@ -23,7 +23,7 @@ pub struct ViewArgs {
     #[arg(long, value_name = "DIR")]
     predictions: Option<PathBuf>,
     /// Leave out predictions below this score
-    #[arg(long, value_name = "SCORE", default_value_t = 0.3)]
+    #[arg(long, value_name = "SCORE", default_value_t = 0.3, value_parser = number(0.0..=1.0_f32))]
     min_score: f32,
     /// The picture to write
     #[arg(long, value_name = "PNG")]
@@ -43,13 +43,13 @@ pub fn run(args: ViewArgs) -> anyhow::Result<ExitStatus> {
     let predictions = predictions.transpose()?;
     let request = ViewRequest { dataset, sample, label_set, predictions, min_score, out, force };
     let summary = view::run(&request)?;
-    println!(
+    print(format!(
         "{}: sample {} of {}, {} objects, {} harmful",
         summary.out.display(),
         summary.sample_idx,
         summary.episode,
         summary.n_objects,
         summary.n_harmful
-    );
+    ))?;
     Ok(ExitStatus::Done)
 }

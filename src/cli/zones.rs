@@ -4,8 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::ExitStatus;
-use super::progress::Bar;
+use super::{Bar, ExitStatus, number, print_summary};
 use crate::config::{self, ConfigError};
 use crate::report::zones::{self, ZonesRequest};
 use crate::zone::{ZoneConfig, ZoneKind};
@@ -21,7 +20,7 @@ pub struct ZonesArgs {
     #[arg(long, value_name = "PNG")]
     plot: Option<PathBuf>,
     /// The sample to draw, from 0 through all episodes [default: the one on which the zones differ most]
-    #[arg(long, value_name = "K", requires = "plot")]
+    #[arg(long, value_name = "K", requires = "plot", value_parser = number(0..=usize::MAX))]
     sample: Option<usize>,
     /// Replace the picture if it exists
     #[arg(long)]
@@ -68,10 +67,6 @@ pub fn run(args: ZonesArgs) -> anyhow::Result<ExitStatus> {
     let ZonesArgs { dataset, zone, plot, sample, force, json } = args;
     let zone = zone.load()?;
     let summary = zones::run(&ZonesRequest { dataset, zone, plot, sample, force }, &Bar::default())?;
-    if json {
-        println!("{}", serde_json::to_string_pretty(&summary)?);
-    } else {
-        println!("{summary}");
-    }
+    print_summary(&summary, json)?;
     Ok(ExitStatus::Done)
 }

@@ -1,4 +1,4 @@
-//! Samples to messages and back, exactly; what no consumer could use is a [`Fault`].
+//! Measurements as messages and back, exactly; what no consumer could use is a [`Fault`].
 
 use foxglove::messages as fox;
 use foxglove::messages::packed_element_field::NumericType;
@@ -6,23 +6,19 @@ use nalgebra::{Isometry3, Quaternion, Translation3, Unit};
 
 use super::error::Fault;
 use super::messages::{fox_identity, fox_parts, fox_time, own_time, wire};
-use crate::geometry::{Box3, BoxError, Frame, Pinhole, Point, Transform};
-use crate::object::{Detection, Distribution, Event, Harm, Kind, ObjectTruth};
-use crate::sample::{EgoState, EncodedImage, ImageFormat, LidarPoint, Sample};
+use crate::geometry::{Camera, Ego, Frame, Lidar, Pinhole, Transform, World};
+use crate::sample::{EgoState, EncodedImage, ImageFormat, LidarPoint, Measured};
 
-const FINITE: &str = "a finite number is needed";
+pub(super) const FINITE: &str = "a finite number is needed";
 
 pub(super) fn check_finite(field: &'static str, found: f64) -> Result<(), Fault> {
     if found.is_finite() { Ok(()) } else { Err(Fault::new(field, found, FINITE)) }
 }
 
-/// Whether every number of a sample is one that a reader will take.
-pub(super) fn check_sample(sample: &Sample) -> Result<(), Fault> {
-    check_state(&sample.measured.ego_state)?;
-    check_pinhole(&sample.measured.intrinsics)?;
-    sample.truth.objects.iter().try_for_each(|object| {
-        check_box(&object.box_in_ego, object.velocity_in_ego_mps).map_err(|fault| fault.of(&object.id))
-    })
+/// Whether every number of the measurement is one that a reader will take.
+pub(super) fn check_measured(measured: &Measured) -> Result<(), Fault> {
+    check_state(&measured.ego_state)?;
+    check_pinhole(&measured.intrinsics)
 }
 
 fn check_state(state: &EgoState) -> Result<(), Fault> {
@@ -46,15 +42,6 @@ fn check_pinhole(pinhole: &Pinhole) -> Result<(), Fault> {
     }
     check_finite("K[2]", pinhole.cx_px)?;
     check_finite("K[5]", pinhole.cy_px)
-}
-
-pub(super) fn check_box<F: Frame>(found: &Box3<F>, velocity_mps: [f64; 2]) -> Result<(), Fault> {
-    found.check().map_err(|error| match error {
-        BoxError::NotFinite { field, found } => Fault::new(field, found, FINITE),
-        BoxError::NotPositive { field, found } => Fault::new(field, found, "a size above zero is needed"),
-    })?;
-    check_finite("vx_mps", velocity_mps[0])?;
-    check_finite("vy_mps", velocity_mps[1])
 }
 
 pub(super) fn state_message(time_ns: u64, state: &EgoState) -> wire::EgoState {
@@ -82,10 +69,18 @@ pub(super) fn state_of(message: &wire::EgoState) -> Result<EgoState, Fault> {
     Ok(state)
 }
 
-pub(super) fn transform_message<A: Frame, B: Frame>(
-    time_ns: u64,
-    a_from_b: &Transform<A, B>,
-) -> fox::FrameTransform {
+pub(super) fn transforms_message(measured: &Measured) -> fox::FrameTransforms {
+    let time_ns = measured.time_ns;
+    fox::FrameTransforms {
+        transforms: vec![
+            transform_message(time_ns, &measured.world_from_ego),
+            transform_message(time_ns, &measured.ego_from_lidar),
+            transform_message(time_ns, &measured.ego_from_camera),
+        ],
+    }
+}
+
+fn transform_message<A: Frame, B: Frame>(time_ns: u64, a_from_b: &Transform<A, B>) -> fox::FrameTransform {
     let (translation, rotation) = fox_parts(a_from_b);
     fox::FrameTransform {
         timestamp: Some(fox_time(time_ns)),
@@ -93,6 +88,15 @@ pub(super) fn transform_message<A: Frame, B: Frame>(
         child_frame_id: B::NAME.to_owned(),
         translation: Some(translation),
         rotation: Some(rotation),
+    }
+}
+
+pub(super) fn pose_message(time_ns: u64, world_from_ego: &Transform<World, Ego>) -> fox::PoseInFrame {
+    let (position, orientation) = fox_parts(world_from_ego);
+    fox::PoseInFrame {
+        timestamp: Some(fox_time(time_ns)),
+        frame_id: World::NAME.to_owned(),
+        pose: Some(fox::Pose { position: Some(position), orientation: Some(orientation) }),
     }
 }
 
@@ -122,14 +126,14 @@ pub(super) fn transform_of<A: Frame, B: Frame>(
     Ok(Transform::from_isometry(isometry))
 }
 
-pub(super) fn image_message(time_ns: u64, frame_id: &str, image: &EncodedImage) -> fox::CompressedImage {
+pub(super) fn image_message(time_ns: u64, image: &EncodedImage) -> fox::CompressedImage {
     let format = match image.format {
         ImageFormat::Jpeg => "jpeg",
         ImageFormat::Png => "png",
     };
     fox::CompressedImage {
         timestamp: Some(fox_time(time_ns)),
-        frame_id: frame_id.to_owned(),
+        frame_id: Camera::NAME.to_owned(),
         data: image.bytes.clone().into(),
         format: format.to_owned(),
     }
@@ -144,11 +148,11 @@ pub(super) fn image_of(message: fox::CompressedImage) -> Result<EncodedImage, Fa
     Ok(EncodedImage { format, bytes: message.data.into() })
 }
 
-pub(super) fn camera_message(time_ns: u64, frame_id: &str, camera: &Pinhole) -> fox::CameraCalibration {
+pub(super) fn camera_message(time_ns: u64, camera: &Pinhole) -> fox::CameraCalibration {
     let (fx, fy, cx, cy) = (camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px);
     fox::CameraCalibration {
         timestamp: Some(fox_time(time_ns)),
-        frame_id: frame_id.to_owned(),
+        frame_id: Camera::NAME.to_owned(),
         width: camera.width_px,
         height: camera.height_px,
         distortion_model: String::new(),
@@ -196,7 +200,7 @@ fn point_fields() -> Vec<fox::PackedElementField> {
     .to_vec()
 }
 
-pub(super) fn cloud_message(time_ns: u64, frame_id: &str, points: &[LidarPoint]) -> fox::PointCloud {
+pub(super) fn cloud_message(time_ns: u64, points: &[LidarPoint]) -> fox::PointCloud {
     let mut data = Vec::with_capacity(points.len() * POINT_STRIDE);
     for point in points {
         for value in [point.x_m, point.y_m, point.z_m, point.intensity] {
@@ -206,7 +210,7 @@ pub(super) fn cloud_message(time_ns: u64, frame_id: &str, points: &[LidarPoint])
     }
     fox::PointCloud {
         timestamp: Some(fox_time(time_ns)),
-        frame_id: frame_id.to_owned(),
+        frame_id: Lidar::NAME.to_owned(),
         pose: Some(fox_identity()),
         point_stride: u32::try_from(POINT_STRIDE).expect("18 fits"),
         fields: point_fields(),
@@ -238,151 +242,4 @@ pub(super) fn points_of(message: &fox::PointCloud) -> Result<Vec<LidarPoint>, Fa
         }
     });
     Ok(points.collect())
-}
-
-pub(super) fn objects_message(time_ns: u64, objects: &[ObjectTruth]) -> wire::Objects {
-    let objects = objects.iter().map(|object| {
-        let found = &object.box_in_ego;
-        wire::Object {
-            id: object.id.clone(),
-            category: object.category.clone(),
-            kind: match object.kind {
-                Kind::Vehicle => wire::Kind::Vehicle,
-                Kind::Pedestrian => wire::Kind::Pedestrian,
-                Kind::Static => wire::Kind::Static,
-            }
-            .into(),
-            distribution: match object.distribution {
-                Distribution::Id => wire::Distribution::Id,
-                Distribution::Ood => wire::Distribution::Ood,
-            }
-            .into(),
-            x_m: found.center.x(),
-            y_m: found.center.y(),
-            z_m: found.center.z(),
-            length_m: found.length_m,
-            width_m: found.width_m,
-            height_m: found.height_m,
-            yaw_rad: found.yaw_rad,
-            vx_mps: object.velocity_in_ego_mps[0],
-            vy_mps: object.velocity_in_ego_mps[1],
-            n_lidar_points: object.n_lidar_points,
-            visible_px: object.visible_px,
-            visible_fraction: object.visible_fraction,
-            event: match object.event {
-                Event::None => wire::Event::None,
-                Event::Lies => wire::Event::Lies,
-                Event::Falls => wire::Event::Falls,
-                Event::Rolls => wire::Event::Rolls,
-                Event::Thrown => wire::Event::Thrown,
-            }
-            .into(),
-        }
-    });
-    wire::Objects { timestamp: Some(own_time(time_ns)), objects: objects.collect() }
-}
-
-pub(super) fn object_of(message: wire::Object) -> Result<ObjectTruth, Fault> {
-    let fail = |field, found, wanted| Fault::new(field, found, wanted).of(&message.id);
-    let kind = match wire::Kind::try_from(message.kind) {
-        Ok(wire::Kind::Vehicle) => Kind::Vehicle,
-        Ok(wire::Kind::Pedestrian) => Kind::Pedestrian,
-        Ok(wire::Kind::Static) => Kind::Static,
-        _ => return Err(fail("kind", message.kind, "vehicle (1), pedestrian (2) or static (3) is needed")),
-    };
-    let distribution = match wire::Distribution::try_from(message.distribution) {
-        Ok(wire::Distribution::Id) => Distribution::Id,
-        Ok(wire::Distribution::Ood) => Distribution::Ood,
-        _ => return Err(fail("distribution", message.distribution, "id (1) or ood (2) is needed")),
-    };
-    let event = match wire::Event::try_from(message.event) {
-        Ok(wire::Event::None) => Event::None,
-        Ok(wire::Event::Lies) => Event::Lies,
-        Ok(wire::Event::Falls) => Event::Falls,
-        Ok(wire::Event::Rolls) => Event::Rolls,
-        Ok(wire::Event::Thrown) => Event::Thrown,
-        Err(_) => return Err(fail("event", message.event, "a number from 0 to 4 is needed")),
-    };
-    let box_in_ego = Box3 {
-        center: Point::new(message.x_m, message.y_m, message.z_m),
-        length_m: message.length_m,
-        width_m: message.width_m,
-        height_m: message.height_m,
-        yaw_rad: message.yaw_rad,
-    };
-    let velocity_in_ego_mps = [message.vx_mps, message.vy_mps];
-    check_box(&box_in_ego, velocity_in_ego_mps).map_err(|fault| fault.of(&message.id))?;
-    Ok(ObjectTruth {
-        id: message.id,
-        category: message.category,
-        kind,
-        distribution,
-        box_in_ego,
-        velocity_in_ego_mps,
-        n_lidar_points: message.n_lidar_points,
-        visible_px: message.visible_px,
-        visible_fraction: message.visible_fraction,
-        event,
-    })
-}
-
-pub(super) fn harm_number(harm: Harm) -> i32 {
-    match harm {
-        Harm::Harmful => wire::Harm::Harmful,
-        Harm::Harmless => wire::Harm::Harmless,
-    }
-    .into()
-}
-
-pub(super) fn harm_of(number: i32) -> Result<Harm, Fault> {
-    match wire::Harm::try_from(number) {
-        Ok(wire::Harm::Harmful) => Ok(Harm::Harmful),
-        Ok(wire::Harm::Harmless) => Ok(Harm::Harmless),
-        _ => Err(Fault::new("harm", number, "harmful (1) or harmless (2) is needed")),
-    }
-}
-
-pub(super) fn detections_message(time_ns: u64, detections: &[Detection]) -> wire::Detections {
-    let detections = detections.iter().map(|detection| {
-        let found = &detection.box_in_ego;
-        wire::Detection {
-            x_m: found.center.x(),
-            y_m: found.center.y(),
-            z_m: found.center.z(),
-            length_m: found.length_m,
-            width_m: found.width_m,
-            height_m: found.height_m,
-            yaw_rad: found.yaw_rad,
-            vx_mps: detection.velocity_in_ego_mps[0],
-            vy_mps: detection.velocity_in_ego_mps[1],
-            harm: harm_number(detection.harm),
-            score: detection.score,
-        }
-    });
-    wire::Detections { timestamp: Some(own_time(time_ns)), detections: detections.collect() }
-}
-
-pub(super) fn check_detection(detection: &Detection) -> Result<(), Fault> {
-    check_box(&detection.box_in_ego, detection.velocity_in_ego_mps)?;
-    if !(0.0..=1.0).contains(&detection.score) {
-        return Err(Fault::new("score", detection.score, "a number from 0 to 1 is needed"));
-    }
-    Ok(())
-}
-
-pub(super) fn detection_of(message: &wire::Detection) -> Result<Detection, Fault> {
-    let detection = Detection {
-        box_in_ego: Box3 {
-            center: Point::new(message.x_m, message.y_m, message.z_m),
-            length_m: message.length_m,
-            width_m: message.width_m,
-            height_m: message.height_m,
-            yaw_rad: message.yaw_rad,
-        },
-        velocity_in_ego_mps: [message.vx_mps, message.vy_mps],
-        harm: harm_of(message.harm)?,
-        score: message.score,
-    };
-    check_detection(&detection)?;
-    Ok(detection)
 }

@@ -1,6 +1,6 @@
 //! What can be wrong with an episode, label or prediction file; each error ends with the path.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
@@ -44,9 +44,9 @@ pub enum EpisodeError {
     #[error("the metadata record `{record}` lacks `{key}` or holds no valid one: {}", path.display())]
     Metadata { record: &'static str, key: &'static str, path: PathBuf },
     #[error("topic `{topic}` holds {found} messages; {wanted} are needed: {}", path.display())]
-    Count { topic: String, found: u64, wanted: u64, path: PathBuf },
+    Count { topic: &'static str, found: u64, wanted: u64, path: PathBuf },
     #[error("topic `{topic}` has {found} messages at sample {sample_idx}; 1 is needed: {}", path.display())]
-    NotAligned { topic: String, sample_idx: usize, found: usize, path: PathBuf },
+    NotAligned { topic: &'static str, sample_idx: usize, found: usize, path: PathBuf },
     #[error("sample {sample_idx}: a message is no valid protobuf ({source}): {}", path.display())]
     Decode { sample_idx: usize, source: prost::DecodeError, path: PathBuf },
     #[error("episode `{episode}`, sample {sample_idx}: {fault}: {}", path.display())]
@@ -62,4 +62,16 @@ pub enum EpisodeError {
         path.display()
     )]
     OtherEpisode { found: String, wanted: String, path: PathBuf },
+}
+
+impl EpisodeError {
+    /// Puts a fault in its place.
+    pub(super) fn invalid(episode: &str, sample_idx: usize, path: &Path) -> impl Fn(Fault) -> Self {
+        move |fault| Self::Invalid {
+            episode: episode.to_owned(),
+            sample_idx,
+            fault: Box::new(fault),
+            path: path.to_owned(),
+        }
+    }
 }

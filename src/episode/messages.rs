@@ -11,7 +11,7 @@ pub(super) mod wire {
 }
 
 /// A message that can be a topic's content: protobuf with its whole descriptor set.
-pub(super) trait TopicMessage: prost::Message + Default {
+pub trait TopicMessage: prost::Message + Default {
     /// Full name of the schema and its binary `FileDescriptorSet`.
     fn schema() -> (String, Vec<u8>);
 }

@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::str::FromStr;
 
 use super::error::EpisodeError;
 
@@ -30,62 +29,48 @@ pub const FORMAT_VERSION: u32 = 1;
 
 type Record = BTreeMap<String, String>;
 
-fn value<T: FromStr>(
-    record: &Record,
-    name: &'static str,
-    key: &'static str,
-    path: &Path,
-) -> Result<T, EpisodeError> {
-    record.get(key).and_then(|text| text.parse().ok()).ok_or_else(|| EpisodeError::Metadata {
-        record: name,
-        key,
-        path: path.to_owned(),
-    })
-}
+/// Reads and writes a struct as a metadata record: each field under its name, as text.
+macro_rules! record_of {
+    ($name:ident { $($field:ident),* }) => {
+        impl $name {
+            pub(super) fn to_record(&self) -> Record {
+                let version = ("format_version".to_owned(), FORMAT_VERSION.to_string());
+                [version, $((stringify!($field).to_owned(), self.$field.to_string())),*].into()
+            }
 
-fn check_version(record: &Record, name: &'static str, path: &Path) -> Result<(), EpisodeError> {
-    let version: u32 = value(record, name, "format_version", path)?;
-    if version == FORMAT_VERSION {
-        return Ok(());
-    }
-    Err(EpisodeError::Metadata { record: name, key: "format_version", path: path.to_owned() })
+            pub(super) fn from_record(
+                record: &Record,
+                name: &'static str,
+                path: &Path,
+            ) -> Result<Self, EpisodeError> {
+                let fail = |key| EpisodeError::Metadata { record: name, key, path: path.to_owned() };
+                if record.get("format_version") != Some(&FORMAT_VERSION.to_string()) {
+                    return Err(fail("format_version"));
+                }
+                $(
+                    let $field = record.get(stringify!($field)).and_then(|text| text.parse().ok());
+                    let $field = $field.ok_or_else(|| fail(stringify!($field)))?;
+                )*
+                Ok(Self { $($field),* })
+            }
+        }
+    };
 }
+record_of!(EpisodeMeta {
+    name,
+    seed,
+    town,
+    weather,
+    ood,
+    generator_version,
+    config_toml,
+    rig_toml,
+    n_samples
+});
+record_of!(SourceMeta { episode, episode_sha256, set, config_toml, generator_version });
 
 impl EpisodeMeta {
     pub(super) const RECORD: &'static str = "episode";
-
-    pub(super) fn to_record(&self) -> Record {
-        [
-            ("format_version", FORMAT_VERSION.to_string()),
-            ("name", self.name.clone()),
-            ("seed", self.seed.to_string()),
-            ("town", self.town.clone()),
-            ("weather", self.weather.clone()),
-            ("ood", self.ood.to_string()),
-            ("generator_version", self.generator_version.clone()),
-            ("config_toml", self.config_toml.clone()),
-            ("rig_toml", self.rig_toml.clone()),
-            ("n_samples", self.n_samples.to_string()),
-        ]
-        .map(|(key, value)| (key.to_owned(), value))
-        .into()
-    }
-
-    pub(super) fn from_record(record: &Record, path: &Path) -> Result<Self, EpisodeError> {
-        let name = Self::RECORD;
-        check_version(record, name, path)?;
-        Ok(Self {
-            name: value(record, name, "name", path)?,
-            seed: value(record, name, "seed", path)?,
-            town: value(record, name, "town", path)?,
-            weather: value(record, name, "weather", path)?,
-            ood: value(record, name, "ood", path)?,
-            generator_version: value(record, name, "generator_version", path)?,
-            config_toml: value(record, name, "config_toml", path)?,
-            rig_toml: value(record, name, "rig_toml", path)?,
-            n_samples: value(record, name, "n_samples", path)?,
-        })
-    }
 }
 
 /// What labels or predictions were made from, and how: the metadata record `labels` or `detections`.
@@ -103,34 +88,6 @@ pub struct SourceMeta {
 }
 
 impl SourceMeta {
-    pub(super) fn to_record(&self) -> Record {
-        [
-            ("format_version", FORMAT_VERSION.to_string()),
-            ("episode", self.episode.clone()),
-            ("episode_sha256", self.episode_sha256.clone()),
-            ("set", self.set.clone()),
-            ("config_toml", self.config_toml.clone()),
-            ("generator_version", self.generator_version.clone()),
-        ]
-        .map(|(key, value)| (key.to_owned(), value))
-        .into()
-    }
-
-    pub(super) fn from_record(
-        record: &Record,
-        name: &'static str,
-        path: &Path,
-    ) -> Result<Self, EpisodeError> {
-        check_version(record, name, path)?;
-        Ok(Self {
-            episode: value(record, name, "episode", path)?,
-            episode_sha256: value(record, name, "episode_sha256", path)?,
-            set: value(record, name, "set", path)?,
-            config_toml: value(record, name, "config_toml", path)?,
-            generator_version: value(record, name, "generator_version", path)?,
-        })
-    }
-
     /// Refuses a file that was made from another episode.
     pub(super) fn check_episode(&self, wanted: &str, path: &Path) -> Result<(), EpisodeError> {
         if self.episode_sha256 == wanted {

@@ -1,32 +1,61 @@
 //! Reads an episode back, sample by sample, and refuses what no consumer could use.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use foxglove::messages as fox;
-
-use super::archive::{Archive, RawMessage};
+use super::archive_reader::Archive;
 use super::error::{EpisodeError, Fault};
-use super::messages::{TopicMessage, wire};
-use super::{EpisodeMeta, convert, topics};
+use super::{EpisodeMeta, convert, objects, topics};
 use crate::sample::{Measured, Sample, Truth};
 
 /// An episode of which the index has been read; samples are read when asked for.
 ///
 /// No file stays open in between, so that a data set may hold thousands.
+///
+/// ```
+/// # use harmzone::episode::{EpisodeMeta, EpisodeWriter, MapDrawing};
+/// # use harmzone::geometry::{Pinhole, Transform};
+/// # use harmzone::sample::{EgoState, EncodedImage, ImageFormat, LidarPoint, Measured, Sample, Truth};
+/// use harmzone::episode::EpisodeReader;
+///
+/// # let folder = tempfile::tempdir()?;
+/// # let path = folder.path().join("oldtown-ClearNoon-7.mcap");
+/// # let text = String::new;
+/// # let meta = EpisodeMeta {
+/// #     name: "oldtown-ClearNoon-7".into(), seed: 7, town: "oldtown".into(), weather: "ClearNoon".into(), ood: false,
+/// #     generator_version: text(), config_toml: text(), rig_toml: text(), n_samples: 1,
+/// # };
+/// # let measured = Measured {
+/// #     time_ns: 1_700_000_000_000_000_000,
+/// #     ego_state: EgoState {
+/// #         speed_mps: 8.0, steering_angle_rad: 0.0, yaw_rate_rps: 0.0, acceleration_mps2: 0.0, wheelbase_m: 2.7,
+/// #         front_bumper_x_m: 3.6,
+/// #     },
+/// #     world_from_ego: Transform::from_xyz_yaw(0.0, 0.0, 0.0, 0.0),
+/// #     ego_from_lidar: Transform::from_xyz_yaw(1.2, 0.0, 1.9, 0.0),
+/// #     ego_from_camera: Transform::from_xyz_yaw(1.5, 0.0, 1.6, 0.0),
+/// #     intrinsics: Pinhole::from_horizontal_fov(800, 450, 1.2),
+/// #     image: EncodedImage { format: ImageFormat::Png, bytes: Vec::new() },
+/// #     points: vec![LidarPoint { x_m: 10.0, y_m: 0.0, z_m: -1.0, intensity: 20.0, ring: 3 }],
+/// # };
+/// # let mut writer = EpisodeWriter::create(&path, &meta, &MapDrawing::default())?;
+/// # writer.write(&Sample { measured, truth: Truth::default() })?;
+/// # writer.finish()?;
+/// let episode = EpisodeReader::open(&path)?;
+/// assert_eq!(episode.meta().town, "oldtown");
+/// for sample in episode.samples() {
+///     let sample = sample?;
+///     let n_points = sample.measured.points.len();
+///     println!("{} m/s, {n_points} LiDAR points", sample.measured.ego_state.speed_mps);
+///     println!("{} objects around", sample.truth.objects.len());
+/// }
+/// let third = episode.sample(2);
+/// assert_eq!(third.unwrap_err().to_string().split(": ").next(), Some("there is no sample 2; the file has 1"));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct EpisodeReader {
     archive: Archive,
     meta: EpisodeMeta,
     times_ns: Vec<u64>,
-    channels: Channels,
-}
-
-struct Channels {
-    tf: u16,
-    state: u16,
-    image: u16,
-    camera: u16,
-    lidar: u16,
-    objects: u16,
 }
 
 impl EpisodeReader {
@@ -36,43 +65,15 @@ impl EpisodeReader {
     /// A truncated or damaged file, an MCAP that is no episode, missing metadata, or topics that
     /// do not hold one message a sample.
     pub fn open(path: &Path) -> Result<Self, EpisodeError> {
-        let archive = Archive::open(path)?;
-        let all = &topics::EACH_SAMPLE;
-        let channels = Channels {
-            tf: archive.channel::<fox::FrameTransforms>(topics::TF, all)?,
-            state: archive.channel::<wire::EgoState>(topics::EGO_STATE, all)?,
-            image: archive.channel::<fox::CompressedImage>(topics::IMAGE, all)?,
-            camera: archive.channel::<fox::CameraCalibration>(topics::CAMERA_INFO, all)?,
-            lidar: archive.channel::<fox::PointCloud>(topics::LIDAR, all)?,
-            objects: archive.channel::<wire::Objects>(topics::OBJECTS, all)?,
-        };
-        let meta = EpisodeMeta::from_record(&archive.metadata(EpisodeMeta::RECORD)?, path)?;
-        let counted = [
-            (channels.tf, topics::TF),
-            (channels.state, topics::EGO_STATE),
-            (channels.image, topics::IMAGE),
-            (channels.camera, topics::CAMERA_INFO),
-            (channels.lidar, topics::LIDAR),
-            (channels.objects, topics::OBJECTS),
-        ];
-        for (channel, topic) in counted {
-            let (found, wanted) = (archive.count(channel), meta.n_samples as u64);
-            if found != wanted {
-                return Err(EpisodeError::Count {
-                    topic: topic.to_owned(),
-                    found,
-                    wanted,
-                    path: path.to_owned(),
-                });
-            }
+        let archive = Archive::open(path, &topics::EACH_SAMPLE)?;
+        let meta =
+            EpisodeMeta::from_record(&archive.metadata(EpisodeMeta::RECORD)?, EpisodeMeta::RECORD, path)?;
+        for topic in topics::EACH_SAMPLE {
+            archive.check_count(topic.name, meta.n_samples)?;
         }
-        let times_ns: Vec<u64> = archive.times(channels.state)?;
-        if times_ns.len() != meta.n_samples {
-            let (found, wanted) = (times_ns.len() as u64, meta.n_samples as u64);
-            let topic = topics::EGO_STATE.to_owned();
-            return Err(EpisodeError::Count { topic, found, wanted, path: path.to_owned() });
-        }
-        Ok(Self { archive, meta, times_ns, channels })
+        let times_ns = archive.times(topics::EGO_STATE)?;
+        archive.check_count(topics::EGO_STATE.name, times_ns.len())?;
+        Ok(Self { archive, meta, times_ns })
     }
 
     #[must_use]
@@ -108,18 +109,17 @@ impl EpisodeReader {
     /// No such sample, damage, or a value that is not usable: the error names episode, sample,
     /// object and field.
     pub fn sample(&self, sample_idx: usize) -> Result<Sample, EpisodeError> {
-        let path: PathBuf = self.archive.path.clone();
         let Some(&time_ns) = self.times_ns.get(sample_idx) else {
-            return Err(EpisodeError::NoSample { sample_idx, n_samples: self.len(), path });
+            let (n_samples, path) = (self.len(), self.path().to_owned());
+            return Err(EpisodeError::NoSample { sample_idx, n_samples, path });
         };
-        let at = At { messages: &self.archive.messages_at(time_ns)?, sample_idx, path: &path };
-        let ids = &self.channels;
-        let tf: fox::FrameTransforms = at.one(ids.tf, topics::TF)?;
-        let state: wire::EgoState = at.one(ids.state, topics::EGO_STATE)?;
-        let image: fox::CompressedImage = at.one(ids.image, topics::IMAGE)?;
-        let camera: fox::CameraCalibration = at.one(ids.camera, topics::CAMERA_INFO)?;
-        let cloud: fox::PointCloud = at.one(ids.lidar, topics::LIDAR)?;
-        let objects: wire::Objects = at.one(ids.objects, topics::OBJECTS)?;
+        let messages = self.archive.sample(sample_idx, time_ns)?;
+        let tf = messages.one(topics::TF)?;
+        let state = messages.one(topics::EGO_STATE)?;
+        let image = messages.one(topics::IMAGE)?;
+        let camera = messages.one(topics::CAMERA_INFO)?;
+        let cloud = messages.one(topics::LIDAR)?;
+        let truth = messages.one(topics::OBJECTS)?;
         let build = || -> Result<Sample, Fault> {
             let measured = Measured {
                 time_ns,
@@ -131,43 +131,14 @@ impl EpisodeReader {
                 image: convert::image_of(image)?,
                 points: convert::points_of(&cloud)?,
             };
-            let objects = objects.objects.into_iter().map(convert::object_of).collect::<Result<_, _>>()?;
+            let objects = truth.objects.into_iter().map(objects::object_of).collect::<Result<_, _>>()?;
             Ok(Sample { measured, truth: Truth { objects } })
         };
-        build().map_err(|fault| EpisodeError::Invalid {
-            episode: self.meta.name.clone(),
-            sample_idx,
-            fault: Box::new(fault),
-            path: path.clone(),
-        })
+        build().map_err(EpisodeError::invalid(&self.meta.name, sample_idx, self.path()))
     }
 
     /// All samples in order.
     pub fn samples(&self) -> impl Iterator<Item = Result<Sample, EpisodeError>> + '_ {
         (0..self.len()).map(|sample_idx| self.sample(sample_idx))
-    }
-}
-
-/// The messages of one sample.
-struct At<'a> {
-    messages: &'a [RawMessage],
-    sample_idx: usize,
-    path: &'a Path,
-}
-
-impl At<'_> {
-    fn one<M: TopicMessage>(&self, channel_id: u16, topic: &str) -> Result<M, EpisodeError> {
-        let (sample_idx, path) = (self.sample_idx, self.path.to_owned());
-        let found: Vec<&RawMessage> =
-            self.messages.iter().filter(|message| message.channel_id == channel_id).collect();
-        let [message] = found.as_slice() else {
-            let topic = topic.to_owned();
-            return Err(EpisodeError::NotAligned { topic, sample_idx, found: found.len(), path });
-        };
-        M::decode(message.bytes.as_slice()).map_err(|source| EpisodeError::Decode {
-            sample_idx,
-            source,
-            path,
-        })
     }
 }

@@ -1,9 +1,11 @@
 //! Round trips and refusals of the three kinds of files.
 
+use fs_err::os::unix::fs::FileExt as _;
 use std::path::{Path, PathBuf};
 
 use super::archive::ArchiveWriter;
 use super::messages::wire;
+use super::topics::Topic;
 use super::*;
 use crate::geometry::{Box3, Pinhole, Point, Point2, Transform};
 use crate::object::{Detection, Distribution, Event, Harm, Kind, ObjectTruth};
@@ -181,13 +183,39 @@ fn a_flipped_byte_in_a_chunk_is_found() {
     assert!(matches!(read, Err(EpisodeError::Damaged { .. })), "{:?}", read.map(|samples| samples.len()));
 }
 
+/// Flips one bit of each byte in turn: what can be read still must equal what was written, and errors name the file.
+fn flip_each_byte<T: PartialEq + std::fmt::Debug>(path: &Path, read: impl Fn() -> Result<T, EpisodeError>) {
+    let (whole, expected) = (fs_err::read(path).unwrap(), read().unwrap());
+    let file = fs_err::OpenOptions::new().write(true).open(path).unwrap();
+    for (at, &byte) in (0..).zip(&whole) {
+        file.write_all_at(&[byte ^ 0x40], at).unwrap();
+        match read() {
+            Ok(found) => assert_eq!(found, expected, "byte {at}"),
+            Err(error) => assert!(error.to_string().contains("episode.mcap"), "byte {at}: {error}"),
+        }
+        file.write_all_at(&[byte], at).unwrap();
+    }
+}
+
+#[test]
+fn a_flipped_bit_anywhere_is_an_error_or_changes_nothing() {
+    let (_folder, path) = folder();
+    write_episode(&path, &three()[..1]);
+    flip_each_byte(&path, || EpisodeReader::open(&path)?.sample(0));
+    let mut writer = LabelWriter::create(&path, &source("abc")).unwrap();
+    writer.write(&labels_of(&sample(0)), &sample(0)).unwrap();
+    writer.finish().unwrap();
+    flip_each_byte(&path, || Ok(LabelReader::open(&path)?.samples().to_vec()));
+}
+
 #[test]
 fn a_foreign_mcap_is_refused_with_its_topics() {
     let (_folder, path) = folder();
-    let mut archive = ArchiveWriter::create(&path).unwrap();
-    let channel = archive.channel::<wire::EgoState>("/other").unwrap();
-    archive.message(channel, 0, 5, &wire::EgoState::default()).unwrap();
-    archive.finish().unwrap();
+    let other: Topic<wire::EgoState> = Topic::new("/other");
+    let mut archive = ArchiveWriter::create(&path, &[other.spec()]).unwrap();
+    archive.begin_sample(5).unwrap();
+    archive.write(other, &wire::EgoState::default()).unwrap();
+    archive.finish([]).unwrap();
     let message = EpisodeReader::open(&path).err().expect("no episode").to_string();
     assert!(message.contains("/other") && message.contains("/truth/objects"), "{message}");
     assert!(LabelReader::open(&path).unwrap_err().to_string().contains("/harm/labels"));
@@ -239,14 +267,14 @@ fn a_nan_or_empty_box_names_the_object_and_field() {
 
 #[test]
 fn an_unspecified_enum_is_refused() {
-    let mut messages = convert::objects_message(0, &sample(0).truth.objects).objects;
+    let mut messages = objects::objects_message(0, &sample(0).truth.objects).objects;
     messages[0].kind = 0;
-    let fault = convert::object_of(messages[0].clone()).unwrap_err();
+    let fault = objects::object_of(messages[0].clone()).unwrap_err();
     assert_eq!((fault.object.as_deref(), fault.field), (Some("car:1"), "kind"));
     messages[1].distribution = 0;
-    assert_eq!(convert::object_of(messages[1].clone()).unwrap_err().field, "distribution");
-    assert_eq!(convert::harm_of(0).unwrap_err().field, "harm");
-    assert_eq!(convert::harm_of(9).unwrap_err().field, "harm");
+    assert_eq!(objects::object_of(messages[1].clone()).unwrap_err().field, "distribution");
+    assert_eq!(objects::harm_of(0).unwrap_err().field, "harm");
+    assert_eq!(objects::harm_of(9).unwrap_err().field, "harm");
 }
 
 #[test]
@@ -254,7 +282,7 @@ fn a_topic_with_fewer_messages_than_samples_is_refused() {
     let (_folder, path) = folder();
     let mut writer = EpisodeWriter::create(&path, &meta(), &map()).unwrap();
     writer.write(&sample(0)).unwrap();
-    writer.extra_objects_for_test(sample(1).measured.time_ns);
+    writer.extra_objects_for_test();
     writer.finish().unwrap();
     let message = EpisodeReader::open(&path).err().expect("counts differ").to_string();
     assert!(message.contains("`/truth/objects` holds 2 messages; 1 are needed"), "{message}");

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use crate::bench_gen::{self as bench, BenchOptions};
-use harmzone::cli::{Bar, ExitStatus};
+use harmzone::cli::{Bar, ExitStatus, number, print_summary};
 use harmzone::config;
 use harmzone::generate::GenerateConfig;
 use harmzone::generate::worker::ALLOCATOR_ENVIRONMENT;
@@ -19,13 +19,13 @@ pub struct BenchArgs {
     #[arg(long, value_delimiter = ',', default_value = "ClearNoon")]
     weather: Vec<String>,
     /// Episodes that are measured against bare MuJoCo
-    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, default_value_t = 5, value_parser = number(1..=u32::MAX))]
     episodes: u32,
     /// Samples that one process and then several make, whose time and memory are compared
-    #[arg(long, default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, default_value_t = 1000, value_parser = number(1..=u32::MAX))]
     run_samples: u32,
     /// Processes of the second run
-    #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u32).range(2..))]
+    #[arg(long, default_value_t = 2, value_parser = number(2..=u32::MAX))]
     jobs: u32,
     /// Config file (see configs/gen.toml)
     #[arg(long)]
@@ -60,10 +60,6 @@ pub fn run(args: BenchArgs) -> anyhow::Result<ExitStatus> {
         jobs: args.jobs as usize,
     };
     let report = bench::run(&config, &options, &Bar::default())?;
-    if args.json {
-        println!("{}", serde_json::to_string_pretty(&report)?);
-    } else {
-        print!("{report}");
-    }
+    print_summary(&report, args.json)?;
     Ok(ExitStatus::Done)
 }

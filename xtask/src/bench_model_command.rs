@@ -1,6 +1,6 @@
 //! `xtask bench-model`: how fast a detector infers and trains; what `make race` runs.
 
-use std::io::{BufRead, Write};
+use std::io::BufRead;
 use std::path::PathBuf;
 
 use anyhow::Context;
@@ -8,8 +8,9 @@ use clap::Args;
 use serde_json::json;
 
 use crate::bench_model::{self as bench, Bench, BenchOptions, Contest};
-use harmzone::cli::{Bar, DeviceArg, ExitStatus, open_split};
+use harmzone::cli::{Bar, DeviceArg, ExitStatus, number, open_split, print, print_summary, split};
 use harmzone::config;
+use harmzone::episode::Split;
 use harmzone::infer::Trained;
 use harmzone::train::TrainConfig;
 
@@ -22,17 +23,17 @@ pub struct BenchModelArgs {
     /// random weights
     #[arg(long, value_name = "RUN")]
     model: Option<PathBuf>,
-    /// Split: train, val or test; without it, the dataset's val, or test where there is no val
-    #[arg(long)]
-    split: Option<String>,
+    /// Split; without it, the dataset's val, or test where there is no val
+    #[arg(long, value_parser = split())]
+    split: Option<Split>,
     /// Label set
     #[arg(long, value_name = "SET", default_value = "rect")]
     labels: String,
     /// Samples of inference
-    #[arg(long, default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, default_value_t = 200, value_parser = number(1..=u32::MAX))]
     samples: u32,
     /// Training steps of each stage
-    #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, default_value_t = 20, value_parser = number(1..=u32::MAX))]
     steps: u32,
     /// Training config (TOML); `configs/train.toml` holds the defaults
     #[arg(long, value_name = "TOML")]
@@ -62,22 +63,18 @@ pub fn run(args: BenchModelArgs) -> anyhow::Result<ExitStatus> {
         config.model = trained.config()?;
     }
     let checkpoint = trained.as_ref().map(Trained::bytes).transpose()?;
-    let dataset = open_split(&args.data, &args.labels, args.split.as_deref())?;
+    let dataset = open_split(&args.data, &args.labels, args.split)?;
     let device = args.device.open()?;
     let bench = Bench { dataset: &dataset, config: &config, checkpoint, device: &device };
     if let Some(folder) = &args.dump {
         bench::dump(&bench, folder)?;
-        println!("{}", folder.display());
+        print(folder.display())?;
     } else if args.lockstep {
         lockstep(&bench)?;
     } else {
         let options = BenchOptions { n_samples: args.samples as usize, n_steps: args.steps as usize };
         let report = bench.run(options, &Bar::default())?;
-        if args.json {
-            println!("{}", serde_json::to_string_pretty(&report)?);
-        } else {
-            print!("{report}");
-        }
+        print_summary(&report, args.json)?;
     }
     Ok(ExitStatus::Done)
 }
@@ -91,9 +88,6 @@ fn lockstep(bench: &Bench) -> anyhow::Result<()> {
         });
         contest.map_err(|error| unread = Some(error)).ok()
     };
-    bench::race(bench, next, |contest, ms| {
-        println!("{}", json!({ "contest": contest, "ms": ms }));
-        std::io::stdout().flush().map_err(anyhow::Error::from)
-    })?;
+    bench::race(bench, next, |contest, ms| print(json!({ "contest": contest, "ms": ms })))?;
     unread.map_or(Ok(()), Err)
 }

@@ -32,8 +32,7 @@ enum Command {
 }
 
 fn main() -> std::process::ExitCode {
-    let command = Cli::parse().command;
-    harmzone::cli::finish(|| match command {
+    harmzone::cli::finish(|| match harmzone::cli::parse::<Cli>().command {
         Command::BenchGen(args) => bench_gen_command::run(args),
         Command::BenchModel(args) => bench_model_command::run(args),
         Command::GenWorker => {
@@ -42,4 +41,20 @@ fn main() -> std::process::ExitCode {
         }
         Command::Results(args) => results_command::run(args),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory as _;
+
+    use super::*;
+
+    #[test]
+    fn the_help_of_every_command() {
+        for command in Cli::command().get_subcommands() {
+            let help =
+                Cli::command().term_width(100).try_get_matches_from(["xtask", command.get_name(), "--help"]);
+            insta::assert_snapshot!(command.get_name(), help.expect_err("help ends a command"));
+        }
+    }
 }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use crate::results::{self, Request, ResultsConfig};
-use harmzone::cli::{Bar, DeviceArg, ExitStatus, command_line};
+use harmzone::cli::{Bar, DeviceArg, ExitStatus, command_line, print};
 use harmzone::report::page::PAGE_FILE;
 
 #[derive(Debug, Args)]
@@ -46,7 +46,7 @@ pub fn run(args: ResultsArgs) -> anyhow::Result<ExitStatus> {
     let (text, page) = (args.out.join("RESULTS.md"), args.out.join(PAGE_FILE));
     if args.tables_only {
         results::rewrite(&args.out, args.card.as_deref())?;
-        println!("{}", text.display());
+        print(text.display())?;
         return Ok(ExitStatus::Done);
     }
     let config: ResultsConfig = harmzone::config::load(args.config.as_deref(), &args.overrides)?;
@@ -63,9 +63,9 @@ pub fn run(args: ResultsArgs) -> anyhow::Result<ExitStatus> {
         jobs: std::thread::available_parallelism().map_or(1, usize::from),
     };
     let results = results::run(&request, &args.device.open()?, &Bar::default())?;
-    println!("{} of {} rows: {}", results.rows.len(), config.rows.len(), text.display());
+    print(format!("{} of {} rows: {}", results.rows.len(), config.rows.len(), text.display()))?;
     if page.is_file() {
-        println!("{}", page.display());
+        print(page.display())?;
     }
     Ok(ExitStatus::Done)
 }

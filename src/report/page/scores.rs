@@ -126,18 +126,16 @@ fn read_json<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, ScoresError>
     serde_json::from_str(&fs::read_to_string(path)?).map(Some).map_err(broken)
 }
 
-/// A command as a shell takes it.
+/// Words of a command, with quotes where a shell needs them.
 #[must_use]
-pub fn quoted(words: &[String]) -> String {
-    let is_plain = |c: char| c.is_ascii_alphanumeric() || "_-./=:,+@%".contains(c);
-    let word = |word: &String| {
-        if !word.is_empty() && word.chars().all(is_plain) {
-            word.clone()
-        } else {
-            format!("'{}'", word.replace('\'', r"'\''"))
-        }
-    };
-    words.iter().map(word).collect::<Vec<_>>().join(" ")
+pub fn quote(words: impl IntoIterator<Item = impl AsRef<str>>) -> String {
+    // `shlex` also quotes `=`, `,` and `%`, which mean nothing inside a word: `key=value` reads better bare.
+    let is_bare = |c: char| c.is_ascii_alphanumeric() || "_-./=:,+@%".contains(c);
+    let quoted = words.into_iter().map(|word| match word.as_ref() {
+        word if !word.is_empty() && word.chars().all(is_bare) => word.to_owned(),
+        word => shlex::Quoter::new().allow_nul(true).quote(word).expect("NUL is allowed").into_owned(),
+    });
+    quoted.collect::<Vec<_>>().join(" ")
 }
 
 #[cfg(test)]
@@ -156,7 +154,7 @@ mod tests {
 
     #[test]
     fn a_command_is_quoted_where_a_shell_needs_it() {
-        let words = ["harmzone", "eval", "a b", "it's", "--set", "max_range_m=30", ""].map(str::to_owned);
-        assert_eq!(quoted(&words), r"harmzone eval 'a b' 'it'\''s' --set max_range_m=30 ''");
+        let words = ["harmzone", "eval", "a b", "it's", "--set", "max_range_m=30", "dist_m=[1, 2]", ""];
+        assert_eq!(quote(words), r#"harmzone eval 'a b' "it's" --set max_range_m=30 'dist_m=[1, 2]' ''"#);
     }
 }

@@ -17,7 +17,7 @@ use harmzone::eval::{Mode, Protocol, evaluate, worst_faults};
 use harmzone::infer::{self, SweepRunError};
 use harmzone::model::checkpoint;
 use harmzone::model::checkpoint::CHECKPOINT;
-use harmzone::report::page::scores::{self, Scores, Source, quoted};
+use harmzone::report::page::scores::{self, Scores, Source, quote};
 use harmzone::report::page::{self, DEFAULT_CARDS, PAGE_FILE, ReportRequest, ScoresRequest};
 use harmzone::report::sweeps::{self, SweepReportError, SweepRequest};
 use harmzone::train::CONFIG_FILE;
@@ -127,7 +127,7 @@ pub fn write(results: &Results, out: &Path) -> Result<Option<PathBuf>, ResultsEr
         ood: scores(Mode::Ood),
         results: Some(tables),
         n_cards: DEFAULT_CARDS,
-        command: quoted(&words),
+        command: quote(&words),
         force: true,
     };
     Ok(Some(page::run(&request)?.out))

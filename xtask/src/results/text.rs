@@ -7,6 +7,7 @@ use thiserror::Error;
 use super::config::TableConfig;
 use super::record::{Record, Results, RivalRecord, SetRecord, SetScores};
 use harmzone::eval::{ClassScores, Column};
+use harmzone::report::page::scores::quote;
 use harmzone::report::table::paper_scores;
 use harmzone::train::TrainingTime;
 
@@ -210,7 +211,7 @@ fn commands(records: &[&Record]) -> String {
             line += &format!(" --model {}", record.profile);
         }
         for key in &record.set {
-            line += &format!(" --set {}", shell_word(key));
+            line += &format!(" --set {}", quote([key]));
         }
         writeln!(text, "{line}").expect(WRITES);
         writeln!(
@@ -220,12 +221,6 @@ fn commands(records: &[&Record]) -> String {
         .expect(WRITES);
     }
     text + "```\n"
-}
-
-/// A word as a shell reads it.
-fn shell_word(word: &str) -> String {
-    let is_plain = word.chars().all(|c| c.is_ascii_alphanumeric() || "_-.=/,+:@%".contains(c));
-    if is_plain { word.to_owned() } else { format!("'{}'", word.replace('\'', r"'\''")) }
 }
 
 fn inline_list(keys: &[String]) -> String {

@@ -1,0 +1,37 @@
+//! What a command prints. Results leave here alone, so that every command ends alike where nobody reads on.
+
+use std::fmt::Display;
+use std::io::{self, Write};
+
+use serde::Serialize;
+
+/// The reader of standard output is gone, as behind `| head`: no fault of the command.
+#[derive(Debug, thiserror::Error)]
+#[error("nobody reads the standard output")]
+pub struct ClosedPipe;
+
+/// Prints a result, and ends its last line.
+///
+/// # Errors
+/// [`ClosedPipe`], or the disk that standard output leads to.
+pub fn print(result: impl Display) -> anyhow::Result<()> {
+    let text = result.to_string();
+    let mut out = io::stdout().lock();
+    match writeln!(out, "{}", text.trim_end_matches('\n')).and_then(|()| out.flush()) {
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Err(ClosedPipe.into()),
+        printed => Ok(printed?),
+    }
+}
+
+/// Prints a summary: for people, or for machines as JSON.
+///
+/// # Errors
+/// As [`print`].
+pub fn print_summary(summary: &(impl Display + Serialize), as_json: bool) -> anyhow::Result<()> {
+    if as_json { print(serde_json::to_string_pretty(summary)?) } else { print(summary) }
+}
+
+/// Tells something on standard error; where nobody reads that either, nobody misses it.
+pub fn tell(text: impl Display) {
+    let _ = writeln!(io::stderr(), "{text}");
+}

@@ -1,0 +1,275 @@
+//! Reads MCAP files by their index: a sample costs one chunk, whose CRC is checked before a message is taken.
+//!
+//! No file stays open between reads, so that thousands of episodes can be at hand. No length is believed: each is
+//! compared with the file's size, or with the index, before memory is asked for.
+
+use std::collections::BTreeMap;
+use std::io::{Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+
+use fs_err as fs;
+use mcap::McapError;
+use mcap::records::Record;
+use mcap::sans_io::{
+    LinearReadEvent, LinearReader, LinearReaderOptions, SummaryReadEvent, SummaryReader, SummaryReaderOptions,
+};
+use prost::bytes::Bytes;
+
+use super::error::EpisodeError;
+use super::messages::TopicMessage;
+use super::topics::{Topic, TopicSpec};
+
+/// Samples take a few megabytes; a chunk that claims more than this is damaged.
+const MAX_CHUNK_BYTES: u64 = 1 << 30;
+
+// Lengths that MCAP's specification fixes; records have an opcode and a length of 9 bytes before them.
+const DATA_END_BYTES: u64 = 9 + 4;
+const FOOTER_BYTES: u64 = 8 + 8 + 4;
+const MAGIC_BYTES: u64 = 8;
+
+/// A whole file, of which only the index has been read.
+pub(super) struct Archive {
+    pub(super) path: PathBuf,
+    summary: mcap::Summary,
+    /// Channel numbers by topic.
+    channels: BTreeMap<&'static str, u16>,
+}
+
+/// One message as it lies in a chunk.
+struct RawMessage {
+    channel_id: u16,
+    time_ns: u64,
+    bytes: Bytes,
+}
+
+impl Archive {
+    /// Reads the index.
+    ///
+    /// # Errors
+    /// The file is cut short, damaged, no MCAP or has no index; a topic of `wanted` is missing or has another schema.
+    pub(super) fn open(path: &Path, wanted: &[TopicSpec]) -> Result<Self, EpisodeError> {
+        let summary = read_summary(path)?;
+        let mut channels = BTreeMap::new();
+        let find = |topic: &TopicSpec| summary.channels.values().find(|channel| channel.topic == topic.name);
+        for topic in wanted {
+            let Some(channel) = find(topic) else {
+                let mut found: Vec<String> =
+                    summary.channels.values().map(|channel| channel.topic.clone()).collect();
+                found.sort();
+                let missing = wanted.iter().filter(|topic| find(topic).is_none()).map(|topic| topic.name);
+                let missing = missing.collect();
+                return Err(EpisodeError::ForeignTopics { missing, found, path: path.to_owned() });
+            };
+            let found = channel.schema.as_ref().map_or("", |schema| schema.name.as_str());
+            let wanted = (topic.schema)().0;
+            if found != wanted || channel.message_encoding != "protobuf" {
+                let found = format!("{found} ({})", channel.message_encoding);
+                let (topic, path) = (topic.name, path.to_owned());
+                return Err(EpisodeError::ForeignSchema { topic, found, wanted, path });
+            }
+            channels.insert(topic.name, channel.id);
+        }
+        Ok(Self { path: path.to_owned(), summary, channels })
+    }
+
+    /// Number of a topic's channel.
+    fn channel(&self, topic: &str) -> u16 {
+        *self.channels.get(topic).expect("`open` looks up the topics that a reader takes")
+    }
+
+    /// Refuses a topic that the index says to hold another number of messages.
+    pub(super) fn check_count(&self, topic: &'static str, wanted: usize) -> Result<(), EpisodeError> {
+        let counts = self.summary.stats.as_ref().map(|stats| &stats.channel_message_counts);
+        let found = counts.and_then(|counts| counts.get(&self.channel(topic))).copied().unwrap_or(0);
+        if found == wanted as u64 {
+            return Ok(());
+        }
+        Err(EpisodeError::Count { topic, found, wanted: wanted as u64, path: self.path.clone() })
+    }
+
+    /// The values of a metadata record; empty if there is none.
+    pub(super) fn metadata(&self, name: &str) -> Result<BTreeMap<String, String>, EpisodeError> {
+        let Some(index) = self.summary.metadata_indexes.iter().find(|index| index.name == name) else {
+            return Ok(BTreeMap::new());
+        };
+        let mut found = None;
+        read_records(&self.path, index.offset, index.length, 0, |record| {
+            if let Record::Metadata(metadata) = record {
+                found = Some(metadata.metadata);
+            }
+        })?;
+        found.ok_or_else(|| self.damaged(McapError::BadIndex))
+    }
+
+    /// Times of a topic's messages in order.
+    pub(super) fn times<M: TopicMessage>(&self, topic: Topic<M>) -> Result<Vec<u64>, EpisodeError> {
+        let (wanted, mut times) = (self.channel(topic.name), Vec::new());
+        for chunk in &self.summary.chunk_indexes {
+            let begin = chunk.chunk_start_offset.saturating_add(chunk.chunk_length);
+            read_records(&self.path, begin, chunk.message_index_length, 0, |record| match record {
+                Record::MessageIndex(index) if index.channel_id == wanted => {
+                    times.extend(index.records.iter().map(|entry| entry.log_time));
+                }
+                _ => {}
+            })?;
+        }
+        times.sort_unstable();
+        Ok(times)
+    }
+
+    /// The messages of the sample at a time; in our own files they fill one chunk.
+    pub(super) fn sample(&self, sample_idx: usize, time_ns: u64) -> Result<SampleMessages<'_>, EpisodeError> {
+        let mut messages = Vec::new();
+        for chunk in &self.summary.chunk_indexes {
+            if (chunk.message_start_time..=chunk.message_end_time).contains(&time_ns) {
+                self.read_chunk(chunk, &mut messages)?;
+            }
+        }
+        messages.retain(|message| message.time_ns == time_ns);
+        Ok(SampleMessages { archive: self, sample_idx, messages })
+    }
+
+    /// All messages of a topic with their times, in order of time.
+    pub(super) fn messages_of<M: TopicMessage>(
+        &self,
+        topic: Topic<M>,
+    ) -> Result<Vec<(u64, M)>, EpisodeError> {
+        let (wanted, mut messages) = (self.channel(topic.name), Vec::new());
+        for chunk in &self.summary.chunk_indexes {
+            self.read_chunk(chunk, &mut messages)?;
+        }
+        messages.retain(|message| message.channel_id == wanted);
+        self.check_count(topic.name, messages.len())?;
+        messages.sort_by_key(|message| message.time_ns);
+        let decode =
+            |(sample_idx, raw): (usize, RawMessage)| Ok((raw.time_ns, self.decode(sample_idx, raw.bytes)?));
+        messages.into_iter().enumerate().map(decode).collect()
+    }
+
+    /// Adds a chunk's messages of the wanted topics.
+    fn read_chunk(
+        &self,
+        chunk: &mcap::records::ChunkIndex,
+        messages: &mut Vec<RawMessage>,
+    ) -> Result<(), EpisodeError> {
+        let wanted: Vec<u16> = self.channels.values().copied().collect();
+        let (begin, n_bytes, n_unpacked) =
+            (chunk.chunk_start_offset, chunk.chunk_length, chunk.uncompressed_size);
+        read_records(&self.path, begin, n_bytes, n_unpacked, |record| match record {
+            Record::Message { header, data } if wanted.contains(&header.channel_id) => {
+                messages.push(RawMessage {
+                    channel_id: header.channel_id,
+                    time_ns: header.log_time,
+                    bytes: data.into_owned().into(),
+                });
+            }
+            _ => {}
+        })
+    }
+
+    fn decode<M: TopicMessage>(&self, sample_idx: usize, bytes: Bytes) -> Result<M, EpisodeError> {
+        let path = || self.path.clone();
+        M::decode(bytes).map_err(|source| EpisodeError::Decode { sample_idx, source, path: path() })
+    }
+
+    fn damaged(&self, source: McapError) -> EpisodeError {
+        EpisodeError::Damaged { source, path: self.path.clone() }
+    }
+}
+
+/// The messages of one sample.
+pub(super) struct SampleMessages<'a> {
+    archive: &'a Archive,
+    sample_idx: usize,
+    messages: Vec<RawMessage>,
+}
+
+impl SampleMessages<'_> {
+    /// The one message of a topic.
+    pub(super) fn one<M: TopicMessage>(&self, topic: Topic<M>) -> Result<M, EpisodeError> {
+        let (sample_idx, wanted) = (self.sample_idx, self.archive.channel(topic.name));
+        let mut found = self.messages.iter().filter(|message| message.channel_id == wanted);
+        match (found.next(), found.count()) {
+            (Some(message), 0) => self.archive.decode(sample_idx, message.bytes.clone()),
+            (first, others) => Err(EpisodeError::NotAligned {
+                topic: topic.name,
+                sample_idx,
+                found: usize::from(first.is_some()) + others,
+                path: self.archive.path.clone(),
+            }),
+        }
+    }
+}
+
+/// The index of a file.
+fn read_summary(path: &Path) -> Result<mcap::Summary, EpisodeError> {
+    let damaged = |source| EpisodeError::Damaged { source, path: path.to_owned() };
+    let mut file = fs::File::open(path)?;
+    let n_bytes = file.metadata()?.len();
+    let mut reader = SummaryReader::new_with_options(SummaryReaderOptions::default().with_file_size(n_bytes));
+    while let Some(event) = reader.next_event() {
+        match event.map_err(damaged)? {
+            SummaryReadEvent::ReadRequest(n_wanted) => {
+                let n_read = file.read(reader.insert(n_wanted))?;
+                reader.notify_read(n_read);
+            }
+            SummaryReadEvent::SeekRequest(to) => {
+                // The disk refuses an offset only where the footer holds no valid one.
+                let position = file.seek(to).map_err(|_| damaged(McapError::BadFooter))?;
+                reader.notify_seeked(position);
+            }
+        }
+    }
+    let summary = reader.finish().ok_or_else(|| EpisodeError::NoIndex { path: path.to_owned() })?;
+    // The summary reader leaves the summary's CRC to others: read once more, from the record before it.
+    let mut footer = [0; FOOTER_BYTES as usize];
+    file.seek(SeekFrom::Start(n_bytes - MAGIC_BYTES - FOOTER_BYTES))?;
+    file.read_exact(&mut footer)?;
+    if let Ok(Record::Footer(footer)) = mcap::parse_record(mcap::records::op::FOOTER, &footer) {
+        let begin = footer.summary_start.saturating_sub(DATA_END_BYTES);
+        read_records(path, begin, n_bytes.saturating_sub(begin), 0, |_| {})?;
+    }
+    Ok(summary)
+}
+
+/// Hands over each record of a part of the file, and for a chunk those inside it once its CRC holds.
+///
+/// The crate's `IndexedReader` would find the chunks by itself, but it never sees a chunk's CRC.
+fn read_records(
+    path: &Path,
+    begin: u64,
+    n_bytes: u64,
+    n_unpacked: u64,
+    mut take: impl FnMut(Record<'_>),
+) -> Result<(), EpisodeError> {
+    let damaged = |source| EpisodeError::Damaged { source, path: path.to_owned() };
+    let mut file = fs::File::open(path)?;
+    if begin.saturating_add(n_bytes) > file.metadata()?.len() {
+        return Err(damaged(McapError::BadIndex));
+    }
+    if n_unpacked > MAX_CHUNK_BYTES {
+        return Err(damaged(McapError::ChunkTooLarge(n_unpacked)));
+    }
+    file.seek(SeekFrom::Start(begin))?;
+    let mut part = file.take(n_bytes);
+    let limit = usize::try_from(n_bytes.max(n_unpacked)).expect("a part of a file fits in memory");
+    let options = LinearReaderOptions::default()
+        .with_skip_start_magic(true)
+        .with_skip_end_magic(true)
+        .with_prevalidate_chunk_crcs(true)
+        .with_validate_summary_section_crc(true)
+        .with_record_length_limit(limit);
+    let mut reader = LinearReader::new_with_options(options);
+    while let Some(event) = reader.next_event() {
+        match event.map_err(damaged)? {
+            LinearReadEvent::ReadRequest(n_wanted) => {
+                let n_read = part.read(reader.insert(n_wanted))?;
+                reader.notify_read(n_read);
+            }
+            LinearReadEvent::Record { opcode, data } => {
+                take(mcap::parse_record(opcode, data).map_err(damaged)?);
+            }
+        }
+    }
+    Ok(())
+}

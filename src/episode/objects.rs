@@ -1,0 +1,166 @@
+//! Objects and detections as messages and back, exactly; what no consumer could use is a [`Fault`].
+
+use super::convert::{FINITE, check_finite};
+use super::error::Fault;
+use super::messages::{own_time, wire};
+use crate::geometry::{Box3, BoxError, Ego, Frame, Point};
+use crate::object::{Detection, Distribution, Event, Harm, Kind, ObjectTruth};
+
+/// An enum as messages hold it: by the number of the variant of the same name.
+macro_rules! enum_numbers {
+    ($to:ident, $from:ident, $name:ident { $($variant:ident),* }, $field:literal, $wanted:literal) => {
+        pub(super) fn $to(value: $name) -> i32 {
+            match value {
+                $($name::$variant => wire::$name::$variant),*
+            }
+            .into()
+        }
+
+        pub(super) fn $from(number: i32) -> Result<$name, Fault> {
+            match wire::$name::try_from(number) {
+                $(Ok(wire::$name::$variant) => Ok($name::$variant),)*
+                _ => Err(Fault::new($field, number, $wanted)),
+            }
+        }
+    };
+}
+enum_numbers!(
+    kind_number,
+    kind_of,
+    Kind { Vehicle, Pedestrian, Static },
+    "kind",
+    "vehicle (1), pedestrian (2) or static (3) is needed"
+);
+enum_numbers!(
+    distribution_number,
+    distribution_of,
+    Distribution { Id, Ood },
+    "distribution",
+    "id (1) or ood (2) is needed"
+);
+enum_numbers!(
+    event_number,
+    event_of,
+    Event { None, Lies, Falls, Rolls, Thrown },
+    "event",
+    "a number from 0 to 4 is needed"
+);
+enum_numbers!(
+    harm_number,
+    harm_of,
+    Harm { Harmful, Harmless },
+    "harm",
+    "harmful (1) or harmless (2) is needed"
+);
+
+/// A message with the fields of a box in the ego frame and its velocity.
+macro_rules! box_message {
+    ($name:ident, $box_in_ego:expr, $velocity_mps:expr, { $($field:ident: $value:expr),* $(,)? }) => {
+        wire::$name {
+            x_m: $box_in_ego.center.x(),
+            y_m: $box_in_ego.center.y(),
+            z_m: $box_in_ego.center.z(),
+            length_m: $box_in_ego.length_m,
+            width_m: $box_in_ego.width_m,
+            height_m: $box_in_ego.height_m,
+            yaw_rad: $box_in_ego.yaw_rad,
+            vx_mps: $velocity_mps[0],
+            vy_mps: $velocity_mps[1],
+            $($field: $value),*
+        }
+    };
+}
+
+/// The box in the ego frame and the velocity that a message holds.
+macro_rules! box_of {
+    ($message:expr) => {{
+        let box_in_ego = Box3::<Ego> {
+            center: Point::new($message.x_m, $message.y_m, $message.z_m),
+            length_m: $message.length_m,
+            width_m: $message.width_m,
+            height_m: $message.height_m,
+            yaw_rad: $message.yaw_rad,
+        };
+        (box_in_ego, [$message.vx_mps, $message.vy_mps])
+    }};
+}
+
+pub(super) fn objects_message(time_ns: u64, objects: &[ObjectTruth]) -> wire::Objects {
+    let objects = objects.iter().map(|object| {
+        box_message!(Object, object.box_in_ego, object.velocity_in_ego_mps, {
+            id: object.id.clone(),
+            category: object.category.clone(),
+            kind: kind_number(object.kind),
+            distribution: distribution_number(object.distribution),
+            n_lidar_points: object.n_lidar_points,
+            visible_px: object.visible_px,
+            visible_fraction: object.visible_fraction,
+            event: event_number(object.event),
+        })
+    });
+    wire::Objects { timestamp: Some(own_time(time_ns)), objects: objects.collect() }
+}
+
+pub(super) fn object_of(message: wire::Object) -> Result<ObjectTruth, Fault> {
+    let (box_in_ego, velocity_in_ego_mps) = box_of!(message);
+    let read = || {
+        let kind = kind_of(message.kind)?;
+        let distribution = distribution_of(message.distribution)?;
+        let event = event_of(message.event)?;
+        check_box(&box_in_ego, velocity_in_ego_mps)?;
+        Ok((kind, distribution, event))
+    };
+    let (kind, distribution, event) = read().map_err(|fault: Fault| fault.of(&message.id))?;
+    Ok(ObjectTruth {
+        id: message.id,
+        category: message.category,
+        kind,
+        distribution,
+        box_in_ego,
+        velocity_in_ego_mps,
+        n_lidar_points: message.n_lidar_points,
+        visible_px: message.visible_px,
+        visible_fraction: message.visible_fraction,
+        event,
+    })
+}
+
+pub(super) fn detections_message(time_ns: u64, detections: &[Detection]) -> wire::Detections {
+    let detections = detections.iter().map(|detection| {
+        box_message!(Detection, detection.box_in_ego, detection.velocity_in_ego_mps, {
+            harm: harm_number(detection.harm),
+            score: detection.score,
+        })
+    });
+    wire::Detections { timestamp: Some(own_time(time_ns)), detections: detections.collect() }
+}
+
+fn check_box<F: Frame>(found: &Box3<F>, velocity_mps: [f64; 2]) -> Result<(), Fault> {
+    found.check().map_err(|error| match error {
+        BoxError::NotFinite { field, found } => Fault::new(field, found, FINITE),
+        BoxError::NotPositive { field, found } => Fault::new(field, found, "a size above zero is needed"),
+    })?;
+    check_finite("vx_mps", velocity_mps[0])?;
+    check_finite("vy_mps", velocity_mps[1])
+}
+
+/// Whether every number of an object is one that a reader will take.
+pub(super) fn check_object(object: &ObjectTruth) -> Result<(), Fault> {
+    check_box(&object.box_in_ego, object.velocity_in_ego_mps).map_err(|fault| fault.of(&object.id))
+}
+
+pub(super) fn check_detection(detection: &Detection) -> Result<(), Fault> {
+    check_box(&detection.box_in_ego, detection.velocity_in_ego_mps)?;
+    if !(0.0..=1.0).contains(&detection.score) {
+        return Err(Fault::new("score", detection.score, "a number from 0 to 1 is needed"));
+    }
+    Ok(())
+}
+
+pub(super) fn detection_of(message: &wire::Detection) -> Result<Detection, Fault> {
+    let (box_in_ego, velocity_in_ego_mps) = box_of!(message);
+    let harm = harm_of(message.harm)?;
+    let detection = Detection { box_in_ego, velocity_in_ego_mps, harm, score: message.score };
+    check_detection(&detection)?;
+    Ok(detection)
+}
