@@ -113,7 +113,9 @@ pub fn run(args: TrainArgs) -> anyhow::Result<ExitStatus> {
             ExitStatus::DoneWithLosses
         }
     };
-    let after_validation = |run: &Path| drop(draw(run));
+    let after_validation = |run: &Path| {
+        draw(run);
+    };
     let options =
         RunOptions { force: args.force, resume: args.resume, after_validation: Some(&after_validation) };
     let validation = match Dataset::open(&args.data, &args.labels, Split::Val) {
