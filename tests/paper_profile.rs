@@ -1,44 +1,17 @@
 //! The `paper` profile through the whole program, its parts in little, on tiny real data; and the dry run.
 //! Needs what `make setup` makes.
 
+mod made_data;
+
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
 use std::sync::OnceLock;
-use std::time::Duration;
 
 use fs_err as fs;
+use made_data::{command, done, fails, harmzone, kill_when_filled, text};
 
 /// Every part of the paper's network with few channels on a small map.
 const MODEL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/paper_scaled_down.toml");
 const IMAGE_WEIGHTS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/golden/swin_weights_torchvision.pth");
-
-fn command(args: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_harmzone"));
-    command.args(args);
-    command
-}
-
-fn harmzone(args: &[&str]) -> Output {
-    command(args).output().expect("the program starts")
-}
-
-fn done(args: &[&str]) -> String {
-    let output = harmzone(args);
-    let stderr = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "harmzone {args:?} failed:\n{stderr}");
-    String::from_utf8(output.stdout).expect("output is text")
-}
-
-/// Runs a command that must fail with exit code 1, and gives its message.
-fn fails(args: &[&str]) -> String {
-    let output = harmzone(args);
-    assert_eq!(output.status.code(), Some(1), "harmzone {args:?} ended with {:?}", output.status);
-    String::from_utf8(output.stderr).expect("messages are text")
-}
-
-fn text(path: &Path) -> &str {
-    path.to_str().expect("paths are text")
-}
 
 /// A labelled dataset of two episodes, made once for all tests here.
 fn dataset() -> &'static Path {
@@ -67,13 +40,7 @@ fn a_run_killed_in_the_middle_ends_with_the_same_bytes_and_is_scored() {
     };
     let told = done(&args(text(&whole)));
     assert!(told.contains("image weights loaded (torchvision names"), "{told}");
-    let mut child = command(&args(text(&broken))).spawn().expect("the program starts");
-    while !fs::read_dir(broken.join("state")).is_ok_and(|mut dir| dir.next().is_some()) {
-        assert!(child.try_wait().expect("a child of ours").is_none(), "the run ended without a state");
-        std::thread::sleep(Duration::from_millis(5));
-    }
-    child.kill().expect("a running program can be killed");
-    child.wait().expect("a killed program ends");
+    kill_when_filled(&mut command(&args(text(&broken))), &broken.join("state"));
     done(&args(text(&broken)));
     let checkpoint = |run: &Path| fs::read(run.join("model.safetensors")).expect("the run is whole");
     assert!(checkpoint(&whole) == checkpoint(&broken), "the checkpoints differ");

@@ -5,28 +5,18 @@
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+mod made_data;
+
+use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Command;
 
 use fs_err as fs;
+use made_data::{done, harmzone, text};
 use serde_json::{Value, json};
 
 /// What `check_report.py` ends with where there is no browser.
 const SKIPPED: i32 = 77;
-
-fn run(args: &[&str]) -> Output {
-    Command::new(assert_cmd::cargo::cargo_bin!("harmzone")).args(args).output().unwrap()
-}
-
-fn done(args: &[&str]) -> String {
-    let output = run(args);
-    assert!(output.status.success(), "harmzone {args:?}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).unwrap()
-}
-
-fn text(path: &Path) -> &str {
-    path.to_str().unwrap()
-}
 
 /// A labelled data set of two short episodes, and the scores of made-up predictions on it: `<name>-scores`.
 fn scored(folder: &Path, name: &str, more: &[&str], flags: &[&str]) -> PathBuf {
@@ -71,7 +61,7 @@ fn a_report_opens_from_disk_and_its_gallery_sorts_and_filters() {
     for part in ["gen.toml", "time_gap_s", "harmzone eval --predictions", "false alarm: nothing there"] {
         assert!(html.contains(part), "{part}");
     }
-    let output = run(&report);
+    let output = harmzone(&report);
     assert_eq!(output.status.code(), Some(1), "a page is not overwritten without --force");
     // The page tells its own command, so that only the same one gives the same page.
     let again = || {
@@ -91,7 +81,8 @@ fn a_report_opens_from_disk_and_its_gallery_sorts_and_filters() {
     let said =
         [checked.stdout, checked.stderr].map(|said| String::from_utf8_lossy(&said).into_owned()).concat();
     if checked.status.code() == Some(SKIPPED) {
-        eprintln!("SKIPPED, the report was not opened in a browser: {said}");
+        // Not by `eprintln!`, which a passing test does not show.
+        writeln!(std::io::stderr(), "\nSKIPPED: the report was not opened in a browser: {said}").unwrap();
         return;
     }
     assert!(checked.status.success() && said.contains("wide and narrow"), "{said}");

@@ -1,0 +1,134 @@
+//! A whole experiment in little: killed, called again, told by its tables, and made again by the commands in them.
+
+#[path = "../../tests/made_data/mod.rs"]
+mod made_data;
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use fs_err as fs;
+use made_data::{Fixture, KINDS, TINY, fail, fixture, kill_when_filled, program, succeed, text};
+
+fn xtask(args: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_xtask"));
+    command.args(args);
+    command
+}
+
+/// Rows of one branch, and of one stage, in little.
+fn experiment(folder: &Path) -> PathBuf {
+    let keys = |keys: &[&str]| {
+        let quoted: Vec<String> = keys.iter().map(|key| format!("'{key}'")).collect();
+        format!("[{}]", quoted.join(", "))
+    };
+    let tiny: Vec<&str> = TINY.iter().copied().filter(|&key| key != "--set").collect();
+    let file = folder.join("results.toml");
+    let rows = [
+        ("lidar", ["model.use_camera=false", "fused_stage.epochs=0", "lidar_stage.schedule=cyclic"]),
+        ("camera", ["model.use_lidar=false", "lidar_stage.epochs=0", "fused_stage.schedule=warmup_cosine"]),
+        ("one-stage", ["lidar_stage.epochs=0", "fused_stage.epochs=1", "model.head.numeric_fusion=paper"]),
+    ];
+    let mut config = format!("preset = 'small'\ncommon = {}\nheadline = {{ name = 'small' }}\n", keys(&tiny));
+    for (name, set) in rows {
+        config += &format!("[[rows]]\nname = '{name}'\nset = {}\n", keys(&set));
+    }
+    config += "[[tables]]\ntitle = 'Branches'\nnote = 'One each.'\nrows = [";
+    config += &rows.map(|(name, _)| format!("{{ label = 'with {name}', row = '{name}' }}")).join(", ");
+    config += "]\n";
+    for judge in ["network", "zone-soft"] {
+        config += &format!("[[rivals]]\nlabel = 'by {judge}'\nrow = 'lidar'\njudge = '{judge}'\n");
+    }
+    let kinds = keys(&KINDS);
+    config += &format!("[closed_set]\nname = 'kinds'\nset = {kinds}\n");
+    fs::write(&file, config).expect("a writable folder");
+    file
+}
+
+#[test]
+fn an_experiment_killed_in_a_training_goes_on_and_its_commands_make_its_rows() {
+    let Fixture { id, ood, run, .. } = fixture();
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().join("results");
+    let config = experiment(folder.path());
+    let data = ["--data", text(id), "--ood", text(ood), "--headline", text(run)];
+    let args = [&["results", "--config", text(&config), "--out", text(&out)], data.as_slice()].concat();
+    let document = || fs::read_to_string(out.join("RESULTS.md")).expect("tables are written");
+
+    let message = fail(&mut xtask(&[&args, ["--only", "radar"].as_slice()].concat()));
+    assert!(message.contains("radar") && message.contains("one-stage"), "{message}");
+    succeed(&mut xtask(&[&args, ["--only", "lidar"].as_slice()].concat()));
+    assert!(document().contains("| with camera | not trained yet"), "{}", document());
+    assert!(document().contains("Not trained yet."), "the headline was not asked for: {}", document());
+    assert!(!out.join("report.html").exists(), "a page is of the headline");
+    let checkpoint = |run: &Path| fs::read(run.join("model.safetensors")).expect("the run is whole");
+    let changed = || {
+        let time =
+            |name: &str| fs::metadata(out.join(name)).and_then(|file| file.modified()).expect("a record");
+        ["scores/lidar.json", "scores/lidar-rivals.json"].map(time)
+    };
+    let first = changed();
+
+    kill_when_filled(&mut xtask(&args), &out.join("runs/camera/state"));
+    assert!(!out.join("scores/camera.json").exists());
+    succeed(&mut xtask(&args));
+    assert_eq!(changed(), first, "a finished row is not done again, nor are its rivals");
+    let whole = document();
+    assert!(
+        whole.contains("| closed set, energy | `kinds` |")
+            && whole.contains("| by network | `lidar` |")
+            && whole.contains("| by zone-soft | `lidar` |"),
+        "{whole}"
+    );
+    assert!(!whole.contains("not trained yet") && !whole.contains("Not trained yet"), "{whole}");
+    // One page of the headline's scores, faults and sweeps, and of the tables.
+    let page = || fs::read_to_string(out.join("report.html")).expect("a page is written");
+    let told = page();
+    for part in
+        ["closed set, energy", "Steering set to: mAP", "-p xtask -- results --config", "Training, train.toml"]
+    {
+        assert!(told.contains(part), "{part}");
+    }
+    assert!(told.contains("data:image/jpeg") && !told.contains("To make it:"), "all of it is there");
+    let scored = || {
+        let time = |side: &str| fs::metadata(out.join("report").join(side).join("metrics.json"))?.modified();
+        ["id", "ood"].map(|side| time(side).expect("the headline is scored"))
+    };
+    let first_scored = scored();
+    let time = fs::read_to_string(out.join("runs/camera/time.json")).expect("a time");
+    assert!(time.contains("\"n_calls\":2"), "{time}");
+
+    // What stands under a table makes the same networks.
+    for name in ["camera", "one-stage"] {
+        let own = folder.path().join(name);
+        let line =
+            whole.lines().find(|line| line.contains(&format!("--out runs/{name}"))).expect("a command");
+        let line = line.replace("data/id", text(id)).replace(&format!("runs/{name}"), text(&own));
+        let script = line.replace("harmzone ", &format!("{} ", program().display()));
+        assert!(Command::new("sh").args(["-c", &script]).status().expect("a shell").success(), "{script}");
+        assert!(checkpoint(&own) == checkpoint(&out.join("runs").join(name)), "{script}");
+        assert!(own.join("curves.png").is_file() && own.join("curves.svg").is_file());
+    }
+
+    // The tables come from results.json alone; a card takes the figures of the network beside it.
+    let card = folder.path().join("net.md");
+    fs::write(&card, "# Net\n<!-- figures: begin --><!-- figures: end -->\n").expect("a writable folder");
+    fs::write(card.with_extension("safetensors"), b"another network").expect("a writable folder");
+    let again = ["results", "--out", text(&out), "--tables-only", "--card", text(&card)];
+    let message = fail(&mut xtask(&again));
+    assert!(message.contains("not the headline's"), "{message}");
+    fs::write(card.with_extension("safetensors"), checkpoint(run)).expect("a writable folder");
+    for name in ["RESULTS.md", "report.html"] {
+        fs::remove_file(out.join(name)).expect("it was there");
+    }
+    succeed(&mut xtask(&again));
+    assert_eq!(document(), whole);
+    assert_eq!(page(), told, "from what is kept");
+    assert_eq!(scored(), first_scored, "and nothing is scored again");
+    assert!(fs::read_to_string(&card).expect("a card").contains("mAP_OOD"));
+
+    // Another config for a row that is trained is told, not silently mixed in.
+    let changed = fs::read_to_string(&config).expect("a config").replace("batch_size=2", "batch_size=3");
+    fs::write(&config, changed).expect("a writable folder");
+    let message = fail(&mut xtask(&args));
+    assert!(message.contains("row `lidar`") && message.contains("another config"), "{message}");
+}
