@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use fs_err as fs;
-use made_data::{command, done, fails, harmzone, kill_when_filled, text};
+use made_data::{command, done, fails, kill_when_filled, text};
 
 /// Every part of the paper's network with few channels on a small map.
 const MODEL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/paper_scaled_down.toml");

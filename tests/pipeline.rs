@@ -7,7 +7,7 @@ use std::path::Path;
 use std::process::Command;
 
 use fs_err as fs;
-use made_data::{Fixture, KINDS, TINY, copy, done, episodes, fails, fixture, harmzone, text};
+use made_data::{Fixture, KINDS, TINY, copy, done, fails, fixture, harmzone, text};
 use serde_json::{Value, json};
 
 fn metrics_in(scores: &Path) -> Value {
