@@ -60,12 +60,10 @@ impl Neck {
         if let Some(spread) = &self.spread {
             return batch_norm_relu(&self.norm, transpose_without_overlap(x, spread.weight.val()));
         }
-        let x = match &self.point {
-            Some(point) => mix_channels(point, x),
-            None => unreachable!("a neck has one of its two convolutions"),
-        };
+        let point = self.point.as_ref().expect("a neck has one of its two convolutions");
+        let x = batch_norm_relu(&self.norm, mix_channels(point, x));
         // Strides are 1 or 2, so that their product is a power of two.
-        (0..self.factor.ilog2()).fold(batch_norm_relu(&self.norm, x), |x, _| upsample_nearest(x))
+        (0..self.factor.ilog2()).fold(x, |x, _| upsample_nearest(x))
     }
 }
 
@@ -131,7 +129,7 @@ impl BevBackbone {
 mod tests {
     use super::*;
     use crate::device::test_device;
-    use crate::model::golden::{Golden, assert_close};
+    use crate::model::golden::Golden;
     use crate::model::n_trained;
 
     fn small(upsample: Upsample) -> BevBackboneConfig {
@@ -159,22 +157,22 @@ mod tests {
         let (device, inner) = (test_device().autodiff(), test_device());
         for (case, upsample) in [("transpose", Upsample::Transpose), ("nearest", Upsample::Nearest)] {
             let name = |part: &str| format!("{case}.{part}");
-            let tensor = |part: &str| golden.tensor::<4>(&name(part), &inner);
             let fresh = BevBackbone::init(5, &small(upsample), &device);
             let backbone = golden.load_torch(&name("net"), fresh);
-            assert_close(&backbone.valid().forward(tensor("x")), &tensor("y_eval"), &name("y_eval"));
+            let x = golden.tensor::<4>(&name("x"), &inner);
+            golden.check(&name("y_eval"), &backbone.valid().forward(x));
 
             let x = golden.tensor::<4>(&name("x"), &device).require_grad();
             let y = backbone.forward(x.clone());
             let gradients = (y.clone() * golden.tensor::<4>(&name("dy"), &device)).sum().backward();
-            assert_close(&y.inner(), &tensor("y_train"), &name("y_train"));
-            assert_close(&x.grad(&gradients).unwrap(), &tensor("dx"), &name("dx"));
+            golden.check(&name("y_train"), &y);
+            golden.check(&name("dx"), &x.grad(&gradients).unwrap());
             let neck = &backbone.necks[2];
             let w = neck
                 .spread
                 .as_ref()
                 .map_or_else(|| neck.point.as_ref().unwrap().weight.val(), |spread| spread.weight.val());
-            assert_close(&w.grad(&gradients).unwrap(), &tensor("d_neck"), &name("d_neck"));
+            golden.check(&name("d_neck"), &w.grad(&gradients).unwrap());
         }
     }
 }

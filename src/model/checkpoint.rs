@@ -38,15 +38,13 @@ pub enum CheckpointError {
     Pack { message: String, path: PathBuf },
 }
 
-/// The detector's bytes as a safetensors file. Same weights, same bytes.
-fn pack(detector: &Detector, path: &Path) -> Result<Vec<u8>, CheckpointError> {
-    let fail = |message: String| CheckpointError::Pack { message, path: path.to_owned() };
+/// The detector's bytes as a safetensors file, or what went wrong. Same weights, same bytes.
+fn pack(detector: &Detector) -> Result<Vec<u8>, Box<dyn std::error::Error>> {
     let mut store = SafetensorsStore::from_bytes(None);
-    detector.save_into(&mut store).map_err(|error| fail(error.to_string()))?;
-    let packed = store.get_bytes().map_err(|error| fail(error.to_string()))?;
+    detector.save_into(&mut store)?;
+    let packed = store.get_bytes()?;
     // Written again with our own metadata: two keys in a fixed order, so that bytes repeat.
-    let tensors = safetensors::SafeTensors::deserialize(&packed).map_err(|error| fail(error.to_string()))?;
-    let mut views = tensors.tensors();
+    let mut views = safetensors::SafeTensors::deserialize(&packed)?.tensors();
     views.sort_by(|a, b| a.0.cmp(&b.0));
     let header = header(&views, detector.config());
     let mut bytes = (header.len() as u64).to_le_bytes().to_vec();
@@ -85,7 +83,9 @@ fn header(views: &[(String, safetensors::tensor::TensorView<'_>)], config: &Mode
 /// # Errors
 /// Any IO error, among them a full disk.
 pub fn save(detector: &Detector, path: &Path) -> Result<(), CheckpointError> {
-    files::write_atomic(path, &pack(detector, path)?).map_err(CheckpointError::Io)
+    let bytes = pack(detector)
+        .map_err(|error| CheckpointError::Pack { message: error.to_string(), path: path.to_owned() })?;
+    files::write_atomic(path, &bytes).map_err(CheckpointError::Io)
 }
 
 /// Reads the config inside a checkpoint.

@@ -199,14 +199,6 @@ mod tests {
     use crate::model::head::detections;
     use burn::optim::GradientsParams;
 
-    /// `small` on a coarse map, and `paper` with every part in little.
-    fn profiles() -> [ModelConfig; 2] {
-        let mut small = ModelConfig::default();
-        (small.grid.cell_size_m, small.camera.cnn.image_width_px, small.head.n_queries) = (3.2, 64, 20);
-        let paper = toml::from_str(include_str!("../../tests/data/paper_scaled_down.toml")).unwrap();
-        [small, paper]
-    }
-
     fn batch(config: &ModelConfig, with_camera: bool, device: &Device) -> Batch {
         let data = test_data::dataset(2);
         let prepare = |sample: &crate::dataset::LabelledSample| {
@@ -221,7 +213,7 @@ mod tests {
     #[test]
     fn either_branch_or_both_make_a_detector_of_either_profile() {
         let device = Device::flex();
-        for config in profiles() {
+        for config in ModelConfig::in_little() {
             for (use_lidar, use_camera) in [(true, true), (true, false), (false, true)] {
                 let config = ModelConfig { use_lidar, use_camera, ..config.clone() };
                 config.check().unwrap();
@@ -239,7 +231,7 @@ mod tests {
     #[test]
     fn gradients_reach_every_parameter() {
         let device = Device::flex().autodiff();
-        for config in profiles() {
+        for config in ModelConfig::in_little() {
             let detector = Detector::init(&config, 0, &device);
             let output = detector.forward(&batch(&config, true, &device));
             let loss = output.heatmap.sum() + output.boxes.abs().sum() + output.harm.abs().sum();
@@ -265,7 +257,7 @@ mod tests {
     #[test]
     fn the_lidar_stage_and_a_sample_without_points_pass_through() {
         let device = Device::flex();
-        for config in profiles() {
+        for config in ModelConfig::in_little() {
             let mut data = test_data::dataset(1);
             data.sample_mut(0).measured.points.clear();
             let input = Input::prepare(&data.samples()[0].measured, &config, false, true).unwrap();
@@ -278,7 +270,7 @@ mod tests {
     #[test]
     fn a_query_of_a_class_specific_heatmap_reports_its_class_alone() {
         let device = Device::flex();
-        let [small, paper] = profiles();
+        let [small, paper] = ModelConfig::in_little();
         let classes = |config: &ModelConfig, min_score: f32| {
             let output = Detector::init(config, 0, &device).forward(&batch(config, true, &device));
             let n_queries = output.queries[0].len();

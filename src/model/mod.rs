@@ -51,4 +51,4 @@ pub use lidar::{LidarBatch, LidarInput, N_VOXEL_FEATURES, VoxelBatch, Voxels, vo
 pub use parameters::n_trained;
 pub use shipped::{SHIPPED, Shipped};
 pub use stages::detect_by_stage;
-pub use step_memory::{MainTensor, main_tensors};
+pub use step_memory::{StepTensor, step_tensors};

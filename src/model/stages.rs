@@ -50,12 +50,9 @@ mod tests {
     #[test]
     fn boxes_by_stages_are_those_of_the_whole_functions() {
         let device = Device::flex();
-        let mut small = ModelConfig::default();
-        (small.grid.cell_size_m, small.camera.cnn.image_width_px, small.head.n_queries) = (3.2, 64, 20);
-        let paper = toml::from_str(include_str!("../../tests/data/paper_scaled_down.toml")).unwrap();
         let data = test_data::dataset(1);
         let measured = &data.samples()[0].measured;
-        for config in [small, paper] {
+        for config in ModelConfig::in_little() {
             let detector = Detector::init(&config, 0, &device);
             let mut stages = Vec::new();
             let found = detect_by_stage(&detector, measured, 0.0, &device, &mut |stage| stages.push(stage));

@@ -5,6 +5,8 @@
 //! shape (what the norm and what the next layer saw), an attention two of its weights' shape, and so on. Scratch
 //! memory of single operations, the program and the dataset are not counted.
 
+use serde::Serialize;
+
 use super::camera::n_features;
 use super::config::{CameraBackbone, LidarEncoder, ModelConfig, NumericFusion};
 
@@ -18,22 +20,14 @@ const BLOCK: usize = 2;
 /// Names of Swin's stages by their stride at the published patch size.
 const TOKENS: [&str; 4] = ["tokens at 1/4", "tokens at 1/8", "tokens at 1/16", "tokens at 1/32"];
 
-/// A main tensor.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct MainTensor {
+/// A main tensor of a step.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct StepTensor {
     pub name: &'static str,
     /// `batch` first.
     pub shape: Vec<usize>,
-    /// Tensors of this shape, or of as many numbers, that a training step keeps.
-    pub n_kept: usize,
-}
-
-impl MainTensor {
-    /// Bytes that a training step keeps, in f32.
-    #[must_use]
-    pub fn n_bytes(&self) -> usize {
-        4 * self.n_kept * self.shape.iter().product::<usize>()
-    }
+    /// Bytes that a training step keeps of it and of tensors as large, in f32.
+    pub kept_bytes: usize,
 }
 
 /// The main tensors of a training step in the order of the forward pass.
@@ -42,12 +36,12 @@ impl MainTensor {
 /// - `n_states`: speeds and steering angles asked about for each sample
 /// - `image_px`: width and height of the camera's images
 #[must_use]
-pub fn main_tensors(
+pub fn step_tensors(
     config: &ModelConfig,
     n_batch: usize,
     n_states: usize,
     image_px: [u32; 2],
-) -> Vec<MainTensor> {
+) -> Vec<StepTensor> {
     let mut list = List { n_batch, tensors: Vec::new() };
     if config.use_camera {
         match config.camera.backbone {
@@ -98,13 +92,14 @@ pub fn main_tensors(
 
 struct List {
     n_batch: usize,
-    tensors: Vec<MainTensor>,
+    tensors: Vec<StepTensor>,
 }
 
 impl List {
     fn push(&mut self, name: &'static str, shape: &[usize], n_kept: usize) {
         let shape = [&[self.n_batch], shape].concat();
-        self.tensors.push(MainTensor { name, shape, n_kept });
+        let kept_bytes = 4 * n_kept * shape.iter().product::<usize>();
+        self.tensors.push(StepTensor { name, shape, kept_bytes });
     }
 
     fn pillars(&mut self, config: &ModelConfig) {

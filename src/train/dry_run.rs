@@ -10,7 +10,7 @@ use super::error::TrainError;
 use super::plan::STAGES;
 use super::step::n_abreast;
 use crate::dataset::Dataset;
-use crate::model::{Detector, NumericFusion, main_tensors};
+use crate::model::{Detector, NumericFusion, StepTensor, step_tensors};
 
 /// A run before it starts.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -35,14 +35,6 @@ pub struct DryRun {
 pub struct Part {
     pub name: &'static str,
     pub n_parameters: usize,
-}
-
-/// A main tensor of a step.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct StepTensor {
-    pub name: &'static str,
-    pub shape: Vec<usize>,
-    pub kept_bytes: usize,
 }
 
 /// Estimated bytes.
@@ -96,10 +88,7 @@ impl DryRun {
             NumericFusion::Paper | NumericFusion::Film => 1 + config.augment.n_redrawn_states,
         };
         let batch_size = config.batch_size.min(n_samples);
-        let tensors: Vec<StepTensor> = main_tensors(&config.model, batch_size, n_states, image_px)
-            .into_iter()
-            .map(|tensor| StepTensor { name: tensor.name, kept_bytes: tensor.n_bytes(), shape: tensor.shape })
-            .collect();
+        let tensors = step_tensors(&config.model, batch_size, n_states, image_px);
         let bytes = 4 * n_parameters;
         let of_batch: usize = tensors.iter().map(|tensor| tensor.kept_bytes).sum();
         let activations = n_abreast(config, &Device::flex()) * of_batch;

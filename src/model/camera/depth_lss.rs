@@ -5,21 +5,21 @@
 use std::sync::Arc;
 
 use burn::module::Module;
-use burn::nn::conv::Conv2d;
+use burn::nn::conv::{Conv2d, Conv2dConfig};
 use burn::tensor::{Device, Tensor};
 
 use super::lift::lift_and_pool;
 use crate::kernels::PoolPlan;
 use crate::model::config::DepthLssConfig;
-use crate::model::layers::{ConvNorm, ConvNormConfig, pointwise};
+use crate::model::layers::{ConvBlock, pointwise};
 
 /// From image features to the bird's-eye map.
 #[derive(Module, Debug)]
 pub struct DepthLss {
-    depth: Vec<ConvNorm>,
-    joint: Vec<ConvNorm>,
+    depth: Vec<ConvBlock>,
+    joint: Vec<ConvBlock>,
     lift: Conv2d,
-    smooth: Vec<ConvNorm>,
+    smooth: Vec<ConvBlock>,
     #[module(skip)]
     n_depth_bins: usize,
     /// Rows and columns of the pooled grid.
@@ -33,18 +33,18 @@ impl DepthLss {
         let [a, b, c] = config.depth_channels;
         let [stride_b, stride_c] = config.depth_strides;
         let (hidden, out) = (config.hidden_channels, config.out_channels);
-        let depth = |n_in, n_out, kernel_px, stride| {
-            let block = ConvNormConfig::new(n_in, n_out).with_kernel(kernel_px).with_stride(stride);
-            block.with_bias().init(device)
+        let block = |channels, kernel_px: usize, stride: usize, has_bias| {
+            let conv = Conv2dConfig::new(channels, [kernel_px; 2]).with_stride([stride; 2]);
+            ConvBlock::from_conv(conv.with_bias(has_bias), device)
         };
-        let smooth = |stride| ConvNormConfig::new(out, out).with_stride(stride).init(device);
+        let smooth = |stride| block([out, out], 3, stride, false);
         Self {
             depth: vec![
-                depth(1, a, 1, 1),
-                depth(a, b, config.depth_kernel_px, stride_b),
-                depth(b, c, config.depth_kernel_px, stride_c),
+                block([1, a], 1, 1, true),
+                block([a, b], config.depth_kernel_px, stride_b, true),
+                block([b, c], config.depth_kernel_px, stride_c, true),
             ],
-            joint: vec![depth(c + channels_in, hidden, 3, 1), depth(hidden, hidden, 3, 1)],
+            joint: vec![block([c + channels_in, hidden], 3, 1, true), block([hidden, hidden], 3, 1, true)],
             lift: pointwise(hidden, config.n_depth_bins() + out, device),
             smooth: vec![smooth(1), smooth(config.downsample), smooth(1)],
             n_depth_bins: config.n_depth_bins(),
@@ -79,10 +79,9 @@ mod tests {
     use crate::geometry::{Pinhole, Transform};
     use crate::model::camera::frustum::{pool_plan, sparse_depth};
     use crate::model::camera::picture::CameraView;
-    use crate::model::golden::formula::{
-        assert_equal, assert_equal_within, assert_gradients_equal, fill, golden, gradients, n_parameters,
-        tensor, uniform, values,
-    };
+    use crate::model::golden::Golden;
+    use crate::model::golden::formula::{fill, gradients, tensor, uniform};
+    use crate::model::parameters::n_trained;
     use burn::tensor::TensorData;
 
     const INTRINSICS: Pinhole =
@@ -132,15 +131,16 @@ mod tests {
 
     #[test]
     fn geometry_pooling_maps_and_gradients_are_pytorchs() {
-        let expected = golden(include_bytes!("../../../tests/golden/depth_lss.safetensors"));
+        let golden = Golden::read("depth_lss");
         let device = test_device().autodiff();
         let config = small();
         let depth: Vec<f32> = (0..2).flat_map(depth_image).collect();
-        assert_equal_within("depth image", &depth, &expected["depth"], 1e-5);
+        let is_near = |(a, b): (&f32, f64)| (f64::from(*a) - b).abs() <= 1e-5;
+        assert!(depth.iter().zip(golden.numbers("depth")).all(is_near), "depth image");
         let plans = views().map(|view| Arc::new(pool_plan(&config, [5, 9], &view)));
-        let cell = |&cell: &u32| if cell == PoolPlan::OUTSIDE { -1.0 } else { cell as f32 };
-        let cells: Vec<f32> = plans.iter().flat_map(|plan| plan.cell_of_point().iter().map(cell)).collect();
-        assert_equal_within("cells", &cells, &expected["cells"], 0.0);
+        let cell = |&cell: &u32| if cell == PoolPlan::OUTSIDE { -1.0 } else { f64::from(cell) };
+        let cells: Vec<f64> = plans.iter().flat_map(|plan| plan.cell_of_point().iter().map(cell)).collect();
+        assert_eq!(cells, golden.numbers("cells"));
 
         let mut view = DepthLss::init(&config, 7, &device);
         fill(&mut view);
@@ -148,25 +148,24 @@ mod tests {
         let depth = Tensor::from_data(TensorData::new(depth, [2, 1, 40, 72]), &device);
         let pooled = view.pool(features.clone(), depth.clone(), &plans);
         assert_eq!(pooled.dims(), [2, 5, 12, 8]);
-        assert_equal("pooled", &values(pooled), &expected["pooled"]);
+        golden.check("pooled", &pooled);
         let out = view.forward(features.clone(), depth, &plans);
         assert_eq!(out.dims(), [2, 5, config.n_cells_y(), config.n_cells_x()]);
-        assert_equal("output", &values(out.clone()), &expected["out"]);
+        golden.check("out", &out);
         let d_out = tensor("d_out", out.dims(), &device);
         let found = (out * d_out).sum().backward();
-        let d_features = values(features.grad(&found).expect("the features have a gradient"));
-        assert_equal("gradient of the features", &d_features, &expected["gradient.features"]);
+        golden.check("gradient.features", &features.grad(&found).unwrap());
         let of_weights = gradients(view, &found);
-        assert_eq!(of_weights.len() + 5, expected.len(), "all but five tensors are weights' gradients");
-        assert_gradients_equal(&of_weights, &expected);
+        assert_eq!(of_weights.len() + 5, golden.n_tensors(), "all but five tensors are weights' gradients");
+        golden.check_gradients(&of_weights);
     }
 
     #[test]
     fn the_published_sizes_have_the_published_numbers_of_parameters() {
-        let view = DepthLss::init(&DepthLssConfig::default(), 256, &Device::flex());
-        let count = |blocks: &[ConvNorm]| blocks.iter().map(n_parameters).sum::<usize>();
+        let view = DepthLss::init(&DepthLssConfig::default(), 256, &Device::flex().autodiff());
+        let count = |blocks: &[ConvBlock]| blocks.iter().map(n_trained).sum::<usize>();
         assert_eq!(count(&view.depth), 57_920, "dtransform, 0.058 M");
-        assert_eq!(count(&view.joint) + n_parameters(&view.lift), 1_379_526, "depthnet, 1.380 M");
+        assert_eq!(count(&view.joint) + n_trained(&view.lift), 1_379_526, "depthnet, 1.380 M");
         assert_eq!(count(&view.smooth), 173_280, "downsample, 0.173 M");
     }
 }

@@ -2,15 +2,16 @@
 //! laid beside the next finer one and mixed with it.
 
 use burn::module::Module;
+use burn::nn::conv::Conv2dConfig;
 use burn::tensor::{Device, Tensor};
 
-use crate::model::layers::{ConvNorm, ConvNormConfig, resize_bilinear};
+use crate::model::layers::{ConvBlock, resize_bilinear};
 
 /// Mixes one map with the enlarged coarser one.
 #[derive(Module, Debug)]
 struct Level {
-    lateral: ConvNorm,
-    smooth: ConvNorm,
+    lateral: ConvBlock,
+    smooth: ConvBlock,
 }
 
 /// The pyramid over three maps.
@@ -26,10 +27,12 @@ impl LssFpn {
     /// - `channels_out`: of every mixed map
     pub fn init(channels_in: [usize; 3], channels_out: usize, device: &Device) -> Self {
         let [fine, middle, coarse] = channels_in;
-        let level = |n_own, n_coarser| Level {
-            lateral: ConvNormConfig::new(n_own + n_coarser, channels_out).with_kernel(1).init(device),
-            smooth: ConvNormConfig::new(channels_out, channels_out).init(device),
+        let block = |n_in, kernel_px| {
+            let conv = Conv2dConfig::new([n_in, channels_out], [kernel_px; 2]).with_bias(false);
+            ConvBlock::from_conv(conv, device)
         };
+        let level =
+            |n_own, n_coarser| Level { lateral: block(n_own + n_coarser, 1), smooth: block(channels_out, 3) };
         Self { levels: vec![level(fine, channels_out), level(middle, coarse)] }
     }
 
@@ -50,34 +53,33 @@ impl LssFpn {
 mod tests {
     use super::*;
     use crate::device::test_device;
-    use crate::model::golden::formula::{
-        assert_equal, assert_gradients_equal, fill, golden, gradients, n_parameters, tensor, values,
-    };
+    use crate::model::golden::Golden;
+    use crate::model::golden::formula::{fill, gradients, tensor};
+    use crate::model::parameters::n_trained;
 
     #[test]
     fn the_map_and_gradients_are_pytorchs() {
-        let expected = golden(include_bytes!("../../../tests/golden/lss_fpn.safetensors"));
+        let golden = Golden::read("lss_fpn");
         let device = test_device().autodiff();
         let mut fpn = LssFpn::init([6, 8, 10], 12, &device);
         fill(&mut fpn);
         let map = |name, dims| tensor::<4>(name, dims, &device).require_grad();
         let maps = [map("map0", [2, 6, 7, 10]), map("map1", [2, 8, 4, 5]), map("map2", [2, 10, 2, 3])];
         let out = fpn.forward(maps.clone());
-        assert_equal("output", &values(out.clone()), &expected["out"]);
+        golden.check("out", &out);
         let d_out = tensor("d_out", out.dims(), &device);
         let found = (out * d_out).sum().backward();
         for (i, map) in maps.iter().enumerate() {
-            let d_map = values(map.grad(&found).expect("every map has a gradient"));
-            assert_equal(&format!("map {i}"), &d_map, &expected[&format!("gradient.map{i}")]);
+            golden.check(&format!("gradient.map{i}"), &map.grad(&found).unwrap());
         }
         let of_weights = gradients(fpn, &found);
         assert_eq!(of_weights.len(), 12);
-        assert_gradients_equal(&of_weights, &expected);
+        golden.check_gradients(&of_weights);
     }
 
     #[test]
     fn the_published_sizes_have_the_published_number_of_parameters() {
-        let fpn = LssFpn::init([192, 384, 768], 256, &Device::flex());
-        assert_eq!(n_parameters(&fpn), 1_591_296);
+        let fpn = LssFpn::init([192, 384, 768], 256, &Device::flex().autodiff());
+        assert_eq!(n_trained(&fpn), 1_591_296);
     }
 }

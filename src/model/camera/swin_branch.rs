@@ -54,45 +54,24 @@ mod tests {
     use crate::geometry::{Pinhole, Transform};
     use crate::model::camera::picture::{CameraView, NetworkImage};
     use crate::model::camera::swin_input::SwinCameraInput;
-    use crate::model::config::{CameraBackbone, CameraConfig, DepthLssConfig, SwinConfig};
-    use crate::model::golden::formula::{fill, gradients, n_parameters, values};
+    use crate::model::config::{CameraConfig, ModelConfig};
+    use crate::model::golden::formula::{fill, gradients};
+    use crate::model::golden::values;
+    use crate::model::parameters::n_trained;
 
-    fn small() -> SwinCameraConfig {
-        SwinCameraConfig {
-            image_width_px: 100,
-            image_height_px: 44,
-            swin: SwinConfig {
-                embed_channels: 4,
-                depths: [1, 2, 1, 1],
-                n_heads: [1, 2, 2, 4],
-                window_size: 3,
-                mlp_ratio: 2,
-                drop_path: 0.0,
-                ..SwinConfig::default()
-            },
-            fpn_channels: 8,
-            depth_lss: DepthLssConfig {
-                depth_step_m: 1.0,
-                x_max_m: 24.0,
-                y_min_m: -12.0,
-                y_max_m: 12.0,
-                cell_size_m: 1.0,
-                depth_channels: [2, 4, 4],
-                hidden_channels: 8,
-                out_channels: 6,
-                ..DepthLssConfig::default()
-            },
-        }
+    fn little() -> CameraConfig {
+        let [_, paper] = ModelConfig::in_little();
+        let mut camera = paper.camera;
+        camera.swin.swin.drop_path = 0.0;
+        camera
     }
 
     /// Two samples, the second with its camera turned a little.
-    fn batch(config: &SwinCameraConfig, device: &Device) -> SwinCameraBatch {
+    fn batch(config: &CameraConfig, device: &Device) -> SwinCameraBatch {
         let intrinsics = Pinhole::from_horizontal_fov(200, 112, 70f64.to_radians());
         let image =
             image::RgbImage::from_fn(200, 112, |x, y| image::Rgb([x as u8, y as u8, (x * y % 251) as u8]));
-        let camera_config =
-            CameraConfig { backbone: CameraBackbone::Swin, swin: *config, ..CameraConfig::default() };
-        let image = NetworkImage::resize(&image, &camera_config).expect("the image is high enough");
+        let image = NetworkImage::resize(&image, config).expect("the image is high enough");
         let points: Vec<[f64; 4]> =
             (0..500).map(|i| [f64::from(i % 25), f64::from(i / 25) - 10.0, 0.3, 0.0]).collect();
         let inputs = [0.0, 0.1].map(|pitch| {
@@ -100,19 +79,18 @@ mod tests {
             let view = image.view(&CameraView { intrinsics, ego_from_camera });
             SwinCameraInput::prepare(&image, &view, &points)
         });
-        SwinCameraBatch::stack(&[&inputs[0], &inputs[1]], config, device)
+        SwinCameraBatch::stack(&[&inputs[0], &inputs[1]], &config.swin, device)
     }
 
     #[test]
     fn gradients_reach_every_weight_and_runs_repeat_to_the_bit() {
-        let (config, device) = (small(), Device::flex().autodiff());
-        assert_eq!(config.check(), Ok(()));
+        let (config, device) = (little(), Device::flex().autodiff());
         let batch = batch(&config, &device);
         assert_ne!(batch.plans[0], batch.plans[1], "two calibrations, two plans");
-        let mut branch = SwinCameraBranch::init(&config, &device);
+        let mut branch = SwinCameraBranch::init(&config.swin, &device);
         fill(&mut branch);
         let out = branch.forward(&batch);
-        assert_eq!(out.dims(), [2, 6, 12, 12]);
+        assert_eq!(out.dims(), [2, 6, 20, 20]);
         let again = values(branch.forward(&batch));
         assert_eq!(values(out.clone()), again, "same input, same bits");
         let found = out.powf_scalar(2.0).mean().backward();
@@ -125,15 +103,15 @@ mod tests {
 
     #[test]
     fn the_published_branch_has_the_published_size() {
-        let branch = SwinCameraBranch::init(&SwinCameraConfig::default(), &Device::flex());
+        let branch = SwinCameraBranch::init(&SwinCameraConfig::default(), &Device::flex().autodiff());
         // Swin-T 27.521 M, pyramid 1.591 M, view transform .058 M + 1.380 M + .173 M.
-        assert_eq!(n_parameters(&branch), 27_520_506 + 1_591_296 + 57_920 + 1_379_526 + 173_280);
+        assert_eq!(n_trained(&branch), 27_520_506 + 1_591_296 + 57_920 + 1_379_526 + 173_280);
     }
 
     #[test]
     fn the_image_reaches_the_map_and_so_do_the_depths() {
-        let (config, device) = (small(), Device::flex());
-        let mut branch = SwinCameraBranch::init(&config, &device);
+        let (config, device) = (little(), Device::flex());
+        let mut branch = SwinCameraBranch::init(&config.swin, &device);
         fill(&mut branch);
         let whole = batch(&config, &device);
         let dark = SwinCameraBatch { image: whole.image.zeros_like(), ..whole.clone() };

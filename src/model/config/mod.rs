@@ -147,6 +147,16 @@ impl ModelConfig {
     }
 }
 
+#[cfg(test)]
+impl ModelConfig {
+    /// `small` on a coarse map, and `paper` with every part of it in little.
+    pub fn in_little() -> [Self; 2] {
+        let mut small = Self::default();
+        (small.grid.cell_size_m, small.camera.cnn.image_width_px, small.head.n_queries) = (3.2, 64, 20);
+        [small, toml::from_str(include_str!("../../../tests/data/paper_scaled_down.toml")).unwrap()]
+    }
+}
+
 const PAPER_TOML: &str = include_str!("../../../configs/model/paper.toml");
 
 #[cfg(test)]

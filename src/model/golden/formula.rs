@@ -1,4 +1,4 @@
-//! For tests: weights that the scripts in `tests/golden` make alike (`formula.py`), and what these wrote.
+//! For tests: weights and inputs that the scripts in `tests/golden` make alike (`formula.py`).
 
 use std::collections::BTreeMap;
 
@@ -6,7 +6,6 @@ use burn::module::{Module, ModuleMapper, Param};
 use burn::store::bridge::{from_data, into_data};
 use burn::store::{BurnToPyTorchAdapter, ModuleSnapshot, PyTorchToBurnAdapter};
 use burn::tensor::{DType, Device, Gradients, Tensor, TensorData};
-use safetensors::SafeTensors;
 
 /// `n` numbers in [-1, 1) from an integer hash of the name and the index.
 pub fn uniform(name: &str, n: usize) -> Vec<f64> {
@@ -46,30 +45,34 @@ pub fn named_weights(module: &impl ModuleSnapshot) -> Vec<(String, Vec<usize>)> 
     weights.map(|t| (t.name, t.shape.to_vec())).collect()
 }
 
-/// Sets every weight to the formula of its PyTorch name.
-pub fn fill(module: &mut impl ModuleSnapshot) {
-    let tensors = named_weights(module).into_iter().map(|(name, dims)| {
-        let data = TensorData::new(weight(&name, &dims), dims);
-        from_data(data, name, None)
-    });
-    let tensors: Vec<_> = tensors.collect();
-    let n = tensors.len();
+/// Puts values in the place of weights, by their PyTorch names.
+fn put(module: &mut impl ModuleSnapshot, weights: Vec<(String, Vec<usize>, Vec<f32>)>) {
+    let n = weights.len();
+    let tensor =
+        |(name, dims, values)| from_data(TensorData::new::<f32, Vec<usize>>(values, dims), name, None);
+    let tensors = weights.into_iter().map(tensor).collect();
     let result = module.apply(tensors, None, Some(Box::new(PyTorchToBurnAdapter)), false);
     assert!(result.errors.is_empty() && result.applied.len() == n, "{result}");
 }
 
+/// Sets every weight to the formula of its PyTorch name.
+pub fn fill(module: &mut impl ModuleSnapshot) {
+    let named = named_weights(module).into_iter();
+    let weights = named
+        .map(|(name, dims)| {
+            let values = weight(&name, &dims);
+            (name, dims, values)
+        })
+        .collect();
+    put(module, weights);
+}
+
 /// Sets all values of one weight, by its PyTorch name.
 pub fn set_all(module: &mut impl ModuleSnapshot, name: &str, value: f32) {
-    let named = named_weights(module).into_iter().find(|(of, _)| of == name);
-    let dims = named.unwrap_or_else(|| panic!("no weight `{name}`")).1;
-    let data = TensorData::new(vec![value; dims.iter().product()], dims);
-    let result = module.apply(
-        vec![from_data(data, name.to_owned(), None)],
-        None,
-        Some(Box::new(PyTorchToBurnAdapter)),
-        false,
-    );
-    assert!(result.errors.is_empty() && result.applied.len() == 1, "{result}");
+    let mut named = named_weights(module).into_iter();
+    let (name, dims) = named.find(|(of, _)| of == name).unwrap_or_else(|| panic!("no weight `{name}`"));
+    let values = vec![value; dims.iter().product()];
+    put(module, vec![(name, dims, values)]);
 }
 
 /// Puts each weight's gradient in its place.
@@ -95,51 +98,4 @@ pub fn gradients<M: Module + ModuleSnapshot>(module: M, gradients: &Gradients) -
         (name, into_data(tensor).unwrap().try_to_vec().unwrap())
     });
     named.collect()
-}
-
-pub fn values<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
-    tensor.into_data().try_to_vec().unwrap()
-}
-
-/// Tensors of a file that a golden script wrote.
-pub fn golden(bytes: &[u8]) -> BTreeMap<String, Vec<f32>> {
-    let file = SafeTensors::deserialize(bytes).unwrap();
-    let float = |bytes: &[u8]| f32::from_le_bytes(bytes.try_into().unwrap());
-    let tensors = file.tensors().into_iter();
-    tensors.map(|(name, view)| (name, view.data().chunks_exact(4).map(float).collect())).collect()
-}
-
-/// Asserts that the largest difference is under 1e-4 of the largest expected value.
-pub fn assert_equal(what: &str, found: &[f32], expected: &[f32]) {
-    let largest = expected.iter().fold(0f32, |largest, value| largest.max(value.abs()));
-    assert_equal_within(what, found, expected, 1e-4 * largest);
-}
-
-/// Asserts that no value differs by more than `tolerance`.
-pub fn assert_equal_within(what: &str, found: &[f32], expected: &[f32], tolerance: f32) {
-    assert_eq!(found.len(), expected.len(), "{what}: number of values");
-    for (i, (a, b)) in found.iter().zip(expected).enumerate() {
-        assert!((a - b).abs() <= tolerance, "{what}: value {i} is {a}, expected {b} within {tolerance}");
-    }
-}
-
-/// Asserts that every gradient of the module is as in `expected` under `gradient.<name>`.
-///
-/// A shift or scale of whole channels in front of a batch norm has no effect, and a gradient of nothing but
-/// rounding: it is compared on the scale of the norm's gradients.
-pub fn assert_gradients_equal(found: &BTreeMap<String, Vec<f32>>, expected: &BTreeMap<String, Vec<f32>>) {
-    let largest = |values: &[f32]| values.iter().fold(0f32, |largest, value| largest.max(value.abs()));
-    for (name, found) in found {
-        let here = &expected[&format!("gradient.{name}")];
-        let of_norm = name.rsplit_once("conv.").and_then(|(block, _)| {
-            expected.get(&format!("gradient.{block}norm.weight")).filter(|norm| norm.len() == here.len())
-        });
-        let scale = of_norm.map_or(0.0, |norm| largest(norm)).max(largest(here));
-        assert_equal_within(name, found, here, 1e-4 * scale);
-    }
-}
-
-/// Trained parameters, without running statistics.
-pub fn n_parameters(module: &impl ModuleSnapshot) -> usize {
-    named_weights(module).iter().map(|(_, dims)| dims.iter().product::<usize>()).sum()
 }

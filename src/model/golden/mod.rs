@@ -1,12 +1,15 @@
-//! Reads the golden files that `tests/golden/torch_<topic>.py` made; for tests only.
+//! For tests: compares with the golden files that `tests/golden/torch_<topic>.py` wrote.
 
 pub mod formula;
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use burn::store::{ModuleSnapshot, PyTorchToBurnAdapter, SafetensorsStore};
 use burn::tensor::{Device, Tensor, TensorData};
 use safetensors::{Dtype, SafeTensors};
+
+use crate::device::test_device;
 
 /// The tensors of one topic.
 pub struct Golden {
@@ -64,9 +67,56 @@ impl Golden {
         assert!(is_whole, "{applied}");
         module
     }
+
+    pub fn n_tensors(&self) -> usize {
+        SafeTensors::deserialize(&self.bytes).unwrap().len()
+    }
+
+    /// Fails where `found` has another shape or differs by more than 1e-4 of the largest value.
+    pub fn check<const D: usize>(&self, name: &str, found: &Tensor<D>) {
+        assert_close(found, &self.tensor(name, &test_device()), name);
+    }
+
+    /// As [`Self::check`], of numbers in order; the largest value is at least `scale`.
+    pub fn check_numbers(&self, name: &str, found: &[f32], scale: f64) {
+        let expected = self.numbers(name);
+        let tolerance = 1e-4 * largest(&expected).max(scale);
+        assert_eq!(found.len(), expected.len(), "{name}: number of values");
+        for (i, (&a, b)) in found.iter().zip(expected).enumerate() {
+            let error = (f64::from(a) - b).abs();
+            assert!(error <= tolerance, "{name}: value {i} is {a}, expected {b} within {tolerance}");
+        }
+    }
+
+    /// Checks every gradient of a module against `gradient.<name>`.
+    ///
+    /// A shift or scale of whole channels in front of a batch norm has no effect, and a gradient of nothing but
+    /// rounding: it is compared on the scale of the norm's gradients.
+    pub fn check_gradients(&self, found: &BTreeMap<String, Vec<f32>>) {
+        for (name, found) in found {
+            let norm = name.rsplit_once("conv.").map(|(block, _)| format!("gradient.{block}norm.weight"));
+            let of_norm = norm.filter(|norm| self.has(norm)).map(|norm| self.numbers(&norm));
+            let of_norm = of_norm.filter(|norm| norm.len() == found.len());
+            let scale = of_norm.map_or(0.0, |norm| largest(&norm));
+            self.check_numbers(&format!("gradient.{name}"), found, scale);
+        }
+    }
+
+    fn has(&self, name: &str) -> bool {
+        SafeTensors::deserialize(&self.bytes).unwrap().tensor(name).is_ok()
+    }
 }
 
-/// The greatest absolute difference over the greatest absolute value expected.
+fn largest(values: &[f64]) -> f64 {
+    values.iter().fold(0.0, |largest, value| largest.max(value.abs()))
+}
+
+/// The numbers of a tensor, in order.
+pub fn values<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
+    tensor.into_data().try_to_vec().unwrap()
+}
+
+/// The largest absolute difference over the largest absolute value expected.
 pub fn relative_error<const D: usize>(found: Tensor<D>, expected: Tensor<D>) -> f32 {
     assert_eq!(found.dims(), expected.dims());
     let largest = expected.clone().abs().max().into_scalar::<f32>();
@@ -76,6 +126,7 @@ pub fn relative_error<const D: usize>(found: Tensor<D>, expected: Tensor<D>) -> 
 
 /// Fails where [`relative_error`] exceeds 1e-4.
 pub fn assert_close<const D: usize>(found: &Tensor<D>, expected: &Tensor<D>, what: &str) {
-    let error = relative_error(found.clone().detach(), expected.clone().detach());
+    let plain = |of: &Tensor<D>| Tensor::<D>::from_data(of.clone().into_data(), &test_device());
+    let error = relative_error(plain(found), plain(expected));
     assert!(error <= 1e-4, "{what}: relative error {error}");
 }

@@ -109,7 +109,7 @@ impl DecoderLayer {
 mod tests {
     use super::*;
     use crate::device::test_device;
-    use crate::model::golden::{Golden, assert_close};
+    use crate::model::golden::Golden;
     use burn::optim::GradientsParams;
     use burn::tensor::TensorData;
 
@@ -130,7 +130,7 @@ mod tests {
 
         let placed = (memory.clone() + memory_position.clone()).swap_dims(1, 2);
         let output = layer.forward(query.clone(), query_position.clone(), placed);
-        assert_close(&output, &golden.tensor("decoder.output", &device), "output");
+        golden.check("decoder.output", &output);
 
         let weighted = output * golden.tensor("decoder.output_gradient", &device);
         let gradients = weighted.sum().backward();
@@ -140,8 +140,7 @@ mod tests {
             (memory, "memory"),
             (memory_position, "memory_position"),
         ] {
-            let expected = golden.tensor(&format!("decoder.input_gradients.{name}"), &device);
-            assert_close(&input.grad(&gradients).unwrap(), &expected, name);
+            golden.check(&format!("decoder.input_gradients.{name}"), &input.grad(&gradients).unwrap());
         }
         let gradients = GradientsParams::from_grads(gradients, &layer);
         let expected = |name: &str| format!("decoder.weight_gradients.{name}");
@@ -153,13 +152,13 @@ mod tests {
         ] {
             // PyTorch keeps a linear layer's weight as [out, in].
             let gradient = gradients.get::<2>(linear.weight.id).unwrap().transpose();
-            assert_close(&gradient, &golden.tensor(&expected(name), &device), name);
+            golden.check(&expected(name), &gradient);
         }
         let bias = layer.self_attention.value.bias.as_ref().unwrap();
         let scale = &layer.norms[1].gamma;
         for (id, name) in [(bias.id, "self_attention.value.bias"), (scale.id, "norms.1.weight")] {
             let gradient = gradients.get::<1>(id).unwrap();
-            assert_close(&gradient, &golden.tensor(&expected(name), &device), name);
+            golden.check(&expected(name), &gradient);
         }
     }
 

@@ -11,18 +11,19 @@ mod predict;
 mod queries;
 
 use burn::module::Module;
+use burn::nn::conv::Conv2d;
 use burn::nn::{Linear, LinearConfig};
 use burn::tensor::{Device, Int, Tensor, TensorData};
 
 use crate::model::config::{GridConfig, HeadConfig};
-use crate::model::layers::{ConvBlock, PlainConv};
+use crate::model::layers::{ConvBlock, convolve, plain_conv};
 use attention::DecoderLayer;
 use numeric::Numeric;
 pub use output::{KindBox, Output, detections, detections_by_state, kind_boxes};
 use positions::Positions;
 use predict::{Features, Predictor};
 pub use queries::Query;
-use queries::{each, pick_queries};
+use queries::pick_queries;
 
 /// Chance that a cell holds an object at the start of training: the focal loss's prior (Lin et al. 2017).
 /// The published head defines it and never applies it; without it the first steps unlearn half a map of
@@ -34,7 +35,7 @@ const PRIOR: f64 = 0.1;
 pub struct Head {
     shared: Shared,
     heatmap_hidden: ConvBlock,
-    heatmap_out: PlainConv,
+    heatmap_out: Conv2d,
     /// Of the heatmap channel and the place in the feature cell, one-hot.
     class_embedding: Linear,
     position: Positions,
@@ -51,7 +52,7 @@ pub struct Head {
 #[derive(Module, Debug)]
 enum Shared {
     /// As published.
-    Plain(PlainConv),
+    Plain(Conv2d),
     /// With batch norm and ReLU.
     Normed(ConvBlock),
 }
@@ -65,10 +66,10 @@ impl Head {
             shared: if config.shared_norm {
                 Shared::Normed(ConvBlock::init(channels_in, n, 1, device).with_plain_norm())
             } else {
-                Shared::Plain(PlainConv::init(channels_in, n, None, device))
+                Shared::Plain(plain_conv(channels_in, n, None, device))
             },
             heatmap_hidden: ConvBlock::init(n, n, 1, device).with_plain_norm(),
-            heatmap_out: PlainConv::init(n, n_outputs, Some(prior_logit), device),
+            heatmap_out: plain_conv(n, n_outputs, Some(prior_logit), device),
             class_embedding: LinearConfig::new(n_outputs, n).init(device),
             position: Positions::init(config, device),
             decoder: DecoderLayer::init(config, device),
@@ -85,10 +86,10 @@ impl Head {
     pub fn forward(&self, features: Tensor<4>, numeric: Tensor<2>) -> Output {
         let device = features.device();
         let shared = match &self.shared {
-            Shared::Plain(conv) => conv.forward(features),
+            Shared::Plain(conv) => convolve(conv, features),
             Shared::Normed(block) => block.forward(features),
         };
-        let heatmap = self.heatmap_out.forward(self.heatmap_hidden.forward(shared.clone()));
+        let heatmap = convolve(&self.heatmap_out, self.heatmap_hidden.forward(shared.clone()));
         let heatmap = spread(heatmap, self.config.heatmap_scale);
         let queries = pick_queries(heatmap.clone(), &self.config, &self.grid);
         let (decoded, position) = self.decode(shared, &queries, &device);
@@ -113,8 +114,9 @@ impl Head {
         let [n_batch, n_channels, n_y, n_x] = shared.dims();
         let n_cells = n_y * n_x;
         let memory = shared.reshape([n_batch, n_channels, n_cells]);
-        let cells: Tensor<1, Int> = each(queries, device, |_, query| query.cell);
-        let cells = cells.reshape([n_batch, 1, self.config.n_queries]);
+        let cells: Vec<i64> = queries.iter().flatten().map(|query| query.cell as i64).collect();
+        let cells = TensorData::new(cells, [n_batch, 1, self.config.n_queries]);
+        let cells = Tensor::<3, Int>::from_data(cells, device);
         let at_queries = memory.clone().gather(2, cells.expand([n_batch, n_channels, self.config.n_queries]));
         let class = self.class_embedding.forward(self.one_hot(queries, device));
         let query = at_queries.swap_dims(1, 2) + class.reshape([n_batch, self.config.n_queries, n_channels]);
@@ -181,7 +183,7 @@ mod tests {
     use super::*;
     use crate::device::test_device;
     use crate::model::config::{Classes, Heatmap, NumericFusion, PositionEncoding, Prediction};
-    use crate::model::golden::{Golden, assert_close};
+    use crate::model::golden::Golden;
     use burn::optim::GradientsParams;
 
     /// The sizes of `tests/golden/torch_head.py`, in the `paper` profile's ways.
@@ -222,7 +224,7 @@ mod tests {
         let found =
             head.forward(golden.tensor("head.features", &device), golden.tensor("head.numeric", &device));
         let expected = |name: &str| format!("head.eval.{name}");
-        assert_close(&found.heatmap, &golden.tensor(&expected("heatmap"), &device), "heatmap");
+        golden.check(&expected("heatmap"), &found.heatmap);
         let picked = |of: fn(&Query) -> usize| -> Vec<f64> {
             found.queries.iter().flatten().map(|query| of(query) as f64).collect()
         };
@@ -239,8 +241,8 @@ mod tests {
         );
         // Both kinds of query are there: peaks, and cells that fill up.
         assert!(scores.contains(&0.0) && scores.iter().any(|&score| score > 0.5));
-        assert_close(&found.boxes, &golden.tensor(&expected("boxes"), &device), "boxes");
-        assert_close(&found.harm, &golden.tensor(&expected("harm"), &device), "harm");
+        golden.check(&expected("boxes"), &found.boxes);
+        golden.check(&expected("harm"), &found.harm);
     }
 
     #[test]
@@ -250,9 +252,9 @@ mod tests {
         let features = golden.tensor::<4>("head.features", &device).require_grad();
         let found = head.forward(features.clone(), golden.tensor("head.numeric", &device));
         let expected = |name: &str| format!("head.train.{name}");
-        assert_close(&found.heatmap, &golden.tensor(&expected("heatmap"), &device), "heatmap");
-        assert_close(&found.boxes, &golden.tensor(&expected("boxes"), &device), "boxes");
-        assert_close(&found.harm, &golden.tensor(&expected("harm"), &device), "harm");
+        golden.check(&expected("heatmap"), &found.heatmap);
+        golden.check(&expected("boxes"), &found.boxes);
+        golden.check(&expected("harm"), &found.harm);
 
         let of = |name: &str| format!("head.train.output_gradients.{name}");
         let loss = (found.heatmap * golden.tensor(&of("heatmap"), &device)).sum()
@@ -260,7 +262,7 @@ mod tests {
             + (found.harm * golden.tensor(&of("harm"), &device)).sum();
         let gradients = loss.backward();
         let of_features = features.grad(&gradients).unwrap();
-        assert_close(&of_features, &golden.tensor(&expected("features_gradient"), &device), "features");
+        golden.check(&expected("features_gradient"), &of_features);
         let gradients = GradientsParams::from_grads(gradients, &head);
         let Positions::Separate(positions) = &head.position else { unreachable!() };
         for (linear, name) in [
@@ -270,11 +272,11 @@ mod tests {
         ] {
             let name = expected(&format!("weight_gradients.{name}.weight"));
             let gradient = gradients.get::<2>(linear.weight.id).unwrap().transpose();
-            assert_close(&gradient, &golden.tensor(&name, &device), &name);
+            golden.check(&name, &gradient);
         }
         let Predictor::Separate(nets) = &head.predict else { unreachable!() };
         let mean = nets.dims.norm.running_mean.value_sync();
-        assert_close(&mean, &golden.tensor(&expected("running_mean"), &device), "running mean");
+        golden.check(&expected("running_mean"), &mean);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Queries: the highest local maxima of the heatmap, and where they and all cells lie.
 
+use burn::tensor::Tensor;
 use burn::tensor::activation::sigmoid;
-use burn::tensor::{Device, Int, Tensor, TensorData};
 
 use crate::model::config::{GridConfig, HeadConfig};
 
@@ -80,28 +80,10 @@ fn is_peak(map: &[f32], [n_y, n_x]: [usize; 2], cell: usize, reach: usize, at_bo
         })
 }
 
-/// One integer for each query.
-///
-/// # Shapes
-/// - output: `[batch * query]`
-pub fn each(
-    queries: &[Vec<Query>],
-    device: &Device,
-    value: impl Fn(usize, &Query) -> usize,
-) -> Tensor<1, Int> {
-    let values: Vec<i64> = queries
-        .iter()
-        .enumerate()
-        .flat_map(|(sample_idx, of)| of.iter().map(move |query| (sample_idx, query)))
-        .map(|(sample_idx, query)| value(sample_idx, query) as i64)
-        .collect();
-    let n = values.len();
-    Tensor::from_data(TensorData::new(values, [n]), device)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use burn::tensor::{Device, TensorData};
 
     fn picked(map: &[f32], n_x: usize, config: HeadConfig) -> Vec<(usize, usize, f32)> {
         let n_channels = config.heatmap.n_channels();

@@ -16,7 +16,6 @@ use burn::tensor::{DType, TensorData};
 use thiserror::Error;
 
 use super::camera::Swin;
-use names::Meaning;
 pub use names::Scheme;
 
 /// Keys that an error lists before it only counts them.
@@ -116,18 +115,12 @@ pub fn load_image_weights(path: &Path, swin: &mut Swin) -> Result<ImageWeightsRe
             path: path.to_owned(),
         });
     };
-    let (mut found, mut unexpected, mut unneeded) = (BTreeMap::new(), Vec::new(), Vec::new());
+    let (mut found, mut unneeded) = (BTreeMap::new(), Vec::new());
     for (key, tensor) in &tensors {
-        let meaning = match key.strip_prefix(&prefix) {
-            Some(inner) => scheme.meaning(inner, &swin.out_stages()),
-            None => Meaning::Unneeded,
-        };
-        match meaning {
-            Meaning::Weight(name) => {
-                found.insert(name, Found { key, tensor });
-            }
-            Meaning::Unneeded => unneeded.push(key.clone()),
-            Meaning::Unknown => unexpected.push(key.clone()),
+        let name = key.strip_prefix(&prefix).and_then(|key| scheme.translate(key, &swin.out_stages()));
+        match name {
+            Some(name) => _ = found.insert(name, Found { key, tensor }),
+            None => unneeded.push(key.clone()),
         }
     }
 
@@ -146,7 +139,7 @@ pub fn load_image_weights(path: &Path, swin: &mut Swin) -> Result<ImageWeightsRe
         }
     }
     let surplus = found.iter().filter(|(name, _)| !needed.contains_key(*name));
-    unexpected.extend(surplus.map(|(_, found)| found.key.to_owned()));
+    let mut unexpected: Vec<String> = surplus.map(|(_, found)| found.key.to_owned()).collect();
     if !missing.is_empty() || !unexpected.is_empty() || !misshapen.is_empty() {
         unexpected.sort();
         return Err(ImageWeightsError::Unfit {
@@ -202,21 +195,15 @@ fn by_neighbour(values: &[f32], n_merged: usize) -> Vec<f32> {
 mod tests {
     use super::*;
     use crate::device::test_device;
-    use crate::model::config::SwinConfig;
-    use crate::model::golden::formula::{assert_equal, fill, golden, named_weights, tensor, values};
+    use crate::model::config::ModelConfig;
+    use crate::model::golden::formula::{fill, named_weights, tensor};
+    use crate::model::golden::{Golden, values};
     use burn::store::PathFilter;
 
     /// The backbone that `tests/golden/torch_swin.py` wrote weights of.
     fn small() -> Swin {
-        let config = SwinConfig {
-            embed_channels: 4,
-            depths: [2, 2, 1, 1],
-            n_heads: [1, 2, 2, 4],
-            window_size: 3,
-            mlp_ratio: 2,
-            ..SwinConfig::default()
-        };
-        Swin::init(&config, &test_device())
+        let [_, paper] = ModelConfig::in_little();
+        Swin::init(&paper.camera.swin.swin, &test_device())
     }
 
     fn golden_file(name: &str) -> PathBuf {
@@ -225,7 +212,7 @@ mod tests {
 
     #[test]
     fn weights_of_every_library_give_the_same_maps() {
-        let expected = golden(include_bytes!("../../../tests/golden/swin.safetensors"));
+        let golden = Golden::read("swin");
         for (name, scheme, prefix, n_fresh, n_unneeded) in [
             ("swin_weights_torchvision.pth", Scheme::Torchvision, "model.", 6, 4 + 6),
             ("swin_weights_timm.safetensors", Scheme::Timm, "", 6, 4),
@@ -250,7 +237,7 @@ mod tests {
             }
             let maps = swin.forward(tensor("image", [2, 3, 37, 50], &test_device()));
             for (i, map) in maps.into_iter().enumerate() {
-                assert_equal(&format!("{name}: map {i}"), &values(map), &expected[&format!("map{i}")]);
+                golden.check(&format!("map{i}"), &map);
             }
         }
     }

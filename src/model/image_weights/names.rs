@@ -37,16 +37,6 @@ impl fmt::Display for Scheme {
     }
 }
 
-/// What a key of the backbone stands for.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) enum Meaning {
-    /// A weight, by harmzone's name with PyTorch's names of parameters.
-    Weight(String),
-    /// A constant or a part of a classifier, which the backbone does without.
-    Unneeded,
-    Unknown,
-}
-
 /// The names of a file and what stands before them in each key of the backbone; `None` if it holds no Swin.
 pub(super) fn recognise<'a>(keys: impl Iterator<Item = &'a str> + Clone) -> Option<(Scheme, String)> {
     let marks = [
@@ -70,120 +60,79 @@ pub(super) fn recognise<'a>(keys: impl Iterator<Item = &'a str> + Clone) -> Opti
     Some((scheme, prefix.to_owned()))
 }
 
+/// Parts of a block: a library's text, and ours.
+const BLOCK_PARTS: [(&str, &str); 9] = [
+    ("attn.w_msa.", "attention."),
+    ("attn.", "attention."),
+    ("mlp.0.", "mlp.hidden."),
+    ("mlp.fc1.", "mlp.hidden."),
+    ("ffn.layers.0.0.", "mlp.hidden."),
+    ("mlp.3.", "mlp.out."),
+    ("mlp.fc2.", "mlp.out."),
+    ("ffn.layers.1.", "mlp.out."),
+    ("relative_position_bias_table", "bias_table"),
+];
+
 impl Scheme {
-    /// What a key stands for, its prefix removed.
+    /// Our name of a weight from the library's key, its prefix removed; a key that is not known stays as it is.
+    /// `None` for constants and parts of a classifier, which the backbone does without.
     ///
     /// # Arguments
     /// - `out_stages`: stages whose output norms the backbone has
-    pub(super) fn meaning(self, key: &str, out_stages: &[usize]) -> Meaning {
+    pub(super) fn translate(self, key: &str, out_stages: &[usize]) -> Option<String> {
         // timm's feature extractor writes `layers_0` for `layers.0`.
         let key = if self == Self::Timm { key.replacen("layers_", "layers.", 1) } else { key.to_owned() };
-        let parts: Vec<&str> = key.split('.').collect();
-        let (Some((&parameter, module)), true) = (parts.split_last(), parts.len() > 1) else {
-            return Meaning::Unknown;
-        };
-        if matches!(parameter, "relative_position_index" | "attn_mask")
-            || matches!(module[0], "norm" | "head")
-        {
-            return Meaning::Unneeded;
+        let is_constant = key.ends_with(".relative_position_index") || key.ends_with(".attn_mask");
+        if is_constant || key.starts_with("norm.") || key.starts_with("head.") {
+            return None;
         }
-        if let Some(stage) = output_norm(module) {
-            return match out_stages.iter().position(|&out| out == stage) {
-                Some(at) => Meaning::Weight(format!("norms.{at}.{parameter}")),
-                None => Meaning::Unneeded,
+        if let Some((stage, parameter)) = output_norm(&key) {
+            let place = out_stages.iter().position(|&out| out == stage)?;
+            return Some(format!("norms.{place}.{parameter}"));
+        }
+        let place = self.places().find_map(|(theirs, ours)| Some(ours + key.strip_prefix(&theirs)?));
+        let name = place.unwrap_or(key);
+        Some(BLOCK_PARTS.iter().fold(name, |name, (theirs, ours)| name.replacen(theirs, ours, 1)))
+    }
+
+    /// How keys begin, and our names of the same places.
+    fn places(self) -> impl Iterator<Item = (String, String)> {
+        let [conv, norm] = match self {
+            Self::Torchvision => ["features.0.0.", "features.0.2."],
+            Self::Timm | Self::Microsoft => ["patch_embed.proj.", "patch_embed.norm."],
+            Self::Mmdet => ["patch_embed.projection.", "patch_embed.norm."],
+        };
+        let blocks = (0..N_STAGES).map(move |stage| {
+            let theirs = match self {
+                Self::Torchvision => format!("features.{}.", 2 * stage + 1),
+                Self::Timm | Self::Microsoft => format!("layers.{stage}.blocks."),
+                Self::Mmdet => format!("stages.{stage}.blocks."),
             };
-        }
-        let module = match self {
-            Self::Torchvision => of_torchvision(module),
-            Self::Timm => of_timm_or_microsoft(module, 1),
-            Self::Microsoft => of_timm_or_microsoft(module, 0),
-            Self::Mmdet => of_mmdet(module),
-        };
-        let parameter = match parameter {
-            "relative_position_bias_table" => "bias_table",
-            other => other,
-        };
-        module.map_or(Meaning::Unknown, |module| Meaning::Weight(format!("{module}.{parameter}")))
+            (theirs, format!("stages.{stage}.blocks."))
+        });
+        let merges = (0..N_STAGES - 1).map(move |stage| {
+            let theirs = match self {
+                Self::Torchvision => format!("features.{}.", 2 * stage + 2),
+                Self::Timm => format!("layers.{}.downsample.", stage + 1),
+                Self::Microsoft => format!("layers.{stage}.downsample."),
+                Self::Mmdet => format!("stages.{stage}.downsample."),
+            };
+            (theirs, format!("stages.{stage}.merge."))
+        });
+        let patch = [(conv, "patch.conv."), (norm, "patch.norm.")].map(|(a, b)| (a.to_owned(), b.to_owned()));
+        patch.into_iter().chain(blocks).chain(merges)
     }
 }
 
-/// A stage's index; the last `without` stages do not count.
-fn stage_idx(text: &str, without: usize) -> Option<usize> {
-    text.parse().ok().filter(|&stage| stage < N_STAGES - without)
-}
-
-fn block_part(stage: usize, block: &str, part: &[&str]) -> Option<String> {
-    let part = match part {
-        ["norm1"] => "norm1",
-        ["norm2"] => "norm2",
-        ["attn"] | ["attn", "w_msa"] => "attention",
-        ["attn", "qkv"] | ["attn", "w_msa", "qkv"] => "attention.qkv",
-        ["attn", "proj"] | ["attn", "w_msa", "proj"] => "attention.proj",
-        ["mlp", "fc1" | "0"] | ["ffn", "layers", "0", "0"] => "mlp.hidden",
-        ["mlp", "fc2" | "3"] | ["ffn", "layers", "1"] => "mlp.out",
-        _ => return None,
-    };
-    Some(format!("stages.{stage}.blocks.{block}.{part}"))
-}
-
-fn merge_part(stage: usize, part: &[&str]) -> Option<String> {
-    matches!(part, ["norm" | "reduction"]).then(|| format!("stages.{stage}.merge.{}", part[0]))
-}
-
-fn of_torchvision(module: &[&str]) -> Option<String> {
-    match module {
-        ["features", "0", "0"] => Some("patch.conv".into()),
-        ["features", "0", "2"] => Some("patch.norm".into()),
-        ["features", at, rest @ ..] => {
-            let before = at.parse::<usize>().ok()?.checked_sub(1)?;
-            match (before % 2, rest) {
-                (0, [block, part @ ..]) if before / 2 < N_STAGES => block_part(before / 2, block, part),
-                (1, part) if before / 2 + 1 < N_STAGES => merge_part(before / 2, part),
-                _ => None,
-            }
-        }
-        _ => None,
-    }
-}
-
-/// `merging_at`: 1 where a stage begins with its merging, 0 where it ends with it.
-fn of_timm_or_microsoft(module: &[&str], merging_at: usize) -> Option<String> {
-    match module {
-        ["patch_embed", "proj"] => Some("patch.conv".into()),
-        ["patch_embed", "norm"] => Some("patch.norm".into()),
-        ["layers", stage, "blocks", block, part @ ..] => block_part(stage_idx(stage, 0)?, block, part),
-        ["layers", stage, "downsample", part @ ..] => {
-            let behind =
-                stage_idx(stage, 0)?.checked_sub(merging_at).filter(|&behind| behind + 1 < N_STAGES)?;
-            merge_part(behind, part)
-        }
-        _ => None,
-    }
-}
-
-fn of_mmdet(module: &[&str]) -> Option<String> {
-    match module {
-        ["patch_embed", "projection"] => Some("patch.conv".into()),
-        ["patch_embed", "norm"] => Some("patch.norm".into()),
-        ["stages", stage, "blocks", block, part @ ..] => block_part(stage_idx(stage, 0)?, block, part),
-        ["stages", stage, "downsample", part @ ..] => merge_part(stage_idx(stage, 1)?, part),
-        _ => None,
-    }
-}
-
-/// Stage of an output norm, as detectors have it behind each stage.
-fn output_norm(module: &[&str]) -> Option<usize> {
-    let [norm] = module else { return None };
-    stage_idx(norm.strip_prefix("norm")?, 0)
+/// Stage and parameter of an output norm, as detectors have it behind each stage: `norm2.bias`.
+fn output_norm(key: &str) -> Option<(usize, &str)> {
+    let (stage, parameter) = key.strip_prefix("norm")?.split_once('.')?;
+    Some((stage.parse().ok().filter(|&stage: &usize| stage < N_STAGES)?, parameter))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn weight(name: &str) -> Meaning {
-        Meaning::Weight(name.into())
-    }
 
     #[test]
     fn each_library_s_names_lead_to_the_same_weight() {
@@ -200,27 +149,26 @@ mod tests {
             (Scheme::Microsoft, "layers.1.downsample.reduction.weight", "stages.1.merge.reduction.weight"),
             (Scheme::Mmdet, "norm2.bias", "norms.1.bias"),
         ] {
-            assert_eq!(scheme.meaning(key, &[1, 2, 3]), weight(ours), "{scheme}: {key}");
+            assert_eq!(scheme.translate(key, &[1, 2, 3]).as_deref(), Some(ours), "{scheme}: {key}");
         }
     }
 
     #[test]
-    fn classifiers_and_constants_are_not_needed_and_the_rest_is_unknown() {
+    fn classifiers_and_constants_are_not_needed_and_what_is_not_known_keeps_its_name() {
+        let translate = |scheme: Scheme, key| scheme.translate(key, &[1, 2, 3]);
         for key in ["head.fc.weight", "norm.bias", "layers.0.blocks.1.attn_mask"] {
-            assert_eq!(Scheme::Timm.meaning(key, &[1, 2, 3]), Meaning::Unneeded, "{key}");
+            assert_eq!(translate(Scheme::Timm, key), None, "{key}");
         }
-        for key in
-            ["layers.4.blocks.0.norm1.weight", "layers.0.downsample.norm.weight", "absolute_pos_embed", "x.y"]
-        {
-            assert_eq!(Scheme::Timm.meaning(key, &[1, 2, 3]), Meaning::Unknown, "{key}");
+        assert_eq!(translate(Scheme::Mmdet, "norm0.weight"), None, "stage 0 stays inside");
+        for (scheme, key) in [
+            (Scheme::Timm, "layers.4.blocks.0.norm1.weight"),
+            (Scheme::Timm, "layers.0.downsample.norm.weight"),
+            (Scheme::Timm, "absolute_pos_embed"),
+            (Scheme::Mmdet, "norm4.weight"),
+            (Scheme::Torchvision, "features.8.norm.weight"),
+        ] {
+            assert_eq!(translate(scheme, key).as_deref(), Some(key));
         }
-        assert_eq!(
-            Scheme::Mmdet.meaning("norm0.weight", &[1, 2, 3]),
-            Meaning::Unneeded,
-            "stage 0 stays inside"
-        );
-        assert_eq!(Scheme::Mmdet.meaning("norm4.weight", &[1, 2, 3]), Meaning::Unknown);
-        assert_eq!(Scheme::Torchvision.meaning("features.8.norm.weight", &[1, 2, 3]), Meaning::Unknown);
     }
 
     #[test]

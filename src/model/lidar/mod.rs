@@ -114,30 +114,11 @@ impl LidarBranch {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::config::{BevBackboneConfig, LidarVoxelConfig, SparseEncoderConfig, VoxelConfig};
+    use crate::model::config::LidarVoxelConfig;
 
-    fn small() -> LidarVoxelConfig {
-        LidarVoxelConfig {
-            voxels: VoxelConfig {
-                x_max_m: 3.2,
-                y_min_m: -1.6,
-                y_max_m: 1.6,
-                size_xy_m: 0.1,
-                ..VoxelConfig::default()
-            },
-            encoder: SparseEncoderConfig {
-                channels: vec![4, 6, 8, 8],
-                n_blocks: vec![1, 1, 0, 1],
-                channels_out: 5,
-                ..SparseEncoderConfig::default()
-            },
-            backbone: BevBackboneConfig {
-                channels: vec![8, 12],
-                n_layers: vec![1, 1],
-                channels_out: vec![6, 7],
-                ..BevBackboneConfig::default()
-            },
-        }
+    fn little() -> LidarVoxelConfig {
+        let [_, paper] = ModelConfig::in_little();
+        paper.lidar.voxel
     }
 
     fn points(seed: u64) -> Vec<[f64; 4]> {
@@ -145,20 +126,15 @@ mod tests {
         let mut rng = crate::random::stream(seed, "voxel-test", 0);
         (0..200)
             .map(|_| {
-                [
-                    rng.random::<f64>() * 3.2,
-                    rng.random::<f64>() * 3.2 - 1.6,
-                    rng.random::<f64>() * 8.0 - 3.0,
-                    100.0 * rng.random::<f64>(),
-                ]
+                let scale = [(0.0, 32.0), (-16.0, 32.0), (-3.0, 8.0), (0.0, 100.0)];
+                scale.map(|(least, range)| least + range * rng.random::<f64>())
             })
             .collect()
     }
 
     #[test]
     fn samples_of_a_batch_do_not_see_each_other() {
-        let (config, device) = (small(), Device::flex());
-        assert_eq!(config.check(), Ok(()));
+        let (config, device) = (little(), Device::flex());
         let encoder = SparseEncoder::init(N_VOXEL_FEATURES, &config.encoder, &device);
         let encode = |clouds: &[&Voxels]| {
             let batch = VoxelBatch::stack(clouds, &config, &device);
@@ -177,10 +153,10 @@ mod tests {
 
     #[test]
     fn a_point_shows_in_the_cell_that_holds_it() {
-        let (config, device) = (small(), Device::flex());
+        let (config, device) = (little(), Device::flex());
         let encoder = SparseEncoder::init(N_VOXEL_FEATURES, &config.encoder, &device);
         // One voxel in the last column and the first row of cells.
-        let cloud = voxelize(&[[3.1, -1.5, 0.0, 50.0]], &config.voxels);
+        let cloud = voxelize(&[[31.9, -15.9, 0.0, 50.0]], &config.voxels);
         let batch = VoxelBatch::stack(&[&cloud], &config, &device);
         let map = encoder.forward(batch.features, &batch.rulebooks, 1);
         let [_, n_y, n_x] = config.encoded_shape();

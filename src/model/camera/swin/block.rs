@@ -1,13 +1,14 @@
 //! A Swin block, and a stage of blocks.
 
 use burn::module::Module;
-use burn::nn::{Dropout, DropoutConfig, LayerNorm, LayerNormConfig, Linear};
+use burn::nn::{Dropout, DropoutConfig, LayerNorm, LayerNormConfig};
 use burn::tensor::activation::gelu;
 use burn::tensor::{Device, Tensor};
 
 use super::patch::PatchMerging;
 use super::window::{WindowAttention, Windows, linear};
 use crate::model::config::SwinConfig;
+use crate::model::layers::Mlp;
 
 /// Skips a residual branch for whole samples at random while training (Huang et al. 2016), and scales it up
 /// where it stays; draws from the device's generator, as burn's dropout does, and stops when frozen as it does.
@@ -33,20 +34,14 @@ impl DropPath {
     }
 }
 
-/// Two linear layers with a GELU between them.
-#[derive(Module, Debug)]
-struct FeedForward {
-    hidden: Linear,
-    out: Linear,
-}
-
 /// Window attention and a feed-forward net, each behind a layer norm and beside a skip connection.
 #[derive(Module, Debug)]
 struct SwinBlock {
     norm1: LayerNorm,
     attention: WindowAttention,
     norm2: LayerNorm,
-    mlp: FeedForward,
+    /// With a GELU between.
+    mlp: Mlp,
     drop_path: DropPath,
 }
 
@@ -64,7 +59,7 @@ impl SwinBlock {
                 device,
             ),
             norm2: LayerNormConfig::new(n_channels).init(device),
-            mlp: FeedForward {
+            mlp: Mlp {
                 hidden: linear(n_channels, n_hidden, true, device),
                 out: linear(n_hidden, n_channels, true, device),
             },

@@ -62,49 +62,43 @@ impl Swin {
 mod tests {
     use super::*;
     use crate::device::test_device;
-    use crate::model::golden::formula::{
-        assert_equal, assert_gradients_equal, fill, golden, gradients, tensor, values,
-    };
+    use crate::model::config::ModelConfig;
+    use crate::model::golden::formula::{fill, gradients, tensor};
+    use crate::model::golden::{Golden, values};
+
+    /// The sizes of `SMALL` in `tests/golden/torch_swin.py`.
+    fn little() -> SwinConfig {
+        let [_, paper] = ModelConfig::in_little();
+        paper.camera.swin.swin
+    }
 
     #[test]
     fn a_small_net_has_the_maps_and_gradients_of_pytorch() {
-        let expected = golden(include_bytes!("../../../../tests/golden/swin.safetensors"));
-        let config = SwinConfig {
-            embed_channels: 4,
-            depths: [2, 2, 1, 1],
-            n_heads: [1, 2, 2, 4],
-            window_size: 3,
-            mlp_ratio: 2,
-            drop_path: 0.0,
-            ..SwinConfig::default()
-        };
+        let golden = Golden::read("swin");
         let device = test_device().autodiff();
-        let mut swin = Swin::init(&config, &device);
+        let mut swin = Swin::init(&SwinConfig { drop_path: 0.0, ..little() }, &device);
         fill(&mut swin);
         let image = tensor("image", [2, 3, 37, 50], &device).require_grad();
         let maps = swin.forward(image.clone());
-        for (i, map) in maps.iter().enumerate() {
-            assert_equal(&format!("map {i}"), &values(map.clone()), &expected[&format!("map{i}")]);
-        }
         let weighted = |(i, map): (usize, &Tensor<4>)| {
+            golden.check(&format!("map{i}"), map);
             (map.clone() * tensor(&format!("d_map{i}"), map.dims(), &device)).sum()
         };
-        let loss = maps.iter().enumerate().map(weighted).reduce(|a, b| a + b).expect("three maps");
+        let loss = maps.iter().enumerate().map(weighted).reduce(|a, b| a + b).unwrap();
         let found = loss.backward();
-        let d_image = values(image.grad(&found).expect("the image has a gradient"));
-        assert_equal("gradient of the image", &d_image, &expected["gradient.image"]);
+        golden.check("gradient.image", &image.grad(&found).unwrap());
         let of_weights = gradients(swin, &found);
         assert_eq!(
             of_weights.len() + 4,
-            expected.len(),
-            "all but the maps and the image's are weights' gradients"
+            golden.n_tensors(),
+            "the others are the maps and the image's gradient"
         );
-        assert_gradients_equal(&of_weights, &expected);
+        golden.check_gradients(&of_weights);
     }
 
     #[test]
     fn swin_t_has_the_maps_of_pytorch_and_the_published_size() {
-        let expected = golden(include_bytes!("../../../../tests/golden/swin_t.safetensors"));
+        let golden = Golden::read("swin_t");
         let device = test_device();
         let mut swin = Swin::init(&SwinConfig::default(), &device);
         assert_eq!(swin.num_params(), 27_520_506);
@@ -113,7 +107,7 @@ mod tests {
         assert_eq!(maps.each_ref().map(Tensor::dims), [[1, 192, 16, 26], [1, 384, 8, 13], [1, 768, 4, 7]]);
         for (i, map) in maps.into_iter().enumerate() {
             let every_37th: Vec<f32> = values(map).into_iter().step_by(37).collect();
-            assert_equal(&format!("map {i}"), &every_37th, &expected[&format!("map{i}")]);
+            golden.check_numbers(&format!("map{i}"), &every_37th, 0.0);
         }
     }
 }

@@ -6,7 +6,7 @@ use burn::nn::{LayerNorm, LayerNormConfig, Linear};
 use burn::tensor::ops::PadMode;
 use burn::tensor::{Device, Tensor};
 
-use super::window::linear;
+use super::window::{fill_up, linear};
 use crate::model::config::SwinConfig;
 
 /// One token for each patch of the image.
@@ -68,12 +68,8 @@ impl PatchMerging {
     /// - output: `[batch, ceil(y / 2), ceil(x / 2), 2 channel]`
     pub fn forward(&self, x: Tensor<4>) -> Tensor<4> {
         let [n_batch, n_y, n_x, n_channels] = x.dims();
-        let x = if n_y % 2 == 0 && n_x % 2 == 0 {
-            x
-        } else {
-            x.pad([(0, n_y % 2), (0, n_x % 2), (0, 0)], PadMode::Constant(0.0))
-        };
         let [half_y, half_x] = [n_y.div_ceil(2), n_x.div_ceil(2)];
+        let x = fill_up(x, [2 * half_y, 2 * half_x]);
         let four = x
             .reshape([n_batch, half_y, 2, half_x, 2, n_channels])
             .permute([0, 1, 3, 4, 2, 5])

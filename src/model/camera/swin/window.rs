@@ -24,6 +24,18 @@ pub(super) fn linear(n_in: usize, n_out: usize, has_bias: bool, device: &Device)
     layer
 }
 
+/// Adds rows and columns of zeros at the bottom and on the right.
+///
+/// # Shapes
+/// - x: `[batch, y, x, channel]`
+pub(super) fn fill_up(x: Tensor<4>, [n_y, n_x]: [usize; 2]) -> Tensor<4> {
+    let [_, from_y, from_x, _] = x.dims();
+    if [from_y, from_x] == [n_y, n_x] {
+        return x;
+    }
+    x.pad([(0, n_y - from_y), (0, n_x - from_x), (0, 0)], PadMode::Constant(0.0))
+}
+
 /// How a map is cut into windows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Windows {
@@ -61,13 +73,9 @@ impl Windows {
     /// - x: `[batch, y, x, channel]`
     /// - output: `[batch * window, token, channel]`
     fn cut(&self, x: Tensor<4>) -> Tensor<3> {
-        let [n_batch, n_y, n_x, n_channels] = x.dims();
+        let [n_batch, _, _, n_channels] = x.dims();
         let [padded_y, padded_x] = self.padded();
-        let x = if [padded_y, padded_x] == [n_y, n_x] {
-            x
-        } else {
-            x.pad([(0, padded_y - n_y), (0, padded_x - n_x), (0, 0)], PadMode::Constant(0.0))
-        };
+        let x = fill_up(x, [padded_y, padded_x]);
         let [up, left] = self.shift.map(|by| -(by as i64));
         x.roll(&[up, left], &[1, 2])
             .reshape([n_batch, self.n[0], self.size, self.n[1], self.size, n_channels])

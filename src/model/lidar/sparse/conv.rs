@@ -70,7 +70,7 @@ mod tests {
     use super::*;
     use crate::device::test_device;
     use crate::model::config::SparseKernel;
-    use crate::model::golden::{Golden, assert_close};
+    use crate::model::golden::Golden;
     use burn::tensor::Gradients;
 
     /// Against a dense convolution of the same voxels that is read at the active sites only.
@@ -105,12 +105,9 @@ mod tests {
             let w = golden.tensor::<3>(&name("w"), &device).require_grad();
             let y = sparse_conv(x.clone(), w.clone(), &rulebook);
             let gradients = (y.clone() * tensor("dy")).sum().backward();
-            let inner = test_device();
-            let expected = |part: &str| golden.tensor::<2>(&name(part), &inner);
-            assert_close(&y.inner(), &expected("y"), &name("y"));
-            assert_close(&x.grad(&gradients).unwrap(), &expected("dx"), &name("dx"));
-            let dw = golden.tensor::<3>(&name("dw"), &inner);
-            assert_close(&w.grad(&gradients).unwrap(), &dw, &name("dw"));
+            golden.check(&name("y"), &y);
+            golden.check(&name("dx"), &x.grad(&gradients).unwrap());
+            golden.check(&name("dw"), &w.grad(&gradients).unwrap());
         }
     }
 

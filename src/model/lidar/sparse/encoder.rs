@@ -100,7 +100,7 @@ mod tests {
     use super::super::sites::Sites;
     use super::*;
     use crate::device::test_device;
-    use crate::model::golden::{Golden, assert_close, relative_error};
+    use crate::model::golden::{Golden, relative_error};
     use crate::model::parameters::n_trained;
 
     fn small() -> SparseEncoderConfig {
@@ -130,25 +130,20 @@ mod tests {
         let rulebooks = EncoderRulebooks::build(sites, &small());
         let encoder = golden.load_torch("encoder.net", SparseEncoder::init(4, &small(), &device));
         let inner = test_device();
-        let tensor = |name: &str| golden.tensor::<4>(name, &inner);
 
         let x = golden.tensor::<2>("encoder.x", &inner);
-        let evaluated = encoder.valid().forward(x, &rulebooks, 2);
-        assert_close(&evaluated, &tensor("encoder.y_eval"), "evaluated");
+        golden.check("encoder.y_eval", &encoder.valid().forward(x, &rulebooks, 2));
 
         let x = golden.tensor::<2>("encoder.x", &device).require_grad();
         let y = encoder.forward(x.clone(), &rulebooks, 2);
         let dy = golden.tensor::<4>("encoder.dy", &device);
         let gradients = (y.clone() * dy).sum().backward();
-        assert_close(&y.inner(), &tensor("encoder.y_train"), "in training");
-        let dx = golden.tensor::<2>("encoder.dx", &inner);
-        assert_close(&x.grad(&gradients).unwrap(), &dx, "dx");
-        let dw = golden.tensor::<3>("encoder.d_first", &inner);
-        assert_close(&encoder.first.weight_gradient(&gradients), &dw, "gradient of the first kernel");
-        let dw = golden.tensor::<3>("encoder.d_last", &inner);
-        assert_close(&encoder.last.weight_gradient(&gradients), &dw, "gradient of the last kernel");
+        golden.check("encoder.y_train", &y);
+        golden.check("encoder.dx", &x.grad(&gradients).unwrap());
+        golden.check("encoder.d_first", &encoder.first.weight_gradient(&gradients));
+        golden.check("encoder.d_last", &encoder.last.weight_gradient(&gradients));
         let [mean, variance] = encoder.last.running_statistics();
-        assert_close(&mean, &golden.tensor("encoder.running_mean", &inner), "running mean");
+        golden.check("encoder.running_mean", &mean);
         // PyTorch's running variance is the unbiased one, n / (n - 1) times burn's, of which 1 % enters.
         assert!(relative_error(variance, golden.tensor("encoder.running_var", &inner)) < 1e-3);
     }

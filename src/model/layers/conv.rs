@@ -1,0 +1,141 @@
+//! Convolutions over maps: with batch norm and ReLU, alone, and of kernel 1 as one matrix product.
+
+use burn::module::Module;
+use burn::nn::conv::{Conv2d, Conv2dConfig};
+use burn::nn::{BatchNorm, BatchNormConfig, Initializer, PaddingConfig2d};
+use burn::tensor::{Device, Tensor};
+
+use super::norm::{batch_norm_relu, conv3x3_norm_relu};
+use crate::kernels::conv3x3;
+
+/// Convolution, batch norm, ReLU.
+#[derive(Module, Debug)]
+pub struct ConvBlock {
+    conv: Conv2d,
+    norm: BatchNorm,
+}
+
+impl ConvBlock {
+    /// A kernel of 3x3 without bias; the norm's epsilon is the LiDAR branch's, 1e-3.
+    pub fn init(channels_in: usize, channels_out: usize, stride: usize, device: &Device) -> Self {
+        let kaiming = Initializer::KaimingNormal { gain: 2f64.sqrt(), fan_out_only: false };
+        let conv = Conv2dConfig::new([channels_in, channels_out], [3, 3]).with_initializer(kaiming);
+        let mut block = Self::from_conv(conv.with_stride([stride; 2]).with_bias(false), device);
+        block.norm.epsilon = 1e-3;
+        block
+    }
+
+    /// Any convolution with an odd square kernel, which is padded by half of it; the norm is PyTorch's (epsilon
+    /// 1e-5, momentum 0.1), as in BEVFusion's camera branch.
+    pub fn from_conv(conv: Conv2dConfig, device: &Device) -> Self {
+        let half = conv.kernel_size[0] / 2;
+        let norm = BatchNormConfig::new(conv.channels[1]).init(device);
+        let padding = PaddingConfig2d::Explicit(half, half, half, half);
+        Self { conv: conv.with_padding(padding).init(device), norm }
+    }
+
+    /// With PyTorch's batch norm (epsilon 1e-5, momentum 0.1), as in the published fuser and head.
+    #[must_use]
+    pub fn with_plain_norm(mut self) -> Self {
+        (self.norm.epsilon, self.norm.momentum) = (1e-5, 0.1);
+        self
+    }
+
+    /// The same block whose running statistics follow the batches by another share than burn's 0.1.
+    #[must_use]
+    pub fn with_momentum(mut self, momentum: f64) -> Self {
+        self.norm.momentum = momentum;
+        self
+    }
+
+    /// # Shapes
+    /// - x: `[batch, channel_in, y, x]`
+    /// - output: `[batch, channel_out, ceil(y / stride), ceil(x / stride)]`
+    pub fn forward(&self, x: Tensor<4>) -> Tensor<4> {
+        if has_own_kernel(&self.conv) && self.conv.bias.is_none() {
+            return conv3x3_norm_relu(self.conv.weight.val(), &self.norm, x, self.conv.stride[0]);
+        }
+        batch_norm_relu(&self.norm, convolve(&self.conv, x))
+    }
+}
+
+/// Whether [`conv3x3`] computes a convolution.
+fn has_own_kernel(conv: &Conv2d) -> bool {
+    conv.kernel_size == [3, 3] && conv.stride[0] <= 2
+}
+
+/// A convolution with bias and nothing after it: kernel 3x3, stride 1, padding 1, PyTorch's first weights.
+///
+/// # Arguments
+/// - `bias`: gives every channel one value in place of a random one
+pub fn plain_conv(channels_in: usize, channels_out: usize, bias: Option<f64>, device: &Device) -> Conv2d {
+    let mut conv = Conv2dConfig::new([channels_in, channels_out], [3, 3]).init(device);
+    if let Some(value) = bias {
+        conv.bias = Some(Initializer::Constant { value }.init([channels_out], device));
+    }
+    conv
+}
+
+/// A convolution, by our own kernel where that computes it.
+///
+/// # Shapes
+/// - x: `[batch, channel_in, y, x]`
+/// - output: `[batch, channel_out, ceil(y / stride), ceil(x / stride)]`
+pub fn convolve(conv: &Conv2d, x: Tensor<4>) -> Tensor<4> {
+    if !has_own_kernel(conv) {
+        return conv.forward(x);
+    }
+    let y = conv3x3(x, conv.weight.val(), conv.stride[0]);
+    match &conv.bias {
+        Some(bias) => y + bias.val().reshape([1, -1, 1, 1]),
+        None => y,
+    }
+}
+
+/// 1x1 convolution with bias.
+pub fn pointwise(channels_in: usize, channels_out: usize, device: &Device) -> Conv2d {
+    Conv2dConfig::new([channels_in, channels_out], [1, 1]).init(device)
+}
+
+/// What a 1x1 convolution makes of an image, as one matrix product: burn's own lays pixels out anew.
+///
+/// # Shapes
+/// - x: `[batch, channel_in, y, x]`
+/// - output: `[batch, channel_out, y, x]`
+pub fn mix_channels(conv: &Conv2d, x: Tensor<4>) -> Tensor<4> {
+    let [n_batch, channels_in, n_y, n_x] = x.dims();
+    let weight = conv.weight.val();
+    let channels_out = weight.dims()[0];
+    let mixed = weight
+        .reshape([1, channels_out, channels_in])
+        .matmul(x.reshape([n_batch, channels_in, n_y * n_x]))
+        .reshape([n_batch, channels_out, n_y, n_x]);
+    match &conv.bias {
+        Some(bias) => mixed + bias.val().reshape([1, channels_out, 1, 1]),
+        None => mixed,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn mixing_channels_is_a_convolution_of_kernel_1() {
+        let device = Device::flex().autodiff();
+        device.seed(3);
+        let conv = pointwise(5, 3, &device);
+        let random = |dims| Tensor::<4>::random(dims, burn::tensor::Distribution::Default, &device);
+        let (x, dy) = (random([2, 5, 4, 6]), random([2, 3, 4, 6]));
+        let run = |is_own: bool| {
+            let x = x.clone().require_grad();
+            let y = if is_own { mix_channels(&conv, x.clone()) } else { conv.forward(x.clone()) };
+            let gradients = (y.clone() * dy.clone()).sum().backward();
+            let weight = conv.weight.val().grad(&gradients).unwrap();
+            [y.inner(), x.grad(&gradients).unwrap(), weight]
+        };
+        for (own, burns) in run(true).into_iter().zip(run(false)) {
+            assert!((own - burns).abs().max().into_scalar::<f32>() < 1e-5);
+        }
+    }
+}
