@@ -8,6 +8,21 @@ use thiserror::Error;
 ///
 /// `center` is the middle of the box, `length_m` runs along the box's x axis, `width_m` along y,
 /// `height_m` along z; `yaw_rad` turns +x about +z and is zero along the frame's +x.
+///
+/// ```
+/// use harmzone::geometry::{Box3, Ego, Point};
+///
+/// let car = Box3::<Ego> {
+///     center: Point::new(10.0, 2.0, 0.75),
+///     length_m: 4.0,
+///     width_m: 2.0,
+///     height_m: 1.5,
+///     yaw_rad: 0.0,
+/// };
+/// let front_left = car.footprint()[0];
+/// assert_eq!((front_left.x_m, front_left.y_m), (12.0, 3.0));
+/// assert!(car.contains(&Point::new(8.5, 2.9, 0.2), 0.0));
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Box3<F: Frame> {
     pub center: Point<F>,
@@ -75,9 +90,9 @@ impl<F: Frame> Box3<F> {
         })
     }
 
-    /// The same box in another frame whose z axis is parallel; only the yaw of the transform turns it.
+    /// The same box in another frame with a parallel z axis; only the yaw of the transform turns it.
     #[must_use]
-    pub fn transformed<To: Frame>(&self, to_from_f: &Transform<To, F>) -> Box3<To> {
+    pub fn in_frame<To: Frame>(&self, to_from_f: &Transform<To, F>) -> Box3<To> {
         Box3 {
             center: *to_from_f * self.center,
             length_m: self.length_m,
@@ -135,7 +150,7 @@ mod tests {
     proptest! {
         #[test]
         fn a_rigid_motion_keeps_the_footprint_area(x in -50.0..50.0, yaw in -3.0..3.0, turn in -3.0..3.0) {
-            let moved = car(yaw).transformed(&Transform::<World, Ego>::from_xyz_yaw(x, 1.0, 0.0, turn));
+            let moved = car(yaw).in_frame(&Transform::<World, Ego>::from_xyz_yaw(x, 1.0, 0.0, turn));
             prop_assert!((polygon_area(&moved.footprint()) - 8.0).abs() < 1e-9);
             prop_assert!(moved.yaw_rad > -std::f64::consts::PI - 1e-12 && moved.yaw_rad <= std::f64::consts::PI);
         }

@@ -76,9 +76,19 @@ impl<F: Frame> Point<F> {
     }
 }
 
-/// The rigid transform that takes coordinates in `From` to coordinates in `To`.
+/// The rigid transform from coordinates in `From` to coordinates in `To`.
 ///
 /// Name values `<to>_from_<from>`: the inner names of a product meet.
+///
+/// ```
+/// use harmzone::geometry::{Ego, Lidar, Point, Transform, World};
+///
+/// let world_from_ego = Transform::<World, Ego>::from_xyz_yaw(100.0, 50.0, 0.0, 0.0);
+/// let ego_from_lidar = Transform::<Ego, Lidar>::from_xyz_yaw(0.9, 0.0, 1.8, 0.0);
+/// let world_from_lidar = world_from_ego * ego_from_lidar; // swapped factors do not compile
+/// let point_in_world = world_from_lidar * Point::new(10.0, 0.0, -1.8);
+/// assert_eq!((point_in_world.x(), point_in_world.y()), (110.9, 50.0));
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Transform<To: Frame, From: Frame> {
     pub isometry: Isometry3<f64>,

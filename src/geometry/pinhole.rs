@@ -3,6 +3,15 @@
 use super::frames::{Camera, Point};
 
 /// Intrinsics of a rectified camera; pixel (0, 0) is the outer corner of the top left pixel.
+///
+/// ```
+/// use harmzone::geometry::{Pinhole, Point};
+///
+/// let camera = Pinhole::from_horizontal_fov(800, 450, 70f64.to_radians());
+/// let straight_ahead = camera.project(&Point::new(0.0, 0.0, 10.0));
+/// assert_eq!(straight_ahead, Some((400.0, 225.0)));
+/// assert_eq!(camera.project(&Point::new(0.0, 0.0, -10.0)), None); // behind the camera
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pinhole {
     pub width_px: u32,

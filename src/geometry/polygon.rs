@@ -45,8 +45,8 @@ pub fn convex_overlap_area(subject: &[Point2], clip: &[Point2]) -> f64 {
 
 /// Signed distance of two convex polygons of three or more corners, metres, whatever their winding.
 ///
-/// Positive: the gap between them. Negative: how far one must be moved so that they only touch, which is least
-/// along the normal of an edge (separating axes; Gottschalk, Lin and Manocha 1996).
+/// Positive: the gap between them. Negative: the shortest move of one after which they only touch, which runs along
+/// the normal of an edge (separating axes; Gottschalk, Lin and Manocha 1996).
 #[must_use]
 pub fn convex_signed_distance_m(one: &[Point2], other: &[Point2]) -> f64 {
     let deepest_m = f64::max(separation_m(one, other), separation_m(other, one));
@@ -57,7 +57,7 @@ pub fn convex_signed_distance_m(one: &[Point2], other: &[Point2]) -> f64 {
     f64::min(gap_m(one, other), gap_m(other, one))
 }
 
-/// The greatest distance between the shadows of two polygons along the normals of `edges_of`.
+/// The largest gap between the projections of two polygons on the normals of `edges_of`.
 fn separation_m(edges_of: &[Point2], other: &[Point2]) -> f64 {
     let winding = if signed_area(edges_of) < 0.0 { -1.0 } else { 1.0 };
     let edges = edges_of.iter().zip(edges_of.iter().cycle().skip(1));
@@ -70,7 +70,7 @@ fn separation_m(edges_of: &[Point2], other: &[Point2]) -> f64 {
     along_normal_m.fold(f64::NEG_INFINITY, f64::max)
 }
 
-/// The least distance from a corner of one polygon to an edge of the other.
+/// The smallest distance from a corner of one polygon to an edge of the other.
 fn gap_m(corners_of: &[Point2], edges_of: &[Point2]) -> f64 {
     let mut least_m = f64::INFINITY;
     for &corner in corners_of {
@@ -81,7 +81,7 @@ fn gap_m(corners_of: &[Point2], edges_of: &[Point2]) -> f64 {
     least_m
 }
 
-/// Distance of a point from the straight line between two others, ends included.
+/// Distance of a point from the segment between two others.
 fn distance_to_edge_m(point: Point2, start: Point2, end: Point2) -> f64 {
     let (dx, dy) = (end.x_m - start.x_m, end.y_m - start.y_m);
     let squared = dx * dx + dy * dy;

@@ -15,7 +15,7 @@ pub struct Batch {
     pub lidar: Option<LidarBatch>,
     /// The camera's inputs; `None` in the LiDAR stage.
     pub camera: Option<CameraBatch>,
-    /// `[batch * state, 2]`: scaled speed and steering; every sample has as many states.
+    /// `[batch * state, 2]`: scaled speed and steering; all samples have the same number of states.
     pub numeric: Tensor<2>,
 }
 

@@ -18,9 +18,9 @@ const NORM_MOMENTUM: f64 = 0.01;
 /// Brings one scale to the size of the first, then batch norm and ReLU.
 #[derive(Module, Debug)]
 struct Neck {
-    /// Where the scale has the size of the first, or its cells are repeated.
+    /// For the first scale, and where coarse cells are repeated.
     point: Option<Conv2d>,
-    /// Otherwise.
+    /// For the other scales.
     spread: Option<ConvTranspose2d>,
     norm: BatchNorm,
     #[module(skip)]

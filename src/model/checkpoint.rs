@@ -91,15 +91,15 @@ pub fn save(detector: &Detector, path: &Path) -> Result<(), CheckpointError> {
 /// Reads the config inside a checkpoint.
 ///
 /// # Errors
-/// Unreadable, not safetensors, not one of ours, or an invalid config.
+/// The file cannot be read, is not a harmzone checkpoint, or its config is not valid.
 pub fn read_config(path: &Path) -> Result<ModelConfig, CheckpointError> {
     config_in(&fs::read(path).map_err(CheckpointError::Io)?, path)
 }
 
-/// Reads the config inside a checkpoint's bytes; errors call them `path`.
+/// Reads the config inside a checkpoint's bytes; errors name `path`.
 ///
 /// # Errors
-/// Not safetensors, not one of ours, or an invalid config.
+/// The bytes are not a harmzone checkpoint, or its config is not valid.
 pub fn config_in(bytes: &[u8], path: &Path) -> Result<ModelConfig, CheckpointError> {
     let foreign = |found: String| CheckpointError::Foreign { found, path: path.to_owned() };
     let (_, metadata) =
@@ -118,18 +118,18 @@ pub fn config_in(bytes: &[u8], path: &Path) -> Result<ModelConfig, CheckpointErr
     Ok(config)
 }
 
-/// Reads a detector as its checkpoint's config describes it.
+/// Reads a detector.
 ///
 /// # Errors
-/// As [`read_config`], or weights that do not fit the config.
+/// As [`read_config`], or the weights do not fit the config.
 pub fn load(path: &Path, device: &Device) -> Result<Detector, CheckpointError> {
     unpack(&fs::read(path).map_err(CheckpointError::Io)?, path, device)
 }
 
-/// Makes a detector of a checkpoint's bytes; errors call them `path`.
+/// Makes a detector from a checkpoint's bytes; errors name `path`.
 ///
 /// # Errors
-/// As [`config_in`], or weights that do not fit the config.
+/// As [`config_in`], or the weights do not fit the config.
 pub fn unpack(bytes: &[u8], path: &Path, device: &Device) -> Result<Detector, CheckpointError> {
     let config = config_in(bytes, path)?;
     let mut detector = Detector::init(&config, 0, device);

@@ -38,17 +38,17 @@ impl Detector {
     pub fn init(config: &ModelConfig, seed: u64, device: &Device) -> Self {
         let cpu = if device.is_autodiff() { Device::flex().autodiff() } else { Device::flex() };
         let detector = {
-            // Parameters draw when first looked at: hold the generator for as long as the drawing lasts.
+            // Parameters are drawn when first read: hold the generator until all are drawn.
             let _held = GENERATOR.lock().unwrap_or_else(PoisonError::into_inner);
             cpu.seed(seed);
-            let detector = Self::undrawn(config, &cpu);
+            let detector = Self::build(config, &cpu);
             detector.visit(&mut Draw);
             detector
         };
         if *device == cpu { detector } else { detector.to_device(device) }
     }
 
-    /// Seeds what training draws: dropout and drop path.
+    /// Seeds the random numbers of training: dropout and drop path.
     pub fn seed(device: &Device, seed: u64) {
         let _held = GENERATOR.lock().unwrap_or_else(PoisonError::into_inner);
         device.seed(seed);
@@ -68,7 +68,7 @@ impl Detector {
         load_image_weights(path, branch.swin_mut())
     }
 
-    fn undrawn(config: &ModelConfig, device: &Device) -> Self {
+    fn build(config: &ModelConfig, device: &Device) -> Self {
         let channels_in = config.lidar_channels() + config.camera_channels();
         Self {
             lidar: config.use_lidar.then(|| LidarBranch::init(config, device)),
@@ -89,7 +89,7 @@ impl Detector {
         &self.config
     }
 
-    /// Parts and the numbers that training changes in each, of a detector on an autodiff device.
+    /// Names of the parts and the number of trained parameters in each; the detector is on an autodiff device.
     #[must_use]
     pub fn n_parameters(&self) -> Vec<(&'static str, usize)> {
         let mut parts = Vec::new();
@@ -114,8 +114,8 @@ impl Detector {
         parts
     }
 
-    /// Without camera inputs in the batch (the LiDAR stage) the camera's channels are zero: the fuser's LiDAR
-    /// half learns there, and the camera joins a network that detects already.
+    /// Runs the whole network. Without camera inputs in the batch (the LiDAR stage) the camera's channels are zero:
+    /// the fuser's LiDAR half learns there, and the camera later joins a network that already detects.
     ///
     /// # Panics
     /// If the batch was made with another config.
@@ -123,12 +123,12 @@ impl Detector {
         let camera = || self.camera_map(batch, self.image_features(batch));
         let lidar = || self.lidar_map(batch);
         let device = batch.numeric.device();
-        // A GPU orders the work of one thread, and waits where that of two meets.
+        // On a GPU, work from two threads would wait for each other.
         if device.is_autodiff() || !is_cpu(&device) {
             return self.head(batch, self.fuse(camera(), lidar()));
         }
-        // Started in the pool, no operation wakes it up and waits outside; and what one branch does on one thread
-        // leaves the others to the other branch.
+        // Inside the pool no operation has to wake it up and wait; and while one branch uses one thread, the other
+        // branch uses the rest.
         rayon::scope(|_| {
             let (camera, lidar) = rayon::join(camera, lidar);
             self.head(batch, self.fuse(camera, lidar))
@@ -138,7 +138,7 @@ impl Detector {
 
 /// The parts of [`Detector::forward`], in its order; maps are `[batch, channel, cell_y, cell_x]`.
 impl Detector {
-    /// The camera branch before its lift, where it can be told apart.
+    /// The camera branch before its lift, where the two are separate.
     pub(super) fn image_features(&self, batch: &Batch) -> Option<Tensor<4>> {
         let (branch, batch) = self.camera.as_ref().zip(batch.camera.as_ref())?;
         Some(branch.image_features(batch))
@@ -181,7 +181,7 @@ impl Detector {
     }
 }
 
-/// Looks at each parameter, which draws it.
+/// Reads each parameter, which draws it.
 struct Draw;
 
 impl ModuleVisitor for Draw {

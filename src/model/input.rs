@@ -19,7 +19,7 @@ pub struct Input {
     pub numeric: Vec<[f32; 2]>,
 }
 
-/// Why a sample cannot be an input.
+/// Why a sample cannot be prepared.
 #[derive(Debug, Error)]
 pub enum InputError {
     #[error("the camera image cannot be unpacked: {0}")]
@@ -31,8 +31,8 @@ pub enum InputError {
 }
 
 impl Input {
-    /// Prepares a sample. With `mirror`, everything is reflected in the ego's x-z plane, the steering
-    /// angle too, which leaves every box's label as it was. Without `with_camera` the picture stays packed.
+    /// Prepares a sample. `mirror` reflects everything in the ego's x-z plane, the steering angle too, so that
+    /// labels stay the same. Without `with_camera` the picture stays packed.
     ///
     /// # Errors
     /// The image is broken or too flat, or speed or steering is not finite.
@@ -45,7 +45,7 @@ impl Input {
         Self::prepare_by_stage(measured, config, mirror, with_camera, &mut |_| ())
     }
 
-    /// As [`Self::prepare`]; tells `done` the name of each stage when it ends.
+    /// As [`Self::prepare`]; calls `done` with the name of each stage when it ends.
     pub(super) fn prepare_by_stage(
         measured: &Measured,
         config: &ModelConfig,

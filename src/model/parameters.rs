@@ -1,4 +1,4 @@
-//! Counting parameters: what training changes, without the running statistics of batch norms.
+//! The number of trained parameters, without the running statistics of batch norms.
 
 use burn::module::{Module, ModuleVisitor, Param};
 use burn::tensor::Tensor;
@@ -13,8 +13,8 @@ impl ModuleVisitor for Count {
     }
 }
 
-/// Numbers that training changes, of a module on an autodiff device; frozen ones are left out, and on any
-/// other device there are none. burn's `num_params` counts running statistics too.
+/// Counts the trained parameters of a module on an autodiff device, without frozen ones; on any other device there
+/// are none. burn's `num_params` counts running statistics too.
 #[must_use]
 pub fn n_trained(module: &impl Module) -> usize {
     let mut count = Count(0);

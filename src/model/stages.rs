@@ -10,8 +10,8 @@ use super::input::{Input, InputError};
 use crate::object::Detection;
 use crate::sample::Measured;
 
-/// Boxes of one sample, best first, as by the whole functions; `done` is told the name of each stage when it ends.
-/// The detector must be in inference mode.
+/// Detects the boxes of one sample, best first, and calls `done` with the name of each stage when it ends. The
+/// detector is in inference mode.
 ///
 /// # Errors
 /// The image is broken or too flat, or speed or steering is not finite.

@@ -1,5 +1,5 @@
-//! What a training step of a config holds in memory, from the config alone: main tensors, their shapes and how
-//! many of each shape autodiff keeps for the backward pass.
+//! Memory of a training step, estimated from the config: main tensors, their shapes, and how many of each shape
+//! autodiff keeps for the backward pass.
 //!
 //! Counted by hand from the layers: a convolution with batch norm and ReLU keeps two tensors of its output's
 //! shape (what the norm and what the next layer saw), an attention two of its weights' shape, and so on. Scratch
@@ -10,8 +10,8 @@ use serde::Serialize;
 use super::camera::n_features;
 use super::config::{CameraBackbone, LidarEncoder, ModelConfig, NumericFusion};
 
-/// Points or voxels of one sample taken where only the data could tell: our LiDAR's front sector gives
-/// 10,000 to 30,000.
+/// Points or voxels assumed of one sample, since only the data could tell: our LiDAR's front sector gives 10,000 to
+/// 30,000.
 const N_POINTS: usize = 20_000;
 
 /// Tensors of one convolution, batch norm and ReLU.

@@ -77,7 +77,7 @@ impl CutOut {
         let axis = Vector3::new(lidar.x, lidar.y, 0.0);
         let turned =
             Transform::<Ego, Ego>::new(axis - about_origin.rotate(&axis), about_origin.isometry.rotation);
-        truth.box_in_ego = truth.box_in_ego.transformed(&turned);
+        truth.box_in_ego = truth.box_in_ego.in_frame(&turned);
         let [x, y] = truth.velocity_in_ego_mps;
         let velocity = turned.rotate(&Vector3::new(x, y, 0.0));
         truth.velocity_in_ego_mps = [velocity.x, velocity.y];

@@ -61,7 +61,7 @@ impl CnnBranch {
         self.joint.forward(Tensor::cat(vec![image, depth], 1))
     }
 
-    /// From these features to the bird's-eye grid.
+    /// Lifts these features to the bird's-eye grid.
     ///
     /// # Shapes
     /// - joint: `[batch, channel, feature_y, feature_x]`

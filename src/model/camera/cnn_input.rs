@@ -57,7 +57,7 @@ pub struct CnnBatch {
     pub image: Tensor<4>,
     /// `[batch, 2, feature_y, feature_x]`: LiDAR depth over 50 m, and whether there is one.
     pub depth: Tensor<4>,
-    /// Of each sample: where its frustum falls.
+    /// For each sample, the cells of its frustum.
     pub plans: Vec<Arc<PoolPlan>>,
 }
 

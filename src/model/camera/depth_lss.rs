@@ -28,7 +28,7 @@ pub struct DepthLss {
 }
 
 impl DepthLss {
-    /// `config` is one that passes its check; `channels_in` are the image features'.
+    /// `config` has passed its check; `channels_in` counts the channels of the image features.
     pub fn init(config: &DepthLssConfig, channels_in: usize, device: &Device) -> Self {
         let [a, b, c] = config.depth_channels;
         let [stride_b, stride_c] = config.depth_strides;

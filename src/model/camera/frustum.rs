@@ -5,14 +5,14 @@ use crate::geometry::Point;
 use crate::kernels::PoolPlan;
 use crate::model::config::DepthLssConfig;
 
-/// Where feature `i` of `n` looks through the image: from the middle of the first pixel to the last's in even
-/// steps (as published: `linspace(0, n_px - 1, n)` over pixel indices; middles lie half a pixel further).
+/// The pixel coordinate through which feature `i` of `n` looks: even steps from the middle of the first pixel to
+/// the middle of the last (as published: `linspace(0, n_px - 1, n)` over pixel indices, plus half a pixel).
 fn feature_px(i: usize, n: usize, n_px: u32) -> f64 {
     let step_px = if n > 1 { f64::from(n_px - 1) / (n - 1) as f64 } else { 0.0 };
     i as f64 * step_px + 0.5
 }
 
-/// The plan of a camera: each feature's ray at each depth bin, and the pooled cell `y * n_x + x` it falls into.
+/// Finds the pooled cell `y * n_x + x` of each feature's ray at each depth bin.
 ///
 /// Cells are found by rounding down: a point just under the low edge lies outside (the published code rounds
 /// towards zero and keeps points up to a cell outside).
@@ -40,10 +40,10 @@ pub fn pool_plan(config: &DepthLssConfig, features: [usize; 2], view: &CameraVie
     PoolPlan::new(n_bins, grid.n_cells(), cells)
 }
 
-/// Depths of the LiDAR points that the camera sees, as `(y * width + x, depth in metres)` by rising pixel.
+/// Finds the depths of the LiDAR points that the camera sees: `(y * width + x, depth in metres)`, sorted by pixel.
 ///
-/// Points behind the camera are left out; of several points in a pixel the nearest stays, so that the order of
-/// the points does not matter (the published code keeps whichever is written last).
+/// Points behind the camera are left out. A pixel with several points keeps the nearest, so that the order of the
+/// points does not matter (the published code keeps the one written last).
 #[must_use]
 pub fn sparse_depth(points: &[[f64; 4]], view: &CameraView) -> Vec<(u32, f32)> {
     let width_px = view.intrinsics.width_px;

@@ -7,10 +7,12 @@ use burn::tensor::Tensor;
 
 use crate::kernels::{PoolPlan, lift_pool, softmax_last};
 
+/// Lifts features and sums them into cells.
+///
 /// # Shapes
 /// - lifted: `[batch, depth_bin + channel, feature_y, feature_x]`: depth before the softmax, then context
 /// - cells: rows and columns of the ground's cells
-/// - plans: of each sample the cell of each feature's depth bins
+/// - plans: for each sample, the cell of each feature's depth bins
 /// - output: `[batch, channel, y, x]`
 pub fn lift_and_pool(
     lifted: Tensor<4>,

@@ -23,7 +23,7 @@ pub use swin::Swin;
 pub use swin_branch::SwinCameraBranch;
 pub use swin_input::{SwinCameraBatch, SwinCameraInput};
 
-/// Why a branch never meets the other backbone's input.
+/// Why a branch never gets the input of another backbone.
 const SAME_CONFIG: &str = "input, batch and branch were made with one config";
 
 /// One sample's image and what goes with it, as the config's backbone needs them.
@@ -117,7 +117,7 @@ impl CameraBranch {
         }
     }
 
-    /// Features of the image; of the published branch the map itself, which is lifted in one go.
+    /// Computes the image features; the published branch computes the map in one go.
     pub fn image_features(&self, batch: &CameraBatch) -> Tensor<4> {
         match (self, batch) {
             (Self::Cnn(branch), CameraBatch::Cnn(batch)) => branch.image_features(batch),

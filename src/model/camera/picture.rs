@@ -10,7 +10,7 @@ use crate::geometry::{Camera, Ego, Pinhole, Point, Transform};
 use crate::model::config::{CameraBackbone, CameraConfig};
 use crate::sample::Measured;
 
-/// How a camera sees, and from where.
+/// A camera's intrinsics and its pose on the car.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraView {
     pub intrinsics: Pinhole,
@@ -68,7 +68,7 @@ pub fn unpack_image(measured: &Measured, mirror: bool) -> Result<RgbImage, image
 #[derive(Debug, Clone)]
 pub struct NetworkImage {
     pub pixels: RgbImage,
-    /// Columns and rows for one of the full picture, before the crop.
+    /// Width and height over those of the full picture, before the crop.
     scale: [f64; 2],
     /// Rows cut off at the top.
     cut_px: u32,
@@ -90,7 +90,7 @@ pub struct ImageTooFlat {
 }
 
 impl NetworkImage {
-    /// Resizes a picture to the network's width; for the published backbone keeps its lowest rows.
+    /// Resizes a picture to the network's width; the published backbone keeps only the lowest rows.
     ///
     /// # Errors
     /// The resized picture has fewer rows than the published backbone needs.
@@ -120,7 +120,7 @@ impl NetworkImage {
         })
     }
 
-    /// This picture's view from the full picture's.
+    /// The view of this picture, from the view of the full one.
     #[must_use]
     pub fn view(&self, full: &CameraView) -> CameraView {
         let ([scale_x, scale_y], of) = (self.scale, &full.intrinsics);

@@ -19,7 +19,7 @@ pub struct SwinCameraBranch {
 }
 
 impl SwinCameraBranch {
-    /// `config` is one that passes its check.
+    /// `config` has passed its check.
     pub fn init(config: &SwinCameraConfig, device: &Device) -> Self {
         Self {
             swin: Swin::init(&config.swin, device),

@@ -9,7 +9,7 @@ use super::picture::{CameraView, NetworkImage};
 use crate::kernels::PoolPlan;
 use crate::model::config::SwinCameraConfig;
 
-/// Mean and deviation of ImageNet's pixels by channel, on a scale from 0 to 1: what pretrained weights expect.
+/// Mean and standard deviation of ImageNet's pixels by channel, from 0 to 1: pretrained weights expect them.
 const IMAGE_MEAN: [f32; 3] = [0.485, 0.456, 0.406];
 const IMAGE_STD: [f32; 3] = [0.229, 0.224, 0.225];
 
@@ -18,7 +18,7 @@ const IMAGE_STD: [f32; 3] = [0.229, 0.224, 0.225];
 pub struct SwinCameraInput {
     /// `[3, y, x]`, 8-bit RGB, resized and cropped.
     pub image: Vec<u8>,
-    /// `(y * width + x, depth in metres)` of pixels that a LiDAR point falls into, by rising pixel.
+    /// `(y * width + x, depth in metres)` of pixels with a LiDAR point, sorted by pixel.
     pub depths: Vec<(u32, f32)>,
     /// Of the cropped image.
     pub view: CameraView,
@@ -46,7 +46,7 @@ pub struct SwinCameraBatch {
 }
 
 impl SwinCameraBatch {
-    /// Stacks inputs prepared with `config`; neighbours of one calibration share a plan.
+    /// Stacks inputs prepared with `config`; neighbours with the same calibration share a plan.
     #[must_use]
     pub fn stack(inputs: &[&SwinCameraInput], config: &SwinCameraConfig, device: &Device) -> Self {
         let n_batch = inputs.len();

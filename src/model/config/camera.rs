@@ -1,4 +1,4 @@
-//! The camera branch.
+//! Sizes and choices of the camera branch.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,7 +6,7 @@ use super::error::{ModelConfigError, fail};
 use super::grid::GridConfig;
 use super::swin_camera::SwinCameraConfig;
 
-/// What turns the image into features.
+/// The network that turns the image into features.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CameraBackbone {

@@ -11,9 +11,9 @@ use super::grid::GridConfig;
 pub struct DepthLssConfig {
     /// Depth of the first bin, metres along the optical axis.
     pub depth_min_m: f64,
-    /// Where the bins end; the last one lies a step before.
+    /// End of the bins; the last one lies a step before it.
     pub depth_max_m: f64,
-    /// From bin to bin.
+    /// Distance from bin to bin.
     pub depth_step_m: f64,
     /// Bounds of the bird's-eye grid in the ego frame.
     pub x_min_m: f64,
@@ -22,17 +22,17 @@ pub struct DepthLssConfig {
     pub y_max_m: f64,
     /// Points lower than this are left out.
     pub z_min_m: f64,
-    /// Points from here up are left out.
+    /// Points at this height and above are left out.
     pub z_max_m: f64,
     /// Side of a pooled cell.
     pub cell_size_m: f64,
-    /// Stride of the middle one of the three convolutions behind the pooling: 1 or 2.
+    /// Stride of the second of the three convolutions after the pooling: 1 or 2.
     pub downsample: usize,
     /// Channels of the three convolutions over the sparse depth image.
     pub depth_channels: [usize; 3],
-    /// Strides of the last two of them; their product is the stride of the image features.
+    /// Strides of the last two; their product is the stride of the image features.
     pub depth_strides: [usize; 2],
-    /// Kernel side of the last two of them in pixels; odd.
+    /// Kernel side of the last two, in pixels; odd.
     pub depth_kernel_px: usize,
     /// Channels of the two convolutions that see image features and depth together.
     pub hidden_channels: usize,

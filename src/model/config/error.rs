@@ -11,7 +11,7 @@ pub struct ModelConfigError {
     pub valid: &'static str,
 }
 
-/// The error as a result.
+/// Makes the error a result.
 pub(super) fn fail<T>(
     field: &'static str,
     found: impl ToString,

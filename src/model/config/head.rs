@@ -44,9 +44,9 @@ impl Heatmap {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PositionEncoding {
-    /// One net for both, of metres, without batch norm.
+    /// One net for both, from metres, without batch norm.
     Shared,
-    /// Published: a net for queries and one for cells, of cells, with batch norm.
+    /// Published: one net for queries and one for cells, from cell units, with batch norm.
     Separate,
 }
 
@@ -71,7 +71,7 @@ pub enum Classes {
 }
 
 impl Classes {
-    /// How many there are.
+    /// Number of classes.
     #[must_use]
     pub fn n(self) -> usize {
         match self {
@@ -101,8 +101,8 @@ pub struct HeadConfig {
     /// Heatmap cells along each side of a feature cell: 1 or 2. At 2 objects that stand closer than two
     /// feature cells have peaks of their own. Default 2; published: 1.
     pub heatmap_scale: usize,
-    /// A peak is the highest of so many cells square, for each class of the heatmap (the first alone
-    /// where it is agnostic): 3 or 1. The published head has 1 for its small classes, pedestrian and
+    /// Side of the square in which a peak is the highest cell, 3 or 1, for each class of the heatmap (an agnostic
+    /// heatmap uses the first). The published head has 1 for its small classes, pedestrian and
     /// cone; harmful and harmless hold every size, so both profiles have 3.
     pub peak_kernels: [usize; 2],
     /// Whether the map's outermost cells can be peaks (of a 3x3 kernel). Default true; published: false.

@@ -1,4 +1,4 @@
-//! The LiDAR branch.
+//! Sizes and choices of the LiDAR branch.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,7 +6,7 @@ use super::error::{ModelConfigError, fail};
 use super::grid::GridConfig;
 use super::voxels::LidarVoxelConfig;
 
-/// What turns points into a bird's-eye map.
+/// The network that turns points into a bird's-eye map.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LidarEncoder {
@@ -20,7 +20,7 @@ pub enum LidarEncoder {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PillarConfig {
-    /// LiDAR points kept of one pillar.
+    /// Most LiDAR points that a pillar keeps.
     pub max_points: usize,
     /// Channels of a pillar.
     pub channels: usize,

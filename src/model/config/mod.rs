@@ -38,8 +38,7 @@ pub struct ModelConfig {
     pub use_lidar: bool,
     /// Whether the camera branch takes part; one of the two must.
     pub use_camera: bool,
-    /// Channels that the fuser, a 3x3 convolution over both branches' maps, puts out. Default 64; the paper's
-    /// 256.
+    /// Output channels of the fuser, a 3x3 convolution over both branches' maps. Default 64; the paper's 256.
     pub fuser_channels: usize,
     pub grid: GridConfig,
     pub lidar: LidarConfig,
@@ -101,7 +100,7 @@ impl ModelConfig {
 
 /// What the branches hand to the fuser.
 impl ModelConfig {
-    /// Channels of the LiDAR branch's map; none without it.
+    /// Channels of the LiDAR branch's map; 0 without the branch.
     #[must_use]
     pub fn lidar_channels(&self) -> usize {
         match self.lidar.encoder {
@@ -111,7 +110,7 @@ impl ModelConfig {
         }
     }
 
-    /// Channels of the camera branch's map; none without it.
+    /// Channels of the camera branch's map; 0 without the branch.
     #[must_use]
     pub fn camera_channels(&self) -> usize {
         match self.camera.backbone {
@@ -121,7 +120,7 @@ impl ModelConfig {
         }
     }
 
-    /// Whether a bird's-eye backbone follows the fuser: with voxels. Pillars have their own before it.
+    /// Whether a bird's-eye backbone follows the fuser. It does with voxels; pillars have their own before it.
     #[must_use]
     pub fn has_backbone(&self) -> bool {
         self.lidar.encoder == LidarEncoder::Voxels
@@ -134,7 +133,7 @@ impl ModelConfig {
         (self.use_lidar && self.use_camera) || !self.has_backbone()
     }
 
-    /// Channels behind the fuser, or of the one branch where there is none.
+    /// Channels after the fuser, or of the one branch where there is none.
     #[must_use]
     pub fn fused_channels(&self) -> usize {
         if self.has_fuser() { self.fuser_channels } else { self.lidar_channels() + self.camera_channels() }

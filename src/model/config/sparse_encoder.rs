@@ -59,16 +59,16 @@ impl Default for SparseEncoderConfig {
 
 impl SparseEncoderConfig {
     /// The strided convolutions in order: between stages, then the last one along z.
-    pub fn strided(&self) -> Vec<SparseKernel> {
+    pub fn strided_kernels(&self) -> Vec<SparseKernel> {
         let last = SparseKernel { kernel: [3, 1, 1], stride: [2, 1, 1], padding: [0; 3] };
         let down = |&z: &usize| SparseKernel { kernel: [3; 3], stride: [2; 3], padding: [z, 1, 1] };
         self.z_padding.iter().map(down).chain([last]).collect()
     }
 
-    /// Cells along z, y, x of the output of voxels of a grid; `None` where a kernel does not fit.
+    /// Cells of the output along z, y, x, for a grid of voxels; `None` where a kernel does not fit.
     #[must_use]
     pub fn out_shape(&self, shape: [usize; 3]) -> Option<[usize; 3]> {
-        self.strided().iter().try_fold(shape, |shape, geometry| geometry.out_shape(shape))
+        self.strided_kernels().iter().try_fold(shape, |shape, geometry| geometry.out_shape(shape))
     }
 
     /// Checks what the types cannot say, for a grid of cells along z, y, x.

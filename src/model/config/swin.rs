@@ -13,7 +13,7 @@ pub const N_STAGES: usize = 4;
 pub struct SwinConfig {
     /// Side of an image patch in pixels: stride of the first stage's map.
     pub patch_size_px: usize,
-    /// Channels of the first stage; each later one has twice those of the one before.
+    /// Channels of the first stage; each later stage doubles them.
     pub embed_channels: usize,
     /// Blocks of each stage; every second one shifts its windows.
     pub depths: [usize; N_STAGES],
@@ -30,7 +30,7 @@ pub struct SwinConfig {
     /// In training: probability that a sample skips a branch of the last block; it grows evenly from 0 at the
     /// first block. 0 turns it off.
     pub drop_path: f64,
-    /// Stages whose maps come out, each through a layer norm of its own; rising.
+    /// Stages whose maps are outputs, each through a layer norm of its own; rising.
     pub out_stages: [usize; 3],
 }
 
@@ -64,7 +64,7 @@ impl SwinConfig {
         self.patch_size_px << stage
     }
 
-    /// Channels of the maps that come out.
+    /// Channels of the output maps.
     #[must_use]
     pub fn out_channels(&self) -> [usize; 3] {
         self.out_stages.map(|stage| self.channels(stage))

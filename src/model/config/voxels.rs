@@ -107,7 +107,7 @@ pub struct LidarVoxelConfig {
 }
 
 impl LidarVoxelConfig {
-    /// Cells of the sparse grid along z, y, x: the voxels', and as published one more along z.
+    /// Cells of the sparse grid along z, y, x: one for each voxel, and as published one more along z.
     #[must_use]
     pub fn sparse_shape(&self) -> [usize; 3] {
         let [n_z, n_y, n_x] = self.voxels.shape();

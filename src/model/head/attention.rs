@@ -47,7 +47,7 @@ impl Attention {
 
     /// # Shapes
     /// - query: `[batch, query, channel]`
-    /// - memory: `[batch, channel, key]`, keys and values: a map as it lies
+    /// - memory: `[batch, channel, key]`, a map of keys and values
     /// - output: `[batch, query, channel]`
     fn forward(&self, query: Tensor<3>, memory: Tensor<3>) -> Tensor<3> {
         let [n_batch, n_query, n_channels] = query.dims();

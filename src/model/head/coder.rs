@@ -1,6 +1,6 @@
-//! Box codes: what the regression heads predict for a query, and back to boxes.
+//! Box codes: the numbers that the head predicts for a query, from boxes and back.
 //!
-//! Code of eight or ten numbers as in TransFusion: centre offset from the query's cell in cells (2),
+//! A code has ten numbers as in TransFusion: centre offset from the query's cell in cells (2),
 //! centre height in metres, log of length, width, height, sine and cosine of yaw, velocity in m/s.
 
 use crate::geometry::{Box3, Ego, Point};
@@ -8,7 +8,7 @@ use crate::geometry::{Box3, Ego, Point};
 /// Numbers of a box code.
 pub const CODE_SIZE: usize = 10;
 
-/// Log sizes beyond this are clamped on decoding: 20 m holds the longest vehicle.
+/// Decoding clamps log sizes to this: 20 m, longer than any vehicle.
 const MAX_LOG_SIZE: f32 = 3.0;
 
 /// Encodes a box for a query at `query_m`.
@@ -34,7 +34,7 @@ pub fn encode(
     .map(|value| value as f32)
 }
 
-/// Decodes a code; the box and its velocity.
+/// Decodes a code to a box and its velocity.
 #[must_use]
 pub fn decode(code: &[f32], query_m: [f64; 2], cell_size_m: f64) -> (Box3<Ego>, [f64; 2]) {
     let size = |log: f32| f64::from(log.clamp(-MAX_LOG_SIZE, MAX_LOG_SIZE)).exp();

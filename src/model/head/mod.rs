@@ -26,8 +26,8 @@ pub use queries::Query;
 use queries::pick_queries;
 
 /// Chance that a cell holds an object at the start of training: the focal loss's prior (Lin et al. 2017).
-/// The published head defines it and never applies it; without it the first steps unlearn half a map of
-/// objects.
+/// The published head defines it but never applies it; without it the first steps only unlearn objects on half
+/// the map.
 const PRIOR: f64 = 0.1;
 
 /// The detection head.
@@ -36,7 +36,7 @@ pub struct Head {
     shared: Shared,
     heatmap_hidden: ConvBlock,
     heatmap_out: Conv2d,
-    /// Of the heatmap channel and the place in the feature cell, one-hot.
+    /// Of the one-hot heatmap channel and place in the feature cell.
     class_embedding: Linear,
     position: Positions,
     decoder: DecoderLayer,
@@ -82,7 +82,7 @@ impl Head {
 
     /// # Shapes
     /// - features: `[batch, channel, cell_y, cell_x]`
-    /// - numeric: `[batch * state, 2]`; the sample's features serve all of its states
+    /// - numeric: `[batch * state, 2]`; all states of a sample share its features
     pub fn forward(&self, features: Tensor<4>, numeric: Tensor<2>) -> Output {
         let device = features.device();
         let shared = match &self.shared {

@@ -9,10 +9,10 @@ use super::predict::Predictor;
 use crate::model::config::{HeadConfig, NumericFusion};
 use crate::model::layers::Mlp;
 
-/// The numeric branch; the layers that the chosen way does not need are absent.
+/// The numeric branch; layers that the chosen fusion does not need are absent.
 #[derive(Module, Debug)]
 pub struct Numeric {
-    /// `[2] -> [query]` (paper) or `[2] ->` what modulates the class branch (film).
+    /// `[2] -> [query]` (paper) or `[2] ->` scales and shifts of the class branch (film).
     pub embed: Option<Mlp>,
     /// Fuses `[channel + 1]` back to `[channel]`: a convolution of kernel 1 (paper).
     fuse: Option<Linear>,
@@ -34,7 +34,7 @@ impl Numeric {
         Self { embed, fuse, fusion: config.numeric_fusion }
     }
 
-    /// The paper's fusion: one number for each query joins its channels.
+    /// The paper's fusion: adds one number to the channels of each query.
     ///
     /// # Shapes
     /// - decoded, output: `[row, query, channel]`
@@ -49,7 +49,7 @@ impl Numeric {
         }
     }
 
-    /// What modulates the class branch, where the fusion does that.
+    /// Scales and shifts of the class branch, where the fusion has them.
     ///
     /// # Shapes
     /// - numeric: `[row, 2]`

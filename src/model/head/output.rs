@@ -24,7 +24,7 @@ pub struct Output {
     pub features: Tensor<3>,
 }
 
-/// What the head says of one query in one state.
+/// The head's output for one query in one state.
 struct QueryOutput<'a> {
     query: &'a Query,
     /// Of `[batch * state, query]`, flattened.
@@ -41,7 +41,8 @@ fn numbers(tensor: &Tensor<3>) -> Vec<f32> {
 }
 
 impl Output {
-    /// What `read` makes of each query, where its score reaches `min_score`, best first: `[sample][state][box]`.
+    /// Reads boxes from each query and keeps those whose score reaches `min_score`, best first:
+    /// `[sample][state][box]`.
     fn read<T, I: IntoIterator<Item = T>>(
         &self,
         cell_size_m: f64,
@@ -76,8 +77,8 @@ fn first_states<T>(by_state: Vec<Vec<Vec<T>>>) -> Vec<Vec<T>> {
     by_state.into_iter().map(|states| states.into_iter().next().unwrap_or_default()).collect()
 }
 
-/// The classes that a query may report: that of its peak, where the heatmap tells classes apart.
-fn reported(query: &Query, heatmap: Heatmap) -> &'static [Harm] {
+/// The classes that a query may report: only its peak's where the heatmap has one channel for each class.
+fn reportable_classes(query: &Query, heatmap: Heatmap) -> &'static [Harm] {
     match heatmap {
         Heatmap::Agnostic => &Harm::ALL,
         Heatmap::PerClass => &Harm::ALL[query.channel..=query.channel],
@@ -85,7 +86,7 @@ fn reported(query: &Query, heatmap: Heatmap) -> &'static [Harm] {
 }
 
 /// Boxes of each sample of a batch, best first: every query reports each class whose score, the product of
-/// heatmap and class probability, reaches `min_score`. Where samples have several states, those of the first.
+/// heatmap and class probability, reaches `min_score`. Samples with several states give the boxes of the first.
 ///
 /// # Panics
 /// If the network tells kinds.
@@ -119,7 +120,7 @@ pub fn detections_by_state(
                     score: of.query.score * probability,
                 }
             };
-            reported(of.query, config.head.heatmap).iter().map(detection).collect::<Vec<_>>()
+            reportable_classes(of.query, config.head.heatmap).iter().map(detection).collect::<Vec<_>>()
         },
     )
 }
@@ -141,15 +142,15 @@ pub struct KindBox {
 }
 
 impl KindBox {
-    /// Channel of the best kind, the first of equals.
+    /// Channel of the best kind; on ties the first.
     #[must_use]
     pub fn kind_idx(&self) -> usize {
         (1..N_KINDS).fold(0, |best, i| if self.logits[i] > self.logits[best] { i } else { best })
     }
 }
 
-/// Boxes of each sample of a batch, best first: one of each query whose score reaches `min_score`. Where samples
-/// have several states, those of the first.
+/// Boxes of each sample of a batch, best first: one for each query whose score reaches `min_score`. Samples with
+/// several states give the boxes of the first.
 ///
 /// # Panics
 /// If the network tells harm.

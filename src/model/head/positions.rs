@@ -7,7 +7,7 @@ use super::queries::Query;
 use crate::model::config::{GridConfig, HeadConfig, PositionEncoding};
 use crate::model::layers::{Mlp, NormedMlp, xavier};
 
-/// Metres that the shared net takes as one.
+/// Length unit of the shared net's input, metres.
 const SHARED_UNIT_M: f64 = 50.0;
 
 /// One net for both, or one each.

@@ -1,5 +1,5 @@
-//! From a query's features to its box code and class: separate nets as published, or nets of which the
-//! class branch sees where the box lies.
+//! From a query's features to its box code and class: separate nets as published, or a class branch that also
+//! sees the predicted box.
 
 use burn::module::Module;
 use burn::nn::{Linear, LinearConfig};
@@ -10,25 +10,25 @@ use super::coder::CODE_SIZE;
 use crate::model::config::{GridConfig, HeadConfig, Prediction};
 use crate::model::layers::{Mlp, NormedMlp};
 
-/// Numbers by which the class branch knows a predicted box: five points, the rest of its code.
+/// Numbers of a predicted box that the class branch sees: five points and the rest of its code.
 const N_PLACED: usize = 5 * 2 + CODE_SIZE - 2;
-/// Metres that the class branch takes as one: near zones are decided by tenths of metres.
+/// Length unit of the class branch's input, metres: near zones are decided by tenths of metres.
 const FOOTPRINT_UNIT_M: f64 = 5.0;
 
-/// What predicts boxes and harm.
+/// The nets that predict boxes and harm.
 #[derive(Module, Debug)]
 pub enum Predictor {
     Placed(PlacedNets),
     Separate(SeparateNets),
 }
 
-/// What one query is predicted from.
+/// The input of a prediction.
 pub struct Features {
-    /// `[row, query, channel]`: of [`Predictor::prepare`], with speed and steering where these join there.
+    /// `[row, query, channel]`: from [`Predictor::prepare`]; with speed and steering in the paper's fusion.
     pub decoded: Tensor<3>,
     /// `[row, query, 2]`: x and y of the query's cell, metres.
     pub center_m: Tensor<3>,
-    /// `[row, 1, modulation]`: what speed and steering do to the class branch.
+    /// `[row, 1, modulation]`: scales and shifts of the class branch, from speed and steering.
     pub modulation: Option<Tensor<3>>,
 }
 
@@ -48,7 +48,7 @@ impl Predictor {
         }
     }
 
-    /// What the nets see of a query: the published ones the decoder's output as it is.
+    /// The nets' input: the decoder's output, to which placed nets add the position.
     ///
     /// # Shapes
     /// - decoded, position, output: `[batch, query, channel]`
@@ -68,8 +68,8 @@ impl Predictor {
     }
 }
 
-/// Feature-wise modulation (FiLM, Perez et al. 2018): scale and shift number `layer` of a modulation.
-fn modulated(hidden: Tensor<3>, modulation: Option<&Tensor<3>>, layer: usize) -> Tensor<3> {
+/// Feature-wise modulation (FiLM, Perez et al. 2018) by scale and shift number `layer`.
+fn modulate(hidden: Tensor<3>, modulation: Option<&Tensor<3>>, layer: usize) -> Tensor<3> {
     let Some(modulation) = modulation else { return hidden };
     let [_, _, n_channels] = hidden.dims();
     let part = |i: usize| modulation.clone().narrow(2, (2 * layer + i) * n_channels, n_channels);
@@ -103,7 +103,7 @@ impl SeparateNets {
     fn forward(&self, Features { decoded, modulation, .. }: Features) -> (Tensor<3>, Tensor<3>) {
         let parts = [&self.center, &self.height, &self.dims, &self.rotation, &self.velocity];
         let boxes = Tensor::cat(parts.map(|net| net.forward(decoded.clone())).to_vec(), 2);
-        let harm = self.harm.forward_with(decoded, |hidden| modulated(hidden, modulation.as_ref(), 0));
+        let harm = self.harm.forward_with(decoded, |hidden| modulate(hidden, modulation.as_ref(), 0));
         (boxes, harm)
     }
 }
@@ -169,9 +169,9 @@ impl PlacedNets {
     }
 }
 
-/// From a query to harmful and harmless: two hidden layers, which speed and steering may modulate
-/// channel by channel. A product of position and steering is what turning into the direction of travel
-/// takes; the second layer joins the sides of an area.
+/// From a query to harmful and harmless: two hidden layers, which speed and steering may modulate channel by
+/// channel. To turn a position into the direction of travel takes its product with the steering angle; the
+/// second layer joins the sides of an area.
 #[derive(Module, Debug)]
 struct HarmBranch {
     first: Linear,
@@ -194,7 +194,7 @@ impl HarmBranch {
     /// - modulation: `[row, 1, 4 channel]`, scale and shift of the first and of the second layer
     /// - output: `[row, query, class]`
     fn forward(&self, x: Tensor<3>, modulation: Option<&Tensor<3>>) -> Tensor<3> {
-        let hidden = relu(modulated(self.first.forward(x), modulation, 0));
-        self.out.forward(relu(modulated(self.second.forward(hidden), modulation, 1)))
+        let hidden = relu(modulate(self.first.forward(x), modulation, 0));
+        self.out.forward(relu(modulate(self.second.forward(hidden), modulation, 1)))
     }
 }

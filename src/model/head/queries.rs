@@ -1,4 +1,4 @@
-//! Queries: the highest local maxima of the heatmap, and where they and all cells lie.
+//! Queries: the highest local maxima of the heatmap.
 
 use burn::tensor::Tensor;
 use burn::tensor::activation::sigmoid;
@@ -30,8 +30,8 @@ impl Query {
     }
 }
 
-/// The best `n_queries` peaks of each sample, best first; where there are too few, other cells fill up
-/// with a score of zero. Ties: the lower index first. No gradient flows through the choice.
+/// Picks the best `n_queries` peaks of each sample, best first; where there are too few, other cells with a score
+/// of zero follow. On ties the lower index comes first. No gradient flows through the choice.
 ///
 /// # Shapes
 /// - heatmap: `[batch, heatmap_channel, scale * cell_y, scale * cell_x]`, before the sigmoid
@@ -68,8 +68,8 @@ pub fn pick_queries(heatmap: Tensor<4>, config: &HeadConfig, grid: &GridConfig) 
         .collect()
 }
 
-/// Whether no cell within `reach` is higher. Without `at_border`, a cell whose square leaves the map is
-/// no peak (the published head takes maxima without padding).
+/// Whether no cell within `reach` is higher. Without `at_border`, a cell whose square leaves the map is not a
+/// peak (the published head takes maxima without padding).
 fn is_peak(map: &[f32], [n_y, n_x]: [usize; 2], cell: usize, reach: usize, at_border: bool) -> bool {
     let (y, x) = (cell / n_x, cell % n_x);
     let is_inner = y >= reach && y + reach < n_y && x >= reach && x + reach < n_x;

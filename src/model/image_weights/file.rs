@@ -10,11 +10,11 @@ use fs_err::File;
 
 use super::ImageWeightsError;
 
-/// Where the JSON header of a safetensors file begins, behind its length.
+/// Offset of the JSON header in a safetensors file; its length comes first.
 const SAFETENSORS_HEADER_AT: u64 = 8;
 
-/// Tensors by name, their values not yet read; a name inside a dictionary of the file has the dictionary's key
-/// and a dot in front. safetensors is told by its content, anything else is taken for PyTorch's.
+/// Reads the names of a file's tensors, but not yet their values; names inside a dictionary have its key and a dot in
+/// front. Content tells safetensors; any other file is read as PyTorch's.
 pub(super) fn read(path: &Path) -> Result<BTreeMap<String, burn_pack::Tensor>, ImageWeightsError> {
     let unreadable = |message: String| ImageWeightsError::Unreadable { message, path: path.to_owned() };
     let mut start = Vec::new();
@@ -29,7 +29,7 @@ pub(super) fn read(path: &Path) -> Result<BTreeMap<String, burn_pack::Tensor>, I
     Ok(tensors.map(|(name, tensor)| (name, bridge::from_pytorch(tensor))).collect())
 }
 
-/// Values of a tensor as f32, or why they cannot be had.
+/// Reads the values of a tensor as f32, or says why not.
 pub(super) fn values(tensor: &burn_pack::Tensor) -> Result<Vec<f32>, String> {
     let data = bridge::to_data(tensor).map_err(|error| error.to_string())?;
     data.convert::<f32>().try_to_vec().map_err(|error| format!("{error:?}"))

@@ -1,8 +1,8 @@
 //! Pretrained Swin Transformer weights from other libraries' files: torchvision, timm, Microsoft, mmdet;
 //! `.pth`, `.pt` or `.safetensors`, inside `state_dict` or `model`, behind a prefix such as `backbone.` or not.
 //!
-//! A file must fit the backbone in full. Output norms alone may be missing, since classifiers have none; they
-//! keep their values then. Keys outside the backbone's prefix (necks, heads, optimizers) are passed over.
+//! A file must fit the backbone in full. Only output norms may be missing, since classifiers have none; they then
+//! keep their values. Keys outside the backbone's prefix (necks, heads, optimizers) are ignored.
 
 mod file;
 mod names;
@@ -18,7 +18,7 @@ use thiserror::Error;
 use super::camera::Swin;
 pub use names::Scheme;
 
-/// Keys that an error lists before it only counts them.
+/// Number of keys that an error lists; it counts the others.
 const N_LISTED: usize = 8;
 
 /// Why weights could not be loaded.
@@ -31,13 +31,13 @@ pub enum ImageWeightsError {
     #[error(
         "the image weights hold no Swin Transformer with names of torchvision (`features.0.0.weight`), timm or \
          Microsoft (`patch_embed.proj.weight`) or mmdet (`patch_embed.projection.weight`); they hold {}: {}",
-        listed(found), path.display()
+        list(found), path.display()
     )]
     NoSwin { found: Vec<String>, path: PathBuf },
     /// Names with the file's prefix; a missing one has harmzone's name.
     #[error(
         "the image weights ({scheme} names) do not fit the backbone: missing {}; unexpected {}; of another shape {}: {}",
-        listed(missing), listed(unexpected), listed(misshapen), path.display()
+        list(missing), list(unexpected), list(misshapen), path.display()
     )]
     Unfit {
         scheme: Scheme,
@@ -65,8 +65,8 @@ impl fmt::Display for Misshapen {
     }
 }
 
-/// The first items and how many more there are.
-fn listed<T: fmt::Display>(items: &[T]) -> String {
+/// Lists the first items and counts the others.
+fn list<T: fmt::Display>(items: &[T]) -> String {
     let first: Vec<String> = items.iter().take(N_LISTED).map(ToString::to_string).collect();
     match items.len() {
         0 => "none".into(),
@@ -79,12 +79,12 @@ fn listed<T: fmt::Display>(items: &[T]) -> String {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ImageWeightsReport {
     pub scheme: Scheme,
-    /// What stood in front of the backbone's keys.
+    /// Text in front of the backbone's keys.
     pub prefix: String,
     pub n_loaded: usize,
-    /// Weights, by harmzone's names, that the file lacks and that keep their values: output norms.
+    /// Output norms that the file lacks and that keep their values, by harmzone's names.
     pub fresh: Vec<String>,
-    /// Keys that the backbone does without: classifiers, constants, other parts of a detector.
+    /// Keys that the backbone does not need: classifiers, constants, other parts of a detector.
     pub unneeded: Vec<String>,
 }
 
@@ -92,7 +92,7 @@ impl fmt::Display for ImageWeightsReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { scheme, prefix, n_loaded, .. } = self;
         write!(f, "{n_loaded} image weights loaded ({scheme} names, prefix `{prefix}`)")?;
-        write!(f, "; left as they were: {}; not needed: {}", listed(&self.fresh), listed(&self.unneeded))
+        write!(f, "; left as they were: {}; not needed: {}", list(&self.fresh), list(&self.unneeded))
     }
 }
 
@@ -105,8 +105,8 @@ struct Found<'a> {
 /// Loads a Swin Transformer's weights from a file of another library.
 ///
 /// # Errors
-/// The file cannot be read, holds no Swin Transformer, or does not fit in every name and shape; then the
-/// backbone stays as it was.
+/// The file cannot be read, holds no Swin Transformer, or a name or shape does not fit. The backbone then stays as
+/// it was.
 pub fn load_image_weights(path: &Path, swin: &mut Swin) -> Result<ImageWeightsReport, ImageWeightsError> {
     let tensors = file::read(path)?;
     let Some((scheme, prefix)) = names::recognise(tensors.keys().map(String::as_str)) else {

@@ -16,7 +16,7 @@ use std::fmt;
 
 use crate::model::config::N_STAGES;
 
-/// Whose names a file uses.
+/// The library whose names a file uses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Scheme {
     Torchvision,
@@ -37,7 +37,7 @@ impl fmt::Display for Scheme {
     }
 }
 
-/// The names of a file and what stands before them in each key of the backbone; `None` if it holds no Swin.
+/// Recognises the names of a file and their prefix; `None` if the file holds no Swin Transformer.
 pub(super) fn recognise<'a>(keys: impl Iterator<Item = &'a str> + Clone) -> Option<(Scheme, String)> {
     let marks = [
         ("patch_embed.projection.weight", Scheme::Mmdet),
@@ -74,8 +74,8 @@ const BLOCK_PARTS: [(&str, &str); 9] = [
 ];
 
 impl Scheme {
-    /// Our name of a weight from the library's key, its prefix removed; a key that is not known stays as it is.
-    /// `None` for constants and parts of a classifier, which the backbone does without.
+    /// Translates a library's key, without its prefix, to our name; an unknown key stays as it is. `None` for
+    /// constants and parts of a classifier, which the backbone does not need.
     ///
     /// # Arguments
     /// - `out_stages`: stages whose output norms the backbone has

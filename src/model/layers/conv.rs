@@ -16,7 +16,7 @@ pub struct ConvBlock {
 }
 
 impl ConvBlock {
-    /// A kernel of 3x3 without bias; the norm's epsilon is the LiDAR branch's, 1e-3.
+    /// Kernel 3x3, no bias, and the norm's epsilon of the LiDAR branch, 1e-3.
     pub fn init(channels_in: usize, channels_out: usize, stride: usize, device: &Device) -> Self {
         let kaiming = Initializer::KaimingNormal { gain: 2f64.sqrt(), fan_out_only: false };
         let conv = Conv2dConfig::new([channels_in, channels_out], [3, 3]).with_initializer(kaiming);
@@ -25,8 +25,8 @@ impl ConvBlock {
         block
     }
 
-    /// Any convolution with an odd square kernel, which is padded by half of it; the norm is PyTorch's (epsilon
-    /// 1e-5, momentum 0.1), as in BEVFusion's camera branch.
+    /// Any convolution with an odd square kernel, padded by half of it, and PyTorch's batch norm (epsilon 1e-5,
+    /// momentum 0.1), as in BEVFusion's camera branch.
     pub fn from_conv(conv: Conv2dConfig, device: &Device) -> Self {
         let half = conv.kernel_size[0] / 2;
         let norm = BatchNormConfig::new(conv.channels[1]).init(device);
@@ -41,7 +41,7 @@ impl ConvBlock {
         self
     }
 
-    /// The same block whose running statistics follow the batches by another share than burn's 0.1.
+    /// With another momentum of the running statistics than burn's 0.1.
     #[must_use]
     pub fn with_momentum(mut self, momentum: f64) -> Self {
         self.norm.momentum = momentum;
@@ -59,7 +59,7 @@ impl ConvBlock {
     }
 }
 
-/// Whether [`conv3x3`] computes a convolution.
+/// Whether [`conv3x3`] can compute a convolution.
 fn has_own_kernel(conv: &Conv2d) -> bool {
     conv.kernel_size == [3, 3] && conv.stride[0] <= 2
 }
@@ -76,7 +76,7 @@ pub fn plain_conv(channels_in: usize, channels_out: usize, bias: Option<f64>, de
     conv
 }
 
-/// A convolution, by our own kernel where that computes it.
+/// Convolves, with our own kernel where it applies.
 ///
 /// # Shapes
 /// - x: `[batch, channel_in, y, x]`
@@ -97,7 +97,7 @@ pub fn pointwise(channels_in: usize, channels_out: usize, device: &Device) -> Co
     Conv2dConfig::new([channels_in, channels_out], [1, 1]).init(device)
 }
 
-/// What a 1x1 convolution makes of an image, as one matrix product: burn's own lays pixels out anew.
+/// A 1x1 convolution as one matrix product; burn's own copies the pixels to another layout first.
 ///
 /// # Shapes
 /// - x: `[batch, channel_in, y, x]`

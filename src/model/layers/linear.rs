@@ -5,7 +5,7 @@ use burn::nn::{BatchNorm, BatchNormConfig, Initializer, Linear, LinearConfig};
 use burn::tensor::activation::relu;
 use burn::tensor::{Device, Tensor};
 
-/// A linear layer over the channels of a map, as one matrix product that leaves the map as it lies.
+/// A linear layer over the channels of a map, as one matrix product that keeps the map's layout.
 ///
 /// # Shapes
 /// - x: `[batch, channel_in, cell]`
@@ -43,8 +43,8 @@ impl Mlp {
     }
 }
 
-/// Two linear layers with batch norm (PyTorch's epsilon and momentum) and a ReLU between them: what the
-/// published head writes as two convolutions of kernel 1 over a row of queries or cells.
+/// Two linear layers with batch norm (PyTorch's epsilon and momentum) and a ReLU between them; the published head
+/// writes them as two convolutions of kernel 1 over a row of queries or cells.
 #[derive(Module, Debug)]
 pub struct NormedMlp {
     pub hidden: Linear,
@@ -53,7 +53,7 @@ pub struct NormedMlp {
 }
 
 impl NormedMlp {
-    /// `hidden_bias` gives the first layer a bias, which the norm takes out again.
+    /// `hidden_bias` gives the first layer a bias, which the norm removes again.
     pub fn init(n_in: usize, n_hidden: usize, n_out: usize, hidden_bias: bool, device: &Device) -> Self {
         Self {
             hidden: LinearConfig::new(n_in, n_hidden).with_bias(hidden_bias).init(device),
@@ -78,7 +78,7 @@ impl NormedMlp {
     }
 }
 
-/// Draws a layer's weight as Glorot and Bengio (2010) do, for a matrix of `n_parts` layers' rows side by side.
+/// Draws a layer's weight as Glorot and Bengio (2010) do, for a matrix that joins the rows of `n_parts` layers.
 pub fn xavier(linear: &mut Linear, n_parts: usize, device: &Device) {
     let [n_in, n_out] = linear.weight.lazy_shape().dims();
     // Bound sqrt(6 / (in + out)); the joined matrix has `n_parts` times the outputs.

@@ -1,12 +1,12 @@
-//! Batch norm followed by a ReLU over images, as every convolution of the bird's-eye and image nets has it.
+//! Batch norm and a ReLU over maps, as they follow every convolution of the bird's-eye and image nets.
 
 use burn::nn::BatchNorm;
 use burn::tensor::{Device, Tensor};
 
 use crate::kernels::{conv3x3, conv3x3_scale_shift_relu, norm_relu, scale_shift_relu};
 
-/// burn's batch norm, then a ReLU, in one pass: by the batch's statistics in training, which the running
-/// statistics follow, by the running statistics at inference and where the layer is frozen.
+/// burn's batch norm, then a ReLU, in one pass. Training uses the batch's statistics and updates the running ones;
+/// inference and frozen layers use the running statistics.
 ///
 /// # Shapes
 /// - x: `[batch, channel, y, x]`
@@ -41,7 +41,7 @@ pub fn conv3x3_norm_relu(weight: Tensor<4>, norm: &BatchNorm, x: Tensor<4>, stri
     conv3x3_scale_shift_relu(x, weight, scale, shift, stride)
 }
 
-/// What a norm does by its running statistics, each `[channel]`.
+/// A norm's scale and shift by its running statistics, each `[channel]`.
 fn scale_and_shift(norm: &BatchNorm, device: &Device) -> [Tensor<1>; 2] {
     let [mean, variance] = [&norm.running_mean, &norm.running_var].map(|of| of.value().to_device(device));
     let scale = norm.gamma.val() / variance.add_scalar(norm.epsilon).sqrt();

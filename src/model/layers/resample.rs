@@ -1,4 +1,4 @@
-//! Maps at another size.
+//! Resampling of maps to another size.
 
 use burn::tensor::module::interpolate;
 use burn::tensor::ops::{InterpolateMode, InterpolateOptions};

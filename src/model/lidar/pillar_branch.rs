@@ -80,7 +80,7 @@ impl PillarBranch {
                 .reshape([n_pillars, self.max_points, self.n_pillar_channels])
                 .max_dim(1)
                 .reshape([n_pillars, self.n_pillar_channels]);
-            // Few pillars hold points: to turn them is less work than to turn the map.
+            // Few pillars hold points: transposing them costs less than transposing the map.
             map = map.select_assign(1, batch.cells.clone(), highest.transpose(), IndexingUpdateOp::Add);
         }
         map.reshape([self.n_pillar_channels, n_samples, n_y, n_x]).swap_dims(0, 1)

@@ -1,10 +1,9 @@
 //! Hard voxelization: the mean of the first points of each voxel, in the ego frame.
 //!
-//! The published semantics (mmcv's hard voxelization on the CPU): a point's cell is the floor of its
-//! offset over the voxel size; points outside the grid are dropped; points come in order, and a voxel
-//! takes no more than its limit, as the cloud opens no more voxels than its own. Done in f64.
-//! The published net eats five numbers a point, the fifth being the time since the key frame; a sample
-//! of ours holds one sweep, whose fifth number would be zero for every point: it is left out.
+//! As published (mmcv's hard voxelization on the CPU): a point's cell is the floor of its offset over the voxel
+//! size; points outside the grid are dropped. Points come in order; a full voxel takes no more points, and a full
+//! cloud opens no more voxels. Computed in f64. The published net takes a fifth number, the time since the key
+//! frame; our samples hold one sweep, where it would be zero for every point, so it is left out.
 
 use burn::tensor::{Device, Tensor, TensorData};
 
@@ -50,7 +49,7 @@ pub fn voxelize(points: &[[f64; 4]], config: &VoxelConfig) -> Voxels {
 
     let mut groups: Vec<&[([u16; 3], u32)]> = by_cell.chunk_by(|a, b| a.0 == b.0).collect();
     if groups.len() > config.max_voxels {
-        // A voxel opens with its first point: the last to open are dropped.
+        // A voxel opens with its first point; the voxels that open last are dropped.
         groups.sort_unstable_by_key(|group| group[0].1);
         groups.truncate(config.max_voxels);
         groups.sort_unstable_by_key(|group| group[0].0);

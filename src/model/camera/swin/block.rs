@@ -10,8 +10,8 @@ use super::window::{WindowAttention, Windows, linear};
 use crate::model::config::SwinConfig;
 use crate::model::layers::Mlp;
 
-/// Skips a residual branch for whole samples at random while training (Huang et al. 2016), and scales it up
-/// where it stays; draws from the device's generator, as burn's dropout does, and stops when frozen as it does.
+/// Skips a residual branch for whole samples at random in training (Huang et al. 2016), and scales it up for the
+/// others. Like burn's dropout it draws from the device's generator, and does nothing once the module is frozen.
 #[derive(Module, Debug)]
 struct DropPath {
     of_samples: Dropout,

@@ -25,7 +25,7 @@ pub struct Swin {
 }
 
 impl Swin {
-    /// `config` is one that passes its check.
+    /// `config` has passed its check.
     pub fn init(config: &SwinConfig, device: &Device) -> Self {
         Self {
             patch: PatchEmbedding::init(config, device),
@@ -35,15 +35,15 @@ impl Swin {
         }
     }
 
-    /// Stages whose maps come out.
+    /// Stages whose maps are outputs.
     pub fn out_stages(&self) -> [usize; 3] {
         self.out_stages
     }
 
     /// # Shapes
     /// - image: `[batch, 3, y, x]` of any size
-    /// - output: of each stage that comes out `[batch, channel, y, x]`, rows and columns the image's over the
-    ///   stage's stride, rounded up
+    /// - output: `[batch, channel, y, x]` of each output stage; rows and columns are the image's over the stage's
+    ///   stride, rounded up
     pub fn forward(&self, image: Tensor<4>) -> [Tensor<4>; 3] {
         let mut maps = Vec::with_capacity(self.out_stages.len());
         let mut x = Some(self.patch.forward(image));

@@ -26,7 +26,7 @@ impl PatchEmbedding {
     }
 
     /// # Shapes
-    /// - image: `[batch, 3, y, x]`; zeros fill up patches that stand over the right and lower borders
+    /// - image: `[batch, 3, y, x]`; patches that reach over the right and lower borders are padded with zeros
     /// - output: `[batch, ceil(y / patch), ceil(x / patch), channel]`
     pub fn forward(&self, image: Tensor<4>) -> Tensor<4> {
         let [_, _, n_y, n_x] = image.dims();
@@ -64,7 +64,7 @@ impl PatchMerging {
     }
 
     /// # Shapes
-    /// - x: `[batch, y, x, channel]`; zeros fill up odd rows and columns
+    /// - x: `[batch, y, x, channel]`; odd rows and columns are padded with zeros
     /// - output: `[batch, ceil(y / 2), ceil(x / 2), 2 channel]`
     pub fn forward(&self, x: Tensor<4>) -> Tensor<4> {
         let [n_batch, n_y, n_x, n_channels] = x.dims();

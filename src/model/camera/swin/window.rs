@@ -1,9 +1,9 @@
 //! Attention within windows of tokens, with a learned bias for each relative position.
 //!
 //! Every second block cuts the map into windows half a window further down and right. The map is rolled,
-//! so that a window at the far border holds tokens from both sides; a mask keeps these apart. A map that is
-//! no multiple of the window is filled up with zeros on the right and at the bottom, as torchvision's and
-//! mmdet's Swin do; a side that fits in one window is not shifted, as in torchvision's.
+//! so that a window at the far border holds tokens from both sides; a mask keeps these apart. A map whose sides
+//! are not multiples of the window is padded with zeros on the right and at the bottom, as in torchvision and
+//! mmdet; a side that fits in one window is not shifted, as in torchvision.
 
 use crate::kernels::softmax_last;
 use burn::module::{Module, Param};
@@ -13,7 +13,7 @@ use burn::tensor::{Device, Int, Tensor, TensorData};
 
 /// Standard deviation of fresh weights (Liu et al. 2021).
 const WEIGHT_STD: f64 = 0.02;
-/// What the mask adds between tokens that are no neighbours.
+/// What the mask adds between tokens that are not neighbours.
 const APART: f32 = -100.0;
 
 /// A linear layer with Swin's fresh weights: normal, no bias at first.
@@ -188,14 +188,14 @@ impl WindowAttention {
             |i: usize| qkv.clone().narrow(0, i, 1).reshape([n_windows, self.n_heads, n_tokens, n_per_head]);
         let query = part(0).mul_scalar(1.0 / (n_per_head as f64).sqrt());
         let scores = query.matmul(part(1).swap_dims(2, 3));
-        let scores = self.biased(scores, mask);
+        let scores = self.add_bias(scores, mask);
         let seen = softmax_last(scores).matmul(part(2));
         let joined = seen.swap_dims(1, 2).reshape([n_windows, n_tokens, n_channels]);
         windows.join(self.proj.forward(joined))
     }
 
     /// Adds the bias of relative positions and the mask to scores of `[batch * window, head, token, token]`.
-    fn biased(&self, scores: Tensor<4>, mask: Option<&Tensor<4>>) -> Tensor<4> {
+    fn add_bias(&self, scores: Tensor<4>, mask: Option<&Tensor<4>>) -> Tensor<4> {
         let [n_windows, n_heads, n_tokens, _] = scores.dims();
         let rows = bias_rows(self.window_size);
         let n_rows = rows.len();

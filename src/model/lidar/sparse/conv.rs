@@ -93,7 +93,7 @@ mod tests {
             let outputs = if geometry == SparseKernel::SUBMANIFOLD {
                 inputs.clone()
             } else {
-                geometry.reached(&inputs)
+                geometry.output_sites(&inputs)
             };
             assert_eq!(outputs, golden.sites(&name("out_shape"), &name("out_cells")), "{case}: sites");
 

@@ -1,9 +1,9 @@
 //! Sparse encoder: from voxel features to a dense bird's-eye map (SECOND, Yan et al. 2018; sizes of
 //! BEVFusion).
 //!
-//! A submanifold convolution, then stages of residual blocks, each but the last ended by a convolution of
-//! stride 2, then one along z that leaves what is laid into the map's channels. No convolution has a bias;
-//! each is followed by batch norm over the active sites and, outside the short cuts, ReLU.
+//! A submanifold convolution comes first, then stages of residual blocks with a convolution of stride 2 between
+//! them, then a convolution along z, whose heights become channels of the map. No convolution has a bias; each is
+//! followed by batch norm over the active sites and, outside the short cuts, ReLU.
 
 use burn::module::Module;
 use burn::tensor::activation::relu;
@@ -31,7 +31,8 @@ impl SparseEncoder {
         let stage = |(&n_channels, &n_blocks): (&usize, &usize)| {
             (0..n_blocks).map(|_| SparseBlock::init(n_channels, n_offsets, device)).collect()
         };
-        let (&widest, strided) = (config.channels.last().expect("there is a stage"), config.strided());
+        let (&widest, strided) =
+            (config.channels.last().expect("there is a stage"), config.strided_kernels());
         let down = |(channels, geometry): (&[usize], &SparseKernel)| {
             SparseConvNorm::init(channels[0], channels[1], geometry.n_offsets(), device)
         };
@@ -46,7 +47,7 @@ impl SparseEncoder {
     }
 
     /// # Shapes
-    /// - x: `[voxel, channel_in]`, rows in the order of the sites the rulebooks were made from
+    /// - x: `[voxel, channel_in]`, rows in the order of the sites that the rulebooks were built from
     /// - output: `[batch, channel_out * z, y, x]`, channel outermost; zero where no site is
     pub fn forward(&self, x: Tensor<2>, rulebooks: &EncoderRulebooks, n_samples: usize) -> Tensor<4> {
         if rulebooks.sites.is_empty() {

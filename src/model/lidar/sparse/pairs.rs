@@ -1,4 +1,4 @@
-//! Kernel, stride and padding of a sparse convolution, and the rulebooks they make of active sites.
+//! Which active sites a sparse convolution joins: its output sites and its rulebook.
 //!
 //! As a dense convolution: output cell `o` reads input cell `i = o * stride - padding + k` at offset `k`.
 //! At a fixed offset, `o` rises with `i` in the order of sites, so that two sorted lists are merged and no
@@ -40,7 +40,7 @@ impl SparseKernel {
     ///
     /// # Panics
     /// If the kernel does not fit into the grid.
-    pub fn reached(&self, inputs: &Sites) -> Sites {
+    pub fn output_sites(&self, inputs: &Sites) -> Sites {
         let out_shape = self.out_shape(inputs.shape()).expect("the encoder's config has been checked");
         let offsets = self.offsets();
         let mut keys: Vec<u64> = inputs
@@ -65,8 +65,8 @@ impl SparseKernel {
         Rulebook::new(inputs.len(), outputs.len(), pairs)
     }
 
-    /// The pairs of a submanifold convolution, whose outputs are its inputs: those of an offset are those
-    /// of the opposite one turned around, and the middle joins each site with itself.
+    /// The pairs of a submanifold convolution, whose outputs are its inputs: opposite offsets have the same pairs,
+    /// turned around, and the middle offset joins each site with itself.
     pub fn submanifold_rulebook(sites: &Sites) -> Rulebook {
         let offsets = Self::SUBMANIFOLD.offsets();
         let middle = offsets.len() / 2;
@@ -133,7 +133,7 @@ mod tests {
     #[test]
     fn a_strided_site_is_reached_from_every_cell_of_its_kernel() {
         let sites = Sites::new([1, 1, 6], &[&[[0, 0, 1], [0, 0, 4]]]);
-        let outputs = STRIDED.reached(&sites);
+        let outputs = STRIDED.output_sites(&sites);
         // Along x, cell 1 is read by outputs 0 and 1, cell 4 by output 2.
         assert_eq!(outputs, Sites::new([1, 1, 3], &[&[[0, 0, 0], [0, 0, 1], [0, 0, 2]]]));
         let rulebook = STRIDED.rulebook(&sites, &outputs);

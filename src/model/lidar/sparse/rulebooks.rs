@@ -1,4 +1,4 @@
-//! All rulebooks of an encoder for one batch: made once from the voxels' cells, shared by its layers.
+//! All rulebooks of an encoder for one batch: built once from the voxels' cells and shared by its layers.
 
 use std::sync::Arc;
 
@@ -26,11 +26,11 @@ impl EncoderRulebooks {
     /// If the config has not passed its check for the sites' shape.
     #[must_use]
     pub fn build(sites: Sites, config: &SparseEncoderConfig) -> Self {
-        let strided: Vec<SparseKernel> = config.strided();
+        let strided: Vec<SparseKernel> = config.strided_kernels();
         // The sites of each level first, one after the other; then all rulebooks at once.
         let mut levels = vec![sites];
         for geometry in &strided {
-            levels.push(geometry.reached(&levels[levels.len() - 1]));
+            levels.push(geometry.output_sites(&levels[levels.len() - 1]));
         }
         let n_stages = config.channels.len();
         let stages = levels[..n_stages].par_iter().map(SparseKernel::submanifold_rulebook);
@@ -44,17 +44,5 @@ impl EncoderRulebooks {
         let last = made.next().expect("there is one strided convolution for each stage");
         let sites = levels.pop().expect("there is one level more than strided convolutions");
         Self { stages, downs, last, sites }
-    }
-
-    /// Sites of each stage, and of the output.
-    #[must_use]
-    pub fn n_sites(&self) -> Vec<usize> {
-        self.stages.iter().map(|book| book.n_inputs()).chain([self.sites.len()]).collect()
-    }
-
-    /// Pairs of each rulebook of the submanifold convolutions.
-    #[must_use]
-    pub fn n_pairs(&self) -> Vec<usize> {
-        self.stages.iter().map(|book| book.n_pairs()).collect()
     }
 }

@@ -8,7 +8,7 @@ pub struct Sites {
     keys: Vec<u64>,
 }
 
-/// Sample and cell in one number, which orders as (sample, z, y, x) do.
+/// Sample and cell in one number with the order of (sample, z, y, x).
 pub(super) fn key(sample_idx: usize, [z, y, x]: [usize; 3]) -> u64 {
     ((sample_idx as u64) << 48) | ((z as u64) << 32) | ((y as u64) << 16) | x as u64
 }
