@@ -43,9 +43,18 @@ fn compile_protos() {
 /// Makes `shipped.deflate` of what the program reads in `scenes/` and `mjcf_assets/`.
 fn pack_shipped() {
     let mut files = Vec::new();
-    for folder in ["scenes", "mjcf_assets"] {
+    for (folder, leaf) in [("scenes", "road.xodr"), ("mjcf_assets", "model.xml")] {
         println!("cargo::rerun-if-changed={folder}");
         collect_files(Path::new(folder), &mut files);
+        for entry in fs::read_dir(folder).expect("the source tree can be read") {
+            let path = entry.expect("the source tree can be read").path();
+            let is_cache = path.ends_with("__pycache__");
+            assert!(
+                !path.is_dir() || is_cache || path.join(leaf).is_file(),
+                "there is no {leaf} in the folder {}",
+                path.display()
+            );
+        }
     }
     files.sort();
     let mut packed = DeflateEncoder::new(Vec::new(), Compression::best());

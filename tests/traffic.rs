@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use harmzone::geometry::{Transform, convex_overlap_area};
-use harmzone::scene::mjcf::{DRIVE_RESPONSE_S, EGO_LENGTH_M, EGO_WIDTH_M, FRONT_BUMPER_X_M, WHEELBASE_M};
+use harmzone::scene::car::{DRIVE_RESPONSE_S, EGO_LENGTH_M, EGO_WIDTH_M, FRONT_BUMPER_X_M, WHEELBASE_M};
 use harmzone::scene::{
     Aspect, EgoObservation, Footprint, Lighting, PopulateConfig, Town, Traffic, Vec2, World, populate,
     town_names,

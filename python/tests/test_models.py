@@ -84,5 +84,4 @@ def test_there_are_as_many_shapes_as_the_readme_says():
     assert len(kinds["id", "pedestrian"]) >= 4
     assert len(kinds["id", "static"]) >= 11
     out_of_distribution = {group: names for (which, group), names in kinds.items() if which == "ood"}
-    assert len(out_of_distribution) == 11
-    assert all(len(names) >= 3 for names in out_of_distribution.values()), out_of_distribution
+    assert sum(len(names) >= 3 for names in out_of_distribution.values()) >= 11, out_of_distribution

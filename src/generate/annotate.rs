@@ -4,22 +4,9 @@ use nalgebra::{Isometry3, Point3, Vector3};
 
 use super::AnnotationConfig;
 use crate::geometry::{Box3, Ego, Frame, Point, Transform, World};
-use crate::object::{Distribution, Event, Kind, ObjectTruth};
+use crate::object::{Event, ObjectTruth};
+use crate::scene::SceneObject;
 use crate::sensors::{Rig, silhouette_px};
-
-/// What of an object does not change.
-#[derive(Debug, Clone)]
-pub(super) struct Shape<'a> {
-    pub id: &'a str,
-    pub category: &'a str,
-    pub kind: Kind,
-    pub distribution: Distribution,
-    pub event: Event,
-    /// Least and greatest corner in the model's frame.
-    pub bounds: [Point3<f64>; 2],
-    /// The visible surface in the model's frame.
-    pub triangles: &'a [[Point3<f32>; 3]],
-}
 
 /// An object at one instant.
 #[derive(Debug, Clone, Copy)]
@@ -33,7 +20,7 @@ pub(super) struct Observation {
 
 /// The object's truth if it is to be annotated.
 pub(super) fn annotate(
-    shape: &Shape<'_>,
+    object: &SceneObject,
     seen: &Observation,
     step_s: f64,
     world_from_ego: &Transform<World, Ego>,
@@ -47,11 +34,11 @@ pub(super) fn annotate(
     let ego_from_world = world_from_ego.inverse();
     // Upright is the ego's up: on a slope, a car ahead on the same slope keeps its own sizes.
     let ego_from_model = ego_from_world.isometry * seen.world_from_model;
-    let box_in_ego: Box3<Ego> = if matches!(shape.event, Event::None | Event::Lies) {
-        upright_box(&ego_from_model, &shape.bounds)
+    let box_in_ego: Box3<Ego> = if matches!(object.event, Event::None | Event::Lies) {
+        upright_box(&ego_from_model, &object.bounds)
     } else {
         // Of what tumbles, the corners of the bounds may lie far outside, even below the ground.
-        let points = shape.triangles.iter().flatten().map(|point| point.cast());
+        let points = object.triangles.iter().flatten().map(|point| point.cast());
         upright_box_of(&ego_from_model, points)
     };
     let distance_m = box_in_ego.center.x().hypot(box_in_ego.center.y());
@@ -59,7 +46,7 @@ pub(super) fn annotate(
         return None;
     }
     let camera_from_model = (rig.ego_from_camera.inverse() * ego_from_world).isometry * seen.world_from_model;
-    let triangles: Vec<[Point3<f64>; 3]> = shape
+    let triangles: Vec<[Point3<f64>; 3]> = object
         .triangles
         .iter()
         .map(|triangle| triangle.map(|corner| camera_from_model * corner.cast::<f64>()))
@@ -68,20 +55,20 @@ pub(super) fn annotate(
     if whole_px == 0 {
         return None;
     }
-    let middle = nalgebra::center(&shape.bounds[0], &shape.bounds[1]);
+    let middle = nalgebra::center(&object.bounds[0], &object.bounds[1]);
     let moved = seen.world_from_model * middle - seen.world_from_model_before * middle;
     let velocity: Vector3<f64> = ego_from_world.rotate(&(moved / step_s));
     Some(ObjectTruth {
-        id: shape.id.to_owned(),
-        category: shape.category.to_owned(),
-        kind: shape.kind,
-        distribution: shape.distribution,
+        id: object.id.clone(),
+        category: object.category.clone(),
+        kind: object.kind,
+        distribution: object.distribution,
         box_in_ego,
         velocity_in_ego_mps: [velocity.x, velocity.y],
         n_lidar_points: seen.n_lidar_points,
         visible_px: seen.visible_px,
         visible_fraction: (f64::from(seen.visible_px) / f64::from(whole_px)).min(1.0) as f32,
-        event: shape.event,
+        event: object.event,
     })
 }
 
@@ -125,8 +112,10 @@ fn upright_box_of<F: Frame>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::object::{Distribution, Kind};
     use crate::sensors::RigConfig;
     use nalgebra::{Translation3, UnitQuaternion};
+    use std::sync::Arc;
 
     const BOUNDS: [Point3<f64>; 2] = [Point3::new(-2.0, -1.0, 0.0), Point3::new(2.0, 1.0, 1.5)];
 
@@ -141,14 +130,16 @@ mod tests {
             [corner(-2.0, -1.0, 0.0), corner(-2.0, 1.0, 0.0), corner(-2.0, 1.0, 1.5)],
             [corner(-2.0, -1.0, 0.0), corner(-2.0, 1.0, 1.5), corner(-2.0, -1.0, 1.5)],
         ];
-        let shape = Shape {
-            id: "a",
-            category: "car",
+        let object = SceneObject {
+            id: "a".into(),
+            category: "car".into(),
             kind: Kind::Vehicle,
             distribution: Distribution::Id,
-            event: Event::None,
+            body_name: "obj:a".into(),
             bounds: BOUNDS,
-            triangles: &rear,
+            triangles: Arc::new(rear.to_vec()),
+            reflectivity: 0.5,
+            event: Event::None,
         };
         let seen = Observation {
             world_from_model: pose,
@@ -158,7 +149,7 @@ mod tests {
         };
         let rig = Rig::try_from(&RigConfig::default()).unwrap();
         let world_from_ego = Transform::from_xyz_yaw(0.0, 0.0, 0.0, 0.0);
-        annotate(&shape, &seen, 0.05, &world_from_ego, &rig, &AnnotationConfig::default())
+        annotate(&object, &seen, 0.05, &world_from_ego, &rig, &AnnotationConfig::default())
     }
 
     #[test]

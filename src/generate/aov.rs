@@ -127,7 +127,7 @@ mod tests {
             kind: Kind::Static,
             distribution: Distribution::Id,
             body_name: format!("obj:{id}"),
-            bounds: ([0.0; 3], [1.0; 3]),
+            bounds: [[0.0; 3].into(), [1.0; 3].into()],
             triangles: Arc::new(Vec::new()),
             reflectivity: 0.5,
             event: Event::None,

@@ -7,7 +7,7 @@ use super::annotate::upright_box;
 use super::config::CONTROL_PERIOD_S;
 use crate::geometry::{Box3, Ego, Transform, World};
 use crate::sample::EgoState;
-use crate::scene::{self, Aspect, EgoObservation, Footprint, Lighting, Loose, Traffic, Vec2, mjcf};
+use crate::scene::{self, Aspect, EgoObservation, Footprint, Lighting, Loose, Traffic, Vec2, car};
 use crate::sim::{CameraMount, Simulator};
 
 const EGO_BODY: &str = "ego";
@@ -61,15 +61,8 @@ impl Drive {
         let loose = world
             .loose()
             .map(|(placement, plan)| {
-                let (low, high) = world.objects()[placement].bounds;
-                let bounds = [Point3::from(low), Point3::from(high)];
-                LooseThing {
-                    placement,
-                    body: object_bodies[placement],
-                    bounds,
-                    plan: plan.clone(),
-                    is_held: true,
-                }
+                let (body, bounds) = (object_bodies[placement], world.objects()[placement].bounds);
+                LooseThing { placement, body, bounds, plan: plan.clone(), is_held: true }
             })
             .collect();
         let steering_joints = STEERING_JOINTS
@@ -104,7 +97,7 @@ impl Drive {
             .lights
             .iter()
             .filter(|light| is_new(light))
-            .flat_map(|&i| mjcf::lamps_of(i, aspects[i]))
+            .flat_map(|&i| scene::lamps_of(i, aspects[i]))
             .collect();
         if !changed.is_empty() {
             self.simulator.set_materials(&changed)?;
@@ -174,8 +167,8 @@ impl Drive {
             steering_angle_rad: sum_rad / self.steering_joints.len() as f64,
             yaw_rate_rps: self.yaw_rate_rps,
             acceleration_mps2: (self.speed_mps - self.speed_before_mps) / CONTROL_PERIOD_S,
-            wheelbase_m: mjcf::WHEELBASE_M,
-            front_bumper_x_m: mjcf::FRONT_BUMPER_X_M,
+            wheelbase_m: car::WHEELBASE_M,
+            front_bumper_x_m: car::FRONT_BUMPER_X_M,
         })
     }
 }
@@ -306,7 +299,7 @@ mod tests {
         let route = &world.ego_route.path;
         let mut nearest_m = vec![f64::INFINITY; starts.len()];
         for _ in 0..200 {
-            drive.simulator.step(&[0.0; mjcf::N_ACTUATORS], &[], drive.physics_steps).unwrap();
+            drive.simulator.step(&[0.0; car::N_ACTUATORS], &[], drive.physics_steps).unwrap();
             drive.poses_before = std::mem::replace(&mut drive.poses, drive.simulator.body_poses().unwrap());
             for (thing, nearest_m) in drive.loose.iter().zip(&mut nearest_m) {
                 *nearest_m = nearest_m.min(route.distance_m(drive.poses[thing.body].translation.vector.xy()));

@@ -5,24 +5,25 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use image::codecs::jpeg::JpegEncoder;
-use nalgebra::{Point3, Vector3};
+use nalgebra::Vector3;
 use rand::RngExt;
 
-use super::annotate::{Observation, Shape, annotate};
+use super::annotate::{Observation, annotate};
 use super::aov::AovWriter;
 use super::appearance::Appearance;
 use super::config::{CONTROL_PERIOD_S, RendererName};
 use super::drive::Drive;
+use super::lighting::lighting;
 use super::{CheckedConfig, EpisodePlan, GenerateError, map};
 use crate::config::to_toml;
 use crate::episode::{EpisodeEntry, EpisodeMeta, EpisodeWriter};
 use crate::geometry::Point;
 use crate::random;
 use crate::sample::{EncodedImage, ImageFormat, Measured, Sample, Truth};
-use crate::scene::{Lighting, SceneObject, Sun, Town, populate};
+use crate::scene::{self, Town, populate};
 use crate::sensors::WeatherState;
 use crate::sensors::camera::{Material, Rendered, Scope, Shot};
-use crate::sensors::lidar::{self, Hit, Receiver, Source};
+use crate::sensors::lidar::{self, Hit, Receiver, Reflector};
 use crate::sim::{CameraMount, Renderer, Simulator};
 
 /// Simulated time begins on 2025-01-01, never at the wall clock.
@@ -48,18 +49,6 @@ pub struct Timings {
     pub finishing: Duration,
 }
 
-/// When a watcher of an episode is called.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Moment {
-    /// Before the first sample.
-    WarmedUp,
-    /// After the last sample.
-    Sampled,
-}
-
-/// Called at each [`Moment`] of an episode.
-pub type Watch<'a> = dyn FnMut(Moment, &mut Simulator) -> Result<(), GenerateError> + 'a;
-
 /// Makes one episode in the data set's folder; `on_sample` hears of each written sample.
 ///
 /// # Errors
@@ -70,146 +59,187 @@ pub fn record(
     folder: &Path,
     on_sample: &mut dyn FnMut() -> std::io::Result<()>,
 ) -> Result<(EpisodeEntry, Timings), GenerateError> {
-    record_watched(config, plan, folder, on_sample, &mut |_, _| Ok(()))
+    let mut recording = Recording::start(config, plan, folder)?;
+    recording.record_samples(on_sample)?;
+    recording.finish()
 }
 
-/// As [`record`], with a watcher.
-///
-/// # Errors
-/// As [`record`], and what the watcher says.
-pub fn record_watched(
-    config: &CheckedConfig,
-    plan: &EpisodePlan,
-    folder: &Path,
-    on_sample: &mut dyn FnMut() -> std::io::Result<()>,
-    watch: &mut Watch<'_>,
-) -> Result<(EpisodeEntry, Timings), GenerateError> {
-    let mut timings = Timings::default();
-    let begin = Instant::now();
-    let town = Arc::new(Town::load(&plan.town)?);
-    let world = populate(&town, &config.raw.scene, plan.seed)?;
-    let state = plan.weather.state().replaced(&config.raw.weather_override)?;
-    let mount = CameraMount {
-        body: "ego".into(),
-        ego_from_camera: config.rig.ego_from_camera,
-        intrinsics: config.rig.intrinsics,
-        n_samples: config.raw.render.samples_per_pixel,
-        shadow_size_px: config.raw.render.shadow_size_px,
-        renderer: renderer(config.raw.render.renderer, &state),
-    };
-    let mut drive = Drive::new(&world, &lighting(&state), &mount, plan.seed)?;
-    let sensing = Sensing {
-        config,
-        objects: world.objects(),
-        appearance: Appearance::new(&world, &drive)?,
-        receiver: Receiver::new(&config.rig.noise, config.rig.n_rings, &state, plan.seed),
-        scope: Scope::new(plan.weather, &state, &config.rig, plan.seed),
-    };
-    let meta = EpisodeMeta {
-        name: plan.name.clone(),
-        seed: plan.seed,
-        town: town.name.clone(),
-        weather: plan.weather.name().to_owned(),
-        ood: config.raw.scene.ood,
-        generator_version: env!("CARGO_PKG_VERSION").to_owned(),
-        config_toml: to_toml(&config.raw),
-        rig_toml: to_toml(&config.raw.rig),
-        n_samples: config.raw.samples as usize,
-    };
-    let route: Vec<[f64; 2]> = world.ego_route.path.sampled(20.0).iter().map(|at| [at.x, at.y]).collect();
-    let map = map::drawing(&town.graph, &town.surface.ground, &route, MAP_REACH_M);
-    let mut writer = EpisodeWriter::create(&folder.join(plan.file()), &meta, &map)?;
-    let size_px = (config.raw.rig.camera.width_px as usize, config.raw.rig.camera.height_px as usize);
-    let aov = config
-        .raw
-        .render
-        .aov
-        .then(|| AovWriter::create(folder, &plan.name, size_px, world.objects()))
-        .transpose()?;
-    timings.set_up = begin.elapsed();
-
-    let begin = Instant::now();
-    let [least_s, most_s] = config.raw.warm_up_s;
-    let draw: f64 = random::stream(plan.seed, "warm-up", 0).random();
-    let n_warm_up_steps = ((least_s + (most_s - least_s) * draw) / CONTROL_PERIOD_S).round() as u32;
-    for _ in 0..n_warm_up_steps {
-        drive.step()?;
-    }
-    timings.warm_up = begin.elapsed();
-    watch(Moment::WarmedUp, &mut drive.simulator)?;
-    for sample_idx in 0..u64::from(config.raw.samples) {
-        let begin = Instant::now();
-        let n_steps = if sample_idx == 0 { 0 } else { config.control_steps_per_sample };
-        for _ in 0..n_steps {
-            drive.step()?;
-        }
-        timings.motion += begin.elapsed();
-        let sample = sensing.sample(&mut drive, sample_idx, aov.as_ref(), &mut timings)?;
-        let begin = Instant::now();
-        writer.write(&sample)?;
-        timings.writing += begin.elapsed();
-        on_sample()?;
-    }
-    watch(Moment::Sampled, &mut drive.simulator)?;
-    let begin = Instant::now();
-    if let Some(aov) = aov {
-        aov.finish()?;
-    }
-    let finished = writer.finish()?;
-    timings.finishing = begin.elapsed();
-    let entry = EpisodeEntry {
-        name: plan.name.clone(),
-        file: plan.file(),
-        split: plan.split,
-        seed: plan.seed,
-        town: meta.town,
-        weather: meta.weather,
-        ood: meta.ood,
-        n_samples: finished.n_samples,
-        n_objects: finished.n_objects,
-        sha256: finished.sha256,
-    };
-    Ok((entry, timings))
-}
-
-/// The renderer's light by the weather's.
-fn lighting(state: &WeatherState) -> Lighting {
-    let light = state.light();
-    let sun = light.sun.map(|sun| Sun {
-        direction: sun.direction,
-        colour: sun.colour,
-        casts_shadow: sun.casts_shadow,
-    });
-    Lighting { ambient: light.ambient, sun }
-}
-
-/// At night things are drawn in their own colours, which only the classic renderer does.
-fn renderer(name: RendererName, state: &WeatherState) -> Renderer {
-    match name {
-        RendererName::Filament if !state.is_night() => Renderer::Filament,
-        _ => Renderer::Classic,
-    }
-}
-
-/// What turns the state of the world into samples.
-struct Sensing<'a> {
+/// An episode while it is recorded.
+pub struct Recording<'a> {
     config: &'a CheckedConfig,
-    objects: &'a [SceneObject],
+    plan: &'a EpisodePlan,
+    world: scene::World,
+    drive: Drive,
     appearance: Appearance,
     receiver: Receiver,
     scope: Scope,
+    meta: EpisodeMeta,
+    writer: EpisodeWriter,
+    aov: Option<AovWriter>,
+    timings: Timings,
 }
 
-impl Sensing<'_> {
-    fn sample(
-        &self,
-        drive: &mut Drive,
-        sample_idx: u64,
-        aov: Option<&AovWriter>,
-        timings: &mut Timings,
-    ) -> Result<Sample, GenerateError> {
-        let rig = &self.config.rig;
+/// Adds the time that a call takes.
+fn time<T>(spent: &mut Duration, call: impl FnOnce() -> T) -> T {
+    let begin = Instant::now();
+    let result = call();
+    *spent += begin.elapsed();
+    result
+}
+
+impl<'a> Recording<'a> {
+    /// Fills the town, sets the simulator up and drives until the first sample is due.
+    ///
+    /// # Errors
+    /// As [`record`].
+    pub fn start(
+        config: &'a CheckedConfig,
+        plan: &'a EpisodePlan,
+        folder: &Path,
+    ) -> Result<Self, GenerateError> {
+        let begin = Instant::now();
+        let (raw, rig) = (&config.raw, &config.rig);
+        let town = Arc::new(Town::load(&plan.town)?);
+        let world = populate(&town, &raw.scene, plan.seed)?;
+        let state = plan.weather.state().replaced(&raw.weather_override)?;
+        let mount = CameraMount {
+            body: "ego".into(),
+            ego_from_camera: rig.ego_from_camera,
+            intrinsics: rig.intrinsics,
+            n_samples: raw.render.samples_per_pixel,
+            shadow_size_px: raw.render.shadow_size_px,
+            renderer: choose_renderer(raw.render.renderer, &state),
+        };
+        let drive = Drive::new(&world, &lighting(&state), &mount, plan.seed)?;
+        let meta = EpisodeMeta {
+            name: plan.name.clone(),
+            seed: plan.seed,
+            town: town.name.clone(),
+            weather: plan.weather.name().to_owned(),
+            ood: raw.scene.ood,
+            generator_version: env!("CARGO_PKG_VERSION").to_owned(),
+            config_toml: to_toml(raw),
+            rig_toml: to_toml(&raw.rig),
+            n_samples: raw.samples as usize,
+        };
+        let route: Vec<[f64; 2]> = world.ego_route.path.sampled(20.0).iter().map(|at| [at.x, at.y]).collect();
+        let map = map::drawing(&town.graph, &town.surface.ground, &route, MAP_REACH_M);
+        let size_px = (raw.rig.camera.width_px as usize, raw.rig.camera.height_px as usize);
+        let aov = || AovWriter::create(folder, &plan.name, size_px, world.objects());
+        let mut recording = Self {
+            config,
+            plan,
+            appearance: Appearance::new(&world, &drive)?,
+            receiver: Receiver::new(&rig.lidar, rig.n_rings, &state, plan.seed),
+            scope: Scope::new(plan.weather, &state, rig, plan.seed),
+            writer: EpisodeWriter::create(&folder.join(plan.file()), &meta, &map)?,
+            aov: raw.render.aov.then(aov).transpose()?,
+            timings: Timings { set_up: begin.elapsed(), ..Timings::default() },
+            meta,
+            drive,
+            world,
+        };
+        recording.warm_up()?;
+        Ok(recording)
+    }
+
+    fn warm_up(&mut self) -> Result<(), GenerateError> {
+        let [least_s, most_s] = self.config.raw.warm_up_s;
+        let draw: f64 = random::stream(self.plan.seed, "warm-up", 0).random();
+        let n_steps = ((least_s + (most_s - least_s) * draw) / CONTROL_PERIOD_S).round() as u32;
+        time(&mut self.timings.warm_up, || (0..n_steps).try_for_each(|_| self.drive.step()))
+    }
+
+    /// The simulated world.
+    pub fn simulator(&mut self) -> &mut Simulator {
+        &mut self.drive.simulator
+    }
+
+    /// Drives on and writes the samples, one after the other.
+    ///
+    /// # Errors
+    /// As [`record`], and what `on_sample` returns.
+    pub fn record_samples(
+        &mut self,
+        on_sample: &mut dyn FnMut() -> std::io::Result<()>,
+    ) -> Result<(), GenerateError> {
+        for sample_idx in 0..u64::from(self.config.raw.samples) {
+            let n_steps = if sample_idx == 0 { 0 } else { self.config.control_steps_per_sample };
+            time(&mut self.timings.motion, || (0..n_steps).try_for_each(|_| self.drive.step()))?;
+            let sample = self.sample(sample_idx)?;
+            time(&mut self.timings.writing, || self.writer.write(&sample))?;
+            on_sample()?;
+        }
+        Ok(())
+    }
+
+    /// Gives the files their final names.
+    ///
+    /// # Errors
+    /// [`GenerateError`]: the disk.
+    pub fn finish(self) -> Result<(EpisodeEntry, Timings), GenerateError> {
+        let Self { plan, meta, writer, aov, mut timings, .. } = self;
+        let finished = time(&mut timings.finishing, || {
+            aov.map_or(Ok(()), AovWriter::finish)?;
+            writer.finish().map_err(GenerateError::from)
+        })?;
+        let entry = EpisodeEntry {
+            name: plan.name.clone(),
+            file: plan.file(),
+            split: plan.split,
+            seed: plan.seed,
+            town: meta.town,
+            weather: meta.weather,
+            ood: meta.ood,
+            n_samples: finished.n_samples,
+            n_objects: finished.n_objects,
+            sha256: finished.sha256,
+        };
+        Ok((entry, timings))
+    }
+
+    /// What is measured and what is true now.
+    fn sample(&mut self, sample_idx: u64) -> Result<Sample, GenerateError> {
+        let Self { config, drive, appearance, timings, .. } = self;
+        let rig = &config.rig;
         let world_from_ego = drive.world_from_ego();
+        let simulator = &mut drive.simulator;
+        let needs_depth = self.scope.needs_depth() || self.aov.is_some();
+        let (rgb, depth_m) = time(&mut timings.picture, || {
+            if needs_depth {
+                simulator.render_rgb_and_depth().map(|picture| (picture.rgb, picture.depth_m))
+            } else {
+                simulator.render_rgb().map(|rgb| (rgb, Vec::new()))
+            }
+        })?;
+        let geoms = time(&mut timings.segmentation, || simulator.render_segmentation())?.geom;
+        if let Some(aov) = &self.aov {
+            let objects = geoms.iter().map(|&geom| appearance.object(geom));
+            time(&mut timings.writing, || aov.write(sample_idx, &depth_m, objects))?;
+        }
+
+        let ego_state = drive.ego_state()?;
+        let picture = time(&mut timings.weather, || {
+            let material: Vec<Material> = geoms.iter().map(|&geom| appearance.material(geom)).collect();
+            let rendered = Rendered { rgb: &rgb, depth_m: &depth_m, material: &material };
+            let (speed_mps, lamps) = (ego_state.speed_mps, &appearance.lamps);
+            self.scope.see(&rendered, &Shot { world_from_ego, speed_mps, lamps, sample_idx })
+        });
+        let mut bytes = Vec::new();
+        let quality = config.raw.render.jpeg_quality;
+        time(&mut timings.packing, || {
+            JpegEncoder::new_with_quality(&mut bytes, quality).encode_image(&picture)
+        })?;
+
+        let world_from_lidar = world_from_ego * rig.ego_from_lidar;
+        let hits = time(&mut timings.rays, || {
+            let directions: Vec<Vector3<f64>> =
+                rig.pattern.directions.iter().map(|direction| world_from_lidar.rotate(direction)).collect();
+            let origin = (world_from_lidar * Point::new(0.0, 0.0, 0.0)).coords;
+            drive.simulator.cast_rays(&origin, &directions, rig.lidar.max_range_m + 1.0)
+        })?;
+
+        let begin = Instant::now();
         let mut seen: Vec<Observation> = drive
             .object_bodies
             .iter()
@@ -220,72 +250,14 @@ impl Sensing<'_> {
                 visible_px: 0,
             })
             .collect();
-
-        let begin = Instant::now();
-        let (rgb, depth_m) = if self.scope.needs_depth() || aov.is_some() {
-            let picture = drive.simulator.render_rgb_and_depth()?;
-            (picture.rgb, picture.depth_m)
-        } else {
-            (drive.simulator.render_rgb()?, Vec::new())
-        };
-        timings.picture += begin.elapsed();
-
-        let begin = Instant::now();
-        let geoms = drive.simulator.render_segmentation()?.geom;
-        timings.segmentation += begin.elapsed();
-        if let Some(aov) = aov {
-            let begin = Instant::now();
-            let objects = geoms.iter().map(|&geom| self.appearance.object(geom));
-            aov.write(sample_idx, &depth_m, objects)?;
-            timings.writing += begin.elapsed();
+        for object in geoms.iter().filter_map(|&geom| appearance.object(geom)) {
+            seen[object].visible_px += 1;
         }
-
-        let begin = Instant::now();
-        let material: Vec<Material> = geoms.iter().map(|&geom| self.appearance.material(geom)).collect();
-        let rendered = Rendered { rgb: &rgb, depth_m: &depth_m, material: &material };
-        let ego_state = drive.ego_state()?;
-        let shot = Shot {
-            world_from_ego,
-            speed_mps: ego_state.speed_mps,
-            lamps: &self.appearance.lamps,
-            sample_idx,
-        };
-        let picture = self.scope.see(&rendered, &shot);
-        timings.weather += begin.elapsed();
-
-        let begin = Instant::now();
-        let mut bytes = Vec::new();
-        let quality = self.config.raw.render.jpeg_quality;
-        JpegEncoder::new_with_quality(&mut bytes, quality).encode_image(&picture)?;
-        let image = EncodedImage { format: ImageFormat::Jpeg, bytes };
-        timings.packing += begin.elapsed();
-
-        let begin = Instant::now();
-        for &geom in &geoms {
-            if let Some(object) = self.appearance.object(geom) {
-                seen[object].visible_px += 1;
-            }
-        }
-        timings.truth += begin.elapsed();
-
-        let begin = Instant::now();
-        let world_from_lidar = world_from_ego * rig.ego_from_lidar;
-        let directions: Vec<Vector3<f64>> =
-            rig.pattern.directions.iter().map(|direction| world_from_lidar.rotate(direction)).collect();
-        let origin = (world_from_lidar * Point::new(0.0, 0.0, 0.0)).coords;
-        let hits = drive.simulator.cast_rays(&origin, &directions, rig.noise.max_range_m + 1.0)?;
-        timings.rays += begin.elapsed();
-
-        let begin = Instant::now();
-        let reflections: Vec<Hit> = (0..directions.len())
+        let reflections: Vec<Hit> = (0..hits.geom.len())
             .map(|ray| {
-                let (reflectivity, is_paved) = self.appearance.surface(hits.geom[ray]);
-                Hit {
-                    range_m: hits.range_m[ray],
-                    cos_incidence: hits.cos_incidence[ray],
-                    reflectivity,
-                    is_paved,
-                }
+                let (reflectivity, is_paved) = appearance.surface(hits.geom[ray]);
+                let (range_m, cos_incidence) = (hits.range_m[ray], hits.cos_incidence[ray]);
+                Hit { range_m, cos_incidence, reflectivity, is_paved }
             })
             .collect();
         let camera_from_lidar = rig.ego_from_camera.inverse() * rig.ego_from_lidar;
@@ -295,30 +267,19 @@ impl Sensing<'_> {
             if !lidar::is_in_view(&at, &rig.intrinsics, &camera_from_lidar) {
                 continue;
             }
-            if let (Source::Target, Some(object)) =
-                (found.source, self.appearance.object(hits.geom[found.ray]))
-            {
+            let object = appearance.object(hits.geom[found.ray]);
+            if let (Reflector::Target, Some(object)) = (found.reflector, object) {
                 seen[object].n_lidar_points += 1;
             }
             points.push(found.point);
         }
-        let annotation = &self.config.raw.annotation;
-        let truths = self.objects.iter().zip(&seen).filter_map(|(object, seen)| {
-            let shape = Shape {
-                id: &object.id,
-                category: &object.category,
-                kind: object.kind,
-                distribution: object.distribution,
-                event: object.event,
-                bounds: [Point3::from(object.bounds.0), Point3::from(object.bounds.1)],
-                triangles: &object.triangles,
-            };
-            annotate(&shape, seen, CONTROL_PERIOD_S, &world_from_ego, rig, annotation)
+        let truths = self.world.objects().iter().zip(&seen).filter_map(|(object, seen)| {
+            annotate(object, seen, CONTROL_PERIOD_S, &world_from_ego, rig, &config.raw.annotation)
         });
         let truth = Truth { objects: truths.collect() };
         timings.truth += begin.elapsed();
 
-        let period_ns = (self.config.raw.sample_period_s * 1e9).round() as u64;
+        let period_ns = (config.raw.sample_period_s * 1e9).round() as u64;
         let measured = Measured {
             time_ns: EPOCH_NS + sample_idx * period_ns,
             ego_state,
@@ -326,9 +287,17 @@ impl Sensing<'_> {
             ego_from_lidar: rig.ego_from_lidar,
             ego_from_camera: rig.ego_from_camera,
             intrinsics: rig.intrinsics,
-            image,
+            image: EncodedImage { format: ImageFormat::Jpeg, bytes },
             points,
         };
         Ok(Sample { measured, truth })
+    }
+}
+
+/// At night things are drawn in their own colours, which only the classic renderer does.
+fn choose_renderer(name: RendererName, state: &WeatherState) -> Renderer {
+    match name {
+        RendererName::Filament if !state.is_night() => Renderer::Filament,
+        _ => Renderer::Classic,
     }
 }

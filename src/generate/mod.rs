@@ -10,6 +10,7 @@ mod config;
 mod drive;
 pub mod episode;
 mod folder;
+mod lighting;
 mod map;
 mod plan;
 pub mod preset;

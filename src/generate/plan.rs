@@ -28,14 +28,12 @@ pub struct EpisodePlan {
 
 impl EpisodePlan {
     /// Path of the file from the data set's folder.
-    #[must_use]
     pub fn file(&self) -> String {
         format!("episodes/{}.mcap", self.name)
     }
 }
 
 /// The first `n_episodes` episodes of a config; more episodes leave the first ones as they are.
-#[must_use]
 pub fn plan(config: &CheckedConfig, n_episodes: u32) -> Vec<EpisodePlan> {
     let pairs = pairs(config);
     (0..n_episodes).map(|i| episode(config, &pairs, i)).collect()

@@ -46,7 +46,6 @@ struct OodPart {
 impl Preset {
     pub const ALL: [Self; 3] = [Self::Demo, Self::Small, Self::Paper];
 
-    #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Demo => "demo",
@@ -56,7 +55,6 @@ impl Preset {
     }
 
     /// The preset of a name, if there is one.
-    #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|preset| preset.name() == name)
     }

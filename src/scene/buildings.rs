@@ -57,20 +57,17 @@ pub struct Building {
 }
 
 /// Floors above the ground floor in a building of some height.
-#[must_use]
 pub fn n_floors_of(height_m: f64) -> u32 {
     ((height_m - GROUND_FLOOR_M) / FLOOR_M).round().max(0.0) as u32
 }
 
 impl Building {
     /// From the ground floor's level to the eaves.
-    #[must_use]
     pub fn height_m(&self) -> f64 {
         GROUND_FLOOR_M + FLOOR_M * f64::from(self.n_floors)
     }
 
     /// The point `along_m` from the middle along the street and `out_m` in front of the front wall.
-    #[must_use]
     pub fn before(&self, along_m: f64, out_m: f64) -> Vec2 {
         let (sin, cos) = self.footprint.yaw_rad.sin_cos();
         let y = -self.footprint.width_m / 2.0 - out_m;
@@ -99,7 +96,6 @@ impl Building {
     }
 
     /// Level of the ground floor: the ground's at the front, where the door is.
-    #[must_use]
     pub fn base_m(&self, height_m: &impl Fn(Vec2) -> f64) -> f64 {
         let half_m = self.footprint.length_m / 2.0;
         [-half_m, 0.0, half_m]
@@ -122,7 +118,6 @@ pub struct BuildingMeshes {
 }
 
 /// Builds the meshes of the buildings that `is_near` keeps, on a ground of some height.
-#[must_use]
 pub fn meshes(
     buildings: &[Building],
     config: &TownConfig,

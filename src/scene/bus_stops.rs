@@ -5,7 +5,6 @@ use super::path::Path;
 use super::plots::Furnishing;
 
 /// A shelter and a sign behind each bay of type `stop`.
-#[must_use]
 pub fn furnishings(network: &xodr::RoadNetwork) -> Vec<Furnishing> {
     let mut furnishings = Vec::new();
     for lane in network.lanes().iter().filter(|lane| lane.kind == xodr::LaneType::Stop) {

@@ -2,11 +2,13 @@
 
 use rand::RngExt;
 
+use super::ground::PAVEMENT_M;
 use super::occupancy::Footprint;
 use super::path::Vec2;
-use super::populate::{Filler, Motion, Walk, footprint_of};
+use super::populate::Filler;
 use super::route::Route;
-use super::surface::{PAVEMENT_M, Strip, StripKind};
+use super::surface::{Strip, StripKind};
+use super::world::{Motion, Walk, footprint_of};
 use crate::object::Kind;
 use crate::random::{self, Rng};
 

@@ -1,9 +1,8 @@
 //! Flat shapes laid on the ground: on slopes they are cut into pieces that follow it.
 
-use super::ground::Ground;
+use super::ground::{GRASS_M, Ground, PAVEMENT_M};
 use super::mesh::TriangleMesh;
 use super::path::Vec2;
-use super::surface::{GRASS_M, PAVEMENT_M};
 
 /// Longest piece on slopes.
 const PIECE_M: f64 = 3.0;

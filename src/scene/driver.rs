@@ -48,7 +48,6 @@ pub struct Driver {
 
 impl Driver {
     /// A driver at its start.
-    #[must_use]
     pub fn new(placement: usize, route: Route, station_m: f64, body: &Footprint, eagerness: f64) -> Self {
         Self {
             placement,
@@ -75,30 +74,25 @@ impl Driver {
     }
 
     /// Whether it stands at the end of its way.
-    #[must_use]
     pub fn has_arrived(&self) -> bool {
         self.speed_mps < 0.3 && self.route.path.length_m() - self.front_m() < 6.0
     }
 
-    #[must_use]
     pub fn front_m(&self) -> f64 {
         self.station_m + self.length_m / 2.0
     }
 
-    #[must_use]
     pub fn rear_m(&self) -> f64 {
         self.station_m - self.length_m / 2.0
     }
 
     /// Heading of the chord between the axles.
-    #[must_use]
     pub fn yaw_rad(&self) -> f64 {
         let half_m = 0.32 * self.length_m;
         let chord = self.route.path.at(self.station_m + half_m) - self.route.path.at(self.station_m - half_m);
         chord.y.atan2(chord.x) + self.slope.atan()
     }
 
-    #[must_use]
     pub fn obstacle(&self) -> Obstacle {
         let yaw_rad = self.yaw_rad();
         Obstacle {

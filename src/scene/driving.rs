@@ -51,7 +51,6 @@ pub struct Gap {
 
 impl Gap {
     /// A line to stop at.
-    #[must_use]
     pub fn line(distance_m: f64) -> Self {
         Self { distance_m, lead_mps: 0.0, is_still: false }
     }
@@ -88,7 +87,6 @@ pub fn gap_ahead<'a>(
 }
 
 /// IDM acceleration, bounded by what brakes can do.
-#[must_use]
 pub fn acceleration_mps2(speed_mps: f64, desired_mps: f64, gap: Option<Gap>, standstill_m: f64) -> f64 {
     let free = 1.0 - (speed_mps / desired_mps.max(0.1)).powi(4);
     let closeness = gap.map_or(0.0, |gap| {
@@ -101,7 +99,6 @@ pub fn acceleration_mps2(speed_mps: f64, desired_mps: f64, gap: Option<Gap>, sta
 }
 
 /// The speed that bends ahead allow, braking comfortably.
-#[must_use]
 pub fn bend_speed_mps(path: &Path, s_m: f64, limit_mps: f64) -> f64 {
     // As far as the way to a stop.
     let n = (limit_mps * limit_mps / (2.0 * BEND_BRAKING_MPS2) / 3.0).ceil().clamp(8.0, 60.0) as usize;

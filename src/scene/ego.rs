@@ -3,12 +3,12 @@
 //! Pure pursuit (Coulter, 1992): `steering = atan(2 wheelbase sin(alpha) / lookahead)` towards the
 //! point on the path `lookahead` ahead of the rear axle.
 
+use super::car::{
+    DRIVE_RESPONSE_S, EGO_LENGTH_M, EGO_WIDTH_M, EgoCommand, FRONT_BUMPER_X_M, MAX_STEERING_RAD, WHEELBASE_M,
+};
 use super::driving::{self, Gap, Obstacle, Owner};
 use super::junctions::Answer;
 use super::lane_change::Mover;
-use super::mjcf::{
-    DRIVE_RESPONSE_S, EGO_LENGTH_M, EGO_WIDTH_M, EgoCommand, FRONT_BUMPER_X_M, MAX_STEERING_RAD, WHEELBASE_M,
-};
 use super::network::LaneGraph;
 use super::occupancy::Footprint;
 use super::path::{Vec2, turn_between};
@@ -47,12 +47,10 @@ pub struct EgoPose {
 }
 
 impl EgoPose {
-    #[must_use]
     pub fn direction(&self) -> Vec2 {
         Vec2::new(self.yaw_rad.cos(), self.yaw_rad.sin())
     }
 
-    #[must_use]
     pub fn obstacle(&self) -> Obstacle {
         let center = self.position + self.direction() * (FRONT_BUMPER_X_M - EGO_LENGTH_M / 2.0);
         Obstacle {
@@ -98,7 +96,6 @@ pub struct EgoDriver {
 }
 
 impl EgoDriver {
-    #[must_use]
     pub fn new(route: Route, station_m: f64, rng: Rng) -> Self {
         Self {
             route,
@@ -125,12 +122,10 @@ impl EgoDriver {
         self.station_m = self.route.path.project(pose.position, window.0, window.1).0;
     }
 
-    #[must_use]
     pub fn front_m(&self) -> f64 {
         self.station_m + FRONT_BUMPER_X_M
     }
 
-    #[must_use]
     pub fn rear_m(&self) -> f64 {
         self.station_m - (EGO_LENGTH_M - FRONT_BUMPER_X_M)
     }
@@ -249,7 +244,6 @@ impl EgoDriver {
     }
 
     /// How long it has been standing.
-    #[must_use]
     pub fn waited_s(&self) -> f64 {
         self.jam_s.max(self.held_s)
     }

@@ -1,61 +1,13 @@
-//! What events need about them: balconies, and shapes to bounce on.
-
-use std::fmt::Write as _;
+//! Shapes near events: balconies, and the pavements and walls that loose things bounce on.
 
 use nalgebra::{UnitQuaternion, Vector3};
 
-use super::mjcf::{Builder, TOLD, quaternion};
+use super::builder::{Builder, quaternion_text};
+use super::ground::PAVEMENT_M;
+use super::loose::Perch;
 use super::path::Vec2;
-use super::populate::World;
-use super::surface::{PAVEMENT_M, StripKind};
-
-/// A balcony that an event adds where a building has none: a slab on a wall with a parapet.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Perch {
-    /// On the wall, under the middle of the slab.
-    pub foot: Vec2,
-    /// Away from the wall.
-    pub out_rad: f64,
-    /// Top of the slab.
-    pub floor_m: f64,
-}
-
-impl Perch {
-    pub const DEPTH_M: f64 = 1.0;
-    pub const WIDTH_M: f64 = 2.2;
-    pub const SLAB_M: f64 = 0.14;
-    pub const PARAPET_M: f64 = 0.85;
-    pub const PARAPET_WIDTH_M: f64 = 0.22;
-
-    #[must_use]
-    pub fn out(&self) -> Vec2 {
-        Vec2::new(self.out_rad.cos(), self.out_rad.sin())
-    }
-
-    /// The middle of the parapet's top.
-    #[must_use]
-    pub fn ledge(&self) -> (Vec2, f64) {
-        (
-            self.foot + self.out() * (Self::DEPTH_M - Self::PARAPET_WIDTH_M / 2.0),
-            self.floor_m + Self::PARAPET_M,
-        )
-    }
-
-    /// Its parts as boxes: centre (x outwards, y along the wall, z), and half sizes.
-    #[must_use]
-    pub fn boxes(&self) -> [([f64; 3], [f64; 3]); 4] {
-        let (depth, width, wall) = (Self::DEPTH_M / 2.0, Self::WIDTH_M / 2.0, Self::PARAPET_WIDTH_M / 2.0);
-        let middle = self.floor_m + Self::PARAPET_M / 2.0;
-        let half_m = Self::PARAPET_M / 2.0;
-        let cheek = 0.05;
-        [
-            ([depth, 0.0, self.floor_m - Self::SLAB_M / 2.0], [depth, width, Self::SLAB_M / 2.0]),
-            ([2.0 * depth - wall, 0.0, middle], [wall, width, half_m]),
-            ([depth - wall, width - cheek, middle], [depth - wall, cheek, half_m]),
-            ([depth - wall, cheek - width, middle], [depth - wall, cheek, half_m]),
-        ]
-    }
-}
+use super::surface::StripKind;
+use super::world::World;
 
 /// Contact bits of scenery that only loose things meet: the ego's wheels mount kerbs as before.
 const SCENERY_CONTACT: &str = "contype=\"2\" conaffinity=\"2\"";
@@ -132,12 +84,10 @@ fn add_box(
     [x, y, z]: [f64; 3],
     look: &str,
 ) {
-    writeln!(
-        builder.body,
-        "<geom type=\"box\" pos=\"{:.4} {:.4} {z_m:.4}\" quat=\"{}\" size=\"{x:.4} {y:.4} {z:.4}\" {look} {SCENERY_CONTACT}/>",
+    builder.body += &format!(
+        "<geom type=\"box\" pos=\"{:.4} {:.4} {z_m:.4}\" quat=\"{}\" size=\"{x:.4} {y:.4} {z:.4}\" {look} {SCENERY_CONTACT}/>\n",
         at.x,
         at.y,
-        quaternion(&turn)
-    )
-    .expect(TOLD);
+        quaternion_text(&turn)
+    );
 }

@@ -1,23 +1,23 @@
 //! Events: things that fall from a balcony, roll across the road, or are thrown before the ego.
 //!
 //! Each is a free body that is held still until the ego comes near where it will cross its way; from
-//! then on it belongs to the physics. A flight is a parabola: `z(t) = z0 + vz t - g t^2 / 2`.
+//! then on it belongs to the physics.
 
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::Vector3;
 use rand::RngExt;
 
 use super::buildings::{Balcony, Building, RAILING_M};
-use super::event_scenery::Perch;
+use super::ground::PAVEMENT_M;
+use super::loose::{Loose, Perch, any_direction, lying, rolling_radius_m, standing, throw};
 use super::models::{Model, SOLID_M};
 use super::occupancy::Footprint;
 use super::path::Vec2;
-use super::populate::{Filler, Motion, footprint_of};
+use super::populate::Filler;
 use super::route::Route;
-use super::surface::PAVEMENT_M;
+use super::world::{Motion, footprint_of};
 use crate::object::{Distribution, Event, Kind};
 use crate::random::{self, Rng};
 
-const GRAVITY_MPS2: f64 = 9.81;
 /// Heights of the balconies' floors: the first and second storey over a shop.
 const STOREYS_M: [f64; 2] = [4.1, 7.3];
 /// What may stand on a parapet.
@@ -31,21 +31,6 @@ const APPROACH_MPS: f64 = 8.0;
 const AIR_M: f64 = 0.005;
 /// Faster than this nobody throws a box.
 const FASTEST_THROW_MPS: f64 = 13.0;
-
-/// A free body that is held until the ego comes near.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Loose {
-    pub event: Event,
-    /// Where it is held.
-    pub world_from_model: Isometry3<f64>,
-    /// Where it is to come down, or to cross the ego's lane.
-    pub aim: Vec2,
-    /// Let go when the ego's rear axle is nearer to the aim than this.
-    pub release_m: f64,
-    /// Of the centre of mass when it is let go, in the world frame.
-    pub linear_mps: Vector3<f64>,
-    pub angular_rps: Vector3<f64>,
-}
 
 /// What one event adds to the world.
 struct Plan {
@@ -181,7 +166,7 @@ impl Filler<'_> {
         let along = route.path.direction(station_m);
         let covers = self.placements.iter().filter(|placement| {
             let model = &self.models.models[placement.model];
-            let is_large = model.kind == Kind::Vehicle
+            let is_large = model.facts.kind == Kind::Vehicle
                 || (model.height_m() > 1.1 && model.length_m() > 0.9 && model.width_m() > 0.9);
             let off = placement.position - aim;
             let across_m = off.perp(&along).abs();
@@ -233,7 +218,7 @@ impl Filler<'_> {
 
     /// From one side of the road towards the other: round things roll, light ones tumble.
     fn plan_roll(&self, route: &Route, station_m: f64, rng: &mut Rng) -> Option<Plan> {
-        let model = self.draw_loose_model(|m| m.rolls.is_some() || m.mass_kg <= LIGHT_KG, rng)?;
+        let model = self.draw_loose_model(|m| m.facts.rolls.is_some() || m.mass_kg <= LIGHT_KG, rng)?;
         let shape = &self.models.models[model];
         let along = route.path.direction(station_m);
         let half_lane_m = self.town.graph.lanes[route.span_at(station_m).lane].width_m / 2.0;
@@ -253,8 +238,8 @@ impl Filler<'_> {
         let (at_m, left_m) = route.path.project(start, station_m - 15.0, station_m + 15.0);
         let aim = route.path.at(at_m);
         let way = (aim - start).normalize();
-        let speed_mps = if shape.rolls.is_some() { 3.0 } else { 6.5 } + 1.5 * rng.random::<f64>();
-        let hop_mps = if shape.rolls.is_some() { 0.0 } else { 1.5 + rng.random::<f64>() };
+        let speed_mps = if shape.facts.rolls.is_some() { 3.0 } else { 6.5 } + 1.5 * rng.random::<f64>();
+        let hop_mps = if shape.facts.rolls.is_some() { 0.0 } else { 1.5 + rng.random::<f64>() };
         // Rolling without slipping: about the axis to the left of the way.
         let radius_m = rolling_radius_m(shape);
         let loose = Loose {
@@ -378,50 +363,6 @@ impl Filler<'_> {
     }
 }
 
-/// Velocity and time of a flight that starts with `vz_mps` upwards and comes down on the road.
-fn throw((from, from_m): (Vec2, f64), to: Vec2, vz_mps: f64) -> (Vector3<f64>, f64) {
-    let time_s = (vz_mps + (vz_mps * vz_mps + 2.0 * GRAVITY_MPS2 * from_m).sqrt()) / GRAVITY_MPS2;
-    let level = (to - from) / time_s;
-    (Vector3::new(level.x, level.y, vz_mps), time_s)
-}
-
-fn standing(at: Vec2, z_m: f64, yaw_rad: f64) -> Isometry3<f64> {
-    let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw_rad);
-    Isometry3::from_parts(Translation3::new(at.x, at.y, z_m), turn)
-}
-
-/// On its round side, the axis along a heading; what is not round stands.
-fn lying(model: &Model, at: Vec2, z_m: f64, heading_rad: f64) -> Isometry3<f64> {
-    match model.rolls {
-        // The model's y runs along the heading.
-        Some(1) => standing(at, z_m, heading_rad - std::f64::consts::FRAC_PI_2),
-        Some(_) => {
-            // The model's z is laid along the heading; its middle comes over the point.
-            let about_y = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), std::f64::consts::FRAC_PI_2);
-            let about_z = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), heading_rad);
-            let turn = about_z * about_y;
-            let back = turn * Vector3::new(0.0, 0.0, model.height_m() / 2.0);
-            let at = Vector3::new(at.x, at.y, z_m + rolling_radius_m(model)) - back;
-            Isometry3::from_parts(Translation3::from(at), turn)
-        }
-        None => standing(at, z_m, heading_rad),
-    }
-}
-
-fn rolling_radius_m(model: &Model) -> f64 {
-    match model.rolls {
-        Some(1) => model.height_m() / 2.0,
-        Some(_) => model.length_m().max(model.width_m()) / 2.0,
-        None => model.height_m().max(model.width_m()) / 2.0,
-    }
-}
-
-fn any_direction(rng: &mut Rng) -> Vector3<f64> {
-    let (z, turn) = (2.0 * rng.random::<f64>() - 1.0, std::f64::consts::TAU * rng.random::<f64>());
-    let r = (1.0 - z * z).sqrt();
-    Vector3::new(r * turn.cos(), r * turn.sin(), z)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -454,14 +395,6 @@ mod tests {
             assert!(all.iter().filter(|&&found| found == event).count() > 5, "{all:?}");
         }
         assert_eq!(events(&world("downtown", 0.0, 1)), []);
-    }
-
-    #[test]
-    fn a_thrown_thing_comes_down_on_its_aim() {
-        let to = Vec2::new(3.0, -4.0);
-        let (velocity, time_s) = throw((Vec2::zeros(), 5.0), to, 2.0);
-        assert!((velocity.xy() * time_s - to).norm() < 1e-12);
-        assert!((5.0 + 2.0 * time_s - GRAVITY_MPS2 * time_s * time_s / 2.0).abs() < 1e-12);
     }
 
     #[test]

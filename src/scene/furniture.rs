@@ -2,20 +2,22 @@
 
 use rand::RngExt;
 
-use super::models::Model;
+use super::ground::{GRASS_M, PAVEMENT_M};
+use super::models::{Faces, Model};
 use super::occupancy::Footprint;
 use super::path::Vec2;
-use super::populate::{Filler, Motion, TRAFFIC_LIGHT};
-use super::surface::{GRASS_M, PAVEMENT_M, Strip, StripKind};
+use super::populate::{Filler, TRAFFIC_LIGHT};
+use super::surface::{Strip, StripKind};
+use super::world::Motion;
 use crate::object::Kind;
 use crate::random::{self, Rng};
 
 /// How far a model reaches to the street from its origin, and where the middle of its foot is.
 fn reach_to_street(model: &Model) -> (f64, f64) {
-    if model.faces_traffic {
-        return (model.width_m() / 2.0, f64::midpoint(model.solid.0[1], model.solid.1[1]));
+    if model.facts.faces == Faces::Traffic {
+        return (model.width_m() / 2.0, f64::midpoint(model.solid[0].y, model.solid[1].y));
     }
-    (model.overhang_m, f64::midpoint(model.solid.0[0], model.solid.1[0]))
+    (model.overhang_m, f64::midpoint(model.solid[0].x, model.solid[1].x))
 }
 
 impl Filler<'_> {
@@ -106,7 +108,8 @@ impl Filler<'_> {
     pub(super) fn place_lights(&mut self) -> Vec<(usize, usize)> {
         let mut rng = random::stream(self.seed, "lights", 0);
         let town = self.town;
-        let Some(model) = self.models.models.iter().position(|model| model.category == TRAFFIC_LIGHT) else {
+        let Some(model) = self.models.models.iter().position(|model| model.facts.category == TRAFFIC_LIGHT)
+        else {
             return Vec::new();
         };
         let mut posts = Vec::new();
@@ -162,7 +165,7 @@ impl Filler<'_> {
     ///
     /// `street_side` is 1 where the street is to the left of the heading, else -1.
     fn facing_rad(&self, model: usize, heading_rad: f64, street_side: f64) -> f64 {
-        if !self.models.models[model].faces_traffic {
+        if self.models.models[model].facts.faces == Faces::Street {
             return heading_rad + street_side * std::f64::consts::FRAC_PI_2;
         }
         // Who drives along the heading has this place on the side away from the street.

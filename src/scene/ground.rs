@@ -12,6 +12,10 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 use super::path::Vec2;
 
+/// Height of pavements over the road.
+pub const PAVEMENT_M: f64 = 0.14;
+/// Height of the grass plane.
+pub const GRASS_M: f64 = -0.05;
 /// Networks whose heights differ by less are flat: less than a road's camber.
 const FLAT_M: f64 = 0.03;
 /// Side of a cell where the network is small enough.
@@ -56,7 +60,6 @@ pub struct Grid {
 
 impl Ground {
     /// The ground under ribbons, and for each ribbon whether it lies on an upper level and was left out.
-    #[must_use]
     pub fn under(ribbons: &[Ribbon]) -> (Self, Vec<bool>) {
         let mut is_above = vec![false; ribbons.len()];
         let points = || ribbons.iter().flat_map(|ribbon| ribbon.left.iter().chain(&ribbon.right));
@@ -98,19 +101,16 @@ impl Ground {
         (Self { grid: Some(grid) }, is_above)
     }
 
-    #[must_use]
     pub fn is_flat(&self) -> bool {
         self.grid.is_none()
     }
 
     /// The nodes, unless the ground is flat.
-    #[must_use]
     pub fn grid(&self) -> Option<&Grid> {
         self.grid.as_ref()
     }
 
     /// Height at a place; beyond the grid, zero.
-    #[must_use]
     pub fn height_m(&self, point: Vec2) -> f64 {
         self.grid.as_ref().map_or(0.0, |grid| grid.height_m(point))
     }
@@ -118,7 +118,6 @@ impl Ground {
     /// Height and turn of a body that stands on the ground with its four corners.
     ///
     /// The turn takes the body's axes (x forward) to the world's; on flat ground it is the yaw alone.
-    #[must_use]
     pub fn stance(
         &self,
         center: Vec2,
@@ -149,18 +148,15 @@ impl Ground {
 
 impl Grid {
     /// The place of a node.
-    #[must_use]
     pub fn node(&self, i: usize, j: usize) -> Vec2 {
         self.origin + Vec2::new(i as f64, j as f64) * self.cell_m
     }
 
-    #[must_use]
     pub fn z_at(&self, i: usize, j: usize) -> f64 {
         f64::from(self.z_m[j * self.n_x + i])
     }
 
     /// Middle of the grid, and half of its extent along x and y.
-    #[must_use]
     pub fn extent(&self) -> (Vec2, Vec2) {
         let half = Vec2::new((self.n_x - 1) as f64, (self.n_y - 1) as f64) * (self.cell_m / 2.0);
         (self.origin + half, half)

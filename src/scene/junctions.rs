@@ -32,7 +32,6 @@ pub struct Crossing {
 }
 
 /// The first junction that is not left at `rear_m`.
-#[must_use]
 pub fn next_crossing(graph: &LaneGraph, route: &Route, rear_m: f64) -> Option<Crossing> {
     let junction_of = |span: &Span| graph.lanes[span.lane].junction;
     let mut spans = route.spans_from(rear_m).skip_while(|span| junction_of(span).is_none()).peekable();
@@ -51,7 +50,6 @@ impl Reservations {
         self.held.retain(|(holder, lane)| *holder != driver || lanes.contains(lane));
     }
 
-    #[must_use]
     pub fn holds(&self, driver: usize, lanes: &[usize]) -> bool {
         lanes.iter().all(|lane| self.held.contains(&(driver, *lane)))
     }
@@ -128,7 +126,6 @@ pub struct Asker<'a> {
 
 impl Asker<'_> {
     /// When and with what right this driver comes to its next junction; `None` if it will stop before.
-    #[must_use]
     pub fn approach(&self, graph: &LaneGraph, lights: &Lights, clock: &Clock) -> Option<Approach> {
         let crossing = next_crossing(graph, self.route, self.rear_m)?;
         let to_entry_m = crossing.entry_m - self.front_m;

@@ -42,7 +42,6 @@ pub struct Change {
 
 impl Mover<'_> {
     /// The change to make now, if any.
-    #[must_use]
     pub fn change(&self, graph: &LaneGraph, others: &[Obstacle], rng: &mut Rng) -> Option<Change> {
         let span = self.route.span_at(self.station_m);
         let lane = &graph.lanes[span.lane];

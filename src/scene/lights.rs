@@ -82,7 +82,6 @@ fn rank_of(signal: &xodr::Signal) -> Option<Rank> {
 
 impl Lights {
     /// Reads lights, and into the graph the right of way of signs; tells what is not understood.
-    #[must_use]
     pub fn read(
         network: &xodr::RoadNetwork,
         graph: &mut LaneGraph,
@@ -163,7 +162,6 @@ impl Lights {
     }
 
     /// Stop lines on a lane: station and light.
-    #[must_use]
     pub fn on_lane(&self, lane: usize) -> &[(f64, usize)] {
         self.lines.get(&lane).map_or(&[], Vec::as_slice)
     }
@@ -177,7 +175,6 @@ pub struct Clock {
 }
 
 impl Clock {
-    #[must_use]
     pub fn new(lights: &Lights, seed: u64) -> Self {
         let draw = |(group, n): (usize, &usize)| {
             cycle_s(*n) * random::stream(seed, "traffic-lights", group as u64).random::<f64>()
@@ -186,7 +183,6 @@ impl Clock {
     }
 
     /// What a light shows now.
-    #[must_use]
     pub fn aspect(&self, lights: &Lights, light: usize) -> Aspect {
         let Light { group, phase, .. } = lights.lights[light];
         let n_phases = lights.n_phases[group];

@@ -13,12 +13,10 @@ pub struct TriangleMesh {
 }
 
 impl TriangleMesh {
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.triangles.is_empty()
     }
 
-    #[must_use]
     pub fn n_triangles(&self) -> usize {
         self.triangles.len()
     }
@@ -69,7 +67,6 @@ impl TriangleMesh {
     }
 
     /// The mesh as OBJ text.
-    #[must_use]
     pub fn to_obj(&self) -> String {
         let mut obj = String::with_capacity(self.vertices.len() * 48);
         let told = "writing to a string cannot fail";
@@ -89,7 +86,6 @@ impl TriangleMesh {
 /// Triangles of an OBJ text: faces are fanned, everything but positions is passed over.
 ///
 /// `None` if a number or an index is malformed.
-#[must_use]
 pub fn triangles_of_obj(text: &str) -> Option<Vec<[Point3<f32>; 3]>> {
     let mut vertices: Vec<Point3<f32>> = Vec::new();
     let mut triangles = Vec::new();

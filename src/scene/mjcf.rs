@@ -2,74 +2,18 @@
 //!
 //! Visual groups: 1 static scene, 2 objects, 3 collision shapes (and the ground plane at z = 0),
 //! 4 the ego. Moving objects are mocap bodies at the top level, in the order of
-//! [`Placement::mocap`](super::populate::Placement), which is MuJoCo's mocap order.
-//!
-//! The body `ego` has its origin at the rear-axle centre projected to the ground, x forward: its
-//! pose is the ego frame. Dimensions are a Renault Zoe's, the car of nuScenes.
+//! [`Placement::mocap`](super::world::Placement), which is MuJoCo's mocap order.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fmt::Write as _;
 
-use nalgebra::{UnitQuaternion, Vector3};
-
-use super::ground::Ground;
+use super::builder::{Builder, quaternion_text};
+use super::car;
+use super::ground::GRASS_M;
 use super::lights::Aspect;
-use super::mesh::TriangleMesh;
 use super::path::Vec2;
-use super::populate::{Motion, Placement, World};
-use super::surface::GRASS_M;
 use super::textures;
+use super::world::{Motion, Placement, World};
 use crate::object::Kind;
-
-/// Distance between the axles.
-pub const WHEELBASE_M: f64 = 2.588;
-/// Front bumper's x in the ego frame.
-pub const FRONT_BUMPER_X_M: f64 = 3.35;
-pub const EGO_LENGTH_M: f64 = 4.084;
-pub const EGO_WIDTH_M: f64 = 1.730;
-pub const EGO_HEIGHT_M: f64 = 1.562;
-/// Distance between the wheels of an axle.
-pub const TRACK_M: f64 = 1.51;
-pub const WHEEL_RADIUS_M: f64 = 0.31;
-/// Largest road-wheel angle.
-pub const MAX_STEERING_RAD: f64 = 0.6;
-/// Physics step.
-pub const TIMESTEP_S: f64 = 0.005;
-/// Time constant of the wheels' speed control: a target of `speed + a * this` yields about `a`.
-pub const DRIVE_RESPONSE_S: f64 = 0.15;
-const EGO_MASS_KG: f64 = 1500.0;
-
-/// Order of the actuators, which is the order of `ctrl`.
-pub const STEER_LEFT: usize = 0;
-pub const STEER_RIGHT: usize = 1;
-pub const SPIN_FRONT_LEFT: usize = 2;
-pub const SPIN_FRONT_RIGHT: usize = 3;
-pub const SPIN_REAR_LEFT: usize = 4;
-pub const SPIN_REAR_RIGHT: usize = 5;
-pub const N_ACTUATORS: usize = 6;
-
-/// What the driver asks of the car.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct EgoCommand {
-    /// Speed that the wheels are driven towards; see [`DRIVE_RESPONSE_S`].
-    pub target_speed_mps: f64,
-    /// Ackermann mean of the road wheels, positive to the left.
-    pub steering_angle_rad: f64,
-}
-
-impl EgoCommand {
-    /// The actuators' inputs, in their order: front wheel angles by Ackermann, wheel spin rates.
-    #[must_use]
-    pub fn ctrl(&self) -> [f64; N_ACTUATORS] {
-        let mean = self.steering_angle_rad.clamp(-MAX_STEERING_RAD, MAX_STEERING_RAD);
-        let curvature = mean.tan() / WHEELBASE_M;
-        let (narrow, wide) = (1.0 - curvature * TRACK_M / 2.0, 1.0 + curvature * TRACK_M / 2.0);
-        let (left, right) =
-            ((WHEELBASE_M * curvature / narrow).atan(), (WHEELBASE_M * curvature / wide).atan());
-        let rate = self.target_speed_mps / WHEEL_RADIUS_M;
-        [left, right, rate * narrow / left.cos(), rate * wide / right.cos(), rate * narrow, rate * wide]
-    }
-}
 
 /// The sun, as parallel light.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -96,53 +40,8 @@ pub struct Mjcf {
     pub assets: Vec<(String, Vec<u8>)>,
 }
 
-pub(super) const TOLD: &str = "writing to a string cannot fail";
-
-#[derive(Default)]
-pub(super) struct Builder {
-    asset: String,
-    pub(super) body: String,
-    equality: String,
-    files: Vec<(String, Vec<u8>)>,
-}
-
-impl Builder {
-    pub(super) fn texture(&mut self, name: &str, png: Vec<u8>) {
-        writeln!(self.asset, "<texture name=\"{name}\" type=\"2d\" file=\"{name}.png\"/>").expect(TOLD);
-        writeln!(
-            self.asset,
-            "<material name=\"{name}\" texture=\"{name}\" specular=\"0.05\" shininess=\"0.05\"/>"
-        )
-        .expect(TOLD);
-        self.files.push((format!("{name}.png"), png));
-    }
-
-    pub(super) fn plain(&mut self, name: &str, [r, g, b]: [f64; 3]) {
-        writeln!(
-            self.asset,
-            "<material name=\"{name}\" rgba=\"{r} {g} {b} 1\" specular=\"0.05\" shininess=\"0.05\"/>"
-        )
-        .expect(TOLD);
-    }
-
-    /// A static mesh of group 1.
-    pub(super) fn mesh(&mut self, name: &str, material: &str, mesh: &TriangleMesh) {
-        if mesh.is_empty() {
-            return;
-        }
-        self.files.push((format!("{name}.obj"), mesh.to_obj().into_bytes()));
-        writeln!(self.asset, "<mesh name=\"{name}\" file=\"{name}.obj\" inertia=\"shell\"/>").expect(TOLD);
-        writeln!(
-            self.body,
-            "<geom name=\"{name}\" type=\"mesh\" mesh=\"{name}\" material=\"{material}\" group=\"1\" contype=\"0\" conaffinity=\"0\"/>"
-        )
-        .expect(TOLD);
-    }
-}
-
 impl World {
     /// The whole world as MJCF.
-    #[must_use]
     pub fn mjcf(&self, lighting: &Lighting) -> Mjcf {
         let mut builder = Builder::default();
         self.add_ground(&mut builder);
@@ -153,11 +52,12 @@ impl World {
         // A little light from the eye tells a thing's sides apart where no sun does.
         let headlight = if lighting.sun.is_some() { 0.12 } else { 0.0 };
         let contact = self.add_contact(&mut builder);
-        add_ego(&mut builder, self.ego_start(), &self.town.surface.ground, lighting.sun.as_ref());
+        let sun = lighting.sun.as_ref().map_or_else(String::new, sun_xml);
+        builder.body += &car::body_xml(self.ego_start(), &self.town.surface.ground, &sun);
         let Builder { asset, body, equality, files } = builder;
         let xml = format!(
             "<mujoco model=\"harmzone\">\n<compiler angle=\"radian\" autolimits=\"true\"/>\n\
-             <option timestep=\"{TIMESTEP_S}\" integrator=\"implicitfast\" cone=\"elliptic\" impratio=\"5\"/>\n\
+             <option timestep=\"{}\" integrator=\"implicitfast\" cone=\"elliptic\" impratio=\"5\"/>\n\
              <statistic extent=\"60\" center=\"0 0 0\"/>\n\
              <visual><global offwidth=\"800\" offheight=\"450\"/>\
              <quality shadowsize=\"2048\" offsamples=\"0\" numslices=\"10\" numstacks=\"6\" numquads=\"1\"/>\
@@ -166,7 +66,9 @@ impl World {
              <asset>\n\
              {asset}</asset>\n<worldbody>\n\
              <geom name=\"ground\" {contact} group=\"3\" friction=\"1.1 0.005 0.0001\"/>\n\
-             {body}</worldbody>\n<equality>\n{equality}</equality>\n{ACTUATORS}</mujoco>\n"
+             {body}</worldbody>\n<equality>\n{equality}</equality>\n{}</mujoco>\n",
+            car::TIMESTEP_S,
+            car::ACTUATORS
         );
         Mjcf { xml, assets: files }
     }
@@ -194,12 +96,10 @@ impl World {
         }
         grid.z_m.iter().for_each(|z| bytes.extend(((z - low) / span_m).to_le_bytes()));
         builder.files.push(("ground.hfield".into(), bytes));
-        writeln!(
-            builder.asset,
-            "<hfield name=\"ground\" content_type=\"image/vnd.mujoco.hfield\" file=\"ground.hfield\" size=\"{:.4} {:.4} {span_m:.6} 1\"/>",
+        builder.asset += &format!(
+            "<hfield name=\"ground\" content_type=\"image/vnd.mujoco.hfield\" file=\"ground.hfield\" size=\"{:.4} {:.4} {span_m:.6} 1\"/>\n",
             half.x, half.y
-        )
-        .expect(TOLD);
+        );
         format!("type=\"hfield\" hfield=\"ground\" pos=\"{:.4} {:.4} {low:.6}\"", center.x, center.y)
     }
 
@@ -216,11 +116,9 @@ impl World {
         let grass_m = if self.town.surface.ground.is_flat() { GRASS_M } else { GRASS_M - 0.5 };
         builder.plain("scene_kerb", [0.5, 0.49, 0.47]);
         builder.plain("scene_marks", [0.86, 0.86, 0.84]);
-        writeln!(
-            builder.body,
-            "<geom name=\"scene_grass\" type=\"plane\" size=\"600 600 1\" pos=\"0 0 {grass_m}\" material=\"scene_grass\" group=\"1\" contype=\"0\" conaffinity=\"0\"/>"
-        )
-        .expect(TOLD);
+        builder.body += &format!(
+            "<geom name=\"scene_grass\" type=\"plane\" size=\"600 600 1\" pos=\"0 0 {grass_m}\" material=\"scene_grass\" group=\"1\" contype=\"0\" conaffinity=\"0\"/>\n"
+        );
         let meshes = self.town.surface.meshes(self.is_in_sight());
         builder.mesh("scene_road", "scene_road", &meshes.road);
         builder.mesh("scene_pavement", "scene_pavement", &meshes.pavement);
@@ -239,12 +137,12 @@ impl World {
         let model = &self.models.models[placement.model];
         let ground = &self.town.surface.ground;
         let is_low = model.height_m() < model.length_m().max(model.width_m());
-        if ground.is_flat() || !is_low || model.kind == Kind::Pedestrian {
+        if ground.is_flat() || !is_low || model.facts.kind == Kind::Pedestrian {
             let (sin, cos) = (placement.yaw_rad / 2.0).sin_cos();
             return format!("{cos:.6} 0 0 {sin:.6}");
         }
         let (length_m, width_m) = (0.8 * model.length_m(), 0.9 * model.width_m());
-        quaternion(&ground.stance(placement.position, placement.yaw_rad, length_m, width_m).1)
+        quaternion_text(&ground.stance(placement.position, placement.yaw_rad, length_m, width_m).1)
     }
 
     fn add_objects(&self, builder: &mut Builder) {
@@ -264,42 +162,37 @@ impl World {
             let model = &self.models.models[placement.model];
             let mut geoms = model.geoms_xml.clone();
             if let Some(&light) = light_of.get(placement.id.as_str()) {
-                geoms.push_str(&lamps(light, model.bounds.1[0]));
+                geoms.push_str(&lamps(light, model.bounds[1].x));
             }
             if let (Some([r, g, b]), Some(paint), Some(xml)) =
-                (placement.paint, &model.paint, &model.paint_xml)
+                (placement.paint, &model.facts.paint, &model.paint_xml)
             {
                 let own = format!("obj:{}/paint", placement.id);
                 builder.asset.push_str(&recoloured(xml, paint, &own, [r, g, b]));
                 geoms = geoms.replace(&format!("material=\"{paint}\""), &format!("material=\"{own}\""));
             }
             if let Motion::Loose(loose) = &placement.motion {
-                let (at, turn) = (loose.world_from_model.translation, loose.world_from_model.rotation);
+                let at = loose.world_from_model.translation;
+                let turn = quaternion_text(&loose.world_from_model.rotation);
                 let geoms = geoms.replace("group=\"3\"", "group=\"3\" contype=\"3\" conaffinity=\"3\"");
-                writeln!(
-                    builder.body,
-                    "<body name=\"obj:{}\" pos=\"{:.4} {:.4} {:.4}\" quat=\"{:.6} {:.6} {:.6} {:.6}\"><freejoint/>\n{geoms}</body>",
-                    placement.id, at.x, at.y, at.z, turn.w, turn.i, turn.j, turn.k
-                )
-                .expect(TOLD);
-                // Holds it until it is let go.
-                writeln!(
-                    builder.equality,
-                    "<weld body1=\"obj:{}\" anchor=\"{:.4} {:.4} {:.4}\"/>",
+                builder.body += &format!(
+                    "<body name=\"obj:{}\" pos=\"{:.4} {:.4} {:.4}\" quat=\"{turn}\"><freejoint/>\n{geoms}</body>\n",
                     placement.id, at.x, at.y, at.z
-                )
-                .expect(TOLD);
+                );
+                // Holds it until it is let go.
+                builder.equality += &format!(
+                    "<weld body1=\"obj:{}\" anchor=\"{:.4} {:.4} {:.4}\"/>\n",
+                    placement.id, at.x, at.y, at.z
+                );
                 continue;
             }
             let (x, y, z) = (placement.position.x, placement.position.y, placement.z_m);
             let turn = self.turn_of(placement);
             let mocap = if placement.mocap.is_some() { " mocap=\"true\"" } else { "" };
-            writeln!(
-                builder.body,
-                "<body name=\"obj:{}\" pos=\"{x:.4} {y:.4} {z:.4}\" quat=\"{turn}\"{mocap}>\n{geoms}</body>",
+            builder.body += &format!(
+                "<body name=\"obj:{}\" pos=\"{x:.4} {y:.4} {z:.4}\" quat=\"{turn}\"{mocap}>\n{geoms}</body>\n",
                 placement.id
-            )
-            .expect(TOLD);
+            );
         }
     }
 }
@@ -312,7 +205,6 @@ const LAMP_M: f64 = 2.88;
 const LAMP_STEP_M: f64 = 0.3;
 
 /// The geoms of a light's lamps with the materials they show, from the top.
-#[must_use]
 pub fn lamps_of(light: usize, aspect: Aspect) -> [(String, String); 3] {
     let lit = match aspect {
         Aspect::Red => 0,
@@ -328,13 +220,11 @@ pub fn lamps_of(light: usize, aspect: Aspect) -> [(String, String); 3] {
 fn add_lamp_materials(builder: &mut Builder) {
     for (name, [r, g, b]) in LAMPS {
         let dim = [r, g, b].map(|c| 0.22 * c);
-        writeln!(
-            builder.asset,
+        builder.asset += &format!(
             "<material name=\"lamp_{name}_lit\" rgba=\"{r} {g} {b} 1\" emission=\"1\"/>\n\
-             <material name=\"lamp_{name}_dark\" rgba=\"{:.3} {:.3} {:.3} 1\" specular=\"0.3\"/>",
+             <material name=\"lamp_{name}_dark\" rgba=\"{:.3} {:.3} {:.3} 1\" specular=\"0.3\"/>\n",
             dim[0], dim[1], dim[2]
-        )
-        .expect(TOLD);
+        );
     }
 }
 
@@ -349,11 +239,6 @@ fn lamps(light: usize, front_m: f64) -> String {
         )
     };
     lamps_of(light, Aspect::Red).into_iter().enumerate().map(disc).collect()
-}
-
-/// A turn as MuJoCo writes it: w, x, y, z.
-pub(super) fn quaternion(turn: &UnitQuaternion<f64>) -> String {
-    format!("{:.6} {:.6} {:.6} {:.6}", turn.w, turn.i, turn.j, turn.k)
 }
 
 /// A material's element under another name and colour.
@@ -373,16 +258,6 @@ fn recoloured(xml: &str, name: &str, own: &str, [r, g, b]: [f64; 3]) -> String {
     }
 }
 
-const ACTUATORS: &str = "<actuator>
-<position name=\"steer_left\" joint=\"steer_fl\" kp=\"4000\" kv=\"200\" ctrlrange=\"-0.8 0.8\" forcerange=\"-3000 3000\"/>
-<position name=\"steer_right\" joint=\"steer_fr\" kp=\"4000\" kv=\"200\" ctrlrange=\"-0.8 0.8\" forcerange=\"-3000 3000\"/>
-<velocity name=\"spin_fl\" joint=\"spin_fl\" kv=\"240\" forcerange=\"-930 930\"/>
-<velocity name=\"spin_fr\" joint=\"spin_fr\" kv=\"240\" forcerange=\"-930 930\"/>
-<velocity name=\"spin_rl\" joint=\"spin_rl\" kv=\"240\" forcerange=\"-930 930\"/>
-<velocity name=\"spin_rr\" joint=\"spin_rr\" kv=\"240\" forcerange=\"-930 930\"/>
-</actuator>
-";
-
 /// The sun stands still over the ego, so that its shadows are sharp wherever the ego is.
 fn sun_xml(sun: &Sun) -> String {
     const DISTANCE_M: f64 = 60.0;
@@ -398,80 +273,9 @@ fn sun_xml(sun: &Sun) -> String {
     )
 }
 
-/// The car, with its rear axle at a place on the ground.
-fn add_ego(builder: &mut Builder, (position, yaw_rad): (Vec2, f64), ground: &Ground, sun: Option<&Sun>) {
-    let center = position + Vec2::new(yaw_rad.cos(), yaw_rad.sin()) * (WHEELBASE_M / 2.0);
-    let (middle_m, turn) = ground.stance(center, yaw_rad, WHEELBASE_M, TRACK_M);
-    let z_m = middle_m - (turn * Vector3::x()).z * WHEELBASE_M / 2.0;
-    let quaternion = if ground.is_flat() {
-        let (sin, cos) = (yaw_rad / 2.0).sin_cos();
-        format!("{cos:.6} 0 0 {sin:.6}")
-    } else {
-        quaternion(&turn)
-    };
-    let center_x_m = FRONT_BUMPER_X_M - EGO_LENGTH_M / 2.0;
-    let chassis_low_m = 0.2;
-    let half_height_m = (EGO_HEIGHT_M - chassis_low_m) / 2.0;
-    let wheel_mass_kg = 20.0;
-    let mass_kg = EGO_MASS_KG - 4.0 * wheel_mass_kg;
-    // Inertia of a homogeneous box; the mass lies low, as in a car.
-    let [ixx, iyy, izz] = [
-        mass_kg / 12.0 * (EGO_WIDTH_M.powi(2) + 1.0),
-        mass_kg / 12.0 * (EGO_LENGTH_M.powi(2) + 1.0),
-        mass_kg / 12.0 * (EGO_LENGTH_M.powi(2) + EGO_WIDTH_M.powi(2)),
-    ];
-    let body = &mut builder.body;
-    writeln!(
-        body,
-        "<body name=\"ego\" pos=\"{:.4} {:.4} {z_m}\" quat=\"{quaternion}\">\n<freejoint name=\"ego\"/>\n\
-         <inertial pos=\"{:.4} 0 0.4\" mass=\"{mass_kg}\" diaginertia=\"{ixx:.1} {iyy:.1} {izz:.1}\"/>\n\
-         {}\n\
-         <geom name=\"ego_chassis\" type=\"box\" size=\"{:.4} {:.4} {half_height_m:.4}\" pos=\"{center_x_m:.4} 0 {:.4}\" group=\"4\" rgba=\"0.8 0.8 0.85 1\"/>",
-        position.x,
-        position.y,
-        WHEELBASE_M / 2.0,
-        sun.map_or_else(String::new, sun_xml),
-        EGO_LENGTH_M / 2.0,
-        EGO_WIDTH_M / 2.0,
-        chassis_low_m + half_height_m,
-    )
-    .expect(TOLD);
-    for (name, x_m, side) in
-        [("fl", WHEELBASE_M, 1.0), ("fr", WHEELBASE_M, -1.0), ("rl", 0.0, 1.0), ("rr", 0.0, -1.0)]
-    {
-        let steer = if x_m > 0.0 {
-            format!(
-                "<joint name=\"steer_{name}\" type=\"hinge\" axis=\"0 0 1\" range=\"-0.85 0.85\" damping=\"40\" armature=\"2\"/>\n"
-            )
-        } else {
-            String::new()
-        };
-        // Wheels touch the ground plane only (bit 2), the chassis other things only.
-        writeln!(
-            body,
-            "<body name=\"wheel_{name}\" pos=\"{x_m:.4} {:.4} {WHEEL_RADIUS_M}\">\n{steer}\
-             <joint name=\"spin_{name}\" type=\"hinge\" axis=\"0 1 0\" armature=\"0.5\" damping=\"0.05\"/>\n\
-             <geom type=\"cylinder\" size=\"{WHEEL_RADIUS_M} 0.1\" quat=\"0.7071068 0.7071068 0 0\" mass=\"{wheel_mass_kg}\" group=\"4\" \
-             friction=\"1.1 0.005 0.0001\" rgba=\"0.1 0.1 0.1 1\"/>\n</body>",
-            side * TRACK_M / 2.0
-        )
-        .expect(TOLD);
-    }
-    body.push_str("</body>\n");
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_inner_wheel_turns_more_and_slower() {
-        let ctrl = EgoCommand { target_speed_mps: 5.0, steering_angle_rad: 0.3 }.ctrl();
-        assert!(ctrl[STEER_LEFT] > 0.3 && ctrl[STEER_RIGHT] < 0.3 && ctrl[STEER_RIGHT] > 0.2);
-        assert!(ctrl[SPIN_REAR_LEFT] < ctrl[SPIN_REAR_RIGHT]);
-        let mean = f64::midpoint(ctrl[SPIN_REAR_LEFT], ctrl[SPIN_REAR_RIGHT]);
-        assert!((mean * WHEEL_RADIUS_M - 5.0).abs() < 1e-12);
-    }
 
     #[test]
     fn a_recoloured_material_has_its_own_name_and_colour() {

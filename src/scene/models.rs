@@ -8,14 +8,17 @@ use std::sync::Arc;
 
 use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use roxmltree::{Document, Node};
+use serde::Deserialize;
 
+use super::error::SceneError;
 use super::mesh::triangles_of_obj;
 use super::shipped;
-use super::town::SceneError;
 use crate::object::{Distribution, Kind};
 
 /// Where the models are in the source tree.
 const FOLDER: &str = "mjcf_assets";
+/// The file that describes a model, in the model's folder.
+const MODEL_FILE: &str = "model.xml";
 
 /// Height below which a car could hit something, with some room.
 pub const SOLID_M: f64 = 1.9;
@@ -23,29 +26,64 @@ pub const SOLID_M: f64 = 1.9;
 /// What is higher may hang over the road: the clearance that German roads keep, metres.
 const CLEARANCE_M: f64 = 4.5;
 
-/// One object model.
-#[derive(Debug, Clone)]
-pub struct Model {
-    pub name: String,
+/// Lowest and highest corner.
+pub type Bounds = [Point3<f64>; 2];
+
+/// Where a model's x axis points beside a street.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Faces {
+    /// Over the kerb.
+    #[default]
+    Street,
+    /// At the drivers who come.
+    Traffic,
+}
+
+/// The axis about which a model is round.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Axis {
+    Y,
+    Z,
+}
+
+/// What the `<custom>` element of a model says.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ModelFacts {
+    /// The family of the model: `car`, `hay_bale`.
     pub category: String,
     pub kind: Kind,
     pub distribution: Distribution,
     /// Share of LiDAR light sent back at right angles, 0 to 1.
     pub reflectivity: f64,
     /// Against the other models of its kind, where a town gives no weights.
+    #[serde(default = "one")]
     pub weight: f64,
-    /// Whether it faces the drivers who come, and not the street across the kerb.
-    pub faces_traffic: bool,
-    /// Of its collision shapes.
-    pub mass_kg: f64,
-    /// The axis, 0 to 2, about which it is round, if it rolls.
-    pub rolls: Option<usize>,
+    #[serde(default)]
+    pub faces: Faces,
+    /// If it rolls.
+    pub rolls: Option<Axis>,
     /// Material that may be recoloured for each instance.
     pub paint: Option<String>,
-    /// Lowest and highest corner of the visual meshes, in the model frame.
-    pub bounds: ([f64; 3], [f64; 3]),
-    /// Lowest and highest x, y of what lies below [`SOLID_M`]: a tree's trunk without its crown.
-    pub solid: ([f64; 2], [f64; 2]),
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+/// One object model.
+#[derive(Debug, Clone)]
+pub struct Model {
+    pub name: String,
+    pub facts: ModelFacts,
+    /// Of its collision shapes.
+    pub mass_kg: f64,
+    /// Of the visual meshes, in the model frame.
+    pub bounds: Bounds,
+    /// Of what lies below [`SOLID_M`]: a tree's trunk without its crown.
+    pub solid: Bounds,
     /// Highest x of what hangs too low over a road.
     pub(super) overhang_m: f64,
     /// Visual triangles in the model frame.
@@ -61,26 +99,22 @@ pub struct Model {
 }
 
 impl Model {
-    #[must_use]
     pub fn length_m(&self) -> f64 {
-        self.bounds.1[0] - self.bounds.0[0]
+        self.bounds[1].x - self.bounds[0].x
     }
 
-    #[must_use]
     pub fn width_m(&self) -> f64 {
-        self.bounds.1[1] - self.bounds.0[1]
+        self.bounds[1].y - self.bounds[0].y
     }
 
-    #[must_use]
     pub fn height_m(&self) -> f64 {
-        self.bounds.1[2] - self.bounds.0[2]
+        self.bounds[1].z - self.bounds[0].z
     }
 }
 
 /// Names of all models of the binary, sorted.
-#[must_use]
 pub fn names() -> Vec<String> {
-    shipped::folders_with(FOLDER, "model.xml").into_iter().map(str::to_owned).collect()
+    shipped::folders_with(FOLDER, MODEL_FILE).into_iter().map(str::to_owned).collect()
 }
 
 /// All models of the binary, sorted by name.
@@ -93,113 +127,93 @@ impl ModelLibrary {
     /// Reads every model folder.
     ///
     /// # Errors
-    /// [`SceneError::Model`] names the folder and what is wrong in it.
+    /// [`SceneError::Model`] names the file and what is wrong in it.
     pub fn load() -> Result<Self, SceneError> {
         let read = |name: &str| {
-            read(name)
-                .map_err(|message| SceneError::Model { message, path: PathBuf::from(FOLDER).join(name) })
+            let path = inside(name, MODEL_FILE);
+            let xml = shipped::text(&path).ok_or("it is not UTF-8 text".to_owned());
+            xml.and_then(|xml| read(name, xml))
+                .map_err(|message| SceneError::Model { message, path: PathBuf::from(path) })
         };
-        let models = shipped::folders_with(FOLDER, "model.xml").into_iter().map(read);
+        let models = shipped::folders_with(FOLDER, MODEL_FILE).into_iter().map(read);
         Ok(Self { models: models.collect::<Result<_, _>>()? })
     }
 
     /// Indices of the models of a kind and distribution.
-    #[must_use]
     pub fn indices(&self, kind: Kind, distribution: Distribution) -> Vec<usize> {
-        let fits = |model: &Model| model.kind == kind && model.distribution == distribution;
+        let fits = |model: &Model| model.facts.kind == kind && model.facts.distribution == distribution;
         (0..self.models.len()).filter(|&i| fits(&self.models[i])).collect()
     }
 }
 
-fn read(name: &str) -> Result<Model, String> {
-    let xml = shipped::text(&inside(name, "model.xml")).ok_or("model.xml is not UTF-8 text")?;
+fn read(name: &str, xml: &str) -> Result<Model, String> {
     let document = Document::parse(xml).map_err(|error| error.to_string())?;
-    let find = |tag: &str| document.descendants().find(|node| node.has_tag_name(tag));
-    let custom = |key: &str| {
-        let mut entries = document.descendants().filter(|node| node.attribute("data").is_some());
-        entries.find(|node| node.attribute("name") == Some(key)).and_then(|node| node.attribute("data"))
-    };
-    let needed = |key: &str| custom(key).ok_or(format!("no custom `{key}`"));
-    let kind = match needed("kind")? {
-        "vehicle" => Kind::Vehicle,
-        "pedestrian" => Kind::Pedestrian,
-        "static" => Kind::Static,
-        other => return Err(format!("kind `{other}` is none of vehicle, pedestrian, static")),
-    };
-    let distribution = match needed("distribution")? {
-        "id" => Distribution::Id,
-        "ood" => Distribution::Ood,
-        other => return Err(format!("distribution `{other}` is none of id, ood")),
-    };
-    let reflectivity = needed("reflectivity")?.trim().parse().map_err(|_| "reflectivity is no number")?;
-    let weight = custom("weight").map_or(Ok(1.0), |text| text.trim().parse());
-    let weight = weight.map_err(|_| "weight is no number")?;
-    let faces_traffic = match custom("faces") {
-        None | Some("street") => false,
-        Some("traffic") => true,
-        Some(other) => return Err(format!("faces `{other}` is none of street, traffic")),
-    };
-    let rolls = match custom("rolls") {
-        None => None,
-        Some("y") => Some(1),
-        Some("z") => Some(2),
-        Some(other) => return Err(format!("rolls `{other}` is none of y, z")),
-    };
-    let paint = custom("paint").map(str::to_owned);
+    let root = document.root_element();
+    require_only(root, &["custom", "asset", "worldbody"])?;
+    let facts = read_facts(child(root, "custom")?)?;
+    let asset = child(root, "asset")?;
+    let body = child(child(root, "worldbody")?, "body")?;
+    require_only(body, &["geom"])?;
 
     let mut files: Vec<(String, &'static [u8])> = Vec::new();
     let mut assets_xml = String::new();
     let mut paint_xml = None;
-    let asset_nodes = find("asset").ok_or("no <asset>")?;
-    for node in asset_nodes.children().filter(Node::is_element) {
+    for node in asset.children().filter(Node::is_element) {
+        let own = node.attribute("name").unwrap_or_default();
+        if !own.starts_with(&format!("{name}/")) {
+            let tag = node.tag_name().name();
+            return Err(format!(
+                "<{tag} name=\"{own}\">: the name must begin with `{name}/`, the folder's name"
+            ));
+        }
         let mut text = xml[node.range()].to_owned();
         if let Some(file) = node.attribute("file") {
-            let bytes = shipped::bytes(&inside(name, file)).ok_or(format!("no file `{file}`"))?;
+            let bytes = shipped::bytes(&inside(name, file))
+                .ok_or(format!("there is no file `{file}` (.obj or .png) in the folder"))?;
             let key = format!("{name}__{}", file.replace('/', "_"));
             text = text.replace(&format!("file=\"{file}\""), &format!("file=\"{key}\""));
             files.push((key, bytes));
         }
-        if node.has_tag_name("material") && node.attribute("name") == paint.as_deref() {
+        if node.has_tag_name("material") && Some(own) == facts.paint.as_deref() {
             paint_xml = Some(text.clone());
         }
         assets_xml.push_str(&text);
         assets_xml.push('\n');
     }
+    if let (Some(paint), None) = (&facts.paint, &paint_xml) {
+        return Err(format!("`paint` is `{paint}`; there is no such <material>"));
+    }
 
-    let body = find("worldbody").and_then(|world| world.children().find(|node| node.has_tag_name("body")));
-    let body = body.ok_or("no <body> in <worldbody>")?;
     let mut geoms_xml = String::new();
     let mut triangles = Vec::new();
     let mut mass_kg = 0.0;
-    for geom in body.children().filter(|node| node.has_tag_name("geom")) {
+    for geom in body.children().filter(Node::is_element) {
         geoms_xml.push_str(&xml[geom.range()]);
         geoms_xml.push('\n');
-        mass_kg +=
-            numbers(geom, "mass")?.and_then(|mass| mass.first().copied()).ok_or("a geom without mass")?;
+        mass_kg += numbers(geom, "mass")?
+            .and_then(|mass| mass.first().copied())
+            .ok_or("a <geom> has no `mass`; it takes 0 for what is only seen")?;
         if let (Some(mesh), Some("2")) = (geom.attribute("mesh"), geom.attribute("group")) {
-            let node = asset_nodes
+            let node = asset
                 .children()
                 .find(|node| node.has_tag_name("mesh") && node.attribute("name") == Some(mesh))
-                .ok_or(format!("no mesh `{mesh}`"))?;
+                .ok_or(format!("there is no <mesh> `{mesh}`"))?;
             triangles.extend(mesh_triangles(name, node, geom)?);
         }
     }
-    let bounds = bounds_of(&triangles).ok_or("no visual triangles in group 2")?;
-    let whole = ([bounds.0[0], bounds.0[1]], [bounds.1[0], bounds.1[1]]);
-    let solid = bounds_below(&triangles, SOLID_M).unwrap_or(whole);
-    let overhang_m = bounds_below(&triangles, CLEARANCE_M).unwrap_or(whole).1[0];
+    if mass_kg <= 0.0 {
+        return Err("no <geom> has a mass; give one of group 3, the shape that others hit".into());
+    }
+    let corners = triangles.iter().flatten().copied();
+    let bounds = bounds_of(corners).ok_or("no <geom> of group 2 shows a mesh: nothing can be seen")?;
+    let solid = bounds_below(&triangles, SOLID_M).unwrap_or(bounds);
+    let overhang_m = bounds_below(&triangles, CLEARANCE_M).unwrap_or(bounds)[1].x;
     let triangles = Arc::new(triangles);
+    let name = name.to_owned();
     Ok(Model {
-        name: name.to_owned(),
-        category: needed("category")?.to_owned(),
-        kind,
-        distribution,
-        reflectivity,
-        weight,
-        faces_traffic,
+        name,
+        facts,
         mass_kg,
-        rolls,
-        paint,
         bounds,
         solid,
         overhang_m,
@@ -209,6 +223,49 @@ fn read(name: &str) -> Result<Model, String> {
         geoms_xml,
         files,
     })
+}
+
+fn child<'a, 'b>(node: Node<'a, 'b>, tag: &str) -> Result<Node<'a, 'b>, String> {
+    let found = node.children().find(|child| child.has_tag_name(tag));
+    found.ok_or_else(|| format!("<{}> has no <{tag}>", node.tag_name().name()))
+}
+
+/// What the program does not read would be lost without a word.
+fn require_only(node: Node, tags: &[&str]) -> Result<(), String> {
+    let is_other = |child: &Node| child.is_element() && !tags.contains(&child.tag_name().name());
+    match node.children().find(is_other) {
+        None => Ok(()),
+        Some(other) => Err(format!(
+            "<{}> holds <{}>; it takes only {tags:?}",
+            node.tag_name().name(),
+            other.tag_name().name()
+        )),
+    }
+}
+
+/// Texts and numbers by name.
+fn read_facts(custom: Node) -> Result<ModelFacts, String> {
+    let mut facts = serde_json::Map::new();
+    for node in custom.children().filter(Node::is_element) {
+        let needed = |key| node.attribute(key).ok_or(format!("an element of <custom> has no `{key}`"));
+        let (key, data) = (needed("name")?, needed("data")?);
+        let value = if node.has_tag_name("numeric") {
+            let number =
+                data.trim().parse::<f64>().map_err(|_| format!("`{key}` is `{data}`, not a number"))?;
+            number.into()
+        } else {
+            data.into()
+        };
+        facts.insert(key.to_owned(), value);
+    }
+    let facts: ModelFacts =
+        serde_json::from_value(facts.into()).map_err(|error| format!("<custom>: {error}"))?;
+    for (key, value, most) in [("reflectivity", facts.reflectivity, 1.0), ("weight", facts.weight, 1e6)] {
+        if !(0.0..=most).contains(&value) {
+            return Err(format!("<custom>: `{key}` is {value}; it takes 0 to {most}"));
+        }
+    }
+    Ok(facts)
 }
 
 /// Path of a model's file in the source tree.
@@ -223,7 +280,7 @@ fn numbers(node: Node, attribute: &str) -> Result<Option<Vec<f64>>, String> {
 }
 
 fn mesh_triangles(name: &str, mesh: Node, geom: Node) -> Result<Vec<[Point3<f32>; 3]>, String> {
-    let file = mesh.attribute("file").ok_or("a mesh without a file")?;
+    let file = mesh.attribute("file").ok_or("a <mesh> of group 2 has no `file`")?;
     let text = shipped::text(&inside(name, file));
     let triangles = text.and_then(triangles_of_obj).ok_or(format!("`{file}` is not an OBJ mesh"))?;
     let scale = match numbers(mesh, "scale")?.as_deref() {
@@ -235,7 +292,7 @@ fn mesh_triangles(name: &str, mesh: Node, geom: Node) -> Result<Vec<[Point3<f32>
         _ => Translation3::identity(),
     };
     if geom.attribute("euler").is_some() || geom.attribute("axisangle").is_some() {
-        return Err("a visual geom may be turned by quat only".into());
+        return Err("a <geom> of group 2 may be turned by `quat` only".into());
     }
     let turn = match numbers(geom, "quat")?.as_deref() {
         Some(&[w, x, y, z]) => UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)),
@@ -247,39 +304,23 @@ fn mesh_triangles(name: &str, mesh: Node, geom: Node) -> Result<Vec<[Point3<f32>
     Ok(triangles.into_iter().map(|triangle| triangle.map(place)).collect())
 }
 
-fn bounds_of(triangles: &[[Point3<f32>; 3]]) -> Option<([f64; 3], [f64; 3])> {
-    let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-    for point in triangles.iter().flatten() {
-        for axis in 0..3 {
-            low[axis] = low[axis].min(f64::from(point[axis]));
-            high[axis] = high[axis].max(f64::from(point[axis]));
-        }
-    }
-    (!triangles.is_empty()).then_some((low, high))
+fn bounds_of(points: impl Iterator<Item = Point3<f32>>) -> Option<Bounds> {
+    points.map(Point3::cast::<f64>).fold(None, |bounds, point| {
+        let [low, high] = bounds.unwrap_or([point; 2]);
+        Some([low.inf(&point), high.sup(&point)])
+    })
 }
 
-/// Bounds on the ground of what is lower than a height.
-fn bounds_below(triangles: &[[Point3<f32>; 3]], limit_m: f64) -> Option<([f64; 2], [f64; 2])> {
-    let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+/// Bounds of what is lower than a height, if that covers any ground.
+fn bounds_below(triangles: &[[Point3<f32>; 3]], limit_m: f64) -> Option<Bounds> {
     let limit = limit_m as f32;
-    let mut add = |point: Point3<f32>| {
-        for axis in 0..2 {
-            low[axis] = low[axis].min(f64::from(point[axis]));
-            high[axis] = high[axis].max(f64::from(point[axis]));
-        }
-    };
-    for triangle in triangles {
-        for i in 0..3 {
-            let (a, b) = (triangle[i], triangle[(i + 1) % 3]);
-            if a.z <= limit {
-                add(a);
-            }
-            if (a.z <= limit) != (b.z <= limit) {
-                add(a + (b - a) * ((limit - a.z) / (b.z - a.z)));
-            }
-        }
-    }
-    (low[0] < high[0] && low[1] < high[1]).then_some((low, high))
+    let edges = triangles.iter().flat_map(|triangle| [0, 1, 2].map(|i| (triangle[i], triangle[(i + 1) % 3])));
+    let below = edges.flat_map(|(a, b)| {
+        let is_cut = (a.z <= limit) != (b.z <= limit);
+        let cut = is_cut.then(|| a + (b - a) * ((limit - a.z) / (b.z - a.z)));
+        (a.z <= limit).then_some(a).into_iter().chain(cut)
+    });
+    bounds_of(below).filter(|[low, high]| low.x < high.x && low.y < high.y)
 }
 
 #[cfg(test)]
@@ -290,12 +331,11 @@ mod tests {
     fn every_shipped_model_stands_on_the_ground_and_is_centred() {
         let library = ModelLibrary::load().unwrap();
         for model in &library.models {
+            let [low, high] = model.bounds;
             assert!(model.mass_kg > 0.5, "{} weighs {}", model.name, model.mass_kg);
-            assert!(model.bounds.0[2].abs() < 0.06, "{} starts at {}", model.name, model.bounds.0[2]);
-            for axis in 0..2 {
-                let middle = f64::midpoint(model.bounds.0[axis], model.bounds.1[axis]);
-                assert!(middle.abs() < 0.15, "{} is off by {middle} along {axis}", model.name);
-            }
+            assert!(low.z.abs() < 0.06, "{} starts at {}", model.name, low.z);
+            let middle = nalgebra::center(&low, &high);
+            assert!(middle.x.abs() < 0.15 && middle.y.abs() < 0.15, "{} is off by {middle}", model.name);
         }
     }
 
@@ -303,10 +343,44 @@ mod tests {
     fn a_lamp_reaches_over_the_road_and_a_crown_does_not() {
         let library = ModelLibrary::load().unwrap();
         let model = |name: &str| library.models.iter().find(|model| model.name == name).unwrap();
-        assert!(model("street_lamp").overhang_m < model("street_lamp").bounds.1[0] - 0.3);
-        assert!(model("tree").overhang_m > model("tree").bounds.1[0] - 0.1);
-        assert!(model("traffic_sign").faces_traffic && !model("bench").faces_traffic);
-        assert!(model("stall").weight == 0.0 && model("bench").weight == 1.0);
+        assert!(model("street_lamp").overhang_m < model("street_lamp").bounds[1].x - 0.3);
+        assert!(model("tree").overhang_m > model("tree").bounds[1].x - 0.1);
+        assert_eq!(model("traffic_sign").facts.faces, Faces::Traffic);
+        assert!(model("stall").facts.weight == 0.0 && model("bench").facts.weight == 1.0);
+    }
+
+    #[test]
+    fn a_fault_in_a_model_is_named() {
+        let xml = shipped::text("mjcf_assets/barrel_a/model.xml").unwrap();
+        for (from, to, wanted) in [
+            ("</custom>", "", "expected 'custom' tag"),
+            ("<custom>", "<default/><custom>", "<mujoco> holds <default>; it takes only"),
+            ("data=\"ood\"", "data=\"odd\"", "<custom>: unknown variant `odd`, expected `id` or `ood`"),
+            (
+                "name=\"rolls\"",
+                "name=\"roles\"",
+                "<custom>: unknown field `roles`, expected one of `category`",
+            ),
+            ("name=\"kind\"", "name=\"weight\"", "<custom>: invalid type: string"),
+            ("data=\"0.5\"", "data=\"1.5\"", "<custom>: `reflectivity` is 1.5; it takes 0 to 1"),
+            ("data=\"0.5\"", "data=\"half\"", "`reflectivity` is `half`, not a number"),
+            ("file=\"paint.obj\"", "file=\"paint.stl\"", "there is no file `paint.stl` (.obj or .png)"),
+            ("<mesh name=\"barrel_a/paint\"", "<mesh name=\"paint\"", "the name must begin with `barrel_a/`"),
+            (
+                "data=\"barrel_a/paint\"",
+                "data=\"barrel_a/red\"",
+                "`paint` is `barrel_a/red`; there is no such",
+            ),
+            ("mesh=\"barrel_a/paint\"", "mesh=\"barrel_a/lid\"", "there is no <mesh> `barrel_a/lid`"),
+            ("mass=\"20\"", "", "a <geom> has no `mass`"),
+            ("mass=\"20\"", "mass=\"0\"", "no <geom> has a mass"),
+            ("group=\"2\"", "group=\"1\"", "nothing can be seen"),
+            ("<geom type=\"cylinder\"", "<freejoint/><geom type=\"cylinder\"", "<body> holds <freejoint>"),
+        ] {
+            assert!(xml.contains(from), "{from}");
+            let message = read("barrel_a", &xml.replace(from, to)).unwrap_err();
+            assert!(message.contains(wanted), "{from} -> {to}: {message}");
+        }
     }
 
     #[test]

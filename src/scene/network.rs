@@ -40,7 +40,6 @@ pub struct GraphLane {
 
 impl GraphLane {
     /// A lane that is linked to nothing, as wide and fast as usual.
-    #[must_use]
     pub fn new(path: Path) -> Self {
         Self {
             path,
@@ -88,7 +87,6 @@ pub(super) fn flat(point: xodr::Point) -> Vec2 {
 impl LaneGraph {
     /// Builds the graph from a road network, without the lanes that `is_left_out` names; also tells
     /// what of the network is not driven.
-    #[must_use]
     pub fn read(
         network: &xodr::RoadNetwork,
         is_left_out: impl Fn(xodr::LaneId) -> bool,
@@ -161,13 +159,11 @@ impl LaneGraph {
     }
 
     /// The lane of the graph that a lane of the map became.
-    #[must_use]
     pub fn find(&self, id: xodr::LaneId) -> Option<usize> {
         self.index_of.get(&id.0).copied()
     }
 
     /// Sign of an offset towards the kerb's side, seen along the way: -1 where traffic keeps right.
-    #[must_use]
     pub fn kerb_sign(&self) -> f64 {
         if self.keeps_left { 1.0 } else { -1.0 }
     }

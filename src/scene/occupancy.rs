@@ -18,7 +18,6 @@ pub struct Footprint {
 
 impl Footprint {
     /// Half of the diagonal.
-    #[must_use]
     pub fn radius_m(&self) -> f64 {
         self.length_m.hypot(self.width_m) / 2.0
     }
@@ -28,7 +27,6 @@ impl Footprint {
         Self { length_m: self.length_m + 2.0 * margin_m, width_m: self.width_m + 2.0 * margin_m, ..*self }
     }
 
-    #[must_use]
     pub fn corners(&self) -> [Point2; 4] {
         let (sin, cos) = self.yaw_rad.sin_cos();
         [(0.5, 0.5), (-0.5, 0.5), (-0.5, -0.5), (0.5, -0.5)].map(|(along, across)| {
@@ -38,7 +36,6 @@ impl Footprint {
     }
 
     /// Whether a point lies inside.
-    #[must_use]
     pub fn contains(&self, point: Vec2) -> bool {
         let (sin, cos) = self.yaw_rad.sin_cos();
         let offset = point - self.center;
@@ -47,7 +44,6 @@ impl Footprint {
     }
 
     /// Whether two rectangles share more than a square centimetre.
-    #[must_use]
     pub fn meets(&self, other: &Self) -> bool {
         (self.center - other.center).norm() < self.radius_m() + other.radius_m()
             && convex_overlap_area(&self.corners(), &other.corners()) > 1e-4
@@ -77,7 +73,6 @@ impl StripGrid {
     }
 
     /// Distance from a point to the nearest strip's edge, negative inside; at most one cell.
-    #[must_use]
     pub fn clearance_m(&self, point: Vec2) -> f64 {
         let near = around(point).filter_map(|key| self.cells.get(&key)).flatten();
         near.map(|(center, half_m)| (point - center).norm() - half_m).fold(CELL_M, f64::min)
@@ -105,7 +100,6 @@ impl Occupied {
         self.footprints.push(footprint);
     }
 
-    #[must_use]
     pub fn is_free(&self, footprint: &Footprint, gap_m: f64) -> bool {
         let grown = footprint.grown(gap_m);
         !self.footprints.iter().any(|other| grown.meets(other))

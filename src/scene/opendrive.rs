@@ -176,7 +176,6 @@ fn summary(warnings: &[xodr::Warning]) -> Vec<String> {
 ///
 /// A plain box has its length along the road (OpenDRIVE: along `hdg`, relative to the road's); of an
 /// outline, the shorter side is taken to be along the road, as crosswalks are wider than long.
-#[must_use]
 pub fn crosswalks(network: &xodr::RoadNetwork) -> Vec<Footprint> {
     let is_crosswalk = |object: &&xodr::Object| object.kind == xodr::ObjectType::Crosswalk;
     network.objects().iter().filter(is_crosswalk).filter_map(|object| footprint(&object.shape)).collect()

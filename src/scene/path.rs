@@ -15,7 +15,6 @@ pub struct Path {
 
 impl Path {
     /// `None` for fewer than two distinct points; repeated points are dropped.
-    #[must_use]
     pub fn new(raw: impl IntoIterator<Item = Vec2>) -> Option<Self> {
         let mut path = Self { points: Vec::new(), stations_m: Vec::new() };
         path.extend(raw);
@@ -46,12 +45,10 @@ impl Path {
         path
     }
 
-    #[must_use]
     pub fn points(&self) -> &[Vec2] {
         &self.points
     }
 
-    #[must_use]
     pub fn length_m(&self) -> f64 {
         *self.stations_m.last().expect("a path has two points")
     }
@@ -64,42 +61,36 @@ impl Path {
     }
 
     /// The point at a station; beyond the ends, on the straight extension.
-    #[must_use]
     pub fn at(&self, s_m: f64) -> Vec2 {
         let (i, t) = self.locate(s_m);
         self.points[i] + (self.points[i + 1] - self.points[i]) * t
     }
 
     /// Unit direction of travel, from a chord of two metres, so that it turns without steps.
-    #[must_use]
     pub fn direction(&self, s_m: f64) -> Vec2 {
         let (low_m, high_m) = (s_m.clamp(0.0, self.length_m()) - 1.0, s_m.clamp(0.0, self.length_m()) + 1.0);
         let chord = self.at(high_m) - self.at(low_m);
         if chord.norm() > 1e-6 { chord.normalize() } else { Vec2::x() }
     }
 
-    #[must_use]
     pub fn heading_rad(&self, s_m: f64) -> f64 {
         let direction = self.direction(s_m);
         direction.y.atan2(direction.x)
     }
 
     /// The point `left_m` to the left of a station.
-    #[must_use]
     pub fn beside(&self, s_m: f64, left_m: f64) -> Vec2 {
         let direction = self.direction(s_m);
         self.at(s_m) + Vec2::new(-direction.y, direction.x) * left_m
     }
 
     /// Signed curvature over a chord of six metres, positive to the left.
-    #[must_use]
     pub fn curvature_per_m(&self, s_m: f64) -> f64 {
         let (before, after) = (self.direction(s_m - 2.0), self.direction(s_m + 2.0));
         before.perp(&after).asin() / 4.0
     }
 
     /// Station and signed left offset of the nearest point among segments that meet `[from_m, to_m]`.
-    #[must_use]
     pub fn project(&self, point: Vec2, from_m: f64, to_m: f64) -> (f64, f64) {
         let (first, last) = (self.locate(from_m).0, self.locate(to_m).0);
         let mut best = (f64::INFINITY, 0.0, 0.0);
@@ -117,13 +108,11 @@ impl Path {
     }
 
     /// Distance from a point to the whole polyline.
-    #[must_use]
     pub fn distance_m(&self, point: Vec2) -> f64 {
         self.project(point, 0.0, self.length_m()).1.abs()
     }
 
     /// Points every `step_m`, both ends included.
-    #[must_use]
     pub fn sampled(&self, step_m: f64) -> Vec<Vec2> {
         let n = (self.length_m() / step_m).ceil().max(1.0);
         (0..=n as usize).map(|i| self.at(self.length_m() * i as f64 / n)).collect()
@@ -131,7 +120,6 @@ impl Path {
 }
 
 /// The shorter way from one heading to another, in (-pi, pi].
-#[must_use]
 pub fn turn_between(from_rad: f64, to_rad: f64) -> f64 {
     let turn = (to_rad - from_rad).rem_euclid(std::f64::consts::TAU);
     if turn > std::f64::consts::PI { turn - std::f64::consts::TAU } else { turn }

@@ -52,7 +52,6 @@ pub struct Plots {
 }
 
 /// Grows the plots of a town, the same for the same town and seed.
-#[must_use]
 pub fn grow(surface: &Surface, config: &TownConfig, seed: u64) -> Plots {
     let mut grower = Grower {
         surface,

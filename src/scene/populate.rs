@@ -3,20 +3,20 @@
 
 use std::sync::Arc;
 
-use nalgebra::Point3;
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
-use super::event_scenery::Perch;
-use super::events::Loose;
-use super::models::{Model, ModelLibrary};
+use super::error::SceneError;
+use super::ground::PAVEMENT_M;
+use super::loose::Perch;
+use super::models::ModelLibrary;
 use super::network::LaneGraph;
 use super::occupancy::{Footprint, Occupied};
-use super::path::{Path, Vec2};
+use super::path::Vec2;
 use super::route::Route;
-use super::surface::PAVEMENT_M;
-use super::town::{SceneError, Town};
-use crate::object::{Distribution, Event, Kind};
+use super::town::Town;
+use super::world::{Motion, Placement, SceneObject, World, footprint_of};
+use crate::object::{Distribution, Kind};
 use crate::random::{self, Rng};
 
 /// How much is placed, and how far from the ego's route.
@@ -62,117 +62,6 @@ impl Default for PopulateConfig {
             ood_in_lane_share: 0.22,
             event_share: 0.15,
         }
-    }
-}
-
-/// A walk along a pavement, and the way across the street, if there is one.
-#[derive(Debug, Clone)]
-pub struct Walk {
-    pub footway: Path,
-    /// Offset to the left of the footway's line.
-    pub left_m: f64,
-    pub station_m: f64,
-    /// 1 or -1 along the footway.
-    pub sense: f64,
-    pub speed_mps: f64,
-    /// Station at which it crosses, and the far side.
-    pub crossing: Option<(f64, Vec2)>,
-    /// Crosses without waiting long for a gap.
-    pub is_reckless: bool,
-    /// Goes back across soon.
-    pub is_restless: bool,
-}
-
-/// How an object moves.
-#[derive(Debug, Clone)]
-pub enum Motion {
-    Still,
-    /// Drives a route from a station on.
-    Drives {
-        route: Route,
-        station_m: f64,
-    },
-    Walks(Walk),
-    /// Held until the ego comes near, then free.
-    Loose(Box<Loose>),
-}
-
-/// One placed object.
-#[derive(Debug, Clone)]
-pub struct Placement {
-    pub id: String,
-    pub model: usize,
-    pub position: Vec2,
-    pub z_m: f64,
-    pub yaw_rad: f64,
-    /// Colour of the paint material, if it is recoloured.
-    pub paint: Option<[f64; 3]>,
-    pub motion: Motion,
-    /// Number among the mocap bodies, for what moves.
-    pub mocap: Option<usize>,
-}
-
-/// What the simulator and the labels need to know of an object.
-#[derive(Debug, Clone)]
-pub struct SceneObject {
-    pub id: String,
-    pub category: String,
-    pub kind: Kind,
-    pub distribution: Distribution,
-    pub body_name: String,
-    /// Lowest and highest corner in the model frame.
-    pub bounds: ([f64; 3], [f64; 3]),
-    pub triangles: Arc<Vec<[Point3<f32>; 3]>>,
-    pub reflectivity: f64,
-    pub event: Event,
-}
-
-/// A filled town, ready to be simulated.
-#[derive(Debug, Clone)]
-pub struct World {
-    pub town: Arc<Town>,
-    pub models: Arc<ModelLibrary>,
-    pub placements: Vec<Placement>,
-    pub ego_route: Route,
-    /// Where on the route the ego's rear axle starts.
-    pub ego_start_m: f64,
-    /// Placements that are traffic lights, with the town's light each one is.
-    pub lamp_posts: Vec<(usize, usize)>,
-    objects: Vec<SceneObject>,
-    perches: Vec<Perch>,
-}
-
-impl World {
-    /// Things that an event sets free, each with its number among objects and placements.
-    pub fn loose(&self) -> impl Iterator<Item = (usize, &Loose)> {
-        self.placements.iter().enumerate().filter_map(|(i, placement)| match &placement.motion {
-            Motion::Loose(loose) => Some((i, loose.as_ref())),
-            _ => None,
-        })
-    }
-
-    /// Balconies that events add.
-    #[must_use]
-    pub fn perches(&self) -> &[Perch] {
-        &self.perches
-    }
-
-    #[must_use]
-    pub fn objects(&self) -> &[SceneObject] {
-        &self.objects
-    }
-
-    /// Footprint of a placement at its start, of what stands below a car's roof: of a tree, the trunk.
-    #[must_use]
-    pub fn footprint(&self, placement: &Placement) -> Footprint {
-        footprint_of(&self.models.models[placement.model], placement.position, placement.yaw_rad)
-    }
-
-    /// Start pose of the ego: x, y, yaw of the rear axle.
-    #[must_use]
-    pub fn ego_start(&self) -> (Vec2, f64) {
-        let path = &self.ego_route.path;
-        (path.at(self.ego_start_m), path.heading_rad(self.ego_start_m))
     }
 }
 
@@ -226,7 +115,8 @@ pub fn populate(town: &Arc<Town>, config: &PopulateConfig, seed: u64) -> Result<
     for (n, placement) in placements.iter_mut().filter(is_mocap).enumerate() {
         placement.mocap = Some(n);
     }
-    let objects = placements.iter().map(|placement| scene_object(placement, &models, town)).collect();
+    let object = |p: &Placement| SceneObject::new(p, &models.models[p.model], &town.surface);
+    let objects = placements.iter().map(object).collect();
     Ok(World {
         town: Arc::clone(town),
         models,
@@ -250,35 +140,6 @@ fn starts(graph: &LaneGraph) -> Vec<usize> {
     };
     let long = of_length(20.0);
     if long.is_empty() { of_length(8.0) } else { long }
-}
-
-fn scene_object(placement: &Placement, models: &ModelLibrary, town: &Town) -> SceneObject {
-    let model = &models.models[placement.model];
-    SceneObject {
-        id: placement.id.clone(),
-        category: model.category.clone(),
-        kind: model.kind,
-        distribution: model.distribution,
-        body_name: format!("obj:{}", placement.id),
-        bounds: model.bounds,
-        triangles: Arc::clone(&model.triangles),
-        reflectivity: model.reflectivity,
-        event: match &placement.motion {
-            Motion::Loose(loose) => loose.event,
-            _ if model.distribution == Distribution::Id => Event::None,
-            _ if town.surface.road_grid.clearance_m(placement.position) > 0.0 => Event::None,
-            _ => Event::Lies,
-        },
-    }
-}
-
-/// Ground that a model takes.
-pub(super) fn footprint_of(model: &Model, position: Vec2, yaw_rad: f64) -> Footprint {
-    let (low, high) = model.solid;
-    let (sin, cos) = yaw_rad.sin_cos();
-    let (x, y) = (f64::midpoint(low[0], high[0]), f64::midpoint(low[1], high[1]));
-    let center = position + Vec2::new(x * cos - y * sin, x * sin + y * cos);
-    Footprint { center, yaw_rad, length_m: high[0] - low[0], width_m: high[1] - low[1] }
 }
 
 /// Paints of vehicles and clothes: common colours of European cars, then bolder ones.
@@ -328,11 +189,11 @@ impl Filler<'_> {
             .models
             .indices(kind, Distribution::Id)
             .into_iter()
-            .filter(|&i| !matches!(self.models.models[i].category.as_str(), "ego" | TRAFFIC_LIGHT))
+            .filter(|&i| !matches!(self.models.models[i].facts.category.as_str(), "ego" | TRAFFIC_LIGHT))
             .map(|i| {
                 let model = &self.models.models[i];
                 let weight = weights.get(&model.name).copied();
-                (i, weight.unwrap_or(if weights.is_empty() { model.weight } else { 0.0 }).max(0.0))
+                (i, weight.unwrap_or(if weights.is_empty() { model.facts.weight } else { 0.0 }).max(0.0))
             })
             .collect();
         let mut left = rng.random::<f64>() * choices.iter().map(|(_, weight)| weight).sum::<f64>();
@@ -356,11 +217,11 @@ impl Filler<'_> {
         rng: &mut Rng,
     ) {
         let z_m = self.town.surface.ground_m(position) + over_m;
-        let category = &self.models.models[model].category;
+        let category = &self.models.models[model].facts.category;
         let id = format!("{category}-{:03}", self.placements.len());
         // A hay bale is yellow and a tree green; only cars and clothes come in any colour.
-        let is_recoloured = self.models.models[model].kind != Kind::Static;
-        let paint = self.models.models[model].paint.as_ref().filter(|_| is_recoloured).map(|_| {
+        let is_recoloured = self.models.models[model].facts.kind != Kind::Static;
+        let paint = self.models.models[model].facts.paint.as_ref().filter(|_| is_recoloured).map(|_| {
             PAINTS[rng.random_range(0..PAINTS.len())]
                 .map(|c| (c * (0.85 + 0.3 * rng.random::<f64>())).min(1.0))
         });

@@ -25,7 +25,6 @@ impl Route {
     /// Starts on a lane and takes random turns until the route is `length_m` long or ends.
     ///
     /// Turns that lead on for ever are taken before those that end somewhere, and of these the longer.
-    #[must_use]
     pub fn random(graph: &LaneGraph, lane: usize, length_m: f64, rng: &mut Rng) -> Self {
         let path = graph.lanes[lane].path.clone();
         let spans = vec![Span { lane, start_m: 0.0, end_m: path.length_m() }];
@@ -72,7 +71,6 @@ impl Route {
     }
 
     /// The span at a station; the last one beyond the end.
-    #[must_use]
     pub fn span_at(&self, s_m: f64) -> Span {
         *self.spans.iter().find(|span| span.end_m > s_m).unwrap_or(&self.spans[self.spans.len() - 1])
     }

@@ -1,14 +1,14 @@
 //! What stands for good and is no object: buildings, boundaries of plots, barriers on medians.
 
+use super::builder::Builder;
 use super::buildings;
+use super::ground::GRASS_M;
 use super::mesh::TriangleMesh;
-use super::mjcf::Builder;
 use super::path::{Path, Vec2};
-use super::populate::World;
-use super::surface::GRASS_M;
 use super::surface::{Strip, StripKind, Surface};
 use super::textures::{self, Facade, Floor};
 use super::town_config::{BoundaryLook, GroundLook, MedianLook};
+use super::world::World;
 
 /// Points of a boundary are at most this far apart.
 const STEP_M: f64 = 3.0;

@@ -9,16 +9,12 @@ use std::collections::BTreeSet;
 use nalgebra::Vector3;
 
 use super::drape::Drape;
-use super::ground::{Ground, Ribbon};
+use super::ground::{GRASS_M, Ground, PAVEMENT_M, Ribbon};
 use super::mesh::TriangleMesh;
 use super::network::{LaneGraph, flat};
 use super::occupancy::{Footprint, StripGrid};
 use super::path::{Path, Vec2};
 
-/// Height of pavements over the road.
-pub const PAVEMENT_M: f64 = 0.14;
-/// Height of the grass plane.
-pub const GRASS_M: f64 = -0.05;
 const PAINT_M: f64 = 0.015;
 /// On slopes, where road and paint are cut differently.
 const PAINT_ON_SLOPES_M: f64 = 0.03;
@@ -53,7 +49,6 @@ pub struct Strip {
 
 impl Strip {
     /// Width at a station; bays are narrower at their ends.
-    #[must_use]
     pub fn width_at_m(&self, s_m: f64) -> f64 {
         let n = self.left.len().min(self.right.len());
         let share = (s_m / self.center.length_m()).clamp(0.0, 1.0);
@@ -86,7 +81,6 @@ pub struct Levels {
 }
 
 impl Levels {
-    #[must_use]
     pub fn of(network: &xodr::RoadNetwork) -> Self {
         let mesh = network.surface_mesh();
         // Pavements and medians may be raised; the ground there is the road's edge.
@@ -109,13 +103,11 @@ impl Levels {
     }
 
     /// Whether a lane lies above others.
-    #[must_use]
     pub fn is_above(&self, lane: xodr::LaneId) -> bool {
         self.above.contains(&lane.0)
     }
 
     /// What is left out, if anything.
-    #[must_use]
     pub fn note(&self) -> Option<String> {
         let n = self.above.len();
         (n > 0).then(|| format!("{n} lanes on a level above other lanes are left out"))
@@ -149,7 +141,6 @@ fn kind_of(kind: xodr::LaneType) -> Option<StripKind> {
 
 impl Surface {
     /// Reads strips and marks off a road network.
-    #[must_use]
     pub fn new(
         network: &xodr::RoadNetwork,
         graph: &LaneGraph,
@@ -208,13 +199,11 @@ impl Surface {
     }
 
     /// Height of the ground at a place, metres: of roads and grass; pavements stand [`PAVEMENT_M`] over it.
-    #[must_use]
     pub fn ground_m(&self, point: Vec2) -> f64 {
         self.ground.height_m(point)
     }
 
     /// The visible ground; parts of which `is_near` says no are left out.
-    #[must_use]
     pub fn meshes(&self, is_near: impl Fn(Vec2) -> bool) -> GroundMeshes {
         let mut meshes = GroundMeshes::default();
         let drape = Drape { ground: &self.ground };
@@ -271,7 +260,6 @@ impl Surface {
     }
 
     /// Lane lines as quads, for drawing the map.
-    #[must_use]
     pub fn marks(&self) -> &[[Vec2; 4]] {
         &self.marks
     }

@@ -52,7 +52,6 @@ impl Swerve<'_> {
     }
 
     /// The offset that costs least: a free way first, then near the lane's middle, then no change.
-    #[must_use]
     pub fn best_offset(&self, before_m: f64, road: &StripGrid, others: &[Obstacle]) -> f64 {
         let free_m = |left_m: f64| {
             let still = others.iter().filter(|other| other.is_still);

@@ -37,7 +37,6 @@ fn shade([r, g, b]: [u8; 3], factor: f64) -> Rgb<u8> {
 }
 
 /// Grain on a base colour; `blotch` adds a softer, tileable variation.
-#[must_use]
 pub fn grain(name: &str, base: [u8; 3], amount: f64, blotch: f64) -> Vec<u8> {
     let mut rng = random::stream(0, name, 0);
     tile(|u, v| {
@@ -76,7 +75,6 @@ fn stones(name: &str, base: [u8; 3], [n_x, n_y]: [u32; 2], joint: f64, contrast:
 }
 
 /// The ground's tiles: 6 m a side on roads, 2.4 m on pavements, 4 m elsewhere.
-#[must_use]
 pub fn ground(look: GroundLook) -> Vec<u8> {
     match look {
         GroundLook::Asphalt => grain("asphalt", [78, 79, 82], 0.22, 0.03),
@@ -92,19 +90,16 @@ pub fn ground(look: GroundLook) -> Vec<u8> {
 }
 
 /// Roof tiles in rows.
-#[must_use]
 pub fn tiles(base: [u8; 3]) -> Vec<u8> {
     stones("roof tiles", base, [12, 10], 0.25, 0.16)
 }
 
 /// Leaves: dark hollows and lit tufts.
-#[must_use]
 pub fn leaves(base: [u8; 3]) -> Vec<u8> {
     stones("leaves", base, [13, 12], 0.5, 0.6)
 }
 
 /// Upright bars before something darker, with a rail at the foot and at the top.
-#[must_use]
 pub fn bars(bar: [u8; 3], behind: [u8; 3]) -> Vec<u8> {
     let mut rng = random::stream(0, "bars", 0);
     tile(|u, v| {
@@ -151,7 +146,6 @@ impl Facade {
 }
 
 /// One bay of one floor.
-#[must_use]
 pub fn facade(name: &str, facade: Facade, floor: Floor) -> Vec<u8> {
     let mut rng = random::stream(0, name, 0);
     let window @ [left, bottom, right, top] = facade.window(floor);

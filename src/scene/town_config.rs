@@ -344,7 +344,6 @@ impl TownConfig {
     }
 
     /// Names in tables of weights that no model has: they have no effect, hardly what their author wants.
-    #[must_use]
     pub fn unknown_models(&self, known: &[String]) -> Vec<String> {
         let named =
             self.weight_tables().flat_map(|(key, weights)| weights.keys().map(move |name| (key, name)));

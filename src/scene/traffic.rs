@@ -7,20 +7,20 @@ use std::sync::Arc;
 use nalgebra::{UnitQuaternion, Vector3};
 use rand::RngExt;
 
+use super::car::EgoCommand;
 use super::driver::Driver;
 use super::driving::{Gap, Obstacle, Owner};
 use super::ego::{EgoDriver, EgoPose};
+use super::ground::PAVEMENT_M;
 use super::junctions::{Answer, Approach, Asker, Reservations, View};
 use super::lights::{Aspect, Clock};
-use super::mjcf::EgoCommand;
 use super::models::SOLID_M;
 use super::occupancy::Footprint;
 use super::path::Vec2;
-use super::populate::{Motion, World};
 use super::route::Route;
-use super::surface::PAVEMENT_M;
 use super::town::Town;
 use super::walking::Walker;
+use super::world::{Motion, World};
 use crate::geometry::{Ego, Transform, World as WorldFrame};
 use crate::random::{self, Rng};
 
@@ -82,7 +82,6 @@ pub struct Traffic {
 
 impl Traffic {
     /// The world's movers at their starts.
-    #[must_use]
     pub fn new(world: &World, seed: u64) -> Self {
         let mut rng = random::stream(seed, "drivers", 0);
         let (mut drivers, mut walkers, mut still) = (Vec::new(), Vec::new(), Vec::new());
@@ -153,7 +152,6 @@ impl Traffic {
     }
 
     /// Ground taken by everything but the ego.
-    #[must_use]
     pub fn footprints(&self) -> Vec<Footprint> {
         let drivers = self.drivers.iter().map(|driver| driver.obstacle().footprint);
         let side_m = 0.5;
@@ -168,13 +166,11 @@ impl Traffic {
     }
 
     /// Footprints of the moving vehicles.
-    #[must_use]
     pub fn vehicle_footprints(&self) -> Vec<Footprint> {
         self.drivers.iter().map(|driver| driver.obstacle().footprint).collect()
     }
 
     /// What each light of the town shows, in the town's order.
-    #[must_use]
     pub fn aspects(&self) -> Vec<Aspect> {
         let lights = &self.town.lights;
         (0..lights.lights.len()).map(|light| self.clock.aspect(lights, light)).collect()

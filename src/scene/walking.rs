@@ -3,7 +3,7 @@
 use super::driving::{Obstacle, Owner};
 use super::occupancy::Footprint;
 use super::path::{Vec2, turn_between};
-use super::populate::Walk;
+use super::world::Walk;
 
 /// Side of the square that a standing person takes.
 const BODY_M: f64 = 0.7;
@@ -40,14 +40,12 @@ pub struct Walker {
 }
 
 impl Walker {
-    #[must_use]
     pub fn new(placement: usize, walk: Walk, position: Vec2, yaw_rad: f64) -> Self {
         let phase = Phase::Along;
         Self { placement, position, yaw_rad, velocity_mps: Vec2::zeros(), walk, phase, pause_s: 0.0 }
     }
 
     /// The ground it takes: on the street, also that of the next two seconds.
-    #[must_use]
     pub fn obstacle(&self) -> Obstacle {
         let ahead =
             if matches!(self.phase, Phase::Across { .. }) { self.velocity_mps } else { Vec2::zeros() };

@@ -5,11 +5,13 @@
 pub mod camera;
 pub mod lidar;
 mod rig;
+mod rig_config;
 mod silhouette;
 mod weather;
 
-pub use rig::{CameraConfig, LidarConfig, LidarPreset, Rig, RigConfig, RigError};
+pub use rig::{Rig, RigError};
+pub use rig_config::{CameraConfig, LidarConfig, LidarPreset, RigConfig};
 pub use silhouette::silhouette_px;
 pub use weather::{
-    Daytime, Sky, UnknownWeather, Weather, WeatherOverride, WeatherOverrideError, WeatherState,
+    SUN_AZIMUTH_RAD, UnknownWeather, Weather, WeatherOverride, WeatherOverrideError, WeatherState,
 };

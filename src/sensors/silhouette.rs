@@ -10,7 +10,6 @@ const NEAR_M: f64 = 0.05;
 /// Pixels whose centre lies inside the projection of any of the triangles, inside the image.
 ///
 /// Triangles are in the camera frame; their winding does not matter. None give zero.
-#[must_use]
 pub fn silhouette_px<'a>(
     triangles: impl IntoIterator<Item = &'a [Point3<f64>; 3]>,
     intrinsics: &Pinhole,

@@ -11,17 +11,8 @@ use thiserror::Error;
 /// Drops per m^3 and mm of diameter at zero diameter (Marshall and Palmer 1948).
 pub(super) const DROPS_PER_M3_MM: f64 = 8000.0;
 
-/// Cloud, rain or fog.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Sky {
-    Clear,
-    Cloudy,
-    /// After the rain: dry air over wet streets.
-    Wet,
-    SoftRain,
-    HardRain,
-    Fog,
-}
+/// Azimuth of the sun from the world's +x axis, counter-clockwise.
+pub const SUN_AZIMUTH_RAD: f64 = 2.48;
 
 /// Time of day.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -32,52 +23,48 @@ pub enum Daytime {
 }
 
 macro_rules! weathers {
-    ($($name:ident = $sky:ident $daytime:ident),* $(,)?) => {
+    ($($noon:ident $sunset:ident $night:ident: $mor_m:literal $rain_mmph:literal $wetness:literal $cover:literal;)*) => {
         /// Cloud, rain or fog, and the time of day.
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-        pub enum Weather { #[default] $($name),* }
+        pub enum Weather { #[default] $($noon, $sunset, $night),* }
 
         impl Weather {
-            /// Every name that exists.
-            pub const ALL: &[Self] = &[$(Self::$name),*];
+            /// Every weather, each sky at noon, at sunset and at night.
+            pub const ALL: &[Self] = &[$(Self::$noon, Self::$sunset, Self::$night),*];
 
-            #[must_use]
+            /// The weather's name in files: CARLA's.
             pub fn name(self) -> &'static str {
-                match self { $(Self::$name => stringify!($name)),* }
+                match self {
+                    $(Self::$noon => stringify!($noon), Self::$sunset => stringify!($sunset), Self::$night => stringify!($night),)*
+                }
             }
 
-            #[must_use]
-            pub fn sky(self) -> Sky {
-                match self { $(Self::$name => Sky::$sky),* }
-            }
-
-            #[must_use]
             pub fn daytime(self) -> Daytime {
-                match self { $(Self::$name => Daytime::$daytime),* }
+                match self {
+                    $(Self::$noon => Daytime::Noon, Self::$sunset => Daytime::Sunset, Self::$night => Daytime::Night,)*
+                }
+            }
+
+            /// MOR, rain rate, wetness and cloud cover.
+            fn sky(self) -> [f64; 4] {
+                match self {
+                    $(Self::$noon | Self::$sunset | Self::$night => [$mor_m, $rain_mmph, $wetness, $cover],)*
+                }
             }
         }
     };
 }
 
+// A row is a sky: its three names, then MOR in metres, rain in mm/h, wetness, cloud cover. A new sky is a new row.
+// Rain rates are those usually called light (below 2.5 to 10 mm/h) and violent (above 50 mm/h at its peak);
+// the fog is thick (MOR 50 to 200 m); over wet streets the air is dry.
 weathers!(
-    ClearNoon = Clear Noon,
-    ClearSunset = Clear Sunset,
-    ClearNight = Clear Night,
-    CloudyNoon = Cloudy Noon,
-    CloudySunset = Cloudy Sunset,
-    CloudyNight = Cloudy Night,
-    WetNoon = Wet Noon,
-    WetSunset = Wet Sunset,
-    WetNight = Wet Night,
-    SoftRainNoon = SoftRain Noon,
-    SoftRainSunset = SoftRain Sunset,
-    SoftRainNight = SoftRain Night,
-    HardRainNoon = HardRain Noon,
-    HardRainSunset = HardRain Sunset,
-    HardRainNight = HardRain Night,
-    FogNoon = Fog Noon,
-    FogSunset = Fog Sunset,
-    FogNight = Fog Night,
+    ClearNoon    ClearSunset    ClearNight:    20_000.0  0.0 0.0  0.15;
+    CloudyNoon   CloudySunset   CloudyNight:   12_000.0  0.0 0.0  0.95;
+    WetNoon      WetSunset      WetNight:       8_000.0  0.0 0.75 0.45;
+    SoftRainNoon SoftRainSunset SoftRainNight:  4_000.0  6.0 0.7  0.9;
+    HardRainNoon HardRainSunset HardRainNight:  1_200.0 45.0 1.0  1.0;
+    FogNoon      FogSunset      FogNight:         100.0  0.0 0.25 1.0;
 );
 
 /// What the air and the ground are like; everything that a sensor needs to know of the weather.
@@ -120,19 +107,8 @@ pub struct WeatherOverrideError {
 
 impl Weather {
     /// The physical state that the name stands for.
-    ///
-    /// Rain rates are those usually called light (below 2.5 to 10 mm/h) and violent (above 50 mm/h at
-    /// its peak); the fog is thick (MOR 50 to 200 m).
-    #[must_use]
     pub fn state(self) -> WeatherState {
-        let (mor_m, rain_rate_mmph, wetness, cloud_cover) = match self.sky() {
-            Sky::Clear => (20_000.0, 0.0, 0.0, 0.15),
-            Sky::Cloudy => (12_000.0, 0.0, 0.0, 0.95),
-            Sky::Wet => (8_000.0, 0.0, 0.75, 0.45),
-            Sky::SoftRain => (4_000.0, 6.0, 0.7, 0.9),
-            Sky::HardRain => (1_200.0, 45.0, 1.0, 1.0),
-            Sky::Fog => (100.0, 0.0, 0.25, 1.0),
-        };
+        let [mor_m, rain_rate_mmph, wetness, cloud_cover] = self.sky();
         let sun_altitude_deg: f64 = match self.daytime() {
             Daytime::Noon => 55.0,
             Daytime::Sunset => 12.0,
@@ -167,20 +143,17 @@ impl WeatherState {
     }
 
     /// Extinction by haze or fog, one way: what is scattered out of a beam on each metre.
-    #[must_use]
     pub fn haze_extinction_per_m(&self) -> f64 {
         20f64.ln() / self.mor_m
     }
 
     /// Extinction by rain drops, one way.
-    #[must_use]
     pub fn rain_extinction_per_m(&self) -> f64 {
         let slope = self.drop_slope_per_mm();
         if slope.is_finite() { 1e-6 * std::f64::consts::PI * DROPS_PER_M3_MM / slope.powi(3) } else { 0.0 }
     }
 
     /// Extinction of the air as it is, one way.
-    #[must_use]
     pub fn extinction_per_m(&self) -> f64 {
         self.haze_extinction_per_m() + self.rain_extinction_per_m()
     }
@@ -190,7 +163,6 @@ impl WeatherState {
         if self.rain_rate_mmph > 0.0 { 4.1 * self.rain_rate_mmph.powf(-0.21) } else { f64::INFINITY }
     }
 
-    #[must_use]
     pub fn is_night(&self) -> bool {
         self.sun_altitude_rad < 0.0
     }
@@ -221,10 +193,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn there_are_eighteen_weathers_and_no_sleet() {
-        assert_eq!(Weather::ALL.len(), 18);
-        for weather in Weather::ALL {
-            assert_eq!(weather.name().parse(), Ok(*weather));
+    fn every_sky_has_three_daytimes_in_its_names_and_there_is_no_sleet() {
+        for names in Weather::ALL.chunks(3) {
+            let found = [0, 1, 2].map(|i| names[i].name());
+            let sky = found[0].strip_suffix("Noon").unwrap();
+            assert_eq!(found, ["Noon", "Sunset", "Night"].map(|daytime| format!("{sky}{daytime}")));
+            assert_eq!(found.map(str::parse), [0, 1, 2].map(|i| Ok(names[i])));
         }
         let message = "Sleet".parse::<Weather>().unwrap_err().to_string();
         assert!(message.contains("Sleet") && message.contains("FogNight"), "{message}");

@@ -49,7 +49,6 @@ impl Environment {
     }
 
     /// Version of the embedded interpreter: `3.11`, and its full text.
-    #[must_use]
     pub fn interpreter() -> (String, String) {
         Python::attach(|py| {
             let version = py.version_info();

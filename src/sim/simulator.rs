@@ -136,54 +136,45 @@ impl Simulator {
     }
 
     /// The id of a body by name.
-    #[must_use]
     pub fn body(&self, name: &str) -> Option<usize> {
         self.bodies.get(name).copied()
     }
 
     /// The id of a joint by name, an index into [`Self::joint_positions`].
-    #[must_use]
     pub fn joint(&self, name: &str) -> Option<usize> {
         self.joints.get(name).copied()
     }
 
     /// The id of an actuator by name, an index into the controls of [`Self::step`].
-    #[must_use]
     pub fn actuator(&self, name: &str) -> Option<usize> {
         self.actuators.get(name).copied()
     }
 
     /// How many controls [`Self::step`] takes.
-    #[must_use]
     pub fn n_actuators(&self) -> usize {
         self.actuators.len()
     }
 
     /// The mocap number of a body, if it is one that is moved by hand.
-    #[must_use]
     pub fn mocap(&self, body: usize) -> Option<usize> {
         self.mocap_of_body.get(body).and_then(|&id| usize::try_from(id).ok())
     }
 
     /// Body of each geom.
-    #[must_use]
     pub fn geom_bodies(&self) -> &[usize] {
         &self.geom_bodies
     }
 
     /// Name of each geom, empty for none.
-    #[must_use]
     pub fn geom_names(&self) -> &[String] {
         &self.geom_names
     }
 
     /// Name of each geom's material, empty for none.
-    #[must_use]
     pub fn geom_materials(&self) -> &[String] {
         &self.geom_materials
     }
 
-    #[must_use]
     pub fn timestep_s(&self) -> f64 {
         self.timestep_s
     }

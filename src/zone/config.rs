@@ -184,7 +184,7 @@ impl ZoneConfig {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::mjcf::{EGO_LENGTH_M, EGO_WIDTH_M, FRONT_BUMPER_X_M};
+    use crate::scene::car::{EGO_LENGTH_M, EGO_WIDTH_M, FRONT_BUMPER_X_M};
 
     #[test]
     fn shipped_config_equals_the_default() {

@@ -4,8 +4,8 @@
 //! ray and A the air light. Display-referred, as in Foggy Cityscapes (Sakaridis et al. 2018).
 
 use super::picture::{Picture, View, mix};
+use super::shot::{Material, Rendered};
 use super::sky::Panorama;
-use super::{Material, Rendered};
 use crate::sensors::weather::WeatherState;
 
 /// Things farther away than this all look alike.

@@ -1,6 +1,6 @@
 //! What weather and daytime make of the camera's picture, from the renderer's colours and depths.
 //!
-//! The renderer draws dry things in clear air: by day under the light of [`lighting`], at night evenly
+//! The renderer draws dry things in clear air: by day under the sun and the sky, at night evenly
 //! bright, so that its colours are the things' own. [`Scope::see`] does the rest, in this order: the sky,
 //! lamps (at night), water on the ground, Koschmieder's fog, rain, sensor noise. Colours are
 //! display-referred, 0 to 1; light is added up in linear units (display value squared).
@@ -8,61 +8,23 @@
 //! Frames: camera (x right, y down, z forward) and world. Everything random comes from named streams.
 
 mod fog;
-mod lighting;
 mod night;
 mod noise;
 mod picture;
 mod rain;
+mod shot;
 mod sky;
 mod table;
 mod wet;
 
 use image::RgbImage;
 
-pub use self::lighting::{SunLight, WorldLight};
-pub use self::night::StreetLamp;
 use self::picture::{Picture, View};
+pub use self::shot::{Material, Rendered, Shot, StreetLamp};
 use self::sky::Panorama;
 use super::rig::Rig;
 use super::weather::{Weather, WeatherState};
-use crate::geometry::{Camera, Ego, Pinhole, Transform, World};
-
-/// What a pixel shows, as far as light and water care.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Material {
-    #[default]
-    Sky,
-    /// Road, pavement, paint: flat ground on which water stands.
-    Paved,
-    Solid,
-    /// A wall whose lit windows shine at night.
-    Facade,
-    /// Lamps of other vehicles, lit after sunset.
-    Headlamp,
-    Taillamp,
-    /// A signal that shines by itself at any time.
-    Signal,
-}
-
-/// What the renderer gives for one picture; rows from the top.
-#[derive(Debug, Clone, Copy)]
-pub struct Rendered<'a> {
-    pub rgb: &'a RgbImage,
-    /// Along the optical axis, metres; infinite for the sky.
-    pub depth_m: &'a [f32],
-    pub material: &'a [Material],
-}
-
-/// Where the car is while it takes a picture.
-#[derive(Debug, Clone, Copy)]
-pub struct Shot<'a> {
-    pub world_from_ego: Transform<World, Ego>,
-    /// Of the car, along the optical axis.
-    pub speed_mps: f64,
-    /// All that could light the view.
-    pub lamps: &'a [StreetLamp],
-    pub sample_idx: u64,
-}
+use crate::geometry::{Camera, Ego, Pinhole, Transform};
 
 /// The camera of one episode in its weather.
 #[derive(Debug, Clone)]
@@ -80,7 +42,6 @@ pub struct Scope {
 }
 
 impl Scope {
-    #[must_use]
     pub fn new(weather: Weather, state: &WeatherState, rig: &Rig, seed: u64) -> Self {
         Self {
             state: *state,
@@ -96,7 +57,6 @@ impl Scope {
     }
 
     /// Whether [`Self::see`] needs depths; where it does not, any will do.
-    #[must_use]
     pub fn needs_depth(&self) -> bool {
         self.state.is_night() || self.state.wetness > 0.0 || fog::is_visible(&self.state)
     }
@@ -105,7 +65,6 @@ impl Scope {
     ///
     /// # Panics
     /// If the sizes of the renderer's pictures and of the intrinsics differ.
-    #[must_use]
     pub fn see(&self, rendered: &Rendered<'_>, shot: &Shot<'_>) -> RgbImage {
         let pose = shot.world_from_ego * self.ego_from_camera;
         let view = View::new(&self.intrinsics, &self.ego_from_camera, &pose, &self.stretch);

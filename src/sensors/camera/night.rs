@@ -8,8 +8,8 @@
 use nalgebra::{Point3, Vector3};
 
 use super::picture::{Colour, Picture, View};
+use super::shot::{Material, Rendered, StreetLamp};
 use super::table::Table;
-use super::{Material, Rendered};
 
 /// Illuminance that shows white as nearly white.
 const WHITE_LUX: f32 = 16.0;
@@ -29,12 +29,6 @@ const HEADLAMP_Y_M: f32 = 0.62;
 const HEADLAMP_Z_M: f32 = 0.66;
 /// Width of the pixels on which glow is spread.
 const GLOW_CELL_PX: usize = 4;
-
-/// A lamp over the street.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct StreetLamp {
-    pub position_in_world: Point3<f64>,
-}
 
 /// Luminous intensity of one low beam, by angles to the left and up in radians.
 fn low_beam_cd(left_rad: f32, up_rad: f32) -> f32 {

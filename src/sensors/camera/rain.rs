@@ -8,8 +8,8 @@
 use nalgebra::Vector3;
 use rand::RngExt;
 
-use super::Shot;
 use super::picture::{Colour, Picture, View, mix, scaled};
+use super::shot::Shot;
 use crate::random;
 use crate::sensors::weather::{DROPS_PER_M3_MM, WeatherState};
 

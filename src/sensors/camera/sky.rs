@@ -3,11 +3,10 @@
 use nalgebra::Vector3;
 use rand::RngExt;
 
-use super::Material;
-use super::lighting::SUN_AZIMUTH_RAD;
 use super::picture::{Colour, Picture, View, mix, scaled};
+use super::shot::Material;
 use crate::random;
-use crate::sensors::weather::{Daytime, WeatherState};
+use crate::sensors::weather::{Daytime, SUN_AZIMUTH_RAD, WeatherState};
 
 /// Columns round the horizon and rows from it to the zenith.
 const WIDTH: usize = 1024;
@@ -59,7 +58,7 @@ impl Panorama {
         let tones = tones(daytime);
         let cover = state.cloud_cover as f32;
         let gloom = 1.0 - 0.3 * (state.rain_rate_mmph / 45.0).min(1.0) as f32;
-        let clouds = Noise::new(seed);
+        let clouds = Clouds::new(seed);
         let (sin, cos) = state.sun_altitude_rad.sin_cos();
         let to_sun =
             Vector3::new(cos * SUN_AZIMUTH_RAD.cos(), cos * SUN_AZIMUTH_RAD.sin(), sin).cast::<f32>();
@@ -126,9 +125,9 @@ impl Panorama {
 }
 
 /// Value noise on a lattice that repeats every 64 cells.
-struct Noise(Vec<f32>);
+struct Clouds(Vec<f32>);
 
-impl Noise {
+impl Clouds {
     const SIDE: usize = 64;
 
     fn new(seed: u64) -> Self {

@@ -8,9 +8,9 @@
 use nalgebra::Vector3;
 
 use super::picture::{Colour, Picture, View, mix, scaled};
+use super::shot::{Material, Rendered};
 use super::sky::Panorama;
 use super::table::Sine;
-use super::{Material, Rendered};
 
 /// Reflectance of water at right angles.
 const F0: f32 = 0.02;

@@ -10,6 +10,8 @@
 //! to the target's own return; here beta0 stands for a target of mean reflectivity (0.25), so that rays
 //! into the open answer too. A hard target gives reflectivity * cos(incidence) * exp(-2 alpha r0) / r0^2.
 
+use super::echo::{Echo, Reflector};
+
 /// Speed of light, metres per second.
 const LIGHT_MPS: f64 = 299_792_458.0;
 /// Half-power pulse width, seconds.
@@ -27,17 +29,9 @@ const STEP_M: f64 = 0.1;
 const REACH_M: f64 = 25.0;
 const N_PULSE_STEPS: usize = 48;
 
-/// The strongest soft return before a target.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Soft {
-    /// In units of a target with reflectivity 1 at 1 m.
-    pub power: f64,
-    pub range_m: f64,
-}
-
 /// The strongest soft return by the target's range, in steps of 0.1 m.
 #[derive(Debug, Clone)]
-pub(super) struct SoftReturns(Vec<Soft>);
+pub(super) struct SoftReturns(Vec<Echo>);
 
 impl SoftReturns {
     /// For a fog of an optical range and the extinction of the air as a whole.
@@ -48,17 +42,17 @@ impl SoftReturns {
             let target_m = STEP_M * i as f64;
             let pulse_m = LIGHT_MPS * PULSE_S;
             let ranges = (0..).map(|k| STEP_M * f64::from(k)).take_while(|r| *r <= target_m + pulse_m);
-            let all = ranges.map(|range_m| Soft {
-                power: scale * response_s(range_m, target_m, extinction_per_m),
-                range_m,
-            });
-            all.max_by(|a, b| a.power.total_cmp(&b.power)).unwrap_or(Soft { power: 0.0, range_m: 0.0 })
+            let echo = |power, range_m| Echo { reflector: Reflector::Fog, power, range_m };
+            ranges
+                .map(|range_m| echo(scale * response_s(range_m, target_m, extinction_per_m), range_m))
+                .max_by(|a, b| a.power.total_cmp(&b.power))
+                .unwrap_or(echo(0.0, 0.0))
         };
         Self((0..=n).map(strongest).collect())
     }
 
     /// Before a target at `range_m`; infinite where there is none.
-    pub(super) fn before(&self, range_m: f64) -> Soft {
+    pub(super) fn before(&self, range_m: f64) -> Echo {
         let i = (range_m / STEP_M).min((self.0.len() - 1) as f64) as usize;
         self.0[i]
     }

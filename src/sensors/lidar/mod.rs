@@ -11,6 +11,7 @@
 //!
 //! intensity = 255 * reflectivity * cos(incidence) * exp(-2 (alpha + attenuation) range), whole numbers.
 
+mod echo;
 mod fog;
 mod pattern;
 mod rain;
@@ -19,9 +20,12 @@ mod wet_ground;
 use rand::RngExt;
 use rand_distr::{Beta, Distribution, StandardNormal};
 
+use self::echo::Echo;
+pub use self::echo::Reflector;
 use self::fog::SoftReturns;
 pub use self::pattern::{Pattern, is_in_view};
 use self::rain::Drops;
+use super::rig_config::LidarConfig;
 use super::weather::WeatherState;
 use crate::random::{self, Rng};
 use crate::sample::LidarPoint;
@@ -32,24 +36,6 @@ const THRESHOLD_NOISE_M: f64 = 0.09;
 const FOG_MOR_M: f64 = 1000.0;
 /// Soft returns lie up to this much behind their strongest place, by Beta(2, 20) (Hahner et al. 2021).
 const SOFT_SPREAD_M: f64 = 10.0;
-
-/// What disturbs the measurement in the sensor itself.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Noise {
-    pub max_range_m: f64,
-    /// Range at which a target of reflectivity 0.1 is still detected for sure.
-    pub sure_range_m: f64,
-    /// Standard deviation of each return's range.
-    pub range_noise_m: f64,
-    /// Standard deviation of the rings' constant range offsets.
-    pub ring_bias_m: f64,
-    /// Share of returns lost at random, in the mean of the rings.
-    pub dropout: f64,
-    /// Each ring's share is this part less or more than the mean, evenly spread; 0 to 1.
-    pub dropout_spread: f64,
-    /// Loss of the reported intensity, one way.
-    pub attenuation_per_m: f64,
-}
 
 /// A ray's true hit.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -64,27 +50,19 @@ pub struct Hit {
     pub is_paved: bool,
 }
 
-/// What sent a return back.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Source {
-    Target,
-    Fog,
-    Rain,
-}
-
 /// A measured point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Return {
     /// Index of its ray in the pattern.
     pub ray: usize,
-    pub source: Source,
+    pub reflector: Reflector,
     pub point: LidarPoint,
 }
 
 /// The sensor of one episode in its weather.
 #[derive(Debug, Clone)]
 pub struct Receiver {
-    noise: Noise,
+    config: LidarConfig,
     state: WeatherState,
     min_power: f64,
     soft_returns: Option<SoftReturns>,
@@ -96,18 +74,17 @@ pub struct Receiver {
 
 impl Receiver {
     /// A sensor with `n_rings` beams; its own flaws and all noise come from the seed.
-    #[must_use]
-    pub fn new(noise: &Noise, n_rings: usize, state: &WeatherState, seed: u64) -> Self {
-        let min_power = 0.1 / noise.sure_range_m.powi(2);
+    pub fn new(config: &LidarConfig, n_rings: usize, state: &WeatherState, seed: u64) -> Self {
+        let min_power = 0.1 / config.sure_range_m.powi(2);
         let mut rng = random::stream(seed, "lidar-rings", 0);
         let rings = (0..n_rings).map(|_| {
-            let offset_m = noise.ring_bias_m * standard_normal(&mut rng);
-            let dropout = noise.dropout * (1.0 + noise.dropout_spread * (2.0 * rng.random::<f64>() - 1.0));
+            let offset_m = config.ring_bias_m * standard_normal(&mut rng);
+            let dropout = config.dropout * (1.0 + config.dropout_spread * (2.0 * rng.random::<f64>() - 1.0));
             (offset_m, dropout)
         });
         let is_fog = state.mor_m < FOG_MOR_M;
         Self {
-            noise: *noise,
+            config: config.clone(),
             state: *state,
             min_power,
             soft_returns: is_fog.then(|| SoftReturns::new(state.mor_m, state.extinction_per_m())),
@@ -119,11 +96,10 @@ impl Receiver {
 
     /// The measured points of sample `sample_idx`, ray by ray; what is lost or out of range is left out.
     ///
-    /// Every ray draws the same amount whatever it hits, so one object more disturbs no other's noise.
+    /// Every ray draws the same amount whatever it hits, so one object more disturbs no other's config.
     ///
     /// # Panics
     /// If hits and rays differ in number, or a ring has no entry.
-    #[must_use]
     pub fn returns(&self, pattern: &Pattern, hits: &[Hit], sample_idx: u64) -> Vec<Return> {
         assert_eq!(hits.len(), pattern.directions.len(), "one hit for each ray");
         let mut rng = random::stream(self.seed, "lidar-noise", sample_idx);
@@ -145,20 +121,20 @@ impl Receiver {
         let range_draw = standard_normal(rng);
         let [dropout_draw, detection_draw] = [rng.random::<f64>(), rng.random::<f64>()];
 
-        let answer = self.strongest(hit, weather_rng);
-        let signal_to_threshold = answer.power / self.min_power;
+        let echo = self.strongest(hit, weather_rng);
+        let signal_to_threshold = echo.power / self.min_power;
         if dropout_draw < ring_dropout || detection_draw >= signal_to_threshold {
             return None;
         }
         let is_turbid = self.soft_returns.is_some() || self.drops.is_some();
         let weak_m =
             if is_turbid { THRESHOLD_NOISE_M / (2.0 * signal_to_threshold.max(1.0)).sqrt() } else { 0.0 };
-        let range_m = answer.range_m + ring_offset_m + self.noise.range_noise_m.hypot(weak_m) * range_draw;
-        if !range_m.is_finite() || range_m <= 0.0 || range_m > self.noise.max_range_m {
+        let range_m = echo.range_m + ring_offset_m + self.config.range_noise_m.hypot(weak_m) * range_draw;
+        if !range_m.is_finite() || range_m <= 0.0 || range_m > self.config.max_range_m {
             return None;
         }
-        let calibrated = answer.power * answer.range_m.powi(2);
-        let own_loss = (-2.0 * self.noise.attenuation_per_m * answer.range_m).exp();
+        let calibrated = echo.power * echo.range_m.powi(2);
+        let own_loss = (-2.0 * self.config.attenuation_per_m * echo.range_m).exp();
         let intensity = (255.0 * calibrated * own_loss).clamp(0.0, 255.0).round();
         let at = pattern.directions[ray] * range_m;
         let point = LidarPoint {
@@ -168,12 +144,12 @@ impl Receiver {
             intensity: intensity as f32,
             ring,
         };
-        Some(Return { ray, source: answer.source, point })
+        Some(Return { ray, reflector: echo.reflector, point })
     }
 
-    /// The strongest of the target's, the fog's and the drops' answers.
-    fn strongest(&self, hit: &Hit, weather_rng: &mut Rng) -> Answer {
-        let mut strongest = Answer { source: Source::Target, power: 0.0, range_m: hit.range_m };
+    /// The strongest of the target's, the fog's and the drops' echoes.
+    fn strongest(&self, hit: &Hit, weather_rng: &mut Rng) -> Echo {
+        let mut strongest = Echo { reflector: Reflector::Target, power: 0.0, range_m: hit.range_m };
         if hit.range_m.is_finite() && hit.range_m > 0.0 {
             let reflectivity = if hit.is_paved {
                 wet_ground::reflectivity(hit.reflectivity, hit.cos_incidence, self.state.wetness)
@@ -184,29 +160,22 @@ impl Receiver {
             strongest.power = reflectivity * hit.cos_incidence * air / hit.range_m.powi(2);
         }
         if let Some(soft_returns) = &self.soft_returns {
-            let soft = soft_returns.before(hit.range_m);
+            let mut soft = soft_returns.before(hit.range_m);
             let spread = Beta::new(2.0, 20.0).expect("both shapes are positive").sample(weather_rng);
             if soft.power > strongest.power {
                 // Not behind the target.
-                let range_m = (soft.range_m + SOFT_SPREAD_M * spread).min(hit.range_m);
-                strongest = Answer { source: Source::Fog, power: soft.power, range_m };
+                soft.range_m = (soft.range_m + SOFT_SPREAD_M * spread).min(hit.range_m);
+                strongest = soft;
             }
         }
         if let Some(drops) = &self.drops {
-            let scatter = drops.strongest(hit.range_m, weather_rng);
-            if scatter.power > strongest.power.max(self.min_power) {
-                strongest = Answer { source: Source::Rain, power: scatter.power, range_m: scatter.range_m };
+            let drop = drops.strongest(hit.range_m, weather_rng);
+            if drop.power > strongest.power.max(self.min_power) {
+                strongest = drop;
             }
         }
         strongest
     }
-}
-
-#[derive(Debug, Clone, Copy)]
-struct Answer {
-    source: Source,
-    power: f64,
-    range_m: f64,
 }
 
 fn standard_normal(rng: &mut Rng) -> f64 {

@@ -15,7 +15,6 @@ pub struct Pattern {
 
 impl Pattern {
     /// A whole turn of beams at these elevations, the lowest first.
-    #[must_use]
     pub fn spinning(elevations_deg: &[f64], azimuth_step_deg: f64) -> Self {
         let half_turn = (180.0 / azimuth_step_deg).floor();
         let (mut directions, mut rings) = (Vec::new(), Vec::new());
@@ -61,7 +60,6 @@ impl Pattern {
 }
 
 /// Whether a point of the LiDAR frame lies between the image's left and right edges (at any height).
-#[must_use]
 pub fn is_in_view(
     point_in_lidar: &Vector3<f64>,
     intrinsics: &Pinhole,

@@ -10,6 +10,7 @@
 use rand::RngExt;
 use rand_distr::{Distribution, Poisson};
 
+use super::echo::{Echo, Reflector};
 use crate::random::Rng;
 use crate::sensors::weather::{DROPS_PER_M3_MM, WeatherState};
 
@@ -20,13 +21,6 @@ const BEAM_DIVERGENCE_RAD: f64 = 3e-3;
 const NEAREST_M: f64 = 1.5;
 /// Larger drops break up as they fall.
 const LARGEST_MM: f64 = 6.0;
-
-/// A drop's answer.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Scatter {
-    pub power: f64,
-    pub range_m: f64,
-}
 
 /// The drops of one rain, as far as a LiDAR of some sensitivity can tell.
 #[derive(Debug, Clone)]
@@ -62,8 +56,8 @@ impl Drops {
     /// The strongest answer of the drops before a target at `range_m`.
     ///
     /// Draws the same amount whatever the range.
-    pub(super) fn strongest(&self, range_m: f64, rng: &mut Rng) -> Scatter {
-        let mut strongest = Scatter { power: 0.0, range_m: f64::INFINITY };
+    pub(super) fn strongest(&self, range_m: f64, rng: &mut Rng) -> Echo {
+        let mut strongest = Echo { reflector: Reflector::Rain, power: 0.0, range_m: f64::INFINITY };
         let n = self.count.sample(rng) as u64;
         for _ in 0..n {
             // Drops fill the cone evenly: r = R u^(1/3).
@@ -72,7 +66,7 @@ impl Drops {
             let covered = (1e-3 * diameter_mm / (BEAM_DIVERGENCE_RAD * at_m)).powi(2).min(1.0);
             let power = fresnel() * (-2.0 * self.extinction_per_m * at_m).exp() * covered / (at_m * at_m);
             if (NEAREST_M..range_m).contains(&at_m) && power > strongest.power {
-                strongest = Scatter { power, range_m: at_m };
+                strongest = Echo { reflector: Reflector::Rain, power, range_m: at_m };
             }
         }
         strongest

@@ -3,26 +3,29 @@
 use nalgebra::Vector3;
 
 use super::*;
-use crate::sensors::{RigConfig, Weather, WeatherOverride, rig::Rig};
+use crate::sensors::{Rig, RigConfig, Weather, WeatherOverride};
 
-const QUIET: Noise = Noise {
-    max_range_m: 100.0,
-    sure_range_m: 100.0,
-    range_noise_m: 0.0,
-    ring_bias_m: 0.0,
-    dropout: 0.0,
-    dropout_spread: 0.0,
-    attenuation_per_m: 0.0,
-};
+/// A sensor without flaws of its own.
+fn quiet() -> LidarConfig {
+    LidarConfig {
+        max_range_m: 100.0,
+        range_noise_m: 0.0,
+        ring_bias_m: 0.0,
+        dropout: 0.0,
+        dropout_spread: 0.0,
+        attenuation_per_m: 0.0,
+        ..LidarConfig::default()
+    }
+}
 
 fn wall(range_m: f64, reflectivity: f64) -> Hit {
     Hit { range_m, cos_incidence: 1.0, reflectivity, is_paved: false }
 }
 
 /// `n` equal rays on one hit.
-fn shots(noise: &Noise, state: &WeatherState, hit: Hit, n: usize) -> Vec<Return> {
+fn shots(config: &LidarConfig, state: &WeatherState, hit: Hit, n: usize) -> Vec<Return> {
     let pattern = Pattern { directions: vec![Vector3::x(); n], rings: vec![0; n] };
-    Receiver::new(noise, 1, state, 7).returns(&pattern, &vec![hit; n], 0)
+    Receiver::new(config, 1, state, 7).returns(&pattern, &vec![hit; n], 0)
 }
 
 fn fog_of(mor_m: f64) -> WeatherState {
@@ -37,16 +40,16 @@ fn clear() -> WeatherState {
 #[test]
 fn half_the_reflectivity_at_sixty_degrees_gives_a_quarter_of_the_intensity() {
     let hit = Hit { cos_incidence: 0.5, ..wall(10.0, 0.5) };
-    let found = shots(&QUIET, &clear(), hit, 1)[0].point;
+    let found = shots(&quiet(), &clear(), hit, 1)[0].point;
     // 255 / 4 less 0.3 % for the clear air on 20 m.
     assert_eq!((found.x_m, found.intensity, found.ring), (10.0, 64.0, 0));
 }
 
 #[test]
 fn a_wall_returns_its_distance_within_the_noise() {
-    let noise = Noise { range_noise_m: 0.02, dropout: 0.1, ..QUIET };
+    let config = LidarConfig { range_noise_m: 0.02, dropout: 0.1, ..quiet() };
     let n = 20_000;
-    let found = shots(&noise, &clear(), wall(20.0, 0.5), n);
+    let found = shots(&config, &clear(), wall(20.0, 0.5), n);
     assert!((found.len() as f64 / n as f64 - 0.9).abs() < 0.01, "{}", found.len());
     let errors = found.iter().map(|r| f64::from(r.point.x_m) - 20.0);
     let mean_m = errors.clone().sum::<f64>() / found.len() as f64;
@@ -56,11 +59,11 @@ fn a_wall_returns_its_distance_within_the_noise() {
 
 #[test]
 fn mean_intensity_on_a_wall_falls_with_range_as_the_formula_says() {
-    let noise = Noise { range_noise_m: 0.02, attenuation_per_m: 0.004, ..QUIET };
+    let config = LidarConfig { range_noise_m: 0.02, attenuation_per_m: 0.004, ..quiet() };
     for state in [clear(), fog_of(300.0)] {
         for range_m in [5.0, 20.0, 40.0, 60.0] {
-            let found = shots(&noise, &state, wall(range_m, 0.6), 2000);
-            let targets: Vec<_> = found.iter().filter(|r| r.source == Source::Target).collect();
+            let found = shots(&config, &state, wall(range_m, 0.6), 2000);
+            let targets: Vec<_> = found.iter().filter(|r| r.reflector == Reflector::Target).collect();
             let mean =
                 targets.iter().map(|r| f64::from(r.point.intensity)).sum::<f64>() / targets.len() as f64;
             let alpha = 20f64.ln() / state.mor_m + 0.004;
@@ -73,7 +76,7 @@ fn mean_intensity_on_a_wall_falls_with_range_as_the_formula_says() {
 #[test]
 fn what_is_out_of_range_does_not_return() {
     for range_m in [100.5, f64::INFINITY] {
-        assert!(shots(&QUIET, &clear(), wall(range_m, 1.0), 10).is_empty());
+        assert!(shots(&quiet(), &clear(), wall(range_m, 1.0), 10).is_empty());
     }
 }
 
@@ -82,7 +85,7 @@ fn a_weak_target_is_detected_as_often_as_its_power_says() {
     // Half of the threshold's power: reflectivity 0.05 at the sure range.
     let n = 20_000;
     let state = WeatherState { mor_m: 1e9, ..clear() };
-    let share = shots(&QUIET, &state, wall(99.99, 0.05), n).len() as f64 / n as f64;
+    let share = shots(&quiet(), &state, wall(99.99, 0.05), n).len() as f64 / n as f64;
     assert!((share - 0.5).abs() < 0.02, "{share}");
 }
 
@@ -93,9 +96,9 @@ fn in_fog_returns_beyond_fifty_metres_fall_by_the_two_way_transmission() {
         // As strong as the threshold in clear air, so that what is lost is the fog's doing alone.
         let target = wall(range_m, 1e-5 * range_m * range_m);
         let clear_air = WeatherState { mor_m: 1e9, ..clear() };
-        let before = shots(&QUIET, &clear_air, target, n / 100).len() * 100;
+        let before = shots(&quiet(), &clear_air, target, n / 100).len() * 100;
         let pattern = Pattern { directions: vec![Vector3::x(); n], rings: vec![0; n] };
-        let receiver = Receiver::new(&QUIET, 1, &fog, 7);
+        let receiver = Receiver::new(&quiet(), 1, &fog, 7);
         let targets_only = Receiver { soft_returns: None, ..receiver };
         let after = targets_only.returns(&pattern, &vec![target; n], 0).len();
         let ratio = after as f64 / before as f64;
@@ -106,24 +109,24 @@ fn in_fog_returns_beyond_fifty_metres_fall_by_the_two_way_transmission() {
 
 #[test]
 fn in_fog_soft_returns_take_the_place_of_far_targets_and_lie_near_the_sensor() {
-    let found = shots(&QUIET, &fog_of(50.0), wall(50.0, 0.25), 20_000);
-    let soft: Vec<_> = found.iter().filter(|r| r.source == Source::Fog).collect();
+    let found = shots(&quiet(), &fog_of(50.0), wall(50.0, 0.25), 20_000);
+    let soft: Vec<_> = found.iter().filter(|r| r.reflector == Reflector::Fog).collect();
     assert!(soft.len() > 1000 && soft.len() > 10 * (found.len() - soft.len()), "{}", soft.len());
     assert!(soft.iter().all(|r| (1.0..12.0).contains(&r.point.x_m)));
-    let near = shots(&QUIET, &fog_of(50.0), wall(8.0, 0.25), 1000);
-    assert!(near.len() == 1000 && near.iter().all(|r| r.source == Source::Target));
-    assert!(shots(&QUIET, &clear(), wall(f64::INFINITY, 0.25), 1000).is_empty());
+    let near = shots(&quiet(), &fog_of(50.0), wall(8.0, 0.25), 1000);
+    assert!(near.len() == 1000 && near.iter().all(|r| r.reflector == Reflector::Target));
+    assert!(shots(&quiet(), &clear(), wall(f64::INFINITY, 0.25), 1000).is_empty());
 }
 
 #[test]
 fn hard_rain_scatters_into_the_open_and_widens_the_range_noise() {
     let rain = Weather::HardRainNoon.state();
-    let open = shots(&QUIET, &rain, wall(f64::INFINITY, 0.0), 20_000);
-    assert!(open.iter().all(|r| r.source == Source::Rain && r.point.x_m < 12.0));
+    let open = shots(&quiet(), &rain, wall(f64::INFINITY, 0.0), 20_000);
+    assert!(open.iter().all(|r| r.reflector == Reflector::Rain && r.point.x_m < 12.0));
     assert!((0.01..0.3).contains(&(open.len() as f64 / 20_000.0)), "{}", open.len());
     let spread_m = |state: &WeatherState| {
-        let found = shots(&QUIET, state, wall(40.0, 0.25), 5000);
-        let targets: Vec<_> = found.iter().filter(|r| r.source == Source::Target).collect();
+        let found = shots(&quiet(), state, wall(40.0, 0.25), 5000);
+        let targets: Vec<_> = found.iter().filter(|r| r.reflector == Reflector::Target).collect();
         let square: f64 = targets.iter().map(|r| (f64::from(r.point.x_m) - 40.0).powi(2)).sum();
         (square / targets.len() as f64).sqrt()
     };
@@ -133,7 +136,7 @@ fn hard_rain_scatters_into_the_open_and_widens_the_range_noise() {
 #[test]
 fn a_wet_road_returns_less_than_a_dry_one_and_a_wet_wall_as_much() {
     let road = Hit { range_m: 35.0, cos_incidence: 0.0526, reflectivity: 0.2, is_paved: true };
-    let count = |state: &WeatherState, hit| shots(&QUIET, state, hit, 5000).len();
+    let count = |state: &WeatherState, hit| shots(&quiet(), state, hit, 5000).len();
     let (dry, wet) = (clear(), Weather::WetNoon.state());
     assert!(count(&wet, road) < 4 * count(&dry, road) / 5);
     assert_eq!(count(&wet, wall(20.0, 0.2)), count(&dry, wall(20.0, 0.2)));
@@ -141,11 +144,11 @@ fn a_wet_road_returns_less_than_a_dry_one_and_a_wet_wall_as_much() {
 
 #[test]
 fn rings_differ_in_offset_and_dropout_as_stated() {
-    let noise = Noise { ring_bias_m: 0.05, dropout: 0.2, dropout_spread: 0.5, ..QUIET };
+    let config = LidarConfig { ring_bias_m: 0.05, dropout: 0.2, dropout_spread: 0.5, ..quiet() };
     let n = 4000;
     let rings: Vec<u16> = (0..32).flat_map(|ring| std::iter::repeat_n(ring, n)).collect();
     let pattern = Pattern { directions: vec![Vector3::x(); rings.len()], rings };
-    let found = Receiver::new(&noise, 32, &clear(), 9).returns(&pattern, &vec![wall(20.0, 1.0); 32 * n], 0);
+    let found = Receiver::new(&config, 32, &clear(), 9).returns(&pattern, &vec![wall(20.0, 1.0); 32 * n], 0);
     let of_ring = |ring: u16| found.iter().filter(move |r| r.point.ring == ring);
     let offsets: Vec<f64> =
         (0..32).map(|ring| f64::from(of_ring(ring).next().unwrap().point.x_m) - 20.0).collect();

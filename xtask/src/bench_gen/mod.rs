@@ -13,7 +13,7 @@ use serde::Serialize;
 use self::memory::MemoryWatch;
 use self::replay::{BareCalls, CallLog};
 use harmzone::episode::Manifest;
-use harmzone::generate::episode::{self, Moment, record_watched};
+use harmzone::generate::episode::{Recording, Timings};
 use harmzone::generate::{self, CheckedConfig, EpisodePlan, GenerateConfig, GenerateError, RunOptions, plan};
 use harmzone::progress::Progress;
 
@@ -122,7 +122,7 @@ pub fn run(
 struct Measured {
     /// From before its first sample to after its last.
     sampling: Duration,
-    timings: episode::Timings,
+    timings: Timings,
     bare: BareCalls,
 }
 
@@ -132,26 +132,16 @@ fn measure(
     folder: &Path,
     progress: &dyn Progress,
 ) -> Result<Measured, GenerateError> {
-    let mut log = None;
-    let (mut begin, mut sampling, mut bare) = (Instant::now(), Duration::ZERO, BareCalls::default());
-    let mut on_sample = || {
+    let mut recording = Recording::start(config, plan, folder)?;
+    let log = CallLog::start(recording.simulator())?;
+    let begin = Instant::now();
+    recording.record_samples(&mut || {
         progress.advance(1);
         Ok(())
-    };
-    let (_, timings) = record_watched(config, plan, folder, &mut on_sample, &mut |moment, simulator| {
-        match moment {
-            Moment::WarmedUp => {
-                log = Some(CallLog::start(simulator)?);
-                begin = Instant::now();
-            }
-            Moment::Sampled => {
-                sampling = begin.elapsed();
-                let log = log.take().expect("an episode warms up before it samples");
-                bare = log.replay(simulator)?;
-            }
-        }
-        Ok(())
     })?;
+    let sampling = begin.elapsed();
+    let bare = log.replay(recording.simulator())?;
+    let (_, timings) = recording.finish()?;
     Ok(Measured { sampling, timings, bare })
 }
 

@@ -1,0 +1,46 @@
+//! MJCF text while it is put together: assets, bodies, constraints, and the files that the assets name.
+
+use nalgebra::UnitQuaternion;
+
+use super::mesh::TriangleMesh;
+
+#[derive(Default)]
+pub(super) struct Builder {
+    pub(super) asset: String,
+    pub(super) body: String,
+    pub(super) equality: String,
+    pub(super) files: Vec<(String, Vec<u8>)>,
+}
+
+impl Builder {
+    pub(super) fn texture(&mut self, name: &str, png: Vec<u8>) {
+        self.asset += &format!(
+            "<texture name=\"{name}\" type=\"2d\" file=\"{name}.png\"/>\n\
+             <material name=\"{name}\" texture=\"{name}\" specular=\"0.05\" shininess=\"0.05\"/>\n"
+        );
+        self.files.push((format!("{name}.png"), png));
+    }
+
+    pub(super) fn plain(&mut self, name: &str, [r, g, b]: [f64; 3]) {
+        self.asset += &format!(
+            "<material name=\"{name}\" rgba=\"{r} {g} {b} 1\" specular=\"0.05\" shininess=\"0.05\"/>\n"
+        );
+    }
+
+    /// A static mesh of group 1.
+    pub(super) fn mesh(&mut self, name: &str, material: &str, mesh: &TriangleMesh) {
+        if mesh.is_empty() {
+            return;
+        }
+        self.files.push((format!("{name}.obj"), mesh.to_obj().into_bytes()));
+        self.asset += &format!("<mesh name=\"{name}\" file=\"{name}.obj\" inertia=\"shell\"/>\n");
+        self.body += &format!(
+            "<geom name=\"{name}\" type=\"mesh\" mesh=\"{name}\" material=\"{material}\" group=\"1\" contype=\"0\" conaffinity=\"0\"/>\n"
+        );
+    }
+}
+
+/// A turn as MuJoCo writes it: w, x, y, z.
+pub(super) fn quaternion_text(turn: &UnitQuaternion<f64>) -> String {
+    format!("{:.6} {:.6} {:.6} {:.6}", turn.w, turn.i, turn.j, turn.k)
+}

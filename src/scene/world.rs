@@ -1,0 +1,151 @@
+//! A filled town: what stands and moves in it, and where the ego sets out.
+
+use std::sync::Arc;
+
+use nalgebra::Point3;
+
+use super::loose::{Loose, Perch};
+use super::models::{Bounds, Model, ModelLibrary};
+use super::occupancy::Footprint;
+use super::path::{Path, Vec2};
+use super::route::Route;
+use super::surface::Surface;
+use super::town::Town;
+use crate::object::{Distribution, Event, Kind};
+
+/// A walk along a pavement, and the way across the street, if there is one.
+#[derive(Debug, Clone)]
+pub struct Walk {
+    pub footway: Path,
+    /// Offset to the left of the footway's line.
+    pub left_m: f64,
+    pub station_m: f64,
+    /// 1 or -1 along the footway.
+    pub sense: f64,
+    pub speed_mps: f64,
+    /// Station at which it crosses, and the far side.
+    pub crossing: Option<(f64, Vec2)>,
+    /// Crosses without waiting long for a gap.
+    pub is_reckless: bool,
+    /// Goes back across soon.
+    pub is_restless: bool,
+}
+
+/// How an object moves.
+#[derive(Debug, Clone)]
+pub enum Motion {
+    Still,
+    /// Drives a route from a station on.
+    Drives {
+        route: Route,
+        station_m: f64,
+    },
+    Walks(Walk),
+    /// Held until the ego comes near, then free.
+    Loose(Box<Loose>),
+}
+
+/// One placed object.
+#[derive(Debug, Clone)]
+pub struct Placement {
+    pub id: String,
+    pub model: usize,
+    pub position: Vec2,
+    pub z_m: f64,
+    pub yaw_rad: f64,
+    /// Colour of the paint material, if it is recoloured.
+    pub paint: Option<[f64; 3]>,
+    pub motion: Motion,
+    /// Number among the mocap bodies, for what moves.
+    pub mocap: Option<usize>,
+}
+
+/// What the simulator and the labels need to know of an object.
+#[derive(Debug, Clone)]
+pub struct SceneObject {
+    pub id: String,
+    pub category: String,
+    pub kind: Kind,
+    pub distribution: Distribution,
+    pub body_name: String,
+    /// In the model frame.
+    pub bounds: Bounds,
+    pub triangles: Arc<Vec<[Point3<f32>; 3]>>,
+    pub reflectivity: f64,
+    pub event: Event,
+}
+
+/// A filled town, ready to be simulated.
+#[derive(Debug, Clone)]
+pub struct World {
+    pub town: Arc<Town>,
+    pub models: Arc<ModelLibrary>,
+    pub placements: Vec<Placement>,
+    pub ego_route: Route,
+    /// Where on the route the ego's rear axle starts.
+    pub ego_start_m: f64,
+    /// Placements that are traffic lights, with the town's light each one is.
+    pub lamp_posts: Vec<(usize, usize)>,
+    pub(super) objects: Vec<SceneObject>,
+    pub(super) perches: Vec<Perch>,
+}
+
+impl World {
+    /// Things that an event sets free, each with its number among objects and placements.
+    pub fn loose(&self) -> impl Iterator<Item = (usize, &Loose)> {
+        self.placements.iter().enumerate().filter_map(|(i, placement)| match &placement.motion {
+            Motion::Loose(loose) => Some((i, loose.as_ref())),
+            _ => None,
+        })
+    }
+
+    /// Balconies that events add.
+    pub fn perches(&self) -> &[Perch] {
+        &self.perches
+    }
+
+    pub fn objects(&self) -> &[SceneObject] {
+        &self.objects
+    }
+
+    /// Footprint of a placement at its start, of what stands below a car's roof: of a tree, the trunk.
+    pub fn footprint(&self, placement: &Placement) -> Footprint {
+        footprint_of(&self.models.models[placement.model], placement.position, placement.yaw_rad)
+    }
+
+    /// Start pose of the ego: x, y, yaw of the rear axle.
+    pub fn ego_start(&self) -> (Vec2, f64) {
+        let path = &self.ego_route.path;
+        (path.at(self.ego_start_m), path.heading_rad(self.ego_start_m))
+    }
+}
+
+impl SceneObject {
+    pub(super) fn new(placement: &Placement, model: &Model, surface: &Surface) -> Self {
+        Self {
+            id: placement.id.clone(),
+            category: model.facts.category.clone(),
+            kind: model.facts.kind,
+            distribution: model.facts.distribution,
+            body_name: format!("obj:{}", placement.id),
+            bounds: model.bounds,
+            triangles: Arc::clone(&model.triangles),
+            reflectivity: model.facts.reflectivity,
+            event: match &placement.motion {
+                Motion::Loose(loose) => loose.event,
+                _ if model.facts.distribution == Distribution::Id => Event::None,
+                _ if surface.road_grid.clearance_m(placement.position) > 0.0 => Event::None,
+                _ => Event::Lies,
+            },
+        }
+    }
+}
+
+/// Ground that a model takes.
+pub(super) fn footprint_of(model: &Model, position: Vec2, yaw_rad: f64) -> Footprint {
+    let [low, high] = model.solid;
+    let (sin, cos) = yaw_rad.sin_cos();
+    let (x, y) = (f64::midpoint(low.x, high.x), f64::midpoint(low.y, high.y));
+    let center = position + Vec2::new(x * cos - y * sin, x * sin + y * cos);
+    Footprint { center, yaw_rad, length_m: high.x - low.x, width_m: high.y - low.y }
+}
