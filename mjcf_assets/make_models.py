@@ -1,4 +1,4 @@
-# Writes every model folder beside this script. Needs Python 3.11 and numpy==2.4.6.
+# Writes the folders of the models below, beside this script. Needs Python 3.11 and numpy==2.4.6.
 """Traffic, pedestrians, street furniture and the out-of-distribution objects, as MJCF with meshes.
 
 No randomness: the same files every time. `python make_models.py` prints each model's size.
@@ -8,14 +8,35 @@ from __future__ import annotations
 
 import sys
 
-from movers import movers
-from props import ood_props
+from model_writer import Model
+from ood_large import advertisements, barrels, cloth_containers, cones, containers, hay_bales, mailboxes
+from ood_small import small_things
+from people import pedestrians
 from street import street_props
+from two_wheelers import cyclist, motorcycle, scooter
+from vehicles import bus, car, truck, van
+
+
+def vehicles() -> list[Model]:
+    about_ego = "The ego's body: a sedan. It is never rendered nor hit by its own rays."
+    return [
+        car("car_sedan", "car", "Four-door sedan.", (0.62, 0.64, 0.67), False),
+        car("car_hatch", "car", "Small hatchback.", (0.58, 0.10, 0.10), True),
+        *(make() for make in (van, truck, bus, cyclist, motorcycle, scooter)),
+        car("ego", "ego", about_ego, (0.80, 0.82, 0.84), False),
+    ]
+
+
+def ood_props() -> list[Model]:
+    kinds = (
+        barrels, mailboxes, cones, containers, cloth_containers, advertisements, hay_bales, small_things,
+    )  # fmt: skip
+    return [model for make in kinds for model in make()]
 
 
 def main() -> None:
     total = 0
-    for model in [*movers(), *street_props(), *ood_props()]:
+    for model in [*vehicles(), *pedestrians(), *street_props(), *ood_props()]:
         size, n_bytes = model.write()
         total += n_bytes
         n_triangles = sum(len(f) for solids in model.parts.values() for _, f in solids)

@@ -15,214 +15,30 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree import ElementTree
 
+from road_geometry import Plan, turn_plan, wrapped
+from road_network import (
+    STRAIGHT_RAD,
+    Arm,
+    Crossing,
+    Lane,
+    Profile,
+    Street,
+    driving,
+    lay_out,
+    movements,
+    pairs_around,
+    phases,
+)
 from scenariogeneration import xodr
+
+__all__ = ["Crossing", "Lane", "Profile", "Street", "driving", "write_town"]
 
 SMALLEST_RADIUS_M = 5.5  # of a lane's middle
 TAPER_M = 4.0
-STRAIGHT_RAD = math.radians(30)  # smaller turns at a crossing count as straight on
 LATERAL_MPS2 = 2.5  # what a turn's speed limit allows sideways
-
-
-@dataclass(frozen=True)
-class Lane:
-    """A lane of a cross-section; `mark` is the line on its outer edge."""
-
-    kind: str
-    width_m: float
-    mark: str = "none"
-    # Zero before both crossings, full in between: (first, last) share of the street; None: everywhere.
-    bay: tuple[float, float] | None = None
-
-
-def driving(n: int, width_m: float, edge: str = "curb") -> tuple[Lane, ...]:
-    return tuple(Lane("driving", width_m, "broken" if k + 1 < n else edge) for k in range(n))
-
-
-@dataclass(frozen=True)
-class Profile:
-    """A cross-section: lanes from the middle outwards on both sides."""
-
-    right: tuple[Lane, ...]
-    left: tuple[Lane, ...]
-    speed_kmh: int
-    centre: str = "broken"
-
-
-@dataclass
-class Crossing:
-    """A point where streets meet, and how its corners and rules are made."""
-
-    id: int
-    x: float
-    y: float
-    z: float = 0.0
-    kerb_radius_m: float = 6.0
-    has_lights: bool = False
-    has_crosswalks: bool = True
-    # Innermost lane for left turns only, where three lanes or more arrive.
-    has_turn_lanes: bool = True
-    least_m: float = 5.0
-    arms: list[Arm] = field(default_factory=list)
-
-
-@dataclass
-class Street:
-    """A road from one crossing to another, through points on the way."""
-
-    id: int
-    start: int
-    end: int
-    profile: Profile
-    via: tuple[tuple[float, float], ...] = ()
-    name: str = ""
-    # Headings away from the two crossings, degrees; None: towards the next point.
-    start_deg: float | None = None
-    end_deg: float | None = None
-    road: xodr.Road | None = None
-    length_m: float = 0.0
-
-
-@dataclass
-class Arm:
-    """One end of a street, at its crossing; `heading` leads away from the crossing."""
-
-    crossing: Crossing
-    street: Street
-    is_start: bool
-    heading: float
-    reach_m: float = 0.0
-
-    @property
-    def point(self) -> tuple[float, float]:
-        return ahead((self.crossing.x, self.crossing.y), self.heading, self.reach_m)
-
-    def lanes(self, inbound: bool) -> list[tuple[int, Lane, float]]:
-        """Lane number, lane and inner offset, from the middle outwards; bays are closed here."""
-        is_right = inbound != self.is_start
-        lanes = self.street.profile.right if is_right else self.street.profile.left
-        offset, result = 0.0, []
-        for rank, lane in enumerate(lanes, start=1):
-            result.append((-rank if is_right else rank, lane, offset))
-            offset += 0.0 if lane.bay else lane.width_m
-        return result
-
-    def open(self, inbound: bool, kind: str) -> list[tuple[int, Lane, float]]:
-        return [entry for entry in self.lanes(inbound) if entry[1].kind == kind]
-
-    def kerb_m(self, inbound: bool) -> float:
-        """From the street's line to the pavement, or to the outer edge where there is none."""
-        walk = self.open(inbound, "sidewalk")
-        if walk:
-            return walk[0][2]
-        return sum(0.0 if lane.bay else lane.width_m for _, lane, _ in self.lanes(inbound))
-
-    def border(self, inbound: bool, offset: float) -> tuple[float, float, float]:
-        """Pose on the street's end, `offset` to the right in the direction of travel."""
-        heading = self.heading + math.pi if inbound else self.heading
-        x, y = self.point
-        return x + offset * math.sin(heading), y - offset * math.cos(heading), heading
-
-    @property
-    def contact(self) -> xodr.ContactPoint:
-        return xodr.ContactPoint.start if self.is_start else xodr.ContactPoint.end
-
-
-def ahead(point: tuple[float, float], heading: float, distance: float) -> tuple[float, float]:
-    return point[0] + distance * math.cos(heading), point[1] + distance * math.sin(heading)
-
-
-def wrapped(angle: float) -> float:
-    return math.remainder(angle, 2 * math.pi)
-
-
-class Plan:
-    """A plan view that is built piece by piece, and its length and points."""
-
-    def __init__(self) -> None:
-        self.view = xodr.PlanView()
-        self.length_m = 0.0
-        self.points: list[tuple[float, float]] = []
-
-    def line(self, x: float, y: float, heading: float, length: float) -> None:
-        if length < 0.01:
-            return
-        self.view.add_fixed_geometry(xodr.Line(length), x, y, heading % (2 * math.pi))
-        self._note([ahead((x, y), heading, length * k / 20) for k in range(21)], length)
-
-    def arc(self, x: float, y: float, heading: float, radius: float, turn: float) -> None:
-        length, sign = radius * abs(turn), math.copysign(1.0, turn)
-        arc = xodr.Arc(sign / radius, length=length)
-        self.view.add_fixed_geometry(arc, x, y, heading % (2 * math.pi))
-        cx, cy = x - sign * radius * math.sin(heading), y + sign * radius * math.cos(heading)
-        angles = [heading - sign * math.pi / 2 + turn * k / 20 for k in range(21)]
-        self._note([(cx + radius * math.cos(a), cy + radius * math.sin(a)) for a in angles], length)
-
-    def curve(self, a: tuple[float, float, float], b: tuple[float, float, float]) -> None:
-        """A cubic from pose to pose, near to an arc where one fits."""
-        dx, dy = b[0] - a[0], b[1] - a[1]
-        chord, direction = math.hypot(dx, dy), math.atan2(dy, dx)
-        bend = abs(wrapped(a[2] - direction)) + abs(wrapped(b[2] - direction))
-        pull = chord * (2 * math.tan(bend / 4) / math.sin(bend / 2) if bend > 1e-3 else 1.0)
-        cos, sin = math.cos(a[2]), math.sin(a[2])
-        end = (dx * cos + dy * sin, dy * cos - dx * sin)
-        turn = wrapped(b[2] - a[2])
-        out = (pull * math.cos(turn), pull * math.sin(turn))
-        start = (pull, 0.0)
-        c = [3 * end[k] - 2 * start[k] - out[k] for k in (0, 1)]
-        d = [start[k] + out[k] - 2 * end[k] for k in (0, 1)]
-
-        def at(p: float) -> tuple[float, float]:
-            u, v = (start[k] * p + c[k] * p * p + d[k] * p**3 for k in (0, 1))
-            return a[0] + u * cos - v * sin, a[1] + u * sin + v * cos
-
-        fine = [at(k / 400) for k in range(401)]
-        length = sum(math.dist(p, q) for p, q in zip(fine, fine[1:]))
-        poly = xodr.ParamPoly3(0, start[0], c[0], d[0], 0, start[1], c[1], d[1], "normalized", length)
-        self.view.add_fixed_geometry(poly, a[0], a[1], a[2] % (2 * math.pi))
-        self._note(fine[::10], length)
-
-    def _note(self, points: list[tuple[float, float]], length: float) -> None:
-        self.points.extend(points[1:] if self.points else points)
-        self.length_m += length
-
-    def least_radius_m(self, right_m: float) -> float:
-        """Least radius of the line `right_m` to the right."""
-        least = math.inf
-        for p, q, r in zip(self.points, self.points[1:], self.points[2:]):
-            turn = wrapped(math.atan2(r[1] - q[1], r[0] - q[0]) - math.atan2(q[1] - p[1], q[0] - p[0]))
-            if abs(turn) > 1e-6:
-                radius = (math.dist(p, q) + math.dist(q, r)) / 2 / abs(turn)
-                least = min(least, radius + (right_m if turn > 0 else -right_m))
-        return least
-
-
-def turn_plan(a: tuple[float, float, float], b: tuple[float, float, float]) -> Plan:
-    """Straight, arc, straight where the two tangents meet ahead; else one cubic."""
-    plan = Plan()
-    turn = wrapped(b[2] - a[2])
-    if abs(turn) > math.radians(12):
-        # a + u * direction(a) = b - v * direction(b)
-        dx, dy = b[0] - a[0], b[1] - a[1]
-        u = (dx * math.sin(b[2]) - dy * math.cos(b[2])) / math.sin(turn)
-        v = (dy * math.cos(a[2]) - dx * math.sin(a[2])) / math.sin(turn)
-        if u > 1.0 and v > 1.0:
-            tangent = min(u, v)
-            plan.line(*a, u - tangent)
-            x, y = ahead(a[:2], a[2], u - tangent)
-            plan.arc(x, y, a[2], tangent / math.tan(abs(turn) / 2), turn)
-            x, y = ahead(b[:2], b[2], tangent - v)
-            plan.line(x, y, b[2], v - tangent)
-            return plan
-    dx, dy = b[0] - a[0], b[1] - a[1]
-    if abs(turn) < 1e-6 and abs(dy * math.cos(a[2]) - dx * math.sin(a[2])) < 1e-6:
-        plan.line(*a, math.hypot(dx, dy))
-    else:
-        plan.curve(a, b)
-    return plan
 
 
 def road_mark(kind: str) -> xodr.RoadMark:
@@ -273,40 +89,6 @@ def section(centre: str, right: list[xodr.Lane], left: list[xodr.Lane]) -> xodr.
 
 def set_speed(road: xodr.Road, kmh: int) -> None:
     road.add_type(xodr.RoadType.town, speed=kmh, speed_unit="km/h")
-
-
-def lay_out(crossings: dict[int, Crossing], streets: list[Street]) -> None:
-    """Finds the arms of each crossing and how far from its middle the streets end."""
-    for street in streets:
-        a, b = crossings[street.start], crossings[street.end]
-        first = street.via[0] if street.via else (b.x, b.y)
-        last = street.via[-1] if street.via else (a.x, a.y)
-        for crossing, is_start, point, degrees in (
-            (a, True, first, street.start_deg),
-            (b, False, last, street.end_deg),
-        ):
-            heading = math.atan2(point[1] - crossing.y, point[0] - crossing.x)
-            heading = heading if degrees is None else math.radians(degrees)
-            crossing.arms.append(Arm(crossing, street, is_start, heading % (2 * math.pi)))
-    for crossing in crossings.values():
-        crossing.arms.sort(key=lambda arm: arm.heading)
-        for arm in crossing.arms:
-            arm.reach_m = crossing.least_m
-        for arm, following in pairs_around(crossing):
-            angle = (following.heading - arm.heading) % (2 * math.pi)
-            if not math.radians(5) < angle < math.radians(160):
-                continue
-            here, there = arm.kerb_m(True), following.kerb_m(False)
-            fillet = crossing.kerb_radius_m / math.tan(angle / 2)
-            sin, cos = math.sin(angle), math.cos(angle)
-            arm.reach_m = max(arm.reach_m, (here * cos + there) / sin + fillet)
-            following.reach_m = max(following.reach_m, (here + there * cos) / sin + fillet)
-
-
-def pairs_around(crossing: Crossing) -> list[tuple[Arm, Arm]]:
-    """Each arm with the next one counter-clockwise, where a pavement leads round the corner."""
-    arms = crossing.arms
-    return [(arm, arms[(k + 1) % len(arms)]) for k, arm in enumerate(arms)]
 
 
 def draw_street(street: Street, crossings: dict[int, Crossing]) -> None:
@@ -368,42 +150,6 @@ def add_crosswalk(road: xodr.Road, arm: Arm, length_m: float) -> None:
     road.add_object(walk)
 
 
-def movements(arm: Arm) -> list[tuple[tuple, Arm, tuple, float]]:
-    """Which lane may go where: (lane in, arm out, lane out, turn)."""
-    arriving = arm.open(True, "driving")
-    exits: dict[str, list[tuple[Arm, float]]] = {"left": [], "straight": [], "right": []}
-    for other in arm.crossing.arms:
-        if other is not arm and other.open(False, "driving"):
-            turn = wrapped(other.heading - arm.heading - math.pi)
-            side = "straight" if abs(turn) < STRAIGHT_RAD else "left" if turn > 0 else "right"
-            exits[side].append((other, turn))
-    result = []
-    n = len(arriving)
-    keeps_left = arm.crossing.has_turn_lanes and n >= 3 and exits["left"] and exits["straight"]
-    for other, turn in exits["straight"]:
-        leaving = other.open(False, "driving")
-        through = arriving[1:] if keeps_left else arriving
-        # Outermost meets outermost; surplus lanes merge into the innermost.
-        for k, lane in enumerate(reversed(through)):
-            result.append((lane, other, leaving[max(len(leaving) - 1 - k, 0)], turn))
-    for other, turn in exits["left"]:
-        leaving = other.open(False, "driving")
-        n_turning = 1 if exits["straight"] else max(1, n - 1 if exits["right"] else n)
-        for k, lane in enumerate(arriving[: min(n_turning, len(leaving))]):
-            result.append((lane, other, leaving[k], turn))
-    for other, turn in exits["right"]:
-        leaving = other.open(False, "driving")
-        result.append((arriving[-1], other, leaving[-1], turn)) if arriving else None
-    # A lane that is left without a way on turns with its neighbour.
-    for k, lane in enumerate(arriving):
-        if not any(entry[0][0] == lane[0] for entry in result):
-            side = exits["left"] or exits["right"]
-            other, turn = side[0]
-            leaving = other.open(False, "driving")
-            result.append((lane, other, leaving[min(k, len(leaving) - 1)], turn))
-    return result
-
-
 def connect(junction, crossing, road_id, arm, other, plan, lanes, links, kmh, name) -> xodr.Road:
     road = xodr.Road(road_id, plan.view, section("none", lanes, []), road_type=crossing.id, name=name)
     set_speed(road, kmh)
@@ -448,21 +194,6 @@ def draw_crossing(crossing: Crossing) -> tuple[xodr.Junction, list[xodr.Road]]:
             [lane], [(in_id, out_id)], 10, "pavement",
         ))  # fmt: skip
     return junction, roads
-
-
-def phases(crossing: Crossing) -> list[list[Arm]]:
-    """Arms that are green together: those that face each other."""
-    groups: list[list[Arm]] = []
-    for arm in crossing.arms:
-        if not arm.open(True, "driving"):
-            continue
-        for group in groups:
-            if abs(wrapped(group[0].heading - arm.heading - math.pi)) < math.radians(40) and len(group) < 2:
-                group.append(arm)
-                break
-        else:
-            groups.append([arm])
-    return groups
 
 
 def add_light(road: xodr.Road, signal_id: int, length_m: float, ends_here: bool, t: float,

@@ -1,5 +1,5 @@
 # `make weathers`; needs what `make setup-test` makes.
-"""The pictures of docs/weather.md: one frame in all 18 weathers, and its LiDAR points in three of them.
+"""The pictures of docs/weather.md: one frame in all weathers, and its LiDAR points in three of them.
 
 Generates an episode in each weather into FOLDER (kept, so that a second run only draws).
 """
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import io
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -18,8 +19,9 @@ from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 from PIL import Image, ImageDraw, ImageFont
 
-PICTURES = Path(__file__).parents[1] / "docs" / "pictures"
-SKIES = ("Clear", "Cloudy", "Wet", "SoftRain", "HardRain", "Fog")
+ROOT = Path(__file__).parents[1]
+PICTURES = ROOT / "docs" / "pictures"
+SKIES = re.findall(r"^ +(\w+)Noon +\w+Sunset +", (ROOT / "src/sensors/weather.rs").read_text(), re.M)
 DAYTIMES = ("Noon", "Sunset", "Night")
 # The same drive in every weather: the streams of traffic and objects do not know the weather.
 DRIVE = ("--town", "downtown", "--episodes", "1", "--samples", "3", "--seed", "21", "--jobs", "1")

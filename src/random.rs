@@ -1,5 +1,6 @@
 //! Named random streams from one seed: a new consumer shifts nobody.
 
+use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use sha2::{Digest, Sha256};
@@ -21,10 +22,29 @@ pub fn stream(seed: u64, name: &str, index: u64) -> Rng {
     ChaCha8Rng::from_seed(hash.finalize().into())
 }
 
+/// Draws an index by weight; `None` where no weight is above zero.
+pub fn pick_weighted(weights: impl Iterator<Item = f64> + Clone, rng: &mut Rng) -> Option<usize> {
+    let mut left = rng.random::<f64>() * weights.clone().sum::<f64>();
+    weights.into_iter().position(|weight| {
+        left -= weight;
+        left < 0.0
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rand::RngExt;
+
+    #[test]
+    fn an_index_is_drawn_as_often_as_its_weight_says() {
+        let mut rng = stream(1, "weights", 0);
+        let mut counts = [0; 3];
+        for _ in 0..4000 {
+            counts[pick_weighted([1.0, 0.0, 3.0].into_iter(), &mut rng).unwrap()] += 1;
+        }
+        assert!(counts[1] == 0 && (900..1100).contains(&counts[0]), "{counts:?}");
+        assert_eq!(pick_weighted([0.0].into_iter(), &mut rng), None);
+    }
 
     #[test]
     fn streams_repeat_and_differ_by_seed_name_and_index() {

@@ -212,7 +212,7 @@ impl<'a> Recording<'a> {
                 simulator.render_rgb().map(|rgb| (rgb, Vec::new()))
             }
         })?;
-        let geoms = time(&mut timings.segmentation, || simulator.render_segmentation())?.geom;
+        let geoms = time(&mut timings.segmentation, || simulator.render_segmentation())?;
         if let Some(aov) = &self.aov {
             let objects = geoms.iter().map(|&geom| appearance.object(geom));
             time(&mut timings.writing, || aov.write(sample_idx, &depth_m, objects))?;

@@ -1,9 +1,10 @@
 //! Buildings: what they are, and their meshes of whole bays and floors.
 
+use super::looks::FacadeLook;
 use super::mesh::TriangleMesh;
 use super::occupancy::Footprint;
 use super::path::Vec2;
-use super::town_config::{FacadeLook, TownConfig};
+use super::town_config::TownConfig;
 
 /// One tile of a facade texture: a bay's width and a floor's height.
 pub const BAY_M: f64 = 3.0;
@@ -69,9 +70,7 @@ impl Building {
 
     /// The point `along_m` from the middle along the street and `out_m` in front of the front wall.
     pub fn before(&self, along_m: f64, out_m: f64) -> Vec2 {
-        let (sin, cos) = self.footprint.yaw_rad.sin_cos();
-        let y = -self.footprint.width_m / 2.0 - out_m;
-        self.footprint.center + Vec2::new(along_m * cos - y * sin, along_m * sin + y * cos)
+        self.footprint.at(along_m, -self.footprint.width_m / 2.0 - out_m)
     }
 
     /// Balconies on bays of the upper floors that `wants` picks, `depth_m` deep.

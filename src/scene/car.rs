@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 
 use super::builder::quaternion_text;
 use super::ground::Ground;
-use super::path::Vec2;
+use super::path::{Vec2, direction_of};
 
 /// Distance between the axles.
 pub const WHEELBASE_M: f64 = 2.588;
@@ -65,7 +65,7 @@ pub(super) const ACTUATORS: &str = "<actuator>
 
 /// The car with a light over it, its rear axle at a place on the ground.
 pub(super) fn body_xml((position, yaw_rad): (Vec2, f64), ground: &Ground, light: &str) -> String {
-    let center = position + Vec2::new(yaw_rad.cos(), yaw_rad.sin()) * (WHEELBASE_M / 2.0);
+    let center = position + direction_of(yaw_rad) * (WHEELBASE_M / 2.0);
     let (middle_m, turn) = ground.stance(center, yaw_rad, WHEELBASE_M, TRACK_M);
     let z_m = middle_m - (turn * Vector3::x()).z * WHEELBASE_M / 2.0;
     let quaternion = if ground.is_flat() {

@@ -50,7 +50,7 @@ impl Filler<'_> {
         let Some(model) = self.draw_model(Kind::Vehicle, weights, rng) else { return };
         let station_m = 16.0 + 14.0 * rng.random::<f64>();
         let (at, yaw_rad) = (ego_route.path.at(station_m), ego_route.path.heading_rad(station_m));
-        let body = footprint_of(&self.models.models[model], at, yaw_rad);
+        let body = footprint_of(&self.models[model], at, yaw_rad);
         if self.occupied.is_free(&body, 0.3) && self.moving.claim(body, 0.2) {
             let route = ego_route.clone();
             self.put(model, at, 0.0, yaw_rad, Motion::Drives { route, station_m }, rng);
@@ -72,7 +72,7 @@ impl Filler<'_> {
                 let Some(model) = self.draw_model(Kind::Vehicle, &traffic.vehicle_weights, &mut rng) else {
                     return;
                 };
-                let body = footprint_of(&self.models.models[model], at, yaw_rad);
+                let body = footprint_of(&self.models[model], at, yaw_rad);
                 let room = Footprint { length_m: body.length_m + 6.0, ..body };
                 let is_free = (at - ego_center).norm() > 14.0 && self.is_near(at);
                 if is_free && self.occupied.is_free(&room, 0.3) && self.moving.claim(room, 0.2) {
@@ -186,13 +186,6 @@ impl Filler<'_> {
         }
         let (_, to) = best?;
         // The way must be free of what stands.
-        let middle = (from + to) / 2.0;
-        let way = Footprint {
-            center: middle,
-            yaw_rad: (to - from).y.atan2((to - from).x),
-            length_m: (to - from).norm(),
-            width_m: 1.0,
-        };
-        self.occupied.is_free(&way, 0.0).then_some((station_m, to))
+        self.occupied.is_free(&Footprint::between(from, to, 1.0), 0.0).then_some((station_m, to))
     }
 }

@@ -7,7 +7,7 @@ use super::driving::{self, Gap, Obstacle, Owner};
 use super::lane_change::Mover;
 use super::network::LaneGraph;
 use super::occupancy::Footprint;
-use super::path::Vec2;
+use super::path::direction_of;
 use super::route::Route;
 use super::swerve::Swerve;
 use super::town::Town;
@@ -103,7 +103,7 @@ impl Driver {
                 length_m: self.length_m,
                 width_m: self.width_m,
             },
-            velocity_mps: Vec2::new(yaw_rad.cos(), yaw_rad.sin()) * self.speed_mps,
+            velocity_mps: direction_of(yaw_rad) * self.speed_mps,
             is_still: false,
             is_vehicle: true,
         }

@@ -11,7 +11,7 @@ use super::junctions::Answer;
 use super::lane_change::Mover;
 use super::network::LaneGraph;
 use super::occupancy::Footprint;
-use super::path::{Vec2, turn_between};
+use super::path::{Vec2, direction_of, turn_between};
 use super::route::Route;
 use super::surface::Surface;
 use super::swerve::Swerve;
@@ -48,7 +48,7 @@ pub struct EgoPose {
 
 impl EgoPose {
     pub fn direction(&self) -> Vec2 {
-        Vec2::new(self.yaw_rad.cos(), self.yaw_rad.sin())
+        direction_of(self.yaw_rad)
     }
 
     pub fn obstacle(&self) -> Obstacle {
@@ -298,7 +298,7 @@ impl EgoDriver {
         let n = (reach_m / 0.5).ceil() as usize;
         let (mut position, mut yaw_rad) = (pose.position, pose.yaw_rad);
         (0..n).any(|_| {
-            position += Vec2::new(yaw_rad.cos(), yaw_rad.sin()) * 0.5;
+            position += direction_of(yaw_rad) * 0.5;
             yaw_rad += curvature * 0.5;
             let ahead = EgoPose { position, yaw_rad, ..*pose }.obstacle().footprint.grown(0.08);
             others.iter().any(|other| {

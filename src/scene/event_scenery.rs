@@ -5,7 +5,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 use super::builder::{Builder, quaternion_text};
 use super::ground::PAVEMENT_M;
 use super::loose::Perch;
-use super::path::Vec2;
+use super::path::{Vec2, turned};
 use super::surface::StripKind;
 use super::world::World;
 
@@ -57,9 +57,8 @@ impl World {
         }
         for perch in self.perches() {
             let Perch { foot, out_rad, .. } = *perch;
-            let (sin, cos) = out_rad.sin_cos();
             for ([x, y, z_m], half) in perch.boxes() {
-                let center = foot + Vec2::new(x * cos - y * sin, x * sin + y * cos);
+                let center = foot + turned(x, y, out_rad);
                 add_box(
                     builder,
                     (center, z_m),

@@ -9,9 +9,9 @@ use rand::RngExt;
 use super::buildings::{Balcony, Building, RAILING_M};
 use super::ground::PAVEMENT_M;
 use super::loose::{Loose, Perch, any_direction, lying, rolling_radius_m, standing, throw};
-use super::models::{Model, SOLID_M};
+use super::models::{self, Model, SOLID_M};
 use super::occupancy::Footprint;
-use super::path::Vec2;
+use super::path::{Vec2, direction_of};
 use super::populate::Filler;
 use super::route::Route;
 use super::world::{Motion, footprint_of};
@@ -70,7 +70,7 @@ impl Filler<'_> {
             let over_m = pose.translation.z - self.town.surface.ground_m(position);
             let (_, _, yaw_rad) = pose.rotation.euler_angles();
             if over_m < SOLID_M {
-                self.occupied.claim(footprint_of(&self.models.models[model], position, yaw_rad), 0.0);
+                self.occupied.claim(footprint_of(&self.models[model], position, yaw_rad), 0.0);
             }
             self.perches.extend(perch);
             self.put(model, position, over_m, yaw_rad, Motion::Loose(Box::new(loose)), &mut rng);
@@ -79,8 +79,8 @@ impl Filler<'_> {
     }
 
     fn draw_loose_model(&self, fits: impl Fn(&Model) -> bool, rng: &mut Rng) -> Option<usize> {
-        let mut models = self.models.indices(Kind::Static, Distribution::Ood);
-        models.retain(|&i| fits(&self.models.models[i]));
+        let mut models = models::indices_of(self.models, Kind::Static, Distribution::Ood);
+        models.retain(|&i| fits(&self.models[i]));
         (!models.is_empty()).then(|| models[rng.random_range(0..models.len())])
     }
 
@@ -161,11 +161,11 @@ impl Filler<'_> {
         lead_m: f64,
         rng: &mut Rng,
     ) -> Option<Plan> {
-        let shape = &self.models.models[model];
+        let shape = &self.models[model];
         let radius_m = shape.length_m().hypot(shape.width_m()) / 2.0;
         let along = route.path.direction(station_m);
         let covers = self.placements.iter().filter(|placement| {
-            let model = &self.models.models[placement.model];
+            let model = &self.models[placement.model];
             let is_large = model.facts.kind == Kind::Vehicle
                 || (model.height_m() > 1.1 && model.length_m() > 0.9 && model.width_m() > 0.9);
             let off = placement.position - aim;
@@ -177,18 +177,13 @@ impl Filler<'_> {
         });
         let starts: Vec<Vec2> = covers
             .map(|cover| {
-                let body = footprint_of(&self.models.models[cover.model], cover.position, cover.yaw_rad);
+                let body = footprint_of(&self.models[cover.model], cover.position, cover.yaw_rad);
                 let turn = cover.yaw_rad - along.y.atan2(along.x);
                 let half_m = f64::midpoint(body.length_m * turn.cos().abs(), body.width_m * turn.sin().abs());
                 body.center + along * (half_m + radius_m + 0.3)
             })
             .filter(|&start| {
-                let here = Footprint {
-                    center: start,
-                    yaw_rad: 0.0,
-                    length_m: 2.0 * radius_m,
-                    width_m: 2.0 * radius_m,
-                };
+                let here = Footprint::square(start, 2.0 * radius_m);
                 self.occupied.is_free(&here, 0.05) && self.is_open(&here)
             })
             .collect();
@@ -219,7 +214,7 @@ impl Filler<'_> {
     /// From one side of the road towards the other: round things roll, light ones tumble.
     fn plan_roll(&self, route: &Route, station_m: f64, rng: &mut Rng) -> Option<Plan> {
         let model = self.draw_loose_model(|m| m.facts.rolls.is_some() || m.mass_kg <= LIGHT_KG, rng)?;
-        let shape = &self.models.models[model];
+        let shape = &self.models[model];
         let along = route.path.direction(station_m);
         let half_lane_m = self.town.graph.lanes[route.span_at(station_m).lane].width_m / 2.0;
         let (pose, start) = (0..8).find_map(|_| {
@@ -230,8 +225,7 @@ impl Filler<'_> {
             let start = route.path.beside(station_m + 2.0 * rng.random::<f64>(), left_m);
             let pose = lying(shape, start, self.level_m(start) + AIR_M, along.y.atan2(along.x));
             let radius_m = shape.length_m().max(shape.height_m()).max(shape.width_m()) / 2.0;
-            let here =
-                Footprint { center: start, yaw_rad: 0.0, length_m: 2.0 * radius_m, width_m: 2.0 * radius_m };
+            let here = Footprint::square(start, 2.0 * radius_m);
             let is_free = self.occupied.is_free(&here, 0.1) && self.is_open(&here);
             (is_free && self.is_way_free(start, route.path.at(station_m))).then_some((pose, start))
         })?;
@@ -257,16 +251,12 @@ impl Filler<'_> {
     fn ledge_near(&self, point: Vec2, aim: Vec2, rng: &mut Rng) -> Option<Ledge> {
         let before = |building: &Building| {
             let body = building.footprint;
-            let (sin, cos) = body.yaw_rad.sin_cos();
-            let offset = point - body.center;
+            let (along_m, left_m) = body.place_of(point);
             // The front is on the side of -y.
-            let along_m = offset.x * cos + offset.y * sin;
-            let out_m = -(offset.y * cos - offset.x * sin) - body.width_m / 2.0;
+            let out_m = -left_m - body.width_m / 2.0;
             let room_m = body.length_m / 2.0 - Perch::WIDTH_M / 2.0;
             ((2.2..14.0).contains(&out_m) && along_m.abs() < room_m + 3.0).then(|| {
-                let along_m = along_m.clamp(-room_m, room_m);
-                let y = -body.width_m / 2.0;
-                let foot = body.center + Vec2::new(along_m * cos - y * sin, along_m * sin + y * cos);
+                let foot = body.at(along_m.clamp(-room_m, room_m), -body.width_m / 2.0);
                 (out_m, foot, body.yaw_rad - std::f64::consts::FRAC_PI_2)
             })
         };
@@ -292,7 +282,7 @@ impl Filler<'_> {
                 let distance = |balcony: &Balcony| (balcony.center - foot).norm();
                 distance(a).total_cmp(&distance(b))
             })?;
-            let out = Vec2::new(nearest.yaw_rad.cos(), nearest.yaw_rad.sin());
+            let out = direction_of(nearest.yaw_rad);
             let at = nearest.center + out * (nearest.depth_m / 2.0);
             Ledge { at, z_m: base_m + nearest.z_m + RAILING_M, out_rad: nearest.yaw_rad, perch: None }
         };
@@ -300,25 +290,20 @@ impl Filler<'_> {
             !matches!(other.motion, Motion::Loose(_))
                 || (other.position - ledge.at).norm() > Perch::WIDTH_M + 0.3
         });
-        let out = Vec2::new(ledge.out_rad.cos(), ledge.out_rad.sin());
+        let out = direction_of(ledge.out_rad);
         (is_apart && (aim - ledge.at).dot(&out) > 0.5).then_some(ledge)
     }
 
     /// Whether nothing tall stands within a metre of a straight way over the ground.
     fn is_way_free(&self, from: Vec2, to: Vec2) -> bool {
-        let middle = (from + to) / 2.0;
         let way = to - from;
-        let strip = Footprint {
-            center: middle,
-            yaw_rad: way.y.atan2(way.x),
-            length_m: way.norm() + 0.4,
-            width_m: 1.2,
-        };
+        let strip = Footprint::between(from, to, 1.2);
+        let strip = Footprint { length_m: strip.length_m + 0.4, ..strip };
         let is_outdoors = (1..8).all(|i| self.is_outdoors(from + way * (f64::from(i) / 8.0)));
         is_outdoors
             && self.placements.iter().filter(|placement| matches!(placement.motion, Motion::Still)).all(
                 |placement| {
-                    let model = &self.models.models[placement.model];
+                    let model = &self.models[placement.model];
                     let crown_m = model.length_m().max(model.width_m());
                     let body = if model.height_m() > SOLID_M {
                         Footprint {

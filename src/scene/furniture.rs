@@ -41,8 +41,7 @@ impl Filler<'_> {
                 let model = self.draw_model(Kind::Vehicle, weights, &mut rng);
                 let is_taken = rng.random::<f64>() < share;
                 if let (true, Some(model), true) = (is_taken, model, self.is_near(at)) {
-                    let (length_m, width_m) =
-                        (self.models.models[model].length_m(), self.models.models[model].width_m());
+                    let (length_m, width_m) = (self.models[model].length_m(), self.models[model].width_m());
                     let ends = [-0.5, 0.5].map(|share| strip.width_at_m(station_m + share * length_m));
                     let is_small = length_m < traffic.parking_place_m + 0.3
                         && ends.iter().all(|&wide_m| wide_m > (width_m - 0.3).min(1.7));
@@ -59,8 +58,8 @@ impl Filler<'_> {
             let is_taken = rng.random::<f64>() < traffic.stand_share;
             let yaw_rad = yaw_rad + 0.05 * (rng.random::<f64>() - 0.5);
             if let (true, Some(model), true) = (is_taken, model, self.is_near(center)) {
-                let model_fits = self.models.models[model].length_m() < length_m + 0.2
-                    && self.models.models[model].width_m() < width_m + 0.2;
+                let model_fits = self.models[model].length_m() < length_m + 0.2
+                    && self.models[model].width_m() < width_m + 0.2;
                 if model_fits && self.claim(model, center, yaw_rad, 0.1) {
                     self.put(model, center, GRASS_M + 0.03, yaw_rad, Motion::Still, &mut rng);
                 }
@@ -89,7 +88,7 @@ impl Filler<'_> {
     /// Props that belong to a place: the same in every episode, but for those that are left out.
     pub(super) fn place_furnishings(&mut self) {
         let mut rng = random::stream(self.seed, "furnishings", 0);
-        let index_of = |name: &str| self.models.models.iter().position(|model| model.name == name);
+        let index_of = |name: &str| self.models.iter().position(|model| model.name == name);
         for furnishing in &self.town.furnishings {
             let is_wanted = rng.random::<f64>() < self.config.prop_density;
             let at = furnishing.position;
@@ -108,8 +107,7 @@ impl Filler<'_> {
     pub(super) fn place_lights(&mut self) -> Vec<(usize, usize)> {
         let mut rng = random::stream(self.seed, "lights", 0);
         let town = self.town;
-        let Some(model) = self.models.models.iter().position(|model| model.facts.category == TRAFFIC_LIGHT)
-        else {
+        let Some(model) = self.models.iter().position(|model| model.facts.category == TRAFFIC_LIGHT) else {
             return Vec::new();
         };
         let mut posts = Vec::new();
@@ -147,7 +145,7 @@ impl Filler<'_> {
                     return;
                 };
                 // Crowns keep off the street as far as the pavement is wide; a lamp's arm reaches over it.
-                let (reach_m, middle_m) = reach_to_street(&self.models.models[model]);
+                let (reach_m, middle_m) = reach_to_street(&self.models[model]);
                 let widest_m = (strip.width_m - 0.7).max(config.prop_kerb_distance_m);
                 let from_kerb_m = (reach_m + 0.15).max(config.prop_kerb_distance_m + middle_m).min(widest_m);
                 let at = strip.center.beside(station_m, side * (strip.width_m / 2.0 - from_kerb_m));
@@ -165,7 +163,7 @@ impl Filler<'_> {
     ///
     /// `street_side` is 1 where the street is to the left of the heading, else -1.
     fn facing_rad(&self, model: usize, heading_rad: f64, street_side: f64) -> f64 {
-        if self.models.models[model].facts.faces == Faces::Street {
+        if self.models[model].facts.faces == Faces::Street {
             return heading_rad + street_side * std::f64::consts::FRAC_PI_2;
         }
         // Who drives along the heading has this place on the side away from the street.
@@ -184,7 +182,7 @@ impl Filler<'_> {
                     let Some(model) = self.draw_model(Kind::Static, &config.prop_weights, rng) else {
                         return;
                     };
-                    let (reach_m, middle_m) = reach_to_street(&self.models.models[model]);
+                    let (reach_m, middle_m) = reach_to_street(&self.models[model]);
                     let from_edge_m = reach_m.max(middle_m) + 0.4 + 0.8 * rng.random::<f64>();
                     let at = strip.center.beside(station_m, side * (strip.width_m / 2.0 + from_edge_m));
                     let yaw_rad = self.facing_rad(model, strip.center.heading_rad(station_m), -side);

@@ -6,7 +6,7 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use rand::RngExt;
 
 use super::models::{Axis, Model};
-use super::path::Vec2;
+use super::path::{Vec2, direction_of};
 use crate::object::Event;
 use crate::random::Rng;
 
@@ -46,7 +46,7 @@ impl Perch {
     pub const PARAPET_WIDTH_M: f64 = 0.22;
 
     pub fn out(&self) -> Vec2 {
-        Vec2::new(self.out_rad.cos(), self.out_rad.sin())
+        direction_of(self.out_rad)
     }
 
     /// The middle of the parapet's top.

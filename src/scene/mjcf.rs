@@ -134,7 +134,7 @@ impl World {
 
     /// What is wider than high lies on the slope, all else stands upright.
     fn turn_of(&self, placement: &Placement) -> String {
-        let model = &self.models.models[placement.model];
+        let model = &self.models[placement.model];
         let ground = &self.town.surface.ground;
         let is_low = model.height_m() < model.length_m().max(model.width_m());
         if ground.is_flat() || !is_low || model.facts.kind == Kind::Pedestrian {
@@ -147,7 +147,7 @@ impl World {
 
     fn add_objects(&self, builder: &mut Builder) {
         let used: BTreeSet<usize> = self.placements.iter().map(|placement| placement.model).collect();
-        for model in used.into_iter().map(|i| &self.models.models[i]) {
+        for model in used.into_iter().map(|i| &self.models[i]) {
             builder.asset.push_str(&model.assets_xml);
             builder.files.extend(model.files.iter().map(|(name, bytes)| (name.clone(), bytes.to_vec())));
         }
@@ -159,7 +159,7 @@ impl World {
             add_lamp_materials(builder);
         }
         for placement in ordered {
-            let model = &self.models.models[placement.model];
+            let model = &self.models[placement.model];
             let mut geoms = model.geoms_xml.clone();
             if let Some(&light) = light_of.get(placement.id.as_str()) {
                 geoms.push_str(&lamps(light, model.bounds[1].x));

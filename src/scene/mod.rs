@@ -17,6 +17,7 @@ mod ground;
 mod junctions;
 mod lane_change;
 mod lights;
+mod looks;
 mod loose;
 mod mesh;
 mod mjcf;

@@ -117,33 +117,24 @@ pub fn names() -> Vec<String> {
     shipped::folders_with(FOLDER, MODEL_FILE).into_iter().map(str::to_owned).collect()
 }
 
-/// All models of the binary, sorted by name.
-#[derive(Debug, Clone)]
-pub struct ModelLibrary {
-    pub models: Vec<Model>,
+/// Reads every model folder of the binary, sorted by name.
+///
+/// # Errors
+/// [`SceneError::Model`] names the file and what is wrong in it.
+pub fn load() -> Result<Vec<Model>, SceneError> {
+    let read = |name: &str| {
+        let path = inside(name, MODEL_FILE);
+        let xml = shipped::text(&path).ok_or("it is not UTF-8 text".to_owned());
+        xml.and_then(|xml| read(name, xml))
+            .map_err(|message| SceneError::Model { message, path: PathBuf::from(path) })
+    };
+    shipped::folders_with(FOLDER, MODEL_FILE).into_iter().map(read).collect()
 }
 
-impl ModelLibrary {
-    /// Reads every model folder.
-    ///
-    /// # Errors
-    /// [`SceneError::Model`] names the file and what is wrong in it.
-    pub fn load() -> Result<Self, SceneError> {
-        let read = |name: &str| {
-            let path = inside(name, MODEL_FILE);
-            let xml = shipped::text(&path).ok_or("it is not UTF-8 text".to_owned());
-            xml.and_then(|xml| read(name, xml))
-                .map_err(|message| SceneError::Model { message, path: PathBuf::from(path) })
-        };
-        let models = shipped::folders_with(FOLDER, MODEL_FILE).into_iter().map(read);
-        Ok(Self { models: models.collect::<Result<_, _>>()? })
-    }
-
-    /// Indices of the models of a kind and distribution.
-    pub fn indices(&self, kind: Kind, distribution: Distribution) -> Vec<usize> {
-        let fits = |model: &Model| model.facts.kind == kind && model.facts.distribution == distribution;
-        (0..self.models.len()).filter(|&i| fits(&self.models[i])).collect()
-    }
+/// Indices of the models of a kind and distribution.
+pub fn indices_of(models: &[Model], kind: Kind, distribution: Distribution) -> Vec<usize> {
+    let fits = |model: &Model| model.facts.kind == kind && model.facts.distribution == distribution;
+    (0..models.len()).filter(|&i| fits(&models[i])).collect()
 }
 
 fn read(name: &str, xml: &str) -> Result<Model, String> {
@@ -329,8 +320,8 @@ mod tests {
 
     #[test]
     fn every_shipped_model_stands_on_the_ground_and_is_centred() {
-        let library = ModelLibrary::load().unwrap();
-        for model in &library.models {
+        let library = load().unwrap();
+        for model in &library {
             let [low, high] = model.bounds;
             assert!(model.mass_kg > 0.5, "{} weighs {}", model.name, model.mass_kg);
             assert!(low.z.abs() < 0.06, "{} starts at {}", model.name, low.z);
@@ -341,8 +332,8 @@ mod tests {
 
     #[test]
     fn a_lamp_reaches_over_the_road_and_a_crown_does_not() {
-        let library = ModelLibrary::load().unwrap();
-        let model = |name: &str| library.models.iter().find(|model| model.name == name).unwrap();
+        let library = load().unwrap();
+        let model = |name: &str| library.iter().find(|model| model.name == name).unwrap();
         assert!(model("street_lamp").overhang_m < model("street_lamp").bounds[1].x - 0.3);
         assert!(model("tree").overhang_m > model("tree").bounds[1].x - 0.1);
         assert_eq!(model("traffic_sign").facts.faces, Faces::Traffic);
@@ -385,9 +376,9 @@ mod tests {
 
     #[test]
     fn asset_names_are_unique_over_all_models() {
-        let library = ModelLibrary::load().unwrap();
+        let library = load().unwrap();
         let mut names = std::collections::BTreeSet::new();
-        for model in &library.models {
+        for model in &library {
             assert!(model.files.iter().all(|(name, _)| names.insert(name.clone())), "{}", model.name);
         }
     }

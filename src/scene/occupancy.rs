@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::path::Vec2;
+use super::path::{Vec2, turned};
 use crate::geometry::{Point2, convex_overlap_area};
 
 const CELL_M: f64 = 8.0;
@@ -17,6 +17,22 @@ pub struct Footprint {
 }
 
 impl Footprint {
+    /// An upright square.
+    pub fn square(center: Vec2, side_m: f64) -> Self {
+        Self { center, yaw_rad: 0.0, length_m: side_m, width_m: side_m }
+    }
+
+    /// A strip from one point to another.
+    pub fn between(from: Vec2, to: Vec2, width_m: f64) -> Self {
+        let way = to - from;
+        Self { center: (from + to) / 2.0, yaw_rad: way.y.atan2(way.x), length_m: way.norm(), width_m }
+    }
+
+    /// The point `x` along from the centre and `y` to the left.
+    pub fn at(&self, x: f64, y: f64) -> Vec2 {
+        self.center + turned(x, y, self.yaw_rad)
+    }
+
     /// Half of the diagonal.
     pub fn radius_m(&self) -> f64 {
         self.length_m.hypot(self.width_m) / 2.0
@@ -35,12 +51,17 @@ impl Footprint {
         })
     }
 
-    /// Whether a point lies inside.
-    pub fn contains(&self, point: Vec2) -> bool {
+    /// How far along and to the left of the centre a point lies.
+    pub fn place_of(&self, point: Vec2) -> (f64, f64) {
         let (sin, cos) = self.yaw_rad.sin_cos();
         let offset = point - self.center;
-        (offset.x * cos + offset.y * sin).abs() <= self.length_m / 2.0
-            && (offset.y * cos - offset.x * sin).abs() <= self.width_m / 2.0
+        (offset.x * cos + offset.y * sin, offset.y * cos - offset.x * sin)
+    }
+
+    /// Whether a point lies inside.
+    pub fn contains(&self, point: Vec2) -> bool {
+        let (x, y) = self.place_of(point);
+        x.abs() <= self.length_m / 2.0 && y.abs() <= self.width_m / 2.0
     }
 
     /// Whether two rectangles share more than a square centimetre.

@@ -119,6 +119,17 @@ impl Path {
     }
 }
 
+/// Unit vector along a heading.
+pub fn direction_of(yaw_rad: f64) -> Vec2 {
+    Vec2::new(yaw_rad.cos(), yaw_rad.sin())
+}
+
+/// A vector `x` along a heading and `y` to its left.
+pub fn turned(x: f64, y: f64, yaw_rad: f64) -> Vec2 {
+    let (sin, cos) = yaw_rad.sin_cos();
+    Vec2::new(x * cos - y * sin, x * sin + y * cos)
+}
+
 /// The shorter way from one heading to another, in (-pi, pi].
 pub fn turn_between(from_rad: f64, to_rad: f64) -> f64 {
     let turn = (to_rad - from_rad).rem_euclid(std::f64::consts::TAU);

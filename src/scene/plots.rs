@@ -3,10 +3,11 @@
 use rand::RngExt;
 
 use super::buildings::{BAY_M, Building, Roof, n_floors_of};
+use super::looks::{BoundaryLook, BuildingStyle, RoofStyle};
 use super::occupancy::{Footprint, Occupied, StripGrid};
-use super::path::{Path, Vec2};
+use super::path::{Path, Vec2, direction_of};
 use super::surface::{StripKind, Surface};
-use super::town_config::{BoundaryLook, BuildingStyle, RoofStyle, SquareConfig, TownConfig};
+use super::town_config::{SquareConfig, TownConfig};
 use crate::random::{self, Rng};
 
 /// A front garden needs this much room.
@@ -138,12 +139,8 @@ impl Grower<'_> {
     }
 
     fn draw_weighted(&mut self, weights: &std::collections::BTreeMap<String, f64>) -> Option<String> {
-        let mut left = self.rng.random::<f64>() * weights.values().sum::<f64>();
-        let mut fits = |weight: f64| {
-            left -= weight;
-            left < 0.0
-        };
-        weights.iter().find(|(_, weight)| fits(**weight)).map(|(name, _)| name.clone())
+        let at = random::pick_weighted(weights.values().copied(), &mut self.rng)?;
+        weights.keys().nth(at).cloned()
     }
 
     fn is_off_the_pavement(&self, footprint: &Footprint, gap_m: f64) -> bool {
@@ -312,7 +309,7 @@ impl Grower<'_> {
         };
         let line: Vec<Vec2> = (0..=n).map(at).collect();
         let is_clear = |point: &Vec2| {
-            let spot = Footprint { center: *point, yaw_rad: 0.0, length_m: 0.3, width_m: 0.3 };
+            let spot = Footprint::square(*point, 0.3);
             self.surface.paved_grid.clearance_m(*point) > 0.15 && self.occupied.is_free(&spot, 0.0)
         };
         if length_m > 0.8
@@ -345,7 +342,7 @@ impl Grower<'_> {
         for _ in 0..square.n_props {
             let radius_m = square.radius_m * self.rng.random::<f64>().sqrt();
             let angle_rad = std::f64::consts::TAU * self.rng.random::<f64>();
-            let position = Vec2::new(x, y) + Vec2::new(angle_rad.cos(), angle_rad.sin()) * radius_m;
+            let position = Vec2::new(x, y) + direction_of(angle_rad) * radius_m;
             let yaw_rad = angle_rad + std::f64::consts::FRAC_PI_2;
             let Some(model) = self.draw_weighted(&square.prop_weights) else { return };
             let spot = Footprint { center: position, yaw_rad, length_m: 3.0, width_m: 3.0 };
@@ -366,14 +363,13 @@ fn stand_before(front: &Frontage, along_m: f64, wall_m: f64, turn: f64) -> Footp
 }
 
 fn is_off(footprint: &Footprint, paved: &StripGrid, gap_m: f64) -> bool {
-    let (sin, cos) = footprint.yaw_rad.sin_cos();
     let n_along = (footprint.length_m / 1.5).ceil() as usize;
     let n_across = (footprint.width_m / 1.5).ceil() as usize;
     (0..=n_along).all(|i| {
         (0..=n_across).all(|j| {
             let x = footprint.length_m * (i as f64 / n_along as f64 - 0.5);
             let y = footprint.width_m * (j as f64 / n_across as f64 - 0.5);
-            paved.clearance_m(footprint.center + Vec2::new(x * cos - y * sin, x * sin + y * cos)) > gap_m
+            paved.clearance_m(footprint.at(x, y)) > gap_m
         })
     })
 }

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::error::SceneError;
 use super::ground::PAVEMENT_M;
 use super::loose::Perch;
-use super::models::ModelLibrary;
+use super::models::{self, Model};
 use super::network::LaneGraph;
 use super::occupancy::{Footprint, Occupied};
 use super::path::Vec2;
@@ -70,7 +70,7 @@ impl Default for PopulateConfig {
 /// # Errors
 /// [`SceneError`]: broken models, or no lane where the ego could start.
 pub fn populate(town: &Arc<Town>, config: &PopulateConfig, seed: u64) -> Result<World, SceneError> {
-    let models = Arc::new(ModelLibrary::load()?);
+    let models = Arc::<[Model]>::from(models::load()?);
     let mut rng = random::stream(seed, "ego-route", 0);
     let starts = starts(&town.graph);
     // The ego sets out where the way is long.
@@ -115,7 +115,7 @@ pub fn populate(town: &Arc<Town>, config: &PopulateConfig, seed: u64) -> Result<
     for (n, placement) in placements.iter_mut().filter(is_mocap).enumerate() {
         placement.mocap = Some(n);
     }
-    let object = |p: &Placement| SceneObject::new(p, &models.models[p.model], &town.surface);
+    let object = |p: &Placement| SceneObject::new(p, &models[p.model], &town.surface);
     let objects = placements.iter().map(object).collect();
     Ok(World {
         town: Arc::clone(town),
@@ -162,7 +162,7 @@ pub(super) const TRAFFIC_LIGHT: &str = "traffic_light";
 pub(super) struct Filler<'a> {
     pub(super) town: &'a Town,
     pub(super) config: &'a PopulateConfig,
-    pub(super) models: &'a ModelLibrary,
+    pub(super) models: &'a [Model],
     /// Points along the ego's route.
     pub(super) near: Vec<Vec2>,
     pub(super) occupied: Occupied,
@@ -185,25 +185,14 @@ impl Filler<'_> {
         weights: &std::collections::BTreeMap<String, f64>,
         rng: &mut Rng,
     ) -> Option<usize> {
-        let choices: Vec<(usize, f64)> = self
-            .models
-            .indices(kind, Distribution::Id)
-            .into_iter()
-            .filter(|&i| !matches!(self.models.models[i].facts.category.as_str(), "ego" | TRAFFIC_LIGHT))
-            .map(|i| {
-                let model = &self.models.models[i];
-                let weight = weights.get(&model.name).copied();
-                (i, weight.unwrap_or(if weights.is_empty() { model.facts.weight } else { 0.0 }).max(0.0))
-            })
-            .collect();
-        let mut left = rng.random::<f64>() * choices.iter().map(|(_, weight)| weight).sum::<f64>();
-        choices
-            .iter()
-            .find(|(_, weight)| {
-                left -= weight;
-                left < 0.0
-            })
-            .map(|(i, _)| *i)
+        let weight_of = |&i: &usize| {
+            let model = &self.models[i];
+            let weight = weights.get(&model.name).copied();
+            weight.unwrap_or(if weights.is_empty() { model.facts.weight } else { 0.0 }).max(0.0)
+        };
+        let mut choices = models::indices_of(self.models, kind, Distribution::Id);
+        choices.retain(|&i| !matches!(self.models[i].facts.category.as_str(), "ego" | TRAFFIC_LIGHT));
+        random::pick_weighted(choices.iter().map(weight_of), rng).map(|at| choices[at])
     }
 
     /// Puts a model `over_m` above the ground.
@@ -217,11 +206,11 @@ impl Filler<'_> {
         rng: &mut Rng,
     ) {
         let z_m = self.town.surface.ground_m(position) + over_m;
-        let category = &self.models.models[model].facts.category;
+        let category = &self.models[model].facts.category;
         let id = format!("{category}-{:03}", self.placements.len());
         // A hay bale is yellow and a tree green; only cars and clothes come in any colour.
-        let is_recoloured = self.models.models[model].facts.kind != Kind::Static;
-        let paint = self.models.models[model].facts.paint.as_ref().filter(|_| is_recoloured).map(|_| {
+        let is_recoloured = self.models[model].facts.kind != Kind::Static;
+        let paint = self.models[model].facts.paint.as_ref().filter(|_| is_recoloured).map(|_| {
             PAINTS[rng.random_range(0..PAINTS.len())]
                 .map(|c| (c * (0.85 + 0.3 * rng.random::<f64>())).min(1.0))
         });
@@ -229,13 +218,13 @@ impl Filler<'_> {
     }
 
     pub(super) fn claim(&mut self, model: usize, position: Vec2, yaw_rad: f64, gap_m: f64) -> bool {
-        self.occupied.claim(footprint_of(&self.models.models[model], position, yaw_rad), gap_m)
+        self.occupied.claim(footprint_of(&self.models[model], position, yaw_rad), gap_m)
     }
 
     /// A thing in the lane where no event could be.
     fn lay_in_lane(&mut self, route: &Route, station_m: f64) {
         let mut rng = random::stream(self.seed, "no-event", station_m.to_bits());
-        let models = self.models.indices(Kind::Static, Distribution::Ood);
+        let models = models::indices_of(self.models, Kind::Static, Distribution::Ood);
         let model = models[rng.random_range(0..models.len())];
         let half_lane_m = self.town.graph.lanes[route.span_at(station_m).lane].width_m / 2.0;
         let left_m = -half_lane_m + rng.random::<f64>() * (half_lane_m - 0.3);
@@ -252,7 +241,7 @@ impl Filler<'_> {
         let mut rng = random::stream(self.seed, "ood", 0);
         let mut event_rng = random::stream(self.seed, "event-stations", 0);
         let mut event_stations_m = Vec::new();
-        let models = self.models.indices(Kind::Static, Distribution::Ood);
+        let models = models::indices_of(self.models, Kind::Static, Distribution::Ood);
         if models.is_empty() {
             return event_stations_m;
         }
@@ -261,7 +250,7 @@ impl Filler<'_> {
         while station_m < route.path.length_m() {
             station_m += low + (high - low) * rng.random::<f64>();
             let model = models[rng.random_range(0..models.len())];
-            let half_m = self.models.models[model].width_m() / 2.0;
+            let half_m = self.models[model].width_m() / 2.0;
             let yaw_rad = std::f64::consts::TAU * rng.random::<f64>();
             let is_in_lane = rng.random::<f64>() < self.config.ood_in_lane_share;
             let (draw, side) = (rng.random::<f64>(), if rng.random_bool(0.65) { -1.0 } else { 1.0 });
@@ -309,7 +298,7 @@ mod tests {
         let world = populate(&Arc::new(town), &config, 2).unwrap();
         let (mut n_shelters, mut n_signs) = (0, 0);
         for placement in &world.placements {
-            let model = &world.models.models[placement.model];
+            let model = &world.models[placement.model];
             let facing = Vec2::new(placement.yaw_rad.cos(), placement.yaw_rad.sin());
             let lanes = world.town.graph.lanes.iter();
             let lane = lanes

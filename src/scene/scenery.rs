@@ -3,11 +3,11 @@
 use super::builder::Builder;
 use super::buildings;
 use super::ground::GRASS_M;
+use super::looks::{BoundaryLook, GroundLook, MedianLook};
 use super::mesh::TriangleMesh;
 use super::path::{Path, Vec2};
 use super::surface::{Strip, StripKind, Surface};
 use super::textures::{self, Facade, Floor};
-use super::town_config::{BoundaryLook, GroundLook, MedianLook};
 use super::world::World;
 
 /// Points of a boundary are at most this far apart.
@@ -69,10 +69,9 @@ impl World {
         let mut mesh = TriangleMesh::default();
         for stand in self.town.stands.iter().filter(|stand| is_in_sight(stand.footprint.center)) {
             let footprint = &stand.footprint;
-            let (sin, cos) = footprint.yaw_rad.sin_cos();
             let (half_m, side_m) = (footprint.length_m / 2.0 + 0.5, footprint.width_m / 2.0 + 0.35);
             let at = |x: f64, y: f64| {
-                let at = footprint.center + Vec2::new(x * cos - y * sin, x * sin + y * cos);
+                let at = footprint.at(x, y);
                 ([at.x, at.y, height_m(at) + PAD_M], [at.x / 4.0, at.y / 4.0])
             };
             let n = (footprint.length_m / STEP_M).ceil() as usize;

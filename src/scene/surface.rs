@@ -287,17 +287,14 @@ fn marks_of(network: &xodr::RoadNetwork, ground: &Ground) -> Vec<[Vec2; 4]> {
 
 /// The stripes of a crosswalk, along the road.
 fn zebra(walk: &Footprint) -> Vec<[Vec2; 4]> {
-    let (sin, cos) = walk.yaw_rad.sin_cos();
-    let at = |along: f64, across: f64| {
-        walk.center + Vec2::new(along * cos - across * sin, along * sin + across * cos)
-    };
     let n = ((walk.width_m / (2.0 * STRIPE_M)).floor() as usize).max(1);
     let half_m = walk.length_m / 2.0;
     (0..n)
         .map(|i| {
             let left_m = (i as f64 - (n as f64 - 1.0) / 2.0) * 2.0 * STRIPE_M;
             let (low_m, high_m) = (left_m - STRIPE_M / 2.0, left_m + STRIPE_M / 2.0);
-            [at(-half_m, low_m), at(half_m, low_m), at(half_m, high_m), at(-half_m, high_m)]
+            [(-half_m, low_m), (half_m, low_m), (half_m, high_m), (-half_m, high_m)]
+                .map(|(x, y)| walk.at(x, y))
         })
         .collect()
 }

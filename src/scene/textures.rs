@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use image::{ImageFormat, Rgb, RgbImage};
 use rand::RngExt;
 
-use super::town_config::{FacadeLook, GroundLook};
+use super::looks::{FacadeLook, GroundLook};
 use crate::random;
 
 /// Edge length of every texture in pixels.

@@ -5,9 +5,9 @@ use std::sync::Arc;
 use nalgebra::Point3;
 
 use super::loose::{Loose, Perch};
-use super::models::{Bounds, Model, ModelLibrary};
+use super::models::{Bounds, Model};
 use super::occupancy::Footprint;
-use super::path::{Path, Vec2};
+use super::path::{Path, Vec2, turned};
 use super::route::Route;
 use super::surface::Surface;
 use super::town::Town;
@@ -79,7 +79,7 @@ pub struct SceneObject {
 #[derive(Debug, Clone)]
 pub struct World {
     pub town: Arc<Town>,
-    pub models: Arc<ModelLibrary>,
+    pub models: Arc<[Model]>,
     pub placements: Vec<Placement>,
     pub ego_route: Route,
     /// Where on the route the ego's rear axle starts.
@@ -110,7 +110,7 @@ impl World {
 
     /// Footprint of a placement at its start, of what stands below a car's roof: of a tree, the trunk.
     pub fn footprint(&self, placement: &Placement) -> Footprint {
-        footprint_of(&self.models.models[placement.model], placement.position, placement.yaw_rad)
+        footprint_of(&self.models[placement.model], placement.position, placement.yaw_rad)
     }
 
     /// Start pose of the ego: x, y, yaw of the rear axle.
@@ -144,8 +144,7 @@ impl SceneObject {
 /// Ground that a model takes.
 pub(super) fn footprint_of(model: &Model, position: Vec2, yaw_rad: f64) -> Footprint {
     let [low, high] = model.solid;
-    let (sin, cos) = yaw_rad.sin_cos();
     let (x, y) = (f64::midpoint(low.x, high.x), f64::midpoint(low.y, high.y));
-    let center = position + Vec2::new(x * cos - y * sin, x * sin + y * cos);
+    let center = position + turned(x, y, yaw_rad);
     Footprint { center, yaw_rad, length_m: high.x - low.x, width_m: high.y - low.y }
 }

@@ -197,6 +197,8 @@ mod tests {
         for names in Weather::ALL.chunks(3) {
             let found = [0, 1, 2].map(|i| names[i].name());
             let sky = found[0].strip_suffix("Noon").unwrap();
+            let row = format!("\n| {sky} | ");
+            assert!(include_str!("../../docs/weather.md").contains(&row), "docs/weather.md has no row {sky}");
             assert_eq!(found, ["Noon", "Sunset", "Night"].map(|daytime| format!("{sky}{daytime}")));
             assert_eq!(found.map(str::parse), [0, 1, 2].map(|i| Ok(names[i])));
         }

@@ -13,7 +13,7 @@ use std::path::PathBuf;
 use thiserror::Error;
 
 pub use python::{Environment, VENV_VARIABLE};
-pub use sensing::{Picture, RayHits, Segmentation};
+pub use sensing::{DepthPicture, RayHits};
 pub use simulator::{CameraMount, Renderer, Simulator};
 
 /// The command that makes the virtual environment.

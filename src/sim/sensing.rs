@@ -2,10 +2,10 @@
 
 use image::RgbImage;
 use nalgebra::{Point3, Vector3};
-use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
+use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::prelude::*;
 
-use super::simulator::{Renderer, Simulator, failed};
+use super::simulator::{Renderer, Simulator};
 use super::{SimError, text};
 
 /// What the rays of one cast hit, ray by ray.
@@ -21,17 +21,10 @@ pub struct RayHits {
 
 /// A picture and the distances in it, rows from the top.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Picture {
+pub struct DepthPicture {
     pub rgb: RgbImage,
     /// Along the optical axis; infinite for the sky.
     pub depth_m: Vec<f32>,
-}
-
-/// The geom seen at each pixel, row by row from the top; -1 where there is none.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Segmentation {
-    pub width_px: u32,
-    pub geom: Vec<i32>,
 }
 
 impl Simulator {
@@ -45,26 +38,22 @@ impl Simulator {
         directions: &[Vector3<f64>],
         max_range_m: f64,
     ) -> Result<RayHits, SimError> {
-        Python::attach(|py| {
-            let ask = || -> PyResult<RayHits> {
-                let origin = PyArray1::from_slice(py, origin.coords.as_slice());
-                let flat: Vec<f64> = directions.iter().flat_map(|d| [d.x, d.y, d.z]).collect();
-                let rays: Bound<'_, PyArray2<f64>> =
-                    PyArray1::from_vec(py, flat).reshape([directions.len(), 3])?;
-                let cast = py.import("harmzone_sim")?.getattr("cast_rays")?;
-                let hits = cast.call1((self.world.bind(py), origin, rays, max_range_m))?;
-                let (range_m, geom, cos_incidence): (
-                    PyReadonlyArray1<'_, f64>,
-                    PyReadonlyArray1<'_, i32>,
-                    PyReadonlyArray1<'_, f64>,
-                ) = hits.extract()?;
-                Ok(RayHits {
-                    range_m: range_m.as_slice()?.to_vec(),
-                    geom: geom.as_slice()?.to_vec(),
-                    cos_incidence: cos_incidence.as_slice()?.to_vec(),
-                })
-            };
-            ask().map_err(failed("cast rays"))
+        self.ask("cast rays", |world| {
+            let py = world.py();
+            let origin = PyArray1::from_slice(py, origin.coords.as_slice());
+            let flat: Vec<f64> = directions.iter().flat_map(|d| [d.x, d.y, d.z]).collect();
+            let rays = PyArray1::from_vec(py, flat).reshape([directions.len(), 3])?;
+            let cast = py.import("harmzone_sim")?.getattr("cast_rays")?;
+            let (range_m, geom, cos_incidence): (
+                PyReadonlyArray1<'_, f64>,
+                PyReadonlyArray1<'_, i32>,
+                PyReadonlyArray1<'_, f64>,
+            ) = cast.call1((world, origin, rays, max_range_m))?.extract()?;
+            Ok(RayHits {
+                range_m: range_m.as_slice()?.to_vec(),
+                geom: geom.as_slice()?.to_vec(),
+                cos_incidence: cos_incidence.as_slice()?.to_vec(),
+            })
         })
     }
 
@@ -73,13 +62,9 @@ impl Simulator {
     /// # Errors
     /// [`SimError::NoGl`] where nothing can be drawn.
     pub fn render_rgb(&mut self) -> Result<RgbImage, SimError> {
-        Python::attach(|py| {
-            let camera = self.camera(py)?;
-            let ask = || -> PyResult<RgbImage> {
-                camera.call_method0("update")?;
-                rgb_image(&camera.call_method0("rgb")?.extract()?)
-            };
-            ask().map_err(failed("draw"))
+        self.with_python("draw", |_, camera| {
+            camera.call_method0("update")?;
+            rgb_image(&camera.call_method0("rgb")?.extract()?)
         })
     }
 
@@ -87,34 +72,25 @@ impl Simulator {
     ///
     /// # Errors
     /// As [`Self::render_rgb`].
-    pub fn render_rgb_and_depth(&mut self) -> Result<Picture, SimError> {
-        Python::attach(|py| {
-            let camera = self.camera(py)?;
-            let ask = || -> PyResult<Picture> {
-                camera.call_method0("update")?;
-                let (pixels, depth_m): (PyReadonlyArray3<'_, u8>, PyReadonlyArray2<'_, f32>) =
-                    camera.call_method0("rgb_and_depth")?.extract()?;
-                Ok(Picture { rgb: rgb_image(&pixels)?, depth_m: depth_m.as_slice()?.to_vec() })
-            };
-            ask().map_err(failed("draw"))
+    pub fn render_rgb_and_depth(&mut self) -> Result<DepthPicture, SimError> {
+        self.with_python("draw", |_, camera| {
+            camera.call_method0("update")?;
+            let (pixels, depth_m): (PyReadonlyArray3<'_, u8>, PyReadonlyArray2<'_, f32>) =
+                camera.call_method0("rgb_and_depth")?.extract()?;
+            Ok(DepthPicture { rgb: rgb_image(&pixels)?, depth_m: depth_m.as_slice()?.to_vec() })
         })
     }
 
-    /// The geom that each pixel of [`Self::render_rgb`]'s picture shows.
+    /// The geom that each pixel of [`Self::render_rgb`]'s picture shows, row by row from the top; -1 where
+    /// there is none.
     ///
     /// # Errors
     /// As [`Self::render_rgb`].
-    pub fn render_segmentation(&mut self) -> Result<Segmentation, SimError> {
-        Python::attach(|py| {
-            let camera = self.camera(py)?;
-            let ask = || -> PyResult<Segmentation> {
-                camera.call_method0("update")?;
-                let ids = camera.call_method0("segmentation")?;
-                let ids = ids.extract::<PyReadonlyArray2<'_, i32>>()?;
-                let width_px = ids.as_array().dim().1 as u32;
-                Ok(Segmentation { width_px, geom: ids.as_slice()?.to_vec() })
-            };
-            ask().map_err(failed("draw the segmentation"))
+    pub fn render_segmentation(&mut self) -> Result<Vec<i32>, SimError> {
+        self.with_python("draw the segmentation", |_, camera| {
+            camera.call_method0("update")?;
+            let geoms: PyReadonlyArray2<'_, i32> = camera.call_method0("segmentation")?.extract()?;
+            Ok(geoms.as_slice()?.to_vec())
         })
     }
 
@@ -123,14 +99,9 @@ impl Simulator {
     /// # Errors
     /// As [`Self::render_rgb`].
     pub fn gl_info(&mut self) -> Result<[String; 3], SimError> {
-        Python::attach(|py| {
-            self.camera(py)?;
-            let ask = || -> PyResult<(String, String, String)> {
-                py.import("harmzone_sim")?.call_method0("gl_info")?.extract()
-            };
-            ask()
-                .map(|(vendor, renderer, version)| [vendor, renderer, version])
-                .map_err(failed("tell its OpenGL"))
+        self.with_python("tell its OpenGL", |world, _| {
+            let info = world.py().import("harmzone_sim")?.call_method0("gl_info")?;
+            info.extract::<(String, String, String)>().map(<[String; 3]>::from)
         })
     }
 
@@ -180,8 +151,8 @@ mod tests {
         let mut sim = Simulator::new(XML, &[], &mount()).unwrap();
         let seen = sim.render_segmentation().unwrap();
         let cube = sim.body("obj:cube").unwrap();
-        let columns: Vec<usize> = (0..seen.geom.len())
-            .filter(|&i| seen.geom[i] >= 0 && sim.geom_bodies()[seen.geom[i] as usize] == cube)
+        let columns: Vec<usize> = (0..seen.len())
+            .filter(|&i| seen[i] >= 0 && sim.geom_bodies()[seen[i] as usize] == cube)
             .map(|i| i % 160)
             .collect();
         // fx = 80 px, the face is 1 m to each side at 9 m: 80 +- 8.9 px.

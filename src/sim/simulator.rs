@@ -11,7 +11,7 @@ use super::python::make_ready;
 use super::{SimError, text};
 use crate::geometry::{Camera, Ego, Pinhole, Transform};
 
-/// Who draws the colours.
+/// Renderer of the colours.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Renderer {
     /// OpenGL, on any machine.
@@ -53,7 +53,7 @@ pub struct Simulator {
     timestep_s: f64,
 }
 
-pub(super) fn failed(what: &'static str) -> impl Fn(PyErr) -> SimError {
+fn failed(what: &'static str) -> impl Fn(PyErr) -> SimError {
     move |error| SimError::Ask { what, message: text(&error) }
 }
 
@@ -91,8 +91,9 @@ impl Simulator {
                 ))
             };
             let world = compile().map_err(|error| SimError::Compile { message: text(&error) })?;
-            let names = |kind: &str| -> PyResult<HashMap<String, usize>> {
-                let names: Vec<String> = world.call_method1("names", (kind,))?.extract()?;
+            let names = |kind: &str| world.call_method1("names", (kind,))?.extract::<Vec<String>>();
+            let ids = |kind: &str| -> PyResult<HashMap<String, usize>> {
+                let names = names(kind)?;
                 let named = names.into_iter().enumerate().filter(|(_, name)| !name.is_empty());
                 Ok(named.map(|(i, name)| (name, i)).collect())
             };
@@ -105,11 +106,11 @@ impl Simulator {
                 Ok(Self {
                     camera: None,
                     renderer: mount.renderer,
-                    bodies: names("body")?,
-                    joints: names("joint")?,
-                    actuators: names("actuator")?,
+                    bodies: ids("body")?,
+                    joints: ids("joint")?,
+                    actuators: ids("actuator")?,
                     geom_bodies: ints("geom_bodies")?.into_iter().map(body).collect(),
-                    geom_names: world.call_method1("names", ("geom",))?.extract()?,
+                    geom_names: names("geom")?,
                     geom_materials: world.call_method0("geom_materials")?.extract()?,
                     mocap_of_body: ints("mocap_ids")?,
                     timestep_s: world.call_method0("timestep_s")?.extract()?,
@@ -133,6 +134,15 @@ impl Simulator {
             let camera = self.camera(py)?;
             ask(self.world.bind(py), &camera).map_err(failed(what))
         })
+    }
+
+    /// Asks the world; `what` says in an error what failed.
+    pub(super) fn ask<T>(
+        &self,
+        what: &'static str,
+        ask: impl FnOnce(&Bound<'_, PyAny>) -> PyResult<T>,
+    ) -> Result<T, SimError> {
+        Python::attach(|py| ask(self.world.bind(py)).map_err(failed(what)))
     }
 
     /// The id of a body by name.
@@ -189,21 +199,16 @@ impl Simulator {
         mocap: &[(usize, Isometry3<f64>)],
         n_steps: usize,
     ) -> Result<(), SimError> {
-        Python::attach(|py| {
-            let ids: Vec<i64> = mocap.iter().map(|&(id, _)| id as i64).collect();
-            let mut poses = Vec::with_capacity(mocap.len() * 7);
-            for (_, pose) in mocap {
-                let (p, q) = (&pose.translation, &pose.rotation);
-                poses.extend([p.x, p.y, p.z, q.w, q.i, q.j, q.k]);
-            }
-            let ask = || -> PyResult<()> {
-                let ctrl = PyArray1::from_slice(py, ctrl);
-                let ids = PyArray1::from_vec(py, ids);
-                let poses = PyArray1::from_vec(py, poses).reshape([mocap.len(), 7])?;
-                self.world.bind(py).call_method1("step", (ctrl, ids, poses, n_steps))?;
-                Ok(())
-            };
-            ask().map_err(failed("step"))
+        let ids: Vec<i64> = mocap.iter().map(|&(id, _)| id as i64).collect();
+        let poses: Vec<f64> = mocap
+            .iter()
+            .flat_map(|(_, Isometry3 { translation: p, rotation: q })| [p.x, p.y, p.z, q.w, q.i, q.j, q.k])
+            .collect();
+        self.ask("step", |world| {
+            let ctrl = PyArray1::from_slice(world.py(), ctrl);
+            let ids = PyArray1::from_vec(world.py(), ids);
+            let poses = PyArray1::from_vec(world.py(), poses).reshape([mocap.len(), 7])?;
+            world.call_method1("step", (ctrl, ids, poses, n_steps)).map(drop)
         })
     }
 
@@ -214,9 +219,8 @@ impl Simulator {
     pub fn set_materials(&mut self, materials: &[(String, String)]) -> Result<(), SimError> {
         let (geoms, materials): (Vec<&str>, Vec<&str>) =
             materials.iter().map(|(geom, material)| (geom.as_str(), material.as_str())).unzip();
-        Python::attach(|py| {
-            let ask = || self.world.bind(py).call_method1("set_materials", (geoms, materials)).map(drop);
-            ask().map_err(failed("change materials"))
+        self.ask("change materials", |world| {
+            world.call_method1("set_materials", (geoms, materials)).map(drop)
         })
     }
 
@@ -231,14 +235,10 @@ impl Simulator {
         linear_mps: &Vector3<f64>,
         angular_rps: &Vector3<f64>,
     ) -> Result<(), SimError> {
-        Python::attach(|py| {
-            let ask = || -> PyResult<()> {
-                let linear = PyArray1::from_slice(py, linear_mps.as_slice());
-                let angular = PyArray1::from_slice(py, angular_rps.as_slice());
-                self.world.bind(py).call_method1("release", (body, linear, angular))?;
-                Ok(())
-            };
-            ask().map_err(failed("release a body"))
+        self.ask("release a body", |world| {
+            let linear = PyArray1::from_slice(world.py(), linear_mps.as_slice());
+            let angular = PyArray1::from_slice(world.py(), angular_rps.as_slice());
+            world.call_method1("release", (body, linear, angular)).map(drop)
         })
     }
 
@@ -247,13 +247,10 @@ impl Simulator {
     /// # Errors
     /// [`SimError::Ask`], only if MuJoCo itself fails.
     pub fn body_poses(&self) -> Result<Vec<Isometry3<f64>>, SimError> {
-        Python::attach(|py| {
-            let ask = || -> PyResult<Vec<Isometry3<f64>>> {
-                let poses = self.world.bind(py).call_method0("body_poses")?;
-                let poses = poses.extract::<PyReadonlyArray2<'_, f64>>()?;
-                Ok(poses.as_slice()?.chunks_exact(7).map(isometry).collect())
-            };
-            ask().map_err(failed("tell poses"))
+        self.ask("tell poses", |world| {
+            let poses: PyReadonlyArray2<'_, f64> = world.call_method0("body_poses")?.extract()?;
+            let (poses, _) = poses.as_slice()?.as_chunks();
+            Ok(poses.iter().map(isometry).collect())
         })
     }
 
@@ -262,13 +259,10 @@ impl Simulator {
     /// # Errors
     /// As [`Self::body_poses`].
     pub fn geom_centers(&self) -> Result<Vec<Point3<f64>>, SimError> {
-        Python::attach(|py| {
-            let ask = || -> PyResult<Vec<Point3<f64>>> {
-                let centers = self.world.bind(py).call_method0("geom_centers")?;
-                let centers = centers.extract::<PyReadonlyArray2<'_, f64>>()?;
-                Ok(centers.as_slice()?.chunks_exact(3).map(|c| Point3::new(c[0], c[1], c[2])).collect())
-            };
-            ask().map_err(failed("tell where geoms are"))
+        self.ask("tell where geoms are", |world| {
+            let centers: PyReadonlyArray2<'_, f64> = world.call_method0("geom_centers")?.extract()?;
+            let (centers, _) = centers.as_slice()?.as_chunks::<3>();
+            Ok(centers.iter().map(|&center| center.into()).collect())
         })
     }
 
@@ -277,14 +271,11 @@ impl Simulator {
     /// # Errors
     /// As [`Self::body_poses`].
     pub fn body_velocity(&self, body: usize) -> Result<(Vector3<f64>, Vector3<f64>), SimError> {
-        Python::attach(|py| {
-            let ask = || -> PyResult<(Vector3<f64>, Vector3<f64>)> {
-                let velocity = self.world.bind(py).call_method1("body_velocity", (body,))?;
-                let velocity = velocity.extract::<PyReadonlyArray1<'_, f64>>()?;
-                let v = velocity.as_slice()?;
-                Ok((Vector3::new(v[0], v[1], v[2]), Vector3::new(v[3], v[4], v[5])))
-            };
-            ask().map_err(failed("tell a velocity"))
+        self.ask("tell a velocity", |world| {
+            let velocity: PyReadonlyArray1<'_, f64> =
+                world.call_method1("body_velocity", (body,))?.extract()?;
+            let (angular, linear) = velocity.as_slice()?.split_at(3);
+            Ok((Vector3::from_column_slice(angular), Vector3::from_column_slice(linear)))
         })
     }
 
@@ -293,12 +284,9 @@ impl Simulator {
     /// # Errors
     /// As [`Self::body_poses`].
     pub fn joint_positions(&self) -> Result<Vec<f64>, SimError> {
-        Python::attach(|py| {
-            let ask = || -> PyResult<Vec<f64>> {
-                let positions = self.world.bind(py).call_method0("joint_positions")?;
-                Ok(positions.extract::<PyReadonlyArray1<'_, f64>>()?.as_slice()?.to_vec())
-            };
-            ask().map_err(failed("tell joint angles"))
+        self.ask("tell joint angles", |world| {
+            let positions: PyReadonlyArray1<'_, f64> = world.call_method0("joint_positions")?.extract()?;
+            Ok(positions.as_slice()?.to_vec())
         })
     }
 }
@@ -315,11 +303,9 @@ impl Drop for Simulator {
 }
 
 /// From position and quaternion (w, x, y, z).
-fn isometry(pose: &[f64]) -> Isometry3<f64> {
-    Isometry3::from_parts(
-        Translation3::new(pose[0], pose[1], pose[2]),
-        UnitQuaternion::from_quaternion(Quaternion::new(pose[3], pose[4], pose[5], pose[6])),
-    )
+fn isometry(&[x, y, z, w, i, j, k]: &[f64; 7]) -> Isometry3<f64> {
+    let turn = UnitQuaternion::from_quaternion(Quaternion::new(w, i, j, k));
+    Isometry3::from_parts(Translation3::new(x, y, z), turn)
 }
 
 #[cfg(test)]
