@@ -10,6 +10,7 @@ pub mod geometry;
 pub mod history;
 pub mod progress;
 pub mod random;
+pub mod text_table;
 
 pub mod object;
 pub mod sample;

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use fs_err as fs;
 
 /// Each top module and its layer; a module imports only from lower numbers.
-const LAYERS: [(&str, u32); 23] = [
+const LAYERS: [(&str, u32); 24] = [
     ("geometry", 0),
     ("config", 0),
     ("device", 0),
@@ -18,6 +18,7 @@ const LAYERS: [(&str, u32); 23] = [
     ("progress", 0),
     ("random", 0),
     ("history", 1),
+    ("text_table", 0),
     ("object", 1),
     ("sample", 2), // above `object`: a sample holds objects
     ("zone", 3),

@@ -89,10 +89,7 @@ pub fn run(args: BaselineArgs) -> anyhow::Result<ExitStatus> {
             let bar = Bar::default();
             let detector = trained.load(&device)?;
             let training = open_split(fit, &args.labels, Some(Split::Train))?;
-            let found = infer::detect_kinds(&detector, &training, "fit", &device, &bar)?;
-            let objects = training.samples().iter().map(|sample| sample.objects.as_slice());
-            let frames: Vec<_> = objects.zip(found.iter().map(Vec::as_slice)).collect();
-            let set = ClosedSet::fit(&frames)?;
+            let set = ClosedSet::fit_to(&detector, &training, &device, &bar)?;
             let found = infer::detect_kinds(&detector, &dataset, "predict", &device, &bar)?;
             found.iter().map(|found| set.judged(score, found)).collect()
         }

@@ -13,8 +13,10 @@ use crate::episode::Split;
 use crate::eval::{self, EvalConfig, EvalSample, Mode, Protocol, eval_samples, json, truth_of};
 use crate::files::sha256_hex;
 use crate::infer::Trained;
-use crate::report::page::scores::{self, METRICS_FILE, Source, quote};
-use crate::{config, report, train};
+use crate::report::provenance::{Provenance, quote};
+use crate::report::score_tables;
+use crate::report::scores::{self, METRICS_FILE};
+use crate::{config, train};
 
 #[derive(Debug, Args)]
 #[command(group = ArgGroup::new("detector").args(["run", "predictions"]).required(true))]
@@ -81,11 +83,19 @@ pub fn run(args: EvalArgs) -> anyhow::Result<ExitStatus> {
     })?;
     if let Some(out) = &args.out {
         let faults = eval::worst_faults(&samples, &protocol)?;
-        scores::write(out, &protocol, &evaluation, &faults, &source(&args)?)?;
+        let trained = args.run.as_deref().map(Trained::find).transpose()?;
+        let data = args.data.as_deref().map(|data| (data, args.labels.as_str()));
+        scores::write(
+            out,
+            &protocol,
+            &evaluation,
+            &faults,
+            &provenance(trained.as_ref(), data, command_line("harmzone"))?,
+        )?;
     }
-    print(if args.json { evaluation.to_json() } else { report::table(&evaluation.metrics) })?;
+    print(if args.json { evaluation.to_json() } else { score_tables::text(&evaluation) })?;
     if args.breakdown {
-        print(format!("\n{}", report::breakdown(&evaluation)))?;
+        print(format!("\n{}", score_tables::breakdown(&evaluation)))?;
     }
     Ok(ExitStatus::Done)
 }
@@ -113,24 +123,28 @@ fn samples_of_run(run: &Path, data: &Path, args: &EvalArgs) -> anyhow::Result<Ve
     Ok(eval_samples(&dataset, &found))
 }
 
-/// Where the scores come from.
-fn source(args: &EvalArgs) -> anyhow::Result<Source> {
-    let trained = args.run.as_deref().map(Trained::find).transpose()?;
-    let model = trained.as_ref().map(Trained::config).transpose()?;
-    let train_toml = match &trained {
+/// Where scores come from: the network, the data set with its labels, and the command.
+///
+/// # Errors
+/// The network or the data set cannot be read.
+pub fn provenance(
+    trained: Option<&Trained>,
+    data: Option<(&Path, &str)>,
+    command: String,
+) -> anyhow::Result<Provenance> {
+    let train_toml = match trained {
         Some(Trained::File(path)) => fs::read_to_string(path.with_file_name(train::CONFIG_FILE)).ok(),
         _ => None,
     };
-    let fingerprint = args.data.as_deref().map(|data| Fingerprint::of(data, &args.labels)).transpose()?;
-    let checkpoint = trained.as_ref().map(Trained::bytes).transpose()?;
-    Ok(Source {
+    let checkpoint = trained.map(Trained::bytes).transpose()?;
+    Ok(Provenance {
         version: env!("CARGO_PKG_VERSION").to_owned(),
-        command: command_line("harmzone"),
-        data: args.data.clone(),
-        labels: args.data.as_ref().map(|_| args.labels.clone()),
-        fingerprint,
+        command,
+        data: data.map(|(path, _)| path.to_owned()),
+        labels: data.map(|(_, labels)| labels.to_owned()),
+        fingerprint: data.map(|(path, labels)| Fingerprint::of(path, labels)).transpose()?,
         checkpoint_sha256: checkpoint.map(|(_, bytes)| sha256_hex(&bytes)),
-        model_toml: model.as_ref().map(config::to_toml),
+        model_toml: trained.map(Trained::config).transpose()?.as_ref().map(config::to_toml),
         train_toml,
     })
 }

@@ -24,7 +24,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 
 pub use device::DeviceArg;
-pub use eval::command_line;
+pub use eval::{command_line, provenance};
 pub use output::{ClosedPipe, print, print_summary, tell};
 pub use predict::open_split;
 pub use progress::Bar;

@@ -24,8 +24,8 @@ pub struct ReportArgs {
     /// Data set of the scores --ood
     #[arg(long, value_name = "DIR", requires = "ood")]
     ood_data: Option<PathBuf>,
-    /// Tables of ablations and baselines: RESULTS.md of `make results`
-    #[arg(long, value_name = "MD")]
+    /// Ablations and rivals: results.json of `make results`
+    #[arg(long, value_name = "JSON")]
     results: Option<PathBuf>,
     /// Pictures of each kind of fault in each data set, at most
     #[arg(long, value_name = "N", default_value_t = page::DEFAULT_CARDS, value_parser = number(0..=usize::MAX))]

@@ -11,12 +11,16 @@
 //! strangeness below which 95 % of the boxes on training objects lie. A box above it is unknown, and harmful with its
 //! whole score; of the others the score is shared between harmful and harmless by the kind's share.
 
+use burn::tensor::Device;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use thiserror::Error;
 
+use super::predict::{PredictError, detect_kinds};
+use crate::dataset::Dataset;
 use crate::eval::center_distance_m;
-use crate::model::KindBox;
+use crate::model::{Detector, KindBox};
 use crate::object::{Detection, Harm, Kind, LabelledObject, MIN_SCORE};
+use crate::progress::Progress;
 
 /// Share of the boxes on training objects that are taken for known.
 const KEPT: f64 = 0.95;
@@ -49,8 +53,10 @@ impl Strangeness {
 }
 
 /// Why a closed set could not be fitted.
-#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[derive(Debug, Error)]
 pub enum ClosedSetError {
+    #[error(transparent)]
+    Predict(#[from] PredictError),
     #[error(
         "no box of the network lies on a {kind:?} of the training split; a closed set needs all of {:?}",
         Kind::ALL
@@ -72,6 +78,21 @@ pub struct ClosedSet {
 }
 
 impl ClosedSet {
+    /// Fits to a training split, with the boxes of a network that tells kinds.
+    ///
+    /// # Errors
+    /// The network tells harm, a sample is broken, or as [`Self::fit`].
+    pub fn fit_to(
+        detector: &Detector,
+        training: &Dataset,
+        device: &Device,
+        progress: &dyn Progress,
+    ) -> Result<Self, ClosedSetError> {
+        let found = detect_kinds(detector, training, "fit", device, progress)?;
+        let objects = training.samples().iter().map(|sample| sample.objects.as_slice());
+        Self::fit(&objects.zip(found.iter().map(Vec::as_slice)).collect::<Vec<_>>())
+    }
+
     /// Fits to frames of the training split, each with its objects and the network's boxes, best first.
     ///
     /// # Errors
@@ -262,7 +283,7 @@ mod tests {
     fn a_kind_without_a_box_is_named_and_each_object_has_one_box() {
         let (objects, boxes) = frame(&harms(2), features);
         let error = ClosedSet::fit(&[(objects.as_slice(), boxes.as_slice())]).unwrap_err();
-        assert_eq!(error, ClosedSetError::NotFound { kind: Kind::Static });
+        assert!(matches!(error, ClosedSetError::NotFound { kind: Kind::Static }), "{error}");
         let twice = [boxes.clone(), boxes].concat();
         assert_eq!(located(&objects, &twice).len(), 2);
     }

@@ -1,16 +1,18 @@
-//! Scores and samples for people: text tables, pictures, and one page of all.
+//! Scores and samples for people: text tables, charts, pictures, and one page of all. Nothing here runs a network.
 
-mod breakdown;
 mod canvas;
+pub mod chart;
 pub mod curves;
+pub mod document;
 pub mod info;
 pub mod page;
 mod palette;
-mod plot;
+mod paper;
+pub mod provenance;
+pub mod results;
+pub mod score_tables;
+pub mod scores;
 pub mod sweeps;
 pub mod table;
 pub mod view;
 pub mod zones;
-
-pub use breakdown::breakdown;
-pub use table::table;

@@ -1,8 +1,8 @@
 //! What a data set holds, beside the paper's: counts, shares, hardness and histograms, as text, JSON and
 //! a picture.
 
+mod charts;
 mod comparison;
-mod plot;
 mod text;
 
 use std::collections::BTreeMap;
@@ -14,6 +14,7 @@ use thiserror::Error;
 
 pub use self::comparison::{Comparison, TOLERANCE};
 use self::comparison::{harmful_share, share};
+use super::chart::{self, ChartError};
 use crate::dataset::DatasetError;
 use crate::dataset::statistics::{Category, Group, Histograms, Statistics};
 use crate::episode::Split;
@@ -35,8 +36,8 @@ pub enum InfoError {
     Dataset(#[from] DatasetError),
     #[error(transparent)]
     Io(#[from] std::io::Error),
-    #[error("the picture cannot be packed: {0}")]
-    Png(#[from] image::ImageError),
+    #[error(transparent)]
+    Chart(#[from] ChartError),
     #[error("the file exists; --force replaces it: {}", path.display())]
     Exists { path: PathBuf },
 }
@@ -135,12 +136,10 @@ pub fn run(request: &InfoRequest, progress: &dyn Progress) -> Result<Info, InfoE
     let statistics = Statistics::of(dataset, &manifest, label_set.as_deref(), progress)?;
     let info = describe(dataset, &manifest, label_set, note, statistics);
     if let Some(path) = &request.plot {
-        let mut png = Vec::new();
-        plot::draw(&info).write_to(&mut std::io::Cursor::new(&mut png), image::ImageFormat::Png)?;
         if let Some(folder) = path.parent() {
             fs::create_dir_all(folder)?;
         }
-        write_atomic(path, &png)?;
+        write_atomic(path, &chart::png(&charts::sheet(&info))?)?;
     }
     Ok(info)
 }

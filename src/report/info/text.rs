@@ -3,6 +3,8 @@
 use std::fmt;
 
 use super::{Comparison, GroupInfo, Info, TOLERANCE};
+use crate::report::table::{number, percent};
+use crate::text_table::text_table;
 
 impl fmt::Display for Info {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -12,23 +14,7 @@ impl fmt::Display for Info {
             Some(set) => writeln!(f, ", labels `{set}`\n")?,
             None => writeln!(f, ", not labelled\n")?,
         }
-        writeln!(
-            f,
-            "{:<20}{:>9}{:>9}{:>9}{:>10}{:>9}",
-            "", "episodes", "samples", "objects", "a sample", "harmful"
-        )?;
-        write_group(f, "all", &self.all)?;
-        for (split, group) in &self.splits {
-            write_group(f, &format!("split {}", format!("{split:?}").to_lowercase()), group)?;
-        }
-        for (town, group) in &self.towns {
-            write_group(f, town, group)?;
-        }
-        for (weather, group) in &self.weathers {
-            write_group(f, weather, group)?;
-        }
-        self.write_comparison(f)?;
-        self.write_spread(f)?;
+        write!(f, "{}\n{}\n{}", self.group_table(), self.comparison_table(), self.spread_table())?;
         if let Some(note) = &self.note {
             writeln!(f, "\n{note}")?;
         }
@@ -36,67 +22,58 @@ impl fmt::Display for Info {
     }
 }
 
-fn write_group(f: &mut fmt::Formatter<'_>, name: &str, group: &GroupInfo) -> fmt::Result {
-    let a_sample = group.objects_per_sample.map_or_else(|| "-".into(), |mean| format!("{mean:.1}"));
-    let harmful = percent(group.harmful_share.and_then(|shares| shares.all));
-    let GroupInfo { n_episodes, n_samples, n_objects, .. } = group;
-    writeln!(f, "{name:<20}{n_episodes:>9}{n_samples:>9}{n_objects:>9}{a_sample:>10}{harmful:>9}")
-}
-
-fn percent(share: Option<f64>) -> String {
-    share.map_or_else(|| "-".into(), |share| format!("{:.1} %", 100.0 * share))
-}
-
-/// Rounded to tenths, without a sign before zero.
-fn tenths(value: f64) -> f64 {
-    (value * 10.0).round() / 10.0 + 0.0
-}
-
 impl Info {
-    fn write_comparison(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let row = if self.ood { "OOD set" } else { "training set" };
-        writeln!(
-            f,
-            "\n{:<32}{:>9}{:>9}{:>8}",
-            format!("beside the paper's {row}"),
-            "here",
-            "paper",
-            "ratio"
-        )?;
-        for Comparison { quantity, here, paper, ratio, is_within_tolerance, is_share } in &self.comparison {
-            let number = |value: Option<f64>| match value {
-                Some(value) if !is_share => format!("{value:.2}"),
-                value => percent(value),
-            };
-            let ratio = ratio.map_or_else(|| "-".into(), |ratio| format!("{ratio:.2}"));
-            let verdict = match is_within_tolerance {
-                Some(true) => format!("  within {:.0} %", 100.0 * TOLERANCE),
-                Some(false) => "  OUTSIDE".into(),
-                None => String::new(),
-            };
-            writeln!(f, "{quantity:<32}{:>9}{:>9}{ratio:>8}{verdict}", number(*here), number(Some(*paper)))?;
-        }
-        Ok(())
+    fn group_table(&self) -> String {
+        let splits = self.splits.iter();
+        let splits = splits.map(|(split, group)| (format!("split {split:?}").to_lowercase(), group));
+        let others = self.towns.iter().chain(&self.weathers).map(|(name, group)| (name.clone(), group));
+        let row = |(name, group): (String, &GroupInfo)| {
+            let counts = [group.n_episodes, group.n_samples, group.n_objects].map(|n| n.to_string());
+            let shares = [
+                number(group.objects_per_sample, 1),
+                percent(group.harmful_share.and_then(|shares| shares.all)),
+            ];
+            [name].into_iter().chain(counts).chain(shares).collect()
+        };
+        let head = ["", "episodes", "samples", "objects", "a sample", "harmful"].map(str::to_owned).to_vec();
+        let all = std::iter::once(("all".to_owned(), &self.all));
+        text_table(std::iter::once(head).chain(all.chain(splits).chain(others).map(row)))
     }
 
-    fn write_spread(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let span = |least: Option<f64>, most: Option<f64>, unit: &str| match (least, most) {
-            (Some(least), Some(most)) => format!("{:.1} to {:.1} {unit}", tenths(least), tenths(most)),
-            _ => "-".into(),
+    fn comparison_table(&self) -> String {
+        let row = |of: &Comparison| {
+            let value = |value| if of.is_share { percent(value) } else { number(value, 2) };
+            let verdict = match of.is_within_tolerance {
+                Some(true) => format!("within {:.0} %", 100.0 * TOLERANCE),
+                Some(false) => "OUTSIDE".to_owned(),
+                None => String::new(),
+            };
+            [of.quantity.to_owned(), value(of.here), value(Some(of.paper)), number(of.ratio, 2), verdict]
+        };
+        let name = if self.ood { "beside the paper's OOD set" } else { "beside the paper's training set" };
+        let head = [name, "here", "paper", "ratio", ""].map(str::to_owned);
+        text_table(std::iter::once(head).chain(self.comparison.iter().map(row)))
+    }
+
+    fn spread_table(&self) -> String {
+        let span = |least: Option<f64>, most: Option<f64>, unit: &str| match least.and(most) {
+            Some(_) => format!("{} to {} {unit}", number(least, 1), number(most, 1)),
+            None => number(None, 1),
+        };
+        let with_unit = |value: Option<f64>, unit: &str| match value {
+            Some(_) => format!("{} {unit}", number(value, 1)),
+            None => number(None, 1),
         };
         let (hardness, histograms) = (&self.hardness, &self.histograms);
-        let farthest = hardness.farthest_m.map_or_else(|| "-".into(), |range_m| format!("{range_m:.1} m"));
-        let size = self.bytes_per_sample.map_or_else(|| "-".into(), |bytes| format!("{:.1} kB", bytes / 1e3));
         let (speed, steering) = (&histograms.speed_mps, &histograms.steering_deg);
-        let rows = [
-            ("objects more than half occluded", percent(hardness.more_than_half_occluded)),
-            ("objects with 10 LiDAR points or fewer", percent(hardness.ten_points_or_fewer)),
-            ("farthest object", farthest),
-            ("speed", span(speed.least, speed.most, "m/s")),
-            ("steering, left positive", span(steering.least, steering.most, "degrees")),
-            ("size of a sample", size),
-        ];
-        writeln!(f)?;
-        rows.iter().try_for_each(|(name, value)| writeln!(f, "{name:<41}{value}"))
+        let size_kb = self.bytes_per_sample.map(|bytes| bytes / 1e3);
+        text_table([
+            ["objects more than half occluded".to_owned(), percent(hardness.more_than_half_occluded)],
+            ["objects with 10 LiDAR points or fewer".to_owned(), percent(hardness.ten_points_or_fewer)],
+            ["farthest object".to_owned(), with_unit(hardness.farthest_m, "m")],
+            ["speed".to_owned(), span(speed.least, speed.most, "m/s")],
+            ["steering, left positive".to_owned(), span(steering.least, steering.most, "degrees")],
+            ["size of a sample".to_owned(), with_unit(size_kb, "kB")],
+        ])
     }
 }

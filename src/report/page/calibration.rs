@@ -1,9 +1,10 @@
 //! Whether scores are honest probabilities: reliability diagrams, ECE and Brier score.
 
-use super::model::{Block, Cell, Figure, Table, number};
-use super::plot::{Axis, Chart, Look, Series, Tone};
 use super::{ReportError, Side};
 use crate::eval::safety::Calibration;
+use crate::report::chart::{Axis, Chart, Look, Series, Tone};
+use crate::report::document::{Block, Figure};
+use crate::report::table::{Cell, Table, number};
 
 /// The section's blocks.
 pub fn blocks(sides: &[Side]) -> Result<Vec<Block>, ReportError> {
@@ -20,9 +21,7 @@ pub fn blocks(sides: &[Side]) -> Result<Vec<Block>, ReportError> {
                 ("harmless", Tone::Harmless, &detections.harmless),
             ];
             figures.extend(diagram(&format!("Score of detections, {}", side.short), "score", &lines)?);
-            rows.extend(
-                lines.map(|(name, _, calibration)| told(&format!("detections, {name}"), calibration)),
-            );
+            rows.extend(lines.map(|(name, _, calibration)| row(&format!("detections, {name}"), calibration)));
         }
         let harm = &safety.harm_calibration;
         let lines = [
@@ -35,18 +34,18 @@ pub fn blocks(sides: &[Side]) -> Result<Vec<Block>, ReportError> {
             lines
                 .into_iter()
                 .filter(|line| line.2.n > 0)
-                .map(|(name, _, calibration)| told(&format!("harm, {name}"), calibration)),
+                .map(|(name, _, calibration)| row(&format!("harm, {name}"), calibration)),
         );
         blocks.push(Block::heading(side.name));
         if !figures.is_empty() {
             blocks.push(Block::Figures { figures });
         }
-        blocks.push(Block::Table(Table::new(&["calibration", "n", "ECE", "Brier"], rows)));
+        blocks.push(Block::Table(Table::new(["calibration", "n", "ECE", "Brier"], rows)));
     }
     Ok(blocks)
 }
 
-fn told(name: &str, calibration: &Calibration) -> Vec<Cell> {
+fn row(name: &str, calibration: &Calibration) -> Vec<Cell> {
     let errors = [calibration.ece, calibration.brier].map(|value| number(value, 4).into());
     [name.into(), calibration.n.to_string().into()].into_iter().chain(errors).collect()
 }
@@ -61,15 +60,14 @@ fn diagram(
         let bins = calibration.bins.iter();
         let points: Vec<_> = bins.filter_map(|bin| bin.mean_probability.zip(bin.frequency)).collect();
         let name = format!("{name}, ECE {}", number(calibration.ece, 3));
-        (!points.is_empty()).then_some(Series { name, tone, look: Look::LineAndDots, points })
+        (!points.is_empty()).then_some(Series::new(name, tone, Look::LineAndDots, points))
     };
     let mut series: Vec<Series> = lines.iter().filter_map(of_line).collect();
     if series.is_empty() {
         return Ok(None);
     }
     let diagonal = vec![(0.0, 0.0), (1.0, 1.0)];
-    let honest = Series { name: "honest".to_owned(), tone: Tone::Soft, look: Look::Dashed, points: diagonal };
-    series.insert(0, honest);
-    let chart = Chart { x: Axis::share(x_name), y: Axis::share("share that is so"), series, height_px: 380 };
-    Figure::new(title, &chart).map(Some)
+    series.insert(0, Series::new("honest", Tone::Soft, Look::Dashed, diagonal));
+    let (x, y) = (Axis::share(x_name), Axis::share("share that is so"));
+    Ok(Some(Figure::new(&Chart::new(title, x, y, series, 380))?))
 }

@@ -2,58 +2,21 @@
 
 use image::ImageError;
 use rayon::prelude::*;
-use serde::Serialize;
 
-use super::groups::spoken;
-use super::model::{Block, number};
 use super::pictures::jpeg;
-use super::scores::FAULTS_FILE;
 use super::{ReportError, Side};
 use crate::eval::{Fault, FaultKind};
 use crate::geometry::{Box3, Ego};
 use crate::object::{Detection, Distribution};
+use crate::report::document::{Block, Card, Filter, Gallery};
+use crate::report::score_tables::to_words;
+use crate::report::scores::FAULTS_FILE;
+use crate::report::table::number;
 use crate::report::view::{self, Labelled, Scene};
 
 /// The camera's picture and the view from above, pixels; the camera's has the shape of the sensor's default.
 const FRONT_PX: (u32, u32) = (576, 324);
 const BIRDSEYE_PX: (u32, u32) = (324, 324);
-
-/// Cards, and the choices by which they can be filtered.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Gallery {
-    pub cards: Vec<Card>,
-    pub filters: Vec<Filter>,
-}
-
-/// A choice; an option's value is what the cards have under the filter's key.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Filter {
-    pub key: &'static str,
-    pub name: &'static str,
-    pub options: Vec<[String; 2]>,
-}
-
-/// One fault.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Card {
-    pub title: String,
-    pub kind: &'static str,
-    pub is_miss: bool,
-    pub sample: String,
-    pub facts: Vec<String>,
-    /// Values of the filters, in their order.
-    pub choices: Vec<(&'static str, String)>,
-    /// Place among the faults of its kind and side, from 1.
-    pub rank: usize,
-    /// Numbers to sort by; what is not known sorts last.
-    pub score: Option<f64>,
-    pub range_m: f64,
-    pub margin_m: Option<f64>,
-    pub speed_mps: Option<f64>,
-    pub n_samples: usize,
-    /// JPEG in base64: camera, then from above.
-    pub pictures: Option<[String; 2]>,
-}
 
 /// The section's blocks; `most` cards of a kind and side.
 pub fn blocks(sides: &[Side], most: usize) -> Result<Vec<Block>, ReportError> {
@@ -111,10 +74,10 @@ fn filters(cards: &[Card]) -> Vec<Filter> {
         if i > 1 {
             values.sort_unstable();
         }
-        let mut options: Vec<[String; 2]> = Vec::new();
+        let mut options: Vec<String> = Vec::new();
         for value in values {
-            if !value.is_empty() && !options.iter().any(|option| option[0] == value) {
-                options.push([value.to_owned(), value.to_owned()]);
+            if !value.is_empty() && !options.iter().any(|option| option == value) {
+                options.push(value.to_owned());
             }
         }
         Filter { key, name, options }
@@ -132,7 +95,7 @@ fn kind_name(kind: FaultKind) -> &'static str {
 }
 
 fn card(side: &Side, rank: usize, fault: &Fault) -> Result<Card, ReportError> {
-    let family = fault.object.as_ref().and_then(|object| object.facts.category.as_deref()).map(spoken);
+    let family = fault.object.as_ref().and_then(|object| object.facts.category.as_deref()).map(to_words);
     let distribution = fault.object.as_ref().and_then(|object| object.distribution);
     let object = match distribution {
         Some(Distribution::Id) => "in distribution",
@@ -175,7 +138,7 @@ fn facts(fault: &Fault) -> Vec<String> {
         (true, score) => Some(format!("best harmful score {}", number(score, 2))),
         (false, score) => Some(format!("score {}", number(score, 2))),
     });
-    facts.extend(fault.facts.speed_mps.map(|speed_mps| format!("ego {:.1} m/s", tenths(speed_mps))));
+    facts.extend(fault.facts.speed_mps.map(|speed_mps| format!("ego {} m/s", number(Some(speed_mps), 1))));
     facts.extend(fault.stopping_margin_m.map(|margin_m| format!("room to stop {margin_m:+.1} m")));
     facts.extend(fault.zone_distance_m.map(|distance_m| format!("zone's edge {distance_m:+.2} m")));
     if let Some(object) = &fault.object {
@@ -187,11 +150,6 @@ fn facts(fault: &Fault) -> Vec<String> {
     }
     facts.extend(fault.facts.weather.clone());
     facts
-}
-
-/// Rounded, so that nothing is called -0.0.
-fn tenths(value: f64) -> f64 {
-    (10.0 * value).round() / 10.0 + 0.0
 }
 
 /// `None` where the sample is not in the side's data set.

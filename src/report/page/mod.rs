@@ -8,15 +8,10 @@ mod detection;
 mod gallery;
 mod groups;
 mod headline;
-mod model;
 mod pictures;
-mod plot;
 mod provenance;
-mod render;
 mod safety;
-pub mod scores;
 mod sweeps;
-mod tables;
 #[cfg(test)]
 mod tests;
 
@@ -29,9 +24,11 @@ use thiserror::Error;
 use crate::episode::{Manifest, ManifestError};
 use crate::eval::Mode;
 use crate::files::write_atomic;
+use crate::report::chart::ChartError;
+use crate::report::document::{Block, Section, render};
+use crate::report::results::{self, ReadResultsError, Results};
+use crate::report::scores::{Scores, ScoresError};
 use crate::report::view::ViewError;
-use model::{Block, Page, Section};
-use scores::{Scores, ScoresError};
 
 /// Name of the page where a folder is given.
 pub const PAGE_FILE: &str = "report.html";
@@ -49,8 +46,10 @@ pub enum ReportError {
     View(#[from] ViewError),
     #[error("the scores are {found}; --{key} needs {wanted}: {}", path.display())]
     OtherMode { key: &'static str, found: &'static str, wanted: &'static str, path: PathBuf },
-    #[error("a chart cannot be drawn: {message}")]
-    Plot { message: String },
+    #[error(transparent)]
+    Chart(#[from] ChartError),
+    #[error(transparent)]
+    Results(#[from] ReadResultsError),
     #[error("a picture of sample {sample} cannot be made: {source}")]
     Picture { source: image::ImageError, sample: String },
     #[error("a picture cannot be read: {source}: {}", path.display())]
@@ -77,7 +76,7 @@ pub struct ReportRequest {
     pub out: PathBuf,
     pub id: Option<ScoresRequest>,
     pub ood: Option<ScoresRequest>,
-    /// A Markdown file of tables: RESULTS.md of `make results`.
+    /// results.json of `make results`.
     pub results: Option<PathBuf>,
     /// Cards of a kind of fault and data set.
     pub n_cards: usize,
@@ -94,6 +93,18 @@ pub struct ReportSummary {
     pub n_cards: usize,
     /// What was left out, with the command that makes it.
     pub absent: Vec<String>,
+}
+
+/// The whole page, as its template takes it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+struct Page {
+    title: String,
+    subtitle: String,
+    version: &'static str,
+    /// The style sheet and the script, which the template takes as they are.
+    style: &'static str,
+    script: &'static str,
+    sections: Vec<Section>,
 }
 
 /// Scores with what is needed to speak of them.
@@ -131,7 +142,7 @@ impl Side {
             let (found, wanted, path) = (told(found), told(mode), request.folder.clone());
             return Err(ReportError::OtherMode { key, found, wanted, path });
         }
-        let source = scores.source.as_ref();
+        let source = scores.provenance.as_ref();
         let named =
             source.and_then(|source| source.data.clone()).filter(|path| path.join(Manifest::FILE).is_file());
         let dataset = match request.data.clone().or(named) {
@@ -166,7 +177,7 @@ pub fn run(request: &ReportRequest) -> Result<ReportSummary, ReportError> {
     let given = wanted.into_iter().filter_map(|(key, side)| Some((key, side.as_ref()?)));
     let sides: Vec<Side> = given.map(|(key, side)| Side::read(key, side)).collect::<Result<_, _>>()?;
     let page = page(&sides, request)?;
-    let html = render::html(&page);
+    let html = render(("report.html", include_str!("report.html")), &page);
     if let Some(folder) = out.parent().filter(|folder| *folder != Path::new("")) {
         fs::create_dir_all(folder)?;
     }
@@ -183,10 +194,10 @@ pub fn run(request: &ReportRequest) -> Result<ReportSummary, ReportError> {
 
 fn page(sides: &[Side], request: &ReportRequest) -> Result<Page, ReportError> {
     let results = match &request.results {
-        Some(path) => vec![Block::Markup { html: tables::html_of(&fs::read_to_string(path)?) }],
+        Some(path) => results::blocks(&Results::read(path)?),
         None => vec![Block::absent(
-            "no ablations and baselines (RESULTS.md)",
-            "make results, then harmzone report OUT .. --results RESULTS.md",
+            "no ablations and baselines (results.json)",
+            "make results, then harmzone report OUT .. --results runs/results/results.json",
         )],
     };
     let section = |id, title, blocks| Section { id, title, blocks };
@@ -198,6 +209,8 @@ fn page(sides: &[Side], request: &ReportRequest) -> Result<Page, ReportError> {
         title: "harmzone report".to_owned(),
         subtitle: counts.collect::<Vec<_>>().join(", "),
         version: env!("CARGO_PKG_VERSION"),
+        style: include_str!("report.css"),
+        script: include_str!("report.js"),
         sections: vec![
             section("headline", "Headline", headline::blocks(sides)?),
             section("curves", "Curves", detection::blocks(sides)?),

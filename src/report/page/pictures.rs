@@ -9,24 +9,14 @@ use fs_err as fs;
 use image::codecs::jpeg::JpegEncoder;
 use image::imageops::FilterType;
 use image::{ImageError, RgbImage};
-use serde::Serialize;
 
 use super::ReportError;
+use crate::report::document::Picture;
 
 /// 1 to 100: lines stay clean from about here.
 const JPEG_QUALITY: u8 = 74;
 /// Wider files are made smaller, pixels.
 const MOST_WIDTH_PX: u32 = 1120;
-
-/// A picture with what it shows.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Picture {
-    pub title: String,
-    /// JPEG in base64.
-    pub data: String,
-    pub width_px: u32,
-    pub height_px: u32,
-}
 
 /// A picture as JPEG in base64.
 ///

@@ -3,19 +3,19 @@
 use fs_err as fs;
 
 use super::Side;
-use super::model::Block;
-use super::scores::Source;
 use crate::episode::LabelManifest;
+use crate::report::document::Block;
+use crate::report::provenance::Provenance;
 
 /// The section's blocks.
 pub fn blocks(sides: &[Side], command: &str) -> Vec<Block> {
-    let mut blocks = vec![Block::heading("This page"), code(command)];
+    let mut blocks = vec![Block::heading("This page"), Block::code(command)];
     for side in sides {
         let scores = &side.scores;
         blocks.push(Block::heading(side.name));
-        match &scores.source {
+        match &scores.provenance {
             Some(source) => {
-                blocks.push(code(&source.command));
+                blocks.push(Block::code(&source.command));
                 if source.version != env!("CARGO_PKG_VERSION") {
                     blocks.push(Block::text(format!("Scored by harmzone {}.", source.version)));
                 }
@@ -26,7 +26,7 @@ pub fn blocks(sides: &[Side], command: &str) -> Vec<Block> {
                 side.command_of_scores(),
             )),
         }
-        let source = scores.source.as_ref();
+        let source = scores.provenance.as_ref();
         let mut configs = vec![
             ("Scoring, eval.toml", scores.config_toml.clone()),
             ("Detector", source.and_then(|source| source.model_toml.clone())),
@@ -39,7 +39,7 @@ pub fn blocks(sides: &[Side], command: &str) -> Vec<Block> {
         }
         for (title, text) in configs {
             if let Some(text) = text {
-                blocks.push(Block::fold(title, vec![code(text.trim_end())]));
+                blocks.push(Block::fold(title, vec![Block::code(text.trim_end())]));
             }
         }
     }
@@ -47,16 +47,12 @@ pub fn blocks(sides: &[Side], command: &str) -> Vec<Block> {
 }
 
 /// SHA-256 of what was scored, as far as it is known.
-fn hashes(source: &Source) -> Option<Block> {
+fn hashes(source: &Provenance) -> Option<Block> {
     let mut lines: Vec<String> =
         source.checkpoint_sha256.iter().map(|hash| format!("network       {hash}")).collect();
     if let Some(of) = &source.fingerprint {
         lines.push(format!("dataset.json  {}", of.dataset_sha256));
         lines.push(format!("labels        {}", of.labels_sha256));
     }
-    (!lines.is_empty()).then(|| Block::fold("Network and data, SHA-256", vec![code(&lines.join("\n"))]))
-}
-
-fn code(text: &str) -> Block {
-    Block::Code { text: text.to_owned() }
+    (!lines.is_empty()).then(|| Block::fold("Network and data, SHA-256", vec![Block::code(lines.join("\n"))]))
 }

@@ -1,11 +1,12 @@
 //! What the scores mean for a car: missed harm, warnings, steady labels, separation, the zone's edge, weather.
 
-use super::model::{Block, Cell, Figure, Table, number, percent};
-use super::plot::{Axis, Chart, Look, Series, Tone};
 use super::{ReportError, Side};
 use crate::eval::safety::{EdgeBand, Safety, Slope};
 use crate::eval::{EvalConfig, PerClass};
 use crate::object::Harm;
+use crate::report::chart::{Axis, Chart, Look, Series, Tone};
+use crate::report::document::{Block, Figure};
+use crate::report::table::{Cell, Table, number, percent};
 
 /// The section's blocks.
 pub fn blocks(sides: &[Side]) -> Result<Vec<Block>, ReportError> {
@@ -38,12 +39,11 @@ pub fn blocks(sides: &[Side]) -> Result<Vec<Block>, ReportError> {
 
 fn alarms(safety: &Safety, config: &EvalConfig) -> Option<Block> {
     let alarms = safety.alarms.as_ref()?;
-    let mut head =
-        ["false alarms/km, at most", "score", "false alarms/km", "missed, of objects", "missed, of events"]
-            .map(str::to_owned)
-            .to_vec();
-    let decelerations = &config.safety.decelerations_mps2;
-    head.extend(decelerations.iter().map(|deceleration| format!("warned in time, {deceleration} m/s²")));
+    let head =
+        ["false alarms/km, at most", "score", "false alarms/km", "missed, of objects", "missed, of events"];
+    let decelerations = config.safety.decelerations_mps2.iter();
+    let warned = decelerations.map(|deceleration| format!("warned in time, {deceleration} m/s²"));
+    let head = head.map(str::to_owned).into_iter().chain(warned);
     let rows = alarms.points.iter().map(|point| {
         let of = |share: Option<f64>, n: usize| Cell { text: percent(share), below: vec![format!("of {n}")] };
         let mut cells = vec![
@@ -61,7 +61,7 @@ fn alarms(safety: &Safety, config: &EvalConfig) -> Option<Block> {
          samples, and in time if the car, after {} s, can still stop before the object.",
         alarms.driven_km, config.safety.confirm_n, config.safety.confirm_of, config.safety.reaction_time_s
     );
-    Some(Block::Table(Table { head, rows: rows.collect(), note }))
+    Some(Block::Table(Table::new(head, rows.collect()).with_note(note)))
 }
 
 fn steadiness(safety: &Safety) -> Option<Block> {
@@ -76,7 +76,7 @@ fn steadiness(safety: &Safety) -> Option<Block> {
         "Objects located in two samples in a row: {} pairs, {:.0} s.",
         steady.n_pairs, steady.tracked_s
     );
-    Some(Block::Table(Table::new(&["label changes", "a second", "count"], rows).with_note(note)))
+    Some(Block::Table(Table::new(["label changes", "a second", "count"], rows).with_note(note)))
 }
 
 fn early(safety: &Safety) -> Option<Block> {
@@ -89,7 +89,7 @@ fn early(safety: &Safety) -> Option<Block> {
     });
     let head = ["object turns harmful", "false-harmful boxes", "all harmless objects"];
     let note = "A false alarm on an object that is harmful a moment later was only early.";
-    Some(Block::Table(Table::new(&head, rows.collect()).with_note(note)))
+    Some(Block::Table(Table::new(head, rows.collect()).with_note(note)))
 }
 
 fn separation(safety: &Safety) -> Option<Block> {
@@ -106,7 +106,7 @@ fn separation(safety: &Safety) -> Option<Block> {
         .collect();
     let head = ["harmful against harmless", "objects", "AUROC", "AUPR", "FPR95"];
     let note = "Of objects that a detection lies on, by the harmful share of its scores.";
-    (!rows.is_empty()).then(|| Block::Table(Table::new(&head, rows).with_note(note)))
+    (!rows.is_empty()).then(|| Block::Table(Table::new(head, rows).with_note(note)))
 }
 
 /// Shares over bands of the signed distance to the zone's edge.
@@ -114,30 +114,18 @@ fn zone_edge(bands: &[EdgeBand]) -> Result<Figure, ReportError> {
     let points = |value: fn(&EdgeBand) -> Option<f64>| -> Vec<(f64, f64)> {
         bands.iter().enumerate().filter_map(|(i, band)| Some((i as f64 + 0.5, value(band)?))).collect()
     };
-    let series =
-        |name: &str, tone, look, value| Series { name: name.to_owned(), tone, look, points: points(value) };
+    let series = |name: &str, tone, look, value| Series::new(name, tone, look, points(value));
     let edges =
         bands.iter().enumerate().filter_map(|(i, band)| Some(((i + 1) as f64, band.to_m?.to_string())));
-    let x = Axis {
-        name: "signed distance to the zone's edge, m".to_owned(),
-        low: 0.0,
-        high: bands.len() as f64,
-        ticks: edges.collect(),
-    };
-    let chart = Chart {
-        x,
-        y: Axis::share("share of located objects"),
-        series: vec![
-            series("harmful in truth", Tone::Ink, Look::Dashed, |band| band.harmful_share),
-            series("called harmful", Tone::Harmful, Look::LineAndDots, |band| band.called_harmful_share),
-            series("mean harm probability", Tone::Amber, Look::LineAndDots, |band| {
-                band.mean_harm_probability
-            }),
-        ],
-        height_px: 340,
-    };
+    let x = Axis::new("signed distance to the zone's edge, m", 0.0, bands.len() as f64, edges.collect());
+    let series = vec![
+        series("harmful in truth", Tone::Ink, Look::Dashed, |band| band.harmful_share),
+        series("called harmful", Tone::Harmful, Look::LineAndDots, |band| band.called_harmful_share),
+        series("mean harm probability", Tone::Amber, Look::LineAndDots, |band| band.mean_harm_probability),
+    ];
+    let chart = Chart::new("Across the zone's edge", x, Axis::share("share of located objects"), series, 340);
     let caption = "Left of 0 the object reaches into the zone. Points stand in the middle of their band.";
-    Ok(Figure::new("Across the zone's edge", &chart)?.with_caption(caption))
+    Ok(Figure::new(&chart)?.with_caption(caption))
 }
 
 /// Recall of the groups and the line through all truths; nothing where the weather is not known.
@@ -152,15 +140,14 @@ fn slope(title: &str, x_name: &str, slopes: &PerClass<Option<Slope>>) -> Result<
         let ends = [points.first(), points.last()].map(|end| end.map_or(0.0, |end| end.0));
         high = f64::max(high, ends[1]);
         let line = ends.map(|x| (x, (slope.intercept + slope.slope * x).clamp(0.0, 1.0)));
-        series.push(Series { name: class.name().to_owned(), tone, look: Look::Dots, points });
-        series.push(Series { name: String::new(), tone, look: Look::Dashed, points: line.into() });
+        series.push(Series::new(class.name(), tone, Look::Dots, points));
+        series.push(Series::new("", tone, Look::Dashed, line.into()));
         told.push(format!("{} {:+.4} a unit", class.name(), slope.slope));
     }
     if series.is_empty() {
         return Ok(None);
     }
-    let chart =
-        Chart { x: Axis::over(x_name, 0.0, 1.04 * high), y: Axis::share("recall"), series, height_px: 320 };
+    let (x, y) = (Axis::over(x_name, 0.0, 1.04 * high), Axis::share("recall"));
     let caption = format!("Least squares through every truth: {}.", told.join(", "));
-    Ok(Some(Figure::new(title, &chart)?.with_caption(caption)))
+    Ok(Some(Figure::new(&Chart::new(title, x, y, series, 320))?.with_caption(caption)))
 }

@@ -4,35 +4,13 @@ use std::io;
 
 use fs_err as fs;
 
-use super::groups::spoken;
-use super::model::{Block, Figure, Table, ap, number};
-use super::pictures::{self, Picture};
-use super::plot::{Axis, Chart, Look, Series, Tone};
-use super::scores::SWEEPS_FILE;
-use super::{ReportError, Side};
-use crate::eval::judge::Judge;
-use crate::eval::sweep::{Change, SweepCurve, SweepPoint, Sweeps};
-
-/// A title, and the axis below.
-fn named(change: Change) -> (&'static str, &'static str) {
-    match change {
-        Change::SpeedMps => ("Speed set to", "speed of every frame, m/s"),
-        Change::SteeringDeg => ("Steering set to", "steering of every frame, degrees, left positive"),
-        Change::SpeedFactor => ("Speed sensor errs", "measured speed over the true one"),
-        Change::SteeringOffsetDeg => ("Steering sensor errs", "measured steering less the true one, degrees"),
-    }
-}
-
-/// A judge as a person names it, and its line.
-fn line(judge: Judge) -> (&'static str, Tone, Look) {
-    match judge {
-        Judge::Network => ("the network", Tone::Harmful, Look::LineAndDots),
-        Judge::Zone => ("zone over its boxes", Tone::Harmless, Look::LineAndDots),
-        Judge::ZoneSoft => ("zone over its boxes, soft", Tone::Harmless, Look::Dashed),
-        Judge::SpeedZone => ("zone by speed alone", Tone::Green, Look::LineAndDots),
-        Judge::SpeedZoneSoft => ("zone by speed alone, soft", Tone::Green, Look::Dashed),
-    }
-}
+use super::{ReportError, Side, pictures};
+use crate::eval::sweep::{Change, Sweeps};
+use crate::report::document::{Block, Figure, Picture};
+use crate::report::score_tables::to_words;
+use crate::report::scores::SWEEPS_FILE;
+use crate::report::sweeps::charts;
+use crate::report::table::{Table, ap, number};
 
 /// The section's blocks.
 pub fn blocks(sides: &[Side]) -> Result<Vec<Block>, ReportError> {
@@ -45,22 +23,8 @@ pub fn blocks(sides: &[Side]) -> Result<Vec<Block>, ReportError> {
             continue;
         };
         blocks.push(Block::heading(side.name));
-        let mut figures = Vec::new();
-        for change in Change::ALL {
-            let curves: Vec<&SweepCurve> =
-                sweeps.curves.iter().filter(|curve| curve.change == change).collect();
-            if curves.iter().all(|curve| curve.points.is_empty()) {
-                continue;
-            }
-            let (title, _) = named(change);
-            if change.moves_truth() {
-                figures.push(harmful(sweeps, &curves, change)?);
-                let chart = chart(&curves, change, "IoU of the harmful sets", |point| point.set_iou);
-                figures.push(Figure::new(format!("{title}: agreement of the harmful sets"), &chart)?);
-            }
-            let chart = chart(&curves, change, "mAP", |point| Some(point.scores.total.mean));
-            figures.push(Figure::new(format!("{title}: mAP"), &chart)?);
-        }
+        let charts = Change::ALL.into_iter().flat_map(|change| charts::over(sweeps, change));
+        let figures = charts.map(|chart| Figure::new(&chart)).collect::<Result<_, _>>()?;
         blocks.push(Block::Figures { figures });
         blocks.push(Block::text(
             "Where speed or steering is set, the truth is the zone of that speed and steering. Where a sensor errs, the \
@@ -89,7 +53,7 @@ fn pictures(side: &Side) -> Result<Vec<Block>, ReportError> {
         let mut found = found?;
         found.sort();
         for path in found.iter().filter(|path| path.extension().is_some_and(|ending| ending == "png")) {
-            let name = path.file_stem().map(|name| spoken(&name.to_string_lossy())).unwrap_or_default();
+            let name = path.file_stem().map(|name| to_words(&name.to_string_lossy())).unwrap_or_default();
             kinds.extend(pictures::of_file(path, &name)?);
         }
     }
@@ -104,54 +68,13 @@ fn pictures(side: &Side) -> Result<Vec<Block>, ReportError> {
         .collect())
 }
 
-/// A line for each judge, from 0 to 1.
-fn chart(
-    curves: &[&SweepCurve],
-    change: Change,
-    y_name: &str,
-    y: impl Fn(&SweepPoint) -> Option<f64>,
-) -> Chart {
-    let series = curves.iter().map(|curve| {
-        let (name, tone, look) = line(curve.judge);
-        let points = curve.points.iter().filter_map(|point| Some((point.value, y(point)?))).collect();
-        Series { name: name.to_owned(), tone, look, points }
-    });
-    let values = || curves.iter().flat_map(|curve| &curve.points).map(|point| point.value);
-    let (low, high) = (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max));
-    Chart {
-        x: Axis::over(named(change).1, low, high),
-        y: Axis::share(y_name),
-        series: series.collect(),
-        height_px: 340,
-    }
-}
-
-/// How many objects are harmful and called so.
-fn harmful(sweeps: &Sweeps, curves: &[&SweepCurve], change: Change) -> Result<Figure, ReportError> {
-    let a_frame = |n: usize| n as f64 / sweeps.n_samples.max(1) as f64;
-    let mut chart = chart(curves, change, "", |point| Some(a_frame(point.n_called_harmful)));
-    let truth = curves.first().map_or(&[][..], |curve| &curve.points);
-    chart.series.insert(
-        0,
-        Series {
-            name: "truth".to_owned(),
-            tone: Tone::Ink,
-            look: Look::Dashed,
-            points: truth.iter().map(|point| (point.value, a_frame(point.n_harmful))).collect(),
-        },
-    );
-    let most = chart.series.iter().flat_map(|series| &series.points).map(|point| point.1).fold(0.0, f64::max);
-    chart.y = Axis::over("harmful objects a frame", 0.0, 1.08 * most);
-    Figure::new(format!("{}: the harmful set", named(change).0), &chart)
-}
-
 fn table(sweeps: &Sweeps) -> Block {
     let rows = sweeps.curves.iter().flat_map(|curve| {
         curve.points.iter().map(|point| {
             let scores = &point.scores.total;
             vec![
-                format!("{} {}", named(curve.change).0, point.value).into(),
-                line(curve.judge).0.into(),
+                format!("{} {}", charts::title(curve.change), point.value).into(),
+                charts::judge_name(curve.judge).into(),
                 point.n_harmful.to_string().into(),
                 point.n_called_harmful.to_string().into(),
                 number(point.set_iou, 3).into(),
@@ -162,5 +85,5 @@ fn table(sweeps: &Sweeps) -> Block {
         })
     });
     let head = ["value", "judge", "harmful", "called harmful", "IoU", "AP harmful", "AP harmless", "mAP"];
-    Block::Table(Table::new(&head, rows.collect()))
+    Block::Table(Table::new(head, rows.collect()))
 }

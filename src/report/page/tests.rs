@@ -4,7 +4,6 @@ use std::path::Path;
 
 use fs_err as fs;
 
-use super::scores::{FAULTS_FILE, METRICS_FILE, SOURCE_FILE, SWEEPS_FILE, Source};
 use super::*;
 use crate::dataset::Fingerprint;
 use crate::eval::{
@@ -12,6 +11,8 @@ use crate::eval::{
 };
 use crate::geometry::{Box3, Point};
 use crate::object::{Distribution, Harm, Kind};
+use crate::report::provenance::Provenance;
+use crate::report::scores::{FAULTS_FILE, METRICS_FILE, PROVENANCE_FILE, SWEEPS_FILE};
 
 /// A name that breaks out of every place where text is not escaped.
 const HOSTILE: &str = "</script><img src=x onerror=alert(1)>\"'&";
@@ -109,13 +110,13 @@ fn write_scores(folder: &Path, mode: Mode, is_whole: bool) {
         fs::write(folder.join(FAULTS_FILE), json(serde_json::to_value(faults).unwrap())).unwrap();
         let hash = |c: &str| c.repeat(16);
         let fingerprint = Fingerprint { dataset_sha256: hash("0123"), labels_sha256: hash("4567") };
-        let source = Source {
+        let source = Provenance {
             command: format!("harmzone eval {HOSTILE}"),
             fingerprint: Some(fingerprint),
             checkpoint_sha256: Some(hash("89ab")),
-            ..Source::default()
+            ..Provenance::default()
         };
-        fs::write(folder.join(SOURCE_FILE), json(serde_json::to_value(source).unwrap())).unwrap();
+        fs::write(folder.join(PROVENANCE_FILE), json(serde_json::to_value(source).unwrap())).unwrap();
         fs::write(folder.join(SWEEPS_FILE), json(sweeps())).unwrap();
         let picture = image::RgbImage::from_pixel(64, 32, image::Rgb([90, 120, 60]));
         fs::create_dir_all(folder.join("kinds")).unwrap();
@@ -192,8 +193,10 @@ fn the_page_tells_all_that_the_scores_hold_beside_the_paper() {
 #[test]
 fn text_of_files_never_becomes_markup() {
     let made = Made::new(true);
-    let results = made.folder.path().join("RESULTS.md");
-    fs::write(&results, format!("| a |\n|---|\n| {HOSTILE} |\n")).unwrap();
+    let results = made.folder.path().join("results.json");
+    let mut told = results::test_data::test_results();
+    told.tables[0].title = HOSTILE.to_owned();
+    fs::write(&results, told.to_json()).unwrap();
     let request = ReportRequest { results: Some(results), ..made.request.clone() };
     let html = fs::read_to_string(run(&request).unwrap().out).unwrap();
     assert!(!html.contains("<img src=x"), "markup of a name");
@@ -232,7 +235,7 @@ fn what_is_absent_is_left_out_with_the_command_that_makes_it() {
     assert_eq!(summary.n_cards, 0);
     let told = summary.absent.join("\n");
     for (part, command) in
-        [("sweeps", "harmzone sweep"), ("RESULTS.md", "--results"), ("faults", "harmzone eval")]
+        [("sweeps", "harmzone sweep"), ("results.json", "--results"), ("faults", "harmzone eval")]
     {
         let line = summary.absent.iter().find(|line| line.contains(part));
         assert!(line.is_some_and(|line| line.contains(command)), "{part}: {told}");
@@ -254,7 +257,7 @@ fn scores_of_the_other_kind_and_missing_data_are_refused() {
 
 #[test]
 fn the_style_sheet_knows_every_tone_of_the_charts() {
-    use plot::Tone::{Amber, Green, Grid, Harmful, Harmless, Ink, Soft};
+    use crate::report::chart::Tone::{Amber, Green, Grid, Harmful, Harmless, Ink, Soft};
     let style = include_str!("report.css");
     for tone in [Ink, Soft, Grid, Harmful, Harmless, Green, Amber] {
         let color = tone.rgb();

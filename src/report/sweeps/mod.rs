@@ -12,7 +12,7 @@
 //! <out>/sweeps.json                 every curve; there when all is
 //! ```
 
-mod figures;
+pub mod charts;
 mod pictures;
 
 use std::fmt;
@@ -21,13 +21,15 @@ use std::path::{Path, PathBuf};
 use fs_err as fs;
 use thiserror::Error;
 
-use super::plot::{self, Lines, PlotError};
+use super::chart::{self, ChartError, Sheet};
+use super::table::number;
 use crate::config::to_toml;
 use crate::dataset::Dataset;
 use crate::eval::Protocol;
 use crate::eval::judge::Judge;
 use crate::eval::sweep::{Change, Series, SweepConfig, SweepError, Sweeps, Swept};
 use crate::files::write_atomic;
+use crate::text_table::text_table;
 use crate::zone::ZoneError;
 
 /// Name of the file whose presence says that all is there.
@@ -53,7 +55,7 @@ pub enum SweepReportError {
     #[error(transparent)]
     Sweep(#[from] SweepError),
     #[error(transparent)]
-    Plot(#[from] PlotError),
+    Chart(#[from] ChartError),
     #[error("sample {sample}: {source}")]
     Zone { sample: String, source: ZoneError },
     #[error("the image of sample {sample} cannot be unpacked: {source}")]
@@ -99,11 +101,12 @@ pub fn run(request: &SweepRequest<'_>) -> Result<SweepSummary, SweepReportError>
         format!("# harmzone {}, harmzone sweep\n{}", env!("CARGO_PKG_VERSION"), to_toml(config));
     write_atomic(&out.join(CONFIG_FILE), config_text.as_bytes())?;
     write_atomic(&out.join(CSV_FILE), sweeps.to_csv().as_bytes())?;
-    save_plot(out, "speed", &figures::over_states(&sweeps, Change::SpeedMps))?;
-    save_plot(out, "steering", &figures::over_states(&sweeps, Change::SteeringDeg))?;
-    save_plot(out, "sensor_errors", &figures::sensor_errors(&sweeps))?;
+    save_sheet(out, "speed", charts::over(&sweeps, Change::SpeedMps))?;
+    save_sheet(out, "steering", charts::over(&sweeps, Change::SteeringDeg))?;
+    let sensors = [Change::SpeedFactor, Change::SteeringOffsetDeg];
+    save_sheet(out, "sensor_errors", sensors.into_iter().flat_map(|of| charts::over(&sweeps, of)).collect())?;
     if let Some(early) = &sweeps.early {
-        save_plot(out, "early", &figures::early(early))?;
+        save_sheet(out, "early", vec![charts::early(early)])?;
     }
     let pictures = pictures::draw_all(swept, dataset.zone(), config, series)?;
     for (name, picture) in &pictures {
@@ -119,9 +122,10 @@ pub fn run(request: &SweepRequest<'_>) -> Result<SweepSummary, SweepReportError>
     Ok(SweepSummary { sweeps, n_pictures: pictures.len(), out: out.to_owned() })
 }
 
-fn save_plot(out: &Path, name: &str, figure: &Lines) -> Result<(), SweepReportError> {
-    write_atomic(&out.join(format!("{name}.svg")), plot::svg(figure)?.as_bytes())?;
-    write_atomic(&out.join(format!("{name}.png")), &plot::png(figure)?)?;
+fn save_sheet(out: &Path, name: &str, charts: Vec<chart::Chart>) -> Result<(), SweepReportError> {
+    let sheet = Sheet::column(charts);
+    write_atomic(&out.join(format!("{name}.svg")), chart::svg(&sheet)?.as_bytes())?;
+    write_atomic(&out.join(format!("{name}.png")), &chart::png(&sheet)?)?;
     Ok(())
 }
 
@@ -129,29 +133,21 @@ impl fmt::Display for SweepSummary {
     /// A table: for each judge how well its harmful set follows speed and steering, and mAP under the largest errors.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let sweeps = &self.sweeps;
-        writeln!(
-            f,
-            "{:<16} {:>12} {:>14} {:>22} {:>25}",
-            "", "set IoU over", "set IoU over", "mAP, speed", "mAP, steering"
-        )?;
-        writeln!(
-            f,
-            "{:<16} {:>12} {:>14} {:>22} {:>25}",
+        let head = [
             format!("{} frames", sweeps.n_samples),
-            "speed",
-            "steering",
-            "factor",
-            "offset, deg"
-        )?;
-        for judge in Judge::ALL {
-            if !sweeps.curves.iter().any(|curve| curve.judge == judge) {
-                continue;
-            }
+            "set IoU\nover speed".to_owned(),
+            "set IoU\nover steering".to_owned(),
+            "mAP by\nspeed factor".to_owned(),
+            "mAP by\nsteering offset, deg".to_owned(),
+        ];
+        let judges = Judge::ALL.into_iter();
+        let judges = judges.filter(|&judge| sweeps.curves.iter().any(|curve| curve.judge == judge));
+        let row = |judge: Judge| {
             let mean_iou = |change| {
                 let shares: Vec<f64> =
                     sweeps.points(change, judge).iter().filter_map(|point| point.set_iou).collect();
                 let n = shares.len();
-                if n == 0 { "-".to_owned() } else { format!("{:.3}", shares.iter().sum::<f64>() / n as f64) }
+                number((n > 0).then(|| shares.iter().sum::<f64>() / n as f64), 3)
             };
             let errors = |change, unit: &str| {
                 let points = sweeps.points(change, judge);
@@ -160,16 +156,15 @@ impl fmt::Display for SweepSummary {
                     .collect::<Vec<_>>()
                     .join(", ")
             };
-            writeln!(
-                f,
-                "{:<16} {:>12} {:>14} {:>22} {:>25}",
-                judge.name(),
+            [
+                judge.name().to_owned(),
                 mean_iou(Change::SpeedMps),
                 mean_iou(Change::SteeringDeg),
                 errors(Change::SpeedFactor, "x"),
                 errors(Change::SteeringOffsetDeg, ""),
-            )?;
-        }
+            ]
+        };
+        f.write_str(&text_table(std::iter::once(head).chain(judges.map(row))))?;
         writeln!(f, "plots and {} pictures: {}", self.n_pictures, self.out.display())
     }
 }

@@ -19,7 +19,7 @@ type Named = Vec<(String, RgbImage)>;
 /// Draws all of them.
 ///
 /// # Errors
-/// A state that cannot be, or an image that cannot be unpacked.
+/// A state is not valid, or an image cannot be unpacked.
 pub fn draw_all(
     swept: &Swept<'_>,
     zone: &Zone,

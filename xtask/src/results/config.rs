@@ -1,13 +1,14 @@
 //! Which rows are trained, over which schedule, and in which tables they stand.
 
+use anyhow::{Context, ensure};
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
 
-use harmzone::config::{self, ConfigError};
+use harmzone::config;
 use harmzone::eval::judge::Judge;
 use harmzone::generate::Preset;
 use harmzone::model::Classes;
-use harmzone::train::{TrainConfig, TrainConfigError};
+use harmzone::report::results::TableConfig;
+use harmzone::train::TrainConfig;
 
 /// An experiment; `configs/results.toml` equals the default.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -52,44 +53,6 @@ pub struct RowConfig {
     pub set: Vec<String>,
 }
 
-/// A table of rows.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct TableConfig {
-    pub title: String,
-    /// A sentence above the table.
-    pub note: String,
-    pub rows: Vec<RowOf>,
-}
-
-/// A row's place in a table.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct RowOf {
-    pub label: String,
-    /// Name of the row.
-    pub row: String,
-}
-
-/// What is wrong with an experiment's config.
-#[derive(Debug, Error)]
-pub enum ResultsConfigError {
-    #[error("results config: no preset `{found}`; there are: {}", Preset::ALL.map(Preset::name).join(", "))]
-    Preset { found: String },
-    #[error("results config: row name `{found}`; letters, digits, `-` and `_` are needed, each name once")]
-    Name { found: String },
-    #[error("results config: table `{table}` names row `{found}`; there are: {}", valid.join(", "))]
-    TableRow { table: String, found: String, valid: Vec<String> },
-    #[error("row `{row}`: {source}")]
-    Keys { row: String, source: ConfigError },
-    #[error("row `{row}` is the closed set's, but its network tells harm; model.head.classes=kind is needed")]
-    TellsHarm { row: String },
-    #[error("row `{row}`: {source}")]
-    Train { row: String, source: TrainConfigError },
-    #[error("no row `{found}`; there are: {}", valid.join(", "))]
-    Only { found: String, valid: Vec<String> },
-}
-
 impl Default for ResultsConfig {
     fn default() -> Self {
         toml::from_str(include_str!("../../../configs/results.toml")).expect("a test reads the shipped file")
@@ -101,38 +64,31 @@ impl ResultsConfig {
     ///
     /// # Errors
     /// Names the row or table that does not fit.
-    pub fn trainings(&self) -> Result<Vec<(String, TrainConfig)>, ResultsConfigError> {
-        if Preset::named(&self.preset).is_none() {
-            return Err(ResultsConfigError::Preset { found: self.preset.clone() });
-        }
-        let none = Vec::new();
-        let others = self.rows.iter().map(|row| (row, &self.common));
+    pub fn trainings(&self) -> anyhow::Result<Vec<(String, TrainConfig)>> {
+        ensure!(
+            Preset::named(&self.preset).is_some(),
+            "results config: no preset `{}`; there are: {}",
+            self.preset,
+            Preset::ALL.map(Preset::name).join(", ")
+        );
+        let headline = std::iter::once((&self.headline, [].as_slice()));
         let mut trainings: Vec<(String, TrainConfig)> = Vec::new();
-        for (row, common) in std::iter::once((&self.headline, &none)).chain(others) {
-            let name = row.name.clone();
-            if !is_word(&name) || trainings.iter().any(|(n, _)| *n == name) {
-                return Err(ResultsConfigError::Name { found: name });
-            }
-            let training = training(&name, &[common.as_slice(), &row.set].concat())?;
-            trainings.push((name, training));
+        for (row, common) in headline.chain(self.rows.iter().map(|row| (row, self.common.as_slice()))) {
+            let is_taken = trainings.iter().any(|(name, _)| *name == row.name);
+            trainings.push((row.name.clone(), row.training(common, is_taken)?));
         }
-        for table in &self.tables {
-            for RowOf { row, .. } in &table.rows {
-                if !self.rows.iter().any(|known| known.name == *row) {
-                    let valid = self.rows.iter().map(|row| row.name.clone()).collect();
-                    let (table, found) = (table.title.clone(), row.clone());
-                    return Err(ResultsConfigError::TableRow { table, found, valid });
-                }
-            }
+        let places = self.tables.iter().flat_map(|table| {
+            table.rows.iter().map(|of| (format!("table `{}`", table.title), &of.row, &trainings[1..]))
+        });
+        let rivals = self.rivals.iter().map(|of| (format!("rivals `{}`", of.label), &of.row, &trainings[..]));
+        for (place, row, valid) in places.chain(rivals) {
+            ensure!(
+                valid.iter().any(|(name, _)| name == row),
+                "results config: {place} names row `{row}`; there are: {}",
+                valid.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ")
+            );
         }
         self.closed_set_training()?;
-        for RivalConfig { label, row, .. } in &self.rivals {
-            if !trainings.iter().any(|(name, _)| name == row) {
-                let valid = trainings.iter().map(|(name, _)| name.clone()).collect();
-                let (table, found) = (format!("rivals: {label}"), row.clone());
-                return Err(ResultsConfigError::TableRow { table, found, valid });
-            }
-        }
         Ok(trainings)
     }
 
@@ -140,30 +96,34 @@ impl ResultsConfig {
     ///
     /// # Errors
     /// Its keys do not fit, or its network tells harm.
-    pub fn closed_set_training(&self) -> Result<Option<(String, TrainConfig)>, ResultsConfigError> {
-        let Some(RowConfig { name, set }) = &self.closed_set else { return Ok(None) };
-        let is_taken = self.rows.iter().chain([&self.headline]).any(|row| row.name == *name);
-        if !is_word(name) || is_taken {
-            return Err(ResultsConfigError::Name { found: name.clone() });
-        }
-        let training = training(name, &[self.common.as_slice(), set].concat())?;
-        if training.model.head.classes != Classes::Kind {
-            return Err(ResultsConfigError::TellsHarm { row: name.clone() });
-        }
-        Ok(Some((name.clone(), training)))
+    pub fn closed_set_training(&self) -> anyhow::Result<Option<(String, TrainConfig)>> {
+        let Some(row) = &self.closed_set else { return Ok(None) };
+        let is_taken = self.rows.iter().chain([&self.headline]).any(|other| other.name == row.name);
+        let training = row.training(&self.common, is_taken)?;
+        ensure!(
+            training.model.head.classes == Classes::Kind,
+            "row `{}` is the closed set's, but its network tells harm; model.head.classes=kind is needed",
+            row.name
+        );
+        Ok(Some((row.name.clone(), training)))
     }
 }
 
-fn is_word(name: &str) -> bool {
-    !name.is_empty() && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '-' || c == '_')
-}
-
-/// The training of a row with these keys.
-fn training(row: &str, keys: &[String]) -> Result<TrainConfig, ResultsConfigError> {
-    let training = config::with_overrides(&TrainConfig::default(), keys)
-        .map_err(|source| ResultsConfigError::Keys { row: row.to_owned(), source })?;
-    training.check().map_err(|source| ResultsConfigError::Train { row: row.to_owned(), source })?;
-    Ok(training)
+impl RowConfig {
+    /// The training with the common keys and, over them, the row's own.
+    fn training(&self, common: &[String], is_taken: bool) -> anyhow::Result<TrainConfig> {
+        let Self { name, set } = self;
+        let is_word =
+            !name.is_empty() && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '-' || c == '_');
+        ensure!(
+            is_word && !is_taken,
+            "results config: row name `{name}`; letters, digits, `-` and `_` are needed, each name once"
+        );
+        let training = config::with_overrides(&TrainConfig::default(), &[common, set].concat())
+            .with_context(|| format!("row `{name}`"))?;
+        training.check().with_context(|| format!("row `{name}`"))?;
+        Ok(training)
+    }
 }
 
 #[cfg(test)]
@@ -199,7 +159,7 @@ mod tests {
         let wrong = |change: fn(&mut ResultsConfig)| {
             let mut config = ResultsConfig::default();
             change(&mut config);
-            config.trainings().unwrap_err().to_string()
+            format!("{:#}", config.trainings().unwrap_err())
         };
         let message = wrong(|config| config.preset = "huge".into());
         assert!(message.contains("huge") && message.contains("small"), "{message}");

@@ -2,8 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use super::record::SetRecord;
-use super::run::{Request, ResultsError};
+use anyhow::ensure;
+
+use super::request::Request;
 use harmzone::config::to_toml;
 use harmzone::dataset::Fingerprint;
 use harmzone::episode::Split;
@@ -12,6 +13,7 @@ use harmzone::files::sha256_hex;
 use harmzone::generate::{self, CheckedConfig, Preset, RunOptions, preset};
 use harmzone::label;
 use harmzone::progress::Progress;
+use harmzone::report::results::SetRecord;
 use harmzone::zone::ZoneConfig;
 
 /// The label set that is made and used.
@@ -25,7 +27,7 @@ pub fn prepare(
     request: &Request<'_>,
     is_ood: bool,
     progress: &dyn Progress,
-) -> Result<(PathBuf, SetRecord), ResultsError> {
+) -> anyhow::Result<(PathBuf, SetRecord)> {
     let preset = Preset::named(&request.config.preset).expect("the config was checked");
     let (config, n_episodes) = preset::load(Some(preset), is_ood, None, &[])?;
     let given = if is_ood { request.ood.as_ref() } else { request.data.as_ref() };
@@ -35,9 +37,12 @@ pub fn prepare(
         generate::run(&config, n_episodes, &path, &options, progress)?;
     }
     let manifest = Manifest::read(&path)?;
-    if manifest.ood != is_ood {
-        return Err(ResultsError::OtherKind { is_ood: manifest.ood, path });
-    }
+    ensure!(
+        manifest.ood == is_ood,
+        "the data set was made {} unfamiliar objects; --data needs one without and --ood one with: {}",
+        if manifest.ood { "with" } else { "without" },
+        path.display()
+    );
     let has_labels = LabelManifest::folder(&path, LABELS).join(LabelManifest::FILE).is_file();
     if given.is_none() || !has_labels {
         label::run(&path, &ZoneConfig::default(), LABELS, false, progress)?;
@@ -52,7 +57,7 @@ fn describe(
     manifest: &Manifest,
     preset_sha256: &str,
     n_episodes: u32,
-) -> Result<SetRecord, ResultsError> {
+) -> anyhow::Result<SetRecord> {
     let count = |split| manifest.of_split(split).map(|entry| entry.n_samples).sum();
     Ok(SetRecord {
         n_samples: [Split::Train, Split::Val, Split::Test].map(count),

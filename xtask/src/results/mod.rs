@@ -5,10 +5,9 @@
 //! <out>/runs/<row>/           one training a row, resumable
 //! <out>/scores/<row>.json     what that row came to; there when the row is done
 //! <out>/scores/<row>-id.json  all figures of its scoring, and <row>-ood.json
-//! <out>/scores/<row>-rivals.json  who decides on harm over the row's boxes, under errors of the sensors
 //! <out>/report/id/ ood/       the headline's scores with faults, sweeps and pictures, as `harmzone report` reads them
 //! <out>/results.json          all of it; results.csv and RESULTS.md are written from it alone
-//! <out>/report.html           one page of report/ and RESULTS.md; there once the headline is scored
+//! <out>/report.html           one page of report/ and results.json; there once the headline is scored
 //! ```
 
 mod closed_set;
@@ -16,10 +15,12 @@ mod config;
 mod data;
 mod experiment;
 mod page;
-mod record;
-mod rivals;
+mod request;
 mod run;
-mod text;
+mod score;
+mod write;
 
 pub use config::ResultsConfig;
-pub use run::{Request, rewrite, run};
+pub use request::Request;
+pub use run::run;
+pub use write::rewrite;

@@ -5,22 +5,21 @@ use std::path::{Path, PathBuf};
 
 use fs_err as fs;
 use serde::de::DeserializeOwned;
-use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use super::provenance::Provenance;
+use super::score_tables;
 use crate::config::to_toml;
-use crate::dataset::Fingerprint;
 use crate::eval::sweep::Sweeps;
 use crate::eval::{Evaluation, Fault, Protocol};
 use crate::files::write_atomic;
-use crate::report;
 
 /// Everything that was found out.
 pub const METRICS_FILE: &str = "metrics.json";
 /// The resolved config of the scoring.
 pub const CONFIG_FILE: &str = "eval.toml";
-/// Where the scores come from, a [`Source`].
-pub const SOURCE_FILE: &str = "source.json";
+/// Where the scores come from, a [`Provenance`].
+pub const PROVENANCE_FILE: &str = "source.json";
 /// The worst misses and false alarms, a list of [`Fault`].
 pub const FAULTS_FILE: &str = "faults.json";
 /// For people: the table beside the paper's, and scores by group.
@@ -28,27 +27,6 @@ const TABLE_FILE: &str = "table.txt";
 const BREAKDOWN_FILE: &str = "breakdown.txt";
 /// Speed and steering swept over the same frames; `harmzone sweep --out` writes it.
 pub const SWEEPS_FILE: &str = "sweeps.json";
-
-/// Where scores come from.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Source {
-    /// Of harmzone.
-    pub version: String,
-    /// As it was typed.
-    pub command: String,
-    /// The data set, as it was named.
-    pub data: Option<PathBuf>,
-    pub labels: Option<String>,
-    /// Of the data set and its labels.
-    pub fingerprint: Option<Fingerprint>,
-    /// Of the network's file.
-    pub checkpoint_sha256: Option<String>,
-    /// The resolved config of the detector.
-    pub model_toml: Option<String>,
-    /// The resolved config of its training.
-    pub train_toml: Option<String>,
-}
 
 /// Why scores could not be read.
 #[derive(Debug, Error)]
@@ -67,7 +45,7 @@ pub struct Scores {
     pub folder: PathBuf,
     pub evaluation: Evaluation,
     pub config_toml: Option<String>,
-    pub source: Option<Source>,
+    pub provenance: Option<Provenance>,
     pub faults: Option<Vec<Fault>>,
     pub sweeps: Option<Sweeps>,
 }
@@ -84,7 +62,7 @@ impl Scores {
             folder: folder.to_owned(),
             evaluation: evaluation.ok_or_else(|| ScoresError::NoMetrics { path: folder.to_owned() })?,
             config_toml: if config.is_file() { Some(fs::read_to_string(config)?) } else { None },
-            source: read_json(&folder.join(SOURCE_FILE))?,
+            provenance: read_json(&folder.join(PROVENANCE_FILE))?,
             faults: read_json(&folder.join(FAULTS_FILE))?,
             sweeps: read_json(&folder.join(SWEEPS_FILE))?,
         })
@@ -100,19 +78,19 @@ pub fn write(
     protocol: &Protocol,
     evaluation: &Evaluation,
     faults: &[Fault],
-    source: &Source,
+    provenance: &Provenance,
 ) -> io::Result<()> {
     fs::create_dir_all(folder)?;
     let metrics = folder.join(METRICS_FILE);
     if metrics.exists() {
         fs::remove_file(&metrics)?;
     }
-    let config = format!("# harmzone {}, harmzone eval\n{}", source.version, to_toml(protocol.config()));
+    let config = format!("# harmzone {}, harmzone eval\n{}", provenance.version, to_toml(protocol.config()));
     write_atomic(&folder.join(CONFIG_FILE), config.as_bytes())?;
-    write_atomic(&folder.join(TABLE_FILE), report::table(&evaluation.metrics).as_bytes())?;
-    write_atomic(&folder.join(BREAKDOWN_FILE), report::breakdown(evaluation).as_bytes())?;
+    write_atomic(&folder.join(TABLE_FILE), score_tables::text(evaluation).as_bytes())?;
+    write_atomic(&folder.join(BREAKDOWN_FILE), score_tables::breakdown(evaluation).as_bytes())?;
     write_atomic(&folder.join(FAULTS_FILE), &serde_json::to_vec(faults)?)?;
-    write_atomic(&folder.join(SOURCE_FILE), &serde_json::to_vec_pretty(source)?)?;
+    write_atomic(&folder.join(PROVENANCE_FILE), &serde_json::to_vec_pretty(provenance)?)?;
     write_atomic(&metrics, evaluation.to_json().as_bytes())
 }
 
@@ -124,18 +102,6 @@ fn read_json<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, ScoresError>
     let broken =
         |error: serde_json::Error| ScoresError::Broken { message: error.to_string(), path: path.to_owned() };
     serde_json::from_str(&fs::read_to_string(path)?).map(Some).map_err(broken)
-}
-
-/// Words of a command, with quotes where a shell needs them.
-#[must_use]
-pub fn quote(words: impl IntoIterator<Item = impl AsRef<str>>) -> String {
-    // `shlex` also quotes `=`, `,` and `%`, which mean nothing inside a word: `key=value` reads better bare.
-    let is_bare = |c: char| c.is_ascii_alphanumeric() || "_-./=:,+@%".contains(c);
-    let quoted = words.into_iter().map(|word| match word.as_ref() {
-        word if !word.is_empty() && word.chars().all(is_bare) => word.to_owned(),
-        word => shlex::Quoter::new().allow_nul(true).quote(word).expect("NUL is allowed").into_owned(),
-    });
-    quoted.collect::<Vec<_>>().join(" ")
 }
 
 #[cfg(test)]
@@ -150,11 +116,5 @@ mod tests {
         fs::write(folder.path().join(METRICS_FILE), "{}").unwrap();
         let message = Scores::read(folder.path()).unwrap_err().to_string();
         assert!(message.contains("missing field") && message.ends_with(METRICS_FILE), "{message}");
-    }
-
-    #[test]
-    fn a_command_is_quoted_where_a_shell_needs_it() {
-        let words = ["harmzone", "eval", "a b", "it's", "--set", "max_range_m=30", "dist_m=[1, 2]", ""];
-        assert_eq!(quote(words), r#"harmzone eval 'a b' "it's" --set max_range_m=30 'dist_m=[1, 2]' ''"#);
     }
 }

@@ -1,0 +1,134 @@
+//! One direction of a chart: its range, its scale, and what is written along it.
+
+use std::ops::Range;
+
+use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
+
+/// One direction of a chart.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Axis {
+    pub name: String,
+    pub low: f64,
+    pub high: f64,
+    /// Where a line is drawn, and what is written there.
+    pub ticks: Vec<(f64, String)>,
+    pub is_log: bool,
+}
+
+impl Axis {
+    /// A straight axis with these ticks.
+    #[must_use]
+    pub fn new(name: &str, low: f64, high: f64, ticks: Vec<(f64, String)>) -> Self {
+        Self { name: name.to_owned(), low, high, ticks, is_log: false }
+    }
+
+    /// From 0 to 1.
+    #[must_use]
+    pub fn share(name: &str) -> Self {
+        Self::over(name, 0.0, 1.0)
+    }
+
+    /// Over all values, with ticks at round numbers; `low` and `high` must be finite.
+    #[must_use]
+    pub fn over(name: &str, low: f64, high: f64) -> Self {
+        let high = if high > low { high } else { low + 1.0 };
+        let rough = (high - low) / 7.0;
+        let power = 10f64.powf(rough.log10().floor());
+        let step = [1.0, 2.0, 5.0, 10.0].map(|n| n * power).into_iter().find(|&step| step >= rough);
+        let step = step.unwrap_or(rough);
+        let n_decimals = (-step.log10().floor()).max(0.0) as usize;
+        let (first, last) = ((low / step - 1e-9).ceil() as i64, (high / step + 1e-9).floor() as i64);
+        // Adding zero: no tick is called -0.
+        let ticks = (first..=last).map(|i| i as f64 * step + 0.0);
+        Self::new(name, low, high, ticks.map(|at| (at, format!("{at:.n_decimals$}"))).collect())
+    }
+
+    /// Logarithmic, with ticks at one, two and five times the powers of ten; `low` must be above zero.
+    #[must_use]
+    pub fn log(name: &str, low: f64, high: f64) -> Self {
+        let powers = (low.log10().floor() as i32)..=(high.log10().ceil() as i32);
+        let ticks = powers.flat_map(|power| {
+            let n_decimals = (-power).max(0) as usize;
+            [1.0, 2.0, 5.0].map(|n| n * 10f64.powi(power)).map(|at| (at, format!("{at:.n_decimals$}")))
+        });
+        let ticks = ticks.filter(|(at, _)| (low..=high).contains(at)).collect();
+        Self { is_log: true, ..Self::new(name, low, high, ticks) }
+    }
+
+    /// Names one below the other; [`row`] says where each is.
+    #[must_use]
+    pub fn rows(names: &[String]) -> Self {
+        let ticks = names.iter().enumerate().map(|(i, name)| (row(i, names.len()), name.clone())).collect();
+        Self::new("", -0.6, names.len() as f64 - 0.4, ticks)
+    }
+
+    fn scaled(&self, value: f64) -> f64 {
+        if self.is_log { value.ln() } else { value }
+    }
+
+    /// Where a value lies between the ends, 0 to 1.
+    pub(super) fn share_at(&self, value: f64) -> f64 {
+        let [low, high] = [self.low, self.high].map(|end| self.scaled(end));
+        (self.scaled(value) - low) / (high - low)
+    }
+}
+
+/// Place of a row on [`Axis::rows`].
+#[must_use]
+pub fn row(i: usize, n: usize) -> f64 {
+    n as f64 - 1.0 - i as f64
+}
+
+/// An axis as the plotting library wants it, with no ticks but its own.
+pub(super) struct Ticked(pub(super) Axis);
+
+impl Ranged for Ticked {
+    type FormatOption = NoDefaultFormatting;
+    type ValueType = f64;
+
+    fn map(&self, value: &f64, (start, end): (i32, i32)) -> i32 {
+        start + (self.0.share_at(*value) * f64::from(end - start)).round() as i32
+    }
+
+    fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {
+        let wants_light_ones = hint.weight().allow_light_points();
+        self.0.ticks.iter().filter(|_| !wants_light_ones).map(|tick| tick.0).collect()
+    }
+
+    fn range(&self) -> Range<f64> {
+        self.0.low..self.0.high
+    }
+}
+
+impl ValueFormatter<f64> for Ticked {
+    fn format_ext(&self, value: &f64) -> String {
+        let nearest = self.0.ticks.iter().min_by(|a, b| (a.0 - value).abs().total_cmp(&(b.0 - value).abs()));
+        nearest.map_or_else(String::new, |tick| tick.1.clone())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn words(axis: Axis) -> Vec<String> {
+        axis.ticks.into_iter().map(|tick| tick.1).collect()
+    }
+
+    #[test]
+    fn ticks_are_round_numbers_within_the_axis() {
+        let ticks = |low, high| words(Axis::over("", low, high));
+        assert_eq!(ticks(0.0, 14.0), ["0", "2", "4", "6", "8", "10", "12", "14"]);
+        assert_eq!(ticks(-35.0, 35.0), ["-30", "-20", "-10", "0", "10", "20", "30"]);
+        assert_eq!(ticks(0.0, 1.0), ["0.0", "0.2", "0.4", "0.6", "0.8", "1.0"]);
+        assert_eq!(ticks(0.0, 0.3), ["0.00", "0.05", "0.10", "0.15", "0.20", "0.25", "0.30"]);
+        assert_eq!(ticks(2.0, 2.0).first().map(String::as_str), Some("2.0"));
+    }
+
+    #[test]
+    fn a_logarithmic_axis_gives_equal_room_to_equal_ratios() {
+        let axis = Axis::log("", 0.04, 4.0);
+        assert!((axis.share_at(0.4) - 0.5).abs() < 1e-12);
+        assert_eq!(words(axis), ["0.05", "0.1", "0.2", "0.5", "1", "2"]);
+    }
+}

@@ -1,0 +1,59 @@
+//! The paper's figures (Tables II and III), and the names of the columns that stand beside them.
+
+use crate::eval::{ClassScores, Column, Confidence, Evaluation, Intervals, Mode};
+
+/// The classes and their mean, in the order of all figures here.
+pub const PARTS: [&str; 3] = ["harmful", "harmless", "mean"];
+/// What to keep in mind beside the paper's figures.
+pub const YARDSTICK: &str =
+    "The paper's figures come from another simulator: a yardstick, not the same work.";
+
+/// One AP by class, beside the paper's.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Line {
+    pub name: &'static str,
+    /// For charts.
+    pub short: &'static str,
+    pub ours: [f64; 3],
+    /// Bounds of the confidence intervals.
+    pub intervals: [Option<[f64; 2]>; 3],
+    pub paper: [f64; 3],
+}
+
+impl Line {
+    /// AP in distribution, or in a column out of distribution.
+    #[must_use]
+    pub fn new(column: Option<Column>, scores: &ClassScores, confidence: Option<&Confidence>) -> Self {
+        let (name, short, paper) = match column {
+            None => ("ID: mAP", "ID", [0.7947, 0.8289, 0.8118]),
+            Some(Column::Total) => ("OOD: mAP (total)", "total", [0.715, 0.723, 0.719]),
+            Some(Column::IdMatched) => {
+                ("OOD: mAP_ID (matched FPs only)", "ID, matched FPs", [0.74, 0.88, 0.81])
+            }
+            Some(Column::OodAll) => ("OOD: mAP_OOD (all FPs)", "OOD, all FPs", [0.652, 0.345, 0.499]),
+            Some(Column::OodMatched) => {
+                ("OOD: mAP_OOD (matched FPs only)", "OOD, matched FPs", [0.714, 0.725, 0.72])
+            }
+        };
+        let ClassScores { harmful, harmless, mean } = *scores;
+        let intervals = confidence.and_then(|of| of.columns.get(column.unwrap_or(Column::Total)).copied());
+        let intervals =
+            intervals.map_or([None; 3], |Intervals { harmful, harmless, mean }| [harmful, harmless, mean]);
+        Self { name, short, ours: [harmful, harmless, mean], intervals, paper }
+    }
+
+    /// The lines of a scoring: one in distribution, four out of it.
+    #[must_use]
+    pub fn of_evaluation(evaluation: &Evaluation) -> Vec<Self> {
+        let (metrics, confidence) = (&evaluation.metrics, evaluation.confidence.as_ref());
+        let columns: &[Option<Column>] = match metrics.mode {
+            Mode::Id => &[None],
+            Mode::Ood => &Column::ALL.map(Some),
+        };
+        let line = |column: &Option<Column>| {
+            let scores = metrics.columns.get(column.unwrap_or(Column::Total))?;
+            Some(Self::new(*column, scores, confidence))
+        };
+        columns.iter().filter_map(line).collect()
+    }
+}

@@ -1,0 +1,220 @@
+//! The results of an experiment in blocks, for RESULTS.md, the page and a network's card.
+
+use super::{Record, Results, RivalRecord, SetRecord, SetScores, TableConfig};
+use crate::eval::ClassScores;
+use crate::report::document::Block;
+use crate::report::paper::{Line, PARTS, YARDSTICK};
+use crate::report::provenance::quote;
+use crate::report::table::{Cell, Table, ap, number};
+
+/// All that there is to tell; the same results give the same blocks.
+#[must_use]
+pub fn blocks(results: &Results) -> Vec<Block> {
+    let mut blocks = data_blocks(results);
+    blocks.push(Block::heading("The network that ships"));
+    match &results.headline {
+        Some(record) => blocks.extend(record_blocks(results, record)),
+        None => blocks.push(Block::text("Not trained yet.")),
+    }
+    blocks.push(Block::heading("Ablations"));
+    blocks.push(Block::text(
+        "One training each, over configs/train.toml with the keys below, a shorter schedule than that of the network above. \
+         Cells: mean AP (harmful / harmless). One seed each: small differences tell nothing.",
+    ));
+    blocks.push(Block::code(results.common.join("\n")));
+    for table in &results.tables {
+        blocks.extend(ablation_blocks(results, table));
+    }
+    if !results.rivals.is_empty() {
+        blocks.extend(rival_blocks(results));
+    }
+    blocks
+}
+
+/// The headline's figures and its data, for the card of its network.
+#[must_use]
+pub fn headline_blocks(results: &Results, record: &Record) -> Vec<Block> {
+    let hash = Block::text(format!("SHA-256 of the file: {}", record.checkpoint_sha256));
+    [vec![hash], record_blocks(results, record), data_blocks(results)].concat()
+}
+
+fn data_blocks(results: &Results) -> Vec<Block> {
+    let (data, preset) = (&results.data, &results.data.preset);
+    let describe = |set: &SetRecord, what: &str| {
+        let made =
+            if set.is_of_preset { "" } else { ", made by another version or config than the commands below" };
+        let short = |hash: &str| hash.chars().take(12).collect::<String>();
+        let of = &set.fingerprint;
+        format!(
+            "{what}{made} (dataset.json {}, labels {})",
+            short(&of.dataset_sha256),
+            short(&of.labels_sha256)
+        )
+    };
+    let [n_train, n_val, _] = data.id.n_samples;
+    let n_test: usize = data.ood.n_samples.iter().sum();
+    vec![
+        Block::text(format!(
+            "Data: {}; {}. AP is the nuScenes one: mean over centre distances of 0.5, 1, 2 and 4 m, objects within 50 m.",
+            describe(&data.id, &format!("{n_train} samples to train on and {n_val} to validate on")),
+            describe(&data.ood, &format!("{n_test} samples with unfamiliar objects")),
+        )),
+        Block::code(format!(
+            "harmzone gen --preset {preset} --out data/id && harmzone label data/id\n\
+             harmzone gen --preset {preset} --ood --out data/ood && harmzone label data/ood"
+        )),
+    ]
+}
+
+/// All columns of a row with the paper's figures, its costs and its commands.
+fn record_blocks(results: &Results, record: &Record) -> Vec<Block> {
+    let rows = record.scores().into_iter().map(|(column, scores)| {
+        let line = Line::new(column, &scores, None);
+        let cells = line.ours.into_iter().zip(line.paper);
+        let cells =
+            cells.map(|(our, their)| Cell { text: ap(our), below: vec![format!("paper {}", ap(their))] });
+        std::iter::once(line.name.into()).chain(cells).collect()
+    });
+    let note = format!(
+        "{} M parameters, {:.1} MiB, seed {}, {} + {} epochs (LiDAR stage, fused stage) of {} samples; training time {}. \
+         {YARDSTICK}",
+        millions(record.n_parameters),
+        record.checkpoint_bytes as f64 / f64::from(1 << 20),
+        record.seed,
+        record.epochs[0],
+        record.epochs[1],
+        results.data.id.n_samples[0],
+        duration(record.wall_and_cpu_s),
+    );
+    let table = Table::new(["AP"].into_iter().chain(PARTS), rows.collect()).with_note(note);
+    vec![Block::Table(table), Block::code(commands(&[record]))]
+}
+
+/// Columns of a table of ablations.
+const N_COLUMNS: usize = 9;
+
+fn ablation_blocks(results: &Results, table: &TableConfig) -> Vec<Block> {
+    let mut records = Vec::new();
+    let rows = table.rows.iter().map(|of| {
+        let mut cells: Vec<Cell> = vec![of.label.clone().into()];
+        let Some(record) = results.row(&of.row) else {
+            cells.push("not trained yet".into());
+            cells.resize(N_COLUMNS, "".into());
+            return cells;
+        };
+        records.push(record);
+        let cell = |ClassScores { harmful, harmless, mean }: ClassScores| Cell {
+            text: ap(mean),
+            below: vec![format!("{} / {}", ap(harmful), ap(harmless))],
+        };
+        cells.extend(record.scores().into_iter().map(|(_, scores)| cell(scores)));
+        cells.resize(N_COLUMNS - 3, "".into());
+        cells.push(format!("{} M", millions(record.n_parameters)).into());
+        cells.push(duration(record.wall_and_cpu_s).into());
+        cells.push(record.seed.to_string().into());
+        cells
+    });
+    let rows = rows.collect();
+    let head: [&str; N_COLUMNS] = [
+        "",
+        "ID",
+        "OOD total",
+        "mAP_ID",
+        "mAP_OOD, all FPs",
+        "mAP_OOD, matched FPs",
+        "parameters",
+        "training: wall (CPU)",
+        "seed",
+    ];
+    let mut blocks = vec![
+        Block::heading(&table.title),
+        Block::text(table.note.clone()),
+        Block::Table(Table::new(head, rows)),
+    ];
+    if !records.is_empty() {
+        let title = format!("{}: the commands", table.title);
+        blocks.push(Block::fold(&title, vec![Block::code(commands(&records))]));
+    }
+    blocks
+}
+
+fn rival_blocks(results: &Results) -> Vec<Block> {
+    let text = "The network's class branch against the zone's own rule, laid over the network's boxes with the measured speed \
+                and steering angle (docs/evaluation.md, rivals). mAP with both sensors right, with the speed measured 10 % \
+                too low or too high, and with the steering angle measured 2° off; of the two the lower. ID / OOD total. A \
+                closed set tells kinds in place of harm and sees neither sensor.";
+    let rows = results.rivals.iter().map(|RivalRecord { label, row, scores }| {
+        let means = |of: &SetScores| [of.id.mean, of.ood.total.mean];
+        let cell = |[id, ood]: [f64; 2]| format!("{} / {}", ap(id), ap(ood)).into();
+        let lower = |pair: &[SetScores; 2]| {
+            let [a, b] = [means(&pair[0]), means(&pair[1])];
+            cell([a[0].min(b[0]), a[1].min(b[1])])
+        };
+        vec![
+            label.as_str().into(),
+            row.as_str().into(),
+            cell(means(&scores.right)),
+            number(scores.right.ood.ood_matched.map(|of| of.mean), 3).into(),
+            lower(&scores.speed_off),
+            lower(&scores.steering_off),
+            format!("{:.2} ms", scores.judge_ms).into(),
+        ]
+    });
+    let head = ["", "of row", "sensors right", "mAP_OOD, matched FPs", "speed off", "steering off", "rule"];
+    let times = results.network_ms.iter().map(|(row, ms)| format!("{row} {ms:.0} ms"));
+    let note = format!(
+        "Times are medians of a sample. The networks take, from cloud and packed image to boxes: {}.",
+        times.collect::<Vec<_>>().join(", ")
+    );
+    let table = Table::new(head, rows.collect()).with_note(note);
+    vec![Block::heading("Who decides on harm"), Block::text(text), Block::Table(table)]
+}
+
+fn millions(n: usize) -> String {
+    number(Some(n as f64 / 1e6), 2)
+}
+
+fn duration(wall_and_cpu_s: Option<[f64; 2]>) -> String {
+    let minutes = |seconds: f64| (seconds / 60.0).round() as u64;
+    match wall_and_cpu_s {
+        Some([wall_s, cpu_s]) if wall_s < 120.0 => format!("{wall_s:.0} s (CPU {cpu_s:.0} s)"),
+        Some([wall_s, cpu_s]) => format!("{} min (CPU {} min)", minutes(wall_s), minutes(cpu_s)),
+        None => "not kept".to_owned(),
+    }
+}
+
+/// What trains and scores rows again.
+fn commands(records: &[&Record]) -> String {
+    let of_record = |record: &&Record| {
+        let run = format!("runs/{}", record.name);
+        let mut train: Vec<String> =
+            ["harmzone", "train", "data/id", "--out", &run].map(str::to_owned).into();
+        if record.profile != "small" {
+            train.extend(["--model".to_owned(), record.profile.clone()]);
+        }
+        train.extend(record.set.iter().flat_map(|key| ["--set".to_owned(), key.clone()]));
+        let train = quote(&train);
+        format!("{train}\nharmzone eval {run} --data data/id; harmzone eval {run} --data data/ood --ood")
+    };
+    records.iter().map(of_record).collect::<Vec<_>>().join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::report::document::markdown;
+    use crate::report::results::Results;
+    use crate::report::results::test_data::test_results;
+
+    #[test]
+    fn the_document() {
+        insta::assert_snapshot!(markdown(&super::blocks(&test_results())));
+    }
+
+    #[test]
+    fn nothing_done_yet_is_a_document_too() {
+        let results = Results { headline: None, rows: Vec::new(), rivals: Vec::new(), ..test_results() };
+        let text = markdown(&super::blocks(&results));
+        assert!(text.contains("Not trained yet.") && text.contains("| not trained yet |"), "{text}");
+        assert!(!text.contains("Who decides on harm"));
+    }
+}

@@ -1,0 +1,190 @@
+//! What an experiment of trainings came to: `results.json`, which `make results` writes.
+
+mod blocks;
+pub mod test_data;
+
+pub use blocks::{blocks, headline_blocks};
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use fs_err as fs;
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use crate::dataset::Fingerprint;
+use crate::eval::{ClassScores, Column, Columns};
+
+/// Why results could not be read.
+#[derive(Debug, Error)]
+pub enum ReadResultsError {
+    #[error(transparent)]
+    Io(#[from] std::io::Error),
+    #[error("this is not the results.json of `make results`: {source}: {}", path.display())]
+    Broken { source: serde_json::Error, path: PathBuf },
+}
+
+/// An experiment, finished or under way.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Results {
+    /// Of the program that wrote it.
+    pub version: String,
+    pub data: DataRecord,
+    /// `key=value` that all rows but the headline share, over configs/train.toml.
+    pub common: Vec<String>,
+    /// Once it is trained and scored.
+    pub headline: Option<Record>,
+    /// Those that are done, in the config's order.
+    pub rows: Vec<Record>,
+    pub tables: Vec<TableConfig>,
+    /// Those whose row is done, in the config's order.
+    pub rivals: Vec<RivalRecord>,
+    /// Of each row with rivals: the median time of a sample through its network, cloud and packed image to boxes,
+    /// milliseconds.
+    pub network_ms: BTreeMap<String, f64>,
+}
+
+/// Both data sets.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct DataRecord {
+    /// Preset of `harmzone gen`.
+    pub preset: String,
+    pub id: SetRecord,
+    pub ood: SetRecord,
+}
+
+/// A data set.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SetRecord {
+    /// Samples to train on, to validate on and to test on.
+    pub n_samples: [usize; 3],
+    pub fingerprint: Fingerprint,
+    /// Whether its config and its number of episodes are what this program's preset says.
+    pub is_of_preset: bool,
+}
+
+/// A trained and scored row.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Record {
+    pub name: String,
+    /// `--model` of its training.
+    pub profile: String,
+    /// `key=value` in which its training differs from the profile's.
+    pub set: Vec<String>,
+    pub seed: u64,
+    /// Of the LiDAR stage and of the fused stage.
+    pub epochs: [usize; 2],
+    /// Numbers that training changed.
+    pub n_parameters: usize,
+    /// Time of the training on the clock and of all threads together, seconds; unknown for a run that did not keep it.
+    pub wall_and_cpu_s: Option<[f64; 2]>,
+    pub checkpoint_sha256: String,
+    pub checkpoint_bytes: usize,
+    /// Data it was trained on, and was tested on out of distribution.
+    pub trained_on: Fingerprint,
+    pub tested_on: Fingerprint,
+    /// AP on the validation split, in distribution.
+    pub id: ClassScores,
+    /// AP on the OOD set, in the four columns of Table III.
+    pub ood: Columns<ClassScores>,
+}
+
+/// A table of rows.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TableConfig {
+    pub title: String,
+    /// A sentence above the table. Figures have no place in it: they come from results.
+    pub note: String,
+    pub rows: Vec<RowOf>,
+}
+
+/// A row's place in a table.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RowOf {
+    pub label: String,
+    /// Name of the row.
+    pub row: String,
+}
+
+/// One line of the table of rivals: a judge over the boxes of one network.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RivalRecord {
+    pub label: String,
+    /// Whose boxes.
+    pub row: String,
+    pub scores: JudgeScores,
+}
+
+/// What a judge makes of one network's boxes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct JudgeScores {
+    /// Its name.
+    pub judge: String,
+    /// Median time of one sample through the judge, milliseconds.
+    pub judge_ms: f64,
+    /// Both sensors right.
+    pub right: SetScores,
+    /// Speed measured too low and too high, steering angle measured too far right and left.
+    pub speed_off: [SetScores; 2],
+    pub steering_off: [SetScores; 2],
+}
+
+/// AP on both sets.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SetScores {
+    /// On the validation split, in distribution.
+    pub id: ClassScores,
+    /// On the OOD set.
+    pub ood: Columns<ClassScores>,
+}
+
+impl Record {
+    /// The five groups of figures: ID, then the columns of the OOD set; `None` for ID.
+    #[must_use]
+    pub fn scores(&self) -> Vec<(Option<Column>, ClassScores)> {
+        let ood = Column::ALL.into_iter().filter_map(|column| Some((Some(column), *self.ood.get(column)?)));
+        std::iter::once((None, self.id)).chain(ood).collect()
+    }
+}
+
+impl Results {
+    /// Reads `results.json`.
+    ///
+    /// # Errors
+    /// It is not there, or is something else.
+    pub fn read(path: &Path) -> Result<Self, ReadResultsError> {
+        serde_json::from_str(&fs::read_to_string(path)?)
+            .map_err(|source| ReadResultsError::Broken { source, path: path.to_owned() })
+    }
+
+    /// `results.json`.
+    #[must_use]
+    pub fn to_json(&self) -> String {
+        serde_json::to_string_pretty(self).expect("names, numbers and lists have a JSON form") + "\n"
+    }
+
+    /// The row of a name, the headline included.
+    #[must_use]
+    pub fn row(&self, name: &str) -> Option<&Record> {
+        self.headline.iter().chain(&self.rows).find(|record| record.name == name)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::test_data::test_results;
+    use super::*;
+
+    #[test]
+    fn what_was_written_is_read_back_and_anything_else_is_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("results.json");
+        fs::write(&path, test_results().to_json()).unwrap();
+        assert_eq!(Results::read(&path).unwrap(), test_results());
+        fs::write(&path, "# Results").unwrap();
+        let message = Results::read(&path).unwrap_err().to_string();
+        assert!(message.contains("make results") && message.ends_with("results.json"), "{message}");
+    }
+}

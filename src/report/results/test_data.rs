@@ -1,0 +1,70 @@
+//! Made-up results for tests, here and in the developers' program.
+
+use super::{
+    DataRecord, JudgeScores, Record, Results, RivalRecord, RowOf, SetRecord, SetScores, TableConfig,
+};
+use crate::dataset::Fingerprint;
+use crate::eval::{ClassScores, Columns};
+
+/// Made-up results: a headline, one row that is done and one that is not, and a rival.
+#[must_use]
+pub fn test_results() -> Results {
+    let fingerprint = |c: &str| Fingerprint { dataset_sha256: c.repeat(64), labels_sha256: "e".repeat(64) };
+    let set =
+        |c: &str, n_samples, is_of_preset| SetRecord { n_samples, fingerprint: fingerprint(c), is_of_preset };
+    let ap = |harmful: f64| ClassScores { harmful, harmless: 0.5, mean: f64::midpoint(harmful, 0.5) };
+    let columns = |total: f64| Columns {
+        total: ap(total),
+        id_matched: Some(ap(0.7)),
+        ood_all: Some(ap(0.6)),
+        ood_matched: Some(ap(0.55)),
+    };
+    let record = |name: &str, set: &[&str], wall_and_cpu_s| Record {
+        name: name.into(),
+        profile: "small".into(),
+        set: set.iter().map(|&key| key.to_owned()).collect(),
+        seed: 3,
+        epochs: [5, 1],
+        n_parameters: 712_345,
+        wall_and_cpu_s,
+        checkpoint_sha256: "c".repeat(64),
+        checkpoint_bytes: 2_909_276,
+        trained_on: fingerprint("a"),
+        tested_on: fingerprint("b"),
+        id: ap(0.9),
+        ood: columns(0.8),
+    };
+    let both = |id: f64, total: f64| SetScores { id: ap(id), ood: columns(total) };
+    let rival = RivalRecord {
+        label: "zone over the network's boxes".into(),
+        row: "fused".into(),
+        scores: JudgeScores {
+            judge: "zone".into(),
+            judge_ms: 0.0312,
+            right: both(0.9, 0.8),
+            // The lower one of each set, whichever side it is on.
+            speed_off: [both(0.8, 0.7), both(0.82, 0.6)],
+            steering_off: [both(0.7, 0.5), both(0.6, 0.4)],
+        },
+    };
+    let place = |label: &str, row: &str| RowOf { label: label.into(), row: row.into() };
+    let keys = ["lidar_stage.epochs=3", "model.lidar.pillars.bev_channels=[16, 16]"];
+    Results {
+        version: "0.1.0".into(),
+        data: DataRecord {
+            preset: "small".into(),
+            id: set("a", [3000, 600, 0], true),
+            ood: set("b", [0, 0, 600], false),
+        },
+        common: vec!["lidar_stage.epochs=3".into(), "fused_stage.epochs=1".into()],
+        headline: Some(record("small", &["lidar_stage.epochs=5"], Some([3600.4, 7000.0]))),
+        rows: vec![record("fused", &keys, Some([90.0, 99.0]))],
+        tables: vec![TableConfig {
+            title: "Sensors".into(),
+            note: "What each sensor brings.".into(),
+            rows: vec![place("camera", "camera"), place("LiDAR and camera", "fused")],
+        }],
+        rivals: vec![rival],
+        network_ms: [("fused".to_owned(), 151.4)].into(),
+    }
+}

@@ -1,0 +1,175 @@
+//! The tables of a scoring, which text files, the terminal and the page share.
+
+use super::paper::{Line, PARTS, YARDSTICK};
+use super::table::{Cell, Table, ap, number};
+use crate::eval::{Axis, Breakdown, Evaluation, GroupScores, Metrics, Mode};
+use crate::object::Harm;
+
+/// `table.txt`: AP beside the paper's, errors and counts; the same scores give the same bytes.
+#[must_use]
+pub fn text(evaluation: &Evaluation) -> String {
+    let metrics = &evaluation.metrics;
+    let what = match metrics.mode {
+        Mode::Id => "in distribution",
+        Mode::Ood => "in and out of distribution",
+    };
+    let is_missing = Harm::ALL.into_iter().any(|class| {
+        let truths = metrics.counts.truths.get(class);
+        truths.all == 0 || (metrics.mode == Mode::Ood && (truths.id == 0 || truths.ood == 0))
+    });
+    let missing = "Where there is no truth, AP is 0 and counts in the mean, as in nuScenes.\n";
+    let (headline, errors, counts) = (headline(&[evaluation]), errors(metrics), counts(metrics));
+    let missing = if is_missing { missing } else { "" };
+    format!("Detection {what}\n\n{headline}{missing}\n{errors}\n{counts}")
+}
+
+/// `breakdown.txt`: one table an axis.
+#[must_use]
+pub fn breakdown(evaluation: &Evaluation) -> String {
+    let tables = evaluation.breakdowns.iter().map(|breakdown| format!("\n{}", groups(breakdown)));
+    format!("{}\n{}", terms(&evaluation.metrics), tables.collect::<String>())
+}
+
+/// What the words of [`groups`] mean.
+#[must_use]
+pub fn terms(metrics: &Metrics) -> String {
+    let config = &metrics.config;
+    format!(
+        "Found, called the other class and missed, in percent of the truths, at {} m with a score of {} or more.",
+        config.tp_threshold_m, config.operating_score
+    )
+}
+
+/// AP beside the paper's, of one scoring or of both.
+#[must_use]
+pub fn headline(evaluations: &[&Evaluation]) -> Table {
+    let cells = |line: &Line| -> Vec<Cell> {
+        let cell = |i: usize| {
+            let interval = line.intervals[i].map(|[low, high]| format!("{low:.3}–{high:.3}"));
+            let below = interval.into_iter().chain([format!("paper {}", ap(line.paper[i]))]).collect();
+            Cell { text: ap(line.ours[i]), below }
+        };
+        std::iter::once(line.name.into()).chain((0..PARTS.len()).map(cell)).collect()
+    };
+    let rows = evaluations.iter().flat_map(|of| Line::of_evaluation(of)).map(|line| cells(&line)).collect();
+    let mut note = String::new();
+    if let Some(evaluation) = evaluations.first() {
+        let thresholds = evaluation.metrics.config.dist_thresholds_m.iter().map(f64::to_string);
+        note +=
+            &format!("AP, mean over centre distances of {} m. ", thresholds.collect::<Vec<_>>().join(", "));
+    }
+    let confidences = evaluations.iter().filter_map(|of| of.confidence.as_ref());
+    let n_episodes: Vec<String> = confidences.clone().map(|of| of.n_episodes.to_string()).collect();
+    if let Some(of) = confidences.clone().next() {
+        note += &format!(
+            "With the {} % interval of a bootstrap over the episodes ({}) and the paper's figure. ",
+            100.0 * of.level,
+            n_episodes.join(" and ")
+        );
+    }
+    Table::new(["AP"].into_iter().chain(PARTS), rows).with_note(note + YARDSTICK)
+}
+
+/// Mean errors of the boxes that were found.
+#[must_use]
+pub fn errors(metrics: &Metrics) -> Table {
+    let rows = Harm::ALL.map(|class| {
+        let errors = metrics.tp_errors.get(class);
+        let values = [errors.ate, errors.ase, errors.aoe].map(|value| number(Some(value), 3).into());
+        std::iter::once(class.name().into()).chain(values).collect()
+    });
+    let note = format!("Mean errors of what was found at {} m.", metrics.config.tp_threshold_m);
+    Table::new(["errors", "ATE m", "ASE", "AOE rad"], rows.into()).with_note(note)
+}
+
+/// How many truths and detections there are, and what became of the detections.
+#[must_use]
+pub fn counts(metrics: &Metrics) -> Table {
+    let config = &metrics.config;
+    let at = config.dist_thresholds_m.iter().position(|&threshold_m| threshold_m == config.tp_threshold_m);
+    let rows = Harm::ALL.into_iter().filter_map(|class| {
+        let outcomes = metrics.counts.outcomes.get(class).get(at?)?;
+        let truths = metrics.counts.truths.get(class);
+        let below = match metrics.mode {
+            Mode::Id => vec![],
+            Mode::Ood => vec![format!("{} ID, {} OOD", truths.id, truths.ood)],
+        };
+        let n_detections = *metrics.counts.detections.get(class);
+        let cells = [n_detections, outcomes.matched, outcomes.misclassified, outcomes.unmatched];
+        let start = [class.name().into(), Cell { text: truths.all.to_string(), below }];
+        Some(start.into_iter().chain(cells.map(|n| n.to_string().into())).collect())
+    });
+    let head = ["counts", "truths", "detections", "matched", "other class", "unmatched"];
+    let filters = &metrics.filters;
+    let mut note = format!(
+        "{} samples; detections of every score, matched at {} m. Dropped at {} m or more: {} truths, {} detections",
+        metrics.counts.n_samples,
+        config.tp_threshold_m,
+        filters.max_range_m,
+        filters.truths_out_of_range,
+        filters.detections_out_of_range,
+    );
+    if filters.drop_truths_without_points {
+        note += &format!("; without a LiDAR point: {} truths", filters.truths_without_points);
+    }
+    Table::new(head, rows.collect()).with_note(note + ".")
+}
+
+/// An axis as a person names it.
+#[must_use]
+pub fn title(axis: Axis) -> &'static str {
+    match axis {
+        Axis::Distribution => "In and out of distribution",
+        Axis::Kind => "Kind of object",
+        Axis::IdCategory => "Family, in distribution",
+        Axis::OodCategory => "Family, out of distribution",
+        Axis::RangeM => "Range, m",
+        Axis::VisibleFraction => "Visible share",
+        Axis::NLidarPoints => "LiDAR points",
+        Axis::Event => "Event",
+        Axis::ZoneDistanceM => "Distance to the zone's edge, m",
+        Axis::Town => "Town",
+        Axis::Weather => "Weather",
+        Axis::SpeedMps => "Speed, m/s",
+        Axis::SteeringDeg => "Steering, degrees",
+    }
+}
+
+/// Scores of the groups of an axis.
+#[must_use]
+pub fn groups(breakdown: &Breakdown) -> Table {
+    let rows = breakdown.groups.iter().map(|group| {
+        let start = [to_words(&group.name).into(), group.n_samples.to_string().into()];
+        let cells = Harm::ALL.into_iter().flat_map(|class| group_cells(group.classes.get(class)));
+        start.into_iter().chain(cells).collect()
+    });
+    let of_class = |class: Harm| {
+        ["truths", "AP", "found", "other", "missed", "false"].map(|what| format!("{}\n{what}", class.name()))
+    };
+    let head = [title(breakdown.axis).to_owned(), "samples".to_owned()].into_iter();
+    let note = if breakdown.axis.is_of_samples() {
+        "Scores of the samples of each group alone, all false positives included."
+    } else {
+        "Scores on the objects of each group; false positives on nothing count in none."
+    };
+    Table::new(head.chain(Harm::ALL.into_iter().flat_map(of_class)), rows.collect()).with_note(note)
+}
+
+fn group_cells(scores: &GroupScores) -> [Cell; 6] {
+    let n_truths = scores.n_truths;
+    let share = |n: usize| number((n_truths > 0).then(|| 100.0 * n as f64 / n_truths as f64), 1).into();
+    [
+        n_truths.to_string().into(),
+        number(scores.ap, 3).into(),
+        share(scores.n_found),
+        share(scores.n_misclassified),
+        share(scores.n_missed),
+        scores.n_false.to_string().into(),
+    ]
+}
+
+/// A name of the files as words.
+#[must_use]
+pub fn to_words(name: &str) -> String {
+    name.replace('_', " ")
+}
