@@ -61,7 +61,7 @@ report: build ## The report of any run: runs/report/report.html; REPORT_RUN=RUN 
 	$(BIN) sweep $(REPORT_RUN) --data $(REPORT_ID) --out $(REPORT)/id --force
 	$(BIN) sweep $(REPORT_RUN) --data $(REPORT_OOD) --out $(REPORT)/ood --force
 	$(BIN) report $(REPORT)/report.html --id $(REPORT)/id --ood $(REPORT)/ood \
-	    $(if $(wildcard RESULTS.md),--results RESULTS.md) --force
+	    $(if $(wildcard $(RESULTS)/results.json),--results $(RESULTS)/results.json) --force
 
 test: setup setup-test ## All tests
 	cargo test --release --workspace

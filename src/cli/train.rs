@@ -12,7 +12,7 @@ use crate::config;
 use crate::dataset::{Dataset, DatasetError};
 use crate::episode::Split;
 use crate::report::curves;
-use crate::train::{self, DryRun, RunOptions, TrainConfig};
+use crate::train::{self, DryRun, TrainConfig, TrainOptions};
 
 #[derive(Debug, Args)]
 pub struct TrainArgs {
@@ -117,7 +117,7 @@ pub fn run(args: TrainArgs) -> anyhow::Result<ExitStatus> {
         draw(run);
     };
     let options =
-        RunOptions { force: args.force, resume: args.resume, after_validation: Some(&after_validation) };
+        TrainOptions { force: args.force, resume: args.resume, after_validation: Some(&after_validation) };
     let validation = match Dataset::open(&args.data, &args.labels, Split::Val) {
         Ok(split) if config.validate_every_epochs > 0 => Some(split),
         Ok(_) | Err(DatasetError::EmptySplit { .. }) => None,

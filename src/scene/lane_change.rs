@@ -34,7 +34,7 @@ pub struct Mover<'a> {
 
 /// The new way, and where the body is on it.
 #[derive(Debug, Clone)]
-pub struct Change {
+pub struct LaneChange {
     pub route: Route,
     pub station_m: f64,
     pub left_m: f64,
@@ -42,7 +42,7 @@ pub struct Change {
 
 impl Mover<'_> {
     /// The change to make now, if any.
-    pub fn change(&self, graph: &LaneGraph, others: &[Obstacle], rng: &mut Rng) -> Option<Change> {
+    pub fn change(&self, graph: &LaneGraph, others: &[Obstacle], rng: &mut Rng) -> Option<LaneChange> {
         let span = self.route.span_at(self.station_m);
         let lane = &graph.lanes[span.lane];
         if lane.junction.is_some() || (lane.left.is_none() && lane.right.is_none()) {
@@ -68,11 +68,8 @@ impl Mover<'_> {
             let (there_m, there_mps) = self.ahead(&route, station_m, others);
             let is_better = there_m > free_m + GAIN_M || (there_m > free_m && there_mps > lead_mps + 2.0);
             let is_wanted = (ends && leads_on) || (is_held_up && !ends && is_better);
-            (is_wanted && left_m.abs() < 6.0 && self.is_free(&route, station_m, others)).then_some(Change {
-                route,
-                station_m,
-                left_m,
-            })
+            (is_wanted && left_m.abs() < 6.0 && self.is_free(&route, station_m, others))
+                .then_some(LaneChange { route, station_m, left_m })
         })
     }
 
@@ -145,7 +142,7 @@ mod tests {
         }
     }
 
-    fn change(others: &[Obstacle]) -> Option<Change> {
+    fn change(others: &[Obstacle]) -> Option<LaneChange> {
         let graph = street();
         let mut rng = crate::random::stream(0, "test", 0);
         let route = Route::random(&graph, 0, 100.0, &mut rng);

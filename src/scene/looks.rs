@@ -89,9 +89,9 @@ pub enum MedianLook {
 /// A colour as `#rrggbb`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
-pub struct Color(pub [u8; 3]);
+pub struct TownColor(pub [u8; 3]);
 
-impl TryFrom<String> for Color {
+impl TryFrom<String> for TownColor {
     type Error = String;
 
     fn try_from(text: String) -> Result<Self, String> {
@@ -103,8 +103,8 @@ impl TryFrom<String> for Color {
     }
 }
 
-impl From<Color> for String {
-    fn from(Color([r, g, b]): Color) -> Self {
+impl From<TownColor> for String {
+    fn from(TownColor([r, g, b]): TownColor) -> Self {
         format!("#{r:02x}{g:02x}{b:02x}")
     }
 }

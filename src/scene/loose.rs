@@ -5,7 +5,7 @@
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use rand::RngExt;
 
-use super::models::{Axis, Model};
+use super::models::{Model, RollAxis};
 use super::path::{Vec2, direction_of};
 use crate::object::Event;
 use crate::random::Rng;
@@ -89,8 +89,8 @@ pub fn standing(at: Vec2, z_m: f64, yaw_rad: f64) -> Isometry3<f64> {
 pub fn lying(model: &Model, at: Vec2, z_m: f64, heading_rad: f64) -> Isometry3<f64> {
     match model.facts.rolls {
         // The model's y runs along the heading.
-        Some(Axis::Y) => standing(at, z_m, heading_rad - std::f64::consts::FRAC_PI_2),
-        Some(Axis::Z) => {
+        Some(RollAxis::Y) => standing(at, z_m, heading_rad - std::f64::consts::FRAC_PI_2),
+        Some(RollAxis::Z) => {
             // The model's z is laid along the heading; its middle comes over the point.
             let about_y = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), std::f64::consts::FRAC_PI_2);
             let about_z = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), heading_rad);
@@ -106,8 +106,8 @@ pub fn lying(model: &Model, at: Vec2, z_m: f64, heading_rad: f64) -> Isometry3<f
 /// Height of the axle when it rolls or tumbles.
 pub fn rolling_radius_m(model: &Model) -> f64 {
     match model.facts.rolls {
-        Some(Axis::Y) => model.height_m() / 2.0,
-        Some(Axis::Z) => model.length_m().max(model.width_m()) / 2.0,
+        Some(RollAxis::Y) => model.height_m() / 2.0,
+        Some(RollAxis::Z) => model.length_m().max(model.width_m()) / 2.0,
         None => model.height_m().max(model.width_m()) / 2.0,
     }
 }

@@ -43,7 +43,7 @@ pub enum Faces {
 /// The axis about which a model is round.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Axis {
+pub enum RollAxis {
     Y,
     Z,
 }
@@ -64,7 +64,7 @@ pub struct ModelFacts {
     #[serde(default)]
     pub faces: Faces,
     /// If it rolls.
-    pub rolls: Option<Axis>,
+    pub rolls: Option<RollAxis>,
     /// Material that may be recoloured for each instance.
     pub paint: Option<String>,
 }

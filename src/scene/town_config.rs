@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::looks::{BoundaryLook, BuildingStyle, Color, FacadeLook, GroundLook, MedianLook, RoofStyle};
+use super::looks::{BoundaryLook, BuildingStyle, FacadeLook, GroundLook, MedianLook, RoofStyle, TownColor};
 
 /// Open ground with things to sit on and to look at, free of buildings.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -40,10 +40,10 @@ pub struct TownConfig {
     pub roof_pitch_deg: [f64; 2],
     /// Looks of facades; wall colours take them in turn.
     pub facades: Vec<FacadeLook>,
-    pub wall_colors: Vec<Color>,
+    pub wall_colors: Vec<TownColor>,
     /// Of window frames and cornices, in turn with the walls.
-    pub trim_colors: Vec<Color>,
-    pub roof_colors: Vec<Color>,
+    pub trim_colors: Vec<TownColor>,
+    pub roof_colors: Vec<TownColor>,
     /// Share of the bays of upper floors, towards the street, that have a balcony.
     pub balcony_share: f64,
     /// How far balconies stand out.
@@ -113,7 +113,7 @@ impl Default for TrafficConfig {
 
 impl Default for TownConfig {
     fn default() -> Self {
-        let colors = |list: &[[u8; 3]]| list.iter().map(|&rgb| Color(rgb)).collect();
+        let colors = |list: &[[u8; 3]]| list.iter().map(|&rgb| TownColor(rgb)).collect();
         Self {
             description: String::new(),
             building_style: BuildingStyle::Row,

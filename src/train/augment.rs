@@ -21,7 +21,7 @@ pub type ObjectsByState = Vec<Vec<LabelledObject>>;
 
 /// How one sample is shown to the network this time.
 #[derive(Debug, Clone, PartialEq)]
-pub struct View {
+pub struct TrainView {
     /// Reflect the sensors' data.
     pub mirror: bool,
     /// The states before reflection; the recorded one is the first.
@@ -40,7 +40,7 @@ pub fn draw(
     zone: &Zone,
     config: &AugmentConfig,
     rng: &mut Rng,
-) -> Result<View, ZoneError> {
+) -> Result<TrainView, ZoneError> {
     let mut states = vec![*recorded];
     let mut labelled = vec![objects.to_vec()];
     for _ in 0..config.n_redrawn_states {
@@ -58,7 +58,7 @@ pub fn draw(
     if mirror {
         labelled.iter_mut().flatten().for_each(reflect);
     }
-    Ok(View { mirror, states, objects: labelled })
+    Ok(TrainView { mirror, states, objects: labelled })
 }
 
 /// A state with another speed and steering angle.

@@ -21,7 +21,7 @@ pub const DATA_FILE: &str = "data.json";
 
 /// How a run may treat what it finds in its folder, and whom it tells.
 #[derive(Clone, Copy, Default)]
-pub struct RunOptions<'a> {
+pub struct TrainOptions<'a> {
     /// Discard a run of another config.
     pub force: bool,
     /// There must be a run to go on with.
@@ -38,7 +38,7 @@ pub fn open(
     dataset: &Dataset,
     config: &TrainConfig,
     out: &Path,
-    options: RunOptions<'_>,
+    options: TrainOptions<'_>,
 ) -> Result<(), TrainError> {
     let config_text = to_toml(config);
     let data_text =

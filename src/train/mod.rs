@@ -28,13 +28,13 @@ mod validate;
 pub use config::{AugmentConfig, LossConfig, StageConfig, TrainConfig, TrainConfigError};
 pub use dry_run::DryRun;
 pub use error::TrainError;
-pub use folder::{CONFIG_FILE, DATA_FILE, RunOptions};
+pub use folder::{CONFIG_FILE, DATA_FILE, TrainOptions};
 pub use run::{Summary, run};
 pub use schedule::{BETA_1, Pace, Schedule};
 pub use time::{TIME_FILE, TrainingTime};
 
 // What one step is made of, for whoever measures it.
-pub use augment::{ObjectsByState, View, draw};
+pub use augment::{ObjectsByState, TrainView, draw};
 pub use learner::Learner;
 pub use losses::{LossParts, Losses, losses};
 pub use plan::{Plan, Position, STAGES};

@@ -10,7 +10,7 @@ use burn::tensor::Device;
 
 use super::config::{StageConfig, TrainConfig};
 use super::error::TrainError;
-use super::folder::{self, RunOptions};
+use super::folder::{self, TrainOptions};
 use super::learner::Learner;
 use super::losses::LossParts;
 use super::plan::{Plan, Position, STAGES};
@@ -51,7 +51,7 @@ pub fn run(
     validation: Option<&Dataset>,
     config: &TrainConfig,
     out: &Path,
-    options: RunOptions<'_>,
+    options: TrainOptions<'_>,
     device: &Device,
     progress: &dyn Progress,
 ) -> Result<Summary, TrainError> {
@@ -209,7 +209,7 @@ mod tests {
     }
 
     fn train(data: &Dataset, config: &TrainConfig, out: &Path) -> Result<Summary, TrainError> {
-        run(data, None, config, out, RunOptions::default(), &Device::flex(), &Silent)
+        run(data, None, config, out, TrainOptions::default(), &Device::flex(), &Silent)
     }
 
     /// Stops a run after some steps, as a kill would, by a watcher that panics.
@@ -232,21 +232,21 @@ mod tests {
         let data = test_data::dataset(6);
         let config = tiny();
         let folder = tempfile::tempdir().unwrap();
-        let options = RunOptions::default();
+        let options = TrainOptions::default();
         let path = folder.path().join("whole");
         let told = std::cell::RefCell::new(Vec::new());
         let tell = |run: &Path| {
             let history = History::read(run).unwrap();
             told.borrow_mut().push((history.steps.len(), history.scores.len()));
         };
-        let telling = RunOptions { after_validation: Some(&tell), ..options };
+        let telling = TrainOptions { after_validation: Some(&tell), ..options };
         let whole = run(&data, Some(&data), &config, &path, telling, &Device::flex(), &Silent).unwrap();
         assert_eq!(told.into_inner(), [(3, 1), (6, 2), (9, 3)], "logs are up to date at each validation");
         let broken = folder.path().join("broken");
         for after in [2, 5, 2] {
             let watcher = Stop { after: after.into() };
             let stopped = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
-                run(&data, Some(&data), &config, &broken, RunOptions::default(), &Device::flex(), &watcher)
+                run(&data, Some(&data), &config, &broken, TrainOptions::default(), &Device::flex(), &watcher)
             }));
             assert!(stopped.is_err() && !broken.join(CHECKPOINT).exists());
         }
@@ -269,7 +269,7 @@ mod tests {
         let other = TrainConfig { seed: 1, ..tiny() };
         assert!(matches!(train(&data, &other, folder.path()), Err(TrainError::OtherRun { .. })));
         assert_eq!(fs::read(folder.path().join(CHECKPOINT)).unwrap(), before);
-        let forced = RunOptions { force: true, ..RunOptions::default() };
+        let forced = TrainOptions { force: true, ..TrainOptions::default() };
         run(&data, None, &other, folder.path(), forced, &Device::flex(), &Silent).unwrap();
         assert_ne!(fs::read(folder.path().join(CHECKPOINT)).unwrap(), before);
     }
@@ -290,7 +290,7 @@ mod tests {
     #[test]
     fn resuming_where_there_is_nothing_is_an_error() {
         let folder = tempfile::tempdir().unwrap();
-        let options = RunOptions { resume: true, ..RunOptions::default() };
+        let options = TrainOptions { resume: true, ..TrainOptions::default() };
         let ended =
             run(&test_data::dataset(2), None, &tiny(), folder.path(), options, &Device::flex(), &Silent);
         assert!(matches!(ended, Err(TrainError::NothingToResume { .. })));

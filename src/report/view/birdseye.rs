@@ -21,7 +21,7 @@ const N_HEIGHT_STEPS: usize = 24;
 /// Draws the panel; the scale is set by its height.
 pub fn draw(measured: &Measured, areas: &[Area], marks: &[Mark], width_px: u32, height_px: u32) -> Canvas {
     let mut canvas = Canvas::new(width_px, height_px, palette::PANEL);
-    let plan = Plan::of(width_px, height_px);
+    let plan = PlanView::of(width_px, height_px);
     let camera = measured.ego_from_camera.isometry.translation;
     let half_fov_rad = measured.intrinsics.horizontal_fov_rad() / 2.0;
     let wedge = Wedge { x_m: camera.x, y_m: camera.y, half_fov_rad };
@@ -48,7 +48,7 @@ pub fn draw(measured: &Measured, areas: &[Area], marks: &[Mark], width_px: u32, 
 
 /// Draws a ring around a box, over a drawn panel.
 pub fn point_at(canvas: &mut Canvas, focus: &Box3<Ego>) {
-    let plan = Plan::of(canvas.width_px() as u32, canvas.height_px() as u32);
+    let plan = PlanView::of(canvas.width_px() as u32, canvas.height_px() as u32);
     let center = plan.at(focus.center.x(), focus.center.y());
     let radius_px = ((focus.length_m.hypot(focus.width_m) / 2.0 + FOCUS_GAP_M) * plan.px_per_m) as f32;
     let ring = (0..48).map(|step| {
@@ -59,13 +59,13 @@ pub fn point_at(canvas: &mut Canvas, focus: &Box3<Ego>) {
 }
 
 /// From ego metres to the panel's pixels.
-pub struct Plan {
+pub struct PlanView {
     center_px: f64,
     bottom_px: f64,
     px_per_m: f64,
 }
 
-impl Plan {
+impl PlanView {
     /// Of a panel of this size.
     pub fn of(width_px: u32, height_px: u32) -> Self {
         Self {
@@ -106,14 +106,14 @@ impl Wedge {
             .collect()
     }
 
-    fn outline(&self, plan: &Plan) -> Vec<Px> {
+    fn outline(&self, plan: &PlanView) -> Vec<Px> {
         let mut corners = vec![plan.at(self.x_m, self.y_m)];
         corners.extend(self.arc(AHEAD_M).into_iter().map(|(x, y)| plan.at(x, y)));
         corners
     }
 }
 
-fn draw_rings(canvas: &mut Canvas, plan: &Plan, wedge: &Wedge) {
+fn draw_rings(canvas: &mut Canvas, plan: &PlanView, wedge: &Wedge) {
     let mut range_m = RING_STEP_M;
     while range_m <= AHEAD_M {
         let arc = wedge.arc(range_m);
@@ -127,7 +127,7 @@ fn draw_rings(canvas: &mut Canvas, plan: &Plan, wedge: &Wedge) {
     }
 }
 
-fn draw_points(canvas: &mut Canvas, plan: &Plan, measured: &Measured) {
+fn draw_points(canvas: &mut Canvas, plan: &PlanView, measured: &Measured) {
     let (low_m, high_m) = palette::HEIGHT_RANGE_M;
     let mut steps: Vec<Vec<Px>> = vec![Vec::new(); N_HEIGHT_STEPS];
     for point in &measured.points {
@@ -146,7 +146,7 @@ fn draw_points(canvas: &mut Canvas, plan: &Plan, measured: &Measured) {
     }
 }
 
-fn draw_ego(canvas: &mut Canvas, plan: &Plan, front_bumper_x_m: f64) {
+fn draw_ego(canvas: &mut Canvas, plan: &PlanView, front_bumper_x_m: f64) {
     let (left, top) = plan.at(front_bumper_x_m, EGO_WIDTH_M / 2.0);
     let (right, bottom) = plan.at(-EGO_REAR_OVERHANG_M, -EGO_WIDTH_M / 2.0);
     canvas.fill_rounded(left, top, (right - left, bottom - top), 4.0, palette::EGO);

@@ -229,7 +229,7 @@ impl Overlay<'_> {
 
 /// Letters beside the boxes, and where moving ones go.
 fn annotate(canvas: &mut Canvas, judged: &[Judged]) {
-    let plan = birdseye::Plan::of(BIRDSEYE_PX.0, BIRDSEYE_PX.1);
+    let plan = birdseye::PlanView::of(BIRDSEYE_PX.0, BIRDSEYE_PX.1);
     for (i, judged) in judged.iter().enumerate() {
         let center = judged.object.box_in_ego.center;
         if judged.speed_mps() > MOVING_MPS {

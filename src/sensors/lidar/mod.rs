@@ -52,7 +52,7 @@ pub struct Hit {
 
 /// A measured point.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Return {
+pub struct LidarReturn {
     /// Index of its ray in the pattern.
     pub ray: usize,
     pub reflector: Reflector,
@@ -100,7 +100,7 @@ impl Receiver {
     ///
     /// # Panics
     /// If hits and rays differ in number, or a ring has no entry.
-    pub fn returns(&self, pattern: &Pattern, hits: &[Hit], sample_idx: u64) -> Vec<Return> {
+    pub fn returns(&self, pattern: &Pattern, hits: &[Hit], sample_idx: u64) -> Vec<LidarReturn> {
         assert_eq!(hits.len(), pattern.directions.len(), "one hit for each ray");
         let mut rng = random::stream(self.seed, "lidar-noise", sample_idx);
         let mut weather_rng = random::stream(self.seed, "lidar-weather", sample_idx);
@@ -115,7 +115,7 @@ impl Receiver {
         hit: &Hit,
         rng: &mut Rng,
         weather_rng: &mut Rng,
-    ) -> Option<Return> {
+    ) -> Option<LidarReturn> {
         let ring = pattern.rings[ray];
         let (ring_offset_m, ring_dropout) = self.rings[usize::from(ring)];
         let range_draw = standard_normal(rng);
@@ -144,7 +144,7 @@ impl Receiver {
             intensity: intensity as f32,
             ring,
         };
-        Some(Return { ray, reflector: echo.reflector, point })
+        Some(LidarReturn { ray, reflector: echo.reflector, point })
     }
 
     /// The strongest of the target's, the fog's and the drops' echoes.

@@ -23,7 +23,7 @@ fn wall(range_m: f64, reflectivity: f64) -> Hit {
 }
 
 /// `n` equal rays on one hit.
-fn shots(config: &LidarConfig, state: &WeatherState, hit: Hit, n: usize) -> Vec<Return> {
+fn shots(config: &LidarConfig, state: &WeatherState, hit: Hit, n: usize) -> Vec<LidarReturn> {
     let pattern = Pattern { directions: vec![Vector3::x(); n], rings: vec![0; n] };
     Receiver::new(config, 1, state, 7).returns(&pattern, &vec![hit; n], 0)
 }

@@ -144,7 +144,7 @@ impl<'a> Experiment<'a> {
                 tracing::warn!("{error}");
             }
         };
-        let options = train::RunOptions { after_validation: Some(&draw), ..train::RunOptions::default() };
+        let options = train::TrainOptions { after_validation: Some(&draw), ..train::TrainOptions::default() };
         let validation = if row.config.validate_every_epochs > 0 { Some(self.val.get()?) } else { None };
         let data = self.train.get()?;
         match train::run(data, validation, &row.config, &row.folder, options, self.device, self.progress) {

@@ -2,12 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use super::write::JSON_FILE;
 use harmzone::eval::Mode;
 use harmzone::report::page::{self, DEFAULT_CARDS, PAGE_FILE, ReportRequest, ScoresRequest};
 use harmzone::report::provenance::quote;
 use harmzone::report::results::{Record, Results};
 use harmzone::report::scores::Scores;
+
+/// The experiment's figures, from which all texts are written.
+pub const JSON_FILE: &str = "results.json";
 
 /// Where the headline's scores of a kind are, in the experiment's folder.
 pub fn folder(out: &Path, mode: Mode) -> PathBuf {

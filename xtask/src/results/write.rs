@@ -5,15 +5,14 @@ use std::path::Path;
 use anyhow::{Context, ensure};
 use fs_err as fs;
 
-use super::page;
+use super::page::{self, JSON_FILE};
 use harmzone::eval::Column;
 use harmzone::files::{sha256_hex, write_atomic};
 use harmzone::model::checkpoint::CHECKPOINT;
 use harmzone::report::document::{Block, markdown};
 use harmzone::report::results::{Record, Results, blocks, headline_blocks};
 
-/// Names of the files in the experiment's folder.
-pub const JSON_FILE: &str = "results.json";
+/// Names of the other files in the experiment's folder.
 const CSV_FILE: &str = "results.csv";
 pub const TEXT_FILE: &str = "RESULTS.md";
 
