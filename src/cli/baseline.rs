@@ -20,16 +20,16 @@ pub struct BaselineArgs {
     name: String,
     /// Whose boxes: a run's folder, a checkpoint, or `small`, the network inside the program
     run: PathBuf,
-    /// Labelled dataset
+    /// Labelled data set
     #[arg(long, value_name = "DIR")]
     data: PathBuf,
-    /// Split; without it, the dataset's val, or test where there is no val
+    /// Split; without it, the data set's val, or test where there is no val
     #[arg(long, value_parser = split())]
     split: Option<Split>,
     /// Label set, whose zone is used
     #[arg(long, value_name = "SET", default_value = "rect")]
     labels: String,
-    /// Labelled dataset that a closed set's network was trained on; its train split fits the closed-* baselines
+    /// Labelled data set that a closed set's network was trained on; its train split fits the closed-* baselines
     #[arg(long, value_name = "DIR")]
     fit: Option<PathBuf>,
     /// Folder for one MCAP an episode and predictions.json; default as of `predict`, with `-<name>` at its end

@@ -8,7 +8,7 @@ use crate::kernels::keep_freed_memory;
 
 #[derive(Debug, Args)]
 pub struct DeviceArg {
-    /// Where the network runs: cpu, or cuda:N or vulkan:N in a build with that backend
+    /// Device that runs the network: cpu, or cuda:N or vulkan:N in a build with that backend
     #[arg(long, default_value = "cpu")]
     device: DeviceName,
 }

@@ -25,13 +25,13 @@ pub struct EvalArgs {
     /// Folder of a trained detector, a checkpoint, or `small`, the network inside the program; needs --data
     #[arg(requires = "data")]
     run: Option<PathBuf>,
-    /// Labelled dataset: what a run sees, and the truth
+    /// Labelled data set: what a run sees, and the truth
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
-    /// Label set of the dataset
+    /// Label set of the data set
     #[arg(long, value_name = "SET", default_value = "rect", requires = "data")]
     labels: String,
-    /// Split; without it, the dataset's val, or test where there is no val
+    /// Split; without it, the data set's val, or test where there is no val
     #[arg(long, requires = "data", value_parser = split())]
     split: Option<Split>,
     #[command(flatten)]

@@ -3,58 +3,58 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use clap::builder::PossibleValuesParser;
 
-use super::{Bar, ExitStatus, number, print_summary};
+use super::{Bar, ExitStatus, number, one_of, print_summary};
 use crate::config;
 use crate::generate::{self, Preset, RendererName, RunOptions, preset};
 
 #[derive(Debug, Args)]
 pub struct GenerateArgs {
-    /// Folder of the data set; a run that was broken off is taken up again
-    #[arg(long)]
+    /// Folder of the data set; the same command again goes on where it stopped
+    #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Towns, weathers, counts and splits of a whole experiment; other flags override it
-    #[arg(long, value_parser = PossibleValuesParser::new(Preset::ALL.map(Preset::name)))]
-    preset: Option<String>,
-    /// Towns that come with harmzone, or paths of OpenDRIVE files, with commas between; or `all`
-    #[arg(long, value_delimiter = ',')]
+    /// Towns, weathers, counts and splits of a whole experiment; the other flags go over it
+    #[arg(long, value_parser = one_of(Preset::ALL, Preset::name))]
+    preset: Option<Preset>,
+    /// Towns that come with harmzone, or paths of OpenDRIVE files, with commas between; or `all` [default: downtown]
+    #[arg(long, value_name = "TOWNS", value_delimiter = ',')]
     town: Vec<String>,
     /// Weathers by CARLA's names, with commas between; or `all`. Every pair of town and weather comes once
-    /// before any comes twice
-    #[arg(long, value_delimiter = ',')]
+    /// before any comes twice [default: ClearNoon]
+    #[arg(long, value_name = "WEATHERS", value_delimiter = ',')]
     weather: Vec<String>,
-    /// How many episodes the data set has [default: the preset's, else 6]
-    #[arg(long, value_parser = number(1..=u32::MAX))]
+    /// Number of episodes [default: the preset's, else 6]
+    #[arg(long, value_name = "N", value_parser = number(1..=u32::MAX))]
     episodes: Option<u32>,
-    /// Samples an episode
-    #[arg(long, value_parser = number(1..=u32::MAX))]
+    /// Samples in each episode, 0.3 s apart [default: 40]
+    #[arg(long, value_name = "N", value_parser = number(1..=u32::MAX))]
     samples: Option<u32>,
-    /// The same seed gives the same bytes
-    #[arg(long, value_parser = number(0..=u64::MAX))]
+    /// Seed of every random draw: the same seed gives the same bytes [default: 0]
+    #[arg(long, value_name = "N", value_parser = number(0..=u64::MAX))]
     seed: Option<u64>,
-    /// Also place objects of kinds that no training set holds
+    /// Also place unfamiliar objects, of kinds that no training set holds
     #[arg(long)]
     ood: bool,
     /// Sensor rig (TOML with the tables camera and lidar) in place of the config's
-    #[arg(long)]
+    #[arg(long, value_name = "TOML")]
     rig: Option<PathBuf>,
-    /// Who draws the camera's picture; `filament` is physically based and needs mujoco-studio and Vulkan
-    #[arg(long, value_parser = PossibleValuesParser::new(["classic", "filament"]))]
-    renderer: Option<String>,
+    /// Renderer of the camera image; `filament` is physically based and needs mujoco-studio and Vulkan
+    /// [default: classic]
+    #[arg(long, value_parser = one_of(RendererName::ALL, RendererName::name))]
+    renderer: Option<RendererName>,
     /// Also write depth, instance and category of each pixel as EXR files under aov/
     #[arg(long)]
     aov: bool,
-    /// Worker processes [default: all cores]
-    #[arg(long, value_parser = number(1..=usize::MAX))]
+    /// Worker processes [default: one for each core]
+    #[arg(long, value_name = "N", value_parser = number(1..=usize::MAX))]
     jobs: Option<usize>,
-    /// Config file (see configs/gen.toml); over the preset, under --set, which is under the other flags
-    #[arg(long)]
+    /// Config (TOML); configs/gen.toml holds the defaults. It goes over the preset, --set over it, other flags over both
+    #[arg(long, value_name = "TOML")]
     config: Option<PathBuf>,
-    /// Override a key of the config, for example render.jpeg_quality=95
+    /// Override one key of the config, e.g. render.jpeg_quality=95
     #[arg(long = "set", value_name = "KEY=VALUE")]
     overrides: Vec<String>,
-    /// Replace the episodes of another config in the folder
+    /// Replace the episodes that another config made in the folder
     #[arg(long)]
     force: bool,
     /// Print the summary as JSON
@@ -63,8 +63,8 @@ pub struct GenerateArgs {
 }
 
 pub fn run(args: GenerateArgs) -> anyhow::Result<ExitStatus> {
-    let preset = args.preset.as_deref().and_then(Preset::named);
-    let (mut config, n_episodes) = preset::load(preset, args.ood, args.config.as_deref(), &args.overrides)?;
+    let (mut config, n_episodes) =
+        preset::load(args.preset, args.ood, args.config.as_deref(), &args.overrides)?;
     if !args.town.is_empty() {
         config.towns = args.town;
     }
@@ -74,11 +74,7 @@ pub fn run(args: GenerateArgs) -> anyhow::Result<ExitStatus> {
     if let Some(path) = &args.rig {
         config.rig = config::load(Some(path), &[])?;
     }
-    match args.renderer.as_deref() {
-        Some("filament") => config.render.renderer = RendererName::Filament,
-        Some(_) => config.render.renderer = RendererName::Classic,
-        None => {}
-    }
+    config.render.renderer = args.renderer.unwrap_or(config.render.renderer);
     config.render.aov |= args.aov;
     config.samples = args.samples.unwrap_or(config.samples);
     config.seed = args.seed.unwrap_or(config.seed);

@@ -1,4 +1,4 @@
-//! `harmzone info`.
+//! `harmzone info`: what a data set holds.
 
 use std::path::PathBuf;
 
@@ -11,10 +11,10 @@ use crate::report::info::{self, InfoRequest};
 pub struct InfoArgs {
     /// The data set's folder
     dataset: PathBuf,
-    /// Label set to count [default: rect, if it is there]
+    /// Label set to count [default: rect, where it is there]
     #[arg(long, value_name = "SET")]
     labels: Option<String>,
-    /// Also draw the histograms
+    /// Also draw the histograms into a picture
     #[arg(long, value_name = "PNG")]
     plot: Option<PathBuf>,
     /// Replace the picture if it exists

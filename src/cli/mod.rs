@@ -28,7 +28,7 @@ pub use eval::{command_line, provenance};
 pub use output::{ClosedPipe, print, print_summary, tell};
 pub use predict::open_split;
 pub use progress::Bar;
-pub use values::{number, split};
+pub use values::{number, one_of, split};
 
 /// Finds what matters to a self-driving car: makes driving episodes, labels objects harmful or
 /// harmless by a danger zone, trains a fused LiDAR-camera detector and scores it.
@@ -46,32 +46,32 @@ Exit codes: 0 done; 1 failed; 2 wrong usage; 3 done, but a part that was asked f
 enum Command {
     /// Drive a simulated town and write episodes
     Gen(generate::GenerateArgs),
-    /// Write one episode; the processes that `gen --jobs` starts
+    /// Write episodes for `gen`, which starts this command as a process of its own
     #[command(hide = true)]
     GenWorker(generate_worker::WorkerArgs),
-    /// Label the objects of a dataset harmful or harmless by a danger zone
+    /// Label the objects of a data set harmful or harmless by a danger zone
     Label(label::LabelArgs),
-    /// Compare the danger zones on one dataset: harmful shares, objects that change sides, a picture
+    /// Compare the danger zones on one data set: harmful shares, objects that change sides, a picture
     Zones(zones::ZonesArgs),
-    /// Tell what a dataset holds, beside the paper's: counts, harmful shares, hardness, histograms
+    /// Tell what a data set holds, beside the paper's: counts, harmful shares, hardness, histograms
     Info(info::InfoArgs),
-    /// Train a detector on a labelled dataset
+    /// Train a detector on a labelled data set
     Train(train::TrainArgs),
     /// Draw the course of a training: losses, learning rate, AP on the validation split
     Curves(curves::CurvesArgs),
-    /// Write a detector's boxes for a dataset
+    /// Write a detector's boxes for a data set
     Predict(predict::PredictArgs),
     /// Score a detector, or any detector's JSON, in and out of distribution
     Eval(eval::EvalArgs),
     /// Write the boxes of a rival that decides on harm without the network's class branch
     Baseline(baseline::BaselineArgs),
-    /// Show a dataset's frames at other speeds and steering angles: curves, pictures, sensor errors
+    /// Show a data set's frames at other speeds and steering angles: curves, pictures, sensor errors
     Sweep(sweep::SweepArgs),
     /// Make one HTML page of scores: tables, curves, and a gallery of the worst misses and false alarms
     Report(report::ReportArgs),
-    /// Draw a sample with its zone, truth and predictions
+    /// Draw a sample with its zone, true boxes and predictions
     View(view::ViewArgs),
-    /// Tell what this machine has and what is missing
+    /// Tell what this machine has, what is missing, and how to install it
     Doctor(doctor::DoctorArgs),
 }
 

@@ -19,10 +19,10 @@ use crate::object::Detection;
 pub struct PredictArgs {
     /// Run folder of `harmzone train`, a checkpoint, or `small`, the trained network inside the program
     run: PathBuf,
-    /// Labelled dataset
+    /// Labelled data set
     #[arg(long, value_name = "DIR")]
     data: PathBuf,
-    /// Split; without it, the dataset's val, or test where there is no val
+    /// Split; without it, the data set's val, or test where there is no val
     #[arg(long, value_parser = split())]
     split: Option<Split>,
     /// Label set

@@ -16,13 +16,13 @@ use crate::report::sweeps::{self, SweepRequest};
 pub struct SweepArgs {
     /// Folder of a trained detector, a checkpoint, or `small`, the network inside the program
     run: PathBuf,
-    /// Labelled dataset
+    /// Labelled data set
     #[arg(long, value_name = "DIR")]
     data: PathBuf,
     /// Folder for sweeps.json, sweeps.csv, sweep.toml, plots (SVG and PNG) and pictures
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Split; without it, the dataset's val, or test where there is no val
+    /// Split; without it, the data set's val, or test where there is no val
     #[arg(long, value_parser = split())]
     split: Option<Split>,
     /// Label set, whose zone is used

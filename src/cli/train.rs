@@ -1,4 +1,4 @@
-//! `harmzone train`: trains a detector on a labelled dataset, resumable.
+//! `harmzone train`: trains a detector on a labelled data set, resumable.
 
 use std::convert::Infallible;
 use std::path::{Path, PathBuf};
@@ -16,7 +16,7 @@ use crate::train::{self, DryRun, TrainConfig, TrainOptions};
 
 #[derive(Debug, Args)]
 pub struct TrainArgs {
-    /// Labelled dataset
+    /// Labelled data set
     data: PathBuf,
     /// Folder of the run: config, logs, curves, states, and at the end `model.safetensors`. The same
     /// command again goes on where it stopped
@@ -44,10 +44,10 @@ pub struct TrainArgs {
     /// Print parameters, shapes, memory and steps, and stop
     #[arg(long)]
     dry_run: bool,
-    /// With --dry-run: print JSON
+    /// Print the dry run as JSON
     #[arg(long, requires = "dry_run")]
     json: bool,
-    /// Require a run to go on with
+    /// Fail unless the folder holds a run to go on with
     #[arg(long, conflicts_with = "force")]
     resume: bool,
     /// Discard what another run left in the folder

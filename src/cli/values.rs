@@ -21,8 +21,20 @@ where
     }
 }
 
+/// Parses one of some values by its name.
+pub fn one_of<T, const N: usize>(
+    values: [T; N],
+    name: fn(T) -> &'static str,
+) -> impl TypedValueParser<Value = T>
+where
+    T: Copy + Send + Sync + 'static,
+{
+    PossibleValuesParser::new(values.map(name)).map(move |found| {
+        values.into_iter().find(|&value| name(value) == found).expect("clap lets only these names through")
+    })
+}
+
 /// Parses the name of a split.
 pub fn split() -> impl TypedValueParser<Value = Split> {
-    PossibleValuesParser::new(Split::ALL.map(Split::name))
-        .map(|name| Split::ALL.into_iter().find(|split| split.name() == name).expect("a name of ALL"))
+    one_of(Split::ALL, Split::name)
 }

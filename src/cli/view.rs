@@ -1,4 +1,4 @@
-//! `harmzone view`.
+//! `harmzone view`: one sample as a picture.
 
 use std::path::PathBuf;
 
@@ -12,7 +12,7 @@ use crate::report::view::{self, ViewRequest};
 pub struct ViewArgs {
     /// The data set's folder
     dataset: PathBuf,
-    /// Number of the sample, from 0 through all episodes
+    /// Number of the sample, counted from 0 through all episodes
     #[arg(long, value_name = "K", value_parser = number(0..=usize::MAX))]
     sample: usize,
     /// Label set to draw
@@ -22,7 +22,7 @@ pub struct ViewArgs {
     /// network inside the program
     #[arg(long, value_name = "DIR")]
     predictions: Option<PathBuf>,
-    /// Leave out predictions below this score
+    /// Leave out predictions below this score, 0 to 1
     #[arg(long, value_name = "SCORE", default_value_t = 0.3, value_parser = number(0.0..=1.0_f32))]
     min_score: f32,
     /// The picture to write

@@ -19,7 +19,7 @@ pub struct ZonesArgs {
     /// Also draw one sample with all zones over each other
     #[arg(long, value_name = "PNG")]
     plot: Option<PathBuf>,
-    /// The sample to draw, from 0 through all episodes [default: the one on which the zones differ most]
+    /// The sample to draw, counted from 0 through all episodes [default: the one on which the zones differ most]
     #[arg(long, value_name = "K", requires = "plot", value_parser = number(0..=usize::MAX))]
     sample: Option<usize>,
     /// Replace the picture if it exists

@@ -89,6 +89,18 @@ pub enum RendererName {
     Filament,
 }
 
+impl RendererName {
+    pub const ALL: [Self; 2] = [Self::Classic, Self::Filament];
+
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Classic => "classic",
+            Self::Filament => "filament",
+        }
+    }
+}
+
 /// How the camera draws.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]

@@ -16,14 +16,14 @@ use harmzone::train::TrainConfig;
 
 #[derive(Debug, Args)]
 pub struct BenchModelArgs {
-    /// Labelled dataset
+    /// Labelled data set
     #[arg(long, value_name = "DIR")]
     data: PathBuf,
     /// Run folder, checkpoint, or the name of a network inside the program; without it, the config's with
     /// random weights
     #[arg(long, value_name = "RUN")]
     model: Option<PathBuf>,
-    /// Split; without it, the dataset's val, or test where there is no val
+    /// Split; without it, the data set's val, or test where there is no val
     #[arg(long, value_parser = split())]
     split: Option<Split>,
     /// Label set
