@@ -113,10 +113,13 @@ pub fn parse<C: Parser>() -> C {
 
 /// Lets options take values such as `-3`, so that the error says what is valid and not that `-3` is no flag.
 fn take_negative_numbers(command: clap::Command) -> clap::Command {
-    let is_option = |arg: &clap::Arg| arg.get_long().is_some() && arg.get_action().takes_values();
     command.mut_subcommands(|command| {
-        command.mut_args(|arg| if is_option(&arg) { arg.allow_negative_numbers(true) } else { arg })
+        command.mut_args(|arg| if takes_value(&arg) { arg.allow_negative_numbers(true) } else { arg })
     })
+}
+
+fn takes_value(arg: &clap::Arg) -> bool {
+    arg.get_long().is_some() && arg.get_action().takes_values()
 }
 
 /// Does the work of a command, with logs on stderr, and tells how it ended. A closed pipe is a quiet end, as in ripgrep.
@@ -180,7 +183,8 @@ mod tests {
     fn a_number_out_of_its_range_is_told_the_range() {
         let mut told = Vec::new();
         for command in Cli::command().get_subcommands() {
-            for flag in command.get_arguments().filter_map(clap::Arg::get_long) {
+            for arg in command.get_arguments().filter(|arg| takes_value(arg)) {
+                let flag = arg.get_long().expect("an option has a name");
                 let answer = answer(&[command.get_name(), &format!("--{flag}"), "-3"]);
                 assert!(!answer.contains("unexpected argument '-3'"), "{answer}");
                 // What the standard library says of a number that it cannot parse.
