@@ -5,6 +5,7 @@ use std::path::Path;
 
 use fs_err as fs;
 use sha2::{Digest, Sha256};
+use tempfile::TempPath;
 
 /// Suffix of files that are still being written; a leftover may be deleted at any time.
 pub const PARTIAL_SUFFIX: &str = "partial";
@@ -17,18 +18,11 @@ pub fn write_atomic(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let mut partial_name = path.as_os_str().to_owned();
     partial_name.push(".");
     partial_name.push(PARTIAL_SUFFIX);
-    let partial = Path::new(&partial_name);
-    let written = (|| {
-        let mut file = fs::File::create(partial)?;
-        file.write_all(bytes)?;
-        file.sync_all()?;
-        fs::rename(partial, path)
-    })();
-    if written.is_err() {
-        // The first error is the one to tell; a leftover partial file does no harm.
-        let _ = fs::remove_file(partial);
-    }
-    written
+    let partial = TempPath::from_path(partial_name);
+    let mut file = fs::File::create(&partial)?;
+    file.write_all(bytes)?;
+    file.sync_all()?;
+    fs::rename(&partial, path)
 }
 
 /// Lower-case hexadecimal SHA-256 of some bytes.

@@ -6,7 +6,7 @@ use anyhow::{anyhow, bail};
 use clap::Args;
 
 use super::predict::{Source, detect, refuse_to_overwrite, write};
-use super::{Bar, DeviceArg, ExitStatus, open_split, split};
+use super::{Bar, DeviceArg, ExitStatus, SamplesArgs, open_split};
 use crate::config;
 use crate::episode::Split;
 use crate::eval::judge::Judge;
@@ -20,15 +20,8 @@ pub struct BaselineArgs {
     name: String,
     /// Whose boxes: a run's folder, a checkpoint, or `small`, the network inside the program
     run: PathBuf,
-    /// Labelled data set
-    #[arg(long, value_name = "DIR")]
-    data: PathBuf,
-    /// Split; without it, the data set's val, or test where there is no val
-    #[arg(long, value_parser = split())]
-    split: Option<Split>,
-    /// Label set, whose zone is used
-    #[arg(long, value_name = "SET", default_value = "rect")]
-    labels: String,
+    #[command(flatten)]
+    samples: SamplesArgs,
     /// Labelled data set that a closed set's network was trained on; its train split fits the closed-* baselines
     #[arg(long, value_name = "DIR")]
     fit: Option<PathBuf>,
@@ -65,13 +58,13 @@ pub fn run(args: BaselineArgs) -> anyhow::Result<ExitStatus> {
     let out = if let Some(out) = &args.out {
         out.clone()
     } else {
-        let mut folder = trained.predictions_folder(&args.data)?.into_os_string();
+        let mut folder = trained.predictions_folder(&args.samples.data)?.into_os_string();
         folder.push(format!("-{}", args.name));
         folder.into()
     };
     refuse_to_overwrite(&out, args.force)?;
     let device = args.device.open()?;
-    let dataset = open_split(&args.data, &args.labels, args.split)?;
+    let dataset = args.samples.open()?;
     let judged = match rival {
         Rival::Zone(judge) => {
             let found = detect(&trained, &dataset, &device)?;
@@ -88,7 +81,7 @@ pub fn run(args: BaselineArgs) -> anyhow::Result<ExitStatus> {
             };
             let bar = Bar::default();
             let detector = trained.load(&device)?;
-            let training = open_split(fit, &args.labels, Some(Split::Train))?;
+            let training = open_split(fit, &args.samples.labels, Some(Split::Train))?;
             let set = ClosedSet::fit_to(&detector, &training, &device, &bar)?;
             let found = infer::detect_kinds(&detector, &dataset, "predict", &device, &bar)?;
             found.iter().map(|found| set.judged(score, found)).collect()

@@ -7,10 +7,10 @@ use burn::tensor::Device;
 use clap::Args;
 use fs_err as fs;
 
-use super::{Bar, DeviceArg, ExitStatus, print, split};
+use super::{Bar, DeviceArg, ExitStatus, SamplesArgs, print};
 use crate::config;
 use crate::dataset::Dataset;
-use crate::episode::{DetectionWriter, Manifest, SampleDetections, SourceMeta, Split};
+use crate::episode::{DetectionWriter, SampleDetections, SourceMeta};
 use crate::eval::{eval_samples, json};
 use crate::infer::{self, Trained};
 use crate::object::Detection;
@@ -19,15 +19,8 @@ use crate::object::Detection;
 pub struct PredictArgs {
     /// Run folder of `harmzone train`, a checkpoint, or `small`, the trained network inside the program
     run: PathBuf,
-    /// Labelled data set
-    #[arg(long, value_name = "DIR")]
-    data: PathBuf,
-    /// Split; without it, the data set's val, or test where there is no val
-    #[arg(long, value_parser = split())]
-    split: Option<Split>,
-    /// Label set
-    #[arg(long, value_name = "SET", default_value = "rect")]
-    labels: String,
+    #[command(flatten)]
+    samples: SamplesArgs,
     /// Folder for one MCAP an episode and predictions.json; default `<run>/predictions/<dataset>`, and
     /// `<dataset>/predictions/small` for `small`
     #[arg(long, value_name = "DIR")]
@@ -45,11 +38,11 @@ pub fn run(args: PredictArgs) -> anyhow::Result<ExitStatus> {
     let trained = Trained::find(&args.run)?;
     let out = match &args.out {
         Some(out) => out.clone(),
-        None => trained.predictions_folder(&args.data)?,
+        None => trained.predictions_folder(&args.samples.data)?,
     };
     refuse_to_overwrite(&out, args.force)?;
     let device = args.device.open()?;
-    let dataset = open_split(&args.data, &args.labels, args.split)?;
+    let dataset = args.samples.open()?;
     let found = detect(&trained, &dataset, &device)?;
     let source =
         Source { set: args.run.display().to_string(), config_toml: config::to_toml(&trained.config()?) };
@@ -100,16 +93,6 @@ pub fn refuse_to_overwrite(out: &Path, force: bool) -> anyhow::Result<()> {
         bail!("predictions exist already; give --force to replace them: {}", out.display());
     }
     Ok(())
-}
-
-/// Opens the named split; without a name `val`, or `test` in a dataset that has no `val`.
-pub fn open_split(data: &Path, labels: &str, split: Option<Split>) -> anyhow::Result<Dataset> {
-    let split = match split {
-        Some(split) => split,
-        None if Manifest::read(data)?.of_split(Split::Val).next().is_some() => Split::Val,
-        None => Split::Test,
-    };
-    Ok(Dataset::open(data, labels, split)?)
 }
 
 /// Runs a detector over all samples of a dataset.

@@ -51,5 +51,5 @@ pub fn run(args: ReportArgs) -> anyhow::Result<ExitStatus> {
     }
     let size_mb = summary.bytes as f64 / 1e6;
     print(format!("{}: {} cards, {size_mb:.1} MB", summary.out.display(), summary.n_cards))?;
-    Ok(ExitStatus::Done)
+    Ok(if summary.is_whole { ExitStatus::Done } else { ExitStatus::DoneWithLosses })
 }

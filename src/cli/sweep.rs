@@ -4,9 +4,8 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::{Bar, DeviceArg, ExitStatus, open_split, print, split};
+use super::{Bar, DeviceArg, ExitStatus, SamplesArgs, print};
 use crate::config;
-use crate::episode::Split;
 use crate::eval::Protocol;
 use crate::eval::sweep::SweepConfig;
 use crate::infer::{self, Trained};
@@ -16,18 +15,11 @@ use crate::report::sweeps::{self, SweepRequest};
 pub struct SweepArgs {
     /// Folder of a trained detector, a checkpoint, or `small`, the network inside the program
     run: PathBuf,
-    /// Labelled data set
-    #[arg(long, value_name = "DIR")]
-    data: PathBuf,
+    #[command(flatten)]
+    samples: SamplesArgs,
     /// Folder for sweeps.json, sweeps.csv, sweep.toml, plots (SVG and PNG) and pictures
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Split; without it, the data set's val, or test where there is no val
-    #[arg(long, value_parser = split())]
-    split: Option<Split>,
-    /// Label set, whose zone is used
-    #[arg(long, value_name = "SET", default_value = "rect")]
-    labels: String,
     /// What is swept (TOML); `configs/sweep.toml` holds the defaults
     #[arg(long, value_name = "TOML")]
     config: Option<PathBuf>,
@@ -46,7 +38,7 @@ pub fn run(args: SweepArgs) -> anyhow::Result<ExitStatus> {
     sweeps::refuse_to_overwrite(&args.out, args.force)?;
     let trained = Trained::find(&args.run)?;
     let device = args.device.open()?;
-    let dataset = open_split(&args.data, &args.labels, args.split)?;
+    let dataset = args.samples.open()?;
     let detector = trained.load(&device)?;
     let (swept, series) = infer::sweep(&detector, &dataset, &config, &device, &Bar::default())?;
     let request = SweepRequest {

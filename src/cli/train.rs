@@ -1,8 +1,6 @@
 //! `harmzone train`: trains a detector on a labelled data set, resumable.
 
-use std::convert::Infallible;
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 
 use anyhow::Context;
 use clap::Args;
@@ -31,7 +29,7 @@ pub struct TrainArgs {
     /// Network: `small`, `paper` (which brings `configs/train-paper.toml`), or a TOML file as those of
     /// `configs/model/`. `--config` and `--set` go over it
     #[arg(long, value_name = "PROFILE", default_value = "small")]
-    model: ModelArg,
+    model: String,
     /// Weights of the image backbone to start from: a Swin Transformer of torchvision, timm, Microsoft or
     /// mmdet (.pth, .pt, .safetensors)
     #[arg(long, value_name = "FILE")]
@@ -55,45 +53,23 @@ pub struct TrainArgs {
     force: bool,
 }
 
-/// `--model`.
-#[derive(Debug, Clone)]
-enum ModelArg {
-    Small,
-    Paper,
-    File(PathBuf),
-}
-
-impl FromStr for ModelArg {
-    type Err = Infallible;
-
-    fn from_str(text: &str) -> Result<Self, Infallible> {
-        Ok(match text {
-            "small" => Self::Small,
-            "paper" => Self::Paper,
-            path => Self::File(path.into()),
-        })
-    }
-}
-
-impl ModelArg {
-    /// What `--config` and `--set` lie over: the profile's training, or the default's with a network from a file.
-    fn base(&self) -> anyhow::Result<TrainConfig> {
-        match self {
-            Self::Small => Ok(TrainConfig::default()),
-            Self::Paper => Ok(TrainConfig::paper()),
-            Self::File(path) => {
-                let model = config::load(Some(path), &[]).with_context(|| {
-                    format!("--model {} is no shipped profile (small, paper), so a TOML file", path.display())
-                })?;
-                Ok(TrainConfig { model, ..TrainConfig::default() })
-            }
+/// What `--config` and `--set` lie over: a profile's training, or the default's with a network from a file.
+fn base_config(model: &str) -> anyhow::Result<TrainConfig> {
+    match model {
+        "small" => Ok(TrainConfig::default()),
+        "paper" => Ok(TrainConfig::paper()),
+        path => {
+            let model = config::load(Some(Path::new(path)), &[]).with_context(|| {
+                format!("--model {path} is no shipped profile (small, paper), so a TOML file")
+            })?;
+            Ok(TrainConfig { model, ..TrainConfig::default() })
         }
     }
 }
 
 pub fn run(args: TrainArgs) -> anyhow::Result<ExitStatus> {
     let mut config: TrainConfig =
-        config::load_over(&args.model.base()?, args.config.as_deref(), &args.overrides)?;
+        config::load_over(&base_config(&args.model)?, args.config.as_deref(), &args.overrides)?;
     if args.image_weights.is_some() {
         config.image_weights = args.image_weights;
     }

@@ -2,11 +2,14 @@
 
 use std::fmt::Display;
 use std::ops::RangeInclusive;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
+use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
-use crate::episode::Split;
+use crate::dataset::Dataset;
+use crate::episode::{Manifest, Split};
 
 /// Parses a number of a range.
 pub fn number<T>(
@@ -32,6 +35,37 @@ where
     PossibleValuesParser::new(values.map(name)).map(move |found| {
         values.into_iter().find(|&value| name(value) == found).expect("clap lets only these names through")
     })
+}
+
+/// The samples of a labelled data set that a command works on.
+#[derive(Debug, Args)]
+pub struct SamplesArgs {
+    /// Labelled data set
+    #[arg(long, value_name = "DIR")]
+    pub data: PathBuf,
+    /// Split; without it, the data set's val, or test where there is no val
+    #[arg(long, value_parser = split())]
+    split: Option<Split>,
+    /// Label set; its zone is the one that counts
+    #[arg(long, value_name = "SET", default_value = "rect")]
+    pub labels: String,
+}
+
+impl SamplesArgs {
+    /// Opens the split.
+    pub fn open(&self) -> anyhow::Result<Dataset> {
+        open_split(&self.data, &self.labels, self.split)
+    }
+}
+
+/// Opens a split; where none is named `val`, or `test` in a data set without `val`.
+pub fn open_split(data: &Path, labels: &str, split: Option<Split>) -> anyhow::Result<Dataset> {
+    let split = match split {
+        Some(split) => split,
+        None if Manifest::read(data)?.of_split(Split::Val).next().is_some() => Split::Val,
+        None => Split::Test,
+    };
+    Ok(Dataset::open(data, labels, split)?)
 }
 
 /// Parses the name of a split.

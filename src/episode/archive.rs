@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 
 use fs_err as fs;
 use mcap::records::{MessageHeader, Metadata};
+use tempfile::TempPath;
 
 use super::error::EpisodeError;
 use super::messages::TopicMessage;
@@ -18,9 +19,9 @@ use crate::files::PARTIAL_SUFFIX;
 /// A file that is being written, sample by sample; dropped unfinished, it leaves nothing.
 pub(super) struct ArchiveWriter {
     pub(super) path: PathBuf,
-    partial: PathBuf,
-    /// `None` once finished.
-    writer: Option<mcap::Writer<BufWriter<fs::File>>>,
+    writer: mcap::Writer<BufWriter<fs::File>>,
+    /// Removed when dropped; dropped after the writer, whose place it is.
+    partial: TempPath,
     /// Channel numbers by topic.
     channels: BTreeMap<&'static str, u16>,
     pub(super) n_samples: usize,
@@ -34,7 +35,7 @@ impl ArchiveWriter {
         let mut partial = path.as_os_str().to_owned();
         // A name of this process alone: a worker whose parent was killed may still be writing the same file.
         partial.push(format!(".{}.{PARTIAL_SUFFIX}", std::process::id()));
-        let partial = PathBuf::from(partial);
+        let partial = TempPath::from_path(partial);
         let file = BufWriter::new(fs::File::create(&partial)?);
         let writer = mcap::WriteOptions::new()
             .compression(Some(mcap::Compression::Zstd))
@@ -44,7 +45,7 @@ impl ArchiveWriter {
             .create(file)
             .map_err(|source| EpisodeError::Write { source, path: path.to_owned() })?;
         let (path, channels) = (path.to_owned(), BTreeMap::new());
-        let mut archive = Self { path, partial, writer: Some(writer), channels, n_samples: 0, time_ns: 0 };
+        let mut archive = Self { path, writer, partial, channels, n_samples: 0, time_ns: 0 };
         for topic in topics {
             let (name, descriptors) = (topic.schema)();
             let channel = archive.with(|writer| {
@@ -60,8 +61,7 @@ impl ArchiveWriter {
         &mut self,
         act: impl FnOnce(&mut mcap::Writer<BufWriter<fs::File>>) -> mcap::McapResult<T>,
     ) -> Result<T, EpisodeError> {
-        let writer = self.writer.as_mut().expect("only `finish` takes the writer, and it takes self too");
-        act(writer).map_err(|source| EpisodeError::Write { source, path: self.path.clone() })
+        act(&mut self.writer).map_err(|source| EpisodeError::Write { source, path: self.path.clone() })
     }
 
     /// Begins the next sample, whose time must be after the last.
@@ -108,26 +108,15 @@ impl ArchiveWriter {
         metadata: impl IntoIterator<Item = (&'static str, BTreeMap<String, String>)>,
     ) -> Result<PathBuf, EpisodeError> {
         if self.n_samples == 0 {
-            return Err(EpisodeError::Empty { path: self.path.clone() });
+            return Err(EpisodeError::Empty { path: self.path });
         }
         for (name, metadata) in metadata {
             self.with(|writer| writer.write_metadata(&Metadata { name: name.to_owned(), metadata }))?;
         }
         self.with(|writer| writer.finish().map(drop))?;
-        let writer = self.writer.take().expect("only this function takes the writer");
-        let file = writer.into_inner().into_inner().map_err(std::io::IntoInnerError::into_error)?;
+        let file = self.writer.into_inner().into_inner().map_err(std::io::IntoInnerError::into_error)?;
         file.sync_all()?;
         fs::rename(&self.partial, &self.path)?;
-        Ok(self.path.clone())
-    }
-}
-
-impl Drop for ArchiveWriter {
-    fn drop(&mut self) {
-        if let Some(writer) = self.writer.take() {
-            drop(writer);
-            // Not finished, so of no use; a leftover would do no harm.
-            let _ = fs::remove_file(&self.partial);
-        }
+        Ok(self.path)
     }
 }

@@ -8,27 +8,19 @@ use clap::Args;
 use serde_json::json;
 
 use crate::bench_model::{self as bench, Bench, BenchOptions, Contest};
-use harmzone::cli::{Bar, DeviceArg, ExitStatus, number, open_split, print, print_summary, split};
+use harmzone::cli::{Bar, DeviceArg, ExitStatus, SamplesArgs, number, print, print_summary};
 use harmzone::config;
-use harmzone::episode::Split;
 use harmzone::infer::Trained;
 use harmzone::train::TrainConfig;
 
 #[derive(Debug, Args)]
 pub struct BenchModelArgs {
-    /// Labelled data set
-    #[arg(long, value_name = "DIR")]
-    data: PathBuf,
+    #[command(flatten)]
+    samples_of: SamplesArgs,
     /// Run folder, checkpoint, or the name of a network inside the program; without it, the config's with
     /// random weights
     #[arg(long, value_name = "RUN")]
     model: Option<PathBuf>,
-    /// Split; without it, the data set's val, or test where there is no val
-    #[arg(long, value_parser = split())]
-    split: Option<Split>,
-    /// Label set
-    #[arg(long, value_name = "SET", default_value = "rect")]
-    labels: String,
     /// Samples of inference
     #[arg(long, default_value_t = 200, value_parser = number(1..=u32::MAX))]
     samples: u32,
@@ -63,7 +55,7 @@ pub fn run(args: BenchModelArgs) -> anyhow::Result<ExitStatus> {
         config.model = trained.config()?;
     }
     let checkpoint = trained.as_ref().map(Trained::bytes).transpose()?;
-    let dataset = open_split(&args.data, &args.labels, args.split)?;
+    let dataset = args.samples_of.open()?;
     let device = args.device.open()?;
     let bench = Bench { dataset: &dataset, config: &config, checkpoint, device: &device };
     if let Some(folder) = &args.dump {

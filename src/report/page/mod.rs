@@ -93,6 +93,9 @@ pub struct ReportSummary {
     pub n_cards: usize,
     /// What was left out, with the command that makes it.
     pub absent: Vec<String>,
+    /// Whether the scores' own parts are all there: pictures of their faults, and where they come from. Sweeps and
+    /// ablations are made apart.
+    pub is_whole: bool,
 }
 
 /// The whole page, as its template takes it.
@@ -187,9 +190,12 @@ pub fn run(request: &ReportRequest) -> Result<ReportSummary, ReportError> {
         Block::Absent { what, command } => Some(format!("{what}; {command}")),
         _ => None,
     });
+    let is_own = |section: &&Section| section.id == "made" || section.id == "gallery" && request.n_cards > 0;
+    let mut own = page.sections.iter().filter(is_own).flat_map(|section| &section.blocks);
+    let is_whole = !own.any(|block| matches!(block, Block::Absent { .. }));
     let n_cards =
         blocks().map(|block| if let Block::Gallery(gallery) = block { gallery.cards.len() } else { 0 });
-    Ok(ReportSummary { bytes: html.len(), n_cards: n_cards.sum(), absent: absent.collect(), out })
+    Ok(ReportSummary { bytes: html.len(), n_cards: n_cards.sum(), absent: absent.collect(), is_whole, out })
 }
 
 fn page(sides: &[Side], request: &ReportRequest) -> Result<Page, ReportError> {
