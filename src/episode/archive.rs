@@ -35,7 +35,7 @@ impl ArchiveWriter {
         let mut partial = path.as_os_str().to_owned();
         // A name of this process alone: a worker whose parent was killed may still be writing the same file.
         partial.push(format!(".{}.{PARTIAL_SUFFIX}", std::process::id()));
-        let partial = TempPath::from_path(partial);
+        let partial = TempPath::try_from_path(partial)?;
         let file = BufWriter::new(fs::File::create(&partial)?);
         let writer = mcap::WriteOptions::new()
             .compression(Some(mcap::Compression::Zstd))
