@@ -14,7 +14,7 @@ use burn::tensor::Device;
 use burn::tensor::DeviceType;
 use thiserror::Error;
 
-/// What lists GPUs.
+/// An interface that lists GPUs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum GpuBackend {
     Cuda,
@@ -24,7 +24,7 @@ pub enum GpuBackend {
 impl GpuBackend {
     pub const ALL: [Self; 2] = [Self::Cuda, Self::Vulkan];
 
-    /// In device names; also that of the cargo feature.
+    /// Its name in device names, which is also the cargo feature's.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {

@@ -1,4 +1,4 @@
-//! How long work tells how far it is; the command line draws it as one style of bar.
+//! Progress of long work: library code reports it, the command line draws it as a bar.
 
 /// A watcher of long work. Library code reports to it and never prints.
 pub trait Progress: Sync {

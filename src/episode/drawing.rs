@@ -9,7 +9,7 @@ use crate::geometry::{Box3, Camera, Ego, Frame, Pinhole, Point, Point2, World};
 use crate::object::{Detection, Distribution, Harm, Kind, ObjectTruth};
 use crate::sample::Measured;
 
-/// What of the town is drawn: once per episode, for viewers only.
+/// The parts of the town that viewers draw, once per episode.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct MapDrawing {
     /// Polylines along the lane borders.
@@ -96,7 +96,7 @@ pub(super) fn truth_markers(time_ns: u64, objects: &[ObjectTruth]) -> fox::Scene
     update(entities.collect())
 }
 
-/// Lane lines and drivable area, which stay for good.
+/// Lane lines and drivable area, drawn once.
 pub(super) fn map_update(time_ns: u64, map: &MapDrawing) -> fox::SceneUpdate {
     let lines = map.lane_lines.iter().map(|line| fox::LinePrimitive {
         r#type: LineType::LineStrip.into(),

@@ -20,7 +20,7 @@ pub struct EpisodeMeta {
     pub config_toml: String,
     /// The sensor rig.
     pub rig_toml: String,
-    /// Planned when a writer is made; counted in what a reader gives.
+    /// The planned number for a writer, the counted one from a reader.
     pub n_samples: usize,
 }
 

@@ -252,8 +252,7 @@ mod tests {
         }
         let resumed = run(&data, Some(&data), &config, &broken, options, &Device::flex(), &Silent).unwrap();
         assert!(resumed.n_steps_now < whole.n_steps_now);
-        let time = TrainingTime::read(&broken).unwrap();
-        assert!(time.wall_s >= resumed.elapsed.as_secs_f64() - 0.1 && time.n_calls == 3, "{time:?}");
+        assert_eq!(TrainingTime::read(&broken).unwrap().n_calls, 3);
         assert!(fs::read(&whole.checkpoint).unwrap() == fs::read(&resumed.checkpoint).unwrap());
         for name in [STEPS_FILE, SCORES_FILE] {
             assert_eq!(fs::read(path.join(name)).unwrap(), fs::read(broken.join(name)).unwrap(), "{name}");
