@@ -18,11 +18,13 @@ pub fn write_atomic(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let mut partial_name = path.as_os_str().to_owned();
     partial_name.push(".");
     partial_name.push(PARTIAL_SUFFIX);
-    let partial = TempPath::try_from_path(partial_name)?;
+    let mut partial = TempPath::try_from_path(partial_name)?;
     let mut file = fs::File::create(&partial)?;
     file.write_all(bytes)?;
     file.sync_all()?;
-    fs::rename(&partial, path)
+    fs::rename(&partial, path)?;
+    partial.disable_cleanup(true);
+    Ok(())
 }
 
 /// Lower-case hexadecimal SHA-256 of some bytes.

@@ -117,6 +117,7 @@ impl ArchiveWriter {
         let file = self.writer.into_inner().into_inner().map_err(std::io::IntoInnerError::into_error)?;
         file.sync_all()?;
         fs::rename(&self.partial, &self.path)?;
+        self.partial.disable_cleanup(true);
         Ok(self.path)
     }
 }
