@@ -47,40 +47,36 @@ impl fmt::Display for Findings {
     }
 }
 
-impl Finding {
-    fn new(name: &'static str, found: Result<String, SimError>) -> Self {
-        let is_ok = found.is_ok();
-        Self { name, is_ok, text: found.unwrap_or_else(|error| error.to_string()) }
-    }
-}
-
 pub fn run(args: DoctorArgs) -> anyhow::Result<ExitStatus> {
-    let findings = Findings(examine());
+    let findings = examine();
     print_summary(&findings, args.json)?;
     let n_missing = findings.0.iter().filter(|finding| !finding.is_ok).count();
     anyhow::ensure!(n_missing == 0, "{n_missing} of {} findings are wrong", findings.0.len());
     Ok(ExitStatus::Done)
 }
 
-fn examine() -> Vec<Finding> {
-    let mut findings = vec![
-        Finding::new("harmzone", Ok(env!("CARGO_PKG_VERSION").to_owned())),
-        Finding::new("devices", Ok(devices())),
-        Finding::new("interpreter", Ok(format!("Python {}, embedded", Environment::interpreter().1))),
-    ];
-    let venv = Environment::find().map(|environment| environment.venv.display().to_string());
-    let has_venv = venv.is_ok();
-    findings.push(Finding::new("environment", venv));
-    if !has_venv {
-        return findings;
+/// What is to be there; each needs what stands before it.
+const CHECKS: [(&str, fn() -> Result<String, SimError>); 6] = [
+    ("harmzone", || Ok(env!("CARGO_PKG_VERSION").to_owned())),
+    ("devices", || Ok(devices())),
+    ("interpreter", || Ok(format!("Python {}, embedded", Environment::interpreter().1))),
+    ("environment", || Ok(Environment::find()?.venv.display().to_string())),
+    ("mujoco", Environment::mujoco_version),
+    ("opengl", draw),
+];
+
+/// The findings up to the first that is wrong.
+fn examine() -> Findings {
+    let mut findings = Vec::new();
+    for (name, check) in CHECKS {
+        let found = check();
+        let is_ok = found.is_ok();
+        findings.push(Finding { name, is_ok, text: found.unwrap_or_else(|error| error.to_string()) });
+        if !is_ok {
+            break;
+        }
     }
-    let mujoco = Environment::mujoco_version();
-    let has_mujoco = mujoco.is_ok();
-    findings.push(Finding::new("mujoco", mujoco));
-    if has_mujoco {
-        findings.push(Finding::new("opengl", draw()));
-    }
-    findings
+    Findings(findings)
 }
 
 /// What `--device` can name here.

@@ -16,8 +16,6 @@ pub struct Bar {
 #[derive(Debug)]
 struct CurrentBar {
     bar: ProgressBar,
-    name: String,
-    note: String,
     /// Next tenth to tell as a line where there is no terminal.
     next_tenth: u64,
 }
@@ -31,24 +29,23 @@ impl Progress for Bar {
         .expect("the template is valid")
         .progress_chars("=> ");
         let bar = ProgressBar::new(total).with_style(style).with_prefix(stage.to_owned());
-        *self.lock() = Some(CurrentBar { bar, name: stage.to_owned(), note: String::new(), next_tenth: 1 });
+        *self.lock() = Some(CurrentBar { bar, next_tenth: 1 });
     }
 
     fn advance(&self, n: u64) {
         let mut current = self.lock();
-        let Some(stage) = current.as_mut() else { return };
-        stage.bar.inc(n);
-        let total = stage.bar.length().unwrap_or(0).max(1);
-        if stage.bar.is_hidden() && stage.bar.position() * 10 >= stage.next_tenth * total {
-            stage.next_tenth = stage.bar.position() * 10 / total + 1;
-            tell(format!("{:>10} {}/{total} {}", stage.name, stage.bar.position(), stage.note));
+        let Some(CurrentBar { bar, next_tenth }) = current.as_mut() else { return };
+        bar.inc(n);
+        let (n_done, total) = (bar.position(), bar.length().unwrap_or(0).max(1));
+        if bar.is_hidden() && n_done * 10 >= *next_tenth * total {
+            *next_tenth = n_done * 10 / total + 1;
+            tell(format!("{:>10} {n_done}/{total} {}", bar.prefix(), bar.message()));
         }
     }
 
     fn note(&self, text: &str) {
-        if let Some(stage) = self.lock().as_mut() {
+        if let Some(stage) = self.lock().as_ref() {
             stage.bar.set_message(text.to_owned());
-            text.clone_into(&mut stage.note);
         }
     }
 

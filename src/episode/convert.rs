@@ -21,19 +21,6 @@ pub(super) fn check_measured(measured: &Measured) -> Result<(), Fault> {
     check_pinhole(&measured.intrinsics)
 }
 
-fn check_state(state: &EgoState) -> Result<(), Fault> {
-    [
-        ("speed_mps", state.speed_mps),
-        ("steering_angle_rad", state.steering_angle_rad),
-        ("yaw_rate_rps", state.yaw_rate_rps),
-        ("acceleration_mps2", state.acceleration_mps2),
-        ("wheelbase_m", state.wheelbase_m),
-        ("front_bumper_x_m", state.front_bumper_x_m),
-    ]
-    .into_iter()
-    .try_for_each(|(field, found)| check_finite(field, found))
-}
-
 fn check_pinhole(pinhole: &Pinhole) -> Result<(), Fault> {
     for (field, focal_px) in [("K[0]", pinhole.fx_px), ("K[4]", pinhole.fy_px)] {
         if !(focal_px.is_finite() && focal_px > 0.0) {
@@ -44,30 +31,26 @@ fn check_pinhole(pinhole: &Pinhole) -> Result<(), Fault> {
     check_finite("K[5]", pinhole.cy_px)
 }
 
-pub(super) fn state_message(time_ns: u64, state: &EgoState) -> wire::EgoState {
-    wire::EgoState {
-        timestamp: Some(own_time(time_ns)),
-        speed_mps: state.speed_mps,
-        steering_angle_rad: state.steering_angle_rad,
-        yaw_rate_rps: state.yaw_rate_rps,
-        acceleration_mps2: state.acceleration_mps2,
-        wheelbase_m: state.wheelbase_m,
-        front_bumper_x_m: state.front_bumper_x_m,
-    }
-}
+/// The ego's state has the same fields in a message.
+macro_rules! state_fields {
+    ($($field:ident),*) => {
+        fn check_state(state: &EgoState) -> Result<(), Fault> {
+            $(check_finite(stringify!($field), state.$field)?;)*
+            Ok(())
+        }
 
-pub(super) fn state_of(message: &wire::EgoState) -> Result<EgoState, Fault> {
-    let state = EgoState {
-        speed_mps: message.speed_mps,
-        steering_angle_rad: message.steering_angle_rad,
-        yaw_rate_rps: message.yaw_rate_rps,
-        acceleration_mps2: message.acceleration_mps2,
-        wheelbase_m: message.wheelbase_m,
-        front_bumper_x_m: message.front_bumper_x_m,
+        pub(super) fn state_message(time_ns: u64, state: &EgoState) -> wire::EgoState {
+            wire::EgoState { timestamp: Some(own_time(time_ns)), $($field: state.$field),* }
+        }
+
+        pub(super) fn state_of(message: &wire::EgoState) -> Result<EgoState, Fault> {
+            let state = EgoState { $($field: message.$field),* };
+            check_state(&state)?;
+            Ok(state)
+        }
     };
-    check_state(&state)?;
-    Ok(state)
 }
+state_fields!(speed_mps, steering_angle_rad, yaw_rate_rps, acceleration_mps2, wheelbase_m, front_bumper_x_m);
 
 pub(super) fn transforms_message(measured: &Measured) -> fox::FrameTransforms {
     let time_ns = measured.time_ns;

@@ -46,7 +46,7 @@ impl DetectionWriter {
     /// # Errors
     /// The file cannot be made.
     pub fn create(path: &Path, meta: &SourceMeta) -> Result<Self, EpisodeError> {
-        Ok(Self { archive: ArchiveWriter::create(path, &topics::OF_DETECTIONS)?, meta: meta.clone() })
+        Ok(Self { archive: ArchiveWriter::create(path, topics::OF_DETECTIONS)?, meta: meta.clone() })
     }
 
     /// Adds the boxes of the next sample.

@@ -126,7 +126,7 @@ impl LabelWriter {
     /// # Errors
     /// The file cannot be made.
     pub fn create(path: &Path, meta: &SourceMeta) -> Result<Self, EpisodeError> {
-        Ok(Self { archive: ArchiveWriter::create(path, &topics::OF_LABELS)?, meta: meta.clone() })
+        Ok(Self { archive: ArchiveWriter::create(path, topics::OF_LABELS)?, meta: meta.clone() })
     }
 
     /// Adds the labels of the next sample; the sample itself serves the drawings.

@@ -65,7 +65,7 @@ impl EpisodeReader {
     /// A truncated or damaged file, an MCAP that is no episode, missing metadata, or topics that
     /// do not hold one message a sample.
     pub fn open(path: &Path) -> Result<Self, EpisodeError> {
-        let archive = Archive::open(path, &topics::EACH_SAMPLE)?;
+        let archive = Archive::open(path, topics::EACH_SAMPLE)?;
         let meta =
             EpisodeMeta::from_record(&archive.metadata(EpisodeMeta::RECORD)?, EpisodeMeta::RECORD, path)?;
         for topic in topics::EACH_SAMPLE {

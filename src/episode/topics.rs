@@ -28,40 +28,36 @@ impl<M: TopicMessage> Topic<M> {
     }
 }
 
-pub const TF: Topic<fox::FrameTransforms> = Topic::new("/tf");
-pub const EGO_POSE: Topic<fox::PoseInFrame> = Topic::new("/ego/pose");
-pub const EGO_STATE: Topic<wire::EgoState> = Topic::new("/ego/state");
-pub const IMAGE: Topic<fox::CompressedImage> = Topic::new("/cam_front/image_rect_compressed");
-pub const CAMERA_INFO: Topic<fox::CameraCalibration> = Topic::new("/cam_front/camera_info");
-pub const LIDAR: Topic<fox::PointCloud> = Topic::new("/lidar_top");
-pub const OBJECTS: Topic<wire::Objects> = Topic::new("/truth/objects");
-pub const MARKERS: Topic<fox::SceneUpdate> = Topic::new("/truth/markers");
-pub const MAP: Topic<fox::SceneUpdate> = Topic::new("/map");
+/// The topics of a kind of file, in the order in which a writer declares them, which the file's bytes keep.
+macro_rules! topics {
+    ($all:ident: $($name:ident = $text:literal of $message:ty),* $(,)?) => {
+        $(pub const $name: Topic<$message> = Topic::new($text);)*
+        pub const $all: &[TopicSpec] = &[$($name.spec()),*];
+    };
+}
 
-pub const HARM_ZONE: Topic<fox::SceneUpdate> = Topic::new("/harm/zone");
-pub const HARM_OBJECTS: Topic<fox::SceneUpdate> = Topic::new("/harm/objects");
-pub const HARM_ANNOTATIONS: Topic<fox::ImageAnnotations> = Topic::new("/cam_front/harm_annotations");
-pub const HARM_LABELS: Topic<wire::HarmLabels> = Topic::new("/harm/labels");
-
-pub const DETECTIONS: Topic<wire::Detections> = Topic::new("/detections");
-pub const DETECTION_MARKERS: Topic<fox::SceneUpdate> = Topic::new("/detections/markers");
-
-// A writer declares a file's topics in this order, which the file's bytes keep.
-pub const OF_EPISODE: [TopicSpec; 9] = [
-    MAP.spec(),
-    TF.spec(),
-    EGO_POSE.spec(),
-    EGO_STATE.spec(),
-    IMAGE.spec(),
-    CAMERA_INFO.spec(),
-    LIDAR.spec(),
-    OBJECTS.spec(),
-    MARKERS.spec(),
-];
-pub const OF_LABELS: [TopicSpec; 4] =
-    [HARM_ZONE.spec(), HARM_OBJECTS.spec(), HARM_ANNOTATIONS.spec(), HARM_LABELS.spec()];
-pub const OF_DETECTIONS: [TopicSpec; 2] = [DETECTIONS.spec(), DETECTION_MARKERS.spec()];
+topics! { OF_EPISODE:
+    MAP = "/map" of fox::SceneUpdate,
+    TF = "/tf" of fox::FrameTransforms,
+    EGO_POSE = "/ego/pose" of fox::PoseInFrame,
+    EGO_STATE = "/ego/state" of wire::EgoState,
+    IMAGE = "/cam_front/image_rect_compressed" of fox::CompressedImage,
+    CAMERA_INFO = "/cam_front/camera_info" of fox::CameraCalibration,
+    LIDAR = "/lidar_top" of fox::PointCloud,
+    OBJECTS = "/truth/objects" of wire::Objects,
+    MARKERS = "/truth/markers" of fox::SceneUpdate,
+}
+topics! { OF_LABELS:
+    HARM_ZONE = "/harm/zone" of fox::SceneUpdate,
+    HARM_OBJECTS = "/harm/objects" of fox::SceneUpdate,
+    HARM_ANNOTATIONS = "/cam_front/harm_annotations" of fox::ImageAnnotations,
+    HARM_LABELS = "/harm/labels" of wire::HarmLabels,
+}
+topics! { OF_DETECTIONS:
+    DETECTIONS = "/detections" of wire::Detections,
+    DETECTION_MARKERS = "/detections/markers" of fox::SceneUpdate,
+}
 
 /// What a reader of episodes needs, one message a sample.
-pub const EACH_SAMPLE: [TopicSpec; 6] =
-    [TF.spec(), EGO_STATE.spec(), IMAGE.spec(), CAMERA_INFO.spec(), LIDAR.spec(), OBJECTS.spec()];
+pub const EACH_SAMPLE: &[TopicSpec] =
+    &[TF.spec(), EGO_STATE.spec(), IMAGE.spec(), CAMERA_INFO.spec(), LIDAR.spec(), OBJECTS.spec()];

@@ -38,7 +38,7 @@ impl EpisodeWriter {
     /// The file cannot be made.
     pub fn create(path: &Path, meta: &EpisodeMeta, map: &MapDrawing) -> Result<Self, EpisodeError> {
         Ok(Self {
-            archive: ArchiveWriter::create(path, &topics::OF_EPISODE)?,
+            archive: ArchiveWriter::create(path, topics::OF_EPISODE)?,
             meta: meta.clone(),
             map: map.clone(),
             n_objects: ObjectCounts::default(),
