@@ -14,7 +14,10 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use thiserror::Error;
 
-pub use bounds::{Check, InvalidConfig, Keys, Order, Range, Rule, SHARE, above, below, from_to};
+pub(crate) use bounds::define_config;
+pub use bounds::{
+    Bounds, Check, InvalidConfig, Keys, Order, Range, Rule, SHARE, above, below, from_to, part, require,
+};
 
 /// Why a config could not be loaded.
 #[derive(Debug, Error)]

@@ -6,7 +6,7 @@ use anyhow::Context;
 use clap::Args;
 
 use super::{Bar, DeviceArg, ExitStatus, print, print_summary, tell};
-use crate::config;
+use crate::config::{self, Check};
 use crate::dataset::{Dataset, DatasetError};
 use crate::episode::Split;
 use crate::report::curves;

@@ -9,11 +9,13 @@ use serde::Serialize;
 use thiserror::Error;
 use toml::Value;
 
-/// A config that can be checked: bounds for each number, and what several keys must fulfil together.
-pub trait Check: Serialize {
-    /// What each numeric key may be.
+/// What each numeric key of a config may be.
+pub trait Bounds: Serialize {
     const BOUNDS: Keys;
+}
 
+/// A config that can be checked: its bounds, and what several keys must fulfil together.
+pub trait Check: Bounds {
     /// What bounds of single keys cannot say; the bounds hold already.
     ///
     /// # Errors
@@ -35,27 +37,74 @@ pub trait Check: Serialize {
     }
 }
 
-/// What is wrong with a config.
+/// Defines a config with unit, default and bounds of each key in one place: `/// unit`, `key: Type = default, in bounds;`.
+///
+/// A key without numbers has no bounds. In files every key may be left out, and one that is not known is an error.
+macro_rules! define_config {
+    ($(#[$of_struct:meta])* pub struct $Name:ident {
+        $($(#[$of_key:meta])* $key:ident: $Type:ty = $default:expr $(, in $rule:expr)?;)*
+    }) => {
+        $(#[$of_struct])*
+        #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+        #[serde(deny_unknown_fields, default)]
+        pub struct $Name { $($(#[$of_key])* pub $key: $Type),* }
+
+        impl Default for $Name {
+            fn default() -> Self {
+                Self { $($key: $default),* }
+            }
+        }
+
+        impl $crate::config::Bounds for $Name {
+            const BOUNDS: $crate::config::Keys = &[$($((stringify!($key), $rule),)?)*];
+        }
+    };
+}
+pub(crate) use define_config;
+
+/// What is wrong with a config; in a box, since errors of many stages hold it.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
-#[error("{key} is {found}; {wanted}")]
-pub struct InvalidConfig {
-    /// With dots between tables, as `--set` takes it.
-    pub key: String,
-    pub found: String,
-    /// A sentence: `a number from 1 to 2 is needed`.
-    pub wanted: String,
+#[error("{} is {}; {}", .0.key, .0.found, .0.wanted)]
+pub struct InvalidConfig(Box<Fault>);
+
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Fault {
+    key: String,
+    found: String,
+    wanted: String,
 }
 
 impl InvalidConfig {
+    /// `wanted` is a sentence: `a number from 1 to 2 is needed`.
     pub fn new(key: impl Into<String>, found: impl fmt::Display, wanted: impl Into<String>) -> Self {
-        Self { key: key.into(), found: found.to_string(), wanted: wanted.into() }
+        Self(Box::new(Fault { key: key.into(), found: found.to_string(), wanted: wanted.into() }))
+    }
+
+    /// The key, with dots between tables, as `--set` takes it.
+    #[must_use]
+    pub fn key(&self) -> &str {
+        &self.0.key
     }
 
     /// The same error of a config that is the table `part` of another.
     #[must_use]
-    pub fn within(self, part: &str) -> Self {
-        Self { key: join(part, &self.key), ..self }
+    pub fn within(mut self, part: &str) -> Self {
+        self.0.key = join(part, &self.0.key);
+        self
     }
+}
+
+/// An error where a relation of keys does not hold.
+///
+/// # Errors
+/// The parts of [`InvalidConfig::new`], unless `holds`.
+pub fn require(
+    holds: bool,
+    key: &str,
+    found: impl fmt::Display,
+    wanted: impl Into<String>,
+) -> Result<(), InvalidConfig> {
+    if holds { Ok(()) } else { Err(InvalidConfig::new(key, found, wanted)) }
 }
 
 /// The keys of a struct that hold numbers, and their rules.
@@ -112,6 +161,12 @@ pub const fn above(low: f64, high: f64) -> Rule {
 #[must_use]
 pub const fn below(low: f64, high: f64) -> Rule {
     Rule::Number(Range { low, high, without_low: false, without_high: true })
+}
+
+/// A table with the bounds of its own struct, or a list of such tables.
+#[must_use]
+pub const fn part<T: Bounds>() -> Rule {
+    Rule::Part(T::BOUNDS)
 }
 
 /// A share of a whole.
@@ -261,110 +316,4 @@ fn join(table: &str, key: &str) -> String {
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
-    use super::*;
-
-    /// Asserts that a config accepts itself, and that each of its numbers is refused by its key when it is absurd.
-    ///
-    /// Left out: seeds, whose keys end in `seed`.
-    pub(crate) fn assert_every_number_is_checked<T>(config: &T)
-    where
-        T: Check + serde::de::DeserializeOwned,
-    {
-        fn numbers(value: &Value, path: &[String], found: &mut Vec<Vec<String>>) {
-            match value {
-                Value::Table(table) => {
-                    for (key, value) in table {
-                        numbers(value, &[path, &[key.clone()]].concat(), found);
-                    }
-                }
-                Value::Array(values) if values.iter().any(Value::is_table) => {}
-                other if holds_number(other) => found.push(path.to_vec()),
-                _ => {}
-            }
-        }
-        config.check().unwrap();
-        let table = Value::try_from(config).unwrap();
-        let mut keys = Vec::new();
-        numbers(&table, &[], &mut keys);
-        assert!(!keys.is_empty());
-        for path in keys.iter().filter(|path| !path.last().unwrap().ends_with("seed")) {
-            let key = path.join(".");
-            let mut absurd = vec![Value::Float(f64::NAN), Value::Float(-1e30), Value::Integer(i64::MAX)];
-            let mut at = &table;
-            path.iter().for_each(|part| at = &at[part.as_str()]);
-            if let Some(values) = at.as_array() {
-                absurd = absurd.into_iter().map(|value| Value::Array(vec![value; values.len()])).collect();
-                absurd.push(Value::Array(vec![values[0].clone(); 100_000]));
-            }
-            for value in absurd {
-                let mut changed = table.clone();
-                let mut at = &mut changed;
-                for part in path {
-                    at = &mut at[part.as_str()];
-                }
-                *at = value.clone();
-                // A whole number takes no float, a fixed list no more entries, and a small one no huge number.
-                let Ok(changed) = changed.try_into::<T>() else { continue };
-                let told = changed.check().expect_err(&key);
-                assert_eq!(told.key, key, "{told}");
-            }
-        }
-    }
-
-    #[derive(Serialize)]
-    struct Example {
-        share: f64,
-        spacing_m: [f64; 2],
-        edges: Vec<f64>,
-        inner: Inner,
-    }
-
-    #[derive(Serialize)]
-    struct Inner {
-        count: u32,
-    }
-
-    impl Check for Example {
-        const BOUNDS: Keys = &[
-            ("share", SHARE),
-            ("spacing_m", from_to(1.0, 1000.0).pair()),
-            ("edges", above(0.0, 9.0).rising(0, 3)),
-            ("inner", Rule::Part(&[("count", from_to(1.0, 5.0))])),
-        ];
-    }
-
-    fn told(change: fn(&mut Example)) -> String {
-        let inner = Inner { count: 1 };
-        let mut example = Example { share: 0.5, spacing_m: [2.0, 2.0], edges: vec![], inner };
-        example.check().unwrap();
-        change(&mut example);
-        example.check().unwrap_err().to_string()
-    }
-
-    #[test]
-    fn a_message_says_key_value_and_what_is_valid() {
-        assert_eq!(told(|e| e.share = f64::NAN), "share is nan; a number from 0 to 1 is needed");
-        let spacing = "two numbers from 1 to 1000, ascending, are needed";
-        assert_eq!(told(|e| e.spacing_m = [0.0, 0.0]), format!("spacing_m is [0.0, 0.0]; {spacing}"));
-        assert_eq!(told(|e| e.spacing_m = [9.0, 2.0]), format!("spacing_m is [9.0, 2.0]; {spacing}"));
-        assert_eq!(told(|e| e.inner.count = 6), "inner.count is 6; a number from 1 to 5 is needed");
-        let edges = "0 to 3 numbers above 0 and at most 9, each above the one before, are needed";
-        assert_eq!(told(|e| e.edges = vec![2.0, 2.0]), format!("edges is [2.0, 2.0]; {edges}"));
-        assert!(told(|e| e.edges = vec![1.0; 50]).contains(".. (50 entries)]"));
-    }
-
-    #[test]
-    #[should_panic(expected = "`inner.new` has no bounds")]
-    fn a_number_without_bounds_is_found_on_any_config() {
-        #[derive(Serialize)]
-        struct Forgotten {
-            inner: BTreeMap,
-        }
-        type BTreeMap = std::collections::BTreeMap<&'static str, u32>;
-        impl Check for Forgotten {
-            const BOUNDS: Keys = &[("inner", Rule::Part(&[]))];
-        }
-        let _ = Forgotten { inner: BTreeMap::from([("new", 1)]) }.check();
-    }
-}
+pub(crate) mod tests;

@@ -15,53 +15,30 @@ use super::matching::Outcome;
 use super::metrics::{Matching, mean};
 use super::protocol::Protocol;
 use super::{EvalSample, EvalTruth, PerClass};
+use crate::config::{Rule, define_config, from_to};
 use crate::object::{Distribution, Event, Harm, Kind};
 
-/// Edges of the bands; a band begins at its edge and ends before the next.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct BreakdownConfig {
-    /// From the ego's origin to the box's centre on the ground, metres. Default 10, 20, 30, 40.
-    pub range_m: Vec<f64>,
-    /// Visible pixels over those of the whole silhouette, 0 to 1. Default 0.1, 0.25, 0.5, 0.75, 0.9.
-    pub visible_fraction: Vec<f64>,
-    /// LiDAR points on the object. Default 3, 6, 11, 21, 51, 101.
-    pub n_lidar_points: Vec<f64>,
-    /// The ego's speed, m/s. Default 0.5, 3, 6, 9, 12.
-    pub speed_mps: Vec<f64>,
-    /// Size of the steering angle, degrees. Default 1, 3, 6, 10, 20.
-    pub steering_deg: Vec<f64>,
-    /// Signed distance of the footprint to the zone's edge, metres, negative inside.
-    /// Default -1, -0.5, -0.25, 0, 0.25, 0.5, 1, 2, 4.
-    pub zone_distance_m: Vec<f64>,
-}
-
-impl Default for BreakdownConfig {
-    fn default() -> Self {
-        Self {
-            range_m: vec![10.0, 20.0, 30.0, 40.0],
-            visible_fraction: vec![0.1, 0.25, 0.5, 0.75, 0.9],
-            n_lidar_points: vec![3.0, 6.0, 11.0, 21.0, 51.0, 101.0],
-            speed_mps: vec![0.5, 3.0, 6.0, 9.0, 12.0],
-            steering_deg: vec![1.0, 3.0, 6.0, 10.0, 20.0],
-            zone_distance_m: vec![-1.0, -0.5, -0.25, 0.0, 0.25, 0.5, 1.0, 2.0, 4.0],
-        }
+define_config! {
+    /// Edges of the bands; a band begins at its edge and ends before the next.
+    pub struct BreakdownConfig {
+        /// From the ego's origin to the box's centre on the ground, metres. Default 10, 20, 30, 40.
+        range_m: Vec<f64> = vec![10.0, 20.0, 30.0, 40.0], in EDGES;
+        /// Visible pixels over those of the whole silhouette, 0 to 1. Default 0.1, 0.25, 0.5, 0.75, 0.9.
+        visible_fraction: Vec<f64> = vec![0.1, 0.25, 0.5, 0.75, 0.9], in EDGES;
+        /// LiDAR points on the object. Default 3, 6, 11, 21, 51, 101.
+        n_lidar_points: Vec<f64> = vec![3.0, 6.0, 11.0, 21.0, 51.0, 101.0], in EDGES;
+        /// The ego's speed, m/s. Default 0.5, 3, 6, 9, 12.
+        speed_mps: Vec<f64> = vec![0.5, 3.0, 6.0, 9.0, 12.0], in EDGES;
+        /// Size of the steering angle, degrees. Default 1, 3, 6, 10, 20.
+        steering_deg: Vec<f64> = vec![1.0, 3.0, 6.0, 10.0, 20.0], in EDGES;
+        /// Signed distance of the footprint to the zone's edge, metres, negative inside.
+        /// Default -1, -0.5, -0.25, 0, 0.25, 0.5, 1, 2, 4.
+        zone_distance_m: Vec<f64> = vec![-1.0, -0.5, -0.25, 0.0, 0.25, 0.5, 1.0, 2.0, 4.0], in EDGES;
     }
 }
 
-impl BreakdownConfig {
-    /// Each list of edges with its name.
-    pub(super) fn bands(&self) -> [(&'static str, &[f64]); 6] {
-        [
-            ("breakdown.range_m", &self.range_m),
-            ("breakdown.visible_fraction", &self.visible_fraction),
-            ("breakdown.n_lidar_points", &self.n_lidar_points),
-            ("breakdown.speed_mps", &self.speed_mps),
-            ("breakdown.steering_deg", &self.steering_deg),
-            ("breakdown.zone_distance_m", &self.zone_distance_m),
-        ]
-    }
-}
+/// Of bands.
+const EDGES: Rule = from_to(-1e6, 1e6).rising(0, 1000);
 
 /// By what truths are sorted into groups.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

@@ -147,7 +147,7 @@ fn of_ego(dataset: &Dataset, sample: &LabelledSample) -> SampleFacts {
 
 fn state_of(entry: &EpisodeEntry, changed: &WeatherOverride) -> Option<WeatherState> {
     let named: Weather = entry.weather.parse().ok()?;
-    named.state().replaced(changed).ok()
+    named.state().replace_by(changed).ok()
 }
 
 /// The episode that a sample's id names, `<episode>/<index>`; the whole id where there is no `/`.

@@ -37,7 +37,7 @@ pub use metrics::{
     ClassScores, Column, Columns, Counts, Filters, Metrics, OutcomeCounts, PerClass, TpErrors, TruthCounts,
 };
 pub use of_dataset::{eval_samples, truth_of};
-pub use protocol::{EvalConfig, Protocol, ProtocolError};
+pub use protocol::{EvalConfig, Protocol};
 
 /// A true box with its class.
 #[derive(Debug, Clone, PartialEq)]

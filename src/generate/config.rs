@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::GenerateError;
+use crate::config::{Check, InvalidConfig, Rule, define_config, from_to, part, require};
 use crate::scene::{PopulateConfig, town_names};
 use crate::sensors::{Rig, RigConfig, Weather, WeatherOverride};
 
@@ -12,69 +13,44 @@ pub(super) const CONTROL_PERIOD_S: f64 = 0.05;
 /// Stands for every town that comes with harmzone, and for every weather.
 pub const ALL: &str = "all";
 
-/// The config of `harmzone gen`. How many episodes there are is no part of it, so that a data set can grow.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct GenerateConfig {
-    /// Towns that come with harmzone, or paths of OpenDRIVE files; [`ALL`] stands for all of the former.
-    pub towns: Vec<String>,
-    /// By CARLA's names; [`ALL`] stands for all. The episodes take each pair of town and weather equally often.
-    pub weathers: Vec<String>,
-    /// Every episode's seed is drawn from this one.
-    pub seed: u64,
-    /// Samples an episode.
-    pub samples: u32,
-    /// Simulated time between two samples, a multiple of 0.05 s.
-    pub sample_period_s: f64,
-    /// Simulated before the first sample, so that cars move and suspensions rest: least and most; each
-    /// episode draws its own.
-    pub warm_up_s: [f64; 2],
-    /// Every this many episodes one is for validation (0: none), the others for training. Need not be
-    /// whole: 4.5 takes two of nine.
-    pub val_every: f64,
-    /// What stands and moves in the town; with `ood`, all episodes are for testing.
-    pub scene: PopulateConfig,
-    /// Values that replace those of the named weather.
-    pub weather_override: WeatherOverride,
-    pub annotation: AnnotationConfig,
-    pub render: RenderConfig,
-    pub rig: RigConfig,
-}
-
-impl Default for GenerateConfig {
-    fn default() -> Self {
-        Self {
-            towns: vec!["downtown".into()],
-            weathers: vec!["ClearNoon".into()],
-            seed: 0,
-            samples: 40,
-            sample_period_s: 0.3,
-            warm_up_s: [1.0, 20.0],
-            val_every: 6.0,
-            scene: PopulateConfig::default(),
-            weather_override: WeatherOverride::default(),
-            annotation: AnnotationConfig::default(),
-            render: RenderConfig::default(),
-            rig: RigConfig::default(),
-        }
+define_config! {
+    /// The config of `harmzone gen`. How many episodes there are is no part of it, so that a data set can grow.
+    pub struct GenerateConfig {
+        /// Towns that come with harmzone, or paths of OpenDRIVE files; [`ALL`] stands for all of the former.
+        towns: Vec<String> = vec!["downtown".into()];
+        /// By CARLA's names; [`ALL`] stands for all. The episodes take each pair of town and weather equally often.
+        weathers: Vec<String> = vec!["ClearNoon".into()];
+        /// Every episode's seed is drawn from this one.
+        seed: u64 = 0, in Rule::Any;
+        /// Samples an episode.
+        samples: u32 = 40, in from_to(1.0, 100_000.0);
+        /// Simulated time between two samples, a multiple of 0.05 s.
+        sample_period_s: f64 = 0.3, in from_to(CONTROL_PERIOD_S, 50.0);
+        /// Simulated before the first sample, so that cars move and suspensions rest: least and most; each
+        /// episode draws its own.
+        warm_up_s: [f64; 2] = [1.0, 20.0], in from_to(0.1, 60.0).pair();
+        /// Every this many episodes one is for validation (0: none), the others for training. Need not be
+        /// whole: 4.5 takes two of nine.
+        val_every: f64 = 6.0, in from_to(0.0, 1e6);
+        /// What stands and moves in the town; with `ood`, all episodes are for testing.
+        scene: PopulateConfig = PopulateConfig::default(), in part::<PopulateConfig>();
+        /// Values that replace those of the named weather.
+        weather_override: WeatherOverride = WeatherOverride::default(), in part::<WeatherOverride>();
+        annotation: AnnotationConfig = AnnotationConfig::default(), in part::<AnnotationConfig>();
+        render: RenderConfig = RenderConfig::default(), in part::<RenderConfig>();
+        rig: RigConfig = RigConfig::default(), in part::<RigConfig>();
     }
 }
 
-/// Which objects are annotated: those in the camera's view that pass either threshold.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct AnnotationConfig {
-    /// LiDAR returns on the object.
-    pub min_lidar_points: u32,
-    /// Pixels of the object that can be seen.
-    pub min_visible_px: u32,
-    /// From the ego's origin to the box's centre, on the ground.
-    pub max_range_m: f64,
-}
-
-impl Default for AnnotationConfig {
-    fn default() -> Self {
-        Self { min_lidar_points: 1, min_visible_px: 20, max_range_m: 70.0 }
+define_config! {
+    /// Which objects are annotated: those in the camera's view that pass either threshold.
+    pub struct AnnotationConfig {
+        /// LiDAR returns on the object.
+        min_lidar_points: u32 = 1, in from_to(0.0, 1e6);
+        /// Pixels of the object that can be seen.
+        min_visible_px: u32 = 20, in from_to(0.0, 1e8);
+        /// From the ego's origin to the box's centre, on the ground.
+        max_range_m: f64 = 70.0, in from_to(1.0, 500.0);
     }
 }
 
@@ -101,30 +77,35 @@ impl RendererName {
     }
 }
 
-/// How the camera draws.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct RenderConfig {
-    pub renderer: RendererName,
-    /// Also write depth, instance and category of each pixel as EXR files under `aov/`.
-    pub aov: bool,
-    /// Against jagged edges; 4 smooths them and takes twice as long.
-    pub samples_per_pixel: u32,
-    /// Side of the shadow map.
-    pub shadow_size_px: u32,
-    /// 1 to 100.
-    pub jpeg_quality: u8,
+define_config! {
+    /// How the camera draws.
+    pub struct RenderConfig {
+        renderer: RendererName = RendererName::Classic;
+        /// Also write depth, instance and category of each pixel as EXR files under `aov/`.
+        aov: bool = false;
+        /// Against jagged edges; 4 smooths them and takes twice as long.
+        samples_per_pixel: u32 = 0, in from_to(0.0, 16.0);
+        /// Side of the shadow map.
+        shadow_size_px: u32 = 2048, in from_to(64.0, 16384.0);
+        /// 1 to 100.
+        jpeg_quality: u8 = 85, in from_to(1.0, 100.0);
+    }
 }
 
-impl Default for RenderConfig {
-    fn default() -> Self {
-        Self {
-            renderer: RendererName::Classic,
-            aov: false,
-            samples_per_pixel: 0,
-            shadow_size_px: 2048,
-            jpeg_quality: 85,
-        }
+impl Check for GenerateConfig {
+    fn check_relations(&self) -> Result<(), InvalidConfig> {
+        let (every, steps) = (self.val_every, self.control_steps_per_sample());
+        let is_valid = every == 0.0 || every >= 1.0;
+        require(is_valid, "val_every", every, "0, or a number from 1 to 1000000 is needed")?;
+        let (is_whole, wanted) =
+            ((steps - steps.round()).abs() < 1e-6, "a multiple of 0.05 up to 50 is needed");
+        require(is_whole, "sample_period_s", self.sample_period_s, wanted)
+    }
+}
+
+impl GenerateConfig {
+    fn control_steps_per_sample(&self) -> f64 {
+        self.sample_period_s / CONTROL_PERIOD_S
     }
 }
 
@@ -142,47 +123,14 @@ impl TryFrom<&GenerateConfig> for CheckedConfig {
     type Error = GenerateError;
 
     fn try_from(raw: &GenerateConfig) -> Result<Self, GenerateError> {
-        let require = |holds: bool, field, found: String, wanted| {
-            if holds { Ok(()) } else { Err(GenerateError::Config { field, found, wanted }) }
-        };
-        let towns = expanded("towns", &raw.towns, town_names)?;
-        let weathers = expanded("weathers", &raw.weathers, weather_names)?;
-        let every = raw.val_every;
-        require(
-            every == 0.0 || (1.0..=1e6).contains(&every),
-            "val_every",
-            every.to_string(),
-            "0, or 1 or more",
-        )?;
-        require(raw.samples > 0, "samples", raw.samples.to_string(), "at least 1")?;
-        let steps = raw.sample_period_s / CONTROL_PERIOD_S;
-        let is_whole = (1.0..=1000.0).contains(&steps.round()) && (steps - steps.round()).abs() < 1e-6;
-        require(is_whole, "sample_period_s", raw.sample_period_s.to_string(), "a multiple of 0.05 up to 50")?;
-        let [least_s, most_s] = raw.warm_up_s;
-        require(
-            (0.1..=60.0).contains(&least_s) && (least_s..=60.0).contains(&most_s),
-            "warm_up_s",
-            format!("{least_s} to {most_s}"),
-            "two rising numbers in 0.1 to 60",
-        )?;
-        let quality = raw.render.jpeg_quality;
-        require((1..=100).contains(&quality), "render.jpeg_quality", quality.to_string(), "1 to 100")?;
-        let n = raw.render.samples_per_pixel;
-        require(n <= 16, "render.samples_per_pixel", n.to_string(), "0 to 16")?;
-        let share = raw.scene.event_share;
-        require((0.0..=1.0).contains(&share), "scene.event_share", share.to_string(), "0 to 1")?;
-        let side = raw.render.shadow_size_px;
-        require((64..=16384).contains(&side), "render.shadow_size_px", side.to_string(), "64 to 16384")?;
-        let range_m = raw.annotation.max_range_m;
-        require((1.0..=500.0).contains(&range_m), "annotation.max_range_m", range_m.to_string(), "1 to 500")?;
-        for weather in &weathers {
-            weather.parse::<Weather>()?.state().replaced(&raw.weather_override)?;
-        }
+        raw.check()?;
+        let towns = expand("towns", &raw.towns, town_names)?;
+        let weathers = expand("weathers", &raw.weathers, weather_names)?;
         Ok(Self {
             weathers: weathers.iter().map(|name| name.parse()).collect::<Result<_, _>>()?,
             raw: GenerateConfig { towns, weathers, ..raw.clone() },
             rig: Rig::try_from(&raw.rig)?,
-            control_steps_per_sample: steps.round() as u32,
+            control_steps_per_sample: raw.control_steps_per_sample().round() as u32,
         })
     }
 }
@@ -193,12 +141,12 @@ fn weather_names() -> Vec<String> {
 }
 
 /// The names, with all that exist in place of [`ALL`]; none may be there twice.
-fn expanded(
-    field: &'static str,
+fn expand(
+    key: &'static str,
     names: &[String],
     all: impl Fn() -> Vec<String>,
-) -> Result<Vec<String>, GenerateError> {
-    let fail = |found: String| GenerateError::Config { field, found, wanted: "a list of different names" };
+) -> Result<Vec<String>, InvalidConfig> {
+    let fail = |found: String| InvalidConfig::new(key, found, "a list of different names is needed");
     if names == [ALL] {
         return Ok(all());
     }
@@ -221,6 +169,7 @@ mod tests {
     fn the_shipped_file_equals_the_defaults() {
         let shipped: GenerateConfig = toml::from_str(include_str!("../../configs/gen.toml")).unwrap();
         assert_eq!(shipped, GenerateConfig::default());
+        crate::config::assert_every_number_is_checked(&shipped);
         assert_eq!(CheckedConfig::try_from(&shipped).unwrap().control_steps_per_sample, 6);
     }
 
@@ -240,7 +189,7 @@ mod tests {
             let towns: Vec<String> = towns.into_iter().map(str::to_owned).collect();
             let config = GenerateConfig { towns, ..GenerateConfig::default() };
             let error = CheckedConfig::try_from(&config).unwrap_err().to_string();
-            assert!(error.contains("`towns`"), "{error}");
+            assert!(error.starts_with("towns is "), "{error}");
         }
     }
 

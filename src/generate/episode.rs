@@ -101,7 +101,7 @@ impl<'a> Recording<'a> {
         let (raw, rig) = (&config.raw, &config.rig);
         let town = Arc::new(Town::load(&plan.town)?);
         let world = populate(&town, &raw.scene, plan.seed)?;
-        let state = plan.weather.state().replaced(&raw.weather_override)?;
+        let state = plan.weather.state().replace_by(&raw.weather_override)?;
         let mount = CameraMount {
             body: "ego".into(),
             ego_from_camera: rig.ego_from_camera,

@@ -28,22 +28,19 @@ pub use plan::{EpisodePlan, plan};
 pub use preset::Preset;
 pub use run::{RunOptions, Summary, run};
 
+use crate::config::InvalidConfig;
 use crate::episode::{EpisodeError, ManifestError};
 use crate::scene::SceneError;
-use crate::sensors::{RigError, UnknownWeather, WeatherOverrideError};
+use crate::sensors::UnknownWeather;
 use crate::sim::SimError;
 
 /// Why a data set could not be made.
 #[derive(Debug, Error)]
 pub enum GenerateError {
-    #[error("`{field}` is {found}; {wanted} is needed")]
-    Config { field: &'static str, found: String, wanted: &'static str },
     #[error(transparent)]
-    Rig(#[from] RigError),
+    Config(#[from] InvalidConfig),
     #[error(transparent)]
     Weather(#[from] UnknownWeather),
-    #[error(transparent)]
-    WeatherOverride(#[from] WeatherOverrideError),
     #[error(transparent)]
     Scene(#[from] SceneError),
     #[error(transparent)]

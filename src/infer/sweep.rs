@@ -4,6 +4,7 @@ use burn::tensor::Device;
 use thiserror::Error;
 
 use super::predict::{PredictError, predict_states};
+use crate::config::{Check, InvalidConfig};
 use crate::dataset::Dataset;
 use crate::eval::sweep::{Change, Series, SweepConfig, SweepError, Swept, most_changed};
 use crate::model::Detector;
@@ -14,6 +15,8 @@ use crate::sample::Measured;
 #[derive(Debug, Error)]
 pub enum SweepRunError {
     #[error(transparent)]
+    Config(#[from] InvalidConfig),
+    #[error(transparent)]
     Predict(#[from] PredictError),
     #[error(transparent)]
     Sweep(#[from] SweepError),
@@ -23,7 +26,7 @@ pub enum SweepRunError {
 /// every change, once through each frame's sensors; and the frames to draw.
 ///
 /// # Errors
-/// A sample is broken, or a state is not valid.
+/// The config or a state is not valid, or a sample is broken.
 pub fn sweep<'a>(
     detector: &Detector,
     dataset: &'a Dataset,
@@ -31,6 +34,7 @@ pub fn sweep<'a>(
     device: &Device,
     progress: &dyn Progress,
 ) -> Result<(Swept<'a>, Vec<Series<'a>>), SweepRunError> {
+    config.check()?;
     let frames = dataset.first_episodes(config.n_episodes);
     let values: Vec<(Change, f64)> = Change::ALL
         .into_iter()

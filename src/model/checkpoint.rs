@@ -8,8 +8,9 @@ use burn::tensor::Device;
 use fs_err as fs;
 use thiserror::Error;
 
-use super::config::{ModelConfig, ModelConfigError};
+use super::config::ModelConfig;
 use super::detector::Detector;
+use crate::config::Check;
 use crate::files;
 
 /// Name of the finished checkpoint in a run's folder.
@@ -114,7 +115,7 @@ pub fn config_in(bytes: &[u8], path: &Path) -> Result<ModelConfig, CheckpointErr
     }
     let invalid = |message: String| CheckpointError::Config { message, path: path.to_owned() };
     let config: ModelConfig = toml::from_str(text).map_err(|error| invalid(error.to_string()))?;
-    config.check().map_err(|error: ModelConfigError| invalid(error.to_string()))?;
+    config.check().map_err(|error| invalid(error.to_string()))?;
     Ok(config)
 }
 

@@ -193,6 +193,7 @@ impl ModuleVisitor for Draw {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::Check;
     use crate::dataset::test_data;
     use crate::model::Input;
     use crate::model::head::coder::CODE_SIZE;

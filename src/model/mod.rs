@@ -38,9 +38,9 @@ pub use camera::{
 };
 pub use config::{
     BevBackboneConfig, CameraBackbone, CameraConfig, Classes, CnnConfig, DepthLssConfig, GridConfig,
-    HeadConfig, Heatmap, LidarConfig, LidarEncoder, LidarVoxelConfig, ModelConfig, ModelConfigError,
-    NumericFusion, PillarConfig, PositionEncoding, Prediction, SparseEncoderConfig, SwinCameraConfig,
-    SwinConfig, Upsample, VoxelConfig,
+    HeadConfig, Heatmap, LidarConfig, LidarEncoder, LidarVoxelConfig, ModelConfig, NumericFusion,
+    PillarConfig, PositionEncoding, Prediction, SparseEncoderConfig, SwinCameraConfig, SwinConfig, Upsample,
+    VoxelConfig,
 };
 pub use detector::Detector;
 pub use head::{KindBox, Output, Query, coder, detections, detections_by_state, kind_boxes};

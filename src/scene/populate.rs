@@ -3,9 +3,6 @@
 
 use std::sync::Arc;
 
-use rand::RngExt;
-use serde::{Deserialize, Serialize};
-
 use super::error::SceneError;
 use super::ground::PAVEMENT_M;
 use super::loose::Perch;
@@ -16,52 +13,35 @@ use super::path::Vec2;
 use super::route::Route;
 use super::town::Town;
 use super::world::{Motion, Placement, SceneObject, World, footprint_of};
+use crate::config::{SHARE, define_config, from_to};
 use crate::object::{Distribution, Kind};
 use crate::random::{self, Rng};
+use rand::RngExt;
 
-/// How much is placed, and how far from the ego's route.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct PopulateConfig {
-    /// Whether out-of-distribution objects are placed.
-    pub ood: bool,
-    /// Length of the ego's route, metres; driving goes on by random turns within it.
-    pub route_length_m: f64,
-    /// Nothing stands farther than this from the route, metres.
-    pub reach_m: f64,
-    /// Factors on the town's densities.
-    pub prop_density: f64,
-    pub parked_density: f64,
-    pub traffic_density: f64,
-    /// Share of the episodes in which a vehicle drives ahead of the ego from the start.
-    pub leader_share: f64,
-    pub pedestrian_density: f64,
-    /// Share of the pedestrians who stand beside the ego's route and cross it again and again.
-    pub jaywalker_share: f64,
-    /// Between one out-of-distribution place and the next along the route, metres: least, most.
-    pub ood_spacing_m: [f64; 2],
-    /// Share of out-of-distribution objects that stand in the ego's lane or partly in it.
-    pub ood_in_lane_share: f64,
-    /// Share of out-of-distribution objects that fall, roll or are thrown when the ego comes, 0 to 1.
-    pub event_share: f64,
-}
-
-impl Default for PopulateConfig {
-    fn default() -> Self {
-        Self {
-            ood: false,
-            route_length_m: 700.0,
-            reach_m: 60.0,
-            prop_density: 0.27,
-            parked_density: 2.1,
-            traffic_density: 1.1,
-            leader_share: 0.6,
-            pedestrian_density: 0.34,
-            jaywalker_share: 0.065,
-            ood_spacing_m: [5.0, 11.0],
-            ood_in_lane_share: 0.22,
-            event_share: 0.15,
-        }
+define_config! {
+    /// How much is placed, and how far from the ego's route.
+    pub struct PopulateConfig {
+        /// Whether out-of-distribution objects are placed.
+        ood: bool = false;
+        /// Length of the ego's route, metres; driving goes on by random turns within it.
+        route_length_m: f64 = 700.0, in from_to(10.0, 10_000.0);
+        /// Nothing stands farther than this from the route, metres.
+        reach_m: f64 = 60.0, in from_to(1.0, 1000.0);
+        /// Factors on the town's densities.
+        prop_density: f64 = 0.27, in from_to(0.0, 20.0);
+        parked_density: f64 = 2.1, in from_to(0.0, 20.0);
+        traffic_density: f64 = 1.1, in from_to(0.0, 20.0);
+        /// Share of the episodes in which a vehicle drives ahead of the ego from the start.
+        leader_share: f64 = 0.6, in SHARE;
+        pedestrian_density: f64 = 0.34, in from_to(0.0, 20.0);
+        /// Share of the pedestrians who stand beside the ego's route and cross it again and again.
+        jaywalker_share: f64 = 0.065, in SHARE;
+        /// Between one out-of-distribution place and the next along the route, metres: least, most.
+        ood_spacing_m: [f64; 2] = [5.0, 11.0], in from_to(1.0, 1000.0).pair();
+        /// Share of out-of-distribution objects that stand in the ego's lane or partly in it.
+        ood_in_lane_share: f64 = 0.22, in SHARE;
+        /// Share of out-of-distribution objects that fall, roll or are thrown when the ego comes, 0 to 1.
+        event_share: f64 = 0.15, in SHARE;
     }
 }
 

@@ -15,6 +15,7 @@ use super::plots::{self, Boundary, Furnishing, Stand};
 use super::shipped;
 use super::surface::{Levels, Surface};
 use super::town_config::TownConfig;
+use crate::config::Check;
 
 /// A town: its roads, its ground and its buildings.
 #[derive(Debug, Clone)]
@@ -82,9 +83,10 @@ impl Town {
             toml.map_or_else(|| Ok(TownConfig::default()), toml::from_str).map_err(|error| {
                 SceneError::TownConfig { message: error.to_string(), path: path.with_file_name("town.toml") }
             })?;
-        config
-            .check()
-            .map_err(|message| SceneError::TownConfig { message, path: path.with_file_name("town.toml") })?;
+        config.check().map_err(|error| SceneError::TownConfig {
+            message: error.to_string(),
+            path: path.with_file_name("town.toml"),
+        })?;
         let (network, mut notes) = opendrive::read(xodr)
             .map_err(|message| SceneError::OpenDrive { message, path: path.to_owned() })?;
         let levels = Levels::of(&network);

@@ -9,9 +9,7 @@ mod rig_config;
 mod silhouette;
 mod weather;
 
-pub use rig::{Rig, RigError};
+pub use rig::Rig;
 pub use rig_config::{CameraConfig, LidarConfig, LidarPreset, RigConfig};
 pub use silhouette::silhouette_px;
-pub use weather::{
-    SUN_AZIMUTH_RAD, UnknownWeather, Weather, WeatherOverride, WeatherOverrideError, WeatherState,
-};
+pub use weather::{SUN_AZIMUTH_RAD, UnknownWeather, Weather, WeatherOverride, WeatherState};

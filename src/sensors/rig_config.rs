@@ -4,41 +4,29 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Camera and LiDAR as the config file states them.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct RigConfig {
-    pub camera: CameraConfig,
-    pub lidar: LidarConfig,
+use crate::config::{Check, Rule, SHARE, below, define_config, from_to, part};
+
+define_config! {
+    /// Camera and LiDAR as the config file states them.
+    pub struct RigConfig {
+        camera: CameraConfig = CameraConfig::default(), in part::<CameraConfig>();
+        lidar: LidarConfig = LidarConfig::default(), in part::<LidarConfig>();
+    }
 }
 
-/// The front camera; its optical axis lies in the ego's x-z plane.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct CameraConfig {
-    /// nuScenes' front camera: 1.7 m ahead of the rear axle, 1.5 m up.
-    pub x_m: f64,
-    pub y_m: f64,
-    pub z_m: f64,
-    /// Positive looks down.
-    pub pitch_deg: f64,
-    pub width_px: u32,
-    pub height_px: u32,
-    /// From the left edge of the image to its right edge.
-    pub horizontal_fov_deg: f64,
-}
-
-impl Default for CameraConfig {
-    fn default() -> Self {
-        Self {
-            x_m: 1.7,
-            y_m: 0.0,
-            z_m: 1.5,
-            pitch_deg: 0.0,
-            width_px: 800,
-            height_px: 450,
-            horizontal_fov_deg: 70.0,
-        }
+define_config! {
+    /// The front camera; its optical axis lies in the ego's x-z plane.
+    pub struct CameraConfig {
+        /// nuScenes' front camera: 1.7 m ahead of the rear axle, 1.5 m up.
+        x_m: f64 = 1.7, in PLACE;
+        y_m: f64 = 0.0, in PLACE;
+        z_m: f64 = 1.5, in PLACE;
+        /// Positive looks down.
+        pitch_deg: f64 = 0.0, in from_to(-90.0, 90.0);
+        width_px: u32 = 800, in from_to(16.0, 4096.0);
+        height_px: u32 = 450, in from_to(16.0, 4096.0);
+        /// From the left edge of the image to its right edge.
+        horizontal_fov_deg: f64 = 70.0, in from_to(10.0, 120.0);
     }
 }
 
@@ -74,51 +62,36 @@ fn even(n: u32, low: f64, high: f64) -> Vec<f64> {
     (0..n).map(|i| low + (high - low) * f64::from(i) / f64::from(n - 1)).collect()
 }
 
-/// The LiDAR; its axes are parallel to the ego's.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct LidarConfig {
-    pub preset: LidarPreset,
-    /// One's own beams in place of the preset's: elevations in degrees, rising.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub elevations_deg: Vec<f64>,
-    /// nuScenes' roof LiDAR: 0.94 m ahead of the rear axle, 1.84 m up.
-    pub x_m: f64,
-    pub y_m: f64,
-    pub z_m: f64,
-    /// Between two firings of a beam.
-    pub azimuth_step_deg: f64,
-    pub max_range_m: f64,
-    /// Range at which a target of reflectivity 0.1 is still detected for sure.
-    pub sure_range_m: f64,
-    /// Standard deviation of each return's range.
-    pub range_noise_m: f64,
-    /// Standard deviation of the constant range offsets that the rings have.
-    pub ring_bias_m: f64,
-    /// Share of returns lost at random, in the mean of the rings.
-    pub dropout: f64,
-    /// How much more or less a single ring loses, as a part of `dropout`, 0 to 1.
-    pub dropout_spread: f64,
-    /// Loss of the reported intensity, per metre one way; CARLA's default in clear air.
-    pub attenuation_per_m: f64,
-}
-
-impl Default for LidarConfig {
-    fn default() -> Self {
-        Self {
-            preset: LidarPreset::Hdl32e,
-            elevations_deg: Vec::new(),
-            x_m: 0.94,
-            y_m: 0.0,
-            z_m: 1.84,
-            azimuth_step_deg: 0.33,
-            max_range_m: 70.0,
-            sure_range_m: 100.0,
-            range_noise_m: 0.02,
-            ring_bias_m: 0.005,
-            dropout: 0.02,
-            dropout_spread: 0.5,
-            attenuation_per_m: 0.004,
-        }
+define_config! {
+    /// The LiDAR; its axes are parallel to the ego's.
+    pub struct LidarConfig {
+        preset: LidarPreset = LidarPreset::Hdl32e;
+        /// One's own beams in place of the preset's: elevations in degrees, rising.
+        #[serde(skip_serializing_if = "Vec::is_empty")]
+        elevations_deg: Vec<f64> = Vec::new(), in from_to(-89.0, 89.0).rising(0, 1024);
+        /// nuScenes' roof LiDAR: 0.94 m ahead of the rear axle, 1.84 m up.
+        x_m: f64 = 0.94, in PLACE;
+        y_m: f64 = 0.0, in PLACE;
+        z_m: f64 = 1.84, in PLACE;
+        /// Between two firings of a beam.
+        azimuth_step_deg: f64 = 0.33, in from_to(0.05, 5.0);
+        max_range_m: f64 = 70.0, in from_to(5.0, 500.0);
+        /// Range at which a target of reflectivity 0.1 is still detected for sure.
+        sure_range_m: f64 = 100.0, in from_to(1.0, 1000.0);
+        /// Standard deviation of each return's range.
+        range_noise_m: f64 = 0.02, in from_to(0.0, 1.0);
+        /// Standard deviation of the constant range offsets that the rings have.
+        ring_bias_m: f64 = 0.005, in from_to(0.0, 1.0);
+        /// Share of returns lost at random, in the mean of the rings.
+        dropout: f64 = 0.02, in below(0.0, 1.0);
+        /// How much more or less a single ring loses, as a part of `dropout`, 0 to 1.
+        dropout_spread: f64 = 0.5, in SHARE;
+        /// Loss of the reported intensity, per metre one way; CARLA's default in clear air.
+        attenuation_per_m: f64 = 0.004, in from_to(0.0, 1.0);
     }
 }
+
+impl Check for RigConfig {}
+
+/// Of a sensor's place, metres.
+const PLACE: Rule = from_to(-100.0, 100.0);

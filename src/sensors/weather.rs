@@ -8,6 +8,8 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use crate::config::{Check, InvalidConfig, SHARE, define_config, from_to};
+
 /// Drops per m^3 and mm of diameter at zero diameter (Marshall and Palmer 1948).
 pub(super) const DROPS_PER_M3_MM: f64 = 8000.0;
 
@@ -81,29 +83,23 @@ pub struct WeatherState {
     pub sun_altitude_rad: f64,
 }
 
-/// The part of `gen.toml` that replaces values of the named weather.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct WeatherOverride {
-    /// Meteorological optical range of haze or fog, 10 to 100,000 m.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub mor_m: Option<f64>,
-    /// 0 to 200 mm/h.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub rain_rate_mmph: Option<f64>,
-    /// 0 (dry) to 1 (standing water).
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub wetness: Option<f64>,
+define_config! {
+    /// The part of `gen.toml` that replaces values of the named weather.
+    #[derive(Copy)]
+    pub struct WeatherOverride {
+        /// Meteorological optical range of haze or fog, 10 to 100,000 m.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        mor_m: Option<f64> = None, in from_to(10.0, 100_000.0);
+        /// 0 to 200 mm/h.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        rain_rate_mmph: Option<f64> = None, in from_to(0.0, 200.0);
+        /// 0 (dry) to 1 (standing water).
+        #[serde(skip_serializing_if = "Option::is_none")]
+        wetness: Option<f64> = None, in SHARE;
+    }
 }
 
-/// A value of [`WeatherOverride`] outside its range.
-#[derive(Debug, Clone, PartialEq, Error)]
-#[error("weather_override.{field} is {found}; {wanted} is needed")]
-pub struct WeatherOverrideError {
-    pub field: &'static str,
-    pub found: f64,
-    pub wanted: &'static str,
-}
+impl Check for WeatherOverride {}
 
 impl Weather {
     /// The physical state that the name stands for.
@@ -120,20 +116,12 @@ impl Weather {
 }
 
 impl WeatherState {
-    /// With some values replaced.
+    /// Replaces some values.
     ///
     /// # Errors
     /// A value outside its range.
-    pub fn replaced(self, by: &WeatherOverride) -> Result<Self, WeatherOverrideError> {
-        let check = |field, value: Option<f64>, [low, high]: [f64; 2], wanted| match value {
-            Some(found) if !(low..=high).contains(&found) => {
-                Err(WeatherOverrideError { field, found, wanted })
-            }
-            _ => Ok(()),
-        };
-        check("mor_m", by.mor_m, [10.0, 100_000.0], "10 to 100000 (metres)")?;
-        check("rain_rate_mmph", by.rain_rate_mmph, [0.0, 200.0], "0 to 200 (mm/h)")?;
-        check("wetness", by.wetness, [0.0, 1.0], "0 to 1")?;
+    pub fn replace_by(self, by: &WeatherOverride) -> Result<Self, InvalidConfig> {
+        by.check()?;
         Ok(Self {
             mor_m: by.mor_m.unwrap_or(self.mor_m),
             rain_rate_mmph: by.rain_rate_mmph.unwrap_or(self.rain_rate_mmph),
@@ -225,9 +213,9 @@ mod tests {
     #[test]
     fn an_override_replaces_only_what_it_names_and_is_checked() {
         let by = WeatherOverride { mor_m: Some(50.0), ..WeatherOverride::default() };
-        let state = Weather::FogNoon.state().replaced(&by).unwrap();
+        let state = Weather::FogNoon.state().replace_by(&by).unwrap();
         assert_eq!((state.mor_m, state.wetness), (50.0, Weather::FogNoon.state().wetness));
         let bad = WeatherOverride { wetness: Some(f64::NAN), ..WeatherOverride::default() };
-        assert_eq!(Weather::FogNoon.state().replaced(&bad).unwrap_err().field, "wetness");
+        assert_eq!(Weather::FogNoon.state().replace_by(&bad).unwrap_err().key(), "wetness");
     }
 }

@@ -163,6 +163,7 @@ impl fmt::Display for DryRun {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::Check;
     use crate::model::ModelConfig;
     use crate::train::StageConfig;
 

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-use super::config::TrainConfigError;
 use super::validate::ValidationError;
+use crate::config::InvalidConfig;
 use crate::history::HistoryError;
 use crate::model::checkpoint::CheckpointError;
 use crate::model::{ImageWeightsError, InputError};
@@ -15,7 +15,7 @@ use crate::zone::ZoneError;
 #[derive(Debug, Error)]
 pub enum TrainError {
     #[error(transparent)]
-    Config(#[from] TrainConfigError),
+    Config(#[from] InvalidConfig),
     #[error("cannot write the run: {0}")]
     Io(#[from] std::io::Error),
     #[error(transparent)]

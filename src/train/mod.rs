@@ -25,7 +25,7 @@ mod time;
 mod twin_tests;
 mod validate;
 
-pub use config::{AugmentConfig, LossConfig, StageConfig, TrainConfig, TrainConfigError};
+pub use config::{AugmentConfig, LossConfig, StageConfig, TrainConfig};
 pub use dry_run::DryRun;
 pub use error::TrainError;
 pub use folder::{CONFIG_FILE, DATA_FILE, TrainOptions};

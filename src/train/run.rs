@@ -18,6 +18,7 @@ use super::state;
 use super::step::{Mean, Steps};
 use super::time::Stopwatch;
 use super::validate::validate;
+use crate::config::Check;
 use crate::dataset::Dataset;
 use crate::history::{History, ScoreRow, StepRow};
 use crate::model::checkpoint::{self, CHECKPOINT};

@@ -1,161 +1,84 @@
 //! The zone's config as `zone.toml` gives it, and what zones share of it.
 
-use serde::{Deserialize, Serialize};
-
 use super::corridor::Body;
 use super::error::ZoneError;
 use super::kinds::ZoneKind;
-use crate::config::{Check, Keys, Rule, above};
+use crate::config::{Check, above, define_config, part};
 use crate::sample::EgoState;
 
-/// The zone as `zone.toml` gives it, unchecked; [`super::Zone`] is the checked form.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct ZoneConfig {
-    /// Shape; default `rect`.
-    pub kind: ZoneKind,
-    /// `rect`, `arc`: part of the depth that does not depend on speed, metres; default 5.
-    pub min_safe_distance_m: f64,
-    /// `rect`, `arc`: part of the depth that grows with speed, seconds; default 2 (the two-second rule).
-    pub time_gap_s: f64,
-    /// `rect`, `arc`: width, metres; default 3.5 (a lane).
-    pub width_m: f64,
-    /// `rect`, `arc`: overlap from which an object is harmful, square metres; default 1.
-    pub min_overlap_area_m2: f64,
-    /// `rect`, `arc`: overlap over the object's footprint from which it is harmful, above 0 and at most 1; default 0.25.
-    pub min_overlap_ratio: f64,
-    /// `arc`, `ttc`, `rss`: the ego's arc ends when it has turned so far, degrees, above 0 and at most 180; default 180.
-    pub max_turn_deg: f64,
-    /// `ttc`, `rss`: the ego's body.
-    pub body: BodyConfig,
-    /// `ttc`.
-    pub ttc: TtcConfig,
-    /// `rss`.
-    pub rss: RssConfig,
-}
-
-impl Default for ZoneConfig {
-    fn default() -> Self {
-        Self {
-            kind: ZoneKind::Rect,
-            min_safe_distance_m: 5.0,
-            time_gap_s: 2.0,
-            width_m: 3.5,
-            min_overlap_area_m2: 1.0,
-            min_overlap_ratio: 0.25,
-            max_turn_deg: 180.0,
-            body: BodyConfig::default(),
-            ttc: TtcConfig::default(),
-            rss: RssConfig::default(),
-        }
+define_config! {
+    /// The zone as `zone.toml` gives it, unchecked; [`super::Zone`] is the checked form.
+    pub struct ZoneConfig {
+        /// Shape; default `rect`.
+        kind: ZoneKind = ZoneKind::Rect;
+        /// `rect`, `arc`: part of the depth that does not depend on speed, metres; default 5.
+        min_safe_distance_m: f64 = 5.0, in above(0.0, 1000.0);
+        /// `rect`, `arc`: part of the depth that grows with speed, seconds; default 2 (the two-second rule).
+        time_gap_s: f64 = 2.0, in above(0.0, 100.0);
+        /// `rect`, `arc`: width, metres; default 3.5 (a lane).
+        width_m: f64 = 3.5, in above(0.0, 100.0);
+        /// `rect`, `arc`: overlap from which an object is harmful, square metres; default 1.
+        min_overlap_area_m2: f64 = 1.0, in above(0.0, 1e6);
+        /// `rect`, `arc`: overlap over the object's footprint from which it is harmful, above 0 and at most 1; default 0.25.
+        min_overlap_ratio: f64 = 0.25, in above(0.0, 1.0);
+        /// `arc`, `ttc`, `rss`: the ego's arc ends when it has turned so far, degrees, above 0 and at most 180; default 180.
+        max_turn_deg: f64 = 180.0, in above(0.0, 180.0);
+        /// `ttc`, `rss`: the ego's body.
+        body: BodyConfig = BodyConfig::default(), in part::<BodyConfig>();
+        /// `ttc`.
+        ttc: TtcConfig = TtcConfig::default(), in part::<TtcConfig>();
+        /// `rss`.
+        rss: RssConfig = RssConfig::default(), in part::<RssConfig>();
     }
 }
 
-/// What of the ego's body its state does not tell; by default the simulated car's.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct BodyConfig {
-    /// Metres; default 1.73.
-    pub width_m: f64,
-    /// From the rear axle to the rear bumper, metres; default 0.734.
-    pub rear_overhang_m: f64,
-}
-
-impl Default for BodyConfig {
-    fn default() -> Self {
-        Self { width_m: 1.73, rear_overhang_m: 0.734 }
+define_config! {
+    /// What of the ego's body its state does not tell; by default the simulated car's.
+    #[derive(Copy)]
+    pub struct BodyConfig {
+        /// Metres; default 1.73.
+        width_m: f64 = 1.73, in above(0.0, 100.0);
+        /// From the rear axle to the rear bumper, metres; default 0.734.
+        rear_overhang_m: f64 = 0.734, in above(0.0, 100.0);
     }
 }
 
-impl Check for ZoneConfig {
-    /// Every key is checked, also those of the other zones.
-    const BOUNDS: Keys = &[
-        ("min_safe_distance_m", above(0.0, 1000.0)),
-        ("time_gap_s", above(0.0, 100.0)),
-        ("width_m", above(0.0, 100.0)),
-        ("min_overlap_area_m2", above(0.0, 1e6)),
-        ("min_overlap_ratio", above(0.0, 1.0)),
-        ("max_turn_deg", above(0.0, 180.0)),
-        ("body", Rule::Part(&[("width_m", above(0.0, 100.0)), ("rear_overhang_m", above(0.0, 100.0))])),
-        ("ttc", Rule::Part(TtcConfig::BOUNDS)),
-        ("rss", Rule::Part(RssConfig::BOUNDS)),
-    ];
-}
+impl Check for ZoneConfig {}
 
-/// Keys of `ttc` alone.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct TtcConfig {
-    /// Contact within this time is harmful, seconds; default 4.
-    pub horizon_s: f64,
-}
-
-impl Default for TtcConfig {
-    fn default() -> Self {
-        Self { horizon_s: 4.0 }
+define_config! {
+    /// Keys of `ttc` alone.
+    #[derive(Copy)]
+    pub struct TtcConfig {
+        /// Contact within this time is harmful, seconds; default 4.
+        horizon_s: f64 = 4.0, in above(0.0, 60.0);
     }
 }
 
-impl Check for TtcConfig {
-    const BOUNDS: Keys = &[("horizon_s", above(0.0, 60.0))];
-}
-
-/// Keys of `rss` alone: what each side is assumed to do. Defaults: ad-rss-lib's parameter discussion.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct RssConfig {
-    /// Of the ego, seconds; default 1.
-    pub response_time_s: f64,
-    /// Of the other, seconds; default 2.
-    pub other_response_time_s: f64,
-    /// Greatest acceleration along the road while responding, m/s²; default 3.5.
-    pub max_accel_mps2: f64,
-    /// Least braking after the response, m/s²; default 4.
-    pub min_brake_mps2: f64,
-    /// Greatest braking of the one ahead, m/s²; default 8.
-    pub max_brake_mps2: f64,
-    /// Least braking of the ego against oncoming traffic, m/s²; default 3.
-    pub min_brake_correct_mps2: f64,
-    /// Greatest acceleration to the side while responding, m/s²; default 0.2.
-    pub lateral_max_accel_mps2: f64,
-    /// Least braking to the side after the response, m/s²; default 0.8.
-    pub lateral_min_brake_mps2: f64,
-    /// Kept to the side beyond all motion, metres; default 0.1.
-    pub lateral_margin_m: f64,
-    /// An object that comes more slowly along the ego's course counts as standing, m/s; default 0.5.
-    pub standing_speed_mps: f64,
-}
-
-impl Default for RssConfig {
-    fn default() -> Self {
-        Self {
-            response_time_s: 1.0,
-            other_response_time_s: 2.0,
-            max_accel_mps2: 3.5,
-            min_brake_mps2: 4.0,
-            max_brake_mps2: 8.0,
-            min_brake_correct_mps2: 3.0,
-            lateral_max_accel_mps2: 0.2,
-            lateral_min_brake_mps2: 0.8,
-            lateral_margin_m: 0.1,
-            standing_speed_mps: 0.5,
-        }
+define_config! {
+    /// Keys of `rss` alone: what each side is assumed to do. Defaults: ad-rss-lib's parameter discussion.
+    #[derive(Copy)]
+    pub struct RssConfig {
+        /// Of the ego, seconds; default 1.
+        response_time_s: f64 = 1.0, in above(0.0, 60.0);
+        /// Of the other, seconds; default 2.
+        other_response_time_s: f64 = 2.0, in above(0.0, 60.0);
+        /// Greatest acceleration along the road while responding, m/s²; default 3.5.
+        max_accel_mps2: f64 = 3.5, in above(0.0, 100.0);
+        /// Least braking after the response, m/s²; default 4.
+        min_brake_mps2: f64 = 4.0, in above(0.0, 100.0);
+        /// Greatest braking of the one ahead, m/s²; default 8.
+        max_brake_mps2: f64 = 8.0, in above(0.0, 100.0);
+        /// Least braking of the ego against oncoming traffic, m/s²; default 3.
+        min_brake_correct_mps2: f64 = 3.0, in above(0.0, 100.0);
+        /// Greatest acceleration to the side while responding, m/s²; default 0.2.
+        lateral_max_accel_mps2: f64 = 0.2, in above(0.0, 100.0);
+        /// Least braking to the side after the response, m/s²; default 0.8.
+        lateral_min_brake_mps2: f64 = 0.8, in above(0.0, 100.0);
+        /// Kept to the side beyond all motion, metres; default 0.1.
+        lateral_margin_m: f64 = 0.1, in above(0.0, 100.0);
+        /// An object that comes more slowly along the ego's course counts as standing, m/s; default 0.5.
+        standing_speed_mps: f64 = 0.5, in above(0.0, 100.0);
     }
-}
-
-impl Check for RssConfig {
-    const BOUNDS: Keys = &[
-        ("response_time_s", above(0.0, 60.0)),
-        ("other_response_time_s", above(0.0, 60.0)),
-        ("max_accel_mps2", above(0.0, 100.0)),
-        ("min_brake_mps2", above(0.0, 100.0)),
-        ("max_brake_mps2", above(0.0, 100.0)),
-        ("min_brake_correct_mps2", above(0.0, 100.0)),
-        ("lateral_max_accel_mps2", above(0.0, 100.0)),
-        ("lateral_min_brake_mps2", above(0.0, 100.0)),
-        ("lateral_margin_m", above(0.0, 100.0)),
-        ("standing_speed_mps", above(0.0, 100.0)),
-    ];
 }
 
 impl ZoneConfig {

@@ -113,9 +113,11 @@ impl Zone {
     }
 }
 
+type BoxedRule = Result<Box<dyn Rule>, ZoneError>;
+
 /// A kind's functions that need no instance of its rule.
 struct Entry {
-    at: fn(&ZoneConfig, &EgoState) -> Result<Box<dyn Rule>, ZoneError>,
+    at: fn(&ZoneConfig, &EgoState) -> BoxedRule,
     describe: fn(&ZoneConfig, f64) -> String,
     steering_towards_rad: fn(&EgoState, Point2) -> f64,
 }

@@ -26,38 +26,33 @@ pub use zone_edge::EdgeBand;
 use super::metrics::Matching;
 use super::protocol::Protocol;
 use super::{EvalSample, PerClass};
+use crate::config::{Check, InvalidConfig, above, define_config, from_to, require};
 use crate::object::{Distribution, Harm};
 use located::Located;
 use tracks::Tracks;
 
-/// Numbers of the safety metrics.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct SafetyConfig {
-    /// False alarms a kilometre at which missed harm is told. Default 10, 30, 100.
-    pub false_alarms_per_km: Vec<f64>,
-    /// A warning is confirmed when a harmful object was found harmful in this many .. Default 2.
-    pub confirm_n: usize,
-    /// .. of this many samples in a row. Default 3.
-    pub confirm_of: usize,
-    /// Time from a warning to the brakes' full force, seconds. Default 1.
-    pub reaction_time_s: f64,
-    /// Decelerations by which a stopping distance is taken, m/s^2. Default 4, 8.
-    pub decelerations_mps2: Vec<f64>,
-    /// Bins of equal width of the reliability diagrams. Default 10.
-    pub n_bins: usize,
+define_config! {
+    /// Numbers of the safety metrics.
+    pub struct SafetyConfig {
+        /// False alarms a kilometre at which missed harm is told. Default 10, 30, 100.
+        false_alarms_per_km: Vec<f64> = vec![10.0, 30.0, 100.0], in above(0.0, 1e6).list(0, 100);
+        /// A warning is confirmed when a harmful object was found harmful in this many .. Default 2.
+        confirm_n: usize = 2, in from_to(1.0, 1000.0);
+        /// .. of this many samples in a row. Default 3.
+        confirm_of: usize = 3, in from_to(1.0, 1000.0);
+        /// Time from a warning to the brakes' full force, seconds. Default 1.
+        reaction_time_s: f64 = 1.0, in from_to(0.0, 1000.0);
+        /// Decelerations by which a stopping distance is taken, m/s^2. Default 4, 8.
+        decelerations_mps2: Vec<f64> = vec![4.0, 8.0], in above(0.0, 1000.0).list(0, 100);
+        /// Bins of equal width of the reliability diagrams. Default 10.
+        n_bins: usize = 10, in from_to(1.0, 10_000.0);
+    }
 }
 
-impl Default for SafetyConfig {
-    fn default() -> Self {
-        Self {
-            false_alarms_per_km: vec![10.0, 30.0, 100.0],
-            confirm_n: 2,
-            confirm_of: 3,
-            reaction_time_s: 1.0,
-            decelerations_mps2: vec![4.0, 8.0],
-            n_bins: 10,
-        }
+impl Check for SafetyConfig {
+    fn check_relations(&self) -> Result<(), InvalidConfig> {
+        let wanted = format!("a count of at most confirm_of, {}, is needed", self.confirm_of);
+        require(self.confirm_n <= self.confirm_of, "confirm_n", self.confirm_n, wanted)
     }
 }
 

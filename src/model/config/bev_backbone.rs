@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::error::{ModelConfigError, fail};
+use super::grid::CHANNELS;
+use crate::config::{Check, InvalidConfig, define_config, from_to, require};
 
 /// How a coarse scale is brought to the first scale's size.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -14,30 +15,19 @@ pub enum Upsample {
     Nearest,
 }
 
-/// Scales of the backbone; the default is the published one.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct BevBackboneConfig {
-    /// Channels of each scale.
-    pub channels: Vec<usize>,
-    /// Stride of each scale's first convolution, 1 or 2.
-    pub strides: Vec<usize>,
-    /// Convolutions of each scale that follow its first one.
-    pub n_layers: Vec<usize>,
-    /// Channels that each scale hands on.
-    pub channels_out: Vec<usize>,
-    pub upsample: Upsample,
-}
-
-impl Default for BevBackboneConfig {
-    fn default() -> Self {
-        Self {
-            channels: vec![128, 256],
-            strides: vec![1, 2],
-            n_layers: vec![5, 5],
-            channels_out: vec![256, 256],
-            upsample: Upsample::Transpose,
-        }
+define_config! {
+    /// Scales of the backbone; the default is the published one.
+    #[derive(Eq)]
+    pub struct BevBackboneConfig {
+        /// Channels of each scale.
+        channels: Vec<usize> = vec![128, 256], in CHANNELS.list(1, 8);
+        /// Stride of each scale's first convolution, 1 or 2.
+        strides: Vec<usize> = vec![1, 2], in from_to(1.0, 2.0).list(1, 8);
+        /// Convolutions of each scale that follow its first one.
+        n_layers: Vec<usize> = vec![5, 5], in from_to(0.0, 100.0).list(1, 8);
+        /// Channels that each scale hands on.
+        channels_out: Vec<usize> = vec![256, 256], in CHANNELS.list(1, 8);
+        upsample: Upsample = Upsample::Transpose;
     }
 }
 
@@ -54,40 +44,22 @@ impl BevBackboneConfig {
         self.channels_out.iter().sum()
     }
 
-    /// Checks what the types cannot say, for a map of cells along y and x.
-    ///
-    /// # Errors
-    /// Names the first field that does not fit, and what would.
-    pub fn check(&self, shape: [usize; 2]) -> Result<(), ModelConfigError> {
-        let lists = [
-            ("backbone.channels", &self.channels, 1),
-            ("backbone.strides", &self.strides, 1),
-            ("backbone.n_layers", &self.n_layers, 0),
-            ("backbone.channels_out", &self.channels_out, 1),
-        ];
-        for (field, list, least) in lists {
-            if list.is_empty() || list.len() != self.channels.len() || list.iter().any(|&n| n < least) {
-                return fail(
-                    field,
-                    format!("{list:?}"),
-                    "there is one for each scale, at least 1 (layers: 0)",
-                );
-            }
-        }
-        if self.strides.iter().any(|&stride| stride > 2) {
-            return fail("backbone.strides", format!("{:?}", self.strides), "a stride is 1 or 2");
+    /// Checks how the lists fit each other and a map of cells along y and x.
+    pub(super) fn check_with(&self, shape: [usize; 2]) -> Result<(), InvalidConfig> {
+        let lists =
+            [("strides", &self.strides), ("n_layers", &self.n_layers), ("channels_out", &self.channels_out)];
+        for (key, list) in lists {
+            let is_one_each = list.len() == self.channels.len();
+            require(is_one_each, key, format!("{list:?}"), "one for each scale is needed")?;
         }
         let total: usize = self.strides.iter().product();
-        if shape.iter().any(|&n| n == 0 || !n.is_multiple_of(total)) {
-            return fail(
-                "backbone.strides",
-                format!("{:?} for a map of {shape:?} cells", self.strides),
-                "their product must divide the map",
-            );
-        }
-        Ok(())
+        let divides = shape.iter().all(|&n| n > 0 && n.is_multiple_of(total));
+        let found = format!("{:?} for a map of {shape:?} cells", self.strides);
+        require(divides, "strides", found, "their product must divide the map")
     }
 }
+
+impl Check for BevBackboneConfig {}
 
 #[cfg(test)]
 mod tests {
@@ -95,13 +67,17 @@ mod tests {
 
     #[test]
     fn a_config_that_does_not_fit_names_its_field() {
+        let field = |config: BevBackboneConfig, shape| {
+            let found = config.check().and_then(|()| config.check_with(shape));
+            found.err().map(|error| error.key().to_owned())
+        };
         let good = BevBackboneConfig::default;
-        assert_eq!(good().check([180, 90]), Ok(()));
-        assert_eq!(good().check([180, 91]).unwrap_err().field, "backbone.strides");
+        assert_eq!(field(good(), [180, 90]), None);
+        assert_eq!(field(good(), [180, 91]).unwrap(), "strides");
         let wrong = BevBackboneConfig { strides: vec![1, 3], ..good() };
-        assert_eq!(wrong.check([180, 90]).unwrap_err().field, "backbone.strides");
+        assert_eq!(field(wrong, [180, 90]).unwrap(), "strides");
         let wrong = BevBackboneConfig { channels_out: vec![256], ..good() };
-        assert_eq!(wrong.check([180, 90]).unwrap_err().field, "backbone.channels_out");
-        assert!(BevBackboneConfig { channels: vec![], ..good() }.check([180, 90]).is_err());
+        assert_eq!(field(wrong, [180, 90]).unwrap(), "channels_out");
+        assert!(field(BevBackboneConfig { channels: vec![], ..good() }, [180, 90]).is_some());
     }
 }

@@ -1,40 +1,25 @@
 //! The bird's-eye grid in the ego frame, on which branches meet and queries are picked.
 
-use serde::{Deserialize, Serialize};
+use crate::config::{Check, InvalidConfig, Rule, define_config, from_to, require};
 
-use super::error::{ModelConfigError, fail};
-
-/// Where the detector looks, and the feature cells of that ground.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct GridConfig {
-    /// Rear end of the map, metres ahead of the rear axle.
-    pub x_min_m: f64,
-    /// Front end.
-    pub x_max_m: f64,
-    /// Right end; y points left.
-    pub y_min_m: f64,
-    /// Left end.
-    pub y_max_m: f64,
-    /// Points lower than this (in the ego frame) are left out.
-    pub z_min_m: f64,
-    /// Points higher than this are left out.
-    pub z_max_m: f64,
-    /// Side of a feature cell. Default 0.8; the paper's is 0.6.
-    pub cell_size_m: f64,
-}
-
-impl Default for GridConfig {
-    fn default() -> Self {
-        Self {
-            x_min_m: 0.0,
-            x_max_m: 51.2,
-            y_min_m: -32.0,
-            y_max_m: 32.0,
-            z_min_m: -1.0,
-            z_max_m: 5.0,
-            cell_size_m: 0.8,
-        }
+define_config! {
+    /// Where the detector looks, and the feature cells of that ground.
+    #[derive(Copy)]
+    pub struct GridConfig {
+        /// Rear end of the map, metres ahead of the rear axle.
+        x_min_m: f64 = 0.0, in METRES;
+        /// Front end.
+        x_max_m: f64 = 51.2, in METRES;
+        /// Right end; y points left.
+        y_min_m: f64 = -32.0, in METRES;
+        /// Left end.
+        y_max_m: f64 = 32.0, in METRES;
+        /// Points lower than this (in the ego frame) are left out.
+        z_min_m: f64 = -1.0, in METRES;
+        /// Points higher than this are left out.
+        z_max_m: f64 = 5.0, in METRES;
+        /// Side of a feature cell. Default 0.8; the paper's is 0.6.
+        cell_size_m: f64 = 0.8, in from_to(0.01, 100.0);
     }
 }
 
@@ -88,31 +73,45 @@ impl GridConfig {
     }
 }
 
-impl GridConfig {
-    pub(super) fn check(&self) -> Result<(), ModelConfigError> {
-        if !(self.cell_size_m > 0.0) {
-            return fail("grid.cell_size_m", self.cell_size_m, "it must be above zero");
-        }
-        for (field, low, high) in
-            [("grid.x", self.x_min_m, self.x_max_m), ("grid.y", self.y_min_m, self.y_max_m)]
+/// Sizes of layers.
+pub(super) const CHANNELS: Rule = from_to(1.0, 1024.0);
+
+/// Of a coordinate, metres.
+pub(super) const METRES: Rule = from_to(-1000.0, 1000.0);
+
+impl Check for GridConfig {
+    fn check_relations(&self) -> Result<(), InvalidConfig> {
+        for (key, low, high) in
+            [("x_max_m", self.x_min_m, self.x_max_m), ("y_max_m", self.y_min_m, self.y_max_m)]
         {
-            let n_cells = (high - low) / self.cell_size_m;
-            let is_even = (n_cells.round() as usize).is_multiple_of(2);
-            if !(n_cells >= 2.0) || (n_cells - n_cells.round()).abs() > 1e-6 || !is_even {
-                return fail(
-                    field,
-                    format!("{low}..{high} m"),
-                    "it must hold an even number of cells: the coarse stage joins two",
-                );
-            }
+            check_cells(key, [low, high], self.cell_size_m, 1024)?;
+            let n_cells = ((high - low) / self.cell_size_m).round() as usize;
+            let wanted = "an even number of cells is needed: the coarse stage joins two";
+            require(
+                n_cells.is_multiple_of(2),
+                key,
+                format!("{high}, {n_cells} cells from {low} on"),
+                wanted,
+            )?;
         }
-        if !(self.z_max_m > self.z_min_m) {
-            return fail(
-                "grid.z",
-                format!("{}..{} m", self.z_min_m, self.z_max_m),
-                "the maximum must lie above the minimum",
-            );
-        }
-        Ok(())
+        check_rises("z_max_m", self.z_min_m, self.z_max_m)
     }
+}
+
+/// Checks that a range holds a whole number of cells.
+pub(super) fn check_cells(
+    key: &str,
+    [low, high]: [f64; 2],
+    size: f64,
+    most: u32,
+) -> Result<(), InvalidConfig> {
+    let n = (high - low) / size;
+    let is_whole = (n - n.round()).abs() < 1e-6 && (1.0..=f64::from(most)).contains(&n.round());
+    let wanted = format!("a whole number of steps of {size} from {low} on, 1 to {most}, is needed");
+    require(is_whole, key, high, wanted)
+}
+
+/// Checks that a range's end lies above its start.
+pub(super) fn check_rises(key: &str, low: f64, high: f64) -> Result<(), InvalidConfig> {
+    require(high > low, key, high, format!("a number above {low}, where the range begins, is needed"))
 }

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::error::{ModelConfigError, fail};
-use super::grid::GridConfig;
+use super::grid::{CHANNELS, GridConfig};
+use crate::config::{InvalidConfig, below, define_config, from_to, require};
 
 /// How speed and steering reach the prediction heads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -81,60 +81,39 @@ impl Classes {
     }
 }
 
-/// The head.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct HeadConfig {
-    /// Channels of the queries. Default 64; the paper's 128.
-    pub channels: usize,
-    /// Default 64; the paper's 200.
-    pub n_queries: usize,
-    /// Attention heads; a divisor of `channels`. Default 4; the paper's 8.
-    pub n_heads: usize,
-    /// Hidden channels of the decoder's feed-forward net. Default 128; the paper's 256.
-    pub ffn_channels: usize,
-    /// Share of activations dropped in the decoder in training. Default 0; the paper's 0.1.
-    pub dropout: f64,
-    /// Batch norm and ReLU after the first convolution. Default true; published: false.
-    pub shared_norm: bool,
-    pub heatmap: Heatmap,
-    /// Heatmap cells along each side of a feature cell: 1 or 2. At 2 objects that stand closer than two
-    /// feature cells have peaks of their own. Default 2; published: 1.
-    pub heatmap_scale: usize,
-    /// Side of the square in which a peak is the highest cell, 3 or 1, for each class of the heatmap (an agnostic
-    /// heatmap uses the first). The published head has 1 for its small classes, pedestrian and
-    /// cone; harmful and harmless hold every size, so both profiles have 3.
-    pub peak_kernels: [usize; 2],
-    /// Whether the map's outermost cells can be peaks (of a 3x3 kernel). Default true; published: false.
-    pub border_peaks: bool,
-    pub positions: PositionEncoding,
-    pub prediction: Prediction,
-    /// Hidden channels of each of the separate nets. The paper's 64.
-    pub prediction_channels: usize,
-    pub numeric_fusion: NumericFusion,
-    /// Default `harm`.
-    pub classes: Classes,
-}
-
-impl Default for HeadConfig {
-    fn default() -> Self {
-        Self {
-            channels: 64,
-            n_queries: 64,
-            n_heads: 4,
-            ffn_channels: 128,
-            dropout: 0.0,
-            shared_norm: true,
-            heatmap: Heatmap::Agnostic,
-            heatmap_scale: 2,
-            peak_kernels: [3, 3],
-            border_peaks: true,
-            positions: PositionEncoding::Shared,
-            prediction: Prediction::Placed,
-            prediction_channels: 64,
-            numeric_fusion: NumericFusion::Film,
-            classes: Classes::Harm,
-        }
+define_config! {
+    /// The head.
+    #[derive(Copy)]
+    pub struct HeadConfig {
+        /// Channels of the queries. Default 64; the paper's 128.
+        channels: usize = 64, in CHANNELS;
+        /// Default 64; the paper's 200.
+        n_queries: usize = 64, in from_to(1.0, 10_000.0);
+        /// Attention heads; a divisor of `channels`. Default 4; the paper's 8.
+        n_heads: usize = 4, in CHANNELS;
+        /// Hidden channels of the decoder's feed-forward net. Default 128; the paper's 256.
+        ffn_channels: usize = 128, in from_to(1.0, 4096.0);
+        /// Share of activations dropped in the decoder in training. Default 0; the paper's 0.1.
+        dropout: f64 = 0.0, in below(0.0, 1.0);
+        /// Batch norm and ReLU after the first convolution. Default true; published: false.
+        shared_norm: bool = true;
+        heatmap: Heatmap = Heatmap::Agnostic;
+        /// Heatmap cells along each side of a feature cell: 1 or 2. At 2 objects that stand closer than two
+        /// feature cells have peaks of their own. Default 2; published: 1.
+        heatmap_scale: usize = 2, in from_to(1.0, 2.0);
+        /// Side of the square in which a peak is the highest cell, 3 or 1, for each class of the heatmap (an agnostic
+        /// heatmap uses the first). The published head has 1 for its small classes, pedestrian and
+        /// cone; harmful and harmless hold every size, so both profiles have 3.
+        peak_kernels: [usize; 2] = [3, 3], in from_to(1.0, 3.0).list(2, 2);
+        /// Whether the map's outermost cells can be peaks (of a 3x3 kernel). Default true; published: false.
+        border_peaks: bool = true;
+        positions: PositionEncoding = PositionEncoding::Shared;
+        prediction: Prediction = Prediction::Placed;
+        /// Hidden channels of each of the separate nets. The paper's 64.
+        prediction_channels: usize = 64, in CHANNELS;
+        numeric_fusion: NumericFusion = NumericFusion::Film;
+        /// Default `harm`.
+        classes: Classes = Classes::Harm;
     }
 }
 
@@ -145,36 +124,16 @@ impl HeadConfig {
         self.heatmap.n_channels() * self.heatmap_scale * self.heatmap_scale
     }
 
-    pub(super) fn check(&self, grid: &GridConfig) -> Result<(), ModelConfigError> {
-        if self.n_heads == 0 || self.channels == 0 || !self.channels.is_multiple_of(self.n_heads) {
-            return fail("head.n_heads", self.n_heads, "it must divide head.channels");
-        }
-        if self.n_queries == 0 || self.n_queries > grid.n_cells() {
-            return fail("head.n_queries", self.n_queries, "it must lie between 1 and the number of cells");
-        }
-        if !(0.0..1.0).contains(&self.dropout) {
-            return fail("head.dropout", self.dropout, "it must lie in 0..1");
-        }
-        if self.peak_kernels.iter().any(|kernel| ![1, 3].contains(kernel)) {
-            return fail("head.peak_kernels", format!("{:?}", self.peak_kernels), "each must be 1 or 3");
-        }
-        if self.classes == Classes::Kind && self.heatmap == Heatmap::PerClass {
-            return fail(
-                "head.classes",
-                "kind",
-                "its heatmap must be agnostic: per_class is harmful and harmless",
-            );
-        }
-        if ![1, 2].contains(&self.heatmap_scale) {
-            return fail("head.heatmap_scale", self.heatmap_scale, "it must be 1 or 2");
-        }
-        for (field, count) in
-            [("head.ffn_channels", self.ffn_channels), ("head.prediction_channels", self.prediction_channels)]
-        {
-            if count == 0 {
-                return fail(field, count, "it must be at least 1");
-            }
-        }
-        Ok(())
+    /// Checks how the sizes fit each other and the grid.
+    pub(super) fn check_with(&self, grid: &GridConfig) -> Result<(), InvalidConfig> {
+        let divides = self.channels.is_multiple_of(self.n_heads);
+        require(divides, "n_heads", self.n_heads, "it must divide head.channels")?;
+        let fits = self.n_queries <= grid.n_cells();
+        require(fits, "n_queries", self.n_queries, "it must be at most the number of cells")?;
+        let [a, b] = self.peak_kernels;
+        require(a != 2 && b != 2, "peak_kernels", format!("[{a}, {b}]"), "each must be 1 or 3")?;
+        let is_told = self.classes == Classes::Harm || self.heatmap == Heatmap::Agnostic;
+        let wanted = "its heatmap must be agnostic: per_class is harmful and harmless";
+        require(is_told, "classes", "kind", wanted)
     }
 }

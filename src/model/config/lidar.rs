@@ -2,9 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::error::{ModelConfigError, fail};
-use super::grid::GridConfig;
+use super::grid::{CHANNELS, GridConfig};
 use super::voxels::LidarVoxelConfig;
+use crate::config::{Check, InvalidConfig, define_config, from_to, part, require};
 
 /// The network that turns points into a bird's-eye map.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -16,21 +16,16 @@ pub enum LidarEncoder {
     Voxels,
 }
 
-/// Pillars have half the side of a feature cell.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct PillarConfig {
-    /// Most LiDAR points that a pillar keeps.
-    pub max_points: usize,
-    /// Channels of a pillar.
-    pub channels: usize,
-    /// Channels of the bird's-eye stages at one and two cells.
-    pub bev_channels: [usize; 2],
-}
-
-impl Default for PillarConfig {
-    fn default() -> Self {
-        Self { max_points: 10, channels: 32, bev_channels: [64, 96] }
+define_config! {
+    /// Pillars have half the side of a feature cell.
+    #[derive(Copy)]
+    pub struct PillarConfig {
+        /// Most LiDAR points that a pillar keeps.
+        max_points: usize = 10, in from_to(1.0, 1000.0);
+        /// Channels of a pillar.
+        channels: usize = 32, in CHANNELS;
+        /// Channels of the bird's-eye stages at one and two cells.
+        bev_channels: [usize; 2] = [64, 96], in CHANNELS.list(2, 2);
     }
 }
 
@@ -48,45 +43,22 @@ impl PillarConfig {
     }
 }
 
-/// The LiDAR branch; the encoder that is not chosen is ignored.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct LidarConfig {
-    pub encoder: LidarEncoder,
-    pub pillars: PillarConfig,
-    pub voxel: LidarVoxelConfig,
-}
-
-impl Default for LidarConfig {
-    fn default() -> Self {
-        Self {
-            encoder: LidarEncoder::Pillars,
-            pillars: PillarConfig::default(),
-            voxel: LidarVoxelConfig::default(),
-        }
+define_config! {
+    /// The LiDAR branch; the encoder that is not chosen is ignored.
+    pub struct LidarConfig {
+        encoder: LidarEncoder = LidarEncoder::Pillars;
+        pillars: PillarConfig = PillarConfig::default(), in part::<PillarConfig>();
+        voxel: LidarVoxelConfig = LidarVoxelConfig::default(), in part::<LidarVoxelConfig>();
     }
 }
 
 impl LidarConfig {
-    pub(super) fn check(&self, grid: &GridConfig) -> Result<(), ModelConfigError> {
-        if self.encoder == LidarEncoder::Voxels {
-            return self.check_voxels(grid);
+    /// Checks that the chosen encoder's map is the grid's.
+    pub(super) fn check_with(&self, grid: &GridConfig) -> Result<(), InvalidConfig> {
+        if self.encoder == LidarEncoder::Pillars {
+            return Ok(());
         }
-        let counts = [
-            ("lidar.pillars.max_points", self.pillars.max_points),
-            ("lidar.pillars.channels", self.pillars.channels),
-            ("lidar.pillars.bev_channels", self.pillars.bev_channels[0].min(self.pillars.bev_channels[1])),
-        ];
-        for (field, count) in counts {
-            if count == 0 {
-                return fail(field, count, "it must be at least 1");
-            }
-        }
-        Ok(())
-    }
-
-    fn check_voxels(&self, grid: &GridConfig) -> Result<(), ModelConfigError> {
-        self.voxel.check()?;
+        self.voxel.check_relations().map_err(|error| error.within("voxel"))?;
         let voxels = &self.voxel.voxels;
         let found = [
             voxels.x_min_m,
@@ -106,13 +78,8 @@ impl LidarConfig {
             grid.z_max_m,
             grid.cell_size_m,
         ];
-        if found.iter().zip(&needed).any(|(a, b)| (a - b).abs() > 1e-6) {
-            return fail(
-                "lidar.voxel",
-                format!("a map (x, y, z from, to; cell) of {found:?} m"),
-                "it must be that of `grid`",
-            );
-        }
-        Ok(())
+        let is_same = found.iter().zip(&needed).all(|(a, b)| (a - b).abs() <= 1e-6);
+        let found = format!("a map (x, y, z from, to; cell) of {found:?} m");
+        require(is_same, "voxel", found, "it must be that of `grid`")
     }
 }

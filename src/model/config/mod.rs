@@ -6,7 +6,6 @@
 mod bev_backbone;
 mod camera;
 mod depth_lss;
-mod error;
 mod grid;
 mod head;
 mod lidar;
@@ -15,13 +14,12 @@ mod swin;
 mod swin_camera;
 mod voxels;
 
-use serde::{Deserialize, Serialize};
+use self::grid::CHANNELS;
+use crate::config::{Check, InvalidConfig, define_config, part, require};
 
 pub use bev_backbone::{BevBackboneConfig, Upsample};
 pub use camera::{CameraBackbone, CameraConfig, CnnConfig};
 pub use depth_lss::DepthLssConfig;
-pub use error::ModelConfigError;
-use error::fail;
 pub use grid::GridConfig;
 pub use head::{Classes, HeadConfig, Heatmap, NumericFusion, PositionEncoding, Prediction};
 pub use lidar::{LidarConfig, LidarEncoder, PillarConfig};
@@ -30,33 +28,19 @@ pub use swin::{N_STAGES, SwinConfig};
 pub use swin_camera::SwinCameraConfig;
 pub use voxels::{LidarVoxelConfig, VoxelConfig};
 
-/// A detector.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct ModelConfig {
-    /// Whether the LiDAR branch takes part.
-    pub use_lidar: bool,
-    /// Whether the camera branch takes part; one of the two must.
-    pub use_camera: bool,
-    /// Output channels of the fuser, a 3x3 convolution over both branches' maps. Default 64; the paper's 256.
-    pub fuser_channels: usize,
-    pub grid: GridConfig,
-    pub lidar: LidarConfig,
-    pub camera: CameraConfig,
-    pub head: HeadConfig,
-}
-
-impl Default for ModelConfig {
-    fn default() -> Self {
-        Self {
-            use_lidar: true,
-            use_camera: true,
-            fuser_channels: 64,
-            grid: GridConfig::default(),
-            lidar: LidarConfig::default(),
-            camera: CameraConfig::default(),
-            head: HeadConfig::default(),
-        }
+define_config! {
+    /// A detector.
+    pub struct ModelConfig {
+        /// Whether the LiDAR branch takes part.
+        use_lidar: bool = true;
+        /// Whether the camera branch takes part; one of the two must.
+        use_camera: bool = true;
+        /// Output channels of the fuser, a 3x3 convolution over both branches' maps. Default 64; the paper's 256.
+        fuser_channels: usize = 64, in CHANNELS;
+        grid: GridConfig = GridConfig::default(), in part::<GridConfig>();
+        lidar: LidarConfig = LidarConfig::default(), in part::<LidarConfig>();
+        camera: CameraConfig = CameraConfig::default(), in part::<CameraConfig>();
+        head: HeadConfig = HeadConfig::default(), in part::<HeadConfig>();
     }
 }
 
@@ -66,26 +50,19 @@ impl ModelConfig {
     pub fn paper() -> Self {
         toml::from_str(PAPER_TOML).expect("a test reads the shipped file")
     }
+}
 
-    /// Checks what the types cannot say.
-    ///
-    /// # Errors
-    /// Names the first field that does not fit, and what would.
-    pub fn check(&self) -> Result<(), ModelConfigError> {
-        if !self.use_lidar && !self.use_camera {
-            return fail("use_lidar", false, "LiDAR or camera must take part");
-        }
-        if self.fuser_channels == 0 {
-            return fail("fuser_channels", 0, "it must be at least 1");
-        }
-        self.grid.check()?;
+impl Check for ModelConfig {
+    fn check_relations(&self) -> Result<(), InvalidConfig> {
+        require(self.use_lidar || self.use_camera, "use_lidar", false, "LiDAR or camera must take part")?;
+        self.grid.check_relations().map_err(|error| error.within("grid"))?;
         if self.use_lidar || self.has_backbone() {
-            self.lidar.check(&self.grid)?;
+            self.lidar.check_with(&self.grid).map_err(|error| error.within("lidar"))?;
         }
         if self.use_camera {
-            self.camera.check(&self.grid)?;
+            self.camera.check_with(&self.grid).map_err(|error| error.within("camera"))?;
         }
-        self.head.check(&self.grid)
+        self.head.check_with(&self.grid).map_err(|error| error.within("head"))
     }
 }
 
@@ -171,7 +148,7 @@ mod tests {
     #[test]
     fn both_profiles_are_valid_and_have_the_maps_they_should() {
         for (config, cells) in [(ModelConfig::default(), [80, 64]), (ModelConfig::paper(), [180, 90])] {
-            assert_eq!(config.check(), Ok(()));
+            crate::config::assert_every_number_is_checked(&config);
             assert_eq!([config.grid.n_cells_y(), config.grid.n_cells_x()], cells);
         }
     }
@@ -193,9 +170,9 @@ mod tests {
         let wrong = |change: fn(&mut ModelConfig)| {
             let mut config = ModelConfig::default();
             change(&mut config);
-            config.check().unwrap_err().field
+            config.check().unwrap_err().key().to_owned()
         };
-        assert_eq!(wrong(|config| config.grid.x_max_m = 51.0), "grid.x");
+        assert_eq!(wrong(|config| config.grid.x_max_m = 51.0), "grid.x_max_m");
         assert_eq!(wrong(|config| config.head.n_heads = 5), "head.n_heads");
         assert_eq!(wrong(|config| config.head.dropout = 1.0), "head.dropout");
         let of_kinds = |config: &mut ModelConfig| {

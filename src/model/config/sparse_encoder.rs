@@ -1,8 +1,7 @@
 //! Sizes of the sparse encoder, and the kernels of its convolutions.
 
-use serde::{Deserialize, Serialize};
-
-use super::error::{ModelConfigError, fail};
+use super::grid::CHANNELS;
+use crate::config::{Check, InvalidConfig, define_config, from_to, require};
 
 /// Kernel, stride and padding along z, y, x.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -32,28 +31,18 @@ impl SparseKernel {
     }
 }
 
-/// Stages of the encoder; the default is the published one.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct SparseEncoderConfig {
-    /// Channels of each stage; from one to the next, y and x (and z) are halved.
-    pub channels: Vec<usize>,
-    /// Residual blocks of each stage.
-    pub n_blocks: Vec<usize>,
-    /// Padding along z, in cells, of the stride-2 convolution between two stages; along y and x it is 1.
-    pub z_padding: Vec<usize>,
-    /// Channels of the last convolution, at each height that remains.
-    pub channels_out: usize,
-}
-
-impl Default for SparseEncoderConfig {
-    fn default() -> Self {
-        Self {
-            channels: vec![16, 32, 64, 128],
-            n_blocks: vec![2, 2, 2, 2],
-            z_padding: vec![1, 1, 0],
-            channels_out: 128,
-        }
+define_config! {
+    /// Stages of the encoder; the default is the published one.
+    #[derive(Eq)]
+    pub struct SparseEncoderConfig {
+        /// Channels of each stage; from one to the next, y and x (and z) are halved.
+        channels: Vec<usize> = vec![16, 32, 64, 128], in CHANNELS.list(1, 8);
+        /// Residual blocks of each stage.
+        n_blocks: Vec<usize> = vec![2, 2, 2, 2], in from_to(0.0, 100.0).list(1, 8);
+        /// Padding along z, in cells, of the stride-2 convolution between two stages; along y and x it is 1.
+        z_padding: Vec<usize> = vec![1, 1, 0], in from_to(0.0, 1.0).list(0, 7);
+        /// Channels of the last convolution, at each height that remains.
+        channels_out: usize = 128, in CHANNELS;
     }
 }
 
@@ -71,38 +60,20 @@ impl SparseEncoderConfig {
         self.strided_kernels().iter().try_fold(shape, |shape, geometry| geometry.out_shape(shape))
     }
 
-    /// Checks what the types cannot say, for a grid of cells along z, y, x.
-    ///
-    /// # Errors
-    /// Names the first field that does not fit, and what would.
-    pub fn check(&self, shape: [usize; 3]) -> Result<(), ModelConfigError> {
+    /// Checks how the lists fit each other and a grid of cells along z, y, x.
+    pub(crate) fn check_with(&self, shape: [usize; 3]) -> Result<(), InvalidConfig> {
         let n_stages = self.channels.len();
-        if n_stages == 0 || self.channels.contains(&0) {
-            return fail("encoder.channels", format!("{:?}", self.channels), "each stage needs at least 1");
-        }
-        if self.n_blocks.len() != n_stages {
-            return fail("encoder.n_blocks", format!("{:?}", self.n_blocks), "there is one for each stage");
-        }
-        if self.z_padding.len() + 1 != n_stages || self.z_padding.iter().any(|&padding| padding > 1) {
-            return fail(
-                "encoder.z_padding",
-                format!("{:?}", self.z_padding),
-                "there is 0 or 1 between any two stages",
-            );
-        }
-        if self.channels_out == 0 {
-            return fail("encoder.channels_out", 0, "it must be at least 1");
-        }
-        if self.out_shape(shape).is_none() {
-            return fail(
-                "encoder.z_padding",
-                format!("{:?}", self.z_padding),
-                "some height must remain for each convolution: pad, or voxelize finer along z",
-            );
-        }
-        Ok(())
+        let is_one_each = self.n_blocks.len() == n_stages;
+        require(is_one_each, "n_blocks", format!("{:?}", self.n_blocks), "one for each stage is needed")?;
+        let found = format!("{:?}", self.z_padding);
+        let is_one_each = self.z_padding.len() + 1 == n_stages;
+        require(is_one_each, "z_padding", &found, "0 or 1 between any two stages is needed")?;
+        let wanted = "some height must remain for each convolution: pad, or voxelize finer along z";
+        require(self.out_shape(shape).is_some(), "z_padding", &found, wanted)
     }
 }
+
+impl Check for SparseEncoderConfig {}
 
 #[cfg(test)]
 mod tests {
@@ -121,11 +92,14 @@ mod tests {
 
     #[test]
     fn a_config_that_does_not_fit_names_its_field() {
-        let field = |config: SparseEncoderConfig| config.check([41, 64, 64]).unwrap_err().field;
+        let field = |config: SparseEncoderConfig| {
+            let found = config.check().and_then(|()| config.check_with([41, 64, 64]));
+            found.unwrap_err().key().to_owned()
+        };
         let good = SparseEncoderConfig::default;
-        assert_eq!(field(SparseEncoderConfig { n_blocks: vec![2], ..good() }), "encoder.n_blocks");
-        assert_eq!(field(SparseEncoderConfig { z_padding: vec![1, 1], ..good() }), "encoder.z_padding");
-        assert_eq!(field(SparseEncoderConfig { channels: vec![], ..good() }), "encoder.channels");
-        assert_eq!(good().check([8, 64, 64]).unwrap_err().field, "encoder.z_padding");
+        assert_eq!(field(SparseEncoderConfig { n_blocks: vec![2], ..good() }), "n_blocks");
+        assert_eq!(field(SparseEncoderConfig { z_padding: vec![1, 1], ..good() }), "z_padding");
+        assert_eq!(field(SparseEncoderConfig { channels: vec![], ..good() }), "channels");
+        assert_eq!(good().check_with([8, 64, 64]).unwrap_err().key(), "z_padding");
     }
 }

@@ -1,53 +1,36 @@
 //! Sizes of a Swin Transformer; the default is Swin-T as BEVFusion's camera branch uses it.
 
-use serde::{Deserialize, Serialize};
-
-use super::error::{ModelConfigError, fail};
+use super::grid::CHANNELS;
+use crate::config::{Check, InvalidConfig, below, define_config, from_to, require};
 
 /// Stages of a Swin Transformer; every published one has four.
 pub const N_STAGES: usize = 4;
 
-/// A Swin Transformer (Liu et al. 2021).
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct SwinConfig {
-    /// Side of an image patch in pixels: stride of the first stage's map.
-    pub patch_size_px: usize,
-    /// Channels of the first stage; each later stage doubles them.
-    pub embed_channels: usize,
-    /// Blocks of each stage; every second one shifts its windows.
-    pub depths: [usize; N_STAGES],
-    /// Attention heads of each stage.
-    pub n_heads: [usize; N_STAGES],
-    /// Side of an attention window in tokens; at least 2.
-    pub window_size: usize,
-    /// Hidden channels of a block's feed-forward net over its channels.
-    pub mlp_ratio: usize,
-    /// Whether queries, keys and values have a bias.
-    pub qkv_bias: bool,
-    /// Whether the patch embedding is normalised.
-    pub patch_norm: bool,
-    /// In training: probability that a sample skips a branch of the last block; it grows evenly from 0 at the
-    /// first block. 0 turns it off.
-    pub drop_path: f64,
-    /// Stages whose maps are outputs, each through a layer norm of its own; rising.
-    pub out_stages: [usize; 3],
-}
-
-impl Default for SwinConfig {
-    fn default() -> Self {
-        Self {
-            patch_size_px: 4,
-            embed_channels: 96,
-            depths: [2, 2, 6, 2],
-            n_heads: [3, 6, 12, 24],
-            window_size: 7,
-            mlp_ratio: 4,
-            qkv_bias: true,
-            patch_norm: true,
-            drop_path: 0.2,
-            out_stages: [1, 2, 3],
-        }
+define_config! {
+    /// A Swin Transformer (Liu et al. 2021).
+    #[derive(Copy)]
+    pub struct SwinConfig {
+        /// Side of an image patch in pixels: stride of the first stage's map.
+        patch_size_px: usize = 4, in from_to(1.0, 64.0);
+        /// Channels of the first stage; each later stage doubles them.
+        embed_channels: usize = 96, in CHANNELS;
+        /// Blocks of each stage; every second one shifts its windows.
+        depths: [usize; N_STAGES] = [2, 2, 6, 2], in from_to(1.0, 100.0).list(N_STAGES, N_STAGES);
+        /// Attention heads of each stage.
+        n_heads: [usize; N_STAGES] = [3, 6, 12, 24], in CHANNELS.list(N_STAGES, N_STAGES);
+        /// Side of an attention window in tokens; at least 2.
+        window_size: usize = 7, in from_to(2.0, 64.0);
+        /// Hidden channels of a block's feed-forward net over its channels.
+        mlp_ratio: usize = 4, in from_to(1.0, 16.0);
+        /// Whether queries, keys and values have a bias.
+        qkv_bias: bool = true;
+        /// Whether the patch embedding is normalised.
+        patch_norm: bool = true;
+        /// In training: probability that a sample skips a branch of the last block; it grows evenly from 0 at the
+        /// first block. 0 turns it off.
+        drop_path: f64 = 0.2, in below(0.0, 1.0);
+        /// Stages whose maps are outputs, each through a layer norm of its own; rising.
+        out_stages: [usize; 3] = [1, 2, 3], in from_to(0.0, 3.0).rising(3, 3);
     }
 }
 
@@ -77,44 +60,14 @@ impl SwinConfig {
         let last = n_blocks.saturating_sub(1).max(1) as f64;
         (0..n_blocks).map(|block| self.drop_path * block as f64 / last).collect()
     }
+}
 
-    /// Checks what the types cannot say.
-    ///
-    /// # Errors
-    /// Names the first field that does not fit, and what would.
-    pub fn check(&self) -> Result<(), ModelConfigError> {
-        let counts = [
-            ("swin.patch_size_px", self.patch_size_px, 1),
-            ("swin.embed_channels", self.embed_channels, 1),
-            ("swin.depths", self.depths.into_iter().min().unwrap_or(0), 1),
-            ("swin.window_size", self.window_size, 2),
-            ("swin.mlp_ratio", self.mlp_ratio, 1),
-        ];
-        for (field, found, least) in counts {
-            if found < least {
-                return fail(field, found, "it must be at least 1 (a window: 2)");
-            }
-        }
-        for (stage, &n_heads) in self.n_heads.iter().enumerate() {
-            if n_heads == 0 || !self.channels(stage).is_multiple_of(n_heads) {
-                return fail(
-                    "swin.n_heads",
-                    format!("{:?}", self.n_heads),
-                    "each must divide its stage's channels: embed_channels * 2^stage",
-                );
-            }
-        }
-        if !(0.0..1.0).contains(&self.drop_path) {
-            return fail("swin.drop_path", self.drop_path, "it must lie in 0..1");
-        }
-        if !self.out_stages.is_sorted_by(|a, b| a < b) || self.out_stages[2] >= N_STAGES {
-            return fail(
-                "swin.out_stages",
-                format!("{:?}", self.out_stages),
-                "they must rise and lie between 0 and 3",
-            );
-        }
-        Ok(())
+impl Check for SwinConfig {
+    fn check_relations(&self) -> Result<(), InvalidConfig> {
+        let mut stages = self.n_heads.iter().enumerate();
+        let divide = stages.all(|(stage, &n_heads)| self.channels(stage).is_multiple_of(n_heads));
+        let wanted = "each must divide its stage's channels: embed_channels * 2^stage";
+        require(divide, "n_heads", format!("{:?}", self.n_heads), wanted)
     }
 }
 
@@ -125,12 +78,12 @@ mod tests {
     #[test]
     fn the_default_is_valid_and_what_is_not_is_named() {
         assert_eq!(SwinConfig::default().check(), Ok(()));
-        let wrong = |config: SwinConfig| config.check().unwrap_err().field;
-        assert_eq!(wrong(SwinConfig { window_size: 1, ..SwinConfig::default() }), "swin.window_size");
-        assert_eq!(wrong(SwinConfig { n_heads: [3, 6, 12, 25], ..SwinConfig::default() }), "swin.n_heads");
-        assert_eq!(wrong(SwinConfig { drop_path: f64::NAN, ..SwinConfig::default() }), "swin.drop_path");
-        assert_eq!(wrong(SwinConfig { out_stages: [1, 1, 2], ..SwinConfig::default() }), "swin.out_stages");
-        assert_eq!(wrong(SwinConfig { out_stages: [1, 2, 4], ..SwinConfig::default() }), "swin.out_stages");
+        let wrong = |config: SwinConfig| config.check().unwrap_err().key().to_owned();
+        assert_eq!(wrong(SwinConfig { window_size: 1, ..SwinConfig::default() }), "window_size");
+        assert_eq!(wrong(SwinConfig { n_heads: [3, 6, 12, 25], ..SwinConfig::default() }), "n_heads");
+        assert_eq!(wrong(SwinConfig { drop_path: f64::NAN, ..SwinConfig::default() }), "drop_path");
+        assert_eq!(wrong(SwinConfig { out_stages: [1, 1, 2], ..SwinConfig::default() }), "out_stages");
+        assert_eq!(wrong(SwinConfig { out_stages: [1, 2, 4], ..SwinConfig::default() }), "out_stages");
     }
 
     #[test]

@@ -1,50 +1,33 @@
 //! The voxel grid, and the published LiDAR branch on it.
 
-use serde::{Deserialize, Serialize};
-
 use super::bev_backbone::BevBackboneConfig;
-use super::error::{ModelConfigError, fail};
+use super::grid::{METRES, check_cells};
 use super::sparse_encoder::SparseEncoderConfig;
+use crate::config::{Check, InvalidConfig, define_config, from_to, part, require};
 
-/// The voxel grid, in the ego frame.
-///
-/// The default is the published grid's front half: 720 by 1440 by 40 voxels. The published LiDAR stands in
-/// the origin of its grid; ours stands 1.84 m above the ego's, so z runs 2 m higher.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct VoxelConfig {
-    pub x_min_m: f64,
-    pub x_max_m: f64,
-    pub y_min_m: f64,
-    pub y_max_m: f64,
-    pub z_min_m: f64,
-    pub z_max_m: f64,
-    /// Length of a voxel along x and y.
-    pub size_xy_m: f64,
-    /// Height of a voxel.
-    pub size_z_m: f64,
-    /// Points of one voxel that enter its mean; later ones are dropped.
-    pub max_points_per_voxel: usize,
-    /// Voxels of one cloud; points that would open another are dropped. Published: 120,000 in training,
-    /// 160,000 in testing, for ten sweeps all around. One sweep of the default LiDAR over the front sector
-    /// fills 3,000 to 5,000.
-    pub max_voxels: usize,
-}
-
-impl Default for VoxelConfig {
-    fn default() -> Self {
-        Self {
-            x_min_m: 0.0,
-            x_max_m: 54.0,
-            y_min_m: -54.0,
-            y_max_m: 54.0,
-            z_min_m: -3.0,
-            z_max_m: 5.0,
-            size_xy_m: 0.075,
-            size_z_m: 0.2,
-            max_points_per_voxel: 10,
-            max_voxels: 120_000,
-        }
+define_config! {
+    /// The voxel grid, in the ego frame.
+    ///
+    /// The default is the published grid's front half: 720 by 1440 by 40 voxels. The published LiDAR stands in
+    /// the origin of its grid; ours stands 1.84 m above the ego's, so z runs 2 m higher.
+    #[derive(Copy)]
+    pub struct VoxelConfig {
+        x_min_m: f64 = 0.0, in METRES;
+        x_max_m: f64 = 54.0, in METRES;
+        y_min_m: f64 = -54.0, in METRES;
+        y_max_m: f64 = 54.0, in METRES;
+        z_min_m: f64 = -3.0, in METRES;
+        z_max_m: f64 = 5.0, in METRES;
+        /// Length of a voxel along x and y.
+        size_xy_m: f64 = 0.075, in from_to(0.001, 100.0);
+        /// Height of a voxel.
+        size_z_m: f64 = 0.2, in from_to(0.001, 100.0);
+        /// Points of one voxel that enter its mean; later ones are dropped.
+        max_points_per_voxel: usize = 10, in from_to(1.0, 1000.0);
+        /// Voxels of one cloud; points that would open another are dropped. Published: 120,000 in training,
+        /// 160,000 in testing, for ten sweeps all around. One sweep of the default LiDAR over the front sector
+        /// fills 3,000 to 5,000.
+        max_voxels: usize = 120_000, in from_to(1.0, 2e6);
     }
 }
 
@@ -64,46 +47,24 @@ impl VoxelConfig {
     pub fn shape(&self) -> [usize; 3] {
         self.axes().map(|(low, high, size)| ((high - low) / size).round() as usize)
     }
+}
 
-    /// Checks what the types cannot say.
-    ///
-    /// # Errors
-    /// Names the first field that does not fit, and what would.
-    pub fn check(&self) -> Result<(), ModelConfigError> {
-        for (field, size) in [("voxels.size_xy_m", self.size_xy_m), ("voxels.size_z_m", self.size_z_m)] {
-            if !(size > 0.0 && size.is_finite()) {
-                return fail(field, size, "it must be above zero");
-            }
-        }
-        for (field, (low, high, size)) in ["voxels.z", "voxels.y", "voxels.x"].into_iter().zip(self.axes()) {
-            let n = (high - low) / size;
-            if !(1.0 - 1e-6..=f64::from(u16::MAX)).contains(&n) || (n - n.round()).abs() > 1e-6 {
-                return fail(
-                    field,
-                    format!("{low}..{high} m at {size} m"),
-                    "it must hold a whole number of voxels, 1 to 65535",
-                );
-            }
-        }
-        for (field, count) in [
-            ("voxels.max_points_per_voxel", self.max_points_per_voxel),
-            ("voxels.max_voxels", self.max_voxels),
-        ] {
-            if count == 0 {
-                return fail(field, count, "it must be at least 1");
-            }
+impl Check for VoxelConfig {
+    fn check_relations(&self) -> Result<(), InvalidConfig> {
+        for (key, (low, high, size)) in ["z_max_m", "y_max_m", "x_max_m"].into_iter().zip(self.axes()) {
+            check_cells(key, [low, high], size, u32::from(u16::MAX))?;
         }
         Ok(())
     }
 }
 
-/// The branch; the default is the published net on the front half of its grid.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct LidarVoxelConfig {
-    pub voxels: VoxelConfig,
-    pub encoder: SparseEncoderConfig,
-    pub backbone: BevBackboneConfig,
+define_config! {
+    /// The branch; the default is the published net on the front half of its grid.
+    pub struct LidarVoxelConfig {
+        voxels: VoxelConfig = VoxelConfig::default(), in part::<VoxelConfig>();
+        encoder: SparseEncoderConfig = SparseEncoderConfig::default(), in part::<SparseEncoderConfig>();
+        backbone: BevBackboneConfig = BevBackboneConfig::default(), in part::<BevBackboneConfig>();
+    }
 }
 
 impl LidarVoxelConfig {
@@ -145,25 +106,22 @@ impl LidarVoxelConfig {
         let [_, _, n_x] = self.out_shape();
         (self.voxels.x_max_m - self.voxels.x_min_m) / n_x as f64
     }
+}
 
-    /// Checks what the types cannot say.
-    ///
-    /// # Errors
-    /// Names the first field that does not fit, and what would.
-    pub fn check(&self) -> Result<(), ModelConfigError> {
-        self.voxels.check()?;
-        self.encoder.check(self.sparse_shape())?;
+impl Check for LidarVoxelConfig {
+    fn check_relations(&self) -> Result<(), InvalidConfig> {
+        self.voxels.check_relations().map_err(|error| error.within("voxels"))?;
+        self.encoder.check_with(self.sparse_shape()).map_err(|error| error.within("encoder"))?;
         let halvings = 1 << (self.encoder.channels.len() - 1);
         let [_, n_y, n_x] = self.voxels.shape();
-        if !n_y.is_multiple_of(halvings) || !n_x.is_multiple_of(halvings) {
-            return fail(
-                "voxels",
-                format!("{n_y} by {n_x} voxels along y and x, halved after each stage but the last"),
-                "both must stay whole: cells of the map begin where the grid does and fill it",
-            );
-        }
+        require(
+            n_y.is_multiple_of(halvings) && n_x.is_multiple_of(halvings),
+            "voxels",
+            format!("{n_y} by {n_x} voxels along y and x, halved after each stage but the last"),
+            "both must stay whole: cells of the map begin where the grid does and fill it",
+        )?;
         let [_, n_y, n_x] = self.encoded_shape();
-        self.backbone.check([n_y, n_x])
+        self.backbone.check_with([n_y, n_x]).map_err(|error| error.within("backbone"))
     }
 }
 
@@ -183,18 +141,18 @@ mod tests {
     #[test]
     fn a_grid_that_does_not_divide_is_refused() {
         let config = VoxelConfig { x_max_m: 54.01, ..VoxelConfig::default() };
-        assert_eq!(config.check().unwrap_err().field, "voxels.x");
+        assert_eq!(config.check().unwrap_err().key(), "x_max_m");
         let config = VoxelConfig { size_z_m: 0.0, ..VoxelConfig::default() };
-        assert_eq!(config.check().unwrap_err().field, "voxels.size_z_m");
+        assert_eq!(config.check().unwrap_err().key(), "size_z_m");
         let config = VoxelConfig { max_voxels: 0, ..VoxelConfig::default() };
-        assert_eq!(config.check().unwrap_err().field, "voxels.max_voxels");
+        assert_eq!(config.check().unwrap_err().key(), "max_voxels");
     }
 
     #[test]
     fn a_grid_that_cannot_be_halved_is_refused() {
         let mut config = LidarVoxelConfig::default();
         config.voxels.x_max_m = 54.075;
-        assert_eq!(config.check().unwrap_err().field, "voxels");
+        assert_eq!(config.check().unwrap_err().key(), "voxels");
     }
 
     #[test]

@@ -24,7 +24,7 @@ pub struct Voxels {
 
 /// Voxelizes points: x, y, z in the ego frame and intensity. Points that are not finite are dropped.
 ///
-/// The config has passed [`VoxelConfig::check`].
+/// The config has passed its check.
 #[must_use]
 pub fn voxelize(points: &[[f64; 4]], config: &VoxelConfig) -> Voxels {
     let (shape, axes) = (config.shape(), config.axes());

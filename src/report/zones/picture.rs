@@ -48,12 +48,12 @@ pub(super) struct Overlay<'a> {
 }
 
 /// An object with what each zone says of it.
-struct Judged<'a> {
+struct ObjectRow<'a> {
     object: &'a ObjectTruth,
     verdicts: Vec<Verdict>,
 }
 
-impl Judged<'_> {
+impl ObjectRow<'_> {
     fn n_harmful(&self) -> usize {
         self.verdicts.iter().filter(|verdict| verdict.harm == Harm::Harmful).count()
     }
@@ -91,15 +91,15 @@ impl Overlay<'_> {
         let (measured, objects) = (&self.sample.measured, &self.sample.truth.objects);
         let zones: Vec<ZoneAt> =
             self.zones.iter().map(|zone| zone.at(&measured.ego_state)).collect::<Result<_, _>>()?;
-        let mut judged = objects
+        let mut rows = objects
             .iter()
             .map(|object| {
                 let harm_of = |zone: &ZoneAt| zone.harm_of(&object.box_in_ego, object.velocity_in_ego_mps);
-                Ok(Judged { object, verdicts: zones.iter().map(harm_of).collect::<Result<_, _>>()? })
+                Ok(ObjectRow { object, verdicts: zones.iter().map(harm_of).collect::<Result<_, _>>()? })
             })
             .collect::<Result<Vec<_>, ZoneError>>()?;
-        judged.sort_by(|a, b| {
-            let rank = |judged: &Judged| (judged.is_disputed(), judged.n_harmful());
+        rows.sort_by(|a, b| {
+            let rank = |row: &ObjectRow| (row.is_disputed(), row.n_harmful());
             rank(b).cmp(&rank(a)).then(a.range_m().total_cmp(&b.range_m()))
         });
         let areas: Vec<Area> = self
@@ -112,15 +112,15 @@ impl Overlay<'_> {
                 fill: 0.08,
             })
             .collect();
-        let marks: Vec<Mark> = judged
+        let marks: Vec<Mark> = rows
             .iter()
             .enumerate()
-            .map(|(i, judged)| Mark {
-                box_in_ego: judged.object.box_in_ego,
+            .map(|(i, row)| Mark {
+                box_in_ego: row.object.box_in_ego,
                 pen: Pen {
-                    color: judged.color(),
-                    width_px: if judged.is_disputed() { 2.2 } else { 1.5 },
-                    is_dashed: judged.object.distribution == Distribution::Ood,
+                    color: row.color(),
+                    width_px: if row.is_disputed() { 2.2 } else { 1.5 },
+                    is_dashed: row.object.distribution == Distribution::Ood,
                 },
                 tag: (i < MAX_ROWS).then(|| letter(i)),
             })
@@ -128,14 +128,14 @@ impl Overlay<'_> {
 
         let mut page = Canvas::new(SIZE_PX.0, SIZE_PX.1, palette::PAGE);
         let mut above = birdseye::draw(measured, &areas, &marks, BIRDSEYE_PX.0, BIRDSEYE_PX.1);
-        annotate(&mut above, &judged);
+        annotate(&mut above, &rows);
         let seen = front::draw(measured, &areas, &marks, FRONT_PX.0, FRONT_PX.1)?;
         page.paste(&above, MARGIN_PX as i32, TOP_PX as i32);
         page.paste(&seen, RIGHT_PX as i32, TOP_PX as i32);
         self.draw_title(&mut page);
         let top = TOP_PX + FRONT_PX.1 as f32 + 30.0;
         let top = self.draw_zones(&mut page, top);
-        self.draw_objects(&mut page, &judged, top + 20.0);
+        self.draw_objects(&mut page, &rows, top + 20.0);
         Ok(page.into_rgb())
     }
 
@@ -179,7 +179,7 @@ impl Overlay<'_> {
         top + (self.zones.len() + 1) as f32 * ROW_PX
     }
 
-    fn draw_objects(&self, page: &mut Canvas, judged: &[Judged], top: f32) {
+    fn draw_objects(&self, page: &mut Canvas, rows: &[ObjectRow], top: f32) {
         let right = SIZE_PX.0 as f32 - MARGIN_PX;
         let columns = [(300.0, "range"), (390.0, "speed"), (490.0, "contact in")];
         let square_at = |zone_idx: usize| right - 36.0 * (self.zones.len() - zone_idx) as f32 + 18.0;
@@ -207,19 +207,17 @@ impl Overlay<'_> {
                 zone.config().kind.name(),
             );
         }
-        for (i, judged) in judged.iter().take(MAX_ROWS).enumerate() {
+        for (i, row) in rows.iter().take(MAX_ROWS).enumerate() {
             let baseline = top + (i + 1) as f32 * ROW_PX;
-            page.text((RIGHT_PX, baseline), TEXT_PX, judged.color(), Align::Left, &letter(i));
-            let name = judged.object.category.replace('_', " ");
+            page.text((RIGHT_PX, baseline), TEXT_PX, row.color(), Align::Left, &letter(i));
+            let name = row.object.category.replace('_', " ");
             page.text((RIGHT_PX + 24.0, baseline), TEXT_PX, palette::TEXT, Align::Left, &name);
-            let contact =
-                judged.time_to_collision_s().map_or("-".to_owned(), |time_s| format!("{time_s:.1} s"));
-            let told =
-                [format!("{:.1} m", judged.range_m()), format!("{:.1} m/s", judged.speed_mps()), contact];
+            let contact = row.time_to_collision_s().map_or("-".to_owned(), |time_s| format!("{time_s:.1} s"));
+            let told = [format!("{:.1} m", row.range_m()), format!("{:.1} m/s", row.speed_mps()), contact];
             for ((at, _), text) in columns.iter().zip(told) {
                 page.text((RIGHT_PX + at + 45.0, baseline), TEXT_PX, palette::TEXT_SOFT, Align::Right, &text);
             }
-            for (zone_idx, (zone, verdict)) in self.zones.iter().zip(&judged.verdicts).enumerate() {
+            for (zone_idx, (zone, verdict)) in self.zones.iter().zip(&row.verdicts).enumerate() {
                 let is_harmful = verdict.harm == Harm::Harmful;
                 square(page, (square_at(zone_idx), baseline), palette::zone(zone.config().kind), is_harmful);
             }
@@ -228,22 +226,22 @@ impl Overlay<'_> {
 }
 
 /// Letters beside the boxes, and where moving ones go.
-fn annotate(canvas: &mut Canvas, judged: &[Judged]) {
+fn annotate(canvas: &mut Canvas, rows: &[ObjectRow]) {
     let plan = birdseye::PlanView::of(BIRDSEYE_PX.0, BIRDSEYE_PX.1);
-    for (i, judged) in judged.iter().enumerate() {
-        let center = judged.object.box_in_ego.center;
-        if judged.speed_mps() > MOVING_MPS {
-            let [vx_mps, vy_mps] = judged.object.velocity_in_ego_mps;
+    for (i, row) in rows.iter().enumerate() {
+        let center = row.object.box_in_ego.center;
+        if row.speed_mps() > MOVING_MPS {
+            let [vx_mps, vy_mps] = row.object.velocity_in_ego_mps;
             let to = Point2 { x_m: center.x() + ARROW_S * vx_mps, y_m: center.y() + ARROW_S * vy_mps };
             let (from, tip) = (plan.at(center.x(), center.y()), plan.at(to.x_m, to.y_m));
-            canvas.line(&[from, tip], Pen::solid(judged.color(), 1.4));
-            canvas.dots(&[tip], 2.6, judged.color());
+            canvas.line(&[from, tip], Pen::solid(row.color(), 1.4));
+            canvas.dots(&[tip], 2.6, row.color());
         }
         if i < MAX_ROWS {
-            let left = judged.object.box_in_ego.footprint().map(|corner| plan.at(corner.x_m, corner.y_m));
+            let left = row.object.box_in_ego.footprint().map(|corner| plan.at(corner.x_m, corner.y_m));
             let x = left.iter().map(|corner| corner.0).fold(f32::MIN, f32::max) + 5.0;
             let (_, y) = plan.at(center.x(), center.y());
-            canvas.text((x, y + 5.0), TEXT_PX, judged.color(), Align::Left, &letter(i));
+            canvas.text((x, y + 5.0), TEXT_PX, row.color(), Align::Left, &letter(i));
         }
     }
 }

@@ -30,7 +30,7 @@ fn shots(config: &LidarConfig, state: &WeatherState, hit: Hit, n: usize) -> Vec<
 
 fn fog_of(mor_m: f64) -> WeatherState {
     let by = WeatherOverride { mor_m: Some(mor_m), ..WeatherOverride::default() };
-    Weather::FogNoon.state().replaced(&by).unwrap()
+    Weather::FogNoon.state().replace_by(&by).unwrap()
 }
 
 fn clear() -> WeatherState {

@@ -15,6 +15,7 @@ use burn::tensor::Device;
 use serde::Serialize;
 use thiserror::Error;
 
+use harmzone::config::Check;
 use harmzone::dataset::Dataset;
 use harmzone::model::checkpoint::{self, CheckpointError};
 use harmzone::model::{Classes, Detector, InputError};

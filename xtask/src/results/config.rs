@@ -3,7 +3,7 @@
 use anyhow::{Context, ensure};
 use serde::{Deserialize, Serialize};
 
-use harmzone::config;
+use harmzone::config::{self, Check};
 use harmzone::eval::judge::Judge;
 use harmzone::generate::Preset;
 use harmzone::model::Classes;
@@ -177,6 +177,8 @@ mod tests {
         assert!(message.contains("each name once"), "{message}");
         let message = wrong(|config| config.rows[0].set.push("model.use_radar=true".into()));
         assert!(message.contains("use_radar") && message.contains("fused"), "{message}");
+        let message = wrong(|config| config.rows[0].set.push("model.head.dropout=nan".into()));
+        assert!(message.contains("fused") && message.contains("model.head.dropout is nan"), "{message}");
         let message = wrong(|config| config.rows[0].set.push("fused_stage.epochs=0".into()));
         assert!(message.contains("fused_stage.epochs"), "{message}");
     }

@@ -119,7 +119,7 @@ mod tests {
         let encoder = SparseEncoder::init(4, &config, &Device::flex().autodiff());
         // The published net has one channel more at its input.
         assert_eq!(n_trained(&encoder) + 27 * 16, 2_694_352);
-        assert_eq!(config.check([41, 1440, 720]), Ok(()));
+        assert_eq!(config.check_with([41, 1440, 720]), Ok(()));
         assert_eq!(config.out_shape([41, 1440, 720]), Some([2, 180, 90]));
     }
 
