@@ -12,6 +12,7 @@ mod ego;
 mod error;
 mod event_scenery;
 mod events;
+mod free_space;
 mod furniture;
 mod ground;
 mod junctions;

@@ -4,6 +4,7 @@
 //! project's virtual environment, which [`python::Environment`] finds. Poses are in the world frame,
 //! metres and radians.
 
+mod mount;
 mod python;
 mod sensing;
 mod simulator;
@@ -12,9 +13,10 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
+pub use mount::{CameraMount, Renderer};
 pub use python::{Environment, VENV_VARIABLE};
 pub use sensing::{DepthPicture, RayHits};
-pub use simulator::{CameraMount, Renderer, Simulator};
+pub use simulator::Simulator;
 
 /// The command that makes the virtual environment.
 pub const INSTALL_VENV: &str = "make setup";

@@ -5,7 +5,8 @@ use nalgebra::{Point3, Vector3};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::prelude::*;
 
-use super::simulator::{Renderer, Simulator};
+use super::mount::Renderer;
+use super::simulator::Simulator;
 use super::{SimError, text};
 
 /// What the rays of one cast hit, ray by ray.

@@ -7,33 +7,9 @@ use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
+use super::mount::{CameraMount, Renderer};
 use super::python::make_ready;
 use super::{SimError, text};
-use crate::geometry::{Camera, Ego, Pinhole, Transform};
-
-/// Renderer of the colours.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Renderer {
-    /// OpenGL, on any machine.
-    #[default]
-    Classic,
-    /// Physically based; needs the wheel `mujoco-studio` and Vulkan, and several times as long.
-    Filament,
-}
-
-/// A camera fixed to a body, and how it draws.
-#[derive(Debug, Clone, PartialEq)]
-pub struct CameraMount {
-    /// The body that carries it; the ego frame is that body's frame.
-    pub body: String,
-    pub ego_from_camera: Transform<Ego, Camera>,
-    pub intrinsics: Pinhole,
-    /// Samples a pixel: 0 or 4 are usual.
-    pub n_samples: u32,
-    /// Side of the shadow map.
-    pub shadow_size_px: u32,
-    pub renderer: Renderer,
-}
 
 /// A compiled world, its state and its camera.
 #[derive(Debug)]
@@ -311,6 +287,7 @@ fn isometry(&[x, y, z, w, i, j, k]: &[f64; 7]) -> Isometry3<f64> {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
+    use crate::geometry::{Pinhole, Transform};
 
     /// A 2 m cube 10 m ahead (its face at 9 m), a mocap cube behind, and a body that may fall.
     pub(in crate::sim) const XML: &str = r#"<mujoco><option timestep="0.005"/><worldbody>

@@ -1,0 +1,27 @@
+//! Where the camera is mounted, and how it draws.
+
+use crate::geometry::{Camera, Ego, Pinhole, Transform};
+
+/// Renderer of the colours.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Renderer {
+    /// OpenGL, on any machine.
+    #[default]
+    Classic,
+    /// Physically based; needs the wheel `mujoco-studio` and Vulkan, and several times as long.
+    Filament,
+}
+
+/// A camera fixed to a body, and how it draws.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CameraMount {
+    /// The body that carries it; the ego frame is that body's frame.
+    pub body: String,
+    pub ego_from_camera: Transform<Ego, Camera>,
+    pub intrinsics: Pinhole,
+    /// Samples a pixel: 0 or 4 are usual.
+    pub n_samples: u32,
+    /// Side of the shadow map.
+    pub shadow_size_px: u32,
+    pub renderer: Renderer,
+}
