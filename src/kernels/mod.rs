@@ -8,17 +8,17 @@
     reason = "a kernel must be inlined into the function that enables its instruction set"
 )]
 
-mod burn_op;
 mod conv3x3;
 mod lift_pool;
 mod memory;
 mod norm_relu;
+mod operation;
 mod scratch;
 mod simd;
 mod softmax;
 mod sparse_conv;
 
-pub use burn_op::{conv3x3, conv3x3_scale_shift_relu};
+pub use conv3x3::{conv3x3, conv3x3_scale_shift_relu};
 pub use lift_pool::{PoolPlan, lift_pool};
 pub use memory::keep_freed_memory;
 pub use norm_relu::{Normed, norm_relu, scale_shift_relu};

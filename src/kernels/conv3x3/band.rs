@@ -4,9 +4,9 @@
 //! four planes, so that neighbouring outputs read neighbouring inputs. Wide images are packed
 //! `[row][channel][x]`; narrow ones (`flat`) `[channel][row][x]`, where a tile may run on into the next row.
 
-/// Planes to be packed.
+/// The planes that are packed.
 #[derive(Clone, Copy)]
-pub(super) struct Source<'a> {
+pub(super) struct Planes<'a> {
     /// `[batch, channel, y, x]`
     pub values: &'a [f32],
     pub channels: usize,
@@ -41,8 +41,8 @@ pub(super) struct Layout {
 
 impl Layout {
     /// For bands of `band_rows` rows of `width` tile positions each.
-    pub fn new(is_flat: bool, source: &Source, width: usize, band_rows: usize) -> Self {
-        let Source { channels, split, lead, .. } = *source;
+    pub fn new(is_flat: bool, source: &Planes, width: usize, band_rows: usize) -> Self {
+        let Planes { channels, split, lead, .. } = *source;
         // A flat row shares its right padding with the left padding of the next.
         let width = width + if is_flat { 1 } else { 2 };
         let rows = if split == 2 { band_rows + 1 } else { band_rows + 1 + lead };
@@ -86,8 +86,8 @@ impl Layout {
 
 /// Packs the rows that output rows from `first_row` on read, of image `image`; rows outside are zero.
 #[inline(always)]
-pub(super) fn pack(source: &Source, layout: &Layout, image: usize, first_row: usize, packed: &mut [f32]) {
-    let Source { values, channels, height_px, width_px, split, lead } = *source;
+pub(super) fn pack(source: &Planes, layout: &Layout, image: usize, first_row: usize, packed: &mut [f32]) {
+    let Planes { values, channels, height_px, width_px, split, lead } = *source;
     for row in 0..layout.rows * split {
         // Wraps around above the image, and so lands outside like what is below it.
         let y = (first_row * split + row).wrapping_sub(lead);

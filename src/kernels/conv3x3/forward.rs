@@ -1,7 +1,7 @@
 //! The forward pass: nine taps, one phase; at inference with batch norm and ReLU in the same pass.
 
 use super::Shape;
-use super::band::Source;
+use super::band::Planes;
 use super::tiles::{Convolution, Phase, pack_weights};
 use crate::kernels::simd::InstructionSet;
 
@@ -25,7 +25,7 @@ pub(in crate::kernels) fn forward(
     shape.check();
     assert!(x.len() == shape.n_inputs() && w.len() == shape.n_weights());
     let convolution = Convolution {
-        source: Source {
+        source: Planes {
             values: x,
             channels: shape.channels_in,
             height_px: shape.height_px,

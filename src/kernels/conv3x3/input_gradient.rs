@@ -4,7 +4,7 @@
 //! reached by its own few taps, which gives four phases of 1, 2, 2 and 4 taps.
 
 use super::Shape;
-use super::band::{Layout, Source};
+use super::band::{Layout, Planes};
 use super::tiles::{Convolution, Phase, pack_weights};
 use crate::kernels::simd::InstructionSet;
 
@@ -20,7 +20,7 @@ pub(in crate::kernels) fn input_gradient(
     shape.check();
     assert!(dy.len() == shape.n_outputs() && w.len() == shape.n_weights());
     let convolution = Convolution {
-        source: Source {
+        source: Planes {
             values: dy,
             channels: shape.channels_out,
             height_px: shape.out_height_px(),

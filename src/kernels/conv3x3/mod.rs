@@ -9,15 +9,19 @@
 //! equal to the bit whatever the number of threads.
 
 mod band;
+#[cfg(not(miri))]
+mod burn_op;
 mod forward;
 mod input_gradient;
 mod pass;
 mod tiles;
 mod weight_gradient;
 
-pub(super) use forward::{ScaleShiftRelu, forward};
-pub(super) use input_gradient::input_gradient;
-pub(super) use weight_gradient::weight_gradient;
+#[cfg(not(miri))]
+pub use burn_op::{conv3x3, conv3x3_scale_shift_relu};
+use forward::{ScaleShiftRelu, forward};
+use input_gradient::input_gradient;
+use weight_gradient::weight_gradient;
 
 /// Bytes of packed input that a task works on at a time: what a second-level cache of 512 kB holds beside
 /// the weights.
@@ -25,7 +29,7 @@ const BAND_BYTES: usize = 400 << 10;
 
 /// Sizes of one convolution; all at least 1.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Shape {
+struct Shape {
     pub batch: usize,
     pub channels_in: usize,
     pub channels_out: usize,

@@ -6,7 +6,7 @@
 use rayon::prelude::*;
 
 use super::BAND_BYTES;
-use super::band::{Layout, Source, pack};
+use super::band::{Layout, Planes, pack};
 use super::pass::{Pass, Start, TILE_VECTORS, copy_piece};
 use crate::kernels::scratch::{Scratch, with_scratch};
 use crate::kernels::simd::{InstructionSet, Kernel, Simd, lanes};
@@ -28,7 +28,7 @@ pub(super) struct Phase {
 
 /// What to convolve, and into what.
 pub(super) struct Convolution<'a> {
-    pub source: Source<'a>,
+    pub source: Planes<'a>,
     pub batch: usize,
     pub channels_out: usize,
     /// Tile positions.

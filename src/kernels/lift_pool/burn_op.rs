@@ -1,26 +1,17 @@
-//! Lifted pooling as a burn operation with gradients, for `Device::flex()` with or without autodiff.
+//! Lifted pooling as a burn operation with gradients.
 //!
-//! Every other device gathers and scatters the weighted points a chunk at a time, with burn's own operations.
+//! Devices other than `Device::flex()` gather and scatter the weighted points a chunk at a time.
 
 use std::sync::Arc;
 
-use burn::backend::autodiff::NodeId;
-use burn::backend::autodiff::checkpoint::{base::Checkpointer, strategy::CheckpointStrategy};
-use burn::backend::autodiff::grads::Gradients;
-use burn::backend::autodiff::ops::{Backward, Ops, OpsKind};
 use burn::backend::flex::FlexTensor;
-use burn::backend::{
-    Autodiff, Backend, Dispatch, Flex, TensorMetadata, backend_extension, tensor::FloatTensor,
-};
-use burn::tensor::{DType, Device, IndexingUpdateOp, Int, Tensor, TensorData};
+use burn::tensor::{IndexingUpdateOp, Int, Tensor, TensorData};
 
 use super::PoolPlan;
+use crate::kernels::operation::{Operation, dims, is_own, run, tensor, values};
 
 /// Points that the generic way weighs at a time: 21 MB at 80 channels.
 const POINTS_PER_CHUNK: usize = 1 << 16;
-
-/// A plan for each sample of a batch.
-type Plans = Arc<[Arc<PoolPlan>]>;
 
 /// Pools each sample's lifted features into bird's-eye cells.
 ///
@@ -35,7 +26,7 @@ type Plans = Arc<[Arc<PoolPlan>]>;
 #[must_use]
 pub fn lift_pool(depth: Tensor<3>, context: Tensor<3>, plans: &[Arc<PoolPlan>]) -> Tensor<3> {
     let [n_batch, n_pixels, n_bins] = depth.dims();
-    let [context_batch, context_pixels, n_channels] = context.dims();
+    let [context_batch, context_pixels, _] = context.dims();
     assert_eq!([n_batch, n_pixels], [context_batch, context_pixels], "lift_pool: depth and context");
     assert_eq!(plans.len(), n_batch, "lift_pool: one plan for each sample");
     let n_cells = plans.first().map_or(0, |plan| plan.n_cells());
@@ -43,13 +34,10 @@ pub fn lift_pool(depth: Tensor<3>, context: Tensor<3>, plans: &[Arc<PoolPlan>]) 
         let found = [plan.n_pixels(), plan.n_bins(), plan.n_cells()];
         assert_eq!(found, [n_pixels, n_bins, n_cells], "lift_pool: pixels, bins and cells of a plan");
     }
-    let is_f32 = depth.dtype() == DType::F32 && context.dtype() == DType::F32;
-    let is_empty = [n_batch, n_pixels, n_bins, n_channels, n_cells].contains(&0);
-    if depth.device() != Device::flex() || !is_f32 || is_empty {
+    if !is_own(&depth) || !is_own(&context) || n_cells == 0 {
         return by_scatter(depth, context, plans, n_cells);
     }
-    let (depth, context) = (depth.into_dispatch(), context.into_dispatch());
-    Tensor::from_dispatch(<Dispatch as LiftPoolBackend>::lift_pool(depth, context, plans.into()))
+    run(LiftPool { plans: plans.into() }, [depth.into(), context.into()]).next()
 }
 
 /// The same by gathering and scattering, on any device.
@@ -80,117 +68,52 @@ fn by_scatter(depth: Tensor<3>, context: Tensor<3>, plans: &[Arc<PoolPlan>], n_c
     out.reshape([n_batch, n_cells, n_channels])
 }
 
-/// The pooling and its gradients on one backend.
-#[backend_extension(Flex, Autodiff)]
-pub trait LiftPoolBackend: Backend {
-    /// The pooling itself.
-    fn lift_pool(depth: FloatTensor<Self>, context: FloatTensor<Self>, plans: Plans) -> FloatTensor<Self>;
-    /// Gradients with respect to depth and context.
-    fn lift_pool_gradients(
-        depth: FloatTensor<Self>,
-        context: FloatTensor<Self>,
-        d_out: FloatTensor<Self>,
-        plans: Plans,
-    ) -> (FloatTensor<Self>, FloatTensor<Self>);
+#[derive(Debug)]
+struct LiftPool {
+    /// One for each sample of the batch.
+    plans: Vec<Arc<PoolPlan>>,
 }
 
-fn values(tensor: &FlexTensor) -> &[f32] {
-    tensor.as_slice().expect("lift_pool is only called with f32, made contiguous")
-}
+impl Operation<2> for LiftPool {
+    /// Depth and context.
+    type Saved = [FlexTensor; 2];
 
-impl LiftPoolBackend for Flex {
-    fn lift_pool(depth: FlexTensor, context: FlexTensor, plans: Plans) -> FlexTensor {
-        let (depth, context) = (depth.to_contiguous(), context.to_contiguous());
-        let (n_batch, n_channels, n_cells) = (plans.len(), context.shape()[2], plans[0].n_cells());
+    fn forward(&self, [depth, context]: [FlexTensor; 2]) -> (Vec<FlexTensor>, Self::Saved) {
+        let ([n_batch, n_pixels, n_bins], [.., n_channels]) = (dims(&depth), dims::<3>(&context));
+        let n_cells = self.plans[0].n_cells();
         let mut out = vec![0f32; n_batch * n_cells * n_channels];
-        let depths = values(&depth).chunks(depth.shape()[1] * depth.shape()[2]);
-        let contexts = values(&context).chunks(context.shape()[1] * n_channels);
+        let depths = values(&depth).chunks(n_pixels * n_bins);
+        let contexts = values(&context).chunks(n_pixels * n_channels);
         let outs = out.chunks_mut(n_cells * n_channels);
-        for (((plan, depth), context), out) in plans.iter().zip(depths).zip(contexts).zip(outs) {
+        for (((plan, depth), context), out) in self.plans.iter().zip(depths).zip(contexts).zip(outs) {
             plan.pool(depth, context, n_channels, out);
         }
-        FlexTensor::from_data(TensorData::new(out, [n_batch, n_cells, n_channels]))
+        (vec![tensor(out, [n_batch, n_cells, n_channels])], [depth, context])
     }
 
-    fn lift_pool_gradients(
-        depth: FlexTensor,
-        context: FlexTensor,
-        d_out: FlexTensor,
-        plans: Plans,
-    ) -> (FlexTensor, FlexTensor) {
-        let [depth, context, d_out] = [depth, context, d_out].map(|tensor| tensor.to_contiguous());
-        let (n_batch, n_pixels, n_bins) = (plans.len(), plans[0].n_pixels(), plans[0].n_bins());
-        let n_channels = context.shape()[2];
-        let mut d_depth = vec![0f32; n_batch * n_pixels * n_bins];
-        let mut d_context = vec![0f32; n_batch * n_pixels * n_channels];
-        for (sample, plan) in plans.iter().enumerate() {
+    fn gradients(&self, saved: Self::Saved, d_out: &FlexTensor, _: [bool; 2]) -> [Option<FlexTensor>; 2] {
+        let [[n_batch, n_pixels, n_bins], [.., n_channels]] = saved.each_ref().map(dims::<3>);
+        let [depth, context] = saved.each_ref().map(values);
+        let (mut d_depth, mut d_context) = (vec![0f32; depth.len()], vec![0f32; context.len()]);
+        for (sample, plan) in self.plans.iter().enumerate() {
             let part = |n: usize| sample * n..(sample + 1) * n;
             plan.gradients(
-                &values(&depth)[part(n_pixels * n_bins)],
-                &values(&context)[part(n_pixels * n_channels)],
-                &values(&d_out)[part(plan.n_cells() * n_channels)],
+                &depth[part(n_pixels * n_bins)],
+                &context[part(n_pixels * n_channels)],
+                &values(d_out)[part(plan.n_cells() * n_channels)],
                 &mut d_depth[part(n_pixels * n_bins)],
                 &mut d_context[part(n_pixels * n_channels)],
             );
         }
-        (
-            FlexTensor::from_data(TensorData::new(d_depth, [n_batch, n_pixels, n_bins])),
-            FlexTensor::from_data(TensorData::new(d_context, [n_batch, n_pixels, n_channels])),
-        )
-    }
-}
-
-/// The recorded operation.
-#[derive(Debug)]
-struct LiftPool;
-
-impl<B: Backend + LiftPoolBackend> Backward<B, 2> for LiftPool {
-    /// Nodes of depth and context, and the plans.
-    type State = (NodeId, NodeId, Plans);
-
-    fn backward(self, ops: Ops<Self::State, 2>, grads: &mut Gradients, checkpointer: &mut Checkpointer) {
-        let [depth_node, context_node] = ops.parents;
-        let d_out = grads.consume::<B>(&ops.node);
-        let (depth_id, context_id, plans) = ops.state;
-        let depth = checkpointer.retrieve_node_output::<B::FloatTensorPrimitive>(depth_id);
-        let context = checkpointer.retrieve_node_output::<B::FloatTensorPrimitive>(context_id);
-        let (d_depth, d_context) = B::lift_pool_gradients(depth, context, d_out, plans);
-        if let Some(node) = depth_node {
-            grads.register::<B>(node.id, d_depth);
-        }
-        if let Some(node) = context_node {
-            grads.register::<B>(node.id, d_context);
-        }
-    }
-}
-
-impl<B: Backend + LiftPoolBackend, C: CheckpointStrategy> LiftPoolBackend for Autodiff<B, C> {
-    fn lift_pool(depth: FloatTensor<Self>, context: FloatTensor<Self>, plans: Plans) -> FloatTensor<Self> {
-        match LiftPool.prepare::<C>([depth.node(), context.node()]).compute_bound().stateful() {
-            OpsKind::Tracked(mut prep) => {
-                let state = (prep.checkpoint(&depth), prep.checkpoint(&context), plans.clone());
-                prep.finish(state, B::lift_pool(depth.into_primitive(), context.into_primitive(), plans))
-            }
-            OpsKind::UnTracked(prep) => {
-                prep.finish(B::lift_pool(depth.into_primitive(), context.into_primitive(), plans))
-            }
-        }
-    }
-
-    fn lift_pool_gradients(
-        _: FloatTensor<Self>,
-        _: FloatTensor<Self>,
-        _: FloatTensor<Self>,
-        _: Plans,
-    ) -> (FloatTensor<Self>, FloatTensor<Self>) {
-        unreachable!("lift_pool has no second derivatives: its gradients run on the inner backend")
+        let d_context = tensor(d_context, [n_batch, n_pixels, n_channels]);
+        [Some(tensor(d_depth, [n_batch, n_pixels, n_bins])), Some(d_context)]
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use burn::tensor::Distribution;
+    use burn::tensor::{Device, Distribution};
     use rand::RngExt;
 
     const N_PIXELS: usize = 30;
@@ -255,19 +178,19 @@ mod tests {
         let (d_depth, d_context) = (of(&depth), of(&context));
         // The pooling is linear in either input, so that a wide step has no truncation error.
         let step = 0.5;
-        let moved = |tensor: &Tensor<3>, at: usize, by: f32| {
+        let shift = |tensor: &Tensor<3>, at: usize, by: f32| {
             let mut data: Vec<f32> = tensor.clone().into_data().try_to_vec().unwrap();
             data[at] += by;
             Tensor::<3>::from_data(TensorData::new(data, tensor.dims()), &device)
         };
         for at in (0..d_depth.len()).step_by(37) {
-            let difference = loss(moved(&depth, at, step), context.clone())
-                - loss(moved(&depth, at, -step), context.clone());
+            let difference = loss(shift(&depth, at, step), context.clone())
+                - loss(shift(&depth, at, -step), context.clone());
             assert!((difference - f64::from(d_depth[at])).abs() < 1e-4, "depth {at}");
         }
         for at in (0..d_context.len()).step_by(61) {
-            let difference = loss(depth.clone(), moved(&context, at, step))
-                - loss(depth.clone(), moved(&context, at, -step));
+            let difference = loss(depth.clone(), shift(&context, at, step))
+                - loss(depth.clone(), shift(&context, at, -step));
             assert!((difference - f64::from(d_context[at])).abs() < 1e-4, "context {at}");
         }
     }

@@ -1,21 +1,12 @@
-//! Batch norm with ReLU as a burn operation with gradients, for `Device::flex()` with or without autodiff.
-//!
-//! Every other device runs burn's own operations.
+//! Batch norm with ReLU as a burn operation with gradients.
 
-use burn::backend::autodiff::NodeId;
-use burn::backend::autodiff::checkpoint::{base::Checkpointer, strategy::CheckpointStrategy};
-use burn::backend::autodiff::grads::Gradients;
-use burn::backend::autodiff::ops::{Backward, Ops, OpsKind};
 use burn::backend::flex::FlexTensor;
-use burn::backend::{
-    Autodiff, AutodiffBackend, Backend, Dispatch, Flex, TensorMetadata, backend_extension,
-    tensor::FloatTensor,
-};
+use burn::tensor::Tensor;
 use burn::tensor::activation::relu;
 use burn::tensor::module::batch_norm_train;
-use burn::tensor::{DType, Device, Tensor, TensorData};
 
 use super::{Forward, Shape, forward, gradients, scale_shift};
+use crate::kernels::operation::{Operation, dims, is_own, run, tensor, values};
 use crate::kernels::simd::InstructionSet;
 
 /// A normed batch and its statistics.
@@ -26,10 +17,6 @@ pub struct Normed {
     pub mean: Tensor<1>,
     /// `[channel]`, biased, apart from autodiff.
     pub variance: Tensor<1>,
-}
-
-fn is_own(x: &Tensor<4>) -> bool {
-    x.device() == Device::flex() && x.dtype() == DType::F32 && x.shape().num_elements() > 0
 }
 
 /// Norms a batch by its own statistics, then cuts off what is negative.
@@ -44,13 +31,8 @@ pub fn norm_relu(x: Tensor<4>, gamma: Tensor<1>, beta: Tensor<1>, epsilon: f64) 
         let [mean, variance] = [normed.mean, normed.variance].map(Tensor::detach);
         return Normed { output: relu(normed.output), mean, variance };
     }
-    let [x, gamma, beta] = [x.into_dispatch(), gamma.into_dispatch(), beta.into_dispatch()];
-    let (output, mean, variance) = <Dispatch as NormReluBackend>::norm_relu(x, gamma, beta, epsilon);
-    Normed {
-        output: Tensor::from_dispatch(output),
-        mean: Tensor::from_dispatch(mean),
-        variance: Tensor::from_dispatch(variance),
-    }
+    let mut outputs = run(NormRelu { epsilon }, [x.into(), gamma.into(), beta.into()]);
+    Normed { output: outputs.next(), mean: outputs.next(), variance: outputs.next() }
 }
 
 /// Scales and shifts each channel, then cuts off what is negative: batch norm at inference. Without gradients.
@@ -65,179 +47,63 @@ pub fn scale_shift_relu(x: Tensor<4>, scale: Tensor<1>, shift: Tensor<1>) -> Ten
         let [scale, shift] = [scale, shift].map(|values| values.reshape([1, n_channels, 1, 1]));
         return relu(x * scale + shift);
     }
-    let [x, scale, shift] = [x.into_dispatch(), scale.into_dispatch(), shift.into_dispatch()];
-    Tensor::from_dispatch(<Dispatch as NormReluBackend>::scale_shift_relu(x, scale, shift))
-}
-
-type Floats<B> = FloatTensor<B>;
-
-/// The operations on one backend.
-#[backend_extension(Flex, Autodiff)]
-pub trait NormReluBackend: Backend {
-    /// Output, mean and variance.
-    fn norm_relu(
-        x: FloatTensor<Self>,
-        gamma: FloatTensor<Self>,
-        beta: FloatTensor<Self>,
-        epsilon: f64,
-    ) -> (FloatTensor<Self>, FloatTensor<Self>, FloatTensor<Self>);
-    /// Gradients with respect to x, gamma and beta; `affine` are gamma and beta, `statistics` mean and
-    /// variance, each as `[2, channel]`.
-    fn norm_relu_gradients(
-        x: FloatTensor<Self>,
-        dy: FloatTensor<Self>,
-        gamma: FloatTensor<Self>,
-        beta: FloatTensor<Self>,
-        mean: FloatTensor<Self>,
-        variance: FloatTensor<Self>,
-        epsilon: f64,
-    ) -> (FloatTensor<Self>, FloatTensor<Self>, FloatTensor<Self>);
-    /// Given statistics.
-    fn scale_shift_relu(
-        x: FloatTensor<Self>,
-        scale: FloatTensor<Self>,
-        shift: FloatTensor<Self>,
-    ) -> FloatTensor<Self>;
+    run(ScaleShiftRelu, [x.into(), scale.into(), shift.into()]).next()
 }
 
 fn shape_of(x: &FlexTensor) -> Shape {
-    let dims = x.shape();
-    Shape { batch: dims[0], channels: dims[1], pixels: dims[2] * dims[3] }
+    let [batch, channels, height_px, width_px] = dims(x);
+    Shape { batch, channels, pixels: height_px * width_px }
 }
 
-fn tensor<const D: usize>(values: Vec<f32>, dims: [usize; D]) -> FlexTensor {
-    FlexTensor::from_data(TensorData::new(values, dims))
-}
-
-fn values(tensor: &FlexTensor) -> &[f32] {
-    tensor.as_slice().expect("norm_relu is only called with f32, made contiguous")
-}
-
-impl NormReluBackend for Flex {
-    fn norm_relu(
-        x: FlexTensor,
-        gamma: FlexTensor,
-        beta: FlexTensor,
-        epsilon: f64,
-    ) -> (FlexTensor, FlexTensor, FlexTensor) {
-        let [x, gamma, beta] = [x, gamma, beta].map(|tensor| tensor.to_contiguous());
-        let shape = shape_of(&x);
-        let dims = [x.shape()[0], x.shape()[1], x.shape()[2], x.shape()[3]];
-        let Forward { y, mean, variance } =
-            forward(shape, values(&x), values(&gamma), values(&beta), epsilon, InstructionSet::best());
-        (tensor(y, dims), tensor(mean, [shape.channels]), tensor(variance, [shape.channels]))
-    }
-
-    fn norm_relu_gradients(
-        x: FlexTensor,
-        dy: FlexTensor,
-        gamma: FlexTensor,
-        beta: FlexTensor,
-        mean: FlexTensor,
-        variance: FlexTensor,
-        epsilon: f64,
-    ) -> (FlexTensor, FlexTensor, FlexTensor) {
-        let [x, dy, gamma, beta] = [x, dy, gamma, beta].map(|tensor| tensor.to_contiguous());
-        let shape = shape_of(&x);
-        let dims = [x.shape()[0], x.shape()[1], x.shape()[2], x.shape()[3]];
-        let found = gradients(
-            shape,
-            values(&x),
-            values(&dy),
-            [values(&gamma), values(&beta)],
-            [values(&mean), values(&variance)],
-            epsilon,
-            InstructionSet::best(),
-        );
-        (
-            tensor(found.dx, dims),
-            tensor(found.d_gamma, [shape.channels]),
-            tensor(found.d_beta, [shape.channels]),
-        )
-    }
-
-    fn scale_shift_relu(x: FlexTensor, scale: FlexTensor, shift: FlexTensor) -> FlexTensor {
-        let [x, scale, shift] = [x, scale, shift].map(|tensor| tensor.to_contiguous());
-        let dims = [x.shape()[0], x.shape()[1], x.shape()[2], x.shape()[3]];
-        let set = InstructionSet::best();
-        tensor(scale_shift(shape_of(&x), values(&x), values(&scale), values(&shift), set), dims)
-    }
-}
-
-/// The recorded operation.
 #[derive(Debug)]
 struct NormRelu {
     epsilon: f64,
 }
 
-impl<B: Backend + NormReluBackend> Backward<B, 3> for NormRelu {
-    /// Nodes of x, gamma and beta; mean and variance.
-    type State = ([NodeId; 3], [Floats<B>; 2]);
+impl Operation<3> for NormRelu {
+    /// x, gamma, beta, mean and variance.
+    type Saved = [FlexTensor; 5];
 
-    fn backward(self, ops: Ops<Self::State, 3>, grads: &mut Gradients, checkpointer: &mut Checkpointer) {
-        let dy = grads.consume::<B>(&ops.node);
-        let (ids, [mean, variance]) = ops.state;
-        let [x, gamma, beta] = ids.map(|id| checkpointer.retrieve_node_output::<B::FloatTensorPrimitive>(id));
-        let (dx, d_gamma, d_beta) = B::norm_relu_gradients(x, dy, gamma, beta, mean, variance, self.epsilon);
-        for (node, gradient) in ops.parents.into_iter().zip([dx, d_gamma, d_beta]) {
-            if let Some(node) = node {
-                grads.register::<B>(node.id, gradient);
-            }
-        }
+    fn forward(&self, [x, gamma, beta]: [FlexTensor; 3]) -> (Vec<FlexTensor>, Self::Saved) {
+        let (shape, set) = (shape_of(&x), InstructionSet::best());
+        let found = forward(shape, values(&x), values(&gamma), values(&beta), self.epsilon, set);
+        let Forward { y, mean, variance } = found;
+        let [mean, variance] = [mean, variance].map(|row| tensor(row, [shape.channels]));
+        let outputs = vec![tensor(y, dims::<4>(&x)), mean.clone(), variance.clone()];
+        (outputs, [x, gamma, beta, mean, variance])
+    }
+
+    fn gradients(&self, saved: Self::Saved, dy: &FlexTensor, _: [bool; 3]) -> [Option<FlexTensor>; 3] {
+        let (shape, set) = (shape_of(&saved[0]), InstructionSet::best());
+        let [x, gamma, beta, mean, variance] = saved.each_ref().map(values);
+        let found = gradients(shape, x, values(dy), [gamma, beta], [mean, variance], self.epsilon, set);
+        let row = |values| tensor(values, [shape.channels]);
+        [tensor(found.dx, dims::<4>(dy)), row(found.d_gamma), row(found.d_beta)].map(Some)
     }
 }
 
-impl<B: Backend + NormReluBackend, C: CheckpointStrategy> NormReluBackend for Autodiff<B, C> {
-    fn norm_relu(
-        x: FloatTensor<Self>,
-        gamma: FloatTensor<Self>,
-        beta: FloatTensor<Self>,
-        epsilon: f64,
-    ) -> (FloatTensor<Self>, FloatTensor<Self>, FloatTensor<Self>) {
-        let op = NormRelu { epsilon };
-        let nodes = [x.node(), gamma.node(), beta.node()];
-        let (output, mean, variance) = match op.prepare::<C>(nodes).compute_bound().stateful() {
-            OpsKind::Tracked(mut prep) => {
-                let ids = [prep.checkpoint(&x), prep.checkpoint(&gamma), prep.checkpoint(&beta)];
-                let (output, mean, variance) =
-                    B::norm_relu(x.into_primitive(), gamma.into_primitive(), beta.into_primitive(), epsilon);
-                let state = (ids, [mean.clone(), variance.clone()]);
-                (prep.finish(state, output), mean, variance)
-            }
-            OpsKind::UnTracked(prep) => {
-                let (output, mean, variance) =
-                    B::norm_relu(x.into_primitive(), gamma.into_primitive(), beta.into_primitive(), epsilon);
-                (prep.finish(output), mean, variance)
-            }
-        };
-        (output, Self::from_inner(mean), Self::from_inner(variance))
+#[derive(Debug)]
+struct ScaleShiftRelu;
+
+impl Operation<3> for ScaleShiftRelu {
+    type Saved = ();
+
+    fn forward(&self, inputs: [FlexTensor; 3]) -> (Vec<FlexTensor>, ()) {
+        let shape = shape_of(&inputs[0]);
+        let [x, scale, shift] = inputs.each_ref().map(values);
+        let y = scale_shift(shape, x, scale, shift, InstructionSet::best());
+        (vec![tensor(y, dims::<4>(&inputs[0]))], ())
     }
 
-    fn norm_relu_gradients(
-        _: FloatTensor<Self>,
-        _: FloatTensor<Self>,
-        _: FloatTensor<Self>,
-        _: FloatTensor<Self>,
-        _: FloatTensor<Self>,
-        _: FloatTensor<Self>,
-        _: f64,
-    ) -> (FloatTensor<Self>, FloatTensor<Self>, FloatTensor<Self>) {
-        unreachable!("norm_relu has no second derivatives: its gradients run on the inner backend")
-    }
-
-    fn scale_shift_relu(
-        _: FloatTensor<Self>,
-        _: FloatTensor<Self>,
-        _: FloatTensor<Self>,
-    ) -> FloatTensor<Self> {
-        unreachable!("scale_shift_relu is for inference: with autodiff burn's own operations run")
+    fn gradients(&self, (): (), _: &FlexTensor, _: [bool; 3]) -> [Option<FlexTensor>; 3] {
+        unreachable!("for inference: with autodiff burn's own operations run")
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use burn::tensor::Distribution;
+    use burn::tensor::{Device, Distribution, TensorData};
 
     #[test]
     fn values_statistics_and_gradients_equal_burns() {

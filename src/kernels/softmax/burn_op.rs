@@ -1,18 +1,12 @@
-//! Softmax as a burn operation with gradients, for `Device::flex()` with or without autodiff.
-//!
-//! Every other device runs burn's own softmax.
+//! Softmax as a burn operation with gradients.
 
-use burn::backend::autodiff::checkpoint::{base::Checkpointer, strategy::CheckpointStrategy};
-use burn::backend::autodiff::grads::Gradients;
-use burn::backend::autodiff::ops::{Backward, Ops, OpsKind};
+use burn::backend::TensorMetadata;
 use burn::backend::flex::FlexTensor;
-use burn::backend::{
-    Autodiff, Backend, Dispatch, Flex, TensorMetadata, backend_extension, tensor::FloatTensor,
-};
+use burn::tensor::Tensor;
 use burn::tensor::activation::softmax;
-use burn::tensor::{DType, Device, Tensor, TensorData};
 
 use super::{forward, gradient};
+use crate::kernels::operation::{Operation, is_own, run, tensor, values};
 use crate::kernels::simd::InstructionSet;
 
 /// Softmax over the last axis.
@@ -21,79 +15,37 @@ use crate::kernels::simd::InstructionSet;
 /// - x, output: `[.., column]`
 #[must_use]
 pub fn softmax_last<const D: usize>(x: Tensor<D>) -> Tensor<D> {
-    if x.device() != Device::flex() || x.dtype() != DType::F32 || x.shape().num_elements() == 0 {
+    if !is_own(&x) {
         return softmax(x, D - 1);
     }
-    Tensor::from_dispatch(<Dispatch as SoftmaxBackend>::softmax_last(x.into_dispatch()))
+    let n_columns = x.dims()[D - 1];
+    run(Softmax { n_columns }, [x.into()]).next()
 }
 
-/// The softmax and its gradient on one backend.
-#[backend_extension(Flex, Autodiff)]
-pub trait SoftmaxBackend: Backend {
-    /// The softmax itself.
-    fn softmax_last(x: FloatTensor<Self>) -> FloatTensor<Self>;
-    /// Gradient with respect to x, from the softmax `y`.
-    fn softmax_last_gradient(y: FloatTensor<Self>, dy: FloatTensor<Self>) -> FloatTensor<Self>;
-}
-
-fn values(tensor: &FlexTensor) -> &[f32] {
-    tensor.as_slice().expect("softmax is only called with f32, made contiguous")
-}
-
-impl SoftmaxBackend for Flex {
-    fn softmax_last(x: FlexTensor) -> FlexTensor {
-        let x = x.to_contiguous();
-        let shape = x.shape();
-        let n_columns = shape[shape.num_dims() - 1];
-        FlexTensor::from_data(TensorData::new(forward(values(&x), n_columns, InstructionSet::best()), shape))
-    }
-
-    fn softmax_last_gradient(y: FlexTensor, dy: FlexTensor) -> FlexTensor {
-        let (y, dy) = (y.to_contiguous(), dy.to_contiguous());
-        let shape = y.shape();
-        let n_columns = shape[shape.num_dims() - 1];
-        let dx = gradient(values(&y), values(&dy), n_columns, InstructionSet::best());
-        FlexTensor::from_data(TensorData::new(dx, shape))
-    }
-}
-
-/// The recorded operation.
 #[derive(Debug)]
-struct Softmax;
-
-impl<B: Backend + SoftmaxBackend> Backward<B, 1> for Softmax {
-    /// The output.
-    type State = FloatTensor<B>;
-
-    fn backward(self, ops: Ops<Self::State, 1>, grads: &mut Gradients, _checkpointer: &mut Checkpointer) {
-        let [node] = ops.parents;
-        let dy = grads.consume::<B>(&ops.node);
-        if let Some(node) = node {
-            grads.register::<B>(node.id, B::softmax_last_gradient(ops.state, dy));
-        }
-    }
+struct Softmax {
+    n_columns: usize,
 }
 
-impl<B: Backend + SoftmaxBackend, C: CheckpointStrategy> SoftmaxBackend for Autodiff<B, C> {
-    fn softmax_last(x: FloatTensor<Self>) -> FloatTensor<Self> {
-        match Softmax.prepare::<C>([x.node()]).compute_bound().stateful() {
-            OpsKind::Tracked(prep) => {
-                let y = B::softmax_last(x.into_primitive());
-                prep.finish(y.clone(), y)
-            }
-            OpsKind::UnTracked(prep) => prep.finish(B::softmax_last(x.into_primitive())),
-        }
+impl Operation<1> for Softmax {
+    /// The output.
+    type Saved = FlexTensor;
+
+    fn forward(&self, [x]: [FlexTensor; 1]) -> (Vec<FlexTensor>, FlexTensor) {
+        let y = tensor(forward(values(&x), self.n_columns, InstructionSet::best()), x.shape());
+        (vec![y.clone()], y)
     }
 
-    fn softmax_last_gradient(_: FloatTensor<Self>, _: FloatTensor<Self>) -> FloatTensor<Self> {
-        unreachable!("softmax has no second derivatives: its gradients run on the inner backend")
+    fn gradients(&self, y: FlexTensor, dy: &FlexTensor, _: [bool; 1]) -> [Option<FlexTensor>; 1] {
+        let dx = gradient(values(&y), values(dy), self.n_columns, InstructionSet::best());
+        [Some(tensor(dx, y.shape()))]
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use burn::tensor::Distribution;
+    use burn::tensor::{Device, Distribution};
 
     #[test]
     fn values_and_gradients_equal_burns() {

@@ -1,22 +1,16 @@
-//! The sparse convolution as a burn operation with gradients, for `Device::flex()` with or without autodiff.
+//! The sparse convolution as a burn operation with gradients.
 //!
-//! For the backward pass it keeps input and matrices alone: rows are gathered anew. Every other device runs
-//! burn's own operations on the rulebook's index tensors, whose graph keeps the gathered rows.
+//! For the backward pass it keeps input and matrices alone: rows are gathered anew. Devices other than `Device::flex()`
+//! run burn's own operations on the rulebook's index tensors, whose graph keeps the gathered rows.
 
 use std::sync::Arc;
 
-use burn::backend::autodiff::NodeId;
-use burn::backend::autodiff::checkpoint::{base::Checkpointer, strategy::CheckpointStrategy};
-use burn::backend::autodiff::grads::Gradients;
-use burn::backend::autodiff::ops::{Backward, Ops, OpsKind};
 use burn::backend::flex::FlexTensor;
-use burn::backend::{
-    Autodiff, Backend, Dispatch, Flex, TensorMetadata, backend_extension, tensor::FloatTensor,
-};
-use burn::tensor::{DType, Device, IndexingUpdateOp, Tensor, TensorData};
+use burn::tensor::{IndexingUpdateOp, Tensor};
 
 use super::products::{apply, weight_gradient};
 use super::rulebook::{Direction, Rulebook};
+use crate::kernels::operation::{Operation, dims, is_own, run, tensor, values};
 
 /// Convolves the rows of `x` by the pairs of a rulebook.
 ///
@@ -29,19 +23,15 @@ use super::rulebook::{Direction, Rulebook};
 /// If the rulebook's offsets, its inputs or the channels disagree with the tensors.
 #[must_use]
 pub fn sparse_conv(x: Tensor<2>, w: Tensor<3>, rulebook: &Arc<Rulebook>) -> Tensor<2> {
-    let ([n_inputs, channels_in], [n_offsets, kernel_channels, channels_out]) = (x.dims(), w.dims());
+    let ([n_inputs, channels_in], [n_offsets, kernel_channels, _]) = (x.dims(), w.dims());
     assert_eq!(n_inputs, rulebook.n_inputs(), "sparse_conv: rows of input and rulebook");
     assert_eq!(n_offsets, rulebook.offsets().len(), "sparse_conv: offsets of kernel and rulebook");
     assert_eq!(kernel_channels, channels_in, "sparse_conv: input channels of kernel and input");
 
-    // `==` on devices compares the hardware and leaves autodiff aside.
-    let is_flex = x.device() == Device::flex();
-    let is_f32 = x.dtype() == DType::F32 && w.dtype() == DType::F32;
-    if !is_flex || !is_f32 || rulebook.n_pairs() == 0 || channels_in * channels_out == 0 {
+    if !is_own(&x) || !is_own(&w) || rulebook.n_pairs() == 0 {
         return offset_by_offset(x, w, rulebook);
     }
-    let (x, w) = (x.into_dispatch(), w.into_dispatch());
-    Tensor::from_dispatch(<Dispatch as SparseConvBackend>::sparse_conv(x, w, Arc::clone(rulebook)))
+    run(SparseConv { rulebook: Arc::clone(rulebook) }, [x.into(), w.into()]).next()
 }
 
 /// The convolution in burn's own operations.
@@ -56,109 +46,34 @@ fn offset_by_offset(x: Tensor<2>, w: Tensor<3>, rulebook: &Rulebook) -> Tensor<2
     })
 }
 
-/// The convolution and its two gradients on one backend.
-#[backend_extension(Flex, Autodiff)]
-pub trait SparseConvBackend: Backend {
-    /// The convolution itself.
-    fn sparse_conv(x: FloatTensor<Self>, w: FloatTensor<Self>, rulebook: Arc<Rulebook>) -> FloatTensor<Self>;
-    /// Gradient with respect to the input rows.
-    fn sparse_conv_input_gradient(
-        dy: FloatTensor<Self>,
-        w: FloatTensor<Self>,
-        rulebook: Arc<Rulebook>,
-    ) -> FloatTensor<Self>;
-    /// Gradient with respect to the matrices.
-    fn sparse_conv_weight_gradient(
-        x: FloatTensor<Self>,
-        dy: FloatTensor<Self>,
-        rulebook: Arc<Rulebook>,
-    ) -> FloatTensor<Self>;
-}
-
-fn values(tensor: &FlexTensor) -> &[f32] {
-    tensor.as_slice().expect("sparse_conv is only called with f32, made contiguous")
-}
-
-impl SparseConvBackend for Flex {
-    fn sparse_conv(x: FlexTensor, w: FlexTensor, rulebook: Arc<Rulebook>) -> FlexTensor {
-        let (x, w) = (x.to_contiguous(), w.to_contiguous());
-        let channels = [w.shape()[1], w.shape()[2]];
-        let y = apply(&rulebook, Direction::Forward, values(&x), values(&w), channels);
-        FlexTensor::from_data(TensorData::new(y, [rulebook.n_outputs(), channels[1]]))
-    }
-
-    fn sparse_conv_input_gradient(dy: FlexTensor, w: FlexTensor, rulebook: Arc<Rulebook>) -> FlexTensor {
-        let (dy, w) = (dy.to_contiguous(), w.to_contiguous());
-        let channels = [w.shape()[1], w.shape()[2]];
-        let dx = apply(&rulebook, Direction::Backward, values(&dy), values(&w), channels);
-        FlexTensor::from_data(TensorData::new(dx, [rulebook.n_inputs(), channels[0]]))
-    }
-
-    fn sparse_conv_weight_gradient(x: FlexTensor, dy: FlexTensor, rulebook: Arc<Rulebook>) -> FlexTensor {
-        let (x, dy) = (x.to_contiguous(), dy.to_contiguous());
-        let channels = [x.shape()[1], dy.shape()[1]];
-        let dw = weight_gradient(&rulebook, values(&x), values(&dy), channels);
-        FlexTensor::from_data(TensorData::new(dw, [rulebook.offsets().len(), channels[0], channels[1]]))
-    }
-}
-
-/// The recorded operation.
 #[derive(Debug)]
 struct SparseConv {
     rulebook: Arc<Rulebook>,
 }
 
-impl<B: Backend + SparseConvBackend> Backward<B, 2> for SparseConv {
-    /// Nodes of x and w; each is kept only if the gradient of the other is wanted.
-    type State = (Option<NodeId>, Option<NodeId>);
+impl Operation<2> for SparseConv {
+    /// x and w.
+    type Saved = [FlexTensor; 2];
 
-    fn backward(self, ops: Ops<Self::State, 2>, grads: &mut Gradients, checkpointer: &mut Checkpointer) {
-        let [x_node, w_node] = ops.parents;
-        let dy = grads.consume::<B>(&ops.node);
-        let [x, w] = [ops.state.0, ops.state.1]
-            .map(|id| id.map(|id| checkpointer.retrieve_node_output::<B::FloatTensorPrimitive>(id)));
-        if let Some(node) = x_node {
-            let w = w.expect("w is kept whenever x is tracked");
-            let dx = B::sparse_conv_input_gradient(dy.clone(), w, Arc::clone(&self.rulebook));
-            grads.register::<B>(node.id, dx);
-        }
-        if let Some(node) = w_node {
-            let x = x.expect("x is kept whenever w is tracked");
-            grads.register::<B>(node.id, B::sparse_conv_weight_gradient(x, dy, self.rulebook));
-        }
-    }
-}
-
-impl<B: Backend + SparseConvBackend, C: CheckpointStrategy> SparseConvBackend for Autodiff<B, C> {
-    fn sparse_conv(x: FloatTensor<Self>, w: FloatTensor<Self>, rulebook: Arc<Rulebook>) -> FloatTensor<Self> {
-        let op = SparseConv { rulebook: Arc::clone(&rulebook) };
-        let (input_tracked, kernel_tracked) = (x.is_tracked(), w.is_tracked());
-        match op.prepare::<C>([x.node(), w.node()]).compute_bound().stateful() {
-            OpsKind::Tracked(mut prep) => {
-                let x_id = kernel_tracked.then(|| prep.checkpoint(&x));
-                let w_id = input_tracked.then(|| prep.checkpoint(&w));
-                prep.finish((x_id, w_id), B::sparse_conv(x.into_primitive(), w.into_primitive(), rulebook))
-            }
-            OpsKind::UnTracked(prep) => {
-                prep.finish(B::sparse_conv(x.into_primitive(), w.into_primitive(), rulebook))
-            }
-        }
+    fn forward(&self, [x, w]: [FlexTensor; 2]) -> (Vec<FlexTensor>, Self::Saved) {
+        let [_, channels_in, channels_out] = dims(&w);
+        let channels = [channels_in, channels_out];
+        let y = apply(&self.rulebook, Direction::Forward, values(&x), values(&w), channels);
+        (vec![tensor(y, [self.rulebook.n_outputs(), channels_out])], [x, w])
     }
 
-    fn sparse_conv_input_gradient(
-        _: FloatTensor<Self>,
-        _: FloatTensor<Self>,
-        _: Arc<Rulebook>,
-    ) -> FloatTensor<Self> {
-        unreachable!("sparse_conv has no second derivatives: its gradients run on the inner backend")
-    }
-
-    fn sparse_conv_weight_gradient(
-        _: FloatTensor<Self>,
-        _: FloatTensor<Self>,
-        _: Arc<Rulebook>,
-    ) -> FloatTensor<Self> {
-        unreachable!("sparse_conv has no second derivatives: its gradients run on the inner backend")
+    fn gradients(&self, [x, w]: Self::Saved, dy: &FlexTensor, wanted: [bool; 2]) -> [Option<FlexTensor>; 2] {
+        let [n_offsets, channels_in, channels_out] = dims(&w);
+        let channels = [channels_in, channels_out];
+        let dx = || {
+            let dx = apply(&self.rulebook, Direction::Backward, values(dy), values(&w), channels);
+            tensor(dx, [self.rulebook.n_inputs(), channels_in])
+        };
+        let dw = || {
+            let dw = weight_gradient(&self.rulebook, values(&x), values(dy), channels);
+            tensor(dw, [n_offsets, channels_in, channels_out])
+        };
+        [wanted[0].then(dx), wanted[1].then(dw)]
     }
 }
 
@@ -166,7 +81,7 @@ impl<B: Backend + SparseConvBackend, C: CheckpointStrategy> SparseConvBackend fo
 mod tests {
     use super::super::OffsetPairs;
     use super::*;
-    use burn::tensor::Distribution;
+    use burn::tensor::{Device, Distribution, TensorData};
 
     /// Three offsets, one of them empty, over more rows than one block holds.
     fn rulebook(n_inputs: usize, n_outputs: usize) -> Arc<Rulebook> {
