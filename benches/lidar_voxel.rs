@@ -1,4 +1,4 @@
-//! The voxel branch at its published size on a cloud as of one front sector: each stage by itself.
+//! The voxel branch at its published size on the cloud of one front sector: each stage by itself.
 //!
 //! The cloud is made by formula: ground rings of a 32-beam LiDAR and walls, ten sweeps of it moved forward,
 //! so that it fills as many voxels as `N_SWEEPS` asks for.

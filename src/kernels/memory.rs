@@ -1,10 +1,10 @@
-//! What the C library's allocator does with freed memory.
+//! A setting of the C library's allocator: it keeps freed memory.
 
-/// Lets the allocator keep freed memory in place of giving it back to the system, and all threads take from
-/// one store: a training step, and the inference of a sample, ask for the same megabytes as the one before, and
-/// clearing fresh pages took a fifth of their time.
+/// Makes the allocator keep freed memory instead of giving it back to the system, in one arena for all threads: each
+/// training step, and each inference, asks for the same megabytes as the one before, and clearing fresh pages took a
+/// fifth of the time.
 ///
-/// Does nothing where the C library is not glibc, of which older versions take no higher threshold than 32 MiB.
+/// Does nothing without glibc. Older versions of glibc accept no threshold above 32 MiB, which is therefore set first.
 pub fn keep_freed_memory() {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
     for (option, value) in [

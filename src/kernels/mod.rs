@@ -1,4 +1,4 @@
-//! Own CPU operations plugged into burn, and the only `unsafe` code of the crate.
+//! Our own CPU operations for burn, and the only `unsafe` code of the crate.
 //!
 //! burn's flex backend spends four times `PyTorch`'s time on a dense 3x3 convolution; [`conv3x3()`] is on par.
 //! [`lift_pool()`] pools lifted image features without building the list of weighted points.

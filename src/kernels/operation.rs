@@ -1,7 +1,7 @@
-//! How an own operation enters burn: on `Device::flex()`, with autodiff or without.
+//! How our own operations enter burn: on `Device::flex()`, with autodiff or without.
 //!
 //! An [`Operation`] says what it computes and what its gradients are; [`run`] runs it and, with autodiff, records it.
-//! Every other device runs burn's own operations: [`is_own`] tells where ours can run.
+//! Every other device runs the operations of burn: [`is_own`] tells where ours can run.
 
 use std::fmt::Debug;
 
@@ -15,7 +15,7 @@ use burn::tensor::{DType, Device, Shape, Tensor, TensorData};
 
 type FlexAutodiff = Autodiff<Flex, NoCheckpointing>;
 
-/// Whether an own operation can run on a tensor.
+/// Whether our operations can run on a tensor.
 pub(super) fn is_own<const D: usize>(x: &Tensor<D>) -> bool {
     // `==` on devices compares the hardware and leaves autodiff aside.
     x.device() == Device::flex() && x.dtype() == DType::F32 && x.shape().num_elements() > 0
@@ -35,7 +35,7 @@ pub(super) trait Operation<const N: usize>: Debug + Send + 'static {
 
 /// The values of a contiguous tensor.
 pub(super) fn values(tensor: &FlexTensor) -> &[f32] {
-    tensor.as_slice().expect("own operations run on f32 only, made contiguous")
+    tensor.as_slice().expect("`run` makes tensors contiguous, and `is_own` asks for f32")
 }
 
 /// The sizes of a tensor's axes.
@@ -80,12 +80,12 @@ impl Operand {
     }
 }
 
-/// The outputs of an operation, to be taken one after the other.
+/// The outputs of an operation, in order.
 pub(super) struct Outputs(std::vec::IntoIter<Operand>);
 
 impl Outputs {
     pub fn next<const D: usize>(&mut self) -> Tensor<D> {
-        self.0.next().expect("the operation has this output").into_tensor()
+        self.0.next().expect("callers know how many outputs there are").into_tensor()
     }
 }
 
@@ -96,7 +96,7 @@ pub(super) fn run<O: Operation<N>, const N: usize>(operation: O, inputs: [Operan
     }
     let inputs = inputs.map(|input| match input {
         Operand::Plain(tensor) => tensor.to_contiguous(),
-        Operand::Autodiff(_) => unreachable!("none is, by the lines above"),
+        Operand::Autodiff(_) => unreachable!("then `record` runs it"),
     });
     let outputs: Vec<Operand> = operation.forward(inputs).0.into_iter().map(Operand::Plain).collect();
     Outputs(outputs.into_iter())

@@ -9,7 +9,7 @@ const LINE_FLOATS: usize = 16;
 #[repr(C, align(64))]
 struct Line([f32; LINE_FLOATS]);
 
-/// A buffer that only grows. What it holds between calls is stale, never uninitialised.
+/// A buffer that only grows. Between calls its contents are stale, never uninitialised.
 #[derive(Default)]
 pub(super) struct Buffer(Vec<Line>);
 

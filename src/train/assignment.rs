@@ -1,4 +1,4 @@
-//! Which query answers for which object: Hungarian matching on the costs of TransFusion (Bai et al. 2022).
+//! The match of queries and objects: Hungarian matching on the costs of TransFusion (Bai et al. 2022).
 //!
 //! Cost of a query and an object: class (focal, alpha 0.25, gamma 2) + L1 distance of the centres in bird's-eye
 //! view, each axis over the map's length, - IoU of the boxes in 3D; each with its weight from the config.
@@ -10,7 +10,7 @@ use crate::model::coder::{CODE_SIZE, decode};
 use crate::model::{ModelConfig, Query};
 use crate::object::LabelledObject;
 
-/// Pairs `(query, object)` of one sample, each object with one query as long as queries last.
+/// Pairs `(query, object)` of one sample: each object gets one query, as long as there are queries left.
 ///
 /// `codes` is `[query, CODE_SIZE]`, `logits` `[query, class]`.
 #[must_use]
@@ -58,7 +58,7 @@ fn costs(
     costs
 }
 
-/// Cost of calling a query's class right rather than wrong (focal loss, alpha 0.25, gamma 2).
+/// Cost of a query's class score: the focal loss (alpha 0.25, gamma 2) of the right answer less that of the wrong one.
 fn focal_cost(logit: f64) -> f64 {
     let p = 1.0 / (1.0 + (-logit).exp());
     let right = -(p + 1e-12).ln() * 0.25 * (1.0 - p).powi(2);

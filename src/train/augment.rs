@@ -13,10 +13,10 @@ use crate::random::Rng;
 use crate::sample::EgoState;
 use crate::zone::{Zone, ZoneError};
 
-/// An aimed steering angle leads the zone to an object, off by at most this many metres to a side.
+/// An aimed steering angle leads the zone to an object, at most this many metres to a side of it.
 const AIM_SPREAD_M: f64 = 4.0;
 
-/// The objects of one sample as labelled for each of its states.
+/// The objects of one sample, labelled for each of its states.
 pub type ObjectsByState = Vec<Vec<LabelledObject>>;
 
 /// How one sample is shown to the network this time.
@@ -26,7 +26,7 @@ pub struct TrainView {
     pub mirror: bool,
     /// The states before reflection; the recorded one is the first.
     pub states: Vec<EgoState>,
-    /// The objects as labelled for each state, reflected with `mirror`.
+    /// The objects with their labels for each state; reflected where `mirror` is set.
     pub objects: ObjectsByState,
 }
 
@@ -61,7 +61,7 @@ pub fn draw(
     Ok(TrainView { mirror, states, objects: labelled })
 }
 
-/// A state with another speed and steering angle.
+/// Draws another speed and steering angle.
 fn redraw(
     recorded: &EgoState,
     objects: &[LabelledObject],

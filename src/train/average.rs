@@ -29,7 +29,7 @@ impl Average {
         &self.detector
     }
 
-    /// Takes in the weights after update `n` (0 for the first); `latest` is in inference mode.
+    /// Moves towards the weights after update `n` (0 for the first); `latest` is in inference mode.
     pub fn update(&mut self, latest: &Detector, n: usize) {
         let decay = self.decay.min((1.0 + n as f64) / (10.0 + n as f64));
         let mut collected = Collected { values: Vec::new() };
@@ -39,7 +39,7 @@ impl Average {
     }
 }
 
-/// All parameters in the module's order, on their device, as rows of numbers whatever their shape.
+/// All parameters in the order of the module, each flattened to a row, on their device.
 struct Collected {
     values: Vec<Tensor<1>>,
 }

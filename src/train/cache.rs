@@ -7,7 +7,7 @@ use std::sync::{Mutex, PoisonError};
 
 use crate::model::{Input, InputError};
 
-/// What an input was prepared from and how.
+/// The sample that an input was prepared from, and how.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Key {
     pub sample_idx: usize,

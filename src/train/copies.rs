@@ -24,7 +24,7 @@ pub fn average_statistics(detector: Detector, copies: &[Detector]) -> Detector {
     let share = 1.0 / copies.len() as f32;
     let mut means = Means { ids: statistics.ids, share, by_id: HashMap::new() };
     for copy in copies {
-        // The copy for inference has taken in what the forward pass put off.
+        // Only the copy for inference holds the statistics of the latest forward pass.
         copy.valid().visit(&mut means);
     }
     detector.map(&mut SetStatistics { means: means.by_id })
@@ -43,8 +43,8 @@ impl ModuleVisitor for Statistics {
     }
 }
 
-/// Means over copies, as the first copy's values and the mean difference from them: equal values stay
-/// what they are to the bit. They stay on the device, as rows of numbers whatever their shape.
+/// Means over copies, as the first copy's values and the mean difference from them: equal values stay equal to the bit.
+/// They stay on the device, each flattened to a row.
 struct Means {
     ids: HashSet<ParamId>,
     share: f32,

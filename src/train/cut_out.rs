@@ -12,11 +12,11 @@ use crate::sample::Measured;
 
 /// An object with fewer points is not worth pasting.
 const MIN_POINTS_OF_DONOR: u32 = 8;
-/// Margin to the edge of the cloud.
+/// Margin to the edges of the cloud.
 const EDGE_RAD: f64 = 3.0 * std::f64::consts::PI / 180.0;
-/// Lower points in a donor's box are the ground's.
+/// Lower points in a donor's box belong to the ground.
 pub const ABOVE_GROUND_M: f64 = 0.05;
-/// Taller things do not lie about.
+/// Taller objects are not tipped over.
 const MAX_HEIGHT_OF_TIPPED_M: f64 = 2.5;
 const INTENSITY_SPREAD: f64 = 0.4;
 

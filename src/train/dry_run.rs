@@ -1,4 +1,4 @@
-//! What a training run would be, without training: parameters, tensors, memory, steps.
+//! A training run described before it starts: parameters, tensors, memory, steps.
 
 use std::fmt;
 
@@ -19,12 +19,12 @@ pub struct DryRun {
     pub parameters: Vec<Part>,
     pub n_parameters: usize,
     pub tensors: Vec<StepTensor>,
-    /// Of a training step with the camera, where there is one.
+    /// Of a training step, with the camera where the network has one.
     pub memory: Memory,
     pub batch_size: usize,
     /// Batches of a step.
     pub accumulate: usize,
-    /// Speeds and steering angles asked about for each sample.
+    /// Speeds and steering angles for each sample.
     pub n_states: usize,
     pub stages: Vec<StageSteps>,
     pub n_steps: usize,
@@ -46,7 +46,7 @@ pub struct Memory {
     pub optimizer: usize,
     /// The moving average of the parameters.
     pub average: usize,
-    /// What autodiff keeps for the backward pass, of all batches that pass side by side.
+    /// Tensors that autodiff keeps for the backward pass, of all batches that run in parallel.
     pub activations: usize,
     pub total: usize,
 }
@@ -60,7 +60,7 @@ pub struct StageSteps {
 }
 
 impl DryRun {
-    /// Looks ahead at a run over a dataset.
+    /// Describes a run over a dataset.
     ///
     /// # Errors
     /// The dataset has no training samples.
@@ -72,8 +72,8 @@ impl DryRun {
         Ok(Self::new(config, dataset.samples().len(), [camera.width_px, camera.height_px]))
     }
 
-    /// Looks ahead at a run over `n_samples` samples with images of `image_px` (width, height). The config has
-    /// passed its check.
+    /// Describes a run over `n_samples` samples with images of `image_px` (width, height). The config has passed its
+    /// check.
     #[must_use]
     pub fn new(config: &TrainConfig, n_samples: usize, image_px: [u32; 2]) -> Self {
         let detector = Detector::init(&config.model, config.seed, &Device::flex().autodiff());
@@ -174,24 +174,24 @@ mod tests {
     }
 
     #[test]
-    fn what_it_tells_of_small() {
+    fn text_for_small() {
         insta::assert_snapshot!(of(ModelConfig::default(), 1001));
     }
 
     #[test]
-    fn what_it_tells_of_paper() {
+    fn text_for_paper() {
         insta::assert_snapshot!(of(ModelConfig::paper(), 1001));
     }
 
     #[test]
-    fn what_it_tells_machines() {
+    fn json() {
         let config = TrainConfig {
             model: ModelConfig { use_camera: false, ..ModelConfig::default() },
             fused_stage: StageConfig { epochs: 0, ..TrainConfig::default().fused_stage },
             ..TrainConfig::default()
         };
-        let told = serde_json::to_string_pretty(&DryRun::new(&config, 3, [800, 450])).unwrap();
-        insta::assert_snapshot!(told);
+        let text = serde_json::to_string_pretty(&DryRun::new(&config, 3, [800, 450])).unwrap();
+        insta::assert_snapshot!(text);
     }
 
     /// The published counts (ANCHORS of BEVFusion's two repositories): 39.8 M in all.

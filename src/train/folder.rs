@@ -19,7 +19,7 @@ pub const CONFIG_FILE: &str = "train.toml";
 /// Name of the file that says which data a run saw.
 pub const DATA_FILE: &str = "data.json";
 
-/// How a run may treat what it finds in its folder, and whom it tells.
+/// What a run does with an earlier run in its folder, and after each validation.
 #[derive(Clone, Copy, Default)]
 pub struct TrainOptions<'a> {
     /// Discard a run of another config.
@@ -66,7 +66,7 @@ pub fn open(
             }
         }
     } else if fs::read_dir(out)?.any(|entry| {
-        // A run that was stopped while it began leaves only these.
+        // A run that was stopped at its very beginning leaves only these.
         entry.is_ok_and(|entry| {
             let name = entry.file_name();
             name != DATA_FILE && !name.to_string_lossy().ends_with(files::PARTIAL_SUFFIX)

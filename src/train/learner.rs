@@ -15,7 +15,7 @@ use crate::model::Detector;
 
 /// A detector in training.
 pub struct Learner {
-    /// `None` only while a step has it.
+    /// `None` only during a step.
     detector: Option<Detector>,
     optimizer: Optimizer,
     average: Average,
@@ -23,7 +23,7 @@ pub struct Learner {
 }
 
 impl Learner {
-    /// For a detector on an autodiff device; `average` is its moving average so far, on the inference device.
+    /// Goes on with a detector on an autodiff device; `average` is its moving average so far, on the inference device.
     #[must_use]
     pub fn new(detector: Detector, average: Detector, optimizer: Optimizer, config: &TrainConfig) -> Self {
         Self {
@@ -34,7 +34,7 @@ impl Learner {
         }
     }
 
-    /// For a detector that has not been trained yet.
+    /// Starts with a detector that has not been trained yet.
     #[must_use]
     pub fn start(detector: Detector, config: &TrainConfig) -> Self {
         let average = detector.valid();

@@ -41,8 +41,8 @@ impl LossParts {
     }
 }
 
-/// The head's loss for a batch; `objects` holds the trainable objects `[batch][state]`. The heatmap is
-/// drawn for a sample's first state.
+/// Computes the loss of the head for a batch; `objects` holds the trainable objects `[batch][state]`. The heatmap is
+/// that of each sample's first state.
 #[must_use]
 pub fn losses(
     output: &Output,
@@ -74,7 +74,7 @@ fn heatmap_loss(
     )
 }
 
-/// The Gaussian focal loss of a map, over the number of ones in its target, at least one.
+/// The Gaussian focal loss of a map, divided by the number of ones in its target (at least one).
 fn gaussian_focal(logits: Tensor<4>, target: Tensor<4>) -> Tensor<1> {
     // Scores are clipped as published, so that a map that is far off keeps a finite loss.
     let p = sigmoid(logits).clamp(1e-4, 1.0 - 1e-4);
@@ -136,7 +136,7 @@ fn query_losses(
     (harm, box_l1(output.boxes.clone(), target, weight, n_matched))
 }
 
-/// The sigmoid focal loss, alpha 0.25, gamma 2, over the number of matched queries, at least one.
+/// The sigmoid focal loss, alpha 0.25, gamma 2, divided by the number of matched queries (at least one).
 fn sigmoid_focal(logits: Tensor<3>, target: Tensor<3>, n_matched: usize) -> Tensor<1> {
     let p = sigmoid(logits.clone());
     let not_p = p.clone().neg().add_scalar(1.0);
@@ -145,8 +145,8 @@ fn sigmoid_focal(logits: Tensor<3>, target: Tensor<3>, n_matched: usize) -> Tens
     (positive + negative).sum().div_scalar(-(n_matched.max(1) as f64))
 }
 
-/// The weighted L1 distance of codes, over the number of matched queries, at least one; `weight` is zero for
-/// the others.
+/// The weighted L1 distance of codes, divided by the number of matched queries (at least one); `weight` is zero for the
+/// other queries.
 fn box_l1(codes: Tensor<3>, target: Tensor<3>, weight: Tensor<3>, n_matched: usize) -> Tensor<1> {
     ((codes - target).abs() * weight).sum().div_scalar(n_matched.max(1) as f64)
 }
@@ -209,7 +209,7 @@ mod tests {
         });
     }
 
-    /// A loss and its gradient against a golden case's.
+    /// Compares a loss and its gradient with those of a golden case.
     fn check_golden<const D: usize>(
         golden: &Golden,
         [case, input]: [&str; 2],

@@ -1,5 +1,5 @@
-//! AdamW over a module, with a first beta that may change from step to step, clipping by the norm of all
-//! gradients together and a state that can be kept and loaded bit by bit.
+//! AdamW over a module: the first beta may change from step to step, gradients are clipped by their common norm, and the
+//! state can be saved and loaded bit by bit.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -61,8 +61,8 @@ impl burn::optim::Optimizer for PacedAdamW {
     }
 }
 
-/// AdamW's state. Kept ones are taken up on the CPU, and the next step moves them to their parameter: burn would
-/// take them up on its default device, in a build with a GPU backend a GPU that may not be there.
+/// The state of AdamW. It is loaded on the CPU, and the next step moves it to its parameter: burn would load it on its
+/// default device, which in a build with a GPU backend is a GPU that may not be there.
 #[derive(Clone)]
 struct State<const D: usize>(AdamWState<D>);
 
@@ -93,7 +93,7 @@ impl Optimizer {
         Self { adamw: ModuleOptimizer::from(adamw), beta_1, clip_norm: config.clip_norm }
     }
 
-    /// One step; returns the module and the gradients' norm before clipping.
+    /// Takes one step; returns the module and the norm of the gradients before clipping.
     pub fn step<M: Module>(&mut self, module: M, grads: GradientsParams, pace: Pace) -> (M, f32) {
         let norm = norm(&module, &grads) as f32;
         let mut grads = grads;
@@ -104,18 +104,18 @@ impl Optimizer {
         (self.adamw.step(pace.learning_rate, module, grads), norm)
     }
 
-    /// The state as bytes.
+    /// Packs the state into bytes.
     ///
     /// # Errors
-    /// The library cannot pack it; the text says why.
+    /// burn cannot pack it; the text says why.
     pub fn to_bytes(&self) -> Result<Vec<u8>, String> {
         Ok(self.adamw.into_bytes().map_err(|error| error.to_string())?.to_vec())
     }
 
-    /// Takes up a state of [`Optimizer::to_bytes`].
+    /// Loads a state of [`Optimizer::to_bytes`].
     ///
     /// # Errors
-    /// The bytes are no such state; the text says why.
+    /// The bytes are not such a state; the text says why.
     pub fn load_bytes(self, bytes: Vec<u8>) -> Result<Self, String> {
         let Self { adamw, beta_1, clip_norm } = self;
         let adamw = adamw.from_bytes(Bytes::from_bytes_vec(bytes)).map_err(|error| error.to_string())?;
@@ -132,7 +132,7 @@ fn norm<M: Module>(module: &M, grads: &GradientsParams) -> f64 {
     (of_cpu + of_gpu).sqrt()
 }
 
-/// Sums of squared gradients: on the CPU exactly, on a GPU one number a parameter, to be read all at once.
+/// Sums of squared gradients: exact on the CPU; on a GPU one number for each parameter, all read at once.
 struct Squares<'a> {
     grads: &'a GradientsParams,
     of_cpu: f64,
@@ -150,7 +150,7 @@ impl ModuleVisitor for Squares<'_> {
     }
 }
 
-/// The sum of a number made of each value.
+/// Sums `of` each value.
 fn sum<const D: usize>(tensor: Tensor<D>, of: impl Fn(f64) -> f64) -> f64 {
     let values: Vec<f32> = tensor.into_data().try_to_vec().expect("gradients are f32");
     values.into_iter().map(|value| of(f64::from(value))).sum()
@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn a_state_kept_and_loaded_goes_on_as_if_never_stopped() {
+    fn a_state_saved_and_loaded_goes_on_as_if_never_stopped() {
         let device = test_device().autodiff();
         let config = TrainConfig::default();
         let start = number_parameters(LinearConfig::new(2, 3).init(&device));

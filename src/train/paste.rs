@@ -19,9 +19,9 @@ use crate::random::Rng;
 use crate::sample::{LidarPoint, Measured};
 use crate::zone::{Zone, ZoneError};
 
-/// What must be left of it where it stands.
+/// Fewest points of a pasted object that nothing hides.
 const MIN_VISIBLE_POINTS: usize = 3;
-/// Points this far inside a place make it taken.
+/// Points this far above the ground show that a place is taken.
 const TAKEN_ABOVE_GROUND_M: f64 = 0.3;
 const MAX_POINTS_OF_TAKEN: usize = 2;
 /// Least gap to other objects and to the front bumper.
@@ -29,11 +29,11 @@ const CLEARANCE_M: f64 = 0.3;
 /// Ground height is that of the lowest points this near.
 const GROUND_RADIUS_M: f64 = 2.5;
 const MIN_GROUND_POINTS: usize = 5;
-/// Where the lowest points are this much higher or lower than the object stood, they are no ground for it.
+/// Lowest points that are this much higher or lower than the object stood are not taken for ground.
 const MAX_RISE_M: f64 = 1.5;
-/// Somewhat more than the step between shots of a ring, so that a thing is no sieve.
+/// Somewhat more than the step between shots of a ring, so that no ray passes between the points of an object.
 const AZIMUTH_BIN_RAD: f64 = 0.5 * std::f64::consts::PI / 180.0;
-/// One thing hides another that is this much farther away.
+/// An object hides another that is this much farther away.
 const DEPTH_M: f64 = 0.3;
 /// Donors tried for one object.
 const N_TRIES: usize = 4;
@@ -289,7 +289,7 @@ mod tests {
             let area = test_data::dataset(1).zone().at(&measured.ego_state).unwrap();
             assert_eq!(objects[0].harm, area.harm_of(&of.box_in_ego, of.velocity_in_ego_mps).unwrap().harm);
             harms.insert(objects[0].harm.index());
-            // Ring 7 meets the road behind the car, where the car stands before it no more.
+            // Ring 7 meets the road behind the car; a car in front hides it.
             if center.y().atan2(center.x() - lidar.x).abs() < 0.2 {
                 let n_of_ring = |of: &Measured| of.points.iter().filter(|p| p.ring == 7).count();
                 let n_of_car = inside.iter().filter(|p| p.ring == 7).count();

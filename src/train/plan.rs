@@ -52,7 +52,7 @@ impl Plan {
         }
     }
 
-    /// Steps done before a position, over all stages.
+    /// Number of steps before a position, over all stages.
     pub fn n_done(&self, position: Position) -> usize {
         self.n_steps[..position.stage].iter().sum::<usize>() + position.step
     }
@@ -62,8 +62,8 @@ impl Plan {
         self.samples_of(config.seed, position).chunks(config.batch_size).map(<[usize]>::to_vec).collect()
     }
 
-    /// The samples of a step: a shuffle for each epoch, cut into steps; the last may be short. A share of
-    /// the places goes to samples with something harmful ahead.
+    /// The samples of a step: each epoch is shuffled and cut into steps, of which the last may be short. A share of the
+    /// places goes to samples with something harmful ahead.
     fn samples_of(&self, seed: u64, position: Position) -> Vec<usize> {
         let n_samples = self.n_samples;
         let epoch = position.step / self.steps_per_epoch;

@@ -1,4 +1,4 @@
-//! The training loop: two stages, resumable at any step, the same bytes however often it was stopped.
+//! The training loop: two stages. It can be resumed at any step and gives the same bytes however often it was stopped.
 //!
 //! Named streams of the run's seed give the order and augmentation of every step, so a step depends on its number
 //! alone; a state is saved every `save_every_steps` steps.
@@ -36,14 +36,14 @@ pub struct Summary {
     /// Mean loss over the last epoch.
     pub last_loss: LossParts,
     pub elapsed: Duration,
-    /// Part of it that went into preparing inputs.
+    /// The part of `elapsed` that was spent on preparing inputs.
     pub loading: Duration,
-    /// What was loaded into the image backbone, if this call did.
+    /// Weights that this call loaded into the image backbone.
     pub image_weights: Option<ImageWeightsReport>,
 }
 
-/// Trains a detector; goes on where an earlier call with the same config and data stopped. With
-/// `validation`, the moving average is scored on it between epochs.
+/// Trains a detector; goes on where an earlier call with the same config and data stopped. Scores the moving average on
+/// `validation` between epochs.
 ///
 /// # Errors
 /// [`TrainError`]; what was learnt up to the last saved state stays.

@@ -6,11 +6,11 @@
 //! | `cyclic` | cosine from 1/10 to 1 until the turn, cosine to 1e-5 at the end | 0.9, 0.805 at the turn, 0.9 |
 //! | `warmup_cosine` | cosine from 1 to 1e-3, times a line from 1/3 to 1 over 500 steps | as `cyclic` |
 //!
-//! The turn stands after `rise_share` of the steps, 0.4 as published. `one_cycle` is Smith's (2018). The other two are
+//! The turn comes after `rise_share` of the steps, 0.4 as published. `one_cycle` is Smith's (2018). The other two are
 //! those of BEVFusion's LiDAR and fused stage: mmcv's `cyclic` with its defaults (target ratios 10 and 1e-4 of a base
 //! that is a tenth of the peak, `step_ratio_up` 0.4; momentum ratios 0.85/0.95 and 1 of 0.9), and `CosineAnnealing`
-//! with a linear warm-up from 1/3 and `min_lr_ratio` 1e-3. The cosine goes on at each step, as in mmdet3d's port; mmcv
-//! lets it go on once an epoch.
+//! with a linear warm-up from 1/3 and `min_lr_ratio` 1e-3. The cosine moves at each step, as in mmdet3d's port; mmcv
+//! moves it once an epoch.
 
 use std::f64::consts::PI;
 
@@ -24,7 +24,7 @@ const BETA_1_RATIO: f64 = 0.85 / 0.95;
 const WARMUP_STEPS: f64 = 500.0;
 const WARMUP_RATIO: f64 = 1.0 / 3.0;
 
-/// How a stage's learning rate and beta1 run.
+/// How learning rate and beta1 change over a stage.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Schedule {
@@ -34,7 +34,7 @@ pub enum Schedule {
     WarmupCosine,
 }
 
-/// What the optimizer takes a step with.
+/// Learning rate and beta1 of one step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pace {
     pub learning_rate: f64,
@@ -42,7 +42,8 @@ pub struct Pace {
 }
 
 impl Schedule {
-    /// Pace of step `step` of `n_steps`, which peaks at `peak`; the turn stands after `rise_share` of the steps.
+    /// Computes the pace of step `step` of `n_steps`; the learning rate peaks at `peak`, and the turn comes after
+    /// `rise_share` of the steps.
     #[must_use]
     pub fn pace(self, step: usize, n_steps: usize, peak: f64, rise_share: f64) -> Pace {
         let (here, end) = (step as f64, n_steps as f64);

@@ -1,4 +1,4 @@
-//! One step of a run: its samples prepared and augmented, and the gradients of their loss.
+//! One step of a run: prepares and augments its samples and computes the gradients of their loss.
 
 use std::panic::resume_unwind;
 use std::thread::ScopedJoinHandle;
@@ -23,7 +23,7 @@ use crate::device::is_cpu;
 use crate::model::{Batch, Detector, Input};
 use crate::random;
 
-/// Takes the steps of a run, in any order: a step depends on its position alone.
+/// Computes the steps of a run, in any order: a step depends on its position alone.
 pub struct Steps<'a> {
     plan: &'a Plan,
     dataset: &'a Dataset,
@@ -40,12 +40,12 @@ impl<'a> Steps<'a> {
         Self { plan, dataset, config, device, cache, loading: Duration::ZERO }
     }
 
-    /// Stages need different inputs.
+    /// Empties the cache: stages need different inputs.
     pub fn begin_stage(&self) {
         self.cache.clear();
     }
 
-    /// Gradients of one step, the mean over its batches, and the mean loss.
+    /// Computes the gradients of one step and its loss, both as the mean over its batches.
     ///
     /// # Errors
     /// A sample is broken, or the loss is not finite.
@@ -121,7 +121,7 @@ impl<'a> Steps<'a> {
         }
     }
 
-    /// Forward and backward through one batch.
+    /// Passes forward and backward through one batch.
     fn pass(
         &self,
         detector: Detector,
@@ -130,7 +130,7 @@ impl<'a> Steps<'a> {
         share: f64,
     ) -> Result<(Detector, GradientsParams, LossParts), TrainError> {
         let config = self.config;
-        // What training drops at random depends on the step alone, however often the run was stopped.
+        // So dropout depends on the step alone, however often the run was stopped.
         let name = format!("dropout-{}", STAGES[position.stage]);
         Detector::seed(self.device, random::stream(config.seed, &name, prepared.first_draw as u64).random());
         let loss = losses(&detector.forward(&prepared.batch), &prepared.objects, &config.model, &config.loss);
@@ -142,7 +142,7 @@ impl<'a> Steps<'a> {
         Ok((detector, gradients, loss.parts))
     }
 
-    /// Augments the samples of a batch.
+    /// Augments and prepares the samples of a batch.
     fn prepare(
         &self,
         chosen: &[usize],
@@ -184,8 +184,8 @@ impl<'a> Steps<'a> {
     }
 }
 
-/// Batches of a step that pass side by side: one for each thread, or one at a time where the network drops
-/// parts of itself at random, which comes from one generator, and on a GPU, which one batch keeps busy.
+/// Number of a step's batches that run in parallel: one for each thread. It is 1 where the network has dropout, which
+/// draws from one generator, and on a GPU, which one batch keeps busy.
 #[must_use]
 pub fn n_abreast(config: &TrainConfig, device: &Device) -> usize {
     if config.model.draws_in_training() || !is_cpu(device) {

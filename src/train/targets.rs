@@ -1,4 +1,4 @@
-//! Training targets: the objects to ask for, and the heatmap to draw.
+//! Training targets: the objects that count, and the heatmap.
 //!
 //! A Gaussian stands at each object's cell, its radius from CornerNet's overlap rule (Law and Deng 2018)
 //! at overlap 0.1, at least two cells of the heatmap.
@@ -11,7 +11,7 @@ const MIN_RADIUS: usize = 2;
 /// Overlap of two boxes whose corners lie within the radius.
 const GAUSSIAN_OVERLAP: f64 = 0.1;
 
-/// Objects a detector can be asked for: inside the grid and hit by a LiDAR point, as the evaluation counts.
+/// Picks the objects that a detector is trained on: inside the grid and hit by a LiDAR point, as in the evaluation.
 #[must_use]
 pub fn trainable(objects: &[LabelledObject], grid: &GridConfig) -> Vec<LabelledObject> {
     objects
@@ -110,7 +110,7 @@ mod tests {
     use crate::object::{Harm, Kind};
 
     #[test]
-    fn a_closed_set_is_told_kinds_whatever_the_harm() {
+    fn the_class_of_a_closed_set_is_the_kind_whatever_the_harm() {
         let mut person = car(10.0, 0.0, Harm::Harmful);
         person.truth.kind = Kind::Pedestrian;
         assert_eq!((class_of(&person, Classes::Kind), class_of(&person, Classes::Harm)), (1, 0));
@@ -128,13 +128,13 @@ mod tests {
     }
 
     #[test]
-    fn objects_without_lidar_points_are_not_asked_for() {
+    fn objects_without_lidar_points_are_left_out() {
         let mut unseen = car(10.0, 0.0, Harm::Harmful);
         unseen.truth.n_lidar_points = 0;
-        let kept = trainable(
+        let found = trainable(
             &[unseen, car(70.0, 0.0, Harm::Harmless), car(20.0, 0.0, Harm::Harmless)],
             &GridConfig::default(),
         );
-        assert_eq!(kept.len(), 1);
+        assert_eq!(found.len(), 1);
     }
 }

@@ -15,7 +15,7 @@ use crate::files;
 /// Name of the file.
 pub const TIME_FILE: &str = "time.json";
 
-/// Time that a run took.
+/// Time that a run took so far.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct TrainingTime {
     /// Seconds on the clock, from inputs to the last weights, validation between epochs included.
@@ -44,7 +44,7 @@ impl TrainingTime {
     }
 }
 
-/// Measures one call of a run over what earlier ones took.
+/// Measures one call of a run, on top of the earlier ones.
 pub struct Stopwatch {
     earlier: TrainingTime,
     wall: Instant,

@@ -1,7 +1,7 @@
 //! The whole `small` detector and its training loss against the twin in PyTorch, `tests/golden/torch_small.py`:
 //! from points and picture to boxes, and from the loss back to every weight.
 //!
-//! Both sides make weights and inputs alike from names (`formula`); the golden file holds what came out.
+//! Both sides make the same weights and inputs from names (`formula`); the golden file holds the outputs.
 
 use burn::module::{Module, ModuleVisitor, Param};
 use burn::tensor::{Tensor, TensorData};
@@ -24,8 +24,8 @@ const N_STATES: usize = 2;
 const N_CROWDED: usize = 600;
 const N_OBJECTS: usize = 5;
 const HEATMAP_BIAS: f32 = -2.2;
-/// Values that the golden file keeps of a gradient, evenly over the tensor.
-const N_KEPT: usize = 48;
+/// Number of values of a gradient in the golden file, evenly over the tensor.
+const N_SAMPLED: usize = 48;
 const TOLERANCE: f64 = 1e-4;
 
 /// A config and its inputs, as in the script.
@@ -168,7 +168,7 @@ fn assert_output(output: &Output, golden: &Golden, prefix: &str) {
     }
 }
 
-/// Compares kept values of each weight's gradient on the scale of its largest one; the number of weights.
+/// Compares some values of each weight's gradient on the scale of its largest one; returns the number of weights.
 fn assert_gradients(detector: &Detector, loss: Tensor<1>, golden: &Golden, prefix: &str) -> usize {
     let mut n_compared = 0;
     for (name, found) in formula::gradients(detector.clone(), &loss.backward()) {
@@ -182,10 +182,10 @@ fn assert_gradients(detector: &Detector, loss: Tensor<1>, golden: &Golden, prefi
         // rounding, and compared on the scale of the weight beside it.
         let scale = largest_of(&name.replace("key.bias", "key.weight"));
         let expected = golden.numbers(&format!("{prefix}.gradient.{name}"));
-        let kept: Vec<f32> = found.iter().copied().step_by(found.len().div_ceil(N_KEPT)).collect();
-        assert!(scale > 0.0 && kept.len() == expected.len(), "{what}");
+        let sampled: Vec<f32> = found.iter().copied().step_by(found.len().div_ceil(N_SAMPLED)).collect();
+        assert!(scale > 0.0 && sampled.len() == expected.len(), "{what}");
         let largest = found.iter().fold(0f32, |largest, value| largest.max(value.abs()));
-        let pairs = kept.into_iter().zip(expected).chain([(largest, largest_of(&name))]);
+        let pairs = sampled.into_iter().zip(expected).chain([(largest, largest_of(&name))]);
         for (i, (a, b)) in pairs.enumerate() {
             let error = (f64::from(a) - b).abs() / scale;
             assert!(error <= TOLERANCE, "{what}: value {i} is {a}, expected {b}; off by {error:.1e}");
@@ -195,7 +195,7 @@ fn assert_gradients(detector: &Detector, loss: Tensor<1>, golden: &Golden, prefi
     n_compared
 }
 
-/// Both stages in training, then inference or the gradients, against the golden file.
+/// Compares both stages in training, then inference or the gradients, with the golden file.
 fn check(case: &Case, with_gradients: bool) {
     let golden = Golden::read("small");
     let device = test_device().autodiff();
@@ -275,10 +275,10 @@ impl ModuleVisitor for Statistics<'_> {
     }
 
     fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
-        const WATCHED: [&str; 4] =
+        const COMPARED: [&str; 4] =
             ["lidar.Pillars.point_norm", "camera.Cnn.smooth.norm", "fuser.norm", "head.heatmap_hidden.norm"];
         let name = self.path.join(".");
-        if WATCHED.iter().any(|norm| name.starts_with(norm)) && name.contains(".running_") {
+        if COMPARED.iter().any(|norm| name.starts_with(norm)) && name.contains(".running_") {
             assert_close(
                 &param.val(),
                 &self.golden.tensor(&format!("{}.{name}", self.prefix), &test_device()),

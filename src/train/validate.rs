@@ -1,4 +1,4 @@
-//! Scores on the validation split while a run goes on.
+//! Scores on the validation split during a run.
 
 use burn::tensor::Device;
 
@@ -18,8 +18,7 @@ pub enum ValidationError {
     Score(#[from] ScoreError),
 }
 
-/// Scores a detector in inference mode on a split, with the default protocol; without the camera as long as
-/// that has not been trained.
+/// Scores a detector in inference mode on a split with the default protocol; without the camera until that is trained.
 ///
 /// # Errors
 /// A sample is broken, or its boxes cannot be scored.

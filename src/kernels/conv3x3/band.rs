@@ -84,7 +84,7 @@ impl Layout {
     }
 }
 
-/// Packs the rows that output rows from `first_row` on read, of image `image`; rows outside are zero.
+/// Packs the rows of image `image` that the output rows from `first_row` on read; rows outside are zero.
 #[inline(always)]
 pub(super) fn pack(source: &Planes, layout: &Layout, image: usize, first_row: usize, packed: &mut [f32]) {
     let Planes { values, channels, height_px, width_px, split, lead } = *source;
@@ -117,7 +117,7 @@ pub(super) fn pack(source: &Planes, layout: &Layout, image: usize, first_row: us
     }
 }
 
-/// Deals pixels 1, 3, 5.. to `even` (after a zero) and 0, 2, 4.. to `odd`: parities count the padding.
+/// Copies pixels 1, 3, 5.. to `even` (after a zero) and 0, 2, 4.. to `odd`: parities count the padding.
 #[inline(always)]
 fn split_columns(pixels: &[f32], even: &mut [f32], odd: &mut [f32]) {
     even[0] = 0.0;

@@ -48,7 +48,7 @@ pub fn conv3x3_scale_shift_relu(
     run(Conv3x3ScaleShiftRelu { stride }, [x.into(), w.into(), scale.into(), shift.into()]).next()
 }
 
-/// Whether the kernels here can convolve these; burn's operations serve the rest.
+/// Whether the kernels here can convolve these; burn's operations do the rest.
 ///
 /// # Panics
 /// As for [`conv3x3`].

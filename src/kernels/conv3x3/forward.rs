@@ -5,7 +5,7 @@ use super::band::Planes;
 use super::tiles::{Convolution, Phase, pack_weights};
 use crate::kernels::simd::InstructionSet;
 
-/// What follows a convolution: `max(0, scale y + shift)`, a scale and a shift for each output channel.
+/// The step after a convolution: `max(0, scale y + shift)`, a scale and a shift for each output channel.
 #[derive(Clone, Copy)]
 pub(in crate::kernels) struct ScaleShiftRelu<'a> {
     pub scale: &'a [f32],

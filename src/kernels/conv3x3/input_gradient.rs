@@ -1,4 +1,4 @@
-//! The gradient of the input: again a convolution, of the output's gradient.
+//! The gradient of the input: a convolution of the output's gradient.
 //!
 //! Stride 1: with the kernel turned by 180 degrees. Stride 2: each parity of input row and column is
 //! reached by its own few taps, which gives four phases of 1, 2, 2 and 4 taps.

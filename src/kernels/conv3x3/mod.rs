@@ -23,8 +23,7 @@ use forward::{ScaleShiftRelu, forward};
 use input_gradient::input_gradient;
 use weight_gradient::weight_gradient;
 
-/// Bytes of packed input that a task works on at a time: what a second-level cache of 512 kB holds beside
-/// the weights.
+/// Bytes of packed input that a task works on at a time: they fit beside the weights in a second-level cache of 512 kB.
 const BAND_BYTES: usize = 400 << 10;
 
 /// Sizes of one convolution; all at least 1.

@@ -1,17 +1,17 @@
-//! One register tile: products of some input channels added up, and what becomes of the sums.
+//! One register tile: adds up the products of some input channels and stores the sums.
 
 use crate::kernels::simd::{Scalar, Simd, lanes};
 
 /// Vectors of pixels in a register tile.
 pub(super) const TILE_VECTORS: usize = 3;
 
-/// What sums begin with.
+/// The start of the sums.
 #[derive(Clone, Copy)]
 pub(super) enum Start {
     Zero,
     /// A value for each row.
     Shift(*const f32),
-    /// What the pass before left.
+    /// The sums of the pass before.
     Tile,
 }
 
@@ -23,7 +23,7 @@ pub(super) struct Pass<'a, const TAPS: usize> {
     pub offsets: &'a [usize; TAPS],
     pub weights: *const f32,
     pub start: Start,
-    /// Whether only what is positive stays.
+    /// Whether negative sums become zero.
     pub has_relu: bool,
     pub tile: *const f32,
     pub target: *mut f32,
@@ -34,9 +34,9 @@ impl<const TAPS: usize> Pass<'_, TAPS> {
     /// Adds the products to the sums of ROWS output channels by VECTORS vectors of pixels.
     ///
     /// # Safety
-    /// Readable are VECTORS vectors of pixels at each tap of each channel,
-    /// `n_channels * TAPS * ROWS` weights, and, where sums start there, ROWS shifts or the tile (rows TILE_VECTORS
-    /// vectors apart); writable are VECTORS vectors in each of ROWS rows of `target`.
+    /// These are readable: VECTORS vectors of pixels at each tap of each channel, `n_channels * TAPS * ROWS` weights, and,
+    /// where sums start there, ROWS shifts or the tile (rows TILE_VECTORS vectors apart). VECTORS vectors are writable in
+    /// each of ROWS rows of `target`.
     #[inline(always)]
     pub unsafe fn run<S: Simd, const ROWS: usize, const VECTORS: usize>(self) {
         // SAFETY: every access is one of those listed above.

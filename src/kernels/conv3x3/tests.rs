@@ -37,7 +37,7 @@ const SHAPES: [Shape; 18] = [
     shape(1, 3, 16, 225, 400, 2),
 ];
 
-/// Those that can be waited for: Miri takes about a second for a thousand products.
+/// The shapes to test; under Miri only the small ones: it takes about a second for a thousand products.
 fn shapes() -> impl Iterator<Item = Shape> {
     let n_products = |shape: &Shape| shape.n_outputs() * shape.channels_in * 9;
     SHAPES.into_iter().filter(move |shape| !cfg!(miri) || n_products(shape) < 70_000)

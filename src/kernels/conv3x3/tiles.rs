@@ -26,7 +26,7 @@ pub(super) struct Phase {
     pub x: usize,
 }
 
-/// What to convolve, and into what.
+/// The input, output and sizes of a convolution.
 pub(super) struct Convolution<'a> {
     pub source: Planes<'a>,
     pub batch: usize,
@@ -38,8 +38,8 @@ pub(super) struct Convolution<'a> {
     pub upscale: usize,
     pub out_height_px: usize,
     pub out_width_px: usize,
-    /// Of each output channel, `[channel_out]`: added to the sums, of which then only what is positive stays.
-    /// `None` leaves the sums as they are.
+    /// A shift of each output channel, `[channel_out]`: it is added to the sums, and negative sums become zero. `None`
+    /// leaves the sums as they are.
     pub shift_relu: Option<&'a [f32]>,
 }
 
@@ -167,7 +167,7 @@ impl Kernel for Band<'_> {
         pack(&convolution.source, layout, image, first_row, packed);
         let n_blocks = convolution.channels_out.div_ceil(ROWS);
         let tiles = scratch.b.get(n_blocks * ROWS * TILE_VECTORS * LANES);
-        // A strip is what tiles may run along: all rows if flat, else one.
+        // Tiles run along a strip: all rows if flat, else one.
         let n_strips = if layout.is_flat { 1 } else { n_rows };
         for y in 0..n_strips {
             let packed = &packed[y * layout.row..];
@@ -247,7 +247,7 @@ impl Strip<'_> {
         let pass_channels = (144 / TAPS).min(64).min(channels_in);
         let end = if layout.is_flat { self.n_rows * layout.width } else { c.columns };
 
-        // The bounds that the unsafe blocks below rely on.
+        // The unsafe blocks below rely on these bounds.
         assert!(self.phase.weights.len() == n_blocks * channels_in * TAPS * ROWS);
         assert!(self.tiles.len() >= n_blocks * ROWS * tile_len);
         assert!((self.image + 1) * c.channels_out * plane <= self.output.len);

@@ -102,7 +102,7 @@ impl Kernel for Part<'_> {
 }
 
 impl Part<'_> {
-    /// Adds what output rows `y..y + n_rows` of one image contribute.
+    /// Adds the products of output rows `y..y + n_rows` of one image.
     #[inline(always)]
     fn add_rows<S: Simd, const ROWS: usize, const LANES: usize>(
         &mut self,
@@ -150,7 +150,7 @@ impl Part<'_> {
             planes.interleave::<ROWS>(packed, 0, out_width_px);
         }
 
-        // The bounds that the unsafe block relies on: the last pixel's third column, and the sums.
+        // The unsafe block relies on these bounds: the last pixel's third column, and the sums.
         assert!((out_width_px - 1) * stride + 3 <= padded_width);
         assert!(self.sums.len() == blocks_in * 9 * blocks_out * ROWS * LANES);
         for block_in in 0..blocks_in {
@@ -194,8 +194,7 @@ impl Tile {
     /// Adds the products of all pixels to `sums`, `[ROWS][3][LANES]`.
     ///
     /// # Safety
-    /// Of each row, three vectors of x are readable at each pixel and ROWS
-    /// floats of dy; `sums` is readable and writable.
+    /// In each row, three vectors of x are readable at each pixel, and ROWS floats of dy; `sums` is readable and writable.
     #[inline(always)]
     unsafe fn add<S: Simd, const ROWS: usize>(self, sums: *mut f32) {
         // SAFETY: every access is one of those listed above.

@@ -10,7 +10,7 @@ use burn::tensor::{IndexingUpdateOp, Int, Tensor, TensorData};
 use super::PoolPlan;
 use crate::kernels::operation::{Operation, dims, is_own, run, tensor, values};
 
-/// Points that the generic way weighs at a time: 21 MB at 80 channels.
+/// Points that `by_scatter` weighs at a time: 21 MB at 80 channels.
 const POINTS_PER_CHUNK: usize = 1 << 16;
 
 /// Pools each sample's lifted features into bird's-eye cells.
@@ -40,7 +40,7 @@ pub fn lift_pool(depth: Tensor<3>, context: Tensor<3>, plans: &[Arc<PoolPlan>]) 
     run(LiftPool { plans: plans.into() }, [depth.into(), context.into()]).next()
 }
 
-/// The same by gathering and scattering, on any device.
+/// Pools by gathering and scattering, on any device.
 fn by_scatter(depth: Tensor<3>, context: Tensor<3>, plans: &[Arc<PoolPlan>], n_cells: usize) -> Tensor<3> {
     let [n_batch, n_pixels, n_bins] = depth.dims();
     let [_, _, n_channels] = context.dims();

@@ -20,7 +20,7 @@ const CELLS_PER_TASK: usize = 256;
 /// Partial sums of a dot product, for the compiler to keep in vectors.
 const LANES: usize = 16;
 
-/// Which frustum point falls into which cell.
+/// The cell of each frustum point.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct PoolPlan {
     n_bins: usize,

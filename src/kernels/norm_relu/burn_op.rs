@@ -9,7 +9,7 @@ use super::{Forward, Shape, forward, gradients, scale_shift};
 use crate::kernels::operation::{Operation, dims, is_own, run, tensor, values};
 use crate::kernels::simd::InstructionSet;
 
-/// A normed batch and its statistics.
+/// A normalized batch and its statistics.
 pub struct Normed {
     /// As the input.
     pub output: Tensor<4>,
@@ -19,7 +19,7 @@ pub struct Normed {
     pub variance: Tensor<1>,
 }
 
-/// Norms a batch by its own statistics, then cuts off what is negative.
+/// Normalizes a batch by its own statistics, then sets negative values to zero.
 ///
 /// # Shapes
 /// - x: `[batch, channel, y, x]`
@@ -35,7 +35,7 @@ pub fn norm_relu(x: Tensor<4>, gamma: Tensor<1>, beta: Tensor<1>, epsilon: f64) 
     Normed { output: outputs.next(), mean: outputs.next(), variance: outputs.next() }
 }
 
-/// Scales and shifts each channel, then cuts off what is negative: batch norm at inference. Without gradients.
+/// Scales and shifts each channel, then sets negative values to zero: batch norm at inference. Without gradients.
 ///
 /// # Shapes
 /// - x: `[batch, channel, y, x]`

@@ -10,7 +10,7 @@
 //! ReLU lets through, `gamma / sqrt(var + epsilon) (g - mean(g) - h mean(g h))`.
 //!
 //! Images are dense `[batch, channel, y, x]`. Sums run in lanes whose number only the instruction set
-//! decides, one channel by one thread, so that results are equal to the bit whatever the number of threads.
+//! decides, one channel on one thread, so that results are equal to the bit whatever the number of threads.
 
 #[cfg(not(miri))]
 mod burn_op;
@@ -45,7 +45,7 @@ impl Shape {
         planes
     }
 
-    /// The same, to be written.
+    /// As [`Self::by_channel`], mutable.
     fn by_channel_mut(self, values: &mut [f32]) -> Vec<Vec<&mut [f32]>> {
         let mut planes: Vec<Vec<&mut [f32]>> =
             (0..self.channels).map(|_| Vec::with_capacity(self.batch)).collect();
@@ -56,7 +56,7 @@ impl Shape {
     }
 }
 
-/// What the forward pass of a batch leaves.
+/// The result of the forward pass.
 struct Forward {
     /// As x.
     y: Vec<f32>,

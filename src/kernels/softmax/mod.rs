@@ -5,7 +5,7 @@
 //! ```
 //!
 //! The exponential is 2^n times a polynomial of the rest (Cephes' `expf`, relative error under 2e-7). Sums run
-//! in lanes whose number only the instruction set decides, one row by one thread, so that results are
+//! in lanes whose number only the instruction set decides, one row on one thread, so that results are
 //! equal to the bit whatever the number of threads.
 
 #[cfg(not(miri))]
@@ -108,7 +108,7 @@ fn fold<const LANES: usize>(a: &[f32], b: &[f32], start: f32, of: impl Fn(f32, f
     a_rest.iter().zip(b_rest).fold(joined, |joined, (&a, &b)| of(joined, a, b))
 }
 
-/// `exp(x)` for x at most 0; what is below -87 counts as -87 (1.6e-38).
+/// `exp(x)` for x at most 0; values below -87 count as -87 (1.6e-38).
 #[inline(always)]
 fn exp_of_negative(x: f32) -> f32 {
     // Adding and taking away 1.5 x 2^23 rounds to an integer, which the sum then holds in its low bits.

@@ -1,6 +1,6 @@
 //! The sparse convolution as a burn operation with gradients.
 //!
-//! For the backward pass it keeps input and matrices alone: rows are gathered anew. Devices other than `Device::flex()`
+//! For the backward pass it keeps only input and matrices, and gathers rows anew. Devices other than `Device::flex()`
 //! run burn's own operations on the rulebook's index tensors, whose graph keeps the gathered rows.
 
 use std::sync::Arc;

@@ -1,4 +1,4 @@
-//! The products of a sparse convolution on slices, block by block so that what is gathered stays in cache.
+//! The products of a sparse convolution on slices, block by block so that gathered rows stay in cache.
 //!
 //! Blocks do not depend on the number of threads, and each is summed in the order of the offsets: results
 //! repeat bit by bit.

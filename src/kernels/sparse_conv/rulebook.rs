@@ -82,7 +82,7 @@ impl Rulebook {
     }
 }
 
-/// A way to read the pairs: from inputs to outputs, or back, as the input's gradient goes.
+/// Direction in which the pairs are read: from inputs to outputs, or back, as for the gradient of the input.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Direction {
     Forward,

@@ -1,4 +1,4 @@
-//! As `src/kernels/mod.rs`, without burn.
+//! The kernels of `src/kernels/mod.rs`, without burn.
 
 #[path = "../../../src/kernels/conv3x3/mod.rs"]
 mod conv3x3;
