@@ -1,30 +1,30 @@
-//! Measurements as messages and back, exactly; what no consumer could use is a [`Fault`].
+//! Measurements as messages and back, exactly; what no consumer could use is a [`MessageFault`].
 
 use foxglove::messages as fox;
 use foxglove::messages::packed_element_field::NumericType;
 use nalgebra::{Isometry3, Quaternion, Translation3, Unit};
 
-use super::error::Fault;
+use super::error::MessageFault;
 use super::messages::{fox_identity, fox_parts, fox_time, own_time, wire};
 use crate::geometry::{Camera, Ego, Frame, Lidar, Pinhole, Transform, World};
 use crate::sample::{EgoState, EncodedImage, ImageFormat, LidarPoint, Measured};
 
 pub(super) const FINITE: &str = "a finite number is needed";
 
-pub(super) fn check_finite(field: &'static str, found: f64) -> Result<(), Fault> {
-    if found.is_finite() { Ok(()) } else { Err(Fault::new(field, found, FINITE)) }
+pub(super) fn check_finite(field: &'static str, found: f64) -> Result<(), MessageFault> {
+    if found.is_finite() { Ok(()) } else { Err(MessageFault::new(field, found, FINITE)) }
 }
 
 /// Whether every number of the measurement is one that a reader will take.
-pub(super) fn check_measured(measured: &Measured) -> Result<(), Fault> {
+pub(super) fn check_measured(measured: &Measured) -> Result<(), MessageFault> {
     check_state(&measured.ego_state)?;
     check_pinhole(&measured.intrinsics)
 }
 
-fn check_pinhole(pinhole: &Pinhole) -> Result<(), Fault> {
+fn check_pinhole(pinhole: &Pinhole) -> Result<(), MessageFault> {
     for (field, focal_px) in [("K[0]", pinhole.fx_px), ("K[4]", pinhole.fy_px)] {
         if !(focal_px.is_finite() && focal_px > 0.0) {
-            return Err(Fault::new(field, focal_px, "a focal length above zero is needed"));
+            return Err(MessageFault::new(field, focal_px, "a focal length above zero is needed"));
         }
     }
     check_finite("K[2]", pinhole.cx_px)?;
@@ -34,7 +34,7 @@ fn check_pinhole(pinhole: &Pinhole) -> Result<(), Fault> {
 /// The ego's state has the same fields in a message.
 macro_rules! state_fields {
     ($($field:ident),*) => {
-        fn check_state(state: &EgoState) -> Result<(), Fault> {
+        fn check_state(state: &EgoState) -> Result<(), MessageFault> {
             $(check_finite(stringify!($field), state.$field)?;)*
             Ok(())
         }
@@ -43,7 +43,7 @@ macro_rules! state_fields {
             wire::EgoState { timestamp: Some(own_time(time_ns)), $($field: state.$field),* }
         }
 
-        pub(super) fn state_of(message: &wire::EgoState) -> Result<EgoState, Fault> {
+        pub(super) fn state_of(message: &wire::EgoState) -> Result<EgoState, MessageFault> {
             let state = EgoState { $($field: message.$field),* };
             check_state(&state)?;
             Ok(state)
@@ -86,16 +86,16 @@ pub(super) fn pose_message(time_ns: u64, world_from_ego: &Transform<World, Ego>)
 /// The transform between two frames that a `/tf` message holds.
 pub(super) fn transform_of<A: Frame, B: Frame>(
     message: &fox::FrameTransforms,
-) -> Result<Transform<A, B>, Fault> {
+) -> Result<Transform<A, B>, MessageFault> {
     let found = message
         .transforms
         .iter()
         .find(|one| one.parent_frame_id == A::NAME && one.child_frame_id == B::NAME)
         .ok_or_else(|| {
-            Fault::new("transforms", format!("without {} -> {}", A::NAME, B::NAME), "it is needed")
+            MessageFault::new("transforms", format!("without {} -> {}", A::NAME, B::NAME), "it is needed")
         })?;
     let (Some(t), Some(r)) = (&found.translation, &found.rotation) else {
-        return Err(Fault::new("transforms", "incomplete", "translation and rotation are needed"));
+        return Err(MessageFault::new("transforms", "incomplete", "translation and rotation are needed"));
     };
     let rotation = Quaternion::new(r.w, r.x, r.y, r.z);
     [("translation.x", t.x), ("translation.y", t.y), ("translation.z", t.z)]
@@ -103,7 +103,7 @@ pub(super) fn transform_of<A: Frame, B: Frame>(
         .try_for_each(|(field, found)| check_finite(field, found))?;
     // Kept as written, bit by bit, so it must be a rotation already.
     if !((rotation.norm() - 1.0).abs() < 1e-6) {
-        return Err(Fault::new("rotation", rotation, "a quaternion of length 1 is needed"));
+        return Err(MessageFault::new("rotation", rotation, "a quaternion of length 1 is needed"));
     }
     let isometry = Isometry3::from_parts(Translation3::new(t.x, t.y, t.z), Unit::new_unchecked(rotation));
     Ok(Transform::from_isometry(isometry))
@@ -122,11 +122,11 @@ pub(super) fn image_message(time_ns: u64, image: &EncodedImage) -> fox::Compress
     }
 }
 
-pub(super) fn image_of(message: fox::CompressedImage) -> Result<EncodedImage, Fault> {
+pub(super) fn image_of(message: fox::CompressedImage) -> Result<EncodedImage, MessageFault> {
     let format = match message.format.as_str() {
         "jpeg" | "jpg" => ImageFormat::Jpeg,
         "png" => ImageFormat::Png,
-        other => return Err(Fault::new("format", other, "jpeg or png is needed")),
+        other => return Err(MessageFault::new("format", other, "jpeg or png is needed")),
     };
     Ok(EncodedImage { format, bytes: message.data.into() })
 }
@@ -147,12 +147,12 @@ pub(super) fn camera_message(time_ns: u64, camera: &Pinhole) -> fox::CameraCalib
 }
 
 #[expect(clippy::similar_names, reason = "the usual names of the intrinsics")]
-pub(super) fn camera_of(message: &fox::CameraCalibration) -> Result<Pinhole, Fault> {
+pub(super) fn camera_of(message: &fox::CameraCalibration) -> Result<Pinhole, MessageFault> {
     let [fx_px, _, cx_px, _, fy_px, cy_px, ..] = *message.k.as_slice() else {
-        return Err(Fault::new("K", format!("{:?}", message.k), "nine numbers are needed"));
+        return Err(MessageFault::new("K", format!("{:?}", message.k), "nine numbers are needed"));
     };
     if message.d.iter().any(|&coefficient| coefficient != 0.0) {
-        return Err(Fault::new(
+        return Err(MessageFault::new(
             "D",
             format!("{:?}", message.d),
             "a rectified image without distortion is needed",
@@ -201,14 +201,18 @@ pub(super) fn cloud_message(time_ns: u64, points: &[LidarPoint]) -> fox::PointCl
     }
 }
 
-pub(super) fn points_of(message: &fox::PointCloud) -> Result<Vec<LidarPoint>, Fault> {
+pub(super) fn points_of(message: &fox::PointCloud) -> Result<Vec<LidarPoint>, MessageFault> {
     if message.fields != point_fields() || message.point_stride as usize != POINT_STRIDE {
         let found: Vec<&str> = message.fields.iter().map(|field| field.name.as_str()).collect();
         let wanted = "x, y, z, intensity (float32) and ring (uint16), packed in 18 bytes, are needed";
-        return Err(Fault::new("fields", format!("{found:?} in {} bytes", message.point_stride), wanted));
+        return Err(MessageFault::new(
+            "fields",
+            format!("{found:?} in {} bytes", message.point_stride),
+            wanted,
+        ));
     }
     if !message.data.len().is_multiple_of(POINT_STRIDE) {
-        return Err(Fault::new(
+        return Err(MessageFault::new(
             "data",
             format!("{} bytes", message.data.len()),
             "a multiple of 18 is needed",

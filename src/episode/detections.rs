@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::archive::ArchiveWriter;
-use super::error::{EpisodeError, Fault};
+use super::error::{EpisodeError, MessageFault};
 use super::messages::wire;
 use super::sidecar::{SidecarReader, SidecarSample};
 use super::topics::{self, Topic};
@@ -22,7 +22,7 @@ impl SidecarSample for SampleDetections {
     const TOPIC: Topic<wire::Detections> = topics::DETECTIONS;
     const RECORD: &'static str = "detections";
 
-    fn from_message(time_ns: u64, message: wire::Detections) -> Result<Self, Fault> {
+    fn from_message(time_ns: u64, message: wire::Detections) -> Result<Self, MessageFault> {
         let read = |(i, detection): (usize, &wire::Detection)| {
             objects::detection_of(detection).map_err(|fault| fault.of(&i.to_string()))
         };

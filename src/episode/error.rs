@@ -7,7 +7,7 @@ use thiserror::Error;
 /// A value that no consumer could use, found before writing or on reading.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[error("{}`{field}` is {found}; {wanted}", object.as_ref().map(|id| format!("object `{id}`: ")).unwrap_or_default())]
-pub struct Fault {
+pub struct MessageFault {
     /// The object's id (for detections its index), where the value belongs to one.
     pub object: Option<String>,
     pub field: &'static str,
@@ -16,7 +16,7 @@ pub struct Fault {
     pub wanted: &'static str,
 }
 
-impl Fault {
+impl MessageFault {
     pub(super) fn new(field: &'static str, found: impl ToString, wanted: &'static str) -> Self {
         Self { object: None, field, found: found.to_string(), wanted }
     }
@@ -50,7 +50,7 @@ pub enum EpisodeError {
     #[error("sample {sample_idx}: a message is no valid protobuf ({source}): {}", path.display())]
     Decode { sample_idx: usize, source: prost::DecodeError, path: PathBuf },
     #[error("episode `{episode}`, sample {sample_idx}: {fault}: {}", path.display())]
-    Invalid { episode: String, sample_idx: usize, fault: Box<Fault>, path: PathBuf },
+    Invalid { episode: String, sample_idx: usize, fault: Box<MessageFault>, path: PathBuf },
     #[error("sample {sample_idx} is at {found_ns} ns, not after {before_ns} ns: {}", path.display())]
     TimeOrder { sample_idx: usize, found_ns: u64, before_ns: u64, path: PathBuf },
     #[error("there is no sample {sample_idx}; the file has {n_samples}: {}", path.display())]
@@ -66,7 +66,7 @@ pub enum EpisodeError {
 
 impl EpisodeError {
     /// Puts a fault in its place.
-    pub(super) fn invalid(episode: &str, sample_idx: usize, path: &Path) -> impl Fn(Fault) -> Self {
+    pub(super) fn invalid(episode: &str, sample_idx: usize, path: &Path) -> impl Fn(MessageFault) -> Self {
         move |fault| Self::Invalid {
             episode: episode.to_owned(),
             sample_idx,

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::archive::ArchiveWriter;
-use super::error::{EpisodeError, Fault};
+use super::error::{EpisodeError, MessageFault};
 use super::messages::{own_time, wire};
 use super::sidecar::{SidecarReader, SidecarSample};
 use super::topics::{self, Topic};
@@ -43,7 +43,7 @@ impl SidecarSample for SampleLabels {
     const TOPIC: Topic<wire::HarmLabels> = topics::HARM_LABELS;
     const RECORD: &'static str = "labels";
 
-    fn from_message(time_ns: u64, message: wire::HarmLabels) -> Result<Self, Fault> {
+    fn from_message(time_ns: u64, message: wire::HarmLabels) -> Result<Self, MessageFault> {
         let corner = |corner: wire::Point2| Point2 { x_m: corner.x_m, y_m: corner.y_m };
         let label = |label: wire::HarmLabel| {
             let harm = objects::harm_of(label.harm).map_err(|fault| fault.of(&label.id))?;
@@ -54,7 +54,7 @@ impl SidecarSample for SampleLabels {
             time_ns,
             zone_name: message.zone_name,
             zone_corners: message.zone.into_iter().map(corner).collect(),
-            labels: message.labels.into_iter().map(label).collect::<Result<_, Fault>>()?,
+            labels: message.labels.into_iter().map(label).collect::<Result<_, MessageFault>>()?,
         };
         labels.check()?;
         Ok(labels)
@@ -79,7 +79,7 @@ impl SampleLabels {
         }
     }
 
-    fn check(&self) -> Result<(), Fault> {
+    fn check(&self) -> Result<(), MessageFault> {
         for corner in &self.zone_corners {
             convert::check_finite("zone.x_m", corner.x_m)?;
             convert::check_finite("zone.y_m", corner.y_m)?;
@@ -96,16 +96,20 @@ impl SampleLabels {
     }
 
     /// Each object of the sample with its label, if the labels are usable and the sample's own.
-    fn check_against<'a>(&self, sample: &'a Sample) -> Result<Vec<(&'a ObjectTruth, Harm)>, Fault> {
+    fn check_against<'a>(&self, sample: &'a Sample) -> Result<Vec<(&'a ObjectTruth, Harm)>, MessageFault> {
         self.check()?;
         if self.time_ns != sample.measured.time_ns {
-            return Err(Fault::new("time_ns", self.time_ns, "the sample's time is needed"));
+            return Err(MessageFault::new("time_ns", self.time_ns, "the sample's time is needed"));
         }
         let truths = &sample.truth.objects;
         let same_ids = self.labels.iter().map(|label| &label.id).eq(truths.iter().map(|object| &object.id));
         if !same_ids {
             let found = format!("{} labels for {} objects", self.labels.len(), truths.len());
-            return Err(Fault::new("labels", found, "one for each object, in the sample's order, is needed"));
+            return Err(MessageFault::new(
+                "labels",
+                found,
+                "one for each object, in the sample's order, is needed",
+            ));
         }
         Ok(truths.iter().zip(self.labels.iter().map(|label| label.harm)).collect())
     }

@@ -22,7 +22,7 @@ mod writer;
 
 pub use detections::{DetectionReader, DetectionWriter, SampleDetections};
 pub use drawing::MapDrawing;
-pub use error::{EpisodeError, Fault};
+pub use error::{EpisodeError, MessageFault};
 pub use labels::{LabelReader, LabelWriter, ObjectLabel, SampleLabels};
 pub use manifest::{EpisodeEntry, LabelManifest, Manifest, ManifestError, Split};
 pub use meta::{EpisodeMeta, SourceMeta};

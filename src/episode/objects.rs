@@ -1,7 +1,7 @@
-//! Objects and detections as messages and back, exactly; what no consumer could use is a [`Fault`].
+//! Objects and detections as messages and back, exactly; what no consumer could use is a [`MessageFault`].
 
 use super::convert::{FINITE, check_finite};
-use super::error::Fault;
+use super::error::MessageFault;
 use super::messages::{own_time, wire};
 use crate::geometry::{Box3, BoxError, Ego, Frame, Point};
 use crate::object::{Detection, Distribution, Event, Harm, Kind, ObjectTruth};
@@ -16,10 +16,10 @@ macro_rules! enum_numbers {
             .into()
         }
 
-        pub(super) fn $from(number: i32) -> Result<$name, Fault> {
+        pub(super) fn $from(number: i32) -> Result<$name, MessageFault> {
             match wire::$name::try_from(number) {
                 $(Ok(wire::$name::$variant) => Ok($name::$variant),)*
-                _ => Err(Fault::new($field, number, $wanted)),
+                _ => Err(MessageFault::new($field, number, $wanted)),
             }
         }
     };
@@ -101,7 +101,7 @@ pub(super) fn objects_message(time_ns: u64, objects: &[ObjectTruth]) -> wire::Ob
     wire::Objects { timestamp: Some(own_time(time_ns)), objects: objects.collect() }
 }
 
-pub(super) fn object_of(message: wire::Object) -> Result<ObjectTruth, Fault> {
+pub(super) fn object_of(message: wire::Object) -> Result<ObjectTruth, MessageFault> {
     let (box_in_ego, velocity_in_ego_mps) = box_of!(message);
     let read = || {
         let kind = kind_of(message.kind)?;
@@ -110,7 +110,7 @@ pub(super) fn object_of(message: wire::Object) -> Result<ObjectTruth, Fault> {
         check_box(&box_in_ego, velocity_in_ego_mps)?;
         Ok((kind, distribution, event))
     };
-    let (kind, distribution, event) = read().map_err(|fault: Fault| fault.of(&message.id))?;
+    let (kind, distribution, event) = read().map_err(|fault: MessageFault| fault.of(&message.id))?;
     Ok(ObjectTruth {
         id: message.id,
         category: message.category,
@@ -135,29 +135,31 @@ pub(super) fn detections_message(time_ns: u64, detections: &[Detection]) -> wire
     wire::Detections { timestamp: Some(own_time(time_ns)), detections: detections.collect() }
 }
 
-fn check_box<F: Frame>(found: &Box3<F>, velocity_mps: [f64; 2]) -> Result<(), Fault> {
+fn check_box<F: Frame>(found: &Box3<F>, velocity_mps: [f64; 2]) -> Result<(), MessageFault> {
     found.check().map_err(|error| match error {
-        BoxError::NotFinite { field, found } => Fault::new(field, found, FINITE),
-        BoxError::NotPositive { field, found } => Fault::new(field, found, "a size above zero is needed"),
+        BoxError::NotFinite { field, found } => MessageFault::new(field, found, FINITE),
+        BoxError::NotPositive { field, found } => {
+            MessageFault::new(field, found, "a size above zero is needed")
+        }
     })?;
     check_finite("vx_mps", velocity_mps[0])?;
     check_finite("vy_mps", velocity_mps[1])
 }
 
 /// Whether every number of an object is one that a reader will take.
-pub(super) fn check_object(object: &ObjectTruth) -> Result<(), Fault> {
+pub(super) fn check_object(object: &ObjectTruth) -> Result<(), MessageFault> {
     check_box(&object.box_in_ego, object.velocity_in_ego_mps).map_err(|fault| fault.of(&object.id))
 }
 
-pub(super) fn check_detection(detection: &Detection) -> Result<(), Fault> {
+pub(super) fn check_detection(detection: &Detection) -> Result<(), MessageFault> {
     check_box(&detection.box_in_ego, detection.velocity_in_ego_mps)?;
     if !(0.0..=1.0).contains(&detection.score) {
-        return Err(Fault::new("score", detection.score, "a number from 0 to 1 is needed"));
+        return Err(MessageFault::new("score", detection.score, "a number from 0 to 1 is needed"));
     }
     Ok(())
 }
 
-pub(super) fn detection_of(message: &wire::Detection) -> Result<Detection, Fault> {
+pub(super) fn detection_of(message: &wire::Detection) -> Result<Detection, MessageFault> {
     let (box_in_ego, velocity_in_ego_mps) = box_of!(message);
     let harm = harm_of(message.harm)?;
     let detection = Detection { box_in_ego, velocity_in_ego_mps, harm, score: message.score };

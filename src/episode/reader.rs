@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::archive_reader::Archive;
-use super::error::{EpisodeError, Fault};
+use super::error::{EpisodeError, MessageFault};
 use super::{EpisodeMeta, convert, objects, topics};
 use crate::sample::{Measured, Sample, Truth};
 
@@ -120,7 +120,7 @@ impl EpisodeReader {
         let camera = messages.one(topics::CAMERA_INFO)?;
         let cloud = messages.one(topics::LIDAR)?;
         let truth = messages.one(topics::OBJECTS)?;
-        let build = || -> Result<Sample, Fault> {
+        let build = || -> Result<Sample, MessageFault> {
             let measured = Measured {
                 time_ns,
                 ego_state: convert::state_of(&state)?,

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::SourceMeta;
 use super::archive_reader::Archive;
-use super::error::{EpisodeError, Fault};
+use super::error::{EpisodeError, MessageFault};
 use super::messages::TopicMessage;
 use super::topics::Topic;
 
@@ -16,7 +16,7 @@ pub trait SidecarSample: Sized {
     const RECORD: &'static str;
 
     /// The sample that a message holds, if every value is usable.
-    fn from_message(time_ns: u64, message: Self::Message) -> Result<Self, Fault>;
+    fn from_message(time_ns: u64, message: Self::Message) -> Result<Self, MessageFault>;
 }
 
 /// A file beside an episode, read whole.

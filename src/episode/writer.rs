@@ -6,7 +6,7 @@ use fs_err as fs;
 
 use super::archive::ArchiveWriter;
 use super::drawing::{self, MapDrawing};
-use super::error::{EpisodeError, Fault};
+use super::error::{EpisodeError, MessageFault};
 use super::manifest::ObjectCounts;
 use super::{EpisodeMeta, convert, objects, topics};
 use crate::files::sha256_hex;
@@ -111,17 +111,17 @@ impl EpisodeWriter {
 }
 
 /// Whether a reader will take the sample.
-fn check(sample: &Sample) -> Result<(), Fault> {
+fn check(sample: &Sample) -> Result<(), MessageFault> {
     convert::check_measured(&sample.measured)?;
     sample.truth.objects.iter().try_for_each(objects::check_object)?;
     check_ids(sample)
 }
 
-fn check_ids(sample: &Sample) -> Result<(), Fault> {
+fn check_ids(sample: &Sample) -> Result<(), MessageFault> {
     let mut ids: Vec<&str> = sample.truth.objects.iter().map(|object| object.id.as_str()).collect();
     ids.sort_unstable();
     match ids.windows(2).find(|pair| pair[0] == pair[1]) {
-        Some(pair) => Err(Fault::new("id", "there twice", "each object needs its own").of(pair[0])),
+        Some(pair) => Err(MessageFault::new("id", "there twice", "each object needs its own").of(pair[0])),
         None => Ok(()),
     }
 }

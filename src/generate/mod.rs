@@ -26,7 +26,7 @@ use thiserror::Error;
 pub use config::{ALL, AnnotationConfig, CheckedConfig, GenerateConfig, RenderConfig, RendererName};
 pub use plan::{EpisodePlan, plan};
 pub use preset::Preset;
-pub use run::{RunOptions, Summary, run};
+pub use run::{GenerateSummary, RunOptions, run};
 
 use crate::config::InvalidConfig;
 use crate::episode::{EpisodeError, ManifestError};

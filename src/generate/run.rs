@@ -29,7 +29,7 @@ pub struct RunOptions {
 
 /// What a run made.
 #[derive(Debug, Clone, Serialize)]
-pub struct Summary {
+pub struct GenerateSummary {
     pub folder: PathBuf,
     pub n_episodes: usize,
     /// Episodes that were there already.
@@ -52,7 +52,7 @@ pub fn run(
     out: &Path,
     options: &RunOptions,
     progress: &dyn Progress,
-) -> Result<Summary, GenerateError> {
+) -> Result<GenerateSummary, GenerateError> {
     let checked = CheckedConfig::try_from(config)?;
     let config = &checked.raw;
     // An unknown town is told at once, before the folder is touched.
@@ -141,7 +141,7 @@ impl Shared<'_> {
     }
 }
 
-fn summarise(manifest: &Manifest, folder: &Path, n_kept: usize) -> Summary {
+fn summarise(manifest: &Manifest, folder: &Path, n_kept: usize) -> GenerateSummary {
     let mut n_objects = ObjectCounts::default();
     for entry in &manifest.episodes {
         for distribution in [Distribution::Id, Distribution::Ood] {
@@ -150,7 +150,7 @@ fn summarise(manifest: &Manifest, folder: &Path, n_kept: usize) -> Summary {
             }
         }
     }
-    Summary {
+    GenerateSummary {
         folder: folder.to_owned(),
         n_episodes: manifest.episodes.len(),
         n_kept,
@@ -160,7 +160,7 @@ fn summarise(manifest: &Manifest, folder: &Path, n_kept: usize) -> Summary {
     }
 }
 
-impl fmt::Display for Summary {
+impl fmt::Display for GenerateSummary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [n_train, n_val, n_test] = self.n_by_split;
         writeln!(f, "{}", self.folder.display())?;

@@ -9,7 +9,7 @@ use crate::object::{Distribution, Kind};
 
 /// The result of labelling a data set; every annotated box counts once in each sample it is in.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Summary {
+pub struct LabelSummary {
     /// Name of the label set.
     pub set: String,
     /// Whether the set was there already, complete and made with the same zone: nothing was written.
@@ -37,7 +37,7 @@ pub fn count_of(counts: &LabelCounts, distribution: Option<Distribution>, kind: 
     sum
 }
 
-impl fmt::Display for Summary {
+impl fmt::Display for LabelSummary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.was_complete {
             writeln!(f, "label set `{}` is complete and of the same zone; nothing to do", self.set)?;
@@ -85,7 +85,7 @@ mod tests {
         }
         counts.ood.static_object.add(Harm::Harmful);
         let summary =
-            Summary { set: "rect".into(), was_complete: false, n_episodes: 1, n_samples: 2, counts };
+            LabelSummary { set: "rect".into(), was_complete: false, n_episodes: 1, n_samples: 2, counts };
         let table = summary.to_string();
         assert!(table.contains("2 samples, 5 objects (2.5 a sample)"), "{table}");
         assert!(table.contains("40.0%") && table.contains("25.0%") && table.contains("100.0%"), "{table}");

@@ -7,5 +7,5 @@ mod run;
 
 pub use apply::SampleError;
 pub use compare::{MOVING_MPS, ZoneComparison, ZoneCounts, compare};
-pub use counts::{Summary, count_of};
+pub use counts::{LabelSummary, count_of};
 pub use run::{LabelError, run};

@@ -8,7 +8,7 @@ use fs_err as fs;
 use thiserror::Error;
 
 use super::apply::{SampleError, label_sample};
-use super::counts::Summary;
+use super::counts::LabelSummary;
 use crate::config;
 use crate::episode::manifest::{
     EpisodeEntry, LabelCounts, LabelEntry, LabelManifest, Manifest, ManifestError,
@@ -53,7 +53,7 @@ pub fn run(
     set: &str,
     force: bool,
     progress: &dyn Progress,
-) -> Result<Summary, LabelError> {
+) -> Result<LabelSummary, LabelError> {
     let is_word = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
     if set.is_empty() || !set.chars().all(is_word) {
         return Err(LabelError::SetName { found: set.to_owned() });
@@ -157,8 +157,8 @@ fn count(counts: &mut LabelCounts, object: &crate::object::ObjectTruth, harm: cr
     counts.get_mut(object.distribution).get_mut(object.kind).add(harm);
 }
 
-fn summary(labels: &LabelManifest, was_complete: bool) -> Summary {
-    Summary {
+fn summary(labels: &LabelManifest, was_complete: bool) -> LabelSummary {
+    LabelSummary {
         set: labels.set.clone(),
         was_complete,
         n_episodes: labels.episodes.len(),

@@ -10,6 +10,6 @@ mod silhouette;
 mod weather;
 
 pub use rig::Rig;
-pub use rig_config::{CameraConfig, LidarConfig, LidarPreset, RigConfig};
+pub use rig_config::{LidarPreset, RigCameraConfig, RigConfig, RigLidarConfig};
 pub use silhouette::silhouette_px;
 pub use weather::{SUN_AZIMUTH_RAD, UnknownWeather, Weather, WeatherOverride, WeatherState};

@@ -5,7 +5,7 @@
 use nalgebra::Vector3;
 
 use super::lidar::Pattern;
-use super::rig_config::{LidarConfig, RigConfig};
+use super::rig_config::{RigConfig, RigLidarConfig};
 use crate::config::{Check, InvalidConfig};
 use crate::geometry::{Camera, Ego, Lidar, Pinhole, Transform};
 
@@ -19,7 +19,7 @@ pub struct Rig {
     pub pattern: Pattern,
     pub n_rings: usize,
     /// With values in their ranges.
-    pub lidar: LidarConfig,
+    pub lidar: RigLidarConfig,
 }
 
 impl TryFrom<&RigConfig> for Rig {

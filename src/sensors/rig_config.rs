@@ -9,14 +9,14 @@ use crate::config::{Check, Rule, SHARE, below, define_config, from_to, part};
 define_config! {
     /// Camera and LiDAR as the config file states them.
     pub struct RigConfig {
-        camera: CameraConfig = CameraConfig::default(), in part::<CameraConfig>();
-        lidar: LidarConfig = LidarConfig::default(), in part::<LidarConfig>();
+        camera: RigCameraConfig = RigCameraConfig::default(), in part::<RigCameraConfig>();
+        lidar: RigLidarConfig = RigLidarConfig::default(), in part::<RigLidarConfig>();
     }
 }
 
 define_config! {
     /// The front camera; its optical axis lies in the ego's x-z plane.
-    pub struct CameraConfig {
+    pub struct RigCameraConfig {
         /// nuScenes' front camera: 1.7 m ahead of the rear axle, 1.5 m up.
         x_m: f64 = 1.7, in PLACE;
         y_m: f64 = 0.0, in PLACE;
@@ -64,7 +64,7 @@ fn even(n: u32, low: f64, high: f64) -> Vec<f64> {
 
 define_config! {
     /// The LiDAR; its axes are parallel to the ego's.
-    pub struct LidarConfig {
+    pub struct RigLidarConfig {
         preset: LidarPreset = LidarPreset::Hdl32e;
         /// One's own beams in place of the preset's: elevations in degrees, rising.
         #[serde(skip_serializing_if = "Vec::is_empty")]

@@ -25,7 +25,7 @@ pub use self::echo::Reflector;
 use self::fog::SoftReturns;
 pub use self::pattern::{Pattern, is_in_view};
 use self::rain::Drops;
-use super::rig_config::LidarConfig;
+use super::rig_config::RigLidarConfig;
 use super::weather::WeatherState;
 use crate::random::{self, Rng};
 use crate::sample::LidarPoint;
@@ -62,7 +62,7 @@ pub struct LidarReturn {
 /// The sensor of one episode in its weather.
 #[derive(Debug, Clone)]
 pub struct Receiver {
-    config: LidarConfig,
+    config: RigLidarConfig,
     state: WeatherState,
     min_power: f64,
     soft_returns: Option<SoftReturns>,
@@ -74,7 +74,7 @@ pub struct Receiver {
 
 impl Receiver {
     /// A sensor with `n_rings` beams; its own flaws and all noise come from the seed.
-    pub fn new(config: &LidarConfig, n_rings: usize, state: &WeatherState, seed: u64) -> Self {
+    pub fn new(config: &RigLidarConfig, n_rings: usize, state: &WeatherState, seed: u64) -> Self {
         let min_power = 0.1 / config.sure_range_m.powi(2);
         let mut rng = random::stream(seed, "lidar-rings", 0);
         let rings = (0..n_rings).map(|_| {

@@ -6,15 +6,15 @@ use super::*;
 use crate::sensors::{Rig, RigConfig, Weather, WeatherOverride};
 
 /// A sensor without flaws of its own.
-fn quiet() -> LidarConfig {
-    LidarConfig {
+fn quiet() -> RigLidarConfig {
+    RigLidarConfig {
         max_range_m: 100.0,
         range_noise_m: 0.0,
         ring_bias_m: 0.0,
         dropout: 0.0,
         dropout_spread: 0.0,
         attenuation_per_m: 0.0,
-        ..LidarConfig::default()
+        ..RigLidarConfig::default()
     }
 }
 
@@ -23,7 +23,7 @@ fn wall(range_m: f64, reflectivity: f64) -> Hit {
 }
 
 /// `n` equal rays on one hit.
-fn shots(config: &LidarConfig, state: &WeatherState, hit: Hit, n: usize) -> Vec<LidarReturn> {
+fn shots(config: &RigLidarConfig, state: &WeatherState, hit: Hit, n: usize) -> Vec<LidarReturn> {
     let pattern = Pattern { directions: vec![Vector3::x(); n], rings: vec![0; n] };
     Receiver::new(config, 1, state, 7).returns(&pattern, &vec![hit; n], 0)
 }
@@ -47,7 +47,7 @@ fn half_the_reflectivity_at_sixty_degrees_gives_a_quarter_of_the_intensity() {
 
 #[test]
 fn a_wall_returns_its_distance_within_the_noise() {
-    let config = LidarConfig { range_noise_m: 0.02, dropout: 0.1, ..quiet() };
+    let config = RigLidarConfig { range_noise_m: 0.02, dropout: 0.1, ..quiet() };
     let n = 20_000;
     let found = shots(&config, &clear(), wall(20.0, 0.5), n);
     assert!((found.len() as f64 / n as f64 - 0.9).abs() < 0.01, "{}", found.len());
@@ -59,7 +59,7 @@ fn a_wall_returns_its_distance_within_the_noise() {
 
 #[test]
 fn mean_intensity_on_a_wall_falls_with_range_as_the_formula_says() {
-    let config = LidarConfig { range_noise_m: 0.02, attenuation_per_m: 0.004, ..quiet() };
+    let config = RigLidarConfig { range_noise_m: 0.02, attenuation_per_m: 0.004, ..quiet() };
     for state in [clear(), fog_of(300.0)] {
         for range_m in [5.0, 20.0, 40.0, 60.0] {
             let found = shots(&config, &state, wall(range_m, 0.6), 2000);
@@ -144,7 +144,7 @@ fn a_wet_road_returns_less_than_a_dry_one_and_a_wet_wall_as_much() {
 
 #[test]
 fn rings_differ_in_offset_and_dropout_as_stated() {
-    let config = LidarConfig { ring_bias_m: 0.05, dropout: 0.2, dropout_spread: 0.5, ..quiet() };
+    let config = RigLidarConfig { ring_bias_m: 0.05, dropout: 0.2, dropout_spread: 0.5, ..quiet() };
     let n = 4000;
     let rings: Vec<u16> = (0..32).flat_map(|ring| std::iter::repeat_n(ring, n)).collect();
     let pattern = Pattern { directions: vec![Vector3::x(); rings.len()], rings };
