@@ -32,7 +32,7 @@ struct Drive {
 
 /// Whether two bodies overlap by more than [`MAX_DEPTH_M`].
 fn is_deep(a: &Footprint, b: &Footprint) -> bool {
-    let (a, b) = (a.grown(-MAX_DEPTH_M / 2.0), b.grown(-MAX_DEPTH_M / 2.0));
+    let (a, b) = (a.grow(-MAX_DEPTH_M / 2.0), b.grow(-MAX_DEPTH_M / 2.0));
     (a.center - b.center).norm() < a.radius_m() + b.radius_m()
         && convex_overlap_area(&a.corners(), &b.corners()) > 1e-6
 }

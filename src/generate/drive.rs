@@ -350,7 +350,7 @@ mod tests {
         let ground = drive.traffic.footprints();
         for thing in free {
             let at = drive.poses[thing.body].translation.vector.xy();
-            assert!(ground.iter().any(|body| body.grown(0.5).contains(at)), "nobody sees what lies at {at}");
+            assert!(ground.iter().any(|body| body.grow(0.5).contains(at)), "nobody sees what lies at {at}");
         }
     }
 }

@@ -122,7 +122,8 @@ impl<'a> Recording<'a> {
             rig_toml: to_toml(&raw.rig),
             n_samples: raw.samples as usize,
         };
-        let route: Vec<[f64; 2]> = world.ego_route.path.sampled(20.0).iter().map(|at| [at.x, at.y]).collect();
+        let route: Vec<[f64; 2]> =
+            world.ego_route.path.points_every(20.0).iter().map(|at| [at.x, at.y]).collect();
         let map = map::drawing(&town.graph, &town.surface.ground, &route, MAP_REACH_M);
         let size_px = (raw.rig.camera.width_px as usize, raw.rig.camera.height_px as usize);
         let aov = || AovWriter::create(folder, &plan.name, size_px, world.objects());

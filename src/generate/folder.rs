@@ -24,7 +24,7 @@ pub(super) fn open(
     let mut manifest = Manifest::new(sha256_hex(config_toml.as_bytes()), seed, ood);
     let config_path = folder.join(CONFIG_FILE);
     if config_path.is_file() {
-        match kept(folder, config_toml, &manifest, plans) {
+        match find_whole_episodes(folder, config_toml, &manifest, plans) {
             Ok(entries) => manifest.episodes = entries,
             Err(_) if force => clear(folder)?,
             Err(error) => return Err(error),
@@ -40,7 +40,7 @@ pub(super) fn open(
 }
 
 /// The entries of an earlier run of the same data set whose files are as they were written.
-fn kept(
+fn find_whole_episodes(
     folder: &Path,
     config_toml: &str,
     wanted: &Manifest,

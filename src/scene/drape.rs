@@ -53,7 +53,7 @@ impl Drape<'_> {
                 let cell = [low[0] + PIECE_M * i as f64, low[1] + PIECE_M * j as f64];
                 let mut piece = corners.to_vec();
                 for (axis, from) in cell.into_iter().enumerate() {
-                    piece = clipped(&clipped(&piece, axis, from, 1.0), axis, from + PIECE_M, -1.0);
+                    piece = clip(&clip(&piece, axis, from, 1.0), axis, from + PIECE_M, -1.0);
                 }
                 let textured: Vec<_> = piece
                     .iter()
@@ -92,7 +92,7 @@ fn add_kerb(kerb: &mut TriangleMesh, (from, from_m): (Vec2, f64), (to, to_m): (V
 }
 
 /// The part of a convex polygon where `sign * (x[axis] - bound) >= 0` (Sutherland and Hodgman, 1974).
-fn clipped(corners: &[Vec2], axis: usize, bound: f64, sign: f64) -> Vec<Vec2> {
+fn clip(corners: &[Vec2], axis: usize, bound: f64, sign: f64) -> Vec<Vec2> {
     let inside = |point: Vec2| sign * (point[axis] - bound);
     let mut kept = Vec::with_capacity(corners.len() + 1);
     for (i, &to) in corners.iter().enumerate() {
@@ -115,9 +115,9 @@ mod tests {
     #[test]
     fn a_clipped_square_keeps_its_near_half() {
         let square = [(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)].map(|(x, y)| Vec2::new(x, y));
-        let half = clipped(&square, 0, 1.0, -1.0);
+        let half = clip(&square, 0, 1.0, -1.0);
         assert_eq!(half.len(), 4);
         assert!(half.iter().all(|corner| corner.x <= 1.0));
-        assert!(clipped(&square, 1, 3.0, 1.0).is_empty());
+        assert!(clip(&square, 1, 3.0, 1.0).is_empty());
     }
 }

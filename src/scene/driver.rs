@@ -181,7 +181,7 @@ impl Driver {
         driver.left_m += driver.slope * moved_m;
         driver.station_m += moved_m;
         // Whatever was planned: nobody moves into what is taken.
-        let after = driver.obstacle().footprint.grown(0.03);
+        let after = driver.obstacle().footprint.grow(0.03);
         let hits =
             |other: &Obstacle| after.meets(&other.footprint) && !before.footprint.meets(&other.footprint);
         if others.iter().any(hits) {

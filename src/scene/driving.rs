@@ -71,7 +71,7 @@ pub fn gap_ahead<'a>(
         .filter(|other| {
             (other.footprint.center - middle).norm() < reach_m / 2.0 + other.footprint.radius_m() + 6.0
         })
-        .map(|other| (other.footprint.grown(half_width_m + SIDE_ROOM_M), other))
+        .map(|other| (other.footprint.grow(half_width_m + SIDE_ROOM_M), other))
         .collect();
     if near.is_empty() {
         return None;

@@ -300,7 +300,7 @@ impl EgoDriver {
         (0..n).any(|_| {
             position += direction_of(yaw_rad) * 0.5;
             yaw_rad += curvature * 0.5;
-            let ahead = EgoPose { position, yaw_rad, ..*pose }.obstacle().footprint.grown(0.08);
+            let ahead = EgoPose { position, yaw_rad, ..*pose }.obstacle().footprint.grow(0.08);
             others.iter().any(|other| {
                 let moved = other.velocity_mps.norm() > 1.0;
                 !moved && ahead.meets(&other.footprint) && !body.meets(&other.footprint)

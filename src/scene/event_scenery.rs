@@ -5,7 +5,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 use super::builder::{Builder, quaternion_text};
 use super::ground::PAVEMENT_M;
 use super::loose::Perch;
-use super::path::{Vec2, turned};
+use super::path::{Vec2, rotate};
 use super::surface::StripKind;
 use super::world::World;
 
@@ -34,7 +34,7 @@ impl World {
             add_box(builder, (body.center, z_m), heading(body.yaw_rad), half, "group=\"3\"");
         }
         for strip in self.town.surface.strips.iter().filter(|strip| strip.kind == StripKind::Pavement) {
-            let points = strip.center.sampled(3.0);
+            let points = strip.center.points_every(3.0);
             for (from, to) in points.iter().zip(&points[1..]) {
                 let (middle, way) = ((from + to) / 2.0, to - from);
                 if reach_m(middle) > EVENT_REACH_M {
@@ -58,7 +58,7 @@ impl World {
         for perch in self.perches() {
             let Perch { foot, out_rad, .. } = *perch;
             for ([x, y, z_m], half) in perch.boxes() {
-                let center = foot + turned(x, y, out_rad);
+                let center = foot + rotate(x, y, out_rad);
                 add_box(
                     builder,
                     (center, z_m),

@@ -35,13 +35,13 @@ impl Filler<'_> {
     }
 
     fn is_outdoors(&self, point: Vec2) -> bool {
-        self.town.buildings.iter().all(|building| !building.footprint.grown(0.3).contains(point))
+        self.town.buildings.iter().all(|building| !building.footprint.grow(0.3).contains(point))
     }
 
     /// Whether a place is outdoors, and wholly on the pavement or wholly off it.
     pub(super) fn is_open(&self, place: &Footprint) -> bool {
         let is_raised = self.is_pavement(place.center);
-        let corners = place.grown(0.1).corners();
+        let corners = place.grow(0.1).corners();
         self.is_outdoors(place.center)
             && corners.iter().all(|corner| self.is_pavement(Vec2::new(corner.x_m, corner.y_m)) == is_raised)
     }

@@ -199,6 +199,6 @@ impl Filler<'_> {
     }
 
     fn is_off_buildings(&self, point: Vec2) -> bool {
-        !self.town.buildings.iter().any(|building| building.footprint.grown(0.5).contains(point))
+        !self.town.buildings.iter().any(|building| building.footprint.grow(0.5).contains(point))
     }
 }

@@ -10,7 +10,7 @@
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
-use super::path::{Vec2, turned};
+use super::path::{Vec2, rotate};
 
 /// Height of pavements over the road.
 pub const PAVEMENT_M: f64 = 0.14;
@@ -133,7 +133,7 @@ impl Ground {
         let (half_m, side_m) = (length_m.max(0.2) / 2.0, width_m.max(0.2) / 2.0);
         let height = |along: f64, across: f64| {
             let (x, y) = (along * half_m, across * side_m);
-            self.height_m(center + turned(x, y, yaw_rad))
+            self.height_m(center + rotate(x, y, yaw_rad))
         };
         let [fl, fr, rl, rr] = [height(1.0, 1.0), height(1.0, -1.0), height(-1.0, 1.0), height(-1.0, -1.0)];
         let forward = Vector3::new(cos, sin, (fl + fr - rl - rr) / (4.0 * half_m));

@@ -215,7 +215,7 @@ fn stop_m(graph: &LaneGraph, lane: usize, places: &[Vec2], crosswalks: &[Footpri
     let nearest = near.min_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
     let mut station_m = nearest.map_or(length_m, |(station_m, _)| station_m);
     let is_on = |station_m: f64| {
-        crosswalks.iter().any(|walk| walk.grown(CROSSWALK_GAP_M).contains(path.at(station_m)))
+        crosswalks.iter().any(|walk| walk.grow(CROSSWALK_GAP_M).contains(path.at(station_m)))
     };
     // The light may stand at the crosswalk's far side.
     let reach_m = (station_m - 6.0).max(0.0);

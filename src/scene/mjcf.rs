@@ -74,7 +74,7 @@ impl World {
     }
 
     pub(super) fn is_in_sight(&self) -> impl Fn(Vec2) -> bool + use<> {
-        let near = self.ego_route.path.sampled(15.0);
+        let near = self.ego_route.path.points_every(15.0);
         move |point: Vec2| near.iter().any(|other| (point - other).norm() < 160.0)
     }
 
@@ -168,7 +168,7 @@ impl World {
                 (placement.paint, &model.facts.paint, &model.paint_xml)
             {
                 let own = format!("obj:{}/paint", placement.id);
-                builder.asset.push_str(&recoloured(xml, paint, &own, [r, g, b]));
+                builder.asset.push_str(&recolour(xml, paint, &own, [r, g, b]));
                 geoms = geoms.replace(&format!("material=\"{paint}\""), &format!("material=\"{own}\""));
             }
             if let Motion::Loose(loose) = &placement.motion {
@@ -242,7 +242,7 @@ fn lamps(light: usize, front_m: f64) -> String {
 }
 
 /// A material's element under another name and colour.
-fn recoloured(xml: &str, name: &str, own: &str, [r, g, b]: [f64; 3]) -> String {
+fn recolour(xml: &str, name: &str, own: &str, [r, g, b]: [f64; 3]) -> String {
     let renamed = xml.replace(&format!("name=\"{name}\""), &format!("name=\"{own}\""));
     let colour = format!("rgba=\"{r:.3} {g:.3} {b:.3} 1\"");
     match renamed.find("rgba=\"").and_then(|start| {
@@ -280,7 +280,7 @@ mod tests {
     #[test]
     fn a_recoloured_material_has_its_own_name_and_colour() {
         let xml = "<material name=\"car/paint\" rgba=\"1 0 0 1\" specular=\"0.5\"/>";
-        let own = recoloured(xml, "car/paint", "obj:a/paint", [0.0, 0.5, 1.0]);
+        let own = recolour(xml, "car/paint", "obj:a/paint", [0.0, 0.5, 1.0]);
         assert_eq!(own, "<material name=\"obj:a/paint\" rgba=\"0.000 0.500 1.000 1\" specular=\"0.5\"/>\n");
     }
 }

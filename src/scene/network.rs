@@ -262,7 +262,7 @@ impl LaneGraph {
     }
 
     fn find_conflicts(&mut self) {
-        let sampled: Vec<Vec<Vec2>> = self.lanes.iter().map(|lane| lane.path.sampled(1.0)).collect();
+        let sampled: Vec<Vec<Vec2>> = self.lanes.iter().map(|lane| lane.path.points_every(1.0)).collect();
         for a in 0..self.lanes.len() {
             for b in a + 1..self.lanes.len() {
                 let (lane_a, lane_b) = (&self.lanes[a], &self.lanes[b]);

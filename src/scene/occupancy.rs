@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::path::{Vec2, turned};
+use super::path::{Vec2, rotate};
 use crate::geometry::{Point2, convex_overlap_area};
 
 const CELL_M: f64 = 8.0;
@@ -30,7 +30,7 @@ impl Footprint {
 
     /// The point `x` along from the centre and `y` to the left.
     pub fn at(&self, x: f64, y: f64) -> Vec2 {
-        self.center + turned(x, y, self.yaw_rad)
+        self.center + rotate(x, y, self.yaw_rad)
     }
 
     /// Half of the diagonal.
@@ -39,7 +39,7 @@ impl Footprint {
     }
 
     #[must_use]
-    pub fn grown(&self, margin_m: f64) -> Self {
+    pub fn grow(&self, margin_m: f64) -> Self {
         Self { length_m: self.length_m + 2.0 * margin_m, width_m: self.width_m + 2.0 * margin_m, ..*self }
     }
 
@@ -122,7 +122,7 @@ impl Occupied {
     }
 
     pub fn is_free(&self, footprint: &Footprint, gap_m: f64) -> bool {
-        let grown = footprint.grown(gap_m);
+        let grown = footprint.grow(gap_m);
         !self.footprints.iter().any(|other| grown.meets(other))
     }
 }

@@ -113,7 +113,7 @@ impl Path {
     }
 
     /// Points every `step_m`, both ends included.
-    pub fn sampled(&self, step_m: f64) -> Vec<Vec2> {
+    pub fn points_every(&self, step_m: f64) -> Vec<Vec2> {
         let n = (self.length_m() / step_m).ceil().max(1.0);
         (0..=n as usize).map(|i| self.at(self.length_m() * i as f64 / n)).collect()
     }
@@ -125,7 +125,7 @@ pub fn direction_of(yaw_rad: f64) -> Vec2 {
 }
 
 /// A vector `x` along a heading and `y` to its left.
-pub fn turned(x: f64, y: f64, yaw_rad: f64) -> Vec2 {
+pub fn rotate(x: f64, y: f64, yaw_rad: f64) -> Vec2 {
     let (sin, cos) = yaw_rad.sin_cos();
     Vec2::new(x * cos - y * sin, x * sin + y * cos)
 }

@@ -265,7 +265,7 @@ impl Grower<'_> {
             let look = BoundaryLook::Railings;
             self.add_boundary(look, front, (from_m, 0.5), (gate_m - GATE_M / 2.0, 0.5));
             self.add_boundary(look, front, (gate_m + GATE_M / 2.0, 0.5), (end_m, 0.5));
-            self.occupied_rows(front, (from_m + 1.5, end_m - 1.5), depth_m);
+            self.fill_yard(front, (from_m + 1.5, end_m - 1.5), depth_m);
             return;
         }
         let look = self.config.boundaries[self.pick(self.config.boundaries.len())];
@@ -275,7 +275,7 @@ impl Grower<'_> {
     }
 
     /// Vehicles in a yard: a row along its back, turned to the gate.
-    fn occupied_rows(&mut self, front: &Frontage, range_m: (f64, f64), depth_m: f64) {
+    fn fill_yard(&mut self, front: &Frontage, range_m: (f64, f64), depth_m: f64) {
         let mut along_m = range_m.0 + 1.5;
         while along_m < range_m.1 - 1.0 {
             let turn = if self.chance(0.8) { -1.0 } else { 1.0 };

@@ -67,7 +67,7 @@ pub fn populate(town: &Arc<Town>, config: &PopulateConfig, seed: u64) -> Result<
         town,
         config,
         models: &models,
-        near: ego_route.path.sampled(8.0),
+        near: ego_route.path.points_every(8.0),
         occupied: Occupied::default(),
         moving: Occupied::default(),
         placements: Vec::new(),

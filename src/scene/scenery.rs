@@ -137,7 +137,7 @@ fn median_lines(surface: &Surface) -> Vec<Path> {
     let mut lines = Vec::new();
     for (i, strip) in medians.iter().enumerate() {
         let edge = |side: f64| {
-            let points = strip.center.sampled(STEP_M);
+            let points = strip.center.points_every(STEP_M);
             let n = points.len() - 1;
             let at = |k: usize| strip.center.length_m() * k as f64 / n as f64;
             Path::new((0..=n).map(|k| strip.center.beside(at(k), side * strip.width_m / 2.0)))
@@ -250,7 +250,7 @@ mod tests {
         let lines = median_lines(&town.surface);
         assert_eq!(lines.len(), 3, "one for each stretch of the boulevard");
         for line in &lines {
-            for point in line.sampled(5.0) {
+            for point in line.points_every(5.0) {
                 assert!(town.surface.road_grid.clearance_m(point) > 0.8);
             }
         }

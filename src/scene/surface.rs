@@ -170,10 +170,10 @@ impl Surface {
         }
         let (mut road_grid, mut paved_grid) = (StripGrid::default(), StripGrid::default());
         for lane in &graph.lanes {
-            road_grid.add(&lane.path.sampled(0.7), lane.width_m / 2.0);
+            road_grid.add(&lane.path.points_every(0.7), lane.width_m / 2.0);
         }
         for strip in &strips {
-            let points = strip.center.sampled(0.7);
+            let points = strip.center.points_every(0.7);
             paved_grid.add(&points, strip.width_m / 2.0);
             if matches!(strip.kind, StripKind::Road | StripKind::Parking) {
                 road_grid.add(&points, strip.width_m / 2.0);
@@ -190,10 +190,11 @@ impl Surface {
     fn drop_pavement_on_roads(&mut self, graph: &LaneGraph) {
         let mut lanes = StripGrid::default();
         for lane in &graph.lanes {
-            lanes.add(&lane.path.sampled(0.7), lane.width_m / 2.0);
+            lanes.add(&lane.path.points_every(0.7), lane.width_m / 2.0);
         }
         self.strips.retain(|strip| {
-            let crosses = || strip.center.sampled(1.0).iter().any(|&point| lanes.clearance_m(point) < 0.1);
+            let crosses =
+                || strip.center.points_every(1.0).iter().any(|&point| lanes.clearance_m(point) < 0.1);
             strip.kind != StripKind::Pavement || !strip.is_in_junction || !crosses()
         });
     }

@@ -130,9 +130,9 @@ mod tests {
         let path = Path::new([Vec2::zeros(), Vec2::new(100.0, 0.0)]).unwrap();
         // The lane and the one of the other direction on its left.
         let mut road = StripGrid::default();
-        road.add(&path.sampled(0.5), 1.75);
+        road.add(&path.points_every(0.5), 1.75);
         road.add(
-            &path.sampled(0.5).iter().map(|point| point + Vec2::new(0.0, 3.5)).collect::<Vec<_>>(),
+            &path.points_every(0.5).iter().map(|point| point + Vec2::new(0.0, 3.5)).collect::<Vec<_>>(),
             1.75,
         );
         let swerve = Swerve {

@@ -145,7 +145,7 @@ impl Walker {
             .iter()
             .filter(|other| !self.is_own(other) && (other.is_vehicle || other.is_still || !is_across));
         near.filter(|other| (other.footprint.center - ahead).norm() < 9.0).any(|other| {
-            let grown = other.footprint.grown(0.35);
+            let grown = other.footprint.grow(0.35);
             // Whoever already stands too near may walk away.
             grown.contains(ahead) && !grown.contains(self.position)
         })

@@ -7,7 +7,7 @@ use nalgebra::Point3;
 use super::loose::{Loose, Perch};
 use super::models::{Bounds, Model};
 use super::occupancy::Footprint;
-use super::path::{Path, Vec2, turned};
+use super::path::{Path, Vec2, rotate};
 use super::route::Route;
 use super::surface::Surface;
 use super::town::Town;
@@ -145,6 +145,6 @@ impl SceneObject {
 pub(super) fn footprint_of(model: &Model, position: Vec2, yaw_rad: f64) -> Footprint {
     let [low, high] = model.solid;
     let (x, y) = (f64::midpoint(low.x, high.x), f64::midpoint(low.y, high.y));
-    let center = position + turned(x, y, yaw_rad);
+    let center = position + rotate(x, y, yaw_rad);
     Footprint { center, yaw_rad, length_m: high.x - low.x, width_m: high.y - low.y }
 }

@@ -341,14 +341,14 @@ impl Glow {
     /// Five box filters make a bell.
     fn spread(&mut self) {
         for _ in 0..5 {
-            self.cells = box_filtered(&self.cells, self.width, self.height, true);
-            self.cells = box_filtered(&self.cells, self.width, self.height, false);
+            self.cells = filter_box(&self.cells, self.width, self.height, true);
+            self.cells = filter_box(&self.cells, self.width, self.height, false);
         }
     }
 }
 
 /// Mean over 5 cells of a row (or column).
-fn box_filtered(cells: &[Colour], width: usize, height: usize, along_rows: bool) -> Vec<Colour> {
+fn filter_box(cells: &[Colour], width: usize, height: usize, along_rows: bool) -> Vec<Colour> {
     const REACH: usize = 2;
     let (n_lines, n) = if along_rows { (height, width) } else { (width, height) };
     let index = |line: usize, i: usize| if along_rows { line * width + i } else { i * width + line };

@@ -94,6 +94,6 @@ pub(super) fn mix(a: Colour, b: Colour, share: f32) -> Colour {
     [0, 1, 2].map(|i| a[i] + (b[i] - a[i]) * share)
 }
 
-pub(super) fn scaled(colour: Colour, factor: f32) -> Colour {
+pub(super) fn scale(colour: Colour, factor: f32) -> Colour {
     colour.map(|c| c * factor)
 }

@@ -8,7 +8,7 @@
 use nalgebra::Vector3;
 use rand::RngExt;
 
-use super::picture::{Colour, Picture, View, mix, scaled};
+use super::picture::{Colour, Picture, View, mix, scale};
 use super::shot::Shot;
 use crate::random;
 use crate::sensors::weather::{DROPS_PER_M3_MM, WeatherState};
@@ -108,7 +108,7 @@ fn pane(picture: &mut Picture, state: &WeatherState, shot: &Shot<'_>, seed: u64)
                 }
                 let from_u = (center_u - dx * radius * 5.0).clamp(0.0, width - 1.0) as usize;
                 let from_v = (center_v - dy * tall * 5.0).clamp(0.0, height - 1.0) as usize;
-                let seen = scaled(behind.pixels[from_v * picture.width + from_u], 1.0 - 0.4 * r2 * r2);
+                let seen = scale(behind.pixels[from_v * picture.width + from_u], 1.0 - 0.4 * r2 * r2);
                 let at = v * picture.width + u;
                 picture.pixels[at] = mix(picture.pixels[at], seen, 0.8 * (1.0 - r2 * r2 * r2));
             }

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 use rand::RngExt;
 
-use super::picture::{Colour, Picture, View, mix, scaled};
+use super::picture::{Colour, Picture, View, mix, scale};
 use super::shot::Material;
 use crate::random;
 use crate::sensors::weather::{Daytime, SUN_AZIMUTH_RAD, WeatherState};
@@ -62,9 +62,9 @@ impl Panorama {
         let (sin, cos) = state.sun_altitude_rad.sin_cos();
         let to_sun =
             Vector3::new(cos * SUN_AZIMUTH_RAD.cos(), cos * SUN_AZIMUTH_RAD.sin(), sin).cast::<f32>();
-        let horizon = scaled(mix(tones.open[1], tones.covered[1], cover), gloom);
+        let horizon = scale(mix(tones.open[1], tones.covered[1], cover), gloom);
         // Fog is lit from above as well as from the side.
-        let air_light = mix(horizon, scaled(mix(tones.open[0], tones.covered[0], cover), gloom), 0.25);
+        let air_light = mix(horizon, scale(mix(tones.open[0], tones.covered[0], cover), gloom), 0.25);
         let mut colours = Vec::with_capacity(WIDTH * HEIGHT);
         for row in 0..HEIGHT {
             let altitude = (row as f32 + 0.5) / HEIGHT as f32 * std::f32::consts::FRAC_PI_2;
@@ -82,7 +82,7 @@ impl Panorama {
                 let thickness = clouds.fractal(spot.map(|c| c * 1.7));
                 let edge = 1.05 - 1.1 * cover;
                 let is_cloud = ((thickness - edge) * 4.0 + 0.5).clamp(0.0, 1.0);
-                let tone = if cover > 0.6 { scaled(covered, 0.86 + 0.28 * thickness) } else { tones.cloud };
+                let tone = if cover > 0.6 { scale(covered, 0.86 + 0.28 * thickness) } else { tones.cloud };
                 let mut colour = mix(open, tone, is_cloud);
                 let along_sun = direction.dot(&to_sun).max(0.0);
                 let glare = (0.35 * along_sun.powi(8) + 0.5 * along_sun.powi(180)) * (1.0 - cover);
@@ -90,7 +90,7 @@ impl Panorama {
                 if along_sun > 0.9997 && cover < 0.6 {
                     colour = [1.0; 3];
                 }
-                colours.push(mix(air_light, scaled(colour, gloom), seen_through));
+                colours.push(mix(air_light, scale(colour, gloom), seen_through));
             }
         }
         Self { colours, air_light }

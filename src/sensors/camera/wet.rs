@@ -7,7 +7,7 @@
 
 use nalgebra::Vector3;
 
-use super::picture::{Colour, Picture, View, mix, scaled};
+use super::picture::{Colour, Picture, View, mix, scale};
 use super::shot::{Material, Rendered};
 use super::sky::Panorama;
 use super::table::Sine;
@@ -61,7 +61,7 @@ impl Puddles {
                     [0.0; 3]
                 };
                 for at in block.into_iter().filter_map(|(du, dv)| paved(du, dv)) {
-                    let soaked = scaled(dry.pixels[at], 1.0 - DARKENING * wetness);
+                    let soaked = scale(dry.pixels[at], 1.0 - DARKENING * wetness);
                     picture.pixels[at] = mix(soaked, seen, share);
                 }
             }
