@@ -4,16 +4,12 @@
 //! Convolutions have no bias; each is followed by batch norm and ReLU.
 
 use burn::module::Module;
+use burn::nn::BatchNorm;
 use burn::nn::conv::{Conv2d, Conv2dConfig, ConvTranspose2d, ConvTranspose2dConfig};
-use burn::nn::{BatchNorm, BatchNormConfig, Initializer};
 use burn::tensor::{Device, Tensor};
 
 use super::config::{BevBackboneConfig, Upsample};
-use super::layers::{ConvBlock, batch_norm_relu, mix_channels, upsample_nearest};
-
-/// Published batch norm of the LiDAR branch; [`ConvBlock`] has the same epsilon.
-const NORM_EPSILON: f64 = 1e-3;
-const NORM_MOMENTUM: f64 = 0.01;
+use super::layers::{ConvBlock, batch_norm_relu, kaiming, lidar_norm, mix_channels, upsample_nearest};
 
 /// Brings one scale to the size of the first, then batch norm and ReLU.
 #[derive(Module, Debug)]
@@ -29,26 +25,19 @@ struct Neck {
 
 impl Neck {
     fn init(channels: [usize; 2], factor: usize, upsample: Upsample, device: &Device) -> Self {
-        let kaiming = Initializer::KaimingNormal { gain: 2f64.sqrt(), fan_out_only: false };
         let is_spread = factor > 1 && upsample == Upsample::Transpose;
         Self {
             point: (!is_spread).then(|| {
-                Conv2dConfig::new(channels, [1, 1])
-                    .with_bias(false)
-                    .with_initializer(kaiming.clone())
-                    .init(device)
+                Conv2dConfig::new(channels, [1, 1]).with_bias(false).with_initializer(kaiming()).init(device)
             }),
             spread: is_spread.then(|| {
                 ConvTranspose2dConfig::new(channels, [factor, factor])
                     .with_stride([factor, factor])
                     .with_bias(false)
-                    .with_initializer(kaiming)
+                    .with_initializer(kaiming())
                     .init(device)
             }),
-            norm: BatchNormConfig::new(channels[1])
-                .with_epsilon(NORM_EPSILON)
-                .with_momentum(NORM_MOMENTUM)
-                .init(device),
+            norm: lidar_norm(channels[1], device),
             factor,
         }
     }
@@ -97,7 +86,8 @@ impl BevBackbone {
         let (mut channels_before, mut factor) = (channels_in, 1);
         for (scale, &n_channels) in config.channels.iter().enumerate() {
             let block = |channels_in: usize, stride: usize| {
-                ConvBlock::init(channels_in, n_channels, stride, device).with_momentum(NORM_MOMENTUM)
+                ConvBlock::init(channels_in, n_channels, stride, device)
+                    .with_norm(lidar_norm(n_channels, device))
             };
             let following = (0..config.n_layers[scale]).map(|_| block(n_channels, 1));
             let first = block(channels_before, config.strides[scale]);

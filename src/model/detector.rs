@@ -92,26 +92,19 @@ impl Detector {
     /// Names of the parts and the number of trained parameters in each; the detector is on an autodiff device.
     #[must_use]
     pub fn n_parameters(&self) -> Vec<(&'static str, usize)> {
-        let mut parts = Vec::new();
-        if let Some(lidar) = &self.lidar {
-            parts.push(("LiDAR encoder", n_trained(lidar)));
-        }
+        let mut parts = vec![("LiDAR encoder", self.lidar.as_ref().map(n_trained))];
         match &self.camera {
             Some(CameraBranch::Swin(branch)) => {
-                parts.push(("image backbone", n_trained(branch.swin())));
-                parts.push(("camera neck and lift", n_trained(branch) - n_trained(branch.swin())));
+                let n_swin = n_trained(branch.swin());
+                parts.push(("image backbone", Some(n_swin)));
+                parts.push(("camera neck and lift", Some(n_trained(branch) - n_swin)));
             }
-            Some(CameraBranch::Cnn(branch)) => parts.push(("camera branch", n_trained(branch))),
-            None => {}
+            camera => parts.push(("camera branch", camera.as_ref().map(n_trained))),
         }
-        if let Some(fuser) = &self.fuser {
-            parts.push(("fuser", n_trained(fuser)));
-        }
-        if let Some(backbone) = &self.backbone {
-            parts.push(("bird's-eye backbone", n_trained(backbone)));
-        }
-        parts.push(("head", n_trained(&self.head)));
-        parts
+        parts.push(("fuser", self.fuser.as_ref().map(n_trained)));
+        parts.push(("bird's-eye backbone", self.backbone.as_ref().map(n_trained)));
+        parts.push(("head", Some(n_trained(&self.head))));
+        parts.into_iter().filter_map(|(name, n)| Some((name, n?))).collect()
     }
 
     /// Runs the whole network. Without camera inputs in the batch (the LiDAR stage) the camera's channels are zero:
@@ -147,15 +140,13 @@ impl Detector {
     /// The camera's map from [`Self::image_features`].
     pub(super) fn camera_map(&self, batch: &Batch, features: Option<Tensor<4>>) -> Option<Tensor<4>> {
         let branch = self.camera.as_ref()?;
-        Some(match (&batch.camera, features) {
-            (Some(batch), Some(features)) => branch.lift(features, batch),
-            _ => {
-                let grid = &self.config.grid;
-                let channels = self.config.camera_channels();
-                let shape = [batch.n_samples, channels, grid.n_cells_y(), grid.n_cells_x()];
-                Tensor::zeros(shape, &batch.numeric.device())
-            }
-        })
+        if let (Some(batch), Some(features)) = (&batch.camera, features) {
+            return Some(branch.lift(features, batch));
+        }
+        let grid = &self.config.grid;
+        let channels = self.config.camera_channels();
+        let shape = [batch.n_samples, channels, grid.n_cells_y(), grid.n_cells_x()];
+        Some(Tensor::zeros(shape, &batch.numeric.device()))
     }
 
     pub(super) fn lidar_map(&self, batch: &Batch) -> Option<Tensor<4>> {

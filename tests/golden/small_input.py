@@ -1,6 +1,6 @@
 """Inputs of the `small` detector in NumPy: pillars, LiDAR depths at image features, frustum cells.
 
-The twin of `src/model/lidar/pillars.rs` and `src/model/camera/cnn_input.rs`; a picture comes resized.
+The twin of `src/model/lidar/pillars.rs` and `src/model/camera/cnn_input.rs`; pictures are already resized.
 """
 
 from __future__ import annotations

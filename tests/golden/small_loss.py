@@ -23,7 +23,7 @@ Array = np.ndarray
 
 @dataclass
 class Objects:
-    """What one sample asks for."""
+    """The objects of one sample."""
 
     boxes: Array  # [object, 9]
     harm: Array  # [state, object]: 0 harmful, 1 harmless

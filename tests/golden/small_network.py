@@ -10,7 +10,8 @@ from __future__ import annotations
 import json
 import struct
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from functools import reduce
 from pathlib import Path
 
 import torch
@@ -21,9 +22,25 @@ from torch.nn import functional
 DEPTH_CHANNELS, CODE_SIZE, N_POINT_FEATURES, N_FOOTPRINT_POINTS = 16, 10, 10, 5
 
 
+# The architecture that the twin has, by key of the config.
+TWIN = {
+    "use_lidar": True,
+    "use_camera": True,
+    "lidar.encoder": "pillars",
+    "camera.backbone": "cnn",
+    "head.dropout": 0.0,
+    "head.shared_norm": True,
+    "head.heatmap": "agnostic",
+    "head.border_peaks": True,
+    "head.positions": "shared",
+    "head.prediction": "placed",
+    "head.numeric_fusion": "film",
+}
+
+
 @dataclass(frozen=True)
 class Config:
-    """What the twin needs of a model config; other architectures are refused."""
+    """The sizes that the twin reads from a model config; it refuses other architectures."""
 
     x_min_m: float
     x_max_m: float
@@ -53,48 +70,18 @@ class Config:
         """Reads `configs/model/small.toml` or the text inside a checkpoint."""
         whole = tomllib.loads(text)
         head, cnn, pillars = whole["head"], whole["camera"]["cnn"], whole["lidar"]["pillars"]
-        chosen = {
-            "use_lidar": whole["use_lidar"],
-            "use_camera": whole["use_camera"],
-            "encoder": whole["lidar"]["encoder"],
-            "backbone": whole["camera"]["backbone"],
-            **{key: head[key] for key in ("dropout", "shared_norm", "heatmap", "border_peaks", "positions")},
-            **{key: head[key] for key in ("prediction", "numeric_fusion")},
-            "first peak kernel": head["peak_kernels"][0],
-        }
-        twins = {
-            "use_lidar": True,
-            "use_camera": True,
-            "encoder": "pillars",
-            "backbone": "cnn",
-            "dropout": 0.0,
-            "shared_norm": True,
-            "heatmap": "agnostic",
-            "border_peaks": True,
-            "positions": "shared",
-            "prediction": "placed",
-            "numeric_fusion": "film",
-            "first peak kernel": 3,
-        }
-        if chosen != twins:
-            raise ValueError(f"the twin has {twins}, the config {chosen}")
+        chosen = {key: reduce(dict.__getitem__, key.split("."), whole) for key in TWIN}
+        if chosen != TWIN or head["peak_kernels"][0] != 3:
+            raise ValueError(f"the twin has {TWIN} and a peak kernel of 3, the config {chosen}, {head}")
+        names = {field.name for field in fields(Config)}
+        same_names = {key: value for key, value in (whole["grid"] | cnn | head).items() if key in names}
         return Config(
-            **whole["grid"],
+            **same_names,
             max_points=pillars["max_points"],
             pillar_channels=pillars["channels"],
             bev_channels=tuple(pillars["bev_channels"]),
-            image_width_px=cnn["image_width_px"],
             image_channels=tuple(cnn["channels"]),
-            lift_channels=cnn["lift_channels"],
-            depth_min_m=cnn["depth_min_m"],
-            depth_max_m=cnn["depth_max_m"],
-            n_depth_bins=cnn["n_depth_bins"],
             fuser_channels=whole["fuser_channels"],
-            channels=head["channels"],
-            n_queries=head["n_queries"],
-            n_heads=head["n_heads"],
-            ffn_channels=head["ffn_channels"],
-            heatmap_scale=head["heatmap_scale"],
         )
 
     @property
@@ -343,7 +330,7 @@ class Head(nn.Module):
         return cells[:, : self.n_queries], scores[:, : self.n_queries]
 
     def forward(self, features: Tensor, numeric: Tensor, cells: Tensor | None = None) -> dict[str, Tensor]:
-        """`cells`, of the heatmap, take the place of the picked ones."""
+        """`cells`, of the heatmap, replace the picked ones."""
         shared = self.shared["Normed"](features)
         heatmap = functional.pixel_shuffle(self.heatmap_out(self.heatmap_hidden(shared)), self.scale)
         picked, scores = self.pick(heatmap)

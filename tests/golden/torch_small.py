@@ -121,7 +121,7 @@ def objects(sample: int) -> Objects:
 
 
 class Kinks:
-    """While entered, watches how near activations come to the kink of a ReLU, relative to the largest."""
+    """Inside `with`, records how near activations come to the kink of a ReLU, relative to the largest."""
 
     def __enter__(self) -> Kinks:
         self.relu, self.nearest = functional.relu, math.inf
@@ -186,7 +186,7 @@ def prepare(case: Case) -> list[small_input.Prepared]:
 
 
 def last_gap(head: Head, heatmap: Tensor) -> float:
-    """Between the scores of the last query and of the best cell that is none; inf where no peak is left."""
+    """Gap between the scores of the last query and of the next best cell; inf where no peak is left."""
     head.n_queries += 1
     _, scores = head.pick(heatmap)
     head.n_queries -= 1
@@ -201,7 +201,7 @@ def kept(values: Tensor) -> Tensor:
 
 
 def results(case: Case) -> dict[str, Tensor]:
-    """What the program must find. The LiDAR stage first, then the fused one; running statistics follow both.
+    """The numbers that the program must reproduce, of the LiDAR stage and then of the fused one.
 
     Inference is of the whole alone: burn takes the plain variance into its running statistics, PyTorch
     n / (n - 1) of it, which shows where a map has few cells.

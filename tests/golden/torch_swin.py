@@ -182,7 +182,7 @@ def mmdet(state: dict) -> dict:
 
 
 def with_classifier(state: dict, channels: int, head: str, buffers: bool) -> dict:
-    """Adds what a library keeps beside the backbone."""
+    """Adds the other tensors that a library keeps beside the backbone."""
     state = dict(state) | {"norm.weight": torch.ones(channels), "norm.bias": torch.zeros(channels)}
     state |= {f"{head}.weight": torch.zeros(5, channels), f"{head}.bias": torch.zeros(5)}
     if buffers:

@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use burn::store::{BurnToPyTorchAdapter, ModuleSnapshot, PyTorchToBurnAdapter, bridge, burn_pack};
+use burn::store::{BurnToPyTorchAdapter, ModuleSnapshot, PyTorchToBurnAdapter, bridge};
 use burn::tensor::{DType, TensorData};
 use thiserror::Error;
 
@@ -96,12 +96,6 @@ impl fmt::Display for ImageWeightsReport {
     }
 }
 
-/// A weight of the file, under harmzone's name.
-struct Found<'a> {
-    key: &'a str,
-    tensor: &'a burn_pack::Tensor,
-}
-
 /// Loads a Swin Transformer's weights from a file of another library.
 ///
 /// # Errors
@@ -119,7 +113,7 @@ pub fn load_image_weights(path: &Path, swin: &mut Swin) -> Result<ImageWeightsRe
     for (key, tensor) in &tensors {
         let name = key.strip_prefix(&prefix).and_then(|key| scheme.translate(key, &swin.out_stages()));
         match name {
-            Some(name) => _ = found.insert(name, Found { key, tensor }),
+            Some(name) => _ = found.insert(name, (key, tensor)),
             None => unneeded.push(key.clone()),
         }
     }
@@ -128,9 +122,9 @@ pub fn load_image_weights(path: &Path, swin: &mut Swin) -> Result<ImageWeightsRe
     let (mut missing, mut fresh, mut misshapen) = (Vec::new(), Vec::new(), Vec::new());
     for (name, shape) in &needed {
         match found.get(name) {
-            Some(Found { tensor, .. }) if tensor.shape.as_slice() == shape => {}
-            Some(Found { key, tensor }) => misshapen.push(Misshapen {
-                key: (*key).to_owned(),
+            Some((_, tensor)) if tensor.shape.as_slice() == shape => {}
+            Some((key, tensor)) => misshapen.push(Misshapen {
+                key: (*key).clone(),
                 found: tensor.shape.to_vec(),
                 needed: shape.clone(),
             }),
@@ -139,7 +133,7 @@ pub fn load_image_weights(path: &Path, swin: &mut Swin) -> Result<ImageWeightsRe
         }
     }
     let surplus = found.iter().filter(|(name, _)| !needed.contains_key(*name));
-    let mut unexpected: Vec<String> = surplus.map(|(_, found)| found.key.to_owned()).collect();
+    let mut unexpected: Vec<String> = surplus.map(|(_, (key, _))| (*key).clone()).collect();
     if !missing.is_empty() || !unexpected.is_empty() || !misshapen.is_empty() {
         unexpected.sort();
         return Err(ImageWeightsError::Unfit {
@@ -152,9 +146,9 @@ pub fn load_image_weights(path: &Path, swin: &mut Swin) -> Result<ImageWeightsRe
     }
 
     let mut weights = Vec::with_capacity(found.len());
-    for (name, Found { key, tensor }) in &found {
+    for (name, (key, tensor)) in &found {
         let mut values = file::values(tensor).map_err(|message| ImageWeightsError::Values {
-            key: (*key).to_owned(),
+            key: (*key).clone(),
             message,
             path: path.to_owned(),
         })?;

@@ -8,6 +8,11 @@ use burn::tensor::{Device, Tensor};
 use super::norm::{batch_norm_relu, conv3x3_norm_relu};
 use crate::kernels::conv3x3;
 
+/// First weights of a convolution that a ReLU follows (He et al. 2015).
+pub fn kaiming() -> Initializer {
+    Initializer::KaimingNormal { gain: 2f64.sqrt(), fan_out_only: false }
+}
+
 /// Convolution, batch norm, ReLU.
 #[derive(Module, Debug)]
 pub struct ConvBlock {
@@ -18,8 +23,7 @@ pub struct ConvBlock {
 impl ConvBlock {
     /// Kernel 3x3, no bias, and the norm's epsilon of the LiDAR branch, 1e-3.
     pub fn init(channels_in: usize, channels_out: usize, stride: usize, device: &Device) -> Self {
-        let kaiming = Initializer::KaimingNormal { gain: 2f64.sqrt(), fan_out_only: false };
-        let conv = Conv2dConfig::new([channels_in, channels_out], [3, 3]).with_initializer(kaiming);
+        let conv = Conv2dConfig::new([channels_in, channels_out], [3, 3]).with_initializer(kaiming());
         let mut block = Self::from_conv(conv.with_stride([stride; 2]).with_bias(false), device);
         block.norm.epsilon = 1e-3;
         block
@@ -41,11 +45,10 @@ impl ConvBlock {
         self
     }
 
-    /// With another momentum of the running statistics than burn's 0.1.
+    /// With another batch norm.
     #[must_use]
-    pub fn with_momentum(mut self, momentum: f64) -> Self {
-        self.norm.momentum = momentum;
-        self
+    pub fn with_norm(self, norm: BatchNorm) -> Self {
+        Self { norm, ..self }
     }
 
     /// # Shapes

@@ -1,9 +1,14 @@
 //! Batch norm and a ReLU over maps, as they follow every convolution of the bird's-eye and image nets.
 
-use burn::nn::BatchNorm;
+use burn::nn::{BatchNorm, BatchNormConfig};
 use burn::tensor::{Device, Tensor};
 
 use crate::kernels::{conv3x3, conv3x3_scale_shift_relu, norm_relu, scale_shift_relu};
+
+/// The batch norm of the published LiDAR branch.
+pub fn lidar_norm(n_channels: usize, device: &Device) -> BatchNorm {
+    BatchNormConfig::new(n_channels).with_epsilon(1e-3).with_momentum(0.01).init(device)
+}
 
 /// burn's batch norm, then a ReLU, in one pass. Training uses the batch's statistics and updates the running ones;
 /// inference and frozen layers use the running statistics.
@@ -54,7 +59,6 @@ mod tests {
     use super::*;
     use crate::device::test_device;
     use burn::module::Module;
-    use burn::nn::BatchNormConfig;
     use burn::tensor::Distribution;
     use burn::tensor::activation::relu;
 

@@ -3,15 +3,12 @@
 use std::sync::Arc;
 
 use burn::module::{Module, Param};
-use burn::nn::{BatchNorm, BatchNormConfig, Initializer};
+use burn::nn::BatchNorm;
 use burn::tensor::activation::relu;
 use burn::tensor::{Device, Tensor};
 
 use crate::kernels::{Rulebook, sparse_conv};
-
-/// Published batch norm of the LiDAR branch.
-const NORM_EPSILON: f64 = 1e-3;
-const NORM_MOMENTUM: f64 = 0.01;
+use crate::model::layers::{kaiming, lidar_norm};
 
 /// Sparse convolution without bias, and batch norm over the active sites.
 #[derive(Module, Debug)]
@@ -23,15 +20,11 @@ pub struct SparseConvNorm {
 
 impl SparseConvNorm {
     pub fn init(channels_in: usize, channels_out: usize, n_offsets: usize, device: &Device) -> Self {
-        let kaiming = Initializer::KaimingNormal { gain: 2f64.sqrt(), fan_out_only: false };
         let shape = [n_offsets, channels_in, channels_out];
         let fan_in = Some(n_offsets * channels_in);
         Self {
-            weight: kaiming.init_with(shape, fan_in, Some(n_offsets * channels_out), device),
-            norm: BatchNormConfig::new(channels_out)
-                .with_epsilon(NORM_EPSILON)
-                .with_momentum(NORM_MOMENTUM)
-                .init(device),
+            weight: kaiming().init_with(shape, fan_in, Some(n_offsets * channels_out), device),
+            norm: lidar_norm(channels_out, device),
         }
     }
 
