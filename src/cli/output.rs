@@ -3,6 +3,7 @@
 use std::fmt::Display;
 use std::io::{self, Write};
 
+use anyhow::Context;
 use serde::Serialize;
 
 /// The reader of standard output is gone, as behind `| head`: no fault of the command.
@@ -19,7 +20,7 @@ pub fn print(result: impl Display) -> anyhow::Result<()> {
     let mut out = io::stdout().lock();
     match writeln!(out, "{}", text.trim_end_matches('\n')).and_then(|()| out.flush()) {
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Err(ClosedPipe.into()),
-        printed => Ok(printed?),
+        printed => printed.context("cannot write the result to standard output"),
     }
 }
 
