@@ -8,6 +8,11 @@ const GAP: u16 = 2;
 
 /// Rows as lines, each with its line break: the first column is aligned to the left, the others to the right. The heads
 /// of the columns are a row like any other.
+///
+/// ```
+/// let text = harmzone::text_table::text_table([["", "n"], ["cars", "12"]]);
+/// assert_eq!(text, "       n\ncars  12\n");
+/// ```
 #[must_use]
 pub fn text_table<Row, Cell>(rows: impl IntoIterator<Item = Row>) -> String
 where

@@ -15,6 +15,7 @@ use crate::episode::EpisodeReader;
 use crate::episode::manifest::{EpisodeEntry, HarmCounts, LabelCounts, Manifest};
 use crate::object::{Distribution, Harm, Kind, ObjectTruth};
 use crate::progress::Progress;
+use crate::text_table::text_table;
 use crate::zone::Zone;
 
 /// An object faster than this over ground moves, m/s.
@@ -217,26 +218,25 @@ impl fmt::Display for ZoneComparison {
             ("pedestrian", None, Some(Kind::Pedestrian)),
             ("static", None, Some(Kind::Static)),
         ];
-        write!(f, "{:<10}{:>9}{:>9}{:>9}{:>9}", "harmful", "objects", "all", "standing", "moving")?;
-        for (name, ..) in columns {
-            write!(f, "{name:>11}")?;
-        }
-        for zone in &self.zones {
+        let head = ["harmful", "objects", "all", "standing", "moving"].into_iter();
+        let head = head.chain(columns.map(|column| column.0)).map(str::to_owned).collect();
+        let row = |zone: &ZoneCounts| {
             let all = count_of(&zone.counts, None, None);
-            write!(f, "\n{:<10}{:>9}{:>9}", zone.zone, all.harmful, of(all))?;
-            write!(f, "{:>9}{:>9}", of(zone.standing), of(zone.moving))?;
-            for (_, distribution, kind) in columns {
-                write!(f, "{:>11}", of(count_of(&zone.counts, distribution, kind)))?;
-            }
-        }
+            let shares =
+                columns.map(|(_, distribution, kind)| of(count_of(&zone.counts, distribution, kind)));
+            let start =
+                [zone.zone.to_string(), all.harmful.to_string(), of(all), of(zone.standing), of(zone.moving)];
+            start.into_iter().chain(shares).collect::<Vec<_>>()
+        };
+        f.write_str(&text_table(std::iter::once(head).chain(self.zones.iter().map(row))))?;
         let matrix = |f: &mut fmt::Formatter<'_>, title: &str, cell: &dyn Fn(usize, usize) -> String| {
-            write!(f, "\n\n{title}\n{:<10}", "")?;
-            self.zones.iter().try_for_each(|zone| write!(f, "{:>9}", zone.zone))?;
-            for (row, zone) in self.zones.iter().enumerate() {
-                write!(f, "\n{:<10}", zone.zone)?;
-                (0..self.zones.len()).try_for_each(|column| write!(f, "{:>9}", cell(row, column)))?;
-            }
-            Ok(())
+            let names = || self.zones.iter().map(|zone| zone.zone.to_string());
+            let head = std::iter::once(String::new()).chain(names()).collect();
+            let row = |(row, name)| {
+                let cells = (0..self.zones.len()).map(|column| cell(row, column));
+                std::iter::once(name).chain(cells).collect::<Vec<_>>()
+            };
+            write!(f, "\n{title}\n{}", text_table(std::iter::once(head).chain(names().enumerate().map(row))))
         };
         matrix(f, "Objects harmful by the row's zone and harmless by the column's", &|row, column| {
             if row == column { "-".to_owned() } else { self.change_sides[row][column].to_string() }
@@ -246,7 +246,7 @@ impl fmt::Display for ZoneComparison {
         })?;
         let by: Vec<String> =
             self.n_harmful_by.iter().enumerate().map(|(n, count)| format!("{n}: {count}")).collect();
-        write!(f, "\n\nObjects by the number of zones that call them harmful: {}", by.join(", "))
+        write!(f, "\nObjects by the number of zones that call them harmful: {}", by.join(", "))
     }
 }
 

@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use crate::episode::manifest::{HarmCounts, LabelCounts};
 use crate::object::{Distribution, Kind};
+use crate::text_table::text_table;
 
 /// The result of labelling a data set; every annotated box counts once in each sample it is in.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -50,25 +51,29 @@ impl fmt::Display for LabelSummary {
             "label set `{}`: {} episodes, {} samples, {total} objects ({each:.1} a sample)",
             self.set, self.n_episodes, self.n_samples
         )?;
-        write!(f, "{:<16}{:>9}{:>10}{:>8}", "", "harmful", "harmless", "share")?;
         let distributions = [(None, "all"), (Some(Distribution::Id), "id"), (Some(Distribution::Ood), "ood")];
         let kinds = [
             (None, ""),
-            (Some(Kind::Vehicle), "vehicle"),
-            (Some(Kind::Pedestrian), "pedestrian"),
-            (Some(Kind::Static), "static"),
+            (Some(Kind::Vehicle), " vehicle"),
+            (Some(Kind::Pedestrian), " pedestrian"),
+            (Some(Kind::Static), " static"),
         ];
+        let mut rows = vec![["", "harmful", "harmless", "share"].map(str::to_owned)];
         for (distribution, name) in distributions {
             for (kind, kind_name) in kinds {
                 let HarmCounts { harmful, harmless } = count_of(&self.counts, distribution, kind);
                 if harmful + harmless > 0 {
                     let share = 100.0 * harmful as f64 / (harmful + harmless) as f64;
-                    let row = format!("{name:<4}{kind_name}");
-                    write!(f, "\n{row:<16}{harmful:>9}{harmless:>10}{share:>7.1}%")?;
+                    rows.push([
+                        format!("{name}{kind_name}"),
+                        harmful.to_string(),
+                        harmless.to_string(),
+                        format!("{share:.1}%"),
+                    ]);
                 }
             }
         }
-        Ok(())
+        f.write_str(text_table(rows).trim_end())
     }
 }
 

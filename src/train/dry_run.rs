@@ -11,6 +11,7 @@ use super::plan::STAGES;
 use super::step::n_abreast;
 use crate::dataset::Dataset;
 use crate::model::{Detector, NumericFusion, StepTensor, step_tensors};
+use crate::text_table::text_table;
 
 /// A run before it starts.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -125,38 +126,42 @@ impl DryRun {
 
 impl fmt::Display for DryRun {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mib = |bytes: usize| bytes as f64 / f64::from(1 << 20);
-        writeln!(f, "parameters")?;
-        for part in &self.parameters {
-            writeln!(f, "  {:<24}{:>12}", part.name, part.n_parameters)?;
-        }
-        writeln!(f, "  {:<24}{:>12}", "all", self.n_parameters)?;
-        writeln!(f, "main tensors of a step (kept for the backward pass, MiB)")?;
-        for tensor in &self.tensors {
+        let mib = |bytes: usize| format!("{:.1}", bytes as f64 / f64::from(1 << 20));
+        let parts = self.parameters.iter().map(|part| (part.name.to_string(), part.n_parameters));
+        let parts = parts.chain([("all".to_owned(), self.n_parameters)]);
+        let parts = parts.map(|(name, n_parameters)| [name, n_parameters.to_string()]);
+        writeln!(f, "{}", text_table(std::iter::once(["parameters", "n"].map(str::to_owned)).chain(parts)))?;
+        let tensors = self.tensors.iter().map(|tensor| {
             let shape = tensor.shape.iter().map(ToString::to_string).collect::<Vec<_>>().join(" x ");
-            writeln!(f, "  {:<24}{shape:>24}{:>10.1}", tensor.name, mib(tensor.kept_bytes))?;
-        }
-        writeln!(f, "memory of a step, estimated (MiB; without the program and the data)")?;
+            [tensor.name.to_string(), shape, mib(tensor.kept_bytes)]
+        });
+        let head = ["main tensors of a step", "shape", "kept for the backward pass, MiB"].map(str::to_owned);
+        writeln!(f, "{}", text_table(std::iter::once(head).chain(tensors)))?;
         let Memory { parameters, gradients, optimizer, average, activations, total } = self.memory;
-        for (name, bytes) in [
+        let memory = [
             ("parameters", parameters),
             ("gradients", gradients),
             ("optimizer", optimizer),
             ("moving average", average),
             ("activations", activations),
             ("all", total),
-        ] {
-            writeln!(f, "  {name:<24}{:>10.1}", mib(bytes))?;
-        }
-        writeln!(
+        ];
+        let memory = memory.map(|(name, bytes)| [name.to_owned(), mib(bytes)]);
+        let head = ["memory of a step, estimated", "MiB"].map(str::to_owned);
+        write!(f, "{}", text_table(std::iter::once(head).chain(memory)))?;
+        writeln!(f, "without the program and the data\n")?;
+        let stages = self
+            .stages
+            .iter()
+            .map(|stage| [stage.name.to_string(), stage.n_epochs.to_string(), stage.n_steps.to_string()]);
+        let head = ["stage", "epochs", "steps"].map(str::to_owned);
+        let all = ["all".to_owned(), String::new(), self.n_steps.to_string()];
+        write!(f, "{}", text_table(std::iter::once(head).chain(stages).chain([all])))?;
+        write!(
             f,
-            "steps ({} batches of {}, {} states a sample)",
+            "a step: {} batches of {}, {} states a sample",
             self.accumulate, self.batch_size, self.n_states
-        )?;
-        for stage in &self.stages {
-            writeln!(f, "  {:<24}{:>4} epochs{:>10} steps", stage.name, stage.n_epochs, stage.n_steps)?;
-        }
-        write!(f, "  {:<24}{:>21} steps", "all", self.n_steps)
+        )
     }
 }
 

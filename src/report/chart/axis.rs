@@ -62,14 +62,14 @@ impl Axis {
         Self::new("", -0.6, names.len() as f64 - 0.4, ticks)
     }
 
-    fn scaled(&self, value: f64) -> f64 {
+    fn scale(&self, value: f64) -> f64 {
         if self.is_log { value.ln() } else { value }
     }
 
     /// Where a value lies between the ends, 0 to 1.
     pub(super) fn share_at(&self, value: f64) -> f64 {
-        let [low, high] = [self.low, self.high].map(|end| self.scaled(end));
-        (self.scaled(value) - low) / (high - low)
+        let [low, high] = [self.low, self.high].map(|end| self.scale(end));
+        (self.scale(value) - low) / (high - low)
     }
 }
 

@@ -1,6 +1,16 @@
 //! Charts as data: callers say what to show, this module draws it as SVG, as PNG, or as a drawing inside the HTML page.
 //!
 //! The same chart gives the same bytes.
+//!
+//! ```
+//! use harmzone::report::chart::{Axis, Chart, ChartError, Look, Series, Sheet, Tone, svg};
+//!
+//! let line = Series::new("the network", Tone::Harmful, Look::Line, vec![(0.0, 0.2), (14.0, 0.9)]);
+//! let (speed, ap) = (Axis::over("speed, m/s", 0.0, 14.0), Axis::share("mAP"));
+//! let chart = Chart::new("mAP over the speed", speed, ap, vec![line], 340);
+//! assert!(svg(&Sheet::column(vec![chart]))?.contains("speed, m/s"));
+//! # Ok::<(), ChartError>(())
+//! ```
 
 mod axis;
 mod draw;

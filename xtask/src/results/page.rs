@@ -8,9 +8,6 @@ use harmzone::report::provenance::quote;
 use harmzone::report::results::{Record, Results};
 use harmzone::report::scores::Scores;
 
-/// The experiment's figures, from which all texts are written.
-pub const JSON_FILE: &str = "results.json";
-
 /// Where the headline's scores of a kind are, in the experiment's folder.
 pub fn folder(out: &Path, mode: Mode) -> PathBuf {
     out.join("report").join(if mode == Mode::Id { "id" } else { "ood" })
@@ -29,24 +26,25 @@ pub fn is_complete(out: &Path, record: &Record) -> bool {
     })
 }
 
-/// Writes the page from what is kept, where the headline is scored for it.
-pub fn write(results: &Results, out: &Path) -> anyhow::Result<()> {
+/// Writes the page from what is kept and from the results' file, where the headline is scored for it.
+pub fn write(results: &Results, file: &Path, out: &Path) -> anyhow::Result<()> {
     if !results.headline.as_ref().is_some_and(|record| is_complete(out, record)) {
         return Ok(());
     }
     let [id, ood] = [Mode::Id, Mode::Ood].map(|mode| folder(out, mode));
-    let (page, tables) = (out.join(PAGE_FILE), out.join(JSON_FILE));
+    let page = out.join(PAGE_FILE);
     let [page_name, id_name, ood_name, tables_name] =
-        [&page, &id, &ood, &tables].map(|path| path.display().to_string());
+        [&page, &id, &ood, file].map(|path: &Path| path.display().to_string());
     let words =
         ["harmzone", "report", &page_name, "--id", &id_name, "--ood", &ood_name, "--results", &tables_name];
+    let command = quote(words);
     page::run(&ReportRequest {
-        out: page.clone(),
-        id: Some(ScoresRequest { folder: id.clone(), data: None }),
-        ood: Some(ScoresRequest { folder: ood.clone(), data: None }),
-        results: Some(tables.clone()),
+        out: page,
+        id: Some(ScoresRequest { folder: id, data: None }),
+        ood: Some(ScoresRequest { folder: ood, data: None }),
+        results: Some(file.to_owned()),
         n_cards: DEFAULT_CARDS,
-        command: quote(words),
+        command,
         force: true,
     })?;
     Ok(())

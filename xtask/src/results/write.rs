@@ -5,16 +5,17 @@ use std::path::Path;
 use anyhow::{Context, ensure};
 use fs_err as fs;
 
-use super::page::{self, JSON_FILE};
+use super::page;
 use harmzone::eval::Column;
 use harmzone::files::{sha256_hex, write_atomic};
 use harmzone::model::checkpoint::CHECKPOINT;
 use harmzone::report::document::{Block, markdown};
 use harmzone::report::results::{Record, Results, blocks, headline_blocks};
 
-/// Names of the other files in the experiment's folder.
+/// Names of the files in the experiment's folder.
+const JSON_FILE: &str = "results.json";
 const CSV_FILE: &str = "results.csv";
-pub const TEXT_FILE: &str = "RESULTS.md";
+const TEXT_FILE: &str = "RESULTS.md";
 
 /// Marks in a card between which its figures stand.
 const BEGIN: &str = "<!-- figures: begin -->";
@@ -27,10 +28,11 @@ pub fn rewrite(out: &Path, card: Option<&Path>) -> anyhow::Result<()> {
 
 /// Writes all files; the card only if its network is the headline's.
 pub fn write(results: &Results, out: &Path, card: Option<&Path>) -> anyhow::Result<()> {
-    write_atomic(&out.join(JSON_FILE), results.to_json().as_bytes())?;
+    let json = out.join(JSON_FILE);
+    write_atomic(&json, results.to_json().as_bytes())?;
     write_atomic(&out.join(CSV_FILE), to_csv(results)?.as_bytes())?;
     write_atomic(&out.join(TEXT_FILE), to_text(results).as_bytes())?;
-    page::write(results, out)?;
+    page::write(results, &json, out)?;
     let (Some(path), Some(headline)) = (card, &results.headline) else { return Ok(()) };
     let network = path.with_extension("safetensors");
     ensure!(
