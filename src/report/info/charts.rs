@@ -97,7 +97,7 @@ fn compare(info: &Info) -> Chart {
     let (mut within, mut outside, mut texts) = (Vec::new(), Vec::new(), Vec::new());
     for (i, comparison) in rows.iter().enumerate() {
         let of = |value| if comparison.is_share { percent(value) } else { number(value, 2) };
-        let told = format!("{} (paper {})", of(comparison.here), of(Some(comparison.paper)));
+        let told = format!("{} ({})", of(comparison.here), of(Some(comparison.paper)));
         texts.push(((0.0, row(i, rows.len()) - 0.3), told));
         let bars = if comparison.is_within_tolerance == Some(true) { &mut within } else { &mut outside };
         let ratio = comparison.ratio.unwrap_or(0.0).min(2.0);
@@ -111,7 +111,7 @@ fn compare(info: &Info) -> Chart {
         Series::new("", Tone::Harmful, Look::Bars, outside),
     ];
     let row = if info.ood { "OOD set" } else { "training set" };
-    let title = format!("this set over the paper's {row}");
+    let title = format!("this set over the paper's {row} (in brackets)");
     Chart { texts, ..Chart::new(title, Axis::over("", 0.0, 2.0), y, series, HEIGHT_PX) }
 }
 
