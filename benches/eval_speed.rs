@@ -10,11 +10,10 @@ use std::path::Path;
 use std::process::Command;
 use std::time::Instant;
 
-use harmzone::eval::{
-    self, EvalConfig, EvalDetection, EvalSample, EvalTruth, Mode, Protocol, SampleFacts, TruthFacts, json,
-};
+use harmzone::dataset::SampleFacts;
+use harmzone::eval::{self, EvalConfig, EvalSample, Mode, Protocol, json};
 use harmzone::geometry::{Box3, Ego, Point};
-use harmzone::object::{Distribution, Harm};
+use harmzone::object::{Detection, Distribution, Harm, LabelledObject, Object};
 use harmzone::random;
 use harmzone::sample::EgoState;
 use harmzone::zone::{Zone, ZoneConfig};
@@ -33,7 +32,7 @@ fn samples() -> Vec<EvalSample> {
     let mut between = |low: f64, high: f64| low + (high - low) * rng.random::<f64>();
     (0..N_SAMPLES)
         .map(|i| {
-            let (mut truths, mut detections) = (Vec::new(), Vec::new());
+            let (mut objects, mut detections) = (Vec::new(), Vec::new());
             for _ in 0..TRUTHS_A_SAMPLE {
                 let (x_m, y_m) = (between(4.0, 45.0), between(-15.0, 15.0));
                 let harm = Harm::ALL[usize::from(between(0.0, 1.0) > 0.1)];
@@ -48,21 +47,21 @@ fn samples() -> Vec<EvalSample> {
                     height_m: 1.6,
                     yaw_rad: between(-3.1, 3.1),
                 };
-                truths.push(EvalTruth {
-                    box_in_ego: a_box(0.0),
-                    velocity_in_ego_mps: [0.0; 2],
+                objects.push(LabelledObject {
                     harm,
-                    distribution: Some(Distribution::Id),
-                    n_lidar_points: Some(5),
-                    facts: TruthFacts::default(),
+                    truth: Object {
+                        distribution: Some(Distribution::Id),
+                        n_lidar_points: Some(5),
+                        ..Object::new(a_box(0.0))
+                    },
                 });
                 let found: Vec<Box3<Ego>> = (0..DETECTIONS_A_TRUTH).map(|k| a_box(0.4 + k as f64)).collect();
                 for (k, box_in_ego) in found.into_iter().enumerate() {
                     let score = between(0.0, 1.0) / (1.0 + k as f64);
-                    detections.push(EvalDetection { box_in_ego, velocity_in_ego_mps: [0.0; 2], harm, score });
+                    detections.push(Detection { box_in_ego, velocity_in_ego_mps: [0.0; 2], harm, score });
                 }
             }
-            EvalSample { id: format!("s{i}"), facts: SampleFacts::default(), truths, detections }
+            EvalSample { id: format!("s{i}"), facts: SampleFacts::default(), objects, detections }
         })
         .collect()
 }
@@ -109,10 +108,11 @@ fn main() {
     let label = || -> usize {
         let of_sample = |(sample, state): (&EvalSample, &EgoState)| {
             let here = zone.at(state).unwrap();
-            let is_harmful = |truth: &&EvalTruth| {
-                here.harm_of(&truth.box_in_ego, truth.velocity_in_ego_mps).unwrap().harm == Harm::Harmful
+            let is_harmful = |object: &&LabelledObject| {
+                let Object { box_in_ego, velocity_in_ego_mps, .. } = &object.truth;
+                here.harm_of(box_in_ego, *velocity_in_ego_mps).unwrap().harm == Harm::Harmful
             };
-            sample.truths.iter().filter(is_harmful).count()
+            sample.objects.iter().filter(is_harmful).count()
         };
         samples.iter().zip(&states).map(of_sample).sum()
     };

@@ -1,6 +1,6 @@
 //! Objects around the ego: what is really there, what a detector reports, and whether it harms.
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::geometry::{Box3, Ego};
 
@@ -17,14 +17,20 @@ impl Kind {
     /// All three, in channel order.
     pub const ALL: [Self; 3] = [Self::Vehicle, Self::Pedestrian, Self::Static];
 
+    /// The kind's name in files and tables.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Vehicle => "vehicle",
+            Self::Pedestrian => "pedestrian",
+            Self::Static => "static",
+        }
+    }
+
     /// The kind's channel.
     #[must_use]
     pub fn index(self) -> usize {
-        match self {
-            Self::Vehicle => 0,
-            Self::Pedestrian => 1,
-            Self::Static => 2,
-        }
+        self as usize
     }
 }
 
@@ -36,6 +42,17 @@ pub enum Distribution {
     Id,
     /// Out of distribution: one of the kinds that no training set holds.
     Ood,
+}
+
+impl Distribution {
+    /// The name in files and tables.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Id => "id",
+            Self::Ood => "ood",
+        }
+    }
 }
 
 /// What an object out of distribution does in its episode.
@@ -55,7 +72,28 @@ pub enum Event {
     Thrown,
 }
 
+impl Event {
+    /// The name in files and tables.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Lies => "lies",
+            Self::Falls => "falls",
+            Self::Rolls => "rolls",
+            Self::Thrown => "thrown",
+        }
+    }
+}
+
 /// The two classes of the detector, in the order of its channels.
+///
+/// ```
+/// use harmzone::object::Harm;
+///
+/// assert_eq!(Harm::ALL.map(Harm::name), ["harmful", "harmless"]);
+/// assert_eq!(Harm::Harmless.index(), 1);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Harm {
@@ -76,51 +114,121 @@ impl Harm {
         }
     }
 
+    /// The other class.
+    #[must_use]
+    pub fn other(self) -> Self {
+        Self::ALL[1 - self.index()]
+    }
+
     /// The class's channel: 0 harmful, 1 harmless.
     #[must_use]
     pub fn index(self) -> usize {
-        match self {
-            Self::Harmful => 0,
-            Self::Harmless => 1,
-        }
+        self as usize
     }
 }
 
-/// One object of the world as it truly is at a sample's time.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ObjectTruth {
-    /// Unique and stable within the episode.
-    pub id: String,
-    /// The model's family: `car`, `child`, `hay_bale`, ...
-    pub category: String,
-    pub kind: Kind,
-    pub distribution: Distribution,
+/// A true object: its box, and what is known of it. Our episodes tell every fact; files of others leave some unknown.
+///
+/// ```
+/// use harmzone::geometry::{Box3, Point};
+/// use harmzone::object::{Kind, Object};
+///
+/// let center = Point::new(12.0, 0.5, 0.75); // ahead and a little to the left
+/// let box_in_ego = Box3 { center, length_m: 4.0, width_m: 1.8, height_m: 1.5, yaw_rad: 0.0 };
+/// let car = Object { kind: Some(Kind::Vehicle), n_lidar_points: Some(60), ..Object::new(box_in_ego) };
+/// assert_eq!(car.id, None);
+/// ```
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Object {
+    #[serde(flatten)]
     pub box_in_ego: Box3<Ego>,
-    /// Velocity over ground, expressed in the ego frame: x, y.
+    /// Velocity over ground along the ego's x and y; NaN where unknown.
+    #[serde(default = "unknown_velocity", deserialize_with = "velocity_or_unknown")]
     pub velocity_in_ego_mps: [f64; 2],
-    pub n_lidar_points: u32,
-    pub visible_px: u32,
+    /// The same in all samples of an episode, and no other object's.
+    pub id: Option<String>,
+    /// The model's family: `car`, `child`, `hay_bale`, ...
+    pub category: Option<String>,
+    pub kind: Option<Kind>,
+    pub distribution: Option<Distribution>,
+    pub n_lidar_points: Option<u32>,
+    pub visible_px: Option<u32>,
     /// Visible pixels over the pixels of the whole silhouette inside the image, 0 to 1.
-    pub visible_fraction: f32,
-    pub event: Event,
+    pub visible_fraction: Option<f64>,
+    pub event: Option<Event>,
 }
 
-/// Lowest score that a reported box may have.
-pub const MIN_SCORE: f32 = 0.01;
+impl Object {
+    /// An object of which the box alone is known.
+    #[must_use]
+    pub fn new(box_in_ego: Box3<Ego>) -> Self {
+        Self {
+            box_in_ego,
+            velocity_in_ego_mps: unknown_velocity(),
+            id: None,
+            category: None,
+            kind: None,
+            distribution: None,
+            n_lidar_points: None,
+            visible_px: None,
+            visible_fraction: None,
+            event: None,
+        }
+    }
 
-/// One box that a detector reports.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Detection {
-    pub box_in_ego: Box3<Ego>,
-    pub velocity_in_ego_mps: [f64; 2],
-    pub harm: Harm,
-    /// Confidence, 0 to 1.
-    pub score: f32,
+    /// Whether it is known to be out of distribution.
+    #[must_use]
+    pub fn is_ood(&self) -> bool {
+        self.distribution == Some(Distribution::Ood)
+    }
+
+    /// Whether the LiDAR hit it, or may have: unknown counts as hit.
+    #[must_use]
+    pub fn is_hit(&self) -> bool {
+        self.n_lidar_points != Some(0)
+    }
 }
 
 /// A true object with its label.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LabelledObject {
-    pub truth: ObjectTruth,
+    #[serde(flatten)]
+    pub truth: Object,
     pub harm: Harm,
+}
+
+/// Lowest score that a network's box may have.
+pub const MIN_SCORE: f32 = 0.01;
+
+/// One box that a detector reports.
+///
+/// ```
+/// use harmzone::geometry::{Box3, Point};
+/// use harmzone::object::{Detection, Harm};
+///
+/// let center = Point::new(12.0, 0.5, 0.75);
+/// let box_in_ego = Box3 { center, length_m: 4.0, width_m: 1.8, height_m: 1.5, yaw_rad: 0.0 };
+/// let found = Detection { box_in_ego, velocity_in_ego_mps: [8.0, 0.0], harm: Harm::Harmful, score: 0.9 };
+/// assert_eq!(found.harm.name(), "harmful");
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Detection {
+    #[serde(flatten)]
+    pub box_in_ego: Box3<Ego>,
+    /// Velocity over ground along the ego's x and y; NaN where unknown.
+    #[serde(default = "unknown_velocity", deserialize_with = "velocity_or_unknown")]
+    pub velocity_in_ego_mps: [f64; 2],
+    pub harm: Harm,
+    /// Confidence. Networks say 0 to 1; of other detectors any finite number is taken, since only the order counts. It
+    /// has the precision of the file that it came from: ties decide ranks.
+    pub score: f64,
+}
+
+fn unknown_velocity() -> [f64; 2] {
+    [f64::NAN; 2]
+}
+
+/// JSON has no NaN, and serde writes null.
+fn velocity_or_unknown<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[f64; 2], D::Error> {
+    Ok(<[Option<f64>; 2]>::deserialize(deserializer)?.map(|part| part.unwrap_or(f64::NAN)))
 }

@@ -3,7 +3,7 @@
 //! Network inputs are built from [`Measured`] alone, so that truth cannot leak into them.
 
 use crate::geometry::{Camera, Ego, Lidar, Pinhole, Transform, World};
-use crate::object::ObjectTruth;
+use crate::object::Object;
 
 /// The ego's own state.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -78,7 +78,7 @@ pub struct Measured {
 /// The annotated objects of a sample.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Truth {
-    pub objects: Vec<ObjectTruth>,
+    pub objects: Vec<Object>,
 }
 
 /// One instant of an episode.

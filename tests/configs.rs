@@ -131,7 +131,7 @@ fn run_eval(config: &EvalConfig) -> Result<(), InvalidConfig> {
     let protocol = Protocol::try_from(config.clone())?;
     let dataset = test_data::dataset(3);
     let found = vec![Vec::new(); 3];
-    let samples = eval::eval_samples(&dataset, &found);
+    let samples = eval::eval_samples(dataset.samples(), &found);
     eval::evaluate(&samples, &protocol, Mode::Id).unwrap();
     Ok(())
 }

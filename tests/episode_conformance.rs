@@ -9,26 +9,26 @@ use harmzone::episode::{
     EpisodeMeta, EpisodeWriter, LabelWriter, MapDrawing, ObjectLabel, SampleLabels, SourceMeta,
 };
 use harmzone::geometry::{Box3, Pinhole, Point, Point2, Transform};
-use harmzone::object::{Distribution, Event, Harm, Kind, ObjectTruth};
+use harmzone::object::{Distribution, Event, Harm, Kind, Object};
 use harmzone::sample::{EgoState, EncodedImage, ImageFormat, LidarPoint, Measured, Sample, Truth};
 use nalgebra::Vector3;
 use serde_json::{Value, json};
 
 const START_NS: u64 = 1_700_000_000_000_000_001;
 
-fn object(id: &str, x_m: f64, kind: Kind, distribution: Distribution) -> ObjectTruth {
+fn object(id: &str, x_m: f64, kind: Kind, distribution: Distribution) -> Object {
     let center = Point::new(x_m, -0.5, 0.75);
-    ObjectTruth {
-        id: id.into(),
-        category: id.split(':').next().unwrap().into(),
-        kind,
-        distribution,
+    Object {
+        id: Some(id.into()),
+        category: Some(id.split(':').next().unwrap().into()),
+        kind: Some(kind),
+        distribution: Some(distribution),
         box_in_ego: Box3 { center, length_m: 4.5, width_m: 2.0, height_m: 1.5, yaw_rad: 0.25 },
         velocity_in_ego_mps: [1.5, -0.5],
-        n_lidar_points: 12,
-        visible_px: 345,
-        visible_fraction: 0.5,
-        event: if distribution == Distribution::Ood { Event::Falls } else { Event::None },
+        n_lidar_points: Some(12),
+        visible_px: Some(345),
+        visible_fraction: Some(0.5),
+        event: Some(if distribution == Distribution::Ood { Event::Falls } else { Event::None }),
     }
 }
 
@@ -72,8 +72,8 @@ fn sample(idx: u32) -> Sample {
 fn labels_of(sample: &Sample) -> SampleLabels {
     let corner = |x_m, y_m| Point2 { x_m, y_m };
     let harms = [Harm::Harmful, Harm::Harmless, Harm::Harmless];
-    let label = |(object, harm): (&ObjectTruth, Harm)| ObjectLabel {
-        id: object.id.clone(),
+    let label = |(object, harm): (&Object, Harm)| ObjectLabel {
+        id: object.id.clone().unwrap(),
         harm,
         overlap_area_m2: 2.25,
         overlap_ratio: 0.25,
@@ -132,8 +132,8 @@ fn read_in_python() -> Value {
     serde_json::from_slice(&output.stdout).unwrap()
 }
 
-fn expected_object(object: &ObjectTruth) -> Value {
-    let (kind, distribution, event) = match object.id.as_str() {
+fn expected_object(object: &Object) -> Value {
+    let (kind, distribution, event) = match object.id.as_deref().unwrap() {
         "car:1" => ("KIND_VEHICLE", "DISTRIBUTION_ID", "EVENT_NONE"),
         "child:2" => ("KIND_PEDESTRIAN", "DISTRIBUTION_ID", "EVENT_NONE"),
         _ => ("KIND_STATIC", "DISTRIBUTION_OOD", "EVENT_FALLS"),

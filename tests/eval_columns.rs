@@ -5,32 +5,27 @@
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use harmzone::eval::{
-    self, Column, EvalDetection, EvalSample, EvalTruth, Metrics, Mode, Protocol, SampleFacts, TruthFacts,
-};
+use harmzone::dataset::SampleFacts;
+use harmzone::eval::{self, Column, EvalSample, Metrics, Mode, Protocol};
 use harmzone::geometry::{Box3, Point};
-use harmzone::object::{Distribution, Harm};
+use harmzone::object::{Detection, Distribution, Harm, LabelledObject, Object};
 use harmzone::random;
 use proptest::prelude::*;
 use rand::RngExt;
 
 const THRESHOLDS_M: [f64; 4] = [0.5, 1.0, 2.0, 4.0];
 
-fn detection(x_m: f64, y_m: f64, harm: Harm, score: f64) -> EvalDetection {
+fn detection(x_m: f64, y_m: f64, harm: Harm, score: f64) -> Detection {
     let center = Point::new(x_m, y_m, 1.0);
     let box_in_ego = Box3 { center, length_m: 4.0, width_m: 2.0, height_m: 1.5, yaw_rad: 0.3 };
-    EvalDetection { box_in_ego, velocity_in_ego_mps: [0.0; 2], harm, score }
+    Detection { box_in_ego, velocity_in_ego_mps: [0.0; 2], harm, score }
 }
 
-fn truth(x_m: f64, y_m: f64, harm: Harm, distribution: Distribution) -> EvalTruth {
-    EvalTruth {
-        box_in_ego: detection(x_m, y_m, harm, 0.0).box_in_ego,
-        velocity_in_ego_mps: [0.0; 2],
-        harm,
-        distribution: Some(distribution),
-        n_lidar_points: None,
-        facts: TruthFacts::default(),
-    }
+fn truth(x_m: f64, y_m: f64, harm: Harm, distribution: Distribution) -> LabelledObject {
+    let (distribution, n_lidar_points) = (Some(distribution), None);
+    let truth =
+        Object { distribution, n_lidar_points, ..Object::new(detection(x_m, y_m, harm, 0.0).box_in_ego) };
+    LabelledObject { truth, harm }
 }
 
 /// Random samples; positions on a coarse grid and one-digit scores, so that ties abound.
@@ -39,14 +34,14 @@ fn random_samples(seed: u64) -> Vec<EvalSample> {
     let n_samples = rng.random_range(1..6);
     (0..n_samples)
         .map(|i| {
-            let mut truths = Vec::new();
+            let mut objects = Vec::new();
             let mut detections = Vec::new();
             for _ in 0..rng.random_range(0..8) {
                 let (x_m, y_m) =
                     (f64::from(rng.random_range(4..40)) / 2.0, f64::from(rng.random_range(-8..8)) / 2.0);
                 let harm = Harm::ALL[rng.random_range(0..2)];
                 let distribution = [Distribution::Id, Distribution::Ood][rng.random_range(0..2)];
-                truths.push(truth(x_m, y_m, harm, distribution));
+                objects.push(truth(x_m, y_m, harm, distribution));
                 for _ in 0..rng.random_range(0..3) {
                     let found_as =
                         if rng.random_bool(0.7) { harm } else { Harm::ALL[rng.random_range(0..2)] };
@@ -61,7 +56,7 @@ fn random_samples(seed: u64) -> Vec<EvalSample> {
                 let x_m = f64::from(rng.random_range(0..40));
                 detections.push(detection(x_m, 7.0, Harm::ALL[rng.random_range(0..2)], score));
             }
-            EvalSample { id: format!("s{i}"), facts: SampleFacts::default(), truths, detections }
+            EvalSample { id: format!("s{i}"), facts: SampleFacts::default(), objects, detections }
         })
         .collect()
 }
@@ -74,14 +69,14 @@ fn second_opinion(samples: &[EvalSample], column: Column, class: Harm, threshold
         Column::OodAll | Column::OodMatched => vec![Distribution::Ood],
     };
     let counts_unmatched = column == Column::Total || column == Column::OodAll;
-    let is_wanted = |truth: &EvalTruth| wanted.contains(&truth.distribution.unwrap());
-    let mut waiting: Vec<(usize, &EvalDetection)> = Vec::new();
-    let mut unclaimed: Vec<(usize, &EvalTruth)> = Vec::new();
-    let mut others: Vec<(usize, &EvalTruth)> = Vec::new();
+    let is_wanted = |truth: &LabelledObject| wanted.contains(&truth.truth.distribution.unwrap());
+    let mut waiting: Vec<(usize, &Detection)> = Vec::new();
+    let mut unclaimed: Vec<(usize, &LabelledObject)> = Vec::new();
+    let mut others: Vec<(usize, &LabelledObject)> = Vec::new();
     for (s, sample) in samples.iter().enumerate() {
         waiting.extend(sample.detections.iter().filter(|d| d.harm == class).map(|d| (s, d)));
-        unclaimed.extend(sample.truths.iter().filter(|t| t.harm == class).map(|t| (s, t)));
-        others.extend(sample.truths.iter().filter(|t| t.harm != class).map(|t| (s, t)));
+        unclaimed.extend(sample.objects.iter().filter(|t| t.harm == class).map(|t| (s, t)));
+        others.extend(sample.objects.iter().filter(|t| t.harm != class).map(|t| (s, t)));
     }
     let n_positives = unclaimed.iter().filter(|(_, t)| is_wanted(t)).count();
     let mut hits = Vec::new();
@@ -93,11 +88,12 @@ fn second_opinion(samples: &[EvalSample], column: Column, class: Harm, threshold
             }
         }
         let (s, detection) = waiting.remove(best);
-        let nearest = |pool: &[(usize, &EvalTruth)]| -> Option<usize> {
+        let nearest = |pool: &[(usize, &LabelledObject)]| -> Option<usize> {
             let mut at = None;
             let mut least = threshold_m;
             for (i, (of, truth)) in pool.iter().enumerate() {
-                let offset = detection.box_in_ego.center.coords.xy() - truth.box_in_ego.center.coords.xy();
+                let offset =
+                    detection.box_in_ego.center.coords.xy() - truth.truth.box_in_ego.center.coords.xy();
                 if *of == s && offset.norm() < least {
                     least = offset.norm();
                     at = Some(i);
@@ -174,7 +170,7 @@ fn the_columns_equal_those_of_a_second_implementation() {
 }
 
 /// Both classes in both distributions, far apart.
-fn four_truths() -> Vec<EvalTruth> {
+fn four_truths() -> Vec<LabelledObject> {
     let mut truths = Vec::new();
     for (i, harm) in Harm::ALL.into_iter().enumerate() {
         for (j, distribution) in [Distribution::Id, Distribution::Ood].into_iter().enumerate() {
@@ -184,17 +180,17 @@ fn four_truths() -> Vec<EvalTruth> {
     truths
 }
 
-fn perfect(truths: Vec<EvalTruth>) -> EvalSample {
-    let detections = truths
+fn perfect(objects: Vec<LabelledObject>) -> EvalSample {
+    let detections = objects
         .iter()
-        .map(|truth| EvalDetection {
-            box_in_ego: truth.box_in_ego,
+        .map(|truth| Detection {
+            box_in_ego: truth.truth.box_in_ego,
             velocity_in_ego_mps: [0.0; 2],
             harm: truth.harm,
             score: 0.9,
         })
         .collect();
-    EvalSample { id: "s".into(), facts: SampleFacts::default(), truths, detections }
+    EvalSample { id: "s".into(), facts: SampleFacts::default(), objects, detections }
 }
 
 fn means(metrics: &Metrics) -> [f64; 4] {
@@ -224,7 +220,7 @@ fn no_detections_score_zero_in_every_column_with_errors_of_one() {
 fn an_object_given_the_wrong_class_counts_against_its_own_distribution_only() {
     let mut sample = perfect(four_truths());
     // The harmless OOD object is also reported as harmful, above all else.
-    let wrong = EvalDetection { harm: Harm::Harmful, score: 0.99, ..sample.detections[3].clone() };
+    let wrong = Detection { harm: Harm::Harmful, score: 0.99, ..sample.detections[3].clone() };
     sample.detections.push(wrong);
     let metrics = scored(&[sample]);
     let harmful = Column::ALL.map(|column| metrics.columns.get(column).unwrap().harmful);
@@ -235,8 +231,8 @@ fn an_object_given_the_wrong_class_counts_against_its_own_distribution_only() {
 #[test]
 fn filters_drop_far_boxes_and_truths_without_points_but_keep_unknown_counts() {
     let mut sample = perfect(four_truths());
-    sample.truths[0].n_lidar_points = Some(0);
-    sample.truths.push(truth(30.0, 40.0, Harm::Harmful, Distribution::Id));
+    sample.objects[0].truth.n_lidar_points = Some(0);
+    sample.objects.push(truth(30.0, 40.0, Harm::Harmful, Distribution::Id));
     sample.detections.push(detection(50.0, 0.0, Harm::Harmful, 0.9));
     let metrics = scored(&[sample]);
     let filters = metrics.filters;
@@ -262,17 +258,17 @@ fn three_hundred_thousand_detections_are_scored() {
     let samples: Vec<EvalSample> = (0..1000)
         .map(|i| {
             let mut place = || (rng.random_range(1.0..45.0), rng.random_range(-20.0..20.0));
-            let truths = (0..40).map(|k| (place(), k)).map(|((x_m, y_m), k)| {
+            let objects = (0..40).map(|k| (place(), k)).map(|((x_m, y_m), k)| {
                 truth(x_m, y_m, Harm::ALL[k % 2], [Distribution::Id, Distribution::Ood][k / 2 % 2])
             });
-            let truths = truths.collect();
+            let objects = objects.collect();
             let detections = (0..300)
                 .map(|k| {
                     let (x_m, y_m) = place();
                     detection(x_m, y_m, Harm::ALL[k % 2], x_m / 50.0)
                 })
                 .collect();
-            EvalSample { id: format!("s{i}"), facts: SampleFacts::default(), truths, detections }
+            EvalSample { id: format!("s{i}"), facts: SampleFacts::default(), objects, detections }
         })
         .collect();
     assert_eq!(scored(&samples).counts.n_samples, 1000);
@@ -301,8 +297,8 @@ proptest! {
         let mut samples = random_samples(seed);
         for sample in &mut samples {
             // Truths on one another would claim each other's detections.
-            sample.truths.dedup_by_key(|truth| truth.box_in_ego.center.x().to_bits());
-            *sample = EvalSample { id: sample.id.clone(), ..perfect(std::mem::take(&mut sample.truths)) };
+            sample.objects.dedup_by_key(|truth| truth.truth.box_in_ego.center.x().to_bits());
+            *sample = EvalSample { id: sample.id.clone(), ..perfect(std::mem::take(&mut sample.objects)) };
         }
         let metrics = scored(&samples);
         for (column, distributions) in [
@@ -312,10 +308,10 @@ proptest! {
             (Column::OodMatched, &[Distribution::Ood]),
         ] {
             for class in Harm::ALL {
-                let is_positive = |truth: &EvalTruth| {
-                    truth.harm == class && distributions.contains(&truth.distribution.unwrap())
+                let is_positive = |truth: &LabelledObject| {
+                    truth.harm == class && distributions.contains(&truth.truth.distribution.unwrap())
                 };
-                let has_truth = samples.iter().flat_map(|sample| &sample.truths).any(is_positive);
+                let has_truth = samples.iter().flat_map(|sample| &sample.objects).any(is_positive);
                 for ap in metrics.per_threshold.get(column).unwrap().get(class) {
                     prop_assert!((ap - f64::from(u8::from(has_truth))).abs() < 1e-12, "{column:?} {class:?} {ap}");
                 }

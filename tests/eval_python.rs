@@ -7,9 +7,10 @@
 use std::path::Path;
 use std::process::Command;
 
-use harmzone::eval::{EvalDetection, EvalSample, EvalTruth, SampleFacts, TruthFacts, json};
+use harmzone::dataset::SampleFacts;
+use harmzone::eval::{EvalSample, json};
 use harmzone::geometry::{Box3, Point};
-use harmzone::object::{Distribution, Harm};
+use harmzone::object::{Detection, Distribution, Harm, LabelledObject, Object};
 use harmzone::random;
 use rand::RngExt;
 
@@ -27,26 +28,26 @@ fn random_samples(seed: u64) -> Vec<EvalSample> {
     };
     (0..12)
         .map(|i| {
-            let mut truths = Vec::new();
+            let mut objects = Vec::new();
             let mut detections = Vec::new();
             for k in 0..9_u32 {
                 let (box_in_ego, harm, luck) = place(26.0, 0.0, 26.0);
-                truths.push(EvalTruth {
-                    box_in_ego,
-                    velocity_in_ego_mps: [0.0; 2],
+                objects.push(LabelledObject {
                     harm,
-                    distribution: Some([Distribution::Id, Distribution::Ood][usize::from(luck > 0.6)]),
-                    n_lidar_points: [None, Some(0), Some(3)][(k % 7).min(2) as usize],
-                    facts: TruthFacts::default(),
+                    truth: Object {
+                        distribution: Some([Distribution::Id, Distribution::Ood][usize::from(luck > 0.6)]),
+                        n_lidar_points: [None, Some(0), Some(3)][(k % 7).min(2) as usize],
+                        ..Object::new(box_in_ego)
+                    },
                 });
                 for n in 0..2 {
                     let (found, other, score) = place(box_in_ego.center.x(), box_in_ego.center.y(), 1.5);
                     let harm = if n == 0 { harm } else { other };
                     let velocity_in_ego_mps = [0.0; 2];
-                    detections.push(EvalDetection { box_in_ego: found, velocity_in_ego_mps, harm, score });
+                    detections.push(Detection { box_in_ego: found, velocity_in_ego_mps, harm, score });
                 }
             }
-            EvalSample { id: format!("s{i}"), facts: SampleFacts::default(), truths, detections }
+            EvalSample { id: format!("s{i}"), facts: SampleFacts::default(), objects, detections }
         })
         .collect()
 }

@@ -8,7 +8,7 @@ use std::process::Command;
 use harmzone::episode::{EpisodeEntry, EpisodeMeta, EpisodeWriter, Manifest, MapDrawing, Split};
 use harmzone::geometry::{Box3, Pinhole, Point, Transform};
 use harmzone::label;
-use harmzone::object::{Distribution, Event, Kind, ObjectTruth};
+use harmzone::object::{Distribution, Event, Kind, Object};
 use harmzone::progress::Silent;
 use harmzone::random::{Rng, stream};
 use harmzone::sample::{EgoState, EncodedImage, ImageFormat, LidarPoint, Measured, Sample, Truth};
@@ -23,12 +23,12 @@ fn between(rng: &mut Rng, low: f64, high: f64) -> f64 {
     low + (high - low) * rng.random::<f64>()
 }
 
-fn random_object(i: usize, rng: &mut Rng) -> ObjectTruth {
-    ObjectTruth {
-        id: format!("object-{i}"),
-        category: "thing".to_owned(),
-        kind: [Kind::Vehicle, Kind::Pedestrian, Kind::Static][i % 3],
-        distribution: if i.is_multiple_of(4) { Distribution::Ood } else { Distribution::Id },
+fn random_object(i: usize, rng: &mut Rng) -> Object {
+    Object {
+        id: Some(format!("object-{i}")),
+        category: Some("thing".to_owned()),
+        kind: Some([Kind::Vehicle, Kind::Pedestrian, Kind::Static][i % 3]),
+        distribution: Some(if i.is_multiple_of(4) { Distribution::Ood } else { Distribution::Id }),
         box_in_ego: Box3 {
             center: Point::new(between(rng, -5.0, 50.0), between(rng, -6.0, 6.0), 0.8),
             length_m: between(rng, 0.2, 8.0),
@@ -41,10 +41,10 @@ fn random_object(i: usize, rng: &mut Rng) -> ObjectTruth {
         } else {
             [between(rng, -9.0, 9.0), between(rng, -3.0, 3.0)]
         },
-        n_lidar_points: 5,
-        visible_px: 50,
-        visible_fraction: 0.5,
-        event: Event::None,
+        n_lidar_points: Some(5),
+        visible_px: Some(50),
+        visible_fraction: Some(0.5),
+        event: Some(Event::None),
     }
 }
 

@@ -70,7 +70,7 @@ pub fn run(args: BaselineArgs) -> anyhow::Result<ExitStatus> {
             let found = detect(&trained, &dataset, &device)?;
             let judged = dataset.samples().iter().zip(&found).map(|(sample, found)| {
                 judge
-                    .judged(found, &sample.measured.ego_state, dataset.zone())
+                    .judge(found, &sample.measured.ego_state, dataset.zone())
                     .map_err(|error| anyhow!("sample {}: {error}", sample.id))
             });
             judged.collect::<anyhow::Result<Vec<_>>>()?
@@ -84,7 +84,7 @@ pub fn run(args: BaselineArgs) -> anyhow::Result<ExitStatus> {
             let training = open_split(fit, &args.samples.labels, Some(Split::Train))?;
             let set = ClosedSet::fit_to(&detector, &training, &device, &bar)?;
             let found = infer::detect_kinds(&detector, &dataset, "predict", &device, &bar)?;
-            found.iter().map(|found| set.judged(score, found)).collect()
+            found.iter().map(|found| set.judge(score, found)).collect()
         }
     };
     let source = Source {

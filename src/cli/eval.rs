@@ -10,7 +10,7 @@ use super::predict::detect;
 use super::{DeviceArg, ExitStatus, open_split, print, split};
 use crate::dataset::Fingerprint;
 use crate::episode::Split;
-use crate::eval::{self, EvalConfig, EvalSample, Mode, Protocol, eval_samples, json, truth_of};
+use crate::eval::{self, EvalConfig, EvalSample, Mode, Protocol, eval_samples, json};
 use crate::files::sha256_hex;
 use crate::infer::Trained;
 use crate::report::provenance::{Provenance, quote};
@@ -82,14 +82,12 @@ pub fn run(args: EvalArgs) -> anyhow::Result<ExitStatus> {
         None => "cannot score the run".to_owned(),
     })?;
     if let Some(out) = &args.out {
-        let faults = eval::worst_faults(&samples, &protocol)?;
         let trained = args.run.as_deref().map(Trained::find).transpose()?;
         let data = args.data.as_deref().map(|data| (data, args.labels.as_str()));
         scores::write(
             out,
             &protocol,
             &evaluation,
-            &faults,
             &provenance(trained.as_ref(), data, command_line("harmzone"))?,
         )?;
     }
@@ -108,7 +106,7 @@ fn samples(args: &EvalArgs) -> anyhow::Result<Vec<EvalSample>> {
         }
         (_, Some(predictions), _, Some(data)) => {
             let dataset = open_split(data, &args.labels, args.split)?;
-            Ok(json::join(json::read_predictions(predictions)?, truth_of(&dataset))?)
+            Ok(json::join(json::read_predictions(predictions)?, (&dataset).into())?)
         }
         (Some(run), _, _, Some(data)) => samples_of_run(run, data, args),
         _ => bail!("give a RUN with --data, or --predictions with --truth or --data"),
@@ -120,7 +118,7 @@ fn samples_of_run(run: &Path, data: &Path, args: &EvalArgs) -> anyhow::Result<Ve
     let device = args.device.open()?;
     let dataset = open_split(data, &args.labels, args.split)?;
     let found = detect(&Trained::find(run)?, &dataset, &device)?;
-    Ok(eval_samples(&dataset, &found))
+    Ok(eval_samples(dataset.samples(), &found))
 }
 
 /// Where scores come from: the network, the data set with its labels, and the command.

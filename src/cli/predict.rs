@@ -82,7 +82,7 @@ pub fn write(out: &Path, dataset: &Dataset, found: &[Vec<Detection>], source: &S
         }
         writer.finish()?;
     }
-    json::write_predictions(&out.join(JSON_FILE), &eval_samples(dataset, found))?;
+    json::write_predictions(&out.join(JSON_FILE), &eval_samples(dataset.samples(), found))?;
     let n_boxes: usize = found.iter().map(Vec::len).sum();
     print(format!("{n_boxes} boxes for {} samples: {}", found.len(), out.display()))
 }

@@ -1,5 +1,6 @@
 //! A labelled dataset in memory: each sample's measurements and its objects with their labels.
 
+mod facts;
 pub mod statistics;
 pub mod test_data;
 
@@ -11,11 +12,14 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::episode::manifest::{EpisodeEntry, LabelEntry, LabelManifest, Manifest, ManifestError, Split};
-use crate::episode::{EpisodeError, EpisodeReader, LabelReader, SampleLabels};
+use crate::episode::{EpisodeError, EpisodeMeta, EpisodeReader, LabelReader, SampleLabels};
 use crate::files;
-use crate::object::LabelledObject;
+use crate::object::{LabelledObject, Object};
 use crate::sample::{Measured, Sample};
 use crate::zone::{Zone, ZoneConfig, ZoneError};
+
+use facts::Origin;
+pub use facts::{SampleFacts, episode_of_id};
 
 /// Why a dataset could not be loaded.
 #[derive(Debug, Error)]
@@ -38,6 +42,8 @@ pub enum DatasetError {
     NotLabelled { episode: String, set: String, path: PathBuf },
     #[error("the zone of label set `{set}` is not valid: {message}: {}", path.display())]
     Zone { set: String, message: String, path: PathBuf },
+    #[error("the config in the episode's metadata is not valid: {message}: {}", path.display())]
+    Config { message: String, path: PathBuf },
     #[error("episode `{episode}`, sample {sample_idx}: its labels are not of its objects; label the dataset again: {}", path.display())]
     Mismatch { episode: String, sample_idx: usize, path: PathBuf },
     #[error("no episode of split {wanted:?}; the dataset has {found:?}: {}", path.display())]
@@ -51,6 +57,7 @@ pub struct LabelledSample {
     pub id: String,
     pub measured: Measured,
     pub objects: Vec<LabelledObject>,
+    pub facts: SampleFacts,
 }
 
 /// What a run was trained on, to recognise it again.
@@ -107,7 +114,7 @@ impl Dataset {
         }
         let loaded = episodes
             .par_iter()
-            .map(|entry| load_episode(path, set, entry, label_entry(&labels, entry, path)?))
+            .map(|entry| load_episode(path, set, entry, label_entry(&labels, entry, path)?, &zone))
             .collect::<Result<Vec<_>, _>>()?;
         Ok(Self {
             path: path.to_owned(),
@@ -206,7 +213,30 @@ fn load_episode(
     set: &str,
     entry: &EpisodeEntry,
     labels: &LabelEntry,
+    zone: &Zone,
 ) -> Result<Vec<LabelledSample>, DatasetError> {
+    let (meta, samples) = read_labelled(path, set, entry, labels)?;
+    let start_ns = samples.first().map_or(0, |(measured, _)| measured.time_ns);
+    let origin = Origin::of_episode(&meta, &path.join(&entry.file), start_ns)?;
+    let name = |(sample_idx, (measured, objects)): (usize, Pair)| LabelledSample {
+        id: format!("{}/{sample_idx}", entry.name),
+        facts: origin.facts_of(&measured, zone),
+        measured,
+        objects,
+    };
+    Ok(samples.into_iter().enumerate().map(name).collect())
+}
+
+/// A sample's measurements and its objects.
+type Pair = (Measured, Vec<LabelledObject>);
+
+/// An episode's metadata, and its samples with their labels.
+fn read_labelled(
+    path: &Path,
+    set: &str,
+    entry: &EpisodeEntry,
+    labels: &LabelEntry,
+) -> Result<(EpisodeMeta, Vec<Pair>), DatasetError> {
     let reader = EpisodeReader::open(&path.join(&entry.file))?;
     let label_path = LabelManifest::folder(path, set).join(&labels.file);
     let label_reader = LabelReader::open(&label_path)?;
@@ -219,27 +249,30 @@ fn load_episode(
     if reader.len() != label_reader.samples().len() {
         return Err(mismatch(reader.len().min(label_reader.samples().len())));
     }
-    reader
+    let samples = reader
         .samples()
         .zip(label_reader.samples())
         .enumerate()
         .map(|(sample_idx, (sample, labels))| {
             let Sample { measured, truth } = sample?;
             let objects = pair(truth.objects, labels).ok_or_else(|| mismatch(sample_idx))?;
-            Ok(LabelledSample { id: format!("{}/{sample_idx}", entry.name), measured, objects })
+            Ok((measured, objects))
         })
-        .collect()
+        .collect::<Result<_, DatasetError>>()?;
+    Ok((reader.meta().clone(), samples))
 }
 
 /// Each object with its label, if both lists are of the same objects in the same order.
-fn pair(objects: Vec<crate::object::ObjectTruth>, labels: &SampleLabels) -> Option<Vec<LabelledObject>> {
+fn pair(objects: Vec<Object>, labels: &SampleLabels) -> Option<Vec<LabelledObject>> {
     if objects.len() != labels.labels.len() {
         return None;
     }
     objects
         .into_iter()
         .zip(&labels.labels)
-        .map(|(truth, label)| (truth.id == label.id).then_some(LabelledObject { truth, harm: label.harm }))
+        .map(|(truth, label)| {
+            (truth.id.as_ref() == Some(&label.id)).then_some(LabelledObject { truth, harm: label.harm })
+        })
         .collect()
 }
 

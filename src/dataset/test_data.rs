@@ -3,9 +3,10 @@
 use nalgebra::Vector3;
 use rand::RngExt;
 
-use super::{Dataset, Fingerprint, LabelledSample};
+use super::{Dataset, Fingerprint, LabelledSample, Origin};
+use crate::episode::EpisodeMeta;
 use crate::geometry::{Box3, Pinhole, Point, Transform};
-use crate::object::{Distribution, Event, Kind, LabelledObject, ObjectTruth};
+use crate::object::{Distribution, Event, Kind, LabelledObject, Object};
 use crate::random;
 use crate::sample::{EgoState, EncodedImage, ImageFormat, LidarPoint, Measured};
 use crate::zone::{Zone, ZoneConfig, ZoneKind};
@@ -66,17 +67,17 @@ fn sample(idx: usize, zone: &Zone) -> LabelledSample {
             .expect("made-up states and boxes are valid")
             .harm;
         objects.push(LabelledObject {
-            truth: ObjectTruth {
-                id: format!("car-{object_idx}"),
-                category: "car".into(),
-                kind: Kind::Vehicle,
-                distribution: Distribution::Id,
+            truth: Object {
+                id: Some(format!("car-{object_idx}")),
+                category: Some("car".into()),
+                kind: Some(Kind::Vehicle),
+                distribution: Some(Distribution::Id),
                 box_in_ego,
                 velocity_in_ego_mps: [0.0; 2],
-                n_lidar_points: 60,
-                visible_px: 500,
-                visible_fraction: 1.0,
-                event: Event::None,
+                n_lidar_points: Some(60),
+                visible_px: Some(500),
+                visible_fraction: Some(1.0),
+                event: Some(Event::None),
             },
             harm,
         });
@@ -95,5 +96,22 @@ fn sample(idx: usize, zone: &Zone) -> LabelledSample {
         image: EncodedImage { format: ImageFormat::Png, bytes: bytes.into_inner() },
         points,
     };
-    LabelledSample { id: format!("made/{idx}"), measured, objects }
+    let origin = Origin::of_episode(&episode_meta("ClearNoon", ""), "made".as_ref(), 0);
+    let facts = origin.expect("an empty config is valid").facts_of(&measured, zone);
+    LabelledSample { id: format!("made/{idx}"), measured, objects, facts }
+}
+
+/// Where the samples come from.
+pub(super) fn episode_meta(weather: &str, config_toml: &str) -> EpisodeMeta {
+    EpisodeMeta {
+        name: "made".into(),
+        seed: 3,
+        town: "made".into(),
+        weather: weather.into(),
+        ood: false,
+        generator_version: String::new(),
+        config_toml: config_toml.into(),
+        rig_toml: String::new(),
+        n_samples: 0,
+    }
 }

@@ -6,7 +6,7 @@ use foxglove::messages::points_annotation::Type as PointsType;
 
 use super::messages::{fox_cube, fox_identity, fox_point, fox_span, fox_time};
 use crate::geometry::{Box3, Camera, Ego, Frame, Pinhole, Point, Point2, World};
-use crate::object::{Detection, Distribution, Harm, Kind, ObjectTruth};
+use crate::object::{Detection, Distribution, Harm, Kind, Object};
 use crate::sample::Measured;
 
 /// The parts of the town that viewers draw, once per episode.
@@ -40,12 +40,12 @@ fn harm_color(harm: Harm) -> fox::Color {
     }
 }
 
-fn truth_color(object: &ObjectTruth) -> fox::Color {
-    match (object.distribution, object.kind) {
-        (Distribution::Ood, _) => color(0.9, 0.1, 0.8, 0.6),
-        (Distribution::Id, Kind::Vehicle) => color(1.0, 0.6, 0.1, 0.5),
-        (Distribution::Id, Kind::Pedestrian) => color(0.1, 0.7, 0.9, 0.5),
-        (Distribution::Id, Kind::Static) => color(0.6, 0.6, 0.6, 0.5),
+fn truth_color(object: &Object) -> fox::Color {
+    match object.kind {
+        _ if object.is_ood() => color(0.9, 0.1, 0.8, 0.6),
+        Some(Kind::Vehicle) => color(1.0, 0.6, 0.1, 0.5),
+        Some(Kind::Pedestrian) => color(0.1, 0.7, 0.9, 0.5),
+        Some(Kind::Static) | None => color(0.6, 0.6, 0.6, 0.5),
     }
 }
 
@@ -63,6 +63,11 @@ fn pair(key: &str, value: impl Into<String>) -> fox::KeyValuePair {
     fox::KeyValuePair { key: key.to_owned(), value: value.into() }
 }
 
+/// A fact, or nothing where it is unknown.
+fn text(fact: Option<&String>) -> String {
+    fact.cloned().unwrap_or_default()
+}
+
 fn cube(time_ns: u64, id: String, box_in_ego: &Box3<Ego>, color: fox::Color) -> fox::SceneEntity {
     fox::SceneEntity {
         cubes: vec![fox_cube(box_in_ego, color)],
@@ -75,23 +80,14 @@ fn update(entities: Vec<fox::SceneEntity>) -> fox::SceneUpdate {
 }
 
 /// True boxes, coloured by kind, magenta when out of distribution.
-pub(super) fn truth_markers(time_ns: u64, objects: &[ObjectTruth]) -> fox::SceneUpdate {
-    let kind = |kind| match kind {
-        Kind::Vehicle => "vehicle",
-        Kind::Pedestrian => "pedestrian",
-        Kind::Static => "static",
-    };
-    let distribution = |distribution| match distribution {
-        Distribution::Id => "id",
-        Distribution::Ood => "ood",
-    };
+pub(super) fn truth_markers(time_ns: u64, objects: &[Object]) -> fox::SceneUpdate {
     let entities = objects.iter().map(|object| fox::SceneEntity {
         metadata: vec![
-            pair("category", &object.category),
-            pair("kind", kind(object.kind)),
-            pair("distribution", distribution(object.distribution)),
+            pair("category", text(object.category.as_ref())),
+            pair("kind", object.kind.map_or("", Kind::name)),
+            pair("distribution", object.distribution.map_or("", Distribution::name)),
         ],
-        ..cube(time_ns, object.id.clone(), &object.box_in_ego, truth_color(object))
+        ..cube(time_ns, text(object.id.as_ref()), &object.box_in_ego, truth_color(object))
     });
     update(entities.collect())
 }
@@ -126,11 +122,11 @@ pub(super) fn map_update(time_ns: u64, map: &MapDrawing) -> fox::SceneUpdate {
 /// Boxes with their labels: harmful red, harmless blue.
 pub(super) fn harm_boxes<'a>(
     time_ns: u64,
-    boxes: impl Iterator<Item = (&'a ObjectTruth, Harm)>,
+    boxes: impl Iterator<Item = (&'a Object, Harm)>,
 ) -> fox::SceneUpdate {
     let entities = boxes.map(|(object, harm)| fox::SceneEntity {
-        metadata: vec![pair("category", &object.category), pair("harm", harm.name())],
-        ..cube(time_ns, object.id.clone(), &object.box_in_ego, harm_color(harm))
+        metadata: vec![pair("category", text(object.category.as_ref())), pair("harm", harm.name())],
+        ..cube(time_ns, text(object.id.as_ref()), &object.box_in_ego, harm_color(harm))
     });
     update(entities.collect())
 }
@@ -138,9 +134,11 @@ pub(super) fn harm_boxes<'a>(
 /// Reported boxes, the fainter the lower the score.
 pub(super) fn detection_boxes(time_ns: u64, detections: &[Detection]) -> fox::SceneUpdate {
     let entities = detections.iter().enumerate().map(|(i, detection)| {
-        let paint = fox::Color { a: 0.1 + 0.6 * f64::from(detection.score), ..harm_color(detection.harm) };
+        let paint = fox::Color { a: 0.1 + 0.6 * detection.score, ..harm_color(detection.harm) };
+        // With the digits of the message, which is a float.
+        let score = (detection.score as f32).to_string();
         fox::SceneEntity {
-            metadata: vec![pair("harm", detection.harm.name()), pair("score", detection.score.to_string())],
+            metadata: vec![pair("harm", detection.harm.name()), pair("score", score)],
             ..cube(time_ns, format!("detection:{i}"), &detection.box_in_ego, paint)
         }
     });
@@ -199,7 +197,7 @@ const BOX_EDGES: [(usize, usize); 12] =
 pub(super) fn image_annotations<'a>(
     measured: &Measured,
     zone: &[Point2],
-    boxes: impl Iterator<Item = (&'a ObjectTruth, Harm)>,
+    boxes: impl Iterator<Item = (&'a Object, Harm)>,
 ) -> fox::ImageAnnotations {
     let camera_from_ego = measured.ego_from_camera.inverse();
     let camera = &measured.intrinsics;
@@ -211,7 +209,7 @@ pub(super) fn image_annotations<'a>(
         let corners = object.box_in_ego.corners().map(|corner| camera_from_ego * corner);
         let edges = BOX_EDGES.into_iter().map(|(from, to)| (corners[from], corners[to]));
         let paint = fox::Color { a: 1.0, ..harm_color(harm) };
-        drawn.push(line_list(measured.time_ns, camera, edges, paint, pair("id", &object.id)));
+        drawn.push(line_list(measured.time_ns, camera, edges, paint, pair("id", text(object.id.as_ref()))));
     }
     drawn.retain(|list| !list.points.is_empty());
     fox::ImageAnnotations {

@@ -9,7 +9,7 @@ use super::sidecar::{SidecarReader, SidecarSample};
 use super::topics::{self, Topic};
 use super::{SourceMeta, convert, drawing, objects};
 use crate::geometry::Point2;
-use crate::object::{Harm, ObjectTruth};
+use crate::object::{Harm, Object};
 use crate::sample::Sample;
 
 /// The label of one object.
@@ -96,13 +96,17 @@ impl SampleLabels {
     }
 
     /// Each object of the sample with its label, if the labels are usable and the sample's own.
-    fn check_against<'a>(&self, sample: &'a Sample) -> Result<Vec<(&'a ObjectTruth, Harm)>, MessageFault> {
+    fn check_against<'a>(&self, sample: &'a Sample) -> Result<Vec<(&'a Object, Harm)>, MessageFault> {
         self.check()?;
         if self.time_ns != sample.measured.time_ns {
             return Err(MessageFault::new("time_ns", self.time_ns, "the sample's time is needed"));
         }
         let truths = &sample.truth.objects;
-        let same_ids = self.labels.iter().map(|label| &label.id).eq(truths.iter().map(|object| &object.id));
+        let same_ids = self
+            .labels
+            .iter()
+            .map(|label| Some(&label.id))
+            .eq(truths.iter().map(|object| object.id.as_ref()));
         if !same_ids {
             let found = format!("{} labels for {} objects", self.labels.len(), truths.len());
             return Err(MessageFault::new(

@@ -9,7 +9,7 @@ use thiserror::Error;
 
 use super::meta::FORMAT_VERSION;
 use crate::files::write_atomic;
-use crate::object::{Distribution, Harm, Kind};
+use crate::object::{Distribution, Harm, Kind, Object};
 
 /// Why a manifest cannot be read or written.
 #[derive(Debug, Error)]
@@ -104,6 +104,13 @@ impl<T> PerDistribution<T> {
             Distribution::Id => &mut self.id,
             Distribution::Ood => &mut self.ood,
         }
+    }
+}
+
+impl<T> PerDistribution<PerKind<T>> {
+    /// The value of an object's distribution and kind; `None` where either is unknown.
+    pub fn of_mut(&mut self, object: &Object) -> Option<&mut T> {
+        Some(self.get_mut(object.distribution?).get_mut(object.kind?))
     }
 }
 

@@ -4,7 +4,7 @@ use super::convert::{FINITE, check_finite};
 use super::error::MessageFault;
 use super::messages::{own_time, wire};
 use crate::geometry::{Box3, BoxError, Ego, Frame, Point};
-use crate::object::{Detection, Distribution, Event, Harm, Kind, ObjectTruth};
+use crate::object::{Detection, Distribution, Event, Harm, Kind, Object};
 
 /// An enum as messages hold it: by the number of the variant of the same name.
 macro_rules! enum_numbers {
@@ -85,23 +85,24 @@ macro_rules! box_of {
     }};
 }
 
-pub(super) fn objects_message(time_ns: u64, objects: &[ObjectTruth]) -> wire::Objects {
+/// Facts that are unknown become the message's defaults; [`check_object`] lets none through.
+pub(super) fn objects_message(time_ns: u64, objects: &[Object]) -> wire::Objects {
     let objects = objects.iter().map(|object| {
         box_message!(Object, object.box_in_ego, object.velocity_in_ego_mps, {
-            id: object.id.clone(),
-            category: object.category.clone(),
-            kind: kind_number(object.kind),
-            distribution: distribution_number(object.distribution),
-            n_lidar_points: object.n_lidar_points,
-            visible_px: object.visible_px,
-            visible_fraction: object.visible_fraction,
-            event: event_number(object.event),
+            id: object.id.clone().unwrap_or_default(),
+            category: object.category.clone().unwrap_or_default(),
+            kind: object.kind.map_or(0, kind_number),
+            distribution: object.distribution.map_or(0, distribution_number),
+            n_lidar_points: object.n_lidar_points.unwrap_or_default(),
+            visible_px: object.visible_px.unwrap_or_default(),
+            visible_fraction: object.visible_fraction.unwrap_or_default() as f32,
+            event: object.event.map_or(0, event_number),
         })
     });
     wire::Objects { timestamp: Some(own_time(time_ns)), objects: objects.collect() }
 }
 
-pub(super) fn object_of(message: wire::Object) -> Result<ObjectTruth, MessageFault> {
+pub(super) fn object_of(message: wire::Object) -> Result<Object, MessageFault> {
     let (box_in_ego, velocity_in_ego_mps) = box_of!(message);
     let read = || {
         let kind = kind_of(message.kind)?;
@@ -111,17 +112,17 @@ pub(super) fn object_of(message: wire::Object) -> Result<ObjectTruth, MessageFau
         Ok((kind, distribution, event))
     };
     let (kind, distribution, event) = read().map_err(|fault: MessageFault| fault.of(&message.id))?;
-    Ok(ObjectTruth {
-        id: message.id,
-        category: message.category,
-        kind,
-        distribution,
+    Ok(Object {
         box_in_ego,
         velocity_in_ego_mps,
-        n_lidar_points: message.n_lidar_points,
-        visible_px: message.visible_px,
-        visible_fraction: message.visible_fraction,
-        event,
+        id: Some(message.id),
+        category: Some(message.category),
+        kind: Some(kind),
+        distribution: Some(distribution),
+        n_lidar_points: Some(message.n_lidar_points),
+        visible_px: Some(message.visible_px),
+        visible_fraction: Some(f64::from(message.visible_fraction)),
+        event: Some(event),
     })
 }
 
@@ -129,7 +130,7 @@ pub(super) fn detections_message(time_ns: u64, detections: &[Detection]) -> wire
     let detections = detections.iter().map(|detection| {
         box_message!(Detection, detection.box_in_ego, detection.velocity_in_ego_mps, {
             harm: harm_number(detection.harm),
-            score: detection.score,
+            score: detection.score as f32,
         })
     });
     wire::Detections { timestamp: Some(own_time(time_ns)), detections: detections.collect() }
@@ -146,9 +147,27 @@ fn check_box<F: Frame>(found: &Box3<F>, velocity_mps: [f64; 2]) -> Result<(), Me
     check_finite("vy_mps", velocity_mps[1])
 }
 
-/// Whether every number of an object is one that a reader will take.
-pub(super) fn check_object(object: &ObjectTruth) -> Result<(), MessageFault> {
-    check_box(&object.box_in_ego, object.velocity_in_ego_mps).map_err(|fault| fault.of(&object.id))
+/// Episodes tell every fact of an object.
+fn check_facts(object: &Object) -> Result<(), MessageFault> {
+    let facts = [
+        ("id", object.id.is_some()),
+        ("category", object.category.is_some()),
+        ("kind", object.kind.is_some()),
+        ("distribution", object.distribution.is_some()),
+        ("n_lidar_points", object.n_lidar_points.is_some()),
+        ("visible_px", object.visible_px.is_some()),
+        ("visible_fraction", object.visible_fraction.is_some()),
+        ("event", object.event.is_some()),
+    ];
+    let unknown = facts.into_iter().find(|(_, is_known)| !is_known);
+    unknown.map_or(Ok(()), |(field, _)| Err(MessageFault::new(field, "unknown", "a known one is needed")))
+}
+
+/// Whether every fact of an object is known, and every number one that a reader will take.
+pub(super) fn check_object(object: &Object) -> Result<(), MessageFault> {
+    check_facts(object)
+        .and_then(|()| check_box(&object.box_in_ego, object.velocity_in_ego_mps))
+        .map_err(|fault| fault.of(object.id.as_deref().unwrap_or_default()))
 }
 
 pub(super) fn check_detection(detection: &Detection) -> Result<(), MessageFault> {
@@ -162,7 +181,7 @@ pub(super) fn check_detection(detection: &Detection) -> Result<(), MessageFault>
 pub(super) fn detection_of(message: &wire::Detection) -> Result<Detection, MessageFault> {
     let (box_in_ego, velocity_in_ego_mps) = box_of!(message);
     let harm = harm_of(message.harm)?;
-    let detection = Detection { box_in_ego, velocity_in_ego_mps, harm, score: message.score };
+    let detection = Detection { box_in_ego, velocity_in_ego_mps, harm, score: message.score.into() };
     check_detection(&detection)?;
     Ok(detection)
 }

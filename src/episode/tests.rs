@@ -8,7 +8,7 @@ use super::messages::wire;
 use super::topics::Topic;
 use super::*;
 use crate::geometry::{Box3, Pinhole, Point, Point2, Transform};
-use crate::object::{Detection, Distribution, Event, Harm, Kind, ObjectTruth};
+use crate::object::{Detection, Distribution, Event, Harm, Kind, Object};
 use crate::sample::{EgoState, EncodedImage, ImageFormat, LidarPoint, Measured, Sample, Truth};
 use nalgebra::Vector3;
 
@@ -26,12 +26,12 @@ fn meta() -> EpisodeMeta {
     }
 }
 
-fn object(id: &str, x_m: f64, kind: Kind, distribution: Distribution) -> ObjectTruth {
-    ObjectTruth {
-        id: id.into(),
-        category: "hay_bale".into(),
-        kind,
-        distribution,
+fn object(id: &str, x_m: f64, kind: Kind, distribution: Distribution) -> Object {
+    Object {
+        id: Some(id.into()),
+        category: Some("hay_bale".into()),
+        kind: Some(kind),
+        distribution: Some(distribution),
         box_in_ego: Box3 {
             center: Point::new(x_m, -1.0 / 3.0, 0.7),
             length_m: 4.1,
@@ -40,10 +40,10 @@ fn object(id: &str, x_m: f64, kind: Kind, distribution: Distribution) -> ObjectT
             yaw_rad: 0.3,
         },
         velocity_in_ego_mps: [0.1, -0.2],
-        n_lidar_points: 12,
-        visible_px: 345,
-        visible_fraction: 0.7,
-        event: if distribution == Distribution::Ood { Event::Rolls } else { Event::None },
+        n_lidar_points: Some(12),
+        visible_px: Some(345),
+        visible_fraction: Some(0.7),
+        event: Some(if distribution == Distribution::Ood { Event::Rolls } else { Event::None }),
     }
 }
 
@@ -295,7 +295,7 @@ fn times_must_advance_and_ids_differ() {
     writer.write(&sample(1)).unwrap();
     assert!(matches!(writer.write(&sample(1)), Err(EpisodeError::TimeOrder { sample_idx: 1, .. })));
     let mut twins = sample(2);
-    twins.truth.objects[1].id = "car:1".into();
+    twins.truth.objects[1].id = Some("car:1".into());
     assert!(writer.write(&twins).unwrap_err().to_string().contains("object `car:1`"));
     let empty = EpisodeWriter::create(&path, &meta(), &map()).unwrap();
     assert!(matches!(empty.finish(), Err(EpisodeError::Empty { .. })));
@@ -339,13 +339,13 @@ fn detections_read_back_exactly() {
         .iter()
         .map(|sample| SampleDetections {
             time_ns: sample.measured.time_ns,
-            detections: vec![detection(0.9), detection(0.0)],
+            detections: vec![detection(f64::from(0.9_f32)), detection(0.0)],
         })
         .chain([SampleDetections { time_ns: u64::MAX, detections: vec![] }])
         .collect();
     let mut writer = DetectionWriter::create(&path, &source("abc")).unwrap();
     all.iter().for_each(|sample| writer.write(sample).unwrap());
-    let bad = SampleDetections { time_ns: u64::MAX, detections: vec![detection(f32::NAN)] };
+    let bad = SampleDetections { time_ns: u64::MAX, detections: vec![detection(f64::NAN)] };
     assert!(writer.write(&bad).unwrap_err().to_string().contains("`score` is NaN"));
     writer.finish().unwrap();
     let reader = DetectionReader::open(&path).unwrap();

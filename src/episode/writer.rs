@@ -76,7 +76,7 @@ impl EpisodeWriter {
         archive.write(topics::MARKERS, &drawing::truth_markers(time_ns, truths))?;
         archive.end_chunk()?;
         for object in truths {
-            *self.n_objects.get_mut(object.distribution).get_mut(object.kind) += 1;
+            *self.n_objects.of_mut(object).expect("the facts of objects were checked") += 1;
         }
         Ok(())
     }
@@ -118,7 +118,7 @@ fn check(sample: &Sample) -> Result<(), MessageFault> {
 }
 
 fn check_ids(sample: &Sample) -> Result<(), MessageFault> {
-    let mut ids: Vec<&str> = sample.truth.objects.iter().map(|object| object.id.as_str()).collect();
+    let mut ids: Vec<&str> = sample.truth.objects.iter().filter_map(|object| object.id.as_deref()).collect();
     ids.sort_unstable();
     match ids.windows(2).find(|pair| pair[0] == pair[1]) {
         Some(pair) => Err(MessageFault::new("id", "there twice", "each object needs its own").of(pair[0])),

@@ -12,10 +12,11 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::curve::Curve;
-use super::facts::episode_of_id;
-use super::metrics::{Column, Columns, Matching, mean};
+use super::filter::KeptSample;
+use super::matching::Matching;
+use super::metrics::{Column, Columns, mean};
 use super::protocol::Protocol;
-use super::{EvalSample, Mode};
+use crate::dataset::episode_of_id;
 use crate::object::Harm;
 use crate::random;
 
@@ -41,27 +42,22 @@ pub struct Intervals {
     pub mean: Option<[f64; 2]>,
 }
 
-/// What counts in one cell: for each threshold the judged detections by rank, and the positives of each episode.
+/// What counts in one cell: for each threshold the detections by rank, and the positives of each episode.
 struct Cell {
     /// Episode, score, whether true.
-    judged: Vec<Vec<(usize, f64, bool)>>,
+    counting: Vec<Vec<(usize, f64, bool)>>,
     n_positives: Vec<usize>,
 }
 
 /// Draws the resamples; `None` if the config asks for none or there is but one episode.
-pub(super) fn intervals(
-    kept: &[EvalSample],
-    matching: &Matching<'_>,
-    protocol: &Protocol,
-    mode: Mode,
-) -> Option<Confidence> {
-    let config = protocol.config();
-    let (episode_of, n_episodes) = episodes(kept);
+pub(super) fn measure(matching: &Matching<'_>) -> Option<Confidence> {
+    let (config, protocol, mode) = (matching.config(), matching.protocol, matching.mode);
+    let (episode_of, n_episodes) = number_episodes(&matching.samples);
     if config.n_resamples == 0 || n_episodes < 2 {
         return None;
     }
     let cells = Columns::from_fn(mode, |column| {
-        Harm::ALL.map(|class| cell(kept, matching, protocol, column, class, &episode_of, n_episodes))
+        Harm::ALL.map(|class| Cell::new(matching, column, class, &episode_of, n_episodes))
     });
     let resampled: Vec<Columns<[Option<f64>; 2]>> = (0..config.n_resamples as u64)
         .into_par_iter()
@@ -89,12 +85,12 @@ pub(super) fn intervals(
 
 /// The episode of each sample as a number, and how many there are. A sample of which nothing names the episode is
 /// one of its own.
-fn episodes(samples: &[EvalSample]) -> (Vec<usize>, usize) {
+fn number_episodes(samples: &[KeptSample<'_>]) -> (Vec<usize>, usize) {
     let mut numbers: HashMap<&str, usize> = HashMap::new();
     let of_samples = samples
         .iter()
         .map(|sample| {
-            let name = sample.facts.episode.as_deref().unwrap_or_else(|| episode_of_id(&sample.id));
+            let name = sample.facts.episode.as_deref().unwrap_or_else(|| episode_of_id(sample.id));
             let next = numbers.len();
             *numbers.entry(name).or_insert(next)
         })
@@ -102,33 +98,31 @@ fn episodes(samples: &[EvalSample]) -> (Vec<usize>, usize) {
     (of_samples, numbers.len())
 }
 
-fn cell(
-    kept: &[EvalSample],
-    matching: &Matching<'_>,
-    protocol: &Protocol,
-    column: Column,
-    class: Harm,
-    episode_of: &[usize],
-    n_episodes: usize,
-) -> Cell {
-    let mut n_positives = vec![0; n_episodes];
-    for (sample, &episode) in kept.iter().zip(episode_of) {
-        let is_positive =
-            |truth: &&super::EvalTruth| truth.harm == class && column.has_positive(truth.distribution);
-        n_positives[episode] += sample.truths.iter().filter(is_positive).count();
-    }
-    let judged = (0..protocol.config().dist_thresholds_m.len()).map(|threshold_idx| {
-        let ranked = matching.get(class).at(threshold_idx);
-        ranked
-            .filter_map(|(ranked, outcome)| {
-                Some((episode_of[ranked.sample_idx], ranked.detection.score, column.judge(outcome)?))
-            })
-            .collect()
-    });
-    Cell { judged: judged.collect(), n_positives }
-}
-
 impl Cell {
+    fn new(
+        matching: &Matching<'_>,
+        column: Column,
+        class: Harm,
+        episode_of: &[usize],
+        n_episodes: usize,
+    ) -> Self {
+        let mut n_positives = vec![0; n_episodes];
+        for of in &matching.objects {
+            let is_positive = of.object.harm == class && column.has_positive(of.object.truth.distribution);
+            n_positives[episode_of[of.sample_idx]] += usize::from(is_positive);
+        }
+        let of_threshold = |threshold_idx| {
+            let ranked = matching.at(class, threshold_idx);
+            ranked
+                .filter_map(|(ranked, outcome)| {
+                    Some((episode_of[ranked.sample_idx], ranked.detection.score, column.judge(outcome)?))
+                })
+                .collect()
+        };
+        let counting = (0..matching.config().dist_thresholds_m.len()).map(of_threshold).collect();
+        Self { counting, n_positives }
+    }
+
     /// AP, mean over the thresholds, of a resample; `None` if it has no positive.
     fn ap(&self, n_drawn: &[usize], protocol: &Protocol) -> Option<f64> {
         let n_positives: usize = self.n_positives.iter().zip(n_drawn).map(|(n, drawn)| n * drawn).sum();
@@ -136,10 +130,10 @@ impl Cell {
             return None;
         }
         let aps: Vec<f64> = self
-            .judged
+            .counting
             .iter()
-            .map(|judged| {
-                let drawn = judged.iter().flat_map(|&(episode, score, is_match)| {
+            .map(|counting| {
+                let drawn = counting.iter().flat_map(|&(episode, score, is_match)| {
                     std::iter::repeat_n((score, is_match), n_drawn[episode])
                 });
                 let curve = Curve::new(drawn, n_positives);
@@ -166,8 +160,9 @@ fn interval(values: impl Iterator<Item = f64>) -> Option<[f64; 2]> {
 #[cfg(test)]
 mod tests {
     use super::super::matching::tests::{found, truth};
-    use super::super::{SampleFacts, evaluate};
+    use super::super::{EvalSample, Mode, evaluate};
     use super::*;
+    use crate::dataset::SampleFacts;
     use crate::object::Distribution;
 
     /// `n` episodes of two alike samples: in the first `n_good` both truths are found, in the others none.
@@ -176,7 +171,7 @@ mod tests {
             .map(|i| EvalSample {
                 id: format!("{}/{}", i / 2, i % 2),
                 facts: SampleFacts::default(),
-                truths: Harm::ALL
+                objects: Harm::ALL
                     .map(|harm| truth(8.0 + 9.0 * harm.index() as f64, harm, Distribution::Id))
                     .into(),
                 detections: if i / 2 < n_good {

@@ -4,10 +4,13 @@ use serde::{Deserialize, Serialize};
 
 use super::bootstrap::{self, Confidence};
 use super::breakdown::{self, Breakdown};
+use super::faults::{self, Fault};
+use super::matching::Matching;
 use super::metrics::{self, Metrics};
+use super::pretty_json;
 use super::protocol::Protocol;
 use super::safety::{self, Safety};
-use super::{EvalSample, Mode, ScoreError, check, pretty_json};
+use super::sample::{EvalSample, Mode, ScoreError};
 
 /// The content of `metrics.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -19,6 +22,9 @@ pub struct Evaluation {
     /// One for each axis of which something is known.
     pub breakdowns: Vec<Breakdown>,
     pub safety: Safety,
+    /// The worst of what went wrong; `faults.json` holds it.
+    #[serde(skip)]
+    pub faults: Vec<Fault>,
 }
 
 impl Evaluation {
@@ -29,18 +35,47 @@ impl Evaluation {
     }
 }
 
+/// Scores detections against truths.
+///
+/// A class or column without a truth, or without a match, has AP 0 and errors of 1, and counts in the
+/// means, as in nuscenes-devkit; [`Metrics::counts`] tells how many truths there were.
+///
+/// # Errors
+/// [`ScoreError`]: no samples, a repeated sample, too many detections in one, a box or score that is
+/// not finite, a size that is not above zero, a truth without its distribution in [`Mode::Ood`].
+pub fn score(samples: &[EvalSample], protocol: &Protocol, mode: Mode) -> Result<Metrics, ScoreError> {
+    Ok(metrics::measure(&Matching::new(samples, protocol, mode)?))
+}
+
 /// Scores detections against truths, with everything that the facts of samples and truths allow.
 ///
 /// # Errors
-/// As [`super::score`].
+/// As [`score`].
 pub fn evaluate(samples: &[EvalSample], protocol: &Protocol, mode: Mode) -> Result<Evaluation, ScoreError> {
-    check(samples, protocol, mode)?;
-    let (kept, filters) = metrics::filtered(samples, protocol.config());
-    let matching = metrics::matched(&kept, protocol.config());
+    let matching = Matching::new(samples, protocol, mode)?;
     Ok(Evaluation {
-        confidence: bootstrap::intervals(&kept, &matching, protocol, mode),
-        breakdowns: breakdown::break_down(&kept, &matching, protocol),
-        safety: safety::measure(&kept, &matching, protocol),
-        metrics: metrics::measure(&kept, &matching, filters, protocol, mode),
+        metrics: metrics::measure(&matching),
+        confidence: bootstrap::measure(&matching),
+        breakdowns: breakdown::measure(&matching),
+        safety: safety::measure(&matching),
+        faults: faults::find_worst(&matching),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::matching::tests::{N_MATCHINGS, truth};
+    use super::*;
+    use crate::dataset::SampleFacts;
+    use crate::object::{Distribution, Harm};
+
+    #[test]
+    fn one_matching_serves_scores_intervals_groups_safety_and_faults() {
+        let objects = vec![truth(10.0, Harm::Harmful, Distribution::Id)];
+        let samples =
+            [EvalSample { id: "s".into(), facts: SampleFacts::default(), objects, detections: vec![] }];
+        N_MATCHINGS.set(0);
+        let evaluation = evaluate(&samples, &Protocol::default(), Mode::Ood).unwrap();
+        assert_eq!((N_MATCHINGS.get(), evaluation.faults.len()), (1, 1));
+    }
 }

@@ -66,12 +66,12 @@ impl Judge {
         matches!(self, Self::SpeedZone | Self::SpeedZoneSoft)
     }
 
-    /// The detections of one sample as judged at a measured state, best first. The hard rule gives each box one class,
-    /// the soft one both with the shares of its score; shares below [`MIN_SCORE`] are left out.
+    /// Decides on the harm of one sample's detections at a measured state, best first. The hard rule gives each box one
+    /// class, the soft one both with the shares of its score; shares below [`MIN_SCORE`] are left out.
     ///
     /// # Errors
-    /// The state or a box cannot be, or the soft rule meets a zone other than `rect`.
-    pub fn judged(
+    /// The state or a box is not valid, or the soft rule meets a zone other than `rect`.
+    pub fn judge(
         self,
         found: &[Detection],
         state: &EgoState,
@@ -83,7 +83,7 @@ impl Judge {
         let straight = EgoState { steering_angle_rad: 0.0, ..*state };
         let zone = zone.at(if self.is_straight() { &straight } else { state })?;
         let mut judged = Vec::with_capacity(found.len());
-        for object in objects(found) {
+        for object in join_classes(found) {
             let harm = zone.harm_of(&object.box_in_ego, object.velocity_in_ego_mps)?.harm;
             if !self.is_soft() {
                 judged.push(Detection { harm, ..object });
@@ -93,9 +93,9 @@ impl Judge {
             // A share of the score each, as the network's classes have.
             let p = harm_probability(distance_m, harm) as f32;
             for (harm, share) in [(Harm::Harmful, p), (Harm::Harmless, 1.0 - p)] {
-                let score = share * object.score;
+                let score = share * object.score as f32;
                 if score >= MIN_SCORE {
-                    judged.push(Detection { harm, score, ..object });
+                    judged.push(Detection { harm, score: score.into(), ..object });
                 }
             }
         }
@@ -115,7 +115,7 @@ fn harm_probability(distance_m: f64, verdict: Harm) -> f64 {
 
 /// One box for each object, without regard to class: the better of its two detections, with the sum of their scores.
 /// Detections with one box, which one query reports, join first, then near ones. The class left in it means nothing.
-fn objects(found: &[Detection]) -> Vec<Detection> {
+fn join_classes(found: &[Detection]) -> Vec<Detection> {
     let mut ranked = found.to_vec();
     ranked.sort_by(|a, b| b.score.total_cmp(&a.score));
     let (mut is_joined, mut is_gone) = (vec![false; ranked.len()], vec![false; ranked.len()]);
@@ -131,7 +131,9 @@ fn objects(found: &[Detection]) -> Vec<Detection> {
                 .filter(|&(_, distance_m)| distance_m <= reach_m)
                 .min_by(|a, b| a.1.total_cmp(&b.1));
             if let Some((j, _)) = nearest {
-                ranked[i].score = (one.score + ranked[j].score).min(1.0);
+                // The sum of two of a network's scores, as a network would give it.
+                let sum = one.score as f32 + ranked[j].score as f32;
+                ranked[i].score = sum.min(1.0).into();
                 (is_joined[i], is_joined[j], is_gone[j]) = (true, true, true);
             }
         }
@@ -144,8 +146,8 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::dataset::test_data;
-    use crate::eval::{Columns, EvalSample, Mode, Protocol, SampleFacts, score};
+    use crate::dataset::{SampleFacts, test_data};
+    use crate::eval::{Columns, EvalSample, Mode, Protocol, score};
     use crate::geometry::{Box3, Ego, Point};
     use crate::object::Distribution;
     use crate::zone::{ZoneConfig, ZoneKind};
@@ -161,7 +163,7 @@ mod tests {
         }
     }
 
-    fn found(x_m: f64, y_m: f64, harm: Harm, score: f32) -> Detection {
+    fn found(x_m: f64, y_m: f64, harm: Harm, score: f64) -> Detection {
         let box_in_ego = Box3::<Ego> {
             center: Point::new(x_m, y_m, 0.5),
             length_m: 1.0,
@@ -175,7 +177,7 @@ mod tests {
     /// Class and score of each, in hundredths.
     fn told(judge: Judge, detections: &[Detection], state: &EgoState) -> Vec<(Harm, i32)> {
         let zone = Zone::try_from(ZoneConfig::default()).unwrap();
-        let judged = judge.judged(detections, state, &zone).unwrap();
+        let judged = judge.judge(detections, state, &zone).unwrap();
         judged.iter().map(|d| (d.harm, (100.0 * d.score).round() as i32)).collect()
     }
 
@@ -232,16 +234,16 @@ mod tests {
         for kind in ZoneKind::ALL {
             let zone = Zone::try_from(ZoneConfig { kind, ..ZoneConfig::default() }).unwrap();
             let boxes = [found(10.0, 0.0, Harm::Harmless, 0.9), found(10.0, 9.0, Harm::Harmful, 0.8)];
-            let hard = Judge::Zone.judged(&boxes, &state(10.0, 0.0), &zone).unwrap();
+            let hard = Judge::Zone.judge(&boxes, &state(10.0, 0.0), &zone).unwrap();
             let harms: Vec<Harm> = hard.iter().map(|detection| detection.harm).collect();
             assert_eq!(harms, [Harm::Harmful, Harm::Harmless], "{kind:?}");
-            let soft = Judge::ZoneSoft.judged(&boxes, &state(10.0, 0.0), &zone);
+            let soft = Judge::ZoneSoft.judge(&boxes, &state(10.0, 0.0), &zone);
             assert_eq!(matches!(soft, Err(ZoneError::NoEdge)), kind != ZoneKind::Rect);
         }
     }
 
     /// AP of a judge over perfect boxes of made-up streets, every second object out of distribution.
-    fn ap_of_perfect_boxes(judge: Judge, scores: &[f32], classes: &[bool]) -> Columns<[f64; 2]> {
+    fn ap_of_perfect_boxes(judge: Judge, scores: &[f64], classes: &[bool]) -> Columns<[f64; 2]> {
         let dataset = test_data::dataset(12);
         let draws = scores.iter().zip(classes).cycle();
         let mut draws = draws.map(|(&score, &is_harmful)| (score, Harm::ALL[usize::from(!is_harmful)]));
@@ -249,21 +251,20 @@ mod tests {
             .samples()
             .iter()
             .map(|sample| {
-                let mut truths: Vec<crate::eval::EvalTruth> = sample.objects.iter().map(Into::into).collect();
-                for truth in truths.iter_mut().skip(1).step_by(2) {
-                    truth.distribution = Some(Distribution::Ood);
+                let mut objects = sample.objects.clone();
+                for object in objects.iter_mut().skip(1).step_by(2) {
+                    object.truth.distribution = Some(Distribution::Ood);
                 }
-                let boxes: Vec<Detection> = truths
+                let boxes: Vec<Detection> = objects
                     .iter()
-                    .map(|truth| {
+                    .map(|object| {
                         let (score, harm) = draws.next().unwrap();
-                        let box_in_ego = truth.box_in_ego;
+                        let box_in_ego = object.truth.box_in_ego;
                         Detection { box_in_ego, velocity_in_ego_mps: [0.0; 2], harm, score }
                     })
                     .collect();
-                let judged = judge.judged(&boxes, &sample.measured.ego_state, dataset.zone()).unwrap();
-                let detections = judged.iter().map(Into::into).collect();
-                EvalSample { id: sample.id.clone(), facts: SampleFacts::default(), truths, detections }
+                let detections = judge.judge(&boxes, &sample.measured.ego_state, dataset.zone()).unwrap();
+                EvalSample { id: sample.id.clone(), facts: SampleFacts::default(), objects, detections }
             })
             .collect();
         let columns = score(&samples, &Protocol::default(), Mode::Ood).unwrap().columns;
@@ -287,10 +288,10 @@ mod tests {
 
         #[test]
         fn over_perfect_boxes_the_zone_has_an_ap_of_one_in_every_column_whatever_scores_and_classes_say(
-            scores in prop::collection::vec(0.02_f32..1.0, 7),
+            scores in prop::collection::vec(0.02_f64..1.0, 7),
             classes in prop::collection::vec(any::<bool>(), 11),
         ) {
-            let lowest_of = |judge, scores: &[f32]| lowest(&ap_of_perfect_boxes(judge, scores, &classes));
+            let lowest_of = |judge, scores: &[f64]| lowest(&ap_of_perfect_boxes(judge, scores, &classes));
             prop_assert!(lowest_of(Judge::Zone, &scores) > 1.0 - 1e-9);
             // The soft rule ranks by its doubt too: equal scores are needed. The shares of the other class, behind all
             // truths, count at full recall alone, the last of the 90 steps.

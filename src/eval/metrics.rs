@@ -11,34 +11,14 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::object::{Distribution, Harm};
+use crate::object::{Distribution, Harm, LabelledObject};
 
 use super::curve::Curve;
-use super::matching::{ClassMatching, Outcome, match_errors};
-use super::protocol::{EvalConfig, Protocol};
-use super::{EvalSample, EvalTruth, Mode, pretty_json};
-
-/// A value for each class.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-pub struct PerClass<T> {
-    pub harmful: T,
-    pub harmless: T,
-}
-
-impl<T> PerClass<T> {
-    /// Makes both values.
-    pub fn from_fn(mut value: impl FnMut(Harm) -> T) -> Self {
-        Self { harmful: value(Harm::Harmful), harmless: value(Harm::Harmless) }
-    }
-
-    /// The class's value.
-    pub fn get(&self, class: Harm) -> &T {
-        match class {
-            Harm::Harmful => &self.harmful,
-            Harm::Harmless => &self.harmless,
-        }
-    }
-}
+use super::filter::Filters;
+use super::matching::{Matching, Outcome, PerClass, match_errors};
+use super::pretty_json;
+use super::protocol::EvalConfig;
+use super::sample::Mode;
 
 /// A column of Table III.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -69,8 +49,8 @@ impl Column {
     /// Whether an outcome is a true (`Some(true)`), a false (`Some(false)`) or no (`None`) positive here.
     pub(super) fn judge(self, outcome: Outcome<'_>) -> Option<bool> {
         match outcome {
-            Outcome::Matched(truth, _) => self.has_positive(truth.truth.distribution).then_some(true),
-            Outcome::Misclassified(truth) => self.has_positive(truth.truth.distribution).then_some(false),
+            Outcome::Matched(of, _) => self.has_positive(of.object.truth.distribution).then_some(true),
+            Outcome::Misclassified(of) => self.has_positive(of.object.truth.distribution).then_some(false),
             Outcome::Unmatched => matches!(self, Self::Total | Self::OodAll).then_some(false),
         }
     }
@@ -153,12 +133,10 @@ impl OutcomeCounts {
     }
 
     fn add(&mut self, outcome: Outcome<'_>) {
-        let (all, id, ood, truth) = match outcome {
-            Outcome::Matched(truth, _) => {
-                (&mut self.matched, &mut self.matched_id, &mut self.matched_ood, truth)
-            }
-            Outcome::Misclassified(truth) => {
-                (&mut self.misclassified, &mut self.misclassified_id, &mut self.misclassified_ood, truth)
+        let (all, id, ood, of) = match outcome {
+            Outcome::Matched(of, _) => (&mut self.matched, &mut self.matched_id, &mut self.matched_ood, of),
+            Outcome::Misclassified(of) => {
+                (&mut self.misclassified, &mut self.misclassified_id, &mut self.misclassified_ood, of)
             }
             Outcome::Unmatched => {
                 self.unmatched += 1;
@@ -166,7 +144,7 @@ impl OutcomeCounts {
             }
         };
         *all += 1;
-        match truth.truth.distribution {
+        match of.object.truth.distribution {
             Some(Distribution::Id) => *id += 1,
             Some(Distribution::Ood) => *ood += 1,
             None => {}
@@ -182,22 +160,6 @@ pub struct Counts {
     pub detections: PerClass<usize>,
     /// One for each threshold, in the config's order.
     pub outcomes: PerClass<Vec<OutcomeCounts>>,
-}
-
-/// The filters and what they dropped; range first, then points.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Filters {
-    /// Infinite ranges are JSON null.
-    #[serde(deserialize_with = "null_is_infinite")]
-    pub max_range_m: f64,
-    pub drop_truths_without_points: bool,
-    pub truths_out_of_range: usize,
-    pub truths_without_points: usize,
-    pub detections_out_of_range: usize,
-}
-
-fn null_is_infinite<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
-    Ok(Option::deserialize(deserializer)?.unwrap_or(f64::INFINITY))
 }
 
 /// All figures of a scoring: `metrics.json`.
@@ -225,37 +187,22 @@ impl Metrics {
     }
 }
 
-/// The detections of both classes matched at each of the config's thresholds.
-pub(super) type Matching<'a> = PerClass<ClassMatching<'a>>;
-
-/// Matches what the filters kept.
-pub(super) fn matched<'a>(kept: &'a [EvalSample], config: &EvalConfig) -> Matching<'a> {
-    PerClass::from_fn(|class| ClassMatching::new(kept, class, &config.dist_thresholds_m))
-}
-
-/// Scores what the filters kept.
-pub(super) fn measure(
-    kept: &[EvalSample],
-    matching: &Matching<'_>,
-    filters: Filters,
-    protocol: &Protocol,
-    mode: Mode,
-) -> Metrics {
-    let config = protocol.config();
-    let truths = PerClass::from_fn(|class| -> Vec<&EvalTruth> {
-        kept.iter().flat_map(|sample| &sample.truths).filter(|truth| truth.harm == class).collect()
-    });
+/// Scores what was matched.
+pub(super) fn measure(matching: &Matching<'_>) -> Metrics {
+    let (config, protocol, mode) = (matching.config(), matching.protocol, matching.mode);
+    let objects = || matching.objects.iter().map(|of| of.object);
     let n_positives = |class: Harm, column: Column| {
-        truths.get(class).iter().filter(|truth| column.has_positive(truth.distribution)).count()
+        let is_positive =
+            |of: &&LabelledObject| of.harm == class && column.has_positive(of.truth.distribution);
+        objects().filter(is_positive).count()
     };
     let curves = Columns::from_fn(mode, |column| {
         PerClass::from_fn(|class| {
-            let matching = matching.get(class);
             let curve = |threshold_idx| {
-                let judged = matching
-                    .at(threshold_idx)
+                let positives = matching
+                    .at(class, threshold_idx)
                     .filter_map(|(ranked, outcome)| Some((ranked.detection.score, column.judge(outcome)?)));
-                Curve::new(judged, n_positives(class, column))
+                Curve::new(positives, n_positives(class, column))
             };
             (0..config.dist_thresholds_m.len()).map(curve).collect::<Vec<_>>()
         })
@@ -272,10 +219,9 @@ pub(super) fn measure(
         let (harmful, harmless) = (mean(&aps.harmful), mean(&aps.harmless));
         ClassScores { harmful, harmless, mean: mean(&[harmful, harmless]) }
     });
-    let count_detections = |class| matching.get(class).ranking.ranked().len();
     let tp_errors = PerClass::from_fn(|class| {
         let at = protocol.tp_threshold_idx();
-        mean_errors(matching.get(class), at, &curves.total.get(class)[at], first_step)
+        mean_errors(matching, class, &curves.total.get(class)[at], first_step)
     });
     Metrics {
         mode,
@@ -284,68 +230,33 @@ pub(super) fn measure(
         curves,
         tp_errors,
         counts: Counts {
-            n_samples: kept.len(),
+            n_samples: matching.samples.len(),
             truths: PerClass::from_fn(|class| TruthCounts {
-                all: truths.get(class).len(),
+                all: n_positives(class, Column::Total),
                 id: n_positives(class, Column::IdMatched),
                 ood: n_positives(class, Column::OodAll),
             }),
-            detections: PerClass::from_fn(count_detections),
+            detections: PerClass::from_fn(|class| matching.ranked.get(class).len()),
             outcomes: PerClass::from_fn(|class| {
-                matching.get(class).outcomes.iter().map(|outcomes| OutcomeCounts::of(outcomes)).collect()
+                matching.outcomes.get(class).iter().map(|outcomes| OutcomeCounts::of(outcomes)).collect()
             }),
         },
-        filters,
+        filters: matching.filters,
         config: config.clone(),
     }
 }
 
-fn mean_errors(
-    matching: &ClassMatching<'_>,
-    threshold_idx: usize,
-    curve: &Curve,
-    first_step: usize,
-) -> TpErrors {
+fn mean_errors(matching: &Matching<'_>, class: Harm, curve: &Curve, first_step: usize) -> TpErrors {
     let matches: Vec<_> = matching
-        .at(threshold_idx)
+        .ranked_from(class, f64::NEG_INFINITY)
         .filter_map(|(ranked, outcome)| {
-            let Outcome::Matched(truth, distance_m) = outcome else { return None };
+            let Outcome::Matched(of, distance_m) = outcome else { return None };
             let found = &ranked.detection.box_in_ego;
-            Some((ranked.detection.score, match_errors(&truth.truth.box_in_ego, found, distance_m)))
+            Some((ranked.detection.score, match_errors(&of.object.truth.box_in_ego, found, distance_m)))
         })
         .collect();
     let [ate, ase, aoe] = curve.mean_errors(&matches, first_step);
     TpErrors { ate, ase, aoe }
-}
-
-/// The samples without what the filters drop, in the same order.
-pub(super) fn filtered(samples: &[EvalSample], config: &EvalConfig) -> (Vec<EvalSample>, Filters) {
-    let mut filters = Filters {
-        max_range_m: config.max_range_m,
-        drop_truths_without_points: config.drop_truths_without_points,
-        truths_out_of_range: 0,
-        truths_without_points: 0,
-        detections_out_of_range: 0,
-    };
-    let is_near = |x_m: f64, y_m: f64| (x_m * x_m + y_m * y_m).sqrt() < config.max_range_m;
-    let mut kept = samples.to_vec();
-    for sample in &mut kept {
-        sample.truths.retain(|truth| {
-            let center = truth.box_in_ego.center;
-            let is_in_range = is_near(center.x(), center.y());
-            let has_points = !config.drop_truths_without_points || truth.n_lidar_points != Some(0);
-            filters.truths_out_of_range += usize::from(!is_in_range);
-            filters.truths_without_points += usize::from(is_in_range && !has_points);
-            is_in_range && has_points
-        });
-        sample.detections.retain(|detection| {
-            let center = detection.box_in_ego.center;
-            let is_in_range = is_near(center.x(), center.y());
-            filters.detections_out_of_range += usize::from(!is_in_range);
-            is_in_range
-        });
-    }
-    (kept, filters)
 }
 
 pub(super) fn mean(values: &[f64]) -> f64 {

@@ -2,8 +2,6 @@
 //!
 //! Defaults are nuScenes' `detection_cvpr_2019`, with 50 m for both classes.
 
-use super::breakdown::BreakdownConfig;
-use super::safety::SafetyConfig;
 use crate::config::{Check, InvalidConfig, Rule, above, below, define_config, from_to, part, require};
 
 define_config! {
@@ -47,6 +45,61 @@ impl Check for EvalConfig {
         let (recall, wanted) = (self.min_recall, "a number from 0 to 0.99 is needed");
         require(first_step(recall) <= 100, "min_recall", recall, wanted)?;
         self.safety.check_relations().map_err(|error| error.within("safety"))
+    }
+}
+
+define_config! {
+    /// Edges of the bands; a band begins at its edge and ends before the next.
+    pub struct BreakdownConfig {
+        /// From the ego's origin to the box's centre on the ground, metres. Default 10, 20, 30, 40.
+        range_m: Vec<f64> = vec![10.0, 20.0, 30.0, 40.0], in EDGES;
+        /// Visible pixels over those of the whole silhouette, 0 to 1. Default 0.1, 0.25, 0.5, 0.75, 0.9.
+        visible_fraction: Vec<f64> = vec![0.1, 0.25, 0.5, 0.75, 0.9], in EDGES;
+        /// LiDAR points on the object. Default 3, 6, 11, 21, 51, 101.
+        n_lidar_points: Vec<f64> = vec![3.0, 6.0, 11.0, 21.0, 51.0, 101.0], in EDGES;
+        /// The ego's speed, m/s. Default 0.5, 3, 6, 9, 12.
+        speed_mps: Vec<f64> = vec![0.5, 3.0, 6.0, 9.0, 12.0], in EDGES;
+        /// Size of the steering angle, degrees. Default 1, 3, 6, 10, 20.
+        steering_deg: Vec<f64> = vec![1.0, 3.0, 6.0, 10.0, 20.0], in EDGES;
+        /// Signed distance of the footprint to the zone's edge, metres, negative inside.
+        /// Default -1, -0.5, -0.25, 0, 0.25, 0.5, 1, 2, 4.
+        zone_distance_m: Vec<f64> = vec![-1.0, -0.5, -0.25, 0.0, 0.25, 0.5, 1.0, 2.0, 4.0], in EDGES;
+    }
+}
+
+/// Of bands.
+const EDGES: Rule = from_to(-1e6, 1e6).rising(0, 1000);
+
+define_config! {
+    /// Numbers of the safety metrics.
+    pub struct SafetyConfig {
+        /// False alarms a kilometre at which missed harm is told. Default 10, 30, 100.
+        false_alarms_per_km: Vec<f64> = vec![10.0, 30.0, 100.0], in above(0.0, 1e6).list(0, 100);
+        /// A warning is confirmed when a harmful object was found harmful in this many .. Default 2.
+        confirm_n: usize = 2, in from_to(1.0, 1000.0);
+        /// .. of this many samples in a row. Default 3.
+        confirm_of: usize = 3, in from_to(1.0, 1000.0);
+        /// Time from a warning to the brakes' full force, seconds. Default 1.
+        reaction_time_s: f64 = 1.0, in from_to(0.0, 1000.0);
+        /// Decelerations by which a stopping distance is taken, m/s^2. Default 4, 8.
+        decelerations_mps2: Vec<f64> = vec![4.0, 8.0], in above(0.0, 1000.0).list(0, 100);
+        /// Bins of equal width of the reliability diagrams. Default 10.
+        n_bins: usize = 10, in from_to(1.0, 10_000.0);
+    }
+}
+
+impl Check for SafetyConfig {
+    fn check_relations(&self) -> Result<(), InvalidConfig> {
+        let wanted = format!("a count of at most confirm_of, {}, is needed", self.confirm_of);
+        require(self.confirm_n <= self.confirm_of, "confirm_n", self.confirm_n, wanted)
+    }
+}
+
+impl SafetyConfig {
+    /// Distance driven while reacting and then braking; nothing where the ego rolls backwards.
+    pub(super) fn stopping_distance_m(&self, speed_mps: f64, deceleration_mps2: f64) -> f64 {
+        let speed_mps = speed_mps.max(0.0);
+        speed_mps * self.reaction_time_s + speed_mps * speed_mps / (2.0 * deceleration_mps2)
     }
 }
 

@@ -4,7 +4,7 @@ use nalgebra::{Isometry3, Point3, Vector3};
 
 use super::AnnotationConfig;
 use crate::geometry::{Box3, Ego, Frame, Point, Transform, World};
-use crate::object::{Event, ObjectTruth};
+use crate::object::{Event, Object};
 use crate::scene::SceneObject;
 use crate::sensors::{Rig, silhouette_px};
 
@@ -26,7 +26,7 @@ pub(super) fn annotate(
     world_from_ego: &Transform<World, Ego>,
     rig: &Rig,
     config: &AnnotationConfig,
-) -> Option<ObjectTruth> {
+) -> Option<Object> {
     if seen.n_lidar_points < config.min_lidar_points.max(1) && seen.visible_px < config.min_visible_px.max(1)
     {
         return None;
@@ -58,17 +58,17 @@ pub(super) fn annotate(
     let middle = nalgebra::center(&object.bounds[0], &object.bounds[1]);
     let moved = seen.world_from_model * middle - seen.world_from_model_before * middle;
     let velocity: Vector3<f64> = ego_from_world.rotate(&(moved / step_s));
-    Some(ObjectTruth {
-        id: object.id.clone(),
-        category: object.category.clone(),
-        kind: object.kind,
-        distribution: object.distribution,
+    Some(Object {
         box_in_ego,
         velocity_in_ego_mps: [velocity.x, velocity.y],
-        n_lidar_points: seen.n_lidar_points,
-        visible_px: seen.visible_px,
-        visible_fraction: (f64::from(seen.visible_px) / f64::from(whole_px)).min(1.0) as f32,
-        event: object.event,
+        id: Some(object.id.clone()),
+        category: Some(object.category.clone()),
+        kind: Some(object.kind),
+        distribution: Some(object.distribution),
+        n_lidar_points: Some(seen.n_lidar_points),
+        visible_px: Some(seen.visible_px),
+        visible_fraction: Some((f64::from(seen.visible_px) / f64::from(whole_px)).min(1.0)),
+        event: Some(object.event),
     })
 }
 
@@ -123,7 +123,7 @@ mod tests {
         Isometry3::from_parts(Translation3::new(x, y, 0.0), UnitQuaternion::from_euler_angles(0.0, 0.0, yaw))
     }
 
-    fn truth_of(pose: Isometry3<f64>, before: Isometry3<f64>, points: u32, px: u32) -> Option<ObjectTruth> {
+    fn truth_of(pose: Isometry3<f64>, before: Isometry3<f64>, points: u32, px: u32) -> Option<Object> {
         let corner = |x: f32, y: f32, z: f32| Point3::new(x, y, z);
         // The rear face, seen by who drives behind.
         let rear = [
@@ -226,6 +226,6 @@ mod tests {
         // The rear face is 2 x 1.5 m at 20 - 2 - 1.7 = 16.3 m; fx = 400 / tan 35 degrees = 571.3 px.
         let whole_px = 2.0 * 1.5 * (571.26_f64 / 16.3).powi(2);
         let truth = truth_of(at(20.0, 0.0, 0.0), at(20.0, 0.0, 0.0), 0, 1000).unwrap();
-        assert!((f64::from(truth.visible_fraction) - 1000.0 / whole_px).abs() < 0.01);
+        assert!((truth.visible_fraction.unwrap() - 1000.0 / whole_px).abs() < 0.01);
     }
 }

@@ -2,12 +2,14 @@
 
 use super::frames::{Frame, Point, Transform};
 use super::polygon::Point2;
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 /// An upright box in frame `F`.
 ///
 /// `center` is the middle of the box, `length_m` runs along the box's x axis, `width_m` along y,
 /// `height_m` along z; `yaw_rad` turns +x about +z and is zero along the frame's +x.
+/// In JSON it is `{"center_m": [x, y, z], "size_m": [length, width, height], "yaw_rad": ..}`.
 ///
 /// ```
 /// use harmzone::geometry::{Box3, Ego, Point};
@@ -23,13 +25,35 @@ use thiserror::Error;
 /// assert_eq!((front_left.x_m, front_left.y_m), (12.0, 3.0));
 /// assert!(car.contains(&Point::new(8.5, 2.9, 0.2), 0.0));
 /// ```
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(from = "BoxInFile", into = "BoxInFile", bound = "")]
 pub struct Box3<F: Frame> {
     pub center: Point<F>,
     pub length_m: f64,
     pub width_m: f64,
     pub height_m: f64,
     pub yaw_rad: f64,
+}
+
+#[derive(Serialize, Deserialize)]
+struct BoxInFile {
+    center_m: [f64; 3],
+    size_m: [f64; 3],
+    yaw_rad: f64,
+}
+
+impl<F: Frame> From<Box3<F>> for BoxInFile {
+    fn from(of: Box3<F>) -> Self {
+        let size_m = [of.length_m, of.width_m, of.height_m];
+        Self { center_m: of.center.coords.coords.into(), size_m, yaw_rad: of.yaw_rad }
+    }
+}
+
+impl<F: Frame> From<BoxInFile> for Box3<F> {
+    fn from(BoxInFile { center_m: [x, y, z], size_m, yaw_rad }: BoxInFile) -> Self {
+        let [length_m, width_m, height_m] = size_m;
+        Self { center: Point::new(x, y, z), length_m, width_m, height_m, yaw_rad }
+    }
 }
 
 /// What is wrong with a box.

@@ -99,8 +99,8 @@ impl ClosedSet {
     /// No box lies on any object of a kind, or features are not finite.
     pub fn fit(frames: &[(&[LabelledObject], &[KindBox])]) -> Result<Self, ClosedSetError> {
         let located: Vec<(&LabelledObject, &KindBox)> =
-            frames.iter().flat_map(|(objects, boxes)| located(objects, boxes)).collect();
-        let of_kind = |kind: Kind| located.iter().filter(move |(object, _)| object.truth.kind == kind);
+            frames.iter().flat_map(|(objects, boxes)| pair(objects, boxes)).collect();
+        let of_kind = |kind: Kind| located.iter().filter(move |(object, _)| object.truth.kind == Some(kind));
         if let Some(kind) = Kind::ALL.into_iter().find(|&kind| of_kind(kind).next().is_none()) {
             return Err(ClosedSetError::NotFound { kind });
         }
@@ -114,8 +114,8 @@ impl ClosedSet {
         });
         let n_channels = means[0].len();
         let mut covariance = DMatrix::zeros(n_channels, n_channels);
-        for (object, found) in &located {
-            let off = vector(found) - &means[object.truth.kind.index()];
+        for (kind, found) in located.iter().filter_map(|(object, found)| Some((object.truth.kind?, found))) {
+            let off = vector(found) - &means[kind.index()];
             covariance.ger(1.0 / located.len() as f64, &off, &off, 1.0);
         }
         let ridge = RIDGE * covariance.trace() / n_channels as f64 + f64::MIN_POSITIVE.sqrt();
@@ -153,7 +153,7 @@ impl ClosedSet {
 
     /// The detections of a sample, best first; those below [`MIN_SCORE`] are left out.
     #[must_use]
-    pub fn judged(&self, score: Strangeness, found: &[KindBox]) -> Vec<Detection> {
+    pub fn judge(&self, score: Strangeness, found: &[KindBox]) -> Vec<Detection> {
         let threshold = self.thresholds[score as usize];
         let mut judged = Vec::with_capacity(found.len());
         for one in found {
@@ -163,7 +163,7 @@ impl ClosedSet {
                 let score = share * one.score;
                 if score >= MIN_SCORE {
                     let (box_in_ego, velocity_in_ego_mps) = (one.box_in_ego, one.velocity_in_ego_mps);
-                    judged.push(Detection { box_in_ego, velocity_in_ego_mps, harm, score });
+                    judged.push(Detection { box_in_ego, velocity_in_ego_mps, harm, score: score.into() });
                 }
             }
         }
@@ -177,10 +177,7 @@ fn vector(found: &KindBox) -> DVector<f64> {
 }
 
 /// Objects with the boxes on them: each box, best first, takes the nearest object that none has taken.
-fn located<'a>(
-    objects: &'a [LabelledObject],
-    boxes: &'a [KindBox],
-) -> Vec<(&'a LabelledObject, &'a KindBox)> {
+fn pair<'a>(objects: &'a [LabelledObject], boxes: &'a [KindBox]) -> Vec<(&'a LabelledObject, &'a KindBox)> {
     let mut is_taken = vec![false; objects.len()];
     let mut pairs = Vec::new();
     for found in boxes {
@@ -209,7 +206,7 @@ mod tests {
         let template = test_data::dataset(1).samples()[0].objects[0].clone();
         let object = |(i, &harm): (usize, &Harm)| {
             let mut object = LabelledObject { harm, ..template.clone() };
-            object.truth.kind = Kind::ALL[i % 3];
+            object.truth.kind = Some(Kind::ALL[i % 3]);
             object.truth.box_in_ego.center.coords.x = 10.0 * i as f64;
             object
         };
@@ -246,7 +243,7 @@ mod tests {
         let set = ClosedSet::fit(&[(objects.as_slice(), boxes.as_slice())]).unwrap();
         assert_eq!(set.harmful_share, [0.25; 3]);
         let told = |score, found: &KindBox| -> Vec<(Harm, i32)> {
-            let judged = set.judged(score, std::slice::from_ref(found));
+            let judged = set.judge(score, std::slice::from_ref(found));
             judged.iter().map(|d| (d.harm, (100.0 * d.score).round() as i32)).collect()
         };
         let strange =
@@ -285,6 +282,6 @@ mod tests {
         let error = ClosedSet::fit(&[(objects.as_slice(), boxes.as_slice())]).unwrap_err();
         assert!(matches!(error, ClosedSetError::NotFound { kind: Kind::Static }), "{error}");
         let twice = [boxes.clone(), boxes].concat();
-        assert_eq!(located(&objects, &twice).len(), 2);
+        assert_eq!(pair(&objects, &twice).len(), 2);
     }
 }

@@ -38,15 +38,16 @@ pub fn label_sample(
     })?;
     let mut labels: Vec<ObjectLabel> = Vec::with_capacity(sample.truth.objects.len());
     for object in &sample.truth.objects {
-        if labels.iter().any(|label| label.id == object.id) {
-            let (episode, object) = (episode.to_owned(), object.id.clone());
+        let id = object.id.clone().unwrap_or_default();
+        if labels.iter().any(|label| label.id == id) {
+            let (episode, object) = (episode.to_owned(), id);
             return Err(SampleError::Twice { episode, sample_idx, object });
         }
         let verdict = here.harm_of(&object.box_in_ego, object.velocity_in_ego_mps).map_err(|source| {
-            SampleError::Object { episode: episode.to_owned(), sample_idx, object: object.id.clone(), source }
+            SampleError::Object { episode: episode.to_owned(), sample_idx, object: id.clone(), source }
         })?;
         labels.push(ObjectLabel {
-            id: object.id.clone(),
+            id,
             harm: verdict.harm,
             overlap_area_m2: verdict.overlap_area_m2,
             overlap_ratio: verdict.overlap_ratio,

@@ -13,7 +13,7 @@ use super::counts::count_of;
 use super::run::LabelError;
 use crate::episode::EpisodeReader;
 use crate::episode::manifest::{EpisodeEntry, HarmCounts, LabelCounts, Manifest};
-use crate::object::{Distribution, Harm, Kind, ObjectTruth};
+use crate::object::{Distribution, Harm, Kind, Object};
 use crate::progress::Progress;
 use crate::text_table::text_table;
 use crate::zone::Zone;
@@ -122,14 +122,16 @@ impl Tally {
     }
 
     /// Adds a sample's objects with what each zone says of each.
-    fn add(&mut self, objects: &[ObjectTruth], harms_by_zone: &[Vec<Harm>]) {
+    fn add(&mut self, objects: &[Object], harms_by_zone: &[Vec<Harm>]) {
         let mut n_disputed = 0;
         for (object_idx, object) in objects.iter().enumerate() {
             let [vx_mps, vy_mps] = object.velocity_in_ego_mps;
             let is_moving = vx_mps.hypot(vy_mps) > MOVING_MPS;
             let harms: Vec<Harm> = harms_by_zone.iter().map(|harms| harms[object_idx]).collect();
             for (zone_idx, &harm) in harms.iter().enumerate() {
-                self.by_zone[zone_idx].get_mut(object.distribution).get_mut(object.kind).add(harm);
+                if let Some(counts) = self.by_zone[zone_idx].of_mut(object) {
+                    counts.add(harm);
+                }
                 let by_motion = if is_moving { &mut self.moving } else { &mut self.standing };
                 by_motion[zone_idx].add(harm);
                 for (other_idx, &other) in harms.iter().enumerate().filter(|_| harm == Harm::Harmful) {
@@ -256,7 +258,6 @@ mod tests {
 
     use super::*;
     use crate::geometry::{Box3, Point};
-    use crate::object::Event;
     use crate::random;
     use crate::sample::EgoState;
     use crate::zone::{ZoneConfig, ZoneKind};
@@ -275,7 +276,7 @@ mod tests {
                 wheelbase_m: 2.6,
                 front_bumper_x_m: 3.3,
             };
-            let objects: Vec<ObjectTruth> = (0..5)
+            let objects: Vec<Object> = (0..5)
                 .map(|i| {
                     let x_m = rng.random_range(6.0..45.0);
                     car(i, [x_m, rng.random_range(-0.5..0.5) * x_m], velocity_in_ego_mps)
@@ -293,19 +294,14 @@ mod tests {
         tally
     }
 
-    fn car(i: usize, [x_m, y_m]: [f64; 2], velocity_in_ego_mps: [f64; 2]) -> ObjectTruth {
+    fn car(i: usize, [x_m, y_m]: [f64; 2], velocity_in_ego_mps: [f64; 2]) -> Object {
         let center = Point::new(x_m, y_m, 0.75);
-        ObjectTruth {
-            id: format!("car-{i}"),
-            category: "car".into(),
-            kind: Kind::Vehicle,
-            distribution: Distribution::Id,
-            box_in_ego: Box3 { center, length_m: 4.0, width_m: 1.8, height_m: 1.5, yaw_rad: 0.2 },
+        Object {
             velocity_in_ego_mps,
-            n_lidar_points: 60,
-            visible_px: 500,
-            visible_fraction: 1.0,
-            event: Event::None,
+            id: Some(format!("car-{i}")),
+            kind: Some(Kind::Vehicle),
+            distribution: Some(Distribution::Id),
+            ..Object::new(Box3 { center, length_m: 4.0, width_m: 1.8, height_m: 1.5, yaw_rad: 0.2 })
         }
     }
 

@@ -153,8 +153,10 @@ fn label_episode(
     })
 }
 
-fn count(counts: &mut LabelCounts, object: &crate::object::ObjectTruth, harm: crate::object::Harm) {
-    counts.get_mut(object.distribution).get_mut(object.kind).add(harm);
+fn count(counts: &mut LabelCounts, object: &crate::object::Object, harm: crate::object::Harm) {
+    if let Some(count) = counts.of_mut(object) {
+        count.add(harm);
+    }
 }
 
 fn summary(labels: &LabelManifest, was_complete: bool) -> LabelSummary {

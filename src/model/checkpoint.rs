@@ -72,7 +72,7 @@ fn header(views: &[(String, safetensors::tensor::TensorView<'_>)], config: &Mode
         );
         offset = end;
     }
-    let mut text = serde_json::Value::Object(header).to_string();
+    let mut text = serde_json::Value::from(header).to_string();
     while !text.len().is_multiple_of(8) {
         text.push(' ');
     }

@@ -77,7 +77,6 @@ pub fn write(
     folder: &Path,
     protocol: &Protocol,
     evaluation: &Evaluation,
-    faults: &[Fault],
     provenance: &Provenance,
 ) -> io::Result<()> {
     fs::create_dir_all(folder)?;
@@ -89,7 +88,7 @@ pub fn write(
     write_atomic(&folder.join(CONFIG_FILE), config.as_bytes())?;
     write_atomic(&folder.join(TABLE_FILE), score_tables::text(evaluation).as_bytes())?;
     write_atomic(&folder.join(BREAKDOWN_FILE), score_tables::breakdown(evaluation).as_bytes())?;
-    write_atomic(&folder.join(FAULTS_FILE), &serde_json::to_vec(faults)?)?;
+    write_atomic(&folder.join(FAULTS_FILE), &serde_json::to_vec(&evaluation.faults)?)?;
     write_atomic(&folder.join(PROVENANCE_FILE), &serde_json::to_vec_pretty(provenance)?)?;
     write_atomic(&metrics, evaluation.to_json().as_bytes())
 }

@@ -17,7 +17,7 @@ use image::RgbImage;
 use super::canvas::{self, Canvas, Color, Pen};
 use super::palette;
 use crate::geometry::{Box3, Ego, Point2};
-use crate::object::{Detection, Distribution, Harm};
+use crate::object::{Detection, Harm};
 use crate::sample::Sample;
 
 /// Size of the picture, pixels.
@@ -108,12 +108,12 @@ impl Scene<'_> {
         let truths = self.sample.truth.objects.iter().enumerate().map(|(i, object)| {
             let harm = self.harms.and_then(|harms| harms.get(i).copied());
             let color = harm.map_or(palette::UNLABELLED, palette::truth);
-            let is_ood = object.distribution == Distribution::Ood;
+            let is_ood = object.is_ood();
             let is_worth_a_name = self.detections.is_none() && (is_ood || harm == Some(Harm::Harmful));
             Mark {
                 box_in_ego: object.box_in_ego,
                 pen: Pen { color, width_px: 1.5, is_dashed: is_ood },
-                tag: is_worth_a_name.then(|| object.category.replace('_', " ")),
+                tag: object.category.as_ref().filter(|_| is_worth_a_name).map(|name| name.replace('_', " ")),
             }
         });
         let predictions = self.detections.unwrap_or_default().iter().map(|detection| Mark {

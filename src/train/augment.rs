@@ -8,7 +8,7 @@ use rand::RngExt;
 
 use super::config::AugmentConfig;
 use crate::geometry::{Point, Point2};
-use crate::object::{LabelledObject, ObjectTruth};
+use crate::object::{LabelledObject, Object};
 use crate::random::Rng;
 use crate::sample::EgoState;
 use crate::zone::{Zone, ZoneError};
@@ -48,7 +48,7 @@ pub fn draw(
         let area = zone.at(&state)?;
         let mut again = objects.to_vec();
         for object in &mut again {
-            let ObjectTruth { box_in_ego, velocity_in_ego_mps, .. } = &object.truth;
+            let Object { box_in_ego, velocity_in_ego_mps, .. } = &object.truth;
             object.harm = area.harm_of(box_in_ego, *velocity_in_ego_mps)?.harm;
         }
         states.push(state);

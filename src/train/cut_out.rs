@@ -6,7 +6,7 @@ use rand::RngExt;
 use super::config::AugmentConfig;
 use crate::dataset::LabelledSample;
 use crate::geometry::{Box3, Ego, Lidar, Point, Transform};
-use crate::object::{Kind, LabelledObject, ObjectTruth};
+use crate::object::{Kind, LabelledObject, Object};
 use crate::random::Rng;
 use crate::sample::Measured;
 
@@ -30,7 +30,7 @@ pub struct Return {
 
 /// An object and its returns.
 pub struct CutOut {
-    pub truth: ObjectTruth,
+    pub truth: Object,
     pub points: Vec<Return>,
 }
 
@@ -44,7 +44,7 @@ impl CutOut {
         rng: &mut Rng,
     ) -> Option<Self> {
         let donor = &donors[rng.random_range(0..donors.len())];
-        let known = |object: &&LabelledObject| object.truth.n_lidar_points >= MIN_POINTS_OF_DONOR;
+        let known = |object: &&LabelledObject| object.truth.n_lidar_points >= Some(MIN_POINTS_OF_DONOR);
         let candidates: Vec<&LabelledObject> = donor.objects.iter().filter(known).collect();
         if candidates.is_empty() {
             return None;
@@ -62,7 +62,7 @@ impl CutOut {
         let factors = [factor(), factor(), factor()];
         let intensity = 1.0 + INTENSITY_SPREAD * (2.0 * rng.random::<f64>() - 1.0);
         let is_tipped = rng.random::<f64>() < config.tipped_share
-            && truth.kind == Kind::Static
+            && truth.kind == Some(Kind::Static)
             && truth.box_in_ego.height_m < MAX_HEIGHT_OF_TIPPED_M;
         reshape(&mut truth.box_in_ego, &mut points, factors, is_tipped);
         for point in &mut points {

@@ -14,7 +14,7 @@ use super::config::AugmentConfig;
 use super::cut_out::{ABOVE_GROUND_M, CutOut, Return, returns};
 use crate::dataset::LabelledSample;
 use crate::geometry::{Ego, Lidar, Point, Transform, convex_signed_distance_m};
-use crate::object::{LabelledObject, ObjectTruth};
+use crate::object::{LabelledObject, Object};
 use crate::random::Rng;
 use crate::sample::{LidarPoint, Measured};
 use crate::zone::{Zone, ZoneError};
@@ -68,7 +68,7 @@ pub fn paste(
             if let Some((truth, points)) = cut_out.and_then(|cut_out| scene.place(cut_out)) {
                 let harm = area.harm_of(&truth.box_in_ego, truth.velocity_in_ego_mps)?.harm;
                 scene.add(
-                    LabelledObject { truth: ObjectTruth { id: format!("pasted-{i}"), ..truth }, harm },
+                    LabelledObject { truth: Object { id: Some(format!("pasted-{i}")), ..truth }, harm },
                     points,
                 );
                 break;
@@ -121,7 +121,7 @@ impl Scene {
 
     /// Puts an object on the ground; returns it with the points that stay visible, `None` where it cannot stand or is
     /// hidden.
-    fn place(&self, cut_out: CutOut) -> Option<(ObjectTruth, Vec<Return>)> {
+    fn place(&self, cut_out: CutOut) -> Option<(Object, Vec<Return>)> {
         let CutOut { mut truth, mut points } = cut_out;
         let of = &mut truth.box_in_ego;
         let bottom_m = of.center.z() - of.height_m / 2.0;
@@ -158,7 +158,7 @@ impl Scene {
             let (ray, distance_m) = self.ray(point);
             nearest[&ray] > distance_m - DEPTH_M
         });
-        truth.n_lidar_points = points.len() as u32;
+        truth.n_lidar_points = Some(points.len() as u32);
         (points.len() >= MIN_VISIBLE_POINTS).then_some((truth, points))
     }
 
@@ -179,7 +179,7 @@ impl Scene {
         for other in &mut self.objects {
             let of = &other.truth.box_in_ego;
             let n = hidden.iter().filter(|&&i| of.contains(&self.returns[i].at, ABOVE_GROUND_M)).count();
-            other.truth.n_lidar_points = other.truth.n_lidar_points.saturating_sub(n as u32);
+            other.truth.n_lidar_points = other.truth.n_lidar_points.map(|of| of.saturating_sub(n as u32));
         }
         let mut i = 0;
         self.returns.retain(|_| {
@@ -240,7 +240,7 @@ mod tests {
     fn donor() -> LabelledSample {
         let mut sample = road();
         let mut object = car(12.0, 0.0, Harm::Harmless);
-        object.truth.n_lidar_points = 20;
+        object.truth.n_lidar_points = Some(20);
         object.truth.velocity_in_ego_mps = [-3.0, 0.0];
         let lidar_from_ego = sample.measured.ego_from_lidar.inverse();
         for i in 0..20 {
@@ -283,7 +283,7 @@ mod tests {
             assert!((of.velocity_in_ego_mps[0].hypot(of.velocity_in_ego_mps[1]) - 3.0).abs() < 1e-9);
             let inside = returns_in(measured, &of.box_in_ego);
             assert_eq!(inside.len(), 20);
-            assert_eq!(of.n_lidar_points, 20);
+            assert_eq!(of.n_lidar_points, Some(20));
             let bottom_m = center.z() - of.box_in_ego.height_m / 2.0;
             assert!(bottom_m.abs() < 1e-3, "on the road: {bottom_m}");
             let area = test_data::dataset(1).zone().at(&measured.ego_state).unwrap();
@@ -324,11 +324,11 @@ mod tests {
         let mut scene = Scene::of(&road());
         scene.returns = (0..20).map(|i| at(20.0, -0.8 + 0.08 * f64::from(i), 0.8, 4)).collect();
         let mut behind = car(22.0, 0.0, Harm::Harmless);
-        behind.truth.n_lidar_points = 20;
+        behind.truth.n_lidar_points = Some(20);
         scene.objects.push(behind);
         let front = (0..40).map(|i| at(10.05, -0.8 + 0.02 * f64::from(i), 0.8, 4)).collect();
         scene.add(car(12.0, 0.0, Harm::Harmful), front);
-        let left = scene.objects[0].truth.n_lidar_points;
+        let left = scene.objects[0].truth.n_lidar_points.unwrap();
         assert!(left > 0 && left < 20, "{left}");
         assert_eq!(scene.returns.len(), left as usize + 40);
     }

@@ -4,7 +4,7 @@
 //! at overlap 0.1, at least two cells of the heatmap.
 
 use crate::model::{Classes, GridConfig, Heatmap, ModelConfig};
-use crate::object::LabelledObject;
+use crate::object::{Kind, LabelledObject};
 
 /// Smallest Gaussian radius, cells.
 const MIN_RADIUS: usize = 2;
@@ -18,7 +18,7 @@ pub fn trainable(objects: &[LabelledObject], grid: &GridConfig) -> Vec<LabelledO
         .iter()
         .filter(|object| {
             let center = object.truth.box_in_ego.center;
-            object.truth.n_lidar_points > 0
+            object.truth.is_hit()
                 && (grid.x_min_m..grid.x_max_m).contains(&center.x())
                 && (grid.y_min_m..grid.y_max_m).contains(&center.y())
         })
@@ -67,12 +67,12 @@ fn gaussian_radius(length: f64, width: f64) -> usize {
     (r1.min(r2).min(r3) as usize).max(MIN_RADIUS)
 }
 
-/// The channel of an object's class.
+/// The channel of an object's class; an object of unknown kind counts as static.
 #[must_use]
 pub fn class_of(object: &LabelledObject, classes: Classes) -> usize {
     match classes {
         Classes::Harm => object.harm.index(),
-        Classes::Kind => object.truth.kind.index(),
+        Classes::Kind => object.truth.kind.unwrap_or(Kind::Static).index(),
     }
 }
 
@@ -80,13 +80,13 @@ pub fn class_of(object: &LabelledObject, classes: Classes) -> usize {
 #[cfg(test)]
 pub fn car(x: f64, y: f64, harm: crate::object::Harm) -> LabelledObject {
     use crate::geometry::{Box3, Point};
-    use crate::object::{Distribution, Event, Kind, ObjectTruth};
+    use crate::object::{Distribution, Event, Kind, Object};
     LabelledObject {
-        truth: ObjectTruth {
-            id: format!("car-{x}-{y}"),
-            category: "car".into(),
-            kind: Kind::Vehicle,
-            distribution: Distribution::Id,
+        truth: Object {
+            id: Some(format!("car-{x}-{y}")),
+            category: Some("car".into()),
+            kind: Some(Kind::Vehicle),
+            distribution: Some(Distribution::Id),
             box_in_ego: Box3 {
                 center: Point::new(x, y, 0.75),
                 length_m: 4.0,
@@ -95,10 +95,10 @@ pub fn car(x: f64, y: f64, harm: crate::object::Harm) -> LabelledObject {
                 yaw_rad: 0.0,
             },
             velocity_in_ego_mps: [0.0; 2],
-            n_lidar_points: 10,
-            visible_px: 100,
-            visible_fraction: 1.0,
-            event: Event::None,
+            n_lidar_points: Some(10),
+            visible_px: Some(100),
+            visible_fraction: Some(1.0),
+            event: Some(Event::None),
         },
         harm,
     }
@@ -112,7 +112,7 @@ mod tests {
     #[test]
     fn the_class_of_a_closed_set_is_the_kind_whatever_the_harm() {
         let mut person = car(10.0, 0.0, Harm::Harmful);
-        person.truth.kind = Kind::Pedestrian;
+        person.truth.kind = Some(Kind::Pedestrian);
         assert_eq!((class_of(&person, Classes::Kind), class_of(&person, Classes::Harm)), (1, 0));
         person.harm = Harm::Harmless;
         assert_eq!((class_of(&person, Classes::Kind), class_of(&person, Classes::Harm)), (1, 1));
@@ -130,7 +130,7 @@ mod tests {
     #[test]
     fn objects_without_lidar_points_are_left_out() {
         let mut unseen = car(10.0, 0.0, Harm::Harmful);
-        unseen.truth.n_lidar_points = 0;
+        unseen.truth.n_lidar_points = Some(0);
         let found = trainable(
             &[unseen, car(70.0, 0.0, Harm::Harmless), car(20.0, 0.0, Harm::Harmless)],
             &GridConfig::default(),

@@ -29,5 +29,5 @@ pub fn validate(
     with_camera: bool,
 ) -> Result<ClassScores, ValidationError> {
     let found = predict(detector, &data.named(), with_camera, device, &Silent)?;
-    Ok(score(&eval_samples(data, &found), &Protocol::default(), Mode::Id)?.columns.total)
+    Ok(score(&eval_samples(data.samples(), &found), &Protocol::default(), Mode::Id)?.columns.total)
 }

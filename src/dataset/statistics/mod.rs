@@ -11,17 +11,17 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 pub use self::histogram::Histogram;
-use super::{DatasetError, label_entry, labels_of, load_episode};
+use super::{DatasetError, label_entry, labels_of, read_labelled};
 use crate::episode::manifest::{
     EpisodeEntry, HarmCounts, LabelCounts, LabelManifest, Manifest, ObjectCounts,
 };
 use crate::episode::{EpisodeReader, Split};
-use crate::object::{Distribution, Harm, Kind, ObjectTruth};
+use crate::object::{Distribution, Harm, Kind, Object};
 use crate::progress::Progress;
 use crate::sample::EgoState;
 
 /// An object of which less than this share can be seen is more than half occluded.
-pub const HALF_VISIBLE: f32 = 0.5;
+pub const HALF_VISIBLE: f64 = 0.5;
 /// An object with this many LiDAR points or fewer is thinly covered.
 pub const FEW_POINTS: u32 = 10;
 
@@ -58,6 +58,14 @@ pub struct Category {
     pub distribution: Distribution,
     pub kind: Kind,
     pub category: String,
+}
+
+impl Category {
+    /// `None` where a fact of the object is unknown.
+    fn of(object: &Object) -> Option<Self> {
+        let (distribution, kind) = (object.distribution?, object.kind?);
+        Some(Self { distribution, kind, category: object.category.clone()? })
+    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -133,9 +141,10 @@ impl Statistics {
         let file = path.join(&entry.file);
         let mut of_episode = Self { n_bytes: fs::metadata(&file)?.len(), ..Self::default() };
         if let Some(labels) = labels {
-            for sample in load_episode(path, &labels.set, entry, label_entry(labels, entry, path)?)? {
-                let objects = sample.objects.iter().map(|object| (&object.truth, Some(object.harm)));
-                of_episode.add(&sample.measured.ego_state, objects);
+            let labels_of_episode = label_entry(labels, entry, path)?;
+            for (measured, objects) in read_labelled(path, &labels.set, entry, labels_of_episode)?.1 {
+                let objects = objects.iter().map(|object| (&object.truth, Some(object.harm)));
+                of_episode.add(&measured.ego_state, objects);
             }
         } else {
             for sample in EpisodeReader::open(&file)?.samples() {
@@ -149,30 +158,28 @@ impl Statistics {
     }
 
     /// Counts one sample.
-    fn add<'a>(
-        &mut self,
-        ego_state: &EgoState,
-        objects: impl Iterator<Item = (&'a ObjectTruth, Option<Harm>)>,
-    ) {
+    fn add<'a>(&mut self, ego_state: &EgoState, objects: impl Iterator<Item = (&'a Object, Option<Harm>)>) {
         let histograms = &mut self.histograms;
         let mut n_objects = 0;
         for (object, harm) in objects {
             n_objects += 1;
-            *self.all.objects.get_mut(object.distribution).get_mut(object.kind) += 1;
-            let (distribution, kind) = (object.distribution, object.kind);
-            let category = Category { distribution, kind, category: object.category.clone() };
-            let of_category = self.by_category.entry(category).or_default();
-            of_category.n_objects += 1;
-            if let Some(harm) = harm {
-                self.all.labels.get_mut(object.distribution).get_mut(object.kind).add(harm);
-                of_category.labels.add(harm);
+            if let (Some(n_objects), Some(labels), Some(category)) =
+                (self.all.objects.of_mut(object), self.all.labels.of_mut(object), Category::of(object))
+            {
+                let of_category = self.by_category.entry(category).or_default();
+                *n_objects += 1;
+                of_category.n_objects += 1;
+                if let Some(harm) = harm {
+                    labels.add(harm);
+                    of_category.labels.add(harm);
+                }
             }
-            self.n_occluded += u64::from(object.visible_fraction < HALF_VISIBLE);
-            self.n_few_points += u64::from(object.n_lidar_points <= FEW_POINTS);
+            self.n_occluded += u64::from(object.visible_fraction.is_some_and(|share| share < HALF_VISIBLE));
+            self.n_few_points += u64::from(object.n_lidar_points.is_some_and(|n| n <= FEW_POINTS));
             let center = &object.box_in_ego.center;
             histograms.range_m.add(center.x().hypot(center.y()));
-            histograms.points_per_object.add(f64::from(object.n_lidar_points));
-            histograms.visible_fraction.add(f64::from(object.visible_fraction));
+            object.n_lidar_points.iter().for_each(|&n| histograms.points_per_object.add(f64::from(n)));
+            object.visible_fraction.iter().for_each(|&share| histograms.visible_fraction.add(share));
         }
         histograms.speed_mps.add(ego_state.speed_mps);
         histograms.steering_deg.add(ego_state.steering_angle_rad.to_degrees());
@@ -245,7 +252,7 @@ mod tests {
     use super::*;
 
     /// distribution, kind, category, x, y, points, visible fraction, harm
-    type Row = (Distribution, Kind, &'static str, f64, f64, u32, f32, Harm);
+    type Row = (Distribution, Kind, &'static str, f64, f64, u32, f64, Harm);
 
     const ROWS: [Row; 5] = [
         (Distribution::Id, Kind::Vehicle, "car", 3.0, 4.0, 10, 0.49, Harm::Harmful),
@@ -255,19 +262,20 @@ mod tests {
         (Distribution::Ood, Kind::Static, "barrel", 20.0, 0.0, 1, 0.96, Harm::Harmful),
     ];
 
-    fn object(row: &Row) -> ObjectTruth {
+    fn object(row: &Row) -> Object {
         let &(distribution, kind, category, x, y, n_lidar_points, visible_fraction, _) = row;
         let mut truth = test_data::dataset(1).samples()[0].objects[0].truth.clone();
-        (truth.distribution, truth.kind, truth.category) = (distribution, kind, category.to_owned());
+        (truth.distribution, truth.kind) = (Some(distribution), Some(kind));
+        truth.category = Some(category.to_owned());
         truth.box_in_ego.center = crate::geometry::Point::new(x, y, 0.8);
-        (truth.n_lidar_points, truth.visible_fraction) = (n_lidar_points, visible_fraction);
+        (truth.n_lidar_points, truth.visible_fraction) = (Some(n_lidar_points), Some(visible_fraction));
         truth
     }
 
     fn sample(statistics: &mut Statistics, speed_mps: f64, steering_deg: f64, rows: &[Row]) {
         let mut ego_state = test_data::dataset(1).samples()[0].measured.ego_state;
         (ego_state.speed_mps, ego_state.steering_angle_rad) = (speed_mps, steering_deg.to_radians());
-        let objects: Vec<ObjectTruth> = rows.iter().map(object).collect();
+        let objects: Vec<Object> = rows.iter().map(object).collect();
         statistics.add(&ego_state, objects.iter().zip(rows.iter().map(|row| Some(row.7))));
     }
 

@@ -9,9 +9,9 @@
 use serde::{Deserialize, Serialize};
 
 use super::tracks::{self, Sight, Tracks};
-use crate::eval::matching::{ClassMatching, Outcome};
-use crate::eval::protocol::Protocol;
-use crate::eval::{EvalSample, EvalTruth};
+use super::{Context, Figure, MetricTable};
+use crate::eval::EvalConfig;
+use crate::eval::matching::{Matching, Outcome};
 use crate::object::Harm;
 
 /// Missed harm at each of the config's false alarms a kilometre.
@@ -56,29 +56,20 @@ pub struct Warned {
 }
 
 /// `None` if any sample does not tell where the ego was, or it did not move.
-pub fn measure(
-    samples: &[EvalSample],
-    harmful: &ClassMatching<'_>,
-    tracks: Option<&Tracks>,
-    protocol: &Protocol,
-) -> Option<Alarms> {
-    let episodes = tracks::episodes(samples)?;
-    let (driven_km, driven_h) = driven(samples, &episodes)?;
+pub(super) fn measure(of: &Context<'_>) -> Option<Alarms> {
+    let matching = of.matching;
+    let (driven_km, driven_h) = sum_driven(matching)?;
     if driven_km <= 0.0 {
         return None;
     }
-    let all_truths = || samples.iter().flat_map(|sample| &sample.truths);
-    let truths: Vec<&EvalTruth> = all_truths().collect();
-    let n_harmful = truths.iter().filter(|truth| truth.harm == Harm::Harmful).count();
-    let config = &protocol.config().safety;
-    let points = config.false_alarms_per_km.iter().map(|&max_false_alarms_per_km| {
-        let allowed = max_false_alarms_per_km * driven_km;
-        let (score, n_false_alarms) = operating_score(harmful, protocol.tp_threshold_idx(), allowed);
-        let is_found = found_truths(harmful, protocol.tp_threshold_idx(), score, truths.len());
+    let n_harmful = matching.objects.iter().filter(|of| of.object.harm == Harm::Harmful).count();
+    let events = of.tracks.as_ref().map(Tracks::events).unwrap_or_default();
+    let measure_point = |&max_false_alarms_per_km: &f64| {
+        let (score, n_false_alarms) = find_score(matching, max_false_alarms_per_km * driven_km);
+        let is_found = matching.meet(Harm::Harmful, score.unwrap_or(f64::INFINITY)).is_matched;
         let share = |n: usize, of: usize| (of > 0).then(|| n as f64 / of as f64);
         let n_found = is_found.iter().filter(|&&found| found).count();
-        let events = tracks.map(Tracks::events).unwrap_or_default();
-        let is_missed = |event: &&&[Sight]| !event.iter().any(|sight| is_found[sight.truth]);
+        let is_missed = |event: &&&[Sight]| !event.iter().any(|sight| is_found[sight.number]);
         OperatingPoint {
             max_false_alarms_per_km,
             score,
@@ -89,17 +80,44 @@ pub fn measure(
             missed_per_sample: share(n_harmful - n_found, n_harmful),
             n_events: events.len(),
             missed_per_event: share(events.iter().filter(is_missed).count(), events.len()),
-            warned: warned(samples, &events, &truths, &is_found, protocol),
+            warned: count_warned(matching, &events, &is_found),
         }
-    });
-    Some(Alarms { driven_km, driven_h, points: points.collect() })
+    };
+    let points = matching.config().safety.false_alarms_per_km.iter().map(measure_point).collect();
+    Some(Alarms { driven_km, driven_h, points })
+}
+
+pub(super) fn show(alarms: &Option<Alarms>, config: &EvalConfig) -> Option<MetricTable> {
+    let (alarms, config) = (alarms.as_ref()?, &config.safety);
+    let row = |point: &OperatingPoint| {
+        let mut row = vec![
+            Figure::name(point.max_false_alarms_per_km.to_string()),
+            Figure::number(point.score, 3),
+            Figure::number(point.false_alarms_per_km, 1),
+            Figure::share(point.missed_per_sample, point.n_harmful),
+            Figure::share(point.missed_per_event, point.n_events),
+        ];
+        row.extend(point.warned.iter().map(|warned| Figure::share(warned.in_time, warned.n_stoppable)));
+        row
+    };
+    let note = format!(
+        "{:.2} km driven. An event is a run of samples in which one object is harmful. A warning is confirmed by {} of {} \
+         samples, and in time if the car, after {} s, can still stop before the object.",
+        alarms.driven_km, config.confirm_n, config.confirm_of, config.reaction_time_s
+    );
+    let head =
+        ["false alarms/km, at most", "score", "false alarms/km", "missed, of objects", "missed, of events"];
+    let mut table = MetricTable::new(&head, alarms.points.iter().map(row).collect(), note)?;
+    let decelerations = config.decelerations_mps2.iter();
+    table.head.extend(decelerations.map(|deceleration| format!("warned in time, {deceleration} m/s²")));
+    Some(table)
 }
 
 /// Kilometres and hours of all episodes.
-fn driven(samples: &[EvalSample], episodes: &[Vec<usize>]) -> Option<(f64, f64)> {
+fn sum_driven(matching: &Matching<'_>) -> Option<(f64, f64)> {
     let (mut driven_m, mut driven_s) = (0.0, 0.0);
-    for pair in episodes.iter().flat_map(|episode| episode.windows(2)) {
-        let [before, after] = [&samples[pair[0]].facts, &samples[pair[1]].facts];
+    for pair in tracks::episodes(&matching.samples)?.iter().flat_map(|episode| episode.windows(2)) {
+        let [before, after] = [0, 1].map(|i| matching.samples[pair[i]].facts);
         let ([x0, y0], [x1, y1]) = (before.position_in_world_m?, after.position_in_world_m?);
         driven_m += (x1 - x0).hypot(y1 - y0);
         driven_s += before.time_s.zip(after.time_s).map_or(0.0, |(start, end)| end - start);
@@ -109,13 +127,13 @@ fn driven(samples: &[EvalSample], episodes: &[Vec<usize>]) -> Option<(f64, f64)>
 
 /// The lowest score with no more false alarms than allowed, and how many those are. All detections of one score stand
 /// or fall together.
-fn operating_score(harmful: &ClassMatching<'_>, threshold_idx: usize, allowed: f64) -> (Option<f64>, usize) {
-    let judged: Vec<(f64, bool)> = harmful
-        .at(threshold_idx)
+fn find_score(matching: &Matching<'_>, allowed: f64) -> (Option<f64>, usize) {
+    let alarms: Vec<(f64, bool)> = matching
+        .ranked_from(Harm::Harmful, f64::NEG_INFINITY)
         .map(|(ranked, outcome)| (ranked.detection.score, !matches!(outcome, Outcome::Matched(..))))
         .collect();
     let (mut lowest, mut n_false) = (None, 0);
-    for equal in judged.chunk_by(|a, b| a.0 == b.0) {
+    for equal in alarms.chunk_by(|a, b| a.0 == b.0) {
         let n_more = equal.iter().filter(|&&(_, is_false)| is_false).count();
         if (n_false + n_more) as f64 > allowed {
             break;
@@ -126,43 +144,18 @@ fn operating_score(harmful: &ClassMatching<'_>, threshold_idx: usize, allowed: f
     (lowest, n_false)
 }
 
-/// Which truths are found harmful by detections of the score or more.
-fn found_truths(
-    harmful: &ClassMatching<'_>,
-    threshold_idx: usize,
-    score: Option<f64>,
-    n_truths: usize,
-) -> Vec<bool> {
-    let mut is_found = vec![false; n_truths];
-    for (ranked, outcome) in harmful.at(threshold_idx) {
-        if let Outcome::Matched(truth, _) = outcome
-            && score.is_some_and(|score| ranked.detection.score >= score)
-        {
-            is_found[truth.number] = true;
-        }
-    }
-    is_found
-}
-
-fn warned(
-    samples: &[EvalSample],
-    events: &[&[Sight]],
-    truths: &[&EvalTruth],
-    is_found: &[bool],
-    protocol: &Protocol,
-) -> Vec<Warned> {
-    let config = &protocol.config().safety;
+fn count_warned(matching: &Matching<'_>, events: &[&[Sight]], is_found: &[bool]) -> Vec<Warned> {
+    let config = &matching.config().safety;
     let can_stop = |sight: &Sight, deceleration_mps2: f64| -> Option<bool> {
-        let facts = &samples[sight.sample_idx].facts;
-        let speed_mps = facts.speed_mps?.max(0.0);
-        let stopping_m =
-            speed_mps * config.reaction_time_s + speed_mps * speed_mps / (2.0 * deceleration_mps2);
-        Some(facts.gap_ahead_m(&truths[sight.truth].box_in_ego)? >= stopping_m)
+        let placed = &matching.objects[sight.number];
+        let facts = matching.facts_of(placed);
+        let stopping_m = config.stopping_distance_m(facts.speed_mps?, deceleration_mps2);
+        Some(facts.gap_ahead_m(&placed.object.truth.box_in_ego)? >= stopping_m)
     };
-    let confirmed = |event: &[Sight]| -> Option<Sight> {
+    let find_confirmed = |event: &[Sight]| -> Option<Sight> {
         let at = (0..event.len()).find(|&last| {
             let recent = &event[(last + 1).saturating_sub(config.confirm_of)..=last];
-            recent.iter().filter(|sight| is_found[sight.truth]).count() >= config.confirm_n
+            recent.iter().filter(|sight| is_found[sight.number]).count() >= config.confirm_n
         });
         at.map(|at| event[at])
     };
@@ -170,7 +163,7 @@ fn warned(
         let is_stoppable = |event: &&&[Sight]| can_stop(&event[0], deceleration_mps2) == Some(true);
         let stoppable: Vec<&&[Sight]> = events.iter().filter(is_stoppable).collect();
         let is_in_time = |event: &&&&[Sight]| {
-            confirmed(event).is_some_and(|sight| can_stop(&sight, deceleration_mps2) == Some(true))
+            find_confirmed(event).is_some_and(|sight| can_stop(&sight, deceleration_mps2) == Some(true))
         };
         let (n_stoppable, n_in_time) = (stoppable.len(), stoppable.iter().filter(is_in_time).count());
         let in_time = (n_stoppable > 0).then(|| n_in_time as f64 / n_stoppable as f64);
@@ -181,10 +174,9 @@ fn warned(
 
 #[cfg(test)]
 mod tests {
-    use super::super::SafetyConfig;
     use super::super::tracks::tests::episode;
     use crate::eval::matching::tests::found;
-    use crate::eval::{EvalConfig, EvalSample, Mode, Protocol, evaluate};
+    use crate::eval::{EvalConfig, EvalSample, Mode, Protocol, SafetyConfig, evaluate};
     use crate::object::Harm;
 
     fn alarms(samples: &[EvalSample], config: SafetyConfig) -> super::Alarms {

@@ -5,10 +5,10 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::eval::PerClass;
+use super::{ByDistribution, Context, Figure, MetricTable};
 use crate::eval::matching::Outcome;
-use crate::eval::metrics::Matching;
-use crate::eval::protocol::Protocol;
+use crate::eval::{EvalConfig, PerClass};
+use crate::object::Harm;
 
 /// How probabilities and outcomes agree.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -32,20 +32,20 @@ pub struct Bin {
 
 impl Calibration {
     /// Of probabilities from 0 to 1 and whether each came true.
-    pub fn new(judged: &[(f64, bool)], n_bins: usize) -> Self {
+    pub fn new(told: &[(f64, bool)], n_bins: usize) -> Self {
         let truth = |came_true: bool| f64::from(u8::from(came_true));
         let mut sums = vec![(0_usize, 0.0, 0.0); n_bins];
-        for &(probability, came_true) in judged {
+        for &(probability, came_true) in told {
             let bin = ((probability * n_bins as f64) as usize).min(n_bins - 1);
             sums[bin].0 += 1;
             sums[bin].1 += probability;
             sums[bin].2 += truth(came_true);
         }
-        let n = judged.len();
+        let n = told.len();
         let per = |sum: f64, n: usize| (n > 0).then(|| sum / n as f64);
         Self {
             n,
-            brier: per(judged.iter().map(|&(p, came_true)| (p - truth(came_true)).powi(2)).sum(), n),
+            brier: per(told.iter().map(|&(p, came_true)| (p - truth(came_true)).powi(2)).sum(), n),
             ece: per(sums.iter().map(|(_, p, y)| (p - y).abs()).sum(), n),
             bins: sums
                 .into_iter()
@@ -56,17 +56,41 @@ impl Calibration {
 }
 
 /// Of the detections' scores, at the threshold of the errors; `None` if a score is not from 0 to 1.
-pub fn of_detections(matching: &Matching<'_>, protocol: &Protocol) -> Option<PerClass<Calibration>> {
-    let judged = PerClass::from_fn(|class| -> Vec<(f64, bool)> {
-        let ranked = matching.get(class).at(protocol.tp_threshold_idx());
+pub(super) fn measure_detections(of: &Context<'_>) -> Option<PerClass<Calibration>> {
+    let scores = PerClass::from_fn(|class| -> Vec<(f64, bool)> {
+        let ranked = of.matching.ranked_from(class, f64::NEG_INFINITY);
         ranked
             .map(|(ranked, outcome)| (ranked.detection.score, matches!(outcome, Outcome::Matched(..))))
             .collect()
     });
     let is_probability = |&(score, _): &(f64, bool)| (0.0..=1.0).contains(&score);
-    let are_probabilities = judged.harmful.iter().chain(&judged.harmless).all(is_probability);
-    let n_bins = protocol.config().safety.n_bins;
-    are_probabilities.then(|| PerClass::from_fn(|class| Calibration::new(judged.get(class), n_bins)))
+    let are_probabilities = scores.harmful.iter().chain(&scores.harmless).all(is_probability);
+    let n_bins = of.matching.config().safety.n_bins;
+    are_probabilities.then(|| PerClass::from_fn(|class| Calibration::new(scores.get(class), n_bins)))
+}
+
+/// Of the probability of harm.
+pub(super) fn measure_harm(of: &Context<'_>) -> ByDistribution<Calibration> {
+    let n_bins = of.matching.config().safety.n_bins;
+    ByDistribution::from_fn(|distribution| Calibration::new(&of.probabilities(distribution), n_bins))
+}
+
+pub(super) fn show_detections(by: &Option<PerClass<Calibration>>, _: &EvalConfig) -> Option<MetricTable> {
+    let by = by.as_ref()?;
+    show("calibration of scores", Harm::ALL.map(|class| (class.name(), by.get(class))))
+}
+
+pub(super) fn show_harm(by: &ByDistribution<Calibration>, _: &EvalConfig) -> Option<MetricTable> {
+    show("calibration of harm", by.named())
+}
+
+fn show<const N: usize>(what: &str, lines: [(&str, &Calibration); N]) -> Option<MetricTable> {
+    let row = |(name, of): (&str, &Calibration)| {
+        let errors = [of.ece, of.brier].map(|value| Figure::number(value, 4));
+        [Figure::name(name), Figure::Count(of.n)].into_iter().chain(errors).collect()
+    };
+    let rows = lines.into_iter().filter(|(_, of)| of.n > 0).map(row).collect();
+    MetricTable::new(&[what, "n", "ECE", "Brier"], rows, "")
 }
 
 #[cfg(test)]
@@ -75,8 +99,8 @@ mod tests {
 
     #[test]
     fn errors_are_those_worked_out_by_hand() {
-        let judged = [(0.1, false), (0.2, true), (0.9, true), (1.0, true)];
-        let found = Calibration::new(&judged, 2);
+        let told = [(0.1, false), (0.2, true), (0.9, true), (1.0, true)];
+        let found = Calibration::new(&told, 2);
         assert!((found.brier.unwrap() - (0.01 + 0.64 + 0.01) / 4.0).abs() < 1e-12);
         // First bin: mean 0.15 against 0.5; second: 0.95 against 1; two of four each.
         assert!((found.ece.unwrap() - f64::midpoint(0.35, 0.05)).abs() < 1e-12);

@@ -6,9 +6,10 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::tracks::{Sight, Tracks};
-use crate::eval::matching::{ClassMatching, Outcome};
-use crate::eval::protocol::Protocol;
+use super::tracks::Sight;
+use super::{Context, Figure, MetricTable};
+use crate::eval::EvalConfig;
+use crate::eval::matching::Outcome;
 use crate::object::Harm;
 
 /// The most samples that are looked ahead.
@@ -35,12 +36,13 @@ pub struct EarlyShare {
     pub share_of_harmless: Option<f64>,
 }
 
-pub fn measure(tracks: &Tracks, harmful: &ClassMatching<'_>, protocol: &Protocol) -> Early {
-    let ranked = harmful.at(protocol.tp_threshold_idx());
-    let false_harmful: Vec<&[Sight]> = ranked
-        .take_while(|(ranked, _)| ranked.detection.score >= protocol.config().operating_score)
+pub(super) fn measure(of: &Context<'_>) -> Option<Early> {
+    let tracks = of.tracks.as_ref()?;
+    let false_harmful: Vec<&[Sight]> = of
+        .matching
+        .operating(Harm::Harmful)
         .filter_map(|(_, outcome)| match outcome {
-            Outcome::Misclassified(truth) => tracks.sights_from(truth.number),
+            Outcome::Misclassified(of) => tracks.sights_from(of.number),
             _ => None,
         })
         .collect();
@@ -54,26 +56,38 @@ pub fn measure(tracks: &Tracks, harmful: &ClassMatching<'_>, protocol: &Protocol
     for episode in &tracks.episodes {
         episode.iter().for_each(|&sample_idx| lengths[sample_idx] = episode.len());
     }
-    let turned = |from: &[&[Sight]], n_later: usize| {
-        let watched = from.iter().filter(|sights| sights[0].place + n_later < lengths[sights[0].sample_idx]);
+    let count_turns = |from: &[&[Sight]], n_later: usize| {
+        let lasting = from.iter().filter(|sights| sights[0].place + n_later < lengths[sights[0].sample_idx]);
         let turns = |sights: &&&[Sight]| {
             let mut next = sights.iter().take_while(|sight| sight.place <= sights[0].place + n_later);
             next.any(|sight| sight.harm == Harm::Harmful)
         };
-        (watched.clone().count(), watched.filter(turns).count())
+        (lasting.clone().count(), lasting.filter(turns).count())
     };
     let share = |(n, n_turned): (usize, usize)| (n > 0).then(|| n_turned as f64 / n as f64);
     let within = (1..=MOST_LATER).map(|n_later| {
-        let (n_boxes, n_turned) = turned(&false_harmful, n_later);
+        let (n_boxes, n_turned) = count_turns(&false_harmful, n_later);
         EarlyShare {
             n_later,
             n_boxes,
             n_turned,
             share: share((n_boxes, n_turned)),
-            share_of_harmless: share(turned(&all_harmless, n_later)),
+            share_of_harmless: share(count_turns(&all_harmless, n_later)),
         }
     });
-    Early { n_false_harmful: false_harmful.len(), within: within.collect() }
+    Some(Early { n_false_harmful: false_harmful.len(), within: within.collect() })
+}
+
+pub(super) fn show(early: &Option<Early>, _: &EvalConfig) -> Option<MetricTable> {
+    let row = |share: &EarlyShare| {
+        let samples = if share.n_later == 1 { "sample" } else { "samples" };
+        let boxes = Figure::share(share.share, share.n_boxes);
+        let name = Figure::name(format!("within {} {samples}", share.n_later));
+        vec![name, boxes, Figure::share(share.share_of_harmless, None)]
+    };
+    let head = ["object turns harmful", "false-harmful boxes", "all harmless objects"];
+    let note = "A false alarm on an object that is harmful a moment later was only early.";
+    MetricTable::new(&head, early.as_ref()?.within.iter().map(row).collect(), note)
 }
 
 #[cfg(test)]

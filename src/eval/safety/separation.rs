@@ -6,6 +6,9 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::{ByDistribution, Context, Figure, MetricTable};
+use crate::eval::EvalConfig;
+
 /// Share of positives that FPR95 keeps.
 const KEPT: f64 = 0.95;
 
@@ -22,13 +25,13 @@ pub struct Separation {
 
 impl Separation {
     /// Of scores and whether each is a harmful object's; `None` unless there are some of both.
-    pub fn new(judged: &[(f64, bool)]) -> Option<Self> {
-        let n_harmful = judged.iter().filter(|(_, is_harmful)| *is_harmful).count();
-        let n_harmless = judged.len() - n_harmful;
+    pub fn new(told: &[(f64, bool)]) -> Option<Self> {
+        let n_harmful = told.iter().filter(|(_, is_harmful)| *is_harmful).count();
+        let n_harmless = told.len() - n_harmful;
         if n_harmful == 0 || n_harmless == 0 {
             return None;
         }
-        let mut falling = judged.to_vec();
+        let mut falling = told.to_vec();
         falling.sort_by(|a, b| b.0.total_cmp(&a.0));
         let (mut n_true, mut n_false) = (0_usize, 0_usize);
         let (mut auroc, mut aupr, mut fpr95) = (0.0, 0.0, None);
@@ -53,6 +56,22 @@ impl Separation {
     }
 }
 
+pub(super) fn measure(of: &Context<'_>) -> ByDistribution<Option<Separation>> {
+    ByDistribution::from_fn(|distribution| Separation::new(&of.probabilities(distribution)))
+}
+
+pub(super) fn show(by: &ByDistribution<Option<Separation>>, _: &EvalConfig) -> Option<MetricTable> {
+    let rows = by.named().into_iter().filter_map(|(name, separation)| {
+        let of = separation.as_ref()?;
+        let counts = [Figure::name(name), Figure::Count(of.n_harmful), Figure::Count(of.n_harmless)];
+        let figures = [of.auroc, of.aupr, of.fpr95].map(|value| Figure::number(value, 3));
+        Some(counts.into_iter().chain(figures).collect())
+    });
+    let head = ["harmful against harmless", "harmful", "harmless", "AUROC", "AUPR", "FPR95"];
+    let note = "Of objects that a detection lies on, by the harmful share of its scores.";
+    MetricTable::new(&head, rows.collect(), note)
+}
+
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
@@ -62,8 +81,8 @@ mod tests {
     #[test]
     fn figures_are_those_worked_out_by_hand() {
         // By score: harmful; harmful and harmless tied; harmless; harmful; harmless.
-        let judged = [(0.9, true), (0.7, true), (0.7, false), (0.5, false), (0.3, true), (0.1, false)];
-        let found = Separation::new(&judged).unwrap();
+        let told = [(0.9, true), (0.7, true), (0.7, false), (0.5, false), (0.3, true), (0.1, false)];
+        let found = Separation::new(&told).unwrap();
         // Of nine pairs: 3 and 2.5 and 1 are in order.
         assert!((found.auroc - 6.5 / 9.0).abs() < 1e-12);
         assert!((found.aupr - (1.0 + 2.0 / 3.0 + 3.0 / 5.0) / 3.0).abs() < 1e-12);
@@ -74,13 +93,13 @@ mod tests {
     proptest! {
         #[test]
         fn auroc_is_the_share_of_pairs_in_order(
-            judged in prop::collection::vec((0_u8..6, any::<bool>()), 2..40),
+            told in prop::collection::vec((0_u8..6, any::<bool>()), 2..40),
         ) {
-            let judged: Vec<(f64, bool)> = judged.iter().map(|&(s, h)| (f64::from(s) / 5.0, h)).collect();
-            let Some(found) = Separation::new(&judged) else { return Ok(()) };
+            let told: Vec<(f64, bool)> = told.iter().map(|&(s, h)| (f64::from(s) / 5.0, h)).collect();
+            let Some(found) = Separation::new(&told) else { return Ok(()) };
             let mut in_order = 0.0;
-            for (harmful, _) in judged.iter().filter(|(_, h)| *h) {
-                for (harmless, _) in judged.iter().filter(|(_, h)| !*h) {
+            for (harmful, _) in told.iter().filter(|(_, h)| *h) {
+                for (harmless, _) in told.iter().filter(|(_, h)| !*h) {
                     in_order += match harmful.total_cmp(harmless) {
                         std::cmp::Ordering::Greater => 1.0,
                         std::cmp::Ordering::Equal => 0.5,

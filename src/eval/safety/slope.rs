@@ -7,9 +7,10 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use crate::eval::matching::{ClassMatching, Outcome};
-use crate::eval::protocol::Protocol;
-use crate::eval::{EvalSample, SampleFacts};
+use super::{Context, Figure, MetricTable};
+use crate::dataset::SampleFacts;
+use crate::eval::matching::Matching;
+use crate::eval::{EvalConfig, PerClass};
 use crate::object::Harm;
 
 /// A fitted line, and the groups it goes through.
@@ -30,31 +31,52 @@ pub struct SlopePoint {
     pub recall: f64,
 }
 
-/// `None` unless truths of the class are known at two values of x or more.
-pub fn of_recall(
-    samples: &[EvalSample],
-    matching: &ClassMatching<'_>,
+/// Over the extinction of haze or fog, ln 20 / MOR (Koschmieder), 1/m.
+pub(super) fn measure_fog(of: &Context<'_>) -> PerClass<Option<Slope>> {
+    measure(of, |facts| Some(20f64.ln() / facts.mor_m.filter(|&mor_m| mor_m > 0.0)?))
+}
+
+/// Over the rain rate, mm/h.
+pub(super) fn measure_rain(of: &Context<'_>) -> PerClass<Option<Slope>> {
+    measure(of, |facts| facts.rain_rate_mmph)
+}
+
+pub(super) fn show_fog(by: &PerClass<Option<Slope>>, _: &EvalConfig) -> Option<MetricTable> {
+    show("recall over extinction of haze and fog, ln 20 / MOR, 1/m", by)
+}
+
+pub(super) fn show_rain(by: &PerClass<Option<Slope>>, _: &EvalConfig) -> Option<MetricTable> {
+    show("recall over rain rate, mm/h", by)
+}
+
+fn show(what: &str, by: &PerClass<Option<Slope>>) -> Option<MetricTable> {
+    let rows = Harm::ALL.into_iter().filter_map(|class| {
+        let of = by.get(class).as_ref()?;
+        Some(vec![Figure::name(class.name()), Figure::number(of.slope, 4), Figure::number(of.intercept, 3)])
+    });
+    MetricTable::new(&[what, "a unit", "at 0"], rows.collect(), "Least squares through every object.")
+}
+
+/// Of each class; `None` unless objects of it are known at two values of x or more.
+fn measure(of: &Context<'_>, x_of: impl Fn(&SampleFacts) -> Option<f64>) -> PerClass<Option<Slope>> {
+    PerClass::from_fn(|class| of_recall(of.matching, class, &x_of))
+}
+
+fn of_recall(
+    matching: &Matching<'_>,
     class: Harm,
-    protocol: &Protocol,
     x_of: impl Fn(&SampleFacts) -> Option<f64>,
 ) -> Option<Slope> {
-    let mut is_found = vec![false; samples.iter().map(|sample| sample.truths.len()).sum()];
-    for (ranked, outcome) in matching.at(protocol.tp_threshold_idx()) {
-        if let Outcome::Matched(truth, _) = outcome {
-            is_found[truth.number] = ranked.detection.score >= protocol.config().operating_score;
-        }
-    }
-    let numbered = samples.iter().flat_map(|sample| sample.truths.iter().map(move |truth| (sample, truth)));
+    let is_found = matching.meet(class, matching.config().operating_score).is_matched;
     // By bits: all x are from one table or file and not negative, so that bits are in the order of the numbers.
     let mut groups: BTreeMap<u64, (usize, usize)> = BTreeMap::new();
-    for (number, (sample, truth)) in numbered.enumerate() {
-        let Some(x) = x_of(&sample.facts).filter(|x| x.is_finite() && *x >= 0.0) else { continue };
-        if truth.harm == class {
-            // Negative zero has other bits than zero.
-            let group = groups.entry((x + 0.0).to_bits()).or_default();
-            group.0 += 1;
-            group.1 += usize::from(is_found[number]);
-        }
+    for of in matching.objects.iter().filter(|of| of.object.harm == class) {
+        let x = x_of(matching.facts_of(of)).filter(|x| x.is_finite() && *x >= 0.0);
+        let Some(x) = x else { continue };
+        // Negative zero has other bits than zero.
+        let group = groups.entry((x + 0.0).to_bits()).or_default();
+        group.0 += 1;
+        group.1 += usize::from(is_found[of.number]);
     }
     fit(groups
         .into_iter()

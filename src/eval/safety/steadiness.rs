@@ -6,8 +6,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::located::Located;
-use super::tracks::Tracks;
+use super::{Context, Figure, MetricTable};
+use crate::eval::EvalConfig;
 
 /// Changes of labels, and the time in which they happened.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -25,11 +25,12 @@ pub struct Steadiness {
     pub spurious_flips_per_s: Option<f64>,
 }
 
-pub fn measure(tracks: &Tracks, located: &[Located<'_>]) -> Steadiness {
+pub(super) fn measure(of: &Context<'_>) -> Option<Steadiness> {
+    let tracks = of.tracks.as_ref()?;
     let (mut n_pairs, mut tracked_s) = (0, 0.0);
     let (mut n_true_flips, mut n_flips, mut n_spurious_flips) = (0, 0, 0);
     for pair in tracks.objects.iter().flat_map(|track| track.sights.windows(2)) {
-        let is_harmful = |i: usize| Some(located[pair[i].truth].harm_probability()? >= 0.5);
+        let is_harmful = |i: usize| Some(of.harm_probability[pair[i].number]? >= 0.5);
         let (Some(before), Some(after)) = (is_harmful(0), is_harmful(1)) else { continue };
         if pair[1].place != pair[0].place + 1 {
             continue;
@@ -42,7 +43,7 @@ pub fn measure(tracks: &Tracks, located: &[Located<'_>]) -> Steadiness {
         n_spurious_flips += usize::from(before != after && !is_true_flip);
     }
     let per_s = |n: usize| (tracked_s > 0.0).then(|| n as f64 / tracked_s);
-    Steadiness {
+    Some(Steadiness {
         n_pairs,
         tracked_s,
         n_true_flips,
@@ -51,7 +52,20 @@ pub fn measure(tracks: &Tracks, located: &[Located<'_>]) -> Steadiness {
         true_flips_per_s: per_s(n_true_flips),
         flips_per_s: per_s(n_flips),
         spurious_flips_per_s: per_s(n_spurious_flips),
-    }
+    })
+}
+
+pub(super) fn show(steadiness: &Option<Steadiness>, _: &EvalConfig) -> Option<MetricTable> {
+    let of = steadiness.as_ref()?;
+    let row = |name, per_s, n| vec![Figure::name(name), Figure::number(per_s, 3), Figure::Count(n)];
+    let rows = vec![
+        row("true label", of.true_flips_per_s, of.n_true_flips),
+        row("detector's label", of.flips_per_s, of.n_flips),
+        row("detector's, the true one unchanged", of.spurious_flips_per_s, of.n_spurious_flips),
+    ];
+    let (n_pairs, tracked_s) = (of.n_pairs, of.tracked_s);
+    let note = format!("Objects located in two samples in a row: {n_pairs} pairs, {tracked_s:.0} s.");
+    MetricTable::new(&["label changes", "a second", "count"], rows, note)
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::eval::EvalSample;
+use crate::eval::filter::KeptSample;
 use crate::object::Harm;
 
 /// An object at one sample.
@@ -12,8 +12,8 @@ pub struct Sight {
     pub sample_idx: usize,
     /// Place of the sample in its episode, by time.
     pub place: usize,
-    /// Number of the truth among all samples' truths.
-    pub truth: usize,
+    /// Number of the object among those of all samples.
+    pub number: usize,
     pub harm: Harm,
 }
 
@@ -31,44 +31,44 @@ pub struct Tracks {
     pub times_s: Vec<f64>,
     /// Samples of each episode, by time.
     pub episodes: Vec<Vec<usize>>,
-    /// Track and place in it of each truth.
-    of_truth: Vec<Option<(usize, usize)>>,
+    /// Track and place in it of each object, by number.
+    of_object: Vec<Option<(usize, usize)>>,
 }
 
 impl Tracks {
     /// Follows the objects. `None` unless every sample tells episode and time, and some truth its id.
-    pub fn of_samples(samples: &[EvalSample]) -> Option<Self> {
+    pub fn of_samples(samples: &[KeptSample<'_>]) -> Option<Self> {
         let times_s = samples.iter().map(|sample| sample.facts.time_s).collect::<Option<Vec<f64>>>()?;
         let episodes = episodes(samples)?;
-        let mut first_truth = Vec::with_capacity(samples.len());
-        let mut n_truths = 0;
+        let mut first_object = Vec::with_capacity(samples.len());
+        let mut n_objects = 0;
         for sample in samples {
-            first_truth.push(n_truths);
-            n_truths += sample.truths.len();
+            first_object.push(n_objects);
+            n_objects += sample.objects.len();
         }
         let mut tracks: Vec<Track> = Vec::new();
-        let mut of_truth = vec![None; n_truths];
+        let mut of_object = vec![None; n_objects];
         for episode in &episodes {
             let mut known: BTreeMap<&str, usize> = BTreeMap::new();
             for (place, &sample_idx) in episode.iter().enumerate() {
-                for (i, truth) in samples[sample_idx].truths.iter().enumerate() {
-                    let Some(id) = &truth.facts.id else { continue };
+                for (i, object) in samples[sample_idx].objects.iter().enumerate() {
+                    let Some(id) = &object.truth.id else { continue };
                     let track = *known.entry(id).or_insert_with(|| {
                         tracks.push(Track { sights: Vec::new() });
                         tracks.len() - 1
                     });
-                    let number = first_truth[sample_idx] + i;
-                    of_truth[number] = Some((track, tracks[track].sights.len()));
-                    tracks[track].sights.push(Sight { sample_idx, place, truth: number, harm: truth.harm });
+                    let number = first_object[sample_idx] + i;
+                    of_object[number] = Some((track, tracks[track].sights.len()));
+                    tracks[track].sights.push(Sight { sample_idx, place, number, harm: object.harm });
                 }
             }
         }
-        (!tracks.is_empty()).then_some(Self { objects: tracks, times_s, episodes, of_truth })
+        (!tracks.is_empty()).then_some(Self { objects: tracks, times_s, episodes, of_object })
     }
 
-    /// The sight of a truth and those of its object after it.
-    pub fn sights_from(&self, truth: usize) -> Option<&[Sight]> {
-        let (track, at) = self.of_truth[truth]?;
+    /// The sight of a numbered object and those after it.
+    pub fn sights_from(&self, number: usize) -> Option<&[Sight]> {
+        let (track, at) = self.of_object[number]?;
         Some(&self.objects[track].sights[at..])
     }
 
@@ -81,7 +81,7 @@ impl Tracks {
 }
 
 /// The samples of each episode by time, in the order of the episodes' first samples; `None` if any sample's is unknown.
-pub fn episodes(samples: &[EvalSample]) -> Option<Vec<Vec<usize>>> {
+pub fn episodes(samples: &[KeptSample<'_>]) -> Option<Vec<Vec<usize>>> {
     let mut numbers: BTreeMap<&str, usize> = BTreeMap::new();
     let mut episodes: Vec<Vec<usize>> = Vec::new();
     for (sample_idx, sample) in samples.iter().enumerate() {
@@ -103,8 +103,10 @@ pub fn episodes(samples: &[EvalSample]) -> Option<Vec<Vec<usize>>> {
 #[cfg(test)]
 pub mod tests {
     use super::*;
+    use crate::dataset::SampleFacts;
+    use crate::eval::matching::Matching;
     use crate::eval::matching::tests::truth;
-    use crate::eval::{SampleFacts, TruthFacts};
+    use crate::eval::{EvalSample, Mode, Protocol};
     use crate::object::Distribution;
 
     /// An episode at 2 Hz and 10 m/s with one object, 20 m ahead at first; `h` harmful, `n` harmless, `.` not there.
@@ -118,10 +120,8 @@ pub mod tests {
                     'n' => Some(Harm::Harmless),
                     _ => None,
                 };
-                let facts = TruthFacts { id: Some("one".into()), ..TruthFacts::default() };
-                let x_m = 20.0 - 5.0 * i as f64;
-                let truths =
-                    harm.map(|harm| crate::eval::EvalTruth { facts, ..truth(x_m, harm, Distribution::Id) });
+                let mut object = harm.map(|harm| truth(20.0 - 5.0 * i as f64, harm, Distribution::Id));
+                object.iter_mut().for_each(|object| object.truth.id = Some("one".into()));
                 EvalSample {
                     id: format!("{name}/{i}"),
                     facts: SampleFacts {
@@ -132,7 +132,7 @@ pub mod tests {
                         position_in_world_m: Some([5.0 * i as f64, 0.0]),
                         ..SampleFacts::default()
                     },
-                    truths: truths.into_iter().collect(),
+                    objects: object.into_iter().collect(),
                     detections: vec![],
                 }
             })
@@ -145,12 +145,16 @@ pub mod tests {
         samples.extend(episode("b", "hh"));
         // The file's order is not the time's.
         samples.swap(1, 2);
-        let tracks = Tracks::of_samples(&samples).unwrap();
+        let protocol = Protocol::default();
+        let tracks_of = |samples: &[EvalSample]| {
+            Tracks::of_samples(&Matching::new(samples, &protocol, Mode::Id).unwrap().samples)
+        };
+        let tracks = tracks_of(&samples).unwrap();
         let lengths: Vec<usize> = tracks.events().iter().map(|event| event.len()).collect();
         assert_eq!(lengths, [2, 1, 2]);
         assert_eq!(tracks.objects.len(), 2);
         assert_eq!(tracks.sights_from(0).unwrap().len(), 5);
         samples[0].facts.time_s = None;
-        assert!(Tracks::of_samples(&samples).is_none());
+        assert!(tracks_of(&samples).is_none());
     }
 }

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::located::Located;
-use crate::eval::EvalSample;
+use super::{Context, Figure, MetricTable};
+use crate::eval::EvalConfig;
 use crate::object::Harm;
 
 /// Located objects whose footprints lie so far from the zone's edge.
@@ -22,13 +22,15 @@ pub struct EdgeBand {
 }
 
 /// Bands between the edges, and beyond; empty where no zone is known.
-pub fn measure(samples: &[EvalSample], located: &[Located<'_>], edges_m: &[f64]) -> Vec<EdgeBand> {
+pub(super) fn measure(of: &Context<'_>) -> Vec<EdgeBand> {
+    let edges_m = &of.matching.config().breakdown.zone_distance_m;
     let mut bands = vec![Vec::new(); edges_m.len() + 1];
-    for found in located {
-        let distance_m = samples[found.sample_idx].facts.zone_distance_m(&found.truth.box_in_ego);
-        let (Some(distance_m), Some(probability)) = (distance_m, found.harm_probability()) else { continue };
+    for (placed, probability) in of.matching.objects.iter().zip(&of.harm_probability) {
+        let object = placed.object;
+        let distance_m = of.matching.facts_of(placed).zone_distance_m(&object.truth.box_in_ego);
+        let (Some(distance_m), &Some(probability)) = (distance_m, probability) else { continue };
         let at = edges_m.partition_point(|&edge_m| edge_m <= distance_m);
-        bands[at].push((found.truth.harm == Harm::Harmful, probability));
+        bands[at].push((object.harm == Harm::Harmful, probability));
     }
     if bands.iter().all(Vec::is_empty) {
         return Vec::new();
@@ -47,6 +49,24 @@ pub fn measure(samples: &[EvalSample], located: &[Located<'_>], edges_m: &[f64])
         }
     };
     bands.into_iter().enumerate().map(of_band).collect()
+}
+
+pub(super) fn show(bands: &Vec<EdgeBand>, _: &EvalConfig) -> Option<MetricTable> {
+    let row = |band: &EdgeBand| {
+        let name = match (band.from_m, band.to_m) {
+            (None, Some(to_m)) => format!("below {to_m} m"),
+            (Some(from_m), Some(to_m)) => format!("{from_m} to {to_m} m"),
+            (Some(from_m), None) => format!("{from_m} m and more"),
+            (None, None) => "all".to_owned(),
+        };
+        let shares = [band.harmful_share, band.called_harmful_share].map(|share| Figure::share(share, None));
+        let mean = Figure::number(band.mean_harm_probability, 3);
+        [Figure::name(name), Figure::Count(band.n)].into_iter().chain(shares).chain([mean]).collect()
+    };
+    let head =
+        ["distance to the zone's edge", "objects", "harmful", "called harmful", "mean harm probability"];
+    let note = "Below 0 the object reaches into the zone.";
+    MetricTable::new(&head, bands.iter().map(row).collect(), note)
 }
 
 #[cfg(test)]

@@ -13,13 +13,13 @@ pub use config::{Change, SweepConfig};
 pub use curves::{SweepCurve, SweepPoint, Sweeps};
 
 use super::judge::Judge;
-use super::metrics;
+use super::matching::Matching;
 use super::protocol::Protocol;
-use super::safety::Early;
-use super::safety::located::Located;
-use super::{EvalSample, EvalTruth, Mode, SampleFacts, ScoreError, check, facts, safety, score};
-use crate::dataset::{Dataset, LabelledSample};
-use crate::object::{Detection, Distribution, Harm};
+use super::safety::{self, Early, harm_probability};
+use super::sample::{EvalSample, Mode, ScoreError};
+use super::{metrics, sample};
+use crate::dataset::{Dataset, LabelledSample, SampleFacts};
+use crate::object::{Detection, Harm, LabelledObject};
 use crate::sample::EgoState;
 use crate::zone::{Zone, ZoneError};
 
@@ -35,7 +35,6 @@ pub enum SweepError {
 /// The frames of a dataset with the network's boxes at the recorded state and at every value of every change.
 pub struct Swept<'a> {
     frames: &'a [LabelledSample],
-    facts: Vec<SampleFacts>,
     zone: &'a Zone,
     values: Vec<(Change, f64)>,
     /// `[frame][state][box]`: the recorded state first, then the values'.
@@ -51,9 +50,7 @@ impl<'a> Swept<'a> {
         values: Vec<(Change, f64)>,
         found: Vec<Vec<Vec<Detection>>>,
     ) -> Self {
-        let mut facts = facts::of_dataset(dataset);
-        facts.truncate(frames.len());
-        Self { frames, facts, zone: dataset.zone(), values, found }
+        Self { frames, zone: dataset.zone(), values, found }
     }
 
     /// The frames that were looked at.
@@ -85,9 +82,7 @@ impl<'a> Swept<'a> {
     /// # Errors
     /// No frame, or a state that cannot be.
     pub fn measure(&self, judges: &[Judge], protocol: &Protocol) -> Result<Sweeps, SweepError> {
-        let is_ood = |frame: &LabelledSample| {
-            frame.objects.iter().any(|object| object.truth.distribution == Distribution::Ood)
-        };
+        let is_ood = |frame: &LabelledSample| frame.objects.iter().any(|object| object.truth.is_ood());
         let mode = if self.frames.iter().any(is_ood) { Mode::Ood } else { Mode::Id };
         let mut curves = Vec::new();
         for change in Change::ALL {
@@ -117,28 +112,17 @@ impl<'a> Swept<'a> {
         let of_frame = |(frame, found): (&LabelledSample, &Vec<Vec<Detection>>)| {
             let fail = |source| SweepError::Zone { sample: frame.id.clone(), change, value, source };
             let state = change.apply(&frame.measured.ego_state, value);
-            let judged = judge.judged(&found[state_idx], &state, self.zone).map_err(fail)?;
-            let truths = truths(frame, change.moves_truth().then_some(&state), self.zone).map_err(fail)?;
-            let detections = judged.iter().map(Into::into).collect();
-            Ok(EvalSample { id: frame.id.clone(), facts: SampleFacts::default(), truths, detections })
+            let detections = judge.judge(&found[state_idx], &state, self.zone).map_err(fail)?;
+            let objects = label(frame, change.moves_truth().then_some(&state), self.zone).map_err(fail)?;
+            Ok(EvalSample { id: frame.id.clone(), facts: SampleFacts::default(), objects, detections })
         };
         self.frames.iter().zip(&self.found).map(of_frame).collect()
     }
 
     fn early(&self, protocol: &Protocol) -> Result<Option<Early>, ScoreError> {
-        let frames = self.frames.iter().zip(&self.facts).zip(&self.found);
-        let samples: Vec<EvalSample> = frames
-            .map(|((frame, facts), found)| EvalSample {
-                id: frame.id.clone(),
-                facts: facts.clone(),
-                truths: frame.objects.iter().map(Into::into).collect(),
-                detections: found[0].iter().map(Into::into).collect(),
-            })
-            .collect();
-        check(&samples, protocol, Mode::Id)?;
-        let (kept, _) = metrics::filtered(&samples, protocol.config());
-        let matching = metrics::matched(&kept, protocol.config());
-        Ok(safety::measure(&kept, &matching, protocol).early)
+        let recorded: Vec<Vec<Detection>> = self.found.iter().map(|found| found[0].clone()).collect();
+        let samples = sample::eval_samples(self.frames, &recorded);
+        Ok(safety::measure(&Matching::new(&samples, protocol, Mode::Id)?).early)
     }
 }
 
@@ -168,11 +152,11 @@ pub fn most_changed<'a>(
         let harms_at = |&value: &f64| {
             let fail = |source| SweepError::Zone { sample: frame.id.clone(), change, value, source };
             let state = change.apply(&frame.measured.ego_state, value);
-            Ok(truths(frame, Some(&state), zone).map_err(fail)?.iter().map(|truth| truth.harm).collect())
+            Ok(label(frame, Some(&state), zone).map_err(fail)?.iter().map(|object| object.harm).collect())
         };
         let harms = values.iter().map(harms_at).collect::<Result<Vec<Vec<Harm>>, SweepError>>()?;
         let changes = |i: &usize| harms.windows(2).any(|pair| pair[0][*i] != pair[1][*i]);
-        let is_hit = |i: &usize| frame.objects[*i].truth.n_lidar_points > 0;
+        let is_hit = |i: &usize| frame.objects[*i].truth.is_hit();
         let n_changed = (0..frame.objects.len()).filter(is_hit).filter(changes).count();
         if best.is_none_or(|(most, _)| n_changed > most) {
             best = Some((n_changed, frame));
@@ -181,20 +165,20 @@ pub fn most_changed<'a>(
     Ok(best.map(|(_, frame)| frame))
 }
 
-/// The truths of a frame, labelled by the zone of a state where one is given.
-fn truths(
+/// The objects of a frame, labelled by the zone of a state where one is given.
+fn label(
     frame: &LabelledSample,
     changed: Option<&EgoState>,
     zone: &Zone,
-) -> Result<Vec<EvalTruth>, ZoneError> {
-    let mut truths: Vec<EvalTruth> = frame.objects.iter().map(Into::into).collect();
+) -> Result<Vec<LabelledObject>, ZoneError> {
+    let mut objects = frame.objects.clone();
     if let Some(state) = changed {
         let zone = zone.at(state)?;
-        for truth in &mut truths {
-            truth.harm = zone.harm_of(&truth.box_in_ego, truth.velocity_in_ego_mps)?.harm;
+        for object in &mut objects {
+            object.harm = zone.harm_of(&object.truth.box_in_ego, object.truth.velocity_in_ego_mps)?.harm;
         }
     }
-    Ok(truths)
+    Ok(objects)
 }
 
 fn point(
@@ -203,16 +187,13 @@ fn point(
     protocol: &Protocol,
     mode: Mode,
 ) -> Result<SweepPoint, ScoreError> {
-    let scores = score(samples, protocol, mode)?.columns;
-    let (kept, _) = metrics::filtered(samples, protocol.config());
-    let located = Located::of_samples(&kept, protocol.config().tp_threshold_m);
+    let matching = Matching::new(samples, protocol, mode)?;
     // Truth, and what it is called where a detection lies on it.
-    let labels: Vec<(bool, Option<bool>)> = located
+    let labels: Vec<(bool, Option<bool>)> = matching
+        .objects
         .iter()
-        .map(|found| {
-            let called = found.harm_probability().map(|probability| probability >= 0.5);
-            (found.truth.harm == Harm::Harmful, called)
-        })
+        .zip(harm_probability::measure(&matching))
+        .map(|(of, probability)| (of.object.harm == Harm::Harmful, probability.map(|p| p >= 0.5)))
         .collect();
     let count = |fits: fn(&(bool, Option<bool>)) -> bool| labels.iter().filter(|label| fits(label)).count();
     let n_harmful = count(|&(truth, _)| truth);
@@ -223,7 +204,7 @@ fn point(
     let share = |n: usize, of: usize| (of > 0).then(|| n as f64 / of as f64);
     Ok(SweepPoint {
         value,
-        scores,
+        scores: metrics::measure(&matching).columns,
         n_truths: labels.len(),
         n_located,
         n_harmful,
@@ -247,10 +228,10 @@ mod tests {
         let n_harmful = |change: Change, value: f64| -> usize {
             let of_frame = |frame: &LabelledSample| {
                 let state = change.apply(&frame.measured.ego_state, value);
-                truths(frame, change.moves_truth().then_some(&state), dataset.zone()).unwrap()
+                label(frame, change.moves_truth().then_some(&state), dataset.zone()).unwrap()
             };
-            let truths = dataset.samples().iter().flat_map(of_frame);
-            truths.filter(|truth| truth.harm == Harm::Harmful).count()
+            let objects = dataset.samples().iter().flat_map(of_frame);
+            objects.filter(|object| object.harm == Harm::Harmful).count()
         };
         assert!(n_harmful(Change::SpeedMps, 0.0) < n_harmful(Change::SpeedMps, 20.0));
         assert_eq!(n_harmful(Change::SpeedFactor, 0.0), n_harmful(Change::SpeedFactor, 20.0));
@@ -267,9 +248,9 @@ mod tests {
             let harms = |change: Change, value: f64| -> Vec<Harm> {
                 let of_frame = |frame: &LabelledSample| {
                     let state = change.apply(&frame.measured.ego_state, value);
-                    truths(frame, Some(&state), dataset.zone()).unwrap()
+                    label(frame, Some(&state), dataset.zone()).unwrap()
                 };
-                dataset.samples().iter().flat_map(of_frame).map(|truth| truth.harm).collect()
+                dataset.samples().iter().flat_map(of_frame).map(|object| object.harm).collect()
             };
             let n_harmful =
                 |speed| harms(Change::SpeedMps, speed).iter().filter(|&&harm| harm == Harm::Harmful).count();
@@ -286,7 +267,7 @@ mod tests {
         let n_changed = |frame: &LabelledSample| {
             let at = |value| {
                 let state = Change::SpeedMps.apply(&frame.measured.ego_state, value);
-                truths(frame, Some(&state), dataset.zone()).unwrap()
+                label(frame, Some(&state), dataset.zone()).unwrap()
             };
             at(0.0).into_iter().zip(at(14.0)).filter(|(a, b)| a.harm != b.harm).count()
         };
@@ -304,7 +285,7 @@ mod tests {
         let sample = EvalSample {
             id: "s".into(),
             facts: SampleFacts::default(),
-            truths: vec![
+            objects: vec![
                 truth(10.0, Harmful, Id),  // called harmful
                 truth(15.0, Harmful, Id),  // called harmless
                 truth(20.0, Harmful, Id),  // not located

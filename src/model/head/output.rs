@@ -109,7 +109,7 @@ pub fn detections_by_state(
     output.read(
         config.grid.cell_size_m,
         min_score,
-        |found| found.score,
+        |found| found.score as f32,
         |of| {
             let detection = |&harm: &Harm| {
                 let probability = 1.0 / (1.0 + (-of.logits[harm.index()]).exp());
@@ -117,7 +117,7 @@ pub fn detections_by_state(
                     box_in_ego: of.box_in_ego,
                     velocity_in_ego_mps: of.velocity_in_ego_mps,
                     harm,
-                    score: of.query.score * probability,
+                    score: (of.query.score * probability).into(),
                 }
             };
             reportable_classes(of.query, config.head.heatmap).iter().map(detection).collect::<Vec<_>>()

@@ -6,8 +6,7 @@ use rayon::prelude::*;
 use super::pictures::jpeg;
 use super::{ReportError, Side};
 use crate::eval::{Fault, FaultKind};
-use crate::geometry::{Box3, Ego};
-use crate::object::{Detection, Distribution};
+use crate::object::Distribution;
 use crate::report::document::{Block, Card, Filter, Gallery};
 use crate::report::score_tables::to_words;
 use crate::report::scores::FAULTS_FILE;
@@ -95,8 +94,8 @@ fn kind_name(kind: FaultKind) -> &'static str {
 }
 
 fn card(side: &Side, rank: usize, fault: &Fault) -> Result<Card, ReportError> {
-    let family = fault.object.as_ref().and_then(|object| object.facts.category.as_deref()).map(to_words);
-    let distribution = fault.object.as_ref().and_then(|object| object.distribution);
+    let family = fault.object.as_ref().and_then(|object| object.truth.category.as_deref()).map(to_words);
+    let distribution = fault.object.as_ref().and_then(|object| object.truth.distribution);
     let object = match distribution {
         Some(Distribution::Id) => "in distribution",
         Some(Distribution::Ood) => "out of distribution",
@@ -142,8 +141,8 @@ fn facts(fault: &Fault) -> Vec<String> {
     facts.extend(fault.stopping_margin_m.map(|margin_m| format!("room to stop {margin_m:+.1} m")));
     facts.extend(fault.zone_distance_m.map(|distance_m| format!("zone's edge {distance_m:+.2} m")));
     if let Some(object) = &fault.object {
-        facts.extend(object.n_lidar_points.map(|n| format!("{n} LiDAR points")));
-        facts.extend(object.facts.visible_fraction.map(|share| format!("{:.0} % visible", 100.0 * share)));
+        facts.extend(object.truth.n_lidar_points.map(|n| format!("{n} LiDAR points")));
+        facts.extend(object.truth.visible_fraction.map(|share| format!("{:.0} % visible", 100.0 * share)));
     }
     if fault.n_samples > 1 {
         facts.push(format!("in {} samples of the episode", fault.n_samples));
@@ -159,26 +158,16 @@ fn pictures(side: &Side, fault: &Fault) -> Result<Option<[String; 2]>, ReportErr
     let entry = dataset.manifest.episodes.iter().find(|entry| entry.name == episode);
     let (Some(entry), Ok(sample_idx)) = (entry, sample_idx.parse()) else { return Ok(None) };
     let labelled = Labelled::read(&dataset.path, &dataset.labels, entry, sample_idx)?;
-    let detections: Vec<Detection> = fault
-        .detections
-        .iter()
-        .map(|found| Detection {
-            box_in_ego: (&found.place).into(),
-            velocity_in_ego_mps: [0.0; 2],
-            harm: found.harm,
-            score: found.score as f32,
-        })
-        .collect();
     let scene = Scene {
         episode,
         sample_idx,
         sample: &labelled.sample,
         harms: Some(&labelled.harms),
         zone: Some(&labelled.zone),
-        detections: Some(&detections),
+        detections: Some(&fault.detections),
     };
     let picture = |source: ImageError| ReportError::Picture { source, sample: fault.sample.clone() };
-    let focus: Box3<Ego> = (&fault.place).into();
-    let [front, birdseye] = view::panels(&scene, Some(&focus), FRONT_PX, BIRDSEYE_PX).map_err(picture)?;
+    let [front, birdseye] =
+        view::panels(&scene, Some(&fault.place), FRONT_PX, BIRDSEYE_PX).map_err(picture)?;
     Ok(Some([jpeg(&front).map_err(picture)?, jpeg(&birdseye).map_err(picture)?]))
 }

@@ -5,12 +5,10 @@ use std::path::Path;
 use fs_err as fs;
 
 use super::*;
-use crate::dataset::Fingerprint;
-use crate::eval::{
-    EvalDetection, EvalSample, EvalTruth, Protocol, SampleFacts, TruthFacts, evaluate, worst_faults,
-};
+use crate::dataset::{Fingerprint, SampleFacts};
+use crate::eval::{EvalSample, Protocol, evaluate};
 use crate::geometry::{Box3, Point};
-use crate::object::{Distribution, Harm, Kind};
+use crate::object::{Detection, Distribution, Harm, Kind, LabelledObject, Object};
 use crate::report::provenance::Provenance;
 use crate::report::scores::{FAULTS_FILE, METRICS_FILE, PROVENANCE_FILE, SWEEPS_FILE};
 
@@ -27,21 +25,19 @@ fn samples() -> Vec<EvalSample> {
     for (episode, weather) in [("one", "ClearNoon"), ("two", HOSTILE), ("three", "FogNight")] {
         for i in 0..4_u32 {
             let x_m = 24.0 - 3.0 * f64::from(i);
-            let object = |name: &str, at: (f64, f64), harm, distribution| EvalTruth {
-                box_in_ego: place(at.0, at.1),
-                velocity_in_ego_mps: [0.0; 2],
-                harm,
-                distribution: Some(distribution),
-                n_lidar_points: Some(20 + i),
-                facts: TruthFacts {
+            let object = |name: &str, at: (f64, f64), harm, distribution| LabelledObject {
+                truth: Object {
                     id: Some(name.to_owned()),
                     category: Some(name.to_owned()),
                     kind: Some(Kind::Static),
+                    distribution: Some(distribution),
+                    n_lidar_points: Some(20 + i),
                     visible_fraction: Some(0.75),
-                    event: None,
+                    ..Object::new(place(at.0, at.1))
                 },
+                harm,
             };
-            let detection = |at: (f64, f64), harm, score| EvalDetection {
+            let detection = |at: (f64, f64), harm, score| Detection {
                 box_in_ego: place(at.0, at.1),
                 velocity_in_ego_mps: [0.0; 2],
                 harm,
@@ -63,7 +59,7 @@ fn samples() -> Vec<EvalSample> {
                     front_bumper_x_m: Some(3.6),
                     zone_in_ego_m: Some(vec![[3.6, -1.7], [25.0, -1.7], [25.0, 1.7], [3.6, 1.7]]),
                 },
-                truths: vec![
+                objects: vec![
                     object("car", (x_m, 0.0), Harm::Harmful, Distribution::Id),
                     object(HOSTILE, (x_m - 8.0, 0.5), Harm::Harmful, Distribution::Ood),
                     object("hay_bale", (x_m, 6.0), Harm::Harmless, Distribution::Ood),
@@ -106,8 +102,7 @@ fn write_scores(folder: &Path, mode: Mode, is_whole: bool) {
     fs::write(folder.join(METRICS_FILE), evaluation.to_json()).unwrap();
     if is_whole {
         let json = |value: serde_json::Value| value.to_string();
-        let faults = worst_faults(&samples(), &protocol).unwrap();
-        fs::write(folder.join(FAULTS_FILE), json(serde_json::to_value(faults).unwrap())).unwrap();
+        fs::write(folder.join(FAULTS_FILE), json(serde_json::to_value(&evaluation.faults).unwrap())).unwrap();
         let hash = |c: &str| c.repeat(16);
         let fingerprint = Fingerprint { dataset_sha256: hash("0123"), labels_sha256: hash("4567") };
         let source = Provenance {

@@ -8,7 +8,7 @@ use super::SweepReportError;
 use crate::dataset::LabelledSample;
 use crate::eval::sweep::{Change, Series, SweepConfig, Swept};
 use crate::geometry::Point2;
-use crate::object::{Detection, Distribution, Harm};
+use crate::object::{Detection, Harm};
 use crate::report::view::{self, Scene, StatePanel, draw_states};
 use crate::sample::{EgoState, Sample, Truth};
 use crate::zone::Zone;
@@ -43,7 +43,7 @@ pub fn draw_all(
 /// The boxes that are drawn: of one query the better class alone.
 fn shown(found: &[Detection], min_score: f32) -> Vec<Detection> {
     let mut shown: Vec<Detection> = Vec::new();
-    for detection in found.iter().filter(|detection| detection.score >= min_score) {
+    for detection in found.iter().filter(|detection| detection.score >= f64::from(min_score)) {
         if !shown.iter().any(|better| better.box_in_ego == detection.box_in_ego) {
             shown.push(*detection);
         }
@@ -127,11 +127,12 @@ fn title(change: Change, value: f64) -> String {
 fn best_seen(frames: &[LabelledSample]) -> BTreeMap<&str, usize> {
     let mut best: BTreeMap<&str, (u32, usize)> = BTreeMap::new();
     for (frame_idx, frame) in frames.iter().enumerate() {
-        let is_ood = |truth: &&crate::object::ObjectTruth| truth.distribution == Distribution::Ood;
+        let is_ood = |truth: &&crate::object::Object| truth.is_ood();
         for truth in frame.objects.iter().map(|object| &object.truth).filter(is_ood) {
-            let seen = best.entry(&truth.category).or_insert((0, frame_idx));
-            if truth.visible_px > seen.0 {
-                *seen = (truth.visible_px, frame_idx);
+            let (Some(category), Some(visible_px)) = (&truth.category, truth.visible_px) else { continue };
+            let seen = best.entry(category).or_insert((0, frame_idx));
+            if visible_px > seen.0 {
+                *seen = (visible_px, frame_idx);
             }
         }
     }
@@ -157,14 +158,15 @@ fn draw_kind(frame: &LabelledSample, zone: &Zone, found: &[Detection]) -> Result
 mod tests {
     use super::*;
     use crate::dataset::test_data;
+    use crate::object::Distribution;
 
     #[test]
     fn each_kind_is_shown_where_it_is_seen_best() {
         let mut dataset = test_data::dataset(3);
         for (frame_idx, px) in [(0, 50), (1, 900), (2, 400)] {
             let truth = &mut dataset.sample_mut(frame_idx).objects[2].truth;
-            truth.category = "sofa".into();
-            (truth.distribution, truth.visible_px) = (Distribution::Ood, px);
+            truth.category = Some("sofa".into());
+            (truth.distribution, truth.visible_px) = (Some(Distribution::Ood), Some(px));
         }
         let best: Vec<_> = best_seen(dataset.samples()).into_iter().collect();
         assert_eq!(best, [("sofa", 1)]);

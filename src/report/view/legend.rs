@@ -2,7 +2,7 @@
 
 use super::canvas::{Align, Canvas, Color, Pen, text_width_px};
 use super::{FRONT_PX, MARGIN_PX, SIZE_PX, Scene, palette};
-use crate::object::{Distribution, Harm};
+use crate::object::{Harm, Object};
 
 const LEGEND_SIZE_PX: f32 = 15.0;
 /// Turns of the road wheels below this are written as straight, degrees.
@@ -38,7 +38,7 @@ pub fn draw_title(page: &mut Canvas, scene: &Scene) {
 /// How many objects there are, and of which kind.
 pub fn counts(scene: &Scene) -> String {
     let objects = &scene.sample.truth.objects;
-    let n_ood = objects.iter().filter(|object| object.distribution == Distribution::Ood).count();
+    let n_ood = objects.iter().filter(|object| object.is_ood()).count();
     let mut text = format!("{} object{}", objects.len(), if objects.len() == 1 { "" } else { "s" });
     if n_ood > 0 {
         text += &format!(" · {n_ood} out of distribution");
@@ -86,7 +86,7 @@ fn entries(scene: &Scene) -> Vec<(Pen, &'static str)> {
     } else {
         entries.push((truth(palette::UNLABELLED), "object, no label"));
     }
-    if scene.sample.truth.objects.iter().any(|object| object.distribution == Distribution::Ood) {
+    if scene.sample.truth.objects.iter().any(Object::is_ood) {
         let pen = Pen { color: palette::TEXT_SOFT, width_px: 2.0, is_dashed: true };
         entries.push((pen, "out of distribution"));
     }

@@ -190,5 +190,5 @@ fn read_detections(
     reader.check_episode(&entry.sha256)?;
     let found = reader.samples().iter().find(|sample| sample.time_ns == time_ns);
     let found = found.ok_or_else(|| ViewError::NotAligned { time_ns, path: path.clone() })?;
-    Ok(found.detections.iter().filter(|detection| detection.score >= min_score).copied().collect())
+    Ok(found.detections.iter().filter(|detection| detection.score >= f64::from(min_score)).copied().collect())
 }

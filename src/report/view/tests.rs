@@ -4,15 +4,15 @@ use nalgebra::{Point3, Vector3};
 
 use super::*;
 use crate::geometry::{Camera, Lidar, Pinhole, Point, Transform};
-use crate::object::{Event, Kind, ObjectTruth};
+use crate::object::{Distribution, Event, Kind, Object};
 use crate::sample::{EgoState, EncodedImage, ImageFormat, LidarPoint, Measured, Truth};
 
-fn object(category: &str, ood: bool, at: [f64; 2], size: [f64; 3], yaw_rad: f64) -> ObjectTruth {
-    ObjectTruth {
-        id: format!("{category}-{}", at[0]),
-        category: category.to_owned(),
-        kind: Kind::Static,
-        distribution: if ood { Distribution::Ood } else { Distribution::Id },
+fn object(category: &str, ood: bool, at: [f64; 2], size: [f64; 3], yaw_rad: f64) -> Object {
+    Object {
+        id: Some(format!("{category}-{}", at[0])),
+        category: Some(category.to_owned()),
+        kind: Some(Kind::Static),
+        distribution: Some(if ood { Distribution::Ood } else { Distribution::Id }),
         box_in_ego: Box3 {
             center: Point::new(at[0], at[1], size[2] / 2.0),
             length_m: size[0],
@@ -21,19 +21,15 @@ fn object(category: &str, ood: bool, at: [f64; 2], size: [f64; 3], yaw_rad: f64)
             yaw_rad,
         },
         velocity_in_ego_mps: [0.0, 0.0],
-        n_lidar_points: 10,
-        visible_px: 100,
-        visible_fraction: 1.0,
-        event: Event::None,
+        n_lidar_points: Some(10),
+        visible_px: Some(100),
+        visible_fraction: Some(1.0),
+        event: Some(Event::None),
     }
 }
 
 /// First hit of a ray with the ground (index none) or an object: range and what was hit.
-fn cast(
-    origin: Point3<f64>,
-    direction: Vector3<f64>,
-    objects: &[ObjectTruth],
-) -> Option<(f64, Option<usize>)> {
+fn cast(origin: Point3<f64>, direction: Vector3<f64>, objects: &[Object]) -> Option<(f64, Option<usize>)> {
     let ground = (direction.z < 0.0).then(|| (-origin.z / direction.z, None));
     let boxes = objects.iter().enumerate().filter_map(|(i, object)| {
         let place = object.box_in_ego;
@@ -195,7 +191,7 @@ fn predictions_are_drawn_in_tones_of_their_own() {
             let mut box_in_ego = object.box_in_ego;
             box_in_ego.center =
                 Point::new(box_in_ego.center.x() + 0.3, box_in_ego.center.y() - 0.15, box_in_ego.center.z());
-            Detection { box_in_ego, velocity_in_ego_mps: [0.0, 0.0], harm, score: 0.95 - 0.07 * i as f32 }
+            Detection { box_in_ego, velocity_in_ego_mps: [0.0, 0.0], harm, score: 0.95 - 0.07 * i as f64 }
         })
         .collect();
     let labelled = Scene { harms: Some(&harms), zone: Some(&ZONE), ..scene(&sample) };

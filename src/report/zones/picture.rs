@@ -5,7 +5,7 @@ use thiserror::Error;
 
 use crate::geometry::Point2;
 use crate::label::MOVING_MPS;
-use crate::object::{Distribution, Harm, ObjectTruth};
+use crate::object::{Harm, Object};
 use crate::report::canvas::{Align, Canvas, Color, Pen, text_width_px};
 use crate::report::palette;
 use crate::report::view::{Area, Mark, birdseye, front};
@@ -49,7 +49,7 @@ pub(super) struct Overlay<'a> {
 
 /// An object with what each zone says of it.
 struct ObjectRow<'a> {
-    object: &'a ObjectTruth,
+    object: &'a Object,
     verdicts: Vec<Verdict>,
 }
 
@@ -120,7 +120,7 @@ impl Overlay<'_> {
                 pen: Pen {
                     color: row.color(),
                     width_px: if row.is_disputed() { 2.2 } else { 1.5 },
-                    is_dashed: row.object.distribution == Distribution::Ood,
+                    is_dashed: row.object.is_ood(),
                 },
                 tag: (i < MAX_ROWS).then(|| letter(i)),
             })
@@ -210,7 +210,7 @@ impl Overlay<'_> {
         for (i, row) in rows.iter().take(MAX_ROWS).enumerate() {
             let baseline = top + (i + 1) as f32 * ROW_PX;
             page.text((RIGHT_PX, baseline), TEXT_PX, row.color(), Align::Left, &letter(i));
-            let name = row.object.category.replace('_', " ");
+            let name = row.object.category.as_deref().unwrap_or("object").replace('_', " ");
             page.text((RIGHT_PX + 24.0, baseline), TEXT_PX, palette::TEXT, Align::Left, &name);
             let contact = row.time_to_collision_s().map_or("-".to_owned(), |time_s| format!("{time_s:.1} s"));
             let told = [format!("{:.1} m", row.range_m()), format!("{:.1} m/s", row.speed_mps()), contact];
@@ -272,7 +272,7 @@ mod tests {
     fn all_zones_and_the_disputed_objects_are_drawn() {
         let dataset = test_data::dataset(2);
         let labelled = &dataset.samples()[1];
-        let mut objects: Vec<ObjectTruth> = labelled.objects.iter().map(|o| o.truth.clone()).collect();
+        let mut objects: Vec<Object> = labelled.objects.iter().map(|o| o.truth.clone()).collect();
         // Dead ahead and driving away: harmful by its place, not by its motion.
         objects[0].box_in_ego.center = crate::geometry::Point::new(12.0, 0.0, 0.75);
         objects[0].velocity_in_ego_mps = [15.0, 0.0];
@@ -299,7 +299,7 @@ mod tests {
         // In the table, a square of 14 by 14 pixels for each object that a zone calls harmful; the head adds fewer.
         for zone in &zones {
             let (kind, zone) = (zone.config().kind, zone.at(&sample.measured.ego_state).unwrap());
-            let is_harmful = |object: &&ObjectTruth| {
+            let is_harmful = |object: &&Object| {
                 let verdict = zone.harm_of(&object.box_in_ego, object.velocity_in_ego_mps).unwrap();
                 verdict.harm == Harm::Harmful
             };

@@ -31,13 +31,14 @@ fn make(experiment: &Experiment<'_>, row: &Row) -> anyhow::Result<RowScores> {
     let (validation, test) = (experiment.scored_split(Mode::Id)?, experiment.scored_split(Mode::Ood)?);
     let (in_validation, in_test) = (boxes(validation)?, boxes(test)?);
     let columns = |data: &Dataset, found: &[Vec<KindBox>], by: Strangeness, mode| {
-        let judged: Vec<Vec<Detection>> = found.iter().map(|found| set.judged(by, found)).collect();
-        score(&eval_samples(data, &judged), &Protocol::default(), mode).map(|metrics| metrics.columns)
+        let judged: Vec<Vec<Detection>> = found.iter().map(|found| set.judge(by, found)).collect();
+        score(&eval_samples(data.samples(), &judged), &Protocol::default(), mode)
+            .map(|metrics| metrics.columns)
     };
     let judges = Strangeness::ALL.map(|by| {
         let id = columns(validation, &in_validation, by, Mode::Id)?.total;
         let right = SetScores { id, ood: columns(test, &in_test, by, Mode::Ood)? };
-        let times = timed_samples(test).map(|(i, _)| time_it(|| set.judged(by, &in_test[i])).1);
+        let times = timed_samples(test).map(|(i, _)| time_it(|| set.judge(by, &in_test[i])).1);
         anyhow::Ok(JudgeScores {
             judge: by.name().to_owned(),
             judge_ms: median(times.collect()),

@@ -16,7 +16,7 @@ use harmzone::config::differences;
 use harmzone::dataset::{Dataset, Fingerprint, LabelledSample};
 use harmzone::eval::judge::Judge;
 use harmzone::eval::sweep::{Change, SweepConfig, Sweeps};
-use harmzone::eval::{ClassScores, Columns, Mode, Protocol, eval_samples, evaluate, score, worst_faults};
+use harmzone::eval::{ClassScores, Columns, Mode, Protocol, eval_samples, evaluate, score};
 use harmzone::files::{sha256_hex, write_atomic};
 use harmzone::infer::{self, PredictError, Trained};
 use harmzone::model::checkpoint::CHECKPOINT;
@@ -185,11 +185,10 @@ fn look<'a>(
     };
     let (swept, series) = infer::sweep(detector, data, &config, experiment.device, experiment.progress)?;
     let found: Vec<Vec<Detection>> = swept.found().iter().map(|of_frame| of_frame[0].clone()).collect();
-    let samples = eval_samples(data, &found);
+    let samples = eval_samples(data.samples(), &found);
     let (metrics, sweeps) = if row.is_headline {
         let out = &page::folder(&experiment.request.out, mode);
         let evaluation = evaluate(&samples, &protocol, mode)?;
-        let faults = worst_faults(&samples, &protocol)?;
         let request = SweepRequest {
             swept: &swept,
             series: &series,
@@ -201,7 +200,7 @@ fn look<'a>(
         let sweeps = sweeps::run(&request)?.sweeps;
         let command = experiment.request.command.clone();
         let source = provenance(Some(trained), Some((data.path(), LABELS)), command)?;
-        scores::write(out, &protocol, &evaluation, &faults, &source)?;
+        scores::write(out, &protocol, &evaluation, &source)?;
         (evaluation.metrics, sweeps)
     } else {
         (score(&samples, &protocol, mode)?, swept.measure(&config.judges, &protocol)?)
@@ -229,7 +228,7 @@ pub fn time_network(
 fn time_judge(data: &Dataset, found: &[Vec<Detection>], judge: Judge) -> anyhow::Result<f64> {
     let mut times = Vec::new();
     for (i, sample) in timed_samples(data) {
-        let (judged, ms) = time_it(|| judge.judged(&found[i], &sample.measured.ego_state, data.zone()));
+        let (judged, ms) = time_it(|| judge.judge(&found[i], &sample.measured.ego_state, data.zone()));
         judged?;
         times.push(ms);
     }

@@ -1,0 +1,192 @@
+//! What is known of a sample beyond its boxes: by this scores are broken down.
+//!
+//! Every fact may be missing: a file of boxes tells what it tells, a data set of ours tells all. A score that needs a
+//! fact leaves out what lacks it. Metres, m/s, radians, seconds; the zone in the ego frame.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use super::DatasetError;
+use crate::episode::EpisodeMeta;
+use crate::geometry::{Box3, Ego, Point, Point2, convex_signed_distance_m, distance_to_convex_m};
+use crate::sample::Measured;
+use crate::sensors::{Weather, WeatherOverride};
+use crate::zone::{Zone, ZoneAt};
+
+/// Facts of a sample.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct SampleFacts {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub episode: Option<String>,
+    /// From any start that the samples of an episode share.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub time_s: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub town: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub weather: Option<String>,
+    /// Meteorological optical range of haze or fog.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mor_m: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rain_rate_mmph: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub speed_mps: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub steering_angle_rad: Option<f64>,
+    /// Where the ego is, in a frame that stands still: x, y.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub position_in_world_m: Option<[f64; 2]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub front_bumper_x_m: Option<f64>,
+    /// Corners of the danger zone, convex: x, y. Datasets tell it where their zone is `rect`: the others bend, and what
+    /// `ttc` and `rss` say of an object is not the distance to one edge.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub zone_in_ego_m: Option<Vec<[f64; 2]>>,
+}
+
+impl SampleFacts {
+    /// Signed distance of a box's footprint to the zone's edge, metres: positive the gap, negative how deep it reaches
+    /// in. `None` where the zone is not known.
+    #[must_use]
+    pub fn zone_distance_m(&self, of: &Box3<Ego>) -> Option<f64> {
+        let zone: Vec<Point2> =
+            self.zone_in_ego_m.as_ref()?.iter().map(|&[x_m, y_m]| Point2 { x_m, y_m }).collect();
+        (zone.len() >= 3).then(|| convex_signed_distance_m(&zone, &of.footprint()))
+    }
+
+    /// Distance from the middle of the front bumper to a box's footprint, metres on the ground.
+    #[must_use]
+    pub fn gap_ahead_m(&self, of: &Box3<Ego>) -> Option<f64> {
+        let bumper = Point2 { x_m: self.front_bumper_x_m?, y_m: 0.0 };
+        Some(distance_to_convex_m(bumper, &of.footprint()))
+    }
+}
+
+/// What all samples of an episode share.
+#[derive(Debug)]
+pub(super) struct Origin {
+    facts: SampleFacts,
+    start_ns: u64,
+}
+
+/// The part of an episode's config that changes what its weather's name stands for.
+#[derive(Default, Deserialize)]
+#[serde(default)]
+struct ChangedWeather {
+    weather_override: WeatherOverride,
+}
+
+impl Origin {
+    /// Of the episode with this metadata. The state of a weather that has no name of ours is unknown.
+    ///
+    /// # Errors
+    /// The config in the episode's metadata is not valid.
+    pub fn of_episode(meta: &EpisodeMeta, path: &Path, start_ns: u64) -> Result<Self, DatasetError> {
+        let fail = |message| DatasetError::Config { message, path: path.to_owned() };
+        let changed: ChangedWeather =
+            toml::from_str(&meta.config_toml).map_err(|error| fail(error.to_string()))?;
+        let named = meta.weather.parse::<Weather>().ok();
+        let state = named.map(|weather| weather.state().replace_by(&changed.weather_override)).transpose();
+        let state = state.map_err(|error| fail(error.to_string()))?;
+        let facts = SampleFacts {
+            episode: Some(meta.name.clone()),
+            town: Some(meta.town.clone()),
+            weather: Some(meta.weather.clone()),
+            mor_m: state.map(|state| state.mor_m),
+            rain_rate_mmph: state.map(|state| state.rain_rate_mmph),
+            ..SampleFacts::default()
+        };
+        Ok(Self { facts, start_ns })
+    }
+
+    /// The facts of one of the episode's samples.
+    pub fn facts_of(&self, measured: &Measured, zone: &Zone) -> SampleFacts {
+        let state = &measured.ego_state;
+        let origin = measured.world_from_ego * Point::new(0.0, 0.0, 0.0);
+        let zone = zone.at(state).ok();
+        let edge = zone.as_ref().and_then(ZoneAt::edge);
+        SampleFacts {
+            time_s: Some(measured.time_ns.saturating_sub(self.start_ns) as f64 * 1e-9),
+            speed_mps: Some(state.speed_mps),
+            steering_angle_rad: Some(state.steering_angle_rad),
+            position_in_world_m: Some([origin.x(), origin.y()]),
+            front_bumper_x_m: Some(state.front_bumper_x_m),
+            zone_in_ego_m: edge.map(|corners| corners.iter().map(|p| [p.x_m, p.y_m]).collect()),
+            ..self.facts.clone()
+        }
+    }
+}
+
+/// The episode that a sample's id names, `<episode>/<index>`; the whole id where there is no `/`.
+#[must_use]
+pub fn episode_of_id(id: &str) -> &str {
+    id.rsplit_once('/').map_or(id, |(episode, _)| episode)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dataset::test_data;
+    use crate::object::Harm;
+    use crate::zone::ZoneKind;
+
+    #[test]
+    fn a_dataset_tells_time_speed_and_where_the_zone_ends() {
+        let dataset = test_data::dataset(3);
+        assert!((dataset.samples()[2].facts.time_s.unwrap() - 0.6).abs() < 1e-9);
+        assert_eq!(dataset.samples()[1].facts.episode.as_deref(), Some("made"));
+        for sample in dataset.samples() {
+            for object in &sample.objects {
+                let distance_m = sample.facts.zone_distance_m(&object.truth.box_in_ego).unwrap();
+                // Car-sized boxes are harmful from about 0.2 m of depth on.
+                match object.harm {
+                    Harm::Harmful => assert!(distance_m < 0.0),
+                    Harm::Harmless => assert!(distance_m > -0.6, "{distance_m}"),
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn only_the_rectangle_has_an_edge_to_measure_from() {
+        for kind in ZoneKind::ALL {
+            let facts = test_data::dataset_of(1, kind).samples()[0].facts.clone();
+            assert_eq!(facts.zone_in_ego_m.is_some(), kind == ZoneKind::Rect, "{kind:?}");
+        }
+    }
+
+    #[test]
+    fn the_gap_ahead_is_from_the_bumper_to_the_nearest_point() {
+        let facts = SampleFacts { front_bumper_x_m: Some(3.5), ..SampleFacts::default() };
+        let ahead = Box3 {
+            center: Point::new(10.0, 0.0, 1.0),
+            length_m: 4.0,
+            width_m: 2.0,
+            height_m: 1.5,
+            yaw_rad: 0.0,
+        };
+        assert!((facts.gap_ahead_m(&ahead).unwrap() - 4.5).abs() < 1e-12);
+        assert_eq!(SampleFacts::default().gap_ahead_m(&ahead), None);
+        assert_eq!((episode_of_id("a/b/3"), episode_of_id("s1")), ("a/b", "s1"));
+    }
+
+    #[test]
+    fn the_weather_is_that_of_the_episodes_own_config() {
+        let of = |weather: &str, config_toml: &str| {
+            let meta = test_data::episode_meta(weather, config_toml);
+            Origin::of_episode(&meta, Path::new("e.mcap"), 0)
+        };
+        let fog = of("FogNoon", "seed = 3\n[weather_override]\nmor_m = 80.0\n").unwrap().facts;
+        assert_eq!((fog.mor_m, fog.rain_rate_mmph), (Some(80.0), Some(0.0)));
+        assert_eq!(of("a Tuesday", "").unwrap().facts.mor_m, None);
+        for (config, told) in
+            [("weather_override = 3", "invalid type"), ("[weather_override]\nmor_m = 1", "10 to 100000")]
+        {
+            let error = of("FogNoon", config).unwrap_err().to_string();
+            assert!(error.contains(told) && error.contains("e.mcap"), "{error}");
+        }
+    }
+}

@@ -1,0 +1,91 @@
+//! One sample to be scored: what is there, and what was detected.
+
+use thiserror::Error;
+
+use super::protocol::Protocol;
+use crate::dataset::{LabelledSample, SampleFacts};
+use crate::geometry::BoxError;
+use crate::object::{Detection, LabelledObject};
+
+/// One sample: what is there and what was detected.
+///
+/// The order of samples, and of detections in a sample, decides between equal scores: the later one
+/// ranks higher, as in nuscenes-devkit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EvalSample {
+    pub id: String,
+    pub facts: SampleFacts,
+    pub objects: Vec<LabelledObject>,
+    pub detections: Vec<Detection>,
+}
+
+/// Which columns are scored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Mode {
+    /// The nuScenes protocol alone.
+    Id,
+    /// The four columns of Table III; each truth needs its distribution.
+    Ood,
+}
+
+/// Why samples cannot be scored.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum ScoreError {
+    #[error("there is no sample to score")]
+    NoSamples,
+    #[error("{found} detections, but at most {allowed} may be given (max_boxes): sample `{sample}`")]
+    TooManyBoxes { found: usize, allowed: usize, sample: String },
+    #[error("truth {index} has no `distribution` (id or ood), which --ood needs: sample `{sample}`")]
+    MissingDistribution { index: usize, sample: String },
+    #[error("{what} {index}: {source}: sample `{sample}`")]
+    BadBox { what: &'static str, index: usize, source: BoxError, sample: String },
+    #[error("detection {index}: the score is {found}; a finite number is needed: sample `{sample}`")]
+    BadScore { index: usize, found: f64, sample: String },
+    #[error("two samples have the same id: sample `{sample}`")]
+    RepeatedSample { sample: String },
+}
+
+pub(super) fn check(samples: &[EvalSample], protocol: &Protocol, mode: Mode) -> Result<(), ScoreError> {
+    if samples.is_empty() {
+        return Err(ScoreError::NoSamples);
+    }
+    let mut ids = std::collections::HashSet::with_capacity(samples.len());
+    for sample in samples {
+        let name = || sample.id.clone();
+        if !ids.insert(sample.id.as_str()) {
+            return Err(ScoreError::RepeatedSample { sample: name() });
+        }
+        let (found, allowed) = (sample.detections.len(), protocol.config().max_boxes);
+        if found > allowed {
+            return Err(ScoreError::TooManyBoxes { found, allowed, sample: name() });
+        }
+        for (index, object) in sample.objects.iter().enumerate() {
+            let bad = |source| ScoreError::BadBox { what: "truth", index, source, sample: name() };
+            object.truth.box_in_ego.check().map_err(bad)?;
+            if mode == Mode::Ood && object.truth.distribution.is_none() {
+                return Err(ScoreError::MissingDistribution { index, sample: name() });
+            }
+        }
+        for (index, detection) in sample.detections.iter().enumerate() {
+            let bad = |source| ScoreError::BadBox { what: "detection", index, source, sample: name() };
+            detection.box_in_ego.check().map_err(bad)?;
+            if !detection.score.is_finite() {
+                return Err(ScoreError::BadScore { index, found: detection.score, sample: name() });
+            }
+        }
+    }
+    Ok(())
+}
+
+/// A data set's samples with a detector's boxes, to be scored.
+#[must_use]
+pub fn eval_samples(samples: &[LabelledSample], found: &[Vec<Detection>]) -> Vec<EvalSample> {
+    let join = |(sample, found): (&LabelledSample, &Vec<Detection>)| EvalSample {
+        id: sample.id.clone(),
+        facts: sample.facts.clone(),
+        objects: sample.objects.clone(),
+        detections: found.clone(),
+    };
+    samples.iter().zip(found).map(join).collect()
+}
