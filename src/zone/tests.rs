@@ -124,7 +124,8 @@ fn ttc_tells_the_time_and_the_others_do_not() {
     }
     // One that drives away as fast is met by no zone that knows its velocity but RSS, which asks what if it brakes.
     let away = [10.0, 0.0];
-    let harms = ZoneKind::ALL.map(|kind| harm(&at(kind, 10.0, 0.0), &car, away));
+    let kinds = [ZoneKind::Rect, ZoneKind::Arc, ZoneKind::Ttc, ZoneKind::Rss];
+    let harms = kinds.map(|kind| harm(&at(kind, 10.0, 0.0), &car, away));
     assert_eq!(harms, [Harm::Harmful, Harm::Harmful, Harm::Harmless, Harm::Harmful]);
 }
 
