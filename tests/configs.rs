@@ -169,11 +169,6 @@ proptest! {
     fn any_eval_config_is_refused_or_scores(changes in changes()) {
         try_changes(&EvalConfig::default(), &changes, run_eval);
     }
-
-    #[test]
-    fn any_sweep_config_is_refused_or_sweeps(changes in changes()) {
-        try_changes(&SweepConfig::default(), &changes, run_sweep);
-    }
 }
 
 proptest! {
@@ -184,6 +179,11 @@ proptest! {
         let mut config = GenerateConfig::default();
         config.scene.ood = true;
         try_changes(&config, &changes, run_generate);
+    }
+
+    #[test]
+    fn any_sweep_config_is_refused_or_sweeps(changes in changes()) {
+        try_changes(&SweepConfig::default(), &changes, run_sweep);
     }
 
     #[test]
