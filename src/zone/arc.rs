@@ -7,7 +7,7 @@ use super::config::ZoneConfig;
 use super::corridor::Corridor;
 use super::course::Course;
 use super::error::ZoneError;
-use super::rule::{Meeting, MinOverlap, Rule, Seen};
+use super::rule::{Meeting, MinOverlap, Seen, ZoneRule};
 use crate::geometry::Point2;
 use crate::sample::EgoState;
 
@@ -18,7 +18,7 @@ pub(super) struct Arc {
     min_overlap: MinOverlap,
 }
 
-impl Rule for Arc {
+impl ZoneRule for Arc {
     fn at(config: &ZoneConfig, ego: &EgoState) -> Result<Self, ZoneError> {
         let course = Course::of(ego)?;
         let along_m = course.cut_m(config.depth_m(ego)?, config.max_turn_rad());

@@ -1,6 +1,6 @@
 //! Danger zone: the ground the ego will soon need, and which objects meet it.
 //!
-//! Each kind of zone is a file with one `Rule` and a line in `kinds.rs`. Metres, radians, ego frame. Nothing here
+//! Each kind of zone is a file with one `ZoneRule` and a line in `kinds.rs`. Metres, radians, ego frame. Nothing here
 //! reads a file, a clock or a random number. `docs/zones.md` has the formulas and compares the zones.
 
 mod arc;
@@ -20,7 +20,7 @@ pub use config::{BodyConfig, RssConfig, TtcConfig, ZoneConfig};
 pub use error::ZoneError;
 pub use kinds::ZoneKind;
 
-use self::rule::{Meeting, Rule, Seen};
+use self::rule::{Meeting, Seen, ZoneRule};
 use crate::config::Check;
 use crate::geometry::{Box3, Ego, Point2, convex_signed_distance_m};
 use crate::object::Harm;
@@ -113,7 +113,7 @@ impl Zone {
     }
 }
 
-type BoxedRule = Result<Box<dyn Rule>, ZoneError>;
+type BoxedRule = Result<Box<dyn ZoneRule>, ZoneError>;
 
 /// A kind's functions that need no instance of its rule.
 struct Entry {
@@ -123,7 +123,7 @@ struct Entry {
 }
 
 impl Entry {
-    fn of<R: Rule + 'static>() -> Self {
+    fn of<R: ZoneRule + 'static>() -> Self {
         Self {
             at: |config, ego| Ok(Box::new(R::at(config, ego)?)),
             describe: R::describe,
@@ -146,7 +146,7 @@ kinds::for_each_zone!(define_entries);
 /// The zone at one instant: ground in the ego frame, and the rule by which objects there are harmful.
 #[derive(Debug)]
 pub struct ZoneAt {
-    rule: Box<dyn Rule>,
+    rule: Box<dyn ZoneRule>,
 }
 
 /// What the zone says of one box.

@@ -6,7 +6,7 @@
 
 use super::config::ZoneConfig;
 use super::error::ZoneError;
-use super::rule::{Meeting, MinOverlap, Rule, Seen};
+use super::rule::{Meeting, MinOverlap, Seen, ZoneRule};
 use crate::geometry::{Point2, convex_overlap_area};
 use crate::sample::EgoState;
 
@@ -17,7 +17,7 @@ pub(super) struct Rect {
     min_overlap: MinOverlap,
 }
 
-impl Rule for Rect {
+impl ZoneRule for Rect {
     fn at(config: &ZoneConfig, ego: &EgoState) -> Result<Self, ZoneError> {
         let (depth_m, half_width_m) = (config.depth_m(ego)?, config.width_m / 2.0);
         let (sin, cos) = ego.steering_angle_rad.sin_cos();

@@ -16,7 +16,7 @@ use super::config::{RssConfig, ZoneConfig};
 use super::corridor::{Body, Corridor};
 use super::course::Course;
 use super::error::ZoneError;
-use super::rule::{Meeting, Rule, Seen};
+use super::rule::{Meeting, Seen, ZoneRule};
 use crate::geometry::Point2;
 use crate::sample::EgoState;
 
@@ -30,7 +30,7 @@ pub(super) struct Rss {
     needs: Needs,
 }
 
-impl Rule for Rss {
+impl ZoneRule for Rss {
     fn at(config: &ZoneConfig, ego: &EgoState) -> Result<Self, ZoneError> {
         let needs = Needs {
             course: Course::of(ego)?,

@@ -9,7 +9,7 @@ use crate::geometry::{Box3, Ego, Point2};
 use crate::sample::EgoState;
 
 /// A zone at one instant. Speed, steering angle and bumper of the ego are finite, boxes are checked.
-pub(super) trait Rule: Debug + Send + Sync {
+pub(super) trait ZoneRule: Debug + Send + Sync {
     /// The rule for one state of the ego.
     fn at(config: &ZoneConfig, ego: &EgoState) -> Result<Self, ZoneError>
     where

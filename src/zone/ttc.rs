@@ -11,7 +11,7 @@ use super::config::ZoneConfig;
 use super::corridor::{Body, Corridor};
 use super::course::Course;
 use super::error::ZoneError;
-use super::rule::{Meeting, Rule, Seen};
+use super::rule::{Meeting, Seen, ZoneRule};
 use crate::geometry::{Box3, Ego, Point2, convex_signed_distance_m};
 use crate::sample::EgoState;
 
@@ -29,7 +29,7 @@ pub(super) struct Ttc {
     horizon_s: f64,
 }
 
-impl Rule for Ttc {
+impl ZoneRule for Ttc {
     fn at(config: &ZoneConfig, ego: &EgoState) -> Result<Self, ZoneError> {
         let (course, body, speed_mps) = (Course::of(ego)?, config.body_of(ego), ego.speed_mps);
         let horizon_m = speed_mps.abs() * config.ttc.horizon_s;
