@@ -49,6 +49,28 @@ pub fn score(samples: &[EvalSample], protocol: &Protocol, mode: Mode) -> Result<
 
 /// Scores detections against truths, with everything that the facts of samples and truths allow.
 ///
+/// ```
+/// use harmzone::dataset::SampleFacts;
+/// use harmzone::eval::{EvalSample, Mode, Protocol, evaluate};
+/// use harmzone::geometry::{Box3, Point};
+/// use harmzone::object::{Detection, Harm, LabelledObject, Object};
+///
+/// let center = Point::new(12.0, 0.5, 0.75);
+/// let box_in_ego = Box3 { center, length_m: 4.0, width_m: 1.8, height_m: 1.5, yaw_rad: 0.0 };
+/// let harm = Harm::Harmful;
+/// let sample = EvalSample {
+///     id: "one".into(),
+///     facts: SampleFacts::default(),
+///     objects: vec![LabelledObject { truth: Object::new(box_in_ego), harm }],
+///     detections: vec![Detection { box_in_ego, velocity_in_ego_mps: [0.0; 2], harm, score: 0.9 }],
+/// };
+/// let evaluation = evaluate(&[sample], &Protocol::default(), Mode::Id)?;
+/// let ap = evaluation.metrics.columns.total;
+/// assert!(ap.harmful > 0.999 && ap.harmless == 0.0); // there is nothing harmless to find
+/// assert!(evaluation.faults.is_empty());
+/// # Ok::<(), harmzone::eval::ScoreError>(())
+/// ```
+///
 /// # Errors
 /// As [`score`].
 pub fn evaluate(samples: &[EvalSample], protocol: &Protocol, mode: Mode) -> Result<Evaluation, ScoreError> {

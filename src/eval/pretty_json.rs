@@ -1,35 +1,90 @@
 //! JSON with one line for each value, but lists of plain values in one line: curves stay readable.
 
+use std::io::{self, Write};
+
 use serde::Serialize;
+use serde_json::ser::{Formatter, PrettyFormatter, Serializer};
 
 /// The text of a value that holds only numbers, words, lists and structs; ends with a newline.
 pub fn to_string(value: &impl Serialize) -> String {
-    let text = serde_json::to_string_pretty(value).expect("figures hold only numbers, names and lists");
-    let lines: Vec<&str> = text.lines().collect();
-    let mut joined = String::with_capacity(text.len());
-    let mut at = 0;
-    while at < lines.len() {
-        joined.push_str(lines[at]);
-        if lines[at].ends_with('[')
-            && let Some(end) = end_of_plain_list(&lines, at)
-        {
-            let items: Vec<&str> = lines[at + 1..=end].iter().map(|line| line.trim()).collect();
-            joined.push_str(&items[..items.len() - 1].join(" "));
-            joined.push_str(items[items.len() - 1]);
-            at = end;
-        }
-        joined.push('\n');
-        at += 1;
-    }
-    joined
+    let mut text = Vec::new();
+    let mut serializer = Serializer::with_formatter(&mut text, PlainListsInOneLine::default());
+    value.serialize(&mut serializer).expect("figures hold only numbers, names and lists");
+    text.push(b'\n');
+    String::from_utf8(text).expect("JSON is UTF-8")
 }
 
-/// Where the list that opens in a line closes, if it holds no list and no struct. A string never ends a line with a
-/// bracket: its quote comes after.
-fn end_of_plain_list(lines: &[&str], opening: usize) -> Option<usize> {
-    let end = (opening + 1..lines.len())
-        .find(|&i| lines[i].ends_with(['[', '{', ']', '}']) || lines[i].ends_with("],"))?;
-    lines[end].trim_start().starts_with(']').then_some(end)
+/// serde's indentation, but a list whose first value is plain takes one line.
+#[derive(Default)]
+struct PlainListsInOneLine {
+    pretty: PrettyFormatter<'static>,
+    /// Of each list that is open: whether it stays in its line.
+    is_plain: Vec<bool>,
+    /// Whether the first value of a list begins.
+    is_first: bool,
+}
+
+impl PlainListsInOneLine {
+    /// A list or struct begins: the list that it is the first value of takes several lines.
+    fn begin_nested<W: ?Sized + Write>(&mut self, writer: &mut W) -> io::Result<()> {
+        if !std::mem::take(&mut self.is_first) {
+            return Ok(());
+        }
+        *self.is_plain.last_mut().expect("a value is within its list") = false;
+        self.pretty.begin_array_value(writer, true)
+    }
+
+    fn stays_in_line(&self) -> bool {
+        self.is_plain.last().copied().unwrap_or(false)
+    }
+}
+
+impl Formatter for PlainListsInOneLine {
+    fn begin_array<W: ?Sized + Write>(&mut self, writer: &mut W) -> io::Result<()> {
+        self.begin_nested(writer)?;
+        self.is_plain.push(true);
+        self.pretty.begin_array(writer)
+    }
+
+    fn end_array<W: ?Sized + Write>(&mut self, writer: &mut W) -> io::Result<()> {
+        self.is_plain.pop();
+        self.pretty.end_array(writer)
+    }
+
+    fn begin_array_value<W: ?Sized + Write>(&mut self, writer: &mut W, first: bool) -> io::Result<()> {
+        self.is_first = first;
+        match (first, self.stays_in_line()) {
+            (true, _) => Ok(()),
+            (false, true) => writer.write_all(b", "),
+            (false, false) => self.pretty.begin_array_value(writer, false),
+        }
+    }
+
+    fn end_array_value<W: ?Sized + Write>(&mut self, writer: &mut W) -> io::Result<()> {
+        self.is_first = false;
+        if self.stays_in_line() { Ok(()) } else { self.pretty.end_array_value(writer) }
+    }
+
+    fn begin_object<W: ?Sized + Write>(&mut self, writer: &mut W) -> io::Result<()> {
+        self.begin_nested(writer)?;
+        self.pretty.begin_object(writer)
+    }
+
+    fn end_object<W: ?Sized + Write>(&mut self, writer: &mut W) -> io::Result<()> {
+        self.pretty.end_object(writer)
+    }
+
+    fn begin_object_key<W: ?Sized + Write>(&mut self, writer: &mut W, first: bool) -> io::Result<()> {
+        self.pretty.begin_object_key(writer, first)
+    }
+
+    fn begin_object_value<W: ?Sized + Write>(&mut self, writer: &mut W) -> io::Result<()> {
+        self.pretty.begin_object_value(writer)
+    }
+
+    fn end_object_value<W: ?Sized + Write>(&mut self, writer: &mut W) -> io::Result<()> {
+        self.pretty.end_object_value(writer)
+    }
 }
 
 #[cfg(test)]

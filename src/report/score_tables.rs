@@ -1,7 +1,8 @@
 //! The tables of a scoring, which text files, the terminal and the page share.
 
 use super::paper::{Line, PARTS, YARDSTICK};
-use super::table::{Cell, Table, ap, number};
+use super::table::{Cell, Table, ap, number, percent};
+use crate::eval::safety::{MetricTable, MetricValue};
 use crate::eval::{Axis, Breakdown, Evaluation, GroupScores, Metrics, Mode};
 use crate::object::Harm;
 
@@ -38,6 +39,27 @@ pub fn terms(metrics: &Metrics) -> String {
         "Found, called the other class and missed, in percent of the truths, at {} m with a score of {} or more.",
         config.tp_threshold_m, config.operating_score
     )
+}
+
+/// A table of each safety metric that is known.
+#[must_use]
+pub fn safety(evaluation: &Evaluation) -> Vec<Table> {
+    let of_metric = |of: MetricTable| {
+        let rows = of.rows.into_iter().map(|row| row.into_iter().map(cell).collect()).collect();
+        Table::new(of.head, rows).with_note(of.note)
+    };
+    evaluation.safety.tables(&evaluation.metrics.config).into_iter().map(of_metric).collect()
+}
+
+fn cell(value: MetricValue) -> Cell {
+    match value {
+        MetricValue::Name(name) => name.into(),
+        MetricValue::Count(n) => n.to_string().into(),
+        MetricValue::Number { value, n_digits } => number(value, n_digits).into(),
+        MetricValue::Share { value, of } => {
+            Cell { text: percent(value), below: of.map(|n| format!("of {n}")).into_iter().collect() }
+        }
+    }
 }
 
 /// AP beside the paper's, of one scoring or of both.

@@ -9,7 +9,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::tracks::{self, Sight, Tracks};
-use super::{Context, Figure, MetricTable};
+use super::{Context, MetricTable, MetricValue};
 use crate::eval::EvalConfig;
 use crate::eval::matching::{Matching, Outcome};
 use crate::object::Harm;
@@ -91,13 +91,13 @@ pub(super) fn show(alarms: &Option<Alarms>, config: &EvalConfig) -> Option<Metri
     let (alarms, config) = (alarms.as_ref()?, &config.safety);
     let row = |point: &OperatingPoint| {
         let mut row = vec![
-            Figure::name(point.max_false_alarms_per_km.to_string()),
-            Figure::number(point.score, 3),
-            Figure::number(point.false_alarms_per_km, 1),
-            Figure::share(point.missed_per_sample, point.n_harmful),
-            Figure::share(point.missed_per_event, point.n_events),
+            MetricValue::name(point.max_false_alarms_per_km.to_string()),
+            MetricValue::number(point.score, 3),
+            MetricValue::number(point.false_alarms_per_km, 1),
+            MetricValue::share(point.missed_per_sample, point.n_harmful),
+            MetricValue::share(point.missed_per_event, point.n_events),
         ];
-        row.extend(point.warned.iter().map(|warned| Figure::share(warned.in_time, warned.n_stoppable)));
+        row.extend(point.warned.iter().map(|warned| MetricValue::share(warned.in_time, warned.n_stoppable)));
         row
     };
     let note = format!(

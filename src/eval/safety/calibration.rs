@@ -5,7 +5,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{ByDistribution, Context, Figure, MetricTable};
+use super::{ByDistribution, Context, MetricTable, MetricValue};
 use crate::eval::matching::Outcome;
 use crate::eval::{EvalConfig, PerClass};
 use crate::object::Harm;
@@ -86,8 +86,8 @@ pub(super) fn show_harm(by: &ByDistribution<Calibration>, _: &EvalConfig) -> Opt
 
 fn show<const N: usize>(what: &str, lines: [(&str, &Calibration); N]) -> Option<MetricTable> {
     let row = |(name, of): (&str, &Calibration)| {
-        let errors = [of.ece, of.brier].map(|value| Figure::number(value, 4));
-        [Figure::name(name), Figure::Count(of.n)].into_iter().chain(errors).collect()
+        let errors = [of.ece, of.brier].map(|value| MetricValue::number(value, 4));
+        [MetricValue::name(name), MetricValue::Count(of.n)].into_iter().chain(errors).collect()
     };
     let rows = lines.into_iter().filter(|(_, of)| of.n > 0).map(row).collect();
     MetricTable::new(&[what, "n", "ECE", "Brier"], rows, "")

@@ -7,7 +7,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::tracks::Sight;
-use super::{Context, Figure, MetricTable};
+use super::{Context, MetricTable, MetricValue};
 use crate::eval::EvalConfig;
 use crate::eval::matching::Outcome;
 use crate::object::Harm;
@@ -81,9 +81,9 @@ pub(super) fn measure(of: &Context<'_>) -> Option<Early> {
 pub(super) fn show(early: &Option<Early>, _: &EvalConfig) -> Option<MetricTable> {
     let row = |share: &EarlyShare| {
         let samples = if share.n_later == 1 { "sample" } else { "samples" };
-        let boxes = Figure::share(share.share, share.n_boxes);
-        let name = Figure::name(format!("within {} {samples}", share.n_later));
-        vec![name, boxes, Figure::share(share.share_of_harmless, None)]
+        let boxes = MetricValue::share(share.share, share.n_boxes);
+        let name = MetricValue::name(format!("within {} {samples}", share.n_later));
+        vec![name, boxes, MetricValue::share(share.share_of_harmless, None)]
     };
     let head = ["object turns harmful", "false-harmful boxes", "all harmless objects"];
     let note = "A false alarm on an object that is harmful a moment later was only early.";

@@ -25,7 +25,7 @@ pub use early::{Early, EarlyShare};
 pub use separation::Separation;
 pub use slope::{Slope, SlopePoint};
 pub use steadiness::Steadiness;
-pub use table::{Figure, MetricTable};
+pub use table::{MetricTable, MetricValue};
 pub use zone_edge::EdgeBand;
 
 use super::PerClass;

@@ -6,7 +6,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{ByDistribution, Context, Figure, MetricTable};
+use super::{ByDistribution, Context, MetricTable, MetricValue};
 use crate::eval::EvalConfig;
 
 /// Share of positives that FPR95 keeps.
@@ -63,8 +63,9 @@ pub(super) fn measure(of: &Context<'_>) -> ByDistribution<Option<Separation>> {
 pub(super) fn show(by: &ByDistribution<Option<Separation>>, _: &EvalConfig) -> Option<MetricTable> {
     let rows = by.named().into_iter().filter_map(|(name, separation)| {
         let of = separation.as_ref()?;
-        let counts = [Figure::name(name), Figure::Count(of.n_harmful), Figure::Count(of.n_harmless)];
-        let figures = [of.auroc, of.aupr, of.fpr95].map(|value| Figure::number(value, 3));
+        let counts =
+            [MetricValue::name(name), MetricValue::Count(of.n_harmful), MetricValue::Count(of.n_harmless)];
+        let figures = [of.auroc, of.aupr, of.fpr95].map(|value| MetricValue::number(value, 3));
         Some(counts.into_iter().chain(figures).collect())
     });
     let head = ["harmful against harmless", "harmful", "harmless", "AUROC", "AUPR", "FPR95"];

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Context, Figure, MetricTable};
+use super::{Context, MetricTable, MetricValue};
 use crate::dataset::SampleFacts;
 use crate::eval::matching::Matching;
 use crate::eval::{EvalConfig, PerClass};
@@ -52,7 +52,11 @@ pub(super) fn show_rain(by: &PerClass<Option<Slope>>, _: &EvalConfig) -> Option<
 fn show(what: &str, by: &PerClass<Option<Slope>>) -> Option<MetricTable> {
     let rows = Harm::ALL.into_iter().filter_map(|class| {
         let of = by.get(class).as_ref()?;
-        Some(vec![Figure::name(class.name()), Figure::number(of.slope, 4), Figure::number(of.intercept, 3)])
+        Some(vec![
+            MetricValue::name(class.name()),
+            MetricValue::number(of.slope, 4),
+            MetricValue::number(of.intercept, 3),
+        ])
     });
     MetricTable::new(&[what, "a unit", "at 0"], rows.collect(), "Least squares through every object.")
 }

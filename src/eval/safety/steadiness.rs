@@ -6,7 +6,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Context, Figure, MetricTable};
+use super::{Context, MetricTable, MetricValue};
 use crate::eval::EvalConfig;
 
 /// Changes of labels, and the time in which they happened.
@@ -57,7 +57,8 @@ pub(super) fn measure(of: &Context<'_>) -> Option<Steadiness> {
 
 pub(super) fn show(steadiness: &Option<Steadiness>, _: &EvalConfig) -> Option<MetricTable> {
     let of = steadiness.as_ref()?;
-    let row = |name, per_s, n| vec![Figure::name(name), Figure::number(per_s, 3), Figure::Count(n)];
+    let row =
+        |name, per_s, n| vec![MetricValue::name(name), MetricValue::number(per_s, 3), MetricValue::Count(n)];
     let rows = vec![
         row("true label", of.true_flips_per_s, of.n_true_flips),
         row("detector's label", of.flips_per_s, of.n_flips),

@@ -5,13 +5,13 @@
 pub struct MetricTable {
     /// The names of the columns; the first says what the rows are.
     pub head: Vec<String>,
-    pub rows: Vec<Vec<Figure>>,
+    pub rows: Vec<Vec<MetricValue>>,
     pub note: String,
 }
 
 /// One cell.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Figure {
+pub enum MetricValue {
     Name(String),
     Count(usize),
     /// `None` where it is not known.
@@ -28,13 +28,13 @@ pub enum Figure {
 
 impl MetricTable {
     /// `None` without a row.
-    pub(super) fn new(head: &[&str], rows: Vec<Vec<Figure>>, note: impl Into<String>) -> Option<Self> {
+    pub(super) fn new(head: &[&str], rows: Vec<Vec<MetricValue>>, note: impl Into<String>) -> Option<Self> {
         let head = head.iter().map(|&name| name.to_owned()).collect();
         (!rows.is_empty()).then(|| Self { head, rows, note: note.into() })
     }
 }
 
-impl Figure {
+impl MetricValue {
     pub(super) fn name(name: impl Into<String>) -> Self {
         Self::Name(name.into())
     }

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Context, Figure, MetricTable};
+use super::{Context, MetricTable, MetricValue};
 use crate::eval::EvalConfig;
 use crate::object::Harm;
 
@@ -59,9 +59,14 @@ pub(super) fn show(bands: &Vec<EdgeBand>, _: &EvalConfig) -> Option<MetricTable>
             (Some(from_m), None) => format!("{from_m} m and more"),
             (None, None) => "all".to_owned(),
         };
-        let shares = [band.harmful_share, band.called_harmful_share].map(|share| Figure::share(share, None));
-        let mean = Figure::number(band.mean_harm_probability, 3);
-        [Figure::name(name), Figure::Count(band.n)].into_iter().chain(shares).chain([mean]).collect()
+        let shares =
+            [band.harmful_share, band.called_harmful_share].map(|share| MetricValue::share(share, None));
+        let mean = MetricValue::number(band.mean_harm_probability, 3);
+        [MetricValue::name(name), MetricValue::Count(band.n)]
+            .into_iter()
+            .chain(shares)
+            .chain([mean])
+            .collect()
     };
     let head =
         ["distance to the zone's edge", "objects", "harmful", "called harmful", "mean harm probability"];

@@ -4,7 +4,7 @@ use super::{ReportError, Side};
 use crate::eval::safety::Calibration;
 use crate::report::chart::{Axis, Chart, Look, Series, Tone};
 use crate::report::document::{Block, Figure};
-use crate::report::table::{Cell, Table, number};
+use crate::report::table::number;
 
 /// The section's blocks.
 pub fn blocks(sides: &[Side]) -> Result<Vec<Block>, ReportError> {
@@ -14,14 +14,13 @@ pub fn blocks(sides: &[Side]) -> Result<Vec<Block>, ReportError> {
     )];
     for side in sides {
         let safety = &side.scores.evaluation.safety;
-        let (mut figures, mut rows) = (Vec::new(), Vec::new());
+        let mut figures = Vec::new();
         if let Some(detections) = &safety.detection_calibration {
             let lines = [
                 ("harmful", Tone::Harmful, &detections.harmful),
                 ("harmless", Tone::Harmless, &detections.harmless),
             ];
             figures.extend(diagram(&format!("Score of detections, {}", side.short), "score", &lines)?);
-            rows.extend(lines.map(|(name, _, calibration)| row(&format!("detections, {name}"), calibration)));
         }
         let harm = &safety.harm_calibration;
         let lines = [
@@ -30,24 +29,12 @@ pub fn blocks(sides: &[Side]) -> Result<Vec<Block>, ReportError> {
             ("OOD objects", Tone::Amber, &harm.ood),
         ];
         figures.extend(diagram(&format!("Probability of harm, {}", side.short), "probability", &lines)?);
-        rows.extend(
-            lines
-                .into_iter()
-                .filter(|line| line.2.n > 0)
-                .map(|(name, _, calibration)| row(&format!("harm, {name}"), calibration)),
-        );
         blocks.push(Block::heading(side.name));
         if !figures.is_empty() {
             blocks.push(Block::Figures { figures });
         }
-        blocks.push(Block::Table(Table::new(["calibration", "n", "ECE", "Brier"], rows)));
     }
     Ok(blocks)
-}
-
-fn row(name: &str, calibration: &Calibration) -> Vec<Cell> {
-    let errors = [calibration.ece, calibration.brier].map(|value| number(value, 4).into());
-    [name.into(), calibration.n.to_string().into()].into_iter().chain(errors).collect()
 }
 
 /// `None` where there is nothing to show.
