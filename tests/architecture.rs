@@ -178,7 +178,7 @@ fn the_program_only_calls_the_command_line() {
 
 #[test]
 fn every_file_opens_by_saying_what_it_is() {
-    let more = ["tests", "benches", "xtask/tests"].map(sources);
+    let more = ["tests", "benches", "examples", "xtask/tests"].map(sources);
     let all = library_and_xtask().into_iter().chain(more.into_iter().flatten());
     let silent = all.filter(|source| !source.raw.starts_with("//! "));
     let broken: Vec<String> =
@@ -245,7 +245,7 @@ fn no_module_has_a_vague_name() {
 
 #[test]
 fn no_file_is_longer_than_a_reader_can_hold() {
-    let rust = ["src", "xtask", "tests", "benches"].map(|folder| files(folder, "rs"));
+    let rust = ["src", "xtask", "tests", "examples", "benches"].map(|folder| files(folder, "rs"));
     let python = ["python", "xtask"].map(|folder| files(folder, "py"));
     let mut broken = Vec::new();
     for path in rust.into_iter().chain(python).flatten() {
