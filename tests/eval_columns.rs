@@ -220,7 +220,7 @@ fn no_detections_score_zero_in_every_column_with_errors_of_one() {
 fn an_object_given_the_wrong_class_counts_against_its_own_distribution_only() {
     let mut sample = perfect(four_truths());
     // The harmless OOD object is also reported as harmful, above all else.
-    let wrong = Detection { harm: Harm::Harmful, score: 0.99, ..sample.detections[3].clone() };
+    let wrong = Detection { harm: Harm::Harmful, score: 0.99, ..sample.detections[3] };
     sample.detections.push(wrong);
     let metrics = scored(&[sample]);
     let harmful = Column::ALL.map(|column| metrics.columns.get(column).unwrap().harmful);

@@ -5,12 +5,13 @@ use std::path::PathBuf;
 use anyhow::{anyhow, bail};
 use clap::Args;
 
-use super::predict::{Source, detect, refuse_to_overwrite, write};
-use super::{Bar, DeviceArg, ExitStatus, SamplesArgs, open_split};
+use super::predict::write;
+use super::{Bar, DeviceArg, ExitStatus, SamplesArgs};
 use crate::config;
+use crate::dataset::Dataset;
 use crate::episode::Split;
 use crate::eval::judge::Judge;
-use crate::infer::{self, ClosedSet, Strangeness, Trained};
+use crate::infer::{self, ClosedSet, Predictions, Strangeness, Trained};
 
 #[derive(Debug, Args)]
 pub struct BaselineArgs {
@@ -55,19 +56,21 @@ impl Rival {
 pub fn run(args: BaselineArgs) -> anyhow::Result<ExitStatus> {
     let rival = Rival::named(&args.name)?;
     let trained = Trained::find(&args.run)?;
-    let out = if let Some(out) = &args.out {
+    let folder = if let Some(out) = &args.out {
         out.clone()
     } else {
         let mut folder = trained.predictions_folder(&args.samples.data)?.into_os_string();
         folder.push(format!("-{}", args.name));
         folder.into()
     };
-    refuse_to_overwrite(&out, args.force)?;
+    if !args.force {
+        Predictions::check_free(&folder)?;
+    }
     let device = args.device.open()?;
     let dataset = args.samples.open()?;
     let judged = match rival {
         Rival::Zone(judge) => {
-            let found = detect(&trained, &dataset, &device)?;
+            let found = infer::detect(&trained.load(&device)?, &dataset, &device, &Bar::default())?;
             let judged = dataset.samples().iter().zip(&found).map(|(sample, found)| {
                 judge
                     .judge(found, &sample.measured.ego_state, dataset.zone())
@@ -81,16 +84,13 @@ pub fn run(args: BaselineArgs) -> anyhow::Result<ExitStatus> {
             };
             let bar = Bar::default();
             let detector = trained.load(&device)?;
-            let training = open_split(fit, &args.samples.labels, Some(Split::Train))?;
+            let training = Dataset::open(fit, &args.samples.labels, Split::Train)?;
             let set = ClosedSet::fit_to(&detector, &training, &device, &bar)?;
             let found = infer::detect_kinds(&detector, &dataset, "predict", &device, &bar)?;
             found.iter().map(|found| set.judge(score, found)).collect()
         }
     };
-    let source = Source {
-        set: format!("{} of {}", args.name, args.run.display()),
-        config_toml: config::to_toml(&trained.config()?),
-    };
-    write(&out, &dataset, &judged, &source)?;
-    Ok(ExitStatus::Done)
+    let set = format!("{} of {}", args.name, args.run.display());
+    let predictions = Predictions { folder, set, config_toml: config::to_toml(&trained.config()?) };
+    write(&predictions, &dataset, &judged)
 }

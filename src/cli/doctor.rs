@@ -55,8 +55,11 @@ pub fn run(args: DoctorArgs) -> anyhow::Result<ExitStatus> {
     Ok(ExitStatus::Done)
 }
 
+/// Finds out one thing about the machine.
+type Examination = fn() -> Result<String, SimError>;
+
 /// What is to be there; each needs what stands before it.
-const CHECKS: [(&str, fn() -> Result<String, SimError>); 6] = [
+const CHECKS: [(&str, Examination); 6] = [
     ("harmzone", || Ok(env!("CARGO_PKG_VERSION").to_owned())),
     ("devices", || Ok(devices())),
     ("interpreter", || Ok(format!("Python {}, embedded", Environment::interpreter().1))),

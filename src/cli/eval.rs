@@ -6,13 +6,12 @@ use anyhow::{Context, bail};
 use clap::{ArgGroup, Args};
 use fs_err as fs;
 
-use super::predict::detect;
-use super::{DeviceArg, ExitStatus, open_split, print, split};
-use crate::dataset::Fingerprint;
+use super::{Bar, DeviceArg, ExitStatus, print, split};
+use crate::dataset::{Dataset, Fingerprint};
 use crate::episode::Split;
 use crate::eval::{self, EvalConfig, EvalSample, Mode, Protocol, eval_samples, json};
 use crate::files::sha256_hex;
-use crate::infer::Trained;
+use crate::infer::{self, Trained};
 use crate::report::provenance::{Provenance, quote};
 use crate::report::score_tables;
 use crate::report::scores::{self, METRICS_FILE};
@@ -105,7 +104,7 @@ fn samples(args: &EvalArgs) -> anyhow::Result<Vec<EvalSample>> {
             Ok(json::join(json::read_predictions(predictions)?, json::read_truth(truth)?)?)
         }
         (_, Some(predictions), _, Some(data)) => {
-            let dataset = open_split(data, &args.labels, args.split)?;
+            let dataset = Dataset::open_to_score(data, &args.labels, args.split)?;
             Ok(json::join(json::read_predictions(predictions)?, (&dataset).into())?)
         }
         (Some(run), _, _, Some(data)) => samples_of_run(run, data, args),
@@ -116,8 +115,8 @@ fn samples(args: &EvalArgs) -> anyhow::Result<Vec<EvalSample>> {
 /// Runs a trained detector over a split of a dataset.
 fn samples_of_run(run: &Path, data: &Path, args: &EvalArgs) -> anyhow::Result<Vec<EvalSample>> {
     let device = args.device.open()?;
-    let dataset = open_split(data, &args.labels, args.split)?;
-    let found = detect(&Trained::find(run)?, &dataset, &device)?;
+    let dataset = Dataset::open_to_score(data, &args.labels, args.split)?;
+    let found = infer::detect(&Trained::find(run)?.load(&device)?, &dataset, &device, &Bar::default())?;
     Ok(eval_samples(dataset.samples(), &found))
 }
 

@@ -27,7 +27,7 @@ pub use device::DeviceArg;
 pub use eval::{command_line, provenance};
 pub use output::{ClosedPipe, print, print_summary, tell};
 pub use progress::Bar;
-pub use values::{SamplesArgs, number, one_of, open_split, split};
+pub use values::{SamplesArgs, number, one_of, split};
 
 /// Finds what matters to a self-driving car: makes driving episodes, labels objects harmful or
 /// harmless by a danger zone, trains a fused LiDAR-camera detector and scores it.

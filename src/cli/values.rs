@@ -2,14 +2,14 @@
 
 use std::fmt::Display;
 use std::ops::RangeInclusive;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::str::FromStr;
 
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
-use crate::dataset::Dataset;
-use crate::episode::{Manifest, Split};
+use crate::dataset::{Dataset, DatasetError};
+use crate::episode::Split;
 
 /// Parses a number of a range.
 pub fn number<T>(
@@ -53,19 +53,12 @@ pub struct SamplesArgs {
 
 impl SamplesArgs {
     /// Opens the split.
-    pub fn open(&self) -> anyhow::Result<Dataset> {
-        open_split(&self.data, &self.labels, self.split)
+    ///
+    /// # Errors
+    /// As [`Dataset::open`].
+    pub fn open(&self) -> Result<Dataset, DatasetError> {
+        Dataset::open_to_score(&self.data, &self.labels, self.split)
     }
-}
-
-/// Opens a split; where none is named `val`, or `test` in a data set without `val`.
-pub fn open_split(data: &Path, labels: &str, split: Option<Split>) -> anyhow::Result<Dataset> {
-    let split = match split {
-        Some(split) => split,
-        None if Manifest::read(data)?.of_split(Split::Val).next().is_some() => Split::Val,
-        None => Split::Test,
-    };
-    Ok(Dataset::open(data, labels, split)?)
 }
 
 /// Parses the name of a split.

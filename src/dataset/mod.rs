@@ -125,6 +125,19 @@ impl Dataset {
         })
     }
 
+    /// Loads a split; where none is named `val`, or `test` in a data set without `val`.
+    ///
+    /// # Errors
+    /// As [`Dataset::open`].
+    pub fn open_to_score(path: &Path, set: &str, split: Option<Split>) -> Result<Self, DatasetError> {
+        let split = match split {
+            Some(split) => split,
+            None if Manifest::read(path)?.of_split(Split::Val).next().is_some() => Split::Val,
+            None => Split::Test,
+        };
+        Self::open(path, set, split)
+    }
+
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path

@@ -2,10 +2,12 @@
 
 mod closed_set;
 mod predict;
+mod predictions;
 mod sweep;
 mod trained;
 
 pub use closed_set::{ClosedSet, ClosedSetError, Strangeness};
 pub use predict::{PredictError, detect, detect_kinds, predict, predict_kinds, predict_states};
+pub use predictions::{Predictions, PredictionsError};
 pub use sweep::{SweepRunError, sweep};
 pub use trained::{Trained, TrainedError};

@@ -104,7 +104,7 @@ pub(super) fn run<O: Operation<N>, const N: usize>(operation: O, inputs: [Operan
 
 /// Runs an operation and records it for the backward pass.
 fn record<O: Operation<N>, const N: usize>(operation: O, inputs: [FloatTensor<FlexAutodiff>; N]) -> Outputs {
-    let nodes = inputs.each_ref().map(|input| input.node());
+    let nodes = inputs.each_ref().map(FloatTensor::<FlexAutodiff>::node);
     let (outputs, saved) = operation.forward(inputs.map(|input| input.into_primitive().to_contiguous()));
     let mut outputs = outputs.into_iter();
     let first = outputs.next().expect("an operation has an output");

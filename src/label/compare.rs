@@ -227,12 +227,12 @@ impl fmt::Display for ZoneComparison {
             let shares =
                 columns.map(|(_, distribution, kind)| of(count_of(&zone.counts, distribution, kind)));
             let start =
-                [zone.zone.to_string(), all.harmful.to_string(), of(all), of(zone.standing), of(zone.moving)];
+                [zone.zone.clone(), all.harmful.to_string(), of(all), of(zone.standing), of(zone.moving)];
             start.into_iter().chain(shares).collect::<Vec<_>>()
         };
         f.write_str(&text_table(std::iter::once(head).chain(self.zones.iter().map(row))))?;
         let matrix = |f: &mut fmt::Formatter<'_>, title: &str, cell: &dyn Fn(usize, usize) -> String| {
-            let names = || self.zones.iter().map(|zone| zone.zone.to_string());
+            let names = || self.zones.iter().map(|zone| zone.zone.clone());
             let head = std::iter::once(String::new()).chain(names()).collect();
             let row = |(row, name)| {
                 let cells = (0..self.zones.len()).map(|column| cell(row, column));

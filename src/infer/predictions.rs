@@ -1,0 +1,76 @@
+//! Boxes as files: one MCAP an episode, and `predictions.json` in nuScenes style.
+
+use std::path::{Path, PathBuf};
+
+use fs_err as fs;
+use thiserror::Error;
+
+use crate::dataset::Dataset;
+use crate::episode::{DetectionWriter, EpisodeError, SampleDetections, SourceMeta};
+use crate::eval::{eval_samples, json};
+use crate::object::Detection;
+
+/// Name of the file that holds the boxes of all episodes.
+const JSON_FILE: &str = "predictions.json";
+
+/// Why predictions could not be written.
+#[derive(Debug, Error)]
+pub enum PredictionsError {
+    #[error("predictions exist already; give --force to replace them: {}", path.display())]
+    Exists { path: PathBuf },
+    #[error(transparent)]
+    Episode(#[from] EpisodeError),
+    #[error(transparent)]
+    Json(#[from] json::JsonError),
+    #[error(transparent)]
+    Io(#[from] std::io::Error),
+}
+
+/// A folder of predictions, and where its boxes come from, as the files say it.
+#[derive(Debug)]
+pub struct Predictions {
+    pub folder: PathBuf,
+    /// The detector's name.
+    pub set: String,
+    pub config_toml: String,
+}
+
+impl Predictions {
+    /// Refuses a folder that holds predictions already.
+    ///
+    /// # Errors
+    /// [`PredictionsError::Exists`].
+    pub fn check_free(folder: &Path) -> Result<(), PredictionsError> {
+        if folder.join(JSON_FILE).exists() {
+            return Err(PredictionsError::Exists { path: folder.to_owned() });
+        }
+        Ok(())
+    }
+
+    /// Writes the boxes of each sample of a data set.
+    ///
+    /// # Errors
+    /// A file cannot be written.
+    pub fn write(&self, dataset: &Dataset, found: &[Vec<Detection>]) -> Result<(), PredictionsError> {
+        fs::create_dir_all(&self.folder)?;
+        let mut samples = dataset.samples().iter().zip(found);
+        for entry in dataset.episodes() {
+            let meta = SourceMeta {
+                episode: entry.name.clone(),
+                episode_sha256: entry.sha256.clone(),
+                set: self.set.clone(),
+                config_toml: self.config_toml.clone(),
+                generator_version: env!("CARGO_PKG_VERSION").to_owned(),
+            };
+            let path = self.folder.join(format!("{}.mcap", entry.name));
+            let mut writer = DetectionWriter::create(&path, &meta)?;
+            for (sample, detections) in samples.by_ref().take(entry.n_samples) {
+                let (time_ns, detections) = (sample.measured.time_ns, detections.clone());
+                writer.write(&SampleDetections { time_ns, detections })?;
+            }
+            writer.finish()?;
+        }
+        let path = self.folder.join(JSON_FILE);
+        Ok(json::write_predictions(&path, &eval_samples(dataset.samples(), found))?)
+    }
+}
