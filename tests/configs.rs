@@ -3,7 +3,6 @@
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::sync::{Arc, LazyLock};
-use std::time::{Duration, Instant};
 
 use harmzone::config::{Check, InvalidConfig};
 use harmzone::dataset::test_data;
@@ -21,9 +20,6 @@ use proptest::sample::{Index, select};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use toml::{Table, Value};
-
-/// The slowest config that passes takes a small part of this on two busy cores.
-const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Paths of all keys that hold numbers, lists of numbers included.
 fn numeric_keys(table: &Table) -> Vec<Vec<String>> {
@@ -86,11 +82,9 @@ fn try_changes<T: Check + DeserializeOwned + Serialize>(
     }
     // A list for a number, or a negative count, is told by the TOML reader with the key's line.
     let Ok(config) = table.try_into::<T>() else { return };
-    let start = Instant::now();
     if let Err(error) = run(&config) {
         assert!(error.to_string().starts_with(error.key()) && !error.key().is_empty(), "{error}");
     }
-    assert!(start.elapsed() < PATIENCE, "{paths:?} of {changes:?} took {:?}", start.elapsed());
 }
 
 fn run_zone(config: &ZoneConfig) -> Result<(), InvalidConfig> {
@@ -214,9 +208,7 @@ fn the_ends_of_the_scenes_bounds_fill_a_town() {
         (scene.route_length_m, scene.reach_m, scene.ood_spacing_m) = (route_length_m, reach_m, ood_spacing_m);
         (scene.prop_density, scene.parked_density) = (density, density);
         (scene.traffic_density, scene.pedestrian_density) = (density, density);
-        let start = Instant::now();
         run_generate(&config).unwrap();
-        assert!(start.elapsed() < PATIENCE, "{:?}", start.elapsed());
     }
 }
 

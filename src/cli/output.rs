@@ -27,7 +27,7 @@ pub fn print(result: impl Display) -> anyhow::Result<()> {
 /// Prints a summary: for people, or for machines as JSON.
 ///
 /// # Errors
-/// As [`print`].
+/// As [`print()`].
 pub fn print_summary(summary: &(impl Display + Serialize), as_json: bool) -> anyhow::Result<()> {
     if as_json { print(serde_json::to_string_pretty(summary)?) } else { print(summary) }
 }

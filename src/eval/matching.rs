@@ -142,7 +142,7 @@ impl<'a> Matching<'a> {
             .take_while(move |(ranked, _)| ranked.detection.score >= score)
     }
 
-    /// As [`Self::from_score`], of the operating score.
+    /// As [`Self::ranked_from`], of the operating score.
     pub fn operating(&self, class: Harm) -> impl Iterator<Item = (&Ranked<'a>, Outcome<'a>)> {
         self.ranked_from(class, self.config().operating_score)
     }

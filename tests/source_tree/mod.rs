@@ -243,7 +243,7 @@ impl Graph {
         for (module, source) in &modules {
             for (name, path) in &source.product.reexports {
                 if let Some(path) = absolute(module, path, &modules) {
-                    reexports.insert([module.as_slice(), &[name.clone()]].concat(), path);
+                    reexports.insert([module.as_slice(), std::slice::from_ref(name)].concat(), path);
                 }
             }
         }
