@@ -21,7 +21,7 @@ pub struct StepRow {
     pub n_done: usize,
     /// `lidar` or `fused`.
     pub stage: String,
-    /// Of the stage, from 0.
+    /// Epoch of the stage, from 0.
     pub epoch: usize,
     #[serde(serialize_with = "scientific")]
     pub learning_rate: f64,
@@ -88,7 +88,7 @@ impl History {
         Ok(history)
     }
 
-    /// Reads the rows of the first `n_done` steps, from which a run goes on; none where there is no log.
+    /// Reads the rows of the first `n_done` steps, from which a run goes on; empty if there is no log.
     ///
     /// # Errors
     /// Training did not write a file; the message names the line.
@@ -110,7 +110,7 @@ impl History {
     }
 }
 
-/// The rows of a file; none where there is no file.
+/// The rows of a file; empty if there is no file.
 fn read_rows<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>, HistoryError> {
     if !path.exists() {
         return Ok(Vec::new());

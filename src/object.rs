@@ -127,7 +127,8 @@ impl Harm {
     }
 }
 
-/// A true object: its box, and what is known of it. Our episodes tell every fact; files of others leave some unknown.
+/// A true object: its box, and what is known about it. Our episodes hold every fact; files of others may lack
+/// some.
 ///
 /// ```
 /// use harmzone::geometry::{Box3, Point};
@@ -145,7 +146,7 @@ pub struct Object {
     /// Velocity over ground along the ego's x and y; NaN where unknown.
     #[serde(default = "unknown_velocity", deserialize_with = "velocity_or_unknown")]
     pub velocity_in_ego_mps: [f64; 2],
-    /// The same in all samples of an episode, and no other object's.
+    /// The same in all samples of an episode, and unique to the object.
     pub id: Option<String>,
     /// The model's family: `car`, `child`, `hay_bale`, ...
     pub category: Option<String>,
@@ -159,7 +160,7 @@ pub struct Object {
 }
 
 impl Object {
-    /// An object of which the box alone is known.
+    /// An object of which only the box is known.
     #[must_use]
     pub fn new(box_in_ego: Box3<Ego>) -> Self {
         Self {
@@ -219,8 +220,8 @@ pub struct Detection {
     #[serde(default = "unknown_velocity", deserialize_with = "velocity_or_unknown")]
     pub velocity_in_ego_mps: [f64; 2],
     pub harm: Harm,
-    /// Confidence. Networks say 0 to 1; of other detectors any finite number is taken, since only the order counts. It
-    /// has the precision of the file that it came from: ties decide ranks.
+    /// Confidence. Networks give 0 to 1; from other detectors any finite number is accepted, since only the
+    /// order counts. It has the precision of the file that it came from: ties decide ranks.
     pub score: f64,
 }
 

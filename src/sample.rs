@@ -1,4 +1,4 @@
-//! All that is known at one instant: what the car measured, and the truth kept apart from it.
+//! All that is known at one instant: what the car measured, and, kept apart from it, the truth.
 //!
 //! Network inputs are built from [`Measured`] alone, so that truth cannot leak into them.
 

@@ -1,7 +1,7 @@
-//! What is known of a sample beyond its boxes: by this scores are broken down.
+//! What is known about a sample beyond its boxes; scores are broken down by these facts.
 //!
-//! Every fact may be missing: a file of boxes tells what it tells, a data set of ours tells all. A score that needs a
-//! fact leaves out what lacks it. Metres, m/s, radians, seconds; the zone in the ego frame.
+//! Every fact may be missing: a file of boxes may hold any of them, a data set of ours holds all. A score
+//! that needs a fact leaves out what lacks it. Metres, m/s, radians, seconds; the zone in the ego frame.
 
 use std::path::Path;
 
@@ -41,8 +41,8 @@ pub struct SampleFacts {
     pub position_in_world_m: Option<[f64; 2]>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub front_bumper_x_m: Option<f64>,
-    /// Corners of the danger zone, convex: x, y. Datasets tell it where their zone is `rect`: the others bend, and what
-    /// `ttc` and `rss` say of an object is not the distance to one edge.
+    /// Corners of the danger zone, convex: x, y. Datasets have it for the zone `rect` alone: the others bend,
+    /// and what `ttc` and `rss` say about an object is not the distance to one edge.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub zone_in_ego_m: Option<Vec<[f64; 2]>>,
 }
@@ -72,7 +72,7 @@ pub(super) struct Origin {
     start_ns: u64,
 }
 
-/// The part of an episode's config that changes what its weather's name stands for.
+/// The part of an episode's config that changes the meaning of its weather's name.
 #[derive(Default, Deserialize)]
 #[serde(default)]
 struct ChangedWeather {
@@ -80,7 +80,7 @@ struct ChangedWeather {
 }
 
 impl Origin {
-    /// Of the episode with this metadata. The state of a weather that has no name of ours is unknown.
+    /// The facts of the episode with this metadata. The state of a weather whose name is not ours is unknown.
     ///
     /// # Errors
     /// The config in the episode's metadata is not valid.

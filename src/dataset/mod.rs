@@ -60,7 +60,7 @@ pub struct LabelledSample {
     pub facts: SampleFacts,
 }
 
-/// What a run was trained on, to recognise it again.
+/// The data that a run was trained on, to recognise it again.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Fingerprint {
     pub dataset_sha256: String,
@@ -68,7 +68,7 @@ pub struct Fingerprint {
 }
 
 impl Fingerprint {
-    /// Of a data set's folder and one of its label sets.
+    /// Identifies a data set's folder and one of its label sets.
     ///
     /// # Errors
     /// One of the two is not there.
@@ -125,7 +125,7 @@ impl Dataset {
         })
     }
 
-    /// Loads a split; where none is named `val`, or `test` in a data set without `val`.
+    /// Loads a split; if none is named, `val`, or `test` in a data set without `val`.
     ///
     /// # Errors
     /// As [`Dataset::open`].
@@ -160,7 +160,7 @@ impl Dataset {
         &self.episodes
     }
 
-    /// The same with its first `n` samples alone and no episodes; for measurements.
+    /// The dataset with only its first `n` samples and no episodes; for measurements.
     #[must_use]
     pub fn first(&self, n: usize) -> Self {
         Self {

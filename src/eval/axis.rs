@@ -1,4 +1,4 @@
-//! By what scores are broken down, and into which group a sample or an object falls.
+//! The axes along which scores are broken down, and the group that a sample or an object falls into.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,7 +6,7 @@ use super::protocol::BreakdownConfig;
 use crate::dataset::SampleFacts;
 use crate::object::{Distribution, Object};
 
-/// By what truths are sorted into groups.
+/// The fact by which truths are sorted into groups.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Axis {

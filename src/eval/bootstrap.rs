@@ -1,9 +1,9 @@
-//! How much the scores would vary with other episodes: percentile intervals of the bootstrap.
+//! How much the scores would vary with other episodes: percentile intervals by bootstrap.
 //!
 //! Samples of an episode resemble each other, so whole episodes are drawn, with replacement, as many as there are
 //! (cluster bootstrap; Efron and Tibshirani 1993, ch. 8). Matching never leaves a sample, so a resample is the same
 //! ranking with each detection taken as often as its episode was drawn. A resample without a truth of a class in a
-//! column tells nothing of that cell and is left out of it.
+//! column says nothing about that cell and is left out of it.
 
 use std::collections::HashMap;
 
@@ -34,7 +34,7 @@ pub struct Confidence {
     pub columns: Columns<Intervals>,
 }
 
-/// Lower and upper end of the APs' intervals and of their mean's; `None` where no resample tells.
+/// Lower and upper end of the APs' intervals and of their mean's; `None` if no resample has a value.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Intervals {
     pub harmful: Option<[f64; 2]>,
@@ -49,7 +49,7 @@ struct Cell {
     n_positives: Vec<usize>,
 }
 
-/// Draws the resamples; `None` if the config asks for none or there is but one episode.
+/// Draws the resamples; `None` if the config asks for none or there is only one episode.
 pub(super) fn measure(matching: &Matching<'_>) -> Option<Confidence> {
     let (config, protocol, mode) = (matching.config(), matching.protocol, matching.mode);
     let (episode_of, n_episodes) = number_episodes(&matching.samples);
@@ -83,8 +83,8 @@ pub(super) fn measure(matching: &Matching<'_>) -> Option<Confidence> {
     Some(Confidence { level: LEVEL, n_resamples: config.n_resamples, n_episodes, columns })
 }
 
-/// The episode of each sample as a number, and how many there are. A sample of which nothing names the episode is
-/// one of its own.
+/// The episode of each sample as a number, and how many there are. A sample without a known episode counts as
+/// an episode of its own.
 fn number_episodes(samples: &[KeptSample<'_>]) -> (Vec<usize>, usize) {
     let mut numbers: HashMap<&str, usize> = HashMap::new();
     let of_samples = samples

@@ -3,8 +3,8 @@
 //! An axis sorts truths into groups. Where the group is a property of the sample (town, weather, speed, steering), the
 //! scores are those of its samples alone. Where it is a property of the object, the truths of the group are the
 //! positives; detections on truths of other groups are neither true nor false positives, a misclassified one counts
-//! in the group of the truth that it was made on, and unmatched ones count nowhere, since nothing says which group
-//! they are of. Truths (and, on sample axes, samples) whose fact is not known are in no group.
+//! in the group of the truth that it lies on, and unmatched ones count nowhere, since nothing says which
+//! group they belong to. Truths (and, on sample axes, samples) whose fact is not known are in no group.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -16,11 +16,11 @@ use super::matching::{Matching, Outcome, PerClass, PlacedObject};
 use super::metrics::mean;
 use crate::object::Harm;
 
-/// What an axis shows.
+/// The scores along one axis.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Breakdown {
     pub axis: Axis,
-    /// Bands in their order, names by the alphabet; a group without truth and sample is left out.
+    /// Bands in their order, names in alphabetical order; a group without truth and sample is left out.
     pub groups: Vec<Group>,
 }
 
@@ -28,7 +28,7 @@ pub struct Breakdown {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Group {
     pub name: String,
-    /// Samples of the group, or with a truth of it.
+    /// Samples in the group, or samples with a truth in it.
     pub n_samples: usize,
     #[serde(flatten)]
     pub classes: PerClass<GroupScores>,
@@ -59,7 +59,7 @@ pub(super) fn measure(matching: &Matching<'_>) -> Vec<Breakdown> {
     Axis::ALL.into_iter().map(of_axis).filter(|breakdown| !breakdown.groups.is_empty()).collect()
 }
 
-/// Who is in which group.
+/// Which sample or object is in which group.
 struct Grouping<'a> {
     axis: Axis,
     matching: &'a Matching<'a>,
@@ -124,7 +124,7 @@ impl<'a> Grouping<'a> {
         let (matching, config) = (self.matching, self.matching.config());
         let mut scores = vec![GroupScores::default(); self.names.len()];
         let is_found = matching.meet(class, config.operating_score).is_matched;
-        // Made by the other class's detections on objects of this one.
+        // Mistakes of the other class's detections on objects of this class.
         let is_mistaken = matching.meet(class.other(), config.operating_score).is_mistaken;
         for of in matching.objects.iter().filter(|of| of.object.harm == class) {
             let Some(group) = self.of_object[of.number] else { continue };
@@ -220,7 +220,8 @@ mod tests {
     fn in_a_group_of_samples_the_scores_are_those_of_its_samples_alone() {
         let breakdowns = breakdowns();
         let town = &group(&breakdowns, Axis::Town, "a").classes.harmful;
-        // Two false before the one true: precision rises from 0 to 1/3, a line over recall, and is above 0.1 from 0.31.
+        // Two false ones rank before the true one: precision rises linearly from 0 to 1/3, and is above 0.1
+        // from 0.31.
         let area: f64 = (31..=100).map(|step| f64::from(step) / 300.0 - 0.1).sum();
         assert!((town.ap.unwrap() - area / 90.0 / 0.9).abs() < 1e-12);
         assert_eq!((town.n_false, town.recall), (2, Some(1.0)));

@@ -19,7 +19,7 @@ pub(super) const N_ERRORS: usize = 3;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Curve {
     pub precision: Vec<f64>,
-    /// The score down to which detections must be taken to reach the recall.
+    /// The lowest score of the detections needed to reach the recall.
     pub confidence: Vec<f64>,
 }
 
@@ -86,7 +86,7 @@ impl Curve {
 
 /// `numpy.interp(x, xs, ys, right=beyond)` for one `x`; `xs` ascending, neither slice empty.
 ///
-/// Left of all it is the first value. Where `x` equals repeated `xs`, it is the last of their values.
+/// Below all `xs` it is the first value. Where `x` equals repeated `xs`, it is the last of their values.
 fn interpolate(x: f64, xs: &[f64], ys: &[f64], beyond: f64) -> f64 {
     let n_not_above = xs.partition_point(|&other| other <= x);
     let Some(below) = n_not_above.checked_sub(1) else { return ys[0] };

@@ -17,9 +17,9 @@ use super::sample::{EvalSample, Mode, ScoreError};
 pub struct Evaluation {
     #[serde(flatten)]
     pub metrics: Metrics,
-    /// `None` if no resample was asked for, or there is but one episode.
+    /// `None` if no resample was asked for, or there is only one episode.
     pub confidence: Option<Confidence>,
-    /// One for each axis of which something is known.
+    /// One for each axis about which something is known.
     pub breakdowns: Vec<Breakdown>,
     pub safety: Safety,
     /// The worst of what went wrong; `faults.json` holds it.
@@ -38,7 +38,7 @@ impl Evaluation {
 /// Scores detections against truths.
 ///
 /// A class or column without a truth, or without a match, has AP 0 and errors of 1, and counts in the
-/// means, as in nuscenes-devkit; [`Metrics::counts`] tells how many truths there were.
+/// means, as in nuscenes-devkit; [`Metrics::counts`] says how many truths there were.
 ///
 /// # Errors
 /// [`ScoreError`]: no samples, a repeated sample, too many detections in one, a box or score that is

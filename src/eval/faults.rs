@@ -2,9 +2,9 @@
 //!
 //! At the operating score and the threshold of the errors. A miss is a harmful truth that no harmful detection takes; a
 //! false alarm is a harmful detection with no harmful truth within the threshold (a second box on a harmful object is
-//! none). Misses are worst where the least room to stop is left, false alarms where the score is highest. An object
-//! counts once an episode, where it is worst, and an episode gives few of a kind, so that one scene does not fill the
-//! list.
+//! not one). Misses are worst where the least room to stop is left, false alarms where the score is highest.
+//! An object counts once per episode, where it is worst, and an episode gives few of a kind, so that one
+//! scene does not fill the list.
 
 use std::collections::{HashMap, HashSet};
 
@@ -16,10 +16,10 @@ use crate::dataset::{SampleFacts, episode_of_id};
 use crate::geometry::{Box3, Ego};
 use crate::object::{Detection, Harm, LabelledObject};
 
-/// Faults of a kind that are kept; more than anyone looks through.
+/// Most faults of a kind that are kept: more than anyone looks through.
 const MOST_OF_KIND: usize = 40;
 
-/// Faults of a kind that one episode gives at most.
+/// Most faults of a kind from one episode.
 const MOST_OF_EPISODE: usize = 3;
 
 /// What went wrong.
@@ -52,11 +52,11 @@ pub struct Fault {
     pub kind: FaultKind,
     /// The sample at which it is worst.
     pub sample: String,
-    /// Samples of the episode at which the object is so; 1 where objects have no ids.
+    /// Samples of the episode in which the object has this fault; 1 where objects have no ids.
     pub n_samples: usize,
-    /// Of a false alarm its score; of a miss the best score of a harmful detection on it, if there is one.
+    /// The score of a false alarm; for a miss, the best score of a harmful detection on it, if any.
     pub score: Option<f64>,
-    /// Of a miss the object's box, of a false alarm the detection's.
+    /// The box of a missed object, or of the detection that is a false alarm.
     pub place: Box3<Ego>,
     /// From the ego's origin to the box's centre on the ground, metres.
     pub range_m: f64,
@@ -188,7 +188,7 @@ fn describe(
     }
 }
 
-/// How bad, the larger the worse; then the range, the nearer the worse.
+/// How bad the fault is, the larger the worse; then the range, the nearer the worse.
 fn badness(fault: &Fault) -> (f64, f64) {
     let first = if fault.kind.is_miss() {
         fault.stopping_margin_m.map_or(f64::NEG_INFINITY, |margin_m| -margin_m)

@@ -1,4 +1,4 @@
-//! What of samples is scored: boxes within the range, and true objects that the LiDAR hit.
+//! The part of the samples that is scored: boxes within the range, and true objects that the LiDAR hit.
 
 use serde::{Deserialize, Serialize};
 

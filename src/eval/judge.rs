@@ -1,4 +1,4 @@
-//! Who decides on harm: the network itself, or its rival, the zone laid over the network's boxes.
+//! What decides on harm: the network itself, or its rival, the zone applied to the network's boxes.
 //!
 //! The rival knows the label's own rule, and the measured speed and steering angle; what it lacks is the true box.
 //! Its boxes are the network's without their classes: a harmful and a harmless detection of one object become one
@@ -13,13 +13,13 @@ use crate::zone::{Zone, ZoneError};
 
 /// A harmful and a harmless detection nearer than this are of one object, metres: less than two people side by side.
 const SAME_M: f64 = 0.5;
-/// Distance from the zone's edge over which the soft rule's doubt fades by a factor e, metres: about the error of a
-/// located box's centre.
+/// Distance from the zone's edge over which the soft rule's doubt falls by a factor e, metres: about the
+/// error of the centre of a located box.
 const DOUBT_M: f64 = 0.5;
-/// The soft rule stays at least so far on the side of one half that the hard rule says.
+/// The soft rule stays at least this far on the hard rule's side of one half.
 const LEAST_LEAN: f64 = 1e-3;
 
-/// Who decides.
+/// What decides on harm.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Judge {
@@ -52,7 +52,7 @@ impl Judge {
         }
     }
 
-    /// The judge of a name, if there is one.
+    /// The judge with this name, if there is one.
     #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|judge| judge.name() == name)
@@ -90,7 +90,7 @@ impl Judge {
                 continue;
             }
             let distance_m = zone.edge_distance_m(&object.box_in_ego)?;
-            // A share of the score each, as the network's classes have.
+            // Each class gets a share of the score, as with the network's classes.
             let p = harm_probability(distance_m, harm) as f32;
             for (harm, share) in [(Harm::Harmful, p), (Harm::Harmless, 1.0 - p)] {
                 let score = share * object.score as f32;
@@ -104,7 +104,7 @@ impl Judge {
     }
 }
 
-/// Logistic in the signed distance to the zone's edge, on the side of one half that the rule says.
+/// Logistic in the signed distance to the zone's edge, kept on the rule's side of one half.
 fn harm_probability(distance_m: f64, verdict: Harm) -> f64 {
     let p = 1.0 / (1.0 + (distance_m / DOUBT_M).exp());
     match verdict {
@@ -296,7 +296,7 @@ mod tests {
             // The soft rule ranks by its doubt too: equal scores are needed. The shares of the other class, behind all
             // truths, count at full recall alone, the last of the 90 steps.
             prop_assert!(lowest_of(Judge::ZoneSoft, &[0.9]) > 1.0 - 1.0 / 90.0);
-            // Made-up streets are driven with the wheels turned: the rule that ignores it is wrong there.
+            // On made-up streets the wheels are turned: the rule that ignores this is wrong there.
             prop_assert!(lowest_of(Judge::SpeedZone, &scores) < 1.0 - 1.0 / 90.0);
         }
     }

@@ -1,4 +1,5 @@
-//! Which detection matches which true object, and on what each false positive was made; done once for all figures.
+//! Which detection matches which true object, and on which object each false positive lies; done once for all
+//! figures.
 //!
 //! Detections of a class go by descending score, the later first among equals. Each takes the nearest
 //! unclaimed object of its class in its sample, if nearer than the threshold. If there is none but an
@@ -75,9 +76,9 @@ type Reached<'a> = (PlacedObject<'a>, f64);
 /// Which objects the detections of a class meet, by number.
 #[derive(Debug)]
 pub struct Met {
-    /// A detection is matched to the object.
+    /// Whether a detection is matched to the object.
     pub is_matched: Vec<bool>,
-    /// A detection is misclassified on the object, which is of the other class.
+    /// Whether a detection is misclassified on the object, which is of the other class.
     pub is_mistaken: Vec<bool>,
 }
 
@@ -142,7 +143,7 @@ impl<'a> Matching<'a> {
             .take_while(move |(ranked, _)| ranked.detection.score >= score)
     }
 
-    /// As [`Self::ranked_from`], of the operating score.
+    /// As [`Self::ranked_from`], from the operating score on.
     pub fn operating(&self, class: Harm) -> impl Iterator<Item = (&Ranked<'a>, Outcome<'a>)> {
         self.ranked_from(class, self.config().operating_score)
     }

@@ -18,7 +18,7 @@ pub fn to_string(value: &impl Serialize) -> String {
 #[derive(Default)]
 struct PlainListsInOneLine {
     pretty: PrettyFormatter<'static>,
-    /// Of each list that is open: whether it stays in its line.
+    /// For each open list, whether it stays in its line.
     is_plain: Vec<bool>,
     /// Whether the first value of a list begins.
     is_first: bool,

@@ -10,9 +10,9 @@ define_config! {
         /// Centre distances on the ground below which a detection matches, metres, ascending.
         /// Default 0.5, 1, 2, 4.
         dist_thresholds_m: Vec<f64> = vec![0.5, 1.0, 2.0, 4.0], in above(0.0, 1000.0).rising(1, 100);
-        /// The one of them at which ATE, ASE and AOE are measured, metres. Default 2.
+        /// The one of these distances at which ATE, ASE and AOE are measured, metres. Default 2.
         tp_threshold_m: f64 = 2.0, in above(0.0, 1000.0);
-        /// AP and errors look only at recall above this, 0 to below 1. Default 0.1.
+        /// AP and errors use only recall above this, 0 to below 1. Default 0.1.
         min_recall: f64 = 0.1, in below(0.0, 1.0);
         /// AP counts only precision above this, 0 to below 1. Default 0.1.
         min_precision: f64 = 0.1, in below(0.0, 1.0);
@@ -22,9 +22,10 @@ define_config! {
         /// Whether truths that no LiDAR point hit are dropped; those with an unknown count are kept.
         /// Default true.
         drop_truths_without_points: bool = true;
-        /// Most detections a sample may have; more is an error, as in nuScenes. Default 500.
+        /// Most detections that a sample may have; more is an error, as in nuScenes. Default 500.
         max_boxes: usize = 500, in from_to(1.0, 1e6);
-        /// Score from which a detection counts where found, missed and false ones are told apart. Default 0.2.
+        /// Lowest score of a detection that counts where found, missed and false ones are counted. Default
+        /// 0.2.
         operating_score: f64 = 0.2, in from_to(-1e6, 1e6);
         /// Resamples of the episodes for confidence intervals; 0 for none. Default 1000.
         n_resamples: usize = 1000, in from_to(0.0, 100_000.0);
@@ -59,7 +60,7 @@ define_config! {
         n_lidar_points: Vec<f64> = vec![3.0, 6.0, 11.0, 21.0, 51.0, 101.0], in EDGES;
         /// The ego's speed, m/s. Default 0.5, 3, 6, 9, 12.
         speed_mps: Vec<f64> = vec![0.5, 3.0, 6.0, 9.0, 12.0], in EDGES;
-        /// Size of the steering angle, degrees. Default 1, 3, 6, 10, 20.
+        /// The steering angle without its sign, degrees. Default 1, 3, 6, 10, 20.
         steering_deg: Vec<f64> = vec![1.0, 3.0, 6.0, 10.0, 20.0], in EDGES;
         /// Signed distance of the footprint to the zone's edge, metres, negative inside.
         /// Default -1, -0.5, -0.25, 0, 0.25, 0.5, 1, 2, 4.
@@ -67,13 +68,13 @@ define_config! {
     }
 }
 
-/// Of bands.
+/// Bounds of the bands' edges.
 const EDGES: Rule = from_to(-1e6, 1e6).rising(0, 1000);
 
 define_config! {
     /// Numbers of the safety metrics.
     pub struct SafetyConfig {
-        /// False alarms a kilometre at which missed harm is told. Default 10, 30, 100.
+        /// False alarms per kilometre at which missed harm is reported. Default 10, 30, 100.
         false_alarms_per_km: Vec<f64> = vec![10.0, 30.0, 100.0], in above(0.0, 1e6).list(0, 100);
         /// A warning is confirmed when a harmful object was found harmful in this many .. Default 2.
         confirm_n: usize = 2, in from_to(1.0, 1000.0);
@@ -81,9 +82,9 @@ define_config! {
         confirm_of: usize = 3, in from_to(1.0, 1000.0);
         /// Time from a warning to the brakes' full force, seconds. Default 1.
         reaction_time_s: f64 = 1.0, in from_to(0.0, 1000.0);
-        /// Decelerations by which a stopping distance is taken, m/s^2. Default 4, 8.
+        /// Decelerations for which stopping distances are computed, m/s^2. Default 4, 8.
         decelerations_mps2: Vec<f64> = vec![4.0, 8.0], in above(0.0, 1000.0).list(0, 100);
-        /// Bins of equal width of the reliability diagrams. Default 10.
+        /// Number of equally wide bins in the reliability diagrams. Default 10.
         n_bins: usize = 10, in from_to(1.0, 10_000.0);
     }
 }

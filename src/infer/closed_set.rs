@@ -1,7 +1,8 @@
-//! A closed-set detector's harm: by the kind of object, and harmful where the kind is in doubt.
+//! A closed-set detector's harm: decided by the kind of object, and harmful where the kind is in doubt.
 //!
-//! A network that tells vehicles, pedestrians and static objects has no name for anything else. As in Huang et al. (ITSC
-//! 2022) and Koesel et al. (IV 2024), a score of strangeness says which boxes it has no name for:
+//! A network that detects vehicles, pedestrians and static objects has no name for anything else. As in Huang
+//! et al. (ITSC 2022) and Koesel et al. (IV 2024), a score of strangeness says which boxes it has no name
+//! for:
 //!
 //! - MSP: 1 - the largest softmax of the logits (Hendrycks and Gimpel 2017);
 //! - energy: - log of the sum of exponentials of the logits (Liu et al. 2020);
@@ -9,7 +10,7 @@
 //!
 //! Fitted on the training split: the share of harmful objects of each kind, means and covariance of features, and the
 //! strangeness below which 95 % of the boxes on training objects lie. A box above it is unknown, and harmful with its
-//! whole score; of the others the score is shared between harmful and harmless by the kind's share.
+//! whole score; for other boxes the kind's share splits the score into harmful and harmless.
 
 use burn::tensor::Device;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
@@ -22,7 +23,7 @@ use crate::model::{Detector, KindBox};
 use crate::object::{Detection, Harm, Kind, LabelledObject, MIN_SCORE};
 use crate::progress::Progress;
 
-/// Share of the boxes on training objects that are taken for known.
+/// Share of the boxes on training objects that count as known.
 const KEPT: f64 = 0.95;
 /// A box within this distance of an object lies on it, metres.
 const ON_OBJECT_M: f64 = 2.0;
@@ -66,7 +67,7 @@ pub enum ClosedSetError {
     Features,
 }
 
-/// What was learnt of the training split.
+/// What was learnt from the training split.
 #[derive(Debug, Clone)]
 pub struct ClosedSet {
     /// By kind.
@@ -78,10 +79,10 @@ pub struct ClosedSet {
 }
 
 impl ClosedSet {
-    /// Fits to a training split, with the boxes of a network that tells kinds.
+    /// Fits to a training split, with the boxes of a network that detects kinds.
     ///
     /// # Errors
-    /// The network tells harm, a sample is broken, or as [`Self::fit`].
+    /// The network detects harm, not kinds; a sample is broken; or as [`Self::fit`].
     pub fn fit_to(
         detector: &Detector,
         training: &Dataset,
@@ -253,7 +254,7 @@ mod tests {
         }
         let undecided = strange([1.0, 1.0, 0.9], [0.1, 0.1]);
         assert_eq!(told(Strangeness::Msp, &undecided), [(Harm::Harmful, 80)]);
-        // No logit speaks up, though their ratios are as sure as before.
+        // All logits are low, though their ratios are as sure as before.
         let faint = strange([0.0, -4.0, -4.0], [0.1, 0.1]);
         assert_eq!(told(Strangeness::Msp, &faint).len(), 2);
         assert_eq!(told(Strangeness::Energy, &faint), [(Harm::Harmful, 80)]);

@@ -1,4 +1,4 @@
-//! A trained network over a data set, to boxes: what `predict`, `eval`, `sweep` and `baseline` share.
+//! Runs a trained network over a data set: what `predict`, `eval`, `sweep` and `baseline` share.
 
 mod closed_set;
 mod predict;

@@ -49,11 +49,11 @@ pub fn predict(
     Ok(found.into_iter().flatten().collect())
 }
 
-/// As [`predict`], at several speeds and steering angles: `[sample][state][box]`. A sample's sensors are looked at
-/// once, since its state joins the last layers only.
+/// As [`predict`], at several speeds and steering angles: `[sample][state][box]`. A sample's sensors pass
+/// through the network once, since its state joins the last layers only.
 ///
 /// # Arguments
-/// - `states`: as many for each sample
+/// - `states`: equally many for each sample
 ///
 /// # Errors
 /// A sample's image is broken or one of its states is not finite.
@@ -72,10 +72,10 @@ pub fn predict_states(
     forward(detector, samples, states, with_camera, device, progress, &read)
 }
 
-/// Boxes of each sample with their kinds, best first, of a detector that tells kinds; otherwise as [`predict`].
+/// Boxes of each sample with their kinds, best first, of a detector of kinds; otherwise as [`predict`].
 ///
 /// # Errors
-/// The detector tells harm, a sample's image is broken or its state is not finite.
+/// The detector detects harm, not kinds; a sample's image is broken or its state is not finite.
 pub fn predict_kinds(
     detector: &Detector,
     samples: &[(&str, &Measured)],
@@ -106,7 +106,7 @@ pub fn detect(
     Ok(found)
 }
 
-/// As [`detect`], of a detector that tells kinds; `stage` names the progress.
+/// As [`detect`], for a detector of kinds; `stage` names the progress.
 ///
 /// # Errors
 /// As [`predict_kinds`].
@@ -123,7 +123,7 @@ pub fn detect_kinds(
     Ok(found)
 }
 
-/// What `read` makes of each sample's part of the network's output.
+/// Runs the network and applies `read` to each sample's part of its output.
 fn forward<T>(
     detector: &Detector,
     samples: &[(&str, &Measured)],

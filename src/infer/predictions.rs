@@ -1,4 +1,4 @@
-//! Boxes as files: one MCAP an episode, and `predictions.json` in nuScenes style.
+//! Boxes as files: one MCAP per episode, and `predictions.json` in nuScenes style.
 
 use std::path::{Path, PathBuf};
 
@@ -26,7 +26,7 @@ pub enum PredictionsError {
     Io(#[from] std::io::Error),
 }
 
-/// A folder of predictions, and where its boxes come from, as the files say it.
+/// A folder of predictions, and where its boxes come from, as its files record it.
 #[derive(Debug)]
 pub struct Predictions {
     pub folder: PathBuf,

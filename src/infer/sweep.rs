@@ -11,7 +11,7 @@ use crate::model::Detector;
 use crate::progress::{Progress, Silent};
 use crate::sample::Measured;
 
-/// Why a network could not be asked.
+/// Why a network could not be swept.
 #[derive(Debug, Error)]
 pub enum SweepRunError {
     #[error(transparent)]
@@ -22,8 +22,8 @@ pub enum SweepRunError {
     Sweep(#[from] SweepError),
 }
 
-/// The detector's boxes, in inference mode, in the first `config.n_episodes` episodes of a dataset at every value of
-/// every change, once through each frame's sensors; and the frames to draw.
+/// The boxes of a detector in inference mode, in the first `config.n_episodes` episodes of a dataset at every
+/// value of every change, with one pass over each frame's sensors; and the frames to draw.
 ///
 /// # Errors
 /// The config or a state is not valid, or a sample is broken.
@@ -117,7 +117,7 @@ mod tests {
                 assert!(alone.iter().zip(at_once).map(off).all(|off| off < 1e-5));
             }
         }
-        // The network is asked about speed: other scores.
+        // Another speed gives the network's boxes other scores.
         assert_ne!(swept.found()[0][1], swept.found()[0][2]);
     }
 
@@ -133,7 +133,7 @@ mod tests {
             assert!(point.n_located <= point.n_truths && point.n_both <= point.n_harmful, "{point:?}");
             assert!(point.scores.id_matched.is_none(), "all objects are in distribution");
         }
-        // The rival calls by the rule itself: what it locates is right unless the box is off.
+        // The rival applies the rule itself: what it locates is right unless the box is off.
         let harmful = |judge| sweeps.points(Change::SpeedMps, judge)[1].n_harmful;
         assert_eq!(harmful(Judge::Zone), harmful(Judge::Network));
         assert!(sweeps.points(Change::SteeringOffsetDeg, Judge::Zone).is_empty());

@@ -29,7 +29,7 @@ pub enum TrainedError {
     NoName { path: PathBuf },
 }
 
-/// A trained detector that a command was pointed at.
+/// A trained detector that a command names.
 #[derive(Debug)]
 pub enum Trained {
     Shipped(&'static Shipped),
@@ -38,10 +38,10 @@ pub enum Trained {
 }
 
 impl Trained {
-    /// Finds what RUN names; the name of a network inside the program goes first, `./small` is a path.
+    /// Finds what RUN names; the name of a network inside the program goes first, but `./small` is a path.
     ///
     /// # Errors
-    /// Nothing is there; the message tells what would be.
+    /// Nothing is there; the message says what could be.
     pub fn find(run: &Path) -> Result<Self, TrainedError> {
         if let Some(shipped) = run.to_str().and_then(Shipped::named) {
             return Ok(Self::Shipped(shipped));

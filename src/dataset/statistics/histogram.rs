@@ -10,7 +10,7 @@ pub struct Histogram {
     /// Values before the first edge and after the last.
     pub n_below: u64,
     pub n_above: u64,
-    /// The least and the greatest value; none where nothing was counted.
+    /// The least and the greatest value; `None` if nothing was counted.
     pub least: Option<f64>,
     pub most: Option<f64>,
 }

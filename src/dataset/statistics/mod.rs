@@ -20,7 +20,7 @@ use crate::object::{Distribution, Harm, Kind, Object};
 use crate::progress::Progress;
 use crate::sample::EgoState;
 
-/// An object of which less than this share can be seen is more than half occluded.
+/// An object is more than half occluded if its visible share is below this.
 pub const HALF_VISIBLE: f64 = 0.5;
 /// An object with this many LiDAR points or fewer is thinly covered.
 pub const FEW_POINTS: u32 = 10;
@@ -33,7 +33,7 @@ pub struct Statistics {
     pub by_town: BTreeMap<String, Group>,
     pub by_weather: BTreeMap<String, Group>,
     pub by_category: BTreeMap<Category, CategoryCount>,
-    /// Objects of which less than [`HALF_VISIBLE`] can be seen.
+    /// Objects whose visible share is below [`HALF_VISIBLE`].
     pub n_occluded: u64,
     /// Objects with at most [`FEW_POINTS`] LiDAR points.
     pub n_few_points: u64,
@@ -187,7 +187,7 @@ impl Statistics {
         self.all.n_samples += 1;
     }
 
-    /// All that was added was one episode of this split, town and weather.
+    /// Counts all that was added as one episode of this split, town and weather.
     fn close_episode(&mut self, split: Split, town: &str, weather: &str) {
         self.all.n_episodes = 1;
         self.by_split.insert(split, self.all.clone());

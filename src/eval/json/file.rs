@@ -1,4 +1,4 @@
-//! The file of boxes as it is written: nuScenes' keys, and Python's numbers that are no JSON.
+//! The file of boxes as it is written: nuScenes' keys, and Python's numbers that are not JSON.
 
 use std::collections::HashMap;
 use std::fmt;
@@ -198,7 +198,7 @@ impl<'de> Deserialize<'de> for InOrder {
     }
 }
 
-/// The text with Python's `NaN`, `Infinity` and `-Infinity`, which are no JSON, made `null`.
+/// The text with Python's `NaN`, `Infinity` and `-Infinity`, which are not JSON, replaced by `null`.
 fn replace_python_numbers(text: &str) -> std::borrow::Cow<'_, str> {
     const WORDS: [&str; 3] = ["-Infinity", "Infinity", "NaN"];
     if !WORDS.iter().any(|word| text.contains(word)) {

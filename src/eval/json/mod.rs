@@ -48,7 +48,7 @@ pub enum JsonError {
 pub struct Boxes<T> {
     pub path: PathBuf,
     pub samples: Vec<(String, Vec<T>)>,
-    /// What the file tells of samples beyond their boxes, by id.
+    /// What the file says about samples beyond their boxes, by id.
     pub facts: HashMap<String, SampleFacts>,
 }
 
@@ -67,7 +67,7 @@ impl From<&Dataset> for Boxes<LabelledObject> {
 /// Reads predictions.
 ///
 /// # Errors
-/// [`JsonError`] names file, sample and box: no JSON, a missing key, an unknown class, a number that is
+/// [`JsonError`] names file, sample and box: not JSON, a missing key, an unknown class, a number that is
 /// not finite, a size not above zero, a zero rotation, a repeated sample.
 pub fn read_predictions(path: &Path) -> Result<Boxes<Detection>, JsonError> {
     read(path)

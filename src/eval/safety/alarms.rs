@@ -1,10 +1,11 @@
 //! Harm that is missed at a bearable number of false alarms, and whether the warning leaves room to stop.
 //!
-//! A false alarm is a harmful detection that takes no harmful truth at the threshold of the errors, each sample's anew;
-//! kilometres are those that the ego drove between samples. An operating point is the lowest score at which the false
-//! alarms a kilometre do not exceed the given number. An event is warned in time where the distance from the bumper to
-//! the object, at the first sample at which `confirm_n` of the last `confirm_of` samples of the event found it harmful,
-//! is at least `v * reaction_time_s + v^2 / (2 deceleration)`, v the ego's speed there.
+//! A false alarm is a harmful detection that takes no harmful truth at the threshold of the errors, counted
+//! anew in each sample; kilometres are those that the ego drove between samples. An operating point is the
+//! lowest score at which the false alarms per kilometre do not exceed the given number. An event is warned in
+//! time where the distance from the bumper to the object, at the first sample at which `confirm_n` of the
+//! last `confirm_of` samples of the event found it harmful, is at least `v * reaction_time_s + v^2 / (2
+//! deceleration)`, v the ego's speed there.
 
 use serde::{Deserialize, Serialize};
 
@@ -17,7 +18,7 @@ use crate::object::Harm;
 /// Missed harm at each of the config's false alarms a kilometre.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Alarms {
-    /// What the ego drove between samples.
+    /// Distance that the ego drove between samples.
     pub driven_km: f64,
     /// Between the first and the last sample of each episode; 0 where times are unknown.
     pub driven_h: f64,
@@ -48,14 +49,14 @@ pub struct OperatingPoint {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Warned {
     pub deceleration_mps2: f64,
-    /// Events at the first sample of which stopping was possible at all.
+    /// Events in which stopping was possible at all at the first sample.
     pub n_stoppable: usize,
     /// Of these, the ones that were warned of in time.
     pub n_in_time: usize,
     pub in_time: Option<f64>,
 }
 
-/// `None` if any sample does not tell where the ego was, or it did not move.
+/// `None` if a sample does not say where the ego was, or if the ego did not move.
 pub(super) fn measure(of: &Context<'_>) -> Option<Alarms> {
     let matching = of.matching;
     let (driven_km, driven_h) = sum_driven(matching)?;
@@ -125,8 +126,8 @@ fn sum_driven(matching: &Matching<'_>) -> Option<(f64, f64)> {
     Some((driven_m / 1000.0, driven_s / 3600.0))
 }
 
-/// The lowest score with no more false alarms than allowed, and how many those are. All detections of one score stand
-/// or fall together.
+/// The lowest score with no more false alarms than allowed, and their number. Detections of equal score count
+/// all or not at all.
 fn find_score(matching: &Matching<'_>, allowed: f64) -> (Option<f64>, usize) {
     let alarms: Vec<(f64, bool)> = matching
         .ranked_from(Harm::Harmful, f64::NEG_INFINITY)

@@ -1,7 +1,8 @@
 //! Whether probabilities are honest: Brier score, expected calibration error, reliability diagram.
 //!
 //! Brier = mean (p - y)^2 (Brier 1950). ECE = sum over bins of n_bin / n * |mean y - mean p| with bins of equal width
-//! (Naeini et al. 2015, Guo et al. 2017); of detections y is whether it is a true positive (Kueppers et al. 2020).
+//! (Naeini et al. 2015, Guo et al. 2017); for detections y is whether it is a true positive (Kueppers et al.
+//! 2020).
 
 use serde::{Deserialize, Serialize};
 
@@ -14,7 +15,7 @@ use crate::object::Harm;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Calibration {
     pub n: usize,
-    /// `None` where there is nothing.
+    /// `None` without any probability.
     pub brier: Option<f64>,
     pub ece: Option<f64>,
     /// The reliability diagram: bins of equal width from 0 to 1, the last one closed.
@@ -31,7 +32,7 @@ pub struct Bin {
 }
 
 impl Calibration {
-    /// Of probabilities from 0 to 1 and whether each came true.
+    /// Takes probabilities from 0 to 1 and whether each came true.
     pub fn new(told: &[(f64, bool)], n_bins: usize) -> Self {
         let truth = |came_true: bool| f64::from(u8::from(came_true));
         let mut sums = vec![(0_usize, 0.0, 0.0); n_bins];
@@ -55,7 +56,8 @@ impl Calibration {
     }
 }
 
-/// Of the detections' scores, at the threshold of the errors; `None` if a score is not from 0 to 1.
+/// Calibration of the detections' scores, at the threshold of the errors; `None` if a score is not from 0 to
+/// 1.
 pub(super) fn measure_detections(of: &Context<'_>) -> Option<PerClass<Calibration>> {
     let scores = PerClass::from_fn(|class| -> Vec<(f64, bool)> {
         let ranked = of.matching.ranked_from(class, f64::NEG_INFINITY);
@@ -69,7 +71,7 @@ pub(super) fn measure_detections(of: &Context<'_>) -> Option<PerClass<Calibratio
     are_probabilities.then(|| PerClass::from_fn(|class| Calibration::new(scores.get(class), n_bins)))
 }
 
-/// Of the probability of harm.
+/// Calibration of the probability of harm.
 pub(super) fn measure_harm(of: &Context<'_>) -> ByDistribution<Calibration> {
     let n_bins = of.matching.config().safety.n_bins;
     ByDistribution::from_fn(|distribution| Calibration::new(&of.probabilities(distribution), n_bins))

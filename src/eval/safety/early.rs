@@ -12,7 +12,7 @@ use crate::eval::EvalConfig;
 use crate::eval::matching::Outcome;
 use crate::object::Harm;
 
-/// The most samples that are looked ahead.
+/// How many samples to look ahead at most.
 const MOST_LATER: usize = 3;
 
 /// Shares for one, two and three samples.

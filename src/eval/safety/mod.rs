@@ -39,7 +39,7 @@ struct Context<'a> {
     matching: &'a Matching<'a>,
     /// `None` where objects cannot be followed.
     tracks: Option<Tracks>,
-    /// Of each object, by number; `None` where nothing is known to lie on it.
+    /// For each object, by number; `None` where no detection is known to lie on it.
     harm_probability: Vec<Option<f64>>,
 }
 
@@ -94,7 +94,7 @@ macro_rules! metrics {
         }
 
         impl Safety {
-            /// A table of each metric that is known.
+            /// A table for each metric that is known.
             #[must_use]
             pub fn tables(&self, config: &EvalConfig) -> Vec<MetricTable> {
                 [$($show(&self.$name, config)),*].into_iter().flatten().collect()
@@ -118,8 +118,8 @@ metrics! {
     separation: ByDistribution<Option<Separation>> = separation::measure, separation::show;
     /// That probability over the signed distance to the zone's edge; empty where the zone is not known.
     zone_edge: Vec<EdgeBand> = zone_edge::measure, zone_edge::show;
-    /// Recall at the operating score over fog: a 1/m of extinction, ln 20 / MOR.
+    /// Recall at the operating score over fog, per 1/m of extinction, ln 20 / MOR.
     fog_slope: PerClass<Option<Slope>> = slope::measure_fog, slope::show_fog;
-    /// Recall at the operating score over rain: a mm/h.
+    /// Recall at the operating score over rain, per mm/h.
     rain_slope: PerClass<Option<Slope>> = slope::measure_rain, slope::show_rain;
 }

@@ -18,13 +18,13 @@ pub struct Separation {
     pub n_harmful: usize,
     pub n_harmless: usize,
     pub auroc: f64,
-    /// Of the harmful ones; their share is what chance reaches.
+    /// With harmful as positive; chance reaches the share of harmful objects.
     pub aupr: f64,
     pub fpr95: f64,
 }
 
 impl Separation {
-    /// Of scores and whether each is a harmful object's; `None` unless there are some of both.
+    /// Takes scores and whether each object is harmful; `None` unless there are some of both.
     pub fn new(told: &[(f64, bool)]) -> Option<Self> {
         let n_harmful = told.iter().filter(|(_, is_harmful)| *is_harmful).count();
         let n_harmless = told.len() - n_harmful;

@@ -16,7 +16,7 @@ use crate::object::Harm;
 /// A fitted line, and the groups it goes through.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Slope {
-    /// Recall a unit of x.
+    /// Change of recall per unit of x.
     pub slope: f64,
     /// Recall at x = 0.
     pub intercept: f64,
@@ -61,7 +61,7 @@ fn show(what: &str, by: &PerClass<Option<Slope>>) -> Option<MetricTable> {
     MetricTable::new(&[what, "a unit", "at 0"], rows.collect(), "Least squares through every object.")
 }
 
-/// Of each class; `None` unless objects of it are known at two values of x or more.
+/// The slope of each class; `None` unless its objects are known at two or more values of x.
 fn measure(of: &Context<'_>, x_of: impl Fn(&SampleFacts) -> Option<f64>) -> PerClass<Option<Slope>> {
     PerClass::from_fn(|class| of_recall(of.matching, class, &x_of))
 }
@@ -72,7 +72,7 @@ fn of_recall(
     x_of: impl Fn(&SampleFacts) -> Option<f64>,
 ) -> Option<Slope> {
     let is_found = matching.meet(class, matching.config().operating_score).is_matched;
-    // By bits: all x are from one table or file and not negative, so that bits are in the order of the numbers.
+    // By bits: all x are from one table or file and not negative, so their bits sort like the numbers.
     let mut groups: BTreeMap<u64, (usize, usize)> = BTreeMap::new();
     for of in matching.objects.iter().filter(|of| of.object.harm == class) {
         let x = x_of(matching.facts_of(of)).filter(|x| x.is_finite() && *x >= 0.0);

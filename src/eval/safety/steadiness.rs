@@ -1,8 +1,8 @@
 //! How often the label of a tracked object jumps.
 //!
 //! An object's label at a sample is harmful where the harmful share of its scores is at least one half. Over all pairs
-//! of samples in a row in which an object is located in both, label changes over the time between: the true ones, the
-//! detector's, and the detector's while the true label stays.
+//! of samples in a row in which an object is located in both, label changes are divided by the time between:
+//! the true label's, the detector's, and the detector's while the true label stays.
 
 use serde::{Deserialize, Serialize};
 

@@ -19,7 +19,7 @@ pub enum MetricValue {
         value: Option<f64>,
         n_digits: usize,
     },
-    /// From 0 to 1, and of how many.
+    /// A share from 0 to 1, and of how many.
     Share {
         value: Option<f64>,
         of: Option<usize>,
@@ -27,7 +27,7 @@ pub enum MetricValue {
 }
 
 impl MetricTable {
-    /// `None` without a row.
+    /// `None` if there are no rows.
     pub(super) fn new(head: &[&str], rows: Vec<Vec<MetricValue>>, note: impl Into<String>) -> Option<Self> {
         let head = head.iter().map(|&name| name.to_owned()).collect();
         (!rows.is_empty()).then(|| Self { head, rows, note: note.into() })

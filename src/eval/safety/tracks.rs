@@ -36,7 +36,7 @@ pub struct Tracks {
 }
 
 impl Tracks {
-    /// Follows the objects. `None` unless every sample tells episode and time, and some truth its id.
+    /// Follows the objects. `None` unless every sample has an episode and a time, and some truth has an id.
     pub fn of_samples(samples: &[KeptSample<'_>]) -> Option<Self> {
         let times_s = samples.iter().map(|sample| sample.facts.time_s).collect::<Option<Vec<f64>>>()?;
         let episodes = episodes(samples)?;
@@ -80,7 +80,8 @@ impl Tracks {
     }
 }
 
-/// The samples of each episode by time, in the order of the episodes' first samples; `None` if any sample's is unknown.
+/// The samples of each episode by time, in the order of the episodes' first samples; `None` if the episode of
+/// a sample is unknown.
 pub fn episodes(samples: &[KeptSample<'_>]) -> Option<Vec<Vec<usize>>> {
     let mut numbers: BTreeMap<&str, usize> = BTreeMap::new();
     let mut episodes: Vec<Vec<usize>> = Vec::new();
@@ -143,7 +144,7 @@ pub mod tests {
     fn events_are_runs_in_a_row_and_gaps_and_episodes_part_them() {
         let mut samples = episode("a", "nhh.hn");
         samples.extend(episode("b", "hh"));
-        // The file's order is not the time's.
+        // The file is not in the order of time.
         samples.swap(1, 2);
         let protocol = Protocol::default();
         let tracks_of = |samples: &[EvalSample]| {

@@ -6,17 +6,17 @@ use super::{Context, MetricTable, MetricValue};
 use crate::eval::EvalConfig;
 use crate::object::Harm;
 
-/// Located objects whose footprints lie so far from the zone's edge.
+/// Located objects whose footprints lie this far from the zone's edge.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct EdgeBand {
-    /// From here, metres, negative inside the zone; `None`: from any depth.
+    /// Least distance, metres, negative inside the zone; `None`: any depth.
     pub from_m: Option<f64>,
-    /// To below here; `None`: to any distance.
+    /// The distance is less than this; `None`: any distance.
     pub to_m: Option<f64>,
     pub n: usize,
     /// Share that is harmful in truth.
     pub harmful_share: Option<f64>,
-    /// Share of which the harmful share of the scores is one half or more.
+    /// Share of the objects for which the harmful share of the scores is one half or more.
     pub called_harmful_share: Option<f64>,
     pub mean_harm_probability: Option<f64>,
 }

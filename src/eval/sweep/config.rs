@@ -7,26 +7,26 @@ use crate::eval::judge::Judge;
 use crate::sample::EgoState;
 
 define_config! {
-    /// What is swept; `configs/sweep.toml` equals the default.
+    /// What to sweep; `configs/sweep.toml` equals the default.
     pub struct SweepConfig {
         /// Speeds that the frames are given, m/s. Default 0 to 14 by 1, the paper's.
         speed_mps: Vec<f64> = steps(0..=14, 1.0), in SPEED.list(0, 200);
         /// Steering angles that the frames are given, degrees, positive to the left. Default -35 to 35 by 5, the paper's.
         steering_deg: Vec<f64> = steps(-7..=7, 5.0), in STEERING.list(0, 200);
-        /// Factors of a speed sensor that errs. Default 0.8 to 1.2 by 0.05.
+        /// Factors by which the speed sensor is wrong. Default 0.8 to 1.2 by 0.05.
         speed_factor: Vec<f64> =
             (16..=24).map(|i| f64::from(i) / 20.0).collect(), in from_to(0.0, 100.0).list(0, 200);
-        /// Offsets of a steering sensor that errs, degrees. Default -4 to 4 by 1.
+        /// Offsets by which the steering sensor is wrong, degrees. Default -4 to 4 by 1.
         steering_offset_deg: Vec<f64> = steps(-4..=4, 1.0), in STEERING.list(0, 200);
-        /// Who decides on harm. Default all.
+        /// What decides on harm. Default all.
         judges: Vec<Judge> = Judge::ALL.to_vec();
-        /// Episodes that are looked at, the first ones; 0 for all. Default 0.
+        /// How many of the first episodes are used; 0 for all. Default 0.
         n_episodes: usize = 0, in from_to(0.0, 1e9);
         /// Speeds of the picture of one frame, m/s, one panel each. Default 2, 7, 14.
         picture_speed_mps: Vec<f64> = vec![2.0, 7.0, 14.0], in SPEED.list(0, 12);
         /// Steering angles of the picture of one frame, degrees, one panel each. Default -20, 0, 20.
         picture_steering_deg: Vec<f64> = vec![-20.0, 0.0, 20.0], in STEERING.list(0, 12);
-        /// Score from which boxes are drawn in pictures. Default 0.3.
+        /// Lowest score of the boxes drawn in pictures. Default 0.3.
         picture_min_score: f32 = 0.3, in SHARE;
     }
 }
@@ -38,10 +38,10 @@ fn steps(range: std::ops::RangeInclusive<i32>, step: f64) -> Vec<f64> {
 impl Check for SweepConfig {}
 
 const SPEED: Rule = from_to(-100.0, 100.0);
-/// Below the right angle at which a car does not drive on.
+/// Stays below a right angle, at which a car does not drive on.
 const STEERING: Rule = from_to(-80.0, 80.0);
 
-/// What is changed of the ego's state; values are in the unit of the name.
+/// Which part of the ego's state is changed; values are in the unit of the name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Change {

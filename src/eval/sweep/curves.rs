@@ -1,4 +1,4 @@
-//! What a sweep comes to: a curve for each change and judge, as `sweeps.json` and `sweeps.csv` hold it.
+//! The result of a sweep: a curve for each change and judge, as `sweeps.json` and `sweeps.csv` hold it.
 
 use serde::{Deserialize, Serialize};
 
@@ -14,7 +14,7 @@ pub struct Sweeps {
     pub n_samples: usize,
     /// By change, then by judge.
     pub curves: Vec<SweepCurve>,
-    /// Of the network at the recorded states; `None` where nothing is known of the objects' tracks.
+    /// For the network at the recorded states; `None` where the objects' tracks are unknown.
     pub early: Option<Early>,
 }
 
@@ -23,7 +23,7 @@ pub struct Sweeps {
 pub struct SweepCurve {
     pub change: Change,
     pub judge: Judge,
-    /// Whether the truth is the zone's of the changed state; otherwise the labels stay.
+    /// Whether the zone of the changed state gives the truth; otherwise the labels stay.
     pub truth_moves: bool,
     pub points: Vec<SweepPoint>,
 }
@@ -39,13 +39,14 @@ pub struct SweepPoint {
     pub n_truths: usize,
     /// Of these, the ones that a detection lies on.
     pub n_located: usize,
-    /// Truths that are harmful, that are called so, and both. One that is not located is not called harmful.
+    /// Truths that are harmful, that are called harmful, and both. One that is not located is not called
+    /// harmful.
     pub n_harmful: usize,
     pub n_called_harmful: usize,
     pub n_both: usize,
     /// Overlap of the two sets: both over either; `None` where neither has an object.
     pub set_iou: Option<f64>,
-    /// Share of the located whose class is right.
+    /// Share of the located objects whose class is right.
     pub agreement: Option<f64>,
 }
 
@@ -56,7 +57,7 @@ impl Sweeps {
         pretty_json::to_string(self)
     }
 
-    /// `sweeps.csv`: a line a point, AP in the column `total`.
+    /// `sweeps.csv`: one line per point, AP in the column `total`.
     #[must_use]
     pub fn to_csv(&self) -> String {
         let mut text = String::from(
@@ -87,7 +88,7 @@ impl Sweeps {
         text
     }
 
-    /// A judge's points for a change; none where it was not swept.
+    /// A judge's points for a change; empty if the change was not swept.
     #[must_use]
     pub fn points(&self, change: Change, judge: Judge) -> &[SweepPoint] {
         let curve = self.curves.iter().find(|curve| curve.change == change && curve.judge == judge);

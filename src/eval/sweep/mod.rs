@@ -1,8 +1,8 @@
 //! The same frames at other speeds and steering angles: does the set of harmful objects follow the zone's?
 //!
-//! At each value the detector is given the frame's own image and cloud with the changed state. The truth either follows,
-//! by the zone of the changed state (the paper's figures), or stays as it is (an error of the speed or steering
-//! sensor). Beside the network's own harm its rivals are judged, [`Judge`], on the same boxes.
+//! At each value the detector gets the frame's own image and cloud with the changed state. The truth either
+//! follows by the zone of the changed state (the paper's figures), or stays as it is (an error of the speed
+//! or steering sensor). The rivals of the network's own harm, [`Judge`], are scored on the same boxes.
 
 mod config;
 mod curves;
@@ -53,13 +53,13 @@ impl<'a> Swept<'a> {
         Self { frames, zone: dataset.zone(), values, found }
     }
 
-    /// The frames that were looked at.
+    /// The frames that were swept.
     #[must_use]
     pub fn frames(&self) -> &'a [LabelledSample] {
         self.frames
     }
 
-    /// The changes and values that the frames were looked at with.
+    /// The changes and values that were swept.
     #[must_use]
     pub fn values(&self) -> &[(Change, f64)] {
         &self.values
@@ -80,7 +80,7 @@ impl<'a> Swept<'a> {
     /// Judges and scores all of it.
     ///
     /// # Errors
-    /// No frame, or a state that cannot be.
+    /// There is no frame, or a state is not valid.
     pub fn measure(&self, judges: &[Judge], protocol: &Protocol) -> Result<Sweeps, SweepError> {
         let is_ood = |frame: &LabelledSample| frame.objects.iter().any(|object| object.truth.is_ood());
         let mode = if self.frames.iter().any(is_ood) { Mode::Ood } else { Mode::Id };
@@ -136,8 +136,8 @@ pub struct Series<'a> {
     pub found: Vec<Vec<Detection>>,
 }
 
-/// The frame of which most objects that the LiDAR hit change sides from value to value, the first of equals; none where
-/// there is no value or no frame.
+/// The frame with the most changes between harmful and harmless from value to value, among objects that the
+/// LiDAR hit; the first of equals, `None` without values or frames.
 ///
 /// # Errors
 /// A state or an object is not valid.
@@ -188,7 +188,7 @@ fn point(
     mode: Mode,
 ) -> Result<SweepPoint, ScoreError> {
     let matching = Matching::new(samples, protocol, mode)?;
-    // Truth, and what it is called where a detection lies on it.
+    // The true label, and the detector's where a detection lies on the object.
     let labels: Vec<(bool, Option<bool>)> = matching
         .objects
         .iter()
@@ -255,7 +255,7 @@ mod tests {
             let n_harmful =
                 |speed| harms(Change::SpeedMps, speed).iter().filter(|&&harm| harm == Harm::Harmful).count();
             assert!(n_harmful(0.0) < n_harmful(14.0), "{kind:?}");
-            // Every angle that a car steers can be had, and the far ones differ.
+            // Every angle that a car steers works, and the far ones differ.
             let turned: Vec<_> = (-35..=35).map(|deg| harms(Change::SteeringDeg, f64::from(deg))).collect();
             assert!(turned[0] != turned[35] && turned[35] != turned[70], "{kind:?}");
         }
