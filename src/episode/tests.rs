@@ -42,7 +42,7 @@ fn object(id: &str, x_m: f64, kind: Kind, distribution: Distribution) -> Object 
         velocity_in_ego_mps: [0.1, -0.2],
         n_lidar_points: Some(12),
         visible_px: Some(345),
-        visible_fraction: Some(f64::from(0.7_f32)) /* the file holds 32 bits */,
+        visible_fraction: Some(f64::from(0.7_f32)), // the file holds 32 bits
         event: Some(if distribution == Distribution::Ood { Event::Rolls } else { Event::None }),
     }
 }
