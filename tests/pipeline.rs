@@ -24,7 +24,7 @@ fn assert_near(metrics: &Value, column: &str, expected: f64, tolerance: f64) {
 fn a_trained_run_is_scored_drawn_and_predicts_files() {
     let Fixture { id, ood, run, .. } = fixture();
     let table = done(&["eval", text(run), "--data", text(id)]);
-    assert!(table.contains("harmful") && table.contains("0.7947"), "{table}");
+    assert!(table.contains("harmful") && table.contains("paper 0.795"), "{table}");
     let scores = tempfile::tempdir().expect("a temporary folder");
     let out = scores.path().join("ood");
     done(&["eval", text(run), "--data", text(ood), "--ood", "--out", text(&out)]);
@@ -163,7 +163,7 @@ fn the_network_inside_the_program_predicts_is_scored_and_drawn_by_its_name() {
     // Its scores on these six samples, within what one box more or less at another rank makes.
     let scores = id.join("scores");
     let table = done(&["eval", "small", "--data", text(&id), "--out", text(&scores)]);
-    assert!(table.contains("0.7947"), "{table}");
+    assert!(table.contains("paper 0.795"), "{table}");
     assert_near(&metrics_in(&scores), "total", 0.993, 0.05);
     let table =
         done(&["eval", "small", "--data", text(&fixture().ood), "--ood", "--out", text(&scores), "--force"]);
