@@ -50,6 +50,9 @@ fn find_whole_episodes(
         Err(GenerateError::OtherData { what, found, wanted, path: folder.to_owned() })
     };
     let found_toml = fs::read_to_string(folder.join(CONFIG_FILE))?;
+    if let Err(error) = found_toml.parse::<toml::Table>() {
+        return other("config", format!("a broken {CONFIG_FILE}: {}", error.message()), "TOML".to_owned());
+    }
     if let Some((found, wanted)) = first_difference(&found_toml, config_toml) {
         return other("config", found, wanted);
     }

@@ -24,10 +24,11 @@ pub fn text(evaluation: &Evaluation) -> String {
     format!("Detection {what}\n\n{headline}{missing}\n{errors}\n{counts}")
 }
 
-/// `breakdown.txt`: one table an axis.
+/// `breakdown.txt`: one table an axis, then one a safety metric.
 #[must_use]
 pub fn breakdown(evaluation: &Evaluation) -> String {
-    let tables = evaluation.breakdowns.iter().map(|breakdown| format!("\n{}", groups(breakdown)));
+    let axes = evaluation.breakdowns.iter().map(groups);
+    let tables = axes.chain(safety(evaluation)).map(|table| format!("\n{table}"));
     format!("{}\n{}", terms(&evaluation.metrics), tables.collect::<String>())
 }
 
