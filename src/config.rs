@@ -14,10 +14,11 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use thiserror::Error;
 
-pub(crate) use bounds::define_config;
 pub use bounds::{
-    Bounds, Check, InvalidConfig, Keys, Order, Range, Rule, SHARE, above, below, from_to, part, require,
+    Bounds, Check, Checked, InvalidConfig, Keys, Order, Range, Rule, SHARE, above, below, from_to, part,
+    require,
 };
+pub(crate) use bounds::{define_config, impl_checked};
 
 /// Why a config could not be loaded.
 #[derive(Debug, Error)]

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::{Bar, DeviceArg, ExitStatus, SamplesArgs, print};
-use crate::config::{self, Check};
+use crate::config::{self, Checked};
 use crate::eval::Protocol;
 use crate::eval::sweep::SweepConfig;
 use crate::infer::{self, Trained};
@@ -35,7 +35,7 @@ pub struct SweepArgs {
 
 pub fn run(args: SweepArgs) -> anyhow::Result<ExitStatus> {
     let config: SweepConfig = config::load(args.config.as_deref(), &args.overrides)?;
-    config.check()?;
+    let config = Checked::try_from(config)?;
     sweeps::refuse_to_overwrite(&args.out, args.force)?;
     let trained = Trained::find(&args.run)?;
     let device = args.device.open()?;

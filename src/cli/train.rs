@@ -6,7 +6,7 @@ use anyhow::Context;
 use clap::Args;
 
 use super::{Bar, DeviceArg, ExitStatus, print, print_summary, tell};
-use crate::config::{self, Check};
+use crate::config::{self, Checked};
 use crate::dataset::{Dataset, DatasetError};
 use crate::episode::Split;
 use crate::report::curves;
@@ -73,7 +73,7 @@ pub fn run(args: TrainArgs) -> anyhow::Result<ExitStatus> {
     if args.image_weights.is_some() {
         config.image_weights = args.image_weights;
     }
-    config.check()?;
+    let config = Checked::try_from(config)?;
     let device = args.device.open()?;
     let dataset = Dataset::open(&args.data, &args.labels, Split::Train)?;
     let Some(out) = args.out.filter(|_| !args.dry_run) else {

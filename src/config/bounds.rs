@@ -37,6 +37,43 @@ pub trait Check: Bounds {
     }
 }
 
+/// A config whose numbers and relations hold: what a stage works with, made from the raw one by `TryFrom`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Checked<T>(T);
+
+impl<T: Check> Checked<T> {
+    /// Checks a config.
+    ///
+    /// # Errors
+    /// As [`Check::check`].
+    pub fn new(raw: T) -> Result<Self, InvalidConfig> {
+        raw.check()?;
+        Ok(Self(raw))
+    }
+}
+
+impl<T> std::ops::Deref for Checked<T> {
+    type Target = T;
+
+    fn deref(&self) -> &T {
+        &self.0
+    }
+}
+
+/// Gives configs their `TryFrom`, for those that need no type of their own.
+macro_rules! impl_checked {
+    ($($Name:ty),*) => {$(
+        impl TryFrom<$Name> for $crate::config::Checked<$Name> {
+            type Error = $crate::config::InvalidConfig;
+
+            fn try_from(raw: $Name) -> Result<Self, Self::Error> {
+                Self::new(raw)
+            }
+        }
+    )*};
+}
+pub(crate) use impl_checked;
+
 /// Defines a config with unit, default and bounds of each key in one place: `/// unit`, `key: Type = default, in bounds;`.
 ///
 /// A key without numbers has no bounds. In files every key may be left out, and one that is not known is an error.

@@ -4,7 +4,7 @@ use burn::tensor::Device;
 use thiserror::Error;
 
 use super::predict::{PredictError, predict_states};
-use crate::config::{Check, InvalidConfig};
+use crate::config::Checked;
 use crate::dataset::Dataset;
 use crate::eval::sweep::{Change, Series, SweepConfig, SweepError, Swept, most_changed};
 use crate::model::Detector;
@@ -14,8 +14,6 @@ use crate::sample::Measured;
 /// Why a network could not be swept.
 #[derive(Debug, Error)]
 pub enum SweepRunError {
-    #[error(transparent)]
-    Config(#[from] InvalidConfig),
     #[error(transparent)]
     Predict(#[from] PredictError),
     #[error(transparent)]
@@ -30,11 +28,10 @@ pub enum SweepRunError {
 pub fn sweep<'a>(
     detector: &Detector,
     dataset: &'a Dataset,
-    config: &SweepConfig,
+    config: &Checked<SweepConfig>,
     device: &Device,
     progress: &dyn Progress,
 ) -> Result<(Swept<'a>, Vec<Series<'a>>), SweepRunError> {
-    config.check()?;
     let frames = dataset.first_episodes(config.n_episodes);
     let values: Vec<(Change, f64)> = Change::ALL
         .into_iter()
@@ -89,6 +86,10 @@ mod tests {
         Detector::init(&config, 0, &Device::flex()).valid()
     }
 
+    fn checked(config: SweepConfig) -> Checked<SweepConfig> {
+        Checked::new(config).unwrap()
+    }
+
     fn config() -> SweepConfig {
         SweepConfig {
             speed_mps: vec![0.0, 14.0],
@@ -103,7 +104,7 @@ mod tests {
     #[test]
     fn one_pass_over_the_sensors_finds_what_a_pass_for_each_state_finds() {
         let (dataset, detector, device) = (test_data::dataset(2), detector(), Device::flex());
-        let swept = sweep(&detector, &dataset, &config(), &device, &Silent).unwrap().0;
+        let swept = sweep(&detector, &dataset, &checked(config()), &device, &Silent).unwrap().0;
         for (state_idx, (change, value)) in
             [(Change::SpeedFactor, 1.0)].iter().chain(swept.values()).copied().enumerate()
         {
@@ -124,7 +125,7 @@ mod tests {
     #[test]
     fn each_value_has_a_point_for_each_judge_and_a_state_that_cannot_be_is_an_error() {
         let (dataset, detector, device) = (test_data::dataset(3), detector(), Device::flex());
-        let swept = sweep(&detector, &dataset, &config(), &device, &Silent).unwrap().0;
+        let swept = sweep(&detector, &dataset, &checked(config()), &device, &Silent).unwrap().0;
         let sweeps = swept.measure(&config().judges, &Protocol::default()).unwrap();
         assert_eq!((sweeps.n_samples, sweeps.curves.len()), (3, 6));
         let speeds = sweeps.points(Change::SpeedMps, Judge::Zone);
@@ -141,6 +142,6 @@ mod tests {
         let again: Sweeps = serde_json::from_str(&sweeps.to_json()).unwrap();
         assert_eq!((again.to_csv(), again.early), (sweeps.to_csv(), sweeps.early));
         let broken = SweepConfig { speed_mps: vec![f64::NAN], ..config() };
-        assert!(sweep(&detector, &dataset, &broken, &device, &Silent).is_err());
+        assert!(Checked::new(broken).is_err());
     }
 }

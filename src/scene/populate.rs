@@ -269,11 +269,14 @@ impl Filler<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::Checked;
+    use crate::scene::town_config::TownConfig;
 
     #[test]
     fn a_bus_shelter_opens_to_the_road_and_a_sign_faces_the_drivers() {
         let mut town = Town::load("downtown").unwrap();
-        town.config.prop_weights = [("bus_shelter".to_owned(), 1.0), ("traffic_sign".to_owned(), 1.0)].into();
+        let prop_weights = [("bus_shelter".to_owned(), 1.0), ("traffic_sign".to_owned(), 1.0)].into();
+        town.config = Checked::new(TownConfig { prop_weights, ..(*town.config).clone() }).unwrap();
         let config = PopulateConfig { prop_density: 0.5, ..PopulateConfig::default() };
         let world = populate(&Arc::new(town), &config, 2).unwrap();
         let (mut n_shelters, mut n_signs) = (0, 0);

@@ -15,13 +15,13 @@ use super::plots::{self, Boundary, Furnishing, Stand};
 use super::shipped;
 use super::surface::{Levels, Surface};
 use super::town_config::TownConfig;
-use crate::config::Check;
+use crate::config::Checked;
 
 /// A town: its roads, its ground and its buildings.
 #[derive(Debug, Clone)]
 pub struct Town {
     pub name: String,
-    pub config: TownConfig,
+    pub config: Checked<TownConfig>,
     pub graph: LaneGraph,
     pub lights: Lights,
     pub surface: Surface,
@@ -83,7 +83,7 @@ impl Town {
             toml.map_or_else(|| Ok(TownConfig::default()), toml::from_str).map_err(|error| {
                 SceneError::TownConfig { message: error.to_string(), path: path.with_file_name("town.toml") }
             })?;
-        config.check().map_err(|error| SceneError::TownConfig {
+        let config = Checked::new(config).map_err(|error| SceneError::TownConfig {
             message: error.to_string(),
             path: path.with_file_name("town.toml"),
         })?;

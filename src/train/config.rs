@@ -6,7 +6,8 @@ use serde::{Deserialize, Serialize};
 
 use super::schedule::Schedule;
 use crate::config::{
-    Bounds, Check, InvalidConfig, Keys, Rule, SHARE, above, define_config, from_to, part, require, with_table,
+    Bounds, Check, InvalidConfig, Keys, Rule, SHARE, above, define_config, from_to, impl_checked, part,
+    require, with_table,
 };
 use crate::model::{CameraBackbone, Classes, ModelConfig, NumericFusion};
 
@@ -160,6 +161,8 @@ impl Bounds for StageConfig {
 
 /// Of a loss or cost.
 const WEIGHT: Rule = from_to(0.0, 1e6);
+
+impl_checked!(TrainConfig);
 
 #[cfg(test)]
 mod tests {

@@ -18,7 +18,7 @@ use super::state;
 use super::step::{Mean, Steps};
 use super::time::Stopwatch;
 use super::validate::validate;
-use crate::config::Check;
+use crate::config::Checked;
 use crate::dataset::Dataset;
 use crate::history::{History, ScoreRow, StepRow};
 use crate::model::checkpoint::{self, CHECKPOINT};
@@ -50,14 +50,13 @@ pub struct Summary {
 pub fn run(
     dataset: &Dataset,
     validation: Option<&Dataset>,
-    config: &TrainConfig,
+    config: &Checked<TrainConfig>,
     out: &Path,
     options: TrainOptions<'_>,
     device: &Device,
     progress: &dyn Progress,
 ) -> Result<Summary, TrainError> {
     let started = Instant::now();
-    config.check()?;
     let samples = dataset.samples();
     if samples.is_empty() {
         return Err(TrainError::NoSamples { path: dataset.path().to_owned() });
@@ -209,8 +208,20 @@ mod tests {
         }
     }
 
+    fn checked(config: &TrainConfig) -> Checked<TrainConfig> {
+        Checked::new(config.clone()).unwrap()
+    }
+
     fn train(data: &Dataset, config: &TrainConfig, out: &Path) -> Result<Summary, TrainError> {
-        run(data, None, config, out, TrainOptions::default(), &Device::flex(), &Silent)
+        run(
+            data,
+            None,
+            &Checked::new(config.clone())?,
+            out,
+            TrainOptions::default(),
+            &Device::flex(),
+            &Silent,
+        )
     }
 
     /// Stops a run after some steps, as a kill would, by a watcher that panics.
@@ -241,17 +252,27 @@ mod tests {
             told.borrow_mut().push((history.steps.len(), history.scores.len()));
         };
         let telling = TrainOptions { after_validation: Some(&tell), ..options };
-        let whole = run(&data, Some(&data), &config, &path, telling, &Device::flex(), &Silent).unwrap();
+        let whole =
+            run(&data, Some(&data), &checked(&config), &path, telling, &Device::flex(), &Silent).unwrap();
         assert_eq!(told.into_inner(), [(3, 1), (6, 2), (9, 3)], "logs are up to date at each validation");
         let broken = folder.path().join("broken");
         for after in [2, 5, 2] {
             let watcher = Stop { after: after.into() };
             let stopped = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
-                run(&data, Some(&data), &config, &broken, TrainOptions::default(), &Device::flex(), &watcher)
+                run(
+                    &data,
+                    Some(&data),
+                    &checked(&config),
+                    &broken,
+                    TrainOptions::default(),
+                    &Device::flex(),
+                    &watcher,
+                )
             }));
             assert!(stopped.is_err() && !broken.join(CHECKPOINT).exists());
         }
-        let resumed = run(&data, Some(&data), &config, &broken, options, &Device::flex(), &Silent).unwrap();
+        let resumed =
+            run(&data, Some(&data), &checked(&config), &broken, options, &Device::flex(), &Silent).unwrap();
         assert!(resumed.n_steps_now < whole.n_steps_now);
         assert_eq!(TrainingTime::read(&broken).unwrap().n_calls, 3);
         assert!(fs::read(&whole.checkpoint).unwrap() == fs::read(&resumed.checkpoint).unwrap());
@@ -270,7 +291,7 @@ mod tests {
         assert!(matches!(train(&data, &other, folder.path()), Err(TrainError::OtherRun { .. })));
         assert_eq!(fs::read(folder.path().join(CHECKPOINT)).unwrap(), before);
         let forced = TrainOptions { force: true, ..TrainOptions::default() };
-        run(&data, None, &other, folder.path(), forced, &Device::flex(), &Silent).unwrap();
+        run(&data, None, &checked(&other), folder.path(), forced, &Device::flex(), &Silent).unwrap();
         assert_ne!(fs::read(folder.path().join(CHECKPOINT)).unwrap(), before);
     }
 
@@ -291,8 +312,15 @@ mod tests {
     fn resuming_where_there_is_nothing_is_an_error() {
         let folder = tempfile::tempdir().unwrap();
         let options = TrainOptions { resume: true, ..TrainOptions::default() };
-        let ended =
-            run(&test_data::dataset(2), None, &tiny(), folder.path(), options, &Device::flex(), &Silent);
+        let ended = run(
+            &test_data::dataset(2),
+            None,
+            &checked(&tiny()),
+            folder.path(),
+            options,
+            &Device::flex(),
+            &Silent,
+        );
         assert!(matches!(ended, Err(TrainError::NothingToResume { .. })));
     }
 

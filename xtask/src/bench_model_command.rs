@@ -9,7 +9,7 @@ use serde_json::json;
 
 use crate::bench_model::{self as bench, Bench, BenchOptions, Contest};
 use harmzone::cli::{Bar, DeviceArg, ExitStatus, SamplesArgs, number, print, print_summary};
-use harmzone::config;
+use harmzone::config::{self, Checked};
 use harmzone::infer::Trained;
 use harmzone::train::TrainConfig;
 
@@ -54,6 +54,7 @@ pub fn run(args: BenchModelArgs) -> anyhow::Result<ExitStatus> {
     if let Some(trained) = &trained {
         config.model = trained.config()?;
     }
+    let config = Checked::try_from(config)?;
     let checkpoint = trained.as_ref().map(Trained::bytes).transpose()?;
     let dataset = args.samples_of.open()?;
     let device = args.device.open()?;

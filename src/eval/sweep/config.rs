@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::config::{Check, Rule, SHARE, define_config, from_to};
+use crate::config::{Check, Rule, SHARE, define_config, from_to, impl_checked};
 use crate::eval::judge::Judge;
 use crate::sample::EgoState;
 
@@ -101,6 +101,8 @@ impl Change {
         }
     }
 }
+
+impl_checked!(SweepConfig);
 
 #[cfg(test)]
 mod tests {

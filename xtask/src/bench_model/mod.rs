@@ -15,7 +15,7 @@ use burn::tensor::Device;
 use serde::Serialize;
 use thiserror::Error;
 
-use harmzone::config::Check;
+use harmzone::config::Checked;
 use harmzone::dataset::Dataset;
 use harmzone::model::checkpoint::{self, CheckpointError};
 use harmzone::model::{Classes, Detector, InputError};
@@ -57,7 +57,7 @@ pub enum BenchError {
 pub struct Bench<'a> {
     pub dataset: &'a Dataset,
     /// Its `model` is the checkpoint's, where there is one.
-    pub config: &'a TrainConfig,
+    pub config: &'a Checked<TrainConfig>,
     /// Where it lies, and its bytes. Random weights of the config's seed without it.
     pub checkpoint: Option<(PathBuf, Cow<'static, [u8]>)>,
     pub device: &'a Device,
@@ -165,7 +165,6 @@ impl Bench<'_> {
         if self.config.model.head.classes != Classes::Harm {
             return Err(BenchError::TellsKinds);
         }
-        self.config.check().map_err(TrainError::from)?;
         let (found, wanted) = (self.dataset.samples().len(), self.samples_per_step());
         if found < wanted {
             let path = self.dataset.path().to_owned();
@@ -203,11 +202,11 @@ mod tests {
         assert_eq!(Times::of("x", &[]).p99_ms, 0.0);
     }
 
-    fn tiny() -> TrainConfig {
+    fn tiny() -> Checked<TrainConfig> {
         let mut config = TrainConfig { batch_size: 2, accumulate: 1, ..TrainConfig::default() };
         let model = &mut config.model;
         (model.grid.cell_size_m, model.camera.cnn.image_width_px, model.head.n_queries) = (3.2, 64, 20);
-        config
+        Checked::new(config).unwrap()
     }
 
     #[test]

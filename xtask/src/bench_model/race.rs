@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::training::{learner, step};
 use super::{Bench, BenchError, in_ms};
 use harmzone::model::{Batch, Input};
-use harmzone::train::{Plan, Position, Steps};
+use harmzone::train::{Plan, Position, Steps, TrainConfig};
 
 /// What is done once.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -37,7 +37,7 @@ pub fn race<E: From<BenchError>>(
     bench.check()?;
     let dataset = bench.dataset.first(bench.samples_per_step());
     // Mirrored inputs are others; drawn states cost the same whichever they are.
-    let mut config = bench.config.clone();
+    let mut config = TrainConfig::clone(bench.config);
     config.augment.mirror = false;
     let device = bench.device.clone().autodiff();
     let plan = Plan::new(&config, dataset.samples());

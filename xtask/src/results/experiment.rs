@@ -10,6 +10,7 @@ use serde::de::DeserializeOwned;
 
 use super::data::LABELS;
 use super::request::Request;
+use harmzone::config::Checked;
 use harmzone::dataset::{Dataset, Fingerprint};
 use harmzone::episode::Split;
 use harmzone::eval::Mode;
@@ -147,7 +148,8 @@ impl<'a> Experiment<'a> {
         let options = train::TrainOptions { after_validation: Some(&draw), ..train::TrainOptions::default() };
         let validation = if row.config.validate_every_epochs > 0 { Some(self.val.get()?) } else { None };
         let data = self.train.get()?;
-        match train::run(data, validation, &row.config, &row.folder, options, self.device, self.progress) {
+        let config = Checked::try_from(row.config.clone())?;
+        match train::run(data, validation, &config, &row.folder, options, self.device, self.progress) {
             Err(TrainError::OtherRun { path }) => bail!(
                 "row `{}` was trained with another config or on other data; delete this folder to train it anew, \
                  or give another --out: {}",

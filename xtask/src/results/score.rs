@@ -12,7 +12,7 @@ use super::data::LABELS;
 use super::experiment::{Experiment, Row, read_json};
 use super::page;
 use harmzone::cli::provenance;
-use harmzone::config::differences;
+use harmzone::config::{Checked, differences};
 use harmzone::dataset::{Dataset, Fingerprint, LabelledSample};
 use harmzone::eval::judge::Judge;
 use harmzone::eval::sweep::{Change, SweepConfig, Sweeps};
@@ -183,6 +183,7 @@ fn look<'a>(
             ..shipped
         }
     };
+    let config = Checked::try_from(config)?;
     let (swept, series) = infer::sweep(detector, data, &config, experiment.device, experiment.progress)?;
     let found: Vec<Vec<Detection>> = swept.found().iter().map(|of_frame| of_frame[0].clone()).collect();
     let samples = eval_samples(data.samples(), &found);
