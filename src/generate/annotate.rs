@@ -18,7 +18,7 @@ pub(super) struct Observation {
     pub visible_px: u32,
 }
 
-/// The object's truth if it is to be annotated.
+/// The object's truth, if the object is annotated.
 pub(super) fn annotate(
     object: &SceneObject,
     seen: &Observation,
@@ -37,7 +37,7 @@ pub(super) fn annotate(
     let box_in_ego: Box3<Ego> = if matches!(object.event, Event::None | Event::Lies) {
         upright_box(&ego_from_model, &object.bounds)
     } else {
-        // Of what tumbles, the corners of the bounds may lie far outside, even below the ground.
+        // When a thing tumbles, the corners of its bounds may lie far outside, even below the ground.
         let points = object.triangles.iter().flatten().map(|point| point.cast());
         upright_box_of(&ego_from_model, points)
     };
@@ -72,7 +72,8 @@ pub(super) fn annotate(
     })
 }
 
-/// The least box, upright in a frame, along the model's heading that holds its (perhaps tilted) bounds.
+/// The smallest box, upright in a frame and along the model's heading, that holds its (perhaps tilted)
+/// bounds.
 pub(super) fn upright_box<F: Frame>(frame_from_model: &Isometry3<f64>, bounds: &[Point3<f64>; 2]) -> Box3<F> {
     let corner = |i: usize| {
         let pick = |axis: usize| bounds[i >> axis & 1][axis];
@@ -81,14 +82,14 @@ pub(super) fn upright_box<F: Frame>(frame_from_model: &Isometry3<f64>, bounds: &
     upright_box_of(frame_from_model, (0..8).map(corner))
 }
 
-/// As [`upright_box`], of points in the model's frame.
+/// As [`upright_box`], for points in the model's frame.
 fn upright_box_of<F: Frame>(
     frame_from_model: &Isometry3<f64>,
     points: impl Iterator<Item = Point3<f64>>,
 ) -> Box3<F> {
     let forward = frame_from_model.rotation * Vector3::x();
     let left = frame_from_model.rotation * Vector3::y();
-    // A model that stands on its nose has no heading along x; its y axis still tells.
+    // A model that stands on its nose has no heading along x; its y axis still gives one.
     let yaw_rad =
         if forward.xy().norm() > 0.1 { forward.y.atan2(forward.x) } else { (-left.x).atan2(left.y) };
     let (sin, cos) = yaw_rad.sin_cos();
@@ -125,7 +126,7 @@ mod tests {
 
     fn truth_of(pose: Isometry3<f64>, before: Isometry3<f64>, points: u32, px: u32) -> Option<Object> {
         let corner = |x: f32, y: f32, z: f32| Point3::new(x, y, z);
-        // The rear face, seen by who drives behind.
+        // The rear face, seen by a driver behind.
         let rear = [
             [corner(-2.0, -1.0, 0.0), corner(-2.0, 1.0, 0.0), corner(-2.0, 1.0, 1.5)],
             [corner(-2.0, -1.0, 0.0), corner(-2.0, 1.0, 1.5), corner(-2.0, -1.0, 1.5)],

@@ -1,4 +1,4 @@
-//! Further pictures of each sample for who wants more than annotations (`render.aov`).
+//! Further pictures of each sample, for uses that need more than annotations (`render.aov`).
 //!
 //! `aov/<episode>/<sample>.exr`, losslessly compressed, one layer of the camera's size with the channels
 //! `depth` (f32, metres along the optical axis, infinite for the sky), `instance` and `category` (u32,
@@ -29,7 +29,7 @@ struct Entry<'a> {
     category: &'a str,
 }
 
-/// The pictures of one episode, in a partial folder until they are all there.
+/// The pictures of one episode, in a partial folder until all are written.
 #[derive(Debug)]
 pub(super) struct AovWriter {
     partial: PathBuf,
@@ -40,7 +40,7 @@ pub(super) struct AovWriter {
 }
 
 impl AovWriter {
-    /// Begins an episode's folder; what an earlier run left of it goes.
+    /// Begins an episode's folder; deletes what an earlier run left of it.
     pub(super) fn create(
         data_set: &Path,
         episode: &str,

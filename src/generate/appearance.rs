@@ -1,6 +1,6 @@
 //! How each geom of a world looks to the sensors: material for the camera, reflectivity for the LiDAR.
 //!
-//! Known by the names that the scene gives its geoms and the models their materials.
+//! Found by the names that the scene gives its geoms, and the models their materials.
 
 use std::collections::HashMap;
 
@@ -9,8 +9,8 @@ use super::drive::Drive;
 use crate::scene::{Motion, World};
 use crate::sensors::camera::{Material, StreetLamp};
 
-/// Reflectivity at about 905 nm of what is no object, by the start of the geom's name: usual figures for
-/// worn asphalt, concrete, road paint, grass (plants are bright in the near infrared) and plaster.
+/// Reflectivity at about 905 nm of geoms without an object, by the start of the geom's name: usual figures
+/// for worn asphalt, concrete, road paint, grass (plants are bright in the near infrared) and plaster.
 const REFLECTIVITY: [(&str, f64); 7] = [
     ("scene_road", 0.17),
     ("scene_pavement", 0.3),
@@ -20,7 +20,7 @@ const REFLECTIVITY: [(&str, f64); 7] = [
     ("scene_facade", 0.35),
     ("scene_shop", 0.3),
 ];
-/// Of everything else that is no object.
+/// Reflectivity of all other geoms without an object.
 const OTHER_REFLECTIVITY: f64 = 0.25;
 /// Geoms on which water stands.
 const PAVED: [&str; 5] = ["scene_road", "scene_pavement", "scene_kerb", "scene_marks", "ground"];
@@ -33,7 +33,7 @@ pub(super) struct Appearance {
     materials: Vec<Material>,
     reflectivities: Vec<f64>,
     is_paved: Vec<bool>,
-    /// All that light the streets.
+    /// All lamps that light the streets.
     pub lamps: Vec<StreetLamp>,
 }
 
@@ -84,17 +84,17 @@ impl Appearance {
         })
     }
 
-    /// The object that a geom belongs to; -1 is no geom.
+    /// The object that a geom belongs to; -1 means no geom.
     pub(super) fn object(&self, geom: i32) -> Option<usize> {
         usize::try_from(geom).ok().and_then(|geom| self.objects[geom])
     }
 
-    /// -1, no geom, is the sky.
+    /// What a geom shows; -1, no geom, is the sky.
     pub(super) fn material(&self, geom: i32) -> Material {
         usize::try_from(geom).map_or(Material::Sky, |geom| self.materials[geom])
     }
 
-    /// Reflectivity, and whether water stands on it; -1 is no geom.
+    /// Reflectivity, and whether water stands on it; -1 means no geom.
     pub(super) fn surface(&self, geom: i32) -> (f64, bool) {
         usize::try_from(geom).map_or((0.0, false), |geom| (self.reflectivities[geom], self.is_paved[geom]))
     }

@@ -1,4 +1,4 @@
-//! What an episode is made of and with: `gen.toml`.
+//! The config of generation: `gen.toml`.
 
 use serde::{Deserialize, Serialize};
 
@@ -14,22 +14,23 @@ pub(super) const CONTROL_PERIOD_S: f64 = 0.05;
 pub const ALL: &str = "all";
 
 define_config! {
-    /// The config of `harmzone gen`. How many episodes there are is no part of it, so that a data set can grow.
+    /// The config of `harmzone gen`. The number of episodes is not part of it, so that a data set can grow.
     pub struct GenerateConfig {
         /// Towns that come with harmzone, or paths of OpenDRIVE files; [`ALL`] stands for all of the former.
         towns: Vec<String> = vec!["downtown".into()];
-        /// By CARLA's names; [`ALL`] stands for all. The episodes take each pair of town and weather equally often.
+        /// CARLA's names; [`ALL`] stands for all. The episodes take each pair of town and weather equally
+        /// often.
         weathers: Vec<String> = vec!["ClearNoon".into()];
         /// Every episode's seed is drawn from this one.
         seed: u64 = 0, in Rule::Any;
-        /// Samples an episode.
+        /// Samples per episode.
         samples: u32 = 40, in from_to(1.0, 100_000.0);
         /// Simulated time between two samples, a multiple of 0.05 s.
         sample_period_s: f64 = 0.3, in from_to(CONTROL_PERIOD_S, 50.0);
         /// Simulated before the first sample, so that cars move and suspensions rest: least and most; each
         /// episode draws its own.
         warm_up_s: [f64; 2] = [1.0, 20.0], in from_to(0.1, 60.0).pair();
-        /// Every this many episodes one is for validation (0: none), the others for training. Need not be
+        /// One of this many episodes is for validation (0: none), the others are for training. It need not be
         /// whole: 4.5 takes two of nine.
         val_every: f64 = 6.0, in from_to(0.0, 1e6);
         /// What stands and moves in the town; with `ood`, all episodes are for testing.
@@ -54,7 +55,7 @@ define_config! {
     }
 }
 
-/// Who draws the camera's colours.
+/// Renderer of the camera image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RendererName {
@@ -78,12 +79,12 @@ impl RendererName {
 }
 
 define_config! {
-    /// How the camera draws.
+    /// How the camera image is rendered.
     pub struct RenderConfig {
         renderer: RendererName = RendererName::Classic;
         /// Also write depth, instance and category of each pixel as EXR files under `aov/`.
         aov: bool = false;
-        /// Against jagged edges; 4 smooths them and takes twice as long.
+        /// Samples against jagged edges; 4 smooths them and takes twice as long.
         samples_per_pixel: u32 = 0, in from_to(0.0, 16.0);
         /// Side of the shadow map.
         shadow_size_px: u32 = 2048, in from_to(64.0, 16384.0);
@@ -112,7 +113,7 @@ impl GenerateConfig {
 /// The checked config.
 #[derive(Debug, Clone)]
 pub struct CheckedConfig {
-    /// With the names that [`ALL`] stood for.
+    /// The config, with the names that [`ALL`] stood for.
     pub raw: GenerateConfig,
     pub weathers: Vec<Weather>,
     pub rig: Rig,
@@ -140,7 +141,7 @@ fn weather_names() -> Vec<String> {
     Weather::ALL.iter().map(|weather| weather.name().to_owned()).collect()
 }
 
-/// The names, with all that exist in place of [`ALL`]; none may be there twice.
+/// The names, with all that exist in place of [`ALL`]; refuses a name that occurs twice.
 fn expand(
     key: &'static str,
     names: &[String],

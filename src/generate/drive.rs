@@ -1,4 +1,4 @@
-//! The closed loop of one episode: behaviour decides, physics moves; the only place that knows both.
+//! The closed loop of one episode: behaviour decides, physics moves; only this module knows both.
 
 use nalgebra::{Isometry3, Point3, Translation3, Vector3};
 
@@ -26,7 +26,7 @@ struct LooseThing {
 pub(super) struct Drive {
     pub simulator: Simulator,
     traffic: Traffic,
-    /// The town's lights that stand in the world, and what all of the town's show.
+    /// The town's lights that stand in the world, and the states of all the town's lights.
     lights: Vec<usize>,
     shown: Vec<Aspect>,
     ego_body: usize,
@@ -90,7 +90,7 @@ impl Drive {
         Ok(drive)
     }
 
-    /// Lights the lamps that have changed.
+    /// Switches the lamps that have changed.
     fn show(&mut self, aspects: Vec<Aspect>) -> Result<(), GenerateError> {
         let is_new = |light: &usize| self.shown.get(*light) != aspects.get(*light);
         let changed: Vec<_> = self
@@ -140,7 +140,7 @@ impl Drive {
         Ok(())
     }
 
-    /// Lets go what waits for the ego to come so near.
+    /// Lets go the things that wait for the ego to come this near.
     fn release_loose(&mut self) -> Result<(), GenerateError> {
         let pose = self.poses[self.ego_body];
         for thing in self.loose.iter_mut().filter(|thing| thing.is_held) {
@@ -158,7 +158,7 @@ impl Drive {
         Transform::from_isometry(self.poses[self.ego_body])
     }
 
-    /// What the odometry says.
+    /// The ego's state as its odometry measures it.
     pub(super) fn ego_state(&self) -> Result<EgoState, GenerateError> {
         let joints = self.simulator.joint_positions()?;
         let sum_rad: f64 = self.steering_joints.iter().map(|&joint| joints[joint]).sum();
@@ -244,7 +244,7 @@ mod tests {
             if (110.0..360.0).contains(&s_m) {
                 speeds.push(drive.speed_mps);
                 steepest = steepest.max((forward.z - 0.08_f64.atan().sin()).abs());
-                // Change of the climb rate in one control step: bumps of the contact.
+                // Change of the climb rate in one control step, which shows bumps in the contact.
                 jerks.push((forward.z * drive.speed_mps - climb_before).abs());
             }
             if (240.0..360.0).contains(&s_m) {

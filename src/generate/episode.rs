@@ -1,4 +1,4 @@
-//! One episode: drive, and every 0.3 s of simulated time write down what is measured and what is true.
+//! One episode: drives, and every 0.3 s of simulated time records measurements and truth.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -26,13 +26,13 @@ use crate::sensors::camera::{Material, Rendered, Scope, Shot};
 use crate::sensors::lidar::{self, Hit, Receiver, Reflector};
 use crate::sim::{CameraMount, Renderer, Simulator};
 
-/// Simulated time begins on 2025-01-01, never at the wall clock.
+/// Simulated time begins on 2025-01-01, whatever the wall clock says.
 const EPOCH_NS: u64 = 1_735_689_600_000_000_000;
 
 /// Lanes farther than this from the route are not drawn.
 const MAP_REACH_M: f64 = 100.0;
 
-/// Where the time of an episode went.
+/// Time spent in each part of an episode.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Timings {
     pub set_up: Duration,
@@ -49,10 +49,10 @@ pub struct Timings {
     pub finishing: Duration,
 }
 
-/// Makes one episode in the data set's folder; `on_sample` hears of each written sample.
+/// Makes one episode in the data set's folder; it calls `on_sample` for each written sample.
 ///
 /// # Errors
-/// [`GenerateError`]: unknown town, no simulator, unstable physics, the disk. Nothing is left then.
+/// [`GenerateError`]: unknown town, no simulator, unstable physics, the disk. No file is left then.
 pub fn record(
     config: &CheckedConfig,
     plan: &EpisodePlan,
@@ -199,7 +199,7 @@ impl<'a> Recording<'a> {
         Ok((entry, timings))
     }
 
-    /// What is measured and what is true now.
+    /// The measurements and the truth now.
     fn sample(&mut self, sample_idx: u64) -> Result<Sample, GenerateError> {
         let Self { config, drive, appearance, timings, .. } = self;
         let rig = &config.rig;

@@ -1,4 +1,4 @@
-//! The data set's folder: what of it is kept when a run is taken up again, and what may be replaced.
+//! The data set's folder: what a repeated run keeps of it, and what it may replace.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use crate::files::{PARTIAL_SUFFIX, sha256_hex, write_atomic};
 pub(super) const CONFIG_FILE: &str = "gen.toml";
 const EPISODES: &str = "episodes";
 
-/// Makes the folder ready; gives the manifest to begin with, with the episodes that are whole already.
+/// Prepares the folder; returns the manifest to begin with, which holds the complete episodes.
 pub(super) fn open(
     folder: &Path,
     config_toml: &str,
@@ -108,7 +108,7 @@ fn remove_files(folder: &Path, is_ours: impl Fn(&str) -> bool) -> Result<(), Gen
         let entry = entry?;
         if entry.file_name().to_str().is_some_and(&is_ours) {
             match fs::remove_file(entry.path()) {
-                // A worker of a killed run, ending now, sweeps up after itself.
+                // A worker of a killed run may end now and delete its own files.
                 Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
                 other => other?,
             }

@@ -1,4 +1,4 @@
-//! Generation: a town is driven through in simulation and recorded, episode by episode.
+//! Generation: simulates drives through a town and records them, episode by episode.
 //!
 //! [`run()`] makes a data set with several worker processes; [`episode::record`] makes one episode. The
 //! same seed and config give the same bytes, whatever the number of processes.

@@ -10,7 +10,7 @@ use serde::Deserialize;
 use super::GenerateConfig;
 use crate::config::{self, ConfigError};
 
-/// Episodes where neither a preset nor the caller says how many.
+/// Number of episodes if neither a preset nor the caller gives one.
 const DEFAULT_EPISODES: u32 = 6;
 
 /// A whole experiment's data by name.
@@ -54,7 +54,7 @@ impl Preset {
         }
     }
 
-    /// The preset of a name, if there is one.
+    /// The preset with this name, if any.
     pub fn named(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|preset| preset.name() == name)
     }
@@ -71,7 +71,7 @@ impl Preset {
 
 /// The config of a run before its flags, and how many episodes it has: defaults, `preset`, `file`, `overrides`.
 ///
-/// With `is_ood`, or where file or overrides turn `scene.ood` on, the preset's `[ood]` part holds too.
+/// With `is_ood`, or where file or overrides turn `scene.ood` on, the preset's `[ood]` part applies too.
 ///
 /// # Errors
 /// [`ConfigError`]: an unreadable file, an unknown key, a malformed override.

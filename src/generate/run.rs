@@ -1,4 +1,4 @@
-//! Makes a whole data set with worker processes, and takes up one that was broken off.
+//! Makes a whole data set with worker processes, and continues an interrupted one.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -16,7 +16,7 @@ use crate::object::{Distribution, Kind};
 use crate::progress::Progress;
 use crate::scene::Town;
 
-/// How a data set is made, which changes nothing of its bytes.
+/// How a data set is made; this does not change its bytes.
 #[derive(Debug, Clone)]
 pub struct RunOptions {
     /// The `harmzone` program, started as worker.
@@ -27,7 +27,7 @@ pub struct RunOptions {
     pub force: bool,
 }
 
-/// What a run made.
+/// The result of a run.
 #[derive(Debug, Clone, Serialize)]
 pub struct GenerateSummary {
     pub folder: PathBuf,
@@ -42,7 +42,7 @@ pub struct GenerateSummary {
 
 /// Makes the first `n_episodes` of a config in `out`; whole ones of an earlier, equal run are kept.
 ///
-/// `dataset.json` lists what is whole at any time, so a run may be killed and repeated.
+/// `dataset.json` lists the complete episodes at any time, so a run may be killed and repeated.
 ///
 /// # Errors
 /// [`GenerateError`]: a bad config, a folder that holds something else, or the first episode that failed.
@@ -55,7 +55,7 @@ pub fn run(
 ) -> Result<GenerateSummary, GenerateError> {
     let checked = CheckedConfig::try_from(config)?;
     let config = &checked.raw;
-    // An unknown town is told at once, before the folder is touched.
+    // An unknown town is reported at once, before the folder is touched.
     for town in &config.towns {
         for note in Town::load(town)?.notes {
             tracing::warn!("{town}: {note}");
@@ -77,7 +77,7 @@ pub fn run(
         folder: out,
         progress,
     };
-    // Workers change their folder never, but a relative path should not depend on that.
+    // Workers never change their working folder, but a relative path should not depend on that.
     let job = Job { config: config.clone(), folder: fs_err::canonicalize(out)? };
     std::thread::scope(|scope| {
         for _ in 0..options.jobs.clamp(1, todo.len().max(1)) {
@@ -94,11 +94,11 @@ pub fn run(
 
 struct Shared<'a> {
     todo: &'a [u32],
-    /// Place in `todo` of what is handed out next.
+    /// Index in `todo` of the next episode to hand out.
     next: AtomicUsize,
     plans: &'a [EpisodePlan],
     manifest: Mutex<Manifest>,
-    /// The first one; ends the others after their present episode.
+    /// The first failure; it ends the other workers after their present episode.
     failure: Mutex<Option<GenerateError>>,
     folder: &'a Path,
     progress: &'a dyn Progress,

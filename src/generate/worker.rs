@@ -12,10 +12,10 @@ use serde::{Deserialize, Serialize};
 use super::{CheckedConfig, GenerateConfig, GenerateError, episode, plan};
 use crate::episode::EpisodeEntry;
 
-/// How much of a dead worker's last words is told.
+/// How much of a dead worker's stderr is reported.
 const STDERR_TAIL_LINES: usize = 15;
 
-/// What all tasks of a worker share.
+/// Settings that all tasks of a worker share.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Job {
     pub config: GenerateConfig,
@@ -27,7 +27,7 @@ struct Task {
     episode_idx: u32,
 }
 
-/// What a worker says.
+/// A worker's answer.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Answer {
@@ -39,7 +39,7 @@ enum Answer {
 /// The worker's side: serves tasks from `input` until it ends.
 ///
 /// # Errors
-/// A broken pipe, or what the parent wrote is no job; failures of episodes are answers.
+/// A broken pipe, or the parent did not write a job; failures of episodes are answers.
 pub fn serve(input: impl BufRead, mut output: impl Write) -> io::Result<()> {
     let mut lines = input.lines();
     let Some(first) = lines.next() else { return Ok(()) };
@@ -59,7 +59,7 @@ pub fn serve(input: impl BufRead, mut output: impl Write) -> io::Result<()> {
     Ok(())
 }
 
-/// The error with what lies below it, unless it says that itself already.
+/// The error with its sources, unless its text contains them already.
 fn with_causes(error: &dyn std::error::Error) -> String {
     let mut text = error.to_string();
     let mut cause = error.source();
@@ -119,7 +119,7 @@ impl Worker {
         Ok(Self { process, to, from, stderr })
     }
 
-    /// Has one episode made; an error is the text to tell.
+    /// Lets the worker make one episode; an error is the text to report.
     pub(super) fn make(&mut self, episode_idx: u32, on_sample: &dyn Fn()) -> Result<EpisodeEntry, String> {
         let task = serde_json::to_string(&Task { episode_idx }).expect("a task has a JSON form");
         if writeln!(self.to, "{task}").is_err() {
@@ -136,7 +136,7 @@ impl Worker {
                 Ok(Answer::Sample) => on_sample(),
                 Ok(Answer::Done(entry)) => return Ok(*entry),
                 Ok(Answer::Failed(message)) => return Err(message),
-                // Some driver's chatter on stdout.
+                // A driver's message on stdout.
                 Err(_) => tracing::debug!(line, "a worker's line that is no answer"),
             }
         }
@@ -159,7 +159,7 @@ impl Worker {
 
 impl Drop for Worker {
     fn drop(&mut self) {
-        // Between tasks there is nothing to lose, and a task given up leaves only a partial file.
+        // Between tasks there is nothing to lose, and an abandoned task leaves only a partial file.
         let _ = self.process.kill();
         let _ = self.process.wait();
     }

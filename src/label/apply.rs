@@ -24,7 +24,7 @@ pub enum SampleError {
 /// Labels a sample; `episode` and `sample_idx` serve the errors.
 ///
 /// # Errors
-/// The ego's state or an object's box is not valid, or an id stands twice.
+/// The ego's state or an object's box is not valid, or an id occurs twice.
 pub fn label_sample(
     zone: &Zone,
     episode: &str,

@@ -1,4 +1,4 @@
-//! The same objects labelled by several zones: how much each calls harmful, and which objects change sides.
+//! The same objects labelled by several zones: how many each calls harmful, and on which objects they differ.
 //!
 //! Nothing is written; every annotated box counts once in each sample it is in.
 
@@ -21,7 +21,7 @@ use crate::zone::Zone;
 /// An object faster than this over ground moves, m/s.
 pub const MOVING_MPS: f64 = 0.5;
 
-/// What several zones say of one data set.
+/// The labels of several zones on one data set, compared.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ZoneComparison {
     pub n_episodes: u64,
@@ -30,15 +30,15 @@ pub struct ZoneComparison {
     pub zones: Vec<ZoneCounts>,
     /// `[row][column]`: objects that are harmful by the row's zone and harmless by the column's, in the order of `zones`.
     pub change_sides: Vec<Vec<u64>>,
-    /// `[row][column]`: objects harmful by both over those harmful by either; none where no object is.
+    /// `[row][column]`: objects harmful by both over those harmful by either; `None` if neither has one.
     pub agreement: Vec<Vec<Option<f64>>>,
-    /// Objects that are harmful by exactly so many zones, from none to all.
+    /// Objects that are harmful by exactly this many zones, from none to all.
     pub n_harmful_by: Vec<u64>,
     /// The first sample with the most objects on which zones differ, counted through all episodes from 0.
     pub most_disputed_sample: Option<usize>,
 }
 
-/// What one zone says.
+/// The labels of one zone, counted.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ZoneCounts {
     pub zone: String,
@@ -89,7 +89,7 @@ struct Tally {
     change_sides: Vec<Vec<u64>>,
     both: Vec<Vec<u64>>,
     n_harmful_by: Vec<u64>,
-    /// Of each sample: objects on which zones differ.
+    /// For each sample, the number of objects on which zones differ.
     n_disputed: Vec<usize>,
 }
 
@@ -121,7 +121,7 @@ impl Tally {
         Ok(tally)
     }
 
-    /// Adds a sample's objects with what each zone says of each.
+    /// Adds a sample's objects with each zone's verdict on each.
     fn add(&mut self, objects: &[Object], harms_by_zone: &[Vec<Harm>]) {
         let mut n_disputed = 0;
         for (object_idx, object) in objects.iter().enumerate() {

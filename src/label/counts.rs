@@ -1,4 +1,4 @@
-//! What labelling found: harmful and harmless boxes by distribution and kind, as a table.
+//! The result of labelling: harmful and harmless boxes by distribution and kind, as a table.
 
 use std::fmt;
 
@@ -20,7 +20,7 @@ pub struct LabelSummary {
     pub counts: LabelCounts,
 }
 
-/// The sum over the groups that fit; none stands for all.
+/// The sum over the groups that fit; `None` stands for all.
 #[must_use]
 pub fn count_of(counts: &LabelCounts, distribution: Option<Distribution>, kind: Option<Kind>) -> HarmCounts {
     let mut sum = HarmCounts::default();

@@ -1,4 +1,5 @@
-//! Harm labels: each annotated object of an episode, harmful or harmless by a danger zone; and zones compared.
+//! Harm labels: each annotated object of an episode is harmful or harmless by a danger zone; compares zones
+//! too.
 
 mod apply;
 mod compare;

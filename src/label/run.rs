@@ -1,4 +1,4 @@
-//! Labels a whole data set: one file an episode under `labels/<set>/`, and `labels.json` last.
+//! Labels a whole data set: one file per episode under `labels/<set>/`, and `labels.json` last.
 //!
 //! `labels.json` is written when every episode is done, so a set without it is unfinished and is made anew.
 
@@ -72,7 +72,7 @@ pub fn run(
         return Ok(summary(&done, true));
     }
     fs::create_dir_all(&folder)?;
-    // Until the new files are whole, the set must not pass for finished.
+    // Until the new files are complete, the set must not look finished.
     match fs::remove_file(folder.join(LabelManifest::FILE)) {
         Err(error) if error.kind() != std::io::ErrorKind::NotFound => return Err(error.into()),
         _ => {}
@@ -89,7 +89,7 @@ pub fn run(
     Ok(summary(&labels, false))
 }
 
-/// The set as it is if nothing is to do; none if episodes are missing from it.
+/// The set as it is if there is nothing to do; `None` if episodes are missing from it.
 fn finished(
     labels: LabelManifest,
     manifest: &Manifest,
@@ -97,7 +97,7 @@ fn finished(
     folder: &Path,
 ) -> Result<Option<LabelManifest>, LabelError> {
     let other = |what| LabelError::Other { set: labels.set.clone(), what, path: folder.to_owned() };
-    // Read, not compared as text: a set made before a key was there was made with its default.
+    // Parsed, not compared as text: a set made before a key existed was made with its default.
     if toml::from_str::<ZoneConfig>(&labels.zone_toml).ok().as_ref() != Some(zone_config) {
         return Err(other("another zone"));
     }

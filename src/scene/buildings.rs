@@ -21,7 +21,7 @@ pub const RAILING_M: f64 = 1.0;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Roof {
     Flat,
-    /// The ridge runs along the street, so high above the walls.
+    /// The ridge runs along the street, this high above the walls.
     Gable {
         rise_m: f64,
     },
@@ -34,7 +34,7 @@ pub struct Balcony {
     pub center: Vec2,
     /// Height of the slab's top over the ground floor's level.
     pub z_m: f64,
-    /// The direction it stands out to.
+    /// The direction in which it stands out.
     pub yaw_rad: f64,
     /// Along the wall.
     pub width_m: f64,
@@ -165,7 +165,7 @@ impl BuildingMeshes {
                     ([from[0], from[1], top_m], [0.0, last]),
                 ]
             };
-            // Below the ground floor goes on what is lowest in its tile: a plain plinth.
+            // Below the ground floor the lowest part of its tile goes on: a plain plinth.
             let n_floors = f64::from(building.n_floors);
             let facades = &mut self.facades[building.facade];
             if has_gates && i != 2 {

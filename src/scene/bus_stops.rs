@@ -1,4 +1,4 @@
-//! Bus stops: what stands behind the bays of a map, its lanes of type `stop`.
+//! Bus stops: what stands behind the bays of a map, which are its lanes of type `stop`.
 
 use super::network::flat;
 use super::path::Path;

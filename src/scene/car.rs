@@ -30,7 +30,7 @@ const EGO_MASS_KG: f64 = 1500.0;
 /// Two steered wheels, then the spin of four: the order of `ctrl`.
 pub const N_ACTUATORS: usize = 6;
 
-/// What the driver asks of the car.
+/// The driver's commands to the car.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EgoCommand {
     /// Speed that the wheels are driven towards; see [`DRIVE_RESPONSE_S`].

@@ -1,4 +1,4 @@
-//! What moves in a filled town: vehicles on their lanes, pedestrians on their pavements.
+//! Everything that moves in a filled town: vehicles on their lanes, pedestrians on their pavements.
 
 use rand::RngExt;
 
@@ -12,8 +12,8 @@ use super::world::{Motion, Walk, footprint_of};
 use crate::object::Kind;
 use crate::random::{self, Rng};
 
-/// Jaywalkers stand beside the first part of the ego's route when the world starts, metres along it: what
-/// the ego reaches while it is driven and filmed.
+/// Jaywalkers stand beside the first part of the ego's route when the world starts, metres along it: the
+/// part that the ego reaches during an episode.
 const JAYWALKERS_FROM_M: f64 = 10.0;
 const JAYWALKERS_TO_M: f64 = 220.0;
 /// The same where obstacles lie on the street and the ego drives more slowly.
@@ -185,7 +185,7 @@ impl Filler<'_> {
             }
         }
         let (_, to) = best?;
-        // The way must be free of what stands.
+        // Nothing may stand on the way.
         self.occupied.is_free(&Footprint::between(from, to, 1.0), 0.0).then_some((station_m, to))
     }
 }

@@ -1,7 +1,7 @@
 //! One driver other than the ego: keeps to its route, follows, passes, waits, backs up.
 //!
-//! Kinematic: the body stays on the route's line, plus an offset to the left, and never enters what
-//! is taken.
+//! Kinematic: the body stays on the route's line, plus an offset to the left, and never enters ground
+//! that is taken.
 
 use super::driving::{self, Gap, Obstacle, Owner};
 use super::lane_change::Mover;
@@ -20,7 +20,7 @@ const CREEP_S: f64 = 3.0;
 const CREEP_MPS: f64 = 1.0;
 /// Standing this long with no way on, a driver backs up.
 const BACK_UP_S: f64 = 6.0;
-/// From one change of lanes, when it is done, to the next.
+/// Time from the end of one change of lanes to the next.
 const CHANGED_S: f64 = 5.0;
 
 #[derive(Debug, Clone)]
@@ -29,10 +29,10 @@ pub struct Driver {
     pub route: Route,
     /// Station of the footprint's centre.
     pub station_m: f64,
-    /// Offset of the centre to the left of the route, and where it is going to be.
+    /// Offset of the centre to the left of the route, now and as planned.
     pub left_m: f64,
     left_wanted_m: f64,
-    /// Change of the offset for each metre of the way.
+    /// Change of the offset per metre of the way.
     slope: f64,
     pub speed_mps: f64,
     pub length_m: f64,
@@ -40,9 +40,9 @@ pub struct Driver {
     /// Share of the limit that this driver likes.
     eagerness: f64,
     pub waited_s: f64,
-    /// Seconds that it still backs up.
+    /// Seconds for which it still backs up.
     backing_s: f64,
-    /// Seconds until it may change lanes again; above [`CHANGED_S`], it is changing.
+    /// Seconds until it may change lanes again; above [`CHANGED_S`] it is changing now.
     change_s: f64,
 }
 
@@ -66,7 +66,7 @@ impl Driver {
         }
     }
 
-    /// Goes on elsewhere, in the middle of a lane.
+    /// Continues elsewhere, in the middle of a lane.
     pub fn restart(&mut self, route: Route, station_m: f64) {
         (self.route, self.station_m) = (route, station_m);
         (self.left_m, self.left_wanted_m, self.slope) = (0.0, 0.0, 0.0);
@@ -153,7 +153,7 @@ impl Driver {
         for stop in [gap, line, end].into_iter().flatten() {
             // Room to drive round what stands.
             if stop.is_still && driver.waited_s > CREEP_S {
-                // What is planned too close may still be passed at a walk; the last check guards it.
+                // A way planned too close may still be driven at walking speed; the last check guards it.
                 acceleration = acceleration.min((CREEP_MPS - driver.speed_mps) / dt_s);
                 continue;
             }
@@ -180,7 +180,7 @@ impl Driver {
             (aim - driver.slope).clamp(-sharpest_per_m * moved_m.abs(), sharpest_per_m * moved_m.abs());
         driver.left_m += driver.slope * moved_m;
         driver.station_m += moved_m;
-        // Whatever was planned: nobody moves into what is taken.
+        // Whatever was planned: nobody moves onto taken ground.
         let after = driver.obstacle().footprint.grow(0.03);
         let hits =
             |other: &Obstacle| after.meets(&other.footprint) && !before.footprint.meets(&other.footprint);
@@ -195,8 +195,8 @@ impl Driver {
         driver.waited_s = if stands || driver.backing_s > 0.0 { driver.waited_s + dt_s } else { 0.0 };
     }
 
-    /// Moves over to a neighbouring lane where that serves: it takes up a route there, and finds
-    /// itself beside it.
+    /// Moves over to a neighbouring lane where that helps: it takes a route there, and is then
+    /// beside that route.
     fn consider_change(&mut self, graph: &LaneGraph, others: &[Obstacle], rng: &mut Rng) {
         if self.change_s > 0.0 || self.speed_mps < 1.0 || self.backing_s > 0.0 || self.left_m.abs() > 0.5 {
             return;

@@ -21,7 +21,7 @@ const STEP_M: f64 = 0.6;
 /// Room kept to both sides.
 const SIDE_ROOM_M: f64 = 0.25;
 
-/// Who takes ground.
+/// Who or what takes ground.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Owner {
     Ego,
@@ -100,7 +100,7 @@ pub fn acceleration_mps2(speed_mps: f64, desired_mps: f64, gap: Option<Gap>, sta
 
 /// The speed that bends ahead allow, braking comfortably.
 pub fn bend_speed_mps(path: &Path, s_m: f64, limit_mps: f64) -> f64 {
-    // As far as the way to a stop.
+    // Looks as far as the braking distance.
     let n = (limit_mps * limit_mps / (2.0 * BEND_BRAKING_MPS2) / 3.0).ceil().clamp(8.0, 60.0) as usize;
     (0..=n).fold(limit_mps, |speed, i| {
         let ahead_m = 3.0 * i as f64;

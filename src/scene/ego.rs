@@ -19,21 +19,21 @@ use crate::random::Rng;
 
 /// Fastest turn of the road wheels.
 const STEERING_RATE_RPS: f64 = 0.9;
-/// Standing this long for no junction's sake is a jam.
+/// Standing this long without a junction as the reason is a jam.
 const JAM_S: f64 = 5.0;
-/// Waiting this long at a junction is reason to turn elsewhere.
+/// After waiting this long at a junction the driver turns elsewhere.
 const PATIENCE_S: f64 = 9.0;
 
-/// Who stands this close to the end of the route has arrived, and waits.
+/// A driver who stands this close to the end of the route has arrived, and waits.
 const END_M: f64 = 8.0;
 const GRAVITY_MPS2: f64 = 9.81;
-/// Drag is learnt over this time, up to a bound, while little is asked for.
+/// Drag is learnt over this time, up to a bound, while the demanded acceleration is small.
 const DRAG_TIME_S: f64 = 2.0;
 const MAX_DRAG_MPS2: f64 = 0.8;
 const MAX_LEARNT_MPS2: f64 = 2.0;
 /// Sideways speed of a change of lanes.
 const SIDEWAYS_MPS: f64 = 1.3;
-/// From one change of lanes to the next.
+/// Time from one change of lanes to the next.
 const CHANGED_S: f64 = 5.0;
 
 /// Pose and speed of the ego as the simulator reports them.
@@ -79,16 +79,16 @@ pub struct EgoDriver {
     steering_rad: f64,
     jam_s: f64,
     held_s: f64,
-    /// Seconds that it still backs up.
+    /// Seconds for which it still backs up.
     backing_s: f64,
-    /// Seconds that it still takes any way round.
+    /// Seconds for which it still takes any way round.
     bold_s: f64,
-    /// Whether it moves over to another lane, the offset it steers at on the way, and how long until
-    /// the next change.
+    /// Whether it moves over to another lane, the offset that it steers at meanwhile, and the time
+    /// until the next change.
     is_changing: bool,
     glide_m: f64,
     change_s: f64,
-    /// What was asked for last, the speed then, and the drag learnt from what came of it.
+    /// The last demanded acceleration, the speed then, and the drag learnt from the outcome.
     asked_mps2: f64,
     speed_before_mps: f64,
     drag_mps2: f64,
@@ -130,7 +130,7 @@ impl EgoDriver {
         self.station_m - (EGO_LENGTH_M - FRONT_BUMPER_X_M)
     }
 
-    /// One decision. `answer` is what the next junction and its lights say.
+    /// Decides once. `answer` comes from the next junction and its lights.
     pub fn step(
         &mut self,
         dt_s: f64,
@@ -148,7 +148,7 @@ impl EgoDriver {
             .iter()
             .filter(|other| other.owner != Owner::Ego)
             .filter(|other| (other.footprint.center - pose.position).norm() < 60.0)
-            // After a jam, cars that stand are passed like things.
+            // After a jam, standing cars are passed like things.
             .map(|other| {
                 let stands = other.is_vehicle && other.velocity_mps.norm() < 0.1;
                 Obstacle { is_still: other.is_still || (is_bold && stands), ..*other }
@@ -160,7 +160,7 @@ impl EgoDriver {
         let speed_mps = pose.speed_mps.max(0.0);
         let reach_m = 12.0 + 3.0 * speed_mps;
         let gap = self.swerve(pose, graph).gap(self.left_m, reach_m, others.iter());
-        // Room to steer round what stands; less for what will drive on.
+        // Room to steer round what stands; less for vehicles that will drive on.
         let standstill_m = if gap.is_some_and(|gap| gap.is_still) { 4.5 } else { 1.5 };
         let limit_mps = graph.lanes[self.route.span_at(self.front_m()).lane].limit_mps;
         let mut desired_mps = driving::bend_speed_mps(&self.route.path, self.station_m, limit_mps);
@@ -197,8 +197,8 @@ impl EgoDriver {
         }
     }
 
-    /// What the wheels' target needs on top, so that the car does as asked: against the slope, and
-    /// against drag, which shows as the difference between asked and found acceleration.
+    /// What the wheels' target needs on top, so that the car does as demanded: against the slope, and
+    /// against drag, which shows as the difference between demanded and measured acceleration.
     fn hold_mps(&mut self, dt_s: f64, pose: &EgoPose) -> f64 {
         let found_mps2 = (pose.speed_mps - self.speed_before_mps) / dt_s;
         self.speed_before_mps = pose.speed_mps;
@@ -210,7 +210,7 @@ impl EgoDriver {
         (GRAVITY_MPS2 * pose.grade + drag_mps2) * DRIVE_RESPONSE_S
     }
 
-    /// Moves over to a neighbouring lane where that serves, gently.
+    /// Moves over gently to a neighbouring lane where that helps.
     fn consider_change(&mut self, dt_s: f64, pose: &EgoPose, graph: &LaneGraph, others: &[Obstacle]) {
         self.change_s -= dt_s;
         if self.is_changing {
@@ -243,7 +243,7 @@ impl EgoDriver {
         self.is_changing = true;
     }
 
-    /// How long it has been standing.
+    /// The time for which it has been standing.
     pub fn waited_s(&self) -> f64 {
         self.jam_s.max(self.held_s)
     }
@@ -269,7 +269,7 @@ impl EgoDriver {
         }
     }
 
-    /// A jam ends by another way: other turns ahead, a bolder way round, at last backing up.
+    /// Ends a jam by another way: other turns ahead, a bolder way round, at last backing up.
     fn unjam(&mut self, dt_s: f64, speed_mps: f64, is_held: bool, graph: &LaneGraph) {
         let before_s = self.jam_s;
         let stands = speed_mps.abs() <= 0.3;
@@ -325,7 +325,7 @@ fn is_free_behind(pose: &EgoPose, others: &[Obstacle]) -> bool {
     let body = pose.obstacle().footprint;
     let behind =
         Footprint { center: body.center - pose.direction() * 1.5, length_m: body.length_m + 2.0, ..body };
-    // What touches in front does not hinder backing up.
+    // A thing that touches the front does not hinder backing up.
     let rear = |other: &&Obstacle| (other.footprint.center - body.center).dot(&pose.direction()) < 0.0;
     !others.iter().filter(rear).any(|other| other.footprint.meets(&behind))
 }

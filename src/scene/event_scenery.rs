@@ -9,9 +9,9 @@ use super::path::{Vec2, rotate};
 use super::surface::StripKind;
 use super::world::World;
 
-/// Contact bits of scenery that only loose things meet: the ego's wheels mount kerbs as before.
+/// Contact bits of scenery that only loose things meet: the ego's wheels still mount kerbs.
 const SCENERY_CONTACT: &str = "contype=\"2\" conaffinity=\"2\"";
-/// Scenery farther than this from where a loose thing starts or goes cannot be met by it.
+/// A loose thing cannot meet scenery farther than this from its start or its aim.
 const EVENT_REACH_M: f64 = 22.0;
 
 impl World {

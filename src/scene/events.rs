@@ -1,7 +1,7 @@
 //! Events: things that fall from a balcony, roll across the road, or are thrown before the ego.
 //!
-//! Each is a free body that is held still until the ego comes near where it will cross its way; from
-//! then on it belongs to the physics.
+//! Each is a free body that is held still until the ego comes near the point where their ways cross; from
+//! then on physics moves it.
 
 use nalgebra::Vector3;
 use rand::RngExt;
@@ -19,14 +19,14 @@ use crate::random::{self, Rng};
 
 /// Heights of the balconies' floors: the first and second storey over a shop.
 const STOREYS_M: [f64; 2] = [4.1, 7.3];
-/// What may stand on a parapet.
+/// Largest and heaviest model that may stand on a parapet.
 const LARGEST_M: f64 = 1.1;
 const HEAVIEST_KG: f64 = 25.0;
-/// What the wind tumbles along; heavier things must be round.
+/// Models up to this mass tumble in the wind; heavier ones must be round.
 const LIGHT_KG: f64 = 6.0;
-/// The ego is thought to come at most so fast.
+/// The ego is assumed to approach at most this fast.
 const APPROACH_MPS: f64 = 8.0;
-/// Between a held thing and what it stands on, so that nothing presses.
+/// Gap between a held thing and what it stands on, so that nothing presses.
 const AIR_M: f64 = 0.005;
 /// Faster than this nobody throws a box.
 const FASTEST_THROW_MPS: f64 = 13.0;
@@ -38,7 +38,7 @@ struct Plan {
     perch: Option<Perch>,
 }
 
-/// Where something may stand aloft: the middle of a balcony's rail or parapet.
+/// A place aloft where something may stand: the middle of a balcony's rail or parapet.
 struct Ledge {
     at: Vec2,
     z_m: f64,
@@ -99,7 +99,7 @@ impl Filler<'_> {
         let model = self.draw_small_model(rng)?;
         let (linear_mps, time_s) =
             throw((ledge.at, self.over_m(&ledge, aim)), aim, 0.6 + rng.random::<f64>());
-        // Farther out than a push takes it, it comes down on the way there.
+        // An aim farther out than a push reaches: it comes down on the way there.
         let push = 5.0 / linear_mps.xy().norm().max(5.0);
         let linear_mps = Vector3::new(linear_mps.x * push, linear_mps.y * push, linear_mps.z);
         let lead_m = 8.0 + 10.0 * rng.random::<f64>();
@@ -190,7 +190,7 @@ impl Filler<'_> {
             return None;
         }
         let start = starts[rng.random_range(0..starts.len())];
-        // Straight across, where the lane passes it.
+        // Straight across, at the point where the lane passes it.
         let (at_m, left_m) = route.path.project(start, station_m - 15.0, station_m + 15.0);
         let aim = route.path.beside(at_m - 0.8 * rng.random::<f64>(), 0.3 * left_m.signum());
         if !self.is_way_free(start, aim) {

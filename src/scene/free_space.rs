@@ -1,4 +1,4 @@
-//! What the surroundings leave free for an event: ways, places and the height of the ground there.
+//! Free space for events in the surroundings: ways, places and the height of the ground there.
 
 use super::ground::PAVEMENT_M;
 use super::models::SOLID_M;
@@ -46,7 +46,7 @@ impl Filler<'_> {
             && corners.iter().all(|corner| self.is_pavement(Vec2::new(corner.x_m, corner.y_m)) == is_raised)
     }
 
-    /// Height of what things lie on: pavements are raised, all else is the ground.
+    /// Height of the surface that things lie on: pavements are raised, all else is the ground.
     pub(super) fn level_m(&self, point: Vec2) -> f64 {
         let raised_m = if self.is_pavement(point) { PAVEMENT_M } else { 0.0 };
         self.town.surface.ground_m(point) + raised_m

@@ -1,4 +1,4 @@
-//! What stands in a filled town: parked cars, the posts of lights, furnishings and props.
+//! Everything that stands in a filled town: parked cars, the posts of lights, furnishings and props.
 
 use rand::RngExt;
 
@@ -159,14 +159,14 @@ impl Filler<'_> {
         }
     }
 
-    /// Heading of a model beside a street: to the street, or at the drivers who come along here.
+    /// Heading of a model beside a street: towards the street, or towards the oncoming drivers.
     ///
     /// `street_side` is 1 where the street is to the left of the heading, else -1.
     fn facing_rad(&self, model: usize, heading_rad: f64, street_side: f64) -> f64 {
         if self.models[model].facts.faces == Faces::Street {
             return heading_rad + street_side * std::f64::consts::FRAC_PI_2;
         }
-        // Who drives along the heading has this place on the side away from the street.
+        // For a driver along the heading, this place is on the side away from the street.
         let they_come_along = street_side * self.town.graph.kerb_sign() < 0.0;
         heading_rad + if they_come_along { std::f64::consts::PI } else { 0.0 }
     }

@@ -5,8 +5,8 @@
 //! land runs smoothly between the roads (a relaxed membrane, `4 z = sum of the neighbours`), and falls
 //! to zero towards the grid's border. A network without slopes has no grid: its ground is zero.
 //!
-//! One place has one height: of roads on several levels the lowest is taken, and what runs above it is
-//! named as unusable.
+//! One place has one height: where roads lie on several levels the lowest counts, and those above it are
+//! reported as unusable.
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
@@ -28,7 +28,7 @@ const VERGE_M: f64 = 7.0;
 const MARGIN_M: f64 = 200.0;
 /// Over this width the land falls to zero at the grid's border.
 const FADE_M: f64 = 120.0;
-/// Roads that much above the lowest at the same place are on another level.
+/// Roads this far above the lowest one at the same place are on another level.
 const LEVEL_M: f64 = 2.0;
 /// A lane is on another level where this share of it lies above others.
 const LEVEL_SHARE: f64 = 0.1;
@@ -174,8 +174,8 @@ impl Grid {
             + (z(i, j + 1) * (1.0 - u) + z(i + 1, j + 1) * u) * v
     }
 
-    /// Tells of each node in the ribbon or within `reach_m` beside it: its index, the ribbon's height
-    /// there (beside it, its edge's) and the distance from the edge.
+    /// Visits each node in the ribbon or within `reach_m` beside it: its index, the ribbon's height
+    /// there (beside it, the edge's) and the distance from the edge.
     fn visit(&self, ribbon: &Ribbon, reach_m: f64, mut tell: impl FnMut(usize, f64, f64)) {
         for i in 1..ribbon.left.len().min(ribbon.right.len()) {
             let corners = [ribbon.left[i - 1], ribbon.right[i - 1], ribbon.left[i], ribbon.right[i]];
@@ -253,7 +253,7 @@ fn relaxed(sums: &[(f64, f64)], n_x: usize, n_y: usize) -> Vec<f32> {
     z_m.into_iter().map(|z| z as f32).collect()
 }
 
-/// Fills nodes of no weight from ever coarser means (push-pull, Gortler et al., 1996).
+/// Fills nodes without weight from ever coarser means (push-pull, Gortler et al., 1996).
 fn filled(known: &[(f64, f64)], n_x: usize, n_y: usize) -> Vec<f64> {
     if n_x <= 2 || n_y <= 2 || known.iter().all(|&(_, weight)| weight > 0.0) {
         return known.iter().map(|&(z, _)| z).collect();

@@ -1,23 +1,23 @@
-//! Junctions by reservation: who may drive in, so that paths that cross are never driven at once.
+//! Junctions by reservation: decides who may drive in, so that crossing paths are never driven at once.
 //!
-//! Lights come first, then right of way: who yields waits for those of higher rank who arrive soon.
-//! Among equals, who asks first drives first.
+//! Lights come first, then right of way: a driver who yields waits for those of higher rank who arrive soon.
+//! Among equals, the one who asks first drives first.
 
 use super::driving::{self, Gap, Obstacle, Owner};
 use super::lights::{Aspect, Clock, Lights};
 use super::network::{LaneGraph, Rank};
 use super::route::{Route, Span};
 
-/// Standing this long before a junction gives its reservation back.
+/// A driver who stands this long before a junction gives the reservation back.
 const GIVE_WAY_S: f64 = 3.0;
 /// Braking that a yellow light may ask for.
 const YELLOW_BRAKING_MPS2: f64 = 3.0;
-/// Who yields leaves those who have priority this much time.
+/// A driver who yields leaves this much time to those with priority.
 const YIELD_S: f64 = 4.0;
-/// Lights this far ahead explain why a queue stands.
+/// Lights up to this far ahead explain a standing queue.
 const QUEUE_M: f64 = 70.0;
 
-/// Lanes of junctions that are taken: by which driver.
+/// Lanes of junctions that are taken, and by which driver.
 #[derive(Debug, Clone, Default)]
 pub struct Reservations {
     held: Vec<(usize, usize)>,
@@ -31,7 +31,7 @@ pub struct Crossing {
     pub exit_m: f64,
 }
 
-/// The first junction that is not left at `rear_m`.
+/// The first junction that a rear at `rear_m` has not left yet.
 pub fn next_crossing(graph: &LaneGraph, route: &Route, rear_m: f64) -> Option<Crossing> {
     let junction_of = |span: &Span| graph.lanes[span.lane].junction;
     let mut spans = route.spans_from(rear_m).skip_while(|span| junction_of(span).is_none()).peekable();
@@ -75,7 +75,7 @@ impl Reservations {
     }
 }
 
-/// What all who come to junctions look at.
+/// What every driver at a junction takes into account.
 #[derive(Debug, Clone, Copy)]
 pub struct View<'a> {
     pub graph: &'a LaneGraph,
@@ -85,7 +85,7 @@ pub struct View<'a> {
     pub approaches: &'a [Approach],
 }
 
-/// One who comes to a junction and might have priority.
+/// A driver who comes to a junction and might have priority.
 #[derive(Debug, Clone)]
 pub struct Approach {
     driver: usize,
@@ -94,24 +94,24 @@ pub struct Approach {
     in_s: f64,
 }
 
-/// Where a driver has to stop, and why.
+/// The distance at which a driver has to stop, and why.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stop {
     pub gap: Gap,
     pub is_light: bool,
 }
 
-/// What a junction answers.
+/// A junction's answer.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Answer {
     pub stop: Option<Stop>,
     /// Whether the way through has just been granted.
     pub is_granted: bool,
-    /// Whether a light that is not green lies ahead: standing is no jam.
+    /// Whether a light that is not green lies ahead: then standing is not a jam.
     pub is_queue: bool,
 }
 
-/// One who comes to a junction.
+/// A driver who comes to a junction.
 #[derive(Debug, Clone, Copy)]
 pub struct Asker<'a> {
     pub driver: usize,
@@ -145,7 +145,7 @@ impl Asker<'_> {
             let must_stop = match clock.aspect(lights, light) {
                 Aspect::Green => false,
                 Aspect::Yellow => to_line_m > braking_m,
-                // One who could not stop in time has driven on at yellow, and drives on.
+                // A driver who could not stop in time has driven on at yellow, and drives on.
                 Aspect::Red => to_line_m > 0.5 * braking_m,
             };
             must_stop.then_some(to_line_m)
@@ -192,7 +192,7 @@ impl Asker<'_> {
             return waits;
         }
         let refused = Answer { stop: Some(Stop { gap: line(to_entry_m), is_light: false }), ..waits };
-        // One who stands before the junction gives way to others, or all might wait for each other.
+        // A driver who stands before the junction gives way, or all might wait for each other.
         let gives_way = to_entry_m > 0.0 && self.waited_s > GIVE_WAY_S;
         if reservations.holds(self.driver, &crossing.lanes) {
             if !gives_way {
@@ -204,11 +204,11 @@ impl Asker<'_> {
         if to_entry_m > braking_m {
             return waits;
         }
-        // Only the first in the lane asks: one behind could not make use of it.
+        // Only the first in the lane asks: a driver behind could not use the grant.
         let ahead = view.moving.iter().filter(|other| other.owner != self.owner && other.is_vehicle);
         let way = (self.front_m, to_entry_m.max(0.0));
         let is_first = driving::gap_ahead(&self.route.path, way, 0.8, |_| 0.0, ahead).is_none();
-        // Whoever cannot leave a junction must not enter it.
+        // A driver who cannot leave a junction must not enter it.
         let standing = view
             .moving
             .iter()

@@ -1,4 +1,4 @@
-//! Changes of lane: when a neighbouring lane of the same direction serves better, and is free.
+//! Changes of lane: when a neighbouring lane of the same direction is better and free.
 //!
 //! Reasons: someone slower ahead, or a lane that ends. The change itself is a new route along the
 //! neighbour with the body beside it, which the driver then steers back to the middle of.
@@ -11,20 +11,20 @@ use crate::random::Rng;
 
 /// No change begins closer than this to the end of a lane, as before a junction.
 const LEAST_LEFT_M: f64 = 30.0;
-/// A route that ends within this distance is reason to change to a lane that leads on.
+/// If the route ends within this distance, the driver looks for a lane that leads on.
 const END_M: f64 = 150.0;
-/// How far ahead slower ones are seen.
+/// How far ahead slower vehicles are seen.
 const SIGHT_M: f64 = 45.0;
-/// What drives slower than this share of the wish is worth passing.
+/// A vehicle slower than this share of the wished speed is worth passing.
 const SLOW_SHARE: f64 = 0.75;
-/// A neighbouring lane must be free this much farther than the own one.
+/// A neighbouring lane must be free this much farther than the present one.
 const GAIN_M: f64 = 15.0;
 
-/// One who might change.
+/// A driver who might change.
 #[derive(Debug, Clone, Copy)]
 pub struct Mover<'a> {
     pub route: &'a Route,
-    /// Of the body's centre.
+    /// Station of the body's centre.
     pub station_m: f64,
     pub length_m: f64,
     pub speed_mps: f64,
@@ -73,7 +73,7 @@ impl Mover<'_> {
         })
     }
 
-    /// How far a way is free, and how fast the one is who ends that.
+    /// How far a way is free, and the speed of the vehicle that ends it.
     fn ahead(&self, route: &Route, station_m: f64, others: &[Obstacle]) -> (f64, f64) {
         let front_m = station_m + self.length_m / 2.0;
         self.on(route, station_m, others)
@@ -94,7 +94,7 @@ impl Mover<'_> {
         })
     }
 
-    /// Those on a way near a station: their station, speed along it, and half their length.
+    /// The vehicles on a way near a station: their station, speed along it, and half their length.
     fn on<'b>(
         &self,
         route: &'b Route,

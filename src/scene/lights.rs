@@ -16,10 +16,10 @@ use super::path::Vec2;
 use crate::random;
 
 const GREEN_S: f64 = 14.0;
-/// The usual one up to 50 km/h.
+/// The usual yellow time up to 50 km/h.
 const YELLOW_S: f64 = 3.0;
 const ALL_RED_S: f64 = 1.5;
-/// A junction's lights stand no farther before it than this.
+/// A junction's lights stand at most this far before it.
 const TO_JUNCTION_M: f64 = 60.0;
 /// More controllers than this are approaches, not phases.
 const MAX_CONTROLLERS: usize = 3;
@@ -81,7 +81,7 @@ fn rank_of(signal: &xodr::Signal) -> Option<Rank> {
 }
 
 impl Lights {
-    /// Reads lights, and into the graph the right of way of signs; tells what is not understood.
+    /// Reads lights, and writes the right of way of signs into the graph; reports what is not understood.
     pub fn read(
         network: &xodr::RoadNetwork,
         graph: &mut LaneGraph,
@@ -105,7 +105,7 @@ impl Lights {
                 let stops =
                     lanes.iter().map(|&lane| (lane, stop_m(graph, lane, &places, crosswalks))).collect();
                 let junction = lanes.iter().find_map(|&lane| junction_after(graph, lane));
-                // Lights of no junction stand alone.
+                // Lights without a junction stand alone.
                 let key = junction.map_or((1, n), |junction| (0, junction));
                 groups.entry(key).or_default().push(all.lights.len());
                 controllers.push(signal.controllers.first().map(|id| id.0));
@@ -203,7 +203,7 @@ fn cycle_s(n_phases: usize) -> f64 {
     n_phases as f64 * (GREEN_S + YELLOW_S + ALL_RED_S)
 }
 
-/// Where on a lane to stop: at the light's place, before a crosswalk there; at the start of a lane
+/// Where to stop on a lane: at the light's place, or before a crosswalk there; at the start of a lane
 /// that already crosses the junction.
 fn stop_m(graph: &LaneGraph, lane: usize, places: &[Vec2], crosswalks: &[Footprint]) -> f64 {
     let (path, junction) = (&graph.lanes[lane].path, graph.lanes[lane].junction);
@@ -246,7 +246,7 @@ fn junction_after(graph: &LaneGraph, lane: usize) -> Option<usize> {
     }
 }
 
-/// A sign on a lane ranks the ways through the junction that follow.
+/// Ranks the ways through a junction by the sign on the lane before them.
 fn set_rank(graph: &mut LaneGraph, lanes: &[usize], rank: Rank) {
     for &lane in lanes {
         let inside = if graph.lanes[lane].junction.is_some() {

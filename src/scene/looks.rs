@@ -1,4 +1,4 @@
-//! The looks that a `town.toml` chooses from: of buildings, grounds, boundaries and medians, and colours.
+//! The looks that a `town.toml` chooses from, for buildings, grounds, boundaries and medians; and colours.
 
 use serde::{Deserialize, Serialize};
 

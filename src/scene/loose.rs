@@ -18,11 +18,11 @@ pub struct Loose {
     pub event: Event,
     /// Where it is held.
     pub world_from_model: Isometry3<f64>,
-    /// Where it is to come down, or to cross the ego's lane.
+    /// The aim: where it comes down, or crosses the ego's lane.
     pub aim: Vec2,
-    /// Let go when the ego's rear axle is nearer to the aim than this.
+    /// It is let go when the ego's rear axle is nearer to the aim than this.
     pub release_m: f64,
-    /// Of the centre of mass when it is let go, in the world frame.
+    /// Velocity of the centre of mass when it is let go, in the world frame.
     pub linear_mps: Vector3<f64>,
     pub angular_rps: Vector3<f64>,
 }
@@ -85,7 +85,7 @@ pub fn standing(at: Vec2, z_m: f64, yaw_rad: f64) -> Isometry3<f64> {
     Isometry3::from_parts(Translation3::new(at.x, at.y, z_m), turn)
 }
 
-/// On its round side, the axis along a heading; what is not round stands.
+/// On its round side, the axis along a heading; a model that is not round stands.
 pub fn lying(model: &Model, at: Vec2, z_m: f64, heading_rad: f64) -> Isometry3<f64> {
     match model.facts.rolls {
         // The model's y runs along the heading.

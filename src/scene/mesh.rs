@@ -27,7 +27,7 @@ impl TriangleMesh {
         self.vertices.extend_from_slice(corners);
         for i in 1..corners.len().saturating_sub(1) {
             let [a, b, c] = [corners[0].0, corners[i].0, corners[i + 1].0].map(Point3::from);
-            // MuJoCo refuses nothing here, but slivers have no normal.
+            // MuJoCo accepts slivers, but they have no normal.
             if (b - a).cross(&(c - a)).norm() > 1e-5 {
                 self.triangles.push([first, first + i, first + i + 1]);
             }
@@ -83,7 +83,7 @@ impl TriangleMesh {
     }
 }
 
-/// Triangles of an OBJ text: faces are fanned, everything but positions is passed over.
+/// Triangles of an OBJ text: faces become fans, everything but positions is ignored.
 ///
 /// `None` if a number or an index is malformed.
 pub fn triangles_of_obj(text: &str) -> Option<Vec<[Point3<f32>; 3]>> {

@@ -29,7 +29,7 @@ pub struct Sun {
 pub struct Lighting {
     /// From everywhere.
     pub ambient: [f64; 3],
-    /// Without it everything is drawn in its own colour.
+    /// If `None`, everything is drawn in its own colour.
     pub sun: Option<Sun>,
 }
 
@@ -49,7 +49,7 @@ impl World {
         self.add_objects(&mut builder);
         self.add_event_scenery(&mut builder);
         let [red, green, blue] = lighting.ambient;
-        // A little light from the eye tells a thing's sides apart where no sun does.
+        // A little light from the eye makes a thing's sides differ where there is no sun.
         let headlight = if lighting.sun.is_some() { 0.12 } else { 0.0 };
         let contact = self.add_contact(&mut builder);
         let sun = lighting.sun.as_ref().map_or_else(String::new, sun_xml);
@@ -78,7 +78,7 @@ impl World {
         move |point: Vec2| near.iter().any(|other| (point - other).norm() < 160.0)
     }
 
-    /// What wheels and free bodies stand on: a plane, or on slopes the height field of the ground.
+    /// The ground of wheels and free bodies: a plane, or on slopes the height field.
     fn add_contact(&self, builder: &mut Builder) -> String {
         let Some(grid) = self.town.surface.ground.grid() else {
             return "type=\"plane\" size=\"0 0 1\" pos=\"0 0 0\"".to_owned();
@@ -132,7 +132,7 @@ impl World {
         }
     }
 
-    /// What is wider than high lies on the slope, all else stands upright.
+    /// Models wider than high lie on the slope, all others stand upright.
     fn turn_of(&self, placement: &Placement) -> String {
         let model = &self.models[placement.model];
         let ground = &self.town.surface.ground;

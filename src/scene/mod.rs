@@ -1,4 +1,4 @@
-//! Scenes: towns, object models, the filled world as MJCF, and how all that moves behaves.
+//! Scenes: towns, object models, the filled world as MJCF, and the behaviour of everything that moves.
 
 mod builder;
 mod buildings;

@@ -23,7 +23,7 @@ const MODEL_FILE: &str = "model.xml";
 /// Height below which a car could hit something, with some room.
 pub const SOLID_M: f64 = 1.9;
 
-/// What is higher may hang over the road: the clearance that German roads keep, metres.
+/// Parts above this height may hang over the road: the clearance that German roads keep, metres.
 const CLEARANCE_M: f64 = 4.5;
 
 /// Lowest and highest corner.
@@ -36,7 +36,7 @@ pub enum Faces {
     /// Over the kerb.
     #[default]
     Street,
-    /// At the drivers who come.
+    /// Towards the oncoming drivers.
     Traffic,
 }
 
@@ -48,7 +48,7 @@ pub enum RollAxis {
     Z,
 }
 
-/// What the `<custom>` element of a model says.
+/// The content of a model's `<custom>` element.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ModelFacts {
@@ -58,7 +58,7 @@ pub struct ModelFacts {
     pub distribution: Distribution,
     /// Share of LiDAR light sent back at right angles, 0 to 1.
     pub reflectivity: f64,
-    /// Against the other models of its kind, where a town gives no weights.
+    /// How likely the model is, relative to others of its kind, where a town gives no weights.
     #[serde(default = "one")]
     pub weight: f64,
     #[serde(default)]
@@ -78,13 +78,13 @@ fn one() -> f64 {
 pub struct Model {
     pub name: String,
     pub facts: ModelFacts,
-    /// Of its collision shapes.
+    /// Bounds of its collision shapes.
     pub mass_kg: f64,
-    /// Of the visual meshes, in the model frame.
+    /// Bounds of the visual meshes, in the model frame.
     pub bounds: Bounds,
-    /// Of what lies below [`SOLID_M`]: a tree's trunk without its crown.
+    /// Bounds of the part below [`SOLID_M`]: a tree's trunk without its crown.
     pub solid: Bounds,
-    /// Highest x of what hangs too low over a road.
+    /// Greatest x of the parts that hang too low over a road.
     pub(super) overhang_m: f64,
     /// Visual triangles in the model frame.
     pub triangles: Arc<Vec<[Point3<f32>; 3]>>,
@@ -221,7 +221,7 @@ fn child<'a, 'b>(node: Node<'a, 'b>, tag: &str) -> Result<Node<'a, 'b>, String> 
     found.ok_or_else(|| format!("<{}> has no <{tag}>", node.tag_name().name()))
 }
 
-/// What the program does not read would be lost without a word.
+/// Refuses what the program does not read, which would be lost without a word.
 fn require_only(node: Node, tags: &[&str]) -> Result<(), String> {
     let is_other = |child: &Node| child.is_element() && !tags.contains(&child.tag_name().name());
     match node.children().find(is_other) {

@@ -1,7 +1,7 @@
 //! The lane graph: driving lanes as polylines in travel direction, with successors and limits.
 //!
 //! Lanes are addressed on the plane; heights are the ground's. Every lane that can be driven is kept;
-//! [`GraphLane::reach_m`] tells those that lead on for ever from those that end somewhere. A lane end
+//! [`GraphLane::reach_m`] says which lead on for ever and which end somewhere. A lane end
 //! without a link that meets the start of a lane without one is joined to it.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -12,9 +12,9 @@ use super::path::{Path, Vec2};
 const DEFAULT_LIMIT_MPS: f64 = 50.0 / 3.6;
 /// Lanes of a junction conflict where their centre lines come closer than a car and some room.
 const CONFLICT_M: f64 = 2.6;
-/// A lane's end and another's start that are closer are the same place.
+/// The end of one lane and the start of another are the same place if closer than this.
 const JOIN_M: f64 = 0.3;
-/// The highest speed the simulation drives at, whatever a map allows.
+/// Nobody in the simulation drives faster, whatever a map allows.
 const MAX_LIMIT_MPS: f64 = 80.0 / 3.6;
 
 /// One driving lane.
@@ -85,8 +85,8 @@ pub(super) fn flat(point: xodr::Point) -> Vec2 {
 }
 
 impl LaneGraph {
-    /// Builds the graph from a road network, without the lanes that `is_left_out` names; also tells
-    /// what of the network is not driven.
+    /// Builds the graph from a road network, without the lanes that `is_left_out` names; also reports
+    /// which parts of the network are not driven.
     pub fn read(
         network: &xodr::RoadNetwork,
         is_left_out: impl Fn(xodr::LaneId) -> bool,
@@ -158,7 +158,7 @@ impl LaneGraph {
         (graph, notes)
     }
 
-    /// The lane of the graph that a lane of the map became.
+    /// The graph's lane for a lane of the map.
     pub fn find(&self, id: xodr::LaneId) -> Option<usize> {
         self.index_of.get(&id.0).copied()
     }
@@ -178,7 +178,7 @@ impl LaneGraph {
         *side = Some(other);
     }
 
-    /// A successor that does not begin where the lane ends would make cars jump; tells how many did.
+    /// A successor that does not begin where the lane ends would make cars jump; returns how many did.
     fn drop_broken_links(&mut self) -> usize {
         let starts: Vec<Vec2> = self.lanes.iter().map(|lane| lane.path.at(0.0)).collect();
         let mut n_dropped = 0;

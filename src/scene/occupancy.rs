@@ -1,4 +1,4 @@
-//! What ground is taken: strips of road and pavement, and the footprints of things that stand.
+//! Ground that is taken: strips of road and pavement, and the footprints of things that stand.
 
 use std::collections::BTreeMap;
 
@@ -107,7 +107,7 @@ pub struct Occupied {
 }
 
 impl Occupied {
-    /// Takes the ground if it is free, with `gap_m` to everything else; tells whether it was.
+    /// Takes the ground if it is free, with `gap_m` to everything else; returns whether it was free.
     pub fn claim(&mut self, footprint: Footprint, gap_m: f64) -> bool {
         let is_free = self.is_free(&footprint, gap_m);
         if is_free {
@@ -116,7 +116,7 @@ impl Occupied {
         is_free
     }
 
-    /// Takes the ground whatever stands there.
+    /// Takes the ground, whatever stands there.
     pub fn take(&mut self, footprint: Footprint) {
         self.footprints.push(footprint);
     }

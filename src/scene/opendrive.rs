@@ -1,8 +1,8 @@
-//! Reads OpenDRIVE: what is broken is an error with element, line and reason; what is whole but of no
-//! use here is told in counts.
+//! Reads OpenDRIVE: anything broken is an error with element, line and reason; whatever is valid but not
+//! used here is reported in counts.
 //!
-//! The `xodr` crate passes over what it cannot read, road by road. A file by another hand is better
-//! refused where an element lacks what OpenDRIVE demands of it, so the text is checked first.
+//! The `xodr` crate skips what it cannot read, road by road. A file from elsewhere is better refused if
+//! an element lacks what OpenDRIVE demands, so the text is checked first.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -35,13 +35,13 @@ const NAMES: [(&str, &str); 4] = [("road", "id"), ("junction", "id"), ("controll
 /// Shapes that a geometry can have.
 const SHAPES: [&str; 5] = ["line", "arc", "spiral", "poly3", "paramPoly3"];
 
-/// The network of a map, and what of it is passed over.
+/// The network of a map, and reports on the parts that are skipped.
 ///
 /// # Errors
 /// What is wrong, with its element and line; the caller adds the path.
 pub fn read(text: &str) -> Result<(xodr::RoadNetwork, Vec<String>), String> {
     let document = Document::parse(text).map_err(|error| {
-        // The parser's words end in "at line:column".
+        // The parser's message ends in "at line:column".
         format!("broken XML, line {}: {error}", error.pos().row)
     })?;
     let mut notes = check(&document)?;
@@ -74,7 +74,7 @@ fn check(document: &Document<'_>) -> Result<Vec<String>, String> {
     if roads.is_empty() {
         return Err(format!("{}: there is no <road> in it", named(&root)));
     }
-    // What users append is theirs.
+    // User data is not checked.
     let is_own = |node: &Node<'_, '_>| !node.ancestors().any(|above| above.tag_name().name() == "userData");
     for node in root.descendants().filter(Node::is_element).filter(is_own) {
         check_attributes(&node)?;
@@ -200,7 +200,7 @@ fn footprint(shape: &xodr::Shape) -> Option<Footprint> {
             else {
                 return None;
             };
-            // Anything but a rectangle, perhaps closed by its first corner, is no zebra.
+            // Only a rectangle, perhaps closed by its first corner, is a zebra crossing.
             let is_four =
                 corners.len() == 4 || (corners.len() == 5 && (flat(corners[4].base) - a).norm() < 0.1);
             let (one, other) = ((b - a + c - d) / 2.0, (d - a + c - b) / 2.0);
@@ -217,7 +217,7 @@ fn footprint(shape: &xodr::Shape) -> Option<Footprint> {
     }
 }
 
-/// Objects of the map: the world has its own.
+/// Counts the map's objects, which are not used: the world has its own.
 fn undrawn(network: &xodr::RoadNetwork) -> Option<String> {
     let mut kinds: BTreeMap<&str, usize> = BTreeMap::new();
     let is_drawn = |object: &xodr::Object| {

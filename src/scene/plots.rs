@@ -1,4 +1,4 @@
-//! Plots along the outer edges of pavements: buildings, and what stands before and beside them.
+//! Plots along the outer edges of pavements: buildings, and the things before and beside them.
 
 use rand::RngExt;
 
@@ -52,7 +52,7 @@ pub struct Plots {
     pub boundaries: Vec<Boundary>,
 }
 
-/// Grows the plots of a town, the same for the same town and seed.
+/// Fills the plots of a town; the same town and seed give the same plots.
 pub fn grow(surface: &Surface, config: &TownConfig, seed: u64) -> Plots {
     let mut grower = Grower {
         surface,
@@ -107,7 +107,7 @@ impl Frontage<'_> {
     }
 }
 
-/// What was drawn for one plot.
+/// The random draws for one plot.
 #[allow(clippy::struct_field_names, reason = "all are lengths, and names carry their unit")]
 struct Plot {
     from_m: f64,
@@ -207,7 +207,7 @@ impl Grower<'_> {
         self.plots.buildings.push(building);
     }
 
-    /// What stands on a plot beside its building.
+    /// Adds what stands on a plot beside its building.
     fn furnish(&mut self, front: &Frontage, plot: &Plot) {
         let config = self.config;
         let (from_m, end_m) = (plot.from_m, plot.from_m + plot.width_m + plot.gap_m);

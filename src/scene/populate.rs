@@ -36,7 +36,7 @@ define_config! {
         pedestrian_density: f64 = 0.34, in from_to(0.0, 20.0);
         /// Share of the pedestrians who stand beside the ego's route and cross it again and again.
         jaywalker_share: f64 = 0.065, in SHARE;
-        /// Between one out-of-distribution place and the next along the route, metres: least, most.
+        /// Distance from one out-of-distribution place to the next along the route, metres: least, most.
         ood_spacing_m: [f64; 2] = [5.0, 11.0], in from_to(1.0, 1000.0).pair();
         /// Share of out-of-distribution objects that stand in the ego's lane or partly in it.
         ood_in_lane_share: f64 = 0.22, in SHARE;
@@ -53,7 +53,7 @@ pub fn populate(town: &Arc<Town>, config: &PopulateConfig, seed: u64) -> Result<
     let models = Arc::<[Model]>::from(models::load()?);
     let mut rng = random::stream(seed, "ego-route", 0);
     let starts = starts(&town.graph);
-    // The ego sets out where the way is long.
+    // The ego sets out where there is a long way ahead.
     let reach_m = |lane: &usize| town.graph.lanes[*lane].reach_m;
     let longest_m = starts.iter().map(reach_m).fold(0.0, f64::max).min(config.route_length_m / 0.7);
     let ego_starts: Vec<usize> =
@@ -109,7 +109,7 @@ pub fn populate(town: &Arc<Town>, config: &PopulateConfig, seed: u64) -> Result<
     })
 }
 
-/// Lanes to set out on: outside junctions, and with some length where there are such.
+/// Lanes to set out on: outside junctions, and of some length if there are any.
 fn starts(graph: &LaneGraph) -> Vec<usize> {
     let of_length = |least_m: f64| -> Vec<usize> {
         let fits = |i: &usize| {
@@ -138,7 +138,7 @@ const PAINTS: [[f64; 3]; 9] = [
 /// Category of the models that stand for traffic lights.
 pub(super) const TRAFFIC_LIGHT: &str = "traffic_light";
 
-/// A world on its way: what is placed, and the ground it takes.
+/// A world in the making: what is placed, and the ground it takes.
 pub(super) struct Filler<'a> {
     pub(super) town: &'a Town,
     pub(super) config: &'a PopulateConfig,
@@ -146,7 +146,7 @@ pub(super) struct Filler<'a> {
     /// Points along the ego's route.
     pub(super) near: Vec<Vec2>,
     pub(super) occupied: Occupied,
-    /// Ground of what drives, at the start.
+    /// Ground of the moving vehicles at the start.
     pub(super) moving: Occupied,
     pub(super) placements: Vec<Placement>,
     pub(super) perches: Vec<Perch>,
@@ -188,7 +188,7 @@ impl Filler<'_> {
         let z_m = self.town.surface.ground_m(position) + over_m;
         let category = &self.models[model].facts.category;
         let id = format!("{category}-{:03}", self.placements.len());
-        // A hay bale is yellow and a tree green; only cars and clothes come in any colour.
+        // A hay bale is yellow and a tree is green; only cars and clothes come in any colour.
         let is_recoloured = self.models[model].facts.kind != Kind::Static;
         let paint = self.models[model].facts.paint.as_ref().filter(|_| is_recoloured).map(|_| {
             PAINTS[rng.random_range(0..PAINTS.len())]
@@ -201,7 +201,7 @@ impl Filler<'_> {
         self.occupied.claim(footprint_of(&self.models[model], position, yaw_rad), gap_m)
     }
 
-    /// A thing in the lane where no event could be.
+    /// A thing in the lane, at a place where no event was possible.
     fn lay_in_lane(&mut self, route: &Route, station_m: f64) {
         let mut rng = random::stream(self.seed, "no-event", station_m.to_bits());
         let models = models::indices_of(self.models, Kind::Static, Distribution::Ood);
@@ -216,7 +216,7 @@ impl Filler<'_> {
     }
 
     /// Objects out of distribution along the route: some in the lane, most beside it. Returns the
-    /// stations that are kept for events.
+    /// stations reserved for events.
     fn place_ood(&mut self, route: &Route) -> Vec<f64> {
         let mut rng = random::stream(self.seed, "ood", 0);
         let mut event_rng = random::stream(self.seed, "event-stations", 0);

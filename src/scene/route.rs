@@ -33,7 +33,7 @@ impl Route {
         route
     }
 
-    /// Goes on by random turns until the route is `length_m` long or ends.
+    /// Continues by random turns until the route is `length_m` long or ends.
     pub fn extend(&mut self, graph: &LaneGraph, length_m: f64, rng: &mut Rng) {
         while self.path.length_m() < length_m {
             let last = self.spans[self.spans.len() - 1].lane;
@@ -75,7 +75,7 @@ impl Route {
         *self.spans.iter().find(|span| span.end_m > s_m).unwrap_or(&self.spans[self.spans.len() - 1])
     }
 
-    /// Spans that are not over at `from_m`, in order.
+    /// Spans that end after `from_m`, in order.
     pub fn spans_from(&self, from_m: f64) -> impl Iterator<Item = &Span> {
         let first = self.spans.partition_point(|span| span.end_m <= from_m);
         self.spans[first..].iter()

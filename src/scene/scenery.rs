@@ -1,4 +1,4 @@
-//! What stands for good and is no object: buildings, boundaries of plots, barriers on medians.
+//! Fixed scenery that is not an object: buildings, boundaries of plots, barriers on medians.
 
 use super::builder::Builder;
 use super::buildings;

@@ -35,7 +35,7 @@ pub(super) fn folders_with(root: &str, leaf: &str) -> Vec<&'static str> {
     folders
 }
 
-/// The entries of a stream; `None` where it ends within one.
+/// The entries of a stream; `None` if it ends within one.
 fn unpack(mut stream: &[u8]) -> Option<BTreeMap<String, Vec<u8>>> {
     let mut files = BTreeMap::new();
     while !stream.is_empty() {

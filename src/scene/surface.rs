@@ -27,7 +27,7 @@ const STRIPE_M: f64 = 0.5;
 const ROAD_TILE_M: f64 = 6.0;
 const PAVEMENT_TILE_M: f64 = 2.4;
 
-/// What a strip of the cross-section is for.
+/// The use of a strip of the cross-section.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum StripKind {
     Road,
@@ -107,7 +107,7 @@ impl Levels {
         self.above.contains(&lane.0)
     }
 
-    /// What is left out, if anything.
+    /// A report of what is left out, if anything.
     pub fn note(&self) -> Option<String> {
         let n = self.above.len();
         (n > 0).then(|| format!("{n} lanes on a level above other lanes are left out"))
@@ -140,7 +140,7 @@ fn kind_of(kind: xodr::LaneType) -> Option<StripKind> {
 }
 
 impl Surface {
-    /// Reads strips and marks off a road network.
+    /// Takes strips and marks from a road network.
     pub fn new(
         network: &xodr::RoadNetwork,
         graph: &LaneGraph,
@@ -204,7 +204,7 @@ impl Surface {
         self.ground.height_m(point)
     }
 
-    /// The visible ground; parts of which `is_near` says no are left out.
+    /// The visible ground, without the parts for which `is_near` is false.
     pub fn meshes(&self, is_near: impl Fn(Vec2) -> bool) -> GroundMeshes {
         let mut meshes = GroundMeshes::default();
         let drape = Drape { ground: &self.ground };
@@ -272,7 +272,7 @@ impl Surface {
     }
 }
 
-/// Painted quads; of paint on other levels than the ground, none.
+/// Painted quads, without paint on other levels than the ground.
 fn marks_of(network: &xodr::RoadNetwork, ground: &Ground) -> Vec<[Vec2; 4]> {
     let lines = network.road_marks().iter().flat_map(|mark| &mark.lines);
     let base_m = f64::from(network.min_elevation().unwrap_or_default());

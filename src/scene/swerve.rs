@@ -1,14 +1,14 @@
-//! Ways round what stands in the lane: which offset from the lane's middle to drive at.
+//! Ways round what stands in the lane: the offset from the lane's middle to drive at.
 
 use super::driving::{self, Gap, Obstacle};
 use super::occupancy::StripGrid;
 use super::path::Path;
 
-/// How far ahead a way round is looked for.
+/// How far ahead to look for a way round.
 const REACH_M: f64 = 26.0;
-/// How far ahead those who come the other way are waited for.
+/// How far ahead oncoming vehicles are waited for.
 const ONCOMING_REACH_M: f64 = 45.0;
-/// The same for those who stand there.
+/// The same for vehicles that stand there.
 const STANDING_REACH_M: f64 = 16.0;
 
 /// A body on its path.
@@ -31,7 +31,7 @@ pub struct Swerve<'a> {
 }
 
 impl Swerve<'_> {
-    /// What is ahead when the body moves over to `left_m` as fast as it well can.
+    /// The obstacle ahead if the body moves over to `left_m` as fast as it comfortably can.
     pub fn gap<'b>(
         &self,
         left_m: f64,
@@ -60,7 +60,7 @@ impl Swerve<'_> {
         if before_m.abs() < 0.01 && self.now_m.abs() < 0.5 && free_m(0.0) >= REACH_M {
             return 0.0;
         }
-        // What is being passed stays in mind until the rear is past it.
+        // An obstacle that is being passed counts until the rear is past it.
         let is_beside = |left_m: f64| {
             let body = (self.front_m - self.length_m, self.length_m);
             driving::gap_ahead(self.path, body, self.half_width_m, |_| left_m, others.iter()).is_some()
@@ -103,7 +103,7 @@ impl Swerve<'_> {
         let (s_m, left_m) =
             self.path.project(other.footprint.center, rear_m, self.front_m + ONCOMING_REACH_M);
         let along_mps = other.velocity_mps.dot(&self.path.direction(s_m));
-        // One who stands far off, at a junction perhaps, leaves time enough.
+        // A vehicle that stands far off, perhaps at a junction, leaves enough time.
         let comes = along_mps < -0.3 || (along_mps < 0.5 && s_m < self.front_m + STANDING_REACH_M);
         comes && s_m > rear_m + 0.1 && (1.2..6.0).contains(&(self.mirror * left_m))
     }

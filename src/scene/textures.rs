@@ -46,7 +46,7 @@ pub fn grain(name: &str, base: [u8; 3], amount: f64, blotch: f64) -> Vec<u8> {
     })
 }
 
-/// A tile of `SIZE_PX` pixels a side; `u` to the right and `v` upwards, 0 to 1.
+/// A tile of `SIZE_PX` pixels per side; `u` to the right and `v` upwards, 0 to 1.
 fn tile(mut color: impl FnMut(f64, f64) -> Rgb<u8>) -> Vec<u8> {
     let size = f64::from(SIZE_PX);
     png(&RgbImage::from_fn(SIZE_PX, SIZE_PX, |x, y| color(f64::from(x) / size, 1.0 - f64::from(y) / size)))

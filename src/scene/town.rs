@@ -31,7 +31,7 @@ pub struct Town {
     /// Props that belong to gardens, squares and bus stops.
     pub furnishings: Vec<Furnishing>,
     pub boundaries: Vec<Boundary>,
-    /// What of the map could not be used, in counts.
+    /// The parts of the map that could not be used, in counts.
     pub notes: Vec<String>,
 }
 

@@ -11,7 +11,7 @@ use crate::config::{Bounds, Check, InvalidConfig, Keys, Rule, SHARE, define_conf
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SquareConfig {
-    /// In the map's coordinates.
+    /// Place in the map's coordinates.
     pub center_m: [f64; 2],
     pub radius_m: f64,
     /// How many props are tried.
@@ -36,13 +36,13 @@ define_config! {
         /// Share of the plots that are built on.
         building_share: f64 = 0.8, in SHARE;
         roof_style: RoofStyle = RoofStyle::Flat;
-        /// Of gabled roofs, degrees.
+        /// Pitch of gabled roofs, degrees.
         roof_pitch_deg: [f64; 2] = [30.0, 40.0], in from_to(1.0, 60.0).pair();
         /// Looks of facades; wall colours take them in turn.
         facades: Vec<FacadeLook> = vec![FacadeLook::Brick, FacadeLook::Plaster, FacadeLook::Shutters];
         wall_colors: Vec<TownColor> =
             colors(&[[150, 92, 74], [206, 192, 164], [176, 178, 180], [188, 150, 112], [214, 208, 198], [132, 142, 150]]);
-        /// Of window frames and cornices, in turn with the walls.
+        /// Colours of window frames and cornices, in turn with the walls.
         trim_colors: Vec<TownColor> =
             colors(&[[212, 204, 192], [240, 234, 222], [110, 112, 116], [232, 222, 204], [150, 132, 112], [224, 226, 228]]);
         roof_colors: Vec<TownColor> = colors(&[[107, 77, 66], [89, 89, 92], [128, 117, 107]]);
@@ -94,7 +94,7 @@ define_config! {
         pedestrian_crossing_share: f64 = 0.15, in SHARE;
         /// How likely each vehicle model is, relative to the others; empty: all alike.
         vehicle_weights: BTreeMap<String, f64> = BTreeMap::new(), in WEIGHTS;
-        /// The same for what parks; empty: `vehicle_weights`.
+        /// The same for parked vehicles; empty: `vehicle_weights`.
         parked_weights: BTreeMap<String, f64> = BTreeMap::new(), in WEIGHTS;
     }
 }
@@ -133,7 +133,7 @@ impl Bounds for SquareConfig {
 }
 
 impl TownConfig {
-    /// Names in tables of weights that no model has: they have no effect, hardly what their author wants.
+    /// Names in tables of weights that no model has: they have no effect, which is hardly intended.
     pub fn unknown_models(&self, known: &[String]) -> Vec<String> {
         let named =
             self.weight_tables().flat_map(|(key, weights)| weights.keys().map(move |name| (key, name)));

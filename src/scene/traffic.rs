@@ -24,39 +24,39 @@ use super::world::{Motion, World};
 use crate::geometry::{Ego, Transform, World as WorldFrame};
 use crate::random::{self, Rng};
 
-/// Standing this long out of the ego's sight, a driver starts elsewhere.
+/// A driver who stands this long out of the ego's sight starts elsewhere.
 const GIVE_UP_S: f64 = 20.0;
-/// Beyond this distance nobody sees a car come or go, metres.
+/// Beyond this distance nobody sees a car appear or vanish, metres.
 const SIGHT_M: f64 = 75.0;
-/// How far ahead a driver knows its way.
+/// How far ahead a driver's route is planned.
 const LOOK_AHEAD_M: f64 = 400.0;
-/// Slower than this a loose thing counts as lying.
+/// A loose thing slower than this counts as lying.
 const MOVING_MPS: f64 = 0.3;
-/// So far ahead people see where a flying or rolling thing goes.
+/// People see this far ahead where a flying or rolling thing goes.
 const FORESIGHT_S: f64 = 0.5;
 /// The ego among the holders of reservations.
 const EGO: usize = usize::MAX;
 
-/// The ego as the simulator has it.
+/// The ego's state in the simulator.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EgoObservation {
     pub world_from_ego: Transform<WorldFrame, Ego>,
     pub speed_mps: f64,
 }
 
-/// Where a mocap body is to be put.
+/// The new pose of a mocap body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MocapPose {
     /// Number among the mocap bodies.
     pub index: usize,
     pub position_m: [f64; 3],
-    /// From the body's axes (x forward, z up) to the world's.
+    /// Rotation from the body's axes (x forward, z up) to the world's.
     pub turn: UnitQuaternion<f64>,
-    /// Over ground, in the world frame.
+    /// Velocity over ground, in the world frame.
     pub velocity_mps: [f64; 2],
 }
 
-/// What one step asks of the simulator.
+/// The orders of one step to the simulator.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Commands {
     pub ego: EgoCommand,
@@ -99,7 +99,7 @@ impl Traffic {
                     let eagerness = 0.75 + 0.3 * rng.random::<f64>();
                     drivers.push(Driver::new(i, route.clone(), *station_m, &footprint, eagerness));
                 }
-                // Seen as soon as the simulator tells where it is.
+                // Taken into account once the simulator reports where it is.
                 Motion::Loose(_) => {}
                 Motion::Walks(walk) => {
                     walkers.push(Walker::new(i, walk.clone(), placement.position, placement.yaw_rad));
@@ -121,9 +121,9 @@ impl Traffic {
         }
     }
 
-    /// Tells where the loose things are now: placement, box on the ground, bottom's height, velocity.
+    /// Takes the present state of the loose things: placement, box on the ground, bottom's height, velocity.
     pub fn see_loose(&mut self, seen: impl Iterator<Item = (usize, Footprint, f64, Vec2)>) {
-        // What stands high above the heads, held on its balcony, takes no ground.
+        // A thing held on its balcony, high above the heads, takes no ground.
         let surface = &self.town.surface;
         let takes_ground = |body: &Footprint, bottom_m: f64, speed_mps: f64| {
             bottom_m - surface.ground_m(body.center) < SOLID_M || speed_mps > MOVING_MPS
@@ -133,7 +133,7 @@ impl Traffic {
             .map(|(placement, body, _, velocity_mps)| {
                 let speed_mps = velocity_mps.norm();
                 let is_still = speed_mps < MOVING_MPS;
-                // The ground that it comes over next is taken too.
+                // The ground that it is about to cross is taken too.
                 let ahead_m = speed_mps * FORESIGHT_S;
                 let footprint = if is_still {
                     body
@@ -176,7 +176,7 @@ impl Traffic {
         (0..lights.lights.len()).map(|light| self.clock.aspect(lights, light)).collect()
     }
 
-    /// Moves everything by one control step and tells what the ego is to do.
+    /// Moves everything by one control step and returns what the ego is to do.
     pub fn step(&mut self, dt_s: f64, observation: &EgoObservation) -> Commands {
         let origin = observation.world_from_ego.isometry.translation;
         let pose = EgoPose {
@@ -214,7 +214,7 @@ impl Traffic {
         Commands { ego, mocap: self.mocap_poses(), lights: self.aspects() }
     }
 
-    /// What junctions and lights say to the ego, and the line at which each driver has to stop.
+    /// The answer of junctions and lights to the ego, and the line at which each driver has to stop.
     fn ask_junctions(&mut self, pose: &EgoPose, moving: &[Obstacle]) -> (Answer, Vec<Option<Gap>>) {
         let (graph, lights, clock) = (&self.town.graph, &self.town.lights, &self.clock);
         let ego = Asker {
@@ -245,7 +245,7 @@ impl Traffic {
             .collect();
         let view = View { graph, lights, clock, moving, approaches: &approaches };
         let ego_answer = ego.ask(&view, &mut self.reservations);
-        // Who has waited longest asks first.
+        // The driver who has waited longest asks first.
         let mut order: Vec<usize> = (0..askers.len()).collect();
         order.sort_by(|&a, &b| askers[b].waited_s.total_cmp(&askers[a].waited_s).then(a.cmp(&b)));
         let mut answers = vec![Answer::default(); askers.len()];
@@ -260,7 +260,7 @@ impl Traffic {
         (ego_answer, answers.iter().map(|answer| answer.stop.map(|stop| stop.gap)).collect())
     }
 
-    /// A driver that is stuck and unseen begins another route, unseen too; one try a step.
+    /// A driver who is stuck and unseen begins another route, unseen too; one try per step.
     fn start_elsewhere(&mut self, i: usize, pose: &EgoPose, obstacles: &[Obstacle]) {
         let graph = &self.town.graph;
         let is_unseen = |point: Vec2| (point - pose.position).norm() > SIGHT_M;

@@ -35,7 +35,7 @@ pub struct Walker {
     pub velocity_mps: Vec2,
     walk: Walk,
     phase: Phase,
-    /// Until it crosses or turns again.
+    /// Time until it crosses or turns again.
     pause_s: f64,
 }
 
@@ -121,7 +121,7 @@ impl Walker {
         let direction = walk.footway.direction(next_m) * walk.sense;
         if next_m < 0.5 || next_m > walk.footway.length_m() - 0.5 {
             walk.sense = -walk.sense;
-            // One who starts beyond an end walks inwards.
+            // A person who starts beyond an end walks inwards.
             walk.station_m = walk.station_m.clamp(0.5, (walk.footway.length_m() - 0.5).max(0.5));
             return;
         }
@@ -146,7 +146,7 @@ impl Walker {
             .filter(|other| !self.is_own(other) && (other.is_vehicle || other.is_still || !is_across));
         near.filter(|other| (other.footprint.center - ahead).norm() < 9.0).any(|other| {
             let grown = other.footprint.grow(0.35);
-            // Whoever already stands too near may walk away.
+            // A person who already stands too near may walk away.
             grown.contains(ahead) && !grown.contains(self.position)
         })
     }

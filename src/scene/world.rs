@@ -1,4 +1,4 @@
-//! A filled town: what stands and moves in it, and where the ego sets out.
+//! A filled town: everything that stands and moves in it, and where the ego sets out.
 
 use std::sync::Arc;
 
@@ -56,7 +56,7 @@ pub struct Placement {
     /// Colour of the paint material, if it is recoloured.
     pub paint: Option<[f64; 3]>,
     pub motion: Motion,
-    /// Number among the mocap bodies, for what moves.
+    /// Number among the mocap bodies, for moving objects.
     pub mocap: Option<usize>,
 }
 
@@ -108,7 +108,7 @@ impl World {
         &self.objects
     }
 
-    /// Footprint of a placement at its start, of what stands below a car's roof: of a tree, the trunk.
+    /// Footprint of a placement at its start, of its part below a car's roof: for a tree, the trunk.
     pub fn footprint(&self, placement: &Placement) -> Footprint {
         footprint_of(&self.models[placement.model], placement.position, placement.yaw_rad)
     }
@@ -141,7 +141,7 @@ impl SceneObject {
     }
 }
 
-/// Ground that a model takes.
+/// The ground that a model takes.
 pub(super) fn footprint_of(model: &Model, position: Vec2, yaw_rad: f64) -> Footprint {
     let [low, high] = model.solid;
     let (x, y) = (f64::midpoint(low.x, high.x), f64::midpoint(low.y, high.y));

@@ -18,7 +18,7 @@ pub struct Rig {
     /// The rays that can land in the camera's horizontal field of view.
     pub pattern: Pattern,
     pub n_rings: usize,
-    /// With values in their ranges.
+    /// The config, with values in their ranges.
     pub lidar: RigLidarConfig,
 }
 

@@ -25,7 +25,7 @@ define_config! {
         pitch_deg: f64 = 0.0, in from_to(-90.0, 90.0);
         width_px: u32 = 800, in from_to(16.0, 4096.0);
         height_px: u32 = 450, in from_to(16.0, 4096.0);
-        /// From the left edge of the image to its right edge.
+        /// Angle from the left edge of the image to its right edge.
         horizontal_fov_deg: f64 = 70.0, in from_to(10.0, 120.0);
     }
 }
@@ -66,14 +66,14 @@ define_config! {
     /// The LiDAR; its axes are parallel to the ego's.
     pub struct RigLidarConfig {
         preset: LidarPreset = LidarPreset::Hdl32e;
-        /// One's own beams in place of the preset's: elevations in degrees, rising.
+        /// Beams in place of the preset's: elevations in degrees, rising.
         #[serde(skip_serializing_if = "Vec::is_empty")]
         elevations_deg: Vec<f64> = Vec::new(), in from_to(-89.0, 89.0).rising(0, 1024);
         /// nuScenes' roof LiDAR: 0.94 m ahead of the rear axle, 1.84 m up.
         x_m: f64 = 0.94, in PLACE;
         y_m: f64 = 0.0, in PLACE;
         z_m: f64 = 1.84, in PLACE;
-        /// Between two firings of a beam.
+        /// Angle between two firings of a beam.
         azimuth_step_deg: f64 = 0.33, in from_to(0.05, 5.0);
         max_range_m: f64 = 70.0, in from_to(5.0, 500.0);
         /// Range at which a target of reflectivity 0.1 is still detected for sure.
@@ -93,5 +93,5 @@ define_config! {
 
 impl Check for RigConfig {}
 
-/// Of a sensor's place, metres.
+/// Bounds of a sensor's place, metres.
 const PLACE: Rule = from_to(-100.0, 100.0);

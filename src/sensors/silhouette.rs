@@ -4,12 +4,12 @@ use nalgebra::Point3;
 
 use crate::geometry::{Camera, Pinhole, Point};
 
-/// What lies nearer to the image plane is cut away.
+/// Parts nearer to the image plane than this are cut away.
 const NEAR_M: f64 = 0.05;
 
 /// Pixels whose centre lies inside the projection of any of the triangles, inside the image.
 ///
-/// Triangles are in the camera frame; their winding does not matter. None give zero.
+/// Triangles are in the camera frame; their winding does not matter. Without triangles the result is zero.
 pub fn silhouette_px<'a>(
     triangles: impl IntoIterator<Item = &'a [Point3<f64>; 3]>,
     intrinsics: &Pinhole,

@@ -69,10 +69,10 @@ weathers!(
     FogNoon      FogSunset      FogNight:         100.0  0.0 0.25 1.0;
 );
 
-/// What the air and the ground are like; everything that a sensor needs to know of the weather.
+/// The state of air and ground: everything that a sensor needs to know about the weather.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WeatherState {
-    /// Meteorological optical range of haze or fog; rain comes on top.
+    /// Meteorological optical range of haze or fog; rain adds to it.
     pub mor_m: f64,
     pub rain_rate_mmph: f64,
     /// Depth of the water film over the texture depth of the pavement (1.2 mm), 0 to 1.
@@ -130,7 +130,7 @@ impl WeatherState {
         })
     }
 
-    /// Extinction by haze or fog, one way: what is scattered out of a beam on each metre.
+    /// Extinction by haze or fog, one way: the light scattered out of a beam on each metre.
     pub fn haze_extinction_per_m(&self) -> f64 {
         20f64.ln() / self.mor_m
     }
@@ -141,7 +141,7 @@ impl WeatherState {
         if slope.is_finite() { 1e-6 * std::f64::consts::PI * DROPS_PER_M3_MM / slope.powi(3) } else { 0.0 }
     }
 
-    /// Extinction of the air as it is, one way.
+    /// Extinction of the air as a whole, one way.
     pub fn extinction_per_m(&self) -> f64 {
         self.haze_extinction_per_m() + self.rain_extinction_per_m()
     }

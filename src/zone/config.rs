@@ -1,4 +1,4 @@
-//! The zone's config as `zone.toml` gives it, and what zones share of it.
+//! The zone's config as `zone.toml` gives it, and the parts of it that zones share.
 
 use super::corridor::Body;
 use super::error::ZoneError;
@@ -21,19 +21,20 @@ define_config! {
         min_overlap_area_m2: f64 = 1.0, in above(0.0, 1e6);
         /// `rect`, `arc`: overlap over the object's footprint from which it is harmful, above 0 and at most 1; default 0.25.
         min_overlap_ratio: f64 = 0.25, in above(0.0, 1.0);
-        /// `arc`, `ttc`, `rss`: the ego's arc ends when it has turned so far, degrees, above 0 and at most 180; default 180.
+        /// `arc`, `ttc`, `rss`: the ego's arc ends when the ego has turned this far, degrees, above 0 and at
+        /// most 180; default 180.
         max_turn_deg: f64 = 180.0, in above(0.0, 180.0);
         /// `ttc`, `rss`: the ego's body.
         body: BodyConfig = BodyConfig::default(), in part::<BodyConfig>();
-        /// `ttc`.
+        /// Keys of `ttc`.
         ttc: TtcConfig = TtcConfig::default(), in part::<TtcConfig>();
-        /// `rss`.
+        /// Keys of `rss`.
         rss: RssConfig = RssConfig::default(), in part::<RssConfig>();
     }
 }
 
 define_config! {
-    /// What of the ego's body its state does not tell; by default the simulated car's.
+    /// Measures of the ego's body that its state does not contain; by default those of the simulated car.
     #[derive(Copy)]
     pub struct BodyConfig {
         /// Metres; default 1.73.
@@ -58,9 +59,9 @@ define_config! {
     /// Keys of `rss` alone: what each side is assumed to do. Defaults: ad-rss-lib's parameter discussion.
     #[derive(Copy)]
     pub struct RssConfig {
-        /// Of the ego, seconds; default 1.
+        /// Response time of the ego, seconds; default 1.
         response_time_s: f64 = 1.0, in above(0.0, 60.0);
-        /// Of the other, seconds; default 2.
+        /// Response time of the other, seconds; default 2.
         other_response_time_s: f64 = 2.0, in above(0.0, 60.0);
         /// Greatest acceleration along the road while responding, m/s²; default 3.5.
         max_accel_mps2: f64 = 3.5, in above(0.0, 100.0);
@@ -76,7 +77,8 @@ define_config! {
         lateral_min_brake_mps2: f64 = 0.8, in above(0.0, 100.0);
         /// Kept to the side beyond all motion, metres; default 0.1.
         lateral_margin_m: f64 = 0.1, in above(0.0, 100.0);
-        /// An object that comes more slowly along the ego's course counts as standing, m/s; default 0.5.
+        /// An object that approaches more slowly than this along the ego's course counts as standing, m/s;
+        /// default 0.5.
         standing_speed_mps: f64 = 0.5, in above(0.0, 100.0);
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! A bar fixed to the body moves along the course; between two of its places lies a convex quadrangle. The bar's ends
 //! run on circles about the centre of the turn, at different radii, so the pieces share no ground up to a full turn.
-//! Arcs become chords that leave them by at most [`CHORD_M`]. Metres, ego frame.
+//! Arcs become chords that deviate from them by at most [`CHORD_M`]. Metres, ego frame.
 
 use super::course::Course;
 use super::error::ZoneError;
@@ -36,20 +36,22 @@ impl Body {
 /// Swept ground.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Corridor {
-    /// Out along the right side, back along the left; as many points on each.
+    /// Out along the right side, back along the left; equally many points on each.
     outline: Vec<Point2>,
 }
 
 impl Corridor {
-    /// What a bar across the front bumper sweeps; its area is its width times the way, less what chords cut.
+    /// The ground that a bar across the front bumper sweeps; its area is the bar's width times the way, less
+    /// what
+/// the chords cut off.
     pub fn of_bar(course: &Course, front_m: f64, half_width_m: f64, along_m: f64) -> Result<Self, ZoneError> {
         course.check_room(half_width_m)?;
         let (right, left) = (point(front_m, -half_width_m), point(front_m, half_width_m));
         Ok(Self::between(sweep(course, [right, left], along_m)))
     }
 
-    /// What the whole body sweeps, its place at the start included. Left out: the few centimetres by which the rear
-    /// corner swings out beside the rear axle.
+    /// The ground that the whole body sweeps, its place at the start included. Left out: the few centimetres
+    /// by which the rear corner swings out beside the rear axle.
     pub fn of_body(course: &Course, body: &Body, along_m: f64) -> Result<Self, ZoneError> {
         let turns_left = course.curvature_per_m >= 0.0;
         course.check_room(if turns_left { body.left_m } else { body.right_m })?;
@@ -101,7 +103,8 @@ fn sweep(course: &Course, bar: [Point2; 2], along_m: f64) -> (Vec<Point2>, Vec<P
         let [x, y] = course.velocity_at(end);
         x.hypot(y)
     });
-    // A chord of a circle of radius r over an angle d leaves it by r d² / 8; here k r is `fastest` and d = k * step.
+    // A chord of a circle of radius r over an angle d deviates from it by r d² / 8; here k r is `fastest` and
+    // d = k * step.
     let bend = course.curvature_per_m.abs() * f64::max(fastest[0], fastest[1]);
     let n_steps = ((along_m * (bend / (8.0 * CHORD_M)).sqrt()).ceil() as usize).max(1);
     let places = |end: Point2| {
@@ -173,7 +176,7 @@ mod tests {
         assert!(error.to_string().contains("radius of 2.7"), "{error}");
     }
 
-    /// Whether some body on the way covers a point, by trying many.
+    /// Whether the body covers a point somewhere on the way, by trying many places.
     fn is_swept(body: &Body, steering: f64, along_m: f64, at: Point2) -> bool {
         let course = course(steering);
         (0..=2000).any(|i| {

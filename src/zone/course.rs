@@ -40,8 +40,8 @@ impl Course {
     pub fn carry(&self, point: Point2, along_m: f64) -> Point2 {
         let turn = self.curvature_per_m * along_m;
         let (sin, cos) = turn.sin_cos();
-        // The rear axle's chord: sin(turn) / k and (1 - cos(turn)) / k, written so that a straight course is no case
-        // of its own.
+        // The rear axle's chord: sin(turn) / k and (1 - cos(turn)) / k, written so that a straight course is
+        // not a special case.
         let (ahead_m, left_m) =
             (along_m * sin_over(turn), along_m * sin_over(turn / 2.0) * (turn / 2.0).sin());
         Point2 {
@@ -62,7 +62,7 @@ impl Course {
         if length > 1e-9 { [x / length, y / length] } else { [1.0, 0.0] }
     }
 
-    /// Cuts a way where the ego has turned by `max_turn_rad`.
+    /// Ends a way where the ego has turned by `max_turn_rad`.
     pub fn cut_m(&self, along_m: f64, max_turn_rad: f64) -> f64 {
         let turn_rad = self.curvature_per_m.abs() * along_m;
         if turn_rad > max_turn_rad { max_turn_rad / self.curvature_per_m.abs() } else { along_m }
@@ -90,7 +90,7 @@ impl Course {
     }
 }
 
-/// What is left free about the centre of the turn, where a swept bar would cross itself, metres.
+/// Radius left free around the centre of the turn, where a swept bar would cross itself, metres.
 const CLEARANCE_M: f64 = 0.2;
 
 /// sin(x) / x.

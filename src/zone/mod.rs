@@ -1,4 +1,4 @@
-//! Danger zone: the ground the ego will soon need, and which objects meet it.
+//! Danger zone: the ground that the ego will soon need, and which objects meet it.
 //!
 //! Each kind of zone is a file with one `ZoneRule` and a line in `kinds.rs`. Metres, radians, ego frame. Nothing here
 //! reads a file, a clock or a random number. `docs/zones.md` has the formulas and compares the zones.
@@ -149,16 +149,16 @@ pub struct ZoneAt {
     rule: Box<dyn ZoneRule>,
 }
 
-/// What the zone says of one box.
+/// The zone's verdict on one box.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Verdict {
     pub harm: Harm,
-    /// Area that the box's footprint shares now with the zone, square metres; of `rss`, with the zone of the object's own
-    /// velocity.
+    /// Area that the box's footprint shares now with the zone, square metres; for `rss`, with the zone of the
+    /// object's own velocity.
     pub overlap_area_m2: f64,
-    /// That area over the footprint's own, 0 to 1.
+    /// `overlap_area_m2` over the footprint's area, 0 to 1.
     pub overlap_ratio: f64,
-    /// Of `ttc`: seconds until contact, where it comes within the horizon.
+    /// For `ttc`: seconds until contact, if it comes within the horizon.
     pub time_to_collision_s: Option<f64>,
 }
 
@@ -172,7 +172,7 @@ impl ZoneAt {
     }
 
     /// The outline where it is one to measure distances to, which is convex: that of `rect`. The others bend, and what
-    /// `ttc` and `rss` say of an object is no distance to one edge.
+    /// `ttc` and `rss` say about an object is not a distance to one edge.
     #[must_use]
     pub fn edge(&self) -> Option<&[Point2]> {
         self.rule.edge()
@@ -182,7 +182,7 @@ impl ZoneAt {
     /// them.
     ///
     /// # Errors
-    /// [`ZoneError::NoEdge`] where there is none.
+    /// [`ZoneError::NoEdge`] if the zone has no such edge.
     pub fn edge_distance_m(&self, box_in_ego: &Box3<Ego>) -> Result<f64, ZoneError> {
         let edge = self.edge().ok_or(ZoneError::NoEdge)?;
         Ok(convex_signed_distance_m(edge, &box_in_ego.footprint()))

@@ -2,15 +2,15 @@
 //!
 //! Shalev-Shwartz, Shammah, Shashua: On a Formal Model of Safe and Self-driving Cars, arXiv 1708.06374. With
 //! `v' = v + rho a` the speed after the response time `rho`, and
-//! `stop(v, rho, a, b) = (v + v') / 2 * rho + v'^2 / (2 b)` the way to stand, the safe distances are
+//! `stop(v, rho, a, b) = (v + v') / 2 * rho + v'^2 / (2 b)` the way to a stop, the safe distances are
 //!
 //! - along, same direction: `max(0, stop(v_ego, rho, a_max, b_min) - v_other^2 / (2 b_max))`;
 //! - along, opposite directions: `stop(v_ego, rho, a_max, b_min_correct) + stop(|v_other|, rho_other, a_max, b_min)`;
 //! - aside: `mu + max(0, stop(u_ego, ..) + stop(u_other, ..))` with the lateral `a` and `b`, `u` the speed towards each
 //!   other; one that still moves away after its response does not brake (as in Intel's ad-rss-lib).
 //!
-//! A situation is dangerous where both distances are too small. The paper's lanes are here the ego's course: along is
-//! along its arc, aside is across it, and the ego has no speed aside.
+//! A situation is dangerous where both distances are too small. The ego's course takes the place of the
+//! paper's lanes: along is along its arc, aside is across it, and the ego has no speed aside.
 
 use super::config::{RssConfig, ZoneConfig};
 use super::corridor::{Body, Corridor};
@@ -23,7 +23,7 @@ use crate::sample::EgoState;
 /// Shared ground from which two shapes meet, square metres: above rounding.
 const TOUCH_M2: f64 = 1e-6;
 
-/// The ego, and the ground where an object that stands is harmful.
+/// The ego, and the ground where a standing object is harmful.
 #[derive(Debug)]
 pub(super) struct Rss {
     standing: Corridor,
@@ -54,7 +54,7 @@ impl ZoneRule for Rss {
         true
     }
 
-    /// Of the ground for the object's own velocity.
+    /// Shared area with the ground for the object's own velocity.
     fn overlap_m2(&self, object: &Seen) -> Result<f64, ZoneError> {
         let center = object.box_in_ego.center;
         let at = Point2 { x_m: center.x(), y_m: center.y() };
@@ -66,7 +66,7 @@ impl ZoneRule for Rss {
     }
 }
 
-/// What the distances need to know of the ego.
+/// The facts about the ego that the distances need.
 #[derive(Debug)]
 struct Needs {
     course: Course,
@@ -84,7 +84,8 @@ impl Needs {
         if !safe.ahead_m.is_finite() {
             return Err(ZoneError::Depth { depth_m: safe.ahead_m, speed_mps: *speed_mps });
         }
-        // Across the turn's centre there is no more aside; the body itself must fit, or the corridor says so.
+        // Beyond the turn's centre there is no "aside"; the body itself must fit, or the corridor returns an
+        // error.
         let room_m = course.room_inside_m() - 1e-9;
         let widen = |half_m: f64, by_m: f64, is_inside: bool| {
             if is_inside { f64::max(half_m, f64::min(half_m + by_m, room_m)) } else { half_m + by_m }
@@ -98,7 +99,7 @@ impl Needs {
         Corridor::of_body(course, &wide, course.cut_m(safe.ahead_m, *max_turn_rad))
     }
 
-    /// The same for a velocity in the ego's axes, of an object at a place.
+    /// The same for an object at a place, with a velocity in the ego's axes.
     fn corridor_for(&self, at: Point2, [vx_mps, vy_mps]: [f64; 2]) -> Result<Corridor, ZoneError> {
         let [along_x, along_y] = self.course.direction_at(at);
         self.corridor(vx_mps * along_x + vy_mps * along_y, vy_mps * along_x - vx_mps * along_y)
@@ -115,7 +116,7 @@ struct SafeDistances {
 }
 
 impl SafeDistances {
-    /// For an object that moves `along_mps` with the ego's course and `leftward_mps` across it.
+    /// The distances for an object that moves `along_mps` with the ego's course and `leftward_mps` across it.
     fn of(config: &RssConfig, ego_speed_mps: f64, along_mps: f64, leftward_mps: f64) -> Self {
         let ego_mps = ego_speed_mps.max(0.0);
         let ego_stop_m =
@@ -139,7 +140,7 @@ impl SafeDistances {
     }
 }
 
-/// The way until standing: accelerating through the response time, then braking; negative while it leads away.
+/// The way to a stop: accelerating through the response time, then braking; negative while it leads away.
 fn stop_m(speed_mps: f64, response_s: f64, accel_mps2: f64, brake_mps2: f64) -> f64 {
     let after_mps = speed_mps + response_s * accel_mps2;
     let responding_m = f64::midpoint(speed_mps, after_mps) * response_s;
@@ -215,7 +216,7 @@ mod tests {
                 (rear, front, least) = (rear_next, front_next, least.min(gap));
             }
             prop_assert!(least > -0.05, "{least}");
-            // And it is no longer than need be: they end bumper to bumper.
+            // And it is no longer than needed: they end bumper to bumper.
             prop_assert!(start == 0.0 || gap < 0.05, "{gap}");
         }
 

@@ -1,4 +1,4 @@
-//! What each zone has to say for one state of the ego.
+//! The interface of a zone for one state of the ego.
 
 use std::fmt::Debug;
 
@@ -29,15 +29,15 @@ pub(super) trait ZoneRule: Debug + Send + Sync {
     }
 
     /// Counter-clockwise from the near right corner; where it is not convex, out along the right side and back along the
-    /// left, as many points on each.
+    /// left, equally many points on each.
     fn outline(&self) -> &[Point2];
 
-    /// The outline, where it is convex and the distance to it says how near an object is to the other verdict.
+    /// The outline, if it is convex and the distance to it says how near an object is to the other verdict.
     fn edge(&self) -> Option<&[Point2]> {
         None
     }
 
-    /// Whether an object's velocity counts; it is finite then.
+    /// Whether an object's velocity counts; if so, it is finite.
     fn uses_velocity(&self) -> bool {
         false
     }
@@ -45,12 +45,12 @@ pub(super) trait ZoneRule: Debug + Send + Sync {
     /// Area that an object shares with the zone, square metres.
     fn overlap_m2(&self, object: &Seen) -> Result<f64, ZoneError>;
 
-    /// Seconds until contact, where the rule asks for it and it comes.
+    /// Seconds until contact, if the rule uses it and contact comes.
     fn time_to_collision_s(&self, _object: &Seen) -> Option<f64> {
         None
     }
 
-    /// Whether an object that meets the zone so is harmful.
+    /// Whether an object that meets the zone in this way is harmful.
     fn is_harmful(&self, meeting: &Meeting) -> bool;
 }
 
@@ -59,7 +59,7 @@ pub(super) trait ZoneRule: Debug + Send + Sync {
 pub(super) struct Seen<'a> {
     pub box_in_ego: &'a Box3<Ego>,
     pub footprint: [Point2; 4],
-    /// Over ground, in the ego's axes.
+    /// Velocity over ground, in the ego's axes.
     pub velocity_mps: [f64; 2],
 }
 

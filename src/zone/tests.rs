@@ -122,7 +122,8 @@ fn ttc_tells_the_time_and_the_others_do_not() {
             None => assert_ne!(kind, ZoneKind::Ttc),
         }
     }
-    // One that drives away as fast is met by no zone that knows its velocity but RSS, which asks what if it brakes.
+    // A car that drives away as fast is harmless by TTC, but not by RSS, which asks what happens if it
+    // brakes.
     let away = [10.0, 0.0];
     let kinds = [ZoneKind::Rect, ZoneKind::Arc, ZoneKind::Ttc, ZoneKind::Rss];
     let harms = kinds.map(|kind| harm(&at(kind, 10.0, 0.0), &car, away));

@@ -5,7 +5,7 @@
 //! keeps speed and steering and runs along its [`Course`]; the object keeps its velocity and its yaw.
 //!
 //! Found by conservative advancement (Mirtich 1996): from a gap `d`, no point can close it sooner than `d` over the sum
-//! of the greatest speeds, so time goes on by that much until the gap is gone; a contact is never jumped over.
+//! of the greatest speeds, so time advances by that much until the gap is gone; no contact is missed.
 
 use super::config::ZoneConfig;
 use super::corridor::{Body, Corridor};
@@ -21,7 +21,7 @@ const TOUCH_M: f64 = 0.01;
 /// The forecast of the ego.
 #[derive(Debug)]
 pub(super) struct Ttc {
-    /// What the body sweeps within the horizon.
+    /// The ground that the body sweeps within the horizon.
     swept: Corridor,
     course: Course,
     body: Body,
@@ -69,7 +69,7 @@ impl ZoneRule for Ttc {
     }
 }
 
-/// Seconds until contact, 0 where the two overlap already; none within `horizon_s`.
+/// Seconds until contact, 0 if the two overlap already; `None` if there is no contact within `horizon_s`.
 ///
 /// `velocity_mps` is the object's over ground, in the ego's axes at the start. The ego may roll backwards.
 fn time_to_collision_s(

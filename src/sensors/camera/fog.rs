@@ -10,9 +10,9 @@ use crate::sensors::weather::WeatherState;
 
 /// Things farther away than this all look alike.
 const FAR_M: f32 = 1024.0;
-/// Steps of the table of transmissions a metre.
+/// Steps per metre in the table of transmissions.
 const STEPS_PER_M: f32 = 4.0;
-/// Less than this share lost at 100 m is left out.
+/// Fog that takes less than this share at 100 m is left out.
 const LEAST_LOSS: f64 = 0.03;
 
 /// Whether the air can be seen at all over the length of a street.

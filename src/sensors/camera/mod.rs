@@ -1,4 +1,4 @@
-//! What weather and daytime make of the camera's picture, from the renderer's colours and depths.
+//! Weather and daytime in the camera's picture, added to the renderer's colours and depths.
 //!
 //! The renderer draws dry things in clear air: by day under the sun and the sky, at night evenly
 //! bright, so that its colours are the things' own. [`Scope::see`] does the rest, in this order: the sky,
@@ -56,7 +56,7 @@ impl Scope {
         }
     }
 
-    /// Whether [`Self::see`] needs depths; where it does not, any will do.
+    /// Whether [`Self::see`] needs depths; if not, any will do.
     pub fn needs_depth(&self) -> bool {
         self.state.is_night() || self.state.wetness > 0.0 || fog::is_visible(&self.state)
     }

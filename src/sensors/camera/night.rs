@@ -2,8 +2,8 @@
 //!
 //! Illuminance E = I cos(incidence) / d^2 in lux from the lamps' luminous intensities I in candela; a
 //! thing of albedo a reflects a E, and the exposure maps that to the display with a soft shoulder,
-//! 1 - exp(-a E / E_white). The headlamps' low beam has its sharp edge just below the horizon, as lamps that
-//! keep to ECE R112 have. Lamps cast no shadows. Light is worked out for every second pixel.
+//! 1 - exp(-a E / E_white). The headlamps' low beam has its sharp edge just below the horizon, as ECE R112
+//! demands. Lamps cast no shadows. Light is worked out for every second pixel.
 
 use nalgebra::{Point3, Vector3};
 
@@ -11,11 +11,11 @@ use super::picture::{Colour, Picture, View};
 use super::shot::{Material, Rendered, StreetLamp};
 use super::table::Table;
 
-/// Illuminance that shows white as nearly white.
+/// Illuminance at which white shows as nearly white.
 const WHITE_LUX: f32 = 16.0;
-/// Of a lit city's sky on everything.
+/// Illuminance of a lit city's sky on everything.
 const AMBIENT_LUX: Colour = [0.42, 0.44, 0.52];
-/// Of a lamp that stands on a street, straight down.
+/// Luminous intensity of a street lamp, straight down.
 const STREET_LAMP_CD: f32 = 900.0;
 const STREET_LAMP: Colour = [1.0, 0.82, 0.58];
 /// Street lamps farther than this from a thing leave it dark.
@@ -23,7 +23,7 @@ const STREET_LAMP_REACH_M: f32 = 28.0;
 /// Most lamps that light one picture.
 const MAX_LAMPS: usize = 12;
 const HEADLAMP: Colour = [1.0, 0.96, 0.86];
-/// The own headlamps in the ego frame: x forward, to both sides, height.
+/// The ego's headlamps in the ego frame: x forward, y to both sides, height.
 const HEADLAMP_X_M: f32 = 3.3;
 const HEADLAMP_Y_M: f32 = 0.62;
 const HEADLAMP_Z_M: f32 = 0.66;
@@ -48,7 +48,7 @@ struct LowBeam(Vec<f32>);
 impl LowBeam {
     const LEFT_STEPS_PER_UNIT: f32 = 64.0;
     const UP_STEPS_PER_UNIT: f32 = 512.0;
-    /// Tangents within which it is tabulated; outside the edge's value holds.
+    /// Tangents within which it is tabulated; beyond them the edge's value holds.
     const LEFT: f32 = 2.5;
     const DOWN: f32 = 1.0;
     const UP: f32 = 0.25;
@@ -62,7 +62,7 @@ impl LowBeam {
         Self(rows.flat_map(|j| (0..Self::N_LEFT).map(move |i| low_beam_cd(left(i), up(j)))).collect())
     }
 
-    /// Of a way with these parts forward (above zero), to the left and up.
+    /// Luminous intensity along a ray with these parts forward (above zero), to the left and up.
     fn cd(&self, forward: f32, left: f32, up: f32) -> f32 {
         let i = (left / forward + Self::LEFT) * Self::LEFT_STEPS_PER_UNIT + 0.5;
         let j = (up / forward + Self::DOWN) * Self::UP_STEPS_PER_UNIT + 0.5;
@@ -82,7 +82,7 @@ pub(super) struct Curves {
     fade: Table,
 }
 
-/// What one picture's pixels need to know of the lamps, along the camera's axes.
+/// The lamps as one picture's pixels need them, along the camera's axes.
 struct Lights<'a> {
     low_beam: &'a LowBeam,
     street_lamps: Vec<Vector3<f32>>,
@@ -153,7 +153,7 @@ pub(super) struct Glow {
     width: usize,
     height: usize,
     cells: Vec<Colour>,
-    /// Of the own beams in the air, by cell.
+    /// Light of the ego's own beams in the air, by cell.
     beam: Vec<f32>,
 }
 
@@ -166,7 +166,7 @@ impl Curves {
         }
     }
 
-    /// Lights a picture of the things' own colours, and tells the glow to be added over the fog.
+    /// Lights a picture of the things' own colours, and returns the glow to add over the fog.
     pub(super) fn light(
         &self,
         picture: &mut Picture,
@@ -230,13 +230,13 @@ impl Curves {
         glow
     }
 
-    /// Adds the glow of lamps and, in turbid air, of the own beams.
+    /// Adds the glow of lamps and, in turbid air, of the ego's own beams.
     pub(super) fn add_glow(&self, glow: &Glow, picture: &mut Picture, extinction_per_m: f64) {
         let turbid = turbidity(extinction_per_m);
         let halo = 0.45 + 2.2 * turbid;
         let cell = GLOW_CELL_PX as f32;
         for v in 0..picture.height {
-            // Between the four nearest cells, so that no cell shows.
+            // Interpolated between the four nearest cells, so that no cell shows.
             let y = ((v as f32 + 0.5) / cell - 0.5).clamp(0.0, (glow.height - 1) as f32);
             let (top, down) = (y as usize * glow.width, y.fract());
             let below = ((y as usize + 1).min(glow.height - 1)) * glow.width;
@@ -256,7 +256,7 @@ impl Curves {
                     let light =
                         |at: usize| halo * glow.cells[at][i] + 0.22 * turbid * glow.beam[at] * HEADLAMP[i];
                     let added: f32 = corners.iter().zip(shares).map(|(at, share)| light(*at) * share).sum();
-                    // Light on light: what is bright already gains less.
+                    // Light on light: bright pixels gain less.
                     *channel = (1.0 - (1.0 - (*channel * *channel).min(1.0)) * self.fade.at(added)).sqrt();
                 }
             }
@@ -264,7 +264,7 @@ impl Curves {
     }
 }
 
-/// What 12 m of air scatter back of the beams.
+/// The share of the beams that 12 m of air scatter back.
 fn turbidity(extinction_per_m: f64) -> f32 {
     (1.0 - (-12.0 * extinction_per_m).exp()) as f32
 }

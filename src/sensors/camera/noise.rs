@@ -21,7 +21,7 @@ pub(super) struct Level {
     pub dark: f32,
 }
 
-/// By the sun's altitude: none that an 8-bit picture could show by day.
+/// The noise at a sun's altitude: by day, none that an 8-bit picture could show.
 pub(super) fn level(state: &WeatherState) -> Option<Level> {
     if state.is_night() {
         return Some(Level { photon: 4.5e-4, dark: 1.2e-4 });

@@ -2,8 +2,8 @@
 //!
 //! Drops wider than 1 mm follow Marshall and Palmer's spectrum in the frustum's first metres; farther ones
 //! are the rain's share of the fog. A drop falls at 9.65 - 10.3 exp(-0.6 D) m/s (Atlas et al. 1973, D in mm)
-//! past a moving car, and the exposure draws its way as a line. How bright streaks look, and the drops on
-//! the pane, were chosen by eye.
+//! past a moving car, and its path during the exposure shows as a line. How bright streaks look, and the
+//! drops on the pane, were chosen by eye.
 
 use nalgebra::Vector3;
 use rand::RngExt;

@@ -1,11 +1,11 @@
-//! What the camera is given for one picture: the renderer's images, and the car and the lamps at that time.
+//! The camera's input for one picture: the renderer's images, and the car and the lamps at that time.
 
 use image::RgbImage;
 use nalgebra::Point3;
 
 use crate::geometry::{Ego, Transform, World};
 
-/// What a pixel shows, as far as light and water care.
+/// What a pixel shows, as far as light and water depend on it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Material {
     #[default]
@@ -22,7 +22,7 @@ pub enum Material {
     Signal,
 }
 
-/// What the renderer gives for one picture; rows from the top.
+/// The renderer's output for one picture; rows from the top.
 #[derive(Debug, Clone, Copy)]
 pub struct Rendered<'a> {
     pub rgb: &'a RgbImage,
@@ -35,9 +35,9 @@ pub struct Rendered<'a> {
 #[derive(Debug, Clone, Copy)]
 pub struct Shot<'a> {
     pub world_from_ego: Transform<World, Ego>,
-    /// Of the car, along the optical axis.
+    /// Speed of the car, along the optical axis.
     pub speed_mps: f64,
-    /// All that could light the view.
+    /// All lamps that could light the view.
     pub lamps: &'a [StreetLamp],
     pub sample_idx: u64,
 }

@@ -49,7 +49,7 @@ fn tones(daytime: Daytime) -> Tones {
 #[derive(Debug, Clone)]
 pub(super) struct Panorama {
     colours: Vec<Colour>,
-    /// What the eye sees in thick haze: Koschmieder's air light.
+    /// The colour of thick haze: Koschmieder's air light.
     pub air_light: Colour,
 }
 

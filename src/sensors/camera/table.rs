@@ -1,4 +1,4 @@
-//! Smooth functions as tables: what each of a picture's pixels asks for again and again.
+//! Smooth functions as tables, for values that every pixel of a picture needs.
 
 /// A function of one number, by linear interpolation between evenly spaced values; constant outside.
 #[derive(Debug, Clone)]

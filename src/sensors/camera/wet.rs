@@ -68,7 +68,7 @@ impl Puddles {
         }
     }
 
-    /// How much of the light is the mirror's: Fresnel times the film's smoothness there.
+    /// The mirrored share of the light: Fresnel times the film's smoothness there.
     fn mirror_share(&self, ray: &Vector3<f32>, depth_m: f32, view: &View<'_>, wetness: f32) -> f32 {
         let cos = (-ray.z / ray.norm()).clamp(0.0, 1.0);
         let fresnel = F0 + (1.0 - F0) * (1.0 - cos).powi(5);
@@ -106,7 +106,8 @@ fn mirrored(
     } else {
         -1.0
     };
-    // What the mirrored ray meets at a row: the pixel of a thing nearer than itself; no ray there ends it.
+    // What the mirrored ray meets at a row: the pixel of a thing nearer than itself; without a ray the march
+    // ends.
     let probe = |row: f32| -> Option<Option<usize>> {
         let slope = (row + 0.5 - intrinsics.cy_px as f32) / intrinsics.fy_px as f32;
         // (start.y + t up.y) / (start.z + t up.z) = slope
@@ -126,7 +127,7 @@ fn mirrored(
     while row > vanishing && row >= 0.0 {
         match probe(row) {
             None => break,
-            // The rows just passed over may show the thing already.
+            // The rows just skipped may show the thing already.
             Some(Some(at)) => {
                 let nearer = (1..PROBE_PX as usize).rev().find_map(|k| probe(row + k as f32).flatten());
                 return dry.pixels[nearer.unwrap_or(at)];

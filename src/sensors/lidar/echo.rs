@@ -1,4 +1,4 @@
-//! What comes back of one ray.
+//! The light that comes back from one ray.
 
 /// What sent a return back.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -34,7 +34,7 @@ const N_PULSE_STEPS: usize = 48;
 pub(super) struct SoftReturns(Vec<Echo>);
 
 impl SoftReturns {
-    /// For a fog of an optical range and the extinction of the air as a whole.
+    /// The soft returns for a fog's optical range and the extinction of the air as a whole.
     pub(super) fn new(mor_m: f64, extinction_per_m: f64) -> Self {
         let scale = TARGET_REFLECTIVITY * BACKSCATTER_PER_MOR / mor_m / TARGET_BACKSCATTER;
         let n = (REACH_M / STEP_M) as usize;
@@ -51,7 +51,7 @@ impl SoftReturns {
         Self((0..=n).map(strongest).collect())
     }
 
-    /// Before a target at `range_m`; infinite where there is none.
+    /// The strongest soft return before a target at `range_m` (infinite: no target).
     pub(super) fn before(&self, range_m: f64) -> Echo {
         let i = (range_m / STEP_M).min((self.0.len() - 1) as f64) as usize;
         self.0[i]

@@ -1,4 +1,4 @@
-//! The spinning LiDAR: which rays it fires, and what comes back of their hits through the weather.
+//! The spinning LiDAR: which rays it fires, and what comes back from their hits through the weather.
 //!
 //! Powers are in units of a target with reflectivity 1 at 1 m, seen at right angles in clear air:
 //!
@@ -32,7 +32,7 @@ use crate::sample::LidarPoint;
 
 /// Range noise of a return at the detection threshold is this over the square root of two (LISA).
 const THRESHOLD_NOISE_M: f64 = 0.09;
-/// Air in which this optical range is less than clear counts as fog.
+/// Air with an optical range below this counts as fog.
 const FOG_MOR_M: f64 = 1000.0;
 /// Soft returns lie up to this much behind their strongest place, by Beta(2, 20) (Hahner et al. 2021).
 const SOFT_SPREAD_M: f64 = 10.0;
@@ -44,7 +44,7 @@ pub struct Hit {
     pub range_m: f64,
     /// Cosine of the angle between ray and surface normal, 0 to 1.
     pub cos_incidence: f64,
-    /// Of the dry surface, 0 to 1.
+    /// Reflectivity of the dry surface, 0 to 1.
     pub reflectivity: f64,
     /// Whether rain makes a film of water on it.
     pub is_paved: bool,
@@ -94,9 +94,11 @@ impl Receiver {
         }
     }
 
-    /// The measured points of sample `sample_idx`, ray by ray; what is lost or out of range is left out.
+    /// The measured points of sample `sample_idx`, ray by ray; lost points and those out of range are left
+    /// out.
     ///
-    /// Every ray draws the same amount whatever it hits, so one object more disturbs no other's config.
+    /// Every ray draws equally many numbers whatever it hits, so one object more does not change the others'
+    /// noise.
     ///
     /// # Panics
     /// If hits and rays differ in number, or a ring has no entry.

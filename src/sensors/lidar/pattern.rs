@@ -43,7 +43,7 @@ impl Pattern {
         camera_from_lidar: &Transform<Camera, Lidar>,
         max_range_m: f64,
     ) -> Self {
-        // The lateral position in the image is monotonic along a ray, so its ends and middle tell.
+        // The lateral position in the image is monotonic along a ray, so its ends and middle suffice.
         let ranges_m = [1.0, max_range_m / 8.0, max_range_m];
         let keeps = |direction: &Vector3<f64>| {
             ranges_m.iter().any(|range_m| is_in_view(&(direction * *range_m), intrinsics, camera_from_lidar))

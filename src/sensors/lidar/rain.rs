@@ -22,7 +22,7 @@ const NEAREST_M: f64 = 1.5;
 /// Larger drops break up as they fall.
 const LARGEST_MM: f64 = 6.0;
 
-/// The drops of one rain, as far as a LiDAR of some sensitivity can tell.
+/// The drops of one rain, as far as a LiDAR of some sensitivity can detect them.
 #[derive(Debug, Clone)]
 pub(super) struct Drops {
     slope_per_mm: f64,
@@ -55,7 +55,7 @@ impl Drops {
 
     /// The strongest answer of the drops before a target at `range_m`.
     ///
-    /// Draws the same amount whatever the range.
+    /// Draws equally many numbers whatever the range.
     pub(super) fn strongest(&self, range_m: f64, rng: &mut Rng) -> Echo {
         let mut strongest = Echo { reflector: Reflector::Rain, power: 0.0, range_m: f64::INFINITY };
         let n = self.count.sample(rng) as u64;

@@ -93,7 +93,7 @@ fn a_weak_target_is_detected_as_often_as_its_power_says() {
 fn in_fog_returns_beyond_fifty_metres_fall_by_the_two_way_transmission() {
     let (fog, n) = (fog_of(50.0), 1_000_000);
     for range_m in [50.5, 55.0] {
-        // As strong as the threshold in clear air, so that what is lost is the fog's doing alone.
+        // As strong as the threshold in clear air, so that only the fog loses points.
         let target = wall(range_m, 1e-5 * range_m * range_m);
         let clear_air = WeatherState { mor_m: 1e9, ..clear() };
         let before = shots(&quiet(), &clear_air, target, n / 100).len() * 100;

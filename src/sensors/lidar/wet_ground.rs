@@ -1,4 +1,4 @@
-//! What a film of water takes from the LiDAR's return of a paved ground.
+//! How much a film of water takes from the LiDAR's return of paved ground.
 //!
 //! Hahner et al., "LiDAR Snowfall Simulation for Robust 3D Object Detection", CVPR 2022: the film
 //! covers the share `wetness` of the pavement. Light that goes in is scattered below and comes out
