@@ -42,8 +42,7 @@ pub(super) struct Corridor {
 
 impl Corridor {
     /// The ground that a bar across the front bumper sweeps; its area is the bar's width times the way, less
-    /// what
-/// the chords cut off.
+    /// what the chords cut off.
     pub fn of_bar(course: &Course, front_m: f64, half_width_m: f64, along_m: f64) -> Result<Self, ZoneError> {
         course.check_room(half_width_m)?;
         let (right, left) = (point(front_m, -half_width_m), point(front_m, half_width_m));
