@@ -33,7 +33,8 @@ impl ArchiveWriter {
     /// Starts `<path>.<process>.partial`, whose folder must exist, and declares its topics.
     pub(super) fn create(path: &Path, topics: &[TopicSpec]) -> Result<Self, EpisodeError> {
         let mut partial = path.as_os_str().to_owned();
-        // A name of this process alone: a worker whose parent was killed may still be writing the same file.
+        // The name is unique to this process: a worker whose parent was killed may still be writing the same
+        // file.
         partial.push(format!(".{}.{PARTIAL_SUFFIX}", std::process::id()));
         let partial = TempPath::try_from_path(partial)?;
         let file = BufWriter::new(fs::File::create(&partial)?);
@@ -94,7 +95,7 @@ impl ArchiveWriter {
         self.with(|writer| writer.write_to_known_channel(&header, &message.encode_to_vec()))
     }
 
-    /// Ends the chunk, so that what came so far can be read without what follows.
+    /// Ends the chunk, so that everything up to here can be read without what follows.
     pub(super) fn end_chunk(&mut self) -> Result<(), EpisodeError> {
         self.with(mcap::Writer::flush)
     }

@@ -1,7 +1,7 @@
 //! Reads MCAP files by their index: a sample costs one chunk, whose CRC is checked before a message is taken.
 //!
-//! No file stays open between reads, so that thousands of episodes can be at hand. No length is believed: each is
-//! compared with the file's size, or with the index, before memory is asked for.
+//! No file stays open between reads, so that thousands of episodes can be at hand. No length is trusted: each
+//! is compared with the file's size, or with the index, before memory is allocated.
 
 use std::collections::BTreeMap;
 use std::io::{Read, Seek, SeekFrom};
@@ -27,7 +27,7 @@ const DATA_END_BYTES: u64 = 9 + 4;
 const FOOTER_BYTES: u64 = 8 + 8 + 4;
 const MAGIC_BYTES: u64 = 8;
 
-/// A whole file, of which only the index has been read.
+/// A file of which only the index has been read.
 pub(super) struct Archive {
     pub(super) path: PathBuf,
     summary: mcap::Summary,
@@ -46,7 +46,8 @@ impl Archive {
     /// Reads the index.
     ///
     /// # Errors
-    /// The file is cut short, damaged, no MCAP or has no index; a topic of `wanted` is missing or has another schema.
+    /// The file is cut short, damaged, not MCAP, or has no index; a topic of `wanted` is missing or has
+    /// another schema.
     pub(super) fn open(path: &Path, wanted: &[TopicSpec]) -> Result<Self, EpisodeError> {
         let summary = read_summary(path)?;
         let mut channels = BTreeMap::new();
@@ -77,7 +78,7 @@ impl Archive {
         *self.channels.get(topic).expect("`open` looks up the topics that a reader takes")
     }
 
-    /// Refuses a topic that the index says to hold another number of messages.
+    /// Refuses a topic that holds another number of messages by the index.
     pub(super) fn check_count(&self, topic: &'static str, wanted: usize) -> Result<(), EpisodeError> {
         let counts = self.summary.stats.as_ref().map(|stats| &stats.channel_message_counts);
         let found = counts.and_then(|counts| counts.get(&self.channel(topic))).copied().unwrap_or(0);
@@ -214,14 +215,14 @@ fn read_summary(path: &Path) -> Result<mcap::Summary, EpisodeError> {
                 reader.notify_read(n_read);
             }
             SummaryReadEvent::SeekRequest(to) => {
-                // The disk refuses an offset only where the footer holds no valid one.
+                // The disk refuses an offset only if the footer holds an invalid one.
                 let position = file.seek(to).map_err(|_| damaged(McapError::BadFooter))?;
                 reader.notify_seeked(position);
             }
         }
     }
     let summary = reader.finish().ok_or_else(|| EpisodeError::NoIndex { path: path.to_owned() })?;
-    // The summary reader leaves the summary's CRC to others: read once more, from the record before it.
+    // The summary reader does not check the summary's CRC: it is read once more, from the record before it.
     let mut footer = [0; FOOTER_BYTES as usize];
     file.seek(SeekFrom::Start(n_bytes - MAGIC_BYTES - FOOTER_BYTES))?;
     file.read_exact(&mut footer)?;

@@ -1,4 +1,4 @@
-//! Measurements as messages and back, exactly; what no consumer could use is a [`MessageFault`].
+//! Measurements as messages and back, exactly; values that no consumer could use are a [`MessageFault`].
 
 use foxglove::messages as fox;
 use foxglove::messages::packed_element_field::NumericType;
@@ -15,7 +15,7 @@ pub(super) fn check_finite(field: &'static str, found: f64) -> Result<(), Messag
     if found.is_finite() { Ok(()) } else { Err(MessageFault::new(field, found, FINITE)) }
 }
 
-/// Whether every number of the measurement is one that a reader will take.
+/// Whether a reader will accept every number of the measurement.
 pub(super) fn check_measured(measured: &Measured) -> Result<(), MessageFault> {
     check_state(&measured.ego_state)?;
     check_pinhole(&measured.intrinsics)
@@ -101,7 +101,7 @@ pub(super) fn transform_of<A: Frame, B: Frame>(
     [("translation.x", t.x), ("translation.y", t.y), ("translation.z", t.z)]
         .into_iter()
         .try_for_each(|(field, found)| check_finite(field, found))?;
-    // Kept as written, bit by bit, so it must be a rotation already.
+    // It is kept as written, bit by bit, so it must be a rotation already.
     if !((rotation.norm() - 1.0).abs() < 1e-6) {
         return Err(MessageFault::new("rotation", rotation, "a quaternion of length 1 is needed"));
     }

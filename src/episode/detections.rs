@@ -1,4 +1,4 @@
-//! Prediction files: what a detector reports for each sample of an episode.
+//! Prediction files: a detector's boxes for each sample of an episode.
 
 use std::path::{Path, PathBuf};
 

@@ -1,4 +1,4 @@
-//! What a viewer draws: boxes as cubes, the map, the danger zone, and boxes projected into the image.
+//! Drawings for viewers: boxes as cubes, the map, the danger zone, and boxes projected into the image.
 
 use foxglove::messages as fox;
 use foxglove::messages::line_primitive::Type as LineType;
@@ -63,7 +63,7 @@ fn pair(key: &str, value: impl Into<String>) -> fox::KeyValuePair {
     fox::KeyValuePair { key: key.to_owned(), value: value.into() }
 }
 
-/// A fact, or nothing where it is unknown.
+/// A fact as text; empty if it is unknown.
 fn text(fact: Option<&String>) -> String {
     fact.cloned().unwrap_or_default()
 }

@@ -12,7 +12,7 @@ pub struct MessageFault {
     pub object: Option<String>,
     pub field: &'static str,
     pub found: String,
-    /// What would be valid.
+    /// What a valid value would be.
     pub wanted: &'static str,
 }
 
@@ -65,7 +65,7 @@ pub enum EpisodeError {
 }
 
 impl EpisodeError {
-    /// Puts a fault in its place.
+    /// Adds the place of a fault.
     pub(super) fn invalid(episode: &str, sample_idx: usize, path: &Path) -> impl Fn(MessageFault) -> Self {
         move |fault| Self::Invalid {
             episode: episode.to_owned(),

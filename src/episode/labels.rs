@@ -18,11 +18,11 @@ pub struct ObjectLabel {
     /// The object's id in the episode.
     pub id: String,
     pub harm: Harm,
-    /// Shared by the object's footprint and the zone.
+    /// Area shared by the object's footprint and the zone.
     pub overlap_area_m2: f64,
-    /// The shared area over the footprint's, 0 to 1.
+    /// The shared area over the footprint's area, 0 to 1.
     pub overlap_ratio: f64,
-    /// Seconds until contact; only of zone `ttc`, and only where contact comes within its horizon.
+    /// Seconds until contact; only for the zone `ttc`, and only if contact comes within its horizon.
     pub time_to_collision_s: Option<f64>,
 }
 

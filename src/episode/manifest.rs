@@ -1,4 +1,4 @@
-//! `dataset.json`: what a data set holds; `labels.json`: what a label set says of it.
+//! `dataset.json`: the content of a data set; `labels.json`: the content of a label set.
 
 use std::path::{Path, PathBuf};
 
@@ -28,7 +28,7 @@ pub enum ManifestError {
     Inconsistent { message: String, path: PathBuf },
 }
 
-/// Which part of the experiment an episode serves.
+/// The part of the experiment that an episode belongs to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Split {
@@ -108,7 +108,7 @@ impl<T> PerDistribution<T> {
 }
 
 impl<T> PerDistribution<PerKind<T>> {
-    /// The value of an object's distribution and kind; `None` where either is unknown.
+    /// The value of an object's distribution and kind; `None` if either is unknown.
     pub fn of_mut(&mut self, object: &Object) -> Option<&mut T> {
         Some(self.get_mut(object.distribution?).get_mut(object.kind?))
     }
@@ -205,7 +205,7 @@ impl Manifest {
         Ok(manifest)
     }
 
-    /// Writes the manifest into the data set's folder, whole or not at all.
+    /// Writes the manifest into the data set's folder, completely or not at all.
     ///
     /// # Errors
     /// Two episodes of one name, a file outside the folder, or the disk.

@@ -10,7 +10,7 @@ pub(super) mod wire {
     include!(concat!(env!("OUT_DIR"), "/harmzone.rs"));
 }
 
-/// A message that can be a topic's content: protobuf with its whole descriptor set.
+/// A message that a topic can carry: protobuf with its whole descriptor set.
 pub trait TopicMessage: prost::Message + Default {
     /// Full name of the schema and its binary `FileDescriptorSet`.
     fn schema() -> (String, Vec<u8>);

@@ -1,4 +1,4 @@
-//! The metadata records: where an episode comes from, and what labels or predictions belong to.
+//! The metadata records: where an episode comes from, and which episode labels or predictions belong to.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -73,7 +73,7 @@ impl EpisodeMeta {
     pub(super) const RECORD: &'static str = "episode";
 }
 
-/// What labels or predictions were made from, and how: the metadata record `labels` or `detections`.
+/// The source of labels or predictions, and how they were made: the metadata record `labels` or `detections`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SourceMeta {
     /// The episode's name.
@@ -82,7 +82,7 @@ pub struct SourceMeta {
     pub episode_sha256: String,
     /// Name of the label set or of the run.
     pub set: String,
-    /// Resolved config of what made the file.
+    /// Resolved config that the file was made with.
     pub config_toml: String,
     pub generator_version: String,
 }

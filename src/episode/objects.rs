@@ -1,4 +1,5 @@
-//! Objects and detections as messages and back, exactly; what no consumer could use is a [`MessageFault`].
+//! Objects and detections as messages and back, exactly; values that no consumer could use are a
+//! [`MessageFault`].
 
 use super::convert::{FINITE, check_finite};
 use super::error::MessageFault;
@@ -85,7 +86,7 @@ macro_rules! box_of {
     }};
 }
 
-/// Facts that are unknown become the message's defaults; [`check_object`] lets none through.
+/// Unknown facts become the message's defaults; [`check_object`] refuses them.
 pub(super) fn objects_message(time_ns: u64, objects: &[Object]) -> wire::Objects {
     let objects = objects.iter().map(|object| {
         box_message!(Object, object.box_in_ego, object.velocity_in_ego_mps, {
@@ -147,7 +148,7 @@ fn check_box<F: Frame>(found: &Box3<F>, velocity_mps: [f64; 2]) -> Result<(), Me
     check_finite("vy_mps", velocity_mps[1])
 }
 
-/// Episodes tell every fact of an object.
+/// Episodes hold every fact of an object.
 fn check_facts(object: &Object) -> Result<(), MessageFault> {
     let facts = [
         ("id", object.id.is_some()),
@@ -163,7 +164,7 @@ fn check_facts(object: &Object) -> Result<(), MessageFault> {
     unknown.map_or(Ok(()), |(field, _)| Err(MessageFault::new(field, "unknown", "a known one is needed")))
 }
 
-/// Whether every fact of an object is known, and every number one that a reader will take.
+/// Whether every fact of an object is known, and a reader will accept every number.
 pub(super) fn check_object(object: &Object) -> Result<(), MessageFault> {
     check_facts(object)
         .and_then(|()| check_box(&object.box_in_ego, object.velocity_in_ego_mps))

@@ -1,4 +1,4 @@
-//! Reads an episode back, sample by sample, and refuses what no consumer could use.
+//! Reads an episode back, sample by sample, and refuses values that no consumer could use.
 
 use std::path::Path;
 
@@ -62,8 +62,8 @@ impl EpisodeReader {
     /// Opens an episode and checks its topics, schemas and counts.
     ///
     /// # Errors
-    /// A truncated or damaged file, an MCAP that is no episode, missing metadata, or topics that
-    /// do not hold one message a sample.
+    /// A truncated or damaged file, an MCAP that is not an episode, missing metadata, or topics that
+    /// do not hold one message per sample.
     pub fn open(path: &Path) -> Result<Self, EpisodeError> {
         let archive = Archive::open(path, topics::EACH_SAMPLE)?;
         let meta =

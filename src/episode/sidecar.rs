@@ -1,4 +1,4 @@
-//! Files beside an episode, with one message a sample: how they are read.
+//! Reads files beside an episode that hold one message per sample.
 
 use std::path::{Path, PathBuf};
 
@@ -8,7 +8,7 @@ use super::error::{EpisodeError, MessageFault};
 use super::messages::TopicMessage;
 use super::topics::Topic;
 
-/// What a file beside an episode says of one sample.
+/// The content of a file beside an episode for one sample.
 pub trait SidecarSample: Sized {
     type Message: TopicMessage;
     const TOPIC: Topic<Self::Message>;
@@ -28,7 +28,7 @@ pub struct SidecarReader<S> {
 }
 
 impl<S: SidecarSample> SidecarReader<S> {
-    /// Reads what the file says of all samples.
+    /// Reads the file's content for all samples.
     ///
     /// # Errors
     /// A truncated, damaged or foreign file, or a value that is not usable.

@@ -183,7 +183,8 @@ fn a_flipped_byte_in_a_chunk_is_found() {
     assert!(matches!(read, Err(EpisodeError::Damaged { .. })), "{:?}", read.map(|samples| samples.len()));
 }
 
-/// Flips one bit of each byte in turn: what can be read still must equal what was written, and errors name the file.
+/// Flips one bit of each byte in turn: whatever is still readable must equal what was written, and errors
+/// name the file.
 fn flip_each_byte<T: PartialEq + std::fmt::Debug>(path: &Path, read: impl Fn() -> Result<T, EpisodeError>) {
     let (whole, expected) = (fs_err::read(path).unwrap(), read().unwrap());
     let file = fs_err::OpenOptions::new().write(true).open(path).unwrap();
@@ -231,7 +232,7 @@ fn a_file_without_an_index_says_how_to_add_one() {
     assert!(message.contains("no index"), "{message}");
 }
 
-/// Writes an episode whose second sample is `broken`, unchecked, and gives the reader's error.
+/// Writes an episode whose second sample is `broken`, unchecked, and returns the reader's error.
 fn error_on_reading(broken: Sample) -> String {
     let (_folder, path) = folder();
     let mut writer = EpisodeWriter::create(&path, &meta(), &map()).unwrap();

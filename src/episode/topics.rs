@@ -58,6 +58,6 @@ topics! { OF_DETECTIONS:
     DETECTION_MARKERS = "/detections/markers" of fox::SceneUpdate,
 }
 
-/// What a reader of episodes needs, one message a sample.
+/// The topics that a reader of episodes needs, with one message per sample.
 pub const EACH_SAMPLE: &[TopicSpec] =
     &[TF.spec(), EGO_STATE.spec(), IMAGE.spec(), CAMERA_INFO.spec(), LIDAR.spec(), OBJECTS.spec()];

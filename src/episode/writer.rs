@@ -1,4 +1,4 @@
-//! Writes an episode: every topic of `docs/episode_format.md`, one chunk a sample.
+//! Writes an episode: every topic of `docs/episode_format.md`, one chunk per sample.
 
 use std::path::{Path, PathBuf};
 
@@ -12,7 +12,7 @@ use super::{EpisodeMeta, convert, objects, topics};
 use crate::files::sha256_hex;
 use crate::sample::Sample;
 
-/// What a finished episode holds.
+/// The content of a finished episode, counted.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FinishedEpisode {
     pub path: PathBuf,
@@ -110,7 +110,7 @@ impl EpisodeWriter {
     }
 }
 
-/// Whether a reader will take the sample.
+/// Whether a reader will accept the sample.
 fn check(sample: &Sample) -> Result<(), MessageFault> {
     convert::check_measured(&sample.measured)?;
     sample.truth.objects.iter().try_for_each(objects::check_object)?;

@@ -120,8 +120,8 @@ impl Detector {
         if device.is_autodiff() || !is_cpu(&device) {
             return self.head(batch, self.fuse(camera(), lidar()));
         }
-        // Inside the pool no operation has to wake it up and wait; and while one branch uses one thread, the other
-        // branch uses the rest.
+        // Inside the pool no operation has to wake it and wait; and while one branch uses one thread, the
+        // other branch uses the rest.
         rayon::scope(|_| {
             let (camera, lidar) = rayon::join(camera, lidar);
             self.head(batch, self.fuse(camera, lidar))
@@ -131,7 +131,7 @@ impl Detector {
 
 /// The parts of [`Detector::forward`], in its order; maps are `[batch, channel, cell_y, cell_x]`.
 impl Detector {
-    /// The camera branch before its lift, where the two are separate.
+    /// The camera branch before its lift, if the two are separate.
     pub(super) fn image_features(&self, batch: &Batch) -> Option<Tensor<4>> {
         let (branch, batch) = self.camera.as_ref().zip(batch.camera.as_ref())?;
         Some(branch.image_features(batch))
@@ -195,7 +195,7 @@ mod tests {
         let data = test_data::dataset(2);
         let prepare = |sample: &crate::dataset::LabelledSample| {
             let input = Input::prepare(&sample.measured, config, false, true).unwrap();
-            // Two states a sample.
+            // Two states per sample.
             input.with_states(&[sample.measured.ego_state; 2], false).unwrap()
         };
         let inputs: Vec<Input> = data.samples().iter().map(prepare).collect();
@@ -219,7 +219,7 @@ mod tests {
         }
     }
 
-    /// Each parameter of both branches takes part: none is left without a gradient.
+    /// Each parameter of both branches takes part: every one gets a gradient.
     #[test]
     fn gradients_reach_every_parameter() {
         let device = Device::flex().autodiff();

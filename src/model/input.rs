@@ -1,4 +1,4 @@
-//! From what the car measured to the arrays that a network reads; no truth passes here.
+//! Turns the car's measurements into the arrays that a network reads; no truth passes here.
 
 use thiserror::Error;
 
@@ -11,11 +11,11 @@ use crate::sample::{EgoState, Measured};
 /// One sample's inputs, ready to be batched.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Input {
-    /// `None` where the detector has no LiDAR branch.
+    /// `None` if the detector has no LiDAR branch.
     pub lidar: Option<LidarInput>,
-    /// `None` where the detector has no camera branch.
+    /// `None` if the detector has no camera branch.
     pub camera: Option<CameraInput>,
-    /// Speed over 10 m/s and steering over 0.35 rad, of each state the sample is asked about.
+    /// Speed over 10 m/s and steering over 0.35 rad, for each state of the sample.
     pub numeric: Vec<[f32; 2]>,
 }
 

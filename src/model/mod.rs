@@ -1,6 +1,6 @@
 //! The fused detector: a sample's measurements in, scored boxes out.
 //!
-//! 1. [`ModelConfig`] says what a network is made of; every part is built from its piece of it.
+//! 1. [`ModelConfig`] describes a network; every part is built from its piece of the config.
 //! 2. [`Input::prepare`] turns one [`crate::sample::Measured`] into arrays: [`LidarInput`] (pillars or voxels),
 //!    [`CameraInput`] (picture, depths, where its rays meet the ground), speed and steering.
 //! 3. [`Batch::stack`] joins several inputs as tensors.

@@ -3,7 +3,7 @@
 /// A trained network inside the program.
 #[derive(Debug)]
 pub struct Shipped {
-    /// What a command calls it.
+    /// Its name in commands.
     pub name: &'static str,
     /// A checkpoint's bytes.
     pub checkpoint: &'static [u8],
@@ -14,7 +14,7 @@ pub static SHIPPED: [Shipped; 1] =
     [Shipped { name: "small", checkpoint: include_bytes!("../../models/small.safetensors") }];
 
 impl Shipped {
-    /// The network of a name, if there is one.
+    /// The network with this name, if any.
     #[must_use]
     pub fn named(name: &str) -> Option<&'static Self> {
         SHIPPED.iter().find(|shipped| shipped.name == name)

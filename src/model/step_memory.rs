@@ -10,8 +10,8 @@ use serde::Serialize;
 use super::camera::n_features;
 use super::config::{CameraBackbone, LidarEncoder, ModelConfig, NumericFusion};
 
-/// Points or voxels assumed of one sample, since only the data could tell: our LiDAR's front sector gives 10,000 to
-/// 30,000.
+/// Points or voxels assumed per sample, since only the data has the number: our LiDAR's front sector gives
+/// 10,000 to 30,000.
 const N_POINTS: usize = 20_000;
 
 /// Tensors of one convolution, batch norm and ReLU.
@@ -33,7 +33,7 @@ pub struct StepTensor {
 /// The main tensors of a training step in the order of the forward pass.
 ///
 /// # Arguments
-/// - `n_states`: speeds and steering angles asked about for each sample
+/// - `n_states`: speeds and steering angles per sample
 /// - `image_px`: width and height of the camera's images
 #[must_use]
 pub fn step_tensors(
@@ -81,7 +81,7 @@ pub fn step_tensors(
     list.push("heatmap", &[head.heatmap.n_channels(), scale * cells[0], scale * cells[1]], 12);
     // The memory in rows, placed, then keys and values, each also laid out by head.
     list.push("keys and values", &[n_cells, head.channels], 8);
-    // The softmax and what it is made of; where dropout acts, its mask and result too.
+    // The softmax and its inputs; if dropout acts, its mask and result too.
     let n_attention = if head.dropout > 0.0 { 4 } else { 2 };
     list.push("cross attention", &[head.n_heads, head.n_queries, n_cells], n_attention);
     list.push("decoded queries", &[head.n_queries, head.channels], 30);

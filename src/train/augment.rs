@@ -13,7 +13,7 @@ use crate::random::Rng;
 use crate::sample::EgoState;
 use crate::zone::{Zone, ZoneError};
 
-/// An aimed steering angle leads the zone to an object, at most this many metres to a side of it.
+/// An aimed steering angle leads the zone to a point at most this many metres beside an object.
 const AIM_SPREAD_M: f64 = 4.0;
 
 /// The objects of one sample, labelled for each of its states.
@@ -22,7 +22,7 @@ pub type ObjectsByState = Vec<Vec<LabelledObject>>;
 /// How one sample is shown to the network this time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrainView {
-    /// Reflect the sensors' data.
+    /// Whether to reflect the sensors' data.
     pub mirror: bool,
     /// The states before reflection; the recorded one is the first.
     pub states: Vec<EgoState>,

@@ -17,7 +17,7 @@ pub struct Average {
 }
 
 impl Average {
-    /// Starts at a detector in inference mode (`valid()`).
+    /// Starts from a detector in inference mode (`valid()`).
     #[must_use]
     pub fn new(detector: Detector, decay: f64) -> Self {
         Self { detector, decay }

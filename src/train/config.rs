@@ -35,24 +35,25 @@ define_config! {
         weight_decay: f32 = 0.01, in from_to(0.0, 1000.0);
         /// L2 norm that all gradients together are scaled down to.
         clip_norm: f32 = 10.0, in above(0.0, 1e9);
-        /// Decay of the moving average of the weights, which is what a run leaves behind; 0 leaves the last
+        /// Decay of the moving average of the weights, which is the result of a run; 0 gives the last
         /// step's weights.
         average_decay: f64 = 0.998, in SHARE;
-        /// Share of each epoch's places that go to samples with something harmful ahead, drawn again and again;
-        /// the rest goes through all samples. 0 shows each sample once.
+        /// Share of each epoch's places given to samples with something harmful ahead, drawn again and again;
+        /// the other places go through all samples. 0 shows each sample once.
         harmful_share: f64 = 0.0, in SHARE;
         /// Batches whose mean gradient makes one step of the optimizer; as many as there are threads are computed
         /// side by side, each with its own batch statistics.
         accumulate: usize = 2, in from_to(1.0, 1024.0);
-        /// Epochs between two scores on the validation split, written to `validation.csv`; 0 for none.
+        /// Epochs between two scorings of the validation split, written to `validation.csv`; 0 for none.
         validate_every_epochs: usize = 1, in from_to(0.0, 1e6);
         /// Memory for prepared inputs, MiB; what does not fit is prepared anew in each epoch.
         cache_mib: usize = 3072, in from_to(0.0, 1e7);
         loss: LossConfig = LossConfig::default(), in part::<LossConfig>();
         augment: AugmentConfig = AugmentConfig::default(), in part::<AugmentConfig>();
-        /// Steps between two states to resume from.
+        /// Steps between two saved states to resume from.
         save_every_steps: usize = 100, in from_to(1.0, 1e9);
-        /// Weights of the image backbone to start from, of torchvision, timm, Microsoft or mmdet; `--image-weights`.
+        /// Weights of the image backbone to start from, by torchvision, timm, Microsoft or mmdet;
+        /// `--image-weights`.
         #[serde(skip_serializing_if = "Option::is_none")]
         image_weights: Option<PathBuf> = None;
         model: ModelConfig = ModelConfig::default(), in part::<ModelConfig>();
@@ -100,10 +101,10 @@ define_config! {
         max_speed_mps: f64 = 18.0, in from_to(0.0, 100.0);
         /// Largest steering angle drawn, degrees.
         max_steering_deg: f64 = 35.0, in from_to(0.0, 80.0);
-        /// Most objects of other samples pasted into a sample's cloud, 0 to this many, each as likely; none
+        /// Most objects of other samples pasted into a sample's cloud: 0 to this many, equally likely; none
         /// without a LiDAR branch.
         max_pasted: usize = 3, in from_to(0.0, 100.0);
-        /// Most that a pasted object is stretched or shrunk by, along each of its axes.
+        /// Largest factor by which a pasted object is stretched or shrunk along each of its axes.
         max_stretch: f64 = 1.5, in from_to(1.0, 10.0);
         /// Share of the pasted static objects that lie on their side.
         tipped_share: f64 = 0.2, in SHARE;
@@ -119,8 +120,8 @@ impl TrainConfig {
         with_table(&default, &keys).expect("a test reads the shipped file")
     }
 
-    /// The augmentation that serves this network: no other states for one that does not see them, and no pasted
-    /// objects, which pictures do not show, for one without LiDAR.
+    /// The augmentation for this network: no redrawn states if it does not see speed and steering, and no
+    /// pasted objects, which pictures do not show, if it has no LiDAR.
     #[must_use]
     pub fn augment_of_model(&self) -> AugmentConfig {
         let mut augment = self.augment;
@@ -159,7 +160,7 @@ impl Bounds for StageConfig {
     const BOUNDS: Keys = &[("epochs", from_to(0.0, 100_000.0)), ("max_learning_rate", above(0.0, 1000.0))];
 }
 
-/// Of a loss or cost.
+/// Bounds of the weight of a loss or cost.
 const WEIGHT: Rule = from_to(0.0, 1e6);
 
 impl_checked!(TrainConfig);

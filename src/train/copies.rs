@@ -1,7 +1,7 @@
 //! Copies of a detector, one for each batch of a step, and the mean of their running statistics.
 //!
 //! A copy shares the weights' values and the parameters' ids, has an autodiff graph of its own, and gathers
-//! running statistics of its own: those of a step are the mean over its batches.
+//! running statistics of its own: a step's statistics are the mean over its batches.
 
 use std::collections::{HashMap, HashSet};
 

@@ -86,7 +86,7 @@ impl CutOut {
     }
 }
 
-/// Finds the returns of what stands in a box, without those of the ground.
+/// Finds the returns inside a box, without those of the ground.
 pub fn returns_in(measured: &Measured, box_in_ego: &Box3<Ego>) -> Vec<Return> {
     let bottom_m = box_in_ego.center.z() - box_in_ego.height_m / 2.0;
     let inside =

@@ -20,12 +20,12 @@ pub struct DryRun {
     pub parameters: Vec<Part>,
     pub n_parameters: usize,
     pub tensors: Vec<StepTensor>,
-    /// Of a training step, with the camera where the network has one.
+    /// Memory of a training step, with the camera if the network has one.
     pub memory: Memory,
     pub batch_size: usize,
-    /// Batches of a step.
+    /// Batches per step.
     pub accumulate: usize,
-    /// Speeds and steering angles for each sample.
+    /// Speeds and steering angles per sample.
     pub n_states: usize,
     pub stages: Vec<StageSteps>,
     pub n_steps: usize,

@@ -19,12 +19,12 @@ pub const CONFIG_FILE: &str = "train.toml";
 /// Name of the file that says which data a run saw.
 pub const DATA_FILE: &str = "data.json";
 
-/// What a run does with an earlier run in its folder, and after each validation.
+/// How a run treats an earlier run in its folder, and what it does after each validation.
 #[derive(Clone, Copy, Default)]
 pub struct TrainOptions<'a> {
     /// Discard a run of another config.
     pub force: bool,
-    /// There must be a run to go on with.
+    /// There must be a run to resume.
     pub resume: bool,
     /// Called with the run's folder after each validation, when its logs are up to date.
     pub after_validation: Option<&'a dyn Fn(&Path)>,

@@ -1,4 +1,4 @@
-//! What training changes: a detector, its optimizer and the moving average of its weights.
+//! The state that training changes: a detector, its optimizer and the moving average of its weights.
 
 use burn::module::Module;
 use burn::optim::GradientsParams;
@@ -55,7 +55,7 @@ impl Learner {
         self.average.detector()
     }
 
-    /// What a run leaves behind: the moving average, or the last weights where there is none.
+    /// The result of a run: the moving average, or the last weights if there is none.
     #[must_use]
     pub fn result(&self) -> Detector {
         if self.has_average { self.average().clone() } else { self.detector().valid() }

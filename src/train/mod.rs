@@ -33,7 +33,7 @@ pub use run::{Summary, run};
 pub use schedule::{BETA_1, Pace, Schedule};
 pub use time::{TIME_FILE, TrainingTime};
 
-// What one step is made of, for whoever measures it.
+// The parts of one step, for measurements.
 pub use augment::{ObjectsByState, TrainView, draw};
 pub use learner::Learner;
 pub use losses::{LossParts, Losses, losses};

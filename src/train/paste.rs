@@ -1,10 +1,10 @@
-//! Objects of other samples pasted into a sample's cloud, labelled by the zone where they come to stand.
+//! Objects of other samples pasted into a sample's cloud, labelled by the zone at their new place.
 //!
 //! Copy-paste of LiDAR objects is SECOND's (Yan et al. 2018). Here an object turns about the LiDAR and keeps its
 //! distance, so that it shows the side and the number of points that the sensor would see of it. It hides the points
 //! behind it, and loses its own points where something hides it. It may be stretched along each axis and tipped over:
-//! that gives shapes and places that the training split does not hold, as those of an unfamiliar object. The picture
-//! does not show it.
+//! that gives shapes and places that the training split does not hold, as an unfamiliar object has them. The
+//! picture does not show it.
 
 use std::collections::{HashMap, HashSet};
 
@@ -29,7 +29,7 @@ const CLEARANCE_M: f64 = 0.3;
 /// Ground height is that of the lowest points this near.
 const GROUND_RADIUS_M: f64 = 2.5;
 const MIN_GROUND_POINTS: usize = 5;
-/// Lowest points that are this much higher or lower than the object stood are not taken for ground.
+/// Lowest points this much above or below the object's old ground do not count as ground.
 const MAX_RISE_M: f64 = 1.5;
 /// Somewhat more than the step between shots of a ring, so that no ray passes between the points of an object.
 const AZIMUTH_BIN_RAD: f64 = 0.5 * std::f64::consts::PI / 180.0;
@@ -45,7 +45,7 @@ pub struct Pasted {
     pub objects: Vec<LabelledObject>,
 }
 
-/// Pastes up to `config.max_pasted` objects; `None` where none was drawn or none found a place.
+/// Pastes up to `config.max_pasted` objects; `None` if none was drawn or none found a place.
 ///
 /// # Errors
 /// The sample's state or a box is not valid.
@@ -119,8 +119,8 @@ impl Scene {
         Some(*heights.select_nth_unstable_by(tenth, f64::total_cmp).1)
     }
 
-    /// Puts an object on the ground; returns it with the points that stay visible, `None` where it cannot stand or is
-    /// hidden.
+    /// Puts an object on the ground; returns it with the points that stay visible, `None` if it cannot stand
+    /// there or is hidden.
     fn place(&self, cut_out: CutOut) -> Option<(Object, Vec<Return>)> {
         let CutOut { mut truth, mut points } = cut_out;
         let of = &mut truth.box_in_ego;

@@ -25,12 +25,12 @@ use crate::model::checkpoint::{self, CHECKPOINT};
 use crate::model::{Detector, ImageWeightsReport};
 use crate::progress::Progress;
 
-/// What a run did.
+/// The outcome of a run.
 #[derive(Debug, Clone)]
 pub struct Summary {
     pub checkpoint: PathBuf,
     pub n_samples: usize,
-    /// Steps of all stages, and how many of them this call took.
+    /// Steps of all stages, and the number that this call took.
     pub n_steps: usize,
     pub n_steps_now: usize,
     /// Mean loss over the last epoch.
@@ -42,11 +42,11 @@ pub struct Summary {
     pub image_weights: Option<ImageWeightsReport>,
 }
 
-/// Trains a detector; goes on where an earlier call with the same config and data stopped. Scores the moving average on
-/// `validation` between epochs.
+/// Trains a detector; continues where an earlier call with the same config and data stopped. Scores the
+/// moving average on `validation` between epochs.
 ///
 /// # Errors
-/// [`TrainError`]; what was learnt up to the last saved state stays.
+/// [`TrainError`]; the last saved state stays.
 pub fn run(
     dataset: &Dataset,
     validation: Option<&Dataset>,

@@ -10,7 +10,7 @@
 //! those of BEVFusion's LiDAR and fused stage: mmcv's `cyclic` with its defaults (target ratios 10 and 1e-4 of a base
 //! that is a tenth of the peak, `step_ratio_up` 0.4; momentum ratios 0.85/0.95 and 1 of 0.9), and `CosineAnnealing`
 //! with a linear warm-up from 1/3 and `min_lr_ratio` 1e-3. The cosine moves at each step, as in mmdet3d's port; mmcv
-//! moves it once an epoch.
+//! moves it once per epoch.
 
 use std::f64::consts::PI;
 
@@ -116,8 +116,8 @@ mod tests {
         assert!(near(pace(20_000).learning_rate, 1e-8) && near(pace(20_000).beta_1, 0.9));
     }
 
-    /// The published fused stage: 2e-4, of which a third at first and all after 500 steps; 2e-7 at the end; beta1
-    /// turns after 2.4 of 6 epochs.
+    /// The published fused stage: 2e-4, a third of it at first and all of it after 500 steps; 2e-7 at the
+    /// end; beta1 turns after 2.4 of 6 epochs.
     #[test]
     fn warmup_cosine_passes_the_published_points() {
         let pace = |step| Schedule::WarmupCosine.pace(step, 6000, 2e-4, 0.4);

@@ -1,4 +1,4 @@
-//! What a run needs to go on where it stopped: weights, optimizer, position, all of one step or none.
+//! The state from which a stopped run resumes: weights, optimizer and position, all of one step or none.
 //!
 //! `<run>/state/step-<n>/` is written under a temporary name and renamed when whole; the newest counts.
 
@@ -50,7 +50,7 @@ pub fn save(run: &Path, n_done: usize, position: Position, learner: &Learner) ->
     Ok(())
 }
 
-/// Whole states of a run, oldest first.
+/// Complete states of a run, oldest first.
 fn list(run: &Path) -> Result<Vec<PathBuf>, StateError> {
     let states = folder(run);
     if !states.exists() {
@@ -72,7 +72,7 @@ fn list(run: &Path) -> Result<Vec<PathBuf>, StateError> {
 /// Loads the newest state of a run, if there is one: the next step to take, and the learner before it.
 ///
 /// # Errors
-/// The state is broken or of another config.
+/// The state is broken or belongs to another config.
 pub fn load_newest(
     run: &Path,
     config: &TrainConfig,

@@ -184,8 +184,8 @@ impl<'a> Steps<'a> {
     }
 }
 
-/// Number of a step's batches that run in parallel: one for each thread. It is 1 where the network has dropout, which
-/// draws from one generator, and on a GPU, which one batch keeps busy.
+/// Number of a step's batches that run in parallel: one for each thread. It is 1 if the network has dropout,
+/// which draws from one generator, and on a GPU, which one batch keeps busy.
 #[must_use]
 pub fn n_abreast(config: &TrainConfig, device: &Device) -> usize {
     if config.model.draws_in_training() || !is_cpu(device) {

@@ -1,7 +1,7 @@
 //! How long a run has taken so far: wall and CPU time, summed over all calls, in `time.json` of its folder.
 //!
-//! Measured, so no two runs agree: no other file of a run holds a time. What a killed call did after its last saved
-//! state is not counted; the next call does it again.
+//! Times are measured, so no two runs agree: no other file of a run holds a time. The work of a killed call
+//! after its last saved state is not counted; the next call repeats it.
 
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -52,7 +52,7 @@ pub struct Stopwatch {
 }
 
 impl Stopwatch {
-    /// Starts from what earlier calls took.
+    /// Starts from the sum of earlier calls.
     #[must_use]
     pub fn start(run: &Path) -> Self {
         let earlier = TrainingTime::read(run).unwrap_or_default();

@@ -178,8 +178,8 @@ fn assert_gradients(detector: &Detector, loss: Tensor<1>, golden: &Golden, prefi
             continue;
         }
         let largest_of = |name: &str| golden.numbers(&format!("{prefix}.largest.{name}"))[0];
-        // A key's bias shifts all of a query's scores alike, which the softmax takes out again: its gradient is
-        // rounding, and compared on the scale of the weight beside it.
+        // A key's bias shifts all of a query's scores equally, which the softmax cancels: its gradient is
+        // rounding, and is compared on the scale of the weight beside it.
         let scale = largest_of(&name.replace("key.bias", "key.weight"));
         let expected = golden.numbers(&format!("{prefix}.gradient.{name}"));
         let sampled: Vec<f32> = found.iter().copied().step_by(found.len().div_ceil(N_SAMPLED)).collect();

@@ -18,7 +18,8 @@ pub enum ValidationError {
     Score(#[from] ScoreError),
 }
 
-/// Scores a detector in inference mode on a split with the default protocol; without the camera until that is trained.
+/// Scores a detector in inference mode on a split with the default protocol; without the camera until the
+/// camera is trained.
 ///
 /// # Errors
 /// A sample is broken, or its boxes cannot be scored.

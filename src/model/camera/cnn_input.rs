@@ -32,7 +32,7 @@ pub fn n_features(n_px: usize) -> usize {
 
 impl CnnInput {
     /// # Arguments
-    /// - `view`: of `image`
+    /// - `view`: the view of `image`
     /// - `points`: in the ego frame
     #[must_use]
     pub fn prepare(

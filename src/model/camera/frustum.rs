@@ -19,7 +19,7 @@ fn feature_px(i: usize, n: usize, n_px: u32) -> f64 {
 ///
 /// # Arguments
 /// - `features`: rows and columns of the image features
-/// - `view`: of the network's image
+/// - `view`: the view of the network's image
 #[must_use]
 pub fn pool_plan(config: &DepthLssConfig, features: [usize; 2], view: &CameraView) -> PoolPlan {
     let ([n_y, n_x], camera) = (features, &view.intrinsics);

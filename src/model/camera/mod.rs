@@ -23,10 +23,10 @@ pub use swin::Swin;
 pub use swin_branch::SwinCameraBranch;
 pub use swin_input::{SwinCameraBatch, SwinCameraInput};
 
-/// Why a branch never gets the input of another backbone.
+/// The reason that a branch never gets the input of another backbone.
 const SAME_CONFIG: &str = "input, batch and branch were made with one config";
 
-/// One sample's image and what goes with it, as the config's backbone needs them.
+/// One sample's image with its depths and calibration, as the config's backbone needs them.
 #[derive(Debug, Clone, PartialEq)]
 pub enum CameraInput {
     Cnn(CnnInput),
@@ -35,8 +35,8 @@ pub enum CameraInput {
 
 impl CameraInput {
     /// # Arguments
-    /// - `view`: of the full picture
-    /// - `points`: the LiDAR's, in the ego frame, mirrored where the picture is
+    /// - `view`: the view of the full picture
+    /// - `points`: the LiDAR's, in the ego frame, mirrored if the picture is
     #[must_use]
     pub fn prepare(
         image: &NetworkImage,

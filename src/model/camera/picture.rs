@@ -1,5 +1,5 @@
-//! The picture as a network sees it: resized to its width, cropped where it needs fewer rows, and the
-//! calibration that belongs to it.
+//! The picture as a network sees it, resized to the network's width and cropped if it needs fewer rows, and
+//! the calibration that belongs to it.
 
 use image::RgbImage;
 use image::imageops::{FilterType, crop_imm, flip_horizontal_in_place, resize};

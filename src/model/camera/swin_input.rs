@@ -20,13 +20,13 @@ pub struct SwinCameraInput {
     pub image: Vec<u8>,
     /// `(y * width + x, depth in metres)` of pixels with a LiDAR point, sorted by pixel.
     pub depths: Vec<(u32, f32)>,
-    /// Of the cropped image.
+    /// View of the cropped image.
     pub view: CameraView,
 }
 
 impl SwinCameraInput {
     /// # Arguments
-    /// - `view`: of `image`
+    /// - `view`: the view of `image`
     /// - `points`: the LiDAR's, in the ego frame
     #[must_use]
     pub fn prepare(image: &NetworkImage, view: &CameraView, points: &[[f64; 4]]) -> Self {

@@ -46,7 +46,7 @@ impl DepthLssConfig {
         ((self.depth_max_m - self.depth_min_m) / self.depth_step_m).round() as usize
     }
 
-    /// The cells that are pooled into.
+    /// The cells into which features are pooled.
     #[must_use]
     pub fn pooled_grid(&self) -> GridConfig {
         let Self { x_min_m, x_max_m, y_min_m, y_max_m, z_min_m, z_max_m, cell_size_m, .. } = *self;

@@ -3,7 +3,7 @@
 use crate::config::{Check, InvalidConfig, Rule, define_config, from_to, require};
 
 define_config! {
-    /// Where the detector looks, and the feature cells of that ground.
+    /// The ground that the detector covers, and its feature cells.
     #[derive(Copy)]
     pub struct GridConfig {
         /// Rear end of the map, metres ahead of the rear axle.
@@ -76,7 +76,7 @@ impl GridConfig {
 /// Sizes of layers.
 pub(super) const CHANNELS: Rule = from_to(1.0, 1024.0);
 
-/// Of a coordinate, metres.
+/// Bounds of a coordinate, metres.
 pub(super) const METRES: Rule = from_to(-1000.0, 1000.0);
 
 impl Check for GridConfig {

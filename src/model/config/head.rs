@@ -18,14 +18,14 @@ pub enum NumericFusion {
     None,
 }
 
-/// What a peak of the heatmap stands for.
+/// The meaning of a peak of the heatmap.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Heatmap {
     /// One channel: any object. A query may report both classes.
     Agnostic,
     /// A channel for harmful and one for harmless, as the paper's class-specific heatmap. A query reports
-    /// the class of its channel alone.
+    /// only the class of its channel.
     PerClass,
 }
 
@@ -50,7 +50,7 @@ pub enum PositionEncoding {
     Separate,
 }
 
-/// What predicts boxes and harm.
+/// The nets that predict boxes and harm.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Prediction {
@@ -60,13 +60,13 @@ pub enum Prediction {
     Separate,
 }
 
-/// What the class branch tells apart.
+/// The classes of the class branch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Classes {
     /// Harmful and harmless.
     Harm,
-    /// Vehicle, pedestrian and static: a closed set, which knows nothing of harm; for a baseline.
+    /// Vehicle, pedestrian and static: a closed set, which does not know harm; for a baseline.
     Kind,
 }
 
@@ -87,7 +87,7 @@ define_config! {
     pub struct HeadConfig {
         /// Channels of the queries. Default 64; the paper's 128.
         channels: usize = 64, in CHANNELS;
-        /// Default 64; the paper's 200.
+        /// Number of queries. Default 64; the paper's 200.
         n_queries: usize = 64, in from_to(1.0, 10_000.0);
         /// Attention heads; a divisor of `channels`. Default 4; the paper's 8.
         n_heads: usize = 4, in CHANNELS;
@@ -112,13 +112,13 @@ define_config! {
         /// Hidden channels of each of the separate nets. The paper's 64.
         prediction_channels: usize = 64, in CHANNELS;
         numeric_fusion: NumericFusion = NumericFusion::Film;
-        /// Default `harm`.
+        /// Classes; default `harm`.
         classes: Classes = Classes::Harm;
     }
 }
 
 impl HeadConfig {
-    /// Channels of the net that makes the heatmap: each class for each place in a feature cell.
+    /// Channels of the net that makes the heatmap: one for each class and place in a feature cell.
     #[must_use]
     pub fn n_heatmap_outputs(&self) -> usize {
         self.heatmap.n_channels() * self.heatmap_scale * self.heatmap_scale

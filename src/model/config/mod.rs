@@ -1,4 +1,4 @@
-//! What a detector is made of: one typed config for both profiles, checked once.
+//! The config of a detector: one type for both profiles, checked once.
 //!
 //! The default is the `small` profile, sized for two CPU cores; `paper` is the published model, restricted to
 //! the front. The files of `configs/model/` are part of the program.
@@ -75,7 +75,7 @@ impl ModelConfig {
     }
 }
 
-/// What the branches hand to the fuser.
+/// Channels that the branches hand to the fuser.
 impl ModelConfig {
     /// Channels of the LiDAR branch's map; 0 without the branch.
     #[must_use]
@@ -110,7 +110,7 @@ impl ModelConfig {
         (self.use_lidar && self.use_camera) || !self.has_backbone()
     }
 
-    /// Channels after the fuser, or of the one branch where there is none.
+    /// Channels after the fuser; without a fuser, those of the one branch.
     #[must_use]
     pub fn fused_channels(&self) -> usize {
         if self.has_fuser() { self.fuser_channels } else { self.lidar_channels() + self.camera_channels() }

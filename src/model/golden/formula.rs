@@ -1,4 +1,4 @@
-//! For tests: weights and inputs that the scripts in `tests/golden` make alike (`formula.py`).
+//! For tests: weights and inputs, equal to those that the scripts in `tests/golden` make (`formula.py`).
 
 use std::collections::BTreeMap;
 

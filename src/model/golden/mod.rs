@@ -77,7 +77,7 @@ impl Golden {
         assert_close(found, &self.tensor(name, &test_device()), name);
     }
 
-    /// As [`Self::check`], of numbers in order; the largest value is at least `scale`.
+    /// As [`Self::check`], for numbers in order; the largest value is at least `scale`.
     pub fn check_numbers(&self, name: &str, found: &[f32], scale: f64) {
         let expected = self.numbers(name);
         let tolerance = 1e-4 * largest(&expected).max(scale);
@@ -90,7 +90,7 @@ impl Golden {
 
     /// Checks every gradient of a module against `gradient.<name>`.
     ///
-    /// A shift or scale of whole channels in front of a batch norm has no effect, and a gradient of nothing but
+    /// A shift or scale of whole channels in front of a batch norm has no effect, and its gradient is only
     /// rounding: it is compared on the scale of the norm's gradients.
     pub fn check_gradients(&self, found: &BTreeMap<String, Vec<f32>>) {
         for (name, found) in found {

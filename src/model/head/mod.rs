@@ -36,7 +36,7 @@ pub struct Head {
     shared: Shared,
     heatmap_hidden: ConvBlock,
     heatmap_out: Conv2d,
-    /// Of the one-hot heatmap channel and place in the feature cell.
+    /// Embeds the one-hot heatmap channel and place in the feature cell.
     class_embedding: Linear,
     position: Positions,
     decoder: DecoderLayer,

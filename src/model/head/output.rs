@@ -1,4 +1,4 @@
-//! The head's raw output, and the boxes in it: of harm, or of kinds for a closed-set baseline.
+//! The head's raw output, and the boxes in it: with harm, or with kinds for a closed-set baseline.
 
 use burn::tensor::Tensor;
 
@@ -18,16 +18,16 @@ pub struct Output {
     /// `[batch * state, query, CODE_SIZE]`; the states of a sample stand side by side.
     pub boxes: Tensor<3>,
     /// `[batch * state, query, class]`, before the sigmoid, in the order of [`crate::object::Harm::ALL`], or of
-    /// [`crate::object::Kind::ALL`] where the config tells kinds.
+    /// [`crate::object::Kind::ALL`] if the config's classes are kinds.
     pub harm: Tensor<3>,
-    /// `[batch * state, query, channel]`: what boxes and classes are predicted from.
+    /// `[batch * state, query, channel]`: the features from which boxes and classes are predicted.
     pub features: Tensor<3>,
 }
 
 /// The head's output for one query in one state.
 struct QueryOutput<'a> {
     query: &'a Query,
-    /// Of `[batch * state, query]`, flattened.
+    /// Index into `[batch * state, query]`, flattened.
     row: usize,
     box_in_ego: Box3<Ego>,
     velocity_in_ego_mps: [f64; 2],
@@ -77,7 +77,7 @@ fn first_states<T>(by_state: Vec<Vec<Vec<T>>>) -> Vec<Vec<T>> {
     by_state.into_iter().map(|states| states.into_iter().next().unwrap_or_default()).collect()
 }
 
-/// The classes that a query may report: only its peak's where the heatmap has one channel for each class.
+/// The classes that a query may report: only its peak's if the heatmap has one channel for each class.
 fn reportable_classes(query: &Query, heatmap: Heatmap) -> &'static [Harm] {
     match heatmap {
         Heatmap::Agnostic => &Harm::ALL,
@@ -95,7 +95,7 @@ pub fn detections(output: &Output, config: &ModelConfig, min_score: f32) -> Vec<
     first_states(detections_by_state(output, config, min_score))
 }
 
-/// As [`detections`], of each state of each sample: `[sample][state][box]`.
+/// As [`detections`], for each state of each sample: `[sample][state][box]`.
 ///
 /// # Panics
 /// If the network tells kinds.
@@ -128,7 +128,7 @@ pub fn detections_by_state(
 /// Number of kinds.
 const N_KINDS: usize = 3;
 
-/// The box of a query of a network that tells kinds of objects instead of harm.
+/// The box of a query of a network that detects kinds of objects instead of harm.
 #[derive(Debug, Clone, PartialEq)]
 pub struct KindBox {
     pub box_in_ego: Box3<Ego>,
@@ -137,7 +137,7 @@ pub struct KindBox {
     pub score: f32,
     /// Before the sigmoid, in channel order.
     pub logits: [f32; N_KINDS],
-    /// What box and kind were predicted from.
+    /// The features from which box and kind were predicted.
     pub features: Vec<f32>,
 }
 

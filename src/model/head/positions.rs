@@ -1,4 +1,4 @@
-//! Learned position encodings of queries and cells: what the decoder adds to their features.
+//! Learned position encodings of queries and cells, which the decoder adds to their features.
 
 use burn::module::Module;
 use burn::tensor::{Device, Tensor, TensorData};

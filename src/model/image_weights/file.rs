@@ -14,7 +14,7 @@ use super::ImageWeightsError;
 const SAFETENSORS_HEADER_AT: u64 = 8;
 
 /// Reads the names of a file's tensors, but not yet their values; names inside a dictionary have its key and a dot in
-/// front. Content tells safetensors; any other file is read as PyTorch's.
+/// front. Safetensors is recognised by its content; any other file is read as PyTorch's.
 pub(super) fn read(path: &Path) -> Result<BTreeMap<String, burn_pack::Tensor>, ImageWeightsError> {
     let unreadable = |message: String| ImageWeightsError::Unreadable { message, path: path.to_owned() };
     let mut start = Vec::new();

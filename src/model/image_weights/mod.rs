@@ -43,7 +43,7 @@ pub enum ImageWeightsError {
         scheme: Scheme,
         missing: Vec<String>,
         unexpected: Vec<String>,
-        /// Each with the shape found and the shape needed.
+        /// Names, each with the shape found and the shape needed.
         misshapen: Vec<Misshapen>,
         path: PathBuf,
     },
@@ -75,7 +75,7 @@ fn list<T: fmt::Display>(items: &[T]) -> String {
     }
 }
 
-/// What was loaded.
+/// The result of loading.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ImageWeightsReport {
     pub scheme: Scheme,

@@ -79,7 +79,7 @@ pub fn plain_conv(channels_in: usize, channels_out: usize, bias: Option<f64>, de
     conv
 }
 
-/// Convolves, with our own kernel where it applies.
+/// Convolves, with our own kernel if it applies.
 ///
 /// # Shapes
 /// - x: `[batch, channel_in, y, x]`

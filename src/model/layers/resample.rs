@@ -30,7 +30,7 @@ pub fn resize_bilinear(x: Tensor<4>, [n_y, n_x]: [usize; 2]) -> Tensor<4> {
     resized.reshape([n_batch, n_channels, n_y, n_x])
 }
 
-/// How much each of `n_in` cells in a row gives to each of `n_out`: `[n_out, n_in]`, each row's sum 1.
+/// The weight of each of `n_in` cells in a row for each of `n_out`: `[n_out, n_in]`, each row's sum 1.
 fn bilinear_weights(n_in: usize, n_out: usize, device: &Device) -> Tensor<2> {
     let mut weights = vec![0f32; n_out * n_in];
     for (i, row) in weights.chunks_exact_mut(n_in).enumerate() {

@@ -14,7 +14,7 @@ pub use pillars::{PillarBatch, Pillars};
 use sparse::SparseEncoder;
 pub use voxels::{N_VOXEL_FEATURES, VoxelBatch, Voxels, voxelize};
 
-/// Why a branch never gets the input of another encoder.
+/// The reason that a branch never gets the input of another encoder.
 const SAME_CONFIG: &str = "input, batch and branch were made with one config";
 
 /// One sample's points, grouped as the config's encoder needs them.

@@ -67,7 +67,7 @@ pub fn voxelize(points: &[[f64; 4]], config: &VoxelConfig) -> Voxels {
     voxels
 }
 
-/// The voxels of several samples, and what is built from their cells once for all layers.
+/// The voxels of several samples, and the rulebooks built from their cells once for all layers.
 #[derive(Debug, Clone)]
 pub struct VoxelBatch {
     /// `[voxel, N_VOXEL_FEATURES]`, all samples in one list.

@@ -13,7 +13,7 @@ use burn::tensor::{Device, Int, Tensor, TensorData};
 
 /// Standard deviation of fresh weights (Liu et al. 2021).
 const WEIGHT_STD: f64 = 0.02;
-/// What the mask adds between tokens that are not neighbours.
+/// The mask's value between tokens that are not neighbours.
 const APART: f32 = -100.0;
 
 /// A linear layer with Swin's fresh weights: normal, no bias at first.
@@ -97,10 +97,10 @@ impl Windows {
             .slice([0..n_batch, 0..self.map[0], 0..self.map[1], 0..n_channels])
     }
 
-    /// Which tokens may not look at each other: zero, or [`APART`] between tokens from opposite borders.
+    /// The mask that keeps tokens apart: zero, or [`APART`] between tokens from opposite borders.
     ///
     /// # Shapes
-    /// - output: `[window, 1, token, token]`; `None` where nothing is shifted
+    /// - output: `[window, 1, token, token]`; `None` if nothing is shifted
     pub fn mask(&self, device: &Device) -> Option<Tensor<4>> {
         if self.shift == [0, 0] {
             return None;

@@ -11,11 +11,11 @@ use crate::model::config::{SparseEncoderConfig, SparseKernel};
 /// The rulebooks of a [`super::SparseEncoder`] and the sites it ends in.
 #[derive(Debug, Clone)]
 pub struct EncoderRulebooks {
-    /// Of the submanifold convolutions of each stage.
+    /// Rulebook of each stage's submanifold convolutions.
     pub(super) stages: Vec<Arc<Rulebook>>,
-    /// Of the strided convolution that ends each stage but the last.
+    /// Rulebook of the strided convolution that ends each stage but the last.
     pub(super) downs: Vec<Arc<Rulebook>>,
-    /// Of the convolution along z at the end.
+    /// Rulebook of the convolution along z at the end.
     pub(super) last: Arc<Rulebook>,
     /// Sites of the output.
     pub(super) sites: Sites,
