@@ -1,8 +1,8 @@
 //! A setting of the C library's allocator: it keeps freed memory.
 
 /// Makes the allocator keep freed memory instead of giving it back to the system, in one arena for all threads: each
-/// training step, and each inference, asks for the same megabytes as the one before, and clearing fresh pages took a
-/// fifth of the time.
+/// training step, and each inference, allocates the same megabytes as the one before, and clearing fresh
+/// pages took a fifth of the time.
 ///
 /// Does nothing without glibc. Older versions of glibc accept no threshold above 32 MiB, which is therefore set first.
 pub fn keep_freed_memory() {

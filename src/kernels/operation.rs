@@ -1,7 +1,7 @@
 //! How our own operations enter burn: on `Device::flex()`, with autodiff or without.
 //!
-//! An [`Operation`] says what it computes and what its gradients are; [`run`] runs it and, with autodiff, records it.
-//! Every other device runs the operations of burn: [`is_own`] tells where ours can run.
+//! An [`Operation`] defines its outputs and its gradients; [`run`] runs it and, with autodiff, records it.
+//! Every other device runs the operations of burn: [`is_own`] says whether ours can run.
 
 use std::fmt::Debug;
 
@@ -23,7 +23,7 @@ pub(super) fn is_own<const D: usize>(x: &Tensor<D>) -> bool {
 
 /// An operation on N tensors. All tensors that it gets are contiguous.
 pub(super) trait Operation<const N: usize>: Debug + Send + 'static {
-    /// What the gradients need.
+    /// The values that the gradients need.
     type Saved: Debug + Clone + Send + 'static;
 
     /// Computes the outputs. The first has gradients, the others are apart from autodiff.

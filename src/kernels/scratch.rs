@@ -37,7 +37,7 @@ thread_local! {
     static SCRATCH: RefCell<Scratch> = RefCell::default();
 }
 
-/// Lends this thread's buffers to `work`, which must not ask for them again nor wait for other tasks.
+/// Lends this thread's buffers to `work`, which must not ask for them again or wait for other tasks.
 pub(super) fn with_scratch<R>(work: impl FnOnce(&mut Scratch) -> R) -> R {
     SCRATCH.with_borrow_mut(work)
 }

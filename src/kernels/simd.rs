@@ -6,7 +6,7 @@
 use macerator::{Arch, WithSimd};
 pub(super) use macerator::{Scalar, Simd};
 
-/// Work to be compiled once for each instruction set. Mark `run` and all that it calls `#[inline(always)]`.
+/// Work to be compiled once for each instruction set. Mark `run` and everything it calls `#[inline(always)]`.
 pub(super) trait Kernel {
     /// `ROWS` is the height of the register tile (rows of `S` vectors), `LANES` the number of floats in a vector.
     fn run<S: Simd, const ROWS: usize, const LANES: usize>(self);

@@ -174,7 +174,7 @@ impl Canvas {
         }
     }
 
-    /// Lays another surface over this one; what hangs over is cut.
+    /// Lays another surface over this one; parts beyond the border are cut.
     pub fn paste(&mut self, other: &Self, left_px: i32, top_px: i32) {
         let paint = PixmapPaint::default();
         self.pixmap.draw_pixmap(left_px, top_px, other.pixmap.as_ref(), &paint, Transform::identity(), None);

@@ -1,7 +1,7 @@
 //! The course of a training as a picture: losses, learning rate and AP on the validation split over its steps.
 //!
 //! `curves.svg` and `curves.png` in the run's folder. Losses are means over a window of a hundredth of the steps, which
-//! never reaches over the end of a stage. The same logs give the same bytes.
+//! never crosses the end of a stage. The same logs give the same bytes.
 
 use std::path::{Path, PathBuf};
 
@@ -14,7 +14,7 @@ use crate::history::{History, HistoryError, ScoreRow, StepRow};
 /// Names of the two files.
 pub const FILES: [&str; 2] = ["curves.svg", "curves.png"];
 
-/// Points of a line at most; more cannot be seen.
+/// Most points of a line; more cannot be seen.
 const MAX_POINTS: usize = 600;
 
 /// Why the picture could not be made.
@@ -46,7 +46,7 @@ pub fn sheet(history: &History) -> Sheet {
     Sheet::column(vec![losses(history), rates(history), scores(history)])
 }
 
-/// A line's name, what it draws of a row, and its colour.
+/// A line's name, the value that it draws from a row, and its colour.
 type Part<R> = (&'static str, fn(&R) -> f64, Tone);
 
 fn losses(history: &History) -> Chart {

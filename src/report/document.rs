@@ -1,6 +1,7 @@
-//! What a page or a text says, apart from how it looks: blocks of text, tables, charts and cards. Templates write them.
+//! The content of a page or a text, apart from its looks: blocks of text, tables, charts and cards. Templates
+//! write them.
 //!
-//! Every string is plain text, but for the drawings and the pictures in base64.
+//! Every string is plain text, except the drawings and the pictures in base64.
 
 use minijinja::syntax::SyntaxConfig;
 use minijinja::value::Serde;
@@ -10,7 +11,7 @@ use serde::Serialize;
 use super::chart::{Chart, ChartError, Look, Tone, inline_svg};
 use super::table::Table;
 
-/// A part with a heading that the page's bar leads to.
+/// A part with a heading that the page's bar links to.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Section {
     pub id: &'static str,
@@ -43,7 +44,7 @@ pub enum Block {
         title: String,
         blocks: Vec<Block>,
     },
-    /// What could be here, and the command that makes it.
+    /// What is missing here, and the command that makes it.
     Absent {
         what: String,
         command: String,
@@ -81,7 +82,7 @@ impl Block {
     }
 }
 
-/// One figure that matters most.
+/// One of the most important figures.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Tile {
     pub name: String,
@@ -99,7 +100,7 @@ pub struct Figure {
     pub caption: String,
 }
 
-/// What a line or mark means.
+/// The meaning of a line or mark.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Entry {
     pub name: String,
@@ -130,7 +131,7 @@ impl Figure {
     }
 }
 
-/// A picture with what it shows.
+/// A picture with its caption.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Picture {
     pub title: String,
@@ -147,7 +148,7 @@ pub struct Gallery {
     pub filters: Vec<Filter>,
 }
 
-/// A choice; the cards have one of its options under the filter's key.
+/// A choice; each card has one of its options under the filter's key.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Filter {
     pub key: &'static str,
@@ -167,7 +168,7 @@ pub struct Card {
     pub choices: Vec<(&'static str, String)>,
     /// Place among the faults of its kind and side, from 1.
     pub rank: usize,
-    /// Numbers to sort by; what is not known sorts last.
+    /// Numbers to sort by; unknown ones sort last.
     pub score: Option<f64>,
     pub range_m: f64,
     pub margin_m: Option<f64>,
@@ -192,10 +193,10 @@ pub fn render(template: (&str, &str), content: &impl Serialize) -> String {
         .expect("the template names only fields that the content has")
 }
 
-/// Blocks as Markdown; charts, pictures and cards have no place in it.
+/// Blocks as Markdown, which takes no charts, pictures and cards.
 ///
 /// # Panics
-/// On a block that is no heading, text, table, code or fold of those, which is a mistake of this crate.
+/// If a block is not a heading, text, table, code or fold of those, which is a mistake in this crate.
 #[must_use]
 pub fn markdown(blocks: &[Block]) -> String {
     render(("document.md", include_str!("document.md")), &blocks)

@@ -1,4 +1,4 @@
-//! The pictures' colours: a dark, calm ground; one tone for each thing that is told apart.
+//! The pictures' colours: a dark, calm ground; one tone for each thing that must differ.
 
 use super::canvas::Color;
 use crate::object::Harm;
@@ -23,7 +23,7 @@ pub const fn truth(harm: Harm) -> Color {
     }
 }
 
-/// Tones of the zones where several are drawn, in their order: they stay apart for the colour-blind too.
+/// Tones of the zones where several are drawn, in their order; colour-blind people can tell them apart too.
 const ZONES: [Color; 8] = [
     ZONE,
     Color::new(0x00ff_d84d),
@@ -40,7 +40,7 @@ pub const fn zone(kind: ZoneKind) -> Color {
     ZONES[kind as usize % ZONES.len()]
 }
 
-/// Predictions: warmer and paler than the truth's tones, so that both read when they lie on each other.
+/// Predictions: warmer and paler than the truth's tones, so that both are readable when they overlap.
 pub const fn predicted(harm: Harm) -> Color {
     match harm {
         Harm::Harmful => Color::new(0x00ff_b938),

@@ -4,7 +4,7 @@ use crate::eval::{ClassScores, Column, Confidence, Evaluation, Intervals, Mode};
 
 /// The classes and their mean, in the order of all figures here.
 pub const PARTS: [&str; 3] = ["harmful", "harmless", "mean"];
-/// What to keep in mind beside the paper's figures.
+/// The caveat beside the paper's figures.
 pub const YARDSTICK: &str =
     "The paper's figures come from another simulator: a yardstick, not the same work.";
 

@@ -10,16 +10,16 @@ use crate::dataset::Fingerprint;
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Provenance {
-    /// Of harmzone.
+    /// Version of harmzone.
     pub version: String,
     /// As it was typed.
     pub command: String,
     /// The data set, as it was named.
     pub data: Option<PathBuf>,
     pub labels: Option<String>,
-    /// Of the data set and its labels.
+    /// Hash of the data set and its labels.
     pub fingerprint: Option<Fingerprint>,
-    /// Of the network's file.
+    /// Hash of the network's file.
     pub checkpoint_sha256: Option<String>,
     /// The resolved config of the detector.
     pub model_toml: Option<String>,

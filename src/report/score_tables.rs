@@ -24,7 +24,7 @@ pub fn text(evaluation: &Evaluation) -> String {
     format!("Detection {what}\n\n{headline}{missing}\n{errors}\n{counts}")
 }
 
-/// `breakdown.txt`: one table an axis, then one a safety metric.
+/// `breakdown.txt`: one table per axis, then one per safety metric.
 #[must_use]
 pub fn breakdown(evaluation: &Evaluation) -> String {
     let axes = evaluation.breakdowns.iter().map(groups);
@@ -32,7 +32,7 @@ pub fn breakdown(evaluation: &Evaluation) -> String {
     format!("{}\n{}", terms(&evaluation.metrics), tables.collect::<String>())
 }
 
-/// What the words of [`groups`] mean.
+/// The meaning of the words in [`groups`].
 #[must_use]
 pub fn terms(metrics: &Metrics) -> String {
     let config = &metrics.config;
@@ -42,7 +42,7 @@ pub fn terms(metrics: &Metrics) -> String {
     )
 }
 
-/// A table of each safety metric that is known.
+/// A table for each safety metric that is known.
 #[must_use]
 pub fn safety(evaluation: &Evaluation) -> Vec<Table> {
     let of_metric = |of: MetricTable| {
@@ -63,7 +63,7 @@ fn cell(value: MetricValue) -> Cell {
     }
 }
 
-/// AP beside the paper's, of one scoring or of both.
+/// AP beside the paper's, for one scoring or for both.
 #[must_use]
 pub fn headline(evaluations: &[&Evaluation]) -> Table {
     let cells = |line: &Line| -> Vec<Cell> {
@@ -105,7 +105,7 @@ pub fn errors(metrics: &Metrics) -> Table {
     Table::new(["errors", "ATE m", "ASE", "AOE rad"], rows.into()).with_note(note)
 }
 
-/// How many truths and detections there are, and what became of the detections.
+/// The numbers of truths and detections, and the outcomes of the detections.
 #[must_use]
 pub fn counts(metrics: &Metrics) -> Table {
     let config = &metrics.config;
@@ -138,7 +138,7 @@ pub fn counts(metrics: &Metrics) -> Table {
     Table::new(head, rows.collect()).with_note(note + ".")
 }
 
-/// An axis as a person names it.
+/// The axis's name for readers.
 #[must_use]
 pub fn title(axis: Axis) -> &'static str {
     match axis {
@@ -191,7 +191,7 @@ fn group_cells(scores: &GroupScores) -> [Cell; 6] {
     ]
 }
 
-/// A name of the files as words.
+/// A name from the files as words.
 #[must_use]
 pub fn to_words(name: &str) -> String {
     name.replace('_', " ")

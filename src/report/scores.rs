@@ -1,4 +1,4 @@
-//! A folder of scores: what `harmzone eval --out` leaves, and the report reads.
+//! A folder of scores, which `harmzone eval --out` writes and the report reads.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -14,7 +14,7 @@ use crate::eval::sweep::Sweeps;
 use crate::eval::{Evaluation, Fault, Protocol};
 use crate::files::write_atomic;
 
-/// Everything that was found out.
+/// The whole evaluation.
 pub const METRICS_FILE: &str = "metrics.json";
 /// The resolved config of the scoring.
 pub const CONFIG_FILE: &str = "eval.toml";
@@ -22,7 +22,7 @@ pub const CONFIG_FILE: &str = "eval.toml";
 pub const PROVENANCE_FILE: &str = "source.json";
 /// The worst misses and false alarms, a list of [`Fault`].
 pub const FAULTS_FILE: &str = "faults.json";
-/// For people: the table beside the paper's, and scores by group.
+/// For readers: the table beside the paper's, and scores by group.
 const TABLE_FILE: &str = "table.txt";
 const BREAKDOWN_FILE: &str = "breakdown.txt";
 /// Speed and steering swept over the same frames; `harmzone sweep --out` writes it.
@@ -39,7 +39,7 @@ pub enum ScoresError {
     Io(#[from] io::Error),
 }
 
-/// What a folder of scores holds; all but the metrics may be missing.
+/// The content of a folder of scores; all but the metrics may be missing.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scores {
     pub folder: PathBuf,
@@ -69,7 +69,8 @@ impl Scores {
     }
 }
 
-/// Writes a folder of scores, all but the sweeps; the metrics come last, their presence says that all is there.
+/// Writes a folder of scores, all but the sweeps; the metrics come last, so their presence means that all is
+/// there.
 ///
 /// # Errors
 /// The folder cannot be written.
@@ -93,7 +94,7 @@ pub fn write(
     write_atomic(&metrics, evaluation.to_json().as_bytes())
 }
 
-/// `None` where there is no such file.
+/// `None` if there is no such file.
 fn read_json<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, ScoresError> {
     if !path.is_file() {
         return Ok(None);

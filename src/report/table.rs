@@ -11,7 +11,7 @@ use crate::text_table::text_table;
 pub struct Table {
     pub head: Vec<String>,
     pub rows: Vec<Vec<Cell>>,
-    /// A sentence or two below; empty where there is nothing to say.
+    /// A sentence or two below; empty if there is nothing to say.
     pub note: String,
 }
 
@@ -68,7 +68,7 @@ pub fn percent(share: Option<f64>) -> String {
     number(share.map(|share| 100.0 * share), 1) + if share.is_some() { " %" } else { "" }
 }
 
-/// A number with so many decimals, or a dash.
+/// A number with this many decimals, or a dash.
 #[must_use]
 pub fn number(value: Option<f64>, n_decimals: usize) -> String {
     let Some(value) = value else { return "–".to_owned() };

@@ -28,7 +28,7 @@ const TITLE_PX: u32 = 60;
 const FRONT_PX: (u32, u32) = (896, 504);
 const BIRDSEYE_PX: (u32, u32) = (656, 504);
 
-/// What is drawn.
+/// The content of the picture.
 #[derive(Debug, Clone, Copy)]
 pub struct Scene<'a> {
     /// The episode's name, for the title.
@@ -36,15 +36,15 @@ pub struct Scene<'a> {
     /// The sample's place in its episode, for the title.
     pub sample_idx: usize,
     pub sample: &'a Sample,
-    /// One label for each of the sample's true objects, in their order; none draws them grey.
+    /// One label for each of the sample's true objects, in their order; `None` draws them grey.
     pub harms: Option<&'a [Harm]>,
     /// Corners of the danger zone in the ego frame, metres.
     pub zone: Option<&'a [Point2]>,
     pub detections: Option<&'a [Detection]>,
 }
 
-/// The two panels alone, in their sizes: the camera's picture, and the view from above. `focus` is pointed at, by a
-/// light around it in the one and by a ring in the other.
+/// The two panels alone, in their sizes: the camera's picture, and the view from above. `focus` is marked, by
+/// a light around it in the one and by a ring in the other.
 ///
 /// # Errors
 /// The sample's camera image cannot be unpacked.
@@ -58,7 +58,7 @@ pub fn panels(
     let mut birdseye = birdseye::draw(measured, &areas, &marks, birdseye_px.0, birdseye_px.1);
     if let Some(focus) = focus {
         birdseye::point_at(&mut birdseye, focus);
-        // First, so that it lies below the lines of its own box.
+        // Drawn first, so that it lies below the lines of its own box.
         marks.insert(0, Mark { box_in_ego: *focus, pen: FOCUS, tag: None });
     }
     let front = front::draw(measured, &areas, &marks, front_px.0, front_px.1)?;
@@ -81,7 +81,7 @@ pub fn draw(scene: &Scene) -> Result<RgbImage, image::ImageError> {
     Ok(page.into_rgb())
 }
 
-/// The light around the box that is pointed at.
+/// The light around the marked box.
 const FOCUS: Pen = Pen::solid(palette::TEXT, 6.0);
 
 /// A box to draw: where, with which pen, and what to write on it.

@@ -43,16 +43,16 @@ pub enum ZonesError {
 #[derive(Debug, Clone, PartialEq)]
 pub struct ZonesRequest {
     pub dataset: PathBuf,
-    /// What the zones share; its `kind` is replaced by each.
+    /// The config that the zones share; each zone replaces its `kind`.
     pub zone: ZoneConfig,
     /// Where to draw a sample.
     pub plot: Option<PathBuf>,
-    /// Counted through all episodes in the manifest's order, from 0; none takes the most disputed one.
+    /// Counted through all episodes in the manifest's order, from 0; `None` takes the most disputed one.
     pub sample: Option<usize>,
     pub force: bool,
 }
 
-/// What was found, and drawn.
+/// The comparison, and the picture drawn.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ZonesSummary {
     #[serde(flatten)]
@@ -84,7 +84,7 @@ pub fn run(request: &ZonesRequest, progress: &dyn Progress) -> Result<ZonesSumma
     let of_kind = |kind| Zone::try_from(ZoneConfig { kind, ..zone.clone() });
     let zones = ZoneKind::ALL.into_iter().map(of_kind).collect::<Result<Vec<_>, _>>()?;
     let manifest = Manifest::read(dataset)?;
-    // Before the long work, so that a wrong number is told at once.
+    // Before the long work, so that a wrong number is reported at once.
     if let Some(sample) = sample {
         locate(&manifest, *sample, dataset)?;
     }

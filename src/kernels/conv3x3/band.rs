@@ -27,20 +27,20 @@ pub(super) struct Layout {
     pub width: usize,
     /// Packed rows of one parity.
     rows: usize,
-    /// From a channel to the next.
+    /// Stride from a channel to the next.
     pub channel: usize,
-    /// From a row to the next of the same parity.
+    /// Stride from a row to the next of the same parity.
     pub row: usize,
-    /// From even to odd rows (of padded input), where `split` is 2.
+    /// Stride from even to odd rows (of padded input), if `split` is 2.
     pub row_parity: usize,
-    /// From even to odd columns (of padded input), where `split` is 2.
+    /// Stride from even to odd columns (of padded input), if `split` is 2.
     pub column_parity: usize,
     /// Floats of the band.
     pub len: usize,
 }
 
 impl Layout {
-    /// For bands of `band_rows` rows of `width` tile positions each.
+    /// The layout for bands of `band_rows` rows of `width` tile positions each.
     pub fn new(is_flat: bool, source: &Planes, width: usize, band_rows: usize) -> Self {
         let Planes { channels, split, lead, .. } = *source;
         // A flat row shares its right padding with the left padding of the next.
@@ -89,7 +89,7 @@ impl Layout {
 pub(super) fn pack(source: &Planes, layout: &Layout, image: usize, first_row: usize, packed: &mut [f32]) {
     let Planes { values, channels, height_px, width_px, split, lead } = *source;
     for row in 0..layout.rows * split {
-        // Wraps around above the image, and so lands outside like what is below it.
+        // Wraps around above the image, and so lands outside, as rows below the image do.
         let y = (first_row * split + row).wrapping_sub(lead);
         for channel in 0..channels {
             let pixels = if y < height_px {

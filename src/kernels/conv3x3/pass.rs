@@ -5,7 +5,7 @@ use crate::kernels::simd::{Scalar, Simd, lanes};
 /// Vectors of pixels in a register tile.
 pub(super) const TILE_VECTORS: usize = 3;
 
-/// The start of the sums.
+/// Start values of the sums.
 #[derive(Clone, Copy)]
 pub(super) enum Start {
     Zero,
@@ -35,8 +35,8 @@ impl<const TAPS: usize> Pass<'_, TAPS> {
     ///
     /// # Safety
     /// These are readable: VECTORS vectors of pixels at each tap of each channel, `n_channels * TAPS * ROWS` weights, and,
-    /// where sums start there, ROWS shifts or the tile (rows TILE_VECTORS vectors apart). VECTORS vectors are writable in
-    /// each of ROWS rows of `target`.
+    /// if sums start there, ROWS shifts or the tile (rows TILE_VECTORS vectors apart). VECTORS vectors are
+    /// writable in each of ROWS rows of `target`.
     #[inline(always)]
     pub unsafe fn run<S: Simd, const ROWS: usize, const VECTORS: usize>(self) {
         // SAFETY: every access is one of those listed above.

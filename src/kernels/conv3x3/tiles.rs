@@ -16,7 +16,7 @@ const OVERREAD: usize = 256;
 
 /// Outputs of one parity (`upscale` 2), or all of them.
 pub(super) struct Phase {
-    /// Of each tap, in the packed band: 1, 2, 4 or 9 of them.
+    /// Offset of each tap in the packed band: 1, 2, 4 or 9 of them.
     pub offsets: Vec<usize>,
     /// From [`pack_weights`].
     pub weights: Vec<f32>,
@@ -256,7 +256,7 @@ impl Strip<'_> {
         let mut start = 0;
         while start < end {
             let n_left = (end - start).div_ceil(lanes::<S>());
-            // Four left are better done as two and two than as three and one.
+            // Four left are faster as two and two than as three and one.
             let n_vectors = if n_left >= 3 && n_left != 4 { 3 } else { n_left.min(2) };
             let stop = start + n_vectors * lanes::<S>();
             assert!((channels_in - 1) * layout.channel + last_offset + stop <= self.packed.len());

@@ -121,7 +121,7 @@ impl Part<'_> {
         let n_x_rows = (n_rows - 1) * stride + 3;
         let x = self.scratch.a.get(n_x_rows * x_row);
         for (row, packed) in x.chunks_exact_mut(x_row).enumerate() {
-            // Wraps around above the image, and so lands outside like what is below it.
+            // Wraps around above the image, and so lands outside, as rows below the image do.
             let source_y = (y * stride + row).wrapping_sub(1);
             if source_y < height_px {
                 let first = ((image * channels_in + self.first_channel) * height_px + source_y) * width_px;
@@ -234,9 +234,9 @@ impl Tile {
 
 /// The same row of several channels.
 struct Rows<'a> {
-    /// From the row of the first channel on.
+    /// The floats from the row of the first channel on.
     values: &'a [f32],
-    /// From a channel to the next.
+    /// Stride from a channel to the next.
     plane: usize,
     channels: usize,
     width: usize,

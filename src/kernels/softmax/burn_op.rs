@@ -56,7 +56,7 @@ mod tests {
             let (x0, dy) = (random(), random());
             let run = |is_own: bool| {
                 let x = x0.clone().detach().require_grad();
-                // A view that is not contiguous, as the heads of attention make it.
+                // A view that is not contiguous, as attention heads make it.
                 let view = x.clone().swap_dims(1, 2);
                 let y = if is_own { softmax_last(view) } else { softmax(view, 3) };
                 let gradients = (y.clone().swap_dims(1, 2) * dy.clone()).sum().backward();

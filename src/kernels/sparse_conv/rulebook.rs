@@ -23,7 +23,7 @@ pub struct Rulebook {
     n_inputs: usize,
     n_outputs: usize,
     offsets: Vec<OffsetPairs>,
-    /// The pairs as tensors, for devices that run burn's own operations; made when first asked for.
+    /// The pairs as tensors, for devices that run burn's own operations; made on first use.
     indices: OnceLock<Vec<Option<Indices>>>,
 }
 

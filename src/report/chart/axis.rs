@@ -1,4 +1,4 @@
-//! One direction of a chart: its range, its scale, and what is written along it.
+//! One direction of a chart: its range, its scale, and the text along it.
 
 use std::ops::Range;
 
@@ -10,7 +10,7 @@ pub struct Axis {
     pub name: String,
     pub low: f64,
     pub high: f64,
-    /// Where a line is drawn, and what is written there.
+    /// Places of the grid lines, with their text.
     pub ticks: Vec<(f64, String)>,
     pub is_log: bool,
 }
@@ -55,7 +55,7 @@ impl Axis {
         Self { is_log: true, ..Self::new(name, low, high, ticks) }
     }
 
-    /// Names one below the other; [`row`] says where each is.
+    /// Names one below the other; [`row`] gives the place of each.
     #[must_use]
     pub fn rows(names: &[String]) -> Self {
         let ticks = names.iter().enumerate().map(|(i, name)| (row(i, names.len()), name.clone())).collect();
@@ -79,7 +79,7 @@ pub fn row(i: usize, n: usize) -> f64 {
     n as f64 - 1.0 - i as f64
 }
 
-/// An axis as the plotting library wants it, with no ticks but its own.
+/// An axis as the plotting library needs it, with only its own ticks.
 pub(super) struct Ticked(pub(super) Axis);
 
 impl Ranged for Ticked {

@@ -14,18 +14,18 @@ use thiserror::Error;
 use super::axis::Ticked;
 use super::{Chart, Look, Series, Sheet, Tone};
 
-/// Coordinates are whole numbers; so many of them make a pixel.
+/// Coordinates are whole numbers; this many of them make a pixel.
 const FINER: u32 = 4;
 /// Width of a chart in the page where there is room, pixels.
 const INLINE_WIDTH_PX: u32 = 480;
 const SHEET_TITLE_PX: u32 = 46;
 const TITLE_PX: u32 = 30;
 const LEGEND_ROW_PX: u32 = 22;
-/// Room for a character of a label: the widest of the faces that a page may be shown in (DejaVu Sans) needs so much.
+/// Room for a character of a label, as the widest font of a page (DejaVu Sans) needs it.
 const CHARACTER_PX: u32 = 9;
-/// Right of this share of the plane, words stand left of their point.
+/// Points right of this share of the plane have their words on the left.
 const TURN_SHARE: f64 = 0.8;
-/// The page sets the face; the library needs one to measure by, and draws pictures with it.
+/// The page sets the font; the library needs one to measure text, and draws pictures with it.
 const FONT: &str = "sans-serif";
 
 /// Why a chart could not be drawn.
@@ -40,7 +40,8 @@ pub enum ChartError {
 type Area<DB> = DrawingArea<DB, Shift>;
 type Drawn<DB> = Result<(), DrawingAreaErrorKind<<DB as DrawingBackend>::ErrorType>>;
 
-/// What is drawn: a picture with all its words, or the plane of a chart that the page writes words around.
+/// The kind of drawing: a picture with all its words, or the plane of a chart that the page writes words
+/// around.
 enum Drawing<'a> {
     Sheet(&'a Sheet),
     Inline(&'a Chart),
@@ -95,7 +96,7 @@ pub fn png(sheet: &Sheet) -> Result<Vec<u8>, ChartError> {
 fn register_font_once() {
     static FONT_ONCE: Once = Once::new();
     FONT_ONCE.call_once(|| {
-        // Fails only for bytes that are no font; drawing text would then say so.
+        // Fails only for bytes that are not a font; drawing text then reports it.
         let _ = register_font(FONT, FontStyle::Normal, epaint_default_fonts::UBUNTU_LIGHT);
     });
 }
@@ -164,7 +165,7 @@ fn draw_sheet<DB: DrawingBackend>(area: &Area<DB>, sheet: &Sheet) -> Drawn<DB> {
     Ok(())
 }
 
-/// Draws what the series mean in rows from `top_px` on; gives the height that was needed, pixels.
+/// Draws the legend in rows from `top_px` on; returns the height that it needed, pixels.
 fn draw_legend<DB: DrawingBackend>(
     area: &Area<DB>,
     entries: &[&Series],
@@ -217,7 +218,7 @@ fn label_width(chart: &Chart) -> u32 {
     chart.y.ticks.iter().map(|tick| tick.1.chars().count()).max().unwrap_or(0) as u32
 }
 
-/// Draws axes, series and words in the plane; `widest` characters have room left of it.
+/// Draws axes, series and words in the plane, with room for `widest` characters on its left.
 fn draw_plane<DB: DrawingBackend>(area: &Area<DB>, chart: &Chart, widest: u32) -> Drawn<DB> {
     let name_px = if chart.y.name.is_empty() { 0 } else { 20 };
     let mut plane = ChartBuilder::on(area)

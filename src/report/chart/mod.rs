@@ -21,7 +21,7 @@ pub use draw::{ChartError, inline_svg, png, svg};
 use plotters::style::RGBColor;
 use serde::Serialize;
 
-/// What a colour stands for; `page/report.css` gives each its value in light and in dark.
+/// The meaning of a colour; `page/report.css` gives each its value in light and in dark.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Tone {
@@ -35,7 +35,7 @@ pub enum Tone {
 }
 
 impl Tone {
-    /// For lines that are told apart and have no meaning of their own.
+    /// For lines that must differ but have no meaning of their own.
     pub const ROW: [Self; 4] = [Self::Harmless, Self::Green, Self::Amber, Self::Harmful];
 
     /// The colour in the drawing (Okabe and Ito 2008, which colour-blind people tell apart).
@@ -105,8 +105,8 @@ impl Chart {
     }
 }
 
-/// Charts side by side and below one another, as one picture. A name that several charts share stands in the legend of
-/// the first alone.
+/// Charts side by side and below one another, as one picture. A name that several charts share stands only in
+/// the legend of the first.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sheet {
     pub title: String,

@@ -9,7 +9,7 @@ use crate::report::score_tables::to_words;
 use crate::report::table::{number, percent};
 
 const HEIGHT_PX: u32 = 400;
-/// Labels below a histogram, at most.
+/// Most labels below a histogram.
 const MAX_LABELS: usize = 9;
 
 /// The picture.
@@ -44,10 +44,10 @@ pub(super) fn sheet(info: &Info) -> Sheet {
     Sheet { title, column_px: 400, columns }
 }
 
-/// What stands below the bars.
+/// The labels below the bars.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Labels {
-    /// Some edges, where they are.
+    /// Some edges, at their places.
     Edges,
     /// The first whole number of some bins; a plus says that a bin holds more numbers.
     Whole,
@@ -90,7 +90,7 @@ fn draw_histogram(title: &str, histogram: &Histogram, labels: Labels) -> Chart {
     )
 }
 
-/// One row a number of the paper: this set's over the paper's, and where the tolerance lies.
+/// One row per number of the paper: this set's over the paper's, and where the tolerance lies.
 fn compare(info: &Info) -> Chart {
     let rows = &info.comparison;
     let names: Vec<String> = rows.iter().map(|row| row.quantity.to_owned()).collect();
@@ -119,7 +119,7 @@ fn compare(info: &Info) -> Chart {
 struct Count {
     name: String,
     n_objects: u64,
-    /// None where the set is not labelled.
+    /// `None` if the set is not labelled.
     n_harmful: Option<u64>,
 }
 

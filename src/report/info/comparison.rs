@@ -1,4 +1,4 @@
-//! A data set beside the paper's: the shares that tell whether both are about equally varied.
+//! A data set beside the paper's: the shares that show whether both are about equally varied.
 
 use serde::Serialize;
 
@@ -9,21 +9,21 @@ use crate::object::{Distribution, Kind};
 
 /// A number is like the paper's if it differs by no more than this share of it.
 pub const TOLERANCE: f64 = 0.3;
-/// So that a ratio of exactly 1.3 is within.
+/// Keeps a ratio of exactly 1.3 within the tolerance.
 const ROUNDING: f64 = 1e-9;
 
 /// One number of a data set beside the paper's.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Comparison {
     pub quantity: &'static str,
-    /// None where labels are needed and missing, or where there is nothing to take a share of.
+    /// `None` if labels are needed and missing, or if there is nothing to take a share of.
     pub here: Option<f64>,
     pub paper: f64,
     /// This set's number over the paper's.
     pub ratio: Option<f64>,
     /// Whether the ratio is within [`TOLERANCE`] of one.
     pub is_within_tolerance: Option<bool>,
-    /// Whether it is a share, to be told in percent.
+    /// Whether it is a share, shown in percent.
     #[serde(skip)]
     pub is_share: bool,
 }
@@ -36,7 +36,7 @@ impl Comparison {
     }
 }
 
-/// Harmful over all; none where there is nothing.
+/// Harmful over all; `None` if there is nothing.
 pub(super) fn harmful_share(counts: HarmCounts) -> Option<f64> {
     share(counts.harmful, counts.harmful + counts.harmless)
 }

@@ -1,5 +1,5 @@
-//! What a data set holds, beside the paper's: counts, shares, hardness and histograms, as text, JSON and
-//! a picture.
+//! A description of a data set, beside the paper's: counts, shares, hardness and histograms, as text, JSON
+//! and a picture.
 
 mod charts;
 mod comparison;
@@ -24,7 +24,7 @@ use crate::label::count_of;
 use crate::object::{Distribution, Kind};
 use crate::progress::Progress;
 
-/// The label set that is looked for where none is named.
+/// The label set that is used if none is named.
 pub const DEFAULT_SET: &str = "rect";
 
 /// Why a data set cannot be described.
@@ -46,7 +46,7 @@ pub enum InfoError {
 #[derive(Debug, Clone, PartialEq)]
 pub struct InfoRequest {
     pub dataset: PathBuf,
-    /// None takes [`DEFAULT_SET`] if it is there.
+    /// `None` takes [`DEFAULT_SET`] if it is there.
     pub label_set: Option<String>,
     /// Where to draw the histograms.
     pub plot: Option<PathBuf>,
@@ -60,7 +60,7 @@ pub struct Info {
     pub generator_version: String,
     pub seed: u64,
     pub ood: bool,
-    /// None where the set is not labelled.
+    /// `None` if the set is not labelled.
     pub label_set: Option<String>,
     /// What is missing, and how to get it.
     pub note: Option<String>,
@@ -71,7 +71,7 @@ pub struct Info {
     pub weathers: BTreeMap<String, GroupInfo>,
     pub comparison: Vec<Comparison>,
     pub hardness: Hardness,
-    /// Of the episodes' files, without labels.
+    /// Size of the episodes' files, without labels.
     pub n_bytes: u64,
     pub bytes_per_sample: Option<f64>,
     /// The most frequent first.
@@ -91,7 +91,7 @@ pub struct GroupInfo {
     pub harmful_share: Option<HarmfulShares>,
 }
 
-/// Harmful objects over all; none where there is no such object.
+/// Harmful objects over all; `None` if there is no such object.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct HarmfulShares {
     pub all: Option<f64>,
@@ -106,7 +106,7 @@ pub struct HarmfulShares {
 /// How hard the annotated objects are to find.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Hardness {
-    /// Share of objects of which less than half can be seen.
+    /// Share of objects that are less than half visible.
     pub more_than_half_occluded: Option<f64>,
     /// Share of objects with ten LiDAR points or fewer.
     pub ten_points_or_fewer: Option<f64>,
@@ -124,7 +124,7 @@ pub struct CategoryInfo {
 /// Describes a data set, and draws its histograms if asked to.
 ///
 /// # Errors
-/// [`InfoError`]: no data set, no label set of a name that was given, labels of other episodes, a picture
+/// [`InfoError`]: no data set, no label set of the given name, labels of other episodes, a picture
 /// that exists.
 pub fn run(request: &InfoRequest, progress: &dyn Progress) -> Result<Info, InfoError> {
     if let Some(path) = request.plot.as_ref().filter(|path| path.exists() && !request.force) {
@@ -144,9 +144,9 @@ pub fn run(request: &InfoRequest, progress: &dyn Progress) -> Result<Info, InfoE
     Ok(info)
 }
 
-/// The label set to read, or what to say where there is none.
+/// The label set to read, or a note if there is none.
 fn choose_labels(dataset: &Path, wanted: Option<&str>) -> (Option<String>, Option<String>) {
-    // A set that was named must be there; reading it tells if it is not.
+    // A named set must be there; otherwise reading it fails.
     if let Some(set) = wanted {
         return (Some(set.to_owned()), None);
     }

@@ -37,7 +37,7 @@ pub fn blocks(sides: &[Side]) -> Result<Vec<Block>, ReportError> {
     Ok(blocks)
 }
 
-/// `None` where there is nothing to show.
+/// `None` if there is nothing to show.
 fn diagram(
     title: &str,
     x_name: &str,

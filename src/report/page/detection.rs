@@ -1,4 +1,4 @@
-//! Precision over recall, AP at each distance, errors of what was found, and what became of detections.
+//! Precision over recall, AP at each distance, errors of the found boxes, and the outcomes of detections.
 
 use super::{ReportError, Side};
 use crate::eval::{Column, Curve, Metrics, Mode};

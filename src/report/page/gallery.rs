@@ -69,7 +69,7 @@ fn filters(cards: &[Card]) -> Vec<Filter> {
     ];
     let with_options = names.into_iter().enumerate().map(|(i, (key, name))| {
         let mut values: Vec<&str> = cards.iter().map(|card| card.choices[i].1.as_str()).collect();
-        // Sets and kinds stay in the order of the cards, which is one of meaning.
+        // Sets and kinds stay in the order of the cards, which has a meaning.
         if i > 1 {
             values.sort_unstable();
         }
@@ -151,7 +151,7 @@ fn facts(fault: &Fault) -> Vec<String> {
     facts
 }
 
-/// `None` where the sample is not in the side's data set.
+/// `None` if the sample is not in the side's data set.
 fn pictures(side: &Side, fault: &Fault) -> Result<Option<[String; 2]>, ReportError> {
     let Some(dataset) = &side.dataset else { return Ok(None) };
     let Some((episode, sample_idx)) = fault.sample.rsplit_once('/') else { return Ok(None) };

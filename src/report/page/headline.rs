@@ -1,4 +1,4 @@
-//! The figures that matter most, with the paper's beside, and how sure they are.
+//! The most important figures, with the paper's beside them and their confidence intervals.
 
 use super::{ReportError, Side};
 use crate::report::chart::{Axis, Chart, Look, Series, Tone, row};
@@ -34,7 +34,7 @@ fn tiles(side: &Side) -> Vec<Tile> {
     Line::of_evaluation(evaluation).first().map(mean_ap).into_iter().chain(missed).collect()
 }
 
-/// Ours with its interval, and the paper's.
+/// Our figure with its interval, and the paper's.
 fn figure(side: &Side) -> Result<Figure, ReportError> {
     let lines = Line::of_evaluation(&side.scores.evaluation);
     let names: Vec<String> =

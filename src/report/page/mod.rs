@@ -1,7 +1,7 @@
-//! The report: one HTML file that stands by itself, from the scores of both data sets.
+//! The report: one self-contained HTML file, from the scores of both data sets.
 //!
-//! It holds tables, charts and pictures and asks the network for nothing. The same scores give the same bytes. What is
-//! not there is left out, with the command that makes it.
+//! It holds tables, charts and pictures and fetches nothing. The same scores give the same bytes. Missing
+//! parts are left out, and the page names the commands that make them.
 
 mod calibration;
 mod detection;
@@ -30,7 +30,7 @@ use crate::report::results::{self, ReadResultsError, Results};
 use crate::report::scores::{Scores, ScoresError};
 use crate::report::view::ViewError;
 
-/// Name of the page where a folder is given.
+/// Name of the page if a folder is given.
 pub const PAGE_FILE: &str = "report.html";
 /// Cards of a kind of fault and data set, unless told otherwise.
 pub const DEFAULT_CARDS: usize = 12;
@@ -60,16 +60,16 @@ pub enum ReportError {
     Io(#[from] std::io::Error),
 }
 
-/// One set of scores to tell of.
+/// One set of scores to report.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ScoresRequest {
     /// Folder of `harmzone eval --out`.
     pub folder: PathBuf,
-    /// The data set that was scored, for pictures; without it, the one that the scores name, if it is there.
+    /// The data set that was scored, for pictures; `None` takes the one that the scores name, if it is there.
     pub data: Option<PathBuf>,
 }
 
-/// What to tell of, and where to.
+/// What to report, and where to.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ReportRequest {
     /// The file to write; in a folder, [`PAGE_FILE`].
@@ -80,12 +80,12 @@ pub struct ReportRequest {
     pub results: Option<PathBuf>,
     /// Cards of a kind of fault and data set.
     pub n_cards: usize,
-    /// The command, as it was typed.
+    /// The command as it was typed.
     pub command: String,
     pub force: bool,
 }
 
-/// What was written.
+/// The result of writing.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct ReportSummary {
     pub out: PathBuf,
@@ -94,11 +94,11 @@ pub struct ReportSummary {
     /// What was left out, with the command that makes it.
     pub absent: Vec<String>,
     /// Whether the scores' own parts are all there: pictures of their faults, and where they come from. Sweeps and
-    /// ablations are made apart.
+    /// ablations are made separately.
     pub is_whole: bool,
 }
 
-/// The whole page, as its template takes it.
+/// The whole page, in the form of its template's input.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 struct Page {
     title: String,
@@ -110,7 +110,7 @@ struct Page {
     sections: Vec<Section>,
 }
 
-/// Scores with what is needed to speak of them.
+/// Scores with the facts needed to report them.
 #[derive(Debug, Clone, PartialEq)]
 struct Side {
     /// Its flag.

@@ -28,10 +28,10 @@ pub fn jpeg(picture: &RgbImage) -> Result<String, ImageError> {
     Ok(STANDARD.encode(bytes.into_inner()))
 }
 
-/// The picture of a file; `None` where there is no such file.
+/// The picture in a file; `None` if there is no such file.
 ///
 /// # Errors
-/// It is no picture.
+/// The file is not a picture.
 pub fn of_file(path: &Path, title: &str) -> Result<Option<Picture>, ReportError> {
     if !path.is_file() {
         return Ok(None);

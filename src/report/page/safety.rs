@@ -53,7 +53,7 @@ fn zone_edge(bands: &[EdgeBand]) -> Result<Figure, ReportError> {
     Ok(Figure::new(&chart)?.with_caption(caption))
 }
 
-/// Recall of the groups and the line through all truths; nothing where the weather is not known.
+/// Recall of the groups and the line through all truths; nothing if the weather is not known.
 fn slope(title: &str, x_name: &str, slopes: &PerClass<Option<Slope>>) -> Result<Option<Figure>, ReportError> {
     let mut series = Vec::new();
     let mut told = Vec::new();

@@ -1,4 +1,5 @@
-//! The same frames with another speed or steering: does the harmful set follow the zone's, and whose does so better?
+//! The same frames with another speed or steering: does the harmful set follow the zone's, and which judge's
+//! follows it best?
 
 use std::io;
 

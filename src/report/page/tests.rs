@@ -1,4 +1,4 @@
-//! The page of made-up scores: all that is there is told, nothing of it is markup, and nothing is fetched.
+//! The page of made-up scores: everything is reported, no value becomes markup, and nothing is fetched.
 
 use std::path::Path;
 
@@ -157,7 +157,7 @@ impl Made {
 fn the_page_tells_all_that_the_scores_hold_beside_the_paper() {
     let made = Made::new(true);
     let (summary, html) = made.html();
-    // Sides: each one object a kind and episode, three episodes.
+    // For each side: one object per kind and episode, three episodes.
     assert_eq!(summary.n_cards, 2 * 3 * 2);
     for part in [
         "paper 0.812", // ID mAP, mean

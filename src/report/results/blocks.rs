@@ -7,7 +7,7 @@ use crate::report::paper::{Line, PARTS, YARDSTICK};
 use crate::report::provenance::quote;
 use crate::report::table::{Cell, Table, ap, number};
 
-/// All that there is to tell; the same results give the same blocks.
+/// All blocks of the results; the same results give the same blocks.
 #[must_use]
 pub fn blocks(results: &Results) -> Vec<Block> {
     let mut blocks = data_blocks(results);
@@ -183,7 +183,7 @@ fn duration(wall_and_cpu_s: Option<[f64; 2]>) -> String {
     }
 }
 
-/// What trains and scores rows again.
+/// The commands that train and score rows again.
 fn commands(records: &[&Record]) -> String {
     let of_record = |record: &&Record| {
         let run = format!("runs/{}", record.name);

@@ -1,4 +1,4 @@
-//! What an experiment of trainings came to: `results.json`, which `make results` writes.
+//! The results of an experiment of trainings: `results.json`, which `make results` writes.
 
 mod blocks;
 pub mod test_data;
@@ -27,20 +27,20 @@ pub enum ReadResultsError {
 /// An experiment, finished or under way.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Results {
-    /// Of the program that wrote it.
+    /// Version of the program that wrote it.
     pub version: String,
     pub data: DataRecord,
     /// `key=value` that all rows but the headline share, over configs/train.toml.
     pub common: Vec<String>,
-    /// Once it is trained and scored.
+    /// `None` until it is trained and scored.
     pub headline: Option<Record>,
-    /// Those that are done, in the config's order.
+    /// The rows that are done, in the config's order.
     pub rows: Vec<Record>,
     pub tables: Vec<TableConfig>,
-    /// Those whose row is done, in the config's order.
+    /// The rivals whose row is done, in the config's order.
     pub rivals: Vec<RivalRecord>,
-    /// Of each row with rivals: the median time of a sample through its network, cloud and packed image to boxes,
-    /// milliseconds.
+    /// For each row with rivals: the median time of a sample through its network, cloud and packed image to
+    /// boxes, milliseconds.
     pub network_ms: BTreeMap<String, f64>,
 }
 
@@ -59,7 +59,7 @@ pub struct SetRecord {
     /// Samples to train on, to validate on and to test on.
     pub n_samples: [usize; 3],
     pub fingerprint: Fingerprint,
-    /// Whether its config and its number of episodes are what this program's preset says.
+    /// Whether its config and its number of episodes are those of this program's preset.
     pub is_of_preset: bool,
 }
 
@@ -72,7 +72,7 @@ pub struct Record {
     /// `key=value` in which its training differs from the profile's.
     pub set: Vec<String>,
     pub seed: u64,
-    /// Of the LiDAR stage and of the fused stage.
+    /// Epochs of the LiDAR stage and of the fused stage.
     pub epochs: [usize; 2],
     /// Numbers that training changed.
     pub n_parameters: usize,
@@ -80,7 +80,7 @@ pub struct Record {
     pub wall_and_cpu_s: Option<[f64; 2]>,
     pub checkpoint_sha256: String,
     pub checkpoint_bytes: usize,
-    /// Data it was trained on, and was tested on out of distribution.
+    /// Data that it was trained on, and data that it was tested on out of distribution.
     pub trained_on: Fingerprint,
     pub tested_on: Fingerprint,
     /// AP on the validation split, in distribution.
@@ -94,7 +94,7 @@ pub struct Record {
 #[serde(deny_unknown_fields)]
 pub struct TableConfig {
     pub title: String,
-    /// A sentence above the table. Figures have no place in it: they come from results.
+    /// A sentence above the table, without figures: those come from results.
     pub note: String,
     pub rows: Vec<RowOf>,
 }
@@ -112,21 +112,21 @@ pub struct RowOf {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RivalRecord {
     pub label: String,
-    /// Whose boxes.
+    /// The row whose boxes are judged.
     pub row: String,
     pub scores: JudgeScores,
 }
 
-/// What a judge makes of one network's boxes.
+/// A judge's results on one network's boxes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct JudgeScores {
     /// Its name.
     pub judge: String,
     /// Median time of one sample through the judge, milliseconds.
     pub judge_ms: f64,
-    /// Both sensors right.
+    /// Scores with both sensors right.
     pub right: SetScores,
-    /// Speed measured too low and too high, steering angle measured too far right and left.
+    /// Scores with the speed measured too low and too high, and the steering angle too far right and left.
     pub speed_off: [SetScores; 2],
     pub steering_off: [SetScores; 2],
 }
@@ -134,9 +134,9 @@ pub struct JudgeScores {
 /// AP on both sets.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SetScores {
-    /// On the validation split, in distribution.
+    /// AP on the validation split, in distribution.
     pub id: ClassScores,
-    /// On the OOD set.
+    /// AP on the OOD set.
     pub ood: Columns<ClassScores>,
 }
 
@@ -153,7 +153,7 @@ impl Results {
     /// Reads `results.json`.
     ///
     /// # Errors
-    /// It is not there, or is something else.
+    /// The file is missing, or holds something else.
     pub fn read(path: &Path) -> Result<Self, ReadResultsError> {
         serde_json::from_str(&fs::read_to_string(path)?)
             .map_err(|source| ReadResultsError::Broken { source, path: path.to_owned() })
@@ -165,7 +165,7 @@ impl Results {
         serde_json::to_string_pretty(self).expect("names, numbers and lists have a JSON form") + "\n"
     }
 
-    /// The row of a name, the headline included.
+    /// The row with this name, the headline included.
     #[must_use]
     pub fn row(&self, name: &str) -> Option<&Record> {
         self.headline.iter().chain(&self.rows).find(|record| record.name == name)

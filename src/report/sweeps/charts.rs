@@ -7,7 +7,7 @@ use crate::report::chart::{Axis, Chart, Look, Series, Tone};
 
 const HEIGHT_PX: u32 = 340;
 
-/// What is changed, as a person names it.
+/// The change's name for readers.
 #[must_use]
 pub fn title(change: Change) -> &'static str {
     match change {
@@ -27,7 +27,7 @@ fn axis_name(change: Change) -> &'static str {
     }
 }
 
-/// A judge as a person names it.
+/// The judge's name for readers.
 #[must_use]
 pub fn judge_name(judge: Judge) -> &'static str {
     look(judge).0
@@ -44,7 +44,7 @@ fn look(judge: Judge) -> (&'static str, Tone, Look) {
 }
 
 /// The charts of a change, with a line for each judge: mAP, and where the truth moves also how many objects are harmful
-/// and called so, and how well both sets agree. None where nothing was swept.
+/// and called so, and how well both sets agree. `None` if nothing was swept.
 #[must_use]
 pub fn over(sweeps: &Sweeps, change: Change) -> Vec<Chart> {
     let curves: Vec<_> = sweeps.curves.iter().filter(|curve| curve.change == change).collect();
@@ -83,7 +83,7 @@ pub fn over(sweeps: &Sweeps, change: Change) -> Vec<Chart> {
     charts
 }
 
-/// False-harmful boxes whose object turns harmful within so many samples, beside all harmless objects.
+/// False-harmful boxes whose object turns harmful within this many samples, beside all harmless objects.
 #[must_use]
 pub fn early(early: &Early) -> Chart {
     let line = |name: String, tone, value: fn(&EarlyShare) -> Option<f64>| {

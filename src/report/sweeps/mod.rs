@@ -2,14 +2,14 @@
 //!
 //! ```text
 //! <out>/sweep.toml                  the resolved config
-//! <out>/sweeps.csv                  every curve, a line a point
+//! <out>/sweeps.csv                  every curve, one line per point
 //! <out>/speed.svg .png              harmful objects, agreement and mAP over the speed
 //! <out>/steering.svg .png           the same over the steering angle
 //! <out>/sensor_errors.svg .png      mAP over errors of both sensors
 //! <out>/early.svg .png              false-harmful boxes whose object turns harmful soon
 //! <out>/frame_speed.png             one frame at several speeds; frame_steering.png at several angles
 //! <out>/kinds/<category>.png        the best seen object of each kind out of distribution
-//! <out>/sweeps.json                 every curve; there when all is
+//! <out>/sweeps.json                 every curve; written last
 //! ```
 
 pub mod charts;
@@ -32,7 +32,7 @@ use crate::files::write_atomic;
 use crate::text_table::text_table;
 use crate::zone::ZoneError;
 
-/// Name of the file whose presence says that all is there.
+/// Name of the file whose presence means that all is there.
 pub const JSON_FILE: &str = "sweeps.json";
 const CSV_FILE: &str = "sweeps.csv";
 const CONFIG_FILE: &str = "sweep.toml";
@@ -49,7 +49,7 @@ pub struct SweepRequest<'a> {
     pub out: &'a Path,
 }
 
-/// Why sweeps could not be made or told.
+/// Why sweeps could not be made or reported.
 #[derive(Debug, Error)]
 pub enum SweepReportError {
     #[error(transparent)]
@@ -68,7 +68,7 @@ pub enum SweepReportError {
     Exists { path: PathBuf },
 }
 
-/// What was written.
+/// The result of writing.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SweepSummary {
     pub sweeps: Sweeps,
@@ -76,7 +76,7 @@ pub struct SweepSummary {
     pub out: PathBuf,
 }
 
-/// Refuses to write over sweeps.
+/// Refuses to overwrite sweeps.
 ///
 /// # Errors
 /// [`SweepReportError::Exists`].

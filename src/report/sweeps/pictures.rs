@@ -40,7 +40,7 @@ pub fn draw_all(
     Ok(pictures)
 }
 
-/// The boxes that are drawn: of one query the better class alone.
+/// The boxes that are drawn: for each query only the better class.
 fn shown(found: &[Detection], min_score: f32) -> Vec<Detection> {
     let mut shown: Vec<Detection> = Vec::new();
     for detection in found.iter().filter(|detection| detection.score >= f64::from(min_score)) {
@@ -75,7 +75,7 @@ fn sample_at(frame: &LabelledSample, state: EgoState) -> Sample {
     Sample { measured, truth: Truth { objects } }
 }
 
-/// Episode and place in it, as a frame's id tells them.
+/// Episode and place in it, from a frame's id.
 fn place(frame: &LabelledSample) -> (&str, usize) {
     let (episode, idx) = frame.id.rsplit_once('/').unwrap_or((&frame.id, "0"));
     (episode, idx.parse().unwrap_or(0))
@@ -123,7 +123,8 @@ fn title(change: Change, value: f64) -> String {
     }
 }
 
-/// Of each category out of distribution the frame in which one of its objects shows the most pixels, if any does.
+/// For each category out of distribution, the frame in which one of its objects shows the most pixels, if
+/// any.
 fn best_seen(frames: &[LabelledSample]) -> BTreeMap<&str, usize> {
     let mut best: BTreeMap<&str, (u32, usize)> = BTreeMap::new();
     for (frame_idx, frame) in frames.iter().enumerate() {

@@ -10,10 +10,10 @@ const AHEAD_M: f64 = 60.0;
 /// How much is drawn behind the rear axle, metres.
 const BEHIND_M: f64 = 3.0;
 const RING_STEP_M: f64 = 10.0;
-/// The ego's width is no part of a sample; this is drawn, metres.
+/// Drawn width of the ego, which a sample does not hold, metres.
 const EGO_WIDTH_M: f64 = 1.9;
 const EGO_REAR_OVERHANG_M: f64 = 0.9;
-/// Between a box that is pointed at and the ring around it, metres.
+/// Distance between a marked box and the ring around it, metres.
 const FOCUS_GAP_M: f64 = 1.0;
 /// Steps of the height colours.
 const N_HEIGHT_STEPS: usize = 24;
@@ -66,7 +66,7 @@ pub struct PlanView {
 }
 
 impl PlanView {
-    /// Of a panel of this size.
+    /// The scale of a panel of this size.
     pub fn of(width_px: u32, height_px: u32) -> Self {
         Self {
             center_px: f64::from(width_px) / 2.0,
@@ -81,7 +81,7 @@ impl PlanView {
     }
 }
 
-/// What the camera looks at, from above.
+/// The camera's field of view, from above.
 struct Wedge {
     x_m: f64,
     y_m: f64,
@@ -150,7 +150,7 @@ fn draw_ego(canvas: &mut Canvas, plan: &PlanView, front_bumper_x_m: f64) {
     let (left, top) = plan.at(front_bumper_x_m, EGO_WIDTH_M / 2.0);
     let (right, bottom) = plan.at(-EGO_REAR_OVERHANG_M, -EGO_WIDTH_M / 2.0);
     canvas.fill_rounded(left, top, (right - left, bottom - top), 4.0, palette::EGO);
-    // The windscreen, so that its front is told from its back.
+    // The windscreen, which marks its front.
     let height = bottom - top;
     let (inset, glass) = (2.5, palette::PAGE.with_alpha(0.75));
     canvas.fill_rounded(

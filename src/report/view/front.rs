@@ -7,7 +7,7 @@ use super::{Area, Mark, palette};
 use crate::geometry::{Box3, Camera, Ego, Point, Transform};
 use crate::sample::Measured;
 
-/// Nearer than this, nothing is projected: lines are cut there, metres.
+/// Nothing nearer than this is projected: lines are cut there, metres.
 const NEAR_M: f64 = 0.25;
 const TAG_SIZE_PX: f32 = 13.0;
 /// Corner pairs of a box: base, top, uprights.
@@ -70,7 +70,7 @@ struct Lens<'a> {
 impl Lens<'_> {
     fn draw_box(&self, canvas: &mut Canvas, mark: &Mark) {
         let corners = mark.box_in_ego.corners().map(|corner| self.camera_from_ego * corner);
-        // A dark line under each keeps the colour readable on a bright wall.
+        // A dark line under each line keeps the colour readable on a bright wall.
         let shade =
             Pen { color: palette::PANEL.with_alpha(0.35), width_px: mark.pen.width_px + 1.6, ..mark.pen };
         for pen in [shade, mark.pen] {
@@ -89,7 +89,7 @@ impl Lens<'_> {
         let (width, height) = (text_width_px(TAG_SIZE_PX, text) + 10.0, TAG_SIZE_PX + 5.0);
         let left = (x - width / 2.0).clamp(2.0, (canvas.width_px() - width - 2.0).max(2.0));
         let mut top = (top - height - 4.0).clamp(2.0, (canvas.height_px() - height - 2.0).max(2.0));
-        // Up to three rows above one another; beyond that the box alone must do.
+        // Up to three rows above one another; beyond that there is only the box.
         for _ in 0..3 {
             let rect = [left, top, left + width, top + height];
             if !taken.iter().any(|other| overlaps(&rect, other)) {
@@ -106,7 +106,7 @@ impl Lens<'_> {
         }
     }
 
-    /// Middle of the box's top edge in the picture; none where the box is behind or outside.
+    /// Middle of the box's top edge in the picture; `None` if the box is behind or outside.
     fn tag_anchor(&self, box_in_ego: &Box3<Ego>) -> Option<Px> {
         let seen: Vec<Px> = box_in_ego
             .corners()
@@ -157,7 +157,7 @@ impl Lens<'_> {
 
 const INK: Color = Color::new(0x000c_0f14);
 
-/// Where a segment that crosses the near plane meets it.
+/// The point where a segment crosses the near plane.
 fn cut(a: Point<Camera>, b: Point<Camera>) -> Point<Camera> {
     let t = (NEAR_M - a.z()) / (b.z() - a.z());
     Point::from_coords(a.coords + (b.coords - a.coords) * t)

@@ -35,7 +35,7 @@ pub fn draw_title(page: &mut Canvas, scene: &Scene) {
     page.text((right + MARGIN_PX as f32, 39.0), 17.0, palette::TEXT_SOFT, Align::Left, &counts(scene));
 }
 
-/// How many objects there are, and of which kind.
+/// The number of objects of each kind, as text.
 pub fn counts(scene: &Scene) -> String {
     let objects = &scene.sample.truth.objects;
     let n_ood = objects.iter().filter(|object| object.is_ood()).count();
@@ -53,7 +53,7 @@ pub fn counts(scene: &Scene) -> String {
     text
 }
 
-/// Says what the colours and lines mean, and the scale of the LiDAR's heights.
+/// Explains the colours and lines, and the scale of the LiDAR's heights.
 pub fn draw_legend(page: &mut Canvas, scene: &Scene, top: f32) {
     let baseline = top + 34.0;
     let middle = baseline - 5.0;

@@ -1,4 +1,4 @@
-//! From a data set's folder and a sample's number to the picture on disk.
+//! Draws a sample, by its number in a data set's folder, into a picture on disk.
 
 use std::path::{Path, PathBuf};
 
@@ -54,7 +54,7 @@ pub struct ViewRequest {
     pub force: bool,
 }
 
-/// What was drawn.
+/// The result of drawing.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct ViewSummary {
     pub episode: String,
@@ -110,7 +110,7 @@ pub fn run(request: &ViewRequest) -> Result<ViewSummary, ViewError> {
     })
 }
 
-/// A sample with its labels, as one is drawn.
+/// A sample with its labels, ready to be drawn.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Labelled {
     pub sample: Sample,

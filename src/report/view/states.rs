@@ -7,7 +7,7 @@ use super::{BIRDSEYE_PX, MARGIN_PX, SIZE_PX, Scene, TITLE_PX, birdseye, legend, 
 
 /// One state of a frame.
 pub struct StatePanel<'a> {
-    /// What stands above it.
+    /// The title above it.
     pub title: String,
     pub scene: Scene<'a>,
 }

@@ -148,7 +148,7 @@ fn scene(sample: &Sample) -> Scene<'_> {
     }
 }
 
-/// Draws, and keeps the picture where `HARMZONE_KEEP_PICTURES` says, to be looked at.
+/// Draws, and keeps the picture in the folder `HARMZONE_KEEP_PICTURES`, for inspection.
 fn drawn(scene: &Scene, name: &str) -> RgbImage {
     let picture = draw(scene).unwrap();
     if let Some(folder) = std::env::var_os("HARMZONE_KEEP_PICTURES") {

@@ -23,9 +23,9 @@ const FRONT_PX: (u32, u32) = (728, 410);
 const RIGHT_PX: f32 = 856.0;
 const TEXT_PX: f32 = 15.0;
 const ROW_PX: f32 = 23.0;
-/// As many objects have a row in the table; the rest is only drawn.
+/// Most objects with a row in the table; the others are only drawn.
 const MAX_ROWS: usize = 10;
-/// An arrow leads to where a moving object will be after this time, seconds.
+/// An arrow leads to a moving object's place after this time, seconds.
 const ARROW_S: f64 = 1.0;
 
 /// Why a sample could not be drawn.
@@ -37,7 +37,7 @@ pub enum OverlayError {
     Zone(#[from] ZoneError),
 }
 
-/// What is drawn.
+/// The content of the picture.
 pub(super) struct Overlay<'a> {
     pub episode: &'a str,
     pub sample_idx: usize,
@@ -47,7 +47,7 @@ pub(super) struct Overlay<'a> {
     pub shares: &'a [Option<f64>],
 }
 
-/// An object with what each zone says of it.
+/// An object with each zone's verdict on it.
 struct ObjectRow<'a> {
     object: &'a Object,
     verdicts: Vec<Verdict>,
@@ -72,7 +72,7 @@ impl ObjectRow<'_> {
         vx_mps.hypot(vy_mps)
     }
 
-    /// White where zones differ, red where all say harmful, grey where none does: blue is a zone's here.
+    /// White if zones differ, red if all say harmful, grey if none does: blue is a zone's colour here.
     fn color(&self) -> Color {
         match self.n_harmful() {
             _ if self.is_disputed() => palette::TEXT,
@@ -154,7 +154,7 @@ impl Overlay<'_> {
         page.text((x, 39.0), 17.0, palette::TEXT_SOFT, Align::Left, &text);
     }
 
-    /// The zones with their share over the set; the next free height.
+    /// Draws the zones with their share over the set; returns the next free height.
     fn draw_zones(&self, page: &mut Canvas, top: f32) -> f32 {
         let right = SIZE_PX.0 as f32 - MARGIN_PX;
         let note = "harmful, whole set";
@@ -225,7 +225,7 @@ impl Overlay<'_> {
     }
 }
 
-/// Letters beside the boxes, and where moving ones go.
+/// Draws letters beside the boxes, and arrows for moving ones.
 fn annotate(canvas: &mut Canvas, rows: &[ObjectRow]) {
     let plan = birdseye::PlanView::of(BIRDSEYE_PX.0, BIRDSEYE_PX.1);
     for (i, row) in rows.iter().enumerate() {
@@ -250,7 +250,7 @@ fn letter(i: usize) -> String {
     char::from(b'A' + i as u8).to_string()
 }
 
-/// A square on a text's line, filled or as a frame.
+/// Draws a square on a text's line, filled or as a frame.
 fn square(page: &mut Canvas, (left, baseline): (f32, f32), color: Color, is_filled: bool) {
     let (top, right) = (baseline - 13.0, left + 14.0);
     let corners = [(left, top), (right, top), (right, baseline + 1.0), (left, baseline + 1.0)];
