@@ -120,7 +120,7 @@ impl Origin {
     }
 }
 
-/// The episode that a sample's id names, `<episode>/<index>`; the whole id where there is no `/`.
+/// The episode that a sample's id names, `<episode>/<index>`; the whole id if it has no `/`.
 #[must_use]
 pub fn episode_of_id(id: &str) -> &str {
     id.rsplit_once('/').map_or(id, |(episode, _)| episode)

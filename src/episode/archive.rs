@@ -20,7 +20,7 @@ use crate::files::PARTIAL_SUFFIX;
 pub(super) struct ArchiveWriter {
     pub(super) path: PathBuf,
     writer: mcap::Writer<BufWriter<fs::File>>,
-    /// Removed when dropped; dropped after the writer, whose place it is.
+    /// The partial file, removed when this is dropped, which happens after the writer.
     partial: TempPath,
     /// Channel numbers by topic.
     channels: BTreeMap<&'static str, u16>,
@@ -103,7 +103,7 @@ impl ArchiveWriter {
     /// Writes the metadata records and the summary, and gives the file its name.
     ///
     /// # Errors
-    /// There is no sample, or the disk.
+    /// There is no sample, or the disk fails.
     pub(super) fn finish(
         mut self,
         metadata: impl IntoIterator<Item = (&'static str, BTreeMap<String, String>)>,

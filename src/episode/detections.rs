@@ -53,7 +53,7 @@ impl DetectionWriter {
     ///
     /// # Errors
     /// A number that is not finite, a size that is not above zero, a score outside 0 to 1, a time
-    /// that does not advance, or the disk.
+    /// that does not advance, or the disk fails.
     pub fn write(&mut self, sample: &SampleDetections) -> Result<(), EpisodeError> {
         let (time_ns, archive) = (sample.time_ns, &mut self.archive);
         for (i, detection) in sample.detections.iter().enumerate() {
@@ -69,7 +69,7 @@ impl DetectionWriter {
     /// Writes the metadata and the index, and gives the file its name.
     ///
     /// # Errors
-    /// Nothing was written, or the disk.
+    /// Nothing was written, or the disk fails.
     pub fn finish(self) -> Result<PathBuf, EpisodeError> {
         self.archive.finish([(SampleDetections::RECORD, self.meta.to_record())])
     }

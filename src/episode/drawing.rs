@@ -135,7 +135,7 @@ pub(super) fn harm_boxes<'a>(
 pub(super) fn detection_boxes(time_ns: u64, detections: &[Detection]) -> fox::SceneUpdate {
     let entities = detections.iter().enumerate().map(|(i, detection)| {
         let paint = fox::Color { a: 0.1 + 0.6 * detection.score, ..harm_color(detection.harm) };
-        // With the digits of the message, which is a float.
+        // Printed with the digits of the message, which is a float.
         let score = (detection.score as f32).to_string();
         fox::SceneEntity {
             metadata: vec![pair("harm", detection.harm.name()), pair("score", score)],

@@ -137,11 +137,11 @@ impl LabelWriter {
         Ok(Self { archive: ArchiveWriter::create(path, topics::OF_LABELS)?, meta: meta.clone() })
     }
 
-    /// Adds the labels of the next sample; the sample itself serves the drawings.
+    /// Adds the labels of the next sample; the sample itself is for the drawings.
     ///
     /// # Errors
     /// Labels that are not one for each object in the sample's order, a number that is not finite,
-    /// a time that is not the sample's or does not advance, or the disk.
+    /// a time that is not the sample's or does not advance, or the disk fails.
     pub fn write(&mut self, labels: &SampleLabels, sample: &Sample) -> Result<(), EpisodeError> {
         let (time_ns, archive) = (sample.measured.time_ns, &mut self.archive);
         let boxes = labels.check_against(sample).map_err(EpisodeError::invalid(
@@ -161,7 +161,7 @@ impl LabelWriter {
     /// Writes the metadata and the index, and gives the file its name.
     ///
     /// # Errors
-    /// Nothing was written, or the disk.
+    /// Nothing was written, or the disk fails.
     pub fn finish(self) -> Result<PathBuf, EpisodeError> {
         self.archive.finish([(SampleLabels::RECORD, self.meta.to_record())])
     }

@@ -208,7 +208,7 @@ impl Manifest {
     /// Writes the manifest into the data set's folder, completely or not at all.
     ///
     /// # Errors
-    /// Two episodes of one name, a file outside the folder, or the disk.
+    /// Two episodes of one name, a file outside the folder, or the disk fails.
     pub fn write(&self, folder: &Path) -> Result<(), ManifestError> {
         let path = folder.join(Self::FILE);
         self.check(&path)?;
@@ -307,7 +307,7 @@ impl LabelManifest {
     /// Writes the set's manifest, whole or not at all; the set's folder must exist.
     ///
     /// # Errors
-    /// The disk.
+    /// The disk fails.
     pub fn write(&self, dataset: &Path) -> Result<(), ManifestError> {
         write_json(&Self::folder(dataset, &self.set).join(Self::FILE), self)
     }

@@ -49,7 +49,7 @@ impl EpisodeWriter {
     ///
     /// # Errors
     /// A number that is not finite, a box without size, two objects of one id, a time that does not
-    /// advance, or the disk.
+    /// advance, or the disk fails.
     pub fn write(&mut self, sample: &Sample) -> Result<(), EpisodeError> {
         check(sample).map_err(EpisodeError::invalid(
             &self.meta.name,
@@ -84,7 +84,7 @@ impl EpisodeWriter {
     /// Writes the metadata and the index, and gives the file its name.
     ///
     /// # Errors
-    /// No sample was written, or the disk.
+    /// No sample was written, or the disk fails.
     pub fn finish(self) -> Result<FinishedEpisode, EpisodeError> {
         let n_samples = self.archive.n_samples;
         let meta = EpisodeMeta { n_samples, ..self.meta };

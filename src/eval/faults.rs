@@ -62,7 +62,7 @@ pub struct Fault {
     pub range_m: f64,
     /// Signed distance to the zone's edge, metres, negative inside.
     pub zone_distance_m: Option<f64>,
-    /// What is left of the gap ahead after stopping, metres; negative where it is too late.
+    /// The gap left ahead after stopping, metres; negative if it is too late.
     pub stopping_margin_m: Option<f64>,
     /// The object, if there is one.
     pub object: Option<LabelledObject>,

@@ -172,7 +172,7 @@ pub struct Metrics {
     pub per_threshold: Columns<PerClass<Vec<f64>>>,
     /// Precision over recall at each threshold, in the config's order.
     pub curves: Columns<PerClass<Vec<Curve>>>,
-    /// Of all true positives, ID and OOD.
+    /// Errors of all true positives, ID and OOD.
     pub tp_errors: PerClass<TpErrors>,
     pub counts: Counts,
     pub filters: Filters,

@@ -2,7 +2,7 @@
 //!
 //! `aov/<episode>/<sample>.exr`, losslessly compressed, one layer of the camera's size with the channels
 //! `depth` (f32, metres along the optical axis, infinite for the sky), `instance` and `category` (u32,
-//! 0 where there is no object); `aov/<episode>/objects.json` says which object and category a number is.
+//! 0 where there is no object); `aov/<episode>/objects.json` maps the numbers to objects and categories.
 
 use std::io::Cursor;
 use std::path::{Path, PathBuf};

@@ -52,7 +52,7 @@ pub struct Timings {
 /// Makes one episode in the data set's folder; it calls `on_sample` for each written sample.
 ///
 /// # Errors
-/// [`GenerateError`]: unknown town, no simulator, unstable physics, the disk. No file is left then.
+/// [`GenerateError`]: unknown town, no simulator, unstable physics, a full or broken disk. No file is left then.
 pub fn record(
     config: &CheckedConfig,
     plan: &EpisodePlan,
@@ -177,7 +177,7 @@ impl<'a> Recording<'a> {
     /// Gives the files their final names.
     ///
     /// # Errors
-    /// [`GenerateError`]: the disk.
+    /// [`GenerateError`]: the disk fails.
     pub fn finish(self) -> Result<(EpisodeEntry, Timings), GenerateError> {
         let Self { plan, meta, writer, aov, mut timings, .. } = self;
         let finished = time(&mut timings.finishing, || {

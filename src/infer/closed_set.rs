@@ -70,11 +70,11 @@ pub enum ClosedSetError {
 /// What was learnt from the training split.
 #[derive(Debug, Clone)]
 pub struct ClosedSet {
-    /// By kind.
+    /// Share of harmful objects, by kind.
     harmful_share: [f64; 3],
     means: [DVector<f64>; 3],
     covariance: Cholesky<f64, Dyn>,
-    /// By score of strangeness.
+    /// Threshold of strangeness, by score.
     thresholds: [f64; 3],
 }
 

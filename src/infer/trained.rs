@@ -89,8 +89,8 @@ impl Trained {
         })
     }
 
-    /// Where its predictions for a dataset lie unless told otherwise: in the run's folder, by the dataset's
-    /// name; those of a network inside the program in the dataset, by the network's.
+    /// The default folder of its predictions for a dataset: in the run's folder, by the dataset's name; for
+    /// a network inside the program in the dataset's folder, by the network's name.
     ///
     /// # Errors
     /// The dataset is not there, or its folder has no name.

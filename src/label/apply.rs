@@ -21,7 +21,7 @@ pub enum SampleError {
     Twice { episode: String, sample_idx: usize, object: String },
 }
 
-/// Labels a sample; `episode` and `sample_idx` serve the errors.
+/// Labels a sample; `episode` and `sample_idx` are for the errors.
 ///
 /// # Errors
 /// The ego's state or an object's box is not valid, or an id occurs twice.

@@ -44,7 +44,7 @@ pub struct ZoneCounts {
     pub zone: String,
     /// Harmful objects over all.
     pub harmful_share: Option<f64>,
-    /// By distribution and kind.
+    /// Counts by distribution and kind.
     pub counts: LabelCounts,
     pub moving: HarmCounts,
     pub standing: HarmCounts,
@@ -180,7 +180,7 @@ impl Tally {
             })
             .collect();
         let n = zones.len();
-        // By either: by both, by one alone, by the other alone.
+        // Harmful by either: by both, by one alone, or by the other alone.
         let agreement = |row: usize, column: usize| {
             let both = self.both[row][column];
             share(both, both + self.change_sides[row][column] + self.change_sides[column][row])

@@ -5,7 +5,7 @@
 //!    [`CameraInput`] (picture, depths, where its rays meet the ground), speed and steering.
 //! 3. [`Batch::stack`] joins several inputs as tensors.
 //! 4. [`Detector::forward`] runs both branches (`lidar`, `camera`) to maps of the ground, fuses them, passes
-//!    the [`BevBackbone`] where there is one, and the `head`: heatmap, queries at its peaks, one decoder
+//!    the [`BevBackbone`] if there is one, and the `head`: heatmap, queries at its peaks, one decoder
 //!    layer, box codes and classes, together an [`Output`].
 //! 5. [`detections`] reads boxes from it, [`kind_boxes`] those of a closed-set baseline.
 //!

@@ -126,7 +126,7 @@ fn stage_ends(history: &History) -> impl Iterator<Item = [&StepRow; 2]> {
     history.steps.windows(2).filter(|pair| pair[0].stage != pair[1].stage).map(|pair| [&pair[0], &pair[1]])
 }
 
-/// Means over a window about each step, stage by stage, thinned to what can be seen.
+/// Means over a window about each step, stage by stage, thinned to as many points as can be seen.
 fn smooth(steps: &[StepRow], window: usize, of: fn(&StepRow) -> f64) -> Vec<Vec<(f64, f64)>> {
     let every = steps.len().div_ceil(MAX_POINTS).max(1);
     let of_stage = |stage: &[StepRow]| {

@@ -36,9 +36,9 @@ pub struct Balcony {
     pub z_m: f64,
     /// The direction in which it stands out.
     pub yaw_rad: f64,
-    /// Along the wall.
+    /// Size along the wall.
     pub width_m: f64,
-    /// From the wall outwards.
+    /// Size from the wall outwards.
     pub depth_m: f64,
 }
 
@@ -63,7 +63,7 @@ pub fn n_floors_of(height_m: f64) -> u32 {
 }
 
 impl Building {
-    /// From the ground floor's level to the eaves.
+    /// Height from the ground floor's level to the eaves.
     pub fn height_m(&self) -> f64 {
         GROUND_FLOOR_M + FLOOR_M * f64::from(self.n_floors)
     }

@@ -68,7 +68,7 @@ impl EgoPose {
     }
 }
 
-/// What the driver remembers.
+/// The driver's memory.
 #[derive(Debug, Clone)]
 pub struct EgoDriver {
     pub route: Route,
@@ -176,7 +176,7 @@ impl EgoDriver {
                 acceleration.min(driving::acceleration_mps2(speed_mps, desired_mps, Some(stop), 1.0));
         }
         let is_held = line.is_some_and(|line| line.distance_m < 4.0);
-        // A queue before a light is no jam.
+        // A queue before a light is not a jam.
         if to_end_m > END_M && !answer.is_queue {
             self.unjam(dt_s, speed_mps, is_held, graph);
         }

@@ -91,7 +91,7 @@ impl Filler<'_> {
         self.draw_loose_model(is_small, rng)
     }
 
-    /// From a balcony onto the kerb's half of the ego's lane.
+    /// A fall from a balcony onto the kerb's half of the ego's lane.
     fn plan_fall(&self, route: &Route, station_m: f64, rng: &mut Rng) -> Option<Plan> {
         let to_kerb_m = 1.4 * self.town.graph.kerb_sign() * rng.random::<f64>();
         let aim = route.path.beside(station_m, to_kerb_m);
@@ -106,7 +106,7 @@ impl Filler<'_> {
         self.flight_from_ledge(Event::Falls, model, ledge, aim, (linear_mps, time_s), lead_m, rng)
     }
 
-    /// From a balcony ahead, or from behind a parked car, to just before the ego.
+    /// A throw from a balcony ahead, or from behind a parked car, to just before the ego.
     fn plan_throw(&self, route: &Route, station_m: f64, rng: &mut Rng) -> Option<Plan> {
         let aim = route.path.beside(station_m, 0.8 * (rng.random::<f64>() - 0.5));
         let model = self.draw_small_model(rng)?;
@@ -210,7 +210,7 @@ impl Filler<'_> {
         Some(Plan { model, loose, perch: None })
     }
 
-    /// From one side of the road towards the other: round things roll, light ones tumble.
+    /// A way from one side of the road towards the other: round things roll, light ones tumble.
     fn plan_roll(&self, route: &Route, station_m: f64, rng: &mut Rng) -> Option<Plan> {
         let model = self.draw_loose_model(|m| m.facts.rolls.is_some() || m.mass_kg <= LIGHT_KG, rng)?;
         let shape = &self.models[model];

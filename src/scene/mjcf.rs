@@ -27,7 +27,7 @@ pub struct Sun {
 /// The light under which the world is drawn.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lighting {
-    /// From everywhere.
+    /// Light from everywhere.
     pub ambient: [f64; 3],
     /// If `None`, everything is drawn in its own colour.
     pub sun: Option<Sun>,

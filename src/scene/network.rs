@@ -216,8 +216,8 @@ impl LaneGraph {
         n_joined
     }
 
-    /// Fills [`GraphLane::reach_m`]: what is left when dead ends are taken away, one after the other,
-    /// leads on for ever.
+    /// Fills [`GraphLane::reach_m`]: the lanes left after all dead ends are removed, one after the other,
+    /// lead on for ever.
     fn measure_reach(&mut self) {
         for lane in &mut self.lanes {
             lane.reach_m = f64::INFINITY;

@@ -29,9 +29,9 @@ define_config! {
         /// Along the street.
         building_width_m: [f64; 2] = [9.0, 20.0], in from_to(4.0, 200.0).pair();
         building_depth_m: [f64; 2] = [9.0, 13.0], in from_to(3.0, 200.0).pair();
-        /// Between detached buildings.
+        /// Gap between detached buildings.
         building_gap_m: [f64; 2] = [0.0, 0.0], in from_to(0.0, 100.0).pair();
-        /// From the outer edge of the pavement.
+        /// Distance from the outer edge of the pavement.
         building_setback_m: [f64; 2] = [0.5, 3.0], in from_to(0.0, 100.0).pair();
         /// Share of the plots that are built on.
         building_share: f64 = 0.8, in SHARE;
@@ -67,9 +67,9 @@ define_config! {
         road_texture: GroundLook = GroundLook::Asphalt;
         sidewalk_texture: GroundLook = GroundLook::Pavement;
         ground_texture: GroundLook = GroundLook::Grass;
-        /// Between one static prop and the next on a pavement.
+        /// Distance from one static prop to the next on a pavement.
         prop_spacing_m: [f64; 2] = [8.0, 18.0], in from_to(0.5, 1000.0).pair();
-        /// From the kerb to the middle of the prop.
+        /// Distance from the kerb to the middle of the prop.
         prop_kerb_distance_m: f64 = 0.55, in from_to(0.1, 20.0);
         /// How likely each prop model is, relative to the others; empty: all alike.
         prop_weights: BTreeMap<String, f64> = BTreeMap::new(), in WEIGHTS;

@@ -16,7 +16,7 @@ use std::f64::consts::PI;
 
 use serde::{Deserialize, Serialize};
 
-/// AdamW's first beta where nothing changes it.
+/// AdamW's first beta if nothing changes it.
 pub const BETA_1: f64 = 0.9;
 /// Beta1 at the turn over beta1 at both ends.
 const BETA_1_RATIO: f64 = 0.85 / 0.95;

@@ -164,15 +164,15 @@ pub struct Verdict {
 
 impl ZoneAt {
     /// The zone's outline in the ego frame, counter-clockwise from the near right corner: four corners of `rect`; of the
-    /// others out along the right side and back along the left, as many on each, not convex in a turn. `rss` draws the
-    /// zone of an object that stands.
+    /// others out along the right side and back along the left, equally many on each, not convex in a turn.
+    /// `rss` draws the zone of an object that stands.
     #[must_use]
     pub fn corners(&self) -> &[Point2] {
         self.rule.outline()
     }
 
-    /// The outline where it is one to measure distances to, which is convex: that of `rect`. The others bend, and what
-    /// `ttc` and `rss` say about an object is not a distance to one edge.
+    /// The outline as an edge to measure distances to; it must be convex, so only `rect` has one. The others
+    /// bend, and what `ttc` and `rss` say about an object is not a distance to one edge.
     #[must_use]
     pub fn edge(&self) -> Option<&[Point2]> {
         self.rule.edge()

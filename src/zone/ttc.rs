@@ -168,7 +168,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(64))]
 
-        /// Against small steps of time, which may miss a contact but see none where there is none.
+        /// Compares with small steps of time, which may miss a contact but never find a false one.
         #[test]
         fn it_is_the_first_contact_that_small_steps_find(
             speed in -2.0..15.0_f64, steering in -0.5..0.5_f64, x in 4.0..40.0_f64, y in -10.0..10.0_f64,

@@ -20,7 +20,7 @@ use crate::object::Harm;
 pub struct Alarms {
     /// Distance that the ego drove between samples.
     pub driven_km: f64,
-    /// Between the first and the last sample of each episode; 0 where times are unknown.
+    /// Hours between the first and the last sample of each episode; 0 if times are unknown.
     pub driven_h: f64,
     pub points: Vec<OperatingPoint>,
 }

@@ -2,7 +2,8 @@
 //!
 //! A false-harmful box is a harmful detection of the operating score or more that is misclassified on a harmless truth
 //! (threshold of the errors). It turns within k samples if its object is harmful in any of the k next samples of its
-//! episode; boxes whose episode ends before that are left out. Beside it the same share of all harmless truths.
+//! episode; boxes whose episode ends before that are left out. For comparison, the same share of all harmless
+//! truths.
 
 use serde::{Deserialize, Serialize};
 

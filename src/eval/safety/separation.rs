@@ -1,4 +1,4 @@
-//! How well a score tells harmful from harmless: AUROC, AUPR and FPR95, harmful being the positives.
+//! How well a score separates harmful from harmless: AUROC, AUPR and FPR95, harmful being the positives.
 //!
 //! AUROC is the chance that a harmful object scores above a harmless one, ties counting half (Fawcett 2006). AUPR is
 //! the sum over falling scores of precision times the gain of recall, as scikit-learn's `average_precision_score`.

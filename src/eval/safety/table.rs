@@ -14,7 +14,7 @@ pub struct MetricTable {
 pub enum MetricValue {
     Name(String),
     Count(usize),
-    /// `None` where it is not known.
+    /// `None` if it is not known.
     Number {
         value: Option<f64>,
         n_digits: usize,

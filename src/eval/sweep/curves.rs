@@ -12,7 +12,7 @@ use crate::eval::safety::Early;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Sweeps {
     pub n_samples: usize,
-    /// By change, then by judge.
+    /// Curves by change, then by judge.
     pub curves: Vec<SweepCurve>,
     /// For the network at the recorded states; `None` where the objects' tracks are unknown.
     pub early: Option<Early>,

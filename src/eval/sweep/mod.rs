@@ -165,7 +165,7 @@ pub fn most_changed<'a>(
     Ok(best.map(|(_, frame)| frame))
 }
 
-/// The objects of a frame, labelled by the zone of a state where one is given.
+/// The objects of a frame, labelled by the zone of a state if one is given.
 fn label(
     frame: &LabelledSample,
     changed: Option<&EgoState>,

@@ -89,7 +89,7 @@ fn reportable_classes(query: &Query, heatmap: Heatmap) -> &'static [Harm] {
 /// heatmap and class probability, reaches `min_score`. Samples with several states give the boxes of the first.
 ///
 /// # Panics
-/// If the network tells kinds.
+/// If the network detects kinds, not harm.
 #[must_use]
 pub fn detections(output: &Output, config: &ModelConfig, min_score: f32) -> Vec<Vec<Detection>> {
     first_states(detections_by_state(output, config, min_score))
@@ -98,7 +98,7 @@ pub fn detections(output: &Output, config: &ModelConfig, min_score: f32) -> Vec<
 /// As [`detections`], for each state of each sample: `[sample][state][box]`.
 ///
 /// # Panics
-/// If the network tells kinds.
+/// If the network detects kinds, not harm.
 #[must_use]
 pub fn detections_by_state(
     output: &Output,
@@ -153,7 +153,7 @@ impl KindBox {
 /// several states give the boxes of the first.
 ///
 /// # Panics
-/// If the network tells harm.
+/// If the network detects harm, not kinds.
 #[must_use]
 pub fn kind_boxes(output: &Output, config: &ModelConfig, min_score: f32) -> Vec<Vec<KindBox>> {
     assert_eq!(config.head.classes, Classes::Kind, "`detections` reads a network that tells harm");

@@ -22,13 +22,13 @@ impl Axis {
         Self { name: name.to_owned(), low, high, ticks, is_log: false }
     }
 
-    /// From 0 to 1.
+    /// An axis from 0 to 1.
     #[must_use]
     pub fn share(name: &str) -> Self {
         Self::over(name, 0.0, 1.0)
     }
 
-    /// Over all values, with ticks at round numbers; `low` and `high` must be finite.
+    /// An axis over all values, with ticks at round numbers; `low` and `high` must be finite.
     #[must_use]
     pub fn over(name: &str, low: f64, high: f64) -> Self {
         let high = if high > low { high } else { low + 1.0 };
@@ -43,7 +43,7 @@ impl Axis {
         Self::new(name, low, high, ticks.map(|at| (at, format!("{at:.n_decimals$}"))).collect())
     }
 
-    /// Logarithmic, with ticks at one, two and five times the powers of ten; `low` must be above zero.
+    /// A logarithmic axis, with ticks at one, two and five times the powers of ten; `low` must be above zero.
     #[must_use]
     pub fn log(name: &str, low: f64, high: f64) -> Self {
         let powers = (low.log10().floor() as i32)..=(high.log10().ceil() as i32);

@@ -153,7 +153,7 @@ fn count_categories(info: &Info) -> Chart {
     count_rows("objects by category (dotted names: OOD)", &rows, 2 * HEIGHT_PX)
 }
 
-/// A bar for each name: how many objects there are, and how many of them are harmful, where that is known.
+/// A bar for each name: the number of objects, and the number of harmful ones if known.
 fn count_rows(title: &str, counts: &[Count], height_px: u32) -> Chart {
     let names: Vec<String> = counts.iter().map(|count| count.name.clone()).collect();
     let (mut harmful, mut harmless, mut unlabelled) = (Vec::new(), Vec::new(), Vec::new());

@@ -32,7 +32,7 @@ use crate::report::view::ViewError;
 
 /// Name of the page if a folder is given.
 pub const PAGE_FILE: &str = "report.html";
-/// Cards of a kind of fault and data set, unless told otherwise.
+/// Default number of cards of a kind of fault and data set.
 pub const DEFAULT_CARDS: usize = 12;
 
 /// Why the report could not be made.

@@ -100,7 +100,7 @@ pub fn early(early: &Early) -> Chart {
     Chart::new("False alarms that were only early", x, y, series, HEIGHT_PX)
 }
 
-/// From zero to a little above the highest point.
+/// An axis from zero to a little above the highest point.
 fn from_zero(name: &str, series: &[Series]) -> Axis {
     let highest = series.iter().flat_map(|line| &line.points).map(|point| point.1).fold(0.0, f64::max);
     Axis::over(name, 0.0, 1.08 * highest)

@@ -37,7 +37,7 @@ pub fn draw(measured: &Measured, areas: &[Area], marks: &[Mark], width_px: u32, 
         let corners = mark.box_in_ego.footprint().map(|corner| plan.at(corner.x_m, corner.y_m));
         canvas.fill(&corners, mark.pen.color.with_alpha(0.16));
         canvas.outline(&corners, mark.pen);
-        // From the middle to the front edge: where the object heads.
+        // From the middle to the front edge: the object's heading.
         let front = (f32::midpoint(corners[0].0, corners[3].0), f32::midpoint(corners[0].1, corners[3].1));
         let center = plan.at(mark.box_in_ego.center.x(), mark.box_in_ego.center.y());
         canvas.line(&[center, front], Pen { is_dashed: false, ..mark.pen });
@@ -58,7 +58,7 @@ pub fn point_at(canvas: &mut Canvas, focus: &Box3<Ego>) {
     canvas.outline(&ring.collect::<Vec<Px>>(), Pen { width_px: FOCUS.width_px / 3.0, ..FOCUS });
 }
 
-/// From ego metres to the panel's pixels.
+/// The map from ego metres to the panel's pixels.
 pub struct PlanView {
     center_px: f64,
     bottom_px: f64,

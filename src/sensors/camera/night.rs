@@ -290,7 +290,7 @@ fn normal(view: &View<'_>, rendered: &Rendered<'_>, lights: &Lights, u: usize, v
     }
     let right = view.ray_in_camera(u + 2, v) * rendered.depth_m[at + 2] - here;
     let below = view.ray_in_camera(u, v + 2) * rendered.depth_m[at + 2 * width] - here;
-    // Across an edge the difference is no tangent.
+    // Across an edge the difference is not a tangent.
     let is_edge = right.z.abs().max(below.z.abs()) > 0.05 * here.z + 0.2;
     let normal = right.cross(&below);
     if is_edge || !normal.norm().is_normal() {

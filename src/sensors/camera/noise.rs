@@ -34,7 +34,7 @@ pub(super) fn level(state: &WeatherState) -> Option<Level> {
 pub(super) struct Tile(Vec<f32>);
 
 impl Tile {
-    /// For pictures of this width.
+    /// Prepares the noise for pictures of this width.
     pub(super) fn new(width: usize) -> Self {
         let mut rng = random::stream(0, "camera-noise-tile", 0);
         Self((0..N_STARTS + 3 * width).map(|_| StandardNormal.sample(&mut rng)).collect())

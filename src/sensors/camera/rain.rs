@@ -17,7 +17,7 @@ const LEAST_MM: f64 = 1.0;
 const NEAR_M: f64 = 0.7;
 const FAR_M: f64 = 4.0;
 const EXPOSURE_S: f64 = 1.0 / 60.0;
-/// A drop on the pane stays where it is for this many samples.
+/// A drop on the pane keeps its place for this many samples.
 const PANE_SAMPLES: u64 = 4;
 
 /// Draws streaks and drops.

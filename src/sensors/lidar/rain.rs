@@ -33,7 +33,7 @@ pub(super) struct Drops {
 }
 
 impl Drops {
-    /// `None` without rain, or where no drop could be detected.
+    /// `None` without rain, or if no drop could be detected.
     pub(super) fn new(state: &WeatherState, min_power: f64) -> Option<Self> {
         let slope_per_mm = state.drop_slope_per_mm();
         if !slope_per_mm.is_finite() {
