@@ -210,7 +210,7 @@ impl Filler<'_> {
         Some(Plan { model, loose, perch: None })
     }
 
-    /// A way from one side of the road towards the other: round things roll, light ones tumble.
+    /// A thing that crosses the road from one side: round things roll, light ones tumble.
     fn plan_roll(&self, route: &Route, station_m: f64, rng: &mut Rng) -> Option<Plan> {
         let model = self.draw_loose_model(|m| m.facts.rolls.is_some() || m.mass_kg <= LIGHT_KG, rng)?;
         let shape = &self.models[model];

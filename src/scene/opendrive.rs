@@ -217,7 +217,7 @@ fn footprint(shape: &xodr::Shape) -> Option<Footprint> {
     }
 }
 
-/// Counts the map's objects, which are not used: the world has its own.
+/// Counts the map's objects that are not drawn: the world has its own.
 fn undrawn(network: &xodr::RoadNetwork) -> Option<String> {
     let mut kinds: BTreeMap<&str, usize> = BTreeMap::new();
     let is_drawn = |object: &xodr::Object| {

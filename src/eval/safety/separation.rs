@@ -18,7 +18,7 @@ pub struct Separation {
     pub n_harmful: usize,
     pub n_harmless: usize,
     pub auroc: f64,
-    /// With harmful as positive; chance reaches the share of harmful objects.
+    /// With harmful as positive; guessing reaches the share of harmful objects.
     pub aupr: f64,
     pub fpr95: f64,
 }
