@@ -44,7 +44,7 @@ pub struct EvalArgs {
     /// The true boxes, in the same form
     #[arg(long, value_name = "JSON", requires = "predictions")]
     truth: Option<PathBuf>,
-    /// Also print scores by group and confidence intervals; metrics.json always has them
+    /// Also print scores by group and the safety metrics; metrics.json always has both
     #[arg(long, conflicts_with = "json")]
     breakdown: bool,
     /// Folder for metrics.json, table.txt, breakdown.txt, the resolved eval.toml, and what `harmzone report` shows:

@@ -33,7 +33,7 @@ pub const SWEEPS_FILE: &str = "sweeps.json";
 pub enum ScoresError {
     #[error("no scores, `{METRICS_FILE}` is missing; `harmzone eval RUN --data DIR --out {}` makes them: {}", path.display(), path.display())]
     NoMetrics { path: PathBuf },
-    #[error("not a file that `harmzone eval --out` writes: {message}: {}", path.display())]
+    #[error("not a file that this version's `harmzone eval --out` writes, which makes it anew: {message}: {}", path.display())]
     Broken { message: String, path: PathBuf },
     #[error(transparent)]
     Io(#[from] io::Error),
