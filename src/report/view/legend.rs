@@ -24,7 +24,9 @@ pub fn draw_title(page: &mut Canvas, scene: &Scene) {
         format!("{:.1}° {}", steering_deg.abs(), if steering_deg > 0.0 { "left" } else { "right" })
     };
     let right = (MARGIN_PX + FRONT_PX.0) as f32;
-    let state = [("steering", turn), ("speed", format!("{:.1} m/s", ego.speed_mps))];
+    // A sum with zero has no minus sign left: no "-0.0".
+    let speed_mps = (10.0 * ego.speed_mps).round() / 10.0 + 0.0;
+    let state = [("steering", turn), ("speed", format!("{speed_mps:.1} m/s"))];
     let mut x = right;
     for (name, value) in state {
         page.text((x, 39.0), 20.0, palette::TEXT, Align::Right, &value);
