@@ -71,9 +71,9 @@ fn an_experiment_killed_in_a_training_goes_on_and_its_commands_make_its_rows() {
     assert_eq!(changed(), first, "a finished row is not done again, nor are its rivals");
     let whole = document();
     assert!(
-        whole.contains("| closed set, energy | `kinds` |")
-            && whole.contains("| by network | `lidar` |")
-            && whole.contains("| by zone-soft | `lidar` |"),
+        whole.contains("| closed set, energy | kinds |")
+            && whole.contains("| by network | lidar |")
+            && whole.contains("| by zone-soft | lidar |"),
         "{whole}"
     );
     assert!(!whole.contains("not trained yet") && !whole.contains("Not trained yet"), "{whole}");
