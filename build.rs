@@ -11,9 +11,10 @@ use flate2::Compression;
 use flate2::write::DeflateEncoder;
 
 /// Each message that is a topic's schema, and the file that defines it.
-const SCHEMAS: [(&str, &str); 4] = [
+const SCHEMAS: [(&str, &str); 5] = [
     ("EgoState", "harmzone/ego_state.proto"),
     ("Objects", "harmzone/objects.proto"),
+    ("IgnoredRegions", "harmzone/ignored_regions.proto"),
     ("HarmLabels", "harmzone/harm_labels.proto"),
     ("Detections", "harmzone/detections.proto"),
 ];

@@ -36,7 +36,7 @@ fn main() -> anyhow::Result<()> {
         let sample = sample?;
         let ego = &sample.measured.ego_state;
         let here = zone.at(ego)?;
-        for object in &sample.truth.objects {
+        for object in sample.objects() {
             let verdict = here.harm_of(&object.box_in_ego, object.velocity_in_ego_mps)?;
             let braking = harm_within_braking_distance(&object.box_in_ego, ego);
             println!(

@@ -2,7 +2,9 @@
 //!
 //! Network inputs are built from [`Measured`] alone, so that truth cannot leak into them.
 
-use crate::geometry::{Camera, Ego, Lidar, Pinhole, Transform, World};
+use serde::{Deserialize, Serialize};
+
+use crate::geometry::{Camera, Ego, Lidar, Pinhole, Point2, Transform, World};
 use crate::object::Object;
 
 /// The ego's own state.
@@ -71,19 +73,49 @@ pub struct Measured {
     pub ego_from_camera: Transform<Ego, Camera>,
     pub intrinsics: Pinhole,
     pub image: EncodedImage,
-    /// In the LiDAR frame, cut to the camera's horizontal field of view.
+    /// In the LiDAR frame, cut to the camera's horizontal field of view by who reads or simulates them.
     pub points: Vec<LidarPoint>,
 }
 
-/// The annotated objects of a sample.
+/// The picture of a further camera, beside the front one.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CameraView {
+    /// Its topics begin with it: `cam_back_left`. Lower case letters, digits and `_`.
+    pub name: String,
+    pub ego_from_camera: Transform<Ego, Camera>,
+    pub intrinsics: Pinhole,
+    pub image: EncodedImage,
+}
+
+/// A part of the world of which the truth says nothing, although other parts are labelled.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum IgnoredRegion {
+    /// A rectangle of the front picture, pixels (KITTI's `DontCare`).
+    Image { left_px: f64, top_px: f64, right_px: f64, bottom_px: f64 },
+    /// A convex polygon on the ground, in the ego frame.
+    Ground { corners_in_ego_m: Vec<Point2> },
+}
+
+/// What is annotated in a sample: objects, and regions that nobody annotated.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Truth {
     pub objects: Vec<Object>,
+    pub ignored: Vec<IgnoredRegion>,
 }
 
 /// One instant of an episode.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sample {
     pub measured: Measured,
-    pub truth: Truth,
+    /// `None` in a log that nobody annotated.
+    pub truth: Option<Truth>,
+}
+
+impl Sample {
+    /// The annotated objects; none where nobody annotated.
+    #[must_use]
+    pub fn objects(&self) -> &[Object] {
+        self.truth.as_ref().map_or(&[], |truth| &truth.objects)
+    }
 }

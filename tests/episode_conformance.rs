@@ -66,7 +66,7 @@ fn sample(idx: u32) -> Sample {
         // Wholly behind the camera: no line of it may be drawn.
         object("hay_bale:3", -10.0, Kind::Static, Distribution::Ood),
     ];
-    Sample { measured, truth: Truth { objects } }
+    Sample { measured, truth: Some(Truth { objects, ignored: Vec::new() }) }
 }
 
 fn labels_of(sample: &Sample) -> SampleLabels {
@@ -83,7 +83,7 @@ fn labels_of(sample: &Sample) -> SampleLabels {
         time_ns: sample.measured.time_ns,
         zone_name: "rect".into(),
         zone_corners: vec![corner(3.6, 1.75), corner(3.6, -1.75), corner(12.0, -1.75), corner(12.0, 1.75)],
-        labels: sample.truth.objects.iter().zip(harms).map(label).collect(),
+        labels: sample.objects().iter().zip(harms).map(label).collect(),
     }
 }
 
@@ -219,7 +219,7 @@ fn an_outside_reader_decodes_every_topic_of_an_episode_and_its_labels() {
                 { "x": 1.5, "y": -2.25, "z": 0.125, "intensity": 254.5, "ring": 31 },
                 { "x": 70.0, "y": 0.0, "z": -1.75, "intensity": 0.0, "ring": 65535 },
             ]],
-            "objects": sample.truth.objects.iter().map(expected_object).collect::<Vec<_>>(),
+            "objects": sample.objects().iter().map(expected_object).collect::<Vec<_>>(),
             "markers": cubes,
             "harm_objects": cubes,
             "zone_name": "rect",

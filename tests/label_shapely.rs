@@ -70,7 +70,10 @@ fn random_sample(sample_idx: usize, rng: &mut Rng) -> Sample {
             image: EncodedImage { format: ImageFormat::Png, bytes },
             points: vec![LidarPoint { x_m: 5.0, y_m: 0.0, z_m: -1.8, intensity: 10.0, ring: 3 }],
         },
-        truth: Truth { objects: (0..N_OBJECTS).map(|i| random_object(i, rng)).collect() },
+        truth: Some(Truth {
+            objects: (0..N_OBJECTS).map(|i| random_object(i, rng)).collect(),
+            ignored: Vec::new(),
+        }),
     }
 }
 

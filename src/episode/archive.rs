@@ -23,7 +23,7 @@ pub(super) struct ArchiveWriter {
     /// The partial file, removed when this is dropped, which happens after the writer.
     partial: TempPath,
     /// Channel numbers by topic.
-    channels: BTreeMap<&'static str, u16>,
+    channels: BTreeMap<String, u16>,
     pub(super) n_samples: usize,
     /// Time of the last sample.
     time_ns: u64,
@@ -48,14 +48,24 @@ impl ArchiveWriter {
         let (path, channels) = (path.to_owned(), BTreeMap::new());
         let mut archive = Self { path, writer, partial, channels, n_samples: 0, time_ns: 0 };
         for topic in topics {
-            let (name, descriptors) = (topic.schema)();
-            let channel = archive.with(|writer| {
-                let schema = writer.add_schema(&name, "protobuf", &descriptors)?;
-                writer.add_channel(schema, topic.name, "protobuf", &BTreeMap::new())
-            })?;
-            archive.channels.insert(topic.name, channel);
+            archive.declare(topic.name, topic.schema)?;
         }
         Ok(archive)
+    }
+
+    /// Declares one more topic.
+    pub(super) fn declare(
+        &mut self,
+        topic: &str,
+        schema: fn() -> (String, Vec<u8>),
+    ) -> Result<(), EpisodeError> {
+        let (name, descriptors) = schema();
+        let channel = self.with(|writer| {
+            let schema = writer.add_schema(&name, "protobuf", &descriptors)?;
+            writer.add_channel(schema, topic, "protobuf", &BTreeMap::new())
+        })?;
+        self.channels.insert(topic.to_owned(), channel);
+        Ok(())
     }
 
     fn with<T>(
@@ -86,8 +96,17 @@ impl ArchiveWriter {
         topic: Topic<M>,
         message: &M,
     ) -> Result<(), EpisodeError> {
+        self.write_named(topic.name, message)
+    }
+
+    /// As [`Self::write`], on a topic that was declared by name.
+    pub(super) fn write_named<M: TopicMessage>(
+        &mut self,
+        topic: &str,
+        message: &M,
+    ) -> Result<(), EpisodeError> {
         let header = MessageHeader {
-            channel_id: *self.channels.get(topic.name).expect("`create` declares a file's topics"),
+            channel_id: *self.channels.get(topic).expect("a file's topics are declared before messages"),
             sequence: u32::try_from(self.n_samples.saturating_sub(1)).unwrap_or(u32::MAX),
             log_time: self.time_ns,
             publish_time: self.time_ns,

@@ -3,7 +3,7 @@
 //! No file stays open between reads, so that thousands of episodes can be at hand. No length is trusted: each
 //! is compared with the file's size, or with the index, before memory is allocated.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
@@ -27,12 +27,15 @@ const DATA_END_BYTES: u64 = 9 + 4;
 const FOOTER_BYTES: u64 = 8 + 8 + 4;
 const MAGIC_BYTES: u64 = 8;
 
+/// How far a message's time may lie from its sample's. Cameras of real cars fire tens of milliseconds beside the LiDAR.
+pub const STAMP_TOLERANCE_NS: u64 = 50_000_000;
+
 /// A file of which only the index has been read.
 pub(super) struct Archive {
     pub(super) path: PathBuf,
     summary: mcap::Summary,
-    /// Channel numbers by topic.
-    channels: BTreeMap<&'static str, u16>,
+    /// Channel numbers by topic, of the topics that the reader takes.
+    channels: BTreeMap<String, u16>,
 }
 
 /// One message as it lies in a chunk.
@@ -50,27 +53,50 @@ impl Archive {
     /// another schema.
     pub(super) fn open(path: &Path, wanted: &[TopicSpec]) -> Result<Self, EpisodeError> {
         let summary = read_summary(path)?;
-        let mut channels = BTreeMap::new();
-        let find = |topic: &TopicSpec| summary.channels.values().find(|channel| channel.topic == topic.name);
-        for topic in wanted {
-            let Some(channel) = find(topic) else {
-                let mut found: Vec<String> =
-                    summary.channels.values().map(|channel| channel.topic.clone()).collect();
-                found.sort();
-                let missing = wanted.iter().filter(|topic| find(topic).is_none()).map(|topic| topic.name);
-                let missing = missing.collect();
-                return Err(EpisodeError::ForeignTopics { missing, found, path: path.to_owned() });
-            };
-            let found = channel.schema.as_ref().map_or("", |schema| schema.name.as_str());
-            let wanted = (topic.schema)().0;
-            if found != wanted || channel.message_encoding != "protobuf" {
-                let found = format!("{found} ({})", channel.message_encoding);
-                let (topic, path) = (topic.name, path.to_owned());
-                return Err(EpisodeError::ForeignSchema { topic, found, wanted, path });
-            }
-            channels.insert(topic.name, channel.id);
+        let mut archive = Self { path: path.to_owned(), summary, channels: BTreeMap::new() };
+        let lacks = |topic: &&TopicSpec| !archive.has(topic.name);
+        if wanted.iter().any(|topic| lacks(&topic)) {
+            let missing = wanted.iter().filter(lacks).map(|topic| topic.name).collect();
+            let found = archive.topics().map(str::to_owned).collect();
+            return Err(EpisodeError::ForeignTopics { missing, found, path: path.to_owned() });
         }
-        Ok(Self { path: path.to_owned(), summary, channels })
+        wanted.iter().try_for_each(|topic| archive.take(topic.name, topic.schema))?;
+        Ok(archive)
+    }
+
+    /// All topics of the file, sorted.
+    pub(super) fn topics(&self) -> impl Iterator<Item = &str> {
+        let topics: BTreeSet<&str> =
+            self.summary.channels.values().map(|channel| channel.topic.as_str()).collect();
+        topics.into_iter()
+    }
+
+    /// Whether the file holds messages on a topic.
+    pub(super) fn has(&self, topic: &str) -> bool {
+        self.summary.channels.values().any(|channel| channel.topic == topic)
+    }
+
+    /// Takes one more topic of the file, if it is there.
+    ///
+    /// # Errors
+    /// The topic has another schema.
+    pub(super) fn take(
+        &mut self,
+        topic: &str,
+        schema: fn() -> (String, Vec<u8>),
+    ) -> Result<(), EpisodeError> {
+        let Some(channel) = self.summary.channels.values().find(|channel| channel.topic == topic) else {
+            return Ok(());
+        };
+        let found = channel.schema.as_ref().map_or("", |schema| schema.name.as_str());
+        let wanted = schema().0;
+        if found != wanted || channel.message_encoding != "protobuf" {
+            let found = format!("{found} ({})", channel.message_encoding);
+            let (topic, path) = (topic.to_owned(), self.path.clone());
+            return Err(EpisodeError::ForeignSchema { topic, found, wanted, path });
+        }
+        self.channels.insert(topic.to_owned(), channel.id);
+        Ok(())
     }
 
     /// Number of a topic's channel.
@@ -79,13 +105,18 @@ impl Archive {
     }
 
     /// Refuses a topic that holds another number of messages by the index.
-    pub(super) fn check_count(&self, topic: &'static str, wanted: usize) -> Result<(), EpisodeError> {
+    pub(super) fn check_count(&self, topic: &str, wanted: usize) -> Result<(), EpisodeError> {
         let counts = self.summary.stats.as_ref().map(|stats| &stats.channel_message_counts);
         let found = counts.and_then(|counts| counts.get(&self.channel(topic))).copied().unwrap_or(0);
         if found == wanted as u64 {
             return Ok(());
         }
-        Err(EpisodeError::Count { topic, found, wanted: wanted as u64, path: self.path.clone() })
+        Err(EpisodeError::Count {
+            topic: topic.to_owned(),
+            found,
+            wanted: wanted as u64,
+            path: self.path.clone(),
+        })
     }
 
     /// The values of a metadata record; empty if there is none.
@@ -102,9 +133,14 @@ impl Archive {
         found.ok_or_else(|| self.damaged(McapError::BadIndex))
     }
 
+    /// The time of a topic's message that is nearest to a time.
+    fn nearest_time_ns(&self, topic: &str, time_ns: u64) -> Result<Option<u64>, EpisodeError> {
+        Ok(self.times(topic)?.into_iter().min_by_key(|found_ns| found_ns.abs_diff(time_ns)))
+    }
+
     /// Times of a topic's messages in order.
-    pub(super) fn times<M: TopicMessage>(&self, topic: Topic<M>) -> Result<Vec<u64>, EpisodeError> {
-        let (wanted, mut times) = (self.channel(topic.name), Vec::new());
+    pub(super) fn times(&self, topic: &str) -> Result<Vec<u64>, EpisodeError> {
+        let (wanted, mut times) = (self.channel(topic), Vec::new());
         for chunk in &self.summary.chunk_indexes {
             let begin = chunk.chunk_start_offset.saturating_add(chunk.chunk_length);
             read_records(&self.path, begin, chunk.message_index_length, 0, |record| match record {
@@ -118,16 +154,19 @@ impl Archive {
         Ok(times)
     }
 
-    /// The messages of the sample at a time; in our own files they fill one chunk.
+    /// The messages of the sample at a time, of which each may be [`STAMP_TOLERANCE_NS`] off; in our own files they
+    /// fill one chunk.
     pub(super) fn sample(&self, sample_idx: usize, time_ns: u64) -> Result<SampleMessages<'_>, EpisodeError> {
+        let (begin_ns, end_ns) =
+            (time_ns.saturating_sub(STAMP_TOLERANCE_NS), time_ns.saturating_add(STAMP_TOLERANCE_NS));
         let mut messages = Vec::new();
         for chunk in &self.summary.chunk_indexes {
-            if (chunk.message_start_time..=chunk.message_end_time).contains(&time_ns) {
+            if chunk.message_start_time <= end_ns && begin_ns <= chunk.message_end_time {
                 self.read_chunk(chunk, &mut messages)?;
             }
         }
-        messages.retain(|message| message.time_ns == time_ns);
-        Ok(SampleMessages { archive: self, sample_idx, messages })
+        messages.retain(|message| (begin_ns..=end_ns).contains(&message.time_ns));
+        Ok(SampleMessages { archive: self, sample_idx, time_ns, messages })
     }
 
     /// All messages of a topic with their times, in order of time.
@@ -182,20 +221,31 @@ impl Archive {
 pub(super) struct SampleMessages<'a> {
     archive: &'a Archive,
     sample_idx: usize,
+    time_ns: u64,
     messages: Vec<RawMessage>,
 }
 
 impl SampleMessages<'_> {
-    /// The one message of a topic.
+    /// The one message of a topic that is nearest to the sample's time.
     pub(super) fn one<M: TopicMessage>(&self, topic: Topic<M>) -> Result<M, EpisodeError> {
-        let (sample_idx, wanted) = (self.sample_idx, self.archive.channel(topic.name));
-        let mut found = self.messages.iter().filter(|message| message.channel_id == wanted);
+        self.one_named(topic.name)
+    }
+
+    /// As [`Self::one`], of a topic that the reader took by name.
+    pub(super) fn one_named<M: TopicMessage>(&self, topic: &str) -> Result<M, EpisodeError> {
+        let wanted = self.archive.channel(topic);
+        let distance_ns = |message: &&RawMessage| message.time_ns.abs_diff(self.time_ns);
+        let of_topic = || self.messages.iter().filter(|message| message.channel_id == wanted);
+        let nearest_ns = of_topic().map(|message| distance_ns(&message)).min();
+        let mut found = of_topic().filter(|message| Some(distance_ns(message)) == nearest_ns);
         match (found.next(), found.count()) {
-            (Some(message), 0) => self.archive.decode(sample_idx, message.bytes.clone()),
+            (Some(message), 0) => self.archive.decode(self.sample_idx, message.bytes.clone()),
             (first, others) => Err(EpisodeError::NotAligned {
-                topic: topic.name,
-                sample_idx,
+                topic: topic.to_owned(),
+                sample_idx: self.sample_idx,
+                time_ns: self.time_ns,
                 found: usize::from(first.is_some()) + others,
+                nearest_ns: self.archive.nearest_time_ns(topic, self.time_ns)?,
                 path: self.archive.path.clone(),
             }),
         }

@@ -6,8 +6,8 @@ use nalgebra::{Isometry3, Quaternion, Translation3, Unit};
 
 use super::error::MessageFault;
 use super::messages::{fox_identity, fox_parts, fox_time, own_time, wire};
-use crate::geometry::{Camera, Ego, Frame, Lidar, Pinhole, Transform, World};
-use crate::sample::{EgoState, EncodedImage, ImageFormat, LidarPoint, Measured};
+use crate::geometry::{Ego, Frame, Lidar, Pinhole, Transform, World};
+use crate::sample::{CameraView, EgoState, EncodedImage, ImageFormat, LidarPoint, Measured};
 
 pub(super) const FINITE: &str = "a finite number is needed";
 
@@ -21,7 +21,7 @@ pub(super) fn check_measured(measured: &Measured) -> Result<(), MessageFault> {
     check_pinhole(&measured.intrinsics)
 }
 
-fn check_pinhole(pinhole: &Pinhole) -> Result<(), MessageFault> {
+pub(super) fn check_pinhole(pinhole: &Pinhole) -> Result<(), MessageFault> {
     for (field, focal_px) in [("K[0]", pinhole.fx_px), ("K[4]", pinhole.fy_px)] {
         if !(focal_px.is_finite() && focal_px > 0.0) {
             return Err(MessageFault::new(field, focal_px, "a focal length above zero is needed"));
@@ -52,15 +52,18 @@ macro_rules! state_fields {
 }
 state_fields!(speed_mps, steering_angle_rad, yaw_rate_rps, acceleration_mps2, wheelbase_m, front_bumper_x_m);
 
-pub(super) fn transforms_message(measured: &Measured) -> fox::FrameTransforms {
+pub(super) fn transforms_message(measured: &Measured, views: &[CameraView]) -> fox::FrameTransforms {
     let time_ns = measured.time_ns;
-    fox::FrameTransforms {
-        transforms: vec![
-            transform_message(time_ns, &measured.world_from_ego),
-            transform_message(time_ns, &measured.ego_from_lidar),
-            transform_message(time_ns, &measured.ego_from_camera),
-        ],
-    }
+    let own = [
+        transform_message(time_ns, &measured.world_from_ego),
+        transform_message(time_ns, &measured.ego_from_lidar),
+        transform_message(time_ns, &measured.ego_from_camera),
+    ];
+    let of_view = |view: &CameraView| fox::FrameTransform {
+        child_frame_id: view.name.clone(),
+        ..transform_message(time_ns, &view.ego_from_camera)
+    };
+    fox::FrameTransforms { transforms: own.into_iter().chain(views.iter().map(of_view)).collect() }
 }
 
 fn transform_message<A: Frame, B: Frame>(time_ns: u64, a_from_b: &Transform<A, B>) -> fox::FrameTransform {
@@ -87,12 +90,20 @@ pub(super) fn pose_message(time_ns: u64, world_from_ego: &Transform<World, Ego>)
 pub(super) fn transform_of<A: Frame, B: Frame>(
     message: &fox::FrameTransforms,
 ) -> Result<Transform<A, B>, MessageFault> {
+    transform_to(message, B::NAME)
+}
+
+/// As [`transform_of`], for a frame of this name.
+pub(super) fn transform_to<A: Frame, B: Frame>(
+    message: &fox::FrameTransforms,
+    child: &str,
+) -> Result<Transform<A, B>, MessageFault> {
     let found = message
         .transforms
         .iter()
-        .find(|one| one.parent_frame_id == A::NAME && one.child_frame_id == B::NAME)
+        .find(|one| one.parent_frame_id == A::NAME && one.child_frame_id == child)
         .ok_or_else(|| {
-            MessageFault::new("transforms", format!("without {} -> {}", A::NAME, B::NAME), "it is needed")
+            MessageFault::new("transforms", format!("without {} -> {child}", A::NAME), "it is needed")
         })?;
     let (Some(t), Some(r)) = (&found.translation, &found.rotation) else {
         return Err(MessageFault::new("transforms", "incomplete", "translation and rotation are needed"));
@@ -109,14 +120,14 @@ pub(super) fn transform_of<A: Frame, B: Frame>(
     Ok(Transform::from_isometry(isometry))
 }
 
-pub(super) fn image_message(time_ns: u64, image: &EncodedImage) -> fox::CompressedImage {
+pub(super) fn image_message(time_ns: u64, camera: &str, image: &EncodedImage) -> fox::CompressedImage {
     let format = match image.format {
         ImageFormat::Jpeg => "jpeg",
         ImageFormat::Png => "png",
     };
     fox::CompressedImage {
         timestamp: Some(fox_time(time_ns)),
-        frame_id: Camera::NAME.to_owned(),
+        frame_id: camera.to_owned(),
         data: image.bytes.clone().into(),
         format: format.to_owned(),
     }
@@ -131,11 +142,11 @@ pub(super) fn image_of(message: fox::CompressedImage) -> Result<EncodedImage, Me
     Ok(EncodedImage { format, bytes: message.data.into() })
 }
 
-pub(super) fn camera_message(time_ns: u64, camera: &Pinhole) -> fox::CameraCalibration {
+pub(super) fn camera_message(time_ns: u64, name: &str, camera: &Pinhole) -> fox::CameraCalibration {
     let (fx, fy, cx, cy) = (camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px);
     fox::CameraCalibration {
         timestamp: Some(fox_time(time_ns)),
-        frame_id: Camera::NAME.to_owned(),
+        frame_id: name.to_owned(),
         width: camera.width_px,
         height: camera.height_px,
         distortion_model: String::new(),

@@ -4,6 +4,8 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
+use super::archive_reader::STAMP_TOLERANCE_NS;
+
 /// A value that no consumer could use, found before writing or on reading.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[error("{}`{field}` is {found}; {wanted}", object.as_ref().map(|id| format!("object `{id}`: ")).unwrap_or_default())]
@@ -40,13 +42,25 @@ pub enum EpisodeError {
     #[error("not a file of this kind: it has the topics {found:?} and lacks {missing:?}: {}", path.display())]
     ForeignTopics { missing: Vec<&'static str>, found: Vec<String>, path: PathBuf },
     #[error("topic `{topic}` holds `{found}`; `{wanted}` is needed: {}", path.display())]
-    ForeignSchema { topic: &'static str, found: String, wanted: String, path: PathBuf },
+    ForeignSchema { topic: String, found: String, wanted: String, path: PathBuf },
     #[error("the metadata record `{record}` lacks `{key}` or holds no valid one: {}", path.display())]
     Metadata { record: &'static str, key: &'static str, path: PathBuf },
     #[error("topic `{topic}` holds {found} messages; {wanted} are needed: {}", path.display())]
-    Count { topic: &'static str, found: u64, wanted: u64, path: PathBuf },
-    #[error("topic `{topic}` has {found} messages at sample {sample_idx}; 1 is needed: {}", path.display())]
-    NotAligned { topic: &'static str, sample_idx: usize, found: usize, path: PathBuf },
+    Count { topic: String, found: u64, wanted: u64, path: PathBuf },
+    #[error(
+        "topic `{topic}` has {found} messages at sample {sample_idx}, {time_ns} ns; 1 is needed, within {} ms of it{}: {}",
+        STAMP_TOLERANCE_NS / 1_000_000,
+        nearest_ns.map(|nearest| format!(" (the nearest is at {nearest} ns)")).unwrap_or_default(),
+        path.display()
+    )]
+    NotAligned {
+        topic: String,
+        sample_idx: usize,
+        time_ns: u64,
+        found: usize,
+        nearest_ns: Option<u64>,
+        path: PathBuf,
+    },
     #[error("sample {sample_idx}: a message is no valid protobuf ({source}): {}", path.display())]
     Decode { sample_idx: usize, source: prost::DecodeError, path: PathBuf },
     #[error("episode `{episode}`, sample {sample_idx}: {fault}: {}", path.display())]

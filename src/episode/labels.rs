@@ -101,7 +101,7 @@ impl SampleLabels {
         if self.time_ns != sample.measured.time_ns {
             return Err(MessageFault::new("time_ns", self.time_ns, "the sample's time is needed"));
         }
-        let truths = &sample.truth.objects;
+        let truths = sample.objects();
         let same_ids = self
             .labels
             .iter()

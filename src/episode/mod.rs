@@ -4,16 +4,19 @@
 
 mod archive;
 mod archive_reader;
+mod checks;
 mod convert;
 mod detections;
 mod drawing;
 mod error;
 mod labels;
+mod log;
 pub mod manifest;
 mod messages;
 mod meta;
 mod objects;
 mod reader;
+mod regions;
 mod sidecar;
 #[cfg(test)]
 mod tests;
@@ -24,6 +27,7 @@ pub use detections::{DetectionReader, DetectionWriter, SampleDetections};
 pub use drawing::MapDrawing;
 pub use error::{EpisodeError, MessageFault};
 pub use labels::{LabelReader, LabelWriter, ObjectLabel, SampleLabels};
+pub use log::{Labelled, LogFacts, SizeRange};
 pub use manifest::{EpisodeEntry, LabelManifest, Manifest, ManifestError, Split};
 pub use meta::{EpisodeMeta, SourceMeta};
 pub use reader::EpisodeReader;

@@ -1,7 +1,7 @@
 //! Objects and detections as messages and back, exactly; values that no consumer could use are a
 //! [`MessageFault`].
 
-use super::convert::{FINITE, check_finite};
+use super::convert::FINITE;
 use super::error::MessageFault;
 use super::messages::{own_time, wire};
 use crate::geometry::{Box3, BoxError, Ego, Frame, Point};
@@ -95,8 +95,8 @@ pub(super) fn objects_message(time_ns: u64, objects: &[Object]) -> wire::Objects
             kind: object.kind.map_or(0, kind_number),
             distribution: object.distribution.map_or(0, distribution_number),
             n_lidar_points: object.n_lidar_points.unwrap_or_default(),
-            visible_px: object.visible_px.unwrap_or_default(),
-            visible_fraction: object.visible_fraction.unwrap_or_default() as f32,
+            visible_px: object.visible_px,
+            visible_fraction: object.visible_fraction.map(|fraction| fraction as f32),
             event: object.event.map_or(0, event_number),
         })
     });
@@ -121,8 +121,8 @@ pub(super) fn object_of(message: wire::Object) -> Result<Object, MessageFault> {
         kind: Some(kind),
         distribution: Some(distribution),
         n_lidar_points: Some(message.n_lidar_points),
-        visible_px: Some(message.visible_px),
-        visible_fraction: Some(f64::from(message.visible_fraction)),
+        visible_px: message.visible_px,
+        visible_fraction: message.visible_fraction.map(f64::from),
         event: Some(event),
     })
 }
@@ -144,11 +144,15 @@ fn check_box<F: Frame>(found: &Box3<F>, velocity_mps: [f64; 2]) -> Result<(), Me
             MessageFault::new(field, found, "a size above zero is needed")
         }
     })?;
-    check_finite("vx_mps", velocity_mps[0])?;
-    check_finite("vy_mps", velocity_mps[1])
+    // NaN is an unknown velocity.
+    let infinite = [("vx_mps", velocity_mps[0]), ("vy_mps", velocity_mps[1])];
+    match infinite.into_iter().find(|(_, found)| found.is_infinite()) {
+        Some((field, found)) => Err(MessageFault::new(field, found, FINITE)),
+        None => Ok(()),
+    }
 }
 
-/// Episodes hold every fact of an object.
+/// Episodes hold these facts of every object; logs may lack the others.
 fn check_facts(object: &Object) -> Result<(), MessageFault> {
     let facts = [
         ("id", object.id.is_some()),
@@ -156,8 +160,6 @@ fn check_facts(object: &Object) -> Result<(), MessageFault> {
         ("kind", object.kind.is_some()),
         ("distribution", object.distribution.is_some()),
         ("n_lidar_points", object.n_lidar_points.is_some()),
-        ("visible_px", object.visible_px.is_some()),
-        ("visible_fraction", object.visible_fraction.is_some()),
         ("event", object.event.is_some()),
     ];
     let unknown = facts.into_iter().find(|(_, is_known)| !is_known);

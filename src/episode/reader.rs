@@ -1,11 +1,17 @@
 //! Reads an episode back, sample by sample, and refuses values that no consumer could use.
 
 use std::path::Path;
+use std::sync::OnceLock;
 
-use super::archive_reader::Archive;
+use foxglove::messages as fox;
+
+use super::archive_reader::{Archive, SampleMessages};
 use super::error::{EpisodeError, MessageFault};
-use super::{EpisodeMeta, convert, objects, topics};
-use crate::sample::{Measured, Sample, Truth};
+use super::messages::{TopicMessage, wire};
+use super::{EpisodeMeta, LogFacts, checks, convert, objects, regions, topics};
+use crate::geometry::{Camera, Frame};
+use crate::object::Object;
+use crate::sample::{CameraView, Measured, Sample, Truth};
 
 /// An episode of which the index has been read; samples are read when asked for.
 ///
@@ -38,7 +44,7 @@ use crate::sample::{Measured, Sample, Truth};
 /// #     points: vec![LidarPoint { x_m: 10.0, y_m: 0.0, z_m: -1.0, intensity: 20.0, ring: 3 }],
 /// # };
 /// # let mut writer = EpisodeWriter::create(&path, &meta, &MapDrawing::default())?;
-/// # writer.write(&Sample { measured, truth: Truth::default() })?;
+/// # writer.write(&Sample { measured, truth: Some(Truth::default()) })?;
 /// # writer.finish()?;
 /// let episode = EpisodeReader::open(&path)?;
 /// assert_eq!(episode.meta().town, "oldtown");
@@ -46,7 +52,7 @@ use crate::sample::{Measured, Sample, Truth};
 ///     let sample = sample?;
 ///     let n_points = sample.measured.points.len();
 ///     println!("{} m/s, {n_points} LiDAR points", sample.measured.ego_state.speed_mps);
-///     println!("{} objects around", sample.truth.objects.len());
+///     println!("{} objects around", sample.objects().len());
 /// }
 /// let third = episode.sample(2);
 /// assert_eq!(third.unwrap_err().to_string().split(": ").next(), Some("there is no sample 2; the file has 1"));
@@ -55,7 +61,15 @@ use crate::sample::{Measured, Sample, Truth};
 pub struct EpisodeReader {
     archive: Archive,
     meta: EpisodeMeta,
+    log: Option<LogFacts>,
+    /// Whether its samples have truth.
+    has_truth: bool,
+    /// Cameras beside the front one, sorted.
+    cameras: Vec<String>,
+    /// Log times of the samples, in order.
     times_ns: Vec<u64>,
+    /// What intensities are multiplied by: 255 where they are from 0 to 1.
+    intensity_scale: OnceLock<f32>,
 }
 
 impl EpisodeReader {
@@ -65,15 +79,30 @@ impl EpisodeReader {
     /// A truncated or damaged file, an MCAP that is not an episode, missing metadata, or topics that
     /// do not hold one message per sample.
     pub fn open(path: &Path) -> Result<Self, EpisodeError> {
-        let archive = Archive::open(path, topics::EACH_SAMPLE)?;
+        let mut archive = Archive::open(path, topics::EACH_SAMPLE)?;
         let meta =
             EpisodeMeta::from_record(&archive.metadata(EpisodeMeta::RECORD)?, EpisodeMeta::RECORD, path)?;
-        for topic in topics::EACH_SAMPLE {
-            archive.check_count(topic.name, meta.n_samples)?;
+        let log = LogFacts::from_record(&archive.metadata(LogFacts::RECORD)?, path)?;
+        let cameras: Vec<String> =
+            archive.topics().filter_map(topics::camera_of).map(str::to_owned).collect();
+        let cameras: Vec<String> = cameras.into_iter().filter(|name| name != Camera::NAME).collect();
+        let mut wanted: Vec<String> = topics::EACH_SAMPLE.iter().map(|topic| topic.name.to_owned()).collect();
+        for optional in [topics::OBJECTS.spec(), topics::IGNORED.spec()] {
+            archive.take(optional.name, optional.schema)?;
+            wanted.extend(archive.has(optional.name).then(|| optional.name.to_owned()));
         }
-        let times_ns = archive.times(topics::EGO_STATE)?;
+        for [image, info] in cameras.iter().map(|name| topics::of_camera(name)) {
+            archive.take(&image, fox::CompressedImage::schema)?;
+            archive.take(&info, fox::CameraCalibration::schema)?;
+            wanted.extend([image, info]);
+        }
+        for topic in &wanted {
+            archive.check_count(topic, meta.n_samples)?;
+        }
+        let times_ns = archive.times(topics::EGO_STATE.name)?;
         archive.check_count(topics::EGO_STATE.name, times_ns.len())?;
-        Ok(Self { archive, meta, times_ns })
+        let has_truth = archive.has(topics::OBJECTS.name);
+        Ok(Self { archive, meta, log, has_truth, cameras, times_ns, intensity_scale: OnceLock::new() })
     }
 
     #[must_use]
@@ -84,6 +113,24 @@ impl EpisodeReader {
     #[must_use]
     pub fn meta(&self) -> &EpisodeMeta {
         &self.meta
+    }
+
+    /// What an imported episode says of its log; `None` for a simulated one.
+    #[must_use]
+    pub fn log(&self) -> Option<&LogFacts> {
+        self.log.as_ref()
+    }
+
+    /// Whether the samples have truth, so that they can be labelled and scored.
+    #[must_use]
+    pub fn has_truth(&self) -> bool {
+        self.has_truth
+    }
+
+    /// Names of the cameras beside the front one, sorted.
+    #[must_use]
+    pub fn cameras(&self) -> &[String] {
+        &self.cameras
     }
 
     /// How many samples there are.
@@ -103,26 +150,34 @@ impl EpisodeReader {
         &self.times_ns
     }
 
-    /// Reads one sample.
+    /// Reads one sample, its points cut to the camera's horizontal field of view.
     ///
     /// # Errors
     /// No such sample, damage, or a value that is not usable: the error names episode, sample,
     /// object and field.
     pub fn sample(&self, sample_idx: usize) -> Result<Sample, EpisodeError> {
-        let Some(&time_ns) = self.times_ns.get(sample_idx) else {
-            let (n_samples, path) = (self.len(), self.path().to_owned());
-            return Err(EpisodeError::NoSample { sample_idx, n_samples, path });
-        };
-        let messages = self.archive.sample(sample_idx, time_ns)?;
+        let mut sample = self.whole_sample(sample_idx)?;
+        checks::cut_to_view(&mut sample.measured);
+        Ok(sample)
+    }
+
+    /// Reads one sample with all points that the file holds, in an imported episode those of the whole turn.
+    ///
+    /// # Errors
+    /// As [`Self::sample`].
+    pub fn whole_sample(&self, sample_idx: usize) -> Result<Sample, EpisodeError> {
+        let messages = self.messages(sample_idx)?;
         let tf = messages.one(topics::TF)?;
         let state = messages.one(topics::EGO_STATE)?;
         let image = messages.one(topics::IMAGE)?;
         let camera = messages.one(topics::CAMERA_INFO)?;
         let cloud = messages.one(topics::LIDAR)?;
-        let truth = messages.one(topics::OBJECTS)?;
+        let truth = self.has_truth.then(|| messages.one(topics::OBJECTS)).transpose()?;
+        let ignored =
+            self.archive.has(topics::IGNORED.name).then(|| messages.one(topics::IGNORED)).transpose()?;
         let build = || -> Result<Sample, MessageFault> {
-            let measured = Measured {
-                time_ns,
+            let mut measured = Measured {
+                time_ns: self.times_ns[sample_idx],
                 ego_state: convert::state_of(&state)?,
                 world_from_ego: convert::transform_of(&tf)?,
                 ego_from_lidar: convert::transform_of(&tf)?,
@@ -131,14 +186,92 @@ impl EpisodeReader {
                 image: convert::image_of(image)?,
                 points: convert::points_of(&cloud)?,
             };
-            let objects = truth.objects.into_iter().map(objects::object_of).collect::<Result<_, _>>()?;
-            Ok(Sample { measured, truth: Truth { objects } })
+            checks::check_axes(&measured)?;
+            checks::check_picture_size(
+                &measured.image,
+                (measured.intrinsics.width_px, measured.intrinsics.height_px),
+            )?;
+            checks::bring_into_lidar(&cloud, &measured.ego_from_lidar, &mut measured.points)?;
+            checks::check_unit(&measured.points)?;
+            let ignored = ignored.map_or_else(Vec::new, |message| message.regions);
+            let ignored = ignored.into_iter().map(regions::region_of).collect::<Result<_, _>>()?;
+            let objects = truth.map(|truth| truth.objects.into_iter().map(|object| self.object_of(object)));
+            let objects = objects.map(Iterator::collect::<Result<Vec<_>, _>>).transpose()?;
+            Ok(Sample { measured, truth: objects.map(|objects| Truth { objects, ignored }) })
         };
-        build().map_err(EpisodeError::invalid(&self.meta.name, sample_idx, self.path()))
+        let mut sample = build().map_err(EpisodeError::invalid(&self.meta.name, sample_idx, self.path()))?;
+        if checks::has_unit_intensity(&sample.measured.points) {
+            let scale = self.intensity_scale()?;
+            sample.measured.points.iter_mut().for_each(|point| point.intensity *= scale);
+        }
+        Ok(sample)
+    }
+
+    /// The pictures of the cameras beside the front one.
+    ///
+    /// # Errors
+    /// As [`Self::sample`].
+    pub fn views(&self, sample_idx: usize) -> Result<Vec<CameraView>, EpisodeError> {
+        let messages = self.messages(sample_idx)?;
+        let tf = messages.one(topics::TF)?;
+        let read = |name: &String| {
+            let [image, info] = topics::of_camera(name);
+            let (image, info) = (messages.one_named(&image)?, messages.one_named(&info)?);
+            let build = || -> Result<CameraView, MessageFault> {
+                let (image, intrinsics) = (convert::image_of(image)?, convert::camera_of(&info)?);
+                checks::check_picture_size(&image, (intrinsics.width_px, intrinsics.height_px))?;
+                let ego_from_camera = convert::transform_to(&tf, name)?;
+                Ok(CameraView { name: name.clone(), ego_from_camera, intrinsics, image })
+            };
+            build().map_err(EpisodeError::invalid(&self.meta.name, sample_idx, self.path()))
+        };
+        self.cameras.iter().map(read).collect()
     }
 
     /// All samples in order.
     pub fn samples(&self) -> impl Iterator<Item = Result<Sample, EpisodeError>> + '_ {
         (0..self.len()).map(|sample_idx| self.sample(sample_idx))
+    }
+
+    fn messages(&self, sample_idx: usize) -> Result<SampleMessages<'_>, EpisodeError> {
+        let Some(&time_ns) = self.times_ns.get(sample_idx) else {
+            let (n_samples, path) = (self.len(), self.path().to_owned());
+            return Err(EpisodeError::NoSample { sample_idx, n_samples, path });
+        };
+        self.archive.sample(sample_idx, time_ns)
+    }
+
+    /// The object in a message. Files from before visibility could be unknown leave out zeros.
+    fn object_of(&self, message: wire::Object) -> Result<Object, MessageFault> {
+        let mut object = objects::object_of(message)?;
+        if self.log.is_none() {
+            object.visible_px.get_or_insert(0);
+            object.visible_fraction.get_or_insert(0.0);
+        }
+        Ok(object)
+    }
+
+    /// What intensities are multiplied by, found once from the first, the middle and the last cloud: those of a dark
+    /// scene may be low by chance.
+    fn intensity_scale(&self) -> Result<f32, EpisodeError> {
+        if let Some(&scale) = self.intensity_scale.get() {
+            return Ok(scale);
+        }
+        let mut is_unit = true;
+        for sample_idx in [0, self.len() / 2, self.len() - 1] {
+            let cloud = self.messages(sample_idx)?.one(topics::LIDAR)?;
+            let points = convert::points_of(&cloud);
+            let points = points.map_err(EpisodeError::invalid(&self.meta.name, sample_idx, self.path()))?;
+            is_unit &= points.is_empty() || checks::has_unit_intensity(&points);
+        }
+        let scale = if is_unit { 255.0 } else { 1.0 };
+        if is_unit && self.intensity_scale.set(scale).is_ok() {
+            tracing::warn!(
+                "episode `{}`: intensities are from 0 to 1 and are multiplied by 255: {}",
+                self.meta.name,
+                self.path().display()
+            );
+        }
+        Ok(scale)
     }
 }

@@ -72,7 +72,7 @@ fn sample(idx: u32) -> Sample {
         object("car:1", 10.0 + shift, Kind::Vehicle, Distribution::Id),
         object("hay_bale:2", 2.0, Kind::Static, Distribution::Ood),
     ];
-    Sample { measured, truth: Truth { objects } }
+    Sample { measured, truth: Some(Truth { objects, ignored: Vec::new() }) }
 }
 
 fn map() -> MapDrawing {
@@ -238,7 +238,7 @@ fn error_on_reading(broken: Sample) -> String {
     let mut writer = EpisodeWriter::create(&path, &meta(), &map()).unwrap();
     writer.write(&sample(0)).unwrap();
     assert!(writer.write(&broken).is_err(), "the writer refuses it too");
-    writer.write_unchecked(&broken).unwrap();
+    writer.write_unchecked(&broken, &[]).unwrap();
     writer.finish().unwrap();
     let reader = EpisodeReader::open(&path).unwrap();
     assert!(reader.sample(0).is_ok());
@@ -258,17 +258,17 @@ fn a_nan_in_the_speed_names_episode_sample_and_field() {
 #[test]
 fn a_nan_or_empty_box_names_the_object_and_field() {
     let mut broken = sample(1);
-    broken.truth.objects[1].box_in_ego.width_m = f64::NAN;
+    broken.truth.as_mut().unwrap().objects[1].box_in_ego.width_m = f64::NAN;
     let message = error_on_reading(broken);
     assert!(message.contains("object `hay_bale:2`: `width_m` is NaN"), "{message}");
     let mut broken = sample(1);
-    broken.truth.objects[0].box_in_ego.height_m = 0.0;
+    broken.truth.as_mut().unwrap().objects[0].box_in_ego.height_m = 0.0;
     assert!(error_on_reading(broken).contains("object `car:1`: `height_m` is 0; a size above zero"));
 }
 
 #[test]
 fn an_unspecified_enum_is_refused() {
-    let mut messages = objects::objects_message(0, &sample(0).truth.objects).objects;
+    let mut messages = objects::objects_message(0, sample(0).objects()).objects;
     messages[0].kind = 0;
     let fault = objects::object_of(messages[0].clone()).unwrap_err();
     assert_eq!((fault.object.as_deref(), fault.field), (Some("car:1"), "kind"));
@@ -296,7 +296,7 @@ fn times_must_advance_and_ids_differ() {
     writer.write(&sample(1)).unwrap();
     assert!(matches!(writer.write(&sample(1)), Err(EpisodeError::TimeOrder { sample_idx: 1, .. })));
     let mut twins = sample(2);
-    twins.truth.objects[1].id = Some("car:1".into());
+    twins.truth.as_mut().unwrap().objects[1].id = Some("car:1".into());
     assert!(writer.write(&twins).unwrap_err().to_string().contains("object `car:1`"));
     let empty = EpisodeWriter::create(&path, &meta(), &map()).unwrap();
     assert!(matches!(empty.finish(), Err(EpisodeError::Empty { .. })));
@@ -331,7 +331,7 @@ fn labels_that_are_not_one_for_each_object_are_refused() {
 fn detections_read_back_exactly() {
     let (_folder, path) = folder();
     let detection = |score| Detection {
-        box_in_ego: sample(0).truth.objects[0].box_in_ego,
+        box_in_ego: sample(0).objects()[0].box_in_ego,
         velocity_in_ego_mps: [1.0, -0.1],
         harm: Harm::Harmful,
         score,

@@ -36,7 +36,7 @@ macro_rules! topics {
     };
 }
 
-topics! { OF_EPISODE:
+topics! { OF_MEASURED:
     MAP = "/map" of fox::SceneUpdate,
     TF = "/tf" of fox::FrameTransforms,
     EGO_POSE = "/ego/pose" of fox::PoseInFrame,
@@ -44,8 +44,13 @@ topics! { OF_EPISODE:
     IMAGE = "/cam_front/image_rect_compressed" of fox::CompressedImage,
     CAMERA_INFO = "/cam_front/camera_info" of fox::CameraCalibration,
     LIDAR = "/lidar_top" of fox::PointCloud,
+}
+topics! { OF_TRUTH:
     OBJECTS = "/truth/objects" of wire::Objects,
     MARKERS = "/truth/markers" of fox::SceneUpdate,
+}
+topics! { OF_LOG_TRUTH:
+    IGNORED = "/truth/ignored" of wire::IgnoredRegions,
 }
 topics! { OF_LABELS:
     HARM_ZONE = "/harm/zone" of fox::SceneUpdate,
@@ -60,4 +65,19 @@ topics! { OF_DETECTIONS:
 
 /// The topics that a reader of episodes needs, with one message per sample.
 pub const EACH_SAMPLE: &[TopicSpec] =
-    &[TF.spec(), EGO_STATE.spec(), IMAGE.spec(), CAMERA_INFO.spec(), LIDAR.spec(), OBJECTS.spec()];
+    &[TF.spec(), EGO_STATE.spec(), IMAGE.spec(), CAMERA_INFO.spec(), LIDAR.spec()];
+
+/// The end of the topics of cameras' pictures.
+const IMAGE_SUFFIX: &str = "/image_rect_compressed";
+
+/// The topics of a camera: its pictures and its calibration.
+#[must_use]
+pub fn of_camera(name: &str) -> [String; 2] {
+    [format!("/{name}{IMAGE_SUFFIX}"), format!("/{name}/camera_info")]
+}
+
+/// The camera whose pictures a topic carries.
+#[must_use]
+pub fn camera_of(topic: &str) -> Option<&str> {
+    topic.strip_prefix('/')?.strip_suffix(IMAGE_SUFFIX)
+}

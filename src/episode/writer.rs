@@ -4,13 +4,17 @@ use std::path::{Path, PathBuf};
 
 use fs_err as fs;
 
+use foxglove::messages as fox;
+
 use super::archive::ArchiveWriter;
 use super::drawing::{self, MapDrawing};
 use super::error::{EpisodeError, MessageFault};
 use super::manifest::ObjectCounts;
-use super::{EpisodeMeta, convert, objects, topics};
+use super::messages::TopicMessage;
+use super::{EpisodeMeta, LogFacts, convert, objects, regions, topics};
 use crate::files::sha256_hex;
-use crate::sample::Sample;
+use crate::geometry::{Camera, Frame};
+use crate::sample::{CameraView, Sample};
 
 /// The content of a finished episode, counted.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -27,6 +31,10 @@ pub struct FinishedEpisode {
 pub struct EpisodeWriter {
     archive: ArchiveWriter,
     meta: EpisodeMeta,
+    /// `None` in a simulated episode.
+    log: Option<LogFacts>,
+    /// Cameras beside the front one, in the order in which they are written.
+    cameras: Vec<String>,
     map: MapDrawing,
     n_objects: ObjectCounts,
 }
@@ -37,9 +45,49 @@ impl EpisodeWriter {
     /// # Errors
     /// The file cannot be made.
     pub fn create(path: &Path, meta: &EpisodeMeta, map: &MapDrawing) -> Result<Self, EpisodeError> {
+        Self::start(path, meta, None, &[], map)
+    }
+
+    /// Starts an episode that is imported from a log, with these cameras beside the front one.
+    ///
+    /// # Errors
+    /// The file cannot be made.
+    pub fn create_log(
+        path: &Path,
+        meta: &EpisodeMeta,
+        log: &LogFacts,
+        cameras: &[String],
+        map: &MapDrawing,
+    ) -> Result<Self, EpisodeError> {
+        Self::start(path, meta, Some(log), cameras, map)
+    }
+
+    fn start(
+        path: &Path,
+        meta: &EpisodeMeta,
+        log: Option<&LogFacts>,
+        cameras: &[String],
+        map: &MapDrawing,
+    ) -> Result<Self, EpisodeError> {
+        let mut archive = ArchiveWriter::create(path, topics::OF_MEASURED)?;
+        let of_truth: [&[topics::TopicSpec]; 2] = match log {
+            None => [topics::OF_TRUTH, &[]],
+            Some(LogFacts { labelled: Some(_), .. }) => [topics::OF_TRUTH, topics::OF_LOG_TRUTH],
+            Some(_) => [&[]; 2],
+        };
+        for topic in of_truth.into_iter().flatten() {
+            archive.declare(topic.name, topic.schema)?;
+        }
+        for name in cameras {
+            let [image, info] = topics::of_camera(name);
+            archive.declare(&image, fox::CompressedImage::schema)?;
+            archive.declare(&info, fox::CameraCalibration::schema)?;
+        }
         Ok(Self {
-            archive: ArchiveWriter::create(path, topics::OF_EPISODE)?,
+            archive,
             meta: meta.clone(),
+            log: log.cloned(),
+            cameras: cameras.to_vec(),
             map: map.clone(),
             n_objects: ObjectCounts::default(),
         })
@@ -49,36 +97,87 @@ impl EpisodeWriter {
     ///
     /// # Errors
     /// A number that is not finite, a box without size, two objects of one id, a time that does not
-    /// advance, or the disk fails.
+    /// advance, a sample without truth in an episode with truth or the other way round, or the disk fails.
     pub fn write(&mut self, sample: &Sample) -> Result<(), EpisodeError> {
-        check(sample).map_err(EpisodeError::invalid(
+        self.write_with(sample, &[])
+    }
+
+    /// Adds a sample with the pictures of the further cameras, in the order in which the episode was started.
+    ///
+    /// # Errors
+    /// As [`Self::write`]; other cameras than the episode's.
+    pub fn write_with(&mut self, sample: &Sample, views: &[CameraView]) -> Result<(), EpisodeError> {
+        self.check(sample, views).map_err(EpisodeError::invalid(
             &self.meta.name,
             self.archive.n_samples,
             &self.archive.path,
         ))?;
-        self.write_unchecked(sample)
+        self.write_unchecked(sample, views)
     }
 
-    pub(super) fn write_unchecked(&mut self, sample: &Sample) -> Result<(), EpisodeError> {
-        let (measured, truths) = (&sample.measured, &sample.truth.objects);
+    pub(super) fn write_unchecked(
+        &mut self,
+        sample: &Sample,
+        views: &[CameraView],
+    ) -> Result<(), EpisodeError> {
+        let measured = &sample.measured;
         let (time_ns, archive) = (measured.time_ns, &mut self.archive);
         archive.begin_sample(time_ns)?;
         if archive.n_samples == 1 {
             archive.write(topics::MAP, &drawing::map_update(time_ns, &self.map))?;
         }
-        archive.write(topics::TF, &convert::transforms_message(measured))?;
+        archive.write(topics::TF, &convert::transforms_message(measured, views))?;
         archive.write(topics::EGO_POSE, &convert::pose_message(time_ns, &measured.world_from_ego))?;
         archive.write(topics::EGO_STATE, &convert::state_message(time_ns, &measured.ego_state))?;
-        archive.write(topics::IMAGE, &convert::image_message(time_ns, &measured.image))?;
-        archive.write(topics::CAMERA_INFO, &convert::camera_message(time_ns, &measured.intrinsics))?;
+        archive.write(topics::IMAGE, &convert::image_message(time_ns, Camera::NAME, &measured.image))?;
+        archive.write(
+            topics::CAMERA_INFO,
+            &convert::camera_message(time_ns, Camera::NAME, &measured.intrinsics),
+        )?;
         archive.write(topics::LIDAR, &convert::cloud_message(time_ns, &measured.points))?;
-        archive.write(topics::OBJECTS, &objects::objects_message(time_ns, truths))?;
-        archive.write(topics::MARKERS, &drawing::truth_markers(time_ns, truths))?;
+        if let Some(truth) = &sample.truth {
+            archive.write(topics::OBJECTS, &objects::objects_message(time_ns, &truth.objects))?;
+            archive.write(topics::MARKERS, &drawing::truth_markers(time_ns, &truth.objects))?;
+            if self.log.is_some() {
+                archive.write(topics::IGNORED, &regions::regions_message(time_ns, &truth.ignored))?;
+            }
+        }
+        for view in views {
+            let [image, info] = topics::of_camera(&view.name);
+            archive.write_named(&image, &convert::image_message(time_ns, &view.name, &view.image))?;
+            archive.write_named(&info, &convert::camera_message(time_ns, &view.name, &view.intrinsics))?;
+        }
         archive.end_chunk()?;
-        for object in truths {
+        for object in sample.objects() {
             *self.n_objects.of_mut(object).expect("the facts of objects were checked") += 1;
         }
         Ok(())
+    }
+
+    /// Whether a reader will accept the sample.
+    fn check(&self, sample: &Sample, views: &[CameraView]) -> Result<(), MessageFault> {
+        convert::check_measured(&sample.measured)?;
+        let has_truth = self.log.as_ref().is_none_or(|log| log.labelled.is_some());
+        if has_truth != sample.truth.is_some() {
+            let wanted = if has_truth { "a log that annotates" } else { "a log that annotates nothing" };
+            let found = if has_truth { "missing" } else { "there" };
+            return Err(MessageFault::new(
+                "truth",
+                format!("{found} in the episode of {wanted}"),
+                "each sample has truth, or none has",
+            ));
+        }
+        sample.objects().iter().try_for_each(objects::check_object)?;
+        if let Some(truth) = &sample.truth {
+            truth.ignored.iter().try_for_each(regions::check_region)?;
+        }
+        if !views.iter().map(|view| &view.name).eq(&self.cameras) {
+            let found: Vec<&str> = views.iter().map(|view| view.name.as_str()).collect();
+            let found = format!("{found:?} in an episode with {:?}", self.cameras);
+            return Err(MessageFault::new("cameras", found, "the same cameras in each sample are needed"));
+        }
+        views.iter().try_for_each(|view| convert::check_pinhole(&view.intrinsics))?;
+        check_ids(sample)
     }
 
     /// Writes the metadata and the index, and gives the file its name.
@@ -95,7 +194,9 @@ impl EpisodeWriter {
             ("vehicle", "harmzone ego".to_owned()),
         ];
         let scene = scene.map(|(key, value)| (key.to_owned(), value)).into();
-        let path = self.archive.finish([(EpisodeMeta::RECORD, meta.to_record()), ("scene-info", scene)])?;
+        let log = self.log.map(|log| (LogFacts::RECORD, log.to_record()));
+        let records = [(EpisodeMeta::RECORD, meta.to_record()), ("scene-info", scene)];
+        let path = self.archive.finish(records.into_iter().chain(log))?;
         let sha256 = sha256_hex(&fs::read(&path)?);
         Ok(FinishedEpisode { path, n_samples, n_objects: self.n_objects, sha256 })
     }
@@ -110,15 +211,8 @@ impl EpisodeWriter {
     }
 }
 
-/// Whether a reader will accept the sample.
-fn check(sample: &Sample) -> Result<(), MessageFault> {
-    convert::check_measured(&sample.measured)?;
-    sample.truth.objects.iter().try_for_each(objects::check_object)?;
-    check_ids(sample)
-}
-
 fn check_ids(sample: &Sample) -> Result<(), MessageFault> {
-    let mut ids: Vec<&str> = sample.truth.objects.iter().filter_map(|object| object.id.as_deref()).collect();
+    let mut ids: Vec<&str> = sample.objects().iter().filter_map(|object| object.id.as_deref()).collect();
     ids.sort_unstable();
     match ids.windows(2).find(|pair| pair[0] == pair[1]) {
         Some(pair) => Err(MessageFault::new("id", "there twice", "each object needs its own").of(pair[0])),

@@ -3,8 +3,10 @@
 //! Overlap by clipping one polygon with the other's edges (Sutherland and Hodgman, 1974), which is
 //! exact for convex shapes up to rounding.
 
+use serde::{Deserialize, Serialize};
+
 /// A point on the ground plane, metres.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Point2 {
     pub x_m: f64,
     pub y_m: f64,

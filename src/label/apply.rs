@@ -36,8 +36,8 @@ pub fn label_sample(
         sample_idx,
         source,
     })?;
-    let mut labels: Vec<ObjectLabel> = Vec::with_capacity(sample.truth.objects.len());
-    for object in &sample.truth.objects {
+    let mut labels: Vec<ObjectLabel> = Vec::with_capacity(sample.objects().len());
+    for object in sample.objects() {
         let id = object.id.clone().unwrap_or_default();
         if labels.iter().any(|label| label.id == id) {
             let (episode, object) = (episode.to_owned(), id);

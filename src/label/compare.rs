@@ -116,7 +116,7 @@ impl Tally {
                 Ok(labels.iter().map(|label| label.harm).collect())
             };
             let harms = zones.iter().map(harms_by).collect::<Result<Vec<_>, _>>()?;
-            tally.add(&sample.truth.objects, &harms);
+            tally.add(sample.objects(), &harms);
         }
         Ok(tally)
     }

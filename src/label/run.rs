@@ -137,7 +137,7 @@ fn label_episode(
     for (sample_idx, sample) in reader.samples().enumerate() {
         let sample = sample?;
         let found = label_sample(zone, &entry.name, sample_idx, &sample)?;
-        for (object, label) in sample.truth.objects.iter().zip(&found.labels) {
+        for (object, label) in sample.objects().iter().zip(&found.labels) {
             count(&mut labels.counts, object, label.harm);
         }
         writer.write(&found, &sample)?;

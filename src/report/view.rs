@@ -105,7 +105,7 @@ impl Scene<'_> {
 
     /// Every box: truth first, predictions over it.
     fn marks(&self) -> Vec<Mark> {
-        let truths = self.sample.truth.objects.iter().enumerate().map(|(i, object)| {
+        let truths = self.sample.objects().iter().enumerate().map(|(i, object)| {
             let harm = self.harms.and_then(|harms| harms.get(i).copied());
             let color = harm.map_or(palette::UNLABELLED, palette::truth);
             let is_ood = object.is_ood();

@@ -149,7 +149,7 @@ impl Statistics {
         } else {
             for sample in EpisodeReader::open(&file)?.samples() {
                 let sample = sample?;
-                let objects = sample.truth.objects.iter().map(|object| (object, None));
+                let objects = sample.objects().iter().map(|object| (object, None));
                 of_episode.add(&sample.measured.ego_state, objects);
             }
         }

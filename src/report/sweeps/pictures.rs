@@ -72,7 +72,7 @@ fn sample_at(frame: &LabelledSample, state: EgoState) -> Sample {
     let objects = frame.objects.iter().map(|object| object.truth.clone()).collect();
     let mut measured = frame.measured.clone();
     measured.ego_state = state;
-    Sample { measured, truth: Truth { objects } }
+    Sample { measured, truth: Some(Truth { objects, ignored: Vec::new() }) }
 }
 
 /// Episode and place in it, from a frame's id.

@@ -39,7 +39,7 @@ pub fn draw_title(page: &mut Canvas, scene: &Scene) {
 
 /// The number of objects of each kind, as text.
 pub fn counts(scene: &Scene) -> String {
-    let objects = &scene.sample.truth.objects;
+    let objects = scene.sample.objects();
     let n_ood = objects.iter().filter(|object| object.is_ood()).count();
     let mut text = format!("{} object{}", objects.len(), if objects.len() == 1 { "" } else { "s" });
     if n_ood > 0 {
@@ -88,7 +88,7 @@ fn entries(scene: &Scene) -> Vec<(Pen, &'static str)> {
     } else {
         entries.push((truth(palette::UNLABELLED), "object, no label"));
     }
-    if scene.sample.truth.objects.iter().any(Object::is_ood) {
+    if scene.sample.objects().iter().any(Object::is_ood) {
         let pen = Pen { color: palette::TEXT_SOFT, width_px: 2.0, is_dashed: true };
         entries.push((pen, "out of distribution"));
     }

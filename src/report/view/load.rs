@@ -144,7 +144,7 @@ impl Labelled {
         let labels = reader
             .samples()
             .iter()
-            .find(|labels| labels.time_ns == time_ns && labels.labels.len() == sample.truth.objects.len())
+            .find(|labels| labels.time_ns == time_ns && labels.labels.len() == sample.objects().len())
             .ok_or(ViewError::NotAligned { time_ns, path })?;
         let harms = labels.labels.iter().map(|label| label.harm).collect();
         Ok(Self { harms, zone: labels.zone_corners.clone(), sample })

@@ -119,7 +119,7 @@ fn street() -> Sample {
             image: EncodedImage { format: ImageFormat::Png, bytes },
             points,
         },
-        truth: Truth { objects },
+        truth: Some(Truth { objects, ignored: Vec::new() }),
     }
 }
 
@@ -182,8 +182,7 @@ fn predictions_are_drawn_in_tones_of_their_own() {
     let sample = street();
     let harms = harms();
     let detections: Vec<Detection> = sample
-        .truth
-        .objects
+        .objects()
         .iter()
         .zip(&harms)
         .enumerate()
@@ -218,14 +217,14 @@ fn a_zone_behind_the_camera_is_not_drawn_on_its_picture() {
 fn a_sample_without_points_or_objects_is_still_a_picture() {
     let mut sample = street();
     sample.measured.points.clear();
-    sample.truth.objects.clear();
+    sample.truth = Some(Truth::default());
     assert_eq!(drawn(&scene(&sample), "empty.png").dimensions(), SIZE_PX);
 }
 
 #[test]
 fn the_panels_alone_have_their_sizes_and_point_at_a_box() {
     let sample = street();
-    let focus = Some(sample.truth.objects[0].box_in_ego);
+    let focus = Some(sample.objects()[0].box_in_ego);
     let sizes = ((480, 270), (300, 270));
     let without = panels(&scene(&sample), None, sizes.0, sizes.1).unwrap();
     let with = panels(&scene(&sample), focus.as_ref(), sizes.0, sizes.1).unwrap();

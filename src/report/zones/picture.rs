@@ -88,7 +88,7 @@ impl ObjectRow<'_> {
 
 impl Overlay<'_> {
     pub fn draw(&self) -> Result<RgbImage, OverlayError> {
-        let (measured, objects) = (&self.sample.measured, &self.sample.truth.objects);
+        let (measured, objects) = (&self.sample.measured, self.sample.objects());
         let zones: Vec<ZoneAt> =
             self.zones.iter().map(|zone| zone.at(&measured.ego_state)).collect::<Result<_, _>>()?;
         let mut rows = objects
@@ -278,7 +278,7 @@ mod tests {
         objects[0].velocity_in_ego_mps = [15.0, 0.0];
         let mut measured = labelled.measured.clone();
         (measured.ego_state.speed_mps, measured.ego_state.steering_angle_rad) = (8.0, 0.02);
-        let sample = Sample { measured, truth: Truth { objects } };
+        let sample = Sample { measured, truth: Some(Truth { objects, ignored: Vec::new() }) };
         let zones =
             ZoneKind::ALL.map(|kind| Zone::try_from(ZoneConfig { kind, ..ZoneConfig::default() }).unwrap());
         let overlay = Overlay {
@@ -303,7 +303,7 @@ mod tests {
                 let verdict = zone.harm_of(&object.box_in_ego, object.velocity_in_ego_mps).unwrap();
                 verdict.harm == Harm::Harmful
             };
-            let n_harmful = sample.truth.objects.iter().filter(is_harmful).count();
+            let n_harmful = sample.objects().iter().filter(is_harmful).count();
             let n_squares = count(palette::zone(kind), RIGHT_PX as u32 + 500) / 196;
             assert_eq!(n_squares, n_harmful, "{kind:?}");
         }
