@@ -268,7 +268,8 @@ fn read_labelled(
         .enumerate()
         .map(|(sample_idx, (sample, labels))| {
             let Sample { measured, truth } = sample?;
-            let objects = pair(truth.map_or_else(Vec::new, |truth| truth.objects), labels).ok_or_else(|| mismatch(sample_idx))?;
+            let objects = pair(truth.map_or_else(Vec::new, |truth| truth.objects), labels)
+                .ok_or_else(|| mismatch(sample_idx))?;
             Ok((measured, objects))
         })
         .collect::<Result<_, DatasetError>>()?;
