@@ -30,7 +30,7 @@ fn main() -> anyhow::Result<()> {
             picture.width(),
             picture.height(),
         );
-        for object in truth.objects {
+        for object in truth.map(|truth| truth.objects).unwrap_or_default() {
             let center = object.box_in_ego.center;
             println!(
                 "  {} at x {:.1} m, y {:.1} m",
