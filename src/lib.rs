@@ -53,7 +53,7 @@
 //! - what everything stands on: [`config`], [`device`], [`files`], [`geometry`], [`history`], [`progress`], [`random`],
 //!   [`text_table`];
 //! - what is in a sample: [`object`], [`sample`]; the rule by which objects matter: [`zone`];
-//! - the world: [`scene`], [`sensors`], [`sim`]; its files: [`episode`]; the stages that write them: [`generate`],
+//! - the world: [`scene`], [`sensors`], [`sim`]; its files: [`episode`]; the stages that write them: [`generate`], [`import`],
 //!   [`label`]; and what reads them: [`dataset`];
 //! - the network: [`kernels`], [`model`], [`infer`], [`train`]; the scores: [`eval`], [`report`];
 //! - the program's flags: [`cli`].
@@ -79,6 +79,7 @@ pub mod episode;
 pub mod sim;
 
 pub mod generate;
+pub mod import;
 pub mod label;
 
 pub mod dataset;

@@ -26,6 +26,7 @@ const LAYERS: &[(&str, u32)] = &[
     ("sim", 4),
     ("episode", 4),
     ("generate", 5),
+    ("import", 5),
     ("label", 5),
     ("dataset", 6),
     ("kernels", 6),

@@ -1,0 +1,21 @@
+//! Import: logs of real cars to episodes that every other stage takes as they are.
+//!
+//! An importer of a format implements [`Log`] and [`Drive`]; [`run()`] is the pipeline that all formats share: one episode a drive, one
+//! sample in memory, whole files or none, continued where it stopped.
+
+mod config;
+mod error;
+mod log;
+mod motion;
+mod notes;
+mod state;
+
+pub use config::{
+    AssumedConfig, CategoryRule, GroundSource, IgnoreWord, ImportConfig, IntensityScale, LabelledConfig, LogFormat,
+    ObjectRule, RingConfig, SizeConfig, VehicleConfig,
+};
+pub use error::ImportError;
+pub use log::{
+    Distortion, Drive, DriveFacts, Frame, Ground, Log, Odometry, RawCamera, RawImage, RawObject, RawPoint, Series,
+};
+pub use notes::Notes;
