@@ -8,7 +8,8 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use crate::config::{
-    self, Check, Checked, ConfigError, InvalidConfig, above, define_config, from_to, impl_checked, part, require,
+    self, Check, Checked, ConfigError, InvalidConfig, above, define_config, from_to, impl_checked, part,
+    require,
 };
 use crate::episode::{Labelled, SizeRange};
 use crate::object::{Distribution, Kind};
@@ -71,7 +72,10 @@ pub enum GroundSource {
 
 /// What becomes of the objects of one of the log's categories.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(untagged, expecting = "valid is \"ignore\" or { kind = \"vehicle | pedestrian | static\", distribution = \"id | ood\" }")]
+#[serde(
+    untagged,
+    expecting = "valid is \"ignore\" or { kind = \"vehicle | pedestrian | static\", distribution = \"id | ood\" }"
+)]
 pub enum CategoryRule {
     Ignore(IgnoreWord),
     Object(ObjectRule),
@@ -211,11 +215,7 @@ impl ImportConfig {
     ///
     /// # Errors
     /// As [`config::load`].
-    pub fn load(
-        format: LogFormat,
-        path: Option<&Path>,
-        overrides: &[String],
-    ) -> Result<Self, ConfigError> {
+    pub fn load(format: LogFormat, path: Option<&Path>, overrides: &[String]) -> Result<Self, ConfigError> {
         config::load_over(&Self::shipped(format), path, overrides)
     }
 
@@ -251,12 +251,7 @@ impl LabelledConfig {
 
 impl SizeConfig {
     fn range(&self) -> SizeRange {
-        
-        SizeRange {
-            length_m: self.length_m,
-            width_m: self.width_m,
-            height_m: self.height_m,
-        }
+        SizeRange { length_m: self.length_m, width_m: self.width_m, height_m: self.height_m }
     }
 }
 
@@ -286,7 +281,8 @@ mod tests {
 
     #[test]
     fn one_category_can_be_changed() {
-        let config = ImportConfig::load(LogFormat::Kitti, None, &["categories.Misc=ignore".to_owned()]).unwrap();
+        let config =
+            ImportConfig::load(LogFormat::Kitti, None, &["categories.Misc=ignore".to_owned()]).unwrap();
         assert_eq!(config.categories["Misc"], CategoryRule::Ignore(IgnoreWord::Ignore));
         assert!(matches!(config.categories["Car"], CategoryRule::Object(_)));
         let wrong = ImportConfig::load(LogFormat::Kitti, None, &["categories.Misc=nothing".to_owned()]);

@@ -11,11 +11,12 @@ mod notes;
 mod state;
 
 pub use config::{
-    AssumedConfig, CategoryRule, GroundSource, IgnoreWord, ImportConfig, IntensityScale, LabelledConfig, LogFormat,
-    ObjectRule, RingConfig, SizeConfig, VehicleConfig,
+    AssumedConfig, CategoryRule, GroundSource, IgnoreWord, ImportConfig, IntensityScale, LabelledConfig,
+    LogFormat, ObjectRule, RingConfig, SizeConfig, VehicleConfig,
 };
 pub use error::ImportError;
 pub use log::{
-    Distortion, Drive, DriveFacts, Frame, Ground, Log, Odometry, RawCamera, RawImage, RawObject, RawPoint, Series,
+    Distortion, Drive, DriveFacts, Frame, Ground, Log, Odometry, RawCamera, RawImage, RawObject, RawPoint,
+    Series,
 };
 pub use notes::Notes;

@@ -51,7 +51,9 @@ impl Motion<'_> {
     /// As [`Self::pose_at`], carried on evenly from the nearest two poses wherever they end. There must be a pose.
     pub(super) fn pose_beyond(&self, time_ns: u64) -> Transform<World, Ego> {
         let poses = &self.odometry.poses;
-        let [.., (last_ns, last)] = poses.as_slice() else { return Transform::from_xyz_yaw(0.0, 0.0, 0.0, 0.0) };
+        let [.., (last_ns, last)] = poses.as_slice() else {
+            return Transform::from_xyz_yaw(0.0, 0.0, 0.0, 0.0);
+        };
         if poses.len() == 1 || time_ns == *last_ns {
             return *last;
         }
@@ -84,7 +86,8 @@ impl Motion<'_> {
             let ahead_m = ego_here_from_ego.isometry.translation.vector.x;
             knots.push((signed_s(time_ns, at_ns), ahead_m, ego_here_from_ego.yaw_rad()));
         }
-        let [_, speed_mps, half_acceleration] = parabola(knots.iter().map(|&(at_s, ahead_m, _)| (at_s, ahead_m)))?;
+        let [_, speed_mps, half_acceleration] =
+            parabola(knots.iter().map(|&(at_s, ahead_m, _)| (at_s, ahead_m)))?;
         let [_, yaw_rate_rps, _] = parabola(knots.iter().map(|&(at_s, _, yaw_rad)| (at_s, yaw_rad)))?;
         Some(Course { speed_mps, acceleration_mps2: 2.0 * half_acceleration, yaw_rate_rps })
     }

@@ -67,13 +67,13 @@ impl<'a> StateMaker<'a> {
         let yaw_rate =
             measured_yaw_rate.or_else(|| course.map(|course| (course.yaw_rate_rps, from_poses.clone())));
         let of_arc = speed_mps * steering_angle_rad.tan() / self.wheelbase_m;
-        let yaw_rate_rps = self.take("yaw_rate", yaw_rate, || {
-            (of_arc, "speed * tan(steering angle) / wheelbase".to_owned())
-        });
+        let yaw_rate_rps = self
+            .take("yaw_rate", yaw_rate, || (of_arc, "speed * tan(steering angle) / wheelbase".to_owned()));
         let acceleration = self.measured(odometry.acceleration_mps2.as_ref(), time_ns);
         let acceleration =
             acceleration.or_else(|| course.map(|course| (course.acceleration_mps2, from_poses)));
-        let acceleration_mps2 = self.take("acceleration", acceleration, || (0.0, "unknown; assumed 0".to_owned()));
+        let acceleration_mps2 =
+            self.take("acceleration", acceleration, || (0.0, "unknown; assumed 0".to_owned()));
         EgoState {
             speed_mps,
             steering_angle_rad,
@@ -98,7 +98,8 @@ impl<'a> StateMaker<'a> {
         };
         self.motion.course_at(time_ns)?;
         let mut steps = (0..=SEARCH_STEPS).map(|i| i * SEARCH_STEP_NS);
-        let around = |step_ns: u64| angle(time_ns.saturating_sub(step_ns)).or_else(|| angle(time_ns + step_ns));
+        let around =
+            |step_ns: u64| angle(time_ns.saturating_sub(step_ns)).or_else(|| angle(time_ns + step_ns));
         let found = steps.find_map(around).unwrap_or(0.0);
         let source = format!(
             "atan(wheelbase * curvature) of the poses within {} s; where the car stands, of the nearest time at which \
