@@ -1,4 +1,6 @@
-//! Files that are either whole or not there: written under a temporary name, then renamed.
+//! Files and folders that are either whole or not there: written under a temporary name, then renamed.
+
+mod folder;
 
 use std::io::{self, Write};
 use std::path::Path;
@@ -6,6 +8,8 @@ use std::path::Path;
 use fs_err as fs;
 use sha2::{Digest, Sha256};
 use tempfile::TempPath;
+
+pub use folder::{FolderError, NewFolder};
 
 /// Suffix of files that are still being written; a leftover may be deleted at any time.
 pub const PARTIAL_SUFFIX: &str = "partial";
