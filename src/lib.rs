@@ -52,9 +52,9 @@
 //!
 //! - what everything stands on: [`config`], [`device`], [`files`], [`geometry`], [`history`], [`progress`], [`random`],
 //!   [`text_table`];
-//! - what is in a sample: [`object`], [`sample`]; the rule by which objects matter: [`zone`];
+//! - what is in a sample: [`object`], [`sample`], [`nuscenes`]; the rule by which objects matter: [`zone`];
 //! - the world: [`scene`], [`sensors`], [`sim`]; its files: [`episode`]; the stages that write them: [`generate`], [`import`],
-//!   [`label`]; and what reads them: [`dataset`];
+//!   [`label`], [`export`]; and what reads them: [`dataset`];
 //! - the network: [`kernels`], [`model`], [`infer`], [`train`]; the scores: [`eval`], [`report`];
 //! - the program's flags: [`cli`].
 
@@ -67,6 +67,7 @@ pub mod progress;
 pub mod random;
 pub mod text_table;
 
+pub mod nuscenes;
 pub mod object;
 pub mod sample;
 pub mod zone;
@@ -78,6 +79,7 @@ pub mod episode;
 #[allow(clippy::disallowed_methods, reason = "the one module that speaks to Python")]
 pub mod sim;
 
+pub mod export;
 pub mod generate;
 pub mod import;
 pub mod label;

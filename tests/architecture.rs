@@ -20,6 +20,7 @@ const LAYERS: &[(&str, u32)] = &[
     ("text_table", 0),
     ("object", 1),
     ("sample", 2), // above `object`: a sample holds objects
+    ("nuscenes", 2),
     ("zone", 3),
     ("scene", 3),
     ("sensors", 3),
@@ -29,6 +30,7 @@ const LAYERS: &[(&str, u32)] = &[
     ("import", 5),
     ("label", 5),
     ("dataset", 6),
+    ("export", 6),
     ("kernels", 6),
     ("model", 7),
     ("eval", 7),

@@ -5,6 +5,7 @@ mod curves;
 mod device;
 mod doctor;
 mod eval;
+mod export;
 mod generate;
 mod generate_worker;
 mod info;
@@ -70,6 +71,8 @@ enum Command {
     Report(report::ReportArgs),
     /// Draw a sample with its zone, true boxes and predictions
     View(view::ViewArgs),
+    /// Write a data set or predictions in the formats of other tools
+    Export(export::ExportArgs),
     /// Tell what this machine has, what is missing, and how to install it
     Doctor(doctor::DoctorArgs),
 }
@@ -99,6 +102,7 @@ pub fn main() -> ExitCode {
         Command::Sweep(args) => sweep::run(args),
         Command::Report(args) => report::run(args),
         Command::View(args) => view::run(args),
+        Command::Export(args) => export::run(args),
         Command::Doctor(args) => doctor::run(args),
     })
 }

@@ -145,6 +145,18 @@ pub(super) fn detection_boxes(time_ns: u64, detections: &[Detection]) -> fox::Sc
     update(entities.collect())
 }
 
+/// The map that [`map_update`] drew.
+pub(super) fn map_of(update: &fox::SceneUpdate) -> MapDrawing {
+    let place = |point: &fox::Point3| Point::new(point.x, point.y, point.z);
+    let mut map = MapDrawing::default();
+    for entity in &update.entities {
+        map.lane_lines.extend(entity.lines.iter().map(|line| line.points.iter().map(place).collect()));
+        let triangles = entity.triangles.iter().flat_map(|list| list.points.as_chunks::<3>().0);
+        map.drivable_area.extend(triangles.map(|corners| corners.each_ref().map(place)));
+    }
+    map
+}
+
 /// The danger zone on the ground: green outline, translucent fill.
 pub(super) fn zone_update(time_ns: u64, corners: &[Point2]) -> fox::SceneUpdate {
     // A little above the road, so that the two do not flicker through each other.

@@ -22,6 +22,9 @@ pub struct LogFacts {
     /// How speed, steering, ground, rings and so on were obtained, one sentence each.
     #[serde(default)]
     pub methods: BTreeMap<String, String>,
+    /// The log's own names of its samples (nuScenes' tokens, numbers of frames) by their times in nanoseconds, where it has any.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub sample_names: BTreeMap<String, String>,
     /// What the log annotates; `None` if nothing.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub labelled: Option<Labelled>,
@@ -56,6 +59,12 @@ pub struct SizeRange {
 }
 
 impl LogFacts {
+    /// The log's own name of the sample at a time.
+    #[must_use]
+    pub fn sample_name(&self, time_ns: u64) -> Option<&str> {
+        self.sample_names.get(&time_ns.to_string()).map(String::as_str)
+    }
+
     pub(super) const RECORD: &'static str = "log";
 
     /// The metadata record: the format's version and the facts as TOML.

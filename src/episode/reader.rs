@@ -8,7 +8,7 @@ use foxglove::messages as fox;
 use super::archive_reader::{Archive, SampleMessages};
 use super::error::{EpisodeError, MessageFault};
 use super::messages::{TopicMessage, wire};
-use super::{EpisodeMeta, LogFacts, checks, convert, objects, regions, topics};
+use super::{EpisodeMeta, LogFacts, MapDrawing, checks, convert, drawing, objects, regions, topics};
 use crate::geometry::{Camera, Frame};
 use crate::object::Object;
 use crate::sample::{CameraView, Measured, Sample, Truth};
@@ -91,6 +91,7 @@ impl EpisodeReader {
             archive.take(optional.name, optional.schema)?;
             wanted.extend(archive.has(optional.name).then(|| optional.name.to_owned()));
         }
+        archive.take(topics::MAP.name, topics::MAP.spec().schema)?;
         for [image, info] in cameras.iter().map(|name| topics::of_camera(name)) {
             archive.take(&image, fox::CompressedImage::schema)?;
             archive.take(&info, fox::CameraCalibration::schema)?;
@@ -205,6 +206,17 @@ impl EpisodeReader {
             sample.measured.points.iter_mut().for_each(|point| point.intensity *= scale);
         }
         Ok(sample)
+    }
+
+    /// The drawing of the map; empty if the file has none.
+    ///
+    /// # Errors
+    /// Damage.
+    pub fn map(&self) -> Result<MapDrawing, EpisodeError> {
+        if self.is_empty() || !self.archive.has(topics::MAP.name) {
+            return Ok(MapDrawing::default());
+        }
+        Ok(drawing::map_of(&self.messages(0)?.one(topics::MAP)?))
     }
 
     /// The pictures of the cameras beside the front one.

@@ -2,6 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
+/// The steering wheel's angle over the road wheels': a usual car's, since nuScenes does not say that of its Renault Zoe.
+pub const STEERING_RATIO: f64 = 15.2;
+
 /// `vehicle_monitor`: 2 Hz in nuScenes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct VehicleMonitor {

@@ -6,6 +6,18 @@ use crate::object::{Distribution, Harm, Kind};
 /// up to 50 m, with orientations that repeat after a whole turn.
 pub const CAR_TRUCK: [(Harm, &str); 2] = [(Harm::Harmful, "vehicle.car"), (Harm::Harmless, "vehicle.truck")];
 
+/// All attributes.
+pub const ATTRIBUTES: [&str; 8] = [
+    "vehicle.moving",
+    "vehicle.stopped",
+    "vehicle.parked",
+    "cycle.with_rider",
+    "cycle.without_rider",
+    "pedestrian.sitting_lying_down",
+    "pedestrian.standing",
+    "pedestrian.moving",
+];
+
 /// The categories of nuScenes, and three of its segmentation, each with its class of the detection task; empty without one.
 /// The devkit has a colour for these alone.
 const CATEGORIES: [(&str, &str); 26] = [
@@ -151,7 +163,8 @@ mod tests {
 
     #[test]
     fn categories_of_every_source_find_an_official_one() {
-        let of = |name: &str, kind, distribution| official_category(Some(name), Some(kind), Some(distribution));
+        let of =
+            |name: &str, kind, distribution| official_category(Some(name), Some(kind), Some(distribution));
         use Distribution::{Id, Ood};
         assert_eq!(of("vehicle.bus.bendy", Kind::Vehicle, Id), "vehicle.bus.bendy");
         assert_eq!(of("Pedestrian", Kind::Pedestrian, Id), "human.pedestrian.adult");

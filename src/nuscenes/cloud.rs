@@ -7,7 +7,9 @@ pub const POINT_BYTES: usize = 20;
 
 /// A file that cannot hold whole points.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
-#[error("it has {n_bytes} bytes, which is no multiple of {POINT_BYTES}: the file is cut short or no cloud of five float32 a point")]
+#[error(
+    "it has {n_bytes} bytes, which is no multiple of {POINT_BYTES}: the file is cut short or no cloud of five float32 a point"
+)]
 pub struct CloudFault {
     pub n_bytes: usize,
 }
@@ -42,7 +44,10 @@ mod tests {
         let bytes = write_cloud(points.into_iter());
         assert_eq!(bytes.len(), 2 * POINT_BYTES);
         let back = read_cloud(&bytes).unwrap();
-        assert_eq!(back.concat().iter().map(|x| x.to_bits()).collect::<Vec<_>>(), points.concat().iter().map(|x| x.to_bits()).collect::<Vec<_>>());
+        assert_eq!(
+            back.concat().iter().map(|x| x.to_bits()).collect::<Vec<_>>(),
+            points.concat().iter().map(|x| x.to_bits()).collect::<Vec<_>>()
+        );
         assert_eq!(read_cloud(&bytes[..39]), Err(CloudFault { n_bytes: 39 }));
     }
 }

@@ -11,13 +11,13 @@ mod rows;
 mod scene_names;
 mod token;
 
-pub use can_bus::{CanPose, SteeringWheel, VehicleMonitor};
-pub use classes::{CAR_TRUCK, default_attribute, detection_class, official_category};
+pub use can_bus::{CanPose, STEERING_RATIO, SteeringWheel, VehicleMonitor};
+pub use classes::{ATTRIBUTES, CAR_TRUCK, default_attribute, detection_class, official_category};
 pub use cloud::{CloudFault, POINT_BYTES, read_cloud, write_cloud};
 pub use pose::{PoseFault, isometry_of, quarter_turn, rotation_of, translation_of};
 pub use rows::{
-    AttributeRow, CalibratedSensorRow, CategoryRow, EgoPoseRow, InstanceRow, LogRow, MapRow, SampleAnnotationRow,
-    SampleDataRow, SampleRow, SceneRow, SensorRow, TABLES, TableRow, VisibilityRow,
+    AttributeRow, CalibratedSensorRow, CategoryRow, EgoPoseRow, InstanceRow, LogRow, MapRow,
+    SampleAnnotationRow, SampleDataRow, SampleRow, SceneRow, SensorRow, TABLES, TableRow, VisibilityRow,
 };
 pub use scene_names::{Section, scene_names};
 pub use token::Token;

@@ -11,7 +11,9 @@ const UNIT_TOLERANCE: f64 = 1e-3;
 pub enum PoseFault {
     #[error("its translation is {found:?}; finite numbers are needed")]
     Translation { found: [f64; 3] },
-    #[error("its rotation {found:?} has the length {length:.6}; a quaternion [w, x, y, z] of length 1 is needed")]
+    #[error(
+        "its rotation {found:?} has the length {length:.6}; a quaternion [w, x, y, z] of length 1 is needed"
+    )]
     Rotation { found: [f64; 4], length: f64 },
 }
 
@@ -72,7 +74,10 @@ mod tests {
         assert_eq!(translation_of(&pose), [1.0, -2.0, 0.5]);
         assert_eq!(rotation_of(&pose), [0.5, 0.5, -0.5, 0.5]);
         for rotation in [[0.9, 0.0, 0.0, 0.0], [f64::NAN, 0.0, 0.0, 1.0], [0.0; 4]] {
-            assert!(matches!(isometry_of([0.0; 3], rotation), Err(PoseFault::Rotation { .. })), "{rotation:?}");
+            assert!(
+                matches!(isometry_of([0.0; 3], rotation), Err(PoseFault::Rotation { .. })),
+                "{rotation:?}"
+            );
         }
         let told = isometry_of([f64::INFINITY, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]).unwrap_err().to_string();
         assert!(told.contains("inf"), "{told}");

@@ -99,7 +99,9 @@ mod tests {
 
     #[test]
     fn every_text_is_kept_as_it_is() {
-        for text in ["", "ca9a282c9e77460f8360f564131a8af5", "CA9A282C9E77460F8360F564131A8AF5", "scene 1", "ca9a"] {
+        for text in
+            ["", "ca9a282c9e77460f8360f564131a8af5", "CA9A282C9E77460F8360F564131A8AF5", "scene 1", "ca9a"]
+        {
             assert_eq!(Token::from(text).to_string(), text);
         }
         assert!(matches!(Token::of("sample", "a/0"), Token::Hex(_)));

@@ -1,0 +1,383 @@
+//! One episode as a scene: its files, and the rows of the tables that tell of it.
+//!
+//! All sensors of a sample share its time and pose. Every sample is a keyframe; episodes hold nothing in between, so there are no sweeps.
+
+use std::collections::BTreeMap;
+
+use fs_err as fs;
+use nalgebra::Isometry3;
+
+use super::cameras::{self, MissingCamera};
+use super::can_bus::CanMessages;
+use super::naming::Naming;
+use crate::export::{ExportError, LabelledEpisode};
+use crate::files::NewFolder;
+use crate::geometry::{Ego, Pinhole, Transform, World};
+use crate::nuscenes::{
+    CalibratedSensorRow, EgoPoseRow, InstanceRow, LogRow, SampleAnnotationRow, SampleDataRow, SampleRow,
+    SceneRow, Token, default_attribute, detection_class, quarter_turn, rotation_of, translation_of,
+    write_cloud,
+};
+use crate::object::{Harm, Object};
+use crate::progress::Progress;
+use crate::sample::{EncodedImage, ImageFormat, LidarPoint, Sample};
+
+/// The LiDAR's channel.
+pub(super) const LIDAR: &str = "LIDAR_TOP";
+/// Where the picture of missing cameras lies.
+pub(super) const BLACK: &str = "samples/absent.jpg";
+
+/// Upper bounds of the visibility bins, and their tokens.
+pub(super) const VISIBILITIES: [(f64, &str, &str); 4] =
+    [(0.4, "1", "v0-40"), (0.6, "2", "v40-60"), (0.8, "3", "v60-80"), (f64::INFINITY, "4", "v80-100")];
+
+/// All rows of one scene, and its CAN bus.
+pub(super) struct SceneRows {
+    pub log: LogRow,
+    pub scene: SceneRow,
+    pub samples: Vec<SampleRow>,
+    pub data: Vec<SampleDataRow>,
+    pub poses: Vec<EgoPoseRow>,
+    pub calibrations: Vec<CalibratedSensorRow>,
+    pub annotations: Vec<SampleAnnotationRow>,
+    pub instances: Vec<InstanceRow>,
+    pub can: CanMessages,
+    /// Names of the categories that occur.
+    pub categories: Vec<&'static str>,
+}
+
+/// Writes an episode's files and collects its rows.
+pub(super) fn write(
+    episode: &LabelledEpisode,
+    global_from_world: &Transform<World, World>,
+    naming: Naming,
+    folder: &NewFolder,
+    progress: &dyn Progress,
+) -> Result<SceneRows, ExportError> {
+    let mut scene = SceneBuilder::new(episode, naming, folder);
+    for sample_idx in 0..episode.reader.len() {
+        let (sample, harms) = episode.sample(sample_idx)?;
+        let global_from_ego = *global_from_world * sample.measured.world_from_ego;
+        scene.add(sample_idx, &sample, &harms, &global_from_ego)?;
+        progress.advance(1);
+    }
+    Ok(scene.rows)
+}
+
+/// The token of a sample: the log's own, where the episode is imported from nuScenes.
+pub(super) fn sample_token(episode: &LabelledEpisode, sample_idx: usize) -> Token {
+    let time_ns = episode.reader.times_ns()[sample_idx];
+    let own = episode.reader.log().and_then(|log| log.sample_name(time_ns));
+    own.map_or_else(|| Token::of("sample", &format!("{}/{sample_idx}", episode.entry().name)), Token::from)
+}
+
+/// A file of a sensor at a sample.
+struct SensorFile {
+    channel: String,
+    ego_from_sensor: Isometry3<f64>,
+    intrinsics: Option<Pinhole>,
+    filename: String,
+    format: &'static str,
+}
+
+struct SceneBuilder<'a> {
+    episode: &'a LabelledEpisode,
+    naming: Naming,
+    folder: &'a NewFolder,
+    missing: Vec<MissingCamera>,
+    rows: SceneRows,
+    /// Index of the last annotation of each instance.
+    last_of_instance: BTreeMap<Token, usize>,
+    /// Index of the last file of each channel.
+    last_of_channel: BTreeMap<String, usize>,
+}
+
+impl<'a> SceneBuilder<'a> {
+    fn new(episode: &'a LabelledEpisode, naming: Naming, folder: &'a NewFolder) -> Self {
+        let (entry, reader) = (episode.entry(), &episode.reader);
+        let log_token = Token::of("log", &entry.name);
+        let last = reader.len().saturating_sub(1);
+        let origin =
+            reader.log().map_or_else(|| "simulated".to_owned(), |log| format!("from {}", log.format));
+        let rows = SceneRows {
+            log: LogRow {
+                token: log_token.clone(),
+                logfile: entry.name.clone(),
+                vehicle: "harmzone ego".into(),
+                date_captured: date(reader.times_ns().first().copied().unwrap_or_default()),
+                location: entry.town.clone(),
+            },
+            scene: SceneRow {
+                token: Token::of("scene", &entry.name),
+                log_token,
+                nbr_samples: reader.len(),
+                first_sample_token: sample_token(episode, 0),
+                last_sample_token: sample_token(episode, last),
+                name: String::new(),
+                description: format!("{}, {origin}: {} in {}", entry.name, entry.weather, entry.town),
+            },
+            samples: Vec::new(),
+            data: Vec::new(),
+            poses: Vec::new(),
+            calibrations: Vec::new(),
+            annotations: Vec::new(),
+            instances: Vec::new(),
+            can: CanMessages::default(),
+            categories: Vec::new(),
+        };
+        let missing = cameras::missing(reader.cameras());
+        let (last_of_instance, last_of_channel) = (BTreeMap::new(), BTreeMap::new());
+        Self { episode, naming, folder, missing, rows, last_of_instance, last_of_channel }
+    }
+
+    fn add(
+        &mut self,
+        sample_idx: usize,
+        sample: &Sample,
+        harms: &[Harm],
+        global_from_ego: &Transform<World, Ego>,
+    ) -> Result<(), ExportError> {
+        let time_us = sample.measured.time_ns / 1000;
+        let token = sample_token(self.episode, sample_idx);
+        let prev = self.rows.samples.last_mut().map_or_else(Token::none, |before| {
+            before.next = token.clone();
+            before.token.clone()
+        });
+        let (scene_token, next) = (self.rows.scene.token.clone(), Token::none());
+        self.rows.samples.push(SampleRow {
+            token: token.clone(),
+            timestamp: time_us,
+            prev,
+            next,
+            scene_token,
+        });
+        self.rows.can.add(time_us, &sample.measured.ego_state, global_from_ego);
+        for file in self.write_files(sample_idx, sample, time_us)? {
+            self.add_file(file, &token, time_us, global_from_ego);
+        }
+        for (object_idx, object) in sample.objects().iter().enumerate() {
+            self.add_annotation(object, harms.get(object_idx).copied(), &token, global_from_ego);
+        }
+        Ok(())
+    }
+
+    /// Writes the cloud and the pictures of a sample.
+    fn write_files(
+        &self,
+        sample_idx: usize,
+        sample: &Sample,
+        time_us: u64,
+    ) -> Result<Vec<SensorFile>, ExportError> {
+        let measured = &sample.measured;
+        let name = |channel: &str, ending: &str| {
+            format!("samples/{channel}/{}__{channel}__{time_us}.{ending}", self.episode.entry().name)
+        };
+        let mut files = Vec::new();
+        let lidar = name(LIDAR, "pcd.bin");
+        fs::write(self.folder.path().join(&lidar), write_cloud(measured.points.iter().map(in_their_axes)))?;
+        files.push(SensorFile {
+            channel: LIDAR.into(),
+            ego_from_sensor: measured.ego_from_lidar.isometry * quarter_turn(),
+            intrinsics: None,
+            filename: lidar,
+            format: "pcd",
+        });
+        let front = (cameras::front(), &measured.image, measured.ego_from_camera, measured.intrinsics);
+        let views = self.episode.reader.views(sample_idx)?;
+        let others = views.iter().map(|view| {
+            (cameras::channel_of(&view.name), &view.image, view.ego_from_camera, view.intrinsics)
+        });
+        for (channel, image, ego_from_camera, intrinsics) in std::iter::once(front).chain(others) {
+            let format = ending(image);
+            let filename = name(&channel, format);
+            fs::create_dir_all(self.folder.path().join("samples").join(&channel))?;
+            fs::write(self.folder.path().join(&filename), &image.bytes)?;
+            let ego_from_sensor = ego_from_camera.isometry;
+            files.push(SensorFile {
+                channel,
+                ego_from_sensor,
+                intrinsics: Some(intrinsics),
+                filename,
+                format,
+            });
+        }
+        files.extend(self.missing.iter().map(|camera| SensorFile {
+            channel: camera.channel.into(),
+            ego_from_sensor: camera.ego_from_camera.isometry,
+            intrinsics: Some(camera.intrinsics),
+            filename: BLACK.into(),
+            format: "jpg",
+        }));
+        Ok(files)
+    }
+
+    fn add_file(
+        &mut self,
+        file: SensorFile,
+        sample_token: &Token,
+        time_us: u64,
+        global_from_ego: &Transform<World, Ego>,
+    ) {
+        let token = Token::of("sample_data", &format!("{sample_token}/{}", file.channel));
+        let (translation, rotation) =
+            (translation_of(&global_from_ego.isometry), rotation_of(&global_from_ego.isometry));
+        self.rows.poses.push(EgoPoseRow { token: token.clone(), timestamp: time_us, rotation, translation });
+        let (idx, calibrated_sensor_token) = (self.rows.data.len(), self.calibration(&file));
+        let prev =
+            self.last_of_channel.insert(file.channel.clone(), idx).map_or_else(Token::none, |before| {
+                self.rows.data[before].next = token.clone();
+                self.rows.data[before].token.clone()
+            });
+        self.rows.data.push(SampleDataRow {
+            token: token.clone(),
+            sample_token: sample_token.clone(),
+            ego_pose_token: token,
+            calibrated_sensor_token,
+            timestamp: time_us,
+            fileformat: file.format.into(),
+            is_key_frame: true,
+            height: file.intrinsics.map_or(0, |camera| camera.height_px),
+            width: file.intrinsics.map_or(0, |camera| camera.width_px),
+            filename: file.filename,
+            prev,
+            next: Token::none(),
+        });
+    }
+
+    /// The row of a sensor's calibration: the one before where it is the same.
+    fn calibration(&mut self, file: &SensorFile) -> Token {
+        let matrix = |camera: Pinhole| {
+            // Episodes count pixels from the upper left one's corner, nuScenes from its centre.
+            let (cx, cy) = (camera.cx_px - 0.5, camera.cy_px - 0.5);
+            vec![[camera.fx_px, 0.0, cx], [0.0, camera.fy_px, cy], [0.0, 0.0, 1.0]]
+        };
+        let key = format!("{}/{}/{}", self.rows.log.token, file.channel, self.rows.calibrations.len());
+        let row = CalibratedSensorRow {
+            token: Token::of("calibrated_sensor", &key),
+            sensor_token: Token::of("sensor", &file.channel),
+            translation: translation_of(&file.ego_from_sensor),
+            rotation: rotation_of(&file.ego_from_sensor),
+            camera_intrinsic: file.intrinsics.map_or_else(Vec::new, matrix),
+        };
+        let is_same = |old: &&CalibratedSensorRow| {
+            CalibratedSensorRow { token: row.token.clone(), ..(*old).clone() } == row
+        };
+        if let Some(old) = self.rows.calibrations.iter().rev().find(is_same) {
+            return old.token.clone();
+        }
+        let token = row.token.clone();
+        self.rows.calibrations.push(row);
+        token
+    }
+
+    fn add_annotation(
+        &mut self,
+        object: &Object,
+        harm: Option<Harm>,
+        sample_token: &Token,
+        global_from_ego: &Transform<World, Ego>,
+    ) {
+        let category = self.naming.category(object, harm);
+        if !self.rows.categories.contains(&category) {
+            self.rows.categories.push(category);
+        }
+        let id = object.id.as_deref().unwrap_or_default();
+        let instance_token = Token::of("instance", &format!("{}/{id}/{category}", self.episode.entry().name));
+        let token = Token::of("sample_annotation", &format!("{sample_token}/{id}"));
+        let idx = self.rows.annotations.len();
+        let before = self.last_of_instance.insert(instance_token.clone(), idx);
+        let prev = before.map_or_else(Token::none, |before| {
+            self.rows.annotations[before].next = token.clone();
+            self.rows.annotations[before].token.clone()
+        });
+        self.count_instance(&instance_token, category, &token);
+        let bounds = object.box_in_ego;
+        let center = *global_from_ego * bounds.center;
+        // The whole rotation: on a slope the box leans with the ego.
+        let turn = Transform::<World, World>::from_xyz_yaw(0.0, 0.0, 0.0, bounds.yaw_rad);
+        let rotation = global_from_ego.isometry.rotation * turn.isometry.rotation;
+        let attribute = detection_class(category)
+            .map_or("", |class| default_attribute(class, object.velocity_in_ego_mps));
+        self.rows.annotations.push(SampleAnnotationRow {
+            token,
+            sample_token: sample_token.clone(),
+            instance_token,
+            visibility_token: visibility(object.visible_fraction),
+            attribute_tokens: if attribute.is_empty() {
+                Vec::new()
+            } else {
+                vec![Token::of("attribute", attribute)]
+            },
+            translation: center.coords.coords.into(),
+            size: [bounds.width_m, bounds.length_m, bounds.height_m],
+            rotation: [rotation.w, rotation.i, rotation.j, rotation.k],
+            prev,
+            next: Token::none(),
+            num_lidar_pts: object.n_lidar_points.map_or(0, i64::from),
+            num_radar_pts: 0,
+        });
+    }
+
+    fn count_instance(&mut self, token: &Token, category: &str, annotation: &Token) {
+        if let Some(row) = self.rows.instances.iter_mut().find(|row| row.token == *token) {
+            row.nbr_annotations += 1;
+            row.last_annotation_token = annotation.clone();
+            return;
+        }
+        self.rows.instances.push(InstanceRow {
+            token: token.clone(),
+            category_token: Token::of("category", category),
+            nbr_annotations: 1,
+            first_annotation_token: annotation.clone(),
+            last_annotation_token: annotation.clone(),
+        });
+    }
+}
+
+/// A point in nuScenes' axes, x right and y forward; signs alone change.
+fn in_their_axes(point: &LidarPoint) -> [f32; 5] {
+    [-point.y_m, point.x_m, point.z_m, point.intensity, f32::from(point.ring)]
+}
+
+fn ending(image: &EncodedImage) -> &'static str {
+    match image.format {
+        ImageFormat::Jpeg => "jpg",
+        ImageFormat::Png => "png",
+    }
+}
+
+/// The bin of a visible share; nuScenes' schema has an empty token where it is not known.
+fn visibility(fraction: Option<f64>) -> Token {
+    let bin = |fraction: f64| VISIBILITIES.into_iter().find(|(below, ..)| fraction <= *below);
+    fraction.and_then(bin).map_or_else(Token::none, |(_, token, _)| Token::from(token))
+}
+
+/// The day of a time, `2026-11-22` (Hinnant's days to civil).
+fn date(time_ns: u64) -> String {
+    let days = time_ns / 86_400_000_000_000 + 719_468;
+    let (era, day) = (days / 146_097, days % 146_097);
+    let year = (day - day / 1460 + day / 36_524 - day / 146_096) / 365;
+    let day = day - (365 * year + year / 4 - year / 100);
+    let month = (5 * day + 2) / 153;
+    let (day, month) = (day - (153 * month + 2) / 5 + 1, if month < 10 { month + 3 } else { month - 9 });
+    format!("{:04}-{month:02}-{day:02}", year + era * 400 + u64::from(month <= 2))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn days_are_those_of_the_calendar() {
+        assert_eq!(date(0), "1970-01-01");
+        assert_eq!(date(1_533_151_603_547_590_000), "2018-08-01");
+        assert_eq!(date(1_709_164_800_000_000_000), "2024-02-29");
+    }
+
+    #[test]
+    fn shares_fall_into_their_bins() {
+        let told = [Some(0.0), Some(0.4), Some(0.41), Some(0.7), Some(1.0), None]
+            .map(|share| visibility(share).to_string());
+        assert_eq!(told, ["1", "1", "2", "3", "4", ""]);
+    }
+}
