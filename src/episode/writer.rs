@@ -154,6 +154,11 @@ impl EpisodeWriter {
         Ok(())
     }
 
+    /// Replaces the facts of a log, of which some are known only when all of it was read. What is annotated stays.
+    pub fn set_log(&mut self, log: &LogFacts) {
+        self.log = Some(log.clone());
+    }
+
     /// Whether a reader will accept the sample.
     fn check(&self, sample: &Sample, views: &[CameraView]) -> Result<(), MessageFault> {
         convert::check_measured(&sample.measured)?;
@@ -186,12 +191,22 @@ impl EpisodeWriter {
     /// No sample was written, or the disk fails.
     pub fn finish(self) -> Result<FinishedEpisode, EpisodeError> {
         let n_samples = self.archive.n_samples;
-        let meta = EpisodeMeta { n_samples, ..self.meta };
+        let mut meta = EpisodeMeta { n_samples, ..self.meta };
+        let (description, vehicle) = match &self.log {
+            None => {
+                (format!("{} in {}, seed {}", meta.weather, meta.town, meta.seed), "harmzone ego".to_owned())
+            }
+            Some(log) => {
+                meta.ood = self.n_objects.ood.values().into_iter().any(|n_objects| *n_objects > 0);
+                let description = log.methods.get("description").cloned();
+                (description.unwrap_or_else(|| format!("{} {}", log.format, log.drive)), format!("{} ego", log.format))
+            }
+        };
         let scene = [
             ("name", meta.name.clone()),
-            ("description", format!("{} in {}, seed {}", meta.weather, meta.town, meta.seed)),
+            ("description", description),
             ("location", meta.town.clone()),
-            ("vehicle", "harmzone ego".to_owned()),
+            ("vehicle", vehicle),
         ];
         let scene = scene.map(|(key, value)| (key.to_owned(), value)).into();
         let log = self.log.map(|log| (LogFacts::RECORD, log.to_record()));

@@ -3,11 +3,20 @@
 //! An importer of a format implements [`Log`] and [`Drive`]; [`run()`] is the pipeline that all formats share: one episode a drive, one
 //! sample in memory, whole files or none, continued where it stopped.
 
+mod cloud;
 mod config;
+mod drive;
 mod error;
+mod folder;
+mod ground;
 mod log;
 mod motion;
 mod notes;
+mod objects;
+mod pictures;
+mod rectify;
+mod rings;
+mod run;
 mod state;
 
 pub use config::{
@@ -20,3 +29,4 @@ pub use log::{
     Series,
 };
 pub use notes::Notes;
+pub use run::{ImportOptions, ImportSummary, run};

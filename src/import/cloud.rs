@@ -1,0 +1,231 @@
+//! A log's cloud as an episode has it: finite points, axes forward and left, one instant, intensities of 0 to 255, rings.
+
+use std::f64::consts::{FRAC_PI_2, PI};
+
+use nalgebra::{UnitQuaternion, Vector3};
+
+use super::config::{CheckedImport, IntensityScale};
+use super::motion::{Motion, shifted_ns};
+use super::rings::rings_of;
+use super::{Notes, RawPoint};
+use crate::geometry::{Ego, Lidar, Transform};
+use crate::sample::LidarPoint;
+
+/// Returns further away than this are no metres.
+const MAX_RANGE_M: f64 = 2000.0;
+/// A turn takes less than this.
+const MAX_OFFSET_S: f32 = 1.0;
+
+/// Makes the clouds of a drive, all alike.
+pub(super) struct CloudMaker<'a> {
+    pub(super) config: &'a CheckedImport,
+    pub(super) motion: &'a Motion<'a>,
+    /// Whether points with stamps are moved.
+    pub(super) compensates: bool,
+    /// Found at the first frame, where the config leaves it open.
+    pub(super) is_unit: Option<bool>,
+    /// Whether any point was moved, and whether any ring was computed.
+    pub(super) has_moved: bool,
+    pub(super) has_ringed: bool,
+    pub(super) has_turned: bool,
+}
+
+impl<'a> CloudMaker<'a> {
+    pub(super) fn new(config: &'a CheckedImport, motion: &'a Motion<'a>, is_compensated: bool) -> Self {
+        let is_unit = match config.intensity {
+            IntensityScale::Auto => None,
+            IntensityScale::Unit => Some(true),
+            IntensityScale::Byte => Some(false),
+        };
+        let compensates = config.compensate_motion && !is_compensated && motion.has_poses();
+        let (has_moved, has_ringed, has_turned) = (false, false, false);
+        Self { config, motion, compensates, is_unit, has_moved, has_ringed, has_turned }
+    }
+
+    /// The mounting and the cloud of a sample. An error is a sentence: what was found, what would be right.
+    pub(super) fn cloud(
+        &mut self,
+        ego_from_lidar: Transform<Ego, Lidar>,
+        points: Vec<RawPoint>,
+        time_ns: u64,
+        notes: &mut Notes,
+    ) -> Result<(Transform<Ego, Lidar>, Vec<LidarPoint>), String> {
+        let mut points = drop_empty(points, notes)?;
+        let rings = self.rings(&points, notes);
+        if self.compensates {
+            self.compensate(&ego_from_lidar, &mut points, time_ns)?;
+        }
+        let ego_from_lidar = self.turn(ego_from_lidar, &mut points);
+        let factor = self.intensity_factor(&points, notes);
+        let mut n_outside = 0;
+        let mut finish = |(point, ring): (&RawPoint, u16)| {
+            let scaled = point.intensity * factor;
+            let intensity = if scaled.is_nan() { 0.0 } else { scaled.clamp(0.0, 255.0) };
+            n_outside += usize::from(intensity != scaled);
+            LidarPoint { x_m: point.x_m, y_m: point.y_m, z_m: point.z_m, intensity, ring }
+        };
+        let cloud = points.iter().zip(rings).map(&mut finish).collect();
+        if n_outside > 0 {
+            let valid = if factor > 1.0 { "0 to 1" } else { "0 to 255" };
+            notes.tell(format!("intensities lie outside {valid}; they were cut to it"));
+        }
+        Ok((ego_from_lidar, cloud))
+    }
+
+    fn rings(&mut self, points: &[RawPoint], notes: &mut Notes) -> Vec<u16> {
+        let given: Vec<u16> = points.iter().filter_map(|point| point.ring).collect();
+        if given.len() == points.len() {
+            return given;
+        }
+        if !given.is_empty() {
+            notes.tell("a part of the points has no ring; all rings were computed from the elevation");
+        }
+        self.has_ringed = true;
+        rings_of(points, &self.config.rings)
+    }
+
+    /// Moves each point to where the LiDAR would have seen it at the sample's time, were the world at rest.
+    fn compensate(
+        &mut self,
+        ego_from_lidar: &Transform<Ego, Lidar>,
+        points: &mut [RawPoint],
+        time_ns: u64,
+    ) -> Result<(), String> {
+        let lidar_from_world = (self.motion.pose_beyond(time_ns) * *ego_from_lidar).inverse();
+        let mut last = None;
+        for point in points {
+            let Some(offset_s) = point.time_offset_s.filter(|offset_s| *offset_s != 0.0) else { continue };
+            if !(offset_s.abs() <= MAX_OFFSET_S) {
+                return Err(format!("a point's stamp lies {offset_s} s from the sample's; at most {MAX_OFFSET_S} s is needed"));
+            }
+            // Points of one firing share their stamp.
+            let moved = match last {
+                Some((of_s, moved)) if of_s == offset_s => moved,
+                _ => {
+                    let at_ns = shifted_ns(time_ns, f64::from(offset_s));
+                    lidar_from_world * self.motion.pose_beyond(at_ns) * *ego_from_lidar
+                }
+            };
+            last = Some((offset_s, moved));
+            let at = moved.isometry * nalgebra::Point3::from(point.position_m());
+            (point.x_m, point.y_m, point.z_m) = (at.x as f32, at.y as f32, at.z as f32);
+            self.has_moved = true;
+        }
+        Ok(())
+    }
+
+    /// Turns a LiDAR that is mounted by quarter turns, so that its x axis points ahead. Exact in floats.
+    fn turn(
+        &mut self,
+        ego_from_lidar: Transform<Ego, Lidar>,
+        points: &mut [RawPoint],
+    ) -> Transform<Ego, Lidar> {
+        let quarters = (ego_from_lidar.yaw_rad() / FRAC_PI_2).round().rem_euclid(4.0) as u8;
+        if quarters == 0 {
+            return ego_from_lidar;
+        }
+        self.has_turned = true;
+        for point in points {
+            let (x, y) = (point.x_m, point.y_m);
+            (point.x_m, point.y_m) = match quarters {
+                1 => (-y, x),
+                2 => (-x, -y),
+                _ => (y, -x),
+            };
+        }
+        let back_rad = [0.0, -FRAC_PI_2, PI, FRAC_PI_2][usize::from(quarters)];
+        let back = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), back_rad);
+        ego_from_lidar * Transform::<Lidar, Lidar>::new(Vector3::zeros(), back)
+    }
+
+    fn intensity_factor(&mut self, points: &[RawPoint], notes: &mut Notes) -> f32 {
+        let largest = points.iter().map(|point| point.intensity).fold(0.0, f32::max);
+        let is_unit = *self.is_unit.get_or_insert_with(|| {
+            let is_unit = largest <= 1.0;
+            if is_unit {
+                notes.tell(format!("intensities reach {largest}: taken as 0 to 1 and scaled to 0 to 255"));
+            }
+            is_unit
+        });
+        if is_unit { 255.0 } else { 1.0 }
+    }
+}
+
+/// The points that are there. An error is a sentence.
+fn drop_empty(mut points: Vec<RawPoint>, notes: &mut Notes) -> Result<Vec<RawPoint>, String> {
+    if points.is_empty() {
+        return Err("the cloud has no points".to_owned());
+    }
+    let n_found = points.len();
+    points.retain(|point| [point.x_m, point.y_m, point.z_m].iter().all(|part| part.is_finite()));
+    if points.len() < n_found {
+        notes.tell("points that are not finite were dropped");
+    }
+    let n_finite = points.len();
+    points.retain(|point| [point.x_m, point.y_m, point.z_m] != [0.0; 3]);
+    if points.len() < n_finite {
+        notes.tell("points at the LiDAR's own origin were dropped: they are no returns");
+    }
+    if points.is_empty() {
+        return Err(format!("the cloud has {n_found} points, of which none is a return"));
+    }
+    let mut ranges: Vec<f64> = points.iter().map(|point| point.position_m().norm()).collect();
+    let middle = ranges.len() / 2;
+    let (_, &mut median_m, _) = ranges.select_nth_unstable_by(middle, f64::total_cmp);
+    if median_m > MAX_RANGE_M {
+        return Err(format!("half of the points lie further than {median_m:.0} m away; metres are needed, not millimetres"));
+    }
+    Ok(points)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::import::{ImportConfig, Odometry};
+
+    fn point(x_m: f32, y_m: f32, time_offset_s: Option<f32>) -> RawPoint {
+        RawPoint { x_m, y_m, z_m: 0.0, intensity: 0.5, ring: Some(3), time_offset_s }
+    }
+
+    fn cloud(
+        odometry: &Odometry,
+        yaw_rad: f64,
+        points: Vec<RawPoint>,
+    ) -> Result<(Transform<Ego, Lidar>, Vec<LidarPoint>, Vec<String>), String> {
+        let motion = Motion { odometry, tolerance_ns: 50_000_000, smoothing_ns: 500_000_000 };
+        let config = CheckedImport::new(ImportConfig::default()).unwrap();
+        let mut notes = Notes::default();
+        let ego_from_lidar = Transform::from_xyz_yaw(1.0, 0.0, 1.8, yaw_rad);
+        let made = CloudMaker::new(&config, &motion, false).cloud(ego_from_lidar, points, 1_000_000_000, &mut notes);
+        made.map(|(mounting, cloud)| (mounting, cloud, notes.sentences().collect()))
+    }
+
+    #[test]
+    fn a_lidar_with_x_to_the_right_is_turned_and_its_points_stay_where_they_are() {
+        let (mounting, points, _) =
+            cloud(&Odometry::default(), -FRAC_PI_2, vec![point(2.0, 10.0, None)]).unwrap();
+        assert_eq!((points[0].x_m, points[0].y_m), (10.0, -2.0));
+        assert!(mounting.yaw_rad().abs() < 1e-12, "{mounting:?}");
+        assert_eq!((points[0].intensity, points[0].ring), (127.5, 3));
+    }
+
+    #[test]
+    fn a_point_seen_later_by_a_moving_car_is_put_where_it_was_at_the_samples_time() {
+        let pose = |i: u64| (i * 500_000_000, Transform::from_xyz_yaw(5.0 * i as f64, 0.0, 0.0, 0.0));
+        let odometry = Odometry { poses: (0..4).map(pose).collect(), ..Odometry::default() };
+        // 10 m/s: 0.1 s later the car is 1 m further on, and the wall 1 m nearer.
+        let (_, points, _) = cloud(&odometry, 0.0, vec![point(19.0, 0.0, Some(0.1))]).unwrap();
+        assert!((points[0].x_m - 20.0).abs() < 1e-5, "{points:?}");
+        assert!(cloud(&odometry, 0.0, vec![point(19.0, 0.0, Some(40.0))]).unwrap_err().contains("40 s"));
+    }
+
+    #[test]
+    fn what_is_no_return_is_dropped_and_told() {
+        let found = vec![point(f32::NAN, 0.0, None), point(0.0, 0.0, None), point(4.0, 0.0, None)];
+        let (_, points, told) = cloud(&Odometry::default(), 0.0, found).unwrap();
+        assert_eq!((points.len(), told.len()), (1, 3), "{told:?}");
+        assert!(cloud(&Odometry::default(), 0.0, Vec::new()).unwrap_err().contains("no points"));
+        let millimetres = vec![point(8000.0, 0.0, None)];
+        assert!(cloud(&Odometry::default(), 0.0, millimetres).unwrap_err().contains("metres"));
+    }
+}

@@ -1,0 +1,199 @@
+//! The pipeline that all formats share: drives to episodes, one sample in memory, continued where it stopped.
+
+use std::collections::BTreeSet;
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use super::config::CheckedImport;
+use super::drive::import_drive;
+use super::folder::{self, EPISODES};
+use super::{ImportConfig, ImportError, Log, LogFormat, Notes};
+use crate::config::to_toml;
+use crate::episode::manifest::ObjectCounts;
+use crate::episode::{EpisodeEntry, Manifest, Split};
+use crate::object::{Distribution, Kind};
+use crate::progress::Progress;
+
+/// What of a log is imported, and what becomes of bad parts; the content of an episode does not depend on it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ImportOptions {
+    /// Names of the drives; empty for all.
+    pub scenes: Vec<String>,
+    pub split: Split,
+    /// Whether a torn or missing file costs only its sample or drive.
+    pub skip_bad: bool,
+    /// Whether the episodes of another config may be deleted.
+    pub force: bool,
+}
+
+/// The result of an import.
+#[derive(Debug, Clone, Serialize)]
+pub struct ImportSummary {
+    pub folder: PathBuf,
+    pub format: &'static str,
+    pub n_episodes: usize,
+    /// Episodes that were there already.
+    pub n_kept: usize,
+    pub n_samples: usize,
+    pub n_objects: ObjectCounts,
+    /// Whether any episode has annotations.
+    pub is_labelled: bool,
+    /// What was passed over with `--skip-bad`, one sentence each.
+    pub skipped: Vec<String>,
+    /// What was found and is not as it should be, one sentence each.
+    pub notes: Vec<String>,
+}
+
+/// Imports drives of a log into `out`; whole episodes of an earlier import with this config are kept.
+///
+/// `dataset.json` lists the whole episodes at any time, so an import may be killed and repeated, and further drives may be added.
+///
+/// # Errors
+/// [`ImportError`]: a bad config, a folder that holds something else, or the first part of the log that is not valid.
+pub fn run(
+    log: &dyn Log,
+    format: LogFormat,
+    config: &ImportConfig,
+    out: &Path,
+    options: &ImportOptions,
+    progress: &dyn Progress,
+) -> Result<ImportSummary, ImportError> {
+    let checked = CheckedImport::try_from(config.clone())?;
+    let drives = choose(log, &options.scenes)?;
+    let config_toml = format!("format = \"{}\"\n{}", format.name(), to_toml(config));
+    let mut manifest = folder::open(out, &config_toml, options.force)?;
+    for entry in &mut manifest.episodes {
+        if drives.contains(&entry.name) {
+            entry.split = options.split;
+        }
+    }
+    let n_kept = drives.iter().filter(|drive| is_listed(&manifest, drive)).count();
+    let (mut told, mut skipped) = (Vec::new(), Vec::new());
+    let mut known = BTreeSet::new();
+    progress.start("import", drives.len() as u64);
+    for drive in drives {
+        if !is_listed(&manifest, &drive) {
+            let mut notes = Notes::default();
+            let task = Task { log, format, config: &checked, config_toml: &config_toml, out, options, progress };
+            let made = import_drive(&task, &drive, &mut notes, &mut skipped);
+            for note in notes.take_new().iter().filter(|note| known.insert((*note).clone())) {
+                let note = format!("{drive}: {note}");
+                tracing::warn!("{note}");
+                told.push(note);
+            }
+            match made {
+                Ok(Some(entry)) => add(&mut manifest, entry, log, out)?,
+                Ok(None) => {}
+                Err(error) if options.skip_bad && error.is_bad_data() => {
+                    let sentence = format!("{drive} was left out: {error}");
+                    tracing::warn!("{sentence}");
+                    skipped.push(sentence);
+                }
+                Err(error) => return Err(error),
+            }
+        }
+        progress.advance(1);
+    }
+    progress.finish();
+    manifest.write(out)?;
+    Ok(summarise(&manifest, format, out, n_kept, skipped, told))
+}
+
+/// What every drive of a run shares.
+pub(super) struct Task<'a> {
+    pub(super) log: &'a dyn Log,
+    pub(super) format: LogFormat,
+    pub(super) config: &'a CheckedImport,
+    pub(super) config_toml: &'a str,
+    pub(super) out: &'a Path,
+    pub(super) options: &'a ImportOptions,
+    pub(super) progress: &'a dyn Progress,
+}
+
+impl Task<'_> {
+    /// A drive's episode, from the data set's folder.
+    pub(super) fn file(drive: &str) -> String {
+        format!("{EPISODES}/{drive}.mcap")
+    }
+}
+
+fn choose(log: &dyn Log, scenes: &[String]) -> Result<Vec<String>, ImportError> {
+    let valid = log.drives().to_vec();
+    if let Some(found) = scenes.iter().find(|scene| !valid.contains(scene)) {
+        return Err(ImportError::NoDrive { found: found.clone(), valid });
+    }
+    Ok(valid.into_iter().filter(|drive| scenes.is_empty() || scenes.contains(drive)).collect())
+}
+
+fn is_listed(manifest: &Manifest, drive: &str) -> bool {
+    manifest.episodes.iter().any(|entry| entry.name == drive)
+}
+
+/// Adds an entry to `dataset.json`, in the order of the log; episodes of other logs come last.
+fn add(manifest: &mut Manifest, entry: EpisodeEntry, log: &dyn Log, out: &Path) -> Result<(), ImportError> {
+    manifest.ood |= entry.ood;
+    manifest.episodes.push(entry);
+    let place = |entry: &EpisodeEntry| {
+        let place = log.drives().iter().position(|drive| *drive == entry.name);
+        place.unwrap_or(usize::MAX)
+    };
+    manifest.episodes.sort_by_cached_key(place);
+    Ok(manifest.write(out)?)
+}
+
+fn summarise(
+    manifest: &Manifest,
+    format: LogFormat,
+    folder: &Path,
+    n_kept: usize,
+    skipped: Vec<String>,
+    notes: Vec<String>,
+) -> ImportSummary {
+    let mut n_objects = ObjectCounts::default();
+    for entry in &manifest.episodes {
+        for distribution in [Distribution::Id, Distribution::Ood] {
+            for kind in Kind::ALL {
+                *n_objects.get_mut(distribution).get_mut(kind) += entry.n_objects.get(distribution).get(kind);
+            }
+        }
+    }
+    ImportSummary {
+        folder: folder.to_owned(),
+        format: format.name(),
+        n_episodes: manifest.episodes.len(),
+        n_kept,
+        n_samples: manifest.episodes.iter().map(|entry| entry.n_samples).sum(),
+        is_labelled: n_objects.total() > 0,
+        n_objects,
+        skipped,
+        notes,
+    }
+}
+
+impl fmt::Display for ImportSummary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{}", self.folder.display())?;
+        writeln!(f, "  format    {}", self.format)?;
+        writeln!(f, "  episodes  {} ({} kept)", self.n_episodes, self.n_kept)?;
+        writeln!(f, "  samples   {}", self.n_samples)?;
+        if self.is_labelled {
+            let share = self.n_objects.total() as f64 / self.n_samples.max(1) as f64;
+            writeln!(f, "  objects   {} ({share:.1} a sample)", self.n_objects.total())?;
+            for (name, counts) in [("id", &self.n_objects.id), ("ood", &self.n_objects.ood)] {
+                let [vehicles, pedestrians, statics] = counts.values();
+                writeln!(
+                    f,
+                    "    {name:<4} {vehicles:>7} vehicles {pedestrians:>7} pedestrians {statics:>7} static"
+                )?;
+            }
+        } else {
+            writeln!(f, "  objects   none are annotated")?;
+        }
+        if !self.skipped.is_empty() {
+            writeln!(f, "  skipped   {}, told on standard error", self.skipped.len())?;
+        }
+        Ok(())
+    }
+}
