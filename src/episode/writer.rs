@@ -199,7 +199,10 @@ impl EpisodeWriter {
             Some(log) => {
                 meta.ood = self.n_objects.ood.values().into_iter().any(|n_objects| *n_objects > 0);
                 let description = log.methods.get("description").cloned();
-                (description.unwrap_or_else(|| format!("{} {}", log.format, log.drive)), format!("{} ego", log.format))
+                (
+                    description.unwrap_or_else(|| format!("{} {}", log.format, log.drive)),
+                    format!("{} ego", log.format),
+                )
             }
         };
         let scene = [

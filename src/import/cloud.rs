@@ -96,7 +96,9 @@ impl<'a> CloudMaker<'a> {
         for point in points {
             let Some(offset_s) = point.time_offset_s.filter(|offset_s| *offset_s != 0.0) else { continue };
             if !(offset_s.abs() <= MAX_OFFSET_S) {
-                return Err(format!("a point's stamp lies {offset_s} s from the sample's; at most {MAX_OFFSET_S} s is needed"));
+                return Err(format!(
+                    "a point's stamp lies {offset_s} s from the sample's; at most {MAX_OFFSET_S} s is needed"
+                ));
             }
             // Points of one firing share their stamp.
             let moved = match last {
@@ -173,7 +175,9 @@ fn drop_empty(mut points: Vec<RawPoint>, notes: &mut Notes) -> Result<Vec<RawPoi
     let middle = ranges.len() / 2;
     let (_, &mut median_m, _) = ranges.select_nth_unstable_by(middle, f64::total_cmp);
     if median_m > MAX_RANGE_M {
-        return Err(format!("half of the points lie further than {median_m:.0} m away; metres are needed, not millimetres"));
+        return Err(format!(
+            "half of the points lie further than {median_m:.0} m away; metres are needed, not millimetres"
+        ));
     }
     Ok(points)
 }
@@ -196,7 +200,8 @@ mod tests {
         let config = CheckedImport::new(ImportConfig::default()).unwrap();
         let mut notes = Notes::default();
         let ego_from_lidar = Transform::from_xyz_yaw(1.0, 0.0, 1.8, yaw_rad);
-        let made = CloudMaker::new(&config, &motion, false).cloud(ego_from_lidar, points, 1_000_000_000, &mut notes);
+        let made =
+            CloudMaker::new(&config, &motion, false).cloud(ego_from_lidar, points, 1_000_000_000, &mut notes);
         made.map(|(mounting, cloud)| (mounting, cloud, notes.sentences().collect()))
     }
 

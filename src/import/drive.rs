@@ -67,7 +67,8 @@ pub(super) fn import_drive(
     };
     for (n_done, &sample_idx) in chosen.iter().enumerate() {
         task.progress.note(&format!("{name}: sample {} of {}", n_done + 1, chosen.len()));
-        let of_sample = |source| ImportError::Sample { drive: name.to_owned(), sample_idx, source: Box::new(source) };
+        let of_sample =
+            |source| ImportError::Sample { drive: name.to_owned(), sample_idx, source: Box::new(source) };
         let mut write = || -> Result<bool, ImportError> {
             let Some((sample, views)) = maker.sample(sample_idx, notes)? else { return Ok(false) };
             let writer = match &mut writer {
@@ -144,7 +145,8 @@ fn check_times(times_ns: &[u64], path: &Path) -> Result<(), ImportError> {
     }
     match times_ns.windows(2).find(|pair| pair[0] >= pair[1]) {
         Some(pair) => {
-            let message = format!("a sample at {} ns follows one at {} ns; rising times are needed", pair[1], pair[0]);
+            let message =
+                format!("a sample at {} ns follows one at {} ns; rising times are needed", pair[1], pair[0]);
             Err(ImportError::at(path, message))
         }
         None => Ok(()),
@@ -172,8 +174,13 @@ fn find_ground(
     for &sample_idx in chosen.iter().step_by(step) {
         // What is bad is told when the sample is imported.
         let Ok(frame) = drive.frame(sample_idx, &mut Notes::default()) else { continue };
-        let finite = frame.points.iter().map(|point| point.position_m()).filter(|at| at.iter().all(|part| part.is_finite()));
-        let points = finite.map(|at| frame.ego_from_lidar.isometry * nalgebra::Point3::from(at)).map(|at| at.coords);
+        let finite = frame
+            .points
+            .iter()
+            .map(|point| point.position_m())
+            .filter(|at| at.iter().all(|part| part.is_finite()));
+        let points =
+            finite.map(|at| frame.ego_from_lidar.isometry * nalgebra::Point3::from(at)).map(|at| at.coords);
         if let Some(fit) = fit_ground(points, guess_m) {
             heights.push(fit.z_m);
             tilts.push(fit.tilt_rad);
@@ -183,13 +190,18 @@ fn find_ground(
     let Some(z_m) = median(heights) else {
         let why = if is_fitted { "the calibration's" } else { "a guess" };
         notes.tell(format!("too little road is seen to fit the ground; it is taken at z {guess_m} m, {why}"));
-        methods.insert("ground".into(), format!("at z {guess_m} m of the log's ego frame, {why}: too little road is seen"));
+        methods.insert(
+            "ground".into(),
+            format!("at z {guess_m} m of the log's ego frame, {why}: too little road is seen"),
+        );
         return Ok(guess_m);
     };
     let tilt_rad = median(tilts).unwrap_or(0.0);
     if tilt_rad > MAX_TILT_RAD {
         let tilt_deg = tilt_rad.to_degrees();
-        notes.tell(format!("the road is tilted by {tilt_deg:.1} degrees against the ego's axes; less than 2 would be right"));
+        notes.tell(format!(
+            "the road is tilted by {tilt_deg:.1} degrees against the ego's axes; less than 2 would be right"
+        ));
     }
     let sentence = format!(
         "fitted to {n_fitted} clouds: {z_m:.3} m in the log's ego frame (tilted by {:.1} degrees); the origin was shifted to it",
@@ -244,7 +256,11 @@ impl SampleMaker<'_> {
         let front = match &frame.camera {
             None => virtual_view(),
             Some(camera) => {
-                self.picture = if is_changed(camera) { "rectified or packed as JPEG" } else { "the log's, byte by byte" };
+                self.picture = if is_changed(camera) {
+                    "rectified or packed as JPEG"
+                } else {
+                    "the log's, byte by byte"
+                };
                 self.view(camera, time_ns).map_err(fail)?
             }
         };
@@ -324,16 +340,25 @@ impl SampleMaker<'_> {
             None => "not compensated: the points have no stamps, or there are no poses".to_owned(),
         };
         let is_unit = self.clouds.is_unit == Some(true);
-        let intensity = if is_unit { "0 to 1 in the log, scaled by 255" } else { "0 to 255 in the log, as it is" };
-        let axes = if self.clouds.has_turned { "turned by quarter turns about z, so that x points ahead" } else { "the log's" };
+        let intensity =
+            if is_unit { "0 to 1 in the log, scaled by 255" } else { "0 to 255 in the log, as it is" };
+        let axes = if self.clouds.has_turned {
+            "turned by quarter turns about z, so that x points ahead"
+        } else {
+            "the log's"
+        };
         let camera = match self.picture {
             "no picture" => {
                 "none: a black picture of a virtual camera (70 degrees, 800 x 450, at x 1.5 m, z 1.6 m) stands for it"
             }
             picture => picture,
         };
-        let parts =
-            [("rings", rings.as_str()), ("motion", motion.as_str()), ("intensity", intensity), ("lidar_axes", axes)];
+        let parts = [
+            ("rings", rings.as_str()),
+            ("motion", motion.as_str()),
+            ("intensity", intensity),
+            ("lidar_axes", axes),
+        ];
         for (part, sentence) in parts {
             methods.insert(part.to_owned(), sentence.to_owned());
         }

@@ -36,7 +36,10 @@ pub(super) struct GroundFit {
 }
 
 /// Fits the ground to points in the ego frame; `None` where too little road is seen.
-pub(super) fn fit_ground(points_in_ego: impl Iterator<Item = Vector3<f64>>, guess_m: f64) -> Option<GroundFit> {
+pub(super) fn fit_ground(
+    points_in_ego: impl Iterator<Item = Vector3<f64>>,
+    guess_m: f64,
+) -> Option<GroundFit> {
     let mut cells: BTreeMap<(i32, i32), Vec<f64>> = BTreeMap::new();
     for point in points_in_ego {
         let is_near = (NEAR_X_M[0]..NEAR_X_M[1]).contains(&point.x) && point.y.abs() < NEAR_Y_M;

@@ -30,7 +30,8 @@ pub(super) fn truth_of(
         };
         match rule {
             CategoryRule::Ignore(_) => {
-                ignored.push(IgnoredRegion::Ground { corners_in_ego_m: object.box_in_ego.footprint().to_vec() });
+                ignored
+                    .push(IgnoredRegion::Ground { corners_in_ego_m: object.box_in_ego.footprint().to_vec() });
             }
             CategoryRule::Object(rule) => kept.push(Object {
                 velocity_in_ego_mps: object.velocity_in_ego_mps,
@@ -84,7 +85,10 @@ mod tests {
 
     #[test]
     fn a_category_is_mapped_ignored_or_told() {
-        assert!(!truth("Car", &[]).unwrap().objects[0].is_ood() && truth("Misc", &[]).unwrap().objects[0].is_ood());
+        assert!(
+            !truth("Car", &[]).unwrap().objects[0].is_ood()
+                && truth("Misc", &[]).unwrap().objects[0].is_ood()
+        );
         let ignored = truth("Car", &["categories.Car=ignore"]).unwrap();
         assert!(ignored.objects.is_empty() && ignored.ignored.len() == 1);
         assert!(truth("Zebra", &[]).unwrap_err().to_string().contains("`Zebra`"));

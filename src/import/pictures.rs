@@ -21,9 +21,9 @@ pub(super) fn view_of(camera: &RawCamera, jpeg_quality: u8) -> Result<CameraView
     let name = &camera.name;
     // Decoded even where the bytes stay, since a torn picture shows only then.
     let picture = match &camera.image {
-        RawImage::Encoded(encoded) => {
-            encoded.decode().map_err(|error| format!("the picture of `{name}` is torn or no picture ({error})"))?
-        }
+        RawImage::Encoded(encoded) => encoded
+            .decode()
+            .map_err(|error| format!("the picture of `{name}` is torn or no picture ({error})"))?,
         RawImage::Pixels(picture) => picture.clone(),
     };
     let (width_px, height_px) = picture.dimensions();
@@ -37,7 +37,9 @@ pub(super) fn view_of(camera: &RawCamera, jpeg_quality: u8) -> Result<CameraView
     }
     let [fx_px, skew, cx_px, _, fy_px, cy_px, ..] = camera.k;
     if !(fx_px.is_finite() && fy_px.is_finite() && fx_px > 0.0 && fy_px > 0.0) {
-        return Err(format!("the focal lengths of `{name}` are {fx_px} and {fy_px}; numbers above 0 are needed"));
+        return Err(format!(
+            "the focal lengths of `{name}` are {fx_px} and {fy_px}; numbers above 0 are needed"
+        ));
     }
     if !(cx_px.is_finite() && cy_px.is_finite() && skew.abs() < 1e-3) {
         return Err(format!(
@@ -60,8 +62,7 @@ pub(super) fn view_of(camera: &RawCamera, jpeg_quality: u8) -> Result<CameraView
         (_, lens) => pack_jpeg(&rectify(&picture, &camera.k, lens), jpeg_quality)?,
     };
     // From pixel centres at whole numbers to corners at whole numbers.
-    let intrinsics =
-        Pinhole { width_px, height_px, fx_px, fy_px, cx_px: cx_px + 0.5, cy_px: cy_px + 0.5 };
+    let intrinsics = Pinhole { width_px, height_px, fx_px, fy_px, cx_px: cx_px + 0.5, cy_px: cy_px + 0.5 };
     Ok(CameraView { name: name.clone(), ego_from_camera: camera.ego_from_camera, intrinsics, image })
 }
 

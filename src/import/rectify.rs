@@ -60,7 +60,8 @@ fn look_up(picture: &RgbImage, u: f64, v: f64) -> Rgb<u8> {
     let (left, top) = (u.floor() as u32, v.floor() as u32);
     let (right, bottom) = ((left + 1).min(picture.width() - 1), (top + 1).min(picture.height() - 1));
     let (along, down) = (u - f64::from(left), v - f64::from(top));
-    let corners = [(left, top), (right, top), (left, bottom), (right, bottom)].map(|(x, y)| picture.get_pixel(x, y).0);
+    let corners =
+        [(left, top), (right, top), (left, bottom), (right, bottom)].map(|(x, y)| picture.get_pixel(x, y).0);
     let mix = |from: f64, to: f64, share: f64| from + (to - from) * share;
     Rgb(std::array::from_fn(|channel| {
         let [a, b, c, d] = corners.map(|corner| f64::from(corner[channel]));

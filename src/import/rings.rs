@@ -16,12 +16,14 @@ pub(super) fn rings_of(points: &[RawPoint], config: &RingConfig) -> Vec<u16> {
         let (low_deg, high_deg) = (at(LOW_SHARE), at(1.0 - LOW_SHARE));
         let step_deg = (high_deg - low_deg).max(1e-6) / f64::from(config.n_rings.max(2) - 1);
         let last = f64::from(config.n_rings - 1);
-        let ring = |elevation_deg: &f64| ((elevation_deg - low_deg) / step_deg).round().clamp(0.0, last) as u16;
+        let ring =
+            |elevation_deg: &f64| ((elevation_deg - low_deg) / step_deg).round().clamp(0.0, last) as u16;
         return elevations.iter().map(ring).collect();
     }
     let beams = &config.elevations_deg;
     let nearest = |elevation_deg: &f64| {
-        let above = beams.partition_point(|beam_deg| beam_deg < elevation_deg).clamp(1, beams.len().max(2) - 1);
+        let above =
+            beams.partition_point(|beam_deg| beam_deg < elevation_deg).clamp(1, beams.len().max(2) - 1);
         let (below, above) = (above - 1, above.min(beams.len() - 1));
         let is_below = elevation_deg - beams[below] <= beams[above] - elevation_deg;
         (if is_below { below } else { above }) as u16
@@ -61,7 +63,8 @@ mod tests {
     #[test]
     fn even_beams_are_told_apart_by_their_height() {
         let config = RingConfig { n_rings: 4, elevations_deg: Vec::new() };
-        let points: Vec<RawPoint> = (0..400).map(|i| at(f64::from(i % 4) * 5.0 - 15.0, f64::from(i))).collect();
+        let points: Vec<RawPoint> =
+            (0..400).map(|i| at(f64::from(i % 4) * 5.0 - 15.0, f64::from(i))).collect();
         let wanted: Vec<u16> = (0..400).map(|i| i % 4).collect();
         assert_eq!(rings_of(&points, &config), wanted);
     }

@@ -76,7 +76,8 @@ pub fn run(
     for drive in drives {
         if !is_listed(&manifest, &drive) {
             let mut notes = Notes::default();
-            let task = Task { log, format, config: &checked, config_toml: &config_toml, out, options, progress };
+            let task =
+                Task { log, format, config: &checked, config_toml: &config_toml, out, options, progress };
             let made = import_drive(&task, &drive, &mut notes, &mut skipped);
             for note in notes.take_new().iter().filter(|note| known.insert((*note).clone())) {
                 let note = format!("{drive}: {note}");
