@@ -59,12 +59,14 @@ pub(super) fn import_drive(
         picture: "no picture",
     };
     let mut writer: Option<EpisodeWriter> = None;
-    let log = LogFacts {
+    let mut log = LogFacts {
         format: task.format.name().to_owned(),
         drive: name.to_owned(),
         methods: Methods::new(),
+        sample_names: BTreeMap::new(),
         labelled: facts.is_labelled.then(|| config.labelled.facts(&config.categories)),
     };
+    let mut sample_names = BTreeMap::new();
     for (n_done, &sample_idx) in chosen.iter().enumerate() {
         task.progress.note(&format!("{name}: sample {} of {}", n_done + 1, chosen.len()));
         let of_sample =
@@ -79,6 +81,7 @@ pub(super) fn import_drive(
                 }
             };
             writer.write_with(&sample, &views)?;
+            sample_names.extend(drive.sample_name(sample_idx).map(|name| (sample.measured.time_ns.to_string(), name)));
             Ok(true)
         };
         match write().map_err(of_sample) {
@@ -98,7 +101,8 @@ pub(super) fn import_drive(
     if !told.is_empty() {
         methods.insert("notes".into(), told.join("; "));
     }
-    writer.set_log(&LogFacts { methods, ..log });
+    (log.methods, log.sample_names) = (methods, sample_names);
+    writer.set_log(&log);
     let finished = writer.finish()?;
     let ood = finished.n_objects.ood.values().into_iter().any(|n| *n > 0);
     Ok(Some(EpisodeEntry {

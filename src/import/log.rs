@@ -32,6 +32,11 @@ pub trait Drive {
     /// Times of the samples, each after the one before.
     fn times_ns(&self) -> &[u64];
 
+    /// The log's own name of a sample (a token, a frame's number), where it has one.
+    fn sample_name(&self, _sample_idx: usize) -> Option<String> {
+        None
+    }
+
     fn odometry(&self) -> &Odometry;
 
     /// Reads the frame of a sample. It is read twice where the pipeline fits the ground first.
