@@ -81,7 +81,9 @@ pub(super) fn import_drive(
                 }
             };
             writer.write_with(&sample, &views)?;
-            sample_names.extend(drive.sample_name(sample_idx).map(|name| (sample.measured.time_ns.to_string(), name)));
+            sample_names.extend(
+                drive.sample_name(sample_idx).map(|name| (sample.measured.time_ns.to_string(), name)),
+            );
             Ok(true)
         };
         match write().map_err(of_sample) {
