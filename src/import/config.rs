@@ -138,6 +138,8 @@ define_config! {
         wheelbase_m: f64 = 2.7, in above(0.0, 100.0);
         /// From the rear axle to the front bumper, metres; default 3.6.
         front_bumper_x_m: f64 = 3.6, in above(0.0, 100.0);
+        /// The steering wheel's angle over the road wheels', where a log tells the wheel's; default 15.2, a usual car's.
+        steering_ratio: f64 = 15.2, in above(0.0, 100.0);
     }
 }
 

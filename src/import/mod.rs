@@ -12,6 +12,7 @@ mod ground;
 mod log;
 mod motion;
 mod notes;
+pub mod nuscenes;
 mod objects;
 mod pictures;
 mod rectify;
