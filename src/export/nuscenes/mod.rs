@@ -26,7 +26,7 @@ use crate::nuscenes::{
     AttributeRow, CategoryRow, MapRow, Section, SensorRow, Token, VisibilityRow, scene_names,
 };
 use crate::progress::Progress;
-use scene::{SceneRows, VISIBILITIES};
+use scene::{Placement, SceneRows, VISIBILITIES};
 use tables::Tables;
 
 pub use map_mask::GlobalFrames;
@@ -185,6 +185,8 @@ struct Export {
     versions: Vec<(Version, Tables)>,
     /// Masks and the logs on them, by town.
     towns: BTreeMap<String, (GrayImage, Vec<(String, Token)>)>,
+    /// Beginnings and ends of the scenes so far.
+    times_us: Vec<(u64, u64)>,
     channels: BTreeSet<String>,
     black_channels: BTreeSet<String>,
     categories: BTreeSet<&'static str>,
@@ -207,6 +209,7 @@ impl Export {
             folder,
             versions,
             towns: BTreeMap::new(),
+            times_us: Vec::new(),
             channels: BTreeSet::new(),
             black_channels: BTreeSet::new(),
             categories: BTreeSet::new(),
@@ -223,8 +226,11 @@ impl Export {
         progress: &dyn Progress,
     ) -> Result<(), ExportError> {
         let episode = source.episode(entry)?;
-        let global_from_world = self.frames.global_from_world(&entry.town);
-        let mut rows = scene::write(&episode, &global_from_world, naming, &self.folder, progress)?;
+        let place = Placement {
+            global_from_world: self.frames.global_from_world(&entry.town),
+            delay_us: self.delay_us(episode.reader.times_ns()),
+        };
+        let mut rows = scene::write(&episode, &place, naming, &self.folder, progress)?;
         let of_cameras = episode.reader.cameras().iter().map(|camera| cameras::channel_of(camera));
         self.channels.extend(of_cameras.chain([scene::LIDAR.to_owned(), cameras::front()]));
         let missing = cameras::missing(episode.reader.cameras());
@@ -246,6 +252,23 @@ impl Export {
         self.n_samples += rows.samples.len();
         self.n_annotations += rows.annotations.len();
         Ok(())
+    }
+
+    /// Whole hours by which an episode must be put off so that no two scenes overlap in time: simulated ones all begin at the same
+    /// time, and tools sort scenes and samples by theirs.
+    fn delay_us(&mut self, times_ns: &[u64]) -> u64 {
+        const HOUR_US: u64 = 3_600_000_000;
+        let [begin_us, end_us] =
+            [times_ns.first(), times_ns.last()].map(|time| time.copied().unwrap_or_default() / 1000);
+        let is_free = self.times_us.iter().all(|&(begin, end)| end < begin_us || end_us < begin);
+        let busy_until_us = self.times_us.iter().map(|&(_, end)| end).max().unwrap_or_default();
+        let delay_us = if is_free {
+            0
+        } else {
+            (busy_until_us + 1 - begin_us.min(busy_until_us)).div_ceil(HOUR_US) * HOUR_US
+        };
+        self.times_us.push((begin_us + delay_us, end_us + delay_us));
+        delay_us
     }
 
     /// Writes what all scenes share, and gives the folder its name.

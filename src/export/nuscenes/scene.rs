@@ -46,18 +46,26 @@ pub(super) struct SceneRows {
     pub categories: Vec<&'static str>,
 }
 
+/// Where and when an episode lies in the export.
+#[derive(Debug)]
+pub(super) struct Placement {
+    pub global_from_world: Transform<World, World>,
+    /// What is added to its times.
+    pub delay_us: u64,
+}
+
 /// Writes an episode's files and collects its rows.
 pub(super) fn write(
     episode: &LabelledEpisode,
-    global_from_world: &Transform<World, World>,
+    place: &Placement,
     naming: Naming,
     folder: &NewFolder,
     progress: &dyn Progress,
 ) -> Result<SceneRows, ExportError> {
-    let mut scene = SceneBuilder::new(episode, naming, folder);
+    let mut scene = SceneBuilder::new(episode, place, naming, folder);
     for sample_idx in 0..episode.reader.len() {
         let (sample, harms) = episode.sample(sample_idx)?;
-        let global_from_ego = *global_from_world * sample.measured.world_from_ego;
+        let global_from_ego = place.global_from_world * sample.measured.world_from_ego;
         scene.add(sample_idx, &sample, &harms, &global_from_ego)?;
         progress.advance(1);
     }
@@ -82,6 +90,7 @@ struct SensorFile {
 
 struct SceneBuilder<'a> {
     episode: &'a LabelledEpisode,
+    delay_us: u64,
     naming: Naming,
     folder: &'a NewFolder,
     missing: Vec<MissingCamera>,
@@ -93,7 +102,7 @@ struct SceneBuilder<'a> {
 }
 
 impl<'a> SceneBuilder<'a> {
-    fn new(episode: &'a LabelledEpisode, naming: Naming, folder: &'a NewFolder) -> Self {
+    fn new(episode: &'a LabelledEpisode, place: &Placement, naming: Naming, folder: &'a NewFolder) -> Self {
         let (entry, reader) = (episode.entry(), &episode.reader);
         let log_token = Token::of("log", &entry.name);
         let last = reader.len().saturating_sub(1);
@@ -104,7 +113,9 @@ impl<'a> SceneBuilder<'a> {
                 token: log_token.clone(),
                 logfile: entry.name.clone(),
                 vehicle: "harmzone ego".into(),
-                date_captured: date(reader.times_ns().first().copied().unwrap_or_default()),
+                date_captured: date(
+                    reader.times_ns().first().copied().unwrap_or_default() / 1000 + place.delay_us,
+                ),
                 location: entry.town.clone(),
             },
             scene: SceneRow {
@@ -127,7 +138,16 @@ impl<'a> SceneBuilder<'a> {
         };
         let missing = cameras::missing(reader.cameras());
         let (last_of_instance, last_of_channel) = (BTreeMap::new(), BTreeMap::new());
-        Self { episode, naming, folder, missing, rows, last_of_instance, last_of_channel }
+        Self {
+            episode,
+            delay_us: place.delay_us,
+            naming,
+            folder,
+            missing,
+            rows,
+            last_of_instance,
+            last_of_channel,
+        }
     }
 
     fn add(
@@ -137,7 +157,7 @@ impl<'a> SceneBuilder<'a> {
         harms: &[Harm],
         global_from_ego: &Transform<World, Ego>,
     ) -> Result<(), ExportError> {
-        let time_us = sample.measured.time_ns / 1000;
+        let time_us = sample.measured.time_ns / 1000 + self.delay_us;
         let token = sample_token(self.episode, sample_idx);
         let prev = self.rows.samples.last_mut().map_or_else(Token::none, |before| {
             before.next = token.clone();
@@ -353,8 +373,8 @@ fn visibility(fraction: Option<f64>) -> Token {
 }
 
 /// The day of a time, `2026-11-22` (Hinnant's days to civil).
-fn date(time_ns: u64) -> String {
-    let days = time_ns / 86_400_000_000_000 + 719_468;
+fn date(time_us: u64) -> String {
+    let days = time_us / 86_400_000_000 + 719_468;
     let (era, day) = (days / 146_097, days % 146_097);
     let year = (day - day / 1460 + day / 36_524 - day / 146_096) / 365;
     let day = day - (365 * year + year / 4 - year / 100);
@@ -370,8 +390,8 @@ mod tests {
     #[test]
     fn days_are_those_of_the_calendar() {
         assert_eq!(date(0), "1970-01-01");
-        assert_eq!(date(1_533_151_603_547_590_000), "2018-08-01");
-        assert_eq!(date(1_709_164_800_000_000_000), "2024-02-29");
+        assert_eq!(date(1_533_151_603_547_590), "2018-08-01");
+        assert_eq!(date(1_709_164_800_000_000), "2024-02-29");
     }
 
     #[test]
