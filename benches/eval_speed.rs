@@ -119,7 +119,8 @@ fn main() {
     let (n_harmful, label_s) = timed(label);
 
     let folder = tempfile::tempdir().unwrap();
-    json::write_predictions(&folder.path().join("predictions.json"), &samples).unwrap();
+    let boxes = samples.iter().map(|sample| (sample.id.as_str(), sample.detections.as_slice()));
+    json::write_predictions(&folder.path().join("predictions.json"), boxes).unwrap();
     json::write_truth(&folder.path().join("truth.json"), &samples).unwrap();
     let of_state = |state: &EgoState| [state.speed_mps, state.steering_angle_rad, state.front_bumper_x_m];
     let states: Vec<[f64; 3]> = states.iter().map(of_state).collect();

@@ -2,7 +2,7 @@
 
 mod folder;
 
-use std::io::{self, Write};
+use std::io::{self, Read, Write};
 use std::path::Path;
 
 use fs_err as fs;
@@ -34,8 +34,27 @@ pub fn write_atomic(path: &Path, bytes: &[u8]) -> io::Result<()> {
 /// Lower-case hexadecimal SHA-256 of some bytes.
 #[must_use]
 pub fn sha256_hex(bytes: &[u8]) -> String {
+    hex(&Sha256::digest(bytes))
+}
+
+/// Lower-case hexadecimal SHA-256 of a file, which is read part by part.
+///
+/// # Errors
+/// The file cannot be read.
+pub fn sha256_of(path: &Path) -> io::Result<String> {
+    let (mut file, mut hasher) = (fs::File::open(path)?, Sha256::new());
+    let mut part = vec![0; 1 << 20];
+    loop {
+        match file.read(&mut part)? {
+            0 => return Ok(hex(&hasher.finalize())),
+            n_read => hasher.update(&part[..n_read]),
+        }
+    }
+}
+
+fn hex(digest: &[u8]) -> String {
     use std::fmt::Write as _;
-    Sha256::digest(bytes).iter().fold(String::with_capacity(64), |mut hex, byte| {
+    digest.iter().fold(String::with_capacity(64), |mut hex, byte| {
         write!(hex, "{byte:02x}").expect("writing to a string cannot fail");
         hex
     })
@@ -66,5 +85,9 @@ mod tests {
     #[test]
     fn the_hash_of_nothing_is_the_published_one() {
         assert_eq!(sha256_hex(b"")[..16], *"e3b0c44298fc1c14");
+        let folder = tempfile::tempdir().unwrap();
+        let (path, bytes) = (folder.path().join("file"), vec![7; (1 << 20) + 5]);
+        write_atomic(&path, &bytes).unwrap();
+        assert_eq!(sha256_of(&path).unwrap(), sha256_hex(&bytes));
     }
 }

@@ -61,7 +61,8 @@ fn every_column_equals_that_of_the_python_implementation() {
         let folder = tempfile::tempdir().unwrap();
         let path = |name: &str| folder.path().join(name);
         let samples = random_samples(seed);
-        json::write_predictions(&path("p.json"), &samples).unwrap();
+        let boxes = samples.iter().map(|sample| (sample.id.as_str(), sample.detections.as_slice()));
+        json::write_predictions(&path("p.json"), boxes).unwrap();
         json::write_truth(&path("t.json"), &samples).unwrap();
         let scored = Command::new(assert_cmd::cargo::cargo_bin!("harmzone"))
             .args(["eval", "--ood", "--set", "n_resamples=0", "--predictions"])

@@ -70,7 +70,7 @@ pub fn run(args: BaselineArgs) -> anyhow::Result<ExitStatus> {
     let dataset = args.samples.open()?;
     let judged = match rival {
         Rival::Zone(judge) => {
-            let found = infer::detect(&trained.load(&device)?, &dataset, &device, &Bar::default())?;
+            let found = infer::detect(&trained.load(&device)?, &dataset.named(), &device, &Bar::default())?;
             let judged = dataset.samples().iter().zip(&found).map(|(sample, found)| {
                 judge
                     .judge(found, &sample.measured.ego_state, dataset.zone())
@@ -92,5 +92,5 @@ pub fn run(args: BaselineArgs) -> anyhow::Result<ExitStatus> {
     };
     let set = format!("{} of {}", args.name, args.run.display());
     let predictions = Predictions { folder, set, config_toml: config::to_toml(&trained.config()?) };
-    write(&predictions, &dataset, &judged)
+    write(&predictions, dataset.episodes(), &dataset.named(), &judged)
 }

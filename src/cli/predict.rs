@@ -4,18 +4,27 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::{Bar, DeviceArg, ExitStatus, SamplesArgs, print};
+use super::{Bar, DeviceArg, ExitStatus, print, split};
 use crate::config;
-use crate::dataset::Dataset;
+use crate::dataset::Recording;
+use crate::episode::{EpisodeEntry, Split};
 use crate::infer::{self, Predictions, Trained};
 use crate::object::Detection;
+use crate::sample::Measured;
 
 #[derive(Debug, Args)]
 pub struct PredictArgs {
     /// Run folder of `harmzone train`, a checkpoint, or `small`, the trained network inside the program
     run: PathBuf,
-    #[command(flatten)]
-    samples: SamplesArgs,
+    /// Data set; it needs neither labels nor truth
+    #[arg(long, value_name = "DIR")]
+    data: PathBuf,
+    /// Split; without it, the data set's val, or test where there is no val
+    #[arg(long, value_parser = split())]
+    split: Option<Split>,
+    /// From when labels were needed; a detector sees none
+    #[arg(long, value_name = "SET", hide = true)]
+    labels: Option<String>,
     /// Folder for one MCAP an episode and predictions.json; default `<run>/predictions/<dataset>`, and
     /// `<dataset>/predictions/small` for `small`
     #[arg(long, value_name = "DIR")]
@@ -31,26 +40,28 @@ pub fn run(args: PredictArgs) -> anyhow::Result<ExitStatus> {
     let trained = Trained::find(&args.run)?;
     let folder = match &args.out {
         Some(out) => out.clone(),
-        None => trained.predictions_folder(&args.samples.data)?,
+        None => trained.predictions_folder(&args.data)?,
     };
     if !args.force {
         Predictions::check_free(&folder)?;
     }
     let device = args.device.open()?;
-    let dataset = args.samples.open()?;
-    let found = infer::detect(&trained.load(&device)?, &dataset, &device, &Bar::default())?;
+    let recording = Recording::open(&args.data, args.split)?;
+    let samples = recording.named();
+    let found = infer::detect(&trained.load(&device)?, &samples, &device, &Bar::default())?;
     let config_toml = config::to_toml(&trained.config()?);
     let predictions = Predictions { folder, set: args.run.display().to_string(), config_toml };
-    write(&predictions, &dataset, &found)
+    write(&predictions, recording.episodes(), &samples, &found)
 }
 
 /// Writes boxes and says how many.
 pub fn write(
     predictions: &Predictions,
-    dataset: &Dataset,
+    episodes: &[EpisodeEntry],
+    samples: &[(&str, &Measured)],
     found: &[Vec<Detection>],
 ) -> anyhow::Result<ExitStatus> {
-    predictions.write(dataset, found)?;
+    predictions.write(episodes, samples, found)?;
     let n_boxes: usize = found.iter().map(Vec::len).sum();
     print(format!("{n_boxes} boxes for {} samples: {}", found.len(), predictions.folder.display()))?;
     Ok(ExitStatus::Done)

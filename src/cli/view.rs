@@ -15,9 +15,9 @@ pub struct ViewArgs {
     /// Number of the sample, counted from 0 through all episodes
     #[arg(long, value_name = "K", value_parser = number(0..=usize::MAX))]
     sample: usize,
-    /// Label set to draw
-    #[arg(long, value_name = "SET", default_value = "rect")]
-    labels: String,
+    /// Label set to draw [default: rect, where it is there]
+    #[arg(long, value_name = "SET")]
+    labels: Option<String>,
     /// Predictions to draw: a folder with a file for each episode, a run's folder, or `small` for those of the
     /// network inside the program
     #[arg(long, value_name = "DIR")]
@@ -43,13 +43,16 @@ pub fn run(args: ViewArgs) -> anyhow::Result<ExitStatus> {
     let predictions = predictions.transpose()?;
     let request = ViewRequest { dataset, sample, label_set, predictions, min_score, out, force };
     let summary = view::run(&request)?;
+    let objects = match (summary.n_objects, summary.n_harmful) {
+        (None, _) => "no truth".to_owned(),
+        (Some(n_objects), None) => format!("{n_objects} objects, no labels"),
+        (Some(n_objects), Some(n_harmful)) => format!("{n_objects} objects, {n_harmful} harmful"),
+    };
     print(format!(
-        "{}: sample {} of {}, {} objects, {} harmful",
+        "{}: sample {} of {}, {objects}",
         summary.out.display(),
         summary.sample_idx,
-        summary.episode,
-        summary.n_objects,
-        summary.n_harmful
+        summary.episode
     ))?;
     Ok(ExitStatus::Done)
 }

@@ -1,6 +1,7 @@
 //! A labelled dataset in memory: each sample's measurements and its objects with their labels.
 
 mod facts;
+mod recording;
 pub mod statistics;
 pub mod test_data;
 
@@ -20,6 +21,7 @@ use crate::zone::{Zone, ZoneConfig, ZoneError};
 
 use facts::Origin;
 pub use facts::{SampleFacts, episode_of_id};
+pub use recording::Recording;
 
 /// Why a dataset could not be loaded.
 #[derive(Debug, Error)]
@@ -105,13 +107,7 @@ impl Dataset {
             message,
             path: path.to_owned(),
         })?;
-        let episodes: Vec<EpisodeEntry> = manifest.of_split(split).cloned().collect();
-        if episodes.is_empty() {
-            let mut found: Vec<Split> = manifest.episodes.iter().map(|entry| entry.split).collect();
-            found.sort_unstable();
-            found.dedup();
-            return Err(DatasetError::EmptySplit { wanted: split, found, path: path.to_owned() });
-        }
+        let episodes = episodes_of(&manifest, split, path)?;
         let loaded = episodes
             .par_iter()
             .map(|entry| load_episode(path, set, entry, label_entry(&labels, entry, path)?, &zone))
@@ -132,8 +128,7 @@ impl Dataset {
     pub fn open_to_score(path: &Path, set: &str, split: Option<Split>) -> Result<Self, DatasetError> {
         let split = match split {
             Some(split) => split,
-            None if Manifest::read(path)?.of_split(Split::Val).next().is_some() => Split::Val,
-            None => Split::Test,
+            None => Split::to_score(&Manifest::read(path)?),
         };
         Self::open(path, set, split)
     }
@@ -194,6 +189,18 @@ impl Dataset {
     }
 }
 
+/// The episodes of a split, of which there is at least one.
+fn episodes_of(manifest: &Manifest, split: Split, path: &Path) -> Result<Vec<EpisodeEntry>, DatasetError> {
+    let episodes: Vec<EpisodeEntry> = manifest.of_split(split).cloned().collect();
+    if episodes.is_empty() {
+        let mut found: Vec<Split> = manifest.episodes.iter().map(|entry| entry.split).collect();
+        found.sort_unstable();
+        found.dedup();
+        return Err(DatasetError::EmptySplit { wanted: split, found, path: path.to_owned() });
+    }
+    Ok(episodes)
+}
+
 /// A label set, if it is of this data set.
 fn labels_of(path: &Path, set: &str, manifest: &Manifest) -> Result<LabelManifest, DatasetError> {
     let labels = LabelManifest::read(path, set)?;
@@ -250,7 +257,7 @@ fn read_labelled(
     entry: &EpisodeEntry,
     labels: &LabelEntry,
 ) -> Result<(EpisodeMeta, Vec<Pair>), DatasetError> {
-    let reader = EpisodeReader::open(&path.join(&entry.file))?;
+    let reader = EpisodeReader::open_entry(path, entry)?;
     let label_path = LabelManifest::folder(path, set).join(&labels.file);
     let label_reader = LabelReader::open(&label_path)?;
     label_reader.check_episode(&entry.sha256)?;

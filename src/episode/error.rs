@@ -72,6 +72,13 @@ pub enum EpisodeError {
     #[error("nothing was written; a file holds at least one sample: {}", path.display())]
     Empty { path: PathBuf },
     #[error(
+        "the content hash is {found}, and dataset.json says {wanted}; copy or make the file again: {}",
+        path.display()
+    )]
+    OtherContent { found: String, wanted: String, path: PathBuf },
+    #[error("the episode has {found} samples, dataset.json says {wanted}; make it again: {}", path.display())]
+    SampleCount { found: usize, wanted: usize, path: PathBuf },
+    #[error(
         "made from an episode with the content hash {found}, not {wanted}; make it again: {}",
         path.display()
     )]

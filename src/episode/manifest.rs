@@ -40,6 +40,12 @@ pub enum Split {
 impl Split {
     pub const ALL: [Self; 3] = [Self::Train, Self::Val, Self::Test];
 
+    /// The split that is scored where none is named: `val`, or `test` in a data set without `val`.
+    #[must_use]
+    pub fn to_score(manifest: &Manifest) -> Self {
+        if manifest.of_split(Self::Val).next().is_some() { Self::Val } else { Self::Test }
+    }
+
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {

@@ -7,8 +7,10 @@ use foxglove::messages as fox;
 
 use super::archive_reader::{Archive, SampleMessages};
 use super::error::{EpisodeError, MessageFault};
+use super::manifest::EpisodeEntry;
 use super::messages::{TopicMessage, wire};
 use super::{EpisodeMeta, LogFacts, MapDrawing, checks, convert, drawing, objects, regions, topics};
+use crate::files::sha256_of;
 use crate::geometry::{Camera, Frame};
 use crate::object::Object;
 use crate::sample::{CameraView, Measured, Sample, Truth};
@@ -104,6 +106,24 @@ impl EpisodeReader {
         archive.check_count(topics::EGO_STATE.name, times_ns.len())?;
         let has_truth = archive.has(topics::OBJECTS.name);
         Ok(Self { archive, meta, log, has_truth, cameras, times_ns, intensity_scale: OnceLock::new() })
+    }
+
+    /// Opens an episode of a data set's folder, and checks that it is the file of which the manifest speaks.
+    ///
+    /// # Errors
+    /// As [`Self::open`]; another content hash or number of samples than the manifest's.
+    pub fn open_entry(dataset: &Path, entry: &EpisodeEntry) -> Result<Self, EpisodeError> {
+        let reader = Self::open(&dataset.join(&entry.file))?;
+        let path = || reader.path().to_owned();
+        let found = sha256_of(reader.path())?;
+        if found != entry.sha256 {
+            return Err(EpisodeError::OtherContent { found, wanted: entry.sha256.clone(), path: path() });
+        }
+        if reader.len() != entry.n_samples {
+            let (found, wanted) = (reader.len(), entry.n_samples);
+            return Err(EpisodeError::SampleCount { found, wanted, path: path() });
+        }
+        Ok(reader)
     }
 
     #[must_use]

@@ -65,7 +65,7 @@ fn sample(idx: u32) -> Sample {
         intrinsics: Pinhole::from_horizontal_fov(800, 450, 1.22),
         image: EncodedImage { format: ImageFormat::Jpeg, bytes: vec![0xff, 0xd8, 1, 2, 3] },
         points: (0..100u16)
-            .map(|i| LidarPoint { x_m: f32::from(i) / 3.0, y_m: -1.5, z_m: 0.1, intensity: 254.5, ring: i })
+            .map(|i| LidarPoint { x_m: 4.0 + f32::from(i) / 3.0, y_m: -1.5, z_m: 0.1, intensity: 254.5, ring: i })
             .collect(),
     };
     let objects = vec![
@@ -218,7 +218,7 @@ fn a_foreign_mcap_is_refused_with_its_topics() {
     archive.write(other, &wire::EgoState::default()).unwrap();
     archive.finish([]).unwrap();
     let message = EpisodeReader::open(&path).err().expect("no episode").to_string();
-    assert!(message.contains("/other") && message.contains("/truth/objects"), "{message}");
+    assert!(message.contains("/other") && message.contains("/lidar_top"), "{message}");
     assert!(LabelReader::open(&path).unwrap_err().to_string().contains("/harm/labels"));
     assert!(DetectionReader::open(&path).unwrap_err().to_string().contains("/detections"));
 }

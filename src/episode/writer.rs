@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use fs_err as fs;
 
 use foxglove::messages as fox;
 
@@ -12,7 +11,7 @@ use super::error::{EpisodeError, MessageFault};
 use super::manifest::ObjectCounts;
 use super::messages::TopicMessage;
 use super::{EpisodeMeta, LogFacts, convert, objects, regions, topics};
-use crate::files::sha256_hex;
+use crate::files::sha256_of;
 use crate::geometry::{Camera, Frame};
 use crate::sample::{CameraView, Sample};
 
@@ -215,7 +214,7 @@ impl EpisodeWriter {
         let log = self.log.map(|log| (LogFacts::RECORD, log.to_record()));
         let records = [(EpisodeMeta::RECORD, meta.to_record()), ("scene-info", scene)];
         let path = self.archive.finish(records.into_iter().chain(log))?;
-        let sha256 = sha256_hex(&fs::read(&path)?);
+        let sha256 = sha256_of(&path)?;
         Ok(FinishedEpisode { path, n_samples, n_objects: self.n_objects, sha256 })
     }
 }

@@ -90,18 +90,19 @@ pub fn predict_kinds(
     forward(detector, samples, &recorded, detector.config().use_camera, device, progress, &read)
 }
 
-/// Boxes of each sample of a data set, by a detector in inference mode.
+/// Boxes of named samples, as [`Dataset::named`] and [`crate::dataset::Recording::named`] give them, by a detector in
+/// inference mode.
 ///
 /// # Errors
 /// As [`predict`].
 pub fn detect(
     detector: &Detector,
-    dataset: &Dataset,
+    samples: &[(&str, &Measured)],
     device: &Device,
     progress: &dyn Progress,
 ) -> Result<Vec<Vec<Detection>>, PredictError> {
-    progress.start("predict", dataset.samples().len() as u64);
-    let found = predict(detector, &dataset.named(), detector.config().use_camera, device, progress)?;
+    progress.start("predict", samples.len() as u64);
+    let found = predict(detector, samples, detector.config().use_camera, device, progress)?;
     progress.finish();
     Ok(found)
 }

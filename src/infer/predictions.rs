@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use fs_err as fs;
 use thiserror::Error;
 
-use crate::dataset::Dataset;
-use crate::episode::{DetectionWriter, EpisodeError, SampleDetections, SourceMeta};
-use crate::eval::{eval_samples, json};
+use crate::episode::{DetectionWriter, EpisodeEntry, EpisodeError, SampleDetections, SourceMeta};
+use crate::eval::json;
 use crate::object::Detection;
+use crate::sample::Measured;
 
 /// Name of the file that holds the boxes of all episodes.
 const JSON_FILE: &str = "predictions.json";
@@ -47,14 +47,19 @@ impl Predictions {
         Ok(())
     }
 
-    /// Writes the boxes of each sample of a data set.
+    /// Writes the boxes of each sample of these episodes, whose samples have these names.
     ///
     /// # Errors
     /// A file cannot be written.
-    pub fn write(&self, dataset: &Dataset, found: &[Vec<Detection>]) -> Result<(), PredictionsError> {
+    pub fn write(
+        &self,
+        episodes: &[EpisodeEntry],
+        samples: &[(&str, &Measured)],
+        found: &[Vec<Detection>],
+    ) -> Result<(), PredictionsError> {
         fs::create_dir_all(&self.folder)?;
-        let mut samples = dataset.samples().iter().zip(found);
-        for entry in dataset.episodes() {
+        let mut pairs = samples.iter().zip(found);
+        for entry in episodes {
             let meta = SourceMeta {
                 episode: entry.name.clone(),
                 episode_sha256: entry.sha256.clone(),
@@ -64,13 +69,14 @@ impl Predictions {
             };
             let path = self.folder.join(format!("{}.mcap", entry.name));
             let mut writer = DetectionWriter::create(&path, &meta)?;
-            for (sample, detections) in samples.by_ref().take(entry.n_samples) {
-                let (time_ns, detections) = (sample.measured.time_ns, detections.clone());
+            for ((_, measured), detections) in pairs.by_ref().take(entry.n_samples) {
+                let (time_ns, detections) = (measured.time_ns, detections.clone());
                 writer.write(&SampleDetections { time_ns, detections })?;
             }
             writer.finish()?;
         }
         let path = self.folder.join(JSON_FILE);
-        Ok(json::write_predictions(&path, &eval_samples(dataset.samples(), found))?)
+        let boxes = samples.iter().zip(found).map(|((id, _), found)| (*id, found.as_slice()));
+        Ok(json::write_predictions(&path, boxes)?)
     }
 }

@@ -108,7 +108,7 @@ impl Tally {
 
     fn of_episode(dataset: &Path, entry: &EpisodeEntry, zones: &[Zone]) -> Result<Self, LabelError> {
         let mut tally = Self::new(zones.len());
-        let reader = EpisodeReader::open(&dataset.join(&entry.file))?;
+        let reader = EpisodeReader::open_entry(dataset, entry)?;
         for (sample_idx, sample) in reader.samples().enumerate() {
             let sample = sample?;
             let harms_by = |zone: &Zone| -> Result<Vec<Harm>, LabelError> {

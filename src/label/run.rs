@@ -37,8 +37,12 @@ pub enum LabelError {
     NoEpisodes { path: PathBuf },
     #[error("label set `{set}` was made with {what}; --force makes it anew, --labels NAME makes another: {}", path.display())]
     Other { set: String, what: &'static str, path: PathBuf },
-    #[error("the episode has {found} samples, the manifest says {wanted}; generate it again: {}", path.display())]
-    SampleCount { found: usize, wanted: usize, path: PathBuf },
+    #[error(
+        "the episode has no truth, so there is nothing to label or score; `harmzone predict` and `harmzone view` work \
+         without: {}",
+        path.display()
+    )]
+    NoTruth { path: PathBuf },
 }
 
 /// Labels every annotated object of a data set.
@@ -120,10 +124,9 @@ fn label_episode(
     labels: &mut LabelManifest,
     progress: &dyn Progress,
 ) -> Result<LabelEntry, LabelError> {
-    let reader = EpisodeReader::open(&dataset.join(&entry.file))?;
-    if reader.len() != entry.n_samples {
-        let (found, wanted, path) = (reader.len(), entry.n_samples, reader.path().to_owned());
-        return Err(LabelError::SampleCount { found, wanted, path });
+    let reader = EpisodeReader::open_entry(dataset, entry)?;
+    if !reader.has_truth() {
+        return Err(LabelError::NoTruth { path: reader.path().to_owned() });
     }
     let meta = SourceMeta {
         episode: entry.name.clone(),

@@ -93,7 +93,7 @@ pub fn run(request: &ZonesRequest, progress: &dyn Progress) -> Result<ZonesSumma
     let number = sample.or(comparison.most_disputed_sample).unwrap_or(0);
     let (entry, sample_idx) = locate(&manifest, number, dataset)?;
     let file = dataset.join(&entry.file);
-    let read = EpisodeReader::open(&file)?.sample(sample_idx)?;
+    let read = EpisodeReader::open_entry(dataset, entry)?.sample(sample_idx)?;
     let overlay = Overlay {
         episode: &entry.name,
         sample_idx,

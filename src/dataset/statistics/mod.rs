@@ -147,7 +147,7 @@ impl Statistics {
                 of_episode.add(&measured.ego_state, objects);
             }
         } else {
-            for sample in EpisodeReader::open(&file)?.samples() {
+            for sample in EpisodeReader::open_entry(path, entry)?.samples() {
                 let sample = sample?;
                 let objects = sample.objects().iter().map(|object| (object, None));
                 of_episode.add(&sample.measured.ego_state, objects);

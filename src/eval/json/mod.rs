@@ -154,9 +154,11 @@ fn check_present(
 ///
 /// # Errors
 /// [`JsonError::Write`].
-pub fn write_predictions(path: &Path, samples: &[EvalSample]) -> Result<(), JsonError> {
-    let boxes = samples.iter().map(|sample| (sample.id.as_str(), sample.detections.as_slice()));
-    write(path, boxes, BTreeMap::new())
+pub fn write_predictions<'a>(
+    path: &Path,
+    samples: impl Iterator<Item = (&'a str, &'a [Detection])>,
+) -> Result<(), JsonError> {
+    write(path, samples, BTreeMap::new())
 }
 
 /// Writes the truths of samples, with the facts that are known.
@@ -225,7 +227,8 @@ mod tests {
             EvalSample { id: "a".into(), facts: SampleFacts::default(), objects: vec![], detections: vec![] },
         ];
         let (predictions, truths) = (folder.path().join("p.json"), folder.path().join("t.json"));
-        write_predictions(&predictions, &samples).unwrap();
+        let boxes = samples.iter().map(|sample| (sample.id.as_str(), sample.detections.as_slice()));
+        write_predictions(&predictions, boxes).unwrap();
         write_truth(&truths, &samples).unwrap();
         let read = join(read_predictions(&predictions).unwrap(), read_truth(&truths).unwrap()).unwrap();
         assert_eq!(read, samples);

@@ -39,13 +39,17 @@ pub enum ViewError {
     Exists { path: PathBuf },
 }
 
+/// The label set that is drawn where none is named.
+const DEFAULT_SET: &str = "rect";
+
 /// What to draw, and where to.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ViewRequest {
     pub dataset: PathBuf,
     /// Counted through all episodes in the manifest's order, from 0.
     pub sample: usize,
-    pub label_set: String,
+    /// `None`: `rect`, or no labels where that is not there.
+    pub label_set: Option<String>,
     /// A folder with `<episode>.mcap`, or a run that predicted this data set.
     pub predictions: Option<PathBuf>,
     /// Predictions below this score are left out.
@@ -59,8 +63,10 @@ pub struct ViewRequest {
 pub struct ViewSummary {
     pub episode: String,
     pub sample_idx: usize,
-    pub n_objects: usize,
-    pub n_harmful: usize,
+    /// `None` where nobody annotated.
+    pub n_objects: Option<usize>,
+    /// `None` without labels.
+    pub n_harmful: Option<usize>,
     pub n_detections: Option<usize>,
     pub out: PathBuf,
 }
@@ -76,7 +82,7 @@ pub fn run(request: &ViewRequest) -> Result<ViewSummary, ViewError> {
     }
     let manifest = Manifest::read(dataset)?;
     let (entry, sample_idx) = locate(&manifest, request.sample, dataset)?;
-    let Labelled { sample, harms, zone } = Labelled::read(dataset, &request.label_set, entry, sample_idx)?;
+    let (sample, harms, zone) = read(dataset, request.label_set.as_deref(), entry, sample_idx)?;
     let time_ns = sample.measured.time_ns;
     let detections = request
         .predictions
@@ -87,8 +93,8 @@ pub fn run(request: &ViewRequest) -> Result<ViewSummary, ViewError> {
         episode: &entry.name,
         sample_idx,
         sample: &sample,
-        harms: Some(&harms),
-        zone: Some(&zone),
+        harms: harms.as_deref(),
+        zone: zone.as_deref(),
         detections: detections.as_deref(),
     })
     .map_err(|source| ViewError::Image { source, path: dataset.join(&entry.file) })?;
@@ -103,11 +109,30 @@ pub fn run(request: &ViewRequest) -> Result<ViewSummary, ViewError> {
     Ok(ViewSummary {
         episode: entry.name.clone(),
         sample_idx,
-        n_objects: harms.len(),
-        n_harmful: harms.iter().filter(|&&harm| harm == Harm::Harmful).count(),
+        n_objects: sample.truth.as_ref().map(|truth| truth.objects.len()),
+        n_harmful: harms.map(|harms| harms.iter().filter(|&&harm| harm == Harm::Harmful).count()),
         n_detections: detections.map(|found| found.len()),
         out: request.out.clone(),
     })
+}
+
+/// A sample's labels, where it has any: each object's harm, and the corners of the zone.
+type Drawn = (Sample, Option<Vec<Harm>>, Option<Vec<Point2>>);
+
+/// Reads a sample with its labels. Without a named set, a data set may have none.
+fn read(
+    dataset: &Path,
+    label_set: Option<&str>,
+    entry: &EpisodeEntry,
+    sample_idx: usize,
+) -> Result<Drawn, ViewError> {
+    let is_default_there = || LabelManifest::folder(dataset, DEFAULT_SET).join(LabelManifest::FILE).is_file();
+    let set = label_set.or_else(|| is_default_there().then_some(DEFAULT_SET));
+    let Some(set) = set else {
+        return Ok((EpisodeReader::open_entry(dataset, entry)?.sample(sample_idx)?, None, None));
+    };
+    let Labelled { sample, harms, zone } = Labelled::read(dataset, set, entry, sample_idx)?;
+    Ok((sample, Some(harms), Some(zone)))
 }
 
 /// A sample with its labels, ready to be drawn.
@@ -136,7 +161,7 @@ impl Labelled {
             let (set, path) = (label_set.to_owned(), dataset.to_owned());
             return Err(ViewError::NoLabels { set, found: label_sets(dataset), path });
         }
-        let sample = EpisodeReader::open(&dataset.join(&entry.file))?.sample(sample_idx)?;
+        let sample = EpisodeReader::open_entry(dataset, entry)?.sample(sample_idx)?;
         let time_ns = sample.measured.time_ns;
         let path = labels_folder.join(format!("{}.mcap", entry.name));
         let reader = LabelReader::open(&path)?;
