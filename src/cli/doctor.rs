@@ -1,13 +1,15 @@
 //! `harmzone doctor`: what this machine has for generating data and for the network, what is missing, and how to
-//! get it.
+//! get it; or what is wrong with a data set.
 
 use std::fmt;
+use std::path::PathBuf;
 
 use clap::Args;
 use nalgebra::Vector3;
 use serde::Serialize;
 
-use super::{ExitStatus, print_summary};
+use super::{Bar, ExitStatus, print_summary};
+use crate::dataset::health::{self, Health, Severity, Symptom};
 use crate::device::{self, DeviceName};
 use crate::geometry::{Pinhole, Transform};
 use crate::sim::{CameraMount, Environment, Renderer, SimError, Simulator};
@@ -22,6 +24,8 @@ const TINY_WORLD: &str = r#"<mujoco><worldbody>
 
 #[derive(Debug, Args)]
 pub struct DoctorArgs {
+    /// A data set to examine, in place of the machine: files, frames, units, stamps, values that cannot be
+    dataset: Option<PathBuf>,
     /// Print the findings as JSON
     #[arg(long)]
     json: bool,
@@ -48,11 +52,39 @@ impl fmt::Display for Findings {
 }
 
 pub fn run(args: DoctorArgs) -> anyhow::Result<ExitStatus> {
+    if let Some(dataset) = &args.dataset {
+        let report = Report(health::examine(dataset, &Bar::default())?);
+        print_summary(&report, args.json)?;
+        let n_faults = report.0.count(Severity::Fault);
+        anyhow::ensure!(n_faults == 0, "{n_faults} faults: {}", dataset.display());
+        return Ok(ExitStatus::Done);
+    }
     let findings = examine();
     print_summary(&findings, args.json)?;
     let n_missing = findings.0.iter().filter(|finding| !finding.is_ok).count();
     anyhow::ensure!(n_missing == 0, "{n_missing} of {} findings are wrong", findings.0.len());
     Ok(ExitStatus::Done)
+}
+
+/// A data set's health, one line a symptom.
+#[derive(Debug, Serialize)]
+struct Report(Health);
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Health { n_episodes, n_samples, symptoms } = &self.0;
+        for Symptom { severity, first_at, n_places, text } in symptoms {
+            let level = match severity {
+                Severity::Fault => "FAULT  ",
+                Severity::Warning => "warning",
+            };
+            let more =
+                if *n_places > 1 { format!(" (and {} more places)", n_places - 1) } else { String::new() };
+            writeln!(f, "{level} {first_at}: {text}{more}")?;
+        }
+        let (n_faults, n_warnings) = (self.0.count(Severity::Fault), self.0.count(Severity::Warning));
+        writeln!(f, "{n_episodes} episodes, {n_samples} samples: {n_faults} faults, {n_warnings} warnings")
+    }
 }
 
 /// Finds out one thing about the machine.

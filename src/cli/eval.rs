@@ -116,7 +116,8 @@ fn samples(args: &EvalArgs) -> anyhow::Result<Vec<EvalSample>> {
 fn samples_of_run(run: &Path, data: &Path, args: &EvalArgs) -> anyhow::Result<Vec<EvalSample>> {
     let device = args.device.open()?;
     let dataset = Dataset::open_to_score(data, &args.labels, args.split)?;
-    let found = infer::detect(&Trained::find(run)?.load(&device)?, &dataset.named(), &device, &Bar::default())?;
+    let found =
+        infer::detect(&Trained::find(run)?.load(&device)?, &dataset.named(), &device, &Bar::default())?;
     Ok(eval_samples(dataset.samples(), &found))
 }
 

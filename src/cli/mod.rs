@@ -73,7 +73,7 @@ enum Command {
     View(view::ViewArgs),
     /// Write a data set or predictions in the formats of other tools
     Export(export::ExportArgs),
-    /// Tell what this machine has, what is missing, and how to install it
+    /// Tell what this machine has and lacks, or what is wrong with a data set
     Doctor(doctor::DoctorArgs),
 }
 

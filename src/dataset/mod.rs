@@ -1,6 +1,7 @@
 //! A labelled dataset in memory: each sample's measurements and its objects with their labels.
 
 mod facts;
+pub mod health;
 mod recording;
 pub mod statistics;
 pub mod test_data;

@@ -166,6 +166,10 @@ impl Archive {
             }
         }
         messages.retain(|message| (begin_ns..=end_ns).contains(&message.time_ns));
+        // No CRC protects the index from which the time comes, and those of chunks do protect messages.
+        if !messages.iter().any(|message| message.time_ns == time_ns) {
+            return Err(self.damaged(McapError::BadIndex));
+        }
         Ok(SampleMessages { archive: self, sample_idx, time_ns, messages })
     }
 

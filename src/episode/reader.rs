@@ -283,6 +283,12 @@ impl EpisodeReader {
         Ok(object)
     }
 
+    /// Whether a cloud that was read had intensities from 0 to 1, so that they are multiplied by 255.
+    #[must_use]
+    pub fn scales_intensity(&self) -> bool {
+        self.intensity_scale.get().is_some_and(|&scale| scale > 1.0)
+    }
+
     /// What intensities are multiplied by, found once from the first, the middle and the last cloud: those of a dark
     /// scene may be low by chance.
     fn intensity_scale(&self) -> Result<f32, EpisodeError> {

@@ -65,7 +65,13 @@ fn sample(idx: u32) -> Sample {
         intrinsics: Pinhole::from_horizontal_fov(800, 450, 1.22),
         image: EncodedImage { format: ImageFormat::Jpeg, bytes: vec![0xff, 0xd8, 1, 2, 3] },
         points: (0..100u16)
-            .map(|i| LidarPoint { x_m: 4.0 + f32::from(i) / 3.0, y_m: -1.5, z_m: 0.1, intensity: 254.5, ring: i })
+            .map(|i| LidarPoint {
+                x_m: 4.0 + f32::from(i) / 3.0,
+                y_m: -1.5,
+                z_m: 0.1,
+                intensity: 254.5,
+                ring: i,
+            })
             .collect(),
     };
     let objects = vec![

@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-
 use foxglove::messages as fox;
 
 use super::archive::ArchiveWriter;

@@ -1,0 +1,131 @@
+//! What is odd about one sample: its cloud, its picture, its camera, its boxes.
+
+use super::Remark;
+use crate::geometry::{Ego, Point};
+use crate::sample::{LidarPoint, Measured, Sample};
+
+/// Points on the road lie in this ring around the ego, metres.
+const ROAD_FROM_M: f64 = 3.0;
+const ROAD_TO_M: f64 = 20.0;
+/// A road that lies farther from the ego's zero height than this was mounted wrongly, metres.
+const MAX_GROUND_M: f64 = 0.5;
+/// The share of the points that lie lower than the road: reflections and slopes.
+const BELOW_ROAD: f64 = 0.02;
+/// Objects nearer than this should hold points, metres.
+const NEAR_M: f64 = 25.0;
+/// Fewer near objects than this say nothing.
+const MIN_NEAR_OBJECTS: usize = 3;
+/// Boxes of logs are drawn by hand: points beside them belong to them, metres.
+const BOX_MARGIN_M: f64 = 0.1;
+
+/// Everything odd about a sample.
+pub(super) fn examine(sample: &Sample) -> Vec<Remark> {
+    let measured = &sample.measured;
+    let points = in_ego(measured);
+    [
+        examine_cloud(measured, &points),
+        examine_intensity(&measured.points),
+        examine_ground(&points),
+        examine_picture(measured),
+        examine_boxes(sample, &points),
+    ]
+    .into_iter()
+    .flatten()
+    .collect()
+}
+
+fn in_ego(measured: &Measured) -> Vec<Point<Ego>> {
+    let is_finite =
+        |point: &&LidarPoint| point.x_m.is_finite() && point.y_m.is_finite() && point.z_m.is_finite();
+    let at = |point: &LidarPoint| {
+        measured.ego_from_lidar * Point::new(point.x_m.into(), point.y_m.into(), point.z_m.into())
+    };
+    measured.points.iter().filter(is_finite).map(at).collect()
+}
+
+fn examine_cloud(measured: &Measured, finite: &[Point<Ego>]) -> Option<Remark> {
+    let n_points = measured.points.len();
+    if n_points == 0 {
+        return Some(Remark::warning(
+            "empty cloud",
+            "the cloud is empty; points are needed to find objects".into(),
+        ));
+    }
+    let n_broken = n_points - finite.len();
+    (n_broken > 0).then(|| {
+        let text = format!(
+            "{n_broken} of {n_points} points are not finite and are left out; finite ones are needed"
+        );
+        Remark::warning("points", text)
+    })
+}
+
+fn examine_intensity(points: &[LidarPoint]) -> Option<Remark> {
+    let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
+    for point in points {
+        if !point.intensity.is_finite() {
+            let text = format!("an intensity is {}; numbers from 0 to 255 are needed", point.intensity);
+            return Some(Remark::warning("intensity", text));
+        }
+        (low, high) = (low.min(point.intensity), high.max(point.intensity));
+    }
+    let is_outside = points.len() > 1 && (low < 0.0 || high > 255.0);
+    is_outside.then(|| {
+        let text = format!("intensities are from {low} to {high}; 0 to 255 is needed");
+        Remark::warning("intensity", text)
+    })
+}
+
+/// Whether the road is where the ego's zero height is. The lowest points near the ego are the road's.
+fn examine_ground(points: &[Point<Ego>]) -> Option<Remark> {
+    let is_near = |point: &&Point<Ego>| (ROAD_FROM_M..ROAD_TO_M).contains(&point.x().hypot(point.y()));
+    let mut heights_m: Vec<f64> = points.iter().filter(is_near).map(Point::z).collect();
+    if heights_m.len() < 100 {
+        return None;
+    }
+    heights_m.sort_unstable_by(f64::total_cmp);
+    let road_m = heights_m[(heights_m.len() as f64 * BELOW_ROAD) as usize];
+    (road_m.abs() > MAX_GROUND_M).then(|| {
+        let text = format!(
+            "the lowest points within {ROAD_TO_M:.0} m lie at z = {road_m:.2} m in the ego frame; the road should lie \
+             near 0: the LiDAR's mounting height or axes may be wrong, or metres are not the unit"
+        );
+        Remark::warning("ground", text)
+    })
+}
+
+fn examine_picture(measured: &Measured) -> Option<Remark> {
+    let image = match measured.image.decode() {
+        Ok(image) => image,
+        Err(error) => {
+            let text = format!("the picture cannot be unpacked ({error}); a whole JPEG or PNG is needed");
+            return Some(Remark::fault("picture", text));
+        }
+    };
+    let first = image.pixels().next();
+    image.pixels().all(|pixel| Some(pixel) == first).then(|| {
+        let text = "the picture has one colour, so the network sees with the LiDAR alone; a camera's picture is needed";
+        Remark::warning("plain picture", text.into())
+    })
+}
+
+/// Whether boxes that should hold points do.
+fn examine_boxes(sample: &Sample, points: &[Point<Ego>]) -> Option<Remark> {
+    let near: Vec<_> = sample
+        .objects()
+        .iter()
+        .map(|object| &object.box_in_ego)
+        .filter(|of| of.center.x().hypot(of.center.y()) < NEAR_M)
+        .collect();
+    let is_empty =
+        |of: &&&crate::geometry::Box3<Ego>| !points.iter().any(|point| of.contains(point, BOX_MARGIN_M));
+    let n_empty = near.iter().filter(is_empty).count();
+    (near.len() >= MIN_NEAR_OBJECTS && 2 * n_empty > near.len()).then(|| {
+        let text = format!(
+            "{n_empty} of {} boxes within {NEAR_M:.0} m hold no point; most should: the cloud's axes, unit or \
+             mounting, or the boxes' frame may be wrong",
+            near.len()
+        );
+        Remark::warning("boxes without points", text)
+    })
+}
