@@ -3,6 +3,7 @@
 
 mod charts;
 mod comparison;
+mod logs;
 mod text;
 
 use std::collections::BTreeMap;
@@ -14,11 +15,12 @@ use thiserror::Error;
 
 pub use self::comparison::{Comparison, TOLERANCE};
 use self::comparison::{harmful_share, share};
+pub use self::logs::LogGroup;
 use super::chart::{self, ChartError};
 use crate::dataset::DatasetError;
 use crate::dataset::statistics::{Category, Group, Histograms, Statistics};
-use crate::episode::Split;
 use crate::episode::manifest::{LabelCounts, Manifest, ManifestError, ObjectCounts, label_sets};
+use crate::episode::{EpisodeError, Split};
 use crate::files::write_atomic;
 use crate::label::count_of;
 use crate::object::{Distribution, Kind};
@@ -34,6 +36,8 @@ pub enum InfoError {
     Manifest(#[from] ManifestError),
     #[error(transparent)]
     Dataset(#[from] DatasetError),
+    #[error(transparent)]
+    Episode(#[from] EpisodeError),
     #[error(transparent)]
     Io(#[from] std::io::Error),
     #[error(transparent)]
@@ -64,6 +68,9 @@ pub struct Info {
     pub label_set: Option<String>,
     /// What is missing, and how to get it.
     pub note: Option<String>,
+    /// Where imported episodes come from.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub logs: Vec<LogGroup>,
     #[serde(flatten)]
     pub all: GroupInfo,
     pub splits: BTreeMap<Split, GroupInfo>,
@@ -134,7 +141,11 @@ pub fn run(request: &InfoRequest, progress: &dyn Progress) -> Result<Info, InfoE
     let manifest = Manifest::read(dataset)?;
     let (label_set, note) = choose_labels(dataset, request.label_set.as_deref());
     let statistics = Statistics::of(dataset, &manifest, label_set.as_deref(), progress)?;
-    let info = describe(dataset, &manifest, label_set, note, statistics);
+    let logs = logs::read(dataset, &manifest)?;
+    let is_annotated = logs.is_empty() || logs.iter().any(|group| group.facts.labelled.is_some());
+    let nobody = || "nobody annotated these logs, so there is nothing to label".to_owned();
+    let note = if is_annotated { note } else { Some(nobody()) };
+    let info = Info { logs, ..describe(dataset, &manifest, label_set, note, statistics) };
     if let Some(path) = &request.plot {
         if let Some(folder) = path.parent() {
             fs::create_dir_all(folder)?;
@@ -193,6 +204,7 @@ fn describe(
         ood: manifest.ood,
         label_set,
         note,
+        logs: Vec::new(),
         all: group(&statistics.all),
         splits: statistics.by_split.iter().map(|(&split, of_split)| (split, group(of_split))).collect(),
         towns: of_names(&statistics.by_town),

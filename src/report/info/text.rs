@@ -15,6 +15,9 @@ impl fmt::Display for Info {
             None => writeln!(f, ", not labelled\n")?,
         }
         write!(f, "{}\n{}\n{}", self.group_table(), self.comparison_table(), self.spread_table())?;
+        for group in &self.logs {
+            write!(f, "\n{}", super::logs::text(group))?;
+        }
         if let Some(note) = &self.note {
             writeln!(f, "\n{note}")?;
         }
