@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::{anyhow, bail};
 use clap::Args;
 
-use super::predict::write;
+use super::predict::tell_boxes;
 use super::{Bar, DeviceArg, ExitStatus, SamplesArgs};
 use crate::config;
 use crate::dataset::Dataset;
@@ -92,5 +92,7 @@ pub fn run(args: BaselineArgs) -> anyhow::Result<ExitStatus> {
     };
     let set = format!("{} of {}", args.name, args.run.display());
     let predictions = Predictions { folder, set, config_toml: config::to_toml(&trained.config()?) };
-    write(&predictions, dataset.episodes(), &dataset.named(), &judged)
+    let samples = dataset.samples().iter().map(|sample| (sample.id.clone(), sample.measured.time_ns));
+    predictions.write(dataset.episodes(), &samples.collect::<Vec<_>>(), &judged)?;
+    tell_boxes(judged.iter().map(Vec::len).sum(), judged.len(), &predictions)
 }

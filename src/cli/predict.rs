@@ -7,10 +7,8 @@ use clap::Args;
 use super::{Bar, DeviceArg, ExitStatus, print, split};
 use crate::config;
 use crate::dataset::Recording;
-use crate::episode::{EpisodeEntry, Split};
+use crate::episode::Split;
 use crate::infer::{self, Predictions, Trained};
-use crate::object::Detection;
-use crate::sample::Measured;
 
 #[derive(Debug, Args)]
 pub struct PredictArgs {
@@ -47,22 +45,15 @@ pub fn run(args: PredictArgs) -> anyhow::Result<ExitStatus> {
     }
     let device = args.device.open()?;
     let recording = Recording::open(&args.data, args.split)?;
-    let samples = recording.named();
-    let found = infer::detect(&trained.load(&device)?, &samples, &device, &Bar::default())?;
     let config_toml = config::to_toml(&trained.config()?);
     let predictions = Predictions { folder, set: args.run.display().to_string(), config_toml };
-    write(&predictions, recording.episodes(), &samples, &found)
+    let detector = trained.load(&device)?;
+    let n_boxes = infer::predict_recording(&detector, &recording, &predictions, &device, &Bar::default())?;
+    tell_boxes(n_boxes, recording.n_samples(), &predictions)
 }
 
-/// Writes boxes and says how many.
-pub fn write(
-    predictions: &Predictions,
-    episodes: &[EpisodeEntry],
-    samples: &[(&str, &Measured)],
-    found: &[Vec<Detection>],
-) -> anyhow::Result<ExitStatus> {
-    predictions.write(episodes, samples, found)?;
-    let n_boxes: usize = found.iter().map(Vec::len).sum();
-    print(format!("{n_boxes} boxes for {} samples: {}", found.len(), predictions.folder.display()))?;
+/// Says how many boxes were written.
+pub fn tell_boxes(n_boxes: usize, n_samples: usize, to: &Predictions) -> anyhow::Result<ExitStatus> {
+    print(format!("{n_boxes} boxes for {n_samples} samples: {}", to.folder.display()))?;
     Ok(ExitStatus::Done)
 }

@@ -1,41 +1,33 @@
-//! What the sensors of a split saw, without labels or truth: all that a detector needs.
+//! What the sensors of a split saw, without labels or truth: all that a detector needs. Read a part at a time.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
 use super::{DatasetError, episodes_of};
-use crate::episode::EpisodeReader;
 use crate::episode::manifest::{EpisodeEntry, Manifest, Split};
+use crate::episode::{EpisodeError, EpisodeReader};
 use crate::sample::Measured;
 
-/// The measurements of one split of a data set, which need be neither annotated nor labelled.
+/// Samples that are read together, on all cores.
+const N_TOGETHER: usize = 32;
+
+/// One split of a data set, which need be neither annotated nor labelled.
 #[derive(Debug, Clone)]
 pub struct Recording {
+    path: PathBuf,
     episodes: Vec<EpisodeEntry>,
-    /// Each sample's id, `<episode>/<sample index>`, and measurements.
-    samples: Vec<(String, Measured)>,
 }
 
 impl Recording {
-    /// Reads a split; if none is named, `val`, or `test` in a data set without `val`.
+    /// Finds the episodes of a split; if none is named, of `val`, or of `test` in a data set without `val`.
     ///
     /// # Errors
-    /// [`DatasetError`]: no dataset, a broken file, or no episode of the split.
+    /// [`DatasetError`]: no dataset, or no episode of the split.
     pub fn open(path: &Path, split: Option<Split>) -> Result<Self, DatasetError> {
         let manifest = Manifest::read(path)?;
         let split = split.unwrap_or_else(|| Split::to_score(&manifest));
-        let episodes = episodes_of(&manifest, split, path)?;
-        let read = |entry: &EpisodeEntry| -> Result<Vec<(String, Measured)>, DatasetError> {
-            let reader = EpisodeReader::open_entry(path, entry)?;
-            let name = |(i, sample): (usize, _)| -> Result<_, DatasetError> {
-                let sample: Result<crate::sample::Sample, _> = sample;
-                Ok((format!("{}/{i}", entry.name), sample?.measured))
-            };
-            reader.samples().enumerate().map(name).collect()
-        };
-        let samples = episodes.par_iter().map(read).collect::<Result<Vec<_>, _>>()?;
-        Ok(Self { samples: samples.into_iter().flatten().collect(), episodes })
+        Ok(Self { path: path.to_owned(), episodes: episodes_of(&manifest, split, path)? })
     }
 
     /// The split's episodes, in the order of the samples.
@@ -44,9 +36,37 @@ impl Recording {
         &self.episodes
     }
 
-    /// Each sample's id and measurements.
     #[must_use]
-    pub fn named(&self) -> Vec<(&str, &Measured)> {
-        self.samples.iter().map(|(id, measured)| (id.as_str(), measured)).collect()
+    pub fn n_samples(&self) -> usize {
+        self.episodes.iter().map(|entry| entry.n_samples).sum()
+    }
+
+    /// Hands over all samples in order, 32 at a time and the rest, each with its id, `<episode>/<sample index>`: a log of
+    /// hours need not fit in memory.
+    ///
+    /// # Errors
+    /// An episode is broken or not the manifest's; `take` fails.
+    pub fn for_each_part<E: From<EpisodeError>>(
+        &self,
+        mut take: impl FnMut(&[(String, Measured)]) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let mut waiting: Vec<(String, Measured)> = Vec::new();
+        for entry in &self.episodes {
+            let reader = EpisodeReader::open_entry(&self.path, entry)?;
+            let mut begin = 0;
+            while begin < reader.len() {
+                let end = reader.len().min(begin + N_TOGETHER - waiting.len());
+                let read = |i: usize| {
+                    reader.sample(i).map(|sample| (format!("{}/{i}", entry.name), sample.measured))
+                };
+                waiting.extend((begin..end).into_par_iter().map(read).collect::<Result<Vec<_>, _>>()?);
+                begin = end;
+                if waiting.len() == N_TOGETHER {
+                    take(&waiting)?;
+                    waiting.clear();
+                }
+            }
+        }
+        if waiting.is_empty() { Ok(()) } else { take(&waiting) }
     }
 }

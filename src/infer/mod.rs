@@ -3,11 +3,13 @@
 mod closed_set;
 mod predict;
 mod predictions;
+mod recorded;
 mod sweep;
 mod trained;
 
 pub use closed_set::{ClosedSet, ClosedSetError, Strangeness};
 pub use predict::{PredictError, detect, detect_kinds, predict, predict_kinds, predict_states};
 pub use predictions::{Predictions, PredictionsError};
+pub use recorded::{RecordedError, predict_recording};
 pub use sweep::{SweepRunError, sweep};
 pub use trained::{Trained, TrainedError};

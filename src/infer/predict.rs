@@ -90,8 +90,7 @@ pub fn predict_kinds(
     forward(detector, samples, &recorded, detector.config().use_camera, device, progress, &read)
 }
 
-/// Boxes of named samples, as [`Dataset::named`] and [`crate::dataset::Recording::named`] give them, by a detector in
-/// inference mode.
+/// Boxes of named samples, as [`Dataset::named`] gives them, by a detector in inference mode.
 ///
 /// # Errors
 /// As [`predict`].

@@ -8,7 +8,6 @@ use thiserror::Error;
 use crate::episode::{DetectionWriter, EpisodeEntry, EpisodeError, SampleDetections, SourceMeta};
 use crate::eval::json;
 use crate::object::Detection;
-use crate::sample::Measured;
 
 /// Name of the file that holds the boxes of all episodes.
 const JSON_FILE: &str = "predictions.json";
@@ -47,14 +46,14 @@ impl Predictions {
         Ok(())
     }
 
-    /// Writes the boxes of each sample of these episodes, whose samples have these names.
+    /// Writes the boxes of each sample of these episodes, whose samples have these ids and times in nanoseconds.
     ///
     /// # Errors
     /// A file cannot be written.
     pub fn write(
         &self,
         episodes: &[EpisodeEntry],
-        samples: &[(&str, &Measured)],
+        samples: &[(String, u64)],
         found: &[Vec<Detection>],
     ) -> Result<(), PredictionsError> {
         fs::create_dir_all(&self.folder)?;
@@ -69,14 +68,14 @@ impl Predictions {
             };
             let path = self.folder.join(format!("{}.mcap", entry.name));
             let mut writer = DetectionWriter::create(&path, &meta)?;
-            for ((_, measured), detections) in pairs.by_ref().take(entry.n_samples) {
-                let (time_ns, detections) = (measured.time_ns, detections.clone());
+            for (&(_, time_ns), detections) in pairs.by_ref().take(entry.n_samples) {
+                let detections = detections.clone();
                 writer.write(&SampleDetections { time_ns, detections })?;
             }
             writer.finish()?;
         }
         let path = self.folder.join(JSON_FILE);
-        let boxes = samples.iter().zip(found).map(|((id, _), found)| (*id, found.as_slice()));
+        let boxes = samples.iter().zip(found).map(|((id, _), found)| (id.as_str(), found.as_slice()));
         Ok(json::write_predictions(&path, boxes)?)
     }
 }

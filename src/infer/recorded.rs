@@ -1,0 +1,49 @@
+//! A detector's boxes for a recording, which is read part by part.
+
+use burn::tensor::Device;
+use thiserror::Error;
+
+use super::predict::{PredictError, predict};
+use super::predictions::{Predictions, PredictionsError};
+use crate::dataset::Recording;
+use crate::episode::EpisodeError;
+use crate::model::Detector;
+use crate::object::Detection;
+use crate::progress::Progress;
+use crate::sample::Measured;
+
+/// Why a recording could not be predicted.
+#[derive(Debug, Error)]
+pub enum RecordedError {
+    #[error(transparent)]
+    Episode(#[from] EpisodeError),
+    #[error(transparent)]
+    Predict(#[from] PredictError),
+    #[error(transparent)]
+    Predictions(#[from] PredictionsError),
+}
+
+/// Predicts every sample of a recording by a detector in inference mode and writes the boxes; returns how many there are.
+///
+/// # Errors
+/// [`RecordedError`].
+pub fn predict_recording(
+    detector: &Detector,
+    recording: &Recording,
+    predictions: &Predictions,
+    device: &Device,
+    progress: &dyn Progress,
+) -> Result<usize, RecordedError> {
+    progress.start("predict", recording.n_samples() as u64);
+    let (mut samples, mut found): (Vec<(String, u64)>, Vec<Vec<Detection>>) = (Vec::new(), Vec::new());
+    recording.for_each_part(|part| -> Result<(), RecordedError> {
+        let named: Vec<(&str, &Measured)> =
+            part.iter().map(|(id, measured)| (id.as_str(), measured)).collect();
+        found.extend(predict(detector, &named, detector.config().use_camera, device, progress)?);
+        samples.extend(part.iter().map(|(id, measured)| (id.clone(), measured.time_ns)));
+        Ok(())
+    })?;
+    predictions.write(recording.episodes(), &samples, &found)?;
+    progress.finish();
+    Ok(found.iter().map(Vec::len).sum())
+}
