@@ -144,8 +144,7 @@ pub struct RawCamera {
     pub ego_from_camera: Transform<Ego, Camera>,
     /// The size that the calibration is for, where it says one; else the picture's.
     pub size_px: Option<[u32; 2]>,
-    /// Row by row. Pixel (0, 0) is the CENTRE of the top left pixel, as in OpenCV, ROS, KITTI, nuScenes and Argoverse: the pipeline adds half a
-    /// pixel to `cx` and `cy`, since episodes count from that pixel's corner.
+    /// Row by row, digit for digit as the log has it: none says whether pixel (0, 0) is a pixel's centre or its corner.
     pub k: [f64; 9],
     pub distortion: Distortion,
     pub image: RawImage,

@@ -61,8 +61,7 @@ pub(super) fn view_of(camera: &RawCamera, jpeg_quality: u8) -> Result<CameraView
         (_, Distortion::None) => pack_jpeg(&picture, jpeg_quality)?,
         (_, lens) => pack_jpeg(&rectify(&picture, &camera.k, lens), jpeg_quality)?,
     };
-    // From pixel centres at whole numbers to corners at whole numbers.
-    let intrinsics = Pinhole { width_px, height_px, fx_px, fy_px, cx_px: cx_px + 0.5, cy_px: cy_px + 0.5 };
+    let intrinsics = Pinhole { width_px, height_px, fx_px, fy_px, cx_px, cy_px };
     Ok(CameraView { name: name.clone(), ego_from_camera: camera.ego_from_camera, intrinsics, image })
 }
 
@@ -119,10 +118,10 @@ mod tests {
     }
 
     #[test]
-    fn a_plain_picture_keeps_its_bytes_and_its_middle_moves_by_half_a_pixel() {
+    fn a_plain_picture_keeps_its_bytes_and_its_calibration() {
         let view = view_of(&camera(), 95).unwrap();
         assert_eq!(RawImage::Encoded(view.image), camera().image);
-        assert_eq!((view.intrinsics.cx_px, view.intrinsics.cy_px), (40.0, 20.0));
+        assert_eq!((view.intrinsics.cx_px, view.intrinsics.cy_px), (39.5, 19.5));
     }
 
     #[test]

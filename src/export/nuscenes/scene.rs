@@ -267,9 +267,8 @@ impl<'a> SceneBuilder<'a> {
     /// The row of a sensor's calibration: the one before where it is the same.
     fn calibration(&mut self, file: &SensorFile) -> Token {
         let matrix = |camera: Pinhole| {
-            // Episodes count pixels from the upper left one's corner, nuScenes from its centre.
-            let (cx, cy) = (camera.cx_px - 0.5, camera.cy_px - 0.5);
-            vec![[camera.fx_px, 0.0, cx], [0.0, camera.fy_px, cy], [0.0, 0.0, 1.0]]
+            // Digit for digit: nuScenes does not say whether pixel (0, 0) is a pixel's centre or its corner.
+            vec![[camera.fx_px, 0.0, camera.cx_px], [0.0, camera.fy_px, camera.cy_px], [0.0, 0.0, 1.0]]
         };
         let key = format!("{}/{}/{}", self.rows.log.token, file.channel, self.rows.calibrations.len());
         let row = CalibratedSensorRow {
