@@ -55,7 +55,7 @@
 //! - what is in a sample: [`object`], [`sample`], [`nuscenes`]; the rule by which objects matter: [`zone`];
 //! - the world: [`scene`], [`sensors`], [`sim`]; its files: [`episode`]; the stages that write them: [`generate`], [`import`],
 //!   [`label`], [`export`]; and what reads them: [`dataset`];
-//! - the network: [`kernels`], [`model`], [`infer`], [`train`]; the scores: [`eval`], [`report`];
+//! - the network: [`kernels`], [`model`], [`infer`], [`train`]; predictions of others: [`exchange`]; the scores: [`eval`], [`report`];
 //! - the program's flags: [`cli`].
 
 pub mod config;
@@ -89,6 +89,7 @@ pub mod dataset;
 pub mod kernels;
 
 pub mod eval;
+pub mod exchange;
 pub mod infer;
 pub mod model;
 pub mod train;

@@ -35,6 +35,7 @@ const LAYERS: &[(&str, u32)] = &[
     ("model", 7),
     ("eval", 7),
     ("infer", 8),
+    ("exchange", 9),
     ("train", 9),
     ("report", 10),
     ("cli", 11),

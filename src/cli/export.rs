@@ -1,9 +1,10 @@
-//! `harmzone export`: data sets in the formats of other tools; one subcommand a format.
+//! `harmzone export`: data sets in the formats of other tools, one subcommand a format, and predictions.
 
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 
+use super::exchange::{self, ExportPredictionsArgs};
 use super::{Bar, ExitStatus, one_of, print_summary, tell};
 use crate::export::nuscenes::{self, Naming, NuScenesRequest, Release};
 
@@ -17,6 +18,8 @@ pub struct ExportArgs {
 enum Format {
     /// A folder of nuScenes: for nuscenes-devkit, mmdetection3d and what else reads it
     Nuscenes(NuScenesArgs),
+    /// A detector's boxes, for the evaluation of another tool
+    Predictions(ExportPredictionsArgs),
 }
 
 #[derive(Debug, Args)]
@@ -46,6 +49,7 @@ struct NuScenesArgs {
 pub fn run(args: ExportArgs) -> anyhow::Result<ExitStatus> {
     match args.format {
         Format::Nuscenes(args) => export_nuscenes(&args),
+        Format::Predictions(args) => exchange::export(&args),
     }
 }
 

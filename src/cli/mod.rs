@@ -5,6 +5,7 @@ mod curves;
 mod device;
 mod doctor;
 mod eval;
+mod exchange;
 mod export;
 mod generate;
 mod generate_worker;

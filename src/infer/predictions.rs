@@ -9,9 +9,6 @@ use crate::episode::{DetectionWriter, EpisodeEntry, EpisodeError, SampleDetectio
 use crate::eval::json;
 use crate::object::Detection;
 
-/// Name of the file that holds the boxes of all episodes.
-const JSON_FILE: &str = "predictions.json";
-
 /// Why predictions could not be written.
 #[derive(Debug, Error)]
 pub enum PredictionsError {
@@ -35,12 +32,15 @@ pub struct Predictions {
 }
 
 impl Predictions {
+    /// Name of the file that holds the boxes of all episodes.
+    pub const FILE: &str = "predictions.json";
+
     /// Refuses a folder that holds predictions already.
     ///
     /// # Errors
     /// [`PredictionsError::Exists`].
     pub fn check_free(folder: &Path) -> Result<(), PredictionsError> {
-        if folder.join(JSON_FILE).exists() {
+        if folder.join(Self::FILE).exists() {
             return Err(PredictionsError::Exists { path: folder.to_owned() });
         }
         Ok(())
@@ -74,7 +74,7 @@ impl Predictions {
             }
             writer.finish()?;
         }
-        let path = self.folder.join(JSON_FILE);
+        let path = self.folder.join(Self::FILE);
         let boxes = samples.iter().zip(found).map(|((id, _), found)| (id.as_str(), found.as_slice()));
         Ok(json::write_predictions(&path, boxes)?)
     }

@@ -199,7 +199,8 @@ impl<'de> Deserialize<'de> for InOrder {
 }
 
 /// The text with Python's `NaN`, `Infinity` and `-Infinity`, which are not JSON, replaced by `null`.
-fn replace_python_numbers(text: &str) -> std::borrow::Cow<'_, str> {
+#[must_use]
+pub fn replace_python_numbers(text: &str) -> std::borrow::Cow<'_, str> {
     const WORDS: [&str; 3] = ["-Infinity", "Infinity", "NaN"];
     if !WORDS.iter().any(|word| text.contains(word)) {
         return text.into();

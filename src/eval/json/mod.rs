@@ -20,6 +20,7 @@ use super::sample::EvalSample;
 use crate::dataset::{Dataset, SampleFacts};
 use crate::files;
 use crate::object::{Detection, LabelledObject};
+pub use file::replace_python_numbers;
 use file::{BoxFile, RawBox};
 
 /// Why a file of boxes cannot be used.

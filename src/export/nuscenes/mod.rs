@@ -9,6 +9,7 @@ mod map_mask;
 mod naming;
 mod scene;
 mod tables;
+mod tokens;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
@@ -31,6 +32,7 @@ use tables::Tables;
 
 pub use map_mask::GlobalFrames;
 pub use naming::Naming;
+pub use tokens::sample_token;
 
 /// Which folders of tables are written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

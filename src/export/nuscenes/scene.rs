@@ -10,6 +10,7 @@ use nalgebra::Isometry3;
 use super::cameras::{self, MissingCamera};
 use super::can_bus::CanMessages;
 use super::naming::Naming;
+use super::tokens::sample_token;
 use crate::export::{ExportError, LabelledEpisode};
 use crate::files::NewFolder;
 use crate::geometry::{Ego, Pinhole, Transform, World};
@@ -72,11 +73,9 @@ pub(super) fn write(
     Ok(scene.rows)
 }
 
-/// The token of a sample: the log's own, where the episode is imported from nuScenes.
-pub(super) fn sample_token(episode: &LabelledEpisode, sample_idx: usize) -> Token {
+fn token_of(episode: &LabelledEpisode, sample_idx: usize) -> Token {
     let time_ns = episode.reader.times_ns()[sample_idx];
-    let own = episode.reader.log().and_then(|log| log.sample_name(time_ns));
-    own.map_or_else(|| Token::of("sample", &format!("{}/{sample_idx}", episode.entry().name)), Token::from)
+    sample_token(episode.reader.log(), &episode.entry().name, sample_idx, time_ns)
 }
 
 /// A file of a sensor at a sample.
@@ -122,8 +121,8 @@ impl<'a> SceneBuilder<'a> {
                 token: Token::of("scene", &entry.name),
                 log_token,
                 nbr_samples: reader.len(),
-                first_sample_token: sample_token(episode, 0),
-                last_sample_token: sample_token(episode, last),
+                first_sample_token: token_of(episode, 0),
+                last_sample_token: token_of(episode, last),
                 name: String::new(),
                 description: format!("{}, {origin}: {} in {}", entry.name, entry.weather, entry.town),
             },
@@ -158,7 +157,7 @@ impl<'a> SceneBuilder<'a> {
         global_from_ego: &Transform<World, Ego>,
     ) -> Result<(), ExportError> {
         let time_us = sample.measured.time_ns / 1000 + self.delay_us;
-        let token = sample_token(self.episode, sample_idx);
+        let token = token_of(self.episode, sample_idx);
         let prev = self.rows.samples.last_mut().map_or_else(Token::none, |before| {
             before.next = token.clone();
             before.token.clone()

@@ -1,0 +1,157 @@
+//! `harmzone export predictions` and `harmzone import predictions`: boxes to and from other tools.
+
+use std::path::PathBuf;
+
+use anyhow::Context;
+use clap::Args;
+
+use super::zones::ZoneArgs;
+use super::{Bar, ExitStatus, one_of, print, split, tell};
+use crate::episode::Split;
+use crate::episode::manifest::{LabelManifest, label_sets};
+use crate::exchange::nuscenes::{ResultsReader, ResultsWriter};
+use crate::exchange::{
+    ExportPredictions, HarmRule, ImportPredictions, export_predictions, import_predictions,
+};
+use crate::export::nuscenes::Naming;
+use crate::zone::{Zone, ZoneConfig};
+
+/// A format of predictions.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum BoxFormat {
+    Nuscenes,
+}
+
+impl BoxFormat {
+    const ALL: [Self; 1] = [Self::Nuscenes];
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Nuscenes => "nuscenes",
+        }
+    }
+}
+
+#[derive(Debug, Args)]
+pub struct ExportPredictionsArgs {
+    /// Folder of predictions, or a predictions.json
+    predictions: PathBuf,
+    /// File to make
+    out: PathBuf,
+    /// Data set that the predictions are of
+    #[arg(long, value_name = "DIR")]
+    data: PathBuf,
+    /// `nuscenes`: one results JSON in the global frame, by sample tokens
+    #[arg(long, value_parser = one_of(BoxFormat::ALL, BoxFormat::name))]
+    format: BoxFormat,
+    /// Names of the classes: `harm`, harmful and harmless; `harm-as-car-truck`, car and truck, which the devkit's own evaluation takes
+    #[arg(long, default_value = "harm", value_parser = one_of([Naming::Harm, Naming::HarmAsCarTruck], Naming::name))]
+    names: Naming,
+    /// Split; without it, the data set's val, or test where there is no val
+    #[arg(long, value_parser = split())]
+    split: Option<Split>,
+    /// Replace what is there
+    #[arg(long)]
+    force: bool,
+}
+
+pub fn export(args: &ExportPredictionsArgs) -> anyhow::Result<ExitStatus> {
+    let writer = match args.format {
+        BoxFormat::Nuscenes => {
+            Box::new(ResultsWriter::create(&args.out, &args.data, args.names, args.force)?)
+        }
+    };
+    let request = ExportPredictions { predictions: &args.predictions, data: &args.data, split: args.split };
+    let (n_samples, n_boxes) = export_predictions(&request, writer, &Bar::default())?;
+    print(format!("{n_boxes} boxes for {n_samples} samples: {}", args.out.display()))?;
+    Ok(ExitStatus::Done)
+}
+
+/// How names become harm, as the flag has it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum HarmFlag {
+    Names,
+    CarTruck,
+    Zone,
+}
+
+impl HarmFlag {
+    const ALL: [Self; 3] = [Self::Names, Self::CarTruck, Self::Zone];
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Names => "names",
+            Self::CarTruck => "car-truck",
+            Self::Zone => "zone",
+        }
+    }
+}
+
+#[derive(Debug, Args)]
+pub struct ImportPredictionsArgs {
+    /// Predictions of another tool
+    predictions: PathBuf,
+    /// Data set that the predictions are of
+    #[arg(long, value_name = "DIR")]
+    data: PathBuf,
+    /// `nuscenes`: one results JSON in the global frame, by sample tokens
+    #[arg(long, value_parser = one_of(BoxFormat::ALL, BoxFormat::name))]
+    format: BoxFormat,
+    /// Folder for one MCAP an episode and predictions.json
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Where a box's harm comes from: `names`, harmful or harmless; `car-truck`, car is harmful and truck harmless; `zone`, the danger
+    /// zone decides, whatever the names: for detectors of cars, pedestrians and so on
+    #[arg(long, default_value = "names", value_parser = one_of(HarmFlag::ALL, HarmFlag::name))]
+    harm: HarmFlag,
+    /// Label set whose zone decides; without it, `rect` where it is there, else the zone of --zone and --set
+    #[arg(long, value_name = "SET")]
+    labels: Option<String>,
+    #[command(flatten)]
+    zone: ZoneArgs,
+    /// Split; without it, the data set's val, or test where there is no val
+    #[arg(long, value_parser = split())]
+    split: Option<Split>,
+    /// Replace predictions that are there
+    #[arg(long)]
+    force: bool,
+}
+
+pub fn import(args: &ImportPredictionsArgs) -> anyhow::Result<ExitStatus> {
+    let harm = match args.harm {
+        HarmFlag::Names => HarmRule::Names,
+        HarmFlag::CarTruck => HarmRule::CarTruck,
+        HarmFlag::Zone => HarmRule::Zone(Box::new(zone_of(args)?)),
+    };
+    let mut reader = match args.format {
+        BoxFormat::Nuscenes => ResultsReader::open(&args.predictions, &args.data)?,
+    };
+    let request =
+        ImportPredictions { data: &args.data, split: args.split, harm, out: &args.out, force: args.force };
+    let imported = import_predictions(&request, &mut reader, &Bar::default())?;
+    let (n_boxes, n_samples) = (imported.n_boxes, imported.n_samples);
+    print(format!("{n_boxes} boxes for {n_samples} samples: {}", imported.folder.display()))?;
+    if imported.n_unknown == 0 {
+        return Ok(ExitStatus::Done);
+    }
+    tell(format!(
+        "{} lists of boxes are of no sample of the split, and were left out: {}",
+        imported.n_unknown,
+        args.predictions.display()
+    ));
+    Ok(ExitStatus::DoneWithLosses)
+}
+
+/// The zone that decides on harm.
+fn zone_of(args: &ImportPredictionsArgs) -> anyhow::Result<Zone> {
+    const DEFAULT_SET: &str = "rect";
+    let is_there = label_sets(&args.data).iter().any(|set| set == DEFAULT_SET);
+    let set = args.labels.as_deref().or_else(|| is_there.then_some(DEFAULT_SET));
+    let config: ZoneConfig = match set {
+        Some(set) => toml::from_str(&LabelManifest::read(&args.data, set)?.zone_toml).with_context(|| {
+            format!("the zone of label set `{set}` is not valid: {}", args.data.display())
+        })?,
+        None => args.zone.load()?,
+    };
+    Ok(Zone::try_from(config)?)
+}
