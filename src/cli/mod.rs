@@ -9,6 +9,7 @@ mod exchange;
 mod export;
 mod generate;
 mod generate_worker;
+mod import;
 mod info;
 mod label;
 mod output;
@@ -50,6 +51,8 @@ enum Command {
     /// Write episodes for `gen`, which starts this command as a process of its own
     #[command(hide = true)]
     GenWorker(generate_worker::WorkerArgs),
+    /// Make a data set of the logs of real cars
+    Import(import::ImportArgs),
     /// Label the objects of a data set harmful or harmless by a danger zone
     Label(label::LabelArgs),
     /// Compare the danger zones on one data set: harmful shares, objects that change sides, a picture
@@ -92,6 +95,7 @@ pub fn main() -> ExitCode {
     finish(|| match parse::<Cli>().command {
         Command::Gen(args) => generate::run(args),
         Command::GenWorker(args) => generate_worker::run(args),
+        Command::Import(args) => import::run(args),
         Command::Label(args) => label::run(args),
         Command::Zones(args) => zones::run(args),
         Command::Info(args) => info::run(args),
@@ -117,9 +121,9 @@ pub fn parse<C: Parser>() -> C {
 
 /// Lets options take values such as `-3`, so that the error says what is valid and not that `-3` is no flag.
 fn take_negative_numbers(command: clap::Command) -> clap::Command {
-    command.mut_subcommands(|command| {
-        command.mut_args(|arg| if takes_value(&arg) { arg.allow_negative_numbers(true) } else { arg })
-    })
+    let command = command
+        .mut_args(|arg| if takes_value(&arg) { arg.allow_negative_numbers(true) } else { arg });
+    command.mut_subcommands(take_negative_numbers)
 }
 
 fn takes_value(arg: &clap::Arg) -> bool {
@@ -179,6 +183,10 @@ mod tests {
             insta::assert_snapshot!("harmzone", answer(&["--help"]));
             for command in Cli::command().get_subcommands() {
                 insta::assert_snapshot!(command.get_name(), answer(&[command.get_name(), "--help"]));
+                for inner in command.get_subcommands() {
+                    let name = format!("{}-{}", command.get_name(), inner.get_name());
+                    insta::assert_snapshot!(name, answer(&[command.get_name(), inner.get_name(), "--help"]));
+                }
             }
         });
     }

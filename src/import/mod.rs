@@ -9,6 +9,7 @@ mod drive;
 mod error;
 mod folder;
 mod ground;
+mod kitti;
 mod log;
 mod motion;
 mod notes;
@@ -19,12 +20,14 @@ mod rectify;
 mod rings;
 mod run;
 mod state;
+mod tracks;
 
 pub use config::{
     AssumedConfig, CategoryRule, GroundSource, IgnoreWord, ImportConfig, IntensityScale, LabelledConfig,
     LogFormat, ObjectRule, RingConfig, SizeConfig, VehicleConfig,
 };
 pub use error::ImportError;
+pub use kitti::{KittiLog, open_kitti};
 pub use log::{
     Distortion, Drive, DriveFacts, Frame, Ground, Log, Odometry, RawCamera, RawImage, RawObject, RawPoint,
     Series,

@@ -1,0 +1,103 @@
+//! `harmzone import`: logs of real cars to data sets, one subcommand a format.
+
+use std::path::{Path, PathBuf};
+
+use clap::{Args, Subcommand};
+
+use super::{Bar, ExitStatus, number, print_summary, split};
+use crate::episode::Split;
+use crate::import::nuscenes::NuScenesLog;
+use crate::import::{self, ImportConfig, ImportError, ImportOptions, Log, LogFormat};
+
+#[derive(Debug, Args)]
+pub struct ImportArgs {
+    #[command(subcommand)]
+    format: ImportCommand,
+}
+
+#[derive(Debug, Subcommand)]
+enum ImportCommand {
+    /// nuScenes: a version's folder, or a folder that holds one
+    Nuscenes(LogArgs),
+    /// KITTI: the object set (each frame an episode), tracking sequences, or raw drives
+    Kitti(LogArgs),
+}
+
+/// What all formats share.
+#[derive(Debug, Args)]
+pub(super) struct LogArgs {
+    /// The log
+    source: PathBuf,
+    /// Folder of the data set; the same command again goes on where it stopped
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Import only these drives, with commas between
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    scenes: Vec<String>,
+    /// Of each drive, import every so many samples [default: the config's, 1]
+    #[arg(long, value_name = "N", value_parser = number(1..=1_000_000_u32))]
+    every: Option<u32>,
+    /// The part of the data set that the episodes belong to
+    #[arg(long, default_value = "test", value_parser = split())]
+    split: Split,
+    /// Leave out samples and drives whose files are torn or missing, and tell each, rather than end at the first
+    #[arg(long)]
+    skip_bad: bool,
+    /// Config (TOML) over the format's own, configs/import/<FORMAT>.toml: categories, vehicle, ground, ..
+    #[arg(long, value_name = "TOML")]
+    config: Option<PathBuf>,
+    /// Override one key of the config, e.g. ground=fit
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    overrides: Vec<String>,
+    /// Replace the episodes that another config made in the folder
+    #[arg(long)]
+    force: bool,
+    /// Print the summary as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+impl LogArgs {
+    /// The format's config with the file, the overrides and the flags over it.
+    pub(super) fn load(&self, format: LogFormat) -> anyhow::Result<ImportConfig> {
+        let mut config = ImportConfig::load(format, self.config.as_deref(), &self.overrides)?;
+        config.every = self.every.unwrap_or(config.every);
+        Ok(config)
+    }
+
+    /// Runs the pipeline over an opened log.
+    pub(super) fn import(
+        &self,
+        format: LogFormat,
+        config: &ImportConfig,
+        log: &dyn Log,
+    ) -> anyhow::Result<ExitStatus> {
+        let options = ImportOptions {
+            scenes: self.scenes.clone(),
+            split: self.split,
+            skip_bad: self.skip_bad,
+            force: self.force,
+        };
+        let summary = import::run(log, format, config, &self.out, &options, &Bar::default())?;
+        print_summary(&summary, self.json)?;
+        Ok(if summary.skipped.is_empty() { ExitStatus::Done } else { ExitStatus::DoneWithLosses })
+    }
+
+    /// Opens a log and imports it.
+    pub(super) fn run<L: Log>(
+        &self,
+        format: LogFormat,
+        open: impl FnOnce(&Path, &ImportConfig) -> Result<L, ImportError>,
+    ) -> anyhow::Result<ExitStatus> {
+        let config = self.load(format)?;
+        let log = open(&self.source, &config)?;
+        self.import(format, &config, &log)
+    }
+}
+
+pub fn run(args: ImportArgs) -> anyhow::Result<ExitStatus> {
+    match args.format {
+        ImportCommand::Nuscenes(args) => args.run(LogFormat::Nuscenes, NuScenesLog::open),
+        ImportCommand::Kitti(args) => args.run(LogFormat::Kitti, import::open_kitti),
+    }
+}

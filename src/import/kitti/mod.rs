@@ -1,0 +1,103 @@
+//! KITTI's three layouts: single frames of the object set, sequences of the tracking set, raw recordings.
+
+mod calib;
+mod label;
+mod object;
+mod oxts;
+mod raw;
+mod rig;
+mod scan;
+mod sequence;
+mod tracking;
+mod tracklets;
+
+use std::path::{Path, PathBuf};
+
+use self::object::ObjectDrive;
+use self::rig::Rig;
+use self::sequence::SequenceDrive;
+use super::{Drive, ImportConfig, ImportError, Log, Notes};
+
+/// A KITTI folder.
+pub struct KittiLog {
+    rig: Rig,
+    names: Vec<String>,
+    places: Vec<Place>,
+}
+
+/// Where a drive lies.
+enum Place {
+    Object { folder: PathBuf, stem: String },
+    Tracking { folder: PathBuf, sequence: String },
+    Raw { drive: PathBuf },
+}
+
+/// Finds the drives of a KITTI folder, whichever layout it has: what holds `training` and `testing`, one of these, a date, a recording.
+///
+/// # Errors
+/// None of the layouts, or a further camera that KITTI does not have.
+pub fn open_kitti(source: &Path, config: &ImportConfig) -> Result<KittiLog, ImportError> {
+    let rig = Rig::new(config, source)?;
+    let is_set = |folder: &Path| folder.join("velodyne").is_dir() && folder.join("calib").is_dir();
+    let mut sets: Vec<PathBuf> = ["training", "testing"].map(|set| source.join(set)).into();
+    if is_set(source) {
+        sets = vec![source.to_owned()];
+    }
+    let (mut names, mut places) = (Vec::new(), Vec::new());
+    for folder in sets.into_iter().filter(|folder| is_set(folder)) {
+        let prefix = if folder.ends_with("testing") { "kitti-testing" } else { "kitti" };
+        let is_tracking = tracking::is_tracking(&folder);
+        for stem in entries(&folder.join("calib"), "txt")? {
+            if is_tracking {
+                names.push(format!("{prefix}-tracking-{stem}"));
+                places.push(Place::Tracking { folder: folder.clone(), sequence: stem });
+            } else {
+                names.push(format!("{prefix}-{stem}"));
+                places.push(Place::Object { folder: folder.clone(), stem });
+            }
+        }
+    }
+    if places.is_empty() {
+        for drive in raw::find_drives(source) {
+            names.push(format!("kitti-{}", drive.file_name().unwrap_or_default().to_string_lossy()));
+            places.push(Place::Raw { drive });
+        }
+    }
+    if places.is_empty() {
+        let message = "no KITTI layout is here: neither training/{velodyne,image_2,calib,label_2} (object), nor \
+                       training/{velodyne,image_02,calib,oxts}/NNNN (tracking), nor <date>/<date>_drive_NNNN_sync (raw)";
+        return Err(ImportError::at(source, message));
+    }
+    Ok(KittiLog { rig, names, places })
+}
+
+/// The stems of a folder's files with a suffix, sorted.
+fn entries(folder: &Path, suffix: &str) -> Result<Vec<String>, ImportError> {
+    let mut stems = Vec::new();
+    for entry in fs_err::read_dir(folder)? {
+        let path = entry?.path();
+        if path.extension().is_some_and(|found| found == suffix) {
+            stems.extend(path.file_stem().map(|stem| stem.to_string_lossy().into_owned()));
+        }
+    }
+    stems.sort();
+    Ok(stems)
+}
+
+impl Log for KittiLog {
+    fn drives(&self) -> &[String] {
+        &self.names
+    }
+
+    fn open(&self, drive: &str, _notes: &mut Notes) -> Result<Box<dyn Drive>, ImportError> {
+        let place = self.names.iter().position(|name| name == drive).and_then(|i| self.places.get(i));
+        let missing = || ImportError::NoDrive { found: drive.to_owned(), valid: self.names.clone() };
+        Ok(match place.ok_or_else(missing)? {
+            Place::Object { folder, stem } => Box::new(ObjectDrive::open(folder, stem, &self.rig)?),
+            Place::Tracking { folder, sequence } => {
+                Box::new(SequenceDrive::new(tracking::read_sequence(folder, sequence, &self.rig)?, &self.rig))
+            }
+            Place::Raw { drive } => Box::new(SequenceDrive::new(raw::read_drive(drive, &self.rig)?, &self.rig)),
+        })
+    }
+}

@@ -1,0 +1,116 @@
+//! Raw recordings, synchronised: `<date>/<date>_drive_NNNN_sync/{velodyne_points,image_02,oxts}/data`, stamps, the date's calibration.
+
+use std::path::{Path, PathBuf};
+
+use super::calib::Calibration;
+use super::oxts::Packet;
+use super::rig::{FRONT, Rig};
+use super::sequence::Parts;
+use super::tracklets::read_tracklets;
+use crate::import::ImportError;
+use crate::import::error::read_text;
+
+/// Reads what a drive needs.
+pub(super) fn read_drive(drive: &Path, rig: &Rig) -> Result<Parts, ImportError> {
+    let date = drive.parent().unwrap_or(drive);
+    let calibration = Calibration::read_raw(date)?;
+    let clouds = drive.join("velodyne_points");
+    let times_ns = read_stamps(&clouds.join("timestamps.txt"))?;
+    let frames: Vec<(String, u64)> =
+        times_ns.iter().enumerate().map(|(i, time_ns)| (format!("{i:010}"), *time_ns)).collect();
+    let picture_stamps = drive.join(format!("image_0{FRONT}")).join("timestamps.txt");
+    let picture_times_ns = read_stamps(&picture_stamps)?;
+    if picture_times_ns.len() != frames.len() {
+        let message = format!("there are {} stamps of pictures and {} of clouds; as many are needed", picture_times_ns.len(), frames.len());
+        return Err(ImportError::at(&picture_stamps, message));
+    }
+    let oxts_times_ns = read_stamps(&drive.join("oxts/timestamps.txt"))?;
+    let mut packets = Vec::with_capacity(oxts_times_ns.len());
+    for (i, time_ns) in oxts_times_ns.into_iter().enumerate() {
+        let path = drive.join("oxts/data").join(format!("{i:010}.txt"));
+        let packet = Packet::parse(read_text(&path)?.trim(), &path)?;
+        // A few drives have packets out of order; the odometry must rise.
+        if packets.last().is_none_or(|(last_ns, _)| *last_ns < time_ns) {
+            packets.push((time_ns, packet));
+        }
+    }
+    let tracklets = drive.join("tracklet_labels.xml");
+    let annotated = if tracklets.is_file() {
+        Some(read_tracklets(&tracklets, &rig.ego_from_velo, frames.len())?)
+    } else {
+        None
+    };
+    Ok(Parts {
+        path: drive.to_owned(),
+        description: format!("KITTI raw recording {}", drive.file_name().unwrap_or_default().to_string_lossy()),
+        frames,
+        clouds: clouds.join("data"),
+        pictures: |parts, number| pictures(parts, number),
+        picture_times_ns,
+        calibration,
+        packets,
+        annotated,
+        methods: Vec::new(),
+    })
+}
+
+fn pictures(parts: &Parts, number: usize) -> PathBuf {
+    parts.path.join(format!("image_{number:02}")).join("data")
+}
+
+/// The drives of a source: itself, those of a date's folder, or those of all dates in it.
+pub(super) fn find_drives(source: &Path) -> Vec<PathBuf> {
+    let is_drive = |path: &Path| path.join("velodyne_points").is_dir() && path.join("oxts").is_dir();
+    if is_drive(source) {
+        return vec![source.to_owned()];
+    }
+    let inside = |folder: &Path| -> Vec<PathBuf> {
+        let entries = fs_err::read_dir(folder).map(|entries| entries.filter_map(Result::ok).collect());
+        let mut paths: Vec<PathBuf> = entries.unwrap_or_else(|_| Vec::new()).iter().map(|entry| entry.path()).collect();
+        paths.sort();
+        paths
+    };
+    let here = inside(source);
+    let deeper = here.iter().filter(|path| path.is_dir()).flat_map(|path| inside(path));
+    let mut drives: Vec<PathBuf> = here.iter().cloned().chain(deeper).filter(|path| is_drive(path)).collect();
+    drives.sort();
+    drives
+}
+
+/// One stamp a line: `2011-09-26 13:02:25.964389445`.
+fn read_stamps(path: &Path) -> Result<Vec<u64>, ImportError> {
+    let text = read_text(path)?;
+    let lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
+    let fail = |line: &str| ImportError::at(path, format!("a stamp is `{line}`; `2011-09-26 13:02:25.964389445` would be valid"));
+    lines.map(|line| parse_stamp(line).ok_or_else(|| fail(line))).collect()
+}
+
+/// Nanoseconds since 1970.
+fn parse_stamp(line: &str) -> Option<u64> {
+    let (date, clock) = line.split_once(' ')?;
+    let mut date = date.split('-').map(|part| part.parse::<i64>().ok());
+    let (year, month, day) = (date.next()??, date.next()??, date.next()??);
+    let (clock, fraction) = clock.split_once('.').unwrap_or((clock, "0"));
+    let mut clock = clock.split(':').map(|part| part.parse::<i64>().ok());
+    let (hours, minutes, seconds) = (clock.next()??, clock.next()??, clock.next()??);
+    let nanoseconds: u64 = format!("{fraction:0<9}").get(..9)?.parse().ok()?;
+    // Days from civil (Hinnant): years begin in March.
+    let year = if month <= 2 { year - 1 } else { year };
+    let of_year = (153 * ((month + 9) % 12) + 2) / 5 + day - 1;
+    let of_era = year.rem_euclid(400) * 365 + year.rem_euclid(400) / 4 - year.rem_euclid(400) / 100 + of_year;
+    let days = year.div_euclid(400) * 146_097 + of_era - 719_468;
+    let seconds = u64::try_from(((days * 24 + hours) * 60 + minutes) * 60 + seconds).ok()?;
+    Some(seconds * 1_000_000_000 + nanoseconds)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_stamp_is_read_to_the_nanosecond() {
+        assert_eq!(parse_stamp("2011-09-26 13:02:25.964389445"), Some(1_317_042_145_964_389_445));
+        assert_eq!(parse_stamp("1970-01-01 00:00:01.5"), Some(1_500_000_000));
+        assert_eq!(parse_stamp("26.9.2011"), None);
+    }
+}
