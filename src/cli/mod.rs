@@ -121,8 +121,8 @@ pub fn parse<C: Parser>() -> C {
 
 /// Lets options take values such as `-3`, so that the error says what is valid and not that `-3` is no flag.
 fn take_negative_numbers(command: clap::Command) -> clap::Command {
-    let command = command
-        .mut_args(|arg| if takes_value(&arg) { arg.allow_negative_numbers(true) } else { arg });
+    let command =
+        command.mut_args(|arg| if takes_value(&arg) { arg.allow_negative_numbers(true) } else { arg });
     command.mut_subcommands(take_negative_numbers)
 }
 

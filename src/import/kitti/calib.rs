@@ -72,7 +72,8 @@ impl Calibration {
     pub(super) fn camera(&self, camera: usize, path: &Path) -> Result<RectifiedCamera, ImportError> {
         let fail = |message: String| ImportError::at(path, message);
         let projection = self.projections.get(camera).copied().flatten();
-        let p = projection.ok_or_else(|| fail(format!("the calibration has no row `P{camera}`; it is needed")))?;
+        let p = projection
+            .ok_or_else(|| fail(format!("the calibration has no row `P{camera}`; it is needed")))?;
         let is_pinhole = p[0] > 0.0 && p[5] > 0.0 && [p[1], p[4], p[8], p[9]] == [0.0; 4] && p[10] == 1.0;
         if !is_pinhole {
             let found = &p;
@@ -140,7 +141,8 @@ impl Rows {
     fn checked_rotation(&self, name: &str, matrix: Matrix3<f64>) -> Result<UnitQuaternion<f64>, ImportError> {
         let off = (matrix.transpose() * matrix - Matrix3::identity()).abs().max();
         if off > 1e-3 || matrix.determinant() < 0.0 {
-            let message = format!("the row `{name}` is no rotation (off by {off:.3}); a right-handed one is needed");
+            let message =
+                format!("the row `{name}` is no rotation (off by {off:.3}); a right-handed one is needed");
             return Err(ImportError::at(&self.path, message));
         }
         Ok(UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(matrix)))
@@ -172,7 +174,8 @@ Tr_velo_to_cam: 0 -1 0 0.01 0 0 -1 -0.08 1 0 0 -0.27
         let moved = camera.camera_from_rect.vector + point;
         let (u, v) = (700.0 * moved.x / moved.z + 600.0, 700.0 * moved.y / moved.z + 180.0);
         let z = point.z + 5.0e-3;
-        let (wanted_u, wanted_v) = ((700.0 * 3.0 + 600.0 * 20.0 + 45.0) / z, (700.0 + 180.0 * 20.0 - 0.35) / z);
+        let (wanted_u, wanted_v) =
+            ((700.0 * 3.0 + 600.0 * 20.0 + 45.0) / z, (700.0 + 180.0 * 20.0 - 0.35) / z);
         assert!((u - wanted_u).abs() < 1e-9 && (v - wanted_v).abs() < 1e-9, "{u} {v}");
         assert!(calibration.camera(3, Path::new("calib")).unwrap_err().to_string().contains("`P3`"));
     }

@@ -40,7 +40,8 @@ pub(super) fn read_tracking_labels(path: &Path) -> Result<Vec<LabelRow>, ImportE
     let lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
     let row = |(i, line): (usize, &str)| {
         let words = words(line);
-        let (frame, rest) = (words.first().and_then(|word| word.parse().ok()), words.get(2..).unwrap_or_default());
+        let (frame, rest) =
+            (words.first().and_then(|word| word.parse().ok()), words.get(2..).unwrap_or_default());
         let Some(frame) = frame else {
             return Err(fault(path, i, "a frame's number, a track's number and a label are needed", line));
         };
@@ -71,7 +72,9 @@ fn parse(
 ) -> Result<LabelRow, ImportError> {
     let fail = |wanted: &str| fault(path, line_idx, wanted, &words.join(" "));
     if !COLUMNS.contains(&words.len()) {
-        return Err(fail("15 columns are needed: category, truncation, occlusion, alpha, box, sizes, place, rotation"));
+        return Err(fail(
+            "15 columns are needed: category, truncation, occlusion, alpha, box, sizes, place, rotation",
+        ));
     }
     let numbers: Option<Vec<f64>> =
         words[4..15].iter().map(|word| word.parse().ok().filter(|number: &f64| number.is_finite())).collect();
@@ -106,7 +109,13 @@ impl LabelRow {
         // y points down, so the middle lies above the bottom.
         let center = ego_from_rect * Point3::new(x, y - height_m / 2.0, z);
         let ahead = ego_from_rect * Vector3::new(rotation_y.cos(), 0.0, -rotation_y.sin());
-        Box3 { center: Point::from_coords(center), length_m, width_m, height_m, yaw_rad: ahead.y.atan2(ahead.x) }
+        Box3 {
+            center: Point::from_coords(center),
+            length_m,
+            width_m,
+            height_m,
+            yaw_rad: ahead.y.atan2(ahead.x),
+        }
     }
 
     pub(super) fn object(&self, ego_from_rect: &Isometry3<f64>, velocity_in_ego_mps: [f64; 2]) -> RawObject {
@@ -148,6 +157,8 @@ mod tests {
         assert!(told("Car 0.00 0 -1.57 1 2 3").contains("line 1 is"));
         assert!(told("Car 0.00 0 -1.57 1 2 3 4 1.5 1.6 nan 3.0 1.65 20.0 0").contains("finite"));
         assert!(told("Car 0.00 0 -1.57 1 2 3 4 0 1.6 4 3.0 1.65 20.0 0").contains("above 0"));
-        assert!(parsed("DontCare -1 -1 -10 503.89 169.71 590.61 190.13 -1 -1 -1 -1000 -1000 -1000 -10").is_ok());
+        assert!(
+            parsed("DontCare -1 -1 -10 503.89 169.71 590.61 190.13 -1 -1 -1 -1000 -1000 -1000 -10").is_ok()
+        );
     }
 }

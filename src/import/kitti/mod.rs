@@ -97,7 +97,9 @@ impl Log for KittiLog {
             Place::Tracking { folder, sequence } => {
                 Box::new(SequenceDrive::new(tracking::read_sequence(folder, sequence, &self.rig)?, &self.rig))
             }
-            Place::Raw { drive } => Box::new(SequenceDrive::new(raw::read_drive(drive, &self.rig)?, &self.rig)),
+            Place::Raw { drive } => {
+                Box::new(SequenceDrive::new(raw::read_drive(drive, &self.rig)?, &self.rig))
+            }
         })
     }
 }

@@ -28,10 +28,14 @@ impl ObjectDrive {
     pub(super) fn open(folder: &Path, stem: &str, rig: &Rig) -> Result<Self, ImportError> {
         let calibration = Calibration::read(&folder.join("calib").join(format!("{stem}.txt")))?;
         let is_labelled = folder.join("label_2").is_dir();
-        let number: u64 = stem.bytes().filter(u8::is_ascii_digit).fold(0, |n, digit| n * 10 + u64::from(digit - b'0'));
+        let number: u64 =
+            stem.bytes().filter(u8::is_ascii_digit).fold(0, |n, digit| n * 10 + u64::from(digit - b'0'));
         let methods = vec![
             ("time", "made up: the set has no stamps".to_owned()),
-            ("camera", "the left colour camera, rectified by KITTI, with its baseline to camera 0".to_owned()),
+            (
+                "camera",
+                "the left colour camera, rectified by KITTI, with its baseline to camera 0".to_owned(),
+            ),
             ("velocity", "of objects unknown: single frames".to_owned()),
         ];
         Ok(Self {
@@ -76,7 +80,8 @@ impl Drive for ObjectDrive {
     }
 
     fn frame(&self, _sample_idx: usize, _notes: &mut Notes) -> Result<Frame, ImportError> {
-        let file = |folder: &str, suffix: &str| self.folder.join(folder).join(format!("{}.{suffix}", self.stem));
+        let file =
+            |folder: &str, suffix: &str| self.folder.join(folder).join(format!("{}.{suffix}", self.stem));
         let view = |number: usize| {
             let picture = picture_path(&self.folder.join(format!("image_{number}")), &self.stem);
             self.rig.camera(number, &self.calibration, &picture, self.times_ns[0])
@@ -94,7 +99,12 @@ impl Drive for ObjectDrive {
             ego_from_lidar: self.rig.ego_from_lidar(),
             points,
             camera: Some(view(FRONT)?),
-            other_cameras: self.rig.other_cameras.iter().map(|&number| view(number)).collect::<Result<_, _>>()?,
+            other_cameras: self
+                .rig
+                .other_cameras
+                .iter()
+                .map(|&number| view(number))
+                .collect::<Result<_, _>>()?,
             objects,
             ignored,
         })

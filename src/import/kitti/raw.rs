@@ -21,7 +21,11 @@ pub(super) fn read_drive(drive: &Path, rig: &Rig) -> Result<Parts, ImportError> 
     let picture_stamps = drive.join(format!("image_0{FRONT}")).join("timestamps.txt");
     let picture_times_ns = read_stamps(&picture_stamps)?;
     if picture_times_ns.len() != frames.len() {
-        let message = format!("there are {} stamps of pictures and {} of clouds; as many are needed", picture_times_ns.len(), frames.len());
+        let message = format!(
+            "there are {} stamps of pictures and {} of clouds; as many are needed",
+            picture_times_ns.len(),
+            frames.len()
+        );
         return Err(ImportError::at(&picture_stamps, message));
     }
     let oxts_times_ns = read_stamps(&drive.join("oxts/timestamps.txt"))?;
@@ -42,7 +46,10 @@ pub(super) fn read_drive(drive: &Path, rig: &Rig) -> Result<Parts, ImportError> 
     };
     Ok(Parts {
         path: drive.to_owned(),
-        description: format!("KITTI raw recording {}", drive.file_name().unwrap_or_default().to_string_lossy()),
+        description: format!(
+            "KITTI raw recording {}",
+            drive.file_name().unwrap_or_default().to_string_lossy()
+        ),
         frames,
         clouds: clouds.join("data"),
         pictures: |parts, number| pictures(parts, number),
@@ -66,7 +73,8 @@ pub(super) fn find_drives(source: &Path) -> Vec<PathBuf> {
     }
     let inside = |folder: &Path| -> Vec<PathBuf> {
         let entries = fs_err::read_dir(folder).map(|entries| entries.filter_map(Result::ok).collect());
-        let mut paths: Vec<PathBuf> = entries.unwrap_or_else(|_| Vec::new()).iter().map(|entry| entry.path()).collect();
+        let mut paths: Vec<PathBuf> =
+            entries.unwrap_or_else(|_| Vec::new()).iter().map(|entry| entry.path()).collect();
         paths.sort();
         paths
     };
@@ -81,7 +89,9 @@ pub(super) fn find_drives(source: &Path) -> Vec<PathBuf> {
 fn read_stamps(path: &Path) -> Result<Vec<u64>, ImportError> {
     let text = read_text(path)?;
     let lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
-    let fail = |line: &str| ImportError::at(path, format!("a stamp is `{line}`; `2011-09-26 13:02:25.964389445` would be valid"));
+    let fail = |line: &str| {
+        ImportError::at(path, format!("a stamp is `{line}`; `2011-09-26 13:02:25.964389445` would be valid"))
+    };
     lines.map(|line| parse_stamp(line).ok_or_else(|| fail(line))).collect()
 }
 

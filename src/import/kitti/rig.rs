@@ -28,12 +28,17 @@ impl Rig {
         let number = |name: &String| {
             let digits = name.trim_start_matches("image_");
             let number = digits.parse().ok().filter(|number| *number < 4 && *number != FRONT);
-            let message = || format!("the camera `{name}` is not one of KITTI's further ones: image_0, image_1, image_3");
+            let message = || {
+                format!("the camera `{name}` is not one of KITTI's further ones: image_0, image_1, image_3")
+            };
             number.ok_or_else(|| ImportError::at(source, message()))
         };
         let other_cameras = config.cameras.iter().map(number).collect::<Result<_, _>>()?;
         let [x, y, z] = config.lidar_mount_m;
-        Ok(Self { ego_from_velo: Isometry3::from_parts(Translation3::new(x, y, z), Default::default()), other_cameras })
+        Ok(Self {
+            ego_from_velo: Isometry3::from_parts(Translation3::new(x, y, z), Default::default()),
+            other_cameras,
+        })
     }
 
     pub(super) fn ego_from_lidar(&self) -> Transform<Ego, Lidar> {

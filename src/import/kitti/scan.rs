@@ -24,15 +24,15 @@ pub(super) enum Stamps {
 pub(super) fn read_scan(path: &Path, stamps: Stamps) -> Result<Vec<RawPoint>, ImportError> {
     let bytes = read(path)?;
     if bytes.len() % POINT_BYTES != 0 {
-        let message = format!("the cloud has {} bytes, no multiple of {POINT_BYTES}; it is cut short", bytes.len());
+        let message =
+            format!("the cloud has {} bytes, no multiple of {POINT_BYTES}; it is cut short", bytes.len());
         return Err(ImportError::at(path, message));
     }
     let mut points: Vec<RawPoint> = bytes
         .chunks_exact(POINT_BYTES)
         .map(|point| {
-            let [x_m, y_m, z_m, intensity] = std::array::from_fn(|i| {
-                f32::from_le_bytes(std::array::from_fn(|byte| point[4 * i + byte]))
-            });
+            let [x_m, y_m, z_m, intensity] =
+                std::array::from_fn(|i| f32::from_le_bytes(std::array::from_fn(|byte| point[4 * i + byte])));
             let turned = -f64::from(y_m).atan2(f64::from(x_m)) / std::f64::consts::TAU;
             let time_offset_s = (stamps == Stamps::ByAzimuth).then_some((turned * TURN_S) as f32);
             RawPoint { x_m, y_m, z_m, intensity, ring: None, time_offset_s }

@@ -65,7 +65,10 @@ impl SequenceDrive {
             fill_velocities(annotated, &times_ns, &odometry);
         }
         let mut methods = std::mem::take(&mut parts.methods);
-        methods.push(("camera", "the left colour camera, rectified by KITTI, with its baseline to camera 0".to_owned()));
+        methods.push((
+            "camera",
+            "the left colour camera, rectified by KITTI, with its baseline to camera 0".to_owned(),
+        ));
         methods.push(("velocity", "of objects from their places in neighbouring frames".to_owned()));
         let facts = DriveFacts {
             path: parts.path.clone(),

@@ -26,7 +26,8 @@ pub(super) fn read_sequence(folder: &Path, sequence: &str, rig: &Rig) -> Result<
     let packets = packets.map(packet).collect::<Result<Vec<_>, ImportError>>()?;
     let labels = folder.join("label_02").join(format!("{sequence}.txt"));
     let has_labels = folder.join("label_02").is_dir();
-    let annotated = if has_labels { Some(annotate(&labels, rig, &calibration, packets.len())?) } else { None };
+    let annotated =
+        if has_labels { Some(annotate(&labels, rig, &calibration, packets.len())?) } else { None };
     let frames: Vec<(String, u64)> = (0..packets.len()).map(|i| (format!("{i:06}"), time_ns(i))).collect();
     let clouds = folder.join("velodyne").join(sequence);
     // Four clouds of sequence 0001 are missing in the set itself.
@@ -65,7 +66,8 @@ fn annotate(
     let mut annotated: BTreeMap<usize, Annotated> = BTreeMap::new();
     for row in read_tracking_labels(labels)? {
         if row.frame >= n_frames {
-            let message = format!("a label is of frame {}; the sequence has {n_frames} (packets of oxts)", row.frame);
+            let message =
+                format!("a label is of frame {}; the sequence has {n_frames} (packets of oxts)", row.frame);
             return Err(ImportError::at(labels, message));
         }
         let of_frame = annotated.entry(row.frame).or_default();
@@ -80,9 +82,8 @@ fn annotate(
 
 /// Whether a folder holds sequences: folders of clouds.
 pub(super) fn is_tracking(folder: &Path) -> bool {
-    let has_sequences = |inside: fs_err::ReadDir| {
-        inside.filter_map(Result::ok).any(|entry| entry.path().is_dir())
-    };
+    let has_sequences =
+        |inside: fs_err::ReadDir| inside.filter_map(Result::ok).any(|entry| entry.path().is_dir());
     fs_err::read_dir(folder.join("velodyne")).is_ok_and(has_sequences)
         && picture_path(&folder.join(format!("image_0{FRONT}")), "0000").parent().is_some_and(Path::is_dir)
 }

@@ -31,7 +31,8 @@ pub(super) fn read_tracklets(
     let mut annotated: BTreeMap<usize, Annotated> = BTreeMap::new();
     for (track_idx, track) in tracklets.children().filter(|node| node.has_tag_name("item")).enumerate() {
         let value = |node: Node<'_, '_>, name: &str| -> Result<f64, ImportError> {
-            let number = text_of(node, name).and_then(|text| text.parse().ok()).filter(|n: &f64| n.is_finite());
+            let number =
+                text_of(node, name).and_then(|text| text.parse().ok()).filter(|n: &f64| n.is_finite());
             number.ok_or_else(|| fail(format!("tracklet {track_idx} has no finite `{name}`")))
         };
         let category = text_of(track, "objectType").unwrap_or_default();
@@ -40,11 +41,14 @@ pub(super) fn read_tracklets(
         let [height_m, width_m, length_m] = [value(track, "h")?, value(track, "w")?, value(track, "l")?];
         let first = value(track, "first_frame")? as usize;
         let poses = track.children().find(|node| node.has_tag_name("poses"));
-        let items = poses.into_iter().flat_map(|poses| poses.children().filter(|node| node.has_tag_name("item")));
+        let items =
+            poses.into_iter().flat_map(|poses| poses.children().filter(|node| node.has_tag_name("item")));
         for (i, pose) in items.enumerate() {
             let frame_idx = first + i;
             if frame_idx >= n_frames {
-                return Err(fail(format!("tracklet {track_idx} is in frame {frame_idx}; the drive has {n_frames}")));
+                return Err(fail(format!(
+                    "tracklet {track_idx} is in frame {frame_idx}; the drive has {n_frames}"
+                )));
             }
             let truncation = text_of(pose, "truncation").and_then(|text| text.parse().ok()).unwrap_or(0);
             if UNSEEN.contains(&truncation) {
