@@ -1,9 +1,10 @@
-//! `harmzone import`: logs of real cars to data sets, one subcommand a format.
+//! `harmzone import`: logs of real cars to data sets, one subcommand a format, and predictions of other tools.
 
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
 
+use super::exchange::{self, ImportPredictionsArgs};
 use super::{Bar, ExitStatus, number, print_summary, split};
 use crate::episode::Split;
 use crate::import::nuscenes::NuScenesLog;
@@ -21,6 +22,8 @@ enum ImportCommand {
     Nuscenes(LogArgs),
     /// KITTI: the object set (each frame an episode), tracking sequences, or raw drives
     Kitti(LogArgs),
+    /// Another detector's boxes, as `harmzone predict` writes a network's
+    Predictions(ImportPredictionsArgs),
 }
 
 /// What all formats share.
@@ -99,5 +102,6 @@ pub fn run(args: ImportArgs) -> anyhow::Result<ExitStatus> {
     match args.format {
         ImportCommand::Nuscenes(args) => args.run(LogFormat::Nuscenes, NuScenesLog::open),
         ImportCommand::Kitti(args) => args.run(LogFormat::Kitti, import::open_kitti),
+        ImportCommand::Predictions(args) => exchange::import(&args),
     }
 }

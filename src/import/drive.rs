@@ -13,7 +13,7 @@ use super::objects::{count_points, truth_of};
 use super::pictures::{is_changed, view_of, virtual_view};
 use super::run::Task;
 use super::state::StateMaker;
-use super::{Drive, DriveFacts, Frame, Ground, ImportError, Notes, RawCamera};
+use super::{Drive, DriveFacts, Frame, Ground, ImportError, Notes, RawCamera, odometry};
 use crate::episode::{EpisodeEntry, EpisodeMeta, EpisodeWriter, LogFacts};
 use crate::geometry::{Ego, Transform, World};
 use crate::sample::{CameraView, Measured, Sample};
@@ -43,6 +43,8 @@ pub(super) fn import_drive(
         smoothing_ns: (config.smoothing_s * 1e9) as u64,
     };
     check_times(drive.times_ns(), &facts.path)?;
+    let wheelbase_m = facts.wheelbase_m.unwrap_or(config.vehicle.wheelbase_m);
+    odometry::check(&motion, drive.times_ns(), wheelbase_m, notes);
     let chosen: Vec<usize> = (0..drive.times_ns().len()).step_by(config.every as usize).collect();
     let mut methods = Methods::new();
     methods.insert("description".into(), facts.description.clone());

@@ -15,6 +15,7 @@ mod motion;
 mod notes;
 pub mod nuscenes;
 mod objects;
+mod odometry;
 mod pictures;
 mod rectify;
 mod rings;
