@@ -12,7 +12,7 @@ PYTHON_SOURCES = python scenes mjcf_assets tests scripts xtask/python
 
 RESULTS = runs/results
 
-.PHONY: help setup setup-test setup-golden build demo results report test ci check-gpu bench bench-gen bench-eval race miri \
+.PHONY: help setup setup-test setup-golden build demo results report test ci check-gpu check-logs check-mmdet3d bench bench-gen bench-eval race miri \
 	bundle bundle-test gallery weathers fmt clean
 
 help: ## List the targets
@@ -33,6 +33,12 @@ setup-golden: .venv-golden/.ready ## PyTorch, which the golden tests' files and 
 
 .venv-golden/.ready: tests/golden/requirements.txt scripts/setup.sh
 	@scripts/setup.sh golden
+
+.venv-logs/.ready: requirements.txt requirements-test.txt tests/import/requirements.txt scripts/setup.sh .venv/.ready
+	@scripts/setup.sh logs
+
+.venv-mmdet3d/.ready: tests/golden/requirements.txt tests/import/requirements-mmdet3d.txt scripts/setup.sh
+	@scripts/setup.sh mmdet3d
 
 .venv-bundle/.ready: requirements-bundle.txt requirements-bundle-source.txt scripts/setup.sh .venv/.ready
 	@scripts/setup.sh bundle
@@ -87,6 +93,17 @@ ci: setup setup-test $(CARGO_DENY) ## Tests, formats, lints, docs, spelling, lic
 
 check-gpu: setup ## The GPU backends compile, without a GPU; minutes
 	cargo clippy --release --features vulkan,cuda -- -D warnings
+
+# Outputs of the checks, and the samples of KITTI and Argoverse 2 (without them their checks are skipped).
+LOGS = runs/logs
+LOG_SAMPLES ?= ../shared/samples
+
+check-logs: build .venv-logs/.ready ## Importers and exporters against the data sets' own toolkits; minutes; LOG_SAMPLES=DIR
+	.venv-logs/bin/python tests/import/run_all.py $(BIN) --work $(LOGS) --samples $(LOG_SAMPLES) $(ARGS)
+
+check-mmdet3d: build .venv-logs/.ready .venv-mmdet3d/.ready ## And mmdetection3d's own preparation over the exports (3 GB of PyTorch)
+	.venv-logs/bin/python tests/import/run_all.py $(BIN) --work $(LOGS) --samples $(LOG_SAMPLES) \
+	    --mmdet3d .venv-mmdet3d/bin/python $(ARGS)
 
 bench: setup ## Benchmarks, module/case/size; never a gate
 	cargo bench --profile release

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Makes the project's Python venv and what it needs from the system; called by `make setup`,
-# `make setup-test`, `make setup-golden` and `make bundle`. Usage: setup.sh product|test|golden|bundle
+# `make setup-test`, `make setup-golden`, `make bundle`, `make check-logs` and `make check-mmdet3d`.
+# Usage: setup.sh product|test|golden|logs|mmdet3d|bundle
 #
 # Debian and Ubuntu as root: missing system packages are installed. Elsewhere: the command to run is printed.
 set -euo pipefail
@@ -93,6 +94,12 @@ build_numpy() {
     echo "$kept"/*.whl
 }
 
+# install_cuda VENV: PyTorch's wheel is linked against CUDA's libraries, which its own pins name; it runs on the CPU here.
+install_cuda() {
+    "$1/bin/python" -c 'import torch' 2>/dev/null ||
+        "$1/bin/python" -m pip install --disable-pip-version-check --quiet -r tests/golden/requirements.txt
+}
+
 # Can MuJoCo draw without a window?
 renders() {
     MUJOCO_GL=egl .venv/bin/python - >/dev/null 2>&1 <<'PYTHON'
@@ -131,10 +138,17 @@ test)
     ;;
 golden)
     make_venv .venv-golden tests/golden/requirements.txt
-    # The wheel is linked against CUDA's libraries, which its own pins name; the network here runs on the CPU.
-    .venv-golden/bin/python -c 'import torch' 2>/dev/null ||
-        .venv-golden/bin/python -m pip install --disable-pip-version-check --quiet -r tests/golden/requirements.txt
+    install_cuda .venv-golden
     touch .venv-golden/.ready
+    ;;
+logs)
+    make_venv .venv-logs tests/import/requirements.txt
+    touch .venv-logs/.ready
+    ;;
+mmdet3d)
+    make_venv .venv-mmdet3d tests/import/requirements-mmdet3d.txt
+    install_cuda .venv-mmdet3d
+    touch .venv-mmdet3d/.ready
     ;;
 bundle)
     command -v c++ >/dev/null || system_packages "a C++ compiler" build-essential
@@ -143,5 +157,5 @@ bundle)
     .venv-bundle/bin/python -m pip install --disable-pip-version-check --quiet --no-deps --no-index --force-reinstall "$numpy"
     touch .venv-bundle/.ready
     ;;
-*) fail "usage: scripts/setup.sh product|test|golden|bundle" ;;
+*) fail "usage: scripts/setup.sh product|test|golden|logs|mmdet3d|bundle" ;;
 esac

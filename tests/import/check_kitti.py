@@ -78,12 +78,14 @@ def check_moment(moment: Moment, source: Path, name: str, table: Comparison) -> 
     calibration = read_calibration(source / "calib" / f"{name}.txt")
     camera = moment.cameras["cam_front"]
     table.equal("picture bytes", camera.image, (source / "image_2" / f"{name}.png").read_bytes(), name)
-    # Ours has pixel (0, 0) at the corner of the picture, KITTI at the middle of its first pixel: half a pixel
-    # between.
-    shift_px = camera.k[:2, 2] - calibration["k"][:2, 2]
-    table.add(
-        "K", camera.k - calibration["k"] - np.array([[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]]), 1e-6, "px", name
-    )
+    # KITTI does not say whether pixel (0, 0) is the corner or the middle of its first pixel: kept, or half a
+    # pixel more.
+    shift_px = np.round((camera.k[:2, 2] - calibration["k"][:2, 2]) * 2) / 2
+    table.note(f"K's principal point is KITTI's plus {shift_px.tolist()} px")
+    k = calibration["k"].copy()
+    k[:2, 2] += shift_px
+    table.add("K", camera.k - k, 1e-6, "px", name)
+    table.add("K's shift", shift_px, 0.5, "px", name)
     table.equal("distortion", [x for x in camera.d if x], [], name)
 
     # The ego frame is the importer's choice; it is taken from the camera, and the LiDAR must agree with it.

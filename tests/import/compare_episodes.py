@@ -1,0 +1,106 @@
+"""Compares a data set with what came back from its export and import: boxes, calibration, state, pictures,
+points.
+
+Usage: compare_episodes.py ORIGINAL RETURNED [--cut-box-fields]
+
+Episodes are matched by their samples' pictures. Points must be the same to the bit, pictures to the byte, all
+else to 1e-6. Exit code 1 on a difference.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import sys
+from pathlib import Path
+
+import numpy as np
+from comparison import Comparison, angle_between, rotation_angle
+from imported_episode import Moment, read_data_set
+
+
+def fingerprint(moment: Moment) -> str:
+    """What a sample is known by: its front picture and its first points."""
+    payload = moment.cameras["cam_front"].image + np.float64(len(moment.cloud["x"])).tobytes()
+    return hashlib.sha256(payload).hexdigest()
+
+
+def check_moment(one: Moment, other: Moment, where: str, table: Comparison) -> None:
+    """Compares one sample with itself after the journey."""
+    table.equal("cameras", sorted(other.cameras), sorted(one.cameras), where)
+    for name, camera in one.cameras.items():
+        if name not in other.cameras:
+            continue
+        back = other.cameras[name]
+        table.equal("picture bytes", back.image, camera.image, f"{where} {name}")
+        table.add("K", back.k - camera.k, 1e-6, "px", f"{where} {name}")
+        table.add("camera's pose", back.ego_from_camera - camera.ego_from_camera, 1e-6, "", f"{where} {name}")
+    table.add("LiDAR's pose", other.ego_from_lidar - one.ego_from_lidar, 1e-6, "", where)
+    for axis in ("x", "y", "z", "intensity", "ring"):
+        same = np.array_equal(other.cloud[axis], one.cloud[axis])
+        table.equal(f"points' {axis}, bits", same, True, where)
+        if not same and len(other.cloud[axis]) == len(one.cloud[axis]):
+            table.add(f"points' {axis}", other.cloud[axis].astype(float) - one.cloud[axis], 1e-3, "", where)
+    for key in one.state:
+        table.add(f"state: {key}", other.state[key] - one.state[key], 1e-6, "", where)
+    if one.boxes is None or other.boxes is None:
+        table.equal("labelled", other.boxes is None, one.boxes is None, where)
+        return
+    table.equal("number of boxes", len(other.boxes), len(one.boxes), where)
+    left = list(other.boxes)
+    for box in one.boxes:
+        if not left:
+            break
+        back = min(left, key=lambda b: np.linalg.norm(b.center_m - box.center_m))
+        left.remove(back)
+        at = f"{where} {box.category} {box.id}"
+        table.add("box centres", back.center_m - box.center_m, 1e-6, "m", at)
+        table.add("box sizes", back.size_m - box.size_m, 1e-6, "m", at)
+        table.add("box yaws", angle_between(back.yaw_rad, box.yaw_rad), 1e-6, "rad", at)
+        known = ~(np.isnan(back.velocity_mps) | np.isnan(box.velocity_mps))
+        table.add("(told) velocities", (back.velocity_mps - box.velocity_mps)[known], 50.0, "m/s", at)
+        table.equal("points in boxes", back.n_lidar_points, box.n_lidar_points, at)
+        table.equal("kind", back.kind, box.kind, at)
+        table.equal("distribution", back.distribution, box.distribution, at)
+        if back.category != box.category:
+            table.note(f"category {box.category} comes back as {back.category}")
+
+
+def main() -> int:
+    """Compares all samples."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("original", type=Path)
+    parser.add_argument("returned", type=Path)
+    options = parser.parse_args()
+    table = Comparison()
+    back = {}
+    for episode in read_data_set(options.returned):
+        for moment in episode.moments:
+            back[fingerprint(moment)] = (episode, moment)
+        for key, sentence in episode.log.get("methods", {}).items():
+            table.note(f"{key}: {sentence}")
+    for episode in read_data_set(options.original):
+        homes, first = set(), None
+        for idx, moment in enumerate(episode.moments):
+            where = f"{episode.path.stem} {idx}"
+            table.equal("samples that came back", fingerprint(moment) in back, True, where)
+            if fingerprint(moment) not in back:
+                continue
+            home, other = back[fingerprint(moment)]
+            homes.add(home.path.stem)
+            check_moment(moment, other, where, table)
+            if first is None:
+                first = moment.world_from_ego @ np.linalg.inv(other.world_from_ego)
+            moved = first @ other.world_from_ego
+            turned = rotation_angle(moved[:3, :3], moment.world_from_ego[:3, :3])
+            table.add("poses, rotation", turned, 1e-6, "rad", where)
+            table.add("poses, place", (moved - moment.world_from_ego)[:3, 3], 1e-6, "m", where)
+        if homes:
+            table.equal("episodes an episode came back in", len(homes), 1, episode.path.stem)
+    return table.finish()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,191 @@
+"""Runs every check of the importers and exporters, and prints one line each: what `make check-logs` calls.
+
+Usage: run_all.py HARMZONE [--samples ../shared/samples] [--work DIR] [--mmdet3d PYTHON] [--only WORD]
+
+Each check's whole output lies in WORK/<check>.txt. Without the samples of KITTI and Argoverse 2, whose
+licences keep them out of this repository, their checks are skipped, and that is said.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+
+
+class Runner:
+    """Runs commands one after the other, and keeps what they say."""
+
+    def __init__(self, program: Path, work: Path, only: str) -> None:
+        self.program, self.work, self.only = program, work, only
+        self.verdicts: list[tuple[str, str]] = []
+
+    def run(self, name: str, *steps: list[object]) -> bool:
+        """Runs the steps until one fails; one line for all of them."""
+        if self.only not in name:
+            return False
+        start, said, good = time.monotonic(), "", True
+        for step in steps:
+            command = [str(word) for word in step]
+            done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=HERE)
+            said += f"$ {' '.join(command)}\n{done.stdout}{done.stderr}\n"
+            # 3: done, with losses that were told.
+            good = done.returncode in (0, 3) if step[0] == self.program else done.returncode == 0
+            if not good:
+                break
+        (self.work / f"{name}.txt").write_text(said)
+        self.verdicts.append((name, "ok" if good else "FAILS"))
+        print(f"{'ok' if good else 'FAILS':<7} {time.monotonic() - start:6.1f} s  {name}", flush=True)
+        return good
+
+    def skip(self, name: str, why: str) -> None:
+        """Says that a check is not run."""
+        if self.only in name:
+            self.verdicts.append((name, "skipped"))
+            print(f"skipped: {name}: {why}", flush=True)
+
+    def harmzone(self, *words: object) -> list[object]:
+        """A command of the program."""
+        return [self.program, *words]
+
+    def script(self, name: str, *words: object) -> list[object]:
+        """A script of this folder."""
+        return [sys.executable, HERE / name, *words]
+
+
+def check_samples(runner: Runner, samples: Path) -> None:
+    """KITTI's and Argoverse's own frames."""
+    if not samples.is_dir():
+        runner.skip("kitti", f"no samples in {samples}")
+        runner.skip("av2", f"no samples in {samples}")
+        return
+    work = runner.work
+    for name in ("kitti", "av2"):
+        out = work / f"{name}_episodes"
+        runner.run(
+            name,
+            runner.harmzone("import", name, samples / name, "--out", out),
+            runner.script(f"check_{name}.py", samples / name, out),
+            runner.harmzone("doctor", out),
+            runner.harmzone("label", out),
+        )
+
+
+def check_nuscenes_import(runner: Runner) -> None:
+    """A made folder in nuScenes' conventions."""
+    source, out = runner.work / "made_nuscenes", runner.work / "made_nuscenes_episodes"
+    runner.run(
+        "nuscenes import",
+        runner.script("make_nuscenes.py", source),
+        runner.harmzone("import", "nuscenes", source, "--out", out),
+        runner.script("check_nuscenes_import.py", source, out, "--truth", source / "truth.json"),
+    )
+
+
+def check_ros2(runner: Runner, samples: Path) -> None:
+    """Bags by `rosbags` and by kitti2mcap, with the mapping that is proposed."""
+    work = runner.work
+    jobs = [("ros2 made", ["--made"])]
+    if samples.is_dir():
+        jobs.append(("ros2 kitti", ["--kitti", samples / "kitti/training"]))
+    else:
+        runner.skip("ros2 kitti", f"no samples in {samples}")
+    for name, words in jobs:
+        bag = work / name.replace(" ", "_")
+        out = work / f"{bag.name}_episodes"
+        runner.run(
+            name,
+            runner.script("make_ros2_bag.py", bag, *words),
+            runner.harmzone("import", "ros2", bag, "--list"),
+            runner.harmzone("import", "ros2", bag, "--out", out),
+            runner.script("check_ros2.py", bag.with_suffix(".truth.npz"), out),
+        )
+    if samples.is_dir():
+        raw, bag, out = work / "kitti_raw", work / "kitti2mcap.mcap", work / "kitti2mcap_episodes"
+        training = samples / "kitti/training"
+        words = ["--date", "2011_09_26", "--drive", "0001", "--kitti-dir", raw, "--output", bag]
+        runner.run(
+            "ros2 kitti2mcap",
+            runner.script("make_kitti_raw.py", training, raw),
+            [sys.executable, "-m", "kitti2mcap", *words],
+            runner.harmzone("import", "ros2", bag, "--list"),
+            runner.harmzone("import", "ros2", bag, "--out", out),
+            runner.script("check_ros2.py", raw / "truth.npz", out, "--training", training),
+        )
+
+
+def check_exports(runner: Runner, mmdet3d: Path | None) -> None:
+    """Simulated episodes out to nuScenes and KITTI, and back."""
+    work = runner.work
+    data = work / "simulated"
+    words = ["gen", "--town", "downtown", "--samples", "8", "--episodes", "4", "--seed", "7"]
+    if not data.exists():
+        made = runner.run(
+            "simulated data",
+            runner.harmzone(*words, "--set", "val_every=2", "--out", data),
+            runner.harmzone("label", data),
+            runner.harmzone("eval", "small", "--data", data, "--out", work / "simulated_eval"),
+        )
+        if not made and runner.only in "simulated data":
+            return
+    for categories in ("harm", "harm-as-car-truck", "kinds", "source"):
+        export = work / f"nuscenes_{categories}"
+        runner.run(
+            f"export nuscenes {categories}",
+            runner.harmzone(
+                "export", "nuscenes", data, export, "--categories", categories, "--version", "v1.0-mini"
+            ),
+            runner.script("check_nuscenes.py", export, data, "--pictures", work / "pictures"),
+        )
+    export, back = work / "nuscenes_source", work / "nuscenes_back"
+    runner.run(
+        "import(export nuscenes)",
+        runner.harmzone("import", "nuscenes", export, "--out", back),
+        runner.script("compare_episodes.py", data, back),
+    )
+    export, back = work / "kitti_export", work / "kitti_back"
+    runner.run(
+        "import(export kitti)",
+        runner.harmzone("export", "kitti", data, export),
+        runner.harmzone("import", "kitti", export, "--out", back),
+        runner.script("compare_episodes.py", data, back),
+    )
+    if mmdet3d is None:
+        runner.skip("mmdet3d", "no --mmdet3d PYTHON; `make check-mmdet3d` installs it")
+        return
+    for kind, folder in (("nuscenes", "nuscenes_harm-as-car-truck"), ("kitti", "kitti_export")):
+        runner.run(f"mmdet3d {kind}", [mmdet3d, HERE / "run_mmdet3d.py", kind, work / folder])
+
+
+def main() -> int:
+    """Runs all that can run."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("program", type=Path)
+    parser.add_argument("--samples", type=Path, default=HERE.parents[2] / "shared/samples")
+    parser.add_argument("--work", type=Path)
+    parser.add_argument("--mmdet3d", type=Path)
+    parser.add_argument("--only", default="")
+    options = parser.parse_args()
+    work = options.work or Path(tempfile.mkdtemp(prefix="harmzone-logs-"))
+    work.mkdir(parents=True, exist_ok=True)
+    runner = Runner(options.program.resolve(), work.resolve(), options.only)
+    check_samples(runner, options.samples.resolve())
+    check_nuscenes_import(runner)
+    check_ros2(runner, options.samples.resolve())
+    check_exports(runner, options.mmdet3d.absolute() if options.mmdet3d else None)
+    failed = [name for name, verdict in runner.verdicts if verdict == "FAILS"]
+    (work / "verdicts.json").write_text(json.dumps(runner.verdicts, indent=1))
+    print(f"{len(runner.verdicts)} checks, {len(failed)} failed; outputs in {work}")
+    return int(bool(failed))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
