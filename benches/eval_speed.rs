@@ -138,6 +138,7 @@ fn main() {
     for class in Harm::ALL {
         for (i, ap) in metrics.per_threshold.total.get(class).iter().enumerate() {
             let devkit = theirs["per_threshold"][class.name()][i].as_f64().unwrap();
+            let ap = ap.expect("both classes are there");
             assert!((ap - devkit).abs() < 1e-9, "{class:?} {i}: ours {ap}, the devkit's {devkit}");
         }
     }

@@ -41,8 +41,11 @@ fn main() -> anyhow::Result<()> {
     println!("AP, mean of 0.5, 1, 2 and 4 m");
     for (name, column) in [("all objects", Column::Total), ("in distribution", Column::IdMatched)] {
         let scores = found.metrics.columns.get(column).expect("mode `Ood` fills every column");
-        println!("{name:16} harmful {:.3}   harmless {:.3}", scores.harmful, scores.harmless);
+        let told = |ap: Option<f64>| ap.map_or_else(|| "no truth".to_owned(), |ap| format!("{ap:.3}"));
+        println!("{name:16} harmful {}   harmless {}", told(scores.harmful), told(scores.harmless));
     }
-    println!("errors of harmful boxes at 2 m: {:.2} m", found.metrics.tp_errors.harmful.ate);
+    if let Some(errors) = found.metrics.tp_errors.harmful {
+        println!("errors of harmful boxes at 2 m: {:.2} m", errors.ate);
+    }
     Ok(())
 }

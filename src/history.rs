@@ -43,16 +43,27 @@ pub struct ScoreRow {
     pub n_done: usize,
     pub stage: String,
     pub epoch: usize,
-    #[serde(serialize_with = "decimals::<4, _, _>")]
-    pub harmful: f64,
-    #[serde(serialize_with = "decimals::<4, _, _>")]
-    pub harmless: f64,
-    #[serde(serialize_with = "decimals::<4, _, _>")]
-    pub mean: f64,
+    /// `None`, an empty cell, where the split has no truth of the class.
+    #[serde(serialize_with = "decimals_if_known::<4, _, _>")]
+    pub harmful: Option<f64>,
+    #[serde(serialize_with = "decimals_if_known::<4, _, _>")]
+    pub harmless: Option<f64>,
+    #[serde(serialize_with = "decimals_if_known::<4, _, _>")]
+    pub mean: Option<f64>,
 }
 
 fn decimals<const N: usize, T: Display, S: Serializer>(value: &T, serializer: S) -> Result<S::Ok, S::Error> {
     serializer.collect_str(&format_args!("{value:.N$}"))
+}
+
+fn decimals_if_known<const N: usize, T: Display, S: Serializer>(
+    value: &Option<T>,
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    match value {
+        Some(value) => decimals::<N, T, S>(value, serializer),
+        None => serializer.serialize_none(),
+    }
 }
 
 fn scientific<T: LowerExp, S: Serializer>(value: &T, serializer: S) -> Result<S::Ok, S::Error> {

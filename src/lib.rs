@@ -43,7 +43,7 @@
 //!
 //! // The harmful one is matched at 1, 2 and 4 m and missed at 0.5 m, and the false one ranks below it; nobody reported a harmless one.
 //! let ap = score(&[sample], &Protocol::default(), Mode::Id)?.columns.total;
-//! assert!((ap.harmful - 0.75).abs() < 0.01 && ap.harmless == 0.0);
+//! assert!((ap.harmful.unwrap() - 0.75).abs() < 0.01 && ap.harmless == Some(0.0));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!

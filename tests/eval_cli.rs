@@ -117,13 +117,22 @@ fn metrics_hold_the_keys_that_readers_rely_on() {
     let (_, text, _) = Folder::new().eval_files(&["--ood", "--json"]);
     let metrics: Value = serde_json::from_str(&text).unwrap();
     for column in ["total", "id_matched", "ood_all", "ood_matched"] {
-        assert!(metrics[column]["mean"].is_f64(), "{column}");
         assert_eq!(metrics["per_threshold"][column]["harmless"].as_array().unwrap().len(), 4);
     }
     assert!(metrics["tp_errors"]["harmful"]["aoe"].is_f64());
     // The one harmful OOD object is found; there is nothing else.
-    assert_eq!(metrics["ood_all"]["harmful"], 1.0);
-    assert_eq!(metrics["id_matched"]["harmful"], 0.0);
+    assert_eq!(metrics["ood_all"], serde_json::json!({"harmful": 1.0, "harmless": null, "mean": 1.0}));
+    assert_eq!(metrics["id_matched"]["mean"], Value::Null);
+    assert_eq!(metrics["tp_errors"]["harmless"], Value::Null);
+}
+
+#[test]
+fn a_missing_class_counts_as_zero_where_nuscenes_rule_is_asked_for() {
+    let (code, table, _) = Folder::new().eval_files(&["--ood", "--set", "missing_class=zero"]);
+    assert_eq!(code, 0);
+    assert_snapshot("table_missing_is_zero", &table);
+    let (code, _, errors) = Folder::new().eval_files(&["--set", "missing_class=nan"]);
+    assert!(code == 1 && errors.contains("absent"), "{errors}");
 }
 
 #[test]

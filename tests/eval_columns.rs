@@ -6,7 +6,9 @@
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use harmzone::dataset::SampleFacts;
-use harmzone::eval::{self, Column, EvalSample, Metrics, Mode, Protocol};
+use harmzone::eval::{
+    self, ClassScores, Column, EvalConfig, EvalSample, Metrics, MissingClass, Mode, Protocol,
+};
 use harmzone::geometry::{Box3, Point};
 use harmzone::object::{Detection, Distribution, Harm, LabelledObject, Object};
 use harmzone::random;
@@ -61,8 +63,8 @@ fn random_samples(seed: u64) -> Vec<EvalSample> {
         .collect()
 }
 
-/// AP by the words of the specification: (column, class, threshold).
-fn second_opinion(samples: &[EvalSample], column: Column, class: Harm, threshold_m: f64) -> f64 {
+/// AP by the words of the specification: (column, class, threshold); `None` where there is nothing to find.
+fn second_opinion(samples: &[EvalSample], column: Column, class: Harm, threshold_m: f64) -> Option<f64> {
     let wanted = match column {
         Column::Total => vec![Distribution::Id, Distribution::Ood],
         Column::IdMatched => vec![Distribution::Id],
@@ -114,8 +116,11 @@ fn second_opinion(samples: &[EvalSample], column: Column, class: Harm, threshold
             hits.push(false);
         }
     }
-    if n_positives == 0 || !hits.contains(&true) {
-        return 0.0;
+    if n_positives == 0 {
+        return None;
+    }
+    if !hits.contains(&true) {
+        return Some(0.0);
     }
     // Curve points (recall, precision), then straight lines between them at recall 0.11, 0.12 .. 1.
     let mut points = Vec::new();
@@ -138,7 +143,7 @@ fn second_opinion(samples: &[EvalSample], column: Column, class: Harm, threshold
         };
         area += f64::max(0.0, precision - 0.1);
     }
-    area / 90.0 / 0.9
+    Some(area / 90.0 / 0.9)
 }
 
 fn scored(samples: &[EvalSample]) -> Metrics {
@@ -156,6 +161,8 @@ fn the_columns_equal_those_of_a_second_implementation() {
                 for (i, threshold_m) in THRESHOLDS_M.into_iter().enumerate() {
                     let ours = metrics.per_threshold.get(column).unwrap().get(class)[i];
                     let theirs = second_opinion(&samples, column, class, threshold_m);
+                    assert_eq!(ours.is_some(), theirs.is_some(), "{seed} {column:?} {class:?}");
+                    let (Some(ours), Some(theirs)) = (ours, theirs) else { continue };
                     assert!(
                         (ours - theirs).abs() < 1e-9,
                         "{seed} {column:?} {class:?} {threshold_m}: {ours} {theirs}"
@@ -193,7 +200,7 @@ fn perfect(objects: Vec<LabelledObject>) -> EvalSample {
     EvalSample { id: "s".into(), facts: SampleFacts::default(), objects, detections }
 }
 
-fn means(metrics: &Metrics) -> [f64; 4] {
+fn means(metrics: &Metrics) -> [Option<f64>; 4] {
     Column::ALL.map(|column| metrics.columns.get(column).unwrap().mean)
 }
 
@@ -201,9 +208,9 @@ fn means(metrics: &Metrics) -> [f64; 4] {
 fn perfect_detections_score_one_in_every_column() {
     let metrics = scored(&[perfect(four_truths())]);
     for mean in means(&metrics) {
-        assert!((mean - 1.0).abs() < 1e-12, "{mean}");
+        assert!((mean.unwrap() - 1.0).abs() < 1e-12, "{mean:?}");
     }
-    let errors = metrics.tp_errors.harmful;
+    let errors = metrics.tp_errors.harmful.unwrap();
     assert!(errors.ate + errors.ase + errors.aoe < 1e-12, "{errors:?}");
 }
 
@@ -212,8 +219,27 @@ fn no_detections_score_zero_in_every_column_with_errors_of_one() {
     let mut sample = perfect(four_truths());
     sample.detections.clear();
     let metrics = scored(&[sample]);
-    assert_eq!(means(&metrics), [0.0; 4]);
-    assert_eq!(metrics.tp_errors.harmless.ate, 1.0);
+    assert_eq!(means(&metrics), [Some(0.0); 4]);
+    assert_eq!(metrics.tp_errors.harmless.unwrap().ate, 1.0);
+}
+
+#[test]
+fn a_class_without_a_truth_is_absent_from_the_mean_unless_nuscenes_zero_is_asked_for() {
+    let mut sample = perfect(four_truths());
+    // No harmless truth, and none of a harmful object out of distribution.
+    sample.objects.truncate(1);
+    sample.detections.truncate(1);
+    let zero = EvalConfig { missing_class: MissingClass::Zero, ..EvalConfig::default() };
+    let zero = eval::score(&[sample.clone()], &Protocol::try_from(zero).unwrap(), Mode::Ood).unwrap();
+    let absent = scored(&[sample]);
+    let total = absent.columns.total;
+    assert_eq!((total.harmful, total.harmless, total.mean), (Some(1.0), None, Some(1.0)));
+    assert_eq!(absent.columns.ood_all, Some(ClassScores { harmful: None, harmless: None, mean: None }));
+    assert_eq!((&absent.per_threshold.total.harmless, absent.tp_errors.harmless), (&vec![None; 4], None));
+    let total = zero.columns.total;
+    assert_eq!((total.harmful, total.harmless, total.mean), (Some(1.0), Some(0.0), Some(0.5)));
+    assert_eq!(zero.columns.ood_all, Some(ClassScores::new(Some(0.0), Some(0.0))));
+    assert_eq!((&zero.per_threshold.total.harmless, zero.tp_errors.harmless.unwrap().ate), (&vec![Some(0.0); 4], 1.0));
 }
 
 #[test]
@@ -223,7 +249,7 @@ fn an_object_given_the_wrong_class_counts_against_its_own_distribution_only() {
     let wrong = Detection { harm: Harm::Harmful, score: 0.99, ..sample.detections[3] };
     sample.detections.push(wrong);
     let metrics = scored(&[sample]);
-    let harmful = Column::ALL.map(|column| metrics.columns.get(column).unwrap().harmful);
+    let harmful = Column::ALL.map(|column| metrics.columns.get(column).unwrap().harmful.unwrap());
     assert!((harmful[1] - 1.0).abs() < 1e-12, "{harmful:?}");
     assert!(harmful[0] < 0.99 && harmful[2] < 0.99 && harmful[3] < 0.99, "{harmful:?}");
 }
@@ -288,7 +314,8 @@ proptest! {
         prop_assert_eq!(&before.per_threshold.ood_matched, &after.per_threshold.ood_matched);
         for column in [Column::Total, Column::OodAll] {
             let (before, after) = (before.columns.get(column).unwrap(), after.columns.get(column).unwrap());
-            prop_assert!(after.harmful <= before.harmful + 1e-12);
+            prop_assert_eq!(after.harmful.is_some(), before.harmful.is_some());
+            prop_assert!(after.harmful.unwrap_or(0.0) <= before.harmful.unwrap_or(0.0) + 1e-12);
         }
     }
 
@@ -313,7 +340,8 @@ proptest! {
                 };
                 let has_truth = samples.iter().flat_map(|sample| &sample.objects).any(is_positive);
                 for ap in metrics.per_threshold.get(column).unwrap().get(class) {
-                    prop_assert!((ap - f64::from(u8::from(has_truth))).abs() < 1e-12, "{column:?} {class:?} {ap}");
+                    prop_assert_eq!(ap.is_some(), has_truth);
+                    prop_assert!((ap.unwrap_or(1.0) - 1.0).abs() < 1e-12, "{column:?} {class:?} {ap:?}");
                 }
             }
         }
@@ -324,9 +352,8 @@ proptest! {
         let mut samples = random_samples(seed);
         samples.iter_mut().for_each(|sample| sample.detections.clear());
         let metrics = scored(&samples);
-        prop_assert_eq!(means(&metrics), [0.0; 4]);
-        for class in Harm::ALL {
-            let errors = metrics.tp_errors.get(class);
+        prop_assert!(means(&metrics).into_iter().flatten().all(|mean| mean == 0.0));
+        for errors in Harm::ALL.into_iter().filter_map(|class| *metrics.tp_errors.get(class)) {
             prop_assert_eq!([errors.ate, errors.ase, errors.aoe], [1.0; 3]);
         }
     }
@@ -340,18 +367,23 @@ proptest! {
         }
         let mut after = scored(&samples);
         for class in Harm::ALL {
-            let (old, new) = (before.tp_errors.get(class).aoe, after.tp_errors.get(class).aoe);
+            let aoe = |metrics: &Metrics| metrics.tp_errors.get(class).map_or(1.0, |errors| errors.aoe);
+            let (old, new) = (aoe(&before), aoe(&after));
             // Found boxes have the true yaw, so the error is the turn, or 1 where nothing is reached.
             prop_assert!((new - turn).abs() < 1e-9 || (old == 1.0 && new == 1.0), "{old} {new}");
         }
-        after.tp_errors.harmful.aoe = before.tp_errors.harmful.aoe;
-        after.tp_errors.harmless.aoe = before.tp_errors.harmless.aoe;
+        for (after, before) in [
+            (&mut after.tp_errors.harmful, before.tp_errors.harmful),
+            (&mut after.tp_errors.harmless, before.tp_errors.harmless),
+        ] {
+            after.iter_mut().zip(before).for_each(|(after, before)| after.aoe = before.aoe);
+        }
         prop_assert_eq!(before, after);
     }
 
     #[test]
     fn scores_lie_between_zero_and_one(seed in 1000_u64..5000) {
-        for mean in means(&scored(&random_samples(seed))) {
+        for mean in means(&scored(&random_samples(seed))).into_iter().flatten() {
             prop_assert!((0.0..=1.0 + 1e-12).contains(&mean));
         }
     }

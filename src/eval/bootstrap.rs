@@ -3,7 +3,7 @@
 //! Samples of an episode resemble each other, so whole episodes are drawn, with replacement, as many as there are
 //! (cluster bootstrap; Efron and Tibshirani 1993, ch. 8). Matching never leaves a sample, so a resample is the same
 //! ranking with each detection taken as often as its episode was drawn. A resample without a truth of a class in a
-//! column says nothing about that cell and is left out of it.
+//! column says nothing about that cell and is left out of it; nor does one that lacks a class of the mean about the mean.
 
 use std::collections::HashMap;
 
@@ -15,7 +15,7 @@ use super::curve::Curve;
 use super::filter::KeptSample;
 use super::matching::Matching;
 use super::metrics::{Column, Columns, mean};
-use super::protocol::Protocol;
+use super::protocol::{MissingClass, Protocol};
 use crate::dataset::episode_of_id;
 use crate::object::Harm;
 use crate::random;
@@ -73,7 +73,15 @@ pub(super) fn measure(matching: &Matching<'_>) -> Option<Confidence> {
         .collect();
     let columns = Columns::from_fn(mode, |column| {
         let of_column = || resampled.iter().map(|one| one.get(column).expect("same mode"));
-        let mean_of = |[harmful, harmless]: &[Option<f64>; 2]| Some(mean(&[(*harmful)?, (*harmless)?]));
+        let of_classes = cells.get(column).expect("same mode");
+        let is_scored: Vec<usize> = (0..Harm::ALL.len())
+            .filter(|&class| of_classes[class].has_positives() || config.missing_class == MissingClass::Zero)
+            .collect();
+        // A resample that lacks one of the classes in the mean has no mean.
+        let mean_of = |aps: &[Option<f64>; 2]| {
+            let aps = is_scored.iter().map(|&class| aps[class]).collect::<Option<Vec<f64>>>()?;
+            (!aps.is_empty()).then(|| mean(&aps))
+        };
         Intervals {
             harmful: interval(of_column().filter_map(|aps| aps[0])),
             harmless: interval(of_column().filter_map(|aps| aps[1])),
@@ -121,6 +129,10 @@ impl Cell {
         };
         let counting = (0..matching.config().dist_thresholds_m.len()).map(of_threshold).collect();
         Self { counting, n_positives }
+    }
+
+    fn has_positives(&self) -> bool {
+        self.n_positives.iter().any(|&n| n > 0)
     }
 
     /// AP, mean over the thresholds, of a resample; `None` if it has no positive.
@@ -197,6 +209,14 @@ mod tests {
         let ap = |recall: f64| (recall * 100.0 - 10.0) / 90.0;
         assert!((low - ap(0.3)).abs() < 0.06 && (high - ap(0.7)).abs() < 0.06, "{low} {high}");
         assert_eq!(confidence(&samples(20, 10)), found, "seeded");
+    }
+
+    #[test]
+    fn a_class_that_is_not_there_at_all_has_no_part_in_the_means_interval() {
+        let mut samples = samples(5, 5);
+        samples.iter_mut().for_each(|sample| sample.objects.truncate(1));
+        let total = confidence(&samples).columns.total;
+        assert_eq!((total.harmful, total.harmless, total.mean), (Some([1.0; 2]), None, Some([1.0; 2])));
     }
 
     #[test]

@@ -37,8 +37,9 @@ impl Evaluation {
 
 /// Scores detections against truths.
 ///
-/// A class or column without a truth, or without a match, has AP 0 and errors of 1, and counts in the
-/// means, as in nuscenes-devkit; [`Metrics::counts`] says how many truths there were.
+/// A class without a match has AP 0 and errors of 1. One without a truth, in the whole or in a column, has
+/// none and counts in no mean, unless the config asks for nuscenes-devkit's zero; [`Metrics::counts`] says how many
+/// truths there were.
 ///
 /// # Errors
 /// [`ScoreError`]: no samples, a repeated sample, too many detections in one, a box or score that is
@@ -66,7 +67,8 @@ pub fn score(samples: &[EvalSample], protocol: &Protocol, mode: Mode) -> Result<
 /// };
 /// let evaluation = evaluate(&[sample], &Protocol::default(), Mode::Id)?;
 /// let ap = evaluation.metrics.columns.total;
-/// assert!(ap.harmful > 0.999 && ap.harmless == 0.0); // there is nothing harmless to find
+/// assert!(ap.harmful > Some(0.999) && ap.harmless.is_none()); // there is nothing harmless to find
+/// assert_eq!(ap.mean, ap.harmful);
 /// assert!(evaluation.faults.is_empty());
 /// # Ok::<(), harmzone::eval::ScoreError>(())
 /// ```

@@ -268,7 +268,7 @@ mod tests {
             })
             .collect();
         let columns = score(&samples, &Protocol::default(), Mode::Ood).unwrap().columns;
-        let both = |scores: &crate::eval::ClassScores| [scores.harmful, scores.harmless];
+        let both = |scores: &crate::eval::ClassScores| [scores.harmful, scores.harmless].map(Option::unwrap);
         Columns {
             total: both(&columns.total),
             id_matched: columns.id_matched.as_ref().map(both),

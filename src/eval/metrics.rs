@@ -17,7 +17,7 @@ use super::curve::Curve;
 use super::filter::Filters;
 use super::matching::{Matching, Outcome, PerClass, match_errors};
 use super::pretty_json;
-use super::protocol::EvalConfig;
+use super::protocol::{EvalConfig, MissingClass};
 use super::sample::Mode;
 
 /// A column of Table III.
@@ -84,12 +84,32 @@ impl<T> Columns<T> {
     }
 }
 
-/// AP of each class, mean over the thresholds, and the mean of both classes (mAP); all 0 to 1.
+/// AP of each class, mean over the thresholds, and the mean over the classes that have one (mAP); all 0 to 1.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ClassScores {
-    pub harmful: f64,
-    pub harmless: f64,
-    pub mean: f64,
+    /// `None` where there is no truth of the class.
+    pub harmful: Option<f64>,
+    pub harmless: Option<f64>,
+    /// `None` where there is no truth at all.
+    pub mean: Option<f64>,
+}
+
+impl ClassScores {
+    /// The scores of both classes with their mean.
+    #[must_use]
+    pub fn new(harmful: Option<f64>, harmless: Option<f64>) -> Self {
+        let present: Vec<f64> = [harmful, harmless].into_iter().flatten().collect();
+        Self { harmful, harmless, mean: (!present.is_empty()).then(|| mean(&present)) }
+    }
+
+    /// The class's score.
+    #[must_use]
+    pub fn get(&self, class: Harm) -> Option<f64> {
+        match class {
+            Harm::Harmful => self.harmful,
+            Harm::Harmless => self.harmless,
+        }
+    }
 }
 
 /// Mean errors of the true positives at the TP threshold; 1 where recall does not pass the minimum.
@@ -168,12 +188,12 @@ pub struct Metrics {
     pub mode: Mode,
     #[serde(flatten)]
     pub columns: Columns<ClassScores>,
-    /// AP at each threshold, in the config's order.
-    pub per_threshold: Columns<PerClass<Vec<f64>>>,
+    /// AP at each threshold, in the config's order; `None` where there is no truth of the class.
+    pub per_threshold: Columns<PerClass<Vec<Option<f64>>>>,
     /// Precision over recall at each threshold, in the config's order.
     pub curves: Columns<PerClass<Vec<Curve>>>,
-    /// Errors of all true positives, ID and OOD.
-    pub tp_errors: PerClass<TpErrors>,
+    /// Errors of all true positives, ID and OOD; `None` where there is no truth of the class.
+    pub tp_errors: PerClass<Option<TpErrors>>,
     pub counts: Counts,
     pub filters: Filters,
     pub config: EvalConfig,
@@ -196,6 +216,9 @@ pub(super) fn measure(matching: &Matching<'_>) -> Metrics {
             |of: &&LabelledObject| of.harm == class && column.has_positive(of.truth.distribution);
         objects().filter(is_positive).count()
     };
+    let is_scored = |class, column| {
+        config.missing_class == MissingClass::Zero || n_positives(class, column) > 0
+    };
     let curves = Columns::from_fn(mode, |column| {
         PerClass::from_fn(|class| {
             let curve = |threshold_idx| {
@@ -211,17 +234,20 @@ pub(super) fn measure(matching: &Matching<'_>) -> Metrics {
     let per_threshold = Columns::from_fn(mode, |column| {
         let curves = curves.get(column).expect("same mode");
         PerClass::from_fn(|class| {
-            curves.get(class).iter().map(|c| c.average_precision(first_step, min_precision)).collect()
+            let is_present = is_scored(class, column);
+            let ap = |curve: &Curve| is_present.then(|| curve.average_precision(first_step, min_precision));
+            curves.get(class).iter().map(ap).collect()
         })
     });
     let columns = Columns::from_fn(mode, |column| {
-        let aps: &PerClass<Vec<f64>> = per_threshold.get(column).expect("same mode");
-        let (harmful, harmless) = (mean(&aps.harmful), mean(&aps.harmless));
-        ClassScores { harmful, harmless, mean: mean(&[harmful, harmless]) }
+        let aps: &PerClass<Vec<Option<f64>>> = per_threshold.get(column).expect("same mode");
+        let of_class = |aps: &[Option<f64>]| Some(mean(&aps.iter().copied().collect::<Option<Vec<f64>>>()?));
+        ClassScores::new(of_class(&aps.harmful), of_class(&aps.harmless))
     });
     let tp_errors = PerClass::from_fn(|class| {
         let at = protocol.tp_threshold_idx();
-        mean_errors(matching, class, &curves.total.get(class)[at], first_step)
+        is_scored(class, Column::Total)
+            .then(|| mean_errors(matching, class, &curves.total.get(class)[at], first_step))
     });
     Metrics {
         mode,

@@ -31,5 +31,5 @@ pub use faults::{Fault, FaultKind};
 pub use filter::Filters;
 pub use matching::{PerClass, center_distance_m};
 pub use metrics::{ClassScores, Column, Columns, Counts, Metrics, OutcomeCounts, TpErrors, TruthCounts};
-pub use protocol::{BreakdownConfig, EvalConfig, Protocol, SafetyConfig};
+pub use protocol::{BreakdownConfig, EvalConfig, MissingClass, Protocol, SafetyConfig};
 pub use sample::{EvalSample, Mode, ScoreError, eval_samples};

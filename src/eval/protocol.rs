@@ -2,6 +2,8 @@
 //!
 //! Defaults are nuScenes' `detection_cvpr_2019`, with 50 m for both classes.
 
+use serde::{Deserialize, Serialize};
+
 use crate::config::{Check, InvalidConfig, Rule, above, below, define_config, from_to, part, require};
 
 define_config! {
@@ -24,6 +26,9 @@ define_config! {
         drop_truths_without_points: bool = true;
         /// Most detections that a sample may have; more is an error, as in nuScenes. Default 500.
         max_boxes: usize = 500, in from_to(1.0, 1e6);
+        /// What becomes of a class without a truth: `absent` from every mean, or AP `zero` as in nuScenes. Default
+        /// absent.
+        missing_class: MissingClass = MissingClass::Absent;
         /// Lowest score of a detection that counts where found, missed and false ones are counted. Default
         /// 0.2.
         operating_score: f64 = 0.2, in from_to(-1e6, 1e6);
@@ -36,6 +41,16 @@ define_config! {
         /// Numbers of the safety metrics.
         safety: SafetyConfig = SafetyConfig::default(), in part::<SafetyConfig>();
     }
+}
+
+/// What becomes of a class without a truth, in the whole or in a column.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum MissingClass {
+    /// It has no AP and no errors, and no part in a mean: there was nothing to find.
+    Absent,
+    /// Its AP is 0 and its errors are 1, and both count in the means, as in nuscenes-devkit.
+    Zero,
 }
 
 impl Check for EvalConfig {

@@ -47,7 +47,7 @@ pub fn sheet(history: &History) -> Sheet {
 }
 
 /// A line's name, the value that it draws from a row, and its colour.
-type Part<R> = (&'static str, fn(&R) -> f64, Tone);
+type Part<R, Value = f64> = (&'static str, fn(&R) -> Value, Tone);
 
 fn losses(history: &History) -> Chart {
     let steps = &history.steps;
@@ -90,14 +90,14 @@ fn rates(history: &History) -> Chart {
 
 fn scores(history: &History) -> Chart {
     let scores = &history.scores;
-    let parts: [Part<ScoreRow>; 3] = [
+    let parts: [Part<ScoreRow, Option<f64>>; 3] = [
         ("AP harmless", |row| row.harmless, Tone::Harmless),
         ("AP harmful", |row| row.harmful, Tone::Harmful),
         ("mAP", |row| row.mean, Tone::Ink),
     ];
     let series = parts.into_iter().filter_map(|(name, of, tone)| {
-        let points = scores.iter().map(|row| (row.n_done as f64, of(row))).collect();
-        let name = format!("{name} {:.3}", of(scores.last()?));
+        let points: Vec<_> = scores.iter().filter_map(|row| Some((row.n_done as f64, of(row)?))).collect();
+        let name = format!("{name} {:.3}", points.last()?.1);
         Some(Series::new(name, tone, Look::LineAndDots, points))
     });
     let y_name = if scores.is_empty() { "AP (not validated yet)" } else { "AP" };
@@ -159,9 +159,9 @@ mod tests {
             n_done: 100 * (epoch + 1),
             stage: "lidar".into(),
             epoch,
-            harmful: 0.1 * epoch as f64,
-            harmless: 0.5,
-            mean: 0.05 * epoch as f64 + 0.25,
+            harmful: Some(0.1 * epoch as f64),
+            harmless: Some(0.5),
+            mean: Some(0.05 * epoch as f64 + 0.25),
         };
         History { steps: (0..1000).map(step).collect(), scores: (0..10).map(score).collect() }
     }

@@ -14,7 +14,8 @@ pub struct Line {
     pub name: &'static str,
     /// For charts.
     pub short: &'static str,
-    pub ours: [f64; 3],
+    /// `None` where there is no truth.
+    pub ours: [Option<f64>; 3],
     /// Bounds of the confidence intervals.
     pub intervals: [Option<[f64; 2]>; 3],
     pub paper: [f64; 3],

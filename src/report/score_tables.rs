@@ -1,9 +1,11 @@
 //! The tables of a scoring, which text files, the terminal and the page share.
 
 use super::paper::{Line, PARTS, YARDSTICK};
-use super::table::{Cell, Table, ap, number, percent};
+use super::table::{Cell, NO_TRUTH, Table, ap, number, percent};
 use crate::eval::safety::{MetricTable, MetricValue};
-use crate::eval::{Axis, Breakdown, Evaluation, GroupScores, Metrics, Mode};
+use crate::eval::{
+    Axis, Breakdown, Column, Evaluation, GroupScores, Metrics, MissingClass, Mode, TruthCounts,
+};
 use crate::object::Harm;
 
 /// `table.txt`: AP beside the paper's, errors and counts; the same scores give the same bytes.
@@ -14,14 +16,34 @@ pub fn text(evaluation: &Evaluation) -> String {
         Mode::Id => "in distribution",
         Mode::Ood => "in and out of distribution",
     };
-    let is_missing = Harm::ALL.into_iter().any(|class| {
-        let truths = metrics.counts.truths.get(class);
-        truths.all == 0 || (metrics.mode == Mode::Ood && (truths.id == 0 || truths.ood == 0))
-    });
-    let missing = "Where there is no truth, AP is 0 and counts in the mean, as in nuScenes.\n";
     let (headline, errors, counts) = (headline(&[evaluation]), errors(metrics), counts(metrics));
-    let missing = if is_missing { missing } else { "" };
-    format!("Detection {what}\n\n{headline}{missing}\n{errors}\n{counts}")
+    format!("Detection {what}\n\n{headline}\n{errors}\n{counts}")
+}
+
+/// Names the classes without a truth by column, and what became of them; nothing if there is none.
+fn tell_missing(evaluation: &Evaluation) -> Option<String> {
+    let metrics = &evaluation.metrics;
+    let missing_in = |column: Column| {
+        let truths = |class: Harm| {
+            let TruthCounts { all, id, ood } = *metrics.counts.truths.get(class);
+            match column {
+                Column::Total => all,
+                Column::IdMatched => id,
+                Column::OodAll | Column::OodMatched => ood,
+            }
+        };
+        let classes = Harm::ALL.into_iter().filter(|&class| truths(class) == 0).map(Harm::name);
+        let classes = classes.collect::<Vec<_>>().join(" and ");
+        let scores = metrics.columns.get(column)?;
+        let of_column = (metrics.mode == Mode::Ood).then_some(column);
+        (!classes.is_empty()).then(|| format!("{classes} in {}", Line::new(of_column, scores, None).short))
+    };
+    let missing = Column::ALL.into_iter().filter_map(missing_in).collect::<Vec<_>>().join("; ");
+    let becomes = match metrics.config.missing_class {
+        MissingClass::Absent => "these have no score and no part in a mean",
+        MissingClass::Zero => "AP is 0 there and counts in the mean, as in nuScenes",
+    };
+    (!missing.is_empty()).then(|| format!("No truth ({missing}): {becomes}."))
 }
 
 /// `breakdown.txt`: one table per axis, then one per safety metric.
@@ -90,7 +112,12 @@ pub fn headline(evaluations: &[&Evaluation]) -> Table {
             n_episodes.join(" and ")
         );
     }
-    Table::new(["AP"].into_iter().chain(PARTS), rows).with_note(note + YARDSTICK)
+    note += YARDSTICK;
+    for missing in evaluations.iter().filter_map(|of| tell_missing(of)) {
+        note += "\n";
+        note += &missing;
+    }
+    Table::new(["AP"].into_iter().chain(PARTS), rows).with_note(note)
 }
 
 /// Mean errors of the boxes that were found.
@@ -98,8 +125,11 @@ pub fn headline(evaluations: &[&Evaluation]) -> Table {
 pub fn errors(metrics: &Metrics) -> Table {
     let rows = Harm::ALL.map(|class| {
         let errors = metrics.tp_errors.get(class);
-        let values = [errors.ate, errors.ase, errors.aoe].map(|value| number(Some(value), 3).into());
-        std::iter::once(class.name().into()).chain(values).collect()
+        let values = match errors {
+            Some(of) => [of.ate, of.ase, of.aoe].map(|value| number(Some(value), 3)),
+            None => [NO_TRUTH; 3].map(str::to_owned),
+        };
+        std::iter::once(class.name().into()).chain(values.map(Cell::from)).collect()
     });
     let note = format!("Mean errors of what was found at {} m.", metrics.config.tp_threshold_m);
     Table::new(["errors", "ATE m", "ASE", "AOE rad"], rows.into()).with_note(note)

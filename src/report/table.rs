@@ -56,11 +56,14 @@ impl<Text: Into<String>> From<Text> for Cell {
     }
 }
 
-/// An AP with three digits.
+/// An AP with three digits, or that there was nothing to find.
 #[must_use]
-pub fn ap(value: f64) -> String {
-    format!("{value:.3}")
+pub fn ap(value: impl Into<Option<f64>>) -> String {
+    value.into().map_or_else(|| NO_TRUTH.to_owned(), |value| format!("{value:.3}"))
 }
+
+/// What stands in place of the score of a class without a truth.
+pub const NO_TRUTH: &str = "no truth";
 
 /// A share in percent, or a dash.
 #[must_use]

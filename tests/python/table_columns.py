@@ -1,7 +1,7 @@
 """The four columns of the evaluation, from their words alone; shares no code with the product.
 
 Usage: table_columns.py PREDICTIONS TRUTH METRICS. Compares AP of every column, class and threshold with the
-product's metrics.json; prints how many were compared and the greatest difference, exits 1 if it exceeds 1e-9.
+product's metrics.json, where a cell without a truth is null; prints how many were compared and the greatest difference, exits 1 if it exceeds 1e-9.
 
 For class c and threshold d, predictions in descending score (ties: later index first). Each takes the
 nearest unclaimed truth of class c in its sample within d: a true positive, of that truth's distribution.
@@ -73,8 +73,10 @@ def verdicts(predictions: dict, truth: dict, name: str, threshold_m: float) -> l
     return found
 
 
-def average_precision(hits: list[bool], n_positives: int) -> float:
-    if n_positives == 0 or not any(hits):
+def average_precision(hits: list[bool], n_positives: int) -> float | None:
+    if n_positives == 0:
+        return None
+    if not any(hits):
         return 0.0
     true = np.cumsum(hits)
     precision = true / np.arange(1, len(hits) + 1)
@@ -83,7 +85,7 @@ def average_precision(hits: list[bool], n_positives: int) -> float:
     return float(np.mean(np.maximum(sampled - 0.1, 0)) / 0.9)
 
 
-def columns(predictions: dict, truth: dict, name: str, threshold_m: float) -> dict[str, float]:
+def columns(predictions: dict, truth: dict, name: str, threshold_m: float) -> dict[str, float | None]:
     found = verdicts(predictions, truth, name, threshold_m)
     counts = {
         of: sum(
@@ -112,8 +114,12 @@ def main() -> int:
         for index, threshold_m in enumerate(THRESHOLDS_M):
             ours = columns(predictions["results"], truth["results"], name, threshold_m)
             for column, ap in ours.items():
-                difference = abs(ap - metrics["per_threshold"][column][name][index])
-                worst, n_compared = max(worst, difference), n_compared + 1
+                theirs = metrics["per_threshold"][column][name][index]
+                n_compared += 1
+                if ap is None or theirs is None:
+                    worst = worst if ap is theirs else math.inf
+                    continue
+                worst = max(worst, abs(ap - theirs))
                 n_between += 0 < ap < 1
     print(f"{n_compared} compared, {n_between} between 0 and 1, greatest difference {worst:.1e}")
     return 0 if worst <= TOLERANCE else 1

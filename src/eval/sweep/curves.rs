@@ -57,7 +57,7 @@ impl Sweeps {
         pretty_json::to_string(self)
     }
 
-    /// `sweeps.csv`: one line per point, AP in the column `total`.
+    /// `sweeps.csv`: one line per point, AP in the column `total`; a cell is empty where there is no value.
     #[must_use]
     pub fn to_csv(&self) -> String {
         let mut text = String::from(
@@ -69,13 +69,13 @@ impl Sweeps {
         {
             let ap = &point.scores.total;
             text += &format!(
-                "{},{},{},{:.4},{:.4},{:.4},{},{},{},{},{},{},{}\n",
+                "{},{},{},{},{},{},{},{},{},{},{},{},{}\n",
                 curve.change.name(),
                 curve.judge.name(),
                 point.value,
-                ap.harmful,
-                ap.harmless,
-                ap.mean,
+                share(ap.harmful),
+                share(ap.harmless),
+                share(ap.mean),
                 point.n_truths,
                 point.n_located,
                 point.n_harmful,

@@ -43,7 +43,7 @@ fn figure(side: &Side) -> Result<Figure, ReportError> {
     for (i, line) in lines.iter().enumerate() {
         for part in 0..PARTS.len() {
             let y = row(i * PARTS.len() + part, names.len());
-            ours.push((line.ours[part], y));
+            ours.extend(line.ours[part].map(|ap| (ap, y)));
             paper.push((line.paper[part], y));
             strokes.extend(line.intervals[part].into_iter().flatten().map(|x| (x, y)));
         }

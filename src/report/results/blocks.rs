@@ -145,16 +145,17 @@ fn rival_blocks(results: &Results) -> Vec<Block> {
                 closed set tells kinds in place of harm and sees neither sensor.";
     let rows = results.rivals.iter().map(|RivalRecord { label, row, scores }| {
         let means = |of: &SetScores| [of.id.mean, of.ood.total.mean];
-        let cell = |[id, ood]: [f64; 2]| format!("{} / {}", ap(id), ap(ood)).into();
+        let cell = |[id, ood]: [Option<f64>; 2]| format!("{} / {}", ap(id), ap(ood)).into();
         let lower = |pair: &[SetScores; 2]| {
             let [a, b] = [means(&pair[0]), means(&pair[1])];
-            cell([a[0].min(b[0]), a[1].min(b[1])])
+            let least = |i: usize| a[i].into_iter().chain(b[i]).reduce(f64::min);
+            cell([least(0), least(1)])
         };
         vec![
             label.as_str().into(),
             row.as_str().into(),
             cell(means(&scores.right)),
-            number(scores.right.ood.ood_matched.map(|of| of.mean), 3).into(),
+            number(scores.right.ood.ood_matched.and_then(|of| of.mean), 3).into(),
             lower(&scores.speed_off),
             lower(&scores.steering_off),
             format!("{:.2} ms", scores.judge_ms).into(),

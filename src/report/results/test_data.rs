@@ -12,7 +12,7 @@ pub fn test_results() -> Results {
     let fingerprint = |c: &str| Fingerprint { dataset_sha256: c.repeat(64), labels_sha256: "e".repeat(64) };
     let set =
         |c: &str, n_samples, is_of_preset| SetRecord { n_samples, fingerprint: fingerprint(c), is_of_preset };
-    let ap = |harmful: f64| ClassScores { harmful, harmless: 0.5, mean: f64::midpoint(harmful, 0.5) };
+    let ap = |harmful: f64| ClassScores::new(Some(harmful), Some(0.5));
     let columns = |total: f64| Columns {
         total: ap(total),
         id_matched: Some(ap(0.7)),

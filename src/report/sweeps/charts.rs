@@ -75,7 +75,7 @@ pub fn over(sweeps: &Sweeps, change: Change) -> Vec<Chart> {
         let y = Axis::share("IoU of the harmful sets");
         charts.push(chart("agreement of the harmful sets", y, agreement));
     }
-    let scores = lines(&|point| Some(point.scores.total.mean));
+    let scores = lines(&|point| point.scores.total.mean);
     let lowest = scores.iter().flat_map(|line| &line.points).map(|point| point.1).fold(1.0, f64::min);
     // From the tenth below the lowest point.
     let low = ((10.0 * lowest - 0.2).floor() / 10.0).clamp(0.0, 0.9);
@@ -116,7 +116,7 @@ mod tests {
         let point = |value: f64, n_called: usize| SweepPoint {
             value,
             scores: Columns {
-                total: ClassScores { harmful: 0.5, harmless: 0.9, mean: 0.7 },
+                total: ClassScores::new(Some(0.5), Some(0.9)),
                 id_matched: None,
                 ood_all: None,
                 ood_matched: None,

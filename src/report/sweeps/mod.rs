@@ -22,7 +22,7 @@ use fs_err as fs;
 use thiserror::Error;
 
 use super::chart::{self, ChartError, Sheet};
-use super::table::number;
+use super::table::{ap, number};
 use crate::config::to_toml;
 use crate::dataset::Dataset;
 use crate::eval::Protocol;
@@ -152,7 +152,7 @@ impl fmt::Display for SweepSummary {
             let errors = |change, unit: &str| {
                 let points = sweeps.points(change, judge);
                 let ends = [points.first(), points.last()].into_iter().flatten();
-                ends.map(|point| format!("{}{unit} {:.3}", point.value, point.scores.total.mean))
+                ends.map(|point| format!("{}{unit} {}", point.value, ap(point.scores.total.mean)))
                     .collect::<Vec<_>>()
                     .join(", ")
             };

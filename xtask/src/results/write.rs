@@ -85,7 +85,7 @@ fn to_csv(results: &Results) -> anyhow::Result<String> {
             record.wall_and_cpu_s.map_or([const { String::new() }; 2], |of| of.map(|s| s.to_string()));
         let start = [record.name.clone(), record.seed.to_string(), record.n_parameters.to_string()];
         let scores = record.scores().into_iter().flat_map(|(_, of)| [of.harmful, of.harmless, of.mean]);
-        let scores = scores.map(|ap| format!("{ap:.4}"));
+        let scores = scores.map(|ap| ap.map_or_else(String::new, |ap| format!("{ap:.4}")));
         writer.write_record(start.into_iter().chain(times).chain(scores))?;
     }
     Ok(String::from_utf8(writer.into_inner()?)?)
