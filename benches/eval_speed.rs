@@ -61,7 +61,7 @@ fn samples() -> Vec<EvalSample> {
                     detections.push(Detection { box_in_ego, velocity_in_ego_mps: [0.0; 2], harm, score });
                 }
             }
-            EvalSample { id: format!("s{i}"), facts: SampleFacts::default(), objects, detections }
+            EvalSample::new(format!("s{i}"), SampleFacts::default(), objects, detections)
         })
         .collect()
 }

@@ -39,7 +39,7 @@
 //!     Detection { box_in_ego, velocity_in_ego_mps: standing, harm: Harm::Harmful, score }
 //! };
 //! let detections = vec![found(sofa(20.7, 0.5), 0.9), found(sofa(20.7, 6.0), 0.4)];
-//! let sample = EvalSample { id: "street/0".into(), facts: SampleFacts::default(), objects, detections };
+//! let sample = EvalSample::new("street/0", SampleFacts::default(), objects, detections);
 //!
 //! // The harmful one is matched at 1, 2 and 4 m and missed at 0.5 m, and the false one ranks below it; nobody reported a harmless one.
 //! let ap = score(&[sample], &Protocol::default(), Mode::Id)?.columns.total;

@@ -131,8 +131,45 @@ fn a_missing_class_counts_as_zero_where_nuscenes_rule_is_asked_for() {
     let (code, table, _) = Folder::new().eval_files(&["--ood", "--set", "missing_class=zero"]);
     assert_eq!(code, 0);
     assert_snapshot("table_missing_is_zero", &table);
-    let (code, _, errors) = Folder::new().eval_files(&["--set", "missing_class=nan"]);
+    let (code, _, errors) = Folder::new().eval_files(&["--set", "missing_class=none"]);
     assert!(code == 1 && errors.contains("absent"), "{errors}");
+}
+
+#[test]
+fn the_table_of_a_log_whose_truth_leaves_out_things_has_neutral_detections_and_the_strict_score() {
+    let folder = Folder::new();
+    // Beside the harmful object: a pole-sized box with points and one without, above it in rank.
+    let pole = r#"{"translation":[20,3,1],"size":[0.3,0.3,3],"rotation":[1,0,0,0],"detection_name":"harmful""#;
+    let more = format!(
+        r#""detection_score":0.9}},{pole},"detection_score":0.95,"num_pts":6}},{pole},"detection_score":0.3,"num_pts":0}}]"#
+    );
+    folder.replace("p.json", r#""detection_score":0.9}]"#, &more);
+    folder.replace(
+        "t.json",
+        r#""distribution":"ood"}]}"#,
+        r#""distribution":"ood"}]}, "samples":{"s1":{"labelled":{"kinds":["vehicle"],"max_range_m":40,"sizes":
+           {"vehicle":{"length_m":[2.5,14],"width_m":[1.2,3],"height_m":[1,4]}}}}}"#,
+    );
+    let (code, table, errors) = folder.eval_files(&["--ood"]);
+    assert_eq!((code, errors.as_str()), (0, ""));
+    assert_snapshot("table_of_a_log", &table);
+    let metrics: Value = serde_json::from_str(&folder.eval_files(&["--ood", "--json"]).1).unwrap();
+    assert_eq!(metrics["total"]["harmful"], 1.0);
+    assert_eq!(metrics["counts"]["outcomes"]["harmful"][2]["neutral"]["kind"], 1);
+    assert!(metrics["strict"]["total"]["harmful"].as_f64().unwrap() < 0.6);
+}
+
+#[test]
+fn a_log_that_nobody_labelled_has_nothing_to_score() {
+    let folder = Folder::new();
+    folder.replace(
+        "t.json",
+        r#""distribution":"ood"}]}"#,
+        r#""distribution":"ood"}]}, "samples":{"s1":{"is_unlabelled":true}}"#,
+    );
+    let (code, _, errors) = folder.eval_files(&[]);
+    assert_eq!(code, 1);
+    assert!(errors.contains("nothing to score") && errors.contains("harmzone predict"), "{errors}");
 }
 
 #[test]

@@ -58,7 +58,7 @@ fn random_samples(seed: u64) -> Vec<EvalSample> {
                 let x_m = f64::from(rng.random_range(0..40));
                 detections.push(detection(x_m, 7.0, Harm::ALL[rng.random_range(0..2)], score));
             }
-            EvalSample { id: format!("s{i}"), facts: SampleFacts::default(), objects, detections }
+            EvalSample::new(format!("s{i}"), SampleFacts::default(), objects, detections)
         })
         .collect()
 }
@@ -197,7 +197,7 @@ fn perfect(objects: Vec<LabelledObject>) -> EvalSample {
             score: 0.9,
         })
         .collect();
-    EvalSample { id: "s".into(), facts: SampleFacts::default(), objects, detections }
+    EvalSample::new("s", SampleFacts::default(), objects, detections)
 }
 
 fn means(metrics: &Metrics) -> [Option<f64>; 4] {
@@ -294,7 +294,7 @@ fn three_hundred_thousand_detections_are_scored() {
                     detection(x_m, y_m, Harm::ALL[k % 2], x_m / 50.0)
                 })
                 .collect();
-            EvalSample { id: format!("s{i}"), facts: SampleFacts::default(), objects, detections }
+            EvalSample::new(format!("s{i}"), SampleFacts::default(), objects, detections)
         })
         .collect();
     assert_eq!(scored(&samples).counts.n_samples, 1000);

@@ -47,7 +47,7 @@ fn random_samples(seed: u64) -> Vec<EvalSample> {
                     detections.push(Detection { box_in_ego: found, velocity_in_ego_mps, harm, score });
                 }
             }
-            EvalSample { id: format!("s{i}"), facts: SampleFacts::default(), objects, detections }
+            EvalSample::new(format!("s{i}"), SampleFacts::default(), objects, detections)
         })
         .collect()
 }

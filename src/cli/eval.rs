@@ -105,7 +105,7 @@ fn samples(args: &EvalArgs) -> anyhow::Result<Vec<EvalSample>> {
         }
         (_, Some(predictions), _, Some(data)) => {
             let dataset = Dataset::open_to_score(data, &args.labels, args.split)?;
-            Ok(json::join(json::read_predictions(predictions)?, (&dataset).into())?)
+            Ok(json::join_dataset(json::read_predictions(predictions)?, &dataset)?)
         }
         (Some(run), _, _, Some(data)) => samples_of_run(run, data, args),
         _ => bail!("give a RUN with --data, or --predictions with --truth or --data"),

@@ -7,10 +7,12 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+use super::coverage::CameraFacts;
 use super::DatasetError;
-use crate::episode::EpisodeMeta;
+use crate::episode::{EpisodeMeta, Labelled, LogFacts};
 use crate::geometry::{Box3, Ego, Point, Point2, convex_signed_distance_m, distance_to_convex_m};
-use crate::sample::Measured;
+use crate::object::Kind;
+use crate::sample::{IgnoredRegion, Measured};
 use crate::sensors::{Weather, WeatherOverride};
 use crate::zone::{Zone, ZoneAt};
 
@@ -45,9 +47,35 @@ pub struct SampleFacts {
     /// and what `ttc` and `rss` say about an object is not the distance to one edge.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub zone_in_ego_m: Option<Vec<[f64; 2]>>,
+    /// What is annotated; `None` where everything is, as in simulation.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub labelled: Option<Labelled>,
+    /// Where nobody annotated anything.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub ignored: Vec<IgnoredRegion>,
+    /// The front camera, where one of the two facts above needs it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub camera: Option<CameraFacts>,
+    /// Whether nobody annotated the sample at all, so that there is nothing to score.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub is_unlabelled: bool,
 }
 
 impl SampleFacts {
+    /// These facts without all but what the truth leaves out.
+    #[must_use]
+    pub fn coverage(&self) -> Self {
+        let Self { labelled, ignored, camera, is_unlabelled, .. } = self.clone();
+        Self { labelled, ignored, camera, is_unlabelled, ..Self::default() }
+    }
+
+    /// Whether a size may say that nobody annotated a thing, for which the points in a box must be known.
+    #[must_use]
+    pub fn needs_points(&self) -> bool {
+        let lacks = |labelled: &Labelled| Kind::ALL.iter().any(|kind| !labelled.kinds.contains(kind));
+        self.labelled.as_ref().is_some_and(lacks)
+    }
+
     /// Signed distance of a box's footprint to the zone's edge, metres: positive the gap, negative how deep it reaches
     /// in. `None` where the zone is not known.
     #[must_use]
@@ -84,7 +112,12 @@ impl Origin {
     ///
     /// # Errors
     /// The config in the episode's metadata is not valid.
-    pub fn of_episode(meta: &EpisodeMeta, path: &Path, start_ns: u64) -> Result<Self, DatasetError> {
+    pub fn of_episode(
+        meta: &EpisodeMeta,
+        log: Option<&LogFacts>,
+        path: &Path,
+        start_ns: u64,
+    ) -> Result<Self, DatasetError> {
         let fail = |message| DatasetError::Config { message, path: path.to_owned() };
         let changed: ChangedWeather =
             toml::from_str(&meta.config_toml).map_err(|error| fail(error.to_string()))?;
@@ -97,18 +130,30 @@ impl Origin {
             weather: Some(meta.weather.clone()),
             mor_m: state.map(|state| state.mor_m),
             rain_rate_mmph: state.map(|state| state.rain_rate_mmph),
+            labelled: log.and_then(|log| log.labelled.clone()),
             ..SampleFacts::default()
         };
         Ok(Self { facts, start_ns })
     }
 
-    /// The facts of one of the episode's samples.
-    pub fn facts_of(&self, measured: &Measured, zone: &Zone) -> SampleFacts {
+    /// The facts of one of the episode's samples; `ignored` is `None` where nobody annotated it.
+    pub fn facts_of(
+        &self,
+        measured: &Measured,
+        ignored: Option<Vec<IgnoredRegion>>,
+        zone: &Zone,
+    ) -> SampleFacts {
         let state = &measured.ego_state;
         let origin = measured.world_from_ego * Point::new(0.0, 0.0, 0.0);
         let zone = zone.at(state).ok();
         let edge = zone.as_ref().and_then(ZoneAt::edge);
+        let is_unlabelled = ignored.is_none();
+        let ignored = ignored.unwrap_or_default();
+        let has_gaps = self.facts.labelled.is_some() || !ignored.is_empty();
         SampleFacts {
+            camera: has_gaps.then(|| CameraFacts::of(measured)),
+            ignored,
+            is_unlabelled,
             time_s: Some(measured.time_ns.saturating_sub(self.start_ns) as f64 * 1e-9),
             speed_mps: Some(state.speed_mps),
             steering_angle_rad: Some(state.steering_angle_rad),
@@ -177,7 +222,7 @@ mod tests {
     fn the_weather_is_that_of_the_episodes_own_config() {
         let of = |weather: &str, config_toml: &str| {
             let meta = test_data::episode_meta(weather, config_toml);
-            Origin::of_episode(&meta, Path::new("e.mcap"), 0)
+            Origin::of_episode(&meta, None, Path::new("e.mcap"), 0)
         };
         let fog = of("FogNoon", "seed = 3\n[weather_override]\nmor_m = 80.0\n").unwrap().facts;
         assert_eq!((fog.mor_m, fog.rain_rate_mmph), (Some(80.0), Some(0.0)));

@@ -1,5 +1,6 @@
 //! A labelled dataset in memory: each sample's measurements and its objects with their labels.
 
+mod coverage;
 mod facts;
 pub mod health;
 mod recording;
@@ -14,13 +15,14 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::episode::manifest::{EpisodeEntry, LabelEntry, LabelManifest, Manifest, ManifestError, Split};
-use crate::episode::{EpisodeError, EpisodeMeta, EpisodeReader, LabelReader, SampleLabels};
+use crate::episode::{EpisodeError, EpisodeMeta, EpisodeReader, LabelReader, LogFacts, SampleLabels};
 use crate::files;
 use crate::object::{LabelledObject, Object};
-use crate::sample::{Measured, Sample};
+use crate::sample::{IgnoredRegion, Measured, Sample};
 use crate::zone::{Zone, ZoneConfig, ZoneError};
 
 use facts::Origin;
+pub use coverage::{CameraFacts, PictureRectangle, count_points};
 pub use facts::{SampleFacts, episode_of_id};
 pub use recording::Recording;
 
@@ -236,28 +238,28 @@ fn load_episode(
     labels: &LabelEntry,
     zone: &Zone,
 ) -> Result<Vec<LabelledSample>, DatasetError> {
-    let (meta, samples) = read_labelled(path, set, entry, labels)?;
-    let start_ns = samples.first().map_or(0, |(measured, _)| measured.time_ns);
-    let origin = Origin::of_episode(&meta, &path.join(&entry.file), start_ns)?;
-    let name = |(sample_idx, (measured, objects)): (usize, Pair)| LabelledSample {
+    let (meta, log, samples) = read_labelled(path, set, entry, labels)?;
+    let start_ns = samples.first().map_or(0, |(measured, ..)| measured.time_ns);
+    let origin = Origin::of_episode(&meta, log.as_ref(), &path.join(&entry.file), start_ns)?;
+    let name = |(sample_idx, (measured, objects, ignored)): (usize, Read)| LabelledSample {
         id: format!("{}/{sample_idx}", entry.name),
-        facts: origin.facts_of(&measured, zone),
+        facts: origin.facts_of(&measured, ignored, zone),
         measured,
         objects,
     };
     Ok(samples.into_iter().enumerate().map(name).collect())
 }
 
-/// A sample's measurements and its objects.
-type Pair = (Measured, Vec<LabelledObject>);
+/// A sample's measurements, its objects, and where nobody annotated; `None` where nobody annotated it at all.
+type Read = (Measured, Vec<LabelledObject>, Option<Vec<IgnoredRegion>>);
 
-/// An episode's metadata, and its samples with their labels.
+/// An episode's metadata, what is known of the log that it comes from, and its samples with their labels.
 fn read_labelled(
     path: &Path,
     set: &str,
     entry: &EpisodeEntry,
     labels: &LabelEntry,
-) -> Result<(EpisodeMeta, Vec<Pair>), DatasetError> {
+) -> Result<(EpisodeMeta, Option<LogFacts>, Vec<Read>), DatasetError> {
     let reader = EpisodeReader::open_entry(path, entry)?;
     let label_path = LabelManifest::folder(path, set).join(&labels.file);
     let label_reader = LabelReader::open(&label_path)?;
@@ -276,12 +278,13 @@ fn read_labelled(
         .enumerate()
         .map(|(sample_idx, (sample, labels))| {
             let Sample { measured, truth } = sample?;
-            let objects = pair(truth.map_or_else(Vec::new, |truth| truth.objects), labels)
-                .ok_or_else(|| mismatch(sample_idx))?;
-            Ok((measured, objects))
+            let (objects, ignored) = truth.map(|truth| (truth.objects, truth.ignored)).unzip();
+            let objects =
+                pair(objects.unwrap_or_default(), labels).ok_or_else(|| mismatch(sample_idx))?;
+            Ok((measured, objects, ignored))
         })
         .collect::<Result<_, DatasetError>>()?;
-    Ok((reader.meta().clone(), samples))
+    Ok((reader.meta().clone(), reader.log().cloned(), samples))
 }
 
 /// Each object with its label, if both lists are of the same objects in the same order.

@@ -96,8 +96,8 @@ fn sample(idx: usize, zone: &Zone) -> LabelledSample {
         image: EncodedImage { format: ImageFormat::Png, bytes: bytes.into_inner() },
         points,
     };
-    let origin = Origin::of_episode(&episode_meta("ClearNoon", ""), "made".as_ref(), 0);
-    let facts = origin.expect("an empty config is valid").facts_of(&measured, zone);
+    let origin = Origin::of_episode(&episode_meta("ClearNoon", ""), None, "made".as_ref(), 0);
+    let facts = origin.expect("an empty config is valid").facts_of(&measured, Some(vec![]), zone);
     LabelledSample { id: format!("made/{idx}"), measured, objects, facts }
 }
 

@@ -191,6 +191,7 @@ mod tests {
                 } else {
                     vec![]
                 },
+                n_points: vec![],
             })
             .collect()
     }

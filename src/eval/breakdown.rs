@@ -106,6 +106,7 @@ impl<'a> Grouping<'a> {
             Outcome::Matched(of, _) => Some((self.of_object[of.number]?, true)),
             Outcome::Misclassified(of) => Some((self.of_object[of.number]?, false)),
             Outcome::Unmatched => Some((self.of_sample[sample_idx]?, false)),
+            Outcome::Neutral(_) => None,
         }
     }
 
@@ -178,7 +179,7 @@ mod tests {
 
     fn in_town(town: &str, objects: Vec<LabelledObject>, detections: Vec<Detection>) -> EvalSample {
         let facts = SampleFacts { town: Some(town.into()), ..SampleFacts::default() };
-        EvalSample { id: town.into(), facts, objects, detections }
+        EvalSample::new(town, facts, objects, detections)
     }
 
     fn group<'a>(breakdowns: &'a [Breakdown], axis: Axis, name: &str) -> &'a Group {

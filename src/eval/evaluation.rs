@@ -59,12 +59,9 @@ pub fn score(samples: &[EvalSample], protocol: &Protocol, mode: Mode) -> Result<
 /// let center = Point::new(12.0, 0.5, 0.75);
 /// let box_in_ego = Box3 { center, length_m: 4.0, width_m: 1.8, height_m: 1.5, yaw_rad: 0.0 };
 /// let harm = Harm::Harmful;
-/// let sample = EvalSample {
-///     id: "one".into(),
-///     facts: SampleFacts::default(),
-///     objects: vec![LabelledObject { truth: Object::new(box_in_ego), harm }],
-///     detections: vec![Detection { box_in_ego, velocity_in_ego_mps: [0.0; 2], harm, score: 0.9 }],
-/// };
+/// let objects = vec![LabelledObject { truth: Object::new(box_in_ego), harm }];
+/// let detections = vec![Detection { box_in_ego, velocity_in_ego_mps: [0.0; 2], harm, score: 0.9 }];
+/// let sample = EvalSample::new("one", SampleFacts::default(), objects, detections);
 /// let evaluation = evaluate(&[sample], &Protocol::default(), Mode::Id)?;
 /// let ap = evaluation.metrics.columns.total;
 /// assert!(ap.harmful > Some(0.999) && ap.harmless.is_none()); // there is nothing harmless to find
@@ -96,8 +93,7 @@ mod tests {
     #[test]
     fn one_matching_serves_scores_intervals_groups_safety_and_faults() {
         let objects = vec![truth(10.0, Harm::Harmful, Distribution::Id)];
-        let samples =
-            [EvalSample { id: "s".into(), facts: SampleFacts::default(), objects, detections: vec![] }];
+        let samples = [EvalSample::new("s", SampleFacts::default(), objects, vec![])];
         N_MATCHINGS.set(0);
         let evaluation = evaluate(&samples, &Protocol::default(), Mode::Ood).unwrap();
         assert_eq!((N_MATCHINGS.get(), evaluation.faults.len()), (1, 1));

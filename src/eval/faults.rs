@@ -112,7 +112,7 @@ fn find_all(matching: &Matching<'_>) -> Vec<Fault> {
     for (ranked, outcome) in matching.operating(Harm::Harmful) {
         let sample = &matching.samples[ranked.sample_idx];
         let object = match outcome {
-            Outcome::Matched(..) => continue,
+            Outcome::Matched(..) | Outcome::Neutral(_) => continue,
             _ if is_on_harmful(matching, sample, &ranked.detection.box_in_ego) => continue,
             Outcome::Misclassified(of) => Some(of.object),
             Outcome::Unmatched => None,
@@ -224,7 +224,7 @@ mod tests {
     ) -> EvalSample {
         let facts =
             SampleFacts { speed_mps: Some(speed_mps), front_bumper_x_m: Some(3.0), ..SampleFacts::default() };
-        EvalSample { id: id.into(), facts, objects, detections }
+        EvalSample::new(id, facts, objects, detections)
     }
 
     fn named(name: &str, x_m: f64, harm: Harm) -> LabelledObject {

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::neutral::{Gaps, NeutralReason};
 use super::protocol::EvalConfig;
 use super::sample::EvalSample;
 use crate::dataset::SampleFacts;
@@ -15,6 +16,15 @@ pub struct KeptSample<'a> {
     pub facts: &'a SampleFacts,
     pub objects: Vec<&'a LabelledObject>,
     pub detections: Vec<&'a Detection>,
+    /// For each detection, why it is neither right nor wrong if no truth accounts for it.
+    pub neutral: Vec<Option<NeutralReason>>,
+}
+
+impl KeptSample<'_> {
+    /// Whether the truth leaves out something.
+    pub fn has_gaps(&self) -> bool {
+        self.facts.labelled.is_some() || !self.facts.ignored.is_empty()
+    }
 }
 
 /// The filters and what they dropped; range first, then points.
@@ -27,6 +37,17 @@ pub struct Filters {
     pub truths_out_of_range: usize,
     pub truths_without_points: usize,
     pub detections_out_of_range: usize,
+    /// Truths at the range to which the log is annotated, or beyond.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub truths_beyond_labelled: usize,
+    /// Samples that nobody annotated, with all that was detected in them.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub samples_unlabelled: usize,
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde asks so")]
+fn is_zero(n: &usize) -> bool {
+    *n == 0
 }
 
 fn null_is_infinite<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
@@ -41,6 +62,8 @@ pub(super) fn filter<'a>(samples: &'a [EvalSample], config: &EvalConfig) -> (Vec
         truths_out_of_range: 0,
         truths_without_points: 0,
         detections_out_of_range: 0,
+        truths_beyond_labelled: 0,
+        samples_unlabelled: samples.iter().filter(|sample| sample.facts.is_unlabelled).count(),
     };
     let is_near = |of: &Box3<Ego>| {
         let (x_m, y_m) = (of.center.x(), of.center.y());
@@ -53,19 +76,34 @@ pub(super) fn filter<'a>(samples: &'a [EvalSample], config: &EvalConfig) -> (Vec
         filters.truths_without_points += usize::from(is_in_range && !has_points);
         is_in_range && has_points
     };
-    let mut keep_detection = |detection: &&Detection| {
+    let mut detections_out_of_range = 0;
+    let mut keep_detection = |detection: &Detection| {
         let is_in_range = is_near(&detection.box_in_ego);
-        filters.detections_out_of_range += usize::from(!is_in_range);
+        detections_out_of_range += usize::from(!is_in_range);
         is_in_range
     };
+    let mut truths_beyond_labelled = 0;
     let kept = samples
         .iter()
-        .map(|sample| KeptSample {
-            id: &sample.id,
-            facts: &sample.facts,
-            objects: sample.objects.iter().filter(&mut keep_object).collect(),
-            detections: sample.detections.iter().filter(&mut keep_detection).collect(),
+        .filter(|sample| !sample.facts.is_unlabelled)
+        .map(|sample| {
+            let gaps = Gaps::of(&sample.facts, &sample.objects);
+            let mut objects: Vec<_> = sample.objects.iter().filter(&mut keep_object).collect();
+            if let Some(gaps) = &gaps {
+                let n_objects = objects.len();
+                objects.retain(|object| !gaps.is_beyond_range(&object.truth.box_in_ego));
+                truths_beyond_labelled += n_objects - objects.len();
+            }
+            let counts = sample.n_points.iter().copied().chain(std::iter::repeat(None));
+            let find_reason = |(found, n_points): (&'a Detection, Option<u32>)| {
+                (found, gaps.as_ref().and_then(|gaps| gaps.find_reason(&found.box_in_ego, n_points)))
+            };
+            let kept = sample.detections.iter().zip(counts).filter(|(found, _)| keep_detection(found));
+            let (detections, neutral) = kept.map(find_reason).unzip();
+            KeptSample { id: &sample.id, facts: &sample.facts, objects, detections, neutral }
         })
         .collect();
+    (filters.detections_out_of_range, filters.truths_beyond_labelled) =
+        (detections_out_of_range, truths_beyond_labelled);
     (kept, filters)
 }

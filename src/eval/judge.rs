@@ -264,7 +264,7 @@ mod tests {
                     })
                     .collect();
                 let detections = judge.judge(&boxes, &sample.measured.ego_state, dataset.zone()).unwrap();
-                EvalSample { id: sample.id.clone(), facts: SampleFacts::default(), objects, detections }
+                EvalSample::new(&sample.id, SampleFacts::default(), objects, detections)
             })
             .collect();
         let columns = score(&samples, &Protocol::default(), Mode::Ood).unwrap().columns;

@@ -4,13 +4,14 @@
 //! Detections of a class go by descending score, the later first among equals. Each takes the nearest
 //! unclaimed object of its class in its sample, if nearer than the threshold. If there is none but an
 //! object of the other class is nearer than the threshold, it is misclassified on the nearest of those,
-//! claimed or not. Otherwise it is unmatched. Distances are between centres, on the ground; among
+//! claimed or not. Otherwise it is unmatched, or neutral where nothing is annotated ([`super::neutral`]). Distances are between centres, on the ground; among
 //! equally near objects the first in the sample counts.
 
 use serde::{Deserialize, Serialize};
 
 use super::curve::N_ERRORS;
 use super::filter::{Filters, KeptSample, filter};
+use super::neutral::NeutralReason;
 use super::protocol::{EvalConfig, Protocol};
 use super::sample::{EvalSample, Mode, ScoreError, check};
 use crate::dataset::SampleFacts;
@@ -57,6 +58,16 @@ pub enum Outcome<'a> {
     Misclassified(PlacedObject<'a>),
     /// A false positive with no object within the threshold that it could be attributed to.
     Unmatched,
+    /// As unmatched, but nobody annotated what may be there: neither a true nor a false positive.
+    Neutral(NeutralReason),
+}
+
+impl Outcome<'_> {
+    /// The outcome where all that is not a true positive is a false one.
+    #[must_use]
+    pub fn strictly(self) -> Self {
+        if let Self::Neutral(_) = self { Self::Unmatched } else { self }
+    }
 }
 
 /// One detection in its rank.
@@ -64,6 +75,7 @@ pub enum Outcome<'a> {
 pub struct Ranked<'a> {
     pub detection: &'a Detection,
     pub sample_idx: usize,
+    neutral: Option<NeutralReason>,
     /// Objects of its class within reach, nearest first.
     same_class: Vec<Reached<'a>>,
     /// The nearest object of the other class within reach.
@@ -156,7 +168,7 @@ impl<'a> Matching<'a> {
             match outcome {
                 Outcome::Matched(of, _) => met.is_matched[of.number] = true,
                 Outcome::Misclassified(of) => met.is_mistaken[of.number] = true,
-                Outcome::Unmatched => {}
+                Outcome::Unmatched | Outcome::Neutral(_) => {}
             }
         }
         met
@@ -175,9 +187,10 @@ fn rank<'a>(
     for (sample_idx, sample) in samples.iter().enumerate() {
         let (of_sample, later) = rest.split_at(sample.objects.len());
         rest = later;
-        for &detection in sample.detections.iter().filter(|detection| detection.harm == class) {
+        let detections = sample.detections.iter().copied().zip(sample.neutral.iter().copied());
+        for (detection, neutral) in detections.filter(|(detection, _)| detection.harm == class) {
             let (same_class, other_class) = find_neighbours(detection, of_sample, reach_m);
-            ranked.push(Ranked { detection, sample_idx, same_class, other_class });
+            ranked.push(Ranked { detection, sample_idx, neutral, same_class, other_class });
         }
     }
     // Stable and ascending, then reversed: among equal scores the later one comes first.
@@ -199,7 +212,7 @@ fn decide<'a>(ranked: &[Ranked<'a>], n_objects: usize, threshold_m: f64) -> Vec<
                 Outcome::Matched(of, distance_m)
             }
             (_, Some((of, distance_m))) if distance_m < threshold_m => Outcome::Misclassified(of),
-            _ => Outcome::Unmatched,
+            _ => ranked.neutral.map_or(Outcome::Unmatched, Outcome::Neutral),
         }
     };
     ranked.iter().map(decide_one).collect()
@@ -282,7 +295,7 @@ pub(super) mod tests {
     }
 
     fn sample(objects: Vec<LabelledObject>, detections: Vec<Detection>) -> EvalSample {
-        EvalSample { id: "s".into(), facts: SampleFacts::default(), objects, detections }
+        EvalSample::new("s", SampleFacts::default(), objects, detections)
     }
 
     fn kinds(sample: EvalSample, threshold_m: f64) -> String {
@@ -297,6 +310,7 @@ pub(super) mod tests {
             Outcome::Matched(..) => 'm',
             Outcome::Misclassified(_) => 'c',
             Outcome::Unmatched => 'u',
+            Outcome::Neutral(_) => 'n',
         };
         matching.at(Harm::Harmful, 0).map(letter).collect()
     }

@@ -7,15 +7,17 @@
 //! | `ood_all` | on OOD truths | misclassified on OOD truths, unmatched | OOD truths |
 //! | `ood_matched` | on OOD truths | misclassified on OOD truths | OOD truths |
 //!
-//! A detection that is neither a true nor a false positive of a column is left out of its ranking.
+//! A detection that is neither a true nor a false positive of a column is left out of its ranking, as are neutral ones
+//! out of all.
 
 use serde::{Deserialize, Serialize};
 
 use crate::object::{Distribution, Harm, LabelledObject};
 
 use super::curve::Curve;
-use super::filter::Filters;
+use super::filter::{Filters, KeptSample};
 use super::matching::{Matching, Outcome, PerClass, match_errors};
+use super::neutral::NeutralCounts;
 use super::pretty_json;
 use super::protocol::{EvalConfig, MissingClass};
 use super::sample::Mode;
@@ -52,6 +54,7 @@ impl Column {
             Outcome::Matched(of, _) => self.has_positive(of.object.truth.distribution).then_some(true),
             Outcome::Misclassified(of) => self.has_positive(of.object.truth.distribution).then_some(false),
             Outcome::Unmatched => matches!(self, Self::Total | Self::OodAll).then_some(false),
+            Outcome::Neutral(_) => None,
         }
     }
 }
@@ -143,6 +146,9 @@ pub struct OutcomeCounts {
     pub misclassified_id: usize,
     pub misclassified_ood: usize,
     pub unmatched: usize,
+    /// Neither right nor wrong, since the log annotates nothing there.
+    #[serde(default, skip_serializing_if = "NeutralCounts::is_zero")]
+    pub neutral: NeutralCounts,
 }
 
 impl OutcomeCounts {
@@ -160,6 +166,10 @@ impl OutcomeCounts {
             }
             Outcome::Unmatched => {
                 self.unmatched += 1;
+                return;
+            }
+            Outcome::Neutral(reason) => {
+                self.neutral.add(reason);
                 return;
             }
         };
@@ -188,6 +198,10 @@ pub struct Metrics {
     pub mode: Mode,
     #[serde(flatten)]
     pub columns: Columns<ClassScores>,
+    /// The same with every neutral detection as a false positive; `None` where the truth leaves out nothing, as in
+    /// simulation.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub strict: Option<Columns<ClassScores>>,
     /// AP at each threshold, in the config's order; `None` where there is no truth of the class.
     pub per_threshold: Columns<PerClass<Vec<Option<f64>>>>,
     /// Precision over recall at each threshold, in the config's order.
@@ -210,50 +224,21 @@ impl Metrics {
 /// Scores what was matched.
 pub(super) fn measure(matching: &Matching<'_>) -> Metrics {
     let (config, protocol, mode) = (matching.config(), matching.protocol, matching.mode);
-    let objects = || matching.objects.iter().map(|of| of.object);
-    let n_positives = |class: Harm, column: Column| {
-        let is_positive =
-            |of: &&LabelledObject| of.harm == class && column.has_positive(of.truth.distribution);
-        objects().filter(is_positive).count()
-    };
-    let is_scored = |class, column| {
-        config.missing_class == MissingClass::Zero || n_positives(class, column) > 0
-    };
-    let curves = Columns::from_fn(mode, |column| {
-        PerClass::from_fn(|class| {
-            let curve = |threshold_idx| {
-                let positives = matching
-                    .at(class, threshold_idx)
-                    .filter_map(|(ranked, outcome)| Some((ranked.detection.score, column.judge(outcome)?)));
-                Curve::new(positives, n_positives(class, column))
-            };
-            (0..config.dist_thresholds_m.len()).map(curve).collect::<Vec<_>>()
-        })
-    });
-    let (first_step, min_precision) = (protocol.first_step(), config.min_precision);
-    let per_threshold = Columns::from_fn(mode, |column| {
-        let curves = curves.get(column).expect("same mode");
-        PerClass::from_fn(|class| {
-            let is_present = is_scored(class, column);
-            let ap = |curve: &Curve| is_present.then(|| curve.average_precision(first_step, min_precision));
-            curves.get(class).iter().map(ap).collect()
-        })
-    });
-    let columns = Columns::from_fn(mode, |column| {
-        let aps: &PerClass<Vec<Option<f64>>> = per_threshold.get(column).expect("same mode");
-        let of_class = |aps: &[Option<f64>]| Some(mean(&aps.iter().copied().collect::<Option<Vec<f64>>>()?));
-        ClassScores::new(of_class(&aps.harmful), of_class(&aps.harmless))
-    });
+    let scored = Scored::new(matching, |outcome| outcome);
+    let has_gaps = matching.samples.iter().any(KeptSample::has_gaps);
+    let strict = has_gaps.then(|| Scored::new(matching, Outcome::strictly).columns());
     let tp_errors = PerClass::from_fn(|class| {
-        let at = protocol.tp_threshold_idx();
-        is_scored(class, Column::Total)
-            .then(|| mean_errors(matching, class, &curves.total.get(class)[at], first_step))
+        let curve = &scored.curves.total.get(class)[protocol.tp_threshold_idx()];
+        is_scored(matching, class, Column::Total)
+            .then(|| mean_errors(matching, class, curve, protocol.first_step()))
     });
+    let n_positives = |class, column| count_positives(matching, class, column);
     Metrics {
         mode,
-        columns,
-        per_threshold,
-        curves,
+        columns: scored.columns(),
+        strict,
+        per_threshold: scored.per_threshold,
+        curves: scored.curves,
         tp_errors,
         counts: Counts {
             n_samples: matching.samples.len(),
@@ -270,6 +255,62 @@ pub(super) fn measure(matching: &Matching<'_>) -> Metrics {
         filters: matching.filters,
         config: config.clone(),
     }
+}
+
+/// Curves and AP of every column at every threshold.
+struct Scored {
+    mode: Mode,
+    curves: Columns<PerClass<Vec<Curve>>>,
+    per_threshold: Columns<PerClass<Vec<Option<f64>>>>,
+}
+
+impl Scored {
+    /// Reads the outcomes through `view`.
+    fn new<'a>(matching: &Matching<'a>, view: fn(Outcome<'a>) -> Outcome<'a>) -> Self {
+        let (config, mode) = (matching.config(), matching.mode);
+        let curves = Columns::from_fn(mode, |column| {
+            PerClass::from_fn(|class| {
+                let n_positives = count_positives(matching, class, column);
+                let curve = |threshold_idx| {
+                    let positives = matching.at(class, threshold_idx).filter_map(|(ranked, outcome)| {
+                        Some((ranked.detection.score, column.judge(view(outcome))?))
+                    });
+                    Curve::new(positives, n_positives)
+                };
+                (0..config.dist_thresholds_m.len()).map(curve).collect::<Vec<_>>()
+            })
+        });
+        let (first_step, min_precision) = (matching.protocol.first_step(), config.min_precision);
+        let per_threshold = Columns::from_fn(mode, |column| {
+            let curves = curves.get(column).expect("same mode");
+            PerClass::from_fn(|class| {
+                let is_scored = is_scored(matching, class, column);
+                let ap = |curve: &Curve| is_scored.then(|| curve.average_precision(first_step, min_precision));
+                curves.get(class).iter().map(ap).collect()
+            })
+        });
+        Self { mode, curves, per_threshold }
+    }
+
+    /// AP, mean over the thresholds.
+    fn columns(&self) -> Columns<ClassScores> {
+        let of_class = |aps: &[Option<f64>]| Some(mean(&aps.iter().copied().collect::<Option<Vec<f64>>>()?));
+        Columns::from_fn(self.mode, |column| {
+            let aps = self.per_threshold.get(column).expect("same mode");
+            ClassScores::new(of_class(&aps.harmful), of_class(&aps.harmless))
+        })
+    }
+}
+
+fn count_positives(matching: &Matching<'_>, class: Harm, column: Column) -> usize {
+    let is_positive =
+        |of: &&LabelledObject| of.harm == class && column.has_positive(of.truth.distribution);
+    matching.objects.iter().map(|of| of.object).filter(is_positive).count()
+}
+
+/// Whether the class has a score in the column: it has a truth, or its score is zero without one.
+fn is_scored(matching: &Matching<'_>, class: Harm, column: Column) -> bool {
+    matching.config().missing_class == MissingClass::Zero || count_positives(matching, class, column) > 0
 }
 
 fn mean_errors(matching: &Matching<'_>, class: Harm, curve: &Curve, first_step: usize) -> TpErrors {

@@ -3,9 +3,10 @@
 use thiserror::Error;
 
 use super::protocol::Protocol;
-use crate::dataset::{LabelledSample, SampleFacts};
+use crate::dataset::{LabelledSample, SampleFacts, count_points};
 use crate::geometry::BoxError;
 use crate::object::{Detection, LabelledObject};
+use crate::sample::Measured;
 
 /// One sample: what is there and what was detected.
 ///
@@ -17,6 +18,31 @@ pub struct EvalSample {
     pub facts: SampleFacts,
     pub objects: Vec<LabelledObject>,
     pub detections: Vec<Detection>,
+    /// LiDAR points in each detection's box, as far as they are known; what is missing at the end is not. They tell an
+    /// object that nobody annotated from nothing.
+    pub n_points: Vec<Option<u32>>,
+}
+
+impl EvalSample {
+    /// A sample of whose detections the points are not known.
+    pub fn new(
+        id: impl Into<String>,
+        facts: SampleFacts,
+        objects: Vec<LabelledObject>,
+        detections: Vec<Detection>,
+    ) -> Self {
+        Self { id: id.into(), facts, objects, detections, n_points: Vec::new() }
+    }
+
+    /// The same with the points in its detections counted in its own cloud, if its truth leaves out kinds of things.
+    #[must_use]
+    pub fn with_points_of(self, measured: &Measured) -> Self {
+        if !self.facts.needs_points() {
+            return self;
+        }
+        let counts = count_points(measured, self.detections.iter().map(|found| &found.box_in_ego));
+        Self { n_points: counts.into_iter().map(Some).collect(), ..self }
+    }
 }
 
 /// Which columns are scored.
@@ -34,6 +60,11 @@ pub enum Mode {
 pub enum ScoreError {
     #[error("there is no sample to score")]
     NoSamples,
+    #[error(
+        "nobody annotated any of the {n_samples} samples, so there is nothing to score; `harmzone predict` and \
+         `harmzone view` need no truth"
+    )]
+    NothingLabelled { n_samples: usize },
     #[error("{found} detections, but at most {allowed} may be given (max_boxes): sample `{sample}`")]
     TooManyBoxes { found: usize, allowed: usize, sample: String },
     #[error("truth {index} has no `distribution` (id or ood), which --ood needs: sample `{sample}`")]
@@ -49,6 +80,9 @@ pub enum ScoreError {
 pub(super) fn check(samples: &[EvalSample], protocol: &Protocol, mode: Mode) -> Result<(), ScoreError> {
     if samples.is_empty() {
         return Err(ScoreError::NoSamples);
+    }
+    if samples.iter().all(|sample| sample.facts.is_unlabelled) {
+        return Err(ScoreError::NothingLabelled { n_samples: samples.len() });
     }
     let mut ids = std::collections::HashSet::with_capacity(samples.len());
     for sample in samples {
@@ -81,11 +115,9 @@ pub(super) fn check(samples: &[EvalSample], protocol: &Protocol, mode: Mode) -> 
 /// A data set's samples with a detector's boxes, to be scored.
 #[must_use]
 pub fn eval_samples(samples: &[LabelledSample], found: &[Vec<Detection>]) -> Vec<EvalSample> {
-    let join = |(sample, found): (&LabelledSample, &Vec<Detection>)| EvalSample {
-        id: sample.id.clone(),
-        facts: sample.facts.clone(),
-        objects: sample.objects.clone(),
-        detections: found.clone(),
+    let join = |(sample, found): (&LabelledSample, &Vec<Detection>)| {
+        let (facts, objects) = (sample.facts.clone(), sample.objects.clone());
+        EvalSample::new(&sample.id, facts, objects, found.clone()).with_points_of(&sample.measured)
     };
     samples.iter().zip(found).map(join).collect()
 }

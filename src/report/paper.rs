@@ -19,6 +19,8 @@ pub struct Line {
     /// Bounds of the confidence intervals.
     pub intervals: [Option<[f64; 2]>; 3],
     pub paper: [f64; 3],
+    /// Ours with every neutral detection as a false positive, where there may be such.
+    pub strict: [Option<f64>; 3],
 }
 
 impl Line {
@@ -36,11 +38,10 @@ impl Line {
                 ("OOD: mAP_OOD (matched FPs only)", "OOD, matched FPs", [0.714, 0.725, 0.72])
             }
         };
-        let ClassScores { harmful, harmless, mean } = *scores;
         let intervals = confidence.and_then(|of| of.columns.get(column.unwrap_or(Column::Total)).copied());
         let intervals =
             intervals.map_or([None; 3], |Intervals { harmful, harmless, mean }| [harmful, harmless, mean]);
-        Self { name, short, ours: [harmful, harmless, mean], intervals, paper }
+        Self { name, short, ours: parts(scores), intervals, paper, strict: [None; 3] }
     }
 
     /// The lines of a scoring: one in distribution, four out of it.
@@ -53,8 +54,14 @@ impl Line {
         };
         let line = |column: &Option<Column>| {
             let scores = metrics.columns.get(column.unwrap_or(Column::Total))?;
-            Some(Self::new(*column, scores, confidence))
+            let strict = metrics.strict.as_ref().and_then(|of| of.get(column.unwrap_or(Column::Total)));
+            let strict = strict.map_or([None; 3], parts);
+            Some(Self { strict, ..Self::new(*column, scores, confidence) })
         };
         columns.iter().filter_map(line).collect()
     }
+}
+
+fn parts(scores: &ClassScores) -> [Option<f64>; 3] {
+    [scores.harmful, scores.harmless, scores.mean]
 }

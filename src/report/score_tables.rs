@@ -4,7 +4,8 @@ use super::paper::{Line, PARTS, YARDSTICK};
 use super::table::{Cell, NO_TRUTH, Table, ap, number, percent};
 use crate::eval::safety::{MetricTable, MetricValue};
 use crate::eval::{
-    Axis, Breakdown, Column, Evaluation, GroupScores, Metrics, MissingClass, Mode, TruthCounts,
+    Axis, Breakdown, Column, Evaluation, GroupScores, Metrics, MissingClass, Mode, NeutralCounts,
+    TruthCounts,
 };
 use crate::object::Harm;
 
@@ -17,7 +18,8 @@ pub fn text(evaluation: &Evaluation) -> String {
         Mode::Ood => "in and out of distribution",
     };
     let (headline, errors, counts) = (headline(&[evaluation]), errors(metrics), counts(metrics));
-    format!("Detection {what}\n\n{headline}\n{errors}\n{counts}")
+    let neutral = neutral(metrics).map_or_else(String::new, |table| format!("\n{table}"));
+    format!("Detection {what}\n\n{headline}\n{errors}\n{counts}{neutral}")
 }
 
 /// Names the classes without a truth by column, and what became of them; nothing if there is none.
@@ -91,7 +93,9 @@ pub fn headline(evaluations: &[&Evaluation]) -> Table {
     let cells = |line: &Line| -> Vec<Cell> {
         let cell = |i: usize| {
             let interval = line.intervals[i].map(|[low, high]| format!("{low:.3}–{high:.3}"));
-            let below = interval.into_iter().chain([format!("paper {}", ap(line.paper[i]))]).collect();
+            let strict = line.strict[i].map(|strict| format!("strict {}", ap(strict)));
+            let paper = format!("paper {}", ap(line.paper[i]));
+            let below = interval.into_iter().chain(strict).chain([paper]).collect();
             Cell { text: ap(line.ours[i]), below }
         };
         std::iter::once(line.name.into()).chain((0..PARTS.len()).map(cell)).collect()
@@ -111,6 +115,9 @@ pub fn headline(evaluations: &[&Evaluation]) -> Table {
             100.0 * of.level,
             n_episodes.join(" and ")
         );
+    }
+    if evaluations.iter().any(|of| of.metrics.strict.is_some()) {
+        note += "Strict: with neutral detections as false positives. ";
     }
     note += YARDSTICK;
     for missing in evaluations.iter().filter_map(|of| tell_missing(of)) {
@@ -165,7 +172,32 @@ pub fn counts(metrics: &Metrics) -> Table {
     if filters.drop_truths_without_points {
         note += &format!("; without a LiDAR point: {} truths", filters.truths_without_points);
     }
+    if filters.truths_beyond_labelled > 0 {
+        note += &format!("; beyond the labelled range: {} truths", filters.truths_beyond_labelled);
+    }
+    if filters.samples_unlabelled > 0 {
+        note += &format!("; without any truth: {} samples", filters.samples_unlabelled);
+    }
     Table::new(head, rows.collect()).with_note(note + ".")
+}
+
+/// The numbers of detections that are neither right nor wrong, by reason; nothing where the truth leaves out nothing.
+#[must_use]
+pub fn neutral(metrics: &Metrics) -> Option<Table> {
+    metrics.strict.as_ref()?;
+    let config = &metrics.config;
+    let at = config.dist_thresholds_m.iter().position(|&threshold_m| threshold_m == config.tp_threshold_m)?;
+    let rows = Harm::ALL.into_iter().filter_map(|class| {
+        let NeutralCounts { region, range, view, kind } = metrics.counts.outcomes.get(class).get(at)?.neutral;
+        let cells = [region, range, view, kind].map(|n| n.to_string().into());
+        Some(std::iter::once(class.name().into()).chain(cells).collect())
+    });
+    let head = ["neutral", "ignored region", "beyond the range", "beside the picture", "no labelled kind"];
+    let note = format!(
+        "Detections at {} m that are neither right nor wrong, since nobody labelled what may be there.",
+        config.tp_threshold_m
+    );
+    Some(Table::new(head, rows.collect()).with_note(note))
 }
 
 /// The axis's name for readers.

@@ -142,7 +142,7 @@ impl Statistics {
         let mut of_episode = Self { n_bytes: fs::metadata(&file)?.len(), ..Self::default() };
         if let Some(labels) = labels {
             let labels_of_episode = label_entry(labels, entry, path)?;
-            for (measured, objects) in read_labelled(path, &labels.set, entry, labels_of_episode)?.1 {
+            for (measured, objects, _) in read_labelled(path, &labels.set, entry, labels_of_episode)?.2 {
                 let objects = objects.iter().map(|object| (&object.truth, Some(object.harm)));
                 of_episode.add(&measured.ego_state, objects);
             }

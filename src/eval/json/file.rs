@@ -82,6 +82,13 @@ impl RawBox {
         Ok((found, harm, self.velocity.map(|part| part.unwrap_or(f64::NAN))))
     }
 
+    /// The LiDAR points in the box; nuScenes writes -1 where they are not known.
+    pub fn n_points(&self) -> Result<Option<u32>, String> {
+        let known = self.num_pts.filter(|&n| n != -1);
+        let count = |n| u32::try_from(n).map_err(|_| format!("`num_pts` is {n}; -1 or a count is needed"));
+        known.map(count).transpose()
+    }
+
     fn new(box_in_ego: &Box3<Ego>, velocity: [f64; 2], harm: Harm) -> Self {
         let (center, half_rad) = (box_in_ego.center, box_in_ego.yaw_rad / 2.0);
         Self {
@@ -144,17 +151,14 @@ impl TryFrom<RawBox> for LabelledObject {
 
     fn try_from(raw: RawBox) -> Result<Self, String> {
         let (box_in_ego, harm, velocity_in_ego_mps) = raw.parts()?;
-        let points = raw
-            .num_pts
-            .filter(|&n| n != -1)
-            .map(|n| u32::try_from(n).map_err(|_| format!("`num_pts` is {n}; -1 or a count is needed")));
+        let n_lidar_points = raw.n_points()?;
         let truth = Object {
             velocity_in_ego_mps,
             id: raw.id,
             category: raw.category,
             kind: raw.kind,
             distribution: raw.distribution,
-            n_lidar_points: points.transpose()?,
+            n_lidar_points,
             visible_fraction: raw.visible_fraction,
             event: raw.event,
             ..Object::new(box_in_ego)

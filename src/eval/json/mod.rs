@@ -2,7 +2,7 @@
 //!
 //! `{"meta": {..}, "results": {"<sample>": [{"translation": [x, y, z], "size": [w, l, h], "rotation":
 //! [w, x, y, z], "velocity": [vx, vy], "detection_name": "harmful", "detection_score": 0.9}]}}`. Truth
-//! has no score, may have `"distribution": "id"|"ood"`, `"num_pts"` (-1: unknown), `"id"`, `"category"`, `"kind"`,
+//! has no score, and a prediction may have `"num_pts"`, the LiDAR points in its box. Truth may have `"distribution": "id"|"ood"`, `"num_pts"` (-1: unknown), `"id"`, `"category"`, `"kind"`,
 //! `"visible_fraction"` and `"event"`; beside `results` it may have `"samples": {"<sample>": {..}}` with what [`SampleFacts`] names. Metres, m/s;
 //! other keys are ignored. Python's bare `NaN` and `Infinity` are read, and refused but for velocities.
 
@@ -20,6 +20,7 @@ use super::sample::EvalSample;
 use crate::dataset::{Dataset, SampleFacts};
 use crate::files;
 use crate::object::{Detection, LabelledObject};
+use crate::sample::Measured;
 pub use file::replace_python_numbers;
 use file::{BoxFile, RawBox};
 
@@ -51,6 +52,8 @@ pub struct Boxes<T> {
     pub samples: Vec<(String, Vec<T>)>,
     /// What the file says about samples beyond their boxes, by id.
     pub facts: HashMap<String, SampleFacts>,
+    /// LiDAR points in each box of each sample, as far as the file tells, in the order of `samples`.
+    pub n_points: Vec<Vec<Option<u32>>>,
 }
 
 /// The truth that a data set holds, to score any detector's boxes against.
@@ -61,6 +64,7 @@ impl From<&Dataset> for Boxes<LabelledObject> {
             path: dataset.path().to_owned(),
             samples: samples().map(|sample| (sample.id.clone(), sample.objects.clone())).collect(),
             facts: samples().map(|sample| (sample.id.clone(), sample.facts.clone())).collect(),
+            n_points: Vec::new(),
         }
     }
 }
@@ -88,16 +92,21 @@ fn read<T: TryFrom<RawBox, Error = String>>(path: &Path) -> Result<Boxes<T>, Jso
         .map_err(|error| JsonError::NotBoxes { message: error.to_string(), path: path.to_owned() })?;
     let mut seen = HashSet::new();
     let mut samples = Vec::with_capacity(file.results.0.len());
+    let mut n_points = Vec::with_capacity(file.results.0.len());
     for (sample, values) in file.results.0 {
         if !seen.insert(sample.clone()) {
             return Err(JsonError::RepeatedSample { sample, path: path.to_owned() });
         }
         let mut boxes = Vec::with_capacity(values.len());
+        let mut n_points_in = Vec::with_capacity(values.len());
         for (index, value) in values.into_iter().enumerate() {
             let raw = serde_json::from_value::<RawBox>(value).map_err(|error| error.to_string());
             let converted = raw.and_then(|raw| match &raw.sample_token {
                 Some(token) if *token != sample => Err(format!("its `sample_token` is `{token}`")),
-                _ => T::try_from(raw),
+                _ => {
+                    n_points_in.push(raw.n_points()?);
+                    T::try_from(raw)
+                }
             });
             boxes.push(converted.map_err(|message| JsonError::BadBox {
                 message,
@@ -107,8 +116,9 @@ fn read<T: TryFrom<RawBox, Error = String>>(path: &Path) -> Result<Boxes<T>, Jso
             })?);
         }
         samples.push((sample, boxes));
+        n_points.push(n_points_in);
     }
-    Ok(Boxes { path: path.to_owned(), samples, facts: file.samples })
+    Ok(Boxes { path: path.to_owned(), samples, facts: file.samples, n_points })
 }
 
 /// Joins predictions and truth sample by sample, in the order of the predictions.
@@ -125,13 +135,31 @@ pub fn join(
     check_present(&found, &wanted, &predictions.path, &truth.path)?;
     let mut objects: HashMap<String, Vec<LabelledObject>> = truth.samples.into_iter().collect();
     let mut facts = truth.facts;
-    let join_one = |(id, detections)| EvalSample {
+    let join_one = |((id, detections), n_points)| EvalSample {
         facts: facts.remove(&id).unwrap_or_default(),
         objects: objects.remove(&id).expect("both files were checked to hold the same samples"),
         id,
         detections,
+        n_points,
     };
-    Ok(predictions.samples.into_iter().map(join_one).collect())
+    Ok(predictions.samples.into_iter().zip(predictions.n_points).map(join_one).collect())
+}
+
+/// Joins predictions with the truth of a data set, whose clouds tell what lies in the predicted boxes.
+///
+/// # Errors
+/// As [`join`].
+pub fn join_dataset(
+    predictions: Boxes<Detection>,
+    dataset: &Dataset,
+) -> Result<Vec<EvalSample>, JsonError> {
+    let samples = join(predictions, dataset.into())?;
+    let measured: HashMap<&str, &Measured> = dataset.named().into_iter().collect();
+    let with_points = |sample: EvalSample| match measured.get(sample.id.as_str()) {
+        Some(measured) => sample.with_points_of(measured),
+        None => sample,
+    };
+    Ok(samples.into_iter().map(with_points).collect())
 }
 
 fn check_present(
@@ -159,7 +187,8 @@ pub fn write_predictions<'a>(
     path: &Path,
     samples: impl Iterator<Item = (&'a str, &'a [Detection])>,
 ) -> Result<(), JsonError> {
-    write(path, samples, BTreeMap::new())
+    let boxes = samples.map(|(id, found)| (id, found.iter().map(RawBox::from).collect()));
+    write(path, boxes, BTreeMap::new())
 }
 
 /// Writes the truths of samples, with the facts that are known.
@@ -169,18 +198,17 @@ pub fn write_predictions<'a>(
 pub fn write_truth(path: &Path, samples: &[EvalSample]) -> Result<(), JsonError> {
     let facts = samples.iter().map(|sample| (sample.id.as_str(), &sample.facts));
     let facts = facts.filter(|(_, facts)| **facts != SampleFacts::default()).collect();
-    let boxes = samples.iter().map(|sample| (sample.id.as_str(), sample.objects.as_slice()));
+    let boxes = samples
+        .iter()
+        .map(|sample| (sample.id.as_str(), sample.objects.iter().map(RawBox::from).collect()));
     write(path, boxes, facts)
 }
 
-fn write<'a, T: 'a>(
+fn write<'a>(
     path: &Path,
-    samples: impl Iterator<Item = (&'a str, &'a [T])>,
+    samples: impl Iterator<Item = (&'a str, Vec<RawBox>)>,
     facts: BTreeMap<&str, &SampleFacts>,
-) -> Result<(), JsonError>
-where
-    RawBox: From<&'a T>,
-{
+) -> Result<(), JsonError> {
     struct Results<'a>(Vec<(&'a str, Vec<RawBox>)>);
     impl Serialize for Results<'_> {
         fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
@@ -194,8 +222,7 @@ where
         #[serde(skip_serializing_if = "BTreeMap::is_empty")]
         samples: BTreeMap<&'a str, &'a SampleFacts>,
     }
-    let results = samples.map(|(id, boxes)| (id, boxes.iter().map(RawBox::from).collect())).collect();
-    let file = File { meta: serde_json::Map::new(), results: Results(results), samples: facts };
+    let file = File { meta: serde_json::Map::new(), results: Results(samples.collect()), samples: facts };
     let text = serde_json::to_vec(&file).expect("boxes hold only numbers and names");
     files::write_atomic(path, &text).map_err(JsonError::Write)
 }
@@ -213,6 +240,17 @@ mod tests {
         read_predictions(&path).unwrap_err().to_string()
     }
 
+    /// Facts that tell what the truth leaves out.
+    fn facts_of_a_log() -> SampleFacts {
+        let text = r#"{"labelled": {"kinds": ["vehicle"], "max_range_m": 60.0, "in_camera_view": true, "sizes": {"vehicle":
+            {"length_m": [2.0, 12.0], "width_m": [1.0, 3.0], "height_m": [1.0, 4.0]}}},
+            "ignored": [{"image": {"left_px": 3.0, "top_px": 2.0, "right_px": 40.5, "bottom_px": 30.0}},
+            {"ground": {"corners_in_ego_m": [{"x_m": 9.0, "y_m": 1.0}, {"x_m": 9.0, "y_m": 2.0}, {"x_m": 8.0, "y_m": 2.0}]}}],
+            "camera": {"translation": [1.5, 0.0, 1.6], "rotation": [0.5, -0.5, 0.5, -0.5], "width_px": 800,
+            "height_px": 450, "fx_px": 571.0, "fy_px": 571.0, "cx_px": 400.0, "cy_px": 225.0}}"#;
+        serde_json::from_str(text).unwrap()
+    }
+
     #[test]
     fn what_is_written_is_read_back() {
         let folder = tempfile::tempdir().unwrap();
@@ -223,9 +261,10 @@ mod tests {
                 id: "b".into(),
                 facts: SampleFacts { town: Some("oldtown".into()), ..SampleFacts::default() },
                 objects: vec![object],
-                detections: vec![found(0.1, Harm::Harmful, 0.3)],
+                detections: vec![found(0.1, Harm::Harmful, 0.3), found(0.2, Harm::Harmful, 0.3)],
+                n_points: vec![None, None],
             },
-            EvalSample { id: "a".into(), facts: SampleFacts::default(), objects: vec![], detections: vec![] },
+            EvalSample::new("a", facts_of_a_log(), vec![], vec![]),
         ];
         let (predictions, truths) = (folder.path().join("p.json"), folder.path().join("t.json"));
         let boxes = samples.iter().map(|sample| (sample.id.as_str(), sample.detections.as_slice()));

@@ -1,7 +1,7 @@
 //! Harm that is missed at a bearable number of false alarms, and whether the warning leaves room to stop.
 //!
-//! A false alarm is a harmful detection that takes no harmful truth at the threshold of the errors, counted
-//! anew in each sample; kilometres are those that the ego drove between samples. An operating point is the
+//! A false alarm is a harmful detection that takes no harmful truth at the threshold of the errors and is not neutral,
+//! counted anew in each sample; kilometres are those that the ego drove between samples. An operating point is the
 //! lowest score at which the false alarms per kilometre do not exceed the given number. An event is warned in
 //! time where the distance from the bumper to the object, at the first sample at which `confirm_n` of the
 //! last `confirm_of` samples of the event found it harmful, is at least `v * reaction_time_s + v^2 / (2
@@ -131,6 +131,7 @@ fn sum_driven(matching: &Matching<'_>) -> Option<(f64, f64)> {
 fn find_score(matching: &Matching<'_>, allowed: f64) -> (Option<f64>, usize) {
     let alarms: Vec<(f64, bool)> = matching
         .ranked_from(Harm::Harmful, f64::NEG_INFINITY)
+        .filter(|(_, outcome)| !matches!(outcome, Outcome::Neutral(_)))
         .map(|(ranked, outcome)| (ranked.detection.score, !matches!(outcome, Outcome::Matched(..))))
         .collect();
     let (mut lowest, mut n_false) = (None, 0);

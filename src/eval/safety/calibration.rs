@@ -62,6 +62,7 @@ pub(super) fn measure_detections(of: &Context<'_>) -> Option<PerClass<Calibratio
     let scores = PerClass::from_fn(|class| -> Vec<(f64, bool)> {
         let ranked = of.matching.ranked_from(class, f64::NEG_INFINITY);
         ranked
+            .filter(|(_, outcome)| !matches!(outcome, Outcome::Neutral(_)))
             .map(|(ranked, outcome)| (ranked.detection.score, matches!(outcome, Outcome::Matched(..))))
             .collect()
     });

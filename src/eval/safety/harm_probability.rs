@@ -59,6 +59,7 @@ mod tests {
         let samples = [EvalSample {
             id: "s".into(),
             facts: SampleFacts::default(),
+            n_points: vec![],
             objects: vec![
                 truth(10.0, Harm::Harmless, Distribution::Id),
                 truth(11.5, Harm::Harmful, Distribution::Id),

@@ -135,6 +135,7 @@ pub mod tests {
                     },
                     objects: object.into_iter().collect(),
                     detections: vec![],
+                    n_points: vec![],
                 }
             })
             .collect()

@@ -18,7 +18,7 @@ use super::protocol::Protocol;
 use super::safety::{self, Early, harm_probability};
 use super::sample::{EvalSample, Mode, ScoreError};
 use super::{metrics, sample};
-use crate::dataset::{Dataset, LabelledSample, SampleFacts};
+use crate::dataset::{Dataset, LabelledSample};
 use crate::object::{Detection, Harm, LabelledObject};
 use crate::sample::EgoState;
 use crate::zone::{Zone, ZoneError};
@@ -114,7 +114,8 @@ impl<'a> Swept<'a> {
             let state = change.apply(&frame.measured.ego_state, value);
             let detections = judge.judge(&found[state_idx], &state, self.zone).map_err(fail)?;
             let objects = label(frame, change.moves_truth().then_some(&state), self.zone).map_err(fail)?;
-            Ok(EvalSample { id: frame.id.clone(), facts: SampleFacts::default(), objects, detections })
+            let sample = EvalSample::new(&frame.id, frame.facts.coverage(), objects, detections);
+            Ok(sample.with_points_of(&frame.measured))
         };
         self.frames.iter().zip(&self.found).map(of_frame).collect()
     }
@@ -218,7 +219,7 @@ fn point(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dataset::test_data;
+    use crate::dataset::{SampleFacts, test_data};
     use crate::eval::matching::tests::{found, truth};
     use crate::zone::ZoneKind;
 
@@ -285,6 +286,7 @@ mod tests {
         let sample = EvalSample {
             id: "s".into(),
             facts: SampleFacts::default(),
+            n_points: vec![],
             objects: vec![
                 truth(10.0, Harmful, Id),  // called harmful
                 truth(15.0, Harmful, Id),  // called harmless

@@ -38,6 +38,7 @@ pub fn blocks(sides: &[Side]) -> Result<Vec<Block>, ReportError> {
         blocks.push(per_threshold(metrics));
         blocks.push(Block::Table(score_tables::errors(metrics)));
         blocks.push(Block::Table(score_tables::counts(metrics)));
+        blocks.extend(score_tables::neutral(metrics).map(Block::Table));
     }
     Ok(blocks)
 }

@@ -58,6 +58,7 @@ fn samples() -> Vec<EvalSample> {
                     position_in_world_m: Some([3.0 * f64::from(i), 0.0]),
                     front_bumper_x_m: Some(3.6),
                     zone_in_ego_m: Some(vec![[3.6, -1.7], [25.0, -1.7], [25.0, 1.7], [3.6, 1.7]]),
+                    ..SampleFacts::default()
                 },
                 objects: vec![
                     object("car", (x_m, 0.0), Harm::Harmful, Distribution::Id),
@@ -71,6 +72,7 @@ fn samples() -> Vec<EvalSample> {
                     detection((x_m, -9.0), Harm::Harmless, score),
                     detection((x_m + 0.4, 0.0), Harm::Harmless, 0.3),
                 ],
+                n_points: vec![],
             });
         }
     }
