@@ -38,14 +38,14 @@ fn tell_missing(evaluation: &Evaluation) -> Option<String> {
         let classes = classes.collect::<Vec<_>>().join(" and ");
         let scores = metrics.columns.get(column)?;
         let of_column = (metrics.mode == Mode::Ood).then_some(column);
-        (!classes.is_empty()).then(|| format!("{classes} in {}", Line::new(of_column, scores, None).short))
+        (!classes.is_empty()).then(|| format!("{classes} ({})", Line::new(of_column, scores, None).short))
     };
-    let missing = Column::ALL.into_iter().filter_map(missing_in).collect::<Vec<_>>().join("; ");
+    let missing = Column::ALL.into_iter().filter_map(missing_in).collect::<Vec<_>>().join(", ");
     let becomes = match metrics.config.missing_class {
         MissingClass::Absent => "these have no score and no part in a mean",
         MissingClass::Zero => "AP is 0 there and counts in the mean, as in nuScenes",
     };
-    (!missing.is_empty()).then(|| format!("No truth ({missing}): {becomes}."))
+    (!missing.is_empty()).then(|| format!("No truth of {missing}: {becomes}."))
 }
 
 /// `breakdown.txt`: one table per axis, then one per safety metric.
