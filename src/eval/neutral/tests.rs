@@ -114,7 +114,8 @@ fn sample(class: Harm) -> EvalSample {
 fn neutral_detections_leave_every_figure_but_the_strict_one() {
     let evaluation = evaluate(&[sample(Harm::Harmful)], &Protocol::default(), Mode::Id).unwrap();
     let metrics = &evaluation.metrics;
-    assert_eq!(metrics.columns.total.harmful, Some(1.0));
+    // The empty box comes after all truths, and counts at full recall alone: the last of the 90 steps.
+    assert!(metrics.columns.total.harmful > Some(1.0 - 1.0 / 90.0));
     assert!(metrics.strict.as_ref().unwrap().total.harmful < Some(0.6));
     let outcomes = metrics.counts.outcomes.harmful[2];
     assert_eq!((outcomes.matched, outcomes.unmatched, outcomes.neutral.kind), (1, 1, 1));
