@@ -11,7 +11,6 @@ use super::coverage::CameraFacts;
 use super::DatasetError;
 use crate::episode::{EpisodeMeta, Labelled, LogFacts};
 use crate::geometry::{Box3, Ego, Point, Point2, convex_signed_distance_m, distance_to_convex_m};
-use crate::object::Kind;
 use crate::sample::{IgnoredRegion, Measured};
 use crate::sensors::{Weather, WeatherOverride};
 use crate::zone::{Zone, ZoneAt};
@@ -72,8 +71,8 @@ impl SampleFacts {
     /// Whether a size may say that nobody annotated a thing, for which the points in a box must be known.
     #[must_use]
     pub fn needs_points(&self) -> bool {
-        let lacks = |labelled: &Labelled| Kind::ALL.iter().any(|kind| !labelled.kinds.contains(kind));
-        self.labelled.as_ref().is_some_and(lacks)
+        let tells = |labelled: &Labelled| labelled.kinds.iter().all(|kind| labelled.sizes.contains_key(kind));
+        self.labelled.as_ref().is_some_and(tells)
     }
 
     /// Signed distance of a box's footprint to the zone's edge, metres: positive the gap, negative how deep it reaches

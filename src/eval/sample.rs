@@ -34,7 +34,7 @@ impl EvalSample {
         Self { id: id.into(), facts, objects, detections, n_points: Vec::new() }
     }
 
-    /// The same with the points in its detections counted in its own cloud, if its truth leaves out kinds of things.
+    /// The same with the points in its detections counted in its own cloud, if its truth tells what it leaves out by size.
     #[must_use]
     pub fn with_points_of(self, measured: &Measured) -> Self {
         if !self.facts.needs_points() {

@@ -7,8 +7,9 @@
 //!   rectangle in the picture lies in one ignored region of it (KITTI's `DontCare`, whose share is that of the detection);
 //! - **range**: its centre is at the range to which the log is annotated, or beyond (nuScenes' class range);
 //! - **view**: the log annotates only what its front camera sees, and the centre is left or right of the picture;
-//! - **kind**: the log does not annotate all kinds of things, the box has a size that no annotated kind can have, at least
-//!   one LiDAR point lies in it, and its centre lies on no true object. Something is there, and nobody said what.
+//! - **kind**: the box has a size that nothing annotated can have, at least one LiDAR point lies in it, and its centre lies
+//!   on no true object. Something is there, and nobody said what. (A log that annotates some of the static things has
+//!   no trees: what its kinds are does not tell, their sizes do. A kind without sizes can have any.)
 //!
 //! Truths in ignored regions stay, as in KITTI: what the log annotates is known wherever it lies, and who finds it is
 //! right. (nuScenes drops bicycles in racks.) Truths at the annotated range or beyond are dropped, as in nuScenes.
@@ -18,7 +19,7 @@ use serde::{Deserialize, Serialize};
 use crate::dataset::{CameraFacts, PictureRectangle, SampleFacts};
 use crate::episode::{Labelled, SizeRange};
 use crate::geometry::{Box3, Ego, Point2, distance_to_convex_m};
-use crate::object::{Kind, LabelledObject};
+use crate::object::LabelledObject;
 use crate::sample::IgnoredRegion;
 
 /// Share of a detection's rectangle in the picture from which it counts as in a region.
@@ -34,7 +35,7 @@ pub enum NeutralReason {
     Range,
     /// It is beside the only picture that was annotated.
     View,
-    /// Its size is that of no annotated kind.
+    /// Its size is that of nothing that is annotated.
     Kind,
 }
 
@@ -103,8 +104,7 @@ impl<'a> Gaps<'a> {
         if labelled.in_camera_view && self.camera.is_some_and(|camera| !camera.sees_across(found.center)) {
             return Some(NeutralReason::View);
         }
-        let is_other_kind = Kind::ALL.iter().any(|kind| !labelled.kinds.contains(kind))
-            && !has_labelled_size(found, labelled)
+        let is_other_kind = !has_labelled_size(found, labelled)
             && n_points.is_some_and(|n| n > 0)
             && !self.objects.iter().any(|object| lies_on(found, &object.truth.box_in_ego));
         is_other_kind.then_some(NeutralReason::Kind)
