@@ -45,6 +45,12 @@ pub enum DatasetError {
         path.display()
     )]
     NotLabelled { episode: String, set: String, path: PathBuf },
+    #[error(
+        "nobody annotated these episodes, so there is nothing to score or to learn from; `harmzone predict` and \
+         `harmzone view` work without truth: {}",
+        path.display()
+    )]
+    NoTruth { path: PathBuf },
     #[error("the zone of label set `{set}` is not valid: {message}: {}", path.display())]
     Zone { set: String, message: String, path: PathBuf },
     #[error("the config in the episode's metadata is not valid: {message}: {}", path.display())]
@@ -100,11 +106,16 @@ impl Dataset {
     /// Loads the episodes of a split with their labels, in the manifest's order.
     ///
     /// # Errors
-    /// [`DatasetError`]: no dataset, no such labels, labels of another dataset, a broken file, or no
+    /// [`DatasetError`]: no dataset, no truth, no such labels, labels of another dataset, a broken file, or no
     /// episode of the split.
     pub fn open(path: &Path, set: &str, split: Split) -> Result<Self, DatasetError> {
         let manifest = Manifest::read(path)?;
-        let labels = labels_of(path, set, &manifest)?;
+        let labels = match labels_of(path, set, &manifest) {
+            Err(DatasetError::Manifest(ManifestError::NoLabels { .. })) if !has_truth(path, &manifest)? => {
+                return Err(DatasetError::NoTruth { path: path.to_owned() });
+            }
+            labels => labels?,
+        };
         let zone = zone_of(&labels).map_err(|message| DatasetError::Zone {
             set: set.to_owned(),
             message,
@@ -202,6 +213,16 @@ fn episodes_of(manifest: &Manifest, split: Split, path: &Path) -> Result<Vec<Epi
         return Err(DatasetError::EmptySplit { wanted: split, found, path: path.to_owned() });
     }
     Ok(episodes)
+}
+
+/// Whether anybody annotated any of the episodes, so that they can be labelled.
+fn has_truth(path: &Path, manifest: &Manifest) -> Result<bool, EpisodeError> {
+    for entry in &manifest.episodes {
+        if EpisodeReader::open(&path.join(&entry.file))?.has_truth() {
+            return Ok(true);
+        }
+    }
+    Ok(false)
 }
 
 /// A label set, if it is of this data set.
