@@ -139,7 +139,8 @@ fn a_missing_class_counts_as_zero_where_nuscenes_rule_is_asked_for() {
 fn the_table_of_a_log_whose_truth_leaves_out_things_has_neutral_detections_and_the_strict_score() {
     let folder = Folder::new();
     // Beside the harmful object: a pole-sized box with points and one without, above it in rank.
-    let pole = r#"{"translation":[20,3,1],"size":[0.3,0.3,3],"rotation":[1,0,0,0],"detection_name":"harmful""#;
+    let pole =
+        r#"{"translation":[20,3,1],"size":[0.3,0.3,3],"rotation":[1,0,0,0],"detection_name":"harmful""#;
     let more = format!(
         r#""detection_score":0.9}},{pole},"detection_score":0.95,"num_pts":6}},{pole},"detection_score":0.3,"num_pts":0}}]"#
     );

@@ -239,7 +239,10 @@ fn a_class_without_a_truth_is_absent_from_the_mean_unless_nuscenes_zero_is_asked
     let total = zero.columns.total;
     assert_eq!((total.harmful, total.harmless, total.mean), (Some(1.0), Some(0.0), Some(0.5)));
     assert_eq!(zero.columns.ood_all, Some(ClassScores::new(Some(0.0), Some(0.0))));
-    assert_eq!((&zero.per_threshold.total.harmless, zero.tp_errors.harmless.unwrap().ate), (&vec![Some(0.0); 4], 1.0));
+    assert_eq!(
+        (&zero.per_threshold.total.harmless, zero.tp_errors.harmless.unwrap().ate),
+        (&vec![Some(0.0); 4], 1.0)
+    );
 }
 
 #[test]

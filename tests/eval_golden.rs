@@ -36,7 +36,11 @@ fn average_precision_and_errors_equal_the_devkits() {
             let of = |key: &str| &expected[key][class.name()];
             let aps = metrics.per_threshold.total.get(class);
             for (i, &ap) in aps.iter().enumerate() {
-                assert_near(ap.unwrap(), &of("per_threshold")[i], &format!("{case}, {}, AP {i}", class.name()));
+                assert_near(
+                    ap.unwrap(),
+                    &of("per_threshold")[i],
+                    &format!("{case}, {}, AP {i}", class.name()),
+                );
             }
             let errors = metrics.tp_errors.get(class).unwrap();
             for (name, error) in [("ate", errors.ate), ("ase", errors.ase), ("aoe", errors.aoe)] {

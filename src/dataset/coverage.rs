@@ -177,7 +177,10 @@ mod tests {
         // 160 x 90 pixels, 70 degrees: fx is 114.25; the camera is at x 1.7, z 1.5.
         let ahead = camera().rectangle_of(&car(20.0, 0.0)).unwrap();
         let half_px = 114.252 / (18.0 - 1.7);
-        assert!((ahead.left_px - (80.0 - half_px)).abs() < 0.01 && (ahead.right_px - (80.0 + half_px)).abs() < 0.01);
+        assert!(
+            (ahead.left_px - (80.0 - half_px)).abs() < 0.01
+                && (ahead.right_px - (80.0 + half_px)).abs() < 0.01
+        );
         assert!((ahead.top_px - 45.0).abs() < 0.01 && ahead.bottom_px > 55.0);
         assert_eq!(camera().rectangle_of(&car(-20.0, 0.0)), None);
         // The camera looks out of this box: its rectangle is the whole lower half.

@@ -7,8 +7,8 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::coverage::CameraFacts;
 use super::DatasetError;
+use super::coverage::CameraFacts;
 use crate::episode::{EpisodeMeta, Labelled, LogFacts};
 use crate::geometry::{Box3, Ego, Point, Point2, convex_signed_distance_m, distance_to_convex_m};
 use crate::sample::{IgnoredRegion, Measured};

@@ -21,8 +21,8 @@ use crate::object::{LabelledObject, Object};
 use crate::sample::{IgnoredRegion, Measured, Sample};
 use crate::zone::{Zone, ZoneConfig, ZoneError};
 
-use facts::Origin;
 pub use coverage::{CameraFacts, PictureRectangle, count_points};
+use facts::Origin;
 pub use facts::{SampleFacts, episode_of_id};
 pub use recording::Recording;
 
@@ -300,8 +300,7 @@ fn read_labelled(
         .map(|(sample_idx, (sample, labels))| {
             let Sample { measured, truth } = sample?;
             let (objects, ignored) = truth.map(|truth| (truth.objects, truth.ignored)).unzip();
-            let objects =
-                pair(objects.unwrap_or_default(), labels).ok_or_else(|| mismatch(sample_idx))?;
+            let objects = pair(objects.unwrap_or_default(), labels).ok_or_else(|| mismatch(sample_idx))?;
             Ok((measured, objects, ignored))
         })
         .collect::<Result<_, DatasetError>>()?;

@@ -285,7 +285,8 @@ impl Scored {
             let curves = curves.get(column).expect("same mode");
             PerClass::from_fn(|class| {
                 let is_scored = is_scored(matching, class, column);
-                let ap = |curve: &Curve| is_scored.then(|| curve.average_precision(first_step, min_precision));
+                let ap =
+                    |curve: &Curve| is_scored.then(|| curve.average_precision(first_step, min_precision));
                 curves.get(class).iter().map(ap).collect()
             })
         });
@@ -303,8 +304,7 @@ impl Scored {
 }
 
 fn count_positives(matching: &Matching<'_>, class: Harm, column: Column) -> usize {
-    let is_positive =
-        |of: &&LabelledObject| of.harm == class && column.has_positive(of.truth.distribution);
+    let is_positive = |of: &&LabelledObject| of.harm == class && column.has_positive(of.truth.distribution);
     matching.objects.iter().map(|of| of.object).filter(is_positive).count()
 }
 

@@ -4,8 +4,7 @@ use super::paper::{Line, PARTS, YARDSTICK};
 use super::table::{Cell, NO_TRUTH, Table, ap, number, percent};
 use crate::eval::safety::{MetricTable, MetricValue};
 use crate::eval::{
-    Axis, Breakdown, Column, Evaluation, GroupScores, Metrics, MissingClass, Mode, NeutralCounts,
-    TruthCounts,
+    Axis, Breakdown, Column, Evaluation, GroupScores, Metrics, MissingClass, Mode, NeutralCounts, TruthCounts,
 };
 use crate::object::Harm;
 

@@ -136,7 +136,8 @@ pub fn run(
                 && (epoch + 1).is_multiple_of(config.validate_every_epochs);
             if let Some(data) = validation.filter(|_| is_due) {
                 let scores = validate(&learner.result(), data, inference_device, position.stage == 1)?;
-                let mean = scores.mean.map_or_else(|| "unknown, no truth".to_owned(), |ap| format!("{ap:.3}"));
+                let mean =
+                    scores.mean.map_or_else(|| "unknown, no truth".to_owned(), |ap| format!("{ap:.3}"));
                 progress.note(&format!("epoch {} mAP {mean}", epoch + 1));
                 history.scores.push(ScoreRow {
                     n_done,

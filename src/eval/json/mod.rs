@@ -149,10 +149,7 @@ pub fn join(
 ///
 /// # Errors
 /// As [`join`].
-pub fn join_dataset(
-    predictions: Boxes<Detection>,
-    dataset: &Dataset,
-) -> Result<Vec<EvalSample>, JsonError> {
+pub fn join_dataset(predictions: Boxes<Detection>, dataset: &Dataset) -> Result<Vec<EvalSample>, JsonError> {
     let samples = join(predictions, dataset.into())?;
     let measured: HashMap<&str, &Measured> = dataset.named().into_iter().collect();
     let with_points = |sample: EvalSample| match measured.get(sample.id.as_str()) {
@@ -198,9 +195,8 @@ pub fn write_predictions<'a>(
 pub fn write_truth(path: &Path, samples: &[EvalSample]) -> Result<(), JsonError> {
     let facts = samples.iter().map(|sample| (sample.id.as_str(), &sample.facts));
     let facts = facts.filter(|(_, facts)| **facts != SampleFacts::default()).collect();
-    let boxes = samples
-        .iter()
-        .map(|sample| (sample.id.as_str(), sample.objects.iter().map(RawBox::from).collect()));
+    let boxes =
+        samples.iter().map(|sample| (sample.id.as_str(), sample.objects.iter().map(RawBox::from).collect()));
     write(path, boxes, facts)
 }
 

@@ -140,12 +140,16 @@ fn a_truth_in_a_region_counts_and_one_beyond_the_range_does_not() {
     let corners_in_ego_m = corners.map(|(x_m, y_m)| Point2 { x_m, y_m }).to_vec();
     let facts = SampleFacts { ignored: vec![IgnoredRegion::Ground { corners_in_ego_m }], ..facts() };
     let objects = [10.0, 45.0].map(|x_m| truth(x_m, Harm::Harmful, Distribution::Id)).to_vec();
-    let all = [found(10.0, Harm::Harmful, 0.5), found(45.0, Harm::Harmful, 0.9), found(30.0, Harm::Harmful, 0.8)];
+    let all =
+        [found(10.0, Harm::Harmful, 0.5), found(45.0, Harm::Harmful, 0.9), found(30.0, Harm::Harmful, 0.8)];
     let samples = [EvalSample::new("s", facts, objects, all.to_vec())];
     let metrics = evaluate(&samples, &Protocol::default(), Mode::Id).unwrap().metrics;
     assert_eq!((metrics.counts.truths.harmful.all, metrics.filters.truths_beyond_labelled), (1, 1));
     assert_eq!(metrics.columns.total.harmful, Some(1.0));
-    assert_eq!(metrics.counts.outcomes.harmful[2].neutral, NeutralCounts { region: 2, ..NeutralCounts::default() });
+    assert_eq!(
+        metrics.counts.outcomes.harmful[2].neutral,
+        NeutralCounts { region: 2, ..NeutralCounts::default() }
+    );
 }
 
 /// What a property draws for one box: place, class, score, size, points.
@@ -175,10 +179,7 @@ fn drawn(facts: SampleFacts, truths: &[Draw], clutter: &[Draw]) -> EvalSample {
     let detections: Vec<Detection> =
         truths.iter().map(detection(0.4)).chain(clutter.iter().map(detection(0.0))).collect();
     let n_points = truths.iter().chain(clutter).map(|draw| (draw.5 < 2).then_some(draw.5)).collect();
-    EvalSample {
-        n_points,
-        ..EvalSample::new("s", facts, truths.iter().map(object).collect(), detections)
-    }
+    EvalSample { n_points, ..EvalSample::new("s", facts, truths.iter().map(object).collect(), detections) }
 }
 
 fn all_aps(columns: &Columns<ClassScores>) -> Vec<Option<f64>> {
