@@ -12,12 +12,12 @@ PYTHON_SOURCES = python scenes mjcf_assets tests scripts xtask/python
 
 RESULTS = runs/results
 
-.PHONY: help setup setup-test setup-golden build demo results report test ci check-gpu check-logs check-mmdet3d bench bench-gen bench-eval race miri \
-	bundle bundle-test gallery weathers fmt clean
+.PHONY: help setup setup-test setup-golden build demo results report test ci check-gpu check-logs \
+	check-mmdet3d bench bench-gen bench-eval race miri bundle bundle-test gallery weathers fmt clean
 
 help: ## List the targets
 	@echo "make <target>, where target is:"
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / { printf "  %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 setup: .venv/.ready ## Python venv with the pinned MuJoCo, and Mesa's EGL (once; later runs are instant)
 

@@ -31,6 +31,7 @@ from nuscenes.utils.geometry_utils import transform_matrix
 from nuscenes.utils.splits import create_splits_scenes
 from pyquaternion import Quaternion
 
+DISTANCES_M = (0.5, 1.0, 2.0, 4.0)  # of the detection task, detection_cvpr_2019
 STEERING_RATIO = 15.2  # docs/real_logs.md: of the wheel's angle in the CAN bus to the road wheels'
 
 
@@ -206,7 +207,7 @@ def check_perfect_boxes(nusc: NuScenes, table: Comparison) -> None:
         meta = dict.fromkeys(("use_camera", "use_lidar", "use_radar", "use_map", "use_external"), False)
         metrics, counts = score(nusc, {"meta": meta, "results": results}, eval_set)
         for name in counts:
-            ap = float(np.mean([metrics.get_label_ap(name, d) for d in metrics.cfg.dist_ths]))
+            ap = float(np.mean([metrics.get_label_ap(name, d) for d in DISTANCES_M]))
             table.add("AP of perfect boxes", 1 - ap, 1e-9, "", f"{eval_set} {name}")
             for kind in ("trans_err", "scale_err", "orient_err"):
                 error = metrics.get_label_tp(name, kind)
@@ -218,39 +219,13 @@ def check_perfect_boxes(nusc: NuScenes, table: Comparison) -> None:
 def check_predictions(nusc: NuScenes, options: argparse.Namespace, table: Comparison) -> None:
     """The devkit's AP of harmful (car) and harmless (truck) are those of harmzone's metrics.json."""
     metrics, counts = score(nusc, json.loads(options.predictions.read_text()), options.eval_set)
-    ours = json.loads(options.metrics.read_text())
+    ours = json.loads(options.metrics.read_text())["per_threshold"]["total"]
     table.note(f"{options.eval_set}: scored truths {counts}")
     for harm, name in (("harmful", "car"), ("harmless", "truck")):
-        found = ours["classes"][harm] if "classes" in ours else find_class(ours, harm)
-        for distance in metrics.cfg.dist_ths:
+        for distance, found in zip(DISTANCES_M, ours[harm] or [], strict=False):
             theirs = metrics.get_label_ap(name, distance)
-            table.note(f"AP {harm} at {distance} m: devkit {theirs:.6f}, harmzone {ap_at(found, distance)}")
-            table.add(
-                "AP against the devkit's", ap_at(found, distance) - theirs, 1e-4, "", f"{harm} {distance} m"
-            )
-
-
-def find_class(tree: object, name: str) -> object:
-    """The part of a metrics.json that is of one class."""
-    if isinstance(tree, dict):
-        for key, value in tree.items():
-            if key == name and isinstance(value, dict):
-                return value
-        for value in tree.values():
-            found = find_class(value, name)
-            if found is not None:
-                return found
-    return None
-
-
-def ap_at(of_class: dict, distance_m: float) -> float:
-    """AP at a distance, as metrics.json writes it."""
-    aps = of_class.get("ap", of_class)
-    for key in (str(distance_m), f"{distance_m:g}", f"{distance_m:.1f}"):
-        if key in aps:
-            value = aps[key]
-            return value["total"] if isinstance(value, dict) else value
-    raise KeyError(f"no AP at {distance_m} m among {list(aps)}")
+            table.note(f"AP {harm} at {distance} m: devkit {theirs:.6f}, harmzone {found}")
+            table.add("AP against the devkit's", (found or 0.0) - theirs, 1e-6, "", f"{harm} {distance} m")
 
 
 def draw(nusc: NuScenes, folder: Path) -> None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -26,10 +27,13 @@ class Runner:
         self.program, self.work, self.only = program, work, only
         self.verdicts: list[tuple[str, str]] = []
 
-    def run(self, name: str, *steps: list[object]) -> bool:
-        """Runs the steps until one fails; one line for all of them."""
+    def run(self, name: str, *steps: list[object], makes: tuple[Path, ...] = ()) -> bool:
+        """Runs the steps until one fails; one line for all of them. What they make is removed before."""
         if self.only not in name:
             return False
+        for path in makes:
+            shutil.rmtree(path, ignore_errors=True)
+            path.unlink(missing_ok=True)
         start, said, good = time.monotonic(), "", True
         for step in steps:
             command = [str(word) for word in step]
@@ -74,6 +78,7 @@ def check_samples(runner: Runner, samples: Path) -> None:
             runner.script(f"check_{name}.py", samples / name, out),
             runner.harmzone("doctor", out),
             runner.harmzone("label", out),
+            makes=(out,),
         )
 
 
@@ -85,6 +90,7 @@ def check_nuscenes_import(runner: Runner) -> None:
         runner.script("make_nuscenes.py", source),
         runner.harmzone("import", "nuscenes", source, "--out", out),
         runner.script("check_nuscenes_import.py", source, out, "--truth", source / "truth.json"),
+        makes=(source, out),
     )
 
 
@@ -105,6 +111,7 @@ def check_ros2(runner: Runner, samples: Path) -> None:
             runner.harmzone("import", "ros2", bag, "--list"),
             runner.harmzone("import", "ros2", bag, "--out", out),
             runner.script("check_ros2.py", bag.with_suffix(".truth.npz"), out),
+            makes=(bag, out),
         )
     if samples.is_dir():
         raw, bag, out = work / "kitti_raw", work / "kitti2mcap.mcap", work / "kitti2mcap_episodes"
@@ -117,6 +124,7 @@ def check_ros2(runner: Runner, samples: Path) -> None:
             runner.harmzone("import", "ros2", bag, "--list"),
             runner.harmzone("import", "ros2", bag, "--out", out),
             runner.script("check_ros2.py", raw / "truth.npz", out, "--training", training),
+            makes=(raw, bag, out),
         )
 
 
@@ -124,16 +132,16 @@ def check_exports(runner: Runner, mmdet3d: Path | None) -> None:
     """Simulated episodes out to nuScenes and KITTI, and back."""
     work = runner.work
     data = work / "simulated"
-    words = ["gen", "--town", "downtown", "--samples", "8", "--episodes", "4", "--seed", "7"]
-    if not data.exists():
-        made = runner.run(
-            "simulated data",
-            runner.harmzone(*words, "--set", "val_every=2", "--out", data),
-            runner.harmzone("label", data),
-            runner.harmzone("eval", "small", "--data", data, "--out", work / "simulated_eval"),
-        )
-        if not made and runner.only in "simulated data":
-            return
+    scored, boxes = work / "simulated_eval", work / "simulated_boxes"
+    words = ["gen", "--town", "oldtown", "--samples", "10", "--episodes", "4", "--seed", "5", "--ood"]
+    runner.run(
+        "simulated data",
+        runner.harmzone(*words, "--set", "val_every=2", "--out", data),
+        runner.harmzone("label", data),
+        runner.harmzone("predict", "small", "--data", data, "--split", "val", "--out", boxes),
+        runner.harmzone("eval", "small", "--data", data, "--split", "val", "--out", scored),
+        makes=(data, scored, boxes),
+    )
     for categories in ("harm", "harm-as-car-truck", "kinds", "source"):
         export = work / f"nuscenes_{categories}"
         runner.run(
@@ -142,12 +150,30 @@ def check_exports(runner: Runner, mmdet3d: Path | None) -> None:
                 "export", "nuscenes", data, export, "--categories", categories, "--version", "v1.0-mini"
             ),
             runner.script("check_nuscenes.py", export, data, "--pictures", work / "pictures"),
+            makes=(export,),
         )
+    export, results = work / "nuscenes_harm-as-car-truck", work / "results_nusc.json"
+    names = ["--format", "nuscenes", "--names", "harm-as-car-truck", "--split", "val"]
+    runner.run(
+        "export predictions",
+        runner.harmzone("export", "predictions", boxes, results, "--data", data, *names),
+        runner.script(
+            "check_nuscenes.py",
+            export,
+            data,
+            "--predictions",
+            results,
+            "--metrics",
+            scored / "metrics.json",
+        ),
+        makes=(results,),
+    )
     export, back = work / "nuscenes_source", work / "nuscenes_back"
     runner.run(
         "import(export nuscenes)",
         runner.harmzone("import", "nuscenes", export, "--out", back),
         runner.script("compare_episodes.py", data, back),
+        makes=(back,),
     )
     export, back = work / "kitti_export", work / "kitti_back"
     runner.run(
@@ -155,6 +181,7 @@ def check_exports(runner: Runner, mmdet3d: Path | None) -> None:
         runner.harmzone("export", "kitti", data, export),
         runner.harmzone("import", "kitti", export, "--out", back),
         runner.script("compare_episodes.py", data, back),
+        makes=(export, back),
     )
     if mmdet3d is None:
         runner.skip("mmdet3d", "no --mmdet3d PYTHON; `make check-mmdet3d` installs it")
