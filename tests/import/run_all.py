@@ -133,7 +133,7 @@ def check_exports(runner: Runner, mmdet3d: Path | None) -> None:
     work = runner.work
     data = work / "simulated"
     scored, boxes = work / "simulated_eval", work / "simulated_boxes"
-    words = ["gen", "--town", "oldtown", "--samples", "10", "--episodes", "4", "--seed", "5", "--ood"]
+    words = ["gen", "--town", "oldtown", "--samples", "10", "--episodes", "4", "--seed", "5"]
     runner.run(
         "simulated data",
         runner.harmzone(*words, "--set", "val_every=2", "--out", data),
