@@ -22,6 +22,8 @@ enum ImportCommand {
     Nuscenes(LogArgs),
     /// KITTI: the object set (each frame an episode), tracking sequences, or raw drives
     Kitti(LogArgs),
+    /// Argoverse 2 sensor logs: one log's folder, or a folder of logs
+    Av2(LogArgs),
     /// Another detector's boxes, as `harmzone predict` writes a network's
     Predictions(ImportPredictionsArgs),
 }
@@ -102,6 +104,7 @@ pub fn run(args: ImportArgs) -> anyhow::Result<ExitStatus> {
     match args.format {
         ImportCommand::Nuscenes(args) => args.run(LogFormat::Nuscenes, NuScenesLog::open),
         ImportCommand::Kitti(args) => args.run(LogFormat::Kitti, import::open_kitti),
+        ImportCommand::Av2(args) => args.run(LogFormat::Av2, import::open_av2),
         ImportCommand::Predictions(args) => exchange::import(&args),
     }
 }

@@ -3,6 +3,7 @@
 //! An importer of a format implements [`Log`] and [`Drive`]; [`run()`] is the pipeline that all formats share: one episode a drive, one
 //! sample in memory, whole files or none, continued where it stopped.
 
+mod av2;
 mod cloud;
 mod config;
 mod drive;
@@ -23,6 +24,7 @@ mod run;
 mod state;
 mod tracks;
 
+pub use av2::{Av2Log, open_av2};
 pub use config::{
     AssumedConfig, CategoryRule, GroundSource, IgnoreWord, ImportConfig, IntensityScale, LabelledConfig,
     LogFormat, ObjectRule, RingConfig, SizeConfig, VehicleConfig,
