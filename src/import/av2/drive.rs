@@ -15,8 +15,8 @@ use crate::import::error::read;
 use crate::import::motion::Motion;
 use crate::import::tracks::Tracks;
 use crate::import::{
-    Distortion, Drive, DriveFacts, Frame, Ground, ImportConfig, ImportError, Notes, Odometry, RawCamera, RawImage,
-    RawObject,
+    Distortion, Drive, DriveFacts, Frame, Ground, ImportConfig, ImportError, Notes, Odometry, RawCamera,
+    RawImage, RawObject,
 };
 use crate::sample::{EncodedImage, ImageFormat};
 
@@ -46,11 +46,16 @@ impl SensorLog {
         let calibration = Calibration::read(folder)?;
         let odometry = read_poses(&folder.join("city_SE3_egovehicle.feather"))?;
         let annotations = folder.join("annotations.feather");
-        let annotated = if annotations.is_file() { Some(read_cuboids(&annotations, &odometry)?) } else { None };
+        let annotated =
+            if annotations.is_file() { Some(read_cuboids(&annotations, &odometry)?) } else { None };
         let mut methods = Vec::new();
         let of_lidar = calibration.as_ref().and_then(|found| found.ego_from_sensor.get(LIDAR));
         let mount_m = of_lidar.map_or(config.lidar_mount_m, |mount| mount.translation.vector.into());
-        let from = if of_lidar.is_some() { "by the calibration" } else { "the fleet's usual place, since there is no calibration" };
+        let from = if of_lidar.is_some() {
+            "by the calibration"
+        } else {
+            "the fleet's usual place, since there is no calibration"
+        };
         methods.push((
             "lidar",
             format!("two LiDARs as one cloud with the ego's axes, seen from the upper one's place {mount_m:?} m, {from}"),
@@ -64,9 +69,15 @@ impl SensorLog {
             let is_calibrated = calibration.as_ref().is_some_and(|found| found.cameras.contains_key(&name));
             match (pictures.is_dir(), is_calibrated) {
                 (true, true) => cameras.push((name, stamps(&pictures, "jpg")?)),
-                (true, false) => notes.tell(format!("the pictures of `{name}` have no calibration and are left out")),
-                (false, _) if name == FRONT => notes.tell(format!("there are no pictures of `{name}`; a black one stands for each")),
-                (false, _) => return Err(ImportError::at(&pictures, "a camera that was asked for has no pictures")),
+                (true, false) => {
+                    notes.tell(format!("the pictures of `{name}` have no calibration and are left out"))
+                }
+                (false, _) if name == FRONT => {
+                    notes.tell(format!("there are no pictures of `{name}`; a black one stands for each"))
+                }
+                (false, _) => {
+                    return Err(ImportError::at(&pictures, "a camera that was asked for has no pictures"));
+                }
             }
         }
         methods.push(("camera", format!("`{FRONT}`, of which the logs' pictures are free of distortion")));
@@ -74,7 +85,10 @@ impl SensorLog {
         let facts = DriveFacts {
             path: folder.to_owned(),
             town: city.unwrap_or_else(|| "av2".to_owned()),
-            description: format!("Argoverse 2 log {}", folder.file_name().unwrap_or_default().to_string_lossy()),
+            description: format!(
+                "Argoverse 2 log {}",
+                folder.file_name().unwrap_or_default().to_string_lossy()
+            ),
             wheelbase_m: None,
             front_bumper_x_m: None,
             is_labelled: annotated.is_some(),
@@ -94,10 +108,16 @@ impl SensorLog {
         let intrinsics = calibration.and_then(|found| found.cameras.get(name));
         let mount = calibration.and_then(|found| found.ego_from_sensor.get(name));
         let nearest = times_ns.iter().copied().min_by_key(|at_ns| at_ns.abs_diff(time_ns));
-        let (Some(intrinsics), Some(mount), Some(nearest_ns)) = (intrinsics, mount, nearest) else { return Ok(None) };
+        let (Some(intrinsics), Some(mount), Some(nearest_ns)) = (intrinsics, mount, nearest) else {
+            return Ok(None);
+        };
         let path = self.folder.join("sensors/cameras").join(name).join(format!("{nearest_ns}.jpg"));
         Ok(Some(RawCamera {
-            name: if name == FRONT { "cam_front".to_owned() } else { format!("cam_{}", name.trim_start_matches("ring_")) },
+            name: if name == FRONT {
+                "cam_front".to_owned()
+            } else {
+                format!("cam_{}", name.trim_start_matches("ring_"))
+            },
             time_ns: nearest_ns,
             ego_from_camera: Transform::<Ego, Camera>::from_isometry(*mount),
             size_px: Some(intrinsics.size_px),
@@ -127,7 +147,8 @@ impl Drive for SensorLog {
 
     fn frame(&self, sample_idx: usize, _notes: &mut Notes) -> Result<Frame, ImportError> {
         let time_ns = self.times_ns[sample_idx];
-        let points = read_sweep(&self.folder.join("sensors/lidar").join(format!("{time_ns}.feather")), self.mount_m)?;
+        let points =
+            read_sweep(&self.folder.join("sensors/lidar").join(format!("{time_ns}.feather")), self.mount_m)?;
         let mut camera = None;
         let mut other_cameras = Vec::new();
         for (name, times_ns) in &self.cameras {

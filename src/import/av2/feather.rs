@@ -44,9 +44,14 @@ enum Layout {
     Half,
     Single,
     Double,
-    Integer { bytes: usize, is_signed: bool },
+    Integer {
+        bytes: usize,
+        is_signed: bool,
+    },
     /// With offsets of so many bytes.
-    Text { offset_bytes: usize },
+    Text {
+        offset_bytes: usize,
+    },
 }
 
 type Told<T> = Result<T, String>;
@@ -128,7 +133,8 @@ fn parse(bytes: &[u8]) -> Told<(BTreeMap<String, Column>, usize)> {
     let tail = bytes.len().saturating_sub(MAGIC.len() + 4);
     let length = bytes.get(tail..tail + 4).filter(|_| ends_right).ok_or_else(cut)?;
     let footer_bytes = i32::from_le_bytes(length.try_into().expect("four bytes were taken"));
-    let begin = usize::try_from(footer_bytes).ok().and_then(|length| tail.checked_sub(length)).ok_or_else(cut)?;
+    let begin =
+        usize::try_from(footer_bytes).ok().and_then(|length| tail.checked_sub(length)).ok_or_else(cut)?;
     let footer = FooterRef::read_as_root(&bytes[begin..tail]).map_err(damaged)?;
     let schema = footer.schema().map_err(damaged)?.ok_or_else(cut)?;
     let mut fields = Vec::new();
@@ -136,7 +142,10 @@ fn parse(bytes: &[u8]) -> Told<(BTreeMap<String, Column>, usize)> {
         let field = field.map_err(damaged)?;
         let name = field.name().map_err(damaged)?.unwrap_or_default().to_owned();
         let layout = layout_of(&field).map_err(damaged)?;
-        fields.push((name.clone(), layout.ok_or_else(|| format!("the column `{name}` holds neither numbers nor text"))?));
+        fields.push((
+            name.clone(),
+            layout.ok_or_else(|| format!("the column `{name}` holds neither numbers nor text"))?,
+        ));
     }
     let mut columns: BTreeMap<String, Column> =
         fields.iter().map(|(name, layout)| (name.clone(), layout.empty())).collect();
@@ -189,24 +198,34 @@ fn add_batch(
 ) -> Told<usize> {
     let damaged = |_| "the file is damaged: a batch's metadata cannot be read".to_owned();
     let short = || "the file is damaged: a batch has fewer buffers than its columns need".to_owned();
-    let codec = batch.compression().map_err(damaged)?.map(|compression| compression.codec()).transpose().map_err(damaged)?;
+    let codec = batch
+        .compression()
+        .map_err(damaged)?
+        .map(|compression| compression.codec())
+        .transpose()
+        .map_err(damaged)?;
     let n_rows = usize::try_from(batch.length().map_err(damaged)?).map_err(|_| short())?;
     let mut nodes = batch.nodes().map_err(damaged)?.into_iter().flatten();
     let mut buffers = batch.buffers().map_err(damaged)?.into_iter().flatten();
     for (name, layout) in fields {
         let node = nodes.next().ok_or_else(short)?;
         if node.null_count() != 0 {
-            return Err(format!("the column `{name}` has {} missing values; none may be missing", node.null_count()));
+            return Err(format!(
+                "the column `{name}` has {} missing values; none may be missing",
+                node.null_count()
+            ));
         }
         let mut buffer = || -> Told<Vec<u8>> {
             let buffer = buffers.next().ok_or_else(short)?;
             let at = |number: i64| usize::try_from(number).map_err(|_| short());
             let begin = at(buffer.offset())?;
             let packed = body.get(begin..begin.saturating_add(at(buffer.length())?)).ok_or_else(short)?;
-            unpack(packed, codec).map_err(|why| format!("the column `{name}` cannot be unpacked ({why}); the file is damaged"))
+            unpack(packed, codec)
+                .map_err(|why| format!("the column `{name}` cannot be unpacked ({why}); the file is damaged"))
         };
         buffer()?; // Which values are there: all.
-        let told = || format!("the column `{name}` has less data than its {n_rows} rows need; the file is damaged");
+        let told =
+            || format!("the column `{name}` has less data than its {n_rows} rows need; the file is damaged");
         let column = columns.get_mut(name).expect("each field has its column");
         match (layout, column) {
             (Layout::Text { offset_bytes }, Column::Text(texts)) => {
@@ -230,19 +249,29 @@ fn unpack(packed: &[u8], codec: Option<CompressionType>) -> Told<Vec<u8>> {
     if length == -1 {
         return Ok(packed.to_vec());
     }
-    let length = u64::try_from(length).ok().filter(|length| *length <= MAX_COLUMN_BYTES).ok_or("a length that cannot be")?;
+    let length = u64::try_from(length)
+        .ok()
+        .filter(|length| *length <= MAX_COLUMN_BYTES)
+        .ok_or("a length that cannot be")?;
     let mut bytes = Vec::new();
     let read = match codec {
-        CompressionType::Lz4Frame => lz4_flex::frame::FrameDecoder::new(packed).take(length).read_to_end(&mut bytes),
-        CompressionType::Zstd => {
-            zstd::stream::read::Decoder::new(packed).and_then(|decoder| decoder.take(length).read_to_end(&mut bytes))
+        CompressionType::Lz4Frame => {
+            lz4_flex::frame::FrameDecoder::new(packed).take(length).read_to_end(&mut bytes)
         }
+        CompressionType::Zstd => zstd::stream::read::Decoder::new(packed)
+            .and_then(|decoder| decoder.take(length).read_to_end(&mut bytes)),
     };
     read.map_err(|error| error.to_string())?;
     if bytes.len() as u64 == length { Ok(bytes) } else { Err(format!("{} of {length} bytes", bytes.len())) }
 }
 
-fn append_texts(offsets: &[u8], data: &[u8], offset_bytes: usize, n_rows: usize, texts: &mut Vec<String>) -> Option<()> {
+fn append_texts(
+    offsets: &[u8],
+    data: &[u8],
+    offset_bytes: usize,
+    n_rows: usize,
+    texts: &mut Vec<String>,
+) -> Option<()> {
     let offset = |row: usize| -> Option<usize> {
         let bytes = offsets.get(row * offset_bytes..(row + 1) * offset_bytes)?;
         usize::try_from(signed(bytes)).ok()

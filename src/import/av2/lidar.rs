@@ -9,8 +9,9 @@ use crate::import::{ImportError, RawPoint};
 /// Elevations of the upper LiDAR's lasers by `laser_number`, degrees: VLP-32C's table in the order of the logs (from a sweep, in which each
 /// laser's points lie within 0.01 degrees). The lower one hangs upside down: lasers 32 to 63 have them negated.
 const ELEVATIONS_DEG: [f64; 32] = [
-    7.0, -1.667, 1.667, -0.667, 15.0, -0.333, 3.333, 0.667, 1.333, 0.0, 1.0, 2.333, 0.333, -1.0, 4.667, 10.333, -6.148,
-    -15.639, -3.0, -2.0, -4.0, -8.843, -4.667, -3.333, -2.667, -5.333, -1.333, -7.254, -3.667, -11.31, -2.333, -25.0,
+    7.0, -1.667, 1.667, -0.667, 15.0, -0.333, 3.333, 0.667, 1.333, 0.0, 1.0, 2.333, 0.333, -1.0, 4.667,
+    10.333, -6.148, -15.639, -3.0, -2.0, -4.0, -8.843, -4.667, -3.333, -2.667, -5.333, -1.333, -7.254,
+    -3.667, -11.31, -2.333, -25.0,
 ];
 
 /// By laser: its place among all 64 by elevation, 0 the lowest; of two alike the upper LiDAR's first.

@@ -75,7 +75,12 @@ fn triangles(boundary: &[MapPoint]) -> Vec<[Point<crate::geometry::World>; 3]> {
     if left.len() > 1 && left.first() == left.last() {
         left.pop();
     }
-    let area: f64 = (0..left.len()).map(|i| { let (a, b) = (left[i], left[(i + 1) % left.len()]); a.x * b.y - b.x * a.y }).sum();
+    let area: f64 = (0..left.len())
+        .map(|i| {
+            let (a, b) = (left[i], left[(i + 1) % left.len()]);
+            a.x * b.y - b.x * a.y
+        })
+        .sum();
     if area < 0.0 {
         left.reverse();
     }
@@ -96,7 +101,9 @@ fn triangles(boundary: &[MapPoint]) -> Vec<[Point<crate::geometry::World>; 3]> {
         };
         let Some(ear) = (0..n).find(is_ear) else {
             // Corners in line have no ear; drop one of them and go on.
-            let Some(flat) = (0..n).find(|i| turn(left[(i + n - 1) % n], left[*i], left[(i + 1) % n]).abs() < 1e-9) else {
+            let Some(flat) =
+                (0..n).find(|i| turn(left[(i + n - 1) % n], left[*i], left[(i + 1) % n]).abs() < 1e-9)
+            else {
                 break;
             };
             left.remove(flat);

@@ -26,7 +26,8 @@ pub fn open_av2(source: &Path, config: &ImportConfig) -> Result<Av2Log, ImportEr
     let is_log = |path: &Path| path.join("sensors/lidar").is_dir();
     let inside = |folder: &Path| -> Vec<PathBuf> {
         let entries = fs_err::read_dir(folder).into_iter().flatten().filter_map(Result::ok);
-        let mut paths: Vec<PathBuf> = entries.map(|entry| entry.path()).filter(|path| path.is_dir()).collect();
+        let mut paths: Vec<PathBuf> =
+            entries.map(|entry| entry.path()).filter(|path| path.is_dir()).collect();
         paths.sort();
         paths
     };
