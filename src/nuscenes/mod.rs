@@ -19,5 +19,5 @@ pub use rows::{
     AttributeRow, CalibratedSensorRow, CategoryRow, EgoPoseRow, InstanceRow, LogRow, MapRow,
     SampleAnnotationRow, SampleDataRow, SampleRow, SceneRow, SensorRow, TABLES, TableRow, VisibilityRow,
 };
-pub use scene_names::{Section, scene_names};
+pub use scene_names::{SceneSection, scene_names};
 pub use token::Token;

@@ -2,7 +2,7 @@
 
 /// A section of nuScenes. The first three are of `v1.0-trainval` and `v1.0-test`, the others of `v1.0-mini`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Section {
+pub enum SceneSection {
     Train,
     Val,
     Test,
@@ -10,7 +10,7 @@ pub enum Section {
     MiniVal,
 }
 
-impl Section {
+impl SceneSection {
     /// The devkit's name of the section.
     #[must_use]
     pub fn name(self) -> &'static str {
@@ -30,7 +30,7 @@ const NUMBERS: &str = include_str!("scene_names.txt");
 
 /// The names of a section's scenes, in order: `scene-0001`, ...
 #[must_use]
-pub fn scene_names(section: Section) -> Vec<String> {
+pub fn scene_names(section: SceneSection) -> Vec<String> {
     let line = NUMBERS.lines().find_map(|line| line.strip_prefix(section.name())?.strip_prefix(": "));
     let number = |text: &str| text.parse::<u32>().expect("the shipped list holds numbers");
     let ranges = line.expect("the shipped list has every section").split(' ');
@@ -48,9 +48,9 @@ mod tests {
     #[test]
     fn sections_have_the_devkits_sizes_but_for_scenes_without_can_bus() {
         let n = |section| scene_names(section).len();
-        assert_eq!([n(Section::Train), n(Section::Val), n(Section::Test)], [685, 150, 144]);
-        assert_eq!(scene_names(Section::MiniVal), ["scene-0103", "scene-0916"]);
-        assert_eq!(scene_names(Section::MiniTrain)[0], "scene-0061");
-        assert_eq!(n(Section::MiniTrain), 8);
+        assert_eq!([n(SceneSection::Train), n(SceneSection::Val), n(SceneSection::Test)], [685, 150, 144]);
+        assert_eq!(scene_names(SceneSection::MiniVal), ["scene-0103", "scene-0916"]);
+        assert_eq!(scene_names(SceneSection::MiniTrain)[0], "scene-0061");
+        assert_eq!(n(SceneSection::MiniTrain), 8);
     }
 }

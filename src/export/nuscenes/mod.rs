@@ -3,6 +3,7 @@
 //! nuscenes-devkit and mmdetection3d read it unmodified. Both know official scene names only, and which of them are for training:
 //! so scenes get such names by their split.
 
+mod calendar;
 mod cameras;
 mod can_bus;
 mod map_mask;
@@ -24,7 +25,7 @@ use super::{DataSource, ExportError, MARKER};
 use crate::episode::{EpisodeEntry, Split};
 use crate::files::NewFolder;
 use crate::nuscenes::{
-    AttributeRow, CategoryRow, MapRow, Section, SensorRow, Token, VisibilityRow, scene_names,
+    AttributeRow, CategoryRow, MapRow, SceneSection, SensorRow, Token, VisibilityRow, scene_names,
 };
 use crate::progress::Progress;
 use scene::{Placement, SceneRows, VISIBILITIES};
@@ -108,9 +109,9 @@ impl fmt::Display for NuScenesSummary {
 /// A folder of tables and the scenes in it.
 struct Version {
     name: &'static str,
-    sections: Vec<Section>,
+    sections: Vec<SceneSection>,
     /// Scene names by episode.
-    scenes: BTreeMap<String, (Section, String)>,
+    scenes: BTreeMap<String, (SceneSection, String)>,
 }
 
 /// Exports a data set.
@@ -146,15 +147,16 @@ fn plan(source: &DataSource, release: Release) -> Result<Vec<Version>, ExportErr
         (true, true) => [Split::Val, Split::Test],
     };
     let full = [
-        ("v1.0-trainval", vec![(Section::Train, Split::Train), (Section::Val, for_val)]),
-        ("v1.0-test", vec![(Section::Test, for_test)]),
+        ("v1.0-trainval", vec![(SceneSection::Train, Split::Train), (SceneSection::Val, for_val)]),
+        ("v1.0-test", vec![(SceneSection::Test, for_test)]),
     ];
-    let mini = [("v1.0-mini", vec![(Section::MiniTrain, Split::Train), (Section::MiniVal, for_val)])];
+    let mini =
+        [("v1.0-mini", vec![(SceneSection::MiniTrain, Split::Train), (SceneSection::MiniVal, for_val)])];
     let folders = match release {
         Release::Full => full.to_vec(),
         Release::Mini => mini.to_vec(),
     };
-    let name_scenes = |(name, sections): (&'static str, Vec<(Section, Split)>)| {
+    let name_scenes = |(name, sections): (&'static str, Vec<(SceneSection, Split)>)| {
         let mut scenes = BTreeMap::new();
         for &(section, split) in &sections {
             let (names, n_found) = (scene_names(section), source.manifest().of_split(split).count());
@@ -302,7 +304,8 @@ impl Export {
         let mut versions = BTreeMap::new();
         for (version, tables) in self.versions {
             tables.finish()?;
-            let count = |section: Section| version.scenes.values().filter(|(of, _)| *of == section).count();
+            let count =
+                |section: SceneSection| version.scenes.values().filter(|(of, _)| *of == section).count();
             let n_scenes = version.sections.iter().map(|&section| (section.name(), count(section))).collect();
             versions.insert(version.name.to_owned(), VersionCounts { n_scenes });
         }

@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 use fs_err as fs;
 use nalgebra::Isometry3;
 
+use super::calendar::date;
 use super::cameras::{self, MissingCamera};
 use super::can_bus::CanMessages;
 use super::naming::Naming;
@@ -370,27 +371,9 @@ fn visibility(fraction: Option<f64>) -> Token {
     fraction.and_then(bin).map_or_else(Token::none, |(_, token, _)| Token::from(token))
 }
 
-/// The day of a time, `2026-11-22` (Hinnant's days to civil).
-fn date(time_us: u64) -> String {
-    let days = time_us / 86_400_000_000 + 719_468;
-    let (era, day) = (days / 146_097, days % 146_097);
-    let year = (day - day / 1460 + day / 36_524 - day / 146_096) / 365;
-    let day = day - (365 * year + year / 4 - year / 100);
-    let month = (5 * day + 2) / 153;
-    let (day, month) = (day - (153 * month + 2) / 5 + 1, if month < 10 { month + 3 } else { month - 9 });
-    format!("{:04}-{month:02}-{day:02}", year + era * 400 + u64::from(month <= 2))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn days_are_those_of_the_calendar() {
-        assert_eq!(date(0), "1970-01-01");
-        assert_eq!(date(1_533_151_603_547_590), "2018-08-01");
-        assert_eq!(date(1_709_164_800_000_000), "2024-02-29");
-    }
 
     #[test]
     fn shares_fall_into_their_bins() {

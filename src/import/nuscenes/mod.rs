@@ -32,8 +32,11 @@ impl NuScenesLog {
     pub fn open(path: &Path, config: &ImportConfig) -> Result<Self, ImportError> {
         let version = version_in(path)?;
         let mut channels = vec![scene::FRONT.to_owned()];
-        channels.extend(config.cameras.iter().map(|camera| camera.to_ascii_uppercase()));
-        channels.dedup();
+        for camera in config.cameras.iter().map(|camera| camera.to_ascii_uppercase()) {
+            if !channels.contains(&camera) {
+                channels.push(camera);
+            }
+        }
         let wanted: Vec<&str> = channels.iter().map(String::as_str).chain([LIDAR]).collect();
         let tables = Tables::read(&version, &wanted)?;
         let mut known: Vec<&str> = tables.channels().collect();

@@ -316,8 +316,11 @@ fn broken<R: TableRow>(token: &Token, fault: &PoseFault, path: &Path) -> ImportE
     ImportError::at(path, format!("{} `{token}`: {fault}", R::TABLE))
 }
 
+/// Nanoseconds, and where the ego is then.
+type TimedPose = (u64, Transform<World, Ego>);
+
 /// The poses at the LiDAR's files of a scene, also between its key frames.
-fn poses_of(tables: &Tables, scene: &SceneRow) -> Result<Vec<(u64, Transform<World, Ego>)>, ImportError> {
+fn poses_of(tables: &Tables, scene: &SceneRow) -> Result<Vec<TimedPose>, ImportError> {
     let files = tables.lidar_poses.get(&scene.token).map_or(&[][..], Vec::as_slice);
     let mut poses = Vec::with_capacity(files.len());
     for (time_us, token) in files {
