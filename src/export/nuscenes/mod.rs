@@ -174,12 +174,24 @@ fn plan(source: &DataSource, release: Release) -> Result<Vec<Version>, ExportErr
                 );
                 return Err(ExportError::Unfit { message, path: source.path().to_owned() });
             }
-            let named = source.manifest().of_split(split).map(|entry| entry.name.clone()).zip(names);
-            scenes.extend(named.map(|(episode, name)| (episode, (section, name))));
+            scenes.extend(assign(source, split, names).map(|(episode, name)| (episode, (section, name))));
         }
         Ok(Version { name, sections: sections.into_iter().map(|(section, _)| section).collect(), scenes })
     };
     folders.into_iter().map(name_scenes).collect()
+}
+
+/// A name for each episode of a split: its own where that is one of them, as of an imported scene, else the next.
+fn assign(source: &DataSource, split: Split, names: Vec<String>) -> impl Iterator<Item = (String, String)> {
+    let episodes: Vec<&str> = source.manifest().of_split(split).map(|entry| entry.name.as_str()).collect();
+    let (kept, free): (Vec<String>, Vec<String>) =
+        names.into_iter().partition(|name| episodes.contains(&name.as_str()));
+    let mut free = free.into_iter();
+    let name = |episode: &str| {
+        let own = kept.iter().find(|name| *name == episode).cloned();
+        own.or_else(|| free.next()).map(|name| (episode.to_owned(), name))
+    };
+    episodes.into_iter().filter_map(name).collect::<Vec<_>>().into_iter()
 }
 
 /// An export that is being written.

@@ -301,7 +301,11 @@ impl<'a> SceneBuilder<'a> {
             self.rows.categories.push(category);
         }
         let id = object.id.as_deref().unwrap_or_default();
-        let instance_token = Token::of("instance", &format!("{}/{id}/{category}", self.episode.entry().name));
+        // A log's own token of an instance is kept, unless labels split the instance.
+        let instance_token = match Token::from(id) {
+            token @ Token::Hex(_) if !self.naming.needs_labels() => token,
+            _ => Token::of("instance", &format!("{}/{id}/{category}", self.episode.entry().name)),
+        };
         let token = Token::of("sample_annotation", &format!("{sample_token}/{id}"));
         let idx = self.rows.annotations.len();
         let before = self.last_of_instance.insert(instance_token.clone(), idx);
