@@ -26,6 +26,11 @@ pub(super) fn view_of(camera: &RawCamera, jpeg_quality: u8) -> Result<CameraView
             .map_err(|error| format!("the picture of `{name}` is torn or no picture ({error})"))?,
         RawImage::Pixels(picture) => picture.clone(),
     };
+    if let RawImage::Encoded(encoded) = &camera.image
+        && is_cut(encoded)
+    {
+        return Err(format!("the picture of `{name}` is cut short: the end of its data is missing"));
+    }
     let (width_px, height_px) = picture.dimensions();
     if let Some([wanted_width_px, wanted_height_px]) = camera.size_px
         && (wanted_width_px, wanted_height_px) != (width_px, height_px)
@@ -63,6 +68,13 @@ pub(super) fn view_of(camera: &RawCamera, jpeg_quality: u8) -> Result<CameraView
     };
     let intrinsics = Pinhole { width_px, height_px, fx_px, fy_px, cx_px, cy_px };
     Ok(CameraView { name: name.clone(), ego_from_camera: camera.ego_from_camera, intrinsics, image })
+}
+
+/// Whether a JPEG lacks its end: decoders fill up what is missing. Some cameras pad what follows the end.
+fn is_cut(encoded: &EncodedImage) -> bool {
+    const PADDING: usize = 4096;
+    let end = &encoded.bytes[encoded.bytes.len().saturating_sub(PADDING)..];
+    encoded.format == ImageFormat::Jpeg && !end.windows(2).any(|pair| pair == [0xff, 0xd9])
 }
 
 /// Whether the episode's picture is another than the log's.
@@ -145,5 +157,18 @@ mod tests {
         assert_eq!(view.image.format, ImageFormat::Jpeg);
         assert_eq!(view.image.decode().unwrap().dimensions(), (80, 40));
         assert!(is_changed(&bent) && !is_changed(&camera()));
+    }
+
+    #[test]
+    fn a_jpeg_that_is_cut_short_is_told() {
+        let mut whole = RgbImage::new(80, 40);
+        whole.pixels_mut().enumerate().for_each(|(i, pixel)| pixel.0 = [(i % 251) as u8, (i % 89) as u8, 7]);
+        let mut packed = pack_jpeg(&whole, 95).unwrap();
+        let fault = |image: &EncodedImage| {
+            view_of(&RawCamera { image: RawImage::Encoded(image.clone()), ..camera() }, 95).err()
+        };
+        assert_eq!(fault(&packed), None);
+        packed.bytes.truncate(packed.bytes.len() - 40);
+        assert!(fault(&packed).is_some_and(|told| told.contains("cut short") || told.contains("torn")));
     }
 }

@@ -7,7 +7,7 @@ use std::collections::HashSet;
 use std::path::Path;
 use std::sync::Arc;
 
-use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use nalgebra::Isometry3;
 
 use super::annotations::{self, Annotation};
 use super::can_bus;
@@ -101,7 +101,6 @@ impl Scene {
                         .to_owned(),
                 ),
                 ("velocity", "from the neighbouring key frames, as nuscenes-devkit does".to_owned()),
-                ("lidar", "turned by quarter turns, so that x points forward".to_owned()),
             ],
             map: MapDrawing::default(),
         };
@@ -170,8 +169,8 @@ impl Drive for Scene {
         let path = self.tables.root.join(&files.lidar.row.filename);
         let cloud =
             read_cloud(&error::read(&path)?).map_err(|fault| ImportError::at(&path, fault.to_string()))?;
-        let (ego_from_lidar, n_turns) = forward(&files.lidar.ego_from_sensor);
-        let points: Vec<RawPoint> = cloud.into_iter().map(|point| turned(point, n_turns)).collect();
+        let ego_from_lidar = Transform::from_isometry(files.lidar.ego_from_sensor);
+        let points: Vec<RawPoint> = cloud.into_iter().map(raw_point).collect();
         let cameras = files.cameras.iter().zip(&self.channels).map(|(file, channel)| {
             file.as_ref().map(|file| self.camera(file, &world_from_ego, channel)).transpose()
         });
@@ -191,26 +190,8 @@ impl Drive for Scene {
     }
 }
 
-/// A LiDAR's mounting with x forward, and how many quarter turns to the left bring its points there.
-fn forward(ego_from_sensor: &Isometry3<f64>) -> (Transform<Ego, Lidar>, i32) {
-    let quarter_rad = std::f64::consts::FRAC_PI_2;
-    let yaw_rad = Transform::<Ego, Lidar>::from_isometry(*ego_from_sensor).yaw_rad();
-    let n_turns = (yaw_rad / quarter_rad).round() as i32;
-    if n_turns == 0 {
-        return (Transform::from_isometry(*ego_from_sensor), 0);
-    }
-    let back = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), -f64::from(n_turns) * quarter_rad);
-    (Transform::from_isometry(*ego_from_sensor * back), n_turns)
-}
-
-/// A point after quarter turns to the left about z; signs and order change, no digit does.
-fn turned([x, y, z_m, intensity, ring]: [f32; 5], n_turns: i32) -> RawPoint {
-    let [x_m, y_m] = match n_turns.rem_euclid(4) {
-        0 => [x, y],
-        1 => [-y, x],
-        2 => [-x, -y],
-        _ => [y, -x],
-    };
+/// A point in the log's own axes; the pipeline turns them.
+fn raw_point([x_m, y_m, z_m, intensity, ring]: [f32; 5]) -> RawPoint {
     let ring = (ring.fract() == 0.0 && (0.0..65536.0).contains(&ring)).then_some(ring as u16);
     RawPoint { x_m, y_m, z_m, intensity, ring, time_offset_s: None }
 }
@@ -333,24 +314,4 @@ fn poses_of(tables: &Tables, scene: &SceneRow) -> Result<Vec<TimedPose>, ImportE
     poses.sort_by_key(|(time_ns, _)| *time_ns);
     poses.dedup_by_key(|(time_ns, _)| *time_ns);
     Ok(poses)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn any_quarter_turned_mounting_gets_x_forward_and_keeps_places() {
-        for n_turns in -1..=2 {
-            let yaw = f64::from(n_turns) * std::f64::consts::FRAC_PI_2 + 0.1;
-            let mount = Transform::<Ego, Lidar>::from_xyz_yaw(0.9, 0.0, 1.8, yaw).isometry;
-            let (ego_from_lidar, found) = forward(&mount);
-            assert!((ego_from_lidar.yaw_rad() - 0.1).abs() < 1e-12, "{n_turns}");
-            let point = turned([3.0, -4.0, 0.5, 9.0, 31.0], found);
-            let before = mount * nalgebra::Point3::new(3.0, -4.0, 0.5);
-            let after = ego_from_lidar.isometry * nalgebra::Point3::from(point.position_m());
-            assert!((before - after).norm() < 1e-12, "{n_turns}");
-            assert_eq!(point.ring, Some(31));
-        }
-    }
 }
