@@ -55,6 +55,7 @@
 //! - what is in a sample: [`object`], [`sample`], [`nuscenes`]; the rule by which objects matter: [`zone`];
 //! - the world: [`scene`], [`sensors`], [`sim`]; its files: [`episode`]; the stages that write them: [`generate`], [`import`],
 //!   [`label`], [`export`]; and what reads them: [`dataset`];
+//! - two data sets side by side: [`compare`];
 //! - the network: [`kernels`], [`model`], [`infer`], [`train`]; predictions of others: [`exchange`]; the scores: [`eval`], [`report`];
 //! - the program's flags: [`cli`].
 
@@ -88,6 +89,7 @@ pub mod dataset;
 #[allow(unsafe_code, reason = "vector instructions; every block states its bounds")]
 pub mod kernels;
 
+pub mod compare;
 pub mod eval;
 pub mod exchange;
 pub mod infer;

@@ -33,6 +33,7 @@ const LAYERS: &[(&str, u32)] = &[
     ("export", 6),
     ("kernels", 6),
     ("model", 7),
+    ("compare", 7),
     ("eval", 7),
     ("infer", 8),
     ("exchange", 9),
@@ -79,7 +80,7 @@ const IO_PATHS: [&str; 6] = ["fs_err", "std::fs", "std::net", "std::process", "s
 const IO_NAMES: [&str; 2] = ["write_atomic", "SystemTime"];
 
 /// Modules that score, judge and report boxes of any detector: no network and no simulator behind them.
-const LIGHT: [&str; 3] = ["src/eval/", "src/zone/", "src/report/"];
+const LIGHT: [&str; 4] = ["src/compare/", "src/eval/", "src/zone/", "src/report/"];
 const HEAVY: [&str; 3] = ["burn", "pyo3", "numpy"];
 
 const VAGUE_NAMES: [&str; 8] =

@@ -1,6 +1,7 @@
 //! The command line: flags, logging, progress bars, exit codes; one file a subcommand.
 
 mod baseline;
+mod compare;
 mod curves;
 mod device;
 mod doctor;
@@ -59,6 +60,8 @@ enum Command {
     Zones(zones::ZonesArgs),
     /// Tell what a data set holds, beside the paper's: counts, harmful shares, hardness, histograms
     Info(info::InfoArgs),
+    /// Set two data sets side by side, such as simulation and a real log: the domain gap in figures
+    Compare(compare::CompareArgs),
     /// Train a detector on a labelled data set
     Train(train::TrainArgs),
     /// Draw the course of a training: losses, learning rate, AP on the validation split
@@ -99,6 +102,7 @@ pub fn main() -> ExitCode {
         Command::Label(args) => label::run(args),
         Command::Zones(args) => zones::run(args),
         Command::Info(args) => info::run(args),
+        Command::Compare(args) => compare::run(args),
         Command::Train(args) => train::run(args),
         Command::Curves(args) => curves::run(args),
         Command::Predict(args) => predict::run(args),

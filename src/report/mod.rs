@@ -2,6 +2,7 @@
 
 mod canvas;
 pub mod chart;
+pub mod compare;
 pub mod curves;
 pub mod document;
 pub mod info;

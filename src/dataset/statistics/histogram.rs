@@ -31,18 +31,29 @@ impl Histogram {
     }
 
     pub fn add(&mut self, value: f64) {
+        self.add_times(value, 1);
+    }
+
+    /// Counts a value as often as it occurs.
+    pub fn add_times(&mut self, value: f64, n_times: u64) {
         self.least = Some(self.least.map_or(value, |least| least.min(value)));
         self.most = Some(self.most.map_or(value, |most| most.max(value)));
         let (first, last) = (self.edges[0], self.edges[self.edges.len() - 1]);
         if value < first {
-            self.n_below += 1;
+            self.n_below += n_times;
         } else if value > last {
-            self.n_above += 1;
+            self.n_above += n_times;
         } else {
             let bin = self.edges.partition_point(|&edge| edge <= value) - 1;
             let last_bin = self.counts.len() - 1;
-            self.counts[bin.min(last_bin)] += 1;
+            self.counts[bin.min(last_bin)] += n_times;
         }
+    }
+
+    /// How many values were counted, those outside among them.
+    #[must_use]
+    pub fn n_values(&self) -> u64 {
+        self.n_below + self.counts.iter().sum::<u64>() + self.n_above
     }
 
     /// Adds the counts of another histogram with the same edges.
