@@ -10,7 +10,7 @@ use thiserror::Error;
 use super::{SetFacts, Tallies};
 use super::{lidar, objects, picture};
 use crate::episode::manifest::{EpisodeEntry, Manifest, ManifestError};
-use crate::episode::{EpisodeError, Labelled, EpisodeReader, Split};
+use crate::episode::{EpisodeError, EpisodeReader, Labelled, Split};
 use crate::geometry::{Box3, Ego};
 use crate::object::Kind;
 use crate::progress::Progress;
@@ -166,7 +166,8 @@ impl Part {
 
 fn tell_labelled(labelled: &Labelled) -> String {
     let kinds: Vec<&str> = labelled.kinds.iter().map(|kind| kind.name()).collect();
-    let mut told = format!("annotates {}", if kinds.is_empty() { "no kind".to_owned() } else { kinds.join(", ") });
+    let mut told =
+        format!("annotates {}", if kinds.is_empty() { "no kind".to_owned() } else { kinds.join(", ") });
     told += &labelled.max_range_m.map_or_else(String::new, |range_m| format!(", to {range_m} m"));
     if labelled.in_camera_view {
         told += ", in the camera's view";

@@ -115,7 +115,9 @@ pub fn compare(
     progress.finish();
     // Apart, not judged, as A; in each the largest divergence first.
     rows.sort_by(|one, other| {
-        let order = |row: &GapRow| (row.is_apart.map_or(1, |is_apart| if is_apart { 0 } else { 2 }), -row.distance.jensen_shannon);
+        let order = |row: &GapRow| {
+            (row.is_apart.map_or(1, |is_apart| if is_apart { 0 } else { 2 }), -row.distance.jensen_shannon)
+        };
         let (one, other) = (order(one), order(other));
         one.0.cmp(&other.0).then(one.1.total_cmp(&other.1))
     });

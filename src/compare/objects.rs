@@ -47,7 +47,8 @@ mod tests {
 
     #[test]
     fn points_count_for_the_box_that_holds_them_in_its_bin_of_range() {
-        let sample = &test_data::dataset(1).samples()[0];
+        let dataset = test_data::dataset(1);
+        let sample = &dataset.samples()[0];
         let objects: Vec<Object> = sample.objects.iter().map(|object| object.truth.clone()).collect();
         let mut tallies = Tallies::default();
         add_objects(&mut tallies, &sample.measured, &objects, &[Kind::Vehicle, Kind::Static]);

@@ -105,7 +105,7 @@ fn draw_quantity(gap: &DomainGap, quantity: Quantity) -> Chart {
         Axis::over("share, %", 0.0, 1.05 * most),
         vec![
             Series::new("A", A, Look::Line, steps(&shares[0])),
-            Series::new("B", B, Look::Line, steps(&shares[1])),
+            Series::new("B", B, Look::Dashed, steps(&shares[1])),
         ],
         HEIGHT_PX,
     )
@@ -134,6 +134,7 @@ fn draw_points_on(gap: &DomainGap, kind: Kind) -> Chart {
     if rows.is_empty() {
         return draw_nothing(&title);
     }
+    let ticks = [0.1, 1.0, 10.0, 100.0, 1000.0, 10_000.0].map(|at: f64| (at, at.to_string())).into();
     let line =
         |mean: fn(&GapRow) -> f64| rows.iter().map(|(at, of)| (*at, mean(of).max(LEAST_POINTS))).collect();
     Chart::new(

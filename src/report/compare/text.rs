@@ -11,7 +11,8 @@ use crate::text_table::text_table;
 impl fmt::Display for DomainGap {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "A: {}\nB: {}\n", tell(&self.a), tell(&self.b))?;
-        let head = ["", "mean A", "mean B", "unit", "W1", "in A", "JSD", "95 %", "in A", ""].map(str::to_owned);
+        let head =
+            ["", "mean A", "mean B", "unit", "W1", "in A", "JSD", "95 %", "in A", ""].map(str::to_owned);
         f.write_str(&text_table(std::iter::once(head).chain(self.rows.iter().map(cells))))?;
         let n_apart = self.rows.iter().filter(|row| row.is_apart == Some(true)).count();
         let n_judged = self.rows.iter().filter(|row| row.is_apart.is_some()).count();
