@@ -95,7 +95,8 @@ mod tests {
     /// A set of episodes of four samples each, with these speeds.
     fn set(speeds: &[f64]) -> MeasuredSet {
         let part = |&speed: &f64| {
-            let mut part = Part { n_samples: 4, ..Part::default() };
+            let mut part = Part::default();
+            part.n_samples = 4;
             part.tallies.add_times(Quantity::Speed, speed, 4);
             part
         };
