@@ -118,8 +118,13 @@ fn unlabelled_copy(dataset: &Path, folder: &Path) -> PathBuf {
     let mut manifest = Manifest::read(dataset).unwrap();
     manifest.episodes.truncate(1);
     let reader = EpisodeReader::open(&dataset.join(&manifest.episodes[0].file)).unwrap();
-    let log =
-        LogFacts { format: "ros2".into(), drive: "bag".into(), methods: Default::default(), labelled: None };
+    let log = LogFacts {
+        format: "ros2".into(),
+        drive: "bag".into(),
+        methods: Default::default(),
+        labelled: None,
+        sample_names: Vec::new(),
+    };
     let to = folder.join("log");
     let path = to.join(&manifest.episodes[0].file);
     fs::create_dir_all(path.parent().unwrap()).unwrap();
