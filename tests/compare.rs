@@ -123,7 +123,7 @@ fn unlabelled_copy(dataset: &Path, folder: &Path) -> PathBuf {
         drive: "bag".into(),
         methods: Default::default(),
         labelled: None,
-        sample_names: Vec::new(),
+        sample_names: Default::default(),
     };
     let to = folder.join("log");
     let path = to.join(&manifest.episodes[0].file);
