@@ -9,9 +9,11 @@ use super::zones::ZoneArgs;
 use super::{Bar, ExitStatus, one_of, print, split, tell};
 use crate::episode::Split;
 use crate::episode::manifest::{LabelManifest, label_sets};
+use crate::exchange::kitti::{KittiReader, KittiWriter};
 use crate::exchange::nuscenes::{ResultsReader, ResultsWriter};
 use crate::exchange::{
-    ExportPredictions, HarmRule, ImportPredictions, export_predictions, import_predictions,
+    ExportPredictions, HarmRule, ImportPredictions, ReadBoxes, WriteBoxes, export_predictions,
+    import_predictions,
 };
 use crate::export::nuscenes::Naming;
 use crate::zone::{Zone, ZoneConfig};
@@ -20,14 +22,16 @@ use crate::zone::{Zone, ZoneConfig};
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum BoxFormat {
     Nuscenes,
+    Kitti,
 }
 
 impl BoxFormat {
-    const ALL: [Self; 1] = [Self::Nuscenes];
+    const ALL: [Self; 2] = [Self::Nuscenes, Self::Kitti];
 
     fn name(self) -> &'static str {
         match self {
             Self::Nuscenes => "nuscenes",
+            Self::Kitti => "kitti",
         }
     }
 }
@@ -36,12 +40,13 @@ impl BoxFormat {
 pub struct ExportPredictionsArgs {
     /// Folder of predictions, or a predictions.json
     predictions: PathBuf,
-    /// File to make
+    /// File to make, a folder for `kitti`
     out: PathBuf,
     /// Data set that the predictions are of
     #[arg(long, value_name = "DIR")]
     data: PathBuf,
-    /// `nuscenes`: one results JSON in the global frame, by sample tokens
+    /// `nuscenes`: one results JSON in the global frame, by sample tokens; `kitti`: one NNNNNN.txt a frame, boxes in the rectified
+    /// camera's frame, without velocities
     #[arg(long, value_parser = one_of(BoxFormat::ALL, BoxFormat::name))]
     format: BoxFormat,
     /// Names of the classes: `harm`, harmful and harmless; `harm-as-car-truck`, car and truck, which the devkit's own evaluation takes
@@ -56,10 +61,10 @@ pub struct ExportPredictionsArgs {
 }
 
 pub fn export(args: &ExportPredictionsArgs) -> anyhow::Result<ExitStatus> {
-    let writer = match args.format {
-        BoxFormat::Nuscenes => {
-            Box::new(ResultsWriter::create(&args.out, &args.data, args.names, args.force)?)
-        }
+    let (out, data) = (&args.out, &args.data);
+    let writer: Box<dyn WriteBoxes> = match args.format {
+        BoxFormat::Nuscenes => Box::new(ResultsWriter::create(out, data, args.names, args.force)?),
+        BoxFormat::Kitti => Box::new(KittiWriter::create(out, data, args.names, args.force)?),
     };
     let request = ExportPredictions { predictions: &args.predictions, data: &args.data, split: args.split };
     let (n_samples, n_boxes) = export_predictions(&request, writer, &Bar::default())?;
@@ -94,7 +99,8 @@ pub struct ImportPredictionsArgs {
     /// Data set that the predictions are of
     #[arg(long, value_name = "DIR")]
     data: PathBuf,
-    /// `nuscenes`: one results JSON in the global frame, by sample tokens
+    /// `nuscenes`: one results JSON in the global frame, by sample tokens; `kitti`: one NNNNNN.txt a frame, boxes in the rectified
+    /// camera's frame, without velocities
     #[arg(long, value_parser = one_of(BoxFormat::ALL, BoxFormat::name))]
     format: BoxFormat,
     /// Folder for one MCAP an episode and predictions.json
@@ -123,12 +129,13 @@ pub fn import(args: &ImportPredictionsArgs) -> anyhow::Result<ExitStatus> {
         HarmFlag::CarTruck => HarmRule::CarTruck,
         HarmFlag::Zone => HarmRule::Zone(Box::new(zone_of(args)?)),
     };
-    let mut reader = match args.format {
-        BoxFormat::Nuscenes => ResultsReader::open(&args.predictions, &args.data)?,
+    let mut reader: Box<dyn ReadBoxes> = match args.format {
+        BoxFormat::Nuscenes => Box::new(ResultsReader::open(&args.predictions, &args.data)?),
+        BoxFormat::Kitti => Box::new(KittiReader::open(&args.predictions, &args.data)?),
     };
     let request =
         ImportPredictions { data: &args.data, split: args.split, harm, out: &args.out, force: args.force };
-    let imported = import_predictions(&request, &mut reader, &Bar::default())?;
+    let imported = import_predictions(&request, reader.as_mut(), &Bar::default())?;
     let (n_boxes, n_samples) = (imported.n_boxes, imported.n_samples);
     print(format!("{n_boxes} boxes for {n_samples} samples: {}", imported.folder.display()))?;
     if imported.n_unknown == 0 {

@@ -6,6 +6,7 @@ use clap::{Args, Subcommand};
 
 use super::exchange::{self, ExportPredictionsArgs};
 use super::{Bar, ExitStatus, one_of, print_summary, tell};
+use crate::export::kitti::{self, KittiRequest};
 use crate::export::nuscenes::{self, Naming, NuScenesRequest, Release};
 
 #[derive(Debug, Args)]
@@ -18,6 +19,8 @@ pub struct ExportArgs {
 enum Format {
     /// A folder of nuScenes: for nuscenes-devkit, mmdetection3d and what else reads it
     Nuscenes(NuScenesArgs),
+    /// A folder of KITTI's object set: for mmdetection3d, OpenPCDet and what else reads it
+    Kitti(KittiArgs),
     /// A detector's boxes, for the evaluation of another tool
     Predictions(ExportPredictionsArgs),
 }
@@ -49,6 +52,7 @@ struct NuScenesArgs {
 pub fn run(args: ExportArgs) -> anyhow::Result<ExitStatus> {
     match args.format {
         Format::Nuscenes(args) => export_nuscenes(&args),
+        Format::Kitti(args) => export_kitti(&args),
         Format::Predictions(args) => exchange::export(&args),
     }
 }
@@ -72,4 +76,44 @@ fn export_nuscenes(args: &NuScenesArgs) -> anyhow::Result<ExitStatus> {
         summary.left_out.join(", ")
     ));
     Ok(ExitStatus::DoneWithLosses)
+}
+
+#[derive(Debug, Args)]
+struct KittiArgs {
+    /// Data set to export
+    data: PathBuf,
+    /// Folder to make; it appears when it is whole
+    out: PathBuf,
+    /// What types tell: `harm`, Harmful or Harmless; `harm-as-car-truck`, the same as Car and Truck; `kinds`, as Car, Pedestrian and Misc;
+    /// `source`, the objects' own categories
+    #[arg(long, default_value = "harm", value_parser = one_of(Naming::ALL, Naming::name))]
+    categories: Naming,
+    /// Label set, for categories that tell harm
+    #[arg(long, value_name = "SET", default_value = "rect")]
+    labels: String,
+    /// Replace an export that is there
+    #[arg(long)]
+    force: bool,
+    /// Print the summary as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+fn export_kitti(args: &KittiArgs) -> anyhow::Result<ExitStatus> {
+    let request = KittiRequest {
+        dataset: &args.data,
+        out: &args.out,
+        labels: &args.labels,
+        naming: args.categories,
+        force: args.force,
+    };
+    let summary = kitti::run(&request, &Bar::default())?;
+    print_summary(&summary, args.json)?;
+    if summary.n_pictures_left_out > 0 {
+        tell(format!(
+            "left out, since KITTI's object set has the front camera alone: {} pictures of further cameras",
+            summary.n_pictures_left_out
+        ));
+    }
+    Ok(ExitStatus::Done)
 }

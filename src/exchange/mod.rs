@@ -6,6 +6,7 @@
 mod error;
 mod export;
 mod import;
+pub mod kitti;
 pub mod nuscenes;
 mod samples;
 

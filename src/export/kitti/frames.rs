@@ -49,7 +49,10 @@ fn number(manifest: &Manifest) -> BTreeMap<String, Vec<String>> {
 }
 
 /// The names that KITTI gave, if it gave one to each sample and no two alike.
-fn own_names(dataset: &Path, manifest: &Manifest) -> Result<Option<BTreeMap<String, Vec<String>>>, ExportError> {
+fn own_names(
+    dataset: &Path,
+    manifest: &Manifest,
+) -> Result<Option<BTreeMap<String, Vec<String>>>, ExportError> {
     let (mut all, mut of_episodes) = (BTreeSet::new(), BTreeMap::new());
     for entry in &manifest.episodes {
         let reader = EpisodeReader::open(&dataset.join(&entry.file))?;

@@ -38,9 +38,9 @@ impl KittiRow {
     pub(super) fn of_object(name: String, object: &Object, rig: &KittiRig) -> Option<Self> {
         let seen = rig.picture_box(&object.box_in_ego)?;
         let of = rig.rectified(&object.box_in_ego);
-        let occlusion = object.visible_fraction.map_or(-1, |share| {
-            VISIBLE_ENOUGH.iter().filter(|&&least| share < least).count() as i8
-        });
+        let occlusion = object
+            .visible_fraction
+            .map_or(-1, |share| VISIBLE_ENOUGH.iter().filter(|&&least| share < least).count() as i8);
         let (truncation, alpha_rad) = (seen.truncation, of.alpha_rad());
         Some(Self { name, truncation, occlusion, alpha_rad, edges_px: seen.edges_px, of, score: None })
     }
@@ -63,9 +63,13 @@ impl KittiRow {
     /// A region of the picture in which nobody annotated; `None` where it is not in the picture.
     pub(super) fn of_ignored(region: &IgnoredRegion, rig: &KittiRig) -> Option<Self> {
         let edges_px = match region {
-            IgnoredRegion::Image { left_px, top_px, right_px, bottom_px } => [*left_px, *top_px, *right_px, *bottom_px],
+            IgnoredRegion::Image { left_px, top_px, right_px, bottom_px } => {
+                [*left_px, *top_px, *right_px, *bottom_px]
+            }
             IgnoredRegion::Ground { corners_in_ego_m } => {
-                let at = |z_m: f64| corners_in_ego_m.iter().map(move |corner| [corner.x_m, corner.y_m, z_m].into());
+                let at = |z_m: f64| {
+                    corners_in_ego_m.iter().map(move |corner| [corner.x_m, corner.y_m, z_m].into())
+                };
                 let corners: Vec<_> = at(0.0).chain(at(IGNORED_HEIGHT_M)).collect();
                 rig.frame_columns(&corners)?.edges_px
             }
@@ -122,7 +126,10 @@ impl fmt::Display for KittiRow {
         let ([height, width, length], [x, y, z]) = (self.of.size_m, self.of.bottom_m);
         if is_region {
             // As in KITTI's own files, to the letter, but for the digits of the edges.
-            return write!(f, "{name} -1 -1 -10 {left} {top} {right} {bottom} -1 -1 -1 -1000 -1000 -1000 -10");
+            return write!(
+                f,
+                "{name} -1 -1 -10 {left} {top} {right} {bottom} -1 -1 -1 -1000 -1000 -1000 -10"
+            );
         }
         write!(
             f,
@@ -194,14 +201,19 @@ mod tests {
         let result = KittiRow::of_detection("Harmful", &given, 0.125, &rig).to_string();
         let back = KittiRow::parse_result(&result).unwrap();
         let found = rig.in_ego(&back.of);
-        assert!((found.center.coords - given.center.coords).norm() < 1e-8 && (found.yaw_rad - 0.3).abs() < 1e-8);
+        assert!(
+            (found.center.coords - given.center.coords).norm() < 1e-8 && (found.yaw_rad - 0.3).abs() < 1e-8
+        );
         assert_eq!((back.name.as_str(), back.score), ("Harmful", Some(0.125)));
     }
 
     #[test]
     fn occlusion_follows_the_visible_fraction_and_is_unknown_without() {
         let occlusion = |share| KittiRow::of_object("Car".into(), &object(share), &rig()).unwrap().occlusion;
-        assert_eq!([Some(1.0), Some(0.8), Some(0.79), Some(0.4), Some(0.1), None].map(occlusion), [0, 0, 1, 1, 2, -1]);
+        assert_eq!(
+            [Some(1.0), Some(0.8), Some(0.79), Some(0.4), Some(0.1), None].map(occlusion),
+            [0, 0, 1, 1, 2, -1]
+        );
     }
 
     #[test]
@@ -233,6 +245,9 @@ mod tests {
         let names = Naming::ALL.map(|naming| type_of(naming, &van, Some(Harm::Harmless)));
         assert_eq!(names, ["Harmless", "Truck", "Car", "delivery_van"]);
         let thing = Object { kind: Some(Kind::Static), ..object(None) };
-        assert_eq!([Naming::Kinds, Naming::Source].map(|naming| type_of(naming, &thing, None)), ["Misc", "Misc"]);
+        assert_eq!(
+            [Naming::Kinds, Naming::Source].map(|naming| type_of(naming, &thing, None)),
+            ["Misc", "Misc"]
+        );
     }
 }

@@ -72,7 +72,8 @@ impl KittiSummary {
 
 impl fmt::Display for KittiSummary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let frames: Vec<String> = self.n_frames.iter().map(|(split, n)| format!("{n} {}", split.name())).collect();
+        let frames: Vec<String> =
+            self.n_frames.iter().map(|(split, n)| format!("{n} {}", split.name())).collect();
         writeln!(f, "frames           {}", frames.join(", "))?;
         writeln!(f, "labels           {}", self.n_labels)?;
         for (name, n) in [

@@ -60,11 +60,14 @@ impl KittiRig {
         } else {
             let ahead = Vector3::new(forward.x, forward.y, 0.0);
             if ahead.norm() < LEAST_FORWARD {
-                return Err("the camera looks straight up or down; KITTI needs one that looks ahead".to_owned());
+                return Err(
+                    "the camera looks straight up or down; KITTI needs one that looks ahead".to_owned()
+                );
             }
             let (ahead, down) = (ahead.normalize(), -Vector3::z());
             // Columns: the rectified camera's axes in the ego frame.
-            let ego_from_rect = Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[down.cross(&ahead), down, ahead]));
+            let ego_from_rect =
+                Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[down.cross(&ahead), down, ahead]));
             ego_from_rect.inverse() * ego_from_camera.rotation.to_rotation_matrix()
         };
         let of = &measured.intrinsics;
@@ -91,7 +94,9 @@ impl KittiRig {
             write_row(&mut text, &format!("P{camera}"), projection.transpose().iter());
         }
         write_row(&mut text, "R0_rect", self.rect_from_camera.matrix().transpose().iter());
-        for (name, of) in [("Tr_velo_to_cam", &self.camera_from_lidar), ("Tr_imu_to_velo", &self.lidar_from_ego)] {
+        for (name, of) in
+            [("Tr_velo_to_cam", &self.camera_from_lidar), ("Tr_imu_to_velo", &self.lidar_from_ego)]
+        {
             let matrix = of.to_homogeneous();
             write_row(&mut text, name, matrix.fixed_rows::<3>(0).transpose().iter());
         }
@@ -137,7 +142,8 @@ impl KittiRig {
     /// Where an upright prism is seen: its corners at the bottom, then those at the top in the same order.
     pub(super) fn frame_columns(&self, corners_in_ego: &[Point3<f64>]) -> Option<PictureBox> {
         let n = corners_in_ego.len() / 2;
-        let corners: Vec<Point3<f64>> = corners_in_ego.iter().map(|corner| self.rect_from_ego * corner).collect();
+        let corners: Vec<Point3<f64>> =
+            corners_in_ego.iter().map(|corner| self.rect_from_ego * corner).collect();
         let mut whole = [f64::MAX, f64::MAX, f64::MIN, f64::MIN];
         for i in 0..n {
             let next = (i + 1) % n;
@@ -153,7 +159,10 @@ impl KittiRig {
         let cut = [whole[0].max(0.0), whole[1].max(0.0), whole[2].min(width), whole[3].min(height)];
         let area = |of: [f64; 4]| (of[2] - of[0]) * (of[3] - of[1]);
         let is_seen = cut[0] < cut[2] && cut[1] < cut[3];
-        is_seen.then(|| PictureBox { edges_px: cut, truncation: (1.0 - area(cut) / area(whole)).clamp(0.0, 1.0) })
+        is_seen.then(|| PictureBox {
+            edges_px: cut,
+            truncation: (1.0 - area(cut) / area(whole)).clamp(0.0, 1.0),
+        })
     }
 }
 
@@ -172,7 +181,11 @@ fn cut_near(from: Point3<f64>, to: Point3<f64>) -> Option<[Point3<f64>; 2]> {
         return None;
     }
     let cut = |point: Point3<f64>, other: Point3<f64>| {
-        if point.z >= NEAR_M { point } else { point + (other - point) * ((NEAR_M - point.z) / (other.z - point.z)) }
+        if point.z >= NEAR_M {
+            point
+        } else {
+            point + (other - point) * ((NEAR_M - point.z) / (other.z - point.z))
+        }
     };
     Some([cut(from, to), cut(to, from)])
 }
@@ -197,7 +210,8 @@ mod tests {
 
     fn measured(pitch_rad: f64, roll_rad: f64) -> Measured {
         let mut measured = test_data::dataset(1).samples()[0].measured.clone();
-        let level = Transform::looking_forward(Vector3::new(1.7, 0.1, 1.5), pitch_rad);
+        let level: Transform<Ego, crate::geometry::Camera> =
+            Transform::looking_forward(Vector3::new(1.7, 0.1, 1.5), pitch_rad);
         let roll = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), roll_rad);
         measured.ego_from_camera = Transform::from_isometry(level.isometry * roll);
         measured
@@ -214,7 +228,10 @@ mod tests {
         let measured = measured(0.0, 0.0);
         let text = KittiRig::of(&measured).unwrap().calibration_text();
         let of = &measured.intrinsics;
-        assert_eq!(row(&text, "P2"), [of.fx_px, 0.0, of.cx_px, 0.0, 0.0, of.fy_px, of.cy_px, 0.0, 0.0, 0.0, 1.0, 0.0]);
+        assert_eq!(
+            row(&text, "P2"),
+            [of.fx_px, 0.0, of.cx_px, 0.0, 0.0, of.fy_px, of.cy_px, 0.0, 0.0, 0.0, 1.0, 0.0]
+        );
         assert_eq!(row(&text, "R0_rect"), [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
         let imu = row(&text, "Tr_imu_to_velo");
         assert_eq!([imu[3], imu[7], imu[11]], [-0.9, 0.0, -1.8], "the imu is the ego's origin");
@@ -236,7 +253,13 @@ mod tests {
     #[test]
     fn a_box_half_out_of_the_picture_is_truncated_and_one_behind_is_not_seen() {
         let rig = KittiRig::of(&measured(0.0, 0.0)).unwrap();
-        let flat = |x, y| Box3 { center: Point::new(x, y, 1.5), length_m: 0.001, width_m: 2.0, height_m: 1.0, yaw_rad: 0.0 };
+        let flat = |x, y| Box3 {
+            center: Point::new(x, y, 1.5),
+            length_m: 0.001,
+            width_m: 2.0,
+            height_m: 1.0,
+            yaw_rad: 0.0,
+        };
         let ahead = rig.picture_box(&flat(11.7, 0.1)).unwrap();
         assert!(ahead.truncation == 0.0 && (ahead.edges_px[0] + ahead.edges_px[2] - 160.0).abs() < 1e-6);
         // The left edge of the view lies tan(35 deg) = 0.7002 to the left of each metre ahead.
@@ -244,7 +267,13 @@ mod tests {
         assert!((half.truncation - 0.5).abs() < 0.01 && half.edges_px[0] == 0.0, "{half:?}");
         assert_eq!(rig.picture_box(&flat(-11.7, 0.1)), None);
         assert_eq!(rig.picture_box(&flat(11.7, 20.0)), None);
-        let around = Box3 { center: Point::new(3.0, 0.1, 0.5), length_m: 4.0, width_m: 2.0, height_m: 1.0, yaw_rad: 0.0 };
+        let around = Box3 {
+            center: Point::new(3.0, 0.1, 0.5),
+            length_m: 4.0,
+            width_m: 2.0,
+            height_m: 1.0,
+            yaw_rad: 0.0,
+        };
         let partly = rig.picture_box(&around).unwrap();
         assert!(partly.truncation > 0.5 && partly.edges_px[3] == 90.0, "{partly:?}");
     }

@@ -25,8 +25,9 @@ pub(super) struct Calibration {
 pub(super) struct RectifiedCamera {
     /// Row by row; pixel centres at whole numbers.
     pub(super) k: [f64; 9],
-    /// From the rectified camera 0 to this one: its baseline, which the projection's last column holds.
-    pub(super) camera_from_rect: Translation3<f64>,
+    /// From the rectified camera 0 to this one: its baseline, which the projection's last column holds, and in exports of pitched cameras a
+    /// turn.
+    pub(super) camera_from_rect: Isometry3<f64>,
 }
 
 impl Calibration {
@@ -75,17 +76,43 @@ impl Calibration {
         let p = projection
             .ok_or_else(|| fail(format!("the calibration has no row `P{camera}`; it is needed")))?;
         let is_pinhole = p[0] > 0.0 && p[5] > 0.0 && [p[1], p[4], p[8], p[9]] == [0.0; 4] && p[10] == 1.0;
-        if !is_pinhole {
-            let found = &p;
-            return Err(fail(format!(
-                "the row `P{camera}` is {found:?}; a pinhole is needed: [f 0 cu .., 0 f cv .., 0 0 1 ..]"
-            )));
+        if is_pinhole {
+            let z = p[11];
+            let baseline = Vector3::new((p[3] - p[2] * z) / p[0], (p[7] - p[6] * z) / p[5], z);
+            let k = [p[0], 0.0, p[2], 0.0, p[5], p[6], 0.0, 0.0, 1.0];
+            return Ok(RectifiedCamera { k, camera_from_rect: Translation3::from(baseline).into() });
         }
-        let z = p[11];
-        let baseline = Vector3::new((p[3] - p[2] * z) / p[0], (p[7] - p[6] * z) / p[5], z);
-        let k = [p[0], 0.0, p[2], 0.0, p[5], p[6], 0.0, 0.0, 1.0];
-        Ok(RectifiedCamera { k, camera_from_rect: Translation3::from(baseline) })
+        split_projection(&p).ok_or_else(|| {
+            fail(format!(
+                "the row `P{camera}` is {p:?}; a pinhole is needed, [f 0 cu .., 0 f cv .., 0 0 1 ..], or one that is turned"
+            ))
+        })
     }
+}
+
+/// A pinhole that is turned against the rectified frame, `P = K [R | t]`, as exports of pitched cameras have it (Hartley and Zisserman
+/// 2004, sec. 6.2.4); `None` where `K` would have skew or `R` would mirror.
+fn split_projection(p: &[f64; 12]) -> Option<RectifiedCamera> {
+    const MAX_SKEW: f64 = 1e-6;
+    let m = Matrix3::new(p[0], p[1], p[2], p[4], p[5], p[6], p[8], p[9], p[10]);
+    if !(m.determinant() > 0.0) {
+        return None;
+    }
+    // The inverse of M is the inverse of R, a rotation, times that of K, which is upper triangular.
+    let (q, r) = m.try_inverse()?.qr().unpack();
+    let signs = Matrix3::from_diagonal(&r.diagonal().map(f64::signum));
+    let (rotation, k) = ((q * signs).transpose(), (signs * r).try_inverse()?);
+    let baseline = k.try_inverse()? * Vector3::new(p[3], p[7], p[11]);
+    let scaled = k / k[(2, 2)];
+    let is_usable = rotation.determinant() > 0.0
+        && scaled[(0, 0)] > 0.0
+        && scaled[(1, 1)] > 0.0
+        && scaled[(0, 1)].abs() < MAX_SKEW * scaled[(0, 0)];
+    let turn = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation));
+    is_usable.then(|| RectifiedCamera {
+        k: [scaled[(0, 0)], 0.0, scaled[(0, 2)], 0.0, scaled[(1, 1)], scaled[(1, 2)], 0.0, 0.0, 1.0],
+        camera_from_rect: Isometry3::from_parts(Translation3::from(baseline), turn),
+    })
 }
 
 /// The rows of a file: a name, then numbers.
@@ -171,13 +198,33 @@ Tr_velo_to_cam: 0 -1 0 0.01 0 0 -1 -0.08 1 0 0 -0.27
         let calibration = read(TEXT).unwrap();
         let camera = calibration.camera(2, Path::new("calib")).unwrap();
         let point = Vector3::new(3.0, 1.0, 20.0);
-        let moved = camera.camera_from_rect.vector + point;
+        let moved = camera.camera_from_rect * nalgebra::Point3::from(point);
         let (u, v) = (700.0 * moved.x / moved.z + 600.0, 700.0 * moved.y / moved.z + 180.0);
         let z = point.z + 5.0e-3;
         let (wanted_u, wanted_v) =
             ((700.0 * 3.0 + 600.0 * 20.0 + 45.0) / z, (700.0 + 180.0 * 20.0 - 0.35) / z);
         assert!((u - wanted_u).abs() < 1e-9 && (v - wanted_v).abs() < 1e-9, "{u} {v}");
         assert!(calibration.camera(3, Path::new("calib")).unwrap_err().to_string().contains("`P3`"));
+    }
+
+    #[test]
+    fn a_turned_pinhole_is_split_into_its_k_and_its_turn_and_a_skewed_one_is_refused() {
+        let k = Matrix3::new(700.0, 0.0, 600.0, 0.0, 710.0, 180.0, 0.0, 0.0, 1.0);
+        let turn = Isometry3::from_parts(
+            Translation3::new(0.06, -0.01, 0.002),
+            UnitQuaternion::from_euler_angles(0.1, -0.02, 0.05),
+        );
+        let of = |k: Matrix3<f64>| {
+            let m = k * turn.to_homogeneous().fixed_view::<3, 4>(0, 0);
+            let mut p = [0.0; 12];
+            (0..12).for_each(|i| p[i] = m[(i / 4, i % 4)]);
+            split_projection(&p)
+        };
+        let camera = of(k).unwrap();
+        assert!((Matrix3::from_row_slice(&camera.k) - k).abs().max() < 1e-9, "{:?}", camera.k);
+        assert!((camera.camera_from_rect.to_homogeneous() - turn.to_homogeneous()).abs().max() < 1e-12);
+        assert!(of(Matrix3::new(700.0, 5.0, 600.0, 0.0, 710.0, 180.0, 0.0, 0.0, 1.0)).is_none());
+        assert!(of(-k).is_none());
     }
 
     #[test]

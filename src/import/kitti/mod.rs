@@ -1,6 +1,7 @@
 //! KITTI's three layouts: single frames of the object set, sequences of the tracking set, raw recordings.
 
 mod calib;
+mod exported;
 mod label;
 mod object;
 mod oxts;

@@ -3,11 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use super::calib::Calibration;
+use super::exported::{ExportedState, read_rings};
 use super::label::read_object_labels;
 use super::rig::{FRONT, Rig, picture_path};
 use super::scan::{Stamps, read_scan};
 use crate::episode::MapDrawing;
-use crate::import::{Drive, DriveFacts, Frame, ImportError, Notes, Odometry};
+use crate::import::{Drive, DriveFacts, Frame, Ground, ImportError, Notes, Odometry};
 
 /// The stamps are made up, since the set has none: seconds from 26 September 2011, when KITTI's first drives were recorded.
 const FIRST_NS: u64 = 1_316_995_200_000_000_000;
@@ -21,45 +22,64 @@ pub(super) struct ObjectDrive {
     stem: String,
     rig: Rig,
     calibration: Calibration,
+    /// Whether it was exported by this program.
+    is_ours: bool,
 }
 
 impl ObjectDrive {
     /// `folder` is `training` or `testing`.
     pub(super) fn open(folder: &Path, stem: &str, rig: &Rig) -> Result<Self, ImportError> {
         let calibration = Calibration::read(&folder.join("calib").join(format!("{stem}.txt")))?;
-        let is_labelled = folder.join("label_2").is_dir();
+        let state = ExportedState::read(folder, stem)?;
+        let labels = folder.join("label_2");
+        // An export of ours has a file for each frame that somebody annotated.
+        let is_labelled =
+            if state.is_some() { labels.join(format!("{stem}.txt")).is_file() } else { labels.is_dir() };
         let number: u64 =
             stem.bytes().filter(u8::is_ascii_digit).fold(0, |n, digit| n * 10 + u64::from(digit - b'0'));
-        let methods = vec![
-            ("time", "made up: the set has no stamps".to_owned()),
-            (
+        let mut methods = vec![("velocity", "of objects unknown: single frames".to_owned())];
+        let mut rig = rig.clone();
+        if let Some(state) = &state {
+            rig.ego_from_velo = state.ego_from_lidar();
+        } else {
+            methods.push(("time", "made up: the set has no stamps".to_owned()));
+            methods.push((
                 "camera",
                 "the left colour camera, rectified by KITTI, with its baseline to camera 0".to_owned(),
-            ),
-            ("velocity", "of objects unknown: single frames".to_owned()),
-        ];
+            ));
+        }
+        let rings = if state.is_some() {
+            "as exported, from ring"
+        } else {
+            "from the order of the points: KITTI stores beam by beam"
+        };
         Ok(Self {
             facts: DriveFacts {
                 path: folder.to_owned(),
-                town: "karlsruhe".to_owned(),
+                town: if state.is_some() { "kitti" } else { "karlsruhe" }.to_owned(),
                 description: format!("KITTI object set, frame {stem}"),
-                wheelbase_m: None,
-                front_bumper_x_m: None,
+                wheelbase_m: state.as_ref().map(|state| state.wheelbase_m),
+                front_bumper_x_m: state.as_ref().map(|state| state.front_bumper_x_m),
                 is_labelled,
-                ground: Rig::ground(),
+                ground: if state.is_some() { exported_ground() } else { Rig::ground() },
                 compensated: Some("not compensated: the set has neither stamps nor poses".to_owned()),
-                rings: Some("from the order of the points: KITTI stores beam by beam".to_owned()),
+                rings: Some(rings.to_owned()),
                 methods,
                 map: MapDrawing::default(),
             },
-            times_ns: [FIRST_NS + number * 1_000_000_000],
-            odometry: Odometry::default(),
+            times_ns: [state.as_ref().map_or(FIRST_NS + number * 1_000_000_000, |state| state.time_ns)],
+            odometry: state.as_ref().map(ExportedState::odometry).unwrap_or_default(),
             folder: folder.to_owned(),
             stem: stem.to_owned(),
-            rig: rig.clone(),
+            rig,
             calibration,
+            is_ours: state.is_some(),
         })
     }
+}
+
+fn exported_ground() -> Ground {
+    Ground::Known { z_m: 0.0, source: "the exported episode's, z = 0 of its ego frame".to_owned() }
 }
 
 impl Drive for ObjectDrive {
@@ -86,7 +106,10 @@ impl Drive for ObjectDrive {
             let picture = picture_path(&self.folder.join(format!("image_{number}")), &self.stem);
             self.rig.camera(number, &self.calibration, &picture, self.times_ns[0])
         };
-        let points = read_scan(&file("velodyne", "bin"), Stamps::None)?;
+        let mut points = read_scan(&file("velodyne", "bin"), Stamps::None)?;
+        if self.is_ours {
+            read_rings(&self.folder, &self.stem, &mut points)?;
+        }
         let (mut objects, mut ignored) = (None, Vec::new());
         if self.facts.is_labelled {
             let ego_from_rect = self.rig.ego_from_rect(&self.calibration);
