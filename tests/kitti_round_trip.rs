@@ -14,8 +14,8 @@ use harmzone::episode::{EpisodeReader, EpisodeWriter, Manifest, MapDrawing, Spli
 use harmzone::export::kitti::{self, KittiRequest, KittiSummary};
 use harmzone::export::nuscenes::Naming;
 use harmzone::geometry::{Camera, Ego, Transform};
-use harmzone::import::kitti::open_kitti;
-use harmzone::import::{self, ImportConfig, ImportError, ImportOptions, LogFormat};
+
+use harmzone::import::{self, ImportConfig, ImportError, ImportOptions, LogFormat, open_kitti};
 use harmzone::object::Object;
 use harmzone::progress::Silent;
 use harmzone::sample::{EncodedImage, IgnoredRegion, ImageFormat, Sample};
