@@ -17,27 +17,28 @@ class Case:
     words: str  # a regular expression, in lower case
     damage: Callable[[Path], None]
     fails: bool | None = None  # whether it must fail (True), must go on (False), or either
+    skippable: bool = False  # one sample or drive of several, which --skip-bad leaves out
 
 
 CASES: list[Case] = []
 
 
-def case(source: str, name: str, words: str, fails: bool | None = None) -> Callable:
+def case(source: str, name: str, words: str, fails: bool | None = None, skippable: bool = False) -> Callable:
     """Registers a damage."""
 
     def register(damage: Callable[[Path], None]) -> Callable[[Path], None]:
-        CASES.append(Case(source, name, words, damage, fails))
+        CASES.append(Case(source, name, words, damage, fails, skippable))
         return damage
 
     return register
 
 
 def write(path: Path, payload: bytes | str) -> None:
-    """Replaces a file of the copy: its hard link to the source is cut first."""
+    """Replaces a file of the copy."""
     path.unlink(missing_ok=True)
     path.write_bytes(payload.encode() if isinstance(payload, str) else payload)
 
 
 def copy(source: Path, target: Path) -> None:
-    """A copy whose files are copied by link where the file system can."""
+    """Copies a folder; the copy may be written to, whatever the source is."""
     shutil.copytree(source, target, copy_function=shutil.copyfile)
