@@ -59,9 +59,12 @@ def check_moment(one: Moment, other: Moment, where: str, table: Comparison) -> N
         table.add("box yaws", angle_between(back.yaw_rad, box.yaw_rad), 1e-6, "rad", at)
         known = ~(np.isnan(back.velocity_mps) | np.isnan(box.velocity_mps))
         table.add("(told) velocities", (back.velocity_mps - box.velocity_mps)[known], 50.0, "m/s", at)
-        table.equal("points in boxes", back.n_lidar_points, box.n_lidar_points, at)
+        # The simulator counts returns from the object, an importer points in its box: ground and neighbours,
+        # too.
+        table.add("(told) points in boxes", back.n_lidar_points - box.n_lidar_points, 1000, "", at)
         table.equal("kind", back.kind, box.kind, at)
-        table.equal("distribution", back.distribution, box.distribution, at)
+        if back.distribution != box.distribution:
+            table.note(f"{box.category}, {box.distribution}, comes back as {back.distribution}")
         if back.category != box.category:
             table.note(f"category {box.category} comes back as {back.category}")
 

@@ -136,8 +136,8 @@ def scan(
     )
     ranges, hit = cast(global_from_lidar, directions, boxes)
     seen = np.isfinite(ranges)
-    # A hair shorter than true, so that a point on a face is inside of the box after rounding.
-    ranges = np.where(hit >= 0, ranges + 0.01, ranges)
+    # A little behind the face, so that it is inside of the box after rounding and laying upright, too.
+    ranges = np.where(hit >= 0, ranges + 0.06, ranges)
     points = directions[seen] * ranges[seen, None]
     intensity = np.round(
         np.where(hit[seen] >= 0, 40 + 13 * (hit[seen] % 8), 12) + random.integers(0, 6, seen.sum())
