@@ -136,16 +136,8 @@ pub fn count_points<'a>(measured: &Measured, boxes: impl IntoIterator<Item = &'a
         let [x_m, y_m, z_m] = [point.x_m, point.y_m, point.z_m].map(f64::from);
         measured.ego_from_lidar * Point::new(x_m, y_m, z_m)
     };
-    let mut points: Vec<Point<Ego>> = measured.points.iter().map(in_ego).collect();
-    points.sort_by(|a, b| a.x().total_cmp(&b.x()));
-    let count = |of: &Box3<Ego>| {
-        // Points sorted along x: only those beside the box are looked at.
-        let reach_m = of.length_m.hypot(of.width_m) / 2.0;
-        let from = points.partition_point(|point| point.x() < of.center.x() - reach_m);
-        let near = points[from..].iter().take_while(|point| point.x() <= of.center.x() + reach_m);
-        u32::try_from(near.filter(|point| of.contains(point, 0.0)).count()).unwrap_or(u32::MAX)
-    };
-    boxes.into_iter().map(count).collect()
+    let points: Vec<Point<Ego>> = measured.points.iter().map(in_ego).collect();
+    boxes.into_iter().map(|of| of.count_inside(&points)).collect()
 }
 
 #[cfg(test)]

@@ -7,8 +7,8 @@ use foxglove::messages as fox;
 use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
 use super::error::MessageFault;
-use crate::geometry::{Ego, Frame, Lidar, Transform};
-use crate::sample::{EncodedImage, ImageFormat, LidarPoint, Measured};
+use crate::geometry::{Ego, Frame, Lidar, Point, Transform};
+use crate::sample::{EncodedImage, ImageFormat, LidarPoint, Measured, Sample};
 use crate::sensors::lidar::is_in_view;
 
 /// No LiDAR for cars reaches farther; a cloud that does is in millimetres.
@@ -142,12 +142,21 @@ pub(super) fn picture_size_px(image: &EncodedImage) -> Option<(u32, u32)> {
     image::ImageReader::with_format(bytes, format).into_dimensions().ok()
 }
 
-/// Leaves out the points that the camera does not have between its left and right edge.
-pub(super) fn cut_to_view(measured: &mut Measured) {
+/// Leaves out the points that the camera does not have between its left and right edge. Where there are such, the points on
+/// each object are counted anew: what is out of view was hit, but a detector is not shown it.
+pub(super) fn cut_to_view(sample: &mut Sample) {
+    let measured = &mut sample.measured;
     let camera_from_lidar = measured.ego_from_camera.inverse() * measured.ego_from_lidar;
-    let intrinsics = measured.intrinsics;
-    measured.points.retain(|point| {
-        let at = Vector3::new(point.x_m, point.y_m, point.z_m).cast::<f64>();
-        is_in_view(&at, &intrinsics, &camera_from_lidar)
-    });
+    let (intrinsics, n_whole) = (measured.intrinsics, measured.points.len());
+    measured.points.retain(|point| is_in_view(&position(point), &intrinsics, &camera_from_lidar));
+    let Some(truth) = sample.truth.as_mut().filter(|_| measured.points.len() < n_whole) else { return };
+    let at = |point: &LidarPoint| measured.ego_from_lidar * Point::from_coords(position(point).into());
+    let points: Vec<Point<Ego>> = measured.points.iter().map(at).collect();
+    for object in &mut truth.objects {
+        object.n_lidar_points = Some(object.box_in_ego.count_inside(&points));
+    }
+}
+
+fn position(point: &LidarPoint) -> Vector3<f64> {
+    Vector3::new(point.x_m, point.y_m, point.z_m).cast()
 }

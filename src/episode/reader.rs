@@ -171,14 +171,14 @@ impl EpisodeReader {
         &self.times_ns
     }
 
-    /// Reads one sample, its points cut to the camera's horizontal field of view.
+    /// Reads one sample, its points cut to the camera's horizontal field of view, and those on objects counted so.
     ///
     /// # Errors
     /// No such sample, damage, or a value that is not usable: the error names episode, sample,
     /// object and field.
     pub fn sample(&self, sample_idx: usize) -> Result<Sample, EpisodeError> {
         let mut sample = self.whole_sample(sample_idx)?;
-        checks::cut_to_view(&mut sample.measured);
+        checks::cut_to_view(&mut sample);
         Ok(sample)
     }
 

@@ -137,6 +137,18 @@ impl<F: Frame> Box3<F> {
             && across.abs() <= self.width_m / 2.0 + margin_m
             && offset.z.abs() <= self.height_m / 2.0 + margin_m
     }
+
+    /// How many of the points lie inside.
+    #[must_use]
+    pub fn count_inside(&self, points: &[Point<F>]) -> u32 {
+        // A little more than the footprint's circle, so that rounding loses none.
+        let reach_m = self.length_m.hypot(self.width_m) / 2.0 + 1e-6;
+        let (x, y) = (self.center.x(), self.center.y());
+        let is_near =
+            |point: &&Point<F>| (point.x() - x).abs() <= reach_m && (point.y() - y).abs() <= reach_m;
+        let n_inside = points.iter().filter(is_near).filter(|point| self.contains(point, 0.0)).count();
+        u32::try_from(n_inside).unwrap_or(u32::MAX)
+    }
 }
 
 /// The same angle in (-pi, pi].

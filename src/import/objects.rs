@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::config::{CategoryRule, CheckedImport};
 use super::{ImportError, RawObject};
-use crate::geometry::{Box3, Ego, Lidar, Point, Transform};
+use crate::geometry::{Ego, Lidar, Point, Transform};
 use crate::object::{Event, Object};
 use crate::sample::{IgnoredRegion, LidarPoint, Truth};
 
@@ -54,20 +54,14 @@ pub(super) fn count_points(truth: &mut Truth, ego_from_lidar: &Transform<Ego, Li
         .map(|point| *ego_from_lidar * Point::new(point.x_m.into(), point.y_m.into(), point.z_m.into()))
         .collect();
     for object in &mut truth.objects {
-        object.n_lidar_points = Some(points_inside(&object.box_in_ego, &points));
+        object.n_lidar_points = Some(object.box_in_ego.count_inside(&points));
     }
-}
-
-fn points_inside(of: &Box3<Ego>, points: &[Point<Ego>]) -> u32 {
-    let reach_m = (of.length_m.hypot(of.width_m) / 2.0) * 1.000_001;
-    let (x, y) = (of.center.x(), of.center.y());
-    let is_near = |point: &&Point<Ego>| (point.x() - x).abs() <= reach_m && (point.y() - y).abs() <= reach_m;
-    points.iter().filter(is_near).filter(|point| of.contains(point, 0.0)).count() as u32
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::Box3;
     use crate::import::{ImportConfig, LogFormat};
 
     fn object(category: &str) -> RawObject {

@@ -24,13 +24,24 @@ pub(super) fn read(dataset: &Path, manifest: &Manifest) -> Result<Vec<LogGroup>,
     for entry in &manifest.episodes {
         let reader = EpisodeReader::open(&dataset.join(&entry.file))?;
         let Some(facts) = reader.log() else { continue };
+        let facts = shared(facts);
         let of_drive = |drive: &str| LogFacts { drive: drive.to_owned(), ..facts.clone() };
         match groups.iter_mut().find(|group| group.facts == of_drive(&group.facts.drive)) {
             Some(group) => group.n_episodes += 1,
-            None => groups.push(LogGroup { n_episodes: 1, facts: facts.clone() }),
+            None => groups.push(LogGroup { n_episodes: 1, facts }),
         }
     }
     Ok(groups)
+}
+
+/// The facts without those of a single drive.
+fn shared(facts: &LogFacts) -> LogFacts {
+    let mut shared = facts.clone();
+    shared.sample_names.clear();
+    for of_drive in ["description", "notes"] {
+        shared.methods.remove(of_drive);
+    }
+    shared
 }
 
 /// A group as lines, each with its line break.
