@@ -35,7 +35,7 @@ fn export(dataset: &Path, out: &Path) {
 }
 
 fn import(source: &Path, out: &Path) -> Result<import::ImportSummary, ImportError> {
-    let overrides = ["vehicle.wheelbase_m=2.7", "vehicle.front_bumper_x_m=3.6", "cameras=[\"CAM_BACK\"]"];
+    let overrides = ["cameras=[\"CAM_BACK\"]"];
     let config = ImportConfig::load(LogFormat::Nuscenes, None, &overrides.map(str::to_owned)).unwrap();
     let options = ImportOptions { scenes: Vec::new(), split: Split::Test, skip_bad: false, force: false };
     let log = NuScenesLog::open(source, &config)?;

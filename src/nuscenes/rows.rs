@@ -75,6 +75,10 @@ table_row! {
         #[serde(default)] vehicle: String,
         #[serde(default)] date_captured: String,
         #[serde(default)] location: String,
+        /// Rear axle to front axle: in our exports alone, as the next one. Readers of nuScenes ignore keys that they do not know.
+        #[serde(default, skip_serializing_if = "Option::is_none")] wheelbase_m: Option<f64>,
+        /// From the rear axle to the front bumper.
+        #[serde(default, skip_serializing_if = "Option::is_none")] front_bumper_x_m: Option<f64>,
     }
     SceneRow of "scene" {
         log_token: Token,

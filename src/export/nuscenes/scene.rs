@@ -117,6 +117,8 @@ impl<'a> SceneBuilder<'a> {
                     reader.times_ns().first().copied().unwrap_or_default() / 1000 + place.delay_us,
                 ),
                 location: entry.town.clone(),
+                wheelbase_m: None,
+                front_bumper_x_m: None,
             },
             scene: SceneRow {
                 token: Token::of("scene", &entry.name),
@@ -171,7 +173,10 @@ impl<'a> SceneBuilder<'a> {
             next,
             scene_token,
         });
-        self.rows.can.add(time_us, &sample.measured.ego_state, global_from_ego);
+        let state = &sample.measured.ego_state;
+        self.rows.can.add(time_us, state, global_from_ego);
+        self.rows.log.wheelbase_m = Some(state.wheelbase_m);
+        self.rows.log.front_bumper_x_m = Some(state.front_bumper_x_m);
         for file in self.write_files(sample_idx, sample, time_us)? {
             self.add_file(file, &token, time_us, global_from_ego);
         }

@@ -13,7 +13,7 @@ use super::annotations::{self, Annotation};
 use super::can_bus;
 use super::tables::{LIDAR, Tables};
 use crate::episode::MapDrawing;
-use crate::geometry::{Ego, Lidar, Transform, World};
+use crate::geometry::{Ego, Lidar, Point, Transform, World};
 use crate::import::{
     Distortion, Drive, DriveFacts, Frame, Ground, ImportConfig, ImportError, Notes, Odometry, RawCamera,
     RawImage, RawPoint, error,
@@ -27,8 +27,8 @@ use crate::sample::{EncodedImage, ImageFormat};
 const NS_PER_US: u64 = 1000;
 /// The front camera's channel.
 pub(super) const FRONT: &str = "CAM_FRONT";
-/// Counts of points that differ by no more than this and a fifth are taken as the same: boxes are rounded, points lie on faces.
-const SAME_COUNT: i64 = 5;
+/// Boxes with fewer points say nothing of a cloud.
+const FEW_POINTS: i64 = 5;
 
 /// A scene.
 pub(super) struct Scene {
@@ -83,8 +83,8 @@ impl Scene {
             path: version.to_owned(),
             town,
             description: row.description.clone(),
-            wheelbase_m: None,
-            front_bumper_x_m: None,
+            wheelbase_m: positive(log.wheelbase_m),
+            front_bumper_x_m: positive(log.front_bumper_x_m),
             is_labelled: !tables.annotation.is_empty(),
             ground: Ground::Known {
                 z_m: 0.0,
@@ -196,27 +196,30 @@ fn raw_point([x_m, y_m, z_m, intensity, ring]: [f32; 5]) -> RawPoint {
     RawPoint { x_m, y_m, z_m, intensity, ring, time_offset_s: None }
 }
 
-/// Tells where the log counts other numbers of points in most of its boxes: the sign of swapped axes or a wrong pose.
+/// A length that a log may say; what is none is not taken.
+fn positive(length_m: Option<f64>) -> Option<f64> {
+    length_m.filter(|length_m| length_m.is_finite() && *length_m > 0.0)
+}
+
+/// Tells boxes that are nearly empty where the log counts points: the sign of swapped axes or a wrong pose.
 fn compare_counts(
     annotations: &[Annotation],
     points: &[RawPoint],
     ego_from_lidar: &Transform<Ego, Lidar>,
     notes: &mut Notes,
 ) {
-    let in_ego: Vec<_> = points
-        .iter()
-        .map(|point| *ego_from_lidar * crate::geometry::Point::from_coords(point.position_m().into()))
-        .collect();
-    let is_other = |annotation: &&Annotation| {
+    let place = |point: &RawPoint| *ego_from_lidar * Point::from_coords(point.position_m().into());
+    let in_ego: Vec<Point<Ego>> = points.iter().map(place).collect();
+    let hit = || annotations.iter().filter(|annotation| annotation.n_lidar_points >= FEW_POINTS);
+    let n_said: i64 = hit().map(|annotation| annotation.n_lidar_points).sum();
+    let count = |annotation: &Annotation| {
         let bounds = &annotation.object.box_in_ego;
-        let n_found = in_ego.iter().filter(|point| bounds.contains(point, 0.0)).count() as i64;
-        let wanted = annotation.n_lidar_points;
-        (n_found - wanted).abs() > SAME_COUNT.max(wanted / 5)
+        in_ego.iter().filter(|point| bounds.contains(point, 0.0)).count() as i64
     };
-    let n_other = annotations.iter().filter(is_other).count();
-    if 2 * n_other > annotations.len() {
+    let n_found: i64 = hit().map(count).sum();
+    if 2 * n_found < n_said {
         notes.tell(
-            "most boxes hold other numbers of LiDAR points than `num_lidar_pts` says; the cloud's axes, the mounting or a pose is wrong",
+            "boxes hold less than half of the LiDAR points that `num_lidar_pts` says; the cloud's axes, the mounting or a pose is wrong",
         );
     }
 }
