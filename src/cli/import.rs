@@ -42,6 +42,9 @@ pub(super) struct LogArgs {
     /// Of each drive, import every so many samples [default: the config's, 1]
     #[arg(long, value_name = "N", value_parser = number(1..=1_000_000_u32))]
     every: Option<u32>,
+    /// Further cameras that become topics, by the log's names, with commas between [default: the config's, none]
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    cameras: Vec<String>,
     /// The part of the data set that the episodes belong to
     #[arg(long, default_value = "test", value_parser = split())]
     split: Split,
@@ -67,6 +70,9 @@ impl LogArgs {
     pub(super) fn load(&self, format: LogFormat) -> anyhow::Result<ImportConfig> {
         let mut config = ImportConfig::load(format, self.config.as_deref(), &self.overrides)?;
         config.every = self.every.unwrap_or(config.every);
+        if !self.cameras.is_empty() {
+            config.cameras.clone_from(&self.cameras);
+        }
         Ok(config)
     }
 
