@@ -16,8 +16,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from av2.structures.cuboid import Cuboid, CuboidList
-from av2.structures.sweep import Sweep
-from av2.utils.io import read_city_SE3_ego, read_ego_SE3_sensor
+from av2.utils.io import read_city_SE3_ego, read_ego_SE3_sensor, read_feather
 from comparison import Comparison, angle_between, rotation_angle
 from imported_episode import Episode, Moment, corner_signs, read_data_set
 
@@ -25,6 +24,13 @@ from imported_episode import Episode, Moment, corner_signs, read_data_set
 def corners_of(cuboid: Cuboid) -> np.ndarray:
     """Corners [8, 3] in the log's ego frame, in the order of `corner_signs`, by the package's own pose."""
     return cuboid.dst_SE3_object.transform_point_cloud(corner_signs * cuboid.dims_lwh_m)
+
+
+def xyz_of(sweep: pd.DataFrame) -> np.ndarray:
+    """Points [n, 3] in the log's ego frame. (The package's Sweep asks for a calibration that a sample may
+    lack.)
+    """
+    return sweep[["x", "y", "z"]].to_numpy().astype(float)
 
 
 def check_boxes(
@@ -56,15 +62,15 @@ def check_boxes(
         table.equal("category", box.category.lower(), str(cuboid.category).lower(), at)
 
 
-def check_points(moment: Moment, sweep: Sweep, shift: np.ndarray, table: Comparison) -> None:
+def check_points(moment: Moment, sweep: pd.DataFrame, shift: np.ndarray, table: Comparison) -> None:
     """Every point of the sweep, in ego, with its intensity and laser."""
     where = str(moment.time_ns)
     ours = moment.points_in_ego()
-    table.equal("number of points", len(ours), len(sweep.xyz), where)
-    if len(ours) != len(sweep.xyz):
+    table.equal("number of points", len(ours), len(sweep), where)
+    if len(ours) != len(sweep):
         return
-    table.add("points, in order", np.linalg.norm(ours - sweep.xyz - shift, axis=1), 1e-3, "m", where)
-    table.add("intensity", moment.cloud["intensity"] - sweep.intensity, 0.0, "", where)
+    table.add("points, in order", np.linalg.norm(ours - xyz_of(sweep) - shift, axis=1), 1e-3, "m", where)
+    table.add("intensity", moment.cloud["intensity"] - sweep.intensity.to_numpy(), 0.0, "", where)
     # Argoverse's two stacked sensors have 32 lasers each; ours are numbered from the lowest beam up.
     n_lasers = len(np.unique(sweep.laser_number))
     table.equal("rings", len(np.unique(moment.cloud["ring"])) >= min(32, n_lasers), True, where)
@@ -170,17 +176,17 @@ def main() -> int:
             table.note(f"{episode.path.stem}: {len(stamps)} of {len(sweeps)} sweeps imported")
         shifts = []
         for moment in episode.moments:
-            sweep = Sweep.from_feather(log / "sensors/lidar" / f"{moment.time_ns}.feather")
+            sweep = read_feather(log / "sensors/lidar" / f"{moment.time_ns}.feather")
             ours = moment.points_in_ego()
-            if len(ours) == len(sweep.xyz):
-                shifts.append(np.median(ours - sweep.xyz, axis=0))
+            if len(ours) == len(sweep):
+                shifts.append(np.median(ours - xyz_of(sweep), axis=0))
         shift = np.median(shifts, axis=0) if shifts else np.zeros(3)
         table.add("ego's shift along x and y", shift[:2], 1e-3, "m", str(log.name))
         table.add("ego's shift along z, from 0.33", shift[2] - 0.33, 0.25, "m", str(log.name))
         table.note(f"shift of the ego frame: {shift.round(4).tolist()} m; log says: {episode.log}")
         for moment in episode.moments:
             seen.append(moment.time_ns)
-            sweep = Sweep.from_feather(log / "sensors/lidar" / f"{moment.time_ns}.feather")
+            sweep = read_feather(log / "sensors/lidar" / f"{moment.time_ns}.feather")
             check_points(moment, sweep, shift, table)
             check_boxes(moment, cuboids.get(moment.time_ns, []), shift, table)
             if (log / "calibration").is_dir():
