@@ -4,7 +4,11 @@ mod calibration;
 mod drive;
 mod feather;
 mod lidar;
+#[cfg(test)]
+mod made;
 mod map;
+#[cfg(test)]
+mod tests;
 
 use std::path::{Path, PathBuf};
 

@@ -3,12 +3,16 @@
 mod calib;
 mod exported;
 mod label;
+#[cfg(test)]
+mod made;
 mod object;
 mod oxts;
 mod raw;
 mod rig;
 mod scan;
 mod sequence;
+#[cfg(test)]
+mod tests;
 mod tracking;
 mod tracklets;
 
