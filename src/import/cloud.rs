@@ -4,7 +4,8 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use nalgebra::{UnitQuaternion, Vector3};
 
-use super::config::{CheckedImport, IntensityScale};
+use super::config::CheckedImport;
+use super::intensity::Scale;
 use super::motion::{Motion, shifted_ns};
 use super::rings::rings_of;
 use super::{Notes, RawPoint};
@@ -22,8 +23,8 @@ pub(super) struct CloudMaker<'a> {
     pub(super) motion: &'a Motion<'a>,
     /// Whether points with stamps are moved.
     pub(super) compensates: bool,
-    /// Found at the first frame, where the config leaves it open.
-    pub(super) is_unit: Option<bool>,
+    /// Found at the first frame.
+    pub(super) scale: Option<Scale>,
     /// Whether any point was moved, and whether any ring was computed.
     pub(super) has_moved: bool,
     pub(super) has_ringed: bool,
@@ -32,14 +33,9 @@ pub(super) struct CloudMaker<'a> {
 
 impl<'a> CloudMaker<'a> {
     pub(super) fn new(config: &'a CheckedImport, motion: &'a Motion<'a>, is_compensated: bool) -> Self {
-        let is_unit = match config.intensity {
-            IntensityScale::Auto => None,
-            IntensityScale::Unit => Some(true),
-            IntensityScale::Byte => Some(false),
-        };
         let compensates = config.compensate_motion && !is_compensated && motion.has_poses();
         let (has_moved, has_ringed, has_turned) = (false, false, false);
-        Self { config, motion, compensates, is_unit, has_moved, has_ringed, has_turned }
+        Self { config, motion, compensates, scale: None, has_moved, has_ringed, has_turned }
     }
 
     /// The mounting and the cloud of a sample. An error is a sentence: what was found, what would be right.
@@ -56,18 +52,20 @@ impl<'a> CloudMaker<'a> {
             self.compensate(&ego_from_lidar, &mut points, time_ns)?;
         }
         let ego_from_lidar = self.turn(ego_from_lidar, &mut points);
-        let factor = self.intensity_factor(&points, notes);
+        let scale = match self.scale {
+            Some(scale) => scale,
+            None => *self.scale.insert(Scale::find(&points, self.config.intensity, notes)?),
+        };
         let mut n_outside = 0;
         let mut finish = |(point, ring): (&RawPoint, u16)| {
-            let scaled = point.intensity * factor;
-            let intensity = if scaled.is_nan() { 0.0 } else { scaled.clamp(0.0, 255.0) };
-            n_outside += usize::from(intensity != scaled);
+            let (intensity, is_inside) = scale.apply(point.intensity);
+            n_outside += usize::from(!is_inside);
             LidarPoint { x_m: point.x_m, y_m: point.y_m, z_m: point.z_m, intensity, ring }
         };
-        let cloud = points.iter().zip(rings).map(&mut finish).collect();
+        let cloud: Vec<LidarPoint> = points.iter().zip(rings).map(&mut finish).collect();
         if n_outside > 0 {
-            let valid = if factor > 1.0 { "0 to 1" } else { "0 to 255" };
-            notes.tell(format!("intensities lie outside {valid}; they were cut to it"));
+            let sentence = "points have an intensity outside the drive's scale, which was cut to it";
+            notes.tell_share(n_outside, cloud.len(), sentence);
         }
         Ok((ego_from_lidar, cloud))
     }
@@ -140,17 +138,6 @@ impl<'a> CloudMaker<'a> {
         ego_from_lidar * Transform::<Lidar, Lidar>::new(Vector3::zeros(), back)
     }
 
-    fn intensity_factor(&mut self, points: &[RawPoint], notes: &mut Notes) -> f32 {
-        let largest = points.iter().map(|point| point.intensity).fold(0.0, f32::max);
-        let is_unit = *self.is_unit.get_or_insert_with(|| {
-            let is_unit = largest <= 1.0;
-            if is_unit {
-                notes.tell(format!("intensities reach {largest}: taken as 0 to 1 and scaled to 0 to 255"));
-            }
-            is_unit
-        });
-        if is_unit { 255.0 } else { 1.0 }
-    }
 }
 
 /// The points that are there. An error is a sentence.
@@ -161,12 +148,13 @@ fn drop_empty(mut points: Vec<RawPoint>, notes: &mut Notes) -> Result<Vec<RawPoi
     let n_found = points.len();
     points.retain(|point| [point.x_m, point.y_m, point.z_m].iter().all(|part| part.is_finite()));
     if points.len() < n_found {
-        notes.tell("points that are not finite were dropped");
+        notes.tell_share(n_found - points.len(), n_found, "points are not finite and were dropped");
     }
     let n_finite = points.len();
     points.retain(|point| [point.x_m, point.y_m, point.z_m] != [0.0; 3]);
     if points.len() < n_finite {
-        notes.tell("points at the LiDAR's own origin were dropped: they are no returns");
+        let sentence = "points lie at the LiDAR's own origin and were dropped: they are no returns";
+        notes.tell_share(n_finite - points.len(), n_finite, sentence);
     }
     if points.is_empty() {
         return Err(format!("the cloud has {n_found} points, of which none is a return"));

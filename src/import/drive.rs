@@ -3,20 +3,13 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use nalgebra::Isometry3;
-
-use super::cloud::CloudMaker;
 use super::config::GroundSource;
 use super::ground::{fit_ground, median};
-use super::motion::{Motion, signed_s};
-use super::objects::{count_points, truth_of};
-use super::pictures::{is_changed, view_of, virtual_view};
+use super::motion::Motion;
 use super::run::Task;
-use super::state::StateMaker;
-use super::{Drive, DriveFacts, Frame, Ground, ImportError, Notes, RawCamera, odometry};
+use super::samples::SampleMaker;
+use super::{Drive, DriveFacts, Ground, ImportError, Notes, odometry};
 use crate::episode::{EpisodeEntry, EpisodeMeta, EpisodeWriter, LogFacts};
-use crate::geometry::{Ego, Transform, World};
-use crate::sample::{CameraView, Measured, Sample};
 
 /// Frames to which the ground is fitted, spread over the drive.
 const N_GROUND_FRAMES: usize = 10;
@@ -51,15 +44,7 @@ pub(super) fn import_drive(
     methods.extend(facts.methods.iter().map(|(part, sentence)| ((*part).to_owned(), sentence.clone())));
     let ground_z_m = find_ground(&*drive, &chosen, task, &mut methods, notes)?;
 
-    let mut maker = SampleMaker {
-        drive: &*drive,
-        task,
-        motion: &motion,
-        ground_z_m,
-        states: StateMaker::new(&motion, facts, config),
-        clouds: CloudMaker::new(config, &motion, facts.compensated.is_some()),
-        picture: "no picture",
-    };
+    let mut maker = SampleMaker::new(&*drive, config, &motion, ground_z_m);
     let mut writer: Option<EpisodeWriter> = None;
     let mut log = LogFacts {
         format: task.format.name().to_owned(),
@@ -100,7 +85,8 @@ pub(super) fn import_drive(
         }
     }
     let Some(mut writer) = writer else { return Ok(None) };
-    maker.tell_methods(facts, &mut methods);
+    maker.tell_doubts(notes);
+    maker.tell_methods(&mut methods);
     let told: Vec<String> = notes.sentences().collect();
     if !told.is_empty() {
         methods.insert("notes".into(), told.join("; "));
@@ -217,160 +203,4 @@ fn find_ground(
     );
     methods.insert("ground".into(), sentence);
     Ok(z_m)
-}
-
-/// Makes the samples of a drive.
-struct SampleMaker<'a> {
-    drive: &'a dyn Drive,
-    task: &'a Task<'a>,
-    motion: &'a Motion<'a>,
-    ground_z_m: f64,
-    states: StateMaker<'a>,
-    clouds: CloudMaker<'a>,
-    /// How the front picture came about.
-    picture: &'static str,
-}
-
-impl SampleMaker<'_> {
-    /// A sample and the views of further cameras; `None` where a drive with annotations has none.
-    fn sample(
-        &mut self,
-        sample_idx: usize,
-        notes: &mut Notes,
-    ) -> Result<Option<(Sample, Vec<CameraView>)>, ImportError> {
-        let facts = self.drive.facts();
-        let fail = |message: String| ImportError::at(&facts.path, message);
-        let time_ns = self.drive.times_ns()[sample_idx];
-        let mut frame = self.drive.frame(sample_idx, notes)?;
-        if frame.objects.is_none() && facts.is_labelled {
-            return Ok(None);
-        }
-        let world_from_ego = self.world_from_ego(time_ns).map_err(fail)?;
-        // Before the shift to the ground, since the poses are of the importer's ego frame.
-        let points = std::mem::take(&mut frame.points);
-        let (ego_from_lidar, points) =
-            self.clouds.cloud(frame.ego_from_lidar, points, time_ns, notes).map_err(fail)?;
-        frame.ego_from_lidar = ego_from_lidar;
-        self.lower_to_ground(&mut frame);
-        let ego_from_lidar = frame.ego_from_lidar;
-        let truth = match frame.objects.filter(|_| facts.is_labelled) {
-            None => None,
-            Some(objects) => {
-                let mut truth = truth_of(objects, frame.ignored, self.task.config, &facts.path)?;
-                count_points(&mut truth, &ego_from_lidar, &points);
-                Some(truth)
-            }
-        };
-        let front = match &frame.camera {
-            None => virtual_view(),
-            Some(camera) => {
-                self.picture = if is_changed(camera) {
-                    "rectified or packed as JPEG"
-                } else {
-                    "the log's, byte by byte"
-                };
-                self.view(camera, time_ns).map_err(fail)?
-            }
-        };
-        let views = frame.other_cameras.iter().map(|camera| self.view(camera, time_ns));
-        let views = views.collect::<Result<Vec<CameraView>, String>>().map_err(fail)?;
-        let measured = Measured {
-            time_ns,
-            ego_state: self.states.state_at(time_ns),
-            world_from_ego,
-            ego_from_lidar,
-            ego_from_camera: front.ego_from_camera,
-            intrinsics: front.intrinsics,
-            image: front.image,
-            points,
-        };
-        Ok(Some((Sample { measured, truth }, views)))
-    }
-
-    /// Shifts a frame so that the ego's z = 0 is the ground.
-    fn lower_to_ground(&self, frame: &mut Frame) {
-        let lift = self.on_ground_from_ego();
-        frame.ego_from_lidar = lift * frame.ego_from_lidar;
-        for camera in frame.camera.iter_mut().chain(&mut frame.other_cameras) {
-            camera.ego_from_camera = lift * camera.ego_from_camera;
-        }
-        for object in frame.objects.iter_mut().flatten() {
-            object.box_in_ego.center = lift * object.box_in_ego.center;
-        }
-    }
-
-    fn on_ground_from_ego(&self) -> Transform<Ego, Ego> {
-        Transform::from_xyz_yaw(0.0, 0.0, -self.ground_z_m, 0.0)
-    }
-
-    /// The pose of the shifted ego frame. An error is a sentence.
-    fn world_from_ego(&self, time_ns: u64) -> Result<Transform<World, Ego>, String> {
-        if !self.motion.has_poses() {
-            return Ok(Transform::from_isometry(Isometry3::identity()));
-        }
-        let Some(pose) = self.motion.pose_at(time_ns) else {
-            let nearest = self.motion.nearest_pose_ns(time_ns).unwrap_or_default();
-            return Err(format!(
-                "no pose belongs to the sample at {time_ns} ns: the nearest is at {nearest} ns, and at most {} s between them is needed \
-                 (stamp_tolerance_s)",
-                self.task.config.stamp_tolerance_s
-            ));
-        };
-        Ok(pose * self.on_ground_from_ego().inverse())
-    }
-
-    fn view(&self, camera: &RawCamera, time_ns: u64) -> Result<CameraView, String> {
-        let config = self.task.config;
-        let apart_s = signed_s(time_ns, camera.time_ns);
-        if apart_s.abs() > config.stamp_tolerance_s {
-            return Err(format!(
-                "the picture of `{}` was taken at {} ns, {apart_s:.3} s from the sample at {time_ns} ns; at most {} s is needed \
-                 (stamp_tolerance_s)",
-                camera.name, camera.time_ns, config.stamp_tolerance_s
-            ));
-        }
-        view_of(camera, config.jpeg_quality)
-    }
-
-    /// What was found out on the way.
-    fn tell_methods(&self, facts: &DriveFacts, methods: &mut Methods) {
-        for (part, sentence) in &self.states.methods {
-            methods.insert((*part).to_owned(), sentence.clone());
-        }
-        let rings = match &facts.rings {
-            _ if self.clouds.has_ringed => "computed from the points' elevation".to_owned(),
-            Some(sentence) => sentence.clone(),
-            None => "the log's".to_owned(),
-        };
-        let motion = match &facts.compensated {
-            _ if self.clouds.has_moved => "each point moved by the poses to the sample's time".to_owned(),
-            Some(sentence) => sentence.clone(),
-            None => "not compensated: the points have no stamps, or there are no poses".to_owned(),
-        };
-        let is_unit = self.clouds.is_unit == Some(true);
-        let intensity =
-            if is_unit { "0 to 1 in the log, scaled by 255" } else { "0 to 255 in the log, as it is" };
-        let axes = if self.clouds.has_turned {
-            "turned by quarter turns about z, so that x points ahead"
-        } else {
-            "the log's"
-        };
-        let camera = match self.picture {
-            "no picture" => {
-                "none: a black picture of a virtual camera (70 degrees, 800 x 450, at x 1.5 m, z 1.6 m) stands for it"
-            }
-            picture => picture,
-        };
-        let parts = [
-            ("rings", rings.as_str()),
-            ("motion", motion.as_str()),
-            ("intensity", intensity),
-            ("lidar_axes", axes),
-        ];
-        for (part, sentence) in parts {
-            methods.insert(part.to_owned(), sentence.to_owned());
-        }
-        let told = methods.entry("camera".to_owned()).or_default();
-        *told = if told.is_empty() { camera.to_owned() } else { format!("{told}; {camera}") };
-    }
 }

@@ -37,6 +37,16 @@ pub trait Drive {
         None
     }
 
+    /// The file of a sample's cloud, for messages.
+    fn cloud_path(&self, _sample_idx: usize) -> PathBuf {
+        self.facts().path.clone()
+    }
+
+    /// The file of a camera's picture at a sample, for messages.
+    fn picture_path(&self, _sample_idx: usize, _camera: &RawCamera) -> PathBuf {
+        self.facts().path.clone()
+    }
+
     fn odometry(&self) -> &Odometry;
 
     /// Reads the frame of a sample. It is read twice where the pipeline fits the ground first.

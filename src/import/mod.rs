@@ -10,6 +10,7 @@ mod drive;
 mod error;
 mod folder;
 mod ground;
+mod intensity;
 mod kitti;
 mod log;
 mod motion;
@@ -21,6 +22,7 @@ mod pictures;
 mod rectify;
 mod rings;
 mod run;
+mod samples;
 mod state;
 mod tracks;
 

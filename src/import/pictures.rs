@@ -1,4 +1,4 @@
-//! Cameras of an episode from a log's: size against calibration, half a pixel of convention, rectified where the lens bends.
+//! Cameras of an episode from a log's: checked against their calibration, rectified where the lens bends.
 
 use std::io::Cursor;
 
@@ -8,12 +8,14 @@ use nalgebra::Vector3;
 
 use super::rectify::rectify;
 use super::{Distortion, RawCamera, RawImage};
-use crate::geometry::{Camera, Ego, Pinhole, Transform};
+use crate::geometry::{Camera, Ego, Frame as _, Pinhole, Transform};
 use crate::sample::{CameraView, EncodedImage, ImageFormat};
 
 /// The virtual camera of a log without pictures: the simulator's.
 const VIRTUAL_SIZE_PX: [u32; 2] = [800, 450];
 const VIRTUAL_FOV_DEG: f64 = 70.0;
+/// A principal point further than this share of the picture from its middle is told.
+const MAX_OFF_MIDDLE: f64 = 0.25;
 const VIRTUAL_PLACE_M: [f64; 3] = [1.5, 0.0, 1.6];
 
 /// A camera as an episode has it. An error is a sentence: what was found, what would be right.
@@ -80,6 +82,24 @@ fn is_cut(encoded: &EncodedImage) -> bool {
 /// Whether the episode's picture is another than the log's.
 pub(super) fn is_changed(camera: &RawCamera) -> bool {
     camera.distortion != Distortion::None || matches!(camera.image, RawImage::Pixels(_))
+}
+
+/// A sentence on a calibration that is valid and yet hardly right.
+pub(super) fn doubt(view: &CameraView) -> Option<String> {
+    let (name, camera) = (&view.name, &view.intrinsics);
+    let (width_px, height_px) = (f64::from(camera.width_px), f64::from(camera.height_px));
+    let off_x = (camera.cx_px / width_px - 0.5).abs();
+    let off_y = (camera.cy_px / height_px - 0.5).abs();
+    if off_x.max(off_y) > MAX_OFF_MIDDLE {
+        return Some(format!(
+            "the principal point of `{name}`, ({:.0}, {:.0}), is far from the middle of its picture of {width_px} x {height_px} \
+             pixels: the calibration may be for another size",
+            camera.cx_px, camera.cy_px
+        ));
+    }
+    let ahead = view.ego_from_camera.rotate(&Vector3::z()).x;
+    let is_front = name == Camera::NAME;
+    (is_front && ahead < 0.5).then(|| format!("the camera `{name}` does not look ahead; the front camera should"))
 }
 
 /// The black picture of the virtual camera.

@@ -79,7 +79,7 @@ pub fn run(
             let task =
                 Task { log, format, config: &checked, config_toml: &config_toml, out, options, progress };
             let made = import_drive(&task, &drive, &mut notes, &mut skipped);
-            for note in notes.take_new().iter().filter(|note| known.insert((*note).clone())) {
+            for note in notes.take_new().into_iter().filter(|note| known.insert(note.clone())) {
                 let note = format!("{drive}: {note}");
                 tracing::warn!("{note}");
                 told.push(note);

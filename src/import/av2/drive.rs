@@ -141,6 +141,16 @@ impl Drive for SensorLog {
         Some(self.times_ns[sample_idx].to_string())
     }
 
+    fn cloud_path(&self, sample_idx: usize) -> PathBuf {
+        self.folder.join("sensors/lidar").join(format!("{}.feather", self.times_ns[sample_idx]))
+    }
+
+    fn picture_path(&self, _sample_idx: usize, camera: &RawCamera) -> PathBuf {
+        let name = camera.name.replacen("cam_", "ring_", 1);
+        let name = if name == "ring_front" { FRONT.to_owned() } else { name };
+        self.folder.join("sensors/cameras").join(name).join(format!("{}.jpg", camera.time_ns))
+    }
+
     fn odometry(&self) -> &Odometry {
         &self.odometry
     }
@@ -148,7 +158,7 @@ impl Drive for SensorLog {
     fn frame(&self, sample_idx: usize, _notes: &mut Notes) -> Result<Frame, ImportError> {
         let time_ns = self.times_ns[sample_idx];
         let points =
-            read_sweep(&self.folder.join("sensors/lidar").join(format!("{time_ns}.feather")), self.mount_m)?;
+            read_sweep(&self.cloud_path(sample_idx), self.mount_m)?;
         let mut camera = None;
         let mut other_cameras = Vec::new();
         for (name, times_ns) in &self.cameras {

@@ -90,7 +90,7 @@ fn pictures_are_taken_with_their_calibration_and_checked_against_it() {
     import(&source, &out).unwrap();
     let reader = EpisodeReader::open(&out.join("episodes/some-log.mcap")).unwrap();
     let measured = reader.sample(0).unwrap().measured;
-    assert_eq!((measured.intrinsics.width_px, measured.intrinsics.cx_px), (1550, 775.0));
+    assert_eq!((measured.intrinsics.width_px, measured.intrinsics.cx_px), (1550, 774.5));
     assert!((measured.ego_from_lidar.isometry.translation.x - 1.3).abs() < 1e-9);
     cameras(&source, 1, [800, 600]);
     let told = import(&source, &root.path().join("other")).unwrap_err().to_string();

@@ -18,12 +18,14 @@ pub(super) struct Calibration {
     /// Of cameras 0 to 3, row by row; `None` where the file lacks one.
     projections: [Option<[f64; 12]>; 4],
     pub(super) velo_from_imu: Option<Isometry3<f64>>,
+    /// The file, for messages.
+    path: PathBuf,
 }
 
 /// One camera after rectification.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct RectifiedCamera {
-    /// Row by row; pixel centres at whole numbers.
+    /// Row by row, digit for digit.
     pub(super) k: [f64; 9],
     /// From the rectified camera 0 to this one: its baseline, which the projection's last column holds, and in exports of pitched cameras a
     /// turn.
@@ -46,7 +48,7 @@ impl Calibration {
             }
         }
         let rect_from_velo = Isometry3::from_parts(Translation3::identity(), rect) * velo_to_cam;
-        Ok(Self { rect_from_velo, projections, velo_from_imu })
+        Ok(Self { rect_from_velo, projections, velo_from_imu, path: path.to_owned() })
     }
 
     /// Reads the three files of a raw recording's date.
@@ -66,12 +68,13 @@ impl Calibration {
             rect_from_velo: Isometry3::from_parts(Translation3::identity(), rect) * velo.pose()?,
             projections,
             velo_from_imu: Some(imu.pose()?),
+            path: cameras.path,
         })
     }
 
     /// A camera by its number.
-    pub(super) fn camera(&self, camera: usize, path: &Path) -> Result<RectifiedCamera, ImportError> {
-        let fail = |message: String| ImportError::at(path, message);
+    pub(super) fn camera(&self, camera: usize) -> Result<RectifiedCamera, ImportError> {
+        let fail = |message: String| ImportError::at(&self.path, message);
         let projection = self.projections.get(camera).copied().flatten();
         let p = projection
             .ok_or_else(|| fail(format!("the calibration has no row `P{camera}`; it is needed")))?;
@@ -196,7 +199,7 @@ Tr_velo_to_cam: 0 -1 0 0.01 0 0 -1 -0.08 1 0 0 -0.27
     #[test]
     fn the_baseline_of_the_projection_is_kept() {
         let calibration = read(TEXT).unwrap();
-        let camera = calibration.camera(2, Path::new("calib")).unwrap();
+        let camera = calibration.camera(2).unwrap();
         let point = Vector3::new(3.0, 1.0, 20.0);
         let moved = camera.camera_from_rect * nalgebra::Point3::from(point);
         let (u, v) = (700.0 * moved.x / moved.z + 600.0, 700.0 * moved.y / moved.z + 180.0);
@@ -204,7 +207,7 @@ Tr_velo_to_cam: 0 -1 0 0.01 0 0 -1 -0.08 1 0 0 -0.27
         let (wanted_u, wanted_v) =
             ((700.0 * 3.0 + 600.0 * 20.0 + 45.0) / z, (700.0 + 180.0 * 20.0 - 0.35) / z);
         assert!((u - wanted_u).abs() < 1e-9 && (v - wanted_v).abs() < 1e-9, "{u} {v}");
-        assert!(calibration.camera(3, Path::new("calib")).unwrap_err().to_string().contains("`P3`"));
+        assert!(calibration.camera(3).unwrap_err().to_string().contains("`P3`"));
     }
 
     #[test]

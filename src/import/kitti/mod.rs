@@ -52,7 +52,7 @@ pub fn open_kitti(source: &Path, config: &ImportConfig) -> Result<KittiLog, Impo
     for folder in sets.into_iter().filter(|folder| is_set(folder)) {
         let prefix = if folder.ends_with("testing") { "kitti-testing" } else { "kitti" };
         let is_tracking = tracking::is_tracking(&folder);
-        for stem in entries(&folder.join("calib"), "txt")? {
+        for stem in stems_of(&folder, is_tracking)? {
             if is_tracking {
                 names.push(format!("{prefix}-tracking-{stem}"));
                 places.push(Place::Tracking { folder: folder.clone(), sequence: stem });
@@ -74,6 +74,22 @@ pub fn open_kitti(source: &Path, config: &ImportConfig) -> Result<KittiLog, Impo
         return Err(ImportError::at(source, message));
     }
     Ok(KittiLog { rig, names, places })
+}
+
+/// The frames or sequences of a set: what any of its folders knows, so that a missing file is told and not passed over.
+fn stems_of(folder: &Path, is_tracking: bool) -> Result<Vec<String>, ImportError> {
+    let parts: &[(&str, &str)] = if is_tracking {
+        &[("calib", "txt"), ("oxts", "txt"), ("label_02", "txt")]
+    } else {
+        &[("velodyne", "bin"), ("calib", "txt"), ("label_2", "txt"), ("image_2", "png"), ("image_2", "jpg")]
+    };
+    let mut stems = Vec::new();
+    for (part, suffix) in parts.iter().filter(|(part, _)| folder.join(part).is_dir()) {
+        stems.extend(entries(&folder.join(part), suffix)?);
+    }
+    stems.sort();
+    stems.dedup();
+    Ok(stems)
 }
 
 /// The stems of a folder's files with a suffix, sorted.
@@ -103,7 +119,8 @@ impl Log for KittiLog {
                 Box::new(SequenceDrive::new(tracking::read_sequence(folder, sequence, &self.rig)?, &self.rig))
             }
             Place::Raw { drive } => {
-                Box::new(SequenceDrive::new(raw::read_drive(drive, &self.rig)?, &self.rig))
+                let rig = self.rig.along_velodyne();
+                Box::new(SequenceDrive::new(raw::read_drive(drive, &rig)?, &rig))
             }
         })
     }

@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use super::calib::Calibration;
 use super::exported::{ExportedState, read_rings};
 use super::label::read_object_labels;
-use super::rig::{FRONT, Rig, picture_path};
+use super::rig::{FRONT, Mounting, Rig, picture_path};
 use super::scan::{Stamps, read_scan};
 use crate::episode::MapDrawing;
-use crate::import::{Drive, DriveFacts, Frame, Ground, ImportError, Notes, Odometry};
+use crate::import::{Drive, DriveFacts, Frame, Ground, ImportError, Notes, Odometry, RawCamera};
 
 /// The stamps are made up, since the set has none: seconds from 26 September 2011, when KITTI's first drives were recorded.
 const FIRST_NS: u64 = 1_316_995_200_000_000_000;
@@ -40,7 +40,7 @@ impl ObjectDrive {
         let mut methods = vec![("velocity", "of objects unknown: single frames".to_owned())];
         let mut rig = rig.clone();
         if let Some(state) = &state {
-            rig.ego_from_velo = state.ego_from_lidar();
+            rig.mounting = Mounting::Stated(state.ego_from_lidar());
         } else {
             methods.push(("time", "made up: the set has no stamps".to_owned()));
             methods.push((
@@ -48,6 +48,7 @@ impl ObjectDrive {
                 "the left colour camera, rectified by KITTI, with its baseline to camera 0".to_owned(),
             ));
         }
+        methods.push(rig.axes());
         let rings = if state.is_some() {
             "as exported, from ring"
         } else {
@@ -95,6 +96,14 @@ impl Drive for ObjectDrive {
         Some(self.stem.clone())
     }
 
+    fn cloud_path(&self, _sample_idx: usize) -> PathBuf {
+        self.folder.join("velodyne").join(format!("{}.bin", self.stem))
+    }
+
+    fn picture_path(&self, _sample_idx: usize, _camera: &RawCamera) -> PathBuf {
+        picture_path(&self.folder.join(format!("image_{FRONT}")), &self.stem)
+    }
+
     fn odometry(&self) -> &Odometry {
         &self.odometry
     }
@@ -119,7 +128,7 @@ impl Drive for ObjectDrive {
             objects = Some(boxes.map(|row| row.object(&ego_from_rect, [f64::NAN; 2])).collect());
         }
         Ok(Frame {
-            ego_from_lidar: self.rig.ego_from_lidar(),
+            ego_from_lidar: self.rig.ego_from_lidar(&self.calibration),
             points,
             camera: Some(view(FRONT)?),
             other_cameras: self

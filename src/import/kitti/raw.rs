@@ -40,7 +40,7 @@ pub(super) fn read_drive(drive: &Path, rig: &Rig) -> Result<Parts, ImportError> 
     }
     let tracklets = drive.join("tracklet_labels.xml");
     let annotated = if tracklets.is_file() {
-        Some(read_tracklets(&tracklets, &rig.ego_from_velo, frames.len())?)
+        Some(read_tracklets(&tracklets, &rig.ego_from_velo(&calibration), frames.len())?)
     } else {
         None
     };

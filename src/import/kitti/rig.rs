@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use nalgebra::{Isometry3, Translation3};
+use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion};
 
 use super::calib::Calibration;
 use crate::geometry::{Camera, Ego, Lidar, Transform};
@@ -13,10 +13,21 @@ use crate::sample::{EncodedImage, ImageFormat};
 /// The left colour camera, which labels are for.
 pub(super) const FRONT: usize = 2;
 
+/// How the ego's axes lie against the sensors: KITTI states no tilt of the car against either, and they differ by up to a degree.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Mounting {
+    /// The rectified camera's axes, about which the labels of the object and tracking sets are upright; the Velodyne is at this place.
+    Camera([f64; 3]),
+    /// The Velodyne's axes, about which the tracklets of raw recordings are upright; it is at this place.
+    Velodyne([f64; 3]),
+    /// As an export of this program states it.
+    Stated(Isometry3<f64>),
+}
+
 /// What of the config the readers need.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Rig {
-    pub(super) ego_from_velo: Isometry3<f64>,
+    pub(super) mounting: Mounting,
     /// Numbers of further cameras.
     pub(super) other_cameras: Vec<usize>,
 }
@@ -34,19 +45,48 @@ impl Rig {
             number.ok_or_else(|| ImportError::at(source, message()))
         };
         let other_cameras = config.cameras.iter().map(number).collect::<Result<_, _>>()?;
-        let [x, y, z] = config.lidar_mount_m;
-        Ok(Self {
-            ego_from_velo: Isometry3::from_parts(Translation3::new(x, y, z), Default::default()),
-            other_cameras,
-        })
+        Ok(Self { mounting: Mounting::Camera(config.lidar_mount_m), other_cameras })
     }
 
-    pub(super) fn ego_from_lidar(&self) -> Transform<Ego, Lidar> {
-        Transform::from_isometry(self.ego_from_velo)
+    /// The same rig with the Velodyne's axes for the ego.
+    pub(super) fn along_velodyne(&self) -> Self {
+        let mounting = match self.mounting {
+            Mounting::Camera(place_m) => Mounting::Velodyne(place_m),
+            other => other,
+        };
+        Self { mounting, ..self.clone() }
+    }
+
+    pub(super) fn ego_from_velo(&self, calibration: &Calibration) -> Isometry3<f64> {
+        match self.mounting {
+            Mounting::Camera([x, y, z]) => {
+                // x ahead is the camera's z, y to the left its -x, z up its -y.
+                let axes = Matrix3::new(0.0, 0.0, 1.0, -1.0, 0.0, 0.0, 0.0, -1.0, 0.0);
+                let axes = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes));
+                let rotation = axes * calibration.rect_from_velo.rotation;
+                Isometry3::from_parts(Translation3::new(x, y, z), rotation)
+            }
+            Mounting::Velodyne([x, y, z]) => Isometry3::translation(x, y, z),
+            Mounting::Stated(ego_from_velo) => ego_from_velo,
+        }
+    }
+
+    pub(super) fn ego_from_lidar(&self, calibration: &Calibration) -> Transform<Ego, Lidar> {
+        Transform::from_isometry(self.ego_from_velo(calibration))
     }
 
     pub(super) fn ego_from_rect(&self, calibration: &Calibration) -> Isometry3<f64> {
-        self.ego_from_velo * calibration.rect_from_velo.inverse()
+        self.ego_from_velo(calibration) * calibration.rect_from_velo.inverse()
+    }
+
+    /// A sentence on the ego's axes.
+    pub(super) fn axes(&self) -> (&'static str, String) {
+        let sentence = match self.mounting {
+            Mounting::Camera(_) => "the rectified camera's, about which the labels are upright",
+            Mounting::Velodyne(_) => "the Velodyne's, about which the tracklets are upright",
+            Mounting::Stated(_) => "as exported",
+        };
+        ("ego_axes", sentence.to_owned())
     }
 
     pub(super) fn ground() -> Ground {
@@ -62,7 +102,7 @@ impl Rig {
         picture: &Path,
         time_ns: u64,
     ) -> Result<RawCamera, ImportError> {
-        let camera = calibration.camera(number, picture)?;
+        let camera = calibration.camera(number)?;
         let rect_from_camera = camera.camera_from_rect.inverse();
         let ego_from_camera = self.ego_from_rect(calibration) * rect_from_camera;
         let is_png = picture.extension().is_some_and(|suffix| suffix == "png");

@@ -12,7 +12,7 @@ use super::scan::{Stamps, read_scan};
 use crate::episode::MapDrawing;
 use crate::import::motion::Motion;
 use crate::import::tracks::Tracks;
-use crate::import::{Drive, DriveFacts, Frame, ImportError, Notes, Odometry, RawObject};
+use crate::import::{Drive, DriveFacts, Frame, ImportError, Notes, Odometry, RawCamera, RawObject};
 use crate::sample::IgnoredRegion;
 
 /// What is annotated in a frame.
@@ -56,7 +56,7 @@ impl SequenceDrive {
         let times_ns: Vec<u64> = parts.frames.iter().map(|(_, time_ns)| *time_ns).collect();
         let odometry = match parts.calibration.velo_from_imu {
             Some(velo_from_imu) => {
-                let ego_from_imu: Isometry3<f64> = rig.ego_from_velo * velo_from_imu;
+                let ego_from_imu: Isometry3<f64> = rig.ego_from_velo(&parts.calibration) * velo_from_imu;
                 odometry_of(&parts.packets, &ego_from_imu.inverse())
             }
             None => Odometry::default(),
@@ -69,6 +69,7 @@ impl SequenceDrive {
             "camera",
             "the left colour camera, rectified by KITTI, with its baseline to camera 0".to_owned(),
         ));
+        methods.push(rig.axes());
         methods.push(("velocity", "of objects from their places in neighbouring frames".to_owned()));
         let facts = DriveFacts {
             path: parts.path.clone(),
@@ -119,6 +120,14 @@ impl Drive for SequenceDrive {
         Some(self.parts.frames[sample_idx].0.clone())
     }
 
+    fn cloud_path(&self, sample_idx: usize) -> PathBuf {
+        self.parts.clouds.join(format!("{}.bin", self.parts.frames[sample_idx].0))
+    }
+
+    fn picture_path(&self, sample_idx: usize, _camera: &RawCamera) -> PathBuf {
+        picture_path(&(self.parts.pictures)(&self.parts, FRONT), &self.parts.frames[sample_idx].0)
+    }
+
     fn odometry(&self) -> &Odometry {
         &self.odometry
     }
@@ -140,7 +149,7 @@ impl Drive for SequenceDrive {
             None => (None, Vec::new()),
         };
         Ok(Frame {
-            ego_from_lidar: rig.ego_from_lidar(),
+            ego_from_lidar: rig.ego_from_lidar(&parts.calibration),
             points,
             camera: Some(view(FRONT)?),
             other_cameras: rig.other_cameras.iter().map(|&number| view(number)).collect::<Result<_, _>>()?,

@@ -31,7 +31,7 @@ fn an_object_frame_becomes_an_episode_with_its_box_region_camera_and_rings() {
     assert!(truth.objects[0].n_lidar_points.unwrap() > 0 && truth.objects[1].is_ood());
     assert!(matches!(truth.ignored[..], [IgnoredRegion::Image { left_px: 503.89, .. }]));
     let measured = sample.measured;
-    assert_eq!((measured.intrinsics.cx_px, measured.intrinsics.fx_px), (600.5, 700.0));
+    assert_eq!((measured.intrinsics.cx_px, measured.intrinsics.fx_px), (600.0, 700.0));
     // The baseline: (45 - 600 * 0.005) / 700 to the left of camera 0.
     let camera_y_m = measured.ego_from_camera.isometry.translation.y;
     assert!((camera_y_m - 42.0 / 700.0).abs() < 1e-9, "{camera_y_m}");
@@ -117,7 +117,7 @@ fn replace(path: &Path, from: &str, to: &str) {
     fs::write(path, text.replacen(from, to, 1)).unwrap();
 }
 
-const DAMAGES: [Damage; 14] = [
+const DAMAGES: [Damage; 15] = [
     ("cut cloud", |set| cut(&set.join("velodyne/000000.bin"), 100_003), "no multiple of 16"),
     ("no cloud", |set| fs::remove_file(set.join("velodyne/000000.bin")).unwrap(), "is missing"),
     ("empty cloud", |set| cut(&set.join("velodyne/000000.bin"), 0), "no points"),
@@ -125,6 +125,7 @@ const DAMAGES: [Damage; 14] = [
     ("cut picture", |set| cut(&set.join("image_2/000000.png"), 300), "torn"),
     ("no picture", |set| fs::remove_file(set.join("image_2/000000.png")).unwrap(), "is missing"),
     ("no projection", |set| replace(&set.join("calib/000000.txt"), "P2:", "P9:"), "no row `P2`"),
+    ("no calibration", |set| fs::remove_file(set.join("calib/000000.txt")).unwrap(), "is missing"),
     ("no mounting", |set| replace(&set.join("calib/000000.txt"), "Tr_velo_to_cam:", "Tr:"), "lacks `Tr_velo_to_cam`"),
     ("short calibration", |set| cut(&set.join("calib/000000.txt"), 40), "P2"),
     ("swapped axes", |set| replace(&set.join("calib/000000.txt"), "0 -1 0 0.0 0 0 -1 -0.08 1 0 0", "1 0 0 0.0 0 1 0 -0.08 0 0 1"), "optical axes"),
