@@ -34,6 +34,8 @@ pub struct EpisodeWriter {
     /// Cameras beside the front one, in the order in which they are written.
     cameras: Vec<String>,
     map: MapDrawing,
+    /// Of a log, for the record `scene-info`.
+    description: String,
     n_objects: ObjectCounts,
 }
 
@@ -87,6 +89,7 @@ impl EpisodeWriter {
             log: log.cloned(),
             cameras: cameras.to_vec(),
             map: map.clone(),
+            description: log.map(|log| format!("{} {}", log.format, log.drive)).unwrap_or_default(),
             n_objects: ObjectCounts::default(),
         })
     }
@@ -153,8 +156,10 @@ impl EpisodeWriter {
     }
 
     /// Replaces the facts of a log, of which some are known only when all of it was read. What is annotated stays.
-    pub fn set_log(&mut self, log: &LogFacts) {
+    /// The description is a sentence for the record `scene-info`.
+    pub fn set_log(&mut self, log: &LogFacts, description: &str) {
         self.log = Some(log.clone());
+        description.clone_into(&mut self.description);
     }
 
     /// Whether a reader will accept the sample.
@@ -196,11 +201,7 @@ impl EpisodeWriter {
             }
             Some(log) => {
                 meta.ood = self.n_objects.ood.values().into_iter().any(|n_objects| *n_objects > 0);
-                let description = log.methods.get("description").cloned();
-                (
-                    description.unwrap_or_else(|| format!("{} {}", log.format, log.drive)),
-                    format!("{} ego", log.format),
-                )
+                (self.description, format!("{} ego", log.format))
             }
         };
         let scene = [

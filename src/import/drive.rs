@@ -40,7 +40,6 @@ pub(super) fn import_drive(
     odometry::check(&motion, drive.times_ns(), wheelbase_m, notes);
     let chosen: Vec<usize> = (0..drive.times_ns().len()).step_by(config.every as usize).collect();
     let mut methods = Methods::new();
-    methods.insert("description".into(), facts.description.clone());
     methods.extend(facts.methods.iter().map(|(part, sentence)| ((*part).to_owned(), sentence.clone())));
     let ground_z_m = find_ground(&*drive, &chosen, task, &mut methods, notes)?;
 
@@ -92,7 +91,7 @@ pub(super) fn import_drive(
         methods.insert("notes".into(), told.join("; "));
     }
     (log.methods, log.sample_names) = (methods, sample_names);
-    writer.set_log(&log);
+    writer.set_log(&log, &facts.description);
     let finished = writer.finish()?;
     let ood = finished.n_objects.ood.values().into_iter().any(|n| *n > 0);
     Ok(Some(EpisodeEntry {

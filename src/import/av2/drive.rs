@@ -80,7 +80,10 @@ impl SensorLog {
                 }
             }
         }
-        methods.push(("camera", format!("`{FRONT}`, of which the logs' pictures are free of distortion")));
+        if cameras.iter().any(|(name, _)| name == FRONT) {
+            let sentence = format!("`{FRONT}`, of which the logs' pictures are free of distortion");
+            methods.push(("camera", sentence));
+        }
         let (map, city) = read_map(folder)?.unwrap_or((MapDrawing::default(), None));
         let facts = DriveFacts {
             path: folder.to_owned(),
