@@ -137,7 +137,6 @@ impl<'a> CloudMaker<'a> {
         let back = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), back_rad);
         ego_from_lidar * Transform::<Lidar, Lidar>::new(Vector3::zeros(), back)
     }
-
 }
 
 /// The points that are there. An error is a sentence.

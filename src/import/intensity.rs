@@ -52,7 +52,9 @@ impl Scale {
             _ if largest <= 1.0 => Self::Unit,
             _ if largest <= 255.0 => Self::Byte,
             _ if largest <= 65_535.0 => Self::Word,
-            _ => return Err(format!("intensities reach {largest}; 0 to 1, 0 to 255 or 0 to 65535 are known")),
+            _ => {
+                return Err(format!("intensities reach {largest}; 0 to 1, 0 to 255 or 0 to 65535 are known"));
+            }
         };
         let is_expected = match expected {
             IntensityScale::Auto => scale == Self::Byte,

@@ -99,7 +99,8 @@ pub(super) fn doubt(view: &CameraView) -> Option<String> {
     }
     let ahead = view.ego_from_camera.rotate(&Vector3::z()).x;
     let is_front = name == Camera::NAME;
-    (is_front && ahead < 0.5).then(|| format!("the camera `{name}` does not look ahead; the front camera should"))
+    (is_front && ahead < 0.5)
+        .then(|| format!("the camera `{name}` does not look ahead; the front camera should"))
 }
 
 /// The black picture of the virtual camera.

@@ -155,8 +155,7 @@ impl<'a> SampleMaker<'a> {
         sample_idx: usize,
         notes: &mut Notes,
     ) -> Result<CameraView, ImportError> {
-        let fail =
-            |message: String| ImportError::at(&self.drive.picture_path(sample_idx, camera), message);
+        let fail = |message: String| ImportError::at(&self.drive.picture_path(sample_idx, camera), message);
         let (name, time_ns) = (&camera.name, self.drive.times_ns()[sample_idx]);
         let (apart_s, most_s) = (signed_s(time_ns, camera.time_ns), self.config.stamp_tolerance_s);
         if apart_s.abs() > most_s {

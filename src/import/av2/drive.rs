@@ -160,8 +160,7 @@ impl Drive for SensorLog {
 
     fn frame(&self, sample_idx: usize, _notes: &mut Notes) -> Result<Frame, ImportError> {
         let time_ns = self.times_ns[sample_idx];
-        let points =
-            read_sweep(&self.cloud_path(sample_idx), self.mount_m)?;
+        let points = read_sweep(&self.cloud_path(sample_idx), self.mount_m)?;
         let mut camera = None;
         let mut other_cameras = Vec::new();
         for (name, times_ns) in &self.cameras {

@@ -8,8 +8,8 @@ use half::f16;
 use image::{ImageFormat, RgbImage};
 use polars_arrow_format::ipc::planus::Builder;
 use polars_arrow_format::ipc::{
-    Block, BodyCompression, BodyCompressionMethod, Buffer, CompressionType, Field, FieldNode, FloatingPoint, Footer,
-    Int, Message, MessageHeader, MetadataVersion, Precision, RecordBatch, Schema, Type, Utf8,
+    Block, BodyCompression, BodyCompressionMethod, Buffer, CompressionType, Field, FieldNode, FloatingPoint,
+    Footer, Int, Message, MessageHeader, MetadataVersion, Precision, RecordBatch, Schema, Type, Utf8,
 };
 
 /// A column to write.
@@ -77,7 +77,8 @@ pub(super) fn feather(columns: &[(&str, Made)], is_packed: bool) -> Vec<u8> {
         }
     }
     let method = BodyCompressionMethod::Buffer;
-    let compression = is_packed.then(|| Box::new(BodyCompression { codec: CompressionType::Lz4Frame, method }));
+    let compression =
+        is_packed.then(|| Box::new(BodyCompression { codec: CompressionType::Lz4Frame, method }));
     let length = columns.first().map_or(0, |(_, column)| column.n_rows()) as i64;
     let batch = RecordBatch {
         length,
@@ -219,7 +220,9 @@ pub(super) fn cameras(folder: &Path, n_sweeps: i64, size_px: [u32; 2]) {
     ];
     write(folder.join("calibration/intrinsics.feather"), &feather(&lens, true));
     let mut picture = Vec::new();
-    RgbImage::new(size_px[0], size_px[1]).write_to(&mut Cursor::new(&mut picture), ImageFormat::Jpeg).unwrap();
+    RgbImage::new(size_px[0], size_px[1])
+        .write_to(&mut Cursor::new(&mut picture), ImageFormat::Jpeg)
+        .unwrap();
     for i in 0..n_sweeps {
         let time_ns = FIRST_NS + i * 100_000_000 + 20_000_000;
         write(folder.join(format!("sensors/cameras/ring_front_center/{time_ns}.jpg")), &picture);

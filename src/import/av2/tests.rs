@@ -68,10 +68,12 @@ fn a_log_without_pictures_gets_the_virtual_camera_the_fitted_ground_and_velociti
     let sample = reader.sample(2).unwrap();
     let measured = &sample.measured;
     assert!((measured.ego_state.speed_mps - 10.0).abs() < 1e-6, "{:?}", measured.ego_state);
-    let (lidar, pose) = (measured.ego_from_lidar.isometry.translation, measured.world_from_ego.isometry.translation);
+    let (lidar, pose) =
+        (measured.ego_from_lidar.isometry.translation, measured.world_from_ego.isometry.translation);
     assert!((lidar.z - 1.64 - 0.33).abs() < 1e-3 && (pose.z + 0.33).abs() < 1e-3, "{lidar} {pose}");
     assert_eq!(measured.intrinsics.width_px, 800);
-    let lowest_m = measured.points.iter().map(|point| f64::from(point.z_m) + lidar.z).fold(f64::MAX, f64::min);
+    let lowest_m =
+        measured.points.iter().map(|point| f64::from(point.z_m) + lidar.z).fold(f64::MAX, f64::min);
     assert!(lowest_m.abs() < 1e-3, "{lowest_m}");
     let objects = sample.objects();
     assert_eq!(objects[0].id.as_deref(), Some("car"));

@@ -92,11 +92,13 @@ pub(super) fn raw_drive(root: &Path, n_frames: usize) {
     let date = root.join("2011_09_26");
     let drive = date.join("2011_09_26_drive_0001_sync");
     let project = CALIBRATION.lines().next().unwrap().trim_start_matches("P2:");
-    let cameras = format!("calib_time: 09-Jan-2012 13:57:47\nR_rect_00: 1 0 0 0 1 0 0 0 1\nP_rect_02:{project}\n");
+    let cameras =
+        format!("calib_time: 09-Jan-2012 13:57:47\nR_rect_00: 1 0 0 0 1 0 0 0 1\nP_rect_02:{project}\n");
     write(date.join("calib_cam_to_cam.txt"), cameras);
     write(date.join("calib_velo_to_cam.txt"), "R: 0 -1 0 0 0 -1 1 0 0\nT: 0 -0.08 -0.27\n");
     write(date.join("calib_imu_to_velo.txt"), "R: 1 0 0 0 1 0 0 0 1\nT: -0.81 0 -0.8\n");
-    let stamps: Vec<String> = (0..n_frames).map(|i| format!("2011-09-26 13:02:{:02}.{}00000000", 25 + i / 10, i % 10)).collect();
+    let stamps: Vec<String> =
+        (0..n_frames).map(|i| format!("2011-09-26 13:02:{:02}.{}00000000", 25 + i / 10, i % 10)).collect();
     for folder in ["velodyne_points", "image_02", "oxts"] {
         write(drive.join(folder).join("timestamps.txt"), stamps.join("\n"));
     }

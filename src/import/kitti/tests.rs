@@ -121,15 +121,37 @@ const DAMAGES: [Damage; 15] = [
     ("cut cloud", |set| cut(&set.join("velodyne/000000.bin"), 100_003), "no multiple of 16"),
     ("no cloud", |set| fs::remove_file(set.join("velodyne/000000.bin")).unwrap(), "is missing"),
     ("empty cloud", |set| cut(&set.join("velodyne/000000.bin"), 0), "no points"),
-    ("cloud of zeros", |set| fs::write(set.join("velodyne/000000.bin"), [0; 1600]).unwrap(), "none is a return"),
+    (
+        "cloud of zeros",
+        |set| fs::write(set.join("velodyne/000000.bin"), [0; 1600]).unwrap(),
+        "none is a return",
+    ),
     ("cut picture", |set| cut(&set.join("image_2/000000.png"), 300), "torn"),
     ("no picture", |set| fs::remove_file(set.join("image_2/000000.png")).unwrap(), "is missing"),
     ("no projection", |set| replace(&set.join("calib/000000.txt"), "P2:", "P9:"), "no row `P2`"),
     ("no calibration", |set| fs::remove_file(set.join("calib/000000.txt")).unwrap(), "is missing"),
-    ("no mounting", |set| replace(&set.join("calib/000000.txt"), "Tr_velo_to_cam:", "Tr:"), "lacks `Tr_velo_to_cam`"),
+    (
+        "no mounting",
+        |set| replace(&set.join("calib/000000.txt"), "Tr_velo_to_cam:", "Tr:"),
+        "lacks `Tr_velo_to_cam`",
+    ),
     ("short calibration", |set| cut(&set.join("calib/000000.txt"), 40), "P2"),
-    ("swapped axes", |set| replace(&set.join("calib/000000.txt"), "0 -1 0 0.0 0 0 -1 -0.08 1 0 0", "1 0 0 0.0 0 1 0 -0.08 0 0 1"), "optical axes"),
-    ("mirrored mounting", |set| replace(&set.join("calib/000000.txt"), "0 -1 0 0.0", "0 1 0 0.0"), "no rotation"),
+    (
+        "swapped axes",
+        |set| {
+            replace(
+                &set.join("calib/000000.txt"),
+                "0 -1 0 0.0 0 0 -1 -0.08 1 0 0",
+                "1 0 0 0.0 0 1 0 -0.08 0 0 1",
+            )
+        },
+        "optical axes",
+    ),
+    (
+        "mirrored mounting",
+        |set| replace(&set.join("calib/000000.txt"), "0 -1 0 0.0", "0 1 0 0.0"),
+        "no rotation",
+    ),
     ("short label", |set| replace(&set.join("label_2/000000.txt"), " 20.00 ", " "), "15 columns"),
     ("label of nan", |set| replace(&set.join("label_2/000000.txt"), "1.65 20.00", "nan 20.00"), "finite"),
     ("foreign category", |set| replace(&set.join("label_2/000000.txt"), "Car", "Zebra"), "`Zebra`"),
@@ -167,7 +189,8 @@ fn a_sequence_with_a_hole_in_its_poses_or_labels_beyond_its_end_is_told() {
     };
     let said = told(&late);
     assert!(said.contains("no pose belongs to the sample at 1317042145000000000 ns"), "{said}");
-    let short = |drive: &Path| fs::write(drive.join("image_02/timestamps.txt"), "2011-09-26 13:02:25.0\n").unwrap();
+    let short =
+        |drive: &Path| fs::write(drive.join("image_02/timestamps.txt"), "2011-09-26 13:02:25.0\n").unwrap();
     assert!(told(&short).contains("1 stamps of pictures and 4 of clouds"));
     let shifted = |drive: &Path| {
         let stamps = (0..4).map(|i| format!("2011-09-26 13:02:25.{}7\n", i)).collect::<String>();
