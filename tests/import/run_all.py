@@ -92,6 +92,7 @@ def check_nuscenes_import(runner: Runner) -> None:
         runner.script("check_nuscenes_import.py", source, out, "--truth", source / "truth.json"),
         makes=(source, out),
     )
+    runner.run("killed and gone on", runner.script("check_resume.py", runner.program, "nuscenes", source))
 
 
 def check_ros2(runner: Runner, samples: Path) -> None:
