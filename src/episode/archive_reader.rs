@@ -257,7 +257,7 @@ impl SampleMessages<'_> {
 }
 
 /// The index of a file.
-fn read_summary(path: &Path) -> Result<mcap::Summary, EpisodeError> {
+pub(super) fn read_summary(path: &Path) -> Result<mcap::Summary, EpisodeError> {
     let damaged = |source| EpisodeError::Damaged { source, path: path.to_owned() };
     let mut file = fs::File::open(path)?;
     let n_bytes = file.metadata()?.len();
@@ -290,7 +290,7 @@ fn read_summary(path: &Path) -> Result<mcap::Summary, EpisodeError> {
 /// Hands over each record of a part of the file, and for a chunk those inside it once its CRC holds.
 ///
 /// The crate's `IndexedReader` would find the chunks by itself, but it never sees a chunk's CRC.
-fn read_records(
+pub(super) fn read_records(
     path: &Path,
     begin: u64,
     n_bytes: u64,

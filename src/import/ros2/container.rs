@@ -1,0 +1,198 @@
+//! Which files a bag consists of, and what other containers there are, with the tool that converts each.
+
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use fs_err as fs;
+
+use crate::import::ImportError;
+
+const MCAP_MAGIC: &[u8] = b"\x89MCAP";
+const ROS1_MAGIC: &[u8] = b"#ROSBAG";
+const SQLITE_MAGIC: &[u8] = b"SQLite format 3";
+const ZSTD_MAGIC: &[u8] = b"\x28\xb5\x2f\xfd";
+
+/// What stands in `metadata.yaml`, as far as a reader of MCAP files needs it.
+#[derive(Debug, Clone, Default, PartialEq)]
+struct BagMetadata {
+    storage: String,
+    compression_mode: String,
+    files: Vec<String>,
+}
+
+/// The MCAP files of a bag in their order.
+///
+/// # Errors
+/// There is none, one is missing, or the bag is of another container.
+pub(super) fn mcap_files(path: &Path) -> Result<Vec<PathBuf>, ImportError> {
+    if !is_folder(path) {
+        check_magic(path)?;
+        return Ok(vec![path.to_owned()]);
+    }
+    let metadata_path = path.join("metadata.yaml");
+    if !metadata_path.exists() {
+        let files = files_ending_in(path, "mcap")?;
+        if files.is_empty() {
+            for other in files_ending_in(path, "db3")?.into_iter().chain(files_ending_in(path, "bag")?) {
+                check_magic(&other)?;
+            }
+            let message = "the folder is no ROS 2 bag: it has neither `metadata.yaml` nor an .mcap file";
+            return Err(ImportError::at(path, message));
+        }
+        return Ok(files);
+    }
+    let text = crate::import::error::read_text(&metadata_path)?;
+    let metadata = BagMetadata::parse(&text);
+    if metadata.storage == "sqlite3" {
+        return Err(sqlite(path));
+    }
+    match metadata.compression_mode.to_lowercase().as_str() {
+        "" | "none" | "storage" => {}
+        "file" => {
+            let message = "the bag's files are compressed as a whole; `zstd -d` each of them, or `ros2 bag convert` the bag";
+            return Err(ImportError::at(&metadata_path, message));
+        }
+        _ => {
+            let message = "the bag's messages are compressed one by one; `ros2 bag convert` with `compression_mode: none`";
+            return Err(ImportError::at(&metadata_path, message));
+        }
+    }
+    if metadata.files.is_empty() {
+        let message = "the bag's metadata names no files; `ros2 bag reindex -s mcap FOLDER` writes it anew";
+        return Err(ImportError::at(&metadata_path, message));
+    }
+    // Some writers name the files by the folder in which they lay.
+    let place = |name: &String| {
+        let whole = path.join(name);
+        if whole.exists() { whole } else { path.join(Path::new(name).file_name().unwrap_or_default()) }
+    };
+    let files: Vec<PathBuf> = metadata.files.iter().map(place).collect();
+    files.iter().try_for_each(|file| check_magic(file))?;
+    Ok(files)
+}
+
+/// The bags under a path: itself, or where it is a folder of bags, each of them.
+///
+/// # Errors
+/// The folder cannot be read.
+pub(super) fn bags_under(path: &Path) -> Result<Vec<PathBuf>, ImportError> {
+    let is_bag = |folder: &Path| -> Result<bool, ImportError> {
+        Ok(folder.join("metadata.yaml").exists() || !files_ending_in(folder, "mcap")?.is_empty())
+    };
+    if !is_folder(path) || is_bag(path)? {
+        return Ok(vec![path.to_owned()]);
+    }
+    let mut bags = Vec::new();
+    for entry in fs::read_dir(path)? {
+        let folder = entry?.path();
+        if is_folder(&folder) && is_bag(&folder)? {
+            bags.push(folder);
+        }
+    }
+    bags.sort();
+    Ok(if bags.is_empty() { vec![path.to_owned()] } else { bags })
+}
+
+fn is_folder(path: &Path) -> bool {
+    fs::metadata(path).is_ok_and(|metadata| metadata.is_dir())
+}
+
+fn files_ending_in(folder: &Path, extension: &str) -> Result<Vec<PathBuf>, ImportError> {
+    let mut files = Vec::new();
+    for entry in fs::read_dir(folder)? {
+        let path = entry?.path();
+        if path.extension().is_some_and(|found| found == extension) {
+            files.push(path);
+        }
+    }
+    files.sort();
+    Ok(files)
+}
+
+/// Refuses a file that is not MCAP, by its first bytes.
+fn check_magic(path: &Path) -> Result<(), ImportError> {
+    let mut file = match fs::File::open(path) {
+        Ok(file) => file,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+            return Err(ImportError::at(path, "the bag's file is missing"));
+        }
+        Err(error) => return Err(error.into()),
+    };
+    let mut magic = Vec::new();
+    file.by_ref().take(16).read_to_end(&mut magic)?;
+    if magic.starts_with(MCAP_MAGIC) {
+        return Ok(());
+    }
+    if magic.starts_with(ROS1_MAGIC) {
+        let message = "this is a bag of ROS 1; `rosbags-convert --src BAG --dst NEW --dst-storage mcap` (pip install \
+                       rosbags) makes a bag of ROS 2 of it";
+        return Err(ImportError::at(path, message));
+    }
+    if magic.starts_with(SQLITE_MAGIC) {
+        return Err(sqlite(path));
+    }
+    if magic.starts_with(ZSTD_MAGIC) {
+        return Err(ImportError::at(path, "the bag's file is compressed as a whole; `zstd -d` unpacks it"));
+    }
+    Err(ImportError::at(path, "the file is no MCAP; a ROS 2 bag stored as mcap is needed"))
+}
+
+fn sqlite(path: &Path) -> ImportError {
+    let message = "the bag is stored as sqlite3; `rosbags-convert --src BAG --dst NEW --dst-storage mcap` (pip install \
+                   rosbags), or `ros2 bag convert` with `storage_id: mcap`, makes one that can be read";
+    ImportError::at(path, message)
+}
+
+impl BagMetadata {
+    /// Reads the three keys that matter; each occurs once in what rosbag2 and its clones write.
+    fn parse(text: &str) -> Self {
+        let mut metadata = Self::default();
+        let mut is_in_list = false;
+        for line in text.lines().map(str::trim) {
+            let plain = |value: &str| value.trim().trim_matches(['"', '\'']).to_owned();
+            if let Some(item) = line.strip_prefix("- ").filter(|_| is_in_list) {
+                metadata.files.push(plain(item));
+                continue;
+            }
+            is_in_list = line.starts_with("relative_file_paths:");
+            if let Some(value) = line.strip_prefix("storage_identifier:") {
+                metadata.storage = plain(value);
+            } else if let Some(value) = line.strip_prefix("compression_mode:") {
+                metadata.compression_mode = plain(value);
+            } else if let Some(inline) = line.strip_prefix("relative_file_paths:") {
+                let inline = inline.trim().trim_start_matches('[').trim_end_matches(']');
+                metadata.files.extend(inline.split(',').map(plain).filter(|name| !name.is_empty()));
+            }
+        }
+        metadata
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_files_of_a_split_bag_are_read_in_their_order() {
+        let text = "rosbag2_bagfile_information:\n  version: 5\n  storage_identifier: mcap\n  relative_file_paths:\n    \
+            - drive_0.mcap\n    - \"drive_1.mcap\"\n  duration:\n    nanoseconds: 5\n  compression_mode: \"\"\n";
+        let metadata = BagMetadata::parse(text);
+        assert_eq!(metadata.files, ["drive_0.mcap", "drive_1.mcap"]);
+        assert_eq!((metadata.storage.as_str(), metadata.compression_mode.as_str()), ("mcap", ""));
+        assert_eq!(BagMetadata::parse("relative_file_paths: [a.mcap, 'b.mcap']").files, ["a.mcap", "b.mcap"]);
+    }
+
+    #[test]
+    fn other_containers_are_named_with_what_converts_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let told = |name: &str, bytes: &[u8]| {
+            let path = folder.path().join(name);
+            fs::write(&path, bytes).unwrap();
+            mcap_files(&path).unwrap_err().to_string()
+        };
+        assert!(told("a.bag", b"#ROSBAG V2.0\n").contains("rosbags-convert"));
+        assert!(told("a.db3", b"SQLite format 3\0").contains("storage_id: mcap"));
+        assert!(told("a.mcap.zstd", b"\x28\xb5\x2f\xfd..").contains("zstd -d"));
+        assert!(told("a.txt", b"hello").contains("no MCAP"));
+    }
+}

@@ -1,0 +1,306 @@
+//! The tree of frames that `/tf` and `/tf_static` build, and the transform between any two of them at a time.
+//!
+//! Between two stamps of an edge its translation is interpolated linearly and its rotation along the great circle, as tf2
+//! does. Beyond its first and last stamp an edge holds for the tolerance, and no further.
+
+use std::collections::BTreeMap;
+
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+use thiserror::Error;
+
+use super::bag::seconds;
+use super::cdr::{CdrError, Value};
+
+/// Frames further apart than this many edges are a circle.
+const MOST_EDGES: usize = 100;
+
+/// The edges by the name of the child.
+#[derive(Debug, Clone, Default)]
+pub struct TfTree {
+    edges: BTreeMap<String, Edge>,
+}
+
+#[derive(Debug, Clone)]
+struct Edge {
+    parent: String,
+    is_static: bool,
+    /// In order of time once [`TfTree::finish`] has run.
+    stamped: Vec<(u64, Isometry3<f64>)>,
+}
+
+/// Why there is no transform.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+pub enum TfError {
+    #[error("no tf path leads from `{from}` to `{to}`; {tree}")]
+    NoPath { from: String, to: String, tree: String },
+    #[error("tf `{parent}` -> `{child}` is known from {first} to {last}, not at {wanted}")]
+    OutOfTime { parent: String, child: String, first: String, last: String, wanted: String },
+}
+
+/// A frame's name without the slash of older writers.
+#[must_use]
+pub fn frame_name(name: &str) -> &str {
+    name.trim_start_matches('/')
+}
+
+/// The pose that translation and rotation of a message say; `None` if a number is not finite or the rotation none.
+///
+/// # Errors
+/// A field is missing.
+pub fn isometry_of(
+    value: &Value,
+    translation: &str,
+    rotation: &str,
+) -> Result<Option<Isometry3<f64>>, CdrError> {
+    let [x, y, z] = value.numbers_at(translation, ["x", "y", "z"])?;
+    let [qx, qy, qz, qw] = value.numbers_at(rotation, ["x", "y", "z", "w"])?;
+    let quaternion = Quaternion::new(qw, qx, qy, qz);
+    let is_valid = [x, y, z].iter().all(|number| number.is_finite()) && (quaternion.norm() - 1.0).abs() < 0.1;
+    let rotation = UnitQuaternion::from_quaternion(quaternion);
+    Ok(is_valid.then(|| Isometry3::from_parts(Translation3::new(x, y, z), rotation)))
+}
+
+/// The stamp at a path, in nanoseconds; negative ones count as 0.
+///
+/// # Errors
+/// A field is missing.
+pub fn stamp_ns(value: &Value, path: &str) -> Result<u64, CdrError> {
+    let [seconds, nanoseconds] = value.numbers_at(path, ["sec", "nanosec"])?;
+    Ok((seconds.max(0.0) as u64) * 1_000_000_000 + nanoseconds as u64)
+}
+
+impl TfTree {
+    /// Takes up the transforms of a `tf2_msgs/TFMessage`. `log_time_ns` replaces the stamps if given. Returns how many
+    /// were no transforms, such as rotations of length zero.
+    ///
+    /// # Errors
+    /// A field is missing.
+    pub fn add_message(
+        &mut self,
+        message: &Value,
+        is_static: bool,
+        log_time_ns: Option<u64>,
+    ) -> Result<usize, CdrError> {
+        let mut n_invalid = 0;
+        for transform in message.list("transforms")? {
+            let parent = transform.text("header.frame_id")?;
+            let child = transform.text("child_frame_id")?;
+            let stamp_ns = log_time_ns.map_or_else(|| stamp_ns(&transform, "header.stamp"), Ok)?;
+            match isometry_of(&transform, "transform.translation", "transform.rotation")? {
+                Some(isometry) => self.add(parent, child, is_static, stamp_ns, isometry),
+                None => n_invalid += 1,
+            }
+        }
+        Ok(n_invalid)
+    }
+
+    /// Takes up one transform: coordinates in `child` to coordinates in `parent`. A static one replaces what was.
+    pub fn add(
+        &mut self,
+        parent: &str,
+        child: &str,
+        is_static: bool,
+        stamp_ns: u64,
+        parent_from_child: Isometry3<f64>,
+    ) {
+        let (parent, child) = (frame_name(parent).to_owned(), frame_name(child).to_owned());
+        let new = || Edge { parent: parent.clone(), is_static, stamped: Vec::new() };
+        let edge = self.edges.entry(child).or_insert_with(new);
+        if is_static || edge.parent != parent {
+            *edge = new();
+        }
+        edge.stamped.push((stamp_ns, parent_from_child));
+    }
+
+    /// Sorts the stamps. An edge that never changes holds at all times.
+    pub fn finish(&mut self) {
+        for edge in self.edges.values_mut() {
+            edge.stamped.sort_by_key(|(stamp_ns, _)| *stamp_ns);
+            edge.stamped.dedup_by_key(|(stamp_ns, _)| *stamp_ns);
+            let first = edge.stamped[0].1;
+            edge.is_static |= edge.stamped.iter().all(|(_, isometry)| *isometry == first);
+        }
+    }
+
+    #[must_use]
+    pub fn has(&self, frame: &str) -> bool {
+        self.edges.iter().any(|(child, edge)| child == frame || edge.parent == frame)
+    }
+
+    /// All frames.
+    #[must_use]
+    pub fn frames(&self) -> Vec<String> {
+        let mut frames: Vec<String> =
+            self.edges.iter().flat_map(|(child, edge)| [child.clone(), edge.parent.clone()]).collect();
+        frames.sort();
+        frames.dedup();
+        frames
+    }
+
+    /// The edges as lines for people: `odom -> base_link (100 stamps)`.
+    #[must_use]
+    pub fn edges(&self) -> Vec<String> {
+        let tell = |(child, edge): (&String, &Edge)| {
+            let rate = if edge.is_static { "static".into() } else { format!("{} stamps", edge.stamped.len()) };
+            format!("{} -> {child} ({rate})", edge.parent)
+        };
+        self.edges.iter().map(tell).collect()
+    }
+
+    /// The edges from a frame up to its root, each with the child's name.
+    fn chain(&self, frame: &str) -> Vec<(&str, &Edge)> {
+        let mut chain: Vec<(&str, &Edge)> = Vec::new();
+        let mut here = frame;
+        while let Some((child, edge)) = self.edges.get_key_value(here) {
+            if chain.len() == MOST_EDGES {
+                break;
+            }
+            chain.push((child, edge));
+            here = &edge.parent;
+        }
+        chain
+    }
+
+    /// The topmost frame above a frame.
+    #[must_use]
+    pub fn root(&self, frame: &str) -> String {
+        self.chain(frame).last().map_or(frame, |(_, edge)| &edge.parent).to_owned()
+    }
+
+    /// The edges between two frames, upwards from each to where they meet; `None` where they do not.
+    #[allow(clippy::type_complexity, reason = "two chains")]
+    fn path(&self, to: &str, from: &str) -> Option<(Vec<(&str, &Edge)>, Vec<(&str, &Edge)>)> {
+        let (mut of_to, mut of_from) = (self.chain(to), self.chain(from));
+        let top = |chain: &[(&str, &Edge)], frame: &str| {
+            chain.last().map_or_else(|| frame.to_owned(), |(_, edge)| edge.parent.clone())
+        };
+        if top(&of_to, to) != top(&of_from, from) {
+            return None;
+        }
+        // What both have at the top they have in common.
+        while let (Some((a, _)), Some((b, _))) = (of_to.last(), of_from.last()) {
+            if a != b {
+                break;
+            }
+            of_to.pop();
+            of_from.pop();
+        }
+        Some((of_to, of_from))
+    }
+
+    #[must_use]
+    pub fn connects(&self, to: &str, from: &str) -> bool {
+        to == from || self.path(to, from).is_some()
+    }
+
+    /// The transform from coordinates in `from` to coordinates in `to`.
+    ///
+    /// # Errors
+    /// The frames are not connected, or an edge between them is not known at that time.
+    pub fn lookup(
+        &self,
+        to: &str,
+        from: &str,
+        time_ns: u64,
+        tolerance_ns: u64,
+    ) -> Result<Isometry3<f64>, TfError> {
+        let Some((of_to, of_from)) = self.path(to, from) else {
+            if to == from {
+                return Ok(Isometry3::identity());
+            }
+            return Err(TfError::NoPath { from: from.into(), to: to.into(), tree: self.describe() });
+        };
+        let climb = |chain: &[(&str, &Edge)]| -> Result<Isometry3<f64>, TfError> {
+            chain.iter().try_fold(Isometry3::identity(), |top_from_frame, (child, edge)| {
+                Ok(edge.at(child, time_ns, tolerance_ns)? * top_from_frame)
+            })
+        };
+        Ok(climb(&of_to)?.inverse() * climb(&of_from)?)
+    }
+
+    /// The stamps of the most frequent moving edge between two frames; empty where nothing moves.
+    #[must_use]
+    pub fn stamps_between(&self, to: &str, from: &str) -> Vec<u64> {
+        let Some((of_to, of_from)) = self.path(to, from) else { return Vec::new() };
+        let moving = of_to.iter().chain(&of_from).filter(|(_, edge)| !edge.is_static);
+        let densest = moving.max_by_key(|(_, edge)| edge.stamped.len());
+        densest.map(|(_, edge)| edge.stamped.iter().map(|(stamp_ns, _)| *stamp_ns).collect()).unwrap_or_default()
+    }
+
+    fn describe(&self) -> String {
+        if self.edges.is_empty() {
+            return "the bag has no tf at all".into();
+        }
+        format!("the frames are {}; the edges are {}", self.frames().join(", "), self.edges().join(", "))
+    }
+}
+
+impl Edge {
+    fn at(&self, child: &str, time_ns: u64, tolerance_ns: u64) -> Result<Isometry3<f64>, TfError> {
+        let (first, last) = (&self.stamped[0], &self.stamped[self.stamped.len() - 1]);
+        if self.is_static {
+            return Ok(last.1);
+        }
+        if time_ns.saturating_add(tolerance_ns) < first.0 || time_ns > last.0.saturating_add(tolerance_ns) {
+            return Err(TfError::OutOfTime {
+                parent: self.parent.clone(),
+                child: child.to_owned(),
+                first: seconds(first.0),
+                last: seconds(last.0),
+                wanted: seconds(time_ns),
+            });
+        }
+        let after = self.stamped.partition_point(|(stamp_ns, _)| *stamp_ns < time_ns);
+        if after == 0 || after == self.stamped.len() {
+            return Ok(if after == 0 { first.1 } else { last.1 });
+        }
+        let ((before_ns, before), (after_ns, after)) = (&self.stamped[after - 1], &self.stamped[after]);
+        let share = (time_ns - before_ns) as f64 / (after_ns - before_ns) as f64;
+        Ok(interpolate(before, after, share))
+    }
+}
+
+fn interpolate(before: &Isometry3<f64>, after: &Isometry3<f64>, share: f64) -> Isometry3<f64> {
+    let translation = before.translation.vector.lerp(&after.translation.vector, share);
+    let rotation = before.rotation.try_slerp(&after.rotation, share, 1e-12).unwrap_or(before.rotation);
+    Isometry3::from_parts(translation.into(), rotation)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Vector3;
+
+    fn tree() -> TfTree {
+        let mut tree = TfTree::default();
+        let yaw = |x: f64, yaw: f64| Isometry3::new(Vector3::new(x, 0.0, 0.0), Vector3::z() * yaw);
+        tree.add("odom", "base_link", false, 2_000_000_000, yaw(10.0, 0.2));
+        tree.add("odom", "base_link", false, 1_000_000_000, yaw(0.0, 0.0));
+        tree.add("/base_link", "/lidar", true, 0, yaw(1.0, 0.0));
+        tree.add("base_link", "camera", true, 0, yaw(2.0, 0.0));
+        tree.finish();
+        tree
+    }
+
+    #[test]
+    fn a_transform_is_interpolated_between_its_stamps() {
+        let at = tree().lookup("odom", "lidar", 1_500_000_000, 0).unwrap();
+        assert!((at.translation.x - (5.0 + 0.1f64.cos())).abs() < 1e-12);
+        assert!((at.rotation.euler_angles().2 - 0.1).abs() < 1e-12);
+    }
+
+    #[test]
+    fn siblings_meet_at_their_parent_at_any_time() {
+        let lidar_from_camera = tree().lookup("lidar", "camera", 99, 0).unwrap();
+        assert_eq!(lidar_from_camera.translation.x, 1.0);
+    }
+
+    #[test]
+    fn a_missing_path_tells_the_tree_and_a_late_time_the_span() {
+        let told = tree().lookup("base_link", "gps", 0, 0).unwrap_err().to_string();
+        assert!(told.contains("`gps` to `base_link`") && told.contains("odom -> base_link (2 stamps)"), "{told}");
+        assert!(tree().lookup("odom", "base_link", 2_040_000_000, 50_000_000).is_ok());
+        let told = tree().lookup("odom", "base_link", 2_060_000_000, 50_000_000).unwrap_err().to_string();
+        assert!(told.contains("from 1.000000000 s to 2.000000000 s, not at 2.060000000 s"), "{told}");
+    }
+}
