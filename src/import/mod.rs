@@ -21,6 +21,7 @@ mod odometry;
 mod pictures;
 mod rectify;
 mod rings;
+pub mod ros2;
 mod run;
 mod samples;
 mod state;

@@ -65,12 +65,31 @@ pub enum TimeOrigin {
     Unknown,
 }
 
+impl TimeOrigin {
+    /// As people say it.
+    #[must_use]
+    pub fn tell(self) -> &'static str {
+        match self {
+            Self::Stamp => "the cloud's stamp",
+            Self::Epoch => "the epoch of the stamps",
+            Self::Unknown => "the earliest point, which is taken to have the cloud's stamp",
+        }
+    }
+}
+
 /// How rings are counted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RingHabit {
     FromBelow,
     /// From above, among so many.
     FromAbove { n_rings: u16 },
+}
+
+impl RingHabit {
+    #[must_use]
+    pub fn is_turned(self) -> bool {
+        self != Self::FromBelow
+    }
 }
 
 fn number_type(datatype: f64) -> Option<NumberType> {
@@ -312,9 +331,12 @@ impl<'a> Cloud<'a> {
             return Some(RingHabit::FromBelow);
         }
         if correlation < -0.9 {
-            let n_rings = if self.height > 1 { self.height as u16 } else { last_ring.saturating_add(1) };
+            // An organised cloud has a row for each ring, also for those that hit nothing.
+            let n_rows = u16::try_from(self.height).unwrap_or(0);
+            let n_seen = last_ring.saturating_add(1);
+            let n_rings = if (n_seen..=2 * n_seen).contains(&n_rows) { n_rows } else { n_seen };
             told.push(format!("the cloud counts its {n_rings} rings from above; they are counted from below"));
-            return Some(RingHabit::FromAbove { n_rings: n_rings.max(last_ring.saturating_add(1)) });
+            return Some(RingHabit::FromAbove { n_rings });
         }
         told.push("the cloud's rings do not follow the beams' elevations; rings are computed from these".into());
         None

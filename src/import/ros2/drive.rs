@@ -1,0 +1,322 @@
+//! A bag as a drive: the samples that all of its topics cover, and the frame of each.
+
+use nalgebra::{Isometry3, UnitQuaternion};
+
+use super::bag::{Bag, BagTopic, seconds};
+use super::calibration::{Calibration, optical_axes};
+use super::clouds::{Cloud, CloudHabits};
+use super::mapping::MappingConfig;
+use super::objects;
+use super::poses::{ego_from_base, poses};
+use super::recording::{Recording, Stamped, Topics, Track};
+use super::{cdr::Value, images};
+use crate::config::Checked;
+use crate::geometry::Transform;
+use crate::import::{Drive, DriveFacts, Frame, Ground, ImportError, Notes, Odometry, RawCamera, Series};
+
+/// Clouds that are looked at to find how their points count times and rings.
+const CLOUDS_TRIED: usize = 5;
+
+/// A bag that has been gone through once.
+pub struct Ros2Drive {
+    bag: Bag,
+    mapping: Checked<MappingConfig>,
+    facts: DriveFacts,
+    times_ns: Vec<u64>,
+    odometry: Odometry,
+    recording: Recording,
+    /// The clouds of the samples.
+    clouds: Vec<Stamped>,
+    ego_from_base: Isometry3<f64>,
+    habits: CloudHabits,
+    calibration: Option<Calibration>,
+    tolerance_ns: u64,
+}
+
+impl Ros2Drive {
+    /// Goes through a bag.
+    ///
+    /// # Errors
+    /// The bag is damaged, lacks what the mapping names, or no sample has all of its parts.
+    pub fn open(
+        bag: Bag,
+        mapping: Checked<MappingConfig>,
+        tolerance_s: f64,
+        notes: &mut Notes,
+    ) -> Result<Self, ImportError> {
+        let topics = Topics::of(&bag, &mapping)?;
+        let mut recording = Recording::scan(&bag, &topics, &mapping, notes)?;
+        for transform in &mapping.frames.transforms {
+            let [roll, pitch, yaw] = transform.rotation_rpy_deg.map(f64::to_radians);
+            let rotation = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
+            let [x, y, z] = transform.translation_m;
+            let isometry = Isometry3::from_parts(nalgebra::Translation3::new(x, y, z), rotation);
+            recording.tf.add(&transform.parent, &transform.child, true, 0, isometry);
+        }
+        recording.tf.finish();
+        let (ego_from_base, ground) = ego_from_base(&mapping.frames, &recording.tf);
+        let (odometry, pose_source) = odometry(&recording, &mapping, &ego_from_base, notes)
+            .map_err(|why| ImportError::at(bag.path(), format!("the ego's poses: {why}")))?;
+        let calibration = calibration(&bag, &topics, &mapping)?;
+        let has_objects = topics.objects.is_some();
+        let mut drive = Self {
+            facts: DriveFacts {
+                path: bag.path().to_owned(),
+                town: "ros2".into(),
+                description: format!("ROS 2 bag {}", bag.path().file_name().unwrap_or_default().display()),
+                wheelbase_m: Some(mapping.vehicle.wheelbase_m).filter(|length_m| *length_m > 0.0),
+                front_bumper_x_m: Some(mapping.vehicle.front_bumper_x_m).filter(|length_m| *length_m > 0.0),
+                is_labelled: has_objects,
+                ground,
+                compensated: mapping
+                    .lidar
+                    .compensated
+                    .then(|| "the mapping says that the driver has compensated the clouds".into()),
+                rings: None,
+                methods: vec![("poses", pose_source)],
+                map: crate::episode::MapDrawing::default(),
+            },
+            bag,
+            mapping,
+            times_ns: Vec::new(),
+            odometry,
+            recording,
+            clouds: Vec::new(),
+            ego_from_base,
+            habits: CloudHabits::default(),
+            calibration,
+            tolerance_ns: (tolerance_s * 1e9) as u64,
+        };
+        drive.choose_samples(notes)?;
+        drive.find_habits(notes)?;
+        drive.describe();
+        Ok(drive)
+    }
+
+    /// Keeps the clouds within the time that poses and pictures cover, and tells how many are left out.
+    fn choose_samples(&mut self, notes: &mut Notes) -> Result<(), ImportError> {
+        let clouds = &self.recording.clouds;
+        let picture_tolerance_ns = (self.mapping.camera.tolerance_s * 1e9) as u64;
+        let mut spans: Vec<(&str, u64, u64, u64)> = Vec::new();
+        if let (Some(first), Some(last)) = (self.odometry.poses.first(), self.odometry.poses.last()) {
+            spans.push(("poses", first.0, last.0, self.tolerance_ns));
+        }
+        let pictures = &self.recording.pictures.messages;
+        if let (Some(first), Some(last)) = (pictures.first(), pictures.last()) {
+            spans.push(("pictures", first.stamp_ns, last.stamp_ns, picture_tolerance_ns));
+        } else if !self.mapping.camera.topic.is_empty() {
+            let message = format!("topic `{}` holds no picture", self.mapping.camera.topic);
+            return Err(ImportError::at(self.bag.path(), message));
+        }
+        let mut kept = clouds.messages.clone();
+        for (what, first_ns, last_ns, tolerance_ns) in spans {
+            let n_before = kept.len();
+            let span = first_ns.saturating_sub(tolerance_ns)..=last_ns.saturating_add(tolerance_ns);
+            kept.retain(|cloud| span.contains(&cloud.stamp_ns));
+            let n_out = n_before - kept.len();
+            if kept.is_empty() {
+                let message = format!(
+                    "no cloud lies within the time of the {what}: clouds are at {}, {what} at {} to {}; where stamps are of \
+                     different clocks, `stamps = \"log\"` takes the recorder's",
+                    clouds.span(), seconds(first_ns), seconds(last_ns)
+                );
+                return Err(ImportError::at(self.bag.path(), message));
+            }
+            if n_out > 0 {
+                notes.tell(format!(
+                    "{n_out} of {} clouds lie outside the time of the {what} and are left out",
+                    clouds.messages.len()
+                ));
+            }
+        }
+        if kept.is_empty() {
+            let message = format!("topic `{}` holds no cloud", self.mapping.lidar.topic);
+            return Err(ImportError::at(self.bag.path(), message));
+        }
+        self.times_ns = kept.iter().map(|cloud| cloud.stamp_ns).collect();
+        self.clouds = kept;
+        Ok(())
+    }
+
+    /// Looks at the first cloud with points.
+    fn find_habits(&mut self, notes: &mut Notes) -> Result<(), ImportError> {
+        let topic = self.bag.topic("lidar.topic", &self.mapping.lidar.topic)?;
+        for cloud in self.clouds.iter().take(CLOUDS_TRIED) {
+            let Ok(base_from_lidar) = self.base_from(self.lidar_frame(), cloud.stamp_ns) else { continue };
+            let found = self.bag.read(topic, cloud.place, |message| {
+                let cloud_of = Cloud::of(message, &self.mapping.lidar)?;
+                let habits = || cloud_of.habits(&self.mapping.lidar, base_from_lidar.rotation, cloud.stamp_ns);
+                Ok((!cloud_of.is_empty()).then(habits))
+            });
+            // A cloud that cannot be read is told when its sample is read.
+            if let Ok(Some((habits, told))) = found {
+                self.habits = habits;
+                told.into_iter().for_each(|sentence| notes.tell(sentence));
+                return Ok(());
+            }
+        }
+        Ok(())
+    }
+
+    fn describe(&mut self) {
+        let Self { mapping, calibration, habits, .. } = self;
+        let lidar = format!("topic `{}` in the frame `{}`", mapping.lidar.topic, self.recording.clouds.frame);
+        self.facts.methods.push(("lidar", lidar));
+        if let Some(calibration) = calibration {
+            let camera = format!("topic `{}`, {}", mapping.camera.topic, calibration.source);
+            self.facts.methods.push(("camera", camera));
+        }
+        if let Some(habit) = habits.time {
+            let (unit_s, origin) = (habit.unit_s, habit.origin.tell());
+            self.facts.methods.push(("point_times", format!("in units of {unit_s} s, counted from {origin}")));
+        }
+        self.facts.rings = habits.rings.filter(|rings| rings.is_turned()).map(|_| {
+            "the cloud's own rings, which count from above, counted from below".to_owned()
+        });
+    }
+
+    fn lidar_frame(&self) -> &str {
+        let frame = &self.mapping.lidar.frame;
+        if frame.is_empty() { &self.recording.clouds.frame } else { frame }
+    }
+
+    fn base_from(&self, frame: &str, time_ns: u64) -> Result<Isometry3<f64>, String> {
+        let base = &self.mapping.frames.base;
+        self.recording.tf.lookup(base, frame, time_ns, self.tolerance_ns).map_err(|error| {
+            format!("{error}; [[frames.transforms]] of the mapping can add what is missing")
+        })
+    }
+
+    fn told(&self, why: String) -> ImportError {
+        ImportError::at(self.bag.path(), why)
+    }
+
+    fn camera(&self, time_ns: u64, notes: &mut Notes) -> Result<Option<RawCamera>, ImportError> {
+        let Some(calibration) = &self.calibration else { return Ok(None) };
+        let mapping = &self.mapping.camera;
+        let topic = self.bag.topic("camera.topic", &mapping.topic)?;
+        let picture = nearest(&self.recording.pictures, topic, time_ns, mapping.tolerance_s, "camera.tolerance_s")
+            .map_err(|why| self.told(why))?;
+        let frame = if mapping.frame.is_empty() { &self.recording.pictures.frame } else { &mapping.frame };
+        let base_from_frame = self.base_from(frame, time_ns).map_err(|why| self.told(why))?;
+        let (base_from_camera, told) =
+            optical_axes(base_from_frame, mapping.axes, frame).map_err(|why| self.told(why))?;
+        told.into_iter().for_each(|sentence| notes.tell(sentence));
+        let rectified_axes = calibration.rectified_from_camera.inverse();
+        let is_compressed = topic.type_name.ends_with("CompressedImage");
+        let image = self.bag.read(topic, picture.place, |message: &Value| {
+            if is_compressed { images::compressed(message) } else { images::unpacked(message) }
+        })?;
+        Ok(Some(RawCamera {
+            name: "cam_front".into(),
+            time_ns: picture.stamp_ns,
+            ego_from_camera: Transform::from_isometry(self.ego_from_base * base_from_camera * rectified_axes),
+            size_px: calibration.size_px,
+            k: calibration.k,
+            distortion: calibration.distortion,
+            image,
+        }))
+    }
+}
+
+impl Drive for Ros2Drive {
+    fn facts(&self) -> &DriveFacts {
+        &self.facts
+    }
+
+    fn times_ns(&self) -> &[u64] {
+        &self.times_ns
+    }
+
+    fn odometry(&self) -> &Odometry {
+        &self.odometry
+    }
+
+    fn frame(&self, sample_idx: usize, notes: &mut Notes) -> Result<Frame, ImportError> {
+        let Stamped { stamp_ns, place } = self.clouds[sample_idx];
+        let topic = self.bag.topic("lidar.topic", &self.mapping.lidar.topic)?;
+        let points = self.bag.read(topic, place, |message| {
+            let cloud = Cloud::of(message, &self.mapping.lidar)?;
+            if cloud.is_empty() {
+                return Err("the cloud is empty; points are needed".into());
+            }
+            Ok(cloud.points(&self.habits, stamp_ns))
+        })?;
+        let base_from_lidar = self.base_from(self.lidar_frame(), stamp_ns).map_err(|why| self.told(why))?;
+        let camera = self.camera(stamp_ns, notes)?;
+        let name = &self.mapping.objects.topic;
+        let objects = if name.is_empty() {
+            None
+        } else {
+            let topic = self.bag.topic("objects.topic", name)?;
+            let (tolerance_s, key) = (self.tolerance_ns as f64 * 1e-9, "stamp_tolerance_s");
+            let found = nearest(&self.recording.objects, topic, stamp_ns, tolerance_s, key);
+            let message = found.map_err(|why| self.told(why))?;
+            Some(self.bag.read(topic, message.place, |message| {
+                objects::objects(message, |frame| Ok(self.ego_from_base * self.base_from(frame, stamp_ns)?))
+            })?)
+        };
+        Ok(Frame {
+            ego_from_lidar: Transform::from_isometry(self.ego_from_base * base_from_lidar),
+            points,
+            camera,
+            other_cameras: Vec::new(),
+            objects,
+            ignored: Vec::new(),
+        })
+    }
+}
+
+/// The message of a topic nearest to a cloud.
+fn nearest(track: &Track, topic: &BagTopic, time_ns: u64, tolerance_s: f64, key: &str) -> Result<Stamped, String> {
+    let name = &topic.name;
+    let found = track.nearest(time_ns).ok_or_else(|| format!("topic `{name}` holds no message"))?;
+    let apart_s = found.stamp_ns.abs_diff(time_ns) as f64 * 1e-9;
+    if apart_s <= tolerance_s {
+        return Ok(found);
+    }
+    Err(format!(
+        "the cloud is of {} and the nearest message of `{name}` of {}, {:.0} ms apart; at most {:.0} ms are allowed ({key})",
+        seconds(time_ns), seconds(found.stamp_ns), apart_s * 1e3, tolerance_s * 1e3
+    ))
+}
+
+fn calibration(
+    bag: &Bag,
+    topics: &Topics,
+    mapping: &MappingConfig,
+) -> Result<Option<Calibration>, ImportError> {
+    if topics.camera.is_none() {
+        return Ok(None);
+    }
+    let Some(topic) = topics.camera_info else {
+        let calibration = Calibration::from_mapping(&mapping.camera);
+        return calibration.map(Some).map_err(|why| ImportError::at(bag.path(), why));
+    };
+    let Some(&first) = bag.places(topic)?.first() else {
+        return Err(ImportError::at(bag.path(), format!("topic `{}` holds no camera info", topic.name)));
+    };
+    bag.read(topic, first, |info| Calibration::of(info, mapping.camera.is_rectified())).map(Some)
+}
+
+/// Poses and measured series, and a sentence on the poses.
+fn odometry(
+    recording: &Recording,
+    mapping: &MappingConfig,
+    ego_from_base: &Isometry3<f64>,
+    notes: &mut Notes,
+) -> Result<(Odometry, String), String> {
+    let (poses, source) = poses(recording, mapping, ego_from_base, notes)?;
+    let series = |values: &[(u64, f64)], field: &super::mapping::FieldMapping| {
+        let source = format!("measured: `{}` of topic `{}`", field.field, field.topic);
+        (!values.is_empty()).then(|| Series { source, values: values.to_vec() })
+    };
+    let odometry = Odometry {
+        poses,
+        speed_mps: series(&recording.speed_mps, &mapping.speed),
+        steering_angle_rad: series(&recording.steering_angle_rad, &mapping.steering),
+        yaw_rate_rps: series(&recording.yaw_rate_rps, &mapping.yaw_rate),
+        acceleration_mps2: None,
+    };
+    Ok((odometry, source))
+}

@@ -1,0 +1,67 @@
+//! Annotated boxes of a bag: `vision_msgs/Detection3DArray`.
+
+use nalgebra::{Isometry3, Vector3};
+
+use super::cdr::{CdrError, Value};
+use super::tf::{frame_name, isometry_of};
+use crate::geometry::{Box3, Point};
+use crate::import::RawObject;
+
+/// The objects of a message; `ego_from` gives the pose of a frame at the message's time.
+///
+/// # Errors
+/// A field is missing, or a box's frame has no pose.
+pub fn objects(
+    message: &Value,
+    ego_from: impl Fn(&str) -> Result<Isometry3<f64>, String>,
+) -> Result<Vec<RawObject>, String> {
+    let tell = |error: CdrError| error.to_string();
+    let whole_frame = frame_name(message.text("header.frame_id").map_err(tell)?);
+    let mut objects = Vec::new();
+    for (idx, detection) in message.list("detections").map_err(tell)?.iter().enumerate() {
+        let own_frame = detection.text("header.frame_id").map(frame_name).unwrap_or_default();
+        let frame = if own_frame.is_empty() { whole_frame } else { own_frame };
+        let pose = isometry_of(detection, "bbox.center.position", "bbox.center.orientation").map_err(tell)?;
+        let pose = pose.ok_or_else(|| format!("box {idx} has a pose that is none: a NaN or a rotation of length 0"))?;
+        let ego_from_box = ego_from(frame)? * pose;
+        let [length_m, width_m, height_m] = detection.numbers_at("bbox.size", ["x", "y", "z"]).map_err(tell)?;
+        let [x_m, y_m, z_m] = ego_from_box.translation.vector.into();
+        let ahead = ego_from_box.rotation * Vector3::x();
+        let box_in_ego = Box3 {
+            center: Point::new(x_m, y_m, z_m),
+            length_m,
+            width_m,
+            height_m,
+            yaw_rad: ahead.y.atan2(ahead.x),
+        };
+        box_in_ego.check().map_err(|error| format!("box {idx}: {error}"))?;
+        objects.push(RawObject {
+            id: id_of(detection, idx),
+            category: category_of(detection).map_err(tell)?,
+            box_in_ego,
+            velocity_in_ego_mps: [f64::NAN; 2],
+        });
+    }
+    Ok(objects)
+}
+
+/// The tracker's name of the object, else its place in the list.
+fn id_of(detection: &Value, idx: usize) -> String {
+    let named = ["id", "tracking_id"].iter().find_map(|field| detection.text(field).ok());
+    named.filter(|id| !id.is_empty()).map_or_else(|| format!("box-{idx}"), str::to_owned)
+}
+
+/// The class of the likeliest hypothesis; versions of vision_msgs differ in where it stands.
+fn category_of(detection: &Value) -> Result<String, CdrError> {
+    let mut best: Option<(f64, String)> = None;
+    for result in detection.list("results")? {
+        let (score, name) = match result.at("hypothesis") {
+            Ok(hypothesis) => (hypothesis.number("score")?, hypothesis.text("class_id")?),
+            Err(_) => (result.number("score")?, result.text("id")?),
+        };
+        if best.as_ref().is_none_or(|(highest, _)| score > *highest) {
+            best = Some((score, name.to_owned()));
+        }
+    }
+    Ok(best.map_or_else(|| "unknown".to_owned(), |(_, name)| name))
+}

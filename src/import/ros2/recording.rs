@@ -1,0 +1,252 @@
+//! One pass over a bag's messages: the stamps of clouds and pictures, the tf tree, poses, and what was measured.
+//!
+//! Clouds and pictures are looked at for their stamps alone; their places are kept, and each is read when its sample is.
+
+use nalgebra::Isometry3;
+
+use super::bag::{Bag, BagTopic, Place, seconds};
+use super::cdr::{CdrError, Value};
+use super::mapping::{FieldMapping, MappingConfig, StampSource};
+use super::tf::{TfTree, frame_name, isometry_of, stamp_ns};
+use crate::import::{ImportError, Notes};
+
+pub const CLOUD: &str = "sensor_msgs/PointCloud2";
+pub const IMAGES: [&str; 2] = ["sensor_msgs/Image", "sensor_msgs/CompressedImage"];
+pub const CAMERA_INFO: &str = "sensor_msgs/CameraInfo";
+pub const TF: &str = "tf2_msgs/TFMessage";
+pub const ODOMETRY: &str = "nav_msgs/Odometry";
+pub const POSE: &str = "geometry_msgs/PoseStamped";
+pub const POSE_WITH_COVARIANCE: &str = "geometry_msgs/PoseWithCovarianceStamped";
+pub const OBJECTS: &str = "vision_msgs/Detection3DArray";
+
+/// Stamps further from the recorder's times than this come from another clock.
+const FAR_STAMP_NS: u64 = 1_000_000_000;
+
+/// A message that is read later.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Stamped {
+    pub stamp_ns: u64,
+    pub place: Place,
+}
+
+/// The messages of one topic in the order of their stamps.
+#[derive(Debug, Clone, Default)]
+pub struct Track {
+    pub messages: Vec<Stamped>,
+    /// The frame that the first message names.
+    pub frame: String,
+}
+
+/// What a pass found.
+#[derive(Debug, Clone, Default)]
+pub struct Recording {
+    pub clouds: Track,
+    pub pictures: Track,
+    pub objects: Track,
+    pub tf: TfTree,
+    /// The poses of a topic, if the mapping names one.
+    pub poses: Vec<(u64, Isometry3<f64>)>,
+    /// Whose poses they are; empty where messages do not say it.
+    pub pose_frame: String,
+    pub speed_mps: Vec<(u64, f64)>,
+    pub steering_angle_rad: Vec<(u64, f64)>,
+    pub yaw_rate_rps: Vec<(u64, f64)>,
+}
+
+/// The topics that a mapping names, in a bag that has them.
+pub struct Topics<'a> {
+    pub lidar: &'a BagTopic,
+    pub camera: Option<&'a BagTopic>,
+    pub camera_info: Option<&'a BagTopic>,
+    pub objects: Option<&'a BagTopic>,
+    poses: Option<&'a BagTopic>,
+    fields: [Option<&'a BagTopic>; 3],
+}
+
+impl<'a> Topics<'a> {
+    /// Looks up the topics of a mapping.
+    ///
+    /// # Errors
+    /// The bag lacks one, or it is of another type.
+    pub fn of(bag: &'a Bag, mapping: &MappingConfig) -> Result<Self, ImportError> {
+        let typed = |key: &str, name: &str, types: &[&str]| -> Result<Option<&'a BagTopic>, ImportError> {
+            if name.is_empty() {
+                return Ok(None);
+            }
+            let topic = bag.topic(key, name)?;
+            if !types.is_empty() && !topic.is_of(types) {
+                let (found, wanted) = (&topic.type_name, types.join(" or "));
+                let message = format!("{key} is `{name}`, of the type `{found}`; {wanted} is needed");
+                return Err(ImportError::at(bag.path(), message));
+            }
+            topic.message_type().map_err(|why| ImportError::at(bag.path(), why))?;
+            Ok(Some(topic))
+        };
+        let poses = Some(mapping.poses.topic.as_str()).filter(|name| *name != "tf").unwrap_or_default();
+        let field = |key: &str, field: &FieldMapping| typed(key, &field.topic, &[]);
+        Ok(Self {
+            lidar: typed("lidar.topic", &mapping.lidar.topic, &[CLOUD])?
+                .ok_or_else(|| ImportError::at(bag.path(), "lidar.topic is empty; `--list` tells the topics"))?,
+            camera: typed("camera.topic", &mapping.camera.topic, &IMAGES)?,
+            camera_info: typed("camera.info_topic", &mapping.camera.info_topic, &[CAMERA_INFO])?,
+            objects: typed("objects.topic", &mapping.objects.topic, &[OBJECTS])?,
+            poses: typed("poses.topic", poses, &[ODOMETRY, POSE, POSE_WITH_COVARIANCE])?,
+            fields: [
+                field("speed.topic", &mapping.speed)?,
+                field("steering.topic", &mapping.steering)?,
+                field("yaw_rate.topic", &mapping.yaw_rate)?,
+            ],
+        })
+    }
+}
+
+impl Recording {
+    /// Goes once through the bag.
+    ///
+    /// # Errors
+    /// A file is damaged, or a message or field is not as its mapping says.
+    pub fn scan(
+        bag: &Bag,
+        topics: &Topics,
+        mapping: &MappingConfig,
+        notes: &mut Notes,
+    ) -> Result<Self, ImportError> {
+        let mut recording = Self::default();
+        let tf: Vec<&BagTopic> = bag.topics().filter(|topic| topic.is_of(&[TF])).collect();
+        let single = [topics.camera, topics.objects, topics.poses].into_iter().chain(topics.fields).flatten();
+        let mut wanted: Vec<&BagTopic> = vec![topics.lidar];
+        wanted.extend(single.chain(tf));
+        wanted.sort_by_key(|topic| &topic.name);
+        wanted.dedup_by_key(|topic| &topic.name);
+        let is = |topic: Option<&BagTopic>, name: &str| topic.is_some_and(|topic| topic.name == name);
+        let (mut n_invalid, mut n_far) = (0, 0);
+        bag.visit(&wanted, |topic, place, value| {
+            if topic.is_of(&[TF]) {
+                let is_static = topic.name.ends_with("tf_static");
+                let log_time_ns = (mapping.stamps == StampSource::Log).then_some(place.log_time_ns);
+                n_invalid += recording.tf.add_message(value, is_static, log_time_ns)?;
+                return Ok(());
+            }
+            let stamp_ns = stamp_of(value, place, mapping.stamps)?;
+            n_far += usize::from(stamp_ns.abs_diff(place.log_time_ns) > FAR_STAMP_NS);
+            let name = topic.name.as_str();
+            if name == topics.lidar.name {
+                recording.clouds.add(stamp_ns, place, value)?;
+            }
+            if is(topics.camera, name) {
+                let offset_ns = (mapping.camera.time_offset_s * 1e9) as i64;
+                recording.pictures.add(stamp_ns.saturating_add_signed(offset_ns), place, value)?;
+            }
+            if is(topics.objects, name) {
+                recording.objects.add(stamp_ns, place, value)?;
+            }
+            if is(topics.poses, name) {
+                recording.add_pose(topic, stamp_ns, value)?;
+            }
+            let series = [
+                (&mapping.speed, &super::mapping::SPEED_UNITS[..], &mut recording.speed_mps),
+                (&mapping.steering, &super::mapping::ANGLE_UNITS[..], &mut recording.steering_angle_rad),
+                (&mapping.yaw_rate, &super::mapping::RATE_UNITS[..], &mut recording.yaw_rate_rps),
+            ];
+            for (field, units, values) in series.into_iter().filter(|(field, ..)| field.topic == name) {
+                values.push((stamp_ns, field.to_si(value.number(&field.field)?, units)));
+            }
+            Ok(())
+        })?;
+        if n_invalid > 0 {
+            notes.tell(format!("{n_invalid} tf messages hold a rotation of length 0 or a NaN; they are left out"));
+        }
+        if n_far > 0 {
+            notes.tell(format!(
+                "{n_far} messages have a header stamp more than 1 s from the recorder's time; where sensors have different \
+                 clocks, `stamps = \"log\"` takes the recorder's"
+            ));
+        }
+        recording.sort(topics, notes);
+        Ok(recording)
+    }
+
+    fn add_pose(&mut self, topic: &BagTopic, stamp_ns: u64, value: &Value) -> Result<(), CdrError> {
+        let pose = if topic.is_of(&[POSE]) { "pose" } else { "pose.pose" };
+        let (position, orientation) = (format!("{pose}.position"), format!("{pose}.orientation"));
+        if let Some(isometry) = isometry_of(value, &position, &orientation)? {
+            self.poses.push((stamp_ns, isometry));
+        }
+        if topic.is_of(&[ODOMETRY]) && self.pose_frame.is_empty() {
+            frame_name(value.text("child_frame_id")?).clone_into(&mut self.pose_frame);
+        }
+        Ok(())
+    }
+
+    fn sort(&mut self, topics: &Topics, notes: &mut Notes) {
+        self.clouds.sort(&topics.lidar.name, notes);
+        for (topic, track) in [(topics.camera, &mut self.pictures), (topics.objects, &mut self.objects)] {
+            if let Some(topic) = topic {
+                track.sort(&topic.name, notes);
+            }
+        }
+        self.poses.sort_by_key(|(stamp_ns, _)| *stamp_ns);
+        self.poses.dedup_by_key(|(stamp_ns, _)| *stamp_ns);
+        for series in [&mut self.speed_mps, &mut self.steering_angle_rad, &mut self.yaw_rate_rps] {
+            series.retain(|(_, value)| value.is_finite());
+            series.sort_by_key(|(stamp_ns, _)| *stamp_ns);
+            series.dedup_by_key(|(stamp_ns, _)| *stamp_ns);
+        }
+    }
+}
+
+/// A message's time by the mapping's choice; what has no stamp, or the stamp 0, has the recorder's.
+fn stamp_of(value: &Value, place: Place, source: StampSource) -> Result<u64, CdrError> {
+    if source == StampSource::Log || value.at("header.stamp").is_err() {
+        return Ok(place.log_time_ns);
+    }
+    Ok(match stamp_ns(value, "header.stamp")? {
+        0 => place.log_time_ns,
+        stamp_ns => stamp_ns,
+    })
+}
+
+impl Track {
+    fn add(&mut self, stamp_ns: u64, place: Place, value: &Value) -> Result<(), CdrError> {
+        if self.messages.is_empty() {
+            frame_name(value.text("header.frame_id")?).clone_into(&mut self.frame);
+        }
+        self.messages.push(Stamped { stamp_ns, place });
+        Ok(())
+    }
+
+    fn sort(&mut self, topic: &str, notes: &mut Notes) {
+        let n_late = self.messages.windows(2).filter(|pair| pair[1].stamp_ns < pair[0].stamp_ns).count();
+        if n_late > 0 {
+            notes.tell(format!(
+                "topic `{topic}`: {n_late} messages have a stamp before that of the message before them; they are taken in \
+                 the order of stamps"
+            ));
+        }
+        self.messages.sort_by_key(|message| message.stamp_ns);
+        let n_before = self.messages.len();
+        self.messages.dedup_by_key(|message| message.stamp_ns);
+        let n_double = n_before - self.messages.len();
+        if n_double > 0 {
+            notes.tell(format!("topic `{topic}`: {n_double} messages have the stamp of another; they are left out"));
+        }
+    }
+
+    /// The message nearest to a time.
+    #[must_use]
+    pub fn nearest(&self, time_ns: u64) -> Option<Stamped> {
+        let after = self.messages.partition_point(|message| message.stamp_ns < time_ns);
+        let around = &self.messages[after.saturating_sub(1)..(after + 1).min(self.messages.len())];
+        around.iter().copied().min_by_key(|message| message.stamp_ns.abs_diff(time_ns))
+    }
+
+    /// First and last stamp as people read them.
+    #[must_use]
+    pub fn span(&self) -> String {
+        match self.messages.as_slice() {
+            [] => "no messages".into(),
+            [only] => format!("one at {}", seconds(only.stamp_ns)),
+            [first, .., last] => format!("{} to {}", seconds(first.stamp_ns), seconds(last.stamp_ns)),
+        }
+    }
+}
