@@ -18,6 +18,11 @@ pub trait Log {
     /// Names of the drives in their order: unique, and fit for file names (letters, digits, `-`, `_`, `.`).
     fn drives(&self) -> &[String];
 
+    /// What episodes depend on beside the import's config, as TOML: episodes that were made with other settings are not kept.
+    fn settings_toml(&self) -> String {
+        String::new()
+    }
+
     /// Reads what a drive needs before its frames: calibration, poses, times, tables.
     ///
     /// # Errors

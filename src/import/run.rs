@@ -62,7 +62,7 @@ pub fn run(
 ) -> Result<ImportSummary, ImportError> {
     let checked = CheckedImport::try_from(config.clone())?;
     let drives = choose(log, &options.scenes)?;
-    let config_toml = format!("format = \"{}\"\n{}", format.name(), to_toml(config));
+    let config_toml = format!("format = \"{}\"\n{}{}", format.name(), to_toml(config), log.settings_toml());
     let mut manifest = folder::open(out, &config_toml, options.force)?;
     for entry in &mut manifest.episodes {
         if drives.contains(&entry.name) {

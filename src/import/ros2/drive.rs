@@ -9,10 +9,11 @@ use super::mapping::MappingConfig;
 use super::objects;
 use super::poses::{ego_from_base, poses};
 use super::recording::{Recording, Stamped, Topics, Track};
+use super::tf::frame_name;
 use super::{cdr::Value, images};
 use crate::config::Checked;
 use crate::geometry::Transform;
-use crate::import::{Drive, DriveFacts, Frame, Ground, ImportError, Notes, Odometry, RawCamera, Series};
+use crate::import::{Drive, DriveFacts, Frame, ImportError, Notes, Odometry, RawCamera, Series};
 
 /// Clouds that are looked at to find how their points count times and rings.
 const CLOUDS_TRIED: usize = 5;
@@ -29,7 +30,8 @@ pub struct Ros2Drive {
     clouds: Vec<Stamped>,
     ego_from_base: Isometry3<f64>,
     habits: CloudHabits,
-    calibration: Option<Calibration>,
+    /// A sentence on where it comes from.
+    calibration: Option<String>,
     tolerance_ns: u64,
 }
 
@@ -57,7 +59,6 @@ impl Ros2Drive {
         let (ego_from_base, ground) = ego_from_base(&mapping.frames, &recording.tf);
         let (odometry, pose_source) = odometry(&recording, &mapping, &ego_from_base, notes)
             .map_err(|why| ImportError::at(bag.path(), format!("the ego's poses: {why}")))?;
-        let calibration = calibration(&bag, &topics, &mapping)?;
         let has_objects = topics.objects.is_some();
         let mut drive = Self {
             facts: DriveFacts {
@@ -84,11 +85,15 @@ impl Ros2Drive {
             clouds: Vec::new(),
             ego_from_base,
             habits: CloudHabits::default(),
-            calibration,
+            calibration: None,
             tolerance_ns: (tolerance_s * 1e9) as u64,
         };
         drive.choose_samples(notes)?;
         drive.find_habits(notes)?;
+        if !drive.mapping.camera.topic.is_empty() {
+            let calibration = drive.calibration(drive.times_ns[0])?;
+            drive.calibration = Some(calibration.source);
+        }
         drive.describe();
         Ok(drive)
     }
@@ -96,22 +101,21 @@ impl Ros2Drive {
     /// Keeps the clouds within the time that poses and pictures cover, and tells how many are left out.
     fn choose_samples(&mut self, notes: &mut Notes) -> Result<(), ImportError> {
         let clouds = &self.recording.clouds;
-        let picture_tolerance_ns = (self.mapping.camera.tolerance_s * 1e9) as u64;
-        let mut spans: Vec<(&str, u64, u64, u64)> = Vec::new();
+        let mut spans: Vec<(&str, u64, u64)> = Vec::new();
         if let (Some(first), Some(last)) = (self.odometry.poses.first(), self.odometry.poses.last()) {
-            spans.push(("poses", first.0, last.0, self.tolerance_ns));
+            spans.push(("poses", first.0, last.0));
         }
         let pictures = &self.recording.pictures.messages;
         if let (Some(first), Some(last)) = (pictures.first(), pictures.last()) {
-            spans.push(("pictures", first.stamp_ns, last.stamp_ns, picture_tolerance_ns));
+            spans.push(("pictures", first.stamp_ns, last.stamp_ns));
         } else if !self.mapping.camera.topic.is_empty() {
             let message = format!("topic `{}` holds no picture", self.mapping.camera.topic);
             return Err(ImportError::at(self.bag.path(), message));
         }
         let mut kept = clouds.messages.clone();
-        for (what, first_ns, last_ns, tolerance_ns) in spans {
+        for (what, first_ns, last_ns) in spans {
             let n_before = kept.len();
-            let span = first_ns.saturating_sub(tolerance_ns)..=last_ns.saturating_add(tolerance_ns);
+            let span = first_ns.saturating_sub(self.tolerance_ns)..=last_ns.saturating_add(self.tolerance_ns);
             kept.retain(|cloud| span.contains(&cloud.stamp_ns));
             let n_out = n_before - kept.len();
             if kept.is_empty() {
@@ -142,9 +146,10 @@ impl Ros2Drive {
     fn find_habits(&mut self, notes: &mut Notes) -> Result<(), ImportError> {
         let topic = self.bag.topic("lidar.topic", &self.mapping.lidar.topic)?;
         for cloud in self.clouds.iter().take(CLOUDS_TRIED) {
-            let Ok(base_from_lidar) = self.base_from(self.lidar_frame(), cloud.stamp_ns) else { continue };
             let found = self.bag.read(topic, cloud.place, |message| {
                 let cloud_of = Cloud::of(message, &self.mapping.lidar)?;
+                let frame = frame_of(message, &self.mapping.lidar.frame)?;
+                let base_from_lidar = self.base_from(&frame, cloud.stamp_ns)?;
                 let habits = || cloud_of.habits(&self.mapping.lidar, base_from_lidar.rotation, cloud.stamp_ns);
                 Ok((!cloud_of.is_empty()).then(habits))
             });
@@ -160,10 +165,9 @@ impl Ros2Drive {
 
     fn describe(&mut self) {
         let Self { mapping, calibration, habits, .. } = self;
-        let lidar = format!("topic `{}` in the frame `{}`", mapping.lidar.topic, self.recording.clouds.frame);
-        self.facts.methods.push(("lidar", lidar));
+        self.facts.methods.push(("lidar", format!("topic `{}`", mapping.lidar.topic)));
         if let Some(calibration) = calibration {
-            let camera = format!("topic `{}`, {}", mapping.camera.topic, calibration.source);
+            let camera = format!("topic `{}`, {calibration}", mapping.camera.topic);
             self.facts.methods.push(("camera", camera));
         }
         if let Some(habit) = habits.time {
@@ -173,11 +177,6 @@ impl Ros2Drive {
         self.facts.rings = habits.rings.filter(|rings| rings.is_turned()).map(|_| {
             "the cloud's own rings, which count from above, counted from below".to_owned()
         });
-    }
-
-    fn lidar_frame(&self) -> &str {
-        let frame = &self.mapping.lidar.frame;
-        if frame.is_empty() { &self.recording.clouds.frame } else { frame }
     }
 
     fn base_from(&self, frame: &str, time_ns: u64) -> Result<Isometry3<f64>, String> {
@@ -191,22 +190,54 @@ impl Ros2Drive {
         ImportError::at(self.bag.path(), why)
     }
 
-    fn camera(&self, time_ns: u64, notes: &mut Notes) -> Result<Option<RawCamera>, ImportError> {
-        let Some(calibration) = &self.calibration else { return Ok(None) };
+    /// The message of a topic nearest to a cloud.
+    fn nearest(&self, track: &Track, topic: &BagTopic, time_ns: u64) -> Result<Stamped, ImportError> {
+        let name = &topic.name;
+        let found = track.nearest(time_ns);
+        let found = found.ok_or_else(|| self.told(format!("topic `{name}` holds no message")))?;
+        let apart_ns = found.stamp_ns.abs_diff(time_ns);
+        if apart_ns <= self.tolerance_ns {
+            return Ok(found);
+        }
+        let [apart_ms, most_ms] = [apart_ns, self.tolerance_ns].map(|span_ns| span_ns as f64 * 1e-6);
+        Err(self.told(format!(
+            "the cloud is of {} and the nearest message of `{name}` of {}, {apart_ms:.0} ms apart; at most {most_ms:.0} ms \
+             are allowed (stamp_tolerance_s)",
+            seconds(time_ns), seconds(found.stamp_ns)
+        )))
+    }
+
+    /// What is known of the camera at a time: its info need not come with each picture.
+    fn calibration(&self, time_ns: u64) -> Result<Calibration, ImportError> {
         let mapping = &self.mapping.camera;
+        if mapping.info_topic.is_empty() {
+            return Calibration::from_mapping(mapping).map_err(|why| self.told(why));
+        }
+        let topic = self.bag.topic("camera.info_topic", &mapping.info_topic)?;
+        let Some(nearest) = self.recording.camera_infos.nearest(time_ns) else {
+            return Err(self.told(format!("topic `{}` holds no camera info", topic.name)));
+        };
+        self.bag.read(topic, nearest.place, |info| Calibration::of(info, mapping.is_rectified()))
+    }
+
+    fn camera(&self, time_ns: u64, notes: &mut Notes) -> Result<Option<RawCamera>, ImportError> {
+        let mapping = &self.mapping.camera;
+        if mapping.topic.is_empty() {
+            return Ok(None);
+        }
         let topic = self.bag.topic("camera.topic", &mapping.topic)?;
-        let picture = nearest(&self.recording.pictures, topic, time_ns, mapping.tolerance_s, "camera.tolerance_s")
-            .map_err(|why| self.told(why))?;
-        let frame = if mapping.frame.is_empty() { &self.recording.pictures.frame } else { &mapping.frame };
-        let base_from_frame = self.base_from(frame, time_ns).map_err(|why| self.told(why))?;
+        let picture = self.nearest(&self.recording.pictures, topic, time_ns)?;
+        let calibration = self.calibration(picture.stamp_ns)?;
+        let is_compressed = topic.type_name.ends_with("CompressedImage");
+        let (frame, image) = self.bag.read(topic, picture.place, |message: &Value| {
+            let image = if is_compressed { images::compressed(message)? } else { images::unpacked(message)? };
+            Ok((frame_of(message, &mapping.frame)?, image))
+        })?;
+        let base_from_frame = self.base_from(&frame, time_ns).map_err(|why| self.told(why))?;
         let (base_from_camera, told) =
-            optical_axes(base_from_frame, mapping.axes, frame).map_err(|why| self.told(why))?;
+            optical_axes(base_from_frame, mapping.axes, &frame).map_err(|why| self.told(why))?;
         told.into_iter().for_each(|sentence| notes.tell(sentence));
         let rectified_axes = calibration.rectified_from_camera.inverse();
-        let is_compressed = topic.type_name.ends_with("CompressedImage");
-        let image = self.bag.read(topic, picture.place, |message: &Value| {
-            if is_compressed { images::compressed(message) } else { images::unpacked(message) }
-        })?;
         Ok(Some(RawCamera {
             name: "cam_front".into(),
             time_ns: picture.stamp_ns,
@@ -217,6 +248,12 @@ impl Ros2Drive {
             image,
         }))
     }
+}
+
+/// The frame that a mapping names, else the one that a message names.
+fn frame_of(message: &Value, of_mapping: &str) -> Result<String, String> {
+    let named = message.text("header.frame_id").map_err(|error| error.to_string())?;
+    Ok(frame_name(if of_mapping.is_empty() { named } else { of_mapping }).to_owned())
 }
 
 impl Drive for Ros2Drive {
@@ -235,23 +272,22 @@ impl Drive for Ros2Drive {
     fn frame(&self, sample_idx: usize, notes: &mut Notes) -> Result<Frame, ImportError> {
         let Stamped { stamp_ns, place } = self.clouds[sample_idx];
         let topic = self.bag.topic("lidar.topic", &self.mapping.lidar.topic)?;
-        let points = self.bag.read(topic, place, |message| {
+        let (frame, points) = self.bag.read(topic, place, |message| {
             let cloud = Cloud::of(message, &self.mapping.lidar)?;
             if cloud.is_empty() {
                 return Err("the cloud is empty; points are needed".into());
             }
-            Ok(cloud.points(&self.habits, stamp_ns))
+            let frame = frame_of(message, &self.mapping.lidar.frame)?;
+            Ok((frame, cloud.points(&self.habits, stamp_ns)))
         })?;
-        let base_from_lidar = self.base_from(self.lidar_frame(), stamp_ns).map_err(|why| self.told(why))?;
+        let base_from_lidar = self.base_from(&frame, stamp_ns).map_err(|why| self.told(why))?;
         let camera = self.camera(stamp_ns, notes)?;
         let name = &self.mapping.objects.topic;
         let objects = if name.is_empty() {
             None
         } else {
             let topic = self.bag.topic("objects.topic", name)?;
-            let (tolerance_s, key) = (self.tolerance_ns as f64 * 1e-9, "stamp_tolerance_s");
-            let found = nearest(&self.recording.objects, topic, stamp_ns, tolerance_s, key);
-            let message = found.map_err(|why| self.told(why))?;
+            let message = self.nearest(&self.recording.objects, topic, stamp_ns)?;
             Some(self.bag.read(topic, message.place, |message| {
                 objects::objects(message, |frame| Ok(self.ego_from_base * self.base_from(frame, stamp_ns)?))
             })?)
@@ -265,38 +301,6 @@ impl Drive for Ros2Drive {
             ignored: Vec::new(),
         })
     }
-}
-
-/// The message of a topic nearest to a cloud.
-fn nearest(track: &Track, topic: &BagTopic, time_ns: u64, tolerance_s: f64, key: &str) -> Result<Stamped, String> {
-    let name = &topic.name;
-    let found = track.nearest(time_ns).ok_or_else(|| format!("topic `{name}` holds no message"))?;
-    let apart_s = found.stamp_ns.abs_diff(time_ns) as f64 * 1e-9;
-    if apart_s <= tolerance_s {
-        return Ok(found);
-    }
-    Err(format!(
-        "the cloud is of {} and the nearest message of `{name}` of {}, {:.0} ms apart; at most {:.0} ms are allowed ({key})",
-        seconds(time_ns), seconds(found.stamp_ns), apart_s * 1e3, tolerance_s * 1e3
-    ))
-}
-
-fn calibration(
-    bag: &Bag,
-    topics: &Topics,
-    mapping: &MappingConfig,
-) -> Result<Option<Calibration>, ImportError> {
-    if topics.camera.is_none() {
-        return Ok(None);
-    }
-    let Some(topic) = topics.camera_info else {
-        let calibration = Calibration::from_mapping(&mapping.camera);
-        return calibration.map(Some).map_err(|why| ImportError::at(bag.path(), why));
-    };
-    let Some(&first) = bag.places(topic)?.first() else {
-        return Err(ImportError::at(bag.path(), format!("topic `{}` holds no camera info", topic.name)));
-    };
-    bag.read(topic, first, |info| Calibration::of(info, mapping.camera.is_rectified())).map(Some)
 }
 
 /// Poses and measured series, and a sentence on the poses.

@@ -4,7 +4,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::config::{Check, InvalidConfig, above, define_config, from_to, impl_checked, part, require};
+use crate::config::{Check, InvalidConfig, define_config, from_to, impl_checked, part, require};
 
 /// Which time a message has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -100,8 +100,6 @@ define_config! {
         axes: CameraAxes = CameraAxes::Auto;
         /// `auto`, `yes` or `no`; default `auto`.
         rectified: Rectified = Rectified::Auto;
-        /// How far the nearest picture may be from the cloud, seconds; default 0.05.
-        tolerance_s: f64 = 0.05, in above(0.0, 10.0);
         /// Added to the pictures' stamps, seconds; default 0.
         time_offset_s: f64 = 0.0, in from_to(-10.0, 10.0);
         /// Row by row, 9 numbers, where there is no `info_topic`.

@@ -33,7 +33,7 @@ pub use mapping::{
 };
 
 use super::{Drive, ImportError, Log, Notes};
-use crate::config::Checked;
+use crate::config::{self, Checked};
 
 /// A bag, or a folder of bags, each of which is a drive.
 pub struct Ros2Log {
@@ -76,6 +76,14 @@ fn drive_name(path: &Path) -> String {
 impl Log for Ros2Log {
     fn drives(&self) -> &[String] {
         &self.drives
+    }
+
+    fn settings_toml(&self) -> String {
+        let Some(mapping) = &self.mapping else { return "\n[mapping]\nproposed = true\n".into() };
+        let mut tables = toml::Table::new();
+        let mapping = toml::Value::try_from(&**mapping).expect("a config always has a TOML form");
+        tables.insert("mapping".into(), mapping);
+        format!("\n{}", config::to_toml(&tables))
     }
 
     fn open(&self, drive: &str, notes: &mut Notes) -> Result<Box<dyn Drive>, ImportError> {

@@ -33,8 +33,6 @@ pub struct Stamped {
 #[derive(Debug, Clone, Default)]
 pub struct Track {
     pub messages: Vec<Stamped>,
-    /// The frame that the first message names.
-    pub frame: String,
 }
 
 /// What a pass found.
@@ -42,6 +40,7 @@ pub struct Track {
 pub struct Recording {
     pub clouds: Track,
     pub pictures: Track,
+    pub camera_infos: Track,
     pub objects: Track,
     pub tf: TfTree,
     /// The poses of a topic, if the mapping names one.
@@ -113,7 +112,7 @@ impl Recording {
     ) -> Result<Self, ImportError> {
         let mut recording = Self::default();
         let tf: Vec<&BagTopic> = bag.topics().filter(|topic| topic.is_of(&[TF])).collect();
-        let single = [topics.camera, topics.objects, topics.poses].into_iter().chain(topics.fields).flatten();
+        let single = [topics.camera, topics.camera_info, topics.objects, topics.poses].into_iter().chain(topics.fields).flatten();
         let mut wanted: Vec<&BagTopic> = vec![topics.lidar];
         wanted.extend(single.chain(tf));
         wanted.sort_by_key(|topic| &topic.name);
@@ -131,14 +130,17 @@ impl Recording {
             n_far += usize::from(stamp_ns.abs_diff(place.log_time_ns) > FAR_STAMP_NS);
             let name = topic.name.as_str();
             if name == topics.lidar.name {
-                recording.clouds.add(stamp_ns, place, value)?;
+                recording.clouds.add(stamp_ns, place);
             }
             if is(topics.camera, name) {
                 let offset_ns = (mapping.camera.time_offset_s * 1e9) as i64;
-                recording.pictures.add(stamp_ns.saturating_add_signed(offset_ns), place, value)?;
+                recording.pictures.add(stamp_ns.saturating_add_signed(offset_ns), place);
+            }
+            if is(topics.camera_info, name) {
+                recording.camera_infos.add(stamp_ns, place);
             }
             if is(topics.objects, name) {
-                recording.objects.add(stamp_ns, place, value)?;
+                recording.objects.add(stamp_ns, place);
             }
             if is(topics.poses, name) {
                 recording.add_pose(topic, stamp_ns, value)?;
@@ -180,6 +182,7 @@ impl Recording {
 
     fn sort(&mut self, topics: &Topics, notes: &mut Notes) {
         self.clouds.sort(&topics.lidar.name, notes);
+        self.camera_infos.messages.sort();
         for (topic, track) in [(topics.camera, &mut self.pictures), (topics.objects, &mut self.objects)] {
             if let Some(topic) = topic {
                 track.sort(&topic.name, notes);
@@ -207,12 +210,8 @@ fn stamp_of(value: &Value, place: Place, source: StampSource) -> Result<u64, Cdr
 }
 
 impl Track {
-    fn add(&mut self, stamp_ns: u64, place: Place, value: &Value) -> Result<(), CdrError> {
-        if self.messages.is_empty() {
-            frame_name(value.text("header.frame_id")?).clone_into(&mut self.frame);
-        }
+    fn add(&mut self, stamp_ns: u64, place: Place) {
         self.messages.push(Stamped { stamp_ns, place });
-        Ok(())
     }
 
     fn sort(&mut self, topic: &str, notes: &mut Notes) {
