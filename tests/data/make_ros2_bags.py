@@ -24,9 +24,9 @@ SPEED_MPS = 5.0
 RADIUS_M = 20.0
 WHEELBASE_M = 2.8
 BASE_HEIGHT_M = 0.3
-N_CLOUDS = 7
+N_CLOUDS = 5
 TURN_S = 0.1
-RINGS, COLUMNS = 8, 24
+RINGS, COLUMNS = 8, 20
 WIDTH, HEIGHT = 64, 48
 
 OWN_TYPES = {
@@ -313,7 +313,7 @@ class Bag:
 
 def add_motion(bag, *, base="base_link", fixed="odom"):
     """tf at 50 Hz, from before the first cloud to after the last turn."""
-    for i in range(-5, int((N_CLOUDS * 0.1 + 0.2) * 50)):
+    for i in range(-5, 35):
         time_ns = START_NS + i * 20_000_000
         bag.add("/tf", "tf2_msgs/msg/TFMessage", tf_message([(fixed, base, world_from_base(time_ns))], time_ns), time_ns)
 
@@ -321,7 +321,7 @@ def add_motion(bag, *, base="base_link", fixed="odom"):
 def add_status(bag):
     """Speed in km/h and the steering wheel in degrees (whole ones), in a type that nobody has seen before."""
     wheel_deg = round(np.degrees(np.arctan(WHEELBASE_M / RADIUS_M)) * 15)
-    for i in range(-5, 45):
+    for i in range(-5, 35):
         time_ns = START_NS + i * 20_000_000
         status = make(
             "car_msgs/msg/VehicleStatus",
@@ -343,7 +343,7 @@ def sample_of(time_ns, scan, k, base_from_optical, boxes):
         "ego_from_camera": (EGO_FROM_BASE @ base_from_optical).tolist(),
         "k": k.tolist(),
         "points": [
-            [*at.tolist(), float(intensity), int(ring)]
+            [*np.round(at, 6).tolist(), float(intensity), int(ring)]
             for at, intensity, ring in zip(scan.at_stamp, scan.intensity, scan.ring, strict=True)
         ],
         "boxes": boxes,
@@ -396,7 +396,7 @@ def odd(out):
         ("/mount", "/camera", np.linalg.inv(mount) @ BASE_FROM_CAMERA_BODY),
     ]
     bag.add("/tf_static", "tf2_msgs/msg/TFMessage", tf_message(static, 0), START_NS - 200_000_000)
-    for i in range(-5, 45):
+    for i in range(-5, 35):
         time_ns = START_NS + i * 20_000_000
         of = world_from_base(time_ns)
         here = make("geometry_msgs/msg/Pose", position=point(*of[:3, 3]), orientation=quaternion(of))
