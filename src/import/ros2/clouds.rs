@@ -18,7 +18,7 @@ const TURN_S: [f64; 2] = [0.005, 1.0];
 /// Times beyond this count from an epoch, not from the cloud's stamp.
 const LONGEST_OFFSET_S: f64 = 1.0;
 /// A cloud with fewer points does not tell how its rings are counted.
-const LEAST_POINTS: usize = 200;
+const LEAST_POINTS: usize = 100;
 
 /// A cloud as its message describes it.
 pub struct Cloud<'a> {

@@ -8,7 +8,6 @@ use super::bag::{Bag, BagTopic, seconds};
 use super::container::bags_under;
 use super::propose::{Proposal, first_frame, tf_tree};
 use super::tf::stamp_ns;
-use crate::config;
 use crate::import::ImportError;
 use crate::text_table::text_table;
 
@@ -79,7 +78,8 @@ fn first_header(bag: &Bag, topic: &BagTopic) -> Result<(String, String), ImportE
 /// The mapping as TOML, each table under its reasons.
 fn to_toml(proposal: &Proposal) -> String {
     let mut text = String::new();
-    for line in config::to_toml(&proposal.mapping).lines() {
+    let mapping = toml::to_string(&proposal.mapping).expect("a config always has a TOML form");
+    for line in mapping.lines() {
         if let Some(table) = line.strip_prefix('[').and_then(|rest| rest.strip_suffix(']')) {
             for (_, reason) in proposal.reasons.iter().filter(|(of, _)| *of == table) {
                 text.push_str(&format!("# {reason}\n"));

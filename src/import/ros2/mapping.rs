@@ -235,7 +235,8 @@ mod tests {
 
     #[test]
     fn every_number_is_checked() {
-        assert_every_number_is_checked(&MappingConfig::default());
+        let lidar = LidarMapping { topic: "/points".into(), ..LidarMapping::default() };
+        assert_every_number_is_checked(&MappingConfig { lidar, ..MappingConfig::default() });
     }
 
     #[test]

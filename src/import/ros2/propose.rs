@@ -194,7 +194,11 @@ impl Proposal {
             let others: Vec<String> = readable(bag)
                 .filter_map(|topic| {
                     let paths = topic.message_type().ok()?.number_paths();
-                    let path = paths.into_iter().find(|path| holds(path, words) || holds(&topic.name, words))?;
+                    let is_meant = |path: &String| {
+                        let is_other = path.starts_with("header.") || holds(path, &["angular", "covariance"]);
+                        !is_other && (holds(path, words) || holds(&topic.name, words))
+                    };
+                    let path = paths.into_iter().find(is_meant)?;
                     Some(format!("`{}` with field = \"{path}\"", topic.name))
                 })
                 .take(3)

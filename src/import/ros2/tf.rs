@@ -23,7 +23,10 @@ pub struct TfTree {
 #[derive(Debug, Clone)]
 struct Edge {
     parent: String,
+    /// Whether it was said once for all times.
     is_static: bool,
+    /// Whether all of its transforms are the same: then it holds at all times too.
+    is_constant: bool,
     /// In order of time once [`TfTree::finish`] has run.
     stamped: Vec<(u64, Isometry3<f64>)>,
 }
@@ -104,7 +107,7 @@ impl TfTree {
         parent_from_child: Isometry3<f64>,
     ) {
         let (parent, child) = (frame_name(parent).to_owned(), frame_name(child).to_owned());
-        let new = || Edge { parent: parent.clone(), is_static, stamped: Vec::new() };
+        let new = || Edge { parent: parent.clone(), is_static, is_constant: is_static, stamped: Vec::new() };
         let edge = self.edges.entry(child).or_insert_with(new);
         if is_static || edge.parent != parent {
             *edge = new();
@@ -118,7 +121,7 @@ impl TfTree {
             edge.stamped.sort_by_key(|(stamp_ns, _)| *stamp_ns);
             edge.stamped.dedup_by_key(|(stamp_ns, _)| *stamp_ns);
             let first = edge.stamped[0].1;
-            edge.is_static |= edge.stamped.iter().all(|(_, isometry)| *isometry == first);
+            edge.is_constant = edge.stamped.iter().all(|(_, isometry)| *isometry == first);
         }
     }
 
@@ -218,7 +221,7 @@ impl TfTree {
         Ok(climb(&of_to)?.inverse() * climb(&of_from)?)
     }
 
-    /// The stamps of the most frequent moving edge between two frames; empty where nothing moves.
+    /// The stamps of the most frequent edge between two frames that is not said once for all times; empty without one.
     #[must_use]
     pub fn stamps_between(&self, to: &str, from: &str) -> Vec<u64> {
         let Some((of_to, of_from)) = self.path(to, from) else { return Vec::new() };
@@ -238,7 +241,7 @@ impl TfTree {
 impl Edge {
     fn at(&self, child: &str, time_ns: u64, tolerance_ns: u64) -> Result<Isometry3<f64>, TfError> {
         let (first, last) = (&self.stamped[0], &self.stamped[self.stamped.len() - 1]);
-        if self.is_static {
+        if self.is_constant {
             return Ok(last.1);
         }
         if time_ns.saturating_add(tolerance_ns) < first.0 || time_ns > last.0.saturating_add(tolerance_ns) {
