@@ -5,9 +5,11 @@ use std::path::{Path, PathBuf};
 use clap::{Args, Subcommand};
 
 use super::exchange::{self, ImportPredictionsArgs};
-use super::{Bar, ExitStatus, number, print_summary, split};
+use super::{Bar, ExitStatus, number, print, print_summary, split};
+use crate::config;
 use crate::episode::Split;
 use crate::import::nuscenes::NuScenesLog;
+use crate::import::ros2::{self, MappingConfig, Ros2Log};
 use crate::import::{self, ImportConfig, ImportError, ImportOptions, Log, LogFormat};
 
 #[derive(Debug, Args)]
@@ -24,6 +26,8 @@ enum ImportCommand {
     Kitti(LogArgs),
     /// Argoverse 2 sensor logs: one log's folder, or a folder of logs
     Av2(LogArgs),
+    /// ROS 2 bags in MCAP: a bag's folder, one .mcap file, or a folder of bags
+    Ros2(Ros2Args),
     /// Another detector's boxes, as `harmzone predict` writes a network's
     Predictions(ImportPredictionsArgs),
 }
@@ -63,6 +67,36 @@ pub(super) struct LogArgs {
     /// Print the summary as JSON
     #[arg(long)]
     json: bool,
+}
+
+/// With `--list` nothing is imported, and `--out` need not be there.
+#[derive(Debug, Args)]
+#[command(mut_arg("out", |out| out.required_unless_present("list").default_value_if("list", "true", ".")))]
+struct Ros2Args {
+    #[command(flatten)]
+    log: LogArgs,
+    /// Which topics and frames are what (TOML, configs/import/ros2_mapping.toml) [default: guessed, as --list proposes]
+    #[arg(long, value_name = "TOML")]
+    mapping: Option<PathBuf>,
+    /// Print what the bag has and the proposed mapping, to be saved and used as it is; import nothing
+    #[arg(long, conflicts_with = "mapping")]
+    list: bool,
+}
+
+impl Ros2Args {
+    fn run(&self) -> anyhow::Result<ExitStatus> {
+        if self.list {
+            print(ros2::list(&self.log.source)?)?;
+            return Ok(ExitStatus::Done);
+        }
+        let mapping = match &self.mapping {
+            None => None,
+            Some(path) => Some(config::load::<MappingConfig>(Some(path), &[])?),
+        };
+        self.log.run(LogFormat::Ros2, |source, config| {
+            Ros2Log::open(source, mapping, config.stamp_tolerance_s)
+        })
+    }
 }
 
 impl LogArgs {
@@ -111,6 +145,7 @@ pub fn run(args: ImportArgs) -> anyhow::Result<ExitStatus> {
         ImportCommand::Nuscenes(args) => args.run(LogFormat::Nuscenes, NuScenesLog::open),
         ImportCommand::Kitti(args) => args.run(LogFormat::Kitti, import::open_kitti),
         ImportCommand::Av2(args) => args.run(LogFormat::Av2, import::open_av2),
+        ImportCommand::Ros2(args) => args.run(),
         ImportCommand::Predictions(args) => exchange::import(&args),
     }
 }

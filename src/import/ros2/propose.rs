@@ -90,12 +90,17 @@ impl Proposal {
     fn camera(&mut self, bag: &Bag) {
         let pictures: Vec<&BagTopic> = readable(bag).filter(|topic| topic.is_of(&IMAGES)).collect();
         let infos: Vec<&BagTopic> = readable(bag).filter(|topic| topic.is_of(&[CAMERA_INFO])).collect();
+        let n_pictures = pictures.len();
         let info_of = |picture: &BagTopic| {
-            let common = |info: &&&BagTopic| {
-                let parts = |name: &str| name.split('/').map(str::to_owned).collect::<Vec<_>>();
-                parts(&info.name).iter().zip(parts(&picture.name)).take_while(|(a, b)| *a == b).count()
+            // image_transport's convention: the info lies beside the picture, whose name may go on.
+            let fits = |info: &&&BagTopic| {
+                let (folder, _) = info.name.rsplit_once('/').unwrap_or_default();
+                let rest = picture.name.strip_prefix(folder).unwrap_or_default();
+                rest.starts_with('/') && (!folder.is_empty() || rest.matches('/').count() <= 2)
             };
-            infos.iter().filter(|info| common(info) > 1).max_by_key(common).copied()
+            let nearest = infos.iter().filter(fits).max_by_key(|info| info.name.len());
+            let only = infos.first().filter(|_| infos.len() == 1 && n_pictures == 1);
+            nearest.or(only).copied()
         };
         let score = |topic: &BagTopic| {
             let name = topic.name.to_lowercase();
@@ -114,7 +119,7 @@ impl Proposal {
         if let Some(info) = info_of(best) {
             self.mapping.camera.topic.clone_from(&best.name);
             self.mapping.camera.info_topic.clone_from(&info.name);
-            self.say("camera", "info_topic: the camera info under the longest common name");
+            self.say("camera", "info_topic: the camera info beside the picture");
         } else {
             self.say("camera", format!("MISSING: no camera info for `{}`; say `topic` and k, d, distortion_model by hand", best.name));
         }
