@@ -147,14 +147,18 @@ fn a_bag_with_types_of_its_own_is_imported_as_its_maker_measured_it() {
     // bgr8 in padded rows: blue and red at their places.
     let image = episode.sample(4).unwrap().measured.image.decode().unwrap();
     let pixel = image.get_pixel(40, 30).0.map(i32::from);
-    assert!(pixel.iter().zip([160, 150, 160]).all(|(found, wanted)| (found - wanted).abs() < 12), "{pixel:?}");
+    assert!(
+        pixel.iter().zip([160, 150, 160]).all(|(found, wanted)| (found - wanted).abs() < 12),
+        "{pixel:?}"
+    );
 }
 
 #[test]
 fn a_big_endian_split_bag_of_another_style_is_imported_with_its_proposed_mapping() {
     let text = list(&data().join("odd")).unwrap();
     // What a bag cannot say: the unit of a plain number, the car's sizes, the base frame's height.
-    let text = text.replace("unit = \"rad\"", "unit = \"deg\"").replace("wheelbase_m = 0.0", "wheelbase_m = 2.8");
+    let text =
+        text.replace("unit = \"rad\"", "unit = \"deg\"").replace("wheelbase_m = 0.0", "wheelbase_m = 2.8");
     let mut mapping: MappingConfig = toml::from_str(&text).unwrap();
     mapping.frames.base_height_m = Some(0.3);
     let folder = tempfile::tempdir().unwrap();
@@ -164,7 +168,10 @@ fn a_big_endian_split_bag_of_another_style_is_imported_with_its_proposed_mapping
     let episode = EpisodeReader::open(&folder.path().join("episodes/odd.mcap")).unwrap();
     compare(&episode, &made("odd"));
     let methods = &episode.log().unwrap().methods;
-    assert!(methods["camera"].contains("P of the camera info") && methods["motion"].contains("moved"), "{methods:?}");
+    assert!(
+        methods["camera"].contains("P of the camera info") && methods["motion"].contains("moved"),
+        "{methods:?}"
+    );
     let image = episode.sample(2).unwrap().measured.image.decode().unwrap();
     assert_eq!(image.get_pixel(20, 30).0, [80, 150, 80]);
 }
@@ -271,7 +278,8 @@ fn files_of_other_writers_are_read_or_told() {
         rewritten(&path, options, change);
         refusal(&path, Some(plain_mapping()))
     };
-    let index = told(WriteOptions::new().emit_message_indexes(false).emit_chunk_indexes(false), &|_, _, _, _| {});
+    let index =
+        told(WriteOptions::new().emit_message_indexes(false).emit_chunk_indexes(false), &|_, _, _, _| {});
     assert!(index.contains("no index") && index.contains("mcap recover"), "{index}");
     let index = told(WriteOptions::new().use_chunks(false), &|_, _, _, _| {});
     assert!(index.contains("no index"), "{index}");
@@ -351,7 +359,11 @@ fn damaged_messages_are_told() {
         let out = tempfile::tempdir().unwrap();
         let summary = import(&bag(name), None, out.path(), false).unwrap();
         assert_eq!(summary.n_samples, n_samples, "{name}: {:?}", summary.notes);
-        assert!(words.is_empty() || summary.notes.iter().any(|note| note.contains(words)), "{:?}", summary.notes);
+        assert!(
+            words.is_empty() || summary.notes.iter().any(|note| note.contains(words)),
+            "{:?}",
+            summary.notes
+        );
     }
     let out = tempfile::tempdir().unwrap();
     let summary = import(&bag("empty_cloud"), None, out.path(), true).unwrap();

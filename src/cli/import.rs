@@ -93,9 +93,8 @@ impl Ros2Args {
             None => None,
             Some(path) => Some(config::load::<MappingConfig>(Some(path), &[])?),
         };
-        self.log.run(LogFormat::Ros2, |source, config| {
-            Ros2Log::open(source, mapping, config.stamp_tolerance_s)
-        })
+        self.log
+            .run(LogFormat::Ros2, |source, config| Ros2Log::open(source, mapping, config.stamp_tolerance_s))
     }
 }
 

@@ -116,7 +116,8 @@ impl Bag {
             let known = self.topics.entry(topic.name.clone()).or_insert_with(|| BagTopic::new(topic));
             if new.type_name != known.type_name {
                 let (name, one, other) = (&topic.name, &known.type_name, &new.type_name);
-                let message = format!("topic `{name}` is of the type `{one}` and of `{other}`; one type is needed");
+                let message =
+                    format!("topic `{name}` is of the type `{one}` and of `{other}`; one type is needed");
                 return Err(ImportError::at(file.path(), message));
             }
             known.n_messages += topic.n_messages;
@@ -195,8 +196,7 @@ impl Bag {
         }
         let (file_idx, chunk_idx, channel_id) = key;
         let file = &self.files[file_idx];
-        let messages =
-            file.chunk(chunk_idx, &[channel_id]).map_err(|error| tell_file(error, file.path()))?;
+        let messages = file.chunk(chunk_idx, &[channel_id]).map_err(|error| tell_file(error, file.path()))?;
         let messages = Rc::new(messages);
         if recent.len() == CHUNKS_KEPT {
             recent.remove(0);
@@ -230,11 +230,12 @@ impl Bag {
                     let ordinal = n_met.entry(channel_id).or_insert(0);
                     let at = MessagePlace { log_time_ns, chunk_idx, ordinal: *ordinal };
                     *ordinal += 1;
-                    let message_type = topic.message_type().map_err(|why| ImportError::at(&self.path, why))?;
+                    let message_type =
+                        topic.message_type().map_err(|why| ImportError::at(&self.path, why))?;
                     let place = Place { log_time_ns, file_idx, channel_id, at };
-                    cdr::decode(message_type, &bytes)
-                        .and_then(|value| take(topic, place, &value))
-                        .map_err(|error| self.tell_message(topic, file_idx, log_time_ns, &error.to_string()))?;
+                    cdr::decode(message_type, &bytes).and_then(|value| take(topic, place, &value)).map_err(
+                        |error| self.tell_message(topic, file_idx, log_time_ns, &error.to_string()),
+                    )?;
                 }
             }
         }
@@ -257,10 +258,13 @@ pub fn seconds(time_ns: u64) -> String {
 fn tell_file(error: EpisodeError, path: &Path) -> ImportError {
     let recover = "`mcap recover FILE -o WHOLE` keeps what is whole and writes an index";
     match error {
-        EpisodeError::Damaged { source, .. } => {
-            ImportError::at(path, format!("the bag's file is cut short, damaged or no MCAP ({source}); {recover}"))
+        EpisodeError::Damaged { source, .. } => ImportError::at(
+            path,
+            format!("the bag's file is cut short, damaged or no MCAP ({source}); {recover}"),
+        ),
+        EpisodeError::NoIndex { .. } => {
+            ImportError::at(path, format!("the bag's file has no index; {recover}"))
         }
-        EpisodeError::NoIndex { .. } => ImportError::at(path, format!("the bag's file has no index; {recover}")),
         EpisodeError::Io(error) if error.kind() == std::io::ErrorKind::NotFound => {
             ImportError::at(path, "the bag's file is missing")
         }

@@ -43,7 +43,9 @@ impl Calibration {
         let binning = info.numbers_at("", ["binning_x", "binning_y"]).map_err(tell)?;
         if binning.iter().any(|&factor| factor > 1.0) {
             let [x, y] = binning;
-            return Err(format!("the camera info says a binning of {x} x {y}; a calibration of the whole picture is needed"));
+            return Err(format!(
+                "the camera info says a binning of {x} x {y}; a calibration of the whole picture is needed"
+            ));
         }
         let size = info.numbers_at("", ["width", "height"]).map_err(tell)?;
         let region = info.numbers_at("roi", ["x_offset", "y_offset", "width", "height"]).map_err(tell)?;
@@ -78,7 +80,10 @@ impl Calibration {
             distortion: Distortion::None,
             size_px,
             rectified_from_camera: rotation_of(&r)?,
-            source: format!("{} of the camera info, for pictures that are rectified", if has_p { "P" } else { "K" }),
+            source: format!(
+                "{} of the camera info, for pictures that are rectified",
+                if has_p { "P" } else { "K" }
+            ),
         })
     }
 
@@ -104,13 +109,19 @@ impl Calibration {
 
 /// A camera matrix with focal lengths above zero and no skew.
 fn checked_k(k: &[f64]) -> Result<[f64; 9], String> {
-    let k: [f64; 9] = k.try_into().map_err(|_| format!("the camera matrix has {} numbers; 9 are needed", k.len()))?;
+    let k: [f64; 9] =
+        k.try_into().map_err(|_| format!("the camera matrix has {} numbers; 9 are needed", k.len()))?;
     if k.iter().all(|&number| number == 0.0) {
-        return Err("the camera matrix is all zero: the camera is not calibrated; camera.k of the mapping can say it".into());
+        return Err(
+            "the camera matrix is all zero: the camera is not calibrated; camera.k of the mapping can say it"
+                .into(),
+        );
     }
     let is_valid = k.iter().all(|number| number.is_finite()) && k[0] > 0.0 && k[4] > 0.0 && k[8] == 1.0;
     if !is_valid || [k[3], k[6], k[7]] != [0.0; 3] {
-        return Err(format!("the camera matrix is {k:?}; [fx, 0, cx, 0, fy, cy, 0, 0, 1] with fx and fy above 0 is needed"));
+        return Err(format!(
+            "the camera matrix is {k:?}; [fx, 0, cx, 0, fy, cy, 0, 0, 1] with fx and fy above 0 is needed"
+        ));
     }
     if k[1] != 0.0 {
         return Err(format!("the camera matrix has the skew {}; a camera without skew is needed", k[1]));
@@ -132,13 +143,16 @@ fn distortion_of(model: &str, d: &[f64]) -> Result<Distortion, String> {
         "plumb_bob" | "radtan" | "" if rest_is_zero(5) => {
             Ok(Distortion::PlumbBob(first(5).try_into().expect(fixed)))
         }
-        "rational_polynomial" if rest_is_zero(8) => Ok(Distortion::Rational(first(8).try_into().expect(fixed))),
+        "rational_polynomial" if rest_is_zero(8) => {
+            Ok(Distortion::Rational(first(8).try_into().expect(fixed)))
+        }
         "equidistant" | "fisheye" | "kannala_brandt" if rest_is_zero(4) => {
             Ok(Distortion::Fisheye(first(4).try_into().expect(fixed)))
         }
-        "plumb_bob" | "rational_polynomial" | "equidistant" => {
-            Err(format!("the distortion `{model}` has {} coefficients; 5, 8 and 4 are known for the three models", d.len()))
-        }
+        "plumb_bob" | "rational_polynomial" | "equidistant" => Err(format!(
+            "the distortion `{model}` has {} coefficients; 5, 8 and 4 are known for the three models",
+            d.len()
+        )),
         _ => Err(format!(
             "the distortion model is `{model}`; plumb_bob, rational_polynomial and equidistant are read"
         )),
@@ -154,7 +168,12 @@ fn rotation_of(r: &[f64]) -> Result<UnitQuaternion<f64>, String> {
     if !(error < ROTATION_ERROR && matrix.determinant() > 0.0) {
         return Err(format!("the camera info's `r` is {r:?}, which is no rotation"));
     }
-    Ok(UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_eps(&matrix, 1e-15, 100, Rotation3::identity())))
+    Ok(UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_eps(
+        &matrix,
+        1e-15,
+        100,
+        Rotation3::identity(),
+    )))
 }
 
 /// The pose of a camera's optical axes in the base frame, and what was found of its axes where the frame has others.
@@ -176,7 +195,8 @@ pub fn optical_axes(
         CameraAxes::Auto => {
             return Err(format!(
                 "the camera's frame `{frame}` has its x, y and z axes at heights {:.2}, {:.2}, {:.2} in the base frame; \
-                 y down (optical) or z up (body) is needed, or camera.axes says which they are", x.z, y.z, z.z
+                 y down (optical) or z up (body) is needed, or camera.axes says which they are",
+                x.z, y.z, z.z
             ));
         }
     };
@@ -186,7 +206,9 @@ pub fn optical_axes(
     // Columns: the optical right, down and forward in x forward, y left, z up.
     let body_from_optical = Matrix3::new(0.0, 0.0, 1.0, -1.0, 0.0, 0.0, 0.0, -1.0, 0.0);
     let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(body_from_optical));
-    let told = format!("the camera's frame `{frame}` has a body's axes (x forward, z up); they were turned into optical ones");
+    let told = format!(
+        "the camera's frame `{frame}` has a body's axes (x forward, z up); they were turned into optical ones"
+    );
     Ok((base_from_frame * rotation, Some(told)))
 }
 
@@ -199,7 +221,8 @@ mod tests {
         let body = Isometry3::translation(1.0, 0.0, 1.5);
         let (optical, told) = optical_axes(body, CameraAxes::Auto, "camera").unwrap();
         assert!(told.unwrap().contains("`camera` has a body's axes"));
-        let [right, down, forward] = [Vector3::x(), Vector3::y(), Vector3::z()].map(|axis| optical.rotation * axis);
+        let [right, down, forward] =
+            [Vector3::x(), Vector3::y(), Vector3::z()].map(|axis| optical.rotation * axis);
         assert!((right + Vector3::y()).norm() < 1e-12 && (down + Vector3::z()).norm() < 1e-12);
         assert!((forward - Vector3::x()).norm() < 1e-12);
         let (same, told) = optical_axes(optical, CameraAxes::Auto, "camera_optical").unwrap();

@@ -139,7 +139,9 @@ impl<'a> Decoder<'a> {
                 self.align(number.size());
                 let bytes = self.take(number.size())?;
                 Ok(match number {
-                    NumberType::I64 | NumberType::U64 => Value::Whole(number.read_whole(bytes, self.is_big_endian)),
+                    NumberType::I64 | NumberType::U64 => {
+                        Value::Whole(number.read_whole(bytes, self.is_big_endian))
+                    }
                     _ => Value::Number(number.read(bytes, self.is_big_endian)),
                 })
             }
@@ -184,12 +186,14 @@ impl<'a> Value<'a> {
     /// There is no such field; the error names those that there are.
     pub fn at(&self, path: &str) -> Result<Value<'a>, CdrError> {
         let mut here = self;
-        let mut steps = path.split(['.', '[']).map(|step| step.trim_end_matches(']')).filter(|step| !step.is_empty());
+        let mut steps =
+            path.split(['.', '[']).map(|step| step.trim_end_matches(']')).filter(|step| !step.is_empty());
         while let Some(step) = steps.next() {
             let missing = |found: String| CdrError::NoField { field: path.to_owned(), found };
             here = match here {
                 Value::Struct(fields) => {
-                    let names = || fields.iter().map(|(name, _)| format!("`{name}`")).collect::<Vec<_>>().join(", ");
+                    let names =
+                        || fields.iter().map(|(name, _)| format!("`{name}`")).collect::<Vec<_>>().join(", ");
                     let found = fields.iter().find(|(name, _)| *name == step);
                     &found.ok_or_else(|| missing(names()))?.1
                 }
@@ -200,7 +204,9 @@ impl<'a> Value<'a> {
                 Value::Numbers(numbers) if steps.next().is_none() => {
                     let values = numbers.to_f64();
                     let found = step.parse().ok().and_then(|idx: usize| values.get(idx).copied());
-                    return Ok(Value::Number(found.ok_or_else(|| missing(format!("{} elements", values.len())))?));
+                    return Ok(Value::Number(
+                        found.ok_or_else(|| missing(format!("{} elements", values.len())))?,
+                    ));
                 }
                 other => return Err(missing(format!("none in {}", other.kind()))),
             };
@@ -325,7 +331,10 @@ mod tests {
             assert_eq!((message.number("unit").unwrap(), message.number("mps").unwrap()), (7.0, 1.5));
             assert_eq!(message.numbers("raw").unwrap().to_f64(), [1.0, 2.0, 3.0]);
             assert_eq!(message.at("id").unwrap(), Value::Whole(1 << 63));
-            assert_eq!((message.number("parts[0].n").unwrap(), message.number("raw.2").unwrap()), (-1.0, 3.0));
+            assert_eq!(
+                (message.number("parts[0].n").unwrap(), message.number("raw.2").unwrap()),
+                (-1.0, 3.0)
+            );
         }
     }
 

@@ -12,7 +12,8 @@ use crate::import::RawPoint;
 
 const INTENSITY_NAMES: [&str; 4] = ["intensity", "intensities", "reflectivity", "i"];
 const RING_NAMES: [&str; 5] = ["ring", "channel", "line", "laser_id", "laser_number"];
-const TIME_NAMES: [&str; 7] = ["t", "time", "timestamp", "time_stamp", "offset_time", "point_time_offset", "time_offset"];
+const TIME_NAMES: [&str; 7] =
+    ["t", "time", "timestamp", "time_stamp", "offset_time", "point_time_offset", "time_offset"];
 /// A turn lasts this long, at the least and at the most: 5 Hz to 100 Hz with a margin.
 const TURN_S: [f64; 2] = [0.005, 1.0];
 /// Times beyond this count from an epoch, not from the cloud's stamp.
@@ -82,7 +83,9 @@ impl TimeOrigin {
 pub enum RingHabit {
     FromBelow,
     /// From above, among so many.
-    FromAbove { n_rings: u16 },
+    FromAbove {
+        n_rings: u16,
+    },
 }
 
 impl RingHabit {
@@ -119,8 +122,9 @@ impl<'a> Cloud<'a> {
             let name = field.text("name").map_err(tell)?.to_owned();
             let (offset, datatype) =
                 (field.number("offset").map_err(tell)? as usize, field.number("datatype").map_err(tell)?);
-            let number = number_type(datatype)
-                .ok_or_else(|| format!("the cloud's field `{name}` has the type {datatype}; 1 to 8 are known"))?;
+            let number = number_type(datatype).ok_or_else(|| {
+                format!("the cloud's field `{name}` has the type {datatype}; 1 to 8 are known")
+            })?;
             fields.push((name, Field { offset, number }));
         }
         let names = || fields.iter().map(|(name, _)| format!("`{name}`")).collect::<Vec<_>>().join(", ");
@@ -159,7 +163,9 @@ impl<'a> Cloud<'a> {
             return Ok(());
         }
         if end > point_step {
-            return Err(format!("the cloud's fields end at byte {end} of a point, and a point has {point_step} bytes"));
+            return Err(format!(
+                "the cloud's fields end at byte {end} of a point, and a point has {point_step} bytes"
+            ));
         }
         if row_step < width.saturating_mul(point_step) && height > 1 {
             return Err(format!(
@@ -170,7 +176,9 @@ impl<'a> Cloud<'a> {
         let needed = (height - 1).saturating_mul(row_step).saturating_add(width.saturating_mul(point_step));
         let found = self.data.bytes.len();
         if found < needed {
-            return Err(format!("the cloud has {found} bytes; {width} x {height} points of {point_step} bytes need {needed}"));
+            return Err(format!(
+                "the cloud has {found} bytes; {width} x {height} points of {point_step} bytes need {needed}"
+            ));
         }
         Ok(())
     }
@@ -292,7 +300,9 @@ impl<'a> Cloud<'a> {
         let (first_s, last_s, stamp_s) = (first * unit_s, last * unit_s, stamp_ns as f64 * 1e-9);
         let origin = if first_s.abs() <= LONGEST_OFFSET_S && last_s.abs() <= LONGEST_OFFSET_S {
             TimeOrigin::Stamp
-        } else if (first_s - stamp_s).abs() <= LONGEST_OFFSET_S && (last_s - stamp_s).abs() <= LONGEST_OFFSET_S {
+        } else if (first_s - stamp_s).abs() <= LONGEST_OFFSET_S
+            && (last_s - stamp_s).abs() <= LONGEST_OFFSET_S
+        {
             TimeOrigin::Epoch
         } else {
             told.push(format!(
@@ -335,10 +345,14 @@ impl<'a> Cloud<'a> {
             let n_rows = u16::try_from(self.height).unwrap_or(0);
             let n_seen = last_ring.saturating_add(1);
             let n_rings = if (n_seen..=2 * n_seen).contains(&n_rows) { n_rows } else { n_seen };
-            told.push(format!("the cloud counts its {n_rings} rings from above; they are counted from below"));
+            told.push(format!(
+                "the cloud counts its {n_rings} rings from above; they are counted from below"
+            ));
             return Some(RingHabit::FromAbove { n_rings });
         }
-        told.push("the cloud's rings do not follow the beams' elevations; rings are computed from these".into());
+        told.push(
+            "the cloud's rings do not follow the beams' elevations; rings are computed from these".into(),
+        );
         None
     }
 }

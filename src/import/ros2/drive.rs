@@ -122,7 +122,9 @@ impl Ros2Drive {
                 let message = format!(
                     "no cloud lies within the time of the {what}: clouds are at {}, {what} at {} to {}; where stamps are of \
                      different clocks, `stamps = \"log\"` takes the recorder's",
-                    clouds.span(), seconds(first_ns), seconds(last_ns)
+                    clouds.span(),
+                    seconds(first_ns),
+                    seconds(last_ns)
                 );
                 return Err(ImportError::at(self.bag.path(), message));
             }
@@ -150,7 +152,8 @@ impl Ros2Drive {
                 let cloud_of = Cloud::of(message, &self.mapping.lidar)?;
                 let frame = frame_of(message, &self.mapping.lidar.frame)?;
                 let base_from_lidar = self.base_from(&frame, cloud.stamp_ns)?;
-                let habits = || cloud_of.habits(&self.mapping.lidar, base_from_lidar.rotation, cloud.stamp_ns);
+                let habits =
+                    || cloud_of.habits(&self.mapping.lidar, base_from_lidar.rotation, cloud.stamp_ns);
                 Ok((!cloud_of.is_empty()).then(habits))
             });
             // A cloud that cannot be read is told when its sample is read.
@@ -172,18 +175,22 @@ impl Ros2Drive {
         }
         if let Some(habit) = habits.time {
             let (unit_s, origin) = (habit.unit_s, habit.origin.tell());
-            self.facts.methods.push(("point_times", format!("in units of {unit_s} s, counted from {origin}")));
+            self.facts
+                .methods
+                .push(("point_times", format!("in units of {unit_s} s, counted from {origin}")));
         }
-        self.facts.rings = habits.rings.filter(|rings| rings.is_turned()).map(|_| {
-            "the cloud's own rings, which count from above, counted from below".to_owned()
-        });
+        self.facts.rings = habits
+            .rings
+            .filter(|rings| rings.is_turned())
+            .map(|_| "the cloud's own rings, which count from above, counted from below".to_owned());
     }
 
     fn base_from(&self, frame: &str, time_ns: u64) -> Result<Isometry3<f64>, String> {
         let base = &self.mapping.frames.base;
-        self.recording.tf.lookup(base, frame, time_ns, self.tolerance_ns).map_err(|error| {
-            format!("{error}; [[frames.transforms]] of the mapping can add what is missing")
-        })
+        self.recording
+            .tf
+            .lookup(base, frame, time_ns, self.tolerance_ns)
+            .map_err(|error| format!("{error}; [[frames.transforms]] of the mapping can add what is missing"))
     }
 
     fn told(&self, why: String) -> ImportError {

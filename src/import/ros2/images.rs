@@ -11,7 +11,8 @@ use crate::sample::{EncodedImage, ImageFormat};
 const JPEG_MAGIC: &[u8] = b"\xff\xd8\xff";
 const PNG_MAGIC: &[u8] = b"\x89PNG";
 
-const ENCODINGS: &str = "rgb8, bgr8, rgba8, bgra8, mono8, yuv422, yuv422_yuy2 and bayer_{rggb,bggr,gbrg,grbg}8";
+const ENCODINGS: &str =
+    "rgb8, bgr8, rgba8, bgra8, mono8, yuv422, yuv422_yuy2 and bayer_{rggb,bggr,gbrg,grbg}8";
 
 /// The colours of a Bayer picture's first two rows: 0 red, 1 green, 2 blue.
 type Mosaic = [[usize; 2]; 2];
@@ -20,9 +21,16 @@ type Mosaic = [[usize; 2]; 2];
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Packing {
     /// Bytes a pixel, and which of them are red, green and blue.
-    Plain { n_bytes: usize, rgb: [usize; 3] },
+    Plain {
+        n_bytes: usize,
+        rgb: [usize; 3],
+    },
     /// Two bytes a pixel; of four, which are the two brightnesses, and the two colours that they share.
-    Yuv422 { y: [usize; 2], u: usize, v: usize },
+    Yuv422 {
+        y: [usize; 2],
+        u: usize,
+        v: usize,
+    },
     Bayer(Mosaic),
 }
 
@@ -113,7 +121,8 @@ fn pixel(packing: Packing, rows: &[&[u8]], x: usize, y: usize) -> [u8; 3] {
 /// BT.601 with the full range, as OpenCV converts it.
 fn from_yuv(y: f32, u: f32, v: f32) -> [u8; 3] {
     let limited = 1.164 * (y - 16.0);
-    [limited + 1.596 * v, limited - 0.813 * v - 0.391 * u, limited + 2.018 * u].map(|value| value.round() as u8)
+    [limited + 1.596 * v, limited - 0.813 * v - 0.391 * u, limited + 2.018 * u]
+        .map(|value| value.round() as u8)
 }
 
 /// Each colour is the mean of its own pixels among the nine around.

@@ -34,7 +34,8 @@ pub fn list(path: &Path) -> Result<String, ImportError> {
         }
     }
     let proposal = Proposal::of(&bag, &tf)?;
-    let mut text: String = lines.iter().map(|line| format!("# {line}").trim_end().to_owned() + "\n").collect();
+    let mut text: String =
+        lines.iter().map(|line| format!("# {line}").trim_end().to_owned() + "\n").collect();
     text.push_str("\n# The proposed mapping. configs/import/ros2_mapping.toml says what each key means.\n\n");
     text.push_str(&to_toml(&proposal));
     Ok(text)

@@ -209,7 +209,12 @@ impl Check for MappingConfig {
         ];
         for (key, mapping, units) in fields {
             let is_whole = mapping.topic.is_empty() || !mapping.field.is_empty();
-            require(is_whole, &format!("{key}.field"), "empty", "the path of a number is needed, such as `data`")?;
+            require(
+                is_whole,
+                &format!("{key}.field"),
+                "empty",
+                "the path of a number is needed, such as `data`",
+            )?;
             let names: Vec<&str> = units.iter().map(|(name, _)| *name).collect();
             let is_unit = mapping.unit.is_empty() || names.contains(&mapping.unit.as_str());
             let wanted = format!("one of {} is needed", names.join(", "));

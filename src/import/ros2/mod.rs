@@ -96,7 +96,9 @@ impl Log for Ros2Log {
             None => {
                 let proposal = Proposal::of(&bag, &tf_tree(&bag)?)?;
                 notes.tell("there is no --mapping, so that topics and frames are guessed; `--list` tells them and why");
-                for (table, reason) in proposal.reasons.iter().filter(|(_, reason)| reason.contains("MISSING")) {
+                for (table, reason) in
+                    proposal.reasons.iter().filter(|(_, reason)| reason.contains("MISSING"))
+                {
                     notes.tell(format!("mapping [{table}]: {reason}"));
                 }
                 Checked::new(proposal.mapping)?

@@ -22,9 +22,11 @@ pub fn objects(
         let own_frame = detection.text("header.frame_id").map(frame_name).unwrap_or_default();
         let frame = if own_frame.is_empty() { whole_frame } else { own_frame };
         let pose = isometry_of(detection, "bbox.center.position", "bbox.center.orientation").map_err(tell)?;
-        let pose = pose.ok_or_else(|| format!("box {idx} has a pose that is none: a NaN or a rotation of length 0"))?;
+        let pose = pose
+            .ok_or_else(|| format!("box {idx} has a pose that is none: a NaN or a rotation of length 0"))?;
         let ego_from_box = ego_from(frame)? * pose;
-        let [length_m, width_m, height_m] = detection.numbers_at("bbox.size", ["x", "y", "z"]).map_err(tell)?;
+        let [length_m, width_m, height_m] =
+            detection.numbers_at("bbox.size", ["x", "y", "z"]).map_err(tell)?;
         let [x_m, y_m, z_m] = ego_from_box.translation.vector.into();
         let ahead = ego_from_box.rotation * Vector3::x();
         let box_in_ego = Box3 {

@@ -19,7 +19,8 @@ const BASE_HEIGHT_GUESS_M: f64 = 0.15;
 /// axle's point at the height of the base frame's origin.
 pub fn ego_from_base(frames: &FrameMapping, tf: &TfTree) -> (Isometry3<f64>, Ground) {
     let [x, y, _] = frames.rear_axle_in_base_m;
-    let at_height = |z: f64| Isometry3::from_parts(Translation3::new(-x, -y, z), nalgebra::UnitQuaternion::identity());
+    let at_height =
+        |z: f64| Isometry3::from_parts(Translation3::new(-x, -y, z), nalgebra::UnitQuaternion::identity());
     let known = |source: String| Ground::Known { z_m: 0.0, source };
     if let Some(height_m) = frames.base_height_m {
         let source = format!("frames.base_height_m: `{}` is {height_m} m over it", frames.base);
@@ -78,7 +79,8 @@ pub fn poses(
                 ));
                 Isometry3::identity()
             };
-            let moved = recording.poses.iter().map(|(at_ns, pose)| (*at_ns, pose * pose_from_base * base_from_ego));
+            let moved =
+                recording.poses.iter().map(|(at_ns, pose)| (*at_ns, pose * pose_from_base * base_from_ego));
             (moved.collect(), format!("topic `{topic}`"))
         }
     };

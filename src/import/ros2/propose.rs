@@ -2,9 +2,7 @@
 
 use super::bag::{Bag, BagTopic};
 use super::mapping::{FieldMapping, MappingConfig};
-use super::recording::{
-    CAMERA_INFO, CLOUD, IMAGES, OBJECTS, ODOMETRY, POSE, POSE_WITH_COVARIANCE, TF,
-};
+use super::recording::{CAMERA_INFO, CLOUD, IMAGES, OBJECTS, ODOMETRY, POSE, POSE_WITH_COVARIANCE, TF};
 use super::tf::{TfTree, frame_name};
 use crate::import::ImportError;
 
@@ -17,8 +15,18 @@ const OTHER_PICTURES: [&str; 9] =
     ["depth", "dispar", "mask", "seg", "thermal", "infra", "label", "debug", "confidence"];
 /// A picture's topic is that of the front camera the sooner the more of these its name holds; with their weights.
 const PICTURE_WORDS: [(&str, i32); 12] = [
-    ("front", 8), ("fwd", 8), ("forward", 8), ("rear", -8), ("back", -8), ("rect", 2), ("color", 2), ("colour", 2),
-    ("rgb", 2), ("left", -1), ("right", -2), ("gray", -2),
+    ("front", 8),
+    ("fwd", 8),
+    ("forward", 8),
+    ("rear", -8),
+    ("back", -8),
+    ("rect", 2),
+    ("color", 2),
+    ("colour", 2),
+    ("rgb", 2),
+    ("left", -1),
+    ("right", -2),
+    ("gray", -2),
 ];
 
 /// Numbers that mean a speed or an angle in messages of a known type: type, field, unit, scale.
@@ -76,7 +84,9 @@ impl Proposal {
     fn lidar(&mut self, bag: &Bag) -> Result<String, ImportError> {
         let clouds: Vec<&BagTopic> = readable(bag).filter(|topic| topic.is_of(&[CLOUD])).collect();
         let is_other = |topic: &BagTopic| holds(&topic.name, &OTHER_CLOUDS);
-        let best = clouds.iter().max_by_key(|topic| (!is_other(topic), topic.n_messages, std::cmp::Reverse(&topic.name)));
+        let best = clouds
+            .iter()
+            .max_by_key(|topic| (!is_other(topic), topic.n_messages, std::cmp::Reverse(&topic.name)));
         let Some(best) = best else {
             self.say("lidar", "MISSING: the bag has no topic of sensor_msgs/PointCloud2 that can be read");
             return Ok(String::new());
@@ -109,9 +119,14 @@ impl Proposal {
             let other = if holds(&name, &OTHER_PICTURES) { -100 } else { 0 };
             words + other + if info_of(topic).is_some() { 20 } else { 0 }
         };
-        let best = pictures.iter().max_by_key(|topic| (score(topic), topic.n_messages, std::cmp::Reverse(&topic.name)));
+        let best = pictures
+            .iter()
+            .max_by_key(|topic| (score(topic), topic.n_messages, std::cmp::Reverse(&topic.name)));
         let Some(best) = best else {
-            self.say("camera", "MISSING: the bag has no topic of pictures that can be read; the network sees black ones");
+            self.say(
+                "camera",
+                "MISSING: the bag has no topic of pictures that can be read; the network sees black ones",
+            );
             return;
         };
         let n = pictures.len();
@@ -121,7 +136,13 @@ impl Proposal {
             self.mapping.camera.info_topic.clone_from(&info.name);
             self.say("camera", "info_topic: the camera info beside the picture");
         } else {
-            self.say("camera", format!("MISSING: no camera info for `{}`; say `topic` and k, d, distortion_model by hand", best.name));
+            self.say(
+                "camera",
+                format!(
+                    "MISSING: no camera info for `{}`; say `topic` and k, d, distortion_model by hand",
+                    best.name
+                ),
+            );
         }
     }
 
@@ -131,9 +152,13 @@ impl Proposal {
             |frame: &str| frames.iter().any(|found| found == frame) && tf.connects(frame, lidar_frame);
         if let Some(base) = BASE_FRAMES.iter().find(|frame| is_near(frame)) {
             self.mapping.frames.base = (*base).into();
-            self.say("frames", format!("base: guessed by its name; tf connects it with the cloud's frame `{lidar_frame}`"));
+            self.say(
+                "frames",
+                format!("base: guessed by its name; tf connects it with the cloud's frame `{lidar_frame}`"),
+            );
         } else {
-            self.mapping.frames.base = if lidar_frame.is_empty() { "base_link".into() } else { lidar_frame.into() };
+            self.mapping.frames.base =
+                if lidar_frame.is_empty() { "base_link".into() } else { lidar_frame.into() };
             self.say("frames", format!(
                 "base: MISSING in tf: no frame of the car is connected with the cloud's frame `{lidar_frame}`, which stands for \
                  it; add [[frames.transforms]] from base_link to it, with the LiDAR's mounting"
@@ -152,7 +177,10 @@ impl Proposal {
         }
         self.say("frames", "rear_axle_in_base_m: a bag does not say it; right where the base frame is at the rear axle (x forward)");
         if base != "base_footprint" && !tf.connects("base_footprint", &base) {
-            self.say("frames", "base_height_m: a bag does not say it; the ground is fitted to the clouds until it is set");
+            self.say(
+                "frames",
+                "base_height_m: a bag does not say it; the ground is fitted to the clouds until it is set",
+            );
         }
     }
 
@@ -178,8 +206,9 @@ impl Proposal {
         let find = |types: &[(&str, &str, &str)], words: &[&str], unit: &str| -> (FieldMapping, String) {
             for (type_name, field, unit) in types {
                 if let Some(topic) = readable(bag).find(|topic| topic.is_of(&[type_name])) {
-                    let has_field =
-                        topic.message_type().is_ok_and(|found| found.number_paths().iter().any(|path| path == field));
+                    let has_field = topic
+                        .message_type()
+                        .is_ok_and(|found| found.number_paths().iter().any(|path| path == field));
                     if has_field {
                         let is_command = if type_name.starts_with("ackermann") {
                             "; it may be a command, not a measurement"
@@ -208,7 +237,8 @@ impl Proposal {
                 })
                 .take(3)
                 .collect();
-            let hint = if others.is_empty() { String::new() } else { format!("; perhaps {}", others.join(", or ")) };
+            let hint =
+                if others.is_empty() { String::new() } else { format!("; perhaps {}", others.join(", or ")) };
             (FieldMapping::default(), format!("not found{hint}"))
         };
         let (speed, why) = find(&SPEEDS, &["speed", "velocity"], "m/s");
@@ -216,10 +246,16 @@ impl Proposal {
         self.say("speed", format!("{why}{}", if why.starts_with("not") { "; from the poses" } else { "" }));
         let (steering, why) = find(&STEERINGS, &["steer", "wheel_angle"], "rad");
         self.mapping.steering = steering;
-        self.say("steering", format!("{why}{}", if why.starts_with("not") { "; from the poses" } else { "" }));
+        self.say(
+            "steering",
+            format!("{why}{}", if why.starts_with("not") { "; from the poses" } else { "" }),
+        );
         let (yaw_rate, why) = find(&YAW_RATES, &["yaw_rate", "yawrate"], "rad/s");
         self.mapping.yaw_rate = yaw_rate;
-        self.say("yaw_rate", if why.starts_with("not") { why } else { format!("{why}; right where the IMU's z points up") });
+        self.say(
+            "yaw_rate",
+            if why.starts_with("not") { why } else { format!("{why}; right where the IMU's z points up") },
+        );
     }
 }
 
@@ -243,7 +279,9 @@ fn holds(name: &str, words: &[&str]) -> bool {
 /// The file is damaged, or the message is not valid.
 pub fn first_frame(bag: &Bag, topic: &BagTopic) -> Result<Option<String>, ImportError> {
     let Some(&first) = bag.places(topic)?.first() else { return Ok(None) };
-    bag.read(topic, first, |value| Ok(value.text("header.frame_id").ok().map(|frame| frame_name(frame).to_owned())))
+    bag.read(topic, first, |value| {
+        Ok(value.text("header.frame_id").ok().map(|frame| frame_name(frame).to_owned()))
+    })
 }
 
 /// The tf tree of a bag.

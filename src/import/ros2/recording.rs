@@ -84,8 +84,9 @@ impl<'a> Topics<'a> {
         let poses = Some(mapping.poses.topic.as_str()).filter(|name| *name != "tf").unwrap_or_default();
         let field = |key: &str, field: &FieldMapping| typed(key, &field.topic, &[]);
         Ok(Self {
-            lidar: typed("lidar.topic", &mapping.lidar.topic, &[CLOUD])?
-                .ok_or_else(|| ImportError::at(bag.path(), "lidar.topic is empty; `--list` tells the topics"))?,
+            lidar: typed("lidar.topic", &mapping.lidar.topic, &[CLOUD])?.ok_or_else(|| {
+                ImportError::at(bag.path(), "lidar.topic is empty; `--list` tells the topics")
+            })?,
             camera: typed("camera.topic", &mapping.camera.topic, &IMAGES)?,
             camera_info: typed("camera.info_topic", &mapping.camera.info_topic, &[CAMERA_INFO])?,
             objects: typed("objects.topic", &mapping.objects.topic, &[OBJECTS])?,
@@ -112,7 +113,10 @@ impl Recording {
     ) -> Result<Self, ImportError> {
         let mut recording = Self::default();
         let tf: Vec<&BagTopic> = bag.topics().filter(|topic| topic.is_of(&[TF])).collect();
-        let single = [topics.camera, topics.camera_info, topics.objects, topics.poses].into_iter().chain(topics.fields).flatten();
+        let single = [topics.camera, topics.camera_info, topics.objects, topics.poses]
+            .into_iter()
+            .chain(topics.fields)
+            .flatten();
         let mut wanted: Vec<&BagTopic> = vec![topics.lidar];
         wanted.extend(single.chain(tf));
         wanted.sort_by_key(|topic| &topic.name);
@@ -156,7 +160,9 @@ impl Recording {
             Ok(())
         })?;
         if n_invalid > 0 {
-            notes.tell(format!("{n_invalid} tf messages hold a rotation of length 0 or a NaN; they are left out"));
+            notes.tell(format!(
+                "{n_invalid} tf messages hold a rotation of length 0 or a NaN; they are left out"
+            ));
         }
         if n_far > 0 {
             notes.tell(format!(
@@ -227,7 +233,9 @@ impl Track {
         self.messages.dedup_by_key(|message| message.stamp_ns);
         let n_double = n_before - self.messages.len();
         if n_double > 0 {
-            notes.tell(format!("topic `{topic}`: {n_double} messages have the stamp of another; they are left out"));
+            notes.tell(format!(
+                "topic `{topic}`: {n_double} messages have the stamp of another; they are left out"
+            ));
         }
     }
 

@@ -82,7 +82,8 @@ impl NumberType {
         macro_rules! read {
             ($Type:ty) => {{
                 let bytes = bytes.try_into().expect("the caller cuts as many bytes as the type has");
-                (if is_big_endian { <$Type>::from_be_bytes(bytes) } else { <$Type>::from_le_bytes(bytes) }) as f64
+                (if is_big_endian { <$Type>::from_be_bytes(bytes) } else { <$Type>::from_le_bytes(bytes) })
+                    as f64
             }};
         }
         match self {
@@ -106,10 +107,16 @@ impl NumberType {
         let mut eight = [0; 8];
         match (self, is_big_endian) {
             (Self::U64 | Self::I64, true) => eight.copy_from_slice(bytes),
-            (Self::U64 | Self::I64, false) => eight.iter_mut().rev().zip(bytes).for_each(|(to, from)| *to = *from),
+            (Self::U64 | Self::I64, false) => {
+                eight.iter_mut().rev().zip(bytes).for_each(|(to, from)| *to = *from)
+            }
             _ => return self.read(bytes, is_big_endian) as i128,
         }
-        if self == Self::I64 { i128::from(i64::from_be_bytes(eight)) } else { i128::from(u64::from_be_bytes(eight)) }
+        if self == Self::I64 {
+            i128::from(i64::from_be_bytes(eight))
+        } else {
+            i128::from(u64::from_be_bytes(eight))
+        }
     }
 
     fn from_name(name: &str) -> Option<Self> {
@@ -298,7 +305,10 @@ mod tests {
         let fields = &speed.structs[0].fields;
         let names: Vec<&str> = fields.iter().map(|field| field.name.as_str()).collect();
         assert_eq!(names, ["header", "samples", "name", "wheels"]);
-        assert_eq!((fields[1].count, fields[2].element, fields[3].count), (Count::Any, Element::Text, Count::Fixed(4)));
+        assert_eq!(
+            (fields[1].count, fields[2].element, fields[3].count),
+            (Count::Any, Element::Text, Count::Fixed(4))
+        );
         assert_eq!(speed.number_paths(), ["header.stamp.sec", "header.stamp.nanosec"]);
     }
 

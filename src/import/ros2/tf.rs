@@ -144,7 +144,8 @@ impl TfTree {
     #[must_use]
     pub fn edges(&self) -> Vec<String> {
         let tell = |(child, edge): (&String, &Edge)| {
-            let rate = if edge.is_static { "static".into() } else { format!("{} stamps", edge.stamped.len()) };
+            let rate =
+                if edge.is_static { "static".into() } else { format!("{} stamps", edge.stamped.len()) };
             format!("{} -> {child} ({rate})", edge.parent)
         };
         self.edges.iter().map(tell).collect()
@@ -227,7 +228,9 @@ impl TfTree {
         let Some((of_to, of_from)) = self.path(to, from) else { return Vec::new() };
         let moving = of_to.iter().chain(&of_from).filter(|(_, edge)| !edge.is_static);
         let densest = moving.max_by_key(|(_, edge)| edge.stamped.len());
-        densest.map(|(_, edge)| edge.stamped.iter().map(|(stamp_ns, _)| *stamp_ns).collect()).unwrap_or_default()
+        densest
+            .map(|(_, edge)| edge.stamped.iter().map(|(stamp_ns, _)| *stamp_ns).collect())
+            .unwrap_or_default()
     }
 
     fn describe(&self) -> String {
@@ -301,7 +304,10 @@ mod tests {
     #[test]
     fn a_missing_path_tells_the_tree_and_a_late_time_the_span() {
         let told = tree().lookup("base_link", "gps", 0, 0).unwrap_err().to_string();
-        assert!(told.contains("`gps` to `base_link`") && told.contains("odom -> base_link (2 stamps)"), "{told}");
+        assert!(
+            told.contains("`gps` to `base_link`") && told.contains("odom -> base_link (2 stamps)"),
+            "{told}"
+        );
         assert!(tree().lookup("odom", "base_link", 2_040_000_000, 50_000_000).is_ok());
         let told = tree().lookup("odom", "base_link", 2_060_000_000, 50_000_000).unwrap_err().to_string();
         assert!(told.contains("from 1.000000000 s to 2.000000000 s, not at 2.060000000 s"), "{told}");
