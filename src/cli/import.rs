@@ -133,6 +133,9 @@ impl LogArgs {
         format: LogFormat,
         open: impl FnOnce(&Path, &ImportConfig) -> Result<L, ImportError>,
     ) -> anyhow::Result<ExitStatus> {
+        if !self.source.exists() {
+            anyhow::bail!("there is no such log: {}", self.source.display());
+        }
         let config = self.load(format)?;
         let log = open(&self.source, &config)?;
         self.import(format, &config, &log)

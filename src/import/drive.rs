@@ -163,10 +163,11 @@ fn find_ground(
         Ground::Unknown { guess_m } => (*guess_m, false),
     };
     let step = chosen.len().div_ceil(N_GROUND_FRAMES).max(1);
-    let (mut heights, mut tilts) = (Vec::new(), Vec::new());
+    let (mut heights, mut tilts, mut n_read) = (Vec::new(), Vec::new(), 0);
     for &sample_idx in chosen.iter().step_by(step) {
         // What is bad is told when the sample is imported.
         let Ok(frame) = drive.frame(sample_idx, &mut Notes::default()) else { continue };
+        n_read += 1;
         let finite = frame
             .points
             .iter()
@@ -180,6 +181,9 @@ fn find_ground(
         }
     }
     let n_fitted = heights.len();
+    if n_read == 0 {
+        return Ok(guess_m);
+    }
     let Some(z_m) = median(heights) else {
         let why = if is_fitted { "the calibration's" } else { "a guess" };
         notes.tell(format!("too little road is seen to fit the ground; it is taken at z {guess_m} m, {why}"));
