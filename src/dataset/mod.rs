@@ -328,3 +328,46 @@ impl Dataset {
         &mut self.samples[idx]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::episode::{EpisodeWriter, MapDrawing};
+    use crate::sample::Truth;
+
+    #[test]
+    fn episodes_that_nobody_annotated_are_told_from_those_that_wait_for_labels() {
+        let folder = tempfile::tempdir().unwrap();
+        fs::create_dir(folder.path().join("episodes")).unwrap();
+        let log = toml::from_str::<LogFacts>("format = \"ros2\"\ndrive = \"bag\"").unwrap();
+        let (meta, mut manifest) =
+            (test_data::episode_meta("unknown", ""), Manifest::new("0".repeat(64), 0, false));
+        let measured = test_data::dataset(1).samples()[0].measured.clone();
+        for (name, truth) in [("bare", None), ("annotated", Some(Truth::default()))] {
+            let file = format!("episodes/{name}.mcap");
+            let path = folder.path().join(&file);
+            let map = MapDrawing::default();
+            let mut writer = EpisodeWriter::create_log(&path, &meta, &log, &[], &map).unwrap();
+            writer.write(&Sample { measured: measured.clone(), truth }).unwrap();
+            let done = writer.finish().unwrap();
+            manifest.episodes.push(EpisodeEntry {
+                name: name.into(),
+                file,
+                split: Split::Test,
+                seed: 0,
+                town: meta.town.clone(),
+                weather: meta.weather.clone(),
+                ood: false,
+                n_samples: done.n_samples,
+                n_objects: done.n_objects,
+                sha256: done.sha256,
+            });
+            manifest.write(folder.path()).unwrap();
+            let told = Dataset::open(folder.path(), "rect", Split::Test).unwrap_err();
+            match name {
+                "bare" => assert!(matches!(told, DatasetError::NoTruth { .. }), "{told}"),
+                _ => assert!(told.to_string().contains("harmzone label"), "{told}"),
+            }
+        }
+    }
+}
