@@ -3,18 +3,39 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::config::GroundSource;
+use super::config::{CheckedImport, GroundSource};
+use super::folder::EPISODES;
 use super::ground::{fit_ground, median};
 use super::motion::Motion;
-use super::run::Task;
 use super::samples::SampleMaker;
-use super::{Drive, DriveFacts, Ground, ImportError, Notes, odometry};
-use crate::episode::{EpisodeEntry, EpisodeMeta, EpisodeWriter, LogFacts};
+use super::{Drive, DriveFacts, GroundHeight, ImportError, Log, LogFormat, Notes, odometry};
+use crate::episode::{EpisodeEntry, EpisodeMeta, EpisodeWriter, LogFacts, Split};
+use crate::progress::Progress;
 
 /// Frames to which the ground is fitted, spread over the drive.
 const N_GROUND_FRAMES: usize = 10;
 /// More slope than this between the ego's axes and the road is told.
 const MAX_TILT_RAD: f64 = 0.035;
+
+/// What every drive of a run shares.
+pub(super) struct Task<'a> {
+    pub(super) log: &'a dyn Log,
+    pub(super) format: LogFormat,
+    pub(super) config: &'a CheckedImport,
+    pub(super) config_toml: &'a str,
+    pub(super) out: &'a Path,
+    pub(super) split: Split,
+    /// Whether a torn or missing file costs only its sample.
+    pub(super) skip_bad: bool,
+    pub(super) progress: &'a dyn Progress,
+}
+
+impl Task<'_> {
+    /// A drive's episode, from the data set's folder.
+    fn file(drive: &str) -> String {
+        format!("{EPISODES}/{drive}.mcap")
+    }
+}
 
 type Methods = BTreeMap<String, String>;
 
@@ -75,7 +96,7 @@ pub(super) fn import_drive(
         match write().map_err(of_sample) {
             Ok(true) => {}
             Ok(false) => notes.tell("samples without annotations in a drive that has them were left out"),
-            Err(error) if task.options.skip_bad && error.is_bad_data() => {
+            Err(error) if task.skip_bad && error.is_bad_data() => {
                 let sentence = format!("a sample was left out: {error}");
                 tracing::warn!("{sentence}");
                 skipped.push(sentence);
@@ -97,7 +118,7 @@ pub(super) fn import_drive(
     Ok(Some(EpisodeEntry {
         name: name.to_owned(),
         file: Task::file(name),
-        split: task.options.split,
+        split: task.split,
         seed: 0,
         town: facts.town.clone(),
         weather: WEATHER.to_owned(),
@@ -155,12 +176,12 @@ fn find_ground(
     notes: &mut Notes,
 ) -> Result<f64, ImportError> {
     let (guess_m, is_fitted) = match &drive.facts().ground {
-        Ground::Known { z_m, source } if task.config.ground == GroundSource::Calibration => {
+        GroundHeight::Known { z_m, source } if task.config.ground == GroundSource::Calibration => {
             methods.insert("ground".into(), source.clone());
             return Ok(*z_m);
         }
-        Ground::Known { z_m, .. } => (*z_m, true),
-        Ground::Unknown { guess_m } => (*guess_m, false),
+        GroundHeight::Known { z_m, .. } => (*z_m, true),
+        GroundHeight::Unknown { guess_m } => (*guess_m, false),
     };
     let step = chosen.len().div_ceil(N_GROUND_FRAMES).max(1);
     let (mut heights, mut tilts, mut n_read) = (Vec::new(), Vec::new(), 0);

@@ -58,7 +58,7 @@ pub trait Drive {
     ///
     /// # Errors
     /// A file is missing, torn or not valid.
-    fn frame(&self, sample_idx: usize, notes: &mut Notes) -> Result<Frame, ImportError>;
+    fn frame(&self, sample_idx: usize, notes: &mut Notes) -> Result<RawFrame, ImportError>;
 }
 
 /// What holds for a whole drive.
@@ -76,7 +76,7 @@ pub struct DriveFacts {
     /// Whether objects are annotated at all.
     pub is_labelled: bool,
     /// How high the ground lies in the ego frame that the importer uses.
-    pub ground: Ground,
+    pub ground: GroundHeight,
     /// Whether the log's own clouds are compensated for the ego's motion within a turn; one sentence says how this is known.
     pub compensated: Option<String>,
     /// How rings were found, where the importer gives them in another way than the log's own field.
@@ -89,7 +89,7 @@ pub struct DriveFacts {
 
 /// Where the ground is, under the rear axle, in the ego frame of an importer.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Ground {
+pub enum GroundHeight {
     /// At this z, as `source`, a sentence, says.
     Known { z_m: f64, source: String },
     /// Not known; near this z at a guess. It is fitted.
@@ -122,7 +122,7 @@ pub struct Series {
 
 /// The sensors' data at one sample, and what is annotated there.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Frame {
+pub struct RawFrame {
     pub ego_from_lidar: Transform<Ego, Lidar>,
     /// The whole turn, in the LiDAR frame, in the log's own order.
     pub points: Vec<RawPoint>,

@@ -35,7 +35,7 @@ pub use config::{
 pub use error::ImportError;
 pub use kitti::{KittiLog, open_kitti};
 pub use log::{
-    Distortion, Drive, DriveFacts, Frame, Ground, Log, Odometry, RawCamera, RawImage, RawObject, RawPoint,
+    Distortion, Drive, DriveFacts, RawFrame, GroundHeight, Log, Odometry, RawCamera, RawImage, RawObject, RawPoint,
     Series,
 };
 pub use notes::Notes;

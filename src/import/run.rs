@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use super::config::CheckedImport;
-use super::drive::import_drive;
-use super::folder::{self, EPISODES};
+use super::drive::{Task, import_drive};
+use super::folder;
 use super::{ImportConfig, ImportError, Log, LogFormat, Notes};
 use crate::config::to_toml;
 use crate::episode::manifest::ObjectCounts;
@@ -76,8 +76,16 @@ pub fn run(
     for drive in drives {
         if !is_listed(&manifest, &drive) {
             let mut notes = Notes::default();
-            let task =
-                Task { log, format, config: &checked, config_toml: &config_toml, out, options, progress };
+            let task = Task {
+                log,
+                format,
+                config: &checked,
+                config_toml: &config_toml,
+                out,
+                split: options.split,
+                skip_bad: options.skip_bad,
+                progress,
+            };
             let made = import_drive(&task, &drive, &mut notes, &mut skipped);
             for note in notes.take_new().into_iter().filter(|note| known.insert(note.clone())) {
                 let note = format!("{drive}: {note}");
@@ -100,24 +108,6 @@ pub fn run(
     progress.finish();
     manifest.write(out)?;
     Ok(summarise(&manifest, format, out, n_kept, skipped, told))
-}
-
-/// What every drive of a run shares.
-pub(super) struct Task<'a> {
-    pub(super) log: &'a dyn Log,
-    pub(super) format: LogFormat,
-    pub(super) config: &'a CheckedImport,
-    pub(super) config_toml: &'a str,
-    pub(super) out: &'a Path,
-    pub(super) options: &'a ImportOptions,
-    pub(super) progress: &'a dyn Progress,
-}
-
-impl Task<'_> {
-    /// A drive's episode, from the data set's folder.
-    pub(super) fn file(drive: &str) -> String {
-        format!("{EPISODES}/{drive}.mcap")
-    }
 }
 
 fn choose(log: &dyn Log, scenes: &[String]) -> Result<Vec<String>, ImportError> {

@@ -11,7 +11,7 @@ use super::motion::{Motion, signed_s};
 use super::objects::{count_points, truth_of};
 use super::pictures::{doubt, is_changed, view_of, virtual_view};
 use super::state::StateMaker;
-use super::{Drive, Frame, ImportError, Notes, RawCamera};
+use super::{Drive, RawFrame, ImportError, Notes, RawCamera};
 use crate::geometry::{Ego, Transform, World};
 use crate::sample::{CameraView, Measured, Sample, Truth};
 
@@ -118,7 +118,7 @@ impl<'a> SampleMaker<'a> {
     }
 
     /// Shifts a frame so that the ego's z = 0 is the ground.
-    fn lower_to_ground(&self, frame: &mut Frame) {
+    fn lower_to_ground(&self, frame: &mut RawFrame) {
         let lift = self.on_ground_from_ego();
         frame.ego_from_lidar = lift * frame.ego_from_lidar;
         for camera in frame.camera.iter_mut().chain(&mut frame.other_cameras) {

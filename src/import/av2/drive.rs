@@ -15,7 +15,7 @@ use crate::import::error::read;
 use crate::import::motion::Motion;
 use crate::import::tracks::Tracks;
 use crate::import::{
-    Distortion, Drive, DriveFacts, Frame, Ground, ImportConfig, ImportError, Notes, Odometry, RawCamera,
+    Distortion, Drive, DriveFacts, RawFrame, GroundHeight, ImportConfig, ImportError, Notes, Odometry, RawCamera,
     RawImage, RawObject,
 };
 use crate::sample::{EncodedImage, ImageFormat};
@@ -95,7 +95,7 @@ impl SensorLog {
             wheelbase_m: None,
             front_bumper_x_m: None,
             is_labelled: annotated.is_some(),
-            ground: Ground::Unknown { guess_m: GUESS_M },
+            ground: GroundHeight::Unknown { guess_m: GUESS_M },
             compensated: Some("by Argoverse: each point at the sweep's time".to_owned()),
             rings: Some("the 64 lasers of both LiDARs by elevation, after VLP-32C's table".to_owned()),
             methods,
@@ -158,7 +158,7 @@ impl Drive for SensorLog {
         &self.odometry
     }
 
-    fn frame(&self, sample_idx: usize, _notes: &mut Notes) -> Result<Frame, ImportError> {
+    fn frame(&self, sample_idx: usize, _notes: &mut Notes) -> Result<RawFrame, ImportError> {
         let time_ns = self.times_ns[sample_idx];
         let points = read_sweep(&self.cloud_path(sample_idx), self.mount_m)?;
         let mut camera = None;
@@ -167,7 +167,7 @@ impl Drive for SensorLog {
             let view = self.camera(name, times_ns, time_ns)?;
             if name == FRONT { camera = view } else { other_cameras.extend(view) }
         }
-        Ok(Frame {
+        Ok(RawFrame {
             ego_from_lidar: Transform::<Ego, Lidar>::from_isometry(Isometry3::translation(
                 self.mount_m[0],
                 self.mount_m[1],

@@ -8,7 +8,7 @@ use super::label::read_object_labels;
 use super::rig::{FRONT, Mounting, Rig, picture_path};
 use super::scan::{Stamps, read_scan};
 use crate::episode::MapDrawing;
-use crate::import::{Drive, DriveFacts, Frame, Ground, ImportError, Notes, Odometry, RawCamera};
+use crate::import::{Drive, DriveFacts, RawFrame, GroundHeight, ImportError, Notes, Odometry, RawCamera};
 
 /// The stamps are made up, since the set has none: seconds from 26 September 2011, when KITTI's first drives were recorded.
 const FIRST_NS: u64 = 1_316_995_200_000_000_000;
@@ -79,8 +79,8 @@ impl ObjectDrive {
     }
 }
 
-fn exported_ground() -> Ground {
-    Ground::Known { z_m: 0.0, source: "the exported episode's, z = 0 of its ego frame".to_owned() }
+fn exported_ground() -> GroundHeight {
+    GroundHeight::Known { z_m: 0.0, source: "the exported episode's, z = 0 of its ego frame".to_owned() }
 }
 
 impl Drive for ObjectDrive {
@@ -108,7 +108,7 @@ impl Drive for ObjectDrive {
         &self.odometry
     }
 
-    fn frame(&self, _sample_idx: usize, _notes: &mut Notes) -> Result<Frame, ImportError> {
+    fn frame(&self, _sample_idx: usize, _notes: &mut Notes) -> Result<RawFrame, ImportError> {
         let file =
             |folder: &str, suffix: &str| self.folder.join(folder).join(format!("{}.{suffix}", self.stem));
         let view = |number: usize| {
@@ -127,7 +127,7 @@ impl Drive for ObjectDrive {
             let boxes = rows.iter().filter(|row| !row.is_region());
             objects = Some(boxes.map(|row| row.object(&ego_from_rect, [f64::NAN; 2])).collect());
         }
-        Ok(Frame {
+        Ok(RawFrame {
             ego_from_lidar: self.rig.ego_from_lidar(&self.calibration),
             points,
             camera: Some(view(FRONT)?),

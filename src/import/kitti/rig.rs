@@ -7,7 +7,7 @@ use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion};
 use super::calib::Calibration;
 use crate::geometry::{Camera, Ego, Lidar, Transform};
 use crate::import::error::read;
-use crate::import::{Distortion, Ground, ImportConfig, ImportError, RawCamera, RawImage};
+use crate::import::{Distortion, GroundHeight, ImportConfig, ImportError, RawCamera, RawImage};
 use crate::sample::{EncodedImage, ImageFormat};
 
 /// The left colour camera, which labels are for.
@@ -89,9 +89,9 @@ impl Rig {
         ("ego_axes", sentence.to_owned())
     }
 
-    pub(super) fn ground() -> Ground {
+    pub(super) fn ground() -> GroundHeight {
         let source = "the road 1.73 m under the Velodyne, by KITTI's drawing of the sensor setup".to_owned();
-        Ground::Known { z_m: 0.0, source }
+        GroundHeight::Known { z_m: 0.0, source }
     }
 
     /// A camera with its picture, which is PNG or JPEG.

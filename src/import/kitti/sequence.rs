@@ -12,7 +12,7 @@ use super::scan::{Stamps, read_scan};
 use crate::episode::MapDrawing;
 use crate::import::motion::Motion;
 use crate::import::tracks::Tracks;
-use crate::import::{Drive, DriveFacts, Frame, ImportError, Notes, Odometry, RawCamera, RawObject};
+use crate::import::{Drive, DriveFacts, RawFrame, ImportError, Notes, Odometry, RawCamera, RawObject};
 use crate::sample::IgnoredRegion;
 
 /// What is annotated in a frame.
@@ -132,7 +132,7 @@ impl Drive for SequenceDrive {
         &self.odometry
     }
 
-    fn frame(&self, sample_idx: usize, _notes: &mut Notes) -> Result<Frame, ImportError> {
+    fn frame(&self, sample_idx: usize, _notes: &mut Notes) -> Result<RawFrame, ImportError> {
         let (parts, rig) = (&self.parts, &self.rig);
         let stem = &parts.frames[sample_idx].0;
         let time_ns = parts.picture_times_ns[sample_idx];
@@ -148,7 +148,7 @@ impl Drive for SequenceDrive {
             Some(of_frame) => (Some(of_frame.objects), of_frame.ignored),
             None => (None, Vec::new()),
         };
-        Ok(Frame {
+        Ok(RawFrame {
             ego_from_lidar: rig.ego_from_lidar(&parts.calibration),
             points,
             camera: Some(view(FRONT)?),

@@ -15,7 +15,7 @@ use super::tables::{LIDAR, Tables};
 use crate::episode::MapDrawing;
 use crate::geometry::{Ego, Lidar, Point, Transform, World};
 use crate::import::{
-    Distortion, Drive, DriveFacts, Frame, Ground, ImportConfig, ImportError, Notes, Odometry, RawCamera,
+    Distortion, Drive, DriveFacts, RawFrame, GroundHeight, ImportConfig, ImportError, Notes, Odometry, RawCamera,
     RawImage, RawPoint, error,
 };
 use crate::nuscenes::{
@@ -86,7 +86,7 @@ impl Scene {
             wheelbase_m: positive(log.wheelbase_m),
             front_bumper_x_m: positive(log.front_bumper_x_m),
             is_labelled: !tables.annotation.is_empty(),
-            ground: Ground::Known {
+            ground: GroundHeight::Known {
                 z_m: 0.0,
                 source: "nuScenes' ego frame lies on the ground under the rear axle".to_owned(),
             },
@@ -163,7 +163,7 @@ impl Drive for Scene {
         Some(self.samples[sample_idx].token.to_string())
     }
 
-    fn frame(&self, sample_idx: usize, notes: &mut Notes) -> Result<Frame, ImportError> {
+    fn frame(&self, sample_idx: usize, notes: &mut Notes) -> Result<RawFrame, ImportError> {
         let files = &self.samples[sample_idx];
         let world_from_ego = files.lidar.world_from_ego;
         let path = self.tables.root.join(&files.lidar.row.filename);
@@ -179,7 +179,7 @@ impl Drive for Scene {
         let annotations = annotations::of_sample(&self.tables, &files.token, &world_from_ego)?;
         compare_counts(&annotations, &points, &ego_from_lidar, notes);
         let objects = annotations.into_iter().map(|annotation| annotation.object).collect();
-        Ok(Frame {
+        Ok(RawFrame {
             ego_from_lidar,
             points,
             camera,

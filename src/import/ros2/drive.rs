@@ -13,7 +13,7 @@ use super::tf::frame_name;
 use super::{cdr::Value, images};
 use crate::config::Checked;
 use crate::geometry::Transform;
-use crate::import::{Drive, DriveFacts, Frame, ImportError, Notes, Odometry, RawCamera, Series};
+use crate::import::{Drive, DriveFacts, RawFrame, ImportError, Notes, Odometry, RawCamera, Series};
 
 /// Clouds that are looked at to find how their points count times and rings.
 const CLOUDS_TRIED: usize = 5;
@@ -276,7 +276,7 @@ impl Drive for Ros2Drive {
         &self.odometry
     }
 
-    fn frame(&self, sample_idx: usize, notes: &mut Notes) -> Result<Frame, ImportError> {
+    fn frame(&self, sample_idx: usize, notes: &mut Notes) -> Result<RawFrame, ImportError> {
         let Stamped { stamp_ns, place } = self.clouds[sample_idx];
         let topic = self.bag.topic("lidar.topic", &self.mapping.lidar.topic)?;
         let (frame, points) = self.bag.read(topic, place, |message| {
@@ -299,7 +299,7 @@ impl Drive for Ros2Drive {
                 objects::objects(message, |frame| Ok(self.ego_from_base * self.base_from(frame, stamp_ns)?))
             })?)
         };
-        Ok(Frame {
+        Ok(RawFrame {
             ego_from_lidar: Transform::from_isometry(self.ego_from_base * base_from_lidar),
             points,
             camera,

@@ -6,7 +6,7 @@ use super::mapping::{FrameMapping, MappingConfig};
 use super::recording::Recording;
 use super::tf::TfTree;
 use crate::geometry::{Ego, Transform, World};
-use crate::import::{Ground, Notes};
+use crate::import::{GroundHeight, Notes};
 
 /// REP 105's projection of the base frame onto the ground.
 const ON_THE_GROUND: &str = "base_footprint";
@@ -17,11 +17,11 @@ const BASE_HEIGHT_GUESS_M: f64 = 0.15;
 ///
 /// The ego's origin is the middle of the rear axle on the ground; where the height of the base frame is not known, it is the
 /// axle's point at the height of the base frame's origin.
-pub fn ego_from_base(frames: &FrameMapping, tf: &TfTree) -> (Isometry3<f64>, Ground) {
+pub fn ego_from_base(frames: &FrameMapping, tf: &TfTree) -> (Isometry3<f64>, GroundHeight) {
     let [x, y, _] = frames.rear_axle_in_base_m;
     let at_height =
         |z: f64| Isometry3::from_parts(Translation3::new(-x, -y, z), nalgebra::UnitQuaternion::identity());
-    let known = |source: String| Ground::Known { z_m: 0.0, source };
+    let known = |source: String| GroundHeight::Known { z_m: 0.0, source };
     if let Some(height_m) = frames.base_height_m {
         let source = format!("frames.base_height_m: `{}` is {height_m} m over it", frames.base);
         return (at_height(height_m), known(source));
@@ -37,7 +37,7 @@ pub fn ego_from_base(frames: &FrameMapping, tf: &TfTree) -> (Isometry3<f64>, Gro
         let source = format!("tf: `{}` is {height_m:.3} m over `{ON_THE_GROUND}`", frames.base);
         return (at_height(height_m), known(source));
     }
-    (at_height(0.0), Ground::Unknown { guess_m: -BASE_HEIGHT_GUESS_M })
+    (at_height(0.0), GroundHeight::Unknown { guess_m: -BASE_HEIGHT_GUESS_M })
 }
 
 /// The ego's poses, and a sentence on where they come from.
