@@ -35,8 +35,8 @@ pub use config::{
 pub use error::ImportError;
 pub use kitti::{KittiLog, open_kitti};
 pub use log::{
-    Distortion, Drive, DriveFacts, RawFrame, GroundHeight, Log, Odometry, RawCamera, RawImage, RawObject, RawPoint,
-    Series,
+    Distortion, Drive, DriveFacts, GroundHeight, Log, Odometry, RawCamera, RawFrame, RawImage, RawObject,
+    RawPoint, Series,
 };
 pub use notes::Notes;
 pub use run::{ImportOptions, ImportSummary, run};

@@ -11,7 +11,7 @@ use super::motion::{Motion, signed_s};
 use super::objects::{count_points, truth_of};
 use super::pictures::{doubt, is_changed, view_of, virtual_view};
 use super::state::StateMaker;
-use super::{Drive, RawFrame, ImportError, Notes, RawCamera};
+use super::{Drive, ImportError, Notes, RawCamera, RawFrame};
 use crate::geometry::{Ego, Transform, World};
 use crate::sample::{CameraView, Measured, Sample, Truth};
 

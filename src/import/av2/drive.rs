@@ -15,8 +15,8 @@ use crate::import::error::read;
 use crate::import::motion::Motion;
 use crate::import::tracks::Tracks;
 use crate::import::{
-    Distortion, Drive, DriveFacts, RawFrame, GroundHeight, ImportConfig, ImportError, Notes, Odometry, RawCamera,
-    RawImage, RawObject,
+    Distortion, Drive, DriveFacts, GroundHeight, ImportConfig, ImportError, Notes, Odometry, RawCamera,
+    RawFrame, RawImage, RawObject,
 };
 use crate::sample::{EncodedImage, ImageFormat};
 

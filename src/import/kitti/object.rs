@@ -8,7 +8,7 @@ use super::label::read_object_labels;
 use super::rig::{FRONT, Mounting, Rig, picture_path};
 use super::scan::{Stamps, read_scan};
 use crate::episode::MapDrawing;
-use crate::import::{Drive, DriveFacts, RawFrame, GroundHeight, ImportError, Notes, Odometry, RawCamera};
+use crate::import::{Drive, DriveFacts, GroundHeight, ImportError, Notes, Odometry, RawCamera, RawFrame};
 
 /// The stamps are made up, since the set has none: seconds from 26 September 2011, when KITTI's first drives were recorded.
 const FIRST_NS: u64 = 1_316_995_200_000_000_000;

@@ -12,7 +12,7 @@ use super::scan::{Stamps, read_scan};
 use crate::episode::MapDrawing;
 use crate::import::motion::Motion;
 use crate::import::tracks::Tracks;
-use crate::import::{Drive, DriveFacts, RawFrame, ImportError, Notes, Odometry, RawCamera, RawObject};
+use crate::import::{Drive, DriveFacts, ImportError, Notes, Odometry, RawCamera, RawFrame, RawObject};
 use crate::sample::IgnoredRegion;
 
 /// What is annotated in a frame.

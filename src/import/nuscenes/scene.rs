@@ -15,8 +15,8 @@ use super::tables::{LIDAR, Tables};
 use crate::episode::MapDrawing;
 use crate::geometry::{Ego, Lidar, Point, Transform, World};
 use crate::import::{
-    Distortion, Drive, DriveFacts, RawFrame, GroundHeight, ImportConfig, ImportError, Notes, Odometry, RawCamera,
-    RawImage, RawPoint, error,
+    Distortion, Drive, DriveFacts, GroundHeight, ImportConfig, ImportError, Notes, Odometry, RawCamera,
+    RawFrame, RawImage, RawPoint, error,
 };
 use crate::nuscenes::{
     CalibratedSensorRow, PoseFault, SampleDataRow, SampleRow, SceneRow, TableRow, Token, isometry_of,

@@ -13,7 +13,7 @@ use super::tf::frame_name;
 use super::{cdr::Value, images};
 use crate::config::Checked;
 use crate::geometry::Transform;
-use crate::import::{Drive, DriveFacts, RawFrame, ImportError, Notes, Odometry, RawCamera, Series};
+use crate::import::{Drive, DriveFacts, ImportError, Notes, Odometry, RawCamera, RawFrame, Series};
 
 /// Clouds that are looked at to find how their points count times and rings.
 const CLOUDS_TRIED: usize = 5;
