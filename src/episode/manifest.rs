@@ -20,7 +20,7 @@ pub enum ManifestError {
     NotADataset { path: PathBuf },
     #[error("no label set `{set}` here, found {found:?}; `harmzone label` makes one: {}", path.display())]
     NoLabels { set: String, found: Vec<String>, path: PathBuf },
-    #[error("{message}: {}", path.display())]
+    #[error("not a valid manifest ({message}); make the data set or the labels again: {}", path.display())]
     Parse { message: String, path: PathBuf },
     #[error("format version {found}; this program reads {FORMAT_VERSION}: {}", path.display())]
     Version { found: u32, path: PathBuf },

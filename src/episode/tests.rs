@@ -12,7 +12,7 @@ use crate::object::{Detection, Distribution, Event, Harm, Kind, Object};
 use crate::sample::{EgoState, EncodedImage, ImageFormat, LidarPoint, Measured, Sample, Truth};
 use nalgebra::Vector3;
 
-fn meta() -> EpisodeMeta {
+pub(super) fn meta() -> EpisodeMeta {
     EpisodeMeta {
         name: "oldtown-ClearNoon-7".into(),
         seed: u64::MAX,
@@ -47,7 +47,7 @@ fn object(id: &str, x_m: f64, kind: Kind, distribution: Distribution) -> Object 
     }
 }
 
-fn sample(idx: u32) -> Sample {
+pub(super) fn sample(idx: u32) -> Sample {
     let shift = f64::from(idx);
     let measured = Measured {
         time_ns: 1_700_000_000_000_000_001 + u64::from(idx) * 300_000_000,
@@ -81,7 +81,7 @@ fn sample(idx: u32) -> Sample {
     Sample { measured, truth: Some(Truth { objects, ignored: Vec::new() }) }
 }
 
-fn map() -> MapDrawing {
+pub(super) fn map() -> MapDrawing {
     let at = |x_m, y_m| Point::new(x_m, y_m, 0.0);
     MapDrawing {
         lane_lines: vec![vec![at(0.0, 0.0), at(10.0, 0.0), at(20.0, 1.0)]],
@@ -95,11 +95,11 @@ fn write_episode(path: &Path, samples: &[Sample]) -> FinishedEpisode {
     writer.finish().unwrap()
 }
 
-fn three() -> Vec<Sample> {
+pub(super) fn three() -> Vec<Sample> {
     (0..3).map(sample).collect()
 }
 
-fn folder() -> (tempfile::TempDir, PathBuf) {
+pub(super) fn folder() -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("episode.mcap");
     (folder, path)

@@ -129,3 +129,55 @@ fn examine_boxes(sample: &Sample, points: &[Point<Ego>]) -> Option<Remark> {
         Remark::warning("boxes without points", text)
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dataset::test_data;
+    use crate::sample::Truth;
+
+    /// A flat road around the car, and boxes that hold points.
+    fn street() -> Sample {
+        let labelled = &test_data::dataset(1).samples()[0];
+        let objects: Vec<_> = labelled.objects.iter().map(|object| object.truth.clone()).collect();
+        let mut measured = labelled.measured.clone();
+        let lidar_from_ego = measured.ego_from_lidar.inverse();
+        let road =
+            (0..40).flat_map(|i| (-10..10).map(move |j| [f64::from(i) * 0.5 + 3.0, f64::from(j) * 0.5, 0.0]));
+        let inside = objects.iter().map(|object| {
+            let center = object.box_in_ego.center;
+            [center.x(), center.y(), center.z()]
+        });
+        let point = |[x, y, z]: [f64; 3]| {
+            let at = lidar_from_ego * Point::<Ego>::new(x, y, z);
+            let (x_m, y_m, z_m) = (at.x() as f32, at.y() as f32, at.z() as f32);
+            LidarPoint { x_m, y_m, z_m, intensity: 20.0, ring: 0 }
+        };
+        measured.points = road.chain(inside).map(point).collect();
+        Sample { measured, truth: Some(Truth { objects, ignored: Vec::new() }) }
+    }
+
+    fn checks(change: impl Fn(&mut Sample)) -> Vec<&'static str> {
+        let mut sample = street();
+        change(&mut sample);
+        examine(&sample).iter().map(|remark| remark.check).collect()
+    }
+
+    fn checks_of_points(change: impl Fn(&mut LidarPoint)) -> Vec<&'static str> {
+        checks(|sample| sample.measured.points.iter_mut().for_each(&change))
+    }
+
+    #[test]
+    fn what_is_odd_about_a_sample_is_told_and_nothing_else() {
+        let usual = checks(|_| ());
+        let odd = |found: Vec<&'static str>| -> Vec<&'static str> {
+            found.into_iter().filter(|check| !usual.contains(check)).collect()
+        };
+        assert_eq!(odd(checks_of_points(|point| point.z_m -= 1.0)), ["ground"]);
+        assert_eq!(odd(checks_of_points(|point| point.intensity = 300.0)), ["intensity"]);
+        assert_eq!(odd(checks_of_points(|point| point.intensity = f32::NAN)), ["intensity"]);
+        assert_eq!(odd(checks(|sample| sample.measured.points.clear())), ["empty cloud"]);
+        assert_eq!(odd(checks(|sample| sample.measured.points[0].x_m = f32::NAN)), ["points"]);
+        assert_eq!(odd(checks(|sample| sample.measured.image.bytes.truncate(20))), ["picture"]);
+    }
+}
