@@ -138,7 +138,7 @@ mod tests {
 
     /// A flat road around the car, and boxes that hold points.
     fn street() -> Sample {
-        let labelled = &test_data::dataset(1).samples()[0];
+        let labelled = test_data::dataset(1).samples()[0].clone();
         let objects: Vec<_> = labelled.objects.iter().map(|object| object.truth.clone()).collect();
         let mut measured = labelled.measured.clone();
         let lidar_from_ego = measured.ego_from_lidar.inverse();
