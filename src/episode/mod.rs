@@ -9,12 +9,9 @@ mod convert;
 mod detections;
 mod drawing;
 mod error;
-<<<<<<< HEAD
 mod foreign;
-=======
 #[cfg(test)]
 mod foreign_tests;
->>>>>>> 92a180d (Tests of episodes from logs and of doctor's remarks)
 mod labels;
 mod log;
 pub mod manifest;
