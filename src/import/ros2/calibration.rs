@@ -11,7 +11,7 @@ const ROTATION_ERROR: f64 = 1e-3;
 
 /// What is known of a camera.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Calibration {
+pub struct CameraCalibration {
     pub k: [f64; 9],
     pub distortion: Distortion,
     pub size_px: Option<[u32; 2]>,
@@ -33,7 +33,7 @@ impl CameraMapping {
     }
 }
 
-impl Calibration {
+impl CameraCalibration {
     /// Reads a `CameraInfo`.
     ///
     /// # Errors

@@ -3,13 +3,13 @@
 use nalgebra::{Isometry3, UnitQuaternion};
 
 use super::bag::{Bag, BagTopic, seconds};
-use super::calibration::{Calibration, optical_axes};
+use super::calibration::{CameraCalibration, optical_axes};
 use super::clouds::{Cloud, CloudHabits};
 use super::mapping::MappingConfig;
 use super::objects;
 use super::poses::{ego_from_base, poses};
-use super::recording::{Recording, Stamped, Topics, Track};
 use super::tf::frame_name;
+use super::timeline::{BagTimeline, MessageTrack, Stamped, Topics};
 use super::{cdr::Value, images};
 use crate::config::Checked;
 use crate::geometry::Transform;
@@ -25,7 +25,7 @@ pub struct Ros2Drive {
     facts: DriveFacts,
     times_ns: Vec<u64>,
     odometry: Odometry,
-    recording: Recording,
+    timeline: BagTimeline,
     /// The clouds of the samples.
     clouds: Vec<Stamped>,
     ego_from_base: Isometry3<f64>,
@@ -47,17 +47,17 @@ impl Ros2Drive {
         notes: &mut Notes,
     ) -> Result<Self, ImportError> {
         let topics = Topics::of(&bag, &mapping)?;
-        let mut recording = Recording::scan(&bag, &topics, &mapping, notes)?;
+        let mut timeline = BagTimeline::scan(&bag, &topics, &mapping, notes)?;
         for transform in &mapping.frames.transforms {
             let [roll, pitch, yaw] = transform.rotation_rpy_deg.map(f64::to_radians);
             let rotation = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
             let [x, y, z] = transform.translation_m;
             let isometry = Isometry3::from_parts(nalgebra::Translation3::new(x, y, z), rotation);
-            recording.tf.add(&transform.parent, &transform.child, true, 0, isometry);
+            timeline.tf.add(&transform.parent, &transform.child, true, 0, isometry);
         }
-        recording.tf.finish();
-        let (ego_from_base, ground) = ego_from_base(&mapping.frames, &recording.tf);
-        let (odometry, pose_source) = odometry(&recording, &mapping, &ego_from_base, notes)
+        timeline.tf.finish();
+        let (ego_from_base, ground) = ego_from_base(&mapping.frames, &timeline.tf);
+        let (odometry, pose_source) = odometry(&timeline, &mapping, &ego_from_base, notes)
             .map_err(|why| ImportError::at(bag.path(), format!("the ego's poses: {why}")))?;
         let has_objects = topics.objects.is_some();
         let mut drive = Self {
@@ -81,7 +81,7 @@ impl Ros2Drive {
             mapping,
             times_ns: Vec::new(),
             odometry,
-            recording,
+            timeline,
             clouds: Vec::new(),
             ego_from_base,
             habits: CloudHabits::default(),
@@ -100,12 +100,12 @@ impl Ros2Drive {
 
     /// Keeps the clouds within the time that poses and pictures cover, and tells how many are left out.
     fn choose_samples(&mut self, notes: &mut Notes) -> Result<(), ImportError> {
-        let clouds = &self.recording.clouds;
+        let clouds = &self.timeline.clouds;
         let mut spans: Vec<(&str, u64, u64)> = Vec::new();
         if let (Some(first), Some(last)) = (self.odometry.poses.first(), self.odometry.poses.last()) {
             spans.push(("poses", first.0, last.0));
         }
-        let pictures = &self.recording.pictures.messages;
+        let pictures = &self.timeline.pictures.messages;
         if let (Some(first), Some(last)) = (pictures.first(), pictures.last()) {
             spans.push(("pictures", first.stamp_ns, last.stamp_ns));
         } else if !self.mapping.camera.topic.is_empty() {
@@ -187,7 +187,7 @@ impl Ros2Drive {
 
     fn base_from(&self, frame: &str, time_ns: u64) -> Result<Isometry3<f64>, String> {
         let base = &self.mapping.frames.base;
-        self.recording
+        self.timeline
             .tf
             .lookup(base, frame, time_ns, self.tolerance_ns)
             .map_err(|error| format!("{error}; [[frames.transforms]] of the mapping can add what is missing"))
@@ -198,7 +198,7 @@ impl Ros2Drive {
     }
 
     /// The message of a topic nearest to a cloud.
-    fn nearest(&self, track: &Track, topic: &BagTopic, time_ns: u64) -> Result<Stamped, ImportError> {
+    fn nearest(&self, track: &MessageTrack, topic: &BagTopic, time_ns: u64) -> Result<Stamped, ImportError> {
         let name = &topic.name;
         let found = track.nearest(time_ns);
         let found = found.ok_or_else(|| self.told(format!("topic `{name}` holds no message")))?;
@@ -215,16 +215,16 @@ impl Ros2Drive {
     }
 
     /// What is known of the camera at a time: its info need not come with each picture.
-    fn calibration(&self, time_ns: u64) -> Result<Calibration, ImportError> {
+    fn calibration(&self, time_ns: u64) -> Result<CameraCalibration, ImportError> {
         let mapping = &self.mapping.camera;
         if mapping.info_topic.is_empty() {
-            return Calibration::from_mapping(mapping).map_err(|why| self.told(why));
+            return CameraCalibration::from_mapping(mapping).map_err(|why| self.told(why));
         }
         let topic = self.bag.topic("camera.info_topic", &mapping.info_topic)?;
-        let Some(nearest) = self.recording.camera_infos.nearest(time_ns) else {
+        let Some(nearest) = self.timeline.camera_infos.nearest(time_ns) else {
             return Err(self.told(format!("topic `{}` holds no camera info", topic.name)));
         };
-        self.bag.read(topic, nearest.place, |info| Calibration::of(info, mapping.is_rectified()))
+        self.bag.read(topic, nearest.place, |info| CameraCalibration::of(info, mapping.is_rectified()))
     }
 
     fn camera(&self, time_ns: u64, notes: &mut Notes) -> Result<Option<RawCamera>, ImportError> {
@@ -233,7 +233,7 @@ impl Ros2Drive {
             return Ok(None);
         }
         let topic = self.bag.topic("camera.topic", &mapping.topic)?;
-        let picture = self.nearest(&self.recording.pictures, topic, time_ns)?;
+        let picture = self.nearest(&self.timeline.pictures, topic, time_ns)?;
         let calibration = self.calibration(picture.stamp_ns)?;
         let is_compressed = topic.type_name.ends_with("CompressedImage");
         let (frame, image) = self.bag.read(topic, picture.place, |message: &Value| {
@@ -294,7 +294,7 @@ impl Drive for Ros2Drive {
             None
         } else {
             let topic = self.bag.topic("objects.topic", name)?;
-            let message = self.nearest(&self.recording.objects, topic, stamp_ns)?;
+            let message = self.nearest(&self.timeline.objects, topic, stamp_ns)?;
             Some(self.bag.read(topic, message.place, |message| {
                 objects::objects(message, |frame| Ok(self.ego_from_base * self.base_from(frame, stamp_ns)?))
             })?)
@@ -312,21 +312,21 @@ impl Drive for Ros2Drive {
 
 /// Poses and measured series, and a sentence on the poses.
 fn odometry(
-    recording: &Recording,
+    timeline: &BagTimeline,
     mapping: &MappingConfig,
     ego_from_base: &Isometry3<f64>,
     notes: &mut Notes,
 ) -> Result<(Odometry, String), String> {
-    let (poses, source) = poses(recording, mapping, ego_from_base, notes)?;
+    let (poses, source) = poses(timeline, mapping, ego_from_base, notes)?;
     let series = |values: &[(u64, f64)], field: &super::mapping::FieldMapping| {
         let source = format!("measured: `{}` of topic `{}`", field.field, field.topic);
         (!values.is_empty()).then(|| Series { source, values: values.to_vec() })
     };
     let odometry = Odometry {
         poses,
-        speed_mps: series(&recording.speed_mps, &mapping.speed),
-        steering_angle_rad: series(&recording.steering_angle_rad, &mapping.steering),
-        yaw_rate_rps: series(&recording.yaw_rate_rps, &mapping.yaw_rate),
+        speed_mps: series(&timeline.speed_mps, &mapping.speed),
+        steering_angle_rad: series(&timeline.steering_angle_rad, &mapping.steering),
+        yaw_rate_rps: series(&timeline.yaw_rate_rps, &mapping.yaw_rate),
         acceleration_mps2: None,
     };
     Ok((odometry, source))

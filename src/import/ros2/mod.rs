@@ -15,9 +15,9 @@ mod mapping;
 mod objects;
 mod poses;
 mod propose;
-mod recording;
 mod schema;
 mod tf;
+mod timeline;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -91,18 +91,17 @@ impl Log for Ros2Log {
             return Err(ImportError::NoDrive { found: drive.to_owned(), valid: self.drives.clone() });
         };
         let bag = Bag::open(path)?;
-        let mapping = match &self.mapping {
-            Some(mapping) => mapping.clone(),
-            None => {
-                let proposal = Proposal::of(&bag, &tf_tree(&bag)?)?;
-                notes.tell("there is no --mapping, so that topics and frames are guessed; `--list` tells them and why");
-                for (table, reason) in
-                    proposal.reasons.iter().filter(|(_, reason)| reason.contains("MISSING"))
-                {
-                    notes.tell(format!("mapping [{table}]: {reason}"));
-                }
-                Checked::new(proposal.mapping)?
+        let mapping = if let Some(mapping) = &self.mapping {
+            mapping.clone()
+        } else {
+            let proposal = Proposal::of(&bag, &tf_tree(&bag)?)?;
+            notes.tell(
+                "there is no --mapping, so that topics and frames are guessed; `--list` tells them and why",
+            );
+            for (table, reason) in proposal.reasons.iter().filter(|(_, reason)| reason.contains("MISSING")) {
+                notes.tell(format!("mapping [{table}]: {reason}"));
             }
+            Checked::new(proposal.mapping)?
         };
         Ok(Box::new(Ros2Drive::open(bag, mapping, self.stamp_tolerance_s, notes)?))
     }

@@ -3,8 +3,8 @@
 use nalgebra::{Isometry3, Translation3, Vector3};
 
 use super::mapping::{FrameMapping, MappingConfig};
-use super::recording::Recording;
 use super::tf::TfTree;
+use super::timeline::BagTimeline;
 use crate::geometry::{Ego, Transform, World};
 use crate::import::{GroundHeight, Notes};
 
@@ -40,21 +40,23 @@ pub fn ego_from_base(frames: &FrameMapping, tf: &TfTree) -> (Isometry3<f64>, Gro
     (at_height(0.0), GroundHeight::Unknown { guess_m: -BASE_HEIGHT_GUESS_M })
 }
 
+type EgoPoses = Vec<(u64, Transform<World, Ego>)>;
+
 /// The ego's poses, and a sentence on where they come from.
 ///
 /// # Errors
 /// No tf path leads from the base frame to the fixed one, or to the frame whose poses a topic gives.
 pub fn poses(
-    recording: &Recording,
+    timeline: &BagTimeline,
     mapping: &MappingConfig,
     ego_from_base: &Isometry3<f64>,
     notes: &mut Notes,
-) -> Result<(Vec<(u64, Transform<World, Ego>)>, String), String> {
+) -> Result<(EgoPoses, String), String> {
     let base_from_ego = ego_from_base.inverse();
     let FrameMapping { base, fixed, .. } = &mapping.frames;
-    let tf = &recording.tf;
+    let tf = &timeline.tf;
     let (poses, source) = match mapping.poses.topic.as_str() {
-        "" => add_up(recording, mapping),
+        "" => add_up(timeline, mapping),
         "tf" => {
             if !tf.connects(fixed, base) {
                 return Err(tf.lookup(fixed, base, 0, 0).expect_err("they are not connected").to_string());
@@ -66,7 +68,7 @@ pub fn poses(
             (found.collect(), format!("tf `{fixed}` -> `{base}`"))
         }
         topic => {
-            let pose_frame = &recording.pose_frame;
+            let pose_frame = &timeline.pose_frame;
             let pose_from_base = if pose_frame.is_empty() || pose_frame == base {
                 Isometry3::identity()
             } else if tf.connects(pose_frame, base) {
@@ -80,7 +82,7 @@ pub fn poses(
                 Isometry3::identity()
             };
             let moved =
-                recording.poses.iter().map(|(at_ns, pose)| (*at_ns, pose * pose_from_base * base_from_ego));
+                timeline.poses.iter().map(|(at_ns, pose)| (*at_ns, pose * pose_from_base * base_from_ego));
             (moved.collect(), format!("topic `{topic}`"))
         }
     };
@@ -89,19 +91,19 @@ pub fn poses(
 }
 
 /// Poses from speed and yaw rate, or steering, from the world's origin on.
-fn add_up(recording: &Recording, mapping: &MappingConfig) -> (Vec<(u64, Isometry3<f64>)>, String) {
+fn add_up(timeline: &BagTimeline, mapping: &MappingConfig) -> (Vec<(u64, Isometry3<f64>)>, String) {
     let wheelbase_m = mapping.vehicle.wheelbase_m;
-    let (turns, of_steering) = if recording.yaw_rate_rps.is_empty() && wheelbase_m > 0.0 {
-        (&recording.steering_angle_rad, true)
+    let (turns, of_steering) = if timeline.yaw_rate_rps.is_empty() && wheelbase_m > 0.0 {
+        (&timeline.steering_angle_rad, true)
     } else {
-        (&recording.yaw_rate_rps, false)
+        (&timeline.yaw_rate_rps, false)
     };
-    if recording.speed_mps.is_empty() || turns.is_empty() {
+    if timeline.speed_mps.is_empty() || turns.is_empty() {
         return (Vec::new(), "unknown; the ego is at the world's origin".into());
     }
     let mut poses: Vec<(u64, Isometry3<f64>)> = Vec::new();
-    let (mut x, mut y, mut yaw, mut before_ns) = (0.0, 0.0, 0.0_f64, recording.speed_mps[0].0);
-    for &(at_ns, speed_mps) in &recording.speed_mps {
+    let (mut x, mut y, mut yaw, mut before_ns) = (0.0, 0.0, 0.0_f64, timeline.speed_mps[0].0);
+    for &(at_ns, speed_mps) in &timeline.speed_mps {
         let after = turns.partition_point(|(turn_ns, _)| *turn_ns < at_ns).min(turns.len() - 1);
         let turn = turns[after].1;
         let yaw_rate_rps = if of_steering { speed_mps * turn.tan() / wheelbase_m } else { turn };

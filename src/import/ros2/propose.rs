@@ -2,8 +2,8 @@
 
 use super::bag::{Bag, BagTopic};
 use super::mapping::{FieldMapping, MappingConfig};
-use super::recording::{CAMERA_INFO, CLOUD, IMAGES, OBJECTS, ODOMETRY, POSE, POSE_WITH_COVARIANCE, TF};
 use super::tf::{TfTree, frame_name};
+use super::timeline::{CAMERA_INFO, CLOUD, IMAGES, OBJECTS, ODOMETRY, POSE, POSE_WITH_COVARIANCE, TF};
 use crate::import::ImportError;
 
 const BASE_FRAMES: [&str; 7] =

@@ -82,21 +82,37 @@ impl NumberType {
         macro_rules! read {
             ($Type:ty) => {{
                 let bytes = bytes.try_into().expect("the caller cuts as many bytes as the type has");
-                (if is_big_endian { <$Type>::from_be_bytes(bytes) } else { <$Type>::from_le_bytes(bytes) })
-                    as f64
+                if is_big_endian { <$Type>::from_be_bytes(bytes) } else { <$Type>::from_le_bytes(bytes) }
+            }};
+        }
+        match self {
+            Self::Bool | Self::I8 | Self::U8 => 1,
+            Self::I16 | Self::U16 => 2,
+            Self::I32 | Self::U32 | Self::F32 => 4,
+            Self::I64 | Self::U64 | Self::F64 => 8,
+        }
+    }
+
+    /// Reads one value; `bytes` has its size.
+    #[must_use]
+    pub fn read(self, bytes: &[u8], is_big_endian: bool) -> f64 {
+        macro_rules! read {
+            ($Type:ty) => {{
+                let bytes = bytes.try_into().expect("the caller cuts as many bytes as the type has");
+                if is_big_endian { <$Type>::from_be_bytes(bytes) } else { <$Type>::from_le_bytes(bytes) }
             }};
         }
         match self {
             Self::Bool => f64::from(u8::from(bytes[0] != 0)),
             Self::I8 => f64::from(bytes[0].cast_signed()),
             Self::U8 => f64::from(bytes[0]),
-            Self::I16 => read!(i16),
-            Self::U16 => read!(u16),
-            Self::I32 => read!(i32),
-            Self::U32 => read!(u32),
-            Self::I64 => read!(i64),
-            Self::U64 => read!(u64),
-            Self::F32 => read!(f32),
+            Self::I16 => f64::from(read!(i16)),
+            Self::U16 => f64::from(read!(u16)),
+            Self::I32 => f64::from(read!(i32)),
+            Self::U32 => f64::from(read!(u32)),
+            Self::I64 => read!(i64) as f64,
+            Self::U64 => read!(u64) as f64,
+            Self::F32 => f64::from(read!(f32)),
             Self::F64 => read!(f64),
         }
     }
@@ -108,7 +124,7 @@ impl NumberType {
         match (self, is_big_endian) {
             (Self::U64 | Self::I64, true) => eight.copy_from_slice(bytes),
             (Self::U64 | Self::I64, false) => {
-                eight.iter_mut().rev().zip(bytes).for_each(|(to, from)| *to = *from)
+                eight.iter_mut().rev().zip(bytes).for_each(|(to, from)| *to = *from);
             }
             _ => return self.read(bytes, is_big_endian) as i128,
         }

@@ -31,17 +31,17 @@ pub struct Stamped {
 
 /// The messages of one topic in the order of their stamps.
 #[derive(Debug, Clone, Default)]
-pub struct Track {
+pub struct MessageTrack {
     pub messages: Vec<Stamped>,
 }
 
 /// What a pass found.
 #[derive(Debug, Clone, Default)]
-pub struct Recording {
-    pub clouds: Track,
-    pub pictures: Track,
-    pub camera_infos: Track,
-    pub objects: Track,
+pub struct BagTimeline {
+    pub clouds: MessageTrack,
+    pub pictures: MessageTrack,
+    pub camera_infos: MessageTrack,
+    pub objects: MessageTrack,
     pub tf: TfTree,
     /// The poses of a topic, if the mapping names one.
     pub poses: Vec<(u64, Isometry3<f64>)>,
@@ -100,7 +100,7 @@ impl<'a> Topics<'a> {
     }
 }
 
-impl Recording {
+impl BagTimeline {
     /// Goes once through the bag.
     ///
     /// # Errors
@@ -111,7 +111,7 @@ impl Recording {
         mapping: &MappingConfig,
         notes: &mut Notes,
     ) -> Result<Self, ImportError> {
-        let mut recording = Self::default();
+        let mut timeline = Self::default();
         let tf: Vec<&BagTopic> = bag.topics().filter(|topic| topic.is_of(&[TF])).collect();
         let single = [topics.camera, topics.camera_info, topics.objects, topics.poses]
             .into_iter()
@@ -127,32 +127,32 @@ impl Recording {
             if topic.is_of(&[TF]) {
                 let is_static = topic.name.ends_with("tf_static");
                 let log_time_ns = (mapping.stamps == StampSource::Log).then_some(place.log_time_ns);
-                n_invalid += recording.tf.add_message(value, is_static, log_time_ns)?;
+                n_invalid += timeline.tf.add_message(value, is_static, log_time_ns)?;
                 return Ok(());
             }
             let stamp_ns = stamp_of(value, place, mapping.stamps)?;
             n_far += usize::from(stamp_ns.abs_diff(place.log_time_ns) > FAR_STAMP_NS);
             let name = topic.name.as_str();
             if name == topics.lidar.name {
-                recording.clouds.add(stamp_ns, place);
+                timeline.clouds.add(stamp_ns, place);
             }
             if is(topics.camera, name) {
                 let offset_ns = (mapping.camera.time_offset_s * 1e9) as i64;
-                recording.pictures.add(stamp_ns.saturating_add_signed(offset_ns), place);
+                timeline.pictures.add(stamp_ns.saturating_add_signed(offset_ns), place);
             }
             if is(topics.camera_info, name) {
-                recording.camera_infos.add(stamp_ns, place);
+                timeline.camera_infos.add(stamp_ns, place);
             }
             if is(topics.objects, name) {
-                recording.objects.add(stamp_ns, place);
+                timeline.objects.add(stamp_ns, place);
             }
             if is(topics.poses, name) {
-                recording.add_pose(topic, stamp_ns, value)?;
+                timeline.add_pose(topic, stamp_ns, value)?;
             }
             let series = [
-                (&mapping.speed, &super::mapping::SPEED_UNITS[..], &mut recording.speed_mps),
-                (&mapping.steering, &super::mapping::ANGLE_UNITS[..], &mut recording.steering_angle_rad),
-                (&mapping.yaw_rate, &super::mapping::RATE_UNITS[..], &mut recording.yaw_rate_rps),
+                (&mapping.speed, &super::mapping::SPEED_UNITS[..], &mut timeline.speed_mps),
+                (&mapping.steering, &super::mapping::ANGLE_UNITS[..], &mut timeline.steering_angle_rad),
+                (&mapping.yaw_rate, &super::mapping::RATE_UNITS[..], &mut timeline.yaw_rate_rps),
             ];
             for (field, units, values) in series.into_iter().filter(|(field, ..)| field.topic == name) {
                 values.push((stamp_ns, field.to_si(value.number(&field.field)?, units)));
@@ -170,8 +170,8 @@ impl Recording {
                  clocks, `stamps = \"log\"` takes the recorder's"
             ));
         }
-        recording.sort(topics, notes);
-        Ok(recording)
+        timeline.sort(topics, notes);
+        Ok(timeline)
     }
 
     fn add_pose(&mut self, topic: &BagTopic, stamp_ns: u64, value: &Value) -> Result<(), CdrError> {
@@ -215,7 +215,7 @@ fn stamp_of(value: &Value, place: Place, source: StampSource) -> Result<u64, Cdr
     })
 }
 
-impl Track {
+impl MessageTrack {
     fn add(&mut self, stamp_ns: u64, place: Place) {
         self.messages.push(Stamped { stamp_ns, place });
     }
