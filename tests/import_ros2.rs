@@ -350,7 +350,7 @@ fn damaged_messages_are_told() {
         assert!(told.contains(words), "{name}: {told}");
     }
     for (name, n_samples, words) in [
-        ("nan_points", 3, "not finite were dropped"),
+        ("nan_points", 3, "are not finite"),
         ("out_of_order", 3, "are taken in the order of stamps"),
         ("late_camera", 2, "1 of 3 clouds lie outside the time of the pictures"),
         ("fisheye", 3, ""),

@@ -86,23 +86,6 @@ impl NumberType {
             }};
         }
         match self {
-            Self::Bool | Self::I8 | Self::U8 => 1,
-            Self::I16 | Self::U16 => 2,
-            Self::I32 | Self::U32 | Self::F32 => 4,
-            Self::I64 | Self::U64 | Self::F64 => 8,
-        }
-    }
-
-    /// Reads one value; `bytes` has its size.
-    #[must_use]
-    pub fn read(self, bytes: &[u8], is_big_endian: bool) -> f64 {
-        macro_rules! read {
-            ($Type:ty) => {{
-                let bytes = bytes.try_into().expect("the caller cuts as many bytes as the type has");
-                if is_big_endian { <$Type>::from_be_bytes(bytes) } else { <$Type>::from_le_bytes(bytes) }
-            }};
-        }
-        match self {
             Self::Bool => f64::from(u8::from(bytes[0] != 0)),
             Self::I8 => f64::from(bytes[0].cast_signed()),
             Self::U8 => f64::from(bytes[0]),
