@@ -1,6 +1,6 @@
 //! The pipeline that all formats share: drives to episodes, one sample in memory, continued where it stopped.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -15,6 +15,9 @@ use crate::episode::manifest::ObjectCounts;
 use crate::episode::{EpisodeEntry, Manifest, Split};
 use crate::object::{Distribution, Kind};
 use crate::progress::Progress;
+
+/// `dataset.json` is written anew when a fiftieth of its episodes are new: with each for small sets, while thousands do not write gigabytes.
+const EPISODES_A_WRITE: usize = 50;
 
 /// What of a log is imported, and what becomes of bad parts; the content of an episode does not depend on it.
 #[derive(Debug, Clone, PartialEq)]
@@ -48,7 +51,8 @@ pub struct ImportSummary {
 
 /// Imports drives of a log into `out`; whole episodes of an earlier import with this config are kept.
 ///
-/// `dataset.json` lists the whole episodes at any time, so an import may be killed and repeated, and further drives may be added.
+/// An import may be killed and repeated, and further drives may be added: `dataset.json` lists the whole episodes, of thousands all but the
+/// last few, which are then made anew.
 ///
 /// # Errors
 /// [`ImportError`]: a bad config, a folder that holds something else, or the first part of the log that is not valid.
@@ -63,18 +67,13 @@ pub fn run(
     let checked = CheckedImport::try_from(config.clone())?;
     let drives = choose(log, &options.scenes)?;
     let config_toml = format!("format = \"{}\"\n{}{}", format.name(), to_toml(config), log.settings_toml());
-    let mut manifest = folder::open(out, &config_toml, options.force)?;
-    for entry in &mut manifest.episodes {
-        if drives.contains(&entry.name) {
-            entry.split = options.split;
-        }
-    }
-    let n_kept = drives.iter().filter(|drive| is_listed(&manifest, drive)).count();
+    let mut list = List::new(folder::open(out, &config_toml, options.force)?, log, out);
+    let n_kept = list.keep(&drives, options.split);
     let (mut told, mut skipped) = (Vec::new(), Vec::new());
     let mut known = BTreeSet::new();
     progress.start("import", drives.len() as u64);
     for drive in drives {
-        if !is_listed(&manifest, &drive) {
+        if !list.names.contains(&drive) {
             let mut notes = Notes::default();
             let task = Task {
                 log,
@@ -93,21 +92,24 @@ pub fn run(
                 told.push(note);
             }
             match made {
-                Ok(Some(entry)) => add(&mut manifest, entry, log, out)?,
+                Ok(Some(entry)) => list.add(entry)?,
                 Ok(None) => {}
                 Err(error) if options.skip_bad && error.is_bad_data() => {
                     let sentence = format!("{drive} was left out: {error}");
                     tracing::warn!("{sentence}");
                     skipped.push(sentence);
                 }
-                Err(error) => return Err(error),
+                Err(error) => {
+                    list.write()?;
+                    return Err(error);
+                }
             }
         }
         progress.advance(1);
     }
     progress.finish();
-    manifest.write(out)?;
-    Ok(summarise(&manifest, format, out, n_kept, skipped, told))
+    list.write()?;
+    Ok(summarise(&list.manifest, format, out, n_kept, skipped, told))
 }
 
 fn choose(log: &dyn Log, scenes: &[String]) -> Result<Vec<String>, ImportError> {
@@ -118,20 +120,46 @@ fn choose(log: &dyn Log, scenes: &[String]) -> Result<Vec<String>, ImportError> 
     Ok(valid.into_iter().filter(|drive| scenes.is_empty() || scenes.contains(drive)).collect())
 }
 
-fn is_listed(manifest: &Manifest, drive: &str) -> bool {
-    manifest.episodes.iter().any(|entry| entry.name == drive)
+/// `dataset.json` while it grows.
+struct List<'a> {
+    manifest: Manifest,
+    names: BTreeSet<String>,
+    /// Each drive's place in the log; episodes of other logs come last.
+    places: BTreeMap<String, usize>,
+    n_unwritten: usize,
+    folder: &'a Path,
 }
 
-/// Adds an entry to `dataset.json`, in the order of the log; episodes of other logs come last.
-fn add(manifest: &mut Manifest, entry: EpisodeEntry, log: &dyn Log, out: &Path) -> Result<(), ImportError> {
-    manifest.ood |= entry.ood;
-    manifest.episodes.push(entry);
-    let place = |entry: &EpisodeEntry| {
-        let place = log.drives().iter().position(|drive| *drive == entry.name);
-        place.unwrap_or(usize::MAX)
-    };
-    manifest.episodes.sort_by_cached_key(place);
-    Ok(manifest.write(out)?)
+impl<'a> List<'a> {
+    fn new(manifest: Manifest, log: &dyn Log, folder: &'a Path) -> Self {
+        let names = manifest.episodes.iter().map(|entry| entry.name.clone()).collect();
+        let places = log.drives().iter().cloned().zip(0..).collect();
+        Self { manifest, names, places, n_unwritten: 0, folder }
+    }
+
+    /// Puts the drives that are there into a split; returns how many there are.
+    fn keep(&mut self, drives: &[String], split: Split) -> usize {
+        let wanted: BTreeSet<&String> = drives.iter().collect();
+        let kept = self.manifest.episodes.iter_mut().filter(|entry| wanted.contains(&entry.name));
+        kept.map(|entry| entry.split = split).count()
+    }
+
+    /// Adds an episode. The file is written at once while it is short, and then each time it has grown by a share.
+    fn add(&mut self, entry: EpisodeEntry) -> Result<(), ImportError> {
+        self.manifest.ood |= entry.ood;
+        self.names.insert(entry.name.clone());
+        self.manifest.episodes.push(entry);
+        self.n_unwritten += 1;
+        let is_due = self.n_unwritten * EPISODES_A_WRITE >= self.manifest.episodes.len();
+        if is_due { self.write() } else { Ok(()) }
+    }
+
+    fn write(&mut self) -> Result<(), ImportError> {
+        let place = |entry: &EpisodeEntry| self.places.get(&entry.name).copied().unwrap_or(usize::MAX);
+        self.manifest.episodes.sort_by_key(place);
+        self.n_unwritten = 0;
+        Ok(self.manifest.write(self.folder)?)
+    }
 }
 
 fn summarise(
