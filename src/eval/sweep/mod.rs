@@ -7,6 +7,7 @@
 mod config;
 mod curves;
 
+use rayon::prelude::*;
 use thiserror::Error;
 
 pub use config::{Change, SweepConfig};
@@ -18,7 +19,7 @@ use super::protocol::Protocol;
 use super::safety::{self, Early, harm_probability};
 use super::sample::{EvalSample, Mode, ScoreError};
 use super::{metrics, sample};
-use crate::dataset::{Dataset, LabelledSample};
+use crate::dataset::{Dataset, LabelledSample, count_points};
 use crate::object::{Detection, Harm, LabelledObject};
 use crate::sample::EgoState;
 use crate::zone::{Zone, ZoneError};
@@ -84,12 +85,13 @@ impl<'a> Swept<'a> {
     pub fn measure(&self, judges: &[Judge], protocol: &Protocol) -> Result<Sweeps, SweepError> {
         let is_ood = |frame: &LabelledSample| frame.objects.iter().any(|object| object.truth.is_ood());
         let mode = if self.frames.iter().any(is_ood) { Mode::Ood } else { Mode::Id };
+        let n_points = self.count_points();
         let mut curves = Vec::new();
         for change in Change::ALL {
             for &judge in judges {
                 let values = self.values.iter().enumerate().filter(|(_, (of, _))| *of == change);
                 let points = values.map(|(i, &(_, value))| {
-                    let samples = self.samples(1 + i, change, value, judge)?;
+                    let samples = self.samples(1 + i, change, value, judge, &n_points)?;
                     Ok(point(value, &samples, protocol, mode)?)
                 });
                 let points = points.collect::<Result<Vec<_>, SweepError>>()?;
@@ -108,16 +110,41 @@ impl<'a> Swept<'a> {
         change: Change,
         value: f64,
         judge: Judge,
+        n_points: &[Vec<Vec<u32>>],
     ) -> Result<Vec<EvalSample>, SweepError> {
+        let of_frame =
+            |((frame, found), n_points): ((&LabelledSample, &Vec<Vec<Detection>>), &Vec<Vec<u32>>)| {
+                let fail = |source| SweepError::Zone { sample: frame.id.clone(), change, value, source };
+                let state = change.apply(&frame.measured.ego_state, value);
+                let detections = judge.judge(&found[state_idx], &state, self.zone).map_err(fail)?;
+                let objects =
+                    label(frame, change.moves_truth().then_some(&state), self.zone).map_err(fail)?;
+                // A judge leaves the boxes as they are.
+                let points_in = |detection: &Detection| {
+                    let counted = found[state_idx].iter().zip(n_points.get(state_idx)?);
+                    counted
+                        .into_iter()
+                        .find(|(found, _)| found.box_in_ego == detection.box_in_ego)
+                        .map(|(_, &n)| n)
+                };
+                let n_points = detections.iter().map(points_in).collect();
+                let sample = EvalSample::new(&frame.id, frame.facts.coverage(), objects, detections);
+                Ok(EvalSample { n_points, ..sample })
+            };
+        self.frames.iter().zip(&self.found).zip(n_points).map(of_frame).collect()
+    }
+
+    /// The LiDAR points in every box, `[frame][state][box]`; nothing for frames of which no score asks for them.
+    fn count_points(&self) -> Vec<Vec<Vec<u32>>> {
         let of_frame = |(frame, found): (&LabelledSample, &Vec<Vec<Detection>>)| {
-            let fail = |source| SweepError::Zone { sample: frame.id.clone(), change, value, source };
-            let state = change.apply(&frame.measured.ego_state, value);
-            let detections = judge.judge(&found[state_idx], &state, self.zone).map_err(fail)?;
-            let objects = label(frame, change.moves_truth().then_some(&state), self.zone).map_err(fail)?;
-            let sample = EvalSample::new(&frame.id, frame.facts.coverage(), objects, detections);
-            Ok(sample.with_points_of(&frame.measured))
+            if !frame.facts.needs_points() {
+                return Vec::new();
+            }
+            let boxes = found.iter().flatten().map(|found| &found.box_in_ego);
+            let mut counts = count_points(&frame.measured, boxes).into_iter();
+            found.iter().map(|of_state| counts.by_ref().take(of_state.len()).collect()).collect()
         };
-        self.frames.iter().zip(&self.found).map(of_frame).collect()
+        self.frames.par_iter().zip(&self.found).map(of_frame).collect()
     }
 
     fn early(&self, protocol: &Protocol) -> Result<Option<Early>, ScoreError> {
