@@ -179,7 +179,7 @@ def check_exports(runner: Runner, mmdet3d: Path | None) -> None:
     export, back = work / "kitti_export", work / "kitti_back"
     runner.run(
         "import(export kitti)",
-        runner.harmzone("export", "kitti", data, export),
+        runner.harmzone("export", "kitti", data, export, "--categories", "kinds"),
         runner.harmzone("import", "kitti", export, "--out", back),
         runner.script("compare_episodes.py", data, back),
         makes=(export, back),
