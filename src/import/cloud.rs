@@ -14,6 +14,8 @@ use crate::sample::LidarPoint;
 
 /// Returns further away than this are no metres.
 const MAX_RANGE_M: f64 = 2000.0;
+/// The LiDAR's z axis lies this far along the car's, up or down.
+const MIN_UP: f64 = 0.5;
 /// A turn takes less than this.
 const MAX_OFFSET_S: f32 = 1.0;
 
@@ -47,6 +49,7 @@ impl<'a> CloudMaker<'a> {
         notes: &mut Notes,
     ) -> Result<(Transform<Ego, Lidar>, Vec<LidarPoint>), String> {
         let mut points = drop_empty(points, notes)?;
+        let ego_from_lidar = self.set_upright(ego_from_lidar, &mut points)?;
         let rings = self.rings(&points, notes);
         if self.compensates {
             self.compensate(&ego_from_lidar, &mut points, time_ns)?;
@@ -112,6 +115,30 @@ impl<'a> CloudMaker<'a> {
             self.has_moved = true;
         }
         Ok(())
+    }
+
+    /// Turns a LiDAR that hangs upside down; refuses one that stands on its side. Exact in floats.
+    fn set_upright(
+        &mut self,
+        ego_from_lidar: Transform<Ego, Lidar>,
+        points: &mut [RawPoint],
+    ) -> Result<Transform<Ego, Lidar>, String> {
+        let up = ego_from_lidar.rotate(&Vector3::z());
+        if up.z.abs() < MIN_UP {
+            let [x, y, z] = [up.x, up.y, up.z].map(|part| (part * 100.0).round() / 100.0);
+            return Err(format!(
+                "the LiDAR's z axis points along ({x}, {y}, {z}) of the car; up is needed: are axes swapped in its mounting?"
+            ));
+        }
+        if up.z > 0.0 {
+            return Ok(ego_from_lidar);
+        }
+        self.has_turned = true;
+        for point in points {
+            (point.y_m, point.z_m) = (-point.y_m, -point.z_m);
+        }
+        let over = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), PI);
+        Ok(ego_from_lidar * Transform::<Lidar, Lidar>::new(Vector3::zeros(), over))
     }
 
     /// Turns a LiDAR that is mounted by quarter turns, so that its x axis points ahead. Exact in floats.
@@ -209,6 +236,23 @@ mod tests {
         let (_, points, _) = cloud(&odometry, 0.0, vec![point(19.0, 0.0, Some(0.1))]).unwrap();
         assert!((points[0].x_m - 20.0).abs() < 1e-5, "{points:?}");
         assert!(cloud(&odometry, 0.0, vec![point(19.0, 0.0, Some(40.0))]).unwrap_err().contains("40 s"));
+    }
+
+    #[test]
+    fn a_lidar_that_hangs_upside_down_is_turned_and_one_on_its_side_is_refused() {
+        let odometry = Odometry::default();
+        let motion = Motion { odometry: &odometry, tolerance_ns: 50_000_000, smoothing_ns: 500_000_000 };
+        let config = CheckedImport::new(ImportConfig::default()).unwrap();
+        let hung = |roll_rad: f64| {
+            let roll = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), roll_rad);
+            let mounting = Transform::new(Vector3::new(1.0, 0.0, 2.0), roll);
+            let found = vec![RawPoint { z_m: 1.5, ..point(10.0, 2.0, None) }];
+            CloudMaker::new(&config, &motion, false).cloud(mounting, found, 0, &mut Notes::default())
+        };
+        let (mounting, points) = hung(PI).unwrap();
+        assert_eq!((points[0].y_m, points[0].z_m), (-2.0, -1.5));
+        assert!((mounting.rotate(&Vector3::z()).z - 1.0).abs() < 1e-12);
+        assert!(hung(FRAC_PI_2).unwrap_err().contains("swapped"));
     }
 
     #[test]

@@ -61,15 +61,21 @@ fn a_sequence_has_measured_speed_poses_and_velocities() {
     let (state, pose) = (sample.measured.ego_state, sample.measured.world_from_ego);
     assert!((state.speed_mps - 10.0).abs() < 1e-9 && state.steering_angle_rad.abs() < 1e-3, "{state:?}");
     assert!((pose.isometry.translation.y - 2.0 - 0.05).abs() < 0.01, "{pose:?}");
-    let car = &sample.truth.unwrap().objects[0];
+    let truth = sample.truth.clone().unwrap();
+    let car = &truth.objects[0];
     assert_eq!(car.id.as_deref(), Some("7"));
     let [ahead_mps, left_mps] = car.velocity_in_ego_mps;
     assert!((ahead_mps - 10.0).abs() < 0.01 && left_mps.abs() < 0.01, "{ahead_mps} {left_mps}");
     let methods = &reader.log().unwrap().methods;
     assert!(methods["motion"].contains("moved by the poses") && methods["speed"].contains("measured"));
-    // The wall straight behind was seen half a turn before or after: half a metre of the ego's way.
-    let wall_m = sample.measured.points.iter().map(|point| point.x_m).fold(f32::MAX, f32::min);
-    assert!((wall_m + 19.5).abs() < 0.1 || (wall_m + 20.5).abs() < 0.1, "{wall_m}");
+    // 40 degrees to the left the wall was seen a ninth of a turn before, 11 cm of the ego's way; to the right after.
+    let wall_m = |y_m: f32| {
+        let is_there = |x_m: &f32, y: f32| (y - y_m).abs() < 0.05 && *x_m > 15.0;
+        let points = sample.measured.points.iter();
+        points.map(|point| (point.x_m, point.y_m)).find(|(x_m, y)| is_there(x_m, *y)).unwrap().0
+    };
+    let (left_m, right_m) = (wall_m(12.856), wall_m(-12.856));
+    assert!((left_m - 15.21).abs() < 0.01 && (right_m - 15.432).abs() < 0.01, "{left_m} {right_m}");
 }
 
 #[test]
@@ -145,7 +151,7 @@ const DAMAGES: [Damage; 15] = [
                 "1 0 0 0.0 0 1 0 -0.08 0 0 1",
             )
         },
-        "optical axes",
+        "z axis points along",
     ),
     (
         "mirrored mounting",
