@@ -56,6 +56,7 @@ fn decimals<const N: usize, T: Display, S: Serializer>(value: &T, serializer: S)
     serializer.collect_str(&format_args!("{value:.N$}"))
 }
 
+#[expect(clippy::ref_option, reason = "serde hands over a reference to the field")]
 fn decimals_if_known<const N: usize, T: Display, S: Serializer>(
     value: &Option<T>,
     serializer: S,

@@ -75,7 +75,7 @@ mod tests {
             let wanted: Vec<f64> =
                 objects.iter().filter(is_in_bin).map(|object| by_hand(object) as f64).collect();
             let found = of(Quantity::PointsOnObject(Kind::Vehicle, bin));
-            assert_eq!(found.map_or(0, |tally| tally.n()), wanted.len() as u64);
+            assert_eq!(found.map_or(0, super::super::tally::Tally::n), wanted.len() as u64);
             if let Some(tally) = found {
                 assert_eq!(tally.mean(), wanted.iter().sum::<f64>() / wanted.len() as f64);
             }

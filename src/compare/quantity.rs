@@ -257,8 +257,9 @@ impl Quantity {
             | Self::Saturation => even(0.0, 1.0, 40),
             Self::RingsReturning => even(-0.5, 128.5, 43),
             Self::AzimuthStep => even(0.0, 1.0, 50),
-            Self::ElevationStep => even(0.0, 4.0, 40),
-            Self::LidarHeight | Self::CameraHeight | Self::Width(_) => even(0.0, 4.0, 40),
+            Self::ElevationStep | Self::LidarHeight | Self::CameraHeight | Self::Width(_) => {
+                even(0.0, 4.0, 40)
+            }
             // Whole numbers lie in the middle of their bins, or between the edges of a group of them.
             Self::PointsOnObject(..) => vec![
                 -0.5, 0.5, 1.5, 2.5, 5.5, 10.5, 20.5, 50.5, 100.5, 200.5, 500.5, 1000.5, 2000.5, 5000.5,

@@ -111,7 +111,7 @@ mod tests {
             n_objects: 0,
             n_parts: parts.len(),
         };
-        MeasuredSet { facts, parts, labelled: None, odd: Default::default() }
+        MeasuredSet { facts, parts, labelled: None, odd: std::collections::BTreeMap::default() }
     }
 
     #[test]

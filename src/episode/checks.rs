@@ -51,7 +51,7 @@ pub(super) fn bring_into_lidar(
 
 /// The pose of a cloud's origin in its frame; the identity where the message has none.
 fn pose_of(message: &fox::PointCloud) -> Result<Isometry3<f64>, MessageFault> {
-    let pose = message.pose.clone().unwrap_or_default();
+    let pose = message.pose.unwrap_or_default();
     let position = pose.position.unwrap_or_default();
     let translation = Translation3::new(position.x, position.y, position.z);
     // An absent or an all-zero quaternion is protobuf's default.

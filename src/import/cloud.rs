@@ -205,11 +205,9 @@ mod tests {
         RawPoint { x_m, y_m, z_m: 0.0, intensity: 0.5, ring: Some(3), time_offset_s }
     }
 
-    fn cloud(
-        odometry: &Odometry,
-        yaw_rad: f64,
-        points: Vec<RawPoint>,
-    ) -> Result<(Transform<Ego, Lidar>, Vec<LidarPoint>, Vec<String>), String> {
+    type Made = (Transform<Ego, Lidar>, Vec<LidarPoint>, Vec<String>);
+
+    fn cloud(odometry: &Odometry, yaw_rad: f64, points: Vec<RawPoint>) -> Result<Made, String> {
         let motion = Motion { odometry, tolerance_ns: 50_000_000, smoothing_ns: 500_000_000 };
         let config = CheckedImport::new(ImportConfig::default()).unwrap();
         let mut notes = Notes::default();

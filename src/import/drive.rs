@@ -62,7 +62,7 @@ pub(super) fn import_drive(
     let chosen: Vec<usize> = (0..drive.times_ns().len()).step_by(config.every as usize).collect();
     let mut methods = Methods::new();
     methods.extend(facts.methods.iter().map(|(part, sentence)| ((*part).to_owned(), sentence.clone())));
-    let ground_z_m = find_ground(&*drive, &chosen, task, &mut methods, notes)?;
+    let ground_z_m = find_ground(&*drive, &chosen, task, &mut methods, notes);
 
     let mut maker = SampleMaker::new(&*drive, config, &motion, ground_z_m);
     let mut writer: Option<EpisodeWriter> = None;
@@ -174,11 +174,11 @@ fn find_ground(
     task: &Task<'_>,
     methods: &mut Methods,
     notes: &mut Notes,
-) -> Result<f64, ImportError> {
+) -> f64 {
     let (guess_m, is_fitted) = match &drive.facts().ground {
         GroundHeight::Known { z_m, source } if task.config.ground == GroundSource::Calibration => {
             methods.insert("ground".into(), source.clone());
-            return Ok(*z_m);
+            return *z_m;
         }
         GroundHeight::Known { z_m, .. } => (*z_m, true),
         GroundHeight::Unknown { guess_m } => (*guess_m, false),
@@ -192,7 +192,7 @@ fn find_ground(
         let finite = frame
             .points
             .iter()
-            .map(|point| point.position_m())
+            .map(super::RawPoint::position_m)
             .filter(|at| at.iter().all(|part| part.is_finite()));
         let points =
             finite.map(|at| frame.ego_from_lidar.isometry * nalgebra::Point3::from(at)).map(|at| at.coords);
@@ -203,7 +203,7 @@ fn find_ground(
     }
     let n_fitted = heights.len();
     if n_read == 0 {
-        return Ok(guess_m);
+        return guess_m;
     }
     let Some(z_m) = median(heights) else {
         let why = if is_fitted { "the calibration's" } else { "a guess" };
@@ -212,7 +212,7 @@ fn find_ground(
             "ground".into(),
             format!("at z {guess_m} m of the log's ego frame, {why}: too little road is seen"),
         );
-        return Ok(guess_m);
+        return guess_m;
     };
     let tilt_rad = median(tilts).unwrap_or(0.0);
     if tilt_rad > MAX_TILT_RAD {
@@ -226,5 +226,5 @@ fn find_ground(
         tilt_rad.to_degrees()
     );
     methods.insert("ground".into(), sentence);
-    Ok(z_m)
+    z_m
 }

@@ -57,9 +57,8 @@ impl Scale {
             }
         };
         let is_expected = match expected {
-            IntensityScale::Auto => scale == Self::Byte,
             IntensityScale::Unit => scale == Self::Unit,
-            IntensityScale::Byte => scale == Self::Byte,
+            IntensityScale::Auto | IntensityScale::Byte => scale == Self::Byte,
         };
         if !is_expected {
             notes.tell(format!("intensities reach {largest}: taken as {}", scale.sentence()));

@@ -104,7 +104,7 @@ const SYNONYMS: [(&str, &str); 50] = [
 ];
 
 /// The category that comes nearest to an object of any source. What is unfamiliar and has no name among them is debris:
-/// "left on the driveable surface, too large to be driven over safely".
+/// "left on the drivable surface, too large to be driven over safely".
 #[must_use]
 pub fn official_category(
     category: Option<&str>,
@@ -163,9 +163,9 @@ mod tests {
 
     #[test]
     fn categories_of_every_source_find_an_official_one() {
+        use Distribution::{Id, Ood};
         let of =
             |name: &str, kind, distribution| official_category(Some(name), Some(kind), Some(distribution));
-        use Distribution::{Id, Ood};
         assert_eq!(of("vehicle.bus.bendy", Kind::Vehicle, Id), "vehicle.bus.bendy");
         assert_eq!(of("Pedestrian", Kind::Pedestrian, Id), "human.pedestrian.adult");
         assert_eq!(of("CONSTRUCTION_CONE", Kind::Static, Ood), "movable_object.trafficcone");

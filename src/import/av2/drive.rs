@@ -70,10 +70,10 @@ impl SensorLog {
             match (pictures.is_dir(), is_calibrated) {
                 (true, true) => cameras.push((name, stamps(&pictures, "jpg")?)),
                 (true, false) => {
-                    notes.tell(format!("the pictures of `{name}` have no calibration and are left out"))
+                    notes.tell(format!("the pictures of `{name}` have no calibration and are left out"));
                 }
                 (false, _) if name == FRONT => {
-                    notes.tell(format!("there are no pictures of `{name}`; a black one stands for each"))
+                    notes.tell(format!("there are no pictures of `{name}`; a black one stands for each"));
                 }
                 (false, _) => {
                     return Err(ImportError::at(&pictures, "a camera that was asked for has no pictures"));

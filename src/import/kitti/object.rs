@@ -123,7 +123,7 @@ impl Drive for ObjectDrive {
         if self.facts.is_labelled {
             let ego_from_rect = self.rig.ego_from_rect(&self.calibration);
             let rows = read_object_labels(&file("label_2", "txt"))?;
-            ignored.extend(rows.iter().filter(|row| row.is_region()).map(|row| row.region()));
+            ignored.extend(rows.iter().filter(|row| row.is_region()).map(super::label::LabelRow::region));
             let boxes = rows.iter().filter(|row| !row.is_region());
             objects = Some(boxes.map(|row| row.object(&ego_from_rect, [f64::NAN; 2])).collect());
         }

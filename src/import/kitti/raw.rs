@@ -74,7 +74,7 @@ pub(super) fn find_drives(source: &Path) -> Vec<PathBuf> {
     let inside = |folder: &Path| -> Vec<PathBuf> {
         let entries = fs_err::read_dir(folder).map(|entries| entries.filter_map(Result::ok).collect());
         let mut paths: Vec<PathBuf> =
-            entries.unwrap_or_else(|_| Vec::new()).iter().map(|entry| entry.path()).collect();
+            entries.unwrap_or_else(|_| Vec::new()).iter().map(fs_err::DirEntry::path).collect();
         paths.sort();
         paths
     };

@@ -149,7 +149,7 @@ const DAMAGES: [Damage; 15] = [
                 &set.join("calib/000000.txt"),
                 "0 -1 0 0.0 0 0 -1 -0.08 1 0 0",
                 "1 0 0 0.0 0 1 0 -0.08 0 0 1",
-            )
+            );
         },
         "z axis points along",
     ),
@@ -190,7 +190,7 @@ fn a_sequence_with_a_hole_in_its_poses_or_labels_beyond_its_end_is_told() {
         import(&source, &root.path().join("out"), &[], &options()).unwrap_err().to_string()
     };
     let late = |drive: &Path| {
-        let stamps = (0..4).map(|i| format!("2011-09-26 14:00:0{i}.0\n")).collect::<String>();
+        let stamps = (0..4).fold(String::new(), |all, i| all + &format!("2011-09-26 14:00:0{i}.0\n"));
         fs::write(drive.join("oxts/timestamps.txt"), stamps).unwrap();
     };
     let said = told(&late);
@@ -199,7 +199,7 @@ fn a_sequence_with_a_hole_in_its_poses_or_labels_beyond_its_end_is_told() {
         |drive: &Path| fs::write(drive.join("image_02/timestamps.txt"), "2011-09-26 13:02:25.0\n").unwrap();
     assert!(told(&short).contains("1 stamps of pictures and 4 of clouds"));
     let shifted = |drive: &Path| {
-        let stamps = (0..4).map(|i| format!("2011-09-26 13:02:25.{}7\n", i)).collect::<String>();
+        let stamps = (0..4).fold(String::new(), |all, i| all + &format!("2011-09-26 13:02:25.{i}7\n"));
         fs::write(drive.join("image_02/timestamps.txt"), stamps).unwrap();
     };
     assert!(told(&shifted).contains("0.070 s from the sample"), "{}", told(&shifted));

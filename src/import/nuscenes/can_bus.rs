@@ -97,7 +97,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         fs::create_dir(folder.path().join("can_bus")).unwrap();
         let write = |message: &str, text: &str| {
-            fs::write(file_of(folder.path(), "scene-0001", message), text).unwrap()
+            fs::write(file_of(folder.path(), "scene-0001", message), text).unwrap();
         };
         write("vehicle_monitor", r#"[{"utime": 1000000, "vehicle_speed": 7.2, "steering": 3, "brake": 0}]"#);
         write("steeranglefeedback", r#"[{"utime": 1000000, "value": 1.52}]"#);

@@ -126,7 +126,7 @@ fn tell_edge(edge: f64) -> String {
 /// The mean number of points on objects of a kind over their range.
 fn draw_points_on(gap: &DomainGap, kind: Kind) -> Chart {
     let title = format!("mean of points on {} over range, m", kind.name());
-    let rows: Vec<(f64, &GapRow)> = (0..)
+    let rows: Vec<(f64, &GapRow)> = (0..u8::MAX)
         .map(|bin| (bin, Quantity::PointsOnObject(kind, bin)))
         .take_while(|(bin, _)| f64::from(*bin) * RANGE_BIN_M < 50.0)
         .filter_map(|(bin, quantity)| Some(((f64::from(bin) + 0.5) * RANGE_BIN_M, find(gap, quantity)?)))
