@@ -112,25 +112,24 @@ impl<'a> Swept<'a> {
         judge: Judge,
         n_points: &[Vec<Vec<u32>>],
     ) -> Result<Vec<EvalSample>, SweepError> {
-        let of_frame =
-            |((frame, found), n_points): ((&LabelledSample, &Vec<Vec<Detection>>), &Vec<Vec<u32>>)| {
-                let fail = |source| SweepError::Zone { sample: frame.id.clone(), change, value, source };
-                let state = change.apply(&frame.measured.ego_state, value);
-                let detections = judge.judge(&found[state_idx], &state, self.zone).map_err(fail)?;
-                let objects =
-                    label(frame, change.moves_truth().then_some(&state), self.zone).map_err(fail)?;
-                // A judge leaves the boxes as they are.
-                let points_in = |detection: &Detection| {
-                    let counted = found[state_idx].iter().zip(n_points.get(state_idx)?);
-                    counted
-                        .into_iter()
-                        .find(|(found, _)| found.box_in_ego == detection.box_in_ego)
-                        .map(|(_, &n)| n)
-                };
-                let n_points = detections.iter().map(points_in).collect();
-                let sample = EvalSample::new(&frame.id, frame.facts.coverage(), objects, detections);
-                Ok(EvalSample { n_points, ..sample })
+        type Predicted<'a> = (&'a LabelledSample, &'a Vec<Vec<Detection>>);
+        let of_frame = |((frame, found), n_points): (Predicted<'_>, &Vec<Vec<u32>>)| {
+            let fail = |source| SweepError::Zone { sample: frame.id.clone(), change, value, source };
+            let state = change.apply(&frame.measured.ego_state, value);
+            let detections = judge.judge(&found[state_idx], &state, self.zone).map_err(fail)?;
+            let objects = label(frame, change.moves_truth().then_some(&state), self.zone).map_err(fail)?;
+            // A judge leaves the boxes as they are.
+            let points_in = |detection: &Detection| {
+                let counted = found[state_idx].iter().zip(n_points.get(state_idx)?);
+                counted
+                    .into_iter()
+                    .find(|(found, _)| found.box_in_ego == detection.box_in_ego)
+                    .map(|(_, &n)| n)
             };
+            let n_points = detections.iter().map(points_in).collect();
+            let sample = EvalSample::new(&frame.id, frame.facts.coverage(), objects, detections);
+            Ok(EvalSample { n_points, ..sample })
+        };
         self.frames.iter().zip(&self.found).zip(n_points).map(of_frame).collect()
     }
 
