@@ -7,7 +7,7 @@ use super::config::{CheckedImport, GroundSource};
 use super::folder::EPISODES;
 use super::ground::{fit_ground, median};
 use super::motion::Motion;
-use super::samples::SampleMaker;
+use super::samples::{NearBoxes, SampleMaker};
 use super::{Drive, DriveFacts, GroundHeight, ImportError, Log, LogFormat, Notes, odometry};
 use crate::episode::{EpisodeEntry, EpisodeMeta, EpisodeWriter, LogFacts, Split};
 use crate::progress::Progress;
@@ -45,6 +45,7 @@ pub(super) fn import_drive(
     name: &str,
     notes: &mut Notes,
     skipped: &mut Vec<String>,
+    boxes: &mut NearBoxes,
 ) -> Result<Option<EpisodeEntry>, ImportError> {
     task.progress.note(name);
     let drive = task.log.open(name, notes)?;
@@ -105,7 +106,10 @@ pub(super) fn import_drive(
         }
     }
     let Some(mut writer) = writer else { return Ok(None) };
-    maker.tell_doubts(notes);
+    boxes.add(maker.boxes());
+    if let Some(sentence) = maker.boxes().doubt() {
+        notes.tell(sentence);
+    }
     maker.tell_methods(&mut methods);
     let told: Vec<String> = notes.sentences().collect();
     if !told.is_empty() {

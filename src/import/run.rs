@@ -9,6 +9,7 @@ use serde::Serialize;
 use super::config::CheckedImport;
 use super::drive::{Task, import_drive};
 use super::folder;
+use super::samples::NearBoxes;
 use super::{ImportConfig, ImportError, Log, LogFormat, Notes};
 use crate::config::to_toml;
 use crate::episode::manifest::ObjectCounts;
@@ -71,6 +72,7 @@ pub fn run(
     let n_kept = list.keep(&drives, options.split);
     let (mut told, mut skipped) = (Vec::new(), Vec::new());
     let mut known = BTreeSet::new();
+    let mut boxes = NearBoxes::default();
     progress.start("import", drives.len() as u64);
     for drive in drives {
         if !list.names.contains(&drive) {
@@ -85,7 +87,7 @@ pub fn run(
                 skip_bad: options.skip_bad,
                 progress,
             };
-            let made = import_drive(&task, &drive, &mut notes, &mut skipped);
+            let made = import_drive(&task, &drive, &mut notes, &mut skipped, &mut boxes);
             for note in notes.take_new().into_iter().filter(|note| known.insert(note.clone())) {
                 let note = format!("{drive}: {note}");
                 tracing::warn!("{note}");
@@ -109,6 +111,11 @@ pub fn run(
     }
     progress.finish();
     list.write()?;
+    // Drives of single frames have too few boxes to tell by themselves.
+    if let Some(sentence) = boxes.doubt() {
+        tracing::warn!("{sentence}");
+        told.push(sentence);
+    }
     Ok(summarise(&list.manifest, format, out, n_kept, skipped, told))
 }
 

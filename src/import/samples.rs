@@ -19,6 +19,31 @@ use crate::sample::{CameraView, Measured, Sample, Truth};
 const NEAR_M: f64 = 25.0;
 const MIN_NEAR: usize = 3;
 
+/// Boxes near the ego, and how many of them hold no point.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(super) struct NearBoxes {
+    n_near: usize,
+    n_empty: usize,
+}
+
+impl NearBoxes {
+    pub(super) fn add(&mut self, other: Self) {
+        self.n_near += other.n_near;
+        self.n_empty += other.n_empty;
+    }
+
+    /// A sentence where too many hold none.
+    pub(super) fn doubt(self) -> Option<String> {
+        let Self { n_near, n_empty } = self;
+        (n_near >= MIN_NEAR && 2 * n_empty > n_near).then(|| {
+            format!(
+                "{n_empty} of {n_near} boxes within {NEAR_M} m hold no point; most should: the cloud's axes, unit or mounting, or the \
+                 boxes' frame may be wrong"
+            )
+        })
+    }
+}
+
 /// Makes the samples of a drive.
 pub(super) struct SampleMaker<'a> {
     drive: &'a dyn Drive,
@@ -30,9 +55,7 @@ pub(super) struct SampleMaker<'a> {
     clouds: CloudMaker<'a>,
     /// How the front picture came about.
     picture: Picture,
-    /// Boxes near the ego, and how many of them hold no point.
-    n_near: usize,
-    n_empty: usize,
+    boxes: NearBoxes,
 }
 
 /// Where the front picture comes from.
@@ -59,8 +82,7 @@ impl<'a> SampleMaker<'a> {
             states: StateMaker::new(motion, facts, config),
             clouds: CloudMaker::new(config, motion, facts.compensated.is_some()),
             picture: Picture::Virtual,
-            n_near: 0,
-            n_empty: 0,
+            boxes: NearBoxes::default(),
         }
     }
 
@@ -177,21 +199,15 @@ impl<'a> SampleMaker<'a> {
         for object in &truth.objects {
             let center = object.box_in_ego.center;
             if center.x().hypot(center.y()) < NEAR_M {
-                self.n_near += 1;
-                self.n_empty += usize::from(!object.is_hit());
+                self.boxes.n_near += 1;
+                self.boxes.n_empty += usize::from(!object.is_hit());
             }
         }
     }
 
-    /// Tells what only all samples together show.
-    pub(super) fn tell_doubts(&self, notes: &mut Notes) {
-        if self.n_near >= MIN_NEAR && 2 * self.n_empty > self.n_near {
-            notes.tell(format!(
-                "{} of {} boxes within {NEAR_M} m hold no point; most should: the cloud's axes, unit or mounting, or the boxes' frame \
-                 may be wrong",
-                self.n_empty, self.n_near
-            ));
-        }
+    /// The boxes near the ego in all samples so far.
+    pub(super) fn boxes(&self) -> NearBoxes {
+        self.boxes
     }
 
     /// What was found out on the way.

@@ -108,16 +108,20 @@ impl Drive for ObjectDrive {
         &self.odometry
     }
 
-    fn frame(&self, _sample_idx: usize, _notes: &mut Notes) -> Result<RawFrame, ImportError> {
+    fn frame(&self, _sample_idx: usize, notes: &mut Notes) -> Result<RawFrame, ImportError> {
         let file =
             |folder: &str, suffix: &str| self.folder.join(folder).join(format!("{}.{suffix}", self.stem));
         let view = |number: usize| {
             let picture = picture_path(&self.folder.join(format!("image_{number}")), &self.stem);
             self.rig.camera(number, &self.calibration, &picture, self.times_ns[0])
         };
-        let mut points = read_scan(&file("velodyne", "bin"), Stamps::None)?;
+        // An export of ours has its rings beside.
+        let mut of_cloud = Notes::default();
+        let mut points = read_scan(&file("velodyne", "bin"), Stamps::None, &mut of_cloud)?;
         if self.is_ours {
             read_rings(&self.folder, &self.stem, &mut points)?;
+        } else {
+            of_cloud.sentences().for_each(|sentence| notes.tell(sentence));
         }
         let (mut objects, mut ignored) = (None, Vec::new());
         if self.facts.is_labelled {

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::import::error::read;
-use crate::import::{ImportError, RawPoint};
+use crate::import::{ImportError, Notes, RawPoint};
 
 const POINT_BYTES: usize = 16;
 /// Beams of the HDL-64E; fewer are found where the lowest or highest ones saw nothing.
@@ -21,7 +21,7 @@ pub(super) enum Stamps {
 }
 
 /// Reads a cloud.
-pub(super) fn read_scan(path: &Path, stamps: Stamps) -> Result<Vec<RawPoint>, ImportError> {
+pub(super) fn read_scan(path: &Path, stamps: Stamps, notes: &mut Notes) -> Result<Vec<RawPoint>, ImportError> {
     let bytes = read(path)?;
     if bytes.len() % POINT_BYTES != 0 {
         let message =
@@ -38,8 +38,9 @@ pub(super) fn read_scan(path: &Path, stamps: Stamps) -> Result<Vec<RawPoint>, Im
             RawPoint { x_m, y_m, z_m, intensity, ring: None, time_offset_s }
         })
         .collect();
-    if let Some(rings) = rings_by_order(&points) {
-        points.iter_mut().zip(rings).for_each(|(point, ring)| point.ring = Some(ring));
+    match rings_by_order(&points) {
+        Some(rings) => points.iter_mut().zip(rings).for_each(|(point, ring)| point.ring = Some(ring)),
+        None => notes.tell("clouds are not stored beam by beam, from the highest, as KITTI's are; rings come from the elevation"),
     }
     Ok(points)
 }
@@ -95,7 +96,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("000000.bin");
         fs_err::write(&path, scan()).unwrap();
-        let points = read_scan(&path, Stamps::ByAzimuth).unwrap();
+        let points = read_scan(&path, Stamps::ByAzimuth, &mut Notes::default()).unwrap();
         assert_eq!((points[0].ring, points[64 * 36 - 1].ring), (Some(63), Some(0)));
         // A quarter turn to the left was seen a quarter turn before looking ahead.
         assert!((points[9].time_offset_s.unwrap() + 0.025).abs() < 1e-6);
@@ -106,7 +107,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("000000.bin");
         fs_err::write(&path, &scan()[..1001]).unwrap();
-        let told = read_scan(&path, Stamps::None).unwrap_err().to_string();
+        let told = read_scan(&path, Stamps::None, &mut Notes::default()).unwrap_err().to_string();
         assert!(told.contains("1001 bytes") && told.contains("000000.bin"), "{told}");
     }
 }

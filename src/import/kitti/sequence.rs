@@ -132,7 +132,7 @@ impl Drive for SequenceDrive {
         &self.odometry
     }
 
-    fn frame(&self, sample_idx: usize, _notes: &mut Notes) -> Result<RawFrame, ImportError> {
+    fn frame(&self, sample_idx: usize, notes: &mut Notes) -> Result<RawFrame, ImportError> {
         let (parts, rig) = (&self.parts, &self.rig);
         let stem = &parts.frames[sample_idx].0;
         let time_ns = parts.picture_times_ns[sample_idx];
@@ -140,7 +140,7 @@ impl Drive for SequenceDrive {
             let picture = picture_path(&(parts.pictures)(parts, number), stem);
             rig.camera(number, &parts.calibration, &picture, time_ns)
         };
-        let points = read_scan(&parts.clouds.join(format!("{stem}.bin")), Stamps::ByAzimuth)?;
+        let points = read_scan(&parts.clouds.join(format!("{stem}.bin")), Stamps::ByAzimuth, notes)?;
         let annotated = parts.annotated.as_ref();
         // A frame without rows has no objects: the sets annotate every frame.
         let of_frame = annotated.map(|annotated| annotated.get(&sample_idx).cloned().unwrap_or_default());
