@@ -21,7 +21,11 @@ pub(super) enum Stamps {
 }
 
 /// Reads a cloud.
-pub(super) fn read_scan(path: &Path, stamps: Stamps, notes: &mut Notes) -> Result<Vec<RawPoint>, ImportError> {
+pub(super) fn read_scan(
+    path: &Path,
+    stamps: Stamps,
+    notes: &mut Notes,
+) -> Result<Vec<RawPoint>, ImportError> {
     let bytes = read(path)?;
     if bytes.len() % POINT_BYTES != 0 {
         let message =
