@@ -148,9 +148,9 @@ def check_raw(truth: dict, episodes: Path, training: Path, table: Comparison) ->
             table.add("K", (camera.k - calibration["k"])[:2, :2], 1e-6, "px", where)
             theirs = np.array(Image.open(training / "image_2" / f"{name}.png").convert("RGB"))
             ours = np.array(Image.open(io.BytesIO(camera.image)).convert("RGB"))
-            table.equal(
-                "picture's pixels", bool(ours.shape == theirs.shape and (ours == theirs).all()), True, where
-            )
+            # A raw picture may be packed as JPEG.
+            levels = np.abs(ours.astype(float) - theirs).mean() if ours.shape == theirs.shape else np.inf
+            table.add("picture's levels of 255, mean", levels, 4.0, "", where)
             camera_from_lidar = calibration["camera2_from_rect"] @ calibration["rect_from_velo"]
             u, _, vt = np.linalg.svd(camera_from_lidar[:3, :3])
             chain = np.linalg.inv(camera.ego_from_camera) @ moment.ego_from_lidar

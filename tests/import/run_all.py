@@ -18,6 +18,11 @@ import time
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
+SAVE_AS = ">"  # before a step's last word: the file for its standard output
+WHEELBASE = (
+    "--set",
+    "vehicle.wheelbase_m=2.588",
+)  # of the made drives (made_world.py); a bag does not say it
 
 
 class Runner:
@@ -37,8 +42,13 @@ class Runner:
         start, said, good = time.monotonic(), "", True
         for step in steps:
             command = [str(word) for word in step]
+            save_as = command.pop() if command[-2:-1] == [SAVE_AS] else None
+            if save_as:
+                command.pop()
             done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=HERE)
             said += f"$ {' '.join(command)}\n{done.stdout}{done.stderr}\n"
+            if save_as:
+                Path(save_as).write_text(done.stdout)
             # 3: done, with losses that were told.
             good = done.returncode in (0, 3) if step[0] == self.program else done.returncode == 0
             if not good:
@@ -105,27 +115,28 @@ def check_ros2(runner: Runner, samples: Path) -> None:
         runner.skip("ros2 kitti", f"no samples in {samples}")
     for name, words in jobs:
         bag = work / name.replace(" ", "_")
-        out = work / f"{bag.name}_episodes"
+        out, mapping = work / f"{bag.name}_episodes", work / f"{bag.name}.toml"
         runner.run(
             name,
             runner.script("make_ros2_bag.py", bag, *words),
-            runner.harmzone("import", "ros2", bag, "--list"),
-            runner.harmzone("import", "ros2", bag, "--out", out),
+            [*runner.harmzone("import", "ros2", bag, "--out", out, "--list"), SAVE_AS, mapping],
+            runner.harmzone("import", "ros2", bag, "--out", out, "--mapping", mapping, *WHEELBASE),
             runner.script("check_ros2.py", bag.with_suffix(".truth.npz"), out),
-            makes=(bag, out),
+            makes=(bag, out, mapping),
         )
     if samples.is_dir():
         raw, bag, out = work / "kitti_raw", work / "kitti2mcap.mcap", work / "kitti2mcap_episodes"
+        mapping = work / "kitti2mcap.toml"
         training = samples / "kitti/training"
         words = ["--date", "2011_09_26", "--drive", "0001", "--kitti-dir", raw, "--output", bag]
         runner.run(
             "ros2 kitti2mcap",
             runner.script("make_kitti_raw.py", training, raw),
             [sys.executable, "-m", "kitti2mcap", *words],
-            runner.harmzone("import", "ros2", bag, "--list"),
-            runner.harmzone("import", "ros2", bag, "--out", out),
+            [*runner.harmzone("import", "ros2", bag, "--out", out, "--list"), SAVE_AS, mapping],
+            runner.harmzone("import", "ros2", bag, "--out", out, "--mapping", mapping, *WHEELBASE),
             runner.script("check_ros2.py", raw / "truth.npz", out, "--training", training),
-            makes=(raw, bag, out),
+            makes=(raw, bag, out, mapping),
         )
 
 
