@@ -177,6 +177,28 @@ fn a_big_endian_split_bag_of_another_style_is_imported_with_its_proposed_mapping
 }
 
 #[test]
+fn a_listing_needs_no_folder_and_an_import_does() {
+    let plain = data().join("plain");
+    let answer = |args: &[&str]| {
+        let program = Command::new(env!("CARGO_BIN_EXE_harmzone"))
+            .args(["import", "ros2"])
+            .arg(&plain)
+            .args(args)
+            .output();
+        let output = program.unwrap();
+        (
+            output.status.code(),
+            String::from_utf8(output.stdout).unwrap(),
+            String::from_utf8(output.stderr).unwrap(),
+        )
+    };
+    let (code, text, _) = answer(&["--list"]);
+    assert_eq!((code, text.trim_end()), (Some(0), list(&plain).unwrap().trim_end()));
+    let (code, _, told) = answer(&[]);
+    assert!(code == Some(2) && told.contains("--out <DIR>"), "{told}");
+}
+
+#[test]
 fn the_listing_is_a_mapping_that_works_as_it_is() {
     let text = list(&data().join("plain")).unwrap();
     for wanted in [

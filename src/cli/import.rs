@@ -71,7 +71,7 @@ pub(super) struct LogArgs {
 
 /// With `--list` nothing is imported, and `--out` need not be there.
 #[derive(Debug, Args)]
-#[command(mut_arg("out", |out| out.required_unless_present("list").default_value_if("list", "true", ".")))]
+#[command(mut_arg("out", |out| out.required(false).required_unless_present("list").default_value_if("list", "true", ".")))]
 struct Ros2Args {
     #[command(flatten)]
     log: LogArgs,
