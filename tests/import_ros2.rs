@@ -354,10 +354,8 @@ fn damaged_messages_are_told() {
     let folder = tempfile::tempdir().unwrap();
     let script = data().with_file_name("make_ros2_bags.py");
     let made = Command::new(&python).arg(&script).arg(folder.path()).arg("--damaged").output();
-    if !made.as_ref().is_ok_and(|made| made.status.success()) {
-        eprintln!("skipped: {} with `rosbags` is missing; `make setup-test` installs it", python.display());
-        return;
-    }
+    let made = made.unwrap_or_else(|error| panic!("{}: {error}; `make setup-test` makes it", python.display()));
+    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
     let bag = |name: &str| folder.path().join(name);
     for (name, words) in [
         ("empty_cloud", "the cloud is empty"),

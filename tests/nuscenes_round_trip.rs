@@ -153,8 +153,8 @@ fn damage_is_told_and_leaves_nothing_half() {
             "a missing key",
             |export| {
                 change(export, "sample_annotation", |rows| {
-                    drop(rows[2].as_object_mut().unwrap().remove("size"))
-                })
+                    drop(rows[2].as_object_mut().unwrap().remove("size"));
+                });
             },
             &["row 2", "`size`", "sample_annotation.json"],
         ),
@@ -200,7 +200,7 @@ fn damage_is_told_and_leaves_nothing_half() {
                     {
                         row["width"] = 64.into();
                     }
-                })
+                });
             },
             &["64"],
         ),
@@ -214,7 +214,7 @@ fn damage_is_told_and_leaves_nothing_half() {
         damage(&broken);
         let told = import(&broken, &after).err().unwrap_or_else(|| panic!("{what} is not told")).to_string();
         assert!(words.iter().all(|word| told.contains(word)), "{what}: {told}");
-        let left = fs::read_dir(after.join("episodes")).map(|entries| entries.count()).unwrap_or_default();
+        let left = fs::read_dir(after.join("episodes")).map(Iterator::count).unwrap_or_default();
         assert_eq!(left, 0, "{what} left an episode");
         fs::remove_dir_all(&broken).unwrap();
         let _ = fs::remove_dir_all(&after);

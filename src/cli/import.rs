@@ -55,7 +55,7 @@ pub(super) struct LogArgs {
     /// Leave out samples and drives whose files are torn or missing, and tell each, rather than end at the first
     #[arg(long)]
     skip_bad: bool,
-    /// Config (TOML) over the format's own, configs/import/<FORMAT>.toml: categories, vehicle, ground, ..
+    /// Config (TOML) over the format's own, configs/import/FORMAT.toml: categories, vehicle, ground, ..
     #[arg(long, value_name = "TOML")]
     config: Option<PathBuf>,
     /// Override one key of the config, e.g. ground=fit
