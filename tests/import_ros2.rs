@@ -354,7 +354,8 @@ fn damaged_messages_are_told() {
     let folder = tempfile::tempdir().unwrap();
     let script = data().with_file_name("make_ros2_bags.py");
     let made = Command::new(&python).arg(&script).arg(folder.path()).arg("--damaged").output();
-    let made = made.unwrap_or_else(|error| panic!("{}: {error}; `make setup-test` makes it", python.display()));
+    let made =
+        made.unwrap_or_else(|error| panic!("{}: {error}; `make setup-test` makes it", python.display()));
     assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
     let bag = |name: &str| folder.path().join(name);
     for (name, words) in [
