@@ -19,11 +19,18 @@ import numpy as np
 from check_kitti import read_calibration
 from comparison import Comparison, rotation_angle
 from imported_episode import Moment, read_data_set
+from made_world import pose
+from make_kitti_raw import IMU_IN_EGO_M, made_drive
 from PIL import Image
 
 
 def check_cloud(
-    moment: Moment, points: np.ndarray, intensity: np.ndarray, table: Comparison, where: str
+    moment: Moment,
+    points: np.ndarray,
+    intensity: np.ndarray,
+    table: Comparison,
+    where: str,
+    limit_m: float = 1e-3,
 ) -> None:
     """Points [n, 3] as they should be in the LiDAR's own frame, up to quarter turns about z."""
     ours = np.stack([moment.cloud[axis] for axis in "xyz"], axis=1).astype(float)
@@ -39,7 +46,7 @@ def check_cloud(
             best, quarter = error, turns
     if quarter:
         table.note(f"points are turned by {quarter} quarter turns about z")
-    table.add("points, in order", best, 1e-3, "m", where)
+    table.add("points, in order", best, limit_m, "m", where)
     table.add("intensity, as 0 to 255", moment.cloud["intensity"] - intensity, 0.51, "", where)
 
 
@@ -114,9 +121,9 @@ def check_made(truth: dict, episodes: Path, table: Comparison) -> None:
                 table.note(f"the ego frame lies {-ego_from_base[2, 3]:.4f} m from base_link's height")
             lidar = ego_from_base @ truth["base_from_lidar"]
             table.add("LiDAR's place", (moment.ego_from_lidar - lidar)[:3, 3], 1e-6, "m", key)
-            pose = ego_from_base @ truth["base_from_camera"]
-            turned = rotation_angle(camera.ego_from_camera[:3, :3], pose[:3, :3])
-            moved_m = np.linalg.norm(camera.ego_from_camera[:3, 3] - pose[:3, 3])
+            mounted = ego_from_base @ truth["base_from_camera"]
+            turned = rotation_angle(camera.ego_from_camera[:3, :3], mounted[:3, :3])
+            moved_m = np.linalg.norm(camera.ego_from_camera[:3, 3] - mounted[:3, 3])
             if moved_m > 1e-3:
                 table.note(f"the camera's pose holds the ego's motion since the picture: {moved_m:.3f} m")
             table.add("camera's rotation", turned, 1e-6 if moved_m < 1e-3 else 0.01, "rad", key)
@@ -125,6 +132,27 @@ def check_made(truth: dict, episodes: Path, table: Comparison) -> None:
             if f"{key}.picture" in truth:
                 table.add("K", camera.k - truth["k"], 1e-6, "px", key)
     table.equal("clouds imported", sorted(found), times, str(episodes))
+
+
+def untwist(points: np.ndarray, since_start_ns: int, training: Path, name: str) -> np.ndarray:
+    """Points of a raw drive's cloud as they would be without motion: the head turns clockwise at 10 Hz.
+
+    Seen from above, from behind to behind; the stamp is that of looking ahead (as in KISS-ICP's reader of raw
+    drives).
+    """
+    rows = (training / "calib" / f"{name}.txt").read_text().splitlines()
+    numbers = next(row.split(":")[1].split() for row in rows if row.startswith("Tr_imu_to_velo"))
+    velo_from_imu = np.eye(4)
+    velo_from_imu[:3] = np.array(numbers, dtype=float).reshape(3, 4)
+    ego_from_velo = pose(np.eye(3), IMU_IN_EGO_M) @ np.linalg.inv(velo_from_imu)
+    drive, seconds = made_drive(), since_start_ns / 1e9
+    velo_from_world = np.linalg.inv(drive.level_pose_at(seconds) @ ego_from_velo)
+    ticks = np.round(-np.arctan2(points[:, 1], points[:, 0]) / (2 * np.pi) * 0.1 / 2e-5).astype(int)
+    still = np.empty_like(points)
+    for tick in np.unique(ticks):
+        moved = velo_from_world @ drive.level_pose_at(seconds + tick * 2e-5) @ ego_from_velo
+        still[ticks == tick] = points[ticks == tick] @ moved[:3, :3].T + moved[:3, 3]
+    return still
 
 
 def check_raw(truth: dict, episodes: Path, training: Path, table: Comparison) -> None:
@@ -142,7 +170,11 @@ def check_raw(truth: dict, episodes: Path, training: Path, table: Comparison) ->
             found.append(moment.time_ns)
             name = names[moment.time_ns]
             raw = np.fromfile(training / "velodyne" / f"{name}.bin", dtype="<f4").reshape(-1, 4)
-            check_cloud(moment, raw[:, :3].astype(float), raw[:, 3] * 255.0, table, where)
+            points, limit_m = raw[:, :3].astype(float), 1e-3
+            if "moved by the poses" in episode.log.get("methods", {}).get("motion", ""):
+                points = untwist(points, moment.time_ns - int(truth["start_ns"]), training, name)
+                limit_m = 5e-3  # poses come at 10 Hz, and the points at their ends lie beyond the last
+            check_cloud(moment, points, raw[:, 3] * 255.0, table, where, limit_m)
             calibration = read_calibration(training / "calib" / f"{name}.txt")
             camera = moment.cameras["cam_front"]
             table.add("K", (camera.k - calibration["k"])[:2, :2], 1e-6, "px", where)

@@ -15,12 +15,17 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
-from made_world import WHEELBASE_M, Drive, pose, turn
+from made_world import WHEELBASE_M, Drive, pose
 from PIL import Image
 
 DATE, DRIVE = "2011_09_26", "0001"
 EARTH_RADIUS_M = 6378137.0  # pykitti's Mercator projection
-IMU_HEIGHT_M = 0.93  # over the ground, as KITTI's set-up has it
+IMU_IN_EGO_M = (0.05, 0.32, 0.93)  # as KITTI's set-up has it
+
+
+def made_drive() -> Drive:
+    """The drive, in seconds since the first cloud's whole second."""
+    return Drive(np.zeros(3), 0.5, 7.0, 0.4, 0.04, [])
 
 
 def oxts_packet(
@@ -100,13 +105,13 @@ def main() -> None:
     names = [path.stem for path in sorted((options.source / "velodyne").glob("*.bin"))]
     names = [n for n in names if Image.open(options.source / "image_2" / f"{n}.png").size == (1242, 375)]
     start_ns = 1_317_042_145_000_000_000
-    drive = Drive(np.zeros(3), 0.5, 7.0, 0.4, 0.04, [])
+    drive = made_drive()
     # pykitti scales Mercator's x and y by the cosine of the first latitude.
     origin = np.radians([49.011, 8.4228])
     scale = np.cos(origin[0])
     mercator_y = scale * EARTH_RADIUS_M * np.log(np.tan(np.pi / 4 + origin[0] / 2))
     poses, states, clouds, pictures, packets = [], [], [], [], []
-    imu_in_ego = pose(np.eye(3), [0.05, 0.32, IMU_HEIGHT_M])
+    imu_in_ego = pose(np.eye(3), IMU_IN_EGO_M)
     for idx, name in enumerate(names):
         cloud_ns = start_ns + idx * 103_000_000 + 961_661
         packet_ns = cloud_ns + 1_500_000
@@ -152,7 +157,7 @@ def main() -> None:
         packets_ns=packets,
         world_from_imu=np.array([first @ one for one in poses]),
         states=np.array(states),
-        rotation=turn(0.0),
+        start_ns=start_ns,
     )
     print(f"{len(names)} frames as a raw drive: {drive_folder}")
 

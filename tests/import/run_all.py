@@ -18,11 +18,9 @@ import time
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-SAVE_AS = ">"  # before a step's last word: the file for its standard output
-WHEELBASE = (
-    "--set",
-    "vehicle.wheelbase_m=2.588",
-)  # of the made drives (made_world.py); a bag does not say it
+SAVE_AS = ">"  # before the last word of a step: the file for its standard output
+# Of the made drives (made_world.py); a bag does not say it.
+WHEELBASE = ("--set", "vehicle.wheelbase_m=2.588")
 
 
 class Runner:
@@ -90,6 +88,22 @@ def check_samples(runner: Runner, samples: Path) -> None:
             runner.harmzone("label", out),
             makes=(out,),
         )
+
+
+def check_raw_drive(runner: Runner, samples: Path) -> None:
+    """KITTI's raw layout: stamps, oxts poses, points moved to one time."""
+    if not samples.is_dir():
+        runner.skip("kitti raw", f"no samples in {samples}")
+        return
+    raw, out = runner.work / "raw_drive", runner.work / "raw_drive_episodes"
+    training = samples / "kitti/training"
+    runner.run(
+        "kitti raw",
+        runner.script("make_kitti_raw.py", training, raw),
+        runner.harmzone("import", "kitti", raw, "--out", out),
+        runner.script("check_ros2.py", raw / "truth.npz", out, "--training", training),
+        makes=(raw, out),
+    )
 
 
 def check_nuscenes_import(runner: Runner) -> None:
@@ -217,6 +231,7 @@ def main() -> int:
     work.mkdir(parents=True, exist_ok=True)
     runner = Runner(options.program.resolve(), work.resolve(), options.only)
     check_samples(runner, options.samples.resolve())
+    check_raw_drive(runner, options.samples.resolve())
     check_nuscenes_import(runner)
     check_ros2(runner, options.samples.resolve())
     check_exports(runner, options.mmdet3d.absolute() if options.mmdet3d else None)
