@@ -15,8 +15,9 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from av2.geometry.camera.pinhole_camera import PinholeCamera
 from av2.structures.cuboid import Cuboid, CuboidList
-from av2.utils.io import read_city_SE3_ego, read_ego_SE3_sensor, read_feather
+from av2.utils.io import read_city_SE3_ego, read_feather
 from comparison import Comparison, angle_between, rotation_angle
 from imported_episode import Episode, Moment, corner_signs, read_data_set
 
@@ -74,6 +75,33 @@ def check_points(moment: Moment, sweep: pd.DataFrame, shift: np.ndarray, table: 
     # Argoverse's two stacked sensors have 32 lasers each; ours are numbered from the lowest beam up.
     n_lasers = len(np.unique(sweep.laser_number))
     table.equal("rings", len(np.unique(moment.cloud["ring"])) >= min(32, n_lasers), True, where)
+
+
+def check_camera(moment: Moment, log: Path, shift: np.ndarray, table: Comparison) -> None:
+    """K, pose and picture of the front camera; and the cloud on it, compensated for motion as the package
+    does.
+    """
+    camera = PinholeCamera.from_feather(log, "ring_front_center")
+    ours, where = moment.cameras["cam_front"], str(moment.time_ns)
+    table.add("K", ours.k - camera.intrinsics.K, 1e-6, "px", where)
+    size = (camera.width_px, camera.height_px)
+    table.equal("picture size", (ours.width_px, ours.height_px), size, where)
+    pictures = {int(path.stem): path for path in (log / "sensors/cameras/ring_front_center").glob("*.jpg")}
+    stamp = min(pictures, key=lambda time_ns: abs(time_ns - moment.time_ns))
+    table.equal("picture bytes (of the nearest)", ours.image, pictures[stamp].read_bytes(), where)
+    poses = read_city_SE3_ego(log)
+    moved = poses[moment.time_ns].inverse().compose(poses[stamp]).compose(camera.ego_SE3_cam).transform_matrix
+    found = ours.ego_from_camera.copy()
+    found[:3, 3] -= shift
+    table.add("camera's pose when it took the picture", found - moved, 1e-6, "", where)
+    points = read_feather(log / "sensors/lidar" / f"{moment.time_ns}.feather")
+    in_ego = xyz_of(points)
+    theirs, _, seen = camera.project_ego_to_img_motion_compensated(
+        in_ego, poses[stamp], poses[moment.time_ns]
+    )
+    pixels, _ = ours.project(moment.points_in_ego())
+    if len(pixels) == len(theirs):
+        table.add("points on the picture", (pixels - theirs[:, :2])[seen], 0.02, "px", where)
 
 
 def check_motion(episode: Episode, log: Path, table: Comparison) -> None:
@@ -190,13 +218,7 @@ def main() -> int:
             check_points(moment, sweep, shift, table)
             check_boxes(moment, cuboids.get(moment.time_ns, []), shift, table)
             if (log / "calibration").is_dir():
-                for name, ego_from_sensor in read_ego_SE3_sensor(log).items():
-                    if name == "ring_front_center":
-                        ours_pose = moment.cameras["cam_front"].ego_from_camera.copy()
-                        ours_pose[:3, 3] -= shift
-                        table.add(
-                            "camera's pose", ours_pose - ego_from_sensor.transform_matrix, 1e-6, "", name
-                        )
+                check_camera(moment, log, shift, table)
         check_motion(episode, log, table)
     table.equal("some sample is imported", bool(seen), True, str(options.episodes))
     return table.finish()

@@ -90,6 +90,18 @@ def check_samples(runner: Runner, samples: Path) -> None:
         )
 
 
+def check_made_av2(runner: Runner) -> None:
+    """An Argoverse log with pictures and calibration."""
+    source, out = runner.work / "made_av2", runner.work / "made_av2_episodes"
+    runner.run(
+        "av2 made",
+        runner.script("make_av2.py", source),
+        runner.harmzone("import", "av2", source, "--out", out),
+        runner.script("check_av2.py", source, out),
+        makes=(source, out),
+    )
+
+
 def check_raw_drive(runner: Runner, samples: Path) -> None:
     """KITTI's raw layout: stamps, oxts poses, points moved to one time."""
     if not samples.is_dir():
@@ -231,6 +243,7 @@ def main() -> int:
     work.mkdir(parents=True, exist_ok=True)
     runner = Runner(options.program.resolve(), work.resolve(), options.only)
     check_samples(runner, options.samples.resolve())
+    check_made_av2(runner)
     check_raw_drive(runner, options.samples.resolve())
     check_nuscenes_import(runner)
     check_ros2(runner, options.samples.resolve())
