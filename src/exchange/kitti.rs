@@ -56,7 +56,7 @@ impl WriteBoxes for KittiWriter {
             path: self.path.clone(),
         };
         let frame = frame_of(&self.names, sample, &self.path)?;
-        let rig = KittiRig::of(sample.measured).map_err(fail)?;
+        let rig = KittiRig::of(sample.measured, sample.log).map_err(fail)?;
         let row = |of: &Detection| {
             let row =
                 KittiRow::of_detection(type_of_harm(self.naming, of.harm), &of.box_in_ego, of.score, &rig);
@@ -102,7 +102,7 @@ impl ReadBoxes for KittiReader {
             message: format!("sample `{}`: {message}", sample.id),
             path: path.clone(),
         };
-        let rig = KittiRig::of(sample.measured).map_err(fail)?;
+        let rig = KittiRig::of(sample.measured, sample.log).map_err(fail)?;
         let text = fs::read_to_string(&path)?;
         let rows = text.lines().filter(|line| !line.trim().is_empty()).enumerate();
         let read = |(index, line): (usize, &str)| {

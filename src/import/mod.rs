@@ -33,7 +33,7 @@ pub use config::{
     LogFormat, ObjectRule, RingConfig, SizeConfig, VehicleConfig,
 };
 pub use error::ImportError;
-pub use kitti::{KittiLog, open_kitti};
+pub use kitti::{KittiLog, RECTIFIED_CAMERA, open_kitti};
 pub use log::{
     Distortion, Drive, DriveFacts, GroundHeight, Log, Odometry, RawCamera, RawFrame, RawImage, RawObject,
     RawPoint, Series,

@@ -181,7 +181,7 @@ mod tests {
     use crate::geometry::{Point, Point2};
 
     fn rig() -> KittiRig {
-        KittiRig::of(&test_data::dataset(1).samples()[0].measured).unwrap()
+        KittiRig::of(&test_data::dataset(1).samples()[0].measured, None).unwrap()
     }
 
     fn object(visible_fraction: Option<f64>) -> Object {

@@ -191,7 +191,7 @@ fn write_episode(
             message: format!("sample {sample_idx} of episode `{}`: {message}", entry.name),
             path: episode.reader.path().to_owned(),
         };
-        let rig = KittiRig::of(&sample.measured).map_err(unfit)?;
+        let rig = KittiRig::of(&sample.measured, episode.reader.log()).map_err(unfit)?;
         let file = |part: &str, ending: &str| half.join(part).join(format!("{frame}.{ending}"));
         fs::write(file("velodyne", "bin"), cloud_bytes(&sample.measured.points))?;
         fs::write(file("ring", "bin"), ring_bytes(&sample.measured.points))?;

@@ -23,6 +23,9 @@ use self::rig::Rig;
 use self::sequence::SequenceDrive;
 use super::{Drive, ImportConfig, ImportError, Log, Notes};
 
+/// The method of an imported episode that ends in the rows of `camera_from_rect`: where the rectified camera of labels and results is.
+pub const RECTIFIED_CAMERA: &str = "rectified_camera";
+
 /// A KITTI folder.
 pub struct KittiLog {
     rig: Rig,

@@ -38,6 +38,7 @@ impl ObjectDrive {
         let number: u64 =
             stem.bytes().filter(u8::is_ascii_digit).fold(0, |n, digit| n * 10 + u64::from(digit - b'0'));
         let mut methods = vec![("velocity", "of objects unknown: single frames".to_owned())];
+        methods.extend(Rig::rectified_camera(&calibration));
         let mut rig = rig.clone();
         if let Some(state) = &state {
             rig.mounting = Mounting::Stated(state.ego_from_lidar());

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion};
 
+use super::RECTIFIED_CAMERA;
 use super::calib::Calibration;
 use crate::geometry::{Camera, Ego, Lidar, Transform};
 use crate::import::error::read;
@@ -92,6 +93,14 @@ impl Rig {
     pub(super) fn ground() -> GroundHeight {
         let source = "the road 1.73 m under the Velodyne, by KITTI's drawing of the sensor setup".to_owned();
         GroundHeight::Known { z_m: 0.0, source }
+    }
+
+    /// Where the rectified camera 0 is, for those who bring or take results.
+    pub(super) fn rectified_camera(calibration: &Calibration) -> Option<(&'static str, String)> {
+        let matrix = calibration.camera(FRONT).ok()?.camera_from_rect.to_homogeneous();
+        let rows: Vec<f64> =
+            matrix.fixed_rows::<3>(0).transpose().iter().map(|number| number + 0.0).collect();
+        Some((RECTIFIED_CAMERA, format!("that of KITTI's labels; camera_from_rect is {rows:?}")))
     }
 
     /// A camera with its picture, which is PNG or JPEG.

@@ -70,6 +70,7 @@ impl SequenceDrive {
             "the left colour camera, rectified by KITTI, with its baseline to camera 0".to_owned(),
         ));
         methods.push(rig.axes());
+        methods.extend(Rig::rectified_camera(&parts.calibration));
         methods.push(("velocity", "of objects from their places in neighbouring frames".to_owned()));
         let facts = DriveFacts {
             path: parts.path.clone(),
