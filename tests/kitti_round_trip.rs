@@ -175,6 +175,62 @@ fn the_folder_has_kittis_layout_and_says_which_sample_each_frame_is() {
     assert_eq!((first.len(), first[0], first[2]), (15, "car", "1"), "visible to 70 %: partly occluded");
 }
 
+/// The numbers of a file's lines that begin with a word, by their names.
+fn numbers(path: &Path, name: &str) -> Vec<Vec<f64>> {
+    let text = fs::read_to_string(path).unwrap();
+    let of_line = |line: &str| -> Option<Vec<f64>> {
+        let (found, rest) = line.split_once([' ', ':'])?;
+        (name.is_empty() || found == name)
+            .then(|| rest.split_whitespace().map(|word| word.parse().unwrap()).collect())
+    };
+    text.lines().filter_map(of_line).collect()
+}
+
+#[test]
+fn kittis_own_frames_are_exported_as_they_were() {
+    let samples = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/samples/kitti");
+    if !samples.is_dir() {
+        println!("skipped: no frames of KITTI in {}", samples.display());
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let [between, after] = ["between", "after"].map(|name| folder.path().join(name));
+    import(&samples, &between).unwrap();
+    let summary = export(&between, &after);
+    assert_eq!((summary.n_unpacked, summary.n_out_of_view), (0, 0));
+    let (theirs, ours) = (samples.join("training"), after.join("testing"));
+    let mut n_rows = 0;
+    for entry in fs::read_dir(theirs.join("calib")).unwrap() {
+        let frame = entry.unwrap().path().file_stem().unwrap().to_string_lossy().into_owned();
+        let both = |part: &str, ending: &str| {
+            [&theirs, &ours].map(|home| home.join(part).join(format!("{frame}.{ending}")))
+        };
+        let [theirs, ours] = both("image_2", "png").map(|path| fs::read(path).unwrap());
+        assert_eq!(theirs, ours, "pictures to the byte");
+        let [theirs, ours] = both("velodyne", "bin").map(|path| fs::read(path).unwrap());
+        assert_eq!(theirs.len(), ours.len());
+        for (theirs, ours) in theirs.chunks_exact(16).zip(ours.chunks_exact(16)) {
+            assert_eq!(theirs[..12], ours[..12], "points to the bit");
+        }
+        let [theirs, ours] = both("calib", "txt").map(|path| numbers(&path, "P2").remove(0));
+        let near = theirs
+            .iter()
+            .zip(&ours)
+            .all(|(theirs, ours)| (theirs - ours).abs() <= 1e-9 * theirs.abs().max(1.0));
+        assert!(near, "{theirs:?} {ours:?}");
+        let [theirs, ours] = both("label_2", "txt").map(|path| numbers(&path, ""));
+        assert_eq!(theirs.len(), ours.len(), "{frame}");
+        for (theirs, ours) in theirs.iter().zip(&ours) {
+            // From the heights on; the picture's box is the annotator's there and the box's here.
+            for column in 7..14 {
+                assert!((theirs[column] - ours[column]).abs() < TOLERANCE, "{frame}: {theirs:?} {ours:?}");
+            }
+            n_rows += 1;
+        }
+    }
+    assert!(n_rows > 20, "{n_rows}");
+}
+
 #[test]
 fn predictions_come_back_in_their_order_and_unknown_files_are_told() {
     let folder = tempfile::tempdir().unwrap();
