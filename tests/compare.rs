@@ -103,13 +103,15 @@ fn a_log_without_truth_is_compared_in_what_it_has() {
     let folder = tempfile::tempdir().unwrap();
     let log = unlabelled_copy(a, folder.path());
     let gap = compare(a, &log);
-    assert!(row(&gap, "range of points").is_some() && row(&gap, "speed").is_some());
+    assert!(row(&gap, "range of points").is_some() && row(&gap, "steering, left positive").is_some());
+    assert!(row(&gap, "speed").is_none(), "what was assumed is not compared");
     assert!(
         row(&gap, "vehicles a sample").is_none() && row(&gap, "clutter among points above ground").is_none()
     );
     assert_eq!(gap["b"]["n_samples_with_truth"], 0);
     let notes = gap["notes"].to_string();
     assert!(notes.contains("B says of no sample which objects there are"), "{notes}");
+    assert!(notes.contains("B: an assumed speed, which is not compared in 3 of 3 samples"), "{notes}");
     assert!(notes.contains("B has one episode") && notes.contains("in A and not in B: "), "{notes}");
 }
 
@@ -121,7 +123,7 @@ fn unlabelled_copy(dataset: &Path, folder: &Path) -> PathBuf {
     let log = LogFacts {
         format: "ros2".into(),
         drive: "bag".into(),
-        methods: Default::default(),
+        methods: [("speed".into(), "unknown; assumed 8 m/s".into())].into(),
         labelled: None,
         sample_names: Default::default(),
     };

@@ -7,10 +7,10 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 use thiserror::Error;
 
-use super::{SetFacts, Tallies};
+use super::{Quantity, SetFacts, Tallies};
 use super::{lidar, objects, picture};
 use crate::episode::manifest::{EpisodeEntry, Manifest, ManifestError};
-use crate::episode::{EpisodeError, EpisodeReader, Labelled, Split};
+use crate::episode::{EpisodeError, EpisodeReader, Labelled, LogFacts, Split};
 use crate::geometry::{Box3, Ego};
 use crate::object::Kind;
 use crate::progress::Progress;
@@ -125,7 +125,7 @@ fn cut<'a>(episodes: &[&'a EpisodeEntry]) -> Vec<(&'a EpisodeEntry, Range<usize>
 fn measure_part(path: &Path, samples: Range<usize>, progress: &dyn Progress) -> Result<Part, CompareError> {
     let reader = EpisodeReader::open(path)?;
     let labelled = reader.log().and_then(|log| log.labelled.as_ref());
-    let kinds = labelled.map_or(Kind::ALL.to_vec(), |labelled| labelled.kinds.clone());
+    let known = Known::of(reader.log());
     let mut part = Part { labelled: labelled.map(tell_labelled), ..Part::default() };
     for sample_idx in samples {
         let sample = reader.sample(sample_idx)?;
@@ -135,32 +135,70 @@ fn measure_part(path: &Path, samples: Range<usize>, progress: &dyn Progress) -> 
             source,
             path: path.to_owned(),
         })?;
-        part.add(&sample, &picture, &kinds);
+        part.add(&sample, &picture, &known);
         progress.advance(1);
     }
     Ok(part)
 }
 
 impl Part {
-    /// Counts a sample, of which objects of these kinds are annotated.
-    fn add(&mut self, sample: &Sample, picture: &image::RgbImage, kinds: &[Kind]) {
+    fn add(&mut self, sample: &Sample, picture: &image::RgbImage, known: &Known) {
         let (measured, tallies) = (&sample.measured, &mut self.tallies);
         self.n_samples += 1;
         let objects = sample.truth.as_ref().map(|truth| &truth.objects);
         if let Some(objects) = objects {
             self.n_with_truth += 1;
             self.n_objects += objects.len() as u64;
-            objects::add_objects(tallies, measured, objects, kinds);
+            objects::add_objects(tallies, measured, objects, &known.kinds);
         }
         let boxes: Option<Vec<Box3<Ego>>> =
             objects.map(|objects| objects.iter().map(|object| object.box_in_ego).collect());
         lidar::add_points(tallies, measured, boxes.as_deref());
-        picture::add_picture(tallies, measured, picture);
-        tallies.add(super::Quantity::Speed, measured.ego_state.speed_mps);
-        tallies.add(super::Quantity::Steering, measured.ego_state.steering_angle_rad.to_degrees());
-        for what in find_odd(measured) {
+        if known.has_pictures {
+            picture::add_picture(tallies, measured, picture);
+        }
+        if known.has_speed {
+            tallies.add(Quantity::Speed, measured.ego_state.speed_mps);
+        }
+        if known.has_steering {
+            tallies.add(Quantity::Steering, measured.ego_state.steering_angle_rad.to_degrees());
+        }
+        for what in find_odd(measured).into_iter().chain(known.missing()) {
             *self.odd.entry(what).or_insert(0) += 1;
         }
+    }
+}
+
+/// What an episode knows; an imported one fills in what its log lacks, and that is not compared.
+#[derive(Debug)]
+struct Known {
+    kinds: Vec<Kind>,
+    has_pictures: bool,
+    has_speed: bool,
+    has_steering: bool,
+}
+
+impl Known {
+    fn of(log: Option<&LogFacts>) -> Self {
+        let labelled = log.and_then(|log| log.labelled.as_ref());
+        let says = |part: &str, words: &str| {
+            log.and_then(|log| log.methods.get(part)).is_some_and(|method| method.contains(words))
+        };
+        Self {
+            kinds: labelled.map_or(Kind::ALL.to_vec(), |labelled| labelled.kinds.clone()),
+            has_pictures: !says("camera", "a black picture of a virtual camera"),
+            has_speed: !says("speed", "unknown; assumed"),
+            has_steering: !says("steering", "unknown; assumed"),
+        }
+    }
+
+    fn missing(&self) -> impl Iterator<Item = &'static str> {
+        let parts = [
+            (self.has_pictures, "no picture but a black one that stands for it"),
+            (self.has_speed, "an assumed speed, which is not compared"),
+            (self.has_steering, "an assumed steering angle, which is not compared"),
+        ];
+        parts.into_iter().filter(|(is_known, _)| !is_known).map(|(_, what)| what)
     }
 }
 

@@ -175,7 +175,9 @@ impl Rows {
                 format!("the row `{name}` is no rotation (off by {off:.3}); a right-handed one is needed");
             return Err(ImportError::at(&self.path, message));
         }
-        Ok(UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(matrix)))
+        let turn = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(matrix));
+        // Seven digits make a rotation to 1e-7 only; a quaternion of another length than 1 would not invert.
+        Ok(UnitQuaternion::new_normalize(turn.into_inner()))
     }
 }
 
