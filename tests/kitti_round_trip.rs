@@ -154,7 +154,7 @@ fn the_folder_has_kittis_layout_and_says_which_sample_each_frame_is() {
     make_dataset(&before);
     export(&before, &out);
     let list = |name: &str| fs::read_to_string(out.join(format!("ImageSets/{name}.txt"))).unwrap();
-    assert_eq!((list("train").as_str(), list("test").as_str()), ("000000\n000001\n000002\n000003\n", ""));
+    assert_eq!((list("train").as_str(), list("test")), ("000000\n000001\n000002\n000003\n", list("val")));
     assert_eq!(list("trainval"), list("train") + &list("val"));
     for (part, ending) in [("velodyne", "bin"), ("image_2", "png"), ("calib", "txt"), ("label_2", "txt")] {
         let names: BTreeSet<String> = fs::read_dir(out.join("training").join(part))

@@ -1,6 +1,7 @@
 //! A data set as KITTI's object set: clouds, left colour pictures, calibration, labels, lists of frames.
 //!
-//! Frames of the splits train and val lie in `training`, those of test in `testing`, which has labels too. What the layout cannot
+//! Frames of the splits train and val lie in `training`, those of test in `testing`, which has labels too; without a test split it is
+//! a link to `training`, and its list that of val. What the layout cannot
 //! hold lies beside it in files of our own: the ego's state, the rings, and in `harmzone.json` which sample each frame is.
 
 mod frames;
@@ -122,7 +123,12 @@ pub fn run(request: &KittiRequest<'_>, progress: &dyn Progress) -> Result<KittiS
     let manifest = source.manifest();
     let folder = NewFolder::create(request.out, MARKER, request.force)?;
     let names = FrameNames::of(request.dataset, manifest)?;
-    for half in ["training", "testing"] {
+    // Where nothing is for the test, validation takes its place, since mmdetection3d's converter wants frames there.
+    let has_test = manifest.of_split(Split::Test).next().is_some();
+    if !has_test {
+        fs_err::os::unix::fs::symlink("training", folder.path().join("testing"))?;
+    }
+    for half in ["training", "testing"].into_iter().filter(|half| has_test || *half == "training") {
         for part in ["velodyne", "image_2", "calib", "label_2", "ego_state", "ring"] {
             folder.make(&format!("{half}/{part}"))?;
         }
@@ -140,7 +146,7 @@ pub fn run(request: &KittiRequest<'_>, progress: &dyn Progress) -> Result<KittiS
         summary.merge(&of_episode);
         frames.extend(entries);
     }
-    write_lists(&frames, &folder)?;
+    write_lists(&frames, if has_test { Split::Test } else { Split::Val }, &folder)?;
     let file = ExportFile {
         format: "kitti",
         generator_version: env!("CARGO_PKG_VERSION"),
@@ -156,13 +162,13 @@ pub fn run(request: &KittiRequest<'_>, progress: &dyn Progress) -> Result<KittiS
 }
 
 /// `ImageSets/<list>.txt`: a frame a line.
-fn write_lists(frames: &[FrameEntry], folder: &NewFolder) -> Result<(), ExportError> {
+fn write_lists(frames: &[FrameEntry], for_test: Split, folder: &NewFolder) -> Result<(), ExportError> {
     let path = folder.make("ImageSets")?;
     let lists: [(&str, &[Split]); 4] = [
         ("train", &[Split::Train]),
         ("val", &[Split::Val]),
         ("trainval", &[Split::Train, Split::Val]),
-        ("test", &[Split::Test]),
+        ("test", &[for_test]),
     ];
     for (name, splits) in lists {
         let of_list = frames.iter().filter(|entry| splits.contains(&entry.split));
