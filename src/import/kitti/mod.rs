@@ -52,7 +52,7 @@ pub fn open_kitti(source: &Path, config: &ImportConfig) -> Result<KittiLog, Impo
         sets = vec![source.to_owned()];
     }
     // An export without a test split has a link there, to the frames for training.
-    sets.retain(|folder| !folder.is_symlink() || is_set(source));
+    sets.dedup_by_key(|folder| folder.canonicalize().unwrap_or_else(|_| folder.clone()));
     let (mut names, mut places) = (Vec::new(), Vec::new());
     for folder in sets.into_iter().filter(|folder| is_set(folder)) {
         let prefix = if folder.ends_with("testing") { "kitti-testing" } else { "kitti" };
