@@ -116,6 +116,14 @@ def check_raw_drive(runner: Runner, samples: Path) -> None:
         runner.script("check_ros2.py", raw / "truth.npz", out, "--training", training),
         makes=(raw, out),
     )
+    sequence, out = runner.work / "tracking", runner.work / "tracking_episodes"
+    runner.run(
+        "kitti tracking",
+        runner.script("make_kitti_tracking.py", training, raw, sequence),
+        runner.harmzone("import", "kitti", sequence, "--out", out, "--set", "compensate_motion=false"),
+        runner.script("check_kitti.py", samples / "kitti", out, "--some"),
+        makes=(sequence, out),
+    )
 
 
 def check_nuscenes_import(runner: Runner) -> None:
