@@ -6,7 +6,7 @@
 use burn::tensor::{Device, Distribution, Tensor};
 use harmzone::geometry::{Pinhole, Transform};
 use harmzone::model::{
-    CameraBackbone, CameraConfig, CameraView, NetworkImage, Swin, SwinCameraBatch, SwinCameraBranch,
+    CameraBackbone, CameraConfig, CameraGeometry, NetworkImage, Swin, SwinCameraBatch, SwinCameraBranch,
     SwinCameraConfig, SwinCameraInput, SwinConfig,
 };
 use image::RgbImage;
@@ -22,7 +22,7 @@ fn main() {
 
 /// A grey image and a wall of LiDAR points, as the car's sensors are mounted.
 fn batch(config: &SwinCameraConfig, device: &Device) -> SwinCameraBatch {
-    let full = CameraView {
+    let full = CameraGeometry {
         intrinsics: Pinhole::from_horizontal_fov(800, 450, 70f64.to_radians()),
         ego_from_camera: Transform::looking_forward(Vector3::new(1.7, 0.0, 1.5), 0.0),
     };

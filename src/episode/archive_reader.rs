@@ -15,7 +15,7 @@ use mcap::sans_io::{
 };
 use prost::bytes::Bytes;
 
-use super::error::EpisodeError;
+use super::error::{EpisodeError, STAMP_TOLERANCE_NS};
 use super::messages::TopicMessage;
 use super::topics::{Topic, TopicSpec};
 
@@ -26,9 +26,6 @@ const MAX_CHUNK_BYTES: u64 = 1 << 30;
 const DATA_END_BYTES: u64 = 9 + 4;
 const FOOTER_BYTES: u64 = 8 + 8 + 4;
 const MAGIC_BYTES: u64 = 8;
-
-/// How far a message's time may lie from its sample's. Cameras of real cars fire tens of milliseconds beside the LiDAR.
-pub const STAMP_TOLERANCE_NS: u64 = 50_000_000;
 
 /// A file of which only the index has been read.
 pub(super) struct Archive {

@@ -4,8 +4,6 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
-use super::archive_reader::STAMP_TOLERANCE_NS;
-
 /// A value that no consumer could use, found before writing or on reading.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[error("{}`{field}` is {found}; {wanted}", object.as_ref().map(|id| format!("object `{id}`: ")).unwrap_or_default())]
@@ -27,6 +25,9 @@ impl MessageFault {
         Self { object: Some(object.to_owned()), ..self }
     }
 }
+
+/// How far a message's time may lie from its sample's. Cameras of real cars fire tens of milliseconds beside the LiDAR.
+pub(super) const STAMP_TOLERANCE_NS: u64 = 50_000_000;
 
 /// Why a file cannot be written or read.
 #[derive(Debug, Error)]

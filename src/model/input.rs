@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 
-use super::camera::{CameraInput, CameraView, ImageTooFlat, NetworkImage, unpack_image};
+use super::camera::{CameraGeometry, CameraInput, ImageTooFlat, NetworkImage, unpack_image};
 use super::config::ModelConfig;
 use super::lidar::LidarInput;
 use crate::geometry::Point;
@@ -64,7 +64,7 @@ impl Input {
         done("voxelization");
         // A camera without LiDAR gets no depths from it either.
         let seen = if config.use_lidar { points.as_slice() } else { &[] };
-        let view = CameraView::of(measured, mirror);
+        let view = CameraGeometry::of(measured, mirror);
         let camera = image.map(|image| CameraInput::prepare(&image, &view, seen, config));
         done("depths and frustum");
         let input = Self { lidar, camera, numeric: Vec::new() };

@@ -33,7 +33,7 @@ mod step_memory;
 pub use batch::Batch;
 pub use bev_backbone::BevBackbone;
 pub use camera::{
-    CameraBatch, CameraInput, CameraView, ImageTooFlat, NetworkImage, Swin, SwinCameraBatch,
+    CameraBatch, CameraGeometry, CameraInput, ImageTooFlat, NetworkImage, Swin, SwinCameraBatch,
     SwinCameraBranch, SwinCameraInput,
 };
 pub use config::{

@@ -9,7 +9,7 @@ mod legend;
 pub(super) mod load;
 mod states;
 
-pub use load::{Labelled, ViewError, ViewRequest, ViewSummary, run};
+pub use load::{LabelledView, ViewError, ViewRequest, ViewSummary, run};
 pub use states::{StatePanel, draw_states};
 
 use image::RgbImage;

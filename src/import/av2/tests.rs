@@ -160,7 +160,7 @@ fn a_damaged_log_is_told_and_leaves_no_episode() {
 fn the_sample_log_imports_and_its_points_are_counted_as_argoverse_counts_them() {
     let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/samples/av2");
     if !source.is_dir() {
-        println!("skipped: there is no sample log at {}", source.display());
+        eprintln!("skipped: there is no sample log at {}", source.display());
         return;
     }
     let root = tempfile::tempdir().unwrap();

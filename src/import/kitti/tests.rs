@@ -212,7 +212,7 @@ fn a_sequence_with_a_hole_in_its_poses_or_labels_beyond_its_end_is_told() {
 fn the_sample_frames_import() {
     let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/samples/kitti");
     if !source.is_dir() {
-        println!("skipped: there are no sample frames at {}", source.display());
+        eprintln!("skipped: there are no sample frames at {}", source.display());
         return;
     }
     let out = tempfile::tempdir().unwrap();

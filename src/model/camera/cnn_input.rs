@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use burn::tensor::{Device, Tensor, TensorData};
 
-use super::picture::{CameraView, NetworkImage};
+use super::picture::{CameraGeometry, NetworkImage};
 use crate::geometry::{Pinhole, Point};
 use crate::kernels::PoolPlan;
 use crate::model::config::ModelConfig;
@@ -37,7 +37,7 @@ impl CnnInput {
     #[must_use]
     pub fn prepare(
         image: &NetworkImage,
-        view: &CameraView,
+        view: &CameraGeometry,
         points: &[[f64; 4]],
         config: &ModelConfig,
     ) -> Self {
@@ -85,7 +85,7 @@ impl CnnBatch {
 }
 
 /// Nearest LiDAR depth in each feature cell of the image.
-fn sparse_depth(points: &[[f64; 4]], view: &CameraView) -> Vec<f32> {
+fn sparse_depth(points: &[[f64; 4]], view: &CameraGeometry) -> Vec<f32> {
     let [n_y, n_x] = features_of(&view.intrinsics);
     let mut depth = vec![0f32; n_x * n_y];
     for (u, v, found) in view.see(points) {
@@ -107,7 +107,7 @@ fn features_of(camera: &Pinhole) -> [usize; 2] {
 }
 
 /// The cell of each frustum point: a feature, at the middle of each depth bin.
-fn pool_plan(view: &CameraView, config: &ModelConfig) -> PoolPlan {
+fn pool_plan(view: &CameraGeometry, config: &ModelConfig) -> PoolPlan {
     let camera = &view.intrinsics;
     let [n_y, n_x] = features_of(camera);
     let (grid, config) = (&config.grid, &config.camera.cnn);
@@ -139,8 +139,8 @@ mod tests {
     use crate::geometry::Transform;
     use nalgebra::Vector3;
 
-    fn view() -> CameraView {
-        CameraView {
+    fn view() -> CameraGeometry {
+        CameraGeometry {
             intrinsics: Pinhole::from_horizontal_fov(400, 225, 70f64.to_radians()),
             ego_from_camera: Transform::looking_forward(Vector3::new(1.7, 0.2, 1.5), 0.02),
         }
@@ -160,7 +160,7 @@ mod tests {
     #[test]
     fn frustum_points_fall_into_cells_of_the_grid_only() {
         let view = view();
-        let CameraView { intrinsics: pinhole, ego_from_camera } = &view;
+        let CameraGeometry { intrinsics: pinhole, ego_from_camera } = &view;
         let config = ModelConfig::default();
         let plan = pool_plan(&view, &config);
         assert!(plan.points().len() > 10_000);

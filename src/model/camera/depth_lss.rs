@@ -78,7 +78,7 @@ mod tests {
     use crate::device::test_device;
     use crate::geometry::{Pinhole, Transform};
     use crate::model::camera::frustum::{pool_plan, sparse_depth};
-    use crate::model::camera::picture::CameraView;
+    use crate::model::camera::picture::CameraGeometry;
     use crate::model::golden::Golden;
     use crate::model::golden::formula::{fill, gradients, tensor, uniform};
     use crate::model::parameters::n_trained;
@@ -107,12 +107,12 @@ mod tests {
         }
     }
 
-    fn views() -> [CameraView; 2] {
+    fn views() -> [CameraGeometry; 2] {
         let view = |yaw, pitch, position| {
             let mut pose = Transform::looking_forward(position, pitch);
             let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw);
             pose.isometry.rotation = turn * pose.isometry.rotation;
-            CameraView { intrinsics: INTRINSICS, ego_from_camera: pose }
+            CameraGeometry { intrinsics: INTRINSICS, ego_from_camera: pose }
         };
         [view(0.0, 0.1, Vector3::new(0.5, 0.2, 1.4)), view(0.4, -0.05, Vector3::new(0.0, -0.5, 1.2))]
     }

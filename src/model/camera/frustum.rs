@@ -1,6 +1,6 @@
 //! Where rays and points fall: frustum points to bird's-eye cells, LiDAR points to pixels.
 
-use super::picture::CameraView;
+use super::picture::CameraGeometry;
 use crate::geometry::Point;
 use crate::kernels::PoolPlan;
 use crate::model::config::DepthLssConfig;
@@ -21,7 +21,7 @@ fn feature_px(i: usize, n: usize, n_px: u32) -> f64 {
 /// - `features`: rows and columns of the image features
 /// - `view`: the view of the network's image
 #[must_use]
-pub fn pool_plan(config: &DepthLssConfig, features: [usize; 2], view: &CameraView) -> PoolPlan {
+pub fn pool_plan(config: &DepthLssConfig, features: [usize; 2], view: &CameraGeometry) -> PoolPlan {
     let ([n_y, n_x], camera) = (features, &view.intrinsics);
     let (grid, n_bins) = (config.pooled_grid(), config.n_depth_bins());
     let cell_of = grid.cell_finder();
@@ -45,7 +45,7 @@ pub fn pool_plan(config: &DepthLssConfig, features: [usize; 2], view: &CameraVie
 /// Points behind the camera are left out. A pixel with several points keeps the nearest, so that the order of the
 /// points does not matter (the published code keeps the one written last).
 #[must_use]
-pub fn sparse_depth(points: &[[f64; 4]], view: &CameraView) -> Vec<(u32, f32)> {
+pub fn sparse_depth(points: &[[f64; 4]], view: &CameraGeometry) -> Vec<(u32, f32)> {
     let width_px = view.intrinsics.width_px;
     let pixel = |(u, v, depth_m): (f64, f64, f32)| (v as u32 * width_px + u as u32, depth_m);
     let mut seen: Vec<(u32, f32)> = view.see(points).map(pixel).collect();
@@ -60,11 +60,11 @@ mod tests {
     use crate::geometry::{Camera, Pinhole, Transform};
     use nalgebra::Vector3;
 
-    fn view() -> CameraView {
+    fn view() -> CameraGeometry {
         // The optical axis runs along the ego's x axis at 1.5 m, through the middle of pixel (50, 20).
         let intrinsics =
             Pinhole { width_px: 101, height_px: 41, fx_px: 100.0, fy_px: 100.0, cx_px: 50.5, cy_px: 20.5 };
-        CameraView {
+        CameraGeometry {
             intrinsics,
             ego_from_camera: Transform::looking_forward(Vector3::new(1.0, 0.0, 1.5), 0.0),
         }

@@ -18,7 +18,7 @@ use burn::tensor::{Device, Tensor};
 use super::config::{CameraBackbone, ModelConfig};
 use cnn_branch::CnnBranch;
 pub use cnn_input::{CnnBatch, CnnInput, n_features};
-pub use picture::{CameraView, ImageTooFlat, NetworkImage, unpack_image};
+pub use picture::{CameraGeometry, ImageTooFlat, NetworkImage, unpack_image};
 pub use swin::Swin;
 pub use swin_branch::SwinCameraBranch;
 pub use swin_input::{SwinCameraBatch, SwinCameraInput};
@@ -40,7 +40,7 @@ impl CameraInput {
     #[must_use]
     pub fn prepare(
         image: &NetworkImage,
-        view: &CameraView,
+        view: &CameraGeometry,
         points: &[[f64; 4]],
         config: &ModelConfig,
     ) -> Self {

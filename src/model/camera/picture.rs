@@ -12,12 +12,12 @@ use crate::sample::Measured;
 
 /// A camera's intrinsics and its pose on the car.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct CameraView {
+pub struct CameraGeometry {
     pub intrinsics: Pinhole,
     pub ego_from_camera: Transform<Ego, Camera>,
 }
 
-impl CameraView {
+impl CameraGeometry {
     /// The view of a sample's picture; with `mirror` reflected in the ego's x-z plane.
     #[must_use]
     pub fn of(measured: &Measured, mirror: bool) -> Self {
@@ -122,7 +122,7 @@ impl NetworkImage {
 
     /// The view of this picture, from the view of the full one.
     #[must_use]
-    pub fn view(&self, full: &CameraView) -> CameraView {
+    pub fn view(&self, full: &CameraGeometry) -> CameraGeometry {
         let ([scale_x, scale_y], of) = (self.scale, &full.intrinsics);
         let intrinsics = Pinhole {
             width_px: self.pixels.width(),
@@ -132,7 +132,7 @@ impl NetworkImage {
             cx_px: of.cx_px * scale_x,
             cy_px: of.cy_px * scale_y - f64::from(self.cut_px),
         };
-        CameraView { intrinsics, ..*full }
+        CameraGeometry { intrinsics, ..*full }
     }
 
     /// Pixels as `[3, y, x]`, 8-bit RGB.

@@ -52,7 +52,7 @@ mod tests {
 
     use super::*;
     use crate::geometry::{Pinhole, Transform};
-    use crate::model::camera::picture::{CameraView, NetworkImage};
+    use crate::model::camera::picture::{CameraGeometry, NetworkImage};
     use crate::model::camera::swin_input::SwinCameraInput;
     use crate::model::config::{CameraConfig, ModelConfig};
     use crate::model::golden::formula::{fill, gradients};
@@ -76,7 +76,7 @@ mod tests {
             (0..500).map(|i| [f64::from(i % 25), f64::from(i / 25) - 10.0, 0.3, 0.0]).collect();
         let inputs = [0.0, 0.1].map(|pitch| {
             let ego_from_camera = Transform::looking_forward(Vector3::new(1.5, 0.0, 1.5), pitch);
-            let view = image.view(&CameraView { intrinsics, ego_from_camera });
+            let view = image.view(&CameraGeometry { intrinsics, ego_from_camera });
             SwinCameraInput::prepare(&image, &view, &points)
         });
         SwinCameraBatch::stack(&[&inputs[0], &inputs[1]], &config.swin, device)

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use burn::tensor::{Device, Tensor, TensorData};
 
 use super::frustum::{pool_plan, sparse_depth};
-use super::picture::{CameraView, NetworkImage};
+use super::picture::{CameraGeometry, NetworkImage};
 use crate::kernels::PoolPlan;
 use crate::model::config::SwinCameraConfig;
 
@@ -21,7 +21,7 @@ pub struct SwinCameraInput {
     /// `(y * width + x, depth in metres)` of pixels with a LiDAR point, sorted by pixel.
     pub depths: Vec<(u32, f32)>,
     /// View of the cropped image.
-    pub view: CameraView,
+    pub view: CameraGeometry,
 }
 
 impl SwinCameraInput {
@@ -29,7 +29,7 @@ impl SwinCameraInput {
     /// - `view`: the view of `image`
     /// - `points`: the LiDAR's, in the ego frame
     #[must_use]
-    pub fn prepare(image: &NetworkImage, view: &CameraView, points: &[[f64; 4]]) -> Self {
+    pub fn prepare(image: &NetworkImage, view: &CameraGeometry, points: &[[f64; 4]]) -> Self {
         Self { image: image.planes(), depths: sparse_depth(points, view), view: *view }
     }
 }
@@ -96,7 +96,7 @@ mod tests {
         let point = pose * Point::<Camera>::new(ray[0] * 12.0, ray[1] * 12.0, 12.0);
         let config = CameraConfig { backbone: CameraBackbone::Swin, ..CameraConfig::default() };
         let image = NetworkImage::resize(&image, &config).unwrap();
-        let view = image.view(&CameraView { intrinsics: camera, ego_from_camera: pose });
+        let view = image.view(&CameraGeometry { intrinsics: camera, ego_from_camera: pose });
         let input = SwinCameraInput::prepare(&image, &view, &[[point.x(), point.y(), point.z(), 0.0]]);
         assert_eq!(input.image.len(), 3 * 704 * 256);
         let [red, green, blue] = [0, 1, 2].map(|channel| input.image[channel * 704 * 256 + 255 * 704 + 9]);

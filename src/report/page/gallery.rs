@@ -11,7 +11,7 @@ use crate::report::document::{Block, Card, Filter, Gallery};
 use crate::report::score_tables::to_words;
 use crate::report::scores::FAULTS_FILE;
 use crate::report::table::number;
-use crate::report::view::{self, Labelled, Scene};
+use crate::report::view::{self, LabelledView, Scene};
 
 /// The camera's picture and the view from above, pixels; the camera's has the shape of the sensor's default.
 const FRONT_PX: (u32, u32) = (576, 324);
@@ -157,7 +157,7 @@ fn pictures(side: &Side, fault: &Fault) -> Result<Option<[String; 2]>, ReportErr
     let Some((episode, sample_idx)) = fault.sample.rsplit_once('/') else { return Ok(None) };
     let entry = dataset.manifest.episodes.iter().find(|entry| entry.name == episode);
     let (Some(entry), Ok(sample_idx)) = (entry, sample_idx.parse()) else { return Ok(None) };
-    let labelled = Labelled::read(&dataset.path, &dataset.labels, entry, sample_idx)?;
+    let labelled = LabelledView::read(&dataset.path, &dataset.labels, entry, sample_idx)?;
     let scene = Scene {
         episode,
         sample_idx,

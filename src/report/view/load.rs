@@ -131,13 +131,13 @@ fn read(
     let Some(set) = set else {
         return Ok((EpisodeReader::open_entry(dataset, entry)?.sample(sample_idx)?, None, None));
     };
-    let Labelled { sample, harms, zone } = Labelled::read(dataset, set, entry, sample_idx)?;
+    let LabelledView { sample, harms, zone } = LabelledView::read(dataset, set, entry, sample_idx)?;
     Ok((sample, Some(harms), Some(zone)))
 }
 
 /// A sample with its labels, ready to be drawn.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Labelled {
+pub struct LabelledView {
     pub sample: Sample,
     /// One for each of the sample's true objects, in their order.
     pub harms: Vec<Harm>,
@@ -145,7 +145,7 @@ pub struct Labelled {
     pub zone: Vec<Point2>,
 }
 
-impl Labelled {
+impl LabelledView {
     /// Reads one sample of an episode of a data set.
     ///
     /// # Errors
