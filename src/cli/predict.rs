@@ -6,7 +6,7 @@ use clap::Args;
 
 use super::{Bar, DeviceArg, ExitStatus, print, split};
 use crate::config;
-use crate::dataset::Recording;
+use crate::dataset::MeasuredSplit;
 use crate::episode::Split;
 use crate::infer::{self, Predictions, Trained};
 
@@ -44,7 +44,7 @@ pub fn run(args: PredictArgs) -> anyhow::Result<ExitStatus> {
         Predictions::check_free(&folder)?;
     }
     let device = args.device.open()?;
-    let recording = Recording::open(&args.data, args.split)?;
+    let recording = MeasuredSplit::open(&args.data, args.split)?;
     let config_toml = config::to_toml(&trained.config()?);
     let predictions = Predictions { folder, set: args.run.display().to_string(), config_toml };
     let detector = trained.load(&device)?;

@@ -24,7 +24,7 @@ use crate::zone::{Zone, ZoneConfig, ZoneError};
 pub use coverage::{CameraFacts, PictureRectangle, count_points};
 use facts::Origin;
 pub use facts::{SampleFacts, episode_of_id};
-pub use recording::Recording;
+pub use recording::MeasuredSplit;
 
 /// Why a dataset could not be loaded.
 #[derive(Debug, Error)]

@@ -14,12 +14,12 @@ const N_TOGETHER: usize = 32;
 
 /// One split of a data set, which need be neither annotated nor labelled.
 #[derive(Debug, Clone)]
-pub struct Recording {
+pub struct MeasuredSplit {
     path: PathBuf,
     episodes: Vec<EpisodeEntry>,
 }
 
-impl Recording {
+impl MeasuredSplit {
     /// Finds the episodes of a split; if none is named, of `val`, or of `test` in a data set without `val`.
     ///
     /// # Errors

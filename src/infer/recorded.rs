@@ -5,7 +5,7 @@ use thiserror::Error;
 
 use super::predict::{PredictError, predict};
 use super::predictions::{Predictions, PredictionsError};
-use crate::dataset::Recording;
+use crate::dataset::MeasuredSplit;
 use crate::episode::EpisodeError;
 use crate::model::Detector;
 use crate::object::Detection;
@@ -29,7 +29,7 @@ pub enum RecordedError {
 /// [`RecordedError`].
 pub fn predict_recording(
     detector: &Detector,
-    recording: &Recording,
+    recording: &MeasuredSplit,
     predictions: &Predictions,
     device: &Device,
     progress: &dyn Progress,
