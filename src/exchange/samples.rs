@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use super::error::ExchangeError;
-use crate::dataset::Recording;
+use crate::dataset::MeasuredSplit;
 use crate::episode::{EpisodeEntry, EpisodeReader, LogFacts, Split};
 use crate::progress::Progress;
 use crate::sample::Measured;
@@ -25,7 +25,7 @@ pub struct NamedSample<'a> {
 #[derive(Debug)]
 pub struct NamedSamples {
     path: PathBuf,
-    recording: Recording,
+    recording: MeasuredSplit,
     /// Each episode's index in the recording and log, by its name.
     episodes: HashMap<String, (usize, Option<LogFacts>)>,
 }
@@ -36,7 +36,7 @@ impl NamedSamples {
     /// # Errors
     /// No data set, no episode of the split, or a damaged file.
     pub fn open(path: &Path, split: Option<Split>) -> Result<Self, ExchangeError> {
-        let recording = Recording::open(path, split)?;
+        let recording = MeasuredSplit::open(path, split)?;
         let mut episodes = HashMap::new();
         for (idx, entry) in recording.episodes().iter().enumerate() {
             let reader = EpisodeReader::open(&path.join(&entry.file))?;
