@@ -224,6 +224,7 @@ impl<'a> SampleMaker<'a> {
         let motion = match &facts.compensated {
             _ if self.clouds.has_moved => "each point moved by the poses to the sample's time".to_owned(),
             Some(sentence) => sentence.clone(),
+            None if !self.config.compensate_motion => "not compensated, as the config has it".to_owned(),
             None => "not compensated: the points have no stamps, or there are no poses".to_owned(),
         };
         let intensity = self.clouds.scale.map_or("unknown", Scale::sentence);

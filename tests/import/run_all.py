@@ -112,7 +112,7 @@ def check_raw_drive(runner: Runner, samples: Path) -> None:
     runner.run(
         "kitti raw",
         runner.script("make_kitti_raw.py", training, raw),
-        runner.harmzone("import", "kitti", raw, "--out", out),
+        runner.harmzone("import", "kitti", raw, "--out", out, "--set", "compensate_motion=true"),
         runner.script("check_ros2.py", raw / "truth.npz", out, "--training", training),
         makes=(raw, out),
     )
@@ -120,7 +120,7 @@ def check_raw_drive(runner: Runner, samples: Path) -> None:
     runner.run(
         "kitti tracking",
         runner.script("make_kitti_tracking.py", training, raw, sequence),
-        runner.harmzone("import", "kitti", sequence, "--out", out, "--set", "compensate_motion=false"),
+        runner.harmzone("import", "kitti", sequence, "--out", out),
         runner.script("check_kitti.py", samples / "kitti", out, "--some"),
         makes=(sequence, out),
     )

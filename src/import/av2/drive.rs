@@ -27,6 +27,9 @@ const LIDAR: &str = "up_lidar";
 /// The egovehicle frame begins at the rear axle's middle, about a tire's radius over the road.
 const GUESS_M: f64 = -0.33;
 
+/// Argoverse has a pose for each stamp of a sensor; none is taken from further away.
+const POSE_TOLERANCE_NS: u64 = 50_000_000;
+
 /// A log.
 pub(super) struct SensorLog {
     folder: PathBuf,
@@ -81,7 +84,9 @@ impl SensorLog {
             }
         }
         if cameras.iter().any(|(name, _)| name == FRONT) {
-            let sentence = format!("`{FRONT}`, of which the logs' pictures are free of distortion");
+            let sentence = format!(
+                "`{FRONT}`, free of distortion, mounted through the poses at its own time and at the sweep's"
+            );
             methods.push(("camera", sentence));
         }
         let (map, city) = read_map(folder)?.unwrap_or((MapDrawing::default(), None));
@@ -105,6 +110,20 @@ impl SensorLog {
         Ok(Self { folder, facts, times_ns, odometry, calibration, mount_m, cameras, annotated })
     }
 
+    /// How far the ego moved from a picture's time to the sweep's, as the devkit's motion-compensated projection takes it;
+    /// nothing where poses lack.
+    fn ego_from_ego(&self, sweep_ns: u64, picture_ns: u64) -> Transform<Ego, Ego> {
+        let motion = Motion {
+            odometry: &self.odometry,
+            tolerance_ns: POSE_TOLERANCE_NS,
+            smoothing_ns: POSE_TOLERANCE_NS,
+        };
+        match (motion.pose_at(sweep_ns), motion.pose_at(picture_ns)) {
+            (Some(at_sweep), Some(at_picture)) => at_sweep.inverse() * at_picture,
+            _ => Transform::from_isometry(Isometry3::identity()),
+        }
+    }
+
     /// The picture of a camera that is nearest to a time.
     fn camera(&self, name: &str, times_ns: &[u64], time_ns: u64) -> Result<Option<RawCamera>, ImportError> {
         let calibration = self.calibration.as_ref();
@@ -115,6 +134,7 @@ impl SensorLog {
             return Ok(None);
         };
         let path = self.folder.join("sensors/cameras").join(name).join(format!("{nearest_ns}.jpg"));
+        let mount = Transform::<Ego, Camera>::from_isometry(*mount);
         Ok(Some(RawCamera {
             name: if name == FRONT {
                 "cam_front".to_owned()
@@ -122,7 +142,7 @@ impl SensorLog {
                 format!("cam_{}", name.trim_start_matches("ring_"))
             },
             time_ns: nearest_ns,
-            ego_from_camera: Transform::<Ego, Camera>::from_isometry(*mount),
+            ego_from_camera: self.ego_from_ego(time_ns, nearest_ns) * mount,
             size_px: Some(intrinsics.size_px),
             k: intrinsics.k,
             distortion: Distortion::None,

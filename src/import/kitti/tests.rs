@@ -55,7 +55,7 @@ fn a_sequence_has_measured_speed_poses_and_velocities() {
     let root = tempfile::tempdir().unwrap();
     let (source, out) = (root.path().join("kitti"), root.path().join("out"));
     tracking_set(&source, 5);
-    import(&source, &out, &["cameras=[]"], &options()).unwrap();
+    import(&source, &out, &["compensate_motion=true"], &options()).unwrap();
     let reader = episode(&out, "kitti-tracking-0000");
     let sample = reader.sample(2).unwrap();
     let (state, pose) = (sample.measured.ego_state, sample.measured.world_from_ego);
