@@ -75,7 +75,7 @@ pub fn run(args: TrainArgs) -> anyhow::Result<ExitStatus> {
     }
     let config = Checked::try_from(config)?;
     let device = args.device.open()?;
-    let dataset = Dataset::open(&args.data, &args.labels, Split::Train)?;
+    let dataset = Dataset::open(&args.data, &args.labels, Split::Train)?.to_learn_from()?;
     let Some(out) = args.out.filter(|_| !args.dry_run) else {
         let dry_run = DryRun::of(&dataset, &config)?;
         print_summary(&dry_run, args.json)?;

@@ -15,7 +15,9 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::episode::manifest::{EpisodeEntry, LabelEntry, LabelManifest, Manifest, ManifestError, Split};
-use crate::episode::{EpisodeError, EpisodeMeta, EpisodeReader, LabelReader, LogFacts, SampleLabels};
+use crate::episode::{
+    EpisodeError, EpisodeMeta, EpisodeReader, LabelReader, LogFacts, SampleLabels, is_any_annotated,
+};
 use crate::files;
 use crate::object::{LabelledObject, Object};
 use crate::sample::{IgnoredRegion, Measured, Sample};
@@ -51,6 +53,12 @@ pub enum DatasetError {
         path.display()
     )]
     NoTruth { path: PathBuf },
+    #[error(
+        "nobody annotated episode `{episode}` of split {split:?}, from which a network would learn that nothing is there; \
+         import only annotated drives into that split: {}",
+        path.display()
+    )]
+    PartlyAnnotated { episode: String, split: Split, path: PathBuf },
     #[error("the zone of label set `{set}` is not valid: {message}: {}", path.display())]
     Zone { set: String, message: String, path: PathBuf },
     #[error("the config in the episode's metadata is not valid: {message}: {}", path.display())]
@@ -111,7 +119,9 @@ impl Dataset {
     pub fn open(path: &Path, set: &str, split: Split) -> Result<Self, DatasetError> {
         let manifest = Manifest::read(path)?;
         let labels = match labels_of(path, set, &manifest) {
-            Err(DatasetError::Manifest(ManifestError::NoLabels { .. })) if !has_truth(path, &manifest)? => {
+            Err(DatasetError::Manifest(ManifestError::NoLabels { .. }))
+                if !is_any_annotated(path, &manifest)? =>
+            {
                 return Err(DatasetError::NoTruth { path: path.to_owned() });
             }
             labels => labels?,
@@ -181,6 +191,21 @@ impl Dataset {
         }
     }
 
+    /// The same, if every sample is annotated: what nobody annotated cannot be learnt from.
+    ///
+    /// # Errors
+    /// [`DatasetError::PartlyAnnotated`].
+    pub fn to_learn_from(self) -> Result<Self, DatasetError> {
+        match self.samples.iter().find(|sample| sample.facts.is_unlabelled) {
+            Some(sample) => Err(DatasetError::PartlyAnnotated {
+                episode: episode_of_id(&sample.id).to_owned(),
+                split: self.episodes.first().map_or(Split::Train, |entry| entry.split),
+                path: self.path.clone(),
+            }),
+            None => Ok(self),
+        }
+    }
+
     #[must_use]
     pub fn samples(&self) -> &[LabelledSample] {
         &self.samples
@@ -213,16 +238,6 @@ fn episodes_of(manifest: &Manifest, split: Split, path: &Path) -> Result<Vec<Epi
         return Err(DatasetError::EmptySplit { wanted: split, found, path: path.to_owned() });
     }
     Ok(episodes)
-}
-
-/// Whether anybody annotated any of the episodes, so that they can be labelled.
-fn has_truth(path: &Path, manifest: &Manifest) -> Result<bool, EpisodeError> {
-    for entry in &manifest.episodes {
-        if EpisodeReader::open(&path.join(&entry.file))?.has_truth() {
-            return Ok(true);
-        }
-    }
-    Ok(false)
 }
 
 /// A label set, if it is of this data set.

@@ -34,6 +34,6 @@ pub use labels::{LabelReader, LabelWriter, ObjectLabel, SampleLabels};
 pub use log::{Labelled, LogFacts, SizeRange};
 pub use manifest::{EpisodeEntry, LabelManifest, Manifest, ManifestError, Split};
 pub use meta::{EpisodeMeta, SourceMeta};
-pub use reader::EpisodeReader;
+pub use reader::{EpisodeReader, is_any_annotated};
 pub use sidecar::SidecarReader;
 pub use writer::{EpisodeWriter, FinishedEpisode};

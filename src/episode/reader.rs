@@ -7,7 +7,7 @@ use foxglove::messages as fox;
 
 use super::archive_reader::{Archive, SampleMessages};
 use super::error::{EpisodeError, MessageFault};
-use super::manifest::EpisodeEntry;
+use super::manifest::{EpisodeEntry, Manifest};
 use super::messages::{TopicMessage, wire};
 use super::{EpisodeMeta, LogFacts, MapDrawing, checks, convert, drawing, objects, regions, topics};
 use crate::files::sha256_of;
@@ -72,6 +72,19 @@ pub struct EpisodeReader {
     times_ns: Vec<u64>,
     /// What intensities are multiplied by: 255 where they are from 0 to 1.
     intensity_scale: OnceLock<f32>,
+}
+
+/// Whether anybody annotated any episode of a data set's folder, so that they can be labelled and scored.
+///
+/// # Errors
+/// As [`EpisodeReader::open`].
+pub fn is_any_annotated(dataset: &Path, manifest: &Manifest) -> Result<bool, EpisodeError> {
+    for entry in &manifest.episodes {
+        if EpisodeReader::open(&dataset.join(&entry.file))?.has_truth() {
+            return Ok(true);
+        }
+    }
+    Ok(false)
 }
 
 impl EpisodeReader {

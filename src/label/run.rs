@@ -13,7 +13,7 @@ use crate::config;
 use crate::episode::manifest::{
     EpisodeEntry, LabelCounts, LabelEntry, LabelManifest, Manifest, ManifestError,
 };
-use crate::episode::{EpisodeError, EpisodeReader, LabelWriter, SourceMeta};
+use crate::episode::{EpisodeError, EpisodeReader, LabelWriter, SourceMeta, is_any_annotated};
 use crate::files::sha256_hex;
 use crate::progress::Progress;
 use crate::zone::{Zone, ZoneConfig, ZoneError};
@@ -38,8 +38,8 @@ pub enum LabelError {
     #[error("label set `{set}` was made with {what}; --force makes it anew, --labels NAME makes another: {}", path.display())]
     Other { set: String, what: &'static str, path: PathBuf },
     #[error(
-        "the episode has no truth, so there is nothing to label or score; `harmzone predict` and `harmzone view` work \
-         without: {}",
+        "nobody annotated these episodes, so there is nothing to label or score; `harmzone predict` and `harmzone view` \
+         work without: {}",
         path.display()
     )]
     NoTruth { path: PathBuf },
@@ -74,6 +74,10 @@ pub fn run(
         && let Some(done) = finished(LabelManifest::read(dataset, set)?, &manifest, zone_config, &folder)?
     {
         return Ok(summary(&done, true));
+    }
+    // Episodes without truth beside others get the zone and no labels.
+    if !is_any_annotated(dataset, &manifest)? {
+        return Err(LabelError::NoTruth { path: dataset.to_owned() });
     }
     fs::create_dir_all(&folder)?;
     // Until the new files are complete, the set must not look finished.
@@ -125,9 +129,6 @@ fn label_episode(
     progress: &dyn Progress,
 ) -> Result<LabelEntry, LabelError> {
     let reader = EpisodeReader::open_entry(dataset, entry)?;
-    if !reader.has_truth() {
-        return Err(LabelError::NoTruth { path: reader.path().to_owned() });
-    }
     let meta = SourceMeta {
         episode: entry.name.clone(),
         episode_sha256: entry.sha256.clone(),
