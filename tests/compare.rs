@@ -117,25 +117,26 @@ fn a_log_without_truth_is_compared_in_what_it_has() {
 
 /// The first episode of a data set as a log that nobody annotated.
 fn unlabelled_copy(dataset: &Path, folder: &Path) -> PathBuf {
-    let mut manifest = Manifest::read(dataset).unwrap();
+    let mut manifest = Manifest::read(dataset).expect("a copy of a data set");
     manifest.episodes.truncate(1);
-    let reader = EpisodeReader::open(&dataset.join(&manifest.episodes[0].file)).unwrap();
+    let reader =
+        EpisodeReader::open(&dataset.join(&manifest.episodes[0].file)).expect("a copy of a data set");
     let log = LogFacts {
         format: "ros2".into(),
         drive: "bag".into(),
         methods: [("speed".into(), "unknown; assumed 8 m/s".into())].into(),
         labelled: None,
-        sample_names: Default::default(),
+        sample_names: std::collections::BTreeMap::default(),
     };
     let to = folder.join("log");
     let path = to.join(&manifest.episodes[0].file);
-    fs::create_dir_all(path.parent().unwrap()).unwrap();
-    let mut writer =
-        EpisodeWriter::create_log(&path, reader.meta(), &log, &[], &MapDrawing::default()).unwrap();
+    fs::create_dir_all(path.parent().expect("a folder")).expect("a copy of a data set");
+    let mut writer = EpisodeWriter::create_log(&path, reader.meta(), &log, &[], &MapDrawing::default())
+        .expect("a copy of a data set");
     for sample in reader.samples() {
-        writer.write(&Sample { truth: None, ..sample.unwrap() }).unwrap();
+        writer.write(&Sample { truth: None, ..sample.expect("a sample") }).expect("a copy of a data set");
     }
-    writer.finish().unwrap();
-    manifest.write(&to).unwrap();
+    writer.finish().expect("a copy of a data set");
+    manifest.write(&to).expect("a copy of a data set");
     to
 }

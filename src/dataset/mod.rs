@@ -354,12 +354,14 @@ mod tests {
     fn episodes_that_nobody_annotated_are_told_from_those_that_wait_for_labels() {
         let folder = tempfile::tempdir().unwrap();
         fs::create_dir(folder.path().join("episodes")).unwrap();
-        let log = toml::from_str::<LogFacts>("format = \"ros2\"\ndrive = \"bag\"").unwrap();
+        let bare = toml::from_str::<LogFacts>("format = \"ros2\"\ndrive = \"bag\"").unwrap();
+        let labelled: crate::episode::Labelled = toml::from_str("kinds = [\"vehicle\"]").unwrap();
         let (meta, mut manifest) =
             (test_data::episode_meta("unknown", ""), Manifest::new("0".repeat(64), 0, false));
         let measured = test_data::dataset(1).samples()[0].measured.clone();
         for (name, truth) in [("bare", None), ("annotated", Some(Truth::default()))] {
             let file = format!("episodes/{name}.mcap");
+            let log = LogFacts { labelled: truth.as_ref().map(|_| labelled.clone()), ..bare.clone() };
             let path = folder.path().join(&file);
             let map = MapDrawing::default();
             let mut writer = EpisodeWriter::create_log(&path, &meta, &log, &[], &map).unwrap();

@@ -160,7 +160,7 @@ fn a_damaged_log_is_told_and_leaves_no_episode() {
 fn the_sample_log_imports_and_its_points_are_counted_as_argoverse_counts_them() {
     let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/samples/av2");
     if !source.is_dir() {
-        eprintln!("skipped: there is no sample log at {}", source.display());
+        tell(format_args!("skipped: there is no sample log at {}", source.display()));
         return;
     }
     let root = tempfile::tempdir().unwrap();
@@ -184,4 +184,10 @@ fn the_sample_log_imports_and_its_points_are_counted_as_argoverse_counts_them() 
         n_all += 1;
     }
     assert!(n_all == objects.len() && n_same >= 15, "{n_same} of {n_all}");
+}
+
+/// Says on standard error that a test had nothing to work on.
+fn tell(what: std::fmt::Arguments<'_>) {
+    use std::io::Write as _;
+    writeln!(std::io::stderr(), "{what}").expect("standard error takes a line");
 }

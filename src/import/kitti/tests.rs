@@ -212,7 +212,7 @@ fn a_sequence_with_a_hole_in_its_poses_or_labels_beyond_its_end_is_told() {
 fn the_sample_frames_import() {
     let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/samples/kitti");
     if !source.is_dir() {
-        eprintln!("skipped: there are no sample frames at {}", source.display());
+        tell(format_args!("skipped: there are no sample frames at {}", source.display()));
         return;
     }
     let out = tempfile::tempdir().unwrap();
@@ -225,4 +225,10 @@ fn the_sample_frames_import() {
     assert!(truth.objects.iter().all(|object| object.n_lidar_points.unwrap() > 0), "{:?}", truth.objects);
     let rings = sample.measured.points.iter().map(|point| point.ring);
     assert_eq!((rings.clone().min(), rings.max()), (Some(0), Some(63)));
+}
+
+/// Says on standard error that a test had nothing to work on.
+fn tell(what: std::fmt::Arguments<'_>) {
+    use std::io::Write as _;
+    writeln!(std::io::stderr(), "{what}").expect("standard error takes a line");
 }
