@@ -296,7 +296,8 @@ fn files_of_other_writers_are_read_or_told() {
     rewritten(&path, lz4, |_, _, _, _| {});
     assert_eq!(import(&path, Some(plain_mapping()), out.path(), false).unwrap().n_samples, 5);
 
-    let told = |options: WriteOptions, change: &dyn Fn(&str, &mut Vec<u8>, &mut String, &mut Vec<u8>)| {
+    type Change = dyn Fn(&str, &mut Vec<u8>, &mut String, &mut Vec<u8>);
+    let told = |options: WriteOptions, change: &Change| {
         rewritten(&path, options, change);
         refusal(&path, Some(plain_mapping()))
     };
