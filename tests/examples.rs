@@ -48,7 +48,7 @@ fn any_detector_is_scored() {
     insta::assert_snapshot!(run("score_detector"), @r"
     AP, mean of 0.5, 1, 2 and 4 m
     all objects      harmful 0.497   harmless 1.000
-    in distribution  harmful 0.000   harmless 1.000
+    in distribution  harmful no truth   harmless 1.000
     errors of harmful boxes at 2 m: 1.50 m
     ");
 }

@@ -134,6 +134,9 @@ fn made(name: &str) -> Made {
     serde_json::from_slice(&fs::read(data().join(format!("{name}.json"))).unwrap()).unwrap()
 }
 
+/// What a message becomes: its topic, then its bytes and its schema.
+type Change = dyn Fn(&str, &mut Vec<u8>, &mut String, &mut Vec<u8>);
+
 #[test]
 fn a_bag_with_types_of_its_own_is_imported_as_its_maker_measured_it() {
     let folder = tempfile::tempdir().unwrap();
@@ -296,7 +299,6 @@ fn files_of_other_writers_are_read_or_told() {
     rewritten(&path, lz4, |_, _, _, _| {});
     assert_eq!(import(&path, Some(plain_mapping()), out.path(), false).unwrap().n_samples, 5);
 
-    type Change = dyn Fn(&str, &mut Vec<u8>, &mut String, &mut Vec<u8>);
     let told = |options: WriteOptions, change: &Change| {
         rewritten(&path, options, change);
         refusal(&path, Some(plain_mapping()))
