@@ -118,13 +118,15 @@ fn query_losses(
                 let LabelledObject { truth, .. } = &of[object];
                 let row = first + q;
                 class_target[row * n_classes + class_of(&of[object], model.head.classes)] = 1.0;
-                code_target[row * CODE_SIZE..(row + 1) * CODE_SIZE].copy_from_slice(&encode(
+                let code = encode(
                     &truth.box_in_ego,
                     truth.velocity_in_ego_mps,
                     queries[q].center_m,
                     model.grid.cell_size_m,
-                ));
-                code_weight[row * CODE_SIZE..(row + 1) * CODE_SIZE].copy_from_slice(&CODE_WEIGHTS);
+                );
+                let (target, weight) = known_part(code);
+                code_target[row * CODE_SIZE..(row + 1) * CODE_SIZE].copy_from_slice(&target);
+                code_weight[row * CODE_SIZE..(row + 1) * CODE_SIZE].copy_from_slice(&weight);
                 n_matched += 1;
             }
         }
@@ -134,6 +136,15 @@ fn query_losses(
     let harm = sigmoid_focal(output.harm.clone(), tensor(class_target, n_classes), n_matched);
     let (target, weight) = (tensor(code_target, CODE_SIZE), tensor(code_weight, CODE_SIZE));
     (harm, box_l1(output.boxes.clone(), target, weight, n_matched))
+}
+
+/// A code as target and its weights: what is unknown, as the velocities of some logs, is NaN and has no weight.
+fn known_part(code: [f32; CODE_SIZE]) -> ([f32; CODE_SIZE], [f32; CODE_SIZE]) {
+    let (mut target, mut weight) = (code, CODE_WEIGHTS);
+    for (value, weight) in target.iter_mut().zip(&mut weight).filter(|(value, _)| value.is_nan()) {
+        (*value, *weight) = (0.0, 0.0);
+    }
+    (target, weight)
 }
 
 /// The sigmoid focal loss, alpha 0.25, gamma 2, divided by the number of matched queries (at least one).
@@ -182,6 +193,16 @@ mod tests {
             let numeric = (shifted(step) - shifted(-step)) / (2.0 * step);
             assert!((gradient[i] - numeric).abs() < 2e-3, "{i}: {} against {numeric}", gradient[i]);
         }
+    }
+
+    #[test]
+    fn an_unknown_velocity_weighs_nothing() {
+        let mut code = [0.5; CODE_SIZE];
+        assert_eq!(known_part(code), (code, CODE_WEIGHTS));
+        code[CODE_SIZE - 2..].fill(f32::NAN);
+        let (target, weight) = known_part(code);
+        assert_eq!((target[CODE_SIZE - 1], weight[CODE_SIZE - 1]), (0.0, 0.0));
+        assert_eq!((target[0], &weight[..CODE_SIZE - 2]), (0.5, &CODE_WEIGHTS[..CODE_SIZE - 2]));
     }
 
     #[test]
