@@ -40,7 +40,7 @@ use crate::sample::{CameraView, Measured, Sample, Truth};
 /// #     },
 /// #     world_from_ego: Transform::from_xyz_yaw(0.0, 0.0, 0.0, 0.0),
 /// #     ego_from_lidar: Transform::from_xyz_yaw(1.2, 0.0, 1.9, 0.0),
-/// #     ego_from_camera: Transform::from_xyz_yaw(1.5, 0.0, 1.6, 0.0),
+/// #     ego_from_camera: Transform::looking_forward([1.5, 0.0, 1.6].into(), 0.0),
 /// #     intrinsics: Pinhole::from_horizontal_fov(800, 450, 1.2),
 /// #     image: EncodedImage { format: ImageFormat::Png, bytes: Vec::new() },
 /// #     points: vec![LidarPoint { x_m: 10.0, y_m: 0.0, z_m: -1.0, intensity: 20.0, ring: 3 }],
