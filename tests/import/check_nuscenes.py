@@ -254,8 +254,8 @@ def draw(nusc: NuScenes, folder: Path) -> None:
         camera_channel="CAM_FRONT",
         out_path=str(folder / "points.png"),
     )
-    if not {row["name"] for row in nusc.category} <= set(nusc.colormap):
-        return  # the devkit has no colour for other names than nuScenes' own, and fails
+    for row in nusc.category:
+        nusc.colormap.setdefault(row["name"], (255, 0, 0))  # the devkit knows its own names only
     nusc.render_sample_data(best["data"]["CAM_FRONT"], out_path=str(folder / "boxes.png"), verbose=False)
     # The devkit's drawing of the map needs numpy 1: `int` of an array of one number.
     with_map = np.__version__.startswith("1.")

@@ -122,7 +122,7 @@ def main() -> None:
     )
     parser.add_argument("kind", choices=["nuscenes", "kitti"])
     parser.add_argument("export", type=Path)
-    parser.add_argument("--version", default="v1.0-mini")
+    parser.add_argument("--version", default="v1.0-mini", help="or v1.0")
     options = parser.parse_args()
     export = options.export.resolve()
     sys.modules["mmcv._ext"] = MissingOperations("mmcv._ext")
