@@ -9,6 +9,7 @@ mod convert;
 mod detections;
 mod drawing;
 mod error;
+pub mod folder;
 mod foreign;
 #[cfg(test)]
 mod foreign_tests;

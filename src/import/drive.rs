@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::config::{CheckedImport, GroundSource};
-use super::folder::EPISODES;
 use super::ground::{fit_ground, median};
 use super::motion::Motion;
 use super::samples::{NearBoxes, SampleMaker};
 use super::{Drive, DriveFacts, GroundHeight, ImportError, Log, LogFormat, Notes, odometry};
+use crate::episode::folder::EPISODES;
 use crate::episode::{EpisodeEntry, EpisodeMeta, EpisodeWriter, LogFacts, Split};
 use crate::progress::Progress;
 

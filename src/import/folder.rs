@@ -5,12 +5,12 @@ use std::path::Path;
 use fs_err as fs;
 
 use super::ImportError;
+use crate::episode::folder::{EPISODES, clear_episodes, first_difference, is_whole, remove_unfinished};
 use crate::episode::{EpisodeEntry, Manifest};
-use crate::files::{PARTIAL_SUFFIX, sha256_hex, write_atomic};
+use crate::files::{sha256_hex, write_atomic};
 
 /// The resolved config, written before anything else.
 pub(super) const CONFIG_FILE: &str = "import.toml";
-pub(super) const EPISODES: &str = "episodes";
 
 /// Prepares the folder; returns the manifest to begin with, which holds the whole episodes of earlier imports with this config.
 ///
@@ -22,14 +22,14 @@ pub(super) fn open(folder: &Path, config_toml: &str, force: bool) -> Result<Mani
     if config_path.is_file() {
         match find_whole_episodes(folder, config_toml, &manifest) {
             Ok(entries) => manifest.episodes = entries,
-            Err(_) if force => clear(folder)?,
+            Err(_) if force => clear_episodes(folder, CONFIG_FILE)?,
             Err(error) => return Err(error),
         }
     } else if folder.is_dir() && fs::read_dir(folder)?.next().is_some() {
         return Err(ImportError::ForeignFolder { path: folder.to_owned() });
     }
     fs::create_dir_all(folder.join(EPISODES))?;
-    remove_files(folder, |name| name.ends_with(&format!(".{PARTIAL_SUFFIX}")))?;
+    remove_unfinished(folder)?;
     write_atomic(&config_path, config_toml.as_bytes())?;
     manifest.ood = manifest.episodes.iter().any(|entry| entry.ood);
     manifest.write(folder)?;
@@ -56,50 +56,7 @@ fn find_whole_episodes(
     if found.generator_version != wanted.generator_version {
         return other("version", found.generator_version, wanted.generator_version.clone());
     }
-    let is_whole = |entry: &EpisodeEntry| {
-        fs::read(folder.join(&entry.file)).is_ok_and(|bytes| sha256_hex(&bytes) == entry.sha256)
-    };
-    Ok(found.episodes.into_iter().filter(is_whole).collect())
-}
-
-fn first_difference(found: &str, wanted: &str) -> Option<(String, String)> {
-    if found == wanted {
-        return None;
-    }
-    let missing = "nothing";
-    let (mut found, mut wanted) = (found.lines(), wanted.lines());
-    loop {
-        match (found.next(), wanted.next()) {
-            (Some(a), Some(b)) if a == b => {}
-            (a, b) => return Some((a.unwrap_or(missing).to_owned(), b.unwrap_or(missing).to_owned())),
-        }
-    }
-}
-
-/// Deletes what an earlier import made, and only that.
-fn clear(folder: &Path) -> Result<(), ImportError> {
-    // The manifest first: without it, a half-cleared folder is an empty data set and not a broken one.
-    for name in [Manifest::FILE, CONFIG_FILE] {
-        let path = folder.join(name);
-        if path.is_file() {
-            fs::remove_file(path)?;
-        }
-    }
-    remove_files(folder, |name| Path::new(name).extension().is_some_and(|suffix| suffix == "mcap"))
-}
-
-fn remove_files(folder: &Path, is_ours: impl Fn(&str) -> bool) -> Result<(), ImportError> {
-    let episodes = folder.join(EPISODES);
-    if !episodes.is_dir() {
-        return Ok(());
-    }
-    for entry in fs::read_dir(episodes)? {
-        let entry = entry?;
-        if entry.file_name().to_str().is_some_and(&is_ours) {
-            fs::remove_file(entry.path())?;
-        }
-    }
-    Ok(())
+    Ok(found.episodes.into_iter().filter(|entry| is_whole(folder, entry)).collect())
 }
 
 #[cfg(test)]

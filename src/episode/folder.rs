@@ -1,0 +1,75 @@
+//! The folder of a data set that is being made: what a repeated run may keep of it, and what it may delete.
+
+use std::io;
+use std::path::Path;
+
+use fs_err as fs;
+
+use super::manifest::{EpisodeEntry, Manifest};
+use crate::files::{PARTIAL_SUFFIX, sha256_of};
+
+/// Where a data set's episodes lie.
+pub const EPISODES: &str = "episodes";
+
+/// Whether an episode's file is as it was written.
+#[must_use]
+pub fn is_whole(folder: &Path, entry: &EpisodeEntry) -> bool {
+    sha256_of(&folder.join(&entry.file)).is_ok_and(|found| found == entry.sha256)
+}
+
+/// The first line in which two texts differ, of each.
+#[must_use]
+pub fn first_difference(found: &str, wanted: &str) -> Option<(String, String)> {
+    if found == wanted {
+        return None;
+    }
+    let missing = "nothing";
+    let (mut found, mut wanted) = (found.lines(), wanted.lines());
+    loop {
+        match (found.next(), wanted.next()) {
+            (Some(a), Some(b)) if a == b => {}
+            (a, b) => return Some((a.unwrap_or(missing).to_owned(), b.unwrap_or(missing).to_owned())),
+        }
+    }
+}
+
+/// Deletes what an earlier run made, with its config of this name, and only that.
+///
+/// # Errors
+/// A file cannot be deleted.
+pub fn clear_episodes(folder: &Path, config_file: &str) -> io::Result<()> {
+    // The manifest first: without it, a half-cleared folder is an empty data set and not a broken one.
+    for name in [Manifest::FILE, config_file] {
+        let path = folder.join(name);
+        if path.is_file() {
+            fs::remove_file(path)?;
+        }
+    }
+    remove_files(folder, |name| Path::new(name).extension().is_some_and(|suffix| suffix == "mcap"))
+}
+
+/// Deletes episodes that a killed run left unfinished.
+///
+/// # Errors
+/// A file cannot be deleted.
+pub fn remove_unfinished(folder: &Path) -> io::Result<()> {
+    remove_files(folder, |name| name.ends_with(&format!(".{PARTIAL_SUFFIX}")))
+}
+
+fn remove_files(folder: &Path, is_ours: impl Fn(&str) -> bool) -> io::Result<()> {
+    let episodes = folder.join(EPISODES);
+    if !episodes.is_dir() {
+        return Ok(());
+    }
+    for entry in fs::read_dir(episodes)? {
+        let entry = entry?;
+        if entry.file_name().to_str().is_some_and(&is_ours) {
+            match fs::remove_file(entry.path()) {
+                // A worker of a killed run may end now and delete its own files.
+                Err(error) if error.kind() == io::ErrorKind::NotFound => {}
+                other => other?,
+            }
+        }
+    }
+    Ok(())
+}
