@@ -156,6 +156,11 @@ impl<'a> Recording<'a> {
         &mut self.drive.simulator
     }
 
+    /// Whether its pictures are made with depths.
+    pub fn needs_depth(&self) -> bool {
+        self.scope.needs_depth() || self.aov.is_some()
+    }
+
     /// Drives on and writes the samples, one after the other.
     ///
     /// # Errors
@@ -201,11 +206,11 @@ impl<'a> Recording<'a> {
 
     /// The measurements and the truth now.
     fn sample(&mut self, sample_idx: u64) -> Result<Sample, GenerateError> {
+        let needs_depth = self.needs_depth();
         let Self { config, drive, appearance, timings, .. } = self;
         let rig = &config.rig;
         let world_from_ego = drive.world_from_ego();
         let simulator = &mut drive.simulator;
-        let needs_depth = self.scope.needs_depth() || self.aov.is_some();
         let (rgb, depth_m) = time(&mut timings.picture, || {
             if needs_depth {
                 simulator.render_rgb_and_depth().map(|picture| (picture.rgb, picture.depth_m))

@@ -1,12 +1,13 @@
-"""Noted calls to MuJoCo, issued again: the same work, or an error."""
+"""Steps of a world, issued again with what a plain user draws and casts: the same work, or an error."""
+
+from collections import Counter
 
 import mujoco
 import numpy as np
 import pytest
 from harmzone_sim.camera import Camera
-from harmzone_sim.rays import cast_rays
 from harmzone_sim.world import World
-from replay import CallLog
+from replay import PlainSensors, StepLog, Stopwatch
 
 # One wall ten metres ahead of the body that carries the camera.
 SCENE = """
@@ -24,38 +25,86 @@ SCENE = """
 </mujoco>
 """
 FORWARD = np.array([0.5, 0.5, -0.5, -0.5])
+SENSORS = {
+    "ego_body": "ego",
+    "lidar_position_m": np.zeros(3),
+    "directions": np.array([[1.0, 0.0, 0.0]]),
+    "max_range_m": 70.0,
+    "with_depth": True,
+}
 
 
-def frame(world, camera):
-    ctrl, ids, poses = np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 7))
-    world.step(ctrl, ids, poses, 5)
-    camera.update()
-    camera.rgb()
-    camera.segmentation()
-    cast_rays(world, np.array([0.0, 0.0, 1.0]), np.array([[1.0, 0.0, 0.0]]), 70.0)
+def a_world():
+    return World(SCENE, {}, "ego", np.array([0.0, 0.0, 0.5]), FORWARD, 60.0, (80, 60), 0, 256)
 
 
-def test_noted_calls_are_issued_again_and_end_in_the_same_picture():
-    world = World(SCENE, {}, "ego", np.array([0.0, 0.0, 0.5]), FORWARD, 60.0, (80, 60), 0, 256)
-    camera = Camera(world)
-    mj_step = mujoco.mj_step
-    log = CallLog(world, camera)
-    assert mujoco.mj_step is not mj_step
-    for _ in range(3):
-        frame(world, camera)
+def drive(world, n_steps):
+    for _ in range(n_steps):
+        world.step(np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 7)), 5)
+
+
+def test_the_reference_steps_draws_and_casts_for_each_sample_and_leaves_the_world_as_it_was(monkeypatch):
+    world = a_world()
+    log = StepLog(world)
+    drive(world, 6)
     after = world.data.qpos.copy()
-    seconds = log.replay()
-    assert mujoco.mj_step is mj_step
+    log.stop()
+    calls = Counter()
+
+    def counting(name):
+        original = getattr(mujoco, name)
+
+        def call(*args):
+            calls[name] += 1
+            return original(*args)
+
+        return call
+
+    drawn = ("mjv_updateScene", "mjr_render", "mjr_readPixels", "mj_multiRay")
+    for name in drawn:
+        monkeypatch.setattr(mujoco, name, counting(name))
+    seconds = log.replay(4, **SENSORS)
     assert np.array_equal(world.data.qpos, after)
-    assert all(spent > 0 for spent in seconds.values()) and "mj_multiRay" in seconds
+    assert set(seconds) == {"mj_step", *drawn} and all(spent > 0 for spent in seconds.values())
+    # Four samples and the warm-up: a picture and a segmentation of each.
+    assert calls == {"mjv_updateScene": 5, "mjr_render": 10, "mjr_readPixels": 10, "mj_multiRay": 5}
 
 
-def test_calls_that_end_in_another_picture_are_told():
-    world = World(SCENE, {}, "ego", np.array([0.0, 0.0, 0.5]), FORWARD, 60.0, (80, 60), 0, 256)
+def test_the_steps_are_noted_until_the_log_stops():
+    mj_step = mujoco.mj_step
+    log = StepLog(a_world())
+    assert mujoco.mj_step is not mj_step
+    log.stop()
+    assert mujoco.mj_step is mj_step
+
+
+def test_the_plain_camera_draws_what_the_worlds_own_draws_and_its_ray_meets_the_wall():
+    world = a_world()
     camera = Camera(world)
-    log = CallLog(world, camera)
-    frame(world, camera)
-    # The wall is moved behind the log's back.
-    world.model.geom("wall").pos[0] += 5.0
-    with pytest.raises(RuntimeError, match="another picture"):
-        log.replay()
+    camera.update()
+    expected = camera.rgb()
+    plain = PlainSensors(world, **SENSORS)
+    plain.see(Stopwatch())
+    segments = plain.pixels.copy()
+    assert plain.range_m == pytest.approx([10.0])
+    assert len(np.unique(segments[..., 0])) > 1 and segments[..., 1:].max() == 0
+    plain.draw(Stopwatch(), is_segmentation=False)
+    assert np.array_equal(plain.pixels[::-1], expected)
+    plain.close()
+
+
+def test_steps_that_end_in_another_state_are_told():
+    world = a_world()
+    log = StepLog(world)
+    drive(world, 3)
+    # The world is pushed behind the log's back.
+    world.data.qvel[0] += 1.0
+    with pytest.raises(RuntimeError, match="another state"):
+        log.replay(4, **SENSORS)
+
+
+def test_samples_of_unequal_length_are_refused():
+    log = StepLog(world := a_world())
+    drive(world, 5)
+    with pytest.raises(RuntimeError, match="5 steps"):
+        log.replay(4, **SENSORS)

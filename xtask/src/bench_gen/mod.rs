@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use serde::Serialize;
 
 use self::memory::MemoryWatch;
-use self::replay::{BareCalls, CallLog};
+use self::replay::{BareCalls, StepLog};
 use harmzone::episode::Manifest;
 use harmzone::generate::episode::{Recording, Timings};
 use harmzone::generate::{self, CheckedConfig, EpisodePlan, GenerateConfig, GenerateError, RunOptions, plan};
@@ -133,14 +133,15 @@ fn measure(
     progress: &dyn Progress,
 ) -> Result<Measured, GenerateError> {
     let mut recording = Recording::start(config, plan, folder)?;
-    let log = CallLog::start(recording.simulator())?;
+    let log = StepLog::start(recording.simulator())?;
     let begin = Instant::now();
     recording.record_samples(&mut || {
         progress.advance(1);
         Ok(())
     })?;
     let sampling = begin.elapsed();
-    let bare = log.replay(recording.simulator())?;
+    let needs_depth = recording.needs_depth();
+    let bare = log.replay(recording.simulator(), &config.rig, config.raw.samples, needs_depth)?;
     let (_, timings) = recording.finish()?;
     Ok(Measured { sampling, timings, bare })
 }

@@ -1,9 +1,12 @@
-//! The bare calls to MuJoCo of some time, issued again with nothing around them: what no code of ours can save.
+//! The bare calls to MuJoCo for the frames of an episode, with nothing around them: what a plain user of MuJoCo issues
+//! for the same data, whatever `gen` itself calls.
 
 use std::collections::HashMap;
 use std::ffi::CString;
 use std::time::Duration;
 
+use harmzone::geometry::Point;
+use harmzone::sensors::Rig;
 use harmzone::sim::{SimError, Simulator};
 use pyo3::prelude::*;
 
@@ -12,7 +15,7 @@ use pyo3::prelude::*;
 pub(super) struct BareCalls {
     /// `mj_step`.
     pub steps: Duration,
-    /// `mjv_updateScene`, `mjr_render`, `mjr_readPixels`.
+    /// `mjv_updateScene`, `mjr_render`, `mjr_readPixels`: a picture with shadows and a full segmentation.
     pub pictures: Duration,
     /// `mj_multiRay`.
     pub rays: Duration,
@@ -24,29 +27,46 @@ impl BareCalls {
     }
 }
 
-/// Notes all calls to MuJoCo from its making on; the simulator must be alone in its process.
-pub(super) struct CallLog(Py<PyAny>);
+/// Notes the steps from its making on; the simulator must be alone in its process.
+pub(super) struct StepLog(Py<PyAny>);
 
-impl CallLog {
+impl StepLog {
     /// Begins to note; draws once, so that the camera is warm.
     ///
     /// # Errors
     /// As [`Simulator::render_rgb`].
     pub(super) fn start(simulator: &mut Simulator) -> Result<Self, SimError> {
-        simulator.with_python("note its calls", |world, camera| {
+        simulator.render_rgb()?;
+        simulator.render_segmentation()?;
+        simulator.with_python("note its steps", |world, _| {
             let source = CString::new(include_str!("../../python/replay.py"))?;
             let module = PyModule::from_code(world.py(), &source, c"<xtask/python/replay.py>", c"replay")?;
-            Ok(Self(module.getattr("CallLog")?.call1((world, camera))?.unbind()))
+            Ok(Self(module.getattr("StepLog")?.call1((world,))?.unbind()))
         })
     }
 
-    /// Notes no more calls, and issues the noted ones again; the state ends as it is.
+    /// Notes no more steps, and issues them again with pictures and rays of the noted samples; the state ends as it is.
     ///
     /// # Errors
-    /// [`SimError::Ask`]: the calls did not end in the same picture.
-    pub(super) fn replay(self, simulator: &mut Simulator) -> Result<BareCalls, SimError> {
-        simulator.with_python("issue its calls again", |world, _| {
-            let seconds: HashMap<String, f64> = self.0.bind(world.py()).call_method0("replay")?.extract()?;
+    /// [`SimError::Ask`]: the steps did not end in the same state.
+    pub(super) fn replay(
+        self,
+        simulator: &mut Simulator,
+        rig: &Rig,
+        n_samples: u32,
+        with_depth: bool,
+    ) -> Result<BareCalls, SimError> {
+        let origin = rig.ego_from_lidar * Point::new(0.0, 0.0, 0.0);
+        let position_m = [origin.x(), origin.y(), origin.z()];
+        let directions: Vec<[f64; 3]> =
+            rig.pattern.directions.iter().map(|of| rig.ego_from_lidar.rotate(of).into()).collect();
+        simulator.with_python("issue its steps again", |world, _| {
+            let array = world.py().import("numpy")?.getattr("array")?;
+            let [position_m, directions] = [array.call1((position_m,))?, array.call1((directions,))?];
+            let reach_m = rig.lidar.max_range_m + 1.0;
+            let arguments = (n_samples, "ego", position_m, directions, reach_m, with_depth);
+            let seconds: HashMap<String, f64> =
+                self.0.bind(world.py()).call_method1("replay", arguments)?.extract()?;
             let spent = |names: &[&str]| {
                 Duration::from_secs_f64(names.iter().filter_map(|&name| seconds.get(name)).sum())
             };
