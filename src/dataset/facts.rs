@@ -6,6 +6,7 @@
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
+use smallvec::SmallVec;
 
 use super::DatasetError;
 use super::coverage::CameraFacts;
@@ -79,8 +80,8 @@ impl SampleFacts {
     /// in. `None` where the zone is not known.
     #[must_use]
     pub fn zone_distance_m(&self, of: &Box3<Ego>) -> Option<f64> {
-        let zone: Vec<Point2> =
-            self.zone_in_ego_m.as_ref()?.iter().map(|&[x_m, y_m]| Point2 { x_m, y_m }).collect();
+        let corners = self.zone_in_ego_m.as_ref()?.iter();
+        let zone: SmallVec<[Point2; 4]> = corners.map(|&[x_m, y_m]| Point2 { x_m, y_m }).collect();
         (zone.len() >= 3).then(|| convex_signed_distance_m(&zone, &of.footprint()))
     }
 

@@ -70,76 +70,86 @@ impl Axis {
         }
     }
 
-    /// The group of a sample on an axis of samples.
-    pub(super) fn label_sample(self, facts: &SampleFacts, config: &BreakdownConfig) -> Option<Label> {
+    /// The edges of the bands that are the groups; `None` where names are.
+    fn edges(self, config: &BreakdownConfig) -> Option<&[f64]> {
         match self {
-            Self::Town => facts.town.as_deref().map(word),
-            Self::Weather => facts.weather.as_deref().map(word),
-            Self::SpeedMps => Some(band(facts.speed_mps?, &config.speed_mps)),
-            Self::SteeringDeg => {
-                Some(band(facts.steering_angle_rad?.abs().to_degrees(), &config.steering_deg))
-            }
+            Self::RangeM => Some(&config.range_m),
+            Self::VisibleFraction => Some(&config.visible_fraction),
+            Self::NLidarPoints => Some(&config.n_lidar_points),
+            Self::ZoneDistanceM => Some(&config.zone_distance_m),
+            Self::SpeedMps => Some(&config.speed_mps),
+            Self::SteeringDeg => Some(&config.steering_deg),
             _ => None,
         }
     }
 
-    /// The group of an object on an axis of objects.
-    pub(super) fn label_object(
+    /// The group of a sample on an axis of samples.
+    pub(super) fn label_sample<'a>(
         self,
-        facts: &SampleFacts,
-        object: &Object,
+        facts: &'a SampleFacts,
         config: &BreakdownConfig,
-    ) -> Option<Label> {
+    ) -> Option<Label<'a>> {
+        match self {
+            Self::Town => facts.town.as_deref().map(Label::Name),
+            Self::Weather => facts.weather.as_deref().map(Label::Name),
+            Self::SpeedMps => self.band(facts.speed_mps?, config),
+            Self::SteeringDeg => self.band(facts.steering_angle_rad?.abs().to_degrees(), config),
+            _ => None,
+        }
+    }
+
+    /// The group of an object on an axis of objects, whose distance to the zone is a fact of its sample.
+    pub(super) fn label_object<'a>(
+        self,
+        object: &'a Object,
+        zone_distance_m: impl FnOnce() -> Option<f64>,
+        config: &BreakdownConfig,
+    ) -> Option<Label<'a>> {
         let category_if = |distribution| {
             let fits = object.distribution == Some(distribution);
-            object.category.as_deref().filter(|_| fits).map(word)
+            object.category.as_deref().filter(|_| fits).map(Label::Name)
         };
         match self {
-            Self::Distribution => object.distribution.map(|distribution| word(distribution.name())),
-            Self::Kind => object.kind.map(|kind| word(kind.name())),
+            Self::Distribution => object.distribution.map(|distribution| Label::Name(distribution.name())),
+            Self::Kind => object.kind.map(|kind| Label::Name(kind.name())),
             Self::IdCategory => category_if(Distribution::Id),
             Self::OodCategory => category_if(Distribution::Ood),
             Self::RangeM => {
                 let center = object.box_in_ego.center;
-                Some(band(center.x().hypot(center.y()), &config.range_m))
+                self.band(center.x().hypot(center.y()), config)
             }
-            Self::VisibleFraction => Some(band(object.visible_fraction?, &config.visible_fraction)),
-            Self::NLidarPoints => Some(band(f64::from(object.n_lidar_points?), &config.n_lidar_points)),
-            Self::Event => object.event.map(|event| word(event.name())),
-            Self::ZoneDistanceM => {
-                Some(band(facts.zone_distance_m(&object.box_in_ego)?, &config.zone_distance_m))
-            }
+            Self::VisibleFraction => self.band(object.visible_fraction?, config),
+            Self::NLidarPoints => self.band(f64::from(object.n_lidar_points?), config),
+            Self::Event => object.event.map(|event| Label::Name(event.name())),
+            Self::ZoneDistanceM => self.band(zone_distance_m()?, config),
             _ => None,
+        }
+    }
+
+    fn band(self, value: f64, config: &BreakdownConfig) -> Option<Label<'static>> {
+        Some(Label::Band(self.edges(config)?.partition_point(|&edge| edge <= value)))
+    }
+
+    /// The name of a group in files and tables.
+    pub(super) fn name_of(self, label: Label<'_>, config: &BreakdownConfig) -> String {
+        let at = match label {
+            Label::Name(name) => return name.to_owned(),
+            Label::Band(at) => at,
+        };
+        let edges = self.edges(config).unwrap_or_default();
+        match (at.checked_sub(1).map(|below| edges[below]), edges.get(at)) {
+            (None, Some(above)) => format!("below {above}"),
+            (Some(below), Some(above)) => format!("{below} to {above}"),
+            (Some(below), None) => format!("{below} and more"),
+            (None, None) => "all".to_owned(),
         }
     }
 }
 
-/// A group's place in the order, and its name.
-pub(super) type Label = (usize, String);
-
-fn word(name: &str) -> Label {
-    (0, name.to_owned())
-}
-
-fn band(value: f64, edges: &[f64]) -> Label {
-    let at = edges.partition_point(|&edge| edge <= value);
-    let name = match (at.checked_sub(1).map(|below| edges[below]), edges.get(at)) {
-        (None, Some(above)) => format!("below {above}"),
-        (Some(below), Some(above)) => format!("{below} to {above}"),
-        (Some(below), None) => format!("{below} and more"),
-        (None, None) => "all".to_owned(),
-    };
-    (at, name)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn bands_are_named_by_their_edges() {
-        let names = [-3.0, -1.0, 0.0, 7.0].map(|value| band(value, &[-1.0, 0.5]));
-        let wanted = [(0, "below -1"), (1, "-1 to 0.5"), (1, "-1 to 0.5"), (2, "0.5 and more")];
-        assert_eq!(names, wanted.map(|(at, name)| (at, name.to_owned())));
-    }
+/// A group, in the order of an axis' groups.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Label<'a> {
+    /// One of the bands between the edges, by its place.
+    Band(usize),
+    Name(&'a str),
 }

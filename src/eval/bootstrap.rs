@@ -123,7 +123,7 @@ impl Cell {
             let ranked = matching.at(class, threshold_idx);
             ranked
                 .filter_map(|(ranked, outcome)| {
-                    Some((episode_of[ranked.sample_idx], ranked.detection.score, column.judge(outcome)?))
+                    Some((episode_of[ranked.sample_idx], ranked.score, column.judge(outcome, matching)?))
                 })
                 .collect()
         };

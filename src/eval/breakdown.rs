@@ -6,12 +6,10 @@
 //! in the group of the truth that it lies on, and unmatched ones count nowhere, since nothing says which
 //! group they belong to. Truths (and, on sample axes, samples) whose fact is not known are in no group.
 
-use std::collections::{BTreeMap, BTreeSet};
-
 use serde::{Deserialize, Serialize};
 
 use super::axis::{Axis, Label};
-use super::curve::Curve;
+use super::curve::GrowingCurve;
 use super::matching::{Matching, Outcome, PerClass, PlacedObject};
 use super::metrics::mean;
 use crate::object::Harm;
@@ -65,53 +63,62 @@ struct Grouping<'a> {
     matching: &'a Matching<'a>,
     names: Vec<String>,
     /// Group of each object, by number.
-    of_object: Vec<Option<usize>>,
+    of_object: Vec<Option<u32>>,
     /// Group of each sample; `None` on axes of objects.
-    of_sample: Vec<Option<usize>>,
+    of_sample: Vec<Option<u32>>,
     n_samples: Vec<usize>,
 }
 
 impl<'a> Grouping<'a> {
     fn new(axis: Axis, matching: &'a Matching<'a>) -> Self {
         let config = &matching.config().breakdown;
-        let labels_of_samples: Vec<Option<Label>> =
-            matching.samples.iter().map(|sample| axis.label_sample(sample.facts, config)).collect();
-        let label = |of: &PlacedObject<'_>| {
+        let mut groups = Groups::default();
+        let samples = matching.samples.iter();
+        let mut of_sample: Vec<Option<u32>> = samples
+            .map(|sample| axis.label_sample(sample.facts, config).map(|label| groups.number(label)))
+            .collect();
+        let mut group_of = |of: &PlacedObject<'a>| {
             if axis.is_of_samples() {
-                labels_of_samples[of.sample_idx].clone()
-            } else {
-                axis.label_object(matching.facts_of(of), &of.object.truth, config)
+                return of_sample[of.sample_idx];
             }
+            let zone_distance_m = || matching.zone_distances_m()[of.number];
+            let label = axis.label_object(&of.object.truth, zone_distance_m, config)?;
+            Some(groups.number(label))
         };
-        let labels_of_objects: Vec<Option<Label>> = matching.objects.iter().map(label).collect();
-        let all = labels_of_samples.iter().chain(&labels_of_objects).flatten();
-        let mut numbers: BTreeMap<&Label, usize> = all.map(|label| (label, 0)).collect();
-        numbers.values_mut().enumerate().for_each(|(i, number)| *number = i);
-        let number = |label: &Option<Label>| label.as_ref().map(|label| numbers[label]);
-        let of_sample: Vec<Option<usize>> = labels_of_samples.iter().map(number).collect();
-        let of_object: Vec<Option<usize>> = labels_of_objects.iter().map(number).collect();
+        let mut of_object: Vec<Option<u32>> = matching.objects.iter().map(&mut group_of).collect();
+        let labels = groups.sort([&mut of_sample, &mut of_object]);
+
+        // Objects stand in the order of their samples.
+        let mut n_samples = vec![0; labels.len()];
+        let mut counted = vec![None; labels.len()];
         let objects = matching.objects.iter().zip(&of_object).map(|(of, &group)| (group, of.sample_idx));
         let samples = of_sample.iter().enumerate().map(|(i, &group)| (group, i));
-        let present: BTreeSet<(usize, usize)> =
-            objects.chain(samples).filter_map(|(group, sample_idx)| Some((group?, sample_idx))).collect();
-        let mut n_samples = vec![0; numbers.len()];
-        present.into_iter().for_each(|(group, _)| n_samples[group] += 1);
-        let names = numbers.keys().map(|label| label.1.clone()).collect();
+        let of_axis: &mut dyn Iterator<Item = (Option<u32>, usize)> =
+            if axis.is_of_samples() { &mut { samples } } else { &mut { objects } };
+        for (group, sample_idx) in of_axis {
+            let Some(group) = group else { continue };
+            if counted[group as usize].replace(sample_idx) != Some(sample_idx) {
+                n_samples[group as usize] += 1;
+            }
+        }
+        let names = labels.into_iter().map(|label| axis.name_of(label, config)).collect();
         Self { axis, matching, names, of_object, of_sample, n_samples }
     }
 
     /// The group in which an outcome counts, and whether it is a true positive there.
-    fn judge(&self, sample_idx: usize, outcome: Outcome<'_>) -> Option<(usize, bool)> {
-        match outcome {
-            Outcome::Matched(of, _) => Some((self.of_object[of.number]?, true)),
-            Outcome::Misclassified(of) => Some((self.of_object[of.number]?, false)),
-            Outcome::Unmatched => Some((self.of_sample[sample_idx]?, false)),
-            Outcome::Neutral(_) => None,
-        }
+    fn judge(&self, sample_idx: usize, outcome: Outcome) -> Option<(usize, bool)> {
+        let (group, is_match) = match outcome {
+            Outcome::Matched(of) => (self.of_object[of as usize], true),
+            Outcome::Misclassified(of) => (self.of_object[of as usize], false),
+            Outcome::Unmatched => (self.of_sample[sample_idx], false),
+            Outcome::Neutral(_) => return None,
+        };
+        Some((group? as usize, is_match))
     }
 
     fn measure(&self) -> Breakdown {
-        let scores = PerClass::from_fn(|class| self.score(class));
+        let scores =
+            PerClass::from_fn(|class| if self.names.is_empty() { Vec::new() } else { self.score(class) });
         let groups = (0..self.names.len()).map(|group| Group {
             name: self.names[group].clone(),
             n_samples: self.n_samples[group],
@@ -124,12 +131,12 @@ impl<'a> Grouping<'a> {
     fn score(&self, class: Harm) -> Vec<GroupScores> {
         let (matching, config) = (self.matching, self.matching.config());
         let mut scores = vec![GroupScores::default(); self.names.len()];
-        let is_found = matching.meet(class, config.operating_score).is_matched;
+        let is_found = &matching.met(class).is_matched;
         // Mistakes of the other class's detections on objects of this class.
-        let is_mistaken = matching.meet(class.other(), config.operating_score).is_mistaken;
+        let is_mistaken = &matching.met(class.other()).is_mistaken;
         for of in matching.objects.iter().filter(|of| of.object.harm == class) {
             let Some(group) = self.of_object[of.number] else { continue };
-            let of_group = &mut scores[group];
+            let of_group = &mut scores[group as usize];
             of_group.n_truths += 1;
             match (is_found[of.number], is_mistaken[of.number]) {
                 (true, _) => of_group.n_found += 1,
@@ -137,21 +144,19 @@ impl<'a> Grouping<'a> {
                 (false, false) => of_group.n_missed += 1,
             }
         }
-        for (ranked, outcome) in matching.operating(class) {
-            if let Some((group, false)) = self.judge(ranked.sample_idx, outcome) {
-                scores[group].n_false += 1;
-            }
-        }
         for threshold_idx in 0..config.dist_thresholds_m.len() {
-            let mut positives = vec![Vec::new(); self.names.len()];
+            let counts_false = threshold_idx == matching.protocol.tp_threshold_idx();
+            let mut curves: Vec<GrowingCurve> =
+                scores.iter().map(|of_group| GrowingCurve::new(of_group.n_truths)).collect();
             for (ranked, outcome) in matching.at(class, threshold_idx) {
-                if let Some((group, is_match)) = self.judge(ranked.sample_idx, outcome) {
-                    positives[group].push((ranked.detection.score, is_match));
-                }
+                let Some((group, is_match)) = self.judge(ranked.sample_idx, outcome) else { continue };
+                curves[group].add(ranked.score, is_match);
+                let is_false = counts_false && !is_match && ranked.score >= config.operating_score;
+                scores[group].n_false += usize::from(is_false);
             }
-            for (of_group, positives) in scores.iter_mut().zip(positives).filter(|(of, _)| of.n_truths > 0) {
-                let curve = Curve::new(positives, of_group.n_truths);
-                let ap = curve.average_precision(matching.protocol.first_step(), config.min_precision);
+            for (of_group, curve) in scores.iter_mut().zip(curves).filter(|(of, _)| of.n_truths > 0) {
+                let first_step = matching.protocol.first_step();
+                let ap = curve.finish().average_precision(first_step, config.min_precision);
                 of_group.per_threshold.push(ap);
             }
         }
@@ -160,6 +165,43 @@ impl<'a> Grouping<'a> {
             of_group.recall = Some(of_group.n_found as f64 / of_group.n_truths as f64);
         }
         scores
+    }
+}
+
+/// The groups that occur, numbered as they come.
+#[derive(Default)]
+struct Groups<'a> {
+    labels: Vec<Label<'a>>,
+    latest: usize,
+}
+
+impl<'a> Groups<'a> {
+    /// The number of a group.
+    fn number(&mut self, label: Label<'a>) -> u32 {
+        // There are few groups, and neighbours are often in the same.
+        if self.labels.get(self.latest) != Some(&label) {
+            let known = self.labels.iter().position(|&other| other == label);
+            self.latest = known.unwrap_or(self.labels.len());
+            if known.is_none() {
+                self.labels.push(label);
+            }
+        }
+        self.latest as u32
+    }
+
+    /// The groups in their order, by which the given numbers are replaced.
+    fn sort(self, numbers: [&mut [Option<u32>]; 2]) -> Vec<Label<'a>> {
+        let mut sorted = self.labels.clone();
+        sorted.sort_unstable();
+        let places: Vec<u32> = self
+            .labels
+            .iter()
+            .map(|label| sorted.binary_search(label).expect("the same labels") as u32)
+            .collect();
+        for number in numbers.into_iter().flatten().flatten() {
+            *number = places[*number as usize];
+        }
+        sorted
     }
 }
 

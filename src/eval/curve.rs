@@ -23,26 +23,93 @@ pub struct Curve {
     pub confidence: Vec<f64>,
 }
 
+/// A curve that detections join one by one, in rank order.
+#[derive(Debug, Clone)]
+pub(super) struct GrowingCurve {
+    n_positives: f64,
+    n_true: f64,
+    /// True and false ones.
+    n_all: f64,
+    last_score: f64,
+    /// As far as recall has got.
+    curve: Curve,
+}
+
+impl GrowingCurve {
+    pub(super) fn new(n_positives: usize) -> Self {
+        let curve = Curve { precision: Vec::with_capacity(N_STEPS), confidence: Vec::with_capacity(N_STEPS) };
+        Self { n_positives: count(n_positives), n_true: 0.0, n_all: 0.0, last_score: 0.0, curve }
+    }
+
+    /// Takes the next detection: its score, and whether it is a true positive.
+    pub(super) fn add(&mut self, score: f64, is_match: bool) {
+        if is_match {
+            self.n_true += 1.0;
+            let recall = self.n_true / self.n_positives;
+            while self.curve.precision.len() < N_STEPS && recall > self.next_step() {
+                self.pass_step(score, recall);
+            }
+        }
+        self.n_all += 1.0;
+        self.last_score = score;
+    }
+
+    /// The recall whose values are not known yet.
+    fn next_step(&self) -> f64 {
+        count(self.curve.precision.len()) * STEP
+    }
+
+    /// Adds the values at the next step: recall passes it with a match of this score, which is not counted yet.
+    ///
+    /// `numpy.interp`: below all recalls the first value; where a recall equals the step, the last of its values;
+    /// elsewhere on the line between the neighbours.
+    fn pass_step(&mut self, score: f64, recall: f64) {
+        let step = self.next_step();
+        let precision = self.n_true / (self.n_all + 1.0);
+        if self.n_all == 0.0 {
+            self.push(precision, score);
+            return;
+        }
+        let (n_before, score_before) = (self.n_true - 1.0, self.last_score);
+        let (recall_before, precision_before) = (n_before / self.n_positives, n_before / self.n_all);
+        if recall_before == step {
+            self.push(precision_before, score_before);
+            return;
+        }
+        let between = |before: f64, after: f64| {
+            let slope = (after - before) / (recall - recall_before);
+            slope * (step - recall_before) + before
+        };
+        self.push(between(precision_before, precision), between(score_before, score));
+    }
+
+    fn push(&mut self, precision: f64, confidence: f64) {
+        self.curve.precision.push(precision);
+        self.curve.confidence.push(confidence);
+    }
+
+    /// The curve of all; zero if there is no positive or no match, as the devkit's `no_predictions`.
+    pub(super) fn finish(mut self) -> Curve {
+        if self.n_positives == 0.0 || self.n_true == 0.0 {
+            return Curve { precision: vec![0.0; N_STEPS], confidence: vec![0.0; N_STEPS] };
+        }
+        if self.curve.precision.len() < N_STEPS && self.n_true / self.n_positives == self.next_step() {
+            self.push(self.n_true / self.n_all, self.last_score);
+        }
+        self.curve.precision.resize(N_STEPS, 0.0);
+        self.curve.confidence.resize(N_STEPS, 0.0);
+        self.curve
+    }
+}
+
 impl Curve {
     /// The curve of detections in rank order: each one's score and whether it is a true positive.
     ///
     /// All zero if there is no positive or no match, as the devkit's `no_predictions`.
     pub(super) fn new(ranked: impl IntoIterator<Item = (f64, bool)>, n_positives: usize) -> Self {
-        let (mut recall, mut precision, mut confidence) = (Vec::new(), Vec::new(), Vec::new());
-        let (mut n_true, mut n_false) = (0.0, 0.0);
-        for (score, is_match) in ranked {
-            *(if is_match { &mut n_true } else { &mut n_false }) += 1.0;
-            precision.push(n_true / (n_false + n_true));
-            recall.push(n_true / count(n_positives));
-            confidence.push(score);
-        }
-        if n_positives == 0 || n_true == 0.0 {
-            return Self { precision: vec![0.0; N_STEPS], confidence: vec![0.0; N_STEPS] };
-        }
-        let at_steps = |values: &[f64]| {
-            (0..N_STEPS).map(|step| interpolate(count(step) * STEP, &recall, values, 0.0)).collect()
-        };
-        Self { precision: at_steps(&precision), confidence: at_steps(&confidence) }
+        let mut curve = GrowingCurve::new(n_positives);
+        ranked.into_iter().for_each(|(score, is_match)| curve.add(score, is_match));
+        curve.finish()
     }
 
     /// Average precision, 0 to 1.

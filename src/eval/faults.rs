@@ -112,18 +112,17 @@ fn find_all(matching: &Matching<'_>) -> Vec<Fault> {
     for (ranked, outcome) in matching.operating(Harm::Harmful) {
         let sample = &matching.samples[ranked.sample_idx];
         let object = match outcome {
-            Outcome::Matched(..) | Outcome::Neutral(_) => continue,
+            Outcome::Matched(_) | Outcome::Neutral(_) => continue,
             _ if is_on_harmful(matching, sample, &ranked.detection.box_in_ego) => continue,
-            Outcome::Misclassified(of) => Some(of.object),
+            Outcome::Misclassified(of) => Some(matching.object(of).object),
             Outcome::Unmatched => None,
         };
         let kind = if object.is_some() { FaultKind::CalledHarmful } else { FaultKind::NothingThere };
         let found = ranked.detection;
         faults.push(describe(matching, kind, sample, &found.box_in_ego, Some(found.score), object));
     }
-    let score = matching.config().operating_score;
-    let is_found = matching.meet(Harm::Harmful, score).is_matched;
-    let is_called_harmless = matching.meet(Harm::Harmless, score).is_mistaken;
+    let is_found = &matching.met(Harm::Harmful).is_matched;
+    let is_called_harmless = &matching.met(Harm::Harmless).is_mistaken;
     for of in matching.objects.iter().filter(|of| of.object.harm == Harm::Harmful && !is_found[of.number]) {
         let (sample, object) = (&matching.samples[of.sample_idx], of.object);
         let kind = if is_called_harmless[of.number] { FaultKind::CalledHarmless } else { FaultKind::NotSeen };

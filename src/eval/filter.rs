@@ -16,11 +16,17 @@ pub struct KeptSample<'a> {
     pub facts: &'a SampleFacts,
     pub objects: Vec<&'a LabelledObject>,
     pub detections: Vec<&'a Detection>,
-    /// For each detection, why it is neither right nor wrong if no truth accounts for it.
-    pub neutral: Vec<Option<NeutralReason>>,
+    /// For each detection, why it is neither right nor wrong if no truth accounts for it; empty where the truth leaves out
+    /// nothing.
+    neutral: Vec<Option<NeutralReason>>,
 }
 
 impl KeptSample<'_> {
+    /// Why a detection is neither right nor wrong if no truth accounts for it.
+    pub fn neutral_at(&self, detection_idx: usize) -> Option<NeutralReason> {
+        self.neutral.get(detection_idx).copied().flatten()
+    }
+
     /// Whether the truth leaves out something.
     pub fn has_gaps(&self) -> bool {
         self.facts.labelled.is_some() || !self.facts.ignored.is_empty()
@@ -94,12 +100,16 @@ pub(super) fn filter<'a>(samples: &'a [EvalSample], config: &EvalConfig) -> (Vec
                 objects.retain(|object| !gaps.is_beyond_range(&object.truth.box_in_ego));
                 truths_beyond_labelled += n_objects - objects.len();
             }
-            let counts = sample.n_points.iter().copied().chain(std::iter::repeat(None));
-            let find_reason = |(found, n_points): (&'a Detection, Option<u32>)| {
-                (found, gaps.as_ref().and_then(|gaps| gaps.find_reason(&found.box_in_ego, n_points)))
-            };
-            let kept = sample.detections.iter().zip(counts).filter(|(found, _)| keep_detection(found));
-            let (detections, neutral) = kept.map(find_reason).unzip();
+            let mut detections = Vec::with_capacity(sample.detections.len());
+            let mut neutral = Vec::new();
+            for (i, found) in sample.detections.iter().enumerate().filter(|(_, found)| keep_detection(found))
+            {
+                detections.push(found);
+                if let Some(gaps) = &gaps {
+                    let n_points = sample.n_points.get(i).copied().flatten();
+                    neutral.push(gaps.find_reason(&found.box_in_ego, n_points));
+                }
+            }
             KeptSample { id: &sample.id, facts: &sample.facts, objects, detections, neutral }
         })
         .collect();

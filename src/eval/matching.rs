@@ -7,16 +7,19 @@
 //! claimed or not. Otherwise it is unmatched, or neutral where nothing is annotated ([`super::neutral`]). Distances are between centres, on the ground; among
 //! equally near objects the first in the sample counts.
 
+use std::sync::OnceLock;
+
 use serde::{Deserialize, Serialize};
 
 use super::curve::N_ERRORS;
 use super::filter::{Filters, KeptSample, filter};
 use super::neutral::NeutralReason;
+use super::pairing::{Pairing, order_of};
 use super::protocol::{EvalConfig, Protocol};
 use super::sample::{EvalSample, Mode, ScoreError, check};
 use crate::dataset::SampleFacts;
 use crate::geometry::{Box3, Ego};
-use crate::object::{Detection, Harm, LabelledObject};
+use crate::object::{Detection, Distribution, Harm, LabelledObject};
 
 /// A value for each class.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -38,6 +41,14 @@ impl<T> PerClass<T> {
             Harm::Harmless => &self.harmless,
         }
     }
+
+    /// The class's value, to change it.
+    pub fn get_mut(&mut self, class: Harm) -> &mut T {
+        match class {
+            Harm::Harmful => &mut self.harmful,
+            Harm::Harmless => &mut self.harmless,
+        }
+    }
 }
 
 /// A true object with its place in the samples.
@@ -49,20 +60,20 @@ pub struct PlacedObject<'a> {
     pub object: &'a LabelledObject,
 }
 
-/// What became of a detection.
+/// What became of a detection; objects by their number.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Outcome<'a> {
-    /// A true positive on this object, at this distance in metres.
-    Matched(PlacedObject<'a>, f64),
+pub enum Outcome {
+    /// A true positive on this object.
+    Matched(u32),
     /// A false positive; this object of the other class is the nearest within the threshold.
-    Misclassified(PlacedObject<'a>),
+    Misclassified(u32),
     /// A false positive with no object within the threshold that it could be attributed to.
     Unmatched,
     /// As unmatched, but nobody annotated what may be there: neither a true nor a false positive.
     Neutral(NeutralReason),
 }
 
-impl Outcome<'_> {
+impl Outcome {
     /// The outcome where all that is not a true positive is a false one.
     #[must_use]
     pub fn strictly(self) -> Self {
@@ -71,19 +82,12 @@ impl Outcome<'_> {
 }
 
 /// One detection in its rank.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Copy)]
 pub struct Ranked<'a> {
     pub detection: &'a Detection,
+    pub score: f64,
     pub sample_idx: usize,
-    neutral: Option<NeutralReason>,
-    /// Objects of its class within reach, nearest first.
-    same_class: Vec<Reached<'a>>,
-    /// The nearest object of the other class within reach.
-    other_class: Option<Reached<'a>>,
 }
-
-/// An object within reach and its distance, metres.
-type Reached<'a> = (PlacedObject<'a>, f64);
 
 /// Which objects the detections of a class meet, by number.
 #[derive(Debug)]
@@ -103,10 +107,15 @@ pub struct Matching<'a> {
     /// The detections by rank.
     pub ranked: PerClass<Vec<Ranked<'a>>>,
     /// `[threshold][rank]`.
-    pub outcomes: PerClass<Vec<Vec<Outcome<'a>>>>,
+    pub outcomes: PerClass<Vec<Vec<Outcome>>>,
     pub filters: Filters,
     pub protocol: &'a Protocol,
     pub mode: Mode,
+    /// The distributions of the objects, by number.
+    distributions: Vec<Option<Distribution>>,
+    /// Met by the detections of the operating score or more.
+    met: OnceLock<PerClass<Met>>,
+    zone_distances_m: OnceLock<Vec<Option<f64>>>,
 }
 
 impl<'a> Matching<'a> {
@@ -118,8 +127,6 @@ impl<'a> Matching<'a> {
         check(samples, protocol, mode)?;
         #[cfg(test)]
         tests::N_MATCHINGS.set(tests::N_MATCHINGS.get() + 1);
-        let thresholds_m = &protocol.config().dist_thresholds_m;
-        let reach_m = thresholds_m.iter().copied().fold(0.0, f64::max);
         let (samples, filters) = filter(samples, protocol.config());
         let pairs = samples.iter().enumerate();
         let pairs = pairs.flat_map(|(i, sample)| sample.objects.iter().map(move |&object| (i, object)));
@@ -127,12 +134,21 @@ impl<'a> Matching<'a> {
             .enumerate()
             .map(|(number, (sample_idx, object))| PlacedObject { number, sample_idx, object })
             .collect();
-        let ranked = PerClass::from_fn(|class| rank(&samples, &objects, class, reach_m));
-        let outcomes = PerClass::from_fn(|class| {
-            let ranked = ranked.get(class);
-            thresholds_m.iter().map(|&threshold_m| decide(ranked, objects.len(), threshold_m)).collect()
-        });
-        Ok(Self { samples, objects, ranked, outcomes, filters, protocol, mode })
+        let (ranked, outcomes) = rank(&samples, &protocol.config().dist_thresholds_m);
+        let distributions = objects.iter().map(|of| of.object.truth.distribution).collect();
+        let (met, zone_distances_m) = (OnceLock::new(), OnceLock::new());
+        Ok(Self {
+            samples,
+            objects,
+            ranked,
+            outcomes,
+            filters,
+            protocol,
+            mode,
+            distributions,
+            met,
+            zone_distances_m,
+        })
     }
 
     pub fn config(&self) -> &'a EvalConfig {
@@ -144,19 +160,35 @@ impl<'a> Matching<'a> {
         self.samples[of.sample_idx].facts
     }
 
+    /// The object of an outcome.
+    pub fn object(&self, number: u32) -> &PlacedObject<'a> {
+        &self.objects[number as usize]
+    }
+
+    /// The distribution of an outcome's object, as far as it is known.
+    pub fn distribution(&self, number: u32) -> Option<Distribution> {
+        self.distributions[number as usize]
+    }
+
+    /// Signed distance of each object, by number, to the zone's edge, metres; `None` where the zone is not known.
+    pub fn zone_distances_m(&self) -> &[Option<f64>] {
+        let of_object =
+            |of: &PlacedObject<'_>| self.facts_of(of).zone_distance_m(&of.object.truth.box_in_ego);
+        self.zone_distances_m.get_or_init(|| self.objects.iter().map(of_object).collect())
+    }
+
     /// A class's detections by rank, each with its outcome at one of the thresholds.
-    pub fn at(&self, class: Harm, threshold_idx: usize) -> impl Iterator<Item = (&Ranked<'a>, Outcome<'a>)> {
+    pub fn at(&self, class: Harm, threshold_idx: usize) -> impl Iterator<Item = (&Ranked<'a>, Outcome)> {
         self.ranked.get(class).iter().zip(self.outcomes.get(class)[threshold_idx].iter().copied())
     }
 
     /// A class's detections of a score or more by rank, each with its outcome at the threshold of the errors.
-    pub fn ranked_from(&self, class: Harm, score: f64) -> impl Iterator<Item = (&Ranked<'a>, Outcome<'a>)> {
-        self.at(class, self.protocol.tp_threshold_idx())
-            .take_while(move |(ranked, _)| ranked.detection.score >= score)
+    pub fn ranked_from(&self, class: Harm, score: f64) -> impl Iterator<Item = (&Ranked<'a>, Outcome)> {
+        self.at(class, self.protocol.tp_threshold_idx()).take_while(move |(ranked, _)| ranked.score >= score)
     }
 
     /// As [`Self::ranked_from`], from the operating score on.
-    pub fn operating(&self, class: Harm) -> impl Iterator<Item = (&Ranked<'a>, Outcome<'a>)> {
+    pub fn operating(&self, class: Harm) -> impl Iterator<Item = (&Ranked<'a>, Outcome)> {
         self.ranked_from(class, self.config().operating_score)
     }
 
@@ -166,80 +198,54 @@ impl<'a> Matching<'a> {
         let mut met = Met { is_matched: nobody.clone(), is_mistaken: nobody };
         for (_, outcome) in self.ranked_from(class, score) {
             match outcome {
-                Outcome::Matched(of, _) => met.is_matched[of.number] = true,
-                Outcome::Misclassified(of) => met.is_mistaken[of.number] = true,
+                Outcome::Matched(of) => met.is_matched[of as usize] = true,
+                Outcome::Misclassified(of) => met.is_mistaken[of as usize] = true,
                 Outcome::Unmatched | Outcome::Neutral(_) => {}
             }
         }
         met
     }
+
+    /// As [`Self::meet`], by the operating score.
+    pub fn met(&self, class: Harm) -> &Met {
+        let operating_score = self.config().operating_score;
+        self.met.get_or_init(|| PerClass::from_fn(|class| self.meet(class, operating_score))).get(class)
+    }
 }
 
-/// The detections of a class by rank, each with the objects within reach. Scores must not be NaN.
+/// The detections of each class by rank, with the outcomes `[threshold][rank]`. Scores must not be NaN.
+#[expect(clippy::type_complexity, reason = "the two lists go together")]
 fn rank<'a>(
     samples: &[KeptSample<'a>],
-    objects: &[PlacedObject<'a>],
-    class: Harm,
-    reach_m: f64,
-) -> Vec<Ranked<'a>> {
-    let mut ranked = Vec::new();
-    let mut rest = objects;
+    thresholds_m: &[f64],
+) -> (PerClass<Vec<Ranked<'a>>>, PerClass<Vec<Vec<Outcome>>>) {
+    let n_detections = samples.iter().map(|sample| sample.detections.len()).sum();
+    let mut outcomes = vec![Outcome::Unmatched; n_detections * thresholds_m.len()];
+    let mut pairing = Pairing::new(thresholds_m);
+    let (mut rest, mut first_number) = (outcomes.as_mut_slice(), 0);
+    let mut order: PerClass<Vec<(u64, u32)>> = PerClass::default();
+    let mut found: Vec<Ranked<'a>> = Vec::with_capacity(n_detections);
     for (sample_idx, sample) in samples.iter().enumerate() {
-        let (of_sample, later) = rest.split_at(sample.objects.len());
-        rest = later;
-        let detections = sample.detections.iter().copied().zip(sample.neutral.iter().copied());
-        for (detection, neutral) in detections.filter(|(detection, _)| detection.harm == class) {
-            let (same_class, other_class) = find_neighbours(detection, of_sample, reach_m);
-            ranked.push(Ranked { detection, sample_idx, neutral, same_class, other_class });
+        let (of_sample, later) = rest.split_at_mut(sample.detections.len() * thresholds_m.len());
+        pairing.decide(sample, first_number, of_sample);
+        (rest, first_number) = (later, first_number + sample.objects.len());
+        for &detection in &sample.detections {
+            let order = order.get_mut(detection.harm);
+            order.push((order_of(detection.score), found.len() as u32));
+            found.push(Ranked { detection, score: detection.score, sample_idx });
         }
     }
-    // Stable and ascending, then reversed: among equal scores the later one comes first.
-    ranked.sort_by(|a, b| {
-        a.detection.score.partial_cmp(&b.detection.score).expect("scores are checked to be finite")
-    });
-    ranked.reverse();
-    ranked
-}
-
-/// The outcome of each detection at one distance threshold, by rank.
-fn decide<'a>(ranked: &[Ranked<'a>], n_objects: usize, threshold_m: f64) -> Vec<Outcome<'a>> {
-    let mut is_claimed = vec![false; n_objects];
-    let decide_one = |ranked: &Ranked<'a>| {
-        let free = ranked.same_class.iter().find(|(of, _)| !is_claimed[of.number]);
-        match (free, ranked.other_class) {
-            (Some(&(of, distance_m)), _) if distance_m < threshold_m => {
-                is_claimed[of.number] = true;
-                Outcome::Matched(of, distance_m)
-            }
-            (_, Some((of, distance_m))) if distance_m < threshold_m => Outcome::Misclassified(of),
-            _ => ranked.neutral.map_or(Outcome::Unmatched, Outcome::Neutral),
-        }
+    // By falling score; among equal scores the later one comes first.
+    Harm::ALL.into_iter().for_each(|class| order.get_mut(class).sort_unstable_by(|a, b| b.cmp(a)));
+    let ranked =
+        PerClass::from_fn(|class| order.get(class).iter().map(|&(_, i)| found[i as usize]).collect());
+    let at_threshold = |class: Harm, threshold_idx: usize| {
+        let of_rank = |&(_, i): &(u64, u32)| outcomes[i as usize * thresholds_m.len() + threshold_idx];
+        order.get(class).iter().map(of_rank).collect()
     };
-    ranked.iter().map(decide_one).collect()
-}
-
-/// The objects of its sample that a detection can reach: those of its class, nearest first, and the nearest of the
-/// other class.
-fn find_neighbours<'a>(
-    detection: &Detection,
-    objects: &[PlacedObject<'a>],
-    reach_m: f64,
-) -> (Vec<Reached<'a>>, Option<Reached<'a>>) {
-    let mut same_class = Vec::new();
-    let mut other_class: Option<Reached<'_>> = None;
-    for &of in objects {
-        let distance_m = center_distance_m(&detection.box_in_ego, &of.object.truth.box_in_ego);
-        if distance_m >= reach_m {
-            continue;
-        }
-        if of.object.harm == detection.harm {
-            same_class.push((of, distance_m));
-        } else if other_class.is_none_or(|(_, nearest_m)| distance_m < nearest_m) {
-            other_class = Some((of, distance_m));
-        }
-    }
-    same_class.sort_by(|a, b| a.1.total_cmp(&b.1));
-    (same_class, other_class)
+    let outcomes =
+        PerClass::from_fn(|class| (0..thresholds_m.len()).map(|i| at_threshold(class, i)).collect());
+    (ranked, outcomes)
 }
 
 /// Distance of two boxes' centres on the ground.
@@ -250,8 +256,12 @@ pub fn center_distance_m(one: &Box3<Ego>, other: &Box3<Ego>) -> f64 {
 }
 
 /// Errors of a match: distance of centres (metres), 1 - IoU of the aligned boxes, yaw (radians, 0 to pi).
-pub(super) fn match_errors(truth: &Box3<Ego>, found: &Box3<Ego>, distance_m: f64) -> [f64; N_ERRORS] {
-    [distance_m, 1.0 - aligned_iou(truth, found), yaw_difference_rad(truth.yaw_rad, found.yaw_rad)]
+pub(super) fn match_errors(truth: &Box3<Ego>, found: &Box3<Ego>) -> [f64; N_ERRORS] {
+    [
+        center_distance_m(found, truth),
+        1.0 - aligned_iou(truth, found),
+        yaw_difference_rad(truth.yaw_rad, found.yaw_rad),
+    ]
 }
 
 /// Intersection over union of two boxes laid over each other, centre on centre, axis on axis.
@@ -307,7 +317,7 @@ pub(super) mod tests {
         let (samples, protocol) = ([sample], Protocol::try_from(config).unwrap());
         let matching = Matching::new(&samples, &protocol, Mode::Id).unwrap();
         let letter = |(_, outcome)| match outcome {
-            Outcome::Matched(..) => 'm',
+            Outcome::Matched(_) => 'm',
             Outcome::Misclassified(_) => 'c',
             Outcome::Unmatched => 'u',
             Outcome::Neutral(_) => 'n',
@@ -333,7 +343,7 @@ pub(super) mod tests {
         let matching = Matching::new(&samples, &protocol, Mode::Id).unwrap();
         let (first, outcome) = matching.operating(Harm::Harmful).next().unwrap();
         assert_eq!(first.detection.box_in_ego.center.x(), 10.5);
-        assert!(matches!(outcome, Outcome::Matched(..)));
+        assert!(matches!(outcome, Outcome::Matched(_)));
     }
 
     #[test]

@@ -49,10 +49,10 @@ impl Column {
     }
 
     /// Whether an outcome is a true (`Some(true)`), a false (`Some(false)`) or no (`None`) positive here.
-    pub(super) fn judge(self, outcome: Outcome<'_>) -> Option<bool> {
+    pub(super) fn judge(self, outcome: Outcome, matching: &Matching<'_>) -> Option<bool> {
         match outcome {
-            Outcome::Matched(of, _) => self.has_positive(of.object.truth.distribution).then_some(true),
-            Outcome::Misclassified(of) => self.has_positive(of.object.truth.distribution).then_some(false),
+            Outcome::Matched(of) => self.has_positive(matching.distribution(of)).then_some(true),
+            Outcome::Misclassified(of) => self.has_positive(matching.distribution(of)).then_some(false),
             Outcome::Unmatched => matches!(self, Self::Total | Self::OodAll).then_some(false),
             Outcome::Neutral(_) => None,
         }
@@ -152,15 +152,15 @@ pub struct OutcomeCounts {
 }
 
 impl OutcomeCounts {
-    fn of(outcomes: &[Outcome<'_>]) -> Self {
+    fn of(outcomes: &[Outcome], matching: &Matching<'_>) -> Self {
         let mut counts = Self::default();
-        outcomes.iter().for_each(|&outcome| counts.add(outcome));
+        outcomes.iter().for_each(|&outcome| counts.add(outcome, matching));
         counts
     }
 
-    fn add(&mut self, outcome: Outcome<'_>) {
+    fn add(&mut self, outcome: Outcome, matching: &Matching<'_>) {
         let (all, id, ood, of) = match outcome {
-            Outcome::Matched(of, _) => (&mut self.matched, &mut self.matched_id, &mut self.matched_ood, of),
+            Outcome::Matched(of) => (&mut self.matched, &mut self.matched_id, &mut self.matched_ood, of),
             Outcome::Misclassified(of) => {
                 (&mut self.misclassified, &mut self.misclassified_id, &mut self.misclassified_ood, of)
             }
@@ -174,7 +174,7 @@ impl OutcomeCounts {
             }
         };
         *all += 1;
-        match of.object.truth.distribution {
+        match matching.distribution(of) {
             Some(Distribution::Id) => *id += 1,
             Some(Distribution::Ood) => *ood += 1,
             None => {}
@@ -249,7 +249,12 @@ pub(super) fn measure(matching: &Matching<'_>) -> Metrics {
             }),
             detections: PerClass::from_fn(|class| matching.ranked.get(class).len()),
             outcomes: PerClass::from_fn(|class| {
-                matching.outcomes.get(class).iter().map(|outcomes| OutcomeCounts::of(outcomes)).collect()
+                matching
+                    .outcomes
+                    .get(class)
+                    .iter()
+                    .map(|outcomes| OutcomeCounts::of(outcomes, matching))
+                    .collect()
             }),
         },
         filters: matching.filters,
@@ -266,14 +271,14 @@ struct Scored {
 
 impl Scored {
     /// Reads the outcomes through `view`.
-    fn new<'a>(matching: &Matching<'a>, view: fn(Outcome<'a>) -> Outcome<'a>) -> Self {
+    fn new(matching: &Matching<'_>, view: fn(Outcome) -> Outcome) -> Self {
         let (config, mode) = (matching.config(), matching.mode);
         let curves = Columns::from_fn(mode, |column| {
             PerClass::from_fn(|class| {
                 let n_positives = count_positives(matching, class, column);
                 let curve = |threshold_idx| {
                     let positives = matching.at(class, threshold_idx).filter_map(|(ranked, outcome)| {
-                        Some((ranked.detection.score, column.judge(view(outcome))?))
+                        Some((ranked.score, column.judge(view(outcome), matching)?))
                     });
                     Curve::new(positives, n_positives)
                 };
@@ -317,9 +322,9 @@ fn mean_errors(matching: &Matching<'_>, class: Harm, curve: &Curve, first_step: 
     let matches: Vec<_> = matching
         .ranked_from(class, f64::NEG_INFINITY)
         .filter_map(|(ranked, outcome)| {
-            let Outcome::Matched(of, distance_m) = outcome else { return None };
-            let found = &ranked.detection.box_in_ego;
-            Some((ranked.detection.score, match_errors(&of.object.truth.box_in_ego, found, distance_m)))
+            let Outcome::Matched(of) = outcome else { return None };
+            let truth = &matching.object(of).object.truth.box_in_ego;
+            Some((ranked.score, match_errors(truth, &ranked.detection.box_in_ego)))
         })
         .collect();
     let [ate, ase, aoe] = curve.mean_errors(&matches, first_step);

@@ -17,6 +17,7 @@ pub mod judge;
 mod matching;
 mod metrics;
 mod neutral;
+mod pairing;
 mod pretty_json;
 mod protocol;
 pub mod safety;

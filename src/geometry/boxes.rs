@@ -71,6 +71,13 @@ impl<F: Frame> Box3<F> {
     /// # Errors
     /// [`BoxError`] names the first field that is not.
     pub fn check(&self) -> Result<(), BoxError> {
+        let Self { center, length_m, width_m, height_m, yaw_rad } = self;
+        // Nought times a number is NaN where the number is not finite.
+        let of_all = (center.x() + center.y() + center.z() + yaw_rad) * 0.0;
+        let is_sized = |size_m: f64| size_m > 0.0 && size_m < f64::INFINITY;
+        if of_all == 0.0 && is_sized(*length_m) && is_sized(*width_m) && is_sized(*height_m) {
+            return Ok(());
+        }
         let fields = [
             ("x_m", self.center.x()),
             ("y_m", self.center.y()),

@@ -4,6 +4,7 @@
 //! exact for convex shapes up to rounding.
 
 use serde::{Deserialize, Serialize};
+use smallvec::SmallVec;
 
 /// A point on the ground plane, metres.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -18,18 +19,24 @@ pub fn polygon_area(corners: &[Point2]) -> f64 {
     signed_area(corners).abs()
 }
 
+/// Corners for which no memory is asked: one rectangle clipped by another has at most 20, whatever rounding does.
+const N_ON_STACK: usize = 24;
+
 /// Area shared by two convex polygons, in square metres, whatever their winding.
 #[must_use]
 pub fn convex_overlap_area(subject: &[Point2], clip: &[Point2]) -> f64 {
     let winding = if signed_area(clip) < 0.0 { -1.0 } else { 1.0 };
-    let mut clipped = subject.to_vec();
+    let mut clipped: SmallVec<[Point2; N_ON_STACK]> = SmallVec::from_slice(subject);
+    let mut corners: SmallVec<[Point2; N_ON_STACK]> = SmallVec::new();
     for (i, &edge_start) in clip.iter().enumerate() {
         let edge_end = clip[(i + 1) % clip.len()];
         let inside = |p: Point2| winding * cross(edge_start, edge_end, p);
-        let corners = std::mem::take(&mut clipped);
-        for (j, &current) in corners.iter().enumerate() {
-            let next = corners[(j + 1) % corners.len()];
-            let (side_current, side_next) = (inside(current), inside(next));
+        std::mem::swap(&mut clipped, &mut corners);
+        clipped.clear();
+        let Some(&first) = corners.first() else { break };
+        let (mut current, mut side_current) = (first, inside(first));
+        for &next in corners[1..].iter().chain([&first]) {
+            let side_next = inside(next);
             if side_current >= 0.0 {
                 clipped.push(current);
             }
@@ -40,6 +47,7 @@ pub fn convex_overlap_area(subject: &[Point2], clip: &[Point2]) -> f64 {
                     y_m: current.y_m + t * (next.y_m - current.y_m),
                 });
             }
+            (current, side_current) = (next, side_next);
         }
     }
     polygon_area(&clipped)
@@ -65,31 +73,37 @@ fn separation_m(edges_of: &[Point2], other: &[Point2]) -> f64 {
     let edges = edges_of.iter().zip(edges_of.iter().cycle().skip(1));
     let along_normal_m = edges.filter_map(|(&start, &end)| {
         let length_m = (end.x_m - start.x_m).hypot(end.y_m - start.y_m);
+        let outside = |&p: &Point2| -winding * cross(start, end, p);
         // A corner given twice has no normal.
-        let outside_m = |&p: &Point2| -winding * cross(start, end, p) / length_m;
-        (length_m > 0.0).then(|| other.iter().map(outside_m).fold(f64::INFINITY, f64::min))
+        (length_m > 0.0).then(|| other.iter().map(outside).fold(f64::INFINITY, f64::min) / length_m)
     });
     along_normal_m.fold(f64::NEG_INFINITY, f64::max)
 }
 
 /// The smallest distance from a corner of one polygon to an edge of the other.
 fn gap_m(corners_of: &[Point2], edges_of: &[Point2]) -> f64 {
-    let mut least_m = f64::INFINITY;
+    let (mut least_m, mut least_m2) = (f64::INFINITY, f64::INFINITY);
     for &corner in corners_of {
         for (&start, &end) in edges_of.iter().zip(edges_of.iter().cycle().skip(1)) {
-            least_m = least_m.min(distance_to_edge_m(corner, start, end));
+            let [x, y] = offset_from_edge(corner, start, end);
+            let squared = x * x + y * y;
+            // `hypot` is slow; it is left out where rounding cannot make this distance the smaller one.
+            if squared <= least_m2 * (1.0 + 1e-12) {
+                least_m = least_m.min(x.hypot(y));
+                least_m2 = least_m2.min(squared);
+            }
         }
     }
     least_m
 }
 
-/// Distance of a point from the segment between two others.
-fn distance_to_edge_m(point: Point2, start: Point2, end: Point2) -> f64 {
+/// From the nearest point on the segment between two points to another point: x, y.
+fn offset_from_edge(point: Point2, start: Point2, end: Point2) -> [f64; 2] {
     let (dx, dy) = (end.x_m - start.x_m, end.y_m - start.y_m);
     let squared = dx * dx + dy * dy;
     let along = (point.x_m - start.x_m) * dx + (point.y_m - start.y_m) * dy;
     let t = if squared > 0.0 { (along / squared).clamp(0.0, 1.0) } else { 0.0 };
-    (point.x_m - start.x_m - t * dx).hypot(point.y_m - start.y_m - t * dy)
+    [point.x_m - start.x_m - t * dx, point.y_m - start.y_m - t * dy]
 }
 
 /// Distance of a point from a convex polygon, metres; zero inside.

@@ -86,11 +86,12 @@ impl Corridor {
 
     /// Area shared with a convex footprint, square metres.
     pub fn overlap_m2(&self, footprint: &[Point2; 4]) -> f64 {
-        let n = self.outline.len();
+        let (n, around) = (self.outline.len(), Bounds::of(footprint));
+        let n_pieces = if Bounds::of(&self.outline).meets(&around) { n / 2 - 1 } else { 0 };
         let pieces =
-            (0..n / 2 - 1).map(|i| [i, i + 1, n - 2 - i, n - 1 - i].map(|corner| self.outline[corner]));
+            (0..n_pieces).map(|i| [i, i + 1, n - 2 - i, n - 1 - i].map(|corner| self.outline[corner]));
         pieces
-            .filter(|piece| may_meet(piece, footprint))
+            .filter(|piece| Bounds::of(piece).meets(&around))
             .map(|piece| convex_overlap_area(&piece, footprint))
             .sum()
     }
@@ -106,25 +107,28 @@ fn sweep(course: &Course, bar: [Point2; 2], along_m: f64) -> (Vec<Point2>, Vec<P
     // d = k * step.
     let bend = course.curvature_per_m.abs() * f64::max(fastest[0], fastest[1]);
     let n_steps = ((along_m * (bend / (8.0 * CHORD_M)).sqrt()).ceil() as usize).max(1);
-    let places = |end: Point2| {
-        (0..=n_steps).map(|i| course.carry(end, along_m * i as f64 / n_steps as f64)).collect::<Vec<_>>()
-    };
-    (places(bar[0]), places(bar[1]))
+    let motion = |i: usize| course.motion(along_m * i as f64 / n_steps as f64);
+    (0..=n_steps).map(motion).map(|motion| (motion.carry(bar[0]), motion.carry(bar[1]))).unzip()
 }
 
-/// Whether two shapes' bounding boxes meet.
-fn may_meet(a: &[Point2; 4], b: &[Point2; 4]) -> bool {
-    let bounds = |corners: &[Point2; 4], of: fn(&Point2) -> f64| {
-        corners
-            .iter()
-            .map(of)
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)))
-    };
-    let axes: [fn(&Point2) -> f64; 2] = [|corner| corner.x_m, |corner| corner.y_m];
-    axes.into_iter().all(|axis| {
-        let ((a_low, a_high), (b_low, b_high)) = (bounds(a, axis), bounds(b, axis));
-        a_low <= b_high && b_low <= a_high
-    })
+/// The rectangle along the axes around some points.
+struct Bounds {
+    low: [f64; 2],
+    high: [f64; 2],
+}
+
+impl Bounds {
+    fn of(points: &[Point2]) -> Self {
+        let none = Self { low: [f64::INFINITY; 2], high: [f64::NEG_INFINITY; 2] };
+        points.iter().map(|point| [point.x_m, point.y_m]).fold(none, |Self { low, high }, point| Self {
+            low: [low[0].min(point[0]), low[1].min(point[1])],
+            high: [high[0].max(point[0]), high[1].max(point[1])],
+        })
+    }
+
+    fn meets(&self, other: &Self) -> bool {
+        (0..2).all(|axis| self.low[axis] <= other.high[axis] && other.low[axis] <= self.high[axis])
+    }
 }
 
 fn point(x_m: f64, y_m: f64) -> Point2 {

@@ -38,16 +38,18 @@ impl Course {
 
     /// Carries a point of the body along the course: where it is when the rear axle has run `along_m`.
     pub fn carry(&self, point: Point2, along_m: f64) -> Point2 {
+        self.motion(along_m).carry(point)
+    }
+
+    /// How the body has moved when the rear axle has run `along_m`.
+    pub fn motion(&self, along_m: f64) -> Motion {
         let turn = self.curvature_per_m * along_m;
         let (sin, cos) = turn.sin_cos();
         // The rear axle's chord: sin(turn) / k and (1 - cos(turn)) / k, written so that a straight course is
         // not a special case.
         let (ahead_m, left_m) =
             (along_m * sin_over(turn), along_m * sin_over(turn / 2.0) * (turn / 2.0).sin());
-        Point2 {
-            x_m: ahead_m + point.x_m * cos - point.y_m * sin,
-            y_m: left_m + point.x_m * sin + point.y_m * cos,
-        }
+        Motion { ahead_m, left_m, sin, cos }
     }
 
     /// How fast a point of the body runs for each m/s of the rear axle: x, y.
@@ -87,6 +89,26 @@ impl Course {
 
     fn radius_m(&self) -> f64 {
         1.0 / self.curvature_per_m.abs()
+    }
+}
+
+/// A turn of the body about the rear axle's middle, and where that has got to.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Motion {
+    ahead_m: f64,
+    left_m: f64,
+    sin: f64,
+    cos: f64,
+}
+
+impl Motion {
+    /// Where a point of the body is after it.
+    pub fn carry(&self, point: Point2) -> Point2 {
+        let Self { ahead_m, left_m, sin, cos } = self;
+        Point2 {
+            x_m: ahead_m + point.x_m * cos - point.y_m * sin,
+            y_m: left_m + point.x_m * sin + point.y_m * cos,
+        }
     }
 }
 

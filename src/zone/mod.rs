@@ -205,8 +205,7 @@ impl ZoneAt {
         if self.rule.uses_velocity() && !velocity_in_ego_mps.iter().all(|part| part.is_finite()) {
             return Err(ZoneError::Velocity { found: velocity_in_ego_mps });
         }
-        let footprint = box_in_ego.footprint();
-        let object = Seen { box_in_ego, footprint, velocity_mps: velocity_in_ego_mps };
+        let object = Seen { box_in_ego, velocity_mps: velocity_in_ego_mps };
         let footprint_area_m2 = box_in_ego.length_m * box_in_ego.width_m;
         let overlap_area_m2 = self.rule.overlap_m2(&object)?;
         let overlap_ratio = overlap_area_m2 / footprint_area_m2;

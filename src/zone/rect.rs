@@ -7,14 +7,42 @@
 use super::config::ZoneConfig;
 use super::error::ZoneError;
 use super::rule::{Meeting, MinOverlap, Seen, ZoneRule};
-use crate::geometry::{Point2, convex_overlap_area};
+use crate::geometry::{Box3, Ego, Point2, convex_overlap_area};
 use crate::sample::EgoState;
 
 /// The rectangle.
 #[derive(Debug)]
 pub(super) struct Rect {
     corners: [Point2; 4],
+    /// Of the axis, from the bumper's middle.
+    bumper_x_m: f64,
+    sin: f64,
+    cos: f64,
+    depth_m: f64,
+    half_width_m: f64,
     min_overlap: MinOverlap,
+}
+
+/// From this gap on no rounding of [`convex_overlap_area`] makes an overlap, for boxes of [`ORDINARY_M`], metres.
+const CLEAR_M: f64 = 0.01;
+
+/// Sizes, and distances from the ego, of boxes whose corners are exact to far less than [`CLEAR_M`], metres.
+const ORDINARY_M: std::ops::RangeInclusive<f64> = 1e-3..=1e4;
+
+impl Rect {
+    /// Whether a box lies so far from the zone that the overlap is zero, by the circle around its footprint.
+    fn is_clear_of(&self, of: &Box3<Ego>) -> bool {
+        let (length_m, width_m, depth_m) = (of.length_m, of.width_m, self.depth_m);
+        let (x_m, y_m) = (of.center.x() - self.bumper_x_m, of.center.y());
+        let (along_m, left_m) = (x_m * self.cos + y_m * self.sin, y_m * self.cos - x_m * self.sin);
+        let reach_m = (length_m * length_m + width_m * width_m).sqrt() / 2.0 + CLEAR_M;
+        let is_apart =
+            left_m.abs() > self.half_width_m + reach_m || along_m < -reach_m || along_m > depth_m + reach_m;
+        let sizes_m = [length_m, width_m, self.half_width_m, depth_m];
+        is_apart
+            && sizes_m.iter().all(|size_m| ORDINARY_M.contains(size_m))
+            && x_m.abs().max(y_m.abs()).max(self.bumper_x_m) <= *ORDINARY_M.end()
+    }
 }
 
 impl ZoneRule for Rect {
@@ -31,7 +59,8 @@ impl ZoneRule for Rect {
             corner(depth_m, half_width_m),
             corner(0.0, half_width_m),
         ];
-        Ok(Self { corners, min_overlap: MinOverlap::of(config) })
+        let bumper_x_m = ego.front_bumper_x_m;
+        Ok(Self { corners, bumper_x_m, sin, cos, depth_m, half_width_m, min_overlap: MinOverlap::of(config) })
     }
 
     fn describe(config: &ZoneConfig, speed_mps: f64) -> String {
@@ -52,8 +81,11 @@ impl ZoneRule for Rect {
     }
 
     fn overlap_m2(&self, object: &Seen) -> Result<f64, ZoneError> {
+        if self.is_clear_of(object.box_in_ego) {
+            return Ok(0.0);
+        }
         // The box clips the zone, not the zone the box: so the zone's corners stay exact beside a vast box.
-        Ok(convex_overlap_area(&self.corners, &object.footprint))
+        Ok(convex_overlap_area(&self.corners, &object.footprint()))
     }
 
     fn is_harmful(&self, meeting: &Meeting) -> bool {

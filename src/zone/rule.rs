@@ -58,9 +58,15 @@ pub(super) trait ZoneRule: Debug + Send + Sync {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Seen<'a> {
     pub box_in_ego: &'a Box3<Ego>,
-    pub footprint: [Point2; 4],
     /// Velocity over ground, in the ego's axes.
     pub velocity_mps: [f64; 2],
+}
+
+impl Seen<'_> {
+    /// What it covers of the ground.
+    pub fn footprint(&self) -> [Point2; 4] {
+        self.box_in_ego.footprint()
+    }
 }
 
 /// How an object meets the zone.

@@ -56,7 +56,7 @@ impl ZoneRule for Ttc {
     }
 
     fn overlap_m2(&self, object: &Seen) -> Result<f64, ZoneError> {
-        Ok(self.swept.overlap_m2(&object.footprint))
+        Ok(self.swept.overlap_m2(&object.footprint()))
     }
 
     fn time_to_collision_s(&self, object: &Seen) -> Option<f64> {
@@ -67,6 +67,15 @@ impl ZoneRule for Ttc {
     fn is_harmful(&self, meeting: &Meeting) -> bool {
         meeting.time_to_collision_s.is_some()
     }
+}
+
+/// Less than the gap between the ego's body and an object, by a centimetre or more: the gap of the circles around them.
+fn least_gap_m(body: &Body, object: &Box3<Ego>) -> f64 {
+    let (length_m, width_m) = (body.front_m + body.rear_m, body.left_m + body.right_m);
+    let (x_m, y_m) = ((body.front_m - body.rear_m) / 2.0, (body.left_m - body.right_m) / 2.0);
+    let center_m = (object.center.x() - x_m).hypot(object.center.y() - y_m);
+    let reach_m = (length_m.hypot(width_m) + object.length_m.hypot(object.width_m)) / 2.0;
+    (center_m - reach_m) * (1.0 - 1e-9) - 0.01
 }
 
 /// Seconds until contact, 0 if the two overlap already; `None` if there is no contact within `horizon_s`.
@@ -80,15 +89,20 @@ fn time_to_collision_s(
     velocity_mps: [f64; 2],
     horizon_s: f64,
 ) -> Option<f64> {
-    let (ego, footprint) = (body.corners(), object.footprint());
+    let ego = body.corners();
     let fastest = ego.iter().map(|&corner| {
         let [x, y] = course.velocity_at(corner);
         x.hypot(y)
     });
     let closing_mps = speed_mps.abs() * fastest.fold(0.0, f64::max) + velocity_mps[0].hypot(velocity_mps[1]);
+    if least_gap_m(body, object) > closing_mps * horizon_s * (1.0 + 1e-9) {
+        return None;
+    }
+    let footprint = object.footprint();
     let mut time_s = 0.0;
     while time_s <= horizon_s {
-        let ego_then = ego.map(|corner| course.carry(corner, speed_mps * time_s));
+        let motion = course.motion(speed_mps * time_s);
+        let ego_then = ego.map(|corner| motion.carry(corner));
         let object_then = footprint.map(|corner| Point2 {
             x_m: corner.x_m + velocity_mps[0] * time_s,
             y_m: corner.y_m + velocity_mps[1] * time_s,

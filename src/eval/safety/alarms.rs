@@ -132,7 +132,7 @@ fn find_score(matching: &Matching<'_>, allowed: f64) -> (Option<f64>, usize) {
     let alarms: Vec<(f64, bool)> = matching
         .ranked_from(Harm::Harmful, f64::NEG_INFINITY)
         .filter(|(_, outcome)| !matches!(outcome, Outcome::Neutral(_)))
-        .map(|(ranked, outcome)| (ranked.detection.score, !matches!(outcome, Outcome::Matched(..))))
+        .map(|(ranked, outcome)| (ranked.score, !matches!(outcome, Outcome::Matched(_))))
         .collect();
     let (mut lowest, mut n_false) = (None, 0);
     for equal in alarms.chunk_by(|a, b| a.0 == b.0) {

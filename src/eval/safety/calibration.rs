@@ -63,7 +63,7 @@ pub(super) fn measure_detections(of: &Context<'_>) -> Option<PerClass<Calibratio
         let ranked = of.matching.ranked_from(class, f64::NEG_INFINITY);
         ranked
             .filter(|(_, outcome)| !matches!(outcome, Outcome::Neutral(_)))
-            .map(|(ranked, outcome)| (ranked.detection.score, matches!(outcome, Outcome::Matched(..))))
+            .map(|(ranked, outcome)| (ranked.score, matches!(outcome, Outcome::Matched(_))))
             .collect()
     });
     let is_probability = |&(score, _): &(f64, bool)| (0.0..=1.0).contains(&score);

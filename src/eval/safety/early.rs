@@ -43,7 +43,7 @@ pub(super) fn measure(of: &Context<'_>) -> Option<Early> {
         .matching
         .operating(Harm::Harmful)
         .filter_map(|(_, outcome)| match outcome {
-            Outcome::Misclassified(of) => tracks.sights_from(of.number),
+            Outcome::Misclassified(of) => tracks.sights_from(of as usize),
             _ => None,
         })
         .collect();

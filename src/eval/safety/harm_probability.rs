@@ -5,17 +5,18 @@
 //! probability of harm is the harmful score over the sum of both.
 
 use crate::eval::filter::KeptSample;
-use crate::eval::matching::{Matching, center_distance_m};
-use crate::object::{Detection, Harm};
+use crate::eval::matching::Matching;
+use crate::object::Harm;
 
 /// Probability of harm of each object, by number; `None` if nothing lies on it, or no score is above zero.
 pub fn measure(matching: &Matching<'_>) -> Vec<Option<f64>> {
-    let threshold_m = matching.config().tp_threshold_m;
-    let of_sample = |sample| {
-        let [harmful, harmless] = Harm::ALL.map(|class| find_scores(sample, class, threshold_m));
-        harmful.into_iter().zip(harmless).map(|(harmful, harmless)| share(harmful, harmless))
-    };
-    matching.samples.iter().flat_map(of_sample).collect()
+    let mut locator = Locator { threshold_m: matching.config().tp_threshold_m, ..Locator::default() };
+    let mut probabilities = Vec::with_capacity(matching.objects.len());
+    for sample in &matching.samples {
+        locator.find_scores(sample);
+        probabilities.extend(locator.scores.iter().map(|&[harmful, harmless]| share(harmful, harmless)));
+    }
+    probabilities
 }
 
 fn share(harmful: Option<f64>, harmless: Option<f64>) -> Option<f64> {
@@ -24,26 +25,50 @@ fn share(harmful: Option<f64>, harmless: Option<f64>) -> Option<f64> {
     (sum > 0.0).then(|| harmful / sum)
 }
 
-/// The score of the class's detection on each object of a sample.
-fn find_scores(sample: &KeptSample<'_>, class: Harm, threshold_m: f64) -> Vec<Option<f64>> {
-    let mut ranked: Vec<&Detection> =
-        sample.detections.iter().copied().filter(|detection| detection.harm == class).collect();
-    ranked.sort_by(|a, b| a.score.total_cmp(&b.score));
-    let mut scores = vec![None; sample.objects.len()];
-    for detection in ranked.into_iter().rev() {
-        let mut nearest: Option<(usize, f64)> = None;
-        for (i, object) in sample.objects.iter().enumerate() {
-            let distance_m = center_distance_m(&detection.box_in_ego, &object.truth.box_in_ego);
-            let is_free = scores[i].is_none() && distance_m < threshold_m;
-            if is_free && nearest.is_none_or(|(_, least_m)| distance_m < least_m) {
-                nearest = Some((i, distance_m));
+/// Finds which detections lie on the objects of sample after sample, in memory that is asked for once.
+#[derive(Default)]
+struct Locator {
+    threshold_m: f64,
+    /// Each class's score on each object.
+    scores: Vec<[Option<f64>; Harm::ALL.len()]>,
+    centers_m: Vec<[f64; 2]>,
+    /// Scores and places of the detections, best first.
+    order: Vec<(f64, usize)>,
+}
+
+impl Locator {
+    fn find_scores(&mut self, sample: &KeptSample<'_>) {
+        let center = |of: &crate::geometry::Box3<_>| [of.center.x(), of.center.y()];
+        self.centers_m.clear();
+        self.centers_m.extend(sample.objects.iter().map(|object| center(&object.truth.box_in_ego)));
+        self.scores.clear();
+        self.scores.resize(sample.objects.len(), [None; Harm::ALL.len()]);
+        self.order.clear();
+        self.order.extend(sample.detections.iter().enumerate().map(|(i, found)| (found.score, i)));
+        self.order.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(b.1.cmp(&a.1)));
+        // More than what rounding can add to a distance below the threshold.
+        let reach_m2 = self.threshold_m * self.threshold_m * (1.0 + 1e-9);
+        for &(score, at) in &self.order {
+            let found = sample.detections[at];
+            let ([x_m, y_m], class) = (center(&found.box_in_ego), found.harm.index());
+            let mut nearest: Option<(usize, f64)> = None;
+            for (i, &[object_x_m, object_y_m]) in self.centers_m.iter().enumerate() {
+                let (dx, dy) = (x_m - object_x_m, y_m - object_y_m);
+                let squared = dx * dx + dy * dy;
+                if squared > reach_m2 || self.scores[i][class].is_some() {
+                    continue;
+                }
+                // As `center_distance_m` has it, to the last bit.
+                let distance_m = squared.sqrt();
+                if distance_m < self.threshold_m && nearest.is_none_or(|(_, least_m)| distance_m < least_m) {
+                    nearest = Some((i, distance_m));
+                }
+            }
+            if let Some((i, _)) = nearest {
+                self.scores[i][class] = Some(score);
             }
         }
-        if let Some((i, _)) = nearest {
-            scores[i] = Some(detection.score);
-        }
     }
-    scores
 }
 
 #[cfg(test)]

@@ -32,7 +32,7 @@ impl Separation {
             return None;
         }
         let mut falling = told.to_vec();
-        falling.sort_by(|a, b| b.0.total_cmp(&a.0));
+        falling.sort_unstable_by(|a, b| b.0.total_cmp(&a.0));
         let (mut n_true, mut n_false) = (0_usize, 0_usize);
         let (mut auroc, mut aupr, mut fpr95) = (0.0, 0.0, None);
         for equal in falling.chunk_by(|a, b| a.0 == b.0) {

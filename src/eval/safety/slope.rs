@@ -71,7 +71,7 @@ fn of_recall(
     class: Harm,
     x_of: impl Fn(&SampleFacts) -> Option<f64>,
 ) -> Option<Slope> {
-    let is_found = matching.meet(class, matching.config().operating_score).is_matched;
+    let is_found = &matching.met(class).is_matched;
     // By bits: all x are from one table or file and not negative, so their bits sort like the numbers.
     let mut groups: BTreeMap<u64, (usize, usize)> = BTreeMap::new();
     for of in matching.objects.iter().filter(|of| of.object.harm == class) {

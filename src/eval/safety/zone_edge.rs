@@ -25,12 +25,11 @@ pub struct EdgeBand {
 pub(super) fn measure(of: &Context<'_>) -> Vec<EdgeBand> {
     let edges_m = &of.matching.config().breakdown.zone_distance_m;
     let mut bands = vec![Vec::new(); edges_m.len() + 1];
-    for (placed, probability) in of.matching.objects.iter().zip(&of.harm_probability) {
-        let object = placed.object;
-        let distance_m = of.matching.facts_of(placed).zone_distance_m(&object.truth.box_in_ego);
-        let (Some(distance_m), &Some(probability)) = (distance_m, probability) else { continue };
+    let objects = of.matching.objects.iter().zip(of.matching.zone_distances_m());
+    for ((placed, &distance_m), &probability) in objects.zip(&of.harm_probability) {
+        let (Some(distance_m), Some(probability)) = (distance_m, probability) else { continue };
         let at = edges_m.partition_point(|&edge_m| edge_m <= distance_m);
-        bands[at].push((object.harm == Harm::Harmful, probability));
+        bands[at].push((placed.object.harm == Harm::Harmful, probability));
     }
     if bands.iter().all(Vec::is_empty) {
         return Vec::new();
