@@ -13,7 +13,7 @@ PYTHON_SOURCES = python scenes mjcf_assets tests scripts xtask/python
 RESULTS = runs/results
 
 .PHONY: help setup setup-test setup-golden build demo results report test ci check-gpu check-logs \
-	check-mmdet3d bench bench-gen bench-eval race miri bundle bundle-test gallery weathers fmt clean
+	check-mmdet3d bench bench-micro bench-gen bench-eval race miri bundle bundle-test gallery weathers fmt clean
 
 help: ## List the targets
 	@echo "make <target>, where target is:"
@@ -105,7 +105,12 @@ check-mmdet3d: build .venv-logs/.ready .venv-mmdet3d/.ready ## And mmdetection3d
 	.venv-logs/bin/python tests/import/run_all.py $(BIN) --work $(LOGS) --samples $(LOG_SAMPLES) \
 	    --mmdet3d .venv-mmdet3d/bin/python $(ARGS)
 
-bench: setup ## Benchmarks, module/case/size; never a gate
+# What is raced needs `make setup-test` and `make setup-golden`; rows that miss theirs are told as absent.
+bench: setup ## All speeds in one table, beside what is wanted; fails below a floor. ROWS=label,eval JSON=FILE FULL=1 FEATURES=cuda
+	cargo run --release -p xtask $(if $(FEATURES),--features $(FEATURES)) -- bench $(if $(ROWS),--rows $(ROWS)) \
+	    $(if $(JSON),--json $(JSON)) $(if $(FULL),--train-in runs/bench) --data $(RACE_DATA) $(ARGS)
+
+bench-micro: setup ## Benchmarks of single operations, module/case/size; never a gate
 	cargo bench --profile release
 
 bench-gen: setup ## Speed of gen against bare MuJoCo, of two processes against one, memory, disk; about 10 minutes
@@ -122,8 +127,8 @@ race: build setup-golden ## Speed of the small detector, and against PyTorch; RA
 	RAYON_NUM_THREADS=2 $(XTASK) bench-model --data $(RACE_DATA) --model $(RACE_MODEL)
 	.venv-golden/bin/python scripts/race_pytorch.py $(dir $(BIN))xtask $(RACE_DATA) --model $(RACE_MODEL)
 
-bench-eval: setup setup-test ## Speed of eval against nuscenes-devkit and of label against shapely; about 5 minutes
-	cargo bench --profile release --bench eval_speed
+bench-eval: setup setup-test ## Speed of eval against nuscenes-devkit and of label against shapely; about 3 minutes
+	$(XTASK) bench --rows label,eval
 
 BUNDLE = dist/harmzone-x86_64-linux
 

@@ -1,8 +1,8 @@
-"""Times nuscenes-devkit's accumulate and shapely over the boxes of a folder; `benches/eval_speed.rs` runs it.
+"""Times nuscenes-devkit's accumulate and shapely over the boxes of a folder; `make bench` runs it.
 
-Usage: bench_eval.py FOLDER, with predictions.json, truth.json and states.json. Prints JSON with seconds and
-results. Reading the files and making the devkit's boxes is not timed; making shapely's polygons is, as a
-label needs them.
+Usage: bench_eval.py FOLDER, with predictions.json, truth.json and states.json. Takes from stdin what to do,
+`accumulate`, `shapely` or `shapely_arrays`, and prints JSON with seconds and result for each line. Reading
+the files and making the devkit's boxes is not timed; making shapely's polygons is, as a label needs them.
 """
 
 import json
@@ -42,9 +42,8 @@ def devkit_boxes(results: dict) -> EvalBoxes:
     )
 
 
-def time_devkit(predictions: dict, truth: dict) -> tuple[float, dict]:
+def time_devkit(found: EvalBoxes, true: EvalBoxes) -> tuple[float, dict]:
     """Seconds of the devkit's accumulate, and its APs."""
-    found, true = devkit_boxes(predictions), devkit_boxes(truth)
     start = time.perf_counter()
     data = {
         name: [accumulate(true, found, devkit_name, center_distance, d) for d in THRESHOLDS_M]
@@ -80,7 +79,7 @@ def time_shapely(truth: list[list[dict]], states: list[list[float]]) -> tuple[fl
             footprint = Polygon(footprint_corners(raw))
             area = footprint.intersection(zone).area
             n_harmful += area >= MIN_AREA_M2 or area / footprint.area >= MIN_RATIO
-    return time.perf_counter() - start, n_harmful
+    return time.perf_counter() - start, int(n_harmful)
 
 
 def time_shapely_arrays(truth: list[list[dict]], states: list[list[float]]) -> tuple[float, int]:
@@ -95,24 +94,27 @@ def time_shapely_arrays(truth: list[list[dict]], states: list[list[float]]) -> t
 
 
 def main() -> None:
-    """Prints all as JSON."""
+    """Reads the boxes, then does what each line names, once, and prints seconds and result as JSON."""
     folder = Path(sys.argv[1])
     predictions, truth, states = (
         json.loads((folder / f"{name}.json").read_text()) for name in ("predictions", "truth", "states")
     )
-    accumulate_s, aps = time_devkit(predictions["results"], truth["results"])
     boxes = list(truth["results"].values())
-    shapely_s, n_harmful = time_shapely(boxes, states)
-    arrays_s, n_again = time_shapely_arrays(boxes, states)
-    assert n_harmful == n_again
-    result = {
-        "accumulate_s": accumulate_s,
-        "per_threshold": aps,
-        "shapely_s": shapely_s,
-        "shapely_arrays_s": arrays_s,
-        "n_harmful": int(n_harmful),
+    of_devkit: list[EvalBoxes] = []
+
+    def accumulate_all() -> tuple[float, dict]:
+        if not of_devkit:
+            of_devkit.extend(devkit_boxes(part["results"]) for part in (predictions, truth))
+        return time_devkit(*of_devkit)
+
+    work = {
+        "accumulate": accumulate_all,
+        "shapely": lambda: time_shapely(boxes, states),
+        "shapely_arrays": lambda: time_shapely_arrays(boxes, states),
     }
-    print(json.dumps(result))
+    for line in sys.stdin:
+        seconds, result = work[line.strip()]()
+        print(json.dumps({"seconds": seconds, "result": result}), flush=True)
 
 
 if __name__ == "__main__":

@@ -145,10 +145,25 @@ impl HarmCounts {
             Harm::Harmless => self.harmless += 1,
         }
     }
+
+    pub fn add_all(&mut self, others: &Self) {
+        self.harmful += others.harmful;
+        self.harmless += others.harmless;
+    }
 }
 
 /// Labelled boxes, each sample counted anew.
 pub type LabelCounts = PerDistribution<PerKind<HarmCounts>>;
+
+impl LabelCounts {
+    pub fn add_all(&mut self, others: &Self) {
+        for distribution in [Distribution::Id, Distribution::Ood] {
+            for kind in [Kind::Vehicle, Kind::Pedestrian, Kind::Static] {
+                self.get_mut(distribution).get_mut(kind).add_all(others.get(distribution).get(kind));
+            }
+        }
+    }
+}
 
 /// One episode of a data set.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]

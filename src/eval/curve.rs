@@ -179,6 +179,8 @@ fn count(n: usize) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
 
     #[test]
@@ -210,5 +212,32 @@ mod tests {
         // One match of ten truths: recall 0.1 is reached, not passed.
         let curve = Curve::new([(0.9, true)], 10);
         assert_eq!(curve.mean_errors(&[(0.9, [0.0; 3])], 11), [1.0; 3]);
+    }
+
+    /// `numpy.interp` over the recalls, precisions and scores of all detections, as the devkit does it.
+    fn by_interpolation(ranked: &[(f64, bool)], n_positives: usize) -> Curve {
+        let n_true = |i: usize| count(ranked[..=i].iter().filter(|(_, is_match)| *is_match).count());
+        let recall: Vec<f64> = (0..ranked.len()).map(|i| n_true(i) / count(n_positives)).collect();
+        let precision: Vec<f64> = (0..ranked.len()).map(|i| n_true(i) / count(i + 1)).collect();
+        let scores: Vec<f64> = ranked.iter().map(|&(score, _)| score).collect();
+        let at_steps = |values: &[f64]| {
+            (0..N_STEPS).map(|step| interpolate(count(step) * STEP, &recall, values, 0.0)).collect()
+        };
+        Curve { precision: at_steps(&precision), confidence: at_steps(&scores) }
+    }
+
+    proptest! {
+        #[test]
+        fn a_curve_that_grows_is_that_of_interpolation(
+            matches in proptest::collection::vec(proptest::bool::weighted(0.4), 1..300), n_missed in 0..40_usize,
+        ) {
+            let ranked: Vec<(f64, bool)> =
+                matches.iter().enumerate().map(|(i, &is_match)| (1.0 / count(i / 2 + 1), is_match)).collect();
+            let n_true = matches.iter().filter(|&&is_match| is_match).count();
+            prop_assume!(n_true > 0);
+            let n_positives = n_true + n_missed;
+            let found = Curve::new(ranked.iter().copied(), n_positives);
+            prop_assert_eq!(found, by_interpolation(&ranked, n_positives));
+        }
     }
 }

@@ -147,19 +147,9 @@ impl Tally {
     }
 
     fn merge(&mut self, other: Self) {
-        let add_harm = |into: &mut HarmCounts, from: HarmCounts| {
-            into.harmful += from.harmful;
-            into.harmless += from.harmless;
-        };
-        for (into, from) in self.by_zone.iter_mut().zip(&other.by_zone) {
-            for distribution in [Distribution::Id, Distribution::Ood] {
-                for kind in [Kind::Vehicle, Kind::Pedestrian, Kind::Static] {
-                    add_harm(into.get_mut(distribution).get_mut(kind), *from.get(distribution).get(kind));
-                }
-            }
-        }
-        for (into, from) in [(&mut self.moving, other.moving), (&mut self.standing, other.standing)] {
-            into.iter_mut().zip(from).for_each(|(into, from)| add_harm(into, from));
+        self.by_zone.iter_mut().zip(&other.by_zone).for_each(|(into, from)| into.add_all(from));
+        for (into, from) in [(&mut self.moving, &other.moving), (&mut self.standing, &other.standing)] {
+            into.iter_mut().zip(from).for_each(|(into, from)| into.add_all(from));
         }
         for (into, from) in [(&mut self.change_sides, other.change_sides), (&mut self.both, other.both)] {
             let pairs = into.iter_mut().flatten().zip(from.into_iter().flatten());

@@ -5,6 +5,7 @@
 use std::path::{Path, PathBuf};
 
 use fs_err as fs;
+use rayon::prelude::*;
 use thiserror::Error;
 
 use super::apply::{SampleError, label_sample};
@@ -87,10 +88,13 @@ pub fn run(
     }
     let mut labels = LabelManifest::new(set, zone_toml, &manifest);
     progress.start("label", manifest.episodes.iter().map(|entry| entry.n_samples as u64).sum());
-    for entry in &manifest.episodes {
-        progress.note(&entry.name);
-        let written = label_episode(dataset, &folder, entry, &zone, &mut labels, progress)?;
-        labels.episodes.push(written);
+    let label_one = |entry| label_episode(dataset, &folder, entry, &zone, &labels, progress);
+    // All are tried, so that of several broken episodes the first one is told.
+    let labelled: Vec<_> = manifest.episodes.par_iter().map(label_one).collect();
+    for of_episode in labelled {
+        let (entry, counts) = of_episode?;
+        labels.episodes.push(entry);
+        labels.counts.add_all(&counts);
     }
     labels.write(dataset)?;
     progress.finish();
@@ -125,9 +129,11 @@ fn label_episode(
     folder: &Path,
     entry: &EpisodeEntry,
     zone: &Zone,
-    labels: &mut LabelManifest,
+    labels: &LabelManifest,
     progress: &dyn Progress,
-) -> Result<LabelEntry, LabelError> {
+) -> Result<(LabelEntry, LabelCounts), LabelError> {
+    progress.note(&entry.name);
+    let mut counts = LabelCounts::default();
     let reader = EpisodeReader::open_entry(dataset, entry)?;
     let meta = SourceMeta {
         episode: entry.name.clone(),
@@ -142,19 +148,20 @@ fn label_episode(
         let sample = sample?;
         let found = label_sample(zone, &entry.name, sample_idx, &sample)?;
         for (object, label) in sample.objects().iter().zip(&found.labels) {
-            count(&mut labels.counts, object, label.harm);
+            count(&mut counts, object, label.harm);
         }
         writer.write(&found, &sample)?;
         progress.advance(1);
     }
     let path = writer.finish()?;
-    Ok(LabelEntry {
+    let entry = LabelEntry {
         name: entry.name.clone(),
         file,
         episode_sha256: entry.sha256.clone(),
         sha256: sha256_hex(&fs::read(path)?),
         n_samples: entry.n_samples,
-    })
+    };
+    Ok((entry, counts))
 }
 
 fn count(counts: &mut LabelCounts, object: &crate::object::Object, harm: crate::object::Harm) {

@@ -6,7 +6,7 @@ use proptest::prelude::*;
 
 use super::course::tests::ego;
 use super::*;
-use crate::geometry::{Point, polygon_area};
+use crate::geometry::{Point, convex_overlap_area, polygon_area};
 
 const STANDING: [f64; 2] = [0.0, 0.0];
 
@@ -34,6 +34,16 @@ fn assert_corners(zone: &ZoneAt, expected: [(f64, f64); 4]) {
     assert_eq!(zone.corners().len(), 4);
     for (corner, (x_m, y_m)) in zone.corners().iter().zip(expected) {
         assert!((corner.x_m - x_m).abs() < 1e-12 && (corner.y_m - y_m).abs() < 1e-12, "{corner:?}");
+    }
+}
+
+#[test]
+fn a_box_too_small_or_too_far_for_the_shortcut_is_clipped() {
+    let zone = rect(10.0, 0.1);
+    let odd = [block(1e5, 1e5, 2.0, 2.0), block(15.0, 9.0, 1e-4, 1.0), block(15.0, 20.0, 2e4, 1.0)];
+    for object in odd {
+        let clipped = convex_overlap_area(zone.corners(), &object.footprint());
+        assert_eq!(zone.harm_of(&object, STANDING).unwrap().overlap_area_m2, clipped);
     }
 }
 
@@ -268,6 +278,17 @@ proptest! {
             let near = at(ZoneKind::Ttc, speed, steering).harm_of(&wider, STANDING).unwrap();
             prop_assert!(near.overlap_area_m2 > 0.0, "{:?}", near);
         }
+    }
+
+    #[test]
+    fn what_is_told_without_clipping_is_what_clipping_tells(
+        speed in 0.0..20.0, steering in -0.6..0.6, x in -10.0..60.0, y in -20.0..20.0, yaw in -3.0..3.0,
+        length in 0.01..12.0, width in 0.01..3.0,
+    ) {
+        let (zone, object) = (rect(speed, steering), Box3 { yaw_rad: yaw, ..block(x, y, length, width) });
+        let found = zone.harm_of(&object, STANDING).unwrap().overlap_area_m2;
+        let clipped = convex_overlap_area(zone.corners(), &object.footprint());
+        prop_assert_eq!(found.to_bits(), clipped.to_bits(), "{} {}", found, clipped);
     }
 
     #[test]

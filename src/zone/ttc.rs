@@ -182,6 +182,15 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(64))]
 
+        #[test]
+        fn the_circles_never_are_nearer_than_what_they_are_around(
+            x in -30.0..30.0_f64, y in -30.0..30.0_f64, yaw in -3.0..3.0_f64, length in 0.1..12.0_f64,
+        ) {
+            let object = Box3 { yaw_rad: yaw, ..block(x, y, length, 1.5) };
+            let gap_m = convex_signed_distance_m(&CAR.corners(), &object.footprint());
+            prop_assert!(least_gap_m(&CAR, &object) < gap_m.max(0.0), "{}", gap_m);
+        }
+
         /// Compares with small steps of time, which may miss a contact but never find a false one.
         #[test]
         fn it_is_the_first_contact_that_small_steps_find(

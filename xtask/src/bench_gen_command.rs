@@ -18,11 +18,11 @@ pub struct BenchArgs {
     /// Weathers, with commas between; or `all`
     #[arg(long, value_delimiter = ',', default_value = "ClearNoon")]
     weather: Vec<String>,
-    /// Episodes that are measured against bare MuJoCo
-    #[arg(long, default_value_t = 5, value_parser = number(1..=u32::MAX))]
+    /// Episodes that are measured against bare MuJoCo; 0 measures none
+    #[arg(long, default_value_t = 5, value_parser = number(0..=u32::MAX))]
     episodes: u32,
-    /// Samples that one process and then several make, whose time and memory are compared
-    #[arg(long, default_value_t = 1000, value_parser = number(1..=u32::MAX))]
+    /// Samples that one process and then several make, whose time and memory are compared; 0 makes none
+    #[arg(long, default_value_t = 1000, value_parser = number(0..=u32::MAX))]
     run_samples: u32,
     /// Processes of the second run
     #[arg(long, default_value_t = 2, value_parser = number(2..=u32::MAX))]

@@ -1,5 +1,7 @@
 //! What developers of harmzone run through `make`: the results, the races and the benchmarks.
 
+mod bench;
+mod bench_command;
 mod bench_gen;
 mod bench_gen_command;
 mod bench_model;
@@ -20,6 +22,8 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    /// Measure all that is waited for, and print it beside what is wanted; fails where a floor is missed
+    Bench(bench_command::BenchArgs),
     /// Measure the speed of `gen`: against bare MuJoCo, with several processes, and its memory
     BenchGen(bench_gen_command::BenchArgs),
     /// Measure the speed of a detector: inference stage by stage, training steps part by part
@@ -33,6 +37,7 @@ enum Command {
 
 fn main() -> std::process::ExitCode {
     harmzone::cli::finish(|| match harmzone::cli::parse::<Cli>().command {
+        Command::Bench(args) => bench_command::run(args),
         Command::BenchGen(args) => bench_gen_command::run(args),
         Command::BenchModel(args) => bench_model_command::run(args),
         Command::GenWorker => {

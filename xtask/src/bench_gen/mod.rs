@@ -26,9 +26,9 @@ pub const LEAST_SPEED_UP: f64 = 1.7;
 pub struct BenchOptions {
     /// This program, started as worker.
     pub program: PathBuf,
-    /// Episodes measured against bare MuJoCo, in this process.
+    /// Episodes measured against bare MuJoCo, in this process; 0: none.
     pub n_episodes: u32,
-    /// Samples, at least, that one process and then `jobs` processes make.
+    /// Samples, at least, that one process and then `jobs` processes make; 0: none.
     pub n_run_samples: u32,
     pub jobs: usize,
 }
@@ -40,6 +40,8 @@ pub struct BenchReport {
     pub weathers: Vec<String>,
     pub n_episodes: u32,
     pub samples_per_episode: u32,
+    /// The OpenGL that drew; empty where nothing was measured against bare calls.
+    pub renderer: String,
     pub stages: Vec<Stage>,
     /// From before the first sample to after the last, over all episodes.
     pub gen_ms: f64,
@@ -51,7 +53,23 @@ pub struct BenchReport {
     pub set_up_ms_per_episode: f64,
     pub warm_up_ms_per_episode: f64,
     pub finishing_ms_per_episode: f64,
-    pub runs: Runs,
+    pub episodes: Vec<EpisodeReport>,
+    pub runs: Option<Runs>,
+}
+
+/// One episode's times, milliseconds a sample.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct EpisodeReport {
+    pub town: String,
+    pub weather: &'static str,
+    pub gen_ms: f64,
+    pub bare_ms: f64,
+    /// Picture and segmentation.
+    pub pictures_ms: f64,
+    /// Rays that a sample casts.
+    pub n_rays: usize,
+    pub rays_ms: f64,
+    pub bare_rays_ms: f64,
 }
 
 /// One stage of a sample.
@@ -114,8 +132,9 @@ pub fn run(
         })
         .collect::<Result<Vec<_>, _>>()?;
     progress.finish();
-    let runs = compare_runs(&config, options, folder.path(), progress)?;
-    Ok(report(&config, &episodes, runs))
+    let wants_runs = options.n_run_samples > 0;
+    let runs = wants_runs.then(|| compare_runs(&config, options, folder.path(), progress)).transpose()?;
+    Ok(report(&config, &plans, &episodes, runs))
 }
 
 /// One episode's times.
@@ -124,6 +143,7 @@ struct Measured {
     sampling: Duration,
     timings: Timings,
     bare: BareCalls,
+    renderer: String,
 }
 
 fn measure(
@@ -141,9 +161,10 @@ fn measure(
     })?;
     let sampling = begin.elapsed();
     let needs_depth = recording.needs_depth();
+    let [_, renderer, _] = recording.simulator().gl_info()?;
     let bare = log.replay(recording.simulator(), &config.rig, config.raw.samples, needs_depth)?;
     let (_, timings) = recording.finish()?;
-    Ok(Measured { sampling, timings, bare })
+    Ok(Measured { sampling, timings, bare, renderer })
 }
 
 fn compare_runs(
@@ -203,7 +224,27 @@ fn summarise(bytes: &[u64]) -> Option<Memory> {
 /// One of the times of an episode.
 type Time = fn(&Measured) -> Duration;
 
-fn report(config: &CheckedConfig, episodes: &[Measured], runs: Runs) -> BenchReport {
+/// The figures of an episode.
+fn report_episode(config: &CheckedConfig, plan: &EpisodePlan, measured: &Measured) -> EpisodeReport {
+    let a_sample = |time: Duration| 1e3 * time.as_secs_f64() / f64::from(config.raw.samples);
+    EpisodeReport {
+        town: plan.town.clone(),
+        weather: plan.weather.name(),
+        gen_ms: a_sample(measured.sampling),
+        bare_ms: a_sample(measured.bare.total()),
+        pictures_ms: a_sample(measured.timings.picture + measured.timings.segmentation),
+        n_rays: config.rig.pattern.directions.len(),
+        rays_ms: a_sample(measured.timings.rays),
+        bare_rays_ms: a_sample(measured.bare.rays),
+    }
+}
+
+fn report(
+    config: &CheckedConfig,
+    plans: &[EpisodePlan],
+    episodes: &[Measured],
+    runs: Option<Runs>,
+) -> BenchReport {
     let n_samples = episodes.len() as f64 * f64::from(config.raw.samples);
     let sum = |of: Time| -> f64 { 1e3 * episodes.iter().map(of).sum::<Duration>().as_secs_f64() };
     let a_sample = |of: Time| sum(of) / n_samples;
@@ -236,6 +277,7 @@ fn report(config: &CheckedConfig, episodes: &[Measured], runs: Runs) -> BenchRep
         weathers: config.raw.weathers.clone(),
         n_episodes: episodes.len() as u32,
         samples_per_episode: config.raw.samples,
+        renderer: episodes.first().map(|of| of.renderer.clone()).unwrap_or_default(),
         stages,
         gen_ms,
         bare_ms,
@@ -245,6 +287,7 @@ fn report(config: &CheckedConfig, episodes: &[Measured], runs: Runs) -> BenchRep
         set_up_ms_per_episode: an_episode(|m| m.timings.set_up),
         warm_up_ms_per_episode: an_episode(|m| m.timings.warm_up),
         finishing_ms_per_episode: an_episode(|m| m.timings.finishing),
+        episodes: plans.iter().zip(episodes).map(|(plan, of)| report_episode(config, plan, of)).collect(),
         runs,
     }
 }

@@ -15,6 +15,9 @@ impl fmt::Display for BenchReport {
             self.towns.join(", "),
             self.weathers.join(", ")
         )?;
+        if self.n_episodes == 0 {
+            return self.runs.iter().try_for_each(|runs| runs.fmt(f));
+        }
         let number = |value: f64| format!("{value:.2}");
         let mut rows = vec![["ms a sample, one process", "gen", "bare", "ratio", ""].map(str::to_owned)];
         for stage in &self.stages {
@@ -33,7 +36,7 @@ impl fmt::Display for BenchReport {
             "ms an episode: set-up {:.0}, warm-up {:.0}, finishing {:.0}\n",
             self.set_up_ms_per_episode, self.warm_up_ms_per_episode, self.finishing_ms_per_episode
         )?;
-        self.runs.fmt(f)
+        self.runs.iter().try_for_each(|runs| runs.fmt(f))
     }
 }
 
