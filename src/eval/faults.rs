@@ -77,57 +77,74 @@ pub(super) fn find_worst(matching: &Matching<'_>) -> Vec<Fault> {
     // Stable: equal ones stay in the order of the samples.
     found.sort_by(|a, b| {
         a.kind.cmp(&b.kind).then_with(|| {
-            let (a, b) = (badness(a), badness(b));
-            b.0.total_cmp(&a.0).then_with(|| a.1.total_cmp(&b.1))
+            b.badness.0.total_cmp(&a.badness.0).then_with(|| a.badness.1.total_cmp(&b.badness.1))
         })
     });
-    let mut samples: HashMap<_, HashSet<String>> = HashMap::new();
+    let mut samples: HashMap<_, HashSet<&str>> = HashMap::new();
     for fault in &found {
-        if let Some(object) = identify(fault) {
-            samples.entry(object).or_default().insert(fault.sample.clone());
+        if let Some(object) = fault.identify(matching) {
+            samples.entry(object).or_default().insert(fault.sample(matching).id);
         }
     }
     let (mut is_kept, mut n_kept) = (HashSet::new(), HashMap::<_, usize>::new());
-    found.retain_mut(|fault| {
-        if let Some(object) = identify(fault) {
-            fault.n_samples = samples[&object].len();
-            if !is_kept.insert(object) {
-                return false;
-            }
+    let mut worst = Vec::new();
+    for fault in &found {
+        let object = fault.identify(matching);
+        if object.is_some_and(|object| !is_kept.insert(object)) {
+            continue;
         }
-        let keys = [(fault.kind, None), (fault.kind, Some(episode(fault)))];
-        let [of_kind, of_episode] = keys.each_ref().map(|key| n_kept.get(key).copied().unwrap_or(0));
-        let is_wanted = of_kind < MOST_OF_KIND && of_episode < MOST_OF_EPISODE;
-        if is_wanted {
+        let keys = [(fault.kind, None), (fault.kind, Some(episode(fault.sample(matching))))];
+        let [of_kind, of_episode] = keys.map(|key| n_kept.get(&key).copied().unwrap_or(0));
+        if of_kind < MOST_OF_KIND && of_episode < MOST_OF_EPISODE {
             keys.into_iter().for_each(|key| *n_kept.entry(key).or_default() += 1);
+            worst.push(fault.describe(matching, object.map_or(1, |object| samples[&object].len())));
         }
-        is_wanted
-    });
-    found
+    }
+    worst
+}
+
+/// A fault as it is found, before it is known to be one of the worst.
+struct Found<'a> {
+    kind: FaultKind,
+    sample_idx: usize,
+    place: &'a Box3<Ego>,
+    score: Option<f64>,
+    object: Option<&'a LabelledObject>,
+    /// How bad it is, the larger the worse; then the range, the nearer the worse.
+    badness: (f64, f64),
 }
 
 /// Every fault of every sample.
-fn find_all(matching: &Matching<'_>) -> Vec<Fault> {
+fn find_all<'a>(matching: &Matching<'a>) -> Vec<Found<'a>> {
     let mut faults = Vec::new();
     for (ranked, outcome) in matching.operating(Harm::Harmful) {
         let sample = &matching.samples[ranked.sample_idx];
+        let place = &ranked.detection.box_in_ego;
         let object = match outcome {
             Outcome::Matched(_) | Outcome::Neutral(_) => continue,
-            _ if is_on_harmful(matching, sample, &ranked.detection.box_in_ego) => continue,
+            _ if is_on_harmful(matching, sample, place) => continue,
             Outcome::Misclassified(of) => Some(matching.object(of).object),
             Outcome::Unmatched => None,
         };
         let kind = if object.is_some() { FaultKind::CalledHarmful } else { FaultKind::NothingThere };
-        let found = ranked.detection;
-        faults.push(describe(matching, kind, sample, &found.box_in_ego, Some(found.score), object));
+        let (score, badness) = (Some(ranked.score), (ranked.score, range_m(place)));
+        faults.push(Found { kind, sample_idx: ranked.sample_idx, place, score, object, badness });
     }
     let is_found = &matching.met(Harm::Harmful).is_matched;
     let is_called_harmless = &matching.met(Harm::Harmless).is_mistaken;
     for of in matching.objects.iter().filter(|of| of.object.harm == Harm::Harmful && !is_found[of.number]) {
         let (sample, object) = (&matching.samples[of.sample_idx], of.object);
         let kind = if is_called_harmless[of.number] { FaultKind::CalledHarmless } else { FaultKind::NotSeen };
-        let best = find_best_harmful_score(matching, sample, object);
-        faults.push(describe(matching, kind, sample, &object.truth.box_in_ego, best, Some(object)));
+        let place = &object.truth.box_in_ego;
+        let margin_m = stopping_margin_m(matching, sample.facts, place);
+        faults.push(Found {
+            kind,
+            sample_idx: of.sample_idx,
+            place,
+            score: find_best_harmful_score(matching, sample, object),
+            object: Some(object),
+            badness: (margin_m.map_or(f64::NEG_INFINITY, |margin_m| -margin_m), range_m(place)),
+        });
     }
     faults
 }
@@ -151,61 +168,53 @@ fn find_best_harmful_score(
     sample.detections.iter().filter(lies_on).map(|found| found.score).max_by(f64::total_cmp)
 }
 
-fn describe(
-    matching: &Matching<'_>,
-    kind: FaultKind,
-    sample: &KeptSample<'_>,
-    place: &Box3<Ego>,
-    score: Option<f64>,
-    object: Option<&LabelledObject>,
-) -> Fault {
-    let (config, facts) = (matching.config(), sample.facts);
-    let mut detections: Vec<Detection> = sample
-        .detections
-        .iter()
-        .copied()
-        .filter(|found| found.score >= config.operating_score)
-        .copied()
-        .collect();
-    detections.sort_by(|a, b| b.score.total_cmp(&a.score));
-    let stopping_m = || {
-        let deceleration_mps2 = *config.safety.decelerations_mps2.first()?;
-        Some(config.safety.stopping_distance_m(facts.speed_mps?, deceleration_mps2))
-    };
-    Fault {
-        kind,
-        sample: sample.id.to_owned(),
-        n_samples: 1,
-        score,
-        place: *place,
-        range_m: place.center.x().hypot(place.center.y()),
-        zone_distance_m: facts.zone_distance_m(place),
-        stopping_margin_m: stopping_m().and_then(|stopping_m| Some(facts.gap_ahead_m(place)? - stopping_m)),
-        object: object.cloned(),
-        facts: facts.clone(),
-        detections,
+/// The gap left ahead after stopping.
+fn stopping_margin_m(matching: &Matching<'_>, facts: &SampleFacts, place: &Box3<Ego>) -> Option<f64> {
+    let config = &matching.config().safety;
+    let deceleration_mps2 = *config.decelerations_mps2.first()?;
+    let stopping_m = config.stopping_distance_m(facts.speed_mps?, deceleration_mps2);
+    Some(facts.gap_ahead_m(place)? - stopping_m)
+}
+
+fn range_m(place: &Box3<Ego>) -> f64 {
+    place.center.x().hypot(place.center.y())
+}
+
+impl Found<'_> {
+    fn sample<'m, 'a>(&self, matching: &'m Matching<'a>) -> &'m KeptSample<'a> {
+        &matching.samples[self.sample_idx]
+    }
+
+    /// What makes two faults the same one at different samples.
+    fn identify<'m>(&'m self, matching: &'m Matching<'_>) -> Option<(FaultKind, &'m str, &'m str)> {
+        let id = self.object.as_ref()?.truth.id.as_deref()?;
+        Some((self.kind, episode(self.sample(matching)), id))
+    }
+
+    fn describe(&self, matching: &Matching<'_>, n_samples: usize) -> Fault {
+        let (config, sample) = (matching.config(), self.sample(matching));
+        let kept = sample.detections.iter().filter(|found| found.score >= config.operating_score);
+        let mut detections: Vec<Detection> = kept.map(|&&found| found).collect();
+        detections.sort_by(|a, b| b.score.total_cmp(&a.score));
+        Fault {
+            kind: self.kind,
+            sample: sample.id.to_owned(),
+            n_samples,
+            score: self.score,
+            place: *self.place,
+            range_m: range_m(self.place),
+            zone_distance_m: sample.facts.zone_distance_m(self.place),
+            stopping_margin_m: stopping_margin_m(matching, sample.facts, self.place),
+            object: self.object.cloned(),
+            facts: sample.facts.clone(),
+            detections,
+        }
     }
 }
 
-/// How bad the fault is, the larger the worse; then the range, the nearer the worse.
-fn badness(fault: &Fault) -> (f64, f64) {
-    let first = if fault.kind.is_miss() {
-        fault.stopping_margin_m.map_or(f64::NEG_INFINITY, |margin_m| -margin_m)
-    } else {
-        fault.score.unwrap_or(f64::NEG_INFINITY)
-    };
-    (first, fault.range_m)
-}
-
-fn episode(fault: &Fault) -> String {
-    let of_id = || episode_of_id(&fault.sample).to_owned();
-    fault.facts.episode.clone().unwrap_or_else(of_id)
-}
-
-/// What makes two faults the same one at different samples.
-fn identify(fault: &Fault) -> Option<(FaultKind, String, String)> {
-    let id = fault.object.as_ref()?.truth.id.clone()?;
-    Some((fault.kind, episode(fault), id))
+/// The name of a sample's episode.
+fn episode<'a>(sample: &KeptSample<'a>) -> &'a str {
+    sample.facts.episode.as_deref().unwrap_or_else(|| episode_of_id(sample.id))
 }
 
 #[cfg(test)]
