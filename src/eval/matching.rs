@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use super::curve::N_ERRORS;
 use super::filter::{Filters, KeptSample, filter};
-use super::neutral::NeutralReason;
+pub use super::pairing::Outcome;
 use super::pairing::{Pairing, order_of};
 use super::protocol::{EvalConfig, Protocol};
 use super::sample::{EvalSample, Mode, ScoreError, check};
@@ -58,27 +58,6 @@ pub struct PlacedObject<'a> {
     pub number: usize,
     pub sample_idx: usize,
     pub object: &'a LabelledObject,
-}
-
-/// What became of a detection; objects by their number.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Outcome {
-    /// A true positive on this object.
-    Matched(u32),
-    /// A false positive; this object of the other class is the nearest within the threshold.
-    Misclassified(u32),
-    /// A false positive with no object within the threshold that it could be attributed to.
-    Unmatched,
-    /// As unmatched, but nobody annotated what may be there: neither a true nor a false positive.
-    Neutral(NeutralReason),
-}
-
-impl Outcome {
-    /// The outcome where all that is not a true positive is a false one.
-    #[must_use]
-    pub fn strictly(self) -> Self {
-        if let Self::Neutral(_) = self { Self::Unmatched } else { self }
-    }
 }
 
 /// One detection in its rank.

@@ -3,8 +3,29 @@
 //! The rules stand in [`super::matching`]. Matching never leaves a sample, so each is decided by itself.
 
 use super::filter::KeptSample;
-use super::matching::Outcome;
+use super::neutral::NeutralReason;
 use crate::object::{Detection, Harm};
+
+/// What became of a detection; objects by their number.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Outcome {
+    /// A true positive on this object.
+    Matched(u32),
+    /// A false positive; this object of the other class is the nearest within the threshold.
+    Misclassified(u32),
+    /// A false positive with no object within the threshold that it could be attributed to.
+    Unmatched,
+    /// As unmatched, but nobody annotated what may be there: neither a true nor a false positive.
+    Neutral(NeutralReason),
+}
+
+impl Outcome {
+    /// The outcome where all that is not a true positive is a false one.
+    #[must_use]
+    pub fn strictly(self) -> Self {
+        if let Self::Neutral(_) = self { Self::Unmatched } else { self }
+    }
+}
 
 /// A number that sorts as the score does, lowest first; both zeros are alike. The score must be finite.
 pub(super) fn order_of(score: f64) -> u64 {

@@ -1,6 +1,6 @@
 //! Detections that are neither right nor wrong: nothing is annotated where they are. The rule never looks at their class.
 //!
-//! A detection that no truth accounts for at a threshold ([`super::matching::Outcome::Unmatched`]) is neutral if one of
+//! A detection that no truth accounts for at a threshold ([`super::pairing::Outcome::Unmatched`]) is neutral if one of
 //! these holds, in this order; all four follow from facts of the sample alone, never from what other detections say:
 //!
 //! - **region**: its centre lies in an ignored region on the ground (nuScenes' bicycle racks), or at least half of its
