@@ -11,7 +11,7 @@ use rand::RngExt;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::curve::Curve;
+use super::curve::GrowingCurve;
 use super::filter::KeptSample;
 use super::matching::Matching;
 use super::metrics::{Column, Columns, mean};
@@ -44,8 +44,8 @@ pub struct Intervals {
 
 /// What counts in one cell: for each threshold the detections by rank, and the positives of each episode.
 struct Cell {
-    /// Episode, score, whether true.
-    counting: Vec<Vec<(usize, f64, bool)>>,
+    /// Episode, whether true.
+    counting: Vec<Vec<(u32, bool)>>,
     n_positives: Vec<usize>,
 }
 
@@ -123,7 +123,7 @@ impl Cell {
             let ranked = matching.at(class, threshold_idx);
             ranked
                 .filter_map(|(ranked, outcome)| {
-                    Some((episode_of[ranked.sample_idx], ranked.score, column.judge(outcome, matching)?))
+                    Some((episode_of[ranked.sample_idx] as u32, column.judge(outcome, matching)?))
                 })
                 .collect()
         };
@@ -145,11 +145,12 @@ impl Cell {
             .counting
             .iter()
             .map(|counting| {
-                let drawn = counting.iter().flat_map(|&(episode, score, is_match)| {
-                    std::iter::repeat_n((score, is_match), n_drawn[episode])
-                });
-                let curve = Curve::new(drawn, n_positives);
-                curve.average_precision(protocol.first_step(), protocol.config().min_precision)
+                let mut curve = GrowingCurve::new(n_positives);
+                for &(episode, is_match) in counting {
+                    // No score counts in an AP, but their order.
+                    curve.add_times(n_drawn[episode as usize], 0.0, is_match);
+                }
+                curve.finish().average_precision(protocol.first_step(), protocol.config().min_precision)
             })
             .collect();
         Some(mean(&aps))

@@ -54,6 +54,16 @@ impl GrowingCurve {
         self.last_score = score;
     }
 
+    /// Takes a detection several times, one after the other.
+    pub(super) fn add_times(&mut self, n: usize, score: f64, is_match: bool) {
+        if is_match {
+            (0..n).for_each(|_| self.add(score, true));
+        } else if n > 0 {
+            self.n_all += count(n);
+            self.last_score = score;
+        }
+    }
+
     /// The recall whose values are not known yet.
     fn next_step(&self) -> f64 {
         count(self.curve.precision.len()) * STEP

@@ -30,18 +30,23 @@ const CLEAR_M: f64 = 0.01;
 const ORDINARY_M: std::ops::RangeInclusive<f64> = 1e-3..=1e4;
 
 impl Rect {
+    /// How far a point lies beyond the sides and beyond the ends, metres; negative within.
+    fn beyond_m(&self, x_m: f64, y_m: f64) -> f64 {
+        let (x_m, y_m) = (x_m - self.bumper_x_m, y_m);
+        let (along_m, left_m) = (x_m * self.cos + y_m * self.sin, y_m * self.cos - x_m * self.sin);
+        (left_m.abs() - self.half_width_m).max(-along_m).max(along_m - self.depth_m)
+    }
+
     /// Whether a box lies so far from the zone that the overlap is zero, by the circle around its footprint.
     fn is_clear_of(&self, of: &Box3<Ego>) -> bool {
-        let (length_m, width_m, depth_m) = (of.length_m, of.width_m, self.depth_m);
-        let (x_m, y_m) = (of.center.x() - self.bumper_x_m, of.center.y());
-        let (along_m, left_m) = (x_m * self.cos + y_m * self.sin, y_m * self.cos - x_m * self.sin);
-        let reach_m = (length_m * length_m + width_m * width_m).sqrt() / 2.0 + CLEAR_M;
-        let is_apart =
-            left_m.abs() > self.half_width_m + reach_m || along_m < -reach_m || along_m > depth_m + reach_m;
-        let sizes_m = [length_m, width_m, self.half_width_m, depth_m];
-        is_apart
-            && sizes_m.iter().all(|size_m| ORDINARY_M.contains(size_m))
-            && x_m.abs().max(y_m.abs()).max(self.bumper_x_m) <= *ORDINARY_M.end()
+        let (length_m, width_m) = (of.length_m, of.width_m);
+        let (x_m, y_m) = (of.center.x(), of.center.y());
+        let beyond_m = self.beyond_m(x_m, y_m) - CLEAR_M;
+        let is_apart = beyond_m > 0.0 && 4.0 * beyond_m * beyond_m > length_m * length_m + width_m * width_m;
+        let least_m = length_m.min(width_m).min(self.half_width_m).min(self.depth_m);
+        let most_m = length_m.max(width_m).max(self.half_width_m).max(self.depth_m);
+        let most_m = most_m.max(x_m.abs()).max(y_m.abs()).max(self.bumper_x_m);
+        is_apart && ORDINARY_M.contains(&least_m) && ORDINARY_M.contains(&most_m)
     }
 }
 
