@@ -52,7 +52,7 @@
 //!
 //! - what everything stands on: [`config`], [`device`], [`files`], [`geometry`], [`history`], [`progress`], [`random`],
 //!   [`text_table`];
-//! - what is in a sample: [`object`], [`sample`], [`nuscenes`]; the rule by which objects matter: [`zone`];
+//! - what is in a sample: [`object`], [`sample`], [`nuscenes`]; the rule by which objects matter: [`zone`]; what rays meet first: [`rays`];
 //! - the world: [`scene`], [`sensors`], [`sim`]; its files: [`episode`]; the stages that write them: [`generate`], [`import`],
 //!   [`label`], [`export`]; and what reads them: [`dataset`];
 //! - two data sets side by side: [`compare`];
@@ -70,6 +70,7 @@ pub mod text_table;
 
 pub mod nuscenes;
 pub mod object;
+pub mod rays;
 pub mod sample;
 pub mod zone;
 

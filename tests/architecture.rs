@@ -21,6 +21,7 @@ const LAYERS: &[(&str, u32)] = &[
     ("object", 1),
     ("sample", 2), // above `object`: a sample holds objects
     ("nuscenes", 2),
+    ("rays", 2),
     ("zone", 3),
     ("scene", 3),
     ("sensors", 3),

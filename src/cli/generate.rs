@@ -6,7 +6,7 @@ use clap::Args;
 
 use super::{Bar, ExitStatus, number, one_of, print_summary};
 use crate::config;
-use crate::generate::{self, Preset, RendererName, RunOptions, preset};
+use crate::generate::{self, LidarEngine, Preset, RendererName, RunOptions, preset};
 
 #[derive(Debug, Args)]
 pub struct GenerateArgs {
@@ -42,6 +42,9 @@ pub struct GenerateArgs {
     /// [default: classic]
     #[arg(long, value_parser = one_of(RendererName::ALL, RendererName::name))]
     renderer: Option<RendererName>,
+    /// What casts the LiDAR's rays; `mujoco` knows every kind of geom and takes much longer [default: bvh]
+    #[arg(long, value_parser = one_of(LidarEngine::ALL, LidarEngine::name))]
+    lidar_engine: Option<LidarEngine>,
     /// Also write depth, instance and category of each pixel as EXR files under aov/
     #[arg(long)]
     aov: bool,
@@ -75,6 +78,7 @@ pub fn run(args: GenerateArgs) -> anyhow::Result<ExitStatus> {
         config.rig = config::load(Some(path), &[])?;
     }
     config.render.renderer = args.renderer.unwrap_or(config.render.renderer);
+    config.lidar_engine = args.lidar_engine.unwrap_or(config.lidar_engine);
     config.render.aov |= args.aov;
     config.samples = args.samples.unwrap_or(config.samples);
     config.seed = args.seed.unwrap_or(config.seed);

@@ -33,6 +33,8 @@ define_config! {
         /// One of this many episodes is for validation (0: none), the others are for training. It need not be
         /// whole: 4.5 takes two of nine.
         val_every: f64 = 6.0, in from_to(0.0, 1e6);
+        /// What casts the LiDAR's rays.
+        lidar_engine: LidarEngine = LidarEngine::Bvh;
         /// What stands and moves in the town; with `ood`, all episodes are for testing.
         scene: PopulateConfig = PopulateConfig::default(), in part::<PopulateConfig>();
         /// Values that replace those of the named weather.
@@ -74,6 +76,29 @@ impl RendererName {
         match self {
             Self::Classic => "classic",
             Self::Filament => "filament",
+        }
+    }
+}
+
+/// What casts the LiDAR's rays.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LidarEngine {
+    /// Trees of our own over the world's triangles ([`crate::rays`]).
+    #[default]
+    Bvh,
+    /// `mj_multiRay`: knows every kind of geom, some thirty times as slow.
+    Mujoco,
+}
+
+impl LidarEngine {
+    pub const ALL: [Self; 2] = [Self::Bvh, Self::Mujoco];
+
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Bvh => "bvh",
+            Self::Mujoco => "mujoco",
         }
     }
 }

@@ -14,10 +14,10 @@ use super::appearance::Appearance;
 use super::config::{CONTROL_PERIOD_S, RendererName};
 use super::drive::Drive;
 use super::lighting::lighting;
+use super::rays::Caster;
 use super::{CheckedConfig, EpisodePlan, GenerateError, map};
 use crate::config::to_toml;
 use crate::episode::{EpisodeEntry, EpisodeMeta, EpisodeWriter};
-use crate::geometry::Point;
 use crate::random;
 use crate::sample::{EncodedImage, ImageFormat, Measured, Sample, Truth};
 use crate::scene::{self, Town, populate};
@@ -71,6 +71,7 @@ pub struct Recording<'a> {
     world: scene::World,
     drive: Drive,
     appearance: Appearance,
+    caster: Caster,
     receiver: Receiver,
     scope: Scope,
     meta: EpisodeMeta,
@@ -131,6 +132,7 @@ impl<'a> Recording<'a> {
             config,
             plan,
             appearance: Appearance::new(&world, &drive)?,
+            caster: Caster::new(raw.lidar_engine, rig, &drive.simulator)?,
             receiver: Receiver::new(&rig.lidar, rig.n_rings, &state, plan.seed),
             scope: Scope::new(plan.weather, &state, rig, plan.seed),
             writer: EpisodeWriter::create(&folder.join(plan.file()), &meta, &map)?,
@@ -238,12 +240,7 @@ impl<'a> Recording<'a> {
         })?;
 
         let world_from_lidar = world_from_ego * rig.ego_from_lidar;
-        let hits = time(&mut timings.rays, || {
-            let directions: Vec<Vector3<f64>> =
-                rig.pattern.directions.iter().map(|direction| world_from_lidar.rotate(direction)).collect();
-            let origin = (world_from_lidar * Point::new(0.0, 0.0, 0.0)).coords;
-            drive.simulator.cast_rays(&origin, &directions, rig.lidar.max_range_m + 1.0)
-        })?;
+        let hits = time(&mut timings.rays, || self.caster.cast(drive, rig, &world_from_lidar))?;
 
         let begin = Instant::now();
         let mut seen: Vec<Observation> = drive

@@ -16,6 +16,7 @@ mod plan;
 pub mod preset;
 #[cfg(test)]
 mod projection_tests;
+mod rays;
 mod run;
 pub mod worker;
 
@@ -23,7 +24,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-pub use config::{ALL, AnnotationConfig, CheckedConfig, GenerateConfig, RenderConfig, RendererName};
+pub use config::{ALL, AnnotationConfig, CheckedConfig, GenerateConfig, LidarEngine, RenderConfig, RendererName};
 pub use plan::{EpisodePlan, plan};
 pub use preset::Preset;
 pub use run::{GenerateSummary, RunOptions, run};

@@ -8,6 +8,7 @@ mod mount;
 mod python;
 mod sensing;
 mod simulator;
+mod visible;
 
 use std::path::PathBuf;
 
@@ -15,7 +16,7 @@ use thiserror::Error;
 
 pub use mount::{CameraMount, Renderer};
 pub use python::{Environment, VENV_VARIABLE};
-pub use sensing::{DepthPicture, RayHits};
+pub use sensing::DepthPicture;
 pub use simulator::Simulator;
 
 /// The command that makes the virtual environment.
@@ -41,6 +42,11 @@ pub enum SimError {
     NoFilament { message: String },
     #[error("MuJoCo refuses the world: {message}")]
     Compile { message: String },
+    #[error(
+        "the geom `{geom}` is of the kind {kind}, which the LiDAR engine `bvh` does not know; use \
+         `--lidar-engine mujoco`"
+    )]
+    RayKind { geom: String, kind: String },
     #[error("MuJoCo failed to {what}: {message}")]
     Ask { what: &'static str, message: String },
 }

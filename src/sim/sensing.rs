@@ -8,17 +8,7 @@ use pyo3::prelude::*;
 use super::mount::Renderer;
 use super::simulator::Simulator;
 use super::{SimError, text};
-
-/// What the rays of one cast hit, ray by ray.
-#[derive(Debug, Clone, PartialEq)]
-pub struct RayHits {
-    /// Infinite where nothing is hit.
-    pub range_m: Vec<f64>,
-    /// -1 where nothing is hit.
-    pub geom: Vec<i32>,
-    /// Cosine of the angle between ray and surface normal, 0 to 1.
-    pub cos_incidence: Vec<f64>,
-}
+use crate::rays::RayHits;
 
 /// A picture and the distances in it, rows from the top.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,7 +19,8 @@ pub struct DepthPicture {
 }
 
 impl Simulator {
-    /// First hits of rays in the world frame on what can be seen (not on the ego).
+    /// First hits of rays in the world frame on what can be seen (not on the ego), by MuJoCo; [`Self::ray_scene`]
+    /// makes what is much faster.
     ///
     /// # Errors
     /// As [`Self::body_poses`].

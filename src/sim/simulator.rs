@@ -279,7 +279,7 @@ impl Drop for Simulator {
 }
 
 /// From position and quaternion (w, x, y, z).
-fn isometry(&[x, y, z, w, i, j, k]: &[f64; 7]) -> Isometry3<f64> {
+pub(super) fn isometry(&[x, y, z, w, i, j, k]: &[f64; 7]) -> Isometry3<f64> {
     let turn = UnitQuaternion::from_quaternion(Quaternion::new(w, i, j, k));
     Isometry3::from_parts(Translation3::new(x, y, z), turn)
 }
