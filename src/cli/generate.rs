@@ -43,7 +43,7 @@ pub struct GenerateArgs {
     #[arg(long, value_parser = one_of(RendererName::ALL, RendererName::name))]
     renderer: Option<RendererName>,
     /// What casts the LiDAR's rays; `mujoco` knows every kind of geom and takes much longer [default: bvh]
-    #[arg(long, value_parser = one_of(LidarEngine::ALL, LidarEngine::name))]
+    #[arg(long, value_name = "ENGINE", value_parser = one_of(LidarEngine::ALL, LidarEngine::name))]
     lidar_engine: Option<LidarEngine>,
     /// Also write depth, instance and category of each pixel as EXR files under aov/
     #[arg(long)]
