@@ -24,7 +24,9 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-pub use config::{ALL, AnnotationConfig, CheckedConfig, GenerateConfig, LidarEngine, RenderConfig, RendererName};
+pub use config::{
+    ALL, AnnotationConfig, CheckedConfig, GenerateConfig, LidarEngine, RenderConfig, RendererName,
+};
 pub use plan::{EpisodePlan, plan};
 pub use preset::Preset;
 pub use run::{GenerateSummary, RunOptions, run};

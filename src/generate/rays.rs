@@ -163,7 +163,8 @@ mod tests {
                     let share = Vector3::new(0.819_172_5, 0.671_043_6, 0.549_700_5) * f64::from(i);
                     low + (share.map(f64::fract) * 1.1 - Vector3::repeat(0.05)).component_mul(&size)
                 });
-                let directions: Vec<Vector3<f64>> = targets.map(|target| (target - eye).normalize()).collect();
+                let directions: Vec<Vector3<f64>> =
+                    targets.map(|target| (target - eye).normalize()).collect();
                 let pose = Isometry3::from_parts(Translation3::from(eye), UnitQuaternion::identity());
                 compare(&simulator, &pose, &directions)
             }));

@@ -65,7 +65,11 @@ impl Frustum {
     /// Around those of the rays from `origin` that `corners` names; where they span a right angle or more it may lose
     /// some.
     #[inline(always)]
-    pub(super) fn new<const R: usize>(origin: [f32; 3], [x, y, z]: &[[f32; R]; 3], corners: &[usize]) -> Self {
+    pub(super) fn new<const R: usize>(
+        origin: [f32; 3],
+        [x, y, z]: &[[f32; R]; 3],
+        corners: &[usize],
+    ) -> Self {
         let mut sum = [0.0; 3];
         for &corner in corners {
             let ray = [x[corner], y[corner], z[corner]];

@@ -9,7 +9,10 @@
 //! The meaning is that of MuJoCo's `mj_multiRay`: both sides of a triangle are met, a ray that starts inside of a thing
 //! meets it from within, planes are met from the front only.
 
-#![allow(clippy::inline_always, reason = "a kernel must be inlined into the function that enables its instruction set")]
+#![allow(
+    clippy::inline_always,
+    reason = "a kernel must be inlined into the function that enables its instruction set"
+)]
 
 mod beams;
 mod frustum;

@@ -133,7 +133,8 @@ impl Block {
         }
         let mut outside = [f32::NEG_INFINITY; LANES];
         for plane in &frustum.sides {
-            let [a, b, c] = [plane.height(corner(&p, 0)), plane.height(corner(&p, 3)), plane.height(corner(&p, 6))];
+            let [a, b, c] =
+                [plane.height(corner(&p, 0)), plane.height(corner(&p, 3)), plane.height(corner(&p, 6))];
             for lane in 0..LANES {
                 let low = lesser(lesser(a[lane], b[lane]), c[lane]);
                 outside[lane] = if low > outside[lane] { low } else { outside[lane] };

@@ -76,8 +76,10 @@ impl RayScene {
     /// `regions`, only the tiles that they touch are looked at, and all others show nothing.
     #[must_use]
     pub fn first_geoms(&self, view: &CameraView, regions: Option<&[PixelRegion]>) -> Vec<i32> {
-        let (n_wide, n_high) =
-            ((view.intrinsics.width_px as usize).div_ceil(WIDE), (view.intrinsics.height_px as usize).div_ceil(HIGH));
+        let (n_wide, n_high) = (
+            (view.intrinsics.width_px as usize).div_ceil(WIDE),
+            (view.intrinsics.height_px as usize).div_ceil(HIGH),
+        );
         let mut is_wanted = vec![regions.is_none(); n_wide * n_high];
         for PixelRegion { u_px, v_px } in regions.unwrap_or_default() {
             // A pixel more on each side, against rounding.
@@ -90,7 +92,13 @@ impl RayScene {
             }
         }
         let source = self.source(&view.world_from_camera.translation.vector);
-        pulp::Arch::new().dispatch(CastTiles { scene: self, source: &source, view, is_wanted: &is_wanted, n_wide })
+        pulp::Arch::new().dispatch(CastTiles {
+            scene: self,
+            source: &source,
+            view,
+            is_wanted: &is_wanted,
+            n_wide,
+        })
     }
 }
 
@@ -117,8 +125,10 @@ impl pulp::WithSimd for CastTiles<'_> {
         let [near_m, far_m] = self.view.depth_m.map(|depth_m| depth_m as f32);
         for tile in (0..self.is_wanted.len()).filter(|&tile| self.is_wanted[tile]) {
             let (u, v) = (tile % self.n_wide * WIDE, tile / self.n_wide * HIGH);
-            let x: [f32; WIDE] = std::array::from_fn(|i| ((u + i) as f64 + 0.5 - cx_px) as f32 / fx_px as f32);
-            let y: [f32; HIGH] = std::array::from_fn(|i| ((v + i) as f64 + 0.5 - cy_px) as f32 / fy_px as f32);
+            let x: [f32; WIDE] =
+                std::array::from_fn(|i| ((u + i) as f64 + 0.5 - cx_px) as f32 / fx_px as f32);
+            let y: [f32; HIGH] =
+                std::array::from_fn(|i| ((v + i) as f64 + 0.5 - cy_px) as f32 / fy_px as f32);
             // At depth 1, so that parameters are depths.
             let mut rays: Directions<{ WIDE * HIGH }> = [[0.0; WIDE * HIGH]; 3];
             for axis in 0..3 {

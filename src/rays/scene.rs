@@ -145,7 +145,8 @@ impl RayScene {
     pub fn cast(&self, world_from_sensor: &Isometry3<f64>, beams: &Beams, max_range_m: f64) -> RayHits {
         let origin = world_from_sensor.translation.vector;
         let turn = world_from_sensor.rotation.to_rotation_matrix();
-        let directions: Vec<Vector3<f64>> = beams.directions.iter().map(|direction| turn * direction).collect();
+        let directions: Vec<Vector3<f64>> =
+            beams.directions.iter().map(|direction| turn * direction).collect();
         let things = pulp::Arch::new().dispatch(CastBeams {
             scene: self,
             source: &self.source(&origin),
@@ -285,7 +286,10 @@ impl Seat {
     fn new(world_from_frame: &Isometry3<f64>, origin: &Vector3<f64>) -> Self {
         let turn: Matrix3<f32> = world_from_frame.rotation.inverse().to_rotation_matrix().matrix().cast();
         let origin = world_from_frame.inverse_transform_point(&(*origin).into()).coords;
-        Self { turn: [0, 1, 2].map(|row| [0, 1, 2].map(|column| turn[(row, column)])), origin: origin.cast().into() }
+        Self {
+            turn: [0, 1, 2].map(|row| [0, 1, 2].map(|column| turn[(row, column)])),
+            origin: origin.cast().into(),
+        }
     }
 }
 
@@ -343,7 +347,8 @@ impl pulp::WithSimd for CastBeams<'_> {
                     rays[axis][lane] = direction[axis] as f32;
                 }
             }
-            let shortest = members.iter().map(|&ray| self.directions[ray as usize].norm()).fold(f64::INFINITY, f64::min);
+            let shortest =
+                members.iter().map(|&ray| self.directions[ray as usize].norm()).fold(f64::INFINITY, f64::min);
             let t_max = (self.max_range_m + REACH_MARGIN_M) / shortest;
             let mut first = First::new(0.0, t_max as f32);
             self.scene.cast_packet(self.source, &rays, &lanes[..members.len()], &mut stacks, &mut first);

@@ -73,7 +73,8 @@ impl Solid {
                 let lid = |end: f64| {
                     let t = (end * half - origin.z) / direction.z;
                     let at = origin + direction * t;
-                    let is_met = direction.z.abs() > TINY && t >= 0.0 && at.xy().norm_squared() <= radius * radius;
+                    let is_met =
+                        direction.z.abs() > TINY && t >= 0.0 && at.xy().norm_squared() <= radius * radius;
                     is_met.then(|| (t, Vector3::z()))
                 };
                 nearest([meet_tube(radius, half, origin, direction), lid(1.0), lid(-1.0)])

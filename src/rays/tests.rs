@@ -38,7 +38,11 @@ fn nearer(a: &Meeting, b: &Meeting) -> std::cmp::Ordering {
 }
 
 /// By barycentric coordinates (Moeller and Trumbore).
-fn meet_inside([a, b, c]: [Vector3<f64>; 3], origin: &Vector3<f64>, direction: &Vector3<f64>) -> Option<Meeting> {
+fn meet_inside(
+    [a, b, c]: [Vector3<f64>; 3],
+    origin: &Vector3<f64>,
+    direction: &Vector3<f64>,
+) -> Option<Meeting> {
     let (ab, ac, to) = (b - a, c - a, origin - a);
     let determinant = ab.dot(&direction.cross(&ac));
     let u = to.dot(&direction.cross(&ac)) / determinant;

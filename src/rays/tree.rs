@@ -43,7 +43,8 @@ impl Tree {
         if boxes.is_empty() {
             return Self::default();
         }
-        let boxes: Vec<Aabb> = boxes.iter().map(|[low, high]| Aabb::new((*low).into(), (*high).into())).collect();
+        let boxes: Vec<Aabb> =
+            boxes.iter().map(|[low, high]| Aabb::new((*low).into(), (*high).into())).collect();
         let mut params = BvhBuildParams::medium_build();
         params.max_prims_per_leaf = most;
         params.pre_split = false;
@@ -130,7 +131,8 @@ impl Search<'_> {
         let near = self.frustum.axis.lowest(&node.sides);
         let mut met = 0u32;
         for slot in 0..WIDTH {
-            let is_met = (outside[slot] <= SLACK_M) & (near[slot] <= far_m) & (node.children[slot] != NO_CHILD);
+            let is_met =
+                (outside[slot] <= SLACK_M) & (near[slot] <= far_m) & (node.children[slot] != NO_CHILD);
             met |= u32::from(is_met) << slot;
         }
         let bottom = self.stack.len();

@@ -34,7 +34,9 @@ impl Visible {
     /// The triangles of a mesh or a box, in the geom's frame; none of round things and planes.
     pub(super) fn triangles(&self, geom: usize) -> Vec<[Vector3<f64>; 3]> {
         match &self.geoms[geom].solid {
-            Solid::Mesh(mesh) => (0..self.meshes[*mesh].faces.len()).map(|face| self.face(*mesh, face)).collect(),
+            Solid::Mesh(mesh) => {
+                (0..self.meshes[*mesh].faces.len()).map(|face| self.face(*mesh, face)).collect()
+            }
             Solid::Box { half } => box_triangles(half),
             _ => Vec::new(),
         }
@@ -53,7 +55,8 @@ impl Visible {
             return Some([-half, half]);
         }
         let Solid::Mesh(mesh) = solid else { return None };
-        let mut corners = self.meshes[*mesh].vertices.iter().map(|&vertex| Vector3::from(vertex).cast::<f64>());
+        let mut corners =
+            self.meshes[*mesh].vertices.iter().map(|&vertex| Vector3::from(vertex).cast::<f64>());
         let first = corners.next()?;
         Some(corners.fold([first, first], |[low, high], corner| [low.inf(&corner), high.sup(&corner)]))
     }
