@@ -192,12 +192,11 @@ impl<'a> Matching<'a> {
     }
 }
 
-/// The detections of each class by rank, with the outcomes `[threshold][rank]`. Scores must not be NaN.
-#[expect(clippy::type_complexity, reason = "the two lists go together")]
-fn rank<'a>(
-    samples: &[KeptSample<'a>],
-    thresholds_m: &[f64],
-) -> (PerClass<Vec<Ranked<'a>>>, PerClass<Vec<Vec<Outcome>>>) {
+/// The detections of each class by rank, with their outcomes, `[threshold][rank]`.
+type Ranking<'a> = (PerClass<Vec<Ranked<'a>>>, PerClass<Vec<Vec<Outcome>>>);
+
+/// Decides and ranks the detections of all samples. Scores must be finite.
+fn rank<'a>(samples: &[KeptSample<'a>], thresholds_m: &[f64]) -> Ranking<'a> {
     let n_detections = samples.iter().map(|sample| sample.detections.len()).sum();
     let mut outcomes = vec![Outcome::Unmatched; n_detections * thresholds_m.len()];
     let mut pairing = Pairing::new(thresholds_m);

@@ -32,7 +32,7 @@ const ORDINARY_M: std::ops::RangeInclusive<f64> = 1e-3..=1e4;
 impl Rect {
     /// How far a point lies beyond the sides and beyond the ends, metres; negative within.
     fn beyond_m(&self, x_m: f64, y_m: f64) -> f64 {
-        let (x_m, y_m) = (x_m - self.bumper_x_m, y_m);
+        let x_m = x_m - self.bumper_x_m;
         let (along_m, left_m) = (x_m * self.cos + y_m * self.sin, y_m * self.cos - x_m * self.sin);
         (left_m.abs() - self.half_width_m).max(-along_m).max(along_m - self.depth_m)
     }

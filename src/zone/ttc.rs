@@ -74,7 +74,7 @@ fn least_gap_m(body: &Body, object: &Box3<Ego>) -> f64 {
     let (length_m, width_m) = (body.front_m + body.rear_m, body.left_m + body.right_m);
     let (x_m, y_m) = ((body.front_m - body.rear_m) / 2.0, (body.left_m - body.right_m) / 2.0);
     let center_m = (object.center.x() - x_m).hypot(object.center.y() - y_m);
-    let reach_m = (length_m.hypot(width_m) + object.length_m.hypot(object.width_m)) / 2.0;
+    let reach_m = f64::midpoint(length_m.hypot(width_m), object.length_m.hypot(object.width_m));
     (center_m - reach_m) * (1.0 - 1e-9) - 0.01
 }
 

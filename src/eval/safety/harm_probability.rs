@@ -6,6 +6,7 @@
 
 use crate::eval::filter::KeptSample;
 use crate::eval::matching::Matching;
+use crate::geometry::{Box3, Ego};
 use crate::object::Harm;
 
 /// Probability of harm of each object, by number; `None` if nothing lies on it, or no score is above zero.
@@ -38,7 +39,7 @@ struct Locator {
 
 impl Locator {
     fn find_scores(&mut self, sample: &KeptSample<'_>) {
-        let center = |of: &crate::geometry::Box3<_>| [of.center.x(), of.center.y()];
+        let center = |of: &Box3<Ego>| [of.center.x(), of.center.y()];
         self.centers_m.clear();
         self.centers_m.extend(sample.objects.iter().map(|object| center(&object.truth.box_in_ego)));
         self.scores.clear();
