@@ -6,6 +6,7 @@
 //! column says nothing about that cell and is left out of it; nor does one that lacks a class of the mean about the mean.
 
 use std::collections::HashMap;
+use std::ops::Range;
 
 use rand::RngExt;
 use rayon::prelude::*;
@@ -44,9 +45,17 @@ pub struct Intervals {
 
 /// What counts in one cell: for each threshold the detections by rank, and the positives of each episode.
 struct Cell {
-    /// Episode, whether true.
-    counting: Vec<Vec<(u32, bool)>>,
+    counting: Vec<Counting>,
     n_positives: Vec<usize>,
+}
+
+/// The detections that count at a threshold.
+#[derive(Default)]
+struct Counting {
+    /// Of each by rank.
+    episodes: Vec<u32>,
+    /// Ranks of the true ones.
+    matches: Vec<usize>,
 }
 
 /// Draws the resamples; `None` if the config asks for none or there is only one episode.
@@ -63,7 +72,7 @@ pub(super) fn measure(matching: &Matching<'_>) -> Option<Confidence> {
         .into_par_iter()
         .map(|resample| {
             let mut rng = random::stream(config.bootstrap_seed, "bootstrap", resample);
-            let mut n_drawn = vec![0_usize; n_episodes];
+            let mut n_drawn = vec![0_u32; n_episodes];
             (0..n_episodes).for_each(|_| n_drawn[rng.random_range(0..n_episodes)] += 1);
             Columns::from_fn(mode, |column| {
                 let of_column = cells.get(column).expect("same mode");
@@ -120,12 +129,15 @@ impl Cell {
             n_positives[episode_of[of.sample_idx]] += usize::from(is_positive);
         }
         let of_threshold = |threshold_idx| {
-            let ranked = matching.at(class, threshold_idx);
-            ranked
-                .filter_map(|(ranked, outcome)| {
-                    Some((episode_of[ranked.sample_idx] as u32, column.judge(outcome, matching)?))
-                })
-                .collect()
+            let mut counting = Counting::default();
+            for (ranked, outcome) in matching.at(class, threshold_idx) {
+                let Some(is_match) = column.judge(outcome, matching) else { continue };
+                if is_match {
+                    counting.matches.push(counting.episodes.len());
+                }
+                counting.episodes.push(episode_of[ranked.sample_idx] as u32);
+            }
+            counting
         };
         let counting = (0..matching.config().dist_thresholds_m.len()).map(of_threshold).collect();
         Self { counting, n_positives }
@@ -136,8 +148,9 @@ impl Cell {
     }
 
     /// AP, mean over the thresholds, of a resample; `None` if it has no positive.
-    fn ap(&self, n_drawn: &[usize], protocol: &Protocol) -> Option<f64> {
-        let n_positives: usize = self.n_positives.iter().zip(n_drawn).map(|(n, drawn)| n * drawn).sum();
+    fn ap(&self, n_drawn: &[u32], protocol: &Protocol) -> Option<f64> {
+        let n_positives: usize =
+            self.n_positives.iter().zip(n_drawn).map(|(n, &drawn)| n * drawn as usize).sum();
         if n_positives == 0 {
             return None;
         }
@@ -146,10 +159,17 @@ impl Cell {
             .iter()
             .map(|counting| {
                 let mut curve = GrowingCurve::new(n_positives);
-                for &(episode, is_match) in counting {
-                    // No score counts in an AP, but their order.
-                    curve.add_times(n_drawn[episode as usize], 0.0, is_match);
+                let draws_of = |ranks: Range<usize>| -> u32 {
+                    counting.episodes[ranks].iter().map(|&episode| n_drawn[episode as usize]).sum()
+                };
+                // No score counts in an AP, but their order.
+                let mut begin = 0;
+                for &rank in &counting.matches {
+                    curve.add_times(draws_of(begin..rank), 0.0, false);
+                    curve.add_times(draws_of(rank..rank + 1), 0.0, true);
+                    begin = rank + 1;
                 }
+                curve.add_times(draws_of(begin..counting.episodes.len()), 0.0, false);
                 curve.finish().average_precision(protocol.first_step(), protocol.config().min_precision)
             })
             .collect();

@@ -55,11 +55,11 @@ impl GrowingCurve {
     }
 
     /// Takes a detection several times, one after the other.
-    pub(super) fn add_times(&mut self, n: usize, score: f64, is_match: bool) {
+    pub(super) fn add_times(&mut self, n: u32, score: f64, is_match: bool) {
         if is_match {
             (0..n).for_each(|_| self.add(score, true));
         } else if n > 0 {
-            self.n_all += count(n);
+            self.n_all += f64::from(n);
             self.last_score = score;
         }
     }
