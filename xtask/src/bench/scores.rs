@@ -20,9 +20,11 @@ use harmzone::progress::Progress;
 use harmzone::sample::EgoState;
 use harmzone::zone::{Zone, ZoneConfig};
 
-/// How often both sides do their work; the devkit takes half a minute for it.
+/// How often both sides take turns; the devkit takes half a minute for its own.
 const N_SCORINGS: usize = 3;
 const N_LABELLINGS: usize = 9;
+/// Ours in a turn of labelling, which takes milliseconds: the first finds what Python left of the cache.
+const N_A_TURN: usize = 5;
 /// Ours before the first that counts: memory is not there yet.
 const N_WARM_UPS: usize = 2;
 
@@ -210,8 +212,12 @@ fn race_labels(work: &Work, rival: &mut Rival, progress: &dyn Progress) -> anyho
         work.label()?;
     }
     for _ in 0..N_LABELLINGS {
-        let (seconds, n_harmful) = timed(|| work.label())?;
-        ours.push(seconds);
+        let mut n_harmful = 0;
+        for _ in 0..N_A_TURN {
+            let (seconds, found) = timed(|| work.label())?;
+            ours.push(seconds);
+            n_harmful = found;
+        }
         for (what, times) in [("shapely", &mut theirs), ("shapely_arrays", &mut arrays)] {
             let (seconds, found) = rival.once(what)?;
             ensure!(found == json!(n_harmful), "{n_harmful} objects are harmful, by {what} {found}");
