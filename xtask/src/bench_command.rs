@@ -46,3 +46,17 @@ pub fn run(args: BenchArgs) -> anyhow::Result<ExitStatus> {
     tell(format!("not measured: {}", absent.join("; ")));
     Ok(ExitStatus::DoneWithLosses)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_page_about_speed_has_every_part() {
+        let page = include_str!("../../docs/speed.md");
+        for part in Part::value_variants() {
+            let name = part.to_possible_value().expect("no part is hidden");
+            assert!(page.contains(&format!("`{}`", name.get_name())), "{part:?}");
+        }
+    }
+}

@@ -146,9 +146,12 @@ pub fn all_weathers() -> anyhow::Result<Line> {
     let flags = format!(
         "--weather all --episodes {N_WEATHER_EPISODES} --run-samples 0 --set val_every=0 --set samples={N_SAMPLES}"
     );
-    let told = bench_gen(&split(&flags))?;
+    over_weathers(&bench_gen(&split(&flags))?.episodes)
+}
+
+fn over_weathers(episodes: &[Episode]) -> anyhow::Result<Line> {
     let mut weathers: BTreeMap<&str, Vec<&Episode>> = BTreeMap::new();
-    told.episodes.iter().for_each(|of| weathers.entry(&of.weather).or_default().push(of));
+    episodes.iter().for_each(|of| weathers.entry(&of.weather).or_default().push(of));
     let mean = |of: &[&Episode], ms: fn(&Episode) -> f64| {
         of.iter().map(|episode| ms(episode)).sum::<f64>() / of.len() as f64
     };
@@ -168,4 +171,66 @@ pub fn all_weathers() -> anyhow::Result<Line> {
             worst.1, worst.0, best.1, best.0
         ),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench_gen::{BenchReport, EpisodeReport, Runs as ReportedRuns};
+
+    #[test]
+    fn what_bench_gen_tells_is_understood() {
+        let episode = |weather, gen_ms| EpisodeReport {
+            town: "downtown".to_owned(),
+            weather,
+            gen_ms,
+            bare_ms: 50.0,
+            pictures_ms: 40.0,
+            n_rays: 6000,
+            rays_ms: 2.0,
+            bare_rays_ms: 30.0,
+        };
+        let report = BenchReport {
+            towns: Vec::new(),
+            weathers: Vec::new(),
+            n_episodes: 3,
+            samples_per_episode: 16,
+            renderer: "llvmpipe".to_owned(),
+            stages: Vec::new(),
+            gen_ms: 0.0,
+            bare_ms: 0.0,
+            over_bare: 0.0,
+            over_bare_least: 0.0,
+            over_bare_most: 0.0,
+            set_up_ms_per_episode: 0.0,
+            warm_up_ms_per_episode: 0.0,
+            finishing_ms_per_episode: 0.0,
+            episodes: vec![episode("ClearNoon", 45.0), episode("ClearNoon", 60.0), episode("FogNight", 55.0)],
+            runs: Some(ReportedRuns {
+                n_episodes: 2,
+                n_samples: 80,
+                jobs: 2,
+                one_job_samples_per_s: 5.0,
+                jobs_samples_per_s: 10.0,
+                speed_up: 2.0,
+                bytes_per_sample: 0.0,
+                memory: None,
+            }),
+        };
+        let told: Told = serde_json::from_value(serde_json::to_value(&report).unwrap()).unwrap();
+        assert_eq!((told.renderer.as_str(), told.runs.unwrap().jobs_samples_per_s), ("llvmpipe", 10.0));
+        let value = |line: Line| match line.outcome {
+            Outcome::Measured(value) => (value.median, value.least.unwrap()),
+            other => panic!("{other:?}"),
+        };
+        assert_eq!(value(against_bare(&told.episodes)), (1.1, 0.9));
+        assert_eq!(value(rays(&told.episodes)), (3.0, 3.0));
+        let line = over_weathers(&told.episodes).unwrap();
+        assert!(
+            line.what.contains("2 weathers") && line.note.contains("1.10 in the worst, FogNight"),
+            "{line:?}"
+        );
+        // ClearNoon takes 52.5 ms on average.
+        assert_eq!(value(line), (107.5 / 100.0, 1.05));
+    }
 }

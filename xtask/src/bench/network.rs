@@ -155,9 +155,8 @@ pub struct Times {
     pub mean_ms: f64,
 }
 
-/// Stages of `bench-model`'s inference that prepare inputs, which training does once for each sample.
-const PREPARING: [&str; 4] =
-    ["image decode", "image resize", "points to the ego frame, voxelization", "depths and frustum"];
+/// The first stage of `bench-model`'s inference that prepares no inputs, which training does once for each sample.
+const AFTER_PREPARING: &str = "tensors";
 
 /// Measures steps and inference of `small` on a device.
 ///
@@ -204,8 +203,10 @@ pub fn compute_training(data: &Path) -> anyhow::Result<Line> {
         ms += stage.epochs as f64 * steps_an_epoch * of.step.mean_ms;
         n_validations += stage.epochs / config.validate_every_epochs;
     }
-    let prepares = |times: &&Times| PREPARING.contains(&times.name.as_str());
-    let preparing_ms: f64 = told.inference.stages.iter().filter(prepares).map(|times| times.mean_ms).sum();
+    let mut stages = told.inference.stages.iter();
+    let n_preparing = stages.position(|times| times.name == AFTER_PREPARING);
+    let n_preparing = n_preparing.context("`xtask bench-model` names the stages of inference otherwise")?;
+    let preparing_ms: f64 = told.inference.stages[..n_preparing].iter().map(|times| times.mean_ms).sum();
     ms += n_train * preparing_ms + n_validations as f64 * n_val * told.inference.total.mean_ms;
     let [lidar_ms, fused_ms] = [0, 1].map(|stage| told.training[stage].step.mean_ms);
     Ok(minutes(

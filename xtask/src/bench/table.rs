@@ -42,8 +42,9 @@ impl Value {
     pub fn of(values: &[f64]) -> Option<Self> {
         let mut sorted = values.to_vec();
         sorted.sort_by(f64::total_cmp);
-        let median = *sorted.get(sorted.len() / 2)?;
-        Some(Self { median, least: sorted.first().copied() })
+        let least = *sorted.first()?;
+        let median = f64::midpoint(sorted[(sorted.len() - 1) / 2], sorted[sorted.len() / 2]);
+        Some(Self { median, least: Some(least) })
     }
 
     /// How often the one goes into the other, by the medians and by the leasts.
@@ -199,5 +200,6 @@ mod tests {
         let ratio = Value::ratio(&[8.0, 2.0, 6.0], &[2.0, 1.0, 9.0]).unwrap();
         assert_eq!((ratio.median, ratio.least), (3.0, Some(2.0)));
         assert_eq!(Value::ratio(&[], &[1.0]), None);
+        assert_eq!(Value::of(&[4.0, 1.0]).unwrap().median, 2.5);
     }
 }
