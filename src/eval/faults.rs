@@ -187,7 +187,7 @@ impl Found<'_> {
 
     /// What makes two faults the same one at different samples.
     fn identify<'m>(&'m self, matching: &'m Matching<'_>) -> Option<(FaultKind, &'m str, &'m str)> {
-        let id = self.object.as_ref()?.truth.id.as_deref()?;
+        let id = self.object?.truth.id.as_deref()?;
         Some((self.kind, episode(self.sample(matching)), id))
     }
 

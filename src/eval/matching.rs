@@ -7,6 +7,7 @@
 //! claimed or not. Otherwise it is unmatched, or neutral where nothing is annotated ([`super::neutral`]). Distances are between centres, on the ground; among
 //! equally near objects the first in the sample counts.
 
+use std::cmp::Reverse;
 use std::sync::OnceLock;
 
 use serde::{Deserialize, Serialize};
@@ -214,7 +215,7 @@ fn rank<'a>(samples: &[KeptSample<'a>], thresholds_m: &[f64]) -> Ranking<'a> {
         }
     }
     // By falling score; among equal scores the later one comes first.
-    Harm::ALL.into_iter().for_each(|class| order.get_mut(class).sort_unstable_by(|a, b| b.cmp(a)));
+    Harm::ALL.into_iter().for_each(|class| order.get_mut(class).sort_unstable_by_key(|&of| Reverse(of)));
     let ranked =
         PerClass::from_fn(|class| order.get(class).iter().map(|&(_, i)| found[i as usize]).collect());
     let at_threshold = |class: Harm, threshold_idx: usize| {

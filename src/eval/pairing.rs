@@ -2,6 +2,8 @@
 //!
 //! The rules stand in [`super::matching`]. Matching never leaves a sample, so each is decided by itself.
 
+use std::cmp::Reverse;
+
 use super::filter::KeptSample;
 use super::neutral::NeutralReason;
 use crate::object::{Detection, Harm};
@@ -67,7 +69,7 @@ impl<'a> Pairing<'a> {
         let n_thresholds = self.thresholds_m.len();
         self.order.clear();
         self.order.extend(sample.detections.iter().enumerate().map(|(i, found)| (order_of(found.score), i)));
-        self.order.sort_unstable_by(|a, b| b.cmp(a));
+        self.order.sort_unstable_by_key(|&of| Reverse(of));
         self.objects.clear();
         self.objects.extend(sample.objects.iter().map(|object| {
             let center = &object.truth.box_in_ego.center;
