@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harmzone_sim.camera import Camera
+from harmzone_sim.drawing import VISIBLE_GROUPS
 from harmzone_sim.world import World
 
 
 class FilamentCamera(Camera):
-    """A camera whose colours come from Filament; depth and segmentation from the classic renderer."""
+    """A camera whose colours come from Filament; depth and geom ids from the classic renderer."""
 
     def __init__(self, world: World) -> None:
         super().__init__(world)
@@ -38,7 +39,13 @@ class FilamentCamera(Camera):
         self._filament = renderer.Renderer(mjrf.Context(config))
         context = self._filament.context
         self._model_scene = model_scene.ModelScene(context, world.model, self._filament.scene("world"))
-        self._model_scene._renderables.set_options(self._option)
+        option = mujoco.MjvOption()
+        option.geomgroup[:] = VISIBLE_GROUPS
+        option.sitegroup[:] = 0
+        self._model_scene._renderables.set_options(option)
+        self._camera = mujoco.MjvCamera()
+        self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
+        self._camera.fixedcamid = world.camera_id
         width_px, height_px = world.image_size_px
         self._colours = np.empty((height_px, width_px, 3), dtype=np.uint8)
         self._filament.target("picture", self._colours)
@@ -50,8 +57,3 @@ class FilamentCamera(Camera):
         camera = mujoco.mjv_camera2GLCamera(self._world.model, self._world.data, self._camera)
         self._filament.render([self._view(scene="world", target="picture", camera=camera)])
         return self._colours.copy()
-
-    def rgb_and_depth(self) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-        """As the classic camera has it, with this one's colours."""
-        _, depth_m = super().rgb_and_depth()
-        return self.rgb(), depth_m

@@ -10,7 +10,7 @@ SCENE = """
 <mujoco>
   <visual><global offwidth="80" offheight="60"/></visual>
   <worldbody>
-    <light pos="0 0 10"/>
+    <light directional="true" dir="0 0 -1" pos="0 0 10"/>
     <geom name="ground" type="plane" size="50 50 1" group="0"/>
     <geom name="wall" type="box" pos="10.5 0 1" size="0.5 20 30" group="1"/>
     <geom name="unseen" type="box" pos="5 0 1" size="0.1 5 5" group="3"/>
@@ -47,8 +47,8 @@ def test_beyond_its_range_a_ray_meets_nothing(world):
 
 def test_the_camera_sees_the_wall_above_the_ground(world):
     camera = Camera(world)
-    camera.update()
-    segments = camera.segmentation()
+    camera.draw()
+    segments = camera.geoms()
     names = world.names("geom")
     assert segments.shape == (60, 80)
     assert names[segments[5, 40]] == "wall" and names[segments[59, 40]] == "ground"

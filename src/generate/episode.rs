@@ -24,7 +24,7 @@ use crate::scene::{self, Town, populate};
 use crate::sensors::WeatherState;
 use crate::sensors::camera::{Material, Rendered, Scope, Shot};
 use crate::sensors::lidar::{self, Hit, Receiver, Reflector};
-use crate::sim::{CameraMount, Renderer, Simulator};
+use crate::sim::{CameraMount, DrawnView, Renderer, Simulator};
 
 /// Simulated time begins on 2025-01-01, whatever the wall clock says.
 const EPOCH_NS: u64 = 1_735_689_600_000_000_000;
@@ -38,8 +38,8 @@ pub struct Timings {
     pub set_up: Duration,
     pub warm_up: Duration,
     pub motion: Duration,
+    /// With the geom of each pixel, and its depth where it is needed.
     pub picture: Duration,
-    pub segmentation: Duration,
     /// Weather and daytime in the camera's picture.
     pub weather: Duration,
     pub rays: Duration,
@@ -213,14 +213,8 @@ impl<'a> Recording<'a> {
         let rig = &config.rig;
         let world_from_ego = drive.world_from_ego();
         let simulator = &mut drive.simulator;
-        let (rgb, depth_m) = time(&mut timings.picture, || {
-            if needs_depth {
-                simulator.render_rgb_and_depth().map(|picture| (picture.rgb, picture.depth_m))
-            } else {
-                simulator.render_rgb().map(|rgb| (rgb, Vec::new()))
-            }
-        })?;
-        let geoms = time(&mut timings.segmentation, || simulator.render_segmentation())?;
+        let DrawnView { rgb, depth_m, geoms } =
+            time(&mut timings.picture, || simulator.render(needs_depth))?;
         if let Some(aov) = &self.aov {
             let objects = geoms.iter().map(|&geom| appearance.object(geom));
             time(&mut timings.writing, || aov.write(sample_idx, &depth_m, objects))?;

@@ -32,7 +32,7 @@ fn differences_m(town: &str) -> Vec<f64> {
     for _ in 0..60 {
         drive.step().unwrap();
     }
-    let depth_m = drive.simulator.render_rgb_and_depth().unwrap().depth_m;
+    let depth_m = drive.simulator.render(true).unwrap().depth_m;
     let world_from_lidar = drive.world_from_ego() * rig.ego_from_lidar;
     let directions: Vec<Vector3<f64>> =
         rig.pattern.directions.iter().map(|direction| world_from_lidar.rotate(direction)).collect();

@@ -27,15 +27,24 @@ impl Builder {
         );
     }
 
-    /// A static mesh of group 1.
+    /// A static mesh.
     pub(super) fn mesh(&mut self, name: &str, material: &str, mesh: &TriangleMesh) {
+        self.mesh_in(1, name, material, mesh);
+    }
+
+    /// A static mesh of the ground: nothing that is seen lies below it.
+    pub(super) fn ground(&mut self, name: &str, material: &str, mesh: &TriangleMesh) {
+        self.mesh_in(0, name, material, mesh);
+    }
+
+    fn mesh_in(&mut self, group: u8, name: &str, material: &str, mesh: &TriangleMesh) {
         if mesh.is_empty() {
             return;
         }
         self.files.push((format!("{name}.obj"), mesh.to_obj().into_bytes()));
         self.asset += &format!("<mesh name=\"{name}\" file=\"{name}.obj\" inertia=\"shell\"/>\n");
         self.body += &format!(
-            "<geom name=\"{name}\" type=\"mesh\" mesh=\"{name}\" material=\"{material}\" group=\"1\" contype=\"0\" conaffinity=\"0\"/>\n"
+            "<geom name=\"{name}\" type=\"mesh\" mesh=\"{name}\" material=\"{material}\" group=\"{group}\" contype=\"0\" conaffinity=\"0\"/>\n"
         );
     }
 }

@@ -1,6 +1,6 @@
 //! The world as MJCF: static scene, objects, and the ego car.
 //!
-//! Visual groups: 1 static scene, 2 objects, 3 collision shapes (and the ground plane at z = 0),
+//! Visual groups: 0 the ground's surface, 1 static scene, 2 objects, 3 collision shapes (and the ground plane at z = 0),
 //! 4 the ego. Moving objects are mocap bodies at the top level, in the order of
 //! [`Placement::mocap`](super::world::Placement), which is MuJoCo's mocap order.
 
@@ -117,18 +117,18 @@ impl World {
         builder.plain("scene_kerb", [0.5, 0.49, 0.47]);
         builder.plain("scene_marks", [0.86, 0.86, 0.84]);
         builder.body += &format!(
-            "<geom name=\"scene_grass\" type=\"plane\" size=\"600 600 1\" pos=\"0 0 {grass_m}\" material=\"scene_grass\" group=\"1\" contype=\"0\" conaffinity=\"0\"/>\n"
+            "<geom name=\"scene_grass\" type=\"plane\" size=\"600 600 1\" pos=\"0 0 {grass_m}\" material=\"scene_grass\" group=\"0\" contype=\"0\" conaffinity=\"0\"/>\n"
         );
         let meshes = self.town.surface.meshes(self.is_in_sight());
-        builder.mesh("scene_road", "scene_road", &meshes.road);
-        builder.mesh("scene_pavement", "scene_pavement", &meshes.pavement);
+        builder.ground("scene_road", "scene_road", &meshes.road);
+        builder.ground("scene_pavement", "scene_pavement", &meshes.pavement);
         builder.mesh("scene_kerb", "scene_kerb", &meshes.kerb);
-        builder.mesh("scene_marks", "scene_marks", &meshes.marks);
+        builder.ground("scene_marks", "scene_marks", &meshes.marks);
         if !meshes.terrain.is_empty() {
             builder.asset.push_str(
                 "<material name=\"scene_terrain\" texture=\"scene_grass\" specular=\"0\" shininess=\"0\"/>\n",
             );
-            builder.mesh("scene_terrain", "scene_terrain", &meshes.terrain);
+            builder.ground("scene_terrain", "scene_terrain", &meshes.terrain);
         }
     }
 

@@ -16,7 +16,7 @@ use thiserror::Error;
 
 pub use mount::{CameraMount, Renderer};
 pub use python::{Environment, VENV_VARIABLE};
-pub use sensing::DepthPicture;
+pub use sensing::DrawnView;
 pub use simulator::Simulator;
 
 /// The command that makes the virtual environment.

