@@ -1,4 +1,4 @@
-"""What a model shows, laid out for OpenGL: vertices, and faces in chunks that are drawn or left out as a whole."""
+"""What a model shows, laid out for OpenGL: vertices, and faces in chunks that are drawn or left out."""
 
 import mujoco
 import numpy as np
@@ -30,11 +30,12 @@ Indices = NDArray[np.int64]
 class Drawing:
     """The visible geoms of a model.
 
-    Vertices of what stands still are in the world frame, those of what moves in their body's. Faces lie chunk by
-    chunk: chunk i is faces[begin[i]:end[i]], of body `body[i]` (0: it stands still), with texture `texture[i]`
-    (-1: none), within `radius_m[i]` of `center_m[i]` in its frame. `casts_shadow[i]` is false for ground that the
-    light `sun` meets everywhere from above: whatever lies in the shadow of ground lies behind a face of it that is turned
-    away from the light.
+    Vertices of what stands still are in the world frame, those of what moves in their body's. Faces lie
+    chunk by chunk: chunk i is faces[begin[i]:end[i]], of body `body[i]` (0: it stands still), with texture
+    `texture[i]` (-1: none), within `radius_m[i]` of `center_m[i]` in its frame.
+
+    `casts_shadow[i]` is false for ground that the light `sun` meets everywhere from above: what lies in the
+    shadow of ground lies behind a face of it that is turned away from the light.
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, sun: int | None) -> None:
@@ -81,14 +82,19 @@ class Drawing:
         vertices["normal"] = corners["normal"] @ turn_back
         vertices["uv"] = corners["uv"]
         if texture >= 0 and not corners["uv"].any():
-            material = model.geom_matid[geom]
-            half = np.where(model.geom_size[geom, :2] > 0, model.geom_size[geom, :2], 1.0)
-            unit_m = 1.0 if model.mat_texuniform[material] else half
-            repeat = 0.5 * model.mat_texrepeat[material] * [1, -1]
-            vertices["uv"] = corners["position"][:, :2] / unit_m * repeat - 0.5
+            vertices["uv"] = self._spread(geom, corners["position"])
         vertices["geom"] = geom
         vertices["rgba"], vertices["gloss"] = self._look(geom)
         return vertices
+
+    def _spread(self, geom: int, position: NDArray[np.float32]) -> Array:
+        """Texture coordinates where a shape has none of its own: by place in the geom's plane."""
+        model, material = self._model, self._model.geom_matid[geom]
+        if model.geom_type[geom] != mujoco.mjtGeom.mjGEOM_PLANE:
+            raise ValueError(f"geom {geom} has a texture, but no coordinates in it")
+        half_m = model.geom_size[geom, :2]
+        unit_m = np.where((half_m > 0) & ~bool(model.mat_texuniform[material]), half_m, 1.0)
+        return position[:, :2] / unit_m * (0.5 * model.mat_texrepeat[material] * [1, -1]) - 0.5
 
     def _look(self, geom: int) -> tuple[Array, tuple[float, float, float]]:
         model, material = self._model, self._model.geom_matid[geom]

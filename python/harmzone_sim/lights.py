@@ -25,7 +25,10 @@ class Lights:
         self.n = 1 + len(self._order)
 
     def values(self, data: mujoco.MjData, forward: Array) -> NDArray[np.float32]:
-        """Direction, ambient, diffuse and specular of each light: [4 * light, 3]. forward: [3], the camera's."""
+        """Direction, ambient, diffuse and specular of each light: [4 * light, 3].
+
+        forward: [3], where the camera looks.
+        """
         model, head = self._model, self._model.vis.headlight
         rows = [forward] + [part * bool(head.active) for part in (head.ambient, head.diffuse, head.specular)]
         for light in self._order:

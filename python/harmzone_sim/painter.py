@@ -1,7 +1,7 @@
-"""Draws a model by OpenGL: MuJoCo's classic lights, textures and shadow map, in one pass for colour, depth and geoms.
+"""Draws a model by OpenGL as MuJoCo's classic renderer does, but colour, depth and geoms in one pass.
 
-Light is worked out at the corners, as OpenGL's fixed functions do. Only chunks in view are drawn, and only chunks
-that can throw a shadow into the view go to the shadow map. Everything is opaque.
+Light is worked out at the corners, as OpenGL's fixed functions do. Only chunks in view are drawn, and only
+chunks that can throw a shadow into the view go to the shadow map. Everything is opaque.
 """
 
 import ctypes
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from harmzone_sim.drawing import VERTEX, Drawing
 from harmzone_sim.lights import Lights
-from harmzone_sim.view import View, camera_view, outline_m, shadow_reach_m, sun_view
+from harmzone_sim.view import Array, View, camera_view, outline_m, shadow_reach_m, sun_view
 from harmzone_sim.world import World
 
 _VERTEX_SHADER = """#version 330
@@ -112,7 +112,8 @@ class Painter:
         self._has_shadow = self._lights.casting is not None
         self._upload()
         self._textures = [self._make_texture(world.model, texture) for texture in range(world.model.ntex)]
-        self._plain, self._textured = (_Program(GL, self._words(i), _VERTEX_SHADER, _FRAGMENT_SHADER) for i in (0, 1))
+        shaders = (_VERTEX_SHADER, _FRAGMENT_SHADER)
+        self._plain, self._textured = (_Program(GL, self._words(i), *shaders) for i in (0, 1))
         if self._has_shadow:
             self._caster = _Program(GL, self._words(0), _CASTER_SHADER)
             self._make_shadow_map(int(world.model.vis.quality.shadowsize))
@@ -164,8 +165,8 @@ class Painter:
         gl.glActiveTexture(gl.GL_TEXTURE1)
         texture = gl.glGenTextures(1)
         gl.glBindTexture(gl.GL_TEXTURE_2D, texture)
-        layout = (gl.GL_DEPTH_COMPONENT24, size_px, size_px, 0, gl.GL_DEPTH_COMPONENT, gl.GL_UNSIGNED_INT, None)
-        gl.glTexImage2D(gl.GL_TEXTURE_2D, 0, *layout)
+        size, layout = (size_px, size_px), (gl.GL_DEPTH_COMPONENT, gl.GL_UNSIGNED_INT)
+        gl.glTexImage2D(gl.GL_TEXTURE_2D, 0, gl.GL_DEPTH_COMPONENT24, *size, 0, *layout, None)
         for key, value in (
             (gl.GL_TEXTURE_MIN_FILTER, gl.GL_NEAREST),
             (gl.GL_TEXTURE_MAG_FILTER, gl.GL_NEAREST),
@@ -257,9 +258,10 @@ class Painter:
                 gl.glBindTexture(gl.GL_TEXTURE_2D, self._textures[texture])
             self._draw_chunks(seen[textures == texture], self._plain if texture < 0 else self._textured)
 
-    def _draw_shadows(self, view: View, center_m: NDArray[np.float64], is_seen: NDArray[np.bool_]) -> NDArray[np.float64]:
+    def _draw_shadows(self, view: View, center_m: Array, is_seen: NDArray[np.bool_]) -> Array:
         """Fills the part of the shadow map that the camera can see; returns the way into the map."""
-        gl, model, data, drawing, n = self._gl, self._world.model, self._world.data, self._drawing, self._shadow_px
+        gl, model, data, drawing = self._gl, self._world.model, self._world.data, self._drawing
+        n = self._shadow_px
         sun, reach_m = sun_view(model, data, self._lights.casting, view), shadow_reach_m(model)
         radius_m = drawing.radius_m
         is_near = is_seen & (radius_m < reach_m)
@@ -270,7 +272,7 @@ class Painter:
         in_map = (center_m - sun.eye_m) @ sun.axes[:2].T
         beside = np.maximum(in_map - high, low - in_map).max(axis=1)
         casters = np.flatnonzero(drawing.casts_shadow & (beside < radius_m))
-        # A texel more than is seen on each side; the map's own edge stays clear, and all beyond it in the light.
+        # A texel more than is seen on each side. The map's own edge stays clear: all beyond is in the light.
         first = np.floor((low / reach_m + 1) / 2 * n).astype(int).clip(2, n - 2) - 1
         last = np.ceil((high / reach_m + 1) / 2 * n).astype(int).clip(2, n - 2) + 1
         gl.glBindFramebuffer(gl.GL_FRAMEBUFFER, self._shadow_frame)

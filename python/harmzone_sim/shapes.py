@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 CORNER = np.dtype([("position", np.float32, 3), ("normal", np.float32, 3), ("uv", np.float32, 2)])
 # How far an infinite plane reaches, as a multiple of the far clipping distance.
 _PLANE_REACH = 2.5
+# Most cells of a plane along a side.
+_MAX_CELLS = 198
 # Steps of 1 / 512 tell one normal from another.
 _NORMAL_STEPS = 512
 
@@ -25,7 +27,7 @@ class Shapes:
         self._n_slices, self._n_stacks = quality.numslices, quality.numstacks
 
     def of(self, geom: int) -> tuple[Corners, Faces]:
-        """Corners [corner], to be left as they are, and faces [face, 3], counter-clockwise from their front."""
+        """Corners [corner], to be left as they are, and faces [face, 3], counter-clockwise from the front."""
         model, kind = self._model, mujoco.mjtGeom(self._model.geom_type[geom])
         if kind == mujoco.mjtGeom.mjGEOM_MESH:
             mesh = int(model.geom_dataid[geom])
@@ -35,7 +37,7 @@ class Shapes:
         x, y, z = (float(half) for half in model.geom_size[geom])
         if kind == mujoco.mjtGeom.mjGEOM_PLANE:
             far_m = _PLANE_REACH * model.vis.map.zfar * model.stat.extent
-            return _scale(_plane(), [x or far_m, y or far_m, 1.0])
+            return _plane(x or far_m, y or far_m, z if self._shines(geom) else np.inf)
         if kind == mujoco.mjtGeom.mjGEOM_BOX:
             return _scale(_box(), [x, y, z])
         if kind in (mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_ELLIPSOID):
@@ -46,6 +48,10 @@ class Shapes:
         if kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
             return _scale(self._turned(_CYLINDER), [x, x, y])
         raise ValueError(f"geom {geom} is a {kind.name}, which is not drawn")
+
+    def _shines(self, geom: int) -> bool:
+        material = self._model.geom_matid[geom]
+        return material < 0 or self._model.mat_specular[material] > 0
 
     def _turned(self, profile: NDArray[np.float64], scale: float = 1.0) -> tuple[Corners, Faces]:
         """A profile [point, 4] of radius, z and normal, upwards, turned about z."""
@@ -83,14 +89,22 @@ def _arc(n_stacks: int, half_gap: float) -> NDArray[np.float64]:
 
 
 def _split(quads: NDArray[np.int64]) -> Faces:
-    return quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
+    return quads[:, [0, 1, 3, 1, 2, 3]].reshape(-1, 3)
 
 
-def _plane() -> tuple[Corners, Faces]:
-    corners = np.zeros(4, CORNER)
-    corners["position"] = [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]
+def _plane(half_x_m: float, half_y_m: float, cell_m: float) -> tuple[Corners, Faces]:
+    """A level rectangle in cells of two `cell_m`, since glints are worked out at their corners."""
+    x, y = (
+        np.linspace(-half_m, half_m, 1 + int(np.clip(half_m / max(cell_m, 1e-9), 1, _MAX_CELLS)))
+        for half_m in (half_x_m, half_y_m)
+    )
+    corners = np.zeros((len(x), len(y)), CORNER)
+    corners["position"][..., 0], corners["position"][..., 1] = x[:, None], y
     corners["normal"] = (0, 0, 1)
-    return corners, _split(np.array([[0, 1, 2, 3]]))
+    rows, columns = np.meshgrid(np.arange(len(x) - 1), np.arange(len(y) - 1), indexing="ij")
+    first = (rows * len(y) + columns).reshape(-1)
+    quads = np.stack([first, first + len(y), first + len(y) + 1, first + 1], axis=1)
+    return corners.reshape(-1), _split(quads)
 
 
 def _box() -> tuple[Corners, Faces]:

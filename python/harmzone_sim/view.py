@@ -17,8 +17,8 @@ _SHADOWED = 1.5
 class View:
     """A view of the world; matrices are [4, 4] and act on columns.
 
-    eye_m: [3], where it looks from. axes: [3, 3], rows right, up and back. Depth in clip coordinates runs from 1
-    (near) to 0 (far), as MuJoCo has it, which keeps digits where they count.
+    eye_m: [3], where it looks from. axes: [3, 3], rows right, up and back. Depth in clip coordinates runs
+    from 1 (near) to 0 (far), as MuJoCo has it, which keeps digits where they count.
     """
 
     eye_m: Array
@@ -83,7 +83,7 @@ def shadow_reach_m(model: mujoco.MjModel) -> float:
 
 
 def outline_m(view: View, reach_m: float, low_m: float, high_m: float) -> Array:
-    """Corners of the part of a camera's view between two heights, as far as shadows are drawn: [corner, 3]."""
+    """Corners of the part of a camera's view between two heights, as far as shadows go: [corner, 3]."""
     tangents = 1 / np.array([np.linalg.norm(view.clip_from_world[i, :3]) for i in range(2)])
     ends = [view.eye_m]
     for x, y in itertools.product((-1, 1), repeat=2):

@@ -7,34 +7,37 @@ from harmzone_sim.camera import Camera
 from harmzone_sim.world import World
 
 SIZE_PX = (320, 180)
-# One of each shape; textured, shining and coloured ones; a wall behind the camera that throws a shadow ahead of it.
+# One of each shape, some textured or shining; a wall behind the camera throws its shadow ahead.
 SCENE = """
 <mujoco>
   <statistic extent="30" center="0 0 0"/>
-  <visual><global offwidth="320" offheight="180"/><quality shadowsize="1024" numslices="10" numstacks="6"/>
+  <visual><global offwidth="320" offheight="180"/>
+    <quality shadowsize="1024" numslices="10" numstacks="6" numquads="1"/>
     <headlight ambient="0.4 0.4 0.45" diffuse="0.12 0.12 0.12" specular="0 0 0"/>
     <map znear="0.008" zfar="8"/></visual>
   <asset>
-    <texture name="tiles" type="2d" builtin="checker" rgb1="0.8 0.3 0.2" rgb2="0.2 0.5 0.3" width="64" height="64"/>
+    <texture name="tiles" type="2d" builtin="checker" rgb1="0.8 0.3 0.2" rgb2="0.2 0.5 0.3"
+      width="64" height="64"/>
     <material name="tiles" texture="tiles" texrepeat="0.5 0.5" texuniform="true" specular="0"/>
-    <material name="boxed" texture="tiles" texrepeat="2 1" specular="0.2"/>
     <material name="paint" rgba="0.7 0.1 0.1 1" specular="0.8" shininess="0.7"/>
     <material name="lamp" rgba="0.9 0.9 0.2 1" emission="0.6"/>
     <mesh name="wedge" vertex="0 0 0 2 0 0 0 2 0 2 2 0 0 0 2 0 2 2"/>
   </asset>
   <worldbody>
-    <light name="sun" directional="true" castshadow="CAST" pos="0 0 20" dir="0.6 0.3 -0.74"
+    <light name="sun" directional="true" castshadow="CAST" pos="-36 -18 44" dir="0.6 0.3 -0.74"
       diffuse="0.6 0.6 0.5" specular="0.3 0.3 0.3"/>
     <geom name="ground" type="plane" size="60 60 1" material="tiles" group="0"/>
-    <geom type="box" pos="12 -3 1" size="0.8 1 1" material="boxed" group="1"/>
-    <geom type="box" pos="-4 -2 3" size="0.2 4 3" group="1"/>
+    <geom type="box" pos="12 -3 1" size="0.8 1 1" material="paint" group="1"/>
+    <geom type="box" pos="-4 -2 8" size="0.2 4 8" group="1"/>
     <geom type="sphere" pos="8 -1 1" size="0.8" material="paint" group="2"/>
     <geom type="ellipsoid" pos="9 2 1" size="0.5 1 0.7" material="paint" group="2"/>
     <geom type="capsule" pos="7 1 1" size="0.3 0.6" euler="40 20 0" rgba="0.2 0.3 0.9 1" group="2"/>
     <geom type="cylinder" pos="10 4 1" size="0.5 1" material="lamp" group="2"/>
-    <body name="mover" mocap="true" pos="14 3 0" euler="0 0 30"><geom type="mesh" mesh="wedge" material="paint" group="2"/></body>
+    <body name="mover" mocap="true" pos="14 3 0" euler="0 0 30">
+      <geom type="mesh" mesh="wedge" material="paint" group="2"/></body>
     <geom name="unseen" type="box" pos="5 0 1" size="0.1 5 5" group="3"/>
-    <body name="ego" pos="0 0 1"><freejoint/><geom type="box" pos="2 0 0" size="0.2 2 2" group="4" mass="1"/></body>
+    <body name="ego" pos="0 0 1"><freejoint/>
+      <geom type="box" pos="2 0 0" size="0.2 2 2" group="4" mass="1"/></body>
   </worldbody>
 </mujoco>
 """
@@ -68,7 +71,7 @@ def test_colours_depths_and_geoms_are_those_of_mujocos_own_renderer(casts, n_sam
     rgb, depth_m, geoms = mujocos_own(world)
     off = np.abs(camera.rgb().astype(int) - rgb).max(axis=-1)
     # Shadows have steps of another direction, and each pass of MuJoCo's rounds.
-    assert np.mean(off <= 3) > 0.98 and off.mean() < 1.0
+    assert np.mean(off <= 3) > 0.985 and off.mean() < 0.7
     assert np.mean(camera.geoms() == geoms) > (0.999 if n_samples == 0 else 0.98)
     seen = camera.geoms() >= 0
     assert np.isinf(camera.depth_m()[~seen]).all()

@@ -12,7 +12,7 @@ from replay import PlainSensors, StepLog, Stopwatch
 # One wall ten metres ahead of the body that carries the camera.
 SCENE = """
 <mujoco>
-  <visual><global offwidth="80" offheight="60"/></visual>
+  <visual><global offwidth="80" offheight="60"/><quality numquads="1"/></visual>
   <worldbody>
     <light directional="true" dir="0 0 -1" pos="0 0 10"/>
     <geom name="ground" type="plane" size="50 50 1" group="0"/>
