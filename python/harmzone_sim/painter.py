@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harmzone_sim.drawing import VERTEX, Drawing
+from harmzone_sim.hidden import Depths
 from harmzone_sim.lights import Lights
 from harmzone_sim.view import Array, View, camera_view, outline_m, shadow_reach_m, sun_view
 from harmzone_sim.world import World
@@ -28,6 +29,7 @@ uniform mat4 shadow_from_world;
 uniform vec3 eye;
 // By light: the direction of its rays, ambient, diffuse, specular.
 uniform vec3 lights[4 * N_LIGHTS];
+invariant gl_Position;
 out vec4 own_light;
 out vec3 sun_light;
 out vec3 in_shadow_map;
@@ -86,11 +88,20 @@ void main() {
 }
 """
 
-_CASTER_SHADER = """#version 330
+_DEPTH_SHADER = """#version 330
 layout(location = 0) in vec3 position;
 uniform mat4 world_from_body;
 uniform mat4 clip_from_world;
-void main() { gl_Position = clip_from_world * world_from_body * vec4(position, 1.0); }
+invariant gl_Position;
+
+void main() {
+    vec4 place = world_from_body * vec4(position, 1.0);
+    gl_Position = clip_from_world * place;
+}
+"""
+
+_NO_COLOUR_SHADER = """#version 330
+void main() {}
 """
 
 # By slope and by steps of depth: how far MuJoCo moves casters back, lest they shade themselves.
@@ -114,13 +125,12 @@ class Painter:
         self._textures = [self._make_texture(world.model, texture) for texture in range(world.model.ntex)]
         shaders = (_VERTEX_SHADER, _FRAGMENT_SHADER)
         self._plain, self._textured = (_Program(GL, self._words(i), *shaders) for i in (0, 1))
+        self._depth_only = _Program(GL, self._words(0), _DEPTH_SHADER, _NO_COLOUR_SHADER)
         if self._has_shadow:
-            self._caster = _Program(GL, self._words(0), _CASTER_SHADER)
             self._make_shadow_map(int(world.model.vis.quality.shadowsize))
         self._frame = self._make_frame(0)
         n_samples = min(int(world.model.vis.quality.offsamples), GL.glGetIntegerv(GL.GL_MAX_SAMPLES))
         self._smooth_frame = self._make_frame(n_samples) if n_samples > 0 else None
-        self._sharp_frame = self._make_frame(0) if n_samples > 0 else None
 
     def _words(self, has_texture: int) -> dict[str, int]:
         return {"N_LIGHTS": self._lights.n, "HAS_SHADOW": int(self._has_shadow), "HAS_TEXTURE": has_texture}
@@ -216,7 +226,17 @@ class Painter:
         gl.glEnable(gl.GL_DEPTH_TEST)
         gl.glDepthFunc(gl.GL_GEQUAL)
         gl.glClearDepth(0.0)
-        shadow_from_world = self._draw_shadows(view, center_m, is_seen) if self._has_shadow else np.eye(4)
+        # Ground and walls hide much of a town: their depths tell what need not be drawn.
+        self._start(self._frame)
+        self._depth_only.use()
+        self._depth_only.set_matrix("clip_from_world", view.clip_from_world)
+        seen = np.flatnonzero(is_seen)
+        self._draw_chunks(seen[drawing.texture[seen] >= 0], self._depth_only)
+        depths = Depths(view, self._read_depth())
+        seen = seen[~depths.hides(center_m[seen], drawing.radius_m[seen])]
+        shadow_from_world = np.eye(4)
+        if self._has_shadow:
+            shadow_from_world = self._draw_shadows(view, depths, center_m, seen)
         lights = self._lights.values(data, -view.axes[2])
         for program in (self._plain, self._textured):
             program.use()
@@ -227,14 +247,13 @@ class Painter:
             program.set_unit("picture", 0)
             program.set_unit("shadow_map", 1)
         # Near things first, lest what they hide is painted in vain.
-        seen = np.flatnonzero(is_seen)
         far_m = np.linalg.norm(center_m[seen] - view.eye_m, axis=1) - drawing.radius_m[seen]
         seen = seen[np.lexsort((far_m, drawing.texture[seen]))]
+        self._fill(self._frame, seen)
         if self._smooth_frame is None:
-            self._fill(self._frame, seen)
             return
+        self._start(self._smooth_frame)
         self._fill(self._smooth_frame, seen)
-        self._fill(self._sharp_frame, seen)
         gl.glBindFramebuffer(gl.GL_READ_FRAMEBUFFER, self._smooth_frame)
         gl.glBindFramebuffer(gl.GL_DRAW_FRAMEBUFFER, self._frame)
         gl.glReadBuffer(gl.GL_COLOR_ATTACHMENT0)
@@ -242,34 +261,52 @@ class Painter:
         whole = (0, 0, *self._size_px)
         gl.glBlitFramebuffer(*whole, *whole, gl.GL_COLOR_BUFFER_BIT, gl.GL_NEAREST)
 
-    def _fill(self, frame: int, seen: NDArray[np.int64]) -> None:
+    def _start(self, frame: int) -> None:
+        """Clears a frame, and makes depths all that is drawn."""
+        gl = self._gl
+        self._aim(frame)
+        gl.glClearBufferfv(gl.GL_COLOR, 0, np.zeros(4, dtype=np.float32))
+        gl.glClearBufferiv(gl.GL_COLOR, 1, np.full(4, -1, dtype=np.int32))
+        gl.glClear(gl.GL_DEPTH_BUFFER_BIT)
+        gl.glDrawBuffer(gl.GL_NONE)
+
+    def _aim(self, frame: int) -> None:
         gl = self._gl
         gl.glBindFramebuffer(gl.GL_FRAMEBUFFER, frame)
+        gl.glDrawBuffers(2, [gl.GL_COLOR_ATTACHMENT0, gl.GL_COLOR_ATTACHMENT1])
         # Row 0 at the top.
         gl.glClipControl(gl.GL_UPPER_LEFT, gl.GL_ZERO_TO_ONE)
         gl.glViewport(0, 0, *self._size_px)
         gl.glEnable(gl.GL_CULL_FACE)
-        gl.glClearBufferfv(gl.GL_COLOR, 0, np.zeros(4, dtype=np.float32))
-        gl.glClearBufferiv(gl.GL_COLOR, 1, np.full(4, -1, dtype=np.int32))
-        gl.glClear(gl.GL_DEPTH_BUFFER_BIT)
+
+    def _fill(self, frame: int, seen: NDArray[np.int64]) -> None:
+        gl = self._gl
+        self._aim(frame)
         textures = self._drawing.texture[seen]
         for texture in np.unique(textures).tolist():
             if texture >= 0:
                 gl.glBindTexture(gl.GL_TEXTURE_2D, self._textures[texture])
             self._draw_chunks(seen[textures == texture], self._plain if texture < 0 else self._textured)
 
-    def _draw_shadows(self, view: View, center_m: Array, is_seen: NDArray[np.bool_]) -> Array:
+    def _draw_shadows(self, view: View, depths: Depths, center_m: Array, seen: NDArray[np.int64]) -> Array:
         """Fills the part of the shadow map that the camera can see; returns the way into the map."""
         gl, model, data, drawing = self._gl, self._world.model, self._world.data, self._drawing
         n = self._shadow_px
         sun, reach_m = sun_view(model, data, self._lights.casting, view), shadow_reach_m(model)
         radius_m = drawing.radius_m
-        is_near = is_seen & (radius_m < reach_m)
-        low_m = (center_m[:, 2] - radius_m)[is_near].min(initial=view.eye_m[2])
-        high_m = (center_m[:, 2] + radius_m)[is_near].max(initial=view.eye_m[2])
-        corners = (outline_m(view, reach_m, low_m, high_m) - sun.eye_m) @ sun.axes[:2].T
-        low, high = corners.min(axis=0).clip(-reach_m, reach_m), corners.max(axis=0).clip(-reach_m, reach_m)
-        in_map = (center_m - sun.eye_m) @ sun.axes[:2].T
+        near = seen[radius_m[seen] < reach_m]
+        low_m = (center_m[:, 2] - radius_m)[near].min(initial=view.eye_m[2])
+        high_m = (center_m[:, 2] + radius_m)[near].max(initial=view.eye_m[2])
+        eye, axes = sun.axes[:2] @ sun.eye_m, sun.axes[:2]
+        corners = outline_m(view, reach_m, low_m, high_m) @ axes.T - eye
+        # Shadows fall on what the depths hold and on the things before it.
+        in_map = center_m @ axes.T - eye
+        things = seen[drawing.texture[seen] < 0]
+        low, high = depths.bounds(axes)
+        low = np.minimum(low - eye, (in_map - radius_m[:, None])[things].min(axis=0, initial=np.inf))
+        high = np.maximum(high - eye, (in_map + radius_m[:, None])[things].max(axis=0, initial=-np.inf))
+        low = np.maximum(low, corners.min(axis=0)).clip(-reach_m, reach_m)
+        high = np.minimum(high, corners.max(axis=0)).clip(-reach_m, reach_m)
         beside = np.maximum(in_map - high, low - in_map).max(axis=1)
         casters = np.flatnonzero(drawing.casts_shadow & (beside < radius_m))
         # A texel more than is seen on each side. The map's own edge stays clear: all beyond is in the light.
@@ -284,9 +321,9 @@ class Painter:
         gl.glDisable(gl.GL_CULL_FACE)
         gl.glEnable(gl.GL_POLYGON_OFFSET_FILL)
         gl.glPolygonOffset(*_SHADOW_OFFSET)
-        self._caster.use()
-        self._caster.set_matrix("clip_from_world", sun.clip_from_world)
-        self._draw_chunks(casters, self._caster)
+        self._depth_only.use()
+        self._depth_only.set_matrix("clip_from_world", sun.clip_from_world)
+        self._draw_chunks(casters, self._depth_only)
         gl.glDisable(gl.GL_SCISSOR_TEST)
         gl.glDisable(gl.GL_POLYGON_OFFSET_FILL)
         map_from_clip = np.diag([0.5, 0.5, 1.0, 1.0])
@@ -328,16 +365,12 @@ class Painter:
         """Geom ids of what was drawn, -1 where nothing was: [height, width]."""
         gl = self._gl
         geoms = np.empty((self._size_px[1], self._size_px[0]), dtype=np.int32)
-        frame = self._sharp_frame or self._frame
-        self._read(frame, gl.GL_COLOR_ATTACHMENT1, gl.GL_RED_INTEGER, gl.GL_INT, geoms)
+        self._read(self._frame, gl.GL_COLOR_ATTACHMENT1, gl.GL_RED_INTEGER, gl.GL_INT, geoms)
         return geoms
 
     def read_depth_m(self) -> NDArray[np.float32]:
         """Distances along the optical axis, infinite where nothing was drawn: [height, width]."""
-        gl, model = self._gl, self._world.model
-        depth = np.empty((self._size_px[1], self._size_px[0]), dtype=np.float32)
-        frame = self._sharp_frame or self._frame
-        self._read(frame, gl.GL_COLOR_ATTACHMENT0, gl.GL_DEPTH_COMPONENT, gl.GL_FLOAT, depth)
+        model, depth = self._world.model, self._read_depth()
         near_m, far_m = (getattr(model.vis.map, name) * model.stat.extent for name in ("znear", "zfar"))
         is_sky = depth <= 0
         # depth = near (far - d) / (d (far - near)), turned round.
@@ -345,6 +378,12 @@ class Painter:
         depth += np.float32(near_m)
         np.divide(np.float32(near_m * far_m), depth, out=depth)
         depth[is_sky] = np.inf
+        return depth
+
+    def _read_depth(self) -> NDArray[np.float32]:
+        gl = self._gl
+        depth = np.empty((self._size_px[1], self._size_px[0]), dtype=np.float32)
+        self._read(self._frame, gl.GL_COLOR_ATTACHMENT0, gl.GL_DEPTH_COMPONENT, gl.GL_FLOAT, depth)
         return depth
 
     def _read(self, frame: int, part: int, layout: int, kind: int, into: NDArray[np.generic]) -> None:
@@ -358,11 +397,11 @@ class Painter:
 class _Program:
     """A compiled program; values for names that it does not use are left out."""
 
-    def __init__(self, gl: object, words: dict[str, int], vertex: str, fragment: str | None = None) -> None:
+    def __init__(self, gl: object, words: dict[str, int], vertex: str, fragment: str) -> None:
         self._gl, self._places = gl, {}
         self._name = gl.glCreateProgram()
         sources = ((gl.GL_VERTEX_SHADER, vertex), (gl.GL_FRAGMENT_SHADER, fragment))
-        for kind, source in [(kind, source) for kind, source in sources if source]:
+        for kind, source in sources:
             for word, value in words.items():
                 source = source.replace(word, str(value))
             shader = gl.glCreateShader(kind)
