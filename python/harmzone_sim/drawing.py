@@ -1,10 +1,12 @@
 """What a model shows, laid out for OpenGL: vertices, and faces in chunks that are drawn or left out."""
 
+from dataclasses import dataclass
+
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from harmzone_sim.shapes import CORNER, Shapes
+from harmzone_sim.shapes import Shapes
 
 # Ground (0), static scene (1) and objects (2); neither collision shapes (3) nor the own car (4).
 VISIBLE_GROUPS = (1, 1, 1, 0, 0, 0)
@@ -12,16 +14,18 @@ _GROUND = 0
 # Side of the squares into which fixed meshes are cut.
 _CHUNK_M = 24.0
 
-# A corner with all that its light depends on, and the geom that it belongs to.
-VERTEX = np.dtype(
-    [
-        *((name, CORNER[name]) for name in CORNER.names),
-        ("rgba", np.float32, 4),
-        # Specular, shininess as an exponent, emission.
-        ("gloss", np.float32, 3),
-        ("geom", np.int32),
-    ]
-)
+# Parts of a vertex, each with its first column: floats, but for the geom's id, which is an integer's bits.
+N_COLUMNS = 16
+COLUMNS = {
+    "position": (0, 3),
+    "normal": (3, 3),
+    "uv": (6, 2),
+    "rgba": (8, 4),
+    "gloss": (12, 3),
+    "geom": (15, 1),
+}
+_GLOSS = slice(12, 15)
+_RGBA = slice(8, 12)
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -45,47 +49,44 @@ class Drawing:
         self._materials = np.array(model.geom_matid)
         self._span: dict[int, slice] = {}
         shapes = Shapes(model)
-        vertices, faces, geoms, textures = [], [], [], []
-        n_vertices = 0
         is_visible = np.array(VISIBLE_GROUPS, dtype=bool)[model.geom_group] & (model.geom_rgba[:, 3] > 0)
-        for geom in np.flatnonzero(is_visible).tolist():
-            corners, of_corners = shapes.of(geom)
-            texture = self._texture(geom)
-            self._span[geom] = slice(n_vertices, n_vertices + len(corners))
-            vertices.append(self._vertices(data, geom, corners, texture))
-            faces.append(of_corners + n_vertices)
-            geoms.append(np.full(len(of_corners), geom))
-            textures.append(np.full(len(of_corners), texture))
-            n_vertices += len(corners)
-        self.vertices = np.concatenate(vertices)
-        self._lay_out(np.concatenate(faces), np.concatenate(geoms), np.concatenate(textures))
+        drawn = np.flatnonzero(is_visible).tolist()
+        n_vertices = 0
+        for geom in drawn:
+            n = len(shapes.of(geom)[0])
+            self._span[geom] = slice(n_vertices, n_vertices + n)
+            n_vertices += n
+        self.vertices = np.zeros((n_vertices, N_COLUMNS), dtype=np.float32)
         light = np.zeros(3) if sun is None else data.light_xdir[sun]
-        self.casts_shadow = np.logical_or.reduceat(self._is_caster(light), self.begin)
+        parts = []
+        for geom in drawn:
+            corners, faces = shapes.of(geom)
+            self._fill(data, geom, corners)
+            parts += self._cut(geom, faces + self._span[geom].start, light)
+        self._lay_out(parts)
 
     def _texture(self, geom: int) -> int:
         material = self._model.geom_matid[geom]
         colour = mujoco.mjtTextureRole.mjTEXROLE_RGB
         return int(self._model.mat_texid[material, colour]) if material >= 0 else -1
 
-    def _vertices(
-        self, data: mujoco.MjData, geom: int, corners: NDArray[np.void], texture: int
-    ) -> NDArray[np.void]:
+    def _fill(self, data: mujoco.MjData, geom: int, corners: NDArray[np.void]) -> None:
+        """Writes a geom's vertices."""
         model, turn = self._model, np.empty(9)
         if self._is_still[model.geom_bodyid[geom]]:
             position, turn[:] = data.geom_xpos[geom], data.geom_xmat[geom]
         else:
             position = model.geom_pos[geom]
             mujoco.mju_quat2Mat(turn, model.geom_quat[geom])
-        turn_back = turn.reshape(3, 3).T
-        vertices = np.empty(len(corners), VERTEX)
-        vertices["position"] = corners["position"] @ turn_back + position
-        vertices["normal"] = corners["normal"] @ turn_back
-        vertices["uv"] = corners["uv"]
-        if texture >= 0 and not corners["uv"].any():
-            vertices["uv"] = self._spread(geom, corners["position"])
-        vertices["geom"] = geom
-        vertices["rgba"], vertices["gloss"] = self._look(geom)
-        return vertices
+        turn_back = turn.reshape(3, 3).T.astype(np.float32)
+        vertices = self.vertices[self._span[geom]]
+        vertices[:, 0:3] = corners["position"] @ turn_back + position.astype(np.float32)
+        vertices[:, 3:6] = corners["normal"] @ turn_back
+        vertices[:, 6:8] = corners["uv"]
+        if self._texture(geom) >= 0 and not corners["uv"].any():
+            vertices[:, 6:8] = self._spread(geom, corners["position"])
+        vertices[:, _RGBA], vertices[:, _GLOSS] = self._look(geom)
+        vertices[:, 15] = np.array(geom, dtype=np.int32).view(np.float32)
 
     def _spread(self, geom: int, position: NDArray[np.float32]) -> Array:
         """Texture coordinates where a shape has none of its own: by place in the geom's plane."""
@@ -112,41 +113,64 @@ class Drawing:
         self._materials[:] = self._model.geom_matid
         spans = {geom: self._span[geom] for geom in changed if geom in self._span}
         for geom, span in spans.items():
-            self.vertices["rgba"][span], self.vertices["gloss"][span] = self._look(geom)
+            self.vertices[span, _RGBA], self.vertices[span, _GLOSS] = self._look(geom)
         return list(spans.values())
 
-    def _lay_out(self, faces: Indices, geoms: Indices, textures: Indices) -> None:
-        body = self._model.geom_bodyid[geoms].astype(np.int64)
-        is_still = self._is_still[body]
-        corners = self.vertices["position"][faces].astype(np.float64)
-        # Bodies stay whole; what belongs to the world itself is cut into squares.
-        cell = np.floor(corners.mean(axis=1)[:, :2] / _CHUNK_M).astype(np.int64)
-        cell[body > 0] = 0
-        unit = np.where(body > 0, self._model.ngeom + body, geoms)
-        keys = np.stack([is_still, textures, unit, cell[:, 0], cell[:, 1]])
-        order = np.lexsort(keys[::-1])
-        keys = keys[:, order]
-        is_first = np.ones(len(order), dtype=bool)
-        is_first[1:] = (keys[:, 1:] != keys[:, :-1]).any(axis=0)
-        self.begin = np.flatnonzero(is_first)
-        self.end = np.append(self.begin[1:], len(order))
-        self.faces = faces[order].astype(np.uint32)
-        self._geom_of_face = geoms[order]
-        first = order[self.begin]
-        self.body = np.where(is_still, 0, body)[first]
-        self.texture = textures[first]
-        low = np.minimum.reduceat(corners[order].min(axis=1), self.begin)
-        high = np.maximum.reduceat(corners[order].max(axis=1), self.begin)
+    def _cut(self, geom: int, faces: Indices, light: Array) -> list["_Part"]:
+        """The faces of a geom: a body's stay together, those of the world itself are cut into squares."""
+        body = int(self._model.geom_bodyid[geom])
+        is_still, texture = bool(self._is_still[body]), self._texture(geom)
+        span = self.vertices[self._span[geom], 0:3]
+        if body > 0:
+            part = _Part((is_still, texture, body), faces, span.min(axis=0), span.max(axis=0), True)
+            return [part]
+        corners = self.vertices[faces, 0:3]
+        casts = np.ones(len(faces), dtype=bool)
+        if self._model.geom_group[geom] == _GROUND:
+            a, b, c = np.moveaxis(corners, 1, 0)
+            casts = np.cross(b - a, c - a) @ light > 0
+        low, high = corners.min(axis=1), corners.max(axis=1)
+        cell = np.floor((low + high)[:, :2] / (2 * _CHUNK_M)).astype(np.int64)
+        order = np.lexsort(cell.T)
+        is_first = np.append(True, (np.diff(cell[order], axis=0) != 0).any(axis=1))
+        begin = np.flatnonzero(is_first)
+        lows, highs = np.minimum.reduceat(low[order], begin), np.maximum.reduceat(high[order], begin)
+        casts = np.logical_or.reduceat(casts[order], begin)
+        own = self._model.nbody + geom
+        split = np.split(faces[order], begin[1:])
+        return [
+            _Part((is_still, texture, own, i), *values)
+            for i, values in enumerate(zip(split, lows, highs, casts.tolist(), strict=True))
+        ]
+
+    def _lay_out(self, parts: list["_Part"]) -> None:
+        parts.sort(key=lambda part: part.key)
+        self.faces = np.concatenate([part.faces for part in parts]).astype(np.uint32)
+        first = [i for i, part in enumerate(parts) if i == 0 or part.key != parts[i - 1].key]
+        ends = np.cumsum([len(part.faces) for part in parts])
+        self.end = np.append(ends[np.array(first[1:], dtype=np.int64) - 1], ends[-1])
+        self.begin = np.append(0, self.end[:-1])
+        keys = [parts[i].key for i in first]
+        self.body = np.array([0 if is_still else body for is_still, _, body, *_ in keys])
+        self.texture = np.array([texture for _, texture, *_ in keys])
+        self.casts_shadow = np.array([parts[i].casts_shadow for i in first])
+        low = np.minimum.reduceat(np.array([part.low for part in parts], dtype=float), first)
+        high = np.maximum.reduceat(np.array([part.high for part in parts], dtype=float), first)
         self.center_m = (low + high) / 2
         self.radius_m = np.linalg.norm(high - low, axis=1) / 2
-
-    def _is_caster(self, light: Array) -> NDArray[np.bool_]:
-        """Whether a face is needed in the shadow map: [face]."""
-        a, b, c = np.moveaxis(self.vertices["position"][self.faces], 1, 0)
-        is_turned_away = np.cross(b - a, c - a) @ light > 0
-        return is_turned_away | (self._model.geom_group[self._geom_of_face] != _GROUND)
 
     def centers_in_world_m(self, data: mujoco.MjData) -> Array:
         """Middles of the chunks: [chunk, 3]."""
         turn = data.xmat[self.body].reshape(-1, 3, 3)
         return np.einsum("cij,cj->ci", turn, self.center_m) + data.xpos[self.body]
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Faces with the same key go into the same chunk; low and high are the corners of the box round them."""
+
+    key: tuple[int, ...]
+    faces: Indices
+    low: NDArray[np.float32]
+    high: NDArray[np.float32]
+    casts_shadow: bool

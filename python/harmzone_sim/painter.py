@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from harmzone_sim.drawing import VERTEX, Drawing
+from harmzone_sim.drawing import COLUMNS, N_COLUMNS, Drawing
 from harmzone_sim.hidden import Depths
 from harmzone_sim.lights import Lights
 from harmzone_sim.view import Array, View, camera_view, outline_m, shadow_reach_m, sun_view
@@ -141,14 +141,13 @@ class Painter:
         self._vertex_buffer = gl.glGenBuffers(1)
         gl.glBindBuffer(gl.GL_ARRAY_BUFFER, self._vertex_buffer)
         gl.glBufferData(gl.GL_ARRAY_BUFFER, drawing.vertices.nbytes, drawing.vertices, gl.GL_STATIC_DRAW)
-        for i, name in enumerate(VERTEX.names):
-            kind, offset = VERTEX.fields[name][:2]
-            place = ctypes.c_void_p(offset)
+        for i, (name, (column, n)) in enumerate(COLUMNS.items()):
+            place = ctypes.c_void_p(4 * column)
             gl.glEnableVertexAttribArray(i)
-            if kind == np.int32:
-                gl.glVertexAttribIPointer(i, 1, gl.GL_INT, VERTEX.itemsize, place)
+            if name == "geom":
+                gl.glVertexAttribIPointer(i, n, gl.GL_INT, 4 * N_COLUMNS, place)
             else:
-                gl.glVertexAttribPointer(i, kind.shape[0], gl.GL_FLOAT, False, VERTEX.itemsize, place)
+                gl.glVertexAttribPointer(i, n, gl.GL_FLOAT, False, 4 * N_COLUMNS, place)
         gl.glBindBuffer(gl.GL_ELEMENT_ARRAY_BUFFER, gl.glGenBuffers(1))
         gl.glBufferData(gl.GL_ELEMENT_ARRAY_BUFFER, drawing.faces.nbytes, drawing.faces, gl.GL_STATIC_DRAW)
 
@@ -219,7 +218,7 @@ class Painter:
         for span in drawing.repaint():
             part = drawing.vertices[span]
             gl.glBindBuffer(gl.GL_ARRAY_BUFFER, self._vertex_buffer)
-            gl.glBufferSubData(gl.GL_ARRAY_BUFFER, span.start * VERTEX.itemsize, part.nbytes, part)
+            gl.glBufferSubData(gl.GL_ARRAY_BUFFER, 4 * N_COLUMNS * span.start, part.nbytes, part)
         view = camera_view(model, data, self._world.camera_id, self._size_px)
         center_m = drawing.centers_in_world_m(data)
         is_seen = view.sees(center_m, drawing.radius_m)

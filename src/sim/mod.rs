@@ -5,6 +5,8 @@
 //! metres and radians.
 
 mod mount;
+#[cfg(test)]
+mod picture_tests;
 mod python;
 mod sensing;
 mod simulator;
