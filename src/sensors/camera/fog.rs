@@ -31,12 +31,12 @@ pub(super) fn veil(
     let alpha = state.extinction_per_m() as f32;
     let n = (FAR_M * STEPS_PER_M) as usize;
     let transmission: Vec<f32> = (0..=n).map(|i| (-alpha * i as f32 / STEPS_PER_M).exp()).collect();
-    let pixels = picture.pixels.iter_mut().zip(rendered.depth_m).zip(view.stretch).zip(rendered.material);
+    let pixels = picture.pixels.iter_mut().zip(rendered.depth_m).zip(&view.rays.stretch).zip(rendered.material);
     for (((pixel, depth_m), stretch), material) in pixels {
         if *material == Material::Sky {
             continue;
         }
-        let step = (depth_m * stretch * STEPS_PER_M).min(n as f32) as usize;
+        let step = (depth_m * stretch * STEPS_PER_M).min(n as f32) as i32 as usize;
         *pixel = mix(panorama.air_light, *pixel, transmission[step]);
     }
 }

@@ -33,8 +33,7 @@ pub struct Scope {
     intrinsics: Pinhole,
     ego_from_camera: Transform<Ego, Camera>,
     panorama: Panorama,
-    /// Length of each pixel's ray for a depth of 1.
-    stretch: Vec<f32>,
+    rays: picture::Rays,
     noise: noise::Tile,
     lamps: night::Curves,
     puddles: wet::Puddles,
@@ -48,7 +47,7 @@ impl Scope {
             intrinsics: rig.intrinsics,
             ego_from_camera: rig.ego_from_camera,
             panorama: Panorama::new(weather.daytime(), state, seed),
-            stretch: picture::ray_lengths(&rig.intrinsics),
+            rays: picture::Rays::new(&rig.intrinsics),
             noise: noise::Tile::new(rig.intrinsics.width_px as usize),
             lamps: night::Curves::new(),
             puddles: wet::Puddles::new(),
@@ -67,10 +66,14 @@ impl Scope {
     /// If the sizes of the renderer's pictures and of the intrinsics differ.
     pub fn see(&self, rendered: &Rendered<'_>, shot: &Shot<'_>) -> RgbImage {
         let pose = shot.world_from_ego * self.ego_from_camera;
-        let view = View::new(&self.intrinsics, &self.ego_from_camera, &pose, &self.stretch);
-        assert_eq!(rendered.material.len(), self.stretch.len(), "one material for each pixel");
+        let view = View::new(&self.intrinsics, &self.ego_from_camera, &pose, &self.rays);
+        assert_eq!(rendered.material.len(), self.rays.stretch.len(), "one material for each pixel");
+        let noise = noise::level(&self.state);
+        if !self.needs_depth() && self.state.rain_rate_mmph <= 0.0 && noise.is_none() {
+            return self.add_sky(&view, rendered);
+        }
         let mut picture = Picture::of(rendered.rgb);
-        self.panorama.paint(&mut picture, &view, rendered.material);
+        self.panorama.paint(&view, rendered.material, |at, colour| picture.pixels[at] = colour);
         let mut glow = None;
         if self.state.is_night() {
             glow = Some(self.lamps.light(
@@ -93,7 +96,15 @@ impl Scope {
         if self.state.rain_rate_mmph > 0.0 {
             rain::fall(&mut picture, &view, &self.state, shot, self.seed);
         }
-        self.noise.add(&mut picture, noise::level(&self.state), self.seed, shot.sample_idx);
+        self.noise.add(&mut picture, noise, self.seed, shot.sample_idx);
         picture.to_image()
+    }
+
+    /// All that there is to see in clear air on a dry day.
+    fn add_sky(&self, view: &View<'_>, rendered: &Rendered<'_>) -> RgbImage {
+        let mut image = rendered.rgb.clone();
+        let (pixels, _) = image.as_chunks_mut::<3>();
+        self.panorama.paint(view, rendered.material, |at, colour| pixels[at] = colour.map(picture::byte));
+        image
     }
 }

@@ -7,7 +7,7 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::picture::{Colour, Picture, View};
+use super::picture::{Colour, Picture, View, mix};
 use super::shot::{Material, Rendered, StreetLamp};
 use super::table::Table;
 
@@ -66,8 +66,8 @@ impl LowBeam {
     fn cd(&self, forward: f32, left: f32, up: f32) -> f32 {
         let i = (left / forward + Self::LEFT) * Self::LEFT_STEPS_PER_UNIT + 0.5;
         let j = (up / forward + Self::DOWN) * Self::UP_STEPS_PER_UNIT + 0.5;
-        let i = (i.max(0.0) as usize).min(Self::N_LEFT - 1);
-        let j = (j.max(0.0) as usize).min(Self::N_UP - 1);
+        let i = i.clamp(0.0, (Self::N_LEFT - 1) as f32) as i32 as usize;
+        let j = j.clamp(0.0, (Self::N_UP - 1) as f32) as i32 as usize;
         self.0[j * Self::N_LEFT + i]
     }
 }
@@ -161,7 +161,7 @@ impl Curves {
     pub(super) fn new() -> Self {
         Self {
             low_beam: LowBeam::new(),
-            shoulder: Table::new(0.0, 4.0, 1024, |x| (1.0 - (-x * x).exp()).sqrt()),
+            shoulder: Table::new(0.0, 4.0, 4096, |x| (1.0 - (-x * x).exp()).sqrt()),
             fade: Table::new(0.0, 8.0, 1024, |x| (-x).exp()),
         }
     }
@@ -186,24 +186,27 @@ impl Curves {
         };
         for v in (0..picture.height).step_by(2) {
             for u in (0..width).step_by(2) {
-                let mut lux = None;
+                let mut light = None;
                 for (du, dv) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
                     let (u, v) = (u + du, v + dv);
                     let at = v * width + u;
                     if u >= width || v >= picture.height || rendered.material[at] == Material::Sky {
                         continue;
                     }
-                    let lux = *lux.get_or_insert_with(|| {
+                    // The root of the light, as display values are.
+                    let light = *light.get_or_insert_with(|| {
                         let point = view.ray_in_camera(u, v) * rendered.depth_m[at];
-                        lights.on(&point, &normal(view, rendered, &lights, u, v))
+                        let lux = lights.on(&point, &normal(view, rendered, &lights, u, v));
+                        lux.map(|part| (part / WHITE_LUX).sqrt())
                     });
                     let own = picture.pixels[at];
+                    let lit = [0, 1, 2].map(|i| own[i] * light[i]);
                     let shining = emission(rendered.material[at], own);
-                    picture.pixels[at] = [0, 1, 2].map(|i| {
-                        let linear = own[i] * own[i] * lux[i] / WHITE_LUX + shining[i];
-                        self.shoulder.at(linear.sqrt())
-                    });
-                    if shining != [0.0; 3] {
+                    if shining == [0.0; 3] {
+                        picture.pixels[at] = lit.map(|root| self.shoulder.near(root));
+                    } else {
+                        picture.pixels[at] =
+                            [0, 1, 2].map(|i| self.shoulder.near((lit[i] * lit[i] + shining[i]).sqrt()));
                         let share = seen_share(extinction_per_m, rendered.depth_m[at]);
                         glow.shine(u, v, shining, share / (GLOW_CELL_PX * GLOW_CELL_PX) as f32);
                     }
@@ -234,30 +237,37 @@ impl Curves {
     pub(super) fn add_glow(&self, glow: &Glow, picture: &mut Picture, extinction_per_m: f64) {
         let turbid = turbidity(extinction_per_m);
         let halo = 0.45 + 2.2 * turbid;
+        // What the glow leaves of the dark, by cell: light on light counts less.
+        let left: Vec<Colour> = glow
+            .cells
+            .iter()
+            .zip(&glow.beam)
+            .map(|(light, beam)| {
+                [0, 1, 2].map(|i| self.fade.at(halo * light[i] + 0.22 * turbid * beam * HEADLAMP[i]))
+            })
+            .collect();
         let cell = GLOW_CELL_PX as f32;
-        for v in 0..picture.height {
+        let place = |i: usize, n: usize| {
+            let at = ((i as f32 + 0.5) / cell - 0.5).clamp(0.0, (n - 1) as f32);
+            let first = at as i32 as usize;
+            (first, (first + 1).min(n - 1), at - first as f32)
+        };
+        let columns: Vec<_> = (0..picture.width).map(|u| place(u, glow.width)).collect();
+        let mut row_left = vec![[0.0; 3]; glow.width];
+        for (v, row) in picture.pixels.chunks_mut(picture.width).enumerate() {
             // Interpolated between the four nearest cells, so that no cell shows.
-            let y = ((v as f32 + 0.5) / cell - 0.5).clamp(0.0, (glow.height - 1) as f32);
-            let (top, down) = (y as usize * glow.width, y.fract());
-            let below = ((y as usize + 1).min(glow.height - 1)) * glow.width;
-            for u in 0..picture.width {
-                let x = ((u as f32 + 0.5) / cell - 0.5).clamp(0.0, (glow.width - 1) as f32);
-                let (left, over) = (x as usize, x.fract());
-                let right = (left + 1).min(glow.width - 1);
-                let corners = [top + left, top + right, below + left, below + right];
-                let brightest = corners.map(|at| glow.cells[at][0] + turbid * glow.beam[at]);
-                if brightest.iter().all(|light| *light < 1e-4) {
-                    continue;
-                }
-                let shares =
-                    [(1.0 - over) * (1.0 - down), over * (1.0 - down), (1.0 - over) * down, over * down];
-                let pixel = &mut picture.pixels[v * picture.width + u];
-                for (i, channel) in pixel.iter_mut().enumerate() {
-                    let light =
-                        |at: usize| halo * glow.cells[at][i] + 0.22 * turbid * glow.beam[at] * HEADLAMP[i];
-                    let added: f32 = corners.iter().zip(shares).map(|(at, share)| light(*at) * share).sum();
-                    // Light on light: bright pixels gain less.
-                    *channel = (1.0 - (1.0 - (*channel * *channel).min(1.0)) * self.fade.at(added)).sqrt();
+            let (top, below, share) = place(v, glow.height);
+            let [top, below] = [top, below].map(|line| &left[line * glow.width..][..glow.width]);
+            for (at, (above, under)) in row_left.iter_mut().zip(top.iter().zip(below)) {
+                *at = mix(*above, *under, share);
+            }
+            if row_left.as_flattened().iter().all(|part| *part > 0.9999) {
+                continue;
+            }
+            for (pixel, &(near, next, share)) in row.iter_mut().zip(&columns) {
+                let part = mix(row_left[near], row_left[next], share);
+                for (channel, part) in pixel.iter_mut().zip(part) {
+                    *channel = (1.0 - (1.0 - (*channel * *channel).min(1.0)) * part).sqrt();
                 }
             }
         }

@@ -25,28 +25,40 @@ impl Picture {
     }
 
     pub(super) fn to_image(&self) -> RgbImage {
-        let bytes = self.pixels.as_flattened().iter().map(|c| (c * 255.0 + 0.5) as u8).collect();
+        let bytes = self.pixels.as_flattened().iter().map(|channel| byte(*channel)).collect();
         RgbImage::from_raw(self.width as u32, self.height as u32, bytes).expect("three bytes a pixel")
     }
 }
 
-/// Length of each pixel's ray for a depth of 1.
-pub(super) fn ray_lengths(intrinsics: &Pinhole) -> Vec<f32> {
-    let rows = 0..intrinsics.height_px;
-    let length = |u: u32, v: u32| {
-        let x = (f64::from(u) + 0.5 - intrinsics.cx_px) / intrinsics.fx_px;
-        let y = (f64::from(v) + 0.5 - intrinsics.cy_px) / intrinsics.fy_px;
-        (x * x + y * y + 1.0).sqrt() as f32
-    };
-    rows.flat_map(|v| (0..intrinsics.width_px).map(move |u| (u, v))).map(|(u, v)| length(u, v)).collect()
+/// The rays through all pixels' centres, at depth 1 in the camera frame.
+#[derive(Debug, Clone)]
+pub(super) struct Rays {
+    /// x of each column, and y of each row.
+    across: Vec<f32>,
+    pub down: Vec<f32>,
+    /// Length of each pixel's ray.
+    pub stretch: Vec<f32>,
+}
+
+impl Rays {
+    pub(super) fn new(intrinsics: &Pinhole) -> Self {
+        let slopes = |n: u32, middle_px: f64, focal_px: f64| -> Vec<f64> {
+            (0..n).map(|i| (f64::from(i) + 0.5 - middle_px) / focal_px).collect()
+        };
+        let across = slopes(intrinsics.width_px, intrinsics.cx_px, intrinsics.fx_px);
+        let down = slopes(intrinsics.height_px, intrinsics.cy_px, intrinsics.fy_px);
+        let length = |x: f64, y: f64| (x * x + y * y + 1.0).sqrt() as f32;
+        let stretch = down.iter().flat_map(|&y| across.iter().map(move |&x| length(x, y))).collect();
+        let short = |slopes: Vec<f64>| slopes.into_iter().map(|slope| slope as f32).collect();
+        Self { across: short(across), down: short(down), stretch }
+    }
 }
 
 /// The rays of one picture.
 #[derive(Debug, Clone)]
 pub(super) struct View<'a> {
     pub intrinsics: &'a Pinhole,
-    /// Length of each pixel's ray for a depth of 1.
-    pub stretch: &'a [f32],
+    pub rays: &'a Rays,
     world_from_camera: Matrix3<f32>,
     pub camera_in_world: Vector3<f64>,
     pub pose: &'a Transform<World, Camera>,
@@ -58,12 +70,12 @@ impl<'a> View<'a> {
         intrinsics: &'a Pinhole,
         ego_from_camera: &Transform<Ego, Camera>,
         pose: &'a Transform<World, Camera>,
-        stretch: &'a [f32],
+        rays: &'a Rays,
     ) -> Self {
         let world_from_camera = pose.isometry.rotation.to_rotation_matrix().matrix().cast::<f32>();
         let camera_in_world = pose.isometry.translation.vector;
         let camera_from_ego = ego_from_camera.isometry.inverse();
-        Self { intrinsics, stretch, world_from_camera, camera_in_world, pose, camera_from_ego }
+        Self { intrinsics, rays, world_from_camera, camera_in_world, pose, camera_from_ego }
     }
 
     pub(super) fn width(&self) -> usize {
@@ -72,11 +84,7 @@ impl<'a> View<'a> {
 
     /// The ray through a pixel's centre at depth 1, in the camera frame.
     pub(super) fn ray_in_camera(&self, u: usize, v: usize) -> Vector3<f32> {
-        Vector3::new(
-            ((u as f64 + 0.5 - self.intrinsics.cx_px) / self.intrinsics.fx_px) as f32,
-            ((v as f64 + 0.5 - self.intrinsics.cy_px) / self.intrinsics.fy_px) as f32,
-            1.0,
-        )
+        Vector3::new(self.rays.across[u], self.rays.down[v], 1.0)
     }
 
     /// The ray through a pixel's centre at depth 1, along the world's axes.
@@ -88,6 +96,11 @@ impl<'a> View<'a> {
     pub(super) fn in_camera(&self, direction: &Vector3<f32>) -> Vector3<f32> {
         self.world_from_camera.tr_mul(direction)
     }
+}
+
+/// A display value in 8 bits; by way of i32, for which there are vector instructions.
+pub(super) fn byte(channel: f32) -> u8 {
+    (channel.clamp(0.0, 1.0) * 255.0 + 0.5) as i32 as u8
 }
 
 pub(super) fn mix(a: Colour, b: Colour, share: f32) -> Colour {

@@ -7,16 +7,18 @@
 
 use nalgebra::Vector3;
 use rand::RngExt;
+use rand_distr::{Distribution, Exp1};
 
 use super::picture::{Colour, Picture, View, mix, scale};
 use super::shot::Shot;
+use super::table::{Table, floor};
 use crate::random;
 use crate::sensors::weather::{DROPS_PER_M3_MM, WeatherState};
 
 const LEAST_MM: f64 = 1.0;
-const NEAR_M: f64 = 0.7;
-const FAR_M: f64 = 4.0;
-const EXPOSURE_S: f64 = 1.0 / 60.0;
+const NEAR_M: f32 = 0.7;
+const FAR_M: f32 = 4.0;
+const EXPOSURE_S: f32 = 1.0 / 60.0;
 /// A drop on the pane keeps its place for this many samples.
 const PANE_SAMPLES: u64 = 4;
 
@@ -37,48 +39,54 @@ fn streaks(
 ) {
     let mut rng = random::stream(seed, "rain-streaks", shot.sample_idx);
     let intrinsics = view.intrinsics;
-    let half = [
-        f64::from(intrinsics.width_px) / 2.0 / intrinsics.fx_px,
-        f64::from(intrinsics.height_px) / 2.0 / intrinsics.fy_px,
-    ];
-    let volume_m3 = 4.0 * half[0] * half[1] * (FAR_M.powi(3) - NEAR_M.powi(3)) / 3.0;
+    let [fx_px, fy_px, cx_px, cy_px] =
+        [intrinsics.fx_px, intrinsics.fy_px, intrinsics.cx_px, intrinsics.cy_px].map(|px| px as f32);
+    let half = [picture.width as f32 / 2.0 / fx_px, picture.height as f32 / 2.0 / fy_px];
+    let volume_m3 = 4.0 * f64::from(half[0] * half[1] * (FAR_M.powi(3) - NEAR_M.powi(3))) / 3.0;
     let slope = state.drop_slope_per_mm();
     let n = (DROPS_PER_M3_MM / slope * (-slope * LEAST_MM).exp() * volume_m3) as usize;
-    let down = view.in_camera(&-Vector3::z()).cast::<f64>();
+    let fall_mps = Table::new(LEAST_MM as f32, 12.0, 512, |mm| 9.65 - 10.3 * (-0.6 * mm).exp());
+    let down = view.in_camera(&-Vector3::z());
+    let ahead = Vector3::z() * shot.speed_mps as f32;
     for _ in 0..n {
-        let [a, b, c, d] = [0; 4].map(|_: i32| rng.random::<f64>());
-        // Evenly over the frustum.
-        let depth_m = (NEAR_M.powi(3) + (FAR_M.powi(3) - NEAR_M.powi(3)) * a).cbrt();
-        let start = Vector3::new((2.0 * b - 1.0) * half[0], (2.0 * c - 1.0) * half[1], 1.0) * depth_m;
-        let diameter_mm = LEAST_MM - (1.0 - d).ln() / slope;
-        let fall_mps = 9.65 - 10.3 * (-0.6 * diameter_mm).exp();
-        let end = start + (down * fall_mps - Vector3::z() * shot.speed_mps) * EXPOSURE_S;
+        let [a, b, c, d, e] = [0; 5].map(|_: i32| rng.random::<f32>());
+        // Evenly over the frustum: the greatest of three draws is as likely as its square.
+        let depth_m = FAR_M * a.max(b).max(c);
+        let excess: f32 = Exp1.sample(&mut rng);
+        if depth_m < NEAR_M {
+            continue;
+        }
+        let start = Vector3::new((2.0 * d - 1.0) * half[0], (2.0 * e - 1.0) * half[1], 1.0) * depth_m;
+        let diameter_mm = LEAST_MM as f32 + excess / slope as f32;
+        let end = start + (down * fall_mps.at(diameter_mm) - ahead) * EXPOSURE_S;
         if end.z < 0.2 {
             continue;
         }
-        let pixel = |p: &Vector3<f64>| {
-            [intrinsics.cx_px + intrinsics.fx_px * p.x / p.z, intrinsics.cy_px + intrinsics.fy_px * p.y / p.z]
-        };
-        let width_px = 1e-3 * diameter_mm * intrinsics.fx_px / depth_m;
-        line(picture, pixel(&start), pixel(&end), (0.16 * width_px).clamp(0.015, 0.16) as f32, bright);
+        let pixel = |p: &Vector3<f32>| [cx_px + fx_px * p.x / p.z, cy_px + fy_px * p.y / p.z];
+        let width_px = 1e-3 * diameter_mm * fx_px / depth_m;
+        line(picture, pixel(&start), pixel(&end), (0.16 * width_px).clamp(0.015, 0.16), bright);
     }
 }
 
 /// A line one pixel wide, shared between the two columns that it passes between.
-fn line(picture: &mut Picture, from: [f64; 2], to: [f64; 2], share: f32, colour: Colour) {
-    let length = (to[0] - from[0]).hypot(to[1] - from[1]);
-    let n = (length.ceil() as usize).clamp(1, 200);
+fn line(picture: &mut Picture, from: [f32; 2], to: [f32; 2], share: f32, colour: Colour) {
+    let way = [to[0] - from[0], to[1] - from[1]];
+    let length = (way[0] * way[0] + way[1] * way[1]).sqrt();
+    let n = (length as i32 + 1).clamp(1, 200);
+    let step = way.map(|part| part / n as f32);
+    let (width, height) = (picture.width, picture.height as f32);
     for i in 0..n {
-        let t = (i as f64 + 0.5) / n as f64;
-        let (u, v) = (from[0] + (to[0] - from[0]) * t - 0.5, from[1] + (to[1] - from[1]) * t);
-        if v < 0.0 || v >= picture.height as f64 {
+        let t = i as f32 + 0.5;
+        let (u, v) = (from[0] + step[0] * t - 0.5, from[1] + step[1] * t);
+        if v < 0.0 || v >= height {
             continue;
         }
-        let right = (u - u.floor()) as f32;
-        for (column, part) in [(u.floor(), 1.0 - right), (u.floor() + 1.0, right)] {
-            if column >= 0.0 && column < picture.width as f64 {
-                let at = v as usize * picture.width + column as usize;
-                picture.pixels[at] = mix(picture.pixels[at], colour, share * part);
+        let row = &mut picture.pixels[v as i32 as usize * width..][..width];
+        let left = floor(u);
+        let right = u - left as f32;
+        for (column, part) in [(left, 1.0 - right), (left + 1, right)] {
+            if let Some(pixel) = row.get_mut(column as usize) {
+                *pixel = mix(*pixel, colour, share * part);
             }
         }
     }
@@ -88,8 +96,9 @@ fn line(picture: &mut Picture, from: [f64; 2], to: [f64; 2], share: f32, colour:
 fn pane(picture: &mut Picture, state: &WeatherState, shot: &Shot<'_>, seed: u64) {
     let mut rng = random::stream(seed, "rain-pane", shot.sample_idx / PANE_SAMPLES);
     let n = (4.0 + 0.5 * state.rain_rate_mmph).min(40.0) as usize;
-    let behind = picture.clone();
     let (width, height) = (picture.width as f32, picture.height as f32);
+    // Drops show what is behind all of them.
+    let mut bent = Vec::new();
     for _ in 0..n {
         let [a, b, c] = [0; 3].map(|_: i32| rng.random::<f32>());
         let (center_u, center_v) = (a * width, b * height);
@@ -108,10 +117,12 @@ fn pane(picture: &mut Picture, state: &WeatherState, shot: &Shot<'_>, seed: u64)
                 }
                 let from_u = (center_u - dx * radius * 5.0).clamp(0.0, width - 1.0) as usize;
                 let from_v = (center_v - dy * tall * 5.0).clamp(0.0, height - 1.0) as usize;
-                let seen = scale(behind.pixels[from_v * picture.width + from_u], 1.0 - 0.4 * r2 * r2);
-                let at = v * picture.width + u;
-                picture.pixels[at] = mix(picture.pixels[at], seen, 0.8 * (1.0 - r2 * r2 * r2));
+                let seen = scale(picture.pixels[from_v * picture.width + from_u], 1.0 - 0.4 * r2 * r2);
+                bent.push((v * picture.width + u, seen, 0.8 * (1.0 - r2 * r2 * r2)));
             }
         }
+    }
+    for (at, seen, share) in bent {
+        picture.pixels[at] = mix(picture.pixels[at], seen, share);
     }
 }

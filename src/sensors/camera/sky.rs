@@ -3,8 +3,9 @@
 use nalgebra::Vector3;
 use rand::RngExt;
 
-use super::picture::{Colour, Picture, View, mix, scale};
+use super::picture::{Colour, View, mix, scale};
 use super::shot::Material;
+use super::table::{angle, floor};
 use crate::random;
 use crate::sensors::weather::{Daytime, SUN_AZIMUTH_RAD, WeatherState};
 
@@ -98,25 +99,25 @@ impl Panorama {
 
     /// The sky in a direction of the world; below the horizon its mirror image.
     pub(super) fn towards(&self, direction: &Vector3<f32>) -> Colour {
-        let flat = direction.x.hypot(direction.y);
-        let altitude = direction.z.abs().atan2(flat);
-        let turn = direction.y.atan2(direction.x) / std::f32::consts::TAU;
-        let column = (turn.rem_euclid(1.0) * WIDTH as f32) as usize % WIDTH;
-        let row = (altitude / std::f32::consts::FRAC_PI_2 * HEIGHT as f32) as usize;
+        let flat = (direction.x * direction.x + direction.y * direction.y).sqrt();
+        let altitude = angle(direction.z.abs(), flat);
+        let turn = angle(direction.y, direction.x) * (WIDTH as f32 / std::f32::consts::TAU);
+        let column = floor(turn).rem_euclid(WIDTH as i32) as usize;
+        let row = (altitude * (HEIGHT as f32 / std::f32::consts::FRAC_PI_2)) as i32 as usize;
         self.colours[row.min(HEIGHT - 1) * WIDTH + column]
     }
 
-    /// Paints the sky's pixels, two by two: the panorama's own cells are wider.
-    pub(super) fn paint(&self, picture: &mut Picture, view: &View<'_>, material: &[Material]) {
-        let (width, height) = (picture.width, picture.height);
+    /// Paints the sky's pixels with `put`, two by two: the panorama's own cells are wider.
+    pub(super) fn paint(&self, view: &View<'_>, material: &[Material], mut put: impl FnMut(usize, Colour)) {
+        let width = view.width();
+        let height = material.len() / width;
         for v in (0..height).step_by(2) {
             for u in (0..width).step_by(2) {
                 let mut seen = None;
                 for (u, v) in [(u, v), (u + 1, v), (u, v + 1), (u + 1, v + 1)] {
                     let at = v * width + u;
                     if u < width && v < height && material[at] == Material::Sky {
-                        picture.pixels[at] =
-                            *seen.get_or_insert_with(|| self.towards(&view.ray_in_world(u, v)));
+                        put(at, *seen.get_or_insert_with(|| self.towards(&view.ray_in_world(u, v))));
                     }
                 }
             }
@@ -140,10 +141,9 @@ impl Clouds {
             let wrap = |k: i32| k.rem_euclid(Self::SIDE as i32) as usize;
             self.0[wrap(j) * Self::SIDE + wrap(i)]
         };
-        let (i, j) = (x.floor(), y.floor());
+        let (i, j) = (floor(x), floor(y));
         let smooth = |t: f32| t * t * (3.0 - 2.0 * t);
-        let (s, t) = (smooth(x - i), smooth(y - j));
-        let (i, j) = (i as i32, j as i32);
+        let (s, t) = (smooth(x - i as f32), smooth(y - j as f32));
         let low = cell(i, j) + (cell(i + 1, j) - cell(i, j)) * s;
         let high = cell(i, j + 1) + (cell(i + 1, j + 1) - cell(i, j + 1)) * s;
         low + (high - low) * t
@@ -152,7 +152,7 @@ impl Clouds {
     /// Five octaves, 0 to 1.
     fn fractal(&self, [x, y]: [f32; 2]) -> f32 {
         let octave = |k: i32| {
-            let scale = 2f32.powi(k);
+            let scale = (1 << k) as f32;
             self.at([x * scale + 17.3 * k as f32, y * scale + 9.1 * k as f32]) / scale
         };
         (0..5).map(octave).sum::<f32>() / (2.0 - 2f32.powi(-4))

@@ -7,7 +7,7 @@
 
 use nalgebra::Vector3;
 
-use super::picture::{Colour, Picture, View, mix, scale};
+use super::picture::{Picture, View, mix, scale};
 use super::shot::{Material, Rendered};
 use super::sky::Panorama;
 use super::table::Sine;
@@ -19,7 +19,7 @@ const DARKENING: f32 = 0.45;
 /// A thing that ends this far before the mirrored ray is passed behind.
 const THICKNESS_M: f32 = 2.5;
 /// Rows between two probes of the march.
-const PROBE_PX: f32 = 9.0;
+const PROBE_PX: usize = 9;
 
 /// Water on the ground, in a pattern fixed to it.
 #[derive(Debug, Clone)]
@@ -43,25 +43,32 @@ impl Puddles {
     ) {
         let wetness = wetness as f32;
         let width = picture.width;
-        let dry = picture.clone();
+        let things = Things::new(rendered, view);
         for v in (0..picture.height).step_by(2) {
             for u in (0..width).step_by(2) {
                 let block = [(0, 0), (1, 0), (0, 1), (1, 1)];
+                let height = picture.height;
                 let paved = |du: usize, dv: usize| {
                     let (u, v) = (u + du, v + dv);
-                    (u < width && v < dry.height && rendered.material[v * width + u] == Material::Paved)
+                    (u < width && v < height && rendered.material[v * width + u] == Material::Paved)
                         .then_some(v * width + u)
                 };
                 let Some(first) = block.into_iter().find_map(|(du, dv)| paved(du, dv)) else { continue };
                 let ray = view.ray_in_world(u, v);
                 let share = self.mirror_share(&ray, rendered.depth_m[first], view, wetness);
                 let seen = if share > 0.01 {
-                    mirrored(&dry, view, rendered, panorama, u, first / width, &ray)
+                    let up = Vector3::new(ray.x, ray.y, -ray.z);
+                    let start = view.ray_in_camera(u, first / width) * rendered.depth_m[first];
+                    // What is mirrored is not paved, so that it is still dry.
+                    match things.meet(&start, &view.in_camera(&up), first / width) {
+                        Some(at) => picture.pixels[at],
+                        None => panorama.towards(&up),
+                    }
                 } else {
                     [0.0; 3]
                 };
                 for at in block.into_iter().filter_map(|(du, dv)| paved(du, dv)) {
-                    let soaked = scale(dry.pixels[at], 1.0 - DARKENING * wetness);
+                    let soaked = scale(picture.pixels[at], 1.0 - DARKENING * wetness);
                     picture.pixels[at] = mix(soaked, seen, share);
                 }
             }
@@ -85,55 +92,64 @@ impl Puddles {
     }
 }
 
-/// What the mirror shows at a pixel of the ground.
-fn mirrored(
-    dry: &Picture,
-    view: &View<'_>,
-    rendered: &Rendered<'_>,
-    panorama: &Panorama,
-    u: usize,
-    v: usize,
-    ray: &Vector3<f32>,
-) -> Colour {
-    let intrinsics = view.intrinsics;
-    let up = Vector3::new(ray.x, ray.y, -ray.z);
-    let up_in_camera = view.in_camera(&up);
-    let depth_m = rendered.depth_m[v * dry.width + u];
-    let start = view.ray_in_camera(u, v) * depth_m;
-    // Rows that the mirrored ray passes: from the pixel itself up to its vanishing point.
-    let vanishing = if up_in_camera.z > 1e-3 {
-        intrinsics.cy_px as f32 + intrinsics.fy_px as f32 * up_in_camera.y / up_in_camera.z
-    } else {
-        -1.0
-    };
-    // What the mirrored ray meets at a row: the pixel of a thing nearer than itself; without a ray the march
-    // ends.
-    let probe = |row: f32| -> Option<Option<usize>> {
-        let slope = (row + 0.5 - intrinsics.cy_px as f32) / intrinsics.fy_px as f32;
-        // (start.y + t up.y) / (start.z + t up.z) = slope
-        let t = (start.y - slope * start.z) / (slope * up_in_camera.z - up_in_camera.y);
-        let (x, z) = (start.x + t * up_in_camera.x, start.z + t * up_in_camera.z);
-        if !(t > 0.0 && z > 0.0) {
-            return None;
-        }
-        let column = (intrinsics.cx_px as f32 + intrinsics.fx_px as f32 * x / z) as usize;
-        let at = row as usize * dry.width + column.min(dry.width - 1);
-        let is_thing = !matches!(rendered.material[at], Material::Sky | Material::Paved);
-        // Nothing but walls is thicker than this; a pole before the ray does not hide what is behind it.
-        let is_met = (z - THICKNESS_M..z + 0.5).contains(&rendered.depth_m[at]);
-        Some((is_thing && is_met).then_some(at))
-    };
-    let mut row = v as f32 - PROBE_PX;
-    while row > vanishing && row >= 0.0 {
-        match probe(row) {
-            None => break,
-            // The rows just skipped may show the thing already.
-            Some(Some(at)) => {
-                let nearer = (1..PROBE_PX as usize).rev().find_map(|k| probe(row + k as f32).flatten());
-                return dry.pixels[nearer.unwrap_or(at)];
-            }
-            Some(None) => row -= PROBE_PX,
-        }
+/// What can be met by mirrored rays.
+struct Things<'a> {
+    /// Of each pixel; far behind the camera where it shows no thing.
+    depth_m: Vec<f32>,
+    view: &'a View<'a>,
+}
+
+impl<'a> Things<'a> {
+    fn new(rendered: &Rendered<'_>, view: &'a View<'a>) -> Self {
+        let depth_of = |(material, depth_m): (&Material, &f32)| match material {
+            Material::Sky | Material::Paved => -1e6,
+            _ => *depth_m,
+        };
+        Self { depth_m: rendered.material.iter().zip(rendered.depth_m).map(depth_of).collect(), view }
     }
-    panorama.towards(&up)
+
+    /// The pixel of the thing that a mirrored ray meets; it leaves the ground in row `v`.
+    ///
+    /// The points start + t up of the ray that row y = slope z of the picture shows have
+    /// t = (start.y - slope start.z) / (slope up.z - up.y), so that their depth is a constant over a linear
+    /// function of the slope, and their column is a linear function of it.
+    fn meet(&self, start: &Vector3<f32>, up: &Vector3<f32>, v: usize) -> Option<usize> {
+        let intrinsics = self.view.intrinsics;
+        let width = self.view.width();
+        let (fx_px, cx_px) = (intrinsics.fx_px as f32, intrinsics.cx_px as f32);
+        // Rows that the mirrored ray passes: from the pixel itself up to its vanishing point.
+        let vanishing = if up.z > 1e-3 {
+            intrinsics.cy_px as f32 + intrinsics.fy_px as f32 * up.y / up.z
+        } else {
+            -1.0
+        };
+        let scaled_depth = up.z * start.y - up.y * start.z;
+        let column_at_0 = cx_px + fx_px * (up.x * start.y - start.x * up.y) / scaled_depth;
+        let column_by_slope = fx_px * (start.x * up.z - up.x * start.z) / scaled_depth;
+        // The pixel of a thing nearer than the ray itself; without a ray the march ends.
+        let probe = |row: usize| -> Option<Option<usize>> {
+            let slope = self.view.rays.down[row];
+            let scale = (slope * up.z - up.y).recip();
+            let z = scaled_depth * scale;
+            if !((start.y - slope * start.z) * scale > 0.0 && z > 0.0) {
+                return None;
+            }
+            let column = (column_at_0 + column_by_slope * slope).clamp(0.0, (width - 1) as f32);
+            let at = row * width + column as i32 as usize;
+            // Nothing but walls is thicker than this; a pole before the ray does not hide what is behind it.
+            Some((z - THICKNESS_M..z + 0.5).contains(&self.depth_m[at]).then_some(at))
+        };
+        let mut row = v.checked_sub(PROBE_PX)?;
+        while row as f32 > vanishing {
+            match probe(row)? {
+                // The rows just skipped may show the thing already.
+                Some(at) => {
+                    let nearer = (1..PROBE_PX).rev().find_map(|k| probe(row + k).flatten());
+                    return Some(nearer.unwrap_or(at));
+                }
+                None => row = row.checked_sub(PROBE_PX)?,
+            }
+        }
+        None
+    }
 }
