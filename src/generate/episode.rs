@@ -213,8 +213,7 @@ impl<'a> Recording<'a> {
         let rig = &config.rig;
         let world_from_ego = drive.world_from_ego();
         let simulator = &mut drive.simulator;
-        let DrawnView { rgb, depth_m, geoms } =
-            time(&mut timings.picture, || simulator.render(needs_depth))?;
+        let DrawnView { rgb, depth_m, geoms } = time(&mut timings.picture, || simulator.render(needs_depth))?;
         if let Some(aov) = &self.aov {
             let objects = geoms.iter().map(|&geom| appearance.object(geom));
             time(&mut timings.writing, || aov.write(sample_idx, &depth_m, objects))?;

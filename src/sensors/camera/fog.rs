@@ -31,7 +31,8 @@ pub(super) fn veil(
     let alpha = state.extinction_per_m() as f32;
     let n = (FAR_M * STEPS_PER_M) as usize;
     let transmission: Vec<f32> = (0..=n).map(|i| (-alpha * i as f32 / STEPS_PER_M).exp()).collect();
-    let pixels = picture.pixels.iter_mut().zip(rendered.depth_m).zip(&view.rays.stretch).zip(rendered.material);
+    let pixels =
+        picture.pixels.iter_mut().zip(rendered.depth_m).zip(&view.rays.stretch).zip(rendered.material);
     for (((pixel, depth_m), stretch), material) in pixels {
         if *material == Material::Sky {
             continue;

@@ -118,11 +118,8 @@ impl<'a> Things<'a> {
         let width = self.view.width();
         let (fx_px, cx_px) = (intrinsics.fx_px as f32, intrinsics.cx_px as f32);
         // Rows that the mirrored ray passes: from the pixel itself up to its vanishing point.
-        let vanishing = if up.z > 1e-3 {
-            intrinsics.cy_px as f32 + intrinsics.fy_px as f32 * up.y / up.z
-        } else {
-            -1.0
-        };
+        let vanishing =
+            if up.z > 1e-3 { intrinsics.cy_px as f32 + intrinsics.fy_px as f32 * up.y / up.z } else { -1.0 };
         let scaled_depth = up.z * start.y - up.y * start.z;
         let column_at_0 = cx_px + fx_px * (up.x * start.y - start.x * up.y) / scaled_depth;
         let column_by_slope = fx_px * (start.x * up.z - up.x * start.z) / scaled_depth;
