@@ -1,10 +1,10 @@
 //! One episode: drives, and every 0.3 s of simulated time records measurements and truth.
 
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use image::codecs::jpeg::JpegEncoder;
+use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
 use nalgebra::Vector3;
 use rand::RngExt;
 
@@ -100,7 +100,7 @@ impl<'a> Recording<'a> {
     ) -> Result<Self, GenerateError> {
         let begin = Instant::now();
         let (raw, rig) = (&config.raw, &config.rig);
-        let town = Arc::new(Town::load(&plan.town)?);
+        let town = shared_town(&plan.town)?;
         let world = populate(&town, &raw.scene, plan.seed)?;
         let state = plan.weather.state().replace_by(&raw.weather_override)?;
         let mount = CameraMount {
@@ -229,7 +229,11 @@ impl<'a> Recording<'a> {
         let mut bytes = Vec::new();
         let quality = config.raw.render.jpeg_quality;
         time(&mut timings.packing, || {
-            JpegEncoder::new_with_quality(&mut bytes, quality).encode_image(&picture)
+            let mut encoder = Encoder::new(&mut bytes, quality);
+            encoder.set_sampling_factor(SamplingFactor::F_1_1);
+            encoder.set_optimized_huffman_tables(true);
+            let [width, height] = [picture.width(), picture.height()].map(|px| px as u16);
+            encoder.encode(picture.as_raw(), width, height, ColorType::Rgb)
         })?;
 
         let world_from_lidar = world_from_ego * rig.ego_from_lidar;
@@ -288,6 +292,25 @@ impl<'a> Recording<'a> {
         };
         Ok(Sample { measured, truth })
     }
+}
+
+/// Towns of a process's earlier episodes, the latest last.
+static TOWNS: Mutex<Vec<(String, Arc<Town>)>> = Mutex::new(Vec::new());
+/// As many towns are kept.
+const MAX_TOWNS: usize = 8;
+
+/// A town by name or path, which is read once for the episodes of a process.
+fn shared_town(name: &str) -> Result<Arc<Town>, GenerateError> {
+    let mut towns = TOWNS.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some((_, town)) = towns.iter().find(|(known, _)| known == name) {
+        return Ok(Arc::clone(town));
+    }
+    let town = Arc::new(Town::load(name)?);
+    if towns.len() == MAX_TOWNS {
+        towns.remove(0);
+    }
+    towns.push((name.to_owned(), Arc::clone(&town)));
+    Ok(town)
 }
 
 /// At night things are drawn in their own colours, which only the classic renderer does.

@@ -51,7 +51,7 @@ pub enum GenerateError {
     #[error("the scene has no {what} `{name}`")]
     Missing { what: &'static str, name: String },
     #[error("cannot pack the camera image: {0}")]
-    Jpeg(#[from] image::ImageError),
+    Jpeg(#[from] jpeg_encoder::EncodingError),
     #[error(transparent)]
     Episode(#[from] EpisodeError),
     #[error(transparent)]

@@ -41,8 +41,8 @@ impl Builder {
         if mesh.is_empty() {
             return;
         }
-        self.files.push((format!("{name}.obj"), mesh.to_obj().into_bytes()));
-        self.asset += &format!("<mesh name=\"{name}\" file=\"{name}.obj\" inertia=\"shell\"/>\n");
+        self.files.push((format!("{name}.msh"), mesh.to_msh()));
+        self.asset += &format!("<mesh name=\"{name}\" file=\"{name}.msh\" inertia=\"shell\"/>\n");
         self.body += &format!(
             "<geom name=\"{name}\" type=\"mesh\" mesh=\"{name}\" material=\"{material}\" group=\"{group}\" contype=\"0\" conaffinity=\"0\"/>\n"
         );

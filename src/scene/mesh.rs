@@ -1,6 +1,4 @@
-//! Triangle meshes with texture coordinates, written as Wavefront OBJ, which MuJoCo reads.
-
-use std::fmt::Write as _;
+//! Triangle meshes with texture coordinates, written in MuJoCo's own binary format (MSH); and triangles of OBJ files.
 
 use nalgebra::Point3;
 
@@ -66,20 +64,28 @@ impl TriangleMesh {
         self.add_polygon(&bottom);
     }
 
-    /// The mesh as OBJ text.
-    pub fn to_obj(&self) -> String {
-        let mut obj = String::with_capacity(self.vertices.len() * 48);
-        let told = "writing to a string cannot fail";
-        for ([x, y, z], _) in &self.vertices {
-            writeln!(obj, "v {x:.4} {y:.4} {z:.4}").expect(told);
+    /// The mesh as MSH: the numbers of vertices, normals, texture coordinates and faces as i32, then positions,
+    /// texture coordinates (f32, v downwards) and faces (i32); little-endian. MuJoCo makes the normals.
+    pub fn to_msh(&self) -> Vec<u8> {
+        let (n_vertices, n_faces) = (self.vertices.len(), self.triangles.len());
+        let mut msh = Vec::with_capacity(16 + 20 * n_vertices + 12 * n_faces);
+        for n in [n_vertices, 0, n_vertices, n_faces] {
+            msh.extend((n as i32).to_le_bytes());
+        }
+        for (position, _) in &self.vertices {
+            msh.extend(position.iter().flat_map(|part| (*part as f32).to_le_bytes()));
         }
         for (_, [u, v]) in &self.vertices {
-            writeln!(obj, "vt {u:.4} {v:.4}").expect(told);
+            msh.extend([*u, 1.0 - v].iter().flat_map(|part| (*part as f32).to_le_bytes()));
         }
-        for [a, b, c] in self.triangles.iter().map(|triangle| triangle.map(|i| i + 1)) {
-            writeln!(obj, "f {a}/{a} {b}/{b} {c}/{c}").expect(told);
-        }
-        obj
+        msh.extend(self.triangles.as_flattened().iter().flat_map(|&corner| (corner as i32).to_le_bytes()));
+        msh
+    }
+
+    #[cfg(test)]
+    pub(super) fn corners(&self) -> Vec<[Point3<f32>; 3]> {
+        let at = |i: usize| Point3::from(self.vertices[i].0).cast::<f32>();
+        self.triangles.iter().map(|triangle| triangle.map(at)).collect()
     }
 }
 
@@ -120,19 +126,24 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_square_survives_the_trip_through_obj() {
+    fn a_square_in_msh_has_its_counts_places_coordinates_and_faces() {
         let mut mesh = TriangleMesh::default();
         mesh.add_flat(&[[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]], 0.5, 1.0);
-        let triangles = triangles_of_obj(&mesh.to_obj()).unwrap();
-        assert_eq!(triangles.len(), 2);
-        assert_eq!(triangles[1][2], Point3::new(0.0, 2.0, 0.5));
+        let msh = mesh.to_msh();
+        let (words, rest) = msh.as_chunks::<4>();
+        let number = |i: usize| f32::from_le_bytes(words[i]);
+        assert!(rest.is_empty() && words.len() == 4 + 4 * 3 + 4 * 2 + 2 * 3);
+        assert_eq!([0, 1, 2, 3].map(|i| i32::from_le_bytes(words[i])), [4, 0, 4, 2]);
+        assert_eq!([13, 14, 15].map(number), [0.0, 2.0, 0.5], "the last corner");
+        assert_eq!([22, 23].map(number), [0.0, -1.0], "its coordinates: v is 2 upwards");
+        assert_eq!([24, 25, 26, 27, 28, 29].map(|i| i32::from_le_bytes(words[i])), [0, 1, 2, 0, 2, 3]);
     }
 
     #[test]
     fn every_side_of_a_box_faces_outwards() {
         let mut mesh = TriangleMesh::default();
         mesh.add_box([3.0, 4.0, 5.0], 0.7, [2.0, 1.0, 4.0]);
-        let triangles = triangles_of_obj(&mesh.to_obj()).unwrap();
+        let triangles = mesh.corners();
         assert_eq!(triangles.len(), 12);
         for [a, b, c] in triangles {
             let out = (a.coords + b.coords + c.coords) / 3.0 - nalgebra::Vector3::new(3.0, 4.0, 5.0);

@@ -223,7 +223,6 @@ fn add_section(mesh: &mut TriangleMesh, line: &Path, half: &[(f64, f64)], height
 
 #[cfg(test)]
 mod tests {
-    use super::super::mesh::triangles_of_obj;
     use super::*;
 
     #[test]
@@ -231,7 +230,7 @@ mod tests {
         let line = Path::new([Vec2::zeros(), Vec2::new(6.0, 0.0)]).unwrap();
         let mut mesh = TriangleMesh::default();
         add_wall(&mut mesh, &line, 0.4, 1.0, &|at| 0.5 * at.x);
-        let triangles = triangles_of_obj(&mesh.to_obj()).unwrap();
+        let triangles = mesh.corners();
         let mut top_m = f32::MIN;
         for [a, b, c] in &triangles {
             let middle = (a.coords + b.coords + c.coords) / 3.0;

@@ -126,9 +126,10 @@ fn load_egl(py: Python<'_>) -> PyResult<()> {
 
 fn set_up(py: Python<'_>, environment: &Environment) -> PyResult<()> {
     let variables = py.import("os")?.getattr("environ")?;
-    // Off screen; one thread to a process, since `gen --jobs` fills the cores. Both are read on load.
+    // Off screen; one thread to a process, since `gen --jobs` fills the cores. All are read on load.
     variables.set_item("MUJOCO_GL", "egl")?;
     variables.set_item("LP_NUM_THREADS", "1")?;
+    variables.set_item("OPENBLAS_NUM_THREADS", "1")?;
     let site_packages = site_packages(&environment.venv, &environment.python);
     py.import("site")?.call_method1("addsitedir", (site_packages.as_os_str(),))?;
     let modules = py.import("sys")?.getattr("modules")?.cast_into::<PyDict>()?;
