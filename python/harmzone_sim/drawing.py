@@ -39,7 +39,8 @@ class Drawing:
     `texture[i]` (-1: none), within `radius_m[i]` of `center_m[i]` in its frame.
 
     `casts_shadow[i]` is false for ground that the light `sun` meets everywhere from above: what lies in the
-    shadow of ground lies behind a face of it that is turned away from the light.
+    shadow of ground lies behind a face of it that is turned away from the light. `is_closed[i]` is true for
+    bodies: from outside, only their outer sides are seen. The world's own meshes may be open sheets.
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, sun: int | None) -> None:
@@ -154,6 +155,7 @@ class Drawing:
         self.body = np.array([0 if is_still else body for is_still, _, body, *_ in keys])
         self.texture = np.array([texture for _, texture, *_ in keys])
         self.casts_shadow = np.array([parts[i].casts_shadow for i in first])
+        self.is_closed = np.array([own < self._model.nbody for _, _, own, *_ in keys])
         low = np.minimum.reduceat(np.array([part.low for part in parts], dtype=float), first)
         high = np.maximum.reduceat(np.array([part.high for part in parts], dtype=float), first)
         self.center_m = (low + high) / 2

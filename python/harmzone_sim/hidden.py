@@ -1,5 +1,7 @@
 """What is hidden behind walls and ground, told from their depths alone."""
 
+import functools
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,12 +18,8 @@ class Depths:
 
     def __init__(self, view: View, depth: NDArray[np.float32]) -> None:
         self._view, (self._height, self._width) = view, depth.shape
-        rows, columns = np.arange(0, self._height, _TILE_PX), np.arange(0, self._width, _TILE_PX)
-
-        def reduce(function: np.ufunc) -> NDArray[np.float32]:
-            return function.reduceat(function.reduceat(depth, rows, axis=0), columns, axis=1)
-
-        self._far, self._near = reduce(np.minimum), reduce(np.maximum)
+        depth = np.pad(depth, [(0, -n % _TILE_PX) for n in depth.shape], mode="edge")
+        self._far, self._near = _tiles(np.minimum, depth), _tiles(np.maximum, depth)
         # Each level has the farthest of two by two tiles of the one before.
         self._levels = [self._far]
         while max(self._levels[-1].shape) > 1:
@@ -88,3 +86,9 @@ class Depths:
             high = np.maximum(high, (places + depth_m[:, None] * half).max(axis=0, initial=-np.inf))
         eye = axes @ view.eye_m
         return low + eye, high + eye
+
+
+def _tiles(function: np.ufunc, depth: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Reduces each tile to one value, line by line, which numpy does far faster than block by block."""
+    rows = functools.reduce(function, (depth[i::_TILE_PX] for i in range(_TILE_PX)))
+    return functools.reduce(function, (rows[:, i::_TILE_PX] for i in range(_TILE_PX)))

@@ -317,12 +317,16 @@ class Painter:
         gl.glEnable(gl.GL_SCISSOR_TEST)
         gl.glScissor(*first.tolist(), *(last - first).tolist())
         gl.glClear(gl.GL_DEPTH_BUFFER_BIT)
-        gl.glDisable(gl.GL_CULL_FACE)
         gl.glEnable(gl.GL_POLYGON_OFFSET_FILL)
         gl.glPolygonOffset(*_SHADOW_OFFSET)
         self._depth_only.use()
         self._depth_only.set_matrix("clip_from_world", sun.clip_from_world)
-        self._draw_chunks(casters, self._depth_only)
+        # The light, too, sees only the outer sides of what is closed.
+        is_closed = drawing.is_closed[casters]
+        gl.glEnable(gl.GL_CULL_FACE)
+        self._draw_chunks(casters[is_closed], self._depth_only)
+        gl.glDisable(gl.GL_CULL_FACE)
+        self._draw_chunks(casters[~is_closed], self._depth_only)
         gl.glDisable(gl.GL_SCISSOR_TEST)
         gl.glDisable(gl.GL_POLYGON_OFFSET_FILL)
         map_from_clip = np.diag([0.5, 0.5, 1.0, 1.0])
