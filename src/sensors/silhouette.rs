@@ -14,16 +14,22 @@ pub fn silhouette_px<'a>(
     triangles: impl IntoIterator<Item = &'a [Point3<f64>; 3]>,
     intrinsics: &Pinhole,
 ) -> u32 {
-    let polygons: Vec<Vec<[f64; 2]>> = triangles
+    let polygons: Vec<Polygon> = triangles
         .into_iter()
         .map(|triangle| project(triangle, intrinsics))
-        .filter(|p| p.len() >= 3)
+        .filter(|polygon| polygon.points().len() >= 3)
         .collect();
-    let Some([low, high]) = bounds(polygons.iter().flatten(), intrinsics) else { return 0 };
+    let points = polygons.iter().flat_map(|polygon| polygon.points());
+    let Some([low, high]) = bounds(points, intrinsics) else { return 0 };
     let width = high[0] - low[0];
     let mut covered = vec![false; width * (high[1] - low[1])];
-    for polygon in &polygons {
-        for row in low[1]..high[1] {
+    for polygon in polygons.iter().map(Polygon::points) {
+        // Most triangles are small: only the rows that they reach are looked at.
+        let (top, bottom) = polygon.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(top, bottom), point| {
+            (top.min(point[1]), bottom.max(point[1]))
+        });
+        // Both cut to whole numbers, which for negative ones is upwards: those lie outside anyway.
+        for row in low[1].max(top as usize)..high[1].min((bottom + 1.0) as usize) {
             let Some((from, to)) = span(polygon, row as f64 + 0.5) else { continue };
             // Pixel centres lie at half numbers.
             let first = ((from - 0.5).ceil().max(low[0] as f64)) as usize;
@@ -37,13 +43,29 @@ pub fn silhouette_px<'a>(
     covered.iter().map(|&is_covered| u32::from(is_covered)).sum()
 }
 
+/// A triangle that a plane may have cut, in pixels.
+#[derive(Default)]
+struct Polygon {
+    corners: [[f64; 2]; 4],
+    n: usize,
+}
+
+impl Polygon {
+    fn points(&self) -> &[[f64; 2]] {
+        &self.corners[..self.n]
+    }
+}
+
 /// The triangle's part before the near plane, in pixels.
-fn project(triangle: &[Point3<f64>; 3], intrinsics: &Pinhole) -> Vec<[f64; 2]> {
-    let mut polygon = Vec::with_capacity(4);
+fn project(triangle: &[Point3<f64>; 3], intrinsics: &Pinhole) -> Polygon {
+    let mut polygon = Polygon::default();
     for i in 0..3 {
         let (a, b) = (triangle[i], triangle[(i + 1) % 3]);
         let mut push = |point: Point3<f64>| {
-            polygon.extend(intrinsics.project(&Point::<Camera>::from_coords(point)).map(|(u, v)| [u, v]));
+            if let Some((u, v)) = intrinsics.project(&Point::<Camera>::from_coords(point)) {
+                polygon.corners[polygon.n] = [u, v];
+                polygon.n += 1;
+            }
         };
         if a.z >= NEAR_M {
             push(a);

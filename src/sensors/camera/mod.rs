@@ -18,6 +18,7 @@ mod table;
 mod wet;
 
 use image::RgbImage;
+use nalgebra::Vector3;
 
 use self::picture::{Picture, View};
 pub use self::shot::{Material, Rendered, Shot, StreetLamp};
@@ -35,21 +36,22 @@ pub struct Scope {
     panorama: Panorama,
     rays: picture::Rays,
     noise: noise::Tile,
-    lamps: night::Curves,
     puddles: wet::Puddles,
     seed: u64,
 }
 
 impl Scope {
     pub fn new(weather: Weather, state: &WeatherState, rig: &Rig, seed: u64) -> Self {
+        let (intrinsics, forward) = (&rig.intrinsics, rig.ego_from_camera.rotate(&Vector3::z()));
+        let farthest_px = intrinsics.cy_px.max(f64::from(intrinsics.height_px) - intrinsics.cy_px);
+        let highest_rad = forward.z.asin().abs() + (farthest_px / intrinsics.fy_px).atan();
         Self {
             state: *state,
             intrinsics: rig.intrinsics,
             ego_from_camera: rig.ego_from_camera,
-            panorama: Panorama::new(weather.daytime(), state, seed),
+            panorama: Panorama::new(weather.daytime(), state, highest_rad, seed),
             rays: picture::Rays::new(&rig.intrinsics),
             noise: noise::Tile::new(rig.intrinsics.width_px as usize),
-            lamps: night::Curves::new(),
             puddles: wet::Puddles::new(),
             seed,
         }
@@ -76,7 +78,7 @@ impl Scope {
         self.panorama.paint(&view, rendered.material, |at, colour| picture.pixels[at] = colour);
         let mut glow = None;
         if self.state.is_night() {
-            glow = Some(self.lamps.light(
+            glow = Some(night::curves().light(
                 &mut picture,
                 &view,
                 rendered,
@@ -91,7 +93,7 @@ impl Scope {
             fog::veil(&mut picture, &view, rendered, &self.panorama, &self.state);
         }
         if let Some(glow) = glow {
-            self.lamps.add_glow(&glow, &mut picture, self.state.extinction_per_m());
+            night::curves().add_glow(&glow, &mut picture, self.state.extinction_per_m());
         }
         if self.state.rain_rate_mmph > 0.0 {
             rain::fall(&mut picture, &view, &self.state, shot, self.seed);

@@ -5,6 +5,8 @@
 //! 1 - exp(-a E / E_white). The headlamps' low beam has its sharp edge just below the horizon, as ECE R112
 //! demands. Lamps cast no shadows. Light is worked out for every second pixel.
 
+use std::sync::LazyLock;
+
 use nalgebra::{Point3, Vector3};
 
 use super::picture::{Colour, Picture, View, mix};
@@ -157,8 +159,14 @@ pub(super) struct Glow {
     beam: Vec<f32>,
 }
 
+/// The curves, which are the same in all pictures.
+pub(super) fn curves() -> &'static Curves {
+    static CURVES: LazyLock<Curves> = LazyLock::new(Curves::new);
+    &CURVES
+}
+
 impl Curves {
-    pub(super) fn new() -> Self {
+    fn new() -> Self {
         Self {
             low_beam: LowBeam::new(),
             shoulder: Table::new(0.0, 4.0, 4096, |x| (1.0 - (-x * x).exp()).sqrt()),

@@ -12,6 +12,8 @@ use crate::sensors::weather::{Daytime, SUN_AZIMUTH_RAD, WeatherState};
 /// Columns round the horizon and rows from it to the zenith.
 const WIDTH: usize = 1024;
 const HEIGHT: usize = 192;
+/// A car on the road tilts by no more than this.
+const MOST_TILT_RAD: f64 = 0.3;
 /// Thickness of the hazy layer of air.
 const HAZE_LAYER_M: f64 = 400.0;
 
@@ -49,13 +51,21 @@ fn tones(daytime: Daytime) -> Tones {
 /// The sky by direction.
 #[derive(Debug, Clone)]
 pub(super) struct Panorama {
+    /// Row by row from the horizon to the highest that the camera can see.
     colours: Vec<Colour>,
+    n_rows: usize,
     /// The colour of thick haze: Koschmieder's air light.
     pub air_light: Colour,
 }
 
 impl Panorama {
-    pub(super) fn new(daytime: Daytime, state: &WeatherState, seed: u64) -> Self {
+    /// For a camera that sees up to `highest_rad` over or under the horizon while its car stands level.
+    pub(super) fn new(daytime: Daytime, state: &WeatherState, highest_rad: f64, seed: u64) -> Self {
+        let highest = (highest_rad + MOST_TILT_RAD) / std::f64::consts::FRAC_PI_2;
+        let n_rows = ((highest * HEIGHT as f64).ceil() as usize).clamp(1, HEIGHT);
+        let azimuths: Vec<(f32, f32)> = (0..WIDTH)
+            .map(|column| (column as f32 / WIDTH as f32 * std::f32::consts::TAU).sin_cos())
+            .collect();
         let tones = tones(daytime);
         let cover = state.cloud_cover as f32;
         let gloom = 1.0 - 0.3 * (state.rain_rate_mmph / 45.0).min(1.0) as f32;
@@ -66,16 +76,15 @@ impl Panorama {
         let horizon = scale(mix(tones.open[1], tones.covered[1], cover), gloom);
         // Fog is lit from above as well as from the side.
         let air_light = mix(horizon, scale(mix(tones.open[0], tones.covered[0], cover), gloom), 0.25);
-        let mut colours = Vec::with_capacity(WIDTH * HEIGHT);
-        for row in 0..HEIGHT {
+        let mut colours = Vec::with_capacity(WIDTH * n_rows);
+        for row in 0..n_rows {
             let altitude = (row as f32 + 0.5) / HEIGHT as f32 * std::f32::consts::FRAC_PI_2;
             let (up, flat) = altitude.sin_cos();
             let high = up.powf(0.55);
             let haze = (state.extinction_per_m() * HAZE_LAYER_M) as f32 / up.max(0.03);
             let seen_through = (-haze).exp();
-            for column in 0..WIDTH {
-                let azimuth = column as f32 / WIDTH as f32 * std::f32::consts::TAU;
-                let direction = Vector3::new(flat * azimuth.cos(), flat * azimuth.sin(), up);
+            for (sin, cos) in &azimuths {
+                let direction = Vector3::new(flat * cos, flat * sin, up);
                 let open = mix(tones.open[1], tones.open[0], high);
                 let covered = mix(tones.covered[1], tones.covered[0], high);
                 // Clouds lie on a plane overhead, so they crowd together towards the horizon.
@@ -94,7 +103,7 @@ impl Panorama {
                 colours.push(mix(air_light, scale(colour, gloom), seen_through));
             }
         }
-        Self { colours, air_light }
+        Self { colours, n_rows, air_light }
     }
 
     /// The sky in a direction of the world; below the horizon its mirror image.
@@ -104,7 +113,7 @@ impl Panorama {
         let turn = angle(direction.y, direction.x) * (WIDTH as f32 / std::f32::consts::TAU);
         let column = floor(turn).rem_euclid(WIDTH as i32) as usize;
         let row = (altitude * (HEIGHT as f32 / std::f32::consts::FRAC_PI_2)) as i32 as usize;
-        self.colours[row.min(HEIGHT - 1) * WIDTH + column]
+        self.colours[row.min(self.n_rows - 1) * WIDTH + column]
     }
 
     /// Paints the sky's pixels with `put`, two by two: the panorama's own cells are wider.
