@@ -39,8 +39,8 @@ class Drawing:
     `texture[i]` (-1: none), within `radius_m[i]` of `center_m[i]` in its frame.
 
     `casts_shadow[i]` is false for ground that the light `sun` meets everywhere from above: what lies in the
-    shadow of ground lies behind a face of it that is turned away from the light. `is_closed[i]` is true for
-    bodies: from outside, only their outer sides are seen. The world's own meshes may be open sheets.
+    shadow of ground lies behind a face of it that is turned away from the light. Ground (`is_ground[i]`) is
+    an open sheet; of all else only outer sides are ever seen.
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, sun: int | None) -> None:
@@ -123,11 +123,12 @@ class Drawing:
         is_still, texture = bool(self._is_still[body]), self._texture(geom)
         span = self.vertices[self._span[geom], 0:3]
         if body > 0:
-            part = _Part((is_still, texture, body), faces, span.min(axis=0), span.max(axis=0), True)
-            return [part]
+            box = (span.min(axis=0), span.max(axis=0))
+            return [_Part((is_still, texture, body), faces, *box, casts_shadow=True, is_ground=False)]
         corners = self.vertices[faces, 0:3]
         casts = np.ones(len(faces), dtype=bool)
-        if self._model.geom_group[geom] == _GROUND:
+        is_ground = bool(self._model.geom_group[geom] == _GROUND)
+        if is_ground:
             a, b, c = np.moveaxis(corners, 1, 0)
             casts = np.cross(b - a, c - a) @ light > 0
         low, high = corners.min(axis=1), corners.max(axis=1)
@@ -140,7 +141,7 @@ class Drawing:
         own = self._model.nbody + geom
         split = np.split(faces[order], begin[1:])
         return [
-            _Part((is_still, texture, own, i), *values)
+            _Part((is_still, texture, own, i), *values, is_ground)
             for i, values in enumerate(zip(split, lows, highs, casts.tolist(), strict=True))
         ]
 
@@ -155,7 +156,7 @@ class Drawing:
         self.body = np.array([0 if is_still else body for is_still, _, body, *_ in keys])
         self.texture = np.array([texture for _, texture, *_ in keys])
         self.casts_shadow = np.array([parts[i].casts_shadow for i in first])
-        self.is_closed = np.array([own < self._model.nbody for _, _, own, *_ in keys])
+        self.is_ground = np.array([parts[i].is_ground for i in first])
         low = np.minimum.reduceat(np.array([part.low for part in parts], dtype=float), first)
         high = np.maximum.reduceat(np.array([part.high for part in parts], dtype=float), first)
         self.center_m = (low + high) / 2
@@ -176,3 +177,4 @@ class _Part:
     low: NDArray[np.float32]
     high: NDArray[np.float32]
     casts_shadow: bool
+    is_ground: bool

@@ -321,12 +321,12 @@ class Painter:
         gl.glPolygonOffset(*_SHADOW_OFFSET)
         self._depth_only.use()
         self._depth_only.set_matrix("clip_from_world", sun.clip_from_world)
-        # The light, too, sees only the outer sides of what is closed.
-        is_closed = drawing.is_closed[casters]
+        # The light, too, sees only outer sides, but for the ground's.
+        is_ground = drawing.is_ground[casters]
         gl.glEnable(gl.GL_CULL_FACE)
-        self._draw_chunks(casters[is_closed], self._depth_only)
+        self._draw_chunks(casters[~is_ground], self._depth_only)
         gl.glDisable(gl.GL_CULL_FACE)
-        self._draw_chunks(casters[~is_closed], self._depth_only)
+        self._draw_chunks(casters[is_ground], self._depth_only)
         gl.glDisable(gl.GL_SCISSOR_TEST)
         gl.glDisable(gl.GL_POLYGON_OFFSET_FILL)
         map_from_clip = np.diag([0.5, 0.5, 1.0, 1.0])
