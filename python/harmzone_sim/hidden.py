@@ -52,15 +52,16 @@ class Depths:
         last_tile = np.array(self._far.shape[::-1]) - 1
         first = np.clip(np.floor(low / _TILE_PX).astype(int), 0, last_tile)
         last = np.clip(np.floor(high / _TILE_PX).astype(int), 0, last_tile)
-        # The level at which the box meets two tiles by two at most.
+        # The level at which the box meets five tiles by five at most: a coarser one sees past what hides it.
         span = (last - first).max(axis=1, initial=0)
-        level = np.minimum(np.ceil(np.log2(np.maximum(span, 1))).astype(int), len(self._levels) - 1)
+        level = np.maximum(np.ceil(np.log2(np.maximum(span, 1))).astype(int) - 2, 0)
         shown = np.empty(n, dtype=np.float32)
         for i, tiles in enumerate(self._levels):
             here = level == i
             a, b = first[here] >> i, last[here] >> i
-            corners = [tiles[y, x] for x in (a[:, 0], b[:, 0]) for y in (a[:, 1], b[:, 1])]
-            shown[here] = np.minimum.reduce(corners)
+            steps = [np.minimum(a + step, b) for step in range(5)]
+            met = [tiles[row[:, 1], column[:, 0]] for row in steps for column in steps]
+            shown[here] = np.minimum.reduce(met)
         return is_ahead & (nearest < shown)
 
     def bounds(self, axes: Array) -> tuple[Array, Array]:

@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 from harmzone_sim.camera import Camera
+from harmzone_sim.hidden import Depths
 from harmzone_sim.world import World
 
 SIZE_PX = (320, 180)
@@ -107,6 +108,31 @@ def test_what_moves_is_drawn_where_it_is_now_and_in_its_present_colour():
     camera.close()
     assert columns[0] < SIZE_PX[0] / 2 < columns[1]
     assert colours[0][1] < 60 < colours[1][1]
+
+
+def test_what_a_wall_hides_is_left_out_and_the_picture_stays_the_same(monkeypatch):
+    wall = '<geom type="mesh" mesh="slab" material="tiles" pos="6 0 0" group="1"/>'
+    slab = (
+        '<mesh name="slab" vertex="0 -3 0 0 1 0 0 1 4 0 -3 4 .2 -3 0 .2 1 0 .2 1 4 .2 -3 4" texcoord="{}"/>'
+    )
+    xml = SCENE.replace("CAST", "true").replace("</worldbody>", wall + "</worldbody>")
+    xml = xml.replace("</asset>", slab.format("0 0 1 0 1 1 0 1 0 0 1 0 1 1 0 1") + "</asset>")
+    world = World(xml, {}, "ego", np.array([0.0, 0.0, 0.5]), FORWARD, 50.0, SIZE_PX, 0, 1024)
+    shown, hides = [], Depths.hides
+    counts = []
+
+    def counting(self, center_m, radius_m):
+        counts.append(int(hides(self, center_m, radius_m).sum()))
+        return hides(self, center_m, radius_m)
+
+    for function in (counting, lambda self, center_m, radius_m: np.zeros(len(center_m), dtype=bool)):
+        monkeypatch.setattr(Depths, "hides", function)
+        camera = Camera(world)
+        camera.draw()
+        shown.append((camera.rgb(), camera.geoms(), camera.depth_m()))
+        camera.close()
+    assert counts[0] >= 1
+    assert all(np.array_equal(ours, full) for ours, full in zip(*shown, strict=True))
 
 
 def test_a_light_that_is_not_parallel_is_refused():
