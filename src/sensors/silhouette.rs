@@ -19,7 +19,7 @@ pub fn silhouette_px<'a>(
         .map(|triangle| project(triangle, intrinsics))
         .filter(|polygon| polygon.points().len() >= 3)
         .collect();
-    let points = polygons.iter().flat_map(|polygon| polygon.points());
+    let points = polygons.iter().flat_map(Polygon::points);
     let Some([low, high]) = bounds(points, intrinsics) else { return 0 };
     let width = high[0] - low[0];
     let mut covered = vec![false; width * (high[1] - low[1])];
