@@ -13,96 +13,15 @@ from numpy.typing import NDArray
 from harmzone_sim.drawing import COLUMNS, N_COLUMNS, Drawing
 from harmzone_sim.hidden import Depths
 from harmzone_sim.lights import Lights
+from harmzone_sim.shaders import (
+    DEPTH_SHADER,
+    FRAGMENT_SHADER,
+    NO_COLOUR_SHADER,
+    VERTEX_SHADER,
+    Program,
+)
 from harmzone_sim.view import Array, View, camera_view, outline_m, shadow_reach_m, sun_view
 from harmzone_sim.world import World
-
-_VERTEX_SHADER = """#version 330
-layout(location = 0) in vec3 position;
-layout(location = 1) in vec3 normal;
-layout(location = 2) in vec2 uv;
-layout(location = 3) in vec4 rgba;
-layout(location = 4) in vec3 gloss;
-layout(location = 5) in int geom;
-uniform mat4 world_from_body;
-uniform mat4 clip_from_world;
-uniform mat4 shadow_from_world;
-uniform vec3 eye;
-// By light: the direction of its rays, ambient, diffuse, specular.
-uniform vec3 lights[4 * N_LIGHTS];
-invariant gl_Position;
-out vec4 own_light;
-out vec3 sun_light;
-out vec3 in_shadow_map;
-out vec2 at;
-flat out int id;
-
-vec3 lit(int i, vec3 n, vec3 to_eye) {
-    vec3 to_light = -lights[4 * i];
-    vec3 sum = rgba.rgb * lights[4 * i + 1];
-    float cosine = dot(n, to_light);
-    if (cosine > 0.0) {
-        float glint = max(dot(n, normalize(to_light + to_eye)), 0.0);
-        sum += rgba.rgb * lights[4 * i + 2] * cosine + gloss.x * pow(glint, gloss.y) * lights[4 * i + 3];
-    }
-    return sum;
-}
-
-void main() {
-    vec4 place = world_from_body * vec4(position, 1.0);
-    vec3 n = normalize(mat3(world_from_body) * normal);
-    vec3 to_eye = normalize(eye - place.xyz);
-    vec3 sum = gloss.z * rgba.rgb;
-    for (int i = 0; i < N_LIGHTS - HAS_SHADOW; i++) sum += lit(i, n, to_eye);
-    own_light = vec4(min(sum, 1.0), rgba.a);
-#if HAS_SHADOW
-    sun_light = min(lit(N_LIGHTS - 1, n, to_eye), 1.0);
-    in_shadow_map = (shadow_from_world * place).xyz;
-#endif
-    at = uv;
-    id = geom;
-    gl_Position = clip_from_world * place;
-}
-"""
-
-_FRAGMENT_SHADER = """#version 330
-in vec4 own_light;
-in vec3 sun_light;
-in vec3 in_shadow_map;
-in vec2 at;
-flat in int id;
-uniform sampler2D picture;
-uniform sampler2DShadow shadow_map;
-layout(location = 0) out vec4 colour;
-layout(location = 1) out int seen;
-
-void main() {
-    vec3 sum = own_light.rgb;
-#if HAS_SHADOW
-    sum += sun_light * texture(shadow_map, in_shadow_map);
-#endif
-#if HAS_TEXTURE
-    sum *= texture(picture, at).rgb;
-#endif
-    colour = vec4(sum, own_light.a);
-    seen = id;
-}
-"""
-
-_DEPTH_SHADER = """#version 330
-layout(location = 0) in vec3 position;
-uniform mat4 world_from_body;
-uniform mat4 clip_from_world;
-invariant gl_Position;
-
-void main() {
-    vec4 place = world_from_body * vec4(position, 1.0);
-    gl_Position = clip_from_world * place;
-}
-"""
-
-_NO_COLOUR_SHADER = """#version 330
-void main() {}
-"""
 
 # By slope and by steps of depth: how far MuJoCo moves casters back, lest they shade themselves.
 _SHADOW_OFFSET = (-1.5, -4.0)
@@ -123,9 +42,9 @@ class Painter:
         self._has_shadow = self._lights.casting is not None
         self._upload()
         self._textures = [self._make_texture(world.model, texture) for texture in range(world.model.ntex)]
-        shaders = (_VERTEX_SHADER, _FRAGMENT_SHADER)
-        self._plain, self._textured = (_Program(GL, self._words(i), *shaders) for i in (0, 1))
-        self._depth_only = _Program(GL, self._words(0), _DEPTH_SHADER, _NO_COLOUR_SHADER)
+        shaders = (VERTEX_SHADER, FRAGMENT_SHADER)
+        self._plain, self._textured = (Program(GL, self._words(i), *shaders) for i in (0, 1))
+        self._depth_only = Program(GL, self._words(0), DEPTH_SHADER, NO_COLOUR_SHADER)
         if self._has_shadow:
             self._make_shadow_map(int(world.model.vis.quality.shadowsize))
         self._frame = self._make_frame(0)
@@ -333,7 +252,7 @@ class Painter:
         map_from_clip[:2, 3] = 0.5
         return map_from_clip @ sun.clip_from_world
 
-    def _draw_chunks(self, chunks: NDArray[np.int64], program: "_Program") -> None:
+    def _draw_chunks(self, chunks: NDArray[np.int64], program: Program) -> None:
         gl, data, drawing = self._gl, self._world.data, self._drawing
         program.use()
         counts = (3 * (drawing.end - drawing.begin)[chunks]).astype(np.int32)
@@ -395,39 +314,3 @@ class Painter:
         gl.glReadBuffer(part)
         gl.glPixelStorei(gl.GL_PACK_ALIGNMENT, 1)
         gl.glReadPixels(0, 0, *self._size_px, layout, kind, into)
-
-
-class _Program:
-    """A compiled program; values for names that it does not use are left out."""
-
-    def __init__(self, gl: object, words: dict[str, int], vertex: str, fragment: str) -> None:
-        self._gl, self._places = gl, {}
-        self._name = gl.glCreateProgram()
-        sources = ((gl.GL_VERTEX_SHADER, vertex), (gl.GL_FRAGMENT_SHADER, fragment))
-        for kind, source in sources:
-            for word, value in words.items():
-                source = source.replace(word, str(value))
-            shader = gl.glCreateShader(kind)
-            gl.glShaderSource(shader, source)
-            gl.glCompileShader(shader)
-            gl.glAttachShader(self._name, shader)
-        gl.glLinkProgram(self._name)
-        if not gl.glGetProgramiv(self._name, gl.GL_LINK_STATUS):
-            raise RuntimeError(f"OpenGL refuses a shader: {gl.glGetProgramInfoLog(self._name)}")
-
-    def use(self) -> None:
-        self._gl.glUseProgram(self._name)
-
-    def _place(self, name: str) -> int:
-        if name not in self._places:
-            self._places[name] = self._gl.glGetUniformLocation(self._name, name)
-        return self._places[name]
-
-    def set_matrix(self, name: str, matrix: NDArray[np.floating]) -> None:
-        self._gl.glUniformMatrix4fv(self._place(name), 1, True, matrix.astype(np.float32))
-
-    def set_vectors(self, name: str, vectors: NDArray[np.floating]) -> None:
-        self._gl.glUniform3fv(self._place(name), vectors.size // 3, vectors.astype(np.float32))
-
-    def set_unit(self, name: str, unit: int) -> None:
-        self._gl.glUniform1i(self._place(name), unit)

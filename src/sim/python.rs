@@ -13,7 +13,7 @@ use super::{SimError, text};
 pub const VENV_VARIABLE: &str = "HARMZONE_VENV";
 
 /// The modules of `harmzone_sim` in the order of their imports; the package comes last.
-const MODULES: [(&str, &str); 11] = [
+const MODULES: [(&str, &str); 12] = [
     ("harmzone_sim.world", include_str!("../../python/harmzone_sim/world.py")),
     ("harmzone_sim.rays", include_str!("../../python/harmzone_sim/rays.py")),
     ("harmzone_sim.shapes", include_str!("../../python/harmzone_sim/shapes.py")),
@@ -21,6 +21,7 @@ const MODULES: [(&str, &str); 11] = [
     ("harmzone_sim.lights", include_str!("../../python/harmzone_sim/lights.py")),
     ("harmzone_sim.view", include_str!("../../python/harmzone_sim/view.py")),
     ("harmzone_sim.hidden", include_str!("../../python/harmzone_sim/hidden.py")),
+    ("harmzone_sim.shaders", include_str!("../../python/harmzone_sim/shaders.py")),
     ("harmzone_sim.painter", include_str!("../../python/harmzone_sim/painter.py")),
     ("harmzone_sim.camera", include_str!("../../python/harmzone_sim/camera.py")),
     ("harmzone_sim.filament", include_str!("../../python/harmzone_sim/filament.py")),
