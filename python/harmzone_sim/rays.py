@@ -58,9 +58,9 @@ def visible_geometry(
 ]:
     """What rays and cameras see, as `cast_rays` does.
 
-    Returns id, kind (`box`, `mesh`, ..), body and size [geom, 3] of each geom; its pose in the body [geom, 7],
-    position and quaternion w, x, y, z; its mesh, -1 for none; vertices [vertex, 3] and faces [face, 3] of each
-    mesh; and for each body whether it can move.
+    Returns id, kind (`box`, `mesh`, ..), body and size [geom, 3] of each geom; its pose in the body
+    [geom, 7], position and quaternion w, x, y, z; its mesh, -1 for none; vertices [vertex, 3] and faces
+    [face, 3] of each mesh; and for each body whether it can move.
     """
     model = world.model
     material = model.geom_matid

@@ -111,6 +111,7 @@ class Program:
             raise RuntimeError(f"OpenGL refuses a shader: {gl.glGetProgramInfoLog(self._name)}")
 
     def use(self) -> None:
+        """Makes this the program that draws, and that takes values."""
         self._gl.glUseProgram(self._name)
 
     def _place(self, name: str) -> int:
@@ -119,10 +120,13 @@ class Program:
         return self._places[name]
 
     def set_matrix(self, name: str, matrix: NDArray[np.floating]) -> None:
+        """matrix: [4, 4], acting on columns."""
         self._gl.glUniformMatrix4fv(self._place(name), 1, True, matrix.astype(np.float32))
 
     def set_vectors(self, name: str, vectors: NDArray[np.floating]) -> None:
+        """vectors: [3] or [vector, 3]."""
         self._gl.glUniform3fv(self._place(name), vectors.size // 3, vectors.astype(np.float32))
 
     def set_unit(self, name: str, unit: int) -> None:
+        """Names the texture unit that a sampler reads."""
         self._gl.glUniform1i(self._place(name), unit)
