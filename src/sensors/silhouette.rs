@@ -25,9 +25,10 @@ pub fn silhouette_px<'a>(
     let mut covered = vec![false; width * (high[1] - low[1])];
     for polygon in polygons.iter().map(Polygon::points) {
         // Most triangles are small: only the rows that they reach are looked at.
-        let (top, bottom) = polygon.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(top, bottom), point| {
-            (top.min(point[1]), bottom.max(point[1]))
-        });
+        let (top, bottom) =
+            polygon.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(top, bottom), point| {
+                (top.min(point[1]), bottom.max(point[1]))
+            });
         // Both cut to whole numbers, which for negative ones is upwards: those lie outside anyway.
         for row in low[1].max(top as usize)..high[1].min((bottom + 1.0) as usize) {
             let Some((from, to)) = span(polygon, row as f64 + 0.5) else { continue };
