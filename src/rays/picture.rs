@@ -42,7 +42,7 @@ impl RayScene {
     }
 
     fn region(&self, view: &CameraView, geom: usize) -> Option<PixelRegion> {
-        let [low, high] = self.visible.extent(geom)?;
+        let [low, high] = self.extents[geom]?;
         let geom = &self.visible.geoms[geom];
         let pose = view.world_from_camera.inverse() * self.world_from_body[geom.body] * geom.body_from_geom;
         let corners: [Point3<f64>; 8] = std::array::from_fn(|corner| {

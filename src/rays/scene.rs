@@ -7,7 +7,7 @@ use super::frustum::{Frustum, Turn};
 use super::packet::{Directions, First, NOTHING, Triangles, turn_rays};
 use super::solid::{Meeting, Solid, meet_triangle};
 use super::tree::{Bounds, Stack, Tree};
-use super::visible::Visible;
+use super::visible::{Visible, VisibleGeom};
 
 /// Marks the numbers of things that are geoms; all others are triangles.
 const IS_GEOM: u32 = 1 << 31;
@@ -39,6 +39,16 @@ pub struct RayScene {
     /// Parts by their boxes in the world.
     top: Tree,
     pub(super) world_from_body: Vec<Isometry3<f64>>,
+    /// Lower and upper corner of each geom in its frame; `None` for planes.
+    pub(super) extents: Vec<Option<[Vector3<f64>; 2]>>,
+    places: Vec<Place>,
+}
+
+/// Where a geom is in the world.
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    world_from_geom: Matrix3<f64>,
+    position: Vector3<f64>,
 }
 
 #[derive(Debug, Clone)]
@@ -86,6 +96,8 @@ impl RayScene {
             planes: Vec::new(),
             top: Tree::default(),
             world_from_body: Vec::new(),
+            extents: (0..visible.geoms.len()).map(|geom| visible.extent(geom)).collect(),
+            places: Vec::new(),
             visible,
         };
         let mut of_world = Vec::new();
@@ -120,8 +132,7 @@ impl RayScene {
     fn part(&self, geoms: &[usize], surface: Surface) -> Option<Part> {
         let body = self.visible.geoms[geoms[0]].body;
         let extents = geoms.iter().filter_map(|&geom| {
-            let extent = self.visible.extent(geom)?;
-            Some(turned_bounds(&self.visible.geoms[geom].body_from_geom, &extent))
+            Some(turned_bounds(&self.visible.geoms[geom].body_from_geom, self.extents[geom].as_ref()?))
         });
         let bounds = extents.reduce(|[low, high], [l, h]| [low.inf(&l), high.sup(&h)])?;
         Some(Part { body, bounds, surface })
@@ -133,6 +144,12 @@ impl RayScene {
     /// If there are fewer poses than bodies.
     pub fn set_poses(&mut self, world_from_body: &[Isometry3<f64>]) {
         self.world_from_body = world_from_body.to_vec();
+        let place = |geom: &VisibleGeom| {
+            let pose = world_from_body[geom.body] * geom.body_from_geom;
+            let world_from_geom = *pose.rotation.to_rotation_matrix().matrix();
+            Place { world_from_geom, position: pose.translation.vector }
+        };
+        self.places = self.visible.geoms.iter().map(place).collect();
         let bounds_in_world = |part: &Part| -> Bounds {
             turned_bounds(&world_from_body[part.body], &part.bounds).map(|corner| corner.cast::<f32>().into())
         };
@@ -175,10 +192,10 @@ impl RayScene {
             return None;
         }
         let (geom, face) = self.geom_of(thing);
+        let Place { world_from_geom, position } = self.places[geom];
         let geom = &self.visible.geoms[geom];
-        let world_from_geom = self.world_from_body[geom.body] * geom.body_from_geom;
-        let origin = world_from_geom.inverse_transform_point(&(*origin).into()).coords;
-        let direction = world_from_geom.inverse_transform_vector(direction);
+        let origin = world_from_geom.tr_mul(&(origin - position));
+        let direction = world_from_geom.tr_mul(direction);
         let (t, normal) = match geom.solid {
             Solid::Mesh(mesh) => meet_triangle(self.visible.face(mesh, face), &origin, &direction),
             Solid::Box { .. } => geom.solid.meet(&origin, &direction).or_else(|| {
