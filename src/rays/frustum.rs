@@ -14,6 +14,9 @@ pub(super) struct Plane {
 pub(super) struct Frustum {
     pub sides: [Plane; 4],
     pub axis: Plane,
+    /// They cut a packet of four quarters: rays of the second and fourth lie above the first one, those of the third and
+    /// fourth above the other. A plane without a normal cuts nothing.
+    pub middles: [Plane; 2],
     /// The longest way that a ray goes along the axis for each unit of its parameter.
     pub reach: f32,
 }
@@ -69,6 +72,7 @@ impl Frustum {
         origin: [f32; 3],
         [x, y, z]: &[[f32; R]; 3],
         corners: &[usize],
+        middles: [[f32; 3]; 2],
     ) -> Self {
         let mut sum = [0.0; 3];
         for &corner in corners {
@@ -96,7 +100,8 @@ impl Frustum {
             lean(axis, v, high[1], 1.0, origin),
             lean(axis, v, low[1], -1.0, origin),
         ];
-        Self { sides, axis: Plane::new(axis, origin), reach }
+        let middles = [Plane::new(middles[0], origin), Plane::new(middles[1], origin)];
+        Self { sides, axis: Plane::new(axis, origin), middles, reach }
     }
 
     /// In a frame that is turned, and in which the rays come from `origin`.
@@ -104,7 +109,8 @@ impl Frustum {
     pub(super) fn turn(&self, turn: &Turn, origin: [f32; 3]) -> Self {
         let [a, b, c, d] = &self.sides;
         let sides = [a.turn(turn, origin), b.turn(turn, origin), c.turn(turn, origin), d.turn(turn, origin)];
-        Self { sides, axis: self.axis.turn(turn, origin), reach: self.reach }
+        let middles = [self.middles[0].turn(turn, origin), self.middles[1].turn(turn, origin)];
+        Self { sides, axis: self.axis.turn(turn, origin), middles, reach: self.reach }
     }
 }
 

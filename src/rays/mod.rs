@@ -13,8 +13,10 @@
     clippy::inline_always,
     reason = "a kernel must be inlined into the function that enables its instruction set"
 )]
+#![allow(clippy::needless_range_loop, reason = "loops over lanes, which become vectors")]
 
 mod beams;
+mod cast;
 mod frustum;
 mod packet;
 mod picture;
@@ -27,7 +29,8 @@ mod visible;
 mod tests;
 
 pub use beams::Beams;
+pub use cast::RayHits;
 pub use picture::{CameraView, PixelRegion};
-pub use scene::{RayHits, RayScene};
+pub use scene::RayScene;
 pub use solid::Solid;
 pub use visible::{Visible, VisibleGeom, VisibleMesh};

@@ -12,6 +12,9 @@ const LANES: usize = 4;
 /// Triangles that lie outside of a frustum by less are still looked at, metres.
 const SLACK_M: f32 = 1e-3;
 
+/// A packet has one part of so many rays, or four: its quarters.
+pub(super) const PART: usize = 32;
+
 /// Directions of `R` rays in one frame.
 pub(super) type Directions<const R: usize> = [[f32; R]; 3];
 
@@ -145,6 +148,21 @@ impl Block {
         let [ab, bc, ca] = [crosses(a, b), crosses(b, c), crosses(c, a)];
         let [to_b, to_c] = [less(b, a), less(c, a)];
         let normals = crosses([&to_b[0], &to_b[1], &to_b[2]], [&to_c[0], &to_c[1], &to_c[2]]);
+        // Quarters of the packet that may meet a triangle.
+        let mut quarters = [[true; LANES]; 4];
+        if R > PART {
+            for (half, plane) in frustum.middles.iter().enumerate() {
+                let [a, b, c] = [plane.height(a), plane.height(b), plane.height(c)];
+                for lane in 0..LANES {
+                    let low = lesser(lesser(a[lane], b[lane]), c[lane]);
+                    let high = greater(greater(a[lane], b[lane]), c[lane]);
+                    for quarter in 0..4 {
+                        quarters[quarter][lane] &=
+                            if quarter >> half & 1 == 0 { low <= SLACK_M } else { high >= -SLACK_M };
+                    }
+                }
+            }
+        }
         let mut is_new = false;
         for lane in 0..LANES {
             if outside[lane] > SLACK_M || self.things[lane] == NOTHING {
@@ -153,18 +171,32 @@ impl Block {
             let [ab, bc, ca] = [pick(&ab, lane), pick(&bc, lane), pick(&ca, lane)];
             let normal = pick(&normals, lane);
             let height = dot(normal, [a[0][lane], a[1][lane], a[2][lane]]);
-            let mut n_new = 0;
-            for ray in 0..R {
-                let d = [rays[0][ray], rays[1][ray], rays[2][ray]];
-                let (u, v, w) = (dot(ab, d), dot(bc, d), dot(ca, d));
-                let t = height / dot(normal, d);
-                let is_within = (lesser(lesser(u, v), w) >= 0.0) | (greater(greater(u, v), w) <= 0.0);
-                let is_first = is_within & (t > first.t_min) & (t < first.t[ray]);
-                first.t[ray] = if is_first { t } else { first.t[ray] };
-                first.thing[ray] = if is_first { self.things[lane] } else { first.thing[ray] };
-                n_new += u32::from(is_first);
+            let [x, y, z] =
+                [rays[0].as_chunks::<PART>().0, rays[1].as_chunks::<PART>().0, rays[2].as_chunks::<PART>().0];
+            let t_min = first.t_min;
+            let (ts, things) = (first.t.as_chunks_mut::<PART>().0, first.thing.as_chunks_mut::<PART>().0);
+            for part in 0..R / PART {
+                if !quarters[part][lane] {
+                    continue;
+                }
+                // Copies, of which the compiler knows that they are apart.
+                let (x, y, z, mut t, mut thing) = (x[part], y[part], z[part], ts[part], things[part]);
+                let mut n = 0;
+                for ray in 0..PART {
+                    let d = [x[ray], y[ray], z[ray]];
+                    let (u, v, w) = (dot(ab, d), dot(bc, d), dot(ca, d));
+                    let met = height / dot(normal, d);
+                    let is_within = (lesser(lesser(u, v), w) >= 0.0) | (greater(greater(u, v), w) <= 0.0);
+                    let is_first = is_within & (met > t_min) & (met < t[ray]);
+                    t[ray] = if is_first { met } else { t[ray] };
+                    thing[ray] = if is_first { self.things[lane] } else { thing[ray] };
+                    n += u32::from(is_first);
+                }
+                if n > 0 {
+                    (ts[part], things[part]) = (t, thing);
+                    is_new = true;
+                }
             }
-            is_new |= n_new > 0;
         }
         if is_new {
             first.note_farthest();

@@ -2,7 +2,7 @@
 
 use nalgebra::{Isometry3, Matrix3, Point3};
 
-use super::packet::{Directions, First};
+use super::packet::{Directions, First, PART};
 use super::scene::{RayScene, Source};
 use super::tree::Stack;
 use crate::geometry::Pinhole;
@@ -10,6 +10,15 @@ use crate::geometry::Pinhole;
 /// Pixels of a tile, whose rays are one packet.
 const WIDE: usize = 16;
 const HIGH: usize = 8;
+/// The rays of a tile's corners.
+const CORNERS: [usize; 4] = [0, PART + WIDE / 2 - 1, 3 * PART - WIDE / 2, 4 * PART - 1];
+
+/// Column and row of a tile's ray: quarter by quarter, each row by row.
+#[inline(always)]
+const fn place_of(ray: usize) -> (usize, usize) {
+    let (quarter, at) = (ray / PART, ray % PART);
+    (quarter % 2 * (WIDE / 2) + at % (WIDE / 2), quarter / 2 * (HIGH / 2) + at / (WIDE / 2))
+}
 
 /// A camera at a place.
 #[derive(Debug, Clone, PartialEq)]
@@ -133,24 +142,28 @@ impl pulp::WithSimd for CastTiles<'_> {
             let mut rays: Directions<{ WIDE * HIGH }> = [[0.0; WIDE * HIGH]; 3];
             for axis in 0..3 {
                 let (right, down, ahead) = (turn[(axis, 0)], turn[(axis, 1)], turn[(axis, 2)]);
-                for row in 0..HIGH {
-                    for column in 0..WIDE {
-                        rays[axis][row * WIDE + column] = right * x[column] + down * y[row] + ahead;
-                    }
+                for ray in 0..WIDE * HIGH {
+                    let (column, row) = place_of(ray);
+                    rays[axis][ray] = right * x[column] + down * y[row] + ahead;
                 }
             }
+            let middle = [(x[WIDE / 2 - 1] + x[WIDE / 2]) / 2.0, (y[HIGH / 2 - 1] + y[HIGH / 2]) / 2.0];
+            let middles = [0, 1].map(|column| {
+                let normal = turn.column(column) - turn.column(2) * middle[column];
+                [normal[0], normal[1], normal[2]]
+            });
             let mut first = First::new(near_m, far_m);
-            let corners = [0, WIDE - 1, WIDE * HIGH - WIDE, WIDE * HIGH - 1];
-            self.scene.cast_packet(self.source, &rays, &corners, &mut stacks, &mut first);
+            self.scene.cast_packet(self.source, &rays, &CORNERS, middles, &mut stacks, &mut first);
             let (mut last, mut geom) = (first.thing[0], self.scene.geom_id(first.thing[0]));
-            for row in 0..HIGH.min(height - v) {
-                for column in 0..WIDE.min(width - u) {
-                    let thing = first.thing[row * WIDE + column];
-                    if thing != last {
-                        (last, geom) = (thing, self.scene.geom_id(thing));
-                    }
-                    geoms[(v + row) * width + u + column] = geom;
+            for (ray, &thing) in first.thing.iter().enumerate() {
+                let (column, row) = place_of(ray);
+                if u + column >= width || v + row >= height {
+                    continue;
                 }
+                if thing != last {
+                    (last, geom) = (thing, self.scene.geom_id(thing));
+                }
+                geoms[(v + row) * width + u + column] = geom;
             }
         }
         geoms

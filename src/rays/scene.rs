@@ -2,28 +2,14 @@
 
 use nalgebra::{Isometry3, Matrix3, Vector3};
 
-use super::beams::{BEAMS, Beams};
 use super::frustum::{Frustum, Turn};
 use super::packet::{Directions, First, NOTHING, Triangles, turn_rays};
-use super::solid::{Meeting, Solid, meet_triangle};
+use super::solid::Solid;
 use super::tree::{Bounds, Stack, Tree};
 use super::visible::{Visible, VisibleGeom};
 
 /// Marks the numbers of things that are geoms; all others are triangles.
 const IS_GEOM: u32 = 1 << 31;
-/// Hits of the f32 search may lie this much farther than their exact place, metres.
-const REACH_MARGIN_M: f64 = 0.01;
-
-/// What rays hit, ray by ray.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct RayHits {
-    /// Infinite where nothing is hit.
-    pub range_m: Vec<f64>,
-    /// -1 where nothing is hit.
-    pub geom: Vec<i32>,
-    /// Cosine of the angle between ray and surface normal, 0 to 1.
-    pub cos_incidence: Vec<f64>,
-}
 
 /// The visible world, with all bodies at given poses.
 #[derive(Debug, Clone)]
@@ -41,14 +27,14 @@ pub struct RayScene {
     pub(super) world_from_body: Vec<Isometry3<f64>>,
     /// Lower and upper corner of each geom in its frame; `None` for planes.
     pub(super) extents: Vec<Option<[Vector3<f64>; 2]>>,
-    places: Vec<Place>,
+    pub(super) places: Vec<Place>,
 }
 
 /// Where a geom is in the world.
 #[derive(Debug, Clone, Copy)]
-struct Place {
-    world_from_geom: Matrix3<f64>,
-    position: Vector3<f64>,
+pub(super) struct Place {
+    pub world_from_geom: Matrix3<f64>,
+    pub position: Vector3<f64>,
 }
 
 #[derive(Debug, Clone)]
@@ -157,57 +143,8 @@ impl RayScene {
         self.top = Tree::new(&boxes, 1, &mut |members| members[0]);
     }
 
-    /// What the beams of a sensor at this pose hit first, beam by beam.
-    #[must_use]
-    pub fn cast(&self, world_from_sensor: &Isometry3<f64>, beams: &Beams, max_range_m: f64) -> RayHits {
-        let origin = world_from_sensor.translation.vector;
-        let turn = world_from_sensor.rotation.to_rotation_matrix();
-        let directions: Vec<Vector3<f64>> =
-            beams.directions.iter().map(|direction| turn * direction).collect();
-        let things = pulp::Arch::new().dispatch(CastBeams {
-            scene: self,
-            source: &self.source(&origin),
-            beams,
-            directions: &directions,
-            max_range_m,
-        });
-        let n = directions.len();
-        let mut hits =
-            RayHits { range_m: vec![f64::INFINITY; n], geom: vec![-1; n], cos_incidence: vec![0.0; n] };
-        for (ray, (direction, thing)) in directions.iter().zip(things).enumerate() {
-            let Some((geom, (t, normal))) = self.meet(thing, &origin, direction) else { continue };
-            let length = direction.norm();
-            if t * length <= max_range_m {
-                hits.range_m[ray] = t * length;
-                hits.geom[ray] = geom;
-                hits.cos_incidence[ray] = (normal.dot(direction) / (normal.norm() * length)).abs().min(1.0);
-            }
-        }
-        hits
-    }
-
-    /// Where exactly a ray meets a thing that the search has found, with the geom's id and the normal in the world.
-    fn meet(&self, thing: u32, origin: &Vector3<f64>, direction: &Vector3<f64>) -> Option<(i32, Meeting)> {
-        if thing == NOTHING {
-            return None;
-        }
-        let (geom, face) = self.geom_of(thing);
-        let Place { world_from_geom, position } = self.places[geom];
-        let geom = &self.visible.geoms[geom];
-        let origin = world_from_geom.tr_mul(&(origin - position));
-        let direction = world_from_geom.tr_mul(direction);
-        let (t, normal) = match geom.solid {
-            Solid::Mesh(mesh) => meet_triangle(self.visible.face(mesh, face), &origin, &direction),
-            Solid::Box { .. } => geom.solid.meet(&origin, &direction).or_else(|| {
-                meet_triangle(self.visible.triangles(self.geom_of(thing).0)[face], &origin, &direction)
-            }),
-            _ => geom.solid.meet(&origin, &direction),
-        }?;
-        Some((geom.id, (t, world_from_geom * normal)))
-    }
-
     /// Index of the geom that a thing belongs to, and its face.
-    fn geom_of(&self, thing: u32) -> (usize, usize) {
+    pub(super) fn geom_of(&self, thing: u32) -> (usize, usize) {
         if thing & IS_GEOM != 0 {
             return ((thing & !IS_GEOM) as usize, 0);
         }
@@ -237,10 +174,11 @@ impl RayScene {
         source: &Source,
         rays: &Directions<R>,
         corners: &[usize],
+        middles: [[f32; 3]; 2],
         stacks: &mut [Stack; 2],
         first: &mut First<R>,
     ) {
-        let frustum = Frustum::new(source.origin, rays, corners);
+        let frustum = Frustum::new(source.origin, rays, corners, middles);
         for (&geom, seat) in self.planes.iter().zip(&source.planes) {
             self.cast_plane(geom, seat, rays, first);
         }
@@ -334,45 +272,4 @@ pub(super) fn turned_bounds(pose: &Isometry3<f64>, [low, high]: &[Vector3<f64>; 
     let center = pose.transform_point(&((low + high) / 2.0).into()).coords;
     let half = pose.rotation.to_rotation_matrix().matrix().abs() * ((high - low) / 2.0);
     [center - half, center + half]
-}
-
-/// The things that beams meet first, beam by beam.
-struct CastBeams<'a> {
-    scene: &'a RayScene,
-    source: &'a Source,
-    beams: &'a Beams,
-    /// In the world.
-    directions: &'a [Vector3<f64>],
-    max_range_m: f64,
-}
-
-impl pulp::WithSimd for CastBeams<'_> {
-    type Output = Vec<u32>;
-
-    #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) -> Vec<u32> {
-        let mut things = vec![NOTHING; self.directions.len()];
-        let mut stacks = [Stack::new(), Stack::new()];
-        let lanes: [usize; BEAMS] = std::array::from_fn(|lane| lane);
-        for packet in &self.beams.packets {
-            let members = &self.beams.order[packet.clone()];
-            let mut rays: Directions<BEAMS> = [[0.0; BEAMS]; 3];
-            for lane in 0..BEAMS {
-                // The last one fills the rest.
-                let direction = &self.directions[members[lane.min(members.len() - 1)] as usize];
-                for axis in 0..3 {
-                    rays[axis][lane] = direction[axis] as f32;
-                }
-            }
-            let shortest =
-                members.iter().map(|&ray| self.directions[ray as usize].norm()).fold(f64::INFINITY, f64::min);
-            let t_max = (self.max_range_m + REACH_MARGIN_M) / shortest;
-            let mut first = First::new(0.0, t_max as f32);
-            self.scene.cast_packet(self.source, &rays, &lanes[..members.len()], &mut stacks, &mut first);
-            for (&ray, thing) in members.iter().zip(first.thing) {
-                things[ray as usize] = thing;
-            }
-        }
-        things
-    }
 }
