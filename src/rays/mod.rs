@@ -13,6 +13,7 @@
     clippy::inline_always,
     reason = "a kernel must be inlined into the function that enables its instruction set"
 )]
+#![allow(clippy::needless_bitwise_bool, reason = "a lane has no branches")]
 #![allow(clippy::needless_range_loop, reason = "loops over lanes, which become vectors")]
 
 mod beams;

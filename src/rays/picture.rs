@@ -147,7 +147,10 @@ impl pulp::WithSimd for CastTiles<'_> {
                     rays[axis][ray] = right * x[column] + down * y[row] + ahead;
                 }
             }
-            let middle = [(x[WIDE / 2 - 1] + x[WIDE / 2]) / 2.0, (y[HIGH / 2 - 1] + y[HIGH / 2]) / 2.0];
+            let middle = [
+                ((u + WIDE / 2) as f64 - cx_px) as f32 / fx_px as f32,
+                ((v + HIGH / 2) as f64 - cy_px) as f32 / fy_px as f32,
+            ];
             let middles = [0, 1].map(|column| {
                 let normal = turn.column(column) - turn.column(2) * middle[column];
                 [normal[0], normal[1], normal[2]]
