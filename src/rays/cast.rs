@@ -2,8 +2,9 @@
 
 use nalgebra::{Isometry3, Vector3};
 
-use super::beams::{BEAMS, Beams};
-use super::packet::{Directions, First, NOTHING};
+use super::beams::Beams;
+use super::frustum::{Directions, RAYS};
+use super::packet::{First, NOTHING};
 use super::scene::{Place, RayScene, Source};
 use super::solid::{Meeting, Solid, meet_triangle};
 use super::tree::Stack;
@@ -90,11 +91,10 @@ impl pulp::WithSimd for CastBeams<'_> {
     fn with_simd<S: pulp::Simd>(self, _: S) -> Vec<u32> {
         let mut things = vec![NOTHING; self.directions.len()];
         let mut stacks = [Stack::new(), Stack::new()];
-        let lanes: [usize; BEAMS] = std::array::from_fn(|lane| lane);
         for packet in &self.beams.packets {
             let members = &self.beams.order[packet.clone()];
-            let mut rays: Directions<BEAMS> = [[0.0; BEAMS]; 3];
-            for lane in 0..BEAMS {
+            let mut rays: Directions = [[0.0; RAYS]; 3];
+            for lane in 0..RAYS {
                 // The last one fills the rest.
                 let direction = &self.directions[members[lane.min(members.len() - 1)] as usize];
                 for axis in 0..3 {
@@ -104,15 +104,8 @@ impl pulp::WithSimd for CastBeams<'_> {
             let shortest =
                 members.iter().map(|&ray| self.directions[ray as usize].norm()).fold(f64::INFINITY, f64::min);
             let t_max = (self.max_range_m + REACH_MARGIN_M) / shortest;
-            let mut first = First::new(0.0, t_max as f32);
-            self.scene.cast_packet(
-                self.source,
-                &rays,
-                &lanes[..members.len()],
-                [[0.0; 3]; 2],
-                &mut stacks,
-                &mut first,
-            );
+            let mut first = First::new(t_max as f32);
+            self.scene.cast_packet(self.source, &rays, members.len(), &mut stacks, &mut first);
             for (&ray, thing) in members.iter().zip(first.thing) {
                 things[ray as usize] = thing;
             }

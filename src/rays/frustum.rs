@@ -1,4 +1,10 @@
-//! The pyramid around a packet of rays with one origin.
+//! A packet of rays with one origin, and the pyramid around them.
+
+/// Rays of a packet.
+pub(super) const RAYS: usize = 32;
+
+/// Directions of a packet's rays in one frame: all x, all y, all z.
+pub(super) type Directions = [[f32; RAYS]; 3];
 
 /// A plane through a point: its normal times a place, less `offset`, is the signed distance.
 #[derive(Debug, Clone, Copy)]
@@ -14,9 +20,6 @@ pub(super) struct Plane {
 pub(super) struct Frustum {
     pub sides: [Plane; 4],
     pub axis: Plane,
-    /// They cut a packet of four quarters: rays of the second and fourth lie above the first one, those of the third and
-    /// fourth above the other. A plane without a normal cuts nothing.
-    pub middles: [Plane; 2],
     /// The longest way that a ray goes along the axis for each unit of its parameter.
     pub reach: f32,
 }
@@ -65,18 +68,12 @@ impl Plane {
 }
 
 impl Frustum {
-    /// Around those of the rays from `origin` that `corners` names; where they span a right angle or more it may lose
-    /// some.
+    /// Around the first `n` rays from `origin`; where they span a right angle or more it may lose some.
     #[inline(always)]
-    pub(super) fn new<const R: usize>(
-        origin: [f32; 3],
-        [x, y, z]: &[[f32; R]; 3],
-        corners: &[usize],
-        middles: [[f32; 3]; 2],
-    ) -> Self {
+    pub(super) fn new(origin: [f32; 3], [x, y, z]: &Directions, n: usize) -> Self {
         let mut sum = [0.0; 3];
-        for &corner in corners {
-            let ray = [x[corner], y[corner], z[corner]];
+        for i in 0..n {
+            let ray = [x[i], y[i], z[i]];
             sum = [sum[0] + ray[0], sum[1] + ray[1], sum[2] + ray[2]];
         }
         let axis = unit(sum);
@@ -84,8 +81,8 @@ impl Frustum {
         let u = unit(cross(axis, across));
         let v = cross(axis, u);
         let (mut low, mut high, mut reach) = ([f32::INFINITY; 2], [f32::NEG_INFINITY; 2], 0f32);
-        for &corner in corners {
-            let ray = [x[corner], y[corner], z[corner]];
+        for i in 0..n {
+            let ray = [x[i], y[i], z[i]];
             let along = dot(ray, axis);
             reach = reach.max(along);
             let side = [dot(ray, u) / along, dot(ray, v) / along];
@@ -100,8 +97,7 @@ impl Frustum {
             lean(axis, v, high[1], 1.0, origin),
             lean(axis, v, low[1], -1.0, origin),
         ];
-        let middles = [Plane::new(middles[0], origin), Plane::new(middles[1], origin)];
-        Self { sides, axis: Plane::new(axis, origin), middles, reach }
+        Self { sides, axis: Plane::new(axis, origin), reach }
     }
 
     /// In a frame that is turned, and in which the rays come from `origin`.
@@ -109,8 +105,7 @@ impl Frustum {
     pub(super) fn turn(&self, turn: &Turn, origin: [f32; 3]) -> Self {
         let [a, b, c, d] = &self.sides;
         let sides = [a.turn(turn, origin), b.turn(turn, origin), c.turn(turn, origin), d.turn(turn, origin)];
-        let middles = [self.middles[0].turn(turn, origin), self.middles[1].turn(turn, origin)];
-        Self { sides, axis: self.axis.turn(turn, origin), middles, reach: self.reach }
+        Self { sides, axis: self.axis.turn(turn, origin), reach: self.reach }
     }
 }
 

@@ -1,10 +1,10 @@
-//! Rays of our own: what the beams of a sensor, or the pixels of a camera, meet first in a world.
+//! Rays of our own: what the beams of a sensor meet first in a world.
 //!
 //! A [`RayScene`] is made once of all that can be seen ([`Visible`]). Triangles of bodies that stand lie in one tree in the
 //! world's frame, those of each body that moves in one of its own frame, and a small tree over the parts is made anew
 //! when poses are set. Rays of a sensor have one origin. They go through the trees in packets of neighbours: a node is
 //! compared with the pyramid around a packet, a triangle with all its rays. That search is in f32, relative to the
-//! origin; for beams, range and angle of what was found follow in f64 from the geom's own numbers.
+//! origin; range and angle of what was found follow in f64 from the geom's own numbers.
 //!
 //! The meaning is that of MuJoCo's `mj_multiRay`: both sides of a triangle are met, a ray that starts inside of a thing
 //! meets it from within, planes are met from the front only.
@@ -20,7 +20,6 @@ mod beams;
 mod cast;
 mod frustum;
 mod packet;
-mod picture;
 mod scene;
 mod solid;
 mod tree;
@@ -31,7 +30,6 @@ mod tests;
 
 pub use beams::Beams;
 pub use cast::RayHits;
-pub use picture::{CameraView, PixelRegion};
 pub use scene::RayScene;
 pub use solid::Solid;
 pub use visible::{Visible, VisibleGeom, VisibleMesh};

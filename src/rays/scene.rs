@@ -2,8 +2,8 @@
 
 use nalgebra::{Isometry3, Matrix3, Vector3};
 
-use super::frustum::{Frustum, Turn};
-use super::packet::{Directions, First, NOTHING, Triangles, turn_rays};
+use super::frustum::{Directions, Frustum, RAYS, Turn};
+use super::packet::{First, Triangles, turn_rays};
 use super::solid::Solid;
 use super::tree::{Bounds, Stack, Tree};
 use super::visible::{Visible, VisibleGeom};
@@ -24,9 +24,7 @@ pub struct RayScene {
     planes: Vec<u32>,
     /// Parts by their boxes in the world.
     top: Tree,
-    pub(super) world_from_body: Vec<Isometry3<f64>>,
-    /// Lower and upper corner of each geom in its frame; `None` for planes.
-    pub(super) extents: Vec<Option<[Vector3<f64>; 2]>>,
+    world_from_body: Vec<Isometry3<f64>>,
     pub(super) places: Vec<Place>,
 }
 
@@ -82,7 +80,6 @@ impl RayScene {
             planes: Vec::new(),
             top: Tree::default(),
             world_from_body: Vec::new(),
-            extents: (0..visible.geoms.len()).map(|geom| visible.extent(geom)).collect(),
             places: Vec::new(),
             visible,
         };
@@ -118,7 +115,7 @@ impl RayScene {
     fn part(&self, geoms: &[usize], surface: Surface) -> Option<Part> {
         let body = self.visible.geoms[geoms[0]].body;
         let extents = geoms.iter().filter_map(|&geom| {
-            Some(turned_bounds(&self.visible.geoms[geom].body_from_geom, self.extents[geom].as_ref()?))
+            Some(turned_bounds(&self.visible.geoms[geom].body_from_geom, &self.visible.extent(geom)?))
         });
         let bounds = extents.reduce(|[low, high], [l, h]| [low.inf(&l), high.sup(&h)])?;
         Some(Part { body, bounds, surface })
@@ -152,11 +149,6 @@ impl RayScene {
         (geom as usize, face as usize)
     }
 
-    /// The id of the geom that a thing belongs to; -1 for nothing.
-    pub(super) fn geom_id(&self, thing: u32) -> i32 {
-        if thing == NOTHING { -1 } else { self.visible.geoms[self.geom_of(thing).0].id }
-    }
-
     pub(super) fn source(&self, origin: &Vector3<f64>) -> Source {
         let seat = |pose: &Isometry3<f64>| Seat::new(pose, origin);
         let parts = self.parts.iter().map(|part| seat(&self.world_from_body[part.body]));
@@ -167,18 +159,17 @@ impl RayScene {
         Source { origin: origin.cast::<f32>().into(), parts: parts.collect(), planes: planes.collect() }
     }
 
-    /// Notes what the rays of a packet meet first; `corners` are those that lie around all of them.
+    /// Notes what the rays of a packet meet first, of which the first `n` differ.
     #[inline(always)]
-    pub(super) fn cast_packet<const R: usize>(
+    pub(super) fn cast_packet(
         &self,
         source: &Source,
-        rays: &Directions<R>,
-        corners: &[usize],
-        middles: [[f32; 3]; 2],
+        rays: &Directions,
+        n: usize,
         stacks: &mut [Stack; 2],
-        first: &mut First<R>,
+        first: &mut First,
     ) {
-        let frustum = Frustum::new(source.origin, rays, corners, middles);
+        let frustum = Frustum::new(source.origin, rays, n);
         for (&geom, seat) in self.planes.iter().zip(&source.planes) {
             self.cast_plane(geom, seat, rays, first);
         }
@@ -199,13 +190,13 @@ impl RayScene {
     }
 
     #[inline(always)]
-    fn cast_plane<const R: usize>(&self, geom: u32, seat: &Seat, rays: &Directions<R>, first: &mut First<R>) {
+    fn cast_plane(&self, geom: u32, seat: &Seat, rays: &Directions, first: &mut First) {
         let Solid::Plane { half } = self.visible.geoms[geom as usize].solid else { return };
         let half = half.map(|half| if half > 0.0 { half as f32 } else { f32::INFINITY });
         let [x, y, z] = turn_rays(&seat.turn, rays);
         let origin = seat.origin;
-        let (mut t, mut is_met) = ([0.0; R], [false; R]);
-        for ray in 0..R {
+        let (mut t, mut is_met) = ([0.0; RAYS], [false; RAYS]);
+        for ray in 0..RAYS {
             t[ray] = -origin[2] / z[ray];
             let at = [origin[0] + t[ray] * x[ray], origin[1] + t[ray] * y[ray]];
             is_met[ray] = (z[ray] < 0.0) & (at[0].abs() <= half[0]) & (at[1].abs() <= half[1]);
@@ -213,10 +204,10 @@ impl RayScene {
         first.note(IS_GEOM | geom, &t, &is_met);
     }
 
-    fn cast_round<const R: usize>(&self, geom: u32, seat: &Seat, rays: &Directions<R>, first: &mut First<R>) {
+    fn cast_round(&self, geom: u32, seat: &Seat, rays: &Directions, first: &mut First) {
         let VisibleGeomFrame { solid, geom_from_body } = self.frame(geom);
         let origin = geom_from_body.transform_point(&Vector3::from(seat.origin).cast::<f64>().into()).coords;
-        let mut t = [f32::INFINITY; R];
+        let mut t = [f32::INFINITY; RAYS];
         for (ray, t) in t.iter_mut().enumerate() {
             let direction = Vector3::new(rays[0][ray], rays[1][ray], rays[2][ray]).cast::<f64>();
             if let Some((met, _)) = solid.meet(&origin, &(geom_from_body.rotation * direction)) {
@@ -268,7 +259,7 @@ fn gather(
 }
 
 /// The box around a box that is turned and moved.
-pub(super) fn turned_bounds(pose: &Isometry3<f64>, [low, high]: &[Vector3<f64>; 2]) -> [Vector3<f64>; 2] {
+fn turned_bounds(pose: &Isometry3<f64>, [low, high]: &[Vector3<f64>; 2]) -> [Vector3<f64>; 2] {
     let center = pose.transform_point(&((low + high) / 2.0).into()).coords;
     let half = pose.rotation.to_rotation_matrix().matrix().abs() * ((high - low) / 2.0);
     [center - half, center + half]
