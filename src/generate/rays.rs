@@ -106,6 +106,15 @@ mod tests {
         [directions.len(), n_hits, (0..directions.len()).filter(differs).count()]
     }
 
+    fn start(town: &str, ood: bool) -> Drive {
+        let town = Arc::new(Town::load(town).unwrap());
+        let world = populate(&town, &PopulateConfig { ood, ..PopulateConfig::default() }, 5).unwrap();
+        let lighting = Lighting { ambient: [0.5; 3], sun: None };
+        let mut drive = Drive::new(&world, &lighting, &mount(), 5).unwrap();
+        (0..40).for_each(|_| drive.step().unwrap());
+        drive
+    }
+
     fn sum(parts: impl Iterator<Item = [usize; 3]>) -> [usize; 3] {
         parts.fold([0; 3], |sum, part| [0, 1, 2].map(|i| sum[i] + part[i]))
     }
@@ -116,11 +125,7 @@ mod tests {
         let turn = Pattern::spinning(&elevations_deg, 1.1).directions;
         let towns = town_names().into_iter().map(|town| (town, false)).chain([("market".to_owned(), true)]);
         for (name, ood) in towns {
-            let town = Arc::new(Town::load(&name).unwrap());
-            let world = populate(&town, &PopulateConfig { ood, ..PopulateConfig::default() }, 5).unwrap();
-            let lighting = Lighting { ambient: [0.5; 3], sun: None };
-            let mut drive = Drive::new(&world, &lighting, &mount(), 5).unwrap();
-            (0..40).for_each(|_| drive.step().unwrap());
+            let drive = start(&name, ood);
             let ego = drive.world_from_ego().isometry;
             let poses = [(0.94, 0.0, 1.84), (8.0, 3.0, 0.6), (-5.0, -8.0, 9.0)]
                 .map(|(x, y, z)| ego * Isometry3::translation(x, y, z));

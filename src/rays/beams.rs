@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use nalgebra::Vector3;
 
-/// Rays of a packet.
-pub(super) const BEAMS: usize = 32;
+use super::frustum::RAYS;
+
 /// A packet is this much wider than high, as things in a street are wide and stand one above the other.
 const STRETCH: f64 = 4.0;
 /// Least cosine between a ray of a packet and its mean.
@@ -38,7 +38,7 @@ fn split(units: &[Vector3<f64>], order: &mut [u32], start: usize, packets: &mut 
     let rays = || order.iter().map(|&ray| &units[ray as usize]);
     let mean = rays().sum::<Vector3<f64>>().normalize();
     let is_narrow = rays().all(|ray| ray.dot(&mean) >= MIN_COS);
-    if order.len() == 1 || (order.len() <= BEAMS && is_narrow) {
+    if order.len() == 1 || (order.len() <= RAYS && is_narrow) {
         packets.push(start..start + order.len());
         return;
     }
@@ -49,7 +49,7 @@ fn split(units: &[Vector3<f64>], order: &mut [u32], start: usize, packets: &mut 
     let of = if STRETCH * spread(height) > spread(azimuth) { height } else { azimuth };
     // Whole packets before the cut, where there are as many.
     let half = order.len() / 2;
-    let middle = if half >= BEAMS { half.next_multiple_of(BEAMS) } else { half };
+    let middle = if half >= RAYS { half.next_multiple_of(RAYS) } else { half };
     order.select_nth_unstable_by(middle, |&a, &b| {
         of(&units[a as usize]).total_cmp(&of(&units[b as usize])).then(a.cmp(&b))
     });
@@ -85,7 +85,7 @@ mod tests {
         seen.sort_unstable();
         assert!(seen.iter().enumerate().all(|(i, &ray)| i == ray as usize));
         assert_eq!(beams.packets.iter().map(Range::len).sum::<usize>(), turn.len());
-        assert!(beams.packets.len() <= turn.len() / BEAMS + 12, "{}", beams.packets.len());
+        assert!(beams.packets.len() <= turn.len() / RAYS + 12, "{}", beams.packets.len());
         for packet in &beams.packets {
             let rays: Vec<_> = beams.order[packet.clone()].iter().map(|&ray| turn[ray as usize]).collect();
             let mean = rays.iter().sum::<Vector3<f64>>().normalize();

@@ -1,4 +1,10 @@
-//! The pyramid around a packet of rays with one origin.
+//! A packet of rays with one origin, and the pyramid around them.
+
+/// Rays of a packet.
+pub(super) const RAYS: usize = 32;
+
+/// Directions of a packet's rays in one frame: all x, all y, all z.
+pub(super) type Directions = [[f32; RAYS]; 3];
 
 /// A plane through a point: its normal times a place, less `offset`, is the signed distance.
 #[derive(Debug, Clone, Copy)]
@@ -62,17 +68,12 @@ impl Plane {
 }
 
 impl Frustum {
-    /// Around those of the rays from `origin` that `corners` names; where they span a right angle or more it may lose
-    /// some.
+    /// Around the first `n` rays from `origin`; where they span a right angle or more it may lose some.
     #[inline(always)]
-    pub(super) fn new<const R: usize>(
-        origin: [f32; 3],
-        [x, y, z]: &[[f32; R]; 3],
-        corners: &[usize],
-    ) -> Self {
+    pub(super) fn new(origin: [f32; 3], [x, y, z]: &Directions, n: usize) -> Self {
         let mut sum = [0.0; 3];
-        for &corner in corners {
-            let ray = [x[corner], y[corner], z[corner]];
+        for i in 0..n {
+            let ray = [x[i], y[i], z[i]];
             sum = [sum[0] + ray[0], sum[1] + ray[1], sum[2] + ray[2]];
         }
         let axis = unit(sum);
@@ -80,8 +81,8 @@ impl Frustum {
         let u = unit(cross(axis, across));
         let v = cross(axis, u);
         let (mut low, mut high, mut reach) = ([f32::INFINITY; 2], [f32::NEG_INFINITY; 2], 0f32);
-        for &corner in corners {
-            let ray = [x[corner], y[corner], z[corner]];
+        for i in 0..n {
+            let ray = [x[i], y[i], z[i]];
             let along = dot(ray, axis);
             reach = reach.max(along);
             let side = [dot(ray, u) / along, dot(ray, v) / along];

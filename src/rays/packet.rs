@@ -2,7 +2,7 @@
 //!
 //! All arithmetic is lane by lane in f32 without fused operations: every instruction set gives the same bits.
 
-use super::frustum::{Frustum, Turn, dot};
+use super::frustum::{Directions, Frustum, RAYS, Turn, dot};
 use super::tree::{Bounds, Stack, Tree};
 
 /// Number of what a ray that meets nothing has met.
@@ -12,24 +12,19 @@ const LANES: usize = 4;
 /// Triangles that lie outside of a frustum by less are still looked at, metres.
 const SLACK_M: f32 = 1e-3;
 
-/// Directions of `R` rays in one frame.
-pub(super) type Directions<const R: usize> = [[f32; R]; 3];
-
 /// What the rays have met so far: the parameter, in lengths of the direction, and the number of the thing.
 #[derive(Debug, Clone)]
-pub(super) struct First<const R: usize> {
-    pub t: [f32; R],
-    pub thing: [u32; R],
-    /// Things nearer than this are not there.
-    pub t_min: f32,
+pub(super) struct First {
+    pub t: [f32; RAYS],
+    pub thing: [u32; RAYS],
     /// The largest `t`.
     pub t_max: f32,
 }
 
-impl<const R: usize> First<R> {
+impl First {
     #[inline(always)]
-    pub(super) fn new(t_min: f32, t_max: f32) -> Self {
-        Self { t: [t_max; R], thing: [NOTHING; R], t_min, t_max }
+    pub(super) fn new(t_max: f32) -> Self {
+        Self { t: [t_max; RAYS], thing: [NOTHING; RAYS], t_max }
     }
 
     #[inline(always)]
@@ -43,9 +38,9 @@ impl<const R: usize> First<R> {
 
     /// Notes things of one number, of which each ray meets one at its `t`, if `is_met`.
     #[inline(always)]
-    pub(super) fn note(&mut self, thing: u32, t: &[f32; R], is_met: &[bool; R]) {
-        for ray in 0..R {
-            let is_first = is_met[ray] & (t[ray] > self.t_min) & (t[ray] < self.t[ray]);
+    pub(super) fn note(&mut self, thing: u32, t: &[f32; RAYS], is_met: &[bool; RAYS]) {
+        for ray in 0..RAYS {
+            let is_first = is_met[ray] & (t[ray] > 0.0) & (t[ray] < self.t[ray]);
             self.t[ray] = if is_first { t[ray] } else { self.t[ray] };
             self.thing[ray] = if is_first { thing } else { self.thing[ray] };
         }
@@ -54,12 +49,12 @@ impl<const R: usize> First<R> {
 }
 
 #[inline(always)]
-pub(super) fn turn_rays<const R: usize>(turn: &Turn, rays: &Directions<R>) -> Directions<R> {
+pub(super) fn turn_rays(turn: &Turn, rays: &Directions) -> Directions {
     let [x, y, z] = rays;
-    let mut turned = [[0.0; R]; 3];
+    let mut turned = [[0.0; RAYS]; 3];
     for axis in 0..3 {
         let [a, b, c] = turn[axis];
-        for ray in 0..R {
+        for ray in 0..RAYS {
             turned[axis][ray] = a * x[ray] + b * y[ray] + c * z[ray];
         }
     }
@@ -101,13 +96,13 @@ impl Triangles {
 
     /// Notes the first triangles that rays from `origin` meet.
     #[inline(always)]
-    pub(super) fn cast<const R: usize>(
+    pub(super) fn cast(
         &self,
         origin: [f32; 3],
-        rays: &Directions<R>,
+        rays: &Directions,
         frustum: &Frustum,
         stack: &mut Stack,
-        first: &mut First<R>,
+        first: &mut First,
     ) {
         let mut search = self.tree.search(frustum, stack);
         while let Some(block) = search.next(first.t_max * frustum.reach) {
@@ -118,13 +113,7 @@ impl Triangles {
 
 impl Block {
     #[inline(always)]
-    fn cast<const R: usize>(
-        &self,
-        origin: [f32; 3],
-        rays: &Directions<R>,
-        frustum: &Frustum,
-        first: &mut First<R>,
-    ) {
+    fn cast(&self, origin: [f32; 3], rays: &Directions, frustum: &Frustum, first: &mut First) {
         let mut p = self.corners;
         for at in 0..9 {
             for lane in 0..LANES {
@@ -154,12 +143,12 @@ impl Block {
             let normal = pick(&normals, lane);
             let height = dot(normal, [a[0][lane], a[1][lane], a[2][lane]]);
             let mut n_new = 0;
-            for ray in 0..R {
+            for ray in 0..RAYS {
                 let d = [rays[0][ray], rays[1][ray], rays[2][ray]];
                 let (u, v, w) = (dot(ab, d), dot(bc, d), dot(ca, d));
                 let t = height / dot(normal, d);
                 let is_within = (lesser(lesser(u, v), w) >= 0.0) | (greater(greater(u, v), w) <= 0.0);
-                let is_first = is_within & (t > first.t_min) & (t < first.t[ray]);
+                let is_first = is_within & (t > 0.0) & (t < first.t[ray]);
                 first.t[ray] = if is_first { t } else { first.t[ray] };
                 first.thing[ray] = if is_first { self.things[lane] } else { first.thing[ray] };
                 n_new += u32::from(is_first);

@@ -2,28 +2,14 @@
 
 use nalgebra::{Isometry3, Matrix3, Vector3};
 
-use super::beams::{BEAMS, Beams};
-use super::frustum::{Frustum, Turn};
-use super::packet::{Directions, First, NOTHING, Triangles, turn_rays};
-use super::solid::{Meeting, Solid, meet_triangle};
+use super::frustum::{Directions, Frustum, RAYS, Turn};
+use super::packet::{First, Triangles, turn_rays};
+use super::solid::Solid;
 use super::tree::{Bounds, Stack, Tree};
-use super::visible::Visible;
+use super::visible::{Visible, VisibleGeom};
 
 /// Marks the numbers of things that are geoms; all others are triangles.
 const IS_GEOM: u32 = 1 << 31;
-/// Hits of the f32 search may lie this much farther than their exact place, metres.
-const REACH_MARGIN_M: f64 = 0.01;
-
-/// What rays hit, ray by ray.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct RayHits {
-    /// Infinite where nothing is hit.
-    pub range_m: Vec<f64>,
-    /// -1 where nothing is hit.
-    pub geom: Vec<i32>,
-    /// Cosine of the angle between ray and surface normal, 0 to 1.
-    pub cos_incidence: Vec<f64>,
-}
 
 /// The visible world, with all bodies at given poses.
 #[derive(Debug, Clone)]
@@ -38,7 +24,15 @@ pub struct RayScene {
     planes: Vec<u32>,
     /// Parts by their boxes in the world.
     top: Tree,
-    pub(super) world_from_body: Vec<Isometry3<f64>>,
+    world_from_body: Vec<Isometry3<f64>>,
+    pub(super) places: Vec<Place>,
+}
+
+/// Where a geom is in the world.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Place {
+    pub world_from_geom: Matrix3<f64>,
+    pub position: Vector3<f64>,
 }
 
 #[derive(Debug, Clone)]
@@ -86,6 +80,7 @@ impl RayScene {
             planes: Vec::new(),
             top: Tree::default(),
             world_from_body: Vec::new(),
+            places: Vec::new(),
             visible,
         };
         let mut of_world = Vec::new();
@@ -120,8 +115,7 @@ impl RayScene {
     fn part(&self, geoms: &[usize], surface: Surface) -> Option<Part> {
         let body = self.visible.geoms[geoms[0]].body;
         let extents = geoms.iter().filter_map(|&geom| {
-            let extent = self.visible.extent(geom)?;
-            Some(turned_bounds(&self.visible.geoms[geom].body_from_geom, &extent))
+            Some(turned_bounds(&self.visible.geoms[geom].body_from_geom, &self.visible.extent(geom)?))
         });
         let bounds = extents.reduce(|[low, high], [l, h]| [low.inf(&l), high.sup(&h)])?;
         Some(Part { body, bounds, surface })
@@ -133,6 +127,12 @@ impl RayScene {
     /// If there are fewer poses than bodies.
     pub fn set_poses(&mut self, world_from_body: &[Isometry3<f64>]) {
         self.world_from_body = world_from_body.to_vec();
+        let place = |geom: &VisibleGeom| {
+            let pose = world_from_body[geom.body] * geom.body_from_geom;
+            let world_from_geom = *pose.rotation.to_rotation_matrix().matrix();
+            Place { world_from_geom, position: pose.translation.vector }
+        };
+        self.places = self.visible.geoms.iter().map(place).collect();
         let bounds_in_world = |part: &Part| -> Bounds {
             turned_bounds(&world_from_body[part.body], &part.bounds).map(|corner| corner.cast::<f32>().into())
         };
@@ -140,67 +140,13 @@ impl RayScene {
         self.top = Tree::new(&boxes, 1, &mut |members| members[0]);
     }
 
-    /// What the beams of a sensor at this pose hit first, beam by beam.
-    #[must_use]
-    pub fn cast(&self, world_from_sensor: &Isometry3<f64>, beams: &Beams, max_range_m: f64) -> RayHits {
-        let origin = world_from_sensor.translation.vector;
-        let turn = world_from_sensor.rotation.to_rotation_matrix();
-        let directions: Vec<Vector3<f64>> =
-            beams.directions.iter().map(|direction| turn * direction).collect();
-        let things = pulp::Arch::new().dispatch(CastBeams {
-            scene: self,
-            source: &self.source(&origin),
-            beams,
-            directions: &directions,
-            max_range_m,
-        });
-        let n = directions.len();
-        let mut hits =
-            RayHits { range_m: vec![f64::INFINITY; n], geom: vec![-1; n], cos_incidence: vec![0.0; n] };
-        for (ray, (direction, thing)) in directions.iter().zip(things).enumerate() {
-            let Some((geom, (t, normal))) = self.meet(thing, &origin, direction) else { continue };
-            let length = direction.norm();
-            if t * length <= max_range_m {
-                hits.range_m[ray] = t * length;
-                hits.geom[ray] = geom;
-                hits.cos_incidence[ray] = (normal.dot(direction) / (normal.norm() * length)).abs().min(1.0);
-            }
-        }
-        hits
-    }
-
-    /// Where exactly a ray meets a thing that the search has found, with the geom's id and the normal in the world.
-    fn meet(&self, thing: u32, origin: &Vector3<f64>, direction: &Vector3<f64>) -> Option<(i32, Meeting)> {
-        if thing == NOTHING {
-            return None;
-        }
-        let (geom, face) = self.geom_of(thing);
-        let geom = &self.visible.geoms[geom];
-        let world_from_geom = self.world_from_body[geom.body] * geom.body_from_geom;
-        let origin = world_from_geom.inverse_transform_point(&(*origin).into()).coords;
-        let direction = world_from_geom.inverse_transform_vector(direction);
-        let (t, normal) = match geom.solid {
-            Solid::Mesh(mesh) => meet_triangle(self.visible.face(mesh, face), &origin, &direction),
-            Solid::Box { .. } => geom.solid.meet(&origin, &direction).or_else(|| {
-                meet_triangle(self.visible.triangles(self.geom_of(thing).0)[face], &origin, &direction)
-            }),
-            _ => geom.solid.meet(&origin, &direction),
-        }?;
-        Some((geom.id, (t, world_from_geom * normal)))
-    }
-
     /// Index of the geom that a thing belongs to, and its face.
-    fn geom_of(&self, thing: u32) -> (usize, usize) {
+    pub(super) fn geom_of(&self, thing: u32) -> (usize, usize) {
         if thing & IS_GEOM != 0 {
             return ((thing & !IS_GEOM) as usize, 0);
         }
         let (geom, face) = self.triangles[thing as usize];
         (geom as usize, face as usize)
-    }
-
-    /// The id of the geom that a thing belongs to; -1 for nothing.
-    pub(super) fn geom_id(&self, thing: u32) -> i32 {
-        if thing == NOTHING { -1 } else { self.visible.geoms[self.geom_of(thing).0].id }
     }
 
     pub(super) fn source(&self, origin: &Vector3<f64>) -> Source {
@@ -213,17 +159,17 @@ impl RayScene {
         Source { origin: origin.cast::<f32>().into(), parts: parts.collect(), planes: planes.collect() }
     }
 
-    /// Notes what the rays of a packet meet first; `corners` are those that lie around all of them.
+    /// Notes what the rays of a packet meet first, of which the first `n` differ.
     #[inline(always)]
-    pub(super) fn cast_packet<const R: usize>(
+    pub(super) fn cast_packet(
         &self,
         source: &Source,
-        rays: &Directions<R>,
-        corners: &[usize],
+        rays: &Directions,
+        n: usize,
         stacks: &mut [Stack; 2],
-        first: &mut First<R>,
+        first: &mut First,
     ) {
-        let frustum = Frustum::new(source.origin, rays, corners);
+        let frustum = Frustum::new(source.origin, rays, n);
         for (&geom, seat) in self.planes.iter().zip(&source.planes) {
             self.cast_plane(geom, seat, rays, first);
         }
@@ -244,13 +190,13 @@ impl RayScene {
     }
 
     #[inline(always)]
-    fn cast_plane<const R: usize>(&self, geom: u32, seat: &Seat, rays: &Directions<R>, first: &mut First<R>) {
+    fn cast_plane(&self, geom: u32, seat: &Seat, rays: &Directions, first: &mut First) {
         let Solid::Plane { half } = self.visible.geoms[geom as usize].solid else { return };
         let half = half.map(|half| if half > 0.0 { half as f32 } else { f32::INFINITY });
         let [x, y, z] = turn_rays(&seat.turn, rays);
         let origin = seat.origin;
-        let (mut t, mut is_met) = ([0.0; R], [false; R]);
-        for ray in 0..R {
+        let (mut t, mut is_met) = ([0.0; RAYS], [false; RAYS]);
+        for ray in 0..RAYS {
             t[ray] = -origin[2] / z[ray];
             let at = [origin[0] + t[ray] * x[ray], origin[1] + t[ray] * y[ray]];
             is_met[ray] = (z[ray] < 0.0) & (at[0].abs() <= half[0]) & (at[1].abs() <= half[1]);
@@ -258,10 +204,10 @@ impl RayScene {
         first.note(IS_GEOM | geom, &t, &is_met);
     }
 
-    fn cast_round<const R: usize>(&self, geom: u32, seat: &Seat, rays: &Directions<R>, first: &mut First<R>) {
+    fn cast_round(&self, geom: u32, seat: &Seat, rays: &Directions, first: &mut First) {
         let VisibleGeomFrame { solid, geom_from_body } = self.frame(geom);
         let origin = geom_from_body.transform_point(&Vector3::from(seat.origin).cast::<f64>().into()).coords;
-        let mut t = [f32::INFINITY; R];
+        let mut t = [f32::INFINITY; RAYS];
         for (ray, t) in t.iter_mut().enumerate() {
             let direction = Vector3::new(rays[0][ray], rays[1][ray], rays[2][ray]).cast::<f64>();
             if let Some((met, _)) = solid.meet(&origin, &(geom_from_body.rotation * direction)) {
@@ -313,49 +259,8 @@ fn gather(
 }
 
 /// The box around a box that is turned and moved.
-pub(super) fn turned_bounds(pose: &Isometry3<f64>, [low, high]: &[Vector3<f64>; 2]) -> [Vector3<f64>; 2] {
+fn turned_bounds(pose: &Isometry3<f64>, [low, high]: &[Vector3<f64>; 2]) -> [Vector3<f64>; 2] {
     let center = pose.transform_point(&((low + high) / 2.0).into()).coords;
     let half = pose.rotation.to_rotation_matrix().matrix().abs() * ((high - low) / 2.0);
     [center - half, center + half]
-}
-
-/// The things that beams meet first, beam by beam.
-struct CastBeams<'a> {
-    scene: &'a RayScene,
-    source: &'a Source,
-    beams: &'a Beams,
-    /// In the world.
-    directions: &'a [Vector3<f64>],
-    max_range_m: f64,
-}
-
-impl pulp::WithSimd for CastBeams<'_> {
-    type Output = Vec<u32>;
-
-    #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) -> Vec<u32> {
-        let mut things = vec![NOTHING; self.directions.len()];
-        let mut stacks = [Stack::new(), Stack::new()];
-        let lanes: [usize; BEAMS] = std::array::from_fn(|lane| lane);
-        for packet in &self.beams.packets {
-            let members = &self.beams.order[packet.clone()];
-            let mut rays: Directions<BEAMS> = [[0.0; BEAMS]; 3];
-            for lane in 0..BEAMS {
-                // The last one fills the rest.
-                let direction = &self.directions[members[lane.min(members.len() - 1)] as usize];
-                for axis in 0..3 {
-                    rays[axis][lane] = direction[axis] as f32;
-                }
-            }
-            let shortest =
-                members.iter().map(|&ray| self.directions[ray as usize].norm()).fold(f64::INFINITY, f64::min);
-            let t_max = (self.max_range_m + REACH_MARGIN_M) / shortest;
-            let mut first = First::new(0.0, t_max as f32);
-            self.scene.cast_packet(self.source, &rays, &lanes[..members.len()], &mut stacks, &mut first);
-            for (&ray, thing) in members.iter().zip(first.thing) {
-                things[ray as usize] = thing;
-            }
-        }
-        things
-    }
 }

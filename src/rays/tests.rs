@@ -5,7 +5,6 @@ use proptest::prelude::*;
 
 use super::solid::Meeting;
 use super::*;
-use crate::geometry::Pinhole;
 
 const MAX_RANGE_M: f64 = 80.0;
 
@@ -181,45 +180,4 @@ fn directions_of_another_length_give_the_same_ranges() {
 fn an_empty_world_shows_nothing() {
     let scene = RayScene::new(Visible::default(), &[]);
     assert_eq!(scene.cast(&at(0.0, 0.0, 0.0), &Beams::new(&[Vector3::x()]), 80.0).geom, [-1]);
-}
-
-fn view(width_px: u32) -> CameraView {
-    // Ahead is +x, right is -y.
-    let turn = nalgebra::Rotation3::from_basis_unchecked(&[-Vector3::y(), -Vector3::z(), Vector3::x()]);
-    CameraView {
-        world_from_camera: Isometry3::from_parts(
-            Translation3::identity(),
-            UnitQuaternion::from_rotation_matrix(&turn),
-        ),
-        intrinsics: Pinhole::from_horizontal_fov(width_px, 90, std::f64::consts::FRAC_PI_2),
-        depth_m: [0.2, 500.0],
-    }
-}
-
-#[test]
-fn a_picture_shows_geoms_where_the_pinhole_projects_them() {
-    let scene = RayScene::new(wall_and_ball(), &[at(0.0, 0.0, 0.0), at(4.0, 1.0, 0.0)]);
-    let view = view(150);
-    let seen = scene.first_geoms(&view, None);
-    // fx = 75 px: the wall's face is 8 m to each side at 9 m, the ball's middle 1 m left at 4 m.
-    let row = |geom: i32| (0..150).filter(|u| seen[45 * 150 + u] == geom).collect::<Vec<_>>();
-    let wall = row(3);
-    assert_eq!((wall[0], wall[wall.len() - 1]), (75 - 67, 75 + 66));
-    let ball = row(5);
-    assert!((ball[0]..=ball[ball.len() - 1]).contains(&(75 - 19)) && ball.len() < 30, "{ball:?}");
-    let parts = scene.first_geoms(&view, Some(&scene.regions_of_bodies(&view, &[1])));
-    let count = |picture: &[i32], geom| picture.iter().filter(|&&seen| seen == geom).count();
-    assert_eq!(count(&parts, 5), count(&seen, 5));
-    assert!(count(&parts, 3) < count(&seen, 3) / 3);
-}
-
-#[test]
-fn things_nearer_than_the_near_plane_or_behind_the_far_one_are_not_in_the_picture() {
-    let scene = RayScene::new(wall_and_ball(), &[at(0.0, 0.0, 0.0), at(0.0, 0.0, 0.0)]);
-    let middle = |view: &CameraView| scene.first_geoms(view, None)[45 * 150 + 75];
-    assert_eq!(middle(&view(150)), 5, "the ball from within");
-    assert_eq!(middle(&CameraView { depth_m: [0.6, 500.0], ..view(150) }), 3);
-    assert_eq!(middle(&CameraView { depth_m: [0.6, 8.9], ..view(150) }), -1);
-    let regions = scene.regions_of_bodies(&view(150), &[1]);
-    assert!(regions[0].u_px[0] < 0.0 && regions[0].u_px[1] > 150.0, "{regions:?}");
 }

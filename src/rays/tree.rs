@@ -48,6 +48,8 @@ impl Tree {
         let mut params = BvhBuildParams::medium_build();
         params.max_prims_per_leaf = most;
         params.pre_split = false;
+        // Fuller leaves than obvhs' 3: less memory to touch, 5 % faster with cold caches.
+        params.collapse_traversal_cost = 8.0;
         let binary = build_bvh2(&boxes, params, &mut std::time::Duration::default());
         let mut tree = Self { nodes: Vec::with_capacity(binary.nodes.len() / WIDTH + 1) };
         tree.add(&binary, 0, make_leaf);

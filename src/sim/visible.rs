@@ -29,7 +29,7 @@ impl Simulator {
         let (visible, unknown) = self.ask("tell what can be seen", |world| {
             let answer: Answer<'_> =
                 world.py().import("harmzone_sim")?.call_method1("visible_geometry", (world,))?.extract()?;
-            Ok(read(&answer)?)
+            read(&answer)
         })?;
         match unknown {
             Some((geom, kind)) => {
