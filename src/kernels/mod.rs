@@ -10,6 +10,7 @@
 
 mod conv3x3;
 mod lift_pool;
+mod matrix_unit;
 mod memory;
 mod norm_relu;
 mod operation;

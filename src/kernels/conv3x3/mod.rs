@@ -9,6 +9,8 @@
 //! equal to the bit whatever the number of threads.
 
 mod band;
+mod block_gradient;
+mod blocks;
 #[cfg(not(miri))]
 mod burn_op;
 mod forward;
@@ -19,12 +21,21 @@ mod weight_gradient;
 
 #[cfg(not(miri))]
 pub use burn_op::{conv3x3, conv3x3_scale_shift_relu};
+use super::simd::InstructionSet;
 use forward::{ScaleShiftRelu, forward};
 use input_gradient::input_gradient;
 use weight_gradient::weight_gradient;
 
 /// Bytes of packed input that a task works on at a time: they fit beside the weights in a second-level cache of 512 kB.
 const BAND_BYTES: usize = 400 << 10;
+
+/// Fewest input and output channels for the matrix unit, whose tiles have 32 of each: below, vectors are faster.
+const MIN_UNIT_CHANNELS: usize = 16;
+
+/// Whether the matrix unit takes a product of these numbers of channels.
+fn uses_matrix_unit(set: InstructionSet, channels: (usize, usize)) -> bool {
+    set.has_matrix_unit() && channels.0.min(channels.1) >= MIN_UNIT_CHANNELS
+}
 
 /// Sizes of one convolution; all at least 1.
 #[derive(Clone, Copy, Debug)]
