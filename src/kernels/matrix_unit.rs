@@ -59,12 +59,16 @@ pub(super) unsafe fn transpose(from: *const u32, stride: usize, to: *mut u32) {
     unreachable!("no matrix unit here");
 }
 
-/// Whether this machine has the unit and the system lets this process use it.
+/// Set to `off`, this variable leaves the unit alone: all products are of f32 then, in vectors.
+const SWITCH: &str = "HARMZONE_MATRIX_UNIT";
+
+/// Whether this machine has the unit, the system lets this process use it, and nobody switched it off.
 pub(super) fn is_available() -> bool {
     #[cfg(all(target_arch = "x86_64", target_os = "linux", not(miri)))]
     {
         static IS_AVAILABLE: std::sync::OnceLock<bool> = std::sync::OnceLock::new();
-        *IS_AVAILABLE.get_or_init(unit::request)
+        *IS_AVAILABLE
+            .get_or_init(|| std::env::var_os(SWITCH).is_none_or(|value| value != "off") && unit::request())
     }
     #[cfg(not(all(target_arch = "x86_64", target_os = "linux", not(miri))))]
     false

@@ -8,17 +8,20 @@
     reason = "a kernel must be inlined into the function that enables its instruction set"
 )]
 
+mod channel_mix;
 mod conv3x3;
 mod lift_pool;
 mod matrix_unit;
 mod memory;
 mod norm_relu;
 mod operation;
+mod product;
 mod scratch;
 mod simd;
 mod softmax;
 mod sparse_conv;
 
+pub use channel_mix::mix_channels;
 pub use conv3x3::{conv3x3, conv3x3_scale_shift_relu};
 pub use lift_pool::{PoolPlan, lift_pool};
 pub use memory::keep_freed_memory;

@@ -82,7 +82,8 @@ impl<'a> Steps<'a> {
                 continue;
             }
             // In the pool, so that no operation has to hand its work over to other threads and wait.
-            let copies: Vec<_> = abreast.iter().map(|prepared| (copy_detector(&detector), prepared)).collect();
+            let copies: Vec<_> =
+                abreast.iter().map(|prepared| (copy_detector(&detector), prepared)).collect();
             let pass = |(copy, prepared): (_, &Prepared)| steps.pass(copy, prepared, position, share);
             passes.extend(copies.into_par_iter().map(pass).collect::<Vec<_>>());
         }

@@ -17,10 +17,21 @@ const BLOCK_SUMS: usize = BLOCK * BLOCK;
 /// Pixels of one step of a sum.
 const STEP: usize = 2 * TILE;
 
-/// As `weight_gradient::weight_gradient`.
-pub(super) fn weight_gradient(shape: Shape, x: &[f32], dy: &[f32], set: InstructionSet) -> Vec<f32> {
+/// As `weight_gradient::weight_gradient`, of a square kernel: `[channel_out, channel_in, kernel, kernel]`.
+///
+/// # Panics
+/// If the kernel is neither 1, with stride 1, nor 3.
+pub(super) fn weight_gradient(
+    shape: Shape,
+    kernel: usize,
+    x: &[f32],
+    dy: &[f32],
+    set: InstructionSet,
+) -> Vec<f32> {
+    assert!(kernel == 3 || (kernel == 1 && shape.stride == 1));
+    let n_taps = kernel * kernel;
     let (blocks_in, blocks_out) = (shape.channels_in.div_ceil(BLOCK), shape.channels_out.div_ceil(BLOCK));
-    let block_len = blocks_out * 9 * BLOCK_SUMS;
+    let block_len = blocks_out * n_taps * BLOCK_SUMS;
     let (total_rows, n_parts) = (shape.batch * shape.out_height_px(), n_parts(shape));
     let n_groups = rayon::current_num_threads().div_ceil(n_parts).min(blocks_in);
     let group_blocks = blocks_in.div_ceil(n_groups);
@@ -32,15 +43,15 @@ pub(super) fn weight_gradient(shape: Shape, x: &[f32], dy: &[f32], set: Instruct
         sums.par_chunks_mut(group_blocks * block_len).enumerate().for_each(|(group, sums)| {
             let first_channel = group * group_blocks * BLOCK;
             with_scratch(|scratch| {
-                set.run(Part { shape, x, dy, first_channel, rows: rows.clone(), sums, scratch });
+                set.run(Part { shape, kernel, x, dy, first_channel, rows: rows.clone(), sums, scratch });
             });
         });
     });
 
-    let mut gradient = vec![0.0; shape.n_weights()];
-    gradient.par_chunks_mut(shape.channels_in * 9).enumerate().for_each(|(o, gradient)| {
-        for (i, gradient) in gradient.chunks_exact_mut(9).enumerate() {
-            let block = (i / BLOCK * blocks_out + o / BLOCK) * 9 * BLOCK_SUMS;
+    let mut gradient = vec![0.0; shape.channels_out * shape.channels_in * n_taps];
+    gradient.par_chunks_mut(shape.channels_in * n_taps).enumerate().for_each(|(o, gradient)| {
+        for (i, gradient) in gradient.chunks_exact_mut(n_taps).enumerate() {
+            let block = (i / BLOCK * blocks_out + o / BLOCK) * n_taps * BLOCK_SUMS;
             let place = block + i % BLOCK * BLOCK + o % BLOCK;
             for (tap, gradient) in gradient.iter_mut().enumerate() {
                 let place = place + tap * BLOCK_SUMS;
@@ -54,6 +65,7 @@ pub(super) fn weight_gradient(shape: Shape, x: &[f32], dy: &[f32], set: Instruct
 /// One task: some rows of pixels, some blocks of input channels.
 struct Part<'a> {
     shape: Shape,
+    kernel: usize,
     x: &'a [f32],
     dy: &'a [f32],
     first_channel: usize,
@@ -83,6 +95,35 @@ impl Kernel for Part<'_> {
     }
 }
 
+/// Packs the rows of a flat band of halves, as `band::pack` packs numbers.
+#[inline(always)]
+fn split_rows(source: &Planes, layout: &Layout, first_row: usize, high: &mut [u16], low: &mut [u16]) {
+    let Planes { values, channels, height_px, width_px, lead, .. } = *source;
+    for channel in 0..channels {
+        let start = channel * layout.channel;
+        let rows = start..start + layout.channel;
+        let (high, low) = (&mut high[rows.clone()], &mut low[rows]);
+        for row in 0..layout.rows {
+            let columns = row * layout.width..(row + 1) * layout.width;
+            let (high, low) = (&mut high[columns.clone()], &mut low[columns]);
+            // Wraps around above the image, and so lands outside, as rows below the image do.
+            let y = (first_row + row).wrapping_sub(lead);
+            let n_pixels = if y < height_px { width_px } else { 0 };
+            if n_pixels > 0 {
+                let pixels = &values[(channel * height_px + y) * width_px..][..width_px];
+                split(pixels, &mut high[lead..], &mut low[lead..]);
+            }
+            for half in [high, low] {
+                half[..lead].fill(0);
+                half[lead + n_pixels..].fill(0);
+            }
+        }
+        for half in [high, low] {
+            half[layout.channel - 1] = 0;
+        }
+    }
+}
+
 impl Part<'_> {
     /// Adds the products of output rows `y..y + n_rows` of one image.
     #[inline(always)]
@@ -90,7 +131,8 @@ impl Part<'_> {
         let Shape { channels_in, channels_out, height_px, width_px, stride, .. } = self.shape;
         let out_width_px = self.shape.out_width_px();
         let blocks_out = channels_out.div_ceil(BLOCK);
-        let blocks_in = self.sums.len() / (blocks_out * 9 * BLOCK_SUMS);
+        let n_taps = self.kernel * self.kernel;
+        let blocks_in = self.sums.len() / (blocks_out * n_taps * BLOCK_SUMS);
         let channels = (channels_in - self.first_channel).min(blocks_in * BLOCK);
 
         let plane = height_px * width_px;
@@ -100,32 +142,39 @@ impl Part<'_> {
             height_px,
             width_px,
             split: stride,
-            lead: 1,
+            lead: self.kernel / 2,
         };
         let layout = Layout::new(true, &source, out_width_px, n_rows);
         let n_steps = (n_rows * layout.width).div_ceil(STEP);
-        let offsets: [usize; 9] = std::array::from_fn(|tap| layout.tap(stride, tap / 3, tap % 3));
+        // Of kernel 1 only the first counts.
+        let offsets: [usize; 9] =
+            std::array::from_fn(|tap| layout.tap(stride, tap / self.kernel, tap % self.kernel));
+        let offsets = &offsets[..n_taps];
 
-        let packed = self.scratch.a.get(layout.len);
-        pack(&source, &layout, 0, y, packed);
         // Behind the last channel a step reads on, up to a step after the last tap.
         let rows_len = blocks_in * BLOCK * layout.channel;
-        let behind = offsets.iter().max().expect("nine taps") + n_steps * STEP;
+        let behind = offsets.iter().max().expect("one tap or nine") + n_steps * STEP;
         let halves = self.scratch.b.half_words(2 * rows_len + behind);
         halves[2 * rows_len..].fill(0);
         let (high, low) = halves.split_at_mut(rows_len);
         // Rows of high halves run on into other channels and, the last ones, into low halves: all are numbers.
-        let packed = &packed[..channels * layout.channel];
-        high[packed.len()..].fill(0);
-        low[packed.len()..rows_len].fill(0);
-        split(packed, high, low);
+        let used = channels * layout.channel;
+        high[used..].fill(0);
+        low[used..rows_len].fill(0);
+        if stride == 1 {
+            split_rows(&source, &layout, y, high, low);
+        } else {
+            let packed = self.scratch.a.get(layout.len);
+            pack(&source, &layout, 0, y, packed);
+            split(&packed[..used], high, low);
+        }
 
         let dy_rows = self.turn(image, y, n_rows, layout.width, n_steps);
         let x_rows = self.scratch.b.half_words(2 * rows_len + behind);
         for block_in in 0..blocks_in {
             for block_out in 0..blocks_out {
                 for (tap, offset) in offsets.iter().enumerate() {
-                    let place = ((block_in * blocks_out + block_out) * 9 + tap) * BLOCK_SUMS;
+                    let place = ((block_in * blocks_out + block_out) * n_taps + tap) * BLOCK_SUMS;
                     let sums = self.sums[place..place + BLOCK_SUMS].as_mut_ptr();
                     // SAFETY: sums: a block. x: rows of channels below `blocks_in * BLOCK`, each read from a tap's offset on, up to
                     // `behind`; dy: `n_steps` steps of `blocks_out` blocks.
@@ -189,7 +238,9 @@ impl Part<'_> {
                     let to = &mut turned[((step * n_tiles + tile) * 2 + half) * TILE_PAIRS..][..TILE_PAIRS];
                     // SAFETY: `rows` holds TILE rows of `2 * len` half words, of which this reads one step, TILE words; `to`
                     // is a tile; the unit comes with AVX-512.
-                    unsafe { transpose(rows.as_ptr().add(half * len + step * STEP).cast(), len, to.as_mut_ptr()) };
+                    unsafe {
+                        transpose(rows.as_ptr().add(half * len + step * STEP).cast(), len, to.as_mut_ptr())
+                    };
                 }
             }
         }

@@ -5,10 +5,11 @@
 
 use rayon::prelude::*;
 
-use super::band::{Layout, Planes};
+use super::band::{Layout, Planes, pack};
 use super::pass::copy_piece;
 use super::tiles::{Strip, Weights};
 use crate::kernels::matrix_unit::{BLOCK, Blocks, Left, Right, TILE, TILE_PAIRS, split_pairs};
+use crate::kernels::scratch::Buffer;
 use crate::kernels::simd::Simd;
 
 /// Planes of halves: two for each pair of channels, whole tiles of pairs.
@@ -47,8 +48,8 @@ pub(super) fn pack_weights(
                 let weight = |i: usize| {
                     if i < channels.1 { w[o * strides.0 + i * strides.1 + tap] * scale } else { 0.0 }
                 };
-                let [first, second]: [[f32; TILE]; 2] = [0, 1]
-                    .map(|odd| std::array::from_fn(|pair| weight((step * TILE + pair) * 2 + odd)));
+                let [first, second]: [[f32; TILE]; 2] =
+                    [0, 1].map(|odd| std::array::from_fn(|pair| weight((step * TILE + pair) * 2 + odd)));
                 split_pairs(&first, &second, high, low);
             }
         }
@@ -56,9 +57,71 @@ pub(super) fn pack_weights(
     packed
 }
 
+/// Packs a band of halves, as `band::pack` packs numbers; `buffer` holds what lies between.
+#[inline(always)]
+pub(super) fn pack_halves(
+    source: &Planes,
+    [numbers, layout]: [&Layout; 2],
+    image: usize,
+    first_row: usize,
+    buffer: &mut Buffer,
+    halves: &mut [u32],
+) {
+    if source.split == 1 {
+        let zeros = buffer.get(source.width_px);
+        zeros.fill(0.0);
+        pack_rows(source, layout, image, first_row, zeros, halves);
+    } else {
+        let packed = buffer.get(numbers.len);
+        pack(source, numbers, image, first_row, packed);
+        split_band(source, numbers, packed, halves);
+    }
+}
+
+/// Packs and splits rows in one go.
+#[inline(always)]
+fn pack_rows(
+    source: &Planes,
+    layout: &Layout,
+    image: usize,
+    first_row: usize,
+    zeros: &[f32],
+    halves: &mut [u32],
+) {
+    let Planes { values, channels, height_px, width_px, lead, .. } = *source;
+    let n_pairs = half_planes(channels) / 2;
+    for row in 0..layout.rows {
+        // Wraps around above the image, and so lands outside, as rows below the image do.
+        let y = (first_row + row).wrapping_sub(lead);
+        let pixels = |channel: usize| {
+            if y < height_px && channel < channels {
+                &values[((image * channels + channel) * height_px + y) * width_px..][..width_px]
+            } else {
+                zeros
+            }
+        };
+        for pair in 0..n_pairs {
+            let start = row * layout.row + pair * layout.channel;
+            let (head, tail) = halves.split_at_mut(start + n_pairs * layout.channel);
+            let [high, low] = [&mut head[start..start + layout.width], &mut tail[..layout.width]];
+            split_pairs(pixels(2 * pair), pixels(2 * pair + 1), &mut high[lead..], &mut low[lead..]);
+            for half in [high, low] {
+                half[..lead].fill(0);
+                half[lead + width_px..].fill(0);
+            }
+        }
+    }
+    if layout.is_flat {
+        // The word between two planes is the right padding of the first one's last row.
+        for plane in 1..=2 * n_pairs {
+            halves[plane * layout.channel - 1] = 0;
+        }
+    }
+}
+
 /// Splits a packed band of numbers into one of halves.
 #[inline(always)]
-pub(super) fn split_band(source: &Planes, layout: &Layout, packed: &[f32], halves: &mut [u32]) {
+fn split_band(source: &Planes, layout: &Layout, packed: &[f32], halves: &mut [u32]) {
     let n_pairs = half_planes(source.channels) / 2;
     let n_groups = if layout.is_flat { 1 } else { layout.rows * source.split };
     let zeros = [0f32; 64];
@@ -90,7 +153,9 @@ impl Strip<'_> {
     /// As `run`, of a band of halves; `sums` has room for one block.
     #[inline(always)]
     pub fn run_blocks<S: Simd>(&self, packed: &[u32], sums: &mut [f32], unit: &mut Blocks) {
-        let Weights::Blocks(weights) = &self.phase.weights else { unreachable!("`Band::run` chose by the set") };
+        let Weights::Blocks(weights) = &self.phase.weights else {
+            unreachable!("`Band::run` chose by the set")
+        };
         let (c, layout, offsets) = (self.convolution, self.layout, self.phase.offsets.as_slice());
         let (n_steps, n_taps) = (n_steps(c.source.channels), offsets.len());
         let last_offset = *offsets.iter().max().expect("at least one tap");
@@ -121,8 +186,9 @@ impl Strip<'_> {
                         // SAFETY: by the asserts above, weights: both tiles, high and low, of this block's steps;
                         // pixels: the last read ends at `last plane + last tap + stop`.
                         unsafe {
-                            let weights =
-                                weights.as_ptr().add((block * 2 * n_steps + step) * step_len + tap * 2 * TILE_PAIRS);
+                            let weights = weights
+                                .as_ptr()
+                                .add((block * 2 * n_steps + step) * step_len + tap * 2 * TILE_PAIRS);
                             let pixels = packed.as_ptr().add(step * TILE * layout.channel + offset + start);
                             let left = Left {
                                 rows: [weights, weights.add(n_steps * step_len)].map(<*const u32>::cast),
@@ -141,11 +207,18 @@ impl Strip<'_> {
                 // SAFETY: `sums` is a block.
                 unsafe { unit.store(sums.as_mut_ptr()) };
                 let first = block * BLOCK;
-                for (row, sums) in sums.chunks_exact_mut(BLOCK).take(c.channels_out - first).take(BLOCK).enumerate() {
+                for (row, sums) in
+                    sums.chunks_exact_mut(BLOCK).take(c.channels_out - first).take(BLOCK).enumerate()
+                {
                     if let Some(shift) = self.shift {
                         let shift = shift[first + row];
                         for sum in sums.iter_mut() {
-                            *sum = (*sum + shift).max(0.0);
+                            *sum += shift;
+                        }
+                    }
+                    if c.has_relu {
+                        for sum in sums.iter_mut() {
+                            *sum = sum.max(0.0);
                         }
                     }
                     for piece in pieces {

@@ -40,7 +40,8 @@ pub(in crate::kernels) fn forward(
         upscale: 1,
         out_height_px: shape.out_height_px(),
         out_width_px: shape.out_width_px(),
-        shift_relu: then.map(|then| then.shift),
+        shift: then.map(|then| then.shift),
+        has_relu: then.is_some(),
     };
     convolution.run(set, |layout| {
         let taps: Vec<usize> = (0..9).collect();

@@ -35,7 +35,8 @@ pub(in crate::kernels) fn input_gradient(
         upscale: shape.stride,
         out_height_px: shape.height_px,
         out_width_px: shape.width_px,
-        shift_relu: None,
+        shift: None,
+        has_relu: false,
     };
     let weights = |taps: &[usize]| {
         let strides = (9, shape.channels_in * 9);

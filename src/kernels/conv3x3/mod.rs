@@ -16,14 +16,16 @@ mod burn_op;
 mod forward;
 mod input_gradient;
 mod pass;
+mod pointwise;
 mod tiles;
 mod weight_gradient;
 
+use super::simd::InstructionSet;
 #[cfg(not(miri))]
 pub use burn_op::{conv3x3, conv3x3_scale_shift_relu};
-use super::simd::InstructionSet;
 use forward::{ScaleShiftRelu, forward};
 use input_gradient::input_gradient;
+pub(super) use pointwise::{Mix, Weight};
 use weight_gradient::weight_gradient;
 
 /// Bytes of packed input that a task works on at a time: they fit beside the weights in a second-level cache of 512 kB.
@@ -33,7 +35,7 @@ const BAND_BYTES: usize = 400 << 10;
 const MIN_UNIT_CHANNELS: usize = 16;
 
 /// Whether the matrix unit takes a product of these numbers of channels.
-fn uses_matrix_unit(set: InstructionSet, channels: (usize, usize)) -> bool {
+pub(super) fn uses_matrix_unit(set: InstructionSet, channels: (usize, usize)) -> bool {
     set.has_matrix_unit() && channels.0.min(channels.1) >= MIN_UNIT_CHANNELS
 }
 

@@ -46,9 +46,10 @@ pub(super) struct Convolution<'a> {
     pub upscale: usize,
     pub out_height_px: usize,
     pub out_width_px: usize,
-    /// A shift of each output channel, `[channel_out]`: it is added to the sums, and negative sums become zero. `None`
-    /// leaves the sums as they are.
-    pub shift_relu: Option<&'a [f32]>,
+    /// A shift of each output channel, `[channel_out]`, that is added to the sums.
+    pub shift: Option<&'a [f32]>,
+    /// Whether negative sums become zero, after the shift.
+    pub has_relu: bool,
 }
 
 /// Packs weights for a set. `channels` and `strides` (in `w`) are of output and input; `scale`, `[channel_out]`, multiplies
@@ -70,7 +71,7 @@ pub(super) fn pack_weights(
         let first = block * n_rows;
         for (i, packed) in packed.chunks_exact_mut(n_taps * n_rows).enumerate() {
             for o in 0..n_rows.min(channels.0 - first) {
-                let kernel = &w[(first + o) * strides.0 + i * strides.1..][..9];
+                let kernel = &w[(first + o) * strides.0 + i * strides.1..];
                 let scale = scale.map_or(1.0, |scale| scale[first + o]);
                 for (t, &tap) in taps.iter().enumerate() {
                     packed[t * n_rows + o] = kernel[tap] * scale;
@@ -130,7 +131,7 @@ impl Convolution<'_> {
         });
         let phases = phases(halves.as_ref().unwrap_or(&layout));
         let n_blocks = self.channels_out.div_ceil(set.rows());
-        let shift = self.shift_relu.map(|shift| {
+        let shift = self.shift.map(|shift| {
             assert_eq!(shift.len(), self.channels_out, "a shift for each output channel");
             let mut padded = shift.to_vec();
             padded.resize(n_blocks * set.rows(), 0.0);
@@ -186,9 +187,8 @@ struct Band<'a> {
 impl Kernel for Band<'_> {
     #[inline(always)]
     fn run<S: Simd, const ROWS: usize, const LANES: usize>(self) {
-        let Self { convolution, layout, halves, phases, shift, output, image, first_row, n_rows, scratch } = self;
-        let packed = scratch.a.get(layout.len + OVERREAD);
-        pack(&convolution.source, layout, image, first_row, packed);
+        let Self { convolution, layout, halves, phases, shift, output, image, first_row, n_rows, scratch } =
+            self;
         // Tiles run along a strip: all rows if flat, else one.
         let n_strips = if layout.is_flat { 1 } else { n_rows };
         let strips = (0..n_strips).flat_map(|y| phases.iter().map(move |phase| (y, phase)));
@@ -204,7 +204,8 @@ impl Kernel for Band<'_> {
         };
         if let Some(halves) = halves {
             let split = scratch.c.words(halves.len + OVERREAD);
-            blocks::split_band(&convolution.source, layout, packed, split);
+            let layouts = [layout, halves];
+            blocks::pack_halves(&convolution.source, layouts, image, first_row, &mut scratch.a, split);
             let sums = scratch.b.get(BLOCK * BLOCK);
             // SAFETY: `halves` is there because `uses_matrix_unit`; the thread has one unit, for this band.
             let mut unit = unsafe { Blocks::begin() };
@@ -213,6 +214,8 @@ impl Kernel for Band<'_> {
             }
             return;
         }
+        let packed = scratch.a.get(layout.len + OVERREAD);
+        pack(&convolution.source, layout, image, first_row, packed);
         let n_blocks = convolution.channels_out.div_ceil(ROWS);
         let tiles = scratch.b.get(n_blocks * ROWS * TILE_VECTORS * LANES);
         for (y, phase) in strips {
@@ -264,7 +267,9 @@ impl Strip<'_> {
 
     #[inline(always)]
     fn run<S: Simd, const ROWS: usize, const TAPS: usize>(&self, packed: &[f32], tiles: &mut [f32]) {
-        let Weights::Rows(weights) = &self.phase.weights else { unreachable!("`Band::run` chose by the set") };
+        let Weights::Rows(weights) = &self.phase.weights else {
+            unreachable!("`Band::run` chose by the set")
+        };
         let (c, layout) = (self.convolution, self.layout);
         let channels_in = c.source.channels;
         let offsets: &[usize; TAPS] =
@@ -328,7 +333,7 @@ impl Strip<'_> {
                                 Some(shift) => Start::Shift(shift.as_ptr().add(block * ROWS)),
                                 None => Start::Zero,
                             },
-                            has_relu: is_last && self.shift.is_some(),
+                            has_relu: is_last && c.has_relu,
                             tile,
                             target,
                             target_stride,

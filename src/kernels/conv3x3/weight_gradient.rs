@@ -34,7 +34,7 @@ pub(in crate::kernels) fn weight_gradient(
     shape.check();
     assert!(x.len() == shape.n_inputs() && dy.len() == shape.n_outputs());
     if uses_matrix_unit(set, (shape.channels_out, shape.channels_in)) {
-        return block_gradient::weight_gradient(shape, x, dy, set);
+        return block_gradient::weight_gradient(shape, 3, x, dy, set);
     }
     let (n_lanes, n_rows) = (set.lanes(), set.rows());
     let blocks_in = shape.channels_in.div_ceil(n_lanes);

@@ -8,7 +8,7 @@ use burn::tensor::{Device, IndexingUpdateOp, Tensor};
 
 use super::pillars::{N_POINT_FEATURES, PillarBatch};
 use crate::model::config::ModelConfig;
-use crate::model::layers::{ConvBlock, mix_channels, pointwise, upsample_nearest};
+use crate::model::layers::{ConvBlock, convolve_pointwise, pointwise, upsample_nearest};
 
 /// From points to features on the bird's-eye grid at one cell (two pillars).
 #[derive(Module, Debug)]
@@ -60,8 +60,8 @@ impl PillarBranch {
         let map = self.scatter(pillars, n_samples, device);
         let fine = self.fine.iter().fold(map, |x, block| block.forward(x));
         let coarse = self.coarse.iter().fold(fine.clone(), |x, block| block.forward(x));
-        let fine = mix_channels(&self.fine_out, fine);
-        let coarse = upsample_nearest(mix_channels(&self.coarse_out, coarse));
+        let fine = convolve_pointwise(&self.fine_out, fine);
+        let coarse = upsample_nearest(convolve_pointwise(&self.coarse_out, coarse));
         Tensor::cat(vec![fine, coarse], 1)
     }
 
