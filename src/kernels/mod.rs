@@ -8,6 +8,7 @@
     reason = "a kernel must be inlined into the function that enables its instruction set"
 )]
 
+mod attend;
 mod channel_mix;
 mod conv3x3;
 mod lift_pool;
@@ -21,6 +22,7 @@ mod simd;
 mod softmax;
 mod sparse_conv;
 
+pub use attend::attend;
 pub use channel_mix::mix_channels;
 pub use conv3x3::{conv3x3, conv3x3_scale_shift_relu};
 pub use lift_pool::{PoolPlan, lift_pool};

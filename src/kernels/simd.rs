@@ -43,6 +43,11 @@ impl InstructionSet {
         found
     }
 
+    /// The same vectors alone.
+    pub fn without_matrix_unit(self) -> Self {
+        Self { has_matrix_unit: false, ..self }
+    }
+
     /// Whether products of matrices may go to the matrix unit.
     pub fn has_matrix_unit(self) -> bool {
         self.has_matrix_unit

@@ -21,7 +21,7 @@ pub use burn_op::mix_channels;
 const CHANNELS_PER_TASK: usize = 16;
 
 /// The gradient of w, `[channel_out, channel_in]`.
-fn weight_gradient(mix: Mix, x: &[f32], dy: &[f32], set: InstructionSet) -> Vec<f32> {
+pub(super) fn weight_gradient(mix: Mix, x: &[f32], dy: &[f32], set: InstructionSet) -> Vec<f32> {
     let Mix { batch, channels_in, channels_out, pixels } = mix;
     if uses_matrix_unit(set, (channels_out, channels_in)) {
         return mix.weight_gradient(x, dy, set);
