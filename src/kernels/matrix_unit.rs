@@ -5,6 +5,11 @@
 //! tile has 16 rows of 64 bytes: 16 by 32 numbers on the left of a product, 16 pairs by 16 columns on
 //! its right, 16 by 16 sums in f32.
 
+use std::env;
+use std::sync::OnceLock;
+
+pub(super) use unit::transpose;
+
 /// Rows of a tile, and columns of sums.
 pub(super) const TILE: usize = 16;
 /// Sums that [`Blocks`] holds: rows, and columns.
@@ -44,34 +49,13 @@ pub(super) fn split(values: &[f32], high: &mut [u16], low: &mut [u16]) {
     }
 }
 
-/// Turns 16 rows of 16 words, `stride` words apart, into columns; rows need no alignment.
-///
-/// # Safety
-/// The rows are readable, 256 words are writable at `to`, and [`is_available`] holds.
-#[inline(always)]
-pub(super) unsafe fn transpose(from: *const u32, stride: usize, to: *mut u32) {
-    #[cfg(all(target_arch = "x86_64", target_os = "linux", not(miri)))]
-    // SAFETY: the caller's promise.
-    unsafe {
-        unit::transpose(from, stride, to);
-    }
-    #[cfg(not(all(target_arch = "x86_64", target_os = "linux", not(miri))))]
-    unreachable!("no matrix unit here");
-}
-
 /// Set to `off`, this variable leaves the unit alone: all products are of f32 then, in vectors.
 const SWITCH: &str = "HARMZONE_MATRIX_UNIT";
 
 /// Whether this machine has the unit, the system lets this process use it, and nobody switched it off.
 pub(super) fn is_available() -> bool {
-    #[cfg(all(target_arch = "x86_64", target_os = "linux", not(miri)))]
-    {
-        static IS_AVAILABLE: std::sync::OnceLock<bool> = std::sync::OnceLock::new();
-        *IS_AVAILABLE
-            .get_or_init(|| std::env::var_os(SWITCH).is_none_or(|value| value != "off") && unit::request())
-    }
-    #[cfg(not(all(target_arch = "x86_64", target_os = "linux", not(miri))))]
-    false
+    static IS_AVAILABLE: OnceLock<bool> = OnceLock::new();
+    *IS_AVAILABLE.get_or_init(|| env::var_os(SWITCH).is_none_or(|value| value != "off") && unit::request())
 }
 
 /// Two tiles' rows of the left operand, at one step of the sum: high halves, then low halves, 64 bytes a row.
@@ -111,7 +95,8 @@ mod unit {
     /// CPUID leaf 7: AMX-BF16 and AMX-TILE in EDX.
     const NEEDED: u32 = 1 << 22 | 1 << 24;
 
-    pub(super) fn request() -> bool {
+    /// Asks the system for the unit; whether there is one, and this process may use it.
+    pub fn request() -> bool {
         let leaves = std::arch::x86_64::__cpuid(0).eax;
         // The code around the products is that of AVX-512.
         if leaves < 7 || !std::arch::is_x86_feature_detected!("avx512f") {
@@ -140,8 +125,12 @@ mod unit {
         TileConfig(bytes)
     };
 
+    /// Turns 16 rows of 16 words, `stride` words apart, into columns; rows need no alignment.
+    ///
+    /// # Safety
+    /// The rows are readable, 256 words are writable at `to`, and the unit is available.
     #[target_feature(enable = "avx512f")]
-    pub(super) unsafe fn transpose(from: *const u32, stride: usize, to: *mut u32) {
+    pub unsafe fn transpose(from: *const u32, stride: usize, to: *mut u32) {
         use std::arch::x86_64::{
             _mm512_loadu_si512, _mm512_shuffle_i32x4, _mm512_storeu_si512, _mm512_unpackhi_epi32,
             _mm512_unpackhi_epi64, _mm512_unpacklo_epi32, _mm512_unpacklo_epi64,
@@ -295,6 +284,44 @@ mod unit {
         fn drop(&mut self) {
             // SAFETY: the unit was set up by `begin`.
             unsafe { asm!("tilerelease", options(nostack, nomem, preserves_flags)) };
+        }
+    }
+}
+
+/// Where there is no such unit.
+#[cfg(not(all(target_arch = "x86_64", target_os = "linux", not(miri))))]
+mod unit {
+    use super::{Blocks, Left, Right};
+
+    const WHY: &str = "`is_available` says no";
+
+    pub fn request() -> bool {
+        false
+    }
+
+    pub unsafe fn transpose(_: *const u32, _: usize, _: *mut u32) {
+        unreachable!("{WHY}");
+    }
+
+    impl Blocks {
+        pub unsafe fn begin() -> Self {
+            unreachable!("{WHY}");
+        }
+
+        pub fn clear(&mut self) {
+            unreachable!("{WHY}");
+        }
+
+        pub unsafe fn load(&mut self, _: *const f32) {
+            unreachable!("{WHY}");
+        }
+
+        pub unsafe fn store(&mut self, _: *mut f32) {
+            unreachable!("{WHY}");
+        }
+
+        pub unsafe fn add(&mut self, _: Left, _: Right) {
+            unreachable!("{WHY}");
         }
     }
 }

@@ -6,7 +6,6 @@
 use rayon::prelude::*;
 
 use super::band::{Layout, Planes, pack};
-use super::weight_gradient::n_parts;
 use super::{BAND_BYTES, Shape};
 use crate::kernels::matrix_unit::{BLOCK, Blocks, Left, Right, TILE, TILE_PAIRS, split, transpose};
 use crate::kernels::scratch::{Scratch, with_scratch};
@@ -32,7 +31,7 @@ pub(super) fn weight_gradient(
     let n_taps = kernel * kernel;
     let (blocks_in, blocks_out) = (shape.channels_in.div_ceil(BLOCK), shape.channels_out.div_ceil(BLOCK));
     let block_len = blocks_out * n_taps * BLOCK_SUMS;
-    let (total_rows, n_parts) = (shape.batch * shape.out_height_px(), n_parts(shape));
+    let (total_rows, n_parts) = (shape.batch * shape.out_height_px(), shape.n_parts());
     let n_groups = rayon::current_num_threads().div_ceil(n_parts).min(blocks_in);
     let group_blocks = blocks_in.div_ceil(n_groups);
 

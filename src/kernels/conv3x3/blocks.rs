@@ -7,10 +7,10 @@ use rayon::prelude::*;
 
 use super::band::{Layout, Planes, pack};
 use super::pass::copy_piece;
-use super::tiles::{Strip, Weights};
+use super::strip::{Strip, Weights};
 use crate::kernels::matrix_unit::{BLOCK, Blocks, Left, Right, TILE, TILE_PAIRS, split_pairs};
 use crate::kernels::scratch::Buffer;
-use crate::kernels::simd::Simd;
+use crate::kernels::simd::{InstructionSet, Kernel, Simd};
 
 /// Planes of halves: two for each pair of channels, whole tiles of pairs.
 pub(super) fn half_planes(channels: usize) -> usize {
@@ -25,36 +25,64 @@ fn n_steps(channels: usize) -> usize {
 /// Weights as `[tile of channels_out][step][tap][high, low][channel_out in tile][pair of channels_in]`, zero beyond the last
 /// channels; the number of tiles is even. The arguments are those of `tiles::pack_weights`.
 pub(super) fn pack_weights(
+    set: InstructionSet,
     w: &[f32],
     channels: (usize, usize),
     strides: (usize, usize),
     taps: &[usize],
     scale: Option<&[f32]>,
 ) -> Vec<u32> {
-    let (n_steps, n_taps) = (n_steps(channels.1), taps.len());
-    let tile_len = n_steps * n_taps * 2 * TILE_PAIRS;
+    let tile_len = n_steps(channels.1) * taps.len() * 2 * TILE_PAIRS;
     let mut packed = vec![0; channels.0.div_ceil(BLOCK) * 2 * tile_len];
     packed.par_chunks_exact_mut(tile_len).enumerate().for_each(|(tile, packed)| {
-        for (step_and_tap, packed) in packed.chunks_exact_mut(2 * TILE_PAIRS).enumerate() {
-            let (step, tap) = (step_and_tap / n_taps, taps[step_and_tap % n_taps]);
-            let (high, low) = packed.split_at_mut(TILE_PAIRS);
-            let rows = high.chunks_exact_mut(TILE).zip(low.chunks_exact_mut(TILE));
-            for (row, (high, low)) in rows.enumerate() {
-                let o = tile * TILE + row;
-                if o >= channels.0 {
-                    break;
-                }
-                let scale = scale.map_or(1.0, |scale| scale[o]);
-                let weight = |i: usize| {
-                    if i < channels.1 { w[o * strides.0 + i * strides.1 + tap] * scale } else { 0.0 }
-                };
-                let [first, second]: [[f32; TILE]; 2] =
-                    [0, 1].map(|odd| std::array::from_fn(|pair| weight((step * TILE + pair) * 2 + odd)));
-                split_pairs(&first, &second, high, low);
-            }
-        }
+        set.run(WeightTile { w, channels, strides, taps, scale, first: tile * TILE, packed });
     });
     packed
+}
+
+/// The weights of one tile of output channels.
+struct WeightTile<'a> {
+    w: &'a [f32],
+    channels: (usize, usize),
+    strides: (usize, usize),
+    taps: &'a [usize],
+    scale: Option<&'a [f32]>,
+    /// First output channel.
+    first: usize,
+    packed: &'a mut [u32],
+}
+
+impl Kernel for WeightTile<'_> {
+    #[inline(always)]
+    fn run<S: Simd, const ROWS: usize, const LANES: usize>(self) {
+        let Self { w, channels, strides, taps, scale, first, packed } = self;
+        for (step_and_tap, packed) in packed.chunks_exact_mut(2 * TILE_PAIRS).enumerate() {
+            let (step, tap) = (step_and_tap / taps.len(), taps[step_and_tap % taps.len()]);
+            let n_channels = (channels.1 - step * 2 * TILE).min(2 * TILE);
+            let (high, low) = packed.split_at_mut(TILE_PAIRS);
+            let rows = high.chunks_exact_mut(TILE).zip(low.chunks_exact_mut(TILE));
+            for (o, (high, low)) in (first..channels.0).zip(rows) {
+                let scale = scale.map_or(1.0, |scale| scale[o]);
+                let w = &w[o * strides.0 + step * 2 * TILE * strides.1 + tap..];
+                let mut pairs = [[0f32; TILE]; 2];
+                if n_channels == 2 * TILE {
+                    // One check for all, so that the loop becomes a few gathers.
+                    let w = &w[..=(2 * TILE - 1) * strides.1];
+                    for (pair, place) in (0..TILE).map(|pair| (pair, 2 * pair * strides.1)) {
+                        // SAFETY: `(2 * pair + 1) * stride` is at most the last index of the slice above.
+                        let [a, b] =
+                            unsafe { [*w.get_unchecked(place), *w.get_unchecked(place + strides.1)] };
+                        (pairs[0][pair], pairs[1][pair]) = (a * scale, b * scale);
+                    }
+                } else {
+                    for i in 0..n_channels {
+                        pairs[i % 2][i / 2] = w[i * strides.1] * scale;
+                    }
+                }
+                split_pairs(&pairs[0], &pairs[1], high, low);
+            }
+        }
+    }
 }
 
 /// Packs a band of halves, as `band::pack` packs numbers; `buffer` holds what lies between.

@@ -2,7 +2,8 @@
 
 use super::Shape;
 use super::band::Planes;
-use super::tiles::{Convolution, Phase, pack_weights};
+use super::strip::{Convolution, Phase};
+use super::tiles::pack_weights;
 use crate::kernels::simd::InstructionSet;
 
 /// The step after a convolution: `max(0, scale y + shift)`, a scale and a shift for each output channel.

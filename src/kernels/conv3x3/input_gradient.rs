@@ -5,7 +5,8 @@
 
 use super::Shape;
 use super::band::{Layout, Planes};
-use super::tiles::{Convolution, Phase, Weights, pack_weights};
+use super::strip::{Convolution, Phase, Weights};
+use super::tiles::pack_weights;
 use crate::kernels::simd::InstructionSet;
 
 /// # Shapes

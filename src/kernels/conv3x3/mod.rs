@@ -17,6 +17,7 @@ mod forward;
 mod input_gradient;
 mod pass;
 mod pointwise;
+mod strip;
 mod tiles;
 mod weight_gradient;
 
@@ -30,6 +31,11 @@ use weight_gradient::weight_gradient;
 
 /// Bytes of packed input that a task works on at a time: they fit beside the weights in a second-level cache of 512 kB.
 const BAND_BYTES: usize = 400 << 10;
+
+/// Pixels that make a part worth its own sums and their addition.
+const PART_PX: usize = 1024;
+/// Most parts; each costs a copy of the kernel's size.
+const MAX_PARTS: usize = 4;
 
 /// Fewest input and output channels for the matrix unit, whose tiles have 32 of each: below, vectors are faster.
 const MIN_UNIT_CHANNELS: usize = 16;
@@ -70,6 +76,13 @@ impl Shape {
 
     pub fn n_weights(&self) -> usize {
         self.channels_out * self.channels_in * 9
+    }
+
+    /// Parts that the output rows of a batch are cut into for the sums of the weight gradient.
+    fn n_parts(&self) -> usize {
+        let total_rows = self.batch * self.out_height_px();
+        let n_parts = (total_rows * self.out_width_px() / PART_PX).clamp(1, MAX_PARTS).min(total_rows);
+        1 << n_parts.ilog2()
     }
 
     /// Panics unless the sizes are in range; the passes rely on it.

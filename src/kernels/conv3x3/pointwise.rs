@@ -1,7 +1,8 @@
 //! A convolution of kernel 1 by the products of the larger kernels: one tap, and maps of any shape.
 
 use super::band::Planes;
-use super::tiles::{Convolution, Phase, pack_weights};
+use super::strip::{Convolution, Phase};
+use super::tiles::pack_weights;
 use super::{Shape, block_gradient};
 use crate::kernels::simd::InstructionSet;
 

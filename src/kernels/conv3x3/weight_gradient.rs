@@ -10,18 +10,6 @@ use super::{BAND_BYTES, Shape, block_gradient, uses_matrix_unit};
 use crate::kernels::scratch::{Scratch, with_scratch};
 use crate::kernels::simd::{InstructionSet, Kernel, Scalar, Simd, lanes};
 
-/// Pixels that make a part worth its own sums and their addition.
-const PART_PX: usize = 1024;
-/// Most parts; each costs a copy of the kernel's size.
-const MAX_PARTS: usize = 4;
-
-/// Parts that the output rows of a batch are cut into.
-pub(super) fn n_parts(shape: Shape) -> usize {
-    let total_rows = shape.batch * shape.out_height_px();
-    let n_parts = (total_rows * shape.out_width_px() / PART_PX).clamp(1, MAX_PARTS).min(total_rows);
-    1 << n_parts.ilog2()
-}
-
 /// # Shapes
 /// - x: `[batch, channel_in, y, x]`, dy: `[batch, channel_out, out_y, out_x]`
 /// - output: `[channel_out, channel_in, 3, 3]`
@@ -42,7 +30,7 @@ pub(in crate::kernels) fn weight_gradient(
     let block_len = blocks_out * 9 * n_rows * n_lanes;
 
     let total_rows = shape.batch * shape.out_height_px();
-    let n_parts = n_parts(shape);
+    let n_parts = shape.n_parts();
     let n_groups = rayon::current_num_threads().div_ceil(n_parts).min(blocks_in);
     let group_blocks = blocks_in.div_ceil(n_groups);
 
