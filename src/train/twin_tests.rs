@@ -27,8 +27,8 @@ const HEATMAP_BIAS: f32 = -2.2;
 /// Number of values of a gradient in the golden file, evenly over the tensor.
 const N_SAMPLED: usize = 48;
 const TOLERANCE: f64 = 1e-4;
-/// The matrix unit's products make it 1.2e-5; vectors alone stay below 1e-5.
-const SCORE_TOLERANCE: f64 = 3e-5;
+/// The matrix unit's products make it 4e-5; vectors alone stay below 1e-5.
+const SCORE_TOLERANCE: f64 = 1e-4;
 
 /// A config and its inputs, as in the script.
 struct Case {
