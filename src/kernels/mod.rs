@@ -8,6 +8,7 @@
     reason = "a kernel must be inlined into the function that enables its instruction set"
 )]
 
+mod adamw;
 mod attend;
 mod channel_mix;
 mod conv3x3;
@@ -23,6 +24,7 @@ mod simd;
 mod softmax;
 mod sparse_conv;
 
+pub use adamw::AdamwStep;
 pub use attend::attend;
 pub use channel_mix::mix_channels;
 pub use conv3x3::{conv3x3, conv3x3_scale_shift_relu};
