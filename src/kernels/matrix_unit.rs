@@ -129,6 +129,7 @@ mod unit {
     ///
     /// # Safety
     /// The rows are readable, 256 words are writable at `to`, and the unit is available.
+    #[allow(clippy::cast_ptr_alignment, reason = "these loads and stores need no alignment")]
     #[target_feature(enable = "avx512f")]
     pub unsafe fn transpose(from: *const u32, stride: usize, to: *mut u32) {
         use std::arch::x86_64::{

@@ -203,6 +203,7 @@ impl Part<'_> {
     }
 
     /// Splits output gradients and turns them: `[step][tile of channels][high, low][pair of pixels][channel in tile]`.
+    #[allow(clippy::cast_ptr_alignment, reason = "`transpose` needs no alignment")]
     #[inline(always)]
     fn turn(&mut self, image: usize, y: usize, n_rows: usize, width: usize, n_steps: usize) -> *const u32 {
         let (channels, out_width_px) = (self.shape.channels_out, self.shape.out_width_px());
