@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::band::{Layout, Planes, pack};
 use super::pass::copy_piece;
-use super::strip::{Strip, Weights};
+use super::strip::{TileStrip, Weights};
 use crate::kernels::matrix_unit::{BLOCK, Blocks, Left, Right, TILE, TILE_PAIRS, split_pairs};
 use crate::kernels::scratch::Buffer;
 use crate::kernels::simd::{InstructionSet, Kernel, Simd};
@@ -177,7 +177,7 @@ fn split_band(source: &Planes, layout: &Layout, packed: &[f32], halves: &mut [u3
     }
 }
 
-impl Strip<'_> {
+impl TileStrip<'_> {
     /// As `run`, of a band of halves; `sums` has room for one block.
     #[inline(always)]
     pub fn run_blocks<S: Simd>(&self, packed: &[u32], sums: &mut [f32], unit: &mut Blocks) {

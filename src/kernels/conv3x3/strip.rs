@@ -42,16 +42,16 @@ pub(super) struct Convolution<'a> {
 
 /// The output, shared by tasks that write disjoint parts of it.
 #[derive(Clone, Copy)]
-pub(super) struct Output {
+pub(super) struct SharedOutput {
     pub start: *mut f32,
     pub len: usize,
 }
 
 // SAFETY: the pointer is only written through, by `tile` and `copy_piece`; each task owns one band of one image, that is
 // a set of output rows no other task writes, and the vector outlives the tasks.
-unsafe impl Send for Output {}
+unsafe impl Send for SharedOutput {}
 // SAFETY: as above.
-unsafe impl Sync for Output {}
+unsafe impl Sync for SharedOutput {}
 
 /// A run of output pixels of one row, as they lie in a tile.
 #[derive(Clone, Copy, Default)]
@@ -62,18 +62,18 @@ pub(super) struct Piece {
 }
 
 /// One phase of one strip of a band.
-pub(super) struct Strip<'a> {
+pub(super) struct TileStrip<'a> {
     pub convolution: &'a Convolution<'a>,
     pub layout: &'a Layout,
     pub phase: &'a Phase,
     pub shift: Option<&'a [f32]>,
-    pub output: Output,
+    pub output: SharedOutput,
     pub image: usize,
     pub first_row: usize,
     pub n_rows: usize,
 }
 
-impl Strip<'_> {
+impl TileStrip<'_> {
     /// The output pixels of the tile at `start`, up to `stop`; the padding between rows has none.
     #[inline(always)]
     pub fn pieces(&self, start: usize, stop: usize) -> ([Piece; TILE_VECTORS * 16], usize) {

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::band::{Layout, Planes, pack};
 use super::pass::{Pass, Start, TILE_VECTORS, copy_piece};
-use super::strip::{Convolution, Output, Phase, Strip, Weights};
+use super::strip::{Convolution, Phase, SharedOutput, TileStrip, Weights};
 use super::{BAND_BYTES, blocks, uses_matrix_unit};
 use crate::kernels::matrix_unit::{BLOCK, Blocks};
 use crate::kernels::scratch::{Scratch, with_scratch};
@@ -86,7 +86,7 @@ impl Convolution<'_> {
         if cfg!(test) {
             out.resize(len, f32::NAN); // a pixel that no tile writes then fails the tests
         }
-        let output = Output { start: out.as_mut_ptr(), len };
+        let output = SharedOutput { start: out.as_mut_ptr(), len };
         (0..self.batch * n_bands).into_par_iter().for_each(|task| {
             let first_row = (task % n_bands) * band_rows;
             with_scratch(|scratch| {
@@ -120,7 +120,7 @@ struct Band<'a> {
     phases: &'a [Phase],
     /// As long as all blocks' rows.
     shift: Option<&'a [f32]>,
-    output: Output,
+    output: SharedOutput,
     image: usize,
     first_row: usize,
     n_rows: usize,
@@ -135,7 +135,7 @@ impl Kernel for Band<'_> {
         // Tiles run along a strip: all rows if flat, else one.
         let n_strips = if layout.is_flat { 1 } else { n_rows };
         let strips = (0..n_strips).flat_map(|y| phases.iter().map(move |phase| (y, phase)));
-        let strip = |layout, y, phase| Strip {
+        let strip = |layout, y, phase| TileStrip {
             convolution,
             layout,
             phase,
@@ -173,7 +173,7 @@ impl Kernel for Band<'_> {
     }
 }
 
-impl Strip<'_> {
+impl TileStrip<'_> {
     #[inline(always)]
     fn run<S: Simd, const ROWS: usize, const TAPS: usize>(&self, packed: &[f32], tiles: &mut [f32]) {
         let Weights::Rows(weights) = &self.phase.weights else {
