@@ -29,8 +29,9 @@ pub fn pillar_map(x: Tensor<2>, plan: &Arc<PillarPlan>) -> Tensor<3> {
 fn by_scatter(x: Tensor<2>, plan: &PillarPlan) -> Tensor<3> {
     let ([_, n_channels], device) = (x.dims(), x.device());
     let indices = |values: &[u32]| {
+        let n = values.len();
         let values: Vec<i64> = values.iter().map(|&value| i64::from(value)).collect();
-        Tensor::<1, Int>::from_data(TensorData::new(values, [values.len()]), &device)
+        Tensor::<1, Int>::from_data(TensorData::new(values, [n]), &device)
     };
     let mut map = Tensor::<2>::zeros([n_channels, plan.n_maps * plan.n_cells], &device);
     if !plan.cells.is_empty() {
