@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use thiserror::Error;
 
 use crate::dataset::Dataset;
+use crate::device::is_cpu;
 use crate::model::{
     Batch, Classes, Detector, Input, InputError, KindBox, Output, detections_by_state, kind_boxes,
 };
@@ -123,19 +124,18 @@ pub fn detect_kinds(
     Ok(found)
 }
 
-/// Runs the network and applies `read` to each sample's part of its output.
-fn forward<T>(
+/// Runs the network and applies `read` to each sample's part of its output. On the CPU the threads take batches of their own.
+fn forward<T: Send>(
     detector: &Detector,
     samples: &[(&str, &Measured)],
     states: &(dyn Fn(&Measured) -> Vec<EgoState> + Sync),
     with_camera: bool,
     device: &Device,
     progress: &dyn Progress,
-    read: &dyn Fn(&Output) -> Vec<T>,
+    read: &(dyn Fn(&Output) -> Vec<T> + Sync),
 ) -> Result<Vec<T>, PredictError> {
     let config = detector.config();
-    let mut found = Vec::with_capacity(samples.len());
-    for chunk in samples.chunks(BATCH) {
+    let of_chunk = |chunk: &[(&str, &Measured)]| -> Result<Vec<T>, PredictError> {
         let inputs = chunk
             .par_iter()
             .map(|(id, measured)| {
@@ -144,12 +144,21 @@ fn forward<T>(
                     .map_err(|source| PredictError::Input { sample: (*id).to_owned(), source })
             })
             .collect::<Result<Vec<_>, _>>()?;
+        let mut found = Vec::with_capacity(chunk.len());
         // Images of another size than the first one's go alone: a batch has one size.
         for same_size in inputs.chunk_by(|a, b| a.image_height_px() == b.image_height_px()) {
             let batch = Batch::stack(&same_size.iter().collect::<Vec<_>>(), config, with_camera, device);
             found.extend(read(&detector.forward(&batch)));
         }
         progress.advance(chunk.len() as u64);
-    }
-    Ok(found)
+        Ok(found)
+    };
+    let of_chunks: Vec<_> = if is_cpu(device) {
+        samples.par_chunks(BATCH).map(of_chunk).collect()
+    } else {
+        samples.chunks(BATCH).map(of_chunk).collect()
+    };
+    // The first error in the order of the samples.
+    let found: Vec<Vec<T>> = of_chunks.into_iter().collect::<Result<_, _>>()?;
+    Ok(found.into_iter().flatten().collect())
 }

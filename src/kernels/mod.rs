@@ -8,19 +8,29 @@
     reason = "a kernel must be inlined into the function that enables its instruction set"
 )]
 
+mod adamw;
+mod attend;
+mod channel_mix;
 mod conv3x3;
 mod lift_pool;
+mod matrix_unit;
 mod memory;
 mod norm_relu;
 mod operation;
+mod pillar_map;
+mod product;
 mod scratch;
 mod simd;
 mod softmax;
 mod sparse_conv;
 
+pub use adamw::AdamwStep;
+pub use attend::attend;
+pub use channel_mix::mix_channels;
 pub use conv3x3::{conv3x3, conv3x3_scale_shift_relu};
 pub use lift_pool::{PoolPlan, lift_pool};
 pub use memory::keep_freed_memory;
 pub use norm_relu::{Normed, norm_relu, scale_shift_relu};
+pub use pillar_map::{PillarPlan, pillar_map};
 pub use softmax::softmax_last;
 pub use sparse_conv::{OffsetPairs, Rulebook, sparse_conv};

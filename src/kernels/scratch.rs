@@ -24,13 +24,28 @@ impl Buffer {
         // least `16 * n_lines >= n_floats` initialised floats; they stay borrowed through `self`.
         unsafe { std::slice::from_raw_parts_mut(self.0.as_mut_ptr().cast::<f32>(), n_floats) }
     }
+
+    /// As [`Self::get`], in words of 32 bits.
+    pub fn words(&mut self, n_words: usize) -> &mut [u32] {
+        let floats = self.get(n_words);
+        // SAFETY: a float and a word have one size and alignment, and every bit pattern is valid for both.
+        unsafe { std::slice::from_raw_parts_mut(floats.as_mut_ptr().cast(), floats.len()) }
+    }
+
+    /// As [`Self::get`], in words of 16 bits.
+    pub fn half_words(&mut self, n_words: usize) -> &mut [u16] {
+        let floats = self.get(n_words.div_ceil(2));
+        // SAFETY: a float holds two half words, which need less alignment; every bit pattern is valid for both.
+        unsafe { std::slice::from_raw_parts_mut(floats.as_mut_ptr().cast(), n_words) }
+    }
 }
 
-/// The two buffers of a thread.
+/// The buffers of a thread.
 #[derive(Default)]
 pub(super) struct Scratch {
     pub a: Buffer,
     pub b: Buffer,
+    pub c: Buffer,
 }
 
 thread_local! {

@@ -1,10 +1,12 @@
 //! Kernels over vectors of f32, compiled for each instruction set and chosen at run time.
 //!
 //! The vectors and the detection are those of the crate `macerator`, which burn's flex backend uses too. A [`Kernel`] is
-//! written once, generic over `macerator::Simd`.
+//! written once, generic over `macerator::Simd`. The matrix unit ([`super::matrix_unit`]) comes on top of AVX-512.
 
 use macerator::{Arch, WithSimd};
 pub(super) use macerator::{Scalar, Simd};
+
+use super::matrix_unit;
 
 /// Work to be compiled once for each instruction set. Mark `run` and everything it calls `#[inline(always)]`.
 pub(super) trait Kernel {
@@ -14,24 +16,41 @@ pub(super) trait Kernel {
 
 /// An instruction set that this machine has.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct InstructionSet(Arch);
+pub(super) struct InstructionSet {
+    vectors: Arch,
+    has_matrix_unit: bool,
+}
 
 impl InstructionSet {
     /// The fastest set of this machine.
     pub fn best() -> Self {
-        Self(Arch::detect())
+        Self { vectors: Arch::detect(), has_matrix_unit: matrix_unit::is_available() }
     }
 
     /// All sets of this machine, slowest first.
     #[cfg(test)]
     pub fn available() -> Vec<Self> {
-        let best = Arch::detect();
+        let Self { vectors: best, has_matrix_unit } = Self::best();
         #[cfg(target_arch = "x86_64")]
         let all = [Arch::Scalar, Arch::V2, Arch::V3, Arch::V4];
         #[cfg(not(target_arch = "x86_64"))]
         let all = [Arch::Scalar, best];
         // Each set of x86-64 holds the ones before it.
-        all.into_iter().filter(|&set| set as u8 <= best as u8).map(Self).collect()
+        let mut found: Vec<Self> = (all.into_iter().filter(|&set| set as u8 <= best as u8))
+            .map(|vectors| Self { vectors, has_matrix_unit: false })
+            .collect();
+        found.extend(has_matrix_unit.then(Self::best));
+        found
+    }
+
+    /// The same vectors alone.
+    pub fn without_matrix_unit(self) -> Self {
+        Self { has_matrix_unit: false, ..self }
+    }
+
+    /// Whether products of matrices may go to the matrix unit.
+    pub fn has_matrix_unit(self) -> bool {
+        self.has_matrix_unit
     }
 
     /// Floats in a vector: `LANES` of [`Kernel::run`].
@@ -51,7 +70,7 @@ impl InstructionSet {
 
     fn dispatch<W: WithSimd>(self, work: W) -> W::Output {
         // SAFETY: `best` and `available` make only sets that this machine has.
-        unsafe { self.0.dispatch(work) }
+        unsafe { self.vectors.dispatch(work) }
     }
 }
 

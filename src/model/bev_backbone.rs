@@ -9,7 +9,7 @@ use burn::nn::conv::{Conv2d, Conv2dConfig, ConvTranspose2d, ConvTranspose2dConfi
 use burn::tensor::{Device, Tensor};
 
 use super::config::{BevBackboneConfig, Upsample};
-use super::layers::{ConvBlock, batch_norm_relu, kaiming, lidar_norm, mix_channels, upsample_nearest};
+use super::layers::{ConvBlock, batch_norm_relu, convolve_pointwise, kaiming, lidar_norm, upsample_nearest};
 
 /// Brings one scale to the size of the first, then batch norm and ReLU.
 #[derive(Module, Debug)]
@@ -50,7 +50,7 @@ impl Neck {
             return batch_norm_relu(&self.norm, transpose_without_overlap(x, spread.weight.val()));
         }
         let point = self.point.as_ref().expect("a neck has one of its two convolutions");
-        let x = batch_norm_relu(&self.norm, mix_channels(point, x));
+        let x = batch_norm_relu(&self.norm, convolve_pointwise(point, x));
         // Strides are 1 or 2, so that their product is a power of two.
         (0..self.factor.ilog2()).fold(x, |x, _| upsample_nearest(x))
     }

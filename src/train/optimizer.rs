@@ -6,14 +6,19 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param, ParamId};
 use burn::optim::{
-    AdamWConfig, AdamWState, GradientsParams, LearningRate, ModuleOptimizer, RecordState, StateSink,
-    StateSource,
+    AdamWConfig, AdamWState, AdaptiveMomentumState, GradientsParams, LearningRate, ModuleOptimizer,
+    RecordState, StateSink, StateSource,
 };
 use burn::tensor::{Bytes, Device, Tensor};
 
 use super::config::TrainConfig;
 use super::schedule::{BETA_1, Pace};
 use crate::device::is_cpu;
+use crate::kernels::AdamwStep;
+
+const BETA_2: f32 = 0.999;
+/// PyTorch's; burn's default is 1e-5.
+const EPSILON: f32 = 1e-8;
 
 /// Gives parameters the ids 1, 2, ... in the order of the module, so that an optimizer state fits the
 /// same module in another process.
@@ -36,6 +41,7 @@ pub fn number_parameters<M: Module>(module: M) -> M {
 #[derive(Clone)]
 struct PacedAdamW {
     config: AdamWConfig,
+    weight_decay: f32,
     /// An f32's bits; [`Optimizer`] sets it before each step.
     beta_1: Arc<AtomicU32>,
 }
@@ -51,6 +57,11 @@ impl burn::optim::Optimizer for PacedAdamW {
         state: Option<Self::State<D>>,
     ) -> (Tensor<D>, Option<Self::State<D>>) {
         let beta_1 = f32::from_bits(self.beta_1.load(Ordering::Relaxed));
+        if let Some((tensor, state)) =
+            self.step_in_one_pass(learning_rate, beta_1, &tensor, &grad, state.as_ref())
+        {
+            return (tensor, Some(state));
+        }
         let adamw = self.config.clone().with_beta_1(beta_1).build();
         let (tensor, state) = adamw.step(learning_rate, tensor, grad, state.map(|State(state)| state));
         (tensor, state.map(State))
@@ -58,6 +69,34 @@ impl burn::optim::Optimizer for PacedAdamW {
 
     fn to_device<const D: usize>(state: Self::State<D>, device: &Device) -> Self::State<D> {
         State(burn::optim::AdamW::to_device(state.0, device))
+    }
+}
+
+impl PacedAdamW {
+    /// The step by our own kernel, where it runs.
+    fn step_in_one_pass<const D: usize>(
+        &self,
+        learning_rate: LearningRate,
+        beta_1: f32,
+        tensor: &Tensor<D>,
+        grad: &Tensor<D>,
+        state: Option<&State<D>>,
+    ) -> Option<(Tensor<D>, State<D>)> {
+        let momentum = state.map(|State(state)| state.momentum.clone());
+        let momentum =
+            momentum.unwrap_or_else(|| AdaptiveMomentumState::new(0, grad.zeros_like(), grad.zeros_like()));
+        let step = AdamwStep {
+            learning_rate,
+            weight_decay: f64::from(self.weight_decay),
+            beta_1,
+            beta_2: BETA_2,
+            epsilon: EPSILON,
+            time: momentum.time as i32 + 1,
+        };
+        let [tensor, moment_1, moment_2] =
+            step.apply([tensor, grad, &momentum.moment_1, &momentum.moment_2])?;
+        let momentum = AdaptiveMomentumState::new(momentum.time + 1, moment_1, moment_2);
+        Some((tensor, State(AdamWState::new(momentum))))
     }
 }
 
@@ -87,9 +126,12 @@ impl Optimizer {
     #[must_use]
     pub fn new(config: &TrainConfig) -> Self {
         let beta_1 = Arc::new(AtomicU32::new((BETA_1 as f32).to_bits()));
-        // PyTorch's epsilon; burn's default is 1e-5.
-        let adamw = AdamWConfig::new().with_epsilon(1e-8).with_weight_decay(config.weight_decay);
-        let adamw = PacedAdamW { config: adamw, beta_1: beta_1.clone() };
+        let adamw = AdamWConfig::new().with_beta_2(BETA_2).with_epsilon(EPSILON);
+        let adamw = PacedAdamW {
+            config: adamw.with_weight_decay(config.weight_decay),
+            weight_decay: config.weight_decay,
+            beta_1: beta_1.clone(),
+        };
         Self { adamw: ModuleOptimizer::from(adamw), beta_1, clip_norm: config.clip_norm }
     }
 

@@ -1,7 +1,5 @@
 //! One step of a run: prepares and augments its samples and computes the gradients of their loss.
 
-use std::panic::resume_unwind;
-use std::thread::ScopedJoinHandle;
 use std::time::{Duration, Instant};
 
 use burn::optim::{GradientsAccumulator, GradientsParams};
@@ -83,16 +81,11 @@ impl<'a> Steps<'a> {
                 passes.push(steps.pass(copy_detector(&detector), alone, position, share));
                 continue;
             }
-            passes.extend(std::thread::scope(|scope| {
-                let begin = |prepared| {
-                    let copy = copy_detector(&detector);
-                    scope.spawn(move || steps.pass(copy, prepared, position, share))
-                };
-                let running: Vec<_> = abreast.iter().map(begin).collect();
-                let end =
-                    |pass: ScopedJoinHandle<'_, _>| pass.join().unwrap_or_else(|panic| resume_unwind(panic));
-                running.into_iter().map(end).collect::<Vec<_>>()
-            }));
+            // In the pool, so that no operation has to hand its work over to other threads and wait.
+            let copies: Vec<_> =
+                abreast.iter().map(|prepared| (copy_detector(&detector), prepared)).collect();
+            let pass = |(copy, prepared): (_, &Prepared)| steps.pass(copy, prepared, position, share);
+            passes.extend(copies.into_par_iter().map(pass).collect::<Vec<_>>());
         }
         let mut sum = GradientsAccumulator::new();
         let mut mean = Mean::default();

@@ -56,8 +56,8 @@ pub fn run(args: BenchModelArgs) -> anyhow::Result<ExitStatus> {
     }
     let config = Checked::try_from(config)?;
     let checkpoint = trained.as_ref().map(Trained::bytes).transpose()?;
-    let dataset = args.samples_of.open()?;
     let device = args.device.open()?;
+    let dataset = args.samples_of.open()?;
     let bench = Bench { dataset: &dataset, config: &config, checkpoint, device: &device };
     if let Some(folder) = &args.dump {
         bench::dump(&bench, folder)?;

@@ -26,7 +26,7 @@ pub(super) struct Layout {
     /// Width of a packed row.
     pub width: usize,
     /// Packed rows of one parity.
-    rows: usize,
+    pub rows: usize,
     /// Stride from a channel to the next.
     pub channel: usize,
     /// Stride from a row to the next of the same parity.

@@ -2,7 +2,8 @@
 
 use super::Shape;
 use super::band::Planes;
-use super::tiles::{Convolution, Phase, pack_weights};
+use super::strip::{Convolution, Phase};
+use super::tiles::pack_weights;
 use crate::kernels::simd::InstructionSet;
 
 /// The step after a convolution: `max(0, scale y + shift)`, a scale and a shift for each output channel.
@@ -40,7 +41,8 @@ pub(in crate::kernels) fn forward(
         upscale: 1,
         out_height_px: shape.out_height_px(),
         out_width_px: shape.out_width_px(),
-        shift_relu: then.map(|then| then.shift),
+        shift: then.map(|then| then.shift),
+        has_relu: then.is_some(),
     };
     convolution.run(set, |layout| {
         let taps: Vec<usize> = (0..9).collect();

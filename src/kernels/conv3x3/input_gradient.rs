@@ -5,7 +5,8 @@
 
 use super::Shape;
 use super::band::{Layout, Planes};
-use super::tiles::{Convolution, Phase, pack_weights};
+use super::strip::{Convolution, Phase, Weights};
+use super::tiles::pack_weights;
 use crate::kernels::simd::InstructionSet;
 
 /// # Shapes
@@ -35,7 +36,8 @@ pub(in crate::kernels) fn input_gradient(
         upscale: shape.stride,
         out_height_px: shape.height_px,
         out_width_px: shape.width_px,
-        shift_relu: None,
+        shift: None,
+        has_relu: false,
     };
     let weights = |taps: &[usize]| {
         let strides = (9, shape.channels_in * 9);
@@ -53,7 +55,7 @@ pub(in crate::kernels) fn input_gradient(
 }
 
 /// The taps that reach input pixels of one parity.
-fn stride_2_phase(y: usize, x: usize, layout: &Layout, weights: impl Fn(&[usize]) -> Vec<f32>) -> Phase {
+fn stride_2_phase(y: usize, x: usize, layout: &Layout, weights: impl Fn(&[usize]) -> Weights) -> Phase {
     // Output q reads input 2 q - 1 + k at kernel index k. So input 2 p is read by output p at k = 1, and
     // input 2 p + 1 by output p + 1 at k = 0 and by output p at k = 2: (kernel index, output shift).
     const REACH: [&[(usize, usize)]; 2] = [&[(1, 0)], &[(0, 1), (2, 0)]];

@@ -9,22 +9,41 @@
 //! equal to the bit whatever the number of threads.
 
 mod band;
+mod block_gradient;
+mod blocks;
 #[cfg(not(miri))]
 mod burn_op;
 mod forward;
 mod input_gradient;
 mod pass;
+mod pointwise;
+mod strip;
 mod tiles;
 mod weight_gradient;
 
+use super::simd::InstructionSet;
 #[cfg(not(miri))]
 pub use burn_op::{conv3x3, conv3x3_scale_shift_relu};
 use forward::{ScaleShiftRelu, forward};
 use input_gradient::input_gradient;
+pub(super) use pointwise::{Mix, Weight};
 use weight_gradient::weight_gradient;
 
 /// Bytes of packed input that a task works on at a time: they fit beside the weights in a second-level cache of 512 kB.
 const BAND_BYTES: usize = 400 << 10;
+
+/// Pixels that make a part worth its own sums and their addition.
+const PART_PX: usize = 1024;
+/// Most parts; each costs a copy of the kernel's size.
+const MAX_PARTS: usize = 4;
+
+/// Fewest input and output channels for the matrix unit, whose tiles have 32 of each: below, vectors are faster.
+const MIN_UNIT_CHANNELS: usize = 16;
+
+/// Whether the matrix unit takes a product of these numbers of channels.
+pub(super) fn uses_matrix_unit(set: InstructionSet, channels: (usize, usize)) -> bool {
+    set.has_matrix_unit() && channels.0.min(channels.1) >= MIN_UNIT_CHANNELS
+}
 
 /// Sizes of one convolution; all at least 1.
 #[derive(Clone, Copy, Debug)]
@@ -57,6 +76,13 @@ impl Shape {
 
     pub fn n_weights(&self) -> usize {
         self.channels_out * self.channels_in * 9
+    }
+
+    /// Parts that the output rows of a batch are cut into for the sums of the weight gradient.
+    fn n_parts(&self) -> usize {
+        let total_rows = self.batch * self.out_height_px();
+        let n_parts = (total_rows * self.out_width_px() / PART_PX).clamp(1, MAX_PARTS).min(total_rows);
+        1 << n_parts.ilog2()
     }
 
     /// Panics unless the sizes are in range; the passes rely on it.

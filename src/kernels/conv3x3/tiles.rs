@@ -5,46 +5,19 @@
 
 use rayon::prelude::*;
 
-use super::BAND_BYTES;
 use super::band::{Layout, Planes, pack};
 use super::pass::{Pass, Start, TILE_VECTORS, copy_piece};
+use super::strip::{Convolution, Phase, SharedOutput, TileStrip, Weights};
+use super::{BAND_BYTES, blocks, uses_matrix_unit};
+use crate::kernels::matrix_unit::{BLOCK, Blocks};
 use crate::kernels::scratch::{Scratch, with_scratch};
 use crate::kernels::simd::{InstructionSet, Kernel, Simd, lanes};
 
 /// Floats a tile may read past the band: less than one tile.
 const OVERREAD: usize = 256;
 
-/// Outputs of one parity (`upscale` 2), or all of them.
-pub(super) struct Phase {
-    /// Offset of each tap in the packed band: 1, 2, 4 or 9 of them.
-    pub offsets: Vec<usize>,
-    /// From [`pack_weights`].
-    pub weights: Vec<f32>,
-    /// Row offset of the output pixel.
-    pub y: usize,
-    /// Column offset of the output pixel.
-    pub x: usize,
-}
-
-/// The input, output and sizes of a convolution.
-pub(super) struct Convolution<'a> {
-    pub source: Planes<'a>,
-    pub batch: usize,
-    pub channels_out: usize,
-    /// Tile positions.
-    pub rows: usize,
-    pub columns: usize,
-    /// 1 or 2.
-    pub upscale: usize,
-    pub out_height_px: usize,
-    pub out_width_px: usize,
-    /// A shift of each output channel, `[channel_out]`: it is added to the sums, and negative sums become zero. `None`
-    /// leaves the sums as they are.
-    pub shift_relu: Option<&'a [f32]>,
-}
-
-/// Weights as `[block of channels_out][channel_in][tap][channel_out in block]`, zero beyond the last channel.
-/// `channels` and `strides` (in `w`) are of output and input; `scale`, `[channel_out]`, multiplies the weights.
+/// Packs weights for a set. `channels` and `strides` (in `w`) are of output and input; `scale`, `[channel_out]`, multiplies
+/// the weights.
 pub(super) fn pack_weights(
     set: InstructionSet,
     w: &[f32],
@@ -52,14 +25,17 @@ pub(super) fn pack_weights(
     strides: (usize, usize),
     taps: &[usize],
     scale: Option<&[f32]>,
-) -> Vec<f32> {
+) -> Weights {
+    if uses_matrix_unit(set, channels) {
+        return Weights::Blocks(blocks::pack_weights(set, w, channels, strides, taps, scale));
+    }
     let (n_rows, n_taps) = (set.rows(), taps.len());
     let mut packed = vec![0.0; channels.0.div_ceil(n_rows) * n_rows * channels.1 * n_taps];
     packed.par_chunks_exact_mut(channels.1 * n_taps * n_rows).enumerate().for_each(|(block, packed)| {
         let first = block * n_rows;
         for (i, packed) in packed.chunks_exact_mut(n_taps * n_rows).enumerate() {
             for o in 0..n_rows.min(channels.0 - first) {
-                let kernel = &w[(first + o) * strides.0 + i * strides.1..][..9];
+                let kernel = &w[(first + o) * strides.0 + i * strides.1..];
                 let scale = scale.map_or(1.0, |scale| scale[first + o]);
                 for (t, &tap) in taps.iter().enumerate() {
                     packed[t * n_rows + o] = kernel[tap] * scale;
@@ -67,28 +43,7 @@ pub(super) fn pack_weights(
             }
         }
     });
-    packed
-}
-
-/// The output, shared by tasks that write disjoint parts of it.
-#[derive(Clone, Copy)]
-struct Output {
-    start: *mut f32,
-    len: usize,
-}
-
-// SAFETY: the pointer is only written through, by `tile` and `copy_piece`; each task owns one band of one image, that is
-// a set of output rows no other task writes, and the vector outlives the tasks.
-unsafe impl Send for Output {}
-// SAFETY: as above.
-unsafe impl Sync for Output {}
-
-/// A run of output pixels of one row, as they lie in a tile.
-#[derive(Clone, Copy, Default)]
-struct Piece {
-    in_tile: usize,
-    in_plane: usize,
-    len: usize,
+    Weights::Rows(packed)
 }
 
 impl Convolution<'_> {
@@ -96,8 +51,13 @@ impl Convolution<'_> {
     pub fn run(&self, set: InstructionSet, phases: impl FnOnce(&Layout) -> Vec<Phase>) -> Vec<f32> {
         let source = &self.source;
         let n_threads = rayon::current_num_threads();
-        // Below three AVX-512 vectors, rows leave tiles half empty, unless they are two vectors exactly.
-        let is_flat = self.columns < 48 && self.columns != 32;
+        let has_unit = uses_matrix_unit(set, (self.channels_out, source.channels));
+        let is_flat = if has_unit {
+            !self.columns.is_multiple_of(BLOCK)
+        } else {
+            // Below three AVX-512 vectors, rows leave tiles half empty, unless they are two vectors exactly.
+            self.columns < 48 && self.columns != 32
+        };
         let row_bytes = source.channels * source.split * source.split * (self.columns + 2) * 4;
         let band_rows = (BAND_BYTES / row_bytes).saturating_sub(2).clamp(1, self.rows);
         let mut n_bands = self.rows.div_ceil(band_rows);
@@ -107,9 +67,14 @@ impl Convolution<'_> {
         let band_rows = self.rows.div_ceil(n_bands);
         let n_bands = self.rows.div_ceil(band_rows);
         let layout = Layout::new(is_flat, source, self.columns, band_rows);
-        let phases = phases(&layout);
+        // As `layout`, of the halves that the matrix unit multiplies.
+        let halves = has_unit.then(|| {
+            let source = Planes { channels: blocks::half_planes(source.channels), ..*source };
+            Layout::new(is_flat, &source, self.columns, band_rows)
+        });
+        let phases = phases(halves.as_ref().unwrap_or(&layout));
         let n_blocks = self.channels_out.div_ceil(set.rows());
-        let shift = self.shift_relu.map(|shift| {
+        let shift = self.shift.map(|shift| {
             assert_eq!(shift.len(), self.channels_out, "a shift for each output channel");
             let mut padded = shift.to_vec();
             padded.resize(n_blocks * set.rows(), 0.0);
@@ -121,13 +86,14 @@ impl Convolution<'_> {
         if cfg!(test) {
             out.resize(len, f32::NAN); // a pixel that no tile writes then fails the tests
         }
-        let output = Output { start: out.as_mut_ptr(), len };
+        let output = SharedOutput { start: out.as_mut_ptr(), len };
         (0..self.batch * n_bands).into_par_iter().for_each(|task| {
             let first_row = (task % n_bands) * band_rows;
             with_scratch(|scratch| {
                 set.run(Band {
                     convolution: self,
                     layout: &layout,
+                    halves: halves.as_ref(),
                     phases: &phases,
                     shift: shift.as_deref(),
                     output,
@@ -149,10 +115,12 @@ impl Convolution<'_> {
 struct Band<'a> {
     convolution: &'a Convolution<'a>,
     layout: &'a Layout,
+    /// Of what the matrix unit reads, if it multiplies.
+    halves: Option<&'a Layout>,
     phases: &'a [Phase],
     /// As long as all blocks' rows.
     shift: Option<&'a [f32]>,
-    output: Output,
+    output: SharedOutput,
     image: usize,
     first_row: usize,
     n_rows: usize,
@@ -162,79 +130,55 @@ struct Band<'a> {
 impl Kernel for Band<'_> {
     #[inline(always)]
     fn run<S: Simd, const ROWS: usize, const LANES: usize>(self) {
-        let Self { convolution, layout, phases, shift, output, image, first_row, n_rows, scratch } = self;
+        let Self { convolution, layout, halves, phases, shift, output, image, first_row, n_rows, scratch } =
+            self;
+        // Tiles run along a strip: all rows if flat, else one.
+        let n_strips = if layout.is_flat { 1 } else { n_rows };
+        let strips = (0..n_strips).flat_map(|y| phases.iter().map(move |phase| (y, phase)));
+        let strip = |layout, y, phase| TileStrip {
+            convolution,
+            layout,
+            phase,
+            shift,
+            output,
+            image,
+            first_row: first_row + y,
+            n_rows: n_rows / n_strips,
+        };
+        if let Some(halves) = halves {
+            let split = scratch.c.words(halves.len + OVERREAD);
+            let layouts = [layout, halves];
+            blocks::pack_halves(&convolution.source, layouts, image, first_row, &mut scratch.a, split);
+            let sums = scratch.b.get(BLOCK * BLOCK);
+            // SAFETY: `halves` is there because `uses_matrix_unit`; the thread has one unit, for this band.
+            let mut unit = unsafe { Blocks::begin() };
+            for (y, phase) in strips {
+                strip(halves, y, phase).run_blocks::<S>(&split[y * halves.row..], sums, &mut unit);
+            }
+            return;
+        }
         let packed = scratch.a.get(layout.len + OVERREAD);
         pack(&convolution.source, layout, image, first_row, packed);
         let n_blocks = convolution.channels_out.div_ceil(ROWS);
         let tiles = scratch.b.get(n_blocks * ROWS * TILE_VECTORS * LANES);
-        // Tiles run along a strip: all rows if flat, else one.
-        let n_strips = if layout.is_flat { 1 } else { n_rows };
-        for y in 0..n_strips {
-            let packed = &packed[y * layout.row..];
-            let (first_row, n_rows) = (first_row + y, n_rows / n_strips);
-            for phase in phases {
-                let mut strip = Strip {
-                    convolution,
-                    layout,
-                    phase,
-                    shift,
-                    output,
-                    image,
-                    first_row,
-                    n_rows,
-                    packed,
-                    tiles,
-                };
-                match phase.offsets.len() {
-                    9 => strip.run::<S, ROWS, 9>(),
-                    4 => strip.run::<S, ROWS, 4>(),
-                    2 => strip.run::<S, ROWS, 2>(),
-                    _ => strip.run::<S, ROWS, 1>(),
-                }
+        for (y, phase) in strips {
+            let (strip, packed) = (strip(layout, y, phase), &packed[y * layout.row..]);
+            match phase.offsets.len() {
+                9 => strip.run::<S, ROWS, 9>(packed, tiles),
+                4 => strip.run::<S, ROWS, 4>(packed, tiles),
+                2 => strip.run::<S, ROWS, 2>(packed, tiles),
+                _ => strip.run::<S, ROWS, 1>(packed, tiles),
             }
         }
     }
 }
 
-/// One phase of one strip of a band.
-struct Strip<'a> {
-    convolution: &'a Convolution<'a>,
-    layout: &'a Layout,
-    phase: &'a Phase,
-    shift: Option<&'a [f32]>,
-    output: Output,
-    image: usize,
-    first_row: usize,
-    n_rows: usize,
-    packed: &'a [f32],
-    tiles: &'a mut [f32],
-}
-
-impl Strip<'_> {
-    /// The output pixels of the tile at `start`, up to `stop`; the padding between rows has none.
+impl TileStrip<'_> {
     #[inline(always)]
-    fn pieces(&self, start: usize, stop: usize) -> ([Piece; TILE_VECTORS * 16], usize) {
-        let c = self.convolution;
-        let mut pieces = [Piece::default(); TILE_VECTORS * 16];
-        let mut n_pieces = 0;
-        let mut q = start;
-        while q < stop {
-            let (row, column) = (q / self.layout.width, q % self.layout.width);
-            let y = (self.first_row + row) * c.upscale + self.phase.y;
-            let x = column * c.upscale + self.phase.x;
-            let n_columns = c.columns.saturating_sub(column).min(stop - q);
-            let len = n_columns.min((c.out_width_px + c.upscale - 1).saturating_sub(x) / c.upscale);
-            if len > 0 && y < c.out_height_px {
-                pieces[n_pieces] = Piece { in_tile: q - start, in_plane: y * c.out_width_px + x, len };
-                n_pieces += 1;
-            }
-            q += n_columns.max(1);
-        }
-        (pieces, n_pieces)
-    }
-
-    #[inline(always)]
-    fn run<S: Simd, const ROWS: usize, const TAPS: usize>(&mut self) {
+    fn run<S: Simd, const ROWS: usize, const TAPS: usize>(&self, packed: &[f32], tiles: &mut [f32]) {
+        let Weights::Rows(weights) = &self.phase.weights else {
+            unreachable!("`Band::run` chose by the set")
+        };
         let (c, layout) = (self.convolution, self.layout);
         let channels_in = c.source.channels;
         let offsets: &[usize; TAPS] =
@@ -248,8 +192,8 @@ impl Strip<'_> {
         let end = if layout.is_flat { self.n_rows * layout.width } else { c.columns };
 
         // The unsafe blocks below rely on these bounds.
-        assert!(self.phase.weights.len() == n_blocks * channels_in * TAPS * ROWS);
-        assert!(self.tiles.len() >= n_blocks * ROWS * tile_len);
+        assert!(weights.len() == n_blocks * channels_in * TAPS * ROWS);
+        assert!(tiles.len() >= n_blocks * ROWS * tile_len);
         assert!((self.image + 1) * c.channels_out * plane <= self.output.len);
         assert!(self.shift.is_none_or(|shift| shift.len() == n_blocks * ROWS));
 
@@ -259,7 +203,7 @@ impl Strip<'_> {
             // Four left are faster as two and two than as three and one.
             let n_vectors = if n_left >= 3 && n_left != 4 { 3 } else { n_left.min(2) };
             let stop = start + n_vectors * lanes::<S>();
-            assert!((channels_in - 1) * layout.channel + last_offset + stop <= self.packed.len());
+            assert!((channels_in - 1) * layout.channel + last_offset + stop <= packed.len());
             let (pieces, n_pieces) = self.pieces(start, stop.min(end));
             let pieces = &pieces[..n_pieces];
             for piece in pieces {
@@ -280,7 +224,7 @@ impl Strip<'_> {
                     // tile and shift: block `block` of `n_blocks`; output: ROWS planes of this image, in each a
                     // piece as long as the tile, written by this task alone.
                     unsafe {
-                        let tile = self.tiles.as_mut_ptr().add(block * ROWS * tile_len);
+                        let tile = tiles.as_mut_ptr().add(block * ROWS * tile_len);
                         let (target, target_stride) = if to_output {
                             let channel = self.image * c.channels_out + block * ROWS;
                             (self.output.start.add(channel * plane + pieces[0].in_plane), plane)
@@ -289,20 +233,16 @@ impl Strip<'_> {
                         };
                         let pass = Pass {
                             n_channels,
-                            pixels: self.packed.as_ptr().add(first * layout.channel + start),
+                            pixels: packed.as_ptr().add(first * layout.channel + start),
                             channel_stride: layout.channel,
                             offsets,
-                            weights: self
-                                .phase
-                                .weights
-                                .as_ptr()
-                                .add((block * channels_in + first) * TAPS * ROWS),
+                            weights: weights.as_ptr().add((block * channels_in + first) * TAPS * ROWS),
                             start: match self.shift {
                                 _ if first > 0 => Start::Tile,
                                 Some(shift) => Start::Shift(shift.as_ptr().add(block * ROWS)),
                                 None => Start::Zero,
                             },
-                            has_relu: is_last && self.shift.is_some(),
+                            has_relu: is_last && c.has_relu,
                             tile,
                             target,
                             target_stride,
@@ -322,7 +262,7 @@ impl Strip<'_> {
                 for piece in pieces {
                     // SAFETY: the asserts above hold each piece inside its tile and its plane.
                     unsafe {
-                        let from = self.tiles.as_ptr().add(channel * tile_len + piece.in_tile);
+                        let from = tiles.as_ptr().add(channel * tile_len + piece.in_tile);
                         let image_channel = self.image * c.channels_out + channel;
                         let to = self.output.start.add(image_channel * plane + piece.in_plane);
                         copy_piece::<S>(from, to, piece.len, c.upscale);

@@ -6,14 +6,9 @@
 
 use rayon::prelude::*;
 
-use super::{BAND_BYTES, Shape};
+use super::{BAND_BYTES, Shape, block_gradient, uses_matrix_unit};
 use crate::kernels::scratch::{Scratch, with_scratch};
 use crate::kernels::simd::{InstructionSet, Kernel, Scalar, Simd, lanes};
-
-/// Pixels that make a part worth its own sums and their addition.
-const PART_PX: usize = 1024;
-/// Most parts; each costs a copy of the kernel's size.
-const MAX_PARTS: usize = 4;
 
 /// # Shapes
 /// - x: `[batch, channel_in, y, x]`, dy: `[batch, channel_out, out_y, out_x]`
@@ -26,14 +21,16 @@ pub(in crate::kernels) fn weight_gradient(
 ) -> Vec<f32> {
     shape.check();
     assert!(x.len() == shape.n_inputs() && dy.len() == shape.n_outputs());
+    if uses_matrix_unit(set, (shape.channels_out, shape.channels_in)) {
+        return block_gradient::weight_gradient(shape, 3, x, dy, set);
+    }
     let (n_lanes, n_rows) = (set.lanes(), set.rows());
     let blocks_in = shape.channels_in.div_ceil(n_lanes);
     let blocks_out = shape.channels_out.div_ceil(n_rows);
     let block_len = blocks_out * 9 * n_rows * n_lanes;
 
     let total_rows = shape.batch * shape.out_height_px();
-    let n_parts = (total_rows * shape.out_width_px() / PART_PX).clamp(1, MAX_PARTS).min(total_rows);
-    let n_parts = 1 << n_parts.ilog2();
+    let n_parts = shape.n_parts();
     let n_groups = rayon::current_num_threads().div_ceil(n_parts).min(blocks_in);
     let group_blocks = blocks_in.div_ceil(n_groups);
 

@@ -168,19 +168,27 @@ fn scale_shift(shape: Shape, x: &[f32], scale: &[f32], shift: &[f32], set: Instr
     y
 }
 
-/// Sums `of(a, b)` in `LANES` partial sums, then these one after the other.
+/// Sums both results of `of(a, b)` in `LANES` partial sums, then these one after the other. A loop, not an iterator's `sum`:
+/// the compiler may leave that one outside the function that enables the instruction set.
 #[inline(always)]
-fn sum2<const LANES: usize>(a: &[f32], b: &[f32], of: impl Fn(f32, f32) -> f32) -> f32 {
-    let mut lanes = [0f32; LANES];
+fn sums<const LANES: usize>(a: &[f32], b: &[f32], of: impl Fn(f32, f32) -> [f32; 2]) -> [f64; 2] {
+    let mut lanes = [[0f32; LANES]; 2];
     let (a_whole, a_rest) = a.as_chunks::<LANES>();
     let (b_whole, b_rest) = b.as_chunks::<LANES>();
     for (a, b) in a_whole.iter().zip(b_whole) {
         for lane in 0..LANES {
-            lanes[lane] += of(a[lane], b[lane]);
+            let [first, second] = of(a[lane], b[lane]);
+            lanes[0][lane] += first;
+            lanes[1][lane] += second;
         }
     }
-    let rest: f32 = a_rest.iter().zip(b_rest).map(|(&a, &b)| of(a, b)).sum();
-    lanes.iter().sum::<f32>() + rest
+    let mut rest = [0f32; 2];
+    for (&a, &b) in a_rest.iter().zip(b_rest) {
+        let [first, second] = of(a, b);
+        rest[0] += first;
+        rest[1] += second;
+    }
+    [0, 1].map(|i| f64::from(lanes[i].iter().sum::<f32>() + rest[i]))
 }
 
 struct ForwardChannel<'a> {
@@ -194,12 +202,16 @@ struct ForwardChannel<'a> {
 impl Kernel for ForwardChannel<'_> {
     #[inline(always)]
     fn run<S: Simd, const ROWS: usize, const LANES: usize>(self) {
-        let n_values = self.x.iter().map(|plane| plane.len()).sum::<usize>() as f64;
+        let n_values = (self.x.len() * self.x[0].len()) as f64;
         // Planes add up in f64: a plane's own sum is short.
-        let sum: f64 = self.x.iter().map(|x| f64::from(sum2::<LANES>(x, x, |a, _| a))).sum();
+        let (mut sum, mut squares) = (0.0, 0.0);
+        for x in &self.x {
+            sum += sums::<LANES>(x, x, |a, _| [a, 0.0])[0];
+        }
         let mean = (sum / n_values) as f32;
-        let squares: f64 =
-            self.x.iter().map(|x| f64::from(sum2::<LANES>(x, x, |a, _| (a - mean) * (a - mean)))).sum();
+        for x in &self.x {
+            squares += sums::<LANES>(x, x, |a, _| [(a - mean) * (a - mean), 0.0])[0];
+        }
         let statistics = Statistics { mean, variance: (squares / n_values) as f32 };
         *self.statistics = statistics;
         let inverse = statistics.inverse_deviation(self.epsilon);
@@ -226,17 +238,19 @@ struct BackwardChannel<'a> {
 impl Kernel for BackwardChannel<'_> {
     #[inline(always)]
     fn run<S: Simd, const ROWS: usize, const LANES: usize>(self) {
-        let n_values = self.x.iter().map(|plane| plane.len()).sum::<usize>() as f64;
+        let n_values = (self.x.len() * self.x[0].len()) as f64;
         let Affine { gamma, beta } = self.affine;
         let mean = self.statistics.mean;
         let inverse = self.statistics.inverse_deviation(self.epsilon);
         let normed = |x: f32| (x - mean) * inverse;
         // The same expression as in the forward pass, so that both see the same sign.
         let passed = |x: f32, dy: f32| if normed(x) * gamma + beta > 0.0 { dy } else { 0.0 };
-        let planes = || self.x.iter().zip(&self.dy);
-        let g: f64 = planes().map(|(x, dy)| f64::from(sum2::<LANES>(x, dy, passed))).sum();
-        let gh: f64 =
-            planes().map(|(x, dy)| f64::from(sum2::<LANES>(x, dy, |x, dy| passed(x, dy) * normed(x)))).sum();
+        let (mut g, mut gh) = (0.0, 0.0);
+        for (x, dy) in self.x.iter().zip(&self.dy) {
+            let of_plane = sums::<LANES>(x, dy, |x, dy| [passed(x, dy), passed(x, dy) * normed(x)]);
+            g += of_plane[0];
+            gh += of_plane[1];
+        }
         *self.sums = [g as f32, gh as f32];
         let (mean_g, mean_gh) = ((g / n_values) as f32, (gh / n_values) as f32);
         let scale = gamma * inverse;

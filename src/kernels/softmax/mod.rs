@@ -23,7 +23,7 @@ const FLOATS_PER_TASK: usize = 1 << 14;
 
 /// # Shapes
 /// - x, output: `[row, column]`
-fn forward(x: &[f32], n_columns: usize, set: InstructionSet) -> Vec<f32> {
+pub(super) fn forward(x: &[f32], n_columns: usize, set: InstructionSet) -> Vec<f32> {
     let mut y = vec![0f32; x.len()];
     let rows_per_task = FLOATS_PER_TASK.div_ceil(n_columns);
     y.par_chunks_mut(rows_per_task * n_columns)
@@ -34,7 +34,7 @@ fn forward(x: &[f32], n_columns: usize, set: InstructionSet) -> Vec<f32> {
 
 /// # Shapes
 /// - y, dy, output: `[row, column]`
-fn gradient(y: &[f32], dy: &[f32], n_columns: usize, set: InstructionSet) -> Vec<f32> {
+pub(super) fn gradient(y: &[f32], dy: &[f32], n_columns: usize, set: InstructionSet) -> Vec<f32> {
     assert_eq!(y.len(), dy.len());
     let mut dx = vec![0f32; y.len()];
     let rows_per_task = FLOATS_PER_TASK.div_ceil(n_columns);

@@ -6,69 +6,11 @@
 use rayon::prelude::*;
 
 use super::rulebook::{Direction, Rulebook, positions};
+use crate::kernels::product::{Matrix, multiply};
 use crate::kernels::scratch::with_scratch;
 
 /// Floats gathered at once: half of a common L2 cache together with the product.
 const BLOCK_FLOATS: usize = 32 * 1024;
-
-/// A matrix in row-major order, or the transpose of one.
-#[derive(Clone, Copy)]
-struct Matrix<'a> {
-    values: &'a [f32],
-    n_rows: usize,
-    n_columns: usize,
-    row_stride: usize,
-    column_stride: usize,
-}
-
-impl<'a> Matrix<'a> {
-    fn new(values: &'a [f32], n_rows: usize, n_columns: usize) -> Self {
-        assert_eq!(values.len(), n_rows * n_columns);
-        Self { values, n_rows, n_columns, row_stride: n_columns, column_stride: 1 }
-    }
-
-    fn transposed(self) -> Self {
-        Self {
-            values: self.values,
-            n_rows: self.n_columns,
-            n_columns: self.n_rows,
-            row_stride: self.column_stride,
-            column_stride: self.row_stride,
-        }
-    }
-}
-
-/// `out = a b`, or `out += a b`; `out` is row-major.
-fn multiply(a: Matrix<'_>, b: Matrix<'_>, out: &mut [f32], is_added: bool) {
-    assert_eq!(a.n_columns, b.n_rows);
-    assert_eq!(out.len(), a.n_rows * b.n_columns);
-    // SAFETY: by `Matrix::new` and `transposed`, element (r, c) of a and b lies at
-    // `r * row_stride + c * column_stride < n_rows * n_columns = values.len()`; the same holds for `out` with
-    // strides `(b.n_columns, 1)` by the assertion above. `out` is borrowed mutably, so it overlaps neither.
-    unsafe {
-        gemm::gemm(
-            a.n_rows,
-            b.n_columns,
-            a.n_columns,
-            out.as_mut_ptr(),
-            1,
-            b.n_columns as isize,
-            is_added,
-            a.values.as_ptr(),
-            a.column_stride as isize,
-            a.row_stride as isize,
-            b.values.as_ptr(),
-            b.column_stride as isize,
-            b.row_stride as isize,
-            1.0,
-            1.0,
-            false,
-            false,
-            false,
-            gemm::Parallelism::None,
-        );
-    }
-}
 
 /// Copies `rows` of `x`, rows of `n_channels`, one after the other.
 fn gather(x: &[f32], n_channels: usize, rows: &[u32], into: &mut [f32]) {

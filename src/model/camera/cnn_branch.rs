@@ -9,7 +9,7 @@ use burn::tensor::{Device, Tensor};
 use super::cnn_input::CnnBatch;
 use super::lift::lift_and_pool;
 use crate::model::config::ModelConfig;
-use crate::model::layers::{ConvBlock, mix_channels, pointwise};
+use crate::model::layers::{ConvBlock, convolve_pointwise, pointwise};
 
 /// Channels of the encoded LiDAR depth.
 const DEPTH_CHANNELS: usize = 16;
@@ -67,7 +67,7 @@ impl CnnBranch {
     /// - joint: `[batch, channel, feature_y, feature_x]`
     /// - output: `[batch, lift_channel, cell_y, cell_x]`; each cell the sum of the frustum points in it
     pub fn lift_and_splat(&self, joint: Tensor<4>, batch: &CnnBatch) -> Tensor<4> {
-        let lifted = mix_channels(&self.lift, joint);
+        let lifted = convolve_pointwise(&self.lift, joint);
         self.smooth.forward(lift_and_pool(lifted, self.n_depth_bins, self.n_cells, &batch.plans))
     }
 }

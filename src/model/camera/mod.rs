@@ -8,6 +8,7 @@ mod frustum;
 mod lift;
 mod lss_fpn;
 mod picture;
+mod resize;
 mod swin;
 mod swin_branch;
 mod swin_input;

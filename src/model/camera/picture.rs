@@ -2,10 +2,11 @@
 //! the calibration that belongs to it.
 
 use image::RgbImage;
-use image::imageops::{FilterType, crop_imm, flip_horizontal_in_place, resize};
+use image::imageops::{crop_imm, flip_horizontal_in_place};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use thiserror::Error;
 
+use super::resize::resize;
 use crate::geometry::{Camera, Ego, Pinhole, Point, Transform};
 use crate::model::config::{CameraBackbone, CameraConfig};
 use crate::sample::Measured;
@@ -102,7 +103,7 @@ impl NetworkImage {
         let needed_width_px = width_px as u32;
         let scale = f64::from(needed_width_px) / f64::from(full.width());
         let resized_height_px = (f64::from(full.height()) * scale).round() as u32;
-        let resized = resize(full, needed_width_px, resized_height_px, FilterType::Triangle);
+        let resized = resize(full, needed_width_px, resized_height_px);
         let Some(needed_height_px) = kept_height_px else {
             return Ok(Self { pixels: resized, scale: [scale; 2], cut_px: 0 });
         };

@@ -9,7 +9,7 @@ use burn::nn::{Dropout, DropoutConfig, Initializer, LayerNorm, LayerNormConfig, 
 use burn::tensor::activation::relu;
 use burn::tensor::{Device, Tensor};
 
-use crate::kernels::softmax_last;
+use crate::kernels::{attend, softmax_last};
 use crate::model::config::HeadConfig;
 use crate::model::layers::{Mlp, linear_over_channels, xavier};
 
@@ -59,8 +59,11 @@ impl Attention {
             let projected = linear_over_channels(linear, memory.clone());
             projected.reshape([n_batch, self.n_heads, n_per_head, n_keys])
         });
-        let weights = self.dropout.forward(softmax_last(q.matmul(k)));
-        let attended = weights.matmul(v.swap_dims(2, 3));
+        let attended = if self.dropout.prob > 0.0 {
+            self.dropout.forward(softmax_last(q.matmul(k))).matmul(v.swap_dims(2, 3))
+        } else {
+            attend(q, k, v)
+        };
         self.out.forward(attended.swap_dims(1, 2).reshape([n_batch, n_query, n_channels]))
     }
 }

@@ -6,7 +6,7 @@ use burn::nn::{BatchNorm, BatchNormConfig, Initializer, PaddingConfig2d};
 use burn::tensor::{Device, Tensor};
 
 use super::norm::{batch_norm_relu, conv3x3_norm_relu};
-use crate::kernels::conv3x3;
+use crate::kernels::{conv3x3, mix_channels};
 
 /// First weights of a convolution that a ReLU follows (He et al. 2015).
 pub fn kaiming() -> Initializer {
@@ -100,23 +100,24 @@ pub fn pointwise(channels_in: usize, channels_out: usize, device: &Device) -> Co
     Conv2dConfig::new([channels_in, channels_out], [1, 1]).init(device)
 }
 
-/// A 1x1 convolution as one matrix product; burn's own copies the pixels to another layout first.
+/// A 1x1 convolution by our own kernel; burn's copies the pixels to another layout first.
 ///
 /// # Shapes
 /// - x: `[batch, channel_in, y, x]`
 /// - output: `[batch, channel_out, y, x]`
-pub fn mix_channels(conv: &Conv2d, x: Tensor<4>) -> Tensor<4> {
+pub fn convolve_pointwise(conv: &Conv2d, x: Tensor<4>) -> Tensor<4> {
     let [n_batch, channels_in, n_y, n_x] = x.dims();
     let weight = conv.weight.val();
     let channels_out = weight.dims()[0];
-    let mixed = weight
-        .reshape([1, channels_out, channels_in])
-        .matmul(x.reshape([n_batch, channels_in, n_y * n_x]))
-        .reshape([n_batch, channels_out, n_y, n_x]);
-    match &conv.bias {
-        Some(bias) => mixed + bias.val().reshape([1, channels_out, 1, 1]),
-        None => mixed,
-    }
+    let bias =
+        conv.bias.as_ref().map_or_else(|| Tensor::zeros([channels_out], &x.device()), |bias| bias.val());
+    let x = x.reshape([n_batch, channels_in, n_y * n_x]);
+    mix_channels(x, weight.reshape([channels_out, channels_in]), bias).reshape([
+        n_batch,
+        channels_out,
+        n_y,
+        n_x,
+    ])
 }
 
 #[cfg(test)]
@@ -124,7 +125,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn mixing_channels_is_a_convolution_of_kernel_1() {
+    fn a_pointwise_convolution_is_one_of_kernel_1() {
         let device = Device::flex().autodiff();
         device.seed(3);
         let conv = pointwise(5, 3, &device);
@@ -132,7 +133,7 @@ mod tests {
         let (x, dy) = (random([2, 5, 4, 6]), random([2, 3, 4, 6]));
         let run = |is_own: bool| {
             let x = x.clone().require_grad();
-            let y = if is_own { mix_channels(&conv, x.clone()) } else { conv.forward(x.clone()) };
+            let y = if is_own { convolve_pointwise(&conv, x.clone()) } else { conv.forward(x.clone()) };
             let gradients = (y.clone() * dy.clone()).sum().backward();
             let weight = conv.weight.val().grad(&gradients).unwrap();
             [y.inner(), x.grad(&gradients).unwrap(), weight]

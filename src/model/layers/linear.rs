@@ -5,17 +5,19 @@ use burn::nn::{BatchNorm, BatchNormConfig, Initializer, Linear, LinearConfig};
 use burn::tensor::activation::relu;
 use burn::tensor::{Device, Tensor};
 
-/// A linear layer over the channels of a map, as one matrix product that keeps the map's layout.
+use crate::kernels::mix_channels;
+
+/// A linear layer with bias over the channels of a map, which keeps the map's layout.
 ///
 /// # Shapes
 /// - x: `[batch, channel_in, cell]`
 /// - output: `[batch, channel_out, cell]`
+///
+/// # Panics
+/// If the layer has no bias.
 pub fn linear_over_channels(linear: &Linear, x: Tensor<3>) -> Tensor<3> {
-    let mixed = linear.weight.val().transpose().unsqueeze::<3>().matmul(x);
-    match &linear.bias {
-        Some(bias) => mixed + bias.val().reshape([1, -1, 1]),
-        None => mixed,
-    }
+    let bias = linear.bias.as_ref().expect("layers over maps have a bias");
+    mix_channels(x, linear.weight.val().transpose(), bias.val())
 }
 
 /// Two linear layers with a ReLU between them.

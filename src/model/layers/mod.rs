@@ -5,7 +5,7 @@ mod linear;
 mod norm;
 mod resample;
 
-pub use conv::{ConvBlock, convolve, kaiming, mix_channels, plain_conv, pointwise};
+pub use conv::{ConvBlock, convolve, convolve_pointwise, kaiming, plain_conv, pointwise};
 pub use linear::{Mlp, NormedMlp, linear_over_channels, xavier};
 pub use norm::{batch_norm_relu, lidar_norm};
 pub use resample::{resize_bilinear, upsample_nearest};

@@ -4,11 +4,12 @@ use burn::module::Module;
 use burn::nn::conv::Conv2d;
 use burn::nn::{BatchNorm, BatchNormConfig, Linear, LinearConfig};
 use burn::tensor::activation::relu;
-use burn::tensor::{Device, IndexingUpdateOp, Tensor};
+use burn::tensor::{Device, Tensor};
 
 use super::pillars::{N_POINT_FEATURES, PillarBatch};
+use crate::kernels::pillar_map;
 use crate::model::config::ModelConfig;
-use crate::model::layers::{ConvBlock, mix_channels, pointwise, upsample_nearest};
+use crate::model::layers::{ConvBlock, convolve_pointwise, pointwise, upsample_nearest};
 
 /// From points to features on the bird's-eye grid at one cell (two pillars).
 #[derive(Module, Debug)]
@@ -21,8 +22,6 @@ pub struct PillarBranch {
     coarse_out: Conv2d,
     #[module(skip)]
     n_pillars: [usize; 2],
-    #[module(skip)]
-    max_points: usize,
     #[module(skip)]
     n_pillar_channels: usize,
 }
@@ -49,7 +48,6 @@ impl PillarBranch {
             fine_out: pointwise(fine, out, device),
             coarse_out: pointwise(coarse, out, device),
             n_pillars: [2 * grid.n_cells_y(), 2 * grid.n_cells_x()],
-            max_points: config.max_points,
             n_pillar_channels: config.channels,
         }
     }
@@ -60,8 +58,8 @@ impl PillarBranch {
         let map = self.scatter(pillars, n_samples, device);
         let fine = self.fine.iter().fold(map, |x, block| block.forward(x));
         let coarse = self.coarse.iter().fold(fine.clone(), |x, block| block.forward(x));
-        let fine = mix_channels(&self.fine_out, fine);
-        let coarse = upsample_nearest(mix_channels(&self.coarse_out, coarse));
+        let fine = convolve_pointwise(&self.fine_out, fine);
+        let coarse = upsample_nearest(convolve_pointwise(&self.coarse_out, coarse));
         Tensor::cat(vec![fine, coarse], 1)
     }
 
@@ -71,18 +69,10 @@ impl PillarBranch {
     /// - output: `[batch, channel, pillar_y, pillar_x]`, zero where no point falls
     fn scatter(&self, pillars: Option<&PillarBatch>, n_samples: usize, device: &Device) -> Tensor<4> {
         let [n_y, n_x] = self.n_pillars;
-        let mut map = Tensor::<2>::zeros([self.n_pillar_channels, n_samples * n_y * n_x], device);
-        if let Some(batch) = pillars {
-            let points = relu(self.point_norm.forward(self.point.forward(batch.point_features.clone())));
-            let [n_pillars] = batch.cells.dims();
-            let highest = points
-                .select(0, batch.points.clone())
-                .reshape([n_pillars, self.max_points, self.n_pillar_channels])
-                .max_dim(1)
-                .reshape([n_pillars, self.n_pillar_channels]);
-            // Few pillars hold points: transposing them costs less than transposing the map.
-            map = map.select_assign(1, batch.cells.clone(), highest.transpose(), IndexingUpdateOp::Add);
-        }
-        map.reshape([self.n_pillar_channels, n_samples, n_y, n_x]).swap_dims(0, 1)
+        let Some(batch) = pillars else {
+            return Tensor::zeros([n_samples, self.n_pillar_channels, n_y, n_x], device);
+        };
+        let points = relu(self.point_norm.forward(self.point.forward(batch.point_features.clone())));
+        pillar_map(points, &batch.plan).reshape([n_samples, self.n_pillar_channels, n_y, n_x])
     }
 }

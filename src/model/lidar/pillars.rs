@@ -1,7 +1,10 @@
 //! Pillars: LiDAR points by vertical column of the grid (PointPillars, Lang et al. 2019), half a feature cell wide.
 
-use burn::tensor::{Device, Int, Tensor, TensorData};
+use std::sync::Arc;
 
+use burn::tensor::{Device, Tensor, TensorData};
+
+use crate::kernels::PillarPlan;
 use crate::model::config::ModelConfig;
 
 /// Numbers for each LiDAR point that enters the pillar encoder.
@@ -73,10 +76,8 @@ impl Pillars {
 pub struct PillarBatch {
     /// `[point, N_POINT_FEATURES]`.
     pub point_features: Tensor<2>,
-    /// `[pillar * max_points]`: rows of `point_features`.
-    pub points: Tensor<1, Int>,
-    /// `[pillar]`: `(batch * 2 n_cells_y + y) * 2 n_cells_x + x`.
-    pub cells: Tensor<1, Int>,
+    /// Points of each pillar, and pillars of each map `[2 n_cells_y, 2 n_cells_x]`.
+    pub plan: Arc<PillarPlan>,
 }
 
 impl PillarBatch {
@@ -87,24 +88,19 @@ impl PillarBatch {
         let mut features = Vec::new();
         let (mut rows, mut cells) = (Vec::new(), Vec::new());
         for (sample_idx, pillars) in samples.iter().enumerate() {
-            let first_row = (features.len() / N_POINT_FEATURES) as i64;
+            let first_row = (features.len() / N_POINT_FEATURES) as u32;
             features.extend_from_slice(&pillars.point_features);
-            rows.extend(pillars.points.iter().map(|&row| first_row + i64::from(row)));
-            let first_cell = (sample_idx * pillars_per_map) as i64;
-            cells.extend(pillars.cells.iter().map(|&cell| first_cell + i64::from(cell)));
+            rows.extend(pillars.points.iter().map(|&row| first_row + row));
+            let first_cell = (sample_idx * pillars_per_map) as u32;
+            cells.extend(pillars.cells.iter().map(|&cell| first_cell + cell));
         }
         let n_points = features.len() / N_POINT_FEATURES;
-        let indices = |values: Vec<i64>| {
-            let n = values.len();
-            Tensor::from_data(TensorData::new(values, [n]), device)
-        };
         (n_points > 0).then(|| Self {
             point_features: Tensor::from_data(
                 TensorData::new(features, [n_points, N_POINT_FEATURES]),
                 device,
             ),
-            points: indices(rows),
-            cells: indices(cells),
+            plan: Arc::new(PillarPlan::new(n_points, [samples.len(), pillars_per_map], rows, cells)),
         })
     }
 }

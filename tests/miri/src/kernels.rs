@@ -2,6 +2,8 @@
 
 #[path = "../../../src/kernels/conv3x3/mod.rs"]
 mod conv3x3;
+#[path = "../../../src/kernels/matrix_unit.rs"]
+mod matrix_unit;
 #[path = "../../../src/kernels/norm_relu/mod.rs"]
 mod norm_relu;
 #[path = "../../../src/kernels/scratch.rs"]
