@@ -150,8 +150,9 @@ mod unit {
                 _mm512_unpackhi_epi64(high, high_2),
             ]
         });
-        for c in 0..4 {
-            let [a, b, c_, d] = std::array::from_fn(|four: usize| fours[four][c]);
+        let [first, second, third, fourth] = fours;
+        let columns = first.into_iter().zip(second).zip(third.into_iter().zip(fourth));
+        for (c, ((a, b), (c_, d))) in columns.enumerate() {
             // Quarters 0 and 2, then 1 and 3.
             let even = (_mm512_shuffle_i32x4::<0x88>(a, b), _mm512_shuffle_i32x4::<0x88>(c_, d));
             let odd = (_mm512_shuffle_i32x4::<0xdd>(a, b), _mm512_shuffle_i32x4::<0xdd>(c_, d));
@@ -168,6 +169,7 @@ mod unit {
         }
     }
 
+    #[allow(clippy::unused_self)] // that there is one says that the unit is set up
     impl Blocks {
         /// Sets the unit up for this thread.
         ///
@@ -304,6 +306,7 @@ mod unit {
         unreachable!("{WHY}");
     }
 
+    #[allow(clippy::unused_self)] // that there is one says that the unit is set up
     impl Blocks {
         pub unsafe fn begin() -> Self {
             unreachable!("{WHY}");

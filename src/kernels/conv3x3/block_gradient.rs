@@ -239,8 +239,8 @@ impl Part<'_> {
                     // SAFETY: `rows` holds TILE rows of `2 * len` half words, of which this reads one step, TILE words; `to`
                     // is a tile; the unit comes with AVX-512.
                     unsafe {
-                        transpose(rows.as_ptr().add(half * len + step * STEP).cast(), len, to.as_mut_ptr())
-                    };
+                        transpose(rows.as_ptr().add(half * len + step * STEP).cast(), len, to.as_mut_ptr());
+                    }
                 }
             }
         }

@@ -1,6 +1,6 @@
 //! Convolutions over maps: with batch norm and ReLU, alone, and of kernel 1 as one matrix product.
 
-use burn::module::Module;
+use burn::module::{Module, Param};
 use burn::nn::conv::{Conv2d, Conv2dConfig};
 use burn::nn::{BatchNorm, BatchNormConfig, Initializer, PaddingConfig2d};
 use burn::tensor::{Device, Tensor};
@@ -109,8 +109,7 @@ pub fn convolve_pointwise(conv: &Conv2d, x: Tensor<4>) -> Tensor<4> {
     let [n_batch, channels_in, n_y, n_x] = x.dims();
     let weight = conv.weight.val();
     let channels_out = weight.dims()[0];
-    let bias =
-        conv.bias.as_ref().map_or_else(|| Tensor::zeros([channels_out], &x.device()), |bias| bias.val());
+    let bias = conv.bias.as_ref().map_or_else(|| Tensor::zeros([channels_out], &x.device()), Param::val);
     let x = x.reshape([n_batch, channels_in, n_y * n_x]);
     mix_channels(x, weight.reshape([channels_out, channels_in]), bias).reshape([
         n_batch,
