@@ -193,7 +193,9 @@ def check_equal(detector: Detector, found: dict[str, Tensor]) -> None:
         check_output(stage, output, found, stage)
         parts = loss(output, objects, training.head.fine_centers_m, training.config)
         for name in ("heatmap", "harm", "boxes"):
-            check(f"{stage}, {name} loss", parts[name].detach(), found[f"{stage}.loss.{name}"], LOSS_TOLERANCE)
+            check(
+                f"{stage}, {name} loss", parts[name].detach(), found[f"{stage}.loss.{name}"], LOSS_TOLERANCE
+            )
         parts["total"].backward()
         norm = nn.utils.get_total_norm([p.grad for p in training.parameters() if p.grad is not None])
         check(f"{stage}, gradients' norm", norm, found[f"{stage}.loss.norm"], NORM_TOLERANCE)
