@@ -4,7 +4,7 @@
 //! y[b, o, p] = sum_i w[o, i] x[b, i, p] + bias[o]
 //! ```
 //!
-//! The products are those of [`super::conv3x3`] with one tap; the gradient of w is one of the crate `gemm` where there is no
+//! The products are those of [`mod@super::conv3x3`] with one tap; the gradient of w is one of the crate `gemm` where there is no
 //! matrix unit. Every sum runs in an order that the shape fixes.
 
 mod burn_op;

@@ -14,7 +14,7 @@ pub(super) struct Phase {
     pub x: usize,
 }
 
-/// Weights as the products want them, from [`pack_weights`].
+/// Weights as the products want them, from [`pack_weights`](super::tiles::pack_weights).
 pub(super) enum Weights {
     /// `[block of channels_out][channel_in][tap][channel_out in block]`, zero beyond the last channel.
     Rows(Vec<f32>),
