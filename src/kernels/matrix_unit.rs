@@ -53,7 +53,7 @@ pub(super) fn split(values: &[f32], high: &mut [u16], low: &mut [u16]) {
 const SWITCH: &str = "HARMZONE_MATRIX_UNIT";
 
 /// Whether this machine has the unit, the system lets this process use it, and nobody switched it off.
-pub(super) fn is_available() -> bool {
+pub fn is_available() -> bool {
     static IS_AVAILABLE: OnceLock<bool> = OnceLock::new();
     *IS_AVAILABLE.get_or_init(|| env::var_os(SWITCH).is_none_or(|value| value != "off") && unit::request())
 }

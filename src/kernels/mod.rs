@@ -29,6 +29,8 @@ pub use attend::attend;
 pub use channel_mix::mix_channels;
 pub use conv3x3::{conv3x3, conv3x3_scale_shift_relu};
 pub use lift_pool::{PoolPlan, lift_pool};
+#[cfg(test)]
+pub use matrix_unit::is_available as has_matrix_unit;
 pub use memory::keep_freed_memory;
 pub use norm_relu::{Normed, norm_relu, scale_shift_relu};
 pub use pillar_map::{PillarPlan, pillar_map};
