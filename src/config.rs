@@ -16,7 +16,7 @@ use thiserror::Error;
 
 pub use bounds::{
     Bounds, Check, Checked, InvalidConfig, Keys, Order, Range, Rule, SHARE, above, below, from_to, part,
-    require,
+    parts, require,
 };
 pub(crate) use bounds::{define_config, impl_checked};
 

@@ -20,7 +20,11 @@ fn sets() -> &'static [PathBuf; 2] {
             let folder = tempfile::tempdir().expect("a temporary folder");
             let sets = ["hdl32e", "hdl64e"].map(|preset| {
                 let out = folder.path().join(preset);
-                generate(&out, "2", &["--episodes", "2", "--set", &format!("rig.lidar.preset={preset}")]);
+                generate(
+                    &out,
+                    "2",
+                    &["--episodes", "2", "--set", &format!("rig.lidars.lidar_top.preset={preset}")],
+                );
                 out
             });
             (folder, sets)

@@ -163,6 +163,8 @@ pub enum Rule {
     Named(Range),
     /// A table, or a list of such tables.
     Part(Keys),
+    /// Such tables by names that are free.
+    Parts(Keys),
 }
 
 /// Numbers between two ends, which belong to the range unless they are left out. NaN is in no range.
@@ -204,6 +206,12 @@ pub const fn below(low: f64, high: f64) -> Rule {
 #[must_use]
 pub const fn part<T: Bounds>() -> Rule {
     Rule::Part(T::BOUNDS)
+}
+
+/// Tables with the bounds of their own struct, by names that are free.
+#[must_use]
+pub const fn parts<T: Bounds>() -> Rule {
+    Rule::Parts(T::BOUNDS)
 }
 
 /// A share of a whole.
@@ -256,6 +264,9 @@ impl Rule {
             (Self::Named(range), Value::Table(table)) => {
                 table.iter().try_for_each(|(name, value)| Self::Number(range).check(&join(key, name), value))
             }
+            (Self::Parts(keys), Value::Table(table)) => {
+                table.iter().try_for_each(|(name, value)| Self::Part(keys).check(&join(key, name), value))
+            }
             (Self::List { each, least, most, order }, Value::Array(values)) => {
                 let numbers: Option<Vec<f64>> = values.iter().map(number).collect();
                 let holds = numbers.is_some_and(|numbers| {
@@ -278,7 +289,7 @@ impl Rule {
         match self {
             Self::Any => "a whole number is needed".to_owned(),
             Self::Number(range) | Self::Named(range) => format!("a number {range} is needed"),
-            Self::Part(_) => "a table is needed".to_owned(),
+            Self::Part(_) | Self::Parts(_) => "a table is needed".to_owned(),
             Self::List { each, least, most, order } => {
                 let count = match (least, most) {
                     (2, 2) => "two".to_owned(),

@@ -21,7 +21,7 @@ pub(super) fn meta() -> EpisodeMeta {
         ood: true,
         generator_version: "0.1.0".into(),
         config_toml: "n_samples = 3\n".into(),
-        rig_toml: "[camera]\nwidth_px = 800\n".into(),
+        rig_toml: "[cameras.cam_front]\nwidth_px = 800\n".into(),
         n_samples: 3,
     }
 }

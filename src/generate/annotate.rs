@@ -45,13 +45,14 @@ pub(super) fn annotate(
     if distance_m > config.max_range_m {
         return None;
     }
-    let camera_from_model = (rig.ego_from_camera.inverse() * ego_from_world).isometry * seen.world_from_model;
+    let camera_from_model =
+        (rig.front().ego_from_camera.inverse() * ego_from_world).isometry * seen.world_from_model;
     let triangles: Vec<[Point3<f64>; 3]> = object
         .triangles
         .iter()
         .map(|triangle| triangle.map(|corner| camera_from_model * corner.cast::<f64>()))
         .collect();
-    let whole_px = silhouette_px(&triangles, &rig.intrinsics);
+    let whole_px = silhouette_px(&triangles, &rig.front().intrinsics);
     if whole_px == 0 {
         return None;
     }

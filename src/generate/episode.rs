@@ -23,7 +23,7 @@ use crate::sample::{EncodedImage, ImageFormat, Measured, Sample, Truth};
 use crate::scene::{self, Town, populate};
 use crate::sensors::WeatherState;
 use crate::sensors::camera::{Material, Rendered, Scope, Shot};
-use crate::sensors::lidar::{self, Hit, Receiver, Reflector};
+use crate::sensors::lidar::{Hit, Receiver, Reflector, is_in_view};
 use crate::sim::{CameraMount, DrawnView, Renderer, Simulator};
 
 /// Simulated time begins on 2025-01-01, whatever the wall clock says.
@@ -105,8 +105,8 @@ impl<'a> Recording<'a> {
         let state = plan.weather.state().replace_by(&raw.weather_override)?;
         let mount = CameraMount {
             body: "ego".into(),
-            ego_from_camera: rig.ego_from_camera,
-            intrinsics: rig.intrinsics,
+            ego_from_camera: rig.front().ego_from_camera,
+            intrinsics: rig.front().intrinsics,
             n_samples: raw.render.samples_per_pixel,
             shadow_size_px: raw.render.shadow_size_px,
             renderer: choose_renderer(raw.render.renderer, &state),
@@ -126,15 +126,15 @@ impl<'a> Recording<'a> {
         let route: Vec<[f64; 2]> =
             world.ego_route.path.points_every(20.0).iter().map(|at| [at.x, at.y]).collect();
         let map = map::drawing(&town.graph, &town.surface.ground, &route, MAP_REACH_M);
-        let size_px = (raw.rig.camera.width_px as usize, raw.rig.camera.height_px as usize);
+        let size_px = (rig.front().intrinsics.width_px as usize, rig.front().intrinsics.height_px as usize);
         let aov = || AovWriter::create(folder, &plan.name, size_px, world.objects());
         let mut recording = Self {
             config,
             plan,
             appearance: Appearance::new(&world, &drive)?,
-            caster: Caster::new(raw.lidar_engine, rig, &drive.simulator)?,
-            receiver: Receiver::new(&rig.lidar, rig.n_rings, &state, plan.seed),
-            scope: Scope::new(plan.weather, &state, rig, plan.seed),
+            caster: Caster::new(raw.lidar_engine, rig.top(), &drive.simulator)?,
+            receiver: Receiver::new(&rig.top().config, rig.top().n_rings, &state, plan.seed),
+            scope: Scope::new(plan.weather, &state, rig.front(), plan.seed),
             writer: EpisodeWriter::create(&folder.join(plan.file()), &meta, &map)?,
             aov: raw.render.aov.then(aov).transpose()?,
             timings: Timings { set_up: begin.elapsed(), ..Timings::default() },
@@ -210,7 +210,7 @@ impl<'a> Recording<'a> {
     fn sample(&mut self, sample_idx: u64) -> Result<Sample, GenerateError> {
         let needs_depth = self.needs_depth();
         let Self { config, drive, appearance, timings, .. } = self;
-        let rig = &config.rig;
+        let (camera, lidar) = (config.rig.front(), config.rig.top());
         let world_from_ego = drive.world_from_ego();
         let simulator = &mut drive.simulator;
         let DrawnView { rgb, depth_m, geoms } = time(&mut timings.picture, || simulator.render(needs_depth))?;
@@ -236,8 +236,8 @@ impl<'a> Recording<'a> {
             encoder.encode(picture.as_raw(), width, height, ColorType::Rgb)
         })?;
 
-        let world_from_lidar = world_from_ego * rig.ego_from_lidar;
-        let hits = time(&mut timings.rays, || self.caster.cast(drive, rig, &world_from_lidar))?;
+        let world_from_lidar = world_from_ego * lidar.ego_from_lidar;
+        let hits = time(&mut timings.rays, || self.caster.cast(drive, lidar, &world_from_lidar))?;
 
         let begin = Instant::now();
         let mut seen: Vec<Observation> = drive
@@ -260,11 +260,11 @@ impl<'a> Recording<'a> {
                 Hit { range_m, cos_incidence, reflectivity, is_paved }
             })
             .collect();
-        let camera_from_lidar = rig.ego_from_camera.inverse() * rig.ego_from_lidar;
+        let camera_from_lidar = camera.ego_from_camera.inverse() * lidar.ego_from_lidar;
         let mut points = Vec::new();
-        for found in self.receiver.returns(&rig.pattern, &reflections, sample_idx) {
+        for found in self.receiver.returns(&lidar.pattern, &reflections, sample_idx) {
             let at = Vector3::new(found.point.x_m, found.point.y_m, found.point.z_m).cast::<f64>();
-            if !lidar::is_in_view(&at, &rig.intrinsics, &camera_from_lidar) {
+            if !is_in_view(&at, &camera.intrinsics, &camera_from_lidar) {
                 continue;
             }
             let object = appearance.object(hits.geom[found.ray]);
@@ -274,7 +274,7 @@ impl<'a> Recording<'a> {
             points.push(found.point);
         }
         let truths = self.world.objects().iter().zip(&seen).filter_map(|(object, seen)| {
-            annotate(object, seen, CONTROL_PERIOD_S, &world_from_ego, rig, &config.raw.annotation)
+            annotate(object, seen, CONTROL_PERIOD_S, &world_from_ego, &config.rig, &config.raw.annotation)
         });
         let truth = Some(Truth { objects: truths.collect(), ignored: Vec::new() });
         timings.truth += begin.elapsed();
@@ -284,9 +284,9 @@ impl<'a> Recording<'a> {
             time_ns: EPOCH_NS + sample_idx * period_ns,
             ego_state,
             world_from_ego,
-            ego_from_lidar: rig.ego_from_lidar,
-            ego_from_camera: rig.ego_from_camera,
-            intrinsics: rig.intrinsics,
+            ego_from_lidar: lidar.ego_from_lidar,
+            ego_from_camera: camera.ego_from_camera,
+            intrinsics: camera.intrinsics,
             image: EncodedImage { format: ImageFormat::Jpeg, bytes },
             points,
         };

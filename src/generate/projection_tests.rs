@@ -20,8 +20,8 @@ fn differences_m(town: &str) -> Vec<f64> {
     let world = populate(&town, &PopulateConfig::default(), 4).unwrap();
     let mount = CameraMount {
         body: "ego".into(),
-        ego_from_camera: rig.ego_from_camera,
-        intrinsics: rig.intrinsics,
+        ego_from_camera: rig.front().ego_from_camera,
+        intrinsics: rig.front().intrinsics,
         n_samples: 0,
         shadow_size_px: 256,
         renderer: Renderer::Classic,
@@ -33,22 +33,22 @@ fn differences_m(town: &str) -> Vec<f64> {
         drive.step().unwrap();
     }
     let depth_m = drive.simulator.render(true).unwrap().depth_m;
-    let world_from_lidar = drive.world_from_ego() * rig.ego_from_lidar;
+    let world_from_lidar = drive.world_from_ego() * rig.top().ego_from_lidar;
     let directions: Vec<Vector3<f64>> =
-        rig.pattern.directions.iter().map(|direction| world_from_lidar.rotate(direction)).collect();
+        rig.top().pattern.directions.iter().map(|direction| world_from_lidar.rotate(direction)).collect();
     let origin = (world_from_lidar * Point::new(0.0, 0.0, 0.0)).coords;
     let hits = drive.simulator.cast_rays(&origin, &directions, 70.0).unwrap();
-    let camera_from_lidar = rig.ego_from_camera.inverse() * rig.ego_from_lidar;
-    let width = rig.intrinsics.width_px as usize;
+    let camera_from_lidar = rig.front().ego_from_camera.inverse() * rig.top().ego_from_lidar;
+    let width = rig.front().intrinsics.width_px as usize;
     let mut found: Vec<f64> = Vec::new();
-    for (direction, range_m) in rig.pattern.directions.iter().zip(&hits.range_m) {
+    for (direction, range_m) in rig.top().pattern.directions.iter().zip(&hits.range_m) {
         if !range_m.is_finite() {
             continue;
         }
         let point = camera_from_lidar * Point::<Lidar>::from_coords((direction * *range_m).into());
-        let Some((u, v)) = rig.intrinsics.project(&point) else { continue };
-        let inside = (2.0..f64::from(rig.intrinsics.width_px) - 2.0).contains(&u)
-            && (2.0..f64::from(rig.intrinsics.height_px) - 2.0).contains(&v);
+        let Some((u, v)) = rig.front().intrinsics.project(&point) else { continue };
+        let inside = (2.0..f64::from(rig.front().intrinsics.width_px) - 2.0).contains(&u)
+            && (2.0..f64::from(rig.front().intrinsics.height_px) - 2.0).contains(&v);
         if !inside {
             continue;
         }

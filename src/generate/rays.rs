@@ -2,13 +2,13 @@
 
 use crate::geometry::{Lidar, Transform, World};
 use crate::rays::{Beams, RayHits, RayScene};
-use crate::sensors::Rig;
+use crate::sensors::RigLidar;
 use crate::sim::{SimError, Simulator};
 
 use super::config::LidarEngine;
 use super::drive::Drive;
 
-/// What casts the rays of a rig.
+/// What casts the rays of a LiDAR.
 pub(super) enum Caster {
     Bvh { scene: Box<RayScene>, beams: Beams },
     Mujoco,
@@ -17,35 +17,39 @@ pub(super) enum Caster {
 impl Caster {
     /// # Errors
     /// As [`Simulator::ray_scene`].
-    pub(super) fn new(engine: LidarEngine, rig: &Rig, simulator: &Simulator) -> Result<Self, SimError> {
+    pub(super) fn new(
+        engine: LidarEngine,
+        lidar: &RigLidar,
+        simulator: &Simulator,
+    ) -> Result<Self, SimError> {
         Ok(match engine {
             LidarEngine::Bvh => {
                 let scene = Box::new(simulator.ray_scene()?);
-                Self::Bvh { scene, beams: Beams::new(&rig.pattern.directions) }
+                Self::Bvh { scene, beams: Beams::new(&lidar.pattern.directions) }
             }
             LidarEngine::Mujoco => Self::Mujoco,
         })
     }
 
-    /// What each ray of the rig's pattern hits first, now.
+    /// What each ray of the LiDAR's pattern hits first, now.
     ///
     /// # Errors
     /// As [`Simulator::cast_rays`].
     pub(super) fn cast(
         &mut self,
         drive: &Drive,
-        rig: &Rig,
+        lidar: &RigLidar,
         world_from_lidar: &Transform<World, Lidar>,
     ) -> Result<RayHits, SimError> {
         // A return's noise may bring it into range.
-        let max_range_m = rig.lidar.max_range_m + 1.0;
+        let max_range_m = lidar.config.max_range_m + 1.0;
         match self {
             Self::Bvh { scene, beams } => {
                 scene.set_poses(&drive.poses);
                 Ok(scene.cast(&world_from_lidar.isometry, beams, max_range_m))
             }
             Self::Mujoco => {
-                let rays = rig.pattern.directions.iter();
+                let rays = lidar.pattern.directions.iter();
                 let directions: Vec<_> = rays.map(|ray| world_from_lidar.rotate(ray)).collect();
                 let origin = world_from_lidar.isometry.translation.vector.into();
                 drive.simulator.cast_rays(&origin, &directions, max_range_m)
@@ -65,8 +69,8 @@ mod tests {
     use super::*;
     use crate::scene::models::{self, Model};
     use crate::scene::{Lighting, PopulateConfig, Town, populate, town_names};
-    use crate::sensors::RigConfig;
     use crate::sensors::lidar::Pattern;
+    use crate::sensors::{Rig, RigConfig};
     use crate::sim::{CameraMount, Renderer};
 
     const MAX_RANGE_M: f64 = 80.0;
@@ -79,8 +83,8 @@ mod tests {
         let rig = Rig::try_from(&RigConfig::default()).unwrap();
         CameraMount {
             body: "ego".into(),
-            ego_from_camera: rig.ego_from_camera,
-            intrinsics: rig.intrinsics,
+            ego_from_camera: rig.front().ego_from_camera,
+            intrinsics: rig.front().intrinsics,
             n_samples: 0,
             shadow_size_px: 256,
             renderer: Renderer::Classic,

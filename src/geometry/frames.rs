@@ -135,10 +135,16 @@ impl<To: Frame> Transform<To, Camera> {
     /// A camera at `position_m` that looks along `To`'s x axis, turned down by `pitch_rad`.
     #[must_use]
     pub fn looking_forward(position_m: Vector3<f64>, pitch_rad: f64) -> Self {
+        Self::looking_along(position_m, 0.0, pitch_rad, 0.0)
+    }
+
+    /// As [`Self::looking_forward`], then turned left by `yaw_rad`; its right side is lowered by `roll_rad` first.
+    #[must_use]
+    pub fn looking_along(position_m: Vector3<f64>, yaw_rad: f64, pitch_rad: f64, roll_rad: f64) -> Self {
         // Columns: the camera's right, down and forward axes in an x-forward, y-left, z-up frame.
         let axes = Matrix3::new(0.0, 0.0, 1.0, -1.0, 0.0, 0.0, 0.0, -1.0, 0.0);
-        let pitch = Rotation3::from_axis_angle(&Vector3::y_axis(), pitch_rad);
-        let rotation = pitch * Rotation3::from_matrix_unchecked(axes);
+        let turn = Rotation3::from_euler_angles(roll_rad, pitch_rad, yaw_rad);
+        let rotation = turn * Rotation3::from_matrix_unchecked(axes);
         Self::new(position_m, UnitQuaternion::from_rotation_matrix(&rotation))
     }
 }

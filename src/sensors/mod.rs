@@ -9,7 +9,7 @@ mod rig_config;
 mod silhouette;
 mod weather;
 
-pub use rig::Rig;
-pub use rig_config::{LidarPreset, RigCameraConfig, RigConfig, RigLidarConfig};
+pub use rig::{Rig, RigCamera, RigLidar};
+pub use rig_config::{LidarPreset, LidarSector, RigCameraConfig, RigConfig, RigLidarConfig};
 pub use silhouette::silhouette_px;
 pub use weather::{SUN_AZIMUTH_RAD, UnknownWeather, Weather, WeatherOverride, WeatherState};

@@ -2,31 +2,43 @@
 //!
 //! Positions are in the ego frame (origin: rear-axle centre on the ground), metres.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 
-use crate::config::{Check, Rule, SHARE, below, define_config, from_to, part};
+use crate::config::{Check, InvalidConfig, Rule, SHARE, below, define_config, from_to, parts, require};
+use crate::geometry::{Camera, Ego, Frame, Lidar, World};
 
 define_config! {
-    /// Camera and LiDAR as the config file states them.
+    /// Cameras and LiDARs by name; topics and frames are named after them. `cam_front` and `lidar_top` are what a network
+    /// reads.
     pub struct RigConfig {
-        camera: RigCameraConfig = RigCameraConfig::default(), in part::<RigCameraConfig>();
-        lidar: RigLidarConfig = RigLidarConfig::default(), in part::<RigLidarConfig>();
+        cameras: BTreeMap<String, RigCameraConfig> = one(Camera::NAME), in parts::<RigCameraConfig>();
+        lidars: BTreeMap<String, RigLidarConfig> = one(Lidar::NAME), in parts::<RigLidarConfig>();
     }
 }
 
+fn one<T: Default>(name: &str) -> BTreeMap<String, T> {
+    [(name.to_owned(), T::default())].into()
+}
+
 define_config! {
-    /// The front camera; its optical axis lies in the ego's x-z plane.
+    /// A camera; at angles of zero its optical axis points along the ego's x axis.
     pub struct RigCameraConfig {
         /// nuScenes' front camera: 1.7 m ahead of the rear axle, 1.5 m up.
         x_m: f64 = 1.7, in PLACE;
         y_m: f64 = 0.0, in PLACE;
         z_m: f64 = 1.5, in PLACE;
+        /// Positive looks to the left.
+        yaw_deg: f64 = 0.0, in TURN;
         /// Positive looks down.
-        pitch_deg: f64 = 0.0, in from_to(-90.0, 90.0);
+        pitch_deg: f64 = 0.0, in TILT;
+        /// Positive lowers the right side.
+        roll_deg: f64 = 0.0, in TURN;
         width_px: u32 = 800, in from_to(16.0, 4096.0);
         height_px: u32 = 450, in from_to(16.0, 4096.0);
         /// Angle from the left edge of the image to its right edge.
-        horizontal_fov_deg: f64 = 70.0, in from_to(10.0, 120.0);
+        horizontal_fov_deg: f64 = 70.0, in from_to(10.0, 170.0);
     }
 }
 
@@ -62,8 +74,19 @@ fn even(n: u32, low: f64, high: f64) -> Vec<f64> {
     (0..n).map(|i| low + (high - low) * f64::from(i) / f64::from(n - 1)).collect()
 }
 
+/// Which part of its turn a LiDAR reports.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LidarSector {
+    /// What lies between the left and the right edge of the front camera's picture.
+    #[default]
+    Camera,
+    /// All of it.
+    Full,
+}
+
 define_config! {
-    /// The LiDAR; its axes are parallel to the ego's.
+    /// A LiDAR; at angles of zero its axes are parallel to the ego's.
     pub struct RigLidarConfig {
         preset: LidarPreset = LidarPreset::Hdl32e;
         /// Beams in place of the preset's: elevations in degrees, rising.
@@ -73,6 +96,13 @@ define_config! {
         x_m: f64 = 0.94, in PLACE;
         y_m: f64 = 0.0, in PLACE;
         z_m: f64 = 1.84, in PLACE;
+        /// Positive turns to the left.
+        yaw_deg: f64 = 0.0, in TURN;
+        /// Positive tilts the front down.
+        pitch_deg: f64 = 0.0, in TILT;
+        /// Positive lowers the right side.
+        roll_deg: f64 = 0.0, in TURN;
+        sector: LidarSector = LidarSector::Camera;
         /// Angle between two firings of a beam.
         azimuth_step_deg: f64 = 0.33, in from_to(0.05, 5.0);
         max_range_m: f64 = 70.0, in from_to(5.0, 500.0);
@@ -91,7 +121,52 @@ define_config! {
     }
 }
 
-impl Check for RigConfig {}
+impl Check for RigConfig {
+    fn check_relations(&self) -> Result<(), InvalidConfig> {
+        let Self { cameras, lidars } = self;
+        let list = |names: Vec<&String>| format!("{names:?}");
+        let has_front = cameras.contains_key(Camera::NAME);
+        require(has_front, "cameras", list(cameras.keys().collect()), "one named cam_front is needed")?;
+        let has_top = lidars.contains_key(Lidar::NAME);
+        require(has_top, "lidars", list(lidars.keys().collect()), "one named lidar_top is needed")?;
+        for name in cameras.keys().chain(lidars.keys()) {
+            let of = if cameras.contains_key(name) { "cameras" } else { "lidars" };
+            let key = format!("{of}.{name}");
+            let is_word = name.starts_with(|c: char| c.is_ascii_lowercase())
+                && name.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_')
+                && !TAKEN.contains(&name.as_str());
+            let wanted = format!("lower case letters, digits and _ are needed, and none of {TAKEN:?}");
+            require(is_word, &key, format!("named `{name}`"), wanted)?;
+            let is_alone = !(cameras.contains_key(name) && lidars.contains_key(name));
+            require(
+                is_alone,
+                &key,
+                "the name of a camera and of a LiDAR",
+                "a name for each sensor is needed",
+            )?;
+        }
+        let front = &cameras[Camera::NAME];
+        let [yaw, pitch, roll] = [front.yaw_deg, front.pitch_deg, front.roll_deg].map(f64::to_radians);
+        // As a reader wants them: within 60 degrees of straight ahead, and upright.
+        let (ahead, up) = (yaw.cos() * pitch.cos(), pitch.cos() * roll.cos());
+        require(
+            ahead >= 0.5 && up >= 0.5,
+            "cameras.cam_front",
+            format!("turned by {} and {} and rolled by {}", front.yaw_deg, front.pitch_deg, front.roll_deg),
+            "a front camera that looks ahead, upright, within 60 degrees is needed",
+        )?;
+        let top = &lidars[Lidar::NAME];
+        let up = top.pitch_deg.to_radians().cos() * top.roll_deg.to_radians().cos();
+        let found = format!("tilted by {} and rolled by {}", top.pitch_deg, top.roll_deg);
+        require(up >= 0.5, "lidars.lidar_top", found, "at most 60 degrees from upright are needed")
+    }
+}
 
 /// Bounds of a sensor's place, metres.
 const PLACE: Rule = from_to(-100.0, 100.0);
+/// Bounds of a turn, degrees.
+const TURN: Rule = from_to(-180.0, 180.0);
+/// Bounds of a tilt, degrees.
+const TILT: Rule = from_to(-90.0, 90.0);
+/// First words of other topics and names of other frames.
+const TAKEN: [&str; 7] = [World::NAME, Ego::NAME, "tf", "truth", "harm", "detections", "world"];

@@ -23,7 +23,7 @@ use nalgebra::Vector3;
 use self::picture::{Picture, View};
 pub use self::shot::{Material, Rendered, Shot, StreetLamp};
 use self::sky::Panorama;
-use super::rig::Rig;
+use super::rig::RigCamera;
 use super::weather::{Weather, WeatherState};
 use crate::geometry::{Camera, Ego, Pinhole, Transform};
 
@@ -41,17 +41,17 @@ pub struct Scope {
 }
 
 impl Scope {
-    pub fn new(weather: Weather, state: &WeatherState, rig: &Rig, seed: u64) -> Self {
-        let (intrinsics, forward) = (&rig.intrinsics, rig.ego_from_camera.rotate(&Vector3::z()));
+    pub fn new(weather: Weather, state: &WeatherState, camera: &RigCamera, seed: u64) -> Self {
+        let (intrinsics, forward) = (&camera.intrinsics, camera.ego_from_camera.rotate(&Vector3::z()));
         let farthest_px = intrinsics.cy_px.max(f64::from(intrinsics.height_px) - intrinsics.cy_px);
         let highest_rad = forward.z.asin().abs() + (farthest_px / intrinsics.fy_px).atan();
         Self {
             state: *state,
-            intrinsics: rig.intrinsics,
-            ego_from_camera: rig.ego_from_camera,
+            intrinsics: camera.intrinsics,
+            ego_from_camera: camera.ego_from_camera,
             panorama: Panorama::new(weather.daytime(), state, highest_rad, seed),
-            rays: picture::Rays::new(&rig.intrinsics),
-            noise: noise::Tile::new(rig.intrinsics.width_px as usize),
+            rays: picture::Rays::new(&camera.intrinsics),
+            noise: noise::Tile::new(camera.intrinsics.width_px as usize),
             puddles: wet::Puddles::new(),
             seed,
         }

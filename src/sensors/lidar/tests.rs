@@ -169,12 +169,12 @@ fn every_preset_fires_its_beams_from_the_lowest_to_the_highest() {
         ("hdl64e", 64, -24.85, 4.9),
         ("os1-128", 128, -21.82, 20.95),
     ] {
-        let config: RigConfig = toml::from_str(&format!("[lidar]\npreset = \"{name}\"")).unwrap();
+        let config: RigConfig = toml::from_str(&format!("[lidars.lidar_top]\npreset = \"{name}\"")).unwrap();
         let rig = Rig::try_from(&config).unwrap();
-        assert_eq!(rig.n_rings, n_beams, "{name}");
+        assert_eq!(rig.top().n_rings, n_beams, "{name}");
         let elevation = |ring: u16| {
-            let ray = rig.pattern.rings.iter().position(|&r| r == ring).unwrap();
-            rig.pattern.directions[ray].z.asin().to_degrees()
+            let ray = rig.top().pattern.rings.iter().position(|&r| r == ring).unwrap();
+            rig.top().pattern.directions[ray].z.asin().to_degrees()
         };
         assert!((elevation(0) - low_deg).abs() < 1e-3, "{name}");
         assert!((elevation(n_beams as u16 - 1) - high_deg).abs() < 1e-3, "{name}");

@@ -233,7 +233,7 @@ fn report_episode(config: &CheckedConfig, plan: &EpisodePlan, measured: &Measure
         gen_ms: a_sample(measured.sampling),
         bare_ms: a_sample(measured.bare.total()),
         pictures_ms: a_sample(measured.timings.picture),
-        n_rays: config.rig.pattern.directions.len(),
+        n_rays: config.rig.top().pattern.directions.len(),
         rays_ms: a_sample(measured.timings.rays),
         bare_rays_ms: a_sample(measured.bare.rays),
     }

@@ -55,14 +55,19 @@ impl StepLog {
         n_samples: u32,
         with_depth: bool,
     ) -> Result<BareCalls, SimError> {
-        let origin = rig.ego_from_lidar * Point::new(0.0, 0.0, 0.0);
+        let origin = rig.top().ego_from_lidar * Point::new(0.0, 0.0, 0.0);
         let position_m = [origin.x(), origin.y(), origin.z()];
-        let directions: Vec<[f64; 3]> =
-            rig.pattern.directions.iter().map(|of| rig.ego_from_lidar.rotate(of).into()).collect();
+        let directions: Vec<[f64; 3]> = rig
+            .top()
+            .pattern
+            .directions
+            .iter()
+            .map(|of| rig.top().ego_from_lidar.rotate(of).into())
+            .collect();
         simulator.with_python("issue its steps again", |world, _| {
             let array = world.py().import("numpy")?.getattr("array")?;
             let [position_m, directions] = [array.call1((position_m,))?, array.call1((directions,))?];
-            let reach_m = rig.lidar.max_range_m + 1.0;
+            let reach_m = rig.top().config.max_range_m + 1.0;
             let arguments = (n_samples, "ego", position_m, directions, reach_m, with_depth);
             let seconds: HashMap<String, f64> =
                 self.0.bind(world.py()).call_method1("replay", arguments)?.extract()?;
