@@ -35,7 +35,7 @@ pub struct GenerateArgs {
     /// Also place unfamiliar objects, of kinds that no training set holds
     #[arg(long)]
     ood: bool,
-    /// Sensor rig (TOML with the tables camera and lidar) in place of the config's
+    /// Sensor rig (TOML with the tables cameras and lidars) in place of the config's
     #[arg(long, value_name = "TOML")]
     rig: Option<PathBuf>,
     /// Renderer of the camera image; `filament` is physically based and needs mujoco-studio and Vulkan
