@@ -95,7 +95,7 @@ pub struct Model {
     /// `<body>` children as MJCF text.
     pub(super) geoms_xml: String,
     /// Files that the assets name.
-    pub(super) files: Vec<(String, &'static [u8])>,
+    pub(super) files: Vec<(String, Arc<[u8]>)>,
 }
 
 impl Model {
@@ -146,7 +146,7 @@ fn read(name: &str, xml: &str) -> Result<Model, String> {
     let body = child(child(root, "worldbody")?, "body")?;
     require_only(body, &["geom"])?;
 
-    let mut files: Vec<(String, &'static [u8])> = Vec::new();
+    let mut files: Vec<(String, Arc<[u8]>)> = Vec::new();
     let mut assets_xml = String::new();
     let mut paint_xml = None;
     for node in asset.children().filter(Node::is_element) {
@@ -163,7 +163,7 @@ fn read(name: &str, xml: &str) -> Result<Model, String> {
                 .ok_or(format!("there is no file `{file}` (.obj or .png) in the folder"))?;
             let key = format!("{name}__{}", file.replace('/', "_"));
             text = text.replace(&format!("file=\"{file}\""), &format!("file=\"{key}\""));
-            files.push((key, bytes));
+            files.push((key, bytes.into()));
         }
         if node.has_tag_name("material") && Some(own) == facts.paint.as_deref() {
             paint_xml = Some(text.clone());
