@@ -45,6 +45,8 @@ class Model:
     mass_kg: float
     reflectivity: float
     distribution: str = "id"
+    # "background": seen and hit, but never annotated.
+    role: str | None = None
     collision: str = "box"  # or "cylinder", "hull"
     # Of sliding (1), spinning and rolling (m), as MuJoCo counts them.
     friction: tuple = (0.8, 0.01, 0.01)
@@ -108,6 +110,8 @@ class Model:
             f'<text name="distribution" data="{self.distribution}"/>',
             f'<numeric name="reflectivity" data="{self.reflectivity:g}"/>',
         ]
+        if self.role:
+            custom.append(f'<text name="role" data="{self.role}"/>')
         if self.faces:
             custom.append(f'<text name="faces" data="{self.faces}"/>')
         if self.rolls:

@@ -246,7 +246,7 @@ def town_props() -> list[Model]:
     jersey.add(
         "yellow", *(box((s * 0.118, y, 0.78), (0.02, 0.10, 0.10)) for s in (1, -1) for y in (-1.3, 0, 1.3))
     )
-    hedge = prop("hedge", "Clipped garden hedge.", 60, 0.3, weight=0, paint="leaves")
+    hedge = prop("hedge", "Clipped garden hedge.", 60, 0.3, weight=0, paint="leaves", role="background")
     hedge.add("leaves", box((0, 0, 0.62), (0.62, 2.36, 1.10)))
     # Tufts break the straight edges; their places repeat without randomness.
     for k in range(22):

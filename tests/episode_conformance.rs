@@ -104,6 +104,7 @@ fn read_in_python() -> Value {
         config_toml: "a = 1\n".into(),
         rig_toml: "b = 2\n".into(),
         n_samples: 2,
+        background: String::new(),
     };
     let at = |x_m, y_m| Point::new(x_m, y_m, 0.5);
     let map = MapDrawing {

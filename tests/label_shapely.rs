@@ -92,6 +92,7 @@ fn make_dataset(folder: &Path) {
             config_toml: String::new(),
             rig_toml: String::new(),
             n_samples: N_SAMPLES,
+            background: String::new(),
         };
         let file = format!("episodes/{name}.mcap");
         let mut writer = EpisodeWriter::create(&folder.join(&file), &meta, &MapDrawing::default()).unwrap();

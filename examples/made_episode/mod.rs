@@ -23,6 +23,7 @@ pub fn write(folder: &Path) -> anyhow::Result<PathBuf> {
         config_toml: String::new(),
         rig_toml: String::new(),
         n_samples: N_SAMPLES as usize,
+        background: String::new(),
     };
     let map = MapDrawing { lane_lines: Vec::new(), drivable_area: Vec::new() };
     let mut episode = EpisodeWriter::create(&path, &meta, &map)?;

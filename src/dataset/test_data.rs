@@ -113,5 +113,6 @@ pub(super) fn episode_meta(weather: &str, config_toml: &str) -> EpisodeMeta {
         config_toml: config_toml.into(),
         rig_toml: String::new(),
         n_samples: 0,
+        background: String::new(),
     }
 }

@@ -22,6 +22,8 @@ pub struct EpisodeMeta {
     pub rig_toml: String,
     /// The planned number for a writer, the counted one from a reader.
     pub n_samples: usize,
+    /// Categories of what stands in the world and is never annotated, separated by commas; empty where this is not known.
+    pub background: String,
 }
 
 /// The version of the format that this code writes and reads.
@@ -43,12 +45,16 @@ macro_rules! record_of {
                 name: &'static str,
                 path: &Path,
             ) -> Result<Self, EpisodeError> {
+                // Older episodes do not say what is background.
+                let is_absent = |key: &str| key == "background" && !record.contains_key(key);
                 let fail = |key| EpisodeError::Metadata { record: name, key, path: path.to_owned() };
                 if record.get("format_version") != Some(&FORMAT_VERSION.to_string()) {
                     return Err(fail("format_version"));
                 }
                 $(
-                    let $field = record.get(stringify!($field)).and_then(|text| text.parse().ok());
+                    let text = record.get(stringify!($field)).map(String::as_str);
+                    let text = text.or(is_absent(stringify!($field)).then_some(""));
+                    let $field = text.and_then(|text| text.parse().ok());
                     let $field = $field.ok_or_else(|| fail(stringify!($field)))?;
                 )*
                 Ok(Self { $($field),* })
@@ -65,7 +71,8 @@ record_of!(EpisodeMeta {
     generator_version,
     config_toml,
     rig_toml,
-    n_samples
+    n_samples,
+    background
 });
 record_of!(SourceMeta { episode, episode_sha256, set, config_toml, generator_version });
 

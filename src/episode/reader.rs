@@ -30,7 +30,7 @@ use crate::sample::{CameraView, Measured, Sample, Truth};
 /// # let text = String::new;
 /// # let meta = EpisodeMeta {
 /// #     name: "oldtown-ClearNoon-7".into(), seed: 7, town: "oldtown".into(), weather: "ClearNoon".into(), ood: false,
-/// #     generator_version: text(), config_toml: text(), rig_toml: text(), n_samples: 1,
+/// #     generator_version: text(), config_toml: text(), rig_toml: text(), n_samples: 1, background: text(),
 /// # };
 /// # let measured = Measured {
 /// #     time_ns: 1_700_000_000_000_000_000,

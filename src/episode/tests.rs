@@ -23,6 +23,7 @@ pub(super) fn meta() -> EpisodeMeta {
         config_toml: "n_samples = 3\n".into(),
         rig_toml: "[cameras.cam_front]\nwidth_px = 800\n".into(),
         n_samples: 3,
+        background: String::new(),
     }
 }
 

@@ -18,7 +18,7 @@ pub(super) struct Observation {
     pub visible_px: u32,
 }
 
-/// The object's truth, if the object is annotated.
+/// The object's truth, if the object is annotated: background never is.
 pub(super) fn annotate(
     object: &SceneObject,
     seen: &Observation,
@@ -27,6 +27,9 @@ pub(super) fn annotate(
     rig: &Rig,
     config: &AnnotationConfig,
 ) -> Option<Object> {
+    if object.is_background {
+        return None;
+    }
     if seen.n_lidar_points < config.min_lidar_points.max(1) && seen.visible_px < config.min_visible_px.max(1)
     {
         return None;
@@ -126,6 +129,16 @@ mod tests {
     }
 
     fn truth_of(pose: Isometry3<f64>, before: Isometry3<f64>, points: u32, px: u32) -> Option<Object> {
+        truth_as(false, pose, before, points, px)
+    }
+
+    fn truth_as(
+        is_background: bool,
+        pose: Isometry3<f64>,
+        before: Isometry3<f64>,
+        points: u32,
+        px: u32,
+    ) -> Option<Object> {
         let corner = |x: f32, y: f32, z: f32| Point3::new(x, y, z);
         // The rear face, seen by a driver behind.
         let rear = [
@@ -142,6 +155,7 @@ mod tests {
             triangles: Arc::new(rear.to_vec()),
             reflectivity: 0.5,
             event: Event::None,
+            is_background,
         };
         let seen = Observation {
             world_from_model: pose,
@@ -217,6 +231,7 @@ mod tests {
         let ahead = at(20.0, 0.0, 0.0);
         assert!(truth_of(ahead, ahead, 0, 19).is_none());
         assert!(truth_of(ahead, ahead, 0, 20).is_some());
+        assert!(truth_as(true, ahead, ahead, 5, 20).is_none(), "background");
         let behind = at(-20.0, 0.0, 0.0);
         assert!(truth_of(behind, behind, 5, 0).is_none());
         let far = at(71.0, 0.0, 0.0);

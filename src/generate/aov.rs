@@ -2,7 +2,8 @@
 //!
 //! `aov/<episode>/<sample>.exr`, losslessly compressed, one layer of the camera's size with the channels
 //! `depth` (f32, metres along the optical axis, infinite for the sky), `instance` and `category` (u32,
-//! 0 where there is no object); `aov/<episode>/objects.json` maps the numbers to objects and categories.
+//! instance 0 where there is no object, category 0 only for the sky); `aov/<episode>/objects.json` maps the numbers to
+//! objects and categories. What is never annotated (`background`) has a category, and an instance if it is a thing.
 
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
@@ -23,10 +24,12 @@ const FOLDER: &str = "aov";
 
 #[derive(Debug, Serialize)]
 struct Entry<'a> {
+    /// 0 for scenery.
     instance: u32,
     category_number: u32,
     id: &'a str,
     category: &'a str,
+    background: bool,
 }
 
 /// The pictures of one episode, in a partial folder until all are written.
@@ -35,17 +38,19 @@ pub(super) struct AovWriter {
     partial: PathBuf,
     whole: PathBuf,
     size_px: (usize, usize),
-    /// Category number of each object.
+    /// Category number of each object, and of each category of the background.
     categories: Vec<u32>,
+    background: Vec<u32>,
 }
 
 impl AovWriter {
-    /// Begins an episode's folder; deletes what an earlier run left of it.
+    /// Begins an episode's folder; deletes what an earlier run left of it. `background`: categories without annotations.
     pub(super) fn create(
         data_set: &Path,
         episode: &str,
         size_px: (usize, usize),
         objects: &[SceneObject],
+        background: &[String],
     ) -> Result<Self, GenerateError> {
         let folder = data_set.join(FOLDER);
         let whole = folder.join(episode);
@@ -57,37 +62,50 @@ impl AovWriter {
         }
         fs::create_dir_all(&partial)?;
         let mut names: Vec<&str> = objects.iter().map(|object| object.category.as_str()).collect();
+        names.extend(background.iter().map(String::as_str));
         names.sort_unstable();
         names.dedup();
-        let number = |object: &SceneObject| {
-            let place = names.iter().position(|name| *name == object.category);
+        let number = |category: &str| {
+            let place = names.iter().position(|name| *name == category);
             1 + place.expect("the list was made of these") as u32
         };
-        let categories: Vec<u32> = objects.iter().map(number).collect();
-        let entries: Vec<Entry<'_>> = (1..)
-            .zip(objects.iter().zip(&categories))
-            .map(|(instance, (object, &category_number))| Entry {
+        let categories: Vec<u32> = objects.iter().map(|object| number(&object.category)).collect();
+        let of_background: Vec<u32> = background.iter().map(|category| number(category)).collect();
+        let things =
+            (1..).zip(objects.iter().zip(&categories)).map(|(instance, (object, &category_number))| Entry {
                 instance,
                 category_number,
                 id: &object.id,
                 category: &object.category,
-            })
-            .collect();
+                background: object.is_background,
+            });
+        let scenery = background.iter().zip(&of_background).map(|(category, &category_number)| Entry {
+            instance: 0,
+            category_number,
+            id: "",
+            category,
+            background: true,
+        });
+        let entries: Vec<Entry<'_>> = things.chain(scenery).collect();
         let json = serde_json::to_string_pretty(&entries).expect("a list of entries has a JSON form");
         write_atomic(&partial.join("objects.json"), json.as_bytes())?;
-        Ok(Self { partial, whole, size_px, categories })
+        Ok(Self { partial, whole, size_px, categories, background: of_background })
     }
 
-    /// Writes one sample; `objects` holds the object of each pixel.
+    /// Writes one sample; `shown` holds the object and the background category of each pixel, by index.
     pub(super) fn write(
         &self,
         sample_idx: u64,
         depth_m: &[f32],
-        objects: impl Iterator<Item = Option<usize>>,
+        shown: impl Iterator<Item = (Option<usize>, Option<usize>)>,
     ) -> Result<(), GenerateError> {
-        let objects: Vec<Option<usize>> = objects.collect();
-        let instance = objects.iter().map(|object| object.map_or(0, |i| i as u32 + 1)).collect();
-        let category = objects.iter().map(|object| object.map_or(0, |i| self.categories[i])).collect();
+        let (instance, category) = shown
+            .map(|shown| match shown {
+                (Some(object), _) => (object as u32 + 1, self.categories[object]),
+                (None, Some(background)) => (0, self.background[background]),
+                (None, None) => (0, 0),
+            })
+            .unzip();
         let channels = AnyChannels::sort(smallvec![
             AnyChannel::new("depth", FlatSamples::F32(depth_m.to_vec())),
             AnyChannel::new("instance", FlatSamples::U32(instance)),
@@ -131,16 +149,20 @@ mod tests {
             triangles: Arc::new(Vec::new()),
             reflectivity: 0.5,
             event: Event::None,
+            is_background: id.starts_with("bush"),
         }
     }
 
     #[test]
     fn an_exr_reads_back_as_it_was_written() {
         let folder = tempfile::tempdir().unwrap();
-        let objects = [object("tree-0", "tree"), object("bin-1", "bin"), object("tree-2", "tree")];
-        let writer = AovWriter::create(folder.path(), "e", (2, 2), &objects).unwrap();
-        let depth_m = [1.5, f32::INFINITY, 0.25, 70.0];
-        writer.write(3, &depth_m, [Some(0), None, Some(1), Some(2)].into_iter()).unwrap();
+        let objects = [object("tree-0", "tree"), object("bin-1", "bin"), object("bush-2", "bush")];
+        let background = ["bush", "wall"].map(str::to_owned);
+        let writer = AovWriter::create(folder.path(), "e", (5, 1), &objects, &background).unwrap();
+        let depth_m = [1.5, f32::INFINITY, 0.25, 70.0, 3.0];
+        let shown =
+            [(Some(0), None), (None, None), (Some(1), None), (Some(2), Some(0)), (None, Some(1))].into_iter();
+        writer.write(3, &depth_m, shown).unwrap();
         assert!(!folder.path().join("aov/e").exists(), "not before it is whole");
         writer.finish().unwrap();
         let image = read_all_flat_layers_from_file(folder.path().join("aov/e/000003.exr")).unwrap();
@@ -150,9 +172,10 @@ mod tests {
             channel.sample_data.values_as_f32().collect()
         };
         assert_eq!(values("depth"), depth_m);
-        assert_eq!(values("instance"), [1.0, 0.0, 2.0, 3.0]);
-        assert_eq!(values("category"), [2.0, 0.0, 1.0, 2.0]);
+        assert_eq!(values("instance"), [1.0, 0.0, 2.0, 3.0, 0.0]);
+        assert_eq!(values("category"), [3.0, 0.0, 1.0, 2.0, 4.0]);
         let json = fs::read_to_string(folder.path().join("aov/e/objects.json")).unwrap();
         assert!(json.contains("\"bin-1\"") && json.contains("\"category_number\": 2"), "{json}");
+        assert_eq!(json.matches("\"background\": true").count(), 3, "a thing and two categories: {json}");
     }
 }

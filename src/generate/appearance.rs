@@ -2,7 +2,7 @@
 //!
 //! Found by the names that the scene gives its geoms, and the models their materials.
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 
 use super::GenerateError;
 use super::drive::Drive;
@@ -33,6 +33,10 @@ pub(super) struct Appearance {
     materials: Vec<Material>,
     reflectivities: Vec<f64>,
     is_paved: Vec<bool>,
+    /// Index in `background` of what each geom shows that is never annotated.
+    background_of_geom: Vec<Option<usize>>,
+    /// Categories of all that stands in the world and is never annotated, sorted.
+    pub background: Vec<String>,
     /// All lamps that light the streets.
     pub lamps: Vec<StreetLamp>,
 }
@@ -68,6 +72,21 @@ impl Appearance {
             known.map_or(OTHER_REFLECTIVITY, |(_, reflectivity)| *reflectivity)
         };
         let n_geoms = objects.len();
+        let background_category = |geom: usize| match objects[geom] {
+            Some(object) => {
+                let object = &world.objects()[object];
+                object.is_background.then_some(object.category.as_str())
+            }
+            // `scene_roof_2` is a roof.
+            None => names[geom]
+                .strip_prefix("scene_")
+                .map(|name| name.trim_end_matches(|last: char| last == '_' || last.is_ascii_digit())),
+        };
+        let background: BTreeSet<&str> = (0..n_geoms).filter_map(background_category).collect();
+        let background: Vec<String> = background.into_iter().map(str::to_owned).collect();
+        let number = |category: &str| background.iter().position(|name| name == category);
+        let background_of_geom =
+            (0..n_geoms).map(|geom| background_category(geom).and_then(number)).collect();
         let materials: Vec<Material> = (0..n_geoms).map(material_of).collect();
         let centers = simulator.geom_centers()?;
         let is_lamp = |geom: &usize| simulator.geom_materials()[*geom].ends_with("_lamp/lamp");
@@ -80,6 +99,8 @@ impl Appearance {
             is_paved: materials.iter().map(|material| *material == Material::Paved).collect(),
             materials,
             objects,
+            background_of_geom,
+            background,
             lamps,
         })
     }
@@ -87,6 +108,11 @@ impl Appearance {
     /// The object that a geom belongs to; -1 means no geom.
     pub(super) fn object(&self, geom: i32) -> Option<usize> {
         usize::try_from(geom).ok().and_then(|geom| self.objects[geom])
+    }
+
+    /// Index of the background category that a geom shows, if it does; -1 means no geom.
+    pub(super) fn background(&self, geom: i32) -> Option<usize> {
+        usize::try_from(geom).ok().and_then(|geom| self.background_of_geom[geom])
     }
 
     /// What a geom shows; -1, no geom, is the sky.

@@ -122,21 +122,25 @@ impl<'a> Recording<'a> {
             config_toml: to_toml(raw),
             rig_toml: to_toml(&raw.rig),
             n_samples: raw.samples as usize,
+            background: String::new(),
         };
         let route: Vec<[f64; 2]> =
             world.ego_route.path.points_every(20.0).iter().map(|at| [at.x, at.y]).collect();
         let map = map::drawing(&town.graph, &town.surface.ground, &route, MAP_REACH_M);
         let size_px = (rig.front().intrinsics.width_px as usize, rig.front().intrinsics.height_px as usize);
-        let aov = || AovWriter::create(folder, &plan.name, size_px, world.objects());
+        let appearance = Appearance::new(&world, &drive)?;
+        let meta = EpisodeMeta { background: appearance.background.join(","), ..meta };
+        let aov = || AovWriter::create(folder, &plan.name, size_px, world.objects(), &appearance.background);
+        let aov = raw.render.aov.then(aov).transpose()?;
         let mut recording = Self {
             config,
             plan,
-            appearance: Appearance::new(&world, &drive)?,
+            appearance,
             caster: Caster::new(raw.lidar_engine, rig.top(), &drive.simulator)?,
             receiver: Receiver::new(&rig.top().config, rig.top().n_rings, &state, plan.seed),
             scope: Scope::new(plan.weather, &state, rig.front(), plan.seed),
             writer: EpisodeWriter::create(&folder.join(plan.file()), &meta, &map)?,
-            aov: raw.render.aov.then(aov).transpose()?,
+            aov,
             timings: Timings { set_up: begin.elapsed(), ..Timings::default() },
             meta,
             drive,
@@ -215,8 +219,8 @@ impl<'a> Recording<'a> {
         let simulator = &mut drive.simulator;
         let DrawnView { rgb, depth_m, geoms } = time(&mut timings.picture, || simulator.render(needs_depth))?;
         if let Some(aov) = &self.aov {
-            let objects = geoms.iter().map(|&geom| appearance.object(geom));
-            time(&mut timings.writing, || aov.write(sample_idx, &depth_m, objects))?;
+            let shown = geoms.iter().map(|&geom| (appearance.object(geom), appearance.background(geom)));
+            time(&mut timings.writing, || aov.write(sample_idx, &depth_m, shown))?;
         }
 
         let ego_state = drive.ego_state()?;

@@ -153,6 +153,7 @@ fn start(
         config_toml: task.config_toml.to_owned(),
         rig_toml: String::new(),
         n_samples: 0,
+        background: String::new(),
     };
     Ok(EpisodeWriter::create_log(&task.out.join(Task::file(name)), &meta, log, cameras, &facts.map)?)
 }

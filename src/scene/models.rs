@@ -40,6 +40,17 @@ pub enum Faces {
     Traffic,
 }
 
+/// What a model is to a detector.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Role {
+    /// Annotated wherever it is seen or hit.
+    #[default]
+    Object,
+    /// Seen and hit, but never annotated: bushes, rubbish bags.
+    Background,
+}
+
 /// The axis about which a model is round.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -56,6 +67,8 @@ pub struct ModelFacts {
     pub category: String,
     pub kind: Kind,
     pub distribution: Distribution,
+    #[serde(default)]
+    pub role: Role,
     /// Share of LiDAR light sent back at right angles, 0 to 1.
     pub reflectivity: f64,
     /// How likely the model is, relative to others of its kind, where a town gives no weights.

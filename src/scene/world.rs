@@ -5,7 +5,7 @@ use std::sync::Arc;
 use nalgebra::Point3;
 
 use super::loose::{Loose, Perch};
-use super::models::{Bounds, Model};
+use super::models::{Bounds, Model, Role};
 use super::occupancy::Footprint;
 use super::path::{Path, Vec2, rotate};
 use super::route::Route;
@@ -73,6 +73,8 @@ pub struct SceneObject {
     pub triangles: Arc<Vec<[Point3<f32>; 3]>>,
     pub reflectivity: f64,
     pub event: Event,
+    /// Never annotated: it teaches detectors what is no object.
+    pub is_background: bool,
 }
 
 /// A filled town, ready to be simulated.
@@ -137,6 +139,7 @@ impl SceneObject {
                 _ if surface.road_grid.clearance_m(placement.position) > 0.0 => Event::None,
                 _ => Event::Lies,
             },
+            is_background: model.facts.role == Role::Background,
         }
     }
 }

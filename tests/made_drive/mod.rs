@@ -131,6 +131,7 @@ pub fn make_dataset(folder: &Path) {
             config_toml: text(),
             rig_toml: text(),
             n_samples: N_SAMPLES,
+            background: String::new(),
         };
         let facts = LogFacts {
             format: "made".to_owned(),

@@ -1,5 +1,7 @@
-//! What the episodes of a data set that were imported say of their logs: sources, methods, and what is annotated.
+//! What the episodes of a data set say of their truth: of imported ones sources, methods and what is annotated, of
+//! simulated ones what is never annotated.
 
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -18,11 +20,17 @@ pub struct LogGroup {
     pub facts: LogFacts,
 }
 
-/// The logs of a data set's episodes; none where all are simulated.
-pub(super) fn read(dataset: &Path, manifest: &Manifest) -> Result<Vec<LogGroup>, EpisodeError> {
+/// The logs of a data set's episodes, none where all are simulated; and the categories that are never annotated.
+pub(super) fn read(
+    dataset: &Path,
+    manifest: &Manifest,
+) -> Result<(Vec<LogGroup>, BTreeSet<String>), EpisodeError> {
     let mut groups: Vec<LogGroup> = Vec::new();
+    let mut background = BTreeSet::new();
     for entry in &manifest.episodes {
         let reader = EpisodeReader::open(&dataset.join(&entry.file))?;
+        let categories = reader.meta().background.split(',').filter(|category| !category.is_empty());
+        background.extend(categories.map(str::to_owned));
         let Some(facts) = reader.log() else { continue };
         let facts = shared(facts);
         let of_drive = |drive: &str| LogFacts { drive: drive.to_owned(), ..facts.clone() };
@@ -31,7 +39,7 @@ pub(super) fn read(dataset: &Path, manifest: &Manifest) -> Result<Vec<LogGroup>,
             None => groups.push(LogGroup { n_episodes: 1, facts }),
         }
     }
-    Ok(groups)
+    Ok((groups, background))
 }
 
 /// The facts without those of a single drive.

@@ -6,7 +6,7 @@ mod comparison;
 mod logs;
 mod text;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use fs_err as fs;
@@ -71,6 +71,9 @@ pub struct Info {
     /// Where imported episodes come from.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub logs: Vec<LogGroup>,
+    /// Categories of what stands in simulated episodes and is never annotated.
+    #[serde(skip_serializing_if = "BTreeSet::is_empty")]
+    pub background: BTreeSet<String>,
     #[serde(flatten)]
     pub all: GroupInfo,
     pub splits: BTreeMap<Split, GroupInfo>,
@@ -141,11 +144,11 @@ pub fn run(request: &InfoRequest, progress: &dyn Progress) -> Result<Info, InfoE
     let manifest = Manifest::read(dataset)?;
     let (label_set, note) = choose_labels(dataset, request.label_set.as_deref());
     let statistics = Statistics::of(dataset, &manifest, label_set.as_deref(), progress)?;
-    let logs = logs::read(dataset, &manifest)?;
+    let (logs, background) = logs::read(dataset, &manifest)?;
     let is_annotated = logs.is_empty() || logs.iter().any(|group| group.facts.labelled.is_some());
     let nobody = || "nobody annotated these logs, so there is nothing to label".to_owned();
     let note = if is_annotated { note } else { Some(nobody()) };
-    let info = Info { logs, ..describe(dataset, &manifest, label_set, note, statistics) };
+    let info = Info { logs, background, ..describe(dataset, &manifest, label_set, note, statistics) };
     if let Some(path) = &request.plot {
         if let Some(folder) = path.parent() {
             fs::create_dir_all(folder)?;
@@ -205,6 +208,7 @@ fn describe(
         label_set,
         note,
         logs: Vec::new(),
+        background: BTreeSet::new(),
         all: group(&statistics.all),
         splits: statistics.by_split.iter().map(|(&split, of_split)| (split, group(of_split))).collect(),
         towns: of_names(&statistics.by_town),

@@ -15,6 +15,10 @@ impl fmt::Display for Info {
             None => writeln!(f, ", not labelled\n")?,
         }
         write!(f, "{}\n{}\n{}", self.group_table(), self.comparison_table(), self.spread_table())?;
+        if !self.background.is_empty() {
+            let categories: Vec<&str> = self.background.iter().map(String::as_str).collect();
+            writeln!(f, "  never annotated  {}", categories.join(", "))?;
+        }
         for group in &self.logs {
             write!(f, "\n{}", super::logs::text(group))?;
         }
