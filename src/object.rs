@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Deserializer, Serialize};
 
-use crate::geometry::{Box3, Ego};
+use crate::geometry::{Box3, Ego, Point};
 
 /// The three kinds of the paper's statistics.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -127,6 +127,18 @@ impl Harm {
     }
 }
 
+/// The part of an object that something could hit, a rectangle on the ground in the axes of the object's box: a trunk
+/// without its crown, a post without its arm.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct SolidPart {
+    /// From the box's middle to the rectangle's, along the box's x axis.
+    pub along_m: f64,
+    /// The same along its y axis.
+    pub across_m: f64,
+    pub length_m: f64,
+    pub width_m: f64,
+}
+
 /// A true object: its box, and what is known about it. Our episodes hold every fact; files of others may lack
 /// some.
 ///
@@ -157,6 +169,12 @@ pub struct Object {
     /// Visible pixels over the pixels of the whole silhouette inside the image, 0 to 1.
     pub visible_fraction: Option<f64>,
     pub event: Option<Event>,
+    /// What is solid of it; `None`: the whole box.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub solid: Option<SolidPart>,
+    /// From the ground under it to its lowest point; `None`: the ground is the ego's plane.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub clearance_m: Option<f64>,
 }
 
 impl Object {
@@ -174,7 +192,24 @@ impl Object {
             visible_px: None,
             visible_fraction: None,
             event: None,
+            solid: None,
+            clearance_m: None,
         }
+    }
+
+    /// The box with the ground plan of what is solid, as high as the whole object; its base is the footprint that zones
+    /// and distances take.
+    #[must_use]
+    pub fn solid_in_ego(&self) -> Box3<Ego> {
+        let of = self.box_in_ego;
+        let Some(SolidPart { along_m, across_m, length_m, width_m }) = self.solid else { return of };
+        let (sin, cos) = of.yaw_rad.sin_cos();
+        let center = Point::new(
+            of.center.x() + along_m * cos - across_m * sin,
+            of.center.y() + along_m * sin + across_m * cos,
+            of.center.z(),
+        );
+        Box3 { center, length_m, width_m, ..of }
     }
 
     /// Whether it is known to be out of distribution.

@@ -8,7 +8,7 @@ use std::process::Command;
 use harmzone::episode::{EpisodeEntry, EpisodeMeta, EpisodeWriter, Manifest, MapDrawing, Split};
 use harmzone::geometry::{Box3, Pinhole, Point, Transform};
 use harmzone::label;
-use harmzone::object::{Distribution, Event, Kind, Object};
+use harmzone::object::{Distribution, Event, Kind, Object, SolidPart};
 use harmzone::progress::Silent;
 use harmzone::random::{Rng, stream};
 use harmzone::sample::{EgoState, EncodedImage, ImageFormat, LidarPoint, Measured, Sample, Truth};
@@ -30,7 +30,7 @@ fn random_object(i: usize, rng: &mut Rng) -> Object {
         kind: Some([Kind::Vehicle, Kind::Pedestrian, Kind::Static][i % 3]),
         distribution: Some(if i.is_multiple_of(4) { Distribution::Ood } else { Distribution::Id }),
         box_in_ego: Box3 {
-            center: Point::new(between(rng, -5.0, 50.0), between(rng, -6.0, 6.0), 0.8),
+            center: Point::new(between(rng, -5.0, 50.0), between(rng, -6.0, 6.0), between(rng, 0.8, 5.0)),
             length_m: between(rng, 0.2, 8.0),
             width_m: between(rng, 0.2, 2.5),
             height_m: between(rng, 0.3, 3.0),
@@ -45,6 +45,14 @@ fn random_object(i: usize, rng: &mut Rng) -> Object {
         visible_px: Some(50),
         visible_fraction: Some(0.5),
         event: Some(Event::None),
+        solid: (i % 3 == 2).then(|| SolidPart {
+            along_m: between(rng, -1.0, 1.0),
+            across_m: between(rng, -0.5, 0.5),
+            length_m: between(rng, 0.2, 2.0),
+            width_m: between(rng, 0.2, 1.0),
+        }),
+        // Some stand on a rise, some hang over a hollow; of the others the ground is the ego's plane.
+        clearance_m: (i % 2 == 0).then(|| between(rng, -0.2, 3.5)),
     }
 }
 

@@ -78,6 +78,8 @@ fn sample(idx: usize, zone: &Zone) -> LabelledSample {
                 visible_px: Some(500),
                 visible_fraction: Some(1.0),
                 event: Some(Event::None),
+                solid: None,
+                clearance_m: None,
             },
             harm,
         });

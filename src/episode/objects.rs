@@ -5,7 +5,7 @@ use super::convert::FINITE;
 use super::error::MessageFault;
 use super::messages::{own_time, wire};
 use crate::geometry::{Box3, BoxError, Ego, Frame, Point};
-use crate::object::{Detection, Distribution, Event, Harm, Kind, Object};
+use crate::object::{Detection, Distribution, Event, Harm, Kind, Object, SolidPart};
 
 /// An enum as messages hold it: by the number of the variant of the same name.
 macro_rules! enum_numbers {
@@ -98,6 +98,10 @@ pub(super) fn objects_message(time_ns: u64, objects: &[Object]) -> wire::Objects
             visible_px: object.visible_px,
             visible_fraction: object.visible_fraction.map(|fraction| fraction as f32),
             event: object.event.map_or(0, event_number),
+            solid: object.solid.map(|SolidPart { along_m, across_m, length_m, width_m }| {
+                wire::SolidPart { along_m, across_m, length_m, width_m }
+            }),
+            clearance_m: object.clearance_m,
         })
     });
     wire::Objects { timestamp: Some(own_time(time_ns)), objects: objects.collect() }
@@ -109,11 +113,16 @@ pub(super) fn object_of(message: wire::Object) -> Result<Object, MessageFault> {
         let kind = kind_of(message.kind)?;
         let distribution = distribution_of(message.distribution)?;
         let event = event_of(message.event)?;
-        check_box(&box_in_ego, velocity_in_ego_mps)?;
         Ok((kind, distribution, event))
     };
     let (kind, distribution, event) = read().map_err(|fault: MessageFault| fault.of(&message.id))?;
-    Ok(Object {
+    let solid = message.solid.map(|wire::SolidPart { along_m, across_m, length_m, width_m }| SolidPart {
+        along_m,
+        across_m,
+        length_m,
+        width_m,
+    });
+    let object = Object {
         box_in_ego,
         velocity_in_ego_mps,
         id: Some(message.id),
@@ -124,7 +133,11 @@ pub(super) fn object_of(message: wire::Object) -> Result<Object, MessageFault> {
         visible_px: message.visible_px,
         visible_fraction: message.visible_fraction.map(f64::from),
         event: Some(event),
-    })
+        solid,
+        clearance_m: message.clearance_m,
+    };
+    check_numbers(&object).map_err(|fault| fault.of(object.id.as_deref().unwrap_or_default()))?;
+    Ok(object)
 }
 
 pub(super) fn detections_message(time_ns: u64, detections: &[Detection]) -> wire::Detections {
@@ -152,6 +165,26 @@ fn check_box<F: Frame>(found: &Box3<F>, velocity_mps: [f64; 2]) -> Result<(), Me
     }
 }
 
+/// Whether a reader will accept every number of an object.
+fn check_numbers(object: &Object) -> Result<(), MessageFault> {
+    check_box(&object.box_in_ego, object.velocity_in_ego_mps)?;
+    if let Some(SolidPart { along_m, across_m, length_m, width_m }) = object.solid {
+        let numbers = [("solid.along_m", along_m), ("solid.across_m", across_m)];
+        let sizes = [("solid.length_m", length_m), ("solid.width_m", width_m)];
+        if let Some((field, found)) = numbers.into_iter().chain(sizes).find(|(_, number)| !number.is_finite())
+        {
+            return Err(MessageFault::new(field, found, FINITE));
+        }
+        if let Some((field, found)) = sizes.into_iter().find(|&(_, size_m)| size_m <= 0.0) {
+            return Err(MessageFault::new(field, found, "a size above zero is needed"));
+        }
+    }
+    match object.clearance_m.filter(|clearance_m| !clearance_m.is_finite()) {
+        Some(found) => Err(MessageFault::new("clearance_m", found, FINITE)),
+        None => Ok(()),
+    }
+}
+
 /// Episodes hold these facts of every object; logs may lack the others.
 fn check_facts(object: &Object) -> Result<(), MessageFault> {
     let facts = [
@@ -169,7 +202,7 @@ fn check_facts(object: &Object) -> Result<(), MessageFault> {
 /// Whether every fact of an object is known, and a reader will accept every number.
 pub(super) fn check_object(object: &Object) -> Result<(), MessageFault> {
     check_facts(object)
-        .and_then(|()| check_box(&object.box_in_ego, object.velocity_in_ego_mps))
+        .and_then(|()| check_numbers(object))
         .map_err(|fault| fault.of(object.id.as_deref().unwrap_or_default()))
 }
 

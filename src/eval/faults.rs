@@ -14,7 +14,7 @@ use super::filter::KeptSample;
 use super::matching::{Matching, Outcome, center_distance_m};
 use crate::dataset::{SampleFacts, episode_of_id};
 use crate::geometry::{Box3, Ego};
-use crate::object::{Detection, Harm, LabelledObject};
+use crate::object::{Detection, Harm, LabelledObject, Object};
 
 /// Most faults of a kind that are kept: more than anyone looks through.
 const MOST_OF_KIND: usize = 40;
@@ -136,7 +136,7 @@ fn find_all<'a>(matching: &Matching<'a>) -> Vec<Found<'a>> {
         let (sample, object) = (&matching.samples[of.sample_idx], of.object);
         let kind = if is_called_harmless[of.number] { FaultKind::CalledHarmless } else { FaultKind::NotSeen };
         let place = &object.truth.box_in_ego;
-        let margin_m = stopping_margin_m(matching, sample.facts, place);
+        let margin_m = stopping_margin_m(matching, sample.facts, &object.truth.solid_in_ego());
         faults.push(Found {
             kind,
             sample_idx: of.sample_idx,
@@ -196,6 +196,9 @@ impl Found<'_> {
         let kept = sample.detections.iter().filter(|found| found.score >= config.operating_score);
         let mut detections: Vec<Detection> = kept.map(|&&found| found).collect();
         detections.sort_by(|a, b| b.score.total_cmp(&a.score));
+        let true_object = self.object.map(|object| &object.truth);
+        let missed = true_object.filter(|truth| truth.box_in_ego == *self.place);
+        let footprint = missed.map_or(*self.place, Object::solid_in_ego);
         Fault {
             kind: self.kind,
             sample: sample.id.to_owned(),
@@ -203,8 +206,8 @@ impl Found<'_> {
             score: self.score,
             place: *self.place,
             range_m: range_m(self.place),
-            zone_distance_m: sample.facts.zone_distance_m(self.place),
-            stopping_margin_m: stopping_margin_m(matching, sample.facts, self.place),
+            zone_distance_m: sample.facts.zone_distance_m(&footprint),
+            stopping_margin_m: stopping_margin_m(matching, sample.facts, &footprint),
             object: self.object.cloned(),
             facts: sample.facts.clone(),
             detections,

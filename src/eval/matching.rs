@@ -153,7 +153,7 @@ impl<'a> Matching<'a> {
     /// Signed distance of each object, by number, to the zone's edge, metres; `None` where the zone is not known.
     pub fn zone_distances_m(&self) -> &[Option<f64>] {
         let of_object =
-            |of: &PlacedObject<'_>| self.facts_of(of).zone_distance_m(&of.object.truth.box_in_ego);
+            |of: &PlacedObject<'_>| self.facts_of(of).zone_distance_m(&of.object.truth.solid_in_ego());
         self.zone_distances_m.get_or_init(|| self.objects.iter().map(of_object).collect())
     }
 

@@ -4,9 +4,12 @@ use nalgebra::{Isometry3, Point3, Vector3};
 
 use super::AnnotationConfig;
 use crate::geometry::{Box3, Ego, Frame, Point, Transform, World};
-use crate::object::{Event, Object};
+use crate::object::{Event, Object, SolidPart};
 use crate::scene::SceneObject;
 use crate::sensors::{Rig, silhouette_px};
+
+/// Cosine of the greatest tilt at which what is solid of a standing model still is.
+const UPRIGHT: f64 = 0.97;
 
 /// An object at one instant.
 #[derive(Debug, Clone, Copy)]
@@ -16,6 +19,8 @@ pub(super) struct Observation {
     pub world_from_model_before: Isometry3<f64>,
     pub n_lidar_points: u32,
     pub visible_px: u32,
+    /// Height of the ground under it, in the world frame.
+    pub ground_m: f64,
 }
 
 /// The object's truth, if the object is annotated: background never is.
@@ -73,7 +78,31 @@ pub(super) fn annotate(
         visible_px: Some(seen.visible_px),
         visible_fraction: Some((f64::from(seen.visible_px) / f64::from(whole_px)).min(1.0)),
         event: Some(object.event),
+        solid: solid_part(object, &ego_from_model, &box_in_ego),
+        clearance_m: Some(lowest_m(object, &seen.world_from_model) - seen.ground_m),
     })
+}
+
+/// The solid part of an object that stands upright, where it is not the whole object.
+fn solid_part(
+    object: &SceneObject,
+    ego_from_model: &Isometry3<f64>,
+    box_in_ego: &Box3<Ego>,
+) -> Option<SolidPart> {
+    let is_upright = (ego_from_model.rotation * Vector3::z()).z > UPRIGHT;
+    if object.solid == object.bounds || !is_upright {
+        return None;
+    }
+    let Box3 { center, length_m, width_m, yaw_rad, .. } = upright_box::<Ego>(ego_from_model, &object.solid);
+    let (x, y) = (center.x() - box_in_ego.center.x(), center.y() - box_in_ego.center.y());
+    let (sin, cos) = yaw_rad.sin_cos();
+    Some(SolidPart { along_m: x * cos + y * sin, across_m: y * cos - x * sin, length_m, width_m })
+}
+
+/// Height of an object's lowest point in the world frame.
+fn lowest_m(object: &SceneObject, world_from_model: &Isometry3<f64>) -> f64 {
+    let points = object.triangles.iter().flatten();
+    points.map(|point| (world_from_model * point.cast::<f64>()).z).fold(f64::INFINITY, f64::min)
 }
 
 /// The smallest box, upright in a frame and along the model's heading, that holds its (perhaps tilted)
@@ -152,6 +181,7 @@ mod tests {
             distribution: Distribution::Id,
             body_name: "obj:a".into(),
             bounds: BOUNDS,
+            solid: [BOUNDS[0], Point3::new(0.0, 1.0, 1.5)],
             triangles: Arc::new(rear.to_vec()),
             reflectivity: 0.5,
             event: Event::None,
@@ -162,6 +192,7 @@ mod tests {
             world_from_model_before: before,
             n_lidar_points: points,
             visible_px: px,
+            ground_m: -0.1,
         };
         let rig = Rig::try_from(&RigConfig::default()).unwrap();
         let world_from_ego = Transform::from_xyz_yaw(0.0, 0.0, 0.0, 0.0);
@@ -236,6 +267,24 @@ mod tests {
         assert!(truth_of(behind, behind, 5, 0).is_none());
         let far = at(71.0, 0.0, 0.0);
         assert!(truth_of(far, far, 5, 0).is_none());
+    }
+
+    #[test]
+    fn the_solid_part_lies_in_the_box_and_the_lowest_point_over_the_ground() {
+        // Turned by a right angle, so that the rear half lies to the right, at y from -2 to 0.
+        let pose = at(20.0, 0.0, std::f64::consts::FRAC_PI_2);
+        let truth = truth_of(pose, pose, 5, 50).unwrap();
+        let part = truth.solid.unwrap();
+        let near = |a: f64, b: f64| (a - b).abs() < 1e-12;
+        assert!(near(part.along_m, -1.0) && near(part.across_m, 0.0), "{part:?}");
+        assert!(near(part.length_m, 2.0) && near(part.width_m, 2.0), "{part:?}");
+        let solid = truth.solid_in_ego();
+        assert!(near(solid.center.x(), 20.0) && near(solid.center.y(), -1.0), "{solid:?}");
+        assert!(near(truth.clearance_m.unwrap(), 0.1), "{:?}", truth.clearance_m);
+        // Tipped over, the whole of it may be hit.
+        let over = UnitQuaternion::from_euler_angles(std::f64::consts::FRAC_PI_2, 0.0, 0.0);
+        let tipped = Isometry3::from_parts(Translation3::new(20.0, 0.0, 1.0), over);
+        assert_eq!(truth_of(tipped, tipped, 5, 50).unwrap().solid, None);
     }
 
     #[test]

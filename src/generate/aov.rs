@@ -146,6 +146,7 @@ mod tests {
             distribution: Distribution::Id,
             body_name: format!("obj:{id}"),
             bounds: [[0.0; 3].into(), [1.0; 3].into()],
+            solid: [[0.0; 3].into(), [1.0; 3].into()],
             triangles: Arc::new(Vec::new()),
             reflectivity: 0.5,
             event: Event::None,

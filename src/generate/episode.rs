@@ -252,6 +252,7 @@ impl<'a> Recording<'a> {
                 world_from_model_before: drive.poses_before[body],
                 n_lidar_points: 0,
                 visible_px: 0,
+                ground_m: self.world.town.surface.ground_m(drive.poses[body].translation.vector.xy()),
             })
             .collect();
         for object in geoms.iter().filter_map(|&geom| appearance.object(geom)) {

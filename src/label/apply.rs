@@ -43,8 +43,11 @@ pub fn label_sample(
             let (episode, object) = (episode.to_owned(), id);
             return Err(SampleError::Twice { episode, sample_idx, object });
         }
-        let verdict = here.harm_of(&object.box_in_ego, object.velocity_in_ego_mps).map_err(|source| {
-            SampleError::Object { episode: episode.to_owned(), sample_idx, object: id.clone(), source }
+        let verdict = here.harm_of_object(object).map_err(|source| SampleError::Object {
+            episode: episode.to_owned(),
+            sample_idx,
+            object: id.clone(),
+            source,
         })?;
         labels.push(ObjectLabel {
             id,

@@ -274,10 +274,7 @@ mod tests {
                 .collect();
             let harms = zones.each_ref().map(|zone| {
                 let here = zone.at(&ego).unwrap();
-                objects
-                    .iter()
-                    .map(|car| here.harm_of(&car.box_in_ego, velocity_in_ego_mps).unwrap().harm)
-                    .collect()
+                objects.iter().map(|car| here.harm_of_object(car).unwrap().harm).collect()
             });
             tally.add(&objects, &harms);
         }

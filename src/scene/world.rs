@@ -70,6 +70,8 @@ pub struct SceneObject {
     pub body_name: String,
     /// In the model frame.
     pub bounds: Bounds,
+    /// Of the part that something could hit.
+    pub solid: Bounds,
     pub triangles: Arc<Vec<[Point3<f32>; 3]>>,
     pub reflectivity: f64,
     pub event: Event,
@@ -131,6 +133,7 @@ impl SceneObject {
             distribution: model.facts.distribution,
             body_name: format!("obj:{}", placement.id),
             bounds: model.bounds,
+            solid: model.solid,
             triangles: Arc::clone(&model.triangles),
             reflectivity: model.facts.reflectivity,
             event: match &placement.motion {

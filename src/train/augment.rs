@@ -8,7 +8,7 @@ use rand::RngExt;
 
 use super::config::AugmentConfig;
 use crate::geometry::{Point, Point2};
-use crate::object::{LabelledObject, Object};
+use crate::object::LabelledObject;
 use crate::random::Rng;
 use crate::sample::EgoState;
 use crate::zone::{Zone, ZoneError};
@@ -48,8 +48,7 @@ pub fn draw(
         let area = zone.at(&state)?;
         let mut again = objects.to_vec();
         for object in &mut again {
-            let Object { box_in_ego, velocity_in_ego_mps, .. } = &object.truth;
-            object.harm = area.harm_of(box_in_ego, *velocity_in_ego_mps)?.harm;
+            object.harm = area.harm_of_object(&object.truth)?.harm;
         }
         states.push(state);
         labelled.push(again);
@@ -90,6 +89,9 @@ fn reflect(object: &mut LabelledObject) {
     truth.box_in_ego.center = Point::new(center.x(), -center.y(), center.z());
     truth.box_in_ego.yaw_rad = -truth.box_in_ego.yaw_rad;
     truth.velocity_in_ego_mps[1] = -truth.velocity_in_ego_mps[1];
+    if let Some(solid) = &mut truth.solid {
+        solid.across_m = -solid.across_m;
+    }
 }
 
 #[cfg(test)]
@@ -117,7 +119,7 @@ mod tests {
                     let here = zone.at(&seen).unwrap();
                     for (object, before) in objects.iter().zip(&sample.objects) {
                         let truth = &object.truth;
-                        let harm = here.harm_of(&truth.box_in_ego, truth.velocity_in_ego_mps).unwrap().harm;
+                        let harm = here.harm_of_object(truth).unwrap().harm;
                         assert_eq!(harm, object.harm, "{kind:?}");
                         n_changed += usize::from(object.harm != before.harm);
                     }

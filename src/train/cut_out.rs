@@ -6,7 +6,7 @@ use rand::RngExt;
 use super::config::AugmentConfig;
 use crate::dataset::LabelledSample;
 use crate::geometry::{Box3, Ego, Lidar, Point, Transform};
-use crate::object::{Kind, LabelledObject, Object};
+use crate::object::{Kind, LabelledObject, Object, SolidPart};
 use crate::random::Rng;
 use crate::sample::Measured;
 
@@ -65,6 +65,9 @@ impl CutOut {
             && truth.kind == Some(Kind::Static)
             && truth.box_in_ego.height_m < MAX_HEIGHT_OF_TIPPED_M;
         reshape(&mut truth.box_in_ego, &mut points, factors, is_tipped);
+        truth.solid = truth.solid.filter(|_| !is_tipped).map(|part| stretch(part, factors));
+        // It is set down on the ground.
+        truth.clearance_m = Some(0.0);
         for point in &mut points {
             point.intensity = (f64::from(point.intensity) * intensity).min(255.0) as f32;
         }
@@ -100,6 +103,15 @@ pub fn returns(measured: &Measured) -> impl Iterator<Item = Return> {
         let in_lidar = Point::<Lidar>::new(f64::from(of.x_m), f64::from(of.y_m), f64::from(of.z_m));
         Return { at: measured.ego_from_lidar * in_lidar, intensity: of.intensity, ring: of.ring }
     })
+}
+
+fn stretch(part: SolidPart, [along, across, _]: [f64; 3]) -> SolidPart {
+    SolidPart {
+        along_m: part.along_m * along,
+        across_m: part.across_m * across,
+        length_m: part.length_m * along,
+        width_m: part.width_m * across,
+    }
 }
 
 /// Stretches a box and its points about the middle of its bottom, and lays a tipped one on its side.

@@ -66,7 +66,7 @@ pub fn paste(
         for _ in 0..N_TRIES {
             let cut_out = CutOut::draw(donors, &sample.measured, config, rng);
             if let Some((truth, points)) = cut_out.and_then(|cut_out| scene.place(cut_out)) {
-                let harm = area.harm_of(&truth.box_in_ego, truth.velocity_in_ego_mps)?.harm;
+                let harm = area.harm_of_object(&truth)?.harm;
                 scene.add(
                     LabelledObject { truth: Object { id: Some(format!("pasted-{i}")), ..truth }, harm },
                     points,
@@ -287,7 +287,7 @@ mod tests {
             let bottom_m = center.z() - of.box_in_ego.height_m / 2.0;
             assert!(bottom_m.abs() < 1e-3, "on the road: {bottom_m}");
             let area = test_data::dataset(1).zone().at(&measured.ego_state).unwrap();
-            assert_eq!(objects[0].harm, area.harm_of(&of.box_in_ego, of.velocity_in_ego_mps).unwrap().harm);
+            assert_eq!(objects[0].harm, area.harm_of_object(of).unwrap().harm);
             harms.insert(objects[0].harm.index());
             // Ring 7 meets the road behind the car; a car in front hides it.
             if center.y().atan2(center.x() - lidar.x).abs() < 0.2 {

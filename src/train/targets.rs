@@ -99,6 +99,8 @@ pub fn car(x: f64, y: f64, harm: crate::object::Harm) -> LabelledObject {
             visible_px: Some(100),
             visible_fraction: Some(1.0),
             event: Some(Event::None),
+            solid: None,
+            clearance_m: None,
         },
         harm,
     }

@@ -3,7 +3,7 @@
 use super::corridor::Body;
 use super::error::ZoneError;
 use super::kinds::ZoneKind;
-use crate::config::{Check, above, define_config, part};
+use crate::config::{Check, above, define_config, from_to, part};
 use crate::sample::EgoState;
 
 define_config! {
@@ -21,6 +21,9 @@ define_config! {
         min_overlap_area_m2: f64 = 1.0, in above(0.0, 1e6);
         /// `rect`, `arc`: overlap over the object's footprint from which it is harmful, above 0 and at most 1; default 0.25.
         min_overlap_ratio: f64 = 0.25, in above(0.0, 1.0);
+        /// An object whose lowest point is higher above the ground is harmless until it falls, metres; 0: height does
+        /// not matter, as in the paper; default 2.5.
+        max_clearance_m: f64 = 2.5, in from_to(0.0, 1000.0);
         /// `arc`, `ttc`, `rss`: the ego's arc ends when the ego has turned this far, degrees, above 0 and at
         /// most 180; default 180.
         max_turn_deg: f64 = 180.0, in above(0.0, 180.0);

@@ -23,7 +23,7 @@ pub use kinds::ZoneKind;
 use self::rule::{Meeting, Seen, ZoneRule};
 use crate::config::Check;
 use crate::geometry::{Box3, Ego, Point2, convex_signed_distance_m};
-use crate::object::Harm;
+use crate::object::{Harm, Object};
 use crate::sample::EgoState;
 
 /// A checked zone.
@@ -97,7 +97,8 @@ impl Zone {
             let found = ego.front_bumper_x_m;
             return Err(ZoneError::StateNotPositive { field: "front_bumper_x_m", found });
         }
-        Ok(ZoneAt { rule: (self.entry().at)(&self.config, ego)? })
+        let rule = (self.entry().at)(&self.config, ego)?;
+        Ok(ZoneAt { rule, max_clearance_m: self.config.max_clearance_m })
     }
 
     /// The steering angle at which the zone's axis leads to a point on the ground.
@@ -147,6 +148,7 @@ kinds::for_each_zone!(define_entries);
 #[derive(Debug)]
 pub struct ZoneAt {
     rule: Box<dyn ZoneRule>,
+    max_clearance_m: f64,
 }
 
 /// The zone's verdict on one box.
@@ -158,7 +160,7 @@ pub struct Verdict {
     pub overlap_area_m2: f64,
     /// `overlap_area_m2` over the footprint's area, 0 to 1.
     pub overlap_ratio: f64,
-    /// For `ttc`: seconds until contact, if it comes within the horizon.
+    /// For `ttc`: seconds until contact, if it comes within the horizon; `None` for what hangs above.
     pub time_to_collision_s: Option<f64>,
 }
 
@@ -188,7 +190,18 @@ impl ZoneAt {
         Ok(convex_signed_distance_m(edge, &box_in_ego.footprint()))
     }
 
+    /// Whether a true object is harmful: by the footprint of what is solid of it, and its height above the ground under
+    /// it. Otherwise as [`Self::harm_of`].
+    ///
+    /// # Errors
+    /// As [`Self::harm_of`].
+    pub fn harm_of_object(&self, object: &Object) -> Result<Verdict, ZoneError> {
+        let clearance_m = object.clearance_m.unwrap_or_else(|| lowest_m(&object.box_in_ego));
+        self.judge(&object.solid_in_ego(), object.velocity_in_ego_mps, clearance_m)
+    }
+
     /// Whether a box is harmful; `velocity_in_ego_mps` is over ground in the ego's axes, and only `ttc` and `rss` use it.
+    /// A box that lies higher than `max_clearance_m` above the ego's plane, z = 0, is harmless.
     ///
     /// `rect`, `arc`: its footprint shares enough area, or enough of itself, with the zone. `ttc`: contact within the
     /// horizon. `rss`: its footprint meets the zone of its velocity.
@@ -201,6 +214,15 @@ impl ZoneAt {
         box_in_ego: &Box3<Ego>,
         velocity_in_ego_mps: [f64; 2],
     ) -> Result<Verdict, ZoneError> {
+        self.judge(box_in_ego, velocity_in_ego_mps, lowest_m(box_in_ego))
+    }
+
+    fn judge(
+        &self,
+        box_in_ego: &Box3<Ego>,
+        velocity_in_ego_mps: [f64; 2],
+        clearance_m: f64,
+    ) -> Result<Verdict, ZoneError> {
         box_in_ego.check()?;
         if self.rule.uses_velocity() && !velocity_in_ego_mps.iter().all(|part| part.is_finite()) {
             return Err(ZoneError::Velocity { found: velocity_in_ego_mps });
@@ -212,9 +234,18 @@ impl ZoneAt {
         if !footprint_area_m2.is_finite() || !overlap_ratio.is_finite() {
             return Err(ZoneError::Overlap { footprint_area_m2, overlap_area_m2 });
         }
+        if self.max_clearance_m > 0.0 && clearance_m > self.max_clearance_m {
+            let harm = Harm::Harmless;
+            return Ok(Verdict { harm, overlap_area_m2, overlap_ratio, time_to_collision_s: None });
+        }
         let time_to_collision_s = self.rule.time_to_collision_s(&object);
         let meeting = Meeting { overlap_area_m2, overlap_ratio, time_to_collision_s };
         let harm = if self.rule.is_harmful(&meeting) { Harm::Harmful } else { Harm::Harmless };
         Ok(Verdict { harm, overlap_area_m2, overlap_ratio, time_to_collision_s })
     }
+}
+
+/// Height of a box's lowest point above the ego's plane.
+fn lowest_m(box_in_ego: &Box3<Ego>) -> f64 {
+    box_in_ego.center.z() - box_in_ego.height_m / 2.0
 }

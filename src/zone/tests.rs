@@ -7,6 +7,7 @@ use proptest::prelude::*;
 use super::course::tests::ego;
 use super::*;
 use crate::geometry::{Point, convex_overlap_area, polygon_area};
+use crate::object::SolidPart;
 
 const STANDING: [f64; 2] = [0.0, 0.0];
 
@@ -299,4 +300,44 @@ proptest! {
             prop_assert_eq!(aimed, Harm::Harmful, "{:?} {}", kind, steering);
         }
     }
+}
+
+#[test]
+fn what_hangs_above_is_harmless_until_it_falls_and_in_the_paper_s_rule_it_is_not() {
+    let aloft =
+        |lowest_m: f64| Box3 { center: Point::new(10.0, 0.0, lowest_m + 0.5), ..block(10.0, 0.0, 2.0, 2.0) };
+    for kind in ZoneKind::ALL {
+        let here = at(kind, 10.0, 0.0);
+        assert_eq!(harm(&here, &aloft(2.4), STANDING), Harm::Harmful, "{kind:?}");
+        let verdict = here.harm_of(&aloft(2.6), STANDING).unwrap();
+        assert_eq!((verdict.harm, verdict.time_to_collision_s), (Harm::Harmless, None), "{kind:?}");
+        assert!(verdict.overlap_area_m2 > 1.0, "{kind:?}: the ground below it is still told");
+        let paper = ZoneConfig { kind, max_clearance_m: 0.0, ..ZoneConfig::default() };
+        let paper = Zone::try_from(paper).unwrap().at(&ego(10.0, 0.0)).unwrap();
+        assert_eq!(harm(&paper, &aloft(20.0), STANDING), Harm::Harmful, "{kind:?}");
+        // On a hill ahead, the ground under a thing counts, not the plane that the ego stands on.
+        let on_a_hill = Object { clearance_m: Some(0.0), ..Object::new(aloft(4.0)) };
+        let standing = Object { velocity_in_ego_mps: STANDING, ..on_a_hill };
+        assert_eq!(here.harm_of_object(&standing).unwrap().harm, Harm::Harmful, "{kind:?}");
+    }
+}
+
+#[test]
+fn a_crown_over_the_lane_is_harmless_where_the_trunk_is_beside_it() {
+    // A tree of 5 m across, its trunk 2.2 m to the left of the middle of a lane that reaches to 1.75 m.
+    let crown = Box3 { yaw_rad: 0.3, ..block(10.0, 2.0, 5.0, 5.0) };
+    let trunk = SolidPart { along_m: 0.0, across_m: 0.2, length_m: 0.4, width_m: 0.4 };
+    let standing = Object { velocity_in_ego_mps: STANDING, ..Object::new(crown) };
+    let tree = Object { solid: Some(trunk), ..standing.clone() };
+    let trunk_in_ego = tree.solid_in_ego();
+    // The trunk's middle is 0.2 m along the box's turned y axis.
+    assert!((trunk_in_ego.center.y() - (2.0 + 0.2 * 0.3_f64.cos())).abs() < 1e-12);
+    assert!((trunk_in_ego.center.x() - (10.0 - 0.2 * 0.3_f64.sin())).abs() < 1e-12);
+    for kind in [ZoneKind::Rect, ZoneKind::Arc, ZoneKind::Ttc] {
+        let here = at(kind, 10.0, 0.0);
+        assert_eq!(here.harm_of_object(&standing).unwrap().harm, Harm::Harmful, "{kind:?}");
+        assert_eq!(here.harm_of_object(&tree).unwrap().harm, Harm::Harmless, "{kind:?}");
+    }
+    let in_the_lane = Object { solid: Some(SolidPart { across_m: -1.5, ..trunk }), ..standing };
+    assert_eq!(rect(10.0, 0.0).harm_of_object(&in_the_lane).unwrap().harm, Harm::Harmful);
 }

@@ -15,7 +15,7 @@ from pathlib import Path
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 from shapely.geometry import Polygon
-from zone_shapes import check_arc, check_rss, check_ttc
+from zone_shapes import check_arc, check_rss, check_ttc, is_above
 
 TOLERANCE = 1e-9
 HARMFUL, HARMLESS = 1, 2
@@ -43,9 +43,15 @@ def zone_of(state: object, config: dict) -> Polygon:
 
 
 def footprint_of(item: object) -> Polygon:
+    """What is solid of an object, seen from above."""
     sin, cos = math.sin(item.yaw_rad), math.cos(item.yaw_rad)
-    length, width = item.length_m / 2, item.width_m / 2
-    local = [(length, width), (-length, width), (-length, -width), (length, -width)]
+    if item.HasField("solid"):
+        part = item.solid
+        along, across, length, width = part.along_m, part.across_m, part.length_m / 2, part.width_m / 2
+    else:
+        along, across, length, width = 0.0, 0.0, item.length_m / 2, item.width_m / 2
+    signs = [(1, 1), (-1, 1), (-1, -1), (1, -1)]
+    local = [(along + i * length, across + j * width) for i, j in signs]
     return Polygon([(item.x_m + a * cos - b * sin, item.y_m + a * sin + b * cos) for a, b in local])
 
 
@@ -59,7 +65,8 @@ def check_rect(state: object, objects: list, config: dict, written: object) -> l
         footprint = footprint_of(item)
         area = footprint.intersection(zone).area
         ratio = area / footprint.area
-        is_harmful = area >= config["min_overlap_area_m2"] or ratio >= config["min_overlap_ratio"]
+        is_met = area >= config["min_overlap_area_m2"] or ratio >= config["min_overlap_ratio"]
+        is_harmful = is_met and not is_above(item, config)
         if label.harm != (HARMFUL if is_harmful else HARMLESS):
             wrong.append(f"`{item.id}` has harm {label.harm}, shapely says harmful: {is_harmful}")
         for name, got, want in [

@@ -78,7 +78,7 @@ def cubes(update) -> list:
 
 
 def plain(message) -> dict:
-    """A message's scalar fields, enums by name; optional ones where they are set."""
+    """A message's scalar fields and its solid part, enums by name; optional ones where they are set."""
     values = {}
     for field in message.DESCRIPTOR.fields:
         if field.has_presence and not message.HasField(field.name):
@@ -87,6 +87,8 @@ def plain(message) -> dict:
             values[field.name] = enum_name(message, field.name)
         elif field.message_type is None:
             values[field.name] = getattr(message, field.name)
+        elif field.message_type.name == "SolidPart":
+            values[field.name] = plain(getattr(message, field.name))
     return values
 
 

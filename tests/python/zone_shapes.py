@@ -19,14 +19,28 @@ CLEARANCE_M = 0.2
 N_STEPS = 4000
 
 
+def is_above(item: object, config: dict) -> bool:
+    """Whether an object hangs too high over the ground to be harmful."""
+    lowest_m = item.clearance_m if item.HasField("clearance_m") else item.z_m - item.height_m / 2
+    return 0.0 < config["max_clearance_m"] < lowest_m
+
+
+def middle_of(item: object) -> complex:
+    """Middle of an object's footprint."""
+    place = item.x_m + 1j * item.y_m
+    if not item.HasField("solid"):
+        return place
+    return place + np.exp(1j * item.yaw_rad) * (item.solid.along_m + 1j * item.solid.across_m)
+
+
 def footprints(items: list) -> np.ndarray:
-    """Corners of the boxes' base rectangles, [object, 4, 2], metres in the ego frame."""
+    """Corners of the objects' footprints, [object, 4, 2], metres in the ego frame."""
     corners = []
     for item in items:
-        turn = np.exp(1j * item.yaw_rad)
+        size = item.solid if item.HasField("solid") else item
         half = np.array([1 + 1j, -1 + 1j, -1 - 1j, 1 - 1j])
-        local = half.real * item.length_m / 2 + 1j * half.imag * item.width_m / 2
-        placed = item.x_m + 1j * item.y_m + turn * local
+        local = half.real * size.length_m / 2 + 1j * half.imag * size.width_m / 2
+        placed = middle_of(item) + np.exp(1j * item.yaw_rad) * local
         corners.append(np.stack([placed.real, placed.imag], axis=1))
     return np.array(corners)
 
@@ -86,7 +100,10 @@ def check_arc(state: object, objects: list, config: dict, written: object) -> li
         if abs(label.overlap_area_m2 - area) > allowed:
             wrong.append(f"`{item.id}` shares {label.overlap_area_m2} m2, shapely says {area}")
         least = min(config["min_overlap_area_m2"], config["min_overlap_ratio"] * footprint.area)
-        if abs(area - least) > allowed and (label.harm == HARMFUL) != (area >= least):
+        if is_above(item, config):
+            if label.harm == HARMFUL:
+                wrong.append(f"`{item.id}` hangs above and is harmful")
+        elif abs(area - least) > allowed and (label.harm == HARMFUL) != (area >= least):
             wrong.append(f"`{item.id}` has harm {label.harm} with {area} m2 of {footprint.area}")
     return wrong
 
@@ -105,6 +122,10 @@ def check_ttc(state: object, objects: list, config: dict, written: object) -> li
     # The rear corner swings out of the start's place; the zone leaves that out.
     wrong = check_outline(written, swept, slack_m2=0.1)
     for item, label, base in zip(objects, written.labels, footprints(objects), strict=True):
+        if is_above(item, config):
+            if label.harm == HARMFUL or label.HasField("time_to_collision_s"):
+                wrong.append(f"`{item.id}` hangs above and shall be met")
+            continue
         velocity = item.vx_mps + 1j * item.vy_mps
         start = base[:, 0] + 1j * base[:, 1]
         gaps = shapely.distance(bodies, polygons(start[None, :] + velocity * times[:, None]))
@@ -144,11 +165,15 @@ def check_rss(state: object, objects: list, config: dict, written: object) -> li
         return rss["lateral_margin_m"] + max(both, 0.0)
 
     for item, label, base in zip(objects, written.labels, footprints(objects), strict=True):
+        if is_above(item, config):
+            if label.harm == HARMFUL:
+                wrong.append(f"`{item.id}` hangs above and is harmful")
+            continue
         # Across from the centre of the turn is the direction of the course.
         if abs(rate) < 1e-12:
             direction = 1 + 0j
         else:
-            from_center = item.x_m + 1j * (item.y_m - 1 / rate)
+            from_center = middle_of(item) - 1j / rate
             direction = from_center * 1j * np.sign(rate) / abs(from_center)
         seen = (item.vx_mps + 1j * item.vy_mps) / direction
         if seen.real > -rss["standing_speed_mps"]:

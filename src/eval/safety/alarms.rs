@@ -152,7 +152,7 @@ fn count_warned(matching: &Matching<'_>, events: &[&[Sight]], is_found: &[bool])
         let placed = &matching.objects[sight.number];
         let facts = matching.facts_of(placed);
         let stopping_m = config.stopping_distance_m(facts.speed_mps?, deceleration_mps2);
-        Some(facts.gap_ahead_m(&placed.object.truth.box_in_ego)? >= stopping_m)
+        Some(facts.gap_ahead_m(&placed.object.truth.solid_in_ego())? >= stopping_m)
     };
     let find_confirmed = |event: &[Sight]| -> Option<Sight> {
         let at = (0..event.len()).find(|&last| {

@@ -202,7 +202,7 @@ fn label(
     if let Some(state) = changed {
         let zone = zone.at(state)?;
         for object in &mut objects {
-            object.harm = zone.harm_of(&object.truth.box_in_ego, object.truth.velocity_in_ego_mps)?.harm;
+            object.harm = zone.harm_of_object(&object.truth)?.harm;
         }
     }
     Ok(objects)

@@ -60,8 +60,7 @@ fn labels_at(
     let fail = |source| SweepReportError::Zone { sample: frame.id.clone(), source };
     let area = zone.at(state).map_err(fail)?;
     let harms = frame.objects.iter().map(|object| {
-        let truth = &object.truth;
-        let verdict = area.harm_of(&truth.box_in_ego, truth.velocity_in_ego_mps).map_err(fail)?;
+        let verdict = area.harm_of_object(&object.truth).map_err(fail)?;
         Ok::<_, SweepReportError>(verdict.harm)
     });
     Ok((area.corners().to_vec(), harms.collect::<Result<_, _>>()?))

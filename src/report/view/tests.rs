@@ -25,6 +25,8 @@ fn object(category: &str, ood: bool, at: [f64; 2], size: [f64; 3], yaw_rad: f64)
         visible_px: Some(100),
         visible_fraction: Some(1.0),
         event: Some(Event::None),
+        solid: None,
+        clearance_m: None,
     }
 }
 

@@ -94,7 +94,7 @@ impl Overlay<'_> {
         let mut rows = objects
             .iter()
             .map(|object| {
-                let harm_of = |zone: &ZoneAt| zone.harm_of(&object.box_in_ego, object.velocity_in_ego_mps);
+                let harm_of = |zone: &ZoneAt| zone.harm_of_object(object);
                 Ok(ObjectRow { object, verdicts: zones.iter().map(harm_of).collect::<Result<_, _>>()? })
             })
             .collect::<Result<Vec<_>, ZoneError>>()?;
@@ -300,7 +300,7 @@ mod tests {
         for zone in &zones {
             let (kind, zone) = (zone.config().kind, zone.at(&sample.measured.ego_state).unwrap());
             let is_harmful = |object: &&Object| {
-                let verdict = zone.harm_of(&object.box_in_ego, object.velocity_in_ego_mps).unwrap();
+                let verdict = zone.harm_of_object(object).unwrap();
                 verdict.harm == Harm::Harmful
             };
             let n_harmful = sample.objects().iter().filter(is_harmful).count();

@@ -15,7 +15,7 @@ use serde_json::{Value as Json, json};
 use super::boxes::{self, N_SAMPLES};
 use super::table::{Goal, Line, Outcome, Value};
 use harmzone::eval::{self, EvalConfig, EvalSample, Mode, Protocol, json as box_files};
-use harmzone::object::{Harm, Object};
+use harmzone::object::Harm;
 use harmzone::progress::Progress;
 use harmzone::sample::EgoState;
 use harmzone::zone::{Zone, ZoneConfig};
@@ -114,8 +114,7 @@ impl Work {
         for (sample, state) in self.samples.iter().zip(&self.states) {
             let here = self.zone.at(state)?;
             for object in &sample.objects {
-                let Object { box_in_ego, velocity_in_ego_mps, .. } = &object.truth;
-                let harm = here.harm_of(box_in_ego, *velocity_in_ego_mps)?.harm;
+                let harm = here.harm_of_object(&object.truth)?.harm;
                 n_harmful += u64::from(harm == Harm::Harmful);
             }
         }
