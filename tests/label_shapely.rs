@@ -52,7 +52,7 @@ fn random_object(i: usize, rng: &mut Rng) -> Object {
             width_m: between(rng, 0.2, 1.0),
         }),
         // Some stand on a rise, some hang over a hollow; of the others the ground is the ego's plane.
-        clearance_m: (i % 2 == 0).then(|| between(rng, -0.2, 3.5)),
+        clearance_m: i.is_multiple_of(2).then(|| between(rng, -0.2, 3.5)),
     }
 }
 
