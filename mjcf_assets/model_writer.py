@@ -47,6 +47,8 @@ class Model:
     distribution: str = "id"
     # "background": seen and hit, but never annotated.
     role: str | None = None
+    # Of a model that is "ood": "dev", or "test" for kinds that only reported figures see.
+    split: str = "dev"
     collision: str = "box"  # or "cylinder", "hull"
     # Of sliding (1), spinning and rolling (m), as MuJoCo counts them.
     friction: tuple = (0.8, 0.01, 0.01)
@@ -112,6 +114,8 @@ class Model:
         ]
         if self.role:
             custom.append(f'<text name="role" data="{self.role}"/>')
+        if self.split != "dev":
+            custom.append(f'<text name="split" data="{self.split}"/>')
         if self.faces:
             custom.append(f'<text name="faces" data="{self.faces}"/>')
         if self.rolls:

@@ -30,7 +30,7 @@ pub struct EvalArgs {
     /// Label set of the data set
     #[arg(long, value_name = "SET", default_value = "rect", requires = "data")]
     labels: String,
-    /// Split; without it, the data set's val, or test where there is no val
+    /// Split; without it, the first of val, dev and test that the data set has
     #[arg(long, requires = "data", value_parser = split())]
     split: Option<Split>,
     #[command(flatten)]

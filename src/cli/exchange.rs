@@ -52,7 +52,7 @@ pub struct ExportPredictionsArgs {
     /// Names of the classes: `harm`, harmful and harmless; `harm-as-car-truck`, car and truck, which the devkit's own evaluation takes
     #[arg(long, default_value = "harm", value_parser = one_of([Naming::Harm, Naming::HarmAsCarTruck], Naming::name))]
     names: Naming,
-    /// Split; without it, the data set's val, or test where there is no val
+    /// Split; without it, the first of val, dev and test that the data set has
     #[arg(long, value_parser = split())]
     split: Option<Split>,
     /// Replace what is there
@@ -115,7 +115,7 @@ pub struct ImportPredictionsArgs {
     labels: Option<String>,
     #[command(flatten)]
     zone: ZoneArgs,
-    /// Split; without it, the data set's val, or test where there is no val
+    /// Split; without it, the first of val, dev and test that the data set has
     #[arg(long, value_parser = split())]
     split: Option<Split>,
     /// Replace predictions that are there

@@ -7,16 +7,22 @@ use clap::Args;
 use super::{Bar, ExitStatus, number, one_of, print_summary};
 use crate::config;
 use crate::generate::{self, LidarEngine, Preset, RendererName, RunOptions, preset};
+use crate::scene::SceneSplit;
 
 #[derive(Debug, Args)]
 pub struct GenerateArgs {
     /// Folder of the data set; the same command again goes on where it stopped
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Towns, weathers, counts and splits of a whole experiment; the other flags go over it
+    /// Towns, weathers, counts and seeds of a whole experiment's data sets; the other flags go over it
     #[arg(long, value_parser = one_of(Preset::ALL, Preset::name))]
     preset: Option<Preset>,
-    /// Towns that come with harmzone, or paths of OpenDRIVE files, with commas between; or `all` [default: downtown]
+    /// What the episodes are for: `dev`, to train, to validate and, with --ood, to choose by; or `test`, to report, in
+    /// towns and with unfamiliar objects of their own [default: dev]
+    #[arg(long, value_parser = one_of(SceneSplit::ALL, SceneSplit::name))]
+    split: Option<SceneSplit>,
+    /// Towns that come with harmzone, or paths of OpenDRIVE files, with commas between; `all`: all that come with it
+    /// and are for the split [default: downtown, or all for reporting]
     #[arg(long, value_name = "TOWNS", value_delimiter = ',')]
     town: Vec<String>,
     /// Weathers by CARLA's names, with commas between; or `all`. Every pair of town and weather comes once
@@ -67,7 +73,7 @@ pub struct GenerateArgs {
 
 pub fn run(args: GenerateArgs) -> anyhow::Result<ExitStatus> {
     let (mut config, n_episodes) =
-        preset::load(args.preset, args.ood, args.config.as_deref(), &args.overrides)?;
+        preset::load(args.preset, args.split, args.ood, args.config.as_deref(), &args.overrides)?;
     if !args.town.is_empty() {
         config.towns = args.town;
     }

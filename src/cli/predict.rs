@@ -17,7 +17,7 @@ pub struct PredictArgs {
     /// Data set; it needs neither labels nor truth
     #[arg(long, value_name = "DIR")]
     data: PathBuf,
-    /// Split; without it, the data set's val, or test where there is no val
+    /// Split; without it, the first of val, dev and test that the data set has
     #[arg(long, value_parser = split())]
     split: Option<Split>,
     /// From when labels were needed; a detector sees none

@@ -43,7 +43,7 @@ pub struct SamplesArgs {
     /// Labelled data set
     #[arg(long, value_name = "DIR")]
     pub data: PathBuf,
-    /// Split; without it, the data set's val, or test where there is no val
+    /// Split; without it, the first of val, dev and test that the data set has
     #[arg(long, value_parser = split())]
     split: Option<Split>,
     /// Label set; its zone is the one that counts

@@ -145,7 +145,7 @@ impl Dataset {
         })
     }
 
-    /// Loads a split; if none is named, `val`, or `test` in a data set without `val`.
+    /// Loads a split; if none is named, the first of `val`, `dev` and `test` that the data set has.
     ///
     /// # Errors
     /// As [`Dataset::open`].

@@ -1,5 +1,6 @@
 //! `dataset.json`: the content of a data set; `labels.json`: the content of a label set.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use fs_err as fs;
@@ -22,8 +23,8 @@ pub enum ManifestError {
     NoLabels { set: String, found: Vec<String>, path: PathBuf },
     #[error("not a valid manifest ({message}); make the data set or the labels again: {}", path.display())]
     Parse { message: String, path: PathBuf },
-    #[error("format version {found}; this program reads {FORMAT_VERSION}: {}", path.display())]
-    Version { found: u32, path: PathBuf },
+    #[error("format version {found}; this program reads {valid:?}: {}", path.display())]
+    Version { found: u32, valid: &'static [u32], path: PathBuf },
     #[error("{message}: {}", path.display())]
     Inconsistent { message: String, path: PathBuf },
 }
@@ -32,18 +33,24 @@ pub enum ManifestError {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Split {
+    /// To learn from.
     Train,
+    /// To watch a training.
     Val,
+    /// With unfamiliar objects, for every choice: architecture, augmentation, thresholds.
+    Dev,
+    /// For reporting alone: with towns and unfamiliar objects that no other split has.
     Test,
 }
 
 impl Split {
-    pub const ALL: [Self; 3] = [Self::Train, Self::Val, Self::Test];
+    pub const ALL: [Self; 4] = [Self::Train, Self::Val, Self::Dev, Self::Test];
 
-    /// The split that is scored where none is named: `val`, or `test` in a data set without `val`.
+    /// The split that is scored where none is named: the first of `val`, `dev` and `test` that the data set has.
     #[must_use]
     pub fn to_score(manifest: &Manifest) -> Self {
-        if manifest.of_split(Self::Val).next().is_some() { Self::Val } else { Self::Test }
+        let has = |split: &Self| manifest.of_split(*split).next().is_some();
+        [Self::Val, Self::Dev].into_iter().find(has).unwrap_or(Self::Test)
     }
 
     #[must_use]
@@ -51,6 +58,7 @@ impl Split {
         match self {
             Self::Train => "train",
             Self::Val => "val",
+            Self::Dev => "dev",
             Self::Test => "test",
         }
     }
@@ -187,6 +195,7 @@ pub struct EpisodeEntry {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Manifest {
+    /// [`Self::VERSION`], or that of an older data set that was read.
     pub format_version: u32,
     pub generator_version: String,
     /// SHA-256 of the resolved config's TOML.
@@ -198,12 +207,14 @@ pub struct Manifest {
 
 impl Manifest {
     pub const FILE: &'static str = "dataset.json";
+    /// The data version that this program makes.
+    pub const VERSION: u32 = 2;
 
     /// A manifest of this program's version without episodes.
     #[must_use]
     pub fn new(config_sha256: String, seed: u64, ood: bool) -> Self {
         Self {
-            format_version: FORMAT_VERSION,
+            format_version: Self::VERSION,
             generator_version: env!("CARGO_PKG_VERSION").to_owned(),
             config_sha256,
             seed,
@@ -214,6 +225,9 @@ impl Manifest {
 
     /// Reads the manifest of a data set's folder.
     ///
+    /// Version 1 had no `dev`: it called generated episodes with unfamiliar objects `test`. They are of the towns and
+    /// kinds of `dev`, and are read as that.
+    ///
     /// # Errors
     /// Not a data set, malformed, of another format version, or with two episodes of one name.
     pub fn read(folder: &Path) -> Result<Self, ManifestError> {
@@ -221,7 +235,12 @@ impl Manifest {
         if !path.is_file() {
             return Err(ManifestError::NotADataset { path: folder.to_owned() });
         }
-        let manifest: Self = read_json(&path)?;
+        let mut manifest: Self = read_json(&path, &[1, Self::VERSION])?;
+        if manifest.format_version == 1 {
+            // A log of a real car has no seed.
+            let is_dev = |entry: &&mut EpisodeEntry| entry.ood && entry.seed != 0 && entry.split == Split::Test;
+            manifest.episodes.iter_mut().filter(is_dev).for_each(|entry| entry.split = Split::Dev);
+        }
         manifest.check(&path)?;
         Ok(manifest)
     }
@@ -239,6 +258,15 @@ impl Manifest {
     /// The episodes of a split.
     pub fn of_split(&self, split: Split) -> impl Iterator<Item = &EpisodeEntry> {
         self.episodes.iter().filter(move |entry| entry.split == split)
+    }
+
+    /// How many episodes each split has, without those that have none.
+    #[must_use]
+    pub fn n_by_split(&self) -> BTreeMap<Split, usize> {
+        self.episodes.iter().fold(BTreeMap::new(), |mut counts, entry| {
+            *counts.entry(entry.split).or_default() += 1;
+            counts
+        })
     }
 
     fn check(&self, path: &Path) -> Result<(), ManifestError> {
@@ -322,7 +350,7 @@ impl LabelManifest {
             let (set, found, path) = (set.to_owned(), label_sets(dataset), dataset.to_owned());
             return Err(ManifestError::NoLabels { set, found, path });
         }
-        read_json(&path)
+        read_json(&path, &[FORMAT_VERSION])
     }
 
     /// Writes the set's manifest, whole or not at all; the set's folder must exist.
@@ -347,7 +375,7 @@ pub fn label_sets(dataset: &Path) -> Vec<String> {
     names
 }
 
-fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, ManifestError> {
+fn read_json<T: DeserializeOwned>(path: &Path, valid: &'static [u32]) -> Result<T, ManifestError> {
     #[derive(Deserialize)]
     struct Version {
         format_version: u32,
@@ -357,8 +385,8 @@ fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, ManifestError> {
         |error: serde_json::Error| ManifestError::Parse { message: error.to_string(), path: path.to_owned() };
     // The version first: another version's fields would only confuse.
     let found = serde_json::from_str::<Version>(&text).map_err(parse)?.format_version;
-    if found != FORMAT_VERSION {
-        return Err(ManifestError::Version { found, path: path.to_owned() });
+    if !valid.contains(&found) {
+        return Err(ManifestError::Version { found, valid, path: path.to_owned() });
     }
     serde_json::from_str(&text).map_err(parse)
 }

@@ -397,3 +397,40 @@ fn manifests_round_trip_and_errors_say_what_to_do() {
     fs_err::write(folder.path().join("dataset.json"), "{\"format_version\": 9}").unwrap();
     assert!(matches!(Manifest::read(folder.path()), Err(ManifestError::Version { found: 9, .. })));
 }
+
+#[test]
+fn unfamiliar_episodes_of_version_1_are_for_development_whatever_they_were_called() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut manifest = Manifest::new("c0ffee".into(), 7, true);
+    for (name, seed, ood, split) in [
+        ("made-ood", 5, true, Split::Test),
+        ("log-ood", 0, true, Split::Test),
+        ("log", 0, false, Split::Test),
+        ("made", 6, false, Split::Val),
+    ] {
+        manifest.episodes.push(EpisodeEntry {
+            name: name.into(),
+            file: format!("episodes/{name}.mcap"),
+            split,
+            seed,
+            town: "oldtown".into(),
+            weather: "ClearNoon".into(),
+            ood,
+            n_samples: 3,
+            n_objects: manifest::ObjectCounts::default(),
+            sha256: "00".into(),
+        });
+    }
+    for (version, split) in [(1, Split::Dev), (2, Split::Test)] {
+        manifest.format_version = version;
+        manifest.write(folder.path()).unwrap();
+        let read = Manifest::read(folder.path()).unwrap();
+        let splits: Vec<Split> = read.episodes.iter().map(|entry| entry.split).collect();
+        assert_eq!(splits, [split, Split::Test, Split::Test, Split::Val], "version {version}");
+        assert_eq!(read.format_version, version);
+    }
+    manifest.episodes.retain(|entry| entry.seed == 5);
+    assert_eq!(Split::to_score(&manifest), Split::Test);
+    manifest.episodes[0].split = Split::Dev;
+    assert_eq!(Split::to_score(&manifest), Split::Dev);
+}

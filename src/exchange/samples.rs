@@ -31,7 +31,7 @@ pub struct NamedSamples {
 }
 
 impl NamedSamples {
-    /// Finds the samples of a split; without one, of `val`, or `test` in a data set without `val`.
+    /// Finds the samples of a split; without one, of the first of `val`, `dev` and `test` that there is.
     ///
     /// # Errors
     /// No data set, no episode of the split, or a damaged file.

@@ -4,19 +4,20 @@ use serde::{Deserialize, Serialize};
 
 use super::GenerateError;
 use crate::config::{Check, InvalidConfig, Rule, define_config, from_to, part, require};
-use crate::scene::{PopulateConfig, town_names};
+use crate::scene::{PopulateConfig, SceneSplit, town_names_of, town_split};
 use crate::sensors::{Rig, RigConfig, Weather, WeatherOverride};
 
 /// Behaviour and steering act this often; physics in between.
 pub(super) const CONTROL_PERIOD_S: f64 = 0.05;
 
-/// Stands for every town that comes with harmzone, and for every weather.
+/// Stands for every town of the split that comes with harmzone, and for every weather.
 pub const ALL: &str = "all";
 
 define_config! {
     /// The config of `harmzone gen`. The number of episodes is not part of it, so that a data set can grow.
     pub struct GenerateConfig {
-        /// Towns that come with harmzone, or paths of OpenDRIVE files; [`ALL`] stands for all of the former.
+        /// Towns that come with harmzone, or paths of OpenDRIVE files; [`ALL`] stands for all of the former that are
+        /// for the split.
         towns: Vec<String> = vec!["downtown".into()];
         /// CARLA's names; [`ALL`] stands for all. The episodes take each pair of town and weather equally
         /// often.
@@ -35,7 +36,7 @@ define_config! {
         val_every: f64 = 6.0, in from_to(0.0, 1e6);
         /// What casts the LiDAR's rays.
         lidar_engine: LidarEngine = LidarEngine::Bvh;
-        /// What stands and moves in the town; with `ood`, all episodes are for testing.
+        /// What stands and moves in the town, and what the episodes are for.
         scene: PopulateConfig = PopulateConfig::default(), in part::<PopulateConfig>();
         /// Values that replace those of the named weather.
         weather_override: WeatherOverride = WeatherOverride::default(), in part::<WeatherOverride>();
@@ -150,7 +151,9 @@ impl TryFrom<&GenerateConfig> for CheckedConfig {
 
     fn try_from(raw: &GenerateConfig) -> Result<Self, GenerateError> {
         raw.check()?;
-        let towns = expand("towns", &raw.towns, town_names)?;
+        let split = raw.scene.split;
+        let towns = expand("towns", &raw.towns, || town_names_of(split))?;
+        check_towns(&towns, split)?;
         let weathers = expand("weathers", &raw.weathers, weather_names)?;
         Ok(Self {
             weathers: weathers.iter().map(|name| name.parse()).collect::<Result<_, _>>()?,
@@ -166,6 +169,19 @@ fn weather_names() -> Vec<String> {
     Weather::ALL.iter().map(|weather| weather.name().to_owned()).collect()
 }
 
+/// Refuses a town that is kept for the other split.
+fn check_towns(towns: &[String], split: SceneSplit) -> Result<(), InvalidConfig> {
+    let is_other = |town: &&String| town_split(town).is_some_and(|of_town| of_town != split);
+    match towns.iter().find(is_other) {
+        None => Ok(()),
+        Some(town) => Err(InvalidConfig::new(
+            "towns",
+            format!("{town:?}, which is not for split {}", split.name()),
+            format!("it takes {:?}, \"{ALL}\" for all of them, and paths of other maps", town_names_of(split)),
+        )),
+    }
+}
+
 /// The names, with all that exist in place of [`ALL`]; refuses a name that occurs twice.
 fn expand(
     key: &'static str,
@@ -173,18 +189,17 @@ fn expand(
     all: impl Fn() -> Vec<String>,
 ) -> Result<Vec<String>, InvalidConfig> {
     let fail = |found: String| InvalidConfig::new(key, found, "a list of different names is needed");
-    if names == [ALL] {
-        return Ok(all());
-    }
-    if names.is_empty() {
+    let all_of = |name: &String| if name == ALL { all() } else { vec![name.clone()] };
+    let expanded: Vec<String> = names.iter().flat_map(all_of).collect();
+    if expanded.is_empty() {
         return Err(fail("empty".into()));
     }
-    for (i, name) in names.iter().enumerate() {
-        if name.is_empty() || name == ALL || names[..i].contains(name) {
+    for (i, name) in expanded.iter().enumerate() {
+        if name.is_empty() || expanded[..i].contains(name) {
             return Err(fail(format!("{names:?}")));
         }
     }
-    Ok(names.to_vec())
+    Ok(expanded)
 }
 
 #[cfg(test)]
@@ -204,9 +219,30 @@ mod tests {
         let all = vec![ALL.to_owned()];
         let config = GenerateConfig { towns: all.clone(), weathers: all, ..GenerateConfig::default() };
         let checked = CheckedConfig::try_from(&config).unwrap();
-        assert_eq!(checked.raw.towns, town_names());
+        assert_eq!(checked.raw.towns, town_names_of(SceneSplit::Dev));
         assert_eq!(checked.weathers, Weather::ALL);
         assert_eq!(CheckedConfig::try_from(&checked.raw).unwrap().raw, checked.raw);
+    }
+
+    #[test]
+    fn a_town_is_only_for_its_own_split_and_a_users_map_for_both() {
+        for split in SceneSplit::ALL {
+            let of_towns = |towns: &[&str]| {
+                let towns = towns.iter().map(|&town| town.to_owned()).collect();
+                let scene = PopulateConfig { split, ..PopulateConfig::default() };
+                CheckedConfig::try_from(&GenerateConfig { towns, scene, ..GenerateConfig::default() })
+            };
+            assert!(of_towns(&["maps/Town01.xodr", "maps/Town02.xodr"]).is_ok());
+            let checked = of_towns(&[ALL, "maps/Town01.xodr"]);
+            let n_shipped = town_names_of(split).len();
+            assert_eq!(checked.unwrap().raw.towns.len(), n_shipped + 1);
+            let other = SceneSplit::ALL.into_iter().find(|other| *other != split).unwrap();
+            for town in town_names_of(other) {
+                let message = of_towns(&[&town]).unwrap_err().to_string();
+                let valid = format!("{:?}", town_names_of(split));
+                assert!(message.contains(&town) && message.contains(&valid), "{message}");
+            }
+        }
     }
 
     #[test]

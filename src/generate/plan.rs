@@ -4,6 +4,9 @@
 //! Every pair of town and weather comes once before any comes twice. The pairs lie in one order in which
 //! any few neighbours see many towns and many weathers; training takes them from its front and validation
 //! from its back, so that both splits are as mixed as their size allows.
+//!
+//! An episode's seed has 40 bits: 2 of its split, 1 of whether unfamiliar objects are placed, the last 4 of the config's seed, 33
+//! drawn. So no two splits share a seed, and no two presets do, since theirs differ in the last 4 bits.
 
 use rand::RngExt;
 use rand::seq::SliceRandom;
@@ -11,7 +14,7 @@ use rand::seq::SliceRandom;
 use super::CheckedConfig;
 use crate::episode::Split;
 use crate::random;
-use crate::scene::town_name;
+use crate::scene::{SceneSplit, town_name};
 use crate::sensors::Weather;
 
 /// One episode to be made.
@@ -41,19 +44,23 @@ pub fn plan(config: &CheckedConfig, n_episodes: u32) -> Vec<EpisodePlan> {
 
 fn episode(config: &CheckedConfig, pairs: &[(&str, Weather)], i: u32) -> EpisodePlan {
     let raw = &config.raw;
-    // 40 bits: short in file names, exact in JSON numbers, and no two alike in any real data set.
-    let seed = random::stream(raw.seed, "episode", u64::from(i)).random::<u64>() >> 24;
-    let every = if raw.scene.ood { 0.0 } else { raw.val_every };
+    // The split of what is not for validation.
+    let split = match (raw.scene.split, raw.scene.ood) {
+        (SceneSplit::Dev, false) => Split::Train,
+        (SceneSplit::Dev, true) => Split::Dev,
+        (SceneSplit::Test, _) => Split::Test,
+    };
+    let every = if split == Split::Train { raw.val_every } else { 0.0 };
     let n_val =
         |n_episodes: u32| if every > 0.0 { (f64::from(n_episodes) / every).floor() as usize } else { 0 };
     let n_val_before = n_val(i);
     let (split, place) = if n_val(i + 1) > n_val_before {
         (Split::Val, pairs.len() - 1 - n_val_before % pairs.len())
     } else {
-        let split = if raw.scene.ood { Split::Test } else { Split::Train };
         (split, (i as usize - n_val_before) % pairs.len())
     };
     let (town, weather) = pairs[place];
+    let seed = episode_seed(raw.seed, split, raw.scene.ood, i);
     EpisodePlan {
         name: format!("{}-{}-{seed}", town_name(town), weather.name()),
         seed,
@@ -61,6 +68,18 @@ fn episode(config: &CheckedConfig, pairs: &[(&str, Weather)], i: u32) -> Episode
         weather,
         split,
     }
+}
+
+/// Short in file names, exact in JSON numbers, never 0, and no two alike in any real data set.
+fn episode_seed(config_seed: u64, split: Split, is_ood: bool, i: u32) -> u64 {
+    let of_split = match split {
+        Split::Train => 0,
+        Split::Val => 1,
+        Split::Dev => 2,
+        Split::Test => 3,
+    };
+    let drawn = (random::stream(config_seed, "episode", u64::from(i)).random::<u64>() >> 31).max(1);
+    ((of_split << 1 | u64::from(is_ood)) << 4 | config_seed & 15) << 33 | drawn
 }
 
 /// Every pair of town and weather once, each step going on to the next town and to the next weather.
@@ -85,6 +104,7 @@ mod tests {
 
     use super::*;
     use crate::generate::GenerateConfig;
+    use crate::scene::PopulateConfig;
 
     fn checked(towns: &[&str], weathers: &[Weather]) -> CheckedConfig {
         let mut config = CheckedConfig::try_from(&GenerateConfig::default()).unwrap();
@@ -100,18 +120,44 @@ mod tests {
     const TOWNS: [&str; 5] = ["a", "b", "c", "d", "e"];
 
     #[test]
-    fn every_sixth_episode_is_for_validation_and_all_ood_ones_for_testing() {
+    fn every_sixth_episode_is_for_validation_and_none_of_those_for_choosing_or_reporting() {
         let mut config = checked(&["downtown"], &[Weather::ClearNoon]);
         let splits: Vec<Split> = plan(&config, 12).into_iter().map(|episode| episode.split).collect();
         assert_eq!(splits.iter().filter(|&&split| split == Split::Val).count(), 2);
         assert_eq!((splits[5], splits[11]), (Split::Val, Split::Val));
         config.raw.scene.ood = true;
-        assert!(plan(&config, 12).iter().all(|episode| episode.split == Split::Test));
-        config.raw.scene.ood = false;
+        assert!(plan(&config, 12).iter().all(|episode| episode.split == Split::Dev));
+        for is_ood in [false, true] {
+            config.raw.scene = PopulateConfig { split: SceneSplit::Test, ood: is_ood, ..config.raw.scene };
+            assert!(plan(&config, 12).iter().all(|episode| episode.split == Split::Test));
+        }
+        config.raw.scene = PopulateConfig::default();
         config.raw.val_every = 4.5;
         assert_eq!(of_split(&plan(&config, 90), Split::Val).count(), 20);
         config.raw.val_every = 0.0;
         assert_eq!(of_split(&plan(&config, 90), Split::Val).count(), 0);
+    }
+
+    #[test]
+    fn sets_of_one_config_seed_or_of_presets_never_share_an_episodes_seed() {
+        let sets = [
+            (Split::Train, false),
+            (Split::Val, false),
+            (Split::Dev, true),
+            (Split::Test, false),
+            (Split::Test, true),
+        ];
+        let mut seen = BTreeSet::new();
+        for (config_seed, (split, is_ood)) in (0..16).flat_map(|seed| sets.map(|set| (seed, set))) {
+            for i in 0..50 {
+                let seed = episode_seed(config_seed, split, is_ood, i);
+                assert!(seed < 1 << 40 && seed != 0);
+                // Without the drawn bits, so that luck has no part in it.
+                seen.insert((seed >> 33, config_seed, split, is_ood));
+            }
+        }
+        let prefixes: BTreeSet<u64> = seen.iter().map(|(prefix, ..)| *prefix).collect();
+        assert_eq!((seen.len(), prefixes.len()), (16 * sets.len(), 16 * sets.len()));
     }
 
     #[test]

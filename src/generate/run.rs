@@ -1,5 +1,6 @@
 //! Makes a whole data set with worker processes, and continues an interrupted one.
 
+use std::collections::BTreeMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -35,8 +36,7 @@ pub struct GenerateSummary {
     /// Episodes that were there already.
     pub n_kept: usize,
     pub n_samples: usize,
-    /// Episodes for training, validation and testing.
-    pub n_by_split: [usize; 3],
+    pub n_by_split: BTreeMap<Split, usize>,
     pub n_objects: ObjectCounts,
 }
 
@@ -155,20 +155,17 @@ fn summarise(manifest: &Manifest, folder: &Path, n_kept: usize) -> GenerateSumma
         n_episodes: manifest.episodes.len(),
         n_kept,
         n_samples: manifest.episodes.iter().map(|entry| entry.n_samples).sum(),
-        n_by_split: [Split::Train, Split::Val, Split::Test].map(|split| manifest.of_split(split).count()),
+        n_by_split: manifest.n_by_split(),
         n_objects,
     }
 }
 
 impl fmt::Display for GenerateSummary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let [n_train, n_val, n_test] = self.n_by_split;
+        let splits: Vec<String> =
+            self.n_by_split.iter().map(|(split, n)| format!("{n} {}", split.name())).collect();
         writeln!(f, "{}", self.folder.display())?;
-        writeln!(
-            f,
-            "  episodes  {} ({n_train} train, {n_val} val, {n_test} test; {} kept)",
-            self.n_episodes, self.n_kept
-        )?;
+        writeln!(f, "  episodes  {} ({}; {} kept)", self.n_episodes, splits.join(", "), self.n_kept)?;
         writeln!(f, "  samples   {}", self.n_samples)?;
         let share = self.n_objects.total() as f64 / (self.n_samples.max(1)) as f64;
         writeln!(f, "  objects   {} ({share:.1} a sample)", self.n_objects.total())?;

@@ -8,13 +8,14 @@ use rand::RngExt;
 
 use super::buildings::{Balcony, Building, RAILING_M};
 use super::loose::{Loose, Perch, any_direction, lying, rolling_radius_m, standing, throw};
-use super::models::{self, Model, SOLID_M};
+use super::models::{Model, SOLID_M};
 use super::occupancy::Footprint;
 use super::path::{Vec2, direction_of};
 use super::populate::Filler;
 use super::route::Route;
+use super::unfamiliar::unfamiliar;
 use super::world::{Motion, footprint_of};
-use crate::object::{Distribution, Event, Kind};
+use crate::object::{Event, Kind};
 use crate::random::{self, Rng};
 
 /// Heights of the balconies' floors: the first and second storey over a shop.
@@ -78,7 +79,7 @@ impl Filler<'_> {
     }
 
     fn draw_loose_model(&self, fits: impl Fn(&Model) -> bool, rng: &mut Rng) -> Option<usize> {
-        let mut models = models::indices_of(self.models, Kind::Static, Distribution::Ood);
+        let mut models = unfamiliar(self.models, self.config.split);
         models.retain(|&i| fits(&self.models[i]));
         (!models.is_empty()).then(|| models[rng.random_range(0..models.len())])
     }
@@ -301,6 +302,7 @@ impl Filler<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::object::Distribution;
     use crate::scene::{PopulateConfig, Town, World, populate};
     use std::sync::Arc;
 

@@ -1,5 +1,6 @@
 //! Scenes: towns, object models, the filled world as MJCF, and the behaviour of everything that moves.
 
+mod bounds;
 mod builder;
 mod buildings;
 mod bus_stops;
@@ -32,12 +33,14 @@ mod populate;
 mod route;
 mod scenery;
 mod shipped;
+mod split;
 mod surface;
 mod swerve;
 mod textures;
 mod town;
 mod town_config;
 mod traffic;
+mod unfamiliar;
 mod walking;
 mod world;
 
@@ -53,8 +56,9 @@ pub use occupancy::Footprint;
 pub use path::{Path, Vec2};
 pub use populate::{PopulateConfig, populate};
 pub use route::{Route, Span};
+pub use split::SceneSplit;
 pub use surface::Surface;
-pub use town::{Town, town_name, town_names};
+pub use town::{Town, town_name, town_names, town_names_of, town_split};
 pub use town_config::{TownConfig, TrafficConfig};
 pub use traffic::{Commands, EgoObservation, MocapPose, Traffic};
 pub use world::{Motion, Placement, SceneObject, World};

@@ -10,9 +10,12 @@ use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion, Vect
 use roxmltree::{Document, Node};
 use serde::Deserialize;
 
+pub use super::bounds::Bounds;
+use super::bounds::{bounds_below, bounds_of};
 use super::error::SceneError;
 use super::mesh::triangles_of_obj;
 use super::shipped;
+use super::split::SceneSplit;
 use crate::object::{Distribution, Kind};
 
 /// Where the models are in the source tree.
@@ -25,9 +28,6 @@ pub const SOLID_M: f64 = 1.9;
 
 /// Parts above this height may hang over the road: the clearance that German roads keep, metres.
 const CLEARANCE_M: f64 = 4.5;
-
-/// Lowest and highest corner.
-pub type Bounds = [Point3<f64>; 2];
 
 /// Where a model's x axis points beside a street.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
@@ -69,6 +69,9 @@ pub struct ModelFacts {
     pub distribution: Distribution,
     #[serde(default)]
     pub role: Role,
+    /// Where the model is unfamiliar, the worlds that may hold it; the familiar ones are in all.
+    #[serde(default)]
+    pub split: SceneSplit,
     /// Share of LiDAR light sent back at right angles, 0 to 1.
     pub reflectivity: f64,
     /// How likely the model is, relative to others of its kind, where a town gives no weights.
@@ -269,6 +272,9 @@ fn read_facts(custom: Node) -> Result<ModelFacts, String> {
             return Err(format!("<custom>: `{key}` is {value}; it takes 0 to {most}"));
         }
     }
+    if facts.split == SceneSplit::Test && facts.distribution == Distribution::Id {
+        return Err("<custom>: `split` is `test`, which only a model of distribution `ood` takes".into());
+    }
     Ok(facts)
 }
 
@@ -308,25 +314,6 @@ fn mesh_triangles(name: &str, mesh: Node, geom: Node) -> Result<Vec<[Point3<f32>
     Ok(triangles.into_iter().map(|triangle| triangle.map(place)).collect())
 }
 
-fn bounds_of(points: impl Iterator<Item = Point3<f32>>) -> Option<Bounds> {
-    points.map(Point3::cast::<f64>).fold(None, |bounds, point| {
-        let [low, high] = bounds.unwrap_or([point; 2]);
-        Some([low.inf(&point), high.sup(&point)])
-    })
-}
-
-/// Bounds of what is lower than a height, if that covers any ground.
-fn bounds_below(triangles: &[[Point3<f32>; 3]], limit_m: f64) -> Option<Bounds> {
-    let limit = limit_m as f32;
-    let edges = triangles.iter().flat_map(|triangle| [0, 1, 2].map(|i| (triangle[i], triangle[(i + 1) % 3])));
-    let below = edges.flat_map(|(a, b)| {
-        let is_cut = (a.z <= limit) != (b.z <= limit);
-        let cut = is_cut.then(|| a + (b - a) * ((limit - a.z) / (b.z - a.z)));
-        (a.z <= limit).then_some(a).into_iter().chain(cut)
-    });
-    bounds_of(below).filter(|[low, high]| low.x < high.x && low.y < high.y)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -360,6 +347,11 @@ mod tests {
             ("</custom>", "", "expected 'custom' tag"),
             ("<custom>", "<default/><custom>", "<mujoco> holds <default>; it takes only"),
             ("data=\"ood\"", "data=\"odd\"", "<custom>: unknown variant `odd`, expected `id` or `ood`"),
+            (
+                "data=\"ood\"/>",
+                "data=\"id\"/><text name=\"split\" data=\"test\"/>",
+                "`split` is `test`, which only a model of distribution `ood` takes",
+            ),
             (
                 "name=\"rolls\"",
                 "name=\"roles\"",

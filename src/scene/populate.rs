@@ -11,7 +11,9 @@ use super::network::LaneGraph;
 use super::occupancy::{Footprint, Occupied};
 use super::path::Vec2;
 use super::route::Route;
+use super::split::SceneSplit;
 use super::town::Town;
+use super::unfamiliar::unfamiliar;
 use super::world::{Motion, Placement, SceneObject, World, footprint_of};
 use crate::config::{SHARE, define_config, from_to};
 use crate::object::{Distribution, Kind};
@@ -23,6 +25,8 @@ define_config! {
     pub struct PopulateConfig {
         /// Whether out-of-distribution objects are placed.
         ood: bool = false;
+        /// Whose towns are driven through and whose kinds of out-of-distribution objects are placed.
+        split: SceneSplit = SceneSplit::Dev;
         /// Length of the ego's route, metres; driving goes on by random turns within it.
         route_length_m: f64 = 700.0, in from_to(10.0, 10_000.0);
         /// Nothing stands farther than this from the route, metres.
@@ -204,7 +208,7 @@ impl Filler<'_> {
     /// A thing in the lane, at a place where no event was possible.
     fn lay_in_lane(&mut self, route: &Route, station_m: f64) {
         let mut rng = random::stream(self.seed, "no-event", station_m.to_bits());
-        let models = models::indices_of(self.models, Kind::Static, Distribution::Ood);
+        let models = unfamiliar(self.models, self.config.split);
         let model = models[rng.random_range(0..models.len())];
         let half_lane_m = self.town.graph.lanes[route.span_at(station_m).lane].width_m / 2.0;
         let left_m = -half_lane_m + rng.random::<f64>() * (half_lane_m - 0.3);
@@ -221,7 +225,7 @@ impl Filler<'_> {
         let mut rng = random::stream(self.seed, "ood", 0);
         let mut event_rng = random::stream(self.seed, "event-stations", 0);
         let mut event_stations_m = Vec::new();
-        let models = models::indices_of(self.models, Kind::Static, Distribution::Ood);
+        let models = unfamiliar(self.models, self.config.split);
         if models.is_empty() {
             return event_stations_m;
         }

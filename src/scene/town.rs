@@ -1,6 +1,8 @@
 //! Towns: an OpenDRIVE road network with a `town.toml` beside it, shipped in the binary or on disk.
 
+use std::collections::BTreeMap;
 use std::path::Path as FilePath;
+use std::sync::LazyLock;
 
 use fs_err as fs;
 
@@ -13,6 +15,7 @@ use super::network::LaneGraph;
 use super::opendrive;
 use super::plots::{self, Boundary, Furnishing, Stand};
 use super::shipped;
+use super::split::SceneSplit;
 use super::surface::{Levels, Surface};
 use super::town_config::TownConfig;
 use crate::config::Checked;
@@ -38,6 +41,37 @@ pub struct Town {
 /// Names of the shipped towns, sorted.
 pub fn town_names() -> Vec<String> {
     shipped::folders_with("scenes", "road.xodr").into_iter().map(str::to_owned).collect()
+}
+
+/// Names of the shipped towns that are for a split, sorted.
+pub fn town_names_of(split: SceneSplit) -> Vec<String> {
+    town_names().into_iter().filter(|name| shipped_split(name) == Some(split)).collect()
+}
+
+/// The split that a town, given by name or by path, is kept for.
+///
+/// `None` where it may be in any: an unknown town, or a map by path that does not bear a shipped town's name and beside
+/// which no `town.toml` says `split = "test"`.
+pub fn town_split(name_or_path: &str) -> Option<SceneSplit> {
+    shipped_split(&town_name(name_or_path)).or_else(|| {
+        let path = FilePath::new(name_or_path);
+        let toml = is_map_file(path).then(|| fs::read_to_string(path.with_file_name("town.toml")).ok())?;
+        split_of(&toml?).filter(|split| *split == SceneSplit::Test)
+    })
+}
+
+fn shipped_split(name: &str) -> Option<SceneSplit> {
+    static SPLITS: LazyLock<BTreeMap<String, SceneSplit>> = LazyLock::new(|| {
+        let toml = |name: &str| shipped::text(&format!("scenes/{name}/town.toml")).unwrap_or_default();
+        let split = |name: String| split_of(toml(&name)).map(|split| (name, split));
+        town_names().into_iter().filter_map(split).collect()
+    });
+    SPLITS.get(name).copied()
+}
+
+/// `None` where the config is not valid, which [`Town::load`] reports.
+fn split_of(toml: &str) -> Option<SceneSplit> {
+    toml::from_str(toml).ok().map(|config: TownConfig| config.split)
 }
 
 /// The name of a town that is given by name or by path: a shipped town's own, else its file's or folder's.
@@ -130,6 +164,22 @@ mod tests {
     fn an_unknown_town_lists_those_that_exist() {
         let message = Town::load("atlantis").unwrap_err().to_string();
         assert!(message.contains("atlantis") && message.contains("downtown"), "{message}");
+    }
+
+    #[test]
+    fn a_town_by_name_or_of_a_shipped_ones_name_has_a_split_and_a_users_map_only_if_it_says_test() {
+        assert_eq!(town_split("downtown"), Some(SceneSplit::Dev));
+        assert_eq!(town_split("copies/downtown/road.xodr"), Some(SceneSplit::Dev));
+        assert_eq!(town_split("atlantis"), None);
+        let folder = tempfile::tempdir().unwrap();
+        let map = folder.path().join("Town01.xodr");
+        assert_eq!(town_split(map.to_str().unwrap()), None);
+        for (split, wanted) in [("dev", None), ("test", Some(SceneSplit::Test))] {
+            fs::write(folder.path().join("town.toml"), format!("split = \"{split}\"\n")).unwrap();
+            assert_eq!(town_split(map.to_str().unwrap()), wanted);
+        }
+        let of_both = SceneSplit::ALL.map(town_names_of).concat();
+        assert_eq!(of_both.len(), town_names().len(), "{of_both:?}");
     }
 
     fn shipped() -> Vec<Town> {

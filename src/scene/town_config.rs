@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use super::split::SceneSplit;
 use super::looks::{BoundaryLook, BuildingStyle, FacadeLook, GroundLook, MedianLook, RoofStyle, TownColor};
 use crate::config::{Bounds, Check, InvalidConfig, Keys, Rule, SHARE, define_config, from_to, part, require};
 
@@ -24,6 +25,8 @@ define_config! {
     /// How a town is built and filled: `town.toml`.
     pub struct TownConfig {
         description: String = String::new();
+        /// Whether the town is for learning and choosing, or kept for reporting.
+        split: SceneSplit = SceneSplit::Dev;
         building_style: BuildingStyle = BuildingStyle::Row;
         building_height_m: [f64; 2] = [7.0, 20.0], in from_to(2.0, 200.0).pair();
         /// Along the street.

@@ -1,8 +1,7 @@
 //! A data set as KITTI's object set: clouds, left colour pictures, calibration, labels, lists of frames.
 //!
-//! Frames of the splits train and val lie in `training`, those of test in `testing`, which has labels too; without a test split it is
-//! a link to `training`, and its list that of val. What the layout cannot
-//! hold lies beside it in files of our own: the ego's state, the rings, and in `harmzone.json` which sample each frame is.
+//! Frames of the splits train and val lie in `training`, those of dev and test in `testing`, which has labels too; without either it
+//! is a link to `training`, and its list that of val. What the layout cannot hold lies beside it in files of our own: the ego's state, the rings, and in `harmzone.json` which sample each frame is.
 
 mod frames;
 mod label;
@@ -123,8 +122,10 @@ pub fn run(request: &KittiRequest<'_>, progress: &dyn Progress) -> Result<KittiS
     let manifest = source.manifest();
     let folder = NewFolder::create(request.out, MARKER, request.force)?;
     let names = FrameNames::of(request.dataset, manifest)?;
-    // Where nothing is for the test, validation takes its place, since mmdetection3d's converter wants frames there.
-    let has_test = manifest.of_split(Split::Test).next().is_some();
+    // Where nothing is for the test, dev or validation takes its place, since mmdetection3d's converter wants frames there.
+    let has = |split: &Split| manifest.of_split(*split).next().is_some();
+    let for_test = [Split::Test, Split::Dev].into_iter().find(has).unwrap_or(Split::Val);
+    let has_test = for_test != Split::Val;
     if !has_test {
         fs_err::os::unix::fs::symlink("training", folder.path().join("testing"))?;
     }
@@ -146,7 +147,7 @@ pub fn run(request: &KittiRequest<'_>, progress: &dyn Progress) -> Result<KittiS
         summary.merge(&of_episode);
         frames.extend(entries);
     }
-    write_lists(&frames, if has_test { Split::Test } else { Split::Val }, &folder)?;
+    write_lists(&frames, for_test, &folder)?;
     let file = ExportFile {
         format: "kitti",
         generator_version: env!("CARGO_PKG_VERSION"),
@@ -159,6 +160,11 @@ pub fn run(request: &KittiRequest<'_>, progress: &dyn Progress) -> Result<KittiS
     fs::write(folder.path().join(MARKER), bytes)?;
     folder.finish()?;
     Ok(summary)
+}
+
+/// Whether KITTI's folder for frames to score takes a split.
+fn is_for_testing(split: Split) -> bool {
+    matches!(split, Split::Dev | Split::Test)
 }
 
 /// `ImageSets/<list>.txt`: a frame a line.
@@ -188,7 +194,7 @@ fn write_episode(
     progress: &dyn Progress,
 ) -> Result<(KittiSummary, Vec<FrameEntry>), ExportError> {
     let entry = episode.entry();
-    let half = folder.path().join(if entry.split == Split::Test { "testing" } else { "training" });
+    let half = folder.path().join(if is_for_testing(entry.split) { "testing" } else { "training" });
     let (mut summary, mut frames) = (KittiSummary::default(), Vec::new());
     for sample_idx in 0..episode.reader.len() {
         let frame = names.get(&entry.name, sample_idx).expect("every sample has a name").to_owned();

@@ -137,14 +137,15 @@ pub fn run(request: &NuScenesRequest<'_>, progress: &dyn Progress) -> Result<NuS
     Ok(summary)
 }
 
-/// Gives episodes official scene names. `v1.0-trainval` has the splits train and val, `v1.0-test` the split test; where one of val and
-/// test is missing, the other takes its place, since mmdetection3d's converter wants both folders.
+/// Gives episodes official scene names. `v1.0-trainval` has the splits train and val, `v1.0-test` the split test, or dev where there is
+/// no test; where nothing is for one of both, the other's take its place, since mmdetection3d's converter wants both folders.
 fn plan(source: &DataSource, release: Release) -> Result<Vec<Version>, ExportError> {
     let has = |split: Split| source.manifest().of_split(split).next().is_some();
-    let [for_val, for_test] = match (has(Split::Val), has(Split::Test)) {
+    let of_test = if has(Split::Dev) && !has(Split::Test) { Split::Dev } else { Split::Test };
+    let [for_val, for_test] = match (has(Split::Val), has(of_test)) {
         (true, false) => [Split::Val; 2],
-        (false, _) => [Split::Test; 2],
-        (true, true) => [Split::Val, Split::Test],
+        (false, _) => [of_test; 2],
+        (true, true) => [Split::Val, of_test],
     };
     let full = [
         ("v1.0-trainval", vec![(SceneSection::Train, Split::Train), (SceneSection::Val, for_val)]),

@@ -192,7 +192,7 @@ fn minutes(minutes: f64, note: String) -> Line {
 /// The model cannot be measured.
 pub fn compute_training(data: &Path) -> anyhow::Result<Line> {
     let told = bench_model(data, "cpu")?;
-    let (generated, n_episodes) = preset::load(Some(Preset::Small), false, None, &[])?;
+    let (generated, n_episodes) = preset::load(Some(Preset::Small), None, false, None, &[])?;
     let n_val = (f64::from(n_episodes) / generated.val_every).floor() * f64::from(generated.samples);
     let n_train = f64::from(n_episodes * generated.samples) - n_val;
     let config = training_config();
@@ -231,7 +231,7 @@ fn training_config() -> TrainConfig {
 pub fn train_small(work: &Path, device: &Device, progress: &dyn Progress) -> anyhow::Result<Line> {
     let (data, run) = (work.join("id"), work.join("small"));
     if !is_labelled(&data) {
-        let (config, n_episodes) = preset::load(Some(Preset::Small), false, None, &[])?;
+        let (config, n_episodes) = preset::load(Some(Preset::Small), None, false, None, &[])?;
         make(&config, n_episodes, &data, progress)?;
     }
     let [train, val] = [Split::Train, Split::Val].map(|split| Dataset::open(&data, LABELS, split));

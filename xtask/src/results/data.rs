@@ -29,7 +29,7 @@ pub fn prepare(
     progress: &dyn Progress,
 ) -> anyhow::Result<(PathBuf, SetRecord)> {
     let preset = Preset::named(&request.config.preset).expect("the config was checked");
-    let (config, n_episodes) = preset::load(Some(preset), is_ood, None, &[])?;
+    let (config, n_episodes) = preset::load(Some(preset), None, is_ood, None, &[])?;
     let given = if is_ood { request.ood.as_ref() } else { request.data.as_ref() };
     let path = given.cloned().unwrap_or_else(|| request.out.join(if is_ood { "ood" } else { "id" }));
     if given.is_none() {
@@ -60,7 +60,7 @@ fn describe(
 ) -> anyhow::Result<SetRecord> {
     let count = |split| manifest.of_split(split).map(|entry| entry.n_samples).sum();
     Ok(SetRecord {
-        n_samples: [Split::Train, Split::Val, Split::Test].map(count),
+        n_samples: [Split::Train, Split::Val, Split::Dev].map(count),
         fingerprint: Fingerprint::of(path, LABELS)?,
         is_of_preset: manifest.config_sha256 == preset_sha256
             && manifest.episodes.len() == n_episodes as usize,

@@ -78,7 +78,7 @@ impl<'a> Experiment<'a> {
             ood,
             train: Lazy::new(id_path, Split::Train),
             val: Lazy::new(id_path, Split::Val),
-            test: Lazy::new(ood_path, Split::Test),
+            test: Lazy::new(ood_path, Split::Dev),
             device,
             progress,
         }
