@@ -238,7 +238,8 @@ impl Manifest {
         let mut manifest: Self = read_json(&path, &[1, Self::VERSION])?;
         if manifest.format_version == 1 {
             // A log of a real car has no seed.
-            let is_dev = |entry: &&mut EpisodeEntry| entry.ood && entry.seed != 0 && entry.split == Split::Test;
+            let is_dev =
+                |entry: &&mut EpisodeEntry| entry.ood && entry.seed != 0 && entry.split == Split::Test;
             manifest.episodes.iter_mut().filter(is_dev).for_each(|entry| entry.split = Split::Dev);
         }
         manifest.check(&path)?;

@@ -177,7 +177,10 @@ fn check_towns(towns: &[String], split: SceneSplit) -> Result<(), InvalidConfig>
         Some(town) => Err(InvalidConfig::new(
             "towns",
             format!("{town:?}, which is not for split {}", split.name()),
-            format!("it takes {:?}, \"{ALL}\" for all of them, and paths of other maps", town_names_of(split)),
+            format!(
+                "it takes {:?}, \"{ALL}\" for all of them, and paths of other maps",
+                town_names_of(split)
+            ),
         )),
     }
 }

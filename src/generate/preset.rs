@@ -202,8 +202,7 @@ mod tests {
         let path = folder.path().join("own.toml");
         fs_err::write(&path, "samples = 7\nseed = 70\n[render]\njpeg_quality = 80\n").unwrap();
         let overrides = ["seed=700".to_owned()];
-        let (config, n_episodes) =
-            load(Some(Preset::Small), None, false, Some(&path), &overrides).unwrap();
+        let (config, n_episodes) = load(Some(Preset::Small), None, false, Some(&path), &overrides).unwrap();
         assert_eq!((config.samples, config.seed, config.render.jpeg_quality), (7, 700, 80));
         assert_eq!((config.towns, n_episodes), (vec![ALL.to_owned()], 150));
         assert_eq!(config.render.shadow_size_px, GenerateConfig::default().render.shadow_size_px);
@@ -211,9 +210,11 @@ mod tests {
 
     #[test]
     fn a_set_that_overrides_name_brings_the_presets_part() {
-        for (overrides, n_wanted) in
-            [(&["scene.ood=true"][..], 25), (&["scene.split=test"], 108), (&["scene.split=\"test\"", "scene.ood=true"], 108)]
-        {
+        for (overrides, n_wanted) in [
+            (&["scene.ood=true"][..], 25),
+            (&["scene.split=test"], 108),
+            (&["scene.split=\"test\"", "scene.ood=true"], 108),
+        ] {
             let overrides: Vec<String> = overrides.iter().map(|&text| text.to_owned()).collect();
             let (config, n_episodes) = load(Some(Preset::Small), None, false, None, &overrides).unwrap();
             assert_eq!(n_episodes, n_wanted);

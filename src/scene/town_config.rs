@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::split::SceneSplit;
 use super::looks::{BoundaryLook, BuildingStyle, FacadeLook, GroundLook, MedianLook, RoofStyle, TownColor};
+use super::split::SceneSplit;
 use crate::config::{Bounds, Check, InvalidConfig, Keys, Rule, SHARE, define_config, from_to, part, require};
 
 /// Open ground with things to sit on and to look at, free of buildings.
