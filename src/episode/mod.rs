@@ -16,6 +16,8 @@ mod foreign_tests;
 mod labels;
 mod log;
 pub mod manifest;
+#[cfg(test)]
+mod manifest_tests;
 mod messages;
 mod meta;
 mod objects;
