@@ -1,0 +1,76 @@
+//! Manifests: what they hold, and what older ones meant.
+
+use super::manifest::{self, EpisodeEntry, LabelManifest, Manifest, ManifestError, Split};
+use crate::object::{Harm, Kind};
+
+#[test]
+fn manifests_round_trip_and_errors_say_what_to_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let message = Manifest::read(folder.path()).unwrap_err().to_string();
+    assert!(message.contains("dataset.json") && message.contains("harmzone gen"), "{message}");
+    let mut manifest = Manifest::new("c0ffee".into(), 7, false);
+    manifest.episodes.push(EpisodeEntry {
+        name: "a".into(),
+        file: "episodes/a.mcap".into(),
+        split: Split::Val,
+        seed: 7,
+        town: "oldtown".into(),
+        weather: "ClearNoon".into(),
+        ood: false,
+        n_samples: 3,
+        n_objects: manifest::ObjectCounts::default(),
+        sha256: "00".into(),
+    });
+    manifest.write(folder.path()).unwrap();
+    assert_eq!(Manifest::read(folder.path()).unwrap(), manifest);
+    assert_eq!((manifest.of_split(Split::Val).count(), manifest.of_split(Split::Train).count()), (1, 0));
+
+    let mut labels = LabelManifest::new("rect", "width_m = 3.5\n".into(), &manifest);
+    labels.counts.ood.get_mut(Kind::Static).add(Harm::Harmful);
+    fs_err::create_dir_all(LabelManifest::folder(folder.path(), "rect")).unwrap();
+    labels.write(folder.path()).unwrap();
+    assert_eq!(LabelManifest::read(folder.path(), "rect").unwrap(), labels);
+    assert!(LabelManifest::read(folder.path(), "arc").unwrap_err().to_string().contains("[\"rect\"]"));
+
+    manifest.episodes[0].file = "../a.mcap".into();
+    assert!(manifest.write(folder.path()).unwrap_err().to_string().contains("not inside"));
+    fs_err::write(folder.path().join("dataset.json"), "{\"format_version\": 9}").unwrap();
+    assert!(matches!(Manifest::read(folder.path()), Err(ManifestError::Version { found: 9, .. })));
+}
+
+#[test]
+fn unfamiliar_episodes_of_version_1_are_for_development_whatever_they_were_called() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut manifest = Manifest::new("c0ffee".into(), 7, true);
+    for (name, seed, ood, split) in [
+        ("made-ood", 5, true, Split::Test),
+        ("log-ood", 0, true, Split::Test),
+        ("log", 0, false, Split::Test),
+        ("made", 6, false, Split::Val),
+    ] {
+        manifest.episodes.push(EpisodeEntry {
+            name: name.into(),
+            file: format!("episodes/{name}.mcap"),
+            split,
+            seed,
+            town: "oldtown".into(),
+            weather: "ClearNoon".into(),
+            ood,
+            n_samples: 3,
+            n_objects: manifest::ObjectCounts::default(),
+            sha256: "00".into(),
+        });
+    }
+    for (version, split) in [(1, Split::Dev), (2, Split::Test)] {
+        manifest.format_version = version;
+        manifest.write(folder.path()).unwrap();
+        let read = Manifest::read(folder.path()).unwrap();
+        let splits: Vec<Split> = read.episodes.iter().map(|entry| entry.split).collect();
+        assert_eq!(splits, [split, Split::Test, Split::Test, Split::Val], "version {version}");
+        assert_eq!(read.format_version, version);
+    }
+    manifest.episodes.retain(|entry| entry.seed == 5);
+    assert_eq!(Split::to_score(&manifest), Split::Test);
+    manifest.episodes[0].split = Split::Dev;
+    assert_eq!(Split::to_score(&manifest), Split::Dev);
+}
