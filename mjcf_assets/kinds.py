@@ -23,3 +23,8 @@ def half_round(width: float, straight: float, n: int = 10) -> list[tuple[float, 
         (r, 0),
         *((r * math.cos(math.pi * k / n), straight + r * math.sin(math.pi * k / n)) for k in range(n + 1)),
     ]
+
+
+def unseen(name: str, about: str, mass_kg: float, reflectivity=0.4, **more) -> Model:
+    """A shape of a kind that only the test split shows."""
+    return ood(name, about, mass_kg, reflectivity, **more)
