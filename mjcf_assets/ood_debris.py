@@ -73,9 +73,9 @@ def planks() -> list[Model]:
     )):  # fmt: skip
         a.add("grey" if k in (1, 4) else "board", plank((x, y, z), yaw, pitch, l, w, 0.028, k))
     a.collide_hull(*a.everything())
-    b = unseen("planks_b", "Scaffold board, snapped, its ends up.", 19, 0.45, colours={"board": (0.62, 0.50, 0.34), "end": (0.88, 0.78, 0.58), "steel": (0.66, 0.67, 0.68)})
-    for s in (1, -1):
-        half = lambda solid, s=s: moved(solid, (s * 0.62, 0.06 * s, 0.16), yaw=0.12 * s, pitch=-s * 0.20)  # noqa: E731
+    b = unseen("planks_b", "Scaffold board, snapped; one half lies across the other.", 19, 0.45, colours={"board": (0.62, 0.50, 0.34), "end": (0.88, 0.78, 0.58), "steel": (0.66, 0.67, 0.68)})
+    for s, pose in ((1, ((0.55, 0.0, 0.022), 0.0, 0.0)), (-1, ((-0.20, 0.12, 0.10), 0.75, -0.10))):
+        half = lambda solid, p=pose: moved(solid, p[0], yaw=p[1], pitch=p[2])  # noqa: E731
         b.add("board", half(plank((0, 0, 0), 0, 0, 1.3, 0.225, 0.038, 3 + s)))
         b.add("steel", half(moved(block((0, 0, 0), (0.03, 0.235, 0.046)), (s * 0.60, 0, 0))))
         for k in range(7):
@@ -137,9 +137,9 @@ def bumpers() -> list[Model]:
     a = unseen("bumper_a", "Front bumper of a car with grille and number plate.", 7, 0.45, colours={"paint": (0.66, 0.68, 0.72), "trim": (0.07, 0.07, 0.08), "plate": (0.9, 0.9, 0.86), "foam": (0.15, 0.15, 0.16)})
     skin(a, "paint", 1.72, 0.56, 0.50, lambda s: moved(s, (0, 0, 0.0), pitch=-0.35), 1.0)
     front = lambda s: moved(moved(s, (0.30, 0, 0.26)), pitch=-0.35)  # noqa: E731
-    a.add("trim", front(pillow((0.015, 0, 0.05), (0.07, 0.86, 0.10), 4, 6)), front(pillow((0.0, 0, -0.12), (0.08, 1.0, 0.13), 4, 6)))
-    a.add("trim", *(front(pillow((-0.05, s * 0.62, -0.11), (0.08, 0.20, 0.11), 3, 4)) for s in (1, -1)))
-    a.add("plate", front(pillow((0.062, 0.02, -0.03), (0.012, 0.50, 0.11), 2, 10)))
+    a.add("trim", front(pillow((0.03, 0, 0.07), (0.09, 0.90, 0.12), 4, 6)), front(pillow((0.015, 0, -0.13), (0.09, 1.05, 0.14), 4, 6)))
+    a.add("trim", *(front(pillow((-0.03, s * 0.68, -0.11), (0.10, 0.20, 0.12), 3, 4)) for s in (1, -1)))
+    a.add("plate", front(pillow((0.072, 0.02, -0.03), (0.012, 0.50, 0.11), 2, 10)))
     a.collide_hull(*a.parts["paint"])
     b = unseen("bumper_b", "Rear bumper of a van, bare plastic, upside down.", 9, 0.25, colours={"paint": (0.16, 0.165, 0.17), "lamp": (0.62, 0.06, 0.05), "step": (0.28, 0.28, 0.29), "trim": (0.5, 0.5, 0.52)})
     over = lambda s: moved(s, (0, 0, 0.34), roll=math.pi + 0.08)  # noqa: E731

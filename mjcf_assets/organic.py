@@ -198,7 +198,8 @@ def stone(centre, size, seed: int, n: int = 3, sharp: bool = True) -> Solid:
         out = h[:3] / max(np.linalg.norm(h[:3]), 1e-6)
         depth = v @ out - (0.62 + 0.16 * h[3])
         v = v - np.maximum(depth, 0)[:, None] * out
-    v = v * np.asarray(size, float) / 2 + np.asarray(centre, float)
+    low, high = v.min(0), v.max(0)
+    v = ((v - low) / (high - low) - 0.5) * np.asarray(size, float) + np.asarray(centre, float)
     return creased(faceted((v, f))) if sharp else (v, f)
 
 
