@@ -7,7 +7,20 @@ import math
 import numpy as np
 from kinds import unseen
 from model_writer import Model
-from organic import bent, block, circle, frames, painted, pillow, rough, rounded_rectangle, sweep, torus, tube
+from organic import (
+    bent,
+    block,
+    circle,
+    frames,
+    laid,
+    painted,
+    pillow,
+    rough,
+    rounded_rectangle,
+    sweep,
+    torus,
+    tube,
+)
 from solids import Solid, ball, between, cylinder, lathe, moved
 
 
@@ -202,6 +215,7 @@ def armchair() -> Model:
             for y in (-0.30, 0.30)
         ),
     )
+    laid(m, 0.0, 0.10)
     m.collide_hull(*m.parts["fabric"], *m.parts["cushion"])
     m.collide_hull(*m.parts["wood"])
     return m
@@ -255,9 +269,19 @@ def pallets() -> list[Model]:
     pallet(a, 1.2, 0.8, lambda s: s, missing=(1,), broken=(3,))
     a.collide_box((0, 0, 0.072), (1.2, 0.8, 0.144))
     blue = {"board": (0.10, 0.24, 0.55), "block": (0.08, 0.18, 0.42), "break": (0.74, 0.60, 0.40)}
-    b = unseen("pallet_b", "Blue pallet upside down, one corner up on a splintered block.", 27, 0.4, colours=blue)
-    pallet(b, 1.2, 1.0, lambda s: moved(s, (0, 0, 0.3), roll=math.pi + 0.16, pitch=0.1), missing=(1,), broken=(3,))
+    b = unseen(
+        "pallet_b", "Blue pallet upside down, one corner up on a splintered block.", 27, 0.4, colours=blue
+    )
+    pallet(
+        b,
+        1.2,
+        1.0,
+        lambda s: moved(s, (0, 0, 0.3), roll=math.pi + 0.16, pitch=0.1),
+        missing=(1,),
+        broken=(3,),
+    )
     b.add("break", rough(pillow((0.45, -0.38, 0.09), (0.22, 0.15, 0.2), 3, 8), 0.03, 0.08, 2))
+    laid(b, -0.24, -0.10)
     b.collide_hull(*b.everything())
     c = unseen(
         "pallet_c",
@@ -401,11 +425,7 @@ def tyre(m: Model, radius: float, bore: float, width: float, place, n: int) -> N
     path = [(math.cos(turn * k) * r, math.sin(turn * k) * r, 0.0) for k in range(n)]
     m.add(
         "wall",
-        place(
-            sweep(
-                path, ring_section(path, wall, r), closed=True
-            )
-        ),
+        place(sweep(path, ring_section(path, wall, r), closed=True)),
     )
     turn = 2 * math.pi / 22
     for row, y in enumerate((-0.36, 0.36)):
@@ -503,7 +523,8 @@ def ladders() -> list[Model]:
     b.add("foot", pillow((-0.02, 0, top - 0.01), (0.30, 0.42, 0.045), 4, 6))
     for s in (1, -1):
         b.collide_hull(
-            block((s * 0.555, 0, 0.02), (0.07, 0.58, 0.04)), block((s * 0.02, 0, top - 0.02), (0.06, 0.38, 0.04))
+            block((s * 0.555, 0, 0.02), (0.07, 0.58, 0.04)),
+            block((s * 0.02, 0, top - 0.02), (0.06, 0.38, 0.04)),
         )
     c = unseen(
         "ladder_c",
@@ -563,6 +584,7 @@ def ladders() -> list[Model]:
             (x, 0.19, 0.34, 0.014),
         ]
         c.add("steel", tube(bow, 6, 8))
+    laid(c, -0.12)
     c.collide_hull(*c.parts["rail"])
     c.collide_hull(*c.parts["steel"])
     return [a, b, c]

@@ -7,24 +7,57 @@ import math
 import numpy as np
 from kinds import unseen
 from model_writer import Model
-from organic import bent, block, circle, frames, pillow, rough, rounded_rectangle, sweep, torus, tube
+from organic import (
+    bent,
+    block,
+    circle,
+    frames,
+    laid,
+    over_ground,
+    pillow,
+    rough,
+    rounded_rectangle,
+    sweep,
+    torus,
+    tube,
+)
 from solids import Solid, ball, between, cylinder, lathe, moved
 
 
 def suitcases() -> list[Model]:
     """A hard shell on its wheels, a burst old one with its clothes, and a long duffel bag."""
-    a = unseen("suitcase_a", "Trolley case with a hard shell, handle out.", 9, 0.45, colours={"shell": (0.80, 0.62, 0.05), "zip": (0.12, 0.12, 0.12)})
+    a = unseen(
+        "suitcase_a",
+        "Trolley case with a hard shell, handle out.",
+        9,
+        0.45,
+        colours={"shell": (0.80, 0.62, 0.05), "zip": (0.12, 0.12, 0.12)},
+    )
     v, f = pillow((0, 0, 0.40), (0.28, 0.46, 0.66), 8, 7)
     on_face = np.clip(np.abs(v[:, 0]) / 0.14, 0, 1) ** 8
     v[:, 0] += np.sign(v[:, 0]) * 0.010 * on_face * np.sin(2 * math.pi * v[:, 1] / 0.105)
     a.add("shell", (v, f))
-    belt = [(0.004 * math.sin(9 * y), y * 1.012, 0.40 + z * 1.012) for y, z in rounded_rectangle(0.46, 0.66, 0.07, 3)]
+    belt = [
+        (0.004 * math.sin(9 * y), y * 1.012, 0.40 + z * 1.012)
+        for y, z in rounded_rectangle(0.46, 0.66, 0.07, 3)
+    ]
     a.add("zip", sweep(belt, circle(4, 0.012, 0.012), closed=True))
-    a.add("zip", *(moved(cylinder(0.032, -0.012, 0.012, 10), (x, y, 0.032), roll=math.pi / 2) for x in (-0.10, 0.10) for y in (-0.18, 0.18)))
+    a.add(
+        "zip",
+        *(
+            moved(cylinder(0.032, -0.012, 0.012, 10), (x, y, 0.032), roll=math.pi / 2)
+            for x in (-0.10, 0.10)
+            for y in (-0.18, 0.18)
+        ),
+    )
     a.add("zip", *(block((x, y, 0.06), (0.05, 0.04, 0.05)) for x in (-0.10, 0.10) for y in (-0.18, 0.18)))
     a.add("steel", *(between((-0.10, y, 0.70), (-0.10, y, 1.06), 0.009, n=6) for y in (-0.09, 0.09)))
-    a.add("zip", tube([(-0.10, -0.10, 1.06, 0.016), (-0.10, 0, 1.075, 0.018), (-0.10, 0.10, 1.06, 0.016)], 6, 5))
-    a.add("zip", tube([(0.03, -0.08, 0.725, 0.012), (0.03, 0, 0.765, 0.012), (0.03, 0.08, 0.725, 0.012)], 5, 6))
+    a.add(
+        "zip", tube([(-0.10, -0.10, 1.06, 0.016), (-0.10, 0, 1.075, 0.018), (-0.10, 0.10, 1.06, 0.016)], 6, 5)
+    )
+    a.add(
+        "zip", tube([(0.03, -0.08, 0.725, 0.012), (0.03, 0, 0.765, 0.012), (0.03, 0.08, 0.725, 0.012)], 5, 6)
+    )
     a.collide_hull(*a.parts["shell"])
     a.collide_box((0, 0, 0.05), (0.26, 0.40, 0.10))
     b = unseen(
@@ -35,23 +68,66 @@ def suitcases() -> list[Model]:
     lid = lambda s: moved(s, (-0.25, 0, 0.17), pitch=-1.95)  # noqa: E731
     b.add("shell", lid(pillow((0.26, 0, 0.03), (0.52, 0.76, 0.09), 5, 8)))
     b.add("lining", lid(block((0.26, 0, -0.018), (0.46, 0.70, 0.01))))
-    b.add("zip", *(ball((x, y, z), (0.035, 0.035, 0.035), 6, 4) for x in (0.24,) for y in (-0.36, 0.36) for z in (0.03, 0.16)), tube([(0.26, -0.08, 0.10, 0.012), (0.30, 0, 0.10, 0.013), (0.26, 0.08, 0.10, 0.012)], 5, 6))
+    b.add(
+        "zip",
+        *(
+            ball((x, y, z), (0.035, 0.035, 0.035), 6, 4)
+            for x in (0.24,)
+            for y in (-0.36, 0.36)
+            for z in (0.03, 0.16)
+        ),
+        tube([(0.26, -0.08, 0.10, 0.012), (0.30, 0, 0.10, 0.013), (0.26, 0.08, 0.10, 0.012)], 5, 6),
+    )
     b.colours["zip"] = (0.66, 0.52, 0.22)
     b.add("cloth", rough(pillow((0.04, 0.12, 0.20), (0.42, 0.42, 0.13), 6, 3), 0.03, 0.12, 1))
     b.add("shirt", rough(pillow((0.10, -0.20, 0.18), (0.50, 0.28, 0.12), 6, 3), 0.03, 0.1, 2))
-    fall = lambda v: np.stack([v[:, 0] + 0.3, v[:, 1], 0.02 + 0.20 / (1 + np.exp(14 * (v[:, 0] + 0.02))) + v[:, 2]], 1)  # noqa: E731
+    fall = lambda v: np.stack(
+        [v[:, 0] + 0.3, v[:, 1], 0.02 + 0.20 / (1 + np.exp(14 * (v[:, 0] + 0.02))) + v[:, 2]], 1
+    )  # noqa: E731
     b.add("jumper", rough(bent(pillow((0, 0.02, 0.02), (0.52, 0.26, 0.04), 6, 5), fall), 0.012, 0.09, 5))
     b.collide_hull(pillow((0, 0, 0.09), (0.52, 0.76, 0.18), 3, 8))
     b.collide_hull(*b.parts["lining"])
-    c = unseen("suitcase_c", "Duffel bag, full and slumped.", 14, 0.35, colours={"shell": (0.13, 0.30, 0.24), "strap": (0.06, 0.06, 0.06), "patch": (0.85, 0.40, 0.08)})
-    body = tube([(-0.40, 0, 0.16, 0.12), (-0.36, 0, 0.17, 0.165), (0, 0.02, 0.155, 0.175), (0.36, 0, 0.17, 0.165), (0.40, 0, 0.16, 0.12)], 14, 14, wide=1.15)
+    c = unseen(
+        "suitcase_c",
+        "Duffel bag, full and slumped.",
+        14,
+        0.35,
+        colours={"shell": (0.13, 0.30, 0.24), "strap": (0.06, 0.06, 0.06), "patch": (0.85, 0.40, 0.08)},
+    )
+    body = tube(
+        [
+            (-0.40, 0, 0.16, 0.12),
+            (-0.36, 0, 0.17, 0.165),
+            (0, 0.02, 0.155, 0.175),
+            (0.36, 0, 0.17, 0.165),
+            (0.40, 0, 0.16, 0.12),
+        ],
+        14,
+        14,
+        wide=1.15,
+    )
     v, f = rough(body, 0.022, 0.16, 7)
     c.add("shell", (np.stack([v[:, 0], v[:, 1], np.maximum(v[:, 2], 0.004 * np.sin(8 * v[:, 0]))], 1), f))
     for x in (-0.17, 0.17):
-        loop = [(x + 0.02 * math.sin(3 * t), 0.02 + 0.205 * math.cos(t), 0.16 + 0.185 * math.sin(t), 0.012) for t in np.linspace(-0.6, math.pi + 0.6, 12)]
+        loop = [
+            (x + 0.02 * math.sin(3 * t), 0.02 + 0.205 * math.cos(t), 0.16 + 0.185 * math.sin(t), 0.012)
+            for t in np.linspace(-0.6, math.pi + 0.6, 12)
+        ]
         c.add("strap", tube(loop, 4, wide=2.2))
     for s in (1, -1):
-        c.add("strap", tube([(-0.17, s * 0.10, 0.32, 0.014), (-0.08, s * 0.14, 0.40 - 0.1 * (s < 0), 0.012), (0.08, s * 0.13, 0.41 - 0.12 * (s < 0), 0.012), (0.17, s * 0.10, 0.32, 0.014)], 5, 9))
+        c.add(
+            "strap",
+            tube(
+                [
+                    (-0.17, s * 0.10, 0.32, 0.014),
+                    (-0.08, s * 0.14, 0.40 - 0.1 * (s < 0), 0.012),
+                    (0.08, s * 0.13, 0.41 - 0.12 * (s < 0), 0.012),
+                    (0.17, s * 0.10, 0.32, 0.014),
+                ],
+                5,
+                9,
+            ),
+        )
     c.add("patch", rough(pillow((0.0, 0.195, 0.16), (0.22, 0.02, 0.16), 3, 6), 0.008, 0.1, 3))
     c.collide_hull(*c.parts["shell"])
     return [a, b, c]
@@ -59,27 +135,104 @@ def suitcases() -> list[Model]:
 
 def gas_bottles() -> list[Model]:
     """A 11 kg propane bottle, a 33 kg one on its side, a camping bottle with its burner."""
-    a = unseen("gas_bottle_a", "Propane bottle of 11 kg, standing.", 21, 0.5, colours={"paint": (0.78, 0.10, 0.08), "brass": (0.72, 0.56, 0.22), "label": (0.9, 0.9, 0.86)})
+    a = unseen(
+        "gas_bottle_a",
+        "Propane bottle of 11 kg, standing.",
+        21,
+        0.5,
+        colours={"paint": (0.78, 0.10, 0.08), "brass": (0.72, 0.56, 0.22), "label": (0.9, 0.9, 0.86)},
+    )
     bottle(a, 0.15, 0.46, lambda s: s)
     guard(a, "paint", 0.105, 0.455, 0.14, lambda s: s)
-    a.add("label", sweep([(0.1515 * math.cos(t), 0.1515 * math.sin(t), 0.26) for t in np.linspace(-0.7, 0.7, 7)], rounded_rectangle(0.004, 0.14, 0.001, 1)))
+    a.add(
+        "label",
+        sweep(
+            [(0.1515 * math.cos(t), 0.1515 * math.sin(t), 0.26) for t in np.linspace(-0.7, 0.7, 7)],
+            rounded_rectangle(0.004, 0.14, 0.001, 1),
+        ),
+    )
     a.collide_cylinder((0, 0, 0.30), 0.15, 0.60)
     a.rolls = "z"
-    b = unseen("gas_bottle_b", "Tall propane bottle of 33 kg, lying.", 62, 0.5, colours={"paint": (0.55, 0.57, 0.58), "cap": (0.75, 0.30, 0.05), "brass": (0.72, 0.56, 0.22), "rust": (0.36, 0.20, 0.12)})
+    b = unseen(
+        "gas_bottle_b",
+        "Tall propane bottle of 33 kg, lying.",
+        62,
+        0.5,
+        colours={
+            "paint": (0.55, 0.57, 0.58),
+            "cap": (0.75, 0.30, 0.05),
+            "brass": (0.72, 0.56, 0.22),
+            "rust": (0.36, 0.20, 0.12),
+        },
+    )
     lay = lambda s: moved(s, (0, 0.63, 0.159), roll=math.pi / 2)  # noqa: E731
     bottle(b, 0.159, 1.08, lay)
-    b.add("cap", lay(lathe([(0.0, 1.07), (0.085, 1.07), (0.088, 1.18), (0.075, 1.24), (0.04, 1.26), (0, 1.262)], 14, sharp=False)))
+    b.add(
+        "cap",
+        lay(
+            lathe(
+                [(0.0, 1.07), (0.085, 1.07), (0.088, 1.18), (0.075, 1.24), (0.04, 1.26), (0, 1.262)],
+                14,
+                sharp=False,
+            )
+        ),
+    )
     b.add("rust", *(lay(moved(torus(0.157, 0.008, 18, 4), (0, 0, z))) for z in (0.42, 0.80)))
     b.rolls = "y"
     b.collide_cylinder((0, 0, 0.159), 0.159, 1.24, "y")
-    c = unseen("gas_bottle_c", "Blue camping gas bottle with its burner, on its side.", 5, 0.5, colours={"paint": (0.06, 0.20, 0.60), "brass": (0.72, 0.56, 0.22)})
+    c = unseen(
+        "gas_bottle_c",
+        "Blue camping gas bottle with its burner, on its side.",
+        5,
+        0.5,
+        colours={"paint": (0.06, 0.20, 0.60), "brass": (0.72, 0.56, 0.22)},
+    )
     tip = lambda s: moved(s, (0, 0.19, 0.121), roll=math.pi / 2 - 0.03)  # noqa: E731
-    c.add("paint", tip(lathe([(0, 0.02), (0.085, 0.0), (0.098, 0.012), (0.118, 0.06), (0.1205, 0.10), (0.1205, 0.16), (0.105, 0.215), (0.06, 0.25), (0, 0.258)], 18, sharp=False)))
-    c.add("steel", tip(cylinder(0.03, 0.25, 0.30, 10)), tip(lathe([(0, 0.30), (0.05, 0.30), (0.065, 0.33), (0.04, 0.345), (0, 0.345)], 14)))
+    c.add(
+        "paint",
+        tip(
+            lathe(
+                [
+                    (0, 0.02),
+                    (0.085, 0.0),
+                    (0.098, 0.012),
+                    (0.118, 0.06),
+                    (0.1205, 0.10),
+                    (0.1205, 0.16),
+                    (0.105, 0.215),
+                    (0.06, 0.25),
+                    (0, 0.258),
+                ],
+                18,
+                sharp=False,
+            )
+        ),
+    )
+    c.add(
+        "steel",
+        tip(cylinder(0.03, 0.25, 0.30, 10)),
+        tip(lathe([(0, 0.30), (0.05, 0.30), (0.065, 0.33), (0.04, 0.345), (0, 0.345)], 14)),
+    )
     for k in range(4):
         t = math.pi * k / 2 + 0.5
-        c.add("steel", tip(tube([(0.02 * math.cos(t), 0.02 * math.sin(t), 0.30, 0.005), (0.11 * math.cos(t), 0.11 * math.sin(t), 0.36, 0.005), (0.085 * math.cos(t), 0.085 * math.sin(t), 0.385, 0.005)], 4)))
-    c.add("brass", tip(between((0.02, 0, 0.28), (0.085, 0, 0.275), 0.013, n=7)), tip(moved(torus(0.02, 0.006, 10, 4), (0.09, 0, 0.275), pitch=math.pi / 2)))
+        c.add(
+            "steel",
+            tip(
+                tube(
+                    [
+                        (0.02 * math.cos(t), 0.02 * math.sin(t), 0.30, 0.005),
+                        (0.11 * math.cos(t), 0.11 * math.sin(t), 0.36, 0.005),
+                        (0.085 * math.cos(t), 0.085 * math.sin(t), 0.385, 0.005),
+                    ],
+                    4,
+                )
+            ),
+        )
+    c.add(
+        "brass",
+        tip(between((0.02, 0, 0.28), (0.085, 0, 0.275), 0.013, n=7)),
+        tip(moved(torus(0.02, 0.006, 10, 4), (0.09, 0, 0.275), pitch=math.pi / 2)),
+    )
     c.collide_hull(*c.parts["paint"])
     c.collide_hull(tip(cylinder(0.11, 0.35, 0.38, 8)))
     return [a, b, c]
@@ -87,41 +240,180 @@ def gas_bottles() -> list[Model]:
 
 def bottle(m: Model, r: float, h: float, place) -> None:
     """Domed at both ends, a foot ring, a weld round the middle, a valve; axis z."""
-    curve = [(0, 0.035), (0.6 * r, 0.04), (0.88 * r, 0.065), (r, 0.12), (r, h - 0.13), (0.93 * r, h - 0.075), (0.7 * r, h - 0.03), (0.3 * r, h), (0, h + 0.002)]
+    curve = [
+        (0, 0.035),
+        (0.6 * r, 0.04),
+        (0.88 * r, 0.065),
+        (r, 0.12),
+        (r, h - 0.13),
+        (0.93 * r, h - 0.075),
+        (0.7 * r, h - 0.03),
+        (0.3 * r, h),
+        (0, h + 0.002),
+    ]
     m.add("paint", place(lathe(curve, 20, sharp=False)))
     m.add("paint", place(lathe([(0.72 * r, 0.05), (0.76 * r, 0.0), (0.82 * r, 0.0), (0.80 * r, 0.055)], 18)))
     m.add("paint", place(moved(torus(r - 0.001, 0.004, 20, 4), (0, 0, 0.48 * h))))
-    m.add("brass", place(cylinder(0.018, h - 0.01, h + 0.07, 8)), place(between((0, 0, h + 0.045), (0.055, 0, h + 0.045), 0.014, n=7)), place(cylinder(0.026, h + 0.07, h + 0.088, 10)))
+    m.add(
+        "brass",
+        place(cylinder(0.018, h - 0.01, h + 0.07, 8)),
+        place(between((0, 0, h + 0.045), (0.055, 0, h + 0.045), 0.014, n=7)),
+        place(cylinder(0.026, h + 0.07, h + 0.088, 10)),
+    )
 
 
 def guard(m: Model, material: str, r: float, z: float, h: float, place) -> None:
     """The collar about the valve: an open ring on feet with a rolled rim."""
     arc = np.linspace(0.55, 2 * math.pi - 0.55, 18)
-    m.add(material, place(sweep([(r * math.cos(t), r * math.sin(t), z + h / 2) for t in arc], rounded_rectangle(0.006, h * 0.8, 0.002, 1))))
-    m.add(material, place(sweep([(r * math.cos(t), r * math.sin(t), z + h * 0.95) for t in arc], circle(5, 0.011, 0.011))))
+    m.add(
+        material,
+        place(
+            sweep(
+                [(r * math.cos(t), r * math.sin(t), z + h / 2) for t in arc],
+                rounded_rectangle(0.006, h * 0.8, 0.002, 1),
+            )
+        ),
+    )
+    m.add(
+        material,
+        place(
+            sweep([(r * math.cos(t), r * math.sin(t), z + h * 0.95) for t in arc], circle(5, 0.011, 0.011))
+        ),
+    )
 
 
 def washing_machines() -> list[Model]:
     """A front loader with its door open, one on its back, dented, and the bare drum of a third with its lid."""
-    tones = {"enamel": (0.90, 0.91, 0.92), "door": (0.70, 0.72, 0.74), "hole": (0.07, 0.07, 0.08), "panel": (0.30, 0.32, 0.35), "knob": (0.78, 0.79, 0.80)}
+    tones = {
+        "enamel": (0.90, 0.91, 0.92),
+        "door": (0.70, 0.72, 0.74),
+        "hole": (0.07, 0.07, 0.08),
+        "panel": (0.30, 0.32, 0.35),
+        "knob": (0.78, 0.79, 0.80),
+    }
     a = unseen("washing_machine_a", "Washing machine, standing, its door open.", 68, 0.55, colours=tones)
     washer(a, 0.60, 0.85, lambda s: s, 1.9, 0.0)
     a.collide_box((0, 0, 0.43), (0.56, 0.60, 0.85))
-    b = unseen("washing_machine_b", "Washing machine on its back, dented, the hose torn off.", 61, 0.5, colours=tones | {"enamel": (0.80, 0.79, 0.74), "hose": (0.45, 0.46, 0.48)})
+    b = unseen(
+        "washing_machine_b",
+        "Washing machine on its back, dented, the hose torn off.",
+        61,
+        0.5,
+        colours=tones | {"enamel": (0.80, 0.79, 0.74), "hose": (0.45, 0.46, 0.48)},
+    )
     back = lambda s: moved(s, (0, 0, 0.30), pitch=-math.pi / 2)  # noqa: E731
     washer(b, 0.56, 0.80, back, 0.0, 0.05)
-    b.add("hose", tube([(-0.03, 0.18, 0.06, 0.017), (0.10, 0.10, 0.02, 0.017), (0.22, 0.22, 0.017, 0.017), (0.14, 0.38, 0.017, 0.017), (-0.04, 0.40, 0.03, 0.017), (-0.12, 0.46, 0.017, 0.017)], 7, 22))
+    laid(b, 0.0, 0.02)
+    b.add(
+        "hose",
+        over_ground(
+            tube(
+                [
+                    (-0.03, 0.18, 0.06, 0.017),
+                    (0.10, 0.10, 0.02, 0.017),
+                    (0.22, 0.22, 0.017, 0.017),
+                    (0.14, 0.38, 0.017, 0.017),
+                    (-0.04, 0.40, 0.03, 0.017),
+                    (-0.12, 0.46, 0.017, 0.017),
+                ],
+                7,
+                22,
+            )
+        ),
+    )
     b.collide_hull(*b.parts["enamel"][:1])
-    c = unseen("washing_machine_c", "Drum of a washing machine in its tub, with belt wheel and weight.", 38, 0.5, colours={"drum": (0.74, 0.75, 0.77), "tub": (0.62, 0.64, 0.62), "hole": (0.08, 0.08, 0.09), "concrete": (0.55, 0.54, 0.52), "rubber": (0.30, 0.31, 0.33)})
+    c = unseen(
+        "washing_machine_c",
+        "Drum of a washing machine in its tub, with belt wheel and weight.",
+        38,
+        0.5,
+        colours={
+            "drum": (0.74, 0.75, 0.77),
+            "tub": (0.62, 0.64, 0.62),
+            "hole": (0.08, 0.08, 0.09),
+            "concrete": (0.55, 0.54, 0.52),
+            "rubber": (0.30, 0.31, 0.33),
+        },
+    )
     tilt = lambda s: moved(s, (0, 0, 0.27), pitch=math.pi / 2 - 0.25)  # noqa: E731
-    c.add("tub", tilt(rough(lathe([(0, -0.22), (0.20, -0.22), (0.265, -0.17), (0.27, 0.0), (0.275, 0.14), (0.262, 0.16), (0.25, 0.14), (0.245, -0.1), (0, -0.12)], 22, sharp=False), 0.006, 0.2, 2)))
-    c.add("drum", tilt(lathe([(0.235, -0.10), (0.238, 0.15), (0.20, 0.20), (0.165, 0.205), (0.16, 0.19), (0.19, 0.18), (0.225, 0.13), (0.22, -0.09)], 22, sharp=False)))
+    c.add(
+        "tub",
+        tilt(
+            rough(
+                lathe(
+                    [
+                        (0, -0.22),
+                        (0.20, -0.22),
+                        (0.265, -0.17),
+                        (0.27, 0.0),
+                        (0.275, 0.14),
+                        (0.262, 0.16),
+                        (0.25, 0.14),
+                        (0.245, -0.1),
+                        (0, -0.12),
+                    ],
+                    22,
+                    sharp=False,
+                ),
+                0.006,
+                0.2,
+                2,
+            )
+        ),
+    )
+    c.add(
+        "drum",
+        tilt(
+            lathe(
+                [
+                    (0.235, -0.10),
+                    (0.238, 0.15),
+                    (0.20, 0.20),
+                    (0.165, 0.205),
+                    (0.16, 0.19),
+                    (0.19, 0.18),
+                    (0.225, 0.13),
+                    (0.22, -0.09),
+                ],
+                22,
+                sharp=False,
+            )
+        ),
+    )
     c.add("rubber", tilt(moved(torus(0.17, 0.022, 22, 6), (0, 0, 0.21))))
     c.add("hole", tilt(cylinder(0.22, -0.09, -0.08, 18)))
-    c.add("drum", *(tilt(moved(pillow((0.20, 0, 0.04), (0.07, 0.06, 0.20), 3, 3), yaw=2 * math.pi * k / 3)) for k in range(3)))
-    c.add("drum", tilt(moved(torus(0.15, 0.014, 20, 5), (0, 0, -0.26))), *(tilt(between((0, 0, -0.25), (0.15 * math.cos(t), 0.15 * math.sin(t), -0.26), 0.014, n=5)) for t in (0.3, 1.56, 2.8, 4.1, 5.3)), tilt(cylinder(0.03, -0.29, -0.2, 8)))
-    c.add("concrete", tilt(rough(sweep([(0.29 * math.cos(t), 0.29 * math.sin(t), 0.07) for t in np.linspace(2.2, 4.1, 9)], rounded_rectangle(0.10, 0.16, 0.02, 1)), 0.006, 0.1, 4)))
-    c.collide_hull(*c.parts["tub"], *c.parts["drum"])
+    c.add(
+        "drum",
+        *(
+            tilt(moved(pillow((0.20, 0, 0.04), (0.07, 0.06, 0.20), 3, 3), yaw=2 * math.pi * k / 3))
+            for k in range(3)
+        ),
+    )
+    c.add(
+        "drum",
+        tilt(moved(torus(0.15, 0.014, 20, 5), (0, 0, -0.26))),
+        *(
+            tilt(between((0, 0, -0.25), (0.15 * math.cos(t), 0.15 * math.sin(t), -0.26), 0.014, n=5))
+            for t in (0.3, 1.56, 2.8, 4.1, 5.3)
+        ),
+        tilt(cylinder(0.03, -0.29, -0.2, 8)),
+    )
+    c.add(
+        "concrete",
+        tilt(
+            rough(
+                sweep(
+                    [(0.29 * math.cos(t), 0.29 * math.sin(t), 0.07) for t in np.linspace(2.2, 4.1, 9)],
+                    rounded_rectangle(0.10, 0.16, 0.02, 1),
+                ),
+                0.006,
+                0.1,
+                4,
+            )
+        ),
+    )
+    laid(c, 0.13, 0.21)
+    c.collide_hull(*c.parts["tub"], *c.parts["drum"], *c.parts["concrete"])
     return [a, b, c]
 
 
@@ -130,43 +422,92 @@ def washer(m: Model, w: float, h: float, place, door_rad: float, dent_m: float) 
     d, z0 = 0.56, 0.03
     v, f = pillow((0, 0, z0 + (h - z0) / 2), (d, w, h - z0), 8, 16)
     if dent_m:
-        for at, r in (((d / 2, w * 0.3, h * 0.9), 0.18), ((0.0, -w / 2, h * 0.5), 0.2), ((-0.1, w / 2, 0.3), 0.15)):
+        for at, r in (
+            ((d / 2, w * 0.3, h * 0.9), 0.18),
+            ((0.0, -w / 2, h * 0.5), 0.2),
+            ((-0.1, w / 2, 0.3), 0.15),
+        ):
             off = np.linalg.norm(v - at, axis=1)
             v = v - dent_m * np.exp(-((off / r) ** 2))[:, None] * (v - (0, 0, h / 2)) / 0.45
     m.add("enamel", place((v, f)))
     m.add("panel", place(pillow((d / 2, 0.08, h - 0.075), (0.03, w - 0.24, 0.09), 3, 8)))
     m.add("door", place(pillow((d / 2, -w / 2 + 0.10, h - 0.075), (0.026, 0.16, 0.09), 3, 8)))
-    m.add("knob", place(moved(cylinder(0.034, 0, 0.045, 14, top=0.028), (d / 2, 0.06, h - 0.075), pitch=math.pi / 2)))
+    m.add(
+        "knob",
+        place(moved(cylinder(0.034, 0, 0.045, 14, top=0.028), (d / 2, 0.06, h - 0.075), pitch=math.pi / 2)),
+    )
     z = 0.43 * h / 0.85 + 0.02
     m.add("hole", place(moved(cylinder(0.165, 0.0, 0.012, 22), (d / 2 - 0.004, 0, z), pitch=math.pi / 2)))
     m.add("door", place(moved(torus(0.175, 0.022, 24, 6), (d / 2 + 0.004, 0, z), pitch=math.pi / 2)))
     hinge = lambda s: place(moved(moved(s, (0, -0.2, 0)), (d / 2 + 0.02, 0.2, z), yaw=door_rad))  # noqa: E731
     m.add("door", hinge(moved(torus(0.155, 0.03, 24, 6, 0.6), (0.012, 0, 0), pitch=math.pi / 2)))
     m.add("glass", hinge(ball((0.0, 0, 0), (0.06, 0.14, 0.14), 14, 8)))
-    m.add("black", *(place(cylinder(0.025, 0, z0 + 0.02, 8, (x, y))) for x in (-0.22, 0.22) for y in (-w / 2 + 0.07, w / 2 - 0.07)))
+    m.add(
+        "black",
+        *(
+            place(cylinder(0.025, 0, z0 + 0.02, 8, (x, y)))
+            for x in (-0.22, 0.22)
+            for y in (-w / 2 + 0.07, w / 2 - 0.07)
+        ),
+    )
 
 
 def carpet_rolls() -> list[Model]:
     """A roll that sags, a tall one that stands and leans, and one half unrolled."""
-    a = unseen("carpet_roll_a", "Rolled carpet, bent, lying.", 24, 0.3, colours={"pile": (0.46, 0.14, 0.16), "back": (0.72, 0.64, 0.50), "cord": (0.9, 0.88, 0.8)})
-    way = [(0.05 * math.cos(1.6 * y) - 0.28 * (y / 1.3) ** 2, y, 0.155 + 0.03 * math.sin(2.1 * y + 1)) for y in np.linspace(-1.3, 1.3, 15)]
+    no_faces = np.zeros((0, 3), int)
+    a = unseen(
+        "carpet_roll_a",
+        "Rolled carpet, bent, lying.",
+        24,
+        0.3,
+        colours={"pile": (0.46, 0.14, 0.16), "back": (0.72, 0.64, 0.50), "cord": (0.9, 0.88, 0.8)},
+    )
+    way = [(0.05 * math.cos(1.6 * y) - 0.28 * (y / 1.3) ** 2, y, 0.155) for y in np.linspace(-1.3, 1.3, 15)]
     roll(a, way, 0.15)
     for k in (4, 10):
         p = np.array(way[k])
         a.add("cord", moved(torus(0.155, 0.012, 14, 4), p, roll=math.pi / 2))
-    for part in (way[:5], way[4:11], way[10:]):
-        a.collide_hull(*(moved(cylinder(0.15, -0.02, 0.02, 12), p, roll=math.pi / 2) for p in part))
+    v = a.parts["pile"][0][0]
+    for low in (-1.32, -0.46, 0.42):
+        a.collide_hull((v[(v[:, 1] > low - 0.1) & (v[:, 1] < low + 0.98)], no_faces))
     a.friction = (0.9, 0.02, 0.05)
-    b = unseen("carpet_roll_b", "Tall carpet roll that stands on end and sags.", 30, 0.3, colours={"pile": (0.20, 0.26, 0.44), "back": (0.60, 0.58, 0.54), "cord": (0.85, 0.7, 0.2)})
+    b = unseen(
+        "carpet_roll_b",
+        "Tall carpet roll that stands on end and sags.",
+        30,
+        0.3,
+        colours={"pile": (0.20, 0.26, 0.44), "back": (0.60, 0.58, 0.54), "cord": (0.85, 0.7, 0.2)},
+    )
     way = [(0.16 * (z / 1.9) ** 2 - 0.05, 0.05 * math.sin(1.8 * z), z) for z in np.linspace(0, 1.9, 11)]
     roll(b, way, 0.18)
     for k in (3, 7):
         b.add("cord", moved(torus(0.188, 0.012, 14, 4), way[k], pitch=0.08))
-    b.collide_hull(*(cylinder(0.18 if k else 0.19, z - 0.01 * (k > 0), z + 0.01, 12, (x, y)) for k, (x, y, z) in enumerate(way[:8])))
-    b.collide_hull(*(cylinder(0.17, z - 0.01, z + 0.01, 10, (x, y)) for x, y, z in way[7:]))
-    c = unseen("carpet_roll_c", "Persian rug, half unrolled, in waves.", 15, 0.3, colours={"pile": (0.52, 0.10, 0.10), "border": (0.10, 0.12, 0.26), "field": (0.78, 0.62, 0.34), "fringe": (0.88, 0.84, 0.74)})
-    turns = [(0.35 - (0.15 - 0.009 * t) * math.sin(t), 0.16 - (0.15 - 0.009 * t) * math.cos(t)) for t in np.linspace(0, 4 * math.pi, 28)]
-    flat = [(-1.05 + 1.4 * k / 16, 0.010 + 0.05 * math.sin(5.5 * k / 16 * 1.4) ** 2 * (1 - k / 16)) for k in range(16)]
+    laid(b)
+    v = b.parts["pile"][0][0]
+    foot = [cylinder(0.19, 0, 0.02, 12, way[0][:2])]
+    for low, high in ((-1.0, 1.2), (1.1, 3.0)):
+        b.collide_hull((v[(v[:, 2] > low) & (v[:, 2] < high)], no_faces), *foot)
+        foot = []
+    c = unseen(
+        "carpet_roll_c",
+        "Persian rug, half unrolled, in waves.",
+        15,
+        0.3,
+        colours={
+            "pile": (0.52, 0.10, 0.10),
+            "border": (0.10, 0.12, 0.26),
+            "field": (0.78, 0.62, 0.34),
+            "fringe": (0.88, 0.84, 0.74),
+        },
+    )
+    turns = [
+        (0.35 - (0.15 - 0.009 * t) * math.sin(t), 0.16 - (0.15 - 0.009 * t) * math.cos(t))
+        for t in np.linspace(0, 4 * math.pi, 28)
+    ]
+    flat = [
+        (-1.05 + 1.4 * k / 16, 0.010 + 0.05 * math.sin(5.5 * k / 16 * 1.4) ** 2 * (1 - k / 16))
+        for k in range(16)
+    ]
     line = [(2 * 0.35 - x, z) for x, z in turns]
     path = [(x, z) for x, z in flat] + [(0.7 - x, z) for x, z in line]
     ys = (-0.62, -0.55, -0.45, 0.45, 0.55, 0.62)
@@ -178,24 +519,44 @@ def carpet_rolls() -> list[Model]:
         c.add("border", moved(block((0, 0, 0), (0.12, 0.12, 0.034)), (x, 0, height(x)), yaw=math.pi / 4))
     c.add("fringe", *(block((-1.09, y, 0.008), (0.07, 0.02, 0.01)) for y in np.linspace(-0.6, 0.6, 13)))
     c.collide_box((-0.35, 0, 0.012), (1.40, 1.24, 0.024))
-    c.collide_hull(*(moved(cylinder(0.155, -0.62, 0.62, 12), (0.35, 0, 0.165), roll=math.pi / 2) for _ in (0,)))
+    c.collide_hull(moved(cylinder(0.155, -0.62, 0.62, 12), (0.35, 0, 0.165), roll=math.pi / 2))
     return [a, b, c]
 
 
 def roll(m: Model, way, r: float) -> None:
     """A carpet wound about a path: the edge of the outer turn stands off, the ends show the turns."""
     n = 18
-    section = [((r + (0.018 if k == 0 else 0)) * math.cos(2 * math.pi * k / n), (r + (0.018 if k == 0 else 0)) * math.sin(2 * math.pi * k / n)) for k in range(n)]
+    section = [
+        (
+            (r + (0.018 if k == 0 else 0)) * math.cos(2 * math.pi * k / n),
+            (r + (0.018 if k == 0 else 0)) * math.sin(2 * math.pi * k / n),
+        )
+        for k in range(n)
+    ]
     m.add("pile", rough(sweep(way, section), 0.012, 0.3, 6))
     for end, inner in ((0, 1), (-1, -2)):
         p, q = np.array(way[end], float), np.array(way[inner], float)
         out = (p - q) / np.linalg.norm(p - q)
         for radius in (0.78 * r, 0.5 * r, 0.2 * r):
             side, up = frames(np.array([q, p]))[0]
-            loop = [p + out * 0.006 + radius * (math.cos(t) * side + math.sin(t) * up) for t in np.linspace(0, 2 * math.pi, 15)[:-1]]
+            loop = [
+                p + out * 0.006 + radius * (math.cos(t) * side + math.sin(t) * up)
+                for t in np.linspace(0, 2 * math.pi, 15)[:-1]
+            ]
             m.add("back", sweep(loop, circle(4, 0.014, 0.014), closed=True))
 
 
 def ribbon(m: Model, material: str, path, y0: float, y1: float) -> None:
     """A cloth 12 mm thick along a line (x, z)."""
-    m.add(material, sweep([(x, (y0 + y1) / 2, z) for x, z in path], [(y0 - (y0 + y1) / 2, -0.006), ((y1 - y0) / 2, -0.006), ((y1 - y0) / 2, 0.006), (-(y1 - y0) / 2, 0.006)]))
+    m.add(
+        material,
+        sweep(
+            [(x, (y0 + y1) / 2, z) for x, z in path],
+            [
+                (y0 - (y0 + y1) / 2, -0.006),
+                ((y1 - y0) / 2, -0.006),
+                ((y1 - y0) / 2, 0.006),
+                (-(y1 - y0) / 2, 0.006),
+            ],
+        ),
+    )

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 from simplify import decimated
-from solids import Solid, box, faceted, join
+from solids import Solid, box, faceted, join, moved
 
 
 def spline(points, n: int) -> np.ndarray:
@@ -286,3 +286,16 @@ def painted(solid: Solid, material_of) -> dict[str, list[Solid]]:
         used, index = np.unique(own, return_inverse=True)
         out[name] = [(v[used], index.reshape(own.shape))]
     return out
+
+
+def laid(m, roll: float = 0.0, pitch: float = 0.0) -> None:
+    """Turns all parts of a model, so that it lies as physics leaves it, and sets it on z = 0."""
+    m.parts = {name: [moved(s, roll=roll, pitch=pitch) for s in solids] for name, solids in m.parts.items()}
+    low = min(s[0][:, 2].min() for solids in m.parts.values() for s in solids)
+    m.parts = {name: [moved(s, (0, 0, -low)) for s in solids] for name, solids in m.parts.items()}
+
+
+def over_ground(solid: Solid) -> Solid:
+    """What would be below the ground is pressed flat on it."""
+    v, f = solid
+    return np.column_stack([v[:, :2], np.maximum(v[:, 2], 0.003)]), f
