@@ -1,7 +1,7 @@
 # Writes the folders of the models below, beside this script. Needs Python 3.11 and numpy==2.4.6.
 """Traffic, pedestrians, street furniture and the out-of-distribution objects, as MJCF with meshes.
 
-No randomness: the same files every time. `python make_models.py` prints each model's size.
+No randomness: the same files every time, a minute of work. `python make_models.py` prints each model's size.
 """
 
 from __future__ import annotations
@@ -9,8 +9,19 @@ from __future__ import annotations
 import sys
 
 from model_writer import Model
+from ood_animals import boars, dogs
+from ood_car_parts import bumpers, tyres
+from ood_cargo import ladders, pallets
+from ood_debris import branches, planks, rubble
+from ood_deer import deer
+from ood_flat import cardboard_sheets, manhole_covers
+from ood_furniture import mattresses, sofas
+from ood_household import carpet_rolls, washing_machines
 from ood_large import advertisements, barrels, cloth_containers, cones, containers, hay_bales, mailboxes
+from ood_luggage import gas_bottles, suitcases
+from ood_overturned import fallen_signs, wheelie_bins
 from ood_small import small_things
+from ood_two_wheelers import bicycles, e_scooters
 from people import pedestrians
 from street import street_props
 from two_wheelers import cyclist, motorcycle, scooter
@@ -34,9 +45,21 @@ def ood_props() -> list[Model]:
     return [model for make in kinds for model in make()]
 
 
+def test_props() -> list[Model]:
+    """The kinds of the test split."""
+    kinds = (
+        dogs, deer, boars,
+        mattresses, sofas, pallets, ladders, suitcases, gas_bottles, washing_machines, carpet_rolls,
+        tyres, bumpers,
+        branches, planks, rubble,
+        e_scooters, bicycles, wheelie_bins, fallen_signs, cardboard_sheets, manhole_covers,
+    )  # fmt: skip
+    return [model for make in kinds for model in make()]
+
+
 def main() -> None:
     total = 0
-    for model in [*vehicles(), *pedestrians(), *street_props(), *ood_props()]:
+    for model in [*vehicles(), *pedestrians(), *street_props(), *ood_props(), *test_props()]:
         size, n_bytes = model.write()
         total += n_bytes
         n_triangles = sum(len(f) for solids in model.parts.values() for _, f in solids)

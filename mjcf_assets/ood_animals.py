@@ -1,4 +1,7 @@
-"""Animals that stand on roads, each in three poses: dog, deer, boar. Only the test split shows them."""
+"""Animals on the road: how they are put together, and dogs and boars in three poses.
+
+Only the test split shows them.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,7 @@ import math
 
 from kinds import unseen
 from model_writer import Model
-from organic import blend, chain, mirrored, painted, tube
+from organic import blend, chain, painted, tube
 from solids import ball
 
 
@@ -38,6 +41,10 @@ def animal(m: Model, trunk: list[tuple], legs: list[list[tuple]], cell_m: float,
         m.collide_hull(*(tube([a, b], 8) for a, b, _ in part))
 
 
+def ring(n: int) -> list[float]:
+    return [2 * math.pi * k / n for k in range(n)]
+
+
 def dogs() -> list[Model]:
     return [shepherd(), sitting_dog(), great_dane()]
 
@@ -45,9 +52,12 @@ def dogs() -> list[Model]:
 def shepherd() -> Model:
     """Standing, head up, one paw before the other; 0.65 m at the withers."""
     m = unseen(
-        "dog_a", "Shepherd dog, standing.", 34, 0.35,
+        "dog_a",
+        "Shepherd dog, standing.",
+        34,
+        0.35,
         colours={"fur": (0.52, 0.35, 0.18), "saddle": (0.10, 0.08, 0.07)},
-    )  # fmt: skip
+    )
     trunk = [
         *chain(
             (-0.36, 0, 0.53, 0.125),
@@ -60,18 +70,29 @@ def shepherd() -> Model:
         *chain((0.44, 0, 0.82, 0.085), (0.52, 0, 0.81, 0.065), (0.655, 0, 0.775, 0.036)),
         *chain((-0.44, 0, 0.56, 0.045), (-0.56, 0, 0.42, 0.055), (-0.62, 0, 0.28, 0.045)),
     ]
-    fore = lambda y, x: leg(  # noqa: E731
-        (0.20, y, 0.50, 0.08),
-        (0.20 + x / 3, 1.1 * y, 0.30, 0.045),
-        (0.20 + x, y, 0.05, 0.033),
-        (0.25 + x, y, 0.035, 0.035),
-    )
-    hind = lambda y, x: leg(  # noqa: E731
-        (-0.34, y, 0.52, 0.11), (-0.26 + x / 3, 1.15 * y, 0.34, 0.065), (-0.42 + x, y, 0.20, 0.036),
-        (-0.39 + x, y, 0.05, 0.03), (-0.34 + x, y, 0.035, 0.034),
-    )  # fmt: skip
+
+    def fore(y, x):
+        return leg(
+            (0.20, y, 0.50, 0.08),
+            (0.20 + x / 3, 1.1 * y, 0.30, 0.045),
+            (0.20 + x, y, 0.05, 0.033),
+            (0.25 + x, y, 0.035, 0.035),
+        )
+
+    def hind(y, x):
+        return leg(
+            (-0.34, y, 0.52, 0.11),
+            (-0.26 + x / 3, 1.15 * y, 0.34, 0.065),
+            (-0.42 + x, y, 0.20, 0.036),
+            (-0.39 + x, y, 0.05, 0.03),
+            (-0.34 + x, y, 0.035, 0.034),
+        )
+
     legs = [fore(0.09, 0.08), fore(-0.09, -0.06), hind(0.09, -0.10), hind(-0.09, 0.06)]
-    saddled = lambda x, y, z: (-0.44 < x < 0.24 and z > 0.53 + 0.04 * math.sin(9 * x)) or x > 0.57  # noqa: E731
+
+    def saddled(x, y, z):
+        return (-0.44 < x < 0.24 and z > 0.53 + 0.04 * math.sin(9 * x)) or x > 0.57
+
     animal(m, trunk, legs, 0.022, 1100, lambda *p: "saddle" if saddled(*p) else "fur")
     ears(m, "saddle", (0.43, 0.055, 0.86), (0.44, 0.075, 0.99), 0.035)
     eyes(m, 0.545, 0.055, 0.845)
@@ -144,16 +165,15 @@ def sitting_dog() -> Model:
     return m
 
 
-def ring(n: int) -> list[float]:
-    return [2 * math.pi * k / n for k in range(n)]
-
-
 def great_dane() -> Model:
     """Nose on the ground, white with black patches; 0.82 m at the withers."""
     m = unseen(
-        "dog_c", "Great dane, white with black patches, sniffing at the ground.", 62, 0.55,
+        "dog_c",
+        "Great dane, white with black patches, sniffing at the ground.",
+        62,
+        0.55,
         colours={"fur": (0.86, 0.85, 0.82), "patch": (0.07, 0.07, 0.08)},
-    )  # fmt: skip
+    )
     trunk = [
         *chain(
             (-0.42, 0, 0.67, 0.135),
@@ -166,16 +186,24 @@ def great_dane() -> Model:
         *chain((0.66, 0, 0.32, 0.085), (0.74, 0, 0.23, 0.065), (0.81, 0, 0.11, 0.048)),
         *chain((-0.52, 0, 0.70, 0.04), (-0.68, 0, 0.62, 0.03), (-0.78, 0, 0.66, 0.024)),
     ]
-    fore = lambda y, x: leg(  # noqa: E731
-        (0.24, y, 0.60, 0.095),
-        (0.26 + x / 3, 1.1 * y, 0.36, 0.05),
-        (0.26 + x, y, 0.06, 0.036),
-        (0.32 + x, y, 0.04, 0.042),
-    )
-    hind = lambda y, x: leg(  # noqa: E731
-        (-0.42, y, 0.64, 0.12), (-0.33 + x / 3, 1.15 * y, 0.42, 0.07), (-0.50 + x, y, 0.26, 0.042),
-        (-0.46 + x, y, 0.06, 0.034), (-0.40 + x, y, 0.04, 0.04),
-    )  # fmt: skip
+
+    def fore(y, x):
+        return leg(
+            (0.24, y, 0.60, 0.095),
+            (0.26 + x / 3, 1.1 * y, 0.36, 0.05),
+            (0.26 + x, y, 0.06, 0.036),
+            (0.32 + x, y, 0.04, 0.042),
+        )
+
+    def hind(y, x):
+        return leg(
+            (-0.42, y, 0.64, 0.12),
+            (-0.33 + x / 3, 1.15 * y, 0.42, 0.07),
+            (-0.50 + x, y, 0.26, 0.042),
+            (-0.46 + x, y, 0.06, 0.034),
+            (-0.40 + x, y, 0.04, 0.04),
+        )
+
     spots = (
         (0.10, 0.12, 0.70, 0.17),
         (-0.35, -0.1, 0.72, 0.17),
@@ -183,7 +211,10 @@ def great_dane() -> Model:
         (0.68, 0.04, 0.33, 0.10),
         (0.25, -0.1, 0.45, 0.12),
     )
-    spotted = lambda x, y, z: any(math.dist((x, y, z), s[:3]) < s[3] for s in spots)  # noqa: E731
+
+    def spotted(x, y, z):
+        return any(math.dist((x, y, z), s[:3]) < s[3] for s in spots)
+
     legs = [fore(0.10, 0.02), fore(-0.10, 0.16), hind(0.10, 0.08), hind(-0.10, -0.12)]
     animal(m, trunk, legs, 0.024, 1200, lambda *p: "patch" if spotted(*p) else "fur")
     for s in (1, -1):
@@ -191,149 +222,6 @@ def great_dane() -> Model:
         m.add("patch", tube(flap, 6, wide=0.5))
     eyes(m, 0.76, 0.05, 0.27)
     m.add("black", ball((0.845, 0, 0.085), (0.025, 0.03, 0.024), 8, 5))
-    return m
-
-
-def deer() -> list[Model]:
-    return [roe(), stag(), fawn()]
-
-
-def slender_legs(
-    x_fore: float, x_hind: float, y: float, z: float, r: float, stride: float
-) -> list[list[tuple]]:
-    """Four thin legs with hooves under a trunk at height z; r is of the shin."""
-    out = []
-    for s, step in ((1, stride), (-1, -stride)):
-        x = x_fore + step
-        out.append(
-            leg(
-                (x_fore, s * y, z, 3.4 * r),
-                (x_fore + step / 2 + 0.02, s * y, 0.52 * z, 1.6 * r),
-                (x, s * y, 0.09 * z, r),
-                (x + 0.03, s * y, 0.02, 1.3 * r),
-            )
-        )
-        x = x_hind - step
-        out.append(
-            leg(
-                (x_hind, s * y, z, 4.4 * r), (x_hind + 0.06 - step / 3, s * y, 0.66 * z, 2.4 * r), (x - 0.07, s * y, 0.44 * z, 1.25 * r),
-                (x, s * y, 0.09 * z, r), (x + 0.03, s * y, 0.02, 1.3 * r),
-            )
-        )  # fmt: skip
-    return out
-
-
-def roe() -> Model:
-    """A roe doe that looks up; 0.72 m at the withers."""
-    m = unseen(
-        "deer_a", "Roe deer, a doe that looks up.", 24, 0.4,
-        colours={"coat": (0.48, 0.29, 0.15), "rump": (0.90, 0.86, 0.78), "hoof": (0.10, 0.08, 0.07)},
-    )  # fmt: skip
-    m.mass_kg = 26
-    trunk = [
-        *chain(
-            (-0.34, 0, 0.62, 0.135),
-            (-0.08, 0, 0.59, 0.145),
-            (0.18, 0, 0.60, 0.14),
-            (0.28, 0, 0.62, 0.11),
-            flat=0.8,
-        ),
-        *chain((0.28, 0, 0.64, 0.10), (0.37, 0, 0.82, 0.062), (0.42, 0, 0.96, 0.055)),
-        *chain((0.42, 0, 1.00, 0.066), (0.50, 0, 0.985, 0.052), (0.62, 0, 0.94, 0.034)),
-    ]
-    legs = slender_legs(0.22, -0.33, 0.075, 0.52, 0.022, 0.07)
-    tint = lambda x, y, z: "hoof" if z < 0.035 else "rump" if x < -0.42 and z > 0.5 else "coat"  # noqa: E731
-    animal(m, trunk, legs, 0.02, 1100, tint)
-    ears(m, "coat", (0.41, 0.05, 1.03), (0.37, 0.15, 1.14), 0.038)
-    eyes(m, 0.505, 0.045, 1.01, 0.018)
-    m.add("black", ball((0.65, 0, 0.945), (0.02, 0.024, 0.022), 8, 5))
-    return m
-
-
-def stag() -> Model:
-    """A red deer with antlers of ten points, walking; 1.2 m at the withers."""
-    m = unseen(
-        "deer_b", "Red deer, a stag with antlers.", 160, 0.35,
-        colours={"coat": (0.36, 0.21, 0.12), "mane": (0.22, 0.14, 0.09), "rump": (0.72, 0.58, 0.38),
-                 "hoof": (0.08, 0.07, 0.06), "antler": (0.62, 0.50, 0.36)},
-    )  # fmt: skip
-    trunk = [
-        *chain(
-            (-0.62, 0, 1.02, 0.21),
-            (-0.20, 0, 0.98, 0.22),
-            (0.28, 0, 0.98, 0.245),
-            (0.48, 0, 1.03, 0.20),
-            flat=0.75,
-        ),
-        *chain((0.46, 0, 1.06, 0.18), (0.66, 0, 1.30, 0.13), (0.76, 0, 1.46, 0.095)),
-        *chain((0.76, 0, 1.52, 0.10), (0.90, 0, 1.48, 0.08), (1.08, 0, 1.40, 0.052)),
-        *chain((-0.80, 0, 1.06, 0.05), (-0.86, 0, 0.94, 0.04)),
-    ]
-    legs = slender_legs(0.36, -0.58, 0.13, 0.88, 0.034, 0.14)
-
-    def tint(x, y, z):
-        if z < 0.06:
-            return "hoof"
-        if x < -0.74 and z > 0.85:
-            return "rump"
-        return "mane" if 0.40 < x < 0.80 and z > 0.95 and z > 1.9 - 1.2 * x else "coat"
-
-    animal(m, trunk, legs, 0.032, 1200, tint)
-    ears(m, "coat", (0.72, 0.08, 1.55), (0.64, 0.26, 1.62), 0.05)
-    eyes(m, 0.89, 0.075, 1.52, 0.022)
-    m.add("black", ball((1.12, 0, 1.41), (0.03, 0.04, 0.036), 8, 5))
-    for s in (1, -1):
-        beam = [(0.74, 0.06, 1.60), (0.60, 0.22, 1.80), (0.56, 0.38, 2.02), (0.66, 0.44, 2.22)]
-        tines = (
-            ((0.72, 0.09, 1.65), (0.86, 0.15, 1.70), (0.96, 0.17, 1.82)),
-            ((0.59, 0.26, 1.86), (0.74, 0.32, 1.90), (0.84, 0.33, 2.00)),
-            ((0.57, 0.39, 2.05), (0.50, 0.50, 2.14), (0.48, 0.54, 2.26)),
-            ((0.60, 0.41, 2.12), (0.74, 0.48, 2.16), (0.80, 0.50, 2.24)),
-        )
-        m.add("antler", tube([(x, s * y, z, 0.026 - 0.005 * k) for k, (x, y, z) in enumerate(beam)], 6, 10))
-        m.add(
-            "antler",
-            *(tube([(x, s * y, z, 0.017 - 0.005 * k) for k, (x, y, z) in enumerate(t)], 5, 5) for t in tines),
-        )
-    return m
-
-
-def fawn() -> Model:
-    """A spotted fallow deer that grazes."""
-    m = unseen(
-        "deer_c", "Fallow deer with white spots, grazing.", 45, 0.4,
-        colours={"coat": (0.56, 0.34, 0.17), "spot": (0.88, 0.80, 0.68), "hoof": (0.10, 0.08, 0.07)},
-    )  # fmt: skip
-    trunk = [
-        *chain(
-            (-0.46, 0, 0.76, 0.155),
-            (-0.14, 0, 0.72, 0.16),
-            (0.20, 0, 0.72, 0.165),
-            (0.32, 0, 0.72, 0.13),
-            flat=0.78,
-        ),
-        *chain((0.32, 0, 0.72, 0.115), (0.52, 0, 0.50, 0.07), (0.64, 0, 0.32, 0.058)),
-        *chain((0.65, 0, 0.28, 0.07), (0.70, 0, 0.20, 0.055), (0.75, 0, 0.07, 0.036)),
-        *chain((-0.58, 0, 0.78, 0.04), (-0.63, 0, 0.64, 0.03)),
-    ]
-    legs = slender_legs(0.26, -0.44, 0.09, 0.64, 0.025, 0.05)
-
-    def tint(x, y, z):
-        if z < 0.045:
-            return "hoof"
-        is_flank = -0.55 < x < 0.3 and 0.62 < z < 0.86
-        return (
-            "spot"
-            if (is_flank and math.sin(29 * x) * math.sin(37 * z + 14 * x) > 0.45)
-            or z < 0.6 < z + 0.25 * (abs(x) < 0.3)
-            and abs(y) < 0.06
-            else "coat"
-        )
-
-    animal(m, trunk, legs, 0.022, 1500, tint)
-    ears(m, "coat", (0.61, 0.055, 0.32), (0.56, 0.18, 0.34), 0.04)
-    eyes(m, 0.71, 0.05, 0.24, 0.018)
-    m.add("black", ball((0.76, 0, 0.045), (0.022, 0.026, 0.022), 8, 5))
     return m
 
 
@@ -355,12 +243,18 @@ def boars() -> list[Model]:
 def boar(tag: str, about: str, mass_kg: float, scale: float, coat, stride: float) -> Model:
     """High shoulders, a long head held low, short legs; 0.95 m at the withers by the scale."""
     m = unseen(
-        f"boar_{tag}", about, mass_kg, 0.3,
+        f"boar_{tag}",
+        about,
+        mass_kg,
+        0.3,
         colours={"coat": coat, "bristle": tuple(0.55 * c for c in coat), "snout": (0.40, 0.28, 0.25)},
-    )  # fmt: skip
+    )
     k = scale
     low = 0.16 if tag == "b" else 0.0
-    limb = lambda *joints, flat=0.75: chain(*(tuple(k * c for c in j) for j in joints), flat=flat)  # noqa: E731
+
+    def limb(*joints, flat=0.75):
+        return chain(*(tuple(k * c for c in j) for j in joints), flat=flat)
+
     trunk = [
         *limb(
             (-0.52, 0, 0.58, 0.20),

@@ -1,4 +1,7 @@
-"""Debris, each in three shapes: branches, planks, rubble, bumpers. Only the test split shows it."""
+"""Debris, each in three shapes: branches, planks, rubble.
+
+Only the test split shows them.
+"""
 
 from __future__ import annotations
 
@@ -11,8 +14,6 @@ from organic import (
     bent,
     block,
     creased,
-    frames,
-    laid,
     noise,
     painted,
     pillow,
@@ -27,7 +28,7 @@ from solids import Solid, faceted, moved
 
 
 def branches() -> list[Model]:
-    """A leafy bough, a bare dead one, and a young tree that lies whole with its crown."""
+    """A leafy bough, a long bare one, and a thick limb in autumn."""
     a = unseen(
         "branch_a",
         "Broken bough with its leaves.",
@@ -57,7 +58,10 @@ def branches() -> list[Model]:
 
 def bough(m: Model, length: float, r: float, n_twigs: int, seed: int, reach: float, n_leaves: int) -> None:
     """A limb that lies on its twigs, along x; the leaves are small lozenges at the ends of the twigs."""
-    h = lambda k, j=0: float(noise(np.array([[0.77 * k + 0.3, 1.31 * j + 0.1, 0.5]]), 0.5, seed)[0])  # noqa: E731
+
+    def h(k, j=0):
+        return float(noise(np.array([[0.77 * k + 0.3, 1.31 * j + 0.1, 0.5]]), 0.5, seed)[0])
+
     points = [
         (
             length * (t - 0.5),
@@ -69,17 +73,14 @@ def bough(m: Model, length: float, r: float, n_twigs: int, seed: int, reach: flo
     ]
     m.add("bark", tube(points, 8, 14))
     stem = spline(points, 40)
-    splinters = stem[0][:3]
     m.add(
         "wood",
         *(
             tube(
                 [
-                    (*(splinters + (0.02, 0, 0)), 0.5 * r),
-                    (
-                        *(splinters + (-0.13 - 0.06 * h(k), r * math.cos(k) * 0.6, r * math.sin(k) * 0.6)),
-                        0.008,
-                    ),
+                    stem[0] * (1, 1, 1, 0) + (0.02, 0, 0, 0.5 * r),
+                    stem[0] * (1, 1, 1, 0)
+                    + (-0.13 - 0.06 * h(k), r * math.cos(k) * 0.6, r * math.sin(k) * 0.6, 0.008),
                 ],
                 5,
             )
@@ -137,7 +138,7 @@ def leaf(at, yaw: float, pitch: float, length: float) -> Solid:
 
 
 def planks() -> list[Model]:
-    """Warped boards in a heap, a broken scaffold board with its hoops, beams with formwork."""
+    """Warped boards in a heap, a broken scaffold board, beams with formwork."""
     a = unseen(
         "planks_a",
         "Heap of warped boards.",
@@ -145,10 +146,16 @@ def planks() -> list[Model]:
         0.4,
         colours={"board": (0.70, 0.54, 0.34), "grey": (0.50, 0.46, 0.41), "end": (0.86, 0.74, 0.54)},
     )
-    for k, (x, y, z, yaw, pitch, l, w) in enumerate((
-        (0.0, -0.20, 0.02, 0.10, 0.0, 2.2, 0.14), (-0.15, 0.12, 0.02, -0.25, 0.0, 1.9, 0.12), (0.2, 0.30, 0.02, 0.05, 0.0, 1.6, 0.16),
-        (0.05, 0.0, 0.075, 0.75, 0.02, 1.7, 0.14), (-0.1, 0.05, 0.12, -0.7, -0.07, 1.9, 0.12), (0.1, 0.10, 0.165, 0.2, 0.09, 2.0, 0.15),
-    )):  # fmt: skip
+    for k, (x, y, z, yaw, pitch, l, w) in enumerate(
+        (
+            (0.0, -0.20, 0.02, 0.10, 0.0, 2.2, 0.14),
+            (-0.15, 0.12, 0.02, -0.25, 0.0, 1.9, 0.12),
+            (0.2, 0.30, 0.02, 0.05, 0.0, 1.6, 0.16),
+            (0.05, 0.0, 0.075, 0.75, 0.02, 1.7, 0.14),
+            (-0.1, 0.05, 0.12, -0.7, -0.07, 1.9, 0.12),
+            (0.1, 0.10, 0.165, 0.2, 0.09, 2.0, 0.15),
+        )
+    ):
         a.add("grey" if k in (1, 4) else "board", plank((x, y, z), yaw, pitch, l, w, 0.028, k))
     a.collide_hull(*a.everything())
     b = unseen(
@@ -159,7 +166,10 @@ def planks() -> list[Model]:
         colours={"board": (0.62, 0.50, 0.34), "end": (0.88, 0.78, 0.58), "steel": (0.66, 0.67, 0.68)},
     )
     for s, pose in ((1, ((0.55, 0.0, 0.022), 0.0, 0.0)), (-1, ((-0.20, 0.12, 0.10), 0.75, -0.10))):
-        half = lambda solid, p=pose: moved(solid, p[0], yaw=p[1], pitch=p[2])  # noqa: E731
+
+        def half(solid, p=pose):
+            return moved(solid, p[0], yaw=p[1], pitch=p[2])
+
         b.add("board", half(plank((0, 0, 0), 0, 0, 1.3, 0.225, 0.038, 3 + s)))
         b.add("steel", half(moved(block((0, 0, 0), (0.03, 0.235, 0.046)), (s * 0.60, 0, 0))))
         for k in range(7):
@@ -190,7 +200,10 @@ def planks() -> list[Model]:
     ):
         c.add("board", plank((x, y, z), yaw, 0, l, 0.10, 0.10, 10 + k, 0.012))
         c.add("red", moved(block((l / 2 - 0.06, 0, 0), (0.1, 0.104, 0.104)), (x, y, z), yaw=yaw))
-    sag = lambda v: v + np.stack([0 * v[:, 0], 0 * v[:, 0], 0.035 * np.cos(2.2 * v[:, 0]) - 0.02], 1)  # noqa: E731
+
+    def sag(v):
+        return v + np.stack([0 * v[:, 0], 0 * v[:, 0], 0.035 * np.cos(2.2 * v[:, 0]) - 0.02], 1)
+
     panel = sweep(
         [(x, 0, 0) for x in np.linspace(-0.75, 0.75, 9)], rounded_rectangle(0.6, 0.027, 0.004, 1), sharp=True
     )
@@ -216,7 +229,7 @@ def plank(at, yaw: float, pitch: float, l: float, w: float, h: float, seed: int,
 
 
 def rubble() -> list[Model]:
-    """Bricks and mortar, a slab of asphalt among chunks of concrete with iron, and a fallen rock with its splinters."""
+    """Bricks with mortar, concrete with reinforcing iron, and a rock with its splinters."""
     a = unseen(
         "rubble_a",
         "Heap of bricks and mortar.",
@@ -307,136 +320,3 @@ def rubble() -> list[Model]:
     c.add("earth", rough(pillow((0.05, -0.05, 0.03), (1.5, 1.15, 0.10), 5, 2.2), 0.035, 0.2, 5))
     c.collide_hull(*c.everything())
     return [a, b, c]
-
-
-def bumpers() -> list[Model]:
-    """A front bumper with its grille, a rear one of a van, and a crumpled one that stands on its side."""
-    a = unseen(
-        "bumper_a",
-        "Front bumper of a car with grille and number plate.",
-        7,
-        0.45,
-        colours={
-            "paint": (0.66, 0.68, 0.72),
-            "trim": (0.07, 0.07, 0.08),
-            "plate": (0.9, 0.9, 0.86),
-            "foam": (0.15, 0.15, 0.16),
-        },
-    )
-    skin(a, "paint", 1.72, 0.56, 0.50, lambda s: moved(s, (0, 0, 0.0), pitch=-0.35), 1.0)
-    front = lambda s: moved(moved(s, (0.30, 0, 0.26)), pitch=-0.35)  # noqa: E731
-    a.add(
-        "trim",
-        front(pillow((0.03, 0, 0.07), (0.09, 0.90, 0.12), 4, 6)),
-        front(pillow((0.015, 0, -0.13), (0.09, 1.05, 0.14), 4, 6)),
-    )
-    a.add("trim", *(front(pillow((-0.03, s * 0.68, -0.11), (0.10, 0.20, 0.12), 3, 4)) for s in (1, -1)))
-    a.add("plate", front(pillow((0.072, 0.02, -0.03), (0.012, 0.50, 0.11), 2, 10)))
-    laid(a, 0.0, 0.37)
-    a.collide_hull(*a.parts["paint"])
-    b = unseen(
-        "bumper_b",
-        "Rear bumper of a van, bare plastic, upside down.",
-        9,
-        0.25,
-        colours={
-            "paint": (0.16, 0.165, 0.17),
-            "lamp": (0.62, 0.06, 0.05),
-            "step": (0.28, 0.28, 0.29),
-            "trim": (0.5, 0.5, 0.52),
-        },
-    )
-    over = lambda s: moved(s, (0, 0, 0.34), roll=math.pi + 0.08)  # noqa: E731
-    skin(b, "paint", 1.92, 0.30, 0.32, over, 0.5)
-    b.add("step", over(moved(pillow((0, 0, 0), (0.20, 1.3, 0.04), 4, 8), (0.16, 0, 0.31))))
-    b.add("lamp", *(over(pillow((0.205, s * 0.72, 0.12), (0.04, 0.20, 0.06), 3, 5)) for s in (1, -1)))
-    b.add(
-        "trim",
-        *(
-            over(
-                tube(
-                    [(0.10, s * 0.5, 0.2, 0.02), (-0.12, s * 0.5, 0.22, 0.02), (-0.16, s * 0.42, 0.12, 0.02)],
-                    5,
-                    5,
-                )
-            )
-            for s in (1, -1)
-        ),
-    )
-    laid(b, -0.08, -0.02)
-    b.collide_hull(*b.everything())
-    c = unseen(
-        "bumper_c",
-        "Half of a bumper, torn and crumpled.",
-        4,
-        0.45,
-        colours={
-            "paint": (0.62, 0.06, 0.07),
-            "trim": (0.08, 0.08, 0.09),
-            "foam": (0.78, 0.78, 0.74),
-            "lamp": (0.92, 0.92, 0.88),
-        },
-    )
-    torn = lambda s: moved(rough(bent(s, crumple), 0.014, 0.16, 4), (0, 0, 0.22), yaw=0.4)  # noqa: E731
-    skin(c, "paint", 1.60, 0.50, 0.46, torn, 1.0, (0.0, 0.62))
-    c.add("trim", torn(pillow((0.22, -0.15, 0.13), (0.07, 0.5, 0.12), 5, 5)))
-    c.add("lamp", torn(pillow((0.14, -0.60, 0.30), (0.12, 0.14, 0.12), 4, 2.5)))
-    c.add("foam", torn(pillow((0.12, -0.2, 0.32), (0.14, 0.95, 0.10), 5, 5)))
-    laid(c, -0.06, -1.18)
-    c.collide_hull(*c.everything())
-    return [a, b, c]
-
-
-def crumple(v: np.ndarray) -> np.ndarray:
-    """A knee at two places."""
-    v[:, 0] -= 0.10 * np.exp(-(((v[:, 1] + 0.45) / 0.13) ** 2))
-    v[:, 2] += 0.08 * np.sin(4 * v[:, 1])
-    return v
-
-
-def skin(
-    m: Model,
-    material: str,
-    width: float,
-    depth: float,
-    height: float,
-    place,
-    round_to: float,
-    part=(0.0, 1.0),
-) -> None:
-    """A shell 8 mm thick that goes round a car's corner; its front is at +x, its lower edge at z = 0."""
-    t = np.linspace(-1, 1, 27)
-    t = t[int(part[0] * 26) : int(part[1] * 26) + 1]
-    corner = np.clip((np.abs(t) - 0.72) / 0.28, 0, 1)
-    y = (
-        width
-        / 2
-        * np.sign(t)
-        * np.where(np.abs(t) < 0.72, np.abs(t) / 0.72 * 0.86, 0.86 + 0.14 * np.sin(corner * math.pi / 2))
-    )
-    x = (
-        depth * 0.6
-        - 0.10 * round_to * (y / width * 2) ** 2
-        - (depth * 0.8) * (1 - np.cos(corner * math.pi / 2))
-    )
-    profile = [
-        (-0.05, 0.0),
-        (0.0, 0.02),
-        (0.03, 0.12),
-        (0.035, 0.3),
-        (0.0, 0.62),
-        (-0.03, 0.8),
-        (-0.05, 0.95),
-        (-0.13, 1.0),
-    ]
-    outer = [(p, z * height) for p, z in profile]
-    inner = [
-        (p - 0.012, z * height + (0.01 if k == 0 else -0.01 if k == len(profile) - 1 else 0))
-        for k, (p, z) in enumerate(profile)
-    ]
-    section = np.array([*outer, *reversed(inner)])
-    path = np.stack([x, y, np.zeros(len(t))], 1)
-    sides = frames(path)
-    out_sign = 1.0 if sides[len(t) // 2][0] @ (1, 0, 0) > 0 else -1.0
-    section[:, 0] *= out_sign
-    m.add(material, place(sweep(path, section)))

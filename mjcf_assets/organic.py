@@ -1,7 +1,7 @@
 """Curved and irregular solids: swept tubes, blended limbs, rounded boxes, dents and broken stone.
 
-A solid is what `solids.py` says; vertices are shared where the surface is smooth. No random numbers: noise is a hash
-of the lattice point and a seed.
+A solid is what `solids.py` says; vertices are shared where the surface is smooth. No random numbers: noise is
+a hash of the lattice point and a seed.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from solids import Solid, box, faceted, join, moved
 
 
 def spline(points, n: int) -> np.ndarray:
-    """n points along a Catmull-Rom curve through the points; further columns, such as radii, go along."""
+    """N points along a Catmull-Rom curve through the points; further columns, such as radii, go along."""
     p = np.asarray(points, float)
     p = np.concatenate([2 * p[:1] - p[1:2], p, 2 * p[-1:] - p[-2:-1]])
     out = []
@@ -190,11 +190,8 @@ def stone(centre, size, seed: int, n: int = 3, sharp: bool = True) -> Solid:
     """A broken piece: a ball cut by planes that a hash turns."""
     v, f = pillow((0, 0, 0), (2, 2, 2), n, 2.0)
     for k in range(9):
-        h = noise(
-            np.array([[k * 1.37, seed * 2.11, 0.5]]) + [[0, 0, 0], [5, 0, 0], [0, 5, 0], [0, 0, 5]],
-            0.37,
-            seed,
-        )
+        apart = np.array([[0, 0, 0], [5, 0, 0], [0, 5, 0], [0, 0, 5]])
+        h = noise(apart + np.array((k * 1.37, seed * 2.11, 0.5)), 0.37, seed)
         out = h[:3] / max(np.linalg.norm(h[:3]), 1e-6)
         depth = v @ out - (0.62 + 0.16 * h[3])
         v = v - np.maximum(depth, 0)[:, None] * out
@@ -208,16 +205,11 @@ def chain(*points, flat: float = 1.0) -> list[tuple]:
     return [(a, b, flat) for a, b in zip(points, points[1:])]
 
 
-def mirrored(limbs: list[tuple]) -> list[tuple]:
-    """The limbs and their mirror images in y."""
-    turned = [tuple((x, -y, z, r) for x, y, z, r in limb[:2]) + limb[2:] for limb in limbs]
-    return [*limbs, *turned]
-
-
 def blend(limbs: list[tuple], cell_m: float, soft_m: float, n_triangles: int) -> Solid:
     """One smooth body of limbs that melt into each other over soft_m: a level surface, simplified.
 
-    Each limb is two ends (x, y, z, radius) and how much it is squeezed in y. A limb thinner than two cells vanishes.
+    Each limb is two ends (x, y, z, radius) and how much it is squeezed in y. What is thinner than two cells
+    vanishes.
     """
     ends = np.array([end for limb in limbs for end in limb[:2]], float)
     reach = ends[:, 3:].max() * 1.2 + 3 * cell_m
@@ -244,7 +236,10 @@ def level_surface(field: np.ndarray, low: np.ndarray, cell_m: float) -> Solid:
     inside = field < 0
     corners = list(np.ndindex(2, 2, 2))
     shape = tuple(s - 1 for s in field.shape)
-    part = lambda array, c: array[tuple(slice(o, o + s) for o, s in zip(c, shape))]  # noqa: E731
+
+    def part(array, c):
+        return array[tuple(slice(o, o + s) for o, s in zip(c, shape))]
+
     total, count = np.zeros((*shape, 3)), np.zeros(shape)
     for a in corners:
         for axis in range(3):

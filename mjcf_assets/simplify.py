@@ -30,10 +30,17 @@ def decimated(solid: Solid, n_triangles: int) -> Solid:
     def error(w, p) -> float:
         x, y, z = p
         return (
-            w[0] * x * x + 2 * w[1] * x * y + 2 * w[2] * x * z + 2 * w[3] * x
-            + w[4] * y * y + 2 * w[5] * y * z + 2 * w[6] * y
-            + w[7] * z * z + 2 * w[8] * z + w[9]
-        )  # fmt: skip
+            w[0] * x * x
+            + 2 * w[1] * x * y
+            + 2 * w[2] * x * z
+            + 2 * w[3] * x
+            + w[4] * y * y
+            + 2 * w[5] * y * z
+            + 2 * w[6] * y
+            + w[7] * z * z
+            + 2 * w[8] * z
+            + w[9]
+        )
 
     stamp = [0] * len(points)
     heap: list[tuple] = []
