@@ -1,5 +1,5 @@
-# Draws docs/gallery.png with what `make setup-test` makes: .venv-test/bin/python mjcf_assets/make_gallery.py
-"""One labelled picture of every model folder beside this script, drawn by MuJoCo as in the episodes."""
+# Draws docs/gallery.png and docs/gallery_test.png with what `make setup-test` makes: .venv-test/bin/python mjcf_assets/make_gallery.py
+"""Labelled pictures of every model folder beside this script, drawn by MuJoCo as in the episodes."""
 
 from __future__ import annotations
 
@@ -14,19 +14,23 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 ASSETS = Path(__file__).parent
-PICTURE = ASSETS.parent / "docs" / "gallery.png"
+DOCS = ASSETS.parent / "docs"
 TILE_PX = (176, 150)
 LABEL_PX = 28
 N_COLUMNS = 9
 # Drawn larger than shown, against jagged edges.
 OVERSAMPLING = 3
 N_COLOURS = 128
-GROUPS = (
-    ("vehicle", "id", "Vehicles"),
-    ("pedestrian", "id", "Pedestrians"),
-    ("static", "id", "Street furniture"),
-    ("static", "ood", "Out of distribution: never in training data"),
-)
+# Groups of each picture: kind, distribution, split, title.
+PICTURES = {
+    "gallery.png": (
+        ("vehicle", "id", "dev", "Vehicles"),
+        ("pedestrian", "id", "dev", "Pedestrians"),
+        ("static", "id", "dev", "Street furniture"),
+        ("static", "ood", "dev", "Out of distribution: never in training data"),
+    ),
+    "gallery_test.png": (("static", "ood", "test", "Out of distribution, in the test split alone"),),
+}
 
 
 def load(folder: Path) -> tuple[mujoco.MjModel, dict[str, str]]:
@@ -104,11 +108,17 @@ def main() -> None:
         if folder.name == "ego":  # never drawn: the camera is inside
             continue
         model, texts = load(folder)
-        models.append((texts["kind"], texts["distribution"], folder.name, draw(model)))
+        group = texts["kind"], texts["distribution"], texts.get("split", "dev")
+        models.append((group, folder.name, draw(model)))
+    for name, groups in PICTURES.items():
+        write_sheet(DOCS / name, groups, models)
+
+
+def write_sheet(path: Path, groups: tuple, models: list) -> None:
     font, heading = ImageFont.load_default(12), ImageFont.load_default(17)
     rows: list[tuple[str | None, list]] = []
-    for kind, distribution, title in GROUPS:
-        found = [m for m in models if m[:2] == (kind, distribution)]
+    for *group, title in groups:
+        found = [m for m in models if m[0] == tuple(group)]
         rows.append((f"{title} ({len(found)})", []))
         rows += [(None, found[k : k + N_COLUMNS]) for k in range(0, len(found), N_COLUMNS)]
     height_px = sum(34 if title else TILE_PX[1] + LABEL_PX for title, _ in rows) + 8
@@ -120,13 +130,13 @@ def main() -> None:
             pen.text((8, y + 9), title, (20, 20, 20), heading)
             y += 34
             continue
-        for column, (_, _, name, picture) in enumerate(tiles):
+        for column, (_, name, picture) in enumerate(tiles):
             x = 4 + column * TILE_PX[0]
             sheet.paste(picture.crop((0, 0, TILE_PX[0] - 4, TILE_PX[1])), (x + 2, y))
             pen.text((x + 5, y + TILE_PX[1] + 5), name, (40, 40, 40), font)
         y += TILE_PX[1] + LABEL_PX
-    sheet.quantize(N_COLOURS, dither=Image.Dither.NONE).save(PICTURE, optimize=True)
-    sys.stdout.write(f"{len(models)} models, {PICTURE.stat().st_size / 1024:.0f} kB: {PICTURE}\n")
+    sheet.quantize(N_COLOURS, dither=Image.Dither.NONE).save(path, optimize=True)
+    sys.stdout.write(f"{path.stat().st_size / 1024:.0f} kB: {path}\n")
 
 
 if __name__ == "__main__":

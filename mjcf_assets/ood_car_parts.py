@@ -204,8 +204,8 @@ def bumpers() -> list[Model]:
         return moved(rough(bent(s, crumple), 0.014, 0.16, 4), (0, 0, 0.22), yaw=0.4)
 
     skin(c, "paint", 1.60, 0.50, 0.46, torn, 1.0, (0.0, 0.62))
-    c.add("trim", torn(pillow((0.22, -0.15, 0.13), (0.07, 0.5, 0.12), 5, 5)))
-    c.add("lamp", torn(pillow((0.14, -0.60, 0.30), (0.12, 0.14, 0.12), 4, 2.5)))
+    c.add("trim", torn(pillow((0.315, -0.15, 0.16), (0.07, 0.5, 0.12), 5, 5)))
+    c.add("lamp", torn(pillow((0.20, -0.60, 0.33), (0.12, 0.14, 0.12), 4, 2.5)))
     c.add("foam", torn(pillow((0.12, -0.2, 0.32), (0.14, 0.95, 0.10), 5, 5)))
     laid(c, -0.06, -1.18)
     c.collide_hull(*c.everything())

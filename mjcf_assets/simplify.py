@@ -17,9 +17,9 @@ def decimated(solid: Solid, n_triangles: int) -> Solid:
     around: list[set[int]] = [set() for _ in points]
     for k, t in triangles.items():
         a, b, c = v[list(t)]
-        normal = np.cross(b - a, c - a)
-        area = float(np.linalg.norm(normal)) or 1e-12
-        x, y, z = normal / area
+        cross = np.cross(b - a, c - a)
+        area = float(np.linalg.norm(cross)) or 1e-12
+        x, y, z = cross / area
         d = -(x * a[0] + y * a[1] + z * a[2])
         plane = area * np.array([x * x, x * y, x * z, x * d, y * y, y * z, y * d, z * z, z * d, d * d])
         for corner in t:
@@ -63,16 +63,22 @@ def decimated(solid: Solid, n_triangles: int) -> Solid:
             if a < b:
                 offer(a, b)
 
+    def normal(p, q, r) -> tuple[float, float, float]:
+        ax, ay, az, bx, by, bz = *(q[k] - p[k] for k in range(3)), *(r[k] - p[k] for k in range(3))
+        return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+
+    def dot(a, b) -> float:
+        return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
     def flips(a: int, other: int, to) -> bool:
         for k in around[a]:
             t = triangles[k]
             if other in t:
                 continue
-            old = [np.array(points[c]) for c in t]
-            new = [np.array(to if c == a else points[c]) for c in t]
-            before = np.cross(old[1] - old[0], old[2] - old[0])
-            after = np.cross(new[1] - new[0], new[2] - new[0])
-            if before @ after < 0.2 * np.linalg.norm(before) * np.linalg.norm(after):
+            before = normal(*(points[c] for c in t))
+            after = normal(*(to if c == a else points[c] for c in t))
+            turned = dot(before, after)
+            if turned < 0 or turned * turned < 0.04 * dot(before, before) * dot(after, after):
                 return True
         return False
 
