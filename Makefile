@@ -148,7 +148,7 @@ bundle-test: ## The bundle from gen to eval in a Debian that has neither Rust, P
 miri: ## The kernels under Miri, portable path: cargo +nightly with the component miri; minutes
 	cd tests/miri && MIRIFLAGS="-Zmiri-tree-borrows -Zmiri-ignore-leaks" cargo +nightly miri test -- --test-threads=1
 
-gallery: setup-test ## A picture of all object models: docs/gallery.png
+gallery: setup-test ## Pictures of all object models: docs/gallery.png, docs/gallery_test.png
 	.venv-test/bin/python mjcf_assets/make_gallery.py
 
 weathers: build setup-test ## One frame in all weathers, on camera and LiDAR: docs/pictures/weather*

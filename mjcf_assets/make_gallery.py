@@ -20,7 +20,7 @@ LABEL_PX = 28
 N_COLUMNS = 9
 # Drawn larger than shown, against jagged edges.
 OVERSAMPLING = 3
-N_COLOURS = 128
+N_COLOURS = 256
 # Groups of each picture: kind, distribution, split, title.
 PICTURES = {
     "gallery.png": (
