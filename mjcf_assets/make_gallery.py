@@ -1,4 +1,4 @@
-# Draws docs/gallery.png and docs/gallery_test.png with what `make setup-test` makes: .venv-test/bin/python mjcf_assets/make_gallery.py
+# Draws docs/gallery*.png with what `make setup-test` makes: .venv-test/bin/python mjcf_assets/make_gallery.py
 """Labelled pictures of every model folder beside this script, drawn by MuJoCo as in the episodes."""
 
 from __future__ import annotations

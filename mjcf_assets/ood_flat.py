@@ -141,7 +141,11 @@ def manhole_covers() -> list[Model]:
         )
     a.add("hole", *(lid(moved(cylinder(0.018, 0.010, 0.0175, 8), (x, 0, 0))) for x in (0.285, -0.285)))
     b = unseen(
-        "manhole_cover_b", "Square double cover, one leaf pushed across the other.", 150, 0.3, colours=tones | {"worn": (0.34, 0.33, 0.33)}
+        "manhole_cover_b",
+        "Square double cover, one leaf pushed across the other.",
+        150,
+        0.3,
+        colours=tones | {"worn": (0.34, 0.33, 0.33)},
     )
     b.add(
         "iron",
@@ -177,7 +181,11 @@ def manhole_covers() -> list[Model]:
             ),
         )
     c = unseen(
-        "manhole_cover_c", "Street gully: its grating sits crosswise in the frame.", 60, 0.3, colours=tones | {"worn": (0.42, 0.29, 0.21)}
+        "manhole_cover_c",
+        "Street gully: its grating sits crosswise in the frame.",
+        60,
+        0.3,
+        colours=tones | {"worn": (0.42, 0.29, 0.21)},
     )
     c.add(
         "iron",

@@ -1,4 +1,4 @@
-"""The out-of-distribution kinds: which split they are of, that their shapes differ, and that they are no boxes."""
+"""The out-of-distribution kinds: which split they are of, how their shapes differ, and that none is a box."""
 
 from functools import cache
 from pathlib import Path
