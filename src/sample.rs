@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::geometry::{Camera, Ego, Lidar, Pinhole, Point2, Transform, World};
 use crate::object::Object;
 
-/// The ego's own state.
+/// The ego's own state: in [`Measured`] with speed and steering as its sensors tell them, in [`Truth`] as they are.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EgoState {
     /// Signed along the ego's x axis.
@@ -102,6 +102,8 @@ pub enum IgnoredRegion {
 pub struct Truth {
     pub objects: Vec<Object>,
     pub ignored: Vec<IgnoredRegion>,
+    /// The ego's true state, where its sensors err in speed and steering; `None` where the measured one is the best known.
+    pub ego_state: Option<EgoState>,
 }
 
 /// One instant of an episode.
@@ -117,5 +119,11 @@ impl Sample {
     #[must_use]
     pub fn objects(&self) -> &[Object] {
         self.truth.as_ref().map_or(&[], |truth| &truth.objects)
+    }
+
+    /// The ego's true state, which labels and zones take: the measured one where no other is known.
+    #[must_use]
+    pub fn true_state(&self) -> &EgoState {
+        self.truth.as_ref().and_then(|truth| truth.ego_state.as_ref()).unwrap_or(&self.measured.ego_state)
     }
 }

@@ -68,7 +68,7 @@ fn sample(idx: u32) -> Sample {
         // Wholly behind the camera: no line of it may be drawn.
         object("hay_bale:3", -10.0, Kind::Static, Distribution::Ood),
     ];
-    Sample { measured, truth: Some(Truth { objects, ignored: Vec::new() }) }
+    Sample { measured, truth: Some(Truth { objects, ..Truth::default() }) }
 }
 
 fn labels_of(sample: &Sample) -> SampleLabels {

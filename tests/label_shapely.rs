@@ -80,7 +80,7 @@ fn random_sample(sample_idx: usize, rng: &mut Rng) -> Sample {
         },
         truth: Some(Truth {
             objects: (0..N_OBJECTS).map(|i| random_object(i, rng)).collect(),
-            ignored: Vec::new(),
+            ..Truth::default()
         }),
     }
 }

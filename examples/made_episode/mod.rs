@@ -87,5 +87,5 @@ fn sample(sample_idx: u64) -> anyhow::Result<Sample> {
         object("car:1", Kind::Vehicle, Distribution::Id, 14.0, 3.2, [4.5, 1.9, 1.5]),
         object("sofa:2", Kind::Static, Distribution::Ood, 19.0, 0.3, [0.9, 2.0, 0.8]),
     ];
-    Ok(Sample { measured, truth: Some(Truth { objects, ignored: Vec::new() }) })
+    Ok(Sample { measured, truth: Some(Truth { objects, ..Truth::default() }) })
 }

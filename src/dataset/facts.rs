@@ -12,7 +12,7 @@ use super::DatasetError;
 use super::coverage::CameraFacts;
 use crate::episode::{EpisodeMeta, Labelled, LogFacts};
 use crate::geometry::{Box3, Ego, Point, Point2, convex_signed_distance_m, distance_to_convex_m};
-use crate::sample::{IgnoredRegion, Measured};
+use crate::sample::{EgoState, IgnoredRegion, Measured};
 use crate::sensors::{Weather, WeatherOverride};
 use crate::zone::{Zone, ZoneAt};
 
@@ -136,14 +136,14 @@ impl Origin {
         Ok(Self { facts, start_ns })
     }
 
-    /// The facts of one of the episode's samples; `ignored` is `None` where nobody annotated it.
+    /// The facts of one of the episode's samples; `state` is the ego's true one, `ignored` is `None` where nobody annotated it.
     pub fn facts_of(
         &self,
         measured: &Measured,
+        state: &EgoState,
         ignored: Option<Vec<IgnoredRegion>>,
         zone: &Zone,
     ) -> SampleFacts {
-        let state = &measured.ego_state;
         let origin = measured.world_from_ego * Point::new(0.0, 0.0, 0.0);
         let zone = zone.at(state).ok();
         let edge = zone.as_ref().and_then(ZoneAt::edge);

@@ -20,7 +20,7 @@ use crate::episode::{
 };
 use crate::files;
 use crate::object::{LabelledObject, Object};
-use crate::sample::{IgnoredRegion, Measured, Sample};
+use crate::sample::{EgoState, IgnoredRegion, Measured, Sample};
 use crate::zone::{Zone, ZoneConfig, ZoneError};
 
 pub use coverage::{CameraFacts, PictureRectangle, count_points};
@@ -75,6 +75,8 @@ pub struct LabelledSample {
     /// `<episode>/<sample index>`.
     pub id: String,
     pub measured: Measured,
+    /// The ego's state by which its objects are labelled.
+    pub true_state: EgoState,
     pub objects: Vec<LabelledObject>,
     pub facts: SampleFacts,
 }
@@ -277,17 +279,19 @@ fn load_episode(
     let (meta, log, samples) = read_labelled(path, set, entry, labels)?;
     let start_ns = samples.first().map_or(0, |(measured, ..)| measured.time_ns);
     let origin = Origin::of_episode(&meta, log.as_ref(), &path.join(&entry.file), start_ns)?;
-    let name = |(sample_idx, (measured, objects, ignored)): (usize, Read)| LabelledSample {
+    let name = |(sample_idx, (measured, true_state, objects, ignored)): (usize, Read)| LabelledSample {
         id: format!("{}/{sample_idx}", entry.name),
-        facts: origin.facts_of(&measured, ignored, zone),
+        facts: origin.facts_of(&measured, &true_state, ignored, zone),
         measured,
+        true_state,
         objects,
     };
     Ok(samples.into_iter().enumerate().map(name).collect())
 }
 
-/// A sample's measurements, its objects, and where nobody annotated; `None` where nobody annotated it at all.
-type Read = (Measured, Vec<LabelledObject>, Option<Vec<IgnoredRegion>>);
+/// A sample's measurements, the ego's true state, the objects, and where nobody annotated; `None` where nobody annotated it
+/// at all.
+type Read = (Measured, EgoState, Vec<LabelledObject>, Option<Vec<IgnoredRegion>>);
 
 /// An episode's metadata, what is known of the log that it comes from, and its samples with their labels.
 fn read_labelled(
@@ -313,10 +317,12 @@ fn read_labelled(
         .zip(label_reader.samples())
         .enumerate()
         .map(|(sample_idx, (sample, labels))| {
-            let Sample { measured, truth } = sample?;
+            let sample = sample?;
+            let true_state = *sample.true_state();
+            let Sample { measured, truth } = sample;
             let (objects, ignored) = truth.map(|truth| (truth.objects, truth.ignored)).unzip();
             let objects = pair(objects.unwrap_or_default(), labels).ok_or_else(|| mismatch(sample_idx))?;
-            Ok((measured, objects, ignored))
+            Ok((measured, true_state, objects, ignored))
         })
         .collect::<Result<_, DatasetError>>()?;
     Ok((reader.meta().clone(), reader.log().cloned(), samples))

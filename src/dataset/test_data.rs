@@ -99,8 +99,8 @@ fn sample(idx: usize, zone: &Zone) -> LabelledSample {
         points,
     };
     let origin = Origin::of_episode(&episode_meta("ClearNoon", ""), None, "made".as_ref(), 0);
-    let facts = origin.expect("an empty config is valid").facts_of(&measured, Some(vec![]), zone);
-    LabelledSample { id: format!("made/{idx}"), measured, objects, facts }
+    let facts = origin.expect("an empty config is valid").facts_of(&measured, &ego_state, Some(vec![]), zone);
+    LabelledSample { id: format!("made/{idx}"), measured, true_state: ego_state, objects, facts }
 }
 
 /// Where the samples come from.

@@ -7,7 +7,7 @@ use nalgebra::{Isometry3, Quaternion, Translation3, Unit};
 use super::error::MessageFault;
 use super::messages::{fox_identity, fox_parts, fox_time, own_time, wire};
 use crate::geometry::{Ego, Frame, Lidar, Pinhole, Transform, World};
-use crate::sample::{CameraView, EgoState, EncodedImage, ImageFormat, LidarPoint, Measured};
+use crate::sample::{CameraView, EgoState, EncodedImage, ImageFormat, LidarPoint, Measured, Sample};
 
 pub(super) const FINITE: &str = "a finite number is needed";
 
@@ -34,19 +34,38 @@ pub(super) fn check_pinhole(pinhole: &Pinhole) -> Result<(), MessageFault> {
 /// The ego's state has the same fields in a message.
 macro_rules! state_fields {
     ($($field:ident),*) => {
-        fn check_state(state: &EgoState) -> Result<(), MessageFault> {
+        pub(super) fn check_state(state: &EgoState) -> Result<(), MessageFault> {
             $(check_finite(stringify!($field), state.$field)?;)*
             Ok(())
         }
 
-        pub(super) fn state_message(time_ns: u64, state: &EgoState) -> wire::EgoState {
-            wire::EgoState { timestamp: Some(own_time(time_ns)), $($field: state.$field),* }
+        /// The state of a sample; of the measured one only speed and steering angle, where a true one lies beside it.
+        pub(super) fn state_message(sample: &Sample) -> wire::EgoState {
+            let (measured, state) = (&sample.measured, sample.true_state());
+            let errs = sample.truth.as_ref().is_some_and(|truth| truth.ego_state.is_some());
+            wire::EgoState {
+                timestamp: Some(own_time(measured.time_ns)),
+                $($field: state.$field,)*
+                measured_speed_mps: errs.then_some(measured.ego_state.speed_mps),
+                measured_steering_angle_rad: errs.then_some(measured.ego_state.steering_angle_rad),
+            }
         }
 
-        pub(super) fn state_of(message: &wire::EgoState) -> Result<EgoState, MessageFault> {
+        /// The state as the car measures it, and the true one if it is another.
+        pub(super) fn states_of(message: &wire::EgoState) -> Result<(EgoState, Option<EgoState>), MessageFault> {
             let state = EgoState { $($field: message.$field),* };
             check_state(&state)?;
-            Ok(state)
+            let told = (message.measured_speed_mps, message.measured_steering_angle_rad);
+            if told == (None, None) {
+                return Ok((state, None));
+            }
+            let measured = EgoState {
+                speed_mps: told.0.unwrap_or(state.speed_mps),
+                steering_angle_rad: told.1.unwrap_or(state.steering_angle_rad),
+                ..state
+            };
+            check_state(&measured)?;
+            Ok((measured, Some(state)))
         }
     };
 }

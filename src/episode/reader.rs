@@ -210,9 +210,10 @@ impl EpisodeReader {
         let ignored =
             self.archive.has(topics::IGNORED.name).then(|| messages.one(topics::IGNORED)).transpose()?;
         let build = || -> Result<Sample, MessageFault> {
+            let (ego_state, true_state) = convert::states_of(&state)?;
             let mut measured = Measured {
                 time_ns: self.times_ns[sample_idx],
-                ego_state: convert::state_of(&state)?,
+                ego_state,
                 world_from_ego: convert::transform_of(&tf)?,
                 ego_from_lidar: convert::transform_of(&tf)?,
                 ego_from_camera: convert::transform_of(&tf)?,
@@ -231,7 +232,8 @@ impl EpisodeReader {
             let ignored = ignored.into_iter().map(regions::region_of).collect::<Result<_, _>>()?;
             let objects = truth.map(|truth| truth.objects.into_iter().map(|object| self.object_of(object)));
             let objects = objects.map(Iterator::collect::<Result<Vec<_>, _>>).transpose()?;
-            Ok(Sample { measured, truth: objects.map(|objects| Truth { objects, ignored }) })
+            let truth = objects.map(|objects| Truth { objects, ignored, ego_state: true_state });
+            Ok(Sample { measured, truth })
         };
         let mut sample = build().map_err(EpisodeError::invalid(&self.meta.name, sample_idx, self.path()))?;
         if checks::has_unit_intensity(&sample.measured.points) {

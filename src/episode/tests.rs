@@ -81,7 +81,7 @@ pub(super) fn sample(idx: u32) -> Sample {
         object("car:1", 10.0 + shift, Kind::Vehicle, Distribution::Id),
         object("hay_bale:2", 2.0, Kind::Static, Distribution::Ood),
     ];
-    Sample { measured, truth: Some(Truth { objects, ignored: Vec::new() }) }
+    Sample { measured, truth: Some(Truth { objects, ..Truth::default() }) }
 }
 
 pub(super) fn map() -> MapDrawing {

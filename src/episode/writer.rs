@@ -129,7 +129,7 @@ impl EpisodeWriter {
         }
         archive.write(topics::TF, &convert::transforms_message(measured, views))?;
         archive.write(topics::EGO_POSE, &convert::pose_message(time_ns, &measured.world_from_ego))?;
-        archive.write(topics::EGO_STATE, &convert::state_message(time_ns, &measured.ego_state))?;
+        archive.write(topics::EGO_STATE, &convert::state_message(sample))?;
         archive.write(topics::IMAGE, &convert::image_message(time_ns, Camera::NAME, &measured.image))?;
         archive.write(
             topics::CAMERA_INFO,
@@ -178,6 +178,7 @@ impl EpisodeWriter {
         sample.objects().iter().try_for_each(objects::check_object)?;
         if let Some(truth) = &sample.truth {
             truth.ignored.iter().try_for_each(regions::check_region)?;
+            truth.ego_state.iter().try_for_each(convert::check_state)?;
         }
         if !views.iter().map(|view| &view.name).eq(&self.cameras) {
             let found: Vec<&str> = views.iter().map(|view| view.name.as_str()).collect();

@@ -281,7 +281,7 @@ impl<'a> Recording<'a> {
         let truths = self.world.objects().iter().zip(&seen).filter_map(|(object, seen)| {
             annotate(object, seen, CONTROL_PERIOD_S, &world_from_ego, &config.rig, &config.raw.annotation)
         });
-        let truth = Some(Truth { objects: truths.collect(), ignored: Vec::new() });
+        let truth = Some(Truth { objects: truths.collect(), ..Truth::default() });
         timings.truth += begin.elapsed();
 
         let period_ns = (config.raw.sample_period_s * 1e9).round() as u64;

@@ -44,7 +44,7 @@ pub(super) fn truth_of(
             }),
         }
     }
-    Ok(Truth { objects: kept, ignored })
+    Ok(Truth { objects: kept, ignored, ego_state: None })
 }
 
 /// Counts the points in each object's box.

@@ -31,7 +31,7 @@ pub fn label_sample(
     sample_idx: usize,
     sample: &Sample,
 ) -> Result<SampleLabels, SampleError> {
-    let here = zone.at(&sample.measured.ego_state).map_err(|source| SampleError::State {
+    let here = zone.at(sample.true_state()).map_err(|source| SampleError::State {
         episode: episode.to_owned(),
         sample_idx,
         source,

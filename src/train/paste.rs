@@ -60,7 +60,7 @@ pub fn paste(
     if n == 0 {
         return Ok(None);
     }
-    let area = zone.at(&sample.measured.ego_state)?;
+    let area = zone.at(&sample.true_state)?;
     let mut scene = Scene::of(sample);
     for i in 0..n {
         for _ in 0..N_TRIES {

@@ -109,7 +109,7 @@ pub fn sample(sample_idx: usize) -> (Sample, Vec<CameraView>) {
         image: picture(sample_idx, ImageFormat::Png),
     };
     (
-        Sample { measured, truth: Some(Truth { objects: objects(sample_idx), ignored: Vec::new() }) },
+        Sample { measured, truth: Some(Truth { objects: objects(sample_idx), ..Truth::default() }) },
         vec![back],
     )
 }

@@ -154,7 +154,7 @@ mod tests {
             LidarPoint { x_m, y_m, z_m, intensity: 20.0, ring: 0 }
         };
         measured.points = road.chain(inside).map(point).collect();
-        Sample { measured, truth: Some(Truth { objects, ignored: Vec::new() }) }
+        Sample { measured, truth: Some(Truth { objects, ..Truth::default() }) }
     }
 
     fn checks(change: impl Fn(&mut Sample)) -> Vec<&'static str> {

@@ -142,15 +142,15 @@ impl Statistics {
         let mut of_episode = Self { n_bytes: fs::metadata(&file)?.len(), ..Self::default() };
         if let Some(labels) = labels {
             let labels_of_episode = label_entry(labels, entry, path)?;
-            for (measured, objects, _) in read_labelled(path, &labels.set, entry, labels_of_episode)?.2 {
+            for (_, true_state, objects, _) in read_labelled(path, &labels.set, entry, labels_of_episode)?.2 {
                 let objects = objects.iter().map(|object| (&object.truth, Some(object.harm)));
-                of_episode.add(&measured.ego_state, objects);
+                of_episode.add(&true_state, objects);
             }
         } else {
             for sample in EpisodeReader::open_entry(path, entry)?.samples() {
                 let sample = sample?;
                 let objects = sample.objects().iter().map(|object| (object, None));
-                of_episode.add(&sample.measured.ego_state, objects);
+                of_episode.add(sample.true_state(), objects);
             }
         }
         of_episode.close_episode(entry.split, &entry.town, &entry.weather);

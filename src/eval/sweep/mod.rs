@@ -117,7 +117,8 @@ impl<'a> Swept<'a> {
             let fail = |source| SweepError::Zone { sample: frame.id.clone(), change, value, source };
             let state = change.apply(&frame.measured.ego_state, value);
             let detections = judge.judge(&found[state_idx], &state, self.zone).map_err(fail)?;
-            let objects = label(frame, change.moves_truth().then_some(&state), self.zone).map_err(fail)?;
+            let moved = change.apply(&frame.true_state, value);
+            let objects = label(frame, change.moves_truth().then_some(&moved), self.zone).map_err(fail)?;
             // A judge leaves the boxes as they are.
             let points_in = |detection: &Detection| {
                 let counted = found[state_idx].iter().zip(n_points.get(state_idx)?);
@@ -178,7 +179,7 @@ pub fn most_changed<'a>(
     for frame in frames.iter().filter(|_| !values.is_empty()) {
         let harms_at = |&value: &f64| {
             let fail = |source| SweepError::Zone { sample: frame.id.clone(), change, value, source };
-            let state = change.apply(&frame.measured.ego_state, value);
+            let state = change.apply(&frame.true_state, value);
             Ok(label(frame, Some(&state), zone).map_err(fail)?.iter().map(|object| object.harm).collect())
         };
         let harms = values.iter().map(harms_at).collect::<Result<Vec<Vec<Harm>>, SweepError>>()?;

@@ -71,7 +71,7 @@ fn sample_at(frame: &LabelledSample, state: EgoState) -> Sample {
     let objects = frame.objects.iter().map(|object| object.truth.clone()).collect();
     let mut measured = frame.measured.clone();
     measured.ego_state = state;
-    Sample { measured, truth: Some(Truth { objects, ignored: Vec::new() }) }
+    Sample { measured, truth: Some(Truth { objects, ..Truth::default() }) }
 }
 
 /// Episode and place in it, from a frame's id.
@@ -90,7 +90,7 @@ fn draw_frame(
 ) -> Result<RgbImage, SweepReportError> {
     let (episode, sample_idx) = place(frame);
     let states: Vec<EgoState> =
-        values.iter().map(|&value| change.apply(&frame.measured.ego_state, value)).collect();
+        values.iter().map(|&value| change.apply(&frame.true_state, value)).collect();
     let samples: Vec<Sample> = states.iter().map(|&state| sample_at(frame, state)).collect();
     let labels = states.iter().map(|state| labels_at(frame, zone, state)).collect::<Result<Vec<_>, _>>()?;
     let found: Vec<_> = found.iter().map(|found| shown(found, min_score)).collect();
@@ -141,7 +141,7 @@ fn best_seen(frames: &[LabelledSample]) -> BTreeMap<&str, usize> {
 
 fn draw_kind(frame: &LabelledSample, zone: &Zone, found: &[Detection]) -> Result<RgbImage, SweepReportError> {
     let (episode, sample_idx) = place(frame);
-    let state = frame.measured.ego_state;
+    let state = frame.true_state;
     let harms: Vec<Harm> = frame.objects.iter().map(|object| object.harm).collect();
     view::draw(&Scene {
         episode,

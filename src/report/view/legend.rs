@@ -10,7 +10,7 @@ const STRAIGHT_DEG: f64 = 0.05;
 
 /// Writes episode, sample, speed, steering and counts on the title strip.
 pub fn draw_title(page: &mut Canvas, scene: &Scene) {
-    let ego = &scene.sample.measured.ego_state;
+    let ego = scene.sample.true_state();
     let left = MARGIN_PX as f32;
     page.text((left, 39.0), 25.0, palette::TEXT, Align::Left, scene.episode);
     let x = left + text_width_px(25.0, scene.episode) + 18.0;

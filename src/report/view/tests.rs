@@ -121,7 +121,7 @@ fn street() -> Sample {
             image: EncodedImage { format: ImageFormat::Png, bytes },
             points,
         },
-        truth: Some(Truth { objects, ignored: Vec::new() }),
+        truth: Some(Truth { objects, ..Truth::default() }),
     }
 }
 

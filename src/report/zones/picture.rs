@@ -90,7 +90,7 @@ impl Overlay<'_> {
     pub fn draw(&self) -> Result<RgbImage, OverlayError> {
         let (measured, objects) = (&self.sample.measured, self.sample.objects());
         let zones: Vec<ZoneAt> =
-            self.zones.iter().map(|zone| zone.at(&measured.ego_state)).collect::<Result<_, _>>()?;
+            self.zones.iter().map(|zone| zone.at(self.sample.true_state())).collect::<Result<_, _>>()?;
         let mut rows = objects
             .iter()
             .map(|object| {
@@ -140,7 +140,7 @@ impl Overlay<'_> {
     }
 
     fn draw_title(&self, page: &mut Canvas) {
-        let state = &self.sample.measured.ego_state;
+        let state = self.sample.true_state();
         page.text((MARGIN_PX, 39.0), 25.0, palette::TEXT, Align::Left, self.episode);
         let x = MARGIN_PX + text_width_px(25.0, self.episode) + 18.0;
         let steering_deg = state.steering_angle_rad.to_degrees();
@@ -159,7 +159,7 @@ impl Overlay<'_> {
         let right = SIZE_PX.0 as f32 - MARGIN_PX;
         let note = "harmful, whole set";
         page.text((right, top), TEXT_PX, palette::TEXT_SOFT, Align::Right, note);
-        let speed_mps = self.sample.measured.ego_state.speed_mps.max(0.0);
+        let speed_mps = self.sample.true_state().speed_mps.max(0.0);
         for (i, (zone, share)) in self.zones.iter().zip(self.shares).enumerate() {
             let baseline = top + (i + 1) as f32 * ROW_PX;
             let color = palette::zone(zone.config().kind);
@@ -278,7 +278,7 @@ mod tests {
         objects[0].velocity_in_ego_mps = [15.0, 0.0];
         let mut measured = labelled.measured.clone();
         (measured.ego_state.speed_mps, measured.ego_state.steering_angle_rad) = (8.0, 0.02);
-        let sample = Sample { measured, truth: Some(Truth { objects, ignored: Vec::new() }) };
+        let sample = Sample { measured, truth: Some(Truth { objects, ..Truth::default() }) };
         let zones =
             ZoneKind::ALL.map(|kind| Zone::try_from(ZoneConfig { kind, ..ZoneConfig::default() }).unwrap());
         let overlay = Overlay {
