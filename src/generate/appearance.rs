@@ -1,4 +1,4 @@
-//! How each geom of a world looks to the sensors: material for the camera, reflectivity for the LiDAR.
+//! How each geom of a world looks to the sensors: material for the camera, surface for the LiDAR.
 //!
 //! Found by the names that the scene gives its geoms, and the models their materials.
 
@@ -6,22 +6,11 @@ use std::collections::{BTreeSet, HashMap};
 
 use super::GenerateError;
 use super::drive::Drive;
+use super::surfaces::{Surface, surface_of};
 use crate::scene::{Motion, World};
 use crate::sensors::camera::{Material, StreetLamp};
+use crate::sensors::lidar::Finish;
 
-/// Reflectivity at about 905 nm of geoms without an object, by the start of the geom's name: usual figures
-/// for worn asphalt, concrete, road paint, grass (plants are bright in the near infrared) and plaster.
-const REFLECTIVITY: [(&str, f64); 7] = [
-    ("scene_road", 0.17),
-    ("scene_pavement", 0.3),
-    ("scene_kerb", 0.3),
-    ("scene_marks", 0.55),
-    ("scene_grass", 0.4),
-    ("scene_facade", 0.35),
-    ("scene_shop", 0.3),
-];
-/// Reflectivity of all other geoms without an object.
-const OTHER_REFLECTIVITY: f64 = 0.25;
 /// Geoms on which water stands.
 const PAVED: [&str; 5] = ["scene_road", "scene_pavement", "scene_kerb", "scene_marks", "ground"];
 
@@ -31,7 +20,7 @@ pub(super) struct Appearance {
     /// Object of each geom, if it belongs to one.
     objects: Vec<Option<usize>>,
     materials: Vec<Material>,
-    reflectivities: Vec<f64>,
+    surfaces: Vec<Surface>,
     is_paved: Vec<bool>,
     /// Index in `background` of what each geom shows that is never annotated.
     background_of_geom: Vec<Option<usize>>,
@@ -64,12 +53,10 @@ impl Appearance {
                 _ => Material::Solid,
             }
         };
-        let reflectivity_of = |geom: usize| {
-            if let Some(object) = objects[geom] {
-                return world.objects()[object].reflectivity;
-            }
-            let known = REFLECTIVITY.iter().find(|(start, _)| names[geom].starts_with(start));
-            known.map_or(OTHER_REFLECTIVITY, |(_, reflectivity)| *reflectivity)
+        let surface = |geom: usize| {
+            let object = objects[geom].map(|object| &world.objects()[object]);
+            let paint = objects[geom].and_then(|object| world.placements[object].paint);
+            surface_of(&names[geom], &simulator.geom_materials()[geom], object, paint)
         };
         let n_geoms = objects.len();
         let background_category = |geom: usize| match objects[geom] {
@@ -95,7 +82,7 @@ impl Appearance {
             .map(|geom| StreetLamp { position_in_world: centers[geom] })
             .collect();
         Ok(Self {
-            reflectivities: (0..n_geoms).map(reflectivity_of).collect(),
+            surfaces: (0..n_geoms).map(surface).collect(),
             is_paved: materials.iter().map(|material| *material == Material::Paved).collect(),
             materials,
             objects,
@@ -120,8 +107,9 @@ impl Appearance {
         usize::try_from(geom).map_or(Material::Sky, |geom| self.materials[geom])
     }
 
-    /// Reflectivity, and whether water stands on it; -1 means no geom.
-    pub(super) fn surface(&self, geom: i32) -> (f64, bool) {
-        usize::try_from(geom).map_or((0.0, false), |geom| (self.reflectivities[geom], self.is_paved[geom]))
+    /// What a beam meets, and whether water stands on it; -1 means no geom.
+    pub(super) fn surface(&self, geom: i32) -> (Surface, bool) {
+        let none = Surface { reflectivity: 0.0, finish: Finish::Matt };
+        usize::try_from(geom).map_or((none, false), |geom| (self.surfaces[geom], self.is_paved[geom]))
     }
 }

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::GenerateError;
 use crate::config::{Check, InvalidConfig, Rule, define_config, from_to, part, require};
 use crate::scene::{PopulateConfig, SceneSplit, town_names_of, town_split};
-use crate::sensors::{Rig, RigConfig, Weather, WeatherOverride};
+use crate::sensors::{Rig, RigConfig, RigVariationConfig, Weather, WeatherOverride};
 
 /// Behaviour and steering act this often; physics in between.
 pub(super) const CONTROL_PERIOD_S: f64 = 0.05;
@@ -43,6 +43,8 @@ define_config! {
         annotation: AnnotationConfig = AnnotationConfig::default(), in part::<AnnotationConfig>();
         render: RenderConfig = RenderConfig::default(), in part::<RenderConfig>();
         rig: RigConfig = RigConfig::default(), in part::<RigConfig>();
+        /// Gives each episode a rig of its own, drawn around `rig`.
+        rig_variation: RigVariationConfig = RigVariationConfig::default(), in part::<RigVariationConfig>();
     }
 }
 

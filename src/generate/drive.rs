@@ -158,7 +158,7 @@ impl Drive {
         Transform::from_isometry(self.poses[self.ego_body])
     }
 
-    /// The ego's state as its odometry measures it.
+    /// The ego's true state.
     pub(super) fn ego_state(&self) -> Result<EgoState, GenerateError> {
         let joints = self.simulator.joint_positions()?;
         let sum_rad: f64 = self.steering_joints.iter().map(|&joint| joints[joint]).sum();

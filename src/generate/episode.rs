@@ -15,13 +15,14 @@ use super::config::{CONTROL_PERIOD_S, RendererName};
 use super::drive::Drive;
 use super::lighting::lighting;
 use super::rays::Caster;
+use super::surfaces::Surface;
 use super::{CheckedConfig, EpisodePlan, GenerateError, map};
 use crate::config::to_toml;
 use crate::episode::{EpisodeEntry, EpisodeMeta, EpisodeWriter};
 use crate::random;
 use crate::sample::{EncodedImage, ImageFormat, Measured, Sample, Truth};
 use crate::scene::{self, Town, populate};
-use crate::sensors::WeatherState;
+use crate::sensors::{Rig, WeatherState, odometry};
 use crate::sensors::camera::{Material, Rendered, Scope, Shot};
 use crate::sensors::lidar::{Hit, Receiver, Reflector, is_in_view};
 use crate::sim::{CameraMount, DrawnView, Renderer, Simulator};
@@ -70,6 +71,8 @@ pub struct Recording<'a> {
     plan: &'a EpisodePlan,
     world: scene::World,
     drive: Drive,
+    /// As drawn for this episode.
+    rig: Rig,
     appearance: Appearance,
     caster: Caster,
     receiver: Receiver,
@@ -99,7 +102,9 @@ impl<'a> Recording<'a> {
         folder: &Path,
     ) -> Result<Self, GenerateError> {
         let begin = Instant::now();
-        let (raw, rig) = (&config.raw, &config.rig);
+        let raw = &config.raw;
+        let rig_config = raw.rig_variation.draw(&raw.rig, plan.seed);
+        let rig = Rig::try_from(&rig_config)?;
         let town = shared_town(&plan.town)?;
         let world = populate(&town, &raw.scene, plan.seed)?;
         let state = plan.weather.state().replace_by(&raw.weather_override)?;
@@ -120,7 +125,7 @@ impl<'a> Recording<'a> {
             ood: raw.scene.ood,
             generator_version: env!("CARGO_PKG_VERSION").to_owned(),
             config_toml: to_toml(raw),
-            rig_toml: to_toml(&raw.rig),
+            rig_toml: to_toml(&rig_config),
             n_samples: raw.samples as usize,
             background: String::new(),
         };
@@ -145,6 +150,7 @@ impl<'a> Recording<'a> {
             meta,
             drive,
             world,
+            rig,
         };
         recording.warm_up()?;
         Ok(recording)
@@ -213,8 +219,8 @@ impl<'a> Recording<'a> {
     /// The measurements and the truth now.
     fn sample(&mut self, sample_idx: u64) -> Result<Sample, GenerateError> {
         let needs_depth = self.needs_depth();
-        let Self { config, drive, appearance, timings, .. } = self;
-        let (camera, lidar) = (config.rig.front(), config.rig.top());
+        let Self { config, drive, rig, appearance, timings, .. } = self;
+        let (camera, lidar) = (rig.front(), rig.top());
         let world_from_ego = drive.world_from_ego();
         let simulator = &mut drive.simulator;
         let DrawnView { rgb, depth_m, geoms } = time(&mut timings.picture, || simulator.render(needs_depth))?;
@@ -231,7 +237,7 @@ impl<'a> Recording<'a> {
             self.scope.see(&rendered, &Shot { world_from_ego, speed_mps, lamps, sample_idx })
         });
         let mut bytes = Vec::new();
-        let quality = config.raw.render.jpeg_quality;
+        let quality = camera.config.jpeg_quality.unwrap_or(config.raw.render.jpeg_quality);
         time(&mut timings.packing, || {
             let mut encoder = Encoder::new(&mut bytes, quality);
             encoder.set_sampling_factor(SamplingFactor::F_1_1);
@@ -260,9 +266,9 @@ impl<'a> Recording<'a> {
         }
         let reflections: Vec<Hit> = (0..hits.geom.len())
             .map(|ray| {
-                let (reflectivity, is_paved) = appearance.surface(hits.geom[ray]);
+                let (Surface { reflectivity, finish }, is_paved) = appearance.surface(hits.geom[ray]);
                 let (range_m, cos_incidence) = (hits.range_m[ray], hits.cos_incidence[ray]);
-                Hit { range_m, cos_incidence, reflectivity, is_paved }
+                Hit { range_m, cos_incidence, reflectivity, is_paved, finish }
             })
             .collect();
         let camera_from_lidar = camera.ego_from_camera.inverse() * lidar.ego_from_lidar;
@@ -279,15 +285,16 @@ impl<'a> Recording<'a> {
             points.push(found.point);
         }
         let truths = self.world.objects().iter().zip(&seen).filter_map(|(object, seen)| {
-            annotate(object, seen, CONTROL_PERIOD_S, &world_from_ego, &config.rig, &config.raw.annotation)
+            annotate(object, seen, CONTROL_PERIOD_S, &world_from_ego, rig, &config.raw.annotation)
         });
-        let truth = Some(Truth { objects: truths.collect(), ..Truth::default() });
+        let told = odometry::measure(&ego_state, &rig.odometry, self.plan.seed, sample_idx);
+        let truth = Truth { objects: truths.collect(), ego_state: told.map(|_| ego_state), ..Truth::default() };
         timings.truth += begin.elapsed();
 
         let period_ns = (config.raw.sample_period_s * 1e9).round() as u64;
         let measured = Measured {
             time_ns: EPOCH_NS + sample_idx * period_ns,
-            ego_state,
+            ego_state: told.unwrap_or(ego_state),
             world_from_ego,
             ego_from_lidar: lidar.ego_from_lidar,
             ego_from_camera: camera.ego_from_camera,
@@ -295,7 +302,7 @@ impl<'a> Recording<'a> {
             image: EncodedImage { format: ImageFormat::Jpeg, bytes },
             points,
         };
-        Ok(Sample { measured, truth })
+        Ok(Sample { measured, truth: Some(truth) })
     }
 }
 

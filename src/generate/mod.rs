@@ -18,6 +18,7 @@ pub mod preset;
 mod projection_tests;
 mod rays;
 mod run;
+mod surfaces;
 pub mod worker;
 
 use std::path::PathBuf;

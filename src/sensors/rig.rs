@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use nalgebra::{UnitQuaternion, Vector3};
 
 use super::lidar::Pattern;
-use super::rig_config::{LidarSector, RigCameraConfig, RigConfig, RigLidarConfig};
+use super::rig_config::{LidarSector, OdometryConfig, RigCameraConfig, RigConfig, RigLidarConfig};
 use crate::config::{Check, InvalidConfig};
 use crate::geometry::{Camera, Ego, Frame, Lidar, Pinhole, Transform};
 
@@ -18,6 +18,7 @@ pub struct Rig {
     pub cameras: Vec<RigCamera>,
     /// `lidar_top` first, then by name.
     pub lidars: Vec<RigLidar>,
+    pub odometry: OdometryConfig,
 }
 
 /// A camera of the rig.
@@ -26,6 +27,8 @@ pub struct RigCamera {
     pub name: String,
     pub ego_from_camera: Transform<Ego, Camera>,
     pub intrinsics: Pinhole,
+    /// The config, with values in their ranges.
+    pub config: RigCameraConfig,
 }
 
 /// A LiDAR of the rig.
@@ -61,7 +64,7 @@ impl TryFrom<&RigConfig> for Rig {
         config.check()?;
         let cameras: Vec<RigCamera> = with_first(&config.cameras, Camera::NAME).map(camera).collect();
         let lidars = with_first(&config.lidars, Lidar::NAME).map(|of| lidar(of, &cameras[0])).collect();
-        Ok(Self { cameras, lidars })
+        Ok(Self { cameras, lidars, odometry: config.odometry.clone() })
     }
 }
 
@@ -82,6 +85,7 @@ fn camera((name, config): (&String, &RigCameraConfig)) -> RigCamera {
         name: name.clone(),
         ego_from_camera: Transform::looking_along(position_m, yaw_rad, pitch_rad, roll_rad),
         intrinsics: Pinhole::from_horizontal_fov(config.width_px, config.height_px, fov_rad),
+        config: config.clone(),
     }
 }
 
@@ -96,7 +100,7 @@ fn lidar((name, config): (&String, &RigLidarConfig), front: &RigCamera) -> RigLi
         config.elevations_deg.clone()
     };
     let n_rings = elevations_deg.len();
-    let whole = Pattern::spinning(&elevations_deg, config.azimuth_step_deg);
+    let whole = Pattern::spinning(&elevations_deg, config.azimuth_step_deg).without(&config.lost_beams);
     let pattern = match config.sector {
         LidarSector::Full => whole,
         LidarSector::Camera => {
@@ -158,7 +162,7 @@ mod tests {
     #[test]
     fn a_rig_that_no_reader_could_use_is_refused_and_says_why() {
         let cases = [
-            ("[camera]\nwidth_px = 640", "unknown field `camera`, expected `cameras` or `lidars`"),
+            ("[camera]\nwidth_px = 640", "unknown field `camera`, expected one of `cameras`, `lidars`, `odometry`"),
             ("[cameras]", "cameras is []; one named cam_front is needed"),
             ("[cameras.cam_back]", "[\"cam_back\"]; one named cam_front is needed"),
             ("[lidars.lidar_left]", "one named lidar_top is needed"),

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use crate::config::{Check, InvalidConfig, Rule, SHARE, below, define_config, from_to, parts, require};
+use crate::config::{Check, InvalidConfig, Rule, SHARE, above, below, define_config, from_to, part, parts, require};
 use crate::geometry::{Camera, Ego, Frame, Lidar, World};
 
 define_config! {
@@ -15,6 +15,7 @@ define_config! {
     pub struct RigConfig {
         cameras: BTreeMap<String, RigCameraConfig> = one(Camera::NAME), in parts::<RigCameraConfig>();
         lidars: BTreeMap<String, RigLidarConfig> = one(Lidar::NAME), in parts::<RigLidarConfig>();
+        odometry: OdometryConfig = OdometryConfig::default(), in part::<OdometryConfig>();
     }
 }
 
@@ -39,6 +40,13 @@ define_config! {
         height_px: u32 = 450, in from_to(16.0, 4096.0);
         /// Angle from the left edge of the image to its right edge.
         horizontal_fov_deg: f64 = 70.0, in from_to(10.0, 170.0);
+        /// Steps of light more (above zero) or less than a well exposed picture.
+        exposure_ev: f64 = 0.0, in from_to(-4.0, 4.0);
+        /// Standard deviation of the lens's blur.
+        blur_px: f64 = 0.0, in from_to(0.0, 3.0);
+        /// 1 to 100 in place of `render.jpeg_quality`.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        jpeg_quality: Option<u8> = None, in from_to(1.0, 100.0);
     }
 }
 
@@ -67,6 +75,26 @@ impl LidarPreset {
             Self::Hdl64e => [even(32, -24.85, -9.07), even(32, -8.8, 4.9)].concat(),
             Self::Os1128 => even(128, -21.82, 20.95),
         }
+    }
+}
+
+impl LidarPreset {
+    /// Angle between two firings at the turns a second that data sets use: 20 for the HDL-32E, 10 for the others.
+    pub fn azimuth_step_deg(self) -> f64 {
+        match self {
+            Self::Hdl32e => 0.33,
+            Self::Vlp16 => 0.2,
+            Self::Hdl64e => 0.18,
+            Self::Os1128 => 0.35,
+        }
+    }
+}
+
+impl RigLidarConfig {
+    /// How many beams it has, dead ones included.
+    #[must_use]
+    pub fn n_beams(&self) -> usize {
+        if self.elevations_deg.is_empty() { self.preset.elevations_deg().len() } else { self.elevations_deg.len() }
     }
 }
 
@@ -118,12 +146,47 @@ define_config! {
         dropout_spread: f64 = 0.5, in SHARE;
         /// Loss of the reported intensity, per metre one way; CARLA's default in clear air.
         attenuation_per_m: f64 = 0.004, in from_to(0.0, 1.0);
+        /// Beams that are dead, 0 the lowest.
+        #[serde(skip_serializing_if = "Vec::is_empty")]
+        lost_beams: Vec<u16> = Vec::new(), in from_to(0.0, 1023.0).rising(0, 1023);
+        /// Share of the beams on windows that return.
+        glass_return: f64 = 0.2, in SHARE;
+        intensity: IntensityConfig = IntensityConfig::default(), in part::<IntensityConfig>();
+    }
+}
+
+define_config! {
+    /// What bends the intensity curve of a LiDAR's make.
+    pub struct IntensityConfig {
+        scale: f64 = 1.0, in above(0.0, 10.0);
+        /// Exponent of the strength, 1 being full scale.
+        gamma: f64 = 1.0, in from_to(0.1, 4.0);
+        /// Values that are told apart, 0 and full scale among them; 0: as the make has them.
+        steps: u32 = 0, in from_to(0.0, 65536.0);
+        /// Nearer than this the intensity falls with the range, as the receiver sees only part of the spot, metres.
+        near_m: f64 = 0.0, in from_to(0.0, 50.0);
+        /// How much rings and shots differ, as a part of what they do in the make.
+        spread: f64 = 1.0, in from_to(0.0, 5.0);
+    }
+}
+
+define_config! {
+    /// What the car's own sensors tell of speed and steering; at the defaults, the truth.
+    pub struct OdometryConfig {
+        /// Measured speed over true speed: a tyre's size.
+        speed_factor: f64 = 1.0, in from_to(0.5, 2.0);
+        /// Standard deviation of each measurement.
+        speed_noise_mps: f64 = 0.0, in from_to(0.0, 5.0);
+        /// What the steering sensor tells beside the true road-wheel angle, positive to the left.
+        steering_bias_deg: f64 = 0.0, in from_to(-20.0, 20.0);
+        /// Standard deviation of each measurement.
+        steering_noise_deg: f64 = 0.0, in from_to(0.0, 20.0);
     }
 }
 
 impl Check for RigConfig {
     fn check_relations(&self) -> Result<(), InvalidConfig> {
-        let Self { cameras, lidars } = self;
+        let Self { cameras, lidars, .. } = self;
         let list = |names: Vec<&String>| format!("{names:?}");
         let has_front = cameras.contains_key(Camera::NAME);
         require(has_front, "cameras", list(cameras.keys().collect()), "one named cam_front is needed")?;

@@ -2,12 +2,13 @@
 //!
 //! The renderer draws dry things in clear air: by day under the sun and the sky, at night evenly
 //! bright, so that its colours are the things' own. [`Scope::see`] does the rest, in this order: the sky,
-//! lamps (at night), water on the ground, Koschmieder's fog, rain, sensor noise. Colours are
+//! lamps (at night), water on the ground, Koschmieder's fog, rain, sensor noise, exposure and blur. Colours are
 //! display-referred, 0 to 1; light is added up in linear units (display value squared).
 //!
 //! Frames: camera (x right, y down, z forward) and world. Everything random comes from named streams.
 
 mod fog;
+mod lens;
 mod night;
 mod noise;
 mod picture;
@@ -20,6 +21,7 @@ mod wet;
 use image::RgbImage;
 use nalgebra::Vector3;
 
+use self::lens::Lens;
 use self::picture::{Picture, View};
 pub use self::shot::{Material, Rendered, Shot, StreetLamp};
 use self::sky::Panorama;
@@ -37,6 +39,7 @@ pub struct Scope {
     rays: picture::Rays,
     noise: noise::Tile,
     puddles: wet::Puddles,
+    lens: Lens,
     seed: u64,
 }
 
@@ -53,6 +56,7 @@ impl Scope {
             rays: picture::Rays::new(&camera.intrinsics),
             noise: noise::Tile::new(camera.intrinsics.width_px as usize),
             puddles: wet::Puddles::new(),
+            lens: Lens::new(&camera.config),
             seed,
         }
     }
@@ -67,6 +71,12 @@ impl Scope {
     /// # Panics
     /// If the sizes of the renderer's pictures and of the intrinsics differ.
     pub fn see(&self, rendered: &Rendered<'_>, shot: &Shot<'_>) -> RgbImage {
+        let mut seen = self.add_weather(rendered, shot);
+        self.lens.apply(&mut seen);
+        seen
+    }
+
+    fn add_weather(&self, rendered: &Rendered<'_>, shot: &Shot<'_>) -> RgbImage {
         let pose = shot.world_from_ego * self.ego_from_camera;
         let view = View::new(&self.intrinsics, &self.ego_from_camera, &pose, &self.rays);
         assert_eq!(rendered.material.len(), self.rays.stretch.len(), "one material for each pixel");

@@ -2,19 +2,21 @@
 //!
 //! Powers are in units of a target with reflectivity 1 at 1 m, seen at right angles in clear air:
 //!
-//! power = reflectivity * cos(incidence) * exp(-2 alpha range) / range^2, alpha the air's extinction.
+//! power = reflectivity * factor(incidence) * exp(-2 alpha range) / range^2, alpha the air's extinction; the factor is that of the
+//! surface's finish, less what a grazing beam loses as it smears over the ground ([`surface`]).
 //!
 //! A return is detected with probability min(1, power / threshold); the threshold is the power of a
 //! target of reflectivity 0.1 at the sensor's stated range. Where fog or a rain drop sends back more than
 //! the target, its return takes the target's place ([`fog`]; [`rain`], above the threshold only); water on the ground weakens the
-//! target ([`wet_ground`]). The reported intensity makes up for the range:
-//!
-//! intensity = 255 * reflectivity * cos(incidence) * exp(-2 (alpha + attenuation) range), whole numbers.
+//! target ([`wet_ground`]). Of windows a share returns, the others let the beam through. The reported intensity makes up for the range by the
+//! make's own curve ([`response`]) of x = reflectivity * factor(incidence) * exp(-2 (alpha + attenuation) range).
 
 mod echo;
 mod fog;
 mod pattern;
 mod rain;
+mod response;
+mod surface;
 mod wet_ground;
 
 use rand::RngExt;
@@ -25,6 +27,8 @@ pub use self::echo::Reflector;
 use self::fog::SoftReturns;
 pub use self::pattern::{Pattern, is_in_view};
 use self::rain::Drops;
+use self::response::Response;
+pub use self::surface::Finish;
 use super::rig_config::RigLidarConfig;
 use super::weather::WeatherState;
 use crate::random::{self, Rng};
@@ -44,10 +48,11 @@ pub struct Hit {
     pub range_m: f64,
     /// Cosine of the angle between ray and surface normal, 0 to 1.
     pub cos_incidence: f64,
-    /// Reflectivity of the dry surface, 0 to 1.
+    /// Reflectivity of the dry surface at right angles; 1 for a white one, more for retroreflectors.
     pub reflectivity: f64,
     /// Whether rain makes a film of water on it.
     pub is_paved: bool,
+    pub finish: Finish,
 }
 
 /// A measured point.
@@ -67,9 +72,24 @@ pub struct Receiver {
     min_power: f64,
     soft_returns: Option<SoftReturns>,
     drops: Option<Drops>,
-    /// Range offset and dropout by ring.
-    rings: Vec<(f64, f64)>,
+    rings: Vec<RingFlaws>,
+    response: Response,
     seed: u64,
+}
+
+/// What sets a beam apart from the others.
+#[derive(Debug, Clone, Copy)]
+struct RingFlaws {
+    offset_m: f64,
+    dropout: f64,
+    gain: f64,
+}
+
+/// The random numbers of one turn.
+struct Draws {
+    noise: Rng,
+    weather: Rng,
+    strength: Rng,
 }
 
 impl Receiver {
@@ -77,10 +97,12 @@ impl Receiver {
     pub fn new(config: &RigLidarConfig, n_rings: usize, state: &WeatherState, seed: u64) -> Self {
         let min_power = 0.1 / config.sure_range_m.powi(2);
         let mut rng = random::stream(seed, "lidar-rings", 0);
+        let mut gain_rng = random::stream(seed, "lidar-gains", 0);
+        let response = Response::new(config.preset, &config.intensity);
         let rings = (0..n_rings).map(|_| {
             let offset_m = config.ring_bias_m * standard_normal(&mut rng);
             let dropout = config.dropout * (1.0 + config.dropout_spread * (2.0 * rng.random::<f64>() - 1.0));
-            (offset_m, dropout)
+            RingFlaws { offset_m, dropout, gain: response.draw_gain(&mut gain_rng) }
         });
         let is_fog = state.mor_m < FOG_MOR_M;
         Self {
@@ -90,6 +112,7 @@ impl Receiver {
             soft_returns: is_fog.then(|| SoftReturns::new(state.mor_m, state.extinction_per_m())),
             drops: Drops::new(state, min_power),
             rings: rings.collect(),
+            response,
             seed,
         }
     }
@@ -104,40 +127,39 @@ impl Receiver {
     /// If hits and rays differ in number, or a ring has no entry.
     pub fn returns(&self, pattern: &Pattern, hits: &[Hit], sample_idx: u64) -> Vec<LidarReturn> {
         assert_eq!(hits.len(), pattern.directions.len(), "one hit for each ray");
-        let mut rng = random::stream(self.seed, "lidar-noise", sample_idx);
-        let mut weather_rng = random::stream(self.seed, "lidar-weather", sample_idx);
+        let stream = |name| random::stream(self.seed, name, sample_idx);
+        let mut draws = Draws {
+            noise: stream("lidar-noise"),
+            weather: stream("lidar-weather"),
+            strength: stream("lidar-strength"),
+        };
         let rays = hits.iter().enumerate();
-        rays.filter_map(|(ray, hit)| self.measure(pattern, ray, hit, &mut rng, &mut weather_rng)).collect()
+        rays.filter_map(|(ray, hit)| self.measure(pattern, ray, hit, &mut draws)).collect()
     }
 
-    fn measure(
-        &self,
-        pattern: &Pattern,
-        ray: usize,
-        hit: &Hit,
-        rng: &mut Rng,
-        weather_rng: &mut Rng,
-    ) -> Option<LidarReturn> {
+    fn measure(&self, pattern: &Pattern, ray: usize, hit: &Hit, draws: &mut Draws) -> Option<LidarReturn> {
         let ring = pattern.rings[ray];
-        let (ring_offset_m, ring_dropout) = self.rings[usize::from(ring)];
-        let range_draw = standard_normal(rng);
-        let [dropout_draw, detection_draw] = [rng.random::<f64>(), rng.random::<f64>()];
+        let flaws = self.rings[usize::from(ring)];
+        let range_draw = standard_normal(&mut draws.noise);
+        let [dropout_draw, detection_draw] = [draws.noise.random::<f64>(), draws.noise.random::<f64>()];
+        let glass_draw = draws.strength.random::<f64>();
+        let strength_draw = standard_normal(&mut draws.strength);
 
-        let echo = self.strongest(hit, weather_rng);
+        let echo = self.strongest(hit, glass_draw < self.config.glass_return, &mut draws.weather);
         let signal_to_threshold = echo.power / self.min_power;
-        if dropout_draw < ring_dropout || detection_draw >= signal_to_threshold {
+        if dropout_draw < flaws.dropout || detection_draw >= signal_to_threshold {
             return None;
         }
         let is_turbid = self.soft_returns.is_some() || self.drops.is_some();
         let weak_m =
             if is_turbid { THRESHOLD_NOISE_M / (2.0 * signal_to_threshold.max(1.0)).sqrt() } else { 0.0 };
-        let range_m = echo.range_m + ring_offset_m + self.config.range_noise_m.hypot(weak_m) * range_draw;
+        let range_m = echo.range_m + flaws.offset_m + self.config.range_noise_m.hypot(weak_m) * range_draw;
         if !range_m.is_finite() || range_m <= 0.0 || range_m > self.config.max_range_m {
             return None;
         }
         let calibrated = echo.power * echo.range_m.powi(2);
         let own_loss = (-2.0 * self.config.attenuation_per_m * echo.range_m).exp();
-        let intensity = (255.0 * calibrated * own_loss).clamp(0.0, 255.0).round();
+        let intensity = self.response.report(calibrated * own_loss, echo.range_m, flaws.gain, strength_draw);
         let at = pattern.directions[ray] * range_m;
         let point = LidarPoint {
             x_m: at.x as f32,
@@ -150,16 +172,19 @@ impl Receiver {
     }
 
     /// The strongest of the target's, the fog's and the drops' echoes.
-    fn strongest(&self, hit: &Hit, weather_rng: &mut Rng) -> Echo {
+    fn strongest(&self, hit: &Hit, glass_returns: bool, weather_rng: &mut Rng) -> Echo {
         let mut strongest = Echo { reflector: Reflector::Target, power: 0.0, range_m: hit.range_m };
-        if hit.range_m.is_finite() && hit.range_m > 0.0 {
+        let is_met = hit.range_m.is_finite() && hit.range_m > 0.0;
+        if is_met && (hit.finish != Finish::Glass || glass_returns) {
             let reflectivity = if hit.is_paved {
                 wet_ground::reflectivity(hit.reflectivity, hit.cos_incidence, self.state.wetness)
             } else {
                 hit.reflectivity
             };
             let air = (-2.0 * self.state.extinction_per_m() * hit.range_m).exp();
-            strongest.power = reflectivity * hit.cos_incidence * air / hit.range_m.powi(2);
+            let back =
+                hit.finish.factor(hit.cos_incidence) * surface::peak_kept(hit.range_m, hit.cos_incidence);
+            strongest.power = reflectivity * back * air / hit.range_m.powi(2);
         }
         if let Some(soft_returns) = &self.soft_returns {
             let mut soft = soft_returns.before(hit.range_m);

@@ -35,6 +35,18 @@ impl Pattern {
         Self { directions, rings }
     }
 
+    /// The rays of all beams but these.
+    #[must_use]
+    pub fn without(mut self, lost_beams: &[u16]) -> Self {
+        if !lost_beams.is_empty() {
+            let is_left = |ring: &u16| !lost_beams.contains(ring);
+            let mut left = self.rings.iter().map(is_left);
+            self.directions.retain(|_| left.next().unwrap_or(true));
+            self.rings.retain(is_left);
+        }
+        self
+    }
+
     /// Only the rays that can hit something in the camera's horizontal field of view within the range.
     #[must_use]
     pub fn cut_to(
@@ -72,6 +84,14 @@ pub fn is_in_view(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_lost_beam_fires_nothing_and_the_others_keep_their_rings() {
+        let whole = Pattern::spinning(&[-30.0, 0.0, 10.0], 90.0);
+        let left = whole.clone().without(&[1]);
+        assert_eq!((left.rings[..4].to_vec(), left.directions.len()), (vec![0, 2, 0, 2], 10));
+        assert_eq!(left.directions[1], whole.directions[2]);
+    }
 
     #[test]
     fn rays_run_by_azimuth_then_by_ring() {
