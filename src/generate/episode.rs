@@ -22,9 +22,9 @@ use crate::episode::{EpisodeEntry, EpisodeMeta, EpisodeWriter};
 use crate::random;
 use crate::sample::{EncodedImage, ImageFormat, Measured, Sample, Truth};
 use crate::scene::{self, Town, populate};
-use crate::sensors::{Rig, WeatherState, odometry};
 use crate::sensors::camera::{Material, Rendered, Scope, Shot};
 use crate::sensors::lidar::{Hit, Receiver, Reflector, is_in_view};
+use crate::sensors::{Rig, WeatherState, odometry};
 use crate::sim::{CameraMount, DrawnView, Renderer, Simulator};
 
 /// Simulated time begins on 2025-01-01, whatever the wall clock says.
@@ -288,7 +288,8 @@ impl<'a> Recording<'a> {
             annotate(object, seen, CONTROL_PERIOD_S, &world_from_ego, rig, &config.raw.annotation)
         });
         let told = odometry::measure(&ego_state, &rig.odometry, self.plan.seed, sample_idx);
-        let truth = Truth { objects: truths.collect(), ego_state: told.map(|_| ego_state), ..Truth::default() };
+        let truth =
+            Truth { objects: truths.collect(), ego_state: told.map(|_| ego_state), ..Truth::default() };
         timings.truth += begin.elapsed();
 
         let period_ns = (config.raw.sample_period_s * 1e9).round() as u64;

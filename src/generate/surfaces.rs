@@ -69,9 +69,8 @@ pub(super) fn surface_of(
         return known.map_or(OTHER, |&(_, reflectivity, finish)| Surface { reflectivity, finish });
     };
     let part = material.rsplit('/').next().unwrap_or_default();
-    let sheeting = SHEETING.iter().find(|(category, parts, _)| {
-        object.category == *category && parts.contains(&part)
-    });
+    let sheeting =
+        SHEETING.iter().find(|(category, parts, _)| object.category == *category && parts.contains(&part));
     if let Some(&(.., reflectivity)) = sheeting {
         return Surface { reflectivity, finish: Finish::Retro };
     }
@@ -106,6 +105,8 @@ mod tests {
             distribution: Distribution::Id,
             body_name: "obj:a".into(),
             bounds: [[0.0; 3].into(), [1.0; 3].into()],
+            solid: [[0.0; 3].into(), [1.0; 3].into()],
+            is_background: false,
             triangles: Arc::default(),
             reflectivity: 0.35,
             event: Event::None,

@@ -12,7 +12,11 @@ mod variation;
 mod weather;
 
 pub use rig::{Rig, RigCamera, RigLidar};
-pub use rig_config::{IntensityConfig, LidarPreset, LidarSector, OdometryConfig, RigCameraConfig, RigConfig, RigLidarConfig};
+pub use rig_config::{
+    IntensityConfig, LidarPreset, LidarSector, OdometryConfig, RigCameraConfig, RigConfig, RigLidarConfig,
+};
 pub use silhouette::silhouette_px;
-pub use variation::{CameraVariationConfig, LidarModels, LidarVariationConfig, OdometryVariationConfig, RigVariationConfig};
+pub use variation::{
+    CameraVariationConfig, LidarModels, LidarVariationConfig, OdometryVariationConfig, RigVariationConfig,
+};
 pub use weather::{SUN_AZIMUTH_RAD, UnknownWeather, Weather, WeatherOverride, WeatherState};

@@ -162,7 +162,10 @@ mod tests {
     #[test]
     fn a_rig_that_no_reader_could_use_is_refused_and_says_why() {
         let cases = [
-            ("[camera]\nwidth_px = 640", "unknown field `camera`, expected one of `cameras`, `lidars`, `odometry`"),
+            (
+                "[camera]\nwidth_px = 640",
+                "unknown field `camera`, expected one of `cameras`, `lidars`, `odometry`",
+            ),
             ("[cameras]", "cameras is []; one named cam_front is needed"),
             ("[cameras.cam_back]", "[\"cam_back\"]; one named cam_front is needed"),
             ("[lidars.lidar_left]", "one named lidar_top is needed"),

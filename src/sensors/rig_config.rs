@@ -6,7 +6,9 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use crate::config::{Check, InvalidConfig, Rule, SHARE, above, below, define_config, from_to, part, parts, require};
+use crate::config::{
+    Check, InvalidConfig, Rule, SHARE, above, below, define_config, from_to, part, parts, require,
+};
 use crate::geometry::{Camera, Ego, Frame, Lidar, World};
 
 define_config! {
@@ -94,7 +96,11 @@ impl RigLidarConfig {
     /// How many beams it has, dead ones included.
     #[must_use]
     pub fn n_beams(&self) -> usize {
-        if self.elevations_deg.is_empty() { self.preset.elevations_deg().len() } else { self.elevations_deg.len() }
+        if self.elevations_deg.is_empty() {
+            self.preset.elevations_deg().len()
+        } else {
+            self.elevations_deg.len()
+        }
     }
 }
 

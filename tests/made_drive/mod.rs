@@ -108,10 +108,7 @@ pub fn sample(sample_idx: usize) -> (Sample, Vec<CameraView>) {
         intrinsics,
         image: picture(sample_idx, ImageFormat::Png),
     };
-    (
-        Sample { measured, truth: Some(Truth { objects: objects(sample_idx), ..Truth::default() }) },
-        vec![back],
-    )
+    (Sample { measured, truth: Some(Truth { objects: objects(sample_idx), ..Truth::default() }) }, vec![back])
 }
 
 /// A data set of two drives, with a map left of and below the origin.

@@ -89,8 +89,7 @@ fn draw_frame(
     min_score: f32,
 ) -> Result<RgbImage, SweepReportError> {
     let (episode, sample_idx) = place(frame);
-    let states: Vec<EgoState> =
-        values.iter().map(|&value| change.apply(&frame.true_state, value)).collect();
+    let states: Vec<EgoState> = values.iter().map(|&value| change.apply(&frame.true_state, value)).collect();
     let samples: Vec<Sample> = states.iter().map(|&state| sample_at(frame, state)).collect();
     let labels = states.iter().map(|state| labels_at(frame, zone, state)).collect::<Result<Vec<_>, _>>()?;
     let found: Vec<_> = found.iter().map(|found| shown(found, min_score)).collect();

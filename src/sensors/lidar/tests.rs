@@ -137,7 +137,13 @@ fn hard_rain_scatters_into_the_open_and_widens_the_range_noise() {
 
 #[test]
 fn a_wet_road_returns_less_than_a_dry_one_and_a_wet_wall_as_much() {
-    let road = Hit { range_m: 60.0, cos_incidence: 0.0307, reflectivity: 0.2, is_paved: true, finish: Finish::Rough };
+    let road = Hit {
+        range_m: 60.0,
+        cos_incidence: 0.0307,
+        reflectivity: 0.2,
+        is_paved: true,
+        finish: Finish::Rough,
+    };
     let count = |state: &WeatherState, hit| shots(&quiet(), state, hit, 5000).len();
     let (dry, wet) = (clear(), Weather::WetNoon.state());
     assert!(count(&wet, road) < 4 * count(&dry, road) / 5);
