@@ -7,7 +7,7 @@
 use rand::RngExt;
 
 use super::rig_config::{LidarPreset, OdometryConfig, RigCameraConfig, RigConfig, RigLidarConfig};
-use crate::config::{Check, Rule, SHARE, define_config, from_to, part};
+use crate::config::{Check, SHARE, define_config, from_to, part};
 use crate::random::{self, Rng};
 
 define_config! {
