@@ -60,10 +60,10 @@ part "pictures, out of distribution" draw ood 3 12 18 27 33 42 50 57 70 80 95 11
 cat <<END
 
 == Out of distribution: trained here in minutes
-$(head -n 8 "$out/eval-ood/table.txt")
+$(head -n 10 "$out/eval-ood/table.txt")
 
 == Out of distribution: the network that comes with harmzone
-$(head -n 8 "$out/eval-small-ood/table.txt")
+$(head -n 10 "$out/eval-small-ood/table.txt")
 
 Time
 $(printf '%s\n' "${times[@]}")

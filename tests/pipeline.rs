@@ -27,6 +27,10 @@ fn a_trained_run_is_scored_drawn_and_predicts_files() {
     assert!(table.contains("harmful") && table.contains("paper 0.795"), "{table}");
     let scores = tempfile::tempdir().expect("a temporary folder");
     let out = scores.path().join("ood");
+    let message = fails(&["eval", text(run), "--data", text(id), "--split", "train"]);
+    assert!(message.contains("learned from") && message.contains("--on-training-data"), "{message}");
+    let own = done(&["eval", text(run), "--data", text(id), "--split", "train", "--on-training-data"]);
+    assert!(own.starts_with("Development figures, on train"), "{own}");
     done(&["eval", text(run), "--data", text(ood), "--ood", "--out", text(&out)]);
     let metrics = metrics_in(&out);
     // Each of the 16 queries gives a box of each class, and next to none of them is at one of the six objects.

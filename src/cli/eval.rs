@@ -6,15 +6,16 @@ use anyhow::{Context, bail};
 use clap::{ArgGroup, Args};
 use fs_err as fs;
 
-use super::{Bar, DeviceArg, ExitStatus, print, split};
-use crate::dataset::{Dataset, Fingerprint};
-use crate::episode::Split;
+use super::{Bar, DeviceArg, ExitStatus, print, split, tell};
+use crate::dataset::{Dataset, DatasetError, Fingerprint, LearnedError};
+use crate::episode::{EpisodeEntry, Manifest, Split};
 use crate::eval::{self, EvalConfig, EvalSample, Mode, Protocol, eval_samples, json};
 use crate::files::sha256_hex;
 use crate::infer::{self, Trained};
 use crate::report::provenance::{Provenance, quote};
 use crate::report::score_tables;
 use crate::report::scores::{self, METRICS_FILE};
+use crate::report::standing::Standing;
 use crate::{config, train};
 
 #[derive(Debug, Args)]
@@ -38,6 +39,9 @@ pub struct EvalArgs {
     /// Also attribute false positives and score the ID and OOD columns of Table III
     #[arg(long)]
     ood: bool,
+    /// Score also on episodes that the network learned from, which is refused otherwise
+    #[arg(long, requires = "run")]
+    on_training_data: bool,
     /// Any detector's boxes, nuScenes-style JSON in the ego frame; needs --truth or --data
     #[arg(long, value_name = "JSON", conflicts_with = "run")]
     predictions: Option<PathBuf>,
@@ -72,7 +76,8 @@ pub fn run(args: EvalArgs) -> anyhow::Result<ExitStatus> {
         refuse_to_overwrite(out)?;
     }
     let mode = if args.ood { Mode::Ood } else { Mode::Id };
-    let samples = samples(&args)?;
+    let scored = args.data.as_deref().map(|data| ScoredData::find(data, &args)).transpose()?;
+    let samples = samples(&args, scored.as_ref())?;
     let evaluation = eval::evaluate(&samples, &protocol, mode).with_context(|| match &args.predictions {
         Some(found) => {
             let truth = args.truth.as_ref().or(args.data.as_ref()).map(|path| path.display().to_string());
@@ -82,30 +87,50 @@ pub fn run(args: EvalArgs) -> anyhow::Result<ExitStatus> {
     })?;
     if let Some(out) = &args.out {
         let trained = args.run.as_deref().map(Trained::find).transpose()?;
-        let data = args.data.as_deref().map(|data| (data, args.labels.as_str()));
-        scores::write(
-            out,
-            &protocol,
-            &evaluation,
-            &provenance(trained.as_ref(), data, command_line("harmzone"))?,
-        )?;
+        let source = provenance(trained.as_ref(), scored.as_ref(), command_line("harmzone"))?;
+        scores::write(out, &protocol, &evaluation, &source)?;
     }
-    print(if args.json { evaluation.to_json() } else { score_tables::text(&evaluation) })?;
+    let standing = scored.as_ref().map(ScoredData::standing);
+    print(if args.json { evaluation.to_json() } else { score_tables::with_standing(&evaluation, standing) })?;
     if args.breakdown {
         print(format!("\n{}", score_tables::breakdown(&evaluation)))?;
     }
     Ok(ExitStatus::Done)
 }
 
+/// The part of a data set that is scored.
+pub struct ScoredData<'a> {
+    pub path: &'a Path,
+    pub labels: &'a str,
+    pub split: Split,
+    /// The data set's version.
+    pub data_version: u32,
+}
+
+impl<'a> ScoredData<'a> {
+    fn find(path: &'a Path, args: &'a EvalArgs) -> anyhow::Result<Self> {
+        let manifest = Manifest::read(path)?;
+        let split = args.split.unwrap_or_else(|| Split::to_score(&manifest));
+        Ok(Self { path, labels: &args.labels, split, data_version: manifest.format_version })
+    }
+
+    fn open(&self) -> Result<Dataset, DatasetError> {
+        Dataset::open(self.path, self.labels, self.split)
+    }
+
+    fn standing(&self) -> Standing {
+        Standing { split: Some(self.split), data_version: self.data_version }
+    }
+}
+
 /// The samples to score, from files of boxes or from a trained detector.
-fn samples(args: &EvalArgs) -> anyhow::Result<Vec<EvalSample>> {
-    match (&args.run, &args.predictions, &args.truth, &args.data) {
+fn samples(args: &EvalArgs, scored: Option<&ScoredData<'_>>) -> anyhow::Result<Vec<EvalSample>> {
+    match (&args.run, &args.predictions, &args.truth, scored) {
         (_, Some(predictions), Some(truth), _) => {
             Ok(json::join(json::read_predictions(predictions)?, json::read_truth(truth)?)?)
         }
         (_, Some(predictions), _, Some(data)) => {
-            let dataset = Dataset::open_to_score(data, &args.labels, args.split)?;
-            Ok(json::join_dataset(json::read_predictions(predictions)?, &dataset)?)
+            Ok(json::join_dataset(json::read_predictions(predictions)?, &data.open()?)?)
         }
         (Some(run), _, _, Some(data)) => samples_of_run(run, data, args),
         _ => bail!("give a RUN with --data, or --predictions with --truth or --data"),
@@ -113,12 +138,36 @@ fn samples(args: &EvalArgs) -> anyhow::Result<Vec<EvalSample>> {
 }
 
 /// Runs a trained detector over a split of a dataset.
-fn samples_of_run(run: &Path, data: &Path, args: &EvalArgs) -> anyhow::Result<Vec<EvalSample>> {
+fn samples_of_run(run: &Path, data: &ScoredData<'_>, args: &EvalArgs) -> anyhow::Result<Vec<EvalSample>> {
+    let trained = Trained::find(run)?;
+    let episodes = Manifest::read(data.path)?.of_split(data.split).cloned().collect::<Vec<_>>();
+    let learned = tell_seen(&trained, &episodes)?;
+    if !args.on_training_data {
+        learned.with_context(|| format!("cannot score {} on {}", run.display(), data.path.display()))?;
+    }
     let device = args.device.open()?;
-    let dataset = Dataset::open_to_score(data, &args.labels, args.split)?;
-    let found =
-        infer::detect(&Trained::find(run)?.load(&device)?, &dataset.named(), &device, &Bar::default())?;
+    let dataset = data.open()?;
+    let found = infer::detect(&trained.load(&device)?, &dataset.named(), &device, &Bar::default())?;
     Ok(eval_samples(dataset.samples(), &found))
+}
+
+/// Tells whether the network's training was watched on any of the episodes, and whether that can be known; the result
+/// tells whether it learned from any.
+///
+/// # Errors
+/// The checkpoint cannot be read.
+pub fn tell_seen(trained: &Trained, episodes: &[EpisodeEntry]) -> anyhow::Result<Result<(), LearnedError>> {
+    let Some(seen) = trained.seen()? else {
+        tell(
+            "the network does not say which episodes it learned from: whether these are among them cannot be checked",
+        );
+        return Ok(Ok(()));
+    };
+    let n_watched = seen.n_watched(episodes);
+    if n_watched > 0 {
+        tell(format!("the network's training was watched on {n_watched} of the {} episodes", episodes.len()));
+    }
+    Ok(seen.check_unlearned(episodes))
 }
 
 /// Where scores come from: the network, the data set with its labels, and the command.
@@ -127,7 +176,7 @@ fn samples_of_run(run: &Path, data: &Path, args: &EvalArgs) -> anyhow::Result<Ve
 /// The network or the data set cannot be read.
 pub fn provenance(
     trained: Option<&Trained>,
-    data: Option<(&Path, &str)>,
+    data: Option<&ScoredData<'_>>,
     command: String,
 ) -> anyhow::Result<Provenance> {
     let train_toml = match trained {
@@ -138,9 +187,11 @@ pub fn provenance(
     Ok(Provenance {
         version: env!("CARGO_PKG_VERSION").to_owned(),
         command,
-        data: data.map(|(path, _)| path.to_owned()),
-        labels: data.map(|(_, labels)| labels.to_owned()),
-        fingerprint: data.map(|(path, labels)| Fingerprint::of(path, labels)).transpose()?,
+        data: data.map(|of| of.path.to_owned()),
+        labels: data.map(|of| of.labels.to_owned()),
+        split: data.map(|of| of.split),
+        data_version: data.map(|of| of.data_version),
+        fingerprint: data.map(|of| Fingerprint::of(of.path, of.labels)).transpose()?,
         checkpoint_sha256: checkpoint.map(|(_, bytes)| sha256_hex(&bytes)),
         model_toml: trained.map(Trained::config).transpose()?.as_ref().map(config::to_toml),
         train_toml,

@@ -28,7 +28,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 
 pub use device::DeviceArg;
-pub use eval::{command_line, provenance};
+pub use eval::{ScoredData, command_line, provenance, tell_seen};
 pub use output::{ClosedPipe, print, print_summary, tell};
 pub use progress::Bar;
 pub use values::{SamplesArgs, number, one_of, split};

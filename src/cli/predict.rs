@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::{Bar, DeviceArg, ExitStatus, print, split};
+use super::{Bar, DeviceArg, ExitStatus, print, split, tell, tell_seen};
 use crate::config;
 use crate::dataset::MeasuredSplit;
 use crate::episode::Split;
@@ -45,6 +45,13 @@ pub fn run(args: PredictArgs) -> anyhow::Result<ExitStatus> {
     }
     let device = args.device.open()?;
     let recording = MeasuredSplit::open(&args.data, args.split)?;
+    // Boxes on training data serve to find faults; only figures on them are refused, by `eval`.
+    if let Err(learned) = tell_seen(&trained, recording.episodes())? {
+        tell(format!(
+            "the network learned from {} of the {} episodes",
+            learned.n_learned, learned.n_episodes
+        ));
+    }
     let config_toml = config::to_toml(&trained.config()?);
     let predictions = Predictions { folder, set: args.run.display().to_string(), config_toml };
     let detector = trained.load(&device)?;

@@ -4,6 +4,7 @@ mod coverage;
 mod facts;
 pub mod health;
 mod recording;
+mod seen;
 pub mod statistics;
 pub mod test_data;
 
@@ -27,6 +28,7 @@ pub use coverage::{CameraFacts, PictureRectangle, count_points};
 use facts::Origin;
 pub use facts::{SampleFacts, episode_of_id};
 pub use recording::MeasuredSplit;
+pub use seen::{LearnedError, SeenEpisodes};
 
 /// Why a dataset could not be loaded.
 #[derive(Debug, Error)]

@@ -8,6 +8,7 @@ use burn::tensor::Device;
 use fs_err as fs;
 use thiserror::Error;
 
+use crate::dataset::SeenEpisodes;
 use crate::model::checkpoint::{self, CheckpointError};
 use crate::model::{Detector, ModelConfig, SHIPPED, Shipped};
 
@@ -87,6 +88,15 @@ impl Trained {
             Self::Shipped(shipped) => checkpoint::config_in(shipped.checkpoint, Path::new(shipped.name))?,
             Self::File(path) => checkpoint::read_config(path)?,
         })
+    }
+
+    /// The episodes that it has seen, where it says so: the network inside the program and older checkpoints do not.
+    ///
+    /// # Errors
+    /// The checkpoint cannot be read, or is broken.
+    pub fn seen(&self) -> Result<Option<SeenEpisodes>, TrainedError> {
+        let (path, bytes) = self.bytes()?;
+        Ok(checkpoint::seen_in(&bytes, &path)?)
     }
 
     /// The default folder of its predictions for a dataset: in the run's folder, by the dataset's name; for

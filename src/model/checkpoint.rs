@@ -11,12 +11,15 @@ use thiserror::Error;
 use super::config::ModelConfig;
 use super::detector::Detector;
 use crate::config::Check;
+use crate::dataset::SeenEpisodes;
 use crate::files;
 
 /// Name of the finished checkpoint in a run's folder.
 pub const CHECKPOINT: &str = "model.safetensors";
 /// Metadata key of the model's config, as TOML.
 const CONFIG_KEY: &str = "harmzone.model";
+/// Metadata key of the episodes that the network has seen, as JSON; states of a training and older checkpoints lack it.
+const SEEN_KEY: &str = "harmzone.seen";
 /// Metadata key of the format's version.
 const VERSION_KEY: &str = "harmzone.format";
 const VERSION: &str = "1";
@@ -40,14 +43,19 @@ pub enum CheckpointError {
 }
 
 /// The detector's bytes as a safetensors file, or what went wrong. Same weights, same bytes.
-fn pack(detector: &Detector) -> Result<Vec<u8>, Box<dyn std::error::Error>> {
+fn pack(detector: &Detector, seen: Option<&SeenEpisodes>) -> Result<Vec<u8>, Box<dyn std::error::Error>> {
     let mut store = SafetensorsStore::from_bytes(None);
     detector.save_into(&mut store)?;
     let packed = store.get_bytes()?;
-    // Written again with our own metadata: two keys in a fixed order, so that bytes repeat.
+    // Written again with our own metadata: its keys in a fixed order, so that bytes repeat.
     let mut views = safetensors::SafeTensors::deserialize(&packed)?.tensors();
     views.sort_by(|a, b| a.0.cmp(&b.0));
-    let header = header(&views, detector.config());
+    let mut metadata =
+        serde_json::json!({ CONFIG_KEY: crate::config::to_toml(detector.config()), VERSION_KEY: VERSION });
+    if let Some(seen) = seen {
+        metadata[SEEN_KEY] = serde_json::to_string(seen)?.into();
+    }
+    let header = header(&views, metadata);
     let mut bytes = (header.len() as u64).to_le_bytes().to_vec();
     bytes.extend_from_slice(header.as_bytes());
     for (_, view) in &views {
@@ -57,12 +65,9 @@ fn pack(detector: &Detector) -> Result<Vec<u8>, Box<dyn std::error::Error>> {
 }
 
 /// The JSON header of a safetensors file, with keys in order and padded to eight bytes.
-fn header(views: &[(String, safetensors::tensor::TensorView<'_>)], config: &ModelConfig) -> String {
+fn header(views: &[(String, safetensors::tensor::TensorView<'_>)], metadata: serde_json::Value) -> String {
     let mut header = serde_json::Map::new();
-    header.insert(
-        "__metadata__".into(),
-        serde_json::json!({ CONFIG_KEY: crate::config::to_toml(config), VERSION_KEY: VERSION }),
-    );
+    header.insert("__metadata__".into(), metadata);
     let mut offset = 0;
     for (name, view) in views {
         let end = offset + view.data().len();
@@ -79,12 +84,12 @@ fn header(views: &[(String, safetensors::tensor::TensorView<'_>)], config: &Mode
     text
 }
 
-/// Writes a detector, whole or not at all.
+/// Writes a detector and the episodes that it has seen, whole or not at all.
 ///
 /// # Errors
 /// Any IO error, among them a full disk.
-pub fn save(detector: &Detector, path: &Path) -> Result<(), CheckpointError> {
-    let bytes = pack(detector)
+pub fn save(detector: &Detector, seen: Option<&SeenEpisodes>, path: &Path) -> Result<(), CheckpointError> {
+    let bytes = pack(detector, seen)
         .map_err(|error| CheckpointError::Pack { message: error.to_string(), path: path.to_owned() })?;
     files::write_atomic(path, &bytes).map_err(CheckpointError::Io)
 }
@@ -103,10 +108,7 @@ pub fn read_config(path: &Path) -> Result<ModelConfig, CheckpointError> {
 /// The bytes are not a harmzone checkpoint, or its config is not valid.
 pub fn config_in(bytes: &[u8], path: &Path) -> Result<ModelConfig, CheckpointError> {
     let foreign = |found: String| CheckpointError::Foreign { found, path: path.to_owned() };
-    let (_, metadata) =
-        safetensors::SafeTensors::read_metadata(bytes).map_err(|error| foreign(error.to_string()))?;
-    let empty = HashMap::new();
-    let metadata = metadata.metadata().as_ref().unwrap_or(&empty);
+    let metadata = metadata_in(bytes).map_err(foreign)?;
     let text =
         metadata.get(CONFIG_KEY).ok_or_else(|| foreign(format!("no `{CONFIG_KEY}` in its metadata")))?;
     let version = metadata.get(VERSION_KEY).map_or("none", String::as_str);
@@ -117,6 +119,25 @@ pub fn config_in(bytes: &[u8], path: &Path) -> Result<ModelConfig, CheckpointErr
     let config: ModelConfig = toml::from_str(text).map_err(|error| invalid(error.to_string()))?;
     config.check().map_err(|error| invalid(error.to_string()))?;
     Ok(config)
+}
+
+/// The episodes that the network in a checkpoint's bytes has seen, where it says so; errors name `path`.
+///
+/// # Errors
+/// The bytes are not a checkpoint, or what they say of episodes is broken.
+pub fn seen_in(bytes: &[u8], path: &Path) -> Result<Option<SeenEpisodes>, CheckpointError> {
+    let foreign = |found: String| CheckpointError::Foreign { found, path: path.to_owned() };
+    let metadata = metadata_in(bytes).map_err(foreign)?;
+    let read = |text: &String| {
+        serde_json::from_str(text).map_err(|error| foreign(format!("a broken `{SEEN_KEY}`: {error}")))
+    };
+    metadata.get(SEEN_KEY).map(read).transpose()
+}
+
+/// The metadata of a safetensors file's bytes.
+fn metadata_in(bytes: &[u8]) -> Result<HashMap<String, String>, String> {
+    let (_, metadata) = safetensors::SafeTensors::read_metadata(bytes).map_err(|error| error.to_string())?;
+    Ok(metadata.metadata().clone().unwrap_or_default())
 }
 
 /// Reads a detector.
@@ -157,10 +178,14 @@ mod tests {
         let mut config = ModelConfig::default();
         config.head.n_queries = 7;
         let (first, second) = (folder.path().join("a.safetensors"), folder.path().join("b.safetensors"));
-        save(&Detector::init(&config, 0, &device), &first).unwrap();
+        let seen = SeenEpisodes { learned: ["ab".to_owned()].into(), watched: ["cd".to_owned()].into() };
+        save(&Detector::init(&config, 0, &device), Some(&seen), &first).unwrap();
         let loaded = load(&first, &device).unwrap();
         assert_eq!(loaded.config(), &config);
-        save(&loaded, &second).unwrap();
+        save(&loaded, None, &second).unwrap();
+        let seen_in = |path: &Path| seen_in(&fs::read(path).unwrap(), path).unwrap();
+        assert_eq!((seen_in(&first), seen_in(&second)), (Some(seen.clone()), None));
+        save(&loaded, Some(&seen), &second).unwrap();
         assert_eq!(fs::read(&first).unwrap(), fs::read(&second).unwrap());
     }
 
@@ -177,7 +202,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("model.safetensors");
         let device = Device::flex();
-        save(&Detector::init(&ModelConfig::default(), 0, &device), &path).unwrap();
+        save(&Detector::init(&ModelConfig::default(), 0, &device), None, &path).unwrap();
         let bytes = fs::read(&path).unwrap();
         let from = "fuser_channels = 64";
         let at = bytes.windows(from.len()).position(|window| window == from.as_bytes()).unwrap();

@@ -13,6 +13,7 @@ pub mod provenance;
 pub mod results;
 pub mod score_tables;
 pub mod scores;
+pub mod standing;
 pub mod sweeps;
 pub mod table;
 pub mod view;

@@ -4,7 +4,9 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
+use super::standing::Standing;
 use crate::dataset::Fingerprint;
+use crate::episode::Split;
 
 /// Where scores come from.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -17,6 +19,9 @@ pub struct Provenance {
     /// The data set, as it was named.
     pub data: Option<PathBuf>,
     pub labels: Option<String>,
+    /// The split that was scored, and the data set's version.
+    pub split: Option<Split>,
+    pub data_version: Option<u32>,
     /// Hash of the data set and its labels.
     pub fingerprint: Option<Fingerprint>,
     /// Hash of the network's file.
@@ -25,6 +30,16 @@ pub struct Provenance {
     pub model_toml: Option<String>,
     /// The resolved config of its training.
     pub train_toml: Option<String>,
+}
+
+impl Provenance {
+    /// What the scores may be used for; `None` where they are of no data set.
+    #[must_use]
+    pub fn standing(&self) -> Option<Standing> {
+        let of_data =
+            |_: &PathBuf| Standing { split: self.split, data_version: self.data_version.unwrap_or(1) };
+        self.data.as_ref().map(of_data)
+    }
 }
 
 /// Words of a command, with quotes where a shell needs them.

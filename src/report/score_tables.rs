@@ -1,6 +1,7 @@
 //! The tables of a scoring, which text files, the terminal and the page share.
 
 use super::paper::{Line, PARTS, YARDSTICK};
+use super::standing::Standing;
 use super::table::{Cell, NO_TRUTH, Table, ap, number, percent};
 use crate::eval::safety::{MetricTable, MetricValue};
 use crate::eval::{
@@ -19,6 +20,13 @@ pub fn text(evaluation: &Evaluation) -> String {
     let (headline, errors, counts) = (headline(&[evaluation]), errors(metrics), counts(metrics));
     let neutral = neutral(metrics).map_or_else(String::new, |table| format!("\n{table}"));
     format!("Detection {what}\n\n{headline}\n{errors}\n{counts}{neutral}")
+}
+
+/// The same below what the figures may be used for, which is known where they are of a data set.
+#[must_use]
+pub fn with_standing(evaluation: &Evaluation, standing: Option<Standing>) -> String {
+    let table = text(evaluation);
+    standing.map_or_else(|| table.clone(), |standing| format!("{standing}\n\n{table}"))
 }
 
 /// Names the classes without a truth by column, and what became of them; nothing if there is none.

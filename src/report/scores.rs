@@ -87,7 +87,8 @@ pub fn write(
     }
     let config = format!("# harmzone {}, harmzone eval\n{}", provenance.version, to_toml(protocol.config()));
     write_atomic(&folder.join(CONFIG_FILE), config.as_bytes())?;
-    write_atomic(&folder.join(TABLE_FILE), score_tables::text(evaluation).as_bytes())?;
+    let table = score_tables::with_standing(evaluation, provenance.standing());
+    write_atomic(&folder.join(TABLE_FILE), table.as_bytes())?;
     write_atomic(&folder.join(BREAKDOWN_FILE), score_tables::breakdown(evaluation).as_bytes())?;
     write_atomic(&folder.join(FAULTS_FILE), &serde_json::to_vec(&evaluation.faults)?)?;
     write_atomic(&folder.join(PROVENANCE_FILE), &serde_json::to_vec_pretty(provenance)?)?;

@@ -19,7 +19,7 @@ use super::step::{Mean, Steps};
 use super::time::Stopwatch;
 use super::validate::validate;
 use crate::config::Checked;
-use crate::dataset::Dataset;
+use crate::dataset::{Dataset, SeenEpisodes};
 use crate::history::{History, ScoreRow, StepRow};
 use crate::model::checkpoint::{self, CHECKPOINT};
 use crate::model::{Detector, ImageWeightsReport};
@@ -166,7 +166,8 @@ pub fn run(
         state::save(out, plan.n_done(position), position, &learner)?;
     }
     stopwatch.save(out)?;
-    checkpoint::save(&learner.result(), &final_path)?;
+    let seen = SeenEpisodes::of(dataset, validation);
+    checkpoint::save(&learner.result(), Some(&seen), &final_path)?;
     state::clear(out)?;
     Ok(Summary { image_weights, ..summary(n_steps_now, epoch_loss.mean(), steps.loading) })
 }

@@ -35,8 +35,8 @@ pub fn save(run: &Path, n_done: usize, position: Position, learner: &Learner) ->
     fs::create_dir_all(&partial)?;
     let broken = |message: String| StateError::Broken { message, path: partial.clone() };
     // Batch norms hand over their latest running statistics only to a `valid()` copy.
-    checkpoint::save(&learner.detector().valid(), &partial.join("model.safetensors"))?;
-    checkpoint::save(learner.average(), &partial.join("average.safetensors"))?;
+    checkpoint::save(&learner.detector().valid(), None, &partial.join("model.safetensors"))?;
+    checkpoint::save(learner.average(), None, &partial.join("average.safetensors"))?;
     fs::write(partial.join("optimizer.bpk"), learner.optimizer().to_bytes().map_err(broken)?)?;
     let text = serde_json::to_string(&position).expect("a position always has a JSON form");
     fs::write(partial.join("position.json"), text)?;

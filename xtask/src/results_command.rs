@@ -1,10 +1,12 @@
 //! `xtask results`: an experiment from nothing, resumable; what `make results` runs.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::process::Command;
 
+use anyhow::{Context, ensure};
 use clap::Args;
 
-use crate::results::{self, Request, ResultsConfig};
+use crate::results::{self, ReportStamp, Request, ResultsConfig};
 use harmzone::cli::{Bar, DeviceArg, ExitStatus, command_line, print};
 use harmzone::report::page::PAGE_FILE;
 
@@ -35,6 +37,13 @@ pub struct ResultsArgs {
     /// Train and score one row
     #[arg(long, value_name = "ROW", conflicts_with = "tables_only")]
     only: Option<String>,
+    /// Also score the headline on split test, for reporting: the figures are kept with commit and date, and made once a
+    /// network
+    #[arg(long = "final", conflicts_with_all = ["only", "tables_only"])]
+    is_final: bool,
+    /// Date beside the figures on split test [default: the commit's]
+    #[arg(long, value_name = "YYYY-MM-DD", requires = "is_final")]
+    date: Option<String>,
     /// Write RESULTS.md, results.csv, report.html and the card anew from what is kept, and do nothing else
     #[arg(long)]
     tables_only: bool,
@@ -49,6 +58,7 @@ pub fn run(args: ResultsArgs) -> anyhow::Result<ExitStatus> {
         print(text.display())?;
         return Ok(ExitStatus::Done);
     }
+    let reported = if args.is_final { Some(release(args.date)?) } else { None };
     let config: ResultsConfig = harmzone::config::load(args.config.as_deref(), &args.overrides)?;
     let request = Request {
         config: &config,
@@ -57,6 +67,7 @@ pub fn run(args: ResultsArgs) -> anyhow::Result<ExitStatus> {
         ood: args.ood,
         headline: args.headline,
         only: args.only,
+        reported,
         card: args.card,
         program: std::env::current_exe()?,
         command: command_line("cargo run --release -p xtask --"),
@@ -68,4 +79,28 @@ pub fn run(args: ResultsArgs) -> anyhow::Result<ExitStatus> {
         print(page.display())?;
     }
     Ok(ExitStatus::Done)
+}
+
+/// The commit that this program was built from, as its checkout tells it, and its date.
+fn release(date: Option<String>) -> anyhow::Result<ReportStamp> {
+    let commit = git(&["describe", "--always", "--dirty", "--abbrev=40", "--exclude=*"])?;
+    let date = date.map_or_else(|| git(&["show", "--no-patch", "--format=%cs", "HEAD"]), Ok)?;
+    Ok(ReportStamp { commit, date })
+}
+
+fn git(args: &[&str]) -> anyhow::Result<String> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let told = Command::new("git")
+        .arg("-C")
+        .arg(root)
+        .args(args)
+        .output()
+        .context("figures for reporting bear their commit, but git does not start")?;
+    ensure!(
+        told.status.success(),
+        "figures for reporting bear their commit, which git cannot tell ({}): {}",
+        String::from_utf8_lossy(&told.stderr).trim(),
+        root.display()
+    );
+    Ok(String::from_utf8_lossy(&told.stdout).trim().to_owned())
 }

@@ -10,11 +10,16 @@ use crate::report::table::{ap, percent};
 /// The section's blocks.
 pub fn blocks(sides: &[Side]) -> Result<Vec<Block>, ReportError> {
     let evaluations: Vec<_> = sides.iter().map(|side| &side.scores.evaluation).collect();
-    Ok(vec![
+    let standings = sides.iter().filter_map(|side| {
+        let standing = side.scores.provenance.as_ref()?.standing()?;
+        Some(Block::text(format!("{}: {standing}", side.name)))
+    });
+    let blocks = vec![
         Block::Tiles { tiles: sides.iter().flat_map(tiles).collect() },
         Block::Table(score_tables::headline(&evaluations)),
         Block::Figures { figures: sides.iter().map(figure).collect::<Result<_, _>>()? },
-    ])
+    ];
+    Ok(standings.chain(blocks).collect())
 }
 
 fn tiles(side: &Side) -> Vec<Tile> {

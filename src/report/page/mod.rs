@@ -26,8 +26,10 @@ use crate::eval::Mode;
 use crate::files::write_atomic;
 use crate::report::chart::ChartError;
 use crate::report::document::{Block, Section, render};
+use crate::report::provenance::Provenance;
 use crate::report::results::{self, ReadResultsError, Results};
 use crate::report::scores::{Scores, ScoresError};
+use crate::report::standing::Standing;
 use crate::report::view::ViewError;
 
 /// Name of the page if a folder is given.
@@ -211,8 +213,17 @@ fn page(sides: &[Side], request: &ReportRequest) -> Result<Page, ReportError> {
         let counts = &side.scores.evaluation.metrics.counts;
         format!("{} samples {}", counts.n_samples, side.name.to_lowercase())
     });
+    let is_development = |side: &Side| {
+        let source = side.scores.provenance.as_ref();
+        source.and_then(Provenance::standing).is_some_and(Standing::is_development)
+    };
+    let title = if sides.iter().any(is_development) {
+        "harmzone report: development figures"
+    } else {
+        "harmzone report"
+    };
     Ok(Page {
-        title: "harmzone report".to_owned(),
+        title: title.to_owned(),
         subtitle: counts.collect::<Vec<_>>().join(", "),
         version: env!("CARGO_PKG_VERSION"),
         style: include_str!("report.css"),

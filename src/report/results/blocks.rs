@@ -1,5 +1,6 @@
 //! The results of an experiment in blocks, for RESULTS.md, the page and a network's card.
 
+use super::reported::{development_block, reported_blocks};
 use super::{Record, Results, RivalRecord, SetRecord, SetScores, TableConfig};
 use crate::eval::ClassScores;
 use crate::report::document::Block;
@@ -10,7 +11,8 @@ use crate::report::table::{Cell, Table, ap, number};
 /// All blocks of the results; the same results give the same blocks.
 #[must_use]
 pub fn blocks(results: &Results) -> Vec<Block> {
-    let mut blocks = data_blocks(results);
+    let mut blocks = standing_blocks(results);
+    blocks.extend(data_blocks(results));
     blocks.push(Block::heading("The network that ships"));
     match &results.headline {
         Some(record) => blocks.extend(record_blocks(results, record)),
@@ -35,7 +37,13 @@ pub fn blocks(results: &Results) -> Vec<Block> {
 #[must_use]
 pub fn headline_blocks(results: &Results, record: &Record) -> Vec<Block> {
     let hash = Block::text(format!("SHA-256 of the file: {}", record.checkpoint_sha256));
-    [vec![hash], record_blocks(results, record), data_blocks(results)].concat()
+    [vec![hash], standing_blocks(results), record_blocks(results, record), data_blocks(results)].concat()
+}
+
+/// The figures on split test, if there are any, and what all others are.
+fn standing_blocks(results: &Results) -> Vec<Block> {
+    let reported = results.reported.as_ref();
+    reported.map(reported_blocks).into_iter().flatten().chain([development_block(reported)]).collect()
 }
 
 fn data_blocks(results: &Results) -> Vec<Block> {
@@ -52,12 +60,12 @@ fn data_blocks(results: &Results) -> Vec<Block> {
         )
     };
     let [n_train, n_val, _] = data.id.n_samples;
-    let n_test: usize = data.ood.n_samples.iter().sum();
+    let n_dev: usize = data.ood.n_samples.iter().sum();
     vec![
         Block::text(format!(
             "Data: {}; {}. AP is the nuScenes one: mean over centre distances of 0.5, 1, 2 and 4 m, objects within 50 m.",
             describe(&data.id, &format!("{n_train} samples to train on and {n_val} to validate on")),
-            describe(&data.ood, &format!("{n_test} samples with unfamiliar objects")),
+            describe(&data.ood, &format!("{n_dev} samples with unfamiliar objects to choose by")),
         )),
         Block::code(format!(
             "harmzone gen --preset {preset} --out data/id && harmzone label data/id\n\

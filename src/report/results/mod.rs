@@ -1,9 +1,11 @@
 //! The results of an experiment of trainings: `results.json`, which `make results` writes.
 
 mod blocks;
+mod reported;
 pub mod test_data;
 
 pub use blocks::{blocks, headline_blocks};
+pub use reported::{ReportedGroup, ReportedRecord, ReportedSet};
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -30,6 +32,9 @@ pub struct Results {
     /// Version of the program that wrote it.
     pub version: String,
     pub data: DataRecord,
+    /// The headline's figures on split test; none until they are asked for.
+    #[serde(default)]
+    pub reported: Option<ReportedRecord>,
     /// `key=value` that all rows but the headline share, over configs/train.toml.
     pub common: Vec<String>,
     /// `None` until it is trained and scored.
@@ -56,7 +61,7 @@ pub struct DataRecord {
 /// A data set.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SetRecord {
-    /// Samples to train on, to validate on and to test on.
+    /// Samples to train on, to validate on and to choose by.
     pub n_samples: [usize; 3],
     pub fingerprint: Fingerprint,
     /// Whether its config and its number of episodes are those of this program's preset.
@@ -80,7 +85,7 @@ pub struct Record {
     pub wall_and_cpu_s: Option<[f64; 2]>,
     pub checkpoint_sha256: String,
     pub checkpoint_bytes: usize,
-    /// Data that it was trained on, and data that it was tested on out of distribution.
+    /// Data that it was trained on, and data that it was scored on out of distribution.
     pub trained_on: Fingerprint,
     pub tested_on: Fingerprint,
     /// AP on the validation split, in distribution.

@@ -1,10 +1,11 @@
 //! Made-up results for tests, here and in the developers' program.
 
 use super::{
-    DataRecord, JudgeScores, Record, Results, RivalRecord, RowOf, SetRecord, SetScores, TableConfig,
+    DataRecord, JudgeScores, Record, ReportedGroup, ReportedRecord, ReportedSet, Results, RivalRecord, RowOf,
+    SetRecord, SetScores, TableConfig,
 };
 use crate::dataset::Fingerprint;
-use crate::eval::{ClassScores, Columns};
+use crate::eval::{ClassScores, Columns, Confidence, Intervals};
 
 /// Made-up results: a headline, one row that is done and one that is not, and a rival.
 #[must_use]
@@ -56,6 +57,7 @@ pub fn test_results() -> Results {
             id: set("a", [3000, 600, 0], true),
             ood: set("b", [0, 0, 600], false),
         },
+        reported: None,
         common: vec!["lidar_stage.epochs=3".into(), "fused_stage.epochs=1".into()],
         headline: Some(record("small", &["lidar_stage.epochs=5"], Some([3600.4, 7000.0]))),
         rows: vec![record("fused", &keys, Some([90.0, 99.0]))],
@@ -66,5 +68,41 @@ pub fn test_results() -> Results {
         }],
         rivals: vec![rival],
         network_ms: [("fused".to_owned(), 151.4)].into(),
+    }
+}
+
+/// Made-up figures on split test.
+#[must_use]
+pub fn test_reported() -> ReportedRecord {
+    let ap = |harmful: f64| ClassScores::new(Some(harmful), Some(0.5));
+    let ends = Some([0.1, 0.3]);
+    let intervals = Intervals { harmful: ends, harmless: ends, mean: ends };
+    let set = |others: Option<f64>| ReportedSet {
+        n_episodes: 108,
+        n_samples: 2592,
+        fingerprint: Fingerprint { dataset_sha256: "d".repeat(64), labels_sha256: "e".repeat(64) },
+        scores: Columns {
+            total: ap(0.2),
+            id_matched: others.map(ap),
+            ood_all: others.map(ap),
+            ood_matched: others.map(ap),
+        },
+        confidence: Some(Confidence {
+            level: 0.95,
+            n_resamples: 200,
+            n_episodes: 108,
+            columns: Columns { total: intervals, id_matched: None, ood_all: None, ood_matched: None },
+        }),
+    };
+    ReportedRecord {
+        commit: "0123abc".into(),
+        date: "2026-02-03".into(),
+        checkpoint_sha256: "c".repeat(64),
+        groups: vec![ReportedGroup {
+            towns: vec!["harbour".into(), "hillside".into()],
+            id: set(None),
+            ood: set(Some(0.3)),
+        }],
+        absent_maps: vec!["maps/Town02.xodr".into()],
     }
 }

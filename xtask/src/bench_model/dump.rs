@@ -26,7 +26,7 @@ pub fn dump(bench: &Bench, folder: &Path) -> Result<(), BenchError> {
     bench.check()?;
     fs::create_dir_all(folder)?;
     let (detector, model) = (bench.detector(bench.device)?.valid(), &bench.config.model);
-    checkpoint::save(&detector, &folder.join(CHECKPOINT))?;
+    checkpoint::save(&detector, None, &folder.join(CHECKPOINT))?;
     let mut file = Tensors::default();
 
     let first = &bench.dataset.samples()[0];

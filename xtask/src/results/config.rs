@@ -1,5 +1,7 @@
 //! Which rows are trained, over which schedule, and in which tables they stand.
 
+use std::path::PathBuf;
+
 use anyhow::{Context, ensure};
 use serde::{Deserialize, Serialize};
 
@@ -16,6 +18,9 @@ use harmzone::train::TrainConfig;
 pub struct ResultsConfig {
     /// Preset of `harmzone gen` for both sets.
     pub preset: String,
+    /// Maps in which split test is scored too, by path; what is not there is told and left out. Default: none.
+    #[serde(default)]
+    pub test_maps: Vec<PathBuf>,
     /// Name of the row above all tables: the network that ships. It stands alone, without the common keys.
     pub headline: RowConfig,
     /// `key=value` over configs/train.toml for every other row; a row's own keys go over these.

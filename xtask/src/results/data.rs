@@ -14,6 +14,7 @@ use harmzone::generate::{self, CheckedConfig, Preset, RunOptions, preset};
 use harmzone::label;
 use harmzone::progress::Progress;
 use harmzone::report::results::SetRecord;
+use harmzone::scene::SceneSplit;
 use harmzone::zone::ZoneConfig;
 
 /// The label set that is made and used.
@@ -50,6 +51,28 @@ pub fn prepare(
     let checked = CheckedConfig::try_from(&config)?;
     let record = describe(&path, &manifest, &sha256_hex(to_toml(&checked.raw).as_bytes()), n_episodes)?;
     Ok((path, record))
+}
+
+/// Makes a data set to report on, in the towns of split test or in maps by path, and labels it.
+///
+/// # Errors
+/// The set cannot be made or labelled.
+pub fn prepare_to_report(
+    request: &Request<'_>,
+    is_ood: bool,
+    maps: Option<&[PathBuf]>,
+    path: &Path,
+    progress: &dyn Progress,
+) -> anyhow::Result<()> {
+    let preset = Preset::named(&request.config.preset).expect("the config was checked");
+    let (mut config, n_episodes) = preset::load(Some(preset), Some(SceneSplit::Test), is_ood, None, &[])?;
+    if let Some(maps) = maps {
+        config.towns = maps.iter().map(|map| map.display().to_string()).collect();
+    }
+    let options = RunOptions { program: request.program.clone(), jobs: request.jobs, force: false };
+    generate::run(&config, n_episodes, path, &options, progress)?;
+    label::run(path, &ZoneConfig::default(), LABELS, false, progress)?;
+    Ok(())
 }
 
 fn describe(

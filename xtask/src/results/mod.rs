@@ -6,6 +6,8 @@
 //! <out>/scores/<row>.json     what that row came to; there when the row is done
 //! <out>/scores/<row>-id.json  all figures of its scoring, and <row>-ood.json
 //! <out>/report/id/ ood/       the headline's scores with faults, sweeps and pictures, as `harmzone report` reads them
+//! <out>/test/ test-ood/       data sets to report on, with --final; test-maps/ and test-maps-ood/ where further maps are there
+//! <out>/scores/reported.json  the headline's figures on them; all of their scoring in <out>/report/test/ and so on
 //! <out>/results.json          all of it; results.csv and RESULTS.md are written from it alone
 //! <out>/report.html           one page of report/ and results.json; there once the headline is scored
 //! ```
@@ -15,12 +17,13 @@ mod config;
 mod data;
 mod experiment;
 mod page;
+mod reported;
 mod request;
 mod run;
 mod score;
 mod write;
 
 pub use config::ResultsConfig;
-pub use request::Request;
+pub use request::{ReportStamp, Request};
 pub use run::run;
 pub use write::rewrite;

@@ -17,6 +17,8 @@ pub struct Request<'a> {
     pub headline: Option<PathBuf>,
     /// The one row to train and score.
     pub only: Option<String>,
+    /// What stands beside figures on split test; `None` where those are not asked for.
+    pub reported: Option<ReportStamp>,
     /// A network's card to write the headline's figures into; the network lies beside it.
     pub card: Option<PathBuf>,
     /// This program, started to generate, and how many of it.
@@ -24,6 +26,13 @@ pub struct Request<'a> {
     pub jobs: usize,
     /// The command, as it was typed.
     pub command: String,
+}
+
+/// What stands beside figures for reporting.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ReportStamp {
+    pub commit: String,
+    pub date: String,
 }
 
 impl Request<'_> {

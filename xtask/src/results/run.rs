@@ -7,7 +7,7 @@ use super::config::RivalConfig;
 use super::experiment::Experiment;
 use super::request::Request;
 use super::score::RowScores;
-use super::{closed_set, data, score, write};
+use super::{closed_set, data, reported, score, write};
 use harmzone::progress::Progress;
 use harmzone::report::results::{DataRecord, Results, RivalRecord};
 
@@ -31,6 +31,7 @@ pub fn run(request: &Request<'_>, device: &Device, progress: &dyn Progress) -> a
     let mut results = Results {
         version: env!("CARGO_PKG_VERSION").to_owned(),
         data: DataRecord { preset: request.config.preset.clone(), id, ood },
+        reported: None,
         common: request.config.common.clone(),
         headline: None,
         rows: Vec::new(),
@@ -45,6 +46,9 @@ pub fn run(request: &Request<'_>, device: &Device, progress: &dyn Progress) -> a
             results.network_ms.extend(scores.network_ms.map(|ms| (name.clone(), ms)));
             if i == 0 {
                 results.headline = scores.record;
+                if let Some(record) = &results.headline {
+                    results.reported = reported::read_or_make(&experiment, &row, record)?;
+                }
             } else {
                 results.rows.extend(scores.record);
             }

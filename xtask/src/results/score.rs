@@ -11,9 +11,10 @@ use serde::{Deserialize, Serialize};
 use super::data::LABELS;
 use super::experiment::{Experiment, Row, read_json};
 use super::page;
-use harmzone::cli::provenance;
+use harmzone::cli::{ScoredData, provenance};
 use harmzone::config::{Checked, differences};
 use harmzone::dataset::{Dataset, Fingerprint, LabelledSample};
+use harmzone::episode::{Manifest, Split};
 use harmzone::eval::judge::Judge;
 use harmzone::eval::sweep::{Change, SweepConfig, Sweeps};
 use harmzone::eval::{ClassScores, Columns, Mode, Protocol, eval_samples, evaluate, score};
@@ -200,7 +201,13 @@ fn look<'a>(
         };
         let sweeps = sweeps::run(&request)?.sweeps;
         let command = experiment.request.command.clone();
-        let source = provenance(Some(trained), Some((data.path(), LABELS)), command)?;
+        let of_mode = ScoredData {
+            path: data.path(),
+            labels: LABELS,
+            split: if mode == Mode::Id { Split::Val } else { Split::Dev },
+            data_version: Manifest::read(data.path())?.format_version,
+        };
+        let source = provenance(Some(trained), Some(&of_mode), command)?;
         scores::write(out, &protocol, &evaluation, &source)?;
         (evaluation.metrics, sweeps)
     } else {

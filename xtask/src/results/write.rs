@@ -49,7 +49,8 @@ pub fn write(results: &Results, out: &Path, card: Option<&Path>) -> anyhow::Resu
 fn to_text(results: &Results) -> String {
     let written = "Written by make results, which generates, trains and scores all of it; configs/results.toml has the rows.";
     let blocks = [vec![Block::text(written)], blocks(results)].concat();
-    format!("# Results\n\n{}", markdown(&blocks))
+    let title = if results.reported.is_some() { "Results" } else { "Results: development figures" };
+    format!("# {title}\n\n{}", markdown(&blocks))
 }
 
 /// A card with the figures of its network between its marks.

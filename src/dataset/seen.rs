@@ -1,0 +1,110 @@
+//! The episodes that a network has seen, by their content: a figure on those that it learned from tells nothing.
+
+use std::collections::BTreeSet;
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use super::Dataset;
+use crate::episode::EpisodeEntry;
+
+/// The content hashes of the episodes that a training has seen.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SeenEpisodes {
+    /// Those that it learned from.
+    pub learned: BTreeSet<String>,
+    /// Those that it was scored on between epochs.
+    pub watched: BTreeSet<String>,
+}
+
+/// Episodes that a network learned from are to be scored.
+#[derive(Debug, Error, PartialEq, Eq)]
+#[error(
+    "the network learned from {n_learned} of the {n_episodes} episodes to be scored, the first is `{first}`, so the \
+     figures would not tell how it does on a drive that is new to it; score another split (val, dev or test), or give \
+     --on-training-data"
+)]
+pub struct LearnedError {
+    pub n_learned: usize,
+    pub n_episodes: usize,
+    /// The first episode's name.
+    pub first: String,
+}
+
+impl SeenEpisodes {
+    /// What a training on a split, watched on another, has seen.
+    #[must_use]
+    pub fn of(learned: &Dataset, watched: Option<&Dataset>) -> Self {
+        let hashes = |data: &Dataset| data.episodes().iter().map(|entry| entry.sha256.clone()).collect();
+        Self { learned: hashes(learned), watched: watched.map(hashes).unwrap_or_default() }
+    }
+
+    /// Refuses episodes of which the network learned from any.
+    ///
+    /// # Errors
+    /// [`LearnedError`].
+    pub fn check_unlearned(&self, episodes: &[EpisodeEntry]) -> Result<(), LearnedError> {
+        let mut learned = episodes.iter().filter(|entry| self.learned.contains(&entry.sha256));
+        let Some(first) = learned.next() else { return Ok(()) };
+        Err(LearnedError {
+            n_learned: 1 + learned.count(),
+            n_episodes: episodes.len(),
+            first: first.name.clone(),
+        })
+    }
+
+    /// How many of the episodes the training was watched on.
+    #[must_use]
+    pub fn n_watched(&self, episodes: &[EpisodeEntry]) -> usize {
+        episodes.iter().filter(|entry| self.watched.contains(&entry.sha256)).count()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dataset::test_data;
+    use crate::episode::Split;
+    use crate::episode::manifest::ObjectCounts;
+
+    fn entry(name: &str, sha256: &str) -> EpisodeEntry {
+        EpisodeEntry {
+            name: name.into(),
+            file: format!("episodes/{name}.mcap"),
+            split: Split::Val,
+            seed: 1,
+            town: "downtown".into(),
+            weather: "ClearNoon".into(),
+            ood: false,
+            n_samples: 1,
+            n_objects: ObjectCounts::default(),
+            sha256: sha256.into(),
+        }
+    }
+
+    fn seen(learned: &[&str], watched: &[&str]) -> SeenEpisodes {
+        let set = |hashes: &[&str]| hashes.iter().map(|&hash| hash.to_owned()).collect();
+        SeenEpisodes { learned: set(learned), watched: set(watched) }
+    }
+
+    #[test]
+    fn learned_episodes_are_known_by_content_under_any_name_and_split() {
+        let episodes = [entry("new", "x"), entry("renamed", "a"), entry("other", "b")];
+        let told = seen(&["a", "b"], &[]).check_unlearned(&episodes).unwrap_err();
+        assert_eq!((told.n_learned, told.n_episodes, told.first.as_str()), (2, 3, "renamed"));
+        assert!(told.to_string().contains("--on-training-data"));
+        assert_eq!(seen(&["c"], &["a"]).check_unlearned(&episodes), Ok(()));
+        assert_eq!(seen(&["c"], &["a"]).n_watched(&episodes), 1);
+    }
+
+    #[test]
+    fn what_a_training_saw_survives_its_record() {
+        let data = test_data::dataset(2);
+        let of_data = SeenEpisodes::of(&data, Some(&data));
+        assert_eq!(of_data.learned.len(), data.episodes().len());
+        let seen = seen(&["a"], &["b", "c"]);
+        let text = serde_json::to_string(&seen).unwrap();
+        assert_eq!(serde_json::from_str::<SeenEpisodes>(&text).unwrap(), seen);
+    }
+}

@@ -1,0 +1,133 @@
+//! Figures on split test, which are for reporting alone: when they were made, by what, and in blocks.
+
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+use crate::dataset::Fingerprint;
+use crate::eval::{ClassScores, Column, Columns, Confidence};
+use crate::report::document::Block;
+use crate::report::paper::{Line, PARTS, YARDSTICK};
+use crate::report::table::{Cell, Table, ap};
+
+/// The headline's figures on split test, which `make results ARGS=--final` makes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ReportedRecord {
+    /// What the program was built from, as `git describe` tells it.
+    pub commit: String,
+    /// The commit's date, or the one that was given.
+    pub date: String,
+    pub checkpoint_sha256: String,
+    /// The towns that come with harmzone, then maps by path, if there are any.
+    pub groups: Vec<ReportedGroup>,
+    /// Maps that are not there, so that nothing is scored on them.
+    pub absent_maps: Vec<PathBuf>,
+}
+
+/// Figures in some towns.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ReportedGroup {
+    pub towns: Vec<String>,
+    /// Without unfamiliar objects, and with them.
+    pub id: ReportedSet,
+    pub ood: ReportedSet,
+}
+
+/// Figures on a data set.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ReportedSet {
+    pub n_episodes: usize,
+    pub n_samples: usize,
+    pub fingerprint: Fingerprint,
+    pub scores: Columns<ClassScores>,
+    /// By a bootstrap over the episodes.
+    pub confidence: Option<Confidence>,
+}
+
+impl ReportedSet {
+    fn lines(&self, columns: &[Option<Column>]) -> Vec<Line> {
+        let line = |column: &Option<Column>| {
+            let scores = self.scores.get(column.unwrap_or(Column::Total))?;
+            Some(Line::new(*column, scores, self.confidence.as_ref()))
+        };
+        columns.iter().filter_map(line).collect()
+    }
+}
+
+/// What the other figures are; they stand below those of split test.
+pub(super) fn development_block(reported: Option<&ReportedRecord>) -> Block {
+    let more = if reported.is_some() {
+        "those of split test stand above."
+    } else {
+        "`make results ARGS=--final` makes those of split test."
+    };
+    Block::text(format!(
+        "Development figures, on the splits val and dev, by which choices were made: not for reporting; {more}"
+    ))
+}
+
+/// The figures on split test, a table a group.
+pub(super) fn reported_blocks(record: &ReportedRecord) -> Vec<Block> {
+    let mut blocks = vec![
+        Block::heading("Split test"),
+        Block::text(format!(
+            "For reporting: towns and unfamiliar objects that no other split has. Commit {}, {}; network {}.",
+            record.commit, record.date, record.checkpoint_sha256
+        )),
+    ];
+    for group in &record.groups {
+        let lines = [group.id.lines(&[None]), group.ood.lines(&Column::ALL.map(Some))].concat();
+        let cells = |line: Line| -> Vec<Cell> {
+            let cell = |i: usize| {
+                let interval = line.intervals[i].map(|[low, high]| format!("{low:.3}–{high:.3}"));
+                let below = interval.into_iter().chain([format!("paper {}", ap(line.paper[i]))]).collect();
+                Cell { text: ap(line.ours[i]), below }
+            };
+            std::iter::once(line.name.into()).chain((0..PARTS.len()).map(cell)).collect()
+        };
+        let level = group.id.confidence.as_ref().map_or(95.0, |of| 100.0 * of.level);
+        let note = format!(
+            "Towns: {}. ID: {} clips, {} samples; OOD: {} clips, {} samples. Intervals of {level} % by a bootstrap over the \
+             clips. {YARDSTICK}",
+            group.towns.join(", "),
+            group.id.n_episodes,
+            group.id.n_samples,
+            group.ood.n_episodes,
+            group.ood.n_samples,
+        );
+        let rows = lines.into_iter().map(cells).collect();
+        blocks.push(Block::Table(Table::new(["AP"].into_iter().chain(PARTS), rows).with_note(note)));
+    }
+    if !record.absent_maps.is_empty() {
+        let absent: Vec<String> = record.absent_maps.iter().map(|path| path.display().to_string()).collect();
+        blocks.push(Block::text(format!("Not scored, since the maps are not there: {}.", absent.join(", "))));
+    }
+    blocks
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::test_data::{test_reported, test_results};
+    use super::super::{Results, blocks, headline_blocks};
+    use crate::report::document::markdown;
+
+    #[test]
+    fn reported_figures_stand_first_with_commit_and_date() {
+        let results = Results { reported: Some(test_reported()), ..test_results() };
+        let text = markdown(&blocks(&results));
+        let place = |part: &str| text.find(part).unwrap_or_else(|| panic!("no `{part}` in {text}"));
+        assert!(place("## Split test") < place("Development figures"), "{text}");
+        for part in ["0123abc", "2026-02-03", "Towns: harbour, hillside.", "0.100–0.300", "maps/Town02.xodr"]
+        {
+            assert!(place(part) < place("Development figures"));
+        }
+        let card = markdown(&headline_blocks(&results, results.headline.as_ref().unwrap()));
+        assert!(card.contains("## Split test"), "{card}");
+    }
+
+    #[test]
+    fn without_them_every_figure_is_called_one_of_development() {
+        let text = markdown(&blocks(&test_results()));
+        assert!(!text.contains("Split test") && text.starts_with("Development figures"), "{text}");
+    }
+}
