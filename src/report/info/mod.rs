@@ -62,6 +62,8 @@ pub struct InfoRequest {
 pub struct Info {
     pub dataset: PathBuf,
     pub generator_version: String,
+    /// Version of the data: from 2 on, split test has towns and unfamiliar objects of its own.
+    pub data_version: u32,
     pub seed: u64,
     pub ood: bool,
     /// `None` if the set is not labelled.
@@ -203,6 +205,7 @@ fn describe(
     Info {
         dataset: dataset.to_owned(),
         generator_version: manifest.generator_version.clone(),
+        data_version: manifest.format_version,
         seed: manifest.seed,
         ood: manifest.ood,
         label_set,

@@ -3,18 +3,23 @@
 use std::fmt;
 
 use super::{Comparison, GroupInfo, Info, TOLERANCE};
+use crate::object::Distribution;
 use crate::report::table::{number, percent};
 use crate::text_table::text_table;
 
 impl fmt::Display for Info {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let what = if self.ood { "in and out of distribution" } else { "in distribution" };
-        write!(f, "{}: {what}, seed {}", self.dataset.display(), self.seed)?;
+        let (path, version) = (self.dataset.display(), self.data_version);
+        write!(f, "{path}: {what}, seed {}, data version {version}", self.seed)?;
         match &self.label_set {
             Some(set) => writeln!(f, ", labels `{set}`\n")?,
             None => writeln!(f, ", not labelled\n")?,
         }
         write!(f, "{}\n{}\n{}", self.group_table(), self.comparison_table(), self.spread_table())?;
+        if let Some(kinds) = self.unfamiliar_kinds() {
+            writeln!(f, "\nUnfamiliar objects: {kinds}")?;
+        }
         if !self.background.is_empty() {
             let categories: Vec<&str> = self.background.iter().map(String::as_str).collect();
             writeln!(f, "  never annotated  {}", categories.join(", "))?;
@@ -30,6 +35,16 @@ impl fmt::Display for Info {
 }
 
 impl Info {
+    /// The unfamiliar kinds by name, with their boxes.
+    fn unfamiliar_kinds(&self) -> Option<String> {
+        let unfamiliar = self.categories.iter().filter(|of| of.category.distribution == Distribution::Ood);
+        let kinds = unfamiliar.map(|of| (of.category.category.as_str(), of.n_objects));
+        let mut kinds: Vec<(&str, u64)> = kinds.collect();
+        kinds.sort_unstable();
+        let told: Vec<String> = kinds.iter().map(|(name, n)| format!("{name} {n}")).collect();
+        (!told.is_empty()).then(|| told.join(", "))
+    }
+
     fn group_table(&self) -> String {
         let splits = self.splits.iter();
         let splits = splits.map(|(split, group)| (format!("split {split:?}").to_lowercase(), group));
