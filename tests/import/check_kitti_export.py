@@ -151,12 +151,12 @@ def main() -> int:
         for idx, moment in enumerate(episode.moments):
             entry = by_sample.pop((episode.path.stem, idx))
             splits.setdefault(entry["split"], []).append(entry["frame"])
-            half = options.export / ("testing" if entry["split"] == "test" else "training")
+            half = options.export / ("testing" if entry["split"] in ("dev", "test") else "training")
             check_frame(moment, half, entry, table, options.draw)
     table.equal("frames of no sample", len(by_sample), 0, "harmzone.json")
     for split in ("train", "val", "test"):
         if split == "test" and split not in splits:
-            splits[split] = splits.get("val", [])  # validation takes its place
+            splits[split] = splits.get("dev", splits.get("val", []))  # one of these takes its place
         listed = (options.export / "ImageSets" / f"{split}.txt").read_text().split()
         table.equal("lists of frames", listed, sorted(splits.get(split, [])), split)
     return table.finish()
