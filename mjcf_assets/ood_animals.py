@@ -95,6 +95,7 @@ def shepherd() -> Model:
 
     animal(m, trunk, legs, 0.022, 1100, lambda *p: "saddle" if saddled(*p) else "fur")
     ears(m, "saddle", (0.43, 0.055, 0.86), (0.44, 0.075, 0.99), 0.035)
+    m.collide_hull(*m.parts["saddle"][-2:])
     eyes(m, 0.545, 0.055, 0.845)
     m.add("black", ball((0.69, 0, 0.785), (0.022, 0.025, 0.02), 8, 5))
     m.add("tongue", ball((0.62, 0, 0.735), (0.05, 0.022, 0.012), 8, 4))

@@ -73,6 +73,7 @@ def roe() -> Model:
 
     animal(m, trunk, legs, 0.02, 1100, tint)
     ears(m, "coat", (0.41, 0.05, 1.03), (0.37, 0.15, 1.14), 0.038)
+    m.collide_hull(*m.parts["coat"][-2:])
     eyes(m, 0.505, 0.045, 1.01, 0.018)
     m.add("black", ball((0.65, 0, 0.945), (0.02, 0.024, 0.022), 8, 5))
     return m
@@ -131,6 +132,7 @@ def stag() -> Model:
             "antler",
             *(tube([(x, s * y, z, 0.017 - 0.005 * k) for k, (x, y, z) in enumerate(t)], 5, 5) for t in tines),
         )
+    m.collide_hull(*m.parts["antler"])
     return m
 
 
@@ -170,6 +172,7 @@ def fawn() -> Model:
 
     animal(m, trunk, legs, 0.022, 1500, tint)
     ears(m, "coat", (0.61, 0.055, 0.32), (0.56, 0.18, 0.34), 0.04)
+    m.collide_hull(*m.parts["coat"][-2:])
     eyes(m, 0.71, 0.05, 0.24, 0.018)
     m.add("black", ball((0.76, 0, 0.045), (0.022, 0.026, 0.022), 8, 5))
     return m

@@ -67,12 +67,11 @@ def cardboard_sheets() -> list[Model]:
     c.add("print", sheet_of(0.5, 0.4, 6, 5, lambda x, y: wave(x, y) + 0.009, lambda x, y: True))
     for m in (a, b, c):
         m.friction = (0.7, 0.01, 0.01)
-        whole = np.concatenate([s[0] for s in m.everything()])
-        low, high = whole.min(0), whole.max(0)
-        m.collide_box(
-            ((low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2] + 0.02),
-            (high[0] - low[0], high[1] - low[1], 0.04),
-        )
+        v = np.concatenate([v for v, _ in m.everything()])
+        low, size = v.min(0), v.max(0) - v.min(0)
+        middle = low + size / 2
+        m.collide_box((middle[0], middle[1], low[2] + 0.02), (size[0], size[1], 0.04))
+        m.collide_hull(*m.everything())
     return [a, b, c]
 
 

@@ -178,7 +178,7 @@ def two_seater() -> Model:
         ),
     )
     m.collide_box((0.02, 0, 0.27), (0.82, 1.70, 0.54))
-    m.collide_hull(*m.parts["fabric"][1:2])
+    m.collide_hull(*m.parts["fabric"][1:2], *m.parts["cushion"])
     return m
 
 

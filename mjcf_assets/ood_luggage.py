@@ -90,8 +90,7 @@ def suitcases() -> list[Model]:
         )
 
     b.add("jumper", rough(bent(pillow((0, 0.02, 0.02), (0.52, 0.26, 0.04), 6, 5), fall), 0.012, 0.09, 5))
-    b.collide_hull(pillow((0, 0, 0.09), (0.52, 0.76, 0.18), 3, 8))
-    b.collide_hull(*b.parts["lining"])
+    b.collide_hull(*b.everything())
     c = unseen(
         "suitcase_c",
         "Duffel bag, full and slumped.",

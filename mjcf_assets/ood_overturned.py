@@ -343,8 +343,9 @@ def fallen_signs() -> list[Model]:
     c.add("frame", lean(tube([(-0.34, -0.5, -0.52, 0.015), (-0.34, 0.5, -0.52, 0.015)], 6)))
     for m, roll, pitch in ((a, -0.68, 0.07), (b, 0.0, -0.46), (c, -0.12, 0.10)):
         laid(m, roll, pitch)
-        m.collide_hull(*m.everything())
     c.add("sack", over_ground(rough(pillow((-0.40, 0.12, 0.10), (0.32, 0.56, 0.18), 5, 3), 0.03, 0.12, 5)))
+    for m in (a, b, c):
+        m.collide_hull(*m.everything())
     return [a, b, c]
 
 

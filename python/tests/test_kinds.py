@@ -6,6 +6,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from test_models import dropped, lowest_point_m
 
 ASSETS = Path(__file__).parents[2] / "mjcf_assets"
 MOST_TRIANGLES = 2600
@@ -85,6 +86,32 @@ def test_a_shape_is_of_a_sane_size_and_no_box(name):
     assert 0 < volume < 0.75 * size.prod()
     # Few faces lie along the box's, or there is little in it.
     assert share > 0.2 or volume < 0.35 * size.prod()
+
+
+def may_be_thrown(name: str) -> bool:
+    """As `src/scene/events.rs` chooses: small and light, very light, or round."""
+    mass_kg = seen(name)[1]
+    return "rolls" in FACTS[name] or mass_kg <= 6 or (mass_kg <= 25 and size_m(name).max() < 1.1)
+
+
+@pytest.mark.parametrize("name", [name for name in TEST if may_be_thrown(name)])
+def test_what_events_throw_tumbles_and_lies_on_the_ground(name):
+    model, data = dropped(name)
+    data.qpos[2] = 4.0
+    data.qvel[:] = [6.0, 0.5, 1.5, 1.0, -2.5, 2.0]
+    for _ in range(1600):
+        mujoco.mj_step(model, data)
+    assert not any(warning.number for warning in data.warning)
+    assert data.qpos[0] > 2.0
+    # What is round may roll on.
+    assert "rolls" in FACTS[name] or np.linalg.norm(data.qvel) < 0.1
+    mujoco.mj_kinematics(model, data)
+    assert -0.03 < lowest_point_m(model, data) < 0.08
+
+
+def test_animals_are_never_thrown():
+    animals = [name for name in TEST if FACTS[name]["category"] in ("dog", "deer", "boar")]
+    assert len(animals) == 9 and not any(map(may_be_thrown, animals))
 
 
 def test_the_scripts_write_what_lies_here(tmp_path, monkeypatch):
