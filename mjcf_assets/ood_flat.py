@@ -184,7 +184,7 @@ def manhole_covers() -> list[Model]:
         "Street gully: its grating sits crosswise in the frame.",
         60,
         0.3,
-        colours=tones | {"worn": (0.42, 0.29, 0.21)},
+        colours=tones | {"worn": (0.33, 0.29, 0.26)},
     )
     c.add(
         "iron",
