@@ -86,6 +86,58 @@ impl Event {
     }
 }
 
+/// Where an object out of distribution was put.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Spot {
+    /// Not told: the object is in distribution, or comes from a log.
+    #[default]
+    None,
+    /// Beside the road, or on a pavement.
+    Beside,
+    /// In the ego's lane, or partly in it.
+    Lane,
+    /// In the mouth of a junction, on the way through it, or at its far side.
+    Junction,
+    /// In a bend or on one of its sides.
+    Bend,
+    /// On a pedestrian crossing.
+    Crossing,
+    /// Half hidden, or coming out, behind a vehicle, a post, a tree or the corner of a house.
+    Behind,
+    /// On a balcony.
+    Aloft,
+}
+
+impl Spot {
+    /// All of them.
+    pub const ALL: [Self; 8] = [
+        Self::None,
+        Self::Beside,
+        Self::Lane,
+        Self::Junction,
+        Self::Bend,
+        Self::Crossing,
+        Self::Behind,
+        Self::Aloft,
+    ];
+
+    /// The name in files and tables.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Beside => "beside",
+            Self::Lane => "lane",
+            Self::Junction => "junction",
+            Self::Bend => "bend",
+            Self::Crossing => "crossing",
+            Self::Behind => "behind",
+            Self::Aloft => "aloft",
+        }
+    }
+}
+
 /// The two classes of the detector, in the order of its channels.
 ///
 /// ```
@@ -175,6 +227,12 @@ pub struct Object {
     /// From the ground under it to its lowest point; `None`: the ground is the ego's plane.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub clearance_m: Option<f64>,
+    /// Where it was put.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub spot: Option<Spot>,
+    /// Whether it was put on a side.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub is_tipped: Option<bool>,
 }
 
 impl Object {
@@ -194,6 +252,8 @@ impl Object {
             event: None,
             solid: None,
             clearance_m: None,
+            spot: None,
+            is_tipped: None,
         }
     }
 

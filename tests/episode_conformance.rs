@@ -9,7 +9,7 @@ use harmzone::episode::{
     EpisodeMeta, EpisodeWriter, LabelWriter, MapDrawing, ObjectLabel, SampleLabels, SourceMeta,
 };
 use harmzone::geometry::{Box3, Pinhole, Point, Point2, Transform};
-use harmzone::object::{Distribution, Event, Harm, Kind, Object, SolidPart};
+use harmzone::object::{Distribution, Event, Harm, Kind, Object, SolidPart, Spot};
 use harmzone::sample::{EgoState, EncodedImage, ImageFormat, LidarPoint, Measured, Sample, Truth};
 use nalgebra::Vector3;
 use serde_json::{Value, json};
@@ -31,6 +31,8 @@ fn object(id: &str, x_m: f64, kind: Kind, distribution: Distribution) -> Object 
         event: Some(if distribution == Distribution::Ood { Event::Falls } else { Event::None }),
         solid: Some(SolidPart { along_m: 0.5, across_m: -0.25, length_m: 1.0, width_m: 0.5 }),
         clearance_m: Some(0.125),
+        spot: Some(Spot::Crossing),
+        is_tipped: Some(true),
     }
 }
 
@@ -146,7 +148,7 @@ fn expected_object(object: &Object) -> Value {
         "x_m": object.box_in_ego.center.x(), "y_m": -0.5, "z_m": 0.75,
         "length_m": 4.5, "width_m": 2.0, "height_m": 1.5, "yaw_rad": 0.25,
         "vx_mps": 1.5, "vy_mps": -0.5, "n_lidar_points": 12, "visible_px": 345, "visible_fraction": 0.5,
-        "event": event, "clearance_m": 0.125,
+        "event": event, "clearance_m": 0.125, "spot": "SPOT_CROSSING", "is_tipped": true,
         "solid": {"along_m": 0.5, "across_m": -0.25, "length_m": 1.0, "width_m": 0.5},
     })
 }

@@ -53,6 +53,8 @@ fn random_object(i: usize, rng: &mut Rng) -> Object {
         }),
         // Some stand on a rise, some hang over a hollow; of the others the ground is the ego's plane.
         clearance_m: i.is_multiple_of(2).then(|| between(rng, -0.2, 3.5)),
+        spot: None,
+        is_tipped: None,
     }
 }
 

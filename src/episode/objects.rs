@@ -5,7 +5,7 @@ use super::convert::FINITE;
 use super::error::MessageFault;
 use super::messages::{own_time, wire};
 use crate::geometry::{Box3, BoxError, Ego, Frame, Point};
-use crate::object::{Detection, Distribution, Event, Harm, Kind, Object, SolidPart};
+use crate::object::{Detection, Distribution, Event, Harm, Kind, Object, SolidPart, Spot};
 
 /// An enum as messages hold it: by the number of the variant of the same name.
 macro_rules! enum_numbers {
@@ -45,6 +45,13 @@ enum_numbers!(
     Event { None, Lies, Falls, Rolls, Thrown },
     "event",
     "a number from 0 to 4 is needed"
+);
+enum_numbers!(
+    spot_number,
+    spot_of,
+    Spot { None, Beside, Lane, Junction, Bend, Crossing, Behind, Aloft },
+    "spot",
+    "a number from 0 to 7 is needed"
 );
 enum_numbers!(
     harm_number,
@@ -102,6 +109,8 @@ pub(super) fn objects_message(time_ns: u64, objects: &[Object]) -> wire::Objects
                 wire::SolidPart { along_m, across_m, length_m, width_m }
             }),
             clearance_m: object.clearance_m,
+            spot: object.spot.map_or(0, spot_number),
+            is_tipped: object.is_tipped.unwrap_or_default(),
         })
     });
     wire::Objects { timestamp: Some(own_time(time_ns)), objects: objects.collect() }
@@ -113,9 +122,10 @@ pub(super) fn object_of(message: wire::Object) -> Result<Object, MessageFault> {
         let kind = kind_of(message.kind)?;
         let distribution = distribution_of(message.distribution)?;
         let event = event_of(message.event)?;
-        Ok((kind, distribution, event))
+        let spot = spot_of(message.spot)?;
+        Ok((kind, distribution, event, spot))
     };
-    let (kind, distribution, event) = read().map_err(|fault: MessageFault| fault.of(&message.id))?;
+    let (kind, distribution, event, spot) = read().map_err(|fault: MessageFault| fault.of(&message.id))?;
     let solid = message.solid.map(|wire::SolidPart { along_m, across_m, length_m, width_m }| SolidPart {
         along_m,
         across_m,
@@ -135,6 +145,8 @@ pub(super) fn object_of(message: wire::Object) -> Result<Object, MessageFault> {
         event: Some(event),
         solid,
         clearance_m: message.clearance_m,
+        spot: Some(spot),
+        is_tipped: Some(message.is_tipped),
     };
     check_numbers(&object).map_err(|fault| fault.of(object.id.as_deref().unwrap_or_default()))?;
     Ok(object)

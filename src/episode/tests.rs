@@ -8,7 +8,7 @@ use super::messages::wire;
 use super::topics::Topic;
 use super::*;
 use crate::geometry::{Box3, Pinhole, Point, Point2, Transform};
-use crate::object::{Detection, Distribution, Event, Harm, Kind, Object, SolidPart};
+use crate::object::{Detection, Distribution, Event, Harm, Kind, Object, SolidPart, Spot};
 use crate::sample::{EgoState, EncodedImage, ImageFormat, LidarPoint, Measured, Sample, Truth};
 use nalgebra::Vector3;
 
@@ -47,6 +47,8 @@ fn object(id: &str, x_m: f64, kind: Kind, distribution: Distribution) -> Object 
         event: Some(if distribution == Distribution::Ood { Event::Rolls } else { Event::None }),
         solid: Some(SolidPart { along_m: 0.4, across_m: -0.1 / 3.0, length_m: 0.7, width_m: 0.3 }),
         clearance_m: (distribution == Distribution::Ood).then_some(2.6),
+        spot: Some(Spot::Behind),
+        is_tipped: Some(true),
     }
 }
 

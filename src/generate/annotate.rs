@@ -42,7 +42,8 @@ pub(super) fn annotate(
     let ego_from_world = world_from_ego.inverse();
     // Upright is the ego's up: on a slope, a car ahead on the same slope keeps its own sizes.
     let ego_from_model = ego_from_world.isometry * seen.world_from_model;
-    let box_in_ego: Box3<Ego> = if matches!(object.event, Event::None | Event::Lies) {
+    let is_upright = matches!(object.event, Event::None | Event::Lies) && !object.is_tipped;
+    let box_in_ego: Box3<Ego> = if is_upright {
         upright_box(&ego_from_model, &object.bounds)
     } else {
         // When a thing tumbles, the corners of its bounds may lie far outside, even below the ground.
@@ -78,6 +79,8 @@ pub(super) fn annotate(
         visible_px: Some(seen.visible_px),
         visible_fraction: Some((f64::from(seen.visible_px) / f64::from(whole_px)).min(1.0)),
         event: Some(object.event),
+        spot: Some(object.spot),
+        is_tipped: Some(object.is_tipped),
         solid: solid_part(object, &ego_from_model, &box_in_ego),
         clearance_m: Some(lowest_m(object, &seen.world_from_model) - seen.ground_m),
     })
@@ -146,7 +149,7 @@ fn upright_box_of<F: Frame>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::object::{Distribution, Kind};
+    use crate::object::{Distribution, Kind, Spot};
     use crate::sensors::RigConfig;
     use nalgebra::{Translation3, UnitQuaternion};
     use std::sync::Arc;
@@ -185,6 +188,8 @@ mod tests {
             triangles: Arc::new(rear.to_vec()),
             reflectivity: 0.5,
             event: Event::None,
+            spot: Spot::None,
+            is_tipped: false,
             is_background,
         };
         let seen = Observation {

@@ -136,7 +136,7 @@ mod tests {
     use exr::prelude::read_all_flat_layers_from_file;
 
     use super::*;
-    use crate::object::{Distribution, Event, Kind};
+    use crate::object::{Distribution, Event, Kind, Spot};
 
     fn object(id: &str, category: &str) -> SceneObject {
         SceneObject {
@@ -150,6 +150,8 @@ mod tests {
             triangles: Arc::new(Vec::new()),
             reflectivity: 0.5,
             event: Event::None,
+            spot: Spot::None,
+            is_tipped: false,
             is_background: id.starts_with("bush"),
         }
     }

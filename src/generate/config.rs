@@ -126,6 +126,7 @@ impl Check for GenerateConfig {
         let (every, steps) = (self.val_every, self.control_steps_per_sample());
         let is_valid = every == 0.0 || every >= 1.0;
         require(is_valid, "val_every", every, "0, or a number from 1 to 1000000 is needed")?;
+        self.scene.ood_placement.check_shares().map_err(|error| error.within("scene"))?;
         let (is_whole, wanted) =
             ((steps - steps.round()).abs() < 1e-6, "a multiple of 0.05 up to 50 is needed");
         require(is_whole, "sample_period_s", self.sample_period_s, wanted)

@@ -3,6 +3,8 @@
 //! Pure pursuit (Coulter, 1992): `steering = atan(2 wheelbase sin(alpha) / lookahead)` towards the
 //! point on the path `lookahead` ahead of the rear axle.
 
+use std::collections::BTreeMap;
+
 use super::car::{
     DRIVE_RESPONSE_S, EGO_LENGTH_M, EGO_WIDTH_M, EgoCommand, FRONT_BUMPER_X_M, MAX_STEERING_RAD, WHEELBASE_M,
 };
@@ -26,6 +28,8 @@ const PATIENCE_S: f64 = 9.0;
 
 /// A driver who stands this close to the end of the route has arrived, and waits.
 const END_M: f64 = 8.0;
+/// What is noticed late is noticed at this distance beyond the way to a stop.
+const NOTICED_M: f64 = 7.0;
 const GRAVITY_MPS2: f64 = 9.81;
 /// Drag is learnt over this time, up to a bound, while the demanded acceleration is small.
 const DRAG_TIME_S: f64 = 2.0;
@@ -92,11 +96,13 @@ pub struct EgoDriver {
     asked_mps2: f64,
     speed_before_mps: f64,
     drag_mps2: f64,
+    /// Placements that are not noticed yet, and the braking that stopping before them takes when they are, m/s².
+    unnoticed: BTreeMap<usize, f64>,
     rng: Rng,
 }
 
 impl EgoDriver {
-    pub fn new(route: Route, station_m: f64, rng: Rng) -> Self {
+    pub fn new(route: Route, station_m: f64, unnoticed: BTreeMap<usize, f64>, rng: Rng) -> Self {
         Self {
             route,
             station_m,
@@ -112,6 +118,7 @@ impl EgoDriver {
             asked_mps2: 0.0,
             speed_before_mps: 0.0,
             drag_mps2: 0.0,
+            unnoticed,
             rng,
         }
     }
@@ -144,9 +151,10 @@ impl EgoDriver {
             self.held_s = 0.0;
         }
         let is_bold = self.bold_s > 0.0 && line.is_none();
+        self.notice(pose, obstacles);
         let others: Vec<Obstacle> = obstacles
             .iter()
-            .filter(|other| other.owner != Owner::Ego)
+            .filter(|other| other.owner != Owner::Ego && !self.is_unnoticed(other))
             .filter(|other| (other.footprint.center - pose.position).norm() < 60.0)
             // After a jam, standing cars are passed like things.
             .map(|other| {
@@ -195,6 +203,25 @@ impl EgoDriver {
             target_speed_mps: (speed_mps + acceleration * DRIVE_RESPONSE_S).max(0.0) + hold_mps,
             steering_angle_rad: self.steering_rad,
         }
+    }
+
+    /// Notices what has come near.
+    fn notice(&mut self, pose: &EgoPose, obstacles: &[Obstacle]) {
+        let speed_mps = pose.speed_mps.max(0.0);
+        for other in obstacles {
+            let Owner::Placement(placement) = other.owner else { continue };
+            let Some(braking_mps2) = self.unnoticed.get(&placement) else { continue };
+            let gap_m = (other.footprint.center - pose.position).norm()
+                - FRONT_BUMPER_X_M
+                - other.footprint.radius_m();
+            if gap_m < speed_mps * speed_mps / (2.0 * braking_mps2) + NOTICED_M {
+                self.unnoticed.remove(&placement);
+            }
+        }
+    }
+
+    fn is_unnoticed(&self, other: &Obstacle) -> bool {
+        matches!(other.owner, Owner::Placement(placement) if self.unnoticed.contains_key(&placement))
     }
 
     /// What the wheels' target needs on top, so that the car does as demanded: against the slope, and

@@ -15,7 +15,7 @@ use super::populate::Filler;
 use super::route::Route;
 use super::unfamiliar::unfamiliar;
 use super::world::{Motion, footprint_of};
-use crate::object::{Event, Kind};
+use crate::object::{Event, Kind, Spot};
 use crate::random::{self, Rng};
 
 /// Heights of the balconies' floors: the first and second storey over a shop.
@@ -24,19 +24,20 @@ const STOREYS_M: [f64; 2] = [4.1, 7.3];
 const LARGEST_M: f64 = 1.1;
 const HEAVIEST_KG: f64 = 25.0;
 /// Models up to this mass tumble in the wind; heavier ones must be round.
-const LIGHT_KG: f64 = 6.0;
+pub(super) const LIGHT_KG: f64 = 6.0;
 /// The ego is assumed to approach at most this fast.
 const APPROACH_MPS: f64 = 8.0;
 /// Gap between a held thing and what it stands on, so that nothing presses.
-const AIR_M: f64 = 0.005;
+pub(super) const AIR_M: f64 = 0.005;
 /// Faster than this nobody throws a box.
 const FASTEST_THROW_MPS: f64 = 13.0;
 
 /// What one event adds to the world.
-struct Plan {
-    model: usize,
-    loose: Loose,
-    perch: Option<Perch>,
+pub(super) struct Plan {
+    pub model: usize,
+    pub loose: Loose,
+    pub perch: Option<Perch>,
+    pub spot: Spot,
 }
 
 /// A place aloft where something may stand: the middle of a balcony's rail or parapet.
@@ -56,12 +57,16 @@ impl Filler<'_> {
         for (n, &station_m) in stations_m.iter().enumerate() {
             let mut rng = random::stream(self.seed, "event", n as u64);
             let first = rng.random_range(0..3);
-            let plan = (0..3).find_map(|k| match (first + k) % 3 {
-                0 => self.plan_fall(route, station_m, &mut rng),
-                1 => self.plan_roll(route, station_m, &mut rng),
-                _ => self.plan_throw(route, station_m, &mut rng),
+            let emerges = rng.random::<f64>() < self.config.ood_placement.emerge_share;
+            let emergence = if emerges { self.plan_emergence(route, station_m, &mut rng) } else { None };
+            let plan = emergence.or_else(|| {
+                (0..3).find_map(|k| match (first + k) % 3 {
+                    0 => self.plan_fall(route, station_m, &mut rng),
+                    1 => self.plan_roll(route, station_m, &mut rng),
+                    _ => self.plan_throw(route, station_m, &mut rng),
+                })
             });
-            let Some(Plan { model, loose, perch }) = plan else {
+            let Some(Plan { model, loose, perch, spot }) = plan else {
                 left_over.push(station_m);
                 continue;
             };
@@ -74,11 +79,12 @@ impl Filler<'_> {
             }
             self.perches.extend(perch);
             self.put(model, position, over_m, yaw_rad, Motion::Loose(Box::new(loose)), &mut rng);
+            self.placements.last_mut().expect("it was just put there").spot = spot;
         }
         left_over
     }
 
-    fn draw_loose_model(&self, fits: impl Fn(&Model) -> bool, rng: &mut Rng) -> Option<usize> {
+    pub(super) fn draw_loose_model(&self, fits: impl Fn(&Model) -> bool, rng: &mut Rng) -> Option<usize> {
         let mut models = unfamiliar(self.models, self.config.split);
         models.retain(|&i| fits(&self.models[i]));
         (!models.is_empty()).then(|| models[rng.random_range(0..models.len())])
@@ -148,7 +154,7 @@ impl Filler<'_> {
             linear_mps,
             angular_rps: any_direction(rng) * (1.0 + 4.0 * rng.random::<f64>()),
         };
-        Some(Plan { model, loose, perch: ledge.perch })
+        Some(Plan { model, loose, perch: ledge.perch, spot: Spot::Aloft })
     }
 
     /// From beyond a standing vehicle, where the ego cannot see it, across into the lane.
@@ -164,29 +170,7 @@ impl Filler<'_> {
         let shape = &self.models[model];
         let radius_m = shape.length_m().hypot(shape.width_m()) / 2.0;
         let along = route.path.direction(station_m);
-        let covers = self.placements.iter().filter(|placement| {
-            let model = &self.models[placement.model];
-            let is_large = model.facts.kind == Kind::Vehicle
-                || (model.height_m() > 1.1 && model.length_m() > 0.9 && model.width_m() > 0.9);
-            let off = placement.position - aim;
-            let across_m = off.perp(&along).abs();
-            matches!(placement.motion, Motion::Still)
-                && is_large
-                && off.dot(&along).abs() < 12.0
-                && (3.4..9.0).contains(&across_m)
-        });
-        let starts: Vec<Vec2> = covers
-            .map(|cover| {
-                let body = footprint_of(&self.models[cover.model], cover.position, cover.yaw_rad);
-                let turn = cover.yaw_rad - along.y.atan2(along.x);
-                let half_m = f64::midpoint(body.length_m * turn.cos().abs(), body.width_m * turn.sin().abs());
-                body.center + along * (half_m + radius_m + 0.3)
-            })
-            .filter(|&start| {
-                let here = Footprint::square(start, 2.0 * radius_m);
-                self.occupied.is_free(&here, 0.05) && self.is_open(&here)
-            })
-            .collect();
+        let starts = self.starts_behind(aim, along, radius_m);
         if starts.is_empty() {
             return None;
         }
@@ -208,7 +192,7 @@ impl Filler<'_> {
             linear_mps,
             angular_rps: any_direction(rng) * (1.0 + 4.0 * rng.random::<f64>()),
         };
-        Some(Plan { model, loose, perch: None })
+        Some(Plan { model, loose, perch: None, spot: Spot::Behind })
     }
 
     /// A thing that crosses the road from one side: round things roll, light ones tumble.
@@ -244,7 +228,7 @@ impl Filler<'_> {
             linear_mps: Vector3::new(way.x * speed_mps, way.y * speed_mps, hop_mps),
             angular_rps: Vector3::new(-way.y, way.x, 0.0) * (speed_mps / radius_m),
         };
-        Some(Plan { model, loose, perch: None })
+        Some(Plan { model, loose, perch: None, spot: Spot::Beside })
     }
 
     /// A balcony on the front nearest to a point, from which another point can be reached.

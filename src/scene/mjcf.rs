@@ -12,6 +12,7 @@ use super::ground::GRASS_M;
 use super::lights::Aspect;
 use super::path::Vec2;
 use super::textures;
+use super::tilt::Tilt;
 use super::world::{Motion, Placement, World};
 use crate::object::Kind;
 
@@ -145,6 +146,13 @@ impl World {
         quaternion_text(&ground.stance(placement.position, placement.yaw_rad, length_m, width_m).1)
     }
 
+    /// Lying on a side, on the slope.
+    fn lying_turn(&self, placement: &Placement, tilt: &Tilt) -> String {
+        let size = tilt.bounds[1] - tilt.bounds[0];
+        let stance = self.town.surface.ground.stance(placement.position, placement.yaw_rad, size.x, size.y);
+        quaternion_text(&(stance.1 * tilt.turn))
+    }
+
     fn add_objects(&self, builder: &mut Builder) {
         let used: BTreeSet<usize> = self.placements.iter().map(|placement| placement.model).collect();
         for model in used.into_iter().map(|i| &self.models[i]) {
@@ -187,7 +195,7 @@ impl World {
                 continue;
             }
             let (x, y, z) = (placement.position.x, placement.position.y, placement.z_m);
-            let turn = self.turn_of(placement);
+            let turn = placement.tilt.as_ref().map_or_else(|| self.turn_of(placement), |tilt| self.lying_turn(placement, tilt));
             let mocap = if placement.mocap.is_some() { " mocap=\"true\"" } else { "" };
             builder.body += &format!(
                 "<body name=\"obj:{}\" pos=\"{x:.4} {y:.4} {z:.4}\" quat=\"{turn}\"{mocap}>\n{geoms}</body>\n",

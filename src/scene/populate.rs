@@ -4,19 +4,18 @@
 use std::sync::Arc;
 
 use super::error::SceneError;
-use super::ground::PAVEMENT_M;
 use super::loose::Perch;
 use super::models::{self, Model};
 use super::network::LaneGraph;
 use super::occupancy::{Footprint, Occupied};
+use super::ood_placement::OodPlacementConfig;
 use super::path::Vec2;
 use super::route::Route;
 use super::split::SceneSplit;
 use super::town::Town;
-use super::unfamiliar::unfamiliar;
 use super::world::{Motion, Placement, SceneObject, World, footprint_of};
-use crate::config::{SHARE, define_config, from_to};
-use crate::object::{Distribution, Kind};
+use crate::config::{SHARE, define_config, from_to, part};
+use crate::object::{Distribution, Kind, Spot};
 use crate::random::{self, Rng};
 use rand::RngExt;
 
@@ -42,10 +41,10 @@ define_config! {
         jaywalker_share: f64 = 0.065, in SHARE;
         /// Distance from one out-of-distribution place to the next along the route, metres: least, most.
         ood_spacing_m: [f64; 2] = [5.0, 11.0], in from_to(1.0, 1000.0).pair();
-        /// Share of out-of-distribution objects that stand in the ego's lane or partly in it.
-        ood_in_lane_share: f64 = 0.22, in SHARE;
         /// Share of out-of-distribution objects that fall, roll or are thrown when the ego comes, 0 to 1.
-        event_share: f64 = 0.15, in SHARE;
+        event_share: f64 = 0.25, in SHARE;
+        /// Where the others stand.
+        ood_placement: OodPlacementConfig = OodPlacementConfig::default(), in part::<OodPlacementConfig>();
     }
 }
 
@@ -74,6 +73,7 @@ pub fn populate(town: &Arc<Town>, config: &PopulateConfig, seed: u64) -> Result<
         near: ego_route.path.points_every(8.0),
         occupied: Occupied::default(),
         moving: Occupied::default(),
+        on_way: Vec::new(),
         placements: Vec::new(),
         perches: Vec::new(),
         seed,
@@ -85,13 +85,15 @@ pub fn populate(town: &Arc<Town>, config: &PopulateConfig, seed: u64) -> Result<
         .occupied
         .claim(Footprint { center: ego_center, yaw_rad: ego_yaw_rad, length_m: 12.0, width_m: 2.6 }, 0.0);
     let lamp_posts = filler.place_lights();
-    let event_stations_m = if config.ood { filler.place_ood(&ego_route) } else { Vec::new() };
+    let reserved = config.ood.then(|| filler.place_unfamiliar(&ego_route)).unwrap_or_default();
     filler.park();
     filler.place_furnishings();
     filler.place_props();
-    for station_m in filler.place_events(&ego_route, &event_stations_m) {
-        filler.lay_in_lane(&ego_route, station_m);
+    filler.hide_unfamiliar(&ego_route, reserved.n_behind);
+    for station_m in filler.place_events(&ego_route, &reserved.events_m) {
+        filler.place_instead(&ego_route, station_m);
     }
+    let late_notices = filler.late_notices();
     filler.place_traffic(&starts, ego_center, &ego_route);
     filler.place_pedestrians(&ego_route);
     let (mut placements, perches) = (filler.placements, filler.perches);
@@ -110,6 +112,7 @@ pub fn populate(town: &Arc<Town>, config: &PopulateConfig, seed: u64) -> Result<
         lamp_posts,
         objects,
         perches,
+        late_notices,
     })
 }
 
@@ -152,6 +155,8 @@ pub(super) struct Filler<'a> {
     pub(super) occupied: Occupied,
     /// Ground of the moving vehicles at the start.
     pub(super) moving: Occupied,
+    /// Unfamiliar things on the ego's way.
+    pub(super) on_way: Vec<Vec2>,
     pub(super) placements: Vec<Placement>,
     pub(super) perches: Vec<Perch>,
     pub(super) seed: u64,
@@ -198,75 +203,11 @@ impl Filler<'_> {
             PAINTS[rng.random_range(0..PAINTS.len())]
                 .map(|c| (c * (0.85 + 0.3 * rng.random::<f64>())).min(1.0))
         });
-        self.placements.push(Placement { id, model, position, z_m, yaw_rad, paint, motion, mocap: None });
+        self.placements.push(Placement { id, model, position, z_m, yaw_rad, paint, motion, tilt: None, spot: Spot::None, mocap: None });
     }
 
     pub(super) fn claim(&mut self, model: usize, position: Vec2, yaw_rad: f64, gap_m: f64) -> bool {
         self.occupied.claim(footprint_of(&self.models[model], position, yaw_rad), gap_m)
-    }
-
-    /// A thing in the lane, at a place where no event was possible.
-    fn lay_in_lane(&mut self, route: &Route, station_m: f64) {
-        let mut rng = random::stream(self.seed, "no-event", station_m.to_bits());
-        let models = unfamiliar(self.models, self.config.split);
-        let model = models[rng.random_range(0..models.len())];
-        let half_lane_m = self.town.graph.lanes[route.span_at(station_m).lane].width_m / 2.0;
-        let left_m = -half_lane_m + rng.random::<f64>() * (half_lane_m - 0.3);
-        let at = route.path.beside(station_m, -self.town.graph.kerb_sign() * left_m);
-        let yaw_rad = std::f64::consts::TAU * rng.random::<f64>();
-        if self.claim(model, at, yaw_rad, 0.3) {
-            self.put(model, at, 0.0, yaw_rad, Motion::Still, &mut rng);
-        }
-    }
-
-    /// Objects out of distribution along the route: some in the lane, most beside it. Returns the
-    /// stations reserved for events.
-    fn place_ood(&mut self, route: &Route) -> Vec<f64> {
-        let mut rng = random::stream(self.seed, "ood", 0);
-        let mut event_rng = random::stream(self.seed, "event-stations", 0);
-        let mut event_stations_m = Vec::new();
-        let models = unfamiliar(self.models, self.config.split);
-        if models.is_empty() {
-            return event_stations_m;
-        }
-        let [low, high] = self.config.ood_spacing_m;
-        let mut station_m = 22.0;
-        while station_m < route.path.length_m() {
-            station_m += low + (high - low) * rng.random::<f64>();
-            let model = models[rng.random_range(0..models.len())];
-            let half_m = self.models[model].width_m() / 2.0;
-            let yaw_rad = std::f64::consts::TAU * rng.random::<f64>();
-            let is_in_lane = rng.random::<f64>() < self.config.ood_in_lane_share;
-            let (draw, side) = (rng.random::<f64>(), if rng.random_bool(0.65) { -1.0 } else { 1.0 });
-            let mirror = -self.town.graph.kerb_sign();
-            let span = route.span_at(station_m);
-            let lane = &self.town.graph.lanes[span.lane];
-            let from_ends_m = (station_m - span.start_m).min(span.end_m - station_m);
-            if lane.junction.is_some() || from_ends_m < 7.0 {
-                continue;
-            }
-            if event_rng.random::<f64>() < self.config.event_share {
-                event_stations_m.push(station_m);
-                continue;
-            }
-            let half_lane_m = lane.width_m / 2.0;
-            let left_m = if is_in_lane {
-                // The right part of the lane, so that the ego can pass on the left.
-                -half_lane_m + draw * (half_lane_m - 0.3)
-            } else if side < 0.0 {
-                -half_lane_m - half_m - 0.2 - 1.8 * draw
-            } else {
-                3.0 * half_lane_m + half_m + 0.2 + 1.8 * draw
-            };
-            let at = route.path.beside(station_m, mirror * left_m);
-            let clearance_m = self.town.surface.road_grid.clearance_m(at);
-            // On the pavement or on the road, not half on the kerb.
-            let z_m = if clearance_m > 0.0 { PAVEMENT_M } else { 0.0 };
-            if self.claim(model, at, yaw_rad, 0.3) {
-                self.put(model, at, z_m, yaw_rad, Motion::Still, &mut rng);
-            }
-        }
-        event_stations_m
     }
 }
 

@@ -61,6 +61,7 @@ impl Strip {
 #[derive(Debug, Clone)]
 pub struct Surface {
     pub strips: Vec<Strip>,
+    pub crosswalks: Vec<Footprint>,
     /// Painted quads.
     marks: Vec<[Vec2; 4]>,
     /// Convex fills under junctions.
@@ -181,7 +182,7 @@ impl Surface {
         }
         let (mut marks, fills) = (marks_of(network, &ground), fills_of(network, &mesh, &above));
         marks.extend(crosswalks.iter().flat_map(zebra));
-        let mut surface = Self { strips, marks, fills, road_grid, paved_grid, ground };
+        let mut surface = Self { strips, crosswalks: crosswalks.to_vec(), marks, fills, road_grid, paved_grid, ground };
         surface.drop_pavement_on_roads(graph);
         surface
     }

@@ -107,9 +107,10 @@ impl Traffic {
             }
         }
         let ego_rng = random::stream(seed, "ego-driver", 0);
+        let unnoticed = world.late_notices.iter().copied().collect();
         Self {
             town: Arc::clone(&world.town),
-            ego: EgoDriver::new(world.ego_route.clone(), world.ego_start_m, ego_rng),
+            ego: EgoDriver::new(world.ego_route.clone(), world.ego_start_m, unnoticed, ego_rng),
             drivers,
             walkers,
             still,

@@ -10,8 +10,9 @@ use super::occupancy::Footprint;
 use super::path::{Path, Vec2, rotate};
 use super::route::Route;
 use super::surface::Surface;
+use super::tilt::Tilt;
 use super::town::Town;
-use crate::object::{Distribution, Event, Kind};
+use crate::object::{Distribution, Event, Kind, Spot};
 
 /// A walk along a pavement, and the way across the street, if there is one.
 #[derive(Debug, Clone)]
@@ -56,6 +57,10 @@ pub struct Placement {
     /// Colour of the paint material, if it is recoloured.
     pub paint: Option<[f64; 3]>,
     pub motion: Motion,
+    /// If it lies on a side.
+    pub tilt: Option<Tilt>,
+    /// Where it was put, if it is out of distribution.
+    pub spot: Spot,
     /// Number among the mocap bodies, for moving objects.
     pub mocap: Option<usize>,
 }
@@ -75,6 +80,8 @@ pub struct SceneObject {
     pub triangles: Arc<Vec<[Point3<f32>; 3]>>,
     pub reflectivity: f64,
     pub event: Event,
+    pub spot: Spot,
+    pub is_tipped: bool,
     /// Never annotated: it teaches detectors what is no object.
     pub is_background: bool,
 }
@@ -92,6 +99,8 @@ pub struct World {
     pub lamp_posts: Vec<(usize, usize)>,
     pub(super) objects: Vec<SceneObject>,
     pub(super) perches: Vec<Perch>,
+    /// Placements that the ego's driver notices late, each with the braking that stopping before it then takes, m/s².
+    pub late_notices: Vec<(usize, f64)>,
 }
 
 impl World {
@@ -114,7 +123,8 @@ impl World {
 
     /// Footprint of a placement at its start, of its part below a car's roof: for a tree, the trunk.
     pub fn footprint(&self, placement: &Placement) -> Footprint {
-        footprint_of(&self.models[placement.model], placement.position, placement.yaw_rad)
+        let bounds = placement.tilt.as_ref().map_or(&self.models[placement.model].solid, |tilt| &tilt.bounds);
+        plan_of(bounds, placement.position, placement.yaw_rad)
     }
 
     /// Start pose of the ego: x, y, yaw of the rear axle.
@@ -142,6 +152,8 @@ impl SceneObject {
                 _ if surface.road_grid.clearance_m(placement.position) > 0.0 => Event::None,
                 _ => Event::Lies,
             },
+            spot: placement.spot,
+            is_tipped: placement.tilt.is_some(),
             is_background: model.facts.role == Role::Background,
         }
     }
@@ -149,7 +161,11 @@ impl SceneObject {
 
 /// The ground that a model takes.
 pub(super) fn footprint_of(model: &Model, position: Vec2, yaw_rad: f64) -> Footprint {
-    let [low, high] = model.solid;
+    plan_of(&model.solid, position, yaw_rad)
+}
+
+/// The ground that bounds take, the model's origin at a position.
+pub(super) fn plan_of([low, high]: &Bounds, position: Vec2, yaw_rad: f64) -> Footprint {
     let (x, y) = (f64::midpoint(low.x, high.x), f64::midpoint(low.y, high.y));
     let center = position + rotate(x, y, yaw_rad);
     Footprint { center, yaw_rad, length_m: high.x - low.x, width_m: high.y - low.y }
