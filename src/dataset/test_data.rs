@@ -80,8 +80,8 @@ fn sample(idx: usize, zone: &Zone) -> LabelledSample {
                 event: Some(Event::None),
                 solid: None,
                 clearance_m: None,
-spot: None,
-is_tipped: None,
+                spot: None,
+                is_tipped: None,
             },
             harm,
         });

@@ -12,6 +12,8 @@ pub mod episode;
 mod folder;
 mod lighting;
 mod map;
+#[cfg(test)]
+mod placement_tests;
 mod plan;
 pub mod preset;
 #[cfg(test)]

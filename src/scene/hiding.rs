@@ -17,13 +17,18 @@ const LEAST_HEIGHT_M: f64 = 0.8;
 /// How far to the side of the route a cover may be.
 const ASIDE_M: [f64; 2] = [1.8, 9.0];
 /// The ego comes into sight of the thing this far before the cover.
-const VIEW_M: [f64; 2] = [10.0, 26.0];
+const VIEW_M: [f64; 2] = [8.0, 18.0];
+/// At the view, up to this share of the thing looks out.
+const MOST_SEEN: f64 = 0.55;
+/// A cover is at least this high, as a share of the thing's height.
+const HIGH_ENOUGH: f64 = 0.8;
 const TRIES: usize = 16;
 
 /// What something may stand behind.
 #[derive(Clone, Copy)]
 struct Cover {
     body: Footprint,
+    height_m: f64,
     /// A house hides only what is near its corner.
     is_house: bool,
 }
@@ -42,6 +47,9 @@ impl Filler<'_> {
                 }
                 let cover = covers[rng.random_range(0..covers.len())];
                 let Some(thing) = self.draw_thing(&mut rng) else { return false };
+                if cover.height_m < HIGH_ENOUGH * (thing.bounds[1].z - thing.bounds[0].z) {
+                    return false;
+                }
                 let at = behind(route, &cover, &thing, &mut rng);
                 self.set_down(&thing, at, Spot::Behind, route, &mut rng)
             });
@@ -55,15 +63,27 @@ impl Filler<'_> {
             (ASIDE_M[0]..ASIDE_M[1]).contains(&aside_m)
         };
         let mut found = [Vec::new(), Vec::new()];
-        for placement in self.placements.iter().filter(|placement| matches!(placement.motion, Motion::Still)) {
+        for placement in self.placements.iter().filter(|placement| matches!(placement.motion, Motion::Still))
+        {
             let model = &self.models[placement.model];
             let body = plan_of(&model.solid, placement.position, placement.yaw_rad);
-            if model.facts.distribution == Distribution::Id && model.height_m() > LEAST_HEIGHT_M && is_beside(&body) {
+            if model.facts.distribution == Distribution::Id
+                && model.height_m() > LEAST_HEIGHT_M
+                && is_beside(&body)
+            {
                 let is_vehicle = model.facts.kind == Kind::Vehicle;
-                found[usize::from(!is_vehicle)].push(Cover { body, is_house: false });
+                found[usize::from(!is_vehicle)].push(Cover {
+                    body,
+                    height_m: model.height_m(),
+                    is_house: false,
+                });
             }
         }
-        let houses = self.town.buildings.iter().map(|building| Cover { body: building.footprint, is_house: true });
+        let houses = self.town.buildings.iter().map(|building| Cover {
+            body: building.footprint,
+            height_m: building.height_m(),
+            is_house: true,
+        });
         found[1].extend(houses.filter(|house| is_beside(&house.body)));
         found
     }
@@ -79,13 +99,15 @@ fn behind(route: &Route, cover: &Cover, thing: &Thing, rng: &mut Rng) -> Vec2 {
     // Across the line of sight, away from the road.
     let sight = direction_of((cover.body.center - view).y.atan2((cover.body.center - view).x));
     let away = Vec2::new(-sight.y, sight.x) * left_m.signum();
-    let edge = corners.into_iter().min_by(|a, b| (a.dot(&away) / a.dot(&sight)).total_cmp(&(b.dot(&away) / b.dot(&sight))));
+    let edge = corners
+        .into_iter()
+        .min_by(|a, b| (a.dot(&away) / a.dot(&sight)).total_cmp(&(b.dot(&away) / b.dot(&sight))));
     let edge = edge.unwrap_or_default();
     let rear_m = corners.iter().map(|corner| corner.dot(&sight)).fold(0.0, f64::max);
     let radius_m = thing.radius_m();
     let beyond_m = if cover.is_house { edge.dot(&sight) } else { rear_m };
     let along_m = beyond_m + radius_m + 0.2 + 0.6 * rng.random::<f64>();
     let edge_m = edge.dot(&away) * along_m / edge.dot(&sight).max(1.0);
-    let seen = 0.9 * rng.random::<f64>();
+    let seen = MOST_SEEN * rng.random::<f64>();
     view + sight * along_m + away * (edge_m + radius_m * (1.0 - 2.0 * seen))
 }

@@ -195,7 +195,10 @@ impl World {
                 continue;
             }
             let (x, y, z) = (placement.position.x, placement.position.y, placement.z_m);
-            let turn = placement.tilt.as_ref().map_or_else(|| self.turn_of(placement), |tilt| self.lying_turn(placement, tilt));
+            let turn = placement
+                .tilt
+                .as_ref()
+                .map_or_else(|| self.turn_of(placement), |tilt| self.lying_turn(placement, tilt));
             let mocap = if placement.mocap.is_some() { " mocap=\"true\"" } else { "" };
             builder.body += &format!(
                 "<body name=\"obj:{}\" pos=\"{x:.4} {y:.4} {z:.4}\" quat=\"{turn}\"{mocap}>\n{geoms}</body>\n",

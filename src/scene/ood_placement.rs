@@ -15,7 +15,7 @@ define_config! {
         /// On a pedestrian crossing.
         crossing_share: f64 = 0.05, in SHARE;
         /// Half hidden behind a parked car, a post, a tree or the corner of a house.
-        behind_share: f64 = 0.28, in SHARE;
+        behind_share: f64 = 0.34, in SHARE;
         /// Share of those that stand on the ground that lie on a side.
         tipped_share: f64 = 0.3, in SHARE;
         /// Share of the events in which a thing comes out from behind a parked vehicle, if there is one.
@@ -69,7 +69,8 @@ mod tests {
 
     #[test]
     fn a_draw_finds_its_place_and_too_large_shares_are_told() {
-        let config = OodPlacementConfig { lane_share: 0.5, junction_share: 0.25, ..OodPlacementConfig::default() };
+        let config =
+            OodPlacementConfig { lane_share: 0.5, junction_share: 0.25, ..OodPlacementConfig::default() };
         assert_eq!(config.spot(0.49), Spot::Lane);
         assert_eq!(config.spot(0.51), Spot::Junction);
         assert!(config.check_shares().unwrap_err().to_string().contains("at most 1 in sum"));

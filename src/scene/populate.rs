@@ -203,7 +203,18 @@ impl Filler<'_> {
             PAINTS[rng.random_range(0..PAINTS.len())]
                 .map(|c| (c * (0.85 + 0.3 * rng.random::<f64>())).min(1.0))
         });
-        self.placements.push(Placement { id, model, position, z_m, yaw_rad, paint, motion, tilt: None, spot: Spot::None, mocap: None });
+        self.placements.push(Placement {
+            id,
+            model,
+            position,
+            z_m,
+            yaw_rad,
+            paint,
+            motion,
+            tilt: None,
+            spot: Spot::None,
+            mocap: None,
+        });
     }
 
     pub(super) fn claim(&mut self, model: usize, position: Vec2, yaw_rad: f64, gap_m: f64) -> bool {

@@ -182,7 +182,8 @@ impl Surface {
         }
         let (mut marks, fills) = (marks_of(network, &ground), fills_of(network, &mesh, &above));
         marks.extend(crosswalks.iter().flat_map(zebra));
-        let mut surface = Self { strips, crosswalks: crosswalks.to_vec(), marks, fills, road_grid, paved_grid, ground };
+        let mut surface =
+            Self { strips, crosswalks: crosswalks.to_vec(), marks, fills, road_grid, paved_grid, ground };
         surface.drop_pavement_on_roads(graph);
         surface
     }

@@ -48,7 +48,8 @@ impl Tilt {
 
 /// The model's corners, each once.
 fn corners_of(model: &Model) -> Vec<Vector3<f64>> {
-    let mut corners: Vec<[f32; 3]> = model.triangles.iter().flatten().map(|point| point.coords.into()).collect();
+    let mut corners: Vec<[f32; 3]> =
+        model.triangles.iter().flatten().map(|point| point.coords.into()).collect();
     corners.sort_by(|a, b| a.partial_cmp(b).unwrap_or(std::cmp::Ordering::Equal));
     corners.dedup();
     corners.into_iter().map(|[x, y, z]| Vector3::new(x, y, z).cast()).collect()
@@ -68,7 +69,8 @@ fn weight_of(model: &Model) -> Option<Vector3<f64>> {
 
 fn bounds_of(points: &[Vector3<f64>], turn: &UnitQuaternion<f64>) -> Bounds {
     let turned = points.iter().map(|point| Point3::from(turn * point));
-    let none = [Point3::from(Vector3::repeat(f64::INFINITY)), Point3::from(Vector3::repeat(f64::NEG_INFINITY))];
+    let none =
+        [Point3::from(Vector3::repeat(f64::INFINITY)), Point3::from(Vector3::repeat(f64::NEG_INFINITY))];
     turned.fold(none, |[low, high], point| [low.inf(&point), high.sup(&point)])
 }
 
@@ -88,7 +90,8 @@ fn settle(
         let Some(pivot) = pivot_of(&contact) else { return Some(turn) };
         let towards = -pivot.normalize();
         let angle_of = |point: &Vector3<f64>| (point.z - low_m).atan2((point.xy() - pivot).dot(&towards));
-        let fall_rad = turned.iter().filter(|point| !touches(point)).map(angle_of).fold(f64::INFINITY, f64::min);
+        let fall_rad =
+            turned.iter().filter(|point| !touches(point)).map(angle_of).fold(f64::INFINITY, f64::min);
         if !fall_rad.is_finite() {
             return None;
         }

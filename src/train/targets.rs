@@ -101,8 +101,8 @@ pub fn car(x: f64, y: f64, harm: crate::object::Harm) -> LabelledObject {
             event: Some(Event::None),
             solid: None,
             clearance_m: None,
-spot: None,
-is_tipped: None,
+            spot: None,
+            is_tipped: None,
         },
         harm,
     }

@@ -2,6 +2,7 @@
 //! and the spread of what matters. Every annotated box counts once in each sample it is in.
 
 mod histogram;
+mod unfamiliar;
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -11,6 +12,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 pub use self::histogram::Histogram;
+pub use self::unfamiliar::{SpotCount, Unfamiliar};
 use super::{DatasetError, label_entry, labels_of, read_labelled};
 use crate::episode::manifest::{
     EpisodeEntry, HarmCounts, LabelCounts, LabelManifest, Manifest, ObjectCounts,
@@ -33,6 +35,7 @@ pub struct Statistics {
     pub by_town: BTreeMap<String, Group>,
     pub by_weather: BTreeMap<String, Group>,
     pub by_category: BTreeMap<Category, CategoryCount>,
+    pub unfamiliar: Unfamiliar,
     /// Objects whose visible share is below [`HALF_VISIBLE`].
     pub n_occluded: u64,
     /// Objects with at most [`FEW_POINTS`] LiDAR points.
@@ -174,6 +177,7 @@ impl Statistics {
                     of_category.labels.add(harm);
                 }
             }
+            self.unfamiliar.add(object, harm);
             self.n_occluded += u64::from(object.visible_fraction.is_some_and(|share| share < HALF_VISIBLE));
             self.n_few_points += u64::from(object.n_lidar_points.is_some_and(|n| n <= FEW_POINTS));
             let center = &object.box_in_ego.center;
@@ -205,6 +209,7 @@ impl Statistics {
             sum.n_objects += count.n_objects;
             merge_harm(&mut sum.labels, &count.labels);
         }
+        self.unfamiliar.merge(other.unfamiliar);
         self.n_occluded += other.n_occluded;
         self.n_few_points += other.n_few_points;
         self.n_bytes += other.n_bytes;
@@ -329,6 +334,8 @@ mod tests {
         let made = made();
         // 0.49 twice, and 0.1; then 10 twice, 0 and 1 points.
         assert_eq!((made.n_occluded, made.n_few_points), (3, 4));
+        let total = made.unfamiliar.total();
+        assert_eq!((total.n_objects, total.n_harmful, total.n_occluded), (1, 1, 0));
         assert_eq!(made.histograms.range_m.most, Some(60.0));
     }
 

@@ -5,6 +5,7 @@ mod charts;
 mod comparison;
 mod logs;
 mod text;
+mod unfamiliar;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -16,6 +17,7 @@ use thiserror::Error;
 pub use self::comparison::{Comparison, TOLERANCE};
 use self::comparison::{harmful_share, share};
 pub use self::logs::LogGroup;
+pub use self::unfamiliar::{SpotInfo, UnfamiliarInfo};
 use super::chart::{self, ChartError};
 use crate::dataset::DatasetError;
 use crate::dataset::statistics::{Category, Group, Histograms, Statistics};
@@ -83,6 +85,9 @@ pub struct Info {
     pub weathers: BTreeMap<String, GroupInfo>,
     pub comparison: Vec<Comparison>,
     pub hardness: Hardness,
+    /// Where the objects out of distribution are; `None` without any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unfamiliar: Option<UnfamiliarInfo>,
     /// Size of the episodes' files, without labels.
     pub n_bytes: u64,
     pub bytes_per_sample: Option<f64>,
@@ -222,6 +227,7 @@ fn describe(
             ten_points_or_fewer: share(statistics.n_few_points, n_objects),
             farthest_m: statistics.histograms.range_m.most,
         },
+        unfamiliar: UnfamiliarInfo::new(&statistics.unfamiliar, is_labelled),
         n_bytes: statistics.n_bytes,
         bytes_per_sample: share(statistics.n_bytes, statistics.all.n_samples),
         categories,

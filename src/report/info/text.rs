@@ -24,6 +24,9 @@ impl fmt::Display for Info {
             let categories: Vec<&str> = self.background.iter().map(String::as_str).collect();
             writeln!(f, "  never annotated  {}", categories.join(", "))?;
         }
+        if let Some(unfamiliar) = &self.unfamiliar {
+            write!(f, "\n{}", unfamiliar.table())?;
+        }
         for group in &self.logs {
             write!(f, "\n{}", super::logs::text(group))?;
         }

@@ -27,8 +27,8 @@ fn object(category: &str, ood: bool, at: [f64; 2], size: [f64; 3], yaw_rad: f64)
         event: Some(Event::None),
         solid: None,
         clearance_m: None,
-spot: None,
-is_tipped: None,
+        spot: None,
+        is_tipped: None,
     }
 }
 

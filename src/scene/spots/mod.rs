@@ -4,16 +4,16 @@
 
 use rand::RngExt;
 
-use super::car::EGO_WIDTH_M;
-use super::models::{self, Bounds};
-use super::occupancy::Footprint;
-use super::path::Vec2;
-use super::populate::Filler;
-use super::route::Route;
-use super::tilt::Tilt;
-use super::world::{Motion, plan_of};
 use crate::object::{Distribution, Kind, Spot};
 use crate::random::{self, Rng};
+use crate::scene::car::EGO_WIDTH_M;
+use crate::scene::models::{self, Bounds};
+use crate::scene::occupancy::Footprint;
+use crate::scene::path::Vec2;
+use crate::scene::populate::Filler;
+use crate::scene::route::Route;
+use crate::scene::tilt::Tilt;
+use crate::scene::world::{Motion, plan_of};
 
 /// Nothing stands nearer than this to the route's start.
 const START_M: f64 = 22.0;
@@ -31,6 +31,10 @@ const APART_M: f64 = 13.0;
 const PASSES_M: [f64; 2] = [-1.4, 4.5];
 /// Half of the ego and the room that its driver keeps.
 const HALF_WAY_M: f64 = EGO_WIDTH_M / 2.0 + 0.4;
+/// Share of the things in the lane that take a part of it only.
+const PARTLY_SHARE: f64 = 0.6;
+/// How far something may reach over the line between two lanes, metres.
+const OVER_LINE_M: f64 = 0.15;
 const TRIES: usize = 12;
 
 /// A thing ready to be set down.
@@ -83,7 +87,8 @@ impl Places {
         junctions.retain(|&(start_m, _)| start_m > START_M);
         let n = ((route.path.length_m() - START_M) / 2.0).max(0.0) as usize;
         let stations = (0..n).map(|i| START_M + 2.0 * i as f64);
-        let is_bend = |&s_m: &f64| route.path.curvature_per_m(s_m).abs() > 1.0 / BEND_RADIUS_M && !is_junction(s_m);
+        let is_bend =
+            |&s_m: &f64| route.path.curvature_per_m(s_m).abs() > 1.0 / BEND_RADIUS_M && !is_junction(s_m);
         let bends_m = stations.filter(is_bend).collect();
         let is_near = |walk: &&Footprint| {
             let reach_m = CROSSING_M + walk.radius_m();
@@ -130,12 +135,21 @@ impl Filler<'_> {
         }
     }
 
-    fn place_at(&mut self, spot: Spot, places: &Places, route: &Route, station_m: f64, rng: &mut Rng) -> bool {
+    fn place_at(
+        &mut self,
+        spot: Spot,
+        places: &Places,
+        route: &Route,
+        station_m: f64,
+        rng: &mut Rng,
+    ) -> bool {
         (0..TRIES).any(|_| {
             let Some(thing) = self.draw_thing(rng) else { return false };
             let found = match spot {
                 Spot::Junction => self.at_junction(places, route, &thing, rng),
-                Spot::Bend => pick(&places.bends_m, rng).map(|bend_m| self.across(route, bend_m, 0.5, &thing, rng)),
+                Spot::Bend => {
+                    pick(&places.bends_m, rng).map(|bend_m| self.across(route, bend_m, 0.5, &thing, rng))
+                }
                 Spot::Crossing => pick(&places.crossings, rng).map(|walk| {
                     let [along, across] = [rng.random::<f64>() - 0.5, rng.random::<f64>() - 0.5];
                     walk.at(along * walk.length_m, across * walk.width_m)
@@ -189,9 +203,9 @@ impl Filler<'_> {
         thing: &Thing,
         rng: &mut Rng,
     ) -> Option<Vec2> {
-        let [ahead, draw] = [rng.random::<f64>(), rng.random::<f64>()];
+        let [which, draw] = [rng.random::<f64>(), rng.random::<f64>()];
         let side = if rng.random_bool(0.65) { -1.0 } else { 1.0 };
-        let station_m = station_m + 6.0 * (ahead - 0.5);
+        let station_m = station_m + 3.0 * draw;
         let span = route.span_at(station_m);
         let lane = &self.town.graph.lanes[span.lane];
         let from_ends_m = (station_m - span.start_m).min(span.end_m - station_m);
@@ -200,6 +214,8 @@ impl Filler<'_> {
         }
         let (half_lane_m, out_m) = (lane.width_m / 2.0, thing.radius_m() + 0.2 + 1.8 * draw);
         let left_m = match (spot, side < 0.0) {
+            // Mostly a part of the lane's kerb side, which the ego passes without leaving its lane.
+            (Spot::Lane, _) if which < PARTLY_SHARE => 0.3 + 0.9 * draw - half_lane_m - thing.radius_m(),
             (Spot::Lane, _) => (2.0 * draw - 1.0) * (half_lane_m - 0.2),
             (_, true) => -half_lane_m - out_m,
             (_, false) => 3.0 * half_lane_m + out_m,
@@ -247,9 +263,15 @@ impl Filler<'_> {
         let lefts = plan.corners().map(|corner| {
             path.project(Vec2::new(corner.x_m, corner.y_m), station_m - 6.0, station_m + 6.0).1
         });
-        let (low_m, high_m) =
-            lefts.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &m| (low.min(m), high.max(m)));
+        let (low_m, high_m) = lefts
+            .iter()
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &m| (low.min(m), high.max(m)));
         let mirror = -self.town.graph.kerb_sign();
+        // Nobody who comes the other way has to wait for what is in the ego's lane.
+        let line_m = mirror * self.town.graph.lanes[route.span_at(station_m).lane].width_m / 2.0;
+        if low_m < line_m - OVER_LINE_M && high_m > line_m + OVER_LINE_M {
+            return false;
+        }
         let [first_m, last_m] = PASSES_M;
         let passes = (0..=((last_m - first_m) / 0.35) as usize).map(|i| mirror * (first_m + 0.35 * i as f64));
         let is_road = |left_m: f64| {
@@ -280,3 +302,6 @@ impl Filler<'_> {
             .collect()
     }
 }
+
+#[cfg(test)]
+mod tests;
