@@ -4,15 +4,16 @@
 
 use rand::RngExt;
 
-use crate::object::{Distribution, Kind, Spot};
+use crate::object::{Distribution, Spot};
 use crate::random::{self, Rng};
 use crate::scene::car::EGO_WIDTH_M;
-use crate::scene::models::{self, Bounds};
+use crate::scene::models::Bounds;
 use crate::scene::occupancy::Footprint;
 use crate::scene::path::Vec2;
 use crate::scene::populate::Filler;
 use crate::scene::route::Route;
 use crate::scene::tilt::Tilt;
+use crate::scene::unfamiliar::unfamiliar;
 use crate::scene::world::{Motion, plan_of};
 
 /// Nothing stands nearer than this to the route's start.
@@ -162,8 +163,7 @@ impl Filler<'_> {
 
     /// Draws a model, and whether it lies.
     pub(super) fn draw_thing(&self, rng: &mut Rng) -> Option<Thing> {
-        let models = models::indices_of(self.models, Kind::Static, Distribution::Ood);
-        let model = pick(&models, rng)?;
+        let model = pick(&unfamiliar(self.models, self.config.split), rng)?;
         let is_tipped = rng.random::<f64>() < self.config.ood_placement.tipped_share;
         let tilt = if is_tipped { Tilt::draw(&self.models[model], rng) } else { None };
         let bounds = tilt.as_ref().map_or(self.models[model].solid, |tilt| tilt.bounds);
