@@ -29,7 +29,7 @@ const PATIENCE_S: f64 = 9.0;
 /// A driver who stands this close to the end of the route has arrived, and waits.
 const END_M: f64 = 8.0;
 /// What is noticed late is noticed at this distance beyond the way to a stop.
-const NOTICED_M: f64 = 7.0;
+const NOTICED_M: f64 = 9.0;
 const GRAVITY_MPS2: f64 = 9.81;
 /// Drag is learnt over this time, up to a bound, while the demanded acceleration is small.
 const DRAG_TIME_S: f64 = 2.0;

@@ -42,7 +42,7 @@ define_config! {
         /// Distance from one out-of-distribution place to the next along the route, metres: least, most.
         ood_spacing_m: [f64; 2] = [5.0, 11.0], in from_to(1.0, 1000.0).pair();
         /// Share of out-of-distribution objects that fall, roll or are thrown when the ego comes, 0 to 1.
-        event_share: f64 = 0.25, in SHARE;
+        event_share: f64 = 0.2, in SHARE;
         /// Where the others stand.
         ood_placement: OodPlacementConfig = OodPlacementConfig::default(), in part::<OodPlacementConfig>();
     }
@@ -85,13 +85,15 @@ pub fn populate(town: &Arc<Town>, config: &PopulateConfig, seed: u64) -> Result<
         .occupied
         .claim(Footprint { center: ego_center, yaw_rad: ego_yaw_rad, length_m: 12.0, width_m: 2.6 }, 0.0);
     let lamp_posts = filler.place_lights();
-    let reserved = config.ood.then(|| filler.place_unfamiliar(&ego_route)).unwrap_or_default();
+    let reserved = config.ood.then(|| filler.place_unfamiliar(&ego_route));
     filler.park();
     filler.place_furnishings();
     filler.place_props();
-    filler.hide_unfamiliar(&ego_route, reserved.n_behind);
-    for station_m in filler.place_events(&ego_route, &reserved.events_m) {
-        filler.place_instead(&ego_route, station_m);
+    if let Some(reserved) = reserved {
+        filler.hide_unfamiliar(&ego_route, reserved.n_behind);
+        for station_m in filler.place_events(&ego_route, &reserved.events_m) {
+            filler.place_instead(&ego_route, station_m);
+        }
     }
     let late_notices = filler.late_notices();
     filler.place_traffic(&starts, ego_center, &ego_route);

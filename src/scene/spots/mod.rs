@@ -2,11 +2,14 @@
 //!
 //! What stands on the ego's way always leaves it a way round.
 
+#[cfg(test)]
+mod tests;
+mod ways;
+
 use rand::RngExt;
 
 use crate::object::{Distribution, Spot};
 use crate::random::{self, Rng};
-use crate::scene::car::EGO_WIDTH_M;
 use crate::scene::models::Bounds;
 use crate::scene::occupancy::Footprint;
 use crate::scene::path::Vec2;
@@ -26,17 +29,9 @@ const MOUTH_M: f64 = 8.0;
 const BEND_RADIUS_M: f64 = 60.0;
 /// Crossings within this distance of the route count.
 const CROSSING_M: f64 = 5.0;
-/// Least distance between two things on the ego's way.
-const APART_M: f64 = 13.0;
-/// Offsets to the left at which the ego may pass, in the direction away from the kerb.
-const PASSES_M: [f64; 2] = [-1.4, 4.5];
-/// Half of the ego and the room that its driver keeps.
-const HALF_WAY_M: f64 = EGO_WIDTH_M / 2.0 + 0.4;
 /// Share of the things in the lane that take a part of it only.
-const PARTLY_SHARE: f64 = 0.6;
-/// How far something may reach over the line between two lanes, metres.
-const OVER_LINE_M: f64 = 0.15;
-const TRIES: usize = 12;
+const PARTLY_SHARE: f64 = 0.75;
+const TRIES: usize = 20;
 
 /// A thing ready to be set down.
 pub(super) struct Thing {
@@ -233,14 +228,13 @@ impl Filler<'_> {
         rng: &mut Rng,
     ) -> bool {
         let (plan, origin) = thing.plan_at(center);
-        let is_on_way = self.is_on_way(route, &plan);
         if !self.is_open(&plan)
-            || (is_on_way && !self.leaves_a_way(route, &plan))
+            || !self.leaves_ways(route, &plan, spot == Spot::Lane)
             || !self.occupied.claim(plan, 0.3)
         {
             return false;
         }
-        if is_on_way {
+        if self.is_on_way(route, &plan) {
             self.on_way.push(center);
         }
         let over_m = self.level_m(center) - self.town.surface.ground_m(origin);
@@ -249,38 +243,6 @@ impl Filler<'_> {
         let placed = self.placements.last_mut().expect("it was just put there");
         (placed.spot, placed.tilt) = (spot, thing.tilt.clone());
         true
-    }
-
-    /// Whether the ego meets a place if it keeps to the middle of its lane.
-    fn is_on_way(&self, route: &Route, plan: &Footprint) -> bool {
-        route.path.distance_m(plan.center) < plan.radius_m() + HALF_WAY_M
-    }
-
-    /// Whether the ego can pass on the road, and nothing else on its way is near.
-    fn leaves_a_way(&self, route: &Route, plan: &Footprint) -> bool {
-        let path = &route.path;
-        let (station_m, _) = path.project(plan.center, 0.0, path.length_m());
-        let lefts = plan.corners().map(|corner| {
-            path.project(Vec2::new(corner.x_m, corner.y_m), station_m - 6.0, station_m + 6.0).1
-        });
-        let (low_m, high_m) = lefts
-            .iter()
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &m| (low.min(m), high.max(m)));
-        let mirror = -self.town.graph.kerb_sign();
-        // Nobody who comes the other way has to wait for what is in the ego's lane.
-        let line_m = mirror * self.town.graph.lanes[route.span_at(station_m).lane].width_m / 2.0;
-        if low_m < line_m - OVER_LINE_M && high_m > line_m + OVER_LINE_M {
-            return false;
-        }
-        let [first_m, last_m] = PASSES_M;
-        let passes = (0..=((last_m - first_m) / 0.35) as usize).map(|i| mirror * (first_m + 0.35 * i as f64));
-        let is_road = |left_m: f64| {
-            let at = path.beside(station_m, left_m);
-            self.town.surface.road_grid.clearance_m(at) < 0.1
-        };
-        let mut free = passes.filter(|left_m| left_m + HALF_WAY_M < low_m || left_m - HALF_WAY_M > high_m);
-        free.any(|left_m| is_road(left_m - EGO_WIDTH_M / 2.0) && is_road(left_m + EGO_WIDTH_M / 2.0))
-            && self.on_way.iter().all(|other| (other - plan.center).norm() > APART_M)
     }
 
     /// Things on the road that the ego's driver notices late: placement, and the braking that it then takes.
@@ -302,6 +264,3 @@ impl Filler<'_> {
             .collect()
     }
 }
-
-#[cfg(test)]
-mod tests;

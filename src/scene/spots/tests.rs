@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::ways::{APART_M, HALF_WAY_M};
 use super::*;
 use crate::scene::{OodPlacementConfig, Placement, PopulateConfig, Town, World, populate};
 
