@@ -313,7 +313,7 @@ mod tests {
             let nearer_m = route.distance_m(start.translation.vector.xy()) - nearest_m;
             let moves = match thing.plan.event {
                 Event::Falls => way.z < -2.0,
-                Event::Rolls => way.xy().norm() > 2.0,
+                Event::Rolls => way.xy().norm() > 1.5,
                 Event::Thrown => nearer_m > 3.0,
                 Event::None | Event::Lies => false,
             };

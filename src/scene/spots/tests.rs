@@ -99,15 +99,15 @@ fn what_is_tipped_lies_and_everything_leaves_the_ego_a_way() {
         let world = world(town, ood_placement, 4);
         let tipped: Vec<_> = unfamiliar(&world).filter(|placement| placement.tilt.is_some()).collect();
         assert!(tipped.len() > 4, "{town}: {}", tipped.len());
-        let bodies: Vec<Footprint> = world
-            .placements
-            .iter()
-            .filter(|p| matches!(p.motion, Motion::Still))
-            .map(|placement| world.footprint(placement))
-            .collect();
         for placement in &tipped {
             let here = world.footprint(placement);
-            assert_eq!(bodies.iter().filter(|other| other.meets(&here)).count(), 1, "{}", placement.id);
+            let others = world.placements.iter().filter(|other| {
+                matches!(other.motion, Motion::Still)
+                    && other.id != placement.id
+                    && world.footprint(other).meets(&here)
+            });
+            let met: Vec<&str> = others.map(|other| other.id.as_str()).collect();
+            assert!(met.is_empty(), "{town}: {} meets {met:?}", placement.id);
             assert!(
                 world.town.buildings.iter().all(|house| !house.footprint.meets(&here)),
                 "{}",
