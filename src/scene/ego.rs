@@ -23,6 +23,9 @@ use crate::random::Rng;
 const STEERING_RATE_RPS: f64 = 0.9;
 /// Standing this long without a junction as the reason is a jam.
 const JAM_S: f64 = 5.0;
+/// Nobody waits long for a thing this near to move: patience runs out so much faster.
+const THING_M: f64 = 8.0;
+const HASTE: f64 = 2.5;
 /// After waiting this long at a junction the driver turns elsewhere.
 const PATIENCE_S: f64 = 9.0;
 
@@ -186,7 +189,9 @@ impl EgoDriver {
         let is_held = line.is_some_and(|line| line.distance_m < 4.0);
         // A queue before a light is not a jam.
         if to_end_m > END_M && !answer.is_queue {
-            self.unjam(dt_s, speed_mps, is_held, graph);
+            let is_before_thing = gap.is_some_and(|gap| gap.is_still && gap.distance_m < THING_M);
+            let haste = if is_before_thing { HASTE } else { 1.0 };
+            self.unjam(dt_s * haste, speed_mps, is_held, graph);
         }
         let hold_mps = self.hold_mps(dt_s, pose);
         if self.backing_s > 0.0 && is_free_behind(pose, &others) {
