@@ -15,7 +15,7 @@ use super::populate::Filler;
 use super::route::Route;
 use super::unfamiliar::unfamiliar;
 use super::world::{Motion, footprint_of};
-use crate::object::{Event, Kind, Spot};
+use crate::object::{Event, Spot};
 use crate::random::{self, Rng};
 
 /// Heights of the balconies' floors: the first and second storey over a shop.

@@ -86,7 +86,7 @@ fn settle(
         let turned: Vec<Vector3<f64>> = points.iter().map(|point| turn * (point - center)).collect();
         let low_m = turned.iter().map(|point| point.z).fold(f64::INFINITY, f64::min);
         let touches = |point: &&Vector3<f64>| point.z < low_m + TOUCH_M;
-        let contact: Vec<Vec2> = turned.iter().filter(touches).map(|point| point.xy()).collect();
+        let contact: Vec<Vec2> = turned.iter().filter(touches).map(Vector3::xy).collect();
         let Some(pivot) = pivot_of(&contact) else { return Some(turn) };
         let towards = -pivot.normalize();
         let angle_of = |point: &Vector3<f64>| (point.z - low_m).atan2((point.xy() - pivot).dot(&towards));

@@ -8,6 +8,7 @@ mod ways;
 
 use rand::RngExt;
 
+use self::ways::is_on_way;
 use crate::object::{Distribution, Spot};
 use crate::random::{self, Rng};
 use crate::scene::models::Bounds;
@@ -234,7 +235,7 @@ impl Filler<'_> {
         {
             return false;
         }
-        if self.is_on_way(route, &plan) {
+        if is_on_way(route, &plan) {
             self.on_way.push(center);
         }
         let over_m = self.level_m(center) - self.town.surface.ground_m(origin);

@@ -17,12 +17,12 @@ const SWERVING: [i32; 2] = [-4, 15];
 /// How far something may reach over the line between two lanes, metres.
 const OVER_LINE_M: f64 = 0.15;
 
-impl Filler<'_> {
-    /// Whether the ego meets a place if it keeps to the middle of its lane.
-    pub(super) fn is_on_way(&self, route: &Route, plan: &Footprint) -> bool {
-        route.path.distance_m(plan.center) < plan.radius_m() + HALF_WAY_M
-    }
+/// Whether the ego meets a place if it keeps to the middle of its lane.
+pub(super) fn is_on_way(route: &Route, plan: &Footprint) -> bool {
+    route.path.distance_m(plan.center) < plan.radius_m() + HALF_WAY_M
+}
 
+impl Filler<'_> {
     /// Whether all can pass a thing on the road, and nothing else on the ego's way is near.
     ///
     /// All keep to their lanes; round a thing that may block its lane, the ego may leave it.
@@ -32,7 +32,7 @@ impl Filler<'_> {
             return true;
         }
         let mut own = None;
-        if self.is_on_way(route, plan) {
+        if is_on_way(route, plan) {
             if self.on_way.iter().any(|other| (other - plan.center).norm() < APART_M) {
                 return false;
             }
