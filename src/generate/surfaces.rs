@@ -94,7 +94,7 @@ fn paint_reflectivity([red, green, blue]: [f64; 3]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::object::{Distribution, Event};
+    use crate::object::{Distribution, Event, Spot};
     use std::sync::Arc;
 
     fn object(category: &str, kind: Kind) -> SceneObject {
@@ -110,6 +110,8 @@ mod tests {
             triangles: Arc::default(),
             reflectivity: 0.35,
             event: Event::None,
+            spot: Spot::None,
+            is_tipped: false,
         }
     }
 
