@@ -16,6 +16,13 @@ def wrapped(angle: float) -> float:
     return math.remainder(angle, 2 * math.pi)
 
 
+def bend(center: tuple[float, float], radius: float, from_deg: float, to_deg: float) -> tuple:
+    """Points of an arc for a street's way, at most 45 degrees apart; its ends as seen from the centre."""
+    n = max(1, math.ceil(abs(to_deg - from_deg) / 45))
+    angles = [math.radians(from_deg + (to_deg - from_deg) * k / n) for k in range(n + 1)]
+    return tuple(ahead(center, angle, radius) for angle in angles)
+
+
 class Plan:
     """A plan view that is built piece by piece, and its length and points."""
 

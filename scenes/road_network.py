@@ -51,6 +51,8 @@ class Crossing:
     # Innermost lane for left turns only, where three lanes or more arrive.
     has_turn_lanes: bool = True
     least_m: float = 5.0
+    # Numbers of the streets that give way here.
+    yields: frozenset[int] = frozenset()
     arms: list[Arm] = field(default_factory=list)
 
 
@@ -155,7 +157,8 @@ def movements(arm: Arm) -> list[tuple[tuple, Arm, tuple, float]]:
     arriving = arm.open(True, "driving")
     exits: dict[str, list[tuple[Arm, float]]] = {"left": [], "straight": [], "right": []}
     for other in arm.crossing.arms:
-        if other is not arm and other.open(False, "driving"):
+        # The end of a turning loop leads away from it.
+        if other.street is not arm.street and other.open(False, "driving"):
             turn = wrapped(other.heading - arm.heading - math.pi)
             side = "straight" if abs(turn) < STRAIGHT_RAD else "left" if turn > 0 else "right"
             exits[side].append((other, turn))

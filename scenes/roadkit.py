@@ -18,7 +18,7 @@ import re
 from pathlib import Path
 from xml.etree import ElementTree
 
-from road_geometry import Plan, turn_plan, wrapped
+from road_geometry import Plan, bend, turn_plan, wrapped
 from road_network import (
     STRAIGHT_RAD,
     Arm,
@@ -34,7 +34,7 @@ from road_network import (
 )
 from scenariogeneration import xodr
 
-__all__ = ["Crossing", "Lane", "Profile", "Street", "driving", "write_town"]
+__all__ = ["Crossing", "Lane", "Profile", "Street", "bend", "driving", "write_town"]
 
 SMALLEST_RADIUS_M = 5.5  # of a lane's middle
 TAPER_M = 4.0
@@ -232,6 +232,30 @@ def add_lights(crossing: Crossing) -> list[tuple[int, list[int]]]:
     return controllers
 
 
+def add_yield_signs(crossing: Crossing) -> None:
+    """German sign 205 at the end of each street that gives way."""
+    for arm in crossing.arms:
+        if arm.street.id not in crossing.yields or not arm.open(True, "driving"):
+            continue
+        lanes = [entry[0] for entry in arm.open(True, "driving")]
+        beside = arm.kerb_m(inbound=True) + 0.5
+        sign = xodr.Signal(
+            s=0.5 if arm.is_start else arm.street.length_m - 0.5,
+            t=beside if arm.is_start else -beside,
+            country="DE",
+            Type="205",
+            id=str(crossing.id * 1000 + 900 + crossing.arms.index(arm)),
+            name="yield",
+            dynamic=xodr.Dynamic.no,
+            zOffset=2.0,
+            orientation=xodr.Orientation.negative if arm.is_start else xodr.Orientation.positive,
+            height=0.9,
+            width=0.9,
+        )
+        sign.add_validity(min(lanes), max(lanes))
+        arm.street.road.add_signal(sign)
+
+
 def add_speed_sign(street: Street) -> None:
     """German sign 274 where each direction of the street begins."""
     kmh = street.profile.speed_kmh
@@ -295,6 +319,7 @@ def write_town(name: str, crossings: list[Crossing], streets: list[Street], path
         junction, roads = draw_crossing(crossing)
         junctions.append(junction)
         connecting.extend(roads)
+        add_yield_signs(crossing)
         if crossing.has_lights:
             controllers[crossing.id] = add_lights(crossing)
     for road in [*(street.road for street in streets), *connecting]:

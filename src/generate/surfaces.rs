@@ -9,7 +9,7 @@ use crate::scene::SceneObject;
 use crate::sensors::lidar::Finish;
 
 /// Geoms without an object, by the start of the geom's name.
-const GROUNDS: [(&str, f64, Finish); 8] = [
+const GROUNDS: [(&str, f64, Finish); 11] = [
     ("scene_road", 0.17, Finish::Rough),
     ("scene_pavement", 0.3, Finish::Rough),
     ("scene_kerb", 0.3, Finish::Rough),
@@ -17,6 +17,10 @@ const GROUNDS: [(&str, f64, Finish); 8] = [
     ("scene_grass", 0.4, Finish::Rough),
     ("scene_facade", 0.35, Finish::Rough),
     ("scene_shop", 0.3, Finish::Rough),
+    ("scene_gable", 0.35, Finish::Rough),
+    ("scene_landmark_container", 0.35, Finish::Glossy),
+    // Water takes the light in, or sends it away from the sensor as a mirror does.
+    ("scene_water", 0.004, Finish::Glossy),
     ("scene_hedge", 0.45, Finish::Rough),
 ];
 /// All other geoms without an object.

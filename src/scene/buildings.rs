@@ -1,9 +1,11 @@
 //! Buildings: what they are, and their meshes of whole bays and floors.
 
+use super::annexes;
 use super::looks::FacadeLook;
 use super::mesh::TriangleMesh;
 use super::occupancy::Footprint;
 use super::path::Vec2;
+use super::roofs;
 use super::town_config::TownConfig;
 
 /// One tile of a facade texture: a bay's width and a floor's height.
@@ -23,6 +25,18 @@ pub enum Roof {
     Flat,
     /// The ridge runs along the street, this high above the walls.
     Gable {
+        rise_m: f64,
+    },
+    /// The ridge runs away from the street.
+    GableFront {
+        rise_m: f64,
+    },
+    /// One slope, its high side away from the street.
+    Shed {
+        rise_m: f64,
+    },
+    /// Teeth along the street, steep on one side.
+    Sawtooth {
         rise_m: f64,
     },
 }
@@ -55,6 +69,8 @@ pub struct Building {
     pub roof_color: usize,
     pub roof: Roof,
     pub balconies: Vec<Balcony>,
+    /// A lower building against its back or side.
+    pub annex: Option<Footprint>,
 }
 
 /// Floors above the ground floor in a building of some height.
@@ -109,6 +125,8 @@ impl Building {
 pub struct BuildingMeshes {
     pub facades: Vec<TriangleMesh>,
     pub ground_floors: Vec<TriangleMesh>,
+    /// Gables and other walls without windows, by wall colour.
+    pub blank: Vec<TriangleMesh>,
     pub roofs: Vec<TriangleMesh>,
     /// Slabs, cornices and chimneys.
     pub stone: TriangleMesh,
@@ -127,6 +145,7 @@ pub fn meshes(
     let mut meshes = BuildingMeshes {
         facades: empty(config.wall_colors.len()),
         ground_floors: empty(config.wall_colors.len()),
+        blank: empty(config.wall_colors.len()),
         roofs: empty(config.roof_colors.len()),
         stone: TriangleMesh::default(),
         railings: TriangleMesh::default(),
@@ -134,15 +153,18 @@ pub fn meshes(
     };
     for building in buildings.iter().filter(|building| is_near(building.footprint.center)) {
         let base_m = building.base_m(&height_m);
-        let corners = building.footprint.corners();
-        let lowest_m =
-            corners.iter().map(|at| height_m(Vec2::new(at.x_m, at.y_m))).fold(base_m, f64::min) - FOOTING_M;
+        let lowest_m = lowest_of(&building.footprint, base_m, &height_m);
         let look = config.facades[building.facade % config.facades.len()];
-        meshes.add_walls(building, base_m, lowest_m, look == FacadeLook::Metal);
+        meshes.add_walls(building, base_m, lowest_m, look);
         if look == FacadeLook::House {
             meshes.add_door(building, base_m);
         }
         meshes.add_roof(building, base_m + building.height_m());
+        if let Some(annex) = &building.annex {
+            let levels_m = [lowest_of(annex, base_m, &height_m), base_m];
+            let surfaces = [&mut meshes.roofs[building.roof_color], &mut meshes.blank[building.facade]];
+            annexes::add(surfaces, annex, levels_m);
+        }
         for balcony in &building.balconies {
             meshes.add_balcony(balcony, base_m);
         }
@@ -150,8 +172,15 @@ pub fn meshes(
     meshes
 }
 
+/// Where a building's walls end in the ground.
+fn lowest_of(footprint: &Footprint, base_m: f64, height_m: &impl Fn(Vec2) -> f64) -> f64 {
+    let corners = footprint.corners().map(|at| height_m(Vec2::new(at.x_m, at.y_m)));
+    corners.into_iter().fold(base_m, f64::min) - FOOTING_M
+}
+
 impl BuildingMeshes {
-    fn add_walls(&mut self, building: &Building, base_m: f64, lowest_m: f64, has_gates: bool) {
+    fn add_walls(&mut self, building: &Building, base_m: f64, lowest_m: f64, look: FacadeLook) {
+        let has_gates = matches!(look, FacadeLook::Metal | FacadeLook::Warehouse);
         let corners = building.footprint.corners().map(|corner| [corner.x_m, corner.y_m]);
         let (low_m, top_m) = (base_m + GROUND_FLOOR_M, base_m + building.height_m());
         for i in 0..4 {
@@ -165,7 +194,6 @@ impl BuildingMeshes {
                     ([from[0], from[1], top_m], [0.0, last]),
                 ]
             };
-            // Below the ground floor the lowest part of its tile goes on: a plain plinth.
             let n_floors = f64::from(building.n_floors);
             let facades = &mut self.facades[building.facade];
             if has_gates && i != 2 {
@@ -173,7 +201,13 @@ impl BuildingMeshes {
                 continue;
             }
             let ground_floors = &mut self.ground_floors[building.facade];
-            ground_floors.add_polygon(&wall(lowest_m, base_m, 0.0, 0.02));
+            // Below the ground floor stones go on; elsewhere the lowest part of its tile: a plain plinth.
+            if look == FacadeLook::Rubble {
+                let footing = wall(lowest_m, base_m, (lowest_m - base_m) / FLOOR_M, 0.0);
+                self.blank[building.facade].add_polygon(&footing);
+            } else {
+                ground_floors.add_polygon(&wall(lowest_m, base_m, 0.0, 0.02));
+            }
             ground_floors.add_polygon(&wall(base_m, low_m, 0.0, 1.0));
             if building.n_floors > 0 {
                 facades.add_polygon(&wall(low_m, top_m, 0.0, n_floors));
@@ -197,9 +231,18 @@ impl BuildingMeshes {
     }
 
     fn add_roof(&mut self, building: &Building, top_m: f64) {
-        let footprint = &building.footprint;
+        let footprint = match building.roof {
+            Roof::GableFront { .. } => &turned(&building.footprint),
+            _ => &building.footprint,
+        };
         let roof = &mut self.roofs[building.roof_color];
-        let Roof::Gable { rise_m } = building.roof else {
+        if let Roof::Shed { rise_m } | Roof::Sawtooth { rise_m } = building.roof {
+            let is_shed = matches!(building.roof, Roof::Shed { .. });
+            let walls = &mut self.blank[building.facade];
+            roofs::add([roof, walls], footprint, [top_m, rise_m], is_shed);
+            return;
+        }
+        let (Roof::Gable { rise_m } | Roof::GableFront { rise_m }) = building.roof else {
             let corners = footprint.corners().map(|corner| [corner.x_m, corner.y_m]);
             roof.add_flat(&corners, top_m, 4.0);
             // A cornice along the top; its underside is seen from the street.
@@ -233,11 +276,10 @@ impl BuildingMeshes {
                 (at(side * -out_x, side * -half_y, top_m - 0.01), [n_along, 0.1]),
                 (at(side * out_x, side * -half_y, top_m - 0.01), [0.0, 0.1]),
             ]);
-            // The gable, of plain wall: a narrow strip of the tile beside the window.
-            self.facades[building.facade].add_polygon(&[
-                (at(side * half_x, side * -half_y, top_m), [0.0, 0.9]),
-                (at(side * half_x, side * half_y, top_m), [0.06, 0.9]),
-                (at(side * half_x, 0.0, top_m + rise_m), [0.03, 0.97]),
+            self.blank[building.facade].add_polygon(&[
+                (at(side * half_x, side * -half_y, top_m), [0.0, 0.0]),
+                (at(side * half_x, side * half_y, top_m), [2.0 * half_y / BAY_M, 0.0]),
+                (at(side * half_x, 0.0, top_m + rise_m), [half_y / BAY_M, rise_m / BAY_M]),
             ]);
         }
         if footprint.length_m < 25.0 {
@@ -273,6 +315,16 @@ impl BuildingMeshes {
     }
 }
 
+/// The same rectangle, its length across the street.
+fn turned(footprint: &Footprint) -> Footprint {
+    Footprint {
+        yaw_rad: footprint.yaw_rad + std::f64::consts::FRAC_PI_2,
+        length_m: footprint.width_m,
+        width_m: footprint.length_m,
+        ..*footprint
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -290,6 +342,7 @@ mod tests {
             roof_color: 0,
             roof: Roof::Gable { rise_m: 3.0 },
             balconies: Vec::new(),
+            annex: None,
         }
     }
 

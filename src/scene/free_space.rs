@@ -35,7 +35,9 @@ impl Filler<'_> {
     }
 
     fn is_outdoors(&self, point: Vec2) -> bool {
-        self.town.buildings.iter().all(|building| !building.footprint.grow(0.3).contains(point))
+        self.town.is_land(point)
+            && self.town.landmarks.iter().all(|landmark| !landmark.footprint.grow(0.3).contains(point))
+            && self.town.buildings.iter().all(|building| !building.footprint.grow(0.3).contains(point))
     }
 
     /// Whether a place is outdoors, and wholly on the pavement or wholly off it.

@@ -22,8 +22,6 @@ const FLAT_M: f64 = 0.03;
 const CELL_M: f64 = 1.0;
 /// Larger networks get larger cells, so that a grid stays below 16 MB.
 const MAX_NODES: f64 = 4.0e6;
-/// How far the ground beside a road keeps the height of the road's edge.
-const VERGE_M: f64 = 7.0;
 /// Land beyond the outermost road.
 const MARGIN_M: f64 = 200.0;
 /// Over this width the land falls to zero at the grid's border.
@@ -59,8 +57,9 @@ pub struct Grid {
 }
 
 impl Ground {
-    /// The ground under ribbons, and for each ribbon whether it lies on an upper level and was left out.
-    pub fn under(ribbons: &[Ribbon]) -> (Self, Vec<bool>) {
+    /// The ground under ribbons, which keeps the height of their edges over `verge_m` beside them; and for each
+    /// ribbon whether it lies on an upper level and was left out.
+    pub fn under(ribbons: &[Ribbon], verge_m: f64) -> (Self, Vec<bool>) {
         let mut is_above = vec![false; ribbons.len()];
         let points = || ribbons.iter().flat_map(|ribbon| ribbon.left.iter().chain(&ribbon.right));
         let (low, high) = points().fold(
@@ -90,7 +89,7 @@ impl Ground {
         }
         let mut sums = vec![(0.0, 0.0); n_x * n_y];
         for (ribbon, _) in ribbons.iter().zip(&is_above).filter(|(_, is_above)| !**is_above) {
-            grid.visit(ribbon, VERGE_M, |node, z_m, beside_m| {
+            grid.visit(ribbon, verge_m, |node, z_m, beside_m| {
                 let weight = if beside_m > 0.0 { 0.01 / (1.0 + beside_m * beside_m) } else { 1.0 };
                 sums[node].0 += weight * (z_m - low.z);
                 sums[node].1 += weight;
@@ -103,6 +102,10 @@ impl Ground {
 
     pub fn is_flat(&self) -> bool {
         self.grid.is_none()
+    }
+
+    pub(super) fn grid_mut(&mut self) -> Option<&mut Grid> {
+        self.grid.as_mut()
     }
 
     /// The nodes, unless the ground is flat.
@@ -300,13 +303,13 @@ mod tests {
 
     #[test]
     fn a_level_network_is_flat_at_zero_whatever_its_height() {
-        let (ground, _) = Ground::under(&[road(0.0, |_| 312.5)]);
+        let (ground, _) = Ground::under(&[road(0.0, |_| 312.5)], 7.0);
         assert!(ground.is_flat() && ground.height_m(Vec2::new(3.0, 3.0)).abs() < 1e-12);
     }
 
     #[test]
     fn the_ground_is_the_road_on_a_slope_and_its_verge_beside_it() {
-        let (ground, _) = Ground::under(&[road(0.0, |x| 5.0 + 0.08 * x)]);
+        let (ground, _) = Ground::under(&[road(0.0, |x| 5.0 + 0.08 * x)], 7.0);
         for x in [10.0, 33.3, 71.7] {
             for y in [0.0, 3.2, -6.0] {
                 let found = ground.height_m(Vec2::new(x, y));
@@ -319,7 +322,7 @@ mod tests {
 
     #[test]
     fn a_body_stands_along_the_slope() {
-        let (ground, _) = Ground::under(&[road(0.0, |x| 0.08 * x)]);
+        let (ground, _) = Ground::under(&[road(0.0, |x| 0.08 * x)], 7.0);
         let (z_m, turn) = ground.stance(Vec2::new(50.0, 0.0), std::f64::consts::PI, 4.0, 1.8);
         assert!((z_m - 4.0).abs() < 0.02, "{z_m}");
         let forward = turn * Vector3::x();
@@ -334,7 +337,7 @@ mod tests {
             left: vec![Vector3::new(46.0, -30.0, 7.0), Vector3::new(46.0, 30.0, 7.0)],
             right: vec![Vector3::new(54.0, -30.0, 7.0), Vector3::new(54.0, 30.0, 7.0)],
         };
-        let (ground, is_above) = Ground::under(&[road(0.0, |_| 0.0), bridge]);
+        let (ground, is_above) = Ground::under(&[road(0.0, |_| 0.0), bridge], 7.0);
         assert_eq!(is_above, [false, true]);
         assert!(ground.height_m(Vec2::new(50.0, 0.0)).abs() < 1e-6);
     }

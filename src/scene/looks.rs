@@ -19,6 +19,12 @@ pub enum RoofStyle {
     Flat,
     /// Two slopes, the ridge along the street.
     Gable,
+    /// Two slopes, the gable towards the street.
+    GableFront,
+    /// One slope, down to the street.
+    Shed,
+    /// Rows of steep and flat slopes across the street, as on old halls.
+    Sawtooth,
 }
 
 /// What one bay of one floor looks like.
@@ -39,6 +45,10 @@ pub enum FacadeLook {
     House,
     /// Corrugated metal, few windows, roller gates below.
     Metal,
+    /// Brick piers with tall windows under flat arches between them, sliding gates below.
+    Warehouse,
+    /// Rough stones of all sizes, small windows.
+    Rubble,
 }
 
 /// What covers a ground.
@@ -73,6 +83,8 @@ pub enum BoundaryLook {
     Wall,
     /// 2.0 m of steel bars.
     Railings,
+    /// 0.9 m of stones without mortar.
+    DryStone,
 }
 
 /// What stands along median lanes.
@@ -84,6 +96,24 @@ pub enum MedianLook {
     /// A concrete barrier, 0.8 m high.
     Barrier,
     Hedge,
+}
+
+/// What a landmark is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LandmarkLook {
+    /// A portal on four legs with a boom over the water, 34 m high; the boom points to the left of its yaw.
+    QuayCrane,
+    /// A bridge on two frames over a stack of containers.
+    GantryCrane,
+    /// Three rows of ISO containers, up to four on each other.
+    Containers,
+    /// A coaster of 62 m, afloat: its base is the water of its basin.
+    Ship,
+    /// Three round towers.
+    Silos,
+    /// A nave with a tower and a spire, the door away from its yaw.
+    Church,
 }
 
 /// A colour as `#rrggbb`.

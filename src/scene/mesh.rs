@@ -19,6 +19,14 @@ impl TriangleMesh {
         self.triangles.len()
     }
 
+    /// The same with tiles `factor` times as large.
+    #[must_use]
+    pub fn with_tiles(&self, factor: f64) -> Self {
+        let mut mesh = self.clone();
+        mesh.vertices.iter_mut().for_each(|(_, uv)| *uv = uv.map(|part| part / factor));
+        mesh
+    }
+
     /// Adds a convex polygon, counter-clockwise seen from its front; slivers are left out.
     pub fn add_polygon(&mut self, corners: &[([f64; 3], [f64; 2])]) {
         let first = self.vertices.len();

@@ -117,9 +117,11 @@ impl World {
         let grass_m = if self.town.surface.ground.is_flat() { GRASS_M } else { GRASS_M - 0.5 };
         builder.plain("scene_kerb", [0.5, 0.49, 0.47]);
         builder.plain("scene_marks", [0.86, 0.86, 0.84]);
-        builder.body += &format!(
-            "<geom name=\"scene_grass\" type=\"plane\" size=\"600 600 1\" pos=\"0 0 {grass_m}\" material=\"scene_grass\" group=\"0\" contype=\"0\" conaffinity=\"0\"/>\n"
-        );
+        if !self.add_basins(builder) {
+            builder.body += &format!(
+                "<geom name=\"scene_grass\" type=\"plane\" size=\"600 600 1\" pos=\"0 0 {grass_m}\" material=\"scene_grass\" group=\"0\" contype=\"0\" conaffinity=\"0\"/>\n"
+            );
+        }
         let meshes = self.town.surface.meshes(self.is_in_sight());
         builder.ground("scene_road", "scene_road", &meshes.road);
         builder.ground("scene_pavement", "scene_pavement", &meshes.pavement);

@@ -1,5 +1,6 @@
 //! Scenes: towns, object models, the filled world as MJCF, and the behaviour of everything that moves.
 
+mod annexes;
 mod bounds;
 mod builder;
 mod buildings;
@@ -9,6 +10,7 @@ mod crowd;
 mod drape;
 mod driver;
 mod driving;
+mod dry_walls;
 mod ego;
 mod emerging;
 mod error;
@@ -19,6 +21,7 @@ mod furniture;
 mod ground;
 mod hiding;
 mod junctions;
+mod landmarks;
 mod lane_change;
 mod lights;
 mod looks;
@@ -33,8 +36,12 @@ mod opendrive;
 mod path;
 mod plots;
 mod populate;
+mod relief;
+mod roofs;
 mod route;
+mod rubble;
 mod scenery;
+mod shapes;
 mod shipped;
 mod split;
 mod spots;
@@ -44,9 +51,12 @@ mod textures;
 mod tilt;
 mod town;
 mod town_config;
+mod town_parts;
+mod town_scenery;
 mod traffic;
 mod unfamiliar;
 mod walking;
+mod water;
 mod world;
 
 pub use buildings::{Balcony, Building};

@@ -93,6 +93,11 @@ impl StripGrid {
         }
     }
 
+    /// All centre points with their half widths.
+    pub fn discs(&self) -> impl Iterator<Item = (Vec2, f64)> {
+        self.cells.values().flatten().copied()
+    }
+
     /// Distance from a point to the nearest strip's edge, negative inside; at most one cell.
     pub fn clearance_m(&self, point: Vec2) -> f64 {
         let near = around(point).filter_map(|key| self.cells.get(&key)).flatten();

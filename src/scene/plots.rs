@@ -1,13 +1,18 @@
 //! Plots along the outer edges of pavements: buildings, and the things before and beside them.
 
+mod houses;
+
 use rand::RngExt;
 
-use super::buildings::{BAY_M, Building, Roof, n_floors_of};
-use super::looks::{BoundaryLook, BuildingStyle, RoofStyle};
-use super::occupancy::{Footprint, Occupied, StripGrid};
+use super::buildings::{BAY_M, Building};
+use super::dry_walls::{self, DryWall};
+use super::landmarks::{self, Landmark};
+use super::looks::{BoundaryLook, BuildingStyle};
+use super::occupancy::{Footprint, Occupied};
 use super::path::{Path, Vec2, direction_of};
 use super::surface::{StripKind, Surface};
 use super::town_config::{SquareConfig, TownConfig};
+use super::water;
 use crate::random::{self, Rng};
 
 /// A front garden needs this much room.
@@ -18,6 +23,8 @@ const CAR_M: f64 = 5.2;
 /// Loading bays: the room a truck takes before a wall, and their spacing.
 const BAY_DEPTH_M: f64 = 9.5;
 const BAY_SPACING_M: f64 = 4.5;
+/// Least size of a stack of containers.
+const LEAST_STACK_M: [f64; 2] = [13.0, 5.5];
 /// Gate of a yard.
 const GATE_M: f64 = 6.0;
 
@@ -50,10 +57,14 @@ pub struct Plots {
     pub stands: Vec<Stand>,
     pub furnishings: Vec<Furnishing>,
     pub boundaries: Vec<Boundary>,
+    pub landmarks: Vec<Landmark>,
+    /// Plots that are stacked with containers.
+    pub stacks: Vec<Footprint>,
+    pub walls: Vec<DryWall>,
 }
 
-/// Fills the plots of a town; the same town and seed give the same plots.
-pub fn grow(surface: &Surface, config: &TownConfig, seed: u64) -> Plots {
+/// Fills the plots of a town; the same town and seed give the same plots. `terraces`: lines of the walls of terraces.
+pub fn grow(surface: &Surface, config: &TownConfig, terraces: &[Path], seed: u64) -> Plots {
     let mut grower = Grower {
         surface,
         config,
@@ -64,6 +75,13 @@ pub fn grow(surface: &Surface, config: &TownConfig, seed: u64) -> Plots {
     for square in &config.squares {
         grower.keep_free(square);
     }
+    for landmark in landmarks::place(&config.landmarks) {
+        grower.occupied.take(landmark.footprint.grow(1.0));
+        grower.plots.landmarks.push(landmark);
+    }
+    for basin in &config.basins {
+        grower.occupied.take(water::footprint(basin).grow(config.apron_m));
+    }
     let has_pavements = surface.strips.iter().any(|strip| strip.kind == StripKind::Pavement);
     let wanted = if has_pavements { StripKind::Pavement } else { StripKind::Road };
     for strip in surface.strips.iter().filter(|strip| strip.kind == wanted) {
@@ -71,11 +89,26 @@ pub fn grow(surface: &Surface, config: &TownConfig, seed: u64) -> Plots {
             grower.grow_row(&Frontage { path: &strip.center, side, edge_m: strip.width_m / 2.0 });
         }
     }
+    if has_pavements && config.builds_on_bare_roads {
+        for strip in surface.strips.iter().filter(|strip| strip.kind == StripKind::Road) {
+            for side in [-1.0, 1.0].into_iter().filter(|&side| surface.is_bare(strip, side)) {
+                grower.grow_row(&Frontage { path: &strip.center, side, edge_m: strip.width_m / 2.0 });
+            }
+        }
+    }
     let mut squares = Occupied::default();
     for square in &config.squares {
         grower.furnish_square(square, &mut squares);
     }
-    grower.plots
+    let Grower { mut occupied, mut plots, .. } = grower;
+    plots.walls = dry_walls::along_roads(surface, config.retaining_wall_m, &mut occupied);
+    plots.walls.extend(dry_walls::on_terraces(
+        terraces,
+        config.terrace_m,
+        &mut occupied,
+        &surface.paved_grid,
+    ));
+    plots
 }
 
 /// One side of a strip, by distance along it and outwards from its edge.
@@ -143,10 +176,6 @@ impl Grower<'_> {
         weights.keys().nth(at).cloned()
     }
 
-    fn is_off_the_pavement(&self, footprint: &Footprint, gap_m: f64) -> bool {
-        is_off(footprint, &self.surface.paved_grid, gap_m)
-    }
-
     fn grow_row(&mut self, front: &Frontage) {
         let config = self.config;
         let length_m = front.path.length_m();
@@ -170,12 +199,17 @@ impl Grower<'_> {
                 station_m += plot.width_m;
                 continue;
             }
+            let most_rad = config.building_turn_deg.to_radians();
+            let turn_rad = if most_rad > 0.0 { self.draw([-most_rad, most_rad]) } else { 0.0 };
             let mut is_built = false;
             // A narrower house may fit where a wide one does not.
             while plot.width_m >= 2.0 * BAY_M && !is_built {
                 let middle_m = station_m + plot.width_m / 2.0;
-                let footprint = front.rectangle(middle_m, plot.setback_m, plot.width_m, plot.depth_m);
-                is_built = self.is_off_the_pavement(&footprint, 0.1) && self.occupied.claim(footprint, 0.02);
+                let mut footprint = front.rectangle(middle_m, plot.setback_m, plot.width_m, plot.depth_m);
+                footprint.yaw_rad += turn_rad;
+                is_built = self.is_off_the_pavement(&footprint, 0.1)
+                    && self.is_off_the_road(&footprint)
+                    && self.occupied.claim(footprint, 0.02);
                 if is_built {
                     self.build(footprint);
                     self.furnish(front, &plot);
@@ -185,26 +219,6 @@ impl Grower<'_> {
             }
             station_m += if is_built { plot.width_m + plot.gap_m } else { BAY_M };
         }
-    }
-
-    fn build(&mut self, footprint: Footprint) {
-        let config = self.config;
-        let height_m = self.draw(config.building_height_m);
-        let pitch_rad = self.draw(config.roof_pitch_deg).to_radians();
-        let mut building = Building {
-            footprint,
-            n_floors: n_floors_of(height_m),
-            facade: self.pick(config.wall_colors.len()),
-            roof_color: self.pick(config.roof_colors.len()),
-            roof: match config.roof_style {
-                RoofStyle::Flat => Roof::Flat,
-                RoofStyle::Gable => Roof::Gable { rise_m: footprint.width_m / 2.0 * pitch_rad.tan() },
-            },
-            balconies: Vec::new(),
-        };
-        let depth_m = self.draw(config.balcony_depth_m);
-        building.add_balconies(|| self.rng.random::<f64>() < config.balcony_share, depth_m);
-        self.plots.buildings.push(building);
     }
 
     /// Adds what stands on a plot beside its building.
@@ -256,6 +270,16 @@ impl Grower<'_> {
     fn leave_open(&mut self, front: &Frontage, plot: &Plot) {
         let (from_m, end_m) = (plot.from_m, plot.from_m + plot.width_m);
         let depth_m = plot.setback_m + plot.depth_m;
+        if self.config.container_share > 0.0 && self.chance(self.config.container_share) {
+            let size_m = [plot.width_m, plot.depth_m];
+            let middle_m = f64::midpoint(from_m, end_m);
+            let ground = front.rectangle(middle_m, plot.setback_m.max(1.0), size_m[0], size_m[1]);
+            let has_room = size_m[0] > LEAST_STACK_M[0] && size_m[1] > LEAST_STACK_M[1];
+            if has_room && self.is_off_the_pavement(&ground, 0.5) && self.occupied.claim(ground, 0.5) {
+                self.plots.stacks.push(ground);
+            }
+            return;
+        }
         if self.chance(self.config.yard_share) {
             let ground = front.rectangle(f64::midpoint(from_m, end_m), 0.3, plot.width_m, depth_m);
             if !self.is_off_the_pavement(&ground, 0.0) || !self.occupied.claim(ground, 0.0) {
@@ -360,16 +384,4 @@ fn stand_before(front: &Frontage, along_m: f64, wall_m: f64, turn: f64) -> Footp
     footprint.yaw_rad += turn * std::f64::consts::FRAC_PI_2;
     footprint.width_m = 3.2;
     footprint
-}
-
-fn is_off(footprint: &Footprint, paved: &StripGrid, gap_m: f64) -> bool {
-    let n_along = (footprint.length_m / 1.5).ceil() as usize;
-    let n_across = (footprint.width_m / 1.5).ceil() as usize;
-    (0..=n_along).all(|i| {
-        (0..=n_across).all(|j| {
-            let x = footprint.length_m * (i as f64 / n_along as f64 - 0.5);
-            let y = footprint.width_m * (j as f64 / n_across as f64 - 0.5);
-            paved.clearance_m(footprint.at(x, y)) > gap_m
-        })
-    })
 }

@@ -23,6 +23,7 @@ impl World {
         self.add_buildings(builder);
         self.add_pads(builder);
         self.add_boundaries(builder);
+        self.add_town_scenery(builder);
     }
 
     fn height_m(&self) -> impl Fn(Vec2) -> f64 + '_ {
@@ -32,15 +33,18 @@ impl World {
     fn add_buildings(&self, builder: &mut Builder) {
         let config = &self.town.config;
         let meshes = buildings::meshes(&self.town.buildings, config, self.height_m(), self.is_in_sight());
-        for (i, (facade, ground_floor)) in meshes.facades.iter().zip(&meshes.ground_floors).enumerate() {
+        let floors = meshes.facades.iter().zip(&meshes.ground_floors).zip(&meshes.blank);
+        for (i, ((facade, ground_floor), blank)) in floors.enumerate() {
             let look = Facade {
                 look: config.facades[i % config.facades.len()],
                 wall: config.wall_colors[i].0,
                 trim: config.trim_colors[i % config.trim_colors.len()].0,
             };
-            for (part, floor, mesh) in
-                [("facade", Floor::Upper, facade), ("shop", Floor::Ground, ground_floor)]
-            {
+            for (part, floor, mesh) in [
+                ("facade", Floor::Upper, facade),
+                ("shop", Floor::Ground, ground_floor),
+                ("gable", Floor::Blank, blank),
+            ] {
                 if !mesh.is_empty() {
                     let name = format!("scene_{part}_{i}");
                     builder.texture(&name, textures::facade(&name, look, floor));
@@ -94,8 +98,8 @@ impl World {
     fn add_boundaries(&self, builder: &mut Builder) {
         let (is_in_sight, height_m) = (self.is_in_sight(), self.height_m());
         let is_near = |line: &Path| is_in_sight(line.at(line.length_m() / 2.0));
-        let mut meshes: [TriangleMesh; 5] = Default::default();
-        let [hedge, fence, wall, railings, concrete] = &mut meshes;
+        let mut meshes: [TriangleMesh; 6] = Default::default();
+        let [hedge, fence, wall, railings, concrete, dry_stone] = &mut meshes;
         for boundary in self.town.boundaries.iter().filter(|boundary| is_near(&boundary.line)) {
             let line = &boundary.line;
             match boundary.look {
@@ -104,6 +108,7 @@ impl World {
                 BoundaryLook::Fence => add_wall(fence, line, 0.06, 1.0, &height_m),
                 BoundaryLook::Wall => add_wall(wall, line, 0.25, 1.1, &height_m),
                 BoundaryLook::Railings => add_wall(railings, line, 0.06, 2.0, &height_m),
+                BoundaryLook::DryStone => add_wall(dry_stone, line, 0.45, 0.9, &height_m),
             }
         }
         let median = self.town.config.median;
@@ -121,6 +126,7 @@ impl World {
             ("scene_wall", textures::grain("wall", [178, 166, 148], 0.16, 0.05)),
             ("scene_yard", textures::bars([126, 130, 134], [92, 96, 98])),
             ("scene_barrier", textures::grain("concrete", [168, 166, 160], 0.12, 0.04)),
+            ("scene_dry_stone", textures::rubble("garden wall", [148, 142, 130], 6)),
         ];
         for ((name, png), mesh) in looks.into_iter().zip(&meshes) {
             if !mesh.is_empty() {

@@ -14,6 +14,8 @@ use super::mesh::TriangleMesh;
 use super::network::{LaneGraph, flat};
 use super::occupancy::{Footprint, StripGrid};
 use super::path::{Path, Vec2};
+use super::relief;
+use super::town_parts::HillConfig;
 
 const PAINT_M: f64 = 0.015;
 /// On slopes, where road and paint are cut differently.
@@ -48,6 +50,10 @@ pub struct Strip {
 }
 
 impl Strip {
+    pub fn is_in_junction(&self) -> bool {
+        self.is_in_junction
+    }
+
     /// Width at a station; bays are narrower at their ends.
     pub fn width_at_m(&self, s_m: f64) -> f64 {
         let n = self.left.len().min(self.right.len());
@@ -82,7 +88,8 @@ pub struct Levels {
 }
 
 impl Levels {
-    pub fn of(network: &xodr::RoadNetwork) -> Self {
+    /// Reads them; the ground keeps the road's height over `verge_m` beside it.
+    pub fn of(network: &xodr::RoadNetwork, verge_m: f64) -> Self {
         let mesh = network.surface_mesh();
         // Pavements and medians may be raised; the ground there is the road's edge.
         let is_level =
@@ -98,7 +105,7 @@ impl Levels {
                 right: ribs.iter().skip(1).step_by(2).map(at).collect(),
             });
         }
-        let (ground, is_above) = Ground::under(&ribbons);
+        let (ground, is_above) = Ground::under(&ribbons, verge_m);
         let above = ids.into_iter().zip(is_above).filter(|(_, above)| *above).map(|(id, _)| id).collect();
         Self { mesh, ground, above }
     }
@@ -186,6 +193,19 @@ impl Surface {
             Self { strips, crosswalks: crosswalks.to_vec(), marks, fills, road_grid, paved_grid, ground };
         surface.drop_pavement_on_roads(graph);
         surface
+    }
+
+    /// Whether nothing paved lies beside a strip, outside junctions.
+    pub fn is_bare(&self, strip: &Strip, side: f64) -> bool {
+        let middle_m = strip.center.length_m() / 2.0;
+        let beside = strip.center.beside(middle_m, side * (strip.width_m / 2.0 + 0.8));
+        !strip.is_in_junction && self.paved_grid.clearance_m(beside) > 0.4
+    }
+
+    /// Raises hills and terraces away from the roads; returns the lines of the terraces' walls.
+    pub fn shape_land(&mut self, hills: &[HillConfig], terrace_m: f64) -> Vec<Path> {
+        let grid = self.ground.grid_mut();
+        grid.map_or_else(Vec::new, |grid| relief::shape(grid, &self.paved_grid, hills, terrace_m))
     }
 
     /// Some maps lead pavements across junctions: a raised one would be a wall for cars.

@@ -6,6 +6,7 @@ use image::{ImageFormat, Rgb, RgbImage};
 use rand::RngExt;
 
 use super::looks::{FacadeLook, GroundLook};
+use super::rubble::Rubble;
 use crate::random;
 
 /// Edge length of every texture in pixels.
@@ -24,6 +25,8 @@ pub struct Facade {
 pub enum Floor {
     Ground,
     Upper,
+    /// No floor: wall alone.
+    Blank,
 }
 
 fn png(image: &RgbImage) -> Vec<u8> {
@@ -89,6 +92,32 @@ pub fn ground(look: GroundLook) -> Vec<u8> {
     }
 }
 
+/// Stones of all sizes without mortar.
+pub fn rubble(name: &str, base: [u8; 3], n: u32) -> Vec<u8> {
+    let mut rng = random::stream(0, name, 1);
+    let rubble = Rubble::new(name, n);
+    tile(|u, v| shade(base, rubble.at(u, v) + 0.07 * (rng.random::<f64>() - 0.5)))
+}
+
+/// Corrugated steel: upright waves, 3 to a quarter of a tile.
+pub fn corrugated(name: &str, base: [u8; 3]) -> Vec<u8> {
+    let mut rng = random::stream(0, name, 0);
+    tile(|u, v| {
+        let stain = 0.05 * (v * TAU).sin() * (2.0 * u * TAU).cos();
+        let grain = 0.05 * (rng.random::<f64>() - 0.5);
+        shade(base, 0.84 + 0.16 * (u * 4.0 * TAU).sin().signum().max(-0.6) + stain + grain)
+    })
+}
+
+/// Ripples on dark water.
+pub fn water() -> Vec<u8> {
+    tile(|u, v| {
+        let (x, y) = (u * TAU, v * TAU);
+        let wave = (7.0 * x + 2.0 * (3.0 * y).sin()).sin() + (5.0 * y + 2.5 * (2.0 * x).cos()).sin();
+        shade([46, 64, 70], 1.0 + 0.07 * wave + 0.04 * (17.0 * x + 13.0 * y).sin())
+    })
+}
+
 /// Roof tiles in rows.
 pub fn tiles(base: [u8; 3]) -> Vec<u8> {
     stones("roof tiles", base, [12, 10], 0.25, 0.16)
@@ -113,6 +142,7 @@ impl Facade {
     /// Window as fractions of the tile: left, bottom, right, top.
     fn window(self, floor: Floor) -> [f64; 4] {
         match (self.look, floor) {
+            (_, Floor::Blank) => [2.0; 4],
             (FacadeLook::Brick, Floor::Upper) => [0.3, 0.22, 0.7, 0.82],
             (FacadeLook::Brick | FacadeLook::Plaster, Floor::Ground) => [0.1, 0.12, 0.9, 0.72],
             (FacadeLook::Plaster, Floor::Upper) => [0.18, 0.3, 0.82, 0.8],
@@ -126,6 +156,10 @@ impl Facade {
             (FacadeLook::House, Floor::Ground) => [0.28, 0.32, 0.72, 0.76],
             (FacadeLook::Metal, Floor::Upper) => [0.12, 0.7, 0.88, 0.9],
             (FacadeLook::Metal, Floor::Ground) => [0.14, 0.03, 0.86, 0.82],
+            (FacadeLook::Warehouse, Floor::Upper) => [0.24, 0.18, 0.76, 0.84],
+            (FacadeLook::Warehouse, Floor::Ground) => [0.16, 0.02, 0.84, 0.8],
+            (FacadeLook::Rubble, Floor::Upper) => [0.36, 0.28, 0.62, 0.72],
+            (FacadeLook::Rubble, Floor::Ground) => [0.34, 0.3, 0.64, 0.7],
         }
     }
 
@@ -138,6 +172,11 @@ impl Facade {
         };
         match self.look {
             FacadeLook::Brick => joints(8.0, 21.0, 0.07, 0.85),
+            // Piers stand out at the sides of a bay, and a band of headers over it.
+            FacadeLook::Warehouse => {
+                let is_pier = !(0.09..0.91).contains(&u) || v > 0.93;
+                joints(10.0, 32.0, 0.08, 0.82) * if is_pier { 1.12 } else { 0.92 }
+            }
             FacadeLook::Stone => joints(3.0, 6.0, 0.03, 0.8),
             FacadeLook::Metal => 0.86 + 0.14 * (u * 16.0 * TAU).sin(),
             _ => 1.0 - 0.05 * (1.0 - v),
@@ -149,7 +188,9 @@ impl Facade {
 pub fn facade(name: &str, facade: Facade, floor: Floor) -> Vec<u8> {
     let mut rng = random::stream(0, name, 0);
     let window @ [left, bottom, right, top] = facade.window(floor);
-    let is_gate = facade.look == FacadeLook::Metal && floor == Floor::Ground;
+    let has_gates = matches!(facade.look, FacadeLook::Metal | FacadeLook::Warehouse);
+    let is_gate = has_gates && floor == Floor::Ground;
+    let rubble = (facade.look == FacadeLook::Rubble).then(|| Rubble::new(name, 19));
     let has_shutters = facade.look == FacadeLook::Shutters && floor == Floor::Upper;
     tile(|u, v| {
         let grain = 1.0 + 0.06 * (rng.random::<f64>() - 0.5);
@@ -162,7 +203,8 @@ pub fn facade(name: &str, facade: Facade, floor: Floor) -> Vec<u8> {
             // Glass: darker below, a hint of sky above.
             return shade([96, 118, 138], 0.5 + 0.6 * (v - bottom) / (top - bottom));
         }
-        if is_within(window, 0.04, u, v) || (v < 0.035 && facade.look != FacadeLook::Metal) {
+        let has_plinth = floor != Floor::Blank && !has_gates && rubble.is_none();
+        if is_within(window, 0.04, u, v) || (v < 0.035 && has_plinth) {
             return shade(facade.trim, grain);
         }
         let wing = 0.5 * (right - left);
@@ -173,7 +215,8 @@ pub fn facade(name: &str, facade: Facade, floor: Floor) -> Vec<u8> {
             let slat = if (v * 30.0).fract() < 0.3 { 0.42 } else { 0.56 };
             return shade(facade.trim, slat * grain);
         }
-        shade(facade.wall, grain * facade.pattern(u, v))
+        let pattern = rubble.as_ref().map_or_else(|| facade.pattern(u, v), |rubble| rubble.at(u, v));
+        shade(facade.wall, grain * pattern)
     })
 }
 

@@ -8,16 +8,22 @@ use fs_err as fs;
 
 use super::buildings::Building;
 use super::bus_stops;
+use super::dry_walls::DryWall;
 use super::error::SceneError;
+use super::landmarks::Landmark;
 use super::lights::Lights;
 use super::models;
 use super::network::LaneGraph;
+use super::occupancy::Footprint;
 use super::opendrive;
+use super::path::Vec2;
 use super::plots::{self, Boundary, Furnishing, Stand};
 use super::shipped;
 use super::split::SceneSplit;
 use super::surface::{Levels, Surface};
 use super::town_config::TownConfig;
+use super::town_parts::BasinConfig;
+use super::water;
 use crate::config::Checked;
 
 /// A town: its roads, its ground and its buildings.
@@ -34,6 +40,10 @@ pub struct Town {
     /// Props that belong to gardens, squares and bus stops.
     pub furnishings: Vec<Furnishing>,
     pub boundaries: Vec<Boundary>,
+    pub landmarks: Vec<Landmark>,
+    /// Plots that are stacked with containers.
+    pub stacks: Vec<Footprint>,
+    pub walls: Vec<DryWall>,
     /// The parts of the map that could not be used, in counts.
     pub notes: Vec<String>,
 }
@@ -112,6 +122,17 @@ impl Town {
         Self::parse(name_or_path, xodr, file("town.toml"), &FilePath::new("scenes").join(name_or_path))
     }
 
+    /// Whether a place is land, not the water of a basin.
+    pub fn is_land(&self, point: Vec2) -> bool {
+        let basins = self.basins().iter().map(water::footprint);
+        basins.into_iter().all(|basin| !basin.contains(point))
+    }
+
+    /// Basins of a town without slopes.
+    pub(super) fn basins(&self) -> &[BasinConfig] {
+        if self.surface.ground.is_flat() { &self.config.basins } else { &[] }
+    }
+
     fn parse(name: &str, xodr: &str, toml: Option<&str>, path: &FilePath) -> Result<Self, SceneError> {
         let config: TownConfig =
             toml.map_or_else(|| Ok(TownConfig::default()), toml::from_str).map_err(|error| {
@@ -123,7 +144,7 @@ impl Town {
         })?;
         let (network, mut notes) = opendrive::read(xodr)
             .map_err(|message| SceneError::OpenDrive { message, path: path.to_owned() })?;
-        let levels = Levels::of(&network);
+        let levels = Levels::of(&network, config.verge_m);
         notes.extend(levels.note());
         let (mut graph, unused) = LaneGraph::read(&network, |id| levels.is_above(id));
         notes.extend(unused);
@@ -134,10 +155,14 @@ impl Town {
         let crosswalks = opendrive::crosswalks(&network);
         let (lights, unknown) = Lights::read(&network, &mut graph, &crosswalks);
         notes.extend(unknown);
-        let surface = Surface::new(&network, &graph, levels, &crosswalks);
-        let mut plots = plots::grow(&surface, &config, 0);
+        let mut surface = Surface::new(&network, &graph, levels, &crosswalks);
+        let terraces = surface.shape_land(&config.hills, config.terrace_m);
+        if !config.basins.is_empty() && !surface.ground.is_flat() {
+            notes.push("town.toml: basins are left out, as the land has slopes".to_owned());
+        }
+        let mut plots = plots::grow(&surface, &config, &terraces, 0);
         plots.furnishings.extend(bus_stops::furnishings(&network));
-        let plots::Plots { buildings, stands, furnishings, boundaries } = plots;
+        let plots::Plots { buildings, stands, furnishings, boundaries, landmarks, stacks, walls } = plots;
         Ok(Self {
             name: name.to_owned(),
             config,
@@ -148,6 +173,9 @@ impl Town {
             stands,
             furnishings,
             boundaries,
+            landmarks,
+            stacks,
+            walls,
             notes,
         })
     }
@@ -155,7 +183,7 @@ impl Town {
 
 #[cfg(test)]
 mod tests {
-    use super::super::path::{Vec2, turn_between};
+    use super::super::path::turn_between;
     use super::super::route::Route;
     use super::*;
     use crate::random;
@@ -284,5 +312,29 @@ mod tests {
         assert_eq!(arterial.furnishings.iter().filter(|prop| prop.model == "bus_shelter").count(), 2);
         let fastest = arterial.graph.lanes.iter().map(|lane| lane.limit_mps).fold(0.0, f64::max);
         assert!(fastest > 19.0, "{fastest}");
+    }
+
+    #[test]
+    fn the_towns_for_testing_have_what_the_others_have_not() {
+        let [harbour, hillside] = ["harbour", "hillside"].map(|name| Town::load(name).unwrap());
+        assert!(harbour.landmarks.len() > 10 && harbour.stacks.len() > 3, "{}", harbour.stacks.len());
+        assert!(!harbour.is_land(Vec2::new(0.0, -80.0)) && harbour.is_land(Vec2::new(0.0, 60.0)));
+        for lane in &harbour.graph.lanes {
+            assert!(lane.path.points().iter().all(|&point| harbour.is_land(point)));
+        }
+        for building in &harbour.buildings {
+            let corners = building.footprint.corners().map(|at| Vec2::new(at.x_m, at.y_m));
+            assert!(corners.iter().all(|&corner| harbour.is_land(corner)));
+        }
+        assert!(hillside.walls.len() > 60, "{}", hillside.walls.len());
+        let n_annexes = hillside.buildings.iter().filter(|building| building.annex.is_some()).count();
+        assert!(n_annexes > 20, "{n_annexes}");
+        for wall in &hillside.walls {
+            for point in wall.line.points_every(1.0) {
+                assert!(hillside.surface.road_grid.clearance_m(point) > 0.1, "{point}");
+            }
+        }
+        let heights = hillside.graph.lanes.iter().map(|lane| hillside.surface.ground_m(lane.path.at(0.0)));
+        assert!(heights.fold(0.0, f64::max) > 16.0);
     }
 }

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::looks::{BoundaryLook, BuildingStyle, FacadeLook, GroundLook, MedianLook, RoofStyle, TownColor};
 use super::split::SceneSplit;
+use super::town_parts::{BasinConfig, HillConfig, LandmarkConfig, TrackConfig};
 use crate::config::{Bounds, Check, InvalidConfig, Keys, Rule, SHARE, define_config, from_to, part, require};
 
 /// Open ground with things to sit on and to look at, free of buildings.
@@ -38,8 +39,16 @@ define_config! {
         building_setback_m: [f64; 2] = [0.5, 3.0], in from_to(0.0, 100.0).pair();
         /// Share of the plots that are built on.
         building_share: f64 = 0.8, in SHARE;
+        /// Most that a detached building is turned against the street, degrees.
+        building_turn_deg: f64 = 0.0, in from_to(0.0, 30.0);
+        /// Share of detached buildings with a lower one against their back or side.
+        annex_share: f64 = 0.0, in SHARE;
+        /// Plots also along roads that have no pavement.
+        builds_on_bare_roads: bool = false;
         roof_style: RoofStyle = RoofStyle::Flat;
-        /// Pitch of gabled roofs, degrees.
+        /// Styles that are drawn as often as `roof_style`.
+        more_roof_styles: Vec<RoofStyle> = Vec::new();
+        /// Pitch of sloping roofs, degrees.
         roof_pitch_deg: [f64; 2] = [30.0, 40.0], in from_to(1.0, 60.0).pair();
         /// Looks of facades; wall colours take them in turn.
         facades: Vec<FacadeLook> = vec![FacadeLook::Brick, FacadeLook::Plaster, FacadeLook::Shutters];
@@ -61,11 +70,28 @@ define_config! {
         loading_bay_share: f64 = 0.0, in SHARE;
         /// Share of the plots without a building that are fenced yards for vehicles.
         yard_share: f64 = 0.0, in SHARE;
+        /// Share of the plots without a building that are stacked with containers.
+        container_share: f64 = 0.0, in SHARE;
         /// Props in each garden: least and most.
         garden_props: [f64; 2] = [0.0, 0.0], in from_to(0.0, 50.0).pair();
         /// How likely each prop model is in gardens, relative to the others.
         garden_weights: BTreeMap<String, f64> = BTreeMap::new(), in WEIGHTS;
         squares: Vec<SquareConfig> = Vec::new(), in part::<SquareConfig>();
+        /// Rectangles of water, on land without slopes.
+        basins: Vec<BasinConfig> = Vec::new(), in part::<BasinConfig>();
+        /// Height of their water.
+        water_level_m: f64 = -1.6, in from_to(-10.0, -0.3);
+        /// Land beside basins that is kept free of plots.
+        apron_m: f64 = 10.0, in from_to(0.0, 100.0);
+        landmarks: Vec<LandmarkConfig> = Vec::new(), in part::<LandmarkConfig>();
+        tracks: Vec<TrackConfig> = Vec::new(), in part::<TrackConfig>();
+        hills: Vec<HillConfig> = Vec::new(), in part::<HillConfig>();
+        /// Height of the steps of sloping land between roads; 0: none.
+        terrace_m: f64 = 0.0, in from_to(0.0, 10.0);
+        /// How far the land beside a road keeps the road's height.
+        verge_m: f64 = 7.0, in from_to(0.5, 20.0);
+        /// Height of dry-stone walls where the land beside a road rises or falls; 0: none.
+        retaining_wall_m: [f64; 2] = [0.0, 0.0], in from_to(0.0, 6.0).pair();
         median: MedianLook = MedianLook::Open;
         road_texture: GroundLook = GroundLook::Asphalt;
         sidewalk_texture: GroundLook = GroundLook::Pavement;
@@ -111,6 +137,13 @@ const WEIGHTS: Rule = from_to(0.0, 1e6).by_name();
 
 impl Check for TownConfig {
     fn check_relations(&self) -> Result<(), InvalidConfig> {
+        let n_roofs = self.more_roof_styles.len();
+        require(
+            n_roofs <= 8,
+            "more_roof_styles",
+            format!("a list of {n_roofs}"),
+            "up to 8 entries are allowed",
+        )?;
         let lists = [
             ("facades", self.facades.len()),
             ("wall_colors", self.wall_colors.len()),

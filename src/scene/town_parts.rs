@@ -1,0 +1,73 @@
+//! Parts of `town.toml` that have places of their own, in the map's coordinates: basins, landmarks, tracks, hills.
+
+use serde::{Deserialize, Serialize};
+
+use super::looks::LandmarkLook;
+use crate::config::{Bounds, Keys, Rule, from_to};
+
+const PLACE: Rule = from_to(-1e6, 1e6).list(2, 2);
+const YAW: Rule = from_to(-360.0, 360.0);
+
+/// A rectangle of water with quays around it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BasinConfig {
+    pub center_m: [f64; 2],
+    /// Direction of the length, counter-clockwise from +x.
+    #[serde(default)]
+    pub yaw_deg: f64,
+    /// Length and width.
+    pub size_m: [f64; 2],
+    /// Whether railings stand along its edges.
+    #[serde(default)]
+    pub railings: bool,
+}
+
+impl Bounds for BasinConfig {
+    const BOUNDS: Keys =
+        &[("center_m", PLACE), ("yaw_deg", YAW), ("size_m", from_to(1.0, 2000.0).list(2, 2))];
+}
+
+/// A large thing at a place of its own.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LandmarkConfig {
+    pub look: LandmarkLook,
+    pub center_m: [f64; 2],
+    #[serde(default)]
+    pub yaw_deg: f64,
+}
+
+impl Bounds for LandmarkConfig {
+    const BOUNDS: Keys = &[("center_m", PLACE), ("yaw_deg", YAW)];
+}
+
+/// Two rails in the ground, straight.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TrackConfig {
+    pub from_m: [f64; 2],
+    pub to_m: [f64; 2],
+    /// Between the rails.
+    pub gauge_m: f64,
+}
+
+impl Bounds for TrackConfig {
+    const BOUNDS: Keys = &[("from_m", PLACE), ("to_m", PLACE), ("gauge_m", from_to(0.3, 40.0))];
+}
+
+/// A rise of the land away from roads.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct HillConfig {
+    pub center_m: [f64; 2],
+    /// Where it begins to rise.
+    pub radius_m: f64,
+    /// Of its middle over the land without it.
+    pub height_m: f64,
+}
+
+impl Bounds for HillConfig {
+    const BOUNDS: Keys =
+        &[("center_m", PLACE), ("radius_m", from_to(1.0, 1000.0)), ("height_m", from_to(-100.0, 200.0))];
+}
