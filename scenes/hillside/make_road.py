@@ -1,5 +1,5 @@
 # Writes road.xodr beside this script. Needs Python 3.11 and scenariogeneration==0.16.7.
-"""Hillside: a village on a slope of 18 m: hairpins, steep narrow lanes, most with a pavement on one side or none.
+"""Hillside: a village on a slope of 18 m: hairpins, steep narrow lanes, few of them with two pavements.
 
 Streets along the slope are nearly level, those across it climb by 6 to 10 %. Crossings are forks
 rather than right angles.
@@ -15,7 +15,7 @@ from roadkit import Crossing, Lane, Profile, Street, bend, write_town
 
 WALK = Lane("sidewalk", 1.3)
 DRIVE, NARROW = Lane("driving", 3.0, "solid"), Lane("driving", 2.6)
-# The road through the village, its bends outside, and lanes with a pavement on the left, the right or nowhere.
+# The road through the village, its bends outside, and lanes with a pavement on one side or none.
 VILLAGE = Profile((Lane("driving", 3.0, "curb"), WALK), (Lane("driving", 3.0, "curb"), WALK), 30)
 ROAD = Profile((DRIVE,), (DRIVE,), 40, centre="broken")
 LEFT = Profile((NARROW,), (NARROW, WALK), 30, centre="none")
