@@ -100,7 +100,7 @@ mod tests {
             for [a, b, c] in walls.corners() {
                 let normal = (b - a).cross(&(c - a)).cast::<f64>().xy();
                 let out = ((a.coords + b.coords + c.coords) / 3.0).cast::<f64>().xy() - center;
-                let (x, y) = (out.dot(&super::super::path::direction_of(0.4)), normal.dot(&out));
+                let (x, y) = (out.dot(&crate::scene::path::direction_of(0.4)), normal.dot(&out));
                 assert!(y > 0.0 || (!is_shed && x.abs() < 4.0), "{a} {b} {c}");
             }
         }

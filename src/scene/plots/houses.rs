@@ -4,11 +4,11 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use rand::RngExt;
 
-use super::super::buildings::{Building, Roof, n_floors_of};
-use super::super::looks::RoofStyle;
-use super::super::occupancy::Footprint;
-use super::super::path::Vec2;
 use super::Grower;
+use crate::scene::buildings::{Building, Roof, n_floors_of};
+use crate::scene::looks::RoofStyle;
+use crate::scene::occupancy::Footprint;
+use crate::scene::path::Vec2;
 
 /// Between a building's corner and a road.
 const ROAD_GAP_M: f64 = 0.5;
