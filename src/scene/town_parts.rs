@@ -45,6 +45,7 @@ impl Bounds for LandmarkConfig {
 /// Two rails in the ground, straight.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[allow(clippy::struct_field_names, reason = "all are lengths, and names carry their unit")]
 pub struct TrackConfig {
     pub from_m: [f64; 2],
     pub to_m: [f64; 2],
@@ -59,6 +60,7 @@ impl Bounds for TrackConfig {
 /// A rise of the land away from roads.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[allow(clippy::struct_field_names, reason = "all are lengths, and names carry their unit")]
 pub struct HillConfig {
     pub center_m: [f64; 2],
     /// Where it begins to rise.

@@ -68,7 +68,7 @@ impl World {
                 Cladding::Hull => builder.plain(&name, [0.26, 0.1, 0.09]),
                 Cladding::White => builder.plain(&name, [0.78, 0.78, 0.75]),
                 Cladding::Concrete => {
-                    builder.texture(&name, textures::grain("silo", [158, 154, 146], 0.1, 0.05))
+                    builder.texture(&name, textures::grain("silo", [158, 154, 146], 0.1, 0.05));
                 }
                 Cladding::Masonry => builder.texture(&name, textures::rubble(&name, [156, 148, 132], STONES)),
                 Cladding::Slate => builder.texture(&name, textures::tiles([74, 76, 82])),
