@@ -14,7 +14,7 @@ use super::path::{Vec2, direction_of};
 use super::populate::Filler;
 use super::route::Route;
 use super::unfamiliar::unfamiliar;
-use super::world::{Motion, footprint_of};
+use super::world::Motion;
 use crate::object::{Event, Spot};
 use crate::random::{self, Rng};
 
@@ -75,7 +75,10 @@ impl Filler<'_> {
             let over_m = pose.translation.z - self.town.surface.ground_m(position);
             let (_, _, yaw_rad) = pose.rotation.euler_angles();
             if over_m < SOLID_M {
-                self.occupied.claim(footprint_of(&self.models[model], position, yaw_rad), 0.0);
+                // However it lies.
+                let [low, high] = self.models[model].bounds;
+                let middle = pose * nalgebra::center(&low, &high);
+                self.occupied.take(Footprint::square(middle.coords.xy(), (high - low).max()));
             }
             self.perches.extend(perch);
             self.put(model, position, over_m, yaw_rad, Motion::Loose(Box::new(loose)), &mut rng);

@@ -229,7 +229,9 @@ impl Filler<'_> {
         rng: &mut Rng,
     ) -> bool {
         let (plan, origin) = thing.plan_at(center);
-        if !self.is_open(&plan)
+        let is_in_wall = self.town.buildings.iter().any(|house| house.footprint.meets(&plan));
+        if is_in_wall
+            || !self.is_open(&plan)
             || !self.leaves_ways(route, &plan, spot == Spot::Lane)
             || !self.occupied.claim(plan, 0.3)
         {
