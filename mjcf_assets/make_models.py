@@ -1,5 +1,5 @@
 # Writes the folders of the models below, beside this script. Needs Python 3.11 and numpy==2.4.6.
-"""Traffic, pedestrians, street furniture and the out-of-distribution objects, as MJCF with meshes.
+"""Traffic, street furniture and the out-of-distribution objects, as MJCF with meshes.
 
 No randomness: the same files every time, a minute of work. `python make_models.py` prints each model's size.
 """
@@ -22,7 +22,6 @@ from ood_luggage import gas_bottles, suitcases
 from ood_overturned import fallen_signs, wheelie_bins
 from ood_small import small_things
 from ood_two_wheelers import bicycles, e_scooters
-from people import pedestrians
 from street import street_props
 from two_wheelers import cyclist, motorcycle, scooter
 from vehicles import bus, car, truck, van
@@ -59,7 +58,7 @@ def test_props() -> list[Model]:
 
 def main() -> None:
     total = 0
-    for model in [*vehicles(), *pedestrians(), *street_props(), *ood_props(), *test_props()]:
+    for model in [*vehicles(), *street_props(), *ood_props(), *test_props()]:
         size, n_bytes = model.write()
         total += n_bytes
         n_triangles = sum(len(f) for solids in model.parts.values() for _, f in solids)

@@ -5,8 +5,26 @@ from __future__ import annotations
 import math
 
 from model_writer import Model
-from people import torso
 from solids import Solid, ball, between, box, cylinder, extrude_y, frustum, loft, moved
+
+
+def torso(m: Model, material: str, low, high, h: float) -> None:
+    rows = []
+    for t, rx, ry in (
+        (0, 0.055, 0.088),
+        (0.3, 0.058, 0.085),
+        (0.7, 0.070, 0.112),
+        (0.9, 0.055, 0.110),
+        (1, 0.03, 0.05),
+    ):
+        c = [low[k] + t * (high[k] - low[k]) for k in range(3)]
+        rows.append(
+            [
+                (c[0] + rx * h * math.cos(a), c[1] + ry * h * math.sin(a), c[2])
+                for a in (2 * math.pi * k / 12 for k in range(12))
+            ]
+        )
+    m.add(material, loft(rows, smooth=True))
 
 
 def ring(centre, radius: float, tube: float, n: int = 16, bead: int = 5) -> list[Solid]:

@@ -21,6 +21,8 @@ pub(super) struct Observation {
     pub visible_px: u32,
     /// Height of the ground under it, in the world frame.
     pub ground_m: f64,
+    /// Which of its looks it has.
+    pub shape: usize,
 }
 
 /// The object's truth, if the object is annotated: background never is.
@@ -47,7 +49,7 @@ pub(super) fn annotate(
         upright_box(&ego_from_model, &object.bounds)
     } else {
         // When a thing tumbles, the corners of its bounds may lie far outside, even below the ground.
-        let points = object.triangles.iter().flatten().map(|point| point.cast());
+        let points = object.triangles_as(seen.shape).iter().flatten().map(|point| point.cast());
         upright_box_of(&ego_from_model, points)
     };
     let distance_m = box_in_ego.center.x().hypot(box_in_ego.center.y());
@@ -57,7 +59,7 @@ pub(super) fn annotate(
     let camera_from_model =
         (rig.front().ego_from_camera.inverse() * ego_from_world).isometry * seen.world_from_model;
     let triangles: Vec<[Point3<f64>; 3]> = object
-        .triangles
+        .triangles_as(seen.shape)
         .iter()
         .map(|triangle| triangle.map(|corner| camera_from_model * corner.cast::<f64>()))
         .collect();
@@ -186,6 +188,7 @@ mod tests {
             bounds: BOUNDS,
             solid: [BOUNDS[0], Point3::new(0.0, 1.0, 1.5)],
             triangles: Arc::new(rear.to_vec()),
+            shapes: Vec::new(),
             reflectivity: 0.5,
             event: Event::None,
             spot: Spot::None,
@@ -198,6 +201,7 @@ mod tests {
             n_lidar_points: points,
             visible_px: px,
             ground_m: -0.1,
+            shape: 0,
         };
         let rig = Rig::try_from(&RigConfig::default()).unwrap();
         let world_from_ego = Transform::from_xyz_yaw(0.0, 0.0, 0.0, 0.0);

@@ -148,6 +148,7 @@ mod tests {
             bounds: [[0.0; 3].into(), [1.0; 3].into()],
             solid: [[0.0; 3].into(), [1.0; 3].into()],
             triangles: Arc::new(Vec::new()),
+            shapes: Vec::new(),
             reflectivity: 0.5,
             event: Event::None,
             spot: Spot::None,

@@ -33,8 +33,12 @@ pub(super) struct Appearance {
 impl Appearance {
     pub(super) fn new(world: &World, drive: &Drive) -> Result<Self, GenerateError> {
         let simulator = &drive.simulator;
-        let object_of_body: HashMap<usize, usize> =
+        let mut object_of_body: HashMap<usize, usize> =
             drive.object_bodies.iter().enumerate().map(|(object, &body)| (body, object)).collect();
+        for (i, object) in world.objects().iter().enumerate() {
+            let bodies = (0..object.shapes.len()).map(|shape| object.shape_body_name(shape));
+            object_of_body.extend(bodies.filter_map(|name| Some((simulator.body(&name)?, i))));
+        }
         let objects: Vec<Option<usize>> =
             simulator.geom_bodies().iter().map(|body| object_of_body.get(body).copied()).collect();
         let names = simulator.geom_names();

@@ -32,6 +32,8 @@ pub(super) struct Drive {
     ego_body: usize,
     /// Body of each of the scene's objects, in its order.
     pub object_bodies: Vec<usize>,
+    /// Which look each object has.
+    pub shapes: Vec<usize>,
     loose: Vec<LooseThing>,
     steering_joints: Vec<usize>,
     physics_steps: usize,
@@ -75,6 +77,7 @@ impl Drive {
             lights: world.lamp_posts.iter().map(|&(_, light)| light).collect(),
             shown: Vec::new(),
             ego_body,
+            shapes: vec![0; object_bodies.len()],
             object_bodies,
             loose,
             steering_joints,
@@ -124,13 +127,20 @@ impl Drive {
             (thing.placement, body, found.center.z() - found.height_m / 2.0, velocity.xy())
         }));
         let commands = self.traffic.step(CONTROL_PERIOD_S, &observation);
-        let movers: Vec<(usize, Isometry3<f64>)> = commands
-            .mocap
-            .iter()
-            .map(|mover| {
-                (mover.index, Isometry3::from_parts(Translation3::from(mover.position_m), mover.turn))
-            })
-            .collect();
+        let mut movers: Vec<(usize, Isometry3<f64>)> = Vec::with_capacity(commands.mocap.len());
+        for mover in &commands.mocap {
+            let pose = Isometry3::from_parts(Translation3::from(mover.position_m), mover.turn);
+            movers.push((mover.index, pose));
+            // The bodies of its looks come after its own.
+            if let Some(shape) = mover.shape {
+                let before = std::mem::replace(&mut self.shapes[mover.placement], shape);
+                if before != shape {
+                    let away = Isometry3::translation(0.0, 0.0, scene::AWAY_Z_M);
+                    movers.push((mover.index + 1 + before, away));
+                }
+                movers.push((mover.index + 1 + shape, pose));
+            }
+        }
         self.show(commands.lights)?;
         self.simulator.step(&commands.ego.ctrl(), &movers, self.physics_steps)?;
         self.poses_before = std::mem::replace(&mut self.poses, self.simulator.body_poses()?);

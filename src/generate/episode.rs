@@ -21,7 +21,7 @@ use crate::config::to_toml;
 use crate::episode::{EpisodeEntry, EpisodeMeta, EpisodeWriter};
 use crate::random;
 use crate::sample::{EncodedImage, ImageFormat, Measured, Sample, Truth};
-use crate::scene::{self, Town, populate};
+use crate::scene::{self, Town, populate_in};
 use crate::sensors::camera::{Material, Rendered, Scope, Shot};
 use crate::sensors::lidar::{Hit, Receiver, Reflector, is_in_view};
 use crate::sensors::{Rig, WeatherState, odometry};
@@ -106,8 +106,8 @@ impl<'a> Recording<'a> {
         let rig_config = raw.rig_variation.draw(&raw.rig, plan.seed);
         let rig = Rig::try_from(&rig_config)?;
         let town = shared_town(&plan.town)?;
-        let world = populate(&town, &raw.scene, plan.seed)?;
         let state = plan.weather.state().replace_by(&raw.weather_override)?;
+        let world = populate_in(&town, &raw.scene, state.rain_rate_mmph > 0.0, plan.seed)?;
         let mount = CameraMount {
             body: "ego".into(),
             ego_from_camera: rig.front().ego_from_camera,
@@ -253,7 +253,9 @@ impl<'a> Recording<'a> {
         let mut seen: Vec<Observation> = drive
             .object_bodies
             .iter()
-            .map(|&body| Observation {
+            .zip(&drive.shapes)
+            .map(|(&body, &shape)| Observation {
+                shape,
                 world_from_model: drive.poses[body],
                 world_from_model_before: drive.poses_before[body],
                 n_lidar_points: 0,

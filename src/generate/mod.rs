@@ -13,6 +13,8 @@ mod folder;
 mod lighting;
 mod map;
 #[cfg(test)]
+mod people_tests;
+#[cfg(test)]
 mod placement_tests;
 mod plan;
 pub mod preset;

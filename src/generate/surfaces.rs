@@ -112,6 +112,7 @@ mod tests {
             solid: [[0.0; 3].into(), [1.0; 3].into()],
             is_background: false,
             triangles: Arc::default(),
+            shapes: Vec::new(),
             reflectivity: 0.35,
             event: Event::None,
             spot: Spot::None,

@@ -50,7 +50,7 @@ const CATEGORIES: [(&str, &str); 26] = [
 ];
 
 /// Names of other sources, in lower case with `_` between words, and the categories that mean the same.
-const SYNONYMS: [(&str, &str); 50] = [
+const SYNONYMS: [(&str, &str); 51] = [
     ("adult", "human.pedestrian.adult"),
     ("articulated_bus", "vehicle.bus.bendy"),
     ("barrier", "movable_object.barrier"),
@@ -84,6 +84,7 @@ const SYNONYMS: [(&str, &str); 50] = [
     ("scooter", "vehicle.motorcycle"),
     ("sign", "static.manmade"),
     ("stop_sign", "static.manmade"),
+    ("shopping_trolley", "movable_object.pushable_pullable"),
     ("stroller", "human.pedestrian.stroller"),
     ("traffic_cone", "movable_object.trafficcone"),
     ("traffic_light_trailer", "vehicle.trailer"),

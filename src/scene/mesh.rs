@@ -11,6 +11,11 @@ pub struct TriangleMesh {
 }
 
 impl TriangleMesh {
+    /// Vertices with their texture coordinates, and triangles of their indices; MuJoCo smooths the normals at shared vertices.
+    pub fn new(vertices: Vec<([f64; 3], [f64; 2])>, triangles: Vec<[usize; 3]>) -> Self {
+        Self { vertices, triangles }
+    }
+
     pub fn is_empty(&self) -> bool {
         self.triangles.is_empty()
     }

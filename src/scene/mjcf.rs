@@ -34,6 +34,9 @@ pub struct Lighting {
     pub sun: Option<Sun>,
 }
 
+/// Height of the looks that a thing does not have at the moment: far below all that is drawn or lit.
+pub const AWAY_Z_M: f64 = -2000.0;
+
 /// MJCF text with the files it names.
 #[derive(Debug, Clone)]
 pub struct Mjcf {
@@ -206,6 +209,13 @@ impl World {
                 "<body name=\"obj:{}\" pos=\"{x:.4} {y:.4} {z:.4}\" quat=\"{turn}\"{mocap}>\n{geoms}</body>\n",
                 placement.id
             );
+            for (i, shape) in model.shapes.iter().enumerate() {
+                let z = if i == 0 { z } else { AWAY_Z_M };
+                builder.body += &format!(
+                    "<body name=\"obj:{}/{i}\" pos=\"{x:.4} {y:.4} {z:.4}\" quat=\"{turn}\"{mocap}>\n{}</body>\n",
+                    placement.id, shape.geoms_xml
+                );
+            }
         }
     }
 }

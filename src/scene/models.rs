@@ -14,6 +14,7 @@ pub use super::bounds::Bounds;
 use super::bounds::{bounds_below, bounds_of};
 use super::error::SceneError;
 use super::mesh::triangles_of_obj;
+use super::shape::Shape;
 use super::shipped;
 use super::split::SceneSplit;
 use crate::object::{Distribution, Kind};
@@ -110,6 +111,10 @@ pub struct Model {
     pub(super) paint_xml: Option<String>,
     /// `<body>` children as MJCF text.
     pub(super) geoms_xml: String,
+    /// Its looks, if it changes its shape: at rest, then the phases of a gait. `geoms_xml` shows nothing then.
+    pub(super) shapes: Vec<Shape>,
+    /// Way that a cycle of the gait takes.
+    pub(super) stride_m: f64,
     /// Files that the assets name.
     pub(super) files: Vec<(String, Arc<[u8]>)>,
 }
@@ -228,6 +233,8 @@ fn read(name: &str, xml: &str) -> Result<Model, String> {
         assets_xml,
         paint_xml,
         geoms_xml,
+        shapes: Vec::new(),
+        stride_m: 0.0,
         files,
     })
 }

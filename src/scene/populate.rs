@@ -9,6 +9,7 @@ use super::models::{self, Model};
 use super::network::LaneGraph;
 use super::occupancy::{Footprint, Occupied};
 use super::ood_placement::OodPlacementConfig;
+use super::parties::{PeopleConfig, draw_parties};
 use super::path::Vec2;
 use super::route::Route;
 use super::split::SceneSplit;
@@ -37,6 +38,7 @@ define_config! {
         /// Share of the episodes in which a vehicle drives ahead of the ego from the start.
         leader_share: f64 = 0.6, in SHARE;
         pedestrian_density: f64 = 0.34, in from_to(0.0, 20.0);
+        people: PeopleConfig = PeopleConfig::default(), in part::<PeopleConfig>();
         /// Share of the pedestrians who stand beside the ego's route and cross it again and again.
         jaywalker_share: f64 = 0.065, in SHARE;
         /// Distance from one out-of-distribution place to the next along the route, metres: least, most.
@@ -48,12 +50,28 @@ define_config! {
     }
 }
 
-/// Fills a town.
+/// Fills a town in dry weather.
+///
+/// # Errors
+/// As [`populate_in`].
+pub fn populate(town: &Arc<Town>, config: &PopulateConfig, seed: u64) -> Result<World, SceneError> {
+    populate_in(town, config, false, seed)
+}
+
+/// Fills a town. In rain people carry umbrellas.
 ///
 /// # Errors
 /// [`SceneError`]: broken models, or no lane where the ego could start.
-pub fn populate(town: &Arc<Town>, config: &PopulateConfig, seed: u64) -> Result<World, SceneError> {
-    let models = Arc::<[Model]>::from(models::load()?);
+pub fn populate_in(
+    town: &Arc<Town>,
+    config: &PopulateConfig,
+    is_raining: bool,
+    seed: u64,
+) -> Result<World, SceneError> {
+    let mut models = models::load()?;
+    let n_people = f64::from(town.config.traffic.n_pedestrians) * config.pedestrian_density;
+    let parties = draw_parties(&config.people, n_people.round() as usize, is_raining, seed, &mut models);
+    let models = Arc::<[Model]>::from(models);
     let mut rng = random::stream(seed, "ego-route", 0);
     let starts = starts(&town.graph);
     // The ego sets out where there is a long way ahead.
@@ -97,11 +115,14 @@ pub fn populate(town: &Arc<Town>, config: &PopulateConfig, seed: u64) -> Result<
     }
     let late_notices = filler.late_notices();
     filler.place_traffic(&starts, ego_center, &ego_route);
-    filler.place_pedestrians(&ego_route);
+    filler.place_pedestrians(&ego_route, parties);
     let (mut placements, perches) = (filler.placements, filler.perches);
-    let is_mocap = |p: &&mut Placement| matches!(p.motion, Motion::Drives { .. } | Motion::Walks(_));
-    for (n, placement) in placements.iter_mut().filter(is_mocap).enumerate() {
-        placement.mocap = Some(n);
+    let mut n_mocap = 0;
+    for placement in &mut placements {
+        if matches!(placement.motion, Motion::Drives { .. } | Motion::Walks(_) | Motion::Follows(_)) {
+            placement.mocap = Some(n_mocap);
+            n_mocap += 1 + models[placement.model].shapes.len();
+        }
     }
     let object = |p: &Placement| SceneObject::new(p, &models[p.model], &town.surface);
     let objects = placements.iter().map(object).collect();

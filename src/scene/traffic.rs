@@ -11,6 +11,7 @@ use super::car::EgoCommand;
 use super::driver::Driver;
 use super::driving::{Gap, Obstacle, Owner};
 use super::ego::{EgoDriver, EgoPose};
+use super::following::{Follower, Stride, party_of};
 use super::ground::PAVEMENT_M;
 use super::junctions::{Answer, Approach, Asker, Reservations, View};
 use super::lights::{Aspect, Clock};
@@ -49,6 +50,9 @@ pub struct EgoObservation {
 pub struct MocapPose {
     /// Number among the mocap bodies.
     pub index: usize,
+    pub placement: usize,
+    /// Which of its looks it has, if it changes its shape.
+    pub shape: Option<usize>,
     pub position_m: [f64; 3],
     /// Rotation from the body's axes (x forward, z up) to the world's.
     pub turn: UnitQuaternion<f64>,
@@ -72,6 +76,7 @@ pub struct Traffic {
     ego: EgoDriver,
     drivers: Vec<Driver>,
     walkers: Vec<Walker>,
+    followers: Vec<Follower>,
     still: Vec<Obstacle>,
     loose: Vec<Obstacle>,
     reservations: Reservations,
@@ -85,6 +90,7 @@ impl Traffic {
     pub fn new(world: &World, seed: u64) -> Self {
         let mut rng = random::stream(seed, "drivers", 0);
         let (mut drivers, mut walkers, mut still) = (Vec::new(), Vec::new(), Vec::new());
+        let mut followers = Vec::new();
         for (i, placement) in world.placements.iter().enumerate() {
             let footprint = world.footprint(placement);
             match &placement.motion {
@@ -102,7 +108,15 @@ impl Traffic {
                 // Taken into account once the simulator reports where it is.
                 Motion::Loose(_) => {}
                 Motion::Walks(walk) => {
-                    walkers.push(Walker::new(i, walk.clone(), placement.position, placement.yaw_rad));
+                    let stride = Stride::new(i, &world.models[placement.model]);
+                    let mut walker =
+                        Walker::new(i, walk.clone(), placement.position, placement.yaw_rad, stride);
+                    walker.party = party_of(world, i);
+                    walkers.push(walker);
+                }
+                Motion::Follows(beside) => {
+                    let stride = Stride::new(i, &world.models[placement.model]);
+                    followers.push(Follower::new(i, *beside, placement.position, placement.yaw_rad, stride));
                 }
             }
         }
@@ -113,6 +127,7 @@ impl Traffic {
             ego: EgoDriver::new(world.ego_route.clone(), world.ego_start_m, unnoticed, ego_rng),
             drivers,
             walkers,
+            followers,
             still,
             loose: Vec::new(),
             reservations: Reservations::default(),
@@ -162,8 +177,14 @@ impl Traffic {
             length_m: side_m,
             width_m: side_m,
         });
+        let followers = self.followers.iter().map(|follower| Footprint {
+            center: follower.position,
+            yaw_rad: follower.yaw_rad,
+            length_m: side_m,
+            width_m: side_m,
+        });
         let others = self.still.iter().chain(&self.loose).map(|other| other.footprint);
-        drivers.chain(walkers).chain(others).collect()
+        drivers.chain(walkers).chain(followers).chain(others).collect()
     }
 
     /// Footprints of the moving vehicles.
@@ -190,6 +211,7 @@ impl Traffic {
         let mut obstacles: Vec<Obstacle> = vec![pose.obstacle()];
         obstacles.extend(self.drivers.iter().map(Driver::obstacle));
         obstacles.extend(self.walkers.iter().map(Walker::obstacle));
+        obstacles.extend(self.followers.iter().map(Follower::obstacle));
         let n_moving = obstacles.len();
         obstacles.extend(self.still.iter().copied());
         obstacles.extend(self.loose.iter().copied());
@@ -211,6 +233,12 @@ impl Traffic {
         for (i, walker) in self.walkers.iter_mut().enumerate() {
             walker.step(dt_s, &obstacles);
             obstacles[first_walker + i] = walker.obstacle();
+        }
+        for follower in &mut self.followers {
+            let leader = self.walkers.iter().find(|walker| walker.placement == follower.beside.leader);
+            if let Some(leader) = leader {
+                follower.step(dt_s, leader.position, leader.yaw_rad);
+            }
         }
         Commands { ego, mocap: self.mocap_poses(), lights: self.aspects() }
     }
@@ -295,23 +323,28 @@ impl Traffic {
             let (z_m, turn) = ground.stance(center, yaw_rad, 0.64 * driver.length_m, 0.9 * driver.width_m);
             poses.push(MocapPose {
                 index,
+                placement: driver.placement,
+                shape: None,
                 position_m: [center.x, center.y, z_m],
                 turn,
                 velocity_mps: [seen.velocity_mps.x, seen.velocity_mps.y],
             });
         }
-        for walker in &self.walkers {
-            let Some(index) = self.mocap_of[walker.placement] else { continue };
-            let is_on_road = self.town.surface.road_grid.clearance_m(walker.position) < 0.0;
+        let walkers =
+            self.walkers.iter().map(|w| (w.placement, w.position, w.yaw_rad, w.velocity_mps, &w.stride));
+        let followers =
+            self.followers.iter().map(|f| (f.placement, f.position, f.yaw_rad, f.velocity_mps, &f.stride));
+        for (placement, position, yaw_rad, velocity_mps, stride) in walkers.chain(followers) {
+            let Some(index) = self.mocap_of[placement] else { continue };
+            let is_on_road = self.town.surface.road_grid.clearance_m(position) < 0.0;
+            let over_m = if is_on_road { 0.0 } else { PAVEMENT_M };
             poses.push(MocapPose {
                 index,
-                position_m: [
-                    walker.position.x,
-                    walker.position.y,
-                    ground.height_m(walker.position) + if is_on_road { 0.0 } else { PAVEMENT_M },
-                ],
-                turn: UnitQuaternion::from_axis_angle(&Vector3::z_axis(), walker.yaw_rad),
-                velocity_mps: [walker.velocity_mps.x, walker.velocity_mps.y],
+                placement,
+                shape: stride.shape(),
+                position_m: [position.x, position.y, ground.height_m(position) + over_m],
+                turn: UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw_rad),
+                velocity_mps: [velocity_mps.x, velocity_mps.y],
             });
         }
         poses.sort_by_key(|pose| pose.index);

@@ -1,6 +1,7 @@
 //! Pedestrians: up and down their pavement, and across the street when a gap allows.
 
 use super::driving::{Obstacle, Owner};
+use super::following::Stride;
 use super::occupancy::Footprint;
 use super::path::{Vec2, turn_between};
 use super::world::Walk;
@@ -33,6 +34,9 @@ pub struct Walker {
     pub position: Vec2,
     pub yaw_rad: f64,
     pub velocity_mps: Vec2,
+    pub stride: Stride,
+    /// Who goes along: placement, and the place ahead and to the left.
+    pub party: Vec<(usize, Vec2)>,
     walk: Walk,
     phase: Phase,
     /// Time until it crosses or turns again.
@@ -40,9 +44,10 @@ pub struct Walker {
 }
 
 impl Walker {
-    pub fn new(placement: usize, walk: Walk, position: Vec2, yaw_rad: f64) -> Self {
+    pub fn new(placement: usize, walk: Walk, position: Vec2, yaw_rad: f64, stride: Stride) -> Self {
         let phase = Phase::Along;
-        Self { placement, position, yaw_rad, velocity_mps: Vec2::zeros(), walk, phase, pause_s: 0.0 }
+        let (velocity_mps, party) = (Vec2::zeros(), Vec::new());
+        Self { placement, position, yaw_rad, velocity_mps, stride, party, walk, phase, pause_s: 0.0 }
     }
 
     /// The ground it takes: on the street, also that of the next two seconds.
@@ -101,6 +106,7 @@ impl Walker {
             }
         }
         self.velocity_mps = (self.position - before) / dt_s;
+        self.stride.advance((self.position - before).norm());
         if self.velocity_mps.norm() > 0.2 {
             let wanted_rad = self.velocity_mps.y.atan2(self.velocity_mps.x);
             let turn_rad = turn_between(self.yaw_rad, wanted_rad);
@@ -134,20 +140,26 @@ impl Walker {
     }
 
     fn is_own(&self, other: &Obstacle) -> bool {
-        other.owner == Owner::Placement(self.placement)
+        let is = |placement: usize| other.owner == Owner::Placement(placement);
+        is(self.placement) || self.party.iter().any(|&(placement, _)| is(placement))
     }
 
     fn is_blocked(&self, direction: Vec2, obstacles: &[Obstacle]) -> bool {
-        let ahead = self.position + direction * 0.7;
+        let left = Vec2::new(-direction.y, direction.x);
+        let beside = self.party.iter().map(|(_, at)| (direction * at.x + left * at.y));
+        let offsets: Vec<Vec2> = std::iter::once(Vec2::zeros()).chain(beside).collect();
         // On the street people slip past each other; on a pavement they turn round.
         let is_across = matches!(self.phase, Phase::Across { .. });
         let near = obstacles
             .iter()
             .filter(|other| !self.is_own(other) && (other.is_vehicle || other.is_still || !is_across));
-        near.filter(|other| (other.footprint.center - ahead).norm() < 9.0).any(|other| {
+        near.filter(|other| (other.footprint.center - self.position).norm() < 10.0).any(|other| {
             let grown = other.footprint.grow(0.35);
             // A person who already stands too near may walk away.
-            grown.contains(ahead) && !grown.contains(self.position)
+            offsets.iter().any(|offset| {
+                let at = self.position + offset;
+                grown.contains(at + direction * 0.7) && !grown.contains(at)
+            })
         })
     }
 

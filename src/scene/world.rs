@@ -4,8 +4,9 @@ use std::sync::Arc;
 
 use nalgebra::Point3;
 
+use super::bounds::Bounds;
 use super::loose::{Loose, Perch};
-use super::models::{Bounds, Model, Role};
+use super::models::{Model, Role};
 use super::occupancy::Footprint;
 use super::path::{Path, Vec2, rotate};
 use super::route::Route;
@@ -32,6 +33,17 @@ pub struct Walk {
     pub is_restless: bool,
 }
 
+/// A place that moves with another placement.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Beside {
+    /// Number of the placement that leads.
+    pub leader: usize,
+    pub forward_m: f64,
+    pub left_m: f64,
+    /// Turns with the leader, as what is pushed does; people take their own way.
+    pub is_stiff: bool,
+}
+
 /// How an object moves.
 #[derive(Debug, Clone)]
 pub enum Motion {
@@ -42,6 +54,7 @@ pub enum Motion {
         station_m: f64,
     },
     Walks(Walk),
+    Follows(Beside),
     /// Held until the ego comes near, then free.
     Loose(Box<Loose>),
 }
@@ -61,7 +74,7 @@ pub struct Placement {
     pub tilt: Option<Tilt>,
     /// Where it was put, if it is out of distribution.
     pub spot: Spot,
-    /// Number among the mocap bodies, for moving objects.
+    /// Number among the mocap bodies, for moving objects; the bodies of its looks come next.
     pub mocap: Option<usize>,
 }
 
@@ -78,6 +91,8 @@ pub struct SceneObject {
     /// Of the part that something could hit.
     pub solid: Bounds,
     pub triangles: Arc<Vec<[Point3<f32>; 3]>>,
+    /// The same for each look of a thing that changes its shape; empty for all others.
+    pub shapes: Vec<Arc<Vec<[Point3<f32>; 3]>>>,
     pub reflectivity: f64,
     pub event: Event,
     pub spot: Spot,
@@ -135,6 +150,16 @@ impl World {
 }
 
 impl SceneObject {
+    /// Name of the body that shows one of its looks.
+    pub fn shape_body_name(&self, shape: usize) -> String {
+        format!("{}/{shape}", self.body_name)
+    }
+
+    /// What can be seen of it while it has the given look.
+    pub fn triangles_as(&self, shape: usize) -> &[[Point3<f32>; 3]] {
+        self.shapes.get(shape).unwrap_or(&self.triangles)
+    }
+
     pub(super) fn new(placement: &Placement, model: &Model, surface: &Surface) -> Self {
         Self {
             id: placement.id.clone(),
@@ -145,6 +170,7 @@ impl SceneObject {
             bounds: model.bounds,
             solid: model.solid,
             triangles: Arc::clone(&model.triangles),
+            shapes: model.shapes.iter().map(|shape| Arc::clone(&shape.triangles)).collect(),
             reflectivity: model.facts.reflectivity,
             event: match &placement.motion {
                 Motion::Loose(loose) => loose.event,
