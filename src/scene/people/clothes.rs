@@ -138,7 +138,8 @@ const ARM_M: [[f64; 2]; 7] =
     [[-0.06, 0.048], [0.2, 0.055], [0.6, 0.045], [1.0, 0.041], [1.3, 0.042], [1.7, 0.033], [2.0, 0.027]];
 
 /// One arm, bare, in part or wholly in a sleeve.
-pub fn arm_sleeve(figure: &Dressed, shell: &mut Shell, i: usize, girth: f64) {
+pub fn arm_sleeve(figure: &Dressed, shell: &mut Shell, i: usize) {
+    let girth = 0.35 * figure.body.height_m / 1.75 + 0.65 * figure.body.girth;
     let (s, outfit) = (figure.skeleton, figure.outfit);
     let (shoulder, elbow, wrist) = (s.shoulders[i], s.elbows[i], s.wrists[i]);
     let (upper, lower) = ((elbow - shoulder).normalize(), (wrist - elbow).normalize());

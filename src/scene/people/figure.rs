@@ -2,7 +2,6 @@
 //!
 //! Radii are those of a man of 1.75 m with a body mass index of 23 times the body's girth.
 
-use super::clothes::{arm_sleeve, drape, legs};
 use super::outfit::{Hair, Headwear, Lower, Outfit, Upper};
 use super::shell::{Hue, Ring, Shell, Vec3};
 use super::skeleton::{SIDES, Skeleton};
@@ -33,18 +32,6 @@ pub struct Dressed<'a> {
 }
 
 impl Dressed<'_> {
-    /// The whole person without what it carries.
-    pub fn add_to(&self, shell: &mut Shell) {
-        self.add_trunk(shell);
-        legs(self, shell);
-        drape(self, shell);
-        for i in 0..2 {
-            self.add_arm(shell, i);
-        }
-        self.add_head(shell);
-        self.add_hair(shell);
-    }
-
     /// Half width and half depth of the bare trunk.
     pub fn trunk_m(&self, t: f64) -> [f64; 2] {
         let Body { girth, belly, .. } = *self.body;
@@ -85,7 +72,8 @@ impl Dressed<'_> {
         Ring::new(center, &up, &left, a_m + out_m, b_m + out_m)
     }
 
-    fn add_trunk(&self, shell: &mut Shell) {
+    /// The trunk from the seat to the neck, with what the upper part wears.
+    pub fn add_trunk(&self, shell: &mut Shell) {
         let Outfit { upper, lower, ease_m, .. } = *self.outfit;
         let (out_m, hem) = match upper {
             Upper::Shirt => (ease_m, -0.02),
@@ -132,10 +120,8 @@ impl Dressed<'_> {
         }
     }
 
-    fn add_arm(&self, shell: &mut Shell, i: usize) {
+    pub fn add_hand(&self, shell: &mut Shell, i: usize) {
         let (s, body) = (self.skeleton, self.body);
-        let girth = 0.35 * body.height_m / 1.75 + 0.65 * body.girth;
-        arm_sleeve(self, shell, i, girth);
         // A hand: the palm's side faces the body.
         let (wrist, along) = (s.wrists[i], s.hand(i));
         let inward = s.chest_left * -SIDES[i];
@@ -152,7 +138,7 @@ impl Dressed<'_> {
         shell.tube(Hue::Skin, 6, &rings);
     }
 
-    fn add_head(&self, shell: &mut Shell) {
+    pub fn add_head(&self, shell: &mut Shell) {
         let [forward, left, up] = self.skeleton.head_axes;
         let head_m = self.body.head_m;
         // From the chin to the crown: height, half width, half depth and shift forwards, as parts of the head's height.
@@ -195,7 +181,8 @@ impl Dressed<'_> {
         shell.tube(tone, 10, &rings);
     }
 
-    fn add_hair(&self, shell: &mut Shell) {
+    /// Hair, or what the head wears.
+    pub fn add_hair(&self, shell: &mut Shell) {
         let [forward, left, up] = self.skeleton.head_axes;
         let (head, head_m) = (self.skeleton.head, self.body.head_m);
         let at = |x: f64, z: f64| head + (forward * x + up * z) * head_m;

@@ -83,7 +83,15 @@ impl Person {
         let skeleton = Skeleton::new(&self.body, &pose);
         let figure = Dressed { body: &self.body, outfit: &self.outfit, skeleton: &skeleton };
         let mut shell = Shell::default();
-        figure.add_to(&mut shell);
+        figure.add_trunk(&mut shell);
+        clothes::legs(&figure, &mut shell);
+        clothes::drape(&figure, &mut shell);
+        for i in 0..2 {
+            clothes::arm_sleeve(&figure, &mut shell, i);
+            figure.add_hand(&mut shell, i);
+        }
+        figure.add_head(&mut shell);
+        figure.add_hair(&mut shell);
         things::carry(&figure, self.holds, &mut shell);
         if self.does == Does::Stoops {
             things::bag_on_ground(&figure, &mut shell);

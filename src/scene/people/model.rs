@@ -6,11 +6,11 @@ use std::sync::Arc;
 
 use image::{ImageFormat, Rgb, RgbImage};
 
-use super::super::bounds::{bounds_below, bounds_of};
-use super::super::models::{Model, ModelFacts, SOLID_M};
-use super::super::shape::Shape;
 use super::Phases;
 use super::shell::{N_TONES, Shell};
+use crate::scene::bounds::{bounds_below, bounds_of};
+use crate::scene::models::{Model, ModelFacts, SOLID_M};
+use crate::scene::shape::Shape;
 
 /// Makes a model.
 ///

@@ -2,7 +2,7 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::super::mesh::TriangleMesh;
+use crate::scene::mesh::TriangleMesh;
 
 pub type Vec3 = Vector3<f64>;
 
