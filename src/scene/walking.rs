@@ -146,7 +146,7 @@ impl Walker {
 
     fn is_blocked(&self, direction: Vec2, obstacles: &[Obstacle]) -> bool {
         let left = Vec2::new(-direction.y, direction.x);
-        let beside = self.party.iter().map(|(_, at)| (direction * at.x + left * at.y));
+        let beside = self.party.iter().map(|(_, at)| direction * at.x + left * at.y);
         let offsets: Vec<Vec2> = std::iter::once(Vec2::zeros()).chain(beside).collect();
         // On the street people slip past each other; on a pavement they turn round.
         let is_across = matches!(self.phase, Phase::Across { .. });
