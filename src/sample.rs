@@ -87,6 +87,38 @@ pub struct CameraView {
     pub image: EncodedImage,
 }
 
+/// The cloud of a further LiDAR, beside the top one.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LidarView {
+    /// Its topic is named so: `lidar_left`. It begins with `lidar_`.
+    pub name: String,
+    pub ego_from_lidar: Transform<Ego, Lidar>,
+    /// In its own frame.
+    pub points: Vec<LidarPoint>,
+}
+
+/// A cloud between two samples.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sweep {
+    /// The LiDAR's name: `lidar_top`.
+    pub lidar: String,
+    /// Nanoseconds since the Unix epoch, as of the samples.
+    pub time_ns: u64,
+    /// Where the LiDAR was at that time.
+    pub world_from_lidar: Transform<World, Lidar>,
+    /// In the LiDAR frame of that time.
+    pub points: Vec<LidarPoint>,
+}
+
+/// What other sensors than the front camera and the top LiDAR measured, and sweeps since the sample before.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Around<'a> {
+    pub views: &'a [CameraView],
+    pub clouds: &'a [LidarView],
+    /// In order of time.
+    pub sweeps: &'a [Sweep],
+}
+
 /// A part of the world of which the truth says nothing, although other parts are labelled.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]

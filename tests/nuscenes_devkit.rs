@@ -83,3 +83,17 @@ fn the_devkit_reads_the_export_and_scores_as_harmzone_does() {
     let told = done(&[&by_zone, &of[..]].concat());
     assert!(told.contains("for 3 samples"), "{told}");
 }
+
+#[test]
+fn the_devkit_reads_six_cameras_the_whole_turn_and_the_sweeps() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let at = |name: &str| folder.path().join(name);
+    let (data, exported) = (at("data"), at("exported"));
+    let rig = ["--rig", "surround", "--set", "rig.cameras.cam_back.width_px=640", "--set", "sweeps=2"];
+    generate(&data, "2", &[&["--episodes", "2"], &rig[..]].concat());
+    let source = ["--categories", "source", "--version", "v1.0-mini"];
+    done(&[&["export", "nuscenes", text(&data), text(&exported)], &source[..]].concat());
+    let told = check(&[text(&exported), text(&data)]);
+    assert!(told.contains("points of sweeps, in order") && !told.contains("absent"), "{told}");
+    assert!(!exported.join("samples/absent.jpg").exists(), "no camera is missing");
+}

@@ -1,4 +1,4 @@
-"""Pictures of the world through its camera, off screen by EGL."""
+"""Pictures of the world through its cameras, off screen by EGL."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,20 +8,20 @@ from harmzone_sim.world import World
 
 
 class Camera:
-    """Renders the camera of a world; holds the OpenGL context."""
+    """Renders the cameras of a world; holds the OpenGL context."""
 
     def __init__(self, world: World) -> None:
         from mujoco.egl import GLContext
 
         self._world = world
-        self._gl = GLContext(*world.image_size_px)
+        self._gl = GLContext(*world.image_sizes_px[0])
         self._gl.make_current()
         self._painter = Painter(world)
 
-    def draw(self) -> None:
-        """Draws the world as it is now; what follows reads of this picture."""
+    def draw(self, camera: int = 0) -> None:
+        """Draws the world as it is now through one of its cameras; what follows reads of this picture."""
         self._gl.make_current()
-        self._painter.draw()
+        self._painter.draw(camera)
 
     def rgb(self) -> NDArray[np.uint8]:
         """The picture: [height, width, 3], row 0 at the top."""
@@ -43,7 +43,7 @@ class Camera:
         self._gl.make_current()
 
     def close(self) -> None:
-        """Frees what the driver holds for this camera."""
+        """Frees what the driver holds for these cameras."""
         self._gl.make_current()
         self._gl.free()
 

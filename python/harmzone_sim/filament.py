@@ -14,7 +14,7 @@ from harmzone_sim.world import World
 
 
 class FilamentCamera(Camera):
-    """A camera whose colours come from Filament; depth and geom ids from the classic renderer."""
+    """Cameras whose colours come from Filament; depth and geom ids from the classic renderer."""
 
     def __init__(self, world: World) -> None:
         super().__init__(world)
@@ -45,15 +45,22 @@ class FilamentCamera(Camera):
         self._model_scene._renderables.set_options(option)
         self._camera = mujoco.MjvCamera()
         self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
-        self._camera.fixedcamid = world.camera_id
-        width_px, height_px = world.image_size_px
-        self._colours = np.empty((height_px, width_px, 3), dtype=np.uint8)
-        self._filament.target("picture", self._colours)
+        self._colours = []
+        for i, (width_px, height_px) in enumerate(world.image_sizes_px):
+            self._colours.append(np.empty((height_px, width_px, 3), dtype=np.uint8))
+            self._filament.target(f"picture {i}", self._colours[i])
+        self._drawn = 0
         self._view = renderer.View
+
+    def draw(self, camera: int = 0) -> None:
+        """Draws the world as it is now through one of its cameras; what follows reads of this picture."""
+        self._drawn = camera
+        super().draw(camera)
 
     def rgb(self) -> NDArray[np.uint8]:
         """The picture: [height, width, 3], row 0 at the top."""
         self._model_scene.update(self._world.data)
+        self._camera.fixedcamid = self._world.camera_ids[self._drawn]
         camera = mujoco.mjv_camera2GLCamera(self._world.model, self._world.data, self._camera)
-        self._filament.render([self._view(scene="world", target="picture", camera=camera)])
-        return self._colours.copy()
+        self._filament.render([self._view(scene="world", target=f"picture {self._drawn}", camera=camera)])
+        return self._colours[self._drawn].copy()

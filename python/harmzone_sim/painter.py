@@ -36,7 +36,7 @@ class Painter:
         from OpenGL.raw.GL.VERSION.GL_1_4 import glMultiDrawElements
 
         self._gl, self._draw_many = GL, glMultiDrawElements
-        self._world, self._size_px = world, world.image_size_px
+        self._world = world
         self._lights = Lights(world.model)
         self._drawing = Drawing(world.model, world.data, self._lights.casting)
         self._has_shadow = self._lights.casting is not None
@@ -47,9 +47,13 @@ class Painter:
         self._depth_only = Program(GL, self._words(0), DEPTH_SHADER, NO_COLOUR_SHADER)
         if self._has_shadow:
             self._make_shadow_map(int(world.model.vis.quality.shadowsize))
-        self._frame = self._make_frame(0)
         n_samples = min(int(world.model.vis.quality.offsamples), GL.glGetIntegerv(GL.GL_MAX_SAMPLES))
-        self._smooth_frame = self._make_frame(n_samples) if n_samples > 0 else None
+        # Cameras with pictures of one size share their frames.
+        self._frames: dict[tuple[int, int], tuple[int, int | None]] = {}
+        for self._size_px in sorted(set(world.image_sizes_px)):
+            smooth_frame = self._make_frame(n_samples) if n_samples > 0 else None
+            self._frames[self._size_px] = self._make_frame(0), smooth_frame
+        self._choose(0)
 
     def _words(self, has_texture: int) -> dict[str, int]:
         return {"N_LIGHTS": self._lights.n, "HAS_SHADOW": int(self._has_shadow), "HAS_TEXTURE": has_texture}
@@ -131,14 +135,19 @@ class Painter:
             raise RuntimeError(f"OpenGL has no frame of {self._size_px} px with {n_samples} samples: {state}")
         return frame
 
-    def draw(self) -> None:
-        """Draws the present state."""
+    def _choose(self, camera: int) -> None:
+        self._size_px = self._world.image_sizes_px[camera]
+        self._frame, self._smooth_frame = self._frames[self._size_px]
+
+    def draw(self, camera: int) -> None:
+        """Draws the present state through one of the world's cameras; reading is of this picture."""
+        self._choose(camera)
         gl, model, data, drawing = self._gl, self._world.model, self._world.data, self._drawing
         for span in drawing.repaint():
             part = drawing.vertices[span]
             gl.glBindBuffer(gl.GL_ARRAY_BUFFER, self._vertex_buffer)
             gl.glBufferSubData(gl.GL_ARRAY_BUFFER, 4 * N_COLUMNS * span.start, part.nbytes, part)
-        view = camera_view(model, data, self._world.camera_id, self._size_px)
+        view = camera_view(model, data, self._world.camera_ids[camera], self._size_px)
         center_m = drawing.centers_in_world_m(data)
         is_seen = view.sees(center_m, drawing.radius_m)
         gl.glEnable(gl.GL_DEPTH_TEST)

@@ -1,6 +1,7 @@
 """A compiled MuJoCo model and its state."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -17,42 +18,49 @@ _FATAL_WARNINGS = (
 )
 
 
+class Mounted(NamedTuple):
+    """A camera in the frame of the body that carries it.
+
+    position_m: [3]. quaternion: [4] (w, x, y, z; MuJoCo looks along -z, up is y). size_px: width, height.
+    """
+
+    position_m: Array
+    quaternion: Array
+    fovy_deg: float
+    size_px: tuple[int, int]
+
+
 class World:
-    """A model with one camera mounted on a body, and its simulated state."""
+    """A model with cameras mounted on a body, and its simulated state."""
 
     def __init__(
         self,
         xml: str,
         assets: Mapping[str, bytes],
         camera_body: str,
-        camera_position_m: Array,
-        camera_quaternion: Array,
-        camera_fovy_deg: float,
-        image_size_px: tuple[int, int],
+        cameras: Sequence[Mounted],
         n_samples: int,
         shadow_size_px: int,
     ) -> None:
-        """Compiles the model.
-
-        camera_position_m: [3], camera_quaternion: [4] (w, x, y, z; MuJoCo looks along -z, up is y),
-        both in the frame of `camera_body`. image_size_px: width, height.
-        """
+        """Compiles the model with at least one camera on `camera_body`."""
+        cameras = [Mounted(*camera) for camera in cameras]
         spec = mujoco.MjSpec.from_string(xml, assets=dict(assets))
         body = spec.body(camera_body)
         if body is None:
             raise ValueError(f"the model has no body `{camera_body}`")
-        body.add_camera(
-            name="harmzone_camera", pos=camera_position_m, quat=camera_quaternion, fovy=camera_fovy_deg
-        )
-        spec.visual.global_.offwidth, spec.visual.global_.offheight = image_size_px
+        names = [f"harmzone_camera_{i}" for i in range(len(cameras))]
+        for name, camera in zip(names, cameras, strict=True):
+            body.add_camera(name=name, pos=camera.position_m, quat=camera.quaternion, fovy=camera.fovy_deg)
+        self.image_sizes_px = [camera.size_px for camera in cameras]
+        widths_px, heights_px = zip(*self.image_sizes_px, strict=True)
+        spec.visual.global_.offwidth, spec.visual.global_.offheight = max(widths_px), max(heights_px)
         spec.visual.quality.offsamples = n_samples
         spec.visual.quality.shadowsize = shadow_size_px
         # A narrower shadow frustum speckles the road: its depth bias is too small there (measured).
         spec.visual.map.shadowclip = 2.0
         self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
-        self.camera_id = self.model.camera("harmzone_camera").id
-        self.image_size_px = image_size_px
+        self.camera_ids = [self.model.camera(name).id for name in names]
         mujoco.mj_forward(self.model, self.data)
 
     def names(self, kind: str) -> list[str]:

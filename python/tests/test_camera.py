@@ -47,14 +47,14 @@ FORWARD = np.array([0.5, 0.5, -0.5, -0.5])
 
 def a_world(casts: bool, n_samples: int = 0, shadow_px: int = 1024) -> World:
     xml = SCENE.replace("CAST", str(casts).lower())
-    return World(xml, {}, "ego", np.array([0.0, 0.0, 0.5]), FORWARD, 50.0, SIZE_PX, n_samples, shadow_px)
+    return World(xml, {}, "ego", [(np.array([0.0, 0.0, 0.5]), FORWARD, 50.0, SIZE_PX)], n_samples, shadow_px)
 
 
 def mujocos_own(world: World) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     option = mujoco.MjvOption()
     option.geomgroup[:] = (1, 1, 1, 0, 0, 0)
     with mujoco.Renderer(world.model, SIZE_PX[1], SIZE_PX[0]) as renderer:
-        renderer.update_scene(world.data, world.camera_id, option)
+        renderer.update_scene(world.data, world.camera_ids[0], option)
         rgb = renderer.render()
         renderer.enable_depth_rendering()
         depth_m = renderer.render()
@@ -117,7 +117,7 @@ def test_what_a_wall_hides_is_left_out_and_the_picture_stays_the_same(monkeypatc
     )
     xml = SCENE.replace("CAST", "true").replace("</worldbody>", wall + "</worldbody>")
     xml = xml.replace("</asset>", slab.format("0 0 1 0 1 1 0 1 0 0 1 0 1 1 0 1") + "</asset>")
-    world = World(xml, {}, "ego", np.array([0.0, 0.0, 0.5]), FORWARD, 50.0, SIZE_PX, 0, 1024)
+    world = World(xml, {}, "ego", [(np.array([0.0, 0.0, 0.5]), FORWARD, 50.0, SIZE_PX)], 0, 1024)
     shown, hides = [], Depths.hides
     counts = []
 
@@ -137,6 +137,6 @@ def test_what_a_wall_hides_is_left_out_and_the_picture_stays_the_same(monkeypatc
 
 def test_a_light_that_is_not_parallel_is_refused():
     xml = SCENE.replace('directional="true" castshadow="CAST"', 'directional="false"')
-    world = World(xml, {}, "ego", np.zeros(3), FORWARD, 50.0, SIZE_PX, 0, 256)
+    world = World(xml, {}, "ego", [(np.zeros(3), FORWARD, 50.0, SIZE_PX)], 0, 256)
     with pytest.raises(ValueError, match="parallel"):
         Camera(world)

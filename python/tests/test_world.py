@@ -27,7 +27,7 @@ FORWARD = np.array([0.5, 0.5, -0.5, -0.5])
 
 @pytest.fixture(scope="module")
 def world():
-    return World(SCENE, {}, "ego", np.array([0.0, 0.0, 0.5]), FORWARD, 60.0, (80, 60), 0, 256)
+    return World(SCENE, {}, "ego", [(np.array([0.0, 0.0, 0.5]), FORWARD, 60.0, (80, 60))], 0, 256)
 
 
 def test_a_ray_meets_the_wall_and_passes_collision_shapes_and_the_own_car(world):
@@ -57,4 +57,4 @@ def test_the_camera_sees_the_wall_above_the_ground(world):
 
 def test_an_unknown_body_is_named():
     with pytest.raises(ValueError, match="nobody"):
-        World(SCENE, {}, "nobody", np.zeros(3), FORWARD, 60.0, (80, 60), 0, 256)
+        World(SCENE, {}, "nobody", [(np.zeros(3), FORWARD, 60.0, (80, 60))], 0, 256)

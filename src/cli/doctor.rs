@@ -127,8 +127,10 @@ fn devices() -> String {
 fn draw() -> Result<String, SimError> {
     let mount = CameraMount {
         body: "ego".into(),
-        ego_from_camera: Transform::looking_forward(Vector3::new(0.0, 0.0, 1.0), 0.0),
-        intrinsics: Pinhole::from_horizontal_fov(64, 36, 70f64.to_radians()),
+        cameras: vec![(
+            Transform::looking_forward(Vector3::new(0.0, 0.0, 1.0), 0.0),
+            Pinhole::from_horizontal_fov(64, 36, 70f64.to_radians()),
+        )],
         n_samples: 4,
         shadow_size_px: 256,
         renderer: Renderer::Classic,

@@ -2,12 +2,14 @@
 
 use std::path::PathBuf;
 
+use anyhow::Context;
 use clap::Args;
 
 use super::{Bar, ExitStatus, number, one_of, print_summary};
 use crate::config;
 use crate::generate::{self, LidarEngine, Preset, RendererName, RunOptions, preset};
 use crate::scene::SceneSplit;
+use crate::sensors::RigConfig;
 
 #[derive(Debug, Args)]
 pub struct GenerateArgs {
@@ -41,9 +43,10 @@ pub struct GenerateArgs {
     /// Also place unfamiliar objects, of kinds that no training set holds
     #[arg(long)]
     ood: bool,
-    /// Sensor rig (TOML with the tables cameras and lidars) in place of the config's
-    #[arg(long, value_name = "TOML")]
-    rig: Option<PathBuf>,
+    /// Sensor rig in place of the config's: `front`, `surround` (nuScenes' six cameras and the LiDAR's whole turn), or a TOML
+    /// with tables `[cameras.cam_..]` and `[lidars.lidar_..]`; `--set rig...` goes over it
+    #[arg(long, value_name = "RIG")]
+    rig: Option<String>,
     /// Renderer of the camera image; `filament` is physically based and needs mujoco-studio and Vulkan
     /// [default: classic]
     #[arg(long, value_parser = one_of(RendererName::ALL, RendererName::name))]
@@ -80,8 +83,13 @@ pub fn run(args: GenerateArgs) -> anyhow::Result<ExitStatus> {
     if !args.weather.is_empty() {
         config.weathers = args.weather;
     }
-    if let Some(path) = &args.rig {
-        config.rig = config::load(Some(path), &[])?;
+    if let Some(name) = &args.rig {
+        config.rig = RigConfig::named_or_read(name).with_context(|| {
+            format!("the rig `{name}` is neither `front`, `surround` nor a TOML file of a rig")
+        })?;
+        let of_rig: Vec<String> =
+            args.overrides.iter().filter(|text| text.trim_start().starts_with("rig.")).cloned().collect();
+        config = config::with_overrides(&config, &of_rig)?;
     }
     config.render.renderer = args.renderer.unwrap_or(config.render.renderer);
     config.lidar_engine = args.lidar_engine.unwrap_or(config.lidar_engine);

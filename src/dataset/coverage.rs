@@ -4,7 +4,9 @@
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
+use crate::episode::LogFacts;
 use crate::geometry::{Box3, Camera, Ego, Pinhole, Point, Transform};
+use crate::object::LabelledObject;
 use crate::sample::Measured;
 
 /// Nearest depth at which a part of a box counts as seen, metres: pixels run to infinity at the camera itself.
@@ -129,6 +131,16 @@ impl CameraFacts {
     }
 }
 
+/// Keeps what the front camera has in view. A rig may see all round, and a network that reads that camera is not asked for the
+/// rest; of a log its facts say what is annotated, and all is kept.
+pub(super) fn keep_in_view(log: Option<&LogFacts>, measured: &Measured, objects: &mut Vec<LabelledObject>) {
+    if log.is_some() {
+        return;
+    }
+    let camera = CameraFacts::of(measured);
+    objects.retain(|object| camera.rectangle_of(&object.truth.box_in_ego).is_some());
+}
+
 /// How many LiDAR points lie in each of some boxes.
 #[must_use]
 pub fn count_points<'a>(measured: &Measured, boxes: impl IntoIterator<Item = &'a Box3<Ego>>) -> Vec<u32> {
@@ -183,6 +195,21 @@ mod tests {
         let sees = |x_m, y_m, z_m| camera().sees_across(Point::new(x_m, y_m, z_m));
         assert!(sees(20.0, 0.0, 0.5) && sees(2.2, 0.0, 0.0));
         assert!(!sees(10.0, 9.0, 0.5) && !sees(-10.0, 0.0, 0.5));
+    }
+
+    #[test]
+    fn what_only_another_camera_sees_is_not_the_front_cameras_truth() {
+        let sample = test_data::dataset(1).samples()[0].clone();
+        let at = |box_in_ego| {
+            let mut object = sample.objects[0].clone();
+            object.truth.box_in_ego = box_in_ego;
+            object
+        };
+        let mut objects =
+            vec![at(car(20.0, 0.0)), at(car(-20.0, 0.0)), at(car(5.0, 15.0)), at(car(8.0, 5.0))];
+        keep_in_view(None, &sample.measured, &mut objects);
+        let kept: Vec<f64> = objects.iter().map(|object| object.truth.box_in_ego.center.x()).collect();
+        assert_eq!(kept, [20.0, 8.0], "the last one is in view in part");
     }
 
     #[test]

@@ -323,7 +323,9 @@ fn read_labelled(
             let true_state = *sample.true_state();
             let Sample { measured, truth } = sample;
             let (objects, ignored) = truth.map(|truth| (truth.objects, truth.ignored)).unzip();
-            let objects = pair(objects.unwrap_or_default(), labels).ok_or_else(|| mismatch(sample_idx))?;
+            let mut objects =
+                pair(objects.unwrap_or_default(), labels).ok_or_else(|| mismatch(sample_idx))?;
+            coverage::keep_in_view(reader.log(), &measured, &mut objects);
             Ok((measured, true_state, objects, ignored))
         })
         .collect::<Result<_, DatasetError>>()?;

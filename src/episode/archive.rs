@@ -90,6 +90,11 @@ impl ArchiveWriter {
         Ok(())
     }
 
+    /// Time of the last sample.
+    pub(super) fn last_ns(&self) -> Option<u64> {
+        (self.n_samples > 0).then_some(self.time_ns)
+    }
+
     /// Adds a message to the current sample.
     pub(super) fn write<M: TopicMessage>(
         &mut self,
@@ -105,11 +110,21 @@ impl ArchiveWriter {
         topic: &str,
         message: &M,
     ) -> Result<(), EpisodeError> {
+        self.write_at(self.time_ns, topic, message)
+    }
+
+    /// As [`Self::write_named`], of another time than the sample's.
+    pub(super) fn write_at<M: TopicMessage>(
+        &mut self,
+        time_ns: u64,
+        topic: &str,
+        message: &M,
+    ) -> Result<(), EpisodeError> {
         let header = MessageHeader {
             channel_id: *self.channels.get(topic).expect("a file's topics are declared before messages"),
             sequence: u32::try_from(self.n_samples.saturating_sub(1)).unwrap_or(u32::MAX),
-            log_time: self.time_ns,
-            publish_time: self.time_ns,
+            log_time: time_ns,
+            publish_time: time_ns,
         };
         self.with(|writer| writer.write_to_known_channel(&header, &message.encode_to_vec()))
     }

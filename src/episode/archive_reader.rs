@@ -33,6 +33,8 @@ pub(super) struct Archive {
     summary: mcap::Summary,
     /// Channel numbers by topic, of the topics that the reader takes.
     channels: BTreeMap<String, u16>,
+    /// Those of them that belong to no sample.
+    aside: BTreeSet<u16>,
 }
 
 /// One message as it lies in a chunk.
@@ -50,7 +52,8 @@ impl Archive {
     /// another schema.
     pub(super) fn open(path: &Path, wanted: &[TopicSpec]) -> Result<Self, EpisodeError> {
         let summary = read_summary(path)?;
-        let mut archive = Self { path: path.to_owned(), summary, channels: BTreeMap::new() };
+        let mut archive =
+            Self { path: path.to_owned(), summary, channels: BTreeMap::new(), aside: BTreeSet::new() };
         let lacks = |topic: &&TopicSpec| !archive.has(topic.name);
         if wanted.iter().any(|topic| lacks(&topic)) {
             let missing = wanted.iter().filter(lacks).map(|topic| topic.name).collect();
@@ -94,6 +97,11 @@ impl Archive {
         }
         self.channels.insert(topic.to_owned(), channel.id);
         Ok(())
+    }
+
+    /// Keeps the messages of a taken topic out of samples.
+    pub(super) fn set_aside(&mut self, topic: &str) {
+        self.aside.insert(self.channel(topic));
     }
 
     /// Number of a topic's channel.
@@ -156,18 +164,50 @@ impl Archive {
     pub(super) fn sample(&self, sample_idx: usize, time_ns: u64) -> Result<SampleMessages<'_>, EpisodeError> {
         let (begin_ns, end_ns) =
             (time_ns.saturating_sub(STAMP_TOLERANCE_NS), time_ns.saturating_add(STAMP_TOLERANCE_NS));
-        let mut messages = Vec::new();
-        for chunk in &self.summary.chunk_indexes {
-            if chunk.message_start_time <= end_ns && begin_ns <= chunk.message_end_time {
-                self.read_chunk(chunk, &mut messages)?;
-            }
-        }
-        messages.retain(|message| (begin_ns..=end_ns).contains(&message.time_ns));
+        let of_samples = self.channels.values().filter(|channel| !self.aside.contains(channel));
+        let wanted: Vec<u16> = of_samples.copied().collect();
+        let messages = self.between(begin_ns, end_ns, &wanted)?;
         // No CRC protects the index from which the time comes, and those of chunks do protect messages.
         if !messages.iter().any(|message| message.time_ns == time_ns) {
             return Err(self.damaged(McapError::BadIndex));
         }
         Ok(SampleMessages { archive: self, sample_idx, time_ns, messages })
+    }
+
+    /// The messages on some topics from one time to another, each with its topic and time, in order of time.
+    ///
+    /// # Errors
+    /// Damage, or a topic has another schema.
+    pub(super) fn all_between<M: TopicMessage>(
+        &self,
+        topics: &[String],
+        begin_ns: u64,
+        end_ns: u64,
+    ) -> Result<Vec<(String, u64, M)>, EpisodeError> {
+        let channels: BTreeMap<u16, &String> =
+            topics.iter().map(|topic| (self.channel(topic), topic)).collect();
+        let wanted: Vec<u16> = channels.keys().copied().collect();
+        let mut messages = self.between(begin_ns, end_ns, &wanted)?;
+        messages.sort_by_key(|message| (message.time_ns, message.channel_id));
+        let decode = |(i, raw): (usize, RawMessage)| {
+            Ok((channels[&raw.channel_id].clone(), raw.time_ns, self.decode(i, raw.bytes)?))
+        };
+        messages.into_iter().enumerate().map(decode).collect()
+    }
+
+    /// The messages of some channels from one time to another.
+    fn between(&self, begin_ns: u64, end_ns: u64, wanted: &[u16]) -> Result<Vec<RawMessage>, EpisodeError> {
+        let mut messages = Vec::new();
+        for chunk in &self.summary.chunk_indexes {
+            // A file without offsets does not tell what its chunks hold.
+            let of = &chunk.message_index_offsets;
+            let holds = of.is_empty() || wanted.iter().any(|channel| of.contains_key(channel));
+            if holds && chunk.message_start_time <= end_ns && begin_ns <= chunk.message_end_time {
+                self.read_chunk(chunk, wanted, &mut messages)?;
+            }
+        }
+        messages.retain(|message| (begin_ns..=end_ns).contains(&message.time_ns));
+        Ok(messages)
     }
 
     /// All messages of a topic with their times, in order of time.
@@ -177,9 +217,8 @@ impl Archive {
     ) -> Result<Vec<(u64, M)>, EpisodeError> {
         let (wanted, mut messages) = (self.channel(topic.name), Vec::new());
         for chunk in &self.summary.chunk_indexes {
-            self.read_chunk(chunk, &mut messages)?;
+            self.read_chunk(chunk, &[wanted], &mut messages)?;
         }
-        messages.retain(|message| message.channel_id == wanted);
         self.check_count(topic.name, messages.len())?;
         messages.sort_by_key(|message| message.time_ns);
         let decode =
@@ -187,13 +226,13 @@ impl Archive {
         messages.into_iter().enumerate().map(decode).collect()
     }
 
-    /// Adds a chunk's messages of the wanted topics.
+    /// Adds a chunk's messages of the wanted channels.
     fn read_chunk(
         &self,
         chunk: &mcap::records::ChunkIndex,
+        wanted: &[u16],
         messages: &mut Vec<RawMessage>,
     ) -> Result<(), EpisodeError> {
-        let wanted: Vec<u16> = self.channels.values().copied().collect();
         let (begin, n_bytes, n_unpacked) =
             (chunk.chunk_start_offset, chunk.chunk_length, chunk.uncompressed_size);
         read_records(&self.path, begin, n_bytes, n_unpacked, |record| match record {

@@ -7,7 +7,7 @@ use foxglove::messages as fox;
 use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
 use super::error::MessageFault;
-use crate::geometry::{Ego, Frame, Lidar, Point, Transform};
+use crate::geometry::{Ego, Frame, Lidar, Point, Transform, World};
 use crate::sample::{EncodedImage, ImageFormat, LidarPoint, Measured, Sample};
 use crate::sensors::lidar::is_in_view;
 
@@ -70,6 +70,15 @@ fn pose_of(message: &fox::PointCloud) -> Result<Isometry3<f64>, MessageFault> {
         ));
     }
     Ok(Isometry3::from_parts(translation, UnitQuaternion::new_unchecked(rotation)))
+}
+
+/// Where a LiDAR was in the world, by the pose of a cloud in `map`.
+pub(super) fn pose_in_world(message: &fox::PointCloud) -> Result<Transform<World, Lidar>, MessageFault> {
+    if message.frame_id != World::NAME {
+        let found = format!("`{}`", message.frame_id);
+        return Err(MessageFault::new("frame_id of the sweep", found, "`map` is needed"));
+    }
+    pose_of(message).map(Transform::from_isometry)
 }
 
 /// Refuses points that cannot be metres.

@@ -7,7 +7,9 @@ use nalgebra::{Isometry3, Quaternion, Translation3, Unit};
 use super::error::MessageFault;
 use super::messages::{fox_identity, fox_parts, fox_time, own_time, wire};
 use crate::geometry::{Ego, Frame, Lidar, Pinhole, Transform, World};
-use crate::sample::{CameraView, EgoState, EncodedImage, ImageFormat, LidarPoint, Measured, Sample};
+use crate::sample::{
+    Around, CameraView, EgoState, EncodedImage, ImageFormat, LidarPoint, LidarView, Measured, Sample, Sweep,
+};
 
 pub(super) const FINITE: &str = "a finite number is needed";
 
@@ -71,7 +73,7 @@ macro_rules! state_fields {
 }
 state_fields!(speed_mps, steering_angle_rad, yaw_rate_rps, acceleration_mps2, wheelbase_m, front_bumper_x_m);
 
-pub(super) fn transforms_message(measured: &Measured, views: &[CameraView]) -> fox::FrameTransforms {
+pub(super) fn transforms_message(measured: &Measured, around: Around<'_>) -> fox::FrameTransforms {
     let time_ns = measured.time_ns;
     let own = [
         transform_message(time_ns, &measured.world_from_ego),
@@ -82,7 +84,12 @@ pub(super) fn transforms_message(measured: &Measured, views: &[CameraView]) -> f
         child_frame_id: view.name.clone(),
         ..transform_message(time_ns, &view.ego_from_camera)
     };
-    fox::FrameTransforms { transforms: own.into_iter().chain(views.iter().map(of_view)).collect() }
+    let of_cloud = |cloud: &LidarView| fox::FrameTransform {
+        child_frame_id: cloud.name.clone(),
+        ..transform_message(time_ns, &cloud.ego_from_lidar)
+    };
+    let others = around.views.iter().map(of_view).chain(around.clouds.iter().map(of_cloud));
+    fox::FrameTransforms { transforms: own.into_iter().chain(others).collect() }
 }
 
 fn transform_message<A: Frame, B: Frame>(time_ns: u64, a_from_b: &Transform<A, B>) -> fox::FrameTransform {
@@ -213,7 +220,7 @@ fn point_fields() -> Vec<fox::PackedElementField> {
     .to_vec()
 }
 
-pub(super) fn cloud_message(time_ns: u64, points: &[LidarPoint]) -> fox::PointCloud {
+pub(super) fn cloud_message(time_ns: u64, lidar: &str, points: &[LidarPoint]) -> fox::PointCloud {
     let mut data = Vec::with_capacity(points.len() * POINT_STRIDE);
     for point in points {
         for value in [point.x_m, point.y_m, point.z_m, point.intensity] {
@@ -223,11 +230,20 @@ pub(super) fn cloud_message(time_ns: u64, points: &[LidarPoint]) -> fox::PointCl
     }
     fox::PointCloud {
         timestamp: Some(fox_time(time_ns)),
-        frame_id: Lidar::NAME.to_owned(),
+        frame_id: lidar.to_owned(),
         pose: Some(fox_identity()),
         point_stride: u32::try_from(POINT_STRIDE).expect("18 fits"),
         fields: point_fields(),
         data: data.into(),
+    }
+}
+
+/// A cloud between samples: its points in the LiDAR frame, its `pose` that of the LiDAR in `map` at its time.
+pub(super) fn sweep_message(sweep: &Sweep) -> fox::PointCloud {
+    let (position, orientation) = fox_parts(&sweep.world_from_lidar);
+    fox::PointCloud {
+        pose: Some(fox::Pose { position: Some(position), orientation: Some(orientation) }),
+        ..cloud_message(sweep.time_ns, World::NAME, &sweep.points)
     }
 }
 

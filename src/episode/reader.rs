@@ -8,12 +8,13 @@ use foxglove::messages as fox;
 use super::archive_reader::{Archive, SampleMessages};
 use super::error::{EpisodeError, MessageFault};
 use super::manifest::{EpisodeEntry, Manifest};
-use super::messages::{TopicMessage, wire};
-use super::{EpisodeMeta, LogFacts, MapDrawing, checks, convert, drawing, objects, regions, topics};
+use super::messages::wire;
+use super::{
+    EpisodeMeta, LogFacts, MapDrawing, OtherSensors, checks, convert, drawing, objects, regions, topics,
+};
 use crate::files::sha256_of;
-use crate::geometry::{Camera, Frame};
 use crate::object::Object;
-use crate::sample::{CameraView, Measured, Sample, Truth};
+use crate::sample::{CameraView, LidarView, Measured, Sample, Sweep, Truth};
 
 /// An episode of which the index has been read; samples are read when asked for.
 ///
@@ -66,8 +67,7 @@ pub struct EpisodeReader {
     log: Option<LogFacts>,
     /// Whether its samples have truth.
     has_truth: bool,
-    /// Cameras beside the front one, sorted.
-    cameras: Vec<String>,
+    others: OtherSensors,
     /// Log times of the samples, in order.
     times_ns: Vec<u64>,
     /// What intensities are multiplied by: 255 where they are from 0 to 1.
@@ -98,27 +98,21 @@ impl EpisodeReader {
         let meta =
             EpisodeMeta::from_record(&archive.metadata(EpisodeMeta::RECORD)?, EpisodeMeta::RECORD, path)?;
         let log = LogFacts::from_record(&archive.metadata(LogFacts::RECORD)?, path)?;
-        let cameras: Vec<String> =
-            archive.topics().filter_map(topics::camera_of).map(str::to_owned).collect();
-        let cameras: Vec<String> = cameras.into_iter().filter(|name| name != Camera::NAME).collect();
+        let others = OtherSensors::of(&mut archive)?;
         let mut wanted: Vec<String> = topics::EACH_SAMPLE.iter().map(|topic| topic.name.to_owned()).collect();
         for optional in [topics::OBJECTS.spec(), topics::IGNORED.spec()] {
             archive.take(optional.name, optional.schema)?;
             wanted.extend(archive.has(optional.name).then(|| optional.name.to_owned()));
         }
         archive.take(topics::MAP.name, topics::MAP.spec().schema)?;
-        for [image, info] in cameras.iter().map(|name| topics::of_camera(name)) {
-            archive.take(&image, fox::CompressedImage::schema)?;
-            archive.take(&info, fox::CameraCalibration::schema)?;
-            wanted.extend([image, info]);
-        }
+        wanted.extend(others.each_sample());
         for topic in &wanted {
             archive.check_count(topic, meta.n_samples)?;
         }
         let times_ns = archive.times(topics::EGO_STATE.name)?;
         archive.check_count(topics::EGO_STATE.name, times_ns.len())?;
         let has_truth = archive.has(topics::OBJECTS.name);
-        Ok(Self { archive, meta, log, has_truth, cameras, times_ns, intensity_scale: OnceLock::new() })
+        Ok(Self { archive, meta, log, has_truth, others, times_ns, intensity_scale: OnceLock::new() })
     }
 
     /// Opens an episode of a data set's folder, and checks that it is the file of which the manifest speaks.
@@ -164,7 +158,19 @@ impl EpisodeReader {
     /// Names of the cameras beside the front one, sorted.
     #[must_use]
     pub fn cameras(&self) -> &[String] {
-        &self.cameras
+        &self.others.cameras
+    }
+
+    /// Names of the LiDARs beside the top one, sorted.
+    #[must_use]
+    pub fn lidars(&self) -> &[String] {
+        &self.others.lidars
+    }
+
+    /// Names of the LiDARs that have sweeps between samples, sorted.
+    #[must_use]
+    pub fn sweeping(&self) -> &[String] {
+        &self.others.sweeping
     }
 
     /// How many samples there are.
@@ -272,7 +278,47 @@ impl EpisodeReader {
             };
             build().map_err(EpisodeError::invalid(&self.meta.name, sample_idx, self.path()))
         };
-        self.cameras.iter().map(read).collect()
+        self.others.cameras.iter().map(read).collect()
+    }
+
+    /// The clouds of the LiDARs beside the top one.
+    ///
+    /// # Errors
+    /// As [`Self::sample`].
+    pub fn clouds(&self, sample_idx: usize) -> Result<Vec<LidarView>, EpisodeError> {
+        let messages = self.messages(sample_idx)?;
+        let tf = messages.one(topics::TF)?;
+        let read = |name: &String| {
+            let cloud: fox::PointCloud = messages.one_named(&topics::of_lidar(name))?;
+            let build = || -> Result<LidarView, MessageFault> {
+                let (ego_from_lidar, points) =
+                    (convert::transform_to(&tf, name)?, convert::points_of(&cloud)?);
+                Ok(LidarView { name: name.clone(), ego_from_lidar, points })
+            };
+            build().map_err(EpisodeError::invalid(&self.meta.name, sample_idx, self.path()))
+        };
+        self.others.lidars.iter().map(read).collect()
+    }
+
+    /// The clouds between the sample before and this one, in order of time; before the first sample there is none.
+    ///
+    /// # Errors
+    /// As [`Self::sample`].
+    pub fn sweeps(&self, sample_idx: usize) -> Result<Vec<Sweep>, EpisodeError> {
+        let Some(before) = sample_idx.checked_sub(1).filter(|_| sample_idx < self.len()) else {
+            return Ok(Vec::new());
+        };
+        let (begin_ns, end_ns) = (self.times_ns[before], self.times_ns[sample_idx]);
+        let topics: Vec<String> = self.others.sweeping.iter().map(|name| topics::of_sweeps(name)).collect();
+        let read = |(topic, time_ns, cloud): (String, u64, fox::PointCloud)| {
+            let lidar = topics::lidar_of_sweeps(&topic).expect("only such topics are asked for").to_owned();
+            let build = || -> Result<Sweep, MessageFault> {
+                let world_from_lidar = checks::pose_in_world(&cloud)?;
+                Ok(Sweep { lidar, time_ns, world_from_lidar, points: convert::points_of(&cloud)? })
+            };
+            build().map_err(EpisodeError::invalid(&self.meta.name, sample_idx, self.path()))
+        };
+        self.archive.all_between(&topics, begin_ns, end_ns)?.into_iter().map(read).collect()
     }
 
     /// All samples in order.

@@ -9,7 +9,7 @@ use super::topics::Topic;
 use super::*;
 use crate::geometry::{Box3, Pinhole, Point, Point2, Transform};
 use crate::object::{Detection, Distribution, Event, Harm, Kind, Object, SolidPart, Spot};
-use crate::sample::{EgoState, EncodedImage, ImageFormat, LidarPoint, Measured, Sample, Truth};
+use crate::sample::{Around, EgoState, EncodedImage, ImageFormat, LidarPoint, Measured, Sample, Truth};
 use nalgebra::Vector3;
 
 pub(super) fn meta() -> EpisodeMeta {
@@ -249,7 +249,7 @@ fn error_on_reading(broken: Sample) -> String {
     let mut writer = EpisodeWriter::create(&path, &meta(), &map()).unwrap();
     writer.write(&sample(0)).unwrap();
     assert!(writer.write(&broken).is_err(), "the writer refuses it too");
-    writer.write_unchecked(&broken, &[]).unwrap();
+    writer.write_unchecked(&broken, Around::default()).unwrap();
     writer.finish().unwrap();
     let reader = EpisodeReader::open(&path).unwrap();
     assert!(reader.sample(0).is_ok());

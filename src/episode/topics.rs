@@ -76,6 +76,33 @@ pub fn of_camera(name: &str) -> [String; 2] {
     [format!("/{name}{IMAGE_SUFFIX}"), format!("/{name}/camera_info")]
 }
 
+/// The end of the topics of clouds between samples.
+const SWEEPS_SUFFIX: &str = "/sweeps";
+
+/// The topic of a LiDAR's clouds.
+#[must_use]
+pub fn of_lidar(name: &str) -> String {
+    format!("/{name}")
+}
+
+/// The topic of a LiDAR's clouds between samples.
+#[must_use]
+pub fn of_sweeps(name: &str) -> String {
+    format!("/{name}{SWEEPS_SUFFIX}")
+}
+
+/// The LiDAR whose clouds a topic carries: its name begins with `lidar_`.
+#[must_use]
+pub fn lidar_of(topic: &str) -> Option<&str> {
+    topic.strip_prefix('/').filter(|name| name.starts_with("lidar_") && !name.contains('/'))
+}
+
+/// The LiDAR whose clouds between samples a topic carries.
+#[must_use]
+pub fn lidar_of_sweeps(topic: &str) -> Option<&str> {
+    lidar_of(topic.strip_suffix(SWEEPS_SUFFIX)?)
+}
+
 /// The camera whose pictures a topic carries.
 #[must_use]
 pub fn camera_of(topic: &str) -> Option<&str> {

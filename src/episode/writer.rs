@@ -9,10 +9,10 @@ use super::drawing::{self, MapDrawing};
 use super::error::{EpisodeError, MessageFault};
 use super::manifest::ObjectCounts;
 use super::messages::TopicMessage;
-use super::{EpisodeMeta, LogFacts, convert, objects, regions, topics};
+use super::{EpisodeMeta, LogFacts, OtherSensors, convert, objects, regions, topics};
 use crate::files::sha256_of;
-use crate::geometry::{Camera, Frame};
-use crate::sample::{CameraView, Sample};
+use crate::geometry::{Camera, Frame, Lidar};
+use crate::sample::{Around, CameraView, Sample};
 
 /// The content of a finished episode, counted.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -31,8 +31,8 @@ pub struct EpisodeWriter {
     meta: EpisodeMeta,
     /// `None` in a simulated episode.
     log: Option<LogFacts>,
-    /// Cameras beside the front one, in the order in which they are written.
-    cameras: Vec<String>,
+    /// In the order in which they are written.
+    others: OtherSensors,
     map: MapDrawing,
     /// Of a log, for the record `scene-info`.
     description: String,
@@ -45,7 +45,20 @@ impl EpisodeWriter {
     /// # Errors
     /// The file cannot be made.
     pub fn create(path: &Path, meta: &EpisodeMeta, map: &MapDrawing) -> Result<Self, EpisodeError> {
-        Self::start(path, meta, None, &[], map)
+        Self::start(path, meta, None, OtherSensors::default(), map)
+    }
+
+    /// Starts an episode of a rig with other sensors beside the front camera and the top LiDAR.
+    ///
+    /// # Errors
+    /// The file cannot be made.
+    pub fn create_rig(
+        path: &Path,
+        meta: &EpisodeMeta,
+        others: OtherSensors,
+        map: &MapDrawing,
+    ) -> Result<Self, EpisodeError> {
+        Self::start(path, meta, None, others, map)
     }
 
     /// Starts an episode that is imported from a log, with these cameras beside the front one.
@@ -59,14 +72,15 @@ impl EpisodeWriter {
         cameras: &[String],
         map: &MapDrawing,
     ) -> Result<Self, EpisodeError> {
-        Self::start(path, meta, Some(log), cameras, map)
+        let others = OtherSensors { cameras: cameras.to_vec(), ..OtherSensors::default() };
+        Self::start(path, meta, Some(log), others, map)
     }
 
     fn start(
         path: &Path,
         meta: &EpisodeMeta,
         log: Option<&LogFacts>,
-        cameras: &[String],
+        others: OtherSensors,
         map: &MapDrawing,
     ) -> Result<Self, EpisodeError> {
         let mut archive = ArchiveWriter::create(path, topics::OF_MEASURED)?;
@@ -78,16 +92,19 @@ impl EpisodeWriter {
         for topic in of_truth.into_iter().flatten() {
             archive.declare(topic.name, topic.schema)?;
         }
-        for name in cameras {
+        for name in &others.cameras {
             let [image, info] = topics::of_camera(name);
             archive.declare(&image, fox::CompressedImage::schema)?;
             archive.declare(&info, fox::CameraCalibration::schema)?;
+        }
+        for topic in others.clouds() {
+            archive.declare(&topic, fox::PointCloud::schema)?;
         }
         Ok(Self {
             archive,
             meta: meta.clone(),
             log: log.cloned(),
-            cameras: cameras.to_vec(),
+            others,
             map: map.clone(),
             description: log.map(|log| format!("{} {}", log.format, log.drive)).unwrap_or_default(),
             n_objects: ObjectCounts::default(),
@@ -100,7 +117,7 @@ impl EpisodeWriter {
     /// A number that is not finite, a box without size, two objects of one id, a time that does not
     /// advance, a sample without truth in an episode with truth or the other way round, or the disk fails.
     pub fn write(&mut self, sample: &Sample) -> Result<(), EpisodeError> {
-        self.write_with(sample, &[])
+        self.write_around(sample, Around::default())
     }
 
     /// Adds a sample with the pictures of the further cameras, in the order in which the episode was started.
@@ -108,26 +125,45 @@ impl EpisodeWriter {
     /// # Errors
     /// As [`Self::write`]; other cameras than the episode's.
     pub fn write_with(&mut self, sample: &Sample, views: &[CameraView]) -> Result<(), EpisodeError> {
-        self.check(sample, views).map_err(EpisodeError::invalid(
+        self.write_around(sample, Around { views, ..Around::default() })
+    }
+
+    /// Adds a sample with what all other sensors measured, in the order in which the episode was started.
+    ///
+    /// # Errors
+    /// As [`Self::write`]; other sensors than the episode's, or sweeps that are not between the last sample and this one.
+    pub fn write_around(&mut self, sample: &Sample, around: Around<'_>) -> Result<(), EpisodeError> {
+        self.check(sample, around).map_err(EpisodeError::invalid(
             &self.meta.name,
             self.archive.n_samples,
             &self.archive.path,
         ))?;
-        self.write_unchecked(sample, views)
+        self.write_unchecked(sample, around)
     }
 
     pub(super) fn write_unchecked(
         &mut self,
         sample: &Sample,
-        views: &[CameraView],
+        around: Around<'_>,
     ) -> Result<(), EpisodeError> {
         let measured = &sample.measured;
         let (time_ns, archive) = (measured.time_ns, &mut self.archive);
         archive.begin_sample(time_ns)?;
+        if !around.sweeps.is_empty() {
+            // In a chunk of their own, so that who reads samples never unpacks them.
+            for sweep in around.sweeps {
+                archive.write_at(
+                    sweep.time_ns,
+                    &topics::of_sweeps(&sweep.lidar),
+                    &convert::sweep_message(sweep),
+                )?;
+            }
+            archive.end_chunk()?;
+        }
         if archive.n_samples == 1 {
             archive.write(topics::MAP, &drawing::map_update(time_ns, &self.map))?;
         }
-        archive.write(topics::TF, &convert::transforms_message(measured, views))?;
+        archive.write(topics::TF, &convert::transforms_message(measured, around))?;
         archive.write(topics::EGO_POSE, &convert::pose_message(time_ns, &measured.world_from_ego))?;
         archive.write(topics::EGO_STATE, &convert::state_message(sample))?;
         archive.write(topics::IMAGE, &convert::image_message(time_ns, Camera::NAME, &measured.image))?;
@@ -135,7 +171,7 @@ impl EpisodeWriter {
             topics::CAMERA_INFO,
             &convert::camera_message(time_ns, Camera::NAME, &measured.intrinsics),
         )?;
-        archive.write(topics::LIDAR, &convert::cloud_message(time_ns, &measured.points))?;
+        archive.write(topics::LIDAR, &convert::cloud_message(time_ns, Lidar::NAME, &measured.points))?;
         if let Some(truth) = &sample.truth {
             archive.write(topics::OBJECTS, &objects::objects_message(time_ns, &truth.objects))?;
             archive.write(topics::MARKERS, &drawing::truth_markers(time_ns, &truth.objects))?;
@@ -143,10 +179,14 @@ impl EpisodeWriter {
                 archive.write(topics::IGNORED, &regions::regions_message(time_ns, &truth.ignored))?;
             }
         }
-        for view in views {
+        for view in around.views {
             let [image, info] = topics::of_camera(&view.name);
             archive.write_named(&image, &convert::image_message(time_ns, &view.name, &view.image))?;
             archive.write_named(&info, &convert::camera_message(time_ns, &view.name, &view.intrinsics))?;
+        }
+        for cloud in around.clouds {
+            let message = convert::cloud_message(time_ns, &cloud.name, &cloud.points);
+            archive.write_named(&topics::of_lidar(&cloud.name), &message)?;
         }
         archive.end_chunk()?;
         for object in sample.objects() {
@@ -163,7 +203,7 @@ impl EpisodeWriter {
     }
 
     /// Whether a reader will accept the sample.
-    fn check(&self, sample: &Sample, views: &[CameraView]) -> Result<(), MessageFault> {
+    fn check(&self, sample: &Sample, around: Around<'_>) -> Result<(), MessageFault> {
         convert::check_measured(&sample.measured)?;
         let has_truth = self.log.as_ref().is_none_or(|log| log.labelled.is_some());
         if has_truth != sample.truth.is_some() {
@@ -180,12 +220,7 @@ impl EpisodeWriter {
             truth.ignored.iter().try_for_each(regions::check_region)?;
             truth.ego_state.iter().try_for_each(convert::check_state)?;
         }
-        if !views.iter().map(|view| &view.name).eq(&self.cameras) {
-            let found: Vec<&str> = views.iter().map(|view| view.name.as_str()).collect();
-            let found = format!("{found:?} in an episode with {:?}", self.cameras);
-            return Err(MessageFault::new("cameras", found, "the same cameras in each sample are needed"));
-        }
-        views.iter().try_for_each(|view| convert::check_pinhole(&view.intrinsics))?;
+        self.others.check(around, self.archive.last_ns(), sample.measured.time_ns)?;
         check_ids(sample)
     }
 

@@ -6,26 +6,29 @@ use super::AnnotationConfig;
 use crate::geometry::{Box3, Ego, Frame, Point, Transform, World};
 use crate::object::{Event, Object, SolidPart};
 use crate::scene::SceneObject;
-use crate::sensors::{Rig, silhouette_px};
+use crate::sensors::{Rig, RigCamera, RigLidar, silhouette_px};
 
 /// Cosine of the greatest tilt at which what is solid of a standing model still is.
 const UPRIGHT: f64 = 0.97;
 
 /// An object at one instant.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(super) struct Observation {
     pub world_from_model: Isometry3<f64>,
     /// One control step earlier.
     pub world_from_model_before: Isometry3<f64>,
+    /// Of all LiDARs together.
     pub n_lidar_points: u32,
-    pub visible_px: u32,
+    /// Of each camera of the rig.
+    pub visible_px: Vec<u32>,
     /// Height of the ground under it, in the world frame.
     pub ground_m: f64,
     /// Which of its looks it has.
     pub shape: usize,
 }
 
-/// The object's truth, if the object is annotated: background never is.
+/// The object's truth, if the object is annotated: it is hit or seen, and in view of a camera, or of a LiDAR that reports
+/// its whole turn; background never is. What is visible of it is what the camera sees that sees most of it.
 pub(super) fn annotate(
     object: &SceneObject,
     seen: &Observation,
@@ -37,8 +40,8 @@ pub(super) fn annotate(
     if object.is_background {
         return None;
     }
-    if seen.n_lidar_points < config.min_lidar_points.max(1) && seen.visible_px < config.min_visible_px.max(1)
-    {
+    let (camera_idx, visible_px) = (0..).zip(seen.visible_px.iter().copied()).max_by_key(|&(_, px)| px)?;
+    if seen.n_lidar_points < config.min_lidar_points.max(1) && visible_px < config.min_visible_px.max(1) {
         return None;
     }
     let ego_from_world = world_from_ego.inverse();
@@ -56,15 +59,22 @@ pub(super) fn annotate(
     if distance_m > config.max_range_m {
         return None;
     }
-    let camera_from_model =
-        (rig.front().ego_from_camera.inverse() * ego_from_world).isometry * seen.world_from_model;
-    let triangles: Vec<[Point3<f64>; 3]> = object
-        .triangles_as(seen.shape)
-        .iter()
-        .map(|triangle| triangle.map(|corner| camera_from_model * corner.cast::<f64>()))
-        .collect();
-    let whole_px = silhouette_px(&triangles, &rig.front().intrinsics);
-    if whole_px == 0 {
+    let whole_px_in = |camera: &RigCamera| {
+        let camera_from_world = camera.ego_from_camera.inverse() * ego_from_world;
+        let camera_from_model = camera_from_world.isometry * seen.world_from_model;
+        let triangles: Vec<[Point3<f64>; 3]> = object
+            .triangles_as(seen.shape)
+            .iter()
+            .map(|triangle| triangle.map(|corner| camera_from_model * corner.cast::<f64>()))
+            .collect();
+        silhouette_px(&triangles, &camera.intrinsics)
+    };
+    let whole_px = if visible_px > 0 {
+        whole_px_in(&rig.cameras[camera_idx])
+    } else {
+        rig.cameras.iter().map(whole_px_in).find(|&px| px > 0).unwrap_or(0)
+    };
+    if whole_px == 0 && !rig.lidars.iter().any(RigLidar::is_full) {
         return None;
     }
     let middle = nalgebra::center(&object.bounds[0], &object.bounds[1]);
@@ -78,8 +88,8 @@ pub(super) fn annotate(
         kind: Some(object.kind),
         distribution: Some(object.distribution),
         n_lidar_points: Some(seen.n_lidar_points),
-        visible_px: Some(seen.visible_px),
-        visible_fraction: Some((f64::from(seen.visible_px) / f64::from(whole_px)).min(1.0)),
+        visible_px: Some(visible_px),
+        visible_fraction: Some((f64::from(visible_px) / f64::from(whole_px.max(1))).min(1.0)),
         event: Some(object.event),
         spot: Some(object.spot),
         is_tipped: Some(object.is_tipped),
@@ -199,7 +209,7 @@ mod tests {
             world_from_model: pose,
             world_from_model_before: before,
             n_lidar_points: points,
-            visible_px: px,
+            visible_px: vec![px],
             ground_m: -0.1,
             shape: 0,
         };

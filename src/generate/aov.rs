@@ -1,6 +1,7 @@
 //! Further pictures of each sample, for uses that need more than annotations (`render.aov`).
 //!
-//! `aov/<episode>/<sample>.exr`, losslessly compressed, one layer of the camera's size with the channels
+//! `aov/<episode>/<sample>.exr` of the front camera and `aov/<episode>/<camera>/<sample>.exr` of each other one, losslessly
+//! compressed, one layer of the camera's size with the channels
 //! `depth` (f32, metres along the optical axis, infinite for the sky), `instance` and `category` (u32,
 //! instance 0 where there is no object, category 0 only for the sky); `aov/<episode>/objects.json` maps the numbers to
 //! objects and categories. What is never annotated (`background`) has a category, and an instance if it is a thing.
@@ -18,6 +19,7 @@ use smallvec::smallvec;
 use super::GenerateError;
 use crate::files::{PARTIAL_SUFFIX, write_atomic};
 use crate::scene::SceneObject;
+use crate::sensors::Rig;
 
 /// The folder of all episodes' pictures.
 const FOLDER: &str = "aov";
@@ -37,7 +39,8 @@ struct Entry<'a> {
 pub(super) struct AovWriter {
     partial: PathBuf,
     whole: PathBuf,
-    size_px: (usize, usize),
+    /// Folder under the partial one, and size, of each camera.
+    cameras: Vec<(PathBuf, (usize, usize))>,
     /// Category number of each object, and of each category of the background.
     categories: Vec<u32>,
     background: Vec<u32>,
@@ -48,7 +51,7 @@ impl AovWriter {
     pub(super) fn create(
         data_set: &Path,
         episode: &str,
-        size_px: (usize, usize),
+        rig: &Rig,
         objects: &[SceneObject],
         background: &[String],
     ) -> Result<Self, GenerateError> {
@@ -60,7 +63,14 @@ impl AovWriter {
                 fs::remove_dir_all(old)?;
             }
         }
-        fs::create_dir_all(&partial)?;
+        let cameras = rig.cameras.iter().enumerate().map(|(i, camera)| {
+            let size_px = (camera.intrinsics.width_px as usize, camera.intrinsics.height_px as usize);
+            (if i == 0 { PathBuf::new() } else { camera.name.clone().into() }, size_px)
+        });
+        let cameras: Vec<(PathBuf, (usize, usize))> = cameras.collect();
+        for (of_camera, _) in &cameras {
+            fs::create_dir_all(partial.join(of_camera))?;
+        }
         let mut names: Vec<&str> = objects.iter().map(|object| object.category.as_str()).collect();
         names.extend(background.iter().map(String::as_str));
         names.sort_unstable();
@@ -89,16 +99,18 @@ impl AovWriter {
         let entries: Vec<Entry<'_>> = things.chain(scenery).collect();
         let json = serde_json::to_string_pretty(&entries).expect("a list of entries has a JSON form");
         write_atomic(&partial.join("objects.json"), json.as_bytes())?;
-        Ok(Self { partial, whole, size_px, categories, background: of_background })
+        Ok(Self { partial, whole, cameras, categories, background: of_background })
     }
 
-    /// Writes one sample; `shown` holds the object and the background category of each pixel, by index.
+    /// Writes one sample of a camera; `shown` holds the object and the background category of each pixel, by index.
     pub(super) fn write(
         &self,
+        camera_idx: usize,
         sample_idx: u64,
         depth_m: &[f32],
         shown: impl Iterator<Item = (Option<usize>, Option<usize>)>,
     ) -> Result<(), GenerateError> {
+        let (of_camera, size_px) = &self.cameras[camera_idx];
         let (instance, category) = shown
             .map(|shown| match shown {
                 (Some(object), _) => (object as u32 + 1, self.categories[object]),
@@ -111,15 +123,17 @@ impl AovWriter {
             AnyChannel::new("instance", FlatSamples::U32(instance)),
             AnyChannel::new("category", FlatSamples::U32(category)),
         ]);
-        let layer =
-            Layer::new(self.size_px, LayerAttributes::named("aov"), Encoding::SMALL_LOSSLESS, channels);
+        let layer = Layer::new(*size_px, LayerAttributes::named("aov"), Encoding::SMALL_LOSSLESS, channels);
         let mut bytes = Cursor::new(Vec::new());
         Image::from_layer(layer)
             .write()
             .non_parallel()
             .to_buffered(&mut bytes)
             .map_err(|error| std::io::Error::other(format!("cannot pack an EXR picture: {error}")))?;
-        write_atomic(&self.partial.join(format!("{sample_idx:06}.exr")), &bytes.into_inner())?;
+        write_atomic(
+            &self.partial.join(of_camera).join(format!("{sample_idx:06}.exr")),
+            &bytes.into_inner(),
+        )?;
         Ok(())
     }
 
@@ -137,6 +151,7 @@ mod tests {
 
     use super::*;
     use crate::object::{Distribution, Event, Kind, Spot};
+    use crate::sensors::{RigCameraConfig, RigConfig};
 
     fn object(id: &str, category: &str) -> SceneObject {
         SceneObject {
@@ -160,16 +175,27 @@ mod tests {
     #[test]
     fn an_exr_reads_back_as_it_was_written() {
         let folder = tempfile::tempdir().unwrap();
+        let mut config = RigConfig::default();
+        let front = config.cameras.get_mut("cam_front").unwrap();
+        (front.width_px, front.height_px) = (16, 16);
+        let back = RigCameraConfig { yaw_deg: 180.0, ..front.clone() };
+        config.cameras.insert("cam_back".into(), back);
+        let mut rig = Rig::try_from(&config).unwrap();
+        for camera in &mut rig.cameras {
+            (camera.intrinsics.width_px, camera.intrinsics.height_px) = (5, 1);
+        }
         let objects = [object("tree-0", "tree"), object("bin-1", "bin"), object("bush-2", "bush")];
         let background = ["bush", "wall"].map(str::to_owned);
-        let writer = AovWriter::create(folder.path(), "e", (5, 1), &objects, &background).unwrap();
+        let writer = AovWriter::create(folder.path(), "e", &rig, &objects, &background).unwrap();
         let depth_m = [1.5, f32::INFINITY, 0.25, 70.0, 3.0];
         let shown =
             [(Some(0), None), (None, None), (Some(1), None), (Some(2), Some(0)), (None, Some(1))].into_iter();
-        writer.write(3, &depth_m, shown).unwrap();
+        writer.write(0, 3, &depth_m, shown).unwrap();
+        writer.write(1, 3, &depth_m, [(None, None); 5].into_iter()).unwrap();
         assert!(!folder.path().join("aov/e").exists(), "not before it is whole");
         writer.finish().unwrap();
         let image = read_all_flat_layers_from_file(folder.path().join("aov/e/000003.exr")).unwrap();
+        assert!(folder.path().join("aov/e/cam_back/000003.exr").exists());
         let channels = &image.layer_data[0].channel_data.list;
         let values = |name: &str| -> Vec<f32> {
             let channel = channels.iter().find(|channel| channel.name.eq(name)).unwrap();

@@ -10,6 +10,9 @@ use crate::sensors::{Rig, RigConfig, RigVariationConfig, Weather, WeatherOverrid
 /// Behaviour and steering act this often; physics in between.
 pub(super) const CONTROL_PERIOD_S: f64 = 0.05;
 
+/// Simulated time begins on 2025-01-01, whatever the wall clock says.
+const EPOCH_NS: u64 = 1_735_689_600_000_000_000;
+
 /// Stands for every town of the split that comes with harmzone, and for every weather.
 pub const ALL: &str = "all";
 
@@ -28,6 +31,8 @@ define_config! {
         samples: u32 = 40, in from_to(1.0, 100_000.0);
         /// Simulated time between two samples, a multiple of 0.05 s.
         sample_period_s: f64 = 0.3, in from_to(CONTROL_PERIOD_S, 50.0);
+        /// Turns of each LiDAR between two samples, evenly spaced, a multiple of 0.05 s apart; nuScenes has 9 in 0.5 s.
+        sweeps: u32 = 0, in from_to(0.0, 1000.0);
         /// Simulated before the first sample, so that cars move and suspensions rest: least and most; each
         /// episode draws its own.
         warm_up_s: [f64; 2] = [1.0, 20.0], in from_to(0.1, 60.0).pair();
@@ -129,7 +134,16 @@ impl Check for GenerateConfig {
         self.scene.ood_placement.check_shares().map_err(|error| error.within("scene"))?;
         let (is_whole, wanted) =
             ((steps - steps.round()).abs() < 1e-6, "a multiple of 0.05 up to 50 is needed");
-        require(is_whole, "sample_period_s", self.sample_period_s, wanted)
+        require(is_whole, "sample_period_s", self.sample_period_s, wanted)?;
+        let n_steps = steps.round() as u32;
+        let fitting = (1..=n_steps).filter(|n_turns| n_steps.is_multiple_of(*n_turns));
+        let fitting: Vec<String> = fitting.map(|n_turns| (n_turns - 1).to_string()).collect();
+        let wanted = format!(
+            "one of {} is needed, which split {} s into multiples of 0.05 s",
+            fitting.join(", "),
+            self.sample_period_s
+        );
+        require(n_steps.is_multiple_of(self.sweeps + 1), "sweeps", self.sweeps, wanted)
     }
 }
 
@@ -147,6 +161,18 @@ pub struct CheckedConfig {
     pub weathers: Vec<Weather>,
     pub rig: Rig,
     pub(super) control_steps_per_sample: u32,
+}
+
+impl CheckedConfig {
+    /// Time of a sample.
+    pub(super) fn time_ns(&self, sample_idx: u64) -> u64 {
+        EPOCH_NS + sample_idx * self.period_ns()
+    }
+
+    /// Time between two samples.
+    pub(super) fn period_ns(&self) -> u64 {
+        (self.raw.sample_period_s * 1e9).round() as u64
+    }
 }
 
 impl TryFrom<&GenerateConfig> for CheckedConfig {
@@ -259,6 +285,15 @@ mod tests {
             let error = CheckedConfig::try_from(&config).unwrap_err().to_string();
             assert!(error.starts_with("towns is "), "{error}");
         }
+    }
+
+    #[test]
+    fn sweeps_that_do_not_fall_on_control_steps_are_refused() {
+        let config = GenerateConfig { sweeps: 9, ..GenerateConfig::default() };
+        let error = CheckedConfig::try_from(&config).unwrap_err().to_string();
+        assert!(error.contains("sweeps is 9; one of 0, 1, 2, 5 is needed"), "{error}");
+        let config = GenerateConfig { sweeps: 9, sample_period_s: 0.5, ..GenerateConfig::default() };
+        assert!(CheckedConfig::try_from(&config).is_ok());
     }
 
     #[test]

@@ -217,8 +217,10 @@ mod tests {
     fn mount() -> CameraMount {
         CameraMount {
             body: "ego".into(),
-            ego_from_camera: Transform::looking_forward(Vector3::new(1.5, 0.0, 1.5), 0.0),
-            intrinsics: Pinhole::from_horizontal_fov(160, 90, 1.2),
+            cameras: vec![(
+                Transform::looking_forward(Vector3::new(1.5, 0.0, 1.5), 0.0),
+                Pinhole::from_horizontal_fov(160, 90, 1.2),
+            )],
             n_samples: 0,
             shadow_size_px: 256,
             renderer: Renderer::default(),

@@ -2,10 +2,8 @@
 
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
-use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
-use nalgebra::Vector3;
 use rand::RngExt;
 
 use super::annotate::{Observation, annotate};
@@ -14,41 +12,20 @@ use super::appearance::Appearance;
 use super::config::{CONTROL_PERIOD_S, RendererName};
 use super::drive::Drive;
 use super::lighting::lighting;
-use super::rays::Caster;
-use super::surfaces::Surface;
+use super::sensing::{Cloud, Picture, Sensors};
+use super::timings::{Timings, time};
 use super::{CheckedConfig, EpisodePlan, GenerateError, map};
 use crate::config::to_toml;
-use crate::episode::{EpisodeEntry, EpisodeMeta, EpisodeWriter};
+use crate::episode::{EpisodeEntry, EpisodeMeta, EpisodeWriter, OtherSensors};
 use crate::random;
-use crate::sample::{EncodedImage, ImageFormat, Measured, Sample, Truth};
+use crate::sample::{Around, CameraView, LidarView, Measured, Sample, Sweep, Truth};
 use crate::scene::{self, Town, populate_in};
-use crate::sensors::camera::{Material, Rendered, Scope, Shot};
-use crate::sensors::lidar::{Hit, Receiver, Reflector, is_in_view};
+use crate::sensors::lidar::Turn;
 use crate::sensors::{Rig, WeatherState, odometry};
-use crate::sim::{CameraMount, DrawnView, Renderer, Simulator};
-
-/// Simulated time begins on 2025-01-01, whatever the wall clock says.
-const EPOCH_NS: u64 = 1_735_689_600_000_000_000;
+use crate::sim::{CameraMount, Renderer, Simulator};
 
 /// Lanes farther than this from the route are not drawn.
 const MAP_REACH_M: f64 = 100.0;
-
-/// Time spent in each part of an episode.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct Timings {
-    pub set_up: Duration,
-    pub warm_up: Duration,
-    pub motion: Duration,
-    /// With the geom of each pixel, and its depth where it is needed.
-    pub picture: Duration,
-    /// Weather and daytime in the camera's picture.
-    pub weather: Duration,
-    pub rays: Duration,
-    pub packing: Duration,
-    pub truth: Duration,
-    pub writing: Duration,
-    pub finishing: Duration,
-}
 
 /// Makes one episode in the data set's folder; it calls `on_sample` for each written sample.
 ///
@@ -71,24 +48,10 @@ pub struct Recording<'a> {
     plan: &'a EpisodePlan,
     world: scene::World,
     drive: Drive,
-    /// As drawn for this episode.
-    rig: Rig,
-    appearance: Appearance,
-    caster: Caster,
-    receiver: Receiver,
-    scope: Scope,
+    sensors: Sensors,
     meta: EpisodeMeta,
     writer: EpisodeWriter,
-    aov: Option<AovWriter>,
     timings: Timings,
-}
-
-/// Adds the time that a call takes.
-fn time<T>(spent: &mut Duration, call: impl FnOnce() -> T) -> T {
-    let begin = Instant::now();
-    let result = call();
-    *spent += begin.elapsed();
-    result
 }
 
 impl<'a> Recording<'a> {
@@ -110,8 +73,7 @@ impl<'a> Recording<'a> {
         let world = populate_in(&town, &raw.scene, state.rain_rate_mmph > 0.0, plan.seed)?;
         let mount = CameraMount {
             body: "ego".into(),
-            ego_from_camera: rig.front().ego_from_camera,
-            intrinsics: rig.front().intrinsics,
+            cameras: rig.cameras.iter().map(|camera| (camera.ego_from_camera, camera.intrinsics)).collect(),
             n_samples: raw.render.samples_per_pixel,
             shadow_size_px: raw.render.shadow_size_px,
             renderer: choose_renderer(raw.render.renderer, &state),
@@ -132,25 +94,20 @@ impl<'a> Recording<'a> {
         let route: Vec<[f64; 2]> =
             world.ego_route.path.points_every(20.0).iter().map(|at| [at.x, at.y]).collect();
         let map = map::drawing(&town.graph, &town.surface.ground, &route, MAP_REACH_M);
-        let size_px = (rig.front().intrinsics.width_px as usize, rig.front().intrinsics.height_px as usize);
         let appearance = Appearance::new(&world, &drive)?;
         let meta = EpisodeMeta { background: appearance.background.join(","), ..meta };
-        let aov = || AovWriter::create(folder, &plan.name, size_px, world.objects(), &appearance.background);
+        let aov = || AovWriter::create(folder, &plan.name, &rig, world.objects(), &appearance.background);
         let aov = raw.render.aov.then(aov).transpose()?;
+        let others = other_sensors(&rig, raw.sweeps);
         let mut recording = Self {
             config,
             plan,
-            appearance,
-            caster: Caster::new(raw.lidar_engine, rig.top(), &drive.simulator)?,
-            receiver: Receiver::new(&rig.top().config, rig.top().n_rings, &state, plan.seed),
-            scope: Scope::new(plan.weather, &state, rig.front(), plan.seed),
-            writer: EpisodeWriter::create(&folder.join(plan.file()), &meta, &map)?,
-            aov,
+            sensors: Sensors::new(config, plan, &state, rig, appearance, &drive, aov)?,
+            writer: EpisodeWriter::create_rig(&folder.join(plan.file()), &meta, others, &map)?,
             timings: Timings { set_up: begin.elapsed(), ..Timings::default() },
             meta,
             drive,
             world,
-            rig,
         };
         recording.warm_up()?;
         Ok(recording)
@@ -170,7 +127,7 @@ impl<'a> Recording<'a> {
 
     /// Whether its pictures are made with depths.
     pub fn needs_depth(&self) -> bool {
-        self.scope.needs_depth() || self.aov.is_some()
+        self.sensors.needs_depth()
     }
 
     /// Drives on and writes the samples, one after the other.
@@ -182,10 +139,10 @@ impl<'a> Recording<'a> {
         on_sample: &mut dyn FnMut() -> std::io::Result<()>,
     ) -> Result<(), GenerateError> {
         for sample_idx in 0..u64::from(self.config.raw.samples) {
-            let n_steps = if sample_idx == 0 { 0 } else { self.config.control_steps_per_sample };
-            time(&mut self.timings.motion, || (0..n_steps).try_for_each(|_| self.drive.step()))?;
-            let sample = self.sample(sample_idx)?;
-            time(&mut self.timings.writing, || self.writer.write(&sample))?;
+            let sweeps = self.drive_on(sample_idx)?;
+            let (sample, views, clouds) = self.sample(sample_idx)?;
+            let around = Around { views: &views, clouds: &clouds, sweeps: &sweeps };
+            time(&mut self.timings.writing, || self.writer.write_around(&sample, around))?;
             on_sample()?;
         }
         Ok(())
@@ -196,9 +153,9 @@ impl<'a> Recording<'a> {
     /// # Errors
     /// [`GenerateError`]: the disk fails.
     pub fn finish(self) -> Result<(EpisodeEntry, Timings), GenerateError> {
-        let Self { plan, meta, writer, aov, mut timings, .. } = self;
+        let Self { plan, meta, writer, sensors, mut timings, .. } = self;
         let finished = time(&mut timings.finishing, || {
-            aov.map_or(Ok(()), AovWriter::finish)?;
+            sensors.finish()?;
             writer.finish().map_err(GenerateError::from)
         })?;
         let entry = EpisodeEntry {
@@ -216,96 +173,93 @@ impl<'a> Recording<'a> {
         Ok((entry, timings))
     }
 
-    /// The measurements and the truth now.
-    fn sample(&mut self, sample_idx: u64) -> Result<Sample, GenerateError> {
-        let needs_depth = self.needs_depth();
-        let Self { config, drive, rig, appearance, timings, .. } = self;
-        let (camera, lidar) = (rig.front(), rig.top());
-        let world_from_ego = drive.world_from_ego();
-        let simulator = &mut drive.simulator;
-        let DrawnView { rgb, depth_m, geoms } = time(&mut timings.picture, || simulator.render(needs_depth))?;
-        if let Some(aov) = &self.aov {
-            let shown = geoms.iter().map(|&geom| (appearance.object(geom), appearance.background(geom)));
-            time(&mut timings.writing, || aov.write(sample_idx, &depth_m, shown))?;
+    /// Drives on to the next sample; on the way each LiDAR turns at each sweep's time.
+    fn drive_on(&mut self, sample_idx: u64) -> Result<Vec<Sweep>, GenerateError> {
+        let mut sweeps = Vec::new();
+        let Some(before_idx) = sample_idx.checked_sub(1) else { return Ok(sweeps) };
+        let Self { config, drive, sensors, timings, .. } = self;
+        let n_turns = config.raw.sweeps + 1;
+        let n_steps = config.control_steps_per_sample / n_turns;
+        for turn in 1..=n_turns {
+            time(&mut timings.motion, || (0..n_steps).try_for_each(|_| drive.step()))?;
+            if turn == n_turns {
+                break;
+            }
+            let n_lidars = sensors.rig().lidars.len();
+            for lidar_idx in 0..n_lidars {
+                let sweep_idx = before_idx * u64::from(config.raw.sweeps) + u64::from(turn - 1);
+                let cloud = sensors.turn_lidar(lidar_idx, drive, Turn::Sweep(sweep_idx), timings)?;
+                sweeps.push(Sweep {
+                    lidar: sensors.rig().lidars[lidar_idx].name.clone(),
+                    time_ns: config.time_ns(before_idx)
+                        + u64::from(turn) * config.period_ns() / u64::from(n_turns),
+                    world_from_lidar: sensors.world_from_lidar(lidar_idx, drive),
+                    points: cloud.points,
+                });
+            }
         }
+        Ok(sweeps)
+    }
 
+    /// The measurements and the truth now, and what the other sensors measured.
+    fn sample(
+        &mut self,
+        sample_idx: u64,
+    ) -> Result<(Sample, Vec<CameraView>, Vec<LidarView>), GenerateError> {
+        let Self { config, drive, sensors, timings, .. } = self;
         let ego_state = drive.ego_state()?;
-        let picture = time(&mut timings.weather, || {
-            let material: Vec<Material> = geoms.iter().map(|&geom| appearance.material(geom)).collect();
-            let rendered = Rendered { rgb: &rgb, depth_m: &depth_m, material: &material };
-            let (speed_mps, lamps) = (ego_state.speed_mps, &appearance.lamps);
-            self.scope.see(&rendered, &Shot { world_from_ego, speed_mps, lamps, sample_idx })
-        });
-        let mut bytes = Vec::new();
-        let quality = camera.config.jpeg_quality.unwrap_or(config.raw.render.jpeg_quality);
-        time(&mut timings.packing, || {
-            let mut encoder = Encoder::new(&mut bytes, quality);
-            encoder.set_sampling_factor(SamplingFactor::F_1_1);
-            encoder.set_optimized_huffman_tables(true);
-            let [width, height] = [picture.width(), picture.height()].map(|px| px as u16);
-            encoder.encode(picture.as_raw(), width, height, ColorType::Rgb)
-        })?;
-
-        let world_from_lidar = world_from_ego * lidar.ego_from_lidar;
-        let hits = time(&mut timings.rays, || self.caster.cast(drive, lidar, &world_from_lidar))?;
+        let n_cameras = sensors.rig().cameras.len();
+        let pictures: Vec<Picture> = (0..n_cameras)
+            .map(|i| sensors.take_picture(i, drive, ego_state.speed_mps, sample_idx, timings))
+            .collect::<Result<_, _>>()?;
+        let n_lidars = sensors.rig().lidars.len();
+        let clouds: Vec<Cloud> = (0..n_lidars)
+            .map(|i| sensors.turn_lidar(i, drive, Turn::Sample(sample_idx), timings))
+            .collect::<Result<_, _>>()?;
 
         let begin = Instant::now();
-        let mut seen: Vec<Observation> = drive
-            .object_bodies
-            .iter()
-            .zip(&drive.shapes)
-            .map(|(&body, &shape)| Observation {
-                shape,
+        let (rig, world_from_ego) = (sensors.rig(), drive.world_from_ego());
+        let truths = self.world.objects().iter().enumerate().filter_map(|(i, object)| {
+            let body = drive.object_bodies[i];
+            let seen = Observation {
+                shape: drive.shapes[i],
                 world_from_model: drive.poses[body],
                 world_from_model_before: drive.poses_before[body],
-                n_lidar_points: 0,
-                visible_px: 0,
                 ground_m: self.world.town.surface.ground_m(drive.poses[body].translation.vector.xy()),
-            })
-            .collect();
-        for object in geoms.iter().filter_map(|&geom| appearance.object(geom)) {
-            seen[object].visible_px += 1;
-        }
-        let reflections: Vec<Hit> = (0..hits.geom.len())
-            .map(|ray| {
-                let (Surface { reflectivity, finish }, is_paved) = appearance.surface(hits.geom[ray]);
-                let (range_m, cos_incidence) = (hits.range_m[ray], hits.cos_incidence[ray]);
-                Hit { range_m, cos_incidence, reflectivity, is_paved, finish }
-            })
-            .collect();
-        let camera_from_lidar = camera.ego_from_camera.inverse() * lidar.ego_from_lidar;
-        let mut points = Vec::new();
-        for found in self.receiver.returns(&lidar.pattern, &reflections, sample_idx) {
-            let at = Vector3::new(found.point.x_m, found.point.y_m, found.point.z_m).cast::<f64>();
-            if !is_in_view(&at, &camera.intrinsics, &camera_from_lidar) {
-                continue;
-            }
-            let object = appearance.object(hits.geom[found.ray]);
-            if let (Reflector::Target, Some(object)) = (found.reflector, object) {
-                seen[object].n_lidar_points += 1;
-            }
-            points.push(found.point);
-        }
-        let truths = self.world.objects().iter().zip(&seen).filter_map(|(object, seen)| {
-            annotate(object, seen, CONTROL_PERIOD_S, &world_from_ego, rig, &config.raw.annotation)
+                n_lidar_points: clouds.iter().map(|cloud| cloud.n_points[i]).sum(),
+                visible_px: pictures.iter().map(|picture| picture.visible_px[i]).collect(),
+            };
+            annotate(object, &seen, CONTROL_PERIOD_S, &world_from_ego, rig, &config.raw.annotation)
         });
         let told = odometry::measure(&ego_state, &rig.odometry, self.plan.seed, sample_idx);
         let truth =
             Truth { objects: truths.collect(), ego_state: told.map(|_| ego_state), ..Truth::default() };
         timings.truth += begin.elapsed();
 
-        let period_ns = (config.raw.sample_period_s * 1e9).round() as u64;
-        let measured = Measured {
-            time_ns: EPOCH_NS + sample_idx * period_ns,
-            ego_state: told.unwrap_or(ego_state),
-            world_from_ego,
-            ego_from_lidar: lidar.ego_from_lidar,
+        let mut pictures = rig.cameras.iter().zip(pictures).map(|(camera, picture)| CameraView {
+            name: camera.name.clone(),
             ego_from_camera: camera.ego_from_camera,
             intrinsics: camera.intrinsics,
-            image: EncodedImage { format: ImageFormat::Jpeg, bytes },
-            points,
+            image: picture.image,
+        });
+        let mut clouds = rig.lidars.iter().zip(clouds).map(|(lidar, cloud)| LidarView {
+            name: lidar.name.clone(),
+            ego_from_lidar: lidar.ego_from_lidar,
+            points: cloud.points,
+        });
+        let front = pictures.next().expect("a rig has a front camera");
+        let top = clouds.next().expect("a rig has a top LiDAR");
+        let measured = Measured {
+            time_ns: config.time_ns(sample_idx),
+            ego_state: told.unwrap_or(ego_state),
+            world_from_ego,
+            ego_from_lidar: top.ego_from_lidar,
+            ego_from_camera: front.ego_from_camera,
+            intrinsics: front.intrinsics,
+            image: front.image,
+            points: top.points,
         };
-        Ok(Sample { measured, truth: Some(truth) })
+        Ok((Sample { measured, truth: Some(truth) }, pictures.collect(), clouds.collect()))
     }
 }
 
@@ -326,6 +280,20 @@ fn shared_town(name: &str) -> Result<Arc<Town>, GenerateError> {
     }
     towns.push((name.to_owned(), Arc::clone(&town)));
     Ok(town)
+}
+
+/// The sensors beside the front camera and the top LiDAR.
+fn other_sensors(rig: &Rig, n_sweeps: u32) -> OtherSensors {
+    let Rig { cameras, lidars, .. } = rig;
+    let mut others = OtherSensors {
+        cameras: cameras[1..].iter().map(|camera| camera.name.clone()).collect(),
+        lidars: lidars[1..].iter().map(|lidar| lidar.name.clone()).collect(),
+        sweeping: Vec::new(),
+    };
+    if n_sweeps > 0 {
+        others.sweeping = lidars.iter().map(|lidar| lidar.name.clone()).collect();
+    }
+    others
 }
 
 /// At night things are drawn in their own colours, which only the classic renderer does.

@@ -22,7 +22,11 @@ pub mod preset;
 mod projection_tests;
 mod rays;
 mod run;
+mod sensing;
 mod surfaces;
+#[cfg(test)]
+mod surround_tests;
+mod timings;
 pub mod worker;
 
 use std::path::PathBuf;
@@ -35,6 +39,7 @@ pub use config::{
 pub use plan::{EpisodePlan, plan};
 pub use preset::Preset;
 pub use run::{GenerateSummary, RunOptions, run};
+pub use timings::Timings;
 
 use crate::config::InvalidConfig;
 use crate::episode::{EpisodeError, ManifestError};

@@ -18,8 +18,10 @@ fn rays_meet_a_walker_in_the_phase_it_is_in_and_the_phases_follow_its_way() {
     let world = populate(&town, &config, 3).unwrap();
     let mount = CameraMount {
         body: "ego".into(),
-        ego_from_camera: Transform::looking_forward(Vector3::new(1.5, 0.0, 1.5), 0.0),
-        intrinsics: Pinhole::from_horizontal_fov(160, 90, 1.2),
+        cameras: vec![(
+            Transform::looking_forward(Vector3::new(1.5, 0.0, 1.5), 0.0),
+            Pinhole::from_horizontal_fov(160, 90, 1.2),
+        )],
         n_samples: 0,
         shadow_size_px: 256,
         renderer: Renderer::default(),

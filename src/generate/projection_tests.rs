@@ -20,8 +20,7 @@ fn differences_m(town: &str) -> Vec<f64> {
     let world = populate(&town, &PopulateConfig::default(), 4).unwrap();
     let mount = CameraMount {
         body: "ego".into(),
-        ego_from_camera: rig.front().ego_from_camera,
-        intrinsics: rig.front().intrinsics,
+        cameras: vec![(rig.front().ego_from_camera, rig.front().intrinsics)],
         n_samples: 0,
         shadow_size_px: 256,
         renderer: Renderer::Classic,
@@ -32,7 +31,7 @@ fn differences_m(town: &str) -> Vec<f64> {
     for _ in 0..60 {
         drive.step().unwrap();
     }
-    let depth_m = drive.simulator.render(true).unwrap().depth_m;
+    let depth_m = drive.simulator.render(0, true).unwrap().depth_m;
     let world_from_lidar = drive.world_from_ego() * rig.top().ego_from_lidar;
     let directions: Vec<Vector3<f64>> =
         rig.top().pattern.directions.iter().map(|direction| world_from_lidar.rotate(direction)).collect();

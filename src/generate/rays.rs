@@ -2,42 +2,44 @@
 
 use crate::geometry::{Lidar, Transform, World};
 use crate::rays::{Beams, RayHits, RayScene};
-use crate::sensors::RigLidar;
+use crate::sensors::{Rig, RigLidar};
 use crate::sim::{SimError, Simulator};
 
 use super::config::LidarEngine;
 use super::drive::Drive;
 
-/// What casts the rays of a LiDAR.
+/// What casts the rays of a rig's LiDARs.
 pub(super) enum Caster {
-    Bvh { scene: Box<RayScene>, beams: Beams },
+    Bvh {
+        scene: Box<RayScene>,
+        /// Of each LiDAR.
+        beams: Vec<Beams>,
+    },
     Mujoco,
 }
 
 impl Caster {
     /// # Errors
     /// As [`Simulator::ray_scene`].
-    pub(super) fn new(
-        engine: LidarEngine,
-        lidar: &RigLidar,
-        simulator: &Simulator,
-    ) -> Result<Self, SimError> {
+    pub(super) fn new(engine: LidarEngine, rig: &Rig, simulator: &Simulator) -> Result<Self, SimError> {
         Ok(match engine {
             LidarEngine::Bvh => {
                 let scene = Box::new(simulator.ray_scene()?);
-                Self::Bvh { scene, beams: Beams::new(&lidar.pattern.directions) }
+                let beams = rig.lidars.iter().map(|lidar| Beams::new(&lidar.pattern.directions));
+                Self::Bvh { scene, beams: beams.collect() }
             }
             LidarEngine::Mujoco => Self::Mujoco,
         })
     }
 
-    /// What each ray of the LiDAR's pattern hits first, now.
+    /// What each ray of a LiDAR's pattern hits first, now; `lidar_idx` is its place in the rig.
     ///
     /// # Errors
     /// As [`Simulator::cast_rays`].
     pub(super) fn cast(
         &mut self,
         drive: &Drive,
+        lidar_idx: usize,
         lidar: &RigLidar,
         world_from_lidar: &Transform<World, Lidar>,
     ) -> Result<RayHits, SimError> {
@@ -46,7 +48,7 @@ impl Caster {
         match self {
             Self::Bvh { scene, beams } => {
                 scene.set_poses(&drive.poses);
-                Ok(scene.cast(&world_from_lidar.isometry, beams, max_range_m))
+                Ok(scene.cast(&world_from_lidar.isometry, &beams[lidar_idx], max_range_m))
             }
             Self::Mujoco => {
                 let rays = lidar.pattern.directions.iter();
@@ -69,8 +71,8 @@ mod tests {
     use super::*;
     use crate::scene::models::{self, Model};
     use crate::scene::{Lighting, PopulateConfig, Town, populate, town_names};
+    use crate::sensors::RigConfig;
     use crate::sensors::lidar::Pattern;
-    use crate::sensors::{Rig, RigConfig};
     use crate::sim::{CameraMount, Renderer};
 
     const MAX_RANGE_M: f64 = 80.0;
@@ -83,8 +85,7 @@ mod tests {
         let rig = Rig::try_from(&RigConfig::default()).unwrap();
         CameraMount {
             body: "ego".into(),
-            ego_from_camera: rig.front().ego_from_camera,
-            intrinsics: rig.front().intrinsics,
+            cameras: vec![(rig.front().ego_from_camera, rig.front().intrinsics)],
             n_samples: 0,
             shadow_size_px: 256,
             renderer: Renderer::Classic,

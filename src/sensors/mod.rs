@@ -7,6 +7,7 @@ pub mod lidar;
 pub mod odometry;
 mod rig;
 mod rig_config;
+mod shipped_rigs;
 mod silhouette;
 mod variation;
 mod weather;
@@ -15,6 +16,7 @@ pub use rig::{Rig, RigCamera, RigLidar};
 pub use rig_config::{
     IntensityConfig, LidarPreset, LidarSector, OdometryConfig, RigCameraConfig, RigConfig, RigLidarConfig,
 };
+pub use shipped_rigs::ShippedRig;
 pub use silhouette::silhouette_px;
 pub use variation::{
     CameraVariationConfig, LidarModels, LidarVariationConfig, OdometryVariationConfig, RigVariationConfig,

@@ -5,11 +5,13 @@
 use std::collections::BTreeMap;
 
 use nalgebra::{UnitQuaternion, Vector3};
+use rand::RngExt;
 
 use super::lidar::Pattern;
 use super::rig_config::{LidarSector, OdometryConfig, RigCameraConfig, RigConfig, RigLidarConfig};
 use crate::config::{Check, InvalidConfig};
 use crate::geometry::{Camera, Ego, Frame, Lidar, Pinhole, Transform};
+use crate::random;
 
 /// The checked rig.
 #[derive(Debug, Clone, PartialEq)]
@@ -41,6 +43,34 @@ pub struct RigLidar {
     pub n_rings: usize,
     /// The config, with values in their ranges.
     pub config: RigLidarConfig,
+}
+
+impl RigLidar {
+    /// Whether it reports its whole turn.
+    #[must_use]
+    pub fn is_full(&self) -> bool {
+        self.config.sector == LidarSector::Full
+    }
+}
+
+impl RigCamera {
+    /// The seed of its own noise in an episode: the episode's for the front camera.
+    #[must_use]
+    pub fn seed(&self, episode_seed: u64) -> u64 {
+        own_seed(episode_seed, &self.name, Camera::NAME)
+    }
+}
+
+impl RigLidar {
+    /// The seed of its own noise in an episode: the episode's for the top LiDAR.
+    #[must_use]
+    pub fn seed(&self, episode_seed: u64) -> u64 {
+        own_seed(episode_seed, &self.name, Lidar::NAME)
+    }
+}
+
+fn own_seed(episode_seed: u64, name: &str, first: &str) -> u64 {
+    if name == first { episode_seed } else { random::stream(episode_seed, name, 0).random() }
 }
 
 impl Rig {
@@ -170,9 +200,15 @@ mod tests {
             ("[cameras.cam_back]", "[\"cam_back\"]; one named cam_front is needed"),
             ("[lidars.lidar_left]", "one named lidar_top is needed"),
             ("[cameras.cam_front]\n[cameras.cam_front]", "duplicate key"),
-            ("[cameras.cam_front]\n[cameras.lidar_top]", "the name of a camera and of a LiDAR"),
-            ("[cameras.cam_front]\n[cameras.truth]", "cameras.truth is named `truth`"),
-            ("[cameras.cam_front]\n[cameras.\"cam/back\"]", "named `cam/back`; lower case letters"),
+            (
+                "[cameras.cam_front]\n[cameras.lidar_top]",
+                "cameras.lidar_top is named `lidar_top`; cam_ and then",
+            ),
+            (
+                "[cameras.cam_front]\n[cameras.\"cam_/back\"]",
+                "named `cam_/back`; cam_ and then lower case letters",
+            ),
+            ("[lidars.lidar_top]\n[lidars.lidar_]", "lidars.lidar_ is named `lidar_`; lidar_ and then"),
             ("[cameras.cam_front]\nyaw_deg = 180", "a front camera that looks ahead"),
             ("[lidars.lidar_top]\nroll_deg = 90", "at most 60 degrees from upright"),
             ("[lidars.lidar_top]\nsector = \"half\"", "expected `camera` or `full`"),

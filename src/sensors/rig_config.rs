@@ -9,11 +9,11 @@ use serde::{Deserialize, Serialize};
 use crate::config::{
     Check, InvalidConfig, Rule, SHARE, above, below, define_config, from_to, part, parts, require,
 };
-use crate::geometry::{Camera, Ego, Frame, Lidar, World};
+use crate::geometry::{Camera, Frame, Lidar};
 
 define_config! {
-    /// Cameras and LiDARs by name; topics and frames are named after them. `cam_front` and `lidar_top` are what a network
-    /// reads.
+    /// Cameras (`cam_..`) and LiDARs (`lidar_..`) by name; topics and frames are named after them. `cam_front` and
+    /// `lidar_top` are what a network reads.
     pub struct RigConfig {
         cameras: BTreeMap<String, RigCameraConfig> = one(Camera::NAME), in parts::<RigCameraConfig>();
         lidars: BTreeMap<String, RigLidarConfig> = one(Lidar::NAME), in parts::<RigLidarConfig>();
@@ -198,21 +198,13 @@ impl Check for RigConfig {
         require(has_front, "cameras", list(cameras.keys().collect()), "one named cam_front is needed")?;
         let has_top = lidars.contains_key(Lidar::NAME);
         require(has_top, "lidars", list(lidars.keys().collect()), "one named lidar_top is needed")?;
-        for name in cameras.keys().chain(lidars.keys()) {
-            let of = if cameras.contains_key(name) { "cameras" } else { "lidars" };
-            let key = format!("{of}.{name}");
-            let is_word = name.starts_with(|c: char| c.is_ascii_lowercase())
-                && name.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_')
-                && !TAKEN.contains(&name.as_str());
-            let wanted = format!("lower case letters, digits and _ are needed, and none of {TAKEN:?}");
-            require(is_word, &key, format!("named `{name}`"), wanted)?;
-            let is_alone = !(cameras.contains_key(name) && lidars.contains_key(name));
-            require(
-                is_alone,
-                &key,
-                "the name of a camera and of a LiDAR",
-                "a name for each sensor is needed",
-            )?;
+        let cameras_named = cameras.keys().map(|name| ("cameras", "cam_", name));
+        for (of, start, name) in cameras_named.chain(lidars.keys().map(|name| ("lidars", "lidar_", name))) {
+            let is_name = name.len() > start.len()
+                && name.starts_with(start)
+                && name.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_');
+            let wanted = format!("{start} and then lower case letters, digits and _ are needed");
+            require(is_name, &format!("{of}.{name}"), format!("named `{name}`"), wanted)?;
         }
         let front = &cameras[Camera::NAME];
         let [yaw, pitch, roll] = [front.yaw_deg, front.pitch_deg, front.roll_deg].map(f64::to_radians);
@@ -237,5 +229,3 @@ const PLACE: Rule = from_to(-100.0, 100.0);
 const TURN: Rule = from_to(-180.0, 180.0);
 /// Bounds of a tilt, degrees.
 const TILT: Rule = from_to(-90.0, 90.0);
-/// First words of other topics and names of other frames.
-const TAKEN: [&str; 7] = [World::NAME, Ego::NAME, "tf", "truth", "harm", "detections", "world"];

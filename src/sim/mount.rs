@@ -1,4 +1,4 @@
-//! Where the camera is mounted, and how it draws.
+//! Where the cameras are mounted, and how they draw.
 
 use crate::geometry::{Camera, Ego, Pinhole, Transform};
 
@@ -12,13 +12,13 @@ pub enum Renderer {
     Filament,
 }
 
-/// A camera fixed to a body, and how it draws.
+/// Cameras fixed to a body, and how they draw.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CameraMount {
-    /// The body that carries it; the ego frame is that body's frame.
+    /// The body that carries them; the ego frame is that body's frame.
     pub body: String,
-    pub ego_from_camera: Transform<Ego, Camera>,
-    pub intrinsics: Pinhole,
+    /// Pose and intrinsics of each camera, at least one.
+    pub cameras: Vec<(Transform<Ego, Camera>, Pinhole)>,
     /// Samples a pixel: 0 or 4 are usual.
     pub n_samples: u32,
     /// Side of the shadow map.

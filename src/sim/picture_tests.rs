@@ -16,12 +16,12 @@ import mujoco
 import numpy as np
 
 def compare(world, camera):
-    width_px, height_px = world.image_size_px
+    width_px, height_px = world.image_sizes_px[0]
     option = mujoco.MjvOption()
     option.geomgroup[:] = (1, 1, 1, 0, 0, 0)
     option.sitegroup[:] = 0
     with mujoco.Renderer(world.model, height_px, width_px, max_geom=20_000) as renderer:
-        renderer.update_scene(world.data, world.camera_id, option)
+        renderer.update_scene(world.data, world.camera_ids[0], option)
         rgb = renderer.render().astype(int)
         renderer.enable_segmentation_rendering()
         geoms = renderer.render()[..., 0]
@@ -35,8 +35,10 @@ def compare(world, camera):
 fn in_all_towns_pictures_are_those_of_mujocos_own_renderer_but_for_the_steps_of_shadows() {
     let mount = CameraMount {
         body: "ego".into(),
-        ego_from_camera: Transform::looking_forward(Vector3::new(1.7, 0.0, 1.5), 0.0),
-        intrinsics: Pinhole::from_horizontal_fov(800, 450, 70f64.to_radians()),
+        cameras: vec![(
+            Transform::looking_forward(Vector3::new(1.7, 0.0, 1.5), 0.0),
+            Pinhole::from_horizontal_fov(800, 450, 70f64.to_radians()),
+        )],
         n_samples: 0,
         shadow_size_px: 2048,
         renderer: Renderer::Classic,

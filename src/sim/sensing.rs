@@ -10,7 +10,7 @@ use super::simulator::Simulator;
 use super::{SimError, text};
 use crate::rays::RayHits;
 
-/// What the camera shows, pixel by pixel, rows from the top.
+/// What a camera shows, pixel by pixel, rows from the top.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DrawnView {
     pub rgb: RgbImage,
@@ -51,7 +51,7 @@ impl Simulator {
         })
     }
 
-    /// The camera's picture of the present state.
+    /// The first camera's picture of the present state.
     ///
     /// # Errors
     /// [`SimError::NoGl`] where nothing can be drawn.
@@ -62,13 +62,14 @@ impl Simulator {
         })
     }
 
-    /// The camera's picture of the present state with the geom, and on request the depth, of each pixel.
+    /// A camera's picture of the present state with the geom, and on request the depth, of each pixel; cameras are
+    /// numbered as in the mount.
     ///
     /// # Errors
     /// As [`Self::render_rgb`].
-    pub fn render(&mut self, with_depth: bool) -> Result<DrawnView, SimError> {
+    pub fn render(&mut self, camera_idx: usize, with_depth: bool) -> Result<DrawnView, SimError> {
         self.with_python("draw", |_, camera| {
-            camera.call_method0("draw")?;
+            camera.call_method1("draw", (camera_idx,))?;
             let rgb = rgb_image(&camera.call_method0("rgb")?.extract()?)?;
             let mut depth_m = Vec::new();
             if with_depth {
@@ -135,7 +136,7 @@ mod tests {
     #[test]
     fn the_picture_shows_the_cube_where_the_pinhole_projects_it() {
         let mut sim = Simulator::new(XML, &[], &mount()).unwrap();
-        let seen = sim.render(false).unwrap().geoms;
+        let seen = sim.render(0, false).unwrap().geoms;
         let cube = sim.body("obj:cube").unwrap();
         let columns: Vec<usize> = (0..seen.len())
             .filter(|&i| seen[i] >= 0 && sim.geom_bodies()[seen[i] as usize] == cube)
@@ -149,7 +150,7 @@ mod tests {
     #[test]
     fn the_depth_of_the_cubes_face_is_its_distance_and_the_skys_is_infinite() {
         let mut sim = Simulator::new(XML, &[], &mount()).unwrap();
-        let picture = sim.render(true).unwrap();
+        let picture = sim.render(0, true).unwrap();
         assert_eq!(picture.rgb, sim.render_rgb().unwrap());
         let at = |u: usize, v: usize| picture.depth_m[v * 160 + u];
         assert!((at(80, 40) - 9.0).abs() < 0.01, "{}", at(80, 40));
@@ -162,9 +163,9 @@ mod tests {
     fn a_second_camera_draws_as_well_as_the_first() {
         let mut first = Simulator::new(XML, &[], &mount()).unwrap();
         let mut second = Simulator::new(XML, &[], &mount()).unwrap();
-        let seen = first.render(false).unwrap();
-        assert_eq!(second.render(false).unwrap(), seen);
+        let seen = first.render(0, false).unwrap();
+        assert_eq!(second.render(0, false).unwrap(), seen);
         drop(first);
-        assert_eq!(second.render(false).unwrap(), seen);
+        assert_eq!(second.render(0, false).unwrap(), seen);
     }
 }

@@ -1,4 +1,4 @@
-//! One compiled world in motion, with its camera.
+//! One compiled world in motion, with its cameras.
 
 use std::collections::HashMap;
 
@@ -10,8 +10,9 @@ use pyo3::types::{PyBytes, PyDict};
 use super::mount::{CameraMount, Renderer};
 use super::python::make_ready;
 use super::{SimError, text};
+use crate::geometry::{Camera, Ego, Pinhole, Transform};
 
-/// A compiled world, its state and its camera.
+/// A compiled world, its state and its cameras.
 #[derive(Debug)]
 pub struct Simulator {
     pub(super) world: Py<PyAny>,
@@ -34,7 +35,7 @@ fn failed(what: &'static str) -> impl Fn(PyErr) -> SimError {
 }
 
 impl Simulator {
-    /// Compiles an MJCF text with its named assets and mounts the camera.
+    /// Compiles an MJCF text with its named assets and mounts the cameras.
     ///
     /// # Errors
     /// [`SimError`]: no Python environment or MuJoCo, or MuJoCo refuses the text.
@@ -48,20 +49,20 @@ impl Simulator {
                 }
                 // MuJoCo's cameras look along -z with y up; ours along +z with y down.
                 let half_turn = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
-                let pose = mount.ego_from_camera.isometry;
-                let turn = pose.rotation * half_turn;
-                let position = PyArray1::from_slice(py, pose.translation.vector.as_slice());
-                let quaternion = PyArray1::from_slice(py, &[turn.w, turn.i, turn.j, turn.k]);
-                let size = (mount.intrinsics.width_px, mount.intrinsics.height_px);
-                let fovy_deg = mount.intrinsics.vertical_fov_rad().to_degrees();
+                let camera = |(ego_from_camera, intrinsics): &(Transform<Ego, Camera>, Pinhole)| {
+                    let pose = ego_from_camera.isometry;
+                    let turn = pose.rotation * half_turn;
+                    let position = PyArray1::from_slice(py, pose.translation.vector.as_slice());
+                    let quaternion = PyArray1::from_slice(py, &[turn.w, turn.i, turn.j, turn.k]);
+                    let fovy_deg = intrinsics.vertical_fov_rad().to_degrees();
+                    (position, quaternion, fovy_deg, (intrinsics.width_px, intrinsics.height_px))
+                };
+                let cameras: Vec<_> = mount.cameras.iter().map(camera).collect();
                 py.import("harmzone_sim")?.getattr("World")?.call1((
                     xml,
                     dict,
                     &mount.body,
-                    position,
-                    quaternion,
-                    fovy_deg,
-                    size,
+                    cameras,
                     mount.n_samples,
                     mount.shadow_size_px,
                 ))
@@ -97,7 +98,7 @@ impl Simulator {
         })
     }
 
-    /// Lends the Python objects of the world and of its camera; `what` says in an error what failed.
+    /// Lends the Python objects of the world and of its cameras; `what` says in an error what failed.
     ///
     /// # Errors
     /// As [`Simulator::render_rgb`]; [`SimError::Ask`] where `ask` fails.
@@ -287,7 +288,6 @@ pub(super) fn isometry(&[x, y, z, w, i, j, k]: &[f64; 7]) -> Isometry3<f64> {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use crate::geometry::{Pinhole, Transform};
 
     /// A 2 m cube 10 m ahead (its face at 9 m), a mocap cube behind, and a body that may fall.
     pub(in crate::sim) const XML: &str = r#"<mujoco><option timestep="0.005"/><worldbody>
@@ -302,8 +302,10 @@ pub(super) mod tests {
     pub(in crate::sim) fn mount() -> CameraMount {
         CameraMount {
             body: "ego".into(),
-            ego_from_camera: Transform::looking_forward(Vector3::new(0.0, 0.0, 1.0), 0.0),
-            intrinsics: Pinhole::from_horizontal_fov(160, 80, std::f64::consts::FRAC_PI_2),
+            cameras: vec![(
+                Transform::looking_forward(Vector3::new(0.0, 0.0, 1.0), 0.0),
+                Pinhole::from_horizontal_fov(160, 80, std::f64::consts::FRAC_PI_2),
+            )],
             n_samples: 0,
             shadow_size_px: 256,
             renderer: Renderer::Classic,

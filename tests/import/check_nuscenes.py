@@ -142,6 +142,33 @@ def check_scene(
                 table.equal("category", row["category_name"], expected[categories], at)
 
 
+def check_sweeps(nusc: NuScenes, scene: dict, episode: Episode, table: Comparison) -> None:
+    """The LiDAR's files between the samples, by their links: times, poses and points."""
+    samples = samples_of(nusc, scene)
+    key_frame = nusc.get("sample_data", samples[0]["data"]["LIDAR_TOP"])
+    global_from_map = pose_of(nusc, key_frame, "ego_pose") @ np.linalg.inv(episode.moments[0].world_from_ego)
+    files, data = [], key_frame
+    while data["next"]:
+        data = nusc.get("sample_data", data["next"])
+        files.append(data)
+    found = [data for data in files if not data["is_key_frame"]]
+    table.equal("key frames", len(files) - len(found) + 1, len(samples), scene["name"])
+    table.equal("sweeps", len(found), len(episode.sweeps), scene["name"])
+    for data, sweep in zip(found, episode.sweeps, strict=False):
+        where = f"{scene['name']} {data['filename']}"
+        stamp_us = data["timestamp"] - delay_of(nusc, scene, episode)
+        table.add("stamps of sweeps", stamp_us - sweep.time_ns / 1000, 1.0, "us", where)
+        after = nusc.get("sample", data["sample_token"])["timestamp"] > data["timestamp"]
+        before = nusc.get("sample_data", data["prev"])["timestamp"] < data["timestamp"]
+        table.equal("sweeps are of the sample that follows", (after, before), (True, True), where)
+        cloud = LidarPointCloud.from_file(nusc.get_sample_data_path(data["token"])).points[:3].astype(float)
+        turn = pose_of(nusc, data, "ego_pose") @ pose_of(nusc, data, "calibrated_sensor")
+        ours = np.stack([sweep.cloud[axis] for axis in "xyz"]).astype(float)
+        pose = global_from_map @ sweep.map_from_lidar
+        off = turn[:3, :3] @ cloud + turn[:3, 3:] - pose[:3, :3] @ ours - pose[:3, 3:]
+        table.add("points of sweeps, in order", off, 1e-4, "m", where)
+
+
 def check_can_bus(nusc: NuScenes, export: Path, scenes: dict[str, Episode], table: Comparison) -> None:
     """Speed and steering of the CAN bus at the samples' times, through the devkit's reader."""
     bus = NuScenesCanBus(dataroot=str(export))
@@ -288,6 +315,8 @@ def main() -> int:
         episode = scenes[scene["name"]]
         harms = read_harms(options.data, options.labels, episode.path.stem)
         check_scene(nusc, scene, episode, harms, categories, table)
+        if episode.sweeps:
+            check_sweeps(nusc, scene, episode, table)
     check_can_bus(nusc, options.export, scenes, table)
     check_map(nusc, table)
     check_perfect_boxes(nusc, table)

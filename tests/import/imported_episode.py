@@ -104,12 +104,22 @@ class Moment:
 
 
 @dataclass
+class Sweep:
+    """A cloud of the top LiDAR between two samples, in the LiDAR's axes."""
+
+    time_ns: int
+    map_from_lidar: np.ndarray
+    cloud: dict[str, np.ndarray]
+
+
+@dataclass
 class Episode:
     """An imported episode, whole."""
 
     path: Path
     metadata: dict[str, dict[str, str]]
     moments: list[Moment]
+    sweeps: list[Sweep] = field(default_factory=list)
 
     @property
     def log(self) -> dict:
@@ -211,7 +221,11 @@ def read_episode(path: Path) -> Episode:
                 [] if ignored is None else list(ignored.regions),
             )
         )
-    return Episode(path, metadata, moments)
+    sweeps = [
+        Sweep(time_ns, matrix(one.pose.position, one.pose.orientation), read_cloud(one))
+        for time_ns, one in topics.get("/lidar_top/sweeps", [])
+    ]
+    return Episode(path, metadata, moments, sweeps)
 
 
 def read_data_set(folder: Path) -> Iterator[Episode]:

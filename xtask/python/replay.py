@@ -110,7 +110,7 @@ class PlainSensors:
             directions,
             max_range_m,
         )
-        width_px, height_px = world.image_size_px
+        width_px, height_px = world.image_sizes_px[0]
         self._gl = mujoco.GLContext(width_px, height_px)
         self._gl.make_current()
         self._rect = mujoco.MjrRect(0, 0, width_px, height_px)
@@ -122,7 +122,7 @@ class PlainSensors:
         self._option.sitegroup[:] = 0
         self._camera = mujoco.MjvCamera()
         self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
-        self._camera.fixedcamid = world.camera_id
+        self._camera.fixedcamid = world.camera_ids[0]
         self.pixels = np.empty((height_px, width_px, 3), dtype=np.uint8)
         self._depth = np.empty((height_px, width_px), dtype=np.float32) if with_depth else None
         n_rays = len(directions)

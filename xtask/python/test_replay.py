@@ -35,7 +35,7 @@ SENSORS = {
 
 
 def a_world():
-    return World(SCENE, {}, "ego", np.array([0.0, 0.0, 0.5]), FORWARD, 60.0, (80, 60), 0, 256)
+    return World(SCENE, {}, "ego", [(np.array([0.0, 0.0, 0.5]), FORWARD, 60.0, (80, 60))], 0, 256)
 
 
 def drive(world, n_steps):

@@ -6,6 +6,7 @@
 mod calendar;
 mod cameras;
 mod can_bus;
+mod files;
 mod map_mask;
 mod naming;
 mod scene;
@@ -249,7 +250,7 @@ impl Export {
         };
         let mut rows = scene::write(&episode, &place, naming, &self.folder, progress)?;
         let of_cameras = episode.reader.cameras().iter().map(|camera| cameras::channel_of(camera));
-        self.channels.extend(of_cameras.chain([scene::LIDAR.to_owned(), cameras::front()]));
+        self.channels.extend(of_cameras.chain([files::LIDAR.to_owned(), cameras::front()]));
         let missing = cameras::missing(episode.reader.cameras());
         self.black_channels.extend(missing.iter().map(|camera| camera.channel.to_owned()));
         self.categories.extend(&rows.categories);
@@ -378,7 +379,7 @@ fn add_shared_rows(
         tables.add(&VisibilityRow { token: Token::from(token), level: level.to_owned(), description })?;
     }
     for channel in channels {
-        let modality = if channel == scene::LIDAR { "lidar" } else { "camera" };
+        let modality = if channel == files::LIDAR { "lidar" } else { "camera" };
         let token = Token::of("sensor", channel);
         tables.add(&SensorRow { token, channel: channel.clone(), modality: modality.to_owned() })?;
     }

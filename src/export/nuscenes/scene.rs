@@ -1,31 +1,29 @@
 //! One episode as a scene: its files, and the rows of the tables that tell of it.
 //!
-//! All sensors of a sample share its time and pose. Every sample is a keyframe; episodes hold nothing in between, so there are no sweeps.
+//! All sensors of a sample share its time and pose. Every sample is a keyframe; the top LiDAR's clouds between samples are its
+//! sweeps, each with a pose of its own.
 
 use std::collections::BTreeMap;
 
 use fs_err as fs;
-use nalgebra::Isometry3;
 
 use super::calendar::date;
 use super::cameras::{self, MissingCamera};
 use super::can_bus::CanMessages;
+use super::files::{LIDAR, SensorFile, cloud_file, ending, in_their_axes};
 use super::naming::Naming;
 use super::tokens::sample_token;
 use crate::export::{ExportError, LabelledEpisode};
 use crate::files::NewFolder;
-use crate::geometry::{Ego, Pinhole, Transform, World};
+use crate::geometry::{Ego, Frame, Lidar, Pinhole, Transform, World};
 use crate::nuscenes::{
     CalibratedSensorRow, EgoPoseRow, InstanceRow, LogRow, SampleAnnotationRow, SampleDataRow, SampleRow,
-    SceneRow, Token, default_attribute, detection_class, quarter_turn, rotation_of, translation_of,
-    write_cloud,
+    SceneRow, Token, default_attribute, detection_class, rotation_of, translation_of, write_cloud,
 };
 use crate::object::{Harm, Object};
 use crate::progress::Progress;
-use crate::sample::{EncodedImage, ImageFormat, LidarPoint, Sample};
+use crate::sample::Sample;
 
-/// The LiDAR's channel.
-pub(super) const LIDAR: &str = "LIDAR_TOP";
 /// Where the picture of missing cameras lies.
 pub(super) const BLACK: &str = "samples/absent.jpg";
 
@@ -77,15 +75,6 @@ pub(super) fn write(
 fn token_of(episode: &LabelledEpisode, sample_idx: usize) -> Token {
     let time_ns = episode.reader.times_ns()[sample_idx];
     sample_token(episode.reader.log(), &episode.entry().name, sample_idx, time_ns)
-}
-
-/// A file of a sensor at a sample.
-struct SensorFile {
-    channel: String,
-    ego_from_sensor: Isometry3<f64>,
-    intrinsics: Option<Pinhole>,
-    filename: String,
-    format: &'static str,
 }
 
 struct SceneBuilder<'a> {
@@ -177,11 +166,41 @@ impl<'a> SceneBuilder<'a> {
         self.rows.can.add(time_us, state, global_from_ego);
         self.rows.log.wheelbase_m = Some(state.wheelbase_m);
         self.rows.log.front_bumper_x_m = Some(state.front_bumper_x_m);
+        self.add_sweeps(sample_idx, sample, &token, global_from_ego)?;
         for file in self.write_files(sample_idx, sample, time_us)? {
             self.add_file(file, &token, time_us, global_from_ego);
         }
         for (object_idx, object) in sample.objects().iter().enumerate() {
             self.add_annotation(object, harms.get(object_idx).copied(), &token, global_from_ego);
+        }
+        Ok(())
+    }
+
+    /// Writes the top LiDAR's clouds since the sample before; as in nuScenes they belong to the sample that follows.
+    fn add_sweeps(
+        &mut self,
+        sample_idx: usize,
+        sample: &Sample,
+        sample_token: &Token,
+        global_from_ego: &Transform<World, Ego>,
+    ) -> Result<(), ExportError> {
+        let measured = &sample.measured;
+        let global_from_world = *global_from_ego * measured.world_from_ego.inverse();
+        for sweep in self.episode.reader.sweeps(sample_idx)? {
+            if sweep.lidar != Lidar::NAME {
+                continue;
+            }
+            let time_us = sweep.time_ns / 1000 + self.delay_us;
+            let filename =
+                format!("sweeps/{LIDAR}/{}__{LIDAR}__{time_us}.pcd.bin", self.episode.entry().name);
+            fs::create_dir_all(self.folder.path().join("sweeps").join(LIDAR))?;
+            fs::write(
+                self.folder.path().join(&filename),
+                write_cloud(sweep.points.iter().map(in_their_axes)),
+            )?;
+            let world_from_ego = sweep.world_from_lidar * measured.ego_from_lidar.inverse();
+            let file = SensorFile { is_key_frame: false, ..cloud_file(measured, filename) };
+            self.add_file(file, sample_token, time_us, &(global_from_world * world_from_ego));
         }
         Ok(())
     }
@@ -200,13 +219,7 @@ impl<'a> SceneBuilder<'a> {
         let mut files = Vec::new();
         let lidar = name(LIDAR, "pcd.bin");
         fs::write(self.folder.path().join(&lidar), write_cloud(measured.points.iter().map(in_their_axes)))?;
-        files.push(SensorFile {
-            channel: LIDAR.into(),
-            ego_from_sensor: measured.ego_from_lidar.isometry * quarter_turn(),
-            intrinsics: None,
-            filename: lidar,
-            format: "pcd",
-        });
+        files.push(cloud_file(measured, lidar));
         let front = (cameras::front(), &measured.image, measured.ego_from_camera, measured.intrinsics);
         let views = self.episode.reader.views(sample_idx)?;
         let others = views.iter().map(|view| {
@@ -220,6 +233,7 @@ impl<'a> SceneBuilder<'a> {
             let ego_from_sensor = ego_from_camera.isometry;
             files.push(SensorFile {
                 channel,
+                is_key_frame: true,
                 ego_from_sensor,
                 intrinsics: Some(intrinsics),
                 filename,
@@ -228,6 +242,7 @@ impl<'a> SceneBuilder<'a> {
         }
         files.extend(self.missing.iter().map(|camera| SensorFile {
             channel: camera.channel.into(),
+            is_key_frame: true,
             ego_from_sensor: camera.ego_from_camera.isometry,
             intrinsics: Some(camera.intrinsics),
             filename: BLACK.into(),
@@ -243,7 +258,8 @@ impl<'a> SceneBuilder<'a> {
         time_us: u64,
         global_from_ego: &Transform<World, Ego>,
     ) {
-        let token = Token::of("sample_data", &format!("{sample_token}/{}", file.channel));
+        let of_sweep = if file.is_key_frame { String::new() } else { format!("/{time_us}") };
+        let token = Token::of("sample_data", &format!("{sample_token}/{}{of_sweep}", file.channel));
         let (translation, rotation) =
             (translation_of(&global_from_ego.isometry), rotation_of(&global_from_ego.isometry));
         self.rows.poses.push(EgoPoseRow { token: token.clone(), timestamp: time_us, rotation, translation });
@@ -260,7 +276,7 @@ impl<'a> SceneBuilder<'a> {
             calibrated_sensor_token,
             timestamp: time_us,
             fileformat: file.format.into(),
-            is_key_frame: true,
+            is_key_frame: file.is_key_frame,
             height: file.intrinsics.map_or(0, |camera| camera.height_px),
             width: file.intrinsics.map_or(0, |camera| camera.width_px),
             filename: file.filename,
@@ -359,18 +375,6 @@ impl<'a> SceneBuilder<'a> {
             first_annotation_token: annotation.clone(),
             last_annotation_token: annotation.clone(),
         });
-    }
-}
-
-/// A point in nuScenes' axes, x right and y forward; signs alone change.
-fn in_their_axes(point: &LidarPoint) -> [f32; 5] {
-    [-point.y_m, point.x_m, point.z_m, point.intensity, f32::from(point.ring)]
-}
-
-fn ending(image: &EncodedImage) -> &'static str {
-    match image.format {
-        ImageFormat::Jpeg => "jpg",
-        ImageFormat::Png => "png",
     }
 }
 

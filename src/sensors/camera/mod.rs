@@ -44,6 +44,7 @@ pub struct Scope {
 }
 
 impl Scope {
+    /// All cameras see one sky; what else is random is of each.
     pub fn new(weather: Weather, state: &WeatherState, camera: &RigCamera, seed: u64) -> Self {
         let (intrinsics, forward) = (&camera.intrinsics, camera.ego_from_camera.rotate(&Vector3::z()));
         let farthest_px = intrinsics.cy_px.max(f64::from(intrinsics.height_px) - intrinsics.cy_px);
@@ -57,7 +58,7 @@ impl Scope {
             noise: noise::Tile::new(camera.intrinsics.width_px as usize),
             puddles: wet::Puddles::new(),
             lens: Lens::new(&camera.config),
-            seed,
+            seed: camera.seed(seed),
         }
     }
 

@@ -47,7 +47,7 @@ fn streaks(
     let n = (DROPS_PER_M3_MM / slope * (-slope * LEAST_MM).exp() * volume_m3) as usize;
     let fall_mps = Table::new(LEAST_MM as f32, 12.0, 512, |mm| 9.65 - 10.3 * (-0.6 * mm).exp());
     let down = view.in_camera(&-Vector3::z());
-    let ahead = Vector3::z() * shot.speed_mps as f32;
+    let ahead = view.camera_from_ego.rotation.cast::<f32>() * Vector3::x() * shot.speed_mps as f32;
     for _ in 0..n {
         let [a, b, c, d, e] = [0; 5].map(|_: i32| rng.random::<f32>());
         // Evenly over the frustum: the greatest of three draws is as likely as its square.

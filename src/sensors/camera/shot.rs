@@ -35,7 +35,7 @@ pub struct Rendered<'a> {
 #[derive(Debug, Clone, Copy)]
 pub struct Shot<'a> {
     pub world_from_ego: Transform<World, Ego>,
-    /// Speed of the car, along the optical axis.
+    /// Speed of the car, along its x axis.
     pub speed_mps: f64,
     /// All lamps that could light the view.
     pub lamps: &'a [StreetLamp],

@@ -55,6 +55,14 @@ pub struct Hit {
     pub finish: Finish,
 }
 
+/// A turn of the LiDAR, by its number in the episode; each draws noise of its own.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Turn {
+    Sample(u64),
+    /// Between two samples.
+    Sweep(u64),
+}
+
 /// A measured point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LidarReturn {
@@ -117,22 +125,21 @@ impl Receiver {
         }
     }
 
-    /// The measured points of sample `sample_idx`, ray by ray; lost points and those out of range are left
-    /// out.
+    /// The measured points of a turn, ray by ray; lost points and those out of range are left out.
     ///
     /// Every ray draws equally many numbers whatever it hits, so one object more does not change the others'
     /// noise.
     ///
     /// # Panics
     /// If hits and rays differ in number, or a ring has no entry.
-    pub fn returns(&self, pattern: &Pattern, hits: &[Hit], sample_idx: u64) -> Vec<LidarReturn> {
+    pub fn returns(&self, pattern: &Pattern, hits: &[Hit], turn: Turn) -> Vec<LidarReturn> {
         assert_eq!(hits.len(), pattern.directions.len(), "one hit for each ray");
-        let stream = |name| random::stream(self.seed, name, sample_idx);
-        let mut draws = Draws {
-            noise: stream("lidar-noise"),
-            weather: stream("lidar-weather"),
-            strength: stream("lidar-strength"),
+        let (noise, weather, strength, turn_idx) = match turn {
+            Turn::Sample(i) => ("lidar-noise", "lidar-weather", "lidar-strength", i),
+            Turn::Sweep(i) => ("lidar-sweep-noise", "lidar-sweep-weather", "lidar-sweep-strength", i),
         };
+        let stream = |name| random::stream(self.seed, name, turn_idx);
+        let mut draws = Draws { noise: stream(noise), weather: stream(weather), strength: stream(strength) };
         let rays = hits.iter().enumerate();
         rays.filter_map(|(ray, hit)| self.measure(pattern, ray, hit, &mut draws)).collect()
     }

@@ -27,7 +27,7 @@ fn wall(range_m: f64, reflectivity: f64) -> Hit {
 /// `n` equal rays on one hit.
 fn shots(config: &RigLidarConfig, state: &WeatherState, hit: Hit, n: usize) -> Vec<LidarReturn> {
     let pattern = Pattern { directions: vec![Vector3::x(); n], rings: vec![0; n] };
-    Receiver::new(config, 1, state, 7).returns(&pattern, &vec![hit; n], 0)
+    Receiver::new(config, 1, state, 7).returns(&pattern, &vec![hit; n], Turn::Sample(0))
 }
 
 fn fog_of(mor_m: f64) -> WeatherState {
@@ -102,7 +102,7 @@ fn in_fog_returns_beyond_fifty_metres_fall_by_the_two_way_transmission() {
         let pattern = Pattern { directions: vec![Vector3::x(); n], rings: vec![0; n] };
         let receiver = Receiver::new(&quiet(), 1, &fog, 7);
         let targets_only = Receiver { soft_returns: None, ..receiver };
-        let after = targets_only.returns(&pattern, &vec![target; n], 0).len();
+        let after = targets_only.returns(&pattern, &vec![target; n], Turn::Sample(0)).len();
         let ratio = after as f64 / before as f64;
         let transmission = (-2.0 * 20f64.ln() / 50.0 * range_m).exp();
         assert!((ratio / transmission - 1.0).abs() < 0.1, "{range_m} m: {ratio} against {transmission}");
@@ -156,7 +156,11 @@ fn rings_differ_in_offset_and_dropout_as_stated() {
     let n = 4000;
     let rings: Vec<u16> = (0..32).flat_map(|ring| std::iter::repeat_n(ring, n)).collect();
     let pattern = Pattern { directions: vec![Vector3::x(); rings.len()], rings };
-    let found = Receiver::new(&config, 32, &clear(), 9).returns(&pattern, &vec![wall(20.0, 1.0); 32 * n], 0);
+    let found = Receiver::new(&config, 32, &clear(), 9).returns(
+        &pattern,
+        &vec![wall(20.0, 1.0); 32 * n],
+        Turn::Sample(0),
+    );
     let of_ring = |ring: u16| found.iter().filter(move |r| r.point.ring == ring);
     let offsets: Vec<f64> =
         (0..32).map(|ring| f64::from(of_ring(ring).next().unwrap().point.x_m) - 20.0).collect();

@@ -13,7 +13,8 @@ use serde::Serialize;
 use self::memory::MemoryWatch;
 use self::replay::{BareCalls, StepLog};
 use harmzone::episode::Manifest;
-use harmzone::generate::episode::{Recording, Timings};
+use harmzone::generate::Timings;
+use harmzone::generate::episode::Recording;
 use harmzone::generate::{self, CheckedConfig, EpisodePlan, GenerateConfig, GenerateError, RunOptions, plan};
 use harmzone::progress::Progress;
 

@@ -1,0 +1,84 @@
+//! Rigs that come with harmzone, and a user's own from a file.
+
+use std::path::Path;
+
+use super::rig_config::RigConfig;
+use crate::config::{self, ConfigError};
+
+/// A rig by name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ShippedRig {
+    /// One camera and the LiDAR's sector in its view: the default.
+    Front,
+    /// nuScenes' six cameras and the LiDAR's whole turn.
+    Surround,
+}
+
+impl ShippedRig {
+    pub const ALL: [Self; 2] = [Self::Front, Self::Surround];
+
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Front => "front",
+            Self::Surround => "surround",
+        }
+    }
+
+    /// Its config.
+    ///
+    /// # Panics
+    /// If the file that was compiled in is broken, which a test excludes.
+    #[must_use]
+    pub fn config(self) -> RigConfig {
+        match self {
+            Self::Front => RigConfig::default(),
+            Self::Surround => toml::from_str(include_str!("../../configs/rigs/surround.toml"))
+                .expect("a test reads the file that comes with the program"),
+        }
+    }
+}
+
+impl RigConfig {
+    /// The rig with this name, or that of a TOML file.
+    ///
+    /// # Errors
+    /// Neither a name nor a file, or a file that is no rig.
+    pub fn named_or_read(name: &str) -> Result<Self, ConfigError> {
+        match ShippedRig::ALL.into_iter().find(|rig| rig.name() == name) {
+            Some(rig) => Ok(rig.config()),
+            None => config::load(Some(Path::new(name)), &[]),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Point;
+    use crate::sensors::Rig;
+
+    #[test]
+    fn the_surround_rig_sees_the_whole_circle_and_has_the_front_rigs_camera() {
+        let [front, surround] = ShippedRig::ALL.map(|rig| Rig::try_from(&rig.config()).unwrap());
+        assert_eq!(surround.front(), front.front());
+        assert_eq!((surround.cameras.len(), front.cameras.len()), (6, 1));
+        assert!(surround.top().is_full() && !front.top().is_full());
+        for degrees in 0..360 {
+            let (sin, cos) = f64::from(degrees).to_radians().sin_cos();
+            let at = Point::new(40.0 * cos, 40.0 * sin, 1.0);
+            let sees = |camera: &&crate::sensors::RigCamera| {
+                let pixel = camera.intrinsics.project(&(camera.ego_from_camera.inverse() * at));
+                pixel.is_some_and(|(u_px, v_px)| camera.intrinsics.contains(u_px, v_px))
+            };
+            assert!(surround.cameras.iter().any(|camera| sees(&camera)), "nobody looks to {degrees} degrees");
+        }
+    }
+
+    #[test]
+    fn what_is_neither_a_name_nor_a_file_is_told() {
+        assert_eq!(RigConfig::named_or_read("front").unwrap(), RigConfig::default());
+        let error = RigConfig::named_or_read("sideways").unwrap_err().to_string();
+        assert!(error.contains("sideways"), "{error}");
+    }
+}
