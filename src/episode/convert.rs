@@ -6,7 +6,7 @@ use nalgebra::{Isometry3, Quaternion, Translation3, Unit};
 
 use super::error::MessageFault;
 use super::messages::{fox_identity, fox_parts, fox_time, own_time, wire};
-use crate::geometry::{Ego, Frame, Lidar, Pinhole, Transform, World};
+use crate::geometry::{Ego, Frame, Pinhole, Transform, World};
 use crate::sample::{
     Around, CameraView, EgoState, EncodedImage, ImageFormat, LidarPoint, LidarView, Measured, Sample, Sweep,
 };

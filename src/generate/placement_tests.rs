@@ -16,8 +16,10 @@ const LIGHTING: Lighting = Lighting { ambient: [0.5; 3], sun: None };
 fn drive(world: &World, seed: u64) -> Drive {
     let mount = CameraMount {
         body: "ego".into(),
-        ego_from_camera: Transform::looking_forward(Vector3::new(1.5, 0.0, 1.5), 0.0),
-        intrinsics: Pinhole::from_horizontal_fov(160, 90, 1.2),
+        cameras: vec![(
+            Transform::looking_forward(Vector3::new(1.5, 0.0, 1.5), 0.0),
+            Pinhole::from_horizontal_fov(160, 90, 1.2),
+        )],
         n_samples: 0,
         shadow_size_px: 256,
         renderer: Renderer::default(),
