@@ -1,6 +1,7 @@
 //! What a cloud shows: how many points, where, how strong, from which rings, and how many of them no box explains.
 
 use super::objects::BOX_MARGIN_M;
+use super::structure::{add_irregular, add_spacing};
 use super::{Quantity, Tallies};
 use crate::geometry::{Box3, Ego, Point};
 use crate::sample::Measured;
@@ -28,6 +29,7 @@ pub(super) fn add_points(tallies: &mut Tallies, measured: &Measured, boxes: Opti
     let mut rings: Vec<Ring> = Vec::new();
     let (mut n_ground, mut n_zero, mut n_saturated, mut n_obstacle, mut n_clutter) = (0, 0, 0, 0, 0);
     let (mut ranges, mut heights, mut elevations) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut near, mut unexplained) = (Vec::new(), Vec::new());
     for point in points {
         let [x, y, z] = [point.x_m, point.y_m, point.z_m].map(f64::from);
         let in_ego = measured.ego_from_lidar * Point::new(x, y, z);
@@ -45,11 +47,17 @@ pub(super) fn add_points(tallies: &mut Tallies, measured: &Measured, boxes: Opti
         n_ground += u32::from(in_ego.z() < GROUND_M);
         n_zero += u32::from(point.intensity < INTENSITY_MARGIN);
         n_saturated += u32::from(point.intensity > 255.0 - INTENSITY_MARGIN);
-        if (GROUND_M..OBSTACLE_TOP_M).contains(&in_ego.z()) && range_m < CLUTTER_RANGE_M {
-            n_obstacle += 1;
+        if range_m >= CLUTTER_RANGE_M {
+            continue;
+        }
+        near.push(in_ego.coords);
+        if in_ego.z() >= GROUND_M {
             let is_explained =
                 boxes.is_some_and(|boxes| boxes.iter().any(|of| of.contains(&in_ego, BOX_MARGIN_M)));
-            n_clutter += u32::from(!is_explained);
+            let is_obstacle = in_ego.z() < OBSTACLE_TOP_M;
+            n_obstacle += u32::from(is_obstacle);
+            n_clutter += u32::from(is_obstacle && !is_explained);
+            unexplained.extend((!is_explained).then_some(in_ego.coords));
         }
     }
     tallies.add_all(Quantity::PointRange, ranges);
@@ -63,6 +71,10 @@ pub(super) fn add_points(tallies: &mut Tallies, measured: &Measured, boxes: Opti
     tallies.add(Quantity::SaturatedShare, share(n_saturated));
     if boxes.is_some() && n_obstacle > 0 {
         tallies.add(Quantity::ClutterShare, f64::from(n_clutter) / f64::from(n_obstacle));
+    }
+    add_spacing(tallies, &near);
+    if boxes.is_some() {
+        add_irregular(tallies, &unexplained, near.len());
     }
     add_rings(tallies, rings);
 }

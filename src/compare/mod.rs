@@ -10,6 +10,7 @@ mod objects;
 mod picture;
 mod quantity;
 mod spread;
+mod structure;
 mod tally;
 
 use std::path::{Path, PathBuf};
@@ -31,6 +32,7 @@ use crate::progress::Progress;
 pub use self::lidar::{CLUTTER_RANGE_M, GROUND_M, OBSTACLE_TOP_M};
 pub use self::objects::BOX_MARGIN_M;
 pub use self::picture::COMPARED_WIDTH_PX;
+pub use self::structure::FLAT_M;
 
 /// Two data sets side by side.
 #[derive(Debug, Clone, PartialEq, Serialize)]

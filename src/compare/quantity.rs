@@ -19,6 +19,9 @@ pub enum Quantity {
     PointHeight,
     GroundShare,
     ClutterShare,
+    IrregularShare,
+    /// Distance of a point to the nearest one, in a bin of range.
+    PointSpacing(u8),
     Intensity,
     ZeroIntensityShare,
     SaturatedShare,
@@ -120,6 +123,7 @@ impl Quantity {
             Self::PointHeight,
             Self::GroundShare,
             Self::ClutterShare,
+            Self::IrregularShare,
             Self::Intensity,
             Self::ZeroIntensityShare,
             Self::SaturatedShare,
@@ -128,6 +132,7 @@ impl Quantity {
             Self::ElevationStep,
             Self::LidarHeight,
         ];
+        all.extend((0..N_RANGE_BINS).map(Self::PointSpacing));
         all.extend(
             Kind::ALL
                 .into_iter()
@@ -166,6 +171,7 @@ impl Quantity {
             Self::PointHeight => "height of points over ground",
             Self::GroundShare => "points on the ground",
             Self::ClutterShare => "clutter among points above ground",
+            Self::IrregularShare => "points of no ground, object or flat wall",
             Self::Intensity => "intensity",
             Self::ZeroIntensityShare => "points of intensity 0",
             Self::SaturatedShare => "points of intensity 255",
@@ -187,9 +193,12 @@ impl Quantity {
             Self::Steering => "steering, left positive",
             Self::ChannelMean(channel) => return format!("mean of {}", channel.name()),
             Self::ChannelDeviation(channel) => return format!("deviation of {}", channel.name()),
+            Self::PointSpacing(bin) => {
+                let [near, far] = ends_m(bin);
+                return format!("nearest neighbour of points at {near} to {far} m");
+            }
             Self::PointsOnObject(kind, bin) => {
-                let bin_m = RANGE_BIN_M as u32;
-                let (near, far) = (u32::from(bin) * bin_m, (u32::from(bin) + 1) * bin_m);
+                let [near, far] = ends_m(bin);
                 return format!("points on a {} at {near} to {far} m", thing(kind));
             }
             Self::ObjectsPerSample(kind) => return format!("{} a sample", things(kind)),
@@ -211,6 +220,7 @@ impl Quantity {
             | Self::ObjectsPerSample(_) => Unit::Count,
             Self::PointRange
             | Self::PointHeight
+            | Self::PointSpacing(_)
             | Self::LidarHeight
             | Self::CameraHeight
             | Self::ObjectRange(_)
@@ -219,6 +229,7 @@ impl Quantity {
             | Self::Height(_) => Unit::Metre,
             Self::GroundShare
             | Self::ClutterShare
+            | Self::IrregularShare
             | Self::ZeroIntensityShare
             | Self::SaturatedShare
             | Self::Saturation => Unit::Share,
@@ -252,9 +263,11 @@ impl Quantity {
             Self::Intensity => even(0.0, 255.0, 51),
             Self::GroundShare
             | Self::ClutterShare
+            | Self::IrregularShare
             | Self::ZeroIntensityShare
             | Self::SaturatedShare
             | Self::Saturation => even(0.0, 1.0, 40),
+            Self::PointSpacing(bin) => even(0.0, 0.3 * f64::from(bin + 1), 60),
             Self::RingsReturning => even(-0.5, 128.5, 43),
             Self::AzimuthStep => even(0.0, 1.0, 50),
             Self::ElevationStep | Self::LidarHeight | Self::CameraHeight | Self::Width(_) => {
@@ -280,6 +293,11 @@ impl Quantity {
             Self::Height(_) => even(0.0, 5.0, 50),
         }
     }
+}
+
+/// Ends of a bin of range.
+fn ends_m(bin: u8) -> [u32; 2] {
+    [bin, bin + 1].map(|edge| u32::from(edge) * RANGE_BIN_M as u32)
 }
 
 fn thing(kind: Kind) -> &'static str {

@@ -3,8 +3,8 @@
 use std::fmt;
 
 use crate::compare::{
-    BOX_MARGIN_M, CLUTTER_RANGE_M, COMPARED_WIDTH_PX, DomainGap, GROUND_M, GapRow, LEVEL, N_RESAMPLES,
-    OBSTACLE_TOP_M, SetFacts,
+    BOX_MARGIN_M, CLUTTER_RANGE_M, COMPARED_WIDTH_PX, DomainGap, FLAT_M, GROUND_M, GapRow, LEVEL,
+    N_RESAMPLES, OBSTACLE_TOP_M, SetFacts,
 };
 use crate::text_table::text_table;
 
@@ -30,7 +30,8 @@ impl fmt::Display for DomainGap {
              in two at random with one part as large as B, stay below in {:.0} % of {N_RESAMPLES} draws; `as A`: neither distance is above it,\n\
              which is no difference.\n\
              Ground is what lies below {GROUND_M} m over the ego's ground plane; clutter is the share of the points from there to {OBSTACLE_TOP_M} m, nearer than\n\
-             {CLUTTER_RANGE_M} m, that lie in no annotated box with {BOX_MARGIN_M} m around it. Pictures are compared at {COMPARED_WIDTH_PX} px in width.",
+             {CLUTTER_RANGE_M} m, that lie in no annotated box with {BOX_MARGIN_M} m around it. No flat wall: cells of 1 m whose\n\
+             points spread by more than {FLAT_M} m about any plane. Pictures are compared at {COMPARED_WIDTH_PX} px in width.",
             100.0 * LEVEL
         )
     }
