@@ -62,8 +62,7 @@ pub(super) fn add_spacing(tallies: &mut Tallies, points: &[Point3<f64>]) {
 /// of the ground nor of objects.
 pub(super) fn add_irregular(tallies: &mut Tallies, points: &[Point3<f64>], n_all: usize) {
     let cells = sort_into_cells(points.iter(), CELL_M);
-    let n_irregular: usize =
-        cells.values().filter(|of_cell| is_irregular(of_cell)).map(|of_cell| of_cell.len()).sum();
+    let n_irregular: usize = cells.values().filter(|of_cell| is_irregular(of_cell)).map(Vec::len).sum();
     if n_all > 0 {
         tallies.add(Quantity::IrregularShare, n_irregular as f64 / n_all as f64);
     }
