@@ -9,6 +9,7 @@ from __future__ import annotations
 import sys
 
 from model_writer import Model
+from more_vehicles import more_vehicles
 from ood_animals import boars, dogs
 from ood_car_parts import bumpers, tyres
 from ood_cargo import ladders, pallets
@@ -33,6 +34,7 @@ def vehicles() -> list[Model]:
         car("car_sedan", "car", "Four-door sedan.", (0.62, 0.64, 0.67), False),
         car("car_hatch", "car", "Small hatchback.", (0.58, 0.10, 0.10), True),
         *(make() for make in (van, truck, bus, cyclist, motorcycle, scooter)),
+        *more_vehicles(),
         car("ego", "ego", about_ego, (0.80, 0.82, 0.84), False),
     ]
 

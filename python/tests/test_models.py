@@ -1,5 +1,6 @@
 """Every object model as a free body: dropped on a plane, it comes to rest on it."""
 
+import tomllib
 from pathlib import Path
 
 import mujoco
@@ -7,6 +8,7 @@ import numpy as np
 import pytest
 
 ASSETS = Path(__file__).parents[2] / "mjcf_assets"
+TOWNS = ASSETS.parent / "scenes"
 MODELS = sorted(path.parent.name for path in ASSETS.glob("*/model.xml"))
 STEP_S = 0.005
 N_STEPS = 1000
@@ -80,8 +82,54 @@ def test_there_are_as_many_shapes_as_the_readme_says():
         texts = {t.name: t.data for t in mujoco.MjSpec.from_file(str(ASSETS / name / "model.xml")).texts}
         group = texts["category"] if texts["distribution"] == "ood" else texts["kind"]
         kinds.setdefault((texts["distribution"], group), []).append(name)
-    assert len(kinds["id", "vehicle"]) >= 6 + 1  # and the ego's
+    assert len(kinds["id", "vehicle"]) >= 8 + 16 + 1  # and the ego's
     assert len(kinds["id", "pedestrian"]) >= 4
     assert len(kinds["id", "static"]) >= 11
     out_of_distribution = {group: names for (which, group), names in kinds.items() if which == "ood"}
     assert sum(len(names) >= 3 for names in out_of_distribution.values()) >= 11, out_of_distribution
+
+
+# Length, width with mirrors and doors, height: of the smallest and largest that drive on real streets.
+VEHICLE_SIZES_M = {
+    "car": ((3.4, 1.6, 1.2), (5.1, 2.7, 1.9)),
+    "van": ((4.2, 1.8, 1.7), (7.0, 2.6, 3.2)),
+    "truck": ((5.0, 1.9, 1.7), (12.5, 3.1, 3.6)),
+}
+VEHICLE_MASS_KG = {"car": (800, 2200), "van": (1300, 3500), "truck": (1800, 18000)}
+MOST_TRIANGLES = 2500
+
+
+def test_vehicles_are_as_large_and_heavy_as_real_ones_and_cheap_to_draw():
+    n_cars = 0
+    for name in MODELS:
+        spec = mujoco.MjSpec.from_file(str(ASSETS / name / "model.xml"))
+        category = {t.name: t.data for t in spec.texts}["category"]
+        if category not in VEHICLE_SIZES_M:
+            continue
+        n_cars += category == "car"
+        model = spec.compile()
+        data = mujoco.MjData(model)
+        mujoco.mj_kinematics(model, data)
+        points, n_triangles = [], 0
+        for geom in np.flatnonzero(model.geom_group == 2):
+            mesh = model.geom_dataid[geom]
+            start = model.mesh_vertadr[mesh]
+            vertices = model.mesh_vert[start : start + model.mesh_vertnum[mesh]]
+            points.append(vertices @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom])
+            n_triangles += int(model.mesh_facenum[mesh])
+        size = np.ptp(np.concatenate(points), axis=0)
+        low, high = VEHICLE_SIZES_M[category]
+        assert (size >= low).all() and (size <= high).all(), (name, size)
+        least_kg, most_kg = VEHICLE_MASS_KG[category]
+        assert least_kg <= model.body_mass.sum() <= most_kg, name
+        assert n_triangles <= MOST_TRIANGLES, (name, n_triangles)
+    assert n_cars >= 2 * 2
+
+
+def test_a_model_with_an_open_door_never_drives():
+    tables = [tomllib.loads(path.read_text())["traffic"] for path in TOWNS.glob("*/town.toml")]
+    assert any(name.endswith("_door_open") for table in tables for name in table["parked_weights"])
+    assert not any(name.endswith("_door_open") for table in tables for name in table["vehicle_weights"])
+    for name in (name for name in MODELS if name.endswith("_door_open")):
+        spec = mujoco.MjSpec.from_file(str(ASSETS / name / "model.xml"))
+        assert {n.name: list(n.data) for n in spec.numerics}["weight"] == [0.0], name
