@@ -27,6 +27,8 @@ mod surfaces;
 #[cfg(test)]
 mod surround_tests;
 mod timings;
+#[cfg(test)]
+mod variation_tests;
 pub mod worker;
 
 use std::path::PathBuf;
