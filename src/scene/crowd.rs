@@ -24,6 +24,8 @@ const JAYWALKERS_TO_M_SLOW: f64 = 45.0;
 
 /// Share of those who stand that do so at a bus stop, where there is one.
 const BUS_STOP_SHARE: f64 = 0.3;
+/// Nobody stands nearer to the road than this.
+const KERB_M: f64 = 0.9;
 /// Places on a bench from its middle to the left, and how far before its middle people sit.
 const SEATS_M: [f64; 2] = [-0.42, 0.42];
 const SEAT_FORWARD_M: f64 = -0.02;
@@ -265,6 +267,13 @@ impl Filler<'_> {
                 continue;
             }
             let places: Vec<Vec2> = party.members.iter().map(|member| member.at).collect();
+            // Long vehicles reach over the kerb in bends.
+            let is_clear = |place: &Vec2| {
+                self.town.surface.road_grid.clearance_m(at + rotate(place.x, place.y, yaw_rad)) > KERB_M
+            };
+            if !places.iter().all(is_clear) {
+                continue;
+            }
             if self.claim_for(party, &places, at, yaw_rad) {
                 for member in &party.members {
                     let center = at + rotate(member.at.x, member.at.y, yaw_rad);
