@@ -95,7 +95,8 @@ fn what_cannot_be_compared_says_what_is_there() {
     let [a, _] = sets();
     let message = fails(&["compare", text(a), text(a), "--split", "test"]);
     assert!(
-        message.contains("no sample of split test") && message.contains("3 of train, 3 of val, 0 of test"),
+        message.contains("no sample of split test")
+            && message.contains("3 of train, 3 of val, 0 of dev, 0 of test"),
         "{message}"
     );
     assert!(fails(&["compare", text(a), "/nowhere"]).contains("no data set here"));

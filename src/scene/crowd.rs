@@ -24,6 +24,9 @@ const JAYWALKERS_TO_M_SLOW: f64 = 45.0;
 
 /// Share of those who stand that do so at a bus stop, where there is one.
 const BUS_STOP_SHARE: f64 = 0.3;
+/// What a group keeps from the road beyond its own size, and how often that is looked at along its way.
+const TURN_ROOM_M: f64 = 0.5;
+const ROOM_STEP_M: f64 = 2.0;
 /// Nobody stands nearer to the road than this.
 const KERB_M: f64 = 0.9;
 /// Places on a bench from its middle to the left, and how far before its middle people sit.
@@ -168,7 +171,9 @@ impl Filler<'_> {
             let edge_m = (strip.width_m / 2.0 - 0.45 - spread_m - 0.6 * rng.random::<f64>()).max(0.0);
             let left_m = -kerb * edge_m;
             let sense = if rng.random_bool(0.5) { 1.0 } else { -1.0 };
-            let wants_across = rng.random::<f64>() < (5.0 * crossing_share).min(1.0);
+            // A group neither crosses nor turns round where that takes one of it onto the road.
+            let is_group = party.members.len() > 1;
+            let wants_across = rng.random::<f64>() < (5.0 * crossing_share).min(1.0) && !is_group;
             let crossing = if jaywalks {
                 self.way_across(strip, strips, kerb, station_m)
             } else if wants_across {
@@ -198,6 +203,14 @@ impl Filler<'_> {
                 if is_narrow && !member.is_stiff { Vec2::new(-1.15 * i as f64, 0.0) } else { member.at }
             };
             let places: Vec<Vec2> = party.members.iter().enumerate().map(|(i, m)| place(i, m)).collect();
+            let reach_m = places.iter().map(|place| place.norm()).fold(0.0, f64::max) + TURN_ROOM_M;
+            let has_room = |i: usize| {
+                let point = strip.center.beside(ROOM_STEP_M * i as f64, left_m);
+                self.town.surface.road_grid.clearance_m(point) > reach_m
+            };
+            if is_group && !(0..=(strip.center.length_m() / ROOM_STEP_M) as usize).all(has_room) {
+                continue;
+            }
             if !self.claim_for(party, &places, at, yaw_rad) {
                 continue;
             }

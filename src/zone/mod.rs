@@ -234,6 +234,9 @@ impl ZoneAt {
         if !footprint_area_m2.is_finite() || !overlap_ratio.is_finite() {
             return Err(ZoneError::Overlap { footprint_area_m2, overlap_area_m2 });
         }
+        // Of a zone of many kilometres the sums are right to square metres only.
+        let (overlap_area_m2, overlap_ratio) =
+            if overlap_ratio > 1.0 { (footprint_area_m2, 1.0) } else { (overlap_area_m2, overlap_ratio) };
         if self.max_clearance_m > 0.0 && clearance_m > self.max_clearance_m {
             let harm = Harm::Harmless;
             return Ok(Verdict { harm, overlap_area_m2, overlap_ratio, time_to_collision_s: None });

@@ -142,6 +142,18 @@ fn ttc_tells_the_time_and_the_others_do_not() {
 }
 
 #[test]
+fn no_object_lies_more_than_wholly_in_a_zone_of_many_kilometres() {
+    let rss = RssConfig { lateral_min_brake_mps2: 1e-9, ..RssConfig::default() };
+    let zone = Zone::try_from(ZoneConfig { kind: ZoneKind::Rss, rss, ..ZoneConfig::default() }).unwrap();
+    let object = Box3 { yaw_rad: 0.3, ..block(12.0, 2.0, 4.0, 2.0) };
+    for (speed_mps, steering_angle_rad) in [(0.0, 0.0), (14.0, 0.1), (40.0, -0.6), (-3.0, 0.5)] {
+        let Ok(here) = zone.at(&ego(speed_mps, steering_angle_rad)) else { continue };
+        let verdict = here.harm_of(&object, [-3.0, 1.0]).unwrap();
+        assert!((0.99..=1.0).contains(&verdict.overlap_ratio), "{verdict:?}");
+    }
+}
+
+#[test]
 fn rss_keeps_34_and_a_half_metres_from_a_standing_car_and_7_decimetres_aside() {
     // 10 m/s: 10 + 1.75 + 13.5^2 / 8 = 34.53 m from the bumper at 3.6 m; sides at 0.865 + 0.725 = 1.59 m.
     let zone = at(ZoneKind::Rss, 10.0, 0.0);
