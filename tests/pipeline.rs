@@ -33,19 +33,19 @@ fn a_trained_run_is_scored_drawn_and_predicts_files() {
     assert!(own.starts_with("Development figures, on train"), "{own}");
     done(&["eval", text(run), "--data", text(ood), "--ood", "--out", text(&out)]);
     let metrics = metrics_in(&out);
-    // Each of the 16 queries gives a box of each class, and next to none of them is at one of the six objects.
+    // Each of the 16 queries gives a box of each class.
     let counts = &metrics["counts"];
     assert_eq!(
         (&counts["truths"]["harmless"]["all"], &counts["n_samples"]),
-        (&6.into(), &3.into()),
+        (&21.into(), &3.into()),
         "{counts}"
     );
     assert_eq!(counts["detections"], json!({ "harmful": 48, "harmless": 48 }));
-    assert_near(&metrics, "total", 0.002, 0.01);
+    // Five epochs of three samples: boxes that are near what is there, and no more. A network that learnt nothing has 0.
+    assert_near(&metrics, "total", 0.085, 0.06);
     let out = scores.path().join("id");
     done(&["eval", text(run), "--data", text(id), "--out", text(&out)]);
-    // Five epochs of three samples: boxes that are near what is there, and no more. A network that learnt nothing has 0.
-    assert_near(&metrics_in(&out), "total", 0.0176, 0.015);
+    assert_near(&metrics_in(&out), "total", 0.002, 0.01);
 
     let predictions = scores.path().join("predictions");
     done(&["predict", text(run), "--data", text(id), "--out", text(&predictions)]);
@@ -168,13 +168,12 @@ fn the_network_inside_the_program_predicts_is_scored_and_drawn_by_its_name() {
     let scores = id.join("scores");
     let table = done(&["eval", "small", "--data", text(&id), "--out", text(&scores)]);
     assert!(table.contains("paper 0.795"), "{table}");
-    assert_near(&metrics_in(&scores), "total", 0.993, 0.05);
+    assert_near(&metrics_in(&scores), "total", 0.903, 0.05);
     let table =
         done(&["eval", "small", "--data", text(&fixture().ood), "--ood", "--out", text(&scores), "--force"]);
     assert!(table.contains("mAP_OOD"), "{table}");
-    // None of the objects is harmful, so that the mean is that of the harmless.
     for (column, mean) in
-        [("total", 0.764), ("id_matched", 0.750), ("ood_all", 0.770), ("ood_matched", 0.778)]
+        [("total", 0.913), ("id_matched", 0.938), ("ood_all", 0.746), ("ood_matched", 0.933)]
     {
         assert_near(&metrics_in(&scores), column, mean, 0.12);
     }
