@@ -50,7 +50,7 @@
 //! The modules in the order of their layers, each of which imports only from those before it (`tests/architecture.rs`
 //! checks it; `ARCHITECTURE.md` draws the pipeline):
 //!
-//! - what everything stands on: [`config`], [`device`], [`files`], [`geometry`], [`history`], [`progress`], [`random`],
+//! - what everything stands on: [`config`], [`device`], [`files`], [`geometry`], [`history`], [`meshes`], [`progress`], [`random`],
 //!   [`text_table`];
 //! - what is in a sample: [`object`], [`sample`], [`nuscenes`]; the rule by which objects matter: [`zone`]; what rays meet first: [`rays`];
 //! - the world: [`scene`], [`sensors`], [`sim`]; its files: [`episode`]; the stages that write them: [`generate`], [`import`],
@@ -64,6 +64,7 @@ pub mod device;
 pub mod files;
 pub mod geometry;
 pub mod history;
+pub mod meshes;
 pub mod progress;
 pub mod random;
 pub mod text_table;

@@ -17,6 +17,7 @@ const LAYERS: &[(&str, u32)] = &[
     ("progress", 0),
     ("random", 0),
     ("history", 1),
+    ("meshes", 1),
     ("text_table", 0),
     ("object", 1),
     ("sample", 2), // above `object`: a sample holds objects

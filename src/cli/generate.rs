@@ -2,14 +2,15 @@
 
 use std::path::PathBuf;
 
-use anyhow::Context;
+use anyhow::Context as _;
 use clap::Args;
 
-use super::{Bar, ExitStatus, number, one_of, print_summary};
+use super::{Bar, ExitStatus, number, one_of, print_summary, tell};
 use crate::config;
 use crate::generate::{self, LidarEngine, Preset, RendererName, RunOptions, preset};
-use crate::scene::SceneSplit;
+use crate::scene::{OwnModels, SceneSplit, bring_in};
 use crate::sensors::RigConfig;
+use crate::text_table::text_table;
 
 #[derive(Debug, Args)]
 pub struct GenerateArgs {
@@ -43,6 +44,13 @@ pub struct GenerateArgs {
     /// Also place unfamiliar objects, of kinds that no training set holds
     #[arg(long)]
     ood: bool,
+    /// Folder of own meshes (OBJ, STL, GLB; models.toml in it says what the files do not), placed among the unfamiliar
+    /// objects of --ood
+    #[arg(long, value_name = "DIR")]
+    models: Option<PathBuf>,
+    /// Go on without meshes of --models that cannot be used
+    #[arg(long, requires = "models")]
+    skip_bad: bool,
     /// Sensor rig in place of the config's: `front`, `surround` (nuScenes' six cameras and the LiDAR's whole turn), or a TOML
     /// with tables `[cameras.cam_..]` and `[lidars.lidar_..]`; `--set rig...` goes over it
     #[arg(long, value_name = "RIG")]
@@ -96,14 +104,56 @@ pub fn run(args: GenerateArgs) -> anyhow::Result<ExitStatus> {
     config.render.aov |= args.aov;
     config.samples = args.samples.unwrap_or(config.samples);
     config.seed = args.seed.unwrap_or(config.seed);
+    let own_models = match &args.models {
+        None if config.scene.own_models.is_empty() => None,
+        None => anyhow::bail!("`scene.own_models` is set by --models DIR: give the folder of the meshes"),
+        Some(_) if !config.scene.ood => anyhow::bail!("--models places unfamiliar objects: give --ood, too"),
+        Some(folder) => {
+            let models =
+                bring_in(folder, args.skip_bad).with_context(|| format!("--models {}", folder.display()))?;
+            tell(table_of(&models));
+            config.scene.own_models = models.sha256();
+            Some(models)
+        }
+    };
+    let has_losses = own_models.as_ref().is_some_and(|models| !models.bad.is_empty());
     let all_cores = std::thread::available_parallelism().map_or(1, usize::from);
     let options = RunOptions {
         program: std::env::current_exe()?,
         jobs: args.jobs.unwrap_or(all_cores),
         force: args.force,
+        own_models,
     };
     let summary =
         generate::run(&config, args.episodes.unwrap_or(n_episodes), &args.out, &options, &Bar::default())?;
     print_summary(&summary, args.json)?;
-    Ok(ExitStatus::Done)
+    Ok(if has_losses { ExitStatus::DoneWithLosses } else { ExitStatus::Done })
+}
+
+/// What became of each mesh, and what was guessed.
+fn table_of(models: &OwnModels) -> String {
+    let header =
+        ["model", "category", "l x w x h m", "kg", "triangles", "hulls", "closed"].map(str::to_owned);
+    let mut rows = vec![header.to_vec()];
+    let mut notes = String::new();
+    for model in &models.models {
+        let [length_m, width_m, height_m] = model.size_m;
+        let [before, after] = model.n_triangles;
+        rows.push(vec![
+            model.name.clone(),
+            model.category.clone(),
+            format!("{length_m:.2} x {width_m:.2} x {height_m:.2}"),
+            format!("{:.1}", model.mass_kg),
+            if before == after { before.to_string() } else { format!("{before} -> {after}") },
+            model.n_hulls.to_string(),
+            if model.is_watertight { "yes" } else { "no" }.to_owned(),
+        ]);
+        for note in &model.notes {
+            notes += &format!("  {}: {note}\n", model.name);
+        }
+    }
+    for mesh in &models.bad {
+        notes += &format!("left out: {}: {}\n", mesh.path.display(), mesh.reason);
+    }
+    text_table(rows) + notes.trim_end()
 }

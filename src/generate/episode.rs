@@ -11,6 +11,7 @@ use super::aov::AovWriter;
 use super::appearance::Appearance;
 use super::config::{CONTROL_PERIOD_S, RendererName};
 use super::drive::Drive;
+use super::folder::OWN_MODELS;
 use super::lighting::lighting;
 use super::sensing::{Cloud, Picture, Sensors};
 use super::timings::{Timings, time};
@@ -70,7 +71,12 @@ impl<'a> Recording<'a> {
         let rig = Rig::try_from(&rig_config)?;
         let town = shared_town(&plan.town)?;
         let state = plan.weather.state().replace_by(&raw.weather_override)?;
-        let world = populate_in(&town, &raw.scene, state.rain_rate_mmph > 0.0, plan.seed)?;
+        let own_models = if raw.scene.own_models.is_empty() {
+            Vec::new()
+        } else {
+            scene::load_own_models(&folder.join(OWN_MODELS))?
+        };
+        let world = populate_in(&town, own_models, &raw.scene, state.rain_rate_mmph > 0.0, plan.seed)?;
         let mount = CameraMount {
             body: "ego".into(),
             cameras: rig.cameras.iter().map(|camera| (camera.ego_from_camera, camera.intrinsics)).collect(),

@@ -12,6 +12,9 @@ use crate::files::{sha256_hex, write_atomic};
 /// The resolved config, written before anything else.
 pub(super) const CONFIG_FILE: &str = "gen.toml";
 
+/// The folder of a user's own models.
+pub(super) const OWN_MODELS: &str = "models";
+
 /// Prepares the folder; returns the manifest to begin with, which holds the complete episodes.
 pub(super) fn open(
     folder: &Path,

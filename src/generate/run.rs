@@ -15,7 +15,7 @@ use crate::episode::manifest::ObjectCounts;
 use crate::episode::{EpisodeEntry, Manifest, Split};
 use crate::object::{Distribution, Kind};
 use crate::progress::Progress;
-use crate::scene::Town;
+use crate::scene::{OwnModels, Town};
 
 /// How a data set is made; this does not change its bytes.
 #[derive(Debug, Clone)]
@@ -26,6 +26,8 @@ pub struct RunOptions {
     pub jobs: usize,
     /// Whether the episodes of another config may be deleted.
     pub force: bool,
+    /// A user's own models, which the config's `scene.own_models` names.
+    pub own_models: Option<OwnModels>,
 }
 
 /// The result of a run.
@@ -63,6 +65,9 @@ pub fn run(
     }
     let plans = plan(&checked, n_episodes);
     let manifest = folder::open(out, &to_toml(config), config.seed, config.scene.ood, &plans, options.force)?;
+    if let Some(models) = &options.own_models {
+        models.write(&out.join(folder::OWN_MODELS))?;
+    }
     let is_kept = |plan: &EpisodePlan| manifest.episodes.iter().any(|entry| entry.name == plan.name);
     let todo: Vec<u32> = (0..).zip(&plans).filter(|(_, plan)| !is_kept(plan)).map(|(i, _)| i).collect();
     let n_kept = manifest.episodes.len();

@@ -22,7 +22,7 @@ use crate::object::{Distribution, Kind};
 /// Where the models are in the source tree.
 const FOLDER: &str = "mjcf_assets";
 /// The file that describes a model, in the model's folder.
-const MODEL_FILE: &str = "model.xml";
+pub(super) const MODEL_FILE: &str = "model.xml";
 
 /// Height below which a car could hit something, with some room.
 pub const SOLID_M: f64 = 1.9;
@@ -146,7 +146,8 @@ pub fn load() -> Result<Vec<Model>, SceneError> {
     let read = |name: &str| {
         let path = inside(name, MODEL_FILE);
         let xml = shipped::text(&path).ok_or("it is not UTF-8 text".to_owned());
-        xml.and_then(|xml| read(name, xml))
+        let bytes = |file: &str| shipped::bytes(&inside(name, file)).map(Into::into);
+        xml.and_then(|xml| read(name, xml, &bytes))
             .map_err(|message| SceneError::Model { message, path: PathBuf::from(path) })
     };
     shipped::folders_with(FOLDER, MODEL_FILE).into_iter().map(read).collect()
@@ -158,7 +159,11 @@ pub fn indices_of(models: &[Model], kind: Kind, distribution: Distribution) -> V
     (0..models.len()).filter(|&i| fits(&models[i])).collect()
 }
 
-fn read(name: &str, xml: &str) -> Result<Model, String> {
+/// A file of a model's folder by its name.
+pub(super) type FileOf<'a> = &'a dyn Fn(&str) -> Option<Arc<[u8]>>;
+
+/// Reads a model's description.
+pub(super) fn read(name: &str, xml: &str, file_of: FileOf) -> Result<Model, String> {
     let document = Document::parse(xml).map_err(|error| error.to_string())?;
     let root = document.root_element();
     require_only(root, &["custom", "asset", "worldbody"])?;
@@ -180,11 +185,11 @@ fn read(name: &str, xml: &str) -> Result<Model, String> {
         }
         let mut text = xml[node.range()].to_owned();
         if let Some(file) = node.attribute("file") {
-            let bytes = shipped::bytes(&inside(name, file))
-                .ok_or(format!("there is no file `{file}` (.obj or .png) in the folder"))?;
+            let bytes =
+                file_of(file).ok_or(format!("there is no file `{file}` (.obj or .png) in the folder"))?;
             let key = format!("{name}__{}", file.replace('/', "_"));
             text = text.replace(&format!("file=\"{file}\""), &format!("file=\"{key}\""));
-            files.push((key, bytes.into()));
+            files.push((key, bytes));
         }
         if node.has_tag_name("material") && Some(own) == facts.paint.as_deref() {
             paint_xml = Some(text.clone());
@@ -210,7 +215,7 @@ fn read(name: &str, xml: &str) -> Result<Model, String> {
                 .children()
                 .find(|node| node.has_tag_name("mesh") && node.attribute("name") == Some(mesh))
                 .ok_or(format!("there is no <mesh> `{mesh}`"))?;
-            triangles.extend(mesh_triangles(name, node, geom)?);
+            triangles.extend(mesh_triangles(file_of, node, geom)?);
         }
     }
     if mass_kg <= 0.0 {
@@ -296,9 +301,10 @@ fn numbers(node: Node, attribute: &str) -> Result<Option<Vec<f64>>, String> {
     parsed.map(Some).map_err(|_| format!("{attribute}=\"{text}\" is not a list of numbers"))
 }
 
-fn mesh_triangles(name: &str, mesh: Node, geom: Node) -> Result<Vec<[Point3<f32>; 3]>, String> {
+fn mesh_triangles(file_of: FileOf, mesh: Node, geom: Node) -> Result<Vec<[Point3<f32>; 3]>, String> {
     let file = mesh.attribute("file").ok_or("a <mesh> of group 2 has no `file`")?;
-    let text = shipped::text(&inside(name, file));
+    let bytes = file_of(file);
+    let text = bytes.as_ref().and_then(|bytes| std::str::from_utf8(bytes).ok());
     let triangles = text.and_then(triangles_of_obj).ok_or(format!("`{file}` is not an OBJ mesh"))?;
     let scale = match numbers(mesh, "scale")?.as_deref() {
         Some(&[x, y, z]) => Vector3::new(x, y, z),
@@ -350,6 +356,7 @@ mod tests {
     #[test]
     fn a_fault_in_a_model_is_named() {
         let xml = shipped::text("mjcf_assets/barrel_a/model.xml").unwrap();
+        let bytes = |file: &str| shipped::bytes(&inside("barrel_a", file)).map(Into::into);
         for (from, to, wanted) in [
             ("</custom>", "", "expected 'custom' tag"),
             ("<custom>", "<default/><custom>", "<mujoco> holds <default>; it takes only"),
@@ -381,7 +388,7 @@ mod tests {
             ("<geom type=\"cylinder\"", "<freejoint/><geom type=\"cylinder\"", "<body> holds <freejoint>"),
         ] {
             assert!(xml.contains(from), "{from}");
-            let message = read("barrel_a", &xml.replace(from, to)).unwrap_err();
+            let message = read("barrel_a", &xml.replace(from, to), &bytes).unwrap_err();
             assert!(message.contains(wanted), "{from} -> {to}: {message}");
         }
     }

@@ -47,6 +47,10 @@ define_config! {
         event_share: f64 = 0.2, in SHARE;
         /// Where the others stand.
         ood_placement: OodPlacementConfig = OodPlacementConfig::default(), in part::<OodPlacementConfig>();
+        /// Whether the kinds that come with harmzone are placed beside a user's own.
+        shipped_kinds: bool = true;
+        /// SHA-256 of a user's own models (`gen --models`); empty without any.
+        own_models: String = String::new();
     }
 }
 
@@ -55,20 +59,26 @@ define_config! {
 /// # Errors
 /// As [`populate_in`].
 pub fn populate(town: &Arc<Town>, config: &PopulateConfig, seed: u64) -> Result<World, SceneError> {
-    populate_in(town, config, false, seed)
+    populate_in(town, Vec::new(), config, false, seed)
 }
 
-/// Fills a town. In rain people carry umbrellas.
+/// Fills a town, with a user's own models beside harmzone's. In rain people carry umbrellas.
 ///
 /// # Errors
 /// [`SceneError`]: broken models, or no lane where the ego could start.
 pub fn populate_in(
     town: &Arc<Town>,
+    own_models: Vec<Model>,
     config: &PopulateConfig,
     is_raining: bool,
     seed: u64,
 ) -> Result<World, SceneError> {
     let mut models = models::load()?;
+    models.retain(|model| config.shipped_kinds || model.facts.distribution == Distribution::Id);
+    models.extend(own_models.into_iter().map(|mut model| {
+        model.facts.split = config.split;
+        model
+    }));
     let n_people = f64::from(town.config.traffic.n_pedestrians) * config.pedestrian_density;
     let parties = draw_parties(&config.people, n_people.round() as usize, is_raining, seed, &mut models);
     let models = Arc::<[Model]>::from(models);

@@ -34,7 +34,12 @@ pub fn prepare(
     let given = if is_ood { request.ood.as_ref() } else { request.data.as_ref() };
     let path = given.cloned().unwrap_or_else(|| request.out.join(if is_ood { "ood" } else { "id" }));
     if given.is_none() {
-        let options = RunOptions { program: request.program.clone(), jobs: request.jobs, force: false };
+        let options = RunOptions {
+            program: request.program.clone(),
+            jobs: request.jobs,
+            force: false,
+            own_models: None,
+        };
         generate::run(&config, n_episodes, &path, &options, progress)?;
     }
     let manifest = Manifest::read(&path)?;
@@ -69,7 +74,8 @@ pub fn prepare_to_report(
     if let Some(maps) = maps {
         config.towns = maps.iter().map(|map| map.display().to_string()).collect();
     }
-    let options = RunOptions { program: request.program.clone(), jobs: request.jobs, force: false };
+    let options =
+        RunOptions { program: request.program.clone(), jobs: request.jobs, force: false, own_models: None };
     generate::run(&config, n_episodes, path, &options, progress)?;
     label::run(path, &ZoneConfig::default(), LABELS, false, progress)?;
     Ok(())

@@ -1,0 +1,106 @@
+//! Binary glTF 2.0: the meshes of its scene, with base colours and their textures.
+
+use std::path::Path;
+
+use gltf::image::Source;
+use gltf::mesh::Mode;
+use image::RgbImage;
+use nalgebra::{Matrix4, Point3};
+
+use super::{Content, MeshPart, UpAxis, named_texture, texture};
+
+pub(super) fn read(bytes: &[u8], folder: &Path) -> Result<Content, String> {
+    let gltf::Gltf { document, blob } =
+        gltf::Gltf::from_slice(bytes).map_err(|error| format!("it is not a whole GLB file: {error}"))?;
+    let blob = blob.ok_or("it has no binary part; glTF in several files is not read")?;
+    let mut reader = Reader { blob: &blob, folder, parts: Vec::new(), notes: Vec::new() };
+    let scene = document.default_scene().or_else(|| document.scenes().next()).ok_or("it has no scene")?;
+    for node in scene.nodes() {
+        reader.add(&node, &Matrix4::identity(), 0)?;
+    }
+    Ok(Content { parts: reader.parts, metres: true, up: Some(UpAxis::Y), notes: reader.notes })
+}
+
+/// Nodes lie in nodes at most so deep; glTF forbids circles, a broken file may have them.
+const DEEPEST: usize = 64;
+
+struct Reader<'a> {
+    blob: &'a [u8],
+    folder: &'a Path,
+    parts: Vec<MeshPart>,
+    notes: Vec<String>,
+}
+
+impl Reader<'_> {
+    fn add(
+        &mut self,
+        node: &gltf::Node,
+        scene_from_parent: &Matrix4<f32>,
+        depth: usize,
+    ) -> Result<(), String> {
+        if depth > DEEPEST {
+            return Err(format!("its nodes lie deeper than {DEEPEST} in each other"));
+        }
+        let parent_from_node = Matrix4::from_fn(|row, column| node.transform().matrix()[column][row]);
+        let scene_from_node = scene_from_parent * parent_from_node;
+        for primitive in node.mesh().iter().flat_map(gltf::Mesh::primitives) {
+            if primitive.mode() == Mode::Triangles {
+                let part = self.part(&primitive, &scene_from_node)?;
+                self.parts.push(part);
+            } else {
+                self.notes.push("lines, points, strips and fans are left out".into());
+            }
+        }
+        for child in node.children() {
+            self.add(&child, &scene_from_node, depth + 1)?;
+        }
+        Ok(())
+    }
+
+    fn part(
+        &mut self,
+        primitive: &gltf::Primitive,
+        scene_from_node: &Matrix4<f32>,
+    ) -> Result<MeshPart, String> {
+        let blob = self.blob;
+        let reader = primitive.reader(|buffer| (buffer.index() == 0).then_some(blob));
+        let place =
+            |position: [f32; 3]| scene_from_node.transform_point(&Point3::from(position)).coords.into();
+        let positions: Vec<[f32; 3]> =
+            reader.read_positions().ok_or("a mesh has no positions")?.map(place).collect();
+        let corners: Vec<u32> = match reader.read_indices() {
+            Some(indices) => indices.into_u32().collect(),
+            None => (0..positions.len() as u32).collect(),
+        };
+        let mut triangles = corners.as_chunks::<3>().0.to_vec();
+        if scene_from_node.fixed_view::<3, 3>(0, 0).determinant() < 0.0 {
+            triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
+        }
+        let material = primitive.material().pbr_metallic_roughness();
+        let [red, green, blue, _] = material.base_color_factor();
+        let textured = material.base_color_texture();
+        let places: Vec<[f32; 2]> = textured
+            .as_ref()
+            .and_then(|info| reader.read_tex_coords(info.tex_coord()))
+            // glTF counts v downwards.
+            .map(|places| places.into_f32().map(|[u, v]| [u, 1.0 - v]).collect())
+            .unwrap_or_default();
+        let texture = match textured.filter(|_| places.len() == positions.len()) {
+            Some(info) => self.image(info.texture().source().source())?,
+            None => None,
+        };
+        let texture_places = if texture.is_some() { places } else { Vec::new() };
+        Ok(MeshPart { positions, texture_places, triangles, color: [red, green, blue], texture })
+    }
+
+    fn image(&mut self, source: Source) -> Result<Option<RgbImage>, String> {
+        match source {
+            Source::View { view, .. } => {
+                let end = view.offset().checked_add(view.length());
+                let bytes = end.and_then(|end| self.blob.get(view.offset()..end));
+                texture(bytes.ok_or("a texture ends beyond the file")?).map(Some)
+            }
+            Source::Uri { uri, .. } => named_texture(self.folder, self.folder, uri, &mut self.notes),
+        }
+    }
+}
