@@ -16,6 +16,7 @@ mod emerging;
 mod error;
 mod event_scenery;
 mod events;
+mod facing;
 mod following;
 mod free_space;
 mod furniture;

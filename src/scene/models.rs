@@ -13,6 +13,7 @@ use serde::Deserialize;
 pub use super::bounds::Bounds;
 use super::bounds::{bounds_below, bounds_of};
 use super::error::SceneError;
+pub use super::facing::{Faces, RollAxis};
 use super::mesh::triangles_of_obj;
 use super::shape::Shape;
 use super::shipped;
@@ -29,36 +30,6 @@ pub const SOLID_M: f64 = 1.9;
 
 /// Parts above this height may hang over the road: the clearance that German roads keep, metres.
 const CLEARANCE_M: f64 = 4.5;
-
-/// Where a model's x axis points beside a street.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Faces {
-    /// Over the kerb.
-    #[default]
-    Street,
-    /// Towards the oncoming drivers.
-    Traffic,
-}
-
-/// What a model is to a detector.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Role {
-    /// Annotated wherever it is seen or hit.
-    #[default]
-    Object,
-    /// Seen and hit, but never annotated: bushes, rubbish bags.
-    Background,
-}
-
-/// The axis about which a model is round.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum RollAxis {
-    Y,
-    Z,
-}
 
 /// The content of a model's `<custom>` element.
 #[derive(Debug, Clone, Deserialize)]

@@ -1,0 +1,33 @@
+//! How a model stands beside a street, and how it rolls.
+
+use serde::Deserialize;
+
+/// Where a model's x axis points beside a street.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Faces {
+    /// Over the kerb.
+    #[default]
+    Street,
+    /// Towards the oncoming drivers.
+    Traffic,
+}
+
+/// What a model is to a detector.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Role {
+    /// Annotated wherever it is seen or hit.
+    #[default]
+    Object,
+    /// Seen and hit, but never annotated: bushes, rubbish bags.
+    Background,
+}
+
+/// The axis about which a model is round.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RollAxis {
+    Y,
+    Z,
+}
