@@ -1,4 +1,4 @@
-//! How a model stands beside a street, and how it rolls.
+//! What a model is in the world: object or background, how it stands beside a street, how it rolls.
 
 use serde::Deserialize;
 

@@ -13,7 +13,7 @@ use serde::Deserialize;
 pub use super::bounds::Bounds;
 use super::bounds::{bounds_below, bounds_of};
 use super::error::SceneError;
-pub use super::facing::{Faces, RollAxis};
+pub use super::facing::{Faces, Role, RollAxis};
 use super::mesh::triangles_of_obj;
 use super::shape::Shape;
 use super::shipped;
