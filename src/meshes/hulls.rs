@@ -36,7 +36,7 @@ pub(super) fn hulls(parts: &[MeshPart], is_closed: bool) -> Vec<Hull> {
     let size = high - low;
     if size.min_element() > THIN_M {
         if is_closed && let Ok((hull_points, hull_triangles)) = try_convex_hull(&points) {
-            let places = |points: &[Vector]| points.iter().map(|point| point.to_array()).collect::<Vec<_>>();
+            let places = |points: &[Vector]| points.iter().map(Vector::to_array).collect::<Vec<_>>();
             let hull_points = places(&hull_points);
             let volume_m3 = volume(&hull_points, &hull_triangles);
             if volume(&places(&points), &triangles) > CONVEX_SHARE * volume_m3 {

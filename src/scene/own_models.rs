@@ -200,21 +200,16 @@ fn model_files(name: &str, prepared: &Prepared) -> Result<Vec<(String, Vec<u8>)>
     let (mut assets, mut geoms) = (String::new(), String::new());
     for (i, part) in prepared.parts.iter().enumerate() {
         let key = format!("{name}/part_{i}");
-        let look = match &part.texture {
-            Some(picture) => {
-                let mut png = Cursor::new(Vec::new());
-                picture.write_to(&mut png, image::ImageFormat::Png).map_err(|error| error.to_string())?;
-                files.push((format!("part_{i}.png"), png.into_inner()));
-                let _ = writeln!(
-                    assets,
-                    "    <texture name=\"{name}/texture_{i}\" type=\"2d\" file=\"part_{i}.png\"/>"
-                );
-                format!("texture=\"{name}/texture_{i}\"")
-            }
-            None => {
-                let [red, green, blue] = part.color;
-                format!("rgba=\"{red:.3} {green:.3} {blue:.3} 1\"")
-            }
+        let look = if let Some(picture) = &part.texture {
+            let mut png = Cursor::new(Vec::new());
+            picture.write_to(&mut png, image::ImageFormat::Png).map_err(|error| error.to_string())?;
+            files.push((format!("part_{i}.png"), png.into_inner()));
+            let texture = format!("{name}/texture_{i}");
+            let _ = writeln!(assets, "    <texture name=\"{texture}\" type=\"2d\" file=\"part_{i}.png\"/>");
+            format!("texture=\"{texture}\"")
+        } else {
+            let [red, green, blue] = part.color;
+            format!("rgba=\"{red:.3} {green:.3} {blue:.3} 1\"")
         };
         let _ = writeln!(assets, "    <material name=\"{key}\" {look} specular=\"0.2\" shininess=\"0.2\"/>");
         let _ = writeln!(assets, "    <mesh name=\"{key}\" file=\"part_{i}.obj\"/>");
