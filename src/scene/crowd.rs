@@ -203,7 +203,7 @@ impl Filler<'_> {
                 if is_narrow && !member.is_stiff { Vec2::new(-1.15 * i as f64, 0.0) } else { member.at }
             };
             let places: Vec<Vec2> = party.members.iter().enumerate().map(|(i, m)| place(i, m)).collect();
-            let reach_m = places.iter().map(|place| place.norm()).fold(0.0, f64::max) + TURN_ROOM_M;
+            let reach_m = places.iter().map(Vec2::norm).fold(0.0, f64::max) + TURN_ROOM_M;
             let has_room = |i: usize| {
                 let point = strip.center.beside(ROOM_STEP_M * i as f64, left_m);
                 self.town.surface.road_grid.clearance_m(point) > reach_m
