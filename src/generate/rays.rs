@@ -76,9 +76,8 @@ mod tests {
     use crate::sim::{CameraMount, Renderer};
 
     const MAX_RANGE_M: f64 = 80.0;
-    /// Share of rays that may differ: those within a hair of an edge, and those that `mj_multiRay` loses where `mj_ray`
-    /// hits, as it leaves out too much of some geoms (`mailbox_b`, `gas_lamp`).
-    const MOST_OTHERS: f64 = 1e-4;
+    /// Share of rays that may differ: those within a hair of an edge.
+    const MOST_OTHERS: f64 = 7e-5;
     const COINCIDENT_M: f64 = 1e-6;
 
     fn mount() -> CameraMount {
@@ -92,23 +91,31 @@ mod tests {
         }
     }
 
-    /// Casts by both engines. Returns the number of rays, of those that hit, and of those that differ: in what they
-    /// hit, by a millimetre or in the angle. Where surfaces of two geoms coincide, either will do.
+    /// Whether ray `i` of one and ray `k` of the other differ: in what they hit, by a millimetre or in the angle. Where
+    /// surfaces of two geoms coincide, either will do.
+    fn differ(ours: &RayHits, i: usize, theirs: &RayHits, k: usize) -> bool {
+        let away_m = (ours.range_m[i] - theirs.range_m[k]).abs();
+        if ours.geom[i] != theirs.geom[k] {
+            return !(away_m < COINCIDENT_M);
+        }
+        let cos_apart = (ours.cos_incidence[i] - theirs.cos_incidence[k]).abs();
+        ours.geom[i] >= 0 && (away_m > 1e-3 || cos_apart > 1e-4)
+    }
+
+    /// Casts by both engines. Returns the number of rays, of those that hit, and of those that differ. As `mj_multiRay`
+    /// loses hits, `mj_ray` is asked again where they differ.
     fn compare(simulator: &Simulator, pose: &Isometry3<f64>, directions: &[Vector3<f64>]) -> [usize; 3] {
         let ours = simulator.ray_scene().unwrap().cast(pose, &Beams::new(directions), MAX_RANGE_M);
         let turned: Vec<Vector3<f64>> = directions.iter().map(|direction| pose * direction).collect();
         let origin = pose.translation.vector.into();
         let theirs = simulator.cast_rays(&origin, &turned, MAX_RANGE_M).unwrap();
-        let differs = |&ray: &usize| {
-            let away_m = (ours.range_m[ray] - theirs.range_m[ray]).abs();
-            if ours.geom[ray] != theirs.geom[ray] {
-                return !(away_m < COINCIDENT_M);
-            }
-            let cos_apart = (ours.cos_incidence[ray] - theirs.cos_incidence[ray]).abs();
-            ours.geom[ray] >= 0 && (away_m > 1e-3 || cos_apart > 1e-4)
-        };
-        let n_hits = theirs.geom.iter().filter(|&&geom| geom >= 0).count();
-        [directions.len(), n_hits, (0..directions.len()).filter(differs).count()]
+        let doubtful: Vec<usize> =
+            (0..turned.len()).filter(|&ray| differ(&ours, ray, &theirs, ray)).collect();
+        let again: Vec<Vector3<f64>> = doubtful.iter().map(|&ray| turned[ray]).collect();
+        let single = simulator.cast_single_rays(&origin, &again, MAX_RANGE_M);
+        let others = doubtful.iter().enumerate().filter(|&(k, &ray)| differ(&ours, ray, &single, k));
+        let n_hits = ours.geom.iter().filter(|&&geom| geom >= 0).count();
+        [directions.len(), n_hits, others.count()]
     }
 
     fn start(town: &str, ood: bool) -> Drive {
@@ -179,7 +186,7 @@ mod tests {
                 compare(&simulator, &pose, &directions)
             }));
             assert!(found[1] > found[0] / 20, "{}: {} of {} hit", model.name, found[1], found[0]);
-            assert!(found[2] <= 20, "{}: {} of {} differ", model.name, found[2], found[0]);
+            assert!(found[2] <= 5, "{}: {} of {} differ", model.name, found[2], found[0]);
             n_all = [0, 1, 2].map(|i| n_all[i] + found[i]);
         }
         assert!(n_all[2] as f64 <= MOST_OTHERS * n_all[0] as f64, "{} of {} differ", n_all[2], n_all[0]);

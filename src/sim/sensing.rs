@@ -51,6 +51,41 @@ impl Simulator {
         })
     }
 
+    /// As [`Self::cast_rays`], one ray after the other by `mj_ray`: slow, and without the shortcuts of `mj_multiRay`,
+    /// which lose hits. That leaves out the whole body where a ray misses the ball round its collision shapes
+    /// (`mju_singleRay` in MuJoCo's engine_ray.c), and so all that is only seen and lies outside: the handle of a
+    /// suitcase, the leaves of a tree.
+    #[cfg(test)]
+    pub(crate) fn cast_single_rays(
+        &self,
+        origin: &Point3<f64>,
+        directions: &[Vector3<f64>],
+        max_range_m: f64,
+    ) -> RayHits {
+        let none = RayHits { range_m: Vec::new(), geom: Vec::new(), cos_incidence: Vec::new() };
+        self.ask("cast single rays", |world| {
+            let py = world.py();
+            let mj_ray = py.import("mujoco")?.getattr("mj_ray")?;
+            let (model, data) = (world.getattr("model")?, world.getattr("data")?);
+            let groups = py.import("harmzone_sim.rays")?.getattr("_VISIBLE_GROUPS")?;
+            let origin = PyArray1::from_slice(py, origin.coords.as_slice());
+            directions.iter().try_fold(none, |mut hits, direction| {
+                let ray = PyArray1::from_slice(py, direction.as_slice());
+                let (geom, normal) = (PyArray1::from_vec(py, vec![-1]), PyArray1::zeros(py, 3, false));
+                let asked = (&model, &data, &origin, ray, &groups, true, -1, &geom, &normal);
+                let range_m: f64 = mj_ray.call1(asked)?.extract()?;
+                let (geom, normal): (i32, Vec<f64>) = (geom.get_item(0)?.extract()?, normal.to_vec()?);
+                let cos: f64 = direction.iter().zip(normal).map(|(a, b)| a * b).sum();
+                let found = geom >= 0 && range_m <= max_range_m;
+                hits.range_m.push(if found { range_m } else { f64::INFINITY });
+                hits.geom.push(if found { geom } else { -1 });
+                hits.cos_incidence.push(if found { cos.abs() } else { 0.0 });
+                Ok(hits)
+            })
+        })
+        .unwrap()
+    }
+
     /// The first camera's picture of the present state.
     ///
     /// # Errors
