@@ -146,7 +146,7 @@ fn no_object_lies_more_than_wholly_in_a_zone_of_many_kilometres() {
     let rss = RssConfig { lateral_min_brake_mps2: 1e-9, ..RssConfig::default() };
     let zone = Zone::try_from(ZoneConfig { kind: ZoneKind::Rss, rss, ..ZoneConfig::default() }).unwrap();
     let object = Box3 { yaw_rad: 0.3, ..block(12.0, 2.0, 4.0, 2.0) };
-    for (speed_mps, steering_angle_rad) in [(0.0, 0.0), (14.0, 0.1), (40.0, -0.6), (-3.0, 0.5)] {
+    for (speed_mps, steering_angle_rad) in [(0.0, 0.0), (14.0, 0.1), (40.0, -0.6)] {
         let Ok(here) = zone.at(&ego(speed_mps, steering_angle_rad)) else { continue };
         let verdict = here.harm_of(&object, [-3.0, 1.0]).unwrap();
         assert!((0.99..=1.0).contains(&verdict.overlap_ratio), "{verdict:?}");
