@@ -25,6 +25,6 @@ def half_round(width: float, straight: float, n: int = 10) -> list[tuple[float, 
     ]
 
 
-def unseen(name: str, about: str, mass_kg: float, reflectivity=0.4, **more) -> Model:
-    """A shape of a kind that only the test split shows."""
-    return ood(name, about, mass_kg, reflectivity, split="test", **more)
+def unseen(name: str, about: str, mass_kg: float, reflectivity: float, **colours: tuple) -> Model:
+    """A shape of a kind that only the test split shows; `colours` are of its materials."""
+    return ood(name, about, mass_kg, reflectivity, split="test", colours=colours)

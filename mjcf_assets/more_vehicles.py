@@ -19,6 +19,15 @@ def vehicle(name: str, category: str, about: str, mass_kg: float, paint: tuple, 
     return Model(name, category, "vehicle", about, mass_kg, 0.35, paint="paint", colours=colours, **more)
 
 
+def with_door(
+    name: str, category: str, abouts: tuple[str, str], mass_kg: float, paint: tuple, is_open: bool
+) -> Model:
+    """Closed, or parked with an open door and somebody's things in it; `abouts` tell of both."""
+    if is_open:
+        return vehicle(f"{name}_door_open", category, abouts[1], mass_kg + 20, paint, weight=0.0)
+    return vehicle(name, category, abouts[0], mass_kg, paint)
+
+
 def estate() -> Model:
     m = vehicle("car_estate", "car", "Estate, 2.79 m of wheelbase.", 1480, (0.13, 0.17, 0.24))
     body = Body(
@@ -88,12 +97,8 @@ def coupe() -> Model:
 
 
 def minivan(is_open: bool) -> Model:
-    name, about = ("car_minivan", "Minivan for seven.")
-    if is_open:
-        m = vehicle(f"{name}_door_open", "car", "Minivan, its driver's door open.", 1620,
-                    (0.34, 0.36, 0.38), weight=0.0)  # fmt: skip
-    else:
-        m = vehicle(name, "car", about, 1600, (0.34, 0.36, 0.38))
+    abouts = "Minivan for seven.", "Minivan, its driver's door open."
+    m = with_door("car_minivan", "car", abouts, 1600, (0.34, 0.36, 0.38), is_open)
     body = Body(
         top=[(2.29, 0.70), (2.25, 0.82), (2.05, 0.94), (1.75, 1.03), (1.42, 1.10), (0.45, 1.58), (0.0, 1.665),
              (-0.7, 1.69), (-1.5, 1.66), (-2.02, 1.59), (-2.20, 1.12), (-2.27, 1.02), (-2.29, 0.78)],
@@ -110,13 +115,8 @@ def minivan(is_open: bool) -> Model:
 
 
 def city_car(is_open: bool) -> Model:
-    paint = (0.85, 0.78, 0.62)
-    if is_open:
-        m = vehicle(
-            "car_city_door_open", "car", "Small city car, its driver's door open.", 950, paint, weight=0.0
-        )
-    else:
-        m = vehicle("car_city", "car", "Small city car, 3.6 m.", 930, paint)
+    abouts = "Small city car, 3.6 m.", "Small city car, its driver's door open."
+    m = with_door("car_city", "car", abouts, 930, (0.85, 0.78, 0.62), is_open)
     body = Body(
         top=[(1.79, 0.68), (1.76, 0.78), (1.62, 0.88), (1.35, 0.97), (1.08, 1.03), (0.42, 1.40), (0.1, 1.475),
              (-0.5, 1.495), (-1.1, 1.45), (-1.45, 1.38), (-1.68, 1.00), (-1.76, 0.92), (-1.79, 0.72)],
@@ -189,13 +189,8 @@ def pickup() -> Model:
 
 def delivery_van(is_open: bool) -> Model:
     """A high-roofed small van; open: both rear doors stand out."""
-    paint = (0.88, 0.72, 0.12)
-    if is_open:
-        m = vehicle(
-            "van_delivery_door_open", "van", "Delivery van, its rear doors open.", 1520, paint, weight=0.0
-        )
-    else:
-        m = vehicle("van_delivery", "van", "High-roofed small delivery van.", 1500, paint)
+    abouts = "High-roofed small delivery van.", "Delivery van, its rear doors open."
+    m = with_door("van_delivery", "van", abouts, 1500, (0.88, 0.72, 0.12), is_open)
     body = Body(
         top=[(2.20, 0.74), (2.16, 0.88), (1.98, 1.00), (1.65, 1.10), (1.32, 1.17), (0.62, 1.68), (0.3, 1.80),
              (-0.4, 1.835), (-1.5, 1.83), (-2.10, 1.80), (-2.17, 1.66), (-2.20, 1.55)],

@@ -52,11 +52,7 @@ def dogs() -> list[Model]:
 def shepherd() -> Model:
     """Standing, head up, one paw before the other; 0.65 m at the withers."""
     m = unseen(
-        "dog_a",
-        "Shepherd dog, standing.",
-        34,
-        0.35,
-        colours={"fur": (0.52, 0.35, 0.18), "saddle": (0.10, 0.08, 0.07)},
+        "dog_a", "Shepherd dog, standing.", 34, 0.35, fur=(0.52, 0.35, 0.18), saddle=(0.10, 0.08, 0.07)
     )
     trunk = [
         *chain(
@@ -105,13 +101,7 @@ def shepherd() -> Model:
 
 def sitting_dog() -> Model:
     """A retriever on its haunches."""
-    m = unseen(
-        "dog_b",
-        "Retriever, sitting.",
-        31,
-        0.45,
-        colours={"fur": (0.76, 0.60, 0.36), "pale": (0.86, 0.76, 0.56)},
-    )
+    m = unseen("dog_b", "Retriever, sitting.", 31, 0.45, fur=(0.76, 0.60, 0.36), pale=(0.86, 0.76, 0.56))
     trunk = [
         *chain(
             (-0.22, 0, 0.17, 0.14),
@@ -173,7 +163,8 @@ def great_dane() -> Model:
         "Great dane, white with black patches, sniffing at the ground.",
         62,
         0.55,
-        colours={"fur": (0.86, 0.85, 0.82), "patch": (0.07, 0.07, 0.08)},
+        fur=(0.86, 0.85, 0.82),
+        patch=(0.07, 0.07, 0.08),
     )
     trunk = [
         *chain(
@@ -248,7 +239,9 @@ def boar(tag: str, about: str, mass_kg: float, scale: float, coat, stride: float
         about,
         mass_kg,
         0.3,
-        colours={"coat": coat, "bristle": tuple(0.55 * c for c in coat), "snout": (0.40, 0.28, 0.25)},
+        coat=coat,
+        bristle=tuple(0.55 * c for c in coat),
+        snout=(0.40, 0.28, 0.25),
     )
     k = scale
     low = 0.16 if tag == "b" else 0.0

@@ -21,7 +21,8 @@ def tyres() -> list[Model]:
         "Car tyre that lies on its side.",
         9,
         0.12,
-        colours={"rubber": (0.07, 0.07, 0.075), "wall": (0.11, 0.11, 0.115)},
+        rubber=(0.07, 0.07, 0.075),
+        wall=(0.11, 0.11, 0.115),
     )
     tyre(a, 0.316, 0.203, 0.205, lambda s: moved(s, (0, 0, 0.1025)), 28)
     a.rolls = "z"
@@ -32,7 +33,8 @@ def tyres() -> list[Model]:
         "Truck tyre that stands on its tread.",
         62,
         0.12,
-        colours={"rubber": (0.085, 0.085, 0.085), "wall": (0.13, 0.125, 0.12)},
+        rubber=(0.085, 0.085, 0.085),
+        wall=(0.13, 0.125, 0.12),
     )
     tyre(b, 0.52, 0.286, 0.31, lambda s: moved(s, (0, 0, 0.52), roll=math.pi / 2), 30)
     b.rolls = "y"
@@ -43,7 +45,9 @@ def tyres() -> list[Model]:
         "Wheel of a car with its rim, the tyre burst and half off.",
         19,
         0.2,
-        colours={"rubber": (0.065, 0.065, 0.07), "wall": (0.10, 0.10, 0.10), "rim": (0.70, 0.71, 0.73)},
+        rubber=(0.065, 0.065, 0.07),
+        wall=(0.10, 0.10, 0.10),
+        rim=(0.70, 0.71, 0.73),
     )
 
     def torn(v):
@@ -106,10 +110,7 @@ def tyre(m: Model, radius: float, bore: float, width: float, place, n: int) -> N
     ]
     turn = 2 * math.pi / n
     path = [(math.cos(turn * k) * r, math.sin(turn * k) * r, 0.0) for k in range(n)]
-    m.add(
-        "wall",
-        place(sweep(path, ring_section(path, wall, r), closed=True)),
-    )
+    m.add("wall", place(sweep(path, ring_section(path, wall, r), closed=True)))
     turn = 2 * math.pi / 22
     for row, y in enumerate((-0.36, 0.36)):
         for k in range(22):
@@ -132,12 +133,10 @@ def bumpers() -> list[Model]:
         "Front bumper of a car with grille and number plate.",
         7,
         0.45,
-        colours={
-            "paint": (0.66, 0.68, 0.72),
-            "trim": (0.07, 0.07, 0.08),
-            "plate": (0.9, 0.9, 0.86),
-            "foam": (0.15, 0.15, 0.16),
-        },
+        paint=(0.66, 0.68, 0.72),
+        trim=(0.07, 0.07, 0.08),
+        plate=(0.9, 0.9, 0.86),
+        foam=(0.15, 0.15, 0.16),
     )
     skin(a, "paint", 1.72, 0.56, 0.50, lambda s: moved(s, (0, 0, 0.0), pitch=-0.35), 1.0)
 
@@ -158,12 +157,10 @@ def bumpers() -> list[Model]:
         "Rear bumper of a van, bare plastic, upside down.",
         9,
         0.25,
-        colours={
-            "paint": (0.16, 0.165, 0.17),
-            "lamp": (0.62, 0.06, 0.05),
-            "step": (0.28, 0.28, 0.29),
-            "trim": (0.5, 0.5, 0.52),
-        },
+        paint=(0.16, 0.165, 0.17),
+        lamp=(0.62, 0.06, 0.05),
+        step=(0.28, 0.28, 0.29),
+        trim=(0.5, 0.5, 0.52),
     )
 
     def over(s):
@@ -192,12 +189,10 @@ def bumpers() -> list[Model]:
         "Half of a bumper, torn and crumpled.",
         4,
         0.45,
-        colours={
-            "paint": (0.62, 0.06, 0.07),
-            "trim": (0.08, 0.08, 0.09),
-            "foam": (0.78, 0.78, 0.74),
-            "lamp": (0.92, 0.92, 0.88),
-        },
+        paint=(0.62, 0.06, 0.07),
+        trim=(0.08, 0.08, 0.09),
+        foam=(0.78, 0.78, 0.74),
+        lamp=(0.92, 0.92, 0.88),
     )
 
     def torn(s):

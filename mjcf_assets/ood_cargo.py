@@ -16,13 +16,11 @@ from solids import between, moved
 
 def pallets() -> list[Model]:
     """A Euro pallet (EN 13698: 1.2 x 0.8 x 0.144 m) with a broken board, one upside down, three askew."""
-    a = unseen("pallet_a", "Euro pallet with a broken and a missing board.", 23, 0.35, colours=WOOD)
+    a = unseen("pallet_a", "Euro pallet with a broken and a missing board.", 23, 0.35, **WOOD)
     pallet(a, 1.2, 0.8, lambda s: s, missing=(1,), broken=(3,))
     a.collide_box((0, 0, 0.072), (1.2, 0.8, 0.144))
     blue = {"board": (0.10, 0.24, 0.55), "block": (0.08, 0.18, 0.42), "break": (0.74, 0.60, 0.40)}
-    b = unseen(
-        "pallet_b", "Blue pallet upside down, one corner up on a splintered block.", 27, 0.4, colours=blue
-    )
+    b = unseen("pallet_b", "Blue pallet upside down, one corner up on a splintered block.", 27, 0.4, **blue)
     pallet(
         b,
         1.2,
@@ -39,7 +37,7 @@ def pallets() -> list[Model]:
         "Three Euro pallets, slipped off each other.",
         66,
         0.3,
-        colours={"board": (0.46, 0.41, 0.35), "block": (0.37, 0.33, 0.28), "break": (0.62, 0.52, 0.38)},
+        **{"board": (0.46, 0.41, 0.35), "block": (0.37, 0.33, 0.28), "break": (0.62, 0.52, 0.38)},
     )
     for k, (yaw, x, y) in enumerate(((0.0, 0, 0), (0.3, 0.10, -0.05), (-0.12, -0.08, 0.12))):
         tilt = 0.09 if k == 2 else 0.0
@@ -102,11 +100,7 @@ def pallet(m: Model, l: float, w: float, place, missing=(), broken=()) -> None:
 def ladders() -> list[Model]:
     """A bent one of aluminium, a step ladder that stands open, a wooden one that lies on its hooks."""
     a = unseen(
-        "ladder_a",
-        "Aluminium ladder, bent, lying.",
-        9,
-        0.6,
-        colours={"rail": (0.72, 0.73, 0.75), "foot": (0.08, 0.08, 0.08)},
+        "ladder_a", "Aluminium ladder, bent, lying.", 9, 0.6, rail=(0.72, 0.73, 0.75), foot=(0.08, 0.08, 0.08)
     )
 
     def curve(x):
@@ -131,12 +125,10 @@ def ladders() -> list[Model]:
         "Step ladder with seven steps, standing open.",
         11,
         0.5,
-        colours={
-            "rail": (0.86, 0.46, 0.06),
-            "step": (0.70, 0.71, 0.72),
-            "foot": (0.08, 0.08, 0.08),
-            "red": (0.75, 0.1, 0.08),
-        },
+        rail=(0.86, 0.46, 0.06),
+        step=(0.70, 0.71, 0.72),
+        foot=(0.08, 0.08, 0.08),
+        red=(0.75, 0.1, 0.08),
     )
     top = 1.78
     for s in (1, -1):
@@ -191,7 +183,7 @@ def ladders() -> list[Model]:
         "Wooden ladder with a broken rail and a rung out, lying tilted.",
         14,
         0.35,
-        colours={"rail": (0.60, 0.44, 0.26), "rung": (0.70, 0.54, 0.33), "break": (0.84, 0.72, 0.50)},
+        **{"rail": (0.60, 0.44, 0.26), "rung": (0.70, 0.54, 0.33), "break": (0.84, 0.72, 0.50)},
     )
 
     def place(s):

@@ -34,15 +34,13 @@ def branches() -> list[Model]:
         "Broken bough with its leaves.",
         22,
         0.3,
-        colours={"bark": (0.32, 0.24, 0.17), "leaf": (0.24, 0.42, 0.12), "wood": (0.80, 0.66, 0.44)},
+        bark=(0.32, 0.24, 0.17),
+        leaf=(0.24, 0.42, 0.12),
+        wood=(0.80, 0.66, 0.44),
     )
     bough(a, 2.3, 0.055, 7, 1, 0.8, 9)
     b = unseen(
-        "branch_b",
-        "Dead branch, forked and bare.",
-        16,
-        0.3,
-        colours={"bark": (0.42, 0.38, 0.34), "wood": (0.72, 0.60, 0.42)},
+        "branch_b", "Dead branch, forked and bare.", 16, 0.3, bark=(0.42, 0.38, 0.34), wood=(0.72, 0.60, 0.42)
     )
     bough(b, 3.1, 0.075, 9, 4, 1.0, 0)
     c = unseen(
@@ -50,7 +48,9 @@ def branches() -> list[Model]:
         "Short thick limb with autumn leaves.",
         30,
         0.3,
-        colours={"bark": (0.25, 0.19, 0.14), "leaf": (0.70, 0.36, 0.08), "wood": (0.84, 0.70, 0.46)},
+        bark=(0.25, 0.19, 0.14),
+        leaf=(0.70, 0.36, 0.08),
+        wood=(0.84, 0.70, 0.46),
     )
     bough(c, 1.5, 0.10, 6, 8, 0.75, 10)
     return [a, b, c]
@@ -144,7 +144,9 @@ def planks() -> list[Model]:
         "Heap of warped boards.",
         38,
         0.4,
-        colours={"board": (0.70, 0.54, 0.34), "grey": (0.50, 0.46, 0.41), "end": (0.86, 0.74, 0.54)},
+        board=(0.70, 0.54, 0.34),
+        grey=(0.50, 0.46, 0.41),
+        end=(0.86, 0.74, 0.54),
     )
     for k, (x, y, z, yaw, pitch, l, w) in enumerate(
         (
@@ -163,7 +165,9 @@ def planks() -> list[Model]:
         "Scaffold board, snapped; one half lies across the other.",
         19,
         0.45,
-        colours={"board": (0.62, 0.50, 0.34), "end": (0.88, 0.78, 0.58), "steel": (0.66, 0.67, 0.68)},
+        board=(0.62, 0.50, 0.34),
+        end=(0.88, 0.78, 0.58),
+        steel=(0.66, 0.67, 0.68),
     )
     for s, pose in ((1, ((0.55, 0.0, 0.022), 0.0, 0.0)), (-1, ((-0.20, 0.12, 0.10), 0.75, -0.10))):
 
@@ -188,12 +192,10 @@ def planks() -> list[Model]:
         "Roof beams and a formwork panel across them.",
         74,
         0.4,
-        colours={
-            "board": (0.74, 0.60, 0.38),
-            "panel": (0.86, 0.66, 0.12),
-            "end": (0.88, 0.74, 0.50),
-            "red": (0.75, 0.12, 0.10),
-        },
+        board=(0.74, 0.60, 0.38),
+        panel=(0.86, 0.66, 0.12),
+        end=(0.88, 0.74, 0.50),
+        red=(0.75, 0.12, 0.10),
     )
     for k, (x, y, z, yaw, l) in enumerate(
         ((0, 0.32, 0.05, 0.06, 3.2), (0.1, -0.30, 0.05, -0.09, 2.7), (-0.2, 0.02, 0.05, 0.02, 2.4))
@@ -235,7 +237,9 @@ def rubble() -> list[Model]:
         "Heap of bricks and mortar.",
         130,
         0.35,
-        colours={"brick": (0.62, 0.26, 0.17), "pale": (0.72, 0.38, 0.26), "mortar": (0.66, 0.63, 0.57)},
+        brick=(0.62, 0.26, 0.17),
+        pale=(0.72, 0.38, 0.26),
+        mortar=(0.66, 0.63, 0.57),
     )
     for k in range(15):
         t, ring_m = 2.4 * k, 0.09 * math.sqrt(k)
@@ -265,7 +269,9 @@ def rubble() -> list[Model]:
         "Broken concrete with reinforcing iron.",
         420,
         0.35,
-        colours={"concrete": (0.60, 0.59, 0.56), "dark": (0.34, 0.34, 0.34), "iron": (0.40, 0.23, 0.14)},
+        concrete=(0.60, 0.59, 0.56),
+        dark=(0.34, 0.34, 0.34),
+        iron=(0.40, 0.23, 0.14),
     )
     for k, (x, y, z, l, w, h) in enumerate(
         (
@@ -299,7 +305,9 @@ def rubble() -> list[Model]:
         "Rock from a slope with its splinters and earth.",
         650,
         0.3,
-        colours={"rock": (0.47, 0.44, 0.40), "moss": (0.30, 0.36, 0.18), "earth": (0.34, 0.25, 0.17)},
+        rock=(0.47, 0.44, 0.40),
+        moss=(0.30, 0.36, 0.18),
+        earth=(0.34, 0.25, 0.17),
     )
     v, f = rough(stone((0, 0, 0.36), (0.95, 0.80, 0.78), 17, 8, sharp=False), 0.05, 0.22, 9)
     for material, solids in painted(

@@ -11,7 +11,7 @@ from kinds import unseen
 from model_writer import Model
 from ood_animals import animal, ears, eyes, leg
 from organic import chain, tube
-from solids import ball
+from solids import Solid, ball
 
 
 def deer() -> list[Model]:
@@ -46,6 +46,13 @@ def slender_legs(
     return out
 
 
+def head(m: Model, ear: tuple, eye: tuple, nose: Solid) -> None:
+    """Ears, eyes and nose, with the arguments of `ears`, `eyes`."""
+    ears(m, "coat", *ear)
+    eyes(m, *eye)
+    m.add("black", nose)
+
+
 def roe() -> Model:
     """A roe doe that looks up; 0.72 m at the withers."""
     m = unseen(
@@ -53,7 +60,9 @@ def roe() -> Model:
         "Roe deer, a doe that looks up.",
         26,
         0.4,
-        colours={"coat": (0.48, 0.29, 0.15), "rump": (0.90, 0.86, 0.78), "hoof": (0.10, 0.08, 0.07)},
+        coat=(0.48, 0.29, 0.15),
+        rump=(0.90, 0.86, 0.78),
+        hoof=(0.10, 0.08, 0.07),
     )
     trunk = [
         *chain(
@@ -72,10 +81,9 @@ def roe() -> Model:
         return "hoof" if z < 0.035 else "rump" if x < -0.42 and z > 0.5 else "coat"
 
     animal(m, trunk, legs, 0.02, 1100, tint)
-    ears(m, "coat", (0.41, 0.05, 1.03), (0.37, 0.15, 1.14), 0.038)
+    nose = ball((0.65, 0, 0.945), (0.02, 0.024, 0.022), 8, 5)
+    head(m, ((0.41, 0.05, 1.03), (0.37, 0.15, 1.14), 0.038), (0.505, 0.045, 1.01, 0.018), nose)
     m.collide_hull(*m.parts["coat"][-2:])
-    eyes(m, 0.505, 0.045, 1.01, 0.018)
-    m.add("black", ball((0.65, 0, 0.945), (0.02, 0.024, 0.022), 8, 5))
     return m
 
 
@@ -86,13 +94,11 @@ def stag() -> Model:
         "Red deer, a stag with antlers.",
         160,
         0.35,
-        colours={
-            "coat": (0.36, 0.21, 0.12),
-            "mane": (0.22, 0.14, 0.09),
-            "rump": (0.72, 0.58, 0.38),
-            "hoof": (0.08, 0.07, 0.06),
-            "antler": (0.62, 0.50, 0.36),
-        },
+        coat=(0.36, 0.21, 0.12),
+        mane=(0.22, 0.14, 0.09),
+        rump=(0.72, 0.58, 0.38),
+        hoof=(0.08, 0.07, 0.06),
+        antler=(0.62, 0.50, 0.36),
     )
     trunk = [
         *chain(
@@ -116,9 +122,8 @@ def stag() -> Model:
         return "mane" if 0.40 < x < 0.80 and z > 0.95 and z > 1.9 - 1.2 * x else "coat"
 
     animal(m, trunk, legs, 0.032, 1200, tint)
-    ears(m, "coat", (0.72, 0.08, 1.55), (0.64, 0.26, 1.62), 0.05)
-    eyes(m, 0.89, 0.075, 1.52, 0.022)
-    m.add("black", ball((1.12, 0, 1.41), (0.03, 0.04, 0.036), 8, 5))
+    nose = ball((1.12, 0, 1.41), (0.03, 0.04, 0.036), 8, 5)
+    head(m, ((0.72, 0.08, 1.55), (0.64, 0.26, 1.62), 0.05), (0.89, 0.075, 1.52, 0.022), nose)
     for s in (1, -1):
         beam = [(0.74, 0.06, 1.60), (0.60, 0.22, 1.80), (0.56, 0.38, 2.02), (0.66, 0.44, 2.22)]
         tines = (
@@ -143,7 +148,9 @@ def fawn() -> Model:
         "Fallow deer with white spots, grazing.",
         45,
         0.4,
-        colours={"coat": (0.56, 0.34, 0.17), "spot": (0.88, 0.80, 0.68), "hoof": (0.10, 0.08, 0.07)},
+        coat=(0.56, 0.34, 0.17),
+        spot=(0.88, 0.80, 0.68),
+        hoof=(0.10, 0.08, 0.07),
     )
     trunk = [
         *chain(
@@ -171,8 +178,7 @@ def fawn() -> Model:
         )
 
     animal(m, trunk, legs, 0.022, 1500, tint)
-    ears(m, "coat", (0.61, 0.055, 0.32), (0.56, 0.18, 0.34), 0.04)
+    nose = ball((0.76, 0, 0.045), (0.022, 0.026, 0.022), 8, 5)
+    head(m, ((0.61, 0.055, 0.32), (0.56, 0.18, 0.34), 0.04), (0.71, 0.05, 0.24, 0.018), nose)
     m.collide_hull(*m.parts["coat"][-2:])
-    eyes(m, 0.71, 0.05, 0.24, 0.018)
-    m.add("black", ball((0.76, 0, 0.045), (0.022, 0.026, 0.022), 8, 5))
     return m

@@ -21,7 +21,8 @@ def cardboard_sheets() -> list[Model]:
         "Large sheet of cardboard with curled corners.",
         1.6,
         0.5,
-        colours={"card": (0.68, 0.52, 0.34), "tape": (0.80, 0.72, 0.50)},
+        card=(0.68, 0.52, 0.34),
+        tape=(0.80, 0.72, 0.50),
     )
 
     def curl(x, y):
@@ -34,7 +35,7 @@ def cardboard_sheets() -> list[Model]:
         "Cardboard with a crease, wet and torn at one side.",
         0.9,
         0.4,
-        colours={"card": (0.52, 0.39, 0.26)},
+        card=(0.52, 0.39, 0.26),
     )
 
     def fold(x, y):
@@ -49,7 +50,9 @@ def cardboard_sheets() -> list[Model]:
         "Box of an appliance, trodden flat, its flaps out.",
         2.4,
         0.5,
-        colours={"card": (0.76, 0.62, 0.44), "print": (0.12, 0.24, 0.50), "tape": (0.85, 0.8, 0.6)},
+        card=(0.76, 0.62, 0.44),
+        print=(0.12, 0.24, 0.50),
+        tape=(0.85, 0.8, 0.6),
     )
 
     def wave(x, y):
@@ -112,7 +115,7 @@ def manhole_covers() -> list[Model]:
         "hole": (0.02, 0.02, 0.02),
         "rust": (0.38, 0.24, 0.16),
     }
-    a = unseen("manhole_cover_a", "Round manhole cover ajar on its frame.", 110, 0.3, colours=tones)
+    a = unseen("manhole_cover_a", "Round manhole cover ajar on its frame.", 110, 0.3, **tones)
     a.add("iron", lathe([(0.31, 0.0), (0.40, 0.0), (0.39, 0.025), (0.325, 0.025), (0.31, 0.0)], 26))
     a.add("hole", lathe([(0, 0.0), (0.315, 0.0), (0.315, 0.006), (0, 0.006)], 22))
 
@@ -144,7 +147,7 @@ def manhole_covers() -> list[Model]:
         "Square double cover, one leaf pushed across the other.",
         150,
         0.3,
-        colours=tones | {"worn": (0.34, 0.33, 0.33)},
+        **tones | {"worn": (0.34, 0.33, 0.33)},
     )
     b.add(
         "iron",
@@ -184,7 +187,7 @@ def manhole_covers() -> list[Model]:
         "Street gully: its grating sits crosswise in the frame.",
         60,
         0.3,
-        colours=tones | {"worn": (0.33, 0.29, 0.26)},
+        **tones | {"worn": (0.33, 0.29, 0.26)},
     )
     c.add(
         "iron",

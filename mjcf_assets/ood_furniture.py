@@ -23,7 +23,9 @@ def mattresses() -> list[Model]:
         "Single mattress that lies with a buckle in it.",
         16,
         0.55,
-        colours={"cover": (0.86, 0.84, 0.79), "piping": (0.42, 0.50, 0.60), "label": (0.15, 0.30, 0.55)},
+        cover=(0.86, 0.84, 0.79),
+        piping=(0.42, 0.50, 0.60),
+        label=(0.15, 0.30, 0.55),
     )
 
     def buckle(v):
@@ -46,7 +48,8 @@ def mattresses() -> list[Model]:
         "Double mattress, folded over.",
         28,
         0.5,
-        colours={"cover": (0.56, 0.62, 0.70), "piping": (0.80, 0.80, 0.78)},
+        cover=(0.56, 0.62, 0.70),
+        piping=(0.80, 0.80, 0.78),
     )
 
     def fold(v):
@@ -70,7 +73,9 @@ def mattresses() -> list[Model]:
         "Striped mattress on its long edge, slumped.",
         20,
         0.5,
-        colours={"cover": (0.72, 0.70, 0.62), "stripe": (0.30, 0.38, 0.52), "piping": (0.25, 0.26, 0.30)},
+        cover=(0.72, 0.70, 0.62),
+        stripe=(0.30, 0.38, 0.52),
+        piping=(0.25, 0.26, 0.30),
     )
 
     def slump(v):
@@ -139,12 +144,10 @@ def two_seater() -> Model:
         "Two-seat sofa with loose cushions.",
         42,
         0.35,
-        colours={
-            "fabric": (0.24, 0.36, 0.42),
-            "cushion": (0.29, 0.43, 0.50),
-            "throw": (0.86, 0.62, 0.20),
-            "wood": (0.36, 0.24, 0.14),
-        },
+        fabric=(0.24, 0.36, 0.42),
+        cushion=(0.29, 0.43, 0.50),
+        throw=(0.86, 0.62, 0.20),
+        wood=(0.36, 0.24, 0.14),
     )
     m.add("fabric", pillow((0, 0, 0.26), (0.86, 1.62, 0.26), 3, 9))
     m.add("fabric", moved(pillow((0, 0, 0), (0.22, 1.62, 0.56), 3, 6), (-0.36, 0, 0.58), pitch=-0.2))
@@ -189,12 +192,10 @@ def armchair() -> Model:
         "Wing armchair, tipped onto its back.",
         24,
         0.3,
-        colours={
-            "fabric": (0.52, 0.12, 0.13),
-            "cushion": (0.60, 0.16, 0.16),
-            "lining": (0.12, 0.11, 0.10),
-            "wood": (0.22, 0.13, 0.08),
-        },
+        fabric=(0.52, 0.12, 0.13),
+        cushion=(0.60, 0.16, 0.16),
+        lining=(0.12, 0.11, 0.10),
+        wood=(0.22, 0.13, 0.08),
     )
 
     def tip(s):
@@ -240,12 +241,10 @@ def chesterfield() -> Model:
         "Three-seat leather sofa with rolled arms.",
         75,
         0.3,
-        colours={
-            "fabric": (0.30, 0.17, 0.09),
-            "cushion": (0.36, 0.21, 0.11),
-            "wood": (0.14, 0.09, 0.06),
-            "stud": (0.70, 0.56, 0.26),
-        },
+        fabric=(0.30, 0.17, 0.09),
+        cushion=(0.36, 0.21, 0.11),
+        wood=(0.14, 0.09, 0.06),
+        stud=(0.70, 0.56, 0.26),
     )
     m.add("fabric", pillow((0.02, 0, 0.25), (0.84, 1.96, 0.30), 4, 9))
     back = [(-0.36, y, 0.60) for y in (-1.02, -0.5, 0, 0.5, 1.02)]

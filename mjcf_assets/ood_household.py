@@ -35,7 +35,7 @@ def washing_machines() -> list[Model]:
         "panel": (0.30, 0.32, 0.35),
         "knob": (0.78, 0.79, 0.80),
     }
-    a = unseen("washing_machine_a", "Washing machine, standing, its door open.", 68, 0.55, colours=tones)
+    a = unseen("washing_machine_a", "Washing machine, standing, its door open.", 68, 0.55, **tones)
     washer(a, 0.60, 0.85, lambda s: s, 1.9, 0.0)
     a.collide_box((0, 0, 0.43), (0.56, 0.60, 0.85))
     b = unseen(
@@ -43,7 +43,7 @@ def washing_machines() -> list[Model]:
         "Washing machine on its back, dented, the hose torn off.",
         61,
         0.5,
-        colours=tones | {"enamel": (0.80, 0.79, 0.74), "hose": (0.45, 0.46, 0.48)},
+        **tones | {"enamel": (0.80, 0.79, 0.74), "hose": (0.45, 0.46, 0.48)},
     )
 
     def back(s):
@@ -74,13 +74,11 @@ def washing_machines() -> list[Model]:
         "Drum of a washing machine in its tub, with belt wheel and weight.",
         38,
         0.5,
-        colours={
-            "drum": (0.74, 0.75, 0.77),
-            "tub": (0.62, 0.64, 0.62),
-            "hole": (0.08, 0.08, 0.09),
-            "concrete": (0.55, 0.54, 0.52),
-            "rubber": (0.30, 0.31, 0.33),
-        },
+        drum=(0.74, 0.75, 0.77),
+        tub=(0.62, 0.64, 0.62),
+        hole=(0.08, 0.08, 0.09),
+        concrete=(0.55, 0.54, 0.52),
+        rubber=(0.30, 0.31, 0.33),
     )
 
     def tilt(s):
@@ -213,7 +211,9 @@ def carpet_rolls() -> list[Model]:
         "Rolled carpet, bent, lying.",
         24,
         0.3,
-        colours={"pile": (0.46, 0.14, 0.16), "back": (0.72, 0.64, 0.50), "cord": (0.9, 0.88, 0.8)},
+        pile=(0.46, 0.14, 0.16),
+        back=(0.72, 0.64, 0.50),
+        cord=(0.9, 0.88, 0.8),
     )
     way = [(0.05 * math.cos(1.6 * y) - 0.28 * (y / 1.3) ** 2, y, 0.155) for y in np.linspace(-1.3, 1.3, 15)]
     roll(a, way, 0.15)
@@ -229,7 +229,9 @@ def carpet_rolls() -> list[Model]:
         "Tall carpet roll that stands on end and sags.",
         30,
         0.3,
-        colours={"pile": (0.20, 0.26, 0.44), "back": (0.60, 0.58, 0.54), "cord": (0.85, 0.7, 0.2)},
+        pile=(0.20, 0.26, 0.44),
+        back=(0.60, 0.58, 0.54),
+        cord=(0.85, 0.7, 0.2),
     )
     way = [(0.16 * (z / 1.9) ** 2 - 0.05, 0.05 * math.sin(1.8 * z), z) for z in np.linspace(0, 1.9, 11)]
     roll(b, way, 0.18)
@@ -246,12 +248,10 @@ def carpet_rolls() -> list[Model]:
         "Persian rug, half unrolled, in waves.",
         15,
         0.3,
-        colours={
-            "pile": (0.52, 0.10, 0.10),
-            "border": (0.10, 0.12, 0.26),
-            "field": (0.78, 0.62, 0.34),
-            "fringe": (0.88, 0.84, 0.74),
-        },
+        pile=(0.52, 0.10, 0.10),
+        border=(0.10, 0.12, 0.26),
+        field=(0.78, 0.62, 0.34),
+        fringe=(0.88, 0.84, 0.74),
     )
     turns = [
         (0.35 - (0.15 - 0.009 * t) * math.sin(t), 0.16 - (0.15 - 0.009 * t) * math.cos(t))

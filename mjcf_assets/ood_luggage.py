@@ -21,7 +21,8 @@ def suitcases() -> list[Model]:
         "Trolley case with a hard shell, handle out.",
         9,
         0.45,
-        colours={"shell": (0.80, 0.62, 0.05), "zip": (0.12, 0.12, 0.12)},
+        shell=(0.80, 0.62, 0.05),
+        zip=(0.12, 0.12, 0.12),
     )
     v, f = pillow((0, 0, 0.40), (0.28, 0.46, 0.66), 8, 7)
     on_face = np.clip(np.abs(v[:, 0]) / 0.14, 0, 1) ** 8
@@ -55,13 +56,11 @@ def suitcases() -> list[Model]:
         "Old leather suitcase, burst open, with clothes hanging out.",
         12,
         0.4,
-        colours={
-            "shell": (0.46, 0.24, 0.11),
-            "lining": (0.75, 0.66, 0.50),
-            "cloth": (0.20, 0.36, 0.62),
-            "shirt": (0.88, 0.88, 0.90),
-            "jumper": (0.70, 0.14, 0.16),
-        },
+        shell=(0.46, 0.24, 0.11),
+        lining=(0.75, 0.66, 0.50),
+        cloth=(0.20, 0.36, 0.62),
+        shirt=(0.88, 0.88, 0.90),
+        jumper=(0.70, 0.14, 0.16),
     )
     b.add("shell", pillow((0, 0, 0.09), (0.52, 0.76, 0.18), 5, 8))
 
@@ -96,7 +95,9 @@ def suitcases() -> list[Model]:
         "Duffel bag, full and slumped.",
         14,
         0.35,
-        colours={"shell": (0.13, 0.30, 0.24), "strap": (0.06, 0.06, 0.06), "patch": (0.85, 0.40, 0.08)},
+        shell=(0.13, 0.30, 0.24),
+        strap=(0.06, 0.06, 0.06),
+        patch=(0.85, 0.40, 0.08),
     )
     body = tube(
         [
@@ -144,7 +145,9 @@ def gas_bottles() -> list[Model]:
         "Propane bottle of 11 kg, standing.",
         21,
         0.5,
-        colours={"paint": (0.78, 0.10, 0.08), "brass": (0.72, 0.56, 0.22), "label": (0.9, 0.9, 0.86)},
+        paint=(0.78, 0.10, 0.08),
+        brass=(0.72, 0.56, 0.22),
+        label=(0.9, 0.9, 0.86),
     )
     bottle(a, 0.15, 0.46, lambda s: s)
     guard(a, "paint", 0.105, 0.455, 0.14, lambda s: s)
@@ -162,12 +165,10 @@ def gas_bottles() -> list[Model]:
         "Tall propane bottle of 33 kg, lying.",
         62,
         0.5,
-        colours={
-            "paint": (0.55, 0.57, 0.58),
-            "cap": (0.75, 0.30, 0.05),
-            "brass": (0.72, 0.56, 0.22),
-            "rust": (0.36, 0.20, 0.12),
-        },
+        paint=(0.55, 0.57, 0.58),
+        cap=(0.75, 0.30, 0.05),
+        brass=(0.72, 0.56, 0.22),
+        rust=(0.36, 0.20, 0.12),
     )
 
     def lay(s):
@@ -192,7 +193,8 @@ def gas_bottles() -> list[Model]:
         "Blue camping gas bottle with its burner, on its side.",
         5,
         0.5,
-        colours={"paint": (0.06, 0.20, 0.60), "brass": (0.72, 0.56, 0.22)},
+        paint=(0.06, 0.20, 0.60),
+        brass=(0.72, 0.56, 0.22),
     )
 
     def tip(s):

@@ -21,12 +21,10 @@ def wheelie_bins() -> list[Model]:
         "Bin of 120 l on its face, a bag half out.",
         14,
         0.4,
-        colours={
-            "body": (0.10, 0.28, 0.14),
-            "lid": (0.08, 0.22, 0.11),
-            "bag": (0.09, 0.09, 0.10),
-            "litter": (0.86, 0.84, 0.78),
-        },
+        body=(0.10, 0.28, 0.14),
+        lid=(0.08, 0.22, 0.11),
+        bag=(0.09, 0.09, 0.10),
+        litter=(0.86, 0.84, 0.78),
     )
     wheelie_bin(a, 0.55, 0.48, 0.93, 1.2, lambda s: moved(s, (0, 0, 0.26), pitch=math.pi / 2 - 0.05))
     laid(a, 0.0, -0.02)
@@ -43,12 +41,10 @@ def wheelie_bins() -> list[Model]:
         "Bin of 240 l on its side, its lid swung open.",
         16,
         0.4,
-        colours={
-            "body": (0.20, 0.21, 0.23),
-            "lid": (0.12, 0.30, 0.62),
-            "bag": (0.9, 0.9, 0.9),
-            "litter": (0.7, 0.6, 0.4),
-        },
+        body=(0.20, 0.21, 0.23),
+        lid=(0.12, 0.30, 0.62),
+        bag=(0.9, 0.9, 0.9),
+        litter=(0.7, 0.6, 0.4),
     )
     wheelie_bin(b, 0.72, 0.58, 1.07, 1.9, lambda s: moved(s, (0, 0, 0.29), roll=math.pi / 2 - 0.03))
     laid(b)
@@ -64,12 +60,10 @@ def wheelie_bins() -> list[Model]:
         "Bin of 360 l on its back, its lid flat on the road.",
         22,
         0.4,
-        colours={
-            "body": (0.48, 0.28, 0.13),
-            "lid": (0.90, 0.72, 0.08),
-            "bag": (0.2, 0.4, 0.6),
-            "litter": (0.7, 0.6, 0.4),
-        },
+        body=(0.48, 0.28, 0.13),
+        lid=(0.90, 0.72, 0.08),
+        bag=(0.2, 0.4, 0.6),
+        litter=(0.7, 0.6, 0.4),
     )
     wheelie_bin(c, 0.85, 0.66, 1.10, 1.62, lambda s: moved(s, (0, 0, 0.42), pitch=-math.pi / 2 + 0.05))
     for m in (a, b, c):
@@ -179,13 +173,11 @@ def fallen_signs() -> list[Model]:
         "Warning sign, run over: bent post, concrete at its foot.",
         24,
         0.7,
-        colours={
-            "face": (0.95, 0.94, 0.90),
-            "rim": (0.80, 0.06, 0.06),
-            "post": (0.56, 0.57, 0.59),
-            "back": (0.50, 0.51, 0.52),
-            "concrete": (0.60, 0.59, 0.56),
-        },
+        face=(0.95, 0.94, 0.90),
+        rim=(0.80, 0.06, 0.06),
+        post=(0.56, 0.57, 0.59),
+        back=(0.50, 0.51, 0.52),
+        concrete=(0.60, 0.59, 0.56),
     )
     way = [
         (-1.35, 0, 0.17, 0.03),
@@ -226,14 +218,12 @@ def fallen_signs() -> list[Model]:
         "Round prohibition sign on a plastic foot, tipped over.",
         30,
         0.7,
-        colours={
-            "face": (0.95, 0.94, 0.90),
-            "rim": (0.80, 0.06, 0.06),
-            "post": (0.85, 0.85, 0.83),
-            "red": (0.80, 0.06, 0.06),
-            "foot": (0.16, 0.15, 0.15),
-            "back": (0.5, 0.51, 0.52),
-        },
+        face=(0.95, 0.94, 0.90),
+        rim=(0.80, 0.06, 0.06),
+        post=(0.85, 0.85, 0.83),
+        red=(0.80, 0.06, 0.06),
+        foot=(0.16, 0.15, 0.15),
+        back=(0.5, 0.51, 0.52),
     )
 
     def down(s):
@@ -286,13 +276,11 @@ def fallen_signs() -> list[Model]:
         "Blue diversion board with an arrow, propped askew on its frame.",
         17,
         0.75,
-        colours={
-            "board": (0.08, 0.20, 0.62),
-            "arrow": (0.95, 0.95, 0.94),
-            "frame": (0.66, 0.67, 0.68),
-            "sack": (0.62, 0.50, 0.32),
-            "back": (0.5, 0.51, 0.52),
-        },
+        board=(0.08, 0.20, 0.62),
+        arrow=(0.95, 0.95, 0.94),
+        frame=(0.66, 0.67, 0.68),
+        sack=(0.62, 0.50, 0.32),
+        back=(0.5, 0.51, 0.52),
     )
 
     def lean(s):

@@ -21,12 +21,10 @@ def e_scooters() -> list[Model]:
         "Hire e-scooter, lying on its left side.",
         26,
         0.35,
-        colours={
-            "paint": (0.30, 0.80, 0.20),
-            "deck": (0.10, 0.10, 0.10),
-            "steel": (0.40, 0.41, 0.43),
-            "lamp": (0.95, 0.95, 0.88),
-        },
+        paint=(0.30, 0.80, 0.20),
+        deck=(0.10, 0.10, 0.10),
+        steel=(0.40, 0.41, 0.43),
+        lamp=(0.95, 0.95, 0.88),
     )
     e_scooter(a, 1.0, 0.35, lambda s: moved(s, (0, 0, 0), roll=-1.30, yaw=0.1))
     b = unseen(
@@ -34,12 +32,10 @@ def e_scooters() -> list[Model]:
         "E-scooter with its stem folded, on its right side.",
         14,
         0.3,
-        colours={
-            "paint": (0.11, 0.11, 0.12),
-            "deck": (0.20, 0.20, 0.21),
-            "steel": (0.80, 0.30, 0.05),
-            "lamp": (0.95, 0.95, 0.88),
-        },
+        paint=(0.11, 0.11, 0.12),
+        deck=(0.20, 0.20, 0.21),
+        steel=(0.80, 0.30, 0.05),
+        lamp=(0.95, 0.95, 0.88),
     )
     e_scooter(b, 0.84, -0.1, lambda s: moved(s, (0, 0, 0), roll=1.40), folded=True)
     c = unseen(
@@ -47,12 +43,10 @@ def e_scooters() -> list[Model]:
         "Orange e-scooter on its stand.",
         30,
         0.4,
-        colours={
-            "paint": (0.94, 0.42, 0.06),
-            "deck": (0.13, 0.13, 0.14),
-            "steel": (0.62, 0.63, 0.65),
-            "lamp": (0.95, 0.95, 0.88),
-        },
+        paint=(0.94, 0.42, 0.06),
+        deck=(0.13, 0.13, 0.14),
+        steel=(0.62, 0.63, 0.65),
+        lamp=(0.95, 0.95, 0.88),
     )
     e_scooter(c, 1.08, 0.5, lambda s: moved(s, (0, 0, 0), roll=0.10), stand=True)
     for m, roll, pitch in ((a, -0.12, 0.01), (b, -0.68, -0.01)):
@@ -148,12 +142,10 @@ def bicycles() -> list[Model]:
         "City bicycle with a basket, lying on its side.",
         18,
         0.35,
-        colours={
-            "frame": (0.10, 0.32, 0.52),
-            "saddle": (0.42, 0.25, 0.13),
-            "basket": (0.62, 0.46, 0.26),
-            "chrome": (0.72, 0.73, 0.75),
-        },
+        frame=(0.10, 0.32, 0.52),
+        saddle=(0.42, 0.25, 0.13),
+        basket=(0.62, 0.46, 0.26),
+        chrome=(0.72, 0.73, 0.75),
     )
     bicycle(a, 1.0, 0.32, lambda s: moved(s, (0, 0, 0), roll=-1.33))
     b = unseen(
@@ -161,12 +153,10 @@ def bicycles() -> list[Model]:
         "Racing bicycle with a buckled wheel, lying.",
         9,
         0.4,
-        colours={
-            "frame": (0.88, 0.88, 0.86),
-            "saddle": (0.07, 0.07, 0.07),
-            "chrome": (0.16, 0.16, 0.17),
-            "tape": (0.80, 0.10, 0.12),
-        },
+        frame=(0.88, 0.88, 0.86),
+        saddle=(0.07, 0.07, 0.07),
+        chrome=(0.16, 0.16, 0.17),
+        tape=(0.80, 0.10, 0.12),
     )
     bicycle(b, 1.02, -0.6, lambda s: moved(s, (0, 0, 0), roll=1.42), racing=True)
     c = unseen(
@@ -174,13 +164,11 @@ def bicycles() -> list[Model]:
         "Child's bicycle, upside down on saddle and handlebar.",
         9,
         0.4,
-        colours={
-            "frame": (0.90, 0.30, 0.55),
-            "saddle": (0.95, 0.95, 0.95),
-            "basket": (0.95, 0.80, 0.20),
-            "chrome": (0.78, 0.79, 0.80),
-            "tyre": (0.82, 0.82, 0.80),
-        },
+        frame=(0.90, 0.30, 0.55),
+        saddle=(0.95, 0.95, 0.95),
+        basket=(0.95, 0.80, 0.20),
+        chrome=(0.78, 0.79, 0.80),
+        tyre=(0.82, 0.82, 0.80),
     )
     bicycle(c, 0.60, 0.0, lambda s: moved(s, (0, 0, 0), roll=math.pi, pitch=0.03), child=True)
     for m, roll, pitch in ((a, -0.18, 0.02), (b, 0.08, -0.08), (c, 0.0, -0.32)):

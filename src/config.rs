@@ -27,6 +27,8 @@ pub enum ConfigError {
     Read(#[source] std::io::Error),
     #[error("{message}: {}", path.display())]
     Parse { message: String, path: PathBuf },
+    #[error("{invalid}: {}", path.display())]
+    Invalid { invalid: InvalidConfig, path: PathBuf },
     #[error("the override `{text}` is not `key=value` with a TOML value: {message}")]
     Override { text: String, message: String },
     #[error("the overrides {overrides:?} do not fit the config: {message}")]

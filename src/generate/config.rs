@@ -131,7 +131,9 @@ impl Check for GenerateConfig {
         let (every, steps) = (self.val_every, self.control_steps_per_sample());
         let is_valid = every == 0.0 || every >= 1.0;
         require(is_valid, "val_every", every, "0, or a number from 1 to 1000000 is needed")?;
-        self.scene.ood_placement.check_shares().map_err(|error| error.within("scene"))?;
+        let of_scene = self.scene.ood_placement.check_shares().and(self.scene.people.check_shares());
+        of_scene.map_err(|error| error.within("scene"))?;
+        self.rig_variation.check_relations().map_err(|error| error.within("rig_variation"))?;
         let (is_whole, wanted) =
             ((steps - steps.round()).abs() < 1e-6, "a multiple of 0.05 up to 50 is needed");
         require(is_whole, "sample_period_s", self.sample_period_s, wanted)?;
@@ -187,7 +189,7 @@ impl TryFrom<&GenerateConfig> for CheckedConfig {
         Ok(Self {
             weathers: weathers.iter().map(|name| name.parse()).collect::<Result<_, _>>()?,
             raw: GenerateConfig { towns, weathers, ..raw.clone() },
-            rig: Rig::try_from(&raw.rig)?,
+            rig: Rig::try_from(&raw.rig).map_err(|error| error.within("rig"))?,
             control_steps_per_sample: raw.control_steps_per_sample().round() as u32,
         })
     }
@@ -274,6 +276,26 @@ mod tests {
                 let valid = format!("{:?}", town_names_of(split));
                 assert!(message.contains(&town) && message.contains(&valid), "{message}");
             }
+        }
+    }
+
+    #[test]
+    fn relations_of_the_parts_are_told_with_the_part() {
+        for (change, wanted) in [
+            (
+                "scene.people.standing_share=0.9",
+                "scene.people is [0.9, 0.06, 0.03, 0.05, 0.02, 0.06] as shares",
+            ),
+            ("scene.ood_placement.lane_share=0.9", "scene.ood_placement is [0.9, "),
+            (
+                "rig.lidars.lidar_top.lost_beams=[32]",
+                "rig.lidars.lidar_top.lost_beams is [32]; numbers of its 32",
+            ),
+            ("rig.cameras={}", "rig.cameras is []; one named cam_front is needed"),
+        ] {
+            let config = crate::config::with_overrides(&GenerateConfig::default(), &[change.into()]).unwrap();
+            let error = CheckedConfig::try_from(&config).unwrap_err().to_string();
+            assert!(error.starts_with(wanted), "{change}: {error}");
         }
     }
 

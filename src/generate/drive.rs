@@ -184,7 +184,7 @@ impl Drive {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::geometry::Pinhole;
     use crate::object::Event;
@@ -290,7 +290,8 @@ mod tests {
         populate(&town, &config, seed).unwrap()
     }
 
-    fn drive(world: &scene::World, seed: u64) -> Drive {
+    /// A drive through a world with one small camera.
+    pub(in crate::generate) fn drive(world: &scene::World, seed: u64) -> Drive {
         Drive::new(world, &LIGHTING, &mount(), seed).unwrap()
     }
 

@@ -309,3 +309,20 @@ fn choose_renderer(name: RendererName, state: &WeatherState) -> Renderer {
         _ => Renderer::Classic,
     }
 }
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use crate::episode::EpisodeReader;
+    use crate::generate::{GenerateConfig, plan};
+
+    /// Records the first episode of a config below a folder.
+    pub(in crate::generate) fn record_first(config: &GenerateConfig, folder: &Path) -> EpisodeReader {
+        let config = CheckedConfig::try_from(config).unwrap();
+        let plan = plan(&config, 1).remove(0);
+        let path = folder.join(plan.file());
+        fs_err::create_dir_all(path.parent().unwrap()).unwrap();
+        record(&config, &plan, folder, &mut || Ok(())).unwrap();
+        EpisodeReader::open(&path).unwrap()
+    }
+}

@@ -4,11 +4,9 @@ use std::sync::Arc;
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
-use super::drive::Drive;
-use crate::geometry::{Pinhole, Transform};
+use super::drive::tests::drive;
 use crate::rays::Beams;
-use crate::scene::{Lighting, PeopleConfig, PopulateConfig, Town, populate};
-use crate::sim::{CameraMount, Renderer};
+use crate::scene::{PeopleConfig, PopulateConfig, Town, populate};
 
 #[test]
 fn rays_meet_a_walker_in_the_phase_it_is_in_and_the_phases_follow_its_way() {
@@ -16,17 +14,7 @@ fn rays_meet_a_walker_in_the_phase_it_is_in_and_the_phases_follow_its_way() {
     let people = PeopleConfig { group_share: 0.6, ..PeopleConfig::default() };
     let config = PopulateConfig { pedestrian_density: 0.5, people, ..PopulateConfig::default() };
     let world = populate(&town, &config, 3).unwrap();
-    let mount = CameraMount {
-        body: "ego".into(),
-        cameras: vec![(
-            Transform::looking_forward(Vector3::new(1.5, 0.0, 1.5), 0.0),
-            Pinhole::from_horizontal_fov(160, 90, 1.2),
-        )],
-        n_samples: 0,
-        shadow_size_px: 256,
-        renderer: Renderer::default(),
-    };
-    let mut drive = Drive::new(&world, &Lighting { ambient: [0.5; 3], sun: None }, &mount, 3).unwrap();
+    let mut drive = drive(&world, 3);
     let mut scene = drive.simulator.ray_scene().unwrap();
     let walkers: Vec<usize> =
         (0..world.objects().len()).filter(|&i| !world.objects()[i].shapes.is_empty()).collect();

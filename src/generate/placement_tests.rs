@@ -5,27 +5,9 @@ use std::sync::Arc;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
 use super::config::CONTROL_PERIOD_S;
-use super::drive::Drive;
-use crate::geometry::{Pinhole, Transform};
+use super::drive::tests::drive;
 use crate::object::{Distribution, Event};
-use crate::scene::{Lighting, Loose, Motion, OodPlacementConfig, PopulateConfig, Town, World, populate};
-use crate::sim::{CameraMount, Renderer};
-
-const LIGHTING: Lighting = Lighting { ambient: [0.5; 3], sun: None };
-
-fn drive(world: &World, seed: u64) -> Drive {
-    let mount = CameraMount {
-        body: "ego".into(),
-        cameras: vec![(
-            Transform::looking_forward(Vector3::new(1.5, 0.0, 1.5), 0.0),
-            Pinhole::from_horizontal_fov(160, 90, 1.2),
-        )],
-        n_samples: 0,
-        shadow_size_px: 256,
-        renderer: Renderer::default(),
-    };
-    Drive::new(world, &LIGHTING, &mount, seed).unwrap()
-}
+use crate::scene::{Loose, Motion, OodPlacementConfig, PopulateConfig, Town, World, populate};
 
 fn world(town: &str, config: PopulateConfig, seed: u64) -> World {
     populate(&Arc::new(Town::load(town).unwrap()), &PopulateConfig { ood: true, ..config }, seed).unwrap()

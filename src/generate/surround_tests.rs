@@ -4,7 +4,8 @@ use std::path::Path;
 
 use nalgebra::Vector3;
 
-use super::{CheckedConfig, GenerateConfig, episode, plan};
+use super::GenerateConfig;
+use super::episode::tests::record_first;
 use crate::episode::EpisodeReader;
 use crate::geometry::{Ego, Point};
 use crate::object::Object;
@@ -25,11 +26,7 @@ fn record(rig: ShippedRig, samples: u32, sample_period_s: f64, sweeps: u32, fold
         rig: rig.config(),
         ..GenerateConfig::default()
     };
-    let config = CheckedConfig::try_from(&config).unwrap();
-    let plan = plan(&config, 1).remove(0);
-    fs_err::create_dir_all(folder.join(plan.file()).parent().unwrap()).unwrap();
-    episode::record(&config, &plan, folder, &mut || Ok(())).unwrap();
-    EpisodeReader::open(&folder.join(plan.file())).unwrap()
+    record_first(&config, folder)
 }
 
 fn points_in_ego(measured: &Measured) -> Vec<Point<Ego>> {

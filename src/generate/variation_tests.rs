@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use super::{CheckedConfig, GenerateConfig, episode, plan};
+use super::GenerateConfig;
+use super::episode::tests::record_first;
 use crate::episode::EpisodeReader;
 use crate::sensors::{LidarVariationConfig, OdometryVariationConfig, Rig, RigConfig, RigVariationConfig};
 
@@ -15,11 +16,7 @@ fn record(rig_variation: RigVariationConfig, folder: &Path) -> EpisodeReader {
         rig_variation,
         ..GenerateConfig::default()
     };
-    let config = CheckedConfig::try_from(&config).unwrap();
-    let plan = plan(&config, 1).remove(0);
-    fs_err::create_dir_all(folder.join(plan.file()).parent().unwrap()).unwrap();
-    episode::record(&config, &plan, folder, &mut || Ok(())).unwrap();
-    EpisodeReader::open(&folder.join(plan.file())).unwrap()
+    record_first(&config, folder)
 }
 
 #[test]

@@ -22,6 +22,7 @@ mod free_space;
 mod furniture;
 mod ground;
 mod hiding;
+mod hull;
 mod junctions;
 mod landmarks;
 mod lane_change;

@@ -27,19 +27,23 @@ define_config! {
     }
 }
 
+/// Refuses shares of one whole that are more than it.
+///
+/// # Errors
+/// Names the part of the config, and the shares.
+pub(super) fn check_sum(part: &str, names: &str, shares: &[f64]) -> Result<(), InvalidConfig> {
+    let found = format!("{shares:?} as shares of {names}");
+    require(shares.iter().sum::<f64>() <= 1.0 + 1e-9, part, found, "at most 1 in sum is needed")
+}
+
 impl OodPlacementConfig {
     /// Whether the places leave something for the side of the road.
     ///
     /// # Errors
     /// The shares of the places are more than one in sum.
     pub fn check_shares(&self) -> Result<(), InvalidConfig> {
-        let sum: f64 = self.shares().iter().map(|(_, share)| share).sum();
-        require(
-            sum <= 1.0 + 1e-9,
-            "ood_placement.behind_share",
-            self.behind_share,
-            "shares of lane, junction, bend, crossing and behind that are at most 1 in sum are needed",
-        )
+        let shares = self.shares().map(|(_, share)| share);
+        check_sum("ood_placement", "lane, junction, bend, crossing and behind", &shares)
     }
 
     /// The place for a draw from 0 to 1.
@@ -73,7 +77,7 @@ mod tests {
             OodPlacementConfig { lane_share: 0.5, junction_share: 0.25, ..OodPlacementConfig::default() };
         assert_eq!(config.spot(0.49), Spot::Lane);
         assert_eq!(config.spot(0.51), Spot::Junction);
-        assert!(config.check_shares().unwrap_err().to_string().contains("at most 1 in sum"));
+        assert!(config.check_shares().unwrap_err().to_string().contains("0.5, 0.25"));
         let alone = OodPlacementConfig {
             lane_share: 0.0,
             junction_share: 0.0,

@@ -3,10 +3,11 @@
 use rand::RngExt;
 
 use super::models::{Faces, Model, ModelFacts, Role};
+use super::ood_placement::check_sum;
 use super::path::Vec2;
 use super::people::{Does, Holds, Person, Pushed, Stance, model};
 use super::split::SceneSplit;
-use crate::config::{SHARE, define_config};
+use crate::config::{InvalidConfig, SHARE, define_config};
 use crate::object::{Distribution, Kind};
 use crate::random::{self, Rng, pick_weighted};
 
@@ -30,6 +31,29 @@ define_config! {
         carrying_share: f64 = 0.3, in SHARE;
         /// Of the adults who walk or stand in the rain.
         umbrella_share: f64 = 0.5, in SHARE;
+    }
+}
+
+impl PeopleConfig {
+    /// What people do, in the order of the shares; those that are left walk.
+    fn shares(&self) -> [f64; 6] {
+        let Self { standing_share, sitting_share, stooping_share, running_share, .. } = *self;
+        [
+            standing_share,
+            sitting_share,
+            stooping_share,
+            running_share,
+            self.wheelchair_share,
+            self.pushing_share,
+        ]
+    }
+
+    /// Whether what people do leaves some to walk.
+    ///
+    /// # Errors
+    /// The shares are more than one in sum.
+    pub fn check_shares(&self) -> Result<(), InvalidConfig> {
+        check_sum("people", "standing, sitting, stooping, running, wheelchair and pushing", &self.shares())
     }
 }
 
@@ -103,10 +127,7 @@ fn child_years(rng: &mut Rng) -> f64 {
 
 impl Crowd<'_> {
     fn party(&mut self, most: usize, rng: &mut Rng) -> Party {
-        let PeopleConfig { standing_share, sitting_share, stooping_share, running_share, .. } = *self.config;
-        let PeopleConfig { wheelchair_share, pushing_share, .. } = *self.config;
-        let shares =
-            [standing_share, sitting_share, stooping_share, running_share, wheelchair_share, pushing_share];
+        let shares = self.config.shares();
         let walks = (1.0 - shares.iter().sum::<f64>()).max(0.0);
         let alone = |does, model| {
             let member = Member { model, at: Vec2::zeros(), yaw_rad: 0.0, is_stiff: false };

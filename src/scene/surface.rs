@@ -10,6 +10,7 @@ use nalgebra::Vector3;
 
 use super::drape::Drape;
 use super::ground::{GRASS_M, Ground, PAVEMENT_M, Ribbon};
+use super::hull::convex_hull;
 use super::mesh::TriangleMesh;
 use super::network::{LaneGraph, flat};
 use super::occupancy::{Footprint, StripGrid};
@@ -337,39 +338,4 @@ fn fills_of(network: &xodr::RoadNetwork, mesh: &xodr::Mesh, above: &BTreeSet<usi
         }
     }
     corners.into_values().map(convex_hull).filter(|hull| hull.len() >= 3).collect()
-}
-
-/// Counter-clockwise convex hull (Andrew's monotone chain).
-fn convex_hull(mut points: Vec<Vec2>) -> Vec<Vec2> {
-    points.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
-    let half = |ordered: &mut dyn Iterator<Item = Vec2>| {
-        let mut hull: Vec<Vec2> = Vec::new();
-        for point in ordered {
-            while let [.., a, b] = hull[..] {
-                if (b - a).perp(&(point - b)) > 0.0 {
-                    break;
-                }
-                hull.pop();
-            }
-            hull.push(point);
-        }
-        hull.pop();
-        hull
-    };
-    let mut hull = half(&mut points.iter().copied());
-    hull.extend(half(&mut points.iter().rev().copied()));
-    hull
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_hull_of_a_square_leaves_out_its_middle() {
-        let points = [(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0), (1.0, 1.0)];
-        let hull = convex_hull(points.iter().map(|&(x, y)| Vec2::new(x, y)).collect());
-        assert_eq!(hull.len(), 4);
-        assert!(!hull.contains(&Vec2::new(1.0, 1.0)));
-    }
 }

@@ -6,6 +6,7 @@
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 use rand::RngExt;
 
+use super::hull::convex_hull;
 use super::models::{Bounds, Model};
 use super::path::{Vec2, direction_of};
 use crate::random::Rng;
@@ -87,7 +88,7 @@ fn settle(
         let low_m = turned.iter().map(|point| point.z).fold(f64::INFINITY, f64::min);
         let touches = |point: &&Vector3<f64>| point.z < low_m + TOUCH_M;
         let contact: Vec<Vec2> = turned.iter().filter(touches).map(Vector3::xy).collect();
-        let Some(pivot) = pivot_of(&contact) else { return Some(turn) };
+        let Some(pivot) = pivot_of(contact) else { return Some(turn) };
         let towards = -pivot.normalize();
         let angle_of = |point: &Vector3<f64>| (point.z - low_m).atan2((point.xy() - pivot).dot(&towards));
         let fall_rad =
@@ -102,8 +103,8 @@ fn settle(
 }
 
 /// The place of the contact that is nearest to the weight, if the weight is not above the contact.
-fn pivot_of(contact: &[Vec2]) -> Option<Vec2> {
-    let hull = hull_of(contact);
+fn pivot_of(contact: Vec<Vec2>) -> Option<Vec2> {
+    let hull = convex_hull(contact);
     let is_inside = hull.len() > 2
         && (0..hull.len()).all(|i| {
             let (a, b) = (hull[i], hull[(i + 1) % hull.len()]);
@@ -120,33 +121,6 @@ fn pivot_of(contact: &[Vec2]) -> Option<Vec2> {
     let pivot = nearest.min_by(|a, b| a.norm_squared().total_cmp(&b.norm_squared()))?;
     // Balanced on a point, as a ball is.
     (pivot.norm() > 1e-6).then_some(pivot)
-}
-
-/// The convex hull, counter-clockwise (Andrew's monotone chain).
-fn hull_of(points: &[Vec2]) -> Vec<Vec2> {
-    let mut sorted = points.to_vec();
-    sorted.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
-    sorted.dedup();
-    if sorted.len() < 3 {
-        return sorted;
-    }
-    let chain = |points: &mut dyn Iterator<Item = Vec2>| {
-        let mut hull: Vec<Vec2> = Vec::new();
-        for point in points {
-            while let [.., a, b] = hull[..] {
-                if (b - a).perp(&(point - b)) > 0.0 {
-                    break;
-                }
-                hull.pop();
-            }
-            hull.push(point);
-        }
-        hull.pop();
-        hull
-    };
-    let mut hull = chain(&mut sorted.iter().copied());
-    hull.extend(chain(&mut sorted.iter().rev().copied()));
-    hull
 }
 
 #[cfg(test)]

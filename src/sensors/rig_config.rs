@@ -93,6 +93,14 @@ impl LidarPreset {
 }
 
 impl RigLidarConfig {
+    /// Dead beams are beams that it has, and one is alive.
+    fn check_beams(&self, key: &str) -> Result<(), InvalidConfig> {
+        let (n, lost) = (self.n_beams(), &self.lost_beams);
+        let is_some_alive = lost.len() < n && lost.iter().all(|&beam| usize::from(beam) < n);
+        let wanted = format!("numbers of its {n} beams, 0 to {}, but not of all are needed", n - 1);
+        require(is_some_alive, &format!("{key}.lost_beams"), format!("{lost:?}"), wanted)
+    }
+
     /// How many beams it has, dead ones included.
     #[must_use]
     pub fn n_beams(&self) -> usize {
@@ -219,7 +227,8 @@ impl Check for RigConfig {
         let top = &lidars[Lidar::NAME];
         let up = top.pitch_deg.to_radians().cos() * top.roll_deg.to_radians().cos();
         let found = format!("tilted by {} and rolled by {}", top.pitch_deg, top.roll_deg);
-        require(up >= 0.5, "lidars.lidar_top", found, "at most 60 degrees from upright are needed")
+        require(up >= 0.5, "lidars.lidar_top", found, "at most 60 degrees from upright are needed")?;
+        lidars.iter().try_for_each(|(name, lidar)| lidar.check_beams(&format!("lidars.{name}")))
     }
 }
 

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::rig_config::RigConfig;
-use crate::config::{self, ConfigError};
+use crate::config::{self, Check, ConfigError};
 
 /// A rig by name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -43,11 +43,16 @@ impl RigConfig {
     /// The rig with this name, or that of a TOML file.
     ///
     /// # Errors
-    /// Neither a name nor a file, or a file that is no rig.
+    /// Neither a name nor a file, or a file that is no valid rig.
     pub fn named_or_read(name: &str) -> Result<Self, ConfigError> {
-        match ShippedRig::ALL.into_iter().find(|rig| rig.name() == name) {
-            Some(rig) => Ok(rig.config()),
-            None => config::load(Some(Path::new(name)), &[]),
+        if let Some(rig) = ShippedRig::ALL.into_iter().find(|rig| rig.name() == name) {
+            return Ok(rig.config());
+        }
+        let path = Path::new(name);
+        let rig: Self = config::load(Some(path), &[])?;
+        match rig.check() {
+            Ok(()) => Ok(rig),
+            Err(invalid) => Err(ConfigError::Invalid { invalid, path: path.to_owned() }),
         }
     }
 }
@@ -72,6 +77,34 @@ mod tests {
                 pixel.is_some_and(|(u_px, v_px)| camera.intrinsics.contains(u_px, v_px))
             };
             assert!(surround.cameras.iter().any(|camera| sees(&camera)), "nobody looks to {degrees} degrees");
+        }
+    }
+
+    #[test]
+    fn a_file_that_is_no_valid_rig_is_told_with_its_path() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("rig.toml");
+        for (text, wanted) in [
+            ("cameras = {}", "cameras is []; one named cam_front is needed"),
+            (
+                "[cameras.cam_front]\nwidth_px = 0",
+                "cameras.cam_front.width_px is 0; a number from 16 to 4096",
+            ),
+            (
+                "[lidars.lidar_top]\nelevations_deg = [3, 1]",
+                "lidars.lidar_top.elevations_deg is [3.0, 1.0]; ",
+            ),
+            (
+                "[lidars.lidar_top]\nlost_beams = [40]",
+                "lidars.lidar_top.lost_beams is [40]; numbers of its 32",
+            ),
+            ("[lidars.lidar_top]\nelevations_deg = [1]\nlost_beams = [0]", "not of all are needed"),
+            ("[lidars.lidar_top]\npreset = \"hdl33\"", "expected one of `hdl32e`"),
+            ("[cameras.cam_a]\n[cameras.cam_a]", "duplicate key"),
+        ] {
+            fs_err::write(&path, text).unwrap();
+            let error = RigConfig::named_or_read(path.to_str().unwrap()).unwrap_err().to_string();
+            assert!(error.contains(wanted) && error.ends_with("rig.toml"), "{text}: {error}");
         }
     }
 

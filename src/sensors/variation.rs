@@ -7,7 +7,7 @@
 use rand::RngExt;
 
 use super::rig_config::{LidarPreset, OdometryConfig, RigCameraConfig, RigConfig, RigLidarConfig};
-use crate::config::{Check, SHARE, define_config, from_to, part};
+use crate::config::{Check, InvalidConfig, SHARE, define_config, from_to, part, require};
 use crate::random::{self, Rng};
 
 define_config! {
@@ -21,7 +21,14 @@ define_config! {
     }
 }
 
-impl Check for RigVariationConfig {}
+impl Check for RigVariationConfig {
+    fn check_relations(&self) -> Result<(), InvalidConfig> {
+        let LidarModels { hdl32e, vlp16, hdl64e, os1_128 } = self.lidar.models;
+        let found = format!("{:?}", [hdl32e, vlp16, hdl64e, os1_128]);
+        let is_one_drawn = self.lidar.model_share == 0.0 || hdl32e + vlp16 + hdl64e + os1_128 > 0.0;
+        require(is_one_drawn, "lidar.models", found, "a number above 0 is needed, or model_share = 0")
+    }
+}
 
 define_config! {
     /// What varies of each LiDAR. Pairs are the least and the most.
@@ -142,6 +149,8 @@ impl LidarVariationConfig {
             if let Some(model) = drawn.filter(|_| lidar.elevations_deg.is_empty()) {
                 lidar.preset = models[model].0;
                 lidar.azimuth_step_deg = lidar.preset.azimuth_step_deg();
+                // Dead beams were those of the other one.
+                lidar.lost_beams.clear();
             }
         }
         if happens(self.place_share, rng) {
@@ -280,6 +289,27 @@ mod tests {
         ] {
             assert!((found - wanted).abs() < 0.04, "{found} against {wanted}");
         }
+    }
+
+    #[test]
+    fn a_drawn_model_has_no_dead_beams_of_another() {
+        let mut rig = RigConfig::default();
+        let lidar = rig.lidars.get_mut("lidar_top").unwrap();
+        (lidar.preset, lidar.lost_beams) = (LidarPreset::Os1128, vec![0, 100]);
+        for seed in 0..40 {
+            Rig::try_from(&variation().draw(&rig, seed)).unwrap();
+        }
+    }
+
+    #[test]
+    fn no_model_to_draw_is_refused() {
+        let models = LidarModels { hdl32e: 0.0, vlp16: 0.0, hdl64e: 0.0, os1_128: 0.0 };
+        let mut config = variation();
+        config.lidar.models = models;
+        let error = config.check().unwrap_err().to_string();
+        assert!(error.contains("lidar.models is [0.0, 0.0, 0.0, 0.0]; a number above 0"), "{error}");
+        config.lidar.model_share = 0.0;
+        assert!(config.check().is_ok());
     }
 
     #[test]
