@@ -183,15 +183,11 @@ impl Receiver {
         let mut strongest = Echo { reflector: Reflector::Target, power: 0.0, range_m: hit.range_m };
         let is_met = hit.range_m.is_finite() && hit.range_m > 0.0;
         if is_met && (hit.finish != Finish::Glass || glass_returns) {
-            let reflectivity = if hit.is_paved {
-                wet_ground::reflectivity(hit.reflectivity, hit.cos_incidence, self.state.wetness)
-            } else {
-                hit.reflectivity
-            };
+            let wetness = if hit.is_paved { self.state.wetness } else { 0.0 };
+            let factor = wet_ground::factor(hit.finish, hit.reflectivity, hit.cos_incidence, wetness);
             let air = (-2.0 * self.state.extinction_per_m() * hit.range_m).exp();
-            let back =
-                hit.finish.factor(hit.cos_incidence) * surface::peak_kept(hit.range_m, hit.cos_incidence);
-            strongest.power = reflectivity * back * air / hit.range_m.powi(2);
+            let back = factor * surface::peak_kept(hit.range_m, hit.cos_incidence);
+            strongest.power = hit.reflectivity * back * air / hit.range_m.powi(2);
         }
         if let Some(soft_returns) = &self.soft_returns {
             let mut soft = soft_returns.before(hit.range_m);

@@ -43,7 +43,8 @@ fn clear() -> WeatherState {
 fn half_the_reflectivity_at_sixty_degrees_gives_a_quarter_of_the_intensity() {
     let hit = Hit { cos_incidence: 0.5, ..wall(10.0, 0.5) };
     let found = shots(&quiet(), &clear(), hit, 1)[0].point;
-    // 255 / 4 less 0.3 % for the clear air on 20 m and 0.2 % for the smeared pulse.
+    // 63.75 * exp(-2 * 10 m * 3.0 / 20 km) * 0.9976 = 63.4: clear air, and the peak of a pulse whose spot of 30 mm lies
+    // over 52 mm of ranges (`surface::peak_kept`).
     assert_eq!((found.x_m, found.intensity, found.ring), (10.0, 63.0, 0));
 }
 
@@ -137,16 +138,25 @@ fn hard_rain_scatters_into_the_open_and_widens_the_range_noise() {
 
 #[test]
 fn a_wet_road_returns_less_than_a_dry_one_and_a_wet_wall_as_much() {
-    let road = Hit {
-        range_m: 60.0,
-        cos_incidence: 0.0307,
+    // From the height of the default rig.
+    let road = |range_m: f64| Hit {
+        range_m,
+        cos_incidence: 1.84 / range_m,
         reflectivity: 0.2,
         is_paved: true,
         finish: Finish::Rough,
     };
     let count = |state: &WeatherState, hit| shots(&quiet(), state, hit, 5000).len();
     let (dry, wet) = (clear(), Weather::WetNoon.state());
-    assert!(count(&wet, road) < 4 * count(&dry, road) / 5);
+    let by = WeatherOverride { wetness: Some(1.0), ..WeatherOverride::default() };
+    let flooded = wet.replace_by(&by).unwrap();
+    assert!(count(&wet, road(35.0)) < 4 * count(&dry, road(35.0)) / 5);
+    // Half of the returns are left at 54 m on dry ground, 38 m on wet ground and 24 m under water.
+    for (state, half_m) in [(&dry, 54.0), (&wet, 38.4), (&flooded, 24.4)] {
+        let share = |range_m| count(state, road(range_m)) as f64 / 5000.0;
+        assert!((share(half_m) - 0.5).abs() < 0.05, "{half_m} m: {}", share(half_m));
+        assert!(share(0.75 * half_m) == 1.0 && share(1.5 * half_m) < 0.2);
+    }
     assert_eq!(count(&wet, wall(20.0, 0.2)), count(&dry, wall(20.0, 0.2)));
 }
 
