@@ -24,7 +24,9 @@ from ood_overturned import fallen_signs, wheelie_bins
 from ood_small import small_things
 from ood_two_wheelers import bicycles, e_scooters
 from street import street_props
+from street_clutter import street_clutter
 from two_wheelers import cyclist, motorcycle, scooter
+from vegetation import bushes, trees
 from vehicles import bus, car, truck, van
 
 
@@ -60,7 +62,8 @@ def test_props() -> list[Model]:
 
 def main() -> None:
     total = 0
-    for model in [*vehicles(), *street_props(), *ood_props(), *test_props()]:
+    street = [*street_props(), *street_clutter(), *trees(), *bushes()]
+    for model in [*vehicles(), *street, *ood_props(), *test_props()]:
         size, n_bytes = model.write()
         total += n_bytes
         n_triangles = sum(len(f) for solids in model.parts.values() for _, f in solids)

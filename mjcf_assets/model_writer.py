@@ -64,6 +64,8 @@ class Model:
     paint: str | None = None
     colours: dict[str, tuple] = field(default_factory=dict)
     parts: dict[str, list[Solid]] = field(default_factory=dict)
+    # Materials whose meshes are loose sheets and enclose no volume.
+    loose: set[str] = field(default_factory=set)
 
     def add(self, material: str, *solids: Solid) -> None:
         self.parts.setdefault(material, []).extend(solids)
@@ -134,7 +136,8 @@ class Model:
                 f' shininess="{shine:g}"/>'
             )
         for material in meshes:
-            asset.append(f'<mesh name="{n}/{material}" file="{material}.obj"/>')
+            shell = ' inertia="shell"' if material in self.loose else ""
+            asset.append(f'<mesh name="{n}/{material}" file="{material}.obj"{shell}/>')
             geoms.append(
                 f'<geom type="mesh" mesh="{n}/{material}" material="{n}/{material}"'
                 ' group="2" contype="0" conaffinity="0" mass="0"/>'

@@ -158,30 +158,7 @@ def street_props() -> list[Model]:
     barrier.add(
         "red", *(box((s * 0.115, y, 0.62), (0.02, 0.3, 0.14)) for s in (1, -1) for y in (-0.6, 0, 0.6))
     )
-    tree = prop("tree", "Street tree.", 500, 0.3, paint="leaves")
-    tree.add(
-        "bark",
-        cylinder(0.16, 0, 2.5, 10, top=0.11),
-        between((0, 0, 2.2), (0.7, 0.3, 3.3), 0.07, 0.04),
-        between((0, 0, 2.3), (-0.6, -0.4, 3.3), 0.07, 0.04),
-    )
-    tree.add(
-        "leaves",
-        *(
-            ball(c, (r, r, r * 0.85), 10, 7)
-            for c, r in (
-                ((0, 0, 4.4), 1.2),
-                ((0.6, 0.3, 3.7), 0.85),
-                ((-0.6, -0.4, 3.8), 0.85),
-                ((0.1, -0.65, 4.0), 0.8),
-                ((-0.2, 0.65, 4.1), 0.8),
-                ((0.1, 0, 5.2), 0.8),
-            )
-        ),
-    )
-    tree.collide_cylinder((0, 0, 1.6), 0.16, 3.2)
-    tree.collide_hull(*tree.parts["leaves"])
-    return [lamp, sign, pole, bench, bin_, hydrant, bollard, planter, shelter, barrier, tree, *town_props()]
+    return [lamp, sign, pole, bench, bin_, hydrant, bollard, planter, shelter, barrier, *town_props()]
 
 
 def town_props() -> list[Model]:
@@ -246,18 +223,6 @@ def town_props() -> list[Model]:
     jersey.add(
         "yellow", *(box((s * 0.118, y, 0.78), (0.02, 0.10, 0.10)) for s in (1, -1) for y in (-1.3, 0, 1.3))
     )
-    hedge = prop("hedge", "Clipped garden hedge.", 60, 0.3, weight=0, paint="leaves", role="background")
-    hedge.add("leaves", box((0, 0, 0.62), (0.62, 2.36, 1.10)))
-    # Tufts break the straight edges; their places repeat without randomness.
-    for k in range(22):
-        y = -1.1 + 2.2 * k / 21
-        x, z = 0.27 * math.cos(2.4 * k), 1.10 + 0.06 * math.sin(3.7 * k)
-        hedge.add("tufts", ball((x, y, z), (0.17, 0.16, 0.13), 7, 4))
-        side = 1 if k % 2 else -1
-        hedge.add("tufts", ball((side * 0.29, y, 0.35 + 0.55 * ((k * 0.37) % 1)), (0.09, 0.17, 0.18), 7, 4))
-    hedge.colours["tufts"] = (0.22, 0.42, 0.15)
-    hedge.add("soil", box((0, 0, 0.035), (0.5, 2.3, 0.07)))
-    hedge.collide_box((0, 0, 0.6), (0.66, 2.4, 1.2))
     stop = prop(
         "bus_stop",
         "Bus stop: sign with a timetable on a post.",
@@ -315,4 +280,4 @@ def town_props() -> list[Model]:
     lantern.add("lamp", frustum((-0.11, 0.11, -0.11, 0.11, 2.99), (-0.185, 0.185, -0.185, 0.185, 3.42)))
     lantern.collide_cylinder((0, 0, 1.475), 0.14, 2.95)
     lantern.collide_box((0, 0, 3.3), (0.42, 0.42, 0.75))
-    return [stall, jersey, hedge, stop, lantern]
+    return [stall, jersey, stop, lantern]

@@ -23,8 +23,9 @@ from harmzone_sim.shaders import (
 from harmzone_sim.view import Array, View, camera_view, outline_m, shadow_reach_m, sun_view
 from harmzone_sim.world import World
 
-# By slope and by steps of depth: how far MuJoCo moves casters back, lest they shade themselves.
-_SHADOW_OFFSET = (-1.5, -4.0)
+# By slope and by steps of depth: how far casters are moved back, lest they shade themselves. By slope it is a
+# texel more than MuJoCo's 1.5, since edges are softened over three.
+_SHADOW_OFFSET = (-2.5, -4.0)
 _STILL = np.eye(4, dtype=np.float32)
 
 
@@ -100,8 +101,8 @@ class Painter:
         size, layout = (size_px, size_px), (gl.GL_DEPTH_COMPONENT, gl.GL_UNSIGNED_INT)
         gl.glTexImage2D(gl.GL_TEXTURE_2D, 0, gl.GL_DEPTH_COMPONENT24, *size, 0, *layout, None)
         for key, value in (
-            (gl.GL_TEXTURE_MIN_FILTER, gl.GL_NEAREST),
-            (gl.GL_TEXTURE_MAG_FILTER, gl.GL_NEAREST),
+            (gl.GL_TEXTURE_MIN_FILTER, gl.GL_LINEAR),
+            (gl.GL_TEXTURE_MAG_FILTER, gl.GL_LINEAR),
             (gl.GL_TEXTURE_WRAP_S, gl.GL_CLAMP_TO_EDGE),
             (gl.GL_TEXTURE_WRAP_T, gl.GL_CLAMP_TO_EDGE),
             (gl.GL_TEXTURE_COMPARE_MODE, gl.GL_COMPARE_REF_TO_TEXTURE),

@@ -75,14 +75,20 @@ pub enum GroundLook {
 pub enum BoundaryLook {
     /// Nothing.
     Open,
-    /// 1.3 m of leaves.
+    /// A clipped hedge, 0.9 to 1.6 m high.
     Hedge,
+    /// A hedge grown wild, uneven and with gaps, to 2.4 m.
+    WildHedge,
     /// 1.0 m of wooden pickets.
     Fence,
-    /// 1.1 m of masonry.
+    /// 1.1 m of masonry with pilasters and a coping.
     Wall,
     /// 2.0 m of steel bars.
     Railings,
+    /// 1.8 m of wire mesh, four fifths of it open.
+    ChainLink,
+    /// A steel beam on posts, 0.75 m high.
+    GuardRail,
     /// 0.9 m of stones without mortar.
     DryStone,
 }
@@ -95,6 +101,8 @@ pub enum MedianLook {
     Open,
     /// A concrete barrier, 0.8 m high.
     Barrier,
+    /// Steel beams on posts, one to each side.
+    GuardRail,
     Hedge,
 }
 

@@ -286,7 +286,8 @@ impl Grower<'_> {
                 return;
             }
             let gate_m = f64::midpoint(from_m, end_m);
-            let look = BoundaryLook::Railings;
+            let looks = [BoundaryLook::Railings, BoundaryLook::ChainLink];
+            let look = looks[self.plots.boundaries.len() % 2];
             self.add_boundary(look, front, (from_m, 0.5), (gate_m - GATE_M / 2.0, 0.5));
             self.add_boundary(look, front, (gate_m + GATE_M / 2.0, 0.5), (end_m, 0.5));
             self.fill_yard(front, (from_m + 1.5, end_m - 1.5), depth_m);

@@ -117,6 +117,7 @@ pub fn populate_in(
     filler.park();
     filler.place_furnishings();
     filler.place_props();
+    filler.place_rows();
     if let Some(reserved) = reserved {
         filler.hide_unfamiliar(&ego_route, reserved.n_behind);
         for station_m in filler.place_events(&ego_route, &reserved.events_m) {
@@ -126,6 +127,7 @@ pub fn populate_in(
     let late_notices = filler.late_notices();
     filler.place_traffic(&starts, ego_center, &ego_route);
     filler.place_pedestrians(&ego_route, parties);
+    filler.place_clutter();
     let (mut placements, perches) = (filler.placements, filler.perches);
     let mut n_mocap = 0;
     for placement in &mut placements {

@@ -2,6 +2,8 @@
 
 use super::builder::Builder;
 use super::buildings;
+use super::fences::Course;
+use super::foliage::{Foliage, HedgeShape};
 use super::ground::GRASS_M;
 use super::looks::{BoundaryLook, GroundLook, MedianLook};
 use super::mesh::TriangleMesh;
@@ -9,6 +11,8 @@ use super::path::{Path, Vec2};
 use super::surface::{Strip, StripKind, Surface};
 use super::textures::{self, Facade, Floor};
 use super::world::World;
+use crate::random;
+use rand::RngExt;
 
 /// Points of a boundary are at most this far apart.
 const STEP_M: f64 = 3.0;
@@ -24,6 +28,7 @@ impl World {
         self.add_pads(builder);
         self.add_boundaries(builder);
         self.add_town_scenery(builder);
+        self.add_trimmings(builder);
     }
 
     fn height_m(&self) -> impl Fn(Vec2) -> f64 + '_ {
@@ -98,17 +103,47 @@ impl World {
     fn add_boundaries(&self, builder: &mut Builder) {
         let (is_in_sight, height_m) = (self.is_in_sight(), self.height_m());
         let is_near = |line: &Path| is_in_sight(line.at(line.length_m() / 2.0));
+        let is_close = self.is_close();
+        let mut foliage = Foliage::default();
+        let mut steel = TriangleMesh::default();
+        let mut bars: [TriangleMesh; 2] = Default::default();
         let mut meshes: [TriangleMesh; 6] = Default::default();
         let [hedge, fence, wall, railings, concrete, dry_stone] = &mut meshes;
-        for boundary in self.town.boundaries.iter().filter(|boundary| is_near(&boundary.line)) {
+        for (i, boundary) in self.town.boundaries.iter().enumerate().filter(|(_, of)| is_near(&of.line)) {
             let line = &boundary.line;
-            match boundary.look {
-                BoundaryLook::Open => {}
-                BoundaryLook::Hedge => add_wall(hedge, line, 0.6, 1.3, &height_m),
-                BoundaryLook::Fence => add_wall(fence, line, 0.06, 1.0, &height_m),
-                BoundaryLook::Wall => add_wall(wall, line, 0.25, 1.1, &height_m),
-                BoundaryLook::Railings => add_wall(railings, line, 0.06, 2.0, &height_m),
-                BoundaryLook::DryStone => add_wall(dry_stone, line, 0.45, 0.9, &height_m),
+            let course = Course { line, height_m: &height_m };
+            let mut rng = random::stream(0, "boundary", i as u64);
+            let is_close = is_close(line.at(0.0)) || is_close(line.at(line.length_m()));
+            match (boundary.look, is_close) {
+                // Far away a chain-link fence is as good as clear.
+                (BoundaryLook::Open, _) | (BoundaryLook::ChainLink, false) => {}
+                (BoundaryLook::Hedge, true) => {
+                    let height_m = 0.9 + 0.7 * rng.random::<f64>();
+                    let shape = HedgeShape { width_m: 0.6, height_m, is_wild: false };
+                    foliage.add_hedge(line, shape, course.height_m, &mut rng);
+                }
+                (BoundaryLook::WildHedge, true) => {
+                    let (height_m, width_m) =
+                        (1.0 + 1.4 * rng.random::<f64>(), 0.6 + 0.4 * rng.random::<f64>());
+                    let shape = HedgeShape { width_m, height_m, is_wild: true };
+                    foliage.add_hedge(line, shape, course.height_m, &mut rng);
+                }
+                (BoundaryLook::Fence, true) => course.add_bars(&mut bars[0], 0.15, 0.09, 1.0, &mut rng),
+                (BoundaryLook::Railings, true) => course.add_bars(&mut bars[1], 0.13, 0.025, 2.0, &mut rng),
+                (BoundaryLook::Hedge | BoundaryLook::WildHedge, false) => {
+                    add_wall(hedge, line, 0.6, 1.3, &height_m);
+                }
+                (BoundaryLook::Fence, false) => add_wall(fence, line, 0.06, 1.0, &height_m),
+                (BoundaryLook::Railings, false) => add_wall(railings, line, 0.06, 2.0, &height_m),
+                (BoundaryLook::ChainLink, true) => course.add_chain_link(&mut steel),
+                (BoundaryLook::DryStone, _) => add_wall(dry_stone, line, 0.45, 0.9, &height_m),
+                (BoundaryLook::GuardRail, _) => course.add_guard_rail(&mut steel),
+                (BoundaryLook::Wall, is_close) => {
+                    add_wall(wall, line, 0.25, 1.1, &height_m);
+                    if is_close {
+                        course.add_relief(wall, 0.25, 1.1, &mut rng);
+                    }
+                }
             }
         }
         let median = self.town.config.median;
@@ -116,6 +151,11 @@ impl World {
             for line in median_lines(&self.town.surface).iter().filter(|line| is_near(line)) {
                 match median {
                     MedianLook::Barrier => add_barrier(concrete, line, &height_m),
+                    MedianLook::GuardRail => {
+                        Course { line, height_m: &height_m }.add_guard_rail(&mut steel);
+                        let back = line.reversed();
+                        Course { line: &back, height_m: &height_m }.add_guard_rail(&mut steel);
+                    }
                     _ => add_wall(hedge, line, 0.8, 1.0, &height_m),
                 }
             }
@@ -131,6 +171,19 @@ impl World {
         for ((name, png), mesh) in looks.into_iter().zip(&meshes) {
             if !mesh.is_empty() {
                 builder.texture(name, png);
+                builder.mesh(name, name, mesh);
+            }
+        }
+        for (name, rgb, mesh) in [
+            ("scene_hedge_0", [0.09, 0.17, 0.07], &foliage.core),
+            ("scene_hedge_1", [0.16, 0.30, 0.11], &foliage.dark),
+            ("scene_hedge_2", [0.27, 0.42, 0.17], &foliage.light),
+            ("scene_fence_0", [0.55, 0.44, 0.32], &bars[0]),
+            ("scene_yard_0", [0.30, 0.31, 0.32], &bars[1]),
+            ("scene_steel", [0.60, 0.62, 0.63], &steel),
+        ] {
+            if !mesh.is_empty() {
+                builder.plain(name, rgb);
                 builder.mesh(name, name, mesh);
             }
         }

@@ -63,7 +63,9 @@ define_config! {
         /// How far balconies stand out.
         balcony_depth_m: [f64; 2] = [0.8, 1.2], in from_to(0.3, 3.0).pair();
         /// One is drawn for each plot whose building stands back far enough, and for gaps in a row.
-        boundaries: Vec<BoundaryLook> = vec![BoundaryLook::Open];
+        boundaries: Vec<BoundaryLook> = vec![
+            BoundaryLook::Open, BoundaryLook::Hedge, BoundaryLook::WildHedge, BoundaryLook::ChainLink, BoundaryLook::Wall,
+        ];
         /// Share of detached houses with a driveway beside them.
         driveway_share: f64 = 0.0, in SHARE;
         /// Share of the buildings set back by 9 m or more with loading bays in front.
@@ -102,6 +104,18 @@ define_config! {
         prop_kerb_distance_m: f64 = 0.55, in from_to(0.1, 20.0);
         /// How likely each prop model is, relative to the others; empty: all alike.
         prop_weights: BTreeMap<String, f64> = BTreeMap::new(), in WEIGHTS;
+        /// Distance from one thing that is never annotated to the next along a pavement's outer edge.
+        clutter_spacing_m: [f64; 2] = [7.0, 20.0], in from_to(0.5, 1000.0).pair();
+        /// How likely each background model is there, relative to the others; empty: none.
+        clutter_weights: BTreeMap<String, f64> = weights(&[
+            ("bush_bare", 0.5), ("bush_column", 0.7), ("bush_low", 1.0), ("bush_round", 1.0), ("bush_tall", 1.5),
+            ("bush_wild", 2.0),
+        ]), in WEIGHTS;
+        /// Share of the pavements with a row of things along the kerb, times `scene.prop_density`.
+        row_share: f64 = 0.25, in SHARE;
+        /// How likely each model is for a row, relative to the others; empty: no rows.
+        row_weights: BTreeMap<String, f64> =
+            weights(&[("barrier", 1.0), ("bin", 1.0), ("road_barrier", 2.0)]), in WEIGHTS;
         traffic: TrafficConfig = TrafficConfig::default(), in part::<TrafficConfig>();
     }
 }
@@ -130,6 +144,10 @@ define_config! {
 
 fn colors(list: &[[u8; 3]]) -> Vec<TownColor> {
     list.iter().map(|&rgb| TownColor(rgb)).collect()
+}
+
+fn weights(list: &[(&str, f64)]) -> BTreeMap<String, f64> {
+    list.iter().map(|&(name, weight)| (name.to_owned(), weight)).collect()
 }
 
 /// Weights by the names of models.
@@ -186,6 +204,8 @@ impl TownConfig {
         [
             ("prop_weights", &self.prop_weights),
             ("garden_weights", &self.garden_weights),
+            ("clutter_weights", &self.clutter_weights),
+            ("row_weights", &self.row_weights),
             ("traffic.vehicle_weights", &self.traffic.vehicle_weights),
             ("traffic.parked_weights", &self.traffic.parked_weights),
         ]
