@@ -237,6 +237,8 @@ mod tests {
     #[test]
     fn a_weight_for_no_model_is_told_with_those_that_exist() {
         let mut config = TownConfig::default();
+        config.clutter_weights.clear();
+        config.row_weights.clear();
         config.garden_weights.insert("gnome".into(), 1.0);
         config.prop_weights.insert("tree".into(), 1.0);
         let told = config.unknown_models(&["bin".into(), "tree".into()]);
