@@ -9,7 +9,7 @@ use crate::scene::SceneObject;
 use crate::sensors::lidar::Finish;
 
 /// Geoms without an object, by the start of the geom's name.
-const GROUNDS: [(&str, f64, Finish); 11] = [
+const GROUNDS: [(&str, f64, Finish); 23] = [
     ("scene_road", 0.17, Finish::Rough),
     ("scene_pavement", 0.3, Finish::Rough),
     ("scene_kerb", 0.3, Finish::Rough),
@@ -22,12 +22,25 @@ const GROUNDS: [(&str, f64, Finish); 11] = [
     // Water takes the light in, or sends it away from the sensor as a mirror does.
     ("scene_water", 0.004, Finish::Glossy),
     ("scene_hedge", 0.45, Finish::Rough),
+    ("scene_ivy", 0.5, Finish::Rough),
+    ("scene_fence", 0.45, Finish::Rough),
+    ("scene_wall", 0.35, Finish::Rough),
+    ("scene_dry_stone", 0.3, Finish::Rough),
+    ("scene_barrier", 0.3, Finish::Rough),
+    // Zinc on steel.
+    ("scene_steel", 0.45, Finish::Glossy),
+    ("scene_yard", 0.2, Finish::Glossy),
+    ("scene_pipes", 0.3, Finish::Glossy),
+    ("scene_fittings", 0.35, Finish::Matt),
+    ("scene_awning", 0.5, Finish::Matt),
+    ("scene_litter", 0.6, Finish::Matt),
+    ("scene_wires", 0.06, Finish::Matt),
 ];
 /// All other geoms without an object.
 const OTHER: Surface = Surface { reflectivity: 0.25, finish: Finish::Rough };
 
 /// Materials of models, by the last part of their names.
-const MATERIALS: [(&str, f64, Finish); 17] = [
+const MATERIALS: [(&str, f64, Finish); 22] = [
     ("glass", 0.1, Finish::Glass),
     ("pane", 0.1, Finish::Glass),
     ("plate", 30.0, Finish::Retro),
@@ -39,7 +52,12 @@ const MATERIALS: [(&str, f64, Finish); 17] = [
     ("steel", 0.4, Finish::Glossy),
     ("dark_steel", 0.15, Finish::Glossy),
     ("leaves", 0.45, Finish::Rough),
+    ("leaves_dark", 0.4, Finish::Rough),
+    ("leaves_light", 0.55, Finish::Rough),
     ("bark", 0.3, Finish::Rough),
+    ("twigs", 0.3, Finish::Rough),
+    ("bag", 0.5, Finish::Matt),
+    ("black", 0.05, Finish::Matt),
     ("concrete", 0.3, Finish::Rough),
     ("stone", 0.3, Finish::Rough),
     ("soil", 0.2, Finish::Rough),
@@ -128,6 +146,20 @@ mod tests {
         assert!(white.reflectivity > 0.45 && black.reflectivity < 0.03);
         assert_eq!((white.finish, of("car/glass", None).finish), (Finish::Glossy, Finish::Glass));
         assert!(of("car/plate", None).reflectivity > 10.0 && of("car/tyre", None).reflectivity < 0.1);
+    }
+
+    #[test]
+    fn plants_are_brighter_than_the_road_whether_scenery_or_models() {
+        let bush = object("bush", Kind::Static);
+        for name in ["bush_wild/leaves", "bush_wild/leaves_dark", "bush_wild/leaves_light"] {
+            let leaves = surface_of("", name, Some(&bush), None).reflectivity;
+            assert!((0.4..=0.6).contains(&leaves), "{name}: {leaves}");
+        }
+        for name in ["scene_hedge_1", "scene_ivy_0", "scene_grass_tufts_1"] {
+            let leaves = surface_of(name, "", None, None).reflectivity;
+            assert!((0.4..=0.6).contains(&leaves), "{name}: {leaves}");
+        }
+        assert_eq!(surface_of("scene_steel", "", None, None).finish, Finish::Glossy);
     }
 
     #[test]

@@ -29,6 +29,7 @@ mod hull;
 mod junctions;
 mod landmarks;
 mod lane_change;
+mod lawns;
 mod lights;
 mod looks;
 mod loose;

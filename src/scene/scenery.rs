@@ -29,6 +29,7 @@ impl World {
         self.add_boundaries(builder);
         self.add_town_scenery(builder);
         self.add_trimmings(builder);
+        self.add_lawns(builder);
     }
 
     fn height_m(&self) -> impl Fn(Vec2) -> f64 + '_ {
