@@ -1,6 +1,7 @@
 //! Scenes: towns, object models, the filled world as MJCF, and the behaviour of everything that moves.
 
 mod annexes;
+mod bend_rails;
 mod bounds;
 mod builder;
 mod buildings;

@@ -4,6 +4,7 @@ mod houses;
 
 use rand::RngExt;
 
+use super::bend_rails;
 use super::buildings::{BAY_M, Building};
 use super::dry_walls::{self, DryWall};
 use super::landmarks::{self, Landmark};
@@ -102,6 +103,8 @@ pub fn grow(surface: &Surface, config: &TownConfig, terraces: &[Path], seed: u64
     }
     let Grower { mut occupied, mut plots, .. } = grower;
     plots.walls = dry_walls::along_roads(surface, config.retaining_wall_m, &mut occupied);
+    let rails = bend_rails::along_bends(surface, config.bend_rail_share, &plots.boundaries, &mut occupied);
+    plots.boundaries.extend(rails);
     plots.walls.extend(dry_walls::on_terraces(
         terraces,
         config.terrace_m,

@@ -94,6 +94,8 @@ define_config! {
         verge_m: f64 = 7.0, in from_to(0.5, 20.0);
         /// Height of dry-stone walls where the land beside a road rises or falls; 0: none.
         retaining_wall_m: [f64; 2] = [0.0, 0.0], in from_to(0.0, 6.0).pair();
+        /// Share of the bends whose outer side has a guard rail.
+        bend_rail_share: f64 = 0.25, in SHARE;
         median: MedianLook = MedianLook::Open;
         road_texture: GroundLook = GroundLook::Asphalt;
         sidewalk_texture: GroundLook = GroundLook::Pavement;
