@@ -78,7 +78,7 @@ def outward(leaves: list[np.ndarray], middle: np.ndarray) -> list[np.ndarray]:
     return [leaf[::-1] if looks_in(*leaf) else leaf for leaf in leaves]
 
 
-def core(centre: Point, radii: np.ndarray, rng: random.Random, n: int = 7) -> list[np.ndarray]:
+def core(centre: Point, radii: np.ndarray, rng: random.Random, n: int = 5) -> list[np.ndarray]:
     """An uneven ball of few faces that stands on the ground."""
     rows = []
     for elevation in (-0.5, 0.1, 0.6, 1.1):
@@ -116,7 +116,7 @@ def forks(
         side *= 0.022 / max(float(np.linalg.norm(side)), 1e-9)
         return [], [np.array([start - side, start + side, end])], [end]
     limbs, twigs, tips = (
-        [limb(tuple(start), tuple(end), radius, 0.62 * radius, n=5 if depth > 2 else 3)],
+        [limb(tuple(start), tuple(end), radius, 0.62 * radius, n=4 if depth > 2 else 3)],
         [],
         [],
     )

@@ -83,15 +83,13 @@ def left_things() -> list[Model]:
     for x, y, level in ((0, -0.33, 0), (0.02, 0.34, 0), (-0.02, -0.28, 1), (0.01, 0.3, 1), (0, -0.3, 2)):
         z = 0.31 * level
         material = "wood" if (level + (y > 0)) % 2 else "green"
-        for h in (0.05, 0.15, 0.25):
+        for h in (0.07, 0.23):
             crates.add(
                 material,
-                *(box((x + s * 0.19, y, z + h), (0.015, 0.58, 0.07)) for s in (-1, 1)),
-                *(box((x, y + s * 0.29, z + h), (0.39, 0.015, 0.07)) for s in (-1, 1)),
+                *(box((x + s * 0.19, y, z + h), (0.015, 0.58, 0.11)) for s in (-1, 1)),
+                *(box((x, y + s * 0.29, z + h), (0.39, 0.015, 0.11)) for s in (-1, 1)),
             )
         crates.add(material, box((x, y, z + 0.01), (0.38, 0.57, 0.02)))
-        crates.add(material, *(box((x + sx * 0.18, y + sy * 0.28, z + 0.15), (0.03, 0.03, 0.3))
-                               for sx in (-1, 1) for sy in (-1, 1)))  # fmt: skip
     rack = background("bike_rack", "Bicycles at a rack.", 60, collision="hull")
     for k, (y, colour) in enumerate(((-0.95, "red"), (-0.35, "blue"), (0.2, "steel"), (0.9, "black"))):
         bicycle(rack, y, (0.08, -0.06, 0.05, -0.1)[k], colour)

@@ -59,7 +59,7 @@ def broadleaf() -> Model:
         ((-0.2, 0.75, 4.1), (0.8, 0.8, 0.7)),
         ((0.1, 0, 5.2), (0.85, 0.85, 0.75)),
     ]
-    add_leaves(made, in_balls(balls, 760, 0.24, rng))
+    add_leaves(made, in_balls(balls, 280, 0.39, rng))
     return made
 
 
@@ -80,12 +80,12 @@ def birch() -> Model:
     made.colours["twigs"] = (0.25, 0.20, 0.17)
     leaves = []
     for x, y, z in tips:
-        for _ in range(13):
+        for _ in range(8):
             at = np.array([x, y, z]) + any_direction(rng) * rng.uniform(0.15, 0.6)
             for k in range(5):
                 drop = at - np.array([0, 0, 0.26 * k]) + 0.07 * any_direction(rng)
                 out = any_direction(rng) * np.array([1, 1, 0.3])
-                leaves.append(triangle(tuple(drop), out, 0.19, rng))
+                leaves.append(triangle(tuple(drop), out, 0.245, rng))
     add_leaves(made, leaves, tones=("leaves_light", "leaves"))
     return made
 
@@ -98,7 +98,7 @@ def poplar() -> Model:
         ((0, 0, 1.9 + 0.95 * k), (r, r, 1.0))
         for k, r in enumerate((0.62, 0.85, 0.95, 0.95, 0.9, 0.78, 0.6, 0.4))
     ]
-    add_leaves(made, in_balls(balls, 900, 0.25, rng))
+    add_leaves(made, in_balls(balls, 310, 0.42, rng))
     return made
 
 
@@ -107,11 +107,11 @@ def conifer() -> Model:
     made = tree("tree_conifer", "Spruce: layers of hanging twigs down to the ground.", 450)
     made.add("bark", cylinder(0.14, 0, 6.4, 7, top=0.03))
     leaves = []
-    layers = 19
+    layers = 13
     for layer in range(layers):
         height = 0.55 + 5.9 * layer / (layers - 1)
         reach = 1.55 * (1 - (height / 6.9)) + 0.12
-        n = max(5, round(8 * reach))
+        n = max(4, round(6 * reach))
         for k in range(n):
             angle = 2 * math.pi * (k + rng.uniform(-0.3, 0.3)) / n + 0.7 * layer
             way = np.array([math.cos(angle), math.sin(angle), -0.22])
@@ -119,7 +119,7 @@ def conifer() -> Model:
             length = reach * rng.uniform(0.75, 1.1)
             for share in (0.35, 0.65, 0.95):
                 at = np.array([0, 0, height]) + way * length * share
-                width = 0.16 + 0.06 * rng.random()
+                width = 0.24 + 0.08 * rng.random()
                 tip = at + way * 0.30 + np.array([0, 0, -0.08])
                 leaves.append(np.array([at - side * width, at + side * width, tip]))
                 hang = at + np.array([0, 0, -0.24 - 0.1 * rng.random()])
@@ -139,7 +139,7 @@ def young() -> Model:
         box((0, 0, 1.6), (0.04, 0.76, 0.07)),
     )
     balls = [((0, 0, 2.75), (0.6, 0.6, 0.6)), ((0.1, 0.1, 3.3), (0.45, 0.45, 0.45))]
-    add_leaves(made, in_balls(balls, 210, 0.17, rng, shell=0.2), tones=("leaves_light", "leaves"))
+    add_leaves(made, in_balls(balls, 120, 0.225, rng, shell=0.2), tones=("leaves_light", "leaves"))
     return made
 
 
@@ -171,9 +171,9 @@ def autumn() -> Model:
         limbs, _, tips = forks(np.array([0, 0, 2.0]), way, 0.07, 2, rng, 0.45)
         made.add("bark", *limbs)
         for tip in tips:
-            for _ in range(7):
+            for _ in range(4):
                 at = tip + any_direction(rng) * rng.uniform(0.05, 0.45)
-                leaves.append(triangle(tuple(at), any_direction(rng), 0.22, rng))
+                leaves.append(triangle(tuple(at), any_direction(rng), 0.29, rng))
     made.colours |= {"leaves": (0.72, 0.40, 0.10), "leaves_dark": (0.55, 0.22, 0.08)}
     add_leaves(made, leaves)
     return made
@@ -197,15 +197,15 @@ def hedge() -> Model:
     made.add("leaves_dark", box((0, 0, 0.57), (0.50, 2.30, 1.06)))
     leaves = []
     for side in (-1, 1):
-        for _ in range(105):
+        for _ in range(40):
             at = (side * rng.uniform(0.22, 0.33), rng.uniform(-1.18, 1.18), rng.uniform(0.06, 1.15))
-            leaves.append(triangle(at, np.array([side, 0, 0.25]) + 0.9 * any_direction(rng), 0.17, rng))
-        for _ in range(25):
+            leaves.append(triangle(at, np.array([side, 0, 0.25]) + 0.9 * any_direction(rng), 0.27, rng))
+        for _ in range(10):
             at = (rng.uniform(-0.28, 0.28), side * rng.uniform(1.12, 1.22), rng.uniform(0.06, 1.15))
-            leaves.append(triangle(at, np.array([0, side, 0.25]) + 0.9 * any_direction(rng), 0.17, rng))
-        for _ in range(35):
+            leaves.append(triangle(at, np.array([0, side, 0.25]) + 0.9 * any_direction(rng), 0.27, rng))
+        for _ in range(14):
             at = (rng.uniform(-0.3, 0.3), rng.uniform(-1.18, 1.18), rng.uniform(1.06, 1.2))
-            leaves.append(triangle(at, np.array([0, 0, 1]) + 0.9 * any_direction(rng), 0.17, rng))
+            leaves.append(triangle(at, np.array([0, 0, 1]) + 0.9 * any_direction(rng), 0.27, rng))
     add_leaves(
         made, outward(leaves, np.array([0, 0, 0.5])), both_sides=False, tones=("leaves", "leaves_light")
     )
@@ -216,12 +216,12 @@ def hedge() -> Model:
 def bushes() -> list[Model]:
     """Wild and clipped bushes; all but the bare one hide what is behind them."""
     shapes = {
-        "bush_round": ("Clipped round bush.", [((0, 0, 0.45), (0.55, 0.55, 0.52))], 130, 0.15),
+        "bush_round": ("Clipped round bush.", [((0, 0, 0.45), (0.55, 0.55, 0.52))], 50, 0.24),
         "bush_low": (
             "Creeping juniper.",
             [((0, 0, 0.16), (0.9, 0.6, 0.28)), ((0.5, 0.4, 0.14), (0.5, 0.5, 0.24))],
-            130,
-            0.18,
+            50,
+            0.28,
         ),
         "bush_wild": (
             "Wild bush of several stems.",
@@ -230,8 +230,8 @@ def bushes() -> list[Model]:
                 ((0.55, 0.3, 0.55), (0.5, 0.5, 0.5)),
                 ((-0.4, -0.45, 0.6), (0.5, 0.5, 0.55)),
             ],
-            240,
-            0.2,
+            85,
+            0.32,
         ),
         "bush_tall": (
             "Thicket higher than a man.",
@@ -240,10 +240,10 @@ def bushes() -> list[Model]:
                 ((0.7, 0.4, 1.0), (0.7, 0.7, 0.95)),
                 ((-0.6, -0.5, 1.6), (0.7, 0.7, 1.0)),
             ],
-            330,
-            0.24,
+            115,
+            0.39,
         ),
-        "bush_column": ("Thuja, a column.", [((0, 0, 1.0), (0.42, 0.42, 1.05))], 170, 0.17),
+        "bush_column": ("Thuja, a column.", [((0, 0, 1.0), (0.42, 0.42, 1.05))], 60, 0.28),
     }
     made = []
     for name, (about, balls, n, size_m) in shapes.items():
@@ -261,8 +261,8 @@ def bushes() -> list[Model]:
     rng = random.Random("bush_bare")
     model = bush("bush_bare", "Bush in winter: stems and twigs.", collision="cylinder")
     twigs: list[np.ndarray] = []
-    for k in range(6):
-        angle = 2 * math.pi * k / 6
+    for k in range(4):
+        angle = 2 * math.pi * k / 4
         foot = np.array([0.12 * math.cos(angle), 0.12 * math.sin(angle), 0.0])
         way = np.array([0.25 * math.cos(angle), 0.25 * math.sin(angle), 0.5])
         limbs, thin, _ = forks(foot, way, 0.02, 2, rng)

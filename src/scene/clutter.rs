@@ -24,6 +24,11 @@ const ROW_GAP_M: f64 = 0.06;
 /// Rows keep this far from a pavement's ends, where people cross.
 const CORNER_M: f64 = 9.0;
 
+/// Whether things of a category grow on the ground beside pavements, and give way.
+pub(super) fn is_plant(category: &str) -> bool {
+    matches!(category, "bush" | "hedge")
+}
+
 impl Filler<'_> {
     /// Things that are never annotated, on both sides of each pavement's outer edge.
     pub(super) fn place_clutter(&mut self) {
@@ -44,7 +49,7 @@ impl Filler<'_> {
                 let Some(model) = random::pick_weighted(weights.iter().copied(), &mut rng) else { return };
                 let draw = rng.random::<f64>();
                 let half_m = self.models[model].width_m().max(self.models[model].length_m()) / 2.0;
-                let is_plant = matches!(self.models[model].facts.category.as_str(), "bush" | "hedge");
+                let is_plant = is_plant(&self.models[model].facts.category);
                 let heading_rad = strip.center.heading_rad(station_m);
                 let (out_m, over_m, yaw_rad) = if is_plant {
                     let out_m = strip.width_m / 2.0 + half_m + 0.1 + BESIDE_M * draw * draw;

@@ -9,13 +9,14 @@ use crate::random::Rng;
 
 /// Half of the height of a chain-link fence's wires along the fence, and their distance from each other: four
 /// fifths of the fence are open. Real wires are thinner and closer; beams are wider than either.
-const WIRE_M: f64 = 0.011;
-const MESH_M: f64 = 0.23;
+const WIRE_M: f64 = 0.0145;
+const MESH_M: f64 = 0.30;
 const CHAIN_LINK_M: f64 = 1.8;
 
 /// The steel section of a guard rail as distance from the posts and height (W-beam, EN 1317: 0.31 m high).
-const BEAM_M: [(f64, f64); 7] =
-    [(0.0, 0.44), (0.08, 0.47), (0.08, 0.53), (0.01, 0.595), (0.08, 0.66), (0.08, 0.72), (0.0, 0.75)];
+const BEAM_M: [(f64, f64); 5] = [(0.0, 0.44), (0.08, 0.51), (0.02, 0.595), (0.08, 0.68), (0.0, 0.75)];
+/// Between its posts (EN 1317: 2 or 4 m).
+const RAIL_POSTS_M: f64 = 4.0;
 
 /// A line on the ground along which things are built.
 pub(super) struct Course<'a> {
@@ -107,7 +108,7 @@ impl Course<'_> {
 
     /// A steel beam on posts, to the right of the line's direction and open behind.
     pub(super) fn add_guard_rail(&self, mesh: &mut TriangleMesh) {
-        let stations = self.stations(2.0);
+        let stations = self.stations(RAIL_POSTS_M);
         for pair in stations.windows(2) {
             let point = |s_m: f64, (out_m, up_m): (f64, f64)| self.at(s_m, up_m) + self.right(s_m) * out_m;
             for edge in BEAM_M.windows(2) {
@@ -171,7 +172,8 @@ pub(super) fn add_sheet(mesh: &mut TriangleMesh, corners: [Vector3<f64>; 4]) {
     let uv = [[0.0, 0.0], [length_m, 0.0], [length_m, width_m], [0.0, width_m]];
     let mut face = [0, 1, 2, 3].map(|k| (corners[k].into(), uv[k]));
     mesh.add_polygon(&face);
-    face.reverse();
+    // Both sides are split along one diagonal, lest they part where the quad is not flat.
+    face[1..].reverse();
     mesh.add_polygon(&face);
 }
 

@@ -14,8 +14,8 @@ use super::path::{Path, Vec2};
 use crate::random::Rng;
 
 /// Leaves on a square metre, and how large they are.
-const LEAVES_PER_M2: f64 = 12.0;
-const LEAF_M: f64 = 0.27;
+const LEAVES_PER_M2: f64 = 5.0;
+const LEAF_M: f64 = 0.40;
 /// Ribs of a hedge's core.
 const RIB_M: f64 = 1.5;
 
@@ -234,7 +234,7 @@ mod tests {
         let shape = HedgeShape { width_m: 0.6, height_m: 1.3, is_wild: false };
         foliage.add_hedge(&line, shape, &|_| 0.0, &mut random::stream(1, "hedge", 0));
         let leaves: Vec<_> = foliage.dark.corners().into_iter().chain(foliage.light.corners()).collect();
-        assert!(leaves.len() > 300, "{}", leaves.len());
+        assert!(leaves.len() > 150, "{}", leaves.len());
         let middle = Vector3::new(5.0, 0.0, 0.6);
         let mut n_out = 0;
         for [a, b, c] in &leaves {

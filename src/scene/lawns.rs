@@ -1,6 +1,6 @@
 //! Uneven lawns: humps of earth over the flat ground beside streets, where nothing is paved or built.
 //!
-//! height = swell (within 5 m) + lumps (from node to node), less near paving, 0.2 m at most. Things keep the flat ground's height,
+//! height = swell (within 6 m) + lumps (from node to node), less near paving, 0.2 m at most. Things keep the flat ground's height,
 //! so that lawns hide a hand's breadth of their feet, as grass does.
 
 use rand::RngExt;
@@ -14,11 +14,13 @@ use super::world::World;
 use crate::random;
 
 /// From node to node.
-const CELL_M: f64 = 1.25;
+const CELL_M: f64 = 2.0;
+/// Lawns are uneven this near to the ego's route.
+const REACH_M: f64 = 16.0;
 const SWELL_M: f64 = 0.13;
 const LUMP_M: f64 = 0.07;
 /// Nodes of a lump in a swell.
-const SWELL_CELLS: f64 = 4.0;
+const SWELL_CELLS: f64 = 3.0;
 /// Lawns rise over this width, from the edge of what is paved on.
 const EDGE_M: f64 = 0.3;
 const RISE_M: f64 = 2.2;
@@ -66,24 +68,25 @@ impl World {
             builder.asset.push_str(
                 "<material name=\"scene_lawn\" texture=\"scene_grass\" specular=\"0\" shininess=\"0\"/>\n",
             );
-            builder.mesh("scene_grass_lawn", "scene_lawn", &mesh);
+            builder.ground("scene_grass_lawn", "scene_lawn", &mesh);
         }
     }
 
     fn lawns(&self) -> TriangleMesh {
-        let (surface, is_close, noise) = (&self.town.surface, self.is_close(), Noise::new());
+        let is_near = self.is_within(2.0 * REACH_M);
+        let (surface, is_close, noise) = (&self.town.surface, self.is_within(REACH_M), Noise::new());
         let points = self.ego_route.path.points_every(8.0);
         let (low, high) = points
             .iter()
             .fold((points[0], points[0]), |(low, high), point| (low.inf(point), high.sup(point)));
         let node = |i: i64, j: i64| Vec2::new(i as f64, j as f64) * CELL_M;
-        let first = (low / CELL_M).map(|at| at.floor() as i64 - 30);
-        let last = (high / CELL_M).map(|at| at.ceil() as i64 + 30);
+        let first = (low / CELL_M).map(|at| at.floor() as i64 - 10);
+        let last = (high / CELL_M).map(|at| at.ceil() as i64 + 10);
         let (n_x, n_y) = ((last.x - first.x + 1) as usize, (last.y - first.y + 1) as usize);
         let buildings: Vec<_> = self.town.buildings.iter().map(|it| it.footprint.grow(0.3)).collect();
         let stands: Vec<_> = self.town.stands.iter().map(|it| it.footprint.grow(1.5)).collect();
         let covers: Vec<_> =
-            buildings.iter().chain(&stands).filter(|footprint| is_close(footprint.center)).collect();
+            buildings.iter().chain(&stands).filter(|footprint| is_near(footprint.center)).collect();
         // Height of a lawn at each node near the route, nothing where there is none.
         let mut heights = vec![0.0; n_x * n_y];
         for (n, height_m) in heights.iter_mut().enumerate() {
@@ -128,7 +131,7 @@ mod tests {
         let town = Arc::new(Town::load("suburb").unwrap());
         let world = populate(&town, &PopulateConfig::default(), 4).unwrap();
         let triangles = world.lawns().corners();
-        assert!(triangles.len() > 1000, "{}", triangles.len());
+        assert!(triangles.len() > 500, "{}", triangles.len());
         let mut highest_m = f64::MIN;
         for corner in triangles.iter().flatten() {
             let at = Vec2::new(corner.x.into(), corner.y.into());

@@ -8,8 +8,10 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::builder::{Builder, quaternion_text};
 use super::car;
+use super::clutter::is_plant;
 use super::ground::GRASS_M;
 use super::lights::Aspect;
+use super::models::Role;
 use super::path::Vec2;
 use super::textures;
 use super::tilt::Tilt;
@@ -198,6 +200,10 @@ impl World {
                     placement.id, at.x, at.y, at.z
                 );
                 continue;
+            }
+            if model.facts.role == Role::Background && is_plant(&model.facts.category) {
+                // Things fall into bushes and through them; and the physics has less to do.
+                geoms = geoms.replace("group=\"3\"", "group=\"3\" contype=\"0\" conaffinity=\"0\"");
             }
             let (x, y, z) = (placement.position.x, placement.position.y, placement.z_m);
             let turn = placement

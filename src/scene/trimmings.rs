@@ -18,7 +18,7 @@ use super::world::World;
 use crate::random;
 
 /// Details stand no farther than this from the route: beyond, beams and pixels miss them.
-const DETAIL_M: f64 = 28.0;
+const DETAIL_M: f64 = 24.0;
 /// Grass reaches this far from a pavement or a road.
 const VERGE_M: f64 = 4.5;
 /// Longest wire between two poles, and how far it sags.
@@ -41,8 +41,13 @@ struct Trimmings {
 impl World {
     /// Whether a point is so near to the route that details count.
     pub(super) fn is_close(&self) -> impl Fn(Vec2) -> bool + use<> {
+        self.is_within(DETAIL_M)
+    }
+
+    /// Whether a point is this near to the route.
+    pub(super) fn is_within(&self, reach_m: f64) -> impl Fn(Vec2) -> bool + use<> {
         let near = self.ego_route.path.points_every(8.0);
-        move |point: Vec2| near.iter().any(|other| (point - other).norm() < DETAIL_M)
+        move |point: Vec2| near.iter().any(|other| (point - other).norm() < reach_m)
     }
 
     pub(super) fn add_trimmings(&self, builder: &mut Builder) {
