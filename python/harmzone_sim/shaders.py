@@ -67,8 +67,8 @@ float tap(vec2 away) {
     return texture(shadow_map, in_shadow_map + vec3(away / vec2(textureSize(shadow_map, 0)), 0.0));
 }
 
-// Share of the sun that gets through: a tap blends four texels. Only where those differ, at edges, four more taps
-// hide the map's steps.
+// Share of the sun that gets through: a tap blends four texels. Where those differ, at edges, four more taps
+// hide the steps of the map.
 float sunny() {
     float middle = tap(vec2(0.0));
     if (middle <= 0.0 || middle >= 1.0) return middle;
