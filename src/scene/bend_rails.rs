@@ -2,10 +2,8 @@
 
 use rand::RngExt;
 
-use super::looks::BoundaryLook;
 use super::occupancy::{Footprint, Occupied};
 use super::path::{Path, Vec2};
-use super::plots::Boundary;
 use super::surface::{Strip, StripKind, Surface};
 use crate::random;
 
@@ -20,15 +18,15 @@ const SHORTEST_M: f64 = 8.0;
 /// Fences and hedges this near stand there already.
 const FENCE_M: f64 = 1.2;
 
-/// Rails of a share of the bends, off what stands there already. Their beams look at the road.
+/// Lines of rails for a share of the bends, off what stands there already: the road lies to their right.
 pub(super) fn along_bends(
     surface: &Surface,
     share: f64,
-    fences: &[Boundary],
+    fences: &[&Path],
     occupied: &mut Occupied,
-) -> Vec<Boundary> {
+) -> Vec<Path> {
     let mut rng = random::stream(0, "bend-rails", 0);
-    let fence_points: Vec<Vec2> = fences.iter().flat_map(|fence| fence.line.points_every(STEP_M)).collect();
+    let fence_points: Vec<Vec2> = fences.iter().flat_map(|fence| fence.points_every(STEP_M)).collect();
     let is_edge = |strip: &&Strip| matches!(strip.kind, StripKind::Road | StripKind::Pavement);
     let mut rails = Vec::new();
     for strip in surface.strips.iter().filter(|strip| !strip.is_in_junction()).filter(is_edge) {
@@ -48,7 +46,7 @@ pub(super) fn along_bends(
                 for pair in line.points().windows(2) {
                     occupied.take(Footprint::between(pair[0], pair[1], 0.3));
                 }
-                rails.push(Boundary { look: BoundaryLook::GuardRail, line });
+                rails.push(line);
             }
         }
     }
@@ -82,10 +80,10 @@ mod tests {
         let rails = along_bends(&town.surface, 1.0, &[], &mut Occupied::default());
         assert!(rails.len() > 4, "{}", rails.len());
         for rail in &rails {
-            let middle_m = rail.line.length_m() / 2.0;
-            let right = rail.line.beside(middle_m, -1.0);
+            let middle_m = rail.length_m() / 2.0;
+            let right = rail.beside(middle_m, -1.0);
             assert!(town.surface.paved_grid.clearance_m(right) < 0.0);
-            for point in rail.line.points() {
+            for point in rail.points() {
                 assert!(town.surface.paved_grid.clearance_m(*point) > 0.1);
             }
         }
