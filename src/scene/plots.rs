@@ -103,8 +103,9 @@ pub fn grow(surface: &Surface, config: &TownConfig, terraces: &[Path], seed: u64
     }
     let Grower { mut occupied, mut plots, .. } = grower;
     plots.walls = dry_walls::along_roads(surface, config.retaining_wall_m, &mut occupied);
-    let rails = bend_rails::along_bends(surface, config.bend_rail_share, &plots.boundaries, &mut occupied);
-    plots.boundaries.extend(rails);
+    let fences: Vec<&Path> = plots.boundaries.iter().map(|boundary| &boundary.line).collect();
+    let rails = bend_rails::along_bends(surface, config.bend_rail_share, &fences, &mut occupied);
+    plots.boundaries.extend(rails.into_iter().map(|line| Boundary { look: BoundaryLook::GuardRail, line }));
     plots.walls.extend(dry_walls::on_terraces(
         terraces,
         config.terrace_m,
