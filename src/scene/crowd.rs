@@ -291,7 +291,7 @@ impl Filler<'_> {
                 for member in &party.members {
                     let center = at + rotate(member.at.x, member.at.y, yaw_rad);
                     let yaw_rad = yaw_rad + member.yaw_rad;
-                    self.put(member.model, center, PAVEMENT_M, yaw_rad, Motion::Still, rng);
+                    self.put(member.model, center, self.lift_m(center), yaw_rad, Motion::Still, rng);
                 }
                 return;
             }

@@ -48,7 +48,7 @@ impl Filler<'_> {
             && corners.iter().all(|corner| self.is_pavement(Vec2::new(corner.x_m, corner.y_m)) == is_raised)
     }
 
-    /// Height of the surface that things lie on: pavements are raised, all else is the ground.
+    /// Height at which things that will move begin: on the pavement, or on the plane that they fall on.
     pub(super) fn level_m(&self, point: Vec2) -> f64 {
         let raised_m = if self.is_pavement(point) { PAVEMENT_M } else { 0.0 };
         self.town.surface.ground_m(point) + raised_m

@@ -12,6 +12,9 @@ use super::world::Motion;
 use crate::object::Kind;
 use crate::random::{self, Rng};
 
+/// Least way from a parked vehicle to the pavement.
+const FROM_KERB_M: f64 = 0.1;
+
 /// How far a model reaches to the street from its origin, and where the middle of its foot is.
 fn reach_to_street(model: &Model) -> (f64, f64) {
     if model.facts.faces == Faces::Traffic {
@@ -45,6 +48,7 @@ impl Filler<'_> {
                     let ends = [-0.5, 0.5].map(|share| strip.width_at_m(station_m + share * length_m));
                     let is_small = length_m < traffic.parking_place_m + 0.3
                         && ends.iter().all(|&wide_m| wide_m > (width_m - 0.3).min(1.7));
+                    let at = at + self.off_kerb(strip, station_m, model);
                     if is_small && self.claim(model, at, yaw_rad, 0.4) {
                         self.put(model, at, 0.0, yaw_rad, Motion::Still, &mut rng);
                     }
@@ -67,6 +71,23 @@ impl Filler<'_> {
         }
     }
 
+    /// The way from a parking place's middle that keeps a vehicle off the pavement: one that is as wide as the place, or
+    /// whose door stands open, reaches over the road.
+    fn off_kerb(&self, strip: &Strip, station_m: f64, model: usize) -> Vec2 {
+        let road_side = self.kerb_side(strip);
+        let half_m = strip.width_at_m(station_m) / 2.0 - FROM_KERB_M;
+        let bounds = &self.models[model].bounds;
+        // The vehicle's right is at the kerb where traffic keeps right.
+        let reach_m = if self.town.graph.kerb_sign() < 0.0 { -bounds[0].y } else { bounds[1].y };
+        let middle = strip.center.at(station_m);
+        strip.center.beside(station_m, road_side * (reach_m - half_m).max(0.0)) - middle
+    }
+
+    /// How far what is seen at a place lies over the ground there.
+    pub(super) fn lift_m(&self, at: Vec2) -> f64 {
+        self.town.surface.level_m(at) - self.town.surface.ground_m(at)
+    }
+
     fn travel_heading(&self, point: Vec2) -> f64 {
         let lanes = &self.town.graph.lanes;
         let distance = |i: &usize| lanes[*i].path.distance_m(point);
@@ -77,7 +98,7 @@ impl Filler<'_> {
         })
     }
 
-    /// Which side of a pavement is the kerb: 1 left, -1 right.
+    /// Which side of a pavement or a parking lane is towards the road: 1 left, -1 right.
     pub(super) fn kerb_side(&self, strip: &Strip) -> f64 {
         let middle_m = strip.center.length_m() / 2.0;
         let clearance =
@@ -93,10 +114,8 @@ impl Filler<'_> {
             let is_wanted = rng.random::<f64>() < self.config.prop_density;
             let at = furnishing.position;
             if let (true, Some(model), true) = (is_wanted, index_of(&furnishing.model), self.is_near(at)) {
-                let is_paved = self.town.surface.paved_grid.clearance_m(at) < 0.0;
-                let z_m = if is_paved { PAVEMENT_M } else { GRASS_M };
                 if self.claim(model, at, furnishing.yaw_rad, 0.2) {
-                    self.put(model, at, z_m, furnishing.yaw_rad, Motion::Still, &mut rng);
+                    self.put(model, at, self.lift_m(at), furnishing.yaw_rad, Motion::Still, &mut rng);
                 }
             }
         }
@@ -121,10 +140,8 @@ impl Filler<'_> {
             };
             let Some(at) = Some(light.position).filter(is_off_road).or_else(beside) else { continue };
             if self.is_near(at) && self.claim(model, at, light.heading_rad, 0.05) {
-                let is_paved = town.surface.paved_grid.clearance_m(at) < 0.0;
-                let over_m = if is_paved { PAVEMENT_M } else { GRASS_M };
                 posts.push((self.placements.len(), i));
-                self.put(model, at, over_m, light.heading_rad, Motion::Still, &mut rng);
+                self.put(model, at, self.lift_m(at), light.heading_rad, Motion::Still, &mut rng);
             }
         }
         posts
@@ -189,7 +206,7 @@ impl Filler<'_> {
                     let is_on_grass = self.town.surface.paved_grid.clearance_m(at) > from_edge_m - 0.3;
                     let is_clear = self.is_off_buildings(at);
                     if is_on_grass && is_clear && self.is_near(at) && self.claim(model, at, yaw_rad, 0.3) {
-                        self.put(model, at, GRASS_M, yaw_rad, Motion::Still, rng);
+                        self.put(model, at, self.lift_m(at), yaw_rad, Motion::Still, rng);
                     }
                     station_m +=
                         (low + (high - low) * rng.random::<f64>()) / self.config.prop_density.max(0.01);

@@ -35,6 +35,8 @@ define_config! {
         prop_density: f64 = 0.27, in from_to(0.0, 20.0);
         parked_density: f64 = 2.1, in from_to(0.0, 20.0);
         traffic_density: f64 = 1.1, in from_to(0.0, 20.0);
+        /// Size of the vehicles, as a factor on each model that an episode draws anew: least, most.
+        vehicle_size: [f64; 2] = [0.95, 1.06], in from_to(0.8, 1.25).pair();
         /// Share of the episodes in which a vehicle drives ahead of the ego from the start.
         leader_share: f64 = 0.6, in SHARE;
         pedestrian_density: f64 = 0.34, in from_to(0.0, 20.0);
@@ -79,6 +81,16 @@ pub fn populate_in(
         model.facts.split = config.split;
         model
     }));
+    let mut rng = random::stream(seed, "vehicle-size", 0);
+    let [least, most] = config.vehicle_size;
+    let is_vehicle = |model: &&mut Model| {
+        model.facts.kind == Kind::Vehicle
+            && model.facts.distribution == Distribution::Id
+            && model.facts.category != "ego"
+    };
+    for model in models.iter_mut().filter(is_vehicle) {
+        model.scale_by(least + (most - least) * rng.random::<f64>());
+    }
     let n_people = f64::from(town.config.traffic.n_pedestrians) * config.pedestrian_density;
     let parties = draw_parties(&config.people, n_people.round() as usize, is_raining, seed, &mut models);
     let models = Arc::<[Model]>::from(models);

@@ -9,7 +9,7 @@ use std::collections::BTreeSet;
 use nalgebra::Vector3;
 
 use super::drape::Drape;
-use super::ground::{GRASS_M, Ground, PAVEMENT_M, Ribbon};
+use super::ground::{Ground, PAVEMENT_M, Ribbon};
 use super::hull::convex_hull;
 use super::mesh::TriangleMesh;
 use super::network::{LaneGraph, flat};
@@ -21,10 +21,6 @@ use super::town_parts::HillConfig;
 const PAINT_M: f64 = 0.015;
 /// On slopes, where road and paint are cut differently.
 const PAINT_ON_SLOPES_M: f64 = 0.03;
-/// Cells of the terrain that is drawn.
-const TERRAIN_CELL_M: f64 = 4.0;
-/// Under paving, the terrain lies this much deeper, so that none comes through.
-const UNDER_PAVING_M: f64 = 0.15;
 /// Width of a crosswalk's stripes and of the gaps between.
 const STRIPE_M: f64 = 0.5;
 const ROAD_TILE_M: f64 = 6.0;
@@ -261,26 +257,6 @@ impl Surface {
         }
         self.add_terrain(&mut meshes.terrain, is_near);
         meshes
-    }
-
-    /// The land between the roads, where it is not flat.
-    fn add_terrain(&self, terrain: &mut TriangleMesh, is_near: impl Fn(Vec2) -> bool) {
-        let Some(grid) = self.ground.grid() else { return };
-        let stride = (TERRAIN_CELL_M / grid.cell_m).round().max(1.0) as usize;
-        let corner = |i: usize, j: usize| {
-            let at = grid.node(i, j);
-            let under_m = if self.paved_grid.clearance_m(at) < 0.0 { UNDER_PAVING_M } else { 0.0 };
-            let tile_m = 4.0;
-            ([at.x, at.y, grid.z_at(i, j) + GRASS_M - under_m], [at.x / tile_m, at.y / tile_m])
-        };
-        for j in (0..grid.n_y.saturating_sub(stride)).step_by(stride) {
-            for i in (0..grid.n_x.saturating_sub(stride)).step_by(stride) {
-                if is_near(grid.node(i, j)) {
-                    let ends = [(i, j), (i + stride, j), (i + stride, j + stride), (i, j + stride)];
-                    terrain.add_polygon(&ends.map(|(i, j)| corner(i, j)));
-                }
-            }
-        }
     }
 
     /// Lane lines as quads, for drawing the map.

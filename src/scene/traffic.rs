@@ -12,7 +12,6 @@ use super::driver::Driver;
 use super::driving::{Gap, Obstacle, Owner};
 use super::ego::{EgoDriver, EgoPose};
 use super::following::{Follower, Stride, party_of};
-use super::ground::PAVEMENT_M;
 use super::junctions::{Answer, Approach, Asker, Reservations, View};
 use super::lights::{Aspect, Clock};
 use super::models::SOLID_M;
@@ -336,13 +335,11 @@ impl Traffic {
             self.followers.iter().map(|f| (f.placement, f.position, f.yaw_rad, f.velocity_mps, &f.stride));
         for (placement, position, yaw_rad, velocity_mps, stride) in walkers.chain(followers) {
             let Some(index) = self.mocap_of[placement] else { continue };
-            let is_on_road = self.town.surface.road_grid.clearance_m(position) < 0.0;
-            let over_m = if is_on_road { 0.0 } else { PAVEMENT_M };
             poses.push(MocapPose {
                 index,
                 placement,
                 shape: stride.shape(),
-                position_m: [position.x, position.y, ground.height_m(position) + over_m],
+                position_m: [position.x, position.y, self.town.surface.level_m(position)],
                 turn: UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw_rad),
                 velocity_mps: [velocity_mps.x, velocity_mps.y],
             });

@@ -240,7 +240,8 @@ impl Filler<'_> {
         if is_on_way(route, &plan) {
             self.on_way.push(center);
         }
-        let over_m = self.level_m(center) - self.town.surface.ground_m(origin);
+        let surface = &self.town.surface;
+        let over_m = surface.level_m(center) - surface.ground_m(origin);
         let lift_m = thing.tilt.as_ref().map_or(0.0, Tilt::lift_m);
         self.put(thing.model, origin, over_m + lift_m, thing.yaw_rad, Motion::Still, rng);
         let placed = self.placements.last_mut().expect("it was just put there");
