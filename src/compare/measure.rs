@@ -9,6 +9,7 @@ use thiserror::Error;
 
 use super::{Quantity, SetFacts, Tallies};
 use super::{lidar, objects, picture};
+use crate::dataset::keep_in_view;
 use crate::episode::manifest::{EpisodeEntry, Manifest, ManifestError};
 use crate::episode::{EpisodeError, EpisodeReader, Labelled, LogFacts, Split};
 use crate::geometry::{Box3, Ego};
@@ -128,7 +129,10 @@ fn measure_part(path: &Path, samples: Range<usize>, progress: &dyn Progress) -> 
     let known = Known::of(reader.log());
     let mut part = Part { labelled: labelled.map(tell_labelled), ..Part::default() };
     for sample_idx in samples {
-        let sample = reader.sample(sample_idx)?;
+        let mut sample = reader.sample(sample_idx)?;
+        if let Some(truth) = &mut sample.truth {
+            keep_in_view(reader.log(), &sample.measured, &mut truth.objects, |object| &object.box_in_ego);
+        }
         let picture = sample.measured.image.decode().map_err(|source| CompareError::Picture {
             episode: reader.meta().name.clone(),
             sample_idx,

@@ -6,7 +6,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::episode::LogFacts;
 use crate::geometry::{Box3, Camera, Ego, Pinhole, Point, Transform};
-use crate::object::LabelledObject;
 use crate::sample::Measured;
 
 /// Nearest depth at which a part of a box counts as seen, metres: pixels run to infinity at the camera itself.
@@ -133,12 +132,17 @@ impl CameraFacts {
 
 /// Keeps what the front camera has in view. A rig may see all round, and a network that reads that camera is not asked for the
 /// rest; of a log its facts say what is annotated, and all is kept.
-pub(super) fn keep_in_view(log: Option<&LogFacts>, measured: &Measured, objects: &mut Vec<LabelledObject>) {
+pub fn keep_in_view<T>(
+    log: Option<&LogFacts>,
+    measured: &Measured,
+    objects: &mut Vec<T>,
+    box_of: impl Fn(&T) -> &Box3<Ego>,
+) {
     if log.is_some() {
         return;
     }
     let camera = CameraFacts::of(measured);
-    objects.retain(|object| camera.rectangle_of(&object.truth.box_in_ego).is_some());
+    objects.retain(|object| camera.rectangle_of(box_of(object)).is_some());
 }
 
 /// How many LiDAR points lie in each of some boxes.
@@ -207,7 +211,7 @@ mod tests {
         };
         let mut objects =
             vec![at(car(20.0, 0.0)), at(car(-20.0, 0.0)), at(car(5.0, 15.0)), at(car(8.0, 5.0))];
-        keep_in_view(None, &sample.measured, &mut objects);
+        keep_in_view(None, &sample.measured, &mut objects, |object| &object.truth.box_in_ego);
         let kept: Vec<f64> = objects.iter().map(|object| object.truth.box_in_ego.center.x()).collect();
         assert_eq!(kept, [20.0, 8.0], "the last one is in view in part");
     }

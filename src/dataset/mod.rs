@@ -24,7 +24,7 @@ use crate::object::{LabelledObject, Object};
 use crate::sample::{EgoState, IgnoredRegion, Measured, Sample};
 use crate::zone::{Zone, ZoneConfig, ZoneError};
 
-pub use coverage::{CameraFacts, PictureRectangle, count_points};
+pub use coverage::{CameraFacts, PictureRectangle, count_points, keep_in_view};
 use facts::Origin;
 pub use facts::{SampleFacts, episode_of_id};
 pub use recording::MeasuredSplit;
@@ -67,8 +67,11 @@ pub enum DatasetError {
     Config { message: String, path: PathBuf },
     #[error("episode `{episode}`, sample {sample_idx}: its labels are not of its objects; label the dataset again: {}", path.display())]
     Mismatch { episode: String, sample_idx: usize, path: PathBuf },
-    #[error("no episode of split {wanted:?}; the dataset has {found:?}: {}", path.display())]
-    EmptySplit { wanted: Split, found: Vec<Split>, path: PathBuf },
+    #[error(
+        "no episode of split `{}`; --split takes what the data set has ({}): {}",
+        wanted.name(), found.join(", "), path.display()
+    )]
+    EmptySplit { wanted: Split, found: Vec<&'static str>, path: PathBuf },
 }
 
 /// One labelled sample.
@@ -239,6 +242,7 @@ fn episodes_of(manifest: &Manifest, split: Split, path: &Path) -> Result<Vec<Epi
         let mut found: Vec<Split> = manifest.episodes.iter().map(|entry| entry.split).collect();
         found.sort_unstable();
         found.dedup();
+        let found = found.into_iter().map(Split::name).collect();
         return Err(DatasetError::EmptySplit { wanted: split, found, path: path.to_owned() });
     }
     Ok(episodes)
@@ -325,7 +329,7 @@ fn read_labelled(
             let (objects, ignored) = truth.map(|truth| (truth.objects, truth.ignored)).unzip();
             let mut objects =
                 pair(objects.unwrap_or_default(), labels).ok_or_else(|| mismatch(sample_idx))?;
-            coverage::keep_in_view(reader.log(), &measured, &mut objects);
+            coverage::keep_in_view(reader.log(), &measured, &mut objects, |object| &object.truth.box_in_ego);
             Ok((measured, true_state, objects, ignored))
         })
         .collect::<Result<_, DatasetError>>()?;

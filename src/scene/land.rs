@@ -86,7 +86,7 @@ mod tests {
         let mut terrain = TriangleMesh::default();
         surface.add_terrain(&mut terrain, |_| true);
         let mut n = 0;
-        for [a, b, c] in terrain.corners().step_by(37) {
+        for [a, b, c] in terrain.corners().into_iter().step_by(37) {
             let middle = (a.coords + b.coords + c.coords) / 3.0;
             let at = Vec2::new(f64::from(middle.x), f64::from(middle.y));
             if surface.paved_grid.clearance_m(at) > 0.0 && surface.road_grid.clearance_m(at) > 0.0 {
