@@ -67,10 +67,7 @@ pub enum DatasetError {
     Config { message: String, path: PathBuf },
     #[error("episode `{episode}`, sample {sample_idx}: its labels are not of its objects; label the dataset again: {}", path.display())]
     Mismatch { episode: String, sample_idx: usize, path: PathBuf },
-    #[error(
-        "no episode of split `{}`; --split takes what the data set has ({}): {}",
-        wanted.name(), found.join(", "), path.display()
-    )]
+    #[error("no episode of split {}; the data set has {}: {}", wanted.name(), found.join(", "), path.display())]
     EmptySplit { wanted: Split, found: Vec<&'static str>, path: PathBuf },
 }
 
@@ -239,10 +236,8 @@ impl Dataset {
 fn episodes_of(manifest: &Manifest, split: Split, path: &Path) -> Result<Vec<EpisodeEntry>, DatasetError> {
     let episodes: Vec<EpisodeEntry> = manifest.of_split(split).cloned().collect();
     if episodes.is_empty() {
-        let mut found: Vec<Split> = manifest.episodes.iter().map(|entry| entry.split).collect();
-        found.sort_unstable();
-        found.dedup();
-        let found = found.into_iter().map(Split::name).collect();
+        let has = |split: &Split| manifest.of_split(*split).next().is_some();
+        let found = Split::ALL.into_iter().filter(has).map(Split::name).collect();
         return Err(DatasetError::EmptySplit { wanted: split, found, path: path.to_owned() });
     }
     Ok(episodes)
