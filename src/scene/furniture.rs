@@ -113,10 +113,10 @@ impl Filler<'_> {
         for furnishing in &self.town.furnishings {
             let is_wanted = rng.random::<f64>() < self.config.prop_density;
             let at = furnishing.position;
-            if let (true, Some(model), true) = (is_wanted, index_of(&furnishing.model), self.is_near(at)) {
-                if self.claim(model, at, furnishing.yaw_rad, 0.2) {
-                    self.put(model, at, self.lift_m(at), furnishing.yaw_rad, Motion::Still, &mut rng);
-                }
+            if let (true, Some(model), true) = (is_wanted, index_of(&furnishing.model), self.is_near(at))
+                && self.claim(model, at, furnishing.yaw_rad, 0.2)
+            {
+                self.put(model, at, self.lift_m(at), furnishing.yaw_rad, Motion::Still, &mut rng);
             }
         }
     }
