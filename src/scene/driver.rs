@@ -20,6 +20,9 @@ const CREEP_S: f64 = 3.0;
 const CREEP_MPS: f64 = 1.0;
 /// Standing this long with no way on, a driver backs up.
 const BACK_UP_S: f64 = 6.0;
+/// A driver backs up for this long when someone this near ahead wants to back up.
+const ROOM_TO_BACK_M: f64 = 4.0;
+const MAKES_ROOM_S: f64 = 0.5;
 /// Time from the end of one change of lanes to the next.
 const CHANGED_S: f64 = 5.0;
 
@@ -106,6 +109,7 @@ impl Driver {
             velocity_mps: direction_of(yaw_rad) * self.speed_mps,
             is_still: false,
             is_vehicle: true,
+            backs_up: self.backing_s > 0.0,
         }
     }
 
@@ -168,6 +172,12 @@ impl Driver {
             driver.speed_mps = wanted_mps.min((room_m / dt_s).max(0.0));
             driver.speed_mps * dt_s
         };
+        // Who is before someone that backs up makes room.
+        let backing = others.iter().filter(|other| other.backs_up);
+        let way = (front_m, ROOM_TO_BACK_M);
+        if driving::gap_ahead(path, way, driver.width_m / 2.0, |_| driver.left_m, backing).is_some() {
+            driver.backing_s = driver.backing_s.max(MAKES_ROOM_S);
+        }
         let saved = (driver.station_m, driver.left_m, driver.slope);
         // Sideways 1.5 m/s and 2.5 m/s2 at most.
         let speed_mps = driver.speed_mps.max(0.1);

@@ -38,6 +38,8 @@ pub struct Obstacle {
     /// Whether it never moves.
     pub is_still: bool,
     pub is_vehicle: bool,
+    /// Whether it backs up, or would if it had room.
+    pub backs_up: bool,
 }
 
 /// The nearest thing in the way.
@@ -121,6 +123,7 @@ mod tests {
             velocity_mps: Vec2::zeros(),
             is_still: true,
             is_vehicle: false,
+            backs_up: false,
         }
     }
 

@@ -25,7 +25,13 @@ const STEERING_RATE_RPS: f64 = 0.9;
 const JAM_S: f64 = 5.0;
 /// Nobody waits long for a thing this near to move: patience runs out so much faster.
 const THING_M: f64 = 8.0;
-const HASTE: f64 = 2.5;
+const HASTE: f64 = 5.0;
+/// After standing this long before a thing it drives on at a walk, if a way round is planned.
+const CREEP_S: f64 = 0.4;
+const CREEPING_S: f64 = 4.0;
+const CREEP_MPS: f64 = 1.0;
+/// A planned offset from where it is now that counts as a way round, metres.
+const ROUND_M: f64 = 0.2;
 /// After waiting this long at a junction the driver turns elsewhere.
 const PATIENCE_S: f64 = 9.0;
 
@@ -71,6 +77,7 @@ impl EgoPose {
             velocity_mps: self.direction() * self.speed_mps,
             is_still: false,
             is_vehicle: true,
+            backs_up: false,
         }
     }
 }
@@ -88,6 +95,8 @@ pub struct EgoDriver {
     held_s: f64,
     /// Seconds for which it still backs up.
     backing_s: f64,
+    /// Seconds for which it still drives on at a walk, past what is too near for a planned way.
+    creeping_s: f64,
     /// Seconds for which it still takes any way round.
     bold_s: f64,
     /// Whether it moves over to another lane, the offset that it steers at meanwhile, and the time
@@ -114,6 +123,7 @@ impl EgoDriver {
             jam_s: 0.0,
             held_s: 0.0,
             backing_s: 0.0,
+            creeping_s: 0.0,
             bold_s: 0.0,
             is_changing: false,
             glide_m: 0.0,
@@ -181,7 +191,13 @@ impl EgoDriver {
         }
         let to_end_m = self.route.path.length_m() - self.front_m();
         let end = (to_end_m < 30.0).then(|| Gap::line(to_end_m.max(0.1)));
-        let mut acceleration = driving::acceleration_mps2(speed_mps, desired_mps, gap, standstill_m);
+        let before_thing = gap.filter(|gap| gap.is_still && gap.distance_m < THING_M);
+        self.consider_creeping(dt_s, speed_mps, swerve_m, before_thing);
+        let mut acceleration = if self.creeping_s > 0.0 && before_thing.is_some() {
+            driving::acceleration_mps2(speed_mps, CREEP_MPS, None, standstill_m)
+        } else {
+            driving::acceleration_mps2(speed_mps, desired_mps, gap, standstill_m)
+        };
         for stop in [line, end].into_iter().flatten() {
             acceleration =
                 acceleration.min(driving::acceleration_mps2(speed_mps, desired_mps, Some(stop), 1.0));
@@ -189,8 +205,7 @@ impl EgoDriver {
         let is_held = line.is_some_and(|line| line.distance_m < 4.0);
         // A queue before a light is not a jam.
         if to_end_m > END_M && !answer.is_queue {
-            let is_before_thing = gap.is_some_and(|gap| gap.is_still && gap.distance_m < THING_M);
-            let haste = if is_before_thing { HASTE } else { 1.0 };
+            let haste = if before_thing.is_some() { HASTE } else { 1.0 };
             self.unjam(dt_s * haste, speed_mps, is_held, graph);
         }
         let hold_mps = self.hold_mps(dt_s, pose);
@@ -299,6 +314,19 @@ impl EgoDriver {
             mirror: -graph.kerb_sign(),
             is_near_junction: ahead.is_some(),
         }
+    }
+
+    /// A way planned too close may still be driven at a walk: the last check guards it.
+    fn consider_creeping(&mut self, dt_s: f64, speed_mps: f64, swerve_m: f64, thing: Option<Gap>) {
+        self.creeping_s -= dt_s;
+        if speed_mps < 0.3 && self.jam_s > HASTE * CREEP_S && swerve_m > ROUND_M && thing.is_some() {
+            self.creeping_s = CREEPING_S;
+        }
+    }
+
+    /// Whether it backs up, or would if it had room.
+    pub fn backs_up(&self) -> bool {
+        self.backing_s > 0.0
     }
 
     /// Ends a jam by another way: other turns ahead, a bolder way round, at last backing up.

@@ -84,6 +84,7 @@ impl Follower {
             velocity_mps: Vec2::zeros(),
             is_still: false,
             is_vehicle: false,
+            backs_up: false,
         }
     }
 

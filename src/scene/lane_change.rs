@@ -139,6 +139,7 @@ mod tests {
             velocity_mps: Vec2::new(speed_mps, 0.0),
             is_still: false,
             is_vehicle: true,
+            backs_up: false,
         }
     }
 

@@ -123,6 +123,7 @@ mod tests {
             velocity_mps: velocity_mps.unwrap_or_default(),
             is_still: velocity_mps.is_none(),
             is_vehicle: velocity_mps.is_some(),
+            backs_up: false,
         }
     }
 

@@ -99,6 +99,7 @@ impl Traffic {
                     velocity_mps: Vec2::zeros(),
                     is_still: true,
                     is_vehicle: false,
+                    backs_up: false,
                 }),
                 Motion::Drives { route, station_m } => {
                     let eagerness = 0.75 + 0.3 * rng.random::<f64>();
@@ -161,7 +162,7 @@ impl Traffic {
                     }
                 };
                 let owner = Owner::Placement(placement);
-                Obstacle { owner, footprint, velocity_mps, is_still, is_vehicle: false }
+                Obstacle { owner, footprint, velocity_mps, is_still, is_vehicle: false, backs_up: false }
             })
             .collect();
     }
@@ -207,7 +208,7 @@ impl Traffic {
             grade: observation.world_from_ego.rotate(&Vector3::x()).z,
         };
         self.ego.locate(&pose);
-        let mut obstacles: Vec<Obstacle> = vec![pose.obstacle()];
+        let mut obstacles: Vec<Obstacle> = vec![Obstacle { backs_up: self.ego.backs_up(), ..pose.obstacle() }];
         obstacles.extend(self.drivers.iter().map(Driver::obstacle));
         obstacles.extend(self.walkers.iter().map(Walker::obstacle));
         obstacles.extend(self.followers.iter().map(Follower::obstacle));

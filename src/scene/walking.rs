@@ -66,6 +66,7 @@ impl Walker {
             velocity_mps: Vec2::zeros(),
             is_still: false,
             is_vehicle: false,
+            backs_up: false,
         }
     }
 
