@@ -7,7 +7,7 @@ define_config! {
     /// Shares of the out-of-distribution objects that no event sets in motion; those that are left stand beside the road.
     pub struct OodPlacementConfig {
         /// In the ego's lane, or partly in it.
-        lane_share: f64 = 0.07, in SHARE;
+        lane_share: f64 = 0.11, in SHARE;
         /// At a junction: in its mouth, on the way through it or at its far side, in the lane or at the corner.
         junction_share: f64 = 0.17, in SHARE;
         /// In a bend, in the lane or on one of its sides.
@@ -15,7 +15,7 @@ define_config! {
         /// On a pedestrian crossing.
         crossing_share: f64 = 0.05, in SHARE;
         /// Half hidden behind a parked car, a post, a tree or the corner of a house.
-        behind_share: f64 = 0.34, in SHARE;
+        behind_share: f64 = 0.27, in SHARE;
         /// Share of those that stand on the ground that lie on a side.
         tipped_share: f64 = 0.3, in SHARE;
         /// Share of the events in which a thing comes out from behind a parked vehicle, if there is one.

@@ -208,7 +208,8 @@ impl Traffic {
             grade: observation.world_from_ego.rotate(&Vector3::x()).z,
         };
         self.ego.locate(&pose);
-        let mut obstacles: Vec<Obstacle> = vec![Obstacle { backs_up: self.ego.backs_up(), ..pose.obstacle() }];
+        let mut obstacles: Vec<Obstacle> =
+            vec![Obstacle { backs_up: self.ego.backs_up(), ..pose.obstacle() }];
         obstacles.extend(self.drivers.iter().map(Driver::obstacle));
         obstacles.extend(self.walkers.iter().map(Walker::obstacle));
         obstacles.extend(self.followers.iter().map(Follower::obstacle));

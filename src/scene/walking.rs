@@ -3,13 +3,15 @@
 use super::driving::{Obstacle, Owner};
 use super::following::Stride;
 use super::occupancy::Footprint;
-use super::path::{Vec2, turn_between};
+use super::path::{Vec2, rotate, turn_between};
 use super::world::Walk;
 
 /// Side of the square that a standing person takes.
 const BODY_M: f64 = 0.7;
 /// Fastest turn on foot.
 const TURN_RATE_RPS: f64 = 4.0;
+/// Turns that someone on the street tries, one after the other, to get round what stands there.
+const ASIDE_RAD: [f64; 5] = [0.0, 0.7, -0.7, 1.4, -1.4];
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Phase {
@@ -90,8 +92,8 @@ impl Walker {
                     self.position = to;
                     self.phase =
                         Phase::Resting { left_s: if self.walk.is_restless { 1.0 } else { 6.0 }, back: from };
-                } else if !self.is_blocked(way.normalize(), obstacles) {
-                    self.position += way.normalize() * step_m;
+                } else if let Some(direction) = self.way_round(way.normalize(), obstacles) {
+                    self.position += direction * step_m;
                 }
             }
             Phase::Resting { left_s, back } => {
@@ -140,6 +142,14 @@ impl Walker {
         self.position = self.walk.footway.beside(next_m, self.walk.left_m);
     }
 
+    /// The direction nearest to the wanted one that is free: nobody waits on the street for a post or someone who stands.
+    fn way_round(&self, direction: Vec2, obstacles: &[Obstacle]) -> Option<Vec2> {
+        ASIDE_RAD
+            .into_iter()
+            .map(|turn_rad| rotate(direction.x, direction.y, turn_rad))
+            .find(|&way| !self.is_blocked(way, obstacles))
+    }
+
     fn is_own(&self, other: &Obstacle) -> bool {
         let is = |placement: usize| other.owner == Owner::Placement(placement);
         is(self.placement) || self.party.iter().any(|&(placement, _)| is(placement))
@@ -183,5 +193,46 @@ impl Walker {
                 !Footprint { center, ..other.footprint }.meets(&Footprint { width_m, ..corridor })
             })
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::models;
+    use crate::scene::path::Path;
+
+    #[test]
+    fn who_crosses_goes_round_what_stands_before_the_far_side() {
+        let footway = Path::new([Vec2::new(0.0, 0.0), Vec2::new(40.0, 0.0)]).unwrap();
+        let (from, to) = (Vec2::new(20.0, 0.0), Vec2::new(20.0, 10.0));
+        let walk = Walk {
+            footway,
+            left_m: 0.0,
+            station_m: 20.0,
+            sense: 1.0,
+            speed_mps: 1.3,
+            crossing: Some((20.0, to)),
+            is_reckless: false,
+            is_restless: true,
+        };
+        let stride = Stride::new(0, &models::load().unwrap()[0]);
+        let mut walker = Walker::new(0, walk, from, 0.0, stride);
+        walker.phase = Phase::Across { from, to };
+        let post = Obstacle {
+            owner: Owner::Placement(1),
+            footprint: Footprint::square(Vec2::new(20.0, 7.0), 0.6),
+            velocity_mps: Vec2::zeros(),
+            is_still: true,
+            is_vehicle: false,
+            backs_up: false,
+        };
+        let mut nearest_m = f64::INFINITY;
+        for _ in 0..240 {
+            walker.step(0.05, &[post]);
+            nearest_m = nearest_m.min((walker.position - post.footprint.center).norm());
+        }
+        assert!(matches!(walker.phase, Phase::Resting { .. }), "{:?} at {}", walker.phase, walker.position);
+        assert!(nearest_m > 0.4, "{nearest_m} m from the post's middle");
     }
 }
