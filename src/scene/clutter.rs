@@ -17,7 +17,7 @@ const ROOMY_M: f64 = 2.4;
 /// Bushes stand up to this far from the pavement.
 const BESIDE_M: f64 = 5.0;
 /// Farther from the route, hardly a beam meets things as small.
-const CLUTTER_REACH_M: f64 = 35.0;
+const CLUTTER_REACH_M: f64 = 25.0;
 /// Rows hold this many things, least and most, with this gap between.
 const ROW: [u32; 2] = [3, 7];
 const ROW_GAP_M: f64 = 0.06;

@@ -126,6 +126,16 @@ impl Course<'_> {
         }
     }
 
+    /// A guard rail from far away: its beam alone, flat.
+    pub(super) fn add_far_rail(&self, mesh: &mut TriangleMesh) {
+        for pair in self.stations(2.0 * RAIL_POSTS_M).windows(2) {
+            let [low, high] = [BEAM_M[0].1, BEAM_M[BEAM_M.len() - 1].1];
+            let half = Vector3::z() * ((high - low) / 2.0);
+            let middle_m = f64::midpoint(low, high);
+            add_strip(mesh, self.at(pair[0], middle_m), self.at(pair[1], middle_m), half);
+        }
+    }
+
     /// What makes a wall uneven: a coping, pilasters, and stones that stand out of its faces.
     pub(super) fn add_relief(&self, mesh: &mut TriangleMesh, width_m: f64, wall_m: f64, rng: &mut Rng) {
         let stations = self.stations(3.0);

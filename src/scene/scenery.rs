@@ -138,7 +138,8 @@ impl World {
                 (BoundaryLook::Railings, false) => add_wall(railings, line, 0.06, 2.0, &height_m),
                 (BoundaryLook::ChainLink, true) => course.add_chain_link(&mut steel),
                 (BoundaryLook::DryStone, _) => add_wall(dry_stone, line, 0.45, 0.9, &height_m),
-                (BoundaryLook::GuardRail, _) => course.add_guard_rail(&mut steel),
+                (BoundaryLook::GuardRail, true) => course.add_guard_rail(&mut steel),
+                (BoundaryLook::GuardRail, false) => course.add_far_rail(&mut steel),
                 (BoundaryLook::Wall, is_close) => {
                     add_wall(wall, line, 0.25, 1.1, &height_m);
                     if is_close {

@@ -18,7 +18,7 @@ use super::world::World;
 use crate::random;
 
 /// Details stand no farther than this from the route: beyond, beams and pixels miss them.
-const DETAIL_M: f64 = 24.0;
+const DETAIL_M: f64 = 18.0;
 /// Grass reaches this far from a pavement or a road.
 const VERGE_M: f64 = 4.5;
 /// Longest wire between two poles, and how far it sags.
