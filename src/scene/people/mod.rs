@@ -199,7 +199,7 @@ mod tests {
     fn a_person_is_as_high_as_its_body_and_not_too_fine() {
         for (person, phases) in people() {
             let triangles = phases.shells[0].triangles.len();
-            assert!((1000..4000).contains(&triangles), "{triangles}");
+            assert!((1000..3000).contains(&triangles), "{triangles}");
             if let Does::Walks(_) | Does::Stands(_) = person.does
                 && person.holds == Holds::Nothing
             {

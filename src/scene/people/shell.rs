@@ -124,31 +124,37 @@ impl Shell {
         }
     }
 
-    /// A straight round rod.
+    /// A thin straight rod.
     pub fn rod(&mut self, tone: Hue, from: Vec3, to: Vec3, radius_m: f64) {
         let along = to - from;
         let toward = if along.z.abs() > 0.9 * along.norm() { Vec3::x() } else { Vec3::z() };
         let ring = |center| Ring::new(center, &along, &toward, radius_m, radius_m);
-        self.tube(tone, 5, &[ring(from), ring(to)]);
+        self.tube(tone, 4, &[ring(from), ring(to)]);
     }
 
-    /// A wheel with tyre about the y axis of the person.
+    /// A wheel with tyre and spokes about the y axis of the person.
     pub fn wheel(&mut self, tone: Hue, center: Vec3, radius_m: f64, width_m: f64) {
-        const N: usize = 14;
-        for i in 0..N {
-            let at = |i: usize| {
-                let (sin, cos) = (std::f64::consts::TAU * i as f64 / N as f64).sin_cos();
-                Vec3::new(cos, 0.0, sin)
+        let n: usize = if radius_m > 0.12 { 14 } else { 8 };
+        let out = |i: usize| {
+            let (sin, cos) = (std::f64::consts::TAU * i as f64 / n as f64).sin_cos();
+            Vec3::new(cos, 0.0, sin)
+        };
+        let (inner_m, half) = (radius_m - width_m, Vec3::y() * (width_m / 2.0));
+        for i in 0..n {
+            let section = |i: usize| {
+                let (inner, outer) = (center + out(i) * inner_m, center + out(i) * radius_m);
+                [outer - half, outer + half, inner + half, inner - half]
             };
-            let (from, to) = (at(i), at(i + 1));
-            let middle = center + (from + to) * ((radius_m - width_m / 2.0) / 2.0);
-            let half_m = (to - from).norm() * radius_m / 2.0;
-            let out = (from + to).normalize();
-            let edges =
-                [out * (width_m / 2.0), Vec3::y() * (width_m / 2.0), (to - from).normalize() * half_m];
-            self.slab(tone, middle, edges);
+            let (from, to) = (section(i), section(i + 1));
+            for side in 0..4 {
+                let next = (side + 1) % 4;
+                let start = self.vertices.len();
+                let corners = [from[side], from[next], to[next], to[side]];
+                self.vertices.extend(corners.map(|corner| (corner, tone)));
+                self.triangles.extend([[0, 1, 2], [0, 2, 3]].map(|face| face.map(|i: usize| start + i)));
+            }
             if i % 2 == 0 {
-                self.rod(Hue::Dark, center, center + from * (radius_m - width_m), 0.004);
+                self.rod(Hue::Dark, center, center + out(i) * inner_m, 0.004);
             }
         }
     }
@@ -196,6 +202,12 @@ mod tests {
         let mut shell = Shell::default();
         shell.ball(Hue::Skin, [32, 16], Vec3::new(0.0, 1.0, 0.0), [Vec3::x(), Vec3::z(), Vec3::y()]);
         assert!((volume(&shell) - 4.19).abs() < 0.15, "{}", volume(&shell));
+        let mut shell = Shell::default();
+        shell.wheel(Hue::Dark, Vec3::new(1.0, 2.0, 3.0), 0.3, 0.1);
+        // A ring of 14 sides around its spokes.
+        let polygon_m2 = 7.0 * (std::f64::consts::TAU / 14.0).sin();
+        let (ring, spokes) = (polygon_m2 * 0.1 * (0.09 - 0.04), 7.0 * 2.0 * 0.004 * 0.004 * 0.2);
+        assert!((volume(&shell) - ring - spokes).abs() < 1e-9, "{}", volume(&shell));
         let mut shell = Shell::default();
         shell.slab(Hue::Bag, Vec3::new(3.0, 1.0, 0.0), [Vec3::x(), Vec3::y(), -Vec3::z()]);
         assert!((volume(&shell) - 8.0).abs() < 1e-9);
