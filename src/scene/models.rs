@@ -4,7 +4,7 @@
 //! is the axis-aligned bound of its visual meshes.
 
 use std::path::PathBuf;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use roxmltree::{Document, Node};
@@ -109,11 +109,21 @@ pub fn names() -> Vec<String> {
     shipped::folders_with(FOLDER, MODEL_FILE).into_iter().map(str::to_owned).collect()
 }
 
-/// Reads every model folder of the binary, sorted by name.
+/// All models of the binary, sorted by name; a process reads them once.
 ///
 /// # Errors
 /// [`SceneError::Model`] names the file and what is wrong in it.
 pub fn load() -> Result<Vec<Model>, SceneError> {
+    static MODELS: OnceLock<Vec<Model>> = OnceLock::new();
+    if let Some(models) = MODELS.get() {
+        return Ok(models.clone());
+    }
+    let models = read_all()?;
+    Ok(MODELS.get_or_init(|| models).clone())
+}
+
+/// Reads every model folder of the binary.
+fn read_all() -> Result<Vec<Model>, SceneError> {
     let read = |name: &str| {
         let path = inside(name, MODEL_FILE);
         let xml = shipped::text(&path).ok_or("it is not UTF-8 text".to_owned());
