@@ -25,7 +25,6 @@ N_COLOURS = 256
 PICTURES = {
     "gallery.png": (
         ("vehicle", "id", "dev", "Vehicles"),
-        ("pedestrian", "id", "dev", "Pedestrians"),
         ("static", "id", "dev", "Street furniture"),
         ("static", "ood", "dev", "Out of distribution: never in training data"),
     ),
