@@ -18,6 +18,9 @@ const LIKELY_M: std::ops::RangeInclusive<f64> = 0.15..=4.0;
 /// full suitcase 150, a boar 900.
 const DENSITY_KGPM3: f64 = 150.0;
 
+/// A square millimetre.
+const LEAST_AREA_M2: f64 = 1e-6;
+
 /// A mesh that is ready to be placed: in metres, z up, the middle of its footprint on the ground at the origin.
 #[derive(Debug, Clone)]
 pub struct Prepared {
@@ -85,9 +88,14 @@ pub fn prepare(path: &Path, folder: &Path, settings: &Settings) -> Result<Prepar
     if reduce(&mut parts, settings.max_triangles as usize) {
         notes.push("reduced coarsely: its triangles hang together loosely".into());
     }
-    parts.retain(|part| !part.triangles.is_empty());
-    if parts.is_empty() {
+    let is_bare = parts.iter().all(|part| part.triangles.is_empty());
+    if is_bare {
         return Err("no triangle is left after the reduction; give a greater `max_triangles`".into());
+    }
+    // MuJoCo refuses what has no area.
+    parts.retain(|part| area_m2(part) > LEAST_AREA_M2);
+    if parts.is_empty() {
+        return Err("its triangles are lines or points: they have no area".into());
     }
     let hulls = hulls(&parts, n_open == 0);
     let volume_m3: f64 = hulls.iter().map(|hull| hull.volume_m3).sum();
@@ -109,6 +117,14 @@ pub fn prepare(path: &Path, folder: &Path, settings: &Settings) -> Result<Prepar
         notes,
         parts,
     })
+}
+
+fn area_m2(part: &MeshPart) -> f64 {
+    let area = |triangle: &[u32; 3]| {
+        let [a, b, c] = triangle.map(|corner| Vector3::from(part.positions[corner as usize]).cast::<f64>());
+        (b - a).cross(&(c - a)).norm() / 2.0
+    };
+    part.triangles.iter().map(area).sum()
 }
 
 /// Lowest corner and size.

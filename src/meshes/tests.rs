@@ -127,6 +127,17 @@ fn an_obj_in_centimetres_with_y_up_stands_upright_in_metres() {
 }
 
 #[test]
+fn a_sheet_has_a_hull_with_a_volume_and_a_line_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let sheet = put(&folder, "sheet.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 4 3\n");
+    let sheet = made(&sheet, &folder, &Settings::default());
+    assert!(sheet.hulls.iter().all(|hull| hull.volume_m3 > 1e-3), "{:?}", sheet.hulls);
+    let line = put(&folder, "line.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n");
+    let told = prepare(&line, folder.path(), &Settings::default()).unwrap_err();
+    assert!(told.contains("no area"), "{told}");
+}
+
+#[test]
 fn an_stl_of_cad_is_in_millimetres_and_open_without_a_side() {
     let folder = tempfile::tempdir().unwrap();
     let mut tray = cuboid([500.0, 400.0, 100.0]);

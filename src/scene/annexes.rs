@@ -6,7 +6,7 @@ use super::roofs;
 use super::shapes::{Site, rectangle};
 
 /// Height of the walls at their low side, and how much the roof rises to the house.
-const WALL_M: f64 = 2.3;
+pub const WALL_M: f64 = 2.3;
 const RISE_M: f64 = 1.1;
 /// Width of a tile of blank wall.
 const TILE_M: f64 = 3.0;

@@ -58,7 +58,7 @@ impl Filler<'_> {
         let pose = lying(shape, start, self.level_m(start) + AIR_M, along.y.atan2(along.x));
         let (at_m, left_m) = route.path.project(start, station_m - 15.0, station_m + 15.0);
         let aim = route.path.at(at_m);
-        if !self.is_way_free(start, aim) {
+        if !self.is_ground_free(start, aim) {
             return None;
         }
         let way = (aim - start).normalize();

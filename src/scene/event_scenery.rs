@@ -5,6 +5,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 use super::builder::{Builder, quaternion_text};
 use super::ground::PAVEMENT_M;
 use super::loose::Perch;
+use super::obstacles::Obstacle;
 use super::path::{Vec2, rotate};
 use super::surface::StripKind;
 use super::world::World;
@@ -13,6 +14,8 @@ use super::world::World;
 const SCENERY_CONTACT: &str = "contype=\"2\" conaffinity=\"2\"";
 /// A loose thing cannot meet scenery farther than this from its start or its aim.
 const EVENT_REACH_M: f64 = 22.0;
+/// Nor walls and fences farther than this.
+const LINES_REACH_M: f64 = 12.0;
 
 impl World {
     /// Balconies, and shapes to bounce on near loose things: pavements and walls.
@@ -32,6 +35,15 @@ impl World {
             let half = [body.length_m / 2.0, body.width_m / 2.0, half_m];
             let z_m = half_m + building.base_m(&|at| self.town.surface.ground_m(at));
             add_box(builder, (body.center, z_m), heading(body.yaw_rad), half, "group=\"3\"");
+        }
+        let is_near =
+            |block: &Obstacle| reach_m(block.footprint.center) < EVENT_REACH_M + block.footprint.radius_m();
+        let blocks = self.town.blocks().filter(is_near);
+        let lines = self.town.lines_where(|at, half_m| reach_m(at) < LINES_REACH_M + half_m);
+        for Obstacle { footprint, height_m } in blocks.chain(lines) {
+            let half = [footprint.length_m / 2.0, footprint.width_m / 2.0, height_m];
+            let z_m = self.town.surface.ground_m(footprint.center);
+            add_box(builder, (footprint.center, z_m), heading(footprint.yaw_rad), half, "group=\"3\"");
         }
         for strip in self.town.surface.strips.iter().filter(|strip| strip.kind == StripKind::Pavement) {
             let points = strip.center.points_every(3.0);

@@ -27,6 +27,8 @@ const HEAVIEST_KG: f64 = 25.0;
 pub(super) const LIGHT_KG: f64 = 6.0;
 /// The ego is assumed to approach at most this fast.
 const APPROACH_MPS: f64 = 8.0;
+/// Nothing comes nearer than this to the ego where it sets out, metres.
+const FROM_START_M: f64 = 20.0;
 /// Gap between a held thing and what it stands on, so that nothing presses.
 pub(super) const AIR_M: f64 = 0.005;
 /// Faster than this nobody throws a box.
@@ -66,7 +68,9 @@ impl Filler<'_> {
                     _ => self.plan_throw(route, station_m, &mut rng),
                 })
             });
-            let Some(Plan { model, loose, perch, spot }) = plan else {
+            // The route may come by its start again, but the event would not wait for that.
+            let is_later = |plan: &Plan| (plan.loose.aim - route.path.at(0.0)).norm() > FROM_START_M;
+            let Some(Plan { model, loose, perch, spot }) = plan.filter(is_later) else {
                 left_over.push(station_m);
                 continue;
             };
@@ -204,7 +208,7 @@ impl Filler<'_> {
         let shape = &self.models[model];
         let along = route.path.direction(station_m);
         let half_lane_m = self.town.graph.lanes[route.span_at(station_m).lane].width_m / 2.0;
-        let (pose, start) = (0..8).find_map(|_| {
+        let (pose, start, aim, left_m) = (0..8).find_map(|_| {
             let kerb = self.town.graph.kerb_sign();
             let side = if rng.random_bool(0.7) { kerb } else { -kerb };
             let beyond_m = if side == kerb { half_lane_m } else { 3.0 * half_lane_m };
@@ -214,10 +218,10 @@ impl Filler<'_> {
             let radius_m = shape.length_m().max(shape.height_m()).max(shape.width_m()) / 2.0;
             let here = Footprint::square(start, 2.0 * radius_m);
             let is_free = self.occupied.is_free(&here, 0.1) && self.is_open(&here);
-            (is_free && self.is_way_free(start, route.path.at(station_m))).then_some((pose, start))
+            let (at_m, left_m) = route.path.project(start, station_m - 15.0, station_m + 15.0);
+            let aim = route.path.at(at_m);
+            (is_free && self.is_ground_free(start, aim)).then_some((pose, start, aim, left_m))
         })?;
-        let (at_m, left_m) = route.path.project(start, station_m - 15.0, station_m + 15.0);
-        let aim = route.path.at(at_m);
         let way = (aim - start).normalize();
         let speed_mps = if shape.facts.rolls.is_some() { 3.0 } else { 6.5 } + 1.5 * rng.random::<f64>();
         let hop_mps = if shape.facts.rolls.is_some() { 0.0 } else { 1.5 + rng.random::<f64>() };

@@ -39,6 +39,7 @@ mod mesh;
 mod mjcf;
 pub mod models;
 mod network;
+mod obstacles;
 mod occupancy;
 mod ood_placement;
 mod opendrive;

@@ -120,7 +120,7 @@ pub fn bring_in(folder: &Path, skip_bad: bool) -> Result<OwnModels, OwnModelsErr
         let own_name = format!("{PREFIX}{}", snake_case(name));
         let model_path = format!("{own_name}/{MODEL_FILE}");
         let made = if files.contains_key(&model_path) {
-            Err(format!("another mesh is named `{name}`, too"))
+            Err(format!("another mesh is named `{name}`, or alike: only a to z and digits count"))
         } else {
             prepare(path, folder, settings.of(name)).and_then(|prepared| {
                 let written = model_files(&own_name, &prepared)?;
@@ -212,7 +212,8 @@ fn model_files(name: &str, prepared: &Prepared) -> Result<Vec<(String, Vec<u8>)>
             format!("rgba=\"{red:.3} {green:.3} {blue:.3} 1\"")
         };
         let _ = writeln!(assets, "    <material name=\"{key}\" {look} specular=\"0.2\" shininess=\"0.2\"/>");
-        let _ = writeln!(assets, "    <mesh name=\"{key}\" file=\"part_{i}.obj\"/>");
+        // As shells they may be flat; the hulls have the mass.
+        let _ = writeln!(assets, "    <mesh name=\"{key}\" file=\"part_{i}.obj\" inertia=\"shell\"/>");
         let _ = writeln!(
             geoms,
             "      <geom type=\"mesh\" mesh=\"{key}\" material=\"{key}\" group=\"2\" contype=\"0\" conaffinity=\"0\" mass=\"0\"/>"
