@@ -81,7 +81,7 @@ def outward(leaves: list[np.ndarray], middle: np.ndarray) -> list[np.ndarray]:
 def core(centre: Point, radii: np.ndarray, rng: random.Random, n: int = 5) -> list[np.ndarray]:
     """An uneven ball of few faces that stands on the ground."""
     rows = []
-    for elevation in (-0.5, 0.1, 0.6, 1.1):
+    for elevation in (-1.1, -0.1, 0.5, 1.1):
         ring = []
         for k in range(n):
             angle = 2 * math.pi * k / n + 0.4 * elevation

@@ -83,11 +83,11 @@ def left_things() -> list[Model]:
     for x, y, level in ((0, -0.33, 0), (0.02, 0.34, 0), (-0.02, -0.28, 1), (0.01, 0.3, 1), (0, -0.3, 2)):
         z = 0.31 * level
         material = "wood" if (level + (y > 0)) % 2 else "green"
-        for h in (0.07, 0.23):
+        for h in (0.08, 0.23):
             crates.add(
                 material,
-                *(box((x + s * 0.19, y, z + h), (0.015, 0.58, 0.11)) for s in (-1, 1)),
-                *(box((x, y + s * 0.29, z + h), (0.39, 0.015, 0.11)) for s in (-1, 1)),
+                *(box((x + s * 0.19, y, z + h), (0.015, 0.58, 0.13)) for s in (-1, 1)),
+                *(box((x, y + s * 0.29, z + h), (0.39, 0.015, 0.13)) for s in (-1, 1)),
             )
         crates.add(material, box((x, y, z + 0.01), (0.38, 0.57, 0.02)))
     rack = background("bike_rack", "Bicycles at a rack.", 60, collision="hull")
