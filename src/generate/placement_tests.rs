@@ -49,14 +49,6 @@ fn what_was_tipped_over_rests_as_it_lies() {
     }
     let moved = |&(&i, before): &(&usize, &Isometry3<f64>)| {
         let now = drive.poses[drive.object_bodies[i]];
-        println!(
-            "ZZ {} {:.2} z {:.3} -> {:.3} xy {:.2}",
-            world.models[world.placements[i].model].name,
-            now.rotation.angle_to(&before.rotation),
-            before.translation.z,
-            now.translation.z,
-            (now.translation.vector - before.translation.vector).norm()
-        );
         now.rotation.angle_to(&before.rotation) > 0.3
     };
     let n_moved = freed.iter().zip(&before).filter(moved).count();

@@ -70,8 +70,7 @@ fn in_all_towns_pictures_are_those_of_mujocos_own_renderer_but_for_the_steps_of_
                 .unwrap();
             let found = format!("{} at {daytime}: {same:.5} same, {close:.4} close, {off:.3} off", town.name);
             // Along a shadow's edge the map's texels show, which lie in another direction.
-            println!("ZZ {found}");
-            assert!(same > 0.9995 && close > 0.9 && off < 1.2, "{found}");
+            assert!(same > 0.9995 && close > 0.98 && off < 1.2, "{found}");
         }
     }
 }
