@@ -18,7 +18,9 @@ use crate::random::{self, Rng};
 /// Jaywalkers stand beside the first part of the ego's route when the world starts, metres along it: the
 /// part that the ego reaches during an episode.
 const JAYWALKERS_FROM_M: f64 = 10.0;
-const JAYWALKERS_TO_M: f64 = 120.0;
+const JAYWALKERS_TO_M: f64 = 180.0;
+/// The same where obstacles lie on the street and the ego drives more slowly.
+const JAYWALKERS_TO_M_SLOW: f64 = 100.0;
 
 /// Share of those who stand that do so at a bus stop, where there is one.
 const BUS_STOP_SHARE: f64 = 0.3;
@@ -151,7 +153,8 @@ impl Filler<'_> {
         let crossing_share = self.town.config.traffic.pedestrian_crossing_share;
         for _ in 0..20 {
             let (strip, station_m) = if jaywalks {
-                let along_m = JAYWALKERS_FROM_M + (JAYWALKERS_TO_M - JAYWALKERS_FROM_M) * rng.random::<f64>();
+                let to_m = if self.config.ood { JAYWALKERS_TO_M_SLOW } else { JAYWALKERS_TO_M };
+                let along_m = JAYWALKERS_FROM_M + (to_m - JAYWALKERS_FROM_M) * rng.random::<f64>();
                 let near = beside_route(strips, ego_route, along_m, rng.random_bool(0.5));
                 let Some(found) = near else { continue };
                 found

@@ -7,7 +7,7 @@ define_config! {
     /// Shares of the out-of-distribution objects that no event sets in motion; those that are left stand beside the road.
     pub struct OodPlacementConfig {
         /// In the ego's lane, or partly in it.
-        lane_share: f64 = 0.11, in SHARE;
+        lane_share: f64 = 0.08, in SHARE;
         /// At a junction: in its mouth, on the way through it or at its far side, in the lane or at the corner.
         junction_share: f64 = 0.17, in SHARE;
         /// In a bend, in the lane or on one of its sides.
