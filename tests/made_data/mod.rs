@@ -40,7 +40,7 @@ pub const KINDS: [&str; 9] = [
     "validate_every_epochs=0",
     "model.use_camera=false",
     "fused_stage.epochs=0",
-    "lidar_stage.epochs=60",
+    "lidar_stage.epochs=100",
     "save_every_steps=100",
     "average_decay=0.5",
     "model.head.n_queries=40",
@@ -112,7 +112,7 @@ pub fn text(path: &Path) -> &str {
     path.to_str().expect("temporary paths are text")
 }
 
-/// With a seed and a density that give harmful and harmless objects of each kind in so few samples.
+/// With a seed that gives people and harmful objects in so few samples.
 pub fn generate(out: &Path, jobs: &str, more: &[&str]) {
     let base = [
         "gen",
@@ -121,9 +121,7 @@ pub fn generate(out: &Path, jobs: &str, more: &[&str]) {
         "--samples",
         "3",
         "--seed",
-        "8",
-        "--set",
-        "scene.pedestrian_density=1.2",
+        "6",
         "--set",
         "val_every=2",
         "--jobs",
