@@ -140,6 +140,7 @@ def young() -> Model:
     )
     balls = [((0, 0, 2.75), (0.6, 0.6, 0.6)), ((0.1, 0.1, 3.3), (0.45, 0.45, 0.45))]
     add_leaves(made, in_balls(balls, 120, 0.225, rng, shell=0.2), tones=("leaves_light", "leaves"))
+    made.collide_box((0, 0, 0.85), (0.3, 0.8, 1.7))
     return made
 
 
@@ -206,6 +207,7 @@ def hedge() -> Model:
         for _ in range(14):
             at = (rng.uniform(-0.3, 0.3), rng.uniform(-1.18, 1.18), rng.uniform(1.06, 1.2))
             leaves.append(triangle(at, np.array([0, 0, 1]) + 0.9 * any_direction(rng), 0.27, rng))
+    leaves = [np.maximum(leaf, (-np.inf, -np.inf, 0.0)) for leaf in leaves]
     add_leaves(
         made, outward(leaves, np.array([0, 0, 0.5])), both_sides=False, tones=("leaves", "leaves_light")
     )

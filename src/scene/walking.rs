@@ -165,11 +165,11 @@ impl Walker {
             .iter()
             .filter(|other| !self.is_own(other) && (other.is_vehicle || other.is_still || !is_across));
         near.filter(|other| (other.footprint.center - self.position).norm() < 10.0).any(|other| {
-            let grown = other.footprint.grow(0.35);
-            // A person who already stands too near may walk away.
+            let grounds = [other.footprint.grow(0.35), other.footprint.grow(0.1)];
+            // A person who already stands too near may walk away, and not nearer.
             offsets.iter().any(|offset| {
                 let at = self.position + offset;
-                grown.contains(at + direction * 0.7) && !grown.contains(at)
+                grounds.iter().any(|ground| ground.contains(at + direction * 0.7) && !ground.contains(at))
             })
         })
     }
