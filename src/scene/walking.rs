@@ -165,7 +165,7 @@ impl Walker {
             .iter()
             .filter(|other| !self.is_own(other) && (other.is_vehicle || other.is_still || !is_across));
         near.filter(|other| (other.footprint.center - self.position).norm() < 10.0).any(|other| {
-            let grounds = [other.footprint.grow(0.35), other.footprint.grow(0.1)];
+            let grounds = [0.35, 0.27, 0.1].map(|margin_m| other.footprint.grow(margin_m));
             // A person who already stands too near may walk away, and not nearer.
             offsets.iter().any(|offset| {
                 let at = self.position + offset;
