@@ -55,7 +55,7 @@ impl Filler<'_> {
             return None;
         }
         let start = starts[rng.random_range(0..starts.len())];
-        let pose = lying(shape, start, self.level_m(start) + AIR_M, along.y.atan2(along.x));
+        let pose = lying(shape, start, self.start_level_m(start) + AIR_M, along.y.atan2(along.x));
         let (at_m, left_m) = route.path.project(start, station_m - 15.0, station_m + 15.0);
         let aim = route.path.at(at_m);
         if !self.is_ground_free(start, aim) {

@@ -5,7 +5,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 use super::builder::{Builder, quaternion_text};
 use super::ground::PAVEMENT_M;
 use super::loose::Perch;
-use super::obstacles::Obstacle;
+use super::obstacles::Block;
 use super::path::{Vec2, rotate};
 use super::surface::StripKind;
 use super::world::World;
@@ -37,10 +37,10 @@ impl World {
             add_box(builder, (body.center, z_m), heading(body.yaw_rad), half, "group=\"3\"");
         }
         let is_near =
-            |block: &Obstacle| reach_m(block.footprint.center) < EVENT_REACH_M + block.footprint.radius_m();
+            |block: &Block| reach_m(block.footprint.center) < EVENT_REACH_M + block.footprint.radius_m();
         let blocks = self.town.blocks().filter(is_near);
         let lines = self.town.lines_where(|at, half_m| reach_m(at) < LINES_REACH_M + half_m);
-        for Obstacle { footprint, height_m } in blocks.chain(lines) {
+        for Block { footprint, height_m } in blocks.chain(lines) {
             let half = [footprint.length_m / 2.0, footprint.width_m / 2.0, height_m];
             let z_m = self.town.surface.ground_m(footprint.center);
             add_box(builder, (footprint.center, z_m), heading(footprint.yaw_rad), half, "group=\"3\"");

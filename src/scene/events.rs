@@ -188,7 +188,7 @@ impl Filler<'_> {
         if !self.is_way_free(start, aim) {
             return None;
         }
-        let z_m = self.level_m(start) + AIR_M;
+        let z_m = self.start_level_m(start) + AIR_M;
         let over_m = z_m - self.town.surface.ground_m(aim);
         let (linear_mps, time_s) = throw((start, over_m), aim, 3.0 + 1.5 * rng.random::<f64>());
         let loose = Loose {
@@ -214,7 +214,7 @@ impl Filler<'_> {
             let beyond_m = if side == kerb { half_lane_m } else { 3.0 * half_lane_m };
             let left_m = side * (beyond_m + 0.5 + 2.5 * rng.random::<f64>());
             let start = route.path.beside(station_m + 2.0 * rng.random::<f64>(), left_m);
-            let pose = lying(shape, start, self.level_m(start) + AIR_M, along.y.atan2(along.x));
+            let pose = lying(shape, start, self.start_level_m(start) + AIR_M, along.y.atan2(along.x));
             let radius_m = shape.length_m().max(shape.height_m()).max(shape.width_m()) / 2.0;
             let here = Footprint::square(start, 2.0 * radius_m);
             let is_free = self.occupied.is_free(&here, 0.1) && self.is_open(&here);

@@ -75,7 +75,7 @@ impl Filler<'_> {
     }
 
     /// Height at which things that will move begin: on the pavement, or on the plane that they fall on.
-    pub(super) fn level_m(&self, point: Vec2) -> f64 {
+    pub(super) fn start_level_m(&self, point: Vec2) -> f64 {
         let raised_m = if self.is_pavement(point) { PAVEMENT_M } else { 0.0 };
         self.town.surface.ground_m(point) + raised_m
     }

@@ -228,15 +228,12 @@ impl ZoneAt {
             return Err(ZoneError::Velocity { found: velocity_in_ego_mps });
         }
         let object = Seen { box_in_ego, velocity_mps: velocity_in_ego_mps };
-        let footprint_area_m2 = box_in_ego.length_m * box_in_ego.width_m;
+        let footprint_area_m2 = object.area_m2();
         let overlap_area_m2 = self.rule.overlap_m2(&object)?;
         let overlap_ratio = overlap_area_m2 / footprint_area_m2;
         if !footprint_area_m2.is_finite() || !overlap_ratio.is_finite() {
             return Err(ZoneError::Overlap { footprint_area_m2, overlap_area_m2 });
         }
-        // Of a zone of many kilometres the sums are right to square metres only.
-        let (overlap_area_m2, overlap_ratio) =
-            if overlap_ratio > 1.0 { (footprint_area_m2, 1.0) } else { (overlap_area_m2, overlap_ratio) };
         if self.max_clearance_m > 0.0 && clearance_m > self.max_clearance_m {
             let harm = Harm::Harmless;
             return Ok(Verdict { harm, overlap_area_m2, overlap_ratio, time_to_collision_s: None });

@@ -67,6 +67,11 @@ impl Seen<'_> {
     pub fn footprint(&self) -> [Point2; 4] {
         self.box_in_ego.footprint()
     }
+
+    /// The area of that, square metres.
+    pub fn area_m2(&self) -> f64 {
+        self.box_in_ego.length_m * self.box_in_ego.width_m
+    }
 }
 
 /// How an object meets the zone.
