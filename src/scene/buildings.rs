@@ -10,8 +10,8 @@ use super::town_config::TownConfig;
 
 /// One tile of a facade texture: a bay's width and a floor's height.
 pub const BAY_M: f64 = 3.0;
-const FLOOR_M: f64 = 3.2;
-const GROUND_FLOOR_M: f64 = 4.0;
+pub(super) const FLOOR_M: f64 = 3.2;
+pub(super) const GROUND_FLOOR_M: f64 = 4.0;
 /// Walls reach this far below the lowest ground at a building.
 const FOOTING_M: f64 = 0.3;
 const EAVES_M: f64 = 0.35;
@@ -134,12 +134,14 @@ pub struct BuildingMeshes {
     pub doors: TriangleMesh,
 }
 
-/// Builds the meshes of the buildings that `is_near` keeps, on a ground of some height.
+/// Builds the meshes of the buildings that `is_near` keeps, on a ground of some height; those that `is_close` keeps have
+/// windows that lie back in their walls.
 pub fn meshes(
     buildings: &[Building],
     config: &TownConfig,
     height_m: impl Fn(Vec2) -> f64,
     is_near: impl Fn(Vec2) -> bool,
+    is_close: impl Fn(Vec2) -> bool,
 ) -> BuildingMeshes {
     let empty = |n: usize| vec![TriangleMesh::default(); n];
     let mut meshes = BuildingMeshes {
@@ -155,7 +157,7 @@ pub fn meshes(
         let base_m = building.base_m(&height_m);
         let lowest_m = lowest_of(&building.footprint, base_m, &height_m);
         let look = config.facades[building.facade % config.facades.len()];
-        meshes.add_walls(building, base_m, lowest_m, look);
+        meshes.add_walls(building, [lowest_m, base_m], look, is_close(building.before(0.0, 0.0)));
         if look == FacadeLook::House {
             meshes.add_door(building, base_m);
         }
@@ -179,42 +181,6 @@ fn lowest_of(footprint: &Footprint, base_m: f64, height_m: &impl Fn(Vec2) -> f64
 }
 
 impl BuildingMeshes {
-    fn add_walls(&mut self, building: &Building, base_m: f64, lowest_m: f64, look: FacadeLook) {
-        let has_gates = matches!(look, FacadeLook::Metal | FacadeLook::Warehouse);
-        let corners = building.footprint.corners().map(|corner| [corner.x_m, corner.y_m]);
-        let (low_m, top_m) = (base_m + GROUND_FLOOR_M, base_m + building.height_m());
-        for i in 0..4 {
-            let (from, to) = (corners[i], corners[(i + 1) % 4]);
-            let n_bays = ((to[0] - from[0]).hypot(to[1] - from[1]) / BAY_M).round().max(1.0);
-            let wall = |bottom_m: f64, top_m: f64, first: f64, last: f64| {
-                [
-                    ([from[0], from[1], bottom_m], [0.0, first]),
-                    ([to[0], to[1], bottom_m], [n_bays, first]),
-                    ([to[0], to[1], top_m], [n_bays, last]),
-                    ([from[0], from[1], top_m], [0.0, last]),
-                ]
-            };
-            let n_floors = f64::from(building.n_floors);
-            let facades = &mut self.facades[building.facade];
-            if has_gates && i != 2 {
-                facades.add_polygon(&wall(lowest_m, top_m, 0.0, n_floors + 1.0));
-                continue;
-            }
-            let ground_floors = &mut self.ground_floors[building.facade];
-            // Below the ground floor stones go on; elsewhere the lowest part of its tile: a plain plinth.
-            if look == FacadeLook::Rubble {
-                let footing = wall(lowest_m, base_m, (lowest_m - base_m) / FLOOR_M, 0.0);
-                self.blank[building.facade].add_polygon(&footing);
-            } else {
-                ground_floors.add_polygon(&wall(lowest_m, base_m, 0.0, 0.02));
-            }
-            ground_floors.add_polygon(&wall(base_m, low_m, 0.0, 1.0));
-            if building.n_floors > 0 {
-                facades.add_polygon(&wall(low_m, top_m, 0.0, n_floors));
-            }
-        }
-    }
-
     fn add_door(&mut self, building: &Building, base_m: f64) {
         let (half_m, top_m) = (0.55, base_m + 2.3);
         let [left, right] = [-half_m, half_m].map(|along_m| building.before(along_m, 0.03));

@@ -72,7 +72,9 @@ mod traffic;
 mod trimmings;
 mod unfamiliar;
 mod walking;
+mod walls;
 mod water;
+mod windows;
 mod world;
 
 pub use buildings::{Balcony, Building};

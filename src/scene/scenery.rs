@@ -9,7 +9,8 @@ use super::looks::{BoundaryLook, GroundLook, MedianLook};
 use super::mesh::TriangleMesh;
 use super::path::{Path, Vec2};
 use super::surface::{Strip, StripKind, Surface};
-use super::textures::{self, Facade, Floor};
+use super::textures::{self, Facade};
+use super::windows::Floor;
 use super::world::World;
 use crate::random;
 use rand::RngExt;
@@ -20,6 +21,9 @@ const STEP_M: f64 = 3.0;
 const PAD_M: f64 = GRASS_M + 0.03;
 /// Half of a jersey barrier's section as width and height: the F shape, 0.81 m high.
 const BARRIER_M: [(f64, f64); 4] = [(0.30, 0.0), (0.30, 0.075), (0.17, 0.255), (0.12, 0.81)];
+
+/// Windows lie back in walls that are no farther than this from the route.
+const WINDOWS_M: f64 = 30.0;
 
 impl World {
     /// Adds buildings, boundaries and barriers near the ego's route.
@@ -38,7 +42,13 @@ impl World {
 
     fn add_buildings(&self, builder: &mut Builder) {
         let config = &self.town.config;
-        let meshes = buildings::meshes(&self.town.buildings, config, self.height_m(), self.is_in_sight());
+        let meshes = buildings::meshes(
+            &self.town.buildings,
+            config,
+            self.height_m(),
+            self.is_in_sight(),
+            self.is_within(WINDOWS_M),
+        );
         let floors = meshes.facades.iter().zip(&meshes.ground_floors).zip(&meshes.blank);
         for (i, ((facade, ground_floor), blank)) in floors.enumerate() {
             let look = Facade {

@@ -7,6 +7,7 @@ use rand::RngExt;
 
 use super::looks::{FacadeLook, GroundLook};
 use super::rubble::Rubble;
+use super::windows::{Floor, window};
 use crate::random;
 
 /// Edge length of every texture in pixels.
@@ -18,15 +19,6 @@ pub struct Facade {
     pub look: FacadeLook,
     pub wall: [u8; 3],
     pub trim: [u8; 3],
-}
-
-/// Which floor a tile shows.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Floor {
-    Ground,
-    Upper,
-    /// No floor: wall alone.
-    Blank,
 }
 
 fn png(image: &RgbImage) -> Vec<u8> {
@@ -139,30 +131,6 @@ pub fn bars(bar: [u8; 3], behind: [u8; 3]) -> Vec<u8> {
 }
 
 impl Facade {
-    /// Window as fractions of the tile: left, bottom, right, top.
-    fn window(self, floor: Floor) -> [f64; 4] {
-        match (self.look, floor) {
-            (_, Floor::Blank) => [2.0; 4],
-            (FacadeLook::Brick, Floor::Upper) => [0.3, 0.22, 0.7, 0.82],
-            (FacadeLook::Brick | FacadeLook::Plaster, Floor::Ground) => [0.1, 0.12, 0.9, 0.72],
-            (FacadeLook::Plaster, Floor::Upper) => [0.18, 0.3, 0.82, 0.8],
-            (FacadeLook::Shutters, Floor::Upper) => [0.35, 0.1, 0.65, 0.78],
-            (FacadeLook::Shutters, Floor::Ground) => [0.26, 0.04, 0.74, 0.68],
-            (FacadeLook::Stone, Floor::Upper) => [0.36, 0.25, 0.64, 0.85],
-            (FacadeLook::Stone, Floor::Ground) => [0.22, 0.04, 0.78, 0.78],
-            (FacadeLook::Glass, Floor::Upper) => [0.02, 0.3, 0.98, 0.96],
-            (FacadeLook::Glass, Floor::Ground) => [0.03, 0.05, 0.97, 0.85],
-            (FacadeLook::House, Floor::Upper) => [0.3, 0.35, 0.7, 0.82],
-            (FacadeLook::House, Floor::Ground) => [0.28, 0.32, 0.72, 0.76],
-            (FacadeLook::Metal, Floor::Upper) => [0.12, 0.7, 0.88, 0.9],
-            (FacadeLook::Metal, Floor::Ground) => [0.14, 0.03, 0.86, 0.82],
-            (FacadeLook::Warehouse, Floor::Upper) => [0.24, 0.18, 0.76, 0.84],
-            (FacadeLook::Warehouse, Floor::Ground) => [0.16, 0.02, 0.84, 0.8],
-            (FacadeLook::Rubble, Floor::Upper) => [0.36, 0.28, 0.62, 0.72],
-            (FacadeLook::Rubble, Floor::Ground) => [0.34, 0.3, 0.64, 0.7],
-        }
-    }
-
     /// The wall's brightness where it has a pattern.
     fn pattern(self, u: f64, v: f64) -> f64 {
         let joints = |n_x: f64, n_y: f64, joint: f64, dark: f64| {
@@ -187,7 +155,7 @@ impl Facade {
 /// One bay of one floor.
 pub fn facade(name: &str, facade: Facade, floor: Floor) -> Vec<u8> {
     let mut rng = random::stream(0, name, 0);
-    let window @ [left, bottom, right, top] = facade.window(floor);
+    let window @ [left, bottom, right, top] = window(facade.look, floor);
     let has_gates = matches!(facade.look, FacadeLook::Metal | FacadeLook::Warehouse);
     let is_gate = has_gates && floor == Floor::Ground;
     let rubble = (facade.look == FacadeLook::Rubble).then(|| Rubble::new(name, 19));

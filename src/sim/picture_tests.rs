@@ -44,7 +44,8 @@ fn in_all_towns_pictures_are_those_of_mujocos_own_renderer_but_for_the_steps_of_
             Pinhole::from_horizontal_fov(800, 450, 70f64.to_radians()),
         )],
         n_samples: 0,
-        shadow_size_px: 2048,
+        // Fine, so that the two maps' texels, which lie in different directions, show less.
+        shadow_size_px: 4096,
         renderer: Renderer::Classic,
     };
     let sun = |direction: Vector3<f64>| Sun {

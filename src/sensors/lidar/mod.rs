@@ -8,7 +8,8 @@
 //! A return is detected with probability min(1, power / threshold); the threshold is the power of a
 //! target of reflectivity 0.1 at the sensor's stated range. Where fog or a rain drop sends back more than
 //! the target, its return takes the target's place ([`fog`]; [`rain`], above the threshold only); water on the ground weakens the
-//! target ([`wet_ground`]). Of windows a share returns, the others let the beam through. The reported intensity makes up for the range by the
+//! target ([`wet_ground`]). Of windows a share returns, the others let the beam through; among leaves
+//! a beam goes some way. The reported intensity makes up for the range by the
 //! make's own curve ([`response`]) of x = reflectivity * factor(incidence) * exp(-2 (alpha + attenuation) range).
 
 mod echo;
@@ -98,6 +99,7 @@ struct Draws {
     noise: Rng,
     weather: Rng,
     strength: Rng,
+    leaves: Rng,
 }
 
 impl Receiver {
@@ -134,12 +136,15 @@ impl Receiver {
     /// If hits and rays differ in number, or a ring has no entry.
     pub fn returns(&self, pattern: &Pattern, hits: &[Hit], turn: Turn) -> Vec<LidarReturn> {
         assert_eq!(hits.len(), pattern.directions.len(), "one hit for each ray");
-        let (noise, weather, strength, turn_idx) = match turn {
-            Turn::Sample(i) => ("lidar-noise", "lidar-weather", "lidar-strength", i),
-            Turn::Sweep(i) => ("lidar-sweep-noise", "lidar-sweep-weather", "lidar-sweep-strength", i),
+        let (names, turn_idx) = match turn {
+            Turn::Sample(i) => (["lidar-noise", "lidar-weather", "lidar-strength", "lidar-leaves"], i),
+            Turn::Sweep(i) => (
+                ["lidar-sweep-noise", "lidar-sweep-weather", "lidar-sweep-strength", "lidar-sweep-leaves"],
+                i,
+            ),
         };
-        let stream = |name| random::stream(self.seed, name, turn_idx);
-        let mut draws = Draws { noise: stream(noise), weather: stream(weather), strength: stream(strength) };
+        let [noise, weather, strength, leaves] = names.map(|name| random::stream(self.seed, name, turn_idx));
+        let mut draws = Draws { noise, weather, strength, leaves };
         let rays = hits.iter().enumerate();
         rays.filter_map(|(ray, hit)| self.measure(pattern, ray, hit, &mut draws)).collect()
     }
@@ -151,7 +156,11 @@ impl Receiver {
         let [dropout_draw, detection_draw] = [draws.noise.random::<f64>(), draws.noise.random::<f64>()];
         let glass_draw = draws.strength.random::<f64>();
         let strength_draw = standard_normal(&mut draws.strength);
+        let leaves_draw = draws.leaves.random::<f64>();
 
+        let is_leafy = hit.finish == Finish::Leafy;
+        let way_m = if is_leafy { surface::way_among_leaves_m(leaves_draw) } else { 0.0 };
+        let hit = &Hit { range_m: hit.range_m + way_m, ..*hit };
         let echo = self.strongest(hit, glass_draw < self.config.glass_return, &mut draws.weather);
         let signal_to_threshold = echo.power / self.min_power;
         if dropout_draw < flaws.dropout || detection_draw >= signal_to_threshold {

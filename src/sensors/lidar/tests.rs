@@ -161,6 +161,22 @@ fn a_wet_road_returns_less_than_a_dry_one_and_a_wet_wall_as_much() {
 }
 
 #[test]
+fn beams_end_some_way_among_leaves_and_none_before_them() {
+    let leaves = Hit { finish: Finish::Leafy, ..wall(10.0, 0.5) };
+    let found = shots(&quiet(), &clear(), leaves, 5000);
+    assert_eq!(found.len(), 5000);
+    let ways_m: Vec<f64> = found.iter().map(|r| f64::from(r.point.x_m) - 10.0).collect();
+    assert!(ways_m.iter().all(|way_m| (-1e-5..0.601).contains(way_m)));
+    // Mean of 1 / 4 m, cut at 0.6 m: 0.25 - 0.6 * 0.0907 / 0.9093 = 0.190.
+    let mean_m = ways_m.iter().sum::<f64>() / 5000.0;
+    assert!((mean_m - 0.190).abs() < 0.008, "{mean_m}");
+    // The same beams on a wall have the same noise.
+    let noisy = RigLidarConfig { range_noise_m: 0.02, ..quiet() };
+    let [a, b] = [wall(10.0, 0.5), leaves].map(|hit| shots(&noisy, &clear(), hit, 3));
+    assert!(a.iter().zip(&b).all(|(wall, leaf)| leaf.point.x_m >= wall.point.x_m));
+}
+
+#[test]
 fn rings_differ_in_offset_and_dropout_as_stated() {
     let config = RigLidarConfig { ring_bias_m: 0.05, dropout: 0.2, dropout_spread: 0.5, ..quiet() };
     let n = 4000;
