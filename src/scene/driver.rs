@@ -15,8 +15,9 @@ use crate::random::Rng;
 
 /// Distance to the car ahead when standing.
 const STANDSTILL_M: f64 = 0.9;
-/// Standing this long before something still, a driver passes it at a walk, if it can.
-const CREEP_S: f64 = 3.0;
+/// Standing this long before something still, a driver passes it at a walk, if it can, for so long.
+const CREEP_S: f64 = 1.0;
+const CREEPING_S: f64 = 5.0;
 const CREEP_MPS: f64 = 1.0;
 /// Standing this long with no way on, a driver backs up.
 const BACK_UP_S: f64 = 6.0;
@@ -45,6 +46,8 @@ pub struct Driver {
     pub waited_s: f64,
     /// Seconds for which it still backs up.
     backing_s: f64,
+    /// Seconds for which it still drives on at a walk.
+    creeping_s: f64,
     /// Seconds until it may change lanes again; above [`CHANGED_S`] it is changing now.
     change_s: f64,
 }
@@ -65,6 +68,7 @@ impl Driver {
             eagerness,
             waited_s: 0.0,
             backing_s: 0.0,
+            creeping_s: 0.0,
             change_s: 0.0,
         }
     }
@@ -73,7 +77,7 @@ impl Driver {
     pub fn restart(&mut self, route: Route, station_m: f64) {
         (self.route, self.station_m) = (route, station_m);
         (self.left_m, self.left_wanted_m, self.slope) = (0.0, 0.0, 0.0);
-        (self.waited_s, self.backing_s, self.change_s) = (0.0, 0.0, 0.0);
+        (self.waited_s, self.backing_s, self.creeping_s, self.change_s) = (0.0, 0.0, 0.0, 0.0);
     }
 
     /// Whether it stands at the end of its way.
@@ -154,9 +158,13 @@ impl Driver {
         let end = (to_end_m < 25.0).then(|| Gap::line(to_end_m));
         let free = driving::acceleration_mps2(driver.speed_mps, desired_mps, None, STANDSTILL_M);
         let (mut acceleration, mut room_m) = (free, f64::INFINITY);
+        driver.creeping_s -= dt_s;
+        if driver.waited_s > CREEP_S && gap.is_some_and(|gap| gap.is_still) {
+            driver.creeping_s = CREEPING_S;
+        }
         for stop in [gap, line, end].into_iter().flatten() {
             // Room to drive round what stands.
-            if stop.is_still && driver.waited_s > CREEP_S {
+            if stop.is_still && driver.creeping_s > 0.0 {
                 // A way planned too close may still be driven at walking speed; the last check guards it.
                 acceleration = acceleration.min((CREEP_MPS - driver.speed_mps) / dt_s);
                 continue;

@@ -10,6 +10,12 @@ const REACH_M: f64 = 26.0;
 const ONCOMING_REACH_M: f64 = 45.0;
 /// The same for vehicles that stand there.
 const STANDING_REACH_M: f64 = 16.0;
+/// Room to the sides that a narrow way spares, and how much such a way counts.
+const SPARED_M: f64 = 0.2;
+const NARROW_SHARE: f64 = 0.25;
+/// Offsets that are tried, in steps: to the kerb's side and away from it. What is placed on the road leaves one of these.
+const STEP_M: f64 = 0.3;
+const STEPS: [i32; 2] = [-4, 16];
 
 /// A body on its path.
 #[derive(Debug, Clone, Copy)]
@@ -38,6 +44,17 @@ impl Swerve<'_> {
         reach_m: f64,
         others: impl Iterator<Item = &'b Obstacle>,
     ) -> Option<Gap> {
+        self.gap_of(self.half_width_m, left_m, reach_m, others)
+    }
+
+    /// The same for a body of another width.
+    fn gap_of<'b>(
+        &self,
+        half_width_m: f64,
+        left_m: f64,
+        reach_m: f64,
+        others: impl Iterator<Item = &'b Obstacle>,
+    ) -> Option<Gap> {
         // Far over, as to another lane, takes longer.
         let blend_m = (1.6 * self.speed_mps).clamp(4.5, 10.0).max(if (left_m - self.now_m).abs() > 2.0 {
             2.3 * self.speed_mps
@@ -48,16 +65,16 @@ impl Swerve<'_> {
             let share = ((s_m - self.front_m) / blend_m).clamp(0.0, 1.0);
             self.now_m + (left_m - self.now_m) * share * share * (3.0 - 2.0 * share)
         };
-        driving::gap_ahead(self.path, (self.front_m, reach_m), self.half_width_m, left_at, others)
+        driving::gap_ahead(self.path, (self.front_m, reach_m), half_width_m, left_at, others)
     }
 
     /// The offset that costs least: a free way first, then near the lane's middle, then no change.
     pub fn best_offset(&self, before_m: f64, road: &StripGrid, others: &[Obstacle]) -> f64 {
-        let free_m = |left_m: f64| {
+        let free_m = |left_m: f64, half_width_m: f64| {
             let still = others.iter().filter(|other| other.is_still);
-            self.gap(left_m, REACH_M, still).map_or(REACH_M, |gap| gap.distance_m)
+            self.gap_of(half_width_m, left_m, REACH_M, still).map_or(REACH_M, |gap| gap.distance_m)
         };
-        if before_m.abs() < 0.01 && self.now_m.abs() < 0.5 && free_m(0.0) >= REACH_M {
+        if before_m.abs() < 0.01 && self.now_m.abs() < 0.5 && free_m(0.0, self.half_width_m) >= REACH_M {
             return 0.0;
         }
         // An obstacle that is being passed counts until the rear is past it.
@@ -67,7 +84,10 @@ impl Swerve<'_> {
         };
         let is_met = others.iter().any(|other| self.meets_oncoming(other));
         let cost = |left_m: f64| {
-            let shortfall_m = REACH_M - free_m(left_m);
+            // Where no way has room to both sides, a narrow one is driven at a walk.
+            let narrow_m = free_m(left_m, self.half_width_m - SPARED_M);
+            let shortfall_m =
+                REACH_M - (1.0 - NARROW_SHARE) * free_m(left_m, self.half_width_m) - NARROW_SHARE * narrow_m;
             // Both sides of the body must be on the road.
             let beyond_m = [-self.half_width_m, self.half_width_m]
                 .map(|side_m| road.clearance_m(self.path.beside(self.front_m + 6.0, left_m + side_m)))
@@ -89,8 +109,9 @@ impl Swerve<'_> {
                 + 0.5 * left_m.abs()
                 + 0.4 * (left_m - before_m).abs()
         };
+        let [first, last] = STEPS;
         let candidates =
-            (-4..=14).map(|i| self.mirror * 0.35 * f64::from(i)).map(|left_m| (cost(left_m), left_m));
+            (first..=last).map(|i| self.mirror * STEP_M * f64::from(i)).map(|left_m| (cost(left_m), left_m));
         candidates.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(before_m, |(_, left_m)| left_m)
     }
 
