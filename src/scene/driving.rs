@@ -139,6 +139,17 @@ mod tests {
     }
 
     #[test]
+    fn a_box_that_lies_askew_takes_no_more_room_than_its_corner_does() {
+        let path = Path::new([Vec2::zeros(), Vec2::new(100.0, 0.0)]).unwrap();
+        // Half the diagonal is 1.41 m, half the body and its room are 1.15 m.
+        let gap = |y_m: f64| {
+            let footprint = Footprint { yaw_rad: std::f64::consts::FRAC_PI_4, ..wall(20.0, y_m).footprint };
+            gap_ahead(&path, (0.0, 40.0), 0.9, |_| 0.0, [Obstacle { footprint, ..wall(20.0, y_m) }].iter())
+        };
+        assert!(gap(2.45).is_some() && gap(2.65).is_none());
+    }
+
+    #[test]
     fn idm_is_at_rest_at_the_desired_speed_and_brakes_hard_for_a_near_wall() {
         assert!(acceleration_mps2(10.0, 10.0, None, 2.0).abs() < 1e-12);
         assert!((acceleration_mps2(10.0, 10.0, Some(Gap::line(4.0)), 2.0) + MAX_BRAKING_MPS2).abs() < 1e-12);

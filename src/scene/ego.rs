@@ -39,7 +39,6 @@ const DODGING_MPS: f64 = 2.0;
 const ROUND_M: f64 = 0.2;
 /// After waiting this long at a junction the driver turns elsewhere.
 const PATIENCE_S: f64 = 9.0;
-
 /// A driver who stands this close to the end of the route has arrived, and waits.
 const END_M: f64 = 8.0;
 /// What is noticed late is noticed at this distance beyond the way to a stop.
@@ -189,7 +188,7 @@ impl EgoDriver {
         self.left_m = self.swerve(pose, graph).best_offset(self.left_m, &surface.road_grid, &others);
         let speed_mps = pose.speed_mps.max(0.0);
         let reach_m = 12.0 + 3.0 * speed_mps;
-        let gap = self.swerve(pose, graph).gap(self.left_m, reach_m, others.iter());
+        let (gap, is_narrow) = self.swerve(pose, graph).gap_or_narrow(self.left_m, reach_m, &others);
         // Room to steer round what stands; less for vehicles that will drive on.
         let standstill_m = if gap.is_some_and(|gap| gap.is_still) { 4.5 } else { 1.5 };
         let limit_mps = graph.lanes[self.route.span_at(self.front_m()).lane].limit_mps;
@@ -202,20 +201,23 @@ impl EgoDriver {
         let end = (to_end_m < 30.0).then(|| Gap::line(to_end_m.max(0.1)));
         let before_thing = gap.filter(|gap| gap.is_still && gap.distance_m < THING_M);
         self.consider_creeping(dt_s, speed_mps, swerve_m, before_thing);
-        let mut acceleration = if self.creeping_s > 0.0 && before_thing.is_some() {
-            driving::acceleration_mps2(speed_mps, CREEP_MPS, None, standstill_m)
-        } else {
-            driving::acceleration_mps2(speed_mps, desired_mps, gap, standstill_m)
-        };
+        let creeping = driving::acceleration_mps2(speed_mps, CREEP_MPS, None, standstill_m);
+        let mut acceleration = driving::acceleration_mps2(speed_mps, desired_mps, gap, standstill_m);
+        if is_narrow {
+            acceleration = acceleration.max(creeping);
+        } else if self.creeping_s > 0.0 && before_thing.is_some() {
+            acceleration = creeping;
+        }
         for stop in [line, end].into_iter().flatten() {
             acceleration =
                 acceleration.min(driving::acceleration_mps2(speed_mps, desired_mps, Some(stop), 1.0));
         }
         // Who is stuck at a thing does not wait for the junction behind it.
         let is_held = line.is_some_and(|line| line.distance_m < 4.0) && !self.is_stopped_short;
+        let is_at_thing = before_thing.is_some() || self.is_stopped_short;
         // A queue before a light is not a jam.
-        if to_end_m > END_M && !answer.is_queue {
-            let haste = if before_thing.is_some() || self.is_stopped_short { HASTE } else { 1.0 };
+        if to_end_m > END_M && (is_at_thing || !answer.is_queue) {
+            let haste = if is_at_thing { HASTE } else { 1.0 };
             self.unjam(dt_s * haste, pose.speed_mps, is_held, graph);
         }
         if self.backing_s <= 0.0 && pushes(pose, &others) {

@@ -13,6 +13,8 @@ const STANDING_REACH_M: f64 = 16.0;
 /// Room to the sides that a narrow way spares, and how much such a way counts.
 const SPARED_M: f64 = 0.2;
 const NARROW_SHARE: f64 = 0.25;
+/// A narrow way leads past a thing if it is free so much farther.
+const PASSED_M: f64 = 3.0;
 /// Offsets that are tried, in steps: to the kerb's side and away from it. What is placed on the road leaves one of these.
 const STEP_M: f64 = 0.3;
 const STEPS: [i32; 2] = [-4, 16];
@@ -47,7 +49,17 @@ impl Swerve<'_> {
         self.gap_of(self.half_width_m, left_m, reach_m, others)
     }
 
-    /// The same for a body of another width.
+    /// The obstacle ahead, and whether it is something still that can be passed at a walk, with little room to the sides.
+    pub fn gap_or_narrow(&self, left_m: f64, reach_m: f64, others: &[Obstacle]) -> (Option<Gap>, bool) {
+        let gap = self.gap(left_m, reach_m, others.iter());
+        let is_narrow = gap.is_some_and(|gap| {
+            let narrow = self.gap_of(self.half_width_m - SPARED_M, left_m, reach_m, others.iter());
+            gap.is_still && narrow.is_none_or(|narrow| narrow.distance_m > gap.distance_m + PASSED_M)
+        });
+        (gap, is_narrow)
+    }
+
+    /// The gap of a body of another width.
     fn gap_of<'b>(
         &self,
         half_width_m: f64,
@@ -149,7 +161,7 @@ mod tests {
     }
 
     fn best(others: &[Obstacle]) -> f64 {
-        let path = Path::new([Vec2::zeros(), Vec2::new(100.0, 0.0)]).unwrap();
+        let path = path();
         // The lane and the one of the other direction on its left.
         let mut road = StripGrid::default();
         road.add(&path.points_every(0.5), 1.75);
@@ -157,8 +169,16 @@ mod tests {
             &path.points_every(0.5).iter().map(|point| point + Vec2::new(0.0, 3.5)).collect::<Vec<_>>(),
             1.75,
         );
-        let swerve = Swerve {
-            path: &path,
+        body(&path).best_offset(0.0, &road, others)
+    }
+
+    fn path() -> Path {
+        Path::new([Vec2::zeros(), Vec2::new(100.0, 0.0)]).unwrap()
+    }
+
+    fn body(path: &Path) -> Swerve<'_> {
+        Swerve {
+            path,
             front_m: 10.0,
             now_m: 0.0,
             half_width_m: 0.9,
@@ -167,8 +187,20 @@ mod tests {
             is_bold: false,
             mirror: 1.0,
             is_near_junction: false,
+        }
+    }
+
+    #[test]
+    fn between_two_things_a_little_farther_apart_than_the_body_is_wide_one_drives_at_a_walk() {
+        let path = path();
+        // The room between them, from the middle of the way to each.
+        let is_narrow = |half_m: f64| {
+            let things = [thing(28.0, half_m + 0.5, None), thing(28.0, -half_m - 0.5, None)];
+            body(&path).gap_or_narrow(0.0, 30.0, &things)
         };
-        swerve.best_offset(0.0, &road, others)
+        assert!(matches!(is_narrow(1.0), (Some(_), true)));
+        assert!(matches!(is_narrow(0.8), (Some(_), false)), "too narrow");
+        assert!(matches!(is_narrow(1.3), (None, false)), "wide enough");
     }
 
     #[test]
