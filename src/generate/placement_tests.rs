@@ -63,7 +63,7 @@ fn what_was_tipped_over_rests_as_it_lies() {
 fn no_unfamiliar_object_holds_the_ego_up_for_long() {
     let mut worst_s: f64 = 0.0;
     let mut speeds = Vec::new();
-    // Small towns with narrow streets come twice; the first three alone must get about too.
+    // The first three alone must get about too.
     let towns =
         ["suburb", "oldtown", "arterial", "suburb", "oldtown", "arterial", "downtown", "market", "suburb"];
     for (town, seed) in towns.into_iter().zip(1..) {
