@@ -15,11 +15,15 @@ use crate::random::Rng;
 
 /// Distance to the car ahead when standing.
 const STANDSTILL_M: f64 = 0.9;
-/// Standing this long before something still, a driver passes it at a walk, if it can.
-const CREEP_S: f64 = 3.0;
+/// Standing this long before something still, a driver passes it at a walk, if it can, for so long.
+const CREEP_S: f64 = 1.0;
+const CREEPING_S: f64 = 5.0;
 const CREEP_MPS: f64 = 1.0;
 /// Standing this long with no way on, a driver backs up.
 const BACK_UP_S: f64 = 6.0;
+/// The same right before something still, for which nobody waits; then it takes any way round for so long.
+const STUCK_S: f64 = 2.0;
+const BOLD_S: f64 = 8.0;
 /// A driver backs up for this long when someone this near ahead wants to back up.
 const ROOM_TO_BACK_M: f64 = 4.0;
 const MAKES_ROOM_S: f64 = 0.5;
@@ -45,6 +49,10 @@ pub struct Driver {
     pub waited_s: f64,
     /// Seconds for which it still backs up.
     backing_s: f64,
+    /// Seconds for which it still drives on at a walk.
+    creeping_s: f64,
+    /// Seconds for which it still takes nearly any way round.
+    bold_s: f64,
     /// Seconds until it may change lanes again; above [`CHANGED_S`] it is changing now.
     change_s: f64,
 }
@@ -65,6 +73,8 @@ impl Driver {
             eagerness,
             waited_s: 0.0,
             backing_s: 0.0,
+            creeping_s: 0.0,
+            bold_s: 0.0,
             change_s: 0.0,
         }
     }
@@ -74,6 +84,7 @@ impl Driver {
         (self.route, self.station_m) = (route, station_m);
         (self.left_m, self.left_wanted_m, self.slope) = (0.0, 0.0, 0.0);
         (self.waited_s, self.backing_s, self.change_s) = (0.0, 0.0, 0.0);
+        (self.creeping_s, self.bold_s) = (0.0, 0.0);
     }
 
     /// Whether it stands at the end of its way.
@@ -141,12 +152,13 @@ impl Driver {
             half_width_m: driver.width_m / 2.0,
             length_m: driver.length_m,
             speed_mps: driver.speed_mps,
-            is_bold: driver.waited_s > 6.0,
+            is_bold: driver.waited_s > 6.0 || driver.bold_s > 0.0,
             mirror: -graph.kerb_sign(),
             is_near_junction: graph.lanes[driver.route.span_at(front_m + 4.0).lane].junction.is_some(),
         };
         let left_wanted_m = swerve.best_offset(driver.left_wanted_m, &town.surface.road_grid, &others);
-        let gap = swerve.gap(left_wanted_m, 10.0 + 2.5 * driver.speed_mps, others.iter());
+        let reach_m = 10.0 + 2.5 * driver.speed_mps;
+        let (gap, is_narrow) = swerve.gap_or_narrow(left_wanted_m, reach_m, &others);
         if !is_changing && (left_wanted_m.abs() > 0.7 || driver.left_m.abs() > 0.7) {
             desired_mps = desired_mps.min(5.0);
         }
@@ -154,15 +166,25 @@ impl Driver {
         let end = (to_end_m < 25.0).then(|| Gap::line(to_end_m));
         let free = driving::acceleration_mps2(driver.speed_mps, desired_mps, None, STANDSTILL_M);
         let (mut acceleration, mut room_m) = (free, f64::INFINITY);
+        driver.creeping_s -= dt_s;
+        driver.bold_s -= dt_s;
+        if driver.waited_s > CREEP_S && gap.is_some_and(|gap| gap.is_still) {
+            driver.creeping_s = CREEPING_S;
+        }
         for stop in [gap, line, end].into_iter().flatten() {
             // Room to drive round what stands.
-            if stop.is_still && driver.waited_s > CREEP_S {
+            if stop.is_still && driver.creeping_s > 0.0 {
                 // A way planned too close may still be driven at walking speed; the last check guards it.
                 acceleration = acceleration.min((CREEP_MPS - driver.speed_mps) / dt_s);
                 continue;
             }
             let standstill_m = if stop.is_still { 4.5 } else { STANDSTILL_M };
             let asked = driving::acceleration_mps2(driver.speed_mps, desired_mps, Some(stop), standstill_m);
+            if stop.is_still && is_narrow {
+                let creeping = driving::acceleration_mps2(driver.speed_mps, CREEP_MPS, None, STANDSTILL_M);
+                acceleration = acceleration.min(asked.max(creeping));
+                continue;
+            }
             acceleration = acceleration.min(asked);
             room_m = room_m.min(stop.distance_m - 0.1);
         }
@@ -194,11 +216,13 @@ impl Driver {
         let after = driver.obstacle().footprint.grow(0.03);
         let hits =
             |other: &Obstacle| after.meets(&other.footprint) && !before.footprint.meets(&other.footprint);
-        if others.iter().any(hits) {
+        if let Some(hit) = others.iter().find(|other| hits(other)) {
             (driver.station_m, driver.left_m, driver.slope) = saved;
             driver.speed_mps = 0.0;
-            if driver.waited_s > BACK_UP_S && driver.backing_s < -BACK_UP_S {
+            let patience_s = if hit.is_still { STUCK_S } else { BACK_UP_S };
+            if driver.waited_s > patience_s && driver.backing_s < -BACK_UP_S {
                 driver.backing_s = 2.5;
+                driver.bold_s = if hit.is_still { BOLD_S } else { 0.0 };
             }
         }
         let stands = driver.speed_mps < 0.3 || (driver.station_m - saved.0).abs() < 1e-9;

@@ -69,11 +69,11 @@ pub fn gap_ahead<'a>(
     obstacles: impl Iterator<Item = &'a Obstacle>,
 ) -> Option<Gap> {
     let middle = path.at(from_m + reach_m / 2.0);
-    let near: Vec<(Footprint, &Obstacle)> = obstacles
+    let room_m = half_width_m + SIDE_ROOM_M;
+    let near: Vec<&Obstacle> = obstacles
         .filter(|other| {
             (other.footprint.center - middle).norm() < reach_m / 2.0 + other.footprint.radius_m() + 6.0
         })
-        .map(|other| (other.footprint.grow(half_width_m + SIDE_ROOM_M), other))
         .collect();
     if near.is_empty() {
         return None;
@@ -82,7 +82,7 @@ pub fn gap_ahead<'a>(
     (0..=n).find_map(|i| {
         let s_m = from_m + STEP_M * i as f64;
         let point = path.beside(s_m, left_m(s_m));
-        let (_, hit) = near.iter().find(|(grown, _)| grown.contains(point))?;
+        let hit = near.iter().find(|other| other.footprint.distance_m(point) <= room_m)?;
         let lead_mps = hit.velocity_mps.dot(&path.direction(s_m)).max(0.0);
         Some(Gap { distance_m: s_m - from_m, lead_mps, is_still: hit.is_still })
     })
@@ -136,6 +136,17 @@ mod tests {
         assert!((found - 17.85).abs() < STEP_M, "{found}");
         assert_eq!(gap(&wall(20.0, 2.5)), None);
         assert!(gap_ahead(&path, (0.0, 40.0), 0.9, |_| 2.0, [wall(20.0, 2.5)].iter()).is_some());
+    }
+
+    #[test]
+    fn a_box_that_lies_askew_takes_no_more_room_than_its_corner_does() {
+        let path = Path::new([Vec2::zeros(), Vec2::new(100.0, 0.0)]).unwrap();
+        // Half the diagonal is 1.41 m, half the body and its room are 1.15 m.
+        let gap = |y_m: f64| {
+            let footprint = Footprint { yaw_rad: std::f64::consts::FRAC_PI_4, ..wall(20.0, y_m).footprint };
+            gap_ahead(&path, (0.0, 40.0), 0.9, |_| 0.0, [Obstacle { footprint, ..wall(20.0, y_m) }].iter())
+        };
+        assert!(gap(2.45).is_some() && gap(2.65).is_none());
     }
 
     #[test]

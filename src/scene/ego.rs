@@ -9,6 +9,7 @@ use super::car::{
     DRIVE_RESPONSE_S, EGO_LENGTH_M, EGO_WIDTH_M, EgoCommand, FRONT_BUMPER_X_M, MAX_STEERING_RAD, WHEELBASE_M,
 };
 use super::driving::{self, Gap, Obstacle, Owner};
+use super::ego_room::{dodge, first_hit, is_free_behind, pushes, touches};
 use super::junctions::Answer;
 use super::lane_change::Mover;
 use super::network::LaneGraph;
@@ -30,11 +31,14 @@ const HASTE: f64 = 5.0;
 const CREEP_S: f64 = 0.4;
 const CREEPING_S: f64 = 4.0;
 const CREEP_MPS: f64 = 1.0;
+/// It backs up for this long; time in which someone behind hinders it counts half.
+const BACKING_S: f64 = 3.0;
+/// Slower than this it looks for a steering angle that leads past what stands.
+const DODGING_MPS: f64 = 2.0;
 /// A planned offset from where it is now that counts as a way round, metres.
 const ROUND_M: f64 = 0.2;
 /// After waiting this long at a junction the driver turns elsewhere.
 const PATIENCE_S: f64 = 9.0;
-
 /// A driver who stands this close to the end of the route has arrived, and waits.
 const END_M: f64 = 8.0;
 /// What is noticed late is noticed at this distance beyond the way to a stop.
@@ -44,6 +48,7 @@ const GRAVITY_MPS2: f64 = 9.81;
 const DRAG_TIME_S: f64 = 2.0;
 const MAX_DRAG_MPS2: f64 = 0.8;
 const MAX_LEARNT_MPS2: f64 = 2.0;
+const MOVES_MPS: f64 = 0.3;
 /// Sideways speed of a change of lanes.
 const SIDEWAYS_MPS: f64 = 1.3;
 /// Time from one change of lanes to the next.
@@ -97,6 +102,8 @@ pub struct EgoDriver {
     backing_s: f64,
     /// Seconds for which it still drives on at a walk, past what is too near for a planned way.
     creeping_s: f64,
+    /// Whether the last check stopped it before something that stands, or that touches it.
+    is_stopped_short: bool,
     /// Seconds for which it still takes any way round.
     bold_s: f64,
     /// Whether it moves over to another lane, the offset that it steers at meanwhile, and the time
@@ -124,6 +131,7 @@ impl EgoDriver {
             held_s: 0.0,
             backing_s: 0.0,
             creeping_s: 0.0,
+            is_stopped_short: false,
             bold_s: 0.0,
             is_changing: false,
             glide_m: 0.0,
@@ -180,7 +188,7 @@ impl EgoDriver {
         self.left_m = self.swerve(pose, graph).best_offset(self.left_m, &surface.road_grid, &others);
         let speed_mps = pose.speed_mps.max(0.0);
         let reach_m = 12.0 + 3.0 * speed_mps;
-        let gap = self.swerve(pose, graph).gap(self.left_m, reach_m, others.iter());
+        let (gap, is_narrow) = self.swerve(pose, graph).gap_or_narrow(self.left_m, reach_m, &others);
         // Room to steer round what stands; less for vehicles that will drive on.
         let standstill_m = if gap.is_some_and(|gap| gap.is_still) { 4.5 } else { 1.5 };
         let limit_mps = graph.lanes[self.route.span_at(self.front_m()).lane].limit_mps;
@@ -193,29 +201,42 @@ impl EgoDriver {
         let end = (to_end_m < 30.0).then(|| Gap::line(to_end_m.max(0.1)));
         let before_thing = gap.filter(|gap| gap.is_still && gap.distance_m < THING_M);
         self.consider_creeping(dt_s, speed_mps, swerve_m, before_thing);
-        let mut acceleration = if self.creeping_s > 0.0 && before_thing.is_some() {
-            driving::acceleration_mps2(speed_mps, CREEP_MPS, None, standstill_m)
-        } else {
-            driving::acceleration_mps2(speed_mps, desired_mps, gap, standstill_m)
-        };
+        let creeping = driving::acceleration_mps2(speed_mps, CREEP_MPS, None, standstill_m);
+        let mut acceleration = driving::acceleration_mps2(speed_mps, desired_mps, gap, standstill_m);
+        if is_narrow {
+            acceleration = acceleration.max(creeping);
+        } else if self.creeping_s > 0.0 && before_thing.is_some() {
+            acceleration = creeping;
+        }
         for stop in [line, end].into_iter().flatten() {
             acceleration =
                 acceleration.min(driving::acceleration_mps2(speed_mps, desired_mps, Some(stop), 1.0));
         }
-        let is_held = line.is_some_and(|line| line.distance_m < 4.0);
+        // Who is stuck at a thing does not wait for the junction behind it.
+        let is_held = line.is_some_and(|line| line.distance_m < 4.0) && !self.is_stopped_short;
+        let is_at_thing = before_thing.is_some() || self.is_stopped_short;
         // A queue before a light is not a jam.
-        if to_end_m > END_M && !answer.is_queue {
-            let haste = if before_thing.is_some() { HASTE } else { 1.0 };
-            self.unjam(dt_s * haste, speed_mps, is_held, graph);
+        if to_end_m > END_M && (is_at_thing || !answer.is_queue) {
+            let haste = if is_at_thing { HASTE } else { 1.0 };
+            self.unjam(dt_s * haste, pose.speed_mps, is_held, graph);
         }
-        let hold_mps = self.hold_mps(dt_s, pose);
-        if self.backing_s > 0.0 && is_free_behind(pose, &others) {
-            self.backing_s -= dt_s;
-            self.steering_rad = 0.0;
-            return EgoCommand { target_speed_mps: hold_mps - 1.2, steering_angle_rad: 0.0 };
+        if self.backing_s <= 0.0 && pushes(pose, &others) {
+            self.backing_s = BACKING_S;
         }
-        self.steer(dt_s, pose);
-        if self.is_about_to_hit(pose, &others) {
+        let hold_mps = self.hold_mps(dt_s, pose, acceleration);
+        self.asked_mps2 = f64::INFINITY;
+        if self.backing_s > 0.0 {
+            let is_free = is_free_behind(pose, &others);
+            self.backing_s -= if is_free { dt_s } else { dt_s / 2.0 };
+            if is_free {
+                self.steering_rad = 0.0;
+                return EgoCommand { target_speed_mps: hold_mps - 1.2, steering_angle_rad: 0.0 };
+            }
+        }
+        self.steer(dt_s, pose, &others);
+        let hit = self.about_to_hit(pose, &others);
+        self.is_stopped_short = hit.is_some_and(|other| other.is_still) || touches(pose, &others);
+        if hit.is_some() {
             return EgoCommand { target_speed_mps: hold_mps, steering_angle_rad: self.steering_rad };
         }
         self.asked_mps2 = acceleration;
@@ -246,14 +267,16 @@ impl EgoDriver {
 
     /// What the wheels' target needs on top, so that the car does as demanded: against the slope, and
     /// against drag, which shows as the difference between demanded and measured acceleration.
-    fn hold_mps(&mut self, dt_s: f64, pose: &EgoPose) -> f64 {
+    fn hold_mps(&mut self, dt_s: f64, pose: &EgoPose, asked_mps2: f64) -> f64 {
         let found_mps2 = (pose.speed_mps - self.speed_before_mps) / dt_s;
         self.speed_before_mps = pose.speed_mps;
-        if pose.speed_mps > 2.0 && self.asked_mps2.abs() < MAX_LEARNT_MPS2 {
+        if pose.speed_mps > MOVES_MPS && self.asked_mps2.abs() < MAX_LEARNT_MPS2 {
             let change = (self.asked_mps2 - found_mps2) * dt_s / DRAG_TIME_S;
             self.drag_mps2 = (self.drag_mps2 + change).clamp(-MAX_DRAG_MPS2, MAX_DRAG_MPS2);
         }
-        let drag_mps2 = if pose.speed_mps > 2.0 { self.drag_mps2 } else { 0.0 };
+        // One who stops or stands wants no push.
+        let sets_off = pose.speed_mps > MOVES_MPS && asked_mps2 > 0.0;
+        let drag_mps2 = if pose.speed_mps > 2.0 || sets_off { self.drag_mps2 } else { 0.0 };
         (GRAVITY_MPS2 * pose.grade + drag_mps2) * DRIVE_RESPONSE_S
     }
 
@@ -331,6 +354,9 @@ impl EgoDriver {
 
     /// Ends a jam by another way: other turns ahead, a bolder way round, at last backing up.
     fn unjam(&mut self, dt_s: f64, speed_mps: f64, is_held: bool, graph: &LaneGraph) {
+        if self.backing_s > 0.0 {
+            return;
+        }
         let before_s = self.jam_s;
         let stands = speed_mps.abs() <= 0.3;
         self.held_s = if stands && is_held { self.held_s + dt_s } else { 0.0 };
@@ -345,47 +371,29 @@ impl EgoDriver {
         }
         if self.jam_s > JAM_S + 3.0 {
             self.jam_s = 0.0;
-            self.backing_s = 3.0;
+            self.backing_s = BACKING_S;
         }
     }
 
     /// The last check, whatever was planned: the arc that the wheels point along, up to a stop.
-    fn is_about_to_hit(&self, pose: &EgoPose, others: &[Obstacle]) -> bool {
+    fn about_to_hit<'a>(&self, pose: &EgoPose, others: &'a [Obstacle]) -> Option<&'a Obstacle> {
         let speed_mps = pose.speed_mps.max(0.0);
         let reach_m = 0.5 + 0.25 * speed_mps + speed_mps * speed_mps / 12.0;
-        let curvature = self.steering_rad.tan() / WHEELBASE_M;
-        let body = pose.obstacle().footprint;
-        let n = (reach_m / 0.5).ceil() as usize;
-        let (mut position, mut yaw_rad) = (pose.position, pose.yaw_rad);
-        (0..n).any(|_| {
-            position += direction_of(yaw_rad) * 0.5;
-            yaw_rad += curvature * 0.5;
-            let ahead = EgoPose { position, yaw_rad, ..*pose }.obstacle().footprint.grow(0.08);
-            others.iter().any(|other| {
-                let moved = other.velocity_mps.norm() > 1.0;
-                !moved && ahead.meets(&other.footprint) && !body.meets(&other.footprint)
-            })
-        })
+        first_hit(pose, self.steering_rad, reach_m, others)
     }
 
-    fn steer(&mut self, dt_s: f64, pose: &EgoPose) {
+    fn steer(&mut self, dt_s: f64, pose: &EgoPose, others: &[Obstacle]) {
         let speed_mps = pose.speed_mps.max(0.0);
         let lookahead_m = (0.6 * speed_mps + 2.6).clamp(3.8, 9.0);
         let left_m = if self.is_changing { self.glide_m } else { self.left_m };
         let target = self.route.path.beside(self.station_m + lookahead_m, left_m);
         let way = target - pose.position;
         let alpha = turn_between(pose.yaw_rad, way.y.atan2(way.x));
-        let wanted = (2.0 * WHEELBASE_M * alpha.sin() / way.norm().max(1.0)).atan();
+        let mut wanted = (2.0 * WHEELBASE_M * alpha.sin() / way.norm().max(1.0)).atan();
+        if speed_mps < DODGING_MPS {
+            wanted = dodge(pose, wanted, others);
+        }
         let step = (wanted - self.steering_rad).clamp(-STEERING_RATE_RPS * dt_s, STEERING_RATE_RPS * dt_s);
         self.steering_rad = (self.steering_rad + step).clamp(-MAX_STEERING_RAD, MAX_STEERING_RAD);
     }
-}
-
-fn is_free_behind(pose: &EgoPose, others: &[Obstacle]) -> bool {
-    let body = pose.obstacle().footprint;
-    let behind =
-        Footprint { center: body.center - pose.direction() * 1.5, length_m: body.length_m + 2.0, ..body };
-    // A thing that touches the front does not hinder backing up.
-    let rear = |other: &&Obstacle| (other.footprint.center - body.center).dot(&pose.direction()) < 0.0;
-    !others.iter().filter(rear).any(|other| other.footprint.meets(&behind))
 }

@@ -58,6 +58,13 @@ impl Footprint {
         (offset.x * cos + offset.y * sin, offset.y * cos - offset.x * sin)
     }
 
+    /// Distance from a point to it, zero inside.
+    pub fn distance_m(&self, point: Vec2) -> f64 {
+        let (x, y) = self.place_of(point);
+        let beyond = |at: f64, size_m: f64| (at.abs() - size_m / 2.0).max(0.0);
+        beyond(x, self.length_m).hypot(beyond(y, self.width_m))
+    }
+
     /// Whether a point lies inside.
     pub fn contains(&self, point: Vec2) -> bool {
         let (x, y) = self.place_of(point);

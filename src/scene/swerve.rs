@@ -10,6 +10,14 @@ const REACH_M: f64 = 26.0;
 const ONCOMING_REACH_M: f64 = 45.0;
 /// The same for vehicles that stand there.
 const STANDING_REACH_M: f64 = 16.0;
+/// Room to the sides that a narrow way spares, and how much such a way counts.
+const SPARED_M: f64 = 0.2;
+const NARROW_SHARE: f64 = 0.25;
+/// A narrow way leads past a thing if it is free so much farther.
+const PASSED_M: f64 = 3.0;
+/// Offsets that are tried, in steps: to the kerb's side and away from it. What is placed on the road leaves one of these.
+const STEP_M: f64 = 0.3;
+const STEPS: [i32; 2] = [-4, 16];
 
 /// A body on its path.
 #[derive(Debug, Clone, Copy)]
@@ -38,6 +46,27 @@ impl Swerve<'_> {
         reach_m: f64,
         others: impl Iterator<Item = &'b Obstacle>,
     ) -> Option<Gap> {
+        self.gap_of(self.half_width_m, left_m, reach_m, others)
+    }
+
+    /// The obstacle ahead, and whether it is something still that can be passed at a walk, with little room to the sides.
+    pub fn gap_or_narrow(&self, left_m: f64, reach_m: f64, others: &[Obstacle]) -> (Option<Gap>, bool) {
+        let gap = self.gap(left_m, reach_m, others.iter());
+        let is_narrow = gap.is_some_and(|gap| {
+            let narrow = self.gap_of(self.half_width_m - SPARED_M, left_m, reach_m, others.iter());
+            gap.is_still && narrow.is_none_or(|narrow| narrow.distance_m > gap.distance_m + PASSED_M)
+        });
+        (gap, is_narrow)
+    }
+
+    /// The gap of a body of another width.
+    fn gap_of<'b>(
+        &self,
+        half_width_m: f64,
+        left_m: f64,
+        reach_m: f64,
+        others: impl Iterator<Item = &'b Obstacle>,
+    ) -> Option<Gap> {
         // Far over, as to another lane, takes longer.
         let blend_m = (1.6 * self.speed_mps).clamp(4.5, 10.0).max(if (left_m - self.now_m).abs() > 2.0 {
             2.3 * self.speed_mps
@@ -48,16 +77,16 @@ impl Swerve<'_> {
             let share = ((s_m - self.front_m) / blend_m).clamp(0.0, 1.0);
             self.now_m + (left_m - self.now_m) * share * share * (3.0 - 2.0 * share)
         };
-        driving::gap_ahead(self.path, (self.front_m, reach_m), self.half_width_m, left_at, others)
+        driving::gap_ahead(self.path, (self.front_m, reach_m), half_width_m, left_at, others)
     }
 
     /// The offset that costs least: a free way first, then near the lane's middle, then no change.
     pub fn best_offset(&self, before_m: f64, road: &StripGrid, others: &[Obstacle]) -> f64 {
-        let free_m = |left_m: f64| {
+        let free_m = |left_m: f64, half_width_m: f64| {
             let still = others.iter().filter(|other| other.is_still);
-            self.gap(left_m, REACH_M, still).map_or(REACH_M, |gap| gap.distance_m)
+            self.gap_of(half_width_m, left_m, REACH_M, still).map_or(REACH_M, |gap| gap.distance_m)
         };
-        if before_m.abs() < 0.01 && self.now_m.abs() < 0.5 && free_m(0.0) >= REACH_M {
+        if before_m.abs() < 0.01 && self.now_m.abs() < 0.5 && free_m(0.0, self.half_width_m) >= REACH_M {
             return 0.0;
         }
         // An obstacle that is being passed counts until the rear is past it.
@@ -67,7 +96,10 @@ impl Swerve<'_> {
         };
         let is_met = others.iter().any(|other| self.meets_oncoming(other));
         let cost = |left_m: f64| {
-            let shortfall_m = REACH_M - free_m(left_m);
+            // Where no way has room to both sides, a narrow one is driven at a walk.
+            let narrow_m = free_m(left_m, self.half_width_m - SPARED_M);
+            let shortfall_m =
+                REACH_M - (1.0 - NARROW_SHARE) * free_m(left_m, self.half_width_m) - NARROW_SHARE * narrow_m;
             // Both sides of the body must be on the road.
             let beyond_m = [-self.half_width_m, self.half_width_m]
                 .map(|side_m| road.clearance_m(self.path.beside(self.front_m + 6.0, left_m + side_m)))
@@ -89,8 +121,9 @@ impl Swerve<'_> {
                 + 0.5 * left_m.abs()
                 + 0.4 * (left_m - before_m).abs()
         };
+        let [first, last] = STEPS;
         let candidates =
-            (-4..=14).map(|i| self.mirror * 0.35 * f64::from(i)).map(|left_m| (cost(left_m), left_m));
+            (first..=last).map(|i| self.mirror * STEP_M * f64::from(i)).map(|left_m| (cost(left_m), left_m));
         candidates.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(before_m, |(_, left_m)| left_m)
     }
 
@@ -128,7 +161,7 @@ mod tests {
     }
 
     fn best(others: &[Obstacle]) -> f64 {
-        let path = Path::new([Vec2::zeros(), Vec2::new(100.0, 0.0)]).unwrap();
+        let path = path();
         // The lane and the one of the other direction on its left.
         let mut road = StripGrid::default();
         road.add(&path.points_every(0.5), 1.75);
@@ -136,8 +169,16 @@ mod tests {
             &path.points_every(0.5).iter().map(|point| point + Vec2::new(0.0, 3.5)).collect::<Vec<_>>(),
             1.75,
         );
-        let swerve = Swerve {
-            path: &path,
+        body(&path).best_offset(0.0, &road, others)
+    }
+
+    fn path() -> Path {
+        Path::new([Vec2::zeros(), Vec2::new(100.0, 0.0)]).unwrap()
+    }
+
+    fn body(path: &Path) -> Swerve<'_> {
+        Swerve {
+            path,
             front_m: 10.0,
             now_m: 0.0,
             half_width_m: 0.9,
@@ -146,8 +187,20 @@ mod tests {
             is_bold: false,
             mirror: 1.0,
             is_near_junction: false,
+        }
+    }
+
+    #[test]
+    fn between_two_things_a_little_farther_apart_than_the_body_is_wide_one_drives_at_a_walk() {
+        let path = path();
+        // The room between them, from the middle of the way to each.
+        let is_narrow = |half_m: f64| {
+            let things = [thing(28.0, half_m + 0.5, None), thing(28.0, -half_m - 0.5, None)];
+            body(&path).gap_or_narrow(0.0, 30.0, &things)
         };
-        swerve.best_offset(0.0, &road, others)
+        assert!(matches!(is_narrow(1.0), (Some(_), true)));
+        assert!(matches!(is_narrow(0.8), (Some(_), false)), "too narrow");
+        assert!(matches!(is_narrow(1.3), (None, false)), "wide enough");
     }
 
     #[test]
