@@ -81,6 +81,15 @@ mod tests {
     }
 
     #[test]
+    fn kittis_rig_is_read_from_its_file() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/configs/rigs/kitti.toml");
+        let rig = Rig::try_from(&RigConfig::named_or_read(path).unwrap()).unwrap();
+        assert_eq!(rig.lidars[0].n_rings, 64);
+        // P2 of its object frames.
+        assert!((rig.front().intrinsics.fx_px - 721.5).abs() < 1.0, "{}", rig.front().intrinsics.fx_px);
+    }
+
+    #[test]
     fn a_file_that_is_no_valid_rig_is_told_with_its_path() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("rig.toml");

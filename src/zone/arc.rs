@@ -36,7 +36,7 @@ impl ZoneRule for Arc {
     }
 
     fn overlap_m2(&self, object: &Seen) -> Result<f64, ZoneError> {
-        Ok(self.swept.overlap_with_m2(object))
+        Ok(object.shared_m2(&self.swept))
     }
 
     fn is_harmful(&self, meeting: &Meeting) -> bool {

@@ -6,7 +6,6 @@
 
 use super::course::Course;
 use super::error::ZoneError;
-use super::rule::Seen;
 use crate::geometry::{Point2, convex_overlap_area};
 
 /// Largest distance of a chord from its arc, metres.
@@ -83,12 +82,6 @@ impl Corridor {
     /// Corners, counter-clockwise from the near right one; not convex where the course bends.
     pub fn outline(&self) -> &[Point2] {
         &self.outline
-    }
-
-    /// Area shared with an object, square metres: not more than the object has, as the sum over a corridor of many
-    /// kilometres may be.
-    pub fn overlap_with_m2(&self, object: &Seen) -> f64 {
-        self.overlap_m2(&object.footprint()).min(object.area_m2())
     }
 
     /// Area shared with a convex footprint, square metres.

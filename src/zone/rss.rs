@@ -58,7 +58,7 @@ impl ZoneRule for Rss {
     fn overlap_m2(&self, object: &Seen) -> Result<f64, ZoneError> {
         let center = object.box_in_ego.center;
         let at = Point2 { x_m: center.x(), y_m: center.y() };
-        Ok(self.needs.corridor_for(at, object.velocity_mps)?.overlap_with_m2(object))
+        Ok(object.shared_m2(&self.needs.corridor_for(at, object.velocity_mps)?))
     }
 
     fn is_harmful(&self, meeting: &Meeting) -> bool {

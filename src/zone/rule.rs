@@ -3,6 +3,7 @@
 use std::fmt::Debug;
 
 use super::config::ZoneConfig;
+use super::corridor::Corridor;
 use super::course::Course;
 use super::error::ZoneError;
 use crate::geometry::{Box3, Ego, Point2};
@@ -71,6 +72,12 @@ impl Seen<'_> {
     /// The area of that, square metres.
     pub fn area_m2(&self) -> f64 {
         self.box_in_ego.length_m * self.box_in_ego.width_m
+    }
+
+    /// Area shared with a corridor, square metres: not more than the object has, as the sum over a corridor of many
+    /// kilometres may be.
+    pub fn shared_m2(&self, corridor: &Corridor) -> f64 {
+        corridor.overlap_m2(&self.footprint()).min(self.area_m2())
     }
 }
 

@@ -56,7 +56,7 @@ impl ZoneRule for Ttc {
     }
 
     fn overlap_m2(&self, object: &Seen) -> Result<f64, ZoneError> {
-        Ok(self.swept.overlap_with_m2(object))
+        Ok(object.shared_m2(&self.swept))
     }
 
     fn time_to_collision_s(&self, object: &Seen) -> Option<f64> {
