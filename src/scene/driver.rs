@@ -11,6 +11,7 @@ use super::path::direction_of;
 use super::route::Route;
 use super::swerve::Swerve;
 use super::town::Town;
+use crate::geometry::convex_overlap_area;
 use crate::random::Rng;
 
 /// Distance to the car ahead when standing.
@@ -19,6 +20,8 @@ const STANDSTILL_M: f64 = 0.9;
 const CREEP_S: f64 = 1.0;
 const CREEPING_S: f64 = 5.0;
 const CREEP_MPS: f64 = 1.0;
+/// Who touches something may slide along it or away, but not onto it: more ground shared than this in one step.
+const SLID_ALONG_M2: f64 = 1e-6;
 /// Standing this long with no way on, a driver backs up.
 const BACK_UP_S: f64 = 6.0;
 /// The same right before something still, for which nobody waits; then it takes any way round for so long.
@@ -212,10 +215,15 @@ impl Driver {
             (aim - driver.slope).clamp(-sharpest_per_m * moved_m.abs(), sharpest_per_m * moved_m.abs());
         driver.left_m += driver.slope * moved_m;
         driver.station_m += moved_m;
-        // Whatever was planned: nobody moves onto taken ground.
-        let after = driver.obstacle().footprint.grow(0.03);
-        let hits =
-            |other: &Obstacle| after.meets(&other.footprint) && !before.footprint.meets(&other.footprint);
+        // Whatever was planned: nobody moves onto taken ground, nor farther onto it.
+        let [was, after] = [before.footprint, driver.obstacle().footprint].map(|body| body.grow(0.03));
+        let hits = |other: &Obstacle| {
+            let shared_m2 =
+                |body: &Footprint| convex_overlap_area(&body.corners(), &other.footprint.corners());
+            after.meets(&other.footprint)
+                && (!before.footprint.meets(&other.footprint)
+                    || shared_m2(&after) > shared_m2(&was) + SLID_ALONG_M2)
+        };
         if let Some(hit) = others.iter().find(|other| hits(other)) {
             (driver.station_m, driver.left_m, driver.slope) = saved;
             driver.speed_mps = 0.0;

@@ -7,11 +7,11 @@ define_config! {
     /// Shares of the out-of-distribution objects that no event sets in motion; those that are left stand beside the road.
     pub struct OodPlacementConfig {
         /// In the ego's lane, or partly in it.
-        lane_share: f64 = 0.08, in SHARE;
+        lane_share: f64 = 0.04, in SHARE;
         /// At a junction: in its mouth, on the way through it or at its far side, in the lane or at the corner.
-        junction_share: f64 = 0.17, in SHARE;
+        junction_share: f64 = 0.11, in SHARE;
         /// In a bend, in the lane or on one of its sides.
-        bend_share: f64 = 0.08, in SHARE;
+        bend_share: f64 = 0.05, in SHARE;
         /// On a pedestrian crossing.
         crossing_share: f64 = 0.05, in SHARE;
         /// Half hidden behind a parked car, a post, a tree or the corner of a house.
@@ -21,7 +21,7 @@ define_config! {
         /// Share of the events in which a thing comes out from behind a parked vehicle, if there is one.
         emerge_share: f64 = 0.4, in SHARE;
         /// Share of those on the road that the ego's driver notices late.
-        late_share: f64 = 0.7, in SHARE;
+        late_share: f64 = 0.3, in SHARE;
         /// How hard the ego must then brake to stop before them, m/s²: least, most.
         late_braking_mps2: [f64; 2] = [3.0, 6.0], in from_to(0.5, 7.0).pair();
     }
