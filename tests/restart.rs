@@ -4,7 +4,9 @@
 mod made_data;
 
 use fs_err as fs;
-use made_data::{Fixture, SEED, TINY, command, done, episodes, fixture, generate, kill_when_filled, text};
+use made_data::{
+    Fixture, TINY, command, done, episodes, fixture, generate, generation, kill_when_filled, text,
+};
 
 #[test]
 fn the_same_seed_gives_the_same_bytes_whatever_the_jobs() {
@@ -22,20 +24,7 @@ fn the_same_seed_gives_the_same_bytes_whatever_the_jobs() {
 fn gen_killed_in_the_middle_and_called_again_ends_with_the_same_bytes() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let out = folder.path().join("killed");
-    let base = [
-        "gen",
-        "--town",
-        "downtown",
-        "--samples",
-        "3",
-        "--seed",
-        SEED,
-        "--set",
-        "val_every=2",
-        "--jobs",
-        "1",
-    ];
-    let args = [&base[..], &["--episodes", "2", "--out", text(&out)]].concat();
+    let args = generation(&out, "1", &["--episodes", "2"]);
     // Once the first episode stands, the second is under way.
     kill_when_filled(&mut command(&args), &out.join("episodes"));
     done(&args);

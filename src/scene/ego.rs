@@ -9,12 +9,12 @@ use super::car::{
     DRIVE_RESPONSE_S, EGO_LENGTH_M, EGO_WIDTH_M, EgoCommand, FRONT_BUMPER_X_M, MAX_STEERING_RAD, WHEELBASE_M,
 };
 use super::driving::{self, Gap, Obstacle, Owner};
+use super::ego_pose::EgoPose;
 use super::ego_room::{dodge, first_hit, is_free_behind, pushes, touches};
 use super::junctions::Answer;
 use super::lane_change::Mover;
 use super::network::LaneGraph;
-use super::occupancy::Footprint;
-use super::path::{Vec2, direction_of, turn_between};
+use super::path::turn_between;
 use super::route::Route;
 use super::surface::Surface;
 use super::swerve::Swerve;
@@ -53,39 +53,6 @@ const MOVES_MPS: f64 = 0.3;
 const SIDEWAYS_MPS: f64 = 1.3;
 /// Time from one change of lanes to the next.
 const CHANGED_S: f64 = 5.0;
-
-/// Pose and speed of the ego as the simulator reports them.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct EgoPose {
-    pub position: Vec2,
-    pub yaw_rad: f64,
-    pub speed_mps: f64,
-    /// Sine of the slope that it stands on, positive uphill.
-    pub grade: f64,
-}
-
-impl EgoPose {
-    pub fn direction(&self) -> Vec2 {
-        direction_of(self.yaw_rad)
-    }
-
-    pub fn obstacle(&self) -> Obstacle {
-        let center = self.position + self.direction() * (FRONT_BUMPER_X_M - EGO_LENGTH_M / 2.0);
-        Obstacle {
-            owner: Owner::Ego,
-            footprint: Footprint {
-                center,
-                yaw_rad: self.yaw_rad,
-                length_m: EGO_LENGTH_M,
-                width_m: EGO_WIDTH_M,
-            },
-            velocity_mps: self.direction() * self.speed_mps,
-            is_still: false,
-            is_vehicle: true,
-            backs_up: false,
-        }
-    }
-}
 
 /// The driver's memory.
 #[derive(Debug, Clone)]

@@ -2,7 +2,7 @@
 
 use super::car::{MAX_STEERING_RAD, WHEELBASE_M};
 use super::driving::Obstacle;
-use super::ego::EgoPose;
+use super::ego_pose::EgoPose;
 use super::occupancy::Footprint;
 use super::path::direction_of;
 

@@ -14,6 +14,7 @@ mod driver;
 mod driving;
 mod dry_walls;
 mod ego;
+mod ego_pose;
 mod ego_room;
 mod emerging;
 mod error;

@@ -112,24 +112,14 @@ pub fn text(path: &Path) -> &str {
     path.to_str().expect("temporary paths are text")
 }
 
-/// Gives people and harmful objects in so few samples.
-pub const SEED: &str = "10";
+/// Flags of `gen` for data of three samples an episode; the seed gives people and harmful objects in so few.
+pub fn generation<'a>(out: &'a Path, jobs: &'a str, more: &[&'a str]) -> Vec<&'a str> {
+    let base = "gen --town downtown --samples 3 --seed 10 --set val_every=2".split(' ');
+    base.chain(["--jobs", jobs, "--out", text(out)]).chain(more.iter().copied()).collect()
+}
 
 pub fn generate(out: &Path, jobs: &str, more: &[&str]) {
-    let base = [
-        "gen",
-        "--town",
-        "downtown",
-        "--samples",
-        "3",
-        "--seed",
-        SEED,
-        "--set",
-        "val_every=2",
-        "--jobs",
-        jobs,
-    ];
-    done(&[&base, more, &["--out", text(out)]].concat());
+    done(&generation(out, jobs, more));
 }
 
 /// Two labelled datasets, ID and OOD, and a trained run; made once for all tests here.
