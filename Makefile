@@ -43,7 +43,7 @@ setup-golden: .venv-golden/.ready ## PyTorch, which the golden tests' files and 
 .venv-bundle/.ready: requirements-bundle.txt requirements-bundle-source.txt scripts/setup.sh .venv/.ready
 	@scripts/setup.sh bundle
 
-build: setup ## The optimised program (the first time about 8 minutes on two cores)
+build: setup ## The optimised program (the first time 8 to 14 minutes on two cores)
 	@start=$$SECONDS; cargo build --release; \
 	echo "built $(BIN) in $$((SECONDS - start)) s"
 

@@ -1,5 +1,6 @@
 """What a model shows, laid out for OpenGL: vertices, and faces in chunks that are drawn or left out."""
 
+import itertools
 from dataclasses import dataclass
 
 import mujoco
@@ -11,6 +12,8 @@ from harmzone_sim.shapes import Shapes
 # Ground (0), static scene (1) and objects (2); neither collision shapes (3) nor the own car (4).
 VISIBLE_GROUPS = (1, 1, 1, 0, 0, 0)
 _GROUND = 0
+# OpenGL rounds: the boxes round chunks are larger by so much on each side.
+_SLACK_M = 0.01
 # Side of the squares into which fixed meshes are cut.
 _CHUNK_M = 24.0
 
@@ -24,6 +27,7 @@ COLUMNS = {
     "gloss": (12, 3),
     "geom": (15, 1),
 }
+_SIGNS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
 _GLOSS = slice(12, 15)
 _RGBA = slice(8, 12)
 
@@ -36,7 +40,8 @@ class Drawing:
 
     Vertices of what stands still are in the world frame, those of what moves in their body's. Faces lie
     chunk by chunk: chunk i is faces[begin[i]:end[i]], of body `body[i]` (0: it stands still), with texture
-    `texture[i]` (-1: none), within `radius_m[i]` of `center_m[i]` in its frame.
+    `texture[i]` (-1: none), in a box along the axes of its frame, with middle
+    `center_m[i]` and half diagonal `radius_m[i]`.
 
     `casts_shadow[i]` is false for ground that the light `sun` meets everywhere from above: what lies in the
     shadow of ground lies behind a face of it that is turned away from the light. Ground (`is_ground[i]`) is
@@ -160,12 +165,25 @@ class Drawing:
         low = np.minimum.reduceat(np.array([part.low for part in parts], dtype=float), first)
         high = np.maximum.reduceat(np.array([part.high for part in parts], dtype=float), first)
         self.center_m = (low + high) / 2
-        self.radius_m = np.linalg.norm(high - low, axis=1) / 2
+        self._half_m = (high - low) / 2 + _SLACK_M
+        self.radius_m = np.linalg.norm(self._half_m, axis=1)
 
     def centers_in_world_m(self, data: mujoco.MjData) -> Array:
         """Middles of the chunks: [chunk, 3]."""
         turn = data.xmat[self.body].reshape(-1, 3, 3)
         return np.einsum("cij,cj->ci", turn, self.center_m) + data.xpos[self.body]
+
+    def reach_along_m(self, data: mujoco.MjData, axes: Array) -> Array:
+        """How far the chunks reach from their middles along axes [axis, 3] of the world: [chunk, axis]."""
+        turn = data.xmat[self.body].reshape(-1, 3, 3)
+        return np.einsum("caj,cj->ca", np.abs(axes @ turn), self._half_m)
+
+    def corners_in_world_m(self, data: mujoco.MjData, chunks: Indices) -> Array:
+        """Corners of the boxes round some chunks: [chunk, 8, 3]."""
+        body = self.body[chunks]
+        turn = data.xmat[body].reshape(-1, 3, 3)
+        corners = self.center_m[chunks, None] + _SIGNS * self._half_m[chunks, None]
+        return np.einsum("cij,ckj->cki", turn, corners) + data.xpos[body, None]
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harmzone_sim.drawing import COLUMNS, N_COLUMNS, Drawing
-from harmzone_sim.hidden import Depths
+from harmzone_sim.hidden import Depths, Shown
 from harmzone_sim.lights import Lights
 from harmzone_sim.shaders import (
     DEPTH_SHADER,
@@ -26,6 +26,9 @@ from harmzone_sim.world import World
 # By slope and by steps of depth: how far casters are moved back, lest they shade themselves. By slope it is a
 # texel more than MuJoCo's 1.5, since edges are softened over three.
 _SHADOW_OFFSET = (-2.5, -4.0)
+# What lies so many texels beside what is shown still casts: a soft edge reaches 0.7 texels to each
+# side, and one more by the texture unit.
+_MARGIN_TEXELS = 3
 _STILL = np.eye(4, dtype=np.float32)
 
 
@@ -150,7 +153,9 @@ class Painter:
             gl.glBufferSubData(gl.GL_ARRAY_BUFFER, 4 * N_COLUMNS * span.start, part.nbytes, part)
         view = camera_view(model, data, self._world.camera_ids[camera], self._size_px)
         center_m = drawing.centers_in_world_m(data)
-        is_seen = view.sees(center_m, drawing.radius_m)
+        planes = view.planes()
+        inside_m = center_m @ planes[:, :3].T + planes[:, 3]
+        is_seen = (inside_m > -drawing.reach_along_m(data, planes[:, :3])).all(axis=1)
         gl.glEnable(gl.GL_DEPTH_TEST)
         gl.glDepthFunc(gl.GL_GEQUAL)
         gl.glClearDepth(0.0)
@@ -161,7 +166,7 @@ class Painter:
         seen = np.flatnonzero(is_seen)
         self._draw_chunks(seen[drawing.texture[seen] >= 0], self._depth_only)
         depths = Depths(view, self._read_depth())
-        seen = seen[~depths.hides(center_m[seen], drawing.radius_m[seen])]
+        seen = seen[~depths.hides(drawing.corners_in_world_m(data, seen))]
         shadow_from_world = np.eye(4)
         if self._has_shadow:
             shadow_from_world = self._draw_shadows(view, depths, center_m, seen)
@@ -221,22 +226,27 @@ class Painter:
         gl, model, data, drawing = self._gl, self._world.model, self._world.data, self._drawing
         n = self._shadow_px
         sun, reach_m = sun_view(model, data, self._lights.casting, view), shadow_reach_m(model)
-        radius_m = drawing.radius_m
-        near = seen[radius_m[seen] < reach_m]
-        low_m = (center_m[:, 2] - radius_m)[near].min(initial=view.eye_m[2])
-        high_m = (center_m[:, 2] + radius_m)[near].max(initial=view.eye_m[2])
         eye, axes = sun.axes[:2] @ sun.eye_m, sun.axes[:2]
+        half_m = drawing.reach_along_m(data, np.concatenate([axes, [[0.0, 0.0, 1.0]]]))
+        low_m = (center_m[:, 2] - half_m[:, 2])[seen].min(initial=view.eye_m[2])
+        high_m = (center_m[:, 2] + half_m[:, 2])[seen].max(initial=view.eye_m[2])
         corners = outline_m(view, reach_m, low_m, high_m) @ axes.T - eye
         # Shadows fall on what the depths hold and on the things before it.
         in_map = center_m @ axes.T - eye
+        boxes = in_map - half_m[:, :2], in_map + half_m[:, :2]
         things = seen[drawing.texture[seen] < 0]
-        low, high = depths.bounds(axes)
-        low = np.minimum(low - eye, (in_map - radius_m[:, None])[things].min(axis=0, initial=np.inf))
-        high = np.maximum(high - eye, (in_map + radius_m[:, None])[things].max(axis=0, initial=-np.inf))
-        low = np.maximum(low, corners.min(axis=0)).clip(-reach_m, reach_m)
-        high = np.minimum(high, corners.max(axis=0)).clip(-reach_m, reach_m)
-        beside = np.maximum(in_map - high, low - in_map).max(axis=1)
-        casters = np.flatnonzero(drawing.casts_shadow & (beside < radius_m))
+        lows, highs = depths.boxes(axes)
+        lows = np.concatenate([lows - eye, boxes[0][things]])
+        highs = np.concatenate([highs - eye, boxes[1][things]])
+        low = np.maximum(lows.min(axis=0, initial=np.inf), corners.min(axis=0)).clip(-reach_m, reach_m)
+        high = np.minimum(highs.max(axis=0, initial=-np.inf), corners.max(axis=0)).clip(-reach_m, reach_m)
+        # Where there is only sky, nothing is drawn.
+        high = np.maximum(low, high)
+        margin_m = _MARGIN_TEXELS * 2 * reach_m / n
+        is_beside = (boxes[0] > high + margin_m) | (boxes[1] < low - margin_m)
+        casters = np.flatnonzero(drawing.casts_shadow & ~is_beside.any(axis=1))
+        shown = Shown(low, high, lows, highs, margin_m)
+        casters = casters[shown.meets(boxes[0][casters], boxes[1][casters])]
         # A texel more than is seen on each side. The map's own edge stays clear: all beyond is in the light.
         first = np.floor((low / reach_m + 1) / 2 * n).astype(int).clip(2, n - 2) - 1
         last = np.ceil((high / reach_m + 1) / 2 * n).astype(int).clip(2, n - 2) + 1

@@ -36,13 +36,11 @@ class View:
         reverse[2, 3] = 0.5
         return cls(eye_m, axes, near_m, far_m, reverse @ projection @ view)
 
-    def sees(self, center_m: Array, radius_m: Array) -> NDArray[np.bool_]:
-        """Which balls may show: center_m [ball, 3], radius_m [ball]."""
+    def planes(self) -> Array:
+        """Sides of the view and the plane through the eye: [plane, 4], unit normals that point inwards."""
         sides = self.clip_from_world[:2]
         planes = np.concatenate([sides, -sides, np.zeros((1, 4))]) + self.clip_from_world[3]
-        planes /= np.linalg.norm(planes[:, :3], axis=1, keepdims=True)
-        inside_m = center_m @ planes[:, :3].T + planes[:, 3]
-        return (inside_m > -radius_m[:, None]).all(axis=1)
+        return planes / np.linalg.norm(planes[:, :3], axis=1, keepdims=True)
 
 
 def _depth_limits_m(model: mujoco.MjModel) -> tuple[float, float]:

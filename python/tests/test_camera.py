@@ -1,10 +1,14 @@
 """Pictures beside those of MuJoCo's own renderer, which draws every geom in a pass for each light."""
 
+import itertools
+
 import mujoco
 import numpy as np
 import pytest
 from harmzone_sim.camera import Camera
-from harmzone_sim.hidden import Depths
+from harmzone_sim.drawing import Drawing
+from harmzone_sim.hidden import Depths, Shown
+from harmzone_sim.view import View
 from harmzone_sim.world import World
 
 SIZE_PX = (320, 180)
@@ -125,11 +129,11 @@ def test_what_a_wall_hides_is_left_out_and_the_picture_stays_the_same(monkeypatc
     shown, hides = [], Depths.hides
     counts = []
 
-    def counting(self, center_m, radius_m):
-        counts.append(int(hides(self, center_m, radius_m).sum()))
-        return hides(self, center_m, radius_m)
+    def counting(self, corners_m):
+        counts.append(int(hides(self, corners_m).sum()))
+        return hides(self, corners_m)
 
-    for function in (counting, lambda self, center_m, radius_m: np.zeros(len(center_m), dtype=bool)):
+    for function in (counting, lambda self, corners_m: np.zeros(len(corners_m), dtype=bool)):
         monkeypatch.setattr(Depths, "hides", function)
         camera = Camera(world)
         camera.draw()
@@ -137,6 +141,129 @@ def test_what_a_wall_hides_is_left_out_and_the_picture_stays_the_same(monkeypatc
         camera.close()
     assert counts[0] >= 1
     assert all(np.array_equal(ours, full) for ours, full in zip(*shown, strict=True))
+
+
+def test_a_wall_across_the_view_does_not_hide_itself():
+    near_m, far_m = 0.1, 500.0
+    projection = np.diag([1 / 0.8, 1 / 0.6, -(far_m + near_m) / (far_m - near_m), 0.0])
+    projection[2, 3], projection[3, 2] = -2 * far_m * near_m / (far_m - near_m), -1.0
+    view = View.make(np.zeros(3), np.eye(3), near_m, far_m, projection)
+    for depth_m in (0.5, 20.0, 300.0):
+        depth = near_m * (far_m / depth_m - 1) / (far_m - near_m)
+        depths = Depths(view, np.full((240, 320), depth, dtype=np.float32))
+        signs = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
+
+        nearest_m = [depth_m, 1.01 * depth_m, 0.9 * depth_m]
+        corners_m = np.array([signs * [0.3, 0.2, 0.5] - [0.0, 0.0, near + 0.5] for near in nearest_m])
+        assert depths.hides(corners_m).tolist() == [False, True, False], depth_m
+
+
+def test_what_casts_no_shadow_into_the_picture_is_left_out_and_the_picture_stays_the_same(monkeypatch):
+    # Shadows of some slabs fall into the view, and those of others far beside it.
+    posts = "".join(
+        f'<geom type="mesh" mesh="slab" material="tiles" pos="{x} {y} 0" group="1"/>'
+        for x in (4, 8, 16, 30)
+        for y in (-30, -12, 3, 6, 14, 25, 60)
+    )
+    slab = (
+        '<mesh name="slab" vertex="0 -1 0 0 1 0 0 1 3 0 -1 3 .2 -1 0 .2 1 0 .2 1 3 .2 -1 3" texcoord="{}"/>'
+    )
+    xml = SCENE.replace("CAST", "true").replace("</worldbody>", posts + "</worldbody>")
+    xml = xml.replace("</asset>", slab.format("0 0 1 0 1 1 0 1 0 0 1 0 1 1 0 1") + "</asset>")
+    world = World(xml, {}, "ego", [(np.array([0.0, 0.0, 1.5]), FORWARD, 50.0, SIZE_PX)], 0, 1024)
+    shown, counts, meets = [], [], Shown.meets
+
+    def counting(self, lows, highs):
+        met = meets(self, lows, highs)
+        counts.append((int(met.sum()), int((~met).sum())))
+        return met
+
+    for function in (counting, lambda self, lows, highs: np.ones(len(lows), dtype=bool)):
+        monkeypatch.setattr(Shown, "meets", function)
+        camera = Camera(world)
+        camera.draw()
+        shown.append(camera.rgb())
+        camera.close()
+    assert min(counts[0]) >= 1, counts
+    assert np.array_equal(*shown)
+
+
+def test_a_box_meets_the_cells_in_which_something_is_shown_and_no_other():
+    shown = Shown(np.zeros(2), np.full(2, 64.0), np.array([[10.5, 20.5]]), np.array([[10.6, 20.6]]), 0.0)
+    cells = np.array([(10, 20), (9, 20), (11, 20), (10, 19), (10, 21), (20, 10)], dtype=float)
+    assert shown.meets(cells + 0.2, cells + 0.8).tolist() == [True, False, False, False, False, False]
+    # Over many cells, and with a margin that reaches the next cell.
+    assert shown.meets(np.array([[3.0, 3.0]]), np.array([[40.0, 40.0]])).all()
+    wide = Shown(np.zeros(2), np.full(2, 64.0), np.array([[10.5, 20.5]]), np.array([[10.6, 20.6]]), 0.6)
+    assert wide.meets(cells + 0.2, cells + 0.8).tolist() == [True, True, True, True, True, False]
+    nothing = Shown(np.zeros(2), np.full(2, 64.0), np.zeros((0, 2)), np.zeros((0, 2)), 1.0)
+    assert not nothing.meets(cells, cells + 1).any()
+
+
+def test_all_that_a_picture_shows_lies_in_the_boxes_of_its_tiles():
+    near_m, far_m, size_px = 0.1, 500.0, (47, 33)
+    projection = np.diag([1 / 0.8, 1 / 0.6, -(far_m + near_m) / (far_m - near_m), 0.0])
+    projection[2, 3], projection[3, 2] = -2 * far_m * near_m / (far_m - near_m), -1.0
+    turn = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
+    view = View.make(np.array([4.0, -3.0, 2.0]), turn, near_m, far_m, projection)
+    depth_m = np.full(size_px[::-1], 80.0)
+    depth_m[4, 41], depth_m[22:25, 12:15] = 3.0, 17.0
+    depth_m[28:, 33:] = np.inf
+    depth = np.where(np.isinf(depth_m), 0.0, near_m * (far_m / depth_m - 1) / (far_m - near_m))
+    axes = np.linalg.qr(np.random.default_rng(4).normal(size=(3, 3)))[0][:2]
+    lows, highs = Depths(view, depth.astype(np.float32)).boxes(axes)
+    row, column = np.nonzero(np.isfinite(depth_m))
+    for shift_x, shift_y in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)):
+        x = ((column + shift_x) / size_px[0] * 2 - 1) * 0.8
+        y = (1 - (row + shift_y) / size_px[1] * 2) * 0.6
+        ways = x[:, None] * turn[0] + y[:, None] * turn[1] - turn[2]
+        places = (view.eye_m + ways * depth_m[row, column][:, None]) @ axes.T
+        inside = (places[:, None] >= lows - 1e-3) & (places[:, None] <= highs + 1e-3)
+        assert inside.all(axis=2).any(axis=1).all()
+    # Not all of the scene: a tile's box is smaller than the picture's.
+    assert ((highs - lows) < 0.7 * (highs.max(axis=0) - lows.min(axis=0))).all(axis=1).mean() > 0.8
+
+
+def test_boxes_of_turned_bodies_reach_as_far_as_their_corners():
+    world = a_world(False)
+    drawing = Drawing(world.model, world.data, None)
+    body = world.model.body("mover").id
+    world.step(np.zeros(0), np.array([0]), np.array([[13.0, 1.0, 0.5, 0.8, 0.1, 0.2, 0.55]]), 0)
+    chunks = np.flatnonzero(drawing.body == body)
+    corners_m = drawing.corners_in_world_m(world.data, chunks)
+    wedge = np.array([(0, 0, 0), (2, 0, 0), (0, 2, 0), (2, 2, 0), (0, 0, 2), (0, 2, 2)], dtype=float)
+    turn = world.data.xmat[body].reshape(3, 3)
+    axes = np.vstack([np.eye(3), [0.6, 0.0, 0.8]])
+    along_m = (wedge @ turn.T + world.data.xpos[body]) @ axes.T
+    boxes_m = corners_m[0] @ axes.T
+    assert len(chunks) == 1
+    # The wedge has a corner at or near each side of its box, but for those along the slope.
+    assert (boxes_m.min(axis=0) <= along_m.min(axis=0)).all() and (
+        boxes_m.max(axis=0) >= along_m.max(axis=0)
+    ).all()
+    center_m = drawing.centers_in_world_m(world.data)[chunks[0]] @ axes.T
+    reach_m = drawing.reach_along_m(world.data, axes)[chunks[0]]
+    np.testing.assert_allclose(boxes_m.max(axis=0) - center_m, reach_m, atol=1e-9)
+    assert (boxes_m.max(axis=0) - boxes_m.min(axis=0) < 4.1).all()
+
+
+@pytest.mark.parametrize("pitch_deg", [0, 20, 40, 60, 90, -90])
+def test_shadows_fall_into_the_picture_whichever_way_the_camera_looks(monkeypatch, pitch_deg):
+    # A wall throws its shadow on a wide plain before a camera that may look down at it, or at the sky alone.
+    wall = '<geom type="box" pos="-8 -4 8" size="0.2 8 8" group="1"/>'
+    xml = SCENE.replace("CAST", "true").replace('size="60 60 1"', 'size="600 600 1"')
+    xml = xml.replace('<geom type="box" pos="-4 -2 8" size="0.2 4 8" group="1"/>', wall)
+    turn = np.empty(4)
+    mujoco.mju_axisAngle2Quat(turn, np.array([0.0, 1.0, 0.0]), np.radians(pitch_deg))
+    quaternion = np.empty(4)
+    mujoco.mju_mulQuat(quaternion, turn, FORWARD)
+    world = World(xml, {}, "ego", [(np.array([0.0, 0.0, 0.5]), quaternion, 50.0, SIZE_PX)], 0, 1024)
+    camera = Camera(world)
+    camera.draw()
+    ours = camera.rgb()
+    camera.close()
+    own = mujocos_own(world)[0]
+    assert np.abs(ours.astype(int) - own).mean() < 1.0
 
 
 def test_a_light_that_is_not_parallel_is_refused():

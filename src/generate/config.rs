@@ -133,6 +133,7 @@ impl Check for GenerateConfig {
         require(is_valid, "val_every", every, "0, or a number from 1 to 1000000 is needed")?;
         let of_scene = self.scene.ood_placement.check_shares().and(self.scene.people.check_shares());
         of_scene.map_err(|error| error.within("scene"))?;
+        self.rig.check_relations().map_err(|error| error.within("rig"))?;
         self.rig_variation.check_relations().map_err(|error| error.within("rig_variation"))?;
         let (is_whole, wanted) =
             ((steps - steps.round()).abs() < 1e-6, "a multiple of 0.05 up to 50 is needed");

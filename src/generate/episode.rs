@@ -12,6 +12,7 @@ use super::appearance::Appearance;
 use super::config::{CONTROL_PERIOD_S, RendererName};
 use super::drive::Drive;
 use super::folder::OWN_MODELS;
+use super::leaves::Leaves;
 use super::lighting::lighting;
 use super::sensing::{Cloud, Picture, Sensors};
 use super::timings::{Timings, time};
@@ -108,7 +109,7 @@ impl<'a> Recording<'a> {
         let mut recording = Self {
             config,
             plan,
-            sensors: Sensors::new(config, plan, &state, rig, appearance, &drive, aov)?,
+            sensors: Sensors::new(config, plan, &state, rig, (appearance, Leaves::new(&world)), &drive, aov)?,
             writer: EpisodeWriter::create_rig(&folder.join(plan.file()), &meta, others, &map)?,
             timings: Timings { set_up: begin.elapsed(), ..Timings::default() },
             meta,

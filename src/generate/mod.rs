@@ -10,6 +10,7 @@ mod config;
 mod drive;
 pub mod episode;
 mod folder;
+mod leaves;
 mod lighting;
 mod map;
 #[cfg(test)]

@@ -6,6 +6,7 @@ use nalgebra::Vector3;
 use super::aov::AovWriter;
 use super::appearance::Appearance;
 use super::drive::Drive;
+use super::leaves::Leaves;
 use super::rays::Caster;
 use super::surfaces::Surface;
 use super::timings::{Timings, time};
@@ -13,7 +14,7 @@ use super::{CheckedConfig, EpisodePlan, GenerateError};
 use crate::geometry::{Lidar, Transform, World};
 use crate::sample::{EncodedImage, ImageFormat, LidarPoint};
 use crate::sensors::camera::{Material, Rendered, Scope, Shot};
-use crate::sensors::lidar::{Hit, Receiver, Reflector, Turn, is_in_view};
+use crate::sensors::lidar::{Finish, Hit, Receiver, Reflector, Turn, is_in_view};
 use crate::sensors::{Rig, WeatherState};
 use crate::sim::DrawnView;
 
@@ -22,6 +23,7 @@ pub(super) struct Sensors {
     /// As drawn for this episode.
     rig: Rig,
     appearance: Appearance,
+    leaves: Leaves,
     /// Of each camera of the rig.
     scopes: Vec<Scope>,
     caster: Caster,
@@ -49,7 +51,7 @@ impl Sensors {
         plan: &EpisodePlan,
         state: &WeatherState,
         rig: Rig,
-        appearance: Appearance,
+        (appearance, leaves): (Appearance, Leaves),
         drive: &Drive,
         aov: Option<AovWriter>,
     ) -> Result<Self, GenerateError> {
@@ -60,6 +62,7 @@ impl Sensors {
             .map(|lidar| Receiver::new(&lidar.config, lidar.n_rings, state, lidar.seed(plan.seed)));
         Ok(Self {
             appearance,
+            leaves,
             scopes: rig.cameras.iter().map(scope).collect(),
             caster: Caster::new(config.raw.lidar_engine, &rig, &drive.simulator)?,
             receivers: receivers.collect(),
@@ -136,7 +139,16 @@ impl Sensors {
                     let (Surface { reflectivity, finish }, is_paved) =
                         self.appearance.surface(hits.geom[ray]);
                     let (range_m, cos_incidence) = (hits.range_m[ray], hits.cos_incidence[ray]);
-                    Hit { range_m, cos_incidence, reflectivity, is_paved, finish }
+                    let leaves_m = if finish == Finish::Leafy {
+                        let way = pose.rotate(&lidar.pattern.directions[ray]);
+                        let object = self.appearance.object(hits.geom[ray]);
+                        let object = object.map(|i| (i, &drive.poses[drive.object_bodies[i]]));
+                        let at = pose.isometry.translation.vector + way * range_m;
+                        self.leaves.behind_m(&at.into(), &way, object)
+                    } else {
+                        0.0
+                    };
+                    Hit { range_m, cos_incidence, reflectivity, is_paved, finish, leaves_m }
                 })
                 .collect();
             let front = self.rig.front();

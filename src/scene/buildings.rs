@@ -121,7 +121,7 @@ impl Building {
 }
 
 /// Meshes of all buildings near something: upper and ground floors by wall colour, roofs by theirs.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct BuildingMeshes {
     pub facades: Vec<TriangleMesh>,
     pub ground_floors: Vec<TriangleMesh>,

@@ -174,17 +174,13 @@ impl Driver {
         if driver.waited_s > CREEP_S && gap.is_some_and(|gap| gap.is_still) {
             driver.creeping_s = CREEPING_S;
         }
+        let creeping = driving::acceleration_mps2(driver.speed_mps, CREEP_MPS, None, STANDSTILL_M);
         for stop in [gap, line, end].into_iter().flatten() {
             // Room to drive round what stands.
-            if stop.is_still && driver.creeping_s > 0.0 {
-                // A way planned too close may still be driven at walking speed; the last check guards it.
-                acceleration = acceleration.min((CREEP_MPS - driver.speed_mps) / dt_s);
-                continue;
-            }
             let standstill_m = if stop.is_still { 4.5 } else { STANDSTILL_M };
             let asked = driving::acceleration_mps2(driver.speed_mps, desired_mps, Some(stop), standstill_m);
-            if stop.is_still && is_narrow {
-                let creeping = driving::acceleration_mps2(driver.speed_mps, CREEP_MPS, None, STANDSTILL_M);
+            if stop.is_still && (is_narrow || driver.creeping_s > 0.0) {
+                // A way planned too close may still be driven at walking speed; the last check guards it.
                 acceleration = acceleration.min(asked.max(creeping));
                 continue;
             }
@@ -220,9 +216,7 @@ impl Driver {
         let hits = |other: &Obstacle| {
             let shared_m2 =
                 |body: &Footprint| convex_overlap_area(&body.corners(), &other.footprint.corners());
-            after.meets(&other.footprint)
-                && (!before.footprint.meets(&other.footprint)
-                    || shared_m2(&after) > shared_m2(&was) + SLID_ALONG_M2)
+            after.meets(&other.footprint) && shared_m2(&after) > shared_m2(&was) + SLID_ALONG_M2
         };
         if let Some(hit) = others.iter().find(|other| hits(other)) {
             (driver.station_m, driver.left_m, driver.slope) = saved;
@@ -255,5 +249,68 @@ impl Driver {
         self.left_m = change.left_m;
         self.left_wanted_m = 0.0;
         self.change_s = CHANGED_S + 12.0;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::path::Vec2;
+    use super::*;
+    use crate::random;
+
+    /// A driver in the middle of a long lane of downtown, and a thing on the ground beside it.
+    fn beside_thing(apart_m: f64) -> (Town, Driver, Obstacle) {
+        let town = Town::load("downtown").unwrap();
+        let mut rng = random::stream(1, "driver-test", 0);
+        let is_long = |lane: &usize| {
+            let lane = &town.graph.lanes[*lane];
+            lane.junction.is_none() && lane.path.length_m() > 60.0
+        };
+        let lane = (0..town.graph.lanes.len()).find(is_long).unwrap();
+        let route = Route::random(&town.graph, lane, 100.0, &mut rng);
+        let body = Footprint { center: route.path.at(30.0), yaw_rad: 0.0, length_m: 4.5, width_m: 1.8 };
+        let driver = Driver { speed_mps: 0.0, ..Driver::new(0, route, 30.0, &body, 1.0) };
+        let body = driver.obstacle().footprint;
+        let thing = Footprint { length_m: 0.6, width_m: 0.6, ..body };
+        let footprint = Footprint { center: body.at(0.0, 0.9 + 0.3 + apart_m), ..thing };
+        let thing = Obstacle {
+            owner: Owner::Placement(1),
+            footprint,
+            velocity_mps: Vec2::zeros(),
+            is_still: true,
+            is_vehicle: false,
+            backs_up: false,
+        };
+        (town, driver, thing)
+    }
+
+    #[test]
+    fn who_stands_beside_a_thing_drives_off_whether_it_touches_or_nearly_does() {
+        for apart_m in [-0.02, 0.0, 0.02, 0.2] {
+            let (town, mut driver, thing) = beside_thing(apart_m);
+            let mut rng = random::stream(2, "driver-test", 0);
+            for _ in 0..100 {
+                driver.step(0.05, None, &town, &[thing], &mut rng);
+            }
+            assert!(driver.station_m > 33.0, "{apart_m} m apart: {} m", driver.station_m - 30.0);
+        }
+    }
+
+    #[test]
+    fn a_driver_that_crept_does_not_stop_dead_before_the_next_thing() {
+        let (town, driver, thing) = beside_thing(0.5);
+        // Before it at driving speed, right in its lane.
+        let mut driver = Driver { speed_mps: 4.5, creeping_s: 3.0, ..driver };
+        let center = driver.route.path.at(driver.front_m() + 12.0);
+        let footprint = Footprint { center, length_m: 1.0, width_m: 8.0, ..thing.footprint };
+        let mut rng = random::stream(2, "driver-test", 0);
+        let mut before_mps = driver.speed_mps;
+        for _ in 0..20 {
+            driver.step(0.05, None, &town, &[Obstacle { footprint, ..thing }], &mut rng);
+            let braking_mps2 = (before_mps - driver.speed_mps) / 0.05;
+            assert!(braking_mps2 < 8.0 + 1e-9, "{braking_mps2} m/s2 from {before_mps} m/s");
+            before_mps = driver.speed_mps;
+        }
+        assert!(driver.speed_mps < 3.0, "{}", driver.speed_mps);
     }
 }

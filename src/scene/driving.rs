@@ -70,10 +70,11 @@ pub fn gap_ahead<'a>(
 ) -> Option<Gap> {
     let middle = path.at(from_m + reach_m / 2.0);
     let room_m = half_width_m + SIDE_ROOM_M;
-    let near: Vec<&Obstacle> = obstacles
-        .filter(|other| {
-            (other.footprint.center - middle).norm() < reach_m / 2.0 + other.footprint.radius_m() + 6.0
-        })
+    // With the square of the distance beyond which the body is clear of each, whichever way it lies.
+    let near: Vec<(&Obstacle, f64)> = obstacles
+        .map(|other| (other, other.footprint.radius_m()))
+        .filter(|(other, radius_m)| (other.footprint.center - middle).norm() < reach_m / 2.0 + radius_m + 6.0)
+        .map(|(other, radius_m)| (other, (room_m + radius_m).powi(2)))
         .collect();
     if near.is_empty() {
         return None;
@@ -82,7 +83,11 @@ pub fn gap_ahead<'a>(
     (0..=n).find_map(|i| {
         let s_m = from_m + STEP_M * i as f64;
         let point = path.beside(s_m, left_m(s_m));
-        let hit = near.iter().find(|other| other.footprint.distance_m(point) <= room_m)?;
+        let is_hit = |(other, clear_m2): &&(&Obstacle, f64)| {
+            (other.footprint.center - point).norm_squared() <= *clear_m2
+                && other.footprint.distance_m(point) <= room_m
+        };
+        let (hit, _) = near.iter().find(is_hit)?;
         let lead_mps = hit.velocity_mps.dot(&path.direction(s_m)).max(0.0);
         Some(Gap { distance_m: s_m - from_m, lead_mps, is_still: hit.is_still })
     })

@@ -48,6 +48,7 @@ const GRAVITY_MPS2: f64 = 9.81;
 const DRAG_TIME_S: f64 = 2.0;
 const MAX_DRAG_MPS2: f64 = 0.8;
 const MAX_LEARNT_MPS2: f64 = 2.0;
+/// Slower than this it stands.
 const MOVES_MPS: f64 = 0.3;
 /// Sideways speed of a change of lanes.
 const SIDEWAYS_MPS: f64 = 1.3;
@@ -69,7 +70,7 @@ pub struct EgoDriver {
     backing_s: f64,
     /// Seconds for which it still drives on at a walk, past what is too near for a planned way.
     creeping_s: f64,
-    /// Whether the last check stopped it before something that stands, or that touches it.
+    /// Whether the last check stopped it before something that stands, or something that stands touches it.
     is_stopped_short: bool,
     /// Seconds for which it still takes any way round.
     bold_s: f64,
@@ -182,8 +183,8 @@ impl EgoDriver {
         // Who is stuck at a thing does not wait for the junction behind it.
         let is_held = line.is_some_and(|line| line.distance_m < 4.0) && !self.is_stopped_short;
         let is_at_thing = before_thing.is_some() || self.is_stopped_short;
-        // A queue before a light is not a jam.
-        if to_end_m > END_M && (is_at_thing || !answer.is_queue) {
+        // A queue before a light is not a jam, nor is a thing beyond a red light's line.
+        if to_end_m > END_M && ((is_at_thing && !is_held) || !answer.is_queue) {
             let haste = if is_at_thing { HASTE } else { 1.0 };
             self.unjam(dt_s * haste, pose.speed_mps, is_held, graph);
         }
@@ -309,7 +310,7 @@ impl EgoDriver {
     /// A way planned too close may still be driven at a walk: the last check guards it.
     fn consider_creeping(&mut self, dt_s: f64, speed_mps: f64, swerve_m: f64, thing: Option<Gap>) {
         self.creeping_s -= dt_s;
-        if speed_mps < 0.3 && self.jam_s > HASTE * CREEP_S && swerve_m > ROUND_M && thing.is_some() {
+        if speed_mps < MOVES_MPS && self.jam_s > HASTE * CREEP_S && swerve_m > ROUND_M && thing.is_some() {
             self.creeping_s = CREEPING_S;
         }
     }
@@ -325,7 +326,7 @@ impl EgoDriver {
             return;
         }
         let before_s = self.jam_s;
-        let stands = speed_mps.abs() <= 0.3;
+        let stands = speed_mps.abs() <= MOVES_MPS;
         self.held_s = if stands && is_held { self.held_s + dt_s } else { 0.0 };
         self.jam_s = if stands && !is_held { self.jam_s + dt_s } else { 0.0 };
         if self.held_s > PATIENCE_S {

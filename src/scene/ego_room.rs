@@ -1,6 +1,6 @@
 //! Room round the ego's body: what it meets on the arc of its wheels, what touches it, what is behind it.
 
-use super::car::{MAX_STEERING_RAD, WHEELBASE_M};
+use super::car::{EGO_LENGTH_M, MAX_STEERING_RAD, WHEELBASE_M};
 use super::driving::Obstacle;
 use super::ego_pose::EgoPose;
 use super::occupancy::Footprint;
@@ -12,7 +12,7 @@ const TOUCH_M: f64 = 0.1;
 const DODGED_M: f64 = 2.5;
 const DODGE_STEP_RAD: f64 = 0.05;
 
-/// What the body meets first on the arc of a steering angle.
+/// What the body meets first on the arc of a steering angle, but for what drives on, and what it meets already.
 pub(super) fn first_hit<'a>(
     pose: &EgoPose,
     steering_rad: f64,
@@ -28,27 +28,32 @@ pub(super) fn first_hit<'a>(
         yaw_rad += curvature * 0.5;
         let ahead = EgoPose { position, yaw_rad, ..*pose }.obstacle().footprint.grow(0.08);
         others.iter().find(|other| {
-            let moved = other.velocity_mps.norm() > 1.0;
-            !moved && ahead.meets(&other.footprint) && !body.meets(&other.footprint)
+            let moves = other.velocity_mps.norm() > 1.0;
+            !moves && ahead.meets(&other.footprint) && !body.meets(&other.footprint)
         })
     })
 }
 
 /// The steering angle nearest to a wanted one whose arc leads past all that stands near; the wanted one if there is none.
 pub(super) fn dodge(pose: &EgoPose, wanted_rad: f64, others: &[Obstacle]) -> f64 {
+    // Full lock is all that the wheels can do.
+    let wanted_rad = wanted_rad.clamp(-MAX_STEERING_RAD, MAX_STEERING_RAD);
     let is_near = |other: &&Obstacle| {
-        other.is_still && (other.footprint.center - pose.position).norm() < 12.0 + other.footprint.radius_m()
+        let away_m = (other.footprint.center - pose.position).norm();
+        other.is_still && away_m < EGO_LENGTH_M + DODGED_M + other.footprint.radius_m()
     };
     let near: Vec<Obstacle> = others.iter().filter(is_near).copied().collect();
-    let turns_rad = (0..=24).flat_map(|i| [1.0, -1.0].map(|side| side * DODGE_STEP_RAD * f64::from(i)));
+    // From one lock to the other.
+    let n_turns = (2.0 * MAX_STEERING_RAD / DODGE_STEP_RAD).round() as u32;
+    let turns_rad = (0..=n_turns).flat_map(|i| [1.0, -1.0].map(|side| side * DODGE_STEP_RAD * f64::from(i)));
     let angles_rad = turns_rad.map(|turn_rad| wanted_rad + turn_rad);
     angles_rad
-        .filter(|angle_rad| angle_rad.abs() <= MAX_STEERING_RAD)
+        .filter(|angle_rad| angle_rad.abs() <= MAX_STEERING_RAD + 1e-9)
         .find(|&angle_rad| first_hit(pose, angle_rad, DODGED_M, &near).is_none())
         .unwrap_or(wanted_rad)
 }
 
-/// Whether something that stands touches the front.
+/// Whether something that stands, other than a vehicle, touches the front.
 pub(super) fn pushes(pose: &EgoPose, others: &[Obstacle]) -> bool {
     let body = pose.obstacle().footprint;
     let front = Footprint { center: body.at(body.length_m / 2.0, 0.0), length_m: 2.0 * TOUCH_M, ..body };
@@ -94,13 +99,15 @@ mod tests {
     #[test]
     fn the_wheels_turn_away_from_what_stands_before_a_corner_of_the_car() {
         assert!(dodge(&STANDS, 0.0, &[]).abs() < 1e-12);
+        assert_eq!(dodge(&STANDS, 0.8, &[]), MAX_STEERING_RAD);
         let on_the_right = [thing(5.0, -0.9)];
         assert!(first_hit(&STANDS, 0.0, DODGED_M, &on_the_right).is_some());
         let angle_rad = dodge(&STANDS, 0.0, &on_the_right);
         assert!(angle_rad > 0.0 && first_hit(&STANDS, angle_rad, DODGED_M, &on_the_right).is_none());
         // A wall leaves no angle.
         let footprint = Footprint { width_m: 20.0, ..thing(4.5, 0.0).footprint };
-        assert!(dodge(&STANDS, 0.1, &[Obstacle { footprint, ..thing(4.5, 0.0) }]) - 0.1 < 1e-12);
+        let beside_wall_rad = dodge(&STANDS, 0.1, &[Obstacle { footprint, ..thing(4.5, 0.0) }]);
+        assert!((beside_wall_rad - 0.1).abs() < 1e-12, "{beside_wall_rad}");
     }
 
     #[test]

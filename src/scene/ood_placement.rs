@@ -7,13 +7,13 @@ define_config! {
     /// Shares of the out-of-distribution objects that no event sets in motion; those that are left stand beside the road.
     pub struct OodPlacementConfig {
         /// In the ego's lane, or partly in it.
-        lane_share: f64 = 0.04, in SHARE;
+        lane_share: f64 = 0.025, in SHARE;
         /// At a junction: in its mouth, on the way through it or at its far side, in the lane or at the corner.
-        junction_share: f64 = 0.11, in SHARE;
+        junction_share: f64 = 0.07, in SHARE;
         /// In a bend, in the lane or on one of its sides.
-        bend_share: f64 = 0.05, in SHARE;
+        bend_share: f64 = 0.04, in SHARE;
         /// On a pedestrian crossing.
-        crossing_share: f64 = 0.05, in SHARE;
+        crossing_share: f64 = 0.03, in SHARE;
         /// Half hidden behind a parked car, a post, a tree or the corner of a house.
         behind_share: f64 = 0.27, in SHARE;
         /// Share of those that stand on the ground that lie on a side.

@@ -39,14 +39,14 @@ define_config! {
         vehicle_size: [f64; 2] = [0.95, 1.06], in from_to(0.8, 1.25).pair();
         /// Share of the episodes in which a vehicle drives ahead of the ego from the start.
         leader_share: f64 = 0.36, in SHARE;
-        pedestrian_density: f64 = 0.4, in from_to(0.0, 20.0);
+        pedestrian_density: f64 = 0.32, in from_to(0.0, 20.0);
         people: PeopleConfig = PeopleConfig::default(), in part::<PeopleConfig>();
         /// Share of the pedestrians who stand beside the ego's route and cross it again and again.
-        jaywalker_share: f64 = 0.09, in SHARE;
+        jaywalker_share: f64 = 0.07, in SHARE;
         /// Distance from one out-of-distribution place to the next along the route, metres: least, most.
         ood_spacing_m: [f64; 2] = [9.0, 18.0], in from_to(1.0, 1000.0).pair();
         /// Share of out-of-distribution objects that fall, roll or are thrown when the ego comes, 0 to 1.
-        event_share: f64 = 0.11, in SHARE;
+        event_share: f64 = 0.10, in SHARE;
         /// Where the others stand.
         ood_placement: OodPlacementConfig = OodPlacementConfig::default(), in part::<OodPlacementConfig>();
         /// Whether the kinds that come with harmzone are placed beside a user's own.

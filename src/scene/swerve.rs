@@ -10,14 +10,14 @@ const REACH_M: f64 = 26.0;
 const ONCOMING_REACH_M: f64 = 45.0;
 /// The same for vehicles that stand there.
 const STANDING_REACH_M: f64 = 16.0;
-/// Room to the sides that a narrow way spares, and how much such a way counts.
+/// Part of the room on each side that a driver gives up on a narrow way, and the weight of such a way.
 const SPARED_M: f64 = 0.2;
 const NARROW_SHARE: f64 = 0.25;
 /// A narrow way leads past a thing if it is free so much farther.
 const PASSED_M: f64 = 3.0;
 /// Offsets that are tried, in steps: to the kerb's side and away from it. What is placed on the road leaves one of these.
-const STEP_M: f64 = 0.3;
-const STEPS: [i32; 2] = [-4, 16];
+pub(super) const STEP_M: f64 = 0.3;
+pub(super) const STEPS: [i32; 2] = [-4, 16];
 
 /// A body on its path.
 #[derive(Debug, Clone, Copy)]
@@ -39,27 +39,18 @@ pub struct Swerve<'a> {
 }
 
 impl Swerve<'_> {
-    /// The obstacle ahead if the body moves over to `left_m` as fast as it comfortably can.
-    pub fn gap<'b>(
-        &self,
-        left_m: f64,
-        reach_m: f64,
-        others: impl Iterator<Item = &'b Obstacle>,
-    ) -> Option<Gap> {
-        self.gap_of(self.half_width_m, left_m, reach_m, others)
-    }
-
-    /// The obstacle ahead, and whether it is something still that can be passed at a walk, with little room to the sides.
+    /// The obstacle ahead on the way over to `left_m`, and whether it is something still that can be passed at a walk, with little
+    /// room to the sides.
     pub fn gap_or_narrow(&self, left_m: f64, reach_m: f64, others: &[Obstacle]) -> (Option<Gap>, bool) {
-        let gap = self.gap(left_m, reach_m, others.iter());
-        let is_narrow = gap.is_some_and(|gap| {
+        let gap = self.gap_of(self.half_width_m, left_m, reach_m, others.iter());
+        let is_narrow = gap.filter(|gap| gap.is_still).is_some_and(|gap| {
             let narrow = self.gap_of(self.half_width_m - SPARED_M, left_m, reach_m, others.iter());
-            gap.is_still && narrow.is_none_or(|narrow| narrow.distance_m > gap.distance_m + PASSED_M)
+            narrow.is_none_or(|narrow| narrow.distance_m > gap.distance_m + PASSED_M)
         });
         (gap, is_narrow)
     }
 
-    /// The gap of a body of another width.
+    /// The obstacle ahead if a body of this width moves over to `left_m` as fast as it comfortably can.
     fn gap_of<'b>(
         &self,
         half_width_m: f64,
@@ -97,9 +88,10 @@ impl Swerve<'_> {
         let is_met = others.iter().any(|other| self.meets_oncoming(other));
         let cost = |left_m: f64| {
             // Where no way has room to both sides, a narrow one is driven at a walk.
-            let narrow_m = free_m(left_m, self.half_width_m - SPARED_M);
-            let shortfall_m =
-                REACH_M - (1.0 - NARROW_SHARE) * free_m(left_m, self.half_width_m) - NARROW_SHARE * narrow_m;
+            let wide_m = free_m(left_m, self.half_width_m);
+            let narrow_m =
+                if wide_m < REACH_M { free_m(left_m, self.half_width_m - SPARED_M) } else { REACH_M };
+            let shortfall_m = REACH_M - (1.0 - NARROW_SHARE) * wide_m - NARROW_SHARE * narrow_m;
             // Both sides of the body must be on the road.
             let beyond_m = [-self.half_width_m, self.half_width_m]
                 .map(|side_m| road.clearance_m(self.path.beside(self.front_m + 6.0, left_m + side_m)))

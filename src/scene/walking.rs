@@ -10,6 +10,8 @@ use super::world::Walk;
 const BODY_M: f64 = 0.7;
 /// Fastest turn on foot.
 const TURN_RATE_RPS: f64 = 4.0;
+/// Room that people keep from what stands or drives; one who stands nearer already keeps the next smaller.
+const ROOMS_M: [f64; 3] = [0.35, 0.27, 0.1];
 /// Turns that someone on the street tries, one after the other, to get round what stands there.
 const ASIDE_RAD: [f64; 5] = [0.0, 0.7, -0.7, 1.4, -1.4];
 
@@ -165,8 +167,8 @@ impl Walker {
             .iter()
             .filter(|other| !self.is_own(other) && (other.is_vehicle || other.is_still || !is_across));
         near.filter(|other| (other.footprint.center - self.position).norm() < 10.0).any(|other| {
-            let grounds = [0.35, 0.27, 0.1].map(|margin_m| other.footprint.grow(margin_m));
             // A person who already stands too near may walk away, and not nearer.
+            let grounds = ROOMS_M.map(|margin_m| other.footprint.grow(margin_m));
             offsets.iter().any(|offset| {
                 let at = self.position + offset;
                 grounds.iter().any(|ground| ground.contains(at + direction * 0.7) && !ground.contains(at))

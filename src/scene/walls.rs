@@ -154,6 +154,9 @@ impl BuildingMeshes {
 mod tests {
     use nalgebra::{Point3, Vector3};
 
+    use super::super::buildings::Roof;
+    use super::super::occupancy::Footprint;
+    use super::super::path::Vec2;
     use super::*;
 
     const WALL: WallPart = WallPart {
@@ -184,6 +187,55 @@ mod tests {
         assert!((front_m2 - 6.0 * 3.2).abs() < 1e-4);
         let depths = deep.corners().into_iter().flatten().map(|at| at.y);
         assert!((depths.fold(f32::MIN, f32::max) - 5.24).abs() < 1e-5);
+        // Reveals face the middle of their window.
+        let reveals = deep.corners().into_iter().filter(|[a, b, c]| (b - a).cross(&(c - a)).y.abs() < 1e-6);
+        for [a, b, c] in reveals {
+            let window = if a.x < 5.0 { Point3::new(3.5, a.y, 2.6) } else { Point3::new(6.5, a.y, 2.6) };
+            let to_middle = window - nalgebra::center(&a, &nalgebra::center(&b, &c));
+            assert!((b - a).cross(&(c - a)).dot(&to_middle) > 0.0, "{a} {b} {c}");
+        }
+    }
+
+    #[test]
+    fn a_house_near_the_route_has_deep_windows_below_and_not_at_its_back() {
+        let building = Building {
+            footprint: Footprint { center: Vec2::zeros(), yaw_rad: 0.0, length_m: 12.0, width_m: 9.0 },
+            n_floors: 4,
+            facade: 0,
+            roof_color: 0,
+            roof: Roof::Flat,
+            balconies: Vec::new(),
+            annex: None,
+        };
+        let walls = |is_close: bool| {
+            let mut meshes = BuildingMeshes {
+                facades: vec![TriangleMesh::default()],
+                ground_floors: vec![TriangleMesh::default()],
+                blank: vec![TriangleMesh::default()],
+                ..BuildingMeshes::default()
+            };
+            meshes.add_walls(&building, [-0.5, 0.0], FacadeLook::Stone, is_close);
+            [meshes.ground_floors, meshes.facades].map(|mut meshes| meshes.remove(0).corners())
+        };
+        let top_m =
+            |corners: &[[Point3<f32>; 3]]| corners.iter().flatten().map(|at| at.z).fold(0.0, f32::max);
+        let ([near_ground, near], [far_ground, far]) = (walls(true), walls(false));
+        assert!(
+            (top_m(&near) - top_m(&far)).abs() < 1e-5
+                && (f64::from(top_m(&near)) - building.height_m()).abs() < 1e-4
+        );
+        // The front is at -4.5, the back at 4.5, the ends at -6 and 6.
+        let lies_back = |corners: &[[Point3<f32>; 3]]| -> Vec<Point3<f32>> {
+            let is_inside = |at: &Point3<f32>| at.x.abs() < 5.99 && at.y.abs() < 4.49;
+            corners.iter().flatten().copied().filter(is_inside).collect()
+        };
+        assert!(lies_back(&far).is_empty() && lies_back(&far_ground).is_empty());
+        let (deep, shops) = (lies_back(&near), lies_back(&near_ground));
+        assert!(!shops.is_empty() && deep.iter().all(|at| at.y < 0.0 || at.x.abs() > 5.0), "{deep:?}");
+        // Two floors of four.
+        let highest_m = deep.iter().map(|at| f64::from(at.z)).fold(0.0, f64::max);
+        let floors_m = GROUND_FLOOR_M + f64::from(FLOORS_IN_SIGHT) * FLOOR_M;
+        assert!(highest_m > floors_m - FLOOR_M && highest_m < floors_m, "{highest_m}");
     }
 
     #[test]

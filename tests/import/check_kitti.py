@@ -17,9 +17,7 @@ from pathlib import Path
 import numpy as np
 from comparison import Comparison, angle_between, rotation_angle
 from imported_episode import Episode, Moment, corner_signs, read_data_set
-
-# Camera axes (right, down, forward) in axes forward, left, up.
-FORWARD_FROM_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+from made_world import FORWARD_FROM_OPTICAL
 
 
 def read_calibration(path: Path) -> dict[str, np.ndarray]:

@@ -14,7 +14,7 @@ def rewrite_bag(root: Path, change: Callable[[str, str, object], object]) -> Non
     """Writes a bag again, message by message, through rosbags; `change` gives a message, changed, or None to
     drop it.
     """
-    from make_ros2_bag import STORE
+    from ros2_messages import STORE
     from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 
     other = root.with_name(root.name + ".new")

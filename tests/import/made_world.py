@@ -15,6 +15,8 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 WHEELBASE_M = 2.588  # Renault Zoe, nuScenes' car.
+# Camera axes (right, down, forward) in axes forward, left, up.
+FORWARD_FROM_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 
 def turn(yaw_rad: float, pitch_rad: float = 0.0, roll_rad: float = 0.0) -> np.ndarray:

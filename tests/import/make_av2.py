@@ -17,11 +17,10 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from made_world import Drive, Thing, inside, paint, pose, quaternion, scan, turn
+from made_world import FORWARD_FROM_OPTICAL, Drive, Thing, inside, paint, pose, quaternion, scan, turn
 
 AXLE_HEIGHT_M = 0.33
 START_NS = 315_973_157_959_879_000
-FORWARD_FROM_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 CAMERAS = {
     # name: (place in ego, yaw in degrees, width, height, f, cx, cy)
     "ring_front_center": ([1.63, 0.0, 1.43], 0.3, 1550, 2048, 1686.6, 774.7, 1011.5),

@@ -17,13 +17,13 @@ import json
 from pathlib import Path
 
 import numpy as np
-from made_world import Drive, Thing, inside, paint, pose, quaternion, scan, turn
+from made_world import FORWARD_FROM_OPTICAL, Drive, Thing, inside, paint, pose, quaternion, scan, turn
+from nuscenes_can_bus import save_can_bus
 from PIL import Image
 
 VERSION = "v1.0-mini"
 SCENES = ["scene-0061", "scene-0103", "scene-0553", "scene-0916", "scene-0655", "scene-0757"]
 ELEVATIONS_RAD = np.radians(np.linspace(-30.67, 10.67, 32))
-STEERING_RATIO = 15.2  # of the steering wheel's angle to the road wheels'
 
 # name: (place in ego, yaw and pitch of the optical axis in degrees, fx, cx, cy, milliseconds against the
 # LiDAR)
@@ -36,7 +36,6 @@ CAMERAS = {
     "CAM_FRONT_LEFT": ([1.5239, 0.4946, 1.5093], 55.2, 0.1, 1272.598, 826.615, 479.752, -43.3),
 }
 EGO_FROM_LIDAR = pose(turn(np.radians(-89.883), np.radians(0.92), np.radians(-0.32)), [0.9437, 0.0, 1.8402])
-FORWARD_FROM_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 # Category, metres ahead and to the left of the start, size, yaw against the drive in degrees, speed,
 # attribute
@@ -297,77 +296,6 @@ def make_scene(tables: Tables, out: Path, name: str, idx: int, options: argparse
     if idx + 1 < options.scenes or options.scenes == 1:
         save_can_bus(out / "can_bus", name, drive, zero_us, options.samples * 0.5 + 1.0)
     return truth
-
-
-def save_can_bus(folder: Path, name: str, drive: Drive, zero_us: int, seconds: float) -> None:
-    """The CAN bus expansion's files: each at its own rate and in its own units, as in the original."""
-    folder.mkdir(parents=True, exist_ok=True)
-
-    def save(kind: str, rate_hz: float, row: object) -> None:
-        times = np.arange(-0.5, seconds, 1 / rate_hz)
-        rows = [{"utime": zero_us + round(t * 1e6), **row(float(t))} for t in times]
-        (folder / f"{name}_{kind}.json").write_text(json.dumps(rows))
-
-    curvature = np.tan(drive.steering_rad) / 2.588
-    kmh = lambda t: drive.speed_at(t) * 3.6  # noqa: E731
-
-    def pose_row(t: float) -> dict:
-        matrix = drive.pose_at(t)
-        return {
-            "accel": [drive.acceleration_mps2, drive.speed_at(t) ** 2 * curvature, 9.81],
-            "orientation": quaternion(matrix[:3, :3]),
-            "pos": matrix[:3, 3].tolist(),
-            "rotation_rate": [0.0, 0.0, drive.speed_at(t) * curvature],
-            "vel": [drive.speed_at(t), 0.0, 0.0],
-        }
-
-    save("pose", 50, pose_row)
-    save("steeranglefeedback", 100, lambda t: {"value": drive.steering_rad * STEERING_RATIO})
-    save(
-        "vehicle_monitor",
-        2,
-        lambda t: {
-            "available_distance": 95,
-            "battery_level": 87,
-            "brake": 0,
-            "brake_switch": 2,
-            "gear_position": 7,
-            "left_signal": 0,
-            "rear_left_rpm": kmh(t) / 0.1156,
-            "rear_right_rpm": kmh(t) / 0.1156,
-            "right_signal": 0,
-            "steering": float(np.degrees(drive.steering_rad) * STEERING_RATIO),
-            "steering_speed": 0.0,
-            "throttle": 20,
-            "vehicle_speed": kmh(t),
-            "yaw_rate": float(np.degrees(drive.speed_at(t) * curvature)),
-        },
-    )
-    save(
-        "zoe_veh_info",
-        100,
-        lambda t: {
-            "FL_wheel_speed": kmh(t) / 0.1156,
-            "FR_wheel_speed": kmh(t) / 0.1156,
-            "RL_wheel_speed": kmh(t) / 0.1156,
-            "RR_wheel_speed": kmh(t) / 0.1156,
-            "longitudinal_accel": drive.acceleration_mps2,
-            "odom_speed": kmh(t),
-            "steer_corrected": float(np.degrees(drive.steering_rad) * STEERING_RATIO),
-            "steer_offset_can": 0.0,
-            "steer_raw": float(np.degrees(drive.steering_rad) * STEERING_RATIO),
-            "transversal_accel": 0.0,
-        },
-    )
-    save(
-        "ms_imu",
-        100,
-        lambda t: {
-            "linear_accel": [drive.acceleration_mps2, 0.0, 9.81],
-            "q": quaternion(drive.pose_at(t)[:3, :3]),
-            "rotation_rate": [0.0, 0.0, drive.speed_at(t) * curvature],
-        },
-    )
 
 
 def main() -> None:

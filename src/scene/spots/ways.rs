@@ -5,15 +5,14 @@ use crate::scene::occupancy::Footprint;
 use crate::scene::path::{Path, Vec2};
 use crate::scene::populate::Filler;
 use crate::scene::route::Route;
+use crate::scene::swerve;
 
 /// Least distance between two things on the ego's way.
 pub(super) const APART_M: f64 = 13.0;
 /// Half of a car and the room that its driver keeps.
 pub(super) const HALF_WAY_M: f64 = EGO_WIDTH_M / 2.0 + 0.4;
-/// Offsets in steps: within the lane, and as far as the ego swerves, to the kerb's side and away from it.
-const STEP_M: f64 = 0.3;
+/// Offsets within the lane, in the steps that drivers try.
 const WITHIN: [i32; 2] = [-3, 3];
-const SWERVING: [i32; 2] = [-4, 15];
 /// How far something may reach over the line between two lanes, metres.
 const OVER_LINE_M: f64 = 0.15;
 
@@ -41,7 +40,7 @@ impl Filler<'_> {
             let is_free = if may_block {
                 own = Some(lane);
                 let line_m = -self.town.graph.kerb_sign() * self.town.graph.lanes[lane].width_m / 2.0;
-                self.has_pass(path, plan, SWERVING, Some(line_m))
+                self.has_pass(path, plan, swerve::STEPS, Some(line_m))
             } else {
                 self.has_pass(path, plan, WITHIN, None)
             };
@@ -70,7 +69,7 @@ impl Filler<'_> {
         let mirror = -self.town.graph.kerb_sign();
         let is_road =
             |left_m: f64| self.town.surface.road_grid.clearance_m(path.beside(station_m, left_m)) < 0.1;
-        (first..=last).map(|i| mirror * STEP_M * f64::from(i)).any(|left_m| {
+        (first..=last).map(|i| mirror * swerve::STEP_M * f64::from(i)).any(|left_m| {
             (left_m + HALF_WAY_M < low_m || left_m - HALF_WAY_M > high_m)
                 && is_road(left_m - EGO_WIDTH_M / 2.0)
                 && is_road(left_m + EGO_WIDTH_M / 2.0)

@@ -29,7 +29,7 @@ use self::fog::SoftReturns;
 pub use self::pattern::{Pattern, is_in_view};
 use self::rain::Drops;
 use self::response::Response;
-pub use self::surface::Finish;
+pub use self::surface::{Finish, TUFT_M};
 use super::rig_config::RigLidarConfig;
 use super::weather::WeatherState;
 use crate::random::{self, Rng};
@@ -54,6 +54,8 @@ pub struct Hit {
     /// Whether rain makes a film of water on it.
     pub is_paved: bool,
     pub finish: Finish,
+    /// How far behind the hit there are leaves; only read where the finish is [`Finish::Leafy`].
+    pub leaves_m: f64,
 }
 
 /// A turn of the LiDAR, by its number in the episode; each draws noise of its own.
@@ -159,7 +161,7 @@ impl Receiver {
         let leaves_draw = draws.leaves.random::<f64>();
 
         let is_leafy = hit.finish == Finish::Leafy;
-        let way_m = if is_leafy { surface::way_among_leaves_m(leaves_draw) } else { 0.0 };
+        let way_m = if is_leafy { surface::way_among_leaves_m(leaves_draw, hit.leaves_m) } else { 0.0 };
         let hit = &Hit { range_m: hit.range_m + way_m, ..*hit };
         let echo = self.strongest(hit, glass_draw < self.config.glass_return, &mut draws.weather);
         let signal_to_threshold = echo.power / self.min_power;

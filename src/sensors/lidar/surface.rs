@@ -40,8 +40,8 @@ const LEAF_AREA_PER_M: f64 = 8.0;
 /// Share of it that a beam meets, leaves lying in all directions (Ross 1981, "The radiation regime and architecture of plant
 /// stands").
 const LEAVES_MET: f64 = 0.5;
-/// Tufts are not deeper.
-const TUFT_M: f64 = 0.6;
+/// Tufts of leaves are not deeper.
+pub const TUFT_M: f64 = 0.6;
 
 impl Finish {
     /// The part of the light at right angles that comes back under this cosine of incidence.
@@ -64,11 +64,12 @@ pub(super) fn peak_kept(range_m: f64, cos_incidence: f64) -> f64 {
     (1.0 + depth * depth).sqrt().recip()
 }
 
-/// How far a beam goes among leaves until one sends it back, by Beer and Lambert's law: less than w with probability
-/// 1 - exp(-0.5 * 8 / m * w), within a tuft's depth; `draw` is even from 0 to 1.
-pub(super) fn way_among_leaves_m(draw: f64) -> f64 {
+/// How far a beam goes among leaves until one sends it back, by Beer and Lambert's law, given that one does within `depth_m`:
+/// less than w with probability (1 - exp(-4 w)) / (1 - exp(-4 `depth_m`)), 4 / m being 0.5 * 8 / m; 0 where the depth is 0.
+/// `draw` is even from 0 to 1.
+pub(super) fn way_among_leaves_m(draw: f64, depth_m: f64) -> f64 {
     let met_per_m = LEAVES_MET * LEAF_AREA_PER_M;
-    let met_at_all = 1.0 - (-met_per_m * TUFT_M).exp();
+    let met_at_all = 1.0 - (-met_per_m * depth_m).exp();
     -(1.0 - draw * met_at_all).ln() / met_per_m
 }
 
@@ -88,10 +89,13 @@ mod tests {
 
     #[test]
     fn half_of_the_beams_stop_within_fifteen_centimetres_of_leaves_and_all_within_a_tuft() {
-        assert_eq!(way_among_leaves_m(0.0), 0.0);
-        assert!((way_among_leaves_m(1.0) - TUFT_M).abs() < 1e-9);
+        assert_eq!(way_among_leaves_m(0.0, TUFT_M), 0.0);
+        assert!((way_among_leaves_m(1.0, TUFT_M) - TUFT_M).abs() < 1e-9);
         // 1 - exp(-4 * 0.15) = 0.451, of the 0.909 that stop within a tuft: 0.496.
-        assert!((way_among_leaves_m(0.496) - 0.15).abs() < 0.002);
+        assert!((way_among_leaves_m(0.496, TUFT_M) - 0.15).abs() < 0.002);
+        // Thin ones send nearly as many back from the back as from the front.
+        assert!((way_among_leaves_m(1.0, 0.1) - 0.1).abs() < 1e-9);
+        assert!((0.04..0.05).contains(&way_among_leaves_m(0.5, 0.1)) && way_among_leaves_m(0.7, 0.0) == 0.0);
     }
 
     #[test]

@@ -21,7 +21,7 @@ fn quiet() -> RigLidarConfig {
 }
 
 fn wall(range_m: f64, reflectivity: f64) -> Hit {
-    Hit { range_m, cos_incidence: 1.0, reflectivity, is_paved: false, finish: Finish::Matt }
+    Hit { range_m, cos_incidence: 1.0, reflectivity, is_paved: false, finish: Finish::Matt, leaves_m: 0.0 }
 }
 
 /// `n` equal rays on one hit.
@@ -145,6 +145,7 @@ fn a_wet_road_returns_less_than_a_dry_one_and_a_wet_wall_as_much() {
         reflectivity: 0.2,
         is_paved: true,
         finish: Finish::Rough,
+        leaves_m: 0.0,
     };
     let count = |state: &WeatherState, hit| shots(&quiet(), state, hit, 5000).len();
     let (dry, wet) = (clear(), Weather::WetNoon.state());
@@ -162,7 +163,7 @@ fn a_wet_road_returns_less_than_a_dry_one_and_a_wet_wall_as_much() {
 
 #[test]
 fn beams_end_some_way_among_leaves_and_none_before_them() {
-    let leaves = Hit { finish: Finish::Leafy, ..wall(10.0, 0.5) };
+    let leaves = Hit { finish: Finish::Leafy, leaves_m: 0.6, ..wall(10.0, 0.5) };
     let found = shots(&quiet(), &clear(), leaves, 5000);
     assert_eq!(found.len(), 5000);
     let ways_m: Vec<f64> = found.iter().map(|r| f64::from(r.point.x_m) - 10.0).collect();
@@ -172,8 +173,12 @@ fn beams_end_some_way_among_leaves_and_none_before_them() {
     assert!((mean_m - 0.190).abs() < 0.008, "{mean_m}");
     // The same beams on a wall have the same noise.
     let noisy = RigLidarConfig { range_noise_m: 0.02, ..quiet() };
-    let [a, b] = [wall(10.0, 0.5), leaves].map(|hit| shots(&noisy, &clear(), hit, 3));
-    assert!(a.iter().zip(&b).all(|(wall, leaf)| leaf.point.x_m >= wall.point.x_m));
+    let [a, b] = [wall(10.0, 0.5), leaves].map(|hit| shots(&noisy, &clear(), hit, 20));
+    assert_eq!([a.len(), b.len()], [20; 2]);
+    for (i, way_m) in ways_m.iter().take(20).enumerate() {
+        let farther_m = f64::from(b[i].point.x_m - a[i].point.x_m);
+        assert!((farther_m - way_m).abs() < 1e-5, "{i}: {farther_m} of {way_m}");
+    }
 }
 
 #[test]
