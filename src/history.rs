@@ -32,6 +32,8 @@ pub struct StepRow {
     pub harm: f64,
     #[serde(serialize_with = "decimals::<5, _, _>")]
     pub boxes: f64,
+    #[serde(serialize_with = "decimals::<5, _, _>", default)]
+    pub picture: f64,
     /// Norm of all gradients together before clipping.
     #[serde(serialize_with = "decimals::<3, _, _>")]
     pub gradient_norm: f64,

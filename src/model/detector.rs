@@ -8,7 +8,7 @@ use burn::tensor::{Device, Tensor};
 
 use super::batch::Batch;
 use super::bev_backbone::BevBackbone;
-use super::camera::CameraBranch;
+use super::camera::{CameraBranch, ImageFeatures};
 use super::config::ModelConfig;
 use super::head::{Head, Output};
 use super::image_weights::{ImageWeightsError, ImageWeightsReport, load_image_weights};
@@ -113,17 +113,29 @@ impl Detector {
     /// # Panics
     /// If the batch was made with another config.
     pub fn forward(&self, batch: &Batch) -> Output {
-        let camera = || self.camera_map(batch, self.image_features(batch));
-        let lidar = || self.lidar_map(batch);
         let device = batch.numeric.device();
         // On a GPU, work from two threads would wait for each other.
         if device.is_autodiff() || !is_cpu(&device) {
-            return self.head(batch, self.fuse(camera(), lidar()));
+            let features = self.image_features(batch);
+            let picture_objects = self.picture_objects(features.as_ref());
+            let lidar = self.lidar_map(batch, features.as_ref());
+            let output = self.head(batch, self.fuse(self.camera_map(batch, features), lidar));
+            return Output { picture_objects, ..output };
         }
         // Inside the pool no operation has to wake it and wait; and while one branch uses one thread, the
         // other branch uses the rest.
         rayon::scope(|_| {
-            let (camera, lidar) = rayon::join(camera, lidar);
+            let (camera, lidar) = if self.config.paint_channels() > 0 {
+                let features = self.image_features(batch);
+                let of_points = features.clone();
+                rayon::join(
+                    || self.camera_map(batch, features),
+                    || self.lidar_map(batch, of_points.as_ref()),
+                )
+            } else {
+                let camera = || self.camera_map(batch, self.image_features(batch));
+                rayon::join(camera, || self.lidar_map(batch, None))
+            };
             self.head(batch, self.fuse(camera, lidar))
         })
     }
@@ -132,13 +144,13 @@ impl Detector {
 /// The parts of [`Detector::forward`], in its order; maps are `[batch, channel, cell_y, cell_x]`.
 impl Detector {
     /// The camera branch before its lift, if the two are separate.
-    pub(super) fn image_features(&self, batch: &Batch) -> Option<Tensor<4>> {
+    pub(super) fn image_features(&self, batch: &Batch) -> Option<ImageFeatures> {
         let (branch, batch) = self.camera.as_ref().zip(batch.camera.as_ref())?;
         Some(branch.image_features(batch))
     }
 
     /// The camera's map from [`Self::image_features`].
-    pub(super) fn camera_map(&self, batch: &Batch, features: Option<Tensor<4>>) -> Option<Tensor<4>> {
+    pub(super) fn camera_map(&self, batch: &Batch, features: Option<ImageFeatures>) -> Option<Tensor<4>> {
         let branch = self.camera.as_ref()?;
         if let (Some(batch), Some(features)) = (&batch.camera, features) {
             return Some(branch.lift(features, batch));
@@ -149,10 +161,17 @@ impl Detector {
         Some(Tensor::zeros(shape, &batch.numeric.device()))
     }
 
-    pub(super) fn lidar_map(&self, batch: &Batch) -> Option<Tensor<4>> {
+    /// The LiDAR's map, whose points take along what `features` show.
+    pub(super) fn lidar_map(&self, batch: &Batch, features: Option<&ImageFeatures>) -> Option<Tensor<4>> {
         let branch = self.lidar.as_ref()?;
         let points = batch.lidar.as_ref().expect("the batch was made with this config");
-        Some(branch.forward(points, batch.n_samples, &batch.numeric.device()))
+        let painted = features.zip(batch.camera.as_ref()).and_then(|(of, batch)| of.of_points(batch));
+        Some(branch.forward(points, painted, batch.n_samples, &batch.numeric.device()))
+    }
+
+    /// Whether each pixel shows an object.
+    fn picture_objects(&self, features: Option<&ImageFeatures>) -> Option<Tensor<4>> {
+        self.camera.as_ref()?.objects(features?)
     }
 
     /// The map that the head sees.
@@ -226,7 +245,10 @@ mod tests {
         for config in ModelConfig::in_little() {
             let detector = Detector::init(&config, 0, &device);
             let output = detector.forward(&batch(&config, true, &device));
-            let loss = output.heatmap.sum() + output.boxes.abs().sum() + output.harm.abs().sum();
+            let mut loss = output.heatmap.sum() + output.boxes.abs().sum() + output.harm.abs().sum();
+            if let Some(objects) = output.picture_objects {
+                loss = loss + objects.sum();
+            }
             let gradients = GradientsParams::from_grads(loss.backward(), &detector);
             let mut missing = Missing { gradients: &gradients, n_missing: 0 };
             detector.visit(&mut missing);

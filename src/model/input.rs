@@ -58,6 +58,30 @@ impl Input {
         done("image decode");
         let image = full.map(|full| NetworkImage::resize(&full, &config.camera)).transpose()?;
         done("image resize");
+        Self::with_image(measured, config, mirror, image.as_ref(), done)
+    }
+
+    /// Prepares a sample whose picture is unpacked and resized already, mirrored if the rest is; without one the camera
+    /// takes no part.
+    ///
+    /// # Errors
+    /// Speed or steering is not finite.
+    pub fn prepare_with(
+        measured: &Measured,
+        config: &ModelConfig,
+        mirror: bool,
+        image: Option<&NetworkImage>,
+    ) -> Result<Self, InputError> {
+        Self::with_image(measured, config, mirror, image, &mut |_| ())
+    }
+
+    fn with_image(
+        measured: &Measured,
+        config: &ModelConfig,
+        mirror: bool,
+        image: Option<&NetworkImage>,
+        done: &mut dyn FnMut(&'static str),
+    ) -> Result<Self, InputError> {
         let points = points_in_ego(measured, mirror);
         done("points to ego frame");
         let lidar = config.use_lidar.then(|| LidarInput::prepare(&points, config));
@@ -65,7 +89,8 @@ impl Input {
         // A camera without LiDAR gets no depths from it either.
         let seen = if config.use_lidar { points.as_slice() } else { &[] };
         let view = CameraGeometry::of(measured, mirror);
-        let camera = image.map(|image| CameraInput::prepare(&image, &view, seen, config));
+        let camera =
+            image.map(|image| CameraInput::prepare(image, &view, seen, lidar.as_ref(), config));
         done("depths and frustum");
         let input = Self { lidar, camera, numeric: Vec::new() };
         input.with_states(std::slice::from_ref(&measured.ego_state), mirror)

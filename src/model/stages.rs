@@ -28,10 +28,10 @@ pub fn detect_by_stage(
     done("tensors");
     let features = detector.image_features(&batch);
     done("camera branch");
+    let lidar = detector.lidar_map(&batch, features.as_ref());
+    done("LiDAR branch");
     let camera = detector.camera_map(&batch, features);
     done("lift and splat");
-    let lidar = detector.lidar_map(&batch);
-    done("LiDAR branch");
     let fused = detector.fuse(camera, lidar);
     done("fuser and backbone");
     let output = detector.head(&batch, fused);

@@ -1,21 +1,20 @@
-//! Prepared inputs in memory: decoding a picture and sorting points into pillars is the same work in every epoch.
+//! Unpacked pictures in memory: decoding and resizing one is the same work in every epoch.
 //!
-//! What does not fit the budget is prepared anew each time; results do not depend on it.
+//! What does not fit the budget is unpacked anew each time; results do not depend on it.
 
 use std::collections::HashMap;
 use std::sync::{Mutex, PoisonError};
 
-use crate::model::{Input, InputError};
+use crate::model::{InputError, NetworkImage};
 
-/// The sample that an input was prepared from, and how.
+/// The sample that a picture belongs to, and whether it is mirrored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Key {
     pub sample_idx: usize,
     pub mirror: bool,
-    pub with_camera: bool,
 }
 
-/// Inputs of the samples seen first, up to a number of bytes.
+/// Pictures of the samples seen first, up to a number of bytes.
 #[derive(Debug)]
 pub struct Cache {
     budget_bytes: usize,
@@ -24,7 +23,7 @@ pub struct Cache {
 
 #[derive(Debug, Default)]
 struct Contents {
-    inputs: HashMap<Key, Input>,
+    pictures: HashMap<Key, NetworkImage>,
     n_bytes: usize,
 }
 
@@ -34,27 +33,27 @@ impl Cache {
         Self { budget_bytes: budget_mib << 20, contents: Mutex::default() }
     }
 
-    /// Copies an input from memory, or makes it with `prepare` and keeps it if there is room.
+    /// Copies a picture from memory, or makes it with `unpack` and keeps it if there is room.
     ///
     /// # Errors
-    /// Those of `prepare`.
+    /// Those of `unpack`.
     pub fn get(
         &self,
         key: Key,
-        prepare: impl FnOnce() -> Result<Input, InputError>,
-    ) -> Result<Input, InputError> {
+        unpack: impl FnOnce() -> Result<NetworkImage, InputError>,
+    ) -> Result<NetworkImage, InputError> {
         let lock = || self.contents.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(input) = lock().inputs.get(&key) {
-            return Ok(input.clone());
+        if let Some(picture) = lock().pictures.get(&key) {
+            return Ok(picture.clone());
         }
-        let input = prepare()?;
-        let n_bytes = input.n_bytes();
+        let picture = unpack()?;
+        let n_bytes = picture.pixels.len();
         let mut contents = lock();
         if contents.n_bytes + n_bytes <= self.budget_bytes {
             contents.n_bytes += n_bytes;
-            contents.inputs.insert(key, input.clone());
+            contents.pictures.insert(key, picture.clone());
         }
-        Ok(input)
+        Ok(picture)
     }
 
     /// Forgets everything, as between stages that need different inputs.
@@ -71,24 +70,24 @@ mod tests {
     use std::cell::Cell;
 
     #[test]
-    fn an_input_is_prepared_once_while_there_is_room_and_each_time_where_there_is_none() {
+    fn a_picture_is_unpacked_once_while_there_is_room_and_each_time_where_there_is_none() {
         let data = test_data::dataset(1);
         let config = ModelConfig::default();
-        let n_prepared = Cell::new(0);
-        let prepare = || {
-            n_prepared.set(n_prepared.get() + 1);
-            Input::prepare(&data.samples()[0].measured, &config, false, true)
+        let n_unpacked = Cell::new(0);
+        let unpack = || {
+            n_unpacked.set(n_unpacked.get() + 1);
+            NetworkImage::of(&data.samples()[0].measured, false, &config.camera)
         };
-        let key = Key { sample_idx: 0, mirror: false, with_camera: true };
+        let key = Key { sample_idx: 0, mirror: false };
         let roomy = Cache::new(64);
-        let first = roomy.get(key, prepare).unwrap();
-        assert_eq!(roomy.get(key, prepare).unwrap(), first);
-        assert_eq!(n_prepared.get(), 1);
+        let first = roomy.get(key, unpack).unwrap();
+        assert_eq!(roomy.get(key, unpack).unwrap(), first);
+        assert_eq!(n_unpacked.get(), 1);
         let none = Cache::new(0);
         assert_eq!(
-            (none.get(key, prepare).unwrap(), none.get(key, prepare).unwrap()),
+            (none.get(key, unpack).unwrap(), none.get(key, unpack).unwrap()),
             (first.clone(), first)
         );
-        assert_eq!(n_prepared.get(), 3);
+        assert_eq!(n_unpacked.get(), 3);
     }
 }

@@ -82,7 +82,25 @@ define_config! {
         harm_cost: f64 = 0.15, in WEIGHT;
         center_cost: f64 = 0.25, in WEIGHT;
         iou_cost: f64 = 0.25, in WEIGHT;
+        /// Of the loss that asks of each pixel whether it shows an object, where points take the picture's features along.
+        picture_weight: f64 = 1.0, in WEIGHT;
+        /// What objects that no LiDAR point hit are to the network.
+        unhit: Unhit = Unhit::Background;
+        /// Fewest pixels that an unhit object must show to be more than background.
+        min_visible_px: u32 = 40, in from_to(1.0, 1e9);
     }
+}
+
+/// What a visible object that no LiDAR point hit is to the network. Scores leave such objects out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Unhit {
+    /// Nothing.
+    Background,
+    /// Neither object nor nothing.
+    Ignored,
+    /// An object like others.
+    Truth,
 }
 
 define_config! {
@@ -108,6 +126,24 @@ define_config! {
         max_stretch: f64 = 1.5, in from_to(1.0, 10.0);
         /// Share of the pasted static objects that lie on their side.
         tipped_share: f64 = 0.2, in SHARE;
+        /// Share of the samples to which each of the next disturbances happens, apart from the others.
+        disturbed_share: f64 = 0.8, in SHARE;
+        /// Standard deviation of pitch and roll of the car and all its sensors, degrees; it is lifted by as many 57ths of a metre.
+        tilt_deg: f64 = 0.0, in from_to(0.0, 20.0);
+        /// Standard deviation of the logarithms of a factor and an exponent on all intensities.
+        intensity_spread: f64 = 0.0, in from_to(0.0, 3.0);
+        /// Most noise along a beam, metres.
+        range_noise_m: f64 = 0.0, in from_to(0.0, 1.0);
+        /// Most returns lost at random.
+        dropped_share: f64 = 0.0, in SHARE;
+        /// Standard deviation of the logarithms of a factor and an exponent on the picture's colours.
+        picture_spread: f64 = 0.0, in from_to(0.0, 3.0);
+        /// Share of the samples with one ring in 2, 3 or 4.
+        thinned_share: f64 = 0.0, in SHARE;
+        /// Share of the samples without a cloud; with a picture only.
+        no_cloud_share: f64 = 0.0, in SHARE;
+        /// Share of the samples with a black picture.
+        no_picture_share: f64 = 0.0, in SHARE;
     }
 }
 

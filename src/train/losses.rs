@@ -12,10 +12,14 @@ use burn::tensor::{Device, Tensor, TensorData};
 use super::assignment::assign;
 use super::augment::ObjectsByState;
 use super::config::LossConfig;
-use super::targets::{class_of, draw_heatmap};
+use super::targets::{class_of, draw_heatmap, is_ignored};
+use crate::geometry::{Box3, Ego, Point};
 use crate::model::coder::{CODE_SIZE, encode};
 use crate::model::{ModelConfig, Output};
 use crate::object::LabelledObject;
+
+/// A query this near to an object that is neither object nor nothing, or inside it, learns no class from being unmatched.
+const IGNORED_GAP_M: f64 = 0.5;
 
 const CODE_WEIGHTS: [f32; CODE_SIZE] = [1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.2, 0.2];
 
@@ -32,12 +36,14 @@ pub struct LossParts {
     pub heatmap: f32,
     pub harm: f32,
     pub boxes: f32,
+    /// Of [`super::picture::picture_loss`]; zero where there is none.
+    pub picture: f32,
 }
 
 impl LossParts {
     #[must_use]
     pub fn total(&self) -> f32 {
-        self.heatmap + self.harm + self.boxes
+        self.heatmap + self.harm + self.boxes + self.picture
     }
 }
 
@@ -51,13 +57,13 @@ pub fn losses(
     config: &LossConfig,
 ) -> Losses {
     let device = output.heatmap.device();
-    let heatmap = heatmap_loss(output, objects, model, &device).mul_scalar(config.heatmap_weight);
+    let heatmap = heatmap_loss(output, objects, model, config, &device).mul_scalar(config.heatmap_weight);
     let (harm, boxes) = query_losses(output, objects, model, config, &device);
     let (harm, boxes) = (harm.mul_scalar(config.harm_weight), boxes.mul_scalar(config.box_weight));
     // Read all at once: a GPU finishes its work before each reading.
     let parts = Tensor::cat([&heatmap, &harm, &boxes].map(|part| part.clone().detach()).to_vec(), 0);
     let parts: Vec<f32> = parts.into_data().try_to_vec().expect("losses are f32");
-    let parts = LossParts { heatmap: parts[0], harm: parts[1], boxes: parts[2] };
+    let parts = LossParts { heatmap: parts[0], harm: parts[1], boxes: parts[2], picture: 0.0 };
     Losses { total: heatmap + harm + boxes, parts }
 }
 
@@ -65,9 +71,10 @@ fn heatmap_loss(
     output: &Output,
     objects: &[ObjectsByState],
     model: &ModelConfig,
+    config: &LossConfig,
     device: &Device,
 ) -> Tensor<1> {
-    let target: Vec<f32> = objects.iter().flat_map(|states| draw_heatmap(&states[0], model)).collect();
+    let target: Vec<f32> = objects.iter().flat_map(|states| draw_heatmap(&states[0], model, config)).collect();
     gaussian_focal(
         output.heatmap.clone(),
         Tensor::from_data(TensorData::new(target, output.heatmap.dims()), device),
@@ -100,6 +107,7 @@ fn query_losses(
     let logits: Vec<f32> = output.harm.clone().into_data().try_to_vec().expect("class scores are f32");
     let n_classes = model.head.classes.n();
     let mut class_target = vec![0f32; n_rows * n_queries * n_classes];
+    let mut class_weight = vec![1f32; n_rows * n_queries * n_classes];
     let mut code_target = vec![0f32; n_rows * n_queries * CODE_SIZE];
     let mut code_weight = vec![0f32; n_rows * n_queries * CODE_SIZE];
     let mut n_matched = 0usize;
@@ -114,10 +122,19 @@ fn query_losses(
             let first = state_row * n_queries;
             let of_codes = &codes[first * CODE_SIZE..(first + n_queries) * CODE_SIZE];
             let of_logits = &logits[first * n_classes..(first + n_queries) * n_classes];
-            for (q, object) in assign(queries, of_codes, of_logits, of, model, config) {
-                let LabelledObject { truth, .. } = &of[object];
+            let (ignored, counted): (Vec<LabelledObject>, Vec<LabelledObject>) =
+                of.iter().cloned().partition(|object| is_ignored(object, config));
+            for (q, query) in queries.iter().enumerate() {
+                let at = Point::new(query.center_m[0], query.center_m[1], 0.0);
+                if ignored.iter().any(|object| is_over(&object.truth.box_in_ego, at)) {
+                    class_weight[(first + q) * n_classes..(first + q + 1) * n_classes].fill(0.0);
+                }
+            }
+            for (q, object) in assign(queries, of_codes, of_logits, &counted, model, config) {
+                let LabelledObject { truth, .. } = &counted[object];
                 let row = first + q;
-                class_target[row * n_classes + class_of(&of[object], model.head.classes)] = 1.0;
+                class_weight[row * n_classes..(row + 1) * n_classes].fill(1.0);
+                class_target[row * n_classes + class_of(&counted[object], model.head.classes)] = 1.0;
                 let code = encode(
                     &truth.box_in_ego,
                     truth.velocity_in_ego_mps,
@@ -133,9 +150,16 @@ fn query_losses(
     }
     let tensor =
         |values: Vec<f32>, n| Tensor::<3>::from_data(TensorData::new(values, [n_rows, n_queries, n]), device);
-    let harm = sigmoid_focal(output.harm.clone(), tensor(class_target, n_classes), n_matched);
+    let weight = tensor(class_weight, n_classes);
+    let harm = sigmoid_focal(output.harm.clone(), tensor(class_target, n_classes), weight, n_matched);
     let (target, weight) = (tensor(code_target, CODE_SIZE), tensor(code_weight, CODE_SIZE));
     (harm, box_l1(output.boxes.clone(), target, weight, n_matched))
+}
+
+/// Whether a place lies on a box's footprint or just beside it.
+fn is_over(of: &Box3<Ego>, at: Point<Ego>) -> bool {
+    let level = Box3 { center: Point::new(of.center.x(), of.center.y(), 0.0), ..of.clone() };
+    level.contains(&at, IGNORED_GAP_M)
 }
 
 /// A code as target and its weights: what is unknown, as the velocities of some logs, is NaN and has no weight.
@@ -148,12 +172,17 @@ fn known_part(code: [f32; CODE_SIZE]) -> ([f32; CODE_SIZE], [f32; CODE_SIZE]) {
 }
 
 /// The sigmoid focal loss, alpha 0.25, gamma 2, divided by the number of matched queries (at least one).
-fn sigmoid_focal(logits: Tensor<3>, target: Tensor<3>, n_matched: usize) -> Tensor<1> {
+fn sigmoid_focal(
+    logits: Tensor<3>,
+    target: Tensor<3>,
+    weight: Tensor<3>,
+    n_matched: usize,
+) -> Tensor<1> {
     let p = sigmoid(logits.clone());
     let not_p = p.clone().neg().add_scalar(1.0);
     let positive = log_sigmoid(logits.clone()) * not_p.clone() * not_p * target.clone().mul_scalar(0.25);
     let negative = log_sigmoid(logits.neg()) * p.clone() * p * target.neg().add_scalar(1.0).mul_scalar(0.75);
-    (positive + negative).sum().div_scalar(-(n_matched.max(1) as f64))
+    ((positive + negative) * weight).sum().div_scalar(-(n_matched.max(1) as f64))
 }
 
 /// The weighted L1 distance of codes, divided by the number of matched queries (at least one); `weight` is zero for the
@@ -226,7 +255,8 @@ mod tests {
         let target = vec![1.0f32, 0.0, 0.0, 0.0];
         check_gradient([1, 2, 2], &[0.3, -0.4, 0.8, -1.2], |x| {
             let t = Tensor::from_data(TensorData::new(target.clone(), [1, 2, 2]), &x.device());
-            sigmoid_focal(x, t, 1)
+            let weight = Tensor::ones([1, 2, 2], &x.device());
+            sigmoid_focal(x, t, weight, 1)
         });
     }
 
@@ -259,7 +289,8 @@ mod tests {
         }
         for (case, n_matched) in [("matched", 5), ("unmatched", 0)] {
             check_golden::<3>(&golden, [&format!("harm.{case}"), "input"], |x, part| {
-                sigmoid_focal(x, part("target"), n_matched)
+                let weight = Tensor::ones(x.dims(), &x.device());
+                sigmoid_focal(x, part("target"), weight, n_matched)
             });
             let is_matched = golden.numbers(&format!("boxes.{case}.is_matched"));
             let weights: Vec<f32> = is_matched

@@ -126,6 +126,7 @@ pub fn run(
                 heatmap: parts.heatmap.into(),
                 harm: parts.harm.into(),
                 boxes: parts.boxes.into(),
+                picture: parts.picture.into(),
                 gradient_norm: norm.into(),
             });
             progress.note(&format!("epoch {} loss {:.3}", epoch + 1, epoch_loss.mean().total()));

@@ -11,14 +11,17 @@ use super::augment::{self, ObjectsByState};
 use super::cache::{Cache, Key};
 use super::config::TrainConfig;
 use super::copies::{average_statistics, copy_detector};
+use super::disturb::disturb;
 use super::error::TrainError;
 use super::losses::{LossParts, losses};
 use super::paste::paste;
+use super::picture::{draw_objects, picture_loss};
 use super::plan::{Plan, Position, STAGES};
 use super::targets::trainable;
 use crate::dataset::Dataset;
 use crate::device::is_cpu;
-use crate::model::{Batch, Detector, Input};
+use crate::object::LabelledObject;
+use crate::model::{Batch, CameraInput, Detector, Input, NetworkImage};
 use crate::random;
 
 /// Computes the steps of a run, in any order: a step depends on its position alone.
@@ -27,6 +30,7 @@ pub struct Steps<'a> {
     dataset: &'a Dataset,
     config: &'a TrainConfig,
     device: &'a Device,
+    /// Pictures unpacked and resized.
     cache: Cache,
     /// Time spent on preparing inputs.
     pub loading: Duration,
@@ -58,14 +62,15 @@ impl<'a> Steps<'a> {
         let prepared = (batches.par_iter().enumerate())
             .map(|(batch_idx, chosen)| {
                 let first_draw = (position.step * config.accumulate + batch_idx) * config.batch_size;
-                let (inputs, objects) = self.prepare(chosen, position, first_draw)?;
-                Ok((chosen.as_slice(), first_draw, inputs, objects))
+                Ok((chosen.as_slice(), first_draw, self.prepare(chosen, position, first_draw)?))
             })
             .collect::<Result<Vec<_>, TrainError>>()?;
-        let stack = |(chosen, first_draw, inputs, objects): (_, _, Vec<Input>, _)| {
-            let inputs: Vec<&Input> = inputs.iter().collect();
+        let stack = |(chosen, first_draw, samples): (_, _, Vec<PreparedSample>)| {
+            let inputs: Vec<&Input> = samples.iter().map(|sample| &sample.input).collect();
             let batch = Batch::stack(&inputs, &config.model, position.stage == 1, self.device);
-            Prepared { chosen, first_draw, batch, objects }
+            let pictures = samples.iter().map(|sample| sample.picture.clone()).collect();
+            let objects = samples.into_iter().map(|sample| sample.objects).collect();
+            Prepared { chosen, first_draw, batch, objects, pictures }
         };
         let prepared: Vec<Prepared> = if is_cpu(self.device) {
             prepared.into_par_iter().map(stack).collect()
@@ -126,7 +131,13 @@ impl<'a> Steps<'a> {
         // So dropout depends on the step alone, however often the run was stopped.
         let name = format!("dropout-{}", STAGES[position.stage]);
         Detector::seed(self.device, random::stream(config.seed, &name, prepared.first_draw as u64).random());
-        let loss = losses(&detector.forward(&prepared.batch), &prepared.objects, &config.model, &config.loss);
+        let output = detector.forward(&prepared.batch);
+        let mut loss = losses(&output, &prepared.objects, &config.model, &config.loss);
+        if let (Some(logits), Some(targets)) = (output.picture_objects, &prepared.pictures) {
+            let of_picture = picture_loss(logits, targets).mul_scalar(config.loss.picture_weight);
+            loss.parts.picture = of_picture.clone().detach().into_scalar();
+            loss.total = loss.total + of_picture;
+        }
         if !loss.parts.total().is_finite() {
             return Err(self.not_finite(loss.parts.total(), position, prepared.chosen));
         }
@@ -141,21 +152,20 @@ impl<'a> Steps<'a> {
         chosen: &[usize],
         position: Position,
         first_draw: usize,
-    ) -> Result<(Vec<Input>, Vec<ObjectsByState>), TrainError> {
+    ) -> Result<Vec<PreparedSample>, TrainError> {
         let config = self.config;
         let samples = self.dataset.samples();
-        let with_camera = position.stage == 1;
+        let with_camera = position.stage == 1 && config.model.use_camera;
         let augment = config.augment_of_model();
-        let prepared = chosen
+        chosen
             .par_iter()
             .enumerate()
             .map(|(place, &sample_idx)| {
                 let sample = &samples[sample_idx];
                 let draw_idx = (first_draw + place) as u64;
-                let mut rng =
-                    random::stream(config.seed, &format!("augment-{}", STAGES[position.stage]), draw_idx);
-                let mut paste_rng =
-                    random::stream(config.seed, &format!("paste-{}", STAGES[position.stage]), draw_idx);
+                let stream_of =
+                    |name: &str| random::stream(config.seed, &format!("{name}-{}", STAGES[position.stage]), draw_idx);
+                let (mut rng, mut paste_rng) = (stream_of("augment"), stream_of("paste"));
                 let zone = self.dataset.zone();
                 let not_labelled = |source| TrainError::Label { sample: sample.id.clone(), source };
                 let pasted = paste(sample, samples, zone, &augment, &mut paste_rng).map_err(not_labelled)?;
@@ -163,18 +173,43 @@ impl<'a> Steps<'a> {
                     Some(pasted) => (&pasted.measured, &pasted.objects),
                     None => (&sample.measured, &sample.objects),
                 };
+                let disturbed = disturb(measured, objects, &augment, &mut stream_of("disturb"));
+                let (measured, objects) = match &disturbed {
+                    Some(disturbed) => (&disturbed.measured, &disturbed.objects),
+                    None => (measured, objects),
+                };
                 let view = augment::draw(&measured.ego_state, objects, zone, &augment, &mut rng)
                     .map_err(not_labelled)?;
-                let key = Key { sample_idx, mirror: view.mirror, with_camera };
-                let prepare = || Input::prepare(measured, &config.model, view.mirror, with_camera);
-                let input = if pasted.is_some() { prepare() } else { self.cache.get(key, prepare) }
+                let not_prepared = |source| TrainError::Input { sample: sample.id.clone(), source };
+                let key = Key { sample_idx, mirror: view.mirror };
+                let unpack = || NetworkImage::of(&sample.measured, view.mirror, &config.model.camera);
+                let mut image = with_camera
+                    .then(|| self.cache.get(key, unpack))
+                    .transpose()
+                    .map_err(not_prepared)?;
+                let colours = disturbed.as_ref().and_then(|disturbed| disturbed.colours.as_ref());
+                if let (Some(image), Some(colours)) = (&mut image, colours) {
+                    image.recolour(colours);
+                }
+                let input = Input::prepare_with(measured, &config.model, view.mirror, image.as_ref())
                     .and_then(|input| input.with_states(&view.states, view.mirror))
-                    .map_err(|source| TrainError::Input { sample: sample.id.clone(), source })?;
-                Ok((input, view.objects.iter().map(|of| trainable(of, &config.model.grid)).collect()))
+                    .map_err(not_prepared)?;
+                let painted_view = input.camera.as_ref().and_then(CameraInput::painted_view);
+                let min_px = config.loss.min_visible_px;
+                let picture = painted_view.map(|of| draw_objects(&view.objects[0], of, min_px));
+                let trained = |of: &Vec<LabelledObject>| trainable(of, &config.model.grid, &config.loss);
+                Ok(PreparedSample { input, objects: view.objects.iter().map(trained).collect(), picture })
             })
-            .collect::<Result<Vec<_>, TrainError>>()?;
-        Ok(prepared.into_iter().unzip())
+            .collect()
     }
+}
+
+/// A sample ready for the network.
+struct PreparedSample {
+    input: Input,
+    objects: ObjectsByState,
+    /// Where the picture shows objects, if the network is asked.
+    picture: Option<Vec<f32>>,
 }
 
 /// Number of a step's batches that run in parallel: one for each thread. It is 1 if the network has dropout,
@@ -194,6 +229,8 @@ struct Prepared<'a> {
     first_draw: usize,
     batch: Batch,
     objects: Vec<ObjectsByState>,
+    /// `None` if one of the samples has none.
+    pictures: Option<Vec<Vec<f32>>>,
 }
 
 /// Running mean of losses.
@@ -208,11 +245,13 @@ impl Mean {
         self.sum.heatmap += parts.heatmap;
         self.sum.harm += parts.harm;
         self.sum.boxes += parts.boxes;
+        self.sum.picture += parts.picture;
         self.n += 1;
     }
 
     pub fn mean(&self) -> LossParts {
         let n = self.n.max(1) as f32;
-        LossParts { heatmap: self.sum.heatmap / n, harm: self.sum.harm / n, boxes: self.sum.boxes / n }
+        let LossParts { heatmap, harm, boxes, picture } = self.sum;
+        LossParts { heatmap: heatmap / n, harm: harm / n, boxes: boxes / n, picture: picture / n }
     }
 }

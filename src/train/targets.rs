@@ -3,6 +3,7 @@
 //! A Gaussian stands at each object's cell, its radius from CornerNet's overlap rule (Law and Deng 2018)
 //! at overlap 0.1, at least two cells of the heatmap.
 
+use super::config::{LossConfig, Unhit};
 use crate::model::{Classes, GridConfig, Heatmap, ModelConfig};
 use crate::object::{Kind, LabelledObject};
 
@@ -11,14 +12,19 @@ const MIN_RADIUS: usize = 2;
 /// Overlap of two boxes whose corners lie within the radius.
 const GAUSSIAN_OVERLAP: f64 = 0.1;
 
-/// Picks the objects that a detector is trained on: inside the grid and hit by a LiDAR point, as in the evaluation.
+/// Top of the Gaussian of an object that is neither object nor nothing: cells under it hardly count.
+const IGNORED_PEAK: f32 = 0.98;
+
+/// Picks the objects that a detector is trained on: inside the grid and hit by a LiDAR point, as in the evaluation; and
+/// unhit ones that the picture shows, if they are to be more than background.
 #[must_use]
-pub fn trainable(objects: &[LabelledObject], grid: &GridConfig) -> Vec<LabelledObject> {
+pub fn trainable(objects: &[LabelledObject], grid: &GridConfig, config: &LossConfig) -> Vec<LabelledObject> {
     objects
         .iter()
         .filter(|object| {
             let center = object.truth.box_in_ego.center;
-            object.truth.is_hit()
+            let is_shown = object.truth.visible_px.is_some_and(|px| px >= config.min_visible_px);
+            (object.truth.is_hit() || (config.unhit != Unhit::Background && is_shown))
                 && (grid.x_min_m..grid.x_max_m).contains(&center.x())
                 && (grid.y_min_m..grid.y_max_m).contains(&center.y())
         })
@@ -26,9 +32,15 @@ pub fn trainable(objects: &[LabelledObject], grid: &GridConfig) -> Vec<LabelledO
         .collect()
 }
 
+/// Whether an object is neither object nor nothing.
+#[must_use]
+pub fn is_ignored(object: &LabelledObject, config: &LossConfig) -> bool {
+    config.unhit == Unhit::Ignored && !object.truth.is_hit()
+}
+
 /// Draws the target heatmap `[heatmap_channel, scale * cell_y, scale * cell_x]` of one sample.
 #[must_use]
-pub fn draw_heatmap(objects: &[LabelledObject], config: &ModelConfig) -> Vec<f32> {
+pub fn draw_heatmap(objects: &[LabelledObject], config: &ModelConfig, loss: &LossConfig) -> Vec<f32> {
     let grid = &config.grid;
     let scale = config.head.heatmap_scale;
     let cell_size_m = grid.cell_size_m / scale as f64;
@@ -44,10 +56,11 @@ pub fn draw_heatmap(objects: &[LabelledObject], config: &ModelConfig) -> Vec<f32
         let y = ((truth.center.y() - grid.y_min_m) / cell_size_m) as usize;
         let radius = gaussian_radius(truth.length_m / cell_size_m, truth.width_m / cell_size_m);
         let sigma = (2 * radius + 1) as f64 / 6.0;
+        let top = if is_ignored(object, loss) { IGNORED_PEAK } else { 1.0 };
         for cell_y in y.saturating_sub(radius)..(y + radius + 1).min(n_y) {
             for cell_x in x.saturating_sub(radius)..(x + radius + 1).min(n_x) {
                 let distance2 = (cell_x.abs_diff(x).pow(2) + cell_y.abs_diff(y).pow(2)) as f64;
-                let value = (-distance2 / (2.0 * sigma * sigma)).exp() as f32;
+                let value = top * (-distance2 / (2.0 * sigma * sigma)).exp() as f32;
                 let cell = &mut map[(channel * n_y + cell_y) * n_x + cell_x];
                 *cell = cell.max(value);
             }
@@ -125,20 +138,28 @@ mod tests {
     #[test]
     fn the_heatmap_is_one_at_the_object_and_falls_off() {
         let config = ModelConfig::default();
-        let map = draw_heatmap(&[car(10.1, 0.1, Harm::Harmful)], &config);
+        let map = draw_heatmap(&[car(10.1, 0.1, Harm::Harmful)], &config, &LossConfig::default());
         let at = |x: usize, y: usize| map[y * 128 + x];
         assert!((at(25, 80) - 1.0).abs() < 1e-6);
         assert!(at(26, 80) < 1.0 && at(26, 80) > at(27, 80) && at(25, 100) == 0.0);
     }
 
     #[test]
-    fn objects_without_lidar_points_are_left_out() {
-        let mut unseen = car(10.0, 0.0, Harm::Harmful);
+    fn objects_without_lidar_points_are_left_out_or_ignored_where_the_picture_shows_them() {
+        let mut unseen = car(10.1, 0.1, Harm::Harmful);
         unseen.truth.n_lidar_points = Some(0);
-        let found = trainable(
-            &[unseen, car(70.0, 0.0, Harm::Harmless), car(20.0, 0.0, Harm::Harmless)],
-            &GridConfig::default(),
-        );
-        assert_eq!(found.len(), 1);
+        let mut hidden = unseen.clone();
+        hidden.truth.visible_px = Some(3);
+        let objects = [unseen, hidden, car(70.0, 0.0, Harm::Harmless), car(20.0, 0.0, Harm::Harmless)];
+        let model = ModelConfig::default();
+        let picked = |unhit| {
+            let config = LossConfig { unhit, ..LossConfig::default() };
+            let found = trainable(&objects, &model.grid, &config);
+            let top = draw_heatmap(&found, &model, &config)[80 * 128 + 25];
+            (found.len(), top)
+        };
+        assert_eq!(picked(Unhit::Background), (1, 0.0));
+        assert_eq!(picked(Unhit::Ignored), (2, IGNORED_PEAK));
+        assert_eq!(picked(Unhit::Truth), (2, 1.0));
     }
 }

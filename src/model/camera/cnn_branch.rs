@@ -7,10 +7,14 @@ use burn::nn::conv::Conv2d;
 use burn::tensor::{Device, Tensor};
 
 use super::cnn_input::CnnBatch;
+use super::ImageFeatures;
 use super::lift::lift_and_pool;
+use super::paint::Paint;
 use crate::model::config::ModelConfig;
 use crate::model::layers::{ConvBlock, convolve_pointwise, pointwise};
 
+/// Convolutions up to a quarter of the image's size.
+const N_BLOCKS_TO_QUARTER: usize = 3;
 /// Channels of the encoded LiDAR depth.
 const DEPTH_CHANNELS: usize = 16;
 
@@ -22,6 +26,7 @@ pub struct CnnBranch {
     joint: ConvBlock,
     lift: Conv2d,
     smooth: ConvBlock,
+    paint: Option<Paint>,
     #[module(skip)]
     n_depth_bins: usize,
     #[module(skip)]
@@ -30,7 +35,7 @@ pub struct CnnBranch {
 
 impl CnnBranch {
     pub fn init(config: &ModelConfig, device: &Device) -> Self {
-        let grid = &config.grid;
+        let (grid, is_painted) = (&config.grid, config.paint_channels() > 0);
         let config = &config.camera.cnn;
         let [a, b, c] = config.channels;
         let lift = config.lift_channels;
@@ -46,19 +51,27 @@ impl CnnBranch {
             joint: ConvBlock::init(c + DEPTH_CHANNELS, c, 1, device),
             lift: pointwise(c, config.n_depth_bins + lift, device),
             smooth: ConvBlock::init(lift, lift, 1, device),
+            paint: is_painted.then(|| Paint::init(config, device)),
             n_depth_bins: config.n_depth_bins,
             n_cells: [grid.n_cells_y(), grid.n_cells_x()],
         }
     }
 
     /// Features of the image and of the LiDAR's depths in it.
-    ///
-    /// # Shapes
-    /// - output: `[batch, channel, feature_y, feature_x]`
-    pub fn image_features(&self, batch: &CnnBatch) -> Tensor<4> {
-        let image = self.image.iter().fold(batch.image.clone(), |x, block| block.forward(x));
+    pub fn image_features(&self, batch: &CnnBatch) -> ImageFeatures {
+        let (to_quarter, to_eighth) = self.image.split_at(N_BLOCKS_TO_QUARTER);
+        let quarter = to_quarter.iter().fold(batch.image.clone(), |x, block| block.forward(x));
+        let eighth = to_eighth.iter().fold(quarter.clone(), |x, block| block.forward(x));
         let depth = self.depth.forward(batch.depth.clone());
-        self.joint.forward(Tensor::cat(vec![image, depth], 1))
+        let joint = self.joint.forward(Tensor::cat(vec![eighth, depth], 1));
+        let paint = self.paint.as_ref().map(|paint| paint.forward(quarter, joint.clone()));
+        ImageFeatures { joint, paint }
+    }
+
+    /// Whether each pixel of the painting's map shows an object.
+    pub fn objects(&self, features: &ImageFeatures) -> Option<Tensor<4>> {
+        let (paint, map) = self.paint.as_ref().zip(features.paint.clone())?;
+        Some(paint.objects(map))
     }
 
     /// Lifts these features to the bird's-eye grid.

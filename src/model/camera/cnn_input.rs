@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use burn::tensor::{Device, Tensor, TensorData};
+use burn::tensor::{Device, Int, Tensor, TensorData};
 
 use super::picture::{CameraGeometry, NetworkImage};
 use crate::geometry::{Pinhole, Point};
@@ -11,6 +11,10 @@ use crate::model::config::ModelConfig;
 
 /// Stride of the camera features over the resized image.
 const IMAGE_STRIDE: usize = 8;
+/// Stride of the map that points take features from.
+pub const PAINT_STRIDE: usize = 4;
+/// A point that the picture does not show.
+const NOT_SEEN: u32 = u32::MAX;
 
 /// One sample's inputs.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,8 +22,12 @@ pub struct CnnInput {
     /// `[3, y, x]`, 8-bit RGB, resized.
     pub image: Vec<u8>,
     pub image_height_px: usize,
+    pub view: CameraGeometry,
     /// `[feature_y, feature_x]` at an eighth of the resized image: nearest LiDAR depth in metres, 0 for none.
     pub depth: Vec<f32>,
+    /// `[point]`: place `y * n_x + x` of each point that takes features along, in the map at a quarter of the image, or
+    /// [`NOT_SEEN`]; empty if none does.
+    pub pixel_of_point: Vec<u32>,
     /// Bird's-eye cell `y * n_cells_x + x` of each frustum point, `[feature_y * feature_x, depth_bin]`.
     pub plan: Arc<PoolPlan>,
 }
@@ -27,23 +35,33 @@ pub struct CnnInput {
 /// Feature rows or columns after three stride-2 convolutions with padding 1.
 #[must_use]
 pub fn n_features(n_px: usize) -> usize {
-    n_px.div_ceil(2).div_ceil(2).div_ceil(2)
+    n_paint_pixels(n_px).div_ceil(2)
+}
+
+/// Rows or columns of the map that points take features from.
+#[must_use]
+pub fn n_paint_pixels(n_px: usize) -> usize {
+    n_px.div_ceil(2).div_ceil(2)
 }
 
 impl CnnInput {
     /// # Arguments
     /// - `view`: the view of `image`
     /// - `points`: in the ego frame
+    /// - `sources`: indices of the points that take features along
     #[must_use]
     pub fn prepare(
         image: &NetworkImage,
         view: &CameraGeometry,
         points: &[[f64; 4]],
+        sources: &[u32],
         config: &ModelConfig,
     ) -> Self {
         Self {
+            pixel_of_point: pixels_of(points, sources, view),
             image: image.planes(),
             image_height_px: image.pixels.height() as usize,
+            view: *view,
             depth: sparse_depth(points, view),
             plan: Arc::new(pool_plan(view, config)),
         }
@@ -57,6 +75,9 @@ pub struct CnnBatch {
     pub image: Tensor<4>,
     /// `[batch, 2, feature_y, feature_x]`: LiDAR depth over 50 m, and whether there is one.
     pub depth: Tensor<4>,
+    /// `[point]` of all samples: where each takes its features, as [`super::paint::take_pixels`] needs it; `None` if
+    /// none does.
+    pub pixels_of_points: Option<Tensor<1, Int>>,
     /// For each sample, the cells of its frustum.
     pub plans: Vec<Arc<PoolPlan>>,
 }
@@ -76,12 +97,37 @@ impl CnnBatch {
             depth.extend(input.depth.iter().map(|&d| d / 50.0));
             depth.extend(input.depth.iter().map(|&d| f32::from(u8::from(d > 0.0))));
         }
+        let n_pixels = n_paint_pixels(width_px) * n_paint_pixels(height_px);
+        let place = |(sample_idx, &pixel): (usize, &u32)| match pixel {
+            NOT_SEEN => (n_samples * n_pixels) as i64,
+            pixel => (sample_idx * n_pixels) as i64 + i64::from(pixel),
+        };
+        let places = inputs.iter().enumerate().flat_map(|(i, of)| of.pixel_of_point.iter().map(move |p| (i, p)));
+        let places: Vec<i64> = places.map(place).collect();
+        let n_places = places.len();
         Self {
+            pixels_of_points: (n_places > 0)
+                .then(|| Tensor::from_data(TensorData::new(places, [n_places]), device)),
             image: Tensor::from_data(TensorData::new(image, [n_samples, 3, height_px, width_px]), device),
             depth: Tensor::from_data(TensorData::new(depth, [n_samples, 2, n_y, n_x]), device),
             plans: inputs.iter().map(|input| Arc::clone(&input.plan)).collect(),
         }
     }
+}
+
+/// Where the map at a quarter of the image shows each of these points.
+fn pixels_of(points: &[[f64; 4]], sources: &[u32], view: &CameraGeometry) -> Vec<u32> {
+    let Pinhole { width_px, height_px, .. } = view.intrinsics;
+    let [n_x, n_y] = [width_px, height_px].map(|n_px| n_paint_pixels(n_px as usize));
+    let camera_from_ego = view.ego_from_camera.inverse();
+    let pixel = |&source: &u32| {
+        let [x_m, y_m, z_m, _] = points[source as usize];
+        let seen = view.intrinsics.project(&(camera_from_ego * Point::new(x_m, y_m, z_m)));
+        let Some((u, v)) = seen.filter(|&(u, v)| view.intrinsics.contains(u, v)) else { return NOT_SEEN };
+        let [x, y] = [u, v].map(|px| (px / PAINT_STRIDE as f64).round() as usize);
+        (y.min(n_y - 1) * n_x + x.min(n_x - 1)) as u32
+    };
+    sources.iter().map(pixel).collect()
 }
 
 /// Nearest LiDAR depth in each feature cell of the image.

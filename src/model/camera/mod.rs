@@ -7,6 +7,7 @@ mod depth_lss;
 mod frustum;
 mod lift;
 mod lss_fpn;
+mod paint;
 mod picture;
 mod resize;
 mod swin;
@@ -17,9 +18,11 @@ use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 
 use super::config::{CameraBackbone, ModelConfig};
+use super::lidar::LidarInput;
 use cnn_branch::CnnBranch;
-pub use cnn_input::{CnnBatch, CnnInput, n_features};
-pub use picture::{CameraGeometry, ImageTooFlat, NetworkImage, unpack_image};
+pub use cnn_input::{CnnBatch, CnnInput, PAINT_STRIDE, n_features, n_paint_pixels};
+use paint::take_pixels;
+pub use picture::{CameraGeometry, ImageTooFlat, NetworkImage, Recolour, unpack_image};
 pub use swin::Swin;
 pub use swin_branch::SwinCameraBranch;
 pub use swin_input::{SwinCameraBatch, SwinCameraInput};
@@ -38,18 +41,30 @@ impl CameraInput {
     /// # Arguments
     /// - `view`: the view of the full picture
     /// - `points`: the LiDAR's, in the ego frame, mirrored if the picture is
+    /// - `lidar`: what the LiDAR branch makes of them
     #[must_use]
     pub fn prepare(
         image: &NetworkImage,
         view: &CameraGeometry,
         points: &[[f64; 4]],
+        lidar: Option<&LidarInput>,
         config: &ModelConfig,
     ) -> Self {
         let small = image.view(view);
         match config.camera.backbone {
-            CameraBackbone::Cnn => Self::Cnn(CnnInput::prepare(image, &small, points, config)),
+            CameraBackbone::Cnn => {
+                let painted = lidar.and_then(LidarInput::pillars).filter(|_| config.paint_channels() > 0);
+                let sources = painted.map(|pillars| pillars.sources.as_slice()).unwrap_or_default();
+                Self::Cnn(CnnInput::prepare(image, &small, points, sources, config))
+            }
             CameraBackbone::Swin => Self::Swin(SwinCameraInput::prepare(image, &small, points)),
         }
+    }
+
+    /// The view of the network's image, if points take features from it.
+    #[must_use]
+    pub fn painted_view(&self) -> Option<&CameraGeometry> {
+        self.cnn().filter(|input| !input.pixel_of_point.is_empty()).map(|input| &input.view)
     }
 
     /// Height of the network's image; inputs of one batch share it.
@@ -65,7 +80,10 @@ impl CameraInput {
     #[must_use]
     pub fn n_bytes(&self) -> usize {
         match self {
-            Self::Cnn(of) => size_of_val(&*of.image) + size_of_val(&*of.depth) + of.plan.n_bytes(),
+            Self::Cnn(of) => {
+                let of_points = size_of_val(&*of.depth) + size_of_val(&*of.pixel_of_point);
+                size_of_val(&*of.image) + of_points + of.plan.n_bytes()
+            }
             Self::Swin(of) => size_of_val(&*of.image) + size_of_val(&*of.depths),
         }
     }
@@ -103,6 +121,15 @@ impl CameraBatch {
     }
 }
 
+/// Maps over the image.
+#[derive(Debug, Clone)]
+pub struct ImageFeatures {
+    /// `[batch, channel, feature_y, feature_x]`: what the lift takes; of the published branch already the ground's map.
+    pub joint: Tensor<4>,
+    /// `[batch, paint_channel, y, x]` at a quarter of the image's size: what points take along, if they do.
+    pub paint: Option<Tensor<4>>,
+}
+
 /// The network over the image.
 #[derive(Module, Debug)]
 pub enum CameraBranch {
@@ -119,19 +146,42 @@ impl CameraBranch {
     }
 
     /// Computes the image features; the published branch computes the map in one go.
-    pub fn image_features(&self, batch: &CameraBatch) -> Tensor<4> {
+    pub fn image_features(&self, batch: &CameraBatch) -> ImageFeatures {
         match (self, batch) {
             (Self::Cnn(branch), CameraBatch::Cnn(batch)) => branch.image_features(batch),
-            (Self::Swin(branch), CameraBatch::Swin(batch)) => branch.forward(batch),
+            (Self::Swin(branch), CameraBatch::Swin(batch)) => {
+                ImageFeatures { joint: branch.forward(batch), paint: None }
+            }
             _ => panic!("{SAME_CONFIG}"),
         }
     }
 
     /// From [`Self::image_features`] to the map `[batch, channel, cell_y, cell_x]`.
-    pub fn lift(&self, features: Tensor<4>, batch: &CameraBatch) -> Tensor<4> {
+    pub fn lift(&self, features: ImageFeatures, batch: &CameraBatch) -> Tensor<4> {
         match (self, batch) {
-            (Self::Cnn(branch), CameraBatch::Cnn(batch)) => branch.lift_and_splat(features, batch),
-            _ => features,
+            (Self::Cnn(branch), CameraBatch::Cnn(batch)) => branch.lift_and_splat(features.joint, batch),
+            _ => features.joint,
+        }
+    }
+
+    /// Whether each pixel of the painting's map shows an object, before the sigmoid: `[batch, 1, y, x]`, if points take
+    /// features from it.
+    pub fn objects(&self, features: &ImageFeatures) -> Option<Tensor<4>> {
+        match self {
+            Self::Cnn(branch) => branch.objects(features),
+            Self::Swin(_) => None,
+        }
+    }
+}
+
+impl ImageFeatures {
+    /// What the LiDAR's points take along, `[point, paint_channel]`, if they do.
+    pub fn of_points(&self, batch: &CameraBatch) -> Option<Tensor<2>> {
+        match (&self.paint, batch) {
+            (Some(map), CameraBatch::Cnn(batch)) => {
+                Some(take_pixels(map.clone(), batch.pixels_of_points.clone()?))
+            }
+            _ => None,
         }
     }
 }

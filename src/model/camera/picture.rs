@@ -9,6 +9,7 @@ use thiserror::Error;
 use super::resize::resize;
 use crate::geometry::{Camera, Ego, Pinhole, Point, Transform};
 use crate::model::config::{CameraBackbone, CameraConfig};
+use crate::model::input::InputError;
 use crate::sample::Measured;
 
 /// A camera's intrinsics and its pose on the car.
@@ -65,8 +66,34 @@ pub fn unpack_image(measured: &Measured, mirror: bool) -> Result<RgbImage, image
     Ok(full)
 }
 
+/// Other colours for a picture: a curve for each of red, green and blue.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Recolour {
+    curves: [[u8; 256]; 3],
+}
+
+impl Recolour {
+    /// A factor for each colour, and then an exponent on its share of full light.
+    #[must_use]
+    pub fn new(gains: [f64; 3], gamma: f64) -> Self {
+        let curve = |gain: f64| {
+            std::array::from_fn(|value| {
+                let share = (value as f64 / 255.0 * gain).min(1.0).powf(gamma);
+                (255.0 * share).round() as u8
+            })
+        };
+        Self { curves: gains.map(curve) }
+    }
+
+    /// A picture without light.
+    #[must_use]
+    pub fn black() -> Self {
+        Self { curves: [[0; 256]; 3] }
+    }
+}
+
 /// A picture at the network's size.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct NetworkImage {
     pub pixels: RgbImage,
     /// Width and height over those of the full picture, before the crop.
@@ -119,6 +146,23 @@ impl NetworkImage {
             scale: [scale, f64::from(resized_height_px) / f64::from(full.height())],
             cut_px,
         })
+    }
+
+    /// Unpacks a sample's picture and resizes it; with `mirror` flipped left to right.
+    ///
+    /// # Errors
+    /// The image is broken or too flat.
+    pub fn of(measured: &Measured, mirror: bool, config: &CameraConfig) -> Result<Self, InputError> {
+        Ok(Self::resize(&unpack_image(measured, mirror)?, config)?)
+    }
+
+    /// Gives every pixel other colours.
+    pub fn recolour(&mut self, colours: &Recolour) {
+        for pixel in self.pixels.pixels_mut() {
+            for (value, curve) in pixel.0.iter_mut().zip(&colours.curves) {
+                *value = curve[usize::from(*value)];
+            }
+        }
     }
 
     /// The view of this picture, from the view of the full one.

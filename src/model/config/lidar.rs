@@ -26,6 +26,9 @@ define_config! {
         channels: usize = 32, in CHANNELS;
         /// Channels of the bird's-eye stages at one and two cells.
         bev_channels: [usize; 2] = [64, 96], in CHANNELS.list(2, 2);
+        /// Whether points tell their height over a ground fitted to the cloud beside that over the wheels; the grid's
+        /// lowest and highest point are then heights over that ground.
+        ground: bool = false;
     }
 }
 

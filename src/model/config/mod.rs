@@ -97,6 +97,14 @@ impl ModelConfig {
         }
     }
 
+    /// Image features that each LiDAR point takes along; 0 without LiDAR, without pillars or without a small camera branch.
+    #[must_use]
+    pub fn paint_channels(&self) -> usize {
+        let is_small =
+            self.camera.backbone == CameraBackbone::Cnn && self.lidar.encoder == LidarEncoder::Pillars;
+        if self.use_lidar && self.use_camera && is_small { self.camera.cnn.paint_channels } else { 0 }
+    }
+
     /// Whether a bird's-eye backbone follows the fuser. It does with voxels; pillars have their own before it.
     #[must_use]
     pub fn has_backbone(&self) -> bool {

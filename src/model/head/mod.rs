@@ -102,7 +102,7 @@ impl Head {
             center_m: repeat_rows(self.centers_m(&queries, &device), n_states),
             modulation: self.numeric.for_harm(numeric),
         });
-        Output { heatmap, queries, boxes, harm, features }
+        Output { heatmap, queries, boxes, harm, features, picture_objects: None }
     }
 
     /// The decoder layer over the shared features.

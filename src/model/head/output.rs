@@ -22,6 +22,9 @@ pub struct Output {
     pub harm: Tensor<3>,
     /// `[batch * state, query, channel]`: the features from which boxes and classes are predicted.
     pub features: Tensor<3>,
+    /// `[batch, 1, y, x]`, before the sigmoid: whether each pixel of a quarter of the picture shows an object; only in
+    /// training, and only of a network whose points take the picture's features along.
+    pub picture_objects: Option<Tensor<4>>,
 }
 
 /// The head's output for one query in one state.

@@ -1,5 +1,6 @@
 //! The LiDAR branch: from points in the ego frame to a bird's-eye map, by pillars or by voxels.
 
+mod ground;
 mod pillar_branch;
 mod pillars;
 pub mod sparse;
@@ -39,13 +40,16 @@ impl LidarInput {
     pub fn n_bytes(&self) -> usize {
         match self {
             Self::Pillars(of) => {
-                size_of_val(&*of.point_features) + size_of_val(&*of.points) + size_of_val(&*of.cells)
+                let n_ids = of.sources.len() + of.points.len() + of.cells.len();
+                size_of_val(&*of.point_features) + n_ids * size_of::<u32>()
             }
             Self::Voxels(of) => size_of_val(&*of.features) + size_of_val(&*of.cells),
         }
     }
 
-    fn pillars(&self) -> Option<&Pillars> {
+    /// The pillars, if the encoder has some.
+    #[must_use]
+    pub fn pillars(&self) -> Option<&Pillars> {
         if let Self::Pillars(pillars) = self { Some(pillars) } else { None }
     }
 
@@ -97,11 +101,18 @@ impl LidarBranch {
     }
 
     /// # Shapes
+    /// - painted: `[point, paint_channel]`, what pillars' points take along from the picture
     /// - output: `[batch, channel, cell_y, cell_x]`
-    pub fn forward(&self, batch: &LidarBatch, n_samples: usize, device: &Device) -> Tensor<4> {
+    pub fn forward(
+        &self,
+        batch: &LidarBatch,
+        painted: Option<Tensor<2>>,
+        n_samples: usize,
+        device: &Device,
+    ) -> Tensor<4> {
         match (self, batch) {
             (Self::Pillars(branch), LidarBatch::Pillars(batch)) => {
-                branch.forward(batch.as_ref(), n_samples, device)
+                branch.forward(batch.as_ref(), painted, n_samples, device)
             }
             (Self::Voxels(encoder), LidarBatch::Voxels(batch)) => {
                 encoder.forward(batch.features.clone(), &batch.rulebooks, n_samples)

@@ -6,7 +6,7 @@ use burn::nn::{BatchNorm, BatchNormConfig, Linear, LinearConfig};
 use burn::tensor::activation::relu;
 use burn::tensor::{Device, Tensor};
 
-use super::pillars::{N_POINT_FEATURES, PillarBatch};
+use super::pillars::PillarBatch;
 use crate::kernels::pillar_map;
 use crate::model::config::ModelConfig;
 use crate::model::layers::{ConvBlock, convolve_pointwise, pointwise, upsample_nearest};
@@ -15,6 +15,8 @@ use crate::model::layers::{ConvBlock, convolve_pointwise, pointwise, upsample_ne
 #[derive(Module, Debug)]
 pub struct PillarBranch {
     point: Linear,
+    /// From the picture's features of a point.
+    painted: Option<Linear>,
     point_norm: BatchNorm,
     fine: Vec<ConvBlock>,
     coarse: Vec<ConvBlock>,
@@ -28,12 +30,14 @@ pub struct PillarBranch {
 
 impl PillarBranch {
     pub fn init(config: &ModelConfig, device: &Device) -> Self {
-        let grid = &config.grid;
+        let (grid, n_painted) = (&config.grid, config.paint_channels());
         let config = &config.lidar.pillars;
+        let linear = |n_in| LinearConfig::new(n_in, config.channels).with_bias(false).init(device);
         let [fine, coarse] = config.bev_channels;
         let out = config.channels_out_of_scale();
         Self {
-            point: LinearConfig::new(N_POINT_FEATURES, config.channels).with_bias(false).init(device),
+            point: linear(config.n_point_features()),
+            painted: (n_painted > 0).then(|| linear(n_painted)),
             point_norm: BatchNormConfig::new(config.channels).with_epsilon(1e-3).init(device),
             fine: vec![
                 ConvBlock::init(config.channels, fine, 2, device),
@@ -53,9 +57,16 @@ impl PillarBranch {
     }
 
     /// # Shapes
+    /// - painted: `[point, paint_channel]`
     /// - output: `[batch, channel, cell_y, cell_x]`
-    pub fn forward(&self, pillars: Option<&PillarBatch>, n_samples: usize, device: &Device) -> Tensor<4> {
-        let map = self.scatter(pillars, n_samples, device);
+    pub fn forward(
+        &self,
+        pillars: Option<&PillarBatch>,
+        painted: Option<Tensor<2>>,
+        n_samples: usize,
+        device: &Device,
+    ) -> Tensor<4> {
+        let map = self.scatter(pillars, painted, n_samples, device);
         let fine = self.fine.iter().fold(map, |x, block| block.forward(x));
         let coarse = self.coarse.iter().fold(fine.clone(), |x, block| block.forward(x));
         let fine = convolve_pointwise(&self.fine_out, fine);
@@ -67,12 +78,22 @@ impl PillarBranch {
     ///
     /// # Shapes
     /// - output: `[batch, channel, pillar_y, pillar_x]`, zero where no point falls
-    fn scatter(&self, pillars: Option<&PillarBatch>, n_samples: usize, device: &Device) -> Tensor<4> {
+    fn scatter(
+        &self,
+        pillars: Option<&PillarBatch>,
+        painted: Option<Tensor<2>>,
+        n_samples: usize,
+        device: &Device,
+    ) -> Tensor<4> {
         let [n_y, n_x] = self.n_pillars;
         let Some(batch) = pillars else {
             return Tensor::zeros([n_samples, self.n_pillar_channels, n_y, n_x], device);
         };
-        let points = relu(self.point_norm.forward(self.point.forward(batch.point_features.clone())));
+        let mut points = self.point.forward(batch.point_features.clone());
+        if let (Some(linear), Some(painted)) = (&self.painted, painted) {
+            points = points + linear.forward(painted);
+        }
+        let points = relu(self.point_norm.forward(points));
         pillar_map(points, &batch.plan).reshape([n_samples, self.n_pillar_channels, n_y, n_x])
     }
 }

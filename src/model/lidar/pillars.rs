@@ -4,18 +4,30 @@ use std::sync::Arc;
 
 use burn::tensor::{Device, Tensor, TensorData};
 
+use super::ground::GroundMap;
 use crate::kernels::PillarPlan;
-use crate::model::config::ModelConfig;
+use crate::model::config::{ModelConfig, PillarConfig};
 
-/// Numbers for each LiDAR point that enters the pillar encoder.
-pub const N_POINT_FEATURES: usize = 10;
+/// Numbers for each LiDAR point that enters the pillar encoder, without its height over a fitted ground.
+const N_PLAIN_FEATURES: usize = 10;
+
+impl PillarConfig {
+    /// Numbers for each LiDAR point that enters the pillar encoder.
+    #[must_use]
+    pub fn n_point_features(&self) -> usize {
+        N_PLAIN_FEATURES + usize::from(self.ground)
+    }
+}
 
 /// One sample's pillars.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Pillars {
-    /// `[point, N_POINT_FEATURES]`: x, y, z, intensity, offset from the pillar's mean point (3),
-    /// offset from its centre (2), log of its point count; all scaled to about one.
+    /// `[point, n_point_features]`: x, y, z, intensity, offset from the pillar's mean point (3),
+    /// offset from its centre (2), log of its point count, and the height over the ground if the config asks for it; all
+    /// scaled to about one.
     pub point_features: Vec<f32>,
+    /// `[point]`: index of each row's point in the cloud.
+    pub sources: Vec<u32>,
     /// `[pillar, max_points]`: rows of `point_features`; a short pillar repeats its first point.
     pub points: Vec<u32>,
     /// `[pillar]`: cell index `y * 2 n_cells_x + x`.
@@ -28,14 +40,17 @@ impl Pillars {
     pub fn group(points: &[[f64; 4]], config: &ModelConfig) -> Self {
         let grid = config.grid.with_cell_size(config.grid.cell_size_m / 2.0);
         let (n_x, cell_of) = (grid.n_cells_x(), grid.cell_finder());
+        let of_pillars = &config.lidar.pillars;
+        let ground = of_pillars.ground.then(|| GroundMap::fit(points, &config.grid));
+        let over_ground_m = |p: &[f64; 4]| p[2] - ground.as_ref().map_or(0.0, |map| map.height_m(p[0], p[1]));
         let mut by_cell: Vec<(u32, u32)> = points
             .iter()
             .enumerate()
-            .filter_map(|(i, p)| Some((cell_of([p[0], p[1], p[2]])?, i as u32)))
+            .filter_map(|(i, p)| Some((cell_of([p[0], p[1], over_ground_m(p)])?, i as u32)))
             .collect();
         by_cell.sort_unstable();
 
-        let max_points = config.lidar.pillars.max_points;
+        let (max_points, n_features) = (of_pillars.max_points, of_pillars.n_point_features());
         let mut pillars = Self::default();
         for pillar in by_cell.chunk_by(|a, b| a.0 == b.0) {
             let cell = pillar[0].0;
@@ -45,10 +60,11 @@ impl Pillars {
             });
             let center = grid.cell_center_m(cell as usize, n_x, 1);
             let n_kept = n.min(max_points);
-            let first_row = (pillars.point_features.len() / N_POINT_FEATURES) as u32;
+            let first_row = (pillars.point_features.len() / n_features) as u32;
             for k in 0..n_kept {
                 // An even pick, so that a crowded pillar keeps points from all of its beams.
-                let p = points[pillar[k * n / n_kept].1 as usize];
+                let source = pillar[k * n / n_kept].1;
+                let p = points[source as usize];
                 let features = [
                     p[0] / 50.0,
                     p[1] / 30.0,
@@ -62,6 +78,10 @@ impl Pillars {
                     (n as f64).ln() / 3.0,
                 ];
                 pillars.point_features.extend(features.map(|value| value as f32));
+                if ground.is_some() {
+                    pillars.point_features.push(over_ground_m(&p) as f32);
+                }
+                pillars.sources.push(source);
             }
             let row = |k: usize| first_row + if k < n_kept { k as u32 } else { 0 };
             pillars.points.extend((0..max_points).map(row));
@@ -74,7 +94,7 @@ impl Pillars {
 /// Pillars of several samples; points and pillars of all samples stand in one list.
 #[derive(Debug, Clone)]
 pub struct PillarBatch {
-    /// `[point, N_POINT_FEATURES]`.
+    /// `[point, n_point_features]`.
     pub point_features: Tensor<2>,
     /// Points of each pillar, and pillars of each map `[2 n_cells_y, 2 n_cells_x]`.
     pub plan: Arc<PillarPlan>,
@@ -85,19 +105,20 @@ impl PillarBatch {
     #[must_use]
     pub fn stack(samples: &[&Pillars], config: &ModelConfig, device: &Device) -> Option<Self> {
         let pillars_per_map = 4 * config.grid.n_cells();
+        let n_features = config.lidar.pillars.n_point_features();
         let mut features = Vec::new();
         let (mut rows, mut cells) = (Vec::new(), Vec::new());
         for (sample_idx, pillars) in samples.iter().enumerate() {
-            let first_row = (features.len() / N_POINT_FEATURES) as u32;
+            let first_row = (features.len() / n_features) as u32;
             features.extend_from_slice(&pillars.point_features);
             rows.extend(pillars.points.iter().map(|&row| first_row + row));
             let first_cell = (sample_idx * pillars_per_map) as u32;
             cells.extend(pillars.cells.iter().map(|&cell| first_cell + cell));
         }
-        let n_points = features.len() / N_POINT_FEATURES;
+        let n_points = features.len() / n_features;
         (n_points > 0).then(|| Self {
             point_features: Tensor::from_data(
-                TensorData::new(features, [n_points, N_POINT_FEATURES]),
+                TensorData::new(features, [n_points, n_features]),
                 device,
             ),
             plan: Arc::new(PillarPlan::new(n_points, [samples.len(), pillars_per_map], rows, cells)),
@@ -114,9 +135,10 @@ mod tests {
         let config = ModelConfig::default();
         let points =
             [[10.1, 0.1, 0.5, 0.0], [10.2, 0.2, 1.5, 0.0], [10.1, 0.1, 9.0, 0.0], [60.0, 0.0, 1.0, 0.0]];
-        let Pillars { point_features: features, points: rows, cells } = Pillars::group(&points, &config);
+        let Pillars { point_features: features, sources, points: rows, cells } =
+            Pillars::group(&points, &config);
         assert_eq!(cells, [80 * 128 + 25]);
-        assert_eq!(features.len(), 2 * N_POINT_FEATURES);
+        assert_eq!((features.len(), sources), (2 * N_PLAIN_FEATURES, vec![0, 1]));
         assert_eq!(rows[..3], [0, 1, 0]);
         assert!((features[6] + 0.5).abs() < 1e-6, "z of the first point lies 0.5 m under the mean");
     }
@@ -126,7 +148,22 @@ mod tests {
         let config = ModelConfig::default();
         let points: Vec<[f64; 4]> = (0..100).map(|i| [10.1, 0.1, 0.01 * f64::from(i), 0.0]).collect();
         let Pillars { point_features: features, points: rows, .. } = Pillars::group(&points, &config);
-        assert_eq!(features.len() / N_POINT_FEATURES, config.lidar.pillars.max_points);
+        assert_eq!(features.len() / N_PLAIN_FEATURES, config.lidar.pillars.max_points);
         assert_eq!(rows.len(), config.lidar.pillars.max_points);
+    }
+
+    #[test]
+    fn on_a_hill_points_tell_their_height_over_the_ground() {
+        let mut config = ModelConfig::default();
+        config.lidar.pillars.ground = true;
+        // A road that rises by a tenth, and a box of half a metre on it, 35 m ahead and 3.5 m above the wheels.
+        let on_road = |x: f64, y: f64| [x, y, 0.1 * x, 50.0];
+        let mut points: Vec<[f64; 4]> =
+            (0..1600).map(|i| on_road(3.0 + f64::from(i / 20), f64::from(i % 20) - 9.5)).collect();
+        points.push([35.1, 0.1, 3.5 + 0.5, 50.0]);
+        let of = Pillars::group(&points, &config);
+        let row = of.sources.iter().position(|&source| source == 1600).expect("it lies in the grid");
+        let features = &of.point_features[row * 11..][..11];
+        assert!((features[10] - 0.5).abs() < 0.1 && (features[2] - 4.0).abs() < 1e-6, "{features:?}");
     }
 }

@@ -59,7 +59,7 @@ pub fn batch(
             .and_then(|input| input.with_states(&view.states, false))
             .map_err(|source| BenchError::Input { sample: sample.id.clone(), source })?;
         inputs.push(input);
-        objects.push(view.objects.iter().map(|of| trainable(of, &config.model.grid)).collect());
+        objects.push(view.objects.iter().map(|of| trainable(of, &config.model.grid, &config.loss)).collect());
     }
     let batch = Batch::stack(&inputs.iter().collect::<Vec<_>>(), &config.model, with_camera, device);
     Ok((inputs, batch, objects))

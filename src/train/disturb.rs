@@ -1,0 +1,135 @@
+//! Augmentation of what the sensors measure: other LiDARs, other makes' intensities, a cloud thinned or gone, a picture
+//! of another exposure or gone, and a car that is pitched or rolled. Labels stay true: objects move with a tilt, and
+//! their points are counted again.
+//!
+//! A network that has seen one sensor alone takes its rings and intensities for the world's (docs/real_logs.md), and
+//! one whose LiDAR never fails learns nothing from the picture.
+
+use std::f64::consts::TAU;
+
+use nalgebra::{UnitQuaternion, Vector3};
+use rand::RngExt;
+
+use super::config::AugmentConfig;
+use crate::dataset::{LabelledSample, count_points};
+use crate::geometry::{Ego, Transform};
+use crate::model::Recolour;
+use crate::object::LabelledObject;
+use crate::random::Rng;
+use crate::sample::{LidarPoint, Measured};
+
+/// Thinned clouds keep one of 2 to this many rings.
+const MOST_RINGS_PER_KEPT: u16 = 4;
+/// Intensity's offset, in units of `intensity_spread`.
+const OFFSET_OF_SPREAD: f64 = 20.0;
+
+/// What the network gets of a sample in place of its measurements.
+pub struct Disturbed {
+    pub measured: Measured,
+    pub objects: Vec<LabelledObject>,
+    /// The picture's new colours, `None` where it stays.
+    pub colours: Option<Recolour>,
+}
+
+/// Disturbs a sample; `None` where nothing was drawn.
+pub fn disturb(
+    measured: &Measured,
+    objects: &[LabelledObject],
+    config: &AugmentConfig,
+    rng: &mut Rng,
+) -> Option<Disturbed> {
+    // All is drawn, whatever is used, so that one key of the config does not change the draws of another.
+    let mut normal = || {
+        let (radius, turn) = ((1.0 - rng.random::<f64>()).ln() * -2.0, TAU * rng.random::<f64>());
+        radius.sqrt() * turn.cos()
+    };
+    let tilt = [normal(), normal(), normal()];
+    let intensity = [normal(), normal(), normal()];
+    let light = [normal(), normal(), normal(), normal(), normal()];
+    let [of_thinned, of_cloud, of_picture, of_tilt, of_intensity, of_light, of_noise, of_drops] =
+        std::array::from_fn(|_| rng.random::<f64>());
+    let no_cloud = of_cloud < config.no_cloud_share;
+    // One of the two sensors sees.
+    let no_picture = !no_cloud && of_picture < config.no_picture_share;
+
+    let mut disturbed = Disturbed { measured: measured.clone(), objects: objects.to_vec(), colours: None };
+    let Disturbed { measured, objects, colours } = &mut disturbed;
+    let mut is_changed = false;
+    if config.tilt_deg > 0.0 && of_tilt < config.disturbed_share {
+        turn(measured, objects, &tilt.map(|part| part * config.tilt_deg.to_radians()));
+        is_changed = true;
+    }
+    if config.intensity_spread > 0.0 && of_intensity < config.disturbed_share {
+        let [scale, gamma, offset] = intensity.map(|part| part * config.intensity_spread);
+        bend(&mut measured.points, scale.exp(), gamma.exp(), offset * OFFSET_OF_SPREAD);
+        is_changed = true;
+    }
+    if config.range_noise_m > 0.0 && of_noise < config.disturbed_share {
+        let most_m = config.range_noise_m * rng.random::<f64>();
+        for point in &mut measured.points {
+            shift(point, most_m * (2.0 * rng.random::<f64>() - 1.0));
+        }
+        is_changed = true;
+    }
+    if config.dropped_share > 0.0 && of_drops < config.disturbed_share {
+        let share = config.dropped_share * rng.random::<f64>();
+        measured.points.retain(|_| rng.random::<f64>() >= share);
+        is_changed = true;
+    }
+    if of_thinned < config.thinned_share {
+        let step = rng.random_range(2..=MOST_RINGS_PER_KEPT);
+        let first = rng.random_range(0..step);
+        measured.points.retain(|point| point.ring % step == first);
+        is_changed = true;
+    }
+    if no_cloud {
+        measured.points.clear();
+        is_changed = true;
+    }
+    if no_picture {
+        *colours = Some(Recolour::black());
+    } else if config.picture_spread > 0.0 && of_light < config.disturbed_share {
+        let [gain, gamma, red, green, blue] = light.map(|part| part * config.picture_spread);
+        let tint = |of: f64| (gain + 0.3 * of).exp();
+        *colours = Some(Recolour::new([red, green, blue].map(tint), (0.7 * gamma).exp()));
+    }
+    if is_changed && !no_cloud {
+        let counts = count_points(measured, objects.iter().map(|object| &object.truth.box_in_ego));
+        for (object, n) in objects.iter_mut().zip(counts) {
+            // What no point hit stays so: a box also holds points of the ground.
+            let of = &mut object.truth.n_lidar_points;
+            *of = of.map(|before| before.min(n));
+        }
+    }
+    (is_changed || colours.is_some()).then_some(disturbed)
+}
+
+/// Rolls and pitches the car by angles in radians, and lifts it by a metre a radian: all that it measures turns.
+fn turn(measured: &mut Measured, objects: &mut [LabelledObject], &[roll, pitch, lift]: &[f64; 3]) {
+    let rotation = UnitQuaternion::from_euler_angles(roll, pitch, 0.0);
+    let turned = Transform::<Ego, Ego>::new(Vector3::new(0.0, 0.0, lift), rotation);
+    measured.ego_from_lidar = turned * measured.ego_from_lidar;
+    measured.ego_from_camera = turned * measured.ego_from_camera;
+    for object in objects {
+        let of = &mut object.truth.box_in_ego;
+        of.center = turned * of.center;
+    }
+}
+
+/// Bends intensities as another make would tell them.
+fn bend(points: &mut [LidarPoint], scale: f64, gamma: f64, offset: f64) {
+    for point in points {
+        let share = (f64::from(point.intensity) / 255.0).clamp(0.0, 1.0);
+        point.intensity = (255.0 * scale * share.powf(gamma) + offset).clamp(0.0, 255.0) as f32;
+    }
+}
+
+/// Moves a point along its beam.
+fn shift(point: &mut LidarPoint, by_m: f64) {
+    let at = Vector3::new(point.x_m, point.y_m, point.z_m);
+    let range_m = at.norm();
+    if range_m > 1.0 {
+        let at = at * (1.0 + by_m as f32 / range_m);
+        (point.x_m, point.y_m, point.z_m) = (at.x, at.y, at.z);
+    }
+}

@@ -1,0 +1,160 @@
+//! The loss that asks of each pixel whether it shows an object: the camera branch learns what things look like from
+//! every pixel, where the heatmap tells it of a few cells.
+//!
+//! A pixel shows an object if it lies in the convex hull of a visible object's projected corners: binary cross entropy,
+//! the mean over pixels.
+
+use burn::tensor::activation::log_sigmoid;
+use burn::tensor::{Tensor, TensorData};
+
+use crate::geometry::{Box3, Ego, Point};
+use crate::model::{CameraGeometry, PAINT_STRIDE, n_paint_pixels};
+use crate::object::LabelledObject;
+
+/// Corners nearer to the camera than this are moved there.
+const NEAREST_M: f64 = 0.5;
+
+/// One sample's target `[y, x]`: one where the picture shows an object.
+///
+/// # Arguments
+/// - `objects`: mirrored if the view is
+/// - `min_visible_px`: objects that show fewer pixels of the full picture are left out
+#[must_use]
+pub fn draw_objects(objects: &[LabelledObject], view: &CameraGeometry, min_visible_px: u32) -> Vec<f32> {
+    let [n_x, n_y] =
+        [view.intrinsics.width_px, view.intrinsics.height_px].map(|n_px| n_paint_pixels(n_px as usize));
+    let mut target = vec![0f32; n_y * n_x];
+    for object in objects {
+        if object.truth.visible_px.is_some_and(|px| px < min_visible_px) {
+            continue;
+        }
+        fill(&mut target, [n_y, n_x], &hull(&corners_px(&object.truth.box_in_ego, view)));
+    }
+    target
+}
+
+/// Columns and rows of a box's corners, in pixels of the map; empty if the box lies behind the camera.
+fn corners_px(of: &Box3<Ego>, view: &CameraGeometry) -> Vec<[f64; 2]> {
+    let camera_from_ego = view.ego_from_camera.inverse();
+    let half_m = of.height_m / 2.0;
+    let corners = of.footprint().map(|corner| {
+        [-half_m, half_m].map(|up| camera_from_ego * Point::new(corner.x_m, corner.y_m, of.center.z() + up))
+    });
+    if corners.iter().flatten().all(|corner| corner.z() < NEAREST_M) {
+        return Vec::new();
+    }
+    let of = &view.intrinsics;
+    let pixel = |p: &Point<_>| {
+        let depth_m = p.z().max(NEAREST_M);
+        let at = [of.fx_px * p.x() / depth_m + of.cx_px, of.fy_px * p.y() / depth_m + of.cy_px];
+        at.map(|px| px / PAINT_STRIDE as f64)
+    };
+    corners.iter().flatten().map(pixel).collect()
+}
+
+/// The convex hull, counter-clockwise (Andrew's monotone chain).
+fn hull(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    let mut sorted = points.to_vec();
+    sorted.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
+    let cross = |o: [f64; 2], a: [f64; 2], b: [f64; 2]| {
+        (a[0] - o[0]) * (b[1] - o[1]) - (a[1] - o[1]) * (b[0] - o[0])
+    };
+    let half = |points: &mut dyn Iterator<Item = &[f64; 2]>| {
+        let mut chain: Vec<[f64; 2]> = Vec::new();
+        for &point in points {
+            while chain.len() >= 2 && cross(chain[chain.len() - 2], chain[chain.len() - 1], point) <= 0.0 {
+                chain.pop();
+            }
+            chain.push(point);
+        }
+        chain.pop();
+        chain
+    };
+    let mut lower = half(&mut sorted.iter());
+    lower.extend(half(&mut sorted.iter().rev()));
+    lower
+}
+
+/// Sets the cells whose middle lies in a convex polygon, and at least the one at its middle.
+fn fill(target: &mut [f32], [n_y, n_x]: [usize; 2], polygon: &[[f64; 2]]) {
+    if polygon.is_empty() {
+        return;
+    }
+    let n = polygon.len();
+    let bound = |axis: usize, most: usize| {
+        let values = polygon.iter().map(|point| point[axis]);
+        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+        let cell = |v: f64| v.clamp(0.0, most as f64) as usize;
+        cell(low.ceil())..cell(high.floor() + 1.0)
+    };
+    for y in bound(1, n_y) {
+        for x in bound(0, n_x) {
+            let is_inside = (0..n).all(|i| {
+                let (a, b) = (polygon[i], polygon[(i + 1) % n]);
+                (b[0] - a[0]) * (y as f64 - a[1]) - (b[1] - a[1]) * (x as f64 - a[0]) >= 0.0
+            });
+            if is_inside {
+                target[y * n_x + x] = 1.0;
+            }
+        }
+    }
+    let middle: [f64; 2] =
+        std::array::from_fn(|axis| polygon.iter().map(|point| point[axis]).sum::<f64>() / n as f64);
+    let [x, y] = middle.map(f64::round);
+    if (0.0..n_x as f64).contains(&x) && (0.0..n_y as f64).contains(&y) {
+        target[y as usize * n_x + x as usize] = 1.0;
+    }
+}
+
+/// The loss of a batch's logits `[batch, 1, y, x]`; `targets` is `[batch][y * x]`.
+#[must_use]
+pub fn picture_loss(logits: Tensor<4>, targets: &[Vec<f32>]) -> Tensor<1> {
+    let target = Tensor::<4>::from_data(TensorData::new(targets.concat(), logits.dims()), &logits.device());
+    let not_shown = target.clone().neg().add_scalar(1.0);
+    (log_sigmoid(logits.clone()) * target + log_sigmoid(logits.neg()) * not_shown).mean().neg()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{Pinhole, Transform};
+    use crate::object::Harm;
+    use crate::train::targets::car;
+    use burn::tensor::Device;
+    use nalgebra::Vector3;
+
+    fn view() -> CameraGeometry {
+        CameraGeometry {
+            intrinsics: Pinhole::from_horizontal_fov(400, 224, 70f64.to_radians()),
+            ego_from_camera: Transform::looking_forward(Vector3::new(1.7, 0.0, 1.5), 0.0),
+        }
+    }
+
+    #[test]
+    fn a_car_ahead_covers_its_share_of_the_picture_below_the_horizon() {
+        let target = draw_objects(&[car(21.7, 0.0, Harm::Harmful)], &view(), 20);
+        let cells: Vec<[usize; 2]> =
+            (0..target.len()).filter(|&i| target[i] == 1.0).map(|i| [i % 100, i / 100]).collect();
+        // 1.8 m wide and 1.5 m high at 18 m: 286 px of focal length over 4.
+        let n_wanted = (1.8 * 1.5) * (285.6 / 18.0 / 4.0f64).powi(2);
+        assert!((cells.len() as f64 - n_wanted).abs() < 0.35 * n_wanted, "{} of {n_wanted}", cells.len());
+        assert!(cells.iter().all(|[x, y]| (44..57).contains(x) && (27..36).contains(y)), "{cells:?}");
+    }
+
+    #[test]
+    fn what_lies_behind_or_is_hidden_covers_nothing_and_what_begins_beside_the_car_is_cut() {
+        let mut hidden = car(21.7, 0.0, Harm::Harmful);
+        hidden.truth.visible_px = Some(5);
+        let behind = car(-10.0, 0.0, Harm::Harmless);
+        assert_eq!(draw_objects(&[hidden, behind], &view(), 20).iter().sum::<f32>(), 0.0);
+        let beside = draw_objects(&[car(3.0, 2.0, Harm::Harmless)], &view(), 20);
+        assert!(beside.iter().sum::<f32>() > 50.0 && beside[20 * 100 + 90] == 0.0);
+    }
+
+    #[test]
+    fn an_undecided_pixel_costs_ln_2() {
+        let device = Device::flex();
+        let loss = picture_loss(Tensor::zeros([1, 1, 1, 2], &device), &[vec![1.0, 0.0]]);
+        assert!((loss.into_scalar::<f32>() - 2f32.ln()).abs() < 1e-6);
+    }
+}
