@@ -7,6 +7,7 @@ use macerator::{Arch, WithSimd};
 pub(super) use macerator::{Scalar, Simd};
 
 use super::matrix_unit;
+use super::products::{Products, has_pairs};
 
 /// Work to be compiled once for each instruction set. Mark `run` and everything it calls `#[inline(always)]`.
 pub(super) trait Kernel {
@@ -19,25 +20,36 @@ pub(super) trait Kernel {
 pub(super) struct InstructionSet {
     vectors: Arch,
     has_matrix_unit: bool,
+    has_pairs: bool,
 }
 
 impl InstructionSet {
     /// The fastest set of this machine.
     pub fn best() -> Self {
-        Self { vectors: Arch::detect(), has_matrix_unit: matrix_unit::is_available() }
+        Self { vectors: Arch::detect(), has_matrix_unit: matrix_unit::is_available(), has_pairs: false }
+    }
+
+    /// The fastest set for products of such numbers. Pairs go to vectors on every machine that has them, so that the same
+    /// bytes come out.
+    pub fn for_products(products: Products) -> Self {
+        let best = Self::best();
+        if products == Products::Bf16 && has_pairs() && best.lanes() == 16 {
+            return Self { has_pairs: true, ..best.without_matrix_unit() };
+        }
+        best
     }
 
     /// All sets of this machine, slowest first.
     #[cfg(test)]
     pub fn available() -> Vec<Self> {
-        let Self { vectors: best, has_matrix_unit } = Self::best();
+        let Self { vectors: best, has_matrix_unit, .. } = Self::best();
         #[cfg(target_arch = "x86_64")]
         let all = [Arch::Scalar, Arch::V2, Arch::V3, Arch::V4];
         #[cfg(not(target_arch = "x86_64"))]
         let all = [Arch::Scalar, best];
         // Each set of x86-64 holds the ones before it.
         let mut found: Vec<Self> = (all.into_iter().filter(|&set| set as u8 <= best as u8))
-            .map(|vectors| Self { vectors, has_matrix_unit: false })
+            .map(|vectors| Self { vectors, has_matrix_unit: false, has_pairs: false })
             .collect();
         found.extend(has_matrix_unit.then(Self::best));
         found
@@ -51,6 +63,11 @@ impl InstructionSet {
     /// Whether products of matrices may go to the matrix unit.
     pub fn has_matrix_unit(self) -> bool {
         self.has_matrix_unit
+    }
+
+    /// Whether convolutions multiply pairs of bf16.
+    pub fn has_pairs(self) -> bool {
+        self.has_pairs
     }
 
     /// Floats in a vector: `LANES` of [`Kernel::run`].

@@ -13,7 +13,7 @@ use super::occupancy::Footprint;
 use super::path::{Vec2, direction_of};
 use super::populate::Filler;
 use super::route::Route;
-use super::unfamiliar::unfamiliar;
+use super::unfamiliar::strange;
 use super::world::Motion;
 use crate::object::{Event, Spot};
 use crate::random::{self, Rng};
@@ -92,7 +92,7 @@ impl Filler<'_> {
     }
 
     pub(super) fn draw_loose_model(&self, fits: impl Fn(&Model) -> bool, rng: &mut Rng) -> Option<usize> {
-        let mut models = unfamiliar(self.models, self.config.split);
+        let mut models = strange(self.models, self.config);
         models.retain(|&i| fits(&self.models[i]));
         (!models.is_empty()).then(|| models[rng.random_range(0..models.len())])
     }

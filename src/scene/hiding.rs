@@ -9,7 +9,7 @@ use super::populate::Filler;
 use super::route::Route;
 use super::spots::Thing;
 use super::world::{Motion, plan_of};
-use crate::object::{Distribution, Kind, Spot};
+use crate::object::{Kind, Spot};
 use crate::random::{self, Rng};
 
 /// Lower things hide nothing.
@@ -67,7 +67,7 @@ impl Filler<'_> {
         {
             let model = &self.models[placement.model];
             let body = plan_of(&model.solid, placement.position, placement.yaw_rad);
-            if model.facts.distribution == Distribution::Id
+            if !model.is_strange()
                 && model.height_m() > LEAST_HEIGHT_M
                 && is_beside(&body)
             {

@@ -61,6 +61,8 @@ mod shape;
 mod shapes;
 mod shipped;
 mod split;
+mod solid_shapes;
+mod solids;
 mod spots;
 mod surface;
 mod swerve;

@@ -12,6 +12,7 @@ use super::ood_placement::OodPlacementConfig;
 use super::parties::{PeopleConfig, draw_parties};
 use super::path::Vec2;
 use super::route::Route;
+use super::solids::draw_solids;
 use super::split::SceneSplit;
 use super::town::Town;
 use super::world::{Motion, Placement, SceneObject, World, footprint_of};
@@ -49,10 +50,20 @@ define_config! {
         event_share: f64 = 0.10, in SHARE;
         /// Where the others stand.
         ood_placement: OodPlacementConfig = OodPlacementConfig::default(), in part::<OodPlacementConfig>();
+        /// Different solids of no kind in an episode, which stand and move as out-of-distribution objects do but are in
+        /// distribution: for training, without `ood`; 0 for none.
+        random_solids: usize = 0, in from_to(0.0, 1000.0);
         /// Whether the kinds that come with harmzone are placed beside a user's own.
         shipped_kinds: bool = true;
         /// SHA-256 of a user's own models (`gen --models`); empty without any.
         own_models: String = String::new();
+    }
+}
+
+impl PopulateConfig {
+    /// Whether random solids are placed: where unfamiliar objects are, they are not.
+    pub(super) fn places_solids(&self) -> bool {
+        !self.ood && self.random_solids > 0
     }
 }
 
@@ -81,6 +92,9 @@ pub fn populate_in(
         model.facts.split = config.split;
         model
     }));
+    if config.places_solids() {
+        models.extend(draw_solids(config.random_solids, seed)?);
+    }
     let mut rng = random::stream(seed, "vehicle-size", 0);
     let [least, most] = config.vehicle_size;
     let is_vehicle = |model: &&mut Model| {
@@ -125,7 +139,8 @@ pub fn populate_in(
         .occupied
         .claim(Footprint { center: ego_center, yaw_rad: ego_yaw_rad, length_m: 12.0, width_m: 2.6 }, 0.0);
     let lamp_posts = filler.place_lights();
-    let reserved = config.ood.then(|| filler.place_unfamiliar(&ego_route));
+    let places_strange = config.ood || config.places_solids();
+    let reserved = places_strange.then(|| filler.place_unfamiliar(&ego_route));
     filler.park();
     filler.place_furnishings();
     filler.place_props();

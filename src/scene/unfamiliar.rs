@@ -1,6 +1,9 @@
-//! The unfamiliar models that a world may hold: those of its own side of the benchmark.
+//! The models that stand and move as unfamiliar objects do: those of the world's own side of the benchmark, or random
+//! solids.
 
 use super::models::{Model, indices_of};
+use super::populate::PopulateConfig;
+use super::solids::CATEGORY;
 use super::split::SceneSplit;
 use crate::object::{Distribution, Kind};
 
@@ -9,6 +12,14 @@ pub(super) fn unfamiliar(models: &[Model], split: SceneSplit) -> Vec<usize> {
     let mut indices = indices_of(models, Kind::Static, Distribution::Ood);
     indices.retain(|&i| models[i].facts.split == split);
     indices
+}
+
+/// Indices of the models that a world places as unfamiliar.
+pub(super) fn strange(models: &[Model], config: &PopulateConfig) -> Vec<usize> {
+    if config.places_solids() {
+        return (0..models.len()).filter(|&i| models[i].facts.category == CATEGORY).collect();
+    }
+    unfamiliar(models, config.split)
 }
 
 #[cfg(test)]

@@ -174,7 +174,7 @@ impl SceneObject {
             reflectivity: model.facts.reflectivity,
             event: match &placement.motion {
                 Motion::Loose(loose) => loose.event,
-                _ if model.facts.distribution == Distribution::Id => Event::None,
+                _ if !model.is_strange() => Event::None,
                 _ if surface.road_grid.clearance_m(placement.position) > 0.0 => Event::None,
                 _ => Event::Lies,
             },

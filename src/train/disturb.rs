@@ -11,7 +11,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 use rand::RngExt;
 
 use super::config::AugmentConfig;
-use crate::dataset::{LabelledSample, count_points};
+use crate::dataset::count_points;
 use crate::geometry::{Ego, Transform};
 use crate::model::Recolour;
 use crate::object::LabelledObject;

@@ -131,6 +131,17 @@ impl<'a> Steps<'a> {
         // So dropout depends on the step alone, however often the run was stopped.
         let name = format!("dropout-{}", STAGES[position.stage]);
         Detector::seed(self.device, random::stream(config.seed, &name, prepared.first_draw as u64).random());
+        config.products.during(|| self.pass_of(detector, prepared, position, share))
+    }
+
+    fn pass_of(
+        &self,
+        detector: Detector,
+        prepared: &Prepared,
+        position: Position,
+        share: f64,
+    ) -> Result<(Detector, GradientsParams, LossParts), TrainError> {
+        let config = self.config;
         let output = detector.forward(&prepared.batch);
         let mut loss = losses(&output, &prepared.objects, &config.model, &config.loss);
         if let (Some(logits), Some(targets)) = (output.picture_objects, &prepared.pictures) {

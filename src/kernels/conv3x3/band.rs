@@ -74,6 +74,13 @@ impl Layout {
         }
     }
 
+    /// Offset of packed row `part` of a channel, counted through the parities of y and x.
+    pub fn part(&self, split: usize, part: usize) -> usize {
+        let (parity, row) = (part / self.rows, part % self.rows);
+        let of_parity = if split == 1 { 0 } else { parity / 2 * self.row_parity + parity % 2 * self.column_parity };
+        of_parity + row * self.row
+    }
+
     /// Offset of kernel tap (`y`, `x`) in a forward pass.
     pub fn tap(&self, split: usize, y: usize, x: usize) -> usize {
         if split == 1 {

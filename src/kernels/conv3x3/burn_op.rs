@@ -5,6 +5,7 @@ use burn::tensor::{Tensor, module::conv2d, ops::ConvOptions};
 
 use super::{ScaleShiftRelu, Shape, forward, input_gradient, weight_gradient};
 use crate::kernels::norm_relu::scale_shift_relu;
+use crate::kernels::products::Products;
 use crate::kernels::operation::{Operation, dims, is_own, run, tensor, values};
 use crate::kernels::simd::InstructionSet;
 
@@ -22,7 +23,8 @@ pub fn conv3x3(x: Tensor<4>, w: Tensor<4>, stride: usize) -> Tensor<4> {
     if !can_run(&x, &w, stride) {
         return conv2d(x, w, None, ConvOptions::new([stride, stride], [1, 1], [1, 1], 1));
     }
-    run(Conv3x3 { stride }, [x.into(), w.into()]).next()
+    let products = if x.device().is_autodiff() { Products::current() } else { Products::F32 };
+    run(Conv3x3 { stride, products }, [x.into(), w.into()]).next()
 }
 
 /// [`conv3x3`], then `max(0, scale y + shift)`, in one pass over the map: a block with batch norm at inference.
@@ -68,15 +70,22 @@ fn shape(x: &FlexTensor, w: &FlexTensor, stride: usize) -> Shape {
 }
 
 /// Convolves on slices.
-fn convolve(x: &FlexTensor, w: &FlexTensor, stride: usize, then: Option<ScaleShiftRelu>) -> FlexTensor {
+fn convolve(
+    x: &FlexTensor,
+    w: &FlexTensor,
+    stride: usize,
+    then: Option<ScaleShiftRelu>,
+    set: InstructionSet,
+) -> FlexTensor {
     let shape = shape(x, w, stride);
-    let y = forward(shape, values(x), values(w), then, InstructionSet::best());
+    let y = forward(shape, values(x), values(w), then, set);
     tensor(y, [shape.batch, shape.channels_out, shape.out_height_px(), shape.out_width_px()])
 }
 
 #[derive(Debug)]
 struct Conv3x3 {
     stride: usize,
+    products: Products,
 }
 
 impl Operation<2> for Conv3x3 {
@@ -84,11 +93,12 @@ impl Operation<2> for Conv3x3 {
     type Saved = [FlexTensor; 2];
 
     fn forward(&self, [x, w]: [FlexTensor; 2]) -> (Vec<FlexTensor>, Self::Saved) {
-        (vec![convolve(&x, &w, self.stride, None)], [x, w])
+        let set = InstructionSet::for_products(self.products);
+        (vec![convolve(&x, &w, self.stride, None, set)], [x, w])
     }
 
     fn gradients(&self, [x, w]: Self::Saved, dy: &FlexTensor, wanted: [bool; 2]) -> [Option<FlexTensor>; 2] {
-        let (shape, set) = (shape(&x, &w, self.stride), InstructionSet::best());
+        let (shape, set) = (shape(&x, &w, self.stride), InstructionSet::for_products(self.products));
         let dx = || tensor(input_gradient(shape, values(dy), values(&w), set), dims::<4>(&x));
         let dw = || tensor(weight_gradient(shape, values(&x), values(dy), set), dims::<4>(&w));
         [wanted[0].then(dx), wanted[1].then(dw)]
@@ -105,7 +115,7 @@ impl Operation<4> for Conv3x3ScaleShiftRelu {
 
     fn forward(&self, [x, w, scale, shift]: [FlexTensor; 4]) -> (Vec<FlexTensor>, ()) {
         let then = ScaleShiftRelu { scale: values(&scale), shift: values(&shift) };
-        (vec![convolve(&x, &w, self.stride, Some(then))], ())
+        (vec![convolve(&x, &w, self.stride, Some(then), InstructionSet::best())], ())
     }
 
     fn gradients(&self, (): (), _: &FlexTensor, _: [bool; 4]) -> [Option<FlexTensor>; 4] {

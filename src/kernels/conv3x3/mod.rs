@@ -15,6 +15,8 @@ mod blocks;
 mod burn_op;
 mod forward;
 mod input_gradient;
+mod pair_gradient;
+mod pairs;
 mod pass;
 mod pointwise;
 mod strip;

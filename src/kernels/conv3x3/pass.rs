@@ -80,6 +80,81 @@ impl<const TAPS: usize> Pass<'_, TAPS> {
     }
 }
 
+/// Rows of a tile of pairs, and lanes of its vectors: those of AVX-512.
+const PAIR_ROWS: usize = 8;
+const PAIR_LANES: usize = 16;
+
+impl<const TAPS: usize> Pass<'_, TAPS> {
+    /// As [`Self::run`] on AVX-512, of pairs of bf16 in place of f32: `n_channels` counts pairs of channels.
+    ///
+    /// # Safety
+    /// As for [`Self::run`], and the CPU has AVX512-BF16.
+    #[inline(always)]
+    pub unsafe fn run_pairs(self, n_vectors: usize) {
+        debug_assert!(!self.has_relu, "inference multiplies f32");
+        // SAFETY: the caller's.
+        unsafe {
+            match n_vectors {
+                3 => self.pairs::<3>(),
+                2 => self.pairs::<2>(),
+                _ => self.pairs::<1>(),
+            }
+        }
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx512f,avx512bf16")]
+    unsafe fn pairs<const VECTORS: usize>(self) {
+        use std::arch::x86_64::{
+            _mm512_castps_si512, _mm512_dpbf16_ps, _mm512_loadu_ps, _mm512_set1_ps, _mm512_storeu_ps,
+        };
+        use std::mem::transmute;
+
+        // SAFETY: every access is one of those of `run`; the vectors' types have one size, and any bits are valid.
+        unsafe {
+            let mut sums = [[_mm512_set1_ps(0.0); VECTORS]; PAIR_ROWS];
+            for (row, sums) in sums.iter_mut().enumerate() {
+                for (j, sum) in sums.iter_mut().enumerate() {
+                    match self.start {
+                        Start::Zero => {}
+                        Start::Shift(shift) => *sum = _mm512_set1_ps(*shift.add(row)),
+                        Start::Tile => {
+                            *sum = _mm512_loadu_ps(self.tile.add((row * TILE_VECTORS + j) * PAIR_LANES));
+                        }
+                    }
+                }
+            }
+            let (mut pixels, mut weights) = (self.pixels, self.weights);
+            for _ in 0..self.n_channels {
+                for t in 0..TAPS {
+                    let tap = pixels.add(self.offsets[t]);
+                    let x: [_; VECTORS] = std::array::from_fn(|j| {
+                        transmute(_mm512_castps_si512(_mm512_loadu_ps(tap.add(j * PAIR_LANES))))
+                    });
+                    for (row, sums) in sums.iter_mut().enumerate() {
+                        let weight = transmute(_mm512_castps_si512(_mm512_set1_ps(*weights.add(row))));
+                        for (sum, &x) in sums.iter_mut().zip(&x) {
+                            *sum = _mm512_dpbf16_ps(*sum, weight, x);
+                        }
+                    }
+                    weights = weights.add(PAIR_ROWS);
+                }
+                pixels = pixels.wrapping_add(self.channel_stride);
+            }
+            for (row, sums) in sums.iter().enumerate() {
+                for (j, &sum) in sums.iter().enumerate() {
+                    _mm512_storeu_ps(self.target.add(row * self.target_stride + j * PAIR_LANES), sum);
+                }
+            }
+        }
+    }
+
+    #[cfg(not(target_arch = "x86_64"))]
+    unsafe fn pairs<const VECTORS: usize>(self) {
+        unreachable!("other CPUs have no pairs");
+    }
+}
+
 /// Copies `len` floats to every `upscale`-th float; whole vectors where they are dense, the last overlapping.
 ///
 /// # Safety

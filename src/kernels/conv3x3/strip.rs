@@ -65,6 +65,8 @@ pub(super) struct Piece {
 pub(super) struct TileStrip<'a> {
     pub convolution: &'a Convolution<'a>,
     pub layout: &'a Layout,
+    /// Whether the band is of pairs of bf16.
+    pub is_paired: bool,
     pub phase: &'a Phase,
     pub shift: Option<&'a [f32]>,
     pub output: SharedOutput,

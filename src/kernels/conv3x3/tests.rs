@@ -1,6 +1,7 @@
 //! Every pass against a plain loop in f64, for every instruction set of the machine.
 
 use super::{ScaleShiftRelu, Shape, forward, input_gradient, weight_gradient};
+use crate::kernels::products::Products;
 use crate::kernels::simd::InstructionSet;
 
 const fn shape(
@@ -115,6 +116,35 @@ fn all_passes_equal_a_plain_loop_on_every_instruction_set() {
                 }
             }
         }
+    }
+}
+
+/// Numbers that bf16 holds, so that pairs lose nothing of them.
+#[test]
+fn passes_in_pairs_equal_those_in_f32_on_numbers_of_eight_bits() {
+    let set = InstructionSet::for_products(Products::Bf16);
+    for shape in shapes() {
+        let [x, w, dy] = operands(shape).map(|values| {
+            values.into_iter().map(|v| f32::from_bits(v.to_bits() & 0xffff_0000)).collect::<Vec<_>>()
+        });
+        let of = |set| {
+            [
+                forward(shape, &x, &w, None, set),
+                input_gradient(shape, &dy, &w, set),
+                weight_gradient(shape, &x, &dy, set),
+            ]
+        };
+        for (pairs, numbers) in of(set).iter().zip(of(InstructionSet::best().without_matrix_unit())) {
+            let largest = numbers.iter().fold(0f32, |largest, y| largest.max(y.abs()));
+            for (a, b) in pairs.iter().zip(&numbers) {
+                assert!((a - b).abs() <= 2e-5 * largest, "{shape:?}: {a} is not {b}");
+            }
+        }
+        let threads = |n| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build().expect("a pool");
+            pool.install(|| of(set))
+        };
+        assert_eq!(threads(1), threads(3), "{shape:?}");
     }
 }
 

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use super::band::{Layout, Planes, pack};
 use super::pass::{Pass, Start, TILE_VECTORS, copy_piece};
 use super::strip::{Convolution, Phase, SharedOutput, TileStrip, Weights};
+use super::pairs::{self, pack_pairs, uses_pairs};
 use super::{BAND_BYTES, blocks, uses_matrix_unit};
 use crate::kernels::matrix_unit::{BLOCK, Blocks};
 use crate::kernels::scratch::{Scratch, with_scratch};
@@ -28,6 +29,9 @@ pub(super) fn pack_weights(
 ) -> Weights {
     if uses_matrix_unit(set, channels) {
         return Weights::Blocks(blocks::pack_weights(set, w, channels, strides, taps, scale));
+    }
+    if scale.is_none() && uses_pairs(set, channels.1) {
+        return Weights::Rows(pairs::pack_weights(set.rows(), w, channels, strides, taps));
     }
     let (n_rows, n_taps) = (set.rows(), taps.len());
     let mut packed = vec![0.0; channels.0.div_ceil(n_rows) * n_rows * channels.1 * n_taps];
@@ -72,7 +76,11 @@ impl Convolution<'_> {
             let source = Planes { channels: blocks::half_planes(source.channels), ..*source };
             Layout::new(is_flat, &source, self.columns, band_rows)
         });
-        let phases = phases(halves.as_ref().unwrap_or(&layout));
+        let pairs = (self.shift.is_none() && uses_pairs(set, source.channels)).then(|| {
+            let source = Planes { channels: source.channels.div_ceil(2), ..*source };
+            Layout::new(is_flat, &source, self.columns, band_rows)
+        });
+        let phases = phases(halves.as_ref().or(pairs.as_ref()).unwrap_or(&layout));
         let n_blocks = self.channels_out.div_ceil(set.rows());
         let shift = self.shift.map(|shift| {
             assert_eq!(shift.len(), self.channels_out, "a shift for each output channel");
@@ -94,6 +102,7 @@ impl Convolution<'_> {
                     convolution: self,
                     layout: &layout,
                     halves: halves.as_ref(),
+                    pairs: pairs.as_ref(),
                     phases: &phases,
                     shift: shift.as_deref(),
                     output,
@@ -117,6 +126,8 @@ struct Band<'a> {
     layout: &'a Layout,
     /// Of what the matrix unit reads, if it multiplies.
     halves: Option<&'a Layout>,
+    /// Of pairs of bf16, if they are multiplied.
+    pairs: Option<&'a Layout>,
     phases: &'a [Phase],
     /// As long as all blocks' rows.
     shift: Option<&'a [f32]>,
@@ -130,14 +141,15 @@ struct Band<'a> {
 impl Kernel for Band<'_> {
     #[inline(always)]
     fn run<S: Simd, const ROWS: usize, const LANES: usize>(self) {
-        let Self { convolution, layout, halves, phases, shift, output, image, first_row, n_rows, scratch } =
-            self;
+        let Self { convolution, layout, halves, pairs, phases, shift, output, image, first_row, .. } = self;
+        let (n_rows, scratch) = (self.n_rows, self.scratch);
         // Tiles run along a strip: all rows if flat, else one.
         let n_strips = if layout.is_flat { 1 } else { n_rows };
         let strips = (0..n_strips).flat_map(|y| phases.iter().map(move |phase| (y, phase)));
         let strip = |layout, y, phase| TileStrip {
             convolution,
             layout,
+            is_paired: pairs.is_some(),
             phase,
             shift,
             output,
@@ -157,8 +169,13 @@ impl Kernel for Band<'_> {
             }
             return;
         }
-        let packed = scratch.a.get(layout.len + OVERREAD);
-        pack(&convolution.source, layout, image, first_row, packed);
+        let packed = scratch.a.get(pairs.unwrap_or(layout).len + OVERREAD);
+        if let Some(pairs) = pairs {
+            pack_pairs(&convolution.source, [layout, pairs], image, first_row, &mut scratch.c, packed);
+        } else {
+            pack(&convolution.source, layout, image, first_row, packed);
+        }
+        let layout = pairs.unwrap_or(layout);
         let n_blocks = convolution.channels_out.div_ceil(ROWS);
         let tiles = scratch.b.get(n_blocks * ROWS * TILE_VECTORS * LANES);
         for (y, phase) in strips {
@@ -180,7 +197,8 @@ impl TileStrip<'_> {
             unreachable!("`Band::run` chose by the set")
         };
         let (c, layout) = (self.convolution, self.layout);
-        let channels_in = c.source.channels;
+        // Planes of the band: a pair of channels is one.
+        let channels_in = if self.is_paired { c.source.channels.div_ceil(2) } else { c.source.channels };
         let offsets: &[usize; TAPS] =
             self.phase.offsets.as_slice().try_into().expect("`Band::run` chose TAPS by this length");
         let last_offset = *offsets.iter().max().expect("at least one tap");
@@ -247,6 +265,10 @@ impl TileStrip<'_> {
                             target,
                             target_stride,
                         };
+                        if self.is_paired {
+                            pass.run_pairs(n_vectors);
+                            continue;
+                        }
                         match n_vectors {
                             3 => pass.run::<S, ROWS, 3>(),
                             2 => pass.run::<S, ROWS, 2>(),

@@ -6,6 +6,8 @@
 
 use rayon::prelude::*;
 
+use super::pair_gradient::{self, PairTile, pair_columns};
+use super::pairs::uses_pairs;
 use super::{BAND_BYTES, Shape, block_gradient, uses_matrix_unit};
 use crate::kernels::scratch::{Scratch, with_scratch};
 use crate::kernels::simd::{InstructionSet, Kernel, Scalar, Simd, lanes};
@@ -41,7 +43,8 @@ pub(in crate::kernels) fn weight_gradient(
         sums.par_chunks_mut(group_blocks * block_len).enumerate().for_each(|(group, sums)| {
             let first_channel = group * group_blocks * n_lanes;
             with_scratch(|scratch| {
-                set.run(Part { shape, x, dy, first_channel, rows: rows.clone(), sums, scratch });
+                let is_paired = uses_pairs(set, shape.channels_in);
+                set.run(Part { shape, x, dy, first_channel, rows: rows.clone(), sums, is_paired, scratch });
             });
         });
     });
@@ -76,6 +79,8 @@ struct Part<'a> {
     rows: std::ops::Range<usize>,
     /// `[block in][kernel row][block out][channel out in block][kernel column][channel in in block]`
     sums: &'a mut [f32],
+    /// Whether pairs of bf16 are multiplied.
+    is_paired: bool,
     scratch: &'a mut Scratch,
 }
 
@@ -147,6 +152,10 @@ impl Part<'_> {
             planes.interleave::<ROWS>(packed, 0, out_width_px);
         }
 
+        if self.is_paired {
+            self.add_pairs([blocks_in, blocks_out], n_rows, padded_width);
+            return;
+        }
         // The unsafe block relies on these bounds: the last pixel's third column, and the sums.
         assert!((out_width_px - 1) * stride + 3 <= padded_width);
         assert!(self.sums.len() == blocks_in * 9 * blocks_out * ROWS * LANES);
@@ -169,6 +178,53 @@ impl Part<'_> {
                         };
                         let place = (block_in * 3 + kernel_row) * blocks_out + block_out;
                         tile.add::<S, ROWS>(self.sums.as_mut_ptr().add(place * ROWS * 3 * LANES));
+                    }
+                }
+            }
+        }
+    }
+}
+
+impl Part<'_> {
+    /// Adds the products of the rows that `add_rows` has laid out, in pairs of pixels.
+    #[inline(always)]
+    fn add_pairs(&mut self, [blocks_in, blocks_out]: [usize; 2], n_rows: usize, padded_width: usize) {
+        use pair_gradient::{LANES, ROWS};
+        let (stride, n_pixels) = (self.shape.stride, self.shape.out_width_px());
+        let n_pairs = n_pixels.div_ceil(2);
+        let n_x_rows = (n_rows - 1) * stride + 3;
+        let (x_len, dy_len) = (3 * n_pairs * LANES, n_pairs * ROWS);
+        let (x_row, dy_row) = (blocks_in * x_len, blocks_out * dy_len);
+        assert!((n_pixels - 1) * stride + 3 <= padded_width);
+        let Scratch { a, b, c } = &mut *self.scratch;
+        let x = a.get(n_x_rows * blocks_in * padded_width * LANES);
+        let dy = b.get(n_rows * blocks_out * n_pixels * ROWS);
+        let (x_pairs, dy_pairs) = c.get(n_x_rows * x_row + n_rows * dy_row).split_at_mut(n_x_rows * x_row);
+        for (pixels, pairs) in x.chunks_exact(padded_width * LANES).zip(x_pairs.chunks_exact_mut(x_len)) {
+            pair_columns::<LANES>(pixels, n_pixels, stride, pairs);
+        }
+        for (pixels, pairs) in dy.chunks_exact(n_pixels * ROWS).zip(dy_pairs.chunks_exact_mut(dy_len)) {
+            pair_columns::<ROWS>(pixels, n_pixels, 1, pairs);
+        }
+        assert!(self.sums.len() == blocks_in * 9 * blocks_out * ROWS * LANES);
+        for block_in in 0..blocks_in {
+            for kernel_row in 0..3 {
+                for block_out in 0..blocks_out {
+                    // SAFETY: `is_paired` says that the CPU has pairs. x: rows `kernel_row + r * stride < n_x_rows`, in
+                    // each the `x_len` floats of block `block_in`; dy: `dy_len` floats of block `block_out` in each of
+                    // `n_rows` rows; sums: tile `.. < blocks_in * 3 * blocks_out`, each of `ROWS * 3 * LANES` floats.
+                    unsafe {
+                        let tile = PairTile {
+                            n_rows,
+                            n_pairs,
+                            x: x_pairs.as_ptr().add(kernel_row * x_row + block_in * x_len),
+                            x_row: x_row * stride,
+                            x_column: n_pairs * LANES,
+                            dy: dy_pairs.as_ptr().add(block_out * dy_len),
+                            dy_row,
+                        };
+                        let place = (block_in * 3 + kernel_row) * blocks_out + block_out;
+                        tile.add(self.sums.as_mut_ptr().add(place * ROWS * 3 * LANES));
                     }
                 }
             }

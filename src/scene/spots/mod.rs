@@ -9,7 +9,7 @@ mod ways;
 use rand::RngExt;
 
 use self::ways::is_on_way;
-use crate::object::{Distribution, Spot};
+use crate::object::Spot;
 use crate::random::{self, Rng};
 use crate::scene::models::Bounds;
 use crate::scene::occupancy::Footprint;
@@ -17,7 +17,7 @@ use crate::scene::path::Vec2;
 use crate::scene::populate::Filler;
 use crate::scene::route::Route;
 use crate::scene::tilt::Tilt;
-use crate::scene::unfamiliar::unfamiliar;
+use crate::scene::unfamiliar::strange;
 use crate::scene::world::{Motion, plan_of};
 
 /// Nothing stands nearer than this to the route's start.
@@ -159,7 +159,7 @@ impl Filler<'_> {
 
     /// Draws a model, and whether it lies.
     pub(super) fn draw_thing(&self, rng: &mut Rng) -> Option<Thing> {
-        let model = pick(&unfamiliar(self.models, self.config.split), rng)?;
+        let model = pick(&strange(self.models, self.config), rng)?;
         let is_tipped = rng.random::<f64>() < self.config.ood_placement.tipped_share;
         let tilt = if is_tipped { Tilt::draw(&self.models[model], rng) } else { None };
         let bounds = tilt.as_ref().map_or(self.models[model].solid, |tilt| tilt.bounds);
@@ -256,7 +256,7 @@ impl Filler<'_> {
         let mut rng = random::stream(self.seed, "late-notices", 0);
         let is_on_road = |at: Vec2| self.town.surface.road_grid.clearance_m(at) <= 0.0;
         let unfamiliar = self.placements.iter().enumerate().filter(|(_, placement)| {
-            self.models[placement.model].facts.distribution == Distribution::Ood
+            self.models[placement.model].is_strange()
                 && matches!(placement.motion, Motion::Still)
                 && is_on_road(placement.position)
         });
