@@ -149,7 +149,7 @@ mod tests {
     use super::*;
     use fs_err as fs;
 
-    const HEADER: &str = "n_done,stage,epoch,learning_rate,heatmap,harm,boxes,gradient_norm";
+    const HEADER: &str = "n_done,stage,epoch,learning_rate,heatmap,harm,boxes,picture,gradient_norm";
 
     #[test]
     fn a_folder_without_a_log_and_a_broken_row_are_named() {
@@ -157,7 +157,7 @@ mod tests {
         let message = || History::read(folder.path()).unwrap_err().to_string();
         assert!(message().contains("harmzone train"), "{}", message());
         let row = "1,lidar,0,2.0e-4,4.1,6.3,3.2,62.1";
-        fs::write(folder.path().join(STEPS_FILE), format!("{HEADER}\n{row}\n2,lidar,0,fast,1,1,1,1\n"))
+        fs::write(folder.path().join(STEPS_FILE), format!("{HEADER}\n{row}\n2,lidar,0,fast,1,1,1,1,1\n"))
             .unwrap();
         assert!(message().contains("line: 3") && message().contains("log.csv"), "{}", message());
     }
@@ -165,9 +165,10 @@ mod tests {
     #[test]
     fn rows_cut_back_to_a_step_are_written_with_the_same_digits() {
         let folder = tempfile::tempdir().unwrap();
-        let first = format!("{HEADER}\n1,lidar,0,2.000e-4,4.10000,6.30001,3.20000,62.100\n");
+        let first = format!("{HEADER}\n1,lidar,0,2.000e-4,4.10000,6.30001,3.20000,0.10000,62.100\n");
         let path = folder.path().join(STEPS_FILE);
-        fs::write(&path, format!("{first}2,lidar,0,1.000e-3,1.00000,1.00000,1.00000,1.000\n")).unwrap();
+        fs::write(&path, format!("{first}2,lidar,0,1.000e-3,1.00000,1.00000,1.00000,0.00000,1.000\n"))
+            .unwrap();
         let history = History::read_until(folder.path(), 1).unwrap();
         assert_eq!((history.steps.len(), history.scores.len()), (1, 0));
         assert_eq!((history.steps[0].learning_rate, history.steps[0].harm), (2e-4, 6.30001));

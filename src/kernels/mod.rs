@@ -34,7 +34,7 @@ pub use lift_pool::{PoolPlan, lift_pool};
 pub use matrix_unit::is_available as has_matrix_unit;
 pub use memory::keep_freed_memory;
 pub use norm_relu::{Normed, norm_relu, scale_shift_relu};
-pub use products::Products;
 pub use pillar_map::{PillarPlan, pillar_map};
+pub use products::Products;
 pub use softmax::softmax_last;
 pub use sparse_conv::{OffsetPairs, Rulebook, sparse_conv};

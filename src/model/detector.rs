@@ -128,10 +128,7 @@ impl Detector {
             let (camera, lidar) = if self.config.paint_channels() > 0 {
                 let features = self.image_features(batch);
                 let of_points = features.clone();
-                rayon::join(
-                    || self.camera_map(batch, features),
-                    || self.lidar_map(batch, of_points.as_ref()),
-                )
+                rayon::join(|| self.camera_map(batch, features), || self.lidar_map(batch, of_points.as_ref()))
             } else {
                 let camera = || self.camera_map(batch, self.image_features(batch));
                 rayon::join(camera, || self.lidar_map(batch, None))

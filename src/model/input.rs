@@ -89,8 +89,7 @@ impl Input {
         // A camera without LiDAR gets no depths from it either.
         let seen = if config.use_lidar { points.as_slice() } else { &[] };
         let view = CameraGeometry::of(measured, mirror);
-        let camera =
-            image.map(|image| CameraInput::prepare(image, &view, seen, lidar.as_ref(), config));
+        let camera = image.map(|image| CameraInput::prepare(image, &view, seen, lidar.as_ref(), config));
         done("depths and frustum");
         let input = Self { lidar, camera, numeric: Vec::new() };
         input.with_states(std::slice::from_ref(&measured.ego_state), mirror)

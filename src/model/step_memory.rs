@@ -105,7 +105,8 @@ impl List {
     fn pillars(&mut self, config: &ModelConfig) {
         let pillars = &config.lidar.pillars;
         let cells = [config.grid.n_cells_y(), config.grid.n_cells_x()];
-        self.push("points", &[N_POINTS, pillars.channels], BLOCK);
+        let n_parts = if config.paint_channels() > 0 { BLOCK + 2 } else { BLOCK };
+        self.push("points", &[N_POINTS, pillars.channels], n_parts);
         self.push("points by pillar", &[N_POINTS / 4, pillars.max_points, pillars.channels], 2);
         self.push("pillar map", &[pillars.channels, 2 * cells[0], 2 * cells[1]], 2);
         let [fine, coarse] = pillars.bev_channels;
@@ -137,6 +138,11 @@ impl List {
         self.push("image features at 1/4", &[b, half(y), half(x)], 2 * BLOCK);
         let features = [n_features(height), n_features(cnn.image_width_px)];
         self.push("image features at 1/8", &[c, features[0], features[1]], 4 * BLOCK);
+        let n_painted = config.paint_channels();
+        if n_painted > 0 {
+            // Both parts and their sum, and the rows that points are taken from.
+            self.push("picture's map for points", &[n_painted, half(y), half(x)], BLOCK + 4);
+        }
         let n_points = cnn.n_depth_bins * features[0] * features[1];
         self.push("lifted features", &[n_points, cnn.lift_channels], 3);
         let cells = [config.grid.n_cells_y(), config.grid.n_cells_x()];

@@ -153,6 +153,7 @@ mod tests {
             heatmap: if n < 700 { 2.0 } else { 1.0 },
             harm: 0.5,
             boxes: 1.0 + (n % 2) as f64,
+            picture: 0.0,
             gradient_norm: 1.0,
         };
         let score = |epoch: usize| ScoreRow {

@@ -67,10 +67,7 @@ impl Filler<'_> {
         {
             let model = &self.models[placement.model];
             let body = plan_of(&model.solid, placement.position, placement.yaw_rad);
-            if !model.is_strange()
-                && model.height_m() > LEAST_HEIGHT_M
-                && is_beside(&body)
-            {
+            if !model.is_strange() && model.height_m() > LEAST_HEIGHT_M && is_beside(&body) {
                 let is_vehicle = model.facts.kind == Kind::Vehicle;
                 found[usize::from(!is_vehicle)].push(Cover {
                     body,

@@ -150,7 +150,9 @@ mod tests {
             let [a, b, c] = corners.map(|i| of.positions[i as usize]);
             let normal = (b - a).cross(&(c - a));
             let middle = (a + b + c) / 3.0;
-            assert!(normal.norm() < 1e-9 || normal.dot(&Vector3::new(middle.x, middle.y, 0.2 * middle.z)) > -1e-6);
+            assert!(
+                normal.norm() < 1e-9 || normal.dot(&Vector3::new(middle.x, middle.y, 0.2 * middle.z)) > -1e-6
+            );
         }
     }
 }

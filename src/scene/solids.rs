@@ -60,7 +60,10 @@ fn draw_solid(i: usize, rng: &mut Rng) -> Result<Model, SceneError> {
         let (png, obj) = (format!("part_{part_idx}.png"), format!("part_{part_idx}.obj"));
         let mass_kg = mass_kg * part.volume_m3() / volume_m3;
         let _ = writeln!(assets, "<texture name=\"{key}\" type=\"2d\" file=\"{png}\"/>");
-        let _ = writeln!(assets, "<material name=\"{key}\" texture=\"{key}\" specular=\"0.2\" shininess=\"0.2\"/>");
+        let _ = writeln!(
+            assets,
+            "<material name=\"{key}\" texture=\"{key}\" specular=\"0.2\" shininess=\"0.2\"/>"
+        );
         let _ = writeln!(
             assets,
             "<mesh name=\"{key}\" file=\"{obj}\" inertia=\"convex\" maxhullvert=\"{MOST_HULL_VERTICES}\"/>"

@@ -84,10 +84,7 @@ mod tests {
         assert_eq!(roomy.get(key, unpack).unwrap(), first);
         assert_eq!(n_unpacked.get(), 1);
         let none = Cache::new(0);
-        assert_eq!(
-            (none.get(key, unpack).unwrap(), none.get(key, unpack).unwrap()),
-            (first.clone(), first)
-        );
+        assert_eq!((none.get(key, unpack).unwrap(), none.get(key, unpack).unwrap()), (first.clone(), first));
         assert_eq!(n_unpacked.get(), 3);
     }
 }

@@ -83,6 +83,8 @@ define_config! {
         heatmap_weight: f64 = 1.0, in WEIGHT;
         harm_weight: f64 = 1.0, in WEIGHT;
         box_weight: f64 = 0.25, in WEIGHT;
+        /// Of the spreads of boxes, within `box_weight`, where the network predicts them.
+        spread_weight: f64 = 1.0, in WEIGHT;
         harm_cost: f64 = 0.15, in WEIGHT;
         center_cost: f64 = 0.25, in WEIGHT;
         iou_cost: f64 = 0.25, in WEIGHT;

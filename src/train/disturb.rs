@@ -133,3 +133,104 @@ fn shift(point: &mut LidarPoint, by_m: f64) {
         (point.x_m, point.y_m, point.z_m) = (at.x, at.y, at.z);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dataset::{LabelledSample, test_data};
+    use crate::random::stream;
+
+    fn sample() -> LabelledSample {
+        test_data::dataset(1).samples()[0].clone()
+    }
+
+    fn disturbed(config: &AugmentConfig, seed: u64) -> Option<Disturbed> {
+        let sample = sample();
+        disturb(&sample.measured, &sample.objects, config, &mut stream(seed, "disturb-test", 0))
+    }
+
+    #[test]
+    fn nothing_asked_for_changes_nothing() {
+        assert!((0..20).all(|seed| disturbed(&AugmentConfig::default(), seed).is_none()));
+    }
+
+    #[test]
+    fn objects_keep_their_points_when_the_car_tilts() {
+        let config = AugmentConfig { tilt_deg: 2.0, disturbed_share: 1.0, ..AugmentConfig::default() };
+        let (before, mut most_m) = (sample(), 0f64);
+        for seed in 0..20 {
+            let found = disturbed(&config, seed).unwrap();
+            assert_eq!(found.measured.points, before.measured.points, "the sensors turn with the car");
+            for (old, new) in before.objects.iter().zip(&found.objects) {
+                // As the LiDAR sees it, an object stays where it is.
+                let in_lidar = |measured: &Measured, object: &LabelledObject| {
+                    measured.ego_from_lidar.inverse() * object.truth.box_in_ego.center
+                };
+                let moved = in_lidar(&found.measured, new).coords.coords
+                    - in_lidar(&before.measured, old).coords.coords;
+                assert!(moved.norm() < 1e-9);
+                most_m =
+                    most_m.max((new.truth.box_in_ego.center.z() - old.truth.box_in_ego.center.z()).abs());
+            }
+        }
+        assert!(most_m > 0.2, "{most_m}");
+    }
+
+    #[test]
+    fn a_thinned_cloud_keeps_whole_rings_and_objects_lose_their_points() {
+        let config = AugmentConfig { thinned_share: 1.0, ..AugmentConfig::default() };
+        let rings = |points: &[LidarPoint]| -> std::collections::BTreeSet<u16> {
+            points.iter().map(|point| point.ring).collect()
+        };
+        let before = sample();
+        for seed in 0..10 {
+            let found = disturbed(&config, seed).unwrap();
+            let (kept, all) = (rings(&found.measured.points), rings(&before.measured.points));
+            assert!(kept.is_subset(&all) && 2 * kept.len() <= all.len() + 2);
+            let whole = before.measured.points.iter().filter(|point| kept.contains(&point.ring));
+            assert_eq!(whole.count(), found.measured.points.len());
+            let n = |objects: &[LabelledObject]| -> u32 {
+                objects.iter().filter_map(|object| object.truth.n_lidar_points).sum()
+            };
+            assert!(n(&found.objects) <= n(&before.objects));
+        }
+    }
+
+    #[test]
+    fn never_are_both_sensors_gone() {
+        let config = AugmentConfig { no_cloud_share: 0.5, no_picture_share: 0.9, ..AugmentConfig::default() };
+        let (mut n_without_cloud, mut n_black) = (0, 0);
+        for seed in 0..60 {
+            let Some(found) = disturbed(&config, seed) else { continue };
+            let (no_cloud, is_black) =
+                (found.measured.points.is_empty(), found.colours == Some(Recolour::black()));
+            assert!(!(no_cloud && is_black));
+            if no_cloud {
+                assert!(found.objects.iter().any(|object| object.truth.is_hit()), "they stay true objects");
+            }
+            n_without_cloud += u32::from(no_cloud);
+            n_black += u32::from(is_black);
+        }
+        assert!((15..45).contains(&n_without_cloud) && (15..45).contains(&n_black));
+    }
+
+    #[test]
+    fn another_makes_intensities_stay_in_range_and_order() {
+        let config =
+            AugmentConfig { intensity_spread: 0.5, disturbed_share: 1.0, ..AugmentConfig::default() };
+        let before = sample();
+        for seed in 0..10 {
+            let found = disturbed(&config, seed).unwrap();
+            let mut pairs: Vec<(f32, f32)> = before
+                .measured
+                .points
+                .iter()
+                .zip(&found.measured.points)
+                .map(|(old, new)| (old.intensity, new.intensity))
+                .collect();
+            pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+            assert!(pairs.iter().all(|(_, new)| (0.0..=255.0).contains(new)));
+            assert!(pairs.windows(2).all(|pair| pair[0].1 <= pair[1].1 + 1e-3));
+        }
+    }
+}

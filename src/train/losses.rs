@@ -74,7 +74,8 @@ fn heatmap_loss(
     config: &LossConfig,
     device: &Device,
 ) -> Tensor<1> {
-    let target: Vec<f32> = objects.iter().flat_map(|states| draw_heatmap(&states[0], model, config)).collect();
+    let target: Vec<f32> =
+        objects.iter().flat_map(|states| draw_heatmap(&states[0], model, config)).collect();
     gaussian_focal(
         output.heatmap.clone(),
         Tensor::from_data(TensorData::new(target, output.heatmap.dims()), device),
@@ -153,12 +154,15 @@ fn query_losses(
     let weight = tensor(class_weight, n_classes);
     let harm = sigmoid_focal(output.harm.clone(), tensor(class_target, n_classes), weight, n_matched);
     let (target, weight) = (tensor(code_target, CODE_SIZE), tensor(code_weight, CODE_SIZE));
-    (harm, box_l1(output.boxes.clone(), target, weight, n_matched))
+    let boxes = box_l1(output.boxes.clone(), target.clone(), weight.clone(), n_matched);
+    let Some(spread) = output.spread.clone() else { return (harm, boxes) };
+    let off = (output.boxes.clone().detach() - target).abs();
+    (harm, boxes + spread_loss(off, spread, weight, n_matched).mul_scalar(config.spread_weight))
 }
 
 /// Whether a place lies on a box's footprint or just beside it.
 fn is_over(of: &Box3<Ego>, at: Point<Ego>) -> bool {
-    let level = Box3 { center: Point::new(of.center.x(), of.center.y(), 0.0), ..of.clone() };
+    let level = Box3 { center: Point::new(of.center.x(), of.center.y(), 0.0), ..*of };
     level.contains(&at, IGNORED_GAP_M)
 }
 
@@ -172,12 +176,7 @@ fn known_part(code: [f32; CODE_SIZE]) -> ([f32; CODE_SIZE], [f32; CODE_SIZE]) {
 }
 
 /// The sigmoid focal loss, alpha 0.25, gamma 2, divided by the number of matched queries (at least one).
-fn sigmoid_focal(
-    logits: Tensor<3>,
-    target: Tensor<3>,
-    weight: Tensor<3>,
-    n_matched: usize,
-) -> Tensor<1> {
+fn sigmoid_focal(logits: Tensor<3>, target: Tensor<3>, weight: Tensor<3>, n_matched: usize) -> Tensor<1> {
     let p = sigmoid(logits.clone());
     let not_p = p.clone().neg().add_scalar(1.0);
     let positive = log_sigmoid(logits.clone()) * not_p.clone() * not_p * target.clone().mul_scalar(0.25);
@@ -189,6 +188,12 @@ fn sigmoid_focal(
 /// other queries.
 fn box_l1(codes: Tensor<3>, target: Tensor<3>, weight: Tensor<3>, n_matched: usize) -> Tensor<1> {
     ((codes - target).abs() * weight).sum().div_scalar(n_matched.max(1) as f64)
+}
+
+/// The negative log-likelihood of Laplace's distribution, less a constant: `off / b + log b`, weighted, over the number of
+/// matched queries; `spread` is `log b`. The distances `off` get no gradient, so that the spreads change no box.
+fn spread_loss(off: Tensor<3>, spread: Tensor<3>, weight: Tensor<3>, n_matched: usize) -> Tensor<1> {
+    ((off * spread.clone().neg().exp() + spread) * weight).sum().div_scalar(n_matched.max(1) as f64)
 }
 
 #[cfg(test)]
@@ -222,6 +227,18 @@ mod tests {
             let numeric = (shifted(step) - shifted(-step)) / (2.0 * step);
             assert!((gradient[i] - numeric).abs() < 2e-3, "{i}: {} against {numeric}", gradient[i]);
         }
+    }
+
+    #[test]
+    fn a_spread_is_best_where_it_is_the_mean_distance() {
+        let device = Device::flex();
+        let tensor = |value: f32| Tensor::<3>::full([1, 1, 1], value, &device);
+        let loss = |log: f32| {
+            let of = |off: f32| scalar(&spread_loss(tensor(off), tensor(log), tensor(1.0), 1));
+            of(0.2) + of(0.6)
+        };
+        let best = 0.4f32.ln();
+        assert!(loss(best) < loss(best - 0.1) && loss(best) < loss(best + 0.1));
     }
 
     #[test]

@@ -20,8 +20,8 @@ use super::plan::{Plan, Position, STAGES};
 use super::targets::trainable;
 use crate::dataset::Dataset;
 use crate::device::is_cpu;
-use crate::object::LabelledObject;
 use crate::model::{Batch, CameraInput, Detector, Input, NetworkImage};
+use crate::object::LabelledObject;
 use crate::random;
 
 /// Computes the steps of a run, in any order: a step depends on its position alone.
@@ -174,8 +174,9 @@ impl<'a> Steps<'a> {
             .map(|(place, &sample_idx)| {
                 let sample = &samples[sample_idx];
                 let draw_idx = (first_draw + place) as u64;
-                let stream_of =
-                    |name: &str| random::stream(config.seed, &format!("{name}-{}", STAGES[position.stage]), draw_idx);
+                let stream_of = |name: &str| {
+                    random::stream(config.seed, &format!("{name}-{}", STAGES[position.stage]), draw_idx)
+                };
                 let (mut rng, mut paste_rng) = (stream_of("augment"), stream_of("paste"));
                 let zone = self.dataset.zone();
                 let not_labelled = |source| TrainError::Label { sample: sample.id.clone(), source };
@@ -194,10 +195,8 @@ impl<'a> Steps<'a> {
                 let not_prepared = |source| TrainError::Input { sample: sample.id.clone(), source };
                 let key = Key { sample_idx, mirror: view.mirror };
                 let unpack = || NetworkImage::of(&sample.measured, view.mirror, &config.model.camera);
-                let mut image = with_camera
-                    .then(|| self.cache.get(key, unpack))
-                    .transpose()
-                    .map_err(not_prepared)?;
+                let mut image =
+                    with_camera.then(|| self.cache.get(key, unpack)).transpose().map_err(not_prepared)?;
                 let colours = disturbed.as_ref().and_then(|disturbed| disturbed.colours.as_ref());
                 if let (Some(image), Some(colours)) = (&mut image, colours) {
                     image.recolour(colours);

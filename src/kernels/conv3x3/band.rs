@@ -77,7 +77,8 @@ impl Layout {
     /// Offset of packed row `part` of a channel, counted through the parities of y and x.
     pub fn part(&self, split: usize, part: usize) -> usize {
         let (parity, row) = (part / self.rows, part % self.rows);
-        let of_parity = if split == 1 { 0 } else { parity / 2 * self.row_parity + parity % 2 * self.column_parity };
+        let of_parity =
+            if split == 1 { 0 } else { parity / 2 * self.row_parity + parity % 2 * self.column_parity };
         of_parity + row * self.row
     }
 

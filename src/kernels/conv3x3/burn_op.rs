@@ -5,8 +5,8 @@ use burn::tensor::{Tensor, module::conv2d, ops::ConvOptions};
 
 use super::{ScaleShiftRelu, Shape, forward, input_gradient, weight_gradient};
 use crate::kernels::norm_relu::scale_shift_relu;
-use crate::kernels::products::Products;
 use crate::kernels::operation::{Operation, dims, is_own, run, tensor, values};
+use crate::kernels::products::Products;
 use crate::kernels::simd::InstructionSet;
 
 /// Convolves with a 3x3 kernel, one pixel of zero padding on each side and no bias.

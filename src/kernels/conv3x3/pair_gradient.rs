@@ -57,7 +57,7 @@ impl PairTile {
     #[target_feature(enable = "avx512f,avx512bf16")]
     pub unsafe fn add(self, sums: *mut f32) {
         use std::arch::x86_64::{
-            _mm512_castps_si512, _mm512_dpbf16_ps, _mm512_loadu_ps, _mm512_set1_ps, _mm512_storeu_ps,
+            __m512, __m512bh, _mm512_dpbf16_ps, _mm512_loadu_ps, _mm512_set1_ps, _mm512_storeu_ps,
         };
         use std::mem::transmute;
 
@@ -72,11 +72,10 @@ impl PairTile {
             for row in 0..self.n_rows {
                 let (mut x, mut dy) = (self.x.add(row * self.x_row), self.dy.add(row * self.dy_row));
                 for _ in 0..self.n_pairs {
-                    let columns = [0, 1, 2].map(|k| {
-                        transmute(_mm512_castps_si512(_mm512_loadu_ps(x.add(k * self.x_column))))
-                    });
+                    let columns = [0, 1, 2]
+                        .map(|k| transmute::<__m512, __m512bh>(_mm512_loadu_ps(x.add(k * self.x_column))));
                     for (row, tile) in tile.iter_mut().enumerate() {
-                        let dy = transmute(_mm512_castps_si512(_mm512_set1_ps(*dy.add(row))));
+                        let dy = transmute::<__m512, __m512bh>(_mm512_set1_ps(*dy.add(row)));
                         for (sum, &x) in tile.iter_mut().zip(&columns) {
                             *sum = _mm512_dpbf16_ps(*sum, dy, x);
                         }

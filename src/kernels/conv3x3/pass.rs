@@ -106,7 +106,7 @@ impl<const TAPS: usize> Pass<'_, TAPS> {
     #[target_feature(enable = "avx512f,avx512bf16")]
     unsafe fn pairs<const VECTORS: usize>(self) {
         use std::arch::x86_64::{
-            _mm512_castps_si512, _mm512_dpbf16_ps, _mm512_loadu_ps, _mm512_set1_ps, _mm512_storeu_ps,
+            __m512, __m512bh, _mm512_dpbf16_ps, _mm512_loadu_ps, _mm512_set1_ps, _mm512_storeu_ps,
         };
         use std::mem::transmute;
 
@@ -129,10 +129,10 @@ impl<const TAPS: usize> Pass<'_, TAPS> {
                 for t in 0..TAPS {
                     let tap = pixels.add(self.offsets[t]);
                     let x: [_; VECTORS] = std::array::from_fn(|j| {
-                        transmute(_mm512_castps_si512(_mm512_loadu_ps(tap.add(j * PAIR_LANES))))
+                        transmute::<__m512, __m512bh>(_mm512_loadu_ps(tap.add(j * PAIR_LANES)))
                     });
                     for (row, sums) in sums.iter_mut().enumerate() {
-                        let weight = transmute(_mm512_castps_si512(_mm512_set1_ps(*weights.add(row))));
+                        let weight = transmute::<__m512, __m512bh>(_mm512_set1_ps(*weights.add(row)));
                         for (sum, &x) in sums.iter_mut().zip(&x) {
                             *sum = _mm512_dpbf16_ps(*sum, weight, x);
                         }

@@ -6,9 +6,9 @@
 use rayon::prelude::*;
 
 use super::band::{Layout, Planes, pack};
+use super::pairs::{self, pack_pairs, uses_pairs};
 use super::pass::{Pass, Start, TILE_VECTORS, copy_piece};
 use super::strip::{Convolution, Phase, SharedOutput, TileStrip, Weights};
-use super::pairs::{self, pack_pairs, uses_pairs};
 use super::{BAND_BYTES, blocks, uses_matrix_unit};
 use crate::kernels::matrix_unit::{BLOCK, Blocks};
 use crate::kernels::scratch::{Scratch, with_scratch};

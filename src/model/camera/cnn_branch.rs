@@ -6,8 +6,8 @@ use burn::module::Module;
 use burn::nn::conv::Conv2d;
 use burn::tensor::{Device, Tensor};
 
-use super::cnn_input::CnnBatch;
 use super::ImageFeatures;
+use super::cnn_input::CnnBatch;
 use super::lift::lift_and_pool;
 use super::paint::Paint;
 use crate::model::config::ModelConfig;

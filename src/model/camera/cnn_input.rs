@@ -102,7 +102,8 @@ impl CnnBatch {
             NOT_SEEN => (n_samples * n_pixels) as i64,
             pixel => (sample_idx * n_pixels) as i64 + i64::from(pixel),
         };
-        let places = inputs.iter().enumerate().flat_map(|(i, of)| of.pixel_of_point.iter().map(move |p| (i, p)));
+        let places =
+            inputs.iter().enumerate().flat_map(|(i, of)| of.pixel_of_point.iter().map(move |p| (i, p)));
         let places: Vec<i64> = places.map(place).collect();
         let n_places = places.len();
         Self {

@@ -109,6 +109,8 @@ define_config! {
         border_peaks: bool = true;
         positions: PositionEncoding = PositionEncoding::Shared;
         prediction: Prediction = Prediction::Placed;
+        /// Whether each number of a box comes with a spread, which the class branch sees too; with `placed` alone.
+        spread: bool = false;
         /// Hidden channels of each of the separate nets. The paper's 64.
         prediction_channels: usize = 64, in CHANNELS;
         numeric_fusion: NumericFusion = NumericFusion::Film;
@@ -126,6 +128,8 @@ impl HeadConfig {
 
     /// Checks how the sizes fit each other and the grid.
     pub(super) fn check_with(&self, grid: &GridConfig) -> Result<(), InvalidConfig> {
+        let has_spread = self.spread && self.prediction == Prediction::Separate;
+        require(!has_spread, "spread", true, "only a prediction = \"placed\" has spreads")?;
         let divides = self.channels.is_multiple_of(self.n_heads);
         require(divides, "n_heads", self.n_heads, "it must divide head.channels")?;
         let fits = self.n_queries <= grid.n_cells();

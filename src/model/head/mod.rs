@@ -21,7 +21,7 @@ use attention::DecoderLayer;
 use numeric::Numeric;
 pub use output::{KindBox, Output, detections, detections_by_state, kind_boxes};
 use positions::Positions;
-use predict::{Features, Predictor};
+use predict::{Features, Predictions, Predictor};
 pub use queries::Query;
 use queries::pick_queries;
 
@@ -97,12 +97,12 @@ impl Head {
         let n_states = numeric.dims()[0] / queries.len();
         let decoded = repeat_rows(self.predict.prepare(decoded, position), n_states);
         let features = self.numeric.before_heads(decoded, numeric.clone());
-        let (boxes, harm) = self.predict.forward(Features {
+        let Predictions { boxes, spread, harm } = self.predict.forward(Features {
             decoded: features.clone(),
             center_m: repeat_rows(self.centers_m(&queries, &device), n_states),
             modulation: self.numeric.for_harm(numeric),
         });
-        Output { heatmap, queries, boxes, harm, features, picture_objects: None }
+        Output { heatmap, queries, boxes, spread, harm, features, picture_objects: None }
     }
 
     /// The decoder layer over the shared features.
@@ -201,6 +201,7 @@ mod tests {
             border_peaks: false,
             positions: PositionEncoding::Separate,
             prediction: Prediction::Separate,
+            spread: false,
             prediction_channels: 8,
             numeric_fusion: NumericFusion::Paper,
             classes: Classes::Harm,

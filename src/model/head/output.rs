@@ -17,6 +17,9 @@ pub struct Output {
     pub queries: Vec<Vec<Query>>,
     /// `[batch * state, query, CODE_SIZE]`; the states of a sample stand side by side.
     pub boxes: Tensor<3>,
+    /// `[batch * state, query, CODE_SIZE]`: logarithms of the spreads (of Laplace's distribution) of a box's numbers, if the
+    /// network predicts them.
+    pub spread: Option<Tensor<3>>,
     /// `[batch * state, query, class]`, before the sigmoid, in the order of [`crate::object::Harm::ALL`], or of
     /// [`crate::object::Kind::ALL`] if the config's classes are kinds.
     pub harm: Tensor<3>,
@@ -199,8 +202,10 @@ mod tests {
             heatmap: Tensor::zeros([1, 1, 1, 1], &device),
             queries: vec![vec![query(0.2, 10.0), query(0.9, 20.0)]],
             boxes: tensor(codes, [1, 2, CODE_SIZE]),
+            spread: None,
             harm: tensor(vec![0.0, -5.0, -5.0, -9.0, 0.0, 0.0], [1, 2, 3]),
             features: tensor(vec![1.0, 2.0, 3.0, 4.0], [1, 2, 2]),
+            picture_objects: None,
         };
         let found = &kind_boxes(&output, &config, 0.05)[0];
         assert_eq!(found.len(), 2);

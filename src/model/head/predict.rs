@@ -15,6 +15,14 @@ const N_PLACED: usize = 5 * 2 + CODE_SIZE - 2;
 /// Length unit of the class branch's input, metres: near zones are decided by tenths of metres.
 const FOOTPRINT_UNIT_M: f64 = 5.0;
 
+/// Least and most logarithm of a spread.
+const LOG_SPREADS: [f64; 2] = [-5.0, 3.0];
+
+/// Numbers that the net of placed boxes predicts.
+fn n_numbers(config: &HeadConfig) -> usize {
+    if config.spread { 2 * CODE_SIZE } else { CODE_SIZE }
+}
+
 /// The nets that predict boxes and harm.
 #[derive(Module, Debug)]
 pub enum Predictor {
@@ -59,13 +67,22 @@ impl Predictor {
         }
     }
 
-    /// Box codes `[row, query, CODE_SIZE]` and classes `[row, query, class]` before the sigmoid.
-    pub fn forward(&self, features: Features) -> (Tensor<3>, Tensor<3>) {
+    pub fn forward(&self, features: Features) -> Predictions {
         match self {
             Self::Placed(nets) => nets.forward(features),
             Self::Separate(nets) => nets.forward(features),
         }
     }
+}
+
+/// What is predicted of each query.
+pub struct Predictions {
+    /// `[row, query, CODE_SIZE]`
+    pub boxes: Tensor<3>,
+    /// `[row, query, CODE_SIZE]`: logarithms of the spreads of a box's numbers, if they are predicted.
+    pub spread: Option<Tensor<3>>,
+    /// `[row, query, class]`, before the sigmoid.
+    pub harm: Tensor<3>,
 }
 
 /// Feature-wise modulation (FiLM, Perez et al. 2018) by scale and shift number `layer`.
@@ -100,11 +117,11 @@ impl SeparateNets {
         }
     }
 
-    fn forward(&self, Features { decoded, modulation, .. }: Features) -> (Tensor<3>, Tensor<3>) {
+    fn forward(&self, Features { decoded, modulation, .. }: Features) -> Predictions {
         let parts = [&self.center, &self.height, &self.dims, &self.rotation, &self.velocity];
         let boxes = Tensor::cat(parts.map(|net| net.forward(decoded.clone())).to_vec(), 2);
         let harm = self.harm.forward_with(decoded, |hidden| modulate(hidden, modulation.as_ref(), 0));
-        (boxes, harm)
+        Predictions { boxes, spread: None, harm }
     }
 }
 
@@ -115,14 +132,17 @@ pub struct PlacedNets {
     harm: HarmBranch,
     #[module(skip)]
     cell_size_m: f64,
+    #[module(skip)]
+    has_spread: bool,
 }
 
 impl PlacedNets {
     fn init(config: &HeadConfig, grid: &GridConfig, device: &Device) -> Self {
         Self {
-            boxes: Mlp::init(config.channels, config.channels, CODE_SIZE, device),
+            boxes: Mlp::init(config.channels, config.channels, n_numbers(config), device),
             harm: HarmBranch::init(config, device),
             cell_size_m: grid.cell_size_m,
+            has_spread: config.spread,
         }
     }
 
@@ -131,12 +151,16 @@ impl PlacedNets {
         2 * config.channels
     }
 
-    fn forward(&self, features: Features) -> (Tensor<3>, Tensor<3>) {
-        let boxes = self.boxes.forward(features.decoded.clone());
+    fn forward(&self, features: Features) -> Predictions {
+        let numbers = self.boxes.forward(features.decoded.clone());
+        let boxes = numbers.clone().narrow(2, 0, CODE_SIZE);
+        let [least, most] = LOG_SPREADS;
+        let spread = self.has_spread.then(|| numbers.narrow(2, CODE_SIZE, CODE_SIZE).clamp(least, most));
         let placed = self.place(boxes.clone(), features.center_m);
-        let seen = Tensor::cat(vec![features.decoded, placed], 2);
-        let harm = self.harm.forward(seen, features.modulation.as_ref());
-        (boxes, harm)
+        let known = spread.clone().map(Tensor::detach);
+        let seen = [features.decoded, placed].into_iter().chain(known).collect();
+        let harm = self.harm.forward(Tensor::cat(seen, 2), features.modulation.as_ref());
+        Predictions { boxes, spread, harm }
     }
 
     /// Input of the harm branch: centre and corners of the predicted footprint in the ego frame, height,
@@ -181,7 +205,8 @@ struct HarmBranch {
 
 impl HarmBranch {
     fn init(config: &HeadConfig, device: &Device) -> Self {
-        let (n_in, n_hidden) = (config.channels + N_PLACED, PlacedNets::n_hidden(config));
+        let n_spreads = n_numbers(config) - CODE_SIZE;
+        let (n_in, n_hidden) = (config.channels + N_PLACED + n_spreads, PlacedNets::n_hidden(config));
         Self {
             first: LinearConfig::new(n_in, n_hidden).init(device),
             second: LinearConfig::new(n_hidden, n_hidden).init(device),

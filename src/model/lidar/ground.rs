@@ -46,9 +46,7 @@ impl GroundMap {
         let extent_m = [grid.x_max_m - grid.x_min_m, grid.y_max_m - grid.y_min_m];
         let n_nodes = extent_m.map(|extent_m| (extent_m / NODE_M).ceil() as usize + 1);
         let squares = Squares::of(points, min_m, extent_m);
-        let at = |node: usize| {
-            [node % n_nodes[0], node / n_nodes[0]].map(|i| i as f64 * NODE_M)
-        };
+        let at = |node: usize| [node % n_nodes[0], node / n_nodes[0]].map(|i| i as f64 * NODE_M);
         let place_m = |node: usize| std::array::from_fn(|axis| min_m[axis] + at(node)[axis]);
         let mut order: Vec<usize> = (0..n_nodes[0] * n_nodes[1]).collect();
         let distance_m = |&node: &usize| {
@@ -185,7 +183,13 @@ mod tests {
                 // A car to the left and a wall to the right stand on the surface.
                 let is_car = (14.0..18.5).contains(&x) && (2.0..4.0).contains(&y);
                 let is_wall = y < -7.0;
-                let over_m = if is_car { 0.4 + 0.02 * f64::from(ring) } else if is_wall { 1.5 } else { 0.0 };
+                let over_m = if is_car {
+                    0.4 + 0.02 * f64::from(ring)
+                } else if is_wall {
+                    1.5
+                } else {
+                    0.0
+                };
                 points.push([x, y, surface(x, y) + over_m, 0.0]);
             }
         }

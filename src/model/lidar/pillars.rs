@@ -117,10 +117,7 @@ impl PillarBatch {
         }
         let n_points = features.len() / n_features;
         (n_points > 0).then(|| Self {
-            point_features: Tensor::from_data(
-                TensorData::new(features, [n_points, n_features]),
-                device,
-            ),
+            point_features: Tensor::from_data(TensorData::new(features, [n_points, n_features]), device),
             plan: Arc::new(PillarPlan::new(n_points, [samples.len(), pillars_per_map], rows, cells)),
         })
     }

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::ways::{APART_M, HALF_WAY_M};
 use super::*;
+use crate::object::Distribution;
 use crate::scene::{OodPlacementConfig, Placement, PopulateConfig, Town, World, populate};
 
 const NOWHERE: OodPlacementConfig = OodPlacementConfig {
