@@ -13,7 +13,7 @@ use super::config::ModelConfig;
 use super::head::{Head, Output};
 use super::image_weights::{ImageWeightsError, ImageWeightsReport, load_image_weights};
 use super::layers::ConvBlock;
-use super::lidar::LidarBranch;
+use super::lidar::{LidarBranch, LidarMaps};
 use super::parameters::n_trained;
 use crate::device::is_cpu;
 
@@ -79,7 +79,11 @@ impl Detector {
             backbone: config
                 .has_backbone()
                 .then(|| BevBackbone::init(config.fused_channels(), &config.lidar.voxel.backbone, device)),
-            head: Head::init(config.head_channels_in(), &config.head, &config.grid, device),
+            head: Head::init(config.head_channels_in(), &config.head, &config.grid, device).with_look(
+                config.look_pillars(),
+                config.lidar.pillars.channels,
+                device,
+            ),
             config: config.clone(),
         }
     }
@@ -119,7 +123,8 @@ impl Detector {
             let features = self.image_features(batch);
             let picture_objects = self.picture_objects(features.as_ref());
             let lidar = self.lidar_map(batch, features.as_ref());
-            let output = self.head(batch, self.fuse(self.camera_map(batch, features), lidar));
+            let pillars = lidar.as_ref().and_then(|maps| maps.pillars.clone());
+            let output = self.head(batch, self.fuse(self.camera_map(batch, features), lidar), pillars);
             return Output { picture_objects, ..output };
         }
         // Inside the pool no operation has to wake it and wait; and while one branch uses one thread, the
@@ -133,7 +138,8 @@ impl Detector {
                 let camera = || self.camera_map(batch, self.image_features(batch));
                 rayon::join(camera, || self.lidar_map(batch, None))
             };
-            self.head(batch, self.fuse(camera, lidar))
+            let pillars = lidar.as_ref().and_then(|maps| maps.pillars.clone());
+            self.head(batch, self.fuse(camera, lidar), pillars)
         })
     }
 }
@@ -159,7 +165,7 @@ impl Detector {
     }
 
     /// The LiDAR's map, whose points take along what `features` show.
-    pub(super) fn lidar_map(&self, batch: &Batch, features: Option<&ImageFeatures>) -> Option<Tensor<4>> {
+    pub(super) fn lidar_map(&self, batch: &Batch, features: Option<&ImageFeatures>) -> Option<LidarMaps> {
         let branch = self.lidar.as_ref()?;
         let points = batch.lidar.as_ref().expect("the batch was made with this config");
         let painted = features.zip(batch.camera.as_ref()).and_then(|(of, batch)| of.of_points(batch));
@@ -172,7 +178,8 @@ impl Detector {
     }
 
     /// The map that the head sees.
-    pub(super) fn fuse(&self, camera: Option<Tensor<4>>, lidar: Option<Tensor<4>>) -> Tensor<4> {
+    pub(super) fn fuse(&self, camera: Option<Tensor<4>>, lidar: Option<LidarMaps>) -> Tensor<4> {
+        let lidar = lidar.map(|maps| maps.map);
         let mut x = Tensor::cat(camera.into_iter().chain(lidar).collect(), 1);
         if let Some(fuser) = &self.fuser {
             x = fuser.forward(x);
@@ -183,8 +190,9 @@ impl Detector {
         x
     }
 
-    pub(super) fn head(&self, batch: &Batch, fused: Tensor<4>) -> Output {
-        self.head.forward(fused, batch.numeric.clone())
+    /// The head's output, whose queries look at `pillars` if the config says so.
+    pub(super) fn head(&self, batch: &Batch, fused: Tensor<4>, pillars: Option<Tensor<4>>) -> Output {
+        self.head.forward(fused, pillars, batch.numeric.clone())
     }
 }
 

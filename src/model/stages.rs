@@ -32,9 +32,10 @@ pub fn detect_by_stage(
     done("LiDAR branch");
     let camera = detector.camera_map(&batch, features);
     done("lift and splat");
+    let pillars = lidar.as_ref().and_then(|maps| maps.pillars.clone());
     let fused = detector.fuse(camera, lidar);
     done("fuser and backbone");
-    let output = detector.head(&batch, fused);
+    let output = detector.head(&batch, fused, pillars);
     done("head");
     let found = detections(&output, config, min_score);
     done("box decode");

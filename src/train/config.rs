@@ -90,6 +90,8 @@ define_config! {
         iou_cost: f64 = 0.25, in WEIGHT;
         /// Of the loss that asks of each pixel whether it shows an object, where points take the picture's features along.
         picture_weight: f64 = 1.0, in WEIGHT;
+        /// Whether the yaw of a static object may be learnt half a turn off: it has no front.
+        turns_statics: bool = false;
         /// What objects that no LiDAR point hit are to the network.
         unhit: Unhit = Unhit::Background;
         /// Fewest pixels that an unhit object must show to be more than background.
@@ -134,7 +136,7 @@ define_config! {
         tipped_share: f64 = 0.2, in SHARE;
         /// Share of the samples to which each of the next disturbances happens, apart from the others.
         disturbed_share: f64 = 0.8, in SHARE;
-        /// Standard deviation of pitch and roll of the car and all its sensors, degrees; it is lifted by as many 57ths of a metre.
+        /// Standard deviation of pitch and roll of the car and all its sensors, degrees; its height changes by 17 mm a degree.
         tilt_deg: f64 = 0.0, in from_to(0.0, 20.0);
         /// Standard deviation of the logarithms of a factor and an exponent on all intensities.
         intensity_spread: f64 = 0.0, in from_to(0.0, 3.0);

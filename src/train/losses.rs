@@ -16,10 +16,14 @@ use super::targets::{class_of, draw_heatmap, is_ignored};
 use crate::geometry::{Box3, Ego, Point};
 use crate::model::coder::{CODE_SIZE, encode};
 use crate::model::{ModelConfig, Output};
-use crate::object::LabelledObject;
+use crate::object::{Kind, LabelledObject};
 
 /// A query this near to an object that is neither object nor nothing, or inside it, learns no class from being unmatched.
 const IGNORED_GAP_M: f64 = 0.5;
+
+/// Places of the yaw's sine and cosine in a code.
+const SIN: usize = 6;
+const COS: usize = 7;
 
 const CODE_WEIGHTS: [f32; CODE_SIZE] = [1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.2, 0.2];
 
@@ -142,6 +146,11 @@ fn query_losses(
                     queries[q].center_m,
                     model.grid.cell_size_m,
                 );
+                let code = if config.turns_statics && truth.kind == Some(Kind::Static) {
+                    nearer_way(code, &of_codes[q * CODE_SIZE..(q + 1) * CODE_SIZE])
+                } else {
+                    code
+                };
                 let (target, weight) = known_part(code);
                 code_target[row * CODE_SIZE..(row + 1) * CODE_SIZE].copy_from_slice(&target);
                 code_weight[row * CODE_SIZE..(row + 1) * CODE_SIZE].copy_from_slice(&weight);
@@ -164,6 +173,16 @@ fn query_losses(
 fn is_over(of: &Box3<Ego>, at: Point<Ego>) -> bool {
     let level = Box3 { center: Point::new(of.center.x(), of.center.y(), 0.0), ..*of };
     level.contains(&at, IGNORED_GAP_M)
+}
+
+/// The code of a box that has no front, turned by half a turn if that is nearer to the predicted one.
+fn nearer_way(code: [f32; CODE_SIZE], predicted: &[f32]) -> [f32; CODE_SIZE] {
+    let along = code[SIN] * predicted[SIN] + code[COS] * predicted[COS];
+    let mut way = code;
+    if along < 0.0 {
+        (way[SIN], way[COS]) = (-way[SIN], -way[COS]);
+    }
+    way
 }
 
 /// A code as target and its weights: what is unknown, as the velocities of some logs, is NaN and has no weight.
@@ -227,6 +246,17 @@ mod tests {
             let numeric = (shifted(step) - shifted(-step)) / (2.0 * step);
             assert!((gradient[i] - numeric).abs() < 2e-3, "{i}: {} against {numeric}", gradient[i]);
         }
+    }
+
+    #[test]
+    fn what_has_no_front_is_wanted_the_nearer_way_round() {
+        let mut code = [0.5; CODE_SIZE];
+        (code[SIN], code[COS]) = (0.6, 0.8);
+        let mut predicted = [0.1; CODE_SIZE];
+        assert_eq!(nearer_way(code, &predicted), code);
+        predicted[COS] = -0.9;
+        let turned = nearer_way(code, &predicted);
+        assert_eq!((turned[SIN], turned[COS], turned[0]), (-0.6, -0.8, 0.5));
     }
 
     #[test]

@@ -109,6 +109,8 @@ define_config! {
         border_peaks: bool = true;
         positions: PositionEncoding = PositionEncoding::Shared;
         prediction: Prediction = Prediction::Placed;
+        /// Side of the square of pillars that each query looks at, in pillars: odd, or 0 for none. Pillars alone have it.
+        look_pillars: usize = 0, in from_to(0.0, 15.0);
         /// Whether each number of a box comes with a spread, which the class branch sees too; with `placed` alone.
         spread: bool = false;
         /// Hidden channels of each of the separate nets. The paper's 64.
@@ -128,6 +130,8 @@ impl HeadConfig {
 
     /// Checks how the sizes fit each other and the grid.
     pub(super) fn check_with(&self, grid: &GridConfig) -> Result<(), InvalidConfig> {
+        let is_odd = self.look_pillars == 0 || self.look_pillars % 2 == 1;
+        require(is_odd, "look_pillars", self.look_pillars, "0 or an odd number is needed")?;
         let has_spread = self.spread && self.prediction == Prediction::Separate;
         require(!has_spread, "spread", true, "only a prediction = \"placed\" has spreads")?;
         let divides = self.channels.is_multiple_of(self.n_heads);

@@ -105,6 +105,13 @@ impl ModelConfig {
         if self.use_lidar && self.use_camera && is_small { self.camera.cnn.paint_channels } else { 0 }
     }
 
+    /// Side of the square of pillars that a query looks at; 0 without pillars.
+    #[must_use]
+    pub fn look_pillars(&self) -> usize {
+        let has_pillars = self.use_lidar && self.lidar.encoder == LidarEncoder::Pillars;
+        if has_pillars { self.head.look_pillars } else { 0 }
+    }
+
     /// Whether a bird's-eye backbone follows the fuser. It does with voxels; pillars have their own before it.
     #[must_use]
     pub fn has_backbone(&self) -> bool {

@@ -3,7 +3,7 @@
 
 mod attention;
 pub mod coder;
-
+mod look;
 mod numeric;
 mod output;
 mod positions;
@@ -18,6 +18,7 @@ use burn::tensor::{Device, Int, Tensor, TensorData};
 use crate::model::config::{GridConfig, HeadConfig};
 use crate::model::layers::{ConvBlock, convolve, plain_conv};
 use attention::DecoderLayer;
+use look::Look;
 use numeric::Numeric;
 pub use output::{KindBox, Output, detections, detections_by_state, kind_boxes};
 use positions::Positions;
@@ -42,6 +43,7 @@ pub struct Head {
     decoder: DecoderLayer,
     numeric: Numeric,
     predict: Predictor,
+    look: Option<Look>,
     #[module(skip)]
     config: HeadConfig,
     #[module(skip)]
@@ -75,15 +77,24 @@ impl Head {
             decoder: DecoderLayer::init(config, device),
             numeric: Numeric::init(config, device),
             predict: Predictor::init(config, grid, device),
+            look: None,
             config: *config,
             grid: *grid,
         }
     }
 
+    /// Lets each query look at a square of pillars of this side; 0 for none.
+    #[must_use]
+    pub fn with_look(mut self, n_side: usize, n_pillar_channels: usize, device: &Device) -> Self {
+        self.look = (n_side > 0).then(|| Look::init(n_pillar_channels, n_side, self.config.channels, device));
+        self
+    }
+
     /// # Shapes
     /// - features: `[batch, channel, cell_y, cell_x]`
+    /// - pillars: `[batch, pillar_channel, 2 cell_y, 2 cell_x]`, where queries look at them
     /// - numeric: `[batch * state, 2]`; all states of a sample share its features
-    pub fn forward(&self, features: Tensor<4>, numeric: Tensor<2>) -> Output {
+    pub fn forward(&self, features: Tensor<4>, pillars: Option<Tensor<4>>, numeric: Tensor<2>) -> Output {
         let device = features.device();
         let shared = match &self.shared {
             Shared::Plain(conv) => convolve(conv, features),
@@ -92,7 +103,10 @@ impl Head {
         let heatmap = convolve(&self.heatmap_out, self.heatmap_hidden.forward(shared.clone()));
         let heatmap = spread(heatmap, self.config.heatmap_scale);
         let queries = pick_queries(heatmap.clone(), &self.config, &self.grid);
-        let (decoded, position) = self.decode(shared, &queries, &device);
+        let (mut decoded, position) = self.decode(shared, &queries, &device);
+        if let Some((look, pillars)) = self.look.as_ref().zip(pillars) {
+            decoded = decoded + look.forward(pillars, &queries, self.config.heatmap_scale);
+        }
 
         let n_states = numeric.dims()[0] / queries.len();
         let decoded = repeat_rows(self.predict.prepare(decoded, position), n_states);
@@ -202,6 +216,7 @@ mod tests {
             positions: PositionEncoding::Separate,
             prediction: Prediction::Separate,
             spread: false,
+            look_pillars: 0,
             prediction_channels: 8,
             numeric_fusion: NumericFusion::Paper,
             classes: Classes::Harm,
@@ -222,8 +237,11 @@ mod tests {
     fn at_inference_it_equals_pytorchs() {
         let device = test_device();
         let (head, golden) = golden_head(&device);
-        let found =
-            head.forward(golden.tensor("head.features", &device), golden.tensor("head.numeric", &device));
+        let found = head.forward(
+            golden.tensor("head.features", &device),
+            None,
+            golden.tensor("head.numeric", &device),
+        );
         let expected = |name: &str| format!("head.eval.{name}");
         golden.check(&expected("heatmap"), &found.heatmap);
         let picked = |of: fn(&Query) -> usize| -> Vec<f64> {
@@ -251,7 +269,7 @@ mod tests {
         let device = test_device().autodiff();
         let (head, golden) = golden_head(&device);
         let features = golden.tensor::<4>("head.features", &device).require_grad();
-        let found = head.forward(features.clone(), golden.tensor("head.numeric", &device));
+        let found = head.forward(features.clone(), None, golden.tensor("head.numeric", &device));
         let expected = |name: &str| format!("head.train.{name}");
         golden.check(&expected("heatmap"), &found.heatmap);
         golden.check(&expected("boxes"), &found.boxes);
@@ -287,7 +305,7 @@ mod tests {
         let head = Head::init(8, &config, &grid, &device);
         let features = Tensor::<4>::ones([1, 8, grid.n_cells_y(), grid.n_cells_x()], &device);
         let states = TensorData::new(vec![0.3f32, 0.1, 1.2, -0.4], [2, 2]);
-        let output = head.forward(features, Tensor::from_data(states, &device));
+        let output = head.forward(features, None, Tensor::from_data(states, &device));
         assert_eq!(output.boxes.dims()[0], 2);
         let difference = |x: Tensor<3>| -> f32 {
             (x.clone().narrow(0, 0, 1) - x.narrow(0, 1, 1)).abs().max().into_scalar()

@@ -83,6 +83,15 @@ impl LidarBatch {
     }
 }
 
+/// What the network over the points makes of them.
+#[derive(Debug, Clone)]
+pub struct LidarMaps {
+    /// `[batch, channel, cell_y, cell_x]`
+    pub map: Tensor<4>,
+    /// `[batch, pillar_channel, 2 cell_y, 2 cell_x]`: the pillars before the first convolution, if there are some.
+    pub pillars: Option<Tensor<4>>,
+}
+
 /// The network over the points.
 #[derive(Module, Debug)]
 pub enum LidarBranch {
@@ -102,20 +111,20 @@ impl LidarBranch {
 
     /// # Shapes
     /// - painted: `[point, paint_channel]`, what pillars' points take along from the picture
-    /// - output: `[batch, channel, cell_y, cell_x]`
     pub fn forward(
         &self,
         batch: &LidarBatch,
         painted: Option<Tensor<2>>,
         n_samples: usize,
         device: &Device,
-    ) -> Tensor<4> {
+    ) -> LidarMaps {
         match (self, batch) {
             (Self::Pillars(branch), LidarBatch::Pillars(batch)) => {
                 branch.forward(batch.as_ref(), painted, n_samples, device)
             }
             (Self::Voxels(encoder), LidarBatch::Voxels(batch)) => {
-                encoder.forward(batch.features.clone(), &batch.rulebooks, n_samples)
+                let map = encoder.forward(batch.features.clone(), &batch.rulebooks, n_samples);
+                LidarMaps { map, pillars: None }
             }
             _ => panic!("{SAME_CONFIG}"),
         }

@@ -6,6 +6,7 @@ use burn::nn::{BatchNorm, BatchNormConfig, Linear, LinearConfig};
 use burn::tensor::activation::relu;
 use burn::tensor::{Device, Tensor};
 
+use super::LidarMaps;
 use super::pillars::PillarBatch;
 use crate::kernels::pillar_map;
 use crate::model::config::ModelConfig;
@@ -58,20 +59,20 @@ impl PillarBranch {
 
     /// # Shapes
     /// - painted: `[point, paint_channel]`
-    /// - output: `[batch, channel, cell_y, cell_x]`
+    /// - output: as [`super::LidarMaps`]
     pub fn forward(
         &self,
         pillars: Option<&PillarBatch>,
         painted: Option<Tensor<2>>,
         n_samples: usize,
         device: &Device,
-    ) -> Tensor<4> {
-        let map = self.scatter(pillars, painted, n_samples, device);
-        let fine = self.fine.iter().fold(map, |x, block| block.forward(x));
+    ) -> LidarMaps {
+        let pillars_map = self.scatter(pillars, painted, n_samples, device);
+        let fine = self.fine.iter().fold(pillars_map.clone(), |x, block| block.forward(x));
         let coarse = self.coarse.iter().fold(fine.clone(), |x, block| block.forward(x));
         let fine = convolve_pointwise(&self.fine_out, fine);
         let coarse = upsample_nearest(convolve_pointwise(&self.coarse_out, coarse));
-        Tensor::cat(vec![fine, coarse], 1)
+        LidarMaps { map: Tensor::cat(vec![fine, coarse], 1), pillars: Some(pillars_map) }
     }
 
     /// Encodes points, takes the maximum of each pillar and lays it on the grid.
