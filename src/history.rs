@@ -156,7 +156,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let message = || History::read(folder.path()).unwrap_err().to_string();
         assert!(message().contains("harmzone train"), "{}", message());
-        let row = "1,lidar,0,2.0e-4,4.1,6.3,3.2,62.1";
+        let row = "1,lidar,0,2.0e-4,4.1,6.3,3.2,0.2,62.1";
         fs::write(folder.path().join(STEPS_FILE), format!("{HEADER}\n{row}\n2,lidar,0,fast,1,1,1,1,1\n"))
             .unwrap();
         assert!(message().contains("line: 3") && message().contains("log.csv"), "{}", message());

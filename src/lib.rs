@@ -36,7 +36,7 @@
 //!
 //! // A detector finds both, 0.7 m too far off, and takes both for harmful.
 //! let found = |box_in_ego, score| {
-//!     Detection { box_in_ego, velocity_in_ego_mps: standing, harm: Harm::Harmful, score }
+//!     Detection { box_in_ego, velocity_in_ego_mps: standing, harm: Harm::Harmful, score, spread: None }
 //! };
 //! let detections = vec![found(sofa(20.7, 0.5), 0.9), found(sofa(20.7, 6.0), 0.4)];
 //! let sample = EvalSample::new("street/0", SampleFacts::default(), objects, detections);

@@ -296,6 +296,20 @@ pub struct LabelledObject {
 /// Lowest score that a network's box may have.
 pub const MIN_SCORE: f32 = 0.01;
 
+/// How far a box's numbers may be off: standard deviations, apart from each other.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct BoxSpread {
+    /// Of the centre, along the ego's axes.
+    pub x_m: f64,
+    pub y_m: f64,
+    pub z_m: f64,
+    /// Of the sizes, as parts of them.
+    pub length: f64,
+    pub width: f64,
+    pub height: f64,
+    pub yaw_rad: f64,
+}
+
 /// One box that a detector reports.
 ///
 /// ```
@@ -304,7 +318,7 @@ pub const MIN_SCORE: f32 = 0.01;
 ///
 /// let center = Point::new(12.0, 0.5, 0.75);
 /// let box_in_ego = Box3 { center, length_m: 4.0, width_m: 1.8, height_m: 1.5, yaw_rad: 0.0 };
-/// let found = Detection { box_in_ego, velocity_in_ego_mps: [8.0, 0.0], harm: Harm::Harmful, score: 0.9 };
+/// let found = Detection { box_in_ego, velocity_in_ego_mps: [8.0, 0.0], harm: Harm::Harmful, score: 0.9, spread: None };
 /// assert_eq!(found.harm.name(), "harmful");
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -318,6 +332,9 @@ pub struct Detection {
     /// Confidence. Networks give 0 to 1; from other detectors any finite number is accepted, since only the
     /// order counts. It has the precision of the file that it came from: ties decide ranks.
     pub score: f64,
+    /// `None` where the detector does not tell.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub spread: Option<BoxSpread>,
 }
 
 fn unknown_velocity() -> [f64; 2] {

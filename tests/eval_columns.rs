@@ -20,7 +20,7 @@ const THRESHOLDS_M: [f64; 4] = [0.5, 1.0, 2.0, 4.0];
 fn detection(x_m: f64, y_m: f64, harm: Harm, score: f64) -> Detection {
     let center = Point::new(x_m, y_m, 1.0);
     let box_in_ego = Box3 { center, length_m: 4.0, width_m: 2.0, height_m: 1.5, yaw_rad: 0.3 };
-    Detection { box_in_ego, velocity_in_ego_mps: [0.0; 2], harm, score }
+    Detection { box_in_ego, velocity_in_ego_mps: [0.0; 2], harm, score, spread: None }
 }
 
 fn truth(x_m: f64, y_m: f64, harm: Harm, distribution: Distribution) -> LabelledObject {
@@ -195,6 +195,7 @@ fn perfect(objects: Vec<LabelledObject>) -> EvalSample {
             velocity_in_ego_mps: [0.0; 2],
             harm: truth.harm,
             score: 0.9,
+            spread: None,
         })
         .collect();
     EvalSample::new("s", SampleFacts::default(), objects, detections)

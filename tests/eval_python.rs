@@ -45,7 +45,13 @@ fn random_samples(seed: u64) -> Vec<EvalSample> {
                     let (found, other, score) = place(box_in_ego.center.x(), box_in_ego.center.y(), 1.5);
                     let harm = if n == 0 { harm } else { other };
                     let velocity_in_ego_mps = [0.0; 2];
-                    detections.push(Detection { box_in_ego: found, velocity_in_ego_mps, harm, score });
+                    detections.push(Detection {
+                        box_in_ego: found,
+                        velocity_in_ego_mps,
+                        harm,
+                        score,
+                        spread: None,
+                    });
                 }
             }
             EvalSample::new(format!("s{i}"), SampleFacts::default(), objects, detections)

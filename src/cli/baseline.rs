@@ -16,7 +16,8 @@ use crate::infer::{self, ClosedSet, Predictions, Strangeness, Trained};
 #[derive(Debug, Args)]
 pub struct BaselineArgs {
     /// Who decides on harm: `zone`, the zone's rule over the network's boxes; `zone-soft`, with a probability by the
-    /// distance to the zone's edge; `speed-zone`, `speed-zone-soft`, the zone straight ahead whatever the steering angle; `closed-msp`,
+    /// distance to the zone's edge; `zone-expected`, by the spreads of boxes and state; `both`, that and the network;
+    /// `speed-zone`, `speed-zone-soft`, the zone straight ahead whatever the steering angle; `closed-msp`,
     /// `closed-energy`, `closed-mahalanobis`, by the kind of object and harmful where the kind is in doubt
     name: String,
     /// Whose boxes: a run's folder, a checkpoint, or `small`, the network inside the program

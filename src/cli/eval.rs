@@ -6,8 +6,8 @@ use anyhow::{Context, bail};
 use clap::{ArgGroup, Args};
 use fs_err as fs;
 
-use super::{Bar, DeviceArg, ExitStatus, print, split, tell};
-use crate::dataset::{Dataset, DatasetError, Fingerprint, LearnedError};
+use super::{Bar, DeviceArg, ExitStatus, print, sensor, split, tell};
+use crate::dataset::{Dataset, DatasetError, Fingerprint, LearnedError, Sensor};
 use crate::episode::{EpisodeEntry, Manifest, Split};
 use crate::eval::{self, EvalConfig, EvalSample, Mode, Protocol, eval_samples, json};
 use crate::files::sha256_hex;
@@ -42,6 +42,9 @@ pub struct EvalArgs {
     /// Score also on episodes that the network learned from, which is refused otherwise
     #[arg(long, requires = "run")]
     on_training_data: bool,
+    /// Score the network with black pictures, or with empty clouds
+    #[arg(long, requires = "run", value_name = "SENSOR", value_parser = sensor())]
+    blind: Option<Sensor>,
     /// Any detector's boxes, nuScenes-style JSON in the ego frame; needs --truth or --data
     #[arg(long, value_name = "JSON", conflicts_with = "run")]
     predictions: Option<PathBuf>,
@@ -146,7 +149,10 @@ fn samples_of_run(run: &Path, data: &ScoredData<'_>, args: &EvalArgs) -> anyhow:
         learned.with_context(|| format!("cannot score {} on {}", run.display(), data.path.display()))?;
     }
     let device = args.device.open()?;
-    let dataset = data.open()?;
+    let mut dataset = data.open()?;
+    if let Some(sensor) = args.blind {
+        dataset = dataset.blind(sensor);
+    }
     let found = infer::detect(&trained.load(&device)?, &dataset.named(), &device, &Bar::default())?;
     Ok(eval_samples(dataset.samples(), &found))
 }

@@ -31,7 +31,7 @@ pub use device::DeviceArg;
 pub use eval::{ScoredData, command_line, provenance, tell_seen};
 pub use output::{ClosedPipe, print, print_summary, tell};
 pub use progress::Bar;
-pub use values::{SamplesArgs, number, one_of, split};
+pub use values::{SamplesArgs, number, one_of, sensor, split};
 
 /// Finds what matters to a self-driving car: makes driving episodes, labels objects harmful or
 /// harmless by a danger zone, trains a fused LiDAR-camera detector and scores it.

@@ -8,7 +8,7 @@ use std::str::FromStr;
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
-use crate::dataset::{Dataset, DatasetError};
+use crate::dataset::{Dataset, DatasetError, Sensor};
 use crate::episode::Split;
 
 /// Parses a number of a range.
@@ -59,6 +59,11 @@ impl SamplesArgs {
     pub fn open(&self) -> Result<Dataset, DatasetError> {
         Dataset::open_to_score(&self.data, &self.labels, self.split)
     }
+}
+
+/// Parses the name of a sensor.
+pub fn sensor() -> impl TypedValueParser<Value = Sensor> {
+    one_of(Sensor::ALL, Sensor::name)
 }
 
 /// Parses the name of a split.

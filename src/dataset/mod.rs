@@ -1,5 +1,6 @@
 //! A labelled dataset in memory: each sample's measurements and its objects with their labels.
 
+mod blind;
 mod coverage;
 mod facts;
 pub mod health;
@@ -24,6 +25,7 @@ use crate::object::{LabelledObject, Object};
 use crate::sample::{EgoState, IgnoredRegion, Measured, Sample};
 use crate::zone::{Zone, ZoneConfig, ZoneError};
 
+pub use blind::Sensor;
 pub use coverage::{CameraFacts, PictureRectangle, count_points, keep_in_view};
 use facts::Origin;
 pub use facts::{SampleFacts, episode_of_id};

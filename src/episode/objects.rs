@@ -5,7 +5,7 @@ use super::convert::FINITE;
 use super::error::MessageFault;
 use super::messages::{own_time, wire};
 use crate::geometry::{Box3, BoxError, Ego, Frame, Point};
-use crate::object::{Detection, Distribution, Event, Harm, Kind, Object, SolidPart, Spot};
+use crate::object::{BoxSpread, Detection, Distribution, Event, Harm, Kind, Object, SolidPart, Spot};
 
 /// An enum as messages hold it: by the number of the variant of the same name.
 macro_rules! enum_numbers {
@@ -157,6 +157,7 @@ pub(super) fn detections_message(time_ns: u64, detections: &[Detection]) -> wire
         box_message!(Detection, detection.box_in_ego, detection.velocity_in_ego_mps, {
             harm: harm_number(detection.harm),
             score: detection.score as f32,
+            spread: detection.spread.as_ref().map(spread_message),
         })
     });
     wire::Detections { timestamp: Some(own_time(time_ns)), detections: detections.collect() }
@@ -218,7 +219,48 @@ pub(super) fn check_object(object: &Object) -> Result<(), MessageFault> {
         .map_err(|fault| fault.of(object.id.as_deref().unwrap_or_default()))
 }
 
+fn spread_message(of: &BoxSpread) -> wire::BoxSpread {
+    wire::BoxSpread {
+        x_m: of.x_m as f32,
+        y_m: of.y_m as f32,
+        z_m: of.z_m as f32,
+        length: of.length as f32,
+        width: of.width as f32,
+        height: of.height as f32,
+        yaw_rad: of.yaw_rad as f32,
+    }
+}
+
+fn spread_of(message: &wire::BoxSpread) -> BoxSpread {
+    BoxSpread {
+        x_m: message.x_m.into(),
+        y_m: message.y_m.into(),
+        z_m: message.z_m.into(),
+        length: message.length.into(),
+        width: message.width.into(),
+        height: message.height.into(),
+        yaw_rad: message.yaw_rad.into(),
+    }
+}
+
+fn check_spread(of: &BoxSpread) -> Result<(), MessageFault> {
+    let parts = [
+        ("spread.x_m", of.x_m),
+        ("spread.y_m", of.y_m),
+        ("spread.z_m", of.z_m),
+        ("spread.length", of.length),
+        ("spread.width", of.width),
+        ("spread.height", of.height),
+        ("spread.yaw_rad", of.yaw_rad),
+    ];
+    match parts.into_iter().find(|(_, found)| !(found.is_finite() && *found >= 0.0)) {
+        Some((field, found)) => Err(MessageFault::new(field, found, "a finite number from 0 on is needed")),
+        None => Ok(()),
+    }
+}
+
 pub(super) fn check_detection(detection: &Detection) -> Result<(), MessageFault> {
+    detection.spread.as_ref().map_or(Ok(()), check_spread)?;
     check_box(&detection.box_in_ego, detection.velocity_in_ego_mps)?;
     if !(0.0..=1.0).contains(&detection.score) {
         return Err(MessageFault::new("score", detection.score, "a number from 0 to 1 is needed"));
@@ -229,7 +271,8 @@ pub(super) fn check_detection(detection: &Detection) -> Result<(), MessageFault>
 pub(super) fn detection_of(message: &wire::Detection) -> Result<Detection, MessageFault> {
     let (box_in_ego, velocity_in_ego_mps) = box_of!(message);
     let harm = harm_of(message.harm)?;
-    let detection = Detection { box_in_ego, velocity_in_ego_mps, harm, score: message.score.into() };
+    let (score, spread) = (message.score.into(), message.spread.as_ref().map(spread_of));
+    let detection = Detection { box_in_ego, velocity_in_ego_mps, harm, score, spread };
     check_detection(&detection)?;
     Ok(detection)
 }

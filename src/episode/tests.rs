@@ -8,7 +8,7 @@ use super::messages::wire;
 use super::topics::Topic;
 use super::*;
 use crate::geometry::{Box3, Pinhole, Point, Point2, Transform};
-use crate::object::{Detection, Distribution, Event, Harm, Kind, Object, SolidPart, Spot};
+use crate::object::{BoxSpread, Detection, Distribution, Event, Harm, Kind, Object, SolidPart, Spot};
 use crate::sample::{Around, EgoState, EncodedImage, ImageFormat, LidarPoint, Measured, Sample, Truth};
 use nalgebra::Vector3;
 
@@ -346,6 +346,15 @@ fn detections_read_back_exactly() {
         velocity_in_ego_mps: [1.0, -0.1],
         harm: Harm::Harmful,
         score,
+        spread: Some(BoxSpread {
+            x_m: 0.3,
+            y_m: 0.2,
+            z_m: 0.1,
+            length: 0.2,
+            width: 0.1,
+            height: 0.05,
+            yaw_rad: 0.4,
+        }),
     };
     let all: Vec<SampleDetections> = three()
         .iter()

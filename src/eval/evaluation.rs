@@ -60,7 +60,7 @@ pub fn score(samples: &[EvalSample], protocol: &Protocol, mode: Mode) -> Result<
 /// let box_in_ego = Box3 { center, length_m: 4.0, width_m: 1.8, height_m: 1.5, yaw_rad: 0.0 };
 /// let harm = Harm::Harmful;
 /// let objects = vec![LabelledObject { truth: Object::new(box_in_ego), harm }];
-/// let detections = vec![Detection { box_in_ego, velocity_in_ego_mps: [0.0; 2], harm, score: 0.9 }];
+/// let detections = vec![Detection { box_in_ego, velocity_in_ego_mps: [0.0; 2], harm, score: 0.9, spread: None }];
 /// let sample = EvalSample::new("one", SampleFacts::default(), objects, detections);
 /// let evaluation = evaluate(&[sample], &Protocol::default(), Mode::Id)?;
 /// let ap = evaluation.metrics.columns.total;

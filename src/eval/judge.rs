@@ -4,10 +4,15 @@
 //! Its boxes are the network's without their classes: a harmful and a harmless detection of one object become one
 //! box, whose score is the sum of both, since the two exclude each other.
 
+use std::sync::LazyLock;
+
+use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
 use super::matching::center_distance_m;
-use crate::object::{Detection, Harm, MIN_SCORE};
+use crate::geometry::{Box3, Ego, Point};
+use crate::object::{BoxSpread, Detection, Harm, MIN_SCORE};
+use crate::random;
 use crate::sample::EgoState;
 use crate::zone::{Zone, ZoneError};
 
@@ -16,6 +21,16 @@ const SAME_M: f64 = 0.5;
 /// Distance from the zone's edge over which the soft rule's doubt falls by a factor e, metres: about the
 /// error of the centre of a located box.
 const DOUBT_M: f64 = 0.5;
+/// Draws of box and state over which the expected rule takes its mean.
+const N_DRAWS: usize = 64;
+/// What the expected rule takes the measured speed to be off by: a share of it, and metres a second. A tyre's size and a
+/// wheel's ticks, as the presets' rigs vary them.
+const SPEED_SHARE: f64 = 0.016;
+const SPEED_MPS: f64 = 0.05;
+/// The same of the steering angle.
+const STEERING_RAD: f64 = 0.45 * std::f64::consts::PI / 180.0;
+/// A probability that both judges together never pass.
+const SUREST: f64 = 1e-3;
 /// The soft rule stays at least this far on the hard rule's side of one half.
 const LEAST_LEAN: f64 = 1e-3;
 
@@ -29,6 +44,11 @@ pub enum Judge {
     Zone,
     /// The zone, with a probability by the distance to its edge.
     ZoneSoft,
+    /// The zone's expected verdict over the spreads of the box, as the network tells them, and of measured speed and
+    /// steering.
+    ZoneExpected,
+    /// The network and the expected verdict, the mean of their log odds.
+    Both,
     /// The zone from the speed alone: straight ahead whatever the steering angle.
     SpeedZone,
     /// The same with a probability.
@@ -37,8 +57,15 @@ pub enum Judge {
 
 impl Judge {
     /// All of them; the network first.
-    pub const ALL: [Self; 5] =
-        [Self::Network, Self::Zone, Self::ZoneSoft, Self::SpeedZone, Self::SpeedZoneSoft];
+    pub const ALL: [Self; 7] = [
+        Self::Network,
+        Self::Zone,
+        Self::ZoneSoft,
+        Self::ZoneExpected,
+        Self::Both,
+        Self::SpeedZone,
+        Self::SpeedZoneSoft,
+    ];
 
     /// The name in files and flags.
     #[must_use]
@@ -47,6 +74,8 @@ impl Judge {
             Self::Network => "network",
             Self::Zone => "zone",
             Self::ZoneSoft => "zone-soft",
+            Self::ZoneExpected => "zone-expected",
+            Self::Both => "both",
             Self::SpeedZone => "speed-zone",
             Self::SpeedZoneSoft => "speed-zone-soft",
         }
@@ -56,6 +85,10 @@ impl Judge {
     #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|judge| judge.name() == name)
+    }
+
+    fn is_expected(self) -> bool {
+        matches!(self, Self::ZoneExpected | Self::Both)
     }
 
     fn is_soft(self) -> bool {
@@ -80,27 +113,124 @@ impl Judge {
         if self == Self::Network {
             return Ok(found.to_vec());
         }
+        if self.is_expected() {
+            return self.judge_expected(found, state, zone);
+        }
         let straight = EgoState { steering_angle_rad: 0.0, ..*state };
         let zone = zone.at(if self.is_straight() { &straight } else { state })?;
         let mut judged = Vec::with_capacity(found.len());
-        for object in join_classes(found) {
+        for Joined { object, .. } in join_classes(found) {
             let harm = zone.harm_of(&object.box_in_ego, object.velocity_in_ego_mps)?.harm;
             if !self.is_soft() {
                 judged.push(Detection { harm, ..object });
                 continue;
             }
             let distance_m = zone.edge_distance_m(&object.box_in_ego)?;
-            // Each class gets a share of the score, as with the network's classes.
-            let p = harm_probability(distance_m, harm) as f32;
-            for (harm, share) in [(Harm::Harmful, p), (Harm::Harmless, 1.0 - p)] {
-                let score = share * object.score as f32;
-                if score >= MIN_SCORE {
-                    judged.push(Detection { harm, score: score.into(), ..object });
-                }
-            }
+            share_score(&object, harm_probability(distance_m, harm), &mut judged);
         }
         judged.sort_by(|a, b| b.score.total_cmp(&a.score));
         Ok(judged)
+    }
+}
+
+impl Judge {
+    /// Judges by draws of what box and state may truly be: the share of the draws whose box the zone calls harmful.
+    fn judge_expected(
+        self,
+        found: &[Detection],
+        state: &EgoState,
+        zone: &Zone,
+    ) -> Result<Vec<Detection>, ZoneError> {
+        let zones: Vec<_> = DRAWS.iter().map(|draw| zone.at(&draw.state(state))).collect::<Result<_, _>>()?;
+        let mut judged = Vec::with_capacity(found.len());
+        for Joined { object, harmful_share } in join_classes(found) {
+            let mut n_harmful = 0;
+            for (draw, zone) in DRAWS.iter().zip(&zones) {
+                let drawn = draw.of_box(&object.box_in_ego, object.spread.as_ref());
+                let verdict = zone.harm_of(&drawn, object.velocity_in_ego_mps)?;
+                n_harmful += usize::from(verdict.harm == Harm::Harmful);
+            }
+            let expected = n_harmful as f64 / N_DRAWS as f64;
+            let p = match self {
+                Self::Both => mean_of_log_odds(expected, harmful_share),
+                _ => expected,
+            };
+            share_score(&object, p, &mut judged);
+        }
+        judged.sort_by(|a, b| b.score.total_cmp(&a.score));
+        Ok(judged)
+    }
+}
+
+/// Standard normal numbers: how far a box's and a state's numbers are off, in their spreads.
+struct Draw {
+    center: [f64; 3],
+    sizes: [f64; 3],
+    yaw: f64,
+    speed: f64,
+    steering: f64,
+}
+
+/// The draws, the same for every box; each comes with its opposite, so that their mean is zero.
+static DRAWS: LazyLock<Vec<Draw>> = LazyLock::new(|| {
+    let mut rng = random::stream(0, "expected-verdict", 0);
+    let mut normal = || {
+        let (radius, turn) =
+            ((-2.0 * (1.0 - rng.random::<f64>()).ln()).sqrt(), std::f64::consts::TAU * rng.random::<f64>());
+        radius * turn.cos()
+    };
+    let mut draws = Vec::with_capacity(N_DRAWS);
+    for _ in 0..N_DRAWS / 2 {
+        let numbers: [f64; 9] = std::array::from_fn(|_| normal());
+        draws.extend([1.0, -1.0].map(|side| {
+            let [x, y, z, length, width, height, yaw, speed, steering] = numbers.map(|number| side * number);
+            Draw { center: [x, y, z], sizes: [length, width, height], yaw, speed, steering }
+        }));
+    }
+    draws
+});
+
+impl Draw {
+    fn state(&self, measured: &EgoState) -> EgoState {
+        let speed_spread_mps = SPEED_SHARE * measured.speed_mps.abs() + SPEED_MPS;
+        EgoState {
+            speed_mps: measured.speed_mps + self.speed * speed_spread_mps,
+            steering_angle_rad: measured.steering_angle_rad + self.steering * STEERING_RAD,
+            ..*measured
+        }
+    }
+
+    fn of_box(&self, told: &Box3<Ego>, spread: Option<&BoxSpread>) -> Box3<Ego> {
+        let Some(of) = spread else { return *told };
+        let ([x, y, z], [length, width, height]) = (self.center, self.sizes);
+        let center = told.center;
+        Box3 {
+            center: Point::new(center.x() + x * of.x_m, center.y() + y * of.y_m, center.z() + z * of.z_m),
+            length_m: told.length_m * (length * of.length).exp(),
+            width_m: told.width_m * (width * of.width).exp(),
+            height_m: told.height_m * (height * of.height).exp(),
+            yaw_rad: told.yaw_rad + self.yaw * of.yaw_rad,
+        }
+    }
+}
+
+/// The probability whose log odds are the mean of those of two.
+fn mean_of_log_odds(a: f64, b: f64) -> f64 {
+    let log_odds = |p: f64| {
+        let p = p.clamp(SUREST, 1.0 - SUREST);
+        (p / (1.0 - p)).ln()
+    };
+    1.0 / (1.0 + (-f64::midpoint(log_odds(a), log_odds(b))).exp())
+}
+
+/// Gives each class a share of an object's score, as with the network's classes.
+fn share_score(object: &Detection, p_harmful: f64, judged: &mut Vec<Detection>) {
+    let p = p_harmful as f32;
+    for (harm, share) in [(Harm::Harmful, p), (Harm::Harmless, 1.0 - p)] {
+        let score = share * object.score as f32;
+        if score >= MIN_SCORE {
+            judged.push(Detection { harm, score: score.into(), ..*object });
+        }
     }
 }
 
@@ -113,27 +243,41 @@ fn harm_probability(distance_m: f64, verdict: Harm) -> f64 {
     }
 }
 
-/// One box for each object, without regard to class: the better of its two detections, with the sum of their scores.
-/// Detections with one box, which one query reports, join first, then near ones. The class left in it means nothing.
-fn join_classes(found: &[Detection]) -> Vec<Detection> {
-    let mut ranked = found.to_vec();
-    ranked.sort_by(|a, b| b.score.total_cmp(&a.score));
+/// One box of an object.
+struct Joined {
+    /// With the sum of the scores of its two detections. The class left in it means nothing.
+    object: Detection,
+    /// The harmful one's part of that sum.
+    harmful_share: f64,
+}
+
+/// One box for each object, without regard to class: the better of its two detections. Detections with one box, which one
+/// query reports, join first, then near ones.
+fn join_classes(found: &[Detection]) -> Vec<Joined> {
+    let mut ranked: Vec<Joined> = found
+        .iter()
+        .map(|&object| Joined { object, harmful_share: f64::from(u8::from(object.harm == Harm::Harmful)) })
+        .collect();
+    ranked.sort_by(|a, b| b.object.score.total_cmp(&a.object.score));
     let (mut is_joined, mut is_gone) = (vec![false; ranked.len()], vec![false; ranked.len()]);
     for reach_m in [0.0, SAME_M] {
         for i in 0..ranked.len() {
             if is_joined[i] {
                 continue;
             }
-            let one = ranked[i];
+            let one = ranked[i].object;
             let nearest = (i + 1..ranked.len())
-                .filter(|&j| !is_joined[j] && ranked[j].harm != one.harm)
-                .map(|j| (j, center_distance_m(&one.box_in_ego, &ranked[j].box_in_ego)))
+                .filter(|&j| !is_joined[j] && ranked[j].object.harm != one.harm)
+                .map(|j| (j, center_distance_m(&one.box_in_ego, &ranked[j].object.box_in_ego)))
                 .filter(|&(_, distance_m)| distance_m <= reach_m)
                 .min_by(|a, b| a.1.total_cmp(&b.1));
             if let Some((j, _)) = nearest {
                 // The sum of two of a network's scores, as a network would give it.
-                let sum = one.score as f32 + ranked[j].score as f32;
-                ranked[i].score = sum.min(1.0).into();
+                let other = ranked[j].object.score;
+                let sum = one.score as f32 + other as f32;
+                let harmful = if one.harm == Harm::Harmful { one.score } else { other };
+                ranked[i].object.score = sum.min(1.0).into();
+                ranked[i].harmful_share = harmful / (one.score + other);
                 (is_joined[i], is_joined[j], is_gone[j]) = (true, true, true);
             }
         }
@@ -171,7 +315,7 @@ mod tests {
             height_m: 1.0,
             yaw_rad: 0.0,
         };
-        Detection { box_in_ego, velocity_in_ego_mps: [0.0; 2], harm, score }
+        Detection { box_in_ego, velocity_in_ego_mps: [0.0; 2], harm, score, spread: None }
     }
 
     /// Class and score of each, in hundredths.
@@ -221,6 +365,47 @@ mod tests {
     }
 
     #[test]
+    fn the_expected_rule_is_as_sure_as_the_box_and_the_state() {
+        // The zone ends at 28.6 m, the box begins there.
+        let at = |x_m: f64, spread_m: f64| {
+            let spread = BoxSpread {
+                x_m: spread_m,
+                y_m: 0.01,
+                z_m: 0.01,
+                length: 0.01,
+                width: 0.01,
+                height: 0.01,
+                yaw_rad: 0.01,
+            };
+            let object = Detection { spread: Some(spread), ..found(x_m, 0.0, Harm::Harmless, 1.0) };
+            let harmful = told(Judge::ZoneExpected, &[object], &state(10.0, 0.0)).into_iter();
+            harmful.filter(|told| told.0 == Harm::Harmful).map(|told| told.1).sum::<i32>()
+        };
+        let (near, far) = (20.0, 40.0);
+        assert_eq!((at(near, 0.1), at(far, 0.1)), (100, 0));
+        // A quarter of the box of 1 m lies in the zone at 28.85 m.
+        assert!((35..65).contains(&at(28.85, 1.0)), "{}", at(28.85, 1.0));
+        assert!(at(32.0, 3.0) > at(32.0, 0.3) && at(26.0, 3.0) < at(26.0, 0.3));
+        // Without a spread, only the state is in doubt.
+        let plain =
+            |x_m: f64| told(Judge::ZoneExpected, &[found(x_m, 0.0, Harm::Harmless, 1.0)], &state(10.0, 0.0));
+        assert_eq!(plain(20.0), [(Harm::Harmful, 100)]);
+        assert!(plain(28.85).len() == 2, "{:?}", plain(28.85));
+    }
+
+    #[test]
+    fn both_together_lie_between_the_network_and_the_expected_rule() {
+        let detections = [found(20.0, 0.0, Harm::Harmless, 0.6), found(20.0, 0.0, Harm::Harmful, 0.2)];
+        let harmful = |judge| {
+            let all = told(judge, &detections, &state(10.0, 0.0)).into_iter();
+            all.filter(|told| told.0 == Harm::Harmful).map(|told| told.1).sum::<i32>()
+        };
+        let (network, both, rule) =
+            (harmful(Judge::Network), harmful(Judge::Both), harmful(Judge::ZoneExpected));
+        assert!(network < both && both < rule, "{network} {both} {rule}");
+    }
+
+    #[test]
     fn names_are_those_of_files() {
         for judge in Judge::ALL {
             assert_eq!(serde_json::to_value(judge).unwrap(), judge.name());
@@ -260,7 +445,7 @@ mod tests {
                     .map(|object| {
                         let (score, harm) = draws.next().unwrap();
                         let box_in_ego = object.truth.box_in_ego;
-                        Detection { box_in_ego, velocity_in_ego_mps: [0.0; 2], harm, score }
+                        Detection { box_in_ego, velocity_in_ego_mps: [0.0; 2], harm, score, spread: None }
                     })
                     .collect();
                 let detections = judge.judge(&boxes, &sample.measured.ego_state, dataset.zone()).unwrap();

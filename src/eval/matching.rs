@@ -280,7 +280,7 @@ pub(super) mod tests {
     }
 
     pub(crate) fn found(x_m: f64, harm: Harm, score: f64) -> Detection {
-        Detection { box_in_ego: a_box(x_m, 0.0), velocity_in_ego_mps: [0.0; 2], harm, score }
+        Detection { box_in_ego: a_box(x_m, 0.0), velocity_in_ego_mps: [0.0; 2], harm, score, spread: None }
     }
 
     fn sample(objects: Vec<LabelledObject>, detections: Vec<Detection>) -> EvalSample {

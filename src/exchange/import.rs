@@ -145,7 +145,7 @@ fn judge(
     let detection = |(index, one): (usize, ForeignBox)| {
         let harm = harm_of(index, &one)?;
         let ForeignBox { box_in_ego, velocity_in_ego_mps, score, .. } = one;
-        Ok(Detection { box_in_ego, velocity_in_ego_mps, harm, score })
+        Ok(Detection { box_in_ego, velocity_in_ego_mps, harm, score, spread: None })
     };
     boxes.into_iter().enumerate().map(detection).collect()
 }

@@ -116,7 +116,7 @@ fn text_of(
     global_from_ego: &Transform<World, Ego>,
     naming: Naming,
 ) -> String {
-    let Detection { box_in_ego, velocity_in_ego_mps, harm, score } = detection;
+    let Detection { box_in_ego, velocity_in_ego_mps, harm, score, .. } = detection;
     let center = *global_from_ego * box_in_ego.center;
     let turn = Transform::<Ego, Ego>::from_xyz_yaw(0.0, 0.0, 0.0, box_in_ego.yaw_rad).isometry.rotation;
     let rotation = global_from_ego.isometry.rotation * turn;
@@ -229,6 +229,7 @@ mod tests {
             velocity_in_ego_mps: [5.0, -1.0],
             harm: Harm::Harmful,
             score: 0.25,
+            spread: None,
         };
         let write =
             |detection| text_of(detection, &Token::from("t"), &global_from_ego, Naming::HarmAsCarTruck);

@@ -164,7 +164,13 @@ impl ClosedSet {
                 let score = share * one.score;
                 if score >= MIN_SCORE {
                     let (box_in_ego, velocity_in_ego_mps) = (one.box_in_ego, one.velocity_in_ego_mps);
-                    judged.push(Detection { box_in_ego, velocity_in_ego_mps, harm, score: score.into() });
+                    judged.push(Detection {
+                        box_in_ego,
+                        velocity_in_ego_mps,
+                        harm,
+                        score: score.into(),
+                        spread: None,
+                    });
                 }
             }
         }

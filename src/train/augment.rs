@@ -4,6 +4,8 @@
 //! Speed and steering reach the network's last layers only, so one pass over a sample's sensors serves
 //! several states: the recorded one and some drawn anew.
 
+use std::f64::consts::TAU;
+
 use rand::RngExt;
 
 use super::config::AugmentConfig;
@@ -50,7 +52,7 @@ pub fn draw(
         for object in &mut again {
             object.harm = area.harm_of_object(&object.truth)?.harm;
         }
-        states.push(state);
+        states.push(mismeasure(&state, config, rng));
         labelled.push(again);
     }
     let mirror = config.mirror && rng.random::<bool>();
@@ -80,6 +82,22 @@ fn redraw(
     });
     let steering_angle_rad = aimed.filter(|angle| angle.abs() <= max_angle_rad).unwrap_or(straight);
     EgoState { speed_mps, steering_angle_rad, ..*recorded }
+}
+
+/// What a car's sensors might tell of a state.
+fn mismeasure(state: &EgoState, config: &AugmentConfig, rng: &mut Rng) -> EgoState {
+    if config.speed_error == 0.0 && config.steering_error_deg == 0.0 {
+        return *state;
+    }
+    let mut normal = || {
+        let (radius, turn) = ((-2.0 * (1.0 - rng.random::<f64>()).ln()).sqrt(), TAU * rng.random::<f64>());
+        radius * turn.cos()
+    };
+    EgoState {
+        speed_mps: state.speed_mps * (1.0 + config.speed_error * normal()),
+        steering_angle_rad: state.steering_angle_rad + config.steering_error_deg.to_radians() * normal(),
+        ..*state
+    }
 }
 
 /// Reflects an object in the ego's x-z plane.
@@ -127,6 +145,26 @@ mod tests {
             }
             assert!(n_changed > 5, "{kind:?}: {n_changed}");
         }
+    }
+
+    #[test]
+    fn a_state_told_wrongly_keeps_the_labels_of_the_true_one() {
+        let dataset = test_data::dataset(4);
+        let exact = AugmentConfig { mirror: false, ..AugmentConfig::default() };
+        let told = AugmentConfig { speed_error: 0.05, steering_error_deg: 1.0, ..exact };
+        let sample = &dataset.samples()[0];
+        let recorded = &sample.measured.ego_state;
+        let view = |config, n| {
+            let config = AugmentConfig { n_redrawn_states: n, ..config };
+            draw(recorded, &sample.objects, dataset.zone(), &config, &mut stream(1, "augment-test", 2))
+                .unwrap()
+        };
+        // One state: the draws before the error are the same.
+        let (exact, told) = (view(exact, 1), view(told, 1));
+        assert_eq!((told.states[0], &told.objects), (*recorded, &exact.objects));
+        assert_ne!(told.states[1], exact.states[1]);
+        let off = told.states[1].speed_mps / exact.states[1].speed_mps - 1.0;
+        assert!(off.abs() < 0.25, "{off}");
     }
 
     #[test]

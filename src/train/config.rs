@@ -127,6 +127,11 @@ define_config! {
         max_speed_mps: f64 = 18.0, in from_to(0.0, 100.0);
         /// Largest steering angle drawn, degrees.
         max_steering_deg: f64 = 35.0, in from_to(0.0, 80.0);
+        /// Standard deviation of what the network is told of a speed drawn anew, as a share of it; the labels are of the true
+        /// one.
+        speed_error: f64 = 0.0, in from_to(0.0, 1.0);
+        /// The same of a steering angle, degrees.
+        steering_error_deg: f64 = 0.0, in from_to(0.0, 20.0);
         /// Most objects of other samples pasted into a sample's cloud: 0 to this many, equally likely; none
         /// without a LiDAR branch.
         max_pasted: usize = 3, in from_to(0.0, 100.0);

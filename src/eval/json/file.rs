@@ -127,7 +127,7 @@ impl TryFrom<RawBox> for Detection {
         let score = raw.detection_score.ok_or("`detection_score` is missing")?;
         let score =
             score.filter(|score| score.is_finite()).ok_or("`detection_score` is not a finite number")?;
-        Ok(Self { box_in_ego, velocity_in_ego_mps, harm, score })
+        Ok(Self { box_in_ego, velocity_in_ego_mps, harm, score, spread: None })
     }
 }
 

@@ -101,6 +101,7 @@ fn sample(class: Harm) -> EvalSample {
             velocity_in_ego_mps: [0.0; 2],
             harm: class,
             score,
+            spread: None,
         })
         .into_iter()
         .chain([found(10.0, Harm::Harmful, 0.9)])

@@ -3,7 +3,10 @@
 //! A code has ten numbers as in TransFusion: centre offset from the query's cell in cells (2),
 //! centre height in metres, log of length, width, height, sine and cosine of yaw, velocity in m/s.
 
+use std::f64::consts::{PI, SQRT_2};
+
 use crate::geometry::{Box3, Ego, Point};
+use crate::object::BoxSpread;
 
 /// Numbers of a box code.
 pub const CODE_SIZE: usize = 10;
@@ -50,6 +53,23 @@ pub fn decode(code: &[f32], query_m: [f64; 2], cell_size_m: f64) -> (Box3<Ego>, 
         yaw_rad: f64::from(code[6]).atan2(f64::from(code[7])),
     };
     (decoded, [f64::from(code[8]), f64::from(code[9])])
+}
+
+/// Decodes logarithms of spreads (of Laplace's distribution, whose standard deviation is the square root of two of them) of
+/// a code's numbers.
+#[must_use]
+pub fn decode_spread(log_spreads: &[f32], cell_size_m: f64) -> BoxSpread {
+    let deviation = |i: usize| SQRT_2 * f64::from(log_spreads[i]).exp();
+    BoxSpread {
+        x_m: cell_size_m * deviation(0),
+        y_m: cell_size_m * deviation(1),
+        z_m: deviation(2),
+        length: deviation(3),
+        width: deviation(4),
+        height: deviation(5),
+        // Sine and cosine are off by as much as the angle where it changes them most.
+        yaw_rad: deviation(6).max(deviation(7)).min(PI / 2.0),
+    }
 }
 
 #[cfg(test)]

@@ -2,11 +2,11 @@
 
 use burn::tensor::Tensor;
 
-use super::coder::{CODE_SIZE, decode};
+use super::coder::{CODE_SIZE, decode, decode_spread};
 use super::queries::Query;
 use crate::geometry::{Box3, Ego};
 use crate::model::config::{Classes, Heatmap, ModelConfig};
-use crate::object::{Detection, Harm};
+use crate::object::{BoxSpread, Detection, Harm};
 
 /// The head's raw output.
 #[derive(Debug, Clone)]
@@ -37,6 +37,7 @@ struct QueryOutput<'a> {
     row: usize,
     box_in_ego: Box3<Ego>,
     velocity_in_ego_mps: [f64; 2],
+    spread: Option<BoxSpread>,
     /// Before the sigmoid.
     logits: &'a [f32],
 }
@@ -57,6 +58,7 @@ impl Output {
         read: impl Fn(&QueryOutput<'_>) -> I,
     ) -> Vec<Vec<Vec<T>>> {
         let (codes, logits) = (numbers(&self.boxes), numbers(&self.harm));
+        let spreads = self.spread.as_ref().map(numbers);
         let [n_rows, _, n_classes] = self.harm.dims();
         let n_states = n_rows / self.queries.len().max(1);
         let of_state = |queries: &[Query], first_row: usize| {
@@ -64,7 +66,10 @@ impl Output {
                 let code = &codes[row * CODE_SIZE..(row + 1) * CODE_SIZE];
                 let (box_in_ego, velocity_in_ego_mps) = decode(code, query.center_m, cell_size_m);
                 let logits = &logits[row * n_classes..(row + 1) * n_classes];
-                read(&QueryOutput { query, row, box_in_ego, velocity_in_ego_mps, logits })
+                let spread = spreads
+                    .as_ref()
+                    .map(|all| decode_spread(&all[row * CODE_SIZE..(row + 1) * CODE_SIZE], cell_size_m));
+                read(&QueryOutput { query, row, box_in_ego, velocity_in_ego_mps, spread, logits })
             });
             let mut found: Vec<T> = boxes.filter(|found| score(found) >= min_score).collect();
             found.sort_by(|a, b| score(b).total_cmp(&score(a)));
@@ -124,6 +129,7 @@ pub fn detections_by_state(
                     velocity_in_ego_mps: of.velocity_in_ego_mps,
                     harm,
                     score: (of.query.score * probability).into(),
+                    spread: of.spread,
                 }
             };
             reportable_classes(of.query, config.head.heatmap).iter().map(detection).collect::<Vec<_>>()

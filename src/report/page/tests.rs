@@ -42,6 +42,7 @@ fn samples() -> Vec<EvalSample> {
                 velocity_in_ego_mps: [0.0; 2],
                 harm,
                 score,
+                spread: None,
             };
             let score = 0.5 + 0.1 * f64::from(i);
             samples.push(EvalSample {

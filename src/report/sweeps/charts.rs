@@ -39,6 +39,8 @@ fn look(judge: Judge) -> (&'static str, Tone, Look) {
         Judge::Zone => ("zone over its boxes", Tone::Harmless, Look::LineAndDots),
         Judge::ZoneSoft => ("zone over its boxes, soft", Tone::Harmless, Look::Dashed),
         Judge::SpeedZone => ("zone by speed alone", Tone::Green, Look::LineAndDots),
+        Judge::ZoneExpected => ("zone over its boxes, expected", Tone::Harmless, Look::Dots),
+        Judge::Both => ("network and zone together", Tone::Harmful, Look::Dashed),
         Judge::SpeedZoneSoft => ("zone by speed alone, soft", Tone::Green, Look::Dashed),
     }
 }

@@ -200,6 +200,7 @@ mod tests {
             velocity_in_ego_mps: [0.0; 2],
             harm,
             score,
+            spread: None,
         };
         let shown = shown(&[found(Harm::Harmful, 0.5), found(Harm::Harmless, 0.4)], 0.3);
         assert_eq!(shown.iter().map(|d| d.harm).collect::<Vec<_>>(), [Harm::Harmful]);

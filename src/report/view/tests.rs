@@ -194,7 +194,13 @@ fn predictions_are_drawn_in_tones_of_their_own() {
             let mut box_in_ego = object.box_in_ego;
             box_in_ego.center =
                 Point::new(box_in_ego.center.x() + 0.3, box_in_ego.center.y() - 0.15, box_in_ego.center.z());
-            Detection { box_in_ego, velocity_in_ego_mps: [0.0, 0.0], harm, score: 0.95 - 0.07 * i as f64 }
+            Detection {
+                box_in_ego,
+                velocity_in_ego_mps: [0.0, 0.0],
+                harm,
+                score: 0.95 - 0.07 * i as f64,
+                spread: None,
+            }
         })
         .collect();
     let labelled = Scene { harms: Some(&harms), zone: Some(&ZONE), ..scene(&sample) };

@@ -43,7 +43,7 @@ pub fn samples() -> Vec<EvalSample> {
             let found: Vec<Box3<Ego>> = (0..DETECTIONS_A_TRUTH).map(|k| a_box(0.4 + k as f64)).collect();
             for (k, box_in_ego) in found.into_iter().enumerate() {
                 let score = between(0.0, 1.0) / (1.0 + k as f64);
-                detections.push(Detection { box_in_ego, velocity_in_ego_mps, harm, score });
+                detections.push(Detection { box_in_ego, velocity_in_ego_mps, harm, score, spread: None });
             }
         }
         EvalSample::new(format!("s{i}"), SampleFacts::default(), objects, detections)
