@@ -346,14 +346,15 @@ fn detections_read_back_exactly() {
         velocity_in_ego_mps: [1.0, -0.1],
         harm: Harm::Harmful,
         score,
+        // As floats hold them.
         spread: Some(BoxSpread {
-            x_m: 0.3,
-            y_m: 0.2,
-            z_m: 0.1,
-            length: 0.2,
-            width: 0.1,
-            height: 0.05,
-            yaw_rad: 0.4,
+            x_m: 0.5,
+            y_m: 0.25,
+            z_m: 0.125,
+            length: 0.25,
+            width: 0.125,
+            height: 0.0625,
+            yaw_rad: 0.5,
         }),
     };
     let all: Vec<SampleDetections> = three()
