@@ -7,7 +7,8 @@ use clap::{ArgGroup, Args};
 use fs_err as fs;
 
 use super::{Bar, DeviceArg, ExitStatus, print, sensor, split, tell};
-use crate::dataset::{Dataset, DatasetError, Fingerprint, LearnedError, Sensor};
+use crate::dataset::blind::Sensor;
+use crate::dataset::{Dataset, DatasetError, Fingerprint, LearnedError};
 use crate::episode::{EpisodeEntry, Manifest, Split};
 use crate::eval::{self, EvalConfig, EvalSample, Mode, Protocol, eval_samples, json};
 use crate::files::sha256_hex;

@@ -8,7 +8,8 @@ use std::str::FromStr;
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
-use crate::dataset::{Dataset, DatasetError, Sensor};
+use crate::dataset::blind::Sensor;
+use crate::dataset::{Dataset, DatasetError};
 use crate::episode::Split;
 
 /// Parses a number of a range.

@@ -1,6 +1,6 @@
 //! A labelled dataset in memory: each sample's measurements and its objects with their labels.
 
-mod blind;
+pub mod blind;
 mod coverage;
 mod facts;
 pub mod health;
@@ -25,7 +25,6 @@ use crate::object::{LabelledObject, Object};
 use crate::sample::{EgoState, IgnoredRegion, Measured, Sample};
 use crate::zone::{Zone, ZoneConfig, ZoneError};
 
-pub use blind::Sensor;
 pub use coverage::{CameraFacts, PictureRectangle, count_points, keep_in_view};
 use facts::Origin;
 pub use facts::{SampleFacts, episode_of_id};

@@ -4,15 +4,11 @@
 //! Its boxes are the network's without their classes: a harmful and a harmless detection of one object become one
 //! box, whose score is the sum of both, since the two exclude each other.
 
-use std::sync::LazyLock;
-
-use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
+use super::expected::ExpectedVerdict;
 use super::matching::center_distance_m;
-use crate::geometry::{Box3, Ego, Point};
-use crate::object::{BoxSpread, Detection, Harm, MIN_SCORE};
-use crate::random;
+use crate::object::{Detection, Harm, MIN_SCORE};
 use crate::sample::EgoState;
 use crate::zone::{Zone, ZoneError};
 
@@ -21,14 +17,6 @@ const SAME_M: f64 = 0.5;
 /// Distance from the zone's edge over which the soft rule's doubt falls by a factor e, metres: about the
 /// error of the centre of a located box.
 const DOUBT_M: f64 = 0.5;
-/// Draws of box and state over which the expected rule takes its mean.
-const N_DRAWS: usize = 64;
-/// What the expected rule takes the measured speed to be off by: a share of it, and metres a second. A tyre's size and a
-/// wheel's ticks, as the presets' rigs vary them.
-const SPEED_SHARE: f64 = 0.016;
-const SPEED_MPS: f64 = 0.05;
-/// The same of the steering angle.
-const STEERING_RAD: f64 = 0.45 * std::f64::consts::PI / 180.0;
 /// A probability that both judges together never pass.
 const SUREST: f64 = 1e-3;
 /// The soft rule stays at least this far on the hard rule's side of one half.
@@ -141,16 +129,10 @@ impl Judge {
         state: &EgoState,
         zone: &Zone,
     ) -> Result<Vec<Detection>, ZoneError> {
-        let zones: Vec<_> = DRAWS.iter().map(|draw| zone.at(&draw.state(state))).collect::<Result<_, _>>()?;
+        let expected_verdict = ExpectedVerdict::at(state, zone)?;
         let mut judged = Vec::with_capacity(found.len());
         for Joined { object, harmful_share } in join_classes(found) {
-            let mut n_harmful = 0;
-            for (draw, zone) in DRAWS.iter().zip(&zones) {
-                let drawn = draw.of_box(&object.box_in_ego, object.spread.as_ref());
-                let verdict = zone.harm_of(&drawn, object.velocity_in_ego_mps)?;
-                n_harmful += usize::from(verdict.harm == Harm::Harmful);
-            }
-            let expected = n_harmful as f64 / N_DRAWS as f64;
+            let expected = expected_verdict.of(&object)?;
             let p = match self {
                 Self::Both => mean_of_log_odds(expected, harmful_share),
                 _ => expected,
@@ -159,58 +141,6 @@ impl Judge {
         }
         judged.sort_by(|a, b| b.score.total_cmp(&a.score));
         Ok(judged)
-    }
-}
-
-/// Standard normal numbers: how far a box's and a state's numbers are off, in their spreads.
-struct Draw {
-    center: [f64; 3],
-    sizes: [f64; 3],
-    yaw: f64,
-    speed: f64,
-    steering: f64,
-}
-
-/// The draws, the same for every box; each comes with its opposite, so that their mean is zero.
-static DRAWS: LazyLock<Vec<Draw>> = LazyLock::new(|| {
-    let mut rng = random::stream(0, "expected-verdict", 0);
-    let mut normal = || {
-        let (radius, turn) =
-            ((-2.0 * (1.0 - rng.random::<f64>()).ln()).sqrt(), std::f64::consts::TAU * rng.random::<f64>());
-        radius * turn.cos()
-    };
-    let mut draws = Vec::with_capacity(N_DRAWS);
-    for _ in 0..N_DRAWS / 2 {
-        let numbers: [f64; 9] = std::array::from_fn(|_| normal());
-        draws.extend([1.0, -1.0].map(|side| {
-            let [x, y, z, length, width, height, yaw, speed, steering] = numbers.map(|number| side * number);
-            Draw { center: [x, y, z], sizes: [length, width, height], yaw, speed, steering }
-        }));
-    }
-    draws
-});
-
-impl Draw {
-    fn state(&self, measured: &EgoState) -> EgoState {
-        let speed_spread_mps = SPEED_SHARE * measured.speed_mps.abs() + SPEED_MPS;
-        EgoState {
-            speed_mps: measured.speed_mps + self.speed * speed_spread_mps,
-            steering_angle_rad: measured.steering_angle_rad + self.steering * STEERING_RAD,
-            ..*measured
-        }
-    }
-
-    fn of_box(&self, told: &Box3<Ego>, spread: Option<&BoxSpread>) -> Box3<Ego> {
-        let Some(of) = spread else { return *told };
-        let ([x, y, z], [length, width, height]) = (self.center, self.sizes);
-        let center = told.center;
-        Box3 {
-            center: Point::new(center.x() + x * of.x_m, center.y() + y * of.y_m, center.z() + z * of.z_m),
-            length_m: told.length_m * (length * of.length).exp(),
-            width_m: told.width_m * (width * of.width).exp(),
-            height_m: told.height_m * (height * of.height).exp(),
-            yaw_rad: told.yaw_rad + self.yaw * of.yaw_rad,
-        }
     }
 }
 
@@ -362,35 +292,6 @@ mod tests {
         assert_eq!(at(29.1), [(Harm::Harmless, 73), (Harm::Harmful, 27)]);
         assert_eq!(at(20.0), [(Harm::Harmful, 99), (Harm::Harmless, 1)]);
         assert_eq!(at(40.0), [(Harm::Harmless, 100)]);
-    }
-
-    #[test]
-    fn the_expected_rule_is_as_sure_as_the_box_and_the_state() {
-        // The zone ends at 28.6 m, the box begins there.
-        let at = |x_m: f64, spread_m: f64| {
-            let spread = BoxSpread {
-                x_m: spread_m,
-                y_m: 0.01,
-                z_m: 0.01,
-                length: 0.01,
-                width: 0.01,
-                height: 0.01,
-                yaw_rad: 0.01,
-            };
-            let object = Detection { spread: Some(spread), ..found(x_m, 0.0, Harm::Harmless, 1.0) };
-            let harmful = told(Judge::ZoneExpected, &[object], &state(10.0, 0.0)).into_iter();
-            harmful.filter(|told| told.0 == Harm::Harmful).map(|told| told.1).sum::<i32>()
-        };
-        let (near, far) = (20.0, 40.0);
-        assert_eq!((at(near, 0.1), at(far, 0.1)), (100, 0));
-        // A quarter of the box of 1 m lies in the zone at 28.85 m.
-        assert!((35..65).contains(&at(28.85, 1.0)), "{}", at(28.85, 1.0));
-        assert!(at(32.0, 3.0) > at(32.0, 0.3) && at(26.0, 3.0) < at(26.0, 0.3));
-        // Without a spread, only the state is in doubt.
-        let plain =
-            |x_m: f64| told(Judge::ZoneExpected, &[found(x_m, 0.0, Harm::Harmless, 1.0)], &state(10.0, 0.0));
-        assert_eq!(plain(20.0), [(Harm::Harmful, 100)]);
-        assert!(plain(28.85).len() == 2, "{:?}", plain(28.85));
     }
 
     #[test]

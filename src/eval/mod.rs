@@ -10,6 +10,7 @@ mod bootstrap;
 mod breakdown;
 mod curve;
 mod evaluation;
+mod expected;
 mod faults;
 mod filter;
 pub mod json;

@@ -3,7 +3,7 @@
 use thiserror::Error;
 
 use super::camera::{CameraGeometry, CameraInput, ImageTooFlat, NetworkImage, unpack_image};
-use super::config::ModelConfig;
+use super::config::{CameraConfig, ModelConfig};
 use super::lidar::LidarInput;
 use crate::geometry::Point;
 use crate::sample::{EgoState, Measured};
@@ -59,6 +59,18 @@ impl Input {
         let image = full.map(|full| NetworkImage::resize(&full, &config.camera)).transpose()?;
         done("image resize");
         Self::with_image(measured, config, mirror, image.as_ref(), done)
+    }
+
+    /// Unpacks a sample's picture and resizes it; with `mirror` flipped left to right.
+    ///
+    /// # Errors
+    /// The image is broken or too flat.
+    pub fn picture(
+        measured: &Measured,
+        mirror: bool,
+        config: &CameraConfig,
+    ) -> Result<NetworkImage, InputError> {
+        Ok(NetworkImage::resize(&unpack_image(measured, mirror)?, config)?)
     }
 
     /// Prepares a sample whose picture is unpacked and resized already, mirrored if the rest is; without one the camera

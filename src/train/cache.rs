@@ -66,7 +66,7 @@ impl Cache {
 mod tests {
     use super::*;
     use crate::dataset::test_data;
-    use crate::model::ModelConfig;
+    use crate::model::{Input, ModelConfig};
     use std::cell::Cell;
 
     #[test]
@@ -76,7 +76,7 @@ mod tests {
         let n_unpacked = Cell::new(0);
         let unpack = || {
             n_unpacked.set(n_unpacked.get() + 1);
-            NetworkImage::of(&data.samples()[0].measured, false, &config.camera)
+            Input::picture(&data.samples()[0].measured, false, &config.camera)
         };
         let key = Key { sample_idx: 0, mirror: false };
         let roomy = Cache::new(64);

@@ -20,7 +20,7 @@ use super::plan::{Plan, Position, STAGES};
 use super::targets::trainable;
 use crate::dataset::Dataset;
 use crate::device::is_cpu;
-use crate::model::{Batch, CameraInput, Detector, Input, NetworkImage};
+use crate::model::{Batch, CameraInput, Detector, Input};
 use crate::object::LabelledObject;
 use crate::random;
 
@@ -194,7 +194,7 @@ impl<'a> Steps<'a> {
                     .map_err(not_labelled)?;
                 let not_prepared = |source| TrainError::Input { sample: sample.id.clone(), source };
                 let key = Key { sample_idx, mirror: view.mirror };
-                let unpack = || NetworkImage::of(&sample.measured, view.mirror, &config.model.camera);
+                let unpack = || Input::picture(&sample.measured, view.mirror, &config.model.camera);
                 let mut image =
                     with_camera.then(|| self.cache.get(key, unpack)).transpose().map_err(not_prepared)?;
                 let colours = disturbed.as_ref().and_then(|disturbed| disturbed.colours.as_ref());

@@ -9,7 +9,6 @@ use thiserror::Error;
 use super::resize::resize;
 use crate::geometry::{Camera, Ego, Pinhole, Point, Transform};
 use crate::model::config::{CameraBackbone, CameraConfig};
-use crate::model::input::InputError;
 use crate::sample::Measured;
 
 /// A camera's intrinsics and its pose on the car.
@@ -146,14 +145,6 @@ impl NetworkImage {
             scale: [scale, f64::from(resized_height_px) / f64::from(full.height())],
             cut_px,
         })
-    }
-
-    /// Unpacks a sample's picture and resizes it; with `mirror` flipped left to right.
-    ///
-    /// # Errors
-    /// The image is broken or too flat.
-    pub fn of(measured: &Measured, mirror: bool, config: &CameraConfig) -> Result<Self, InputError> {
-        Ok(Self::resize(&unpack_image(measured, mirror)?, config)?)
     }
 
     /// Gives every pixel other colours.

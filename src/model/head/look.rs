@@ -8,14 +8,14 @@ use super::queries::Query;
 
 /// From a square of pillars to what is added to the query.
 #[derive(Module, Debug)]
-pub struct Look {
+pub struct CloserLook {
     linear: Linear,
     /// Pillars along a side: odd.
     #[module(skip)]
     n_side: usize,
 }
 
-impl Look {
+impl CloserLook {
     /// # Arguments
     /// - `n_pillar_channels`: of a pillar
     /// - `n_side`: pillars along a side of the square: odd
@@ -71,7 +71,7 @@ mod tests {
         let device = Device::flex();
         let numbers: Vec<f32> = (0..48).map(|i| 1.0 + i as f32).collect();
         let pillars = Tensor::<4>::from_data(TensorData::new(numbers, [2, 1, 4, 6]), &device);
-        let mut look = Look::init(1, 3, 9, &device);
+        let mut look = CloserLook::init(1, 3, 9, &device);
         let same: Vec<f32> = (0..81).map(|i| if i % 10 == 0 { 1.0 } else { 0.0 }).collect();
         look.linear.weight =
             look.linear.weight.map(|w| Tensor::from_data(TensorData::new(same.clone(), [9, 9]), &w.device()));

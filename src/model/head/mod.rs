@@ -18,11 +18,11 @@ use burn::tensor::{Device, Int, Tensor, TensorData};
 use crate::model::config::{GridConfig, HeadConfig};
 use crate::model::layers::{ConvBlock, convolve, plain_conv};
 use attention::DecoderLayer;
-use look::Look;
+use look::CloserLook;
 use numeric::Numeric;
 pub use output::{KindBox, Output, detections, detections_by_state, kind_boxes};
 use positions::Positions;
-use predict::{Features, Predictions, Predictor};
+use predict::{Features, Predicted, Predictor};
 pub use queries::Query;
 use queries::pick_queries;
 
@@ -43,7 +43,7 @@ pub struct Head {
     decoder: DecoderLayer,
     numeric: Numeric,
     predict: Predictor,
-    look: Option<Look>,
+    look: Option<CloserLook>,
     #[module(skip)]
     config: HeadConfig,
     #[module(skip)]
@@ -86,7 +86,8 @@ impl Head {
     /// Lets each query look at a square of pillars of this side; 0 for none.
     #[must_use]
     pub fn with_look(mut self, n_side: usize, n_pillar_channels: usize, device: &Device) -> Self {
-        self.look = (n_side > 0).then(|| Look::init(n_pillar_channels, n_side, self.config.channels, device));
+        self.look =
+            (n_side > 0).then(|| CloserLook::init(n_pillar_channels, n_side, self.config.channels, device));
         self
     }
 
@@ -111,7 +112,7 @@ impl Head {
         let n_states = numeric.dims()[0] / queries.len();
         let decoded = repeat_rows(self.predict.prepare(decoded, position), n_states);
         let features = self.numeric.before_heads(decoded, numeric.clone());
-        let Predictions { boxes, spread, harm } = self.predict.forward(Features {
+        let Predicted { boxes, spread, harm } = self.predict.forward(Features {
             decoded: features.clone(),
             center_m: repeat_rows(self.centers_m(&queries, &device), n_states),
             modulation: self.numeric.for_harm(numeric),

@@ -67,7 +67,7 @@ impl Predictor {
         }
     }
 
-    pub fn forward(&self, features: Features) -> Predictions {
+    pub fn forward(&self, features: Features) -> Predicted {
         match self {
             Self::Placed(nets) => nets.forward(features),
             Self::Separate(nets) => nets.forward(features),
@@ -76,7 +76,7 @@ impl Predictor {
 }
 
 /// What is predicted of each query.
-pub struct Predictions {
+pub struct Predicted {
     /// `[row, query, CODE_SIZE]`
     pub boxes: Tensor<3>,
     /// `[row, query, CODE_SIZE]`: logarithms of the spreads of a box's numbers, if they are predicted.
@@ -117,11 +117,11 @@ impl SeparateNets {
         }
     }
 
-    fn forward(&self, Features { decoded, modulation, .. }: Features) -> Predictions {
+    fn forward(&self, Features { decoded, modulation, .. }: Features) -> Predicted {
         let parts = [&self.center, &self.height, &self.dims, &self.rotation, &self.velocity];
         let boxes = Tensor::cat(parts.map(|net| net.forward(decoded.clone())).to_vec(), 2);
         let harm = self.harm.forward_with(decoded, |hidden| modulate(hidden, modulation.as_ref(), 0));
-        Predictions { boxes, spread: None, harm }
+        Predicted { boxes, spread: None, harm }
     }
 }
 
@@ -151,7 +151,7 @@ impl PlacedNets {
         2 * config.channels
     }
 
-    fn forward(&self, features: Features) -> Predictions {
+    fn forward(&self, features: Features) -> Predicted {
         let numbers = self.boxes.forward(features.decoded.clone());
         let boxes = numbers.clone().narrow(2, 0, CODE_SIZE);
         let [least, most] = LOG_SPREADS;
@@ -160,7 +160,7 @@ impl PlacedNets {
         let known = spread.clone().map(Tensor::detach);
         let seen = [features.decoded, placed].into_iter().chain(known).collect();
         let harm = self.harm.forward(Tensor::cat(seen, 2), features.modulation.as_ref());
-        Predictions { boxes, spread, harm }
+        Predicted { boxes, spread, harm }
     }
 
     /// Input of the harm branch: centre and corners of the predicted footprint in the ego frame, height,
