@@ -4,10 +4,10 @@
 //! The mean of the zone's rule over draws from normal distributions about what was told: the same draws for every box,
 //! each with its opposite. It knows any zone, since it asks only yes or no.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 use std::sync::LazyLock;
 
-use rand::RngExt;
+use rand_distr::{Distribution, StandardNormal};
 
 use crate::geometry::{Box3, Ego, Point};
 use crate::object::{BoxSpread, Detection, Harm};
@@ -64,13 +64,9 @@ struct Draw {
 /// The draws, the same for every box; each comes with its opposite, so that their mean is zero.
 static DRAWS: LazyLock<Vec<Draw>> = LazyLock::new(|| {
     let mut rng = random::stream(0, "expected-verdict", 0);
-    let mut normal = || {
-        let (radius, turn) = ((-2.0 * (1.0 - rng.random::<f64>()).ln()).sqrt(), TAU * rng.random::<f64>());
-        radius * turn.cos()
-    };
     let mut draws = Vec::with_capacity(N_DRAWS);
     for _ in 0..N_DRAWS / 2 {
-        let numbers: [f64; 9] = std::array::from_fn(|_| normal());
+        let numbers: [f64; 9] = std::array::from_fn(|_| StandardNormal.sample(&mut rng));
         draws.extend([1.0, -1.0].map(|side| {
             let [x, y, z, length, width, height, yaw, speed, steering] = numbers.map(|number| side * number);
             Draw { center: [x, y, z], sizes: [length, width, height], yaw, speed, steering }

@@ -28,7 +28,6 @@ mod free_space;
 mod furniture;
 mod ground;
 mod hiding;
-mod hull;
 mod junctions;
 mod land;
 mod landmarks;

@@ -10,13 +10,13 @@ use nalgebra::Vector3;
 
 use super::drape::Drape;
 use super::ground::{Ground, PAVEMENT_M, Ribbon};
-use super::hull::convex_hull;
 use super::mesh::TriangleMesh;
 use super::network::{LaneGraph, flat};
 use super::occupancy::{Footprint, StripGrid};
 use super::path::{Path, Vec2};
 use super::relief;
 use super::town_parts::HillConfig;
+use crate::geometry::convex_hull;
 
 const PAINT_M: f64 = 0.015;
 /// On slopes, where road and paint are cut differently.

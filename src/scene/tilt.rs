@@ -6,9 +6,9 @@
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 use rand::RngExt;
 
-use super::hull::convex_hull;
 use super::models::{Bounds, Model};
 use super::path::{Vec2, direction_of};
+use crate::geometry::convex_hull;
 use crate::random::Rng;
 
 /// Points this close to the ground touch it, metres.

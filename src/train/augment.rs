@@ -4,9 +4,8 @@
 //! Speed and steering reach the network's last layers only, so one pass over a sample's sensors serves
 //! several states: the recorded one and some drawn anew.
 
-use std::f64::consts::TAU;
-
 use rand::RngExt;
+use rand_distr::{Distribution, StandardNormal};
 
 use super::config::AugmentConfig;
 use crate::geometry::{Point, Point2};
@@ -89,10 +88,7 @@ fn mismeasure(state: &EgoState, config: &AugmentConfig, rng: &mut Rng) -> EgoSta
     if config.speed_error == 0.0 && config.steering_error_deg == 0.0 {
         return *state;
     }
-    let mut normal = || {
-        let (radius, turn) = ((-2.0 * (1.0 - rng.random::<f64>()).ln()).sqrt(), TAU * rng.random::<f64>());
-        radius * turn.cos()
-    };
+    let mut normal = || -> f64 { StandardNormal.sample(rng) };
     EgoState {
         speed_mps: state.speed_mps * (1.0 + config.speed_error * normal()),
         steering_angle_rad: state.steering_angle_rad + config.steering_error_deg.to_radians() * normal(),

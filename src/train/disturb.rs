@@ -5,10 +5,9 @@
 //! A network that has seen one sensor alone takes its rings and intensities for the world's (docs/real_logs.md), and
 //! one whose LiDAR never fails learns nothing from the picture.
 
-use std::f64::consts::TAU;
-
 use nalgebra::{UnitQuaternion, Vector3};
 use rand::RngExt;
+use rand_distr::{Distribution, StandardNormal};
 
 use super::config::AugmentConfig;
 use crate::dataset::count_points;
@@ -39,10 +38,7 @@ pub fn disturb(
     rng: &mut Rng,
 ) -> Option<Disturbed> {
     // All is drawn, whatever is used, so that one key of the config does not change the draws of another.
-    let mut normal = || {
-        let (radius, turn) = ((1.0 - rng.random::<f64>()).ln() * -2.0, TAU * rng.random::<f64>());
-        radius.sqrt() * turn.cos()
-    };
+    let mut normal = || -> f64 { StandardNormal.sample(rng) };
     let tilt = [normal(), normal(), normal()];
     let intensity = [normal(), normal(), normal()];
     let light = [normal(), normal(), normal(), normal(), normal()];

@@ -6,8 +6,9 @@
 
 use burn::tensor::activation::log_sigmoid;
 use burn::tensor::{Tensor, TensorData};
+use nalgebra::Vector2;
 
-use crate::geometry::{Box3, Ego, Point};
+use crate::geometry::{Box3, Ego, Point, convex_hull};
 use crate::model::{CameraGeometry, PAINT_STRIDE, n_paint_pixels};
 use crate::object::LabelledObject;
 
@@ -28,13 +29,13 @@ pub fn draw_objects(objects: &[LabelledObject], view: &CameraGeometry, min_visib
         if object.truth.visible_px.is_some_and(|px| px < min_visible_px) {
             continue;
         }
-        fill(&mut target, [n_y, n_x], &hull(&corners_px(&object.truth.box_in_ego, view)));
+        fill(&mut target, [n_y, n_x], &convex_hull(corners_px(&object.truth.box_in_ego, view)));
     }
     target
 }
 
 /// Columns and rows of a box's corners, in pixels of the map; empty if the box lies behind the camera.
-fn corners_px(of: &Box3<Ego>, view: &CameraGeometry) -> Vec<[f64; 2]> {
+fn corners_px(of: &Box3<Ego>, view: &CameraGeometry) -> Vec<Vector2<f64>> {
     let camera_from_ego = view.ego_from_camera.inverse();
     let half_m = of.height_m / 2.0;
     let corners = of.footprint().map(|corner| {
@@ -47,35 +48,13 @@ fn corners_px(of: &Box3<Ego>, view: &CameraGeometry) -> Vec<[f64; 2]> {
     let pixel = |p: &Point<_>| {
         let depth_m = p.z().max(NEAREST_M);
         let at = [of.fx_px * p.x() / depth_m + of.cx_px, of.fy_px * p.y() / depth_m + of.cy_px];
-        at.map(|px| px / PAINT_STRIDE as f64)
+        Vector2::from(at) / PAINT_STRIDE as f64
     };
     corners.iter().flatten().map(pixel).collect()
 }
 
-/// The convex hull, counter-clockwise (Andrew's monotone chain).
-fn hull(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
-    let mut sorted = points.to_vec();
-    sorted.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
-    let cross =
-        |o: [f64; 2], a: [f64; 2], b: [f64; 2]| (a[0] - o[0]) * (b[1] - o[1]) - (a[1] - o[1]) * (b[0] - o[0]);
-    let half = |points: &mut dyn Iterator<Item = &[f64; 2]>| {
-        let mut chain: Vec<[f64; 2]> = Vec::new();
-        for &point in points {
-            while chain.len() >= 2 && cross(chain[chain.len() - 2], chain[chain.len() - 1], point) <= 0.0 {
-                chain.pop();
-            }
-            chain.push(point);
-        }
-        chain.pop();
-        chain
-    };
-    let mut lower = half(&mut sorted.iter());
-    lower.extend(half(&mut sorted.iter().rev()));
-    lower
-}
-
 /// Sets the cells whose middle lies in a convex polygon, and at least the one at its middle.
-fn fill(target: &mut [f32], [n_y, n_x]: [usize; 2], polygon: &[[f64; 2]]) {
+fn fill(target: &mut [f32], [n_y, n_x]: [usize; 2], polygon: &[Vector2<f64>]) {
     if polygon.is_empty() {
         return;
     }
