@@ -181,7 +181,8 @@ fn a_sweep_is_a_folder_of_figures_and_pictures() {
     let text_of = |out: &Path| fs::read_to_string(out.join("sweeps.json")).expect("figures");
     let sweeps: Value = serde_json::from_str(&text_of(&out)).expect("JSON");
     let curves = sweeps["curves"].as_array().expect("curves");
-    assert_eq!((curves.len(), &sweeps["n_samples"]), (4 * 5, &3.into()));
+    // Four changes, seven judges.
+    assert_eq!((curves.len(), &sweeps["n_samples"]), (4 * 7, &3.into()));
     let harmful = |i: usize| curves[0]["points"][i]["n_harmful"].as_u64().expect("a count");
     assert!(curves[0]["change"] == "speed_mps" && harmful(0) <= harmful(1), "{}", curves[0]);
 
