@@ -131,30 +131,21 @@ impl<'a> Steps<'a> {
         // So dropout depends on the step alone, however often the run was stopped.
         let name = format!("dropout-{}", STAGES[position.stage]);
         Detector::seed(self.device, random::stream(config.seed, &name, prepared.first_draw as u64).random());
-        config.products.during(|| self.pass_of(detector, prepared, position, share))
-    }
-
-    fn pass_of(
-        &self,
-        detector: Detector,
-        prepared: &Prepared,
-        position: Position,
-        share: f64,
-    ) -> Result<(Detector, GradientsParams, LossParts), TrainError> {
-        let config = self.config;
-        let output = detector.forward(&prepared.batch);
-        let mut loss = losses(&output, &prepared.objects, &config.model, &config.loss);
-        if let (Some(logits), Some(targets)) = (output.picture_objects, &prepared.pictures) {
-            let of_picture = picture_loss(logits, targets).mul_scalar(config.loss.picture_weight);
-            loss.parts.picture = of_picture.clone().detach().into_scalar();
-            loss.total = loss.total + of_picture;
-        }
-        if !loss.parts.total().is_finite() {
-            return Err(self.not_finite(loss.parts.total(), position, prepared.chosen));
-        }
-        let gradients = loss.total.mul_scalar(share).backward();
-        let gradients = GradientsParams::from_grads(gradients, &detector);
-        Ok((detector, gradients, loss.parts))
+        config.products.during(|| {
+            let output = detector.forward(&prepared.batch);
+            let mut loss = losses(&output, &prepared.objects, &config.model, &config.loss);
+            if let (Some(logits), Some(targets)) = (output.picture_objects, &prepared.pictures) {
+                let of_picture = picture_loss(logits, targets).mul_scalar(config.loss.picture_weight);
+                loss.parts.picture = of_picture.clone().detach().into_scalar();
+                loss.total = loss.total + of_picture;
+            }
+            if !loss.parts.total().is_finite() {
+                return Err(self.not_finite(loss.parts.total(), position, prepared.chosen));
+            }
+            let gradients = loss.total.mul_scalar(share).backward();
+            let gradients = GradientsParams::from_grads(gradients, &detector);
+            Ok((detector, gradients, loss.parts))
+        })
     }
 
     /// Augments and prepares the samples of a batch.
