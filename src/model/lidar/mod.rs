@@ -171,18 +171,25 @@ mod tests {
         }
     }
 
+    /// Weights are drawn by whichever test comes first, and ReLUs of one network in fifteen blank the only point: so it is
+    /// asked of many.
     #[test]
     fn a_point_shows_in_the_cell_that_holds_it() {
+        const N_NETWORKS: usize = 24;
         let (config, device) = (little(), Device::flex());
-        let encoder = SparseEncoder::init(N_VOXEL_FEATURES, &config.encoder, &device);
         // One voxel in the last column and the first row of cells.
         let cloud = voxelize(&[[31.9, -15.9, 0.0, 50.0]], &config.voxels);
-        let batch = VoxelBatch::stack(&[&cloud], &config, &device);
-        let map = encoder.forward(batch.features, &batch.rulebooks, 1);
         let [_, n_y, n_x] = config.encoded_shape();
-        let per_cell: Vec<f32> = map.abs().sum_dim(1).into_data().try_to_vec().unwrap();
-        let lit: Vec<usize> = (0..n_y * n_x).filter(|&cell| per_cell[cell] > 0.0).collect();
-        assert!(lit.contains(&(n_x - 1)), "{lit:?}");
-        assert!(lit.iter().all(|&cell| cell / n_x <= 1 && cell % n_x >= n_x - 2), "{lit:?}");
+        let mut n_shown = 0;
+        for _ in 0..N_NETWORKS {
+            let encoder = SparseEncoder::init(N_VOXEL_FEATURES, &config.encoder, &device);
+            let batch = VoxelBatch::stack(&[&cloud], &config, &device);
+            let map = encoder.forward(batch.features, &batch.rulebooks, 1);
+            let per_cell: Vec<f32> = map.abs().sum_dim(1).into_data().try_to_vec().unwrap();
+            let lit: Vec<usize> = (0..n_y * n_x).filter(|&cell| per_cell[cell] > 0.0).collect();
+            assert!(lit.iter().all(|&cell| cell / n_x <= 1 && cell % n_x >= n_x - 2), "{lit:?}");
+            n_shown += usize::from(lit.contains(&(n_x - 1)));
+        }
+        assert!(n_shown > N_NETWORKS / 2, "{n_shown} of {N_NETWORKS}");
     }
 }
