@@ -58,28 +58,51 @@ struct Counting {
     matches: Vec<usize>,
 }
 
+/// Draws of the episodes: the same for every figure, so that intervals of several figures are of the same resamples.
+pub(super) struct Resamples {
+    /// Number of each sample's episode.
+    pub episode_of: Vec<usize>,
+    pub n_episodes: usize,
+    n: usize,
+    seed: u64,
+}
+
+impl Resamples {
+    /// `None` if the config asks for none or there is only one episode.
+    pub fn of(matching: &Matching<'_>) -> Option<Self> {
+        let config = matching.config();
+        let (episode_of, n_episodes) = number_episodes(&matching.samples);
+        let resamples =
+            Self { episode_of, n_episodes, n: config.n_resamples, seed: config.bootstrap_seed };
+        (config.n_resamples > 0 && n_episodes > 1).then_some(resamples)
+    }
+
+    /// A value of each resample, from how often each episode was drawn.
+    pub fn map<T: Send>(&self, value: impl Fn(&[u32]) -> T + Sync) -> Vec<T> {
+        let of_resample = |resample| {
+            let mut rng = random::stream(self.seed, "bootstrap", resample);
+            let mut n_drawn = vec![0_u32; self.n_episodes];
+            (0..self.n_episodes).for_each(|_| n_drawn[rng.random_range(0..self.n_episodes)] += 1);
+            value(&n_drawn)
+        };
+        (0..self.n as u64).into_par_iter().map(of_resample).collect()
+    }
+}
+
 /// Draws the resamples; `None` if the config asks for none or there is only one episode.
 pub(super) fn measure(matching: &Matching<'_>) -> Option<Confidence> {
     let (config, protocol, mode) = (matching.config(), matching.protocol, matching.mode);
-    let (episode_of, n_episodes) = number_episodes(&matching.samples);
-    if config.n_resamples == 0 || n_episodes < 2 {
-        return None;
-    }
+    let resamples = Resamples::of(matching)?;
+    let n_episodes = resamples.n_episodes;
     let cells = Columns::from_fn(mode, |column| {
-        Harm::ALL.map(|class| Cell::new(matching, column, class, &episode_of, n_episodes))
+        Harm::ALL.map(|class| Cell::new(matching, column, class, &resamples.episode_of, n_episodes))
     });
-    let resampled: Vec<Columns<[Option<f64>; 2]>> = (0..config.n_resamples as u64)
-        .into_par_iter()
-        .map(|resample| {
-            let mut rng = random::stream(config.bootstrap_seed, "bootstrap", resample);
-            let mut n_drawn = vec![0_u32; n_episodes];
-            (0..n_episodes).for_each(|_| n_drawn[rng.random_range(0..n_episodes)] += 1);
-            Columns::from_fn(mode, |column| {
-                let of_column = cells.get(column).expect("same mode");
-                [0, 1].map(|class| of_column[class].ap(&n_drawn, protocol))
-            })
+    let resampled: Vec<Columns<[Option<f64>; 2]>> = resamples.map(|n_drawn| {
+        Columns::from_fn(mode, |column| {
+            let of_column = cells.get(column).expect("same mode");
+            [0, 1].map(|class| of_column[class].ap(n_drawn, protocol))
         })
-        .collect();
+    });
     let columns = Columns::from_fn(mode, |column| {
         let of_column = || resampled.iter().map(|one| one.get(column).expect("same mode"));
         let of_classes = cells.get(column).expect("same mode");
@@ -102,7 +125,7 @@ pub(super) fn measure(matching: &Matching<'_>) -> Option<Confidence> {
 
 /// The episode of each sample as a number, and how many there are. A sample without a known episode counts as
 /// an episode of its own.
-fn number_episodes(samples: &[KeptSample<'_>]) -> (Vec<usize>, usize) {
+pub(super) fn number_episodes(samples: &[KeptSample<'_>]) -> (Vec<usize>, usize) {
     let mut numbers: HashMap<&str, usize> = HashMap::new();
     let of_samples = samples
         .iter()
@@ -178,7 +201,7 @@ impl Cell {
 }
 
 /// The middle [`LEVEL`] of some values; quantiles between two values are interpolated, as numpy's default.
-fn interval(values: impl Iterator<Item = f64>) -> Option<[f64; 2]> {
+pub(super) fn interval(values: impl Iterator<Item = f64>) -> Option<[f64; 2]> {
     let mut sorted: Vec<f64> = values.collect();
     sorted.sort_by(f64::total_cmp);
     let last = sorted.len().checked_sub(1)?;

@@ -89,8 +89,8 @@ const EDGES: Rule = from_to(-1e6, 1e6).rising(0, 1000);
 define_config! {
     /// Numbers of the safety metrics.
     pub struct SafetyConfig {
-        /// False alarms per kilometre at which missed harm is reported. Default 10, 30, 100.
-        false_alarms_per_km: Vec<f64> = vec![10.0, 30.0, 100.0], in above(0.0, 1e6).list(0, 100);
+        /// False alarms per kilometre at which missed harm is reported. Default 1, 10, 100.
+        false_alarms_per_km: Vec<f64> = vec![1.0, 10.0, 100.0], in above(0.0, 1e6).list(0, 100);
         /// A warning is confirmed when a harmful object was found harmful in this many .. Default 2.
         confirm_n: usize = 2, in from_to(1.0, 1000.0);
         /// .. of this many samples in a row. Default 3.

@@ -6,6 +6,7 @@ pub mod compare;
 pub mod curves;
 pub mod document;
 pub mod info;
+pub mod missed;
 pub mod page;
 mod palette;
 mod paper;

@@ -1,5 +1,6 @@
 //! The tables of a scoring, which text files, the terminal and the page share.
 
+use super::missed;
 use super::paper::{Line, PARTS, YARDSTICK};
 use super::standing::Standing;
 use super::table::{Cell, NO_TRUTH, Table, ap, number, percent};
@@ -9,7 +10,7 @@ use crate::eval::{
 };
 use crate::object::Harm;
 
-/// `table.txt`: AP beside the paper's, errors and counts; the same scores give the same bytes.
+/// `table.txt`: missed harm, AP beside the paper's, errors and counts; the same scores give the same bytes.
 #[must_use]
 pub fn text(evaluation: &Evaluation) -> String {
     let metrics = &evaluation.metrics;
@@ -19,7 +20,9 @@ pub fn text(evaluation: &Evaluation) -> String {
     };
     let (headline, errors, counts) = (headline(&[evaluation]), errors(metrics), counts(metrics));
     let neutral = neutral(metrics).map_or_else(String::new, |table| format!("\n{table}"));
-    format!("Detection {what}\n\n{headline}\n{errors}\n{counts}{neutral}")
+    let missed = evaluation.safety.alarms.as_ref().and_then(|alarms| missed::table(&[("", alarms)]));
+    let missed = missed.map_or_else(String::new, |table| format!("{table}\n"));
+    format!("Detection {what}\n\n{missed}{headline}\n{errors}\n{counts}{neutral}")
 }
 
 /// The same below what the figures may be used for, which is known where they are of a data set.
@@ -88,8 +91,13 @@ fn cell(value: MetricValue) -> Cell {
         MetricValue::Name(name) => name.into(),
         MetricValue::Count(n) => n.to_string().into(),
         MetricValue::Number { value, n_digits } => number(value, n_digits).into(),
-        MetricValue::Share { value, of } => {
-            Cell { text: percent(value), below: of.map(|n| format!("of {n}")).into_iter().collect() }
+        MetricValue::Share { value, of, interval } => {
+            let interval =
+                interval.map(|[low, high]| format!("{}–{}", percent(Some(low)), percent(Some(high))));
+            Cell {
+                text: percent(value),
+                below: of.map(|n| format!("of {n}")).into_iter().chain(interval).collect(),
+            }
         }
     }
 }

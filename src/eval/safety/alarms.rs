@@ -5,15 +5,16 @@
 //! lowest score at which the false alarms per kilometre do not exceed the given number. An event is warned in
 //! time where the distance from the bumper to the object, at the first sample at which `confirm_n` of the
 //! last `confirm_of` samples of the event found it harmful, is at least `v * reaction_time_s + v^2 / (2
-//! deceleration)`, v the ego's speed there.
+//! deceleration)`, v the ego's speed there. Intervals are of the same resamples as those of the APs, each with an
+//! operating score of its own.
 
 use serde::{Deserialize, Serialize};
 
-use super::tracks::{self, Sight, Tracks};
+use super::alarm_facts::{AlarmFacts, Kind, Tally};
 use super::{Context, MetricTable, MetricValue};
 use crate::eval::EvalConfig;
-use crate::eval::matching::{Matching, Outcome};
-use crate::object::Harm;
+use crate::eval::bootstrap::{Resamples, interval};
+use crate::object::Distribution;
 
 /// Missed harm at each of the config's false alarms a kilometre.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -23,6 +24,8 @@ pub struct Alarms {
     /// Hours between the first and the last sample of each episode; 0 if times are unknown.
     pub driven_h: f64,
     pub points: Vec<OperatingPoint>,
+    /// Harm in and out of distribution, then each family out of distribution; empty where no harmful truth says which it is.
+    pub groups: Vec<MissedGroup>,
 }
 
 /// What happens at one score.
@@ -33,14 +36,18 @@ pub struct OperatingPoint {
     /// Detections of this score or more count; `None` if none may.
     pub score: Option<f64>,
     pub n_false_alarms: usize,
+    /// Of these, how many lie on a harmless object.
+    pub n_false_on_harmless: usize,
     pub false_alarms_per_km: f64,
     pub false_alarms_per_h: Option<f64>,
     pub n_harmful: usize,
     /// Harmful truths that are not found harmful, over all.
     pub missed_per_sample: Option<f64>,
+    pub missed_per_sample_interval: Option<[f64; 2]>,
     pub n_events: usize,
     /// Events that are found in no sample, over all; needs ids.
     pub missed_per_event: Option<f64>,
+    pub missed_per_event_interval: Option<[f64; 2]>,
     /// One for each of the config's decelerations; needs ids, speeds and the bumper.
     pub warned: Vec<Warned>,
 }
@@ -54,38 +61,104 @@ pub struct Warned {
     /// Of these, the ones that were warned of in time.
     pub n_in_time: usize,
     pub in_time: Option<f64>,
+    pub in_time_interval: Option<[f64; 2]>,
+}
+
+/// Missed harm of some objects, at the operating points of all.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MissedGroup {
+    /// `id`, `ood`, or a family out of distribution.
+    pub name: String,
+    pub n_harmful: usize,
+    pub n_events: usize,
+    /// At each of the points.
+    pub missed_per_sample: Vec<Option<f64>>,
+    pub missed_per_event: Vec<Option<f64>>,
 }
 
 /// `None` if a sample does not say where the ego was, or if the ego did not move.
 pub(super) fn measure(of: &Context<'_>) -> Option<Alarms> {
-    let matching = of.matching;
-    let (driven_km, driven_h) = sum_driven(matching)?;
-    if driven_km <= 0.0 {
-        return None;
-    }
-    let n_harmful = matching.objects.iter().filter(|of| of.object.harm == Harm::Harmful).count();
-    let events = of.tracks.as_ref().map(Tracks::events).unwrap_or_default();
-    let measure_point = |&max_false_alarms_per_km: &f64| {
-        let (score, n_false_alarms) = find_score(matching, max_false_alarms_per_km * driven_km);
-        let is_found = matching.meet(Harm::Harmful, score.unwrap_or(f64::INFINITY)).is_matched;
-        let share = |n: usize, of: usize| (of > 0).then(|| n as f64 / of as f64);
-        let n_found = is_found.iter().filter(|&&found| found).count();
-        let is_missed = |event: &&&[Sight]| !event.iter().any(|sight| is_found[sight.number]);
-        OperatingPoint {
-            max_false_alarms_per_km,
-            score,
-            n_false_alarms,
-            false_alarms_per_km: n_false_alarms as f64 / driven_km,
-            false_alarms_per_h: (driven_h > 0.0).then(|| n_false_alarms as f64 / driven_h),
-            n_harmful,
-            missed_per_sample: share(n_harmful - n_found, n_harmful),
-            n_events: events.len(),
-            missed_per_event: share(events.iter().filter(is_missed).count(), events.len()),
-            warned: count_warned(matching, &events, &is_found),
+    let facts = AlarmFacts::gather(of)?;
+    let once = vec![1; facts.n_episodes];
+    let asked = &of.matching.config().safety.false_alarms_per_km;
+    let points: Vec<OperatingPoint> = asked.iter().map(|&per_km| measure_point(of, &facts, per_km)).collect();
+    let groups = list_groups(&facts).into_iter().map(|(name, is_of)| {
+        let scores = || points.iter().map(|point| point.score.unwrap_or(f64::INFINITY));
+        let missed = |score| facts.count_missed(score, &once, &is_of);
+        let missed_events = |score| facts.count_missed_events(score, &once, &is_of);
+        MissedGroup {
+            n_harmful: missed(f64::INFINITY).of,
+            n_events: missed_events(f64::INFINITY).of,
+            missed_per_sample: scores().map(|score| missed(score).share()).collect(),
+            missed_per_event: scores().map(|score| missed_events(score).share()).collect(),
+            name,
         }
+    });
+    let groups = groups.collect();
+    Some(Alarms { driven_km: facts.driven_km(&once), driven_h: facts.driven_h, points, groups })
+}
+
+fn measure_point(of: &Context<'_>, facts: &AlarmFacts<'_>, max_false_alarms_per_km: f64) -> OperatingPoint {
+    let config = &of.matching.config().safety;
+    let n_decelerations = config.decelerations_mps2.len();
+    let once = vec![1; facts.n_episodes];
+    let tally = |n_drawn: &[u32]| -> Vec<Tally> {
+        let score = facts.find_score(max_false_alarms_per_km, n_drawn).0.unwrap_or(f64::INFINITY);
+        let missed = facts.count_missed(score, n_drawn, |_| true);
+        let missed_events = facts.count_missed_events(score, n_drawn, |_| true);
+        let confirm = (config.confirm_n, config.confirm_of);
+        let warned = (0..n_decelerations).map(|i| facts.count_warned(score, n_drawn, i, confirm));
+        [missed, missed_events].into_iter().chain(warned).collect()
     };
-    let points = matching.config().safety.false_alarms_per_km.iter().map(measure_point).collect();
-    Some(Alarms { driven_km, driven_h, points })
+    let found = tally(&once);
+    let resampled = Resamples::of(of.matching).map(|resamples| resamples.map(tally)).unwrap_or_default();
+    let interval_of = |i: usize| interval(resampled.iter().filter_map(|tallies| tallies[i].share()));
+    let (score, alarms) = facts.find_score(max_false_alarms_per_km, &once);
+    let warned = config.decelerations_mps2.iter().zip(2..).map(|(&deceleration_mps2, i)| Warned {
+        deceleration_mps2,
+        n_stoppable: found[i].of,
+        n_in_time: found[i].n,
+        in_time: found[i].share(),
+        in_time_interval: interval_of(i),
+    });
+    OperatingPoint {
+        max_false_alarms_per_km,
+        score,
+        n_false_alarms: alarms.n,
+        n_false_on_harmless: alarms.n_on_harmless,
+        false_alarms_per_km: alarms.n as f64 / facts.driven_km(&once),
+        false_alarms_per_h: (facts.driven_h > 0.0).then(|| alarms.n as f64 / facts.driven_h),
+        n_harmful: found[0].of,
+        missed_per_sample: found[0].share(),
+        missed_per_sample_interval: interval_of(0),
+        n_events: found[1].of,
+        missed_per_event: found[1].share(),
+        missed_per_event_interval: interval_of(1),
+        warned: warned.collect(),
+    }
+}
+
+type IsOf<'a> = Box<dyn Fn(&Kind<'a>) -> bool + 'a>;
+
+/// The groups that have something harmful: in and out of distribution, then the families out of it by name.
+fn list_groups<'a>(facts: &AlarmFacts<'a>) -> Vec<(String, IsOf<'a>)> {
+    let kinds = || facts.objects.iter().map(|object| object.kind);
+    let mut groups: Vec<(String, IsOf<'a>)> = Vec::new();
+    for distribution in [Distribution::Id, Distribution::Ood] {
+        if kinds().any(|kind| kind.distribution == Some(distribution)) {
+            let is_of: IsOf<'a> = Box::new(move |kind| kind.distribution == Some(distribution));
+            groups.push((distribution.name().to_owned(), is_of));
+        }
+    }
+    let unfamiliar = kinds().filter(|kind| kind.distribution == Some(Distribution::Ood));
+    let mut families: Vec<&'a str> = unfamiliar.filter_map(|kind| kind.category).collect();
+    families.sort_unstable();
+    families.dedup();
+    for family in families {
+        let wanted = Kind { distribution: Some(Distribution::Ood), category: Some(family) };
+        groups.push((family.to_owned(), Box::new(move |kind| *kind == wanted)));
+    }
+    groups
 }
 
 pub(super) fn show(alarms: &Option<Alarms>, config: &EvalConfig) -> Option<MetricTable> {
@@ -95,10 +168,28 @@ pub(super) fn show(alarms: &Option<Alarms>, config: &EvalConfig) -> Option<Metri
             MetricValue::name(point.max_false_alarms_per_km.to_string()),
             MetricValue::number(point.score, 3),
             MetricValue::number(point.false_alarms_per_km, 1),
-            MetricValue::share(point.missed_per_sample, point.n_harmful),
-            MetricValue::share(point.missed_per_event, point.n_events),
+            MetricValue::Share {
+                value: (point.n_false_alarms > 0)
+                    .then(|| point.n_false_on_harmless as f64 / point.n_false_alarms as f64),
+                of: Some(point.n_false_alarms),
+                interval: None,
+            },
+            MetricValue::Share {
+                value: point.missed_per_event,
+                of: Some(point.n_events),
+                interval: point.missed_per_event_interval,
+            },
+            MetricValue::Share {
+                value: point.missed_per_sample,
+                of: Some(point.n_harmful),
+                interval: point.missed_per_sample_interval,
+            },
         ];
-        row.extend(point.warned.iter().map(|warned| MetricValue::share(warned.in_time, warned.n_stoppable)));
+        row.extend(point.warned.iter().map(|warned| MetricValue::Share {
+            value: warned.in_time,
+            of: Some(warned.n_stoppable),
+            interval: warned.in_time_interval,
+        }));
         row
     };
     let note = format!(
@@ -106,72 +197,46 @@ pub(super) fn show(alarms: &Option<Alarms>, config: &EvalConfig) -> Option<Metri
          samples, and in time if the car, after {} s, can still stop before the object.",
         alarms.driven_km, config.confirm_n, config.confirm_of, config.reaction_time_s
     );
-    let head =
-        ["false alarms/km, at most", "score", "false alarms/km", "missed, of objects", "missed, of events"];
+    let head = [
+        "false alarms/km, at most",
+        "score",
+        "false alarms/km",
+        "of these on harmless objects",
+        "missed, of events",
+        "missed, of objects",
+    ];
     let mut table = MetricTable::new(&head, alarms.points.iter().map(row).collect(), note)?;
     let decelerations = config.decelerations_mps2.iter();
     table.head.extend(decelerations.map(|deceleration| format!("warned in time, {deceleration} m/s²")));
     Some(table)
 }
 
-/// Kilometres and hours of all episodes.
-fn sum_driven(matching: &Matching<'_>) -> Option<(f64, f64)> {
-    let (mut driven_m, mut driven_s) = (0.0, 0.0);
-    for pair in tracks::episodes(&matching.samples)?.iter().flat_map(|episode| episode.windows(2)) {
-        let [before, after] = [0, 1].map(|i| matching.samples[pair[i]].facts);
-        let ([x0, y0], [x1, y1]) = (before.position_in_world_m?, after.position_in_world_m?);
-        driven_m += (x1 - x0).hypot(y1 - y0);
-        driven_s += before.time_s.zip(after.time_s).map_or(0.0, |(start, end)| end - start);
-    }
-    Some((driven_m / 1000.0, driven_s / 3600.0))
-}
-
-/// The lowest score with no more false alarms than allowed, and their number. Detections of equal score count
-/// all or not at all.
-fn find_score(matching: &Matching<'_>, allowed: f64) -> (Option<f64>, usize) {
-    let alarms: Vec<(f64, bool)> = matching
-        .ranked_from(Harm::Harmful, f64::NEG_INFINITY)
-        .filter(|(_, outcome)| !matches!(outcome, Outcome::Neutral(_)))
-        .map(|(ranked, outcome)| (ranked.score, !matches!(outcome, Outcome::Matched(_))))
-        .collect();
-    let (mut lowest, mut n_false) = (None, 0);
-    for equal in alarms.chunk_by(|a, b| a.0 == b.0) {
-        let n_more = equal.iter().filter(|&&(_, is_false)| is_false).count();
-        if (n_false + n_more) as f64 > allowed {
-            break;
-        }
-        n_false += n_more;
-        lowest = Some(equal[0].0);
-    }
-    (lowest, n_false)
-}
-
-fn count_warned(matching: &Matching<'_>, events: &[&[Sight]], is_found: &[bool]) -> Vec<Warned> {
-    let config = &matching.config().safety;
-    let can_stop = |sight: &Sight, deceleration_mps2: f64| -> Option<bool> {
-        let placed = &matching.objects[sight.number];
-        let facts = matching.facts_of(placed);
-        let stopping_m = config.stopping_distance_m(facts.speed_mps?, deceleration_mps2);
-        Some(facts.gap_ahead_m(&placed.object.truth.solid_in_ego())? >= stopping_m)
-    };
-    let find_confirmed = |event: &[Sight]| -> Option<Sight> {
-        let at = (0..event.len()).find(|&last| {
-            let recent = &event[(last + 1).saturating_sub(config.confirm_of)..=last];
-            recent.iter().filter(|sight| is_found[sight.number]).count() >= config.confirm_n
-        });
-        at.map(|at| event[at])
-    };
-    let of_deceleration = |&deceleration_mps2: &f64| {
-        let is_stoppable = |event: &&&[Sight]| can_stop(&event[0], deceleration_mps2) == Some(true);
-        let stoppable: Vec<&&[Sight]> = events.iter().filter(is_stoppable).collect();
-        let is_in_time = |event: &&&&[Sight]| {
-            find_confirmed(event).is_some_and(|sight| can_stop(&sight, deceleration_mps2) == Some(true))
+/// The table of the groups.
+pub(super) fn show_groups(alarms: &Option<Alarms>, _: &EvalConfig) -> Option<MetricTable> {
+    let alarms = alarms.as_ref()?;
+    let row = |group: &MissedGroup| {
+        let name = match group.name.as_str() {
+            "id" => "in distribution".to_owned(),
+            "ood" => "out of distribution".to_owned(),
+            family => family.replace('_', " "),
         };
-        let (n_stoppable, n_in_time) = (stoppable.len(), stoppable.iter().filter(is_in_time).count());
-        let in_time = (n_stoppable > 0).then(|| n_in_time as f64 / n_stoppable as f64);
-        Warned { deceleration_mps2, n_stoppable, n_in_time, in_time }
+        let counts = [MetricValue::Count(group.n_events), MetricValue::Count(group.n_harmful)];
+        let shares = group.missed_per_event.iter().zip(&group.missed_per_sample);
+        let shares =
+            shares.flat_map(|(&events, &objects)| [events, objects].map(|of| MetricValue::share(of, None)));
+        std::iter::once(MetricValue::name(name)).chain(counts).chain(shares).collect()
     };
-    config.decelerations_mps2.iter().map(of_deceleration).collect()
+    let note = "Harmful events and objects that are missed, at the scores that keep to so many false alarms a kilometre.";
+    let mut table = MetricTable::new(
+        &["harm missed", "events", "objects"],
+        alarms.groups.iter().map(row).collect(),
+        note,
+    )?;
+    for point in &alarms.points {
+        let at = format!("at {}/km", point.max_false_alarms_per_km);
+        table.head.extend(["events", "objects"].map(|what| format!("{what}, {at}")));
+    }
+    Some(table)
 }
 
 #[cfg(test)]

@@ -2,16 +2,18 @@
 //! honest probabilities, and where the harmful score fails. `docs/evaluation.md` has every formula with its source.
 //!
 //! Each figure is `None`, or has a count of zero, where the facts that it needs are not known. A metric is a file here with
-//! its `measure` and its `show`, and a line in [`Safety`].
+//! its `measure` and one `show` a table, and a line in [`Safety`].
 
 #![allow(clippy::ref_option, clippy::ptr_arg, reason = "a metric is shown as the registry holds it")]
 
+mod alarm_facts;
 mod alarms;
 mod calibration;
 mod early;
 pub(super) mod harm_probability;
 mod separation;
 mod slope;
+mod spreads;
 mod steadiness;
 mod table;
 mod tracks;
@@ -19,11 +21,12 @@ mod zone_edge;
 
 use serde::{Deserialize, Serialize};
 
-pub use alarms::{Alarms, OperatingPoint, Warned};
+pub use alarms::{Alarms, MissedGroup, OperatingPoint, Warned};
 pub use calibration::{Bin, Calibration};
 pub use early::{Early, EarlyShare};
 pub use separation::Separation;
 pub use slope::{Slope, SlopePoint};
+pub use spreads::SpreadCheck;
 pub use steadiness::Steadiness;
 pub use table::{MetricTable, MetricValue};
 pub use zone_edge::EdgeBand;
@@ -32,7 +35,7 @@ use super::PerClass;
 use super::matching::Matching;
 use super::protocol::EvalConfig;
 use crate::object::{Distribution, Harm};
-use tracks::Tracks;
+use tracks::{Sight, Tracks};
 
 /// What metrics are measured on.
 struct Context<'a> {
@@ -76,9 +79,9 @@ impl<T> ByDistribution<T> {
     }
 }
 
-/// Declares the metrics: name, type, what measures it, what shows it as a table.
+/// Declares the metrics: name, type, what measures it, what shows it as tables.
 macro_rules! metrics {
-    ($($(#[$doc:meta])* $name:ident: $type:ty = $measure:path, $show:path;)*) => {
+    ($($(#[$doc:meta])* $name:ident: $type:ty = $measure:path, $($show:path),+;)*) => {
         /// All safety metrics.
         #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
         pub struct Safety { $($(#[$doc])* pub $name: $type,)* }
@@ -97,7 +100,7 @@ macro_rules! metrics {
             /// A table for each metric that is known.
             #[must_use]
             pub fn tables(&self, config: &EvalConfig) -> Vec<MetricTable> {
-                [$($show(&self.$name, config)),*].into_iter().flatten().collect()
+                [$($($show(&self.$name, config)),+),*].into_iter().flatten().collect()
             }
         }
     };
@@ -105,7 +108,7 @@ macro_rules! metrics {
 
 metrics! {
     /// Missed harm at fixed false alarms; needs where the ego was.
-    alarms: Option<Alarms> = alarms::measure, alarms::show;
+    alarms: Option<Alarms> = alarms::measure, alarms::show, alarms::show_groups;
     /// How often labels of tracked objects jump; needs ids and times.
     steadiness: Option<Steadiness> = steadiness::measure, steadiness::show;
     /// False-harmful boxes whose object turns harmful soon; needs ids and times.
@@ -114,6 +117,9 @@ metrics! {
     detection_calibration: Option<PerClass<Calibration>> = calibration::measure_detections, calibration::show_detections;
     /// Probability of harm of the located objects.
     harm_calibration: ByDistribution<Calibration> = calibration::measure_harm, calibration::show_harm;
+    /// Spreads of boxes beside their errors; empty where none are told.
+    #[serde(default)]
+    spreads: Vec<SpreadCheck> = spreads::measure, spreads::show;
     /// Harmful against harmless by that probability.
     separation: ByDistribution<Option<Separation>> = separation::measure, separation::show;
     /// That probability over the signed distance to the zone's edge; empty where the zone is not known.

@@ -19,10 +19,11 @@ pub enum MetricValue {
         value: Option<f64>,
         n_digits: usize,
     },
-    /// A share from 0 to 1, and of how many.
+    /// A share from 0 to 1, of how many, and its confidence interval.
     Share {
         value: Option<f64>,
         of: Option<usize>,
+        interval: Option<[f64; 2]>,
     },
 }
 
@@ -44,6 +45,6 @@ impl MetricValue {
     }
 
     pub(super) fn share(value: Option<f64>, of: impl Into<Option<usize>>) -> Self {
-        Self::Share { value, of: of.into() }
+        Self::Share { value, of: of.into(), interval: None }
     }
 }

@@ -3,6 +3,7 @@
 use super::{ReportError, Side};
 use crate::report::chart::{Axis, Chart, Look, Series, Tone, row};
 use crate::report::document::{Block, Figure, Tile};
+use crate::report::missed;
 use crate::report::paper::{Line, PARTS};
 use crate::report::score_tables;
 use crate::report::table::{ap, percent};
@@ -14,12 +15,16 @@ pub fn blocks(sides: &[Side]) -> Result<Vec<Block>, ReportError> {
         let standing = side.scores.provenance.as_ref()?.standing()?;
         Some(Block::text(format!("{}: {standing}", side.name)))
     });
-    let blocks = vec![
-        Block::Tiles { tiles: sides.iter().flat_map(tiles).collect() },
-        Block::Table(score_tables::headline(&evaluations)),
-        Block::Figures { figures: sides.iter().map(figure).collect::<Result<_, _>>()? },
-    ];
-    Ok(standings.chain(blocks).collect())
+    let alarms =
+        sides.iter().filter_map(|side| Some((side.name, side.scores.evaluation.safety.alarms.as_ref()?)));
+    let alarms: Vec<missed::Named<'_>> = alarms.collect();
+    let families = alarms.iter().filter_map(|(_, alarms)| missed::by_family(alarms));
+    let mut blocks: Vec<Block> = standings.collect();
+    blocks.push(Block::Tiles { tiles: sides.iter().flat_map(tiles).collect() });
+    blocks.extend(missed::table(&alarms).into_iter().chain(families).map(Block::Table));
+    blocks.push(Block::Table(score_tables::headline(&evaluations)));
+    blocks.push(Block::Figures { figures: sides.iter().map(figure).collect::<Result<_, _>>()? });
+    Ok(blocks)
 }
 
 fn tiles(side: &Side) -> Vec<Tile> {
@@ -29,14 +34,18 @@ fn tiles(side: &Side) -> Vec<Tile> {
         value: ap(line.ours[2]),
         note: format!("the paper's, elsewhere: {}", ap(line.paper[2])),
     };
-    // The middle one of the false alarms asked for.
-    let points = evaluation.safety.alarms.as_ref().map_or(&[][..], |alarms| &alarms.points);
-    let missed = points.get(points.len() / 2).map(|point| Tile {
-        name: format!("harm missed, {}", side.short),
-        value: percent(point.missed_per_sample),
-        note: format!("of {} objects, at {} false alarms/km", point.n_harmful, point.max_false_alarms_per_km),
+    let missed = evaluation.safety.alarms.as_ref().and_then(missed::middle).map(|point| {
+        let (value, of) = match point.missed_per_event {
+            Some(share) => (share, format!("{} events", point.n_events)),
+            None => (point.missed_per_sample.unwrap_or(0.0), format!("{} objects", point.n_harmful)),
+        };
+        Tile {
+            name: format!("harm missed, {}", side.short),
+            value: percent(Some(value)),
+            note: format!("of {of}, at {} false alarms/km", point.max_false_alarms_per_km),
+        }
     });
-    Line::of_evaluation(evaluation).first().map(mean_ap).into_iter().chain(missed).collect()
+    missed.into_iter().chain(Line::of_evaluation(evaluation).first().map(mean_ap)).collect()
 }
 
 /// Our figure with its interval, and the paper's.

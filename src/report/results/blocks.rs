@@ -1,12 +1,14 @@
 //! The results of an experiment in blocks, for RESULTS.md, the page and a network's card.
 
 use super::reported::{development_block, reported_blocks};
-use super::{Record, Results, RivalRecord, SetRecord, SetScores, TableConfig};
+use super::{MissedHarm, Record, Results, RivalRecord, SetRecord, SetScores, TableConfig};
 use crate::eval::ClassScores;
+use crate::eval::safety::Alarms;
 use crate::report::document::Block;
+use crate::report::missed;
 use crate::report::paper::{Line, PARTS, YARDSTICK};
 use crate::report::provenance::quote;
-use crate::report::table::{Cell, Table, ap, number};
+use crate::report::table::{Cell, Table, ap, number, percent};
 
 /// All blocks of the results; the same results give the same blocks.
 #[must_use]
@@ -21,7 +23,8 @@ pub fn blocks(results: &Results) -> Vec<Block> {
     blocks.push(Block::heading("Ablations"));
     blocks.push(Block::text(
         "One training each, over configs/train.toml with the keys below, a shorter schedule than that of the network above. \
-         Cells: mean AP (harmful / harmless). One seed each: small differences tell nothing.",
+         Harmful events missed at 10 false alarms a kilometre, then mean AP (harmful / harmless). One seed each: small \
+         differences tell nothing.",
     ));
     blocks.push(Block::code(results.common.join("\n")));
     for table in &results.tables {
@@ -74,7 +77,7 @@ fn data_blocks(results: &Results) -> Vec<Block> {
     ]
 }
 
-/// All columns of a row with the paper's figures, its costs and its commands.
+/// Missed harm and all columns of a row with the paper's figures, its costs and its commands.
 fn record_blocks(results: &Results, record: &Record) -> Vec<Block> {
     let rows = record.scores().into_iter().map(|(column, scores)| {
         let line = Line::new(column, &scores, None);
@@ -95,11 +98,22 @@ fn record_blocks(results: &Results, record: &Record) -> Vec<Block> {
         duration(record.wall_and_cpu_s),
     );
     let table = Table::new(["AP"].into_iter().chain(PARTS), rows.collect()).with_note(note);
-    vec![Block::Table(table), Block::code(commands(&[record]))]
+    let MissedHarm { id, ood } = &record.missed;
+    let sets: Vec<missed::Named<'_>> =
+        [("ID", id), ("OOD", ood)].into_iter().filter_map(|(name, of)| Some((name, of.as_ref()?))).collect();
+    let families = ood.as_ref().and_then(missed::by_family);
+    let missed = missed::table(&sets).into_iter().chain(families).map(Block::Table);
+    missed.chain([Block::Table(table), Block::code(commands(&[record]))]).collect()
+}
+
+/// Harmful events missed at the middle number of false alarms, ID / OOD.
+fn missed_events(MissedHarm { id, ood }: &MissedHarm) -> String {
+    let share = |alarms: &Option<Alarms>| Some(percent(missed::middle(alarms.as_ref()?)?.missed_per_event));
+    [id, ood].map(|of| share(of).unwrap_or_else(|| "–".to_owned())).join(" / ")
 }
 
 /// Columns of a table of ablations.
-const N_COLUMNS: usize = 9;
+const N_COLUMNS: usize = 10;
 
 fn ablation_blocks(results: &Results, table: &TableConfig) -> Vec<Block> {
     let mut records = Vec::new();
@@ -115,6 +129,7 @@ fn ablation_blocks(results: &Results, table: &TableConfig) -> Vec<Block> {
             text: ap(mean),
             below: vec![format!("{} / {}", ap(harmful), ap(harmless))],
         };
+        cells.push(missed_events(&record.missed).into());
         cells.extend(record.scores().into_iter().map(|(_, scores)| cell(scores)));
         cells.resize(N_COLUMNS - 3, "".into());
         cells.push(format!("{} M", millions(record.n_parameters)).into());
@@ -125,6 +140,7 @@ fn ablation_blocks(results: &Results, table: &TableConfig) -> Vec<Block> {
     let rows = rows.collect();
     let head: [&str; N_COLUMNS] = [
         "",
+        "harmful events missed, ID / OOD",
         "ID",
         "OOD total",
         "mAP_ID",
@@ -162,6 +178,7 @@ fn rival_blocks(results: &Results) -> Vec<Block> {
         vec![
             label.as_str().into(),
             row.as_str().into(),
+            missed_events(&scores.missed).into(),
             cell(means(&scores.right)),
             number(scores.right.ood.ood_matched.and_then(|of| of.mean), 3).into(),
             lower(&scores.speed_off),
@@ -169,7 +186,9 @@ fn rival_blocks(results: &Results) -> Vec<Block> {
             format!("{:.2} ms", scores.judge_ms).into(),
         ]
     });
-    let head = ["", "of row", "sensors right", "mAP_OOD, matched FPs", "speed off", "steering off", "rule"];
+    let missed = "harmful events missed, ID / OOD";
+    let head =
+        ["", "of row", missed, "sensors right", "mAP_OOD, matched FPs", "speed off", "steering off", "rule"];
     let times = results.network_ms.iter().map(|(row, ms)| format!("{row} {ms:.0} ms"));
     let note = format!(
         "Times are medians of a sample. The networks take, from cloud and packed image to boxes: {}.",

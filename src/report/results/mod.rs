@@ -15,6 +15,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::dataset::Fingerprint;
+use crate::eval::safety::Alarms;
 use crate::eval::{ClassScores, Column, Columns};
 
 /// Why results could not be read.
@@ -92,6 +93,18 @@ pub struct Record {
     pub id: ClassScores,
     /// AP on the OOD set, in the four columns of Table III.
     pub ood: Columns<ClassScores>,
+    /// Missed harm on both sets; unknown in what older versions wrote.
+    #[serde(default)]
+    pub missed: MissedHarm,
+}
+
+/// Missed harm at fixed false alarms.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct MissedHarm {
+    /// On the validation split, in distribution.
+    pub id: Option<Alarms>,
+    /// On the OOD set.
+    pub ood: Option<Alarms>,
 }
 
 /// A table of rows.
@@ -131,6 +144,9 @@ pub struct JudgeScores {
     pub judge_ms: f64,
     /// Scores with both sensors right.
     pub right: SetScores,
+    /// Missed harm with both sensors right.
+    #[serde(default)]
+    pub missed: MissedHarm,
     /// Scores with the speed measured too low and too high, and the steering angle too far right and left.
     pub speed_off: [SetScores; 2],
     pub steering_off: [SetScores; 2],

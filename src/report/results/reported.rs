@@ -5,8 +5,10 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use crate::dataset::Fingerprint;
+use crate::eval::safety::Alarms;
 use crate::eval::{ClassScores, Column, Columns, Confidence};
 use crate::report::document::Block;
+use crate::report::missed;
 use crate::report::paper::{Line, PARTS, YARDSTICK};
 use crate::report::table::{Cell, Table, ap};
 
@@ -40,6 +42,9 @@ pub struct ReportedSet {
     pub n_samples: usize,
     pub fingerprint: Fingerprint,
     pub scores: Columns<ClassScores>,
+    /// Missed harm at fixed false alarms.
+    #[serde(default)]
+    pub missed: Option<Alarms>,
     /// By a bootstrap over the episodes.
     pub confidence: Option<Confidence>,
 }
@@ -76,6 +81,11 @@ pub(super) fn reported_blocks(record: &ReportedRecord) -> Vec<Block> {
         )),
     ];
     for group in &record.groups {
+        let sets = [("ID", &group.id), ("OOD", &group.ood)];
+        let sets: Vec<missed::Named<'_>> =
+            sets.into_iter().filter_map(|(name, set)| Some((name, set.missed.as_ref()?))).collect();
+        let families = sets.iter().filter_map(|(_, alarms)| missed::by_family(alarms));
+        blocks.extend(missed::table(&sets).into_iter().chain(families).map(Block::Table));
         let lines = [group.id.lines(&[None]), group.ood.lines(&Column::ALL.map(Some))].concat();
         let cells = |line: Line| -> Vec<Cell> {
             let cell = |i: usize| {

@@ -1,10 +1,11 @@
 //! Made-up results for tests, here and in the developers' program.
 
 use super::{
-    DataRecord, JudgeScores, Record, ReportedGroup, ReportedRecord, ReportedSet, Results, RivalRecord, RowOf,
-    SetRecord, SetScores, TableConfig,
+    DataRecord, JudgeScores, MissedHarm, Record, ReportedGroup, ReportedRecord, ReportedSet, Results,
+    RivalRecord, RowOf, SetRecord, SetScores, TableConfig,
 };
 use crate::dataset::Fingerprint;
+use crate::eval::safety::{Alarms, MissedGroup, OperatingPoint, Warned};
 use crate::eval::{ClassScores, Columns, Confidence, Intervals};
 
 /// Made-up results: a headline, one row that is done and one that is not, and a rival.
@@ -34,6 +35,7 @@ pub fn test_results() -> Results {
         tested_on: fingerprint("b"),
         id: ap(0.9),
         ood: columns(0.8),
+        missed: MissedHarm { id: Some(test_alarms()), ood: Some(test_alarms()) },
     };
     let both = |id: f64, total: f64| SetScores { id: ap(id), ood: columns(total) };
     let rival = RivalRecord {
@@ -43,6 +45,7 @@ pub fn test_results() -> Results {
             judge: "zone".into(),
             judge_ms: 0.0312,
             right: both(0.9, 0.8),
+            missed: MissedHarm::default(),
             // The lower one of each set, whichever side it is on.
             speed_off: [both(0.8, 0.7), both(0.82, 0.6)],
             steering_off: [both(0.7, 0.5), both(0.6, 0.4)],
@@ -87,6 +90,7 @@ pub fn test_reported() -> ReportedRecord {
             ood_all: others.map(ap),
             ood_matched: others.map(ap),
         },
+        missed: others.map(|_| test_alarms()),
         confidence: Some(Confidence {
             level: 0.95,
             n_resamples: 200,
@@ -104,5 +108,44 @@ pub fn test_reported() -> ReportedRecord {
             ood: set(Some(0.3)),
         }],
         absent_maps: vec!["maps/Town02.xodr".into()],
+    }
+}
+
+/// Made-up figures at two points.
+#[must_use]
+pub fn test_alarms() -> Alarms {
+    let point = |per_km: f64, missed: f64| OperatingPoint {
+        max_false_alarms_per_km: per_km,
+        score: Some(0.4),
+        n_false_alarms: 3,
+        n_false_on_harmless: 1,
+        false_alarms_per_km: per_km,
+        false_alarms_per_h: None,
+        n_harmful: 40,
+        missed_per_sample: Some(missed + 0.1),
+        missed_per_sample_interval: None,
+        n_events: 20,
+        missed_per_event: Some(missed),
+        missed_per_event_interval: Some([missed - 0.05, missed + 0.05]),
+        warned: vec![Warned {
+            deceleration_mps2: 8.0,
+            n_stoppable: 10,
+            n_in_time: 6,
+            in_time: Some(0.6),
+            in_time_interval: None,
+        }],
+    };
+    let group = |name: &str| MissedGroup {
+        name: name.to_owned(),
+        n_harmful: 8,
+        n_events: 4,
+        missed_per_sample: vec![Some(0.5), None],
+        missed_per_event: vec![Some(0.25), None],
+    };
+    Alarms {
+        driven_km: 2.0,
+        driven_h: 0.1,
+        points: vec![point(1.0, 0.3), point(10.0, 0.2)],
+        groups: vec![group("ood"), group("hay_bale")],
     }
 }

@@ -8,14 +8,14 @@ use fs_err as fs;
 use super::experiment::{Experiment, Row};
 use super::score::{RowScores, median, read_or_make_by, time_it, time_network, timed_samples};
 use harmzone::dataset::Dataset;
-use harmzone::eval::{Mode, Protocol, eval_samples, score};
+use harmzone::eval::{Mode, Protocol, eval_samples, evaluate};
 use harmzone::files::sha256_hex;
 use harmzone::infer::{self, ClosedSet, Strangeness, Trained};
 use harmzone::model::KindBox;
 use harmzone::model::checkpoint::CHECKPOINT;
 use harmzone::object::Detection;
 use harmzone::progress::Silent;
-use harmzone::report::results::{JudgeScores, SetScores};
+use harmzone::report::results::{JudgeScores, MissedHarm, SetScores};
 
 /// The closed set by each score of strangeness; none where it is not done and not wanted now.
 pub fn read_or_make(experiment: &Experiment<'_>, row: &Row) -> anyhow::Result<Option<RowScores>> {
@@ -30,14 +30,14 @@ fn make(experiment: &Experiment<'_>, row: &Row) -> anyhow::Result<RowScores> {
     let set = ClosedSet::fit_to(&detector, experiment.training_split()?, device, progress)?;
     let (validation, test) = (experiment.scored_split(Mode::Id)?, experiment.scored_split(Mode::Ood)?);
     let (in_validation, in_test) = (boxes(validation)?, boxes(test)?);
-    let columns = |data: &Dataset, found: &[Vec<KindBox>], by: Strangeness, mode| {
+    let scores = |data: &Dataset, found: &[Vec<KindBox>], by: Strangeness, mode| {
         let judged: Vec<Vec<Detection>> = found.iter().map(|found| set.judge(by, found)).collect();
-        score(&eval_samples(data.samples(), &judged), &Protocol::default(), mode)
-            .map(|metrics| metrics.columns)
+        evaluate(&eval_samples(data.samples(), &judged), &Protocol::default(), mode)
     };
     let judges = Strangeness::ALL.map(|by| {
-        let id = columns(validation, &in_validation, by, Mode::Id)?.total;
-        let right = SetScores { id, ood: columns(test, &in_test, by, Mode::Ood)? };
+        let id = scores(validation, &in_validation, by, Mode::Id)?;
+        let ood = scores(test, &in_test, by, Mode::Ood)?;
+        let right = SetScores { id: id.metrics.columns.total, ood: ood.metrics.columns };
         let times = timed_samples(test).map(|(i, _)| time_it(|| set.judge(by, &in_test[i])).1);
         anyhow::Ok(JudgeScores {
             judge: by.name().to_owned(),
@@ -45,6 +45,7 @@ fn make(experiment: &Experiment<'_>, row: &Row) -> anyhow::Result<RowScores> {
             speed_off: [right.clone(), right.clone()],
             steering_off: [right.clone(), right.clone()],
             right,
+            missed: MissedHarm { id: id.safety.alarms, ood: ood.safety.alarms },
         })
     });
     let network_ms =

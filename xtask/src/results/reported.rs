@@ -111,6 +111,7 @@ fn report_on(
         n_samples: data.samples().len(),
         fingerprint: data.fingerprint().clone(),
         scores: evaluation.metrics.columns,
+        missed: evaluation.safety.alarms,
         confidence: evaluation.confidence,
     };
     Ok((set, data.episodes().iter().map(|entry| entry.town.clone()).collect()))

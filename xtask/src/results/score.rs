@@ -16,15 +16,16 @@ use harmzone::config::{Checked, differences};
 use harmzone::dataset::{Dataset, Fingerprint, LabelledSample};
 use harmzone::episode::{Manifest, Split};
 use harmzone::eval::judge::Judge;
+use harmzone::eval::safety::Alarms;
 use harmzone::eval::sweep::{Change, SweepConfig, Sweeps};
-use harmzone::eval::{ClassScores, Columns, Mode, Protocol, eval_samples, evaluate, score};
+use harmzone::eval::{ClassScores, Columns, Mode, Protocol, eval_samples, evaluate};
 use harmzone::files::{sha256_hex, write_atomic};
 use harmzone::infer::{self, PredictError, Trained};
 use harmzone::model::checkpoint::CHECKPOINT;
 use harmzone::model::{Detector, ModelConfig};
 use harmzone::object::Detection;
 use harmzone::progress::Silent;
-use harmzone::report::results::{JudgeScores, Record, SetScores};
+use harmzone::report::results::{JudgeScores, MissedHarm, Record, SetScores};
 use harmzone::report::scores;
 use harmzone::report::sweeps::{self, SweepRequest};
 use harmzone::train::{TrainConfig, TrainingTime};
@@ -115,6 +116,10 @@ fn make(experiment: &Experiment<'_>, row: &Row, judges: &[Judge]) -> anyhow::Res
             judge: judge.name().to_owned(),
             judge_ms: time_judge(ood.data, &ood.found, judge)?,
             right: scores(judge, Change::SpeedFactor, 1.0),
+            missed: MissedHarm {
+                id: judge_missed(&id, judge, Mode::Id)?,
+                ood: judge_missed(&ood, judge, Mode::Ood)?,
+            },
             speed_off: SPEED_FACTORS.map(|factor| scores(judge, Change::SpeedFactor, factor)),
             steering_off: STEERING_OFFSETS_DEG.map(|off| scores(judge, Change::SteeringOffsetDeg, off)),
         })
@@ -136,6 +141,7 @@ fn make(experiment: &Experiment<'_>, row: &Row, judges: &[Judge]) -> anyhow::Res
         tested_on: experiment.ood.clone(),
         id: id.scores.total,
         ood: ood.scores,
+        missed: MissedHarm { id: id.missed, ood: ood.missed },
     };
     Ok(RowScores {
         checkpoint_sha256: record.checkpoint_sha256.clone(),
@@ -152,6 +158,7 @@ struct Looked<'a> {
     data: &'a Dataset,
     found: Vec<Vec<Detection>>,
     scores: Columns<ClassScores>,
+    missed: Option<Alarms>,
     /// Empty where neither judges nor the page ask for them.
     sweeps: Sweeps,
 }
@@ -188,9 +195,9 @@ fn look<'a>(
     let (swept, series) = infer::sweep(detector, data, &config, experiment.device, experiment.progress)?;
     let found: Vec<Vec<Detection>> = swept.found().iter().map(|of_frame| of_frame[0].clone()).collect();
     let samples = eval_samples(data.samples(), &found);
-    let (metrics, sweeps) = if row.is_headline {
+    let evaluation = evaluate(&samples, &protocol, mode)?;
+    let sweeps = if row.is_headline {
         let out = &page::folder(&experiment.request.out, mode);
-        let evaluation = evaluate(&samples, &protocol, mode)?;
         let request = SweepRequest {
             swept: &swept,
             series: &series,
@@ -209,14 +216,25 @@ fn look<'a>(
         };
         let source = provenance(Some(trained), Some(&of_mode), command)?;
         scores::write(out, &protocol, &evaluation, &source)?;
-        (evaluation.metrics, sweeps)
+        sweeps
     } else {
-        (score(&samples, &protocol, mode)?, swept.measure(&config.judges, &protocol)?)
+        swept.measure(&config.judges, &protocol)?
     };
     let kind = if mode == Mode::Id { "id" } else { "ood" };
     let file = experiment.request.out.join("scores").join(format!("{}-{kind}.json", row.name));
-    write_atomic(&file, metrics.to_json().as_bytes())?;
-    Ok(Looked { data, found, scores: metrics.columns, sweeps })
+    write_atomic(&file, evaluation.metrics.to_json().as_bytes())?;
+    let (scores, missed) = (evaluation.metrics.columns, evaluation.safety.alarms);
+    Ok(Looked { data, found, scores, missed, sweeps })
+}
+
+/// The harm that is missed where a judge decides on the boxes.
+fn judge_missed(looked: &Looked<'_>, judge: Judge, mode: Mode) -> anyhow::Result<Option<Alarms>> {
+    let samples = looked.data.samples().iter().zip(&looked.found);
+    let judged =
+        samples.map(|(sample, found)| judge.judge(found, &sample.measured.ego_state, looked.data.zone()));
+    let judged = judged.collect::<Result<Vec<_>, _>>()?;
+    let samples = eval_samples(looked.data.samples(), &judged);
+    Ok(evaluate(&samples, &Protocol::default(), mode)?.safety.alarms)
 }
 
 /// Median time of a sample through a network, milliseconds.

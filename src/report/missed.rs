@@ -1,0 +1,88 @@
+//! Harm that was missed at fixed false alarms, with which every table of results begins.
+
+use super::table::{Cell, Table, percent};
+use crate::eval::safety::{Alarms, OperatingPoint};
+
+/// A set's name and its figures.
+pub type Named<'a> = (&'a str, &'a Alarms);
+
+/// The point in the middle of those asked for, by which rows are compared: 10 false alarms a kilometre by default.
+#[must_use]
+pub fn middle(alarms: &Alarms) -> Option<&OperatingPoint> {
+    alarms.points.get(alarms.points.len() / 2)
+}
+
+/// A share of some number, with its interval.
+fn share(value: Option<f64>, of: usize, interval: Option<[f64; 2]>) -> Cell {
+    let interval = interval.map(|[low, high]| format!("{:.1}–{:.1}", 100.0 * low, 100.0 * high));
+    Cell { text: percent(value), below: interval.into_iter().chain([format!("of {of}")]).collect() }
+}
+
+/// Missed harm and warnings in time at each number of false alarms; `None` where nothing is known of any set.
+#[must_use]
+pub fn table(sets: &[Named<'_>]) -> Option<Table> {
+    let is_named = sets.len() > 1;
+    let row = |(name, point): (&str, &OperatingPoint)| {
+        let at = format!("at {} false alarms/km", point.max_false_alarms_per_km);
+        let name = if is_named { format!("{name}, {at}") } else { at };
+        let missed = [
+            share(point.missed_per_event, point.n_events, point.missed_per_event_interval),
+            share(point.missed_per_sample, point.n_harmful, point.missed_per_sample_interval),
+        ];
+        let warned = point.warned.iter().map(|of| share(of.in_time, of.n_stoppable, of.in_time_interval));
+        std::iter::once(Cell::from(name)).chain(missed).chain(warned).collect::<Vec<_>>()
+    };
+    let points = || sets.iter().flat_map(|&(name, of)| of.points.iter().map(move |point| (name, point)));
+    let first = points().next()?.1;
+    let decelerations =
+        first.warned.iter().map(|of| format!("warned in time, {} m/s²", of.deceleration_mps2));
+    let head = ["harm missed", "harmful events", "harmful objects"].map(str::to_owned).into_iter();
+    let note = "Lower is better; of warnings, higher. docs/evaluation.md, Safety, says what is counted.";
+    Some(Table::new(head.chain(decelerations), points().map(row).collect()).with_note(note))
+}
+
+/// The same by family of unfamiliar objects; `None` where no set has such.
+#[must_use]
+pub fn by_family(alarms: &Alarms) -> Option<Table> {
+    let groups: Vec<_> =
+        alarms.groups.iter().filter(|group| !["id", "ood"].contains(&group.name.as_str())).collect();
+    if groups.is_empty() {
+        return None;
+    }
+    let rows = groups.into_iter().map(|group| {
+        let missed = group.missed_per_event.iter().zip(&group.missed_per_sample);
+        let missed = missed.map(|(&events, &objects)| Cell {
+            text: percent(events),
+            below: vec![format!("{} of objects", percent(objects))],
+        });
+        let counts = [group.n_events, group.n_harmful].map(|n| n.to_string().into());
+        std::iter::once(group.name.replace('_', " ").into()).chain(counts).chain(missed).collect()
+    });
+    let at = alarms
+        .points
+        .iter()
+        .map(|point| format!("missed at {} false alarms/km", point.max_false_alarms_per_km));
+    let head = ["unfamiliar and harmful", "events", "objects"].map(str::to_owned).into_iter().chain(at);
+    Some(Table::new(head, rows.collect()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::results::test_data::test_alarms;
+
+    #[test]
+    fn sets_are_named_where_there_are_several_and_families_stand_apart() {
+        let alarms = test_alarms();
+        let both = table(&[("ID", &alarms), ("OOD", &alarms)]).unwrap();
+        assert_eq!((both.rows.len(), both.rows[3][0].text.as_str()), (4, "OOD, at 10 false alarms/km"));
+        assert_eq!(both.rows[0][1].to_string(), "30.0 % (25.0–35.0, of 20)");
+        assert_eq!(both.head[3], "warned in time, 8 m/s²");
+        assert_eq!(table(&[("ID", &alarms)]).unwrap().rows[1][0].text, "at 10 false alarms/km");
+        let families = by_family(&alarms).unwrap();
+        assert_eq!((families.rows.len(), families.rows[0][0].text.as_str()), (1, "hay bale"));
+        assert_eq!(middle(&alarms).unwrap().max_false_alarms_per_km, 10.0);
+        let none = Alarms { points: vec![], groups: vec![], ..alarms };
+        assert!(table(&[("ID", &none)]).is_none() && by_family(&none).is_none() && middle(&none).is_none());
+    }
+}
