@@ -72,8 +72,7 @@ impl Resamples {
     pub fn of(matching: &Matching<'_>) -> Option<Self> {
         let config = matching.config();
         let (episode_of, n_episodes) = number_episodes(&matching.samples);
-        let resamples =
-            Self { episode_of, n_episodes, n: config.n_resamples, seed: config.bootstrap_seed };
+        let resamples = Self { episode_of, n_episodes, n: config.n_resamples, seed: config.bootstrap_seed };
         (config.n_resamples > 0 && n_episodes > 1).then_some(resamples)
     }
 

@@ -4,7 +4,7 @@ use super::table::{Cell, Table, percent};
 use crate::eval::safety::{Alarms, OperatingPoint};
 
 /// A set's name and its figures.
-pub type Named<'a> = (&'a str, &'a Alarms);
+pub type NamedAlarms<'a> = (&'a str, &'a Alarms);
 
 /// The point in the middle of those asked for, by which rows are compared: 10 false alarms a kilometre by default.
 #[must_use]
@@ -20,30 +20,39 @@ fn share(value: Option<f64>, of: usize, interval: Option<[f64; 2]>) -> Cell {
 
 /// Missed harm and warnings in time at each number of false alarms; `None` where nothing is known of any set.
 #[must_use]
-pub fn table(sets: &[Named<'_>]) -> Option<Table> {
-    let is_named = sets.len() > 1;
-    let row = |(name, point): (&str, &OperatingPoint)| {
+pub fn table(sets: &[NamedAlarms<'_>]) -> Option<Table> {
+    let points: Vec<(&str, &OperatingPoint)> =
+        sets.iter().flat_map(|&(name, of)| of.points.iter().map(move |point| (name, point))).collect();
+    if points.is_empty() {
+        return None;
+    }
+    let warned = points.iter().flat_map(|(_, point)| &point.warned);
+    let mut decelerations: Vec<f64> = warned.map(|of| of.deceleration_mps2).collect();
+    decelerations.sort_by(f64::total_cmp);
+    decelerations.dedup();
+    let row = |&(name, point): &(&str, &OperatingPoint)| {
         let at = format!("at {} false alarms/km", point.max_false_alarms_per_km);
-        let name = if is_named { format!("{name}, {at}") } else { at };
+        let name = if sets.len() > 1 { format!("{name}, {at}") } else { at };
         let missed = [
             share(point.missed_per_event, point.n_events, point.missed_per_event_interval),
             share(point.missed_per_sample, point.n_harmful, point.missed_per_sample_interval),
         ];
-        let warned = point.warned.iter().map(|of| share(of.in_time, of.n_stoppable, of.in_time_interval));
-        std::iter::once(Cell::from(name)).chain(missed).chain(warned).collect::<Vec<_>>()
+        let warned = decelerations.iter().map(|&deceleration_mps2| {
+            let of = point.warned.iter().find(|of| of.deceleration_mps2 == deceleration_mps2);
+            of.map_or_else(|| "–".into(), |of| share(of.in_time, of.n_stoppable, of.in_time_interval))
+        });
+        std::iter::once(Cell::from(name)).chain(missed).chain(warned).collect()
     };
-    let points = || sets.iter().flat_map(|&(name, of)| of.points.iter().map(move |point| (name, point)));
-    let first = points().next()?.1;
-    let decelerations =
-        first.warned.iter().map(|of| format!("warned in time, {} m/s²", of.deceleration_mps2));
+    let rows = points.iter().map(row).collect();
     let head = ["harm missed", "harmful events", "harmful objects"].map(str::to_owned).into_iter();
+    let warned = decelerations.iter().map(|of| format!("warned in time, {of} m/s²"));
     let note = "Lower is better; of warnings, higher. docs/evaluation.md, Safety, says what is counted.";
-    Some(Table::new(head.chain(decelerations), points().map(row).collect()).with_note(note))
+    Some(Table::new(head.chain(warned), rows).with_note(note))
 }
 
-/// The same by family of unfamiliar objects; `None` where no set has such.
+/// The same by family of a set's unfamiliar objects; `None` where there are none.
 #[must_use]
-pub fn by_family(alarms: &Alarms) -> Option<Table> {
+pub fn by_family((name, alarms): NamedAlarms<'_>) -> Option<Table> {
     let groups: Vec<_> =
         alarms.groups.iter().filter(|group| !["id", "ood"].contains(&group.name.as_str())).collect();
     if groups.is_empty() {
@@ -62,7 +71,8 @@ pub fn by_family(alarms: &Alarms) -> Option<Table> {
         .points
         .iter()
         .map(|point| format!("missed at {} false alarms/km", point.max_false_alarms_per_km));
-    let head = ["unfamiliar and harmful", "events", "objects"].map(str::to_owned).into_iter().chain(at);
+    let head =
+        [format!("{name}: harm missed"), "events".to_owned(), "objects".to_owned()].into_iter().chain(at);
     Some(Table::new(head, rows.collect()))
 }
 
@@ -79,10 +89,14 @@ mod tests {
         assert_eq!(both.rows[0][1].to_string(), "30.0 % (25.0–35.0, of 20)");
         assert_eq!(both.head[3], "warned in time, 8 m/s²");
         assert_eq!(table(&[("ID", &alarms)]).unwrap().rows[1][0].text, "at 10 false alarms/km");
-        let families = by_family(&alarms).unwrap();
+        let families = by_family(("OOD", &alarms)).unwrap();
         assert_eq!((families.rows.len(), families.rows[0][0].text.as_str()), (1, "hay bale"));
         assert_eq!(middle(&alarms).unwrap().max_false_alarms_per_km, 10.0);
         let none = Alarms { points: vec![], groups: vec![], ..alarms };
-        assert!(table(&[("ID", &none)]).is_none() && by_family(&none).is_none() && middle(&none).is_none());
+        assert!(
+            table(&[("ID", &none)]).is_none()
+                && by_family(("OOD", &none)).is_none()
+                && middle(&none).is_none()
+        );
     }
 }

@@ -96,7 +96,7 @@ fn cell(value: MetricValue) -> Cell {
                 interval.map(|[low, high]| format!("{}–{}", percent(Some(low)), percent(Some(high))));
             Cell {
                 text: percent(value),
-                below: of.map(|n| format!("of {n}")).into_iter().chain(interval).collect(),
+                below: interval.into_iter().chain(of.map(|n| format!("of {n}"))).collect(),
             }
         }
     }

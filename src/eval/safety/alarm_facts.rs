@@ -15,7 +15,7 @@ pub(super) struct AlarmFacts<'a> {
     /// By descending score.
     alarms: Vec<Alarm>,
     pub objects: Vec<HarmfulObject<'a>>,
-    pub events: Vec<Event<'a>>,
+    pub events: Vec<HarmEvent<'a>>,
     /// Kilometres that the ego drove in each episode.
     driven_km: Vec<f64>,
     pub driven_h: f64,
@@ -43,15 +43,15 @@ enum LiesOn {
 /// A harmful truth.
 pub(super) struct HarmfulObject<'a> {
     episode: usize,
-    pub kind: Kind<'a>,
+    pub origin: Origin<'a>,
     /// It is found by operating scores up to this one; minus infinity if by none.
     found_to: f64,
 }
 
 /// A run of samples in which an object is harmful.
-pub(super) struct Event<'a> {
+pub(super) struct HarmEvent<'a> {
     episode: usize,
-    pub kind: Kind<'a>,
+    pub origin: Origin<'a>,
     /// For each sample the score up to which the object is found.
     found_to: Vec<f64>,
     /// `[deceleration][sample]`: whether the ego can stop before the object; `None` where it is not known.
@@ -60,12 +60,12 @@ pub(super) struct Event<'a> {
 
 /// Where a truth belongs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Kind<'a> {
+pub(super) struct Origin<'a> {
     pub distribution: Option<Distribution>,
     pub category: Option<&'a str>,
 }
 
-/// A score, and the false alarms that it lets through.
+/// False alarms at a score, and those of them that lie on harmless objects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) struct FalseAlarms {
     pub n: usize,
@@ -120,19 +120,19 @@ impl<'a> AlarmFacts<'a> {
             };
             alarms.push(Alarm { score: ranked.score, episode: episode_of[ranked.sample_idx], lies_on });
         }
-        let kind_of = |number: usize| {
+        let origin_of = |number: usize| {
             let truth = &matching.objects[number].object.truth;
-            Kind { distribution: truth.distribution, category: truth.category.as_deref() }
+            Origin { distribution: truth.distribution, category: truth.category.as_deref() }
         };
         let harmful = matching.objects.iter().filter(|of| of.object.harm == Harm::Harmful);
         let objects = harmful.map(|of| HarmfulObject {
             episode: episode_of[of.sample_idx],
-            kind: kind_of(of.number),
+            origin: origin_of(of.number),
             found_to: found_to[of.number],
         });
-        let event = |sights: &[Sight]| Event {
+        let event = |sights: &[Sight]| HarmEvent {
             episode: episode_of[sights[0].sample_idx],
-            kind: kind_of(sights[0].number),
+            origin: origin_of(sights[0].number),
             found_to: sights.iter().map(|sight| found_to[sight.number]).collect(),
             can_stop: can_stop(matching, sights),
         };
@@ -173,9 +173,9 @@ impl<'a> AlarmFacts<'a> {
     }
 
     /// Harmful truths that are not found at a score.
-    pub fn count_missed(&self, score: f64, n_drawn: &[u32], counts: impl Fn(&Kind<'a>) -> bool) -> Tally {
+    pub fn count_missed(&self, score: f64, n_drawn: &[u32], counts: impl Fn(&Origin<'a>) -> bool) -> Tally {
         let mut tally = Tally::default();
-        for object in self.objects.iter().filter(|object| counts(&object.kind)) {
+        for object in self.objects.iter().filter(|object| counts(&object.origin)) {
             tally.add(object.found_to < score, n_drawn[object.episode]);
         }
         tally
@@ -186,10 +186,10 @@ impl<'a> AlarmFacts<'a> {
         &self,
         score: f64,
         n_drawn: &[u32],
-        counts: impl Fn(&Kind<'a>) -> bool,
+        counts: impl Fn(&Origin<'a>) -> bool,
     ) -> Tally {
         let mut tally = Tally::default();
-        for event in self.events.iter().filter(|event| counts(&event.kind)) {
+        for event in self.events.iter().filter(|event| counts(&event.origin)) {
             tally.add(event.found_to.iter().all(|&found_to| found_to < score), n_drawn[event.episode]);
         }
         tally
@@ -217,7 +217,7 @@ impl<'a> AlarmFacts<'a> {
     }
 }
 
-impl Event<'_> {
+impl HarmEvent<'_> {
     /// The first of its samples at which a warning is confirmed.
     fn confirmed_at(&self, score: f64, (confirm_n, confirm_of): (usize, usize)) -> Option<usize> {
         let recent = |last: usize| -> Range<usize> { (last + 1).saturating_sub(confirm_of)..last + 1 };

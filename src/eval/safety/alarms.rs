@@ -6,11 +6,11 @@
 //! time where the distance from the bumper to the object, at the first sample at which `confirm_n` of the
 //! last `confirm_of` samples of the event found it harmful, is at least `v * reaction_time_s + v^2 / (2
 //! deceleration)`, v the ego's speed there. Intervals are of the same resamples as those of the APs, each with an
-//! operating score of its own.
+//! operating score of its own; those in which the ego does not move are left out.
 
 use serde::{Deserialize, Serialize};
 
-use super::alarm_facts::{AlarmFacts, Kind, Tally};
+use super::alarm_facts::{AlarmFacts, Origin, Tally};
 use super::{Context, MetricTable, MetricValue};
 use crate::eval::EvalConfig;
 use crate::eval::bootstrap::{Resamples, interval};
@@ -25,6 +25,7 @@ pub struct Alarms {
     pub driven_h: f64,
     pub points: Vec<OperatingPoint>,
     /// Harm in and out of distribution, then each family out of distribution; empty where no harmful truth says which it is.
+    #[serde(default)]
     pub groups: Vec<MissedGroup>,
 }
 
@@ -37,6 +38,7 @@ pub struct OperatingPoint {
     pub score: Option<f64>,
     pub n_false_alarms: usize,
     /// Of these, how many lie on a harmless object.
+    #[serde(default)]
     pub n_false_on_harmless: usize,
     pub false_alarms_per_km: f64,
     pub false_alarms_per_h: Option<f64>,
@@ -102,17 +104,21 @@ fn measure_point(of: &Context<'_>, facts: &AlarmFacts<'_>, max_false_alarms_per_
     let config = &of.matching.config().safety;
     let n_decelerations = config.decelerations_mps2.len();
     let once = vec![1; facts.n_episodes];
-    let tally = |n_drawn: &[u32]| -> Vec<Tally> {
+    let tally = |n_drawn: &[u32]| -> Option<Vec<Tally>> {
+        if facts.driven_km(n_drawn) <= 0.0 {
+            return None;
+        }
         let score = facts.find_score(max_false_alarms_per_km, n_drawn).0.unwrap_or(f64::INFINITY);
         let missed = facts.count_missed(score, n_drawn, |_| true);
         let missed_events = facts.count_missed_events(score, n_drawn, |_| true);
         let confirm = (config.confirm_n, config.confirm_of);
         let warned = (0..n_decelerations).map(|i| facts.count_warned(score, n_drawn, i, confirm));
-        [missed, missed_events].into_iter().chain(warned).collect()
+        Some([missed, missed_events].into_iter().chain(warned).collect())
     };
-    let found = tally(&once);
+    let found = tally(&once).expect("the ego moved");
     let resampled = Resamples::of(of.matching).map(|resamples| resamples.map(tally)).unwrap_or_default();
-    let interval_of = |i: usize| interval(resampled.iter().filter_map(|tallies| tallies[i].share()));
+    let interval_of =
+        |i: usize| interval(resampled.iter().flatten().filter_map(|tallies| tallies[i].share()));
     let (score, alarms) = facts.find_score(max_false_alarms_per_km, &once);
     let warned = config.decelerations_mps2.iter().zip(2..).map(|(&deceleration_mps2, i)| Warned {
         deceleration_mps2,
@@ -138,11 +144,11 @@ fn measure_point(of: &Context<'_>, facts: &AlarmFacts<'_>, max_false_alarms_per_
     }
 }
 
-type IsOf<'a> = Box<dyn Fn(&Kind<'a>) -> bool + 'a>;
+type IsOf<'a> = Box<dyn Fn(&Origin<'a>) -> bool + 'a>;
 
 /// The groups that have something harmful: in and out of distribution, then the families out of it by name.
 fn list_groups<'a>(facts: &AlarmFacts<'a>) -> Vec<(String, IsOf<'a>)> {
-    let kinds = || facts.objects.iter().map(|object| object.kind);
+    let kinds = || facts.objects.iter().map(|object| object.origin);
     let mut groups: Vec<(String, IsOf<'a>)> = Vec::new();
     for distribution in [Distribution::Id, Distribution::Ood] {
         if kinds().any(|kind| kind.distribution == Some(distribution)) {
@@ -155,7 +161,7 @@ fn list_groups<'a>(facts: &AlarmFacts<'a>) -> Vec<(String, IsOf<'a>)> {
     families.sort_unstable();
     families.dedup();
     for family in families {
-        let wanted = Kind { distribution: Some(Distribution::Ood), category: Some(family) };
+        let wanted = Origin { distribution: Some(Distribution::Ood), category: Some(family) };
         groups.push((family.to_owned(), Box::new(move |kind| *kind == wanted)));
     }
     groups

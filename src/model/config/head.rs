@@ -107,6 +107,9 @@ define_config! {
         peak_kernels: [usize; 2] = [3, 3], in from_to(1.0, 3.0).list(2, 2);
         /// Whether the map's outermost cells can be peaks (of a 3x3 kernel). Default true; published: false.
         border_peaks: bool = true;
+        /// The heatmap's value to this power, times the class's probability, is a box's score. Default and published: 1. Less
+        /// leaves the ranking more to the class, which has seen the whole object.
+        heatmap_power: f64 = 1.0, in from_to(0.0, 1.0);
         positions: PositionEncoding = PositionEncoding::Shared;
         prediction: Prediction = Prediction::Placed;
         /// Side of the square of pillars that each query looks at, in pillars: odd, or 0 for none. Pillars alone have it.
@@ -126,6 +129,13 @@ impl HeadConfig {
     #[must_use]
     pub fn n_heatmap_outputs(&self) -> usize {
         self.heatmap.n_channels() * self.heatmap_scale * self.heatmap_scale
+    }
+
+    /// What a peak of the heatmap counts in a score; with a power of 1 the very same number. A cell that is no peak has 0 and
+    /// keeps it.
+    #[must_use]
+    pub fn raise_peak(&self, peak: f32) -> f32 {
+        if self.heatmap_power == 1.0 || peak == 0.0 { peak } else { peak.powf(self.heatmap_power as f32) }
     }
 
     /// Checks how the sizes fit each other and the grid.

@@ -214,6 +214,7 @@ mod tests {
             heatmap_scale: 1,
             peak_kernels: [3, 3],
             border_peaks: false,
+            heatmap_power: 1.0,
             positions: PositionEncoding::Separate,
             prediction: Prediction::Separate,
             spread: false,

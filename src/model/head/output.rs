@@ -97,7 +97,7 @@ fn reportable_classes(query: &Query, heatmap: Heatmap) -> &'static [Harm] {
 }
 
 /// Boxes of each sample of a batch, best first: every query reports each class whose score, the product of
-/// heatmap and class probability, reaches `min_score`. Samples with several states give the boxes of the first.
+/// the heatmap, raised to the config's power, and class probability, reaches `min_score`. Samples with several states give the boxes of the first.
 ///
 /// # Panics
 /// If the network detects kinds, not harm.
@@ -122,13 +122,14 @@ pub fn detections_by_state(
         min_score,
         |found| found.score as f32,
         |of| {
+            let peak = config.head.raise_peak(of.query.score);
             let detection = |&harm: &Harm| {
                 let probability = 1.0 / (1.0 + (-of.logits[harm.index()]).exp());
                 Detection {
                     box_in_ego: of.box_in_ego,
                     velocity_in_ego_mps: of.velocity_in_ego_mps,
                     harm,
-                    score: (of.query.score * probability).into(),
+                    score: (peak * probability).into(),
                     spread: of.spread,
                 }
             };
@@ -145,7 +146,7 @@ const N_KINDS: usize = 3;
 pub struct KindBox {
     pub box_in_ego: Box3<Ego>,
     pub velocity_in_ego_mps: [f64; 2],
-    /// Heatmap times the best kind's probability, 0 to 1.
+    /// The heatmap, raised to the config's power, times the best kind's probability, 0 to 1.
     pub score: f32,
     /// Before the sigmoid, in channel order.
     pub logits: [f32; N_KINDS],
@@ -180,7 +181,7 @@ pub fn kind_boxes(output: &Output, config: &ModelConfig, min_score: f32) -> Vec<
             [KindBox {
                 box_in_ego: of.box_in_ego,
                 velocity_in_ego_mps: of.velocity_in_ego_mps,
-                score: of.query.score / (1.0 + (-best).exp()),
+                score: config.head.raise_peak(of.query.score) / (1.0 + (-best).exp()),
                 logits: of.logits.try_into().expect("there is a logit for each kind"),
                 features: features[of.row * n_channels..(of.row + 1) * n_channels].to_vec(),
             }]
@@ -221,5 +222,11 @@ mod tests {
         let ahead_m = 20.0 + config.grid.cell_size_m;
         assert!((found[0].box_in_ego.center.x() - ahead_m).abs() < 1e-6);
         assert_eq!(kind_boxes(&output, &config, 0.3)[0].len(), 1);
+        // By the class alone: its probability is one half for both.
+        config.head.heatmap_power = 0.0;
+        assert!(kind_boxes(&output, &config, 0.05)[0].iter().all(|found| (found.score - 0.5).abs() < 1e-6));
+        config.head.heatmap_power = 0.5;
+        let raised = &kind_boxes(&output, &config, 0.05)[0];
+        assert!((raised[0].score - 0.5 * 0.9_f32.sqrt()).abs() < 1e-6, "{}", raised[0].score);
     }
 }

@@ -17,8 +17,8 @@ pub fn blocks(sides: &[Side]) -> Result<Vec<Block>, ReportError> {
     });
     let alarms =
         sides.iter().filter_map(|side| Some((side.name, side.scores.evaluation.safety.alarms.as_ref()?)));
-    let alarms: Vec<missed::Named<'_>> = alarms.collect();
-    let families = alarms.iter().filter_map(|(_, alarms)| missed::by_family(alarms));
+    let alarms: Vec<missed::NamedAlarms<'_>> = alarms.collect();
+    let families = alarms.iter().filter_map(|&set| missed::by_family(set));
     let mut blocks: Vec<Block> = standings.collect();
     blocks.push(Block::Tiles { tiles: sides.iter().flat_map(tiles).collect() });
     blocks.extend(missed::table(&alarms).into_iter().chain(families).map(Block::Table));
@@ -36,12 +36,12 @@ fn tiles(side: &Side) -> Vec<Tile> {
     };
     let missed = evaluation.safety.alarms.as_ref().and_then(missed::middle).map(|point| {
         let (value, of) = match point.missed_per_event {
-            Some(share) => (share, format!("{} events", point.n_events)),
-            None => (point.missed_per_sample.unwrap_or(0.0), format!("{} objects", point.n_harmful)),
+            Some(share) => (Some(share), format!("{} events", point.n_events)),
+            None => (point.missed_per_sample, format!("{} objects", point.n_harmful)),
         };
         Tile {
             name: format!("harm missed, {}", side.short),
-            value: percent(Some(value)),
+            value: percent(value),
             note: format!("of {of}, at {} false alarms/km", point.max_false_alarms_per_km),
         }
     });

@@ -99,9 +99,9 @@ fn record_blocks(results: &Results, record: &Record) -> Vec<Block> {
     );
     let table = Table::new(["AP"].into_iter().chain(PARTS), rows.collect()).with_note(note);
     let MissedHarm { id, ood } = &record.missed;
-    let sets: Vec<missed::Named<'_>> =
+    let sets: Vec<missed::NamedAlarms<'_>> =
         [("ID", id), ("OOD", ood)].into_iter().filter_map(|(name, of)| Some((name, of.as_ref()?))).collect();
-    let families = ood.as_ref().and_then(missed::by_family);
+    let families = ood.as_ref().and_then(|alarms| missed::by_family(("OOD", alarms)));
     let missed = missed::table(&sets).into_iter().chain(families).map(Block::Table);
     missed.chain([Block::Table(table), Block::code(commands(&[record]))]).collect()
 }

@@ -82,9 +82,9 @@ pub(super) fn reported_blocks(record: &ReportedRecord) -> Vec<Block> {
     ];
     for group in &record.groups {
         let sets = [("ID", &group.id), ("OOD", &group.ood)];
-        let sets: Vec<missed::Named<'_>> =
+        let sets: Vec<missed::NamedAlarms<'_>> =
             sets.into_iter().filter_map(|(name, set)| Some((name, set.missed.as_ref()?))).collect();
-        let families = sets.iter().filter_map(|(_, alarms)| missed::by_family(alarms));
+        let families = sets.iter().filter_map(|&set| missed::by_family(set));
         blocks.extend(missed::table(&sets).into_iter().chain(families).map(Block::Table));
         let lines = [group.id.lines(&[None]), group.ood.lines(&Column::ALL.map(Some))].concat();
         let cells = |line: Line| -> Vec<Cell> {

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use harmzone::eval::Mode;
+use harmzone::eval::{EvalConfig, Mode};
 use harmzone::report::page::{self, DEFAULT_CARDS, PAGE_FILE, ReportRequest, ScoresRequest};
 use harmzone::report::provenance::quote;
 use harmzone::report::results::{Record, Results};
@@ -22,7 +22,8 @@ pub fn is_complete(out: &Path, record: &Record) -> bool {
             of.checkpoint_sha256.as_ref() == Some(&record.checkpoint_sha256)
                 && of.fingerprint.as_ref() == Some(data)
         });
-        is_of_these && kept.faults.is_some() && kept.sweeps.is_some()
+        let is_of_today = kept.evaluation.metrics.config == EvalConfig::default();
+        is_of_these && is_of_today && kept.faults.is_some() && kept.sweeps.is_some()
     })
 }
 

@@ -59,7 +59,7 @@ pub fn read_or_make(experiment: &Experiment<'_>, row: &Row) -> anyhow::Result<Op
     read_or_make_by(experiment, row, &names, || make(experiment, row, &judges))
 }
 
-/// The scores of a row as kept, if they are of its run and of the data and no judge is missing; else trained, made and
+/// The scores of a row as kept, if they are of its run and of the data and no judge and no missed harm is missing; else trained, made and
 /// kept, where the row is wanted.
 pub fn read_or_make_by(
     experiment: &Experiment<'_>,
@@ -75,6 +75,8 @@ pub fn read_or_make_by(
         let is_whole = kept.checkpoint_sha256 == sha256_hex(&fs::read(row.folder.join(CHECKPOINT))?)
             && (&kept.trained_on, &kept.tested_on) == (&experiment.id, &experiment.ood)
             && judges.iter().all(|name| kept.judges.iter().any(|of| of.judge == *name))
+            && kept.record.iter().all(|of| of.missed != MissedHarm::default())
+            && kept.judges.iter().all(|of| of.missed != MissedHarm::default())
             && (!row.is_headline || kept.record.as_ref().is_some_and(is_shown));
         if is_whole {
             return Ok(Some(kept));
