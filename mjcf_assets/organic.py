@@ -28,6 +28,11 @@ def spline(points, n: int) -> np.ndarray:
     return np.array(out)
 
 
+def length(v: np.ndarray) -> float:
+    """Of one vector, summed in order: `norm` and `@` sum as the processor likes, and their last digit shows in hulls."""
+    return math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+
+
 def frames(path: np.ndarray, closed: bool = False) -> list[np.ndarray]:
     """Side and up at each point of a path, turned as little as can be; rows of [2, 3]."""
     n = len(path)
@@ -35,12 +40,12 @@ def frames(path: np.ndarray, closed: bool = False) -> list[np.ndarray]:
         path[(k + 1) % n if closed else min(k + 1, n - 1)] - path[k - 1 if closed else max(k - 1, 0)]
         for k in range(n)
     ]
-    ahead = [a / np.linalg.norm(a) for a in ahead]
+    ahead = [a / length(a) for a in ahead]
     up = np.array((0.0, 0.0, 1.0) if abs(ahead[0][2]) < 0.9 else (0.0, 1.0, 0.0))
     out = []
     for a in ahead:
-        up = up - a * (up @ a)
-        up /= np.linalg.norm(up)
+        up = up - a * (up[0] * a[0] + up[1] * a[1] + up[2] * a[2])
+        up /= length(up)
         out.append(np.stack([np.cross(up, a), up]))
     return out
 
@@ -49,7 +54,9 @@ def sweep(path, section, scale=1.0, closed: bool = False, sharp: bool = False) -
     """A closed section [vertex, 2] (side, up) carried along a path [point, 3]; scale may be one a point."""
     path, section = np.asarray(path, float), np.asarray(section, float)
     scale = np.broadcast_to(np.asarray(scale, float), len(path))
-    rings = [p + s * section @ f for p, s, f in zip(path, scale, frames(path, closed))]
+    # Not a matrix product: see `length`.
+    across, along = section[:, :1], section[:, 1:]
+    rings = [p + (s * across * f[0] + s * along * f[1]) for p, s, f in zip(path, scale, frames(path, closed))]
     n, m = len(section), len(path)
     v = np.concatenate(rings)
     f = []
@@ -96,7 +103,7 @@ def tube(points, n: int = 8, steps: int | None = None, wide: float = 1.0, closed
         return sweep(p[:, :3], circle(n, wide), p[:, 3], closed=True)
     ends = []
     for at, to in ((p[0], p[1]), (p[-1], p[-2])):
-        out = (at[:3] - to[:3]) / np.linalg.norm(at[:3] - to[:3])
+        out = (at[:3] - to[:3]) / length(at[:3] - to[:3])
         ends.append(np.append(at[:3] + out * at[3] * 0.6, at[3] * 0.55))
     p = np.concatenate([ends[0][None], p, ends[1][None]])
     return sweep(p[:, :3], circle(n, wide), p[:, 3])
