@@ -12,7 +12,7 @@ PYTHON_SOURCES = python scenes mjcf_assets tests scripts xtask/python
 
 RESULTS = runs/results
 
-.PHONY: help setup setup-test setup-golden build demo results report test ci check-gpu check-logs \
+.PHONY: help setup setup-test setup-golden build demo network results report test ci check-gpu check-logs \
 	check-mmdet3d bench bench-micro bench-gen bench-eval race miri bundle bundle-test gallery weathers fmt clean
 
 help: ## List the targets
@@ -54,6 +54,22 @@ results: setup ## RESULTS.md and the report from nothing: data, every training, 
 	$(XTASK) results --config configs/results.toml --out $(RESULTS) $(ARGS)
 	cp $(RESULTS)/RESULTS.md RESULTS.md
 	@echo "the report: $(RESULTS)/report.html"
+
+# How the network inside the program came about; the same bytes on the CPU it was trained on (docs/detector.md).
+NETWORK = runs/network
+TOWN_DRIVES = --preset small --set sample_period_s=0.9 --episodes 500 --samples 12 --seed 81001 --set val_every=0
+CHOOSING = --preset small --set sample_period_s=1.2 --episodes 84 --samples 6 --seed 72002 --set val_every=1
+
+network: build ## The network inside the program, from nothing: data, training, the score it warns from; hours, resumable
+	$(BIN) gen --out $(NETWORK)/train $(TOWN_DRIVES) --set scene.random_solids=24
+	$(BIN) gen --out $(NETWORK)/val $(CHOOSING)
+	$(BIN) label $(NETWORK)/train
+	$(BIN) label $(NETWORK)/val
+	$(BIN) train $(NETWORK)/train --out $(NETWORK)/run --set fused_stage.epochs=5 --set validate_every_epochs=0
+	$(BIN) calibrate $(NETWORK)/run --data $(NETWORK)/val
+	@cmp $(NETWORK)/run/model.safetensors models/small.safetensors || { echo "the last digits of a training are its CPU's:" \
+	    "models/small.md names the one that models/small.safetensors is of" >&2; exit 1; }
+	@echo "models/small.safetensors, to the byte"
 
 # What `make report` scores: a run, or `small`, the network inside the program; and both data sets.
 REPORT_RUN ?= small

@@ -81,7 +81,7 @@ class Model:
 
     def collide_hull(self, *solids: Solid) -> None:
         v = np.round(join(list(solids))[0], 3)
-        # Not a matrix product, the order of whose sums is the processor's: which of equal ones is kept hangs on it.
+        # Not a matrix product, the order of whose sums is the processor's: it decides between equal ones.
         x, y, z = (np.multiply.outer(v[:, axis], _HULL_DIRECTIONS[:, axis]) for axis in range(3))
         kept = v[sorted(set(np.argmax(x + y + z, axis=0).tolist()))]
         low, high = kept.min(0), kept.max(0)

@@ -29,7 +29,7 @@ def spline(points, n: int) -> np.ndarray:
 
 
 def length(v: np.ndarray) -> float:
-    """Of one vector, summed in order: `norm` and `@` sum as the processor likes, and their last digit shows in hulls."""
+    """Of one vector, summed in order: `norm` and `@` sum as the processor likes, which shows in hulls."""
     return math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
 
 

@@ -41,7 +41,7 @@ part "generate, in distribution" "$harmzone" gen --preset demo --out "$out/id"
 part "generate, out of distribution" "$harmzone" gen --preset demo --ood --out "$out/ood"
 part "label, in distribution" "$harmzone" label "$out/id"
 part "label, out of distribution" "$harmzone" label "$out/ood"
-part "train, both stages" train
+part "train" train
 part "predict, in distribution" "$harmzone" predict "$out/run" --data "$out/id" --force
 part "predict, out of distribution" "$harmzone" predict "$out/run" --data "$out/ood" --force
 part "score, in distribution" "$harmzone" eval "$out/run" --data "$out/id" --out "$out/eval-id" --force

@@ -29,7 +29,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "golden"))
 import torch  # noqa: E402
 from safetensors.torch import load_file  # noqa: E402
 from small_input import Prepared, stack  # noqa: E402
-from small_loss import Objects, loss  # noqa: E402
+from small_loss import Objects, loss, picture_loss  # noqa: E402
 from small_network import POOLS, Batch, ConvBlock, Detector, load  # noqa: E402
 from torch import Tensor, nn  # noqa: E402
 
@@ -76,6 +76,10 @@ def fold(detector: Detector) -> Detector:
             module.norm = nn.Identity()
     pillars = detector.lidar["Pillars"]
     pillars.point = nn.utils.fusion.fuse_linear_bn_eval(pillars.point, pillars.point_norm)
+    if detector.config.paint_channels:
+        norm = pillars.point_norm
+        scale = norm.weight / (norm.running_var + norm.eps).sqrt()
+        pillars.painted.weight = nn.Parameter(pillars.painted.weight * scale[:, None])
     pillars.point_norm = nn.Identity()
     return detector
 
@@ -111,7 +115,10 @@ class Training:
         self.optimizer.zero_grad(set_to_none=True)
         output = self.detector(self.batch)
         parts = loss(output, self.objects, self.detector.head.fine_centers_m, self.detector.config)
-        parts["total"].backward()
+        total = parts["total"]
+        if "objects" in output:
+            total = total + picture_loss(output["objects"], torch.zeros_like(output["objects"]))
+        total.backward()
         nn.utils.clip_grad_norm_(self.detector.parameters(), CLIP_NORM, foreach=True)
         self.optimizer.step()
         torch._foreach_lerp_(self.average, self.latest, 1 - DECAY)
@@ -170,8 +177,9 @@ def check(what: str, found: Tensor, expected: Tensor, tolerance: float = TOLERAN
 
 def check_output(what: str, of: dict[str, Tensor], found: dict[str, Tensor], prefix: str) -> None:
     """Heatmap, scores of the queries, and what is predicted at the program's own cells."""
-    for name in ("heatmap", "boxes", "harm"):
-        check(f"{what}, {name}", of[name], found[f"{prefix}.output.{name}"])
+    for name in ("heatmap", "boxes", "spread", "harm"):
+        if name != "spread" or f"{prefix}.output.{name}" in found:
+            check(f"{what}, {name}", of[name], found[f"{prefix}.output.{name}"])
     check(f"{what}, scores", of["scores"], found[f"{prefix}.output.scores"])
 
 
@@ -278,7 +286,9 @@ def main() -> None:
     args = parser.parse_args()
     torch.set_num_threads(N_THREADS)
     environment = os.environ | {"RAYON_NUM_THREADS": str(N_THREADS)}
-    command = [args.program, "bench-model", "--data", args.data, "--model", args.model, *args.rest]
+    # The twin knows no objects that are to be ignored.
+    command = [args.program, "bench-model", "--data", args.data, "--model", args.model]
+    command += ["--set", "loss.unhit=background", *args.rest]
     with tempfile.TemporaryDirectory() as folder:
         subprocess.run([*command, "--dump", folder], check=True, env=environment, stdout=subprocess.DEVNULL)
         detector = load(Path(folder) / "model.safetensors")

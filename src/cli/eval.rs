@@ -10,7 +10,7 @@ use super::{Bar, DeviceArg, ExitStatus, print, sensor, split, tell};
 use crate::dataset::blind::Sensor;
 use crate::dataset::{Dataset, DatasetError, Fingerprint, LearnedError};
 use crate::episode::{EpisodeEntry, Manifest, Split};
-use crate::eval::{self, EvalConfig, EvalSample, Mode, Protocol, eval_samples, json};
+use crate::eval::{self, EvalSample, Mode, Protocol, eval_samples, json};
 use crate::files::sha256_hex;
 use crate::infer::{self, Trained};
 use crate::report::provenance::{Provenance, quote};
@@ -74,7 +74,9 @@ pub struct EvalArgs {
 }
 
 pub fn run(args: EvalArgs) -> anyhow::Result<ExitStatus> {
-    let config: EvalConfig = config::load(args.config.as_deref(), &args.overrides)?;
+    let trained = args.run.as_deref().map(Trained::find).transpose()?;
+    let base = trained.map(|trained| trained.eval_config()).transpose()?.unwrap_or_default();
+    let config = config::load_over(&base, args.config.as_deref(), &args.overrides)?;
     let protocol = Protocol::try_from(config)?;
     if let Some(out) = args.out.as_deref().filter(|_| !args.force) {
         refuse_to_overwrite(out)?;
@@ -158,7 +160,7 @@ fn samples_of_run(run: &Path, data: &ScoredData<'_>, args: &EvalArgs) -> anyhow:
     Ok(eval_samples(dataset.samples(), &found))
 }
 
-/// Tells whether the network's training was watched on any of the episodes, and whether that can be known; the result
+/// Tells whether choices for the network were made by any of the episodes, and whether that can be known; the result
 /// tells whether it learned from any.
 ///
 /// # Errors
@@ -172,7 +174,10 @@ pub fn tell_seen(trained: &Trained, episodes: &[EpisodeEntry]) -> anyhow::Result
     };
     let n_watched = seen.n_watched(episodes);
     if n_watched > 0 {
-        tell(format!("the network's training was watched on {n_watched} of the {} episodes", episodes.len()));
+        tell(format!(
+            "choices for the network (validation, the score it warns from) were made by {n_watched} of the {} episodes",
+            episodes.len()
+        ));
     }
     Ok(seen.check_unlearned(episodes))
 }

@@ -1,6 +1,7 @@
 //! The command line: flags, logging, progress bars, exit codes; one file a subcommand.
 
 mod baseline;
+mod calibrate;
 mod compare;
 mod curves;
 mod device;
@@ -70,6 +71,8 @@ enum Command {
     Predict(predict::PredictArgs),
     /// Score a detector, or any detector's JSON, in and out of distribution
     Eval(eval::EvalArgs),
+    /// Choose the score from which on a network warns, by its false alarms, and keep it with the network
+    Calibrate(calibrate::CalibrateArgs),
     /// Write the boxes of a rival that decides on harm without the network's class branch
     Baseline(baseline::BaselineArgs),
     /// Show a data set's frames at other speeds and steering angles: curves, pictures, sensor errors
@@ -107,6 +110,7 @@ pub fn main() -> ExitCode {
         Command::Curves(args) => curves::run(args),
         Command::Predict(args) => predict::run(args),
         Command::Eval(args) => eval::run(args),
+        Command::Calibrate(args) => calibrate::run(args),
         Command::Baseline(args) => baseline::run(args),
         Command::Sweep(args) => sweep::run(args),
         Command::Report(args) => report::run(args),
@@ -211,7 +215,7 @@ mod tests {
             }
         }
         let numbers = ["gen --episodes", "gen --samples", "gen --seed", "gen --jobs", "zones --sample"];
-        let more = ["report --cards", "view --sample", "view --min-score"];
+        let more = ["calibrate --false-alarms-per-km", "report --cards", "view --sample", "view --min-score"];
         assert_eq!(told, [&numbers[..], &more].concat());
     }
 }

@@ -34,10 +34,13 @@ pub struct SweepArgs {
 }
 
 pub fn run(args: SweepArgs) -> anyhow::Result<ExitStatus> {
-    let config: SweepConfig = config::load(args.config.as_deref(), &args.overrides)?;
-    let config = Checked::try_from(config)?;
-    sweeps::refuse_to_overwrite(&args.out, args.force)?;
     let trained = Trained::find(&args.run)?;
+    let mut base = SweepConfig::default();
+    if let Some(own) = trained.operating_score()? {
+        base.picture_min_score = own.score as f32;
+    }
+    let config = Checked::try_from(config::load_over(&base, args.config.as_deref(), &args.overrides)?)?;
+    sweeps::refuse_to_overwrite(&args.out, args.force)?;
     let device = args.device.open()?;
     let dataset = args.samples.open()?;
     let detector = trained.load(&device)?;
@@ -47,7 +50,7 @@ pub fn run(args: SweepArgs) -> anyhow::Result<ExitStatus> {
         series: &series,
         dataset: &dataset,
         config: &config,
-        protocol: &Protocol::default(),
+        protocol: &Protocol::try_from(trained.eval_config()?)?,
         out: &args.out,
     };
     print(sweeps::run(&request)?)?;

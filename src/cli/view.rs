@@ -8,6 +8,9 @@ use super::{ExitStatus, number, print};
 use crate::infer::Trained;
 use crate::report::view::{self, ViewRequest};
 
+/// Lowest score of the predictions that are drawn, of networks without a score of their own.
+const DEFAULT_MIN_SCORE: f32 = 0.3;
+
 #[derive(Debug, Args)]
 pub struct ViewArgs {
     /// The data set's folder
@@ -22,9 +25,10 @@ pub struct ViewArgs {
     /// network inside the program
     #[arg(long, value_name = "DIR")]
     predictions: Option<PathBuf>,
-    /// Leave out predictions below this score, 0 to 1
-    #[arg(long, value_name = "SCORE", default_value_t = 0.3, value_parser = number(0.0..=1.0_f32))]
-    min_score: f32,
+    /// Leave out predictions below this score, 0 to 1; default the score that `calibrate` left in the network that
+    /// --predictions names, else 0.3
+    #[arg(long, value_name = "SCORE", value_parser = number(0.0..=1.0_f32))]
+    min_score: Option<f32>,
     /// The picture to write
     #[arg(long, value_name = "PNG")]
     out: PathBuf,
@@ -36,11 +40,17 @@ pub struct ViewArgs {
 pub fn run(args: ViewArgs) -> anyhow::Result<ExitStatus> {
     let ViewArgs { dataset, sample, labels: label_set, predictions, min_score, out, force } = args;
     // A folder needs no checkpoint; a name has one folder in each dataset.
-    let predictions = predictions.map(|folder| match Trained::find(&folder) {
-        Ok(shipped @ Trained::Shipped(_)) => shipped.predictions_folder(&dataset),
+    let network = predictions.as_deref().and_then(|folder| Trained::find(folder).ok());
+    let predictions = predictions.map(|folder| match &network {
+        Some(shipped @ Trained::Shipped(_)) => shipped.predictions_folder(&dataset),
         _ => Ok(folder),
     });
     let predictions = predictions.transpose()?;
+    let min_score = match (min_score, network) {
+        (None, Some(network)) => network.operating_score()?.map(|own| own.score as f32),
+        (given, _) => given,
+    };
+    let min_score = min_score.unwrap_or(DEFAULT_MIN_SCORE);
     let request = ViewRequest { dataset, sample, label_set, predictions, min_score, out, force };
     let summary = view::run(&request)?;
     let objects = match (summary.n_objects, summary.n_harmful) {

@@ -14,7 +14,7 @@ use crate::episode::EpisodeEntry;
 pub struct SeenEpisodes {
     /// Those that it learned from.
     pub learned: BTreeSet<String>,
-    /// Those that it was scored on between epochs.
+    /// Those by which choices were made: it was scored on them between epochs, or its operating score was chosen on them.
     pub watched: BTreeSet<String>,
 }
 
@@ -38,6 +38,13 @@ impl SeenEpisodes {
     pub fn of(learned: &Dataset, watched: Option<&Dataset>) -> Self {
         let hashes = |data: &Dataset| data.episodes().iter().map(|entry| entry.sha256.clone()).collect();
         Self { learned: hashes(learned), watched: watched.map(hashes).unwrap_or_default() }
+    }
+
+    /// The same, and these episodes watched too.
+    #[must_use]
+    pub fn with_watched<'a>(mut self, episodes: impl IntoIterator<Item = &'a EpisodeEntry>) -> Self {
+        self.watched.extend(episodes.into_iter().map(|entry| entry.sha256.clone()));
+        self
     }
 
     /// Refuses episodes of which the network learned from any.
@@ -102,6 +109,8 @@ mod tests {
     fn what_a_training_saw_survives_its_record() {
         let data = test_data::dataset(2);
         let of_data = SeenEpisodes::of(&data, Some(&data));
+        let more = of_data.clone().with_watched(&[entry("new", "xy")]);
+        assert!(more.watched.contains("xy") && more.learned == of_data.learned);
         assert_eq!(of_data.learned.len(), data.episodes().len());
         let seen = seen(&["a"], &["b", "c"]);
         let text = serde_json::to_string(&seen).unwrap();

@@ -9,8 +9,9 @@ use fs_err as fs;
 use thiserror::Error;
 
 use crate::dataset::SeenEpisodes;
+use crate::eval::EvalConfig;
 use crate::model::checkpoint::{self, CheckpointError};
-use crate::model::{Detector, ModelConfig, SHIPPED, Shipped};
+use crate::model::{Detector, ModelConfig, OperatingScore, SHIPPED, Shipped};
 
 /// Why a trained detector could not be found or read.
 #[derive(Debug, Error)]
@@ -90,13 +91,34 @@ impl Trained {
         })
     }
 
-    /// The episodes that it has seen, where it says so: the network inside the program and older checkpoints do not.
+    /// The episodes that it has seen, where it says so: older checkpoints do not.
     ///
     /// # Errors
     /// The checkpoint cannot be read, or is broken.
     pub fn seen(&self) -> Result<Option<SeenEpisodes>, TrainedError> {
         let (path, bytes) = self.bytes()?;
         Ok(checkpoint::seen_in(&bytes, &path)?)
+    }
+
+    /// The score from which on it warns, where one has been chosen.
+    ///
+    /// # Errors
+    /// The checkpoint cannot be read, or is broken.
+    pub fn operating_score(&self) -> Result<Option<OperatingScore>, TrainedError> {
+        let (path, bytes) = self.bytes()?;
+        Ok(checkpoint::operating_score_in(&bytes, &path)?)
+    }
+
+    /// How it is scored where nothing else is said: the default, with the operating score of its own.
+    ///
+    /// # Errors
+    /// As [`Self::operating_score`].
+    pub fn eval_config(&self) -> Result<EvalConfig, TrainedError> {
+        let mut config = EvalConfig::default();
+        if let Some(own) = self.operating_score()? {
+            config.operating_score = own.score;
+        }
+        Ok(config)
     }
 
     /// The default folder of its predictions for a dataset: in the run's folder, by the dataset's name; for

@@ -6,10 +6,12 @@ use std::path::{Path, PathBuf};
 use burn::store::{ModuleSnapshot, SafetensorsStore};
 use burn::tensor::Device;
 use fs_err as fs;
+use serde::de::DeserializeOwned;
 use thiserror::Error;
 
 use super::config::ModelConfig;
 use super::detector::Detector;
+use super::operating_score::OperatingScore;
 use crate::config::Check;
 use crate::dataset::SeenEpisodes;
 use crate::files;
@@ -20,9 +22,20 @@ pub const CHECKPOINT: &str = "model.safetensors";
 const CONFIG_KEY: &str = "harmzone.model";
 /// Metadata key of the episodes that the network has seen, as JSON; states of a training and older checkpoints lack it.
 const SEEN_KEY: &str = "harmzone.seen";
+/// Metadata key of the score from which on the network warns, as JSON; absent until one is chosen.
+const OPERATING_KEY: &str = "harmzone.operating";
 /// Metadata key of the format's version.
 const VERSION_KEY: &str = "harmzone.format";
 const VERSION: &str = "1";
+
+/// Keys of the model that came after the first checkpoints, and what is their like.
+const BEFORE_KEYS: [(&[&str], &str); 5] = [
+    (&["lidar", "pillars", "ground"], "false"),
+    (&["camera", "cnn", "paint_channels"], "0"),
+    (&["head", "heatmap_power"], "1.0"),
+    (&["head", "look_pillars"], "0"),
+    (&["head", "spread"], "false"),
+];
 
 /// Why a checkpoint could not be written or read.
 #[derive(Debug, Error)]
@@ -47,14 +60,21 @@ fn pack(detector: &Detector, seen: Option<&SeenEpisodes>) -> Result<Vec<u8>, Box
     let mut store = SafetensorsStore::from_bytes(None);
     detector.save_into(&mut store)?;
     let packed = store.get_bytes()?;
-    // Written again with our own metadata: its keys in a fixed order, so that bytes repeat.
-    let mut views = safetensors::SafeTensors::deserialize(&packed)?.tensors();
-    views.sort_by(|a, b| a.0.cmp(&b.0));
     let mut metadata =
         serde_json::json!({ CONFIG_KEY: crate::config::to_toml(detector.config()), VERSION_KEY: VERSION });
     if let Some(seen) = seen {
         metadata[SEEN_KEY] = serde_json::to_string(seen)?.into();
     }
+    Ok(with_metadata(&packed, metadata)?)
+}
+
+/// The tensors of a safetensors file under our own metadata, keys and tensors in a fixed order, so that bytes repeat.
+fn with_metadata(
+    packed: &[u8],
+    metadata: serde_json::Value,
+) -> Result<Vec<u8>, safetensors::SafeTensorError> {
+    let mut views = safetensors::SafeTensors::deserialize(packed)?.tensors();
+    views.sort_by(|a, b| a.0.cmp(&b.0));
     let header = header(&views, metadata);
     let mut bytes = (header.len() as u64).to_le_bytes().to_vec();
     bytes.extend_from_slice(header.as_bytes());
@@ -116,9 +136,23 @@ pub fn config_in(bytes: &[u8], path: &Path) -> Result<ModelConfig, CheckpointErr
         return Err(foreign(format!("format version {version}; this program reads {VERSION}")));
     }
     let invalid = |message: String| CheckpointError::Config { message, path: path.to_owned() };
-    let config: ModelConfig = toml::from_str(text).map_err(|error| invalid(error.to_string()))?;
+    let config = read_model(text).map_err(|error| invalid(error.to_string()))?;
     config.check().map_err(|error| invalid(error.to_string()))?;
     Ok(config)
+}
+
+/// A model's config as a checkpoint holds it: in full, so that keys which are absent are younger than the checkpoint, whose
+/// network is as if there were none.
+fn read_model(text: &str) -> Result<ModelConfig, toml::de::Error> {
+    let mut found: toml::Table = text.parse()?;
+    for (path, before) in BEFORE_KEYS {
+        let [tables @ .., key] = path else { unreachable!("a path has a key") };
+        let table = tables.iter().try_fold(&mut found, |table, name| table.get_mut(*name)?.as_table_mut());
+        if let Some(table) = table.filter(|table| !table.contains_key(*key)) {
+            table.insert((*key).to_owned(), before.parse().expect("a value"));
+        }
+    }
+    found.try_into()
 }
 
 /// The episodes that the network in a checkpoint's bytes has seen, where it says so; errors name `path`.
@@ -126,12 +160,46 @@ pub fn config_in(bytes: &[u8], path: &Path) -> Result<ModelConfig, CheckpointErr
 /// # Errors
 /// The bytes are not a checkpoint, or what they say of episodes is broken.
 pub fn seen_in(bytes: &[u8], path: &Path) -> Result<Option<SeenEpisodes>, CheckpointError> {
+    json_in(bytes, SEEN_KEY, path)
+}
+
+/// The score from which on the network in a checkpoint's bytes warns, where one has been chosen; errors name `path`.
+///
+/// # Errors
+/// The bytes are not a checkpoint, or what they say of the score is broken.
+pub fn operating_score_in(bytes: &[u8], path: &Path) -> Result<Option<OperatingScore>, CheckpointError> {
+    json_in(bytes, OPERATING_KEY, path)
+}
+
+/// A checkpoint's bytes with another operating score, which was chosen on the episodes that `seen` now holds too; weights and
+/// config stay as they are. Errors name `path`.
+///
+/// # Errors
+/// The bytes are not a checkpoint.
+pub fn with_operating_score(
+    bytes: &[u8],
+    chosen: &OperatingScore,
+    seen: Option<&SeenEpisodes>,
+    path: &Path,
+) -> Result<Vec<u8>, CheckpointError> {
+    let foreign = |found: String| CheckpointError::Foreign { found, path: path.to_owned() };
+    config_in(bytes, path)?;
+    let mut metadata = serde_json::to_value(metadata_in(bytes).map_err(foreign)?).expect("texts are JSON");
+    metadata[OPERATING_KEY] = serde_json::to_string(chosen).expect("numbers are JSON").into();
+    if let Some(seen) = seen {
+        metadata[SEEN_KEY] = serde_json::to_string(seen).expect("hashes are JSON").into();
+    }
+    with_metadata(bytes, metadata).map_err(|error| foreign(error.to_string()))
+}
+
+/// What a key of the metadata of a checkpoint's bytes holds as JSON, where it is there.
+fn json_in<T: DeserializeOwned>(bytes: &[u8], key: &str, path: &Path) -> Result<Option<T>, CheckpointError> {
     let foreign = |found: String| CheckpointError::Foreign { found, path: path.to_owned() };
     let metadata = metadata_in(bytes).map_err(foreign)?;
     let read = |text: &String| {
-        serde_json::from_str(text).map_err(|error| foreign(format!("a broken `{SEEN_KEY}`: {error}")))
+        serde_json::from_str(text).map_err(|error| foreign(format!("a broken `{key}`: {error}")))
     };
-    metadata.get(SEEN_KEY).map(read).transpose()
+    metadata.get(key).map(read).transpose()
 }
 
 /// The metadata of a safetensors file's bytes.
@@ -190,11 +258,54 @@ mod tests {
     }
 
     #[test]
+    fn an_operating_score_is_kept_beside_the_same_weights_and_replaced_by_the_next() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("model.safetensors");
+        save(&Detector::init(&ModelConfig::default(), 0, &Device::flex()), None, &path).unwrap();
+        let before = fs::read(&path).unwrap();
+        assert_eq!(operating_score_in(&before, &path).unwrap(), None);
+        let chosen = |score| OperatingScore {
+            score,
+            max_false_alarms_per_km: 10.0,
+            false_alarms_per_km: 9.5,
+            missed_per_event: Some(0.25),
+            driven_km: 3.5,
+            n_samples: 600,
+        };
+        let seen = SeenEpisodes { learned: ["ab".to_owned()].into(), watched: ["cd".to_owned()].into() };
+        let first = with_operating_score(&before, &chosen(0.3), Some(&seen), &path).unwrap();
+        let second = with_operating_score(&first, &chosen(0.4), None, &path).unwrap();
+        assert_eq!(operating_score_in(&second, &path).unwrap(), Some(chosen(0.4)));
+        assert_eq!(seen_in(&second, &path).unwrap(), Some(seen));
+        assert_eq!(config_in(&second, &path).unwrap(), ModelConfig::default());
+        let weights = |bytes: &[u8]| {
+            let n_header = u64::from_le_bytes(bytes[..8].try_into().unwrap()) as usize;
+            bytes[8 + n_header..].to_vec()
+        };
+        assert!(weights(&before) == weights(&second));
+        assert!(with_operating_score(b"something else", &chosen(0.3), None, &path).is_err());
+    }
+
+    #[test]
     fn a_file_that_is_no_checkpoint_is_refused() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("model.safetensors");
         fs::write(&path, b"something else").unwrap();
         assert!(matches!(load(&path, &Device::flex()), Err(CheckpointError::Foreign { .. })));
+    }
+
+    #[test]
+    fn what_a_checkpoint_does_not_name_its_network_does_not_have() {
+        let old = crate::config::to_toml(&ModelConfig::default());
+        let old: Vec<&str> = old
+            .lines()
+            .filter(|line| !BEFORE_KEYS.iter().any(|(path, _)| line.starts_with(path[path.len() - 1])))
+            .collect();
+        let read = read_model(&old.join("\n")).unwrap();
+        assert!(!read.lidar.pillars.ground && !read.head.spread && read.camera.cnn.paint_channels == 0);
+        assert_eq!((read.head.look_pillars, read.head.heatmap_power), (0, 1.0));
+        let whole = crate::config::to_toml(&ModelConfig::default());
+        assert_eq!(read_model(&whole).unwrap(), ModelConfig::default());
     }
 
     #[test]

@@ -22,14 +22,14 @@ define_config! {
         seed: u64 = 0, in Rule::Any;
         /// Samples of a batch.
         batch_size: usize = 2, in from_to(1.0, 1024.0);
-        /// First stage: LiDAR, numeric branch and head. Default 10 epochs, as the paper; with 0 the camera trains
+        /// First stage: LiDAR, numeric branch and head. Default 0 epochs, the paper's 10; with 0 the camera trains
         /// with all the rest from the start.
         lidar_stage: StageConfig =
-            StageConfig { epochs: 10, max_learning_rate: 2e-3, schedule: Schedule::OneCycle },
+            StageConfig { epochs: 0, max_learning_rate: 2e-3, schedule: Schedule::OneCycle },
             in part::<StageConfig>();
-        /// Second stage: the camera joins. Default 3 epochs, as the paper; 0 without a camera.
+        /// Second stage: the camera joins. Default 10 epochs, the paper's 3; 0 without a camera.
         fused_stage: StageConfig =
-            StageConfig { epochs: 3, max_learning_rate: 1e-3, schedule: Schedule::OneCycle },
+            StageConfig { epochs: 10, max_learning_rate: 2e-3, schedule: Schedule::OneCycle },
             in part::<StageConfig>();
         /// Share of a stage's steps over which the learning rate rises, or beta1 falls. Default 0.4.
         rise_share: f64 = 0.4, in SHARE;
@@ -93,7 +93,7 @@ define_config! {
         /// Whether the yaw of a static object may be learnt half a turn off: it has no front.
         turns_statics: bool = false;
         /// What objects that no LiDAR point hit are to the network.
-        unhit: Unhit = Unhit::Background;
+        unhit: Unhit = Unhit::Ignored;
         /// Fewest pixels that an unhit object must show to be more than background.
         min_visible_px: u32 = 40, in from_to(1.0, 1e9);
     }
@@ -142,21 +142,21 @@ define_config! {
         /// Share of the samples to which each of the next disturbances happens, apart from the others.
         disturbed_share: f64 = 0.8, in SHARE;
         /// Standard deviation of pitch and roll of the car and all its sensors, degrees; its height changes by 17 mm a degree.
-        tilt_deg: f64 = 0.0, in from_to(0.0, 20.0);
+        tilt_deg: f64 = 0.6, in from_to(0.0, 20.0);
         /// Standard deviation of the logarithms of a factor and an exponent on all intensities.
-        intensity_spread: f64 = 0.0, in from_to(0.0, 3.0);
+        intensity_spread: f64 = 0.3, in from_to(0.0, 3.0);
         /// Most noise along a beam, metres.
-        range_noise_m: f64 = 0.0, in from_to(0.0, 1.0);
+        range_noise_m: f64 = 0.04, in from_to(0.0, 1.0);
         /// Most returns lost at random.
-        dropped_share: f64 = 0.0, in SHARE;
+        dropped_share: f64 = 0.2, in SHARE;
         /// Standard deviation of the logarithms of a factor and an exponent on the picture's colours.
-        picture_spread: f64 = 0.0, in from_to(0.0, 3.0);
+        picture_spread: f64 = 0.25, in from_to(0.0, 3.0);
         /// Share of the samples with one ring in 2, 3 or 4.
-        thinned_share: f64 = 0.0, in SHARE;
+        thinned_share: f64 = 0.1, in SHARE;
         /// Share of the samples without a cloud; with a picture only.
-        no_cloud_share: f64 = 0.0, in SHARE;
+        no_cloud_share: f64 = 0.03, in SHARE;
         /// Share of the samples with a black picture.
-        no_picture_share: f64 = 0.0, in SHARE;
+        no_picture_share: f64 = 0.05, in SHARE;
     }
 }
 
@@ -169,8 +169,8 @@ impl TrainConfig {
         with_table(&default, &keys).expect("a test reads the shipped file")
     }
 
-    /// The augmentation for this network: no redrawn states if it does not see speed and steering, and no
-    /// pasted objects, which pictures do not show, if it has no LiDAR.
+    /// The augmentation for this network: no redrawn states if it does not see speed and steering, no
+    /// pasted objects, which pictures do not show, if it has no LiDAR, and no sample without a sensor if it has no other.
     #[must_use]
     pub fn augment_of_model(&self) -> AugmentConfig {
         let mut augment = self.augment;
@@ -179,6 +179,10 @@ impl TrainConfig {
         }
         if !self.model.use_lidar {
             augment.max_pasted = 0;
+            augment.no_picture_share = 0.0;
+        }
+        if !self.model.use_camera {
+            augment.no_cloud_share = 0.0;
         }
         augment
     }
@@ -244,10 +248,16 @@ mod tests {
             let keys: Vec<String> = keys.iter().map(|&key| key.to_owned()).collect();
             crate::config::with_overrides(&TrainConfig::default(), &keys).unwrap().check()
         };
-        with(&["lidar_stage.epochs=0"]).unwrap();
-        with(&["model.use_camera=false", "fused_stage.epochs=0"]).unwrap();
-        with(&["model.use_lidar=false", "lidar_stage.epochs=0"]).unwrap();
-        for wrong in [&["model.use_lidar=false"], &["model.use_camera=false"], &["fused_stage.epochs=0"]] {
+        with(&[]).unwrap();
+        with(&["lidar_stage.epochs=3"]).unwrap();
+        with(&["model.use_camera=false", "lidar_stage.epochs=3", "fused_stage.epochs=0"]).unwrap();
+        with(&["model.use_lidar=false"]).unwrap();
+        let of_no_branch: [&[&str]; 3] = [
+            &["model.use_lidar=false", "lidar_stage.epochs=3"],
+            &["model.use_camera=false"],
+            &["lidar_stage.epochs=3", "fused_stage.epochs=0"],
+        ];
+        for wrong in of_no_branch {
             let message = with(wrong).unwrap_err().to_string();
             assert!(message.contains("_stage.epochs"), "{wrong:?}: {message}");
         }

@@ -145,14 +145,29 @@ mod tests {
         disturb(&sample.measured, &sample.objects, config, &mut stream(seed, "disturb-test", 0))
     }
 
+    /// Without any disturbance.
+    fn undisturbed() -> AugmentConfig {
+        AugmentConfig {
+            tilt_deg: 0.0,
+            intensity_spread: 0.0,
+            range_noise_m: 0.0,
+            dropped_share: 0.0,
+            picture_spread: 0.0,
+            thinned_share: 0.0,
+            no_cloud_share: 0.0,
+            no_picture_share: 0.0,
+            ..AugmentConfig::default()
+        }
+    }
+
     #[test]
     fn nothing_asked_for_changes_nothing() {
-        assert!((0..20).all(|seed| disturbed(&AugmentConfig::default(), seed).is_none()));
+        assert!((0..20).all(|seed| disturbed(&undisturbed(), seed).is_none()));
     }
 
     #[test]
     fn objects_keep_their_points_when_the_car_tilts() {
-        let config = AugmentConfig { tilt_deg: 2.0, disturbed_share: 1.0, ..AugmentConfig::default() };
+        let config = AugmentConfig { tilt_deg: 2.0, disturbed_share: 1.0, ..undisturbed() };
         let (before, mut most_m) = (sample(), 0f64);
         for seed in 0..20 {
             let found = disturbed(&config, seed).unwrap();
@@ -174,7 +189,7 @@ mod tests {
 
     #[test]
     fn a_thinned_cloud_keeps_whole_rings_and_objects_lose_their_points() {
-        let config = AugmentConfig { thinned_share: 1.0, ..AugmentConfig::default() };
+        let config = AugmentConfig { thinned_share: 1.0, ..undisturbed() };
         let rings = |points: &[LidarPoint]| -> std::collections::BTreeSet<u16> {
             points.iter().map(|point| point.ring).collect()
         };
@@ -194,7 +209,7 @@ mod tests {
 
     #[test]
     fn never_are_both_sensors_gone() {
-        let config = AugmentConfig { no_cloud_share: 0.5, no_picture_share: 0.9, ..AugmentConfig::default() };
+        let config = AugmentConfig { no_cloud_share: 0.5, no_picture_share: 0.9, ..undisturbed() };
         let (mut n_without_cloud, mut n_black) = (0, 0);
         for seed in 0..60 {
             let Some(found) = disturbed(&config, seed) else { continue };
@@ -212,8 +227,7 @@ mod tests {
 
     #[test]
     fn another_makes_intensities_stay_in_range_and_order() {
-        let config =
-            AugmentConfig { intensity_spread: 0.5, disturbed_share: 1.0, ..AugmentConfig::default() };
+        let config = AugmentConfig { intensity_spread: 0.5, disturbed_share: 1.0, ..undisturbed() };
         let before = sample();
         for seed in 0..10 {
             let found = disturbed(&config, seed).unwrap();

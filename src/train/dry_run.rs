@@ -192,6 +192,7 @@ mod tests {
     fn json() {
         let config = TrainConfig {
             model: ModelConfig { use_camera: false, ..ModelConfig::default() },
+            lidar_stage: StageConfig { epochs: 10, ..TrainConfig::default().lidar_stage },
             fused_stage: StageConfig { epochs: 0, ..TrainConfig::default().fused_stage },
             ..TrainConfig::default()
         };

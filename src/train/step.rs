@@ -158,7 +158,10 @@ impl<'a> Steps<'a> {
         let config = self.config;
         let samples = self.dataset.samples();
         let with_camera = position.stage == 1 && config.model.use_camera;
-        let augment = config.augment_of_model();
+        let mut augment = config.augment_of_model();
+        if !with_camera {
+            augment.no_cloud_share = 0.0;
+        }
         chosen
             .par_iter()
             .enumerate()

@@ -10,6 +10,7 @@ use nalgebra::Vector3;
 use super::augment::ObjectsByState;
 use super::config::LossConfig;
 use super::losses::losses;
+use super::picture::picture_loss;
 use super::targets::car;
 use crate::device::test_device;
 use crate::geometry::{Box3, Pinhole, Point, Transform};
@@ -43,14 +44,14 @@ struct Case {
 
 /// The profile as it ships.
 fn whole() -> Case {
-    Case { name: "whole", config: ModelConfig::default(), height_px: 225, n_points: 8000, seed: 13 }
+    Case { name: "whole", config: ModelConfig::default(), height_px: 225, n_points: 8000, seed: 26 }
 }
 
 /// The same network on a coarse map with a little picture.
 fn coarse() -> Case {
     let mut config = ModelConfig::default();
     (config.grid.cell_size_m, config.camera.cnn.image_width_px, config.head.n_queries) = (6.4, 64, 20);
-    Case { name: "coarse", config, height_px: 36, n_points: 1200, seed: 59 }
+    Case { name: "coarse", config, height_px: 36, n_points: 1200, seed: 92 }
 }
 
 fn points(case: &Case, sample_idx: usize) -> Vec<LidarPoint> {
@@ -160,7 +161,8 @@ fn assert_output(output: &Output, golden: &Golden, prefix: &str) {
         found.unwrap_or_else(|| panic!("{prefix}: no query {}", cells[expected]))
     };
     let order: Vec<usize> = (0..cells.len()).map(row_of).collect();
-    for (found, part) in [(&output.boxes, "boxes"), (&output.harm, "harm")] {
+    let spread = output.spread.as_ref().expect("the profile tells spreads");
+    for (found, part) in [(&output.boxes, "boxes"), (spread, "spread"), (&output.harm, "harm")] {
         let [n_rows, _, n_numbers] = found.dims();
         let values: Vec<f32> = found.clone().detach().into_data().try_to_vec().unwrap();
         let sorted: Vec<f32> = (0..n_rows * n_queries)
@@ -175,12 +177,25 @@ fn assert_output(output: &Output, golden: &Golden, prefix: &str) {
     }
 }
 
+/// Whether a weight is idle without the picture: those of the camera, and of what points take along from it.
+fn is_of_the_camera(name: &str) -> bool {
+    name.starts_with("camera.") || name.contains(".painted.")
+}
+
+/// Which pixels are to show an object, `[batch][y * x]`.
+fn shown(logits: &Tensor<4>) -> Vec<Vec<f32>> {
+    let [n_batch, _, n_y, n_x] = logits.dims();
+    let shown: Vec<f32> =
+        uniform("shown", n_batch * n_y * n_x).iter().map(|&u| f32::from(u8::from(u >= 0.5))).collect();
+    shown.chunks(n_y * n_x).map(<[f32]>::to_vec).collect()
+}
+
 /// Compares some values of each weight's gradient on the scale of its largest one; returns the number of weights.
 fn assert_gradients(detector: &Detector, loss: Tensor<1>, golden: &Golden, prefix: &str) -> usize {
     let mut n_compared = 0;
     for (name, found) in formula::gradients(detector.clone(), &loss.backward()) {
         let what = format!("{prefix} {name}");
-        if prefix.ends_with("lidar") && name.starts_with("camera.") {
+        if prefix.ends_with("lidar") && is_of_the_camera(&name) {
             assert!(found.iter().all(|&value| value == 0.0), "{what}: the camera takes no part");
             continue;
         }
@@ -220,18 +235,22 @@ fn check(case: &Case, with_gradients: bool) {
         let output = detector.forward(&Batch::stack(&inputs, &case.config, with_camera, &device));
         assert_output(&output, &golden, &format!("{prefix}.train"));
         let found = losses(&output, &objects, &case.config, &LossConfig::default());
-        let parts = [
-            ("heatmap", found.parts.heatmap),
-            ("harm", found.parts.harm),
-            ("boxes", found.parts.boxes),
-            ("total", found.parts.total()),
-        ];
+        let mut parts =
+            vec![("heatmap", found.parts.heatmap), ("harm", found.parts.harm), ("boxes", found.parts.boxes)];
+        let mut total = found.total;
+        if let Some(logits) = output.picture_objects {
+            let targets = shown(&logits);
+            let of_picture = picture_loss(logits, &targets);
+            parts.push(("picture", of_picture.clone().detach().into_scalar()));
+            total = total + of_picture;
+        }
+        parts.push(("total", parts.iter().map(|(_, value)| value).sum()));
         for (part, value) in parts {
             let expected = golden.numbers(&format!("{prefix}.loss.{part}"))[0];
-            let error = (f64::from(value) - expected).abs() / expected;
+            let error = (f64::from(value) - expected).abs() / expected.abs();
             assert!(error <= TOLERANCE, "{prefix} {part}: {value}, expected {expected}");
         }
-        totals.push((prefix, with_camera, found.total));
+        totals.push((prefix, with_camera, total));
     }
 
     if !with_gradients {
@@ -248,7 +267,7 @@ fn check(case: &Case, with_gradients: bool) {
     for (prefix, with_camera, total) in totals {
         let n_compared = assert_gradients(&detector, total, &golden, &prefix);
         let names = formula::named_weights(&detector);
-        let n_trained = names.iter().filter(|(name, _)| with_camera || !name.starts_with("camera.")).count();
+        let n_trained = names.iter().filter(|(name, _)| with_camera || !is_of_the_camera(name)).count();
         assert!(n_compared == n_trained && n_compared > 60, "{prefix}: {n_compared} of {n_trained}");
     }
 }

@@ -13,7 +13,8 @@ import torch
 from scipy.optimize import linear_sum_assignment
 from small_network import CODE_SIZE, Config
 from torch import Tensor
-from torch_losses import box_l1, gaussian_focal, sigmoid_focal
+from torch.nn import functional
+from torch_losses import CODE_WEIGHTS, box_l1, gaussian_focal, sigmoid_focal
 
 WEIGHTS = {"heatmap": 1.0, "harm": 1.0, "boxes": 0.25}
 COSTS = {"harm": 0.15, "center": 0.25, "iou": 0.25}
@@ -172,9 +173,24 @@ def loss(
     def rows(x: Array) -> Tensor:
         return torch.from_numpy(x.reshape(n_rows, n_queries, *x.shape[3:])).to(dtype)
 
+    boxes = box_l1(output["boxes"], rows(code_target), rows(matched))
+    if "spread" in output:
+        off = (output["boxes"].detach() - rows(code_target)).abs()
+        boxes = boxes + spread_loss(off, output["spread"], rows(matched))
     parts = {
         "heatmap": WEIGHTS["heatmap"] * heatmap,
         "harm": WEIGHTS["harm"] * sigmoid_focal(output["harm"], rows(harm_target), int(matched.sum())),
-        "boxes": WEIGHTS["boxes"] * box_l1(output["boxes"], rows(code_target), rows(matched)),
+        "boxes": WEIGHTS["boxes"] * boxes,
     }
     return parts | {"total": sum(parts.values())}
+
+
+def spread_loss(off: Tensor, log_spread: Tensor, is_matched: Tensor) -> Tensor:
+    """Laplace's negative log-likelihood of the distances, less a constant, over the matched queries."""
+    each = (off * torch.exp(-log_spread) + log_spread) * CODE_WEIGHTS * is_matched[..., None]
+    return each.sum() / max(int(is_matched.sum()), 1)
+
+
+def picture_loss(logits: Tensor, target: Tensor) -> Tensor:
+    """Whether each pixel shows an object: mean binary cross entropy; both [batch, 1, y, x]."""
+    return functional.binary_cross_entropy_with_logits(logits, target)

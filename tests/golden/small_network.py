@@ -20,6 +20,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 DEPTH_CHANNELS, CODE_SIZE, N_POINT_FEATURES, N_FOOTPRINT_POINTS = 16, 10, 10, 5
+LOG_SPREADS = (-5.0, 3.0)
 
 
 # The architecture that the twin has, by key of the config.
@@ -35,6 +36,7 @@ TWIN = {
     "head.positions": "shared",
     "head.prediction": "placed",
     "head.numeric_fusion": "film",
+    "head.look_pillars": 0,
 }
 
 
@@ -64,6 +66,9 @@ class Config:
     n_heads: int
     ffn_channels: int
     heatmap_scale: int
+    paint_channels: int
+    ground: bool
+    spread: bool
 
     @staticmethod
     def parse(text: str) -> Config:
@@ -80,6 +85,7 @@ class Config:
             max_points=pillars["max_points"],
             pillar_channels=pillars["channels"],
             bev_channels=tuple(pillars["bev_channels"]),
+            ground=pillars["ground"],
             image_channels=tuple(cnn["channels"]),
             fuser_channels=whole["fuser_channels"],
         )
@@ -113,6 +119,8 @@ class Batch:
     frustum_features: Tensor | None = None  # [frustum], index into [batch, feature_y, feature_x]
     frustum_depths: Tensor | None = None  # [frustum], index into [batch, feature_y, feature_x, bin]
     frustum_cells: Tensor | None = None  # [frustum], index into [batch, cell_y, cell_x]; sorted
+    # [point], index into [batch, quarter_y, quarter_x], its length for a point that the picture does not show
+    pixels: Tensor | None = None
 
 
 class ConvBlock(nn.Module):
@@ -145,7 +153,9 @@ class PillarBranch(nn.Module):
         super().__init__()
         n, (fine, coarse) = config.pillar_channels, config.bev_channels
         out = fine * 3 // 4
-        self.point = nn.Linear(N_POINT_FEATURES, n, bias=False)
+        self.point = nn.Linear(N_POINT_FEATURES + config.ground, n, bias=False)
+        if config.paint_channels:
+            self.painted = nn.Linear(config.paint_channels, n, bias=False)
         self.point_norm = nn.BatchNorm1d(n, 1e-3)
         self.fine = nn.Sequential(ConvBlock(n, fine, 2), ConvBlock(fine, fine), ConvBlock(fine, fine))
         self.coarse = nn.Sequential(
@@ -155,8 +165,12 @@ class PillarBranch(nn.Module):
         self.max_points = config.max_points
         self.n_pillars = [2 * n for n in config.cells]
 
-    def forward(self, batch: Batch) -> Tensor:
-        encoded = functional.relu(self.point_norm(self.point(batch.point_features)), inplace=True)
+    def forward(self, batch: Batch, painted: Tensor | None) -> Tensor:
+        """`painted` [point, channel]: what the picture shows at each point."""
+        points = self.point(batch.point_features)
+        if painted is not None:
+            points = points + self.painted(painted)
+        encoded = functional.relu(self.point_norm(points), inplace=True)
         n = encoded.shape[1]
         highest = encoded.index_select(0, batch.points).view(-1, self.max_points, n).max(1).values
         n_y, n_x = self.n_pillars
@@ -164,6 +178,28 @@ class PillarBranch(nn.Module):
         fine = self.fine(grid.view(batch.n_samples, n_y, n_x, n).permute(0, 3, 1, 2))
         coarse = functional.interpolate(self.coarse_out(self.coarse(fine)), scale_factor=2, mode="nearest")
         return torch.cat([self.fine_out(fine), coarse], 1)
+
+
+class Paint(nn.Module):
+    """A map of the picture at a quarter of its size, from which points take features."""
+
+    def __init__(self, config: Config):
+        super().__init__()
+        (_, b, c), n = config.image_channels, config.paint_channels
+        self.fine, self.coarse = nn.Conv2d(b, n, 1), nn.Conv2d(c, n, 1)
+        self.joint = ConvBlock(n, n)
+        self.objects = nn.Conv2d(n, 1, 1)
+
+    def forward(self, fine: Tensor, coarse: Tensor) -> Tensor:
+        n_y, n_x = fine.shape[2:]
+        coarse = functional.interpolate(self.coarse(coarse), scale_factor=2, mode="nearest")
+        return self.joint(self.fine(fine) + coarse[..., :n_y, :n_x])
+
+    @staticmethod
+    def take(painted: Tensor, pixels: Tensor) -> Tensor:
+        """[point, channel]: of each point's pixel, zeros for one that the picture does not show."""
+        rows = painted.permute(0, 2, 3, 1).reshape(-1, painted.shape[1])
+        return torch.cat([rows, rows.new_zeros(1, rows.shape[1])]).index_select(0, pixels)
 
 
 class CnnBranch(nn.Module):
@@ -179,12 +215,19 @@ class CnnBranch(nn.Module):
         self.joint = ConvBlock(c + DEPTH_CHANNELS, c)
         self.lift = nn.Conv2d(c, config.n_depth_bins + lift, 1)
         self.smooth = ConvBlock(lift, lift)
+        if config.paint_channels:
+            self.paint = Paint(config)
         self.n_depth_bins, self.n_lift = config.n_depth_bins, lift
         self.cells = config.cells
         self.pool = "bags"
 
-    def forward(self, batch: Batch) -> Tensor:
-        joint = self.joint(torch.cat([self.image(batch.image), self.depth(batch.depth)], 1))
+    def image_features(self, batch: Batch) -> tuple[Tensor, Tensor]:
+        """Maps at a quarter and at an eighth of the picture."""
+        quarter = self.image[:3](batch.image)
+        return quarter, self.joint(torch.cat([self.image[3:](quarter), self.depth(batch.depth)], 1))
+
+    def forward(self, joint: Tensor, batch: Batch) -> Tensor:
+        """From the map at an eighth to the bird's-eye grid."""
         lifted = self.lift(joint).permute(0, 2, 3, 1).reshape(-1, self.n_depth_bins + self.n_lift)
         share = lifted[:, : self.n_depth_bins].softmax(1).reshape(-1)
         context = lifted[:, self.n_depth_bins :]
@@ -282,13 +325,17 @@ class Placed(nn.Module):
 
     def __init__(self, config: Config):
         super().__init__()
-        n = config.channels
-        self.boxes = Mlp(n, n, CODE_SIZE)
-        self.harm = HarmBranch(n + 2 * N_FOOTPRINT_POINTS + CODE_SIZE - 2, 2 * n)
+        n, n_spreads = config.channels, CODE_SIZE * config.spread
+        self.boxes = Mlp(n, n, CODE_SIZE + n_spreads)
+        self.harm = HarmBranch(n + 2 * N_FOOTPRINT_POINTS + CODE_SIZE - 2 + n_spreads, 2 * n)
         self.cell_size_m = config.cell_size_m
 
-    def forward(self, decoded: Tensor, center_m: Tensor, modulation: Tensor) -> tuple[Tensor, Tensor]:
-        boxes = self.boxes(decoded)
+    def forward(self, decoded: Tensor, center_m: Tensor, modulation: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Boxes, logarithms of their spreads (no columns without), and harm."""
+        boxes, spread = self.boxes(decoded).split_with_sizes(
+            [CODE_SIZE, self.boxes.out.out_features - CODE_SIZE], 2
+        )
+        spread = spread.clamp(*LOG_SPREADS)
         code = boxes.detach()
         center = code[..., :2] * self.cell_size_m + center_m
         half_length, half_width = (code[..., 3:5].clamp(-3, 3).exp() / 2).split(1, 2)
@@ -298,8 +345,8 @@ class Placed(nn.Module):
         across = torch.cat([-sin, cos], 2) * half_width
         front, back = center + along, center - along
         points = torch.cat([center, front + across, front - across, back + across, back - across], 2)
-        place = [points / 5, code[..., 2:8], code[..., 8:] * 0.1]
-        return boxes, self.harm(torch.cat([decoded, *place], 2), modulation)
+        place = [points / 5, code[..., 2:8], code[..., 8:] * 0.1, spread.detach()]
+        return boxes, spread, self.harm(torch.cat([decoded, *place], 2), modulation)
 
 
 class Head(nn.Module):
@@ -349,8 +396,9 @@ class Head(nn.Module):
         n_states = numeric.shape[0] // features.shape[0]
         decoded, center_m = (x.repeat_interleave(n_states, 0) for x in (decoded, center_m))
         modulation = self.numeric.embed(numeric)[:, None]
-        boxes, harm = self.predict["Placed"](decoded, center_m, modulation)
-        return {"heatmap": heatmap, "cells": cells, "scores": scores, "boxes": boxes, "harm": harm}
+        boxes, spread, harm = self.predict["Placed"](decoded, center_m, modulation)
+        output = {"heatmap": heatmap, "cells": cells, "scores": scores, "boxes": boxes, "harm": harm}
+        return output | ({"spread": spread} if spread.shape[2] else {})
 
 
 class Detector(nn.Module):
@@ -366,13 +414,21 @@ class Detector(nn.Module):
         self.head = Head(config)
 
     def forward(self, batch: Batch, cells: Tensor | None = None) -> dict[str, Tensor]:
-        lidar = self.lidar["Pillars"](batch)
+        of_camera, of_picture, painted = self.camera["Cnn"], {}, None
+        if batch.image is not None:
+            quarter, joint = of_camera.image_features(batch)
+            if self.config.paint_channels:
+                paint = of_camera.paint(quarter, joint)
+                painted = Paint.take(paint, batch.pixels)
+                if self.training:
+                    of_picture = {"objects": of_camera.paint.objects(paint)}
+        lidar = self.lidar["Pillars"](batch, painted)
         if batch.image is None:
             n, _, n_y, n_x = lidar.shape
             camera = torch.zeros_like(lidar[:, :1]).expand(n, self.config.lift_channels, n_y, n_x)
         else:
-            camera = self.camera["Cnn"](batch)
-        return self.head(self.fuser(torch.cat([camera, lidar], 1)), batch.numeric, cells)
+            camera = of_camera(joint, batch)
+        return self.head(self.fuser(torch.cat([camera, lidar], 1)), batch.numeric, cells) | of_picture
 
 
 def read_metadata(path: Path) -> dict[str, str]:

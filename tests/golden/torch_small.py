@@ -23,7 +23,7 @@ import small_input
 import torch
 import torch_assignment
 from safetensors.torch import save_file
-from small_loss import Objects, iou_3d, loss
+from small_loss import Objects, iou_3d, loss, picture_loss
 from small_network import Config, Detector, Head
 from torch import Tensor
 from torch.nn import functional
@@ -34,7 +34,7 @@ N_SAMPLES, N_STATES, N_CROWDED, N_OBJECTS = 2, 2, 600, 5
 LIDAR_M, CAMERA_M, PITCH_RAD = np.array([0.9, 0.0, 1.8]), np.array([1.7, 0.2, 1.5]), 0.02
 # The heatmap starts at a prior of 0.1, as in training.
 HEATMAP_BIAS = -2.2
-OUTPUTS = ("heatmap", "cells", "scores", "boxes", "harm")
+OUTPUTS = ("heatmap", "cells", "scores", "boxes", "spread", "harm")
 # Values kept of each gradient, evenly over the tensor.
 N_KEPT = 48
 # Norms whose running statistics are kept.
@@ -44,7 +44,7 @@ MARGIN = 3e-6
 # And a score, so that the same cells become queries.
 GAP = 5e-6
 # And an output, relative to it, so that the same queries go to the same objects.
-ROUNDING = 1e-5
+ROUNDING = 1e-4
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,13 +60,13 @@ class Case:
 
 
 CASES = (
-    Case("whole", SMALL, 225, 8000, seed=13),
+    Case("whole", SMALL, 225, 8000, seed=26),
     Case(
         "coarse",
         dataclasses.replace(SMALL, cell_size_m=6.4, image_width_px=64, n_queries=20),
         36,
         1200,
-        seed=59,
+        seed=92,
         with_gradients=True,
     ),
 )
@@ -120,6 +120,11 @@ def objects(sample: int) -> Objects:
     return Objects(boxes, harm.astype(int))
 
 
+def shown(logits: Tensor) -> Tensor:
+    """Which pixels are to show an object, [batch, 1, y, x]."""
+    return torch.from_numpy(numbers("shown", *logits.shape) >= 0.5).to(logits.dtype)
+
+
 class Kinks:
     """Inside `with`, records how near activations come to the kink of a ReLU, relative to the largest."""
 
@@ -154,6 +159,9 @@ def train(case: Case, detector: Detector, samples: list, with_camera: bool) -> t
     with Kinks() as kinks:
         output = detector(batch)
     parts = loss(output, [objects(i) for i in range(N_SAMPLES)], detector.head.fine_centers_m, case.config)
+    if with_camera:
+        parts["picture"] = picture_loss(output["objects"], shown(output["objects"]))
+        parts["total"] = parts["total"] + parts["picture"]
     parts["total"].backward()
     return output, parts, kinks.nearest
 

@@ -33,7 +33,7 @@ define_config! {
         n_depth_bins: usize = 48, in from_to(1.0, 1000.0);
         /// Image features that each LiDAR point takes along from where the picture shows it, at a quarter of the resized
         /// image; 0 for none. Pillars alone take them.
-        paint_channels: usize = 0, in from_to(0.0, 1024.0);
+        paint_channels: usize = 16, in from_to(0.0, 1024.0);
     }
 }
 

@@ -107,15 +107,15 @@ define_config! {
         peak_kernels: [usize; 2] = [3, 3], in from_to(1.0, 3.0).list(2, 2);
         /// Whether the map's outermost cells can be peaks (of a 3x3 kernel). Default true; published: false.
         border_peaks: bool = true;
-        /// The heatmap's value to this power, times the class's probability, is a box's score. Default and published: 1. Less
+        /// The heatmap's value to this power, times the class's probability, is a box's score. Default 1/4; published: 1. Less
         /// leaves the ranking more to the class, which has seen the whole object.
-        heatmap_power: f64 = 1.0, in from_to(0.0, 1.0);
+        heatmap_power: f64 = 0.25, in from_to(0.0, 1.0);
         positions: PositionEncoding = PositionEncoding::Shared;
         prediction: Prediction = Prediction::Placed;
         /// Side of the square of pillars that each query looks at, in pillars: odd, or 0 for none. Pillars alone have it.
         look_pillars: usize = 0, in from_to(0.0, 15.0);
-        /// Whether each number of a box comes with a spread, which the class branch sees too; with `placed` alone.
-        spread: bool = false;
+        /// Whether each number of a box comes with a spread, which the class branch sees too. Boxes of separate nets have none.
+        spread: bool = true;
         /// Hidden channels of each of the separate nets. The paper's 64.
         prediction_channels: usize = 64, in CHANNELS;
         numeric_fusion: NumericFusion = NumericFusion::Film;
@@ -142,8 +142,6 @@ impl HeadConfig {
     pub(super) fn check_with(&self, grid: &GridConfig) -> Result<(), InvalidConfig> {
         let is_odd = self.look_pillars == 0 || self.look_pillars % 2 == 1;
         require(is_odd, "look_pillars", self.look_pillars, "0 or an odd number is needed")?;
-        let has_spread = self.spread && self.prediction == Prediction::Separate;
-        require(!has_spread, "spread", true, "only a prediction = \"placed\" has spreads")?;
         let divides = self.channels.is_multiple_of(self.n_heads);
         require(divides, "n_heads", self.n_heads, "it must divide head.channels")?;
         let fits = self.n_queries <= grid.n_cells();

@@ -28,7 +28,7 @@ define_config! {
         bev_channels: [usize; 2] = [64, 96], in CHANNELS.list(2, 2);
         /// Whether points tell their height over a ground fitted to the cloud beside that over the wheels; the grid's
         /// lowest and highest point are then heights over that ground.
-        ground: bool = false;
+        ground: bool = true;
     }
 }
 

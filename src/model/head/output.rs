@@ -198,7 +198,7 @@ mod tests {
     #[test]
     fn each_query_is_a_box_with_its_logits_and_features_best_first() {
         let mut config = ModelConfig::default();
-        (config.head.classes, config.head.n_queries) = (Classes::Kind, 2);
+        (config.head.classes, config.head.n_queries, config.head.heatmap_power) = (Classes::Kind, 2, 1.0);
         let device = Device::flex();
         let tensor =
             |values: Vec<f32>, shape| Tensor::<3>::from_data(TensorData::new(values, shape), &device);

@@ -127,9 +127,15 @@ impl PillarBatch {
 mod tests {
     use super::*;
 
+    fn without_ground() -> ModelConfig {
+        let mut config = ModelConfig::default();
+        config.lidar.pillars.ground = false;
+        config
+    }
+
     #[test]
     fn points_of_one_pillar_share_it_and_points_outside_are_left_out() {
-        let config = ModelConfig::default();
+        let config = without_ground();
         let points =
             [[10.1, 0.1, 0.5, 0.0], [10.2, 0.2, 1.5, 0.0], [10.1, 0.1, 9.0, 0.0], [60.0, 0.0, 1.0, 0.0]];
         let Pillars { point_features: features, sources, points: rows, cells } =
@@ -142,7 +148,7 @@ mod tests {
 
     #[test]
     fn a_crowded_pillar_keeps_the_configured_number_of_points() {
-        let config = ModelConfig::default();
+        let config = without_ground();
         let points: Vec<[f64; 4]> = (0..100).map(|i| [10.1, 0.1, 0.01 * f64::from(i), 0.0]).collect();
         let Pillars { point_features: features, points: rows, .. } = Pillars::group(&points, &config);
         assert_eq!(features.len() / N_PLAIN_FEATURES, config.lidar.pillars.max_points);
@@ -151,8 +157,7 @@ mod tests {
 
     #[test]
     fn on_a_hill_points_tell_their_height_over_the_ground() {
-        let mut config = ModelConfig::default();
-        config.lidar.pillars.ground = true;
+        let config = ModelConfig::default();
         // A road that rises by a tenth, and a box of half a metre on it, 35 m ahead and 3.5 m above the wheels.
         let on_road = |x: f64, y: f64| [x, y, 0.1 * x, 50.0];
         let mut points: Vec<[f64; 4]> =

@@ -11,7 +11,7 @@ use safetensors::tensor::{Dtype, TensorView};
 use super::training::{batch, learner};
 use super::{Bench, BenchError, PACE};
 use harmzone::files;
-use harmzone::model::{Batch, CameraInput, Input, LidarInput, Output, Query, checkpoint};
+use harmzone::model::{Batch, CameraInput, Input, LidarInput, Output, Query, checkpoint, n_paint_pixels};
 use harmzone::train::{LossParts, ObjectsByState, STAGES, losses};
 
 /// The weights, and inputs with what the network makes of them.
@@ -104,6 +104,10 @@ impl Tensors {
                     (bin as i64 * n_pixels + pixel as i64, i64::from(plan.cell_of_point()[point as usize]))
                 })
                 .unzip();
+            let n_px = [height_px, camera.image.len() / 3 / height_px].map(n_paint_pixels);
+            let n_pixels_painted = (n_px[0] * n_px[1]) as u32;
+            let pixels: Vec<u32> = camera.pixel_of_point.iter().map(|&of| of.min(n_pixels_painted)).collect();
+            self.integers(name("pixels"), &[pixels.len()], &integers(&pixels));
             self.integers(name("frustum_points"), &[points.len()], &points);
             self.integers(name("frustum_cells"), &[cells.len()], &cells);
         }
@@ -140,7 +144,8 @@ impl Tensors {
         let values = |data: burn::tensor::TensorData| data.try_to_vec::<f32>().expect("outputs are f32");
         let heatmap = values(output.heatmap.clone().into_data());
         self.floats(name("heatmap"), &[n_batch, n_channels, n_y, n_x], &heatmap);
-        for (part, tensor) in [("boxes", &output.boxes), ("harm", &output.harm)] {
+        let spread = output.spread.as_ref().map(|spread| ("spread", spread));
+        for (part, tensor) in [("boxes", &output.boxes), ("harm", &output.harm)].into_iter().chain(spread) {
             self.floats(name(part), &tensor.dims(), &values(tensor.clone().into_data()));
         }
         let queries = output.queries.iter().flatten();

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::training::{learner, step};
 use super::{Bench, BenchError, in_ms};
 use harmzone::model::{Batch, Input};
-use harmzone::train::{Plan, Position, Steps, TrainConfig};
+use harmzone::train::{AugmentConfig, Plan, Position, Steps, TrainConfig};
 
 /// What is done once.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -36,9 +36,16 @@ pub fn race<E: From<BenchError>>(
 ) -> Result<(), E> {
     bench.check()?;
     let dataset = bench.dataset.first(bench.samples_per_step());
-    // Mirrored inputs are others; drawn states cost the same whichever they are.
+    // Mirrored and disturbed inputs are others; drawn states cost the same whichever they are.
     let mut config = TrainConfig::clone(bench.config);
-    config.augment.mirror = false;
+    config.augment = AugmentConfig {
+        mirror: false,
+        disturbed_share: 0.0,
+        thinned_share: 0.0,
+        no_cloud_share: 0.0,
+        no_picture_share: 0.0,
+        ..config.augment
+    };
     let device = bench.device.clone().autodiff();
     let plan = Plan::new(&config, dataset.samples());
     let mut of_stages = Vec::new();

@@ -14,7 +14,7 @@ use harmzone::config::Checked;
 use harmzone::dataset::{Dataset, Fingerprint};
 use harmzone::episode::Split;
 use harmzone::eval::Mode;
-use harmzone::model::checkpoint::CHECKPOINT;
+use harmzone::model::checkpoint::{self, CHECKPOINT};
 use harmzone::progress::Progress;
 use harmzone::report::curves;
 use harmzone::train::{self, CONFIG_FILE, DATA_FILE, TrainConfig, TrainError};
@@ -163,11 +163,13 @@ impl<'a> Experiment<'a> {
     }
 }
 
-/// The config that a run was trained with.
+/// The config that a finished run was trained with; its network's as the checkpoint holds it, which knows what older ones lack.
 fn read_training(run: &Path) -> anyhow::Result<TrainConfig> {
     let path = run.join(CONFIG_FILE);
-    toml::from_str(&fs::read_to_string(&path)?)
-        .with_context(|| format!("this is not the config of a training: {}", path.display()))
+    let mut config: TrainConfig = toml::from_str(&fs::read_to_string(&path)?)
+        .with_context(|| format!("this is not the config of a training: {}", path.display()))?;
+    config.model = checkpoint::read_config(&run.join(CHECKPOINT))?;
+    Ok(config)
 }
 
 /// Reads a file of an experiment.

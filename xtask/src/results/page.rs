@@ -22,7 +22,10 @@ pub fn is_complete(out: &Path, record: &Record) -> bool {
             of.checkpoint_sha256.as_ref() == Some(&record.checkpoint_sha256)
                 && of.fingerprint.as_ref() == Some(data)
         });
-        let is_of_today = kept.evaluation.metrics.config == EvalConfig::default();
+        // But for the network's own score to warn from.
+        let found = &kept.evaluation.metrics.config;
+        let operating_score = found.operating_score;
+        let is_of_today = *found == EvalConfig { operating_score, ..EvalConfig::default() };
         is_of_these && is_of_today && kept.faults.is_some() && kept.sweeps.is_some()
     })
 }

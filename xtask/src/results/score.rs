@@ -175,7 +175,7 @@ fn look<'a>(
     judges: &[Judge],
     mode: Mode,
 ) -> anyhow::Result<Looked<'a>> {
-    let (data, protocol) = (experiment.scored_split(mode)?, Protocol::default());
+    let (data, protocol) = (experiment.scored_split(mode)?, Protocol::try_from(trained.eval_config()?)?);
     let shipped = SweepConfig::default();
     let config = if row.is_headline {
         shipped

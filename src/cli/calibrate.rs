@@ -1,0 +1,90 @@
+//! `harmzone calibrate`: the score from which on a network warns.
+
+use std::path::PathBuf;
+
+use anyhow::{Context, bail, ensure};
+use clap::Args;
+
+use super::{Bar, DeviceArg, ExitStatus, SamplesArgs, number, print, tell_seen};
+use crate::dataset::LearnedError;
+use crate::episode::Split;
+use crate::eval::{self, EvalConfig, Mode, Protocol, eval_samples};
+use crate::files;
+use crate::infer::{self, Trained};
+use crate::model::{OperatingScore, checkpoint};
+
+#[derive(Debug, Args)]
+pub struct CalibrateArgs {
+    /// Folder of a trained detector, or a checkpoint; the score is written into it
+    run: PathBuf,
+    #[command(flatten)]
+    samples: SamplesArgs,
+    /// Most false alarms that a warning may cost, per kilometre driven
+    #[arg(long, value_name = "N", default_value_t = 10.0, value_parser = number(1e-3..=1e6_f64))]
+    false_alarms_per_km: f64,
+    #[command(flatten)]
+    device: DeviceArg,
+}
+
+pub fn run(args: CalibrateArgs) -> anyhow::Result<ExitStatus> {
+    let trained = Trained::find(&args.run)?;
+    let Trained::File(path) = &trained else {
+        bail!(
+            "`{}` is inside the program and stays as it is; give a run's folder or a checkpoint",
+            args.run.display()
+        );
+    };
+    let dataset = args.samples.open()?;
+    let data = args.samples.data.display();
+    let episodes = dataset.episodes();
+    ensure!(
+        episodes.iter().all(|entry| entry.split != Split::Test),
+        "a score is chosen on val or dev; split test only reports: {data}"
+    );
+    if let Err(LearnedError { n_learned, n_episodes, first }) = tell_seen(&trained, episodes)? {
+        bail!(
+            "the network learned from {n_learned} of the {n_episodes} episodes, the first is `{first}`, and is surer of them than \
+             of a drive that is new to it; choose on another split (val or dev): {data}"
+        );
+    }
+    let mut config = EvalConfig { n_resamples: 0, ..EvalConfig::default() };
+    config.safety.false_alarms_per_km = vec![args.false_alarms_per_km];
+    let device = args.device.open()?;
+    let found = infer::detect(&trained.load(&device)?, &dataset.named(), &device, &Bar::default())?;
+    let samples = eval_samples(dataset.samples(), &found);
+    let evaluation = eval::evaluate(&samples, &Protocol::try_from(config)?, Mode::Id)?;
+    let alarms = evaluation.safety.alarms.with_context(|| {
+        format!("the car does not move in these samples, so that false alarms a kilometre cannot be counted: {data}")
+    })?;
+    let point = &alarms.points[0];
+    let score = point.score.with_context(|| {
+        format!(
+            "no score spends as few as {} false alarms a kilometre on the {:.3} km driven here; allow more, or give more \
+             data: {data}",
+            args.false_alarms_per_km, alarms.driven_km
+        )
+    })?;
+    let chosen = OperatingScore {
+        score,
+        max_false_alarms_per_km: args.false_alarms_per_km,
+        false_alarms_per_km: point.false_alarms_per_km,
+        missed_per_event: point.missed_per_event,
+        driven_km: alarms.driven_km,
+        n_samples: samples.len(),
+    };
+    let seen = trained.seen()?.map(|seen| seen.with_watched(episodes));
+    let (_, bytes) = trained.bytes()?;
+    let bytes = checkpoint::with_operating_score(&bytes, &chosen, seen.as_ref(), path)?;
+    files::write_atomic(path, &bytes).with_context(|| format!("cannot write {}", path.display()))?;
+    let missed = chosen.missed_per_event.map_or_else(
+        || "no harmful event is told apart".to_owned(),
+        |share| format!("{:.1} % of the harmful events are missed", 100.0 * share),
+    );
+    print(format!(
+        "warns from a score of {score:.3}: {:.1} false alarms a kilometre over {:.3} km, {missed}; kept in {}",
+        chosen.false_alarms_per_km,
+        chosen.driven_km,
+        path.display()
+    ))?;
+    Ok(ExitStatus::Done)
+}
