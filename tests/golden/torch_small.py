@@ -44,7 +44,7 @@ MARGIN = 3e-6
 # And a score, so that the same cells become queries.
 GAP = 5e-6
 # And an output, relative to it, so that the same queries go to the same objects.
-ROUNDING = 1e-4
+ROUNDING = 4e-5
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Case:
 
 
 CASES = (
-    Case("whole", SMALL, 225, 8000, seed=26),
+    Case("whole", SMALL, 225, 8000, seed=53),
     Case(
         "coarse",
         dataclasses.replace(SMALL, cell_size_m=6.4, image_width_px=64, n_queries=20),
@@ -180,7 +180,7 @@ def is_assignment_clear(case: Case, output: dict, parts: dict) -> bool:
         }
         of = [objects(i) for i in range(N_SAMPLES)]
         found = loss(output | disturbed, of, centers_m, case.config)
-        if any(abs(found[name] / parts[name] - 1) > 5 * ROUNDING for name in ("harm", "boxes")):
+        if any(abs(found[name] / parts[name] - 1) > ROUNDING for name in ("harm", "boxes")):
             return False
     return True
 
