@@ -151,14 +151,20 @@ def pillars(points: Array, config: Config) -> tuple[Array, Array, Array, Array]:
     return np.concatenate(features), np.array(rows), cells, np.concatenate(sources)
 
 
-def pixels_of(points: Array, camera: Camera) -> Array:
-    """Where the map at a quarter of the picture shows each of these points."""
+def see(points: Array, camera: Camera) -> tuple[Array, Array, Array, Array]:
+    """Columns, rows and depths of points in the picture, and whether it shows them."""
     x, y, z = ((points[:, :3] - camera.position) @ camera.rotation).T
     ahead = z > 1e-6
     z_or_one = np.where(ahead, z, 1.0)
     u = camera.center_px[0] + camera.focal_px[0] * x / z_or_one
     v = camera.center_px[1] + camera.focal_px[1] * y / z_or_one
     seen = ahead & (u >= 0) & (u < camera.width_px) & (v >= 0) & (v < camera.height_px)
+    return u, v, z, seen
+
+
+def pixels_of(points: Array, camera: Camera) -> Array:
+    """Where the map at a quarter of the picture shows each of these points."""
+    u, v, _, seen = see(points, camera)
     n_y, n_x = -(-camera.height_px // PAINT_STRIDE), -(-camera.width_px // PAINT_STRIDE)
     column = np.minimum(np.floor(np.where(seen, u, 0) / PAINT_STRIDE + 0.5).astype(int), n_x - 1)
     row = np.minimum(np.floor(np.where(seen, v, 0) / PAINT_STRIDE + 0.5).astype(int), n_y - 1)
@@ -167,12 +173,7 @@ def pixels_of(points: Array, camera: Camera) -> Array:
 
 def sparse_depth(points: Array, camera: Camera) -> Array:
     """Nearest LiDAR depth at each image feature, 0 where there is none."""
-    x, y, z = ((points[:, :3] - camera.position) @ camera.rotation).T
-    ahead = z > 1e-6
-    z_or_one = np.where(ahead, z, 1.0)
-    u = camera.center_px[0] + camera.focal_px[0] * x / z_or_one
-    v = camera.center_px[1] + camera.focal_px[1] * y / z_or_one
-    seen = ahead & (u >= 0) & (u < camera.width_px) & (v >= 0) & (v < camera.height_px)
+    u, v, z, seen = see(points, camera)
     # Halves round up; feature k looks at pixel 8 k.
     column, row = np.floor(u / STRIDE + 0.5).astype(int), np.floor(v / STRIDE + 0.5).astype(int)
     n_y, n_x = camera.n_features
