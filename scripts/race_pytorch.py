@@ -28,9 +28,10 @@ sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "golden"))
 
 import torch  # noqa: E402
 from safetensors.torch import load_file  # noqa: E402
+from small_config import Batch  # noqa: E402
 from small_input import Prepared, stack  # noqa: E402
 from small_loss import Objects, loss, picture_loss  # noqa: E402
-from small_network import POOLS, Batch, ConvBlock, Detector, load  # noqa: E402
+from small_network import POOLS, ConvBlock, Detector, load  # noqa: E402
 from torch import Tensor, nn  # noqa: E402
 
 CONTESTS = {

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from small_network import Batch, Config
+from small_config import Batch, Config
 
 STRIDE, PAINT_STRIDE = 8, 4
 # The fit of the ground.

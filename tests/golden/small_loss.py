@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 from scipy.optimize import linear_sum_assignment
-from small_network import CODE_SIZE, Config
+from small_config import Config
+from small_network import CODE_SIZE
 from torch import Tensor
 from torch.nn import functional
 from torch_losses import CODE_WEIGHTS, box_l1, gaussian_focal, sigmoid_focal

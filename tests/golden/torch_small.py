@@ -23,8 +23,9 @@ import small_input
 import torch
 import torch_assignment
 from safetensors.torch import save_file
+from small_config import Config
 from small_loss import Objects, iou_3d, loss, picture_loss
-from small_network import Config, Detector, Head
+from small_network import Detector, Head
 from torch import Tensor
 from torch.nn import functional
 
