@@ -1,4 +1,4 @@
-//! Compiles the protobuf messages, packs towns and object models for `src/scene/shipped.rs`, and lets the
+//! Compiles the protobuf messages, packs towns, object models and scenarios for `src/scene/shipped.rs`, and lets the
 //! binary find the shared libpython it was built against.
 
 #![allow(clippy::disallowed_methods, reason = "a build script has no fs_err")]
@@ -11,12 +11,13 @@ use flate2::Compression;
 use flate2::write::DeflateEncoder;
 
 /// Each message that is a topic's schema, and the file that defines it.
-const SCHEMAS: [(&str, &str); 5] = [
+const SCHEMAS: [(&str, &str); 6] = [
     ("EgoState", "harmzone/ego_state.proto"),
     ("Objects", "harmzone/objects.proto"),
     ("IgnoredRegions", "harmzone/ignored_regions.proto"),
     ("HarmLabels", "harmzone/harm_labels.proto"),
     ("Detections", "harmzone/detections.proto"),
+    ("DriveCommand", "harmzone/drive_command.proto"),
 ];
 
 fn main() {
@@ -57,6 +58,8 @@ fn pack_shipped() {
             );
         }
     }
+    println!("cargo::rerun-if-changed=scenarios");
+    collect_files(Path::new("scenarios"), &mut files);
     files.sort();
     let mut packed = DeflateEncoder::new(Vec::new(), Compression::best());
     for file in files {

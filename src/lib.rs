@@ -51,12 +51,13 @@
 //! checks it; `ARCHITECTURE.md` draws the pipeline):
 //!
 //! - what everything stands on: [`config`], [`device`], [`files`], [`geometry`], [`history`], [`meshes`], [`progress`], [`random`],
-//!   [`text_table`];
+//!   [`text_table`], [`worker`];
 //! - what is in a sample: [`object`], [`sample`], [`nuscenes`]; the rule by which objects matter: [`zone`]; what rays meet first: [`rays`];
 //! - the world: [`scene`], [`sensors`], [`sim`]; its files: [`episode`]; the stages that write them: [`generate`], [`import`],
 //!   [`label`], [`export`]; and what reads them: [`dataset`];
 //! - two data sets side by side: [`compare`];
 //! - the network: [`kernels`], [`model`], [`infer`], [`train`]; predictions of others: [`exchange`]; the scores: [`eval`], [`report`];
+//!   the closed loop: [`drive`];
 //! - the program's flags: [`cli`].
 
 pub mod config;
@@ -68,6 +69,7 @@ pub mod meshes;
 pub mod progress;
 pub mod random;
 pub mod text_table;
+pub mod worker;
 
 pub mod nuscenes;
 pub mod object;
@@ -92,6 +94,7 @@ pub mod dataset;
 pub mod kernels;
 
 pub mod compare;
+pub mod drive;
 pub mod eval;
 pub mod exchange;
 pub mod infer;

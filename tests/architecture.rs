@@ -19,6 +19,7 @@ const LAYERS: &[(&str, u32)] = &[
     ("history", 1),
     ("meshes", 1),
     ("text_table", 0),
+    ("worker", 0),
     ("object", 1),
     ("sample", 2), // above `object`: a sample holds objects
     ("nuscenes", 2),
@@ -38,6 +39,7 @@ const LAYERS: &[(&str, u32)] = &[
     ("compare", 7),
     ("eval", 7),
     ("infer", 8),
+    ("drive", 9),
     ("exchange", 9),
     ("train", 9),
     ("report", 10),

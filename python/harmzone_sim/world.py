@@ -101,18 +101,72 @@ class World:
 
         ctrl: [actuator]. mocap_id: [mover]. mocap_pose: [mover, 7], position and quaternion w, x, y, z.
         """
-        model, data = self.model, self.data
+        self._command(ctrl, mocap_id, mocap_pose)
+        if n_steps > 0:
+            mujoco.mj_step(self.model, self.data, n_steps)
+        self._bring_up()
+
+    def _command(self, ctrl: Array, mocap_id: NDArray[np.int64], mocap_pose: Array) -> None:
+        data = self.data
         data.ctrl[:] = ctrl
         data.mocap_pos[mocap_id] = mocap_pose[:, :3]
         data.mocap_quat[mocap_id] = mocap_pose[:, 3:]
-        if n_steps > 0:
-            mujoco.mj_step(model, data, n_steps)
+
+    def _bring_up(self) -> None:
+        """Checks that the physics is stable, and brings all poses up to the present state."""
+        model, data = self.model, self.data
         for warning in _FATAL_WARNINGS:
             if data.warning[warning].number:
                 raise FloatingPointError(f"unstable at {data.time:.3f} s of simulated time: {warning.name}")
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
         mujoco.mj_camlight(model, data)
+
+    def step_touching(
+        self,
+        ctrl: Array,
+        mocap_id: NDArray[np.int64],
+        mocap_pose: Array,
+        n_steps: int,
+        body: int,
+        ground: str,
+    ) -> tuple[NDArray[np.int32], Array]:
+        """Steps as `step` does, and tells what a free body and its parts touch, but for the geom `ground`.
+
+        Returns body [touch], the touched ones, each once, and [touch, 9]: the free body's velocity and the
+        touched body's, just before they touched, both of their origins, and the contact's normal out of the
+        free body, all along the world's axes. A body that is moved by hand has no velocity of its own: zeros.
+        """
+        model, data = self.model, self.data
+        is_own = model.body_rootid[model.geom_bodyid] == body
+        is_ground = np.zeros(model.ngeom, dtype=bool)
+        is_ground[model.geom(ground).id] = True
+        own_dof = model.jnt_dofadr[model.body_jntadr[body]]
+        touched: dict[int, Array] = {}
+        self._command(ctrl, mocap_id, mocap_pose)
+        for _ in range(n_steps):
+            velocities = data.qvel.copy()
+            mujoco.mj_step(model, data)
+            geoms = data.contact.geom
+            first, second = geoms[:, 0], geoms[:, 1]
+            meets = (is_own[first] != is_own[second]) & ~(is_ground[first] | is_ground[second])
+            for i in np.flatnonzero(meets):
+                is_first = is_own[first[i]]
+                other = int(model.geom_bodyid[second[i] if is_first else first[i]])
+                if other in touched:
+                    continue
+                dof = model.body_dofadr[other]
+                is_free = model.body_dofnum[other] == 6
+                other_velocity = velocities[dof : dof + 3] if is_free else np.zeros(3)
+                normal = data.contact.frame[i, :3] if is_first else -data.contact.frame[i, :3]
+                touched[other] = np.concatenate([velocities[own_dof : own_dof + 3], other_velocity, normal])
+        self._bring_up()
+        facts = np.array(list(touched.values()), dtype=np.float64).reshape(len(touched), 9)
+        return np.array(list(touched), dtype=np.int32), facts
+
+    def body_masses(self) -> Array:
+        """Mass of each body with all that hangs on it: [body]."""
+        return np.ascontiguousarray(self.model.body_subtreemass)
 
     def set_materials(self, geoms: list[str], materials: list[str]) -> None:
         """Gives each geom the material of the same place in the other list, both by name."""

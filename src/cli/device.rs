@@ -13,6 +13,20 @@ pub struct DeviceArg {
     device: DeviceName,
 }
 
+/// The same, for processes that open the device themselves.
+#[derive(Debug, Args)]
+pub struct DeviceNameArg {
+    /// Device that runs the network: cpu, or cuda:N or vulkan:N in a build with that backend
+    #[arg(long = "device", value_name = "DEVICE", default_value = "cpu")]
+    name: DeviceName,
+}
+
+impl DeviceNameArg {
+    pub fn name(&self) -> DeviceName {
+        self.name
+    }
+}
+
 impl DeviceArg {
     /// Opens the device, and has the allocator keep what a network frees: each sample asks for it again.
     ///

@@ -6,6 +6,8 @@ mod compare;
 mod curves;
 mod device;
 mod doctor;
+mod drive;
+mod drive_worker;
 mod eval;
 mod exchange;
 mod export;
@@ -28,7 +30,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-pub use device::DeviceArg;
+pub use device::{DeviceArg, DeviceNameArg};
 pub use eval::{ScoredData, command_line, provenance, tell_seen};
 pub use output::{ClosedPipe, print, print_summary, tell};
 pub use progress::Bar;
@@ -75,6 +77,11 @@ enum Command {
     Calibrate(calibrate::CalibrateArgs),
     /// Write the boxes of a rival that decides on harm without the network's class branch
     Baseline(baseline::BaselineArgs),
+    /// Let the ego drive on perception alone: collisions avoided, false stops, against who sees nothing and who sees all
+    Drive(drive::DriveArgs),
+    /// Drive for `drive`, which starts this command as a process of its own
+    #[command(hide = true)]
+    DriveWorker(drive_worker::DriveWorkerArgs),
     /// Show a data set's frames at other speeds and steering angles: curves, pictures, sensor errors
     Sweep(sweep::SweepArgs),
     /// Make one HTML page of scores: tables, curves, and a gallery of the worst misses and false alarms
@@ -112,6 +119,8 @@ pub fn main() -> ExitCode {
         Command::Eval(args) => eval::run(args),
         Command::Calibrate(args) => calibrate::run(args),
         Command::Baseline(args) => baseline::run(args),
+        Command::Drive(args) => drive::run(args),
+        Command::DriveWorker(args) => drive_worker::run(args),
         Command::Sweep(args) => sweep::run(args),
         Command::Report(args) => report::run(args),
         Command::View(args) => view::run(args),
@@ -215,7 +224,15 @@ mod tests {
             }
         }
         let numbers = ["gen --episodes", "gen --samples", "gen --seed", "gen --jobs", "zones --sample"];
-        let more = ["calibrate --false-alarms-per-km", "report --cards", "view --sample", "view --min-score"];
+        let more = [
+            "calibrate --false-alarms-per-km",
+            "drive --episodes",
+            "drive --seed",
+            "drive --jobs",
+            "report --cards",
+            "view --sample",
+            "view --min-score",
+        ];
         assert_eq!(told, [&numbers[..], &more].concat());
     }
 }

@@ -55,15 +55,7 @@ impl DetectionWriter {
     /// A number that is not finite, a size that is not above zero, a score outside 0 to 1, a time
     /// that does not advance, or the disk fails.
     pub fn write(&mut self, sample: &SampleDetections) -> Result<(), EpisodeError> {
-        let (time_ns, archive) = (sample.time_ns, &mut self.archive);
-        for (i, detection) in sample.detections.iter().enumerate() {
-            objects::check_detection(detection)
-                .map_err(|fault| fault.of(&i.to_string()))
-                .map_err(EpisodeError::invalid(&self.meta.episode, archive.n_samples, &archive.path))?;
-        }
-        archive.begin_sample(time_ns)?;
-        archive.write(topics::DETECTIONS, &objects::detections_message(time_ns, &sample.detections))?;
-        archive.write(topics::DETECTION_MARKERS, &drawing::detection_boxes(time_ns, &sample.detections))
+        write_detections(&mut self.archive, &self.meta, sample)
     }
 
     /// Writes the metadata and the index, and gives the file its name.
@@ -73,4 +65,21 @@ impl DetectionWriter {
     pub fn finish(self) -> Result<PathBuf, EpisodeError> {
         self.archive.finish([(SampleDetections::RECORD, self.meta.to_record())])
     }
+}
+
+/// Begins a sample with its boxes.
+pub(super) fn write_detections(
+    archive: &mut ArchiveWriter,
+    meta: &SourceMeta,
+    sample: &SampleDetections,
+) -> Result<(), EpisodeError> {
+    let time_ns = sample.time_ns;
+    for (i, detection) in sample.detections.iter().enumerate() {
+        objects::check_detection(detection)
+            .map_err(|fault| fault.of(&i.to_string()))
+            .map_err(EpisodeError::invalid(&meta.episode, archive.n_samples, &archive.path))?;
+    }
+    archive.begin_sample(time_ns)?;
+    archive.write(topics::DETECTIONS, &objects::detections_message(time_ns, &sample.detections))?;
+    archive.write(topics::DETECTION_MARKERS, &drawing::detection_boxes(time_ns, &sample.detections))
 }

@@ -8,6 +8,7 @@ mod checks;
 mod convert;
 mod detections;
 mod drawing;
+mod drive_log;
 mod error;
 pub mod folder;
 mod foreign;
@@ -32,6 +33,7 @@ mod writer;
 
 pub use detections::{DetectionReader, DetectionWriter, SampleDetections};
 pub use drawing::MapDrawing;
+pub use drive_log::{CommandReader, DriveLogWriter, SampleCommand};
 pub use error::{EpisodeError, MessageFault};
 pub use foreign::{ForeignFile, ForeignMessage, ForeignSchema, ForeignTopic, MessagePlace};
 pub use labels::{LabelReader, LabelWriter, ObjectLabel, SampleLabels};

@@ -62,6 +62,9 @@ topics! { OF_DETECTIONS:
     DETECTIONS = "/detections" of wire::Detections,
     DETECTION_MARKERS = "/detections/markers" of fox::SceneUpdate,
 }
+topics! { OF_COMMANDS:
+    COMMANDS = "/drive/command" of wire::DriveCommand,
+}
 
 /// The topics that a reader of episodes needs, with one message per sample.
 pub const EACH_SAMPLE: &[TopicSpec] =

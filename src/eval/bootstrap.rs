@@ -78,14 +78,24 @@ impl Resamples {
 
     /// A value of each resample, from how often each episode was drawn.
     pub fn map<T: Send>(&self, value: impl Fn(&[u32]) -> T + Sync) -> Vec<T> {
-        let of_resample = |resample| {
-            let mut rng = random::stream(self.seed, "bootstrap", resample);
-            let mut n_drawn = vec![0_u32; self.n_episodes];
-            (0..self.n_episodes).for_each(|_| n_drawn[rng.random_range(0..self.n_episodes)] += 1);
-            value(&n_drawn)
-        };
-        (0..self.n as u64).into_par_iter().map(of_resample).collect()
+        resample(self.n_episodes, self.n, self.seed, value)
     }
+}
+
+/// A value of each of `n` resamples of some episodes, from how often each episode was drawn.
+pub fn resample<T: Send>(
+    n_episodes: usize,
+    n: usize,
+    seed: u64,
+    value: impl Fn(&[u32]) -> T + Sync,
+) -> Vec<T> {
+    let of_resample = |resample| {
+        let mut rng = random::stream(seed, "bootstrap", resample);
+        let mut n_drawn = vec![0_u32; n_episodes];
+        (0..n_episodes).for_each(|_| n_drawn[rng.random_range(0..n_episodes)] += 1);
+        value(&n_drawn)
+    };
+    (0..n as u64).into_par_iter().map(of_resample).collect()
 }
 
 /// Draws the resamples; `None` if the config asks for none or there is only one episode.
@@ -199,8 +209,9 @@ impl Cell {
     }
 }
 
-/// The middle [`LEVEL`] of some values; quantiles between two values are interpolated, as numpy's default.
-pub(super) fn interval(values: impl Iterator<Item = f64>) -> Option<[f64; 2]> {
+/// The middle [`LEVEL`] of some values; quantiles between two values are interpolated, as numpy's default. `None`
+/// without values.
+pub fn interval(values: impl Iterator<Item = f64>) -> Option<[f64; 2]> {
     let mut sorted: Vec<f64> = values.collect();
     sorted.sort_by(f64::total_cmp);
     let last = sorted.len().checked_sub(1)?;

@@ -26,7 +26,7 @@ mod sample;
 pub mod sweep;
 
 pub use axis::Axis;
-pub use bootstrap::{Confidence, Intervals};
+pub use bootstrap::{Confidence, Intervals, interval, resample};
 pub use breakdown::{Breakdown, Group, GroupScores};
 pub use curve::Curve;
 pub use evaluation::{Evaluation, evaluate, score};

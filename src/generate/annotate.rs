@@ -45,16 +45,7 @@ pub(super) fn annotate(
         return None;
     }
     let ego_from_world = world_from_ego.inverse();
-    // Upright is the ego's up: on a slope, a car ahead on the same slope keeps its own sizes.
-    let ego_from_model = ego_from_world.isometry * seen.world_from_model;
-    let is_upright = matches!(object.event, Event::None | Event::Lies) && !object.is_tipped;
-    let box_in_ego: Box3<Ego> = if is_upright {
-        upright_box(&ego_from_model, &object.bounds)
-    } else {
-        // When a thing tumbles, the corners of its bounds may lie far outside, even below the ground.
-        let points = object.triangles_as(seen.shape).iter().flatten().map(|point| point.cast());
-        upright_box_of(&ego_from_model, points)
-    };
+    let box_in_ego = box_of(object, seen, &ego_from_world);
     let distance_m = box_in_ego.center.x().hypot(box_in_ego.center.y());
     if distance_m > config.max_range_m {
         return None;
@@ -77,25 +68,54 @@ pub(super) fn annotate(
     if whole_px == 0 && !rig.lidars.iter().any(RigLidar::is_full) {
         return None;
     }
+    Some(Object {
+        n_lidar_points: Some(seen.n_lidar_points),
+        visible_px: Some(visible_px),
+        visible_fraction: Some((f64::from(visible_px) / f64::from(whole_px.max(1))).min(1.0)),
+        ..describe(object, seen, step_s, world_from_ego)
+    })
+}
+
+/// What is true of an object, whether it is seen or not.
+pub(super) fn describe(
+    object: &SceneObject,
+    seen: &Observation,
+    step_s: f64,
+    world_from_ego: &Transform<World, Ego>,
+) -> Object {
+    let ego_from_world = world_from_ego.inverse();
+    let ego_from_model = ego_from_world.isometry * seen.world_from_model;
+    let box_in_ego = box_of(object, seen, &ego_from_world);
     let middle = nalgebra::center(&object.bounds[0], &object.bounds[1]);
     let moved = seen.world_from_model * middle - seen.world_from_model_before * middle;
     let velocity: Vector3<f64> = ego_from_world.rotate(&(moved / step_s));
-    Some(Object {
-        box_in_ego,
+    Object {
         velocity_in_ego_mps: [velocity.x, velocity.y],
         id: Some(object.id.clone()),
         category: Some(object.category.clone()),
         kind: Some(object.kind),
         distribution: Some(object.distribution),
-        n_lidar_points: Some(seen.n_lidar_points),
-        visible_px: Some(visible_px),
-        visible_fraction: Some((f64::from(visible_px) / f64::from(whole_px.max(1))).min(1.0)),
         event: Some(object.event),
         spot: Some(object.spot),
         is_tipped: Some(object.is_tipped),
         solid: solid_part(object, &ego_from_model, &box_in_ego),
         clearance_m: Some(lowest_m(object, &seen.world_from_model) - seen.ground_m),
-    })
+        ..Object::new(box_in_ego)
+    }
+}
+
+/// The object's box in the ego frame.
+fn box_of(object: &SceneObject, seen: &Observation, ego_from_world: &Transform<Ego, World>) -> Box3<Ego> {
+    // Upright is the ego's up: on a slope, a car ahead on the same slope keeps its own sizes.
+    let ego_from_model = ego_from_world.isometry * seen.world_from_model;
+    let is_upright = matches!(object.event, Event::None | Event::Lies) && !object.is_tipped;
+    if is_upright {
+        upright_box(&ego_from_model, &object.bounds)
+    } else {
+        // When a thing tumbles, the corners of its bounds may lie far outside, even below the ground.
+        let points = object.triangles_as(seen.shape).iter().flatten().map(|point| point.cast());
+        upright_box_of(&ego_from_model, points)
+    }
 }
 
 /// The solid part of an object that stands upright, where it is not the whole object.

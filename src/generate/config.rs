@@ -8,7 +8,7 @@ use crate::scene::{PopulateConfig, SceneSplit, town_names_of, town_split};
 use crate::sensors::{Rig, RigConfig, RigVariationConfig, Weather, WeatherOverride};
 
 /// Behaviour and steering act this often; physics in between.
-pub(super) const CONTROL_PERIOD_S: f64 = 0.05;
+pub const CONTROL_PERIOD_S: f64 = 0.05;
 
 /// Simulated time begins on 2025-01-01, whatever the wall clock says.
 const EPOCH_NS: u64 = 1_735_689_600_000_000_000;
@@ -163,7 +163,7 @@ pub struct CheckedConfig {
     pub raw: GenerateConfig,
     pub weathers: Vec<Weather>,
     pub rig: Rig,
-    pub(super) control_steps_per_sample: u32,
+    pub control_steps_per_sample: u32,
 }
 
 impl CheckedConfig {

@@ -12,6 +12,7 @@ pub mod episode;
 mod folder;
 mod leaves;
 mod lighting;
+mod live;
 mod map;
 #[cfg(test)]
 mod people_tests;
@@ -28,6 +29,7 @@ mod surfaces;
 #[cfg(test)]
 mod surround_tests;
 mod timings;
+mod towns;
 #[cfg(test)]
 mod variation_tests;
 pub mod worker;
@@ -37,8 +39,10 @@ use std::path::PathBuf;
 use thiserror::Error;
 
 pub use config::{
-    ALL, AnnotationConfig, CheckedConfig, GenerateConfig, LidarEngine, RenderConfig, RendererName,
+    ALL, AnnotationConfig, CONTROL_PERIOD_S, CheckedConfig, GenerateConfig, LidarEngine, RenderConfig,
+    RendererName,
 };
+pub use live::{Contact, LiveEpisode};
 pub use plan::{EpisodePlan, plan};
 pub use preset::Preset;
 pub use run::{GenerateSummary, RunOptions, run};

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use serde::Serialize;
 
-use super::worker::{Job, Worker};
+use super::worker::{COMMAND, Job, Task};
 use super::{CheckedConfig, EpisodePlan, GenerateConfig, GenerateError, folder, plan};
 use crate::config::to_toml;
 use crate::episode::manifest::ObjectCounts;
@@ -16,6 +16,7 @@ use crate::episode::{EpisodeEntry, Manifest, Split};
 use crate::object::{Distribution, Kind};
 use crate::progress::Progress;
 use crate::scene::{OwnModels, Town};
+use crate::worker::Worker;
 
 /// How a data set is made; this does not change its bytes.
 #[derive(Debug, Clone)]
@@ -125,9 +126,9 @@ impl Shared<'_> {
             let plan = &self.plans[episode_idx as usize];
             let worker = match &mut worker {
                 Some(worker) => worker,
-                none => none.insert(Worker::start(program, job)?),
+                none => none.insert(Worker::start(program, COMMAND, job, None)?),
             };
-            let made = worker.make(episode_idx, &|| self.progress.advance(1));
+            let made = worker.make(&Task { episode_idx }, &|| self.progress.advance(1));
             let entry =
                 made.map_err(|message| GenerateError::Worker { episode: plan.name.clone(), message })?;
             self.progress.note(&plan.name);

@@ -3,7 +3,11 @@
 //! Pure pursuit (Coulter, 1992): `steering = atan(2 wheelbase sin(alpha) / lookahead)` towards the
 //! point on the path `lookahead` ahead of the rear axle.
 
+mod ordered;
+
 use std::collections::BTreeMap;
+
+pub use ordered::EgoOrders;
 
 use super::car::{
     DRIVE_RESPONSE_S, EGO_LENGTH_M, EGO_WIDTH_M, EgoCommand, FRONT_BUMPER_X_M, MAX_STEERING_RAD, WHEELBASE_M,
@@ -83,6 +87,8 @@ pub struct EgoDriver {
     asked_mps2: f64,
     speed_before_mps: f64,
     drag_mps2: f64,
+    /// Braking that the driver under test asks of the wheels beyond what is ordered, so that the car does what is ordered.
+    more_braking_mps2: f64,
     /// Placements that are not noticed yet, and the braking that stopping before them takes when they are, m/s².
     unnoticed: BTreeMap<usize, f64>,
     rng: Rng,
@@ -107,6 +113,7 @@ impl EgoDriver {
             asked_mps2: 0.0,
             speed_before_mps: 0.0,
             drag_mps2: 0.0,
+            more_braking_mps2: 0.0,
             unnoticed,
             rng,
         }

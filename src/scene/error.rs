@@ -19,6 +19,8 @@ pub enum SceneError {
     NoLanes { path: PathBuf },
     #[error("not a usable object model: {message}: {}", path.display())]
     Model { message: String, path: PathBuf },
+    #[error("the actor `{actor}` is a `{model}`, and no model or category is called so; there are {}", found.join(", "))]
+    UnknownModel { actor: String, model: String, found: Vec<String> },
     #[error("the town `{town}` has no place where the ego could start")]
     NoStart { town: String },
 }

@@ -1,5 +1,7 @@
 //! Scenes: towns, object models, the filled world as MJCF, and the behaviour of everything that moves.
 
+mod actor_config;
+mod actors;
 mod annexes;
 mod bend_rails;
 mod bounds;
@@ -9,6 +11,8 @@ mod bus_stops;
 pub mod car;
 mod clutter;
 mod crowd;
+mod dash;
+mod dashing;
 mod drape;
 mod driver;
 mod driving;
@@ -80,8 +84,10 @@ mod water;
 mod windows;
 mod world;
 
+pub use actor_config::{ActorConfig, ActorMotion};
 pub use buildings::{Balcony, Building};
 pub use car::EgoCommand;
+pub use ego::EgoOrders;
 pub use error::SceneError;
 pub use ground::{Grid, Ground};
 pub use lights::{Aspect, Light, Lights};
@@ -95,6 +101,7 @@ pub use parties::PeopleConfig;
 pub use path::{Path, Vec2};
 pub use populate::{PopulateConfig, populate, populate_in};
 pub use route::{Route, Span};
+pub use shipped::shipped_scenarios;
 pub use split::SceneSplit;
 pub use surface::Surface;
 pub use town::{Town, town_name, town_names, town_names_of, town_split};

@@ -108,6 +108,45 @@ pub fn draw_parties(
     parties
 }
 
+/// People that an actor of a scenario may be: a category, and the ages of its people.
+const ACTORS: [(&str, [f64; 2]); 3] =
+    [("adult", [20.0, 70.0]), ("child", [4.0, 11.0]), ("wheelchair", [30.0, 80.0])];
+
+/// Adds a model for an actor that is a person: on foot at a speed, or standing; the actor's name is in the model's.
+pub fn draw_actor(
+    name: &str,
+    category: &str,
+    speed_mps: f64,
+    is_raining: bool,
+    seed: u64,
+    models: &mut Vec<Model>,
+) {
+    let Some((_, [youngest, oldest])) = ACTORS.into_iter().find(|(known, _)| *known == category) else {
+        return;
+    };
+    let mut rng = random::stream(seed, &format!("actor-person {name}"), 0);
+    let age_years = youngest + (oldest - youngest) * rng.random::<f64>();
+    let does = match category {
+        "wheelchair" => Does::Rolls,
+        _ if speed_mps > 0.0 => Does::Walks(speed_mps),
+        _ => Does::Stands(Stance::Easy),
+    };
+    let person = Person::draw(age_years, rng.random_bool(0.5), does, Holds::Nothing, is_raining, &mut rng);
+    let facts = facts(category, Kind::Pedestrian, person.outfit.reflectivity);
+    let phases = person.phases(&mut rng);
+    models.push(model(&actor_name(name), facts, person.body.mass_kg, &person.outfit.colours, &phases));
+}
+
+/// Categories of people that an actor may be, of which no model comes along.
+pub fn actor_people() -> impl Iterator<Item = &'static str> {
+    ACTORS.into_iter().map(|(category, _)| category)
+}
+
+/// Name of the model that is drawn for an actor.
+pub fn actor_name(name: &str) -> String {
+    format!("actor_{name}")
+}
+
 struct Crowd<'a> {
     config: &'a PeopleConfig,
     is_raining: bool,

@@ -1,22 +1,24 @@
 //! Fills a town: the ego's route, parked and moving vehicles, pedestrians, props and, if wanted,
 //! out-of-distribution objects on the road and beside it. Same town, config and seed: same world.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use super::actor_config::ActorConfig;
 use super::error::SceneError;
 use super::loose::Perch;
 use super::models::{self, Model};
 use super::network::LaneGraph;
 use super::occupancy::{Footprint, Occupied};
 use super::ood_placement::OodPlacementConfig;
-use super::parties::{PeopleConfig, draw_parties};
+use super::parties::{PeopleConfig, draw_actor, draw_parties};
 use super::path::Vec2;
 use super::route::Route;
 use super::solids::draw_solids;
 use super::split::SceneSplit;
 use super::town::Town;
 use super::world::{Motion, Placement, SceneObject, World, footprint_of};
-use crate::config::{SHARE, define_config, from_to, part};
+use crate::config::{SHARE, define_config, from_to, part, parts};
 use crate::object::{Distribution, Kind, Spot};
 use crate::random::{self, Rng};
 use rand::RngExt;
@@ -57,6 +59,9 @@ define_config! {
         shipped_kinds: bool = true;
         /// SHA-256 of a user's own models (`gen --models`); empty without any.
         own_models: String = String::new();
+        /// Actors of a scenario, by names of one's own.
+        #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+        actors: BTreeMap<String, ActorConfig> = BTreeMap::new(), in parts::<ActorConfig>();
     }
 }
 
@@ -107,6 +112,9 @@ pub fn populate_in(
     }
     let n_people = f64::from(town.config.traffic.n_pedestrians) * config.pedestrian_density;
     let parties = draw_parties(&config.people, n_people.round() as usize, is_raining, seed, &mut models);
+    for (name, actor) in &config.actors {
+        draw_actor(name, &actor.model, actor.speed_mps, is_raining, seed, &mut models);
+    }
     let models = Arc::<[Model]>::from(models);
     let mut rng = random::stream(seed, "ego-route", 0);
     let starts = starts(&town.graph);
@@ -138,6 +146,7 @@ pub fn populate_in(
     filler
         .occupied
         .claim(Footprint { center: ego_center, yaw_rad: ego_yaw_rad, length_m: 12.0, width_m: 2.6 }, 0.0);
+    filler.place_actors(&ego_route, start_m)?;
     let lamp_posts = filler.place_lights();
     let places_strange = config.ood || config.places_solids();
     let reserved = places_strange.then(|| filler.place_unfamiliar(&ego_route));
@@ -158,7 +167,10 @@ pub fn populate_in(
     let (mut placements, perches) = (filler.placements, filler.perches);
     let mut n_mocap = 0;
     for placement in &mut placements {
-        if matches!(placement.motion, Motion::Drives { .. } | Motion::Walks(_) | Motion::Follows(_)) {
+        if matches!(
+            placement.motion,
+            Motion::Drives { .. } | Motion::Walks(_) | Motion::Follows(_) | Motion::Dashes(_)
+        ) {
             placement.mocap = Some(n_mocap);
             n_mocap += 1 + models[placement.model].shapes.len();
         }

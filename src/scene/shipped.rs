@@ -1,4 +1,4 @@
-//! The files inside the program: towns and object models, which `build.rs` packs as one deflated stream.
+//! The files inside the program: towns, object models and scenarios, which `build.rs` packs as one deflated stream.
 //!
 //! The stream holds for each file the lengths of its path and its content, little-endian u32, then both.
 
@@ -24,6 +24,13 @@ pub(super) fn bytes(path: &str) -> Option<&'static [u8]> {
 /// The content of a file that is UTF-8 text.
 pub(super) fn text(path: &str) -> Option<&'static str> {
     std::str::from_utf8(bytes(path)?).ok()
+}
+
+/// The scenarios that come with harmzone: path in the source tree and text, sorted.
+pub fn shipped_scenarios() -> Vec<(&'static str, &'static str)> {
+    let of_file =
+        |path: &'static String| path.starts_with("scenarios/").then(|| Some((path.as_str(), text(path)?)))?;
+    FILES.keys().filter_map(of_file).collect()
 }
 
 /// Names of the folders in `root` that have a file named `leaf`, sorted.

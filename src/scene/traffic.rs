@@ -8,9 +8,10 @@ use nalgebra::{UnitQuaternion, Vector3};
 use rand::RngExt;
 
 use super::car::EgoCommand;
+use super::dashing::Dasher;
 use super::driver::Driver;
 use super::driving::{Gap, Obstacle, Owner};
-use super::ego::EgoDriver;
+use super::ego::{EgoDriver, EgoOrders};
 use super::ego_pose::EgoPose;
 use super::following::{Follower, Stride, party_of};
 use super::junctions::{Answer, Approach, Asker, Reservations, View};
@@ -74,9 +75,12 @@ pub struct Commands {
 pub struct Traffic {
     town: Arc<Town>,
     ego: EgoDriver,
+    /// `None` while the scripted driver drives.
+    orders: Option<EgoOrders>,
     drivers: Vec<Driver>,
     walkers: Vec<Walker>,
     followers: Vec<Follower>,
+    dashers: Vec<Dasher>,
     still: Vec<Obstacle>,
     loose: Vec<Obstacle>,
     reservations: Reservations,
@@ -90,7 +94,7 @@ impl Traffic {
     pub fn new(world: &World, seed: u64) -> Self {
         let mut rng = random::stream(seed, "drivers", 0);
         let (mut drivers, mut walkers, mut still) = (Vec::new(), Vec::new(), Vec::new());
-        let mut followers = Vec::new();
+        let (mut followers, mut dashers) = (Vec::new(), Vec::new());
         for (i, placement) in world.placements.iter().enumerate() {
             let footprint = world.footprint(placement);
             match &placement.motion {
@@ -108,6 +112,11 @@ impl Traffic {
                 }
                 // Taken into account once the simulator reports where it is.
                 Motion::Loose(_) => {}
+                Motion::Dashes(dash) => {
+                    let dash = dash.as_ref().clone();
+                    let at = (placement.position, placement.yaw_rad);
+                    dashers.push(Dasher::new(i, dash, &world.models[placement.model], at));
+                }
                 Motion::Walks(walk) => {
                     let stride = Stride::new(i, &world.models[placement.model]);
                     let mut walker =
@@ -126,9 +135,11 @@ impl Traffic {
         Self {
             town: Arc::clone(&world.town),
             ego: EgoDriver::new(world.ego_route.clone(), world.ego_start_m, unnoticed, ego_rng),
+            orders: None,
             drivers,
             walkers,
             followers,
+            dashers,
             still,
             loose: Vec::new(),
             reservations: Reservations::default(),
@@ -136,6 +147,27 @@ impl Traffic {
             mocap_of: world.placements.iter().map(|placement| placement.mocap).collect(),
             rng,
         }
+    }
+
+    /// Has the ego driven by the driver under test, which knows nothing of objects, and tells it what perception orders.
+    pub fn order(&mut self, orders: EgoOrders) {
+        self.orders = Some(orders);
+    }
+
+    /// How far the ego would have come on its route after each of so many steps, from standing where it is, with nothing in
+    /// its way and all lights green.
+    pub fn free_way_m(&self, n_steps: usize, dt_s: f64) -> Vec<f64> {
+        self.ego.free_way_m(n_steps, dt_s, &self.town.graph)
+    }
+
+    /// Whether an actor has been set off and has not come to the end of its way.
+    pub fn is_under_way(&self, placement: usize) -> bool {
+        self.dashers.iter().any(|dasher| dasher.placement == placement && dasher.is_under_way())
+    }
+
+    /// Placements of the actors that the ego has set off.
+    pub fn set_off(&self) -> impl Iterator<Item = usize> {
+        self.dashers.iter().filter(|dasher| dasher.is_off()).map(|dasher| dasher.placement)
     }
 
     /// Takes the present state of the loose things: placement, box on the ground, bottom's height, velocity.
@@ -184,8 +216,9 @@ impl Traffic {
             length_m: side_m,
             width_m: side_m,
         });
+        let dashers = self.dashers.iter().map(|dasher| dasher.obstacle().footprint);
         let others = self.still.iter().chain(&self.loose).map(|other| other.footprint);
-        drivers.chain(walkers).chain(followers).chain(others).collect()
+        drivers.chain(walkers).chain(followers).chain(dashers).chain(others).collect()
     }
 
     /// Footprints of the moving vehicles.
@@ -214,13 +247,17 @@ impl Traffic {
         obstacles.extend(self.drivers.iter().map(Driver::obstacle));
         obstacles.extend(self.walkers.iter().map(Walker::obstacle));
         obstacles.extend(self.followers.iter().map(Follower::obstacle));
+        obstacles.extend(self.dashers.iter().map(Dasher::obstacle));
         let n_moving = obstacles.len();
         obstacles.extend(self.still.iter().copied());
         obstacles.extend(self.loose.iter().copied());
         self.clock.time_s += dt_s;
         let (ego_answer, lines) = self.ask_junctions(&pose, &obstacles[..n_moving]);
         let scene = (&self.town.graph, &self.town.surface);
-        let ego = self.ego.step(dt_s, &pose, &ego_answer, scene, &obstacles);
+        let ego = match &self.orders {
+            None => self.ego.step(dt_s, &pose, &ego_answer, scene, &obstacles),
+            Some(orders) => self.ego.step_ordered(dt_s, &pose, &ego_answer, scene.0, orders),
+        };
         for (i, line) in lines.into_iter().enumerate() {
             let driver = &mut self.drivers[i];
             driver.step(dt_s, line, &self.town, &obstacles, &mut self.rng);
@@ -241,6 +278,9 @@ impl Traffic {
             if let Some(leader) = leader {
                 follower.step(dt_s, leader.position, leader.yaw_rad);
             }
+        }
+        for dasher in &mut self.dashers {
+            dasher.step(dt_s, pose.position);
         }
         Commands { ego, mocap: self.mocap_poses(), lights: self.aspects() }
     }
@@ -336,7 +376,9 @@ impl Traffic {
             self.walkers.iter().map(|w| (w.placement, w.position, w.yaw_rad, w.velocity_mps, &w.stride));
         let followers =
             self.followers.iter().map(|f| (f.placement, f.position, f.yaw_rad, f.velocity_mps, &f.stride));
-        for (placement, position, yaw_rad, velocity_mps, stride) in walkers.chain(followers) {
+        let dashers =
+            self.dashers.iter().map(|d| (d.placement, d.position, d.yaw_rad, d.velocity_mps, &d.stride));
+        for (placement, position, yaw_rad, velocity_mps, stride) in walkers.chain(followers).chain(dashers) {
             let Some(index) = self.mocap_of[placement] else { continue };
             poses.push(MocapPose {
                 index,

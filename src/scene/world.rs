@@ -5,6 +5,7 @@ use std::sync::Arc;
 use nalgebra::Point3;
 
 use super::bounds::Bounds;
+use super::dash::Dash;
 use super::loose::{Loose, Perch};
 use super::models::{Model, Role};
 use super::occupancy::Footprint;
@@ -55,6 +56,8 @@ pub enum Motion {
     },
     Walks(Walk),
     Follows(Beside),
+    /// Stands until the ego comes, then goes its way.
+    Dashes(Box<Dash>),
     /// Held until the ego comes near, then free.
     Loose(Box<Loose>),
 }

@@ -10,6 +10,7 @@ mod picture_tests;
 mod python;
 mod sensing;
 mod simulator;
+mod stepping;
 mod visible;
 
 use std::path::PathBuf;
@@ -20,6 +21,7 @@ pub use mount::{CameraMount, Renderer};
 pub use python::{Environment, VENV_VARIABLE};
 pub use sensing::DrawnView;
 pub use simulator::Simulator;
+pub use stepping::Touch;
 
 /// The command that makes the virtual environment.
 pub const INSTALL_VENV: &str = "make setup";

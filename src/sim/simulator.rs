@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
-use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
+use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
@@ -164,29 +164,6 @@ impl Simulator {
 
     pub fn timestep_s(&self) -> f64 {
         self.timestep_s
-    }
-
-    /// Sets the controls and the poses of mocap bodies (by mocap number), then advances `n_steps`.
-    ///
-    /// # Errors
-    /// The physics became unstable, or sizes do not fit.
-    pub fn step(
-        &mut self,
-        ctrl: &[f64],
-        mocap: &[(usize, Isometry3<f64>)],
-        n_steps: usize,
-    ) -> Result<(), SimError> {
-        let ids: Vec<i64> = mocap.iter().map(|&(id, _)| id as i64).collect();
-        let poses: Vec<f64> = mocap
-            .iter()
-            .flat_map(|(_, Isometry3 { translation: p, rotation: q })| [p.x, p.y, p.z, q.w, q.i, q.j, q.k])
-            .collect();
-        self.ask("step", |world| {
-            let ctrl = PyArray1::from_slice(world.py(), ctrl);
-            let ids = PyArray1::from_vec(world.py(), ids);
-            let poses = PyArray1::from_vec(world.py(), poses).reshape([mocap.len(), 7])?;
-            world.call_method1("step", (ctrl, ids, poses, n_steps)).map(drop)
-        })
     }
 
     /// Gives geoms other materials, both by name.

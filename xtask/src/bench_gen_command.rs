@@ -8,7 +8,7 @@ use crate::bench_gen::{self as bench, BenchOptions};
 use harmzone::cli::{Bar, ExitStatus, number, print_summary};
 use harmzone::config;
 use harmzone::generate::GenerateConfig;
-use harmzone::generate::worker::ALLOCATOR_ENVIRONMENT;
+use harmzone::worker::ALLOCATOR_ENVIRONMENT;
 
 #[derive(Debug, Args)]
 pub struct BenchArgs {

@@ -1,0 +1,98 @@
+//! The config of `harmzone drive`: `drive.toml`.
+
+use crate::config::{Check, InvalidConfig, define_config, from_to, part, require};
+use crate::generate::{CONTROL_PERIOD_S, GenerateConfig};
+use crate::zone::ZoneConfig;
+
+/// Above this, a brake is a hard one: what a false stop is counted by.
+pub const HARD_BRAKING_MPS2: f64 = 3.0;
+
+define_config! {
+    /// What is driven, and how the driver under test reacts.
+    pub struct DriveConfig {
+        /// Longest time of an episode, simulated seconds.
+        seconds: f64 = 30.0, in from_to(1.0, 3600.0);
+        /// An episode ends where the ego has stood so long because perception told it to.
+        standing_s: f64 = 4.0, in from_to(0.1, 3600.0);
+        /// Longest wait for an answer of an external detector, seconds of the wall clock; ten times as long for its first.
+        reply_s: f64 = 30.0, in from_to(0.01, 3600.0);
+        reflex: ReflexConfig = ReflexConfig::default(), in part::<ReflexConfig>();
+        /// What is truly harmful, and the rule of `truth` and of `zone:RUN`.
+        zone: ZoneConfig = ZoneConfig::default(), in part::<ZoneConfig>();
+        /// Town, weather, traffic, objects and sensors, as `harmzone gen` takes them; its samples and warm-up have no part here.
+        world: GenerateConfig = GenerateConfig::default(), in part::<GenerateConfig>();
+    }
+}
+
+define_config! {
+    /// How boxes become braking.
+    pub struct ReflexConfig {
+        /// Score from which on a harmful box counts; 0: the detector's own, or any.
+        score: f64 = 0.0, in from_to(0.0, 1.0);
+        /// A harmful box counts when it is there in so many ..
+        n_confirming: u32 = 2, in from_to(1.0, 100.0);
+        /// .. of the last so many samples.
+        n_samples: u32 = 3, in from_to(1.0, 100.0);
+        /// Boxes of two samples nearer than this are of one thing, metres between their centres on the ground.
+        same_m: f64 = 3.0, in from_to(0.1, 100.0);
+        /// The ego stops so far before the box, metres.
+        margin_m: f64 = 2.0, in from_to(0.0, 50.0);
+        /// Least and greatest braking, m/s².
+        braking_mps2: [f64; 2] = [0.5, 8.0], in from_to(0.01, 50.0).pair();
+        /// The way is free when no box has been confirmed for so long, seconds.
+        free_s: f64 = 1.0, in from_to(0.0, 60.0);
+        /// From a sample's time to the brake, seconds; control acts every 0.05 s.
+        latency_s: f64 = 0.0, in from_to(0.0, 10.0);
+        /// Half the width of the strip ahead in which a box's distance is measured, metres: the zone's half width.
+        half_width_m: f64 = 1.75, in from_to(0.1, 20.0);
+    }
+}
+
+impl Check for DriveConfig {
+    fn check_relations(&self) -> Result<(), InvalidConfig> {
+        self.world.check_relations().map_err(|error| error.within("world"))?;
+        require(!self.world.render.aov, "world.render.aov", true, "drives write no AOVs; false is needed")?;
+        let wanted = "drives record no sweeps; 0 is needed";
+        require(self.world.sweeps == 0, "world.sweeps", self.world.sweeps, wanted)?;
+        self.zone.check_relations().map_err(|error| error.within("zone"))?;
+        self.reflex.check_relations().map_err(|error| error.within("reflex"))
+    }
+}
+
+impl Check for ReflexConfig {
+    fn check_relations(&self) -> Result<(), InvalidConfig> {
+        let wanted = format!("at most n_samples, {}, is needed", self.n_samples);
+        require(self.n_confirming <= self.n_samples, "n_confirming", self.n_confirming, wanted)
+    }
+}
+
+impl DriveConfig {
+    /// Control steps of an episode.
+    pub(super) fn n_steps(&self) -> u64 {
+        (self.seconds / CONTROL_PERIOD_S).round() as u64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::assert_every_number_is_checked;
+
+    #[test]
+    fn the_shipped_file_holds_the_defaults_but_for_the_world() {
+        let text = include_str!("../../configs/drive.toml");
+        assert_eq!(toml::from_str::<DriveConfig>(text).unwrap(), DriveConfig::default());
+    }
+
+    #[test]
+    fn every_number_has_bounds() {
+        assert_every_number_is_checked(&DriveConfig::default());
+    }
+
+    #[test]
+    fn more_confirming_samples_than_samples_are_refused() {
+        let reflex = ReflexConfig { n_confirming: 4, ..ReflexConfig::default() };
+        let error = DriveConfig { reflex, ..DriveConfig::default() }.check().unwrap_err().to_string();
+        assert!(error.contains("reflex.n_confirming is 4") && error.contains("n_samples, 3"), "{error}");
+    }
+}

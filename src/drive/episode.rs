@@ -1,0 +1,385 @@
+//! One drive: perception sees at each sample, the reflex decides at each control step, physics moves everything.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+use nalgebra::Vector3;
+
+use super::config::HARD_BRAKING_MPS2;
+use super::outcome::{Collision, DriveOutcome, End, HardStop, is_sudden};
+use super::perception::{Instant, Perception, truly_harmful};
+use super::recorder::Recorder;
+use super::reflex::Reflex;
+use super::scenario::Course;
+use super::{DriveConfig, DriveError};
+use crate::generate::{CONTROL_PERIOD_S, Contact, EpisodePlan, LiveEpisode, Timings};
+use crate::object::{Event, Object, Spot};
+use crate::sample::EgoState;
+use crate::scene::{EgoOrders, car};
+use crate::zone::Zone;
+
+/// Slower than this the ego stands, m/s.
+const STANDS_MPS: f64 = 0.3;
+/// A contact whose normal points so far backwards is a car that ran into the ego.
+const FROM_BEHIND: f64 = -0.7;
+/// What was harmful so long before a collision was known to be, seconds.
+const HARMFUL_BEFORE_S: f64 = 2.0;
+/// A hard brake goes on above this, and through pauses of this length.
+const STILL_HARD_MPS2: f64 = 2.0;
+const HARD_PAUSE_S: f64 = 0.5;
+/// Control steps over which acceleration and its change are taken: 0.25 s.
+const N_SMOOTH: usize = 5;
+
+/// Where a driver's files go.
+pub(super) struct Files<'a> {
+    /// The driver's folder.
+    pub folder: &'a Path,
+    pub who: &'a str,
+    /// Whether episodes are recorded.
+    pub records: bool,
+}
+
+/// Drives one episode; `on_sample` is called after each sample.
+///
+/// # Errors
+/// The simulator or the disk fails. A detector of another program that fails ends the drive as [`End::Failed`].
+pub(super) fn drive(
+    course: &Course,
+    perception: &mut Perception,
+    needs_sensors: bool,
+    files: &Files<'_>,
+    on_sample: &mut dyn FnMut() -> std::io::Result<()>,
+) -> Result<DriveOutcome, DriveError> {
+    let Course { config, checked, plan, family } = course;
+    let zone = Zone::try_from(config.zone.clone())?;
+    let live = LiveEpisode::start(checked, plan, files.folder)?;
+    let path = files.folder.join(plan.file());
+    let recorder = files.records.then(|| Recorder::create(&live, &path)).transpose()?;
+    let reflex = Reflex::new(&config.reflex, perception.own_score());
+    let free_way_m = live.free_way_m(config.n_steps() as usize);
+    let ego_kg = live.ego_mass_kg()?;
+    let mut drive = Run {
+        config,
+        zone,
+        live,
+        reflex,
+        recorder,
+        senses: needs_sensors || files.records,
+        seen: Seen::default(),
+        notes: Notes::new(),
+        speed_error_mps: 0.0,
+        ego_kg,
+    };
+    let every = u64::from(checked.control_steps_per_sample);
+    let mut end = End::Time;
+    for step in 0..config.n_steps() {
+        if step % every == 0 {
+            if let Err(error) = drive.see(step, step / every, plan, perception) {
+                let DriveError::External(error) = error else { return Err(error) };
+                perception.give_up();
+                end = End::Failed(error.to_string());
+                break;
+            }
+            on_sample()?;
+        }
+        if let Some(found) = drive.go_on(step)? {
+            end = found;
+            break;
+        }
+    }
+    let Run { recorder, notes, .. } = drive;
+    let mut outcome = notes.finish(plan, &free_way_m, end);
+    outcome.family.clone_from(family);
+    if let Some(recorder) = recorder.filter(|recorder| !recorder.is_empty()) {
+        outcome.entry = Some(recorder.finish(files.folder, files.who, plan, config)?);
+    }
+    Ok(outcome)
+}
+
+/// What was true at the last samples.
+#[derive(Default)]
+struct Seen {
+    present: Vec<(usize, Object)>,
+    /// Numbers of the harmful ones.
+    harmful: Vec<usize>,
+    /// When each object was last harmful, and anything.
+    harmful_s: BTreeMap<usize, f64>,
+    any_harmful_s: Option<f64>,
+    /// When the ego's coming set an object off.
+    set_off_s: BTreeMap<usize, f64>,
+}
+
+/// What is counted on the way.
+struct Notes {
+    n_samples: usize,
+    n_steps: u64,
+    distance_m: f64,
+    speeds_mps: Vec<f64>,
+    collision: Option<Collision>,
+    struck_by: Vec<String>,
+    /// What touches the ego since it ran into it: it may push it on.
+    pushing: BTreeSet<String>,
+    hard_stops: Vec<HardStop>,
+    /// A hard brake goes on until then.
+    hard_until_s: f64,
+    first_brake_ttc_s: Option<f64>,
+    has_braked: bool,
+    stands_s: f64,
+    /// Whether anything was harmful while it stood.
+    stands_harmed: bool,
+}
+
+struct Run<'a> {
+    config: &'a DriveConfig,
+    zone: Zone,
+    live: LiveEpisode<'a>,
+    reflex: Reflex,
+    recorder: Option<Recorder>,
+    /// Whether the sensors measure.
+    senses: bool,
+    seen: Seen,
+    notes: Notes,
+    /// Of the measured speed, as of the last sample.
+    speed_error_mps: f64,
+    ego_kg: f64,
+}
+
+impl Run<'_> {
+    /// One sample: what is there, what is measured, what is found.
+    fn see(
+        &mut self,
+        step: u64,
+        sample_idx: u64,
+        plan: &EpisodePlan,
+        perception: &mut Perception,
+    ) -> Result<(), DriveError> {
+        let time_s = step as f64 * CONTROL_PERIOD_S;
+        let true_state = self.live.ego_state()?;
+        let present = self.live.present();
+        let harmful = truly_harmful(&self.zone, &true_state, &present)?;
+        self.seen.harmful_s.extend(harmful.iter().map(|&i| (i, time_s)));
+        if !harmful.is_empty() {
+            self.seen.any_harmful_s = Some(time_s);
+        }
+        let sensed =
+            if self.senses { Some(self.live.measure(sample_idx, &mut Timings::default())?) } else { None };
+        let told = self.live.measured_state(sample_idx)?;
+        self.speed_error_mps = told.speed_mps - true_state.speed_mps;
+        let found = perception.detect(
+            &self.zone,
+            &Instant {
+                episode: &plan.name,
+                sample_idx,
+                measured: sensed.as_ref().map(|(sample, ..)| &sample.measured),
+                present: &present,
+                true_state: &true_state,
+            },
+        )?;
+        self.reflex.see(time_s, &self.live.world_from_ego(), &found);
+        (self.seen.present, self.seen.harmful) = (present, harmful);
+        self.notes.n_samples += 1;
+        if let (Some(recorder), Some(sensed)) = (&mut self.recorder, sensed) {
+            recorder.record(sensed, found)?;
+        }
+        Ok(())
+    }
+
+    /// One control step; tells how the drive ended, if it has.
+    fn go_on(&mut self, step: u64) -> Result<Option<End>, DriveError> {
+        let time_s = step as f64 * CONTROL_PERIOD_S;
+        let true_state = self.live.ego_state()?;
+        let state = EgoState { speed_mps: true_state.speed_mps + self.speed_error_mps, ..true_state };
+        let orders = self.reflex.orders(time_s, &self.live.world_from_ego(), &state);
+        self.note_braking(time_s, true_state.speed_mps, &orders);
+        let before = self.live.world_from_ego().isometry.translation.vector;
+        let contacts = self.live.step_ordered(orders)?;
+        let now_s = time_s + CONTROL_PERIOD_S;
+        self.live.set_off().for_each(|i| {
+            self.seen.set_off_s.entry(i).or_insert(time_s);
+        });
+        let moved_m = (self.live.world_from_ego().isometry.translation.vector - before).xy().norm();
+        self.notes.n_steps += 1;
+        self.notes.distance_m += moved_m;
+        let pushed_before = std::mem::take(&mut self.notes.pushing);
+        for contact in &contacts {
+            self.note_contact(now_s, contact, &pushed_before);
+        }
+        if self.notes.collision.is_some() {
+            return Ok(Some(End::Collision));
+        }
+        let speed_mps = self.live.ego_state()?.speed_mps;
+        self.notes.speeds_mps.push(speed_mps);
+        if let Some(recorder) = &mut self.recorder {
+            recorder.note(&orders, speed_mps, !self.seen.harmful.is_empty());
+        }
+        Ok(self.has_come_to_rest(speed_mps, &orders))
+    }
+
+    /// Whether the ego has stood long enough for perception's sake, and why.
+    fn has_come_to_rest(&mut self, speed_mps: f64, orders: &EgoOrders) -> Option<End> {
+        let stands = speed_mps < STANDS_MPS && orders.braking_mps2.is_some();
+        let waits_for_movers =
+            !self.seen.harmful.is_empty() && self.seen.harmful.iter().all(|&i| self.live.moves_by_itself(i));
+        let is_harmed = !self.seen.harmful.is_empty();
+        // What it stands for is one thing throughout.
+        let goes_on = stands && !waits_for_movers && is_harmed == self.notes.stands_harmed;
+        self.notes.stands_harmed = is_harmed;
+        self.notes.stands_s = if goes_on { self.notes.stands_s + CONTROL_PERIOD_S } else { 0.0 };
+        let is_over = self.notes.stands_s >= self.config.standing_s;
+        is_over.then_some(if is_harmed { End::Stopped } else { End::Stuck })
+    }
+
+    fn note_braking(&mut self, time_s: f64, speed_mps: f64, orders: &EgoOrders) {
+        let Notes { has_braked, first_brake_ttc_s, hard_until_s, hard_stops, .. } = &mut self.notes;
+        let moves = speed_mps > STANDS_MPS;
+        if orders.braking_mps2.is_some() && moves && !self.seen.harmful.is_empty() && !*has_braked {
+            *has_braked = true;
+            let bumper_m = car::FRONT_BUMPER_X_M;
+            let ahead_m = |object: &Object| {
+                let corners = object.solid_in_ego().footprint();
+                corners.iter().map(|corner| corner.x_m - bumper_m).fold(f64::INFINITY, f64::min).max(0.0)
+            };
+            let harmful = self.seen.present.iter().filter(|(i, _)| self.seen.harmful.contains(i));
+            let gap_m = harmful.map(|(_, object)| ahead_m(object)).fold(f64::INFINITY, f64::min);
+            *first_brake_ttc_s = Some(gap_m / speed_mps);
+        }
+        let braking_mps2 = orders.braking_mps2.unwrap_or(0.0);
+        let goes_on = time_s <= *hard_until_s && moves;
+        if goes_on && braking_mps2 > STILL_HARD_MPS2 {
+            *hard_until_s = time_s + HARD_PAUSE_S;
+        }
+        if braking_mps2 <= HARD_BRAKING_MPS2 || !moves {
+            return;
+        }
+        if !goes_on {
+            hard_stops.push(HardStop { time_s, braking_mps2, is_false: true });
+        }
+        *hard_until_s = time_s + HARD_PAUSE_S;
+        let stop = hard_stops.last_mut().expect("one has just been noted, if none was");
+        stop.braking_mps2 = stop.braking_mps2.max(braking_mps2);
+        // A hazard may be remembered, and the truth is known at samples alone.
+        let reflex = &self.config.reflex;
+        let remembered_s = reflex.free_s + reflex.latency_s + self.config.world.sample_period_s;
+        if self.seen.any_harmful_s.is_some_and(|harmful_s| time_s - harmful_s <= remembered_s + 1e-9) {
+            stop.is_false = false;
+        }
+    }
+
+    fn note_contact(&mut self, time_s: f64, contact: &Contact, pushed_before: &BTreeSet<String>) {
+        let object = contact.object_idx.map(|i| &self.live.objects()[i]);
+        let id = object.map_or_else(|| "scenery".to_owned(), |object| object.id.clone());
+        let forward = self.live.world_from_ego().rotate(&Vector3::x());
+        let ego_mps = contact.ego_mps.xy().norm();
+        let is_struck = ego_mps < STANDS_MPS || contact.normal.dot(&forward) < FROM_BEHIND;
+        if is_struck || pushed_before.contains(&id) {
+            self.notes.pushing.insert(id.clone());
+            if !self.notes.struck_by.contains(&id) {
+                self.notes.struck_by.push(id);
+            }
+            return;
+        }
+        if self.notes.collision.is_some() {
+            return;
+        }
+        let relative_mps = contact.ego_mps - contact.other_mps;
+        let along_mps = relative_mps.dot(&contact.normal).max(0.0);
+        let reduced_kg = if contact.mass_kg.is_finite() {
+            self.ego_kg * contact.mass_kg / (self.ego_kg + contact.mass_kg)
+        } else {
+            self.ego_kg
+        };
+        let set_off = contact.object_idx.and_then(|i| self.seen.set_off_s.get(&i));
+        let set_off_s = set_off.map(|set_off_s| time_s - set_off_s);
+        let harmful_s = contact.object_idx.and_then(|i| self.seen.harmful_s.get(&i));
+        self.notes.collision = Some(Collision {
+            time_s,
+            category: object.map_or_else(|| "scenery".to_owned(), |object| object.category.clone()),
+            object: id,
+            kind: object.map(|object| object.kind),
+            distribution: object.map(|object| object.distribution),
+            event: object.map_or(Event::None, |object| object.event),
+            spot: object.map_or(Spot::None, |object| object.spot),
+            is_background: object.is_some_and(|object| object.is_background),
+            impact_mps: along_mps,
+            ego_mps,
+            energy_j: reduced_kg * along_mps * along_mps / 2.0,
+            set_off_s,
+            is_sudden: set_off_s.is_some_and(|set_off_s| is_sudden(set_off_s, ego_mps)),
+            was_harmful: harmful_s.is_some_and(|harmful_s| time_s - harmful_s <= HARMFUL_BEFORE_S),
+        });
+    }
+}
+
+impl Notes {
+    fn new() -> Self {
+        Self {
+            n_samples: 0,
+            n_steps: 0,
+            distance_m: 0.0,
+            speeds_mps: Vec::new(),
+            collision: None,
+            struck_by: Vec::new(),
+            pushing: BTreeSet::new(),
+            hard_stops: Vec::new(),
+            hard_until_s: f64::NEG_INFINITY,
+            first_brake_ttc_s: None,
+            has_braked: false,
+            stands_s: 0.0,
+            stands_harmed: false,
+        }
+    }
+
+    /// `free_way_m`: how far a free car has come after each step.
+    fn finish(self, plan: &EpisodePlan, free_way_m: &[f64], end: End) -> DriveOutcome {
+        let (hardest_mps2, rms_jerk_mps3) = comfort(&self.speeds_mps);
+        DriveOutcome {
+            episode: plan.name.clone(),
+            family: String::new(),
+            seed: plan.seed,
+            town: plan.town.clone(),
+            weather: plan.weather.name().to_owned(),
+            end,
+            duration_s: self.n_steps as f64 * CONTROL_PERIOD_S,
+            distance_m: self.distance_m,
+            free_m: self.n_steps.checked_sub(1).map_or(0.0, |last| free_way_m[last as usize]),
+            collision: self.collision,
+            struck_by: self.struck_by,
+            hard_stops: self.hard_stops,
+            first_brake_ttc_s: self.first_brake_ttc_s,
+            hardest_mps2,
+            rms_jerk_mps3,
+            n_samples: self.n_samples,
+            entry: None,
+        }
+    }
+}
+
+/// Greatest deceleration, and root mean square of the jerk, of speeds at the control rate.
+fn comfort(speeds_mps: &[f64]) -> (f64, f64) {
+    let window_s = N_SMOOTH as f64 * CONTROL_PERIOD_S;
+    let change = |values: &[f64]| -> Vec<f64> {
+        values
+            .iter()
+            .zip(values.iter().skip(N_SMOOTH))
+            .map(|(before, now)| (now - before) / window_s)
+            .collect()
+    };
+    let accelerations = change(speeds_mps);
+    let jerks = change(&accelerations);
+    let hardest = accelerations.iter().fold(0.0, |most: f64, acceleration| most.max(-acceleration));
+    let mean = jerks.iter().map(|jerk| jerk * jerk).sum::<f64>() / jerks.len().max(1) as f64;
+    (hardest, mean.sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn comfort_of_a_steady_brake_is_its_deceleration_without_jerk() {
+        let speeds: Vec<f64> = (0..60).map(|i| 10.0 - 3.0 * CONTROL_PERIOD_S * f64::from(i)).collect();
+        let (hardest_mps2, jerk_mps3) = comfort(&speeds);
+        assert!((hardest_mps2 - 3.0).abs() < 1e-9 && jerk_mps3 < 1e-9, "{hardest_mps2} {jerk_mps3}");
+        assert_eq!(comfort(&[]), (0.0, 0.0));
+    }
+}

@@ -1,0 +1,364 @@
+//! A detector of another program: samples to its standard input, boxes from its standard output.
+//!
+//! A message is its length in bytes (32 bits, little-endian) and so many bytes. For each sample the program gets three: a JSON
+//! header, the picture's bytes, and the points as rows of five little-endian 32-bit floats. It answers with one, JSON:
+//! `{"detections": [{"center_m": [x, y, z], "size_m": [length, width, height], "yaw_rad": 0.0, "harm": "harmful", "score": 0.9}]}`
+//! in the ego frame. What it says on standard error is told where it fails. It ends when its input ends.
+
+use std::io::{self, Read, Seek as _, Write};
+use std::os::unix::process::CommandExt as _;
+use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel, sync_channel};
+use std::time::Duration;
+
+use fs_err::File;
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use crate::geometry::{Frame, Pinhole, Transform};
+use crate::object::Detection;
+use crate::sample::{EgoState, ImageFormat, Measured};
+
+/// Longest answer that is read.
+const MAX_ANSWER_BYTES: u32 = 16 * 1024 * 1024;
+/// How much of what it said on standard error is told.
+const STDERR_TAIL_LINES: usize = 10;
+/// Most boxes in an answer.
+const MAX_BOXES: usize = 10_000;
+/// How often and how long to look whether one whose output has ended has ended itself.
+const N_LOOKS: u32 = 100;
+const LOOK: Duration = Duration::from_millis(10);
+/// The first answer may take so many times as long: programs load networks.
+const FIRST_FACTOR: u32 = 10;
+
+/// Why an external detector gave no boxes.
+#[derive(Debug, Error)]
+pub enum ExternalError {
+    #[error("cannot start the detector `{command}`")]
+    Start { command: String, source: io::Error },
+    #[error("the detector ended ({how}) in place of an answer: {command}")]
+    Ended { how: String, command: String },
+    #[error("the detector gave no answer within {waited_s} s (reply_s): {command}")]
+    Late { waited_s: f64, command: String },
+    #[error("the detector's answer is not usable: {what}: {command}")]
+    Garbage { what: String, command: String },
+}
+
+/// What is told of a sample beside picture and points.
+#[derive(Debug, Serialize)]
+struct Header<'a> {
+    episode: &'a str,
+    sample_idx: u64,
+    time_ns: u64,
+    speed_mps: f64,
+    steering_angle_rad: f64,
+    yaw_rate_rps: f64,
+    acceleration_mps2: f64,
+    wheelbase_m: f64,
+    front_bumper_x_m: f64,
+    camera: CameraHeader,
+    ego_from_lidar: [[f64; 4]; 4],
+    image: ImageHeader,
+    points: PointsHeader,
+}
+
+#[derive(Debug, Serialize)]
+struct CameraHeader {
+    width_px: u32,
+    height_px: u32,
+    fx_px: f64,
+    fy_px: f64,
+    cx_px: f64,
+    cy_px: f64,
+    ego_from_camera: [[f64; 4]; 4],
+}
+
+#[derive(Debug, Serialize)]
+struct ImageHeader {
+    format: &'static str,
+}
+
+#[derive(Debug, Serialize)]
+struct PointsHeader {
+    n: usize,
+    fields: [&'static str; 5],
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Answer {
+    detections: Vec<Detection>,
+}
+
+/// A running program.
+#[derive(Debug)]
+pub struct External {
+    command: String,
+    process: Child,
+    stderr: File,
+    /// What it is told: a thread writes, so that a program that does not read holds up nobody.
+    to: Sender<Vec<u8>>,
+    /// What it said, message by message; closed where it ended.
+    from: Receiver<io::Result<Vec<u8>>>,
+    reply: Duration,
+    is_first: bool,
+}
+
+impl External {
+    /// Starts a command in the shell.
+    ///
+    /// # Errors
+    /// [`ExternalError::Start`].
+    pub fn start(command: &str, reply_s: f64) -> Result<Self, ExternalError> {
+        let fail = |source| ExternalError::Start { command: command.to_owned(), source };
+        let stderr = File::from_parts(tempfile::tempfile().map_err(fail)?, "the detector's stderr");
+        let mut process = Command::new("sh")
+            .args(["-c", command])
+            // A group of its own, so that the program ends with the shell that it was started by.
+            .process_group(0)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(stderr.file().try_clone().map_err(fail)?)
+            .spawn()
+            .map_err(fail)?;
+        let mut stdin = process.stdin.take().expect("stdin is piped");
+        let (to, told) = channel::<Vec<u8>>();
+        std::thread::spawn(move || {
+            // Where it no longer reads, its end is told by what it does not answer.
+            while let Ok(bytes) = told.recv() {
+                if stdin.write_all(&bytes).and_then(|()| stdin.flush()).is_err() {
+                    break;
+                }
+            }
+        });
+        let mut stdout = process.stdout.take().expect("stdout is piped");
+        let (send, from) = sync_channel(1);
+        std::thread::spawn(move || {
+            loop {
+                let message = read_message(&mut stdout);
+                let is_last = !matches!(message, Ok(Some(_)));
+                let gone = match message.transpose() {
+                    Some(message) => send.send(message).is_err(),
+                    None => true,
+                };
+                if is_last || gone {
+                    break;
+                }
+            }
+        });
+        let reply = Duration::from_secs_f64(reply_s);
+        Ok(Self { command: command.to_owned(), process, stderr, to, from, reply, is_first: true })
+    }
+
+    /// The program's boxes for a sample.
+    ///
+    /// # Errors
+    /// [`ExternalError`]; the program is of no more use then.
+    pub fn detect(
+        &mut self,
+        episode: &str,
+        sample_idx: u64,
+        measured: &Measured,
+    ) -> Result<Vec<Detection>, ExternalError> {
+        let header = serde_json::to_vec(&header(episode, sample_idx, measured)).expect("plain numbers");
+        let points: Vec<u8> = measured
+            .points
+            .iter()
+            .flat_map(|point| [point.x_m, point.y_m, point.z_m, point.intensity, f32::from(point.ring)])
+            .flat_map(f32::to_le_bytes)
+            .collect();
+        let mut message = Vec::with_capacity(header.len() + measured.image.bytes.len() + points.len() + 12);
+        for part in [&header, &measured.image.bytes, &points] {
+            let length = u32::try_from(part.len()).expect("a picture or a cloud is smaller than 4 GiB");
+            message.extend(length.to_le_bytes());
+            message.extend(part);
+        }
+        if let Ok(early) = self.from.try_recv() {
+            let what = early.map_or_else(|error| error.to_string(), |_| "an answer to no sample".to_owned());
+            return Err(ExternalError::Garbage { what, command: self.describe() });
+        }
+        // An error here means that the program has closed its input; it is told below.
+        let _ = self.to.send(message);
+        let wait = if std::mem::take(&mut self.is_first) { self.reply * FIRST_FACTOR } else { self.reply };
+        let bytes = match self.from.recv_timeout(wait) {
+            Ok(Ok(bytes)) => bytes,
+            Ok(Err(error)) => {
+                let command = self.describe();
+                return Err(ExternalError::Garbage { what: error.to_string(), command });
+            }
+            Err(RecvTimeoutError::Timeout) => {
+                let waited_s = wait.as_secs_f64();
+                return Err(ExternalError::Late { waited_s, command: self.describe() });
+            }
+            Err(RecvTimeoutError::Disconnected) => {
+                let how = self.last_words();
+                return Err(ExternalError::Ended { how, command: self.describe() });
+            }
+        };
+        parse_answer(&bytes).map_err(|what| ExternalError::Garbage { what, command: self.describe() })
+    }
+
+    /// The command, and the end of what it said on standard error.
+    fn describe(&mut self) -> String {
+        let mut bytes = Vec::new();
+        let read = self.stderr.rewind().and_then(|()| self.stderr.read_to_end(&mut bytes));
+        let text = String::from_utf8_lossy(&bytes);
+        let lines: Vec<&str> = text.lines().collect();
+        let tail = lines[lines.len().saturating_sub(STDERR_TAIL_LINES)..].join("\n    ");
+        if read.is_err() || tail.is_empty() {
+            return format!("`{}`", self.command);
+        }
+        format!("`{}`; it said:\n    {tail}", self.command)
+    }
+
+    /// How it ended, which it does just after its standard output.
+    fn last_words(&mut self) -> String {
+        for _ in 0..N_LOOKS {
+            match self.process.try_wait() {
+                Ok(Some(status)) => return status.to_string(),
+                Ok(None) => std::thread::sleep(LOOK),
+                Err(error) => return error.to_string(),
+            }
+        }
+        "it closed its standard output and runs on".to_owned()
+    }
+}
+
+fn parse_answer(bytes: &[u8]) -> Result<Vec<Detection>, String> {
+    let Answer { detections } = serde_json::from_slice(bytes).map_err(|error| error.to_string())?;
+    if detections.len() > MAX_BOXES {
+        return Err(format!("{} boxes; at most {MAX_BOXES} are taken", detections.len()));
+    }
+    for (i, found) in detections.iter().enumerate() {
+        found.box_in_ego.check().map_err(|error| format!("box {i}: {error}"))?;
+        if !(0.0..=1.0).contains(&found.score) {
+            return Err(format!("box {i}: score is {}; a number from 0 to 1 is needed", found.score));
+        }
+    }
+    Ok(detections)
+}
+
+/// The next message; `None` where there is no more.
+fn read_message(from: &mut impl Read) -> io::Result<Option<Vec<u8>>> {
+    let mut length = [0; 4];
+    let mut n_read = 0;
+    while n_read < length.len() {
+        match from.read(&mut length[n_read..])? {
+            0 if n_read == 0 => return Ok(None),
+            0 => return Err(io::Error::other("it ended within a message's length")),
+            n => n_read += n,
+        }
+    }
+    let length = u32::from_le_bytes(length);
+    if length > MAX_ANSWER_BYTES {
+        return Err(io::Error::other(format!(
+            "a message of {length} bytes was announced; at most {MAX_ANSWER_BYTES} are read (is a print in the way?)"
+        )));
+    }
+    let mut bytes = vec![0; length as usize];
+    from.read_exact(&mut bytes).map_err(|_| io::Error::other("it ended within a message"))?;
+    Ok(Some(bytes))
+}
+
+fn header<'a>(episode: &'a str, sample_idx: u64, measured: &Measured) -> Header<'a> {
+    let EgoState {
+        speed_mps,
+        steering_angle_rad,
+        yaw_rate_rps,
+        acceleration_mps2,
+        wheelbase_m,
+        front_bumper_x_m,
+    } = measured.ego_state;
+    let Pinhole { width_px, height_px, fx_px, fy_px, cx_px, cy_px } = measured.intrinsics;
+    let ego_from_camera = rows(&measured.ego_from_camera);
+    Header {
+        episode,
+        sample_idx,
+        time_ns: measured.time_ns,
+        speed_mps,
+        steering_angle_rad,
+        yaw_rate_rps,
+        acceleration_mps2,
+        wheelbase_m,
+        front_bumper_x_m,
+        camera: CameraHeader { width_px, height_px, fx_px, fy_px, cx_px, cy_px, ego_from_camera },
+        ego_from_lidar: rows(&measured.ego_from_lidar),
+        image: ImageHeader {
+            format: match measured.image.format {
+                ImageFormat::Jpeg => "jpeg",
+                ImageFormat::Png => "png",
+            },
+        },
+        points: PointsHeader { n: measured.points.len(), fields: ["x_m", "y_m", "z_m", "intensity", "ring"] },
+    }
+}
+
+/// A transform as the rows of its matrix.
+fn rows<To: Frame, From: Frame>(transform: &Transform<To, From>) -> [[f64; 4]; 4] {
+    let matrix = transform.isometry.to_homogeneous();
+    std::array::from_fn(|row| std::array::from_fn(|column| matrix[(row, column)]))
+}
+
+impl Drop for External {
+    fn drop(&mut self) {
+        // It has nothing to save: the drive is over, or it has failed.
+        let group = format!("-{}", self.process.id());
+        let _ = Command::new("kill").args(["-KILL", "--", &group]).stderr(Stdio::null()).status();
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dataset::test_data;
+
+    fn ask(command: &str, reply_s: f64) -> Result<Vec<Detection>, ExternalError> {
+        let mut external = External::start(command, reply_s)?;
+        external.detect("an-episode", 3, &test_data::dataset(1).samples()[0].measured)
+    }
+
+    /// Reads three messages and prints what is given.
+    fn answering(print: &str) -> String {
+        format!(
+            "python3 -c \"\nimport struct, sys\ni, o = sys.stdin.buffer, sys.stdout.buffer\n\
+             [i.read(struct.unpack('<I', i.read(4))[0]) for _ in range(3)]\n{print}\no.flush()\""
+        )
+    }
+
+    #[test]
+    fn a_program_that_answers_is_understood() {
+        let print = "b = b'{\\\"detections\\\": [{\\\"center_m\\\": [9, 0, 1], \\\"size_m\\\": [1, 2, 3], \
+                     \\\"yaw_rad\\\": 0, \\\"harm\\\": \\\"harmful\\\", \\\"score\\\": 0.5}]}'\n\
+                     o.write(struct.pack('<I', len(b)) + b)";
+        let found = ask(&answering(print), 10.0).unwrap();
+        let [found] = found[..] else { panic!("{found:?}") };
+        assert_eq!((found.box_in_ego.width_m, found.score), (2.0, 0.5));
+    }
+
+    #[test]
+    fn one_that_dies_hangs_or_talks_nonsense_is_told_apart() {
+        let error = ask("exit 3", 5.0).unwrap_err();
+        assert!(matches!(error, ExternalError::Ended { .. }), "{error}");
+        let error = ask("echo no such weights >&2; exit 3", 5.0).unwrap_err().to_string();
+        assert!(error.contains("exit status: 3") && error.contains("no such weights"), "{error}");
+        let error = ask("sleep 60", 0.02).unwrap_err();
+        assert!(matches!(error, ExternalError::Late { .. }), "{error}");
+        // More than a pipe holds, to a program that never reads.
+        let mut measured = test_data::dataset(1).samples()[0].measured.clone();
+        measured.image.bytes = vec![0; 1 << 20];
+        let error = External::start("sleep 60", 0.02).unwrap().detect("a", 0, &measured).unwrap_err();
+        assert!(matches!(error, ExternalError::Late { .. }), "{error}");
+        let error = ask(&answering("print('hello, this is a log line')"), 10.0).unwrap_err().to_string();
+        assert!(error.contains("is a print in the way"), "{error}");
+        let of_json = |json: &str| {
+            let print = format!("b = b'{json}'\no.write(struct.pack('<I', len(b)) + b)");
+            ask(&answering(&print), 10.0).unwrap_err().to_string()
+        };
+        assert!(of_json("[]").contains("not usable"), "{}", of_json("[]"));
+        let flat = "{\\\"detections\\\": [{\\\"center_m\\\": [9, 0, 1], \\\"size_m\\\": [1, 0, 3], \
+                    \\\"yaw_rad\\\": 0, \\\"harm\\\": \\\"harmful\\\", \\\"score\\\": 0.5}]}";
+        assert!(of_json(flat).contains("width_m is 0"), "{}", of_json(flat));
+    }
+}

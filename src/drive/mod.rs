@@ -1,0 +1,78 @@
+//! The closed loop: the ego drives its route on perception alone, and physics decides what comes of it.
+//!
+//! A driver under test knows the route and its target speed; what it knows of objects are the boxes of a detector, of the truth
+//! or of nobody ([`who::Source`]). Harmful boxes brake ([`reflex::Reflex`]); a contact of the ego with anything but the ground is a
+//! collision. Every driver meets the same worlds, by seed. docs/drive.md has the rules and the figures.
+
+mod config;
+mod episode;
+mod external;
+mod figures;
+mod outcome;
+mod perception;
+mod recorder;
+mod reflex;
+mod run;
+mod scenario;
+mod table;
+mod who;
+pub mod worker;
+
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+pub use config::{DriveConfig, HARD_BRAKING_MPS2, ReflexConfig};
+pub use external::{External, ExternalError};
+pub use figures::{Figures, GroupFigures, Measure, compare};
+pub use outcome::{Collision, DriveOutcome, End, HardStop, is_sudden};
+pub use reflex::Reflex;
+pub use run::{Courses, DriveOptions, DriveSummary, run};
+pub use scenario::{SUITE, Scenario, ScenarioError, load as load_scenarios};
+pub use who::{Source, Who, WhoError};
+
+use crate::config::InvalidConfig;
+use crate::device::DeviceError;
+use crate::episode::{EpisodeError, ManifestError};
+use crate::generate::GenerateError;
+use crate::infer::{PredictError, TrainedError};
+use crate::zone::ZoneError;
+
+/// Why a drive could not be made.
+#[derive(Debug, Error)]
+pub enum DriveError {
+    #[error(transparent)]
+    Config(#[from] InvalidConfig),
+    #[error(transparent)]
+    Generate(#[from] GenerateError),
+    #[error(transparent)]
+    Episode(#[from] EpisodeError),
+    #[error(transparent)]
+    Manifest(#[from] ManifestError),
+    #[error(transparent)]
+    Trained(#[from] TrainedError),
+    #[error(transparent)]
+    Predict(#[from] PredictError),
+    #[error(transparent)]
+    Device(#[from] DeviceError),
+    #[error(transparent)]
+    Zone(#[from] ZoneError),
+    #[error(transparent)]
+    Label(#[from] crate::label::LabelError),
+    #[error(transparent)]
+    Scenario(ScenarioError),
+    #[error(transparent)]
+    External(ExternalError),
+    #[error(transparent)]
+    Io(#[from] std::io::Error),
+    #[error("two drivers are called `{name}`; give one another name, NAME=..")]
+    SameName { name: String },
+    #[error("the folder holds other things than drives; give a new folder: {}", path.display())]
+    ForeignFolder { path: PathBuf },
+    #[error("the folder holds drives of another config (found {found}, wanted {wanted}); give a new folder: {}", path.display())]
+    OtherConfig { found: String, wanted: String, path: PathBuf },
+    #[error("not what a drive writes: {message}: {}", path.display())]
+    BadOutcome { message: String, path: PathBuf },
+    #[error("episode `{episode}`: {message}")]
+    Worker { episode: String, message: String },
+}

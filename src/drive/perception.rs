@@ -1,0 +1,138 @@
+//! Where the boxes come from by which the ego brakes.
+
+use burn::tensor::Device;
+
+use super::DriveError;
+use super::external::{External, ExternalError};
+use super::who::Source;
+use crate::eval::judge::Judge;
+use crate::infer::{self, Trained};
+use crate::model::Detector;
+use crate::object::{Detection, Harm, Object};
+use crate::progress::Silent;
+use crate::sample::{EgoState, Measured};
+use crate::zone::Zone;
+
+/// An opened source of boxes.
+#[derive(Debug)]
+pub(super) enum Perception {
+    Blind,
+    Truth,
+    Network(Box<Network>),
+    External { command: String, reply_s: f64, running: Option<External> },
+}
+
+#[derive(Debug)]
+pub(super) struct Network {
+    detector: Detector,
+    judge: Judge,
+    device: Device,
+    /// From which on it warns.
+    score: f64,
+}
+
+/// What can be seen at one instant.
+pub(super) struct Instant<'a> {
+    pub episode: &'a str,
+    pub sample_idx: u64,
+    /// What the sensors measured; there for those that need it.
+    pub measured: Option<&'a Measured>,
+    /// All that is there, and the ego's true state.
+    pub present: &'a [(usize, Object)],
+    pub true_state: &'a EgoState,
+}
+
+impl Perception {
+    /// Loads the network, if it is one.
+    ///
+    /// # Errors
+    /// There is no such run, its checkpoint is broken, or it tells kinds of objects.
+    pub fn open(source: &Source, reply_s: f64, device: &Device) -> Result<Self, DriveError> {
+        Ok(match source {
+            Source::Blind => Self::Blind,
+            Source::Truth => Self::Truth,
+            Source::External { command } => {
+                Self::External { command: command.clone(), reply_s, running: None }
+            }
+            Source::Network { run, judge } => {
+                let trained = Trained::find(run)?;
+                let score = trained.eval_config()?.operating_score;
+                let detector = trained.load(device)?;
+                Self::Network(Box::new(Network { detector, judge: *judge, device: device.clone(), score }))
+            }
+        })
+    }
+
+    /// Score from which on its harmful boxes count where the config names none.
+    pub fn own_score(&self) -> f64 {
+        match self {
+            Self::Network(network) => network.score,
+            Self::Blind | Self::Truth | Self::External { .. } => f64::NEG_INFINITY,
+        }
+    }
+
+    /// Its boxes, harmful and harmless.
+    ///
+    /// # Errors
+    /// The external program fails; a picture is broken; a state is not valid for the zone.
+    pub fn detect(&mut self, zone: &Zone, at: &Instant<'_>) -> Result<Vec<Detection>, DriveError> {
+        let measured = || at.measured.expect("who needs sensors is given what they measured");
+        match self {
+            Self::Blind => Ok(Vec::new()),
+            Self::Truth => {
+                let here = zone.at(at.true_state)?;
+                let of_object = |(_, object): &(usize, Object)| {
+                    let harm = here.harm_of_object(object)?.harm;
+                    let velocity_in_ego_mps = object.velocity_in_ego_mps;
+                    let box_in_ego = object.solid_in_ego();
+                    Ok(Detection { box_in_ego, velocity_in_ego_mps, harm, score: 1.0, spread: None })
+                };
+                at.present.iter().map(of_object).collect()
+            }
+            Self::Network(network) => {
+                let (measured, Network { detector, judge, device, .. }) = (measured(), &**network);
+                let with_camera = detector.config().use_camera;
+                let found =
+                    infer::predict(detector, &[(at.episode, measured)], with_camera, device, &Silent)?;
+                let found = found.into_iter().next().unwrap_or_default();
+                Ok(judge.judge(&found, &measured.ego_state, zone)?)
+            }
+            Self::External { command, reply_s, running } => {
+                let running = match running {
+                    Some(running) => running,
+                    none => none.insert(External::start(command, *reply_s)?),
+                };
+                Ok(running.detect(at.episode, at.sample_idx, measured())?)
+            }
+        }
+    }
+
+    /// After a failure a program starts anew with the next episode.
+    pub fn give_up(&mut self) {
+        if let Self::External { running, .. } = self {
+            *running = None;
+        }
+    }
+}
+
+impl From<ExternalError> for DriveError {
+    fn from(error: ExternalError) -> Self {
+        Self::External(error)
+    }
+}
+
+/// Whether anything is truly harmful now, and the nearest such object's number.
+pub(super) fn truly_harmful(
+    zone: &Zone,
+    state: &EgoState,
+    present: &[(usize, Object)],
+) -> Result<Vec<usize>, DriveError> {
+    let here = zone.at(state)?;
+    let mut harmful = Vec::new();
+    for (i, object) in present {
+        if here.harm_of_object(object)?.harm == Harm::Harmful {
+            harmful.push(*i);
+        }
+    }
+    Ok(harmful)
+}

@@ -1,0 +1,117 @@
+//! Actors of a scenario: things put by hand at a place on the ego's way, with a motion that the ego's coming sets off.
+
+use nalgebra::Vector3;
+
+use super::actor_config::{ActorConfig, ActorMotion};
+use super::dash::Dash;
+use super::error::SceneError;
+use super::events::AIR_M;
+use super::loose::{Loose, standing, throw};
+use super::parties::{actor_name, actor_people};
+use super::path::{Vec2, direction_of};
+use super::populate::Filler;
+use super::route::Route;
+use super::world::{Motion, footprint_of};
+use crate::object::{Distribution, Event, Spot};
+use crate::random;
+
+/// Wider than this from the ego's way, an actor stands beside the lane.
+const LANE_HALF_M: f64 = 1.75;
+
+impl Filler<'_> {
+    /// Puts the config's actors, before anything else takes their ground.
+    pub(super) fn place_actors(&mut self, route: &Route, start_m: f64) -> Result<(), SceneError> {
+        for (name, actor) in &self.config.actors {
+            let mut rng = random::stream(self.seed, &format!("actor {name}"), 0);
+            let model = self.actor_model(name, actor, &mut rng)?;
+            let station_m = start_m + actor.ahead_m;
+            let at = route.path.beside(station_m, actor.left_m);
+            let yaw_rad = route.path.heading_rad(station_m) + actor.yaw_deg.to_radians();
+            let (motion, over_m) = self.actor_motion(actor, model, route, (station_m, at, yaw_rad));
+            self.occupied.take(footprint_of(&self.models[model], at, yaw_rad));
+            self.put(model, at, over_m, yaw_rad, motion, &mut rng);
+            let placement = self.placements.last_mut().expect("it was just put there");
+            placement.id = format!("{}-{name}", self.models[model].facts.category);
+            let is_ood = self.models[model].facts.distribution == Distribution::Ood;
+            let spot = if actor.left_m.abs() < LANE_HALF_M { Spot::Lane } else { Spot::Beside };
+            placement.spot = if is_ood { spot } else { Spot::None };
+        }
+        Ok(())
+    }
+
+    fn actor_model(
+        &self,
+        name: &str,
+        actor: &ActorConfig,
+        rng: &mut random::Rng,
+    ) -> Result<usize, SceneError> {
+        use rand::RngExt;
+        // What is kept for reporting stays out of worlds to choose by.
+        let may_be = |i: &usize| {
+            let facts = &self.models[*i].facts;
+            facts.distribution == Distribution::Id || facts.split == self.config.split
+        };
+        let named = |by: &dyn Fn(&super::models::Model) -> bool| -> Vec<usize> {
+            (0..self.models.len()).filter(may_be).filter(|&i| by(&self.models[i])).collect()
+        };
+        let own = actor_name(name);
+        let mut found = named(&|model| model.name == own);
+        if found.is_empty() {
+            found = named(&|model| model.name == actor.model);
+        }
+        if found.is_empty() {
+            found = named(&|model| model.facts.category == actor.model);
+        }
+        if found.is_empty() {
+            let mut categories: Vec<String> =
+                named(&|_| true).into_iter().map(|i| self.models[i].facts.category.clone()).collect();
+            categories.extend(actor_people().map(str::to_owned));
+            categories.sort_unstable();
+            categories.dedup();
+            return Err(SceneError::UnknownModel {
+                actor: name.to_owned(),
+                model: actor.model.clone(),
+                found: categories,
+            });
+        }
+        Ok(found[rng.random_range(0..found.len())])
+    }
+
+    /// The motion, and the height above the ground at which the actor is put.
+    fn actor_motion(
+        &self,
+        actor: &ActorConfig,
+        model: usize,
+        route: &Route,
+        (station_m, at, yaw_rad): (f64, Vec2, f64),
+    ) -> (Motion, f64) {
+        let along = direction_of(yaw_rad);
+        let lift_m = self.lift_m(at);
+        let dash = |on_route: Option<(Route, f64, f64)>| {
+            let ActorConfig { speed_mps, way_m, trigger_m, .. } = *actor;
+            Motion::Dashes(Box::new(Dash { speed_mps, way_m, trigger_m, on_route }))
+        };
+        match actor.motion {
+            ActorMotion::Stands => (Motion::Still, lift_m),
+            ActorMotion::Dashes => (dash(None), lift_m),
+            ActorMotion::Drives => (dash(Some((route.clone(), station_m, actor.left_m))), lift_m),
+            ActorMotion::Flies => {
+                let over_m = lift_m + actor.height_m + AIR_M;
+                let z_m = self.town.surface.ground_m(at) + over_m;
+                let (_, time_s) = throw((at, over_m), at, 0.0);
+                let aim = at + along * (actor.speed_mps * time_s);
+                let height_m = self.models[model].height_m();
+                let event = if actor.height_m > height_m { Event::Falls } else { Event::Thrown };
+                let loose = Loose {
+                    event,
+                    world_from_model: standing(at, z_m, yaw_rad),
+                    aim,
+                    release_m: actor.trigger_m,
+                    linear_mps: Vector3::new(along.x, along.y, 0.0) * actor.speed_mps,
+                    angular_rps: Vector3::zeros(),
+                };
+                (Motion::Loose(Box::new(loose)), over_m)
+            }
+        }
+    }
+}

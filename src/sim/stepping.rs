@@ -1,0 +1,124 @@
+//! Advances a world, and tells what a body touches meanwhile.
+
+use nalgebra::{Isometry3, Vector3};
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::prelude::*;
+
+use super::{SimError, Simulator};
+
+/// A body that another one has come to touch.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Touch {
+    pub body: usize,
+    /// Velocity of the one that touches, just before, along the world's axes.
+    pub own_mps: Vector3<f64>,
+    /// The same of the touched one; zero where it is moved by hand.
+    pub other_mps: Vector3<f64>,
+    /// Out of the one that touches.
+    pub normal: Vector3<f64>,
+}
+
+/// Controls, and poses of bodies that are moved by hand, as Python takes them.
+type Inputs<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<i64>>, Bound<'py, PyArray2<f64>>);
+
+impl Simulator {
+    /// Sets the controls and the poses of mocap bodies (by mocap number), then advances `n_steps`.
+    ///
+    /// # Errors
+    /// The physics became unstable, or sizes do not fit.
+    pub fn step(
+        &mut self,
+        ctrl: &[f64],
+        mocap: &[(usize, Isometry3<f64>)],
+        n_steps: usize,
+    ) -> Result<(), SimError> {
+        self.ask("step", |world| {
+            let (ctrl, ids, poses) = inputs(world.py(), ctrl, mocap)?;
+            world.call_method1("step", (ctrl, ids, poses, n_steps)).map(drop)
+        })
+    }
+
+    /// As [`Self::step`], and tells what a free body touches on the way, other than the geom `ground`; each body once.
+    ///
+    /// # Errors
+    /// As [`Self::step`]; there is no such geom.
+    pub fn step_touching(
+        &mut self,
+        ctrl: &[f64],
+        mocap: &[(usize, Isometry3<f64>)],
+        n_steps: usize,
+        body: usize,
+        ground: &str,
+    ) -> Result<Vec<Touch>, SimError> {
+        self.ask("step", |world| {
+            let (ctrl, ids, poses) = inputs(world.py(), ctrl, mocap)?;
+            let told = world.call_method1("step_touching", (ctrl, ids, poses, n_steps, body, ground))?;
+            let (bodies, facts): (PyReadonlyArray1<'_, i32>, PyReadonlyArray2<'_, f64>) = told.extract()?;
+            let (facts, _) = facts.as_slice()?.as_chunks::<9>();
+            let touch = |(&body, &[a, b, c, d, e, f, g, h, i]): (&i32, &[f64; 9])| Touch {
+                body: usize::try_from(body).expect("bodies are numbered from 0"),
+                own_mps: Vector3::new(a, b, c),
+                other_mps: Vector3::new(d, e, f),
+                normal: Vector3::new(g, h, i),
+            };
+            Ok(bodies.as_slice()?.iter().zip(facts).map(touch).collect())
+        })
+    }
+
+    /// Mass of every body with all that hangs on it, kilograms, by body id.
+    ///
+    /// # Errors
+    /// As [`Self::body_poses`].
+    pub fn body_masses(&self) -> Result<Vec<f64>, SimError> {
+        self.ask("tell masses", |world| {
+            let masses: PyReadonlyArray1<'_, f64> = world.call_method0("body_masses")?.extract()?;
+            Ok(masses.as_slice()?.to_vec())
+        })
+    }
+}
+
+fn inputs<'py>(py: Python<'py>, ctrl: &[f64], mocap: &[(usize, Isometry3<f64>)]) -> PyResult<Inputs<'py>> {
+    let ids: Vec<i64> = mocap.iter().map(|&(id, _)| id as i64).collect();
+    let poses: Vec<f64> = mocap
+        .iter()
+        .flat_map(|(_, Isometry3 { translation: p, rotation: q })| [p.x, p.y, p.z, q.w, q.i, q.j, q.k])
+        .collect();
+    let poses = PyArray1::from_vec(py, poses).reshape([mocap.len(), 7])?;
+    Ok((PyArray1::from_slice(py, ctrl), PyArray1::from_vec(py, ids), poses))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::simulator::tests::{XML, mount};
+
+    #[test]
+    fn what_a_sliding_body_runs_into_is_told_once_with_both_velocities() {
+        // The ego, without weight, slides at 5 m/s to a cube whose face is 9 m ahead; its own front is at 4 m.
+        let xml = XML.replace("timestep=\"0.005\"", "timestep=\"0.005\" gravity=\"0 0 0\"").replace(
+            "size=\"2 1 1\" group=\"4\" contype=\"0\" conaffinity=\"0\"",
+            "size=\"2 1 1\" group=\"4\"",
+        );
+        let mut sim = Simulator::new(&xml, &[], &mount()).unwrap();
+        let ego = sim.body("ego").unwrap();
+        sim.ask("set a velocity", |world| world.getattr("data")?.getattr("qvel")?.set_item(0, 5.0)).unwrap();
+        let mut touches = Vec::new();
+        for step in 0..30 {
+            for touch in sim.step_touching(&[], &[], 10, ego, "ground").unwrap() {
+                touches.push((step, touch));
+            }
+            if !touches.is_empty() {
+                break;
+            }
+        }
+        let [(step, touch)] = touches[..] else { panic!("{touches:?}") };
+        assert_eq!(touch.body, sim.body("obj:cube").unwrap());
+        // 5 m at 5 m/s: in the 20th twentieth of a second, or just after.
+        assert!((19..=20).contains(&step), "{step}");
+        assert!((touch.own_mps.x - 5.0).abs() < 1e-6 && touch.other_mps.norm() < 1e-12, "{touch:?}");
+        assert!(touch.normal.x > 0.99, "{touch:?}");
+        let masses = sim.body_masses().unwrap();
+        // 4 x 2 x 2 m at MuJoCo's density of water.
+        assert!((masses[ego] - 16_000.0).abs() < 1e-6, "{}", masses[ego]);
+    }
+}

@@ -1,0 +1,143 @@
+//! Closed-loop drives: a car that sees stops, one that does not collides, and a detector that fails never passes. Needs what
+//! `make setup` makes.
+
+mod made_data;
+
+use std::path::{Path, PathBuf};
+
+use fs_err as fs;
+use harmzone::drive::{DriveOutcome, DriveSummary, End};
+use made_data::{done, fails, harmzone, text};
+
+/// A bale in the lane, a few seconds ahead.
+const BALE: &str = r#"idea = "A hay bale lies in the lane."
+town = "suburb"
+seed = 3
+seconds = 20.0
+
+[actors.bale]
+model = "hay_bale"
+ahead_m = 32.0
+"#;
+
+struct Drives(tempfile::TempDir);
+
+impl Drives {
+    fn new() -> Self {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        fs::write(folder.path().join("bale.toml"), BALE).expect("a file can be written");
+        Self(folder)
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    /// Drives the bale's scenario; exit code and standard error.
+    fn drive(&self, drivers: &[&str], out: &str, more: &[&str]) -> (i32, String) {
+        let (scenario, out) = (self.path("bale.toml"), self.path(out));
+        let flags = ["--scenarios", text(&scenario), "--out", text(&out)];
+        let output = harmzone(&[&["drive"], drivers, &flags, more].concat());
+        let told = String::from_utf8_lossy(&output.stderr).into_owned();
+        (output.status.code().expect("it ended by itself"), told)
+    }
+
+    fn summary(&self, out: &str) -> DriveSummary {
+        let text = fs::read_to_string(self.path(out).join(DriveSummary::FILE)).expect("figures are written");
+        serde_json::from_str(&text).expect("JSON of ours")
+    }
+}
+
+fn detector(fault: &str) -> String {
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python/nearest_ahead.py");
+    format!("exec:python3 {} {fault}", script.display())
+}
+
+#[test]
+fn who_sees_stops_before_the_bale_and_who_does_not_drives_into_it() {
+    let drives = Drives::new();
+    let drivers = ["blind", "truth", &detector("")];
+    let (code, told) = drives.drive(&drivers, "a", &["--no-record"]);
+    assert_eq!(code, 0, "{told}");
+    let summary = drives.summary("a");
+    let outcomes: Vec<&DriveOutcome> = summary.outcomes.iter().flatten().collect();
+    let [blind, truth, other] = outcomes[..] else { panic!("{outcomes:?}") };
+    let hit = blind.collision.as_ref().expect("a blind car drives on");
+    assert_eq!((hit.category.as_str(), &blind.end), ("hay_bale", &End::Collision));
+    // It has come up to speed, and what it hits is fixed to the ground.
+    assert!(hit.impact_mps > 5.0 && hit.was_harmful && !hit.is_sudden, "{hit:?}");
+    assert!((hit.energy_j / (0.5 * 1500.0 * hit.impact_mps * hit.impact_mps) - 1.0).abs() < 0.1, "{hit:?}");
+    for seeing in [truth, other] {
+        assert_eq!((&seeing.end, &seeing.collision), (&End::Stopped, &None), "{seeing:?}");
+        // From the rear axle's start to the bale's middle 32 m, less the bumper, half the bale and two metres: 25.9 m.
+        assert!((24.0..27.5).contains(&seeing.distance_m), "{seeing:?}");
+        assert_eq!(seeing.n_false_stops(), 0, "{seeing:?}");
+        assert!(seeing.first_brake_ttc_s.is_some_and(|ttc_s| ttc_s > 1.0), "{seeing:?}");
+    }
+    let figures = &summary.figures;
+    assert_eq!(figures[1].avoided_share.and_then(|share| share.value), Some(1.0));
+    assert_eq!(figures[2].avoided_share.and_then(|share| share.value), Some(1.0));
+
+    // Again with two processes, in another folder and over what is there: the same bytes.
+    let of = |out: &str| fs::read(drives.path(out).join("truth/outcomes/bale.json")).expect("an outcome");
+    let first = of("a");
+    assert_eq!(drives.drive(&["truth", "blind"], "b", &["--no-record", "--jobs", "2"]).0, 0);
+    assert_eq!(of("b"), first);
+    fs::remove_file(drives.path("a/truth/outcomes/bale.json")).expect("it is there");
+    assert_eq!(drives.drive(&drivers, "a", &["--no-record"]).0, 0);
+    assert_eq!(of("a"), first);
+}
+
+#[test]
+fn a_detector_that_dies_or_hangs_or_talks_nonsense_fails_and_never_passes() {
+    for (fault, told_of) in
+        [("dies", "the detector ended"), ("hangs", "no answer within"), ("prints", "not usable")]
+    {
+        let drives = Drives::new();
+        let drivers = ["blind", &format!("theirs={}", detector(fault))];
+        let (code, told) = drives.drive(&drivers, "a", &["--no-record", "--set", "reply_s=0.5"]);
+        assert_eq!(code, 3, "{told}");
+        assert!(told.contains("1 drives failed") && told.contains(told_of), "{told}");
+        let summary = drives.summary("a");
+        assert!(matches!(&summary.outcomes[1][0].end, End::Failed(reason) if reason.contains(told_of)));
+        // It counts for nobody.
+        assert_eq!((summary.figures[0].n_episodes, summary.figures[1].n_failed), (0, 1));
+    }
+}
+
+#[test]
+fn a_recorded_drive_is_a_data_set_that_shows_what_was_seen_and_ordered() {
+    let drives = Drives::new();
+    let (code, told) = drives.drive(&["small"], "a", &["--set", "world.sample_period_s=0.5"]);
+    assert_eq!(code, 0, "{told}");
+    let folder = drives.path("a/small");
+    let log = folder.join("predictions/bale.mcap");
+    let commands = harmzone::episode::CommandReader::open(&log).expect("a log of commands");
+    let boxes = harmzone::episode::DetectionReader::open(&log).expect("a log of boxes");
+    let n_samples = drives.summary("a").outcomes[0][0].n_samples;
+    assert_eq!(boxes.samples().len(), n_samples);
+    assert!(commands.samples().iter().any(|command| command.is_harmful));
+    let picture = drives.path("last.png");
+    let predictions = folder.join("predictions");
+    let flags = ["--sample", "3", "--predictions", text(&predictions), "--out", text(&picture)];
+    done(&[&["view", text(&folder)], &flags[..]].concat());
+    assert!(picture.is_file());
+    assert!(done(&["info", text(&folder)]).contains("hay_bale"), "info reads it as a data set");
+}
+
+#[test]
+fn what_cannot_be_driven_is_told_before_anything_is_written() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().join("out");
+    let fail = |args: &[&str]| fails(&[&["drive"], args, &["--out", text(&out)]].concat());
+    assert!(fail(&["zones:small"]).contains("zone-soft"));
+    assert!(fail(&["no/such/run"]).contains("no finished checkpoint"));
+    assert!(fail(&["blind", "--split", "test"]).contains("--final"));
+    assert!(fail(&["blind", "a=blind", "blind"]).contains("two drivers are called `blind`"));
+    assert!(fail(&["blind", "--set", "reflex.n_confirming=4"]).contains("n_confirming"));
+    assert!(fail(&["blind", "--scenarios", "no/such.toml"]).contains("suite"));
+    assert!(!out.exists());
+    fs::create_dir(&out).expect("a folder");
+    fs::write(out.join("thesis.txt"), "words").expect("a file");
+    assert!(fail(&["blind"]).contains("other things than drives"));
+}
