@@ -129,9 +129,9 @@ bench: setup ## All speeds in one table, beside what is wanted; fails below a fl
 bench-micro: setup ## Benchmarks of single operations, module/case/size; never a gate
 	cargo bench --profile release
 
-bench-gen: setup ## Speed of gen against bare MuJoCo, of two processes against one, memory, disk; about 10 minutes
+bench-gen: setup ## Speed of gen against bare MuJoCo, of two processes against one, memory, disk; about 15 minutes
 	$(XTASK) bench-gen --town all
-	$(XTASK) bench-gen --town all --weather all --episodes 18 --run-samples 2 # what weather adds
+	$(XTASK) bench-gen --town all --weather all --episodes 18 --run-samples 240 # what weather adds
 
 # The race's labelled dataset and its checkpoint or run folder; `small` is the network with random weights.
 RACE_DATA ?= data/race

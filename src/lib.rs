@@ -57,7 +57,7 @@
 //!   [`label`], [`export`]; and what reads them: [`dataset`];
 //! - two data sets side by side: [`compare`];
 //! - the network: [`kernels`], [`model`], [`infer`], [`train`]; predictions of others: [`exchange`]; the scores: [`eval`], [`report`];
-//!   the closed loop: [`drive`];
+//!   the closed loop: [`drive`], and what comes of it: [`outcome`];
 //! - the program's flags: [`cli`].
 
 pub mod config;
@@ -99,6 +99,7 @@ pub mod eval;
 pub mod exchange;
 pub mod infer;
 pub mod model;
+pub mod outcome;
 pub mod train;
 
 pub mod report;

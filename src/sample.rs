@@ -8,7 +8,7 @@ use crate::geometry::{Camera, Ego, Lidar, Pinhole, Point2, Transform, World};
 use crate::object::Object;
 
 /// The ego's own state: in [`Measured`] with speed and steering as its sensors tell them, in [`Truth`] as they are.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct EgoState {
     /// Signed along the ego's x axis.
     pub speed_mps: f64,

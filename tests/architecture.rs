@@ -39,6 +39,7 @@ const LAYERS: &[(&str, u32)] = &[
     ("compare", 7),
     ("eval", 7),
     ("infer", 8),
+    ("outcome", 8),
     ("drive", 9),
     ("exchange", 9),
     ("train", 9),
@@ -85,7 +86,7 @@ const IO_PATHS: [&str; 6] = ["fs_err", "std::fs", "std::net", "std::process", "s
 const IO_NAMES: [&str; 2] = ["write_atomic", "SystemTime"];
 
 /// Modules that score, judge and report boxes of any detector: no network and no simulator behind them.
-const LIGHT: [&str; 4] = ["src/compare/", "src/eval/", "src/zone/", "src/report/"];
+const LIGHT: [&str; 5] = ["src/compare/", "src/eval/", "src/zone/", "src/outcome/", "src/report/"];
 const HEAVY: [&str; 3] = ["burn", "pyo3", "numpy"];
 
 const VAGUE_NAMES: [&str; 8] =

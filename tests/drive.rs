@@ -6,7 +6,7 @@ mod made_data;
 use std::path::{Path, PathBuf};
 
 use fs_err as fs;
-use harmzone::drive::{DriveOutcome, DriveSummary, End};
+use harmzone::outcome::{DriveOutcome, DriveSummary, End};
 use made_data::{done, fails, harmzone, text};
 
 /// A bale in the lane, a few seconds ahead.
@@ -108,13 +108,13 @@ fn a_detector_that_dies_or_hangs_or_talks_nonsense_fails_and_never_passes() {
 #[test]
 fn a_recorded_drive_is_a_data_set_that_shows_what_was_seen_and_ordered() {
     let drives = Drives::new();
-    let (code, told) = drives.drive(&["small"], "a", &["--set", "world.sample_period_s=0.5"]);
+    let (code, told) = drives.drive(&["blind", "small"], "a", &["--set", "world.sample_period_s=0.5"]);
     assert_eq!(code, 0, "{told}");
     let folder = drives.path("a/small");
     let log = folder.join("predictions/bale.mcap");
     let commands = harmzone::episode::CommandReader::open(&log).expect("a log of commands");
     let boxes = harmzone::episode::DetectionReader::open(&log).expect("a log of boxes");
-    let n_samples = drives.summary("a").outcomes[0][0].n_samples;
+    let n_samples = drives.summary("a").outcomes[1][0].n_samples;
     assert_eq!(boxes.samples().len(), n_samples);
     assert!(commands.samples().iter().any(|command| command.is_harmful));
     let picture = drives.path("last.png");
@@ -123,6 +123,11 @@ fn a_recorded_drive_is_a_data_set_that_shows_what_was_seen_and_ordered() {
     done(&[&["view", text(&folder)], &flags[..]].concat());
     assert!(picture.is_file());
     assert!(done(&["info", text(&folder)]).contains("hay_bale"), "info reads it as a data set");
+    let (page, all) = (drives.path("page.html"), drives.path("a"));
+    done(&["report", text(&page), "--drives", text(&all)]);
+    let html = fs::read_to_string(&page).expect("a page");
+    // Blind is the floor: it has no worst cases.
+    assert!(html.contains("Closed loop") && html.contains("small") && !html.contains("Worst cases of blind"));
 }
 
 #[test]

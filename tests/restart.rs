@@ -5,7 +5,7 @@ mod made_data;
 
 use fs_err as fs;
 use made_data::{
-    Fixture, TINY, command, done, episodes, fixture, generate, generation, kill_when_filled, text,
+    Fixture, TINY, command, done, episodes, fails, fixture, generate, generation, kill_when_filled, text,
 };
 
 #[test]
@@ -46,4 +46,27 @@ fn train_killed_in_the_middle_and_called_again_ends_with_the_same_bytes() {
             "{file} differs"
         );
     }
+}
+
+#[test]
+fn shards_that_are_merged_are_what_one_run_makes() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = |name: &str| folder.path().join(name);
+    let shards = [path("a"), path("b")];
+    for (shard, out) in ["0/2", "1/2"].into_iter().zip(&shards) {
+        generate(out, "1", &["--episodes", "2", "--shard", shard]);
+        done(&["label", text(out)]);
+        assert_eq!(episodes(out).len(), 1);
+    }
+    let whole = path("whole");
+    let args = ["merge", text(&shards[1]), text(&shards[0]), "--out", text(&whole)];
+    assert!(done(&args).contains("episodes  2"));
+    assert!(episodes(&whole) == episodes(&fixture().id));
+    for file in ["dataset.json", "gen.toml", "labels/rect/labels.json"] {
+        let read = |folder: &std::path::Path| fs::read(folder.join(file)).expect("a data set with labels");
+        assert!(read(&whole) == read(&fixture().id), "{file} differs");
+    }
+    let half = path("half");
+    let args = ["merge", text(&shards[1]), "--out", text(&half)];
+    assert!(fails(&args).contains("--shard 0/2"), "the command that makes the rest is told");
 }

@@ -5,9 +5,11 @@ use std::path::PathBuf;
 use anyhow::Context as _;
 use clap::Args;
 
+use super::world::WorldArgs;
 use super::{Bar, ExitStatus, number, one_of, print_summary, tell};
 use crate::config;
-use crate::generate::{self, LidarEngine, Preset, RendererName, RunOptions, preset};
+use crate::episode::Shard;
+use crate::generate::{self, Extent, LidarEngine, RendererName, RunOptions, preset};
 use crate::scene::{OwnModels, SceneSplit, bring_in};
 use crate::sensors::RigConfig;
 use crate::text_table::text_table;
@@ -17,33 +19,15 @@ pub struct GenerateArgs {
     /// Folder of the data set; the same command again goes on where it stopped
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Towns, weathers, counts and seeds of a whole experiment's data sets; the other flags go over it
-    #[arg(long, value_parser = one_of(Preset::ALL, Preset::name))]
-    preset: Option<Preset>,
+    #[command(flatten)]
+    world: WorldArgs,
     /// What the episodes are for: `dev`, to train, to validate and, with --ood, to choose by; or `test`, to report, in
     /// towns and with unfamiliar objects of their own [default: dev]
     #[arg(long, value_parser = one_of(SceneSplit::ALL, SceneSplit::name))]
     split: Option<SceneSplit>,
-    /// Towns that come with harmzone, or paths of OpenDRIVE files, with commas between; `all`: all that come with it
-    /// and are for the split [default: downtown, or all for reporting]
-    #[arg(long, value_name = "TOWNS", value_delimiter = ',')]
-    town: Vec<String>,
-    /// Weathers by CARLA's names, with commas between; or `all`. Every pair of town and weather comes once
-    /// before any comes twice [default: ClearNoon]
-    #[arg(long, value_name = "WEATHERS", value_delimiter = ',')]
-    weather: Vec<String>,
-    /// Number of episodes [default: the preset's, else 6]
-    #[arg(long, value_name = "N", value_parser = number(1..=u32::MAX))]
-    episodes: Option<u32>,
     /// Samples in each episode, 0.3 s apart [default: 40]
     #[arg(long, value_name = "N", value_parser = number(1..=u32::MAX))]
     samples: Option<u32>,
-    /// Seed of every random draw: the same seed gives the same bytes [default: 0]
-    #[arg(long, value_name = "N", value_parser = number(0..=u64::MAX))]
-    seed: Option<u64>,
-    /// Also place unfamiliar objects, of kinds that no training set holds
-    #[arg(long)]
-    ood: bool,
     /// Folder of own meshes (OBJ, STL, GLB; models.toml in it says what the files do not), placed among the unfamiliar
     /// objects of --ood
     #[arg(long, value_name = "DIR")]
@@ -65,6 +49,9 @@ pub struct GenerateArgs {
     /// Also write depth, instance and category of each pixel as EXR files under aov/
     #[arg(long)]
     aov: bool,
+    /// Make one of N parts, I from 0: every N-th episode, in a folder of its own, which `harmzone merge` joins with the others
+    #[arg(long, value_name = "I/N")]
+    shard: Option<Shard>,
     /// Worker processes [default: one for each core]
     #[arg(long, value_name = "N", value_parser = number(1..=usize::MAX))]
     jobs: Option<usize>,
@@ -84,13 +71,8 @@ pub struct GenerateArgs {
 
 pub fn run(args: GenerateArgs) -> anyhow::Result<ExitStatus> {
     let (mut config, n_episodes) =
-        preset::load(args.preset, args.split, args.ood, args.config.as_deref(), &args.overrides)?;
-    if !args.town.is_empty() {
-        config.towns = args.town;
-    }
-    if !args.weather.is_empty() {
-        config.weathers = args.weather;
-    }
+        preset::load(args.world.preset, args.split, args.world.ood, args.config.as_deref(), &args.overrides)?;
+    args.world.apply(&mut config);
     if let Some(name) = &args.rig {
         config.rig = RigConfig::named_or_read(name).with_context(|| {
             format!("the rig `{name}` is neither `front`, `surround` nor a TOML file of a rig")
@@ -103,7 +85,6 @@ pub fn run(args: GenerateArgs) -> anyhow::Result<ExitStatus> {
     config.lidar_engine = args.lidar_engine.unwrap_or(config.lidar_engine);
     config.render.aov |= args.aov;
     config.samples = args.samples.unwrap_or(config.samples);
-    config.seed = args.seed.unwrap_or(config.seed);
     let own_models = match &args.models {
         None if config.scene.own_models.is_empty() => None,
         None => anyhow::bail!("`scene.own_models` is set by --models DIR: give the folder of the meshes"),
@@ -124,8 +105,8 @@ pub fn run(args: GenerateArgs) -> anyhow::Result<ExitStatus> {
         force: args.force,
         own_models,
     };
-    let summary =
-        generate::run(&config, args.episodes.unwrap_or(n_episodes), &args.out, &options, &Bar::default())?;
+    let extent = Extent { n_episodes: args.world.episodes.unwrap_or(n_episodes), shard: args.shard };
+    let summary = generate::run(&config, extent, &args.out, &options, &Bar::default())?;
     print_summary(&summary, args.json)?;
     Ok(if has_losses { ExitStatus::DoneWithLosses } else { ExitStatus::Done })
 }

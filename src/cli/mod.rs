@@ -16,6 +16,7 @@ mod generate_worker;
 mod import;
 mod info;
 mod label;
+mod merge;
 mod output;
 mod predict;
 mod progress;
@@ -24,6 +25,7 @@ mod sweep;
 mod train;
 mod values;
 mod view;
+mod world;
 mod zones;
 
 use std::process::ExitCode;
@@ -55,6 +57,8 @@ enum Command {
     /// Write episodes for `gen`, which starts this command as a process of its own
     #[command(hide = true)]
     GenWorker(generate_worker::WorkerArgs),
+    /// Join the shards of a data set, which `gen --shard` made in several places
+    Merge(merge::MergeArgs),
     /// Make a data set of the logs of real cars
     Import(import::ImportArgs),
     /// Label the objects of a data set harmful or harmless by a danger zone
@@ -108,6 +112,7 @@ pub fn main() -> ExitCode {
     finish(|| match parse::<Cli>().command {
         Command::Gen(args) => generate::run(args),
         Command::GenWorker(args) => generate_worker::run(args),
+        Command::Merge(args) => merge::run(args),
         Command::Import(args) => import::run(args),
         Command::Label(args) => label::run(args),
         Command::Zones(args) => zones::run(args),
@@ -223,7 +228,7 @@ mod tests {
                 }
             }
         }
-        let numbers = ["gen --episodes", "gen --samples", "gen --seed", "gen --jobs", "zones --sample"];
+        let numbers = ["gen --episodes", "gen --seed", "gen --samples", "gen --jobs", "zones --sample"];
         let more = [
             "calibrate --false-alarms-per-km",
             "drive --episodes",

@@ -8,7 +8,7 @@ use super::{ExitStatus, command_line, number, print, tell};
 use crate::report::page::{self, ReportRequest, ScoresRequest};
 
 #[derive(Debug, Args)]
-#[command(group = ArgGroup::new("scores").args(["id", "ood"]).required(true).multiple(true))]
+#[command(group = ArgGroup::new("scores").args(["id", "ood", "drives"]).required(true).multiple(true))]
 pub struct ReportArgs {
     /// The page to write: a name that ends in .html, or a folder, which gets report.html
     out: PathBuf,
@@ -27,6 +27,9 @@ pub struct ReportArgs {
     /// Ablations and rivals: results.json of `make results`
     #[arg(long, value_name = "JSON")]
     results: Option<PathBuf>,
+    /// Closed-loop drives: what `harmzone drive WHO.. --out DIR` wrote
+    #[arg(long, value_name = "DIR")]
+    drives: Option<PathBuf>,
     /// Pictures of each kind of fault in each data set, at most
     #[arg(long, value_name = "N", default_value_t = page::DEFAULT_CARDS, value_parser = number(0..=usize::MAX))]
     cards: usize,
@@ -42,6 +45,7 @@ pub fn run(args: ReportArgs) -> anyhow::Result<ExitStatus> {
         id: scores(args.id, args.id_data),
         ood: scores(args.ood, args.ood_data),
         results: args.results,
+        drives: args.drives,
         n_cards: args.cards,
         command: command_line("harmzone"),
         force: args.force,

@@ -6,7 +6,7 @@ use std::path::Path;
 use nalgebra::Vector3;
 
 use super::config::HARD_BRAKING_MPS2;
-use super::outcome::{Collision, DriveOutcome, End, HardStop, is_sudden};
+use super::foresight::Foresight;
 use super::perception::{Instant, Perception, truly_harmful};
 use super::recorder::Recorder;
 use super::reflex::Reflex;
@@ -14,6 +14,7 @@ use super::scenario::Course;
 use super::{DriveConfig, DriveError};
 use crate::generate::{CONTROL_PERIOD_S, Contact, EpisodePlan, LiveEpisode, Timings};
 use crate::object::{Event, Object, Spot};
+use crate::outcome::{Collision, DriveOutcome, End, HardStop, is_sudden};
 use crate::sample::EgoState;
 use crate::scene::{EgoOrders, car};
 use crate::zone::Zone;
@@ -55,12 +56,14 @@ pub(super) fn drive(
     let live = LiveEpisode::start(checked, plan, files.folder)?;
     let path = files.folder.join(plan.file());
     let recorder = files.records.then(|| Recorder::create(&live, &path)).transpose()?;
-    let reflex = Reflex::new(&config.reflex, perception.own_score());
+    let reflex = Reflex::new(&config.reflex, perception.min_score(&config.reflex))?;
+    let foresight = Foresight::new(&config.reflex)?;
     let free_way_m = live.free_way_m(config.n_steps() as usize);
     let ego_kg = live.ego_mass_kg()?;
     let mut drive = Run {
         config,
         zone,
+        foresight,
         live,
         reflex,
         recorder,
@@ -132,6 +135,7 @@ struct Notes {
 struct Run<'a> {
     config: &'a DriveConfig,
     zone: Zone,
+    foresight: Foresight,
     live: LiveEpisode<'a>,
     reflex: Reflex,
     recorder: Option<Recorder>,
@@ -156,7 +160,7 @@ impl Run<'_> {
         let time_s = step as f64 * CONTROL_PERIOD_S;
         let true_state = self.live.ego_state()?;
         let present = self.live.present();
-        let harmful = truly_harmful(&self.zone, &true_state, &present)?;
+        let harmful = truly_harmful(&self.zone, &self.foresight, &true_state, &present)?;
         self.seen.harmful_s.extend(harmful.iter().map(|&i| (i, time_s)));
         if !harmful.is_empty() {
             self.seen.any_harmful_s = Some(time_s);
@@ -189,7 +193,7 @@ impl Run<'_> {
         let time_s = step as f64 * CONTROL_PERIOD_S;
         let true_state = self.live.ego_state()?;
         let state = EgoState { speed_mps: true_state.speed_mps + self.speed_error_mps, ..true_state };
-        let orders = self.reflex.orders(time_s, &self.live.world_from_ego(), &state);
+        let orders = self.reflex.orders(time_s, &self.live.world_from_ego(), &state)?;
         self.note_braking(time_s, true_state.speed_mps, &orders);
         let before = self.live.world_from_ego().isometry.translation.vector;
         let contacts = self.live.step_ordered(orders)?;

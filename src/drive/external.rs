@@ -50,12 +50,8 @@ struct Header<'a> {
     episode: &'a str,
     sample_idx: u64,
     time_ns: u64,
-    speed_mps: f64,
-    steering_angle_rad: f64,
-    yaw_rate_rps: f64,
-    acceleration_mps2: f64,
-    wheelbase_m: f64,
-    front_bumper_x_m: f64,
+    #[serde(flatten)]
+    ego_state: EgoState,
     camera: CameraHeader,
     ego_from_lidar: [[f64; 4]; 4],
     image: ImageHeader,
@@ -261,26 +257,13 @@ fn read_message(from: &mut impl Read) -> io::Result<Option<Vec<u8>>> {
 }
 
 fn header<'a>(episode: &'a str, sample_idx: u64, measured: &Measured) -> Header<'a> {
-    let EgoState {
-        speed_mps,
-        steering_angle_rad,
-        yaw_rate_rps,
-        acceleration_mps2,
-        wheelbase_m,
-        front_bumper_x_m,
-    } = measured.ego_state;
     let Pinhole { width_px, height_px, fx_px, fy_px, cx_px, cy_px } = measured.intrinsics;
     let ego_from_camera = rows(&measured.ego_from_camera);
     Header {
         episode,
         sample_idx,
         time_ns: measured.time_ns,
-        speed_mps,
-        steering_angle_rad,
-        yaw_rate_rps,
-        acceleration_mps2,
-        wheelbase_m,
-        front_bumper_x_m,
+        ego_state: measured.ego_state,
         camera: CameraHeader { width_px, height_px, fx_px, fy_px, cx_px, cy_px, ego_from_camera },
         ego_from_lidar: rows(&measured.ego_from_lidar),
         image: ImageHeader {

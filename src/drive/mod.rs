@@ -1,21 +1,18 @@
 //! The closed loop: the ego drives its route on perception alone, and physics decides what comes of it.
 //!
 //! A driver under test knows the route and its target speed; what it knows of objects are the boxes of a detector, of the truth
-//! or of nobody ([`who::Source`]). Harmful boxes brake ([`reflex::Reflex`]); a contact of the ego with anything but the ground is a
+//! or of nobody ([`crate::outcome::Source`]). Harmful boxes brake ([`reflex::Reflex`]); a contact of the ego with anything but the ground is a
 //! collision. Every driver meets the same worlds, by seed. docs/drive.md has the rules and the figures.
 
 mod config;
 mod episode;
 mod external;
-mod figures;
-mod outcome;
+mod foresight;
 mod perception;
 mod recorder;
 mod reflex;
 mod run;
 mod scenario;
-mod table;
-mod who;
 pub mod worker;
 
 use std::path::PathBuf;
@@ -24,12 +21,9 @@ use thiserror::Error;
 
 pub use config::{DriveConfig, HARD_BRAKING_MPS2, ReflexConfig};
 pub use external::{External, ExternalError};
-pub use figures::{Figures, GroupFigures, Measure, compare};
-pub use outcome::{Collision, DriveOutcome, End, HardStop, is_sudden};
 pub use reflex::Reflex;
-pub use run::{Courses, DriveOptions, DriveSummary, run};
+pub use run::{Courses, DriveOptions, run};
 pub use scenario::{SUITE, Scenario, ScenarioError, load as load_scenarios};
-pub use who::{Source, Who, WhoError};
 
 use crate::config::InvalidConfig;
 use crate::device::DeviceError;

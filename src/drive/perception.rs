@@ -3,12 +3,14 @@
 use burn::tensor::Device;
 
 use super::DriveError;
+use super::config::ReflexConfig;
 use super::external::{External, ExternalError};
-use super::who::Source;
+use super::foresight::Foresight;
 use crate::eval::judge::Judge;
 use crate::infer::{self, Trained};
 use crate::model::Detector;
 use crate::object::{Detection, Harm, Object};
+use crate::outcome::Source;
 use crate::progress::Silent;
 use crate::sample::{EgoState, Measured};
 use crate::zone::Zone;
@@ -27,8 +29,10 @@ pub(super) struct Network {
     detector: Detector,
     judge: Judge,
     device: Device,
-    /// From which on it warns.
-    score: f64,
+    /// Asked for with it.
+    asked_score: Option<f64>,
+    /// From which on it warns by itself.
+    own_score: f64,
 }
 
 /// What can be seen at one instant.
@@ -54,20 +58,22 @@ impl Perception {
             Source::External { command } => {
                 Self::External { command: command.clone(), reply_s, running: None }
             }
-            Source::Network { run, judge } => {
+            Source::Network { run, judge, score } => {
                 let trained = Trained::find(run)?;
-                let score = trained.eval_config()?.operating_score;
+                let own_score = trained.eval_config()?.operating_score;
                 let detector = trained.load(device)?;
-                Self::Network(Box::new(Network { detector, judge: *judge, device: device.clone(), score }))
+                let (judge, asked_score, device) = (*judge, *score, device.clone());
+                Self::Network(Box::new(Network { detector, judge, device, asked_score, own_score }))
             }
         })
     }
 
-    /// Score from which on its harmful boxes count where the config names none.
-    pub fn own_score(&self) -> f64 {
+    /// Score from which on its boxes count: what was asked for with it, else in the config, else its own.
+    pub fn min_score(&self, config: &ReflexConfig) -> f64 {
+        let of_all = (config.score > 0.0).then_some(config.score);
         match self {
-            Self::Network(network) => network.score,
-            Self::Blind | Self::Truth | Self::External { .. } => f64::NEG_INFINITY,
+            Self::Network(network) => network.asked_score.or(of_all).unwrap_or(network.own_score),
+            Self::Blind | Self::Truth | Self::External { .. } => of_all.unwrap_or(f64::NEG_INFINITY),
         }
     }
 
@@ -121,16 +127,19 @@ impl From<ExternalError> for DriveError {
     }
 }
 
-/// Whether anything is truly harmful now, and the nearest such object's number.
+/// The numbers of the objects that are truly harmful now: those that the zone calls so, and those that move into the ego's way.
 pub(super) fn truly_harmful(
     zone: &Zone,
+    foresight: &Foresight,
     state: &EgoState,
     present: &[(usize, Object)],
 ) -> Result<Vec<usize>, DriveError> {
-    let here = zone.at(state)?;
+    let (here, soon) = (zone.at(state)?, foresight.at(state)?);
     let mut harmful = Vec::new();
     for (i, object) in present {
-        if here.harm_of_object(object)?.harm == Harm::Harmful {
+        let is_harmful = here.harm_of_object(object)?.harm == Harm::Harmful
+            || soon.meeting(&object.solid_in_ego(), object.velocity_in_ego_mps)?.is_some();
+        if is_harmful {
             harmful.push(*i);
         }
     }

@@ -1,18 +1,20 @@
 //! From harmful boxes to braking: a box that several samples show is a hazard, and the ego brakes so that it stops before it.
 //!
 //! `braking = v^2 / (2 (gap - margin))`, within bounds, for the hazard that asks for most. A hazard stays where it was seen, over
-//! ground, until no sample has confirmed it for a while. Nothing here knows the truth, reads a clock or draws a random number.
+//! ground, until no sample has confirmed it for a while. What is not harmful yet but moves into the ego's way is a hazard where
+//! both will meet ([`Foresight`]). Nothing here knows the truth, reads a clock or draws a random number.
 
 use std::collections::VecDeque;
 
-use nalgebra::Vector2;
+use nalgebra::{Vector2, Vector3};
 
 use super::config::ReflexConfig;
+use super::foresight::{Foresight, ForesightAt};
 use crate::geometry::{Box3, Ego, Point, Transform, World};
-use crate::object::Detection;
-use crate::object::Harm;
+use crate::object::{Detection, Harm};
 use crate::sample::EgoState;
 use crate::scene::EgoOrders;
+use crate::zone::ZoneError;
 
 /// Slower than this the ego stands, m/s.
 const STANDS_MPS: f64 = 0.3;
@@ -20,15 +22,26 @@ const STANDS_MPS: f64 = 0.3;
 const HOLDING_MPS2: f64 = 2.0;
 /// Points along an edge of a footprint at which its distance is measured, corners included.
 const N_ON_EDGE: usize = 17;
+/// Samples back over which a velocity is taken.
+const N_BEFORE: usize = 2;
 
-/// What waits until it takes effect.
-#[derive(Debug, Clone)]
-struct Due {
-    time_s: f64,
-    boxes: Vec<Box3<World>>,
+/// A box over ground.
+#[derive(Debug, Clone, Copy)]
+struct Seen {
+    at: Box3<World>,
+    is_harmful: bool,
 }
 
-/// A confirmed harmful box.
+/// The boxes of one sample.
+#[derive(Debug, Clone)]
+struct Sample {
+    time_s: f64,
+    seen: Vec<Seen>,
+    /// When it takes effect.
+    due_s: f64,
+}
+
+/// A confirmed harmful box, or where one that moves will be met.
 #[derive(Debug, Clone)]
 struct Hazard {
     at: Box3<World>,
@@ -39,45 +52,54 @@ struct Hazard {
 #[derive(Debug, Clone)]
 pub struct Reflex {
     config: ReflexConfig,
-    /// From which score on a harmful box counts.
+    foresight: Foresight,
+    /// From which score on a box counts.
     min_score: f64,
-    due: VecDeque<Due>,
-    /// Harmful boxes of the last samples, the latest first.
-    history: VecDeque<Vec<Box3<World>>>,
+    due: VecDeque<Sample>,
+    /// The last samples that took effect, the latest first.
+    history: VecDeque<Sample>,
     hazards: Vec<Hazard>,
 }
 
 impl Reflex {
-    /// `own_score` is the detector's own, for a config that names none.
-    #[must_use]
-    pub fn new(config: &ReflexConfig, own_score: f64) -> Self {
-        let min_score = if config.score > 0.0 { config.score } else { own_score };
-        Self {
+    /// Boxes count from `min_score` on.
+    ///
+    /// # Errors
+    /// The config is not valid.
+    pub fn new(config: &ReflexConfig, min_score: f64) -> Result<Self, ZoneError> {
+        Ok(Self {
             config: config.clone(),
+            foresight: Foresight::new(config)?,
             min_score,
             due: VecDeque::new(),
             history: VecDeque::new(),
             hazards: Vec::new(),
-        }
+        })
     }
 
     /// Takes the boxes of a sample, which was measured at a time and a place.
     pub fn see(&mut self, time_s: f64, world_from_ego: &Transform<World, Ego>, found: &[Detection]) {
-        let counts = |found: &&Detection| found.harm == Harm::Harmful && found.score >= self.min_score;
-        let boxes = found.iter().filter(counts).map(|found| found.box_in_ego.in_frame(world_from_ego));
-        self.due.push_back(Due { time_s: time_s + self.config.latency_s, boxes: boxes.collect() });
+        let counted = found.iter().filter(|found| found.score >= self.min_score);
+        let seen = counted.map(|found| Seen {
+            at: found.box_in_ego.in_frame(world_from_ego),
+            is_harmful: found.harm == Harm::Harmful,
+        });
+        self.due.push_back(Sample { time_s, seen: seen.collect(), due_s: time_s + self.config.latency_s });
     }
 
     /// What the driver is to do at a time; `state` is what the car measures of itself.
+    ///
+    /// # Errors
+    /// The state is not valid, or a box is not finite.
     pub fn orders(
         &mut self,
         time_s: f64,
         world_from_ego: &Transform<World, Ego>,
         state: &EgoState,
-    ) -> EgoOrders {
-        while self.due.front().is_some_and(|due| due.time_s <= time_s + 1e-9) {
+    ) -> Result<EgoOrders, ZoneError> {
+        while self.due.front().is_some_and(|due| due.due_s <= time_s + 1e-9) {
             let due = self.due.pop_front().expect("there is a front");
-            self.take(due);
+            self.take(due, time_s, world_from_ego, &self.foresight.at(state)?)?;
         }
         let free_s = self.config.free_s;
         self.hazards.retain(|hazard| time_s - hazard.confirmed_s <= free_s + 1e-9);
@@ -86,7 +108,7 @@ impl Reflex {
             let gap_m = self.gap_m(&hazard.at.in_frame(&ego_from_world), state.front_bumper_x_m)?;
             Some(self.braking_mps2(gap_m, state.speed_mps))
         });
-        EgoOrders { braking_mps2: asked.max_by(f64::total_cmp) }
+        Ok(EgoOrders { braking_mps2: asked.max_by(f64::total_cmp) })
     }
 
     /// Whether anything is confirmed.
@@ -95,23 +117,63 @@ impl Reflex {
         !self.hazards.is_empty()
     }
 
-    fn take(&mut self, due: Due) {
-        let same_m = self.config.same_m;
-        let is_same = |a: &Box3<World>, b: &Box3<World>| apart_m(a.center, b.center) < same_m;
-        for at in &due.boxes {
-            let is_in = |boxes: &&Vec<Box3<World>>| boxes.iter().any(|before| is_same(before, at));
-            let n_before = self.history.iter().filter(is_in).count();
-            if n_before + 1 < self.config.n_confirming as usize {
-                continue;
-            }
-            let hazard = Hazard { at: *at, confirmed_s: due.time_s };
-            match self.hazards.iter_mut().find(|known| is_same(&known.at, at)) {
+    /// Confirms what a sample shows.
+    fn take(
+        &mut self,
+        sample: Sample,
+        time_s: f64,
+        world_from_ego: &Transform<World, Ego>,
+        foresight: &ForesightAt,
+    ) -> Result<(), ZoneError> {
+        let ego_from_world = world_from_ego.inverse();
+        for (i, seen) in sample.seen.iter().enumerate() {
+            let hazard_at = if seen.is_harmful {
+                self.is_confirmed(&seen.at).then_some(seen.at)
+            } else if let Some([x_mps, y_mps]) = self.velocity_mps(&sample, i) {
+                let since_s = time_s - sample.time_s;
+                let mut now_at = seen.at;
+                now_at.center = Point::new(
+                    seen.at.center.x() + x_mps * since_s,
+                    seen.at.center.y() + y_mps * since_s,
+                    seen.at.center.z(),
+                );
+                let in_ego = ego_from_world.rotate(&Vector3::new(x_mps, y_mps, 0.0));
+                let met = foresight.meeting(&now_at.in_frame(&ego_from_world), [in_ego.x, in_ego.y])?;
+                met.map(|met| met.in_frame(world_from_ego))
+            } else {
+                None
+            };
+            let Some(at) = hazard_at else { continue };
+            let hazard = Hazard { at, confirmed_s: sample.due_s };
+            match self.hazards.iter_mut().find(|known| self.config.is_same(&known.at, &at)) {
                 Some(known) => *known = hazard,
                 None => self.hazards.push(hazard),
             }
         }
-        self.history.push_front(due.boxes);
+        self.history.push_front(sample);
         self.history.truncate(self.config.n_samples as usize - 1);
+        Ok(())
+    }
+
+    /// Whether enough of the last samples, the present one included, show a harmful box here.
+    fn is_confirmed(&self, at: &Box3<World>) -> bool {
+        let shows = |sample: &&Sample| {
+            sample.seen.iter().any(|seen| seen.is_harmful && self.config.is_same(&seen.at, at))
+        };
+        self.history.iter().filter(shows).count() + 1 >= self.config.n_confirming as usize
+    }
+
+    /// How fast the box of a sample moves over ground, by where it was at the last sample and, where it was there, at the
+    /// one before. `None` for what was not there.
+    fn velocity_mps(&self, sample: &Sample, i: usize) -> Option<[f64; 2]> {
+        let (mut from, mut from_idx) = (sample, i);
+        for before in self.history.iter().take(N_BEFORE) {
+            let Some(before_idx) = self.config.partner(&from.seen, from_idx, &before.seen) else { break };
+            (from, from_idx) = (before, before_idx);
+        }
+        let after_s = sample.time_s - from.time_s;
+        let (to, from) = (sample.seen[i].at.center, from.seen[from_idx].at.center);
+        (after_s > 0.0).then(|| [(to.x() - from.x()) / after_s, (to.y() - from.y()) / after_s])
     }
 
     /// From the bumper to the nearest of a footprint, along the ego's x axis; of what lies in the strip ahead, if anything
@@ -145,8 +207,26 @@ impl Reflex {
     }
 }
 
-fn apart_m(a: Point<World>, b: Point<World>) -> f64 {
-    (a.x() - b.x()).hypot(a.y() - b.y())
+impl ReflexConfig {
+    /// Whether two boxes of different samples may be of one thing.
+    fn is_same(&self, a: &Box3<World>, b: &Box3<World>) -> bool {
+        apart_m(a, b) < self.same_m
+    }
+
+    /// The box of another sample that is of the same thing: each is the other's nearest.
+    fn partner(&self, of: &[Seen], i: usize, others: &[Seen]) -> Option<usize> {
+        let near = |a: &Seen, among: &[Seen]| {
+            let to_each = among.iter().map(|b| apart_m(&a.at, &b.at)).enumerate();
+            to_each.min_by(|a, b| a.1.total_cmp(&b.1)).filter(|&(_, apart_m)| apart_m < self.same_m)
+        };
+        let (j, there_m) = near(&of[i], others)?;
+        let (_, back_m) = near(&others[j], of)?;
+        (there_m <= back_m).then_some(j)
+    }
+}
+
+fn apart_m(a: &Box3<World>, b: &Box3<World>) -> f64 {
+    (a.center.x() - b.center.x()).hypot(a.center.y() - b.center.y())
 }
 
 #[cfg(test)]
@@ -173,57 +253,61 @@ mod tests {
         Transform::from_xyz_yaw(x_m, 0.0, 0.0, 0.0)
     }
 
+    fn reflex(config: ReflexConfig) -> Reflex {
+        Reflex::new(&config, 0.3).unwrap()
+    }
+
     #[test]
     fn one_sample_alone_does_not_brake_and_the_second_brakes_to_stop_before_the_box() {
-        let mut reflex = Reflex::new(&ReflexConfig::default(), 0.3);
+        let mut reflex = reflex(ReflexConfig::default());
         reflex.see(0.0, &at(0.0), &[crate_at(22.0, Harm::Harmful, 0.9)]);
-        assert_eq!(reflex.orders(0.0, &at(0.0), &STATE).braking_mps2, None);
+        assert_eq!(reflex.orders(0.0, &at(0.0), &STATE).unwrap().braking_mps2, None);
         reflex.see(0.3, &at(3.0), &[crate_at(19.0, Harm::Harmful, 0.9)]);
         // 100 / (2 (19 - 2)).
-        let braking_mps2 = reflex.orders(0.3, &at(3.0), &STATE).braking_mps2.unwrap();
+        let braking_mps2 = reflex.orders(0.3, &at(3.0), &STATE).unwrap().braking_mps2.unwrap();
         assert!((braking_mps2 - 100.0 / 34.0).abs() < 1e-9, "{braking_mps2}");
     }
 
     #[test]
     fn what_is_harmless_or_unsure_never_brakes() {
         for found in [crate_at(10.0, Harm::Harmless, 0.9), crate_at(10.0, Harm::Harmful, 0.2)] {
-            let mut reflex = Reflex::new(&ReflexConfig::default(), 0.3);
+            let mut reflex = reflex(ReflexConfig::default());
             for i in 0..5 {
                 let time_s = 0.3 * f64::from(i);
                 reflex.see(time_s, &at(0.0), &[found]);
-                assert_eq!(reflex.orders(time_s, &at(0.0), &STATE).braking_mps2, None);
+                assert_eq!(reflex.orders(time_s, &at(0.0), &STATE).unwrap().braking_mps2, None);
             }
         }
     }
 
     #[test]
     fn a_hazard_is_remembered_where_it_stands_until_the_way_was_free_for_a_second() {
-        let mut reflex = Reflex::new(&ReflexConfig::default(), 0.3);
+        let mut reflex = reflex(ReflexConfig::default());
         for time_s in [0.0, 0.3] {
             reflex.see(time_s, &at(0.0), &[crate_at(22.0, Harm::Harmful, 0.9)]);
-            reflex.orders(time_s, &at(0.0), &STATE);
+            reflex.orders(time_s, &at(0.0), &STATE).unwrap();
         }
         // Half a second later, 5 m on, it asks for more, although nobody has seen it since.
-        let braking_mps2 = reflex.orders(0.8, &at(5.0), &STATE).braking_mps2.unwrap();
+        let braking_mps2 = reflex.orders(0.8, &at(5.0), &STATE).unwrap().braking_mps2.unwrap();
         assert!((braking_mps2 - 100.0 / 30.0).abs() < 1e-9, "{braking_mps2}");
-        assert!(reflex.orders(1.3, &at(5.0), &STATE).braking_mps2.is_some());
-        assert_eq!(reflex.orders(1.35, &at(5.0), &STATE).braking_mps2, None);
+        assert!(reflex.orders(1.3, &at(5.0), &STATE).unwrap().braking_mps2.is_some());
+        assert_eq!(reflex.orders(1.35, &at(5.0), &STATE).unwrap().braking_mps2, None);
     }
 
     #[test]
     fn latency_delays_the_brake() {
         let config = ReflexConfig { latency_s: 0.2, ..ReflexConfig::default() };
-        let mut reflex = Reflex::new(&config, 0.3);
+        let mut reflex = reflex(config);
         for time_s in [0.0, 0.3] {
             reflex.see(time_s, &at(0.0), &[crate_at(22.0, Harm::Harmful, 0.9)]);
         }
-        assert_eq!(reflex.orders(0.45, &at(0.0), &STATE).braking_mps2, None);
-        assert!(reflex.orders(0.5, &at(0.0), &STATE).braking_mps2.is_some());
+        assert_eq!(reflex.orders(0.45, &at(0.0), &STATE).unwrap().braking_mps2, None);
+        assert!(reflex.orders(0.5, &at(0.0), &STATE).unwrap().braking_mps2.is_some());
     }
 
     #[test]
     fn what_lies_behind_the_bumper_is_past_and_what_is_too_near_takes_all_brakes() {
-        let reflex = Reflex::new(&ReflexConfig::default(), 0.3);
+        let reflex = reflex(ReflexConfig::default());
         assert_eq!(reflex.gap_m(&crate_at(-1.5, Harm::Harmful, 0.9).box_in_ego, 3.0), None);
         assert!((reflex.braking_mps2(1.0, 5.0) - 8.0).abs() < 1e-12);
         // Of a long wall beside the car that turns into the strip ahead, the part in the strip counts.
@@ -236,5 +320,43 @@ mod tests {
         };
         let gap_m = reflex.gap_m(&wall, 3.0).unwrap();
         assert!((10.0..14.0).contains(&gap_m), "{gap_m}");
+    }
+
+    /// A harmless crate on its way across, 12 m ahead of the bumper and so far to the left.
+    fn rolling(y_m: f64) -> Detection {
+        let mut found = crate_at(12.0, Harm::Harmless, 0.9);
+        found.box_in_ego.center = Point::new(15.5, y_m, 0.5);
+        found
+    }
+
+    #[test]
+    fn what_rolls_into_the_way_brakes_before_it_is_harmful_and_what_stands_or_rolls_away_does_not() {
+        let braked = |ys_m: [f64; 3], foresight_s: f64| {
+            let mut reflex = reflex(ReflexConfig { foresight_s, ..ReflexConfig::default() });
+            let mut told = None;
+            for (i, y_m) in ys_m.into_iter().enumerate() {
+                let time_s = 0.3 * i as f64;
+                reflex.see(time_s, &at(0.0), &[rolling(y_m)]);
+                told = reflex.orders(time_s, &at(0.0), &STATE).unwrap().braking_mps2;
+            }
+            told
+        };
+        // 3 m/s to the right: in 1.2 s, when the bumper is there, it is in the middle of the lane.
+        assert!((braked([5.4, 4.5, 3.6], 2.0).unwrap() - 100.0 / 20.0).abs() < 0.2);
+        assert_eq!(braked([5.4, 4.5, 3.6], 0.0), None);
+        assert_eq!(braked([3.6, 3.6, 3.6], 2.0), None);
+        assert_eq!(braked([3.0, 3.9, 4.8], 2.0), None);
+    }
+
+    #[test]
+    fn two_that_stand_side_by_side_are_not_taken_for_one_that_moves() {
+        let mut reflex = reflex(ReflexConfig { foresight_s: 2.0, ..ReflexConfig::default() });
+        let both = [rolling(3.0), rolling(5.0)];
+        // The nearer one is seen at every second sample only.
+        for (i, seen) in [&both[..], &both[1..], &both[..], &both[1..]].into_iter().enumerate() {
+            let time_s = 0.3 * i as f64;
+            reflex.see(time_s, &at(0.0), seen);
+            assert_eq!(reflex.orders(time_s, &at(0.0), &STATE).unwrap().braking_mps2, None, "{time_s} s");
+        }
     }
 }

@@ -8,12 +8,8 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use fs_err as fs;
-use serde::{Deserialize, Serialize};
 
-use super::figures::{Figures, compare};
-use super::outcome::DriveOutcome;
 use super::scenario::{Scenario, check_names, course, world_plans};
-use super::who::{Source, Who};
 use super::worker::{COMMAND, DriveJob, Task};
 use super::{DriveConfig, DriveError};
 use crate::config::{Check as _, InvalidConfig, to_toml};
@@ -24,6 +20,7 @@ use crate::files::{sha256_hex, sha256_of, write_atomic};
 use crate::generate::{CheckedConfig, EpisodePlan, GenerateConfig};
 use crate::infer::Trained;
 use crate::label;
+use crate::outcome::{DriveOutcome, DriveSummary, Origin, Source, Who, compare};
 use crate::progress::Progress;
 use crate::scene::{PopulateConfig, Town};
 use crate::worker::Worker;
@@ -51,41 +48,6 @@ pub struct Courses {
     /// The first so many of the config's worlds, where there are no scenarios.
     pub n_episodes: u32,
     pub scenarios: Vec<Scenario>,
-}
-
-/// The result of a run.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct DriveSummary {
-    pub generator_version: String,
-    /// Of the resolved config.
-    pub config_sha256: String,
-    /// Whose worlds they are: `dev`, `test`, ..
-    pub split: Split,
-    pub ood: bool,
-    pub seed: u64,
-    pub figures: Vec<Figures>,
-    /// Of each driver, by episode.
-    pub outcomes: Vec<Vec<DriveOutcome>>,
-}
-
-impl DriveSummary {
-    pub const FILE: &'static str = "drive.json";
-
-    /// Episodes that failed, of all drivers.
-    #[must_use]
-    pub fn n_failed(&self) -> usize {
-        self.figures.iter().map(|figures| figures.n_failed).sum()
-    }
-}
-
-/// Who drove, as its folder says.
-#[derive(Debug, PartialEq, Eq, Serialize, Deserialize)]
-struct Origin {
-    who: Who,
-    /// Of the network's checkpoint, or of the files that a command names; empty for others.
-    sha256: String,
-    generator_version: String,
-    device: String,
 }
 
 /// Drives the courses with each of `drivers`.
@@ -122,7 +84,7 @@ pub fn run(
     }
     let plans = plans(&config, &checked, courses)?;
     let origins =
-        drivers.iter().map(|who| Origin::of(who, options.device)).collect::<Result<Vec<_>, DriveError>>()?;
+        drivers.iter().map(|who| origin_of(who, options.device)).collect::<Result<Vec<_>, DriveError>>()?;
     let mut config_toml = to_toml(&config);
     for scenario in &courses.scenarios {
         config_toml += &format!("\n[[scenario]]\n{}", to_toml(scenario).replace("\n[", "\n[scenario."));
@@ -190,6 +152,8 @@ pub fn run(
         split: plans.first().map_or(Split::Dev, |plan| plan.split),
         ood: config.world.scene.ood,
         seed: config.world.seed,
+        labels: config.zone.kind.name().to_owned(),
+        origins,
         figures: compare(&drives),
         outcomes,
     };
@@ -221,20 +185,19 @@ fn plans(
     (0..scenarios.len() as u32).map(|idx| Ok(course(config, scenarios, idx)?.plan)).collect()
 }
 
-impl Origin {
-    fn of(who: &Who, device: DeviceName) -> Result<Self, DriveError> {
-        let sha256 = match &who.source {
-            Source::Network { run, .. } => sha256_hex(&Trained::find(run)?.bytes()?.1),
-            Source::External { command } => {
-                let files = command.split_whitespace().map(Path::new).filter(|path| path.is_file());
-                let hashes = files.map(sha256_of).collect::<Result<Vec<_>, _>>()?;
-                sha256_hex(hashes.concat().as_bytes())
-            }
-            Source::Blind | Source::Truth => String::new(),
-        };
-        let generator_version = env!("CARGO_PKG_VERSION").to_owned();
-        Ok(Self { who: who.clone(), sha256, generator_version, device: device.to_string() })
-    }
+/// Who a driver is, with the hash of what it drives by.
+fn origin_of(who: &Who, device: DeviceName) -> Result<Origin, DriveError> {
+    let sha256 = match &who.source {
+        Source::Network { run, .. } => sha256_hex(&Trained::find(run)?.bytes()?.1),
+        Source::External { command } => {
+            let files = command.split_whitespace().map(Path::new).filter(|path| path.is_file());
+            let hashes = files.map(sha256_of).collect::<Result<Vec<_>, _>>()?;
+            sha256_hex(hashes.concat().as_bytes())
+        }
+        Source::Blind | Source::Truth => String::new(),
+    };
+    let generator_version = env!("CARGO_PKG_VERSION").to_owned();
+    Ok(Origin { who: who.clone(), sha256, generator_version, device: device.to_string() })
 }
 
 /// Prepares the folder, or refuses one that holds something else.

@@ -6,12 +6,11 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use super::episode::{Files, drive};
-use super::outcome::DriveOutcome;
 use super::perception::Perception;
 use super::scenario::{Scenario, course};
-use super::who::Who;
 use super::{DriveConfig, DriveError};
 use crate::device::DeviceName;
+use crate::outcome::{DriveOutcome, Who};
 use crate::worker;
 
 /// The hidden command that serves tasks.

@@ -1,12 +1,13 @@
 //! The data set's folder: what a repeated run keeps of it, and what it may replace.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use fs_err as fs;
 
 use super::{EpisodePlan, GenerateError};
 use crate::episode::folder::{EPISODES, clear_episodes, first_difference, is_whole, remove_unfinished};
-use crate::episode::{EpisodeEntry, Manifest};
+use crate::episode::{EpisodeEntry, Manifest, PartOf};
 use crate::files::{sha256_hex, write_atomic};
 
 /// The resolved config, written before anything else.
@@ -21,10 +22,11 @@ pub(super) fn open(
     config_toml: &str,
     seed: u64,
     ood: bool,
+    part: Option<PartOf>,
     plans: &[EpisodePlan],
     force: bool,
 ) -> Result<Manifest, GenerateError> {
-    let mut manifest = Manifest::new(sha256_hex(config_toml.as_bytes()), seed, ood);
+    let mut manifest = Manifest { part, ..Manifest::new(sha256_hex(config_toml.as_bytes()), seed, ood) };
     let config_path = folder.join(CONFIG_FILE);
     if config_path.is_file() {
         match find_whole_episodes(folder, config_toml, &manifest, plans) {
@@ -66,7 +68,18 @@ fn find_whole_episodes(
     if found.generator_version != wanted.generator_version {
         return other("version", found.generator_version, wanted.generator_version.clone());
     }
-    if found.episodes.iter().any(|entry| plans.iter().all(|plan| plan.name != entry.name)) {
+    // A shard of other parts would keep episodes that are not of this one.
+    if found.part != wanted.part {
+        let part = |part: Option<PartOf>| {
+            part.map_or_else(
+                || "the whole".to_owned(),
+                |part| format!("shard {} of {} episodes", part.shard, part.n_episodes),
+            )
+        };
+        return other("part", part(found.part), part(wanted.part));
+    }
+    let planned: BTreeSet<&str> = plans.iter().map(|plan| plan.name.as_str()).collect();
+    if found.episodes.iter().any(|entry| !planned.contains(entry.name.as_str())) {
         let n = |count: usize| format!("{count} episodes");
         return other("size", n(found.episodes.len()), n(plans.len()));
     }
@@ -78,7 +91,7 @@ mod tests {
     use super::*;
 
     fn open_with(folder: &Path, toml: &str, force: bool) -> Result<Manifest, GenerateError> {
-        open(folder, toml, 0, false, &[], force)
+        open(folder, toml, 0, false, None, &[], force)
     }
 
     #[test]

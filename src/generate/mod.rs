@@ -14,6 +14,9 @@ mod leaves;
 mod lighting;
 mod live;
 mod map;
+mod merge;
+#[cfg(test)]
+mod merge_tests;
 #[cfg(test)]
 mod people_tests;
 #[cfg(test)]
@@ -43,9 +46,10 @@ pub use config::{
     RendererName,
 };
 pub use live::{Contact, LiveEpisode};
+pub use merge::{MergeError, MergeSummary, merge};
 pub use plan::{EpisodePlan, plan};
 pub use preset::Preset;
-pub use run::{GenerateSummary, RunOptions, run};
+pub use run::{Extent, GenerateSummary, RunOptions, run};
 pub use timings::Timings;
 
 use crate::config::InvalidConfig;

@@ -1,6 +1,6 @@
 //! Makes a whole data set with worker processes, and continues an interrupted one.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -12,7 +12,7 @@ use super::worker::{COMMAND, Job, Task};
 use super::{CheckedConfig, EpisodePlan, GenerateConfig, GenerateError, folder, plan};
 use crate::config::to_toml;
 use crate::episode::manifest::ObjectCounts;
-use crate::episode::{EpisodeEntry, Manifest, Split};
+use crate::episode::{EpisodeEntry, Manifest, PartOf, Shard, Split};
 use crate::object::{Distribution, Kind};
 use crate::progress::Progress;
 use crate::scene::{OwnModels, Town};
@@ -31,6 +31,21 @@ pub struct RunOptions {
     pub own_models: Option<OwnModels>,
 }
 
+/// Which episodes of a config are made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Extent {
+    /// The first so many.
+    pub n_episodes: u32,
+    /// Of these, one part; `None`: all.
+    pub shard: Option<Shard>,
+}
+
+impl From<u32> for Extent {
+    fn from(n_episodes: u32) -> Self {
+        Self { n_episodes, shard: None }
+    }
+}
+
 /// The result of a run.
 #[derive(Debug, Clone, Serialize)]
 pub struct GenerateSummary {
@@ -43,7 +58,7 @@ pub struct GenerateSummary {
     pub n_objects: ObjectCounts,
 }
 
-/// Makes the first `n_episodes` of a config in `out`; whole ones of an earlier, equal run are kept.
+/// Makes episodes of a config in `out`; whole ones of an earlier, equal run are kept.
 ///
 /// `dataset.json` lists the complete episodes at any time, so a run may be killed and repeated.
 ///
@@ -51,7 +66,7 @@ pub struct GenerateSummary {
 /// [`GenerateError`]: a bad config, a folder that holds something else, or the first episode that failed.
 pub fn run(
     config: &GenerateConfig,
-    n_episodes: u32,
+    extent: impl Into<Extent>,
     out: &Path,
     options: &RunOptions,
     progress: &dyn Progress,
@@ -64,13 +79,18 @@ pub fn run(
             tracing::warn!("{town}: {note}");
         }
     }
-    let plans = plan(&checked, n_episodes);
-    let manifest = folder::open(out, &to_toml(config), config.seed, config.scene.ood, &plans, options.force)?;
+    let Extent { n_episodes, shard } = extent.into();
+    let is_wanted = |number: u32| shard.is_none_or(|shard| shard.holds(number));
+    let (numbers, plans): (Vec<u32>, Vec<EpisodePlan>) =
+        (0..).zip(plan(&checked, n_episodes)).filter(|(number, _)| is_wanted(*number)).unzip();
+    let part = shard.map(|shard| PartOf { shard, n_episodes });
+    let ood = config.scene.ood;
+    let manifest = folder::open(out, &to_toml(config), config.seed, ood, part, &plans, options.force)?;
     if let Some(models) = &options.own_models {
         models.write(&out.join(folder::OWN_MODELS))?;
     }
-    let is_kept = |plan: &EpisodePlan| manifest.episodes.iter().any(|entry| entry.name == plan.name);
-    let todo: Vec<u32> = (0..).zip(&plans).filter(|(_, plan)| !is_kept(plan)).map(|(i, _)| i).collect();
+    let kept: BTreeSet<&str> = manifest.episodes.iter().map(|entry| entry.name.as_str()).collect();
+    let todo: Vec<usize> = (0..plans.len()).filter(|&i| !kept.contains(plans[i].name.as_str())).collect();
     let n_kept = manifest.episodes.len();
 
     progress.start("generate", todo.len() as u64 * u64::from(config.samples));
@@ -78,6 +98,8 @@ pub fn run(
         todo: &todo,
         next: AtomicUsize::new(0),
         plans: &plans,
+        numbers: &numbers,
+        places: plans.iter().map(|plan| plan.name.as_str()).zip(0..).collect(),
         manifest: Mutex::new(manifest),
         failure: Mutex::new(None),
         folder: out,
@@ -99,10 +121,15 @@ pub fn run(
 }
 
 struct Shared<'a> {
-    todo: &'a [u32],
+    /// Indices in `plans`.
+    todo: &'a [usize],
     /// Index in `todo` of the next episode to hand out.
     next: AtomicUsize,
     plans: &'a [EpisodePlan],
+    /// Of each plan among all episodes of the config.
+    numbers: &'a [u32],
+    /// Where each episode stands in `plans`.
+    places: BTreeMap<&'a str, usize>,
     manifest: Mutex<Manifest>,
     /// The first failure; it ends the other workers after their present episode.
     failure: Mutex<Option<GenerateError>>,
@@ -119,11 +146,11 @@ impl Shared<'_> {
 
     fn try_work(&self, program: &Path, job: &Job) -> Result<(), GenerateError> {
         let mut worker = None;
-        while let Some(&episode_idx) = self.todo.get(self.next.fetch_add(1, Ordering::Relaxed)) {
+        while let Some(&plan_idx) = self.todo.get(self.next.fetch_add(1, Ordering::Relaxed)) {
             if self.failure.lock().expect("no worker thread panics").is_some() {
                 break;
             }
-            let plan = &self.plans[episode_idx as usize];
+            let (plan, episode_idx) = (&self.plans[plan_idx], self.numbers[plan_idx]);
             let worker = match &mut worker {
                 Some(worker) => worker,
                 none => none.insert(Worker::start(program, COMMAND, job, None)?),
@@ -141,8 +168,7 @@ impl Shared<'_> {
     fn add(&self, entry: EpisodeEntry) -> Result<(), GenerateError> {
         let mut manifest = self.manifest.lock().expect("no worker thread panics");
         manifest.episodes.push(entry);
-        let place = |entry: &EpisodeEntry| self.plans.iter().position(|plan| plan.name == entry.name);
-        manifest.episodes.sort_by_key(place);
+        manifest.episodes.sort_by_key(|entry| self.places.get(entry.name.as_str()));
         Ok(manifest.write(self.folder)?)
     }
 }

@@ -9,6 +9,7 @@ mod legend;
 pub(super) mod load;
 mod states;
 
+pub(in crate::report) use load::read_detections;
 pub use load::{LabelledView, ViewError, ViewRequest, ViewSummary, run};
 pub use states::{StatePanel, draw_states};
 

@@ -5,12 +5,14 @@
 
 mod calibration;
 mod detection;
+mod drives;
 mod gallery;
 mod groups;
 mod headline;
 mod pictures;
 mod provenance;
 mod safety;
+mod strips;
 mod sweeps;
 #[cfg(test)]
 mod tests;
@@ -24,6 +26,7 @@ use thiserror::Error;
 use crate::episode::{Manifest, ManifestError};
 use crate::eval::Mode;
 use crate::files::write_atomic;
+use crate::outcome::{DriveSummary, ReadDrivesError};
 use crate::report::chart::ChartError;
 use crate::report::document::{Block, Section, render};
 use crate::report::provenance::Provenance;
@@ -50,6 +53,8 @@ pub enum ReportError {
     OtherMode { key: &'static str, found: &'static str, wanted: &'static str, path: PathBuf },
     #[error(transparent)]
     Chart(#[from] ChartError),
+    #[error(transparent)]
+    Drives(#[from] ReadDrivesError),
     #[error(transparent)]
     Results(#[from] ReadResultsError),
     #[error("a picture of sample {sample} cannot be made: {source}")]
@@ -80,6 +85,8 @@ pub struct ReportRequest {
     pub ood: Option<ScoresRequest>,
     /// results.json of `make results`.
     pub results: Option<PathBuf>,
+    /// Folder of `harmzone drive --out`.
+    pub drives: Option<PathBuf>,
     /// Cards of a kind of fault and data set.
     pub n_cards: usize,
     /// The command as it was typed.
@@ -181,7 +188,10 @@ pub fn run(request: &ReportRequest) -> Result<ReportSummary, ReportError> {
     let wanted = [("id", &request.id), ("ood", &request.ood)];
     let given = wanted.into_iter().filter_map(|(key, side)| Some((key, side.as_ref()?)));
     let sides: Vec<Side> = given.map(|(key, side)| Side::read(key, side)).collect::<Result<_, _>>()?;
-    let page = page(&sides, request)?;
+    let drives = request.drives.as_deref();
+    let drives =
+        drives.map(|folder| Ok::<_, ReadDrivesError>((folder, DriveSummary::read(folder)?))).transpose()?;
+    let page = page(&sides, drives.as_ref().map(|(folder, of)| (*folder, of)), request)?;
     let html = render(("report.html", include_str!("report.html")), &page);
     if let Some(folder) = out.parent().filter(|folder| *folder != Path::new("")) {
         fs::create_dir_all(folder)?;
@@ -200,14 +210,11 @@ pub fn run(request: &ReportRequest) -> Result<ReportSummary, ReportError> {
     Ok(ReportSummary { bytes: html.len(), n_cards: n_cards.sum(), absent: absent.collect(), is_whole, out })
 }
 
-fn page(sides: &[Side], request: &ReportRequest) -> Result<Page, ReportError> {
-    let results = match &request.results {
-        Some(path) => results::blocks(&Results::read(path)?),
-        None => vec![Block::absent(
-            "no ablations and baselines (results.json)",
-            "make results, then harmzone report OUT .. --results runs/results/results.json",
-        )],
-    };
+fn page(
+    sides: &[Side],
+    drives: Option<(&Path, &DriveSummary)>,
+    request: &ReportRequest,
+) -> Result<Page, ReportError> {
     let section = |id, title, blocks| Section { id, title, blocks };
     let counts = sides.iter().map(|side| {
         let counts = &side.scores.evaluation.metrics.counts;
@@ -217,27 +224,54 @@ fn page(sides: &[Side], request: &ReportRequest) -> Result<Page, ReportError> {
         let source = side.scores.provenance.as_ref();
         source.and_then(Provenance::standing).is_some_and(Standing::is_development)
     };
-    let title = if sides.iter().any(is_development) {
+    let drives_are = |(_, drives): (_, &DriveSummary)| drives::standing(drives).is_development();
+    let title = if sides.iter().any(is_development) || drives.is_some_and(drives_are) {
         "harmzone report: development figures"
     } else {
         "harmzone report"
     };
-    Ok(Page {
-        title: title.to_owned(),
-        subtitle: counts.collect::<Vec<_>>().join(", "),
-        version: env!("CARGO_PKG_VERSION"),
-        style: include_str!("report.css"),
-        script: include_str!("report.js"),
-        sections: vec![
-            section("headline", "Headline", headline::blocks(sides)?),
+    let mut sections = Vec::new();
+    if !sides.is_empty() {
+        sections.push(section("headline", "Headline", headline::blocks(sides)?));
+    }
+    if let Some(drives) = drives {
+        let blocks = drives::blocks(drives, sides, request.n_cards)?;
+        sections.push(section("drives", "Closed loop", blocks));
+    }
+    if !sides.is_empty() {
+        sections.extend([
             section("curves", "Curves", detection::blocks(sides)?),
             section("safety", "Safety", safety::blocks(sides)?),
             section("calibration", "Calibration", calibration::blocks(sides)?),
             section("sweeps", "Speed and steering", sweeps::blocks(sides)?),
             section("groups", "By group", groups::blocks(sides)?),
-            section("results", "Ablations and rivals", results),
+            section("results", "Ablations and rivals", results_blocks(request)?),
             section("gallery", "Gallery", gallery::blocks(sides, request.n_cards)?),
-            section("made", "How it was made", provenance::blocks(sides, &request.command)),
-        ],
+        ]);
+    }
+    sections.push(section("made", "How it was made", provenance::blocks(sides, &request.command)));
+    Ok(Page {
+        title: title.to_owned(),
+        subtitle: counts.chain(drives.map(|(_, of)| count_drives(of))).collect::<Vec<_>>().join(", "),
+        version: env!("CARGO_PKG_VERSION"),
+        style: include_str!("report.css"),
+        script: include_str!("report.js"),
+        sections,
+    })
+}
+
+fn count_drives(of: &DriveSummary) -> String {
+    let n: usize = of.outcomes.iter().map(Vec::len).sum();
+    format!("{n} drives of {} drivers", of.figures.len())
+}
+
+/// Ablations and rivals, as far as they were made.
+fn results_blocks(request: &ReportRequest) -> Result<Vec<Block>, ReportError> {
+    Ok(match &request.results {
+        Some(path) => results::blocks(&Results::read(path)?),
+        None => vec![Block::absent(
+            "no ablations and baselines (results.json)",
+            "make results, then harmzone report OUT .. --results runs/results/results.json",
+        )],
     })
 }

@@ -9,6 +9,7 @@ use crate::dataset::{Fingerprint, SampleFacts};
 use crate::eval::{EvalSample, Protocol, evaluate};
 use crate::geometry::{Box3, Point};
 use crate::object::{Detection, Distribution, Harm, Kind, LabelledObject, Object};
+use crate::outcome::test_data::{drives, summary};
 use crate::report::provenance::Provenance;
 use crate::report::scores::{FAULTS_FILE, METRICS_FILE, PROVENANCE_FILE, SWEEPS_FILE};
 
@@ -141,6 +142,7 @@ impl Made {
             id: scores("id"),
             ood: scores("ood"),
             results: None,
+            drives: None,
             n_cards: 12,
             command: "harmzone report".into(),
             force: false,
@@ -264,4 +266,52 @@ fn the_style_sheet_knows_every_tone_of_the_charts() {
             assert!(style.contains(&format!("[{attribute}=\"{written}\"]")), "{tone:?} {attribute}");
         }
     }
+}
+
+#[test]
+fn drives_are_compared_beside_the_scores_that_foretell_them_or_alone() {
+    let mut made = Made::new(true);
+    let metrics = made.request.ood.as_ref().unwrap().folder.join(METRICS_FILE);
+    let mut of_scores: serde_json::Value =
+        serde_json::from_str(&fs::read_to_string(&metrics).unwrap()).unwrap();
+    let points = of_scores["safety"]["alarms"]["points"].as_array_mut().unwrap();
+    points.truncate(2);
+    let scores = [0.8, 0.4];
+    for (point, score) in points.iter_mut().zip(scores) {
+        point["score"] = score.into();
+    }
+    fs::write(&metrics, of_scores.to_string()).unwrap();
+    let (hit, small) = (Some(6.0), |score: f64| format!("small@{score}"));
+    let mut of = vec![
+        drives("blind", [hit, hit, hit, None]),
+        drives("truth", [None; 4]),
+        drives(&small(scores[0]), [hit, None, None, None]),
+        drives(&small(scores[1]), [hit, hit, None, None]),
+    ];
+    of[0].1[0].weather = HOSTILE.into();
+    let folder = made.folder.path().join("drives");
+    fs::create_dir_all(&folder).unwrap();
+    let summary = summary(&of, &"89ab".repeat(16));
+    fs::write(folder.join(DriveSummary::FILE), serde_json::to_string(&summary).unwrap()).unwrap();
+    made.request.drives = Some(folder);
+    let (told, html) = made.html();
+    for part in [
+        "Closed loop",
+        "16 drives of 4 drivers",
+        "What the scores out of distribution say of it",
+        "Collisions and missed events",
+        "2 drivers: too few",
+        "0.67 (",
+        "Development figures, on dev",
+    ] {
+        assert!(html.contains(part), "{part}");
+    }
+    assert!(told.absent.iter().any(|absent| absent.contains("not recorded")), "{:?}", told.absent);
+    assert!(!html.contains(HOSTILE));
+    // A network of another hash is not the one that was scored; and drives alone make a page, too.
+    made.request.ood = None;
+    made.request.id = None;
+    let (told, html) = made.html();
+    assert!(html.contains("Closed loop") && !html.contains("say of it") && !html.contains("Calibration"));
+    assert!(told.is_whole);
 }

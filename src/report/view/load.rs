@@ -195,7 +195,8 @@ pub(in crate::report) fn locate<'a>(
     }
 }
 
-fn read_detections(
+/// The detections of one sample of an episode, from this score on.
+pub(in crate::report) fn read_detections(
     folder: &Path,
     dataset: &Path,
     entry: &EpisodeEntry,

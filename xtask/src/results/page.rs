@@ -47,6 +47,7 @@ pub fn write(results: &Results, file: &Path, out: &Path) -> anyhow::Result<()> {
         id: Some(ScoresRequest { folder: id, data: None }),
         ood: Some(ScoresRequest { folder: ood, data: None }),
         results: Some(file.to_owned()),
+        drives: None,
         n_cards: DEFAULT_CARDS,
         command,
         force: true,

@@ -9,7 +9,7 @@ use thiserror::Error;
 use crate::eval::judge::Judge;
 
 /// The source of the boxes by which the ego brakes.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Source {
     /// Sees nothing: the floor.
@@ -17,16 +17,32 @@ pub enum Source {
     /// The zone over the true boxes, seen or not: the ceiling.
     Truth,
     /// A network's boxes, whose harm a judge decides.
-    Network { run: PathBuf, judge: Judge },
+    Network {
+        run: PathBuf,
+        judge: Judge,
+        /// From which on a box counts; `None`: the config's, else the network's own.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        score: Option<f64>,
+    },
     /// A program that is asked for each sample (docs/drive.md).
     External { command: String },
 }
 
 /// A driver under test, by its name in folders and tables.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Who {
     pub name: String,
     pub source: Source,
+}
+
+/// Who drove, as its folder says.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Origin {
+    pub who: Who,
+    /// Of the network's checkpoint, or of the files that a command names; empty for others.
+    pub sha256: String,
+    pub generator_version: String,
+    pub device: String,
 }
 
 /// Why a WHO argument means nothing.
@@ -34,7 +50,7 @@ pub struct Who {
 pub enum WhoError {
     #[error(
         "`{text}` names nobody: valid are `blind`, `truth`, a RUN, `JUDGE:RUN` with one of {judges}, or `exec:COMMAND`; \
-             each may have a name before it, `NAME=..`"
+             each may have a name before it, `NAME=..`, a RUN a score after it, `RUN@0.3`"
     )]
     Unknown { text: String, judges: String },
     #[error("`{name}` is no name for a folder: letters, digits, `-`, `_` and `.` are")]
@@ -77,23 +93,30 @@ fn parse_source(text: &str) -> Option<Source> {
                 Some((judge, run)) => (Judge::named(judge)?, run),
                 None => (Judge::Network, text),
             };
-            (!run.is_empty()).then(|| Source::Network { run: run.into(), judge })
+            let is_score = |score: &f64| *score > 0.0 && *score <= 1.0;
+            let at =
+                run.rsplit_once('@').and_then(|(run, at)| Some((run, at.parse().ok().filter(is_score)?)));
+            let (run, score) = at.map_or((run, None), |(run, score)| (run, Some(score)));
+            (!run.is_empty()).then(|| Source::Network { run: run.into(), judge, score })
         }
     }
 }
 
 impl Source {
-    /// The last part of a run's path, after the judge's name; what is no letter or digit becomes `-`.
+    /// The last part of a run's path, after the judge's name and before the score; what is no letter or digit becomes `-`.
     fn default_name(&self) -> String {
         match self {
             Self::Blind => "blind".to_owned(),
             Self::Truth => "truth".to_owned(),
             Self::External { .. } => "exec".to_owned(),
-            Self::Network { run, judge } => {
+            Self::Network { run, judge, score } => {
                 let stem = Path::new(run).file_stem().map(|stem| stem.to_string_lossy().into_owned());
                 let plain = |c: char| if c.is_ascii_alphanumeric() || c == '_' { c } else { '-' };
                 let stem: String = stem.unwrap_or_default().chars().map(plain).collect();
-                if *judge == Judge::Network { stem } else { format!("{}-{stem}", judge.name()) }
+                let judge =
+                    if *judge == Judge::Network { String::new() } else { format!("{}-", judge.name()) };
+                let score = score.map(|score| format!("-{score}")).unwrap_or_default();
+                format!("{judge}{stem}{score}")
             }
         }
     }
@@ -114,7 +137,7 @@ mod tests {
         let parse = |text: &str| text.parse::<Who>().unwrap();
         assert_eq!(parse("blind").source, Source::Blind);
         assert_eq!(parse("truth").name, "truth");
-        let network = |run: &str, judge| Source::Network { run: run.into(), judge };
+        let network = |run: &str, judge| Source::Network { run: run.into(), judge, score: None };
         assert_eq!(parse("small"), Who { name: "small".into(), source: network("small", Judge::Network) });
         assert_eq!(parse("zone:runs/a").name, "zone-a");
         assert_eq!(
@@ -125,6 +148,14 @@ mod tests {
             parse("mine=zone:small"),
             Who { name: "mine".into(), source: network("small", Judge::Zone) }
         );
+        let at = parse("zone:runs/a@0.25");
+        assert_eq!(at.name, "zone-a-0.25");
+        assert_eq!(
+            at.source,
+            Source::Network { run: "runs/a".into(), judge: Judge::Zone, score: Some(0.25) }
+        );
+        // What is no score belongs to the path.
+        assert_eq!(parse("runs/a@b").source, network("runs/a@b", Judge::Network));
         let command = "python3 mine.py --threshold=0.5".to_owned();
         assert_eq!(
             parse(&format!("exec:{command}")),
@@ -134,7 +165,7 @@ mod tests {
 
     #[test]
     fn what_names_nobody_is_told_who_could_be() {
-        for text in ["", "zones:small", "exec:", "zone:", "a="] {
+        for text in ["", "zones:small", "exec:", "zone:", "a=", "@0.5"] {
             let error = text.parse::<Who>().unwrap_err().to_string();
             assert!(error.contains("zone-soft") && error.contains("exec:COMMAND"), "{error}");
         }

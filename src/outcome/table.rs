@@ -2,8 +2,8 @@
 
 use std::fmt;
 
+use super::DriveSummary;
 use super::figures::{Figures, GroupFigures, Measure};
-use super::run::DriveSummary;
 use crate::text_table::text_table;
 
 /// Groups with fewer episodes in which something could be avoided are left out of the text.
@@ -23,36 +23,9 @@ impl fmt::Display for Measure {
 
 impl fmt::Display for DriveSummary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let head = [
-            "who",
-            "episodes",
-            "km",
-            "collisions",
-            "a km",
-            "avoided",
-            "false stops a km",
-            "progress",
-            "s to collision at first brake",
-            "jerk m/s3",
-        ];
-        let mut rows = vec![head.map(str::to_owned).to_vec()];
-        rows.extend(self.figures.iter().map(row));
-        f.write_str(&text_table(rows))?;
+        f.write_str(&text_table(drive_rows(&self.figures)))?;
         writeln!(f)?;
-        let head = [
-            "who",
-            "below 2 m/s",
-            "2 to 5",
-            "5 to 10",
-            "above",
-            "mean kJ",
-            "stopped",
-            "stuck",
-            "struck by others",
-        ];
-        let mut rows = vec![head.map(str::to_owned).to_vec()];
-        rows.extend(self.figures.iter().map(impact_row));
-        f.write_str(&text_table(rows))?;
+        f.write_str(&text_table(impact_rows(&self.figures)))?;
         if let Some(n) = self.figures.iter().find_map(|figures| figures.n_not_sudden) {
             let of = |figures: &Figures| {
                 figures.avoided_of_not_sudden_share.map(|share| format!("{} {share}", figures.who.name))
@@ -89,6 +62,41 @@ impl fmt::Display for DriveSummary {
         }
         Ok(())
     }
+}
+
+/// Collisions, what was avoided, false stops and comfort: a head, then a row a driver.
+#[must_use]
+pub fn drive_rows(figures: &[Figures]) -> Vec<Vec<String>> {
+    let head = [
+        "who",
+        "episodes",
+        "km",
+        "collisions",
+        "a km",
+        "avoided",
+        "false stops a km",
+        "progress",
+        "s to collision at first brake",
+        "jerk m/s3",
+    ];
+    std::iter::once(head.map(str::to_owned).to_vec()).chain(figures.iter().map(row)).collect()
+}
+
+/// Collisions by impact, and how else drives ended: a head, then a row a driver.
+#[must_use]
+pub fn impact_rows(figures: &[Figures]) -> Vec<Vec<String>> {
+    let head = [
+        "who",
+        "below 2 m/s",
+        "2 to 5",
+        "5 to 10",
+        "above",
+        "mean kJ",
+        "stopped",
+        "stuck",
+        "struck by others",
+    ];
+    std::iter::once(head.map(str::to_owned).to_vec()).chain(figures.iter().map(impact_row)).collect()
 }
 
 fn row(of: &Figures) -> Vec<String> {

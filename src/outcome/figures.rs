@@ -7,7 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 
-use super::outcome::{Collision, DriveOutcome, End};
+use super::drive_outcome::{Collision, DriveOutcome, End};
 use super::who::{Source, Who};
 use crate::eval::{interval, resample};
 
@@ -239,53 +239,8 @@ fn groups(
 
 #[cfg(test)]
 mod tests {
+    use super::super::test_data::drives;
     use super::*;
-    use crate::object::{Event, Spot};
-
-    fn outcome(episode: usize, impact_mps: Option<f64>) -> DriveOutcome {
-        let collision = impact_mps.map(|impact_mps| Collision {
-            time_s: 3.0,
-            object: "hay_bale-001".into(),
-            category: "hay_bale".into(),
-            kind: None,
-            distribution: None,
-            event: Event::Lies,
-            spot: Spot::Lane,
-            is_background: false,
-            impact_mps,
-            ego_mps: impact_mps,
-            energy_j: 100.0,
-            set_off_s: None,
-            is_sudden: false,
-            was_harmful: true,
-        });
-        DriveOutcome {
-            episode: format!("e{episode}"),
-            family: String::new(),
-            seed: 1,
-            town: "downtown".into(),
-            weather: "ClearNoon".into(),
-            end: if collision.is_some() { End::Collision } else { End::Time },
-            duration_s: 30.0,
-            distance_m: 100.0,
-            free_m: 200.0,
-            collision,
-            struck_by: Vec::new(),
-            hard_stops: Vec::new(),
-            first_brake_ttc_s: None,
-            hardest_mps2: 0.0,
-            rms_jerk_mps3: 0.0,
-            n_samples: 100,
-            entry: None,
-        }
-    }
-
-    fn drives(who: &str, impacts: [Option<f64>; 4]) -> (Who, Vec<DriveOutcome>) {
-        (
-            who.parse().unwrap(),
-            impacts.into_iter().enumerate().map(|(i, impact)| outcome(i, impact)).collect(),
-        )
-    }
 
     #[test]
     fn avoided_is_what_blind_hits_and_truth_does_not() {

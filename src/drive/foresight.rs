@@ -1,0 +1,104 @@
+//! What is not in the zone yet but moves into the ego's way: where both would meet if both kept their motion.
+//!
+//! The rule is that of the zone `ttc` (`zone::ttc`) with a short horizon and a wider ego, asked about moving things alone: what
+//! stands is the zone's.
+
+use super::config::ReflexConfig;
+use crate::geometry::{Box3, Ego, Point};
+use crate::sample::EgoState;
+use crate::zone::{BodyConfig, TtcConfig, Zone, ZoneAt, ZoneConfig, ZoneError, ZoneKind};
+
+/// The rule; without a horizon it foresees nothing.
+#[derive(Debug, Clone)]
+pub(super) struct Foresight {
+    zone: Option<Zone>,
+    moving_mps: f64,
+}
+
+/// The rule at one state of the ego.
+#[derive(Debug)]
+pub(super) struct ForesightAt {
+    zone: Option<ZoneAt>,
+    moving_mps: f64,
+}
+
+impl Foresight {
+    /// # Errors
+    /// The config is not valid.
+    pub fn new(config: &ReflexConfig) -> Result<Self, ZoneError> {
+        let zone = (config.foresight_s > 0.0).then(|| {
+            let body = BodyConfig::default();
+            let width_m = body.width_m + 2.0 * config.beside_m;
+            Zone::try_from(ZoneConfig {
+                kind: ZoneKind::Ttc,
+                body: BodyConfig { width_m, ..body },
+                ttc: TtcConfig { horizon_s: config.foresight_s },
+                ..ZoneConfig::default()
+            })
+        });
+        Ok(Self { zone: zone.transpose()?, moving_mps: config.moving_mps })
+    }
+
+    /// # Errors
+    /// The state is not valid, or its turn is too sharp to be foreseen.
+    pub fn at(&self, state: &EgoState) -> Result<ForesightAt, ZoneError> {
+        let zone = self.zone.as_ref().map(|zone| zone.at(state)).transpose()?;
+        Ok(ForesightAt { zone, moving_mps: self.moving_mps })
+    }
+}
+
+impl ForesightAt {
+    /// Where a box will be when the ego meets it, if it does within the horizon; `None` for what stands.
+    ///
+    /// `velocity_mps` is over ground, in the ego's axes.
+    ///
+    /// # Errors
+    /// The box or its velocity is not finite.
+    pub fn meeting(&self, of: &Box3<Ego>, velocity_mps: [f64; 2]) -> Result<Option<Box3<Ego>>, ZoneError> {
+        let [x_mps, y_mps] = velocity_mps;
+        let Some(zone) = self.zone.as_ref().filter(|_| x_mps.hypot(y_mps) >= self.moving_mps) else {
+            return Ok(None);
+        };
+        let after_s = zone.harm_of(of, velocity_mps)?.time_to_collision_s;
+        Ok(after_s.map(|after_s| {
+            let (x_m, y_m) = (of.center.x() + x_mps * after_s, of.center.y() + y_mps * after_s);
+            Box3 { center: Point::new(x_m, y_m, of.center.z()), ..*of }
+        }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const STATE: EgoState = EgoState {
+        speed_mps: 8.0,
+        steering_angle_rad: 0.0,
+        yaw_rate_rps: 0.0,
+        acceleration_mps2: 0.0,
+        wheelbase_m: 2.6,
+        front_bumper_x_m: 3.6,
+    };
+
+    fn crate_at(x_m: f64, y_m: f64) -> Box3<Ego> {
+        Box3 { center: Point::new(x_m, y_m, 0.5), length_m: 1.0, width_m: 1.0, height_m: 1.0, yaw_rad: 0.0 }
+    }
+
+    fn foresight(foresight_s: f64) -> ForesightAt {
+        let config = ReflexConfig { foresight_s, moving_mps: 1.0, beside_m: 0.5, ..ReflexConfig::default() };
+        Foresight::new(&config).unwrap().at(&STATE).unwrap()
+    }
+
+    #[test]
+    fn what_rolls_into_the_way_is_met_where_both_will_be() {
+        // In 1.5 s the bumper has come 12 m, and the crate 4.5 m to the right: before the car.
+        let met = foresight(2.0).meeting(&crate_at(15.0, 5.0), [0.0, -3.0]).unwrap().unwrap();
+        assert!((met.center.x() - 15.0).abs() < 1e-9, "{met:?}");
+        assert!(met.center.y().abs() < 2.0, "{met:?}");
+        // It comes too late, is gone before, stands, or no forecast is asked for.
+        assert!(foresight(2.0).meeting(&crate_at(15.0, 9.0), [0.0, -3.0]).unwrap().is_none());
+        assert!(foresight(2.0).meeting(&crate_at(19.0, 3.0), [0.0, -9.0]).unwrap().is_none());
+        assert!(foresight(2.0).meeting(&crate_at(15.0, 0.0), [0.0, -0.5]).unwrap().is_none());
+        assert!(foresight(0.0).meeting(&crate_at(15.0, 5.0), [0.0, -3.0]).unwrap().is_none());
+    }
+}

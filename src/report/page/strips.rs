@@ -1,0 +1,208 @@
+//! The worst of a driver's drives as strips of pictures: the last seconds before it hit something, or braked for nothing.
+
+use std::path::Path;
+
+use super::ReportError;
+use super::pictures::jpeg;
+use crate::episode::EpisodeReader;
+use crate::eval::center_distance_m;
+use crate::object::{Detection, Harm, Object};
+use crate::outcome::{DriveOutcome, DriveSummary, Figures, Source};
+use crate::report::canvas::{Align, Canvas};
+use crate::report::document::{Block, Picture};
+use crate::report::palette;
+use crate::report::score_tables::to_words;
+use crate::report::view::{self, LabelledView, Scene, ViewError, read_detections};
+
+/// Pictures of a strip, and samples from one to the next.
+const N_PICTURES: usize = 5;
+const EVERY: usize = 2;
+/// The camera's picture and, below it, the view from above, pixels.
+const FRONT_PX: (u32, u32) = (352, 198);
+const BIRDSEYE_PX: (u32, u32) = (352, 240);
+const TITLE_PX: u32 = 30;
+/// A box so near is of the object, metres.
+const ON_OBJECT_M: f64 = 3.0;
+/// Boxes below this are not drawn.
+const MIN_SCORE: f32 = 0.2;
+
+/// What went wrong, and when.
+struct Case<'a> {
+    outcome: &'a DriveOutcome,
+    /// The object that was hit; `None`: it braked for nothing.
+    hit: Option<&'a str>,
+    time_s: f64,
+}
+
+/// Strips of each driver's worst cases: collisions that the zone over the true boxes avoids first, the hardest first, then false
+/// stops. Drives that were not recorded have no pictures.
+pub fn worst_cases(folder: &Path, summary: &DriveSummary, most: usize) -> Result<Vec<Block>, ReportError> {
+    let truth = summary.figures.iter().position(|of| of.who.source == Source::Truth);
+    let is_avoidable =
+        |episode: usize| truth.is_none_or(|truth| summary.outcomes[truth][episode].collision.is_none());
+    let mut blocks = Vec::new();
+    for (figures, outcomes) in summary.figures.iter().zip(&summary.outcomes) {
+        if figures.who.source == Source::Blind || most == 0 {
+            continue;
+        }
+        let cases = choose(outcomes, figures.who.source == Source::Truth, &is_avoidable);
+        let recorded: Vec<&Case<'_>> =
+            cases.iter().filter(|case| case.outcome.entry.is_some()).take(most).collect();
+        let name = &figures.who.name;
+        if recorded.is_empty() {
+            if !cases.is_empty() {
+                let what =
+                    format!("{name}: no pictures of its worst cases, since its drives were not recorded");
+                blocks.push(Block::absent(what, "harmzone drive WHO.. --out DIR, without --no-record"));
+            }
+            continue;
+        }
+        blocks.push(Block::heading(&format!("Worst cases of {name}")));
+        let pictures = recorded.into_iter().map(|case| strip(folder, figures, &summary.labels, case));
+        blocks.push(Block::Pictures { pictures: pictures.collect::<Result<_, _>>()? });
+    }
+    if !blocks.is_empty() {
+        let note = "The last seconds of each, to the right. Truth is thin (red harmful, blue harmless, dashed out of distribution), \
+                    what the driver's detector told is thick (amber harmful, violet harmless), the zone is green, and a white light or \
+                    ring marks what is hit.";
+        blocks.insert(0, Block::text(note));
+    }
+    Ok(blocks)
+}
+
+/// The cases of a driver, the worst first. What nobody could avoid comes after what the truth avoids.
+fn choose<'a>(
+    outcomes: &'a [DriveOutcome],
+    is_truth: bool,
+    is_avoidable: &dyn Fn(usize) -> bool,
+) -> Vec<Case<'a>> {
+    let mut hits: Vec<(bool, f64, Case<'a>)> = Vec::new();
+    let mut stops: Vec<(f64, Case<'a>)> = Vec::new();
+    for (i, outcome) in outcomes.iter().enumerate() {
+        if let Some(hit) = &outcome.collision {
+            let case = Case { outcome, hit: Some(&hit.object), time_s: hit.time_s };
+            hits.push((!is_truth && !is_avoidable(i), hit.impact_mps, case));
+        }
+        let falsely = outcome.hard_stops.iter().filter(|stop| stop.is_false);
+        if let Some(stop) = falsely.max_by(|a, b| a.braking_mps2.total_cmp(&b.braking_mps2)) {
+            stops.push((stop.braking_mps2, Case { outcome, hit: None, time_s: stop.time_s }));
+        }
+    }
+    hits.sort_by(|a, b| a.0.cmp(&b.0).then(b.1.total_cmp(&a.1)));
+    stops.sort_by(|a, b| b.0.total_cmp(&a.0));
+    hits.into_iter().map(|hit| hit.2).chain(stops.into_iter().map(|stop| stop.1)).collect()
+}
+
+/// What the detector said of the object in one picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Said {
+    Absent,
+    NotSeen,
+    Harmless,
+    Harmful,
+}
+
+impl Said {
+    fn of(object: Option<&Object>, found: &[Detection]) -> Self {
+        let Some(object) = object else { return Self::Absent };
+        let on_it = found
+            .iter()
+            .filter(|one| center_distance_m(&one.box_in_ego, &object.box_in_ego) < ON_OBJECT_M)
+            .max_by(|a, b| {
+                (a.harm == Harm::Harmful, a.score)
+                    .partial_cmp(&(b.harm == Harm::Harmful, b.score))
+                    .expect("scores are finite")
+            });
+        match on_it.map(|one| one.harm) {
+            None => Self::NotSeen,
+            Some(Harm::Harmless) => Self::Harmless,
+            Some(Harm::Harmful) => Self::Harmful,
+        }
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Absent => "not there yet",
+            Self::NotSeen => "not seen",
+            Self::Harmless => "called harmless",
+            Self::Harmful => "called harmful",
+        }
+    }
+}
+
+fn strip(folder: &Path, figures: &Figures, labels: &str, case: &Case<'_>) -> Result<Picture, ReportError> {
+    let dataset = folder.join(&figures.who.name);
+    let entry = case.outcome.entry.as_ref().expect("only recorded drives are drawn");
+    let reader = EpisodeReader::open_entry(&dataset, entry).map_err(ViewError::from)?;
+    let times_s = seconds(reader.times_ns());
+    let last = times_s.partition_point(|&at_s| at_s <= case.time_s + 1e-6).saturating_sub(1);
+    let first = last - EVERY * (last / EVERY).min(N_PICTURES - 1);
+    let numbers: Vec<usize> = (first..=last).step_by(EVERY).collect();
+    let height_px = TITLE_PX + FRONT_PX.1 + BIRDSEYE_PX.1;
+    let mut page = Canvas::new(numbers.len() as u32 * FRONT_PX.0, height_px, palette::PAGE);
+    let mut said = Vec::new();
+    for (i, &sample_idx) in numbers.iter().enumerate() {
+        let LabelledView { sample, harms, zone } = LabelledView::read(&dataset, labels, entry, sample_idx)?;
+        let predictions = dataset.join("predictions");
+        let found = read_detections(&predictions, &dataset, entry, sample.measured.time_ns, MIN_SCORE)?;
+        let object = case.hit.and_then(|id| sample.objects().iter().find(|of| of.id.as_deref() == Some(id)));
+        let of_object = Said::of(object, &found);
+        said.push(of_object);
+        let scene = Scene {
+            episode: &entry.name,
+            sample_idx,
+            sample: &sample,
+            harms: Some(&harms),
+            zone: Some(&zone),
+            detections: Some(&found),
+        };
+        let name = || format!("{}/{sample_idx}", entry.name);
+        let focus = object.map(|object| &object.box_in_ego);
+        let [front, above] = view::panels(&scene, focus, FRONT_PX, BIRDSEYE_PX)
+            .map_err(|source| ReportError::Picture { source, sample: name() })?;
+        let left_px = i as u32 * FRONT_PX.0;
+        page.paste(&Canvas::from_rgb(&front), left_px as i32, TITLE_PX as i32);
+        page.paste(&Canvas::from_rgb(&above), left_px as i32, (TITLE_PX + FRONT_PX.1) as i32);
+        let before_s = case.time_s - times_s[sample_idx];
+        let speed_mps = sample.measured.ego_state.speed_mps;
+        let mut title = format!("{before_s:.1} s before, {speed_mps:.1} m/s");
+        if case.hit.is_some() {
+            title += &format!(": {}", of_object.name());
+        }
+        page.text((left_px as f32 + 8.0, 21.0), 15.0, palette::TEXT, Align::Left, &title);
+    }
+    let picture = page.into_rgb();
+    let (width_px, height_px) = picture.dimensions();
+    let data =
+        jpeg(&picture).map_err(|source| ReportError::Picture { source, sample: entry.name.clone() })?;
+    Ok(Picture { title: tell(case, &said), data, width_px, height_px })
+}
+
+/// Since the first.
+fn seconds(times_ns: &[u64]) -> Vec<f64> {
+    let first_ns = times_ns.first().copied().unwrap_or_default();
+    times_ns.iter().map(|&time_ns| (time_ns - first_ns) as f64 / 1e9).collect()
+}
+
+/// The case in a line.
+fn tell(case: &Case<'_>, said: &[Said]) -> String {
+    let DriveOutcome { town, weather, episode, collision, hard_stops, .. } = case.outcome;
+    let place = format!("{town}, {weather}; {episode}");
+    let Some(hit) = collision.as_ref().filter(|_| case.hit.is_some()) else {
+        let stop = hard_stops.iter().find(|stop| stop.time_s == case.time_s);
+        let braking = stop.map(|stop| format!(" at {:.1} m/s²", stop.braking_mps2)).unwrap_or_default();
+        return format!("Brakes{braking} for nothing. {place}");
+    };
+    let mut text = format!("Hits {} at {:.1} m/s", to_words(&hit.category), hit.impact_mps);
+    if let Some(set_off_s) = hit.set_off_s {
+        let sudden = if hit.is_sudden { ", too late for any brake" } else { "" };
+        text += &format!(", {set_off_s:.1} s after it was set off{sudden}");
+    }
+    let n_harmful = said.iter().filter(|&&said| said == Said::Harmful).count();
+    text += &format!("; called harmful in {n_harmful} of {} pictures", said.len());
+    match case.outcome.first_brake_ttc_s {
+        None => text += ", never braked for",
+        Some(ttc_s) => text += &format!(", first braked {ttc_s:.1} s away"),
+    }
+    format!("{text}. {place}")
+}
