@@ -13,7 +13,7 @@ PYTHON_SOURCES = python scenes mjcf_assets tests scripts xtask/python
 RESULTS = runs/results
 
 .PHONY: help setup setup-test setup-golden build demo network results report test ci check-gpu check-logs \
-	check-mmdet3d bench bench-micro bench-gen bench-eval race miri bundle bundle-test gallery weathers fmt clean
+	check-mmdet3d bench bench-micro bench-gen bench-eval race miri bundle bundle-test wheel wheel-test gallery weathers fmt clean
 
 help: ## List the targets
 	@echo "make <target>, where target is:"
@@ -39,6 +39,9 @@ setup-golden: .venv-golden/.ready ## PyTorch, which the golden tests' files and 
 
 .venv-mmdet3d/.ready: tests/golden/requirements.txt tests/import/requirements-mmdet3d.txt scripts/setup.sh
 	@scripts/setup.sh mmdet3d
+
+.venv-wheel/.ready: requirements-wheel.txt scripts/setup.sh .venv/.ready
+	@scripts/setup.sh wheel
 
 .venv-bundle/.ready: requirements-bundle.txt requirements-bundle-source.txt scripts/setup.sh .venv/.ready
 	@scripts/setup.sh bundle
@@ -104,6 +107,7 @@ ci: setup setup-test $(CARGO_DENY) ## Tests, formats, lints, docs, spelling, lic
 	.venv-test/bin/typos
 	$(CARGO_DENY) check bans licenses sources
 	cargo clippy --release --workspace --all-targets -- -D warnings
+	cargo clippy --release --lib --no-default-features --features wheel -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --release --workspace --no-deps --document-private-items
 	@$(MAKE) --no-print-directory test
 
@@ -161,6 +165,16 @@ bundle-test: ## The bundle from gen to eval in a Debian that has neither Rust, P
 	@test -d $(BUNDLE) || $(MAKE) bundle
 	.venv-bundle/bin/python scripts/try_bundle.py $(BUNDLE) $(ROOT)
 
+WHEELS = dist/wheels
+
+# For any CPython from 3.11 on; pip finds MuJoCo and numpy.
+wheel: setup .venv-wheel/.ready ## A wheel of the command and the Python module: dist/wheels (6 minutes on two cores)
+	rm -rf $(WHEELS)
+	.venv-wheel/bin/maturin build --release --interpreter .venv/bin/python --out $(WHEELS)
+
+wheel-test: build wheel ## The wheel in a fresh venv: command, module, the program's bytes; PyTorch's part after `make setup-golden`
+	@scripts/try_wheel.sh $(WHEELS) $(BIN)
+
 miri: ## The kernels under Miri, portable path: cargo +nightly with the component miri; minutes
 	cd tests/miri && MIRIFLAGS="-Zmiri-tree-borrows -Zmiri-ignore-leaks" cargo +nightly miri test -- --test-threads=1
 
@@ -176,4 +190,4 @@ fmt: setup-test ## Format Rust and Python
 	.venv-test/bin/ruff check --fix $(PYTHON_SOURCES)
 
 clean: ## Remove the venvs, the bundle and the demo's results (not the compiled code)
-	rm -rf .venv .venv-test .venv-golden .venv-bundle demo dist
+	rm -rf .venv .venv-test .venv-golden .venv-bundle .venv-wheel demo dist

@@ -21,7 +21,9 @@ const SCHEMAS: [(&str, &str); 6] = [
 ];
 
 fn main() {
-    pyo3_build_config::add_libpython_rpath_link_args();
+    if env::var_os("CARGO_FEATURE_EMBED").is_some() {
+        pyo3_build_config::add_libpython_rpath_link_args();
+    }
     compile_protos();
     pack_shipped();
 }

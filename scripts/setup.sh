@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Makes the project's Python venv and what it needs from the system; called by `make setup`,
-# `make setup-test`, `make setup-golden`, `make bundle`, `make check-logs` and `make check-mmdet3d`.
-# Usage: setup.sh product|test|golden|logs|mmdet3d|bundle
+# `make setup-test`, `make setup-golden`, `make bundle`, `make wheel`, `make check-logs` and `make check-mmdet3d`.
+# Usage: setup.sh product|test|golden|logs|mmdet3d|bundle|wheel
 #
 # Debian and Ubuntu as root: missing system packages are installed. Elsewhere: the command to run is printed.
 set -euo pipefail
@@ -150,6 +150,10 @@ mmdet3d)
     install_cuda .venv-mmdet3d
     touch .venv-mmdet3d/.ready
     ;;
+wheel)
+    make_venv .venv-wheel requirements-wheel.txt
+    touch .venv-wheel/.ready
+    ;;
 bundle)
     command -v c++ >/dev/null || system_packages "a C++ compiler" build-essential
     PYTHON="$PWD/.venv/bin/python" make_venv .venv-bundle requirements-bundle.txt
@@ -157,5 +161,5 @@ bundle)
     .venv-bundle/bin/python -m pip install --disable-pip-version-check --quiet --no-deps --no-index --force-reinstall "$numpy"
     touch .venv-bundle/.ready
     ;;
-*) fail "usage: scripts/setup.sh product|test|golden|logs|mmdet3d|bundle" ;;
+*) fail "usage: scripts/setup.sh product|test|golden|logs|mmdet3d|bundle|wheel" ;;
 esac

@@ -60,6 +60,9 @@
 //!   the closed loop: [`drive`], and what comes of it: [`outcome`];
 //! - the program's flags: [`cli`].
 
+#[cfg(not(any(feature = "embed", feature = "wheel")))]
+compile_error!("the simulator needs Python: the feature `embed` for the program, `wheel` for `make wheel`");
+
 pub mod config;
 pub mod device;
 pub mod files;
@@ -105,3 +108,7 @@ pub mod train;
 pub mod report;
 
 pub mod cli;
+
+#[cfg(feature = "wheel")]
+#[allow(clippy::disallowed_methods, reason = "it speaks to Python")]
+pub mod python;

@@ -3,10 +3,12 @@
 //! Lines of JSON: the parent writes one job, then a task at a time; the worker answers each task with any number of ticks of
 //! progress and then with what it made, or with the text of its failure. A closed pipe ends the worker.
 
+use std::ffi::OsString;
 use std::io::{self, BufRead, BufReader, Read, Seek, Write};
 use std::marker::PhantomData;
-use std::path::Path;
+use std::path::PathBuf;
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::sync::OnceLock;
 use std::time::Duration;
 
 use serde::de::DeserializeOwned;
@@ -60,7 +62,8 @@ where
 }
 
 /// The error with its sources, unless its text contains them already.
-fn with_causes(error: &dyn std::error::Error) -> String {
+#[must_use]
+pub fn with_causes(error: &dyn std::error::Error) -> String {
     let mut text = error.to_string();
     let mut cause = error.source();
     while let Some(error) = cause {
@@ -86,6 +89,46 @@ const LOOK: Duration = Duration::from_millis(10);
 /// What tells rayon how many threads to take.
 const THREADS: &str = "RAYON_NUM_THREADS";
 
+/// What starts this program once more, as a worker.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Program {
+    path: PathBuf,
+    /// They come before the worker's command.
+    args: Vec<OsString>,
+}
+
+/// What is started as worker where this code is no program of its own but a part of another.
+static WORKER_PROGRAM: OnceLock<Program> = OnceLock::new();
+
+impl Program {
+    #[must_use]
+    pub fn new(path: PathBuf, args: Vec<OsString>) -> Self {
+        Self { path, args }
+    }
+
+    /// What this process starts as its workers: itself, or what [`Self::start_as_worker`] has named.
+    ///
+    /// # Errors
+    /// The system does not tell which program this is.
+    pub fn this() -> io::Result<Self> {
+        match WORKER_PROGRAM.get() {
+            Some(named) => Ok(named.clone()),
+            None => std::env::current_exe().map(Self::from),
+        }
+    }
+
+    /// Makes this what workers are, for code that runs inside another program; the first call counts.
+    pub fn start_as_worker(self) {
+        WORKER_PROGRAM.get_or_init(|| self);
+    }
+}
+
+impl From<PathBuf> for Program {
+    fn from(path: PathBuf) -> Self {
+        Self::new(path, Vec::new())
+    }
+}
+
 /// The parent's side of one worker, which makes `Made` of each task.
 pub struct Worker<Made> {
     process: Child,
@@ -102,14 +145,15 @@ impl<Made: DeserializeOwned> Worker<Made> {
     /// # Errors
     /// The program cannot be started.
     pub fn start(
-        program: &Path,
+        program: &Program,
         command: &str,
         job: &impl Serialize,
         n_threads: Option<usize>,
     ) -> io::Result<Self> {
         let stderr = tempfile::tempfile()?;
-        let told = |error| io::Error::other(format!("cannot start {}: {error}", program.display()));
-        let mut process = Command::new(program)
+        let told = |error| io::Error::other(format!("cannot start {}: {error}", program.path.display()));
+        let mut process = Command::new(&program.path)
+            .args(&program.args)
             .arg(command)
             .envs(ALLOCATOR_ENVIRONMENT)
             .envs(n_threads.map(|n| (THREADS, n.to_string())))

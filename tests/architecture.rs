@@ -45,6 +45,7 @@ const LAYERS: &[(&str, u32)] = &[
     ("train", 9),
     ("report", 10),
     ("cli", 11),
+    ("python", 12),
 ];
 
 /// Words that may appear only in files under the given prefixes, and why.
@@ -61,8 +62,8 @@ const CONFINED: [(&[&str], &[&str], &str); 6] = [
     ),
     (
         &["pyo3", "numpy"],
-        &["src/sim/", "xtask/src/bench_gen/replay.rs"],
-        "only the simulator talks to Python",
+        &["src/sim/", "src/python/", "xtask/src/bench_gen/replay.rs"],
+        "only the simulator and the wheel talk to Python",
     ),
     (&["mcap"], &["src/episode/"], "episodes are read and written in one place"),
     (&["unsafe"], &["src/kernels/"], "only measured kernels may be unsafe"),

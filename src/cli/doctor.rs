@@ -94,7 +94,13 @@ type Examination = fn() -> Result<String, SimError>;
 const CHECKS: [(&str, Examination); 6] = [
     ("harmzone", || Ok(env!("CARGO_PKG_VERSION").to_owned())),
     ("devices", || Ok(devices())),
-    ("interpreter", || Ok(format!("Python {}, embedded", Environment::interpreter().1))),
+    ("interpreter", || {
+        Ok(format!(
+            "Python {}, {}",
+            Environment::interpreter().1,
+            if cfg!(feature = "wheel") { "which runs the program" } else { "embedded" }
+        ))
+    }),
     ("environment", || Ok(Environment::find()?.venv.display().to_string())),
     ("mujoco", Environment::mujoco_version),
     ("opengl", draw),

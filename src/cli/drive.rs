@@ -12,6 +12,7 @@ use crate::drive::{self, Courses, DriveConfig, DriveOptions, load_scenarios};
 use crate::generate::preset;
 use crate::outcome::{DriveSummary, End, Who};
 use crate::scene::SceneSplit;
+use crate::worker::Program;
 
 #[derive(Debug, Args)]
 pub struct DriveArgs {
@@ -69,7 +70,7 @@ pub fn run(args: DriveArgs) -> anyhow::Result<ExitStatus> {
     }
     let all_cores = std::thread::available_parallelism().map_or(1, usize::from);
     let options = DriveOptions {
-        program: std::env::current_exe()?,
+        program: Program::this()?,
         jobs: args.jobs.unwrap_or(all_cores),
         records: !args.no_record,
         device: args.device.name(),

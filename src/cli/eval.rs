@@ -212,7 +212,7 @@ pub fn provenance(
 
 /// This command as a shell takes it; `program` is how the program is called.
 pub fn command_line(program: &str) -> String {
-    let words = std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned());
+    let words = super::words().into_iter().map(|word| word.to_string_lossy().into_owned());
     quote(program.split(' ').map(str::to_owned).chain(words))
 }
 

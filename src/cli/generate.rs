@@ -13,6 +13,7 @@ use crate::generate::{self, Extent, LidarEngine, RendererName, RunOptions, prese
 use crate::scene::{OwnModels, SceneSplit, bring_in};
 use crate::sensors::RigConfig;
 use crate::text_table::text_table;
+use crate::worker::Program;
 
 #[derive(Debug, Args)]
 pub struct GenerateArgs {
@@ -100,7 +101,7 @@ pub fn run(args: GenerateArgs) -> anyhow::Result<ExitStatus> {
     let has_losses = own_models.as_ref().is_some_and(|models| !models.bad.is_empty());
     let all_cores = std::thread::available_parallelism().map_or(1, usize::from);
     let options = RunOptions {
-        program: std::env::current_exe()?,
+        program: Program::this()?,
         jobs: args.jobs.unwrap_or(all_cores),
         force: args.force,
         own_models,

@@ -28,7 +28,9 @@ mod view;
 mod world;
 mod zones;
 
+use std::ffi::OsString;
 use std::process::ExitCode;
+use std::sync::OnceLock;
 
 use clap::{Parser, Subcommand};
 
@@ -109,7 +111,27 @@ pub enum ExitStatus {
 /// Runs the program on the process's arguments.
 #[must_use]
 pub fn main() -> ExitCode {
-    finish(|| match parse::<Cli>().command {
+    finish(|| run(parse::<Cli>()))
+}
+
+/// What another program gave as this one's arguments.
+static GIVEN_ARGS: OnceLock<Vec<OsString>> = OnceLock::new();
+
+/// Runs the program on arguments that the program around it hands over, once a process: the words after `harmzone`.
+/// Returns the exit code.
+#[must_use]
+pub fn main_on(words: Vec<OsString>) -> u8 {
+    GIVEN_ARGS.get_or_init(|| words);
+    code_of(|| run(parse::<Cli>()))
+}
+
+/// The arguments, without the program's name.
+fn words() -> Vec<OsString> {
+    GIVEN_ARGS.get().cloned().unwrap_or_else(|| std::env::args_os().skip(1).collect())
+}
+
+fn run(cli: Cli) -> anyhow::Result<ExitStatus> {
+    match cli.command {
         Command::Gen(args) => generate::run(args),
         Command::GenWorker(args) => generate_worker::run(args),
         Command::Merge(args) => merge::run(args),
@@ -131,13 +153,15 @@ pub fn main() -> ExitCode {
         Command::View(args) => view::run(args),
         Command::Export(args) => export::run(args),
         Command::Doctor(args) => doctor::run(args),
-    })
+    }
 }
 
 /// Reads the process's arguments; ends the process where they are not valid.
 #[must_use]
 pub fn parse<C: Parser>() -> C {
-    let matches = take_negative_numbers(C::command()).get_matches();
+    let command = take_negative_numbers(C::command());
+    let name = OsString::from(command.get_name());
+    let matches = command.get_matches_from([name].into_iter().chain(words()));
     C::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())
 }
 
@@ -155,6 +179,10 @@ fn takes_value(arg: &clap::Arg) -> bool {
 /// Does the work of a command, with logs on stderr, and tells how it ended. A closed pipe is a quiet end, as in ripgrep.
 #[must_use]
 pub fn finish(work: impl FnOnce() -> anyhow::Result<ExitStatus>) -> ExitCode {
+    code_of(work).into()
+}
+
+fn code_of(work: impl FnOnce() -> anyhow::Result<ExitStatus>) -> u8 {
     tracing_subscriber::fmt()
         .with_writer(std::io::stderr)
         .without_time()
@@ -164,9 +192,9 @@ pub fn finish(work: impl FnOnce() -> anyhow::Result<ExitStatus>) -> ExitCode {
         )
         .init();
     match work() {
-        Ok(ExitStatus::Done) => ExitCode::SUCCESS,
-        Ok(ExitStatus::DoneWithLosses) => ExitCode::from(3),
-        Err(error) if error.is::<ClosedPipe>() => ExitCode::SUCCESS,
+        Ok(ExitStatus::Done) => 0,
+        Ok(ExitStatus::DoneWithLosses) => 3,
+        Err(error) if error.is::<ClosedPipe>() => 0,
         Err(error) => {
             let mut told = error.to_string();
             tell(format!("error: {told}"));
@@ -177,7 +205,7 @@ pub fn finish(work: impl FnOnce() -> anyhow::Result<ExitStatus>) -> ExitCode {
                     told.push_str(&cause);
                 }
             }
-            ExitCode::FAILURE
+            1
         }
     }
 }

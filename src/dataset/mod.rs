@@ -4,6 +4,8 @@ pub mod blind;
 mod coverage;
 mod facts;
 pub mod health;
+mod one_by_one;
+mod opened;
 mod recording;
 mod seen;
 pub mod statistics;
@@ -17,9 +19,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::episode::manifest::{EpisodeEntry, LabelEntry, LabelManifest, Manifest, ManifestError, Split};
-use crate::episode::{
-    EpisodeError, EpisodeMeta, EpisodeReader, LabelReader, LogFacts, SampleLabels, is_any_annotated,
-};
+use crate::episode::{EpisodeError, EpisodeMeta, LogFacts, SampleLabels, is_any_annotated};
 use crate::files;
 use crate::object::{LabelledObject, Object};
 use crate::sample::{EgoState, IgnoredRegion, Measured, Sample};
@@ -28,6 +28,8 @@ use crate::zone::{Zone, ZoneConfig, ZoneError};
 pub use coverage::{CameraFacts, PictureRectangle, count_points, keep_in_view};
 use facts::Origin;
 pub use facts::{SampleFacts, episode_of_id};
+pub use one_by_one::{KnownObject, KnownSample, OneByOne};
+use opened::OpenedEpisode;
 pub use recording::MeasuredSplit;
 pub use seen::{LearnedError, SeenEpisodes};
 
@@ -302,18 +304,9 @@ fn read_labelled(
     entry: &EpisodeEntry,
     labels: &LabelEntry,
 ) -> Result<(EpisodeMeta, Option<LogFacts>, Vec<Read>), DatasetError> {
-    let reader = EpisodeReader::open_entry(path, entry)?;
-    let label_path = LabelManifest::folder(path, set).join(&labels.file);
-    let label_reader = LabelReader::open(&label_path)?;
-    label_reader.check_episode(&entry.sha256)?;
-    let mismatch = |sample_idx| DatasetError::Mismatch {
-        episode: entry.name.clone(),
-        sample_idx,
-        path: label_path.clone(),
-    };
-    if reader.len() != label_reader.samples().len() {
-        return Err(mismatch(reader.len().min(label_reader.samples().len())));
-    }
+    let opened = OpenedEpisode::open(path, entry, Some((set, labels)))?;
+    let label_reader = opened.labels.as_ref().expect("it was opened with labels");
+    let reader = &opened.reader;
     let samples = reader
         .samples()
         .zip(label_reader.samples())
@@ -324,7 +317,7 @@ fn read_labelled(
             let Sample { measured, truth } = sample;
             let (objects, ignored) = truth.map(|truth| (truth.objects, truth.ignored)).unzip();
             let mut objects =
-                pair(objects.unwrap_or_default(), labels).ok_or_else(|| mismatch(sample_idx))?;
+                pair(objects.unwrap_or_default(), labels).ok_or_else(|| opened.mismatch(sample_idx))?;
             coverage::keep_in_view(reader.log(), &measured, &mut objects, |object| &object.truth.box_in_ego);
             Ok((measured, true_state, objects, ignored))
         })

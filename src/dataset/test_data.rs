@@ -29,6 +29,46 @@ pub fn dataset_of(n: usize, kind: ZoneKind) -> Dataset {
     }
 }
 
+/// Writes labelled episodes of the split `train` into a folder, each with so many of the samples.
+#[cfg(test)]
+pub fn write(folder: &std::path::Path, n_samples: &[usize]) {
+    use crate::episode::{EpisodeEntry, EpisodeWriter, Manifest, MapDrawing, Split};
+    use crate::sample::{Sample, Truth};
+
+    fs_err::create_dir(folder.join("episodes")).expect("the folder can be written");
+    let all = dataset(n_samples.iter().sum());
+    let mut samples = all.samples().iter();
+    let mut manifest = Manifest::new("0".repeat(64), 0, false);
+    for (i, &n) in n_samples.iter().enumerate() {
+        let (name, file) = (format!("made-{i}"), format!("episodes/made-{i}.mcap"));
+        let meta = EpisodeMeta { name: name.clone(), n_samples: n, ..episode_meta("made", "") };
+        let mut writer = EpisodeWriter::create(&folder.join(&file), &meta, &MapDrawing::default())
+            .expect("the folder can be written");
+        for (j, made) in samples.by_ref().take(n).enumerate() {
+            let measured = Measured { time_ns: 1_000_000_000 * (j as u64 + 1), ..made.measured.clone() };
+            let objects = made.objects.iter().map(|object| object.truth.clone()).collect();
+            let truth = Truth { objects, ..Truth::default() };
+            writer.write(&Sample { measured, truth: Some(truth) }).expect("the samples are valid");
+        }
+        let done = writer.finish().expect("the folder can be written");
+        manifest.episodes.push(EpisodeEntry {
+            name,
+            file,
+            split: Split::Train,
+            seed: i as u64,
+            town: meta.town,
+            weather: meta.weather,
+            ood: false,
+            n_samples: done.n_samples,
+            n_objects: done.n_objects,
+            sha256: done.sha256,
+        });
+    }
+    manifest.write(folder).expect("the folder can be written");
+    crate::label::run(folder, &ZoneConfig::default(), "rect", false, &crate::progress::Silent)
+        .expect("the episodes can be labelled");
+}
+
 fn sample(idx: usize, zone: &Zone) -> LabelledSample {
     let mut rng = random::stream(3, "test-data", idx as u64);
     let mut between = |low: f64, high: f64| low + (high - low) * rng.random::<f64>();

@@ -41,6 +41,11 @@ define_config! {
         braking_mps2: [f64; 2] = [0.5, 8.0], in from_to(0.01, 50.0).pair();
         /// The way is free when no box has been confirmed for so long, seconds.
         free_s: f64 = 1.0, in from_to(0.0, 60.0);
+        /// Nearer to the bumper than this, in the strip ahead, a hazard that stands is not free until it is passed: sensors look over
+        /// what is low, metres.
+        near_m: f64 = 3.0, in from_to(0.0, 50.0);
+        /// .. where so many samples have confirmed it.
+        near_confirming: u32 = 4, in from_to(1.0, 100.0);
         /// From a sample's time to the brake, seconds; control acts every 0.05 s.
         latency_s: f64 = 0.0, in from_to(0.0, 10.0);
         /// Half the width of the strip ahead in which a box's distance is measured, metres: the zone's half width.

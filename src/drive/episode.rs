@@ -222,9 +222,14 @@ impl Run<'_> {
     /// Whether the ego has stood long enough for perception's sake, and why.
     fn has_come_to_rest(&mut self, speed_mps: f64, orders: &EgoOrders) -> Option<End> {
         let stands = speed_mps < STANDS_MPS && orders.braking_mps2.is_some();
-        let waits_for_movers =
-            !self.seen.harmful.is_empty() && self.seen.harmful.iter().all(|&i| self.live.moves_by_itself(i));
-        let is_harmed = !self.seen.harmful.is_empty();
+        // The zone of a car that stands has no depth: what lies right before it is what it stands for, too.
+        let reflex = &self.config.reflex;
+        let holds_up = |(i, object): &&(usize, Object)| {
+            self.seen.harmful.contains(i) || reflex.is_near(&object.solid_in_ego(), car::FRONT_BUMPER_X_M)
+        };
+        let held_up_by: Vec<usize> = self.seen.present.iter().filter(holds_up).map(|(i, _)| *i).collect();
+        let is_harmed = !held_up_by.is_empty();
+        let waits_for_movers = is_harmed && held_up_by.iter().all(|&i| self.live.moves_by_itself(i));
         // What it stands for is one thing throughout.
         let goes_on = stands && !waits_for_movers && is_harmed == self.notes.stands_harmed;
         self.notes.stands_harmed = is_harmed;

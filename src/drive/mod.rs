@@ -13,6 +13,7 @@ mod recorder;
 mod reflex;
 mod run;
 mod scenario;
+mod tracks;
 pub mod worker;
 
 use std::path::PathBuf;

@@ -1,7 +1,8 @@
 //! From harmful boxes to braking: a box that several samples show is a hazard, and the ego brakes so that it stops before it.
 //!
 //! `braking = v^2 / (2 (gap - margin))`, within bounds, for the hazard that asks for most. A hazard stays where it was seen, over
-//! ground, until no sample has confirmed it for a while. What is not harmful yet but moves into the ego's way is a hazard where
+//! ground, until no sample has confirmed it for a while; one that stands right before the bumper, where sensors look over it, is
+//! not forgotten. What is not harmful yet but moves into the ego's way is a hazard where
 //! both will meet ([`Foresight`]). Nothing here knows the truth, reads a clock or draws a random number.
 
 use std::collections::VecDeque;
@@ -10,6 +11,7 @@ use nalgebra::{Vector2, Vector3};
 
 use super::config::ReflexConfig;
 use super::foresight::{Foresight, ForesightAt};
+use super::tracks::{Sample, Seen, Track};
 use crate::geometry::{Box3, Ego, Point, Transform, World};
 use crate::object::{Detection, Harm};
 use crate::sample::EgoState;
@@ -22,30 +24,15 @@ const STANDS_MPS: f64 = 0.3;
 const HOLDING_MPS2: f64 = 2.0;
 /// Points along an edge of a footprint at which its distance is measured, corners included.
 const N_ON_EDGE: usize = 17;
-/// Samples back over which a velocity is taken.
-const N_BEFORE: usize = 2;
-
-/// A box over ground.
-#[derive(Debug, Clone, Copy)]
-struct Seen {
-    at: Box3<World>,
-    is_harmful: bool,
-}
-
-/// The boxes of one sample.
-#[derive(Debug, Clone)]
-struct Sample {
-    time_s: f64,
-    seen: Vec<Seen>,
-    /// When it takes effect.
-    due_s: f64,
-}
-
 /// A confirmed harmful box, or where one that moves will be met.
 #[derive(Debug, Clone)]
 struct Hazard {
     at: Box3<World>,
     confirmed_s: f64,
+    /// How many samples have confirmed it.
+    n_confirmed: u32,
+    /// Whether it stood when it was last confirmed.
+    stands: bool,
 }
 
 /// The memory of one drive.
@@ -83,6 +70,7 @@ impl Reflex {
         let seen = counted.map(|found| Seen {
             at: found.box_in_ego.in_frame(world_from_ego),
             is_harmful: found.harm == Harm::Harmful,
+            meets: false,
         });
         self.due.push_back(Sample { time_s, seen: seen.collect(), due_s: time_s + self.config.latency_s });
     }
@@ -102,8 +90,14 @@ impl Reflex {
             self.take(due, time_s, world_from_ego, &self.foresight.at(state)?)?;
         }
         let free_s = self.config.free_s;
-        self.hazards.retain(|hazard| time_s - hazard.confirmed_s <= free_s + 1e-9);
         let ego_from_world = world_from_ego.inverse();
+        let bumper_x_m = state.front_bumper_x_m;
+        let is_near = |hazard: &Hazard| {
+            let is_sure = hazard.stands && hazard.n_confirmed >= self.config.near_confirming;
+            is_sure && self.config.is_near(&hazard.at.in_frame(&ego_from_world), bumper_x_m)
+        };
+        let is_kept = |hazard: &Hazard| time_s - hazard.confirmed_s <= free_s + 1e-9 || is_near(hazard);
+        self.hazards.retain(is_kept);
         let asked = self.hazards.iter().filter_map(|hazard| {
             let gap_m = self.gap_m(&hazard.at.in_frame(&ego_from_world), state.front_bumper_x_m)?;
             Some(self.braking_mps2(gap_m, state.speed_mps))
@@ -120,16 +114,24 @@ impl Reflex {
     /// Confirms what a sample shows.
     fn take(
         &mut self,
-        sample: Sample,
+        mut sample: Sample,
         time_s: f64,
         world_from_ego: &Transform<World, Ego>,
         foresight: &ForesightAt,
     ) -> Result<(), ZoneError> {
         let ego_from_world = world_from_ego.inverse();
-        for (i, seen) in sample.seen.iter().enumerate() {
+        let n_confirming = self.config.n_confirming as usize;
+        for i in 0..sample.seen.len() {
+            let seen = sample.seen[i];
+            let track = Track::of(&sample, i, self.history.iter(), &self.config);
+            let velocity_mps = track.velocity_mps();
+            let moves =
+                velocity_mps.is_some_and(|[x_mps, y_mps]| x_mps.hypot(y_mps) >= self.config.moving_mps);
             let hazard_at = if seen.is_harmful {
-                self.is_confirmed(&seen.at).then_some(seen.at)
-            } else if let Some([x_mps, y_mps]) = self.velocity_mps(&sample, i) {
+                let n_before = self.n_harmful_before(&seen.at).max(track.n_alarming_before());
+                (n_before + 1 >= n_confirming).then_some(seen.at)
+            } else {
+                let Some([x_mps, y_mps]) = velocity_mps else { continue };
                 let since_s = time_s - sample.time_s;
                 let mut now_at = seen.at;
                 now_at.center = Point::new(
@@ -139,14 +141,15 @@ impl Reflex {
                 );
                 let in_ego = ego_from_world.rotate(&Vector3::new(x_mps, y_mps, 0.0));
                 let met = foresight.meeting(&now_at.in_frame(&ego_from_world), [in_ego.x, in_ego.y])?;
-                met.map(|met| met.in_frame(world_from_ego))
-            } else {
-                None
+                let is_confirmed = track.n_alarming_before() + 1 >= n_confirming;
+                sample.seen[i].meets = met.is_some();
+                met.filter(|_| is_confirmed).map(|met| met.in_frame(world_from_ego))
             };
             let Some(at) = hazard_at else { continue };
-            let hazard = Hazard { at, confirmed_s: sample.due_s };
+            let hazard =
+                Hazard { at, confirmed_s: sample.due_s, n_confirmed: 1, stands: seen.is_harmful && !moves };
             match self.hazards.iter_mut().find(|known| self.config.is_same(&known.at, &at)) {
-                Some(known) => *known = hazard,
+                Some(known) => *known = Hazard { n_confirmed: known.n_confirmed + 1, ..hazard },
                 None => self.hazards.push(hazard),
             }
         }
@@ -155,41 +158,18 @@ impl Reflex {
         Ok(())
     }
 
-    /// Whether enough of the last samples, the present one included, show a harmful box here.
-    fn is_confirmed(&self, at: &Box3<World>) -> bool {
+    /// How many of the samples before show a harmful box here.
+    fn n_harmful_before(&self, at: &Box3<World>) -> usize {
         let shows = |sample: &&Sample| {
             sample.seen.iter().any(|seen| seen.is_harmful && self.config.is_same(&seen.at, at))
         };
-        self.history.iter().filter(shows).count() + 1 >= self.config.n_confirming as usize
-    }
-
-    /// How fast the box of a sample moves over ground, by where it was at the last sample and, where it was there, at the
-    /// one before. `None` for what was not there.
-    fn velocity_mps(&self, sample: &Sample, i: usize) -> Option<[f64; 2]> {
-        let (mut from, mut from_idx) = (sample, i);
-        for before in self.history.iter().take(N_BEFORE) {
-            let Some(before_idx) = self.config.partner(&from.seen, from_idx, &before.seen) else { break };
-            (from, from_idx) = (before, before_idx);
-        }
-        let after_s = sample.time_s - from.time_s;
-        let (to, from) = (sample.seen[i].at.center, from.seen[from_idx].at.center);
-        (after_s > 0.0).then(|| [(to.x() - from.x()) / after_s, (to.y() - from.y()) / after_s])
+        self.history.iter().filter(shows).count()
     }
 
     /// From the bumper to the nearest of a footprint, along the ego's x axis; of what lies in the strip ahead, if anything
     /// does. `None` where all of it lies behind the bumper.
     fn gap_m(&self, of: &Box3<Ego>, front_bumper_x_m: f64) -> Option<f64> {
-        let corners = of.footprint();
-        let points = corners.iter().zip(corners.iter().cycle().skip(1)).flat_map(|(from, to)| {
-            (0..N_ON_EDGE).map(move |i| {
-                let share = i as f64 / (N_ON_EDGE - 1) as f64;
-                Vector2::new(
-                    from.x_m + share * (to.x_m - from.x_m) - front_bumper_x_m,
-                    from.y_m + share * (to.y_m - from.y_m),
-                )
-            })
-        });
-        let ahead: Vec<Vector2<f64>> = points.filter(|point| point.x > 0.0).collect();
+        let ahead = ahead_of(of, front_bumper_x_m);
         let nearest = |points: &mut dyn Iterator<Item = &Vector2<f64>>| {
             points.map(|point| point.x).min_by(f64::total_cmp)
         };
@@ -208,25 +188,25 @@ impl Reflex {
 }
 
 impl ReflexConfig {
-    /// Whether two boxes of different samples may be of one thing.
-    fn is_same(&self, a: &Box3<World>, b: &Box3<World>) -> bool {
-        apart_m(a, b) < self.same_m
-    }
-
-    /// The box of another sample that is of the same thing: each is the other's nearest.
-    fn partner(&self, of: &[Seen], i: usize, others: &[Seen]) -> Option<usize> {
-        let near = |a: &Seen, among: &[Seen]| {
-            let to_each = among.iter().map(|b| apart_m(&a.at, &b.at)).enumerate();
-            to_each.min_by(|a, b| a.1.total_cmp(&b.1)).filter(|&(_, apart_m)| apart_m < self.same_m)
-        };
-        let (j, there_m) = near(&of[i], others)?;
-        let (_, back_m) = near(&others[j], of)?;
-        (there_m <= back_m).then_some(j)
+    /// Whether any of a footprint lies in the strip right before the bumper.
+    pub(super) fn is_near(&self, of: &Box3<Ego>, front_bumper_x_m: f64) -> bool {
+        let is_near = |point: &Vector2<f64>| point.x <= self.near_m && point.y.abs() <= self.half_width_m;
+        ahead_of(of, front_bumper_x_m).iter().any(is_near)
     }
 }
 
-fn apart_m(a: &Box3<World>, b: &Box3<World>) -> f64 {
-    (a.center.x() - b.center.x()).hypot(a.center.y() - b.center.y())
+/// Points of a footprint's edges that lie before the bumper, as seen from its middle.
+fn ahead_of(of: &Box3<Ego>, front_bumper_x_m: f64) -> Vec<Vector2<f64>> {
+    let corners = of.footprint();
+    let edges = corners.iter().zip(corners.iter().cycle().skip(1));
+    let points = edges.flat_map(|(from, to)| {
+        (0..N_ON_EDGE).map(move |i| {
+            let share = i as f64 / (N_ON_EDGE - 1) as f64;
+            let (x_m, y_m) = (from.x_m + share * (to.x_m - from.x_m), from.y_m + share * (to.y_m - from.y_m));
+            Vector2::new(x_m - front_bumper_x_m, y_m)
+        })
+    });
+    points.filter(|point| point.x > 0.0).collect()
 }
 
 #[cfg(test)]
@@ -292,6 +272,24 @@ mod tests {
         assert!((braking_mps2 - 100.0 / 30.0).abs() < 1e-9, "{braking_mps2}");
         assert!(reflex.orders(1.3, &at(5.0), &STATE).unwrap().braking_mps2.is_some());
         assert_eq!(reflex.orders(1.35, &at(5.0), &STATE).unwrap().braking_mps2, None);
+    }
+
+    #[test]
+    fn what_stands_right_before_the_bumper_is_not_forgotten() {
+        // 2.5 m before the bumper no sensor sees a low box, and a car that stands must not drive over it. What two samples
+        // alone have shown may have been an error.
+        for (near_m, n_samples, is_kept) in [(3.0, 5, true), (3.0, 2, false), (0.0, 5, false)] {
+            let mut reflex = reflex(ReflexConfig { near_m, ..ReflexConfig::default() });
+            for i in 0..n_samples {
+                let time_s = 0.3 * f64::from(i);
+                reflex.see(time_s, &at(0.0), &[crate_at(22.0, Harm::Harmful, 0.9)]);
+                reflex.orders(time_s, &at(0.0), &STATE).unwrap();
+            }
+            let brakes = reflex.orders(4.0, &at(19.5), &STATE).unwrap().braking_mps2.is_some();
+            assert_eq!(brakes, is_kept, "{near_m} m, {n_samples} samples");
+            // Passed, it is.
+            assert_eq!(reflex.orders(4.05, &at(26.0), &STATE).unwrap().braking_mps2, None);
+        }
     }
 
     #[test]

@@ -23,7 +23,7 @@ use crate::label;
 use crate::outcome::{DriveOutcome, DriveSummary, Origin, Source, Who, compare};
 use crate::progress::Progress;
 use crate::scene::{PopulateConfig, Town};
-use crate::worker::Worker;
+use crate::worker::{Program, Worker};
 
 /// The resolved config, written before anything else.
 const CONFIG_FILE: &str = "drive.toml";
@@ -35,7 +35,7 @@ const OUTCOMES: &str = "outcomes";
 #[derive(Debug, Clone)]
 pub struct DriveOptions {
     /// The `harmzone` program, started as worker.
-    pub program: PathBuf,
+    pub program: Program,
     pub jobs: usize,
     /// Whether episodes are recorded.
     pub records: bool,
@@ -283,13 +283,13 @@ struct Shared<'a> {
 }
 
 impl Shared<'_> {
-    fn work(&self, program: &Path, job: &DriveJob) {
+    fn work(&self, program: &Program, job: &DriveJob) {
         if let Err(error) = self.try_work(program, job) {
             self.failure.lock().expect("no worker thread panics").get_or_insert(error);
         }
     }
 
-    fn try_work(&self, program: &Path, job: &DriveJob) -> Result<(), DriveError> {
+    fn try_work(&self, program: &Program, job: &DriveJob) -> Result<(), DriveError> {
         let mut worker = None;
         while let Some(&task) = self.todo.get(self.next.fetch_add(1, Ordering::Relaxed)) {
             if self.failure.lock().expect("no worker thread panics").is_some() {

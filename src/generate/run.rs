@@ -16,13 +16,13 @@ use crate::episode::{EpisodeEntry, Manifest, PartOf, Shard, Split};
 use crate::object::{Distribution, Kind};
 use crate::progress::Progress;
 use crate::scene::{OwnModels, Town};
-use crate::worker::Worker;
+use crate::worker::{Program, Worker};
 
 /// How a data set is made; this does not change its bytes.
 #[derive(Debug, Clone)]
 pub struct RunOptions {
     /// The `harmzone` program, started as worker.
-    pub program: PathBuf,
+    pub program: Program,
     /// Worker processes.
     pub jobs: usize,
     /// Whether the episodes of another config may be deleted.
@@ -138,13 +138,13 @@ struct Shared<'a> {
 }
 
 impl Shared<'_> {
-    fn work(&self, program: &Path, job: &Job) {
+    fn work(&self, program: &Program, job: &Job) {
         if let Err(error) = self.try_work(program, job) {
             self.failure.lock().expect("no worker thread panics").get_or_insert(error);
         }
     }
 
-    fn try_work(&self, program: &Path, job: &Job) -> Result<(), GenerateError> {
+    fn try_work(&self, program: &Program, job: &Job) -> Result<(), GenerateError> {
         let mut worker = None;
         while let Some(&plan_idx) = self.todo.get(self.next.fetch_add(1, Ordering::Relaxed)) {
             if self.failure.lock().expect("no worker thread panics").is_some() {

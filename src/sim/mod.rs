@@ -23,8 +23,8 @@ pub use sensing::DrawnView;
 pub use simulator::Simulator;
 pub use stepping::Touch;
 
-/// The command that makes the virtual environment.
-pub const INSTALL_VENV: &str = "make setup";
+/// The command that installs MuJoCo.
+pub const INSTALL_VENV: &str = if cfg!(feature = "wheel") { "pip install harmzone" } else { "make setup" };
 /// The command that installs software OpenGL.
 pub const INSTALL_GL: &str = "apt-get install -y libegl1 libgl1 libgl1-mesa-dri libegl-mesa0";
 

@@ -1,4 +1,4 @@
-//! The embedded interpreter: which virtual environment it uses, and the embedded `harmzone_sim`.
+//! The interpreter, embedded in the program or the host of the wheel: which packages it uses, and the embedded `harmzone_sim`.
 
 use std::ffi::CString;
 use std::path::{Path, PathBuf};
@@ -28,6 +28,8 @@ const MODULES: [(&str, &str); 12] = [
     ("harmzone_sim", include_str!("../../python/harmzone_sim/__init__.py")),
 ];
 
+/// Whether this code runs in an interpreter that was there before it and knows its packages.
+const IS_HOSTED: bool = cfg!(feature = "wheel");
 /// Whether the interpreter is set up.
 static IS_READY: Mutex<bool> = Mutex::new(false);
 
@@ -38,17 +40,24 @@ pub struct Environment {
     pub python: String,
     /// Full version text of the interpreter.
     pub interpreter: String,
+    /// The environment with MuJoCo; in the wheel: where the interpreter that runs it is installed.
     pub venv: PathBuf,
 }
 
 impl Environment {
-    /// Finds the environment: `HARMZONE_VENV`, else a `.venv` in a folder above the program, else the
+    /// Finds the environment: that of the interpreter that runs the wheel; else `HARMZONE_VENV`, else a `.venv` in a folder above the program, else the
     /// `.venv` of the source tree that the program was built from.
     ///
     /// # Errors
     /// [`SimError::NoVenv`], [`SimError::WrongPython`].
     pub fn find() -> Result<Self, SimError> {
         let (python, interpreter) = Self::interpreter();
+        if IS_HOSTED {
+            let ask = |py: Python<'_>| py.import("sys")?.getattr("prefix")?.extract::<PathBuf>();
+            let venv = Python::attach(ask)
+                .map_err(|error| SimError::Ask { what: "find its environment", message: text(&error) })?;
+            return Ok(Self { python, interpreter, venv });
+        }
         let wanted = std::env::var_os(VENV_VARIABLE).map(PathBuf::from);
         let program = std::env::current_exe().ok();
         let venv = choose_venv(wanted, program.as_deref(), Path::new(env!("CARGO_MANIFEST_DIR")), &python)?;
@@ -131,8 +140,10 @@ fn set_up(py: Python<'_>, environment: &Environment) -> PyResult<()> {
     variables.set_item("MUJOCO_GL", "egl")?;
     variables.set_item("LP_NUM_THREADS", "1")?;
     variables.set_item("OPENBLAS_NUM_THREADS", "1")?;
-    let site_packages = site_packages(&environment.venv, &environment.python);
-    py.import("site")?.call_method1("addsitedir", (site_packages.as_os_str(),))?;
+    if !IS_HOSTED {
+        let site_packages = site_packages(&environment.venv, &environment.python);
+        py.import("site")?.call_method1("addsitedir", (site_packages.as_os_str(),))?;
+    }
     let modules = py.import("sys")?.getattr("modules")?.cast_into::<PyDict>()?;
     for (name, source) in MODULES {
         if modules.contains(name)? {

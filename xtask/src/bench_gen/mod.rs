@@ -179,7 +179,7 @@ fn compare_runs(
     let n_episodes = options.n_run_samples.div_ceil(config.raw.samples).next_multiple_of(jobs);
     let timed = |jobs: usize, out: &Path, progress: &dyn Progress| {
         let run_options =
-            RunOptions { program: options.program.clone(), jobs, force: false, own_models: None };
+            RunOptions { program: options.program.clone().into(), jobs, force: false, own_models: None };
         let begin = Instant::now();
         let summary = generate::run(&config.raw, n_episodes, out, &run_options, progress)?;
         Ok::<_, GenerateError>((begin.elapsed().as_secs_f64(), summary.n_samples as u64))

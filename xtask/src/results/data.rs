@@ -35,7 +35,7 @@ pub fn prepare(
     let path = given.cloned().unwrap_or_else(|| request.out.join(if is_ood { "ood" } else { "id" }));
     if given.is_none() {
         let options = RunOptions {
-            program: request.program.clone(),
+            program: request.program.clone().into(),
             jobs: request.jobs,
             force: false,
             own_models: None,
@@ -74,8 +74,12 @@ pub fn prepare_to_report(
     if let Some(maps) = maps {
         config.towns = maps.iter().map(|map| map.display().to_string()).collect();
     }
-    let options =
-        RunOptions { program: request.program.clone(), jobs: request.jobs, force: false, own_models: None };
+    let options = RunOptions {
+        program: request.program.clone().into(),
+        jobs: request.jobs,
+        force: false,
+        own_models: None,
+    };
     generate::run(&config, n_episodes, path, &options, progress)?;
     label::run(path, &ZoneConfig::default(), LABELS, false, progress)?;
     Ok(())
