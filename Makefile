@@ -13,7 +13,7 @@ PYTHON_SOURCES = python scenes mjcf_assets tests scripts xtask/python
 RESULTS = runs/results
 
 .PHONY: help setup setup-test setup-golden build demo network results report test ci check-gpu check-logs \
-	check-mmdet3d bench bench-micro bench-gen bench-eval race miri bundle bundle-test wheel wheel-test gallery weathers fmt clean
+	check-mmdet3d bench bench-micro bench-gen bench-eval race miri bundle bundle-test wheel wheel-test wheel-root-test bench-ray gallery weathers fmt clean
 
 help: ## List the targets
 	@echo "make <target>, where target is:"
@@ -174,6 +174,12 @@ wheel: setup .venv-wheel/.ready ## A wheel of the command and the Python module:
 
 wheel-test: build wheel ## The wheel in a fresh venv: command, module, the program's bytes; PyTorch's part after `make setup-golden`
 	@scripts/try_wheel.sh $(WHEELS) $(BIN)
+
+wheel-root-test: build wheel ## The wheel from gen to eval in a bare Debian that has neither Rust nor network; as root, some minutes
+	.venv-wheel/bin/python scripts/try_wheel_root.py $(WHEELS) $(BIN) dist/debian-python
+
+bench-ray: build wheel ## What two raylets gain over one process, with one killed; some ten minutes of a quiet machine
+	@scripts/try_wheel.sh $(WHEELS) $(BIN) scripts/bench_ray.py
 
 miri: ## The kernels under Miri, portable path: cargo +nightly with the component miri; minutes
 	cd tests/miri && MIRIFLAGS="-Zmiri-tree-borrows -Zmiri-ignore-leaks" cargo +nightly miri test -- --test-threads=1

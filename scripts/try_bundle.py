@@ -63,8 +63,8 @@ def main(folder: Path, root: Path) -> None:
     shutil.rmtree(work)
 
 
-def make_root(root: Path) -> None:
-    """Makes a bare Debian with OpenGL; about 460 MB."""
+def make_root(root: Path, packages: tuple[str, ...] = PACKAGES) -> None:
+    """Makes a bare Debian with OpenGL or other packages; about 460 MB."""
     debootstrap = shutil.which("debootstrap")
     if debootstrap is None:
         sys.exit(
@@ -74,7 +74,7 @@ def make_root(root: Path) -> None:
     partial = root.with_name(root.name + ".partial")
     shutil.rmtree(partial, ignore_errors=True)
     partial.parent.mkdir(parents=True, exist_ok=True)
-    command = [debootstrap, "--variant=minbase", f"--include={','.join(PACKAGES)}", SUITE, str(partial)]
+    command = [debootstrap, "--variant=minbase", f"--include={','.join(packages)}", SUITE, str(partial)]
     done = subprocess.run(command, capture_output=True, text=True)
     if done.returncode != 0:
         sys.exit(f"bundle-test: {' '.join(command)}:\n{done.stdout[-2000:]}{done.stderr}")

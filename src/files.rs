@@ -3,7 +3,7 @@
 mod folder;
 
 use std::io::{self, Read, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use fs_err as fs;
 use sha2::{Digest, Sha256};
@@ -29,6 +29,34 @@ pub fn write_atomic(path: &Path, bytes: &[u8]) -> io::Result<()> {
     fs::rename(&partial, path)?;
     partial.disable_cleanup(true);
     Ok(())
+}
+
+/// Puts a file under another name too: a link where both are on one disk, else a copy; what lies there already is
+/// replaced.
+///
+/// # Errors
+/// Any IO error.
+pub fn link_or_copy(from: &Path, to: &Path) -> io::Result<()> {
+    if let Some(folder) = to.parent() {
+        fs::create_dir_all(folder)?;
+    }
+    let mut partial = to.as_os_str().to_owned();
+    partial.push(format!(".{PARTIAL_SUFFIX}"));
+    let partial = PathBuf::from(partial);
+    match fs::remove_file(&partial) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
+        _ => {}
+    }
+    if fs::hard_link(from, &partial).is_err() {
+        fs::copy(from, &partial)?;
+        fs::File::open(&partial)?.sync_all()?;
+    }
+    fs::rename(&partial, to)?;
+    // Renaming one link of a file over another does nothing, and leaves the first.
+    match fs::remove_file(&partial) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
+        _ => Ok(()),
+    }
 }
 
 /// Lower-case hexadecimal SHA-256 of some bytes.

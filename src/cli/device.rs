@@ -28,6 +28,10 @@ impl DeviceNameArg {
 }
 
 impl DeviceArg {
+    pub fn name(&self) -> DeviceName {
+        self.device
+    }
+
     /// Opens the device, and has the allocator keep what a network frees: each sample asks for it again.
     ///
     /// # Errors

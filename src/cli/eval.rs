@@ -6,17 +6,21 @@ use anyhow::{Context, bail};
 use clap::{ArgGroup, Args};
 use fs_err as fs;
 
+use super::engine::EngineArgs;
 use super::{Bar, DeviceArg, ExitStatus, print, sensor, split, tell};
 use crate::dataset::blind::Sensor;
 use crate::dataset::{Dataset, DatasetError, Fingerprint, LearnedError};
 use crate::episode::{EpisodeEntry, Manifest, Split};
 use crate::eval::{self, EvalSample, Mode, Protocol, eval_samples, json};
 use crate::files::sha256_hex;
+use crate::infer::worker::NetworkWorkers;
 use crate::infer::{self, Trained};
+use crate::object::Detection;
 use crate::report::provenance::{Provenance, quote};
 use crate::report::score_tables;
 use crate::report::scores::{self, METRICS_FILE};
 use crate::report::standing::Standing;
+use crate::worker::Program;
 use crate::{config, train};
 
 #[derive(Debug, Args)]
@@ -37,6 +41,8 @@ pub struct EvalArgs {
     split: Option<Split>,
     #[command(flatten)]
     device: DeviceArg,
+    #[command(flatten)]
+    engine: EngineArgs,
     /// Also attribute false positives and score the ID and OOD columns of Table III
     #[arg(long)]
     ood: bool,
@@ -83,6 +89,9 @@ pub fn run(args: EvalArgs) -> anyhow::Result<ExitStatus> {
     }
     let mode = if args.ood { Mode::Ood } else { Mode::Id };
     let scored = args.data.as_deref().map(|data| ScoredData::find(data, &args)).transpose()?;
+    if args.run.is_none() && args.engine.cluster()?.is_some() {
+        bail!("--engine ray runs a network on the cluster: give a RUN in place of --predictions");
+    }
     let samples = samples(&args, scored.as_ref())?;
     let evaluation = eval::evaluate(&samples, &protocol, mode).with_context(|| match &args.predictions {
         Some(found) => {
@@ -150,6 +159,16 @@ fn samples_of_run(run: &Path, data: &ScoredData<'_>, args: &EvalArgs) -> anyhow:
     let learned = tell_seen(&trained, &episodes)?;
     if !args.on_training_data {
         learned.with_context(|| format!("cannot score {} on {}", run.display(), data.path.display()))?;
+    }
+    if let Some(engine) = &args.engine.cluster()? {
+        let (program, device) = (Program::this()?, args.device.name());
+        let (trained, blind) = (&trained, args.blind);
+        let dataset = data.open()?;
+        let workers = NetworkWorkers { engine, program: &program, trained, device, blind };
+        let found = workers.predict(data.path, dataset.episodes(), &Bar::default())?;
+        let found: Vec<Vec<Detection>> = found.into_iter().flat_map(|found| found.found).collect();
+        let dataset = blind.into_iter().fold(dataset, Dataset::blind);
+        return Ok(eval_samples(dataset.samples(), &found));
     }
     let device = args.device.open()?;
     let mut dataset = data.open()?;

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use anyhow::Context as _;
 use clap::Args;
 
+use super::engine::EngineArgs;
 use super::world::WorldArgs;
 use super::{Bar, ExitStatus, number, one_of, print_summary, tell};
 use crate::config;
@@ -13,7 +14,7 @@ use crate::generate::{self, Extent, LidarEngine, RendererName, RunOptions, prese
 use crate::scene::{OwnModels, SceneSplit, bring_in};
 use crate::sensors::RigConfig;
 use crate::text_table::text_table;
-use crate::worker::Program;
+use crate::worker::{Engine, Program};
 
 #[derive(Debug, Args)]
 pub struct GenerateArgs {
@@ -53,9 +54,11 @@ pub struct GenerateArgs {
     /// Make one of N parts, I from 0: every N-th episode, in a folder of its own, which `harmzone merge` joins with the others
     #[arg(long, value_name = "I/N")]
     shard: Option<Shard>,
-    /// Worker processes [default: one for each core]
+    /// Worker processes of this machine [default: one for each core]
     #[arg(long, value_name = "N", value_parser = number(1..=usize::MAX))]
     jobs: Option<usize>,
+    #[command(flatten)]
+    engine: EngineArgs,
     /// Config (TOML); configs/gen.toml holds the defaults. It goes over the preset, --set over it, other flags over both
     #[arg(long, value_name = "TOML")]
     config: Option<PathBuf>,
@@ -71,6 +74,12 @@ pub struct GenerateArgs {
 }
 
 pub fn run(args: GenerateArgs) -> anyhow::Result<ExitStatus> {
+    let cluster = args.engine.cluster()?;
+    if cluster.is_some() && args.jobs.is_some() {
+        anyhow::bail!(
+            "--jobs is for this machine; --engine ray takes --in-flight, and Ray says how much is done at once"
+        );
+    }
     let (mut config, n_episodes) =
         preset::load(args.world.preset, args.split, args.world.ood, args.config.as_deref(), &args.overrides)?;
     args.world.apply(&mut config);
@@ -102,7 +111,7 @@ pub fn run(args: GenerateArgs) -> anyhow::Result<ExitStatus> {
     let all_cores = std::thread::available_parallelism().map_or(1, usize::from);
     let options = RunOptions {
         program: Program::this()?,
-        jobs: args.jobs.unwrap_or(all_cores),
+        engine: cluster.unwrap_or(Engine::Local { jobs: args.jobs.unwrap_or(all_cores) }),
         force: args.force,
         own_models,
     };

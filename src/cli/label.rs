@@ -4,9 +4,12 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::engine::EngineArgs;
 use super::zones::ZoneArgs;
 use super::{Bar, ExitStatus, print_summary};
-use crate::label;
+use crate::episode::Shard;
+use crate::label::{self, LabelOptions};
+use crate::worker::Program;
 
 #[derive(Debug, Args)]
 pub struct LabelArgs {
@@ -17,9 +20,15 @@ pub struct LabelArgs {
     /// Name of the label set [default: the zone's kind]
     #[arg(long, value_name = "NAME")]
     labels: Option<String>,
+    /// Label one of N parts, I from 0: every N-th episode; `harmzone label` without it then joins the parts and labels what
+    /// they lack
+    #[arg(long, value_name = "I/N")]
+    shard: Option<Shard>,
     /// Replace a label set made with another zone
     #[arg(long)]
     force: bool,
+    #[command(flatten)]
+    engine: EngineArgs,
     /// Print the summary as JSON
     #[arg(long)]
     json: bool,
@@ -28,7 +37,11 @@ pub struct LabelArgs {
 pub fn run(args: LabelArgs) -> anyhow::Result<ExitStatus> {
     let zone = args.zone.load()?;
     let set = args.labels.unwrap_or_else(|| zone.kind.name().to_owned());
-    let summary = label::run(&args.dataset, &zone, &set, args.force, &Bar::default())?;
+    let cluster = args.engine.cluster()?;
+    let program = Program::this()?;
+    let workers = cluster.as_ref().map(|engine| (engine, &program));
+    let options = LabelOptions { force: args.force, shard: args.shard, workers };
+    let summary = label::run_with(&args.dataset, &zone, &set, &options, &Bar::default())?;
     print_summary(&summary, args.json)?;
     Ok(ExitStatus::Done)
 }

@@ -8,6 +8,7 @@ mod device;
 mod doctor;
 mod drive;
 mod drive_worker;
+mod engine;
 mod eval;
 mod exchange;
 mod export;
@@ -16,9 +17,11 @@ mod generate_worker;
 mod import;
 mod info;
 mod label;
+mod label_worker;
 mod merge;
 mod output;
 mod predict;
+mod predict_worker;
 mod progress;
 mod report;
 mod sweep;
@@ -59,12 +62,15 @@ enum Command {
     /// Write episodes for `gen`, which starts this command as a process of its own
     #[command(hide = true)]
     GenWorker(generate_worker::WorkerArgs),
-    /// Join the shards of a data set, which `gen --shard` made in several places
+    /// Join the shards of a data set or of predictions, which `gen --shard` or `predict --shard` made in several places
     Merge(merge::MergeArgs),
     /// Make a data set of the logs of real cars
     Import(import::ImportArgs),
     /// Label the objects of a data set harmful or harmless by a danger zone
     Label(label::LabelArgs),
+    /// Label episodes for `label`, which starts this command as a process of its own
+    #[command(hide = true)]
+    LabelWorker(label_worker::LabelWorkerArgs),
     /// Compare the danger zones on one data set: harmful shares, objects that change sides, a picture
     Zones(zones::ZonesArgs),
     /// Tell what a data set holds, beside the paper's: counts, harmful shares, hardness, histograms
@@ -77,6 +83,9 @@ enum Command {
     Curves(curves::CurvesArgs),
     /// Write a detector's boxes for a data set
     Predict(predict::PredictArgs),
+    /// Predict episodes for `predict` and `eval`, which start this command as a process of its own
+    #[command(hide = true)]
+    PredictWorker(predict_worker::PredictWorkerArgs),
     /// Score a detector, or any detector's JSON, in and out of distribution
     Eval(eval::EvalArgs),
     /// Choose the score from which on a network warns, by its false alarms, and keep it with the network
@@ -137,12 +146,14 @@ fn run(cli: Cli) -> anyhow::Result<ExitStatus> {
         Command::Merge(args) => merge::run(args),
         Command::Import(args) => import::run(args),
         Command::Label(args) => label::run(args),
+        Command::LabelWorker(args) => label_worker::run(args),
         Command::Zones(args) => zones::run(args),
         Command::Info(args) => info::run(args),
         Command::Compare(args) => compare::run(args),
         Command::Train(args) => train::run(args),
         Command::Curves(args) => curves::run(args),
         Command::Predict(args) => predict::run(args),
+        Command::PredictWorker(args) => predict_worker::run(args),
         Command::Eval(args) => eval::run(args),
         Command::Calibrate(args) => calibrate::run(args),
         Command::Baseline(args) => baseline::run(args),
@@ -266,6 +277,11 @@ mod tests {
             "view --sample",
             "view --min-score",
         ];
+        let of_engine = ["--task-cpus", "--task-gpus", "--in-flight"];
+        let is_of_engine = |flag: &String| of_engine.iter().any(|of| flag.ends_with(of));
+        let (on_a_cluster, told): (Vec<String>, Vec<String>) = told.into_iter().partition(is_of_engine);
         assert_eq!(told, [&numbers[..], &more].concat());
+        // gen, label, predict, eval
+        assert_eq!(on_a_cluster.len(), 4 * of_engine.len(), "{on_a_cluster:?}");
     }
 }

@@ -4,11 +4,16 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::engine::EngineArgs;
 use super::{Bar, DeviceArg, ExitStatus, print, split, tell, tell_seen};
 use crate::config;
 use crate::dataset::MeasuredSplit;
-use crate::episode::Split;
-use crate::infer::{self, Predictions, Trained};
+use crate::episode::{Manifest, PartOf, Shard, Split};
+use crate::files::{sha256_hex, sha256_of};
+use crate::infer::worker::NetworkWorkers;
+use crate::infer::{self, PredictionPart, Predictions, Trained};
+use crate::object::Detection;
+use crate::worker::Program;
 
 #[derive(Debug, Args)]
 pub struct PredictArgs {
@@ -27,8 +32,14 @@ pub struct PredictArgs {
     /// `<dataset>/predictions/small` for `small`
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Predict one of N parts of the split, I from 0: every N-th episode, in a folder of its own, which `harmzone merge` joins with
+    /// the others
+    #[arg(long, value_name = "I/N", requires = "out")]
+    shard: Option<Shard>,
     #[command(flatten)]
     device: DeviceArg,
+    #[command(flatten)]
+    engine: EngineArgs,
     /// Replace predictions that are there
     #[arg(long)]
     force: bool,
@@ -43,8 +54,12 @@ pub fn run(args: PredictArgs) -> anyhow::Result<ExitStatus> {
     if !args.force {
         Predictions::check_free(&folder)?;
     }
-    let device = args.device.open()?;
-    let recording = MeasuredSplit::open(&args.data, args.split)?;
+    let cluster = args.engine.cluster()?;
+    let whole = MeasuredSplit::open(&args.data, args.split)?;
+    let recording = match args.shard {
+        Some(shard) => whole.part(shard),
+        None => whole.clone(),
+    };
     // Boxes on training data serve to find faults; only figures on them are refused, by `eval`.
     if let Err(learned) = tell_seen(&trained, recording.episodes())? {
         tell(format!(
@@ -54,9 +69,50 @@ pub fn run(args: PredictArgs) -> anyhow::Result<ExitStatus> {
     }
     let config_toml = config::to_toml(&trained.config()?);
     let predictions = Predictions { folder, set: args.run.display().to_string(), config_toml };
-    let detector = trained.load(&device)?;
-    let n_boxes = infer::predict_recording(&detector, &recording, &predictions, &device, &Bar::default())?;
+    let n_boxes = if let Some(engine) = &cluster {
+        let program = Program::this()?;
+        let (device, trained) = (args.device.name(), &trained);
+        let workers = NetworkWorkers { engine, program: &program, trained, device, blind: None };
+        let found = workers.predict(&args.data, recording.episodes(), &Bar::default())?;
+        let samples = recording.episodes().iter().zip(&found).flat_map(|(entry, found)| {
+            found.times_ns.iter().enumerate().map(|(i, &time_ns)| (format!("{}/{i}", entry.name), time_ns))
+        });
+        let samples: Vec<(String, u64)> = samples.collect();
+        let boxes: Vec<Vec<Detection>> = found.into_iter().flat_map(|found| found.found).collect();
+        predictions.write(recording.episodes(), &samples, &boxes)?;
+        boxes.iter().map(Vec::len).sum()
+    } else {
+        let device = args.device.open()?;
+        let detector = trained.load(&device)?;
+        infer::predict_recording(&detector, &recording, &predictions, &device, &Bar::default())?
+    };
+    if let Some(shard) = args.shard {
+        let part = part_of(&args, shard, &whole, &trained)?;
+        let episodes: Vec<(&str, usize)> =
+            recording.episodes().iter().map(|entry| (entry.name.as_str(), entry.n_samples)).collect();
+        part.write(&predictions.folder, &episodes)?;
+    }
     tell_boxes(n_boxes, recording.n_samples(), &predictions)
+}
+
+/// What the boxes of a shard are a part of.
+fn part_of(
+    args: &PredictArgs,
+    shard: Shard,
+    whole: &MeasuredSplit,
+    trained: &Trained,
+) -> anyhow::Result<PredictionPart> {
+    let n_episodes = u32::try_from(whole.episodes().len())?;
+    Ok(PredictionPart {
+        part: PartOf { shard, n_episodes },
+        generator_version: env!("CARGO_PKG_VERSION").to_owned(),
+        data: args.data.clone(),
+        data_sha256: sha256_of(&args.data.join(Manifest::FILE))?,
+        split: whole.episodes()[0].split.name().to_owned(),
+        network: args.run.display().to_string(),
+        network_sha256: sha256_hex(&trained.bytes()?.1),
+        episodes: Vec::new(),
+    })
 }
 
 /// Says how many boxes were written.

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Dataset;
 use crate::geometry::Pinhole;
-use crate::sample::{EncodedImage, ImageFormat};
+use crate::sample::{EncodedImage, ImageFormat, Measured};
 
 /// A sensor to blind.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -33,16 +33,22 @@ impl Sensor {
     }
 }
 
+impl Sensor {
+    /// Makes a sample's picture black, or its cloud empty.
+    pub fn blind(self, measured: &mut Measured) {
+        match self {
+            Self::Camera => measured.image = black(&measured.intrinsics),
+            Self::Lidar => measured.points.clear(),
+        }
+    }
+}
+
 impl Dataset {
     /// Makes every picture black, or every cloud empty.
     #[must_use]
     pub fn blind(mut self, sensor: Sensor) -> Self {
         for sample in &mut self.samples {
-            let measured = &mut sample.measured;
-            match sensor {
-                Sensor::Camera => measured.image = black(&measured.intrinsics),
-                Sensor::Lidar => measured.points.clear(),
-            }
+            sensor.blind(&mut sample.measured);
         }
         self
     }

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::{DatasetError, episodes_of};
 use crate::episode::manifest::{EpisodeEntry, Manifest, Split};
-use crate::episode::{EpisodeError, EpisodeReader};
+use crate::episode::{EpisodeError, EpisodeReader, Shard};
 use crate::sample::Measured;
 
 /// Samples that are read together, on all cores.
@@ -28,6 +28,19 @@ impl MeasuredSplit {
         let manifest = Manifest::read(path)?;
         let split = split.unwrap_or_else(|| Split::to_score(&manifest));
         Ok(Self { path: path.to_owned(), episodes: episodes_of(&manifest, split, path)? })
+    }
+
+    /// These episodes of a data set.
+    #[must_use]
+    pub fn of(path: &Path, episodes: Vec<EpisodeEntry>) -> Self {
+        Self { path: path.to_owned(), episodes }
+    }
+
+    /// The episodes of a part.
+    #[must_use]
+    pub fn part(&self, shard: Shard) -> Self {
+        let of_part = (0..).zip(&self.episodes).filter(|(number, _)| shard.holds(*number));
+        Self::of(&self.path, of_part.map(|(_, entry)| entry.clone()).collect())
     }
 
     /// The split's episodes, in the order of the samples.

@@ -5,7 +5,6 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 use fs_err as fs;
 
@@ -23,7 +22,7 @@ use crate::label;
 use crate::outcome::{DriveOutcome, DriveSummary, Origin, Source, Who, compare};
 use crate::progress::Progress;
 use crate::scene::{PopulateConfig, Town};
-use crate::worker::{Program, Worker};
+use crate::worker::{self, Call, Engine, Errand, Program};
 
 /// The resolved config, written before anything else.
 const CONFIG_FILE: &str = "drive.toml";
@@ -105,16 +104,7 @@ pub fn run(
     progress.start("drive", todo.len() as u64);
     let n_jobs = options.jobs.clamp(1, todo.len().max(1));
     let n_cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let shared = Shared {
-        todo: &todo,
-        next: AtomicUsize::new(0),
-        plans: &plans,
-        folders: &folders,
-        outcomes: Mutex::new(outcomes),
-        failure: Mutex::new(None),
-        n_threads: (n_cores / n_jobs).max(1),
-        progress,
-    };
+    let outcomes = Mutex::new(outcomes);
     let job = DriveJob {
         config: config.clone(),
         drivers: drivers.to_vec(),
@@ -123,17 +113,30 @@ pub fn run(
         records: options.records,
         device: options.device.to_string(),
     };
-    std::thread::scope(|scope| {
-        for _ in 0..n_jobs {
-            scope.spawn(|| shared.work(&options.program, &job));
-        }
-    });
+    let call = Call {
+        program: &options.program,
+        command: COMMAND,
+        job: &job,
+        folder: &job.folder,
+        shared: Vec::new(),
+        n_threads: Some((n_cores / n_jobs).max(1)),
+    };
+    let errands: Vec<Errand<Task>> = todo.iter().copied().map(Errand::from).collect();
+    worker::do_all(&Engine::Local { jobs: n_jobs }, &call, &errands, &|| (), &|place, made| {
+        let Task { who_idx, course_idx } = todo[place];
+        let plan = &plans[course_idx as usize];
+        let outcome: DriveOutcome =
+            made.map_err(|message| DriveError::Worker { episode: plan.name.clone(), message })?;
+        progress.note(&format!("{} {}", drivers[who_idx].name, plan.name));
+        progress.advance(1);
+        let json = serde_json::to_string_pretty(&outcome).expect("an outcome has a JSON form");
+        write_atomic(&outcome_path(&folders[who_idx], plan), (json + "\n").as_bytes())?;
+        let mut outcomes = outcomes.lock().expect("no worker thread panics");
+        outcomes[who_idx][course_idx as usize] = Some(outcome);
+        Ok::<(), DriveError>(())
+    })?;
     progress.finish();
-    if let Some(error) = shared.failure.into_inner().expect("no worker thread panics") {
-        return Err(error);
-    }
-    let outcomes: Vec<Vec<DriveOutcome>> = shared
-        .outcomes
+    let outcomes: Vec<Vec<DriveOutcome>> = outcomes
         .into_inner()
         .expect("no worker thread panics")
         .into_iter()
@@ -266,50 +269,4 @@ fn finish_dataset(
     let set = config.zone.kind.name();
     label::run(folder, &config.zone, set, true, &crate::progress::Silent)?;
     Ok(())
-}
-
-struct Shared<'a> {
-    todo: &'a [Task],
-    /// Index in `todo` of the next drive to hand out.
-    next: AtomicUsize,
-    plans: &'a [EpisodePlan],
-    folders: &'a [PathBuf],
-    outcomes: Mutex<Vec<Vec<Option<DriveOutcome>>>>,
-    /// The first failure; it ends the other workers after their present drive.
-    failure: Mutex<Option<DriveError>>,
-    /// Of each worker.
-    n_threads: usize,
-    progress: &'a dyn Progress,
-}
-
-impl Shared<'_> {
-    fn work(&self, program: &Program, job: &DriveJob) {
-        if let Err(error) = self.try_work(program, job) {
-            self.failure.lock().expect("no worker thread panics").get_or_insert(error);
-        }
-    }
-
-    fn try_work(&self, program: &Program, job: &DriveJob) -> Result<(), DriveError> {
-        let mut worker = None;
-        while let Some(&task) = self.todo.get(self.next.fetch_add(1, Ordering::Relaxed)) {
-            if self.failure.lock().expect("no worker thread panics").is_some() {
-                break;
-            }
-            let plan = &self.plans[task.course_idx as usize];
-            let worker = match &mut worker {
-                Some(worker) => worker,
-                none => none.insert(Worker::start(program, COMMAND, job, Some(self.n_threads))?),
-            };
-            let made: Result<DriveOutcome, String> = worker.make(&task, &|| ());
-            let outcome =
-                made.map_err(|message| DriveError::Worker { episode: plan.name.clone(), message })?;
-            self.progress.note(&format!("{} {}", job.drivers[task.who_idx].name, plan.name));
-            self.progress.advance(1);
-            let json = serde_json::to_string_pretty(&outcome).expect("an outcome has a JSON form");
-            write_atomic(&outcome_path(&self.folders[task.who_idx], plan), (json + "\n").as_bytes())?;
-            let mut outcomes = self.outcomes.lock().expect("no worker thread panics");
-            outcomes[task.who_idx][task.course_idx as usize] = Some(outcome);
-        }
-        Ok(())
-    }
 }

@@ -19,7 +19,7 @@ use crate::config::{self, ConfigError};
 use crate::episode::folder::is_whole;
 use crate::episode::manifest::{LabelCounts, label_sets};
 use crate::episode::{EpisodeEntry, LabelManifest, Manifest, ManifestError, Shard};
-use crate::files::{PARTIAL_SUFFIX, sha256_hex, sha256_of, write_atomic};
+use crate::files::{link_or_copy, sha256_hex, sha256_of, write_atomic};
 use crate::progress::Progress;
 
 /// Episodes that are named where many are missing.
@@ -131,7 +131,7 @@ pub fn merge(shards: &[PathBuf], out: &Path, progress: &dyn Progress) -> Result<
             let path = shard.path.join(&entry.file);
             return Err(MergeError::Torn { what: format!("episode `{}`", entry.name), path });
         }
-        place(&shard.path.join(&entry.file), &out.join(&entry.file))?;
+        link_or_copy(&shard.path.join(&entry.file), &out.join(&entry.file))?;
         progress.advance(1);
         Ok(())
     })?;
@@ -143,7 +143,7 @@ pub fn merge(shards: &[PathBuf], out: &Path, progress: &dyn Progress) -> Result<
                 let what = format!("the labels of `{}`", entry.name);
                 return Err(MergeError::Torn { what, path: from.clone() });
             }
-            place(from, &folder.join(&entry.file))?;
+            link_or_copy(from, &folder.join(&entry.file))?;
             progress.advance(1);
             Ok(())
         })?;
@@ -305,30 +305,6 @@ fn open(out: &Path, config_toml: &str) -> Result<(), MergeError> {
     }
     fs::create_dir_all(out)?;
     Ok(write_atomic(&path, config_toml.as_bytes())?)
-}
-
-/// Puts a file under another name too: a link where both are on one disk, else a copy; what lies there already is replaced.
-fn place(from: &Path, to: &Path) -> io::Result<()> {
-    if let Some(folder) = to.parent() {
-        fs::create_dir_all(folder)?;
-    }
-    let mut partial = to.as_os_str().to_owned();
-    partial.push(format!(".{PARTIAL_SUFFIX}"));
-    let partial = PathBuf::from(partial);
-    match fs::remove_file(&partial) {
-        Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
-        _ => {}
-    }
-    if fs::hard_link(from, &partial).is_err() {
-        fs::copy(from, &partial)?;
-        fs::File::open(&partial)?.sync_all()?;
-    }
-    fs::rename(&partial, to)?;
-    // Renaming one link of a file over another does nothing, and leaves the first.
-    match fs::remove_file(&partial) {
-        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
-        _ => Ok(()),
-    }
 }
 
 fn copy_folder(from: &Path, to: &Path) -> io::Result<()> {

@@ -2,9 +2,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Instant;
 
 use serde::Serialize;
 
@@ -16,15 +17,14 @@ use crate::episode::{EpisodeEntry, Manifest, PartOf, Shard, Split};
 use crate::object::{Distribution, Kind};
 use crate::progress::Progress;
 use crate::scene::{OwnModels, Town};
-use crate::worker::{Program, Worker};
+use crate::worker::{self, Call, Engine, Errand, Program};
 
 /// How a data set is made; this does not change its bytes.
 #[derive(Debug, Clone)]
 pub struct RunOptions {
     /// The `harmzone` program, started as worker.
     pub program: Program,
-    /// Worker processes.
-    pub jobs: usize,
+    pub engine: Engine,
     /// Whether the episodes of another config may be deleted.
     pub force: bool,
     /// A user's own models, which the config's `scene.own_models` names.
@@ -93,84 +93,83 @@ pub fn run(
     let todo: Vec<usize> = (0..plans.len()).filter(|&i| !kept.contains(plans[i].name.as_str())).collect();
     let n_kept = manifest.episodes.len();
 
-    progress.start("generate", todo.len() as u64 * u64::from(config.samples));
-    let shared = Shared {
-        todo: &todo,
-        next: AtomicUsize::new(0),
-        plans: &plans,
-        numbers: &numbers,
-        places: plans.iter().map(|plan| plan.name.as_str()).zip(0..).collect(),
-        manifest: Mutex::new(manifest),
-        failure: Mutex::new(None),
-        folder: out,
-        progress,
-    };
+    let places: BTreeMap<&str, usize> = plans.iter().map(|plan| plan.name.as_str()).zip(0..).collect();
+    let keeper = Mutex::new(Keeper { manifest, places, folder: out, rest_until: None });
     // Workers never change their working folder, but a relative path should not depend on that.
-    let job = Job { config: config.clone(), folder: fs_err::canonicalize(out)? };
-    std::thread::scope(|scope| {
-        for _ in 0..options.jobs.clamp(1, todo.len().max(1)) {
-            scope.spawn(|| shared.work(&options.program, &job));
-        }
+    let folder = fs_err::canonicalize(out)?;
+    let job = Job { config: config.clone(), folder: folder.clone() };
+    let call = Call {
+        program: &options.program,
+        command: COMMAND,
+        job: &job,
+        folder: &folder,
+        shared: files_below(&folder, &folder.join(folder::OWN_MODELS))?,
+        n_threads: None,
+    };
+    let errands: Vec<Errand<Task>> =
+        todo.iter().map(|&i| Errand::from(Task { episode_idx: numbers[i] })).collect();
+    progress.start("generate", todo.len() as u64 * u64::from(config.samples));
+    let done = worker::do_all(&options.engine, &call, &errands, &|| progress.advance(1), &|place, made| {
+        let name = &plans[todo[place]].name;
+        let entry: EpisodeEntry =
+            made.map_err(|message| GenerateError::Worker { episode: name.clone(), message })?;
+        progress.note(name);
+        keeper.lock().expect("no worker thread panics").add(entry)
     });
+    let manifest = keeper.into_inner().expect("no worker thread panics").manifest;
+    // What is whole is kept, also where another episode failed.
+    let written = manifest.write(out);
+    done?;
+    written?;
     progress.finish();
-    if let Some(error) = shared.failure.into_inner().expect("no worker thread panics") {
-        return Err(error);
-    }
-    let manifest = shared.manifest.into_inner().expect("no worker thread panics");
     Ok(summarise(&manifest, out, n_kept))
 }
 
-struct Shared<'a> {
-    /// Indices in `plans`.
-    todo: &'a [usize],
-    /// Index in `todo` of the next episode to hand out.
-    next: AtomicUsize,
-    plans: &'a [EpisodePlan],
-    /// Of each plan among all episodes of the config.
-    numbers: &'a [u32],
-    /// Where each episode stands in `plans`.
+/// Share of the time that writing `dataset.json` over and over may take: of 100,000 episodes it has 40 MB.
+const WRITING_SHARE: u32 = 20;
+
+/// Keeps `dataset.json` while episodes come in.
+struct Keeper<'a> {
+    manifest: Manifest,
+    /// Where each episode stands among all of them.
     places: BTreeMap<&'a str, usize>,
-    manifest: Mutex<Manifest>,
-    /// The first failure; it ends the other workers after their present episode.
-    failure: Mutex<Option<GenerateError>>,
     folder: &'a Path,
-    progress: &'a dyn Progress,
+    /// When it is written again, if an episode comes.
+    rest_until: Option<Instant>,
 }
 
-impl Shared<'_> {
-    fn work(&self, program: &Program, job: &Job) {
-        if let Err(error) = self.try_work(program, job) {
-            self.failure.lock().expect("no worker thread panics").get_or_insert(error);
-        }
-    }
-
-    fn try_work(&self, program: &Program, job: &Job) -> Result<(), GenerateError> {
-        let mut worker = None;
-        while let Some(&plan_idx) = self.todo.get(self.next.fetch_add(1, Ordering::Relaxed)) {
-            if self.failure.lock().expect("no worker thread panics").is_some() {
-                break;
-            }
-            let (plan, episode_idx) = (&self.plans[plan_idx], self.numbers[plan_idx]);
-            let worker = match &mut worker {
-                Some(worker) => worker,
-                none => none.insert(Worker::start(program, COMMAND, job, None)?),
-            };
-            let made = worker.make(&Task { episode_idx }, &|| self.progress.advance(1));
-            let entry =
-                made.map_err(|message| GenerateError::Worker { episode: plan.name.clone(), message })?;
-            self.progress.note(&plan.name);
-            self.add(entry)?;
+impl Keeper<'_> {
+    /// Adds an entry, in the order of the plan. A killed run loses at most what came since the last writing, twenty times as
+    /// long ago as that took; it is made again.
+    fn add(&mut self, entry: EpisodeEntry) -> Result<(), GenerateError> {
+        let place_of = |entry: &EpisodeEntry| self.places.get(entry.name.as_str());
+        let place = place_of(&entry);
+        let at = self.manifest.episodes.partition_point(|other| place_of(other) < place);
+        self.manifest.episodes.insert(at, entry);
+        let begin = Instant::now();
+        if self.rest_until.is_none_or(|until| begin >= until) {
+            self.manifest.write(self.folder)?;
+            self.rest_until = Some(Instant::now() + begin.elapsed() * WRITING_SHARE);
         }
         Ok(())
     }
+}
 
-    /// Adds an entry to `dataset.json`, in the order of the plan.
-    fn add(&self, entry: EpisodeEntry) -> Result<(), GenerateError> {
-        let mut manifest = self.manifest.lock().expect("no worker thread panics");
-        manifest.episodes.push(entry);
-        manifest.episodes.sort_by_key(|entry| self.places.get(entry.name.as_str()));
-        Ok(manifest.write(self.folder)?)
+/// The files of a folder and of those in it, each with its path below `root` and as it is; none where it is not there.
+fn files_below(root: &Path, folder: &Path) -> io::Result<Vec<(PathBuf, PathBuf)>> {
+    let mut found = Vec::new();
+    if folder.is_dir() {
+        for entry in fs_err::read_dir(folder)? {
+            let path = entry?.path();
+            if path.is_dir() {
+                found.extend(files_below(root, &path)?);
+            } else {
+                found.push((path.strip_prefix(root).expect("it is below").to_owned(), path));
+            }
+        }
     }
+    found.sort();
+    Ok(found)
 }
 
 fn summarise(manifest: &Manifest, folder: &Path, n_kept: usize) -> GenerateSummary {

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{CheckedConfig, GenerateConfig, GenerateError, episode, plan};
 use crate::episode::EpisodeEntry;
+use crate::episode::folder::EPISODES;
 use crate::worker;
 
 /// The hidden command that serves tasks.
@@ -41,6 +42,8 @@ fn make(
 ) -> Result<EpisodeEntry, GenerateError> {
     let config = CheckedConfig::try_from(&job.config)?;
     let plan = plan(&config, task.episode_idx + 1).pop().expect("the plan holds the episode");
+    // A node of a cluster begins with an empty folder.
+    fs_err::create_dir_all(job.folder.join(EPISODES))?;
     let (entry, timings) = episode::record(&config, &plan, &job.folder, on_sample)?;
     tracing::info!(episode = plan.name, ?timings, "made");
     Ok(entry)

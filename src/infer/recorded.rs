@@ -21,6 +21,8 @@ pub enum RecordedError {
     Predict(#[from] PredictError),
     #[error(transparent)]
     Predictions(#[from] PredictionsError),
+    #[error(transparent)]
+    Io(#[from] std::io::Error),
 }
 
 /// Predicts every sample of a recording by a detector in inference mode and writes the boxes; returns how many there are.

@@ -8,9 +8,9 @@ use std::path::Path;
 use rayon::prelude::*;
 use serde::Serialize;
 
+use super::LabelError;
 use super::apply::label_sample;
 use super::counts::count_of;
-use super::run::LabelError;
 use crate::episode::EpisodeReader;
 use crate::episode::manifest::{EpisodeEntry, HarmCounts, LabelCounts, Manifest};
 use crate::object::{Distribution, Harm, Kind, Object};

@@ -2,61 +2,61 @@
 //!
 //! `labels.json` is written when every episode is done, so a set without it is unfinished and is made anew.
 
-use std::path::{Path, PathBuf};
+use std::collections::BTreeMap;
+use std::path::Path;
 
 use fs_err as fs;
 use rayon::prelude::*;
-use thiserror::Error;
 
-use super::apply::{SampleError, label_sample};
+use super::LabelError;
 use super::counts::LabelSummary;
+use super::episode::{LabelledEpisode, label_episode};
+use super::parts;
+use super::worker::{self, LabelJob};
 use crate::config;
-use crate::episode::manifest::{
-    EpisodeEntry, LabelCounts, LabelEntry, LabelManifest, Manifest, ManifestError,
-};
-use crate::episode::{EpisodeError, EpisodeReader, LabelWriter, SourceMeta, is_any_annotated};
-use crate::files::sha256_hex;
+use crate::episode::manifest::{EpisodeEntry, LabelEntry, LabelManifest, Manifest};
+use crate::episode::{Shard, is_any_annotated};
 use crate::progress::Progress;
-use crate::zone::{Zone, ZoneConfig, ZoneError};
+use crate::worker::{Engine, Program};
+use crate::zone::{Zone, ZoneConfig};
 
-/// Why a data set could not be labelled.
-#[derive(Debug, Error)]
-pub enum LabelError {
-    #[error(transparent)]
-    Zone(#[from] ZoneError),
-    #[error(transparent)]
-    Sample(#[from] SampleError),
-    #[error(transparent)]
-    Episode(#[from] EpisodeError),
-    #[error(transparent)]
-    Manifest(#[from] ManifestError),
-    #[error(transparent)]
-    Io(#[from] std::io::Error),
-    #[error("the label set's name is `{found}`; letters, digits, `-` and `_` are needed")]
-    SetName { found: String },
-    #[error("the data set holds no episode: {}", path.display())]
-    NoEpisodes { path: PathBuf },
-    #[error("label set `{set}` was made with {what}; --force makes it anew, --labels NAME makes another: {}", path.display())]
-    Other { set: String, what: &'static str, path: PathBuf },
-    #[error(
-        "nobody annotated these episodes, so there is nothing to label or score; `harmzone predict` and `harmzone view` \
-         work without: {}",
-        path.display()
-    )]
-    NoTruth { path: PathBuf },
+/// How a data set is labelled; this does not change the labels.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct LabelOptions<'a> {
+    /// Whether a set of another zone or of other episodes may be replaced.
+    pub force: bool,
+    /// Only this part of the episodes: the set is whole when a run without it has joined all parts.
+    pub shard: Option<Shard>,
+    /// Who labels; `None`: this process.
+    pub workers: Option<(&'a Engine, &'a Program)>,
 }
 
-/// Labels every annotated object of a data set.
-///
-/// A set that is complete and of the same zone is left as it is and its counts are returned.
+/// Labels every annotated object of a data set, in this process.
 ///
 /// # Errors
-/// [`LabelError`]; a set of another zone or of other episodes is kept unless `force`.
+/// As [`run_with`].
 pub fn run(
     dataset: &Path,
     zone_config: &ZoneConfig,
     set: &str,
     force: bool,
+    progress: &dyn Progress,
+) -> Result<LabelSummary, LabelError> {
+    run_with(dataset, zone_config, set, &LabelOptions { force, ..LabelOptions::default() }, progress)
+}
+
+/// Labels every annotated object of a data set, or of a part of its episodes.
+///
+/// A set that is complete and of the same zone is left as it is and its counts are returned. Parts that are there are
+/// joined: only what they lack is labelled.
+///
+/// # Errors
+/// [`LabelError`]; a set of another zone or of other episodes is kept unless `options.force`.
+pub fn run_with(
+    dataset: &Path,
+    zone_config: &ZoneConfig,
+    set: &str,
+    options: &LabelOptions<'_>,
     progress: &dyn Progress,
 ) -> Result<LabelSummary, LabelError> {
     let is_word = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
@@ -70,7 +70,7 @@ pub fn run(
         return Err(LabelError::NoEpisodes { path: dataset.to_owned() });
     }
     let folder = LabelManifest::folder(dataset, set);
-    if !force
+    if !options.force
         && folder.join(LabelManifest::FILE).is_file()
         && let Some(done) = finished(LabelManifest::read(dataset, set)?, &manifest, zone_config, &folder)?
     {
@@ -86,17 +86,56 @@ pub fn run(
         Err(error) if error.kind() != std::io::ErrorKind::NotFound => return Err(error.into()),
         _ => {}
     }
+    let parts = match options.shard {
+        _ if options.force => Vec::new(),
+        Some(shard) => match parts::find(&folder, shard, &zone_toml, &manifest) {
+            Some(done) => return Ok(summary(&done, true)),
+            None => Vec::new(),
+        },
+        None => parts::find_all(&folder, &zone_toml, &manifest)?,
+    };
     let mut labels = LabelManifest::new(set, zone_toml, &manifest);
-    progress.start("label", manifest.episodes.iter().map(|entry| entry.n_samples as u64).sum());
-    let label_one = |entry| label_episode(dataset, &folder, entry, &zone, &labels, progress);
-    // All are tried, so that of several broken episodes the first one is told.
-    let labelled: Vec<_> = manifest.episodes.par_iter().map(label_one).collect();
+    let mut of_name: BTreeMap<String, LabelEntry> = BTreeMap::new();
+    for part in parts {
+        labels.counts.add_all(&part.counts);
+        of_name.extend(part.episodes.into_iter().map(|entry| (entry.name.clone(), entry)));
+    }
+    let is_wanted = |i: usize| options.shard.is_none_or(|shard| shard.holds(i as u32));
+    let todo: Vec<&EpisodeEntry> = manifest
+        .episodes
+        .iter()
+        .enumerate()
+        .filter(|(i, entry)| is_wanted(*i) && !of_name.contains_key(&entry.name))
+        .map(|(_, entry)| entry)
+        .collect();
+    progress.start("label", todo.iter().map(|entry| entry.n_samples as u64).sum());
+    let labelled: Vec<Result<LabelledEpisode, LabelError>> = match options.workers {
+        None => {
+            let label_one = |entry: &&EpisodeEntry| {
+                progress.note(&entry.name);
+                label_episode(dataset, entry, &zone, set, &labels.zone_toml, &|| progress.advance(1))
+            };
+            // All are tried, so that of several broken episodes the first one is told.
+            todo.par_iter().map(label_one).collect()
+        }
+        Some((engine, program)) => {
+            let folder = fs::canonicalize(dataset)?;
+            let job = LabelJob { folder, set: set.to_owned(), zone_toml: labels.zone_toml.clone() };
+            worker::label_by(engine, program, &job, &todo, progress)?
+        }
+    };
     for of_episode in labelled {
         let (entry, counts) = of_episode?;
-        labels.episodes.push(entry);
+        of_name.insert(entry.name.clone(), entry);
         labels.counts.add_all(&counts);
     }
-    labels.write(dataset)?;
+    labels.episodes = manifest.episodes.iter().filter_map(|entry| of_name.remove(&entry.name)).collect();
+    if let Some(shard) = options.shard {
+        parts::write(&folder, shard, &labels)?;
+    } else {
+        labels.write(dataset)?;
+        parts::remove_all(&folder)?;
+    }
     progress.finish();
     Ok(summary(&labels, false))
 }
@@ -122,52 +161,6 @@ fn finished(
     let are_files_there = labels.episodes.iter().all(|entry| folder.join(&entry.file).is_file());
     let is_complete = are_files_there && labels.episodes.len() == manifest.episodes.len();
     Ok(is_complete.then_some(labels))
-}
-
-fn label_episode(
-    dataset: &Path,
-    folder: &Path,
-    entry: &EpisodeEntry,
-    zone: &Zone,
-    labels: &LabelManifest,
-    progress: &dyn Progress,
-) -> Result<(LabelEntry, LabelCounts), LabelError> {
-    progress.note(&entry.name);
-    let mut counts = LabelCounts::default();
-    let reader = EpisodeReader::open_entry(dataset, entry)?;
-    let meta = SourceMeta {
-        episode: entry.name.clone(),
-        episode_sha256: entry.sha256.clone(),
-        set: labels.set.clone(),
-        config_toml: labels.zone_toml.clone(),
-        generator_version: labels.generator_version.clone(),
-    };
-    let file = format!("{}.mcap", entry.name);
-    let mut writer = LabelWriter::create(&folder.join(&file), &meta)?;
-    for (sample_idx, sample) in reader.samples().enumerate() {
-        let sample = sample?;
-        let found = label_sample(zone, &entry.name, sample_idx, &sample)?;
-        for (object, label) in sample.objects().iter().zip(&found.labels) {
-            count(&mut counts, object, label.harm);
-        }
-        writer.write(&found, &sample)?;
-        progress.advance(1);
-    }
-    let path = writer.finish()?;
-    let entry = LabelEntry {
-        name: entry.name.clone(),
-        file,
-        episode_sha256: entry.sha256.clone(),
-        sha256: sha256_hex(&fs::read(path)?),
-        n_samples: entry.n_samples,
-    };
-    Ok((entry, counts))
-}
-
-fn count(counts: &mut LabelCounts, object: &crate::object::Object, harm: crate::object::Harm) {
-    if let Some(count) = counts.of_mut(object) {
-        count.add(harm);
-    }
 }
 
 fn summary(labels: &LabelManifest, was_complete: bool) -> LabelSummary {

@@ -78,6 +78,59 @@ pub fn read_predictions(path: &Path) -> Result<Boxes<Detection>, JsonError> {
     read(path)
 }
 
+/// The samples of a file with their boxes as they stand there, for files that are put together.
+#[derive(Debug)]
+pub struct RawSamples {
+    samples: Vec<(String, Vec<RawBox>)>,
+    path: PathBuf,
+}
+
+impl RawSamples {
+    /// Reads the boxes of a file.
+    ///
+    /// # Errors
+    /// The file is not there or holds no boxes.
+    pub fn read(path: &Path) -> Result<Self, JsonError> {
+        let text = fs::read_to_string(path).map_err(JsonError::Read)?;
+        let not_boxes = |error: serde_json::Error| JsonError::NotBoxes {
+            message: error.to_string(),
+            path: path.to_owned(),
+        };
+        let file = BoxFile::parse(&text).map_err(not_boxes)?;
+        let raw = |values: Vec<serde_json::Value>| {
+            values.into_iter().map(serde_json::from_value).collect::<serde_json::Result<Vec<RawBox>>>()
+        };
+        let samples =
+            file.results.0.into_iter().map(|(id, values)| Ok((id, raw(values).map_err(not_boxes)?)));
+        Ok(Self { samples: samples.collect::<Result<_, _>>()?, path: path.to_owned() })
+    }
+
+    #[must_use]
+    pub fn n_samples(&self) -> usize {
+        self.samples.len()
+    }
+
+    /// Writes the samples of several files as one: of the files in `order` so many each time. Returns how many boxes there are.
+    ///
+    /// # Errors
+    /// A file has fewer samples; [`JsonError::Write`].
+    pub fn write_joined(files: Vec<Self>, order: &[(usize, usize)], to: &Path) -> Result<usize, JsonError> {
+        let mut joined = Vec::new();
+        let mut left: Vec<_> = files.into_iter().map(|file| (file.samples.into_iter(), file.path)).collect();
+        for &(file, n_samples) in order {
+            let (samples, path) = &mut left[file];
+            if samples.len() < n_samples {
+                let message = "it has fewer samples than are wanted".to_owned();
+                return Err(JsonError::NotBoxes { message, path: path.clone() });
+            }
+            joined.extend(samples.by_ref().take(n_samples));
+        }
+        let n_boxes = joined.iter().map(|(_, boxes)| boxes.len()).sum();
+        write(to, joined.iter().map(|(id, boxes)| (id.as_str(), boxes.as_slice())), BTreeMap::new())?;
+        Ok(n_boxes)
+    }
+}
+
 /// Reads truth.
 ///
 /// # Errors
@@ -184,7 +237,7 @@ pub fn write_predictions<'a>(
     path: &Path,
     samples: impl Iterator<Item = (&'a str, &'a [Detection])>,
 ) -> Result<(), JsonError> {
-    let boxes = samples.map(|(id, found)| (id, found.iter().map(RawBox::from).collect()));
+    let boxes = samples.map(|(id, found)| (id, found.iter().map(RawBox::from).collect::<Vec<_>>()));
     write(path, boxes, BTreeMap::new())
 }
 
@@ -195,26 +248,28 @@ pub fn write_predictions<'a>(
 pub fn write_truth(path: &Path, samples: &[EvalSample]) -> Result<(), JsonError> {
     let facts = samples.iter().map(|sample| (sample.id.as_str(), &sample.facts));
     let facts = facts.filter(|(_, facts)| **facts != SampleFacts::default()).collect();
-    let boxes =
-        samples.iter().map(|sample| (sample.id.as_str(), sample.objects.iter().map(RawBox::from).collect()));
+    let boxes = samples
+        .iter()
+        .map(|sample| (sample.id.as_str(), sample.objects.iter().map(RawBox::from).collect::<Vec<_>>()));
     write(path, boxes, facts)
 }
 
-fn write<'a>(
+fn write<'a, B: AsRef<[RawBox]>>(
     path: &Path,
-    samples: impl Iterator<Item = (&'a str, Vec<RawBox>)>,
+    samples: impl Iterator<Item = (&'a str, B)>,
     facts: BTreeMap<&str, &SampleFacts>,
 ) -> Result<(), JsonError> {
-    struct Results<'a>(Vec<(&'a str, Vec<RawBox>)>);
-    impl Serialize for Results<'_> {
+    struct Results<'a, B>(Vec<(&'a str, B)>);
+    impl<B: AsRef<[RawBox]>> Serialize for Results<'_, B> {
         fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-            serializer.collect_map(self.0.iter().map(|(id, boxes)| (id, boxes)))
+            serializer.collect_map(self.0.iter().map(|(id, boxes)| (id, boxes.as_ref())))
         }
     }
     #[derive(Serialize)]
-    struct File<'a> {
+    #[serde(bound = "B: AsRef<[RawBox]>")]
+    struct File<'a, B> {
         meta: serde_json::Map<String, serde_json::Value>,
-        results: Results<'a>,
+        results: Results<'a, B>,
         #[serde(skip_serializing_if = "BTreeMap::is_empty")]
         samples: BTreeMap<&'a str, &'a SampleFacts>,
     }

@@ -22,7 +22,7 @@ use super::chart::{self, ChartError};
 use crate::dataset::DatasetError;
 use crate::dataset::statistics::{Category, Group, Histograms, Statistics};
 use crate::episode::manifest::{LabelCounts, Manifest, ManifestError, ObjectCounts, label_sets};
-use crate::episode::{EpisodeError, Split};
+use crate::episode::{EpisodeError, PartOf, Split};
 use crate::files::write_atomic;
 use crate::label::count_of;
 use crate::object::{Distribution, Kind};
@@ -66,6 +66,9 @@ pub struct Info {
     pub generator_version: String,
     /// Version of the data: from 2 on, split test has towns and unfamiliar objects of its own.
     pub data_version: u32,
+    /// Which part of a larger data set this is.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub part: Option<PartOf>,
     pub seed: u64,
     pub ood: bool,
     /// `None` if the set is not labelled.
@@ -211,6 +214,7 @@ fn describe(
         dataset: dataset.to_owned(),
         generator_version: manifest.generator_version.clone(),
         data_version: manifest.format_version,
+        part: manifest.part,
         seed: manifest.seed,
         ood: manifest.ood,
         label_set,

@@ -12,6 +12,9 @@ impl fmt::Display for Info {
         let what = if self.ood { "in and out of distribution" } else { "in distribution" };
         let (path, version) = (self.dataset.display(), self.data_version);
         write!(f, "{path}: {what}, seed {}, data version {version}", self.seed)?;
+        if let Some(part) = self.part {
+            write!(f, ", shard {} of {} episodes", part.shard, part.n_episodes)?;
+        }
         match &self.label_set {
             Some(set) => writeln!(f, ", labels `{set}`\n")?,
             None => writeln!(f, ", not labelled\n")?,

@@ -57,8 +57,12 @@ fn is_labelled(data: &Path) -> bool {
 
 fn make(config: &GenerateConfig, n: u32, data: &Path, progress: &dyn Progress) -> anyhow::Result<()> {
     let jobs = std::thread::available_parallelism().map_or(1, usize::from);
-    let options =
-        RunOptions { program: std::env::current_exe()?.into(), jobs, force: false, own_models: None };
+    let options = RunOptions {
+        program: std::env::current_exe()?.into(),
+        engine: harmzone::worker::Engine::Local { jobs },
+        force: false,
+        own_models: None,
+    };
     generate::run(config, n, data, &options, progress)?;
     label::run(data, &ZoneConfig::default(), LABELS, false, progress)?;
     Ok(())

@@ -178,8 +178,12 @@ fn compare_runs(
     let jobs = options.jobs.max(1) as u32;
     let n_episodes = options.n_run_samples.div_ceil(config.raw.samples).next_multiple_of(jobs);
     let timed = |jobs: usize, out: &Path, progress: &dyn Progress| {
-        let run_options =
-            RunOptions { program: options.program.clone().into(), jobs, force: false, own_models: None };
+        let run_options = RunOptions {
+            program: options.program.clone().into(),
+            engine: harmzone::worker::Engine::Local { jobs },
+            force: false,
+            own_models: None,
+        };
         let begin = Instant::now();
         let summary = generate::run(&config.raw, n_episodes, out, &run_options, progress)?;
         Ok::<_, GenerateError>((begin.elapsed().as_secs_f64(), summary.n_samples as u64))

@@ -15,6 +15,7 @@ use harmzone::label;
 use harmzone::progress::Progress;
 use harmzone::report::results::SetRecord;
 use harmzone::scene::SceneSplit;
+use harmzone::worker::Engine;
 use harmzone::zone::ZoneConfig;
 
 /// The label set that is made and used.
@@ -36,7 +37,7 @@ pub fn prepare(
     if given.is_none() {
         let options = RunOptions {
             program: request.program.clone().into(),
-            jobs: request.jobs,
+            engine: Engine::Local { jobs: request.jobs },
             force: false,
             own_models: None,
         };
@@ -76,7 +77,7 @@ pub fn prepare_to_report(
     }
     let options = RunOptions {
         program: request.program.clone().into(),
-        jobs: request.jobs,
+        engine: Engine::Local { jobs: request.jobs },
         force: false,
         own_models: None,
     };

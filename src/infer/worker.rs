@@ -1,0 +1,187 @@
+//! `predict`'s and `eval`'s worker processes: each runs a network over episodes of one data set.
+
+use std::io::{self, BufRead, Write};
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+use burn::tensor::Device;
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use super::predict::predict;
+use super::recorded::RecordedError;
+use super::{Trained, TrainedError};
+use crate::dataset::MeasuredSplit;
+use crate::dataset::blind::Sensor;
+use crate::device::DeviceName;
+use crate::episode::EpisodeEntry;
+use crate::model::Detector;
+use crate::object::Detection;
+use crate::progress::{Progress, Silent};
+use crate::sample::Measured;
+use crate::worker::{self, Call, Engine, Errand, Program};
+
+/// The hidden command that serves tasks.
+const COMMAND: &str = "predict-worker";
+
+/// What a checkpoint is called in the folder of a node.
+const CHECKPOINT: &str = "network.safetensors";
+
+/// What all tasks of a worker share.
+#[derive(Debug, Serialize, Deserialize)]
+struct PredictJob {
+    /// The data set.
+    folder: PathBuf,
+    /// A network inside the program, or a checkpoint's path, from the folder if it is no full one.
+    network: PathBuf,
+    device: String,
+    blind: Option<Sensor>,
+}
+
+/// The boxes of one episode's samples.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FoundInEpisode {
+    pub times_ns: Vec<u64>,
+    /// Best first.
+    pub found: Vec<Vec<Detection>>,
+}
+
+/// Why workers could not predict.
+#[derive(Debug, Error)]
+pub enum FarError {
+    #[error("episode `{episode}`: {message}")]
+    Worker { episode: String, message: String },
+    #[error(transparent)]
+    Trained(#[from] TrainedError),
+    #[error(transparent)]
+    Io(#[from] io::Error),
+}
+
+/// The worker's side: serves tasks from `input` until it ends.
+///
+/// # Errors
+/// As [`worker::serve`].
+pub fn serve(input: impl BufRead, output: impl Write) -> io::Result<()> {
+    worker::serve(input, output, |job: PredictJob| {
+        let mut network = None;
+        move |entry: EpisodeEntry, on_sample: &mut dyn FnMut() -> io::Result<()>| {
+            let (detector, device) = match &mut network {
+                Some(network) => network,
+                none => none.insert(load(&job)?),
+            };
+            boxes_of(&job, entry, detector, device, on_sample)
+        }
+    })
+}
+
+fn load(job: &PredictJob) -> Result<(Detector, Device), RecordedError> {
+    let name: DeviceName = job.device.parse().map_err(io::Error::other)?;
+    let device = name.open().map_err(io::Error::other)?;
+    let path = match Trained::find(&job.network) {
+        Ok(Trained::Shipped(_)) => job.network.clone(),
+        _ => job.folder.join(&job.network),
+    };
+    let detector =
+        Trained::find(&path).and_then(|trained| trained.load(&device)).map_err(io::Error::other)?;
+    Ok((detector, device))
+}
+
+fn boxes_of(
+    job: &PredictJob,
+    entry: EpisodeEntry,
+    detector: &Detector,
+    device: &Device,
+    on_sample: &mut dyn FnMut() -> io::Result<()>,
+) -> Result<FoundInEpisode, RecordedError> {
+    let with_camera = detector.config().use_camera;
+    let mut made = FoundInEpisode { times_ns: Vec::new(), found: Vec::new() };
+    MeasuredSplit::of(&job.folder, vec![entry]).for_each_part(|part| -> Result<(), RecordedError> {
+        let mut part = part.to_vec();
+        for (_, measured) in &mut part {
+            if let Some(sensor) = job.blind {
+                sensor.blind(measured);
+            }
+        }
+        let named: Vec<(&str, &Measured)> =
+            part.iter().map(|(id, measured)| (id.as_str(), measured)).collect();
+        made.found.extend(predict(detector, &named, with_camera, device, &Silent)?);
+        made.times_ns.extend(part.iter().map(|(_, measured)| measured.time_ns));
+        for _ in &part {
+            on_sample()?;
+        }
+        Ok(())
+    })?;
+    Ok(made)
+}
+
+/// The parent's side: workers that run one network.
+#[derive(Debug)]
+pub struct NetworkWorkers<'a> {
+    pub engine: &'a Engine,
+    /// The `harmzone` program, started as worker.
+    pub program: &'a Program,
+    pub trained: &'a Trained,
+    /// Of each worker.
+    pub device: DeviceName,
+    /// A sensor that sees nothing.
+    pub blind: Option<Sensor>,
+}
+
+impl NetworkWorkers<'_> {
+    /// The boxes of each of these episodes of a data set, in their order.
+    ///
+    /// # Errors
+    /// The first episode that failed; the engine cannot be started, or dies; the network cannot be found.
+    pub fn predict(
+        &self,
+        data: &Path,
+        episodes: &[EpisodeEntry],
+        progress: &dyn Progress,
+    ) -> Result<Vec<FoundInEpisode>, FarError> {
+        let folder = fs_err::canonicalize(data)?;
+        let (network, shared) = match (self.trained, self.engine) {
+            (Trained::Shipped(shipped), _) => (PathBuf::from(shipped.name), Vec::new()),
+            (Trained::File(path), Engine::Local { .. }) => (fs_err::canonicalize(path)?, Vec::new()),
+            (Trained::File(path), Engine::Ray(_)) => {
+                (PathBuf::from(CHECKPOINT), vec![(PathBuf::from(CHECKPOINT), fs_err::canonicalize(path)?)])
+            }
+        };
+        let job = PredictJob {
+            folder: folder.clone(),
+            network,
+            device: self.device.to_string(),
+            blind: self.blind,
+        };
+        let call = Call {
+            program: self.program,
+            command: COMMAND,
+            job: &job,
+            folder: &folder,
+            shared,
+            n_threads: None,
+        };
+        let errands: Vec<Errand<&EpisodeEntry>> =
+            episodes.iter().map(|task| Errand { task, reads: vec![PathBuf::from(&task.file)] }).collect();
+        let all_found = Mutex::new(vec![None; episodes.len()]);
+        let on_made = |place: usize, answer: Result<FoundInEpisode, String>| {
+            let entry = &episodes[place];
+            progress.note(&entry.name);
+            let told = |message| FarError::Worker { episode: entry.name.clone(), message };
+            let made = answer.map_err(told)?;
+            if made.found.len() != entry.n_samples || made.times_ns.len() != entry.n_samples {
+                return Err(told(format!(
+                    "boxes of {} samples came back, wanted {}",
+                    made.found.len(),
+                    entry.n_samples
+                )));
+            }
+            all_found.lock().unwrap_or_else(PoisonError::into_inner)[place] = Some(made);
+            Ok(())
+        };
+        progress.start("predict", episodes.iter().map(|entry| entry.n_samples as u64).sum());
+        worker::do_all(self.engine, &call, &errands, &|| progress.advance(1), &on_made)?;
+        progress.finish();
+        let all_found = all_found.into_inner().unwrap_or_else(PoisonError::into_inner);
+        Ok(all_found.into_iter().map(|of_episode| of_episode.expect("all are done")).collect())
+    }
+}

@@ -1,0 +1,87 @@
+//! Parts of a label set, each labelled in a process of its own: `part-I-of-N.json` beside the labels, until the whole set is joined.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use fs_err as fs;
+
+use super::LabelError;
+use crate::episode::Shard;
+use crate::episode::manifest::{LabelManifest, Manifest};
+use crate::files::{sha256_of, write_atomic};
+
+const PREFIX: &str = "part-";
+
+fn path_of(folder: &Path, shard: Shard) -> PathBuf {
+    folder.join(format!("{PREFIX}{}-of-{}.json", shard.index, shard.of))
+}
+
+/// Notes that a part of the set in this folder is whole.
+pub(super) fn write(folder: &Path, shard: Shard, part: &LabelManifest) -> Result<(), LabelError> {
+    let json = serde_json::to_string_pretty(part).expect("a manifest has a JSON form");
+    Ok(write_atomic(&path_of(folder, shard), (json + "\n").as_bytes())?)
+}
+
+/// A part of the set, if it is as it was written, by this zone and for these episodes.
+pub(super) fn find(
+    folder: &Path,
+    shard: Shard,
+    zone_toml: &str,
+    dataset: &Manifest,
+) -> Option<LabelManifest> {
+    read_whole(&path_of(folder, shard), folder, zone_toml, dataset)
+}
+
+/// All such parts, in the order of their names. No episode is in two of them.
+pub(super) fn find_all(
+    folder: &Path,
+    zone_toml: &str,
+    dataset: &Manifest,
+) -> Result<Vec<LabelManifest>, LabelError> {
+    let mut found: Vec<LabelManifest> = Vec::new();
+    for path in paths(folder)? {
+        let Some(part) = read_whole(&path, folder, zone_toml, dataset) else { continue };
+        let is_known =
+            |name: &str| found.iter().any(|other| other.episodes.iter().any(|entry| entry.name == name));
+        // Parts of another count overlap with these.
+        if !part.episodes.iter().any(|entry| is_known(&entry.name)) {
+            found.push(part);
+        }
+    }
+    Ok(found)
+}
+
+/// Forgets the parts: the set is whole.
+pub(super) fn remove_all(folder: &Path) -> Result<(), LabelError> {
+    for path in paths(folder)? {
+        fs::remove_file(path)?;
+    }
+    Ok(())
+}
+
+fn paths(folder: &Path) -> io::Result<Vec<PathBuf>> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder)? {
+        let path = entry?.path();
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        if name.starts_with(PREFIX) && path.extension().is_some_and(|suffix| suffix == "json") {
+            found.push(path);
+        }
+    }
+    found.sort();
+    Ok(found)
+}
+
+fn read_whole(path: &Path, folder: &Path, zone_toml: &str, dataset: &Manifest) -> Option<LabelManifest> {
+    let part: LabelManifest = serde_json::from_str(&fs::read_to_string(path).ok()?).ok()?;
+    let is_whole = part.zone_toml == zone_toml
+        && part.generator_version == env!("CARGO_PKG_VERSION")
+        && part.episodes.iter().all(|label| {
+            dataset
+                .episodes
+                .iter()
+                .any(|entry| entry.name == label.name && entry.sha256 == label.episode_sha256)
+                && sha256_of(&folder.join(&label.file)).is_ok_and(|found| found == label.sha256)
+        });
+    is_whole.then_some(part)
+}

@@ -1,0 +1,133 @@
+//! Tasks of one command, done by processes of this machine or on a cluster.
+//!
+//! A worker process serves tasks that the parent hands out, one after the other. Lines of JSON: the parent writes one job, then
+//! a task at a time; the worker answers each task with any number of ticks of progress and then with what it made, or with the
+//! text of its failure. A closed pipe ends the worker.
+
+mod call;
+mod engine;
+mod process;
+mod ray;
+
+use std::ffi::OsString;
+use std::io::{self, BufRead, Write};
+use std::path::PathBuf;
+use std::sync::OnceLock;
+
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+
+pub use call::{Call, Errand};
+pub use engine::{Engine, do_all};
+pub use ray::RayCluster;
+
+/// A worker's answer.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum Answer<T> {
+    Tick,
+    Done(Box<T>),
+    Failed(String),
+}
+
+/// The worker's side: serves tasks from `input` until it ends. `prepare` takes the job, once; the function that it
+/// returns does each task, and calls what it is given for each tick of progress.
+///
+/// # Errors
+/// A broken pipe, or the parent did not write a job; failures of tasks are answers.
+pub fn serve<Job, Task, Made, Fault, Work>(
+    input: impl BufRead,
+    mut output: impl Write,
+    prepare: impl FnOnce(Job) -> Work,
+) -> io::Result<()>
+where
+    Job: DeserializeOwned,
+    Task: DeserializeOwned,
+    Made: Serialize,
+    Fault: std::error::Error,
+    Work: FnMut(Task, &mut dyn FnMut() -> io::Result<()>) -> Result<Made, Fault>,
+{
+    let mut lines = input.lines();
+    let Some(first) = lines.next() else { return Ok(()) };
+    let mut work = prepare(serde_json::from_str(&first?)?);
+    let mut say = |answer: &Answer<Made>| -> io::Result<()> {
+        writeln!(output, "{}", serde_json::to_string(answer)?)?;
+        output.flush()
+    };
+    for line in lines {
+        let task: Task = serde_json::from_str(&line?)?;
+        let answer = match work(task, &mut || say(&Answer::Tick)) {
+            Ok(made) => Answer::Done(Box::new(made)),
+            Err(error) => Answer::Failed(with_causes(&error)),
+        };
+        say(&answer)?;
+    }
+    Ok(())
+}
+
+/// The error with its sources, unless its text contains them already.
+#[must_use]
+pub fn with_causes(error: &dyn std::error::Error) -> String {
+    let mut text = error.to_string();
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        let more = error.to_string();
+        if !text.contains(&more) {
+            text = format!("{text}: {more}");
+        }
+        cause = error.source();
+    }
+    text
+}
+
+/// Environment of a process that renders: glibc keeps freed memory of up to half a GiB. By default
+/// it gives every big block back, and the system clears the pages anew for the next picture: up to 10 %
+/// of the time, measured with `perf`. Other allocators ignore this.
+pub const ALLOCATOR_ENVIRONMENT: [(&str, &str); 2] =
+    [("MALLOC_MMAP_THRESHOLD_", "268435456"), ("MALLOC_TRIM_THRESHOLD_", "536870912")];
+
+/// What starts this program once more, as a worker.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Program {
+    path: PathBuf,
+    /// They come before the worker's command.
+    args: Vec<OsString>,
+}
+
+/// What is started as worker where this code is no program of its own but a part of another.
+static WORKER_PROGRAM: OnceLock<Program> = OnceLock::new();
+
+impl Program {
+    #[must_use]
+    pub fn new(path: PathBuf, args: Vec<OsString>) -> Self {
+        Self { path, args }
+    }
+
+    /// What this process starts as its workers: itself, or what [`Self::start_as_worker`] has named.
+    ///
+    /// # Errors
+    /// The system does not tell which program this is.
+    pub fn this() -> io::Result<Self> {
+        match WORKER_PROGRAM.get() {
+            Some(named) => Ok(named.clone()),
+            None => std::env::current_exe().map(Self::from),
+        }
+    }
+
+    /// Whether this code runs in a Python interpreter, from the wheel.
+    #[must_use]
+    pub fn is_in_python() -> bool {
+        WORKER_PROGRAM.get().is_some()
+    }
+
+    /// Makes this what workers are, for code that runs inside another program; the first call counts.
+    pub fn start_as_worker(self) {
+        WORKER_PROGRAM.get_or_init(|| self);
+    }
+}
+
+impl From<PathBuf> for Program {
+    fn from(path: PathBuf) -> Self {
+        Self::new(path, Vec::new())
+    }
+}
