@@ -55,7 +55,7 @@ fn make(
     label_episode(&job.folder, entry, &zone, &job.set, &job.zone_toml, &tick)
 }
 
-/// The parent's side: has all episodes labelled, in their order. All are tried, as [`super::run`] does.
+/// The parent's side: has all episodes labelled, in their order. All are tried, as [`super::run()`] does.
 ///
 /// # Errors
 /// The engine cannot be started, or dies.
