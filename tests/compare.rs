@@ -55,6 +55,21 @@ fn a_data_set_is_nowhere_apart_from_itself() {
         assert_eq!(row["a"], row["b"]);
     }
     assert_eq!(gap["notes"].as_array().unwrap().len(), 0, "{}", gap["notes"]);
+    assert_eq!(gap["cloud"]["joint"]["distance"], 0.0, "{}", gap["cloud"]);
+}
+
+#[test]
+fn clouds_of_another_lidar_are_farther_apart_than_parts_of_one_set() {
+    let [a, b] = sets();
+    let cloud = &compare(a, b)["cloud"];
+    let number = |row: &Value, key: &str| row[key].as_f64().unwrap();
+    let joint = &cloud["joint"];
+    assert!(number(joint, "distance") > number(joint, "within_a"), "{cloud}");
+    // The HDL-64E tells raw intensities, the HDL-32E calibrated ones.
+    let [range, _, intensity] = [0, 1, 2].map(|i| number(&cloud["single"][i], "distance"));
+    assert!(intensity > 2.0 * range, "{cloud}");
+    let table = done(&["compare", text(a), text(b)]);
+    assert!(table.contains("range, height, intensity") && table.contains("intensity alone"), "{table}");
 }
 
 #[test]

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use thiserror::Error;
 
 use super::{Quantity, SetFacts, Tallies};
-use super::{lidar, objects, picture};
+use super::{cloud, lidar, objects, picture};
 use crate::dataset::keep_in_view;
 use crate::episode::manifest::{EpisodeEntry, Manifest, ManifestError};
 use crate::episode::{EpisodeError, EpisodeReader, Labelled, LogFacts, Split};
@@ -44,6 +44,8 @@ pub(super) struct Part {
     n_with_truth: usize,
     n_objects: u64,
     pub tallies: Tallies,
+    /// Points of its samples, drawn.
+    pub cloud: Vec<cloud::CloudPoint>,
     /// What of the world is annotated, where a log says so.
     labelled: Option<String>,
     /// What is odd, and in how many samples.
@@ -92,7 +94,7 @@ pub(super) fn measure(
     progress.start(stage, n_samples as u64);
     let parts = cut(&episodes)
         .into_par_iter()
-        .map(|(entry, samples)| measure_part(&dataset.join(&entry.file), samples, progress))
+        .map(|stretch| measure_part(&dataset.join(&stretch.entry.file), &stretch, n_samples, progress))
         .collect::<Result<Vec<Part>, CompareError>>()?;
     progress.finish();
     let mut odd = BTreeMap::new();
@@ -112,23 +114,41 @@ pub(super) fn measure(
     Ok(MeasuredSet { facts, parts, labelled, odd })
 }
 
-/// The parts: each episode, or, of an only one, stretches of about the same length.
-fn cut<'a>(episodes: &[&'a EpisodeEntry]) -> Vec<(&'a EpisodeEntry, Range<usize>)> {
-    match episodes {
-        [only] => {
-            let (n, n_stretches) = (only.n_samples, N_STRETCHES.min(only.n_samples));
-            (0..n_stretches).map(|i| (*only, i * n / n_stretches..(i + 1) * n / n_stretches)).collect()
-        }
-        several => several.iter().map(|&entry| (entry, 0..entry.n_samples)).collect(),
-    }
+/// Samples of an episode that make a part.
+struct Stretch<'a> {
+    entry: &'a EpisodeEntry,
+    samples: Range<usize>,
+    /// Samples of the set before the episode's first.
+    n_before: usize,
 }
 
-fn measure_part(path: &Path, samples: Range<usize>, progress: &dyn Progress) -> Result<Part, CompareError> {
+/// The parts: each episode, or, of an only one, stretches of about the same length.
+fn cut<'a>(episodes: &[&'a EpisodeEntry]) -> Vec<Stretch<'a>> {
+    if let [entry] = episodes {
+        let (n, n_stretches) = (entry.n_samples, N_STRETCHES.min(entry.n_samples));
+        let samples = |i: usize| i * n / n_stretches..(i + 1) * n / n_stretches;
+        return (0..n_stretches).map(|i| Stretch { entry, samples: samples(i), n_before: 0 }).collect();
+    }
+    let mut n_before = 0;
+    let whole = |&entry: &&'a EpisodeEntry| {
+        let stretch = Stretch { entry, samples: 0..entry.n_samples, n_before };
+        n_before += entry.n_samples;
+        stretch
+    };
+    episodes.iter().map(whole).collect()
+}
+
+fn measure_part(
+    path: &Path,
+    stretch: &Stretch<'_>,
+    n_samples_of_set: usize,
+    progress: &dyn Progress,
+) -> Result<Part, CompareError> {
     let reader = EpisodeReader::open(path)?;
     let labelled = reader.log().and_then(|log| log.labelled.as_ref());
     let known = Known::of(reader.log());
     let mut part = Part { labelled: labelled.map(tell_labelled), ..Part::default() };
-    for sample_idx in samples {
+    for sample_idx in stretch.samples.clone() {
         let mut sample = reader.sample(sample_idx)?;
         if let Some(truth) = &mut sample.truth {
             keep_in_view(reader.log(), &sample.measured, &mut truth.objects, |object| &object.box_in_ego);
@@ -140,6 +160,9 @@ fn measure_part(path: &Path, samples: Range<usize>, progress: &dyn Progress) -> 
             path: path.to_owned(),
         })?;
         part.add(&sample, &picture, &known);
+        let place = stretch.n_before + sample_idx;
+        let n_points = cloud::n_points_of(place, n_samples_of_set);
+        part.cloud.extend(cloud::draw_points(&sample.measured, n_points, place));
         progress.advance(1);
     }
     Ok(part)

@@ -3,7 +3,9 @@
 //! Each [`Quantity`] is a histogram of each set, [`distance`] says how far the two lie apart, and [`spread`] how far parts
 //! of the first set lie apart from each other, which is the yardstick. One sample is in memory for each thread.
 
+mod cloud;
 mod distance;
+mod energy;
 mod lidar;
 mod measure;
 mod objects;
@@ -18,7 +20,10 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 use serde::Serialize;
 
+pub use self::cloud::{N_POINTS, PROPERTIES};
 pub use self::distance::Distance;
+use self::energy::compare_clouds;
+pub use self::energy::{CloudGap, EnergyDistance};
 pub use self::measure::CompareError;
 use self::measure::{MeasuredSet, measure};
 pub use self::quantity::{Quantity, RANGE_BIN_M, Unit};
@@ -41,6 +46,8 @@ pub struct DomainGap {
     pub b: SetFacts,
     /// What was measured in both: what is farther apart than parts of A first, the largest divergence first.
     pub rows: Vec<GapRow>,
+    /// How far the clouds lie apart as a whole; `None` where a set has no point.
+    pub cloud: Option<CloudGap>,
     /// What was measured in one of them only, and why.
     pub notes: Vec<String>,
 }
@@ -124,7 +131,8 @@ pub fn compare(
         one.0.cmp(&other.0).then(one.1.total_cmp(&other.1))
     });
     let notes = notes(&a, &b, &all_a, &all_b);
-    Ok(DomainGap { a: a.facts, b: b.facts, rows, notes })
+    let cloud = compare_clouds(&a, &b);
+    Ok(DomainGap { a: a.facts, b: b.facts, rows, cloud, notes })
 }
 
 /// A row, if both sets have values.

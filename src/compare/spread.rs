@@ -17,7 +17,7 @@ pub const LEVEL: f64 = 0.95;
 /// Draws of an interval and of a yardstick.
 pub const N_RESAMPLES: u64 = 200;
 /// The draws are the same in every run.
-const SEED: u64 = 0;
+pub(super) const SEED: u64 = 0;
 
 /// The interval of a distance; `None` where a set has one part, or no draw has values on both sides.
 pub(super) fn resample(quantity: Quantity, a: &MeasuredSet, b: &MeasuredSet) -> Option<Interval> {
@@ -32,11 +32,7 @@ pub(super) fn resample(quantity: Quantity, a: &MeasuredSet, b: &MeasuredSet) -> 
         Distance::between(&draw_from(&a.parts)?, &draw_from(&b.parts)?)
     });
     let drawn: Vec<Distance> = drawn.collect();
-    let tails = (1.0 - LEVEL) / 2.0;
-    let ends = |of: fn(&Distance) -> f64| {
-        let values: Vec<f64> = drawn.iter().map(of).collect();
-        Some([quantile(&values, tails)?, quantile(&values, 1.0 - tails)?])
-    };
+    let ends = |of: fn(&Distance) -> f64| middle(&drawn.iter().map(of).collect::<Vec<_>>());
     Some(Interval {
         jensen_shannon: ends(|distance| distance.jensen_shannon)?,
         wasserstein: ends(|distance| distance.wasserstein)?,
@@ -48,26 +44,50 @@ pub(super) fn within(quantity: Quantity, set: &MeasuredSet, n_samples_of_other: 
     if set.parts.len() < 2 {
         return None;
     }
-    let n_wanted = n_samples_of_other.min(set.facts.n_samples / 2);
+    let n_samples: Vec<usize> = set.parts.iter().map(|part| part.n_samples).collect();
     let drawn = (0..N_RESAMPLES).filter_map(|draw| {
-        let mut parts: Vec<&Part> = set.parts.iter().collect();
-        parts.shuffle(&mut random::stream(SEED, "compare-within", draw));
-        let mut n_samples = 0;
-        let n_first = parts.iter().take_while(|part| {
-            let is_wanted = n_samples < n_wanted.max(1);
-            n_samples += part.n_samples;
-            is_wanted
-        });
-        let n_first = n_first.count().clamp(1, parts.len() - 1);
-        let (first, rest) = parts.split_at(n_first);
-        Distance::between(&sum(quantity, first.iter().copied())?, &sum(quantity, rest.iter().copied())?)
+        let (first, rest) = share_like(&n_samples, n_samples_of_other, draw);
+        let [first, rest] = [first, rest].map(|chosen| sum(quantity, chosen.iter().map(|&i| &set.parts[i])));
+        Distance::between(&first?, &rest?)
     });
     let drawn: Vec<Distance> = drawn.collect();
-    let most = |of: fn(&Distance) -> f64| quantile(&drawn.iter().map(of).collect::<Vec<_>>(), LEVEL);
+    let most = |of: fn(&Distance) -> f64| most_of(&drawn.iter().map(of).collect::<Vec<_>>());
     Some(Distance {
         jensen_shannon: most(|distance| distance.jensen_shannon)?,
         wasserstein: most(|distance| distance.wasserstein)?,
     })
+}
+
+/// Cuts parts in two at random: as many as hold the other set's number of samples, at most half of all, and the rest.
+/// `n_samples`: of each part, of which there are at least two.
+pub(super) fn share_like(
+    n_samples: &[usize],
+    n_samples_of_other: usize,
+    draw: u64,
+) -> (Vec<usize>, Vec<usize>) {
+    let n_wanted = n_samples_of_other.min(n_samples.iter().sum::<usize>() / 2).max(1);
+    let mut parts: Vec<usize> = (0..n_samples.len()).collect();
+    parts.shuffle(&mut random::stream(SEED, "compare-within", draw));
+    let mut n_held = 0;
+    let n_first = parts.iter().take_while(|&&part| {
+        let is_wanted = n_held < n_wanted;
+        n_held += n_samples[part];
+        is_wanted
+    });
+    let n_first = n_first.count().clamp(1, parts.len() - 1);
+    let rest = parts.split_off(n_first);
+    (parts, rest)
+}
+
+/// The middle [`LEVEL`] of some values; `None` of nothing.
+pub(super) fn middle(values: &[f64]) -> Option<[f64; 2]> {
+    let tails = (1.0 - LEVEL) / 2.0;
+    Some([quantile(values, tails)?, quantile(values, 1.0 - tails)?])
+}
+
+/// What all but one of twenty values stay below; `None` of nothing.
+pub(super) fn most_of(values: &[f64]) -> Option<f64> {
+    quantile(values, LEVEL)
 }
 
 /// The histogram of some parts; `None` if none of them has a value.

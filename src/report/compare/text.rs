@@ -3,8 +3,8 @@
 use std::fmt;
 
 use crate::compare::{
-    BOX_MARGIN_M, CLUTTER_RANGE_M, COMPARED_WIDTH_PX, DomainGap, FLAT_M, GROUND_M, GapRow, LEVEL,
-    N_RESAMPLES, OBSTACLE_TOP_M, SetFacts,
+    BOX_MARGIN_M, CLUTTER_RANGE_M, COMPARED_WIDTH_PX, CloudGap, DomainGap, EnergyDistance, FLAT_M, GROUND_M,
+    GapRow, LEVEL, N_POINTS, N_RESAMPLES, OBSTACLE_TOP_M, PROPERTIES, SetFacts,
 };
 use crate::text_table::text_table;
 
@@ -20,6 +20,9 @@ impl fmt::Display for DomainGap {
             f,
             "\n{n_apart} of {n_judged} quantities are farther apart than parts of A are from each other."
         )?;
+        if let Some(cloud) = &self.cloud {
+            write_cloud(f, cloud)?;
+        }
         for note in &self.notes {
             writeln!(f, "{note}.")?;
         }
@@ -35,6 +38,24 @@ impl fmt::Display for DomainGap {
             100.0 * LEVEL
         )
     }
+}
+
+fn write_cloud(f: &mut fmt::Formatter<'_>, cloud: &CloudGap) -> fmt::Result {
+    writeln!(f, "\nClouds as a whole, {N_POINTS} points of each; energy distance, over A's deviations:\n")?;
+    let dash = || "–".to_owned();
+    let cells = |name: &str, of: &EnergyDistance| {
+        [
+            name.to_owned(),
+            format!("{:.3}", of.distance),
+            of.interval.map_or_else(dash, |[low, high]| format!("{low:.3} to {high:.3}")),
+            of.within_a.map_or_else(dash, |within| format!("{within:.3}")),
+        ]
+    };
+    let head = ["", "energy", "95 %", "in A"].map(str::to_owned);
+    let joint = cells(&PROPERTIES.join(", "), &cloud.joint);
+    let single = PROPERTIES.iter().zip(&cloud.single).map(|(name, of)| cells(&format!("{name} alone"), of));
+    f.write_str(&text_table([head, joint].into_iter().chain(single)))?;
+    writeln!(f)
 }
 
 fn tell(facts: &SetFacts) -> String {
