@@ -52,7 +52,7 @@ impl Running {
 
     fn connect(&self) -> TcpStream {
         let stream = TcpStream::connect(("127.0.0.1", self.port)).expect("it listens");
-        stream.set_read_timeout(Some(Duration::from_secs(60))).expect("a socket");
+        stream.set_read_timeout(Some(Duration::from_mins(1))).expect("a socket");
         stream
     }
 
@@ -188,10 +188,7 @@ fn strangers_get_nothing_no_path_leads_out_and_nothing_is_written() {
 fn two_hundred_at_once_get_the_same_and_readers_that_go_away_do_no_harm() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let data = made_served::small(folder.path());
-    let torn = made_served::big(folder.path(), 5).join("episodes/episode-0004.mcap");
-    let bytes = fs::read(&torn).expect("it was made");
-    fs::remove_file(&torn).expect("a link of many");
-    fs::write(&torn, &bytes[..bytes.len() / 2]).expect("a writable folder");
+    made_served::tear(&made_served::big(folder.path(), 5).join("episodes/episode-0004.mcap"));
     let server = Running::start(folder.path());
     let list = server.json("/api/sets/0/episodes");
     let names: Vec<&str> = list["episodes"]
@@ -206,17 +203,18 @@ fn two_hundred_at_once_get_the_same_and_readers_that_go_away_do_no_harm() {
             format!("/api/sets/0/episodes/{}/samples/{}{part}", names[i % 4], (i / 12) % 3)
         })
         .collect();
-    let wanted: Vec<Vec<u8>> = paths.iter().map(|path| server.get(path).body).collect();
+    // Nothing has been read of these yet.
     let begin = Instant::now();
-    std::thread::scope(|scope| {
+    let asked: Vec<Answer> = std::thread::scope(|scope| {
         let all: Vec<_> = paths.iter().map(|path| scope.spawn(|| server.get(path))).collect();
-        for ((asked, path), wanted) in all.into_iter().zip(&paths).zip(&wanted) {
-            let answer = asked.join().expect("no panic");
-            assert!(answer.status == 200 && answer.body == *wanted, "{path}");
-        }
+        all.into_iter().map(|asked| asked.join().expect("no panic")).collect()
     });
-    writeln!(std::io::stderr(), "\n200 requests at once: {:.2} s", begin.elapsed().as_secs_f64())
-        .expect("a terminal");
+    let took = begin.elapsed();
+    let wanted: Vec<Vec<u8>> = paths.iter().map(|path| server.get(path).body).collect();
+    for ((answer, path), wanted) in asked.iter().zip(&paths).zip(&wanted) {
+        assert!(answer.status == 200 && answer.body == *wanted, "{path}");
+    }
+    writeln!(std::io::stderr(), "\n200 requests at once: {:.2} s", took.as_secs_f64()).expect("a terminal");
 
     // Some ask and read a little, some say half a sentence, some go at once.
     let points = format!("/api/sets/0/episodes/{}/samples/0/points?token={}", names[0], server.token);
@@ -269,7 +267,7 @@ fn a_thousand_episodes_are_listed_filtered_and_played_in_a_browser() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     made_served::small(folder.path());
     made_served::scores_and_report(folder.path());
-    made_served::big(folder.path(), N_EPISODES);
+    made_served::tear(&made_served::big(folder.path(), N_EPISODES).join("episodes/episode-0007.mcap"));
     let begin = Instant::now();
     let server = Running::start(folder.path());
     let started_s = begin.elapsed().as_secs_f64();
@@ -282,10 +280,12 @@ fn a_thousand_episodes_are_listed_filtered_and_played_in_a_browser() {
         assert_eq!(list["episodes"].as_array().map(Vec::len), Some(N_EPISODES));
         if list["n_read"] == N_EPISODES {
             let rows = list["episodes"].as_array().expect("a list");
-            assert!(rows.iter().all(|row| row["is_read"] == true && row["trouble"].is_null()));
+            assert!(rows.iter().all(|row| row["is_read"] == true));
+            let torn: Vec<&Value> = rows.iter().filter(|row| !row["trouble"].is_null()).collect();
+            assert!(torn.len() == 1 && torn[0]["name"] == "episode-0007", "{torn:?}");
             break;
         }
-        assert!(begin.elapsed() < Duration::from_secs(600), "it reads on");
+        assert!(begin.elapsed() < Duration::from_mins(10), "it reads on");
         std::thread::sleep(Duration::from_millis(100));
     }
     let read_s = begin.elapsed().as_secs_f64();

@@ -226,17 +226,19 @@ fn read_manifest(folder: &ServedFolder, path: &Path) -> Result<Manifest, ServeEr
     Ok(Manifest::read(path)?)
 }
 
-/// The label set to show; `None` where there is none.
+/// The label set to show; `None` where there is none and none is asked for.
 fn open_labels(
     folder: &ServedFolder,
     path: &Path,
     manifest: &Manifest,
     options: &SetOptions,
 ) -> Result<Option<LabelledEpisodes>, ServeError> {
-    let found = label_sets(path);
-    let has = |name: &str| found.iter().any(|set| set == name);
-    let default = || if has(DEFAULT_SET) { Some(DEFAULT_SET.to_owned()) } else { found.first().cloned() };
-    let Some(set) = options.labels.clone().filter(|set| has(set)).or_else(default) else { return Ok(None) };
+    let default = || {
+        let found = label_sets(path);
+        let usual = found.iter().find(|set| *set == DEFAULT_SET);
+        usual.or(found.first()).cloned()
+    };
+    let Some(set) = options.labels.clone().or_else(default) else { return Ok(None) };
     folder.check_files(&LabelManifest::folder(path, &set), &[LabelManifest::FILE])?;
     Ok(Some(LabelledEpisodes::open(path, &set, manifest)?))
 }

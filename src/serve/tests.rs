@@ -42,6 +42,10 @@ struct Answer {
 impl Served {
     /// Serves episodes of so many samples; `prepare` may change the folder before.
     fn new(n_samples: &[usize], prepare: impl FnOnce(&Path)) -> Self {
+        Self::with(n_samples, prepare, &SetOptions::default())
+    }
+
+    fn with(n_samples: &[usize], prepare: impl FnOnce(&Path), options: &SetOptions) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let data = folder.path().join("data");
         fs::create_dir(&data).unwrap();
@@ -49,7 +53,7 @@ impl Served {
         prepare(folder.path());
         let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().unwrap();
         let served = ServedFolder::open(folder.path()).unwrap();
-        let (site, wanted) = ServedSite::open(served, &SetOptions::default()).unwrap();
+        let (site, wanted) = ServedSite::open(served, options).unwrap();
         let gate = Gate { token: AccessToken::draw().unwrap(), port: 4321 };
         let token = gate.token.as_str().to_owned();
         let router = router(site.clone(), gate);
@@ -304,6 +308,22 @@ fn what_is_torn_or_leads_out_is_told_and_the_rest_is_shown() {
     assert!(String::from_utf8(answer.body).unwrap().contains("metrics.json"));
     served.read_through();
     assert!(served.folder.path().join("data").is_dir());
+}
+
+#[test]
+fn the_label_set_and_the_score_that_are_asked_for_are_shown() {
+    let found = |folder: &Path| predict(&folder.join("data"), &folder.join("found"));
+    let options = |labels: &str, min_score| SetOptions { labels: Some(labels.to_owned()), min_score };
+    let served = Served::with(&[1], found, &options("rect", Some(0.6)));
+    let detail = served.json("/api/sets/0/episodes/made-0");
+    assert_eq!(detail["false_alarms"], 0, "the box where nothing is has a score of 0.5");
+    let served = Served::with(&[1], |_| {}, &options("absent", None));
+    let set = served.json("/api/folder")["sets"][0].clone();
+    assert!(
+        set["labels"].is_null() && set["trouble"].as_str().unwrap().contains("no label set `absent`"),
+        "{set}"
+    );
+    assert!(served.json("/api/sets/0/episodes/made-0")["harmful"].is_null());
 }
 
 #[test]

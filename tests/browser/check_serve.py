@@ -1,8 +1,9 @@
 """Uses the page of `harmzone serve` in Chromium: wide and narrow, light and dark, by keyboard and by touch.
 
 Usage: check_serve.py URL [PICTURES]. The folder that is served has a data set of 1,000 episodes or more with
-boxes of a detector, scores and a report. With a second folder, screenshots are kept there. Exit 0: all holds;
-1: a claim failed; 77: no Chromium here (`apt-get install chromium`, or CHROMIUM=path).
+boxes of a detector, of which episode-0007 is damaged, scores and a report. With a second folder, screenshots
+are kept there. Exit 0: all holds; 1: a claim failed; 77: no Chromium here (`apt-get install chromium`, or
+CHROMIUM=path).
 """
 
 import re
@@ -182,6 +183,22 @@ def check_player(page: Page) -> None:
     assert page.evaluate("location.hash") == place, "a reload stays where it was"
 
 
+def check_torn(page: Page) -> None:
+    """The damaged episode says what is wrong with it, and the next one plays."""
+    page.goto(page.url.split("#")[0] + "#/episodes")
+    page.fill("[name=words]", "episode-0007")
+    expect(page.locator("#list .row")).to_have_count(1)
+    assert "cannot be shown" in page.inner_text("#list .row")
+    page.locator("#list .row").click()
+    expect(page.locator("#notice")).to_contain_text("episode-0007.mcap")
+    assert page.inner_text("#now") == "" and page.locator("#here tr").count() == 0
+    page.keyboard.press("Escape")
+    page.fill("[name=words]", "")
+    expect(page.locator("#notice")).to_be_hidden()
+    page.evaluate("location.hash = '#/episodes/0/episode-0008/1'")
+    wait_for_sample(page, 2)
+
+
 def check_scores_and_report(page: Page) -> None:
     """Tables, and the report in an origin of its own."""
     page.click("nav >> text=Scores")
@@ -233,6 +250,7 @@ def use(browser: Browser, url: str, view: str, scheme: str, pictures: Path | Non
     page.keyboard.press("?")
     n_passes.append(look("help"))
     page.keyboard.press("Escape")
+    check_torn(page)
     check_scores_and_report(page)
     n_passes.append(look("report"))
     page.click("nav >> text=Scores")

@@ -93,6 +93,13 @@ pub fn scores_and_report(folder: &Path) {
     done(&["report", text(&page), "--ood", text(&scores)]);
 }
 
+/// Cuts a file in half, and leaves its other names alone.
+pub fn tear(file: &Path) {
+    let bytes = fs::read(file).expect("it was made");
+    fs::remove_file(file).expect("a writable folder");
+    fs::write(file, &bytes[..bytes.len() / 2]).expect("a writable folder");
+}
+
 /// Makes `big` of `n` episodes and `found-big` with boxes for it, of the files of the small data set.
 pub fn big(folder: &Path, n: usize) -> PathBuf {
     let (small, big) = (folder.join("small"), folder.join("big"));

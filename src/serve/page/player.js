@@ -78,6 +78,10 @@ export class Player {
     this.shown = null;
     for (const frame of this.frames.values()) frame.then(({ picture }) => picture?.close(), () => {});
     this.frames.clear();
+    // Nothing of the episode before stands beside the next one's name.
+    for (const id of ["camera", "above", "marks"]) by(id).width = 0;
+    by("here").replaceChildren();
+    by("now").textContent = "";
   }
 
   /** A sample's parts; asked for once. */
