@@ -56,7 +56,8 @@
 //! - the world: [`scene`], [`sensors`], [`sim`]; its files: [`episode`]; the stages that write them: [`generate`], [`import`],
 //!   [`label`], [`export`]; and what reads them: [`dataset`];
 //! - two data sets side by side: [`compare`];
-//! - the network: [`kernels`], [`model`], [`infer`], [`train`]; predictions of others: [`exchange`]; the scores: [`eval`], [`report`];
+//! - the network: [`kernels`], [`model`], [`infer`], [`train`]; predictions of others: [`exchange`]; the scores: [`eval`], [`report`], and a page of
+//!   all in the browser: [`serve`];
 //!   the closed loop: [`drive`], and what comes of it: [`outcome`];
 //! - the program's flags: [`cli`].
 
@@ -106,6 +107,7 @@ pub mod outcome;
 pub mod train;
 
 pub mod report;
+pub mod serve;
 
 pub mod cli;
 

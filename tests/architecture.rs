@@ -44,8 +44,9 @@ const LAYERS: &[(&str, u32)] = &[
     ("exchange", 9),
     ("train", 9),
     ("report", 10),
-    ("cli", 11),
-    ("python", 12),
+    ("serve", 11), // above `report`: it shows its tables
+    ("cli", 12),
+    ("python", 13),
 ];
 
 /// Words that may appear only in files under the given prefixes, and why.

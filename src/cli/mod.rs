@@ -24,6 +24,7 @@ mod predict;
 mod predict_worker;
 mod progress;
 mod report;
+mod serve;
 mod sweep;
 mod train;
 mod values;
@@ -103,6 +104,8 @@ enum Command {
     Report(report::ReportArgs),
     /// Draw a sample with its zone, true boxes and predictions
     View(view::ViewArgs),
+    /// Show a folder's episodes, scores and reports in the browser of this machine: filter, play, read
+    Serve(serve::ServeArgs),
     /// Write a data set or predictions in the formats of other tools
     Export(export::ExportArgs),
     /// Tell what this machine has and lacks, or what is wrong with a data set
@@ -162,6 +165,7 @@ fn run(cli: Cli) -> anyhow::Result<ExitStatus> {
         Command::Sweep(args) => sweep::run(args),
         Command::Report(args) => report::run(args),
         Command::View(args) => view::run(args),
+        Command::Serve(args) => serve::run(args),
         Command::Export(args) => export::run(args),
         Command::Doctor(args) => doctor::run(args),
     }
@@ -276,6 +280,8 @@ mod tests {
             "report --cards",
             "view --sample",
             "view --min-score",
+            "serve --port",
+            "serve --min-score",
         ];
         let of_engine = ["--task-cpus", "--task-gpus", "--in-flight"];
         let is_of_engine = |flag: &String| of_engine.iter().any(|of| flag.ends_with(of));

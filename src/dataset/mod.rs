@@ -1,6 +1,7 @@
 //! A labelled dataset in memory: each sample's measurements and its objects with their labels.
 
 pub mod blind;
+mod by_episode;
 mod coverage;
 mod facts;
 pub mod health;
@@ -25,6 +26,7 @@ use crate::object::{LabelledObject, Object};
 use crate::sample::{EgoState, IgnoredRegion, Measured, Sample};
 use crate::zone::{Zone, ZoneConfig, ZoneError};
 
+pub use by_episode::LabelledEpisodes;
 pub use coverage::{CameraFacts, PictureRectangle, count_points, keep_in_view};
 use facts::Origin;
 pub use facts::{SampleFacts, episode_of_id};

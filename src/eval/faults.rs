@@ -12,6 +12,8 @@ use serde::{Deserialize, Serialize};
 
 use super::filter::KeptSample;
 use super::matching::{Matching, Outcome, center_distance_m};
+use super::protocol::Protocol;
+use super::sample::{EvalSample, Mode, ScoreError};
 use crate::dataset::{SampleFacts, episode_of_id};
 use crate::geometry::{Box3, Ego};
 use crate::object::{Detection, Harm, LabelledObject, Object};
@@ -69,6 +71,33 @@ pub struct Fault {
     pub facts: SampleFacts,
     /// The sample's detections of the operating score or more.
     pub detections: Vec<Detection>,
+}
+
+/// A fault's place, for who marks all faults of an episode.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FaultPlace {
+    pub kind: FaultKind,
+    /// Place of its sample among those given.
+    pub sample_idx: usize,
+    /// The box of a missed object, or of the detection that is a false alarm.
+    pub place: Box3<Ego>,
+}
+
+/// Every fault of these samples, not only the worst.
+///
+/// # Errors
+/// As [`super::score`].
+pub fn list_faults(samples: &[EvalSample], protocol: &Protocol) -> Result<Vec<FaultPlace>, ScoreError> {
+    let matching = Matching::new(samples, protocol, Mode::Id)?;
+    // The filters leave out what nobody annotated.
+    let is_kept = |(_, sample): &(usize, &EvalSample)| !sample.facts.is_unlabelled;
+    let kept: Vec<usize> = samples.iter().enumerate().filter(is_kept).map(|(i, _)| i).collect();
+    let place = |fault: Found<'_>| FaultPlace {
+        kind: fault.kind,
+        sample_idx: kept[fault.sample_idx],
+        place: *fault.place,
+    };
+    Ok(find_all(&matching).into_iter().map(place).collect())
 }
 
 /// The worst faults, kind by kind, the worst first.
@@ -284,6 +313,9 @@ mod tests {
         // The box of 4 m at 10 m begins 5 m before the bumper; 10 m/s need 10 m to react and 12.5 m to brake.
         assert!((faults[0].stopping_margin_m.unwrap() + 17.5).abs() < 1e-12);
         assert_eq!(faults[0].detections.len(), 5);
+        let mut places: Vec<_> = list_faults(&samples, &Protocol::default()).unwrap();
+        places.sort_by_key(|fault| fault.kind);
+        assert!(places.iter().map(|of| (of.kind, of.place)).eq(faults.iter().map(|of| (of.kind, of.place))));
         assert_eq!(faults[0].place, samples[0].objects[0].truth.box_in_ego);
     }
 
@@ -296,6 +328,11 @@ mod tests {
         let faults = worst(&samples);
         let told: Vec<_> = faults.iter().map(|fault| (fault.sample.as_str(), fault.n_samples)).collect();
         assert_eq!(told, [("a/1", 3), ("b/0", 1), ("a/3", 1), ("a/4", 1)]);
+        let all = list_faults(&samples, &Protocol::default()).unwrap();
+        assert!(all.iter().map(|fault| fault.sample_idx).eq(0..10), "every miss of every sample");
+        samples[0].facts.is_unlabelled = true;
+        let all = list_faults(&samples, &Protocol::default()).unwrap();
+        assert!(all.iter().map(|fault| fault.sample_idx).eq(1..10), "places are those of the samples given");
     }
 
     #[test]

@@ -30,7 +30,7 @@ pub use bootstrap::{Confidence, Intervals, interval, resample};
 pub use breakdown::{Breakdown, Group, GroupScores};
 pub use curve::Curve;
 pub use evaluation::{Evaluation, evaluate, score};
-pub use faults::{Fault, FaultKind};
+pub use faults::{Fault, FaultKind, FaultPlace, list_faults};
 pub use filter::Filters;
 pub use matching::{PerClass, center_distance_m};
 pub use metrics::{ClassScores, Column, Columns, Counts, Metrics, OutcomeCounts, TpErrors, TruthCounts};

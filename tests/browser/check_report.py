@@ -1,4 +1,5 @@
-"""Opens a report in Chromium from disk and uses it: no error, nothing fetched, the gallery sorts and filters.
+"""Opens a report in Chromium from disk and uses it: no error, nothing fetched, the gallery sorts and filters,
+no serious finding of axe.
 
 Usage: check_report.py REPORT_HTML [PICTURES]. With a folder, screenshots of a wide and a narrow page, light
 and dark, are kept there. Exit 0: all holds; 1: a claim failed; 77: no Chromium here (`apt-get install
@@ -10,6 +11,7 @@ import shutil
 import sys
 from pathlib import Path
 
+import axe
 from playwright.sync_api import Page, expect, sync_playwright
 
 SKIPPED = 77
@@ -112,6 +114,7 @@ def main() -> int:
                 assert (ground == dark) == (scheme == "dark"), f"{scheme}: the ground is {ground}"
                 page.eval_on_selector_all("details", "all => all.forEach(one => { one.open = true; })")
                 check_width(page)
+                axe.check(page, f"report, {view}, {scheme}")
                 page.eval_on_selector_all("details", "all => all.forEach(one => { one.open = false; })")
                 check_gallery(page)
                 if page.locator(".card .pictures").count():
