@@ -17,6 +17,7 @@ mod foreign;
 mod foreign_tests;
 mod labels;
 mod log;
+pub mod merged;
 pub mod manifest;
 #[cfg(test)]
 mod manifest_tests;
