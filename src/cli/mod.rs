@@ -102,7 +102,7 @@ enum Command {
     Sweep(sweep::SweepArgs),
     /// Make one HTML page of scores: tables, curves, and a gallery of the worst misses and false alarms
     Report(report::ReportArgs),
-    /// Look at a data set with its zone, true boxes and predictions: a picture, a clip, or a file for Foxglove
+    /// Look at a data set with its zone, true boxes and predictions: a picture, a clip, a file for Foxglove or Rerun
     View(view::ViewArgs),
     /// Write the layout with which Foxglove shows what `view --mcap` writes
     FoxgloveLayout(foxglove_layout::FoxgloveLayoutArgs),

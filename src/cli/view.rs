@@ -1,4 +1,4 @@
-//! `harmzone view`: one sample as a picture; an episode as a clip, or as a file for viewers.
+//! `harmzone view`: one sample as a picture; an episode as a clip, or as a file for Foxglove or Rerun.
 
 use std::path::PathBuf;
 
@@ -8,21 +8,21 @@ use super::{Bar, ExitStatus, number, print};
 use crate::infer::Trained;
 use crate::report::view::{
     self, ClipRequest, EpisodeRequest, EpisodeView, Moment, ViewRequest, WIDTHS_PX, write_episode_clip,
-    write_episode_mcap,
+    write_episode_mcap, write_episode_rrd,
 };
 
 /// Lowest score of the predictions that are drawn, of networks without a score of their own.
 const DEFAULT_MIN_SCORE: f32 = 0.3;
 
 #[derive(Debug, Args)]
-#[command(group = ArgGroup::new("to").required(true).multiple(true).args(["out", "mcap", "video"]))]
+#[command(group = ArgGroup::new("to").required(true).multiple(true).args(["out", "mcap", "rrd", "video"]))]
 pub struct ViewArgs {
     /// The data set's folder
     dataset: PathBuf,
     /// Number of the sample of --out, counted from 0 through all episodes
     #[arg(long, value_name = "K", value_parser = number(0..=usize::MAX), requires = "out")]
     sample: Option<usize>,
-    /// Episode of --mcap and --video [default: the first]
+    /// Episode of --mcap, --rrd and --video [default: the first]
     #[arg(long, value_name = "NAME")]
     episode: Option<String>,
     /// Label set to draw [default: rect, where it is there]
@@ -43,6 +43,9 @@ pub struct ViewArgs {
     /// (`harmzone foxglove-layout`; docs/look.md)
     #[arg(long, value_name = "FILE")]
     mcap: Option<PathBuf>,
+    /// Write a recording of an episode for Rerun; needs a Python with rerun-sdk (docs/look.md)
+    #[arg(long, value_name = "FILE")]
+    rrd: Option<PathBuf>,
     /// Write a clip of an episode at its true rate: `.mp4`, `.gif`, or a folder of pictures
     #[arg(long, value_name = "FILE")]
     video: Option<PathBuf>,
@@ -79,7 +82,7 @@ pub fn run(args: ViewArgs) -> anyhow::Result<ExitStatus> {
         let predictions = predictions.clone();
         draw(&ViewRequest { dataset, sample, label_set, predictions, min_score, out, force })?;
     }
-    if args.mcap.is_none() && args.video.is_none() {
+    if args.mcap.is_none() && args.rrd.is_none() && args.video.is_none() {
         return Ok(ExitStatus::Done);
     }
     let request = EpisodeRequest { dataset, episode: args.episode, label_set, predictions, min_score };
@@ -87,6 +90,10 @@ pub fn run(args: ViewArgs) -> anyhow::Result<ExitStatus> {
     if let Some(mcap) = args.mcap {
         write_episode_mcap(&view, &mcap, force, &Bar::default())?;
         print(format!("{}: {} samples of {}", mcap.display(), view.n_samples(), view.name()))?;
+    }
+    if let Some(rrd) = args.rrd {
+        write_episode_rrd(&view, &rrd, force, &Bar::default())?;
+        print(format!("{}: {} samples of {}", rrd.display(), view.n_samples(), view.name()))?;
     }
     if let Some(out) = args.video {
         let request = ClipRequest { out, from: args.from, to: args.to, width_px: args.width, force };

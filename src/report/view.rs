@@ -12,6 +12,8 @@ mod legend;
 pub(super) mod load;
 mod merged_file;
 mod moment;
+mod rerun_file;
+mod rerun_process;
 mod states;
 
 pub use clip::{ClipRequest, ClipSummary, write_episode_clip};
@@ -21,6 +23,8 @@ pub(in crate::report) use load::read_detections;
 pub use load::{LabelledView, ViewError, ViewRequest, ViewSummary, run};
 pub use merged_file::write_episode_mcap;
 pub use moment::{Moment, MomentError};
+pub use rerun_file::write_episode_rrd;
+pub use rerun_process::RerunError;
 pub use states::{StatePanel, draw_states};
 
 use image::RgbImage;

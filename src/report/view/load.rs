@@ -7,6 +7,7 @@ use serde::Serialize;
 use thiserror::Error;
 
 use super::moment::Moment;
+use super::rerun_process::RerunError;
 use super::{Scene, draw};
 use crate::episode::manifest::{EpisodeEntry, LabelManifest, Manifest, ManifestError, label_sets};
 use crate::episode::{DetectionReader, EpisodeError, EpisodeReader, LabelReader};
@@ -45,6 +46,8 @@ pub enum ViewError {
     NoSpan { episode: String, from: Moment, to: Moment, last: usize, seconds: f64 },
     #[error(transparent)]
     Clip(#[from] ClipError),
+    #[error(transparent)]
+    Rerun(#[from] RerunError),
 }
 
 /// At most so many names are listed.
