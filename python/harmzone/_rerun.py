@@ -1,7 +1,8 @@
 """Writes a recording for Rerun of what `harmzone view --rrd` tells on standard input.
 
-Usage: python _rerun.py OUT. Needs rerun-sdk alone. The input is a header and then samples: a line of JSON each, which says how many
-bytes follow it. Lengths are metres, positions in the ego frame, transforms rows of 4 x 4.
+Usage: python _rerun.py OUT. Needs rerun-sdk alone. The input is a header and then samples: a line of JSON
+each, which says how many bytes follow it. Lengths are metres, positions in the ego frame, transforms rows of
+4 x 4.
 """
 
 from __future__ import annotations
@@ -33,7 +34,10 @@ PLOTS = {
     "speed": [("speed_mps", "speed, m/s", "text")],
     "steering": [("steering_deg", "steering, degrees to the left", "text")],
     "zone": [("zone_depth_m", "zone beyond the bumper, m", "zone")],
-    "harmful": [("n_harmful", "harmful", "harmful"), ("n_predicted_harmful", "predicted harmful", "predicted_harmful")],
+    "harmful": [
+        ("n_harmful", "harmful", "harmful"),
+        ("n_predicted_harmful", "predicted harmful", "predicted_harmful"),
+    ],
 }
 
 
@@ -73,7 +77,11 @@ def log_header(said: dict[str, Any], car_glb: bytes) -> None:
     colors = said["colors"]
     rr.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     if said["lane_lines"]:
-        rr.log("world/map/lanes", rr.LineStrips3D(said["lane_lines"], colors=[colors["ring"]], radii=0.06), static=True)
+        rr.log(
+            "world/map/lanes",
+            rr.LineStrips3D(said["lane_lines"], colors=[colors["ring"]], radii=0.06),
+            static=True,
+        )
     if said["road"]:
         corners = np.asarray(said["road"]).reshape(-1, 3)
         shades = np.tile(colors["road"], (len(corners), 1))
@@ -84,14 +92,20 @@ def log_header(said: dict[str, Any], car_glb: bytes) -> None:
     rr.log(f"{EGO}/car", rr.Asset3D(contents=car_glb, media_type="model/gltf-binary"), static=True)
     for plot, lines in PLOTS.items():
         for key, name, color in lines:
-            rr.log(f"plots/{plot}/{key}", rr.SeriesLines(colors=[colors[color]], names=[name], widths=[2]), static=True)
+            rr.log(
+                f"plots/{plot}/{key}",
+                rr.SeriesLines(colors=[colors[color]], names=[name], widths=[2]),
+                static=True,
+            )
 
 
 def log_zone(corners: list[list[float]], color: list[int]) -> None:
-    """The zone's outline, and its inside, which a fan of triangles fills: zones are outlines of convex or bent strips."""
+    """The zone's outline and its inside: corners run out along one side and back along the other."""
     ground = [[x, y, ZONE_Z_M] for x, y in corners]
-    rr.log(f"{EGO}/zone/outline", rr.LineStrips3D([[*ground, ground[0]]], colors=[color], radii=rr.Radius.ui_points(ZONE_LINE)))
-    # Out along one side and back along the other: strips between both.
+    rr.log(
+        f"{EGO}/zone/outline",
+        rr.LineStrips3D([[*ground, ground[0]]], colors=[color], radii=rr.Radius.ui_points(ZONE_LINE)),
+    )
     low, high, triangles = 0, len(ground) - 1, []
     while low + 1 < high:
         triangles.append([low, low + 1, high])
@@ -99,7 +113,10 @@ def log_zone(corners: list[list[float]], color: list[int]) -> None:
             triangles.append([low + 1, high - 1, high])
         low, high = low + 1, high - 1
     shades = [[*color, ZONE_ALPHA]] * len(ground)
-    rr.log(f"{EGO}/zone/inside", rr.Mesh3D(vertex_positions=ground, triangle_indices=triangles, vertex_colors=shades))
+    rr.log(
+        f"{EGO}/zone/inside",
+        rr.Mesh3D(vertex_positions=ground, triangle_indices=triangles, vertex_colors=shades),
+    )
 
 
 def log_sample(said: dict[str, Any], parts: list[bytes], colors: dict[str, list[int]]) -> None:
@@ -135,7 +152,9 @@ def log_sample(said: dict[str, Any], parts: list[bytes], colors: dict[str, list[
 
 def blueprint() -> rrb.Blueprint:
     """The window: the camera over the plots on the left, the scene on the right."""
-    behind = rrb.EyeControls3D(position=(-16, 0, 11), look_target=(12, 0, 0), eye_up=(0, 0, 1), tracking_entity=None)
+    behind = rrb.EyeControls3D(
+        position=(-16, 0, 11), look_target=(12, 0, 0), eye_up=(0, 0, 1), tracking_entity=None
+    )
     camera = rrb.Spatial2DView(
         name="Camera",
         origin=CAMERA,
@@ -145,7 +164,9 @@ def blueprint() -> rrb.Blueprint:
     space = rrb.Spatial3DView(name="Space", origin=EGO, contents=["world/**"], eye_controls=behind)
     return rrb.Blueprint(
         rrb.Horizontal(
-            rrb.Vertical(camera, rrb.Grid(*plots, grid_columns=2), row_shares=[5, 4]), space, column_shares=[5, 6]
+            rrb.Vertical(camera, rrb.Grid(*plots, grid_columns=2), row_shares=[5, 4]),
+            space,
+            column_shares=[5, 6],
         ),
         rrb.TimePanel(state="collapsed", timeline=TIMELINE),
         rrb.BlueprintPanel(state="collapsed"),

@@ -254,7 +254,11 @@ fn line_list(
 pub(super) type Pixel = (f64, f64);
 
 /// The visible part of an edge in pixels: cut at the near plane, then at the image's border.
-pub(super) fn project_edge(camera: &Pinhole, from: Point<Camera>, to: Point<Camera>) -> Option<(Pixel, Pixel)> {
+pub(super) fn project_edge(
+    camera: &Pinhole,
+    from: Point<Camera>,
+    to: Point<Camera>,
+) -> Option<(Pixel, Pixel)> {
     let cut = |point: Point<Camera>, other: Point<Camera>| {
         if point.z() >= NEAR_PLANE_M {
             return point;

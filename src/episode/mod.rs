@@ -17,10 +17,10 @@ mod foreign;
 mod foreign_tests;
 mod labels;
 mod log;
-pub mod merged;
 pub mod manifest;
 #[cfg(test)]
 mod manifest_tests;
+pub mod merged;
 mod messages;
 mod meta;
 mod objects;

@@ -91,7 +91,9 @@ impl Content {
         text.resize(text.len().next_multiple_of(4), b' ');
         let mut file = Vec::new();
         let put = |file: &mut Vec<u8>, number: usize| {
-            file.extend(u32::try_from(number).expect("a drawn model has far fewer than 2^32 bytes").to_le_bytes());
+            file.extend(
+                u32::try_from(number).expect("a drawn model has far fewer than 2^32 bytes").to_le_bytes(),
+            );
         };
         let binary_bytes = if self.binary.is_empty() { 0 } else { 8 + self.binary.len() };
         file.extend(MAGIC.to_le_bytes());
@@ -126,7 +128,8 @@ mod tests {
             color: [1.0, 0.5, 0.0],
             ..MeshPart::default()
         };
-        let content = super::super::glb::read(&to_glb(std::slice::from_ref(&part)), std::path::Path::new("")).unwrap();
+        let content =
+            super::super::glb::read(&to_glb(std::slice::from_ref(&part)), std::path::Path::new("")).unwrap();
         let [read] = content.parts.as_slice() else { panic!("{} parts", content.parts.len()) };
         assert_eq!(read.triangles, part.triangles);
         assert_eq!(read.positions[2], [0.0, 3.0, -2.0]);

@@ -175,7 +175,10 @@ mod tests {
     fn the_copy_in_the_docs_is_the_layout() {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/foxglove_layout.json");
         let copy = fs::read_to_string(path).unwrap();
-        assert!(copy == foxglove_layout(), "write it anew: harmzone foxglove-layout --out docs/foxglove_layout.json --force");
+        assert!(
+            copy == foxglove_layout(),
+            "write it anew: harmzone foxglove-layout --out docs/foxglove_layout.json --force"
+        );
     }
 
     /// Names of panels in a part of the window.
@@ -191,7 +194,8 @@ mod tests {
         let layout = layout();
         let mut shown = BTreeSet::new();
         panels(&layout["layout"], &mut shown);
-        let configured: BTreeSet<String> = layout["configById"].as_object().unwrap().keys().cloned().collect();
+        let configured: BTreeSet<String> =
+            layout["configById"].as_object().unwrap().keys().cloned().collect();
         assert_eq!(shown, configured);
     }
 }

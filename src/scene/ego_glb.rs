@@ -32,7 +32,9 @@ fn parts() -> Option<Vec<MeshPart>> {
     };
     let (files, colors) = (named("mesh", "file"), named("material", "rgba"));
     let shown = document.descendants().filter(|node| node.attribute("group") == Some("2"));
-    shown.map(|geom| part(files.get(geom.attribute("mesh")?)?, colors.get(geom.attribute("material")?)?)).collect()
+    shown
+        .map(|geom| part(files.get(geom.attribute("mesh")?)?, colors.get(geom.attribute("material")?)?))
+        .collect()
 }
 
 fn part(file: &str, rgba: &str) -> Option<MeshPart> {

@@ -1,6 +1,7 @@
 """Reads an MP4 with OpenCV and a GIF with Pillow, and sets their pictures beside those of a folder.
 
-Usage: check_clips.py FOLDER MP4 GIF. All three are of the same samples; the folder holds the pictures as they were drawn.
+Usage: check_clips.py FOLDER MP4 GIF. All three are of the same samples; the folder holds the pictures as
+they were drawn.
 """
 
 import json

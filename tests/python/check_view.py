@@ -1,7 +1,8 @@
 """Checks a file of `harmzone view --mcap` and the layout for Foxglove with public packages alone.
 
-Usage: check_view.py LAYOUT JOINED EPISODE LABELS DETECTIONS. Every topic that the layout names is in one of the files, with a schema
-that its panel takes; each field of a plot or a table is in the messages; keys of panels are those of Foxglove's own layout types.
+Usage: check_view.py LAYOUT JOINED EPISODE LABELS DETECTIONS. Every topic that the layout names is in one of
+the files, with a schema that its panel takes; each field of a plot or a table is in the messages; keys of
+panels are those of Foxglove's own layout types.
 """
 
 import dataclasses
@@ -138,7 +139,7 @@ def check_drawings(joined: dict) -> int:
         for entity in update.entities:
             assert entity.lifetime.seconds == entity.lifetime.nanos == 0
             assert entity.frame_id == "ego" and len(entity.cubes) == 1
-    (_, ego), = topics["/view/ego"]
+    ((_, ego),) = topics["/view/ego"]
     model = ego.entities[0].models[0]
     assert model.media_type == "model/gltf-binary" and not model.url
     car = trimesh.load(io.BytesIO(model.data), file_type="glb", force="mesh")

@@ -28,13 +28,16 @@ const TAG_FILL: f64 = 0.9;
 /// The zone, true boxes, the names of what is harmful or out of distribution, and the state of the ego in words.
 pub(super) fn truth(drawn: &Drawn<'_>, look: &MergedLook) -> fox::ImageAnnotations {
     let page = Page::of(&drawn.sample.measured);
-    let mut points: Vec<_> = drawn.zone().and_then(|corners| page.ground(corners, look)).into_iter().collect();
+    let mut points: Vec<_> =
+        drawn.zone().and_then(|corners| page.ground(corners, look)).into_iter().collect();
     let mut texts = vec![page.state(drawn, look)];
     let objects = drawn.sample.objects();
     for i in far_to_near(objects.len(), |i| &objects[i].box_in_ego) {
         let (object, harm) = (&objects[i], drawn.harm(i));
         let color = look.of_truth(harm);
-        let Some(edges) = page.edges(&object.box_in_ego, color, TRUTH_LINE_PX, object.is_ood()) else { continue };
+        let Some(edges) = page.edges(&object.box_in_ego, color, TRUTH_LINE_PX, object.is_ood()) else {
+            continue;
+        };
         points.push(fox::PointsAnnotation { metadata: vec![pair("id", text(object.id.as_ref()))], ..edges });
         // Scores stand there where there are predictions.
         let is_named = drawn.detections.is_none() && (object.is_ood() || harm == Some(Harm::Harmful));
@@ -88,7 +91,12 @@ impl<'a> Page<'a> {
         (f64::from(camera.width_px), f64::from(camera.height_px))
     }
 
-    fn annotation(&self, kind: PointsType, points: Vec<Pixel>, line: (fox::Color, f64)) -> fox::PointsAnnotation {
+    fn annotation(
+        &self,
+        kind: PointsType,
+        points: Vec<Pixel>,
+        line: (fox::Color, f64),
+    ) -> fox::PointsAnnotation {
         fox::PointsAnnotation {
             timestamp: Some(fox_time(self.measured.time_ns)),
             r#type: kind.into(),
@@ -124,12 +132,14 @@ impl<'a> Page<'a> {
 
     /// The zone's part in the picture; `None` where it is out of it.
     fn ground(&self, corners: &[Point2], look: &MergedLook) -> Option<fox::PointsAnnotation> {
-        let ground = corners.iter().map(|corner| {
-            self.camera_from_ego * Point::<Ego>::new(corner.x_m, corner.y_m, 0.0)
-        });
-        let before = cut(&ground.collect::<Vec<_>>(), |corner| corner.z() - NEAR_PLANE_M, |a, b, t| {
-            Point::from_coords(a.coords + (b.coords - a.coords) * t)
-        });
+        let ground = corners
+            .iter()
+            .map(|corner| self.camera_from_ego * Point::<Ego>::new(corner.x_m, corner.y_m, 0.0));
+        let before = cut(
+            &ground.collect::<Vec<_>>(),
+            |corner| corner.z() - NEAR_PLANE_M,
+            |a, b, t| Point::from_coords(a.coords + (b.coords - a.coords) * t),
+        );
         let camera = &self.measured.intrinsics;
         let (width, height) = self.size_px();
         let mut seen: Vec<Pixel> = before.iter().filter_map(|corner| camera.project(corner)).collect();
@@ -146,11 +156,17 @@ impl<'a> Page<'a> {
     }
 
     /// Words over the top of a box; `None` where the box is out of the picture.
-    fn tag(&self, placed: &Box3<Ego>, words: &str, color: [u8; 3], look: &MergedLook) -> Option<fox::TextAnnotation> {
+    fn tag(
+        &self,
+        placed: &Box3<Ego>,
+        words: &str,
+        color: [u8; 3],
+        look: &MergedLook,
+    ) -> Option<fox::TextAnnotation> {
         let corners = placed.corners().map(|corner| self.camera_from_ego * corner);
-        let ends = BOX_EDGES.into_iter().filter_map(|(from, to)| {
-            project_edge(&self.measured.intrinsics, corners[from], corners[to])
-        });
+        let ends = BOX_EDGES
+            .into_iter()
+            .filter_map(|(from, to)| project_edge(&self.measured.intrinsics, corners[from], corners[to]));
         let seen: Vec<Pixel> = ends.flat_map(|(from, to)| [from, to]).collect();
         let left = seen.iter().map(|at| at.0).reduce(f64::min)?;
         let top = seen.iter().map(|at| at.1).reduce(f64::min)?;
@@ -166,7 +182,10 @@ impl<'a> Page<'a> {
         let ego = drawn.sample.true_state();
         // A sum with zero has no minus sign left: no "-0.0".
         let mut words = format!("{:.1} m/s", (10.0 * ego.speed_mps).round() / 10.0 + 0.0);
-        words += &format!("   {:+.1}° steering", (10.0 * ego.steering_angle_rad.to_degrees()).round() / 10.0 + 0.0);
+        words += &format!(
+            "   {:+.1}° steering",
+            (10.0 * ego.steering_angle_rad.to_degrees()).round() / 10.0 + 0.0
+        );
         if let Some(harms) = &drawn.harms {
             let n = harms.iter().filter(|&&harm| harm == Harm::Harmful).count();
             words += &format!("   {n} harmful of {}", harms.len());

@@ -65,7 +65,10 @@ impl Boxes {
                 metadata,
                 cubes: vec![fox_cube(&object.box_in_ego, paint(color, TRUTH_FILL))],
                 lines: vec![edges(&object.box_in_ego, paint(color, 1.0), TRUTH_LINE_PX, object.is_ood())],
-                texts: name.map(|name| words(&object.box_in_ego, name, paint(color, 1.0))).into_iter().collect(),
+                texts: name
+                    .map(|name| words(&object.box_in_ego, name, paint(color, 1.0)))
+                    .into_iter()
+                    .collect(),
                 arrows: arrow(object, paint(color, 0.9)).into_iter().collect(),
                 ..entity(time_ns, Ego::NAME, text(object.id.as_ref()), 0)
             }

@@ -137,7 +137,10 @@ fn boxes_stay_until_they_are_gone_and_low_scores_are_not_drawn() {
     let truth = messages(&path, topics::VIEW_BOXES);
     assert!(truth.iter().all(|update| update.entities.len() == 2 && update.deletions.is_empty()));
     for entity in &truth[0].entities {
-        assert_eq!((entity.lifetime, entity.cubes.len(), entity.lines.len()), (Some(fox::Duration::new(0, 0)), 1, 1));
+        assert_eq!(
+            (entity.lifetime, entity.cubes.len(), entity.lines.len()),
+            (Some(fox::Duration::new(0, 0)), 1, 1)
+        );
     }
     // The hay bale is harmful and out of distribution: dashed, and with its name.
     let [car, bale] = truth[0].entities.as_slice() else { panic!("two boxes") };

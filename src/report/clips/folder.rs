@@ -7,7 +7,7 @@ use image::RgbImage;
 use serde::Serialize;
 
 use super::ClipError;
-use crate::files::folder::NewFolder;
+use crate::files::NewFolder;
 
 /// The file by which such a folder is known.
 const FRAMES: &str = "frames.json";

@@ -89,7 +89,8 @@ impl GifFile {
             none => {
                 let mut flat: Vec<u8> = self.palette.iter().flatten().copied().collect();
                 flat.resize(3 * 256, 0);
-                let mut encoder = Encoder::new(Vec::new(), width, height, &flat).map_err(|e| fail(e.to_string()))?;
+                let mut encoder =
+                    Encoder::new(Vec::new(), width, height, &flat).map_err(|e| fail(e.to_string()))?;
                 encoder.set_repeat(Repeat::Infinite).map_err(|e| fail(e.to_string()))?;
                 none.insert(encoder)
             }

@@ -32,7 +32,7 @@ pub enum ClipError {
     #[error("the encoder failed: {message}: {}", path.display())]
     Encode { message: String, path: PathBuf },
     #[error(transparent)]
-    Folder(#[from] crate::files::folder::FolderError),
+    Folder(#[from] crate::files::FolderError),
 }
 
 /// What a clip becomes.

@@ -8,7 +8,8 @@ use std::path::Path;
 use image::RgbImage;
 use openh264::OpenH264API;
 use openh264::encoder::{
-    BitRate, Encoder, EncoderConfig, FrameRate, FrameType, IntraFramePeriod, QpRange, RateControlMode, VuiConfig,
+    BitRate, Encoder, EncoderConfig, FrameRate, FrameType, IntraFramePeriod, QpRange, RateControlMode,
+    VuiConfig,
 };
 use openh264::formats::YUVSlices;
 use openh264::{Timestamp, encoder::Complexity};
@@ -55,7 +56,8 @@ impl Mp4File {
     pub(super) fn add(&mut self, picture: &RgbImage, duration_ms: u32, path: &Path) -> Result<(), ClipError> {
         let fail = encode_error(path);
         let (width_px, height_px) = picture.dimensions();
-        if width_px % 2 + height_px % 2 > 0 || width_px.max(height_px) > MOST_PX || width_px * height_px == 0 {
+        if width_px % 2 + height_px % 2 > 0 || width_px.max(height_px) > MOST_PX || width_px * height_px == 0
+        {
             return Err(ClipError::Size { width_px, height_px, most_px: MOST_PX, path: path.to_owned() });
         }
         self.size_px = (width_px, height_px);
@@ -90,7 +92,12 @@ impl Mp4File {
             bytes.extend(unit.data);
         }
         let entry = (has_parameters && self.pictures.is_empty())
-            .then(|| build_avc1_box_from_annexb(&annex_b, &H264SampleEntryConfig { length_size: LengthSize::Four }))
+            .then(|| {
+                build_avc1_box_from_annexb(
+                    &annex_b,
+                    &H264SampleEntryConfig { length_size: LengthSize::FourBytes },
+                )
+            })
             .transpose()
             .map_err(|error| fail(error.to_string()))?
             .map(SampleEntry::Avc1);
@@ -165,7 +172,10 @@ impl Planes {
         for pair in rows.chunks_exact(2) {
             for (above, below) in pair[0].chunks_exact(6).zip(pair[1].chunks_exact(6)) {
                 let sum = |part: usize| {
-                    [above[part], above[part + 3], below[part], below[part + 3]].map(i32::from).iter().sum::<i32>()
+                    [above[part], above[part + 3], below[part], below[part + 3]]
+                        .map(i32::from)
+                        .iter()
+                        .sum::<i32>()
                 };
                 let [red, green, blue] = [sum(0), sum(1), sum(2)];
                 u.push(colour(-6596, -22_189, 28_784, [red, green, blue]));

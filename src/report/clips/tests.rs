@@ -77,7 +77,7 @@ fn an_mp4_holds_each_picture_and_is_the_same_twice() {
         let data = &bytes[begin..begin + sample.data_size];
         let annex_b = shiguredo_mp4::bitstream::h264::length_prefixed_to_annexb(
             data,
-            shiguredo_mp4::bitstream::h264::LengthSize::Four,
+            shiguredo_mp4::bitstream::h264::LengthSize::FourBytes,
         );
         let stream = [std::mem::take(&mut parameters), annex_b.unwrap()].concat();
         let decoded = decoder.decode(&stream).unwrap().expect("a picture for each sample");

@@ -140,7 +140,11 @@ impl EpisodeView {
 }
 
 /// The episode of this name, or the first.
-fn find<'a>(manifest: &'a Manifest, wanted: Option<&str>, path: &Path) -> Result<&'a EpisodeEntry, ViewError> {
+fn find<'a>(
+    manifest: &'a Manifest,
+    wanted: Option<&str>,
+    path: &Path,
+) -> Result<&'a EpisodeEntry, ViewError> {
     let Some(wanted) = wanted else {
         return manifest.episodes.first().ok_or_else(|| ViewError::Empty { path: path.to_owned() });
     };

@@ -162,7 +162,8 @@ impl<'a> Film<'a> {
             legend::turn(ego.steering_angle_rad),
         ];
         // Of the widest words, so that nothing moves while it plays.
-        let widths = ["00.0 s", "00.0 m/s", "00.0° right"].map(|widest| text_width_px(HEADER_SIZE_PX, widest));
+        let widths =
+            ["00.0 s", "00.0 m/s", "00.0° right"].map(|widest| text_width_px(HEADER_SIZE_PX, widest));
         let mut right = self.page.width_px as f32 - MARGIN_PX as f32;
         for (fact, width) in facts.iter().zip(widths).rev() {
             canvas.text((right, baseline), HEADER_SIZE_PX, palette::TEXT, Align::Right, fact);
@@ -195,7 +196,8 @@ impl<'a> Film<'a> {
 
     fn draw_row(&self, canvas: &mut Canvas, top: f32, is_marked: &[bool], color: Color) {
         let (left, right) = (self.x_of(0), self.x_of(self.len()));
-        let band = |left: f32, right: f32| [(left, top), (right, top), (right, top + ROW_PX), (left, top + ROW_PX)];
+        let band =
+            |left: f32, right: f32| [(left, top), (right, top), (right, top + ROW_PX), (left, top + ROW_PX)];
         canvas.fill(&band(left, right), palette::WEDGE);
         for (place, _) in is_marked.iter().enumerate().filter(|(_, is_marked)| **is_marked) {
             canvas.fill(&band(self.x_of(place), self.x_of(place + 1)), color);

@@ -42,7 +42,9 @@ pub enum ViewError {
     Image { source: image::ImageError, path: PathBuf },
     #[error("the file exists; --force replaces it: {}", path.display())]
     Exists { path: PathBuf },
-    #[error("from {from} to {to} there is no sample; episode `{episode}` has samples 0 to {last}, {seconds:.1} s")]
+    #[error(
+        "from {from} to {to} there is no sample; episode `{episode}` has samples 0 to {last}, {seconds:.1} s"
+    )]
     NoSpan { episode: String, from: Moment, to: Moment, last: usize, seconds: f64 },
     #[error(transparent)]
     Clip(#[from] ClipError),

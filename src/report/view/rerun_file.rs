@@ -59,8 +59,10 @@ fn tell(view: &EpisodeView, to: &mut impl Write, progress: &dyn Progress) -> Res
     let first = view.sample(0)?;
     let map = view.episode.map()?;
     let glb = ego_glb();
-    let lines: Vec<Vec<[f64; 3]>> = map.lane_lines.iter().map(|line| line.iter().map(plain).collect()).collect();
-    let road: Vec<[[f64; 3]; 3]> = map.drivable_area.iter().map(|corners| corners.each_ref().map(plain)).collect();
+    let lines: Vec<Vec<[f64; 3]>> =
+        map.lane_lines.iter().map(|line| line.iter().map(plain).collect()).collect();
+    let road: Vec<[[f64; 3]; 3]> =
+        map.drivable_area.iter().map(|corners| corners.each_ref().map(plain)).collect();
     let front_m = first.sample.measured.ego_state.front_bumper_x_m;
     let header = json!({
         "bytes": [glb.len()], "episode": view.name(), "colors": colors(), "lane_lines": lines, "road": road,
@@ -140,7 +142,8 @@ fn tell_sample(viewed: &ViewedSample, to: &mut impl Write) -> Result<(), ViewErr
 /// True boxes by harm and distribution: `harmful/ood`.
 fn truth(viewed: &ViewedSample) -> Value {
     let mut kinds = serde_json::Map::new();
-    let harms = if viewed.harms.is_some() { vec![Some(Harm::Harmful), Some(Harm::Harmless)] } else { vec![None] };
+    let harms =
+        if viewed.harms.is_some() { vec![Some(Harm::Harmful), Some(Harm::Harmless)] } else { vec![None] };
     for harm in harms {
         for (is_ood, distribution) in [(false, "id"), (true, "ood")] {
             let objects = viewed.sample.objects().iter().enumerate();
@@ -148,7 +151,8 @@ fn truth(viewed: &ViewedSample) -> Value {
                 object.is_ood() == is_ood && viewed.harms.as_ref().map(|harms| harms[*i]) == harm
             });
             let is_named = is_ood || harm == Some(Harm::Harmful);
-            let told: Vec<BoxTold> = of_kind.map(|(_, object)| BoxTold::of_object(object, is_named)).collect();
+            let told: Vec<BoxTold> =
+                of_kind.map(|(_, object)| BoxTold::of_object(object, is_named)).collect();
             let name = harm.map_or("unlabelled", Harm::name);
             kinds.insert(format!("{name}/{distribution}"), json!(told));
         }
