@@ -15,7 +15,7 @@ use crate::report::view::{
 const DEFAULT_MIN_SCORE: f32 = 0.3;
 
 #[derive(Debug, Args)]
-#[command(group = ArgGroup::new("to").required(true).multiple(true).args(["out", "mcap", "rrd", "video"]))]
+#[command(group = ArgGroup::new("what").required(true).multiple(true).args(["out", "mcap", "rrd", "video"]))]
 pub struct ViewArgs {
     /// The data set's folder
     dataset: PathBuf,

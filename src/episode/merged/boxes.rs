@@ -14,7 +14,7 @@ use super::{Drawn, MergedLook};
 use crate::episode::drawing::{BOX_EDGES, entity, fill_indices, pair, text};
 use crate::episode::messages::{fox_cube, fox_identity, fox_point, fox_time, fox_vector};
 use crate::geometry::{Box3, Ego, Frame, Point, Point2};
-use crate::object::{Detection, Harm, Object};
+use crate::object::{Detection, Distribution, Harm, Object};
 use crate::scene::car::EGO_LENGTH_M;
 
 /// Inside of boxes: truth, and predictions, which are drawn over it.
@@ -57,7 +57,7 @@ impl Boxes {
             let metadata = vec![
                 pair("category", text(object.category.as_ref())),
                 pair("harm", harm.map_or("", Harm::name)),
-                pair("distribution", object.distribution.map_or("", |of| of.name())),
+                pair("distribution", object.distribution.map_or("", Distribution::name)),
             ];
             let is_named = object.is_ood() || harm == Some(Harm::Harmful);
             let name = object.category.as_ref().filter(|_| is_named).map(|name| name.replace('_', " "));

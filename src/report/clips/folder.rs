@@ -1,4 +1,4 @@
-//! A clip as a folder of PNGs, `0000.png` and so on, and `frames.json` with how long each is shown.
+//! A clip as a folder of PNG files, `0000.png` and so on, and `frames.json` with how long each is shown.
 
 use std::path::Path;
 

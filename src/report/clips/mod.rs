@@ -1,4 +1,4 @@
-//! Pictures in a row to a file that plays: MP4 (H.264), GIF, or a folder of PNGs. The same pictures give the same bytes.
+//! Pictures in a row to a file that plays: MP4 (H.264), GIF, or a folder of PNG files. The same pictures give the same bytes.
 
 mod folder;
 mod gif_file;
@@ -40,7 +40,7 @@ pub enum ClipError {
 pub enum ClipFormat {
     Mp4,
     Gif,
-    /// A folder of PNGs and their times.
+    /// A folder of PNG files and their times.
     Pictures,
 }
 

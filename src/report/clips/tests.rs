@@ -127,10 +127,11 @@ fn what_is_there_stays_without_force_and_another_end_is_refused() {
 fn an_mp4_of_odd_sides_or_of_several_sizes_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("clip.mp4");
-    let odd = |_| Ok(RgbImage::new(63, 48));
+    let odd = |_: usize| -> Result<RgbImage, ClipError> { Ok(RgbImage::new(63, 48)) };
     let failed = write_clip::<ClipError>(&path, &[100], false, &odd, &Silent).unwrap_err();
     assert!(matches!(failed, ClipError::Size { width_px: 63, .. }), "{failed}");
-    let grows = |place| Ok(RgbImage::new(64, 48 + 2 * place as u32));
+    let grows =
+        |place: usize| -> Result<RgbImage, ClipError> { Ok(RgbImage::new(64, 48 + 2 * place as u32)) };
     let failed = write_clip::<ClipError>(&path, &[100, 100], false, &grows, &Silent).unwrap_err();
     assert!(matches!(failed, ClipError::OtherSize { .. }), "{failed}");
     assert!(!path.exists());

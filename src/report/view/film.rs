@@ -11,6 +11,7 @@ use super::episode_view::{EpisodeView, ViewedSample};
 use super::load::ViewError;
 use super::moment::seconds_after;
 use super::{Scene, birdseye, front, legend, palette};
+use crate::episode::LabelReader;
 use crate::object::{Detection, Harm};
 
 /// The widths that a clip may have: narrower nothing can be read, wider no encoder takes it.
@@ -78,7 +79,7 @@ impl<'a> Film<'a> {
         let harmful_at: BTreeSet<u64> = view
             .labels
             .iter()
-            .flat_map(|labels| labels.samples())
+            .flat_map(LabelReader::samples)
             .filter(|sample| sample.labels.iter().any(|label| label.harm == Harm::Harmful))
             .map(|sample| sample.time_ns)
             .collect();
