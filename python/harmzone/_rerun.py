@@ -112,11 +112,10 @@ def log_zone(corners: list[list[float]], color: list[int]) -> None:
         if low + 1 < high - 1:
             triangles.append([low + 1, high - 1, high])
         low, high = low + 1, high - 1
-    shades = [[*color, ZONE_ALPHA]] * len(ground)
-    rr.log(
-        f"{EGO}/zone/inside",
-        rr.Mesh3D(vertex_positions=ground, triangle_indices=triangles, vertex_colors=shades),
+    inside = rr.Mesh3D(
+        vertex_positions=ground, triangle_indices=triangles, albedo_factor=[*color, ZONE_ALPHA]
     )
+    rr.log(f"{EGO}/zone/inside", inside)
 
 
 def log_sample(said: dict[str, Any], parts: list[bytes], colors: dict[str, list[int]]) -> None:
@@ -147,7 +146,7 @@ def log_sample(said: dict[str, Any], parts: list[bytes], colors: dict[str, list[
     for plot, lines in PLOTS.items():
         for key, _, _ in lines:
             if said[key] is not None:
-                rr.log(f"plots/{plot}/{key}", rr.Scalars(said[key]))
+                rr.log(f"plots/{plot}/{key}", rr.Scalars(round(said[key], 6)))
 
 
 def blueprint() -> rrb.Blueprint:
@@ -158,10 +157,12 @@ def blueprint() -> rrb.Blueprint:
     camera = rrb.Spatial2DView(
         name="Camera",
         origin=CAMERA,
-        contents=["$origin/**", f"{EGO}/truth/**", f"{EGO}/predicted/**", f"{EGO}/zone/**"],
+        contents=["$origin/**", f"{EGO}/truth/**", f"{EGO}/predicted/**", f"{EGO}/zone/outline"],
     )
     plots = [rrb.TimeSeriesView(name=plot.capitalize(), origin=f"plots/{plot}") for plot in PLOTS]
-    space = rrb.Spatial3DView(name="Space", origin=EGO, contents=["world/**"], eye_controls=behind)
+    space = rrb.Spatial3DView(
+        name="Space", origin=EGO, contents=["world/**", f"- {CAMERA}/**"], eye_controls=behind
+    )
     return rrb.Blueprint(
         rrb.Horizontal(
             rrb.Vertical(camera, rrb.Grid(*plots, grid_columns=2), row_shares=[5, 4]),
