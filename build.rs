@@ -11,13 +11,15 @@ use flate2::Compression;
 use flate2::write::DeflateEncoder;
 
 /// Each message that is a topic's schema, and the file that defines it.
-const SCHEMAS: [(&str, &str); 6] = [
+const SCHEMAS: [(&str, &str); 8] = [
     ("EgoState", "harmzone/ego_state.proto"),
     ("Objects", "harmzone/objects.proto"),
     ("IgnoredRegions", "harmzone/ignored_regions.proto"),
     ("HarmLabels", "harmzone/harm_labels.proto"),
     ("Detections", "harmzone/detections.proto"),
     ("DriveCommand", "harmzone/drive_command.proto"),
+    ("ViewNumbers", "harmzone/view.proto"),
+    ("ViewObjects", "harmzone/view.proto"),
 ];
 
 fn main() {

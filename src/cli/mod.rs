@@ -12,6 +12,7 @@ mod engine;
 mod eval;
 mod exchange;
 mod export;
+mod foxglove_layout;
 mod generate;
 mod generate_worker;
 mod import;
@@ -102,10 +103,12 @@ enum Command {
     Sweep(sweep::SweepArgs),
     /// Make one HTML page of scores: tables, curves, and a gallery of the worst misses and false alarms
     Report(report::ReportArgs),
-    /// Draw a sample with its zone, true boxes and predictions
+    /// Look at a data set with its zone, true boxes and predictions: a picture, a clip, a file for Foxglove or Rerun
     View(view::ViewArgs),
     /// Show a folder's episodes, scores and reports in the browser of this machine: filter, play, read
     Serve(serve::ServeArgs),
+    /// Write the layout with which Foxglove shows what `view --mcap` writes
+    FoxgloveLayout(foxglove_layout::FoxgloveLayoutArgs),
     /// Write a data set or predictions in the formats of other tools
     Export(export::ExportArgs),
     /// Tell what this machine has and lacks, or what is wrong with a data set
@@ -166,6 +169,7 @@ fn run(cli: Cli) -> anyhow::Result<ExitStatus> {
         Command::Report(args) => report::run(args),
         Command::View(args) => view::run(args),
         Command::Serve(args) => serve::run(args),
+        Command::FoxgloveLayout(args) => foxglove_layout::run(args),
         Command::Export(args) => export::run(args),
         Command::Doctor(args) => doctor::run(args),
     }
@@ -282,6 +286,7 @@ mod tests {
             "view --min-score",
             "serve --port",
             "serve --min-score",
+            "view --width",
         ];
         let of_engine = ["--task-cpus", "--task-gpus", "--in-flight"];
         let is_of_engine = |flag: &String| of_engine.iter().any(|of| flag.ends_with(of));

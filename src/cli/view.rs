@@ -1,23 +1,30 @@
-//! `harmzone view`: one sample as a picture.
+//! `harmzone view`: one sample as a picture; an episode as a clip, or as a file for Foxglove or Rerun.
 
 use std::path::PathBuf;
 
-use clap::Args;
+use clap::{ArgGroup, Args};
 
-use super::{ExitStatus, number, print};
+use super::{Bar, ExitStatus, number, print};
 use crate::infer::Trained;
-use crate::report::view::{self, ViewRequest};
+use crate::report::view::{
+    self, ClipRequest, EpisodeRequest, EpisodeView, Moment, ViewRequest, WIDTHS_PX, write_episode_clip,
+    write_episode_mcap, write_episode_rrd,
+};
 
 /// Lowest score of the predictions that are drawn, of networks without a score of their own.
 const DEFAULT_MIN_SCORE: f32 = 0.3;
 
 #[derive(Debug, Args)]
+#[command(group = ArgGroup::new("what").required(true).multiple(true).args(["out", "mcap", "rrd", "video"]))]
 pub struct ViewArgs {
     /// The data set's folder
     dataset: PathBuf,
-    /// Number of the sample, counted from 0 through all episodes
-    #[arg(long, value_name = "K", value_parser = number(0..=usize::MAX))]
-    sample: usize,
+    /// Number of the sample of --out, counted from 0 through all episodes
+    #[arg(long, value_name = "K", value_parser = number(0..=usize::MAX), requires = "out")]
+    sample: Option<usize>,
+    /// Episode of --mcap, --rrd and --video [default: the first]
+    #[arg(long, value_name = "NAME")]
+    episode: Option<String>,
     /// Label set to draw [default: rect, where it is there]
     #[arg(long, value_name = "SET")]
     labels: Option<String>,
@@ -29,30 +36,83 @@ pub struct ViewArgs {
     /// --predictions names, else 0.3
     #[arg(long, value_name = "SCORE", value_parser = number(0.0..=1.0_f32))]
     min_score: Option<f32>,
-    /// The picture to write
-    #[arg(long, value_name = "PNG")]
-    out: PathBuf,
-    /// Replace the picture if it exists
+    /// Write a picture of one sample
+    #[arg(long, value_name = "PNG", requires = "sample")]
+    out: Option<PathBuf>,
+    /// Write one file of an episode, its labels and predictions, with drawings of all of it, for Foxglove
+    /// (`harmzone foxglove-layout`; docs/look.md)
+    #[arg(long, value_name = "FILE")]
+    mcap: Option<PathBuf>,
+    /// Write a recording of an episode for Rerun; needs a Python with rerun-sdk (docs/look.md)
+    #[arg(long, value_name = "FILE")]
+    rrd: Option<PathBuf>,
+    /// Write a clip of an episode at its true rate: `.mp4`, `.gif`, or a folder of pictures
+    #[arg(long, value_name = "FILE")]
+    video: Option<PathBuf>,
+    /// First sample of --video: its number in the episode, or seconds such as 3.5s [default: the first]
+    #[arg(long, value_name = "K", requires = "video")]
+    from: Option<Moment>,
+    /// End of --video, which is no part of it, as --from [default: the episode's end]
+    #[arg(long, value_name = "K", requires = "video")]
+    to: Option<Moment>,
+    /// Width of --video in pixels [default: 1280, or 800 for a GIF]
+    #[arg(long, value_name = "PX", value_parser = number(WIDTHS_PX.0..=WIDTHS_PX.1), requires = "video")]
+    width: Option<u32>,
+    /// Replace what exists
     #[arg(long)]
     force: bool,
 }
 
 pub fn run(args: ViewArgs) -> anyhow::Result<ExitStatus> {
-    let ViewArgs { dataset, sample, labels: label_set, predictions, min_score, out, force } = args;
+    let (dataset, label_set, force) = (args.dataset, args.labels, args.force);
     // A folder needs no checkpoint; a name has one folder in each dataset.
-    let network = predictions.as_deref().and_then(|folder| Trained::find(folder).ok());
-    let predictions = predictions.map(|folder| match &network {
+    let network = args.predictions.as_deref().and_then(|folder| Trained::find(folder).ok());
+    let predictions = args.predictions.map(|folder| match &network {
         Some(shipped @ Trained::Shipped(_)) => shipped.predictions_folder(&dataset),
         _ => Ok(folder),
     });
     let predictions = predictions.transpose()?;
-    let min_score = match (min_score, network) {
+    let min_score = match (args.min_score, network) {
         (None, Some(network)) => network.operating_score()?.map(|own| own.score as f32),
         (given, _) => given,
     };
     let min_score = min_score.unwrap_or(DEFAULT_MIN_SCORE);
-    let request = ViewRequest { dataset, sample, label_set, predictions, min_score, out, force };
-    let summary = view::run(&request)?;
+    if let Some((sample, out)) = args.sample.zip(args.out) {
+        let (dataset, label_set) = (dataset.clone(), label_set.clone());
+        let predictions = predictions.clone();
+        draw(&ViewRequest { dataset, sample, label_set, predictions, min_score, out, force })?;
+    }
+    if args.mcap.is_none() && args.rrd.is_none() && args.video.is_none() {
+        return Ok(ExitStatus::Done);
+    }
+    let request = EpisodeRequest { dataset, episode: args.episode, label_set, predictions, min_score };
+    let view = EpisodeView::open(&request)?;
+    if let Some(mcap) = args.mcap {
+        write_episode_mcap(&view, &mcap, force, &Bar::default())?;
+        print(format!("{}: {} samples of {}", mcap.display(), view.n_samples(), view.name()))?;
+    }
+    if let Some(rrd) = args.rrd {
+        write_episode_rrd(&view, &rrd, force, &Bar::default())?;
+        print(format!("{}: {} samples of {}", rrd.display(), view.n_samples(), view.name()))?;
+    }
+    if let Some(out) = args.video {
+        let request = ClipRequest { out, from: args.from, to: args.to, width_px: args.width, force };
+        let clip = write_episode_clip(&view, &request, &Bar::default())?;
+        print(format!(
+            "{}: {} pictures of {} x {}, {:.1} s of {}",
+            clip.out.display(),
+            clip.n_pictures,
+            clip.size_px.0,
+            clip.size_px.1,
+            clip.seconds,
+            clip.episode
+        ))?;
+    }
+    Ok(ExitStatus::Done)
+}
+
+fn draw(request: &ViewRequest) -> anyhow::Result<()> {
+    let summary = view::run(request)?;
     let objects = match (summary.n_objects, summary.n_harmful) {
         (None, _) => "no truth".to_owned(),
         (Some(n_objects), None) => format!("{n_objects} objects, no labels"),
@@ -63,6 +123,5 @@ pub fn run(args: ViewArgs) -> anyhow::Result<ExitStatus> {
         summary.out.display(),
         summary.sample_idx,
         summary.episode
-    ))?;
-    Ok(ExitStatus::Done)
+    ))
 }

@@ -16,6 +16,14 @@ use super::messages::TopicMessage;
 use super::topics::{Topic, TopicSpec};
 use crate::files::PARTIAL_SUFFIX;
 
+/// A topic as another file declares it.
+pub(super) struct CopiedTopic {
+    pub(super) topic: String,
+    pub(super) message_encoding: String,
+    /// Name, encoding and bytes.
+    pub(super) schema: Option<(String, String, Vec<u8>)>,
+}
+
 /// A file that is being written, sample by sample; dropped unfinished, it leaves nothing.
 pub(super) struct ArchiveWriter {
     pub(super) path: PathBuf,
@@ -60,12 +68,30 @@ impl ArchiveWriter {
         schema: fn() -> (String, Vec<u8>),
     ) -> Result<(), EpisodeError> {
         let (name, descriptors) = schema();
+        self.declare_copied(&CopiedTopic {
+            topic: topic.to_owned(),
+            message_encoding: "protobuf".to_owned(),
+            schema: Some((name, "protobuf".to_owned(), descriptors)),
+        })
+    }
+
+    /// Declares a topic of another file.
+    pub(super) fn declare_copied(&mut self, copied: &CopiedTopic) -> Result<(), EpisodeError> {
+        let CopiedTopic { topic, message_encoding, schema } = copied;
         let channel = self.with(|writer| {
-            let schema = writer.add_schema(&name, "protobuf", &descriptors)?;
-            writer.add_channel(schema, topic, "protobuf", &BTreeMap::new())
+            let schema = match schema {
+                Some((name, encoding, bytes)) => writer.add_schema(name, encoding, bytes)?,
+                None => 0, // which MCAP keeps for channels without a schema
+            };
+            writer.add_channel(schema, topic, message_encoding, &BTreeMap::new())
         })?;
-        self.channels.insert(topic.to_owned(), channel);
+        self.channels.insert(topic.clone(), channel);
         Ok(())
+    }
+
+    /// Whether a topic is declared.
+    pub(super) fn has(&self, topic: &str) -> bool {
+        self.channels.contains_key(topic)
     }
 
     fn with<T>(
@@ -120,13 +146,23 @@ impl ArchiveWriter {
         topic: &str,
         message: &M,
     ) -> Result<(), EpisodeError> {
+        self.write_bytes(time_ns, topic, &message.encode_to_vec())
+    }
+
+    /// As [`Self::write_at`], of a message that is packed already.
+    pub(super) fn write_bytes(
+        &mut self,
+        time_ns: u64,
+        topic: &str,
+        bytes: &[u8],
+    ) -> Result<(), EpisodeError> {
         let header = MessageHeader {
             channel_id: *self.channels.get(topic).expect("a file's topics are declared before messages"),
             sequence: u32::try_from(self.n_samples.saturating_sub(1)).unwrap_or(u32::MAX),
             log_time: time_ns,
             publish_time: time_ns,
         };
-        self.with(|writer| writer.write_to_known_channel(&header, &message.encode_to_vec()))
+        self.with(|writer| writer.write_to_known_channel(&header, bytes))
     }
 
     /// Ends the chunk, so that everything up to here can be read without what follows.
@@ -138,15 +174,15 @@ impl ArchiveWriter {
     ///
     /// # Errors
     /// There is no sample, or the disk fails.
-    pub(super) fn finish(
+    pub(super) fn finish<Name: Into<String>>(
         mut self,
-        metadata: impl IntoIterator<Item = (&'static str, BTreeMap<String, String>)>,
+        metadata: impl IntoIterator<Item = (Name, BTreeMap<String, String>)>,
     ) -> Result<PathBuf, EpisodeError> {
         if self.n_samples == 0 {
             return Err(EpisodeError::Empty { path: self.path });
         }
         for (name, metadata) in metadata {
-            self.with(|writer| writer.write_metadata(&Metadata { name: name.to_owned(), metadata }))?;
+            self.with(|writer| writer.write_metadata(&Metadata { name: name.into(), metadata }))?;
         }
         self.with(|writer| writer.finish().map(drop))?;
         let file = self.writer.into_inner().into_inner().map_err(std::io::IntoInnerError::into_error)?;

@@ -30,7 +30,7 @@ const MAGIC_BYTES: u64 = 8;
 /// A file of which only the index has been read.
 pub(super) struct Archive {
     pub(super) path: PathBuf,
-    summary: mcap::Summary,
+    pub(super) summary: mcap::Summary,
     /// Channel numbers by topic, of the topics that the reader takes.
     channels: BTreeMap<String, u16>,
     /// Those of them that belong to no sample.
@@ -38,10 +38,10 @@ pub(super) struct Archive {
 }
 
 /// One message as it lies in a chunk.
-struct RawMessage {
-    channel_id: u16,
-    time_ns: u64,
-    bytes: Bytes,
+pub(super) struct RawMessage {
+    pub(super) channel_id: u16,
+    pub(super) time_ns: u64,
+    pub(super) bytes: Bytes,
 }
 
 impl Archive {
@@ -196,7 +196,12 @@ impl Archive {
     }
 
     /// The messages of some channels from one time to another.
-    fn between(&self, begin_ns: u64, end_ns: u64, wanted: &[u16]) -> Result<Vec<RawMessage>, EpisodeError> {
+    pub(super) fn between(
+        &self,
+        begin_ns: u64,
+        end_ns: u64,
+        wanted: &[u16],
+    ) -> Result<Vec<RawMessage>, EpisodeError> {
         let mut messages = Vec::new();
         for chunk in &self.summary.chunk_indexes {
             // A file without offsets does not tell what its chunks hold.

@@ -22,9 +22,9 @@ pub struct MapDrawing {
 const LIFETIME_NS: u32 = 300_000_000;
 
 /// Below this depth edges are cut, so that nothing behind the camera is drawn.
-const NEAR_PLANE_M: f64 = 0.1;
+pub(super) const NEAR_PLANE_M: f64 = 0.1;
 
-const fn color(r: f64, g: f64, b: f64, a: f64) -> fox::Color {
+pub(super) const fn color(r: f64, g: f64, b: f64, a: f64) -> fox::Color {
     fox::Color { r, g, b, a }
 }
 
@@ -49,7 +49,7 @@ fn truth_color(object: &Object) -> fox::Color {
     }
 }
 
-fn entity(time_ns: u64, frame_id: &str, id: String, lifetime_ns: u32) -> fox::SceneEntity {
+pub(super) fn entity(time_ns: u64, frame_id: &str, id: String, lifetime_ns: u32) -> fox::SceneEntity {
     fox::SceneEntity {
         timestamp: Some(fox_time(time_ns)),
         frame_id: frame_id.to_owned(),
@@ -59,12 +59,12 @@ fn entity(time_ns: u64, frame_id: &str, id: String, lifetime_ns: u32) -> fox::Sc
     }
 }
 
-fn pair(key: &str, value: impl Into<String>) -> fox::KeyValuePair {
+pub(super) fn pair(key: &str, value: impl Into<String>) -> fox::KeyValuePair {
     fox::KeyValuePair { key: key.to_owned(), value: value.into() }
 }
 
 /// A fact as text; empty if it is unknown.
-fn text(fact: Option<&String>) -> String {
+pub(super) fn text(fact: Option<&String>) -> String {
     fact.cloned().unwrap_or_default()
 }
 
@@ -75,7 +75,7 @@ fn cube(time_ns: u64, id: String, box_in_ego: &Box3<Ego>, color: fox::Color) -> 
     }
 }
 
-fn update(entities: Vec<fox::SceneEntity>) -> fox::SceneUpdate {
+pub(super) fn update(entities: Vec<fox::SceneEntity>) -> fox::SceneUpdate {
     fox::SceneUpdate { deletions: Vec::new(), entities }
 }
 
@@ -186,7 +186,7 @@ pub(super) fn zone_update(time_ns: u64, corners: &[Point2]) -> fox::SceneUpdate 
 
 /// Triangles between opposite sides of an outline: right for a rectangle and for a bent corridor
 /// whose corners run out along one side and back along the other.
-fn fill_indices(n_corners: usize) -> Vec<u32> {
+pub(super) fn fill_indices(n_corners: usize) -> Vec<u32> {
     let index = |i: usize| u32::try_from(i).expect("an outline has few corners");
     let mut indices = Vec::new();
     let (mut low, mut high) = (0, n_corners.saturating_sub(1));
@@ -202,7 +202,7 @@ fn fill_indices(n_corners: usize) -> Vec<u32> {
 }
 
 /// Edges of a box as pairs of its corners: bottom, top, upright.
-const BOX_EDGES: [(usize, usize); 12] =
+pub(super) const BOX_EDGES: [(usize, usize); 12] =
     [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)];
 
 /// The zone's outline and the labelled boxes, drawn into the camera image.
@@ -251,10 +251,14 @@ fn line_list(
     }
 }
 
-type Pixel = (f64, f64);
+pub(super) type Pixel = (f64, f64);
 
 /// The visible part of an edge in pixels: cut at the near plane, then at the image's border.
-fn project_edge(camera: &Pinhole, from: Point<Camera>, to: Point<Camera>) -> Option<(Pixel, Pixel)> {
+pub(super) fn project_edge(
+    camera: &Pinhole,
+    from: Point<Camera>,
+    to: Point<Camera>,
+) -> Option<(Pixel, Pixel)> {
     let cut = |point: Point<Camera>, other: Point<Camera>| {
         if point.z() >= NEAR_PLANE_M {
             return point;

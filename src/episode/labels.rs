@@ -96,7 +96,10 @@ impl SampleLabels {
     }
 
     /// Each object of the sample with its label, if the labels are usable and the sample's own.
-    fn check_against<'a>(&self, sample: &'a Sample) -> Result<Vec<(&'a Object, Harm)>, MessageFault> {
+    pub(super) fn check_against<'a>(
+        &self,
+        sample: &'a Sample,
+    ) -> Result<Vec<(&'a Object, Harm)>, MessageFault> {
         self.check()?;
         if self.time_ns != sample.measured.time_ns {
             return Err(MessageFault::new("time_ns", self.time_ns, "the sample's time is needed"));

@@ -26,7 +26,16 @@ macro_rules! own_message {
         }
     )*};
 }
-own_message!(EgoState, Objects, IgnoredRegions, HarmLabels, Detections, DriveCommand);
+own_message!(
+    EgoState,
+    Objects,
+    IgnoredRegions,
+    HarmLabels,
+    Detections,
+    DriveCommand,
+    ViewNumbers,
+    ViewObjects
+);
 
 macro_rules! foxglove_message {
     ($($name:ident),*) => {$(

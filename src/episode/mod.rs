@@ -20,6 +20,7 @@ mod log;
 pub mod manifest;
 #[cfg(test)]
 mod manifest_tests;
+pub mod merged;
 mod messages;
 mod meta;
 mod objects;

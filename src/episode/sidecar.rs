@@ -44,6 +44,11 @@ impl<S: SidecarSample> SidecarReader<S> {
     }
 
     #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    #[must_use]
     pub fn meta(&self) -> &SourceMeta {
         &self.meta
     }

@@ -110,7 +110,7 @@ pub(super) fn folder() -> (tempfile::TempDir, PathBuf) {
     (folder, path)
 }
 
-fn labels_of(sample: &Sample) -> SampleLabels {
+pub(super) fn labels_of(sample: &Sample) -> SampleLabels {
     let corner = |x_m, y_m| Point2 { x_m, y_m };
     let label = |id: &str, harm, overlap_area_m2| ObjectLabel {
         id: id.into(),
@@ -127,7 +127,7 @@ fn labels_of(sample: &Sample) -> SampleLabels {
     }
 }
 
-fn source(sha256: &str) -> SourceMeta {
+pub(super) fn source(sha256: &str) -> SourceMeta {
     SourceMeta {
         episode: "oldtown-ClearNoon-7".into(),
         episode_sha256: sha256.into(),

@@ -65,6 +65,26 @@ topics! { OF_DETECTIONS:
 topics! { OF_COMMANDS:
     COMMANDS = "/drive/command" of wire::DriveCommand,
 }
+topics! { OF_VIEW:
+    VIEW_EGO = "/view/ego" of fox::SceneUpdate,
+    VIEW_NUMBERS = "/view/numbers" of wire::ViewNumbers,
+}
+topics! { OF_VIEW_TRUTH:
+    VIEW_BOXES = "/view/boxes" of fox::SceneUpdate,
+    VIEW_TRUTH_ANNOTATIONS = "/view/truth_annotations" of fox::ImageAnnotations,
+    VIEW_OBJECTS = "/view/objects" of wire::ViewObjects,
+}
+topics! { OF_VIEW_LABELS:
+    VIEW_ZONE = "/view/zone" of fox::SceneUpdate,
+}
+topics! { OF_VIEW_DETECTIONS:
+    VIEW_DETECTIONS = "/view/detections" of fox::SceneUpdate,
+    VIEW_DETECTION_ANNOTATIONS = "/view/detection_annotations" of fox::ImageAnnotations,
+}
+
+/// The drawings in episodes, labels and predictions, in whose place a file for viewers has drawings of its own.
+pub const DRAWINGS: &[&str] =
+    &[MARKERS.name, HARM_ZONE.name, HARM_OBJECTS.name, HARM_ANNOTATIONS.name, DETECTION_MARKERS.name];
 
 /// The topics that a reader of episodes needs, with one message per sample.
 pub const EACH_SAMPLE: &[TopicSpec] =

@@ -3,6 +3,7 @@
 //! [`prepare()`] takes one file. What it had to guess (unit, axis, mass) is told in [`Prepared::notes`].
 
 mod glb;
+mod glb_writer;
 mod hulls;
 mod obj;
 mod prepare;
@@ -16,6 +17,7 @@ use std::path::{Component, Path};
 use fs_err as fs;
 use image::RgbImage;
 
+pub use glb_writer::to_glb;
 pub use hulls::Hull;
 pub use prepare::{Prepared, prepare, snake_case};
 pub use settings::{Settings, SettingsError, SettingsFile, UpAxis};

@@ -2,9 +2,11 @@
 
 mod canvas;
 pub mod chart;
+pub mod clips;
 pub mod compare;
 pub mod curves;
 pub mod document;
+mod foxglove_layout;
 pub mod info;
 pub mod missed;
 pub mod page;
@@ -19,3 +21,5 @@ pub mod sweeps;
 pub mod table;
 pub mod view;
 pub mod zones;
+
+pub use foxglove_layout::foxglove_layout;

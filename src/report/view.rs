@@ -1,16 +1,30 @@
-//! One sample as a picture: the camera with zone and boxes on the left, the LiDAR from above on the right.
+//! One sample as a picture, or an episode as a clip or as a file for viewers: the camera with zone and boxes on the left, the LiDAR from above on the right.
 //!
 //! Truth is drawn thin (red harmful, blue harmless, dashed when out of distribution), predictions thick in
 //! their own tones with the score, the danger zone green on the ground.
 
 pub(super) mod birdseye;
+mod clip;
+mod episode_view;
+mod film;
 pub(super) mod front;
 mod legend;
 pub(super) mod load;
+mod merged_file;
+mod moment;
+mod rerun_file;
+mod rerun_process;
 mod states;
 
+pub use clip::{ClipRequest, ClipSummary, write_episode_clip};
+pub use episode_view::{EpisodeRequest, EpisodeView, ViewedSample};
+pub use film::{Film, WIDTHS_PX};
 pub(in crate::report) use load::read_detections;
 pub use load::{LabelledView, ViewError, ViewRequest, ViewSummary, run};
+pub use merged_file::write_episode_mcap;
+pub use moment::{Moment, MomentError};
+pub use rerun_file::write_episode_rrd;
+pub use rerun_process::RerunError;
 pub use states::{StatePanel, draw_states};
 
 use image::RgbImage;
@@ -81,6 +95,9 @@ pub fn draw(scene: &Scene) -> Result<RgbImage, image::ImageError> {
     legend::draw_legend(&mut page, scene, (TITLE_PX + FRONT_PX.1) as f32);
     Ok(page.into_rgb())
 }
+
+/// Words on a coloured ground.
+const INK: Color = Color::new(0x000c_0f14);
 
 /// The light around the marked box.
 const FOCUS: Pen = Pen::solid(palette::TEXT, 6.0);

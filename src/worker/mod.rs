@@ -120,6 +120,12 @@ impl Program {
         WORKER_PROGRAM.get().is_some()
     }
 
+    /// The interpreter around this code, where there is one.
+    #[must_use]
+    pub fn python() -> Option<PathBuf> {
+        WORKER_PROGRAM.get().map(|program| program.path.clone())
+    }
+
     /// Makes this what workers are, for code that runs inside another program; the first call counts.
     pub fn start_as_worker(self) {
         WORKER_PROGRAM.get_or_init(|| self);

@@ -2,8 +2,8 @@
 
 use image::imageops::FilterType;
 
-use super::canvas::{Align, Canvas, Color, Pen, Px, text_width_px};
-use super::{Area, Mark, palette};
+use super::canvas::{Align, Canvas, Pen, Px, text_width_px};
+use super::{Area, INK, Mark, palette};
 use crate::geometry::{Box3, Camera, Ego, Point, Transform};
 use crate::sample::Measured;
 
@@ -154,8 +154,6 @@ impl Lens<'_> {
         kept.iter().filter_map(|corner| self.pixel(corner)).collect()
     }
 }
-
-const INK: Color = Color::new(0x000c_0f14);
 
 /// The point where a segment crosses the near plane.
 fn cut(a: Point<Camera>, b: Point<Camera>) -> Point<Camera> {

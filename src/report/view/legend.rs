@@ -17,12 +17,7 @@ pub fn draw_title(page: &mut Canvas, scene: &Scene) {
     let sample = format!("sample {}", scene.sample_idx);
     page.text((x, 39.0), 17.0, palette::TEXT_SOFT, Align::Left, &sample);
 
-    let steering_deg = ego.steering_angle_rad.to_degrees();
-    let turn = if steering_deg.abs() < STRAIGHT_DEG {
-        "straight".to_owned()
-    } else {
-        format!("{:.1}° {}", steering_deg.abs(), if steering_deg > 0.0 { "left" } else { "right" })
-    };
+    let turn = turn(ego.steering_angle_rad);
     let right = (MARGIN_PX + FRONT_PX.0) as f32;
     // A sum with zero has no minus sign left: no "-0.0".
     let speed_mps = (10.0 * ego.speed_mps).round() / 10.0 + 0.0;
@@ -35,6 +30,15 @@ pub fn draw_title(page: &mut Canvas, scene: &Scene) {
         x -= text_width_px(17.0, name) + 24.0;
     }
     page.text((right + MARGIN_PX as f32, 39.0), 17.0, palette::TEXT_SOFT, Align::Left, &counts(scene));
+}
+
+/// A steering angle in words.
+pub fn turn(steering_angle_rad: f64) -> String {
+    let steering_deg = steering_angle_rad.to_degrees();
+    if steering_deg.abs() < STRAIGHT_DEG {
+        return "straight".to_owned();
+    }
+    format!("{:.1}° {}", steering_deg.abs(), if steering_deg > 0.0 { "left" } else { "right" })
 }
 
 /// The number of objects of each kind, as text.
@@ -58,25 +62,30 @@ pub fn counts(scene: &Scene) -> String {
 /// Explains the colours and lines, and the scale of the LiDAR's heights.
 pub fn draw_legend(page: &mut Canvas, scene: &Scene, top: f32) {
     let baseline = top + 34.0;
-    let middle = baseline - 5.0;
-    let mut x = MARGIN_PX as f32;
+    draw_entries(page, scene, (MARGIN_PX as f32, baseline), LEGEND_SIZE_PX);
+    draw_height_scale(page, baseline);
+}
+
+/// Explains the colours and lines, from a place on a baseline to the right.
+pub fn draw_entries(page: &mut Canvas, scene: &Scene, (left, baseline): (f32, f32), size_px: f32) {
+    let middle = baseline - size_px / 3.0;
+    let mut x = left;
     if scene.zone.is_some() {
         let corners =
             [(x, middle - 7.0), (x + 26.0, middle - 7.0), (x + 26.0, middle + 7.0), (x, middle + 7.0)];
         page.fill(&corners, palette::ZONE.with_alpha(0.24));
         page.outline(&corners, Pen::solid(palette::ZONE, 1.4));
-        x = write_entry(page, x, baseline, "danger zone");
+        x = write_entry(page, (x, baseline), size_px, "danger zone");
     }
     for (pen, name) in entries(scene) {
         page.line(&[(x, middle), (x + 26.0, middle)], pen);
-        x = write_entry(page, x, baseline, name);
+        x = write_entry(page, (x, baseline), size_px, name);
     }
-    draw_height_scale(page, baseline);
 }
 
-fn write_entry(page: &mut Canvas, x: f32, baseline: f32, name: &str) -> f32 {
-    page.text((x + 34.0, baseline), LEGEND_SIZE_PX, palette::TEXT_SOFT, Align::Left, name);
-    x + 34.0 + text_width_px(LEGEND_SIZE_PX, name) + 26.0
+fn write_entry(page: &mut Canvas, (x, baseline): (f32, f32), size_px: f32, name: &str) -> f32 {
+    page.text((x + 34.0, baseline), size_px, palette::TEXT_SOFT, Align::Left, name);
+    x + 34.0 + text_width_px(size_px, name) + 26.0 * size_px / LEGEND_SIZE_PX
 }
 
 fn entries(scene: &Scene) -> Vec<(Pen, &'static str)> {

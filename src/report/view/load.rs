@@ -6,12 +6,15 @@ use fs_err as fs;
 use serde::Serialize;
 use thiserror::Error;
 
+use super::moment::Moment;
+use super::rerun_process::RerunError;
 use super::{Scene, draw};
 use crate::episode::manifest::{EpisodeEntry, LabelManifest, Manifest, ManifestError, label_sets};
 use crate::episode::{DetectionReader, EpisodeError, EpisodeReader, LabelReader};
 use crate::files::write_atomic;
 use crate::geometry::Point2;
 use crate::object::{Detection, Harm};
+use crate::report::clips::ClipError;
 use crate::sample::Sample;
 
 /// Why a sample could not be drawn.
@@ -27,6 +30,8 @@ pub enum ViewError {
     NoSample { found: usize, last: usize, path: PathBuf },
     #[error("the data set holds no sample: {}", path.display())]
     Empty { path: PathBuf },
+    #[error("no episode `{episode}`; the data set has {}: {}", listed(found), path.display())]
+    NoEpisode { episode: String, found: Vec<String>, path: PathBuf },
     #[error("no label set `{set}`, found {found:?}; `harmzone label {}` makes labels: {}", path.display(), path.display())]
     NoLabels { set: String, found: Vec<String>, path: PathBuf },
     #[error("no predictions for episode `{episode}`; {wanted:?} is needed here; `harmzone predict RUN --data DIR` writes it: {}", path.display())]
@@ -37,6 +42,26 @@ pub enum ViewError {
     Image { source: image::ImageError, path: PathBuf },
     #[error("the file exists; --force replaces it: {}", path.display())]
     Exists { path: PathBuf },
+    #[error(
+        "from {from} to {to} there is no sample; episode `{episode}` has samples 0 to {last}, {seconds:.1} s"
+    )]
+    NoSpan { episode: String, from: Moment, to: Moment, last: usize, seconds: f64 },
+    #[error(transparent)]
+    Clip(#[from] ClipError),
+    #[error(transparent)]
+    Rerun(#[from] RerunError),
+}
+
+/// At most so many names are listed.
+const MOST_LISTED: usize = 20;
+
+/// Names, of which the first are told.
+fn listed(names: &[String]) -> String {
+    let told = names.iter().take(MOST_LISTED).map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ");
+    match names.len().saturating_sub(MOST_LISTED) {
+        0 => told,
+        n_more => format!("{told} and {n_more} more"),
+    }
 }
 
 /// The label set that is drawn where none is named.
@@ -126,13 +151,37 @@ fn read(
     entry: &EpisodeEntry,
     sample_idx: usize,
 ) -> Result<Drawn, ViewError> {
-    let is_default_there = || LabelManifest::folder(dataset, DEFAULT_SET).join(LabelManifest::FILE).is_file();
-    let set = label_set.or_else(|| is_default_there().then_some(DEFAULT_SET));
-    let Some(set) = set else {
+    let Some(set) = label_set.or_else(|| default_set(dataset)) else {
         return Ok((EpisodeReader::open_entry(dataset, entry)?.sample(sample_idx)?, None, None));
     };
     let LabelledView { sample, harms, zone } = LabelledView::read(dataset, set, entry, sample_idx)?;
     Ok((sample, Some(harms), Some(zone)))
+}
+
+/// The label set that is drawn where none is named, if it is there.
+fn default_set(dataset: &Path) -> Option<&'static str> {
+    LabelManifest::folder(dataset, DEFAULT_SET).join(LabelManifest::FILE).is_file().then_some(DEFAULT_SET)
+}
+
+/// The labels of an episode, by a set or by the default one; `None` where none is named and that is not there.
+pub(super) fn label_reader(
+    dataset: &Path,
+    label_set: Option<&str>,
+    entry: &EpisodeEntry,
+) -> Result<Option<LabelReader>, ViewError> {
+    label_set.or_else(|| default_set(dataset)).map(|set| labels_of(dataset, set, entry)).transpose()
+}
+
+/// The labels of an episode by a set.
+fn labels_of(dataset: &Path, label_set: &str, entry: &EpisodeEntry) -> Result<LabelReader, ViewError> {
+    let folder = LabelManifest::folder(dataset, label_set);
+    if !folder.join(LabelManifest::FILE).is_file() {
+        let (set, path) = (label_set.to_owned(), dataset.to_owned());
+        return Err(ViewError::NoLabels { set, found: label_sets(dataset), path });
+    }
+    let reader = LabelReader::open(&folder.join(format!("{}.mcap", entry.name)))?;
+    reader.check_episode(&entry.sha256)?;
+    Ok(reader)
 }
 
 /// A sample with its labels, ready to be drawn.
@@ -156,21 +205,14 @@ impl LabelledView {
         entry: &EpisodeEntry,
         sample_idx: usize,
     ) -> Result<Self, ViewError> {
-        let labels_folder = LabelManifest::folder(dataset, label_set);
-        if !labels_folder.join(LabelManifest::FILE).is_file() {
-            let (set, path) = (label_set.to_owned(), dataset.to_owned());
-            return Err(ViewError::NoLabels { set, found: label_sets(dataset), path });
-        }
+        let reader = labels_of(dataset, label_set, entry)?;
         let sample = EpisodeReader::open_entry(dataset, entry)?.sample(sample_idx)?;
         let time_ns = sample.measured.time_ns;
-        let path = labels_folder.join(format!("{}.mcap", entry.name));
-        let reader = LabelReader::open(&path)?;
-        reader.check_episode(&entry.sha256)?;
         let labels = reader
             .samples()
             .iter()
             .find(|labels| labels.time_ns == time_ns && labels.labels.len() == sample.objects().len())
-            .ok_or(ViewError::NotAligned { time_ns, path })?;
+            .ok_or_else(|| ViewError::NotAligned { time_ns, path: reader.path().to_owned() })?;
         let harms = labels.labels.iter().map(|label| label.harm).collect();
         Ok(Self { harms, zone: labels.zone_corners.clone(), sample })
     }
@@ -203,18 +245,28 @@ pub(in crate::report) fn read_detections(
     time_ns: u64,
     min_score: f32,
 ) -> Result<Vec<Detection>, ViewError> {
+    let path = predictions_file(folder, dataset, entry)?;
+    let reader = DetectionReader::open(&path)?;
+    reader.check_episode(&entry.sha256)?;
+    let found = reader.samples().iter().find(|sample| sample.time_ns == time_ns);
+    let found = found.ok_or(ViewError::NotAligned { time_ns, path })?;
+    Ok(found.detections.iter().filter(|detection| detection.score >= f64::from(min_score)).copied().collect())
+}
+
+/// Where the predictions of an episode lie.
+pub(super) fn predictions_file(
+    folder: &Path,
+    dataset: &Path,
+    entry: &EpisodeEntry,
+) -> Result<PathBuf, ViewError> {
     let file = format!("{}.mcap", entry.name);
     // A run keeps its predictions by the data set's name.
     let of_run = folder.join("predictions");
     let name = fs::canonicalize(dataset)?.file_name().unwrap_or_default().to_owned();
     let places = [folder.join(&file), of_run.join(name).join(&file), of_run.join(&file)];
-    let Some(path) = places.iter().find(|place| place.is_file()) else {
+    let place = places.into_iter().find(|place| place.is_file());
+    place.ok_or_else(|| {
         let (episode, path) = (entry.name.clone(), folder.to_owned());
-        return Err(ViewError::NoPredictions { episode, wanted: file, path });
-    };
-    let reader = DetectionReader::open(path)?;
-    reader.check_episode(&entry.sha256)?;
-    let found = reader.samples().iter().find(|sample| sample.time_ns == time_ns);
-    let found = found.ok_or_else(|| ViewError::NotAligned { time_ns, path: path.clone() })?;
-    Ok(found.detections.iter().filter(|detection| detection.score >= f64::from(min_score)).copied().collect())
+        ViewError::NoPredictions { episode, wanted: file, path }
+    })
 }

@@ -1,0 +1,34 @@
+//! `harmzone foxglove-layout`: the layout for Foxglove that comes with the program.
+
+use std::path::PathBuf;
+
+use anyhow::bail;
+use clap::Args;
+
+use super::{ExitStatus, print};
+use crate::files::write_atomic;
+use crate::report::foxglove_layout;
+
+#[derive(Debug, Args)]
+pub struct FoxgloveLayoutArgs {
+    /// File to write; without it, the layout is printed
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// Replace the file if it exists
+    #[arg(long)]
+    force: bool,
+}
+
+pub fn run(args: FoxgloveLayoutArgs) -> anyhow::Result<ExitStatus> {
+    let layout = foxglove_layout();
+    let Some(out) = args.out else {
+        print(layout)?;
+        return Ok(ExitStatus::Done);
+    };
+    if out.exists() && !args.force {
+        bail!("the file exists; --force replaces it: {}", out.display());
+    }
+    write_atomic(&out, layout.as_bytes())?;
+    print(format!("{}: import it in Foxglove, then open what `harmzone view --mcap` wrote", out.display()))?;
+    Ok(ExitStatus::Done)
+}
