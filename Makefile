@@ -13,7 +13,7 @@ PYTHON_SOURCES = python scenes mjcf_assets tests scripts xtask/python
 RESULTS = runs/results
 
 .PHONY: help setup setup-test setup-golden build demo network results report test ci check-gpu check-logs \
-	check-mmdet3d bench bench-micro bench-gen bench-eval race miri bundle bundle-test wheel wheel-test wheel-root-test bench-ray gallery weathers fmt clean
+	check-mmdet3d bench bench-micro bench-gen bench-eval race miri bundle bundle-test wheel wheel-test wheel-root-test bench-ray bench-stream paper-run gallery weathers fmt clean
 
 help: ## List the targets
 	@echo "make <target>, where target is:"
@@ -180,6 +180,12 @@ wheel-root-test: build wheel ## The wheel from gen to eval in a bare Debian that
 
 bench-ray: build wheel ## What two raylets gain over one process, with one killed; some ten minutes of a quiet machine
 	@scripts/try_wheel.sh $(WHEELS) $(BIN) scripts/bench_ray.py
+
+bench-stream: setup ## Time and memory of a made-up data set of 100,000 episodes, of which 10,000 are streamed; some minutes. ARGS="--entries 1000"
+	$(XTASK) bench-stream $(ARGS)
+
+paper-run: setup ## The paper's data, training, scores and costs on a GPU, resumable; PAPER_DEVICE=cuda:0 PAPER_TOY=1 tries it on the CPU
+	@scripts/paper_run.sh
 
 miri: ## The kernels under Miri, portable path: cargo +nightly with the component miri; minutes
 	cd tests/miri && MIRIFLAGS="-Zmiri-tree-borrows -Zmiri-ignore-leaks" cargo +nightly miri test -- --test-threads=1

@@ -13,6 +13,26 @@ pub struct DeviceArg {
     device: DeviceName,
 }
 
+/// Devices of a training.
+#[derive(Debug, Args)]
+pub struct DevicesArg {
+    /// Device that runs the network: cpu, or cuda:N or vulkan:N in a build with that backend; several with commas between
+    /// share the batches of each step
+    #[arg(long = "device", value_name = "DEVICES", default_value = "cpu", value_delimiter = ',')]
+    devices: Vec<DeviceName>,
+}
+
+impl DevicesArg {
+    /// Opens the devices, at least one, as [`DeviceArg::open`] does.
+    ///
+    /// # Errors
+    /// This build has no such device, or the machine.
+    pub fn open(&self) -> Result<Vec<Device>, DeviceError> {
+        keep_freed_memory();
+        self.devices.iter().map(|device| device.open()).collect()
+    }
+}
+
 /// The same, for processes that open the device themselves.
 #[derive(Debug, Args)]
 pub struct DeviceNameArg {

@@ -9,13 +9,16 @@ use fs_err as fs;
 use super::engine::EngineArgs;
 use super::{Bar, DeviceArg, ExitStatus, print, sensor, split, tell};
 use crate::dataset::blind::Sensor;
-use crate::dataset::{Dataset, DatasetError, Fingerprint, LearnedError};
+use crate::dataset::{
+    Dataset, DatasetError, Fingerprint, LabelledSample, LabelledSplit, LearnedError, named,
+};
 use crate::episode::{EpisodeEntry, Manifest, Split};
 use crate::eval::{self, EvalSample, Mode, Protocol, eval_samples, json};
 use crate::files::sha256_hex;
 use crate::infer::worker::NetworkWorkers;
-use crate::infer::{self, Trained};
+use crate::infer::{self, PredictError, Trained};
 use crate::object::Detection;
+use crate::progress::Progress;
 use crate::report::provenance::{Provenance, quote};
 use crate::report::score_tables;
 use crate::report::scores::{self, METRICS_FILE};
@@ -130,7 +133,11 @@ impl<'a> ScoredData<'a> {
     }
 
     fn open(&self) -> Result<Dataset, DatasetError> {
-        Dataset::open(self.path, self.labels, self.split)
+        self.split()?.read_all()
+    }
+
+    fn split(&self) -> Result<LabelledSplit, DatasetError> {
+        LabelledSplit::open(self.path, self.labels, self.split)
     }
 
     fn standing(&self) -> Standing {
@@ -163,20 +170,38 @@ fn samples_of_run(run: &Path, data: &ScoredData<'_>, args: &EvalArgs) -> anyhow:
     if let Some(engine) = &args.engine.cluster()? {
         let (program, device) = (Program::this()?, args.device.name());
         let (trained, blind) = (&trained, args.blind);
-        let dataset = data.open()?;
         let workers = NetworkWorkers { engine, program: &program, trained, device, blind };
-        let found = workers.predict(data.path, dataset.episodes(), &Bar::default())?;
-        let found: Vec<Vec<Detection>> = found.into_iter().flat_map(|found| found.found).collect();
-        let dataset = blind.into_iter().fold(dataset, Dataset::blind);
-        return Ok(eval_samples(dataset.samples(), &found));
+        let split = data.split()?;
+        let found = workers.predict(data.path, split.episodes(), &Bar::default())?;
+        let mut found = found.into_iter().flat_map(|found| found.found);
+        return join(&split, blind, |samples| Ok(found.by_ref().take(samples.len()).collect()));
     }
-    let device = args.device.open()?;
-    let mut dataset = data.open()?;
-    if let Some(sensor) = args.blind {
-        dataset = dataset.blind(sensor);
-    }
-    let found = infer::detect(&trained.load(&device)?, &dataset.named(), &device, &Bar::default())?;
-    Ok(eval_samples(dataset.samples(), &found))
+    let (device, split) = (args.device.open()?, data.split()?);
+    let (detector, progress) = (trained.load(&device)?, Bar::default());
+    progress.start("predict", split.n_samples() as u64);
+    let with_camera = detector.config().use_camera;
+    let joined = join(&split, args.blind, |samples| {
+        infer::predict(&detector, &named(samples), with_camera, &device, &progress)
+    })?;
+    progress.finish();
+    Ok(joined)
+}
+
+/// The samples of a split with the boxes that `detect` finds. Points and pictures are in memory a part at a time.
+fn join(
+    split: &LabelledSplit,
+    blind: Option<Sensor>,
+    mut detect: impl FnMut(&[LabelledSample]) -> Result<Vec<Vec<Detection>>, PredictError>,
+) -> anyhow::Result<Vec<EvalSample>> {
+    let mut joined = Vec::with_capacity(split.n_samples());
+    split.for_each_part(|mut samples| -> anyhow::Result<()> {
+        if let Some(sensor) = blind {
+            samples.iter_mut().for_each(|sample| sensor.blind(&mut sample.measured));
+        }
+        joined.extend(eval_samples(&samples, &detect(&samples)?));
+        Ok(())
+    })?;
+    Ok(joined)
 }
 
 /// Tells whether choices for the network were made by any of the episodes, and whether that can be known; the result

@@ -39,7 +39,7 @@ use std::sync::OnceLock;
 
 use clap::{Parser, Subcommand};
 
-pub use device::{DeviceArg, DeviceNameArg};
+pub use device::{DeviceArg, DeviceNameArg, DevicesArg};
 pub use eval::{ScoredData, command_line, provenance, tell_seen};
 pub use output::{ClosedPipe, print, print_summary, tell};
 pub use progress::Bar;

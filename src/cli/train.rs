@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use clap::Args;
 
-use super::{Bar, DeviceArg, ExitStatus, print, print_summary, tell};
+use super::{Bar, DevicesArg, ExitStatus, print, print_summary, tell};
 use crate::config::{self, Checked};
-use crate::dataset::{Dataset, DatasetError};
+use crate::dataset::{Dataset, DatasetError, LabelledSplit, SampleSource};
 use crate::episode::Split;
 use crate::report::curves;
-use crate::train::{self, DryRun, TrainConfig, TrainOptions};
+use crate::train::{self, DryRun, TrainConfig, TrainOptions, TrainingData};
 
 #[derive(Debug, Args)]
 pub struct TrainArgs {
@@ -38,7 +38,7 @@ pub struct TrainArgs {
     #[arg(long = "set", value_name = "KEY=VALUE")]
     overrides: Vec<String>,
     #[command(flatten)]
-    device: DeviceArg,
+    devices: DevicesArg,
     /// Print parameters, shapes, memory and steps, and stop
     #[arg(long)]
     dry_run: bool,
@@ -67,17 +67,48 @@ fn base_config(model: &str) -> anyhow::Result<TrainConfig> {
     }
 }
 
-pub fn run(args: TrainArgs) -> anyhow::Result<ExitStatus> {
+/// A split in memory, or one that is read window by window.
+enum Opened {
+    Whole(Dataset),
+    Stream(LabelledSplit),
+}
+
+impl Opened {
+    fn open(args: &TrainArgs, config: &TrainConfig, split: Split) -> Result<Self, DatasetError> {
+        if config.stream.is_off() {
+            Dataset::open(&args.data, &args.labels, split).map(Self::Whole)
+        } else {
+            LabelledSplit::open(&args.data, &args.labels, split).map(Self::Stream)
+        }
+    }
+
+    fn source(&self) -> SampleSource<'_> {
+        match self {
+            Self::Whole(dataset) => dataset.into(),
+            Self::Stream(split) => split.into(),
+        }
+    }
+
+    /// As [`Dataset::to_learn_from`]; a stream tells it when it comes to the episode.
+    fn annotated(self) -> Result<Self, DatasetError> {
+        match self {
+            Self::Whole(dataset) => dataset.to_learn_from().map(Self::Whole),
+            stream @ Self::Stream(_) => Ok(stream),
+        }
+    }
+}
+
+pub fn run(mut args: TrainArgs) -> anyhow::Result<ExitStatus> {
     let mut config: TrainConfig =
         config::load_over(&base_config(&args.model)?, args.config.as_deref(), &args.overrides)?;
-    if args.image_weights.is_some() {
-        config.image_weights = args.image_weights;
+    if let Some(path) = args.image_weights.take() {
+        config.image_weights = Some(path);
     }
     let config = Checked::try_from(config)?;
-    let device = args.device.open()?;
-    let dataset = Dataset::open(&args.data, &args.labels, Split::Train)?.to_learn_from()?;
-    let Some(out) = args.out.filter(|_| !args.dry_run) else {
-        let dry_run = DryRun::of(&dataset, &config)?;
+    let devices = args.devices.open()?;
+    let learned = Opened::open(&args, &config, Split::Train)?.annotated()?;
+    let Some(out) = args.out.clone().filter(|_| !args.dry_run) else {
+        let dry_run = DryRun::of(learned.source(), &config)?;
         print_summary(&dry_run, args.json)?;
         return Ok(ExitStatus::Done);
     };
@@ -94,13 +125,13 @@ pub fn run(args: TrainArgs) -> anyhow::Result<ExitStatus> {
     };
     let options =
         TrainOptions { force: args.force, resume: args.resume, after_validation: Some(&after_validation) };
-    let validation = match Dataset::open(&args.data, &args.labels, Split::Val) {
+    let validation = match Opened::open(&args, &config, Split::Val) {
         Ok(split) if config.validate_every_epochs > 0 => Some(split),
         Ok(_) | Err(DatasetError::EmptySplit { .. }) => None,
         Err(error) => return Err(error.into()),
     };
-    let summary =
-        train::run(&dataset, validation.as_ref(), &config, &out, options, &device, &Bar::default())?;
+    let data = TrainingData::new(learned.source(), validation.as_ref().map(Opened::source));
+    let summary = train::run(data, &config, &out, options, &devices, &Bar::default())?;
     let status = draw(&out);
     if let Some(report) = &summary.image_weights {
         print(report)?;

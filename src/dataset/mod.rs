@@ -9,18 +9,19 @@ mod one_by_one;
 mod opened;
 mod recording;
 mod seen;
+mod source;
+mod split;
 pub mod statistics;
 pub mod test_data;
 
 use std::path::{Path, PathBuf};
 
 use fs_err as fs;
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::episode::manifest::{EpisodeEntry, LabelEntry, LabelManifest, Manifest, ManifestError, Split};
-use crate::episode::{EpisodeError, EpisodeMeta, LogFacts, SampleLabels, is_any_annotated};
+use crate::episode::{EpisodeError, EpisodeMeta, LogFacts, SampleLabels};
 use crate::files;
 use crate::object::{LabelledObject, Object};
 use crate::sample::{EgoState, IgnoredRegion, Measured, Sample};
@@ -34,6 +35,8 @@ pub use one_by_one::{KnownObject, KnownSample, OneByOne};
 use opened::OpenedEpisode;
 pub use recording::MeasuredSplit;
 pub use seen::{LearnedError, SeenEpisodes};
+pub use source::SampleSource;
+pub use split::{LabelledSplit, PartAhead};
 
 /// Why a dataset could not be loaded.
 #[derive(Debug, Error)]
@@ -126,32 +129,7 @@ impl Dataset {
     /// [`DatasetError`]: no dataset, no truth, no such labels, labels of another dataset, a broken file, or no
     /// episode of the split.
     pub fn open(path: &Path, set: &str, split: Split) -> Result<Self, DatasetError> {
-        let manifest = Manifest::read(path)?;
-        let labels = match labels_of(path, set, &manifest) {
-            Err(DatasetError::Manifest(ManifestError::NoLabels { .. }))
-                if !is_any_annotated(path, &manifest)? =>
-            {
-                return Err(DatasetError::NoTruth { path: path.to_owned() });
-            }
-            labels => labels?,
-        };
-        let zone = zone_of(&labels).map_err(|message| DatasetError::Zone {
-            set: set.to_owned(),
-            message,
-            path: path.to_owned(),
-        })?;
-        let episodes = episodes_of(&manifest, split, path)?;
-        let loaded = episodes
-            .par_iter()
-            .map(|entry| load_episode(path, set, entry, label_entry(&labels, entry, path)?, &zone))
-            .collect::<Result<Vec<_>, _>>()?;
-        Ok(Self {
-            path: path.to_owned(),
-            samples: loaded.into_iter().flatten().collect(),
-            episodes,
-            zone,
-            fingerprint: Fingerprint::of(path, set)?,
-        })
+        LabelledSplit::open(path, set, split)?.read_all()
     }
 
     /// Loads a split; if none is named, the first of `val`, `dev` and `test` that the data set has.
@@ -223,7 +201,7 @@ impl Dataset {
     /// Each sample's id and measurements, which is all that a detector may see.
     #[must_use]
     pub fn named(&self) -> Vec<(&str, &Measured)> {
-        self.samples.iter().map(|sample| (sample.id.as_str(), &sample.measured)).collect()
+        named(&self.samples)
     }
 
     /// The samples of the first `n` episodes; of all with 0.
@@ -235,6 +213,12 @@ impl Dataset {
         let n_samples = self.episodes.iter().take(n).map(|entry| entry.n_samples).sum();
         &self.samples[..n_samples]
     }
+}
+
+/// As [`Dataset::named`], of some samples.
+#[must_use]
+pub fn named(samples: &[LabelledSample]) -> Vec<(&str, &Measured)> {
+    samples.iter().map(|sample| (sample.id.as_str(), &sample.measured)).collect()
 }
 
 /// The episodes of a split, of which there is at least one.
@@ -255,19 +239,6 @@ fn labels_of(path: &Path, set: &str, manifest: &Manifest) -> Result<LabelManifes
         return Err(DatasetError::OtherLabels { set: set.to_owned(), path: path.to_owned() });
     }
     Ok(labels)
-}
-
-/// The labels of an episode.
-fn label_entry<'a>(
-    labels: &'a LabelManifest,
-    entry: &EpisodeEntry,
-    path: &Path,
-) -> Result<&'a LabelEntry, DatasetError> {
-    labels.episodes.iter().find(|label| label.name == entry.name).ok_or_else(|| DatasetError::NotLabelled {
-        episode: entry.name.clone(),
-        set: labels.set.clone(),
-        path: path.to_owned(),
-    })
 }
 
 fn zone_of(labels: &LabelManifest) -> Result<Zone, String> {
@@ -306,7 +277,7 @@ fn read_labelled(
     entry: &EpisodeEntry,
     labels: &LabelEntry,
 ) -> Result<(EpisodeMeta, Option<LogFacts>, Vec<Read>), DatasetError> {
-    let opened = OpenedEpisode::open(path, entry, Some((set, labels)))?;
+    let opened = OpenedEpisode::open(path, entry, Some((set, labels)), false)?;
     let label_reader = opened.labels.as_ref().expect("it was opened with labels");
     let reader = &opened.reader;
     let samples = reader

@@ -1,14 +1,20 @@
 //! A data set whose samples are read when they are asked for, in any order: what Python's loaders need.
 
+use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use super::coverage::keep_in_view;
 use super::opened::OpenedEpisode;
-use super::{DatasetError, episodes_of, label_entry, labels_of, pair};
-use crate::episode::manifest::{EpisodeEntry, LabelManifest, Manifest, Split};
+use super::split::labels_in_order;
+use super::{DatasetError, episodes_of, labels_of, pair};
+use crate::episode::manifest::{EpisodeEntry, LabelEntry, Manifest, Split};
 use crate::object::{Harm, LabelledObject, Object};
 use crate::sample::{EgoState, Measured};
+
+/// Episodes of which the index and the labels are kept, some 50 KB each.
+const MOST_OPENED: usize = 256;
 
 /// One sample with what is known of it.
 #[derive(Debug, Clone)]
@@ -36,10 +42,20 @@ pub struct KnownObject {
 pub struct OneByOne {
     path: PathBuf,
     episodes: Vec<EpisodeEntry>,
-    labels: Option<LabelManifest>,
+    labels: Option<OneByOneLabels>,
     /// Of each episode, the number of samples before it; then the number of all.
     begins: Vec<usize>,
-    opened: Vec<OnceLock<OpenedEpisode>>,
+    /// Of each episode, whether its file was found to be the manifest's.
+    checked: Vec<AtomicBool>,
+    /// Those that were opened last, by their places.
+    opened: Mutex<VecDeque<(usize, Arc<OpenedEpisode>)>>,
+}
+
+/// A label set's name, and the entry of each episode.
+#[derive(Debug)]
+struct OneByOneLabels {
+    set: String,
+    entries: Vec<LabelEntry>,
 }
 
 impl OneByOne {
@@ -54,16 +70,18 @@ impl OneByOne {
             Some(split) => episodes_of(&manifest, split, path)?,
             None => manifest.episodes,
         };
-        for entry in &episodes {
-            labels.as_ref().map(|labels| label_entry(labels, entry, path)).transpose()?;
-        }
+        let in_order = |labels| {
+            let entries = labels_in_order(&labels, &episodes, path)?;
+            Ok::<_, DatasetError>(OneByOneLabels { set: labels.set, entries })
+        };
+        let labels = labels.map(in_order).transpose()?;
         let mut begins = vec![0];
         begins.extend(episodes.iter().scan(0, |n, entry| {
             *n += entry.n_samples;
             Some(*n)
         }));
-        let opened = episodes.iter().map(|_| OnceLock::new()).collect();
-        Ok(Self { path: path.to_owned(), episodes, labels, begins, opened })
+        let checked = episodes.iter().map(|_| AtomicBool::new(false)).collect();
+        Ok(Self { path: path.to_owned(), episodes, labels, begins, checked, opened: Mutex::default() })
     }
 
     #[must_use]
@@ -127,18 +145,22 @@ impl OneByOne {
         Ok(KnownSample { id, measured: sample.measured, true_state, objects, is_labelled })
     }
 
-    fn opened(&self, episode_idx: usize) -> Result<&OpenedEpisode, DatasetError> {
-        let slot = &self.opened[episode_idx];
-        if let Some(opened) = slot.get() {
-            return Ok(opened);
+    /// An episode that was opened lately, or opens it. Its content is checked once: to hash a whole file again for one sample
+    /// would take longer than the sample.
+    fn opened(&self, episode_idx: usize) -> Result<Arc<OpenedEpisode>, DatasetError> {
+        let lock = || self.opened.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, opened)) = lock().iter().find(|(idx, _)| *idx == episode_idx) {
+            return Ok(opened.clone());
         }
-        let entry = &self.episodes[episode_idx];
-        let labels = match &self.labels {
-            Some(labels) => Some((labels.set.as_str(), label_entry(labels, entry, &self.path)?)),
-            None => None,
-        };
-        let opened = OpenedEpisode::open(&self.path, entry, labels)?;
-        Ok(slot.get_or_init(|| opened))
+        let labels = self.labels.as_ref().map(|labels| (labels.set.as_str(), &labels.entries[episode_idx]));
+        let is_checked = self.checked[episode_idx].load(Ordering::Acquire);
+        let opened = OpenedEpisode::open(&self.path, &self.episodes[episode_idx], labels, is_checked)?;
+        self.checked[episode_idx].store(true, Ordering::Release);
+        let opened = Arc::new(opened);
+        let mut kept = lock();
+        kept.push_front((episode_idx, opened.clone()));
+        kept.truncate(MOST_OPENED);
+        Ok(opened)
     }
 }
 
@@ -181,5 +203,25 @@ mod tests {
         let told = data.sample(0).unwrap_err().to_string();
         assert!(told.contains(&path.display().to_string()), "{told}");
         assert!(data.sample(1).is_ok());
+    }
+
+    #[test]
+    fn many_episodes_are_read_with_few_kept_open() {
+        let folder = tempfile::tempdir().unwrap();
+        test_data::write(folder.path(), &[1; 3]);
+        let mut data = OneByOne::open(folder.path(), None, Some("rect")).unwrap();
+        // Each of the three stands for many.
+        data.episodes = (0..MOST_OPENED + 40).map(|i| data.episodes[i % 3].clone()).collect();
+        let entries = &mut data.labels.as_mut().unwrap().entries;
+        *entries = (0..MOST_OPENED + 40).map(|i| entries[i % 3].clone()).collect();
+        data.begins = (0..=MOST_OPENED + 40).collect();
+        data.checked = data.episodes.iter().map(|_| AtomicBool::new(false)).collect();
+        let first = data.sample(0).unwrap();
+        for idx in 0..data.len() {
+            assert_eq!(data.sample(idx).unwrap().id, format!("made-{}/0", idx % 3));
+        }
+        assert_eq!(data.opened.lock().unwrap().len(), MOST_OPENED);
+        let again = data.sample(0).unwrap();
+        assert_eq!((again.id, again.measured), (first.id, first.measured), "opened anew");
     }
 }

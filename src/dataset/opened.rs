@@ -17,7 +17,8 @@ pub(super) struct OpenedEpisode {
 }
 
 impl OpenedEpisode {
-    /// `labels`: the label set's name and its entry.
+    /// `labels`: the label set's name and its entry. Where `is_checked` says that an earlier opening found the manifest's
+    /// content, it is not hashed again.
     ///
     /// # Errors
     /// A file is damaged or not the manifest's; the labels are of another episode or of another number of samples.
@@ -25,8 +26,13 @@ impl OpenedEpisode {
         dataset: &Path,
         entry: &EpisodeEntry,
         labels: Option<(&str, &LabelEntry)>,
+        is_checked: bool,
     ) -> Result<Self, DatasetError> {
-        let reader = EpisodeReader::open_entry(dataset, entry)?;
+        let reader = if is_checked {
+            EpisodeReader::open_known(dataset, entry)?
+        } else {
+            EpisodeReader::open_entry(dataset, entry)?
+        };
         let (name, path) = (entry.name.clone(), reader.path().to_owned());
         let mut opened = Self { reader, labels: None, name, path };
         if let Some((set, label_entry)) = labels {

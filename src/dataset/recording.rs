@@ -10,7 +10,7 @@ use crate::episode::{EpisodeError, EpisodeReader, Shard};
 use crate::sample::Measured;
 
 /// Samples that are read together, on all cores.
-const N_TOGETHER: usize = 32;
+pub(super) const N_TOGETHER: usize = 32;
 
 /// One split of a data set, which need be neither annotated nor labelled.
 #[derive(Debug, Clone)]

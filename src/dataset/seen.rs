@@ -5,7 +5,6 @@ use std::collections::BTreeSet;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::Dataset;
 use crate::episode::EpisodeEntry;
 
 /// The content hashes of the episodes that a training has seen.
@@ -35,8 +34,8 @@ pub struct LearnedError {
 impl SeenEpisodes {
     /// What a training on a split, watched on another, has seen.
     #[must_use]
-    pub fn of(learned: &Dataset, watched: Option<&Dataset>) -> Self {
-        let hashes = |data: &Dataset| data.episodes().iter().map(|entry| entry.sha256.clone()).collect();
+    pub fn of(learned: &[EpisodeEntry], watched: Option<&[EpisodeEntry]>) -> Self {
+        let hashes = |of: &[EpisodeEntry]| of.iter().map(|entry| entry.sha256.clone()).collect();
         Self { learned: hashes(learned), watched: watched.map(hashes).unwrap_or_default() }
     }
 
@@ -71,7 +70,6 @@ impl SeenEpisodes {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dataset::test_data;
     use crate::episode::Split;
     use crate::episode::manifest::ObjectCounts;
 
@@ -107,11 +105,11 @@ mod tests {
 
     #[test]
     fn what_a_training_saw_survives_its_record() {
-        let data = test_data::dataset(2);
-        let of_data = SeenEpisodes::of(&data, Some(&data));
+        let episodes = [entry("one", "a"), entry("two", "b")];
+        let of_data = SeenEpisodes::of(&episodes, Some(&episodes[1..]));
         let more = of_data.clone().with_watched(&[entry("new", "xy")]);
         assert!(more.watched.contains("xy") && more.learned == of_data.learned);
-        assert_eq!(of_data.learned.len(), data.episodes().len());
+        assert_eq!(of_data, seen(&["a", "b"], &["b"]));
         let seen = seen(&["a"], &["b", "c"]);
         let text = serde_json::to_string(&seen).unwrap();
         assert_eq!(serde_json::from_str::<SeenEpisodes>(&text).unwrap(), seen);

@@ -1,6 +1,6 @@
 //! `dataset.json`: the content of a data set; `labels.json`: the content of a label set.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
 
 use fs_err as fs;
@@ -164,6 +164,12 @@ impl Manifest {
             *counts.entry(entry.split).or_default() += 1;
             counts
         })
+    }
+
+    /// The content hash of each episode by its name.
+    #[must_use]
+    pub fn hash_of_name(&self) -> HashMap<&str, &str> {
+        self.episodes.iter().map(|entry| (entry.name.as_str(), entry.sha256.as_str())).collect()
     }
 
     fn check(&self, path: &Path) -> Result<(), ManifestError> {

@@ -121,16 +121,28 @@ impl EpisodeReader {
     /// As [`Self::open`]; another content hash or number of samples than the manifest's.
     pub fn open_entry(dataset: &Path, entry: &EpisodeEntry) -> Result<Self, EpisodeError> {
         let reader = Self::open(&dataset.join(&entry.file))?;
-        let path = || reader.path().to_owned();
         let found = sha256_of(reader.path())?;
         if found != entry.sha256 {
-            return Err(EpisodeError::OtherContent { found, wanted: entry.sha256.clone(), path: path() });
+            let (wanted, path) = (entry.sha256.clone(), reader.path().to_owned());
+            return Err(EpisodeError::OtherContent { found, wanted, path });
         }
-        if reader.len() != entry.n_samples {
-            let (found, wanted) = (reader.len(), entry.n_samples);
-            return Err(EpisodeError::SampleCount { found, wanted, path: path() });
+        reader.with_samples_of(entry)
+    }
+
+    /// The same for an episode whose content was checked before.
+    ///
+    /// # Errors
+    /// As [`Self::open`]; another number of samples than the manifest's.
+    pub fn open_known(dataset: &Path, entry: &EpisodeEntry) -> Result<Self, EpisodeError> {
+        Self::open(&dataset.join(&entry.file))?.with_samples_of(entry)
+    }
+
+    fn with_samples_of(self, entry: &EpisodeEntry) -> Result<Self, EpisodeError> {
+        if self.len() == entry.n_samples {
+            return Ok(self);
         }
-        Ok(reader)
+        let (found, wanted, path) = (self.len(), entry.n_samples, self.path().to_owned());
+        Err(EpisodeError::SampleCount { found, wanted, path })
     }
 
     #[must_use]

@@ -1,5 +1,6 @@
 //! Parts of a label set, each labelled in a process of its own: `part-I-of-N.json` beside the labels, until the whole set is joined.
 
+use std::collections::{HashMap, HashSet};
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -29,7 +30,7 @@ pub(super) fn find(
     zone_toml: &str,
     dataset: &Manifest,
 ) -> Option<LabelManifest> {
-    read_whole(&path_of(folder, shard), folder, zone_toml, dataset)
+    read_whole(&path_of(folder, shard), folder, zone_toml, &dataset.hash_of_name())
 }
 
 /// All such parts, in the order of their names. No episode is in two of them.
@@ -38,13 +39,14 @@ pub(super) fn find_all(
     zone_toml: &str,
     dataset: &Manifest,
 ) -> Result<Vec<LabelManifest>, LabelError> {
+    let hashes = dataset.hash_of_name();
     let mut found: Vec<LabelManifest> = Vec::new();
+    let mut known: HashSet<String> = HashSet::new();
     for path in paths(folder)? {
-        let Some(part) = read_whole(&path, folder, zone_toml, dataset) else { continue };
-        let is_known =
-            |name: &str| found.iter().any(|other| other.episodes.iter().any(|entry| entry.name == name));
+        let Some(part) = read_whole(&path, folder, zone_toml, &hashes) else { continue };
         // Parts of another count overlap with these.
-        if !part.episodes.iter().any(|entry| is_known(&entry.name)) {
+        if !part.episodes.iter().any(|entry| known.contains(&entry.name)) {
+            known.extend(part.episodes.iter().map(|entry| entry.name.clone()));
             found.push(part);
         }
     }
@@ -72,15 +74,18 @@ fn paths(folder: &Path) -> io::Result<Vec<PathBuf>> {
     Ok(found)
 }
 
-fn read_whole(path: &Path, folder: &Path, zone_toml: &str, dataset: &Manifest) -> Option<LabelManifest> {
+/// `hashes`: the content hash of each of the data set's episodes by its name.
+fn read_whole(
+    path: &Path,
+    folder: &Path,
+    zone_toml: &str,
+    hashes: &HashMap<&str, &str>,
+) -> Option<LabelManifest> {
     let part: LabelManifest = serde_json::from_str(&fs::read_to_string(path).ok()?).ok()?;
     let is_whole = part.zone_toml == zone_toml
         && part.generator_version == env!("CARGO_PKG_VERSION")
         && part.episodes.iter().all(|label| {
-            dataset
-                .episodes
-                .iter()
-                .any(|entry| entry.name == label.name && entry.sha256 == label.episode_sha256)
+            hashes.get(label.name.as_str()) == Some(&label.episode_sha256.as_str())
                 && sha256_of(&folder.join(&label.file)).is_ok_and(|found| found == label.sha256)
         });
     is_whole.then_some(part)

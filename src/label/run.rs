@@ -152,9 +152,9 @@ fn finished(
     if toml::from_str::<ZoneConfig>(&labels.zone_toml).ok().as_ref() != Some(zone_config) {
         return Err(other("another zone"));
     }
-    let is_known = |entry: &LabelEntry| {
-        manifest.episodes.iter().any(|e| e.name == entry.name && e.sha256 == entry.episode_sha256)
-    };
+    let hashes = manifest.hash_of_name();
+    let is_known =
+        |entry: &LabelEntry| hashes.get(entry.name.as_str()) == Some(&entry.episode_sha256.as_str());
     if !labels.episodes.iter().all(is_known) {
         return Err(other("other episodes"));
     }

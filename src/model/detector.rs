@@ -48,10 +48,11 @@ impl Detector {
         if *device == cpu { detector } else { detector.to_device(device) }
     }
 
-    /// Seeds the random numbers of training: dropout and drop path.
-    pub fn seed(device: &Device, seed: u64) {
+    /// Does work that draws the random numbers of training, dropout and drop path, from a seed; nobody else draws meanwhile.
+    pub fn with_generator<R>(device: &Device, seed: u64, work: impl FnOnce() -> R) -> R {
         let _held = GENERATOR.lock().unwrap_or_else(PoisonError::into_inner);
         device.seed(seed);
+        work()
     }
 
     /// Loads the image backbone's weights from a file of another library.

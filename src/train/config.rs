@@ -52,6 +52,9 @@ define_config! {
         validate_every_epochs: usize = 1, in from_to(0.0, 1e6);
         /// Memory for prepared inputs, MiB; what does not fit is prepared anew in each epoch.
         cache_mib: usize = 3072, in from_to(0.0, 1e7);
+        /// Left out of a run's own config where it is off, so that runs from before it go on.
+        #[serde(skip_serializing_if = "StreamConfig::is_off")]
+        stream: StreamConfig = StreamConfig::default(), in part::<StreamConfig>();
         loss: LossConfig = LossConfig::default(), in part::<LossConfig>();
         augment: AugmentConfig = AugmentConfig::default(), in part::<AugmentConfig>();
         /// Steps between two saved states to resume from.
@@ -61,6 +64,24 @@ define_config! {
         #[serde(skip_serializing_if = "Option::is_none")]
         image_weights: Option<PathBuf> = None;
         model: ModelConfig = ModelConfig::default(), in part::<ModelConfig>();
+    }
+}
+
+define_config! {
+    /// Training on data that need not fit in memory.
+    #[derive(Copy, Eq)]
+    pub struct StreamConfig {
+        /// Episodes of a window: each epoch shuffles the episodes, cuts them into windows, and shows one window after the
+        /// other. The windows of a step and the next one are in memory. 0 loads the whole split.
+        window_episodes: usize = 0, in from_to(0.0, 1e9);
+    }
+}
+
+impl StreamConfig {
+    /// Whether the whole split is in memory.
+    #[must_use]
+    pub fn is_off(&self) -> bool {
+        self.window_episodes == 0
     }
 }
 
@@ -272,6 +293,20 @@ mod tests {
         assert!(config.check().unwrap_err().to_string().contains("validate_every_epochs"));
         config.validate_every_epochs = 0;
         config.check().unwrap();
+    }
+
+    #[test]
+    fn a_stream_is_in_the_config_of_a_run_where_it_is_on() {
+        let with = |n: &str| {
+            let keys = [format!("stream.window_episodes={n}")];
+            crate::config::with_overrides(&TrainConfig::default(), &keys).unwrap()
+        };
+        assert!(!crate::config::to_toml(&with("0")).contains("stream"));
+        assert!(crate::config::to_toml(&with("64")).contains("[stream]\nwindow_episodes = 64\n"));
+        assert_eq!(with("64").stream.window_episodes, 64);
+        with("1000000000").check().unwrap();
+        let told = with("1000000001").check().unwrap_err().to_string();
+        assert!(told.contains("stream.window_episodes"), "{told}");
     }
 
     #[test]

@@ -6,7 +6,7 @@
 use std::collections::{HashMap, HashSet};
 
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param, ParamId};
-use burn::tensor::Tensor;
+use burn::tensor::{Device, Tensor};
 
 use crate::model::Detector;
 
@@ -14,6 +14,12 @@ use crate::model::Detector;
 #[must_use]
 pub fn copy_detector(detector: &Detector) -> Detector {
     detector.valid().train()
+}
+
+/// Copies a detector for the batches of another device.
+#[must_use]
+pub fn copy_to_device(detector: &Detector, device: &Device) -> Detector {
+    detector.valid().to_device(&device.clone().without_autodiff()).train()
 }
 
 /// Gives the detector the mean of its copies' running statistics; those of a single copy stay as they are.
@@ -44,7 +50,7 @@ impl ModuleVisitor for Statistics {
 }
 
 /// Means over copies, as the first copy's values and the mean difference from them: equal values stay equal to the bit.
-/// They stay on the device, each flattened to a row.
+/// They stay on the device, the first copy's, each flattened to a row.
 struct Means {
     ids: HashSet<ParamId>,
     share: f32,
@@ -67,7 +73,8 @@ impl ModuleVisitor for Means {
         let mean = self.by_id.remove(&param.id).map_or_else(
             || Mean { first: values.clone(), difference: values.zeros_like() },
             |Mean { first, difference }| {
-                let apart = (values.clone() - first.clone()).mul_scalar(self.share);
+                let apart =
+                    (values.clone().to_device(&first.device()) - first.clone()).mul_scalar(self.share);
                 Mean { first, difference: difference + apart }
             },
         );
@@ -99,7 +106,6 @@ mod tests {
     use super::*;
     use crate::dataset::test_data;
     use crate::model::{Batch, Input, ModelConfig};
-    use burn::tensor::Device;
 
     struct Collected(Vec<(bool, Vec<f32>)>);
 

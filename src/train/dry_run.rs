@@ -1,5 +1,6 @@
 //! A training run described before it starts: parameters, tensors, memory, steps.
 
+use std::borrow::Cow;
 use std::fmt;
 
 use burn::tensor::Device;
@@ -9,7 +10,7 @@ use super::config::TrainConfig;
 use super::error::TrainError;
 use super::plan::STAGES;
 use super::step::n_abreast;
-use crate::dataset::Dataset;
+use crate::dataset::SampleSource;
 use crate::model::{Detector, NumericFusion, StepTensor, step_tensors};
 use crate::text_table::text_table;
 
@@ -61,16 +62,21 @@ pub struct StageSteps {
 }
 
 impl DryRun {
-    /// Describes a run over a dataset.
+    /// Describes a run over a split; of what is on disk, it reads one episode.
     ///
     /// # Errors
-    /// The dataset has no training samples.
-    pub fn of(dataset: &Dataset, config: &TrainConfig) -> Result<Self, TrainError> {
-        let Some(first) = dataset.samples().first() else {
-            return Err(TrainError::NoSamples { path: dataset.path().to_owned() });
+    /// There are no training samples, or the episode is broken.
+    pub fn of<'a>(source: impl Into<SampleSource<'a>>, config: &TrainConfig) -> Result<Self, TrainError> {
+        let source = source.into();
+        let first = match source {
+            SampleSource::InMemory(dataset) => Cow::Borrowed(dataset),
+            SampleSource::OnDisk(split) => Cow::Owned(split.read(&[0])?),
+        };
+        let Some(first) = first.samples().first() else {
+            return Err(TrainError::NoSamples { path: source.path().to_owned() });
         };
         let camera = &first.measured.intrinsics;
-        Ok(Self::new(config, dataset.samples().len(), [camera.width_px, camera.height_px]))
+        Ok(Self::new(config, source.n_samples(), [camera.width_px, camera.height_px]))
     }
 
     /// Describes a run over `n_samples` samples with images of `image_px` (width, height). The config has passed its

@@ -6,6 +6,7 @@ use thiserror::Error;
 
 use super::validate::ValidationError;
 use crate::config::InvalidConfig;
+use crate::dataset::DatasetError;
 use crate::history::HistoryError;
 use crate::model::checkpoint::CheckpointError;
 use crate::model::{ImageWeightsError, InputError};
@@ -41,6 +42,8 @@ pub enum TrainError {
     Input { sample: String, source: InputError },
     #[error("sample {sample}: {source}")]
     Label { sample: String, source: ZoneError },
+    #[error(transparent)]
+    Data(#[from] DatasetError),
     #[error("validation failed: {0}")]
     Validation(#[from] ValidationError),
     #[error(

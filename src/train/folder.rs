@@ -9,7 +9,7 @@ use super::error::TrainError;
 use super::state;
 use super::time::TIME_FILE;
 use crate::config::to_toml;
-use crate::dataset::Dataset;
+use crate::dataset::Fingerprint;
 use crate::files;
 use crate::history::{SCORES_FILE, STEPS_FILE};
 use crate::model::checkpoint::CHECKPOINT;
@@ -35,14 +35,13 @@ pub struct TrainOptions<'a> {
 /// # Errors
 /// The folder holds another run or something else, there is nothing to resume, or any IO error.
 pub fn open(
-    dataset: &Dataset,
+    data: &Fingerprint,
     config: &TrainConfig,
     out: &Path,
     options: TrainOptions<'_>,
 ) -> Result<(), TrainError> {
     let config_text = to_toml(config);
-    let data_text =
-        serde_json::to_string_pretty(&dataset.fingerprint()).expect("a fingerprint has a JSON form");
+    let data_text = serde_json::to_string_pretty(data).expect("a fingerprint has a JSON form");
     let config_path = out.join(CONFIG_FILE);
     let is_empty = !out.exists() || fs::read_dir(out)?.next().is_none();
     if is_empty {

@@ -81,7 +81,7 @@ impl Learner {
         self.detector = Some(detector);
         let norm = self.apply(gradients, pace);
         if !norm.is_finite() {
-            return Err(steps.not_finite(norm, position, &steps.samples(position)));
+            return Err(steps.not_finite(norm, position));
         }
         self.update_average(position.step);
         Ok((parts, norm))

@@ -11,6 +11,7 @@ mod disturb;
 mod dry_run;
 mod error;
 mod folder;
+mod lanes;
 mod learner;
 mod losses;
 mod optimizer;
@@ -18,6 +19,8 @@ mod paste;
 mod picture;
 mod plan;
 mod run;
+#[cfg(test)]
+mod run_tests;
 mod schedule;
 mod state;
 mod step;
@@ -26,12 +29,13 @@ mod time;
 #[cfg(test)]
 mod twin_tests;
 mod validate;
+mod windows;
 
-pub use config::{AugmentConfig, LossConfig, StageConfig, TrainConfig, Unhit};
+pub use config::{AugmentConfig, LossConfig, StageConfig, StreamConfig, TrainConfig, Unhit};
 pub use dry_run::DryRun;
 pub use error::TrainError;
 pub use folder::{CONFIG_FILE, DATA_FILE, TrainOptions};
-pub use run::{Summary, run};
+pub use run::{Summary, TrainingData, run};
 pub use schedule::{BETA_1, Pace, Schedule};
 pub use time::{TIME_FILE, TrainingTime};
 
@@ -42,3 +46,4 @@ pub use losses::{LossParts, Losses, losses};
 pub use plan::{Plan, Position, STAGES};
 pub use step::Steps;
 pub use targets::trainable;
+pub use windows::{Shown, Windows};

@@ -1,12 +1,16 @@
-//! The steps of a run and the samples of each, from config, seed and data alone.
+//! The steps of a run and the places of each, from config, seed and the sizes of the data alone.
+//!
+//! An epoch shuffles the episodes, cuts them into windows, and shows the samples of one window after the other, shuffled. What
+//! is in memory as a whole is one window.
+
+use std::ops::Range;
 
 use rand::RngExt;
 use rand::seq::SliceRandom;
 use serde::{Deserialize, Serialize};
 
 use super::config::{StageConfig, TrainConfig};
-use crate::dataset::LabelledSample;
-use crate::object::Harm;
+use crate::dataset::SampleSource;
 use crate::random;
 
 /// Names of the stages.
@@ -28,27 +32,74 @@ pub struct Plan {
     pub n_steps: [usize; 2],
     samples_per_step: usize,
     n_samples: usize,
-    /// Samples with something harmful ahead.
-    harmful: Vec<usize>,
+    /// Of each part that is read as one (an episode, or all that is in memory), the number of samples before it; then the
+    /// number of all.
+    begins: Vec<usize>,
+    /// Parts of a window.
+    n_window_parts: usize,
     harmful_share: f64,
+    seed: u64,
+}
+
+/// A pass over all samples.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Epoch {
+    pub stage: usize,
+    /// Its number in the stage.
+    pub number: usize,
+}
+
+/// The windows of an epoch.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct EpochWindows {
+    pub epoch: Epoch,
+    /// The parts of each window, ascending.
+    pub parts: Vec<Vec<usize>>,
+    /// Of each window, the number of samples before it; then the number of all.
+    begins: Vec<usize>,
+}
+
+impl EpochWindows {
+    /// The windows that places of the epoch fall into.
+    #[must_use]
+    pub fn holding(&self, places: &Range<usize>) -> Range<usize> {
+        let window_of = |place: usize| self.begins.partition_point(|&begin| begin <= place) - 1;
+        window_of(places.start)..window_of(places.end - 1) + 1
+    }
+
+    /// The window of a place, and the place in it.
+    #[must_use]
+    pub fn locate(&self, place: usize) -> (usize, usize) {
+        let window = self.holding(&(place..place + 1)).start;
+        (window, place - self.begins[window])
+    }
 }
 
 impl Plan {
-    pub fn new(config: &TrainConfig, samples: &[LabelledSample]) -> Self {
-        let n_samples = samples.len();
-        let is_harmful =
-            |sample: &LabelledSample| sample.objects.iter().any(|object| object.harm == Harm::Harmful);
-        let harmful = (0..n_samples).filter(|&i| is_harmful(&samples[i])).collect();
-        let steps_per_epoch = n_samples.div_ceil(config.batch_size * config.accumulate);
+    /// The plan of a run over all samples of a split; only what is on disk is cut into windows.
+    pub fn new<'a>(config: &TrainConfig, source: impl Into<SampleSource<'a>>) -> Self {
+        let sizes = match source.into() {
+            SampleSource::InMemory(dataset) => vec![dataset.samples().len()],
+            SampleSource::OnDisk(split) => split.episodes().iter().map(|entry| entry.n_samples).collect(),
+        };
+        let begins = running_sum(sizes.iter().copied());
+        let n_samples = begins[sizes.len()];
+        let samples_per_step = config.batch_size * config.accumulate;
+        let steps_per_epoch = n_samples.div_ceil(samples_per_step);
         let stages = [config.lidar_stage, config.fused_stage];
         Self {
             stages,
             steps_per_epoch,
             n_steps: stages.map(|stage| stage.epochs * steps_per_epoch),
-            samples_per_step: config.batch_size * config.accumulate,
+            samples_per_step,
             n_samples,
-            harmful,
+            begins,
+            n_window_parts: match config.stream.window_episodes {
+                0 => sizes.len(),
+                n => n,
+            },
             harmful_share: config.harmful_share,
+            seed: config.seed,
         }
     }
 
@@ -57,58 +108,89 @@ impl Plan {
         self.n_steps[..position.stage].iter().sum::<usize>() + position.step
     }
 
-    /// The batches of a step.
-    pub fn step_samples(&self, config: &TrainConfig, position: Position) -> Vec<Vec<usize>> {
-        self.samples_of(config.seed, position).chunks(config.batch_size).map(<[usize]>::to_vec).collect()
+    /// The epoch of a step.
+    #[must_use]
+    pub fn epoch(&self, position: Position) -> Epoch {
+        Epoch { stage: position.stage, number: position.step / self.steps_per_epoch }
     }
 
-    /// The samples of a step: each epoch is shuffled and cut into steps, of which the last may be short. A share of the
-    /// places goes to samples with something harmful ahead.
-    fn samples_of(&self, seed: u64, position: Position) -> Vec<usize> {
-        let n_samples = self.n_samples;
-        let epoch = position.step / self.steps_per_epoch;
+    /// The epoch after another; `None` after the last.
+    #[must_use]
+    pub fn epoch_after(&self, epoch: Epoch) -> Option<Epoch> {
+        let Epoch { stage, number } = epoch;
+        if number + 1 < self.stages[stage].epochs {
+            return Some(Epoch { stage, number: number + 1 });
+        }
+        let later = (stage + 1..self.stages.len()).find(|&stage| self.stages[stage].epochs > 0)?;
+        Some(Epoch { stage: later, number: 0 })
+    }
+
+    /// The places in its epoch that a step shows; the last step of an epoch may have fewer.
+    #[must_use]
+    pub fn places(&self, position: Position) -> Range<usize> {
+        let first = position.step % self.steps_per_epoch * self.samples_per_step;
+        first..(first + self.samples_per_step).min(self.n_samples)
+    }
+
+    /// The numbers that a part's samples have among all.
+    #[must_use]
+    pub fn numbers(&self, part: usize) -> Range<usize> {
+        self.begins[part]..self.begins[part + 1]
+    }
+
+    /// Shuffles the parts of an epoch and cuts them into windows.
+    #[must_use]
+    pub fn windows(&self, epoch: Epoch) -> EpochWindows {
+        let mut order: Vec<usize> = (0..self.begins.len() - 1).collect();
+        let name = format!("windows-{}", STAGES[epoch.stage]);
+        order.shuffle(&mut random::stream(self.seed, &name, epoch.number as u64));
+        let sorted = |parts: &[usize]| {
+            let mut parts = parts.to_vec();
+            parts.sort_unstable();
+            parts
+        };
+        let parts: Vec<Vec<usize>> = order.chunks(self.n_window_parts).map(sorted).collect();
+        let size = |parts: &Vec<usize>| parts.iter().map(|&part| self.numbers(part).len()).sum();
+        let begins = running_sum(parts.iter().map(size));
+        EpochWindows { epoch, parts, begins }
+    }
+
+    /// The samples of a window in the order in which they are shown. A share of the places goes to samples with something
+    /// harmful ahead, of the same window.
+    ///
+    /// # Arguments
+    /// - `window`: its place in the epoch
+    /// - `harmful`: the window's samples with something harmful ahead
+    #[must_use]
+    pub fn order(
+        &self,
+        windows: &EpochWindows,
+        window: usize,
+        n_samples: usize,
+        harmful: &[usize],
+    ) -> Vec<usize> {
         let mut order: Vec<usize> = (0..n_samples).collect();
-        let mut rng = random::stream(seed, &format!("order-{}", STAGES[position.stage]), epoch as u64);
+        let Epoch { stage, number } = windows.epoch;
+        let draw_idx = number * windows.parts.len() + window;
+        let mut rng = random::stream(self.seed, &format!("order-{}", STAGES[stage]), draw_idx as u64);
         order.shuffle(&mut rng);
-        if !self.harmful.is_empty() {
+        if !harmful.is_empty() {
             for place in &mut order {
                 if rng.random::<f64>() < self.harmful_share {
-                    *place = self.harmful[rng.random_range(0..self.harmful.len())];
+                    *place = harmful[rng.random_range(0..harmful.len())];
                 }
             }
         }
-        let first = position.step % self.steps_per_epoch * self.samples_per_step;
-        order[first..(first + self.samples_per_step).min(n_samples)].to_vec()
+        order
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::dataset::test_data;
-
-    fn epoch(config: &TrainConfig) -> Vec<usize> {
-        let data = test_data::dataset(7);
-        let plan = Plan::new(config, data.samples());
-        (0..plan.steps_per_epoch)
-            .flat_map(|step| plan.step_samples(config, Position { stage: 0, step }).concat())
-            .collect()
-    }
-
-    #[test]
-    fn an_epoch_shows_every_sample_once() {
-        let mut shown = epoch(&TrainConfig { batch_size: 2, ..TrainConfig::default() });
-        shown.sort_unstable();
-        assert_eq!(shown, [0, 1, 2, 3, 4, 5, 6]);
-    }
-
-    #[test]
-    fn with_a_share_of_one_only_samples_with_harmful_objects_are_shown() {
-        let data = test_data::dataset(7);
-        let is_harmful =
-            |i: usize| data.samples()[i].objects.iter().any(|object| object.harm == Harm::Harmful);
-        assert!((0..7).any(is_harmful), "the made data hold something harmful");
-        let shown = epoch(&TrainConfig { harmful_share: 1.0, ..TrainConfig::default() });
-        assert!(shown.len() == 7 && shown.into_iter().all(is_harmful));
-    }
+/// The sum before each number, then that of all.
+fn running_sum(numbers: impl Iterator<Item = usize>) -> Vec<usize> {
+    let mut sums = vec![0];
+    sums.extend(numbers.scan(0, |sum, number| {
+        *sum += number;
+        Some(*sum)
+    }));
+    sums
 }

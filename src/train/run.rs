@@ -19,7 +19,7 @@ use super::step::{Mean, Steps};
 use super::time::Stopwatch;
 use super::validate::validate;
 use crate::config::Checked;
-use crate::dataset::{Dataset, SeenEpisodes};
+use crate::dataset::{SampleSource, SeenEpisodes};
 use crate::history::{History, ScoreRow, StepRow};
 use crate::model::checkpoint::{self, CHECKPOINT};
 use crate::model::{Detector, ImageWeightsReport};
@@ -42,31 +42,50 @@ pub struct Summary {
     pub image_weights: Option<ImageWeightsReport>,
 }
 
+/// What a run learns from, and what it is scored on between epochs.
+#[derive(Debug, Clone, Copy)]
+pub struct TrainingData<'a> {
+    pub learned: SampleSource<'a>,
+    pub validation: Option<SampleSource<'a>>,
+}
+
+impl<'a> TrainingData<'a> {
+    pub fn new(learned: impl Into<SampleSource<'a>>, validation: Option<SampleSource<'a>>) -> Self {
+        Self { learned: learned.into(), validation }
+    }
+}
+
 /// Trains a detector; continues where an earlier call with the same config and data stopped. Scores the
-/// moving average on `validation` between epochs.
+/// moving average on the validation data between epochs.
+///
+/// # Arguments
+/// - `devices`: at least one; they share the batches of each step, and the first one does the rest
 ///
 /// # Errors
 /// [`TrainError`]; the last saved state stays.
+///
+/// # Panics
+/// There is no device.
 pub fn run(
-    dataset: &Dataset,
-    validation: Option<&Dataset>,
+    data: TrainingData<'_>,
     config: &Checked<TrainConfig>,
     out: &Path,
     options: TrainOptions<'_>,
-    device: &Device,
+    devices: &[Device],
     progress: &dyn Progress,
 ) -> Result<Summary, TrainError> {
     let started = Instant::now();
-    let samples = dataset.samples();
-    if samples.is_empty() {
-        return Err(TrainError::NoSamples { path: dataset.path().to_owned() });
+    let TrainingData { learned, validation } = data;
+    let n_samples = learned.n_samples();
+    if n_samples == 0 {
+        return Err(TrainError::NoSamples { path: learned.path().to_owned() });
     }
-    folder::open(dataset, config, out, options)?;
-    let plan = Plan::new(config, samples);
+    folder::open(learned.fingerprint(), config, out, options)?;
+    let plan = Plan::new(config, learned);
     let final_path = out.join(CHECKPOINT);
     let summary = |n_steps_now, last_loss, loading| Summary {
         checkpoint: final_path.clone(),
-        n_samples: samples.len(),
+        n_samples,
         n_steps: plan.n_steps.iter().sum(),
         n_steps_now,
         last_loss,
@@ -79,8 +98,8 @@ pub fn run(
     }
 
     let stopwatch = Stopwatch::start(out);
-    let inference_device = device;
-    let device = device.clone().autodiff();
+    let inference_device = &devices[0];
+    let device = inference_device.clone().autodiff();
     let mut image_weights = None;
     let saved = state::load_newest(out, config, &device, inference_device)?;
     let (mut position, mut learner) = if let Some(saved) = saved {
@@ -93,7 +112,7 @@ pub fn run(
         (Position { stage: 0, step: 0 }, Learner::start(detector, config))
     };
     let mut history = History::read_until(out, plan.n_done(position))?;
-    let mut steps = Steps::new(&plan, dataset, config, &device);
+    let mut steps = Steps::new(&plan, learned, config, devices);
     let mut n_steps_now = 0;
     let mut epoch_loss = Mean::default();
     while position.stage < STAGES.len() {
@@ -167,177 +186,8 @@ pub fn run(
         state::save(out, plan.n_done(position), position, &learner)?;
     }
     stopwatch.save(out)?;
-    let seen = SeenEpisodes::of(dataset, validation);
+    let seen = SeenEpisodes::of(learned.episodes(), validation.map(SampleSource::episodes));
     checkpoint::save(&learner.result(), Some(&seen), &final_path)?;
     state::clear(out)?;
     Ok(Summary { image_weights, ..summary(n_steps_now, epoch_loss.mean(), steps.loading) })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::super::{Schedule, TrainingTime};
-    use super::*;
-    use crate::dataset::test_data;
-    use crate::history::{SCORES_FILE, STEPS_FILE};
-    use crate::model::{
-        CameraConfig, CnnConfig, GridConfig, HeadConfig, LidarConfig, ModelConfig, PillarConfig,
-    };
-    use crate::progress::Silent;
-    use fs_err as fs;
-
-    fn tiny() -> TrainConfig {
-        let stage = |epochs, schedule| StageConfig { epochs, max_learning_rate: 2e-3, schedule };
-        TrainConfig {
-            batch_size: 1,
-            accumulate: 2,
-            // The two that change beta1 from step to step.
-            lidar_stage: stage(2, Schedule::Cyclic),
-            fused_stage: stage(1, Schedule::WarmupCosine),
-            save_every_steps: 1,
-            model: ModelConfig {
-                grid: GridConfig { cell_size_m: 3.2, ..GridConfig::default() },
-                fuser_channels: 16,
-                lidar: LidarConfig {
-                    pillars: PillarConfig { channels: 8, bev_channels: [16, 16], ..PillarConfig::default() },
-                    ..LidarConfig::default()
-                },
-                camera: CameraConfig {
-                    cnn: CnnConfig { image_width_px: 64, n_depth_bins: 12, ..CnnConfig::default() },
-                    ..CameraConfig::default()
-                },
-                head: HeadConfig { channels: 16, n_queries: 8, ffn_channels: 32, ..HeadConfig::default() },
-                ..ModelConfig::default()
-            },
-            ..TrainConfig::default()
-        }
-    }
-
-    fn checked(config: &TrainConfig) -> Checked<TrainConfig> {
-        Checked::new(config.clone()).unwrap()
-    }
-
-    fn train(data: &Dataset, config: &TrainConfig, out: &Path) -> Result<Summary, TrainError> {
-        run(
-            data,
-            None,
-            &Checked::new(config.clone())?,
-            out,
-            TrainOptions::default(),
-            &Device::flex(),
-            &Silent,
-        )
-    }
-
-    /// Stops a run after some steps, as a kill would, by a watcher that panics.
-    struct Stop {
-        after: std::sync::atomic::AtomicI64,
-    }
-
-    impl Progress for Stop {
-        fn start(&self, _stage: &str, _total: u64) {}
-        fn advance(&self, n: u64) {
-            let left = self.after.fetch_sub(n as i64, std::sync::atomic::Ordering::SeqCst) - n as i64;
-            assert!(left > 0, "stopped on purpose");
-        }
-        fn note(&self, _text: &str) {}
-        fn finish(&self) {}
-    }
-
-    #[test]
-    fn a_run_stopped_in_either_stage_and_called_again_ends_with_the_same_bytes() {
-        let data = test_data::dataset(6);
-        let config = tiny();
-        let folder = tempfile::tempdir().unwrap();
-        let options = TrainOptions::default();
-        let path = folder.path().join("whole");
-        let told = std::cell::RefCell::new(Vec::new());
-        let tell = |run: &Path| {
-            let history = History::read(run).unwrap();
-            told.borrow_mut().push((history.steps.len(), history.scores.len()));
-        };
-        let telling = TrainOptions { after_validation: Some(&tell), ..options };
-        let whole =
-            run(&data, Some(&data), &checked(&config), &path, telling, &Device::flex(), &Silent).unwrap();
-        assert_eq!(told.into_inner(), [(3, 1), (6, 2), (9, 3)], "logs are up to date at each validation");
-        let broken = folder.path().join("broken");
-        for after in [2, 5, 2] {
-            let watcher = Stop { after: after.into() };
-            let stopped = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
-                run(
-                    &data,
-                    Some(&data),
-                    &checked(&config),
-                    &broken,
-                    TrainOptions::default(),
-                    &Device::flex(),
-                    &watcher,
-                )
-            }));
-            assert!(stopped.is_err() && !broken.join(CHECKPOINT).exists());
-        }
-        let resumed =
-            run(&data, Some(&data), &checked(&config), &broken, options, &Device::flex(), &Silent).unwrap();
-        assert!(resumed.n_steps_now < whole.n_steps_now);
-        assert_eq!(TrainingTime::read(&broken).unwrap().n_calls, 3);
-        assert!(fs::read(&whole.checkpoint).unwrap() == fs::read(&resumed.checkpoint).unwrap());
-        for name in [STEPS_FILE, SCORES_FILE] {
-            assert_eq!(fs::read(path.join(name)).unwrap(), fs::read(broken.join(name)).unwrap(), "{name}");
-        }
-    }
-
-    #[test]
-    fn a_folder_with_another_run_is_left_alone_without_force() {
-        let data = test_data::dataset(2);
-        let folder = tempfile::tempdir().unwrap();
-        train(&data, &tiny(), folder.path()).unwrap();
-        let before = fs::read(folder.path().join(CHECKPOINT)).unwrap();
-        let other = TrainConfig { seed: 1, ..tiny() };
-        assert!(matches!(train(&data, &other, folder.path()), Err(TrainError::OtherRun { .. })));
-        assert_eq!(fs::read(folder.path().join(CHECKPOINT)).unwrap(), before);
-        let forced = TrainOptions { force: true, ..TrainOptions::default() };
-        run(&data, None, &checked(&other), folder.path(), forced, &Device::flex(), &Silent).unwrap();
-        assert_ne!(fs::read(folder.path().join(CHECKPOINT)).unwrap(), before);
-    }
-
-    #[test]
-    fn a_broken_sample_is_named() {
-        let mut data = test_data::dataset(2);
-        data.sample_mut(1).measured.ego_state.steering_angle_rad = f64::NAN;
-        let config = TrainConfig {
-            augment: super::super::AugmentConfig { n_redrawn_states: 0, ..Default::default() },
-            ..tiny()
-        };
-        let folder = tempfile::tempdir().unwrap();
-        let message = train(&data, &config, folder.path()).unwrap_err().to_string();
-        assert!(message.contains("made/1") && message.contains("steering_angle_rad"), "{message}");
-    }
-
-    #[test]
-    fn resuming_where_there_is_nothing_is_an_error() {
-        let folder = tempfile::tempdir().unwrap();
-        let options = TrainOptions { resume: true, ..TrainOptions::default() };
-        let ended = run(
-            &test_data::dataset(2),
-            None,
-            &checked(&tiny()),
-            folder.path(),
-            options,
-            &Device::flex(),
-            &Silent,
-        );
-        assert!(matches!(ended, Err(TrainError::NothingToResume { .. })));
-    }
-
-    #[test]
-    fn training_lowers_the_loss() {
-        let data = test_data::dataset(4);
-        let stage = StageConfig { epochs: 30, max_learning_rate: 4e-3, schedule: Schedule::OneCycle };
-        let config = TrainConfig { lidar_stage: stage, ..tiny() };
-        let folder = tempfile::tempdir().unwrap();
-        train(&data, &config, folder.path()).unwrap();
-        let steps = History::read(folder.path()).unwrap().steps;
-        let losses: Vec<f64> = steps.iter().map(|row| row.heatmap + row.harm + row.boxes).collect();
-        let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
-        assert!(mean(&losses[50..60]) < 0.5 * mean(&losses[..4]), "{losses:?}");
-    }
 }

@@ -10,36 +10,61 @@ use rayon::prelude::*;
 use super::augment::{self, ObjectsByState};
 use super::cache::{Cache, Key};
 use super::config::TrainConfig;
-use super::copies::{average_statistics, copy_detector};
+use super::copies::{average_statistics, copy_detector, copy_to_device};
 use super::disturb::disturb;
 use super::error::TrainError;
+use super::lanes::Lanes;
 use super::losses::{LossParts, losses};
 use super::paste::paste;
 use super::picture::{draw_objects, picture_loss};
 use super::plan::{Plan, Position, STAGES};
 use super::targets::trainable;
-use crate::dataset::Dataset;
+use super::windows::{Shown, Windows};
+use crate::dataset::SampleSource;
 use crate::device::is_cpu;
-use crate::model::{Batch, CameraInput, Detector, Input};
+use crate::model::{Batch, CameraInput, Detector, Input, Output};
 use crate::object::LabelledObject;
 use crate::random;
+use crate::zone::Zone;
 
 /// Computes the steps of a run, in any order: a step depends on its position alone.
 pub struct Steps<'a> {
-    plan: &'a Plan,
-    dataset: &'a Dataset,
+    windows: Windows<'a>,
+    /// The samples of the latest step.
+    shown: Vec<Shown<'a>>,
+    zone: &'a Zone,
     config: &'a TrainConfig,
-    device: &'a Device,
+    lanes: Lanes,
     /// Pictures unpacked and resized.
     cache: Cache,
     /// Time spent on preparing inputs.
     pub loading: Duration,
 }
 
+/// What the passes of one device gave, a batch each, and the time in which they were stacked.
+type LaneResult = (Vec<Result<Passed, TrainError>>, Duration);
+
+/// What the pass through one batch gave: the copy with its running statistics, the gradients and the loss.
+type Passed = (Detector, GradientsParams, LossParts);
+
 impl<'a> Steps<'a> {
-    pub fn new(plan: &'a Plan, dataset: &'a Dataset, config: &'a TrainConfig, device: &'a Device) -> Self {
-        let cache = Cache::new(config.cache_mib);
-        Self { plan, dataset, config, device, cache, loading: Duration::ZERO }
+    /// Steps on some devices, at least one: the batches of a step are dealt out to them in turn.
+    pub fn new(
+        plan: &'a Plan,
+        source: impl Into<SampleSource<'a>>,
+        config: &'a TrainConfig,
+        devices: &[Device],
+    ) -> Self {
+        let source = source.into();
+        Self {
+            windows: Windows::new(plan, source),
+            shown: Vec::new(),
+            zone: source.zone(),
+            config,
+            lanes: Lanes::new(devices),
+            cache: Cache::new(config.cache_mib),
+            loading: Duration::ZERO,
+        }
     }
 
     /// Empties the cache: stages need different inputs.
@@ -47,7 +72,8 @@ impl<'a> Steps<'a> {
         self.cache.clear();
     }
 
-    /// Computes the gradients of one step and its loss, both as the mean over its batches.
+    /// Computes the gradients of one step and its loss, both as the mean over its batches; the detector is on the first
+    /// device.
     ///
     /// # Errors
     /// A sample is broken, or the loss is not finite.
@@ -57,82 +83,105 @@ impl<'a> Steps<'a> {
         position: Position,
     ) -> Result<(Detector, GradientsParams, LossParts), TrainError> {
         let config = self.config;
-        let batches = self.plan.step_samples(config, position);
         let started = Instant::now();
-        let prepared = (batches.par_iter().enumerate())
-            .map(|(batch_idx, chosen)| {
+        // What the latest step showed keeps its windows in memory.
+        self.shown.clear();
+        self.shown = self.windows.step(position)?;
+        let batches: Vec<&[Shown]> = self.shown.chunks(config.batch_size).collect();
+        let augmented = (batches.par_iter().enumerate())
+            .map(|(batch_idx, &chosen)| {
                 let first_draw = (position.step * config.accumulate + batch_idx) * config.batch_size;
-                Ok((chosen.as_slice(), first_draw, self.prepare(chosen, position, first_draw)?))
+                Ok(Augmented { chosen, first_draw, samples: self.prepare(chosen, position, first_draw)? })
             })
             .collect::<Result<Vec<_>, TrainError>>()?;
-        let stack = |(chosen, first_draw, samples): (_, _, Vec<PreparedSample>)| {
-            let inputs: Vec<&Input> = samples.iter().map(|sample| &sample.input).collect();
-            let batch = Batch::stack(&inputs, &config.model, position.stage == 1, self.device);
-            let pictures = samples.iter().map(|sample| sample.picture.clone()).collect();
-            let objects = samples.into_iter().map(|sample| sample.objects).collect();
-            Prepared { chosen, first_draw, batch, objects, pictures }
-        };
-        let prepared: Vec<Prepared> = if is_cpu(self.device) {
-            prepared.into_par_iter().map(stack).collect()
-        } else {
-            prepared.into_iter().map(stack).collect()
-        };
-        self.loading += started.elapsed();
+        let mut loading = started.elapsed();
         let share = 1.0 / batches.len() as f64;
-        let mut passes = Vec::new();
-        let steps: &Self = self;
-        for abreast in prepared.chunks(n_abreast(config, self.device)) {
-            if let [alone] = abreast {
-                passes.push(steps.pass(copy_detector(&detector), alone, position, share));
-                continue;
-            }
-            // In the pool, so that no operation has to hand its work over to other threads and wait.
-            let copies: Vec<_> =
-                abreast.iter().map(|prepared| (copy_detector(&detector), prepared)).collect();
-            let pass = |(copy, prepared): (_, &Prepared)| steps.pass(copy, prepared, position, share);
-            passes.extend(copies.into_par_iter().map(pass).collect::<Vec<_>>());
+        let devices = self.lanes.devices();
+        let mut loads: Vec<(Detector, Vec<Augmented>)> = Vec::new();
+        for device in devices {
+            let is_first = loads.is_empty();
+            let copy = if is_first { copy_detector(&detector) } else { copy_to_device(&detector, device) };
+            loads.push((copy, Vec::new()));
         }
+        for (batch_idx, batch) in augmented.into_iter().enumerate() {
+            loads[batch_idx % devices.len()].1.push(batch);
+        }
+        let home = devices[0].clone().without_autodiff();
+        let of_lanes = self.lanes.work(loads, |device, (detector, batches)| {
+            self.lane(&detector, device, &home, batches, position, share)
+        });
+        loading += of_lanes.iter().map(|of_lane| of_lane.1).max().unwrap_or_default();
+        let mut of_lanes: Vec<_> = of_lanes.into_iter().map(|(passes, _)| passes.into_iter()).collect();
         let mut sum = GradientsAccumulator::new();
         let mut mean = Mean::default();
         let mut copies = Vec::new();
-        for pass in passes {
+        // In the order of the batches, so that the sum is the same on any number of devices.
+        for batch_idx in 0..batches.len() {
+            let pass = of_lanes[batch_idx % devices.len()].next().expect("each batch was passed");
             let (copy, gradients, parts) = pass?;
             mean.add(parts);
             sum.accumulate(&detector, gradients);
             copies.push(copy);
         }
+        self.loading += loading;
         Ok((average_statistics(detector, &copies), sum.grads(), mean.mean()))
     }
 
-    /// The samples of a step.
-    pub fn samples(&self, position: Position) -> Vec<usize> {
-        self.plan.step_samples(self.config, position).concat()
+    /// The error of a gradient of the latest step that is not finite.
+    pub fn not_finite(&self, found: f32, position: Position) -> TrainError {
+        not_finite(found, position, &self.shown)
     }
 
-    /// The error of a loss or a gradient that is not finite.
-    pub fn not_finite(&self, found: f32, position: Position, chosen: &[usize]) -> TrainError {
-        TrainError::NotFinite {
-            found,
-            step: position.step,
-            stage: STAGES[position.stage],
-            samples: chosen.iter().map(|&i| self.dataset.samples()[i].id.clone()).collect(),
+    /// Passes through the batches of one device; `detector` is on it. The gradients are brought home.
+    fn lane(
+        &self,
+        detector: &Detector,
+        device: &Device,
+        home: &Device,
+        batches: Vec<Augmented<'_>>,
+        position: Position,
+        share: f64,
+    ) -> LaneResult {
+        let config = self.config;
+        let started = Instant::now();
+        let prepared: Vec<Prepared> = if is_cpu(device) {
+            batches.into_par_iter().map(|batch| batch.stack(config, position, device)).collect()
+        } else {
+            batches.into_iter().map(|batch| batch.stack(config, position, device)).collect()
+        };
+        let stacking = started.elapsed();
+        let mut passes = Vec::new();
+        for abreast in prepared.chunks(n_abreast(config, device)) {
+            if let [alone] = abreast {
+                passes.push(self.pass(copy_detector(detector), device, alone, position, share));
+                continue;
+            }
+            // In the pool, so that no operation has to hand its work over to other threads and wait.
+            let copies: Vec<_> = abreast.iter().map(|prepared| (copy_detector(detector), prepared)).collect();
+            let pass = |(copy, prepared): (_, &Prepared)| self.pass(copy, device, prepared, position, share);
+            passes.extend(copies.into_par_iter().map(pass).collect::<Vec<_>>());
         }
+        let bring_home = |passed: Result<Passed, TrainError>| {
+            let (copy, gradients, parts) = passed?;
+            let is_home = *device == *home;
+            let gradients = if is_home { gradients } else { gradients.to_device(home, &copy) };
+            Ok((copy, gradients, parts))
+        };
+        (passes.into_iter().map(bring_home).collect(), stacking)
     }
 
     /// Passes forward and backward through one batch.
     fn pass(
         &self,
         detector: Detector,
+        device: &Device,
         prepared: &Prepared,
         position: Position,
         share: f64,
-    ) -> Result<(Detector, GradientsParams, LossParts), TrainError> {
+    ) -> Result<Passed, TrainError> {
         let config = self.config;
-        // So dropout depends on the step alone, however often the run was stopped.
-        let name = format!("dropout-{}", STAGES[position.stage]);
-        Detector::seed(self.device, random::stream(config.seed, &name, prepared.first_draw as u64).random());
         config.products.during(|| {
-            let output = detector.forward(&prepared.batch);
+            let output = self.forward(&detector, device, prepared, position);
             let mut loss = losses(&output, &prepared.objects, &config.model, &config.loss);
             if let (Some(logits), Some(targets)) = (output.picture_objects, &prepared.pictures) {
                 let of_picture = picture_loss(logits, targets).mul_scalar(config.loss.picture_weight);
@@ -140,7 +189,7 @@ impl<'a> Steps<'a> {
                 loss.total = loss.total + of_picture;
             }
             if !loss.parts.total().is_finite() {
-                return Err(self.not_finite(loss.parts.total(), position, prepared.chosen));
+                return Err(not_finite(loss.parts.total(), position, prepared.chosen));
             }
             let gradients = loss.total.mul_scalar(share).backward();
             let gradients = GradientsParams::from_grads(gradients, &detector);
@@ -148,15 +197,32 @@ impl<'a> Steps<'a> {
         })
     }
 
+    /// Passes forward. What it draws depends on the step alone, however often the run was stopped and whatever other devices
+    /// do.
+    fn forward(
+        &self,
+        detector: &Detector,
+        device: &Device,
+        prepared: &Prepared,
+        position: Position,
+    ) -> Output {
+        let config = self.config;
+        if !config.model.draws_in_training() {
+            return detector.forward(&prepared.batch);
+        }
+        let name = format!("dropout-{}", STAGES[position.stage]);
+        let seed = random::stream(config.seed, &name, prepared.first_draw as u64).random();
+        Detector::with_generator(device, seed, || detector.forward(&prepared.batch))
+    }
+
     /// Augments and prepares the samples of a batch.
     fn prepare(
         &self,
-        chosen: &[usize],
+        chosen: &[Shown],
         position: Position,
         first_draw: usize,
     ) -> Result<Vec<PreparedSample>, TrainError> {
         let config = self.config;
-        let samples = self.dataset.samples();
         let with_camera = position.stage == 1 && config.model.use_camera;
         let mut augment = config.augment_of_model();
         if !with_camera {
@@ -165,16 +231,17 @@ impl<'a> Steps<'a> {
         chosen
             .par_iter()
             .enumerate()
-            .map(|(place, &sample_idx)| {
-                let sample = &samples[sample_idx];
+            .map(|(place, shown)| {
+                let sample = shown.sample();
                 let draw_idx = (first_draw + place) as u64;
                 let stream_of = |name: &str| {
                     random::stream(config.seed, &format!("{name}-{}", STAGES[position.stage]), draw_idx)
                 };
                 let (mut rng, mut paste_rng) = (stream_of("augment"), stream_of("paste"));
-                let zone = self.dataset.zone();
+                let zone = self.zone;
                 let not_labelled = |source| TrainError::Label { sample: sample.id.clone(), source };
-                let pasted = paste(sample, samples, zone, &augment, &mut paste_rng).map_err(not_labelled)?;
+                let pasted =
+                    paste(sample, shown.donors(), zone, &augment, &mut paste_rng).map_err(not_labelled)?;
                 let (measured, objects) = match &pasted {
                     Some(pasted) => (&pasted.measured, &pasted.objects),
                     None => (&sample.measured, &sample.objects),
@@ -187,7 +254,7 @@ impl<'a> Steps<'a> {
                 let view = augment::draw(&measured.ego_state, objects, zone, &augment, &mut rng)
                     .map_err(not_labelled)?;
                 let not_prepared = |source| TrainError::Input { sample: sample.id.clone(), source };
-                let key = Key { sample_idx, mirror: view.mirror };
+                let key = Key { sample_idx: shown.number(), mirror: view.mirror };
                 let unpack = || Input::picture(&sample.measured, view.mirror, &config.model.camera);
                 let mut image =
                     with_camera.then(|| self.cache.get(key, unpack)).transpose().map_err(not_prepared)?;
@@ -216,7 +283,17 @@ struct PreparedSample {
     picture: Option<Vec<f32>>,
 }
 
-/// Number of a step's batches that run in parallel: one for each thread. It is 1 if the network has dropout,
+/// The error of a loss or a gradient that is not finite.
+fn not_finite(found: f32, position: Position, chosen: &[Shown]) -> TrainError {
+    TrainError::NotFinite {
+        found,
+        step: position.step,
+        stage: STAGES[position.stage],
+        samples: chosen.iter().map(|shown| shown.sample().id.clone()).collect(),
+    }
+}
+
+/// Number of a step's batches that run in parallel on a device: one for each thread. It is 1 if the network has dropout,
 /// which draws from one generator, and on a GPU, which one batch keeps busy.
 #[must_use]
 pub fn n_abreast(config: &TrainConfig, device: &Device) -> usize {
@@ -227,9 +304,27 @@ pub fn n_abreast(config: &TrainConfig, device: &Device) -> usize {
     }
 }
 
+/// The samples of one batch of a step, each ready for the network.
+struct Augmented<'a> {
+    chosen: &'a [Shown<'a>],
+    first_draw: usize,
+    samples: Vec<PreparedSample>,
+}
+
+impl<'a> Augmented<'a> {
+    fn stack(self, config: &TrainConfig, position: Position, device: &Device) -> Prepared<'a> {
+        let Self { chosen, first_draw, samples } = self;
+        let inputs: Vec<&Input> = samples.iter().map(|sample| &sample.input).collect();
+        let batch = Batch::stack(&inputs, &config.model, position.stage == 1, device);
+        let pictures = samples.iter().map(|sample| sample.picture.clone()).collect();
+        let objects = samples.into_iter().map(|sample| sample.objects).collect();
+        Prepared { chosen, first_draw, batch, objects, pictures }
+    }
+}
+
 /// One batch of a step, ready for the network.
 struct Prepared<'a> {
-    chosen: &'a [usize],
+    chosen: &'a [Shown<'a>],
     first_draw: usize,
     batch: Batch,
     objects: Vec<ObjectsByState>,

@@ -2,7 +2,7 @@
 
 use burn::tensor::Device;
 
-use crate::dataset::Dataset;
+use crate::dataset::{DatasetError, SampleSource, named};
 use crate::eval::{ClassScores, Mode, Protocol, ScoreError, eval_samples, score};
 use crate::infer::{PredictError, predict};
 use crate::model::Detector;
@@ -13,22 +13,29 @@ use thiserror::Error;
 #[derive(Debug, Error)]
 pub enum ValidationError {
     #[error(transparent)]
+    Data(#[from] DatasetError),
+    #[error(transparent)]
     Predict(#[from] PredictError),
     #[error(transparent)]
     Score(#[from] ScoreError),
 }
 
 /// Scores a detector in inference mode on a split with the default protocol; without the camera until the
-/// camera is trained.
+/// camera is trained. Of what is on disk, points and pictures are in memory a part at a time.
 ///
 /// # Errors
 /// A sample is broken, or its boxes cannot be scored.
 pub fn validate(
     detector: &Detector,
-    data: &Dataset,
+    data: SampleSource<'_>,
     device: &Device,
     with_camera: bool,
 ) -> Result<ClassScores, ValidationError> {
-    let found = predict(detector, &data.named(), with_camera, device, &Silent)?;
-    Ok(score(&eval_samples(data.samples(), &found), &Protocol::default(), Mode::Id)?.columns.total)
+    let mut scored = Vec::with_capacity(data.n_samples());
+    data.for_each_part(|samples| -> Result<(), ValidationError> {
+        let found = predict(detector, &named(samples), with_camera, device, &Silent)?;
+        scored.extend(eval_samples(samples, &found));
+        Ok(())
+    })?;
+    Ok(score(&scored, &Protocol::default(), Mode::Id)?.columns.total)
 }

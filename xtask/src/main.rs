@@ -6,6 +6,8 @@ mod bench_gen;
 mod bench_gen_command;
 mod bench_model;
 mod bench_model_command;
+mod bench_stream;
+mod bench_stream_command;
 mod results;
 mod results_command;
 
@@ -28,6 +30,11 @@ enum Command {
     BenchGen(bench_gen_command::BenchArgs),
     /// Measure the speed of a detector: inference stage by stage, training steps part by part
     BenchModel(bench_model_command::BenchModelArgs),
+    /// Measure time and memory of a made-up data set of many episodes: manifests, `merge`, and samples as training streams them
+    BenchStream(bench_stream_command::BenchStreamArgs),
+    /// One stage of `bench-stream`
+    #[command(hide = true)]
+    BenchStreamStage(bench_stream_command::StageArgs),
     /// Write one episode; the processes that the others start to generate
     #[command(hide = true)]
     GenWorker,
@@ -40,6 +47,8 @@ fn main() -> std::process::ExitCode {
         Command::Bench(args) => bench_command::run(args),
         Command::BenchGen(args) => bench_gen_command::run(args),
         Command::BenchModel(args) => bench_model_command::run(args),
+        Command::BenchStream(args) => bench_stream_command::run(args),
+        Command::BenchStreamStage(args) => bench_stream_command::run_stage(&args),
         Command::GenWorker => {
             harmzone::generate::worker::serve(std::io::stdin().lock(), std::io::stdout().lock())?;
             Ok(ExitStatus::Done)

@@ -13,10 +13,9 @@ use serde::Serialize;
 
 pub use self::histogram::Histogram;
 pub use self::unfamiliar::{SpotCount, Unfamiliar};
-use super::{DatasetError, label_entry, labels_of, read_labelled};
-use crate::episode::manifest::{
-    EpisodeEntry, HarmCounts, LabelCounts, LabelManifest, Manifest, ObjectCounts,
-};
+use super::split::labels_in_order;
+use super::{DatasetError, labels_of, read_labelled};
+use crate::episode::manifest::{EpisodeEntry, HarmCounts, LabelCounts, LabelEntry, Manifest, ObjectCounts};
 use crate::episode::{EpisodeReader, Split};
 use crate::object::{Distribution, Harm, Kind, Object};
 use crate::progress::Progress;
@@ -119,13 +118,19 @@ impl Statistics {
         set: Option<&str>,
         progress: &dyn Progress,
     ) -> Result<Self, DatasetError> {
-        let labels = set.map(|set| labels_of(path, set, manifest)).transpose()?;
+        let in_order = |set: &str| {
+            let labels = labels_of(path, set, manifest)?;
+            Ok::<_, DatasetError>((labels_in_order(&labels, &manifest.episodes, path)?, labels.set))
+        };
+        let labels = set.map(in_order).transpose()?;
         progress.start("count", manifest.episodes.iter().map(|entry| entry.n_samples as u64).sum());
         let of_episodes: Vec<Self> = manifest
             .episodes
             .par_iter()
-            .map(|entry| {
-                let of_episode = Self::of_episode(path, entry, labels.as_ref());
+            .enumerate()
+            .map(|(i, entry)| {
+                let labels = labels.as_ref().map(|(entries, set)| (set.as_str(), &entries[i]));
+                let of_episode = Self::of_episode(path, entry, labels);
                 progress.advance(entry.n_samples as u64);
                 of_episode
             })
@@ -139,13 +144,12 @@ impl Statistics {
     fn of_episode(
         path: &Path,
         entry: &EpisodeEntry,
-        labels: Option<&LabelManifest>,
+        labels: Option<(&str, &LabelEntry)>,
     ) -> Result<Self, DatasetError> {
         let file = path.join(&entry.file);
         let mut of_episode = Self { n_bytes: fs::metadata(&file)?.len(), ..Self::default() };
-        if let Some(labels) = labels {
-            let labels_of_episode = label_entry(labels, entry, path)?;
-            for (_, true_state, objects, _) in read_labelled(path, &labels.set, entry, labels_of_episode)?.2 {
+        if let Some((set, labels)) = labels {
+            for (_, true_state, objects, _) in read_labelled(path, set, entry, labels)?.2 {
                 let objects = objects.iter().map(|object| (&object.truth, Some(object.harm)));
                 of_episode.add(&true_state, objects);
             }

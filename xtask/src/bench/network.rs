@@ -20,7 +20,7 @@ use harmzone::episode::manifest::LabelManifest;
 use harmzone::generate::{self, GenerateConfig, Preset, RunOptions, preset};
 use harmzone::label;
 use harmzone::progress::Progress;
-use harmzone::train::{self, TrainConfig};
+use harmzone::train::{self, TrainConfig, TrainingData};
 use harmzone::zone::ZoneConfig;
 
 const TRAINING: Goal = Goal::new(0.8, 0.95);
@@ -247,7 +247,8 @@ pub fn train_small(work: &Path, device: &Device, progress: &dyn Progress) -> any
     }
     let (config, options) = (Checked::try_from(training_config())?, train::TrainOptions::default());
     let begin = Instant::now();
-    train::run(&train, Some(&val), &config, &run, options, device, progress)?;
+    let data = TrainingData::new(&train, Some((&val).into()));
+    train::run(data, &config, &run, options, std::slice::from_ref(device), progress)?;
     let note = format!("trained for real: {}", run.display());
     Ok(minutes(begin.elapsed().as_secs_f64() / 60.0, note))
 }

@@ -46,11 +46,11 @@ pub fn race<E: From<BenchError>>(
         no_picture_share: 0.0,
         ..config.augment
     };
-    let device = bench.device.clone().autodiff();
-    let plan = Plan::new(&config, dataset.samples());
+    let plan = Plan::new(&config, &dataset);
     let mut of_stages = Vec::new();
     for stage in [0, 1] {
-        of_stages.push((learner(bench)?, Steps::new(&plan, &dataset, &config, &device), stage, 0));
+        let steps = Steps::new(&plan, &dataset, &config, std::slice::from_ref(bench.device));
+        of_stages.push((learner(bench)?, steps, stage, 0));
     }
     let detector = bench.detector(bench.device)?.valid();
     let (first, model) = (&dataset.samples()[0], detector.config());

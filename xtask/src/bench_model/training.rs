@@ -97,9 +97,8 @@ fn whole_steps(
     n_steps: usize,
     progress: &dyn Progress,
 ) -> Result<(Vec<Duration>, Vec<Duration>), BenchError> {
-    let device = bench.device.clone().autodiff();
-    let plan = Plan::new(bench.config, dataset.samples());
-    let mut steps = Steps::new(&plan, dataset, bench.config, &device);
+    let plan = Plan::new(bench.config, dataset);
+    let mut steps = Steps::new(&plan, dataset, bench.config, std::slice::from_ref(bench.device));
     let mut learner = learner(bench)?;
     let (mut times, mut loading) = (Vec::new(), Vec::new());
     let n_warm_up = N_WARM_UP_EPOCHS * plan.steps_per_epoch;

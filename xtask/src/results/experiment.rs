@@ -11,13 +11,13 @@ use serde::de::DeserializeOwned;
 use super::data::LABELS;
 use super::request::Request;
 use harmzone::config::Checked;
-use harmzone::dataset::{Dataset, Fingerprint};
+use harmzone::dataset::{Dataset, Fingerprint, SampleSource};
 use harmzone::episode::Split;
 use harmzone::eval::Mode;
 use harmzone::model::checkpoint::{self, CHECKPOINT};
 use harmzone::progress::Progress;
 use harmzone::report::curves;
-use harmzone::train::{self, CONFIG_FILE, DATA_FILE, TrainConfig, TrainError};
+use harmzone::train::{self, CONFIG_FILE, DATA_FILE, TrainConfig, TrainError, TrainingData};
 
 /// A split that is loaded when it is first needed.
 struct Lazy<'a> {
@@ -149,7 +149,9 @@ impl<'a> Experiment<'a> {
         let validation = if row.config.validate_every_epochs > 0 { Some(self.val.get()?) } else { None };
         let data = self.train.get()?;
         let config = Checked::try_from(row.config.clone())?;
-        match train::run(data, validation, &config, &row.folder, options, self.device, self.progress) {
+        let data = TrainingData::new(data, validation.map(SampleSource::from));
+        let devices = std::slice::from_ref(self.device);
+        match train::run(data, &config, &row.folder, options, devices, self.progress) {
             Err(TrainError::OtherRun { path }) => bail!(
                 "row `{}` was trained with another config or on other data; delete this folder to train it anew, \
                  or give another --out: {}",
