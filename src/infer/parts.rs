@@ -191,10 +191,10 @@ fn write_joined(parts: &[(PathBuf, PredictionPart)], out: &Path) -> Result<JoinS
             return Err(torn(format!("part {}", part.part.shard), path));
         };
         let file = path.join(format!("{}.mcap", entry.name));
-        if sha256_of(&file)? != entry.sha256 {
+        if store::sha256_of(&file)? != entry.sha256 {
             return Err(torn(format!("the boxes of `{}`", entry.name), &file));
         }
-        link_or_copy(&file, &out.join(format!("{}.mcap", entry.name)))?;
+        store::link_or_copy(&file, &out.join(format!("{}.mcap", entry.name)))?;
         order.push((at, entry.n_samples));
     }
     let n_boxes = RawSamples::write_joined(boxes, &order, &out.join(Predictions::FILE))?;

@@ -8,7 +8,8 @@ use fs_err as fs;
 use super::LabelError;
 use crate::episode::Shard;
 use crate::episode::manifest::{LabelManifest, Manifest};
-use crate::files::{sha256_of, write_atomic};
+use crate::files::write_atomic;
+use crate::store;
 
 const PREFIX: &str = "part-";
 
@@ -81,7 +82,7 @@ fn read_whole(path: &Path, folder: &Path, zone_toml: &str, dataset: &Manifest) -
                 .episodes
                 .iter()
                 .any(|entry| entry.name == label.name && entry.sha256 == label.episode_sha256)
-                && sha256_of(&folder.join(&label.file)).is_ok_and(|found| found == label.sha256)
+                && store::has(&folder.join(&label.file), &label.sha256).is_ok_and(|is_whole| is_whole)
         });
     is_whole.then_some(part)
 }

@@ -157,6 +157,7 @@ pub fn run(
                 history.write(out)?;
                 stopwatch.save(out)?;
                 state::save(out, n_done, position, &learner)?;
+                store::push(out)?;
             }
         }
         progress.finish();
@@ -165,6 +166,7 @@ pub fn run(
         history.write(out)?;
         stopwatch.save(out)?;
         state::save(out, plan.n_done(position), position, &learner)?;
+        store::push(out)?;
     }
     stopwatch.save(out)?;
     let seen = SeenEpisodes::of(dataset, validation);
