@@ -10,16 +10,17 @@ use crate::config::{self, Checked};
 use crate::dataset::{Dataset, DatasetError};
 use crate::episode::Split;
 use crate::report::curves;
+use crate::store::{Access, Location};
 use crate::train::{self, DryRun, TrainConfig, TrainOptions};
 
 #[derive(Debug, Args)]
 pub struct TrainArgs {
-    /// Labelled data set
-    data: PathBuf,
-    /// Folder of the run: config, logs, curves, states, and at the end `model.safetensors`. The same
+    /// Folder or URL of a labelled data set
+    data: Location,
+    /// Folder or URL of the run: config, logs, curves, states, and at the end `model.safetensors`. The same
     /// command again goes on where it stopped
     #[arg(long, value_name = "DIR", required_unless_present = "dry_run")]
-    out: Option<PathBuf>,
+    out: Option<Location>,
     /// Label set
     #[arg(long, value_name = "SET", default_value = "rect")]
     labels: String,
@@ -75,12 +76,15 @@ pub fn run(args: TrainArgs) -> anyhow::Result<ExitStatus> {
     }
     let config = Checked::try_from(config)?;
     let device = args.device.open()?;
-    let dataset = Dataset::open(&args.data, &args.labels, Split::Train)?.to_learn_from()?;
+    let data = args.data.open(Access::Read)?;
+    let dataset = Dataset::open(data.path(), &args.labels, Split::Train)?.to_learn_from()?;
     let Some(out) = args.out.filter(|_| !args.dry_run) else {
         let dry_run = DryRun::of(&dataset, &config)?;
         print_summary(&dry_run, args.json)?;
         return Ok(ExitStatus::Done);
     };
+    let place = out.open(Access::Write)?;
+    let out = place.path();
     // A picture that fails is no reason to stop a training.
     let draw = |run: &Path| match curves::run(run) {
         Ok(_) => ExitStatus::Done,
@@ -94,14 +98,15 @@ pub fn run(args: TrainArgs) -> anyhow::Result<ExitStatus> {
     };
     let options =
         TrainOptions { force: args.force, resume: args.resume, after_validation: Some(&after_validation) };
-    let validation = match Dataset::open(&args.data, &args.labels, Split::Val) {
+    let validation = match Dataset::open(data.path(), &args.labels, Split::Val) {
         Ok(split) if config.validate_every_epochs > 0 => Some(split),
         Ok(_) | Err(DatasetError::EmptySplit { .. }) => None,
         Err(error) => return Err(error.into()),
     };
     let summary =
-        train::run(&dataset, validation.as_ref(), &config, &out, options, &device, &Bar::default())?;
-    let status = draw(&out);
+        train::run(&dataset, validation.as_ref(), &config, out, options, &device, &Bar::default())?;
+    let status = draw(out);
+    place.push()?;
     if let Some(report) = &summary.image_weights {
         print(report)?;
     }

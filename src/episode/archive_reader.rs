@@ -7,7 +7,6 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use fs_err as fs;
 use mcap::McapError;
 use mcap::records::Record;
 use mcap::sans_io::{

@@ -12,7 +12,8 @@ use thiserror::Error;
 use super::Predictions;
 use crate::episode::{PartOf, Shard};
 use crate::eval::json::{JsonError, RawSamples};
-use crate::files::{link_or_copy, sha256_of, write_atomic};
+use crate::files::{sha256_of, write_atomic};
+use crate::store;
 
 /// `part.json`, beside the boxes of a part: what it is a part of.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]

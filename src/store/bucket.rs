@@ -347,7 +347,7 @@ fn attributes(sha256: &str) -> Attributes {
 }
 
 fn remote(found: &GetResult) -> Remote {
-    let sha256 = found.attributes.get(&Attribute::Metadata(SHA256.into())).map(|value| value.to_string());
+    let sha256 = found.attributes.get(&Attribute::Metadata(SHA256.into())).map(|value| value.as_ref().to_owned());
     let meta = &found.meta;
     Remote { e_tag: meta.e_tag.clone(), version: meta.version.clone(), size: meta.size, sha256 }
 }

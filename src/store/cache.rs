@@ -51,7 +51,7 @@ pub(super) fn make_room(cache: &Path, bound_bytes: u64) -> Result<(), StoreError
         }
         let lock = fs::OpenOptions::new().append(true).open(lock)?;
         // Nobody has it open: what it holds lies remotely, or was never put and is made again.
-        if lock.file().try_lock().is_ok() {
+        if lock.try_lock().is_ok() {
             fs::remove_dir_all(&home)?;
             bytes -= of_home;
         }

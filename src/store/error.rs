@@ -7,6 +7,8 @@ use std::io;
 
 use thiserror::Error;
 
+use crate::worker::with_causes;
+
 /// Why a URL cannot be used, read or written.
 #[derive(Debug, Error)]
 pub enum StoreError {
@@ -113,16 +115,6 @@ impl Answer {
 fn has_word(text: &str, words: &[&str]) -> bool {
     let text = text.to_ascii_lowercase();
     words.iter().any(|word| text.contains(word))
-}
-
-fn with_causes(error: &dyn std::error::Error) -> String {
-    let mut text = error.to_string();
-    let mut cause = error.source();
-    while let Some(error) = cause {
-        text = format!("{text}: {error}");
-        cause = error.source();
-    }
-    text
 }
 
 /// The text without the values of variables that hold secrets, and without what follows the `?` of an address.

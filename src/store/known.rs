@@ -46,16 +46,13 @@ pub(super) fn add(path: &Path, known: &Known) -> io::Result<()> {
 pub(super) struct Found {
     pub size: u64,
     pub modified_ns: u64,
-    pub used_ns: u64,
 }
 
 impl Found {
     pub(super) fn at(path: &Path) -> io::Result<Self> {
         let metadata = fs::metadata(path)?;
-        let since = |time: io::Result<std::time::SystemTime>| {
-            time.ok().and_then(|time| time.duration_since(UNIX_EPOCH).ok()).map_or(0, |since| since.as_nanos() as u64)
-        };
-        Ok(Self { size: metadata.len(), modified_ns: since(metadata.modified()), used_ns: since(metadata.accessed()) })
+        let since = metadata.modified()?.duration_since(UNIX_EPOCH).map_or(0, |since| since.as_nanos() as u64);
+        Ok(Self { size: metadata.len(), modified_ns: since })
     }
 
     pub(super) fn is(&self, known: &Known) -> bool {

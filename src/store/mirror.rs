@@ -39,6 +39,8 @@ pub(super) struct Mirror {
     pub remote: Mutex<BTreeMap<String, Remote>>,
     pub known: Mutex<BTreeMap<String, Known>>,
     known_path: PathBuf,
+    /// When files were last opened, in the order of all openings.
+    used: Mutex<BTreeMap<String, u64>>,
     /// Of fetched files that stay until they are evicted.
     held_bytes: AtomicU64,
     bound_bytes: u64,
@@ -84,12 +86,12 @@ impl Mirror {
         let root = fs::canonicalize(root)?;
         let lock = fs::OpenOptions::new().create(true).append(true).open(home.join("lock"))?;
         let locked = match access {
-            Access::Read => lock.file().try_lock_shared(),
-            Access::Write => lock.file().try_lock(),
+            Access::Read => lock.try_lock_shared(),
+            Access::Write => lock.try_lock(),
         };
-        locked.map_err(|error| match error {
-            std::fs::TryLockError::WouldBlock => StoreError::InUse { url: told.clone() },
-            std::fs::TryLockError::Error(error) => error.into(),
+        locked.map_err(io::Error::from).map_err(|error| match error.kind() {
+            io::ErrorKind::WouldBlock => StoreError::InUse { url: told.clone() },
+            _ => error.into(),
         })?;
         fs::write(home.join("url.txt"), &told)?;
         let remote = runtime().block_on(bucket.list())?;
@@ -105,6 +107,7 @@ impl Mirror {
             known: Mutex::new(known::read(&known_path)?),
             known_path,
             remote: Mutex::new(remote.into_iter().filter(|(name, _)| is_inside(name)).collect()),
+            used: Mutex::default(),
             held_bytes: AtomicU64::new(0),
             bound_bytes,
             doomed: Mutex::default(),
@@ -197,17 +200,25 @@ impl Mirror {
         Ok(Some(()))
     }
 
+    /// Notes that a file is opened just now.
+    pub(super) fn note_use(&self, name: &str) {
+        static NUMBER: AtomicU64 = AtomicU64::new(1);
+        let number = NUMBER.fetch_add(1, Ordering::Relaxed);
+        self.used.lock().expect("no thread panics with it").insert(name.to_owned(), number);
+    }
+
     /// Deletes fetched files, the longest unused first, until the rest is within the bound; not `newest`, nor what was made here and
     /// not put yet. A file that is open stays readable for who opened it.
     fn evict(&self, newest: &str) -> Result<(), StoreError> {
-        let mut held: Vec<(u64, String, u64)> = known::walk(&self.root)?
+        let used = self.used.lock().expect("no thread panics with it").clone();
+        let mut held: Vec<(u64, u64, String, u64)> = known::walk(&self.root)?
             .into_iter()
             .filter(|(name, found)| is_lazy(name) && self.is_current(name, found))
-            .map(|(name, found)| (found.used_ns, name, found.size))
+            .map(|(name, found)| (used.get(&name).copied().unwrap_or(0), found.modified_ns, name, found.size))
             .collect();
         held.sort();
-        let mut bytes: u64 = held.iter().map(|(_, _, size)| size).sum();
-        for (_, name, size) in held.iter().filter(|(_, name, _)| name != newest) {
+        let mut bytes: u64 = held.iter().map(|(.., size)| size).sum();
+        for (_, _, name, size) in held.iter().filter(|(_, _, name, _)| name != newest) {
             if bytes <= self.bound_bytes {
                 break;
             }

@@ -104,7 +104,7 @@ impl Mirror {
         let expected = before.map_or(Expected::Nothing, Expected::This);
         let content = Content { file: &file, size, sha256: &sha256 };
         if let Expected::This(remote) = &expected
-            && remote.sha256.as_deref() == Some(&sha256)
+            && remote.sha256.as_deref() == Some(sha256.as_str())
         {
             return self.note(name, remote);
         }
@@ -119,5 +119,24 @@ impl Mirror {
         runtime().block_on(self.bucket.delete(name))?;
         self.remote.lock().expect("no thread panics with it").remove(name);
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::rank;
+
+    #[test]
+    fn what_tells_of_others_goes_after_them_and_the_data_set_last() {
+        let in_order = [
+            "episodes/a.mcap",
+            "gen.toml",
+            "state/step-1/position.json",
+            "labels/rect/labels.json",
+            "dataset.json",
+        ];
+        assert!(in_order.is_sorted_by(|a, b| rank(a) < rank(b)));
+        assert!(rank("state/step-1/model.safetensors") < rank("state/step-1/position.json"));
+        assert!(rank("log.csv") < rank("model.safetensors"));
     }
 }

@@ -8,7 +8,6 @@ use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, RwLock};
-use std::time::SystemTime;
 
 use fs_err as fs;
 
@@ -109,12 +108,10 @@ pub fn open_file(path: &Path) -> io::Result<fs::File> {
                     return Err(error);
                 }
             }
-            Ok(file) => {
-                // The longest unused is evicted first; a disk without such stamps evicts in another order.
-                let _ = file.file().set_times(std::fs::FileTimes::new().set_accessed(SystemTime::now()));
-                return Ok(file);
+            opened => {
+                mirror.note_use(&name);
+                return opened;
             }
-            Err(error) => return Err(error),
         }
     }
     fs::File::open(path)

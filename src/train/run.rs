@@ -24,6 +24,7 @@ use crate::history::{History, ScoreRow, StepRow};
 use crate::model::checkpoint::{self, CHECKPOINT};
 use crate::model::{Detector, ImageWeightsReport};
 use crate::progress::Progress;
+use crate::store;
 
 /// The outcome of a run.
 #[derive(Debug, Clone)]

@@ -13,6 +13,7 @@ use crate::files::write_atomic;
 use crate::geometry::Point2;
 use crate::object::{Detection, Harm};
 use crate::sample::Sample;
+use crate::store;
 
 /// Why a sample could not be drawn.
 #[derive(Debug, Error)]
@@ -208,7 +209,7 @@ pub(in crate::report) fn read_detections(
     let of_run = folder.join("predictions");
     let name = fs::canonicalize(dataset)?.file_name().unwrap_or_default().to_owned();
     let places = [folder.join(&file), of_run.join(name).join(&file), of_run.join(&file)];
-    let Some(path) = places.iter().find(|place| place.is_file()) else {
+    let Some(path) = places.iter().find(|place| store::is_there(place)) else {
         let (episode, path) = (entry.name.clone(), folder.to_owned());
         return Err(ViewError::NoPredictions { episode, wanted: file, path });
     };
