@@ -186,7 +186,11 @@ fn gen_with_a_credential_that_expires_says_so_and_goes_on_with_a_new_one() {
     let mut again = server.command(&args, cache.path());
     let output = quiet(again.env("AWS_SESSION_TOKEN", "hush7New").output().expect("the program starts"));
     let told = String::from_utf8_lossy(&output.stdout);
-    assert!(output.status.success() && told.contains("1 kept"), "{told}{}", String::from_utf8_lossy(&output.stderr));
+    assert!(
+        output.status.success() && told.contains("1 kept"),
+        "{told}{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
     let mut wanted = sums_of(id);
     wanted.retain(|name, _| !name.starts_with("labels/"));
     assert_eq!(server.sums("id/"), wanted);

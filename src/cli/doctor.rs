@@ -57,7 +57,7 @@ pub fn run(args: DoctorArgs) -> anyhow::Result<ExitStatus> {
         let report = Report(health::examine(place.path(), &Bar::default())?);
         print_summary(&report, args.json)?;
         let n_faults = report.0.count(Severity::Fault);
-        anyhow::ensure!(n_faults == 0, "{n_faults} faults: {}", dataset);
+        anyhow::ensure!(n_faults == 0, "{n_faults} faults: {dataset}");
         return Ok(ExitStatus::Done);
     }
     let findings = examine();

@@ -126,7 +126,8 @@ struct Opened {
 
 impl Opened {
     fn of(args: &EvalArgs) -> anyhow::Result<Self> {
-        let open = |location: &Option<Location>, access| location.as_ref().map(|of| of.open(access)).transpose();
+        let open =
+            |location: &Option<Location>, access| location.as_ref().map(|of| of.open(access)).transpose();
         let (run, data) = (open(&args.run, Access::Read)?, open(&args.data, Access::Read)?);
         Ok(Self { run, data, out: open(&args.out, Access::Write)? })
     }

@@ -103,8 +103,7 @@ pub fn run(args: TrainArgs) -> anyhow::Result<ExitStatus> {
         Ok(_) | Err(DatasetError::EmptySplit { .. }) => None,
         Err(error) => return Err(error.into()),
     };
-    let summary =
-        train::run(&dataset, validation.as_ref(), &config, out, options, &device, &Bar::default())?;
+    let summary = train::run(&dataset, validation.as_ref(), &config, out, options, &device, &Bar::default())?;
     let status = draw(out);
     place.push()?;
     if let Some(report) = &summary.image_weights {

@@ -48,8 +48,18 @@ fn local(path: PathBuf) -> Result<PathBuf, String> {
 
 /// Whether a library that speaks to servers writes these lines: they may hold signed addresses and headers.
 pub fn logs_credentials(target: &str) -> bool {
-    const OF: [&str; 10] =
-        ["object_store", "reqwest", "hyper", "hyper_util", "hyper_rustls", "h2", "rustls", "tower", "tokio", "mio"];
+    const OF: [&str; 10] = [
+        "object_store",
+        "reqwest",
+        "hyper",
+        "hyper_util",
+        "hyper_rustls",
+        "h2",
+        "rustls",
+        "tower",
+        "tokio",
+        "mio",
+    ];
     let first = target.split("::").next().unwrap_or_default();
     OF.contains(&first)
 }

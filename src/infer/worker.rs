@@ -18,8 +18,8 @@ use crate::episode::EpisodeEntry;
 use crate::model::Detector;
 use crate::object::Detection;
 use crate::progress::{Progress, Silent};
-use crate::store;
 use crate::sample::Measured;
+use crate::store;
 use crate::worker::{self, Call, Engine, Errand, Program};
 
 /// The hidden command that serves tasks.

@@ -15,8 +15,8 @@ use object_store::azure::MicrosoftAzureBuilder;
 use object_store::gcp::GoogleCloudStorageBuilder;
 use object_store::path::Path;
 use object_store::{
-    Attribute, Attributes, Error, GetOptions, GetResult, ObjectStore, ObjectStoreExt, PutMode, PutMultipartOptions,
-    PutOptions, PutPayload, RetryConfig, UpdateVersion, WriteMultipart,
+    Attribute, Attributes, Error, GetOptions, GetResult, ObjectStore, ObjectStoreExt, PutMode,
+    PutMultipartOptions, PutOptions, PutPayload, RetryConfig, UpdateVersion, WriteMultipart,
 };
 use sha2::{Digest, Sha256};
 use tokio::runtime::{Builder, Runtime};
@@ -236,8 +236,10 @@ impl Bucket {
                 }
             };
             is_unsent = false;
-            let is_taken =
-                matches!(error, Some(Error::AlreadyExists { .. } | Error::Precondition { .. } | Error::NotModified { .. }));
+            let is_taken = matches!(
+                error,
+                Some(Error::AlreadyExists { .. } | Error::Precondition { .. } | Error::NotModified { .. })
+            );
             let is_open = error.as_ref().is_none_or(|error| is_taken || Answer::of(error).is_lost());
             if let Some(error) = error.as_ref().filter(|_| !is_open) {
                 return Err(self.fail("put an object", error, name));
@@ -297,8 +299,13 @@ impl Bucket {
         }))
     }
 
-    async fn put_in_parts(&self, name: &str, content: Content<'_>) -> Result<Result<Remote, Error>, StoreError> {
-        let options = PutMultipartOptions { attributes: attributes(content.sha256), ..PutMultipartOptions::default() };
+    async fn put_in_parts(
+        &self,
+        name: &str,
+        content: Content<'_>,
+    ) -> Result<Result<Remote, Error>, StoreError> {
+        let options =
+            PutMultipartOptions { attributes: attributes(content.sha256), ..PutMultipartOptions::default() };
         let upload = match self.store.put_multipart_opts(&self.path(name), options).await {
             Ok(upload) => upload,
             Err(error) => return Ok(Err(error)),
@@ -347,7 +354,8 @@ fn attributes(sha256: &str) -> Attributes {
 }
 
 fn remote(found: &GetResult) -> Remote {
-    let sha256 = found.attributes.get(&Attribute::Metadata(SHA256.into())).map(|value| value.as_ref().to_owned());
+    let sha256 =
+        found.attributes.get(&Attribute::Metadata(SHA256.into())).map(|value| value.as_ref().to_owned());
     let meta = &found.meta;
     Remote { e_tag: meta.e_tag.clone(), version: meta.version.clone(), size: meta.size, sha256 }
 }

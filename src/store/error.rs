@@ -12,7 +12,9 @@ use crate::worker::with_causes;
 /// Why a URL cannot be used, read or written.
 #[derive(Debug, Error)]
 pub enum StoreError {
-    #[error("{message}; valid is s3://BUCKET/PATH, gs://BUCKET/PATH, az://CONTAINER/PATH, file:///PATH or a path: {url}")]
+    #[error(
+        "{message}; valid is s3://BUCKET/PATH, gs://BUCKET/PATH, az://CONTAINER/PATH, file:///PATH or a path: {url}"
+    )]
     Url { message: String, url: String },
     #[error("nothing lies below this URL: {url}")]
     Nothing { url: String },
@@ -28,7 +30,9 @@ pub enum StoreError {
          writes there: {url}"
     )]
     Taken { url: String },
-    #[error("torn on its way: {found} arrived, {wanted} was written; the same command again fetches it anew: {url}")]
+    #[error(
+        "torn on its way: {found} arrived, {wanted} was written; the same command again fetches it anew: {url}"
+    )]
     Torn { found: String, wanted: String, url: String },
     #[error(
         "another harmzone command of this machine writes there, or reads what this one would write; wait for it, or give \
@@ -93,9 +97,13 @@ impl Answer {
             );
         }
         match self.status.as_deref() {
-            Some("401" | "403") => format!("the credentials are refused ({of}); they are read from {variables}"),
+            Some("401" | "403") => {
+                format!("the credentials are refused ({of}); they are read from {variables}")
+            }
             Some("400") if code.is_empty() => {
-                format!("the server refuses, as with expired credentials ({of}); they are read from {variables}")
+                format!(
+                    "the server refuses, as with expired credentials ({of}); they are read from {variables}"
+                )
             }
             Some("404") if code == "NoSuchBucket" => format!("there is no such bucket ({of})"),
             Some(status) if status.starts_with('5') => format!("the server fails ({of}), after all retries"),
@@ -119,7 +127,11 @@ fn has_word(text: &str, words: &[&str]) -> bool {
 
 /// The text without the values of variables that hold secrets, and without what follows the `?` of an address.
 pub(super) fn scrubbed(text: &str) -> String {
-    scrubbed_of(text, std::env::vars_os().filter_map(|(name, value)| Some((name.into_string().ok()?, value.into_string().ok()?))))
+    scrubbed_of(
+        text,
+        std::env::vars_os()
+            .filter_map(|(name, value)| Some((name.into_string().ok()?, value.into_string().ok()?))),
+    )
 }
 
 fn scrubbed_of(text: &str, variables: impl Iterator<Item = (String, String)>) -> String {
@@ -155,13 +167,17 @@ mod tests {
         );
         assert!(!told.is_lost());
         let told = told.reason("AWS_SESSION_TOKEN");
-        assert!(told.contains("expired (ExpiredToken, HTTP 400)") && told.contains("AWS_SESSION_TOKEN"), "{told}");
+        assert!(
+            told.contains("expired (ExpiredToken, HTTP 400)") && told.contains("AWS_SESSION_TOKEN"),
+            "{told}"
+        );
         assert!(!told.contains("tok)") && !told.contains("AKIA"), "{told}");
     }
 
     #[test]
     fn a_cut_connection_is_a_lost_answer() {
-        let cut = answer("Error performing PUT http://host/b/x?sig=abc in 1s - HTTP error: error sending request");
+        let cut =
+            answer("Error performing PUT http://host/b/x?sig=abc in 1s - HTTP error: error sending request");
         assert!(cut.is_lost());
         let told = cut.reason("X");
         assert!(told.contains("http://host/b/x") && !told.contains("abc"), "{told}");

@@ -51,7 +51,8 @@ pub(super) struct Found {
 impl Found {
     pub(super) fn at(path: &Path) -> io::Result<Self> {
         let metadata = fs::metadata(path)?;
-        let since = metadata.modified()?.duration_since(UNIX_EPOCH).map_or(0, |since| since.as_nanos() as u64);
+        let since =
+            metadata.modified()?.duration_since(UNIX_EPOCH).map_or(0, |since| since.as_nanos() as u64);
         Ok(Self { size: metadata.len(), modified_ns: since })
     }
 

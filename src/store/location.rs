@@ -20,9 +20,13 @@ impl Scheme {
     /// The environment variables that credentials are read from.
     pub(super) fn variables(self) -> &'static str {
         match self {
-            Self::S3 => "AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY, AWS_SESSION_TOKEN, with AWS_REGION and AWS_ENDPOINT_URL",
+            Self::S3 => {
+                "AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY, AWS_SESSION_TOKEN, with AWS_REGION and AWS_ENDPOINT_URL"
+            }
             Self::Google => "GOOGLE_SERVICE_ACCOUNT or GOOGLE_APPLICATION_CREDENTIALS",
-            Self::Azure => "AZURE_STORAGE_ACCOUNT_NAME with AZURE_STORAGE_ACCOUNT_KEY or AZURE_STORAGE_SAS_TOKEN",
+            Self::Azure => {
+                "AZURE_STORAGE_ACCOUNT_NAME with AZURE_STORAGE_ACCOUNT_KEY or AZURE_STORAGE_SAS_TOKEN"
+            }
         }
     }
 }
@@ -124,7 +128,9 @@ impl FromStr for Location {
             "file" => {
                 let is_here = url.host_str().is_none_or(|host| host == "localhost");
                 let path = url.to_file_path().ok().filter(|_| is_here);
-                return path.map(Self::Local).ok_or_else(|| fail("a file URL names an absolute path of this machine"));
+                return path
+                    .map(Self::Local)
+                    .ok_or_else(|| fail("a file URL names an absolute path of this machine"));
             }
             "s3" => Scheme::S3,
             "gs" => Scheme::Google,
@@ -136,7 +142,9 @@ impl FromStr for Location {
         let (bucket, path) = rest.split_once('/').unwrap_or((rest, ""));
         let is_valid = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || matches!(c, '-' | '.' | '_');
         if bucket.len() < 3 || !bucket.chars().all(is_valid) {
-            return Err(fail("a bucket has at least three letters, digits, `-`, `.` or `_`, without capitals"));
+            return Err(fail(
+                "a bucket has at least three letters, digits, `-`, `.` or `_`, without capitals",
+            ));
         }
         let path = path.trim_matches('/');
         let is_part = |part: &str| !part.is_empty() && part != "." && part != "..";
@@ -171,7 +179,10 @@ mod tests {
 
     #[test]
     fn what_is_no_place_is_refused_with_what_would_be() {
-        assert!(told("ftp://host/x").contains("`ftp` is no scheme") && told("ftp://host/x").contains("s3://BUCKET/PATH"));
+        assert!(
+            told("ftp://host/x").contains("`ftp` is no scheme")
+                && told("ftp://host/x").contains("s3://BUCKET/PATH")
+        );
         assert!(told("s3://My_Bucket/x").contains("a bucket has"));
         assert!(told("s3://bucket").contains("path within the bucket"));
         assert!(told("gs://bucket/a//b").contains("path within the bucket"));
@@ -182,7 +193,10 @@ mod tests {
     fn credentials_in_a_url_are_refused_and_not_repeated() {
         for url in ["s3://AKIA:hush@bucket/x", "az://box/x?sv=1&sig=hush", "ftp://me:hush@host/x"] {
             let told = told(url);
-            assert!(told.contains("from the environment") && !told.contains("hush") && !told.contains("AKIA"), "{told}");
+            assert!(
+                told.contains("from the environment") && !told.contains("hush") && !told.contains("AKIA"),
+                "{told}"
+            );
         }
     }
 }

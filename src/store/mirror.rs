@@ -135,7 +135,9 @@ impl Mirror {
         // What is known of files that are here saves a question of the store.
         let known = self.known.lock().expect("no thread panics with it");
         for (name, remote) in self.remote.lock().expect("no thread panics with it").iter_mut() {
-            if let Some(known) = known.get(name).filter(|known| known.e_tag == remote.e_tag && known.e_tag.is_some()) {
+            if let Some(known) =
+                known.get(name).filter(|known| known.e_tag == remote.e_tag && known.e_tag.is_some())
+            {
                 remote.sha256 = Some(known.sha256.clone());
             }
         }
@@ -237,7 +239,8 @@ impl Mirror {
         {
             return Ok(sha256_of(&path)? == sha256);
         }
-        let Some(mut remote) = self.remote.lock().expect("no thread panics with it").get(name).cloned() else {
+        let Some(mut remote) = self.remote.lock().expect("no thread panics with it").get(name).cloned()
+        else {
             return Ok(false);
         };
         if remote.sha256.is_none() {

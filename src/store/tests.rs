@@ -42,7 +42,9 @@ impl World {
     /// Puts an object as a program does that knows nothing of hashes.
     fn put_by_others(&self, name: &str, text: &'static str) {
         let path = object_store::path::Path::from(format!("sets/town/{name}"));
-        runtime().block_on(self.store.put_opts(&path, PutPayload::from(text), PutOptions::default())).unwrap();
+        runtime()
+            .block_on(self.store.put_opts(&path, PutPayload::from(text), PutOptions::default()))
+            .unwrap();
     }
 
     fn names(&self) -> Vec<String> {
