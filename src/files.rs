@@ -70,7 +70,15 @@ pub fn sha256_hex(bytes: &[u8]) -> String {
 /// # Errors
 /// The file cannot be read.
 pub fn sha256_of(path: &Path) -> io::Result<String> {
-    let (mut file, mut hasher) = (fs::File::open(path)?, Sha256::new());
+    sha256_of_reader(&mut fs::File::open(path)?)
+}
+
+/// Lower-case hexadecimal SHA-256 of what is left to read.
+///
+/// # Errors
+/// It cannot be read.
+pub fn sha256_of_reader(file: &mut impl Read) -> io::Result<String> {
+    let mut hasher = Sha256::new();
     let mut part = vec![0; 1 << 20];
     loop {
         match file.read(&mut part)? {
@@ -80,7 +88,8 @@ pub fn sha256_of(path: &Path) -> io::Result<String> {
     }
 }
 
-fn hex(digest: &[u8]) -> String {
+/// Lower-case hexadecimal digits of a digest.
+pub(crate) fn hex(digest: &[u8]) -> String {
     use std::fmt::Write as _;
     digest.iter().fold(String::with_capacity(64), |mut hex, byte| {
         write!(hex, "{byte:02x}").expect("writing to a string cannot fail");

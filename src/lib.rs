@@ -51,7 +51,7 @@
 //! checks it; `ARCHITECTURE.md` draws the pipeline):
 //!
 //! - what everything stands on: [`config`], [`device`], [`files`], [`geometry`], [`history`], [`meshes`], [`progress`], [`random`],
-//!   [`text_table`], [`worker`];
+//!   [`store`], [`text_table`], [`worker`];
 //! - what is in a sample: [`object`], [`sample`], [`nuscenes`]; the rule by which objects matter: [`zone`]; what rays meet first: [`rays`];
 //! - the world: [`scene`], [`sensors`], [`sim`]; its files: [`episode`]; the stages that write them: [`generate`], [`import`],
 //!   [`label`], [`export`]; and what reads them: [`dataset`];
@@ -72,6 +72,7 @@ pub mod history;
 pub mod meshes;
 pub mod progress;
 pub mod random;
+pub mod store;
 pub mod text_table;
 pub mod worker;
 

@@ -18,6 +18,7 @@ const LAYERS: &[(&str, u32)] = &[
     ("random", 0),
     ("history", 1),
     ("meshes", 1),
+    ("store", 1),
     ("text_table", 0),
     ("worker", 0),
     ("object", 1),

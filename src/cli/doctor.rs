@@ -2,7 +2,6 @@
 //! get it; or what is wrong with a data set.
 
 use std::fmt;
-use std::path::PathBuf;
 
 use clap::Args;
 use nalgebra::Vector3;
@@ -13,6 +12,7 @@ use crate::dataset::health::{self, Health, Severity, Symptom};
 use crate::device::{self, DeviceName};
 use crate::geometry::{Pinhole, Transform};
 use crate::sim::{CameraMount, Environment, Renderer, SimError, Simulator};
+use crate::store::{Access, Location};
 
 /// A lit ball on the ground: the smallest world that shows that compiling and drawing work.
 const TINY_WORLD: &str = r#"<mujoco><worldbody>
@@ -25,7 +25,7 @@ const TINY_WORLD: &str = r#"<mujoco><worldbody>
 #[derive(Debug, Args)]
 pub struct DoctorArgs {
     /// A data set to examine, in place of the machine: files, frames, units, stamps, values that cannot be
-    dataset: Option<PathBuf>,
+    dataset: Option<Location>,
     /// Print the findings as JSON
     #[arg(long)]
     json: bool,
@@ -53,10 +53,11 @@ impl fmt::Display for Findings {
 
 pub fn run(args: DoctorArgs) -> anyhow::Result<ExitStatus> {
     if let Some(dataset) = &args.dataset {
-        let report = Report(health::examine(dataset, &Bar::default())?);
+        let place = dataset.open(Access::Read)?;
+        let report = Report(health::examine(place.path(), &Bar::default())?);
         print_summary(&report, args.json)?;
         let n_faults = report.0.count(Severity::Fault);
-        anyhow::ensure!(n_faults == 0, "{n_faults} faults: {}", dataset.display());
+        anyhow::ensure!(n_faults == 0, "{n_faults} faults: {dataset}");
         return Ok(ExitStatus::Done);
     }
     let findings = examine();

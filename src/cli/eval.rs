@@ -23,6 +23,7 @@ use crate::report::provenance::{Provenance, quote};
 use crate::report::score_tables;
 use crate::report::scores::{self, METRICS_FILE};
 use crate::report::standing::Standing;
+use crate::store::{self, Access, Location, Place};
 use crate::worker::Program;
 use crate::{config, train};
 
@@ -30,12 +31,12 @@ use crate::{config, train};
 #[command(group = ArgGroup::new("detector").args(["run", "predictions"]).required(true))]
 #[command(group = ArgGroup::new("against").args(["data", "truth"]).required(true))]
 pub struct EvalArgs {
-    /// Folder of a trained detector, a checkpoint, or `small`, the network inside the program; needs --data
+    /// Folder or URL of a trained detector, a checkpoint, or `small`, the network inside the program; needs --data
     #[arg(requires = "data")]
-    run: Option<PathBuf>,
-    /// Labelled data set: what a run sees, and the truth
+    run: Option<Location>,
+    /// Folder or URL of a labelled data set: what a run sees, and the truth
     #[arg(long, value_name = "DIR")]
-    data: Option<PathBuf>,
+    data: Option<Location>,
     /// Label set of the data set
     #[arg(long, value_name = "SET", default_value = "rect", requires = "data")]
     labels: String,
@@ -64,10 +65,10 @@ pub struct EvalArgs {
     /// Also print scores by group and the safety metrics; metrics.json always has both
     #[arg(long, conflicts_with = "json")]
     breakdown: bool,
-    /// Folder for metrics.json, table.txt, breakdown.txt, the resolved eval.toml, and what `harmzone report` shows:
+    /// Folder or URL for metrics.json, table.txt, breakdown.txt, the resolved eval.toml, and what `harmzone report` shows:
     /// faults.json, source.json
     #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
+    out: Option<Location>,
     /// Print metrics.json instead of the table
     #[arg(long)]
     json: bool,
@@ -83,30 +84,33 @@ pub struct EvalArgs {
 }
 
 pub fn run(args: EvalArgs) -> anyhow::Result<ExitStatus> {
-    let trained = args.run.as_deref().map(Trained::find).transpose()?;
+    let opened = Opened::of(&args)?;
+    let trained = opened.trained()?;
     let base = trained.map(|trained| trained.eval_config()).transpose()?.unwrap_or_default();
     let config = config::load_over(&base, args.config.as_deref(), &args.overrides)?;
     let protocol = Protocol::try_from(config)?;
-    if let Some(out) = args.out.as_deref().filter(|_| !args.force) {
-        refuse_to_overwrite(out)?;
+    if let Some(out) = opened.out.as_ref().filter(|_| !args.force) {
+        refuse_to_overwrite(out.path())?;
     }
     let mode = if args.ood { Mode::Ood } else { Mode::Id };
-    let scored = args.data.as_deref().map(|data| ScoredData::find(data, &args)).transpose()?;
+    let scored = opened.data.as_ref().map(|data| ScoredData::find(data.path(), &args)).transpose()?;
     if args.run.is_none() && args.engine.cluster()?.is_some() {
         bail!("--engine ray runs a network on the cluster: give a RUN in place of --predictions");
     }
-    let samples = samples(&args, scored.as_ref())?;
+    let samples = samples(&args, &opened, scored.as_ref())?;
     let evaluation = eval::evaluate(&samples, &protocol, mode).with_context(|| match &args.predictions {
         Some(found) => {
-            let truth = args.truth.as_ref().or(args.data.as_ref()).map(|path| path.display().to_string());
+            let truth = args.truth.as_ref().map(|path| path.display().to_string());
+            let truth = truth.or_else(|| args.data.as_ref().map(Location::to_string));
             format!("cannot score {} against {}", found.display(), truth.unwrap_or_default())
         }
         None => "cannot score the run".to_owned(),
     })?;
-    if let Some(out) = &args.out {
-        let trained = args.run.as_deref().map(Trained::find).transpose()?;
+    if let Some(out) = &opened.out {
+        let trained = opened.trained()?;
         let source = provenance(trained.as_ref(), scored.as_ref(), command_line("harmzone"))?;
-        scores::write(out, &protocol, &evaluation, &source)?;
+        scores::write(out.path(), &protocol, &evaluation, &source)?;
+        out.push()?;
     }
     let standing = scored.as_ref().map(ScoredData::standing);
     print(if args.json { evaluation.to_json() } else { score_tables::with_standing(&evaluation, standing) })?;
@@ -114,6 +118,26 @@ pub fn run(args: EvalArgs) -> anyhow::Result<ExitStatus> {
         print(format!("\n{}", score_tables::breakdown(&evaluation)))?;
     }
     Ok(ExitStatus::Done)
+}
+
+/// What the flags name, opened.
+struct Opened {
+    run: Option<Place>,
+    data: Option<Place>,
+    out: Option<Place>,
+}
+
+impl Opened {
+    fn of(args: &EvalArgs) -> anyhow::Result<Self> {
+        let open =
+            |location: &Option<Location>, access| location.as_ref().map(|of| of.open(access)).transpose();
+        let (run, data) = (open(&args.run, Access::Read)?, open(&args.data, Access::Read)?);
+        Ok(Self { run, data, out: open(&args.out, Access::Write)? })
+    }
+
+    fn trained(&self) -> anyhow::Result<Option<Trained>> {
+        Ok(self.run.as_ref().map(|run| Trained::find(run.path())).transpose()?)
+    }
 }
 
 /// The part of a data set that is scored.
@@ -146,15 +170,19 @@ impl<'a> ScoredData<'a> {
 }
 
 /// The samples to score, from files of boxes or from a trained detector.
-fn samples(args: &EvalArgs, scored: Option<&ScoredData<'_>>) -> anyhow::Result<Vec<EvalSample>> {
-    match (&args.run, &args.predictions, &args.truth, scored) {
+fn samples(
+    args: &EvalArgs,
+    opened: &Opened,
+    scored: Option<&ScoredData<'_>>,
+) -> anyhow::Result<Vec<EvalSample>> {
+    match (&opened.run, &args.predictions, &args.truth, scored) {
         (_, Some(predictions), Some(truth), _) => {
             Ok(json::join(json::read_predictions(predictions)?, json::read_truth(truth)?)?)
         }
         (_, Some(predictions), _, Some(data)) => {
             Ok(json::join_dataset(json::read_predictions(predictions)?, &data.open()?)?)
         }
-        (Some(run), _, _, Some(data)) => samples_of_run(run, data, args),
+        (Some(run), _, _, Some(data)) => samples_of_run(run.path(), data, args),
         _ => bail!("give a RUN with --data, or --predictions with --truth or --data"),
     }
 }
@@ -243,7 +271,7 @@ pub fn provenance(
     Ok(Provenance {
         version: env!("CARGO_PKG_VERSION").to_owned(),
         command,
-        data: data.map(|of| of.path.to_owned()),
+        data: data.map(|of| store::name_of(of.path)),
         labels: data.map(|of| of.labels.to_owned()),
         split: data.map(|of| of.split),
         data_version: data.map(|of| of.data_version),

@@ -13,14 +13,15 @@ use crate::episode::Shard;
 use crate::generate::{self, Extent, LidarEngine, RendererName, RunOptions, preset};
 use crate::scene::{OwnModels, SceneSplit, bring_in};
 use crate::sensors::RigConfig;
+use crate::store::{Access, Location};
 use crate::text_table::text_table;
 use crate::worker::{Engine, Program};
 
 #[derive(Debug, Args)]
 pub struct GenerateArgs {
-    /// Folder of the data set; the same command again goes on where it stopped
+    /// Folder or URL of the data set; the same command again goes on where it stopped
     #[arg(long, value_name = "DIR")]
-    out: PathBuf,
+    out: Location,
     #[command(flatten)]
     world: WorldArgs,
     /// What the episodes are for: `dev`, to train, to validate and, with --ood, to choose by; or `test`, to report, in
@@ -115,8 +116,9 @@ pub fn run(args: GenerateArgs) -> anyhow::Result<ExitStatus> {
         force: args.force,
         own_models,
     };
+    let out = args.out.open(Access::Write)?;
     let extent = Extent { n_episodes: args.world.episodes.unwrap_or(n_episodes), shard: args.shard };
-    let summary = generate::run(&config, extent, &args.out, &options, &Bar::default())?;
+    let summary = generate::run(&config, extent, out.path(), &options, &Bar::default())?;
     print_summary(&summary, args.json)?;
     Ok(if has_losses { ExitStatus::DoneWithLosses } else { ExitStatus::Done })
 }

@@ -11,6 +11,7 @@ use crate::episode::Split;
 use crate::import::nuscenes::NuScenesLog;
 use crate::import::ros2::{self, MappingConfig, Ros2Log};
 use crate::import::{self, ImportConfig, ImportError, ImportOptions, Log, LogFormat};
+use crate::store::{Access, Location};
 
 #[derive(Debug, Args)]
 pub struct ImportArgs {
@@ -37,9 +38,9 @@ enum ImportCommand {
 pub(super) struct LogArgs {
     /// The log
     source: PathBuf,
-    /// Folder of the data set; the same command again goes on where it stopped
+    /// Folder or URL of the data set; the same command again goes on where it stopped
     #[arg(long, value_name = "DIR")]
-    out: PathBuf,
+    out: Location,
     /// Import only these drives, with commas between
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     scenes: Vec<String>,
@@ -122,7 +123,9 @@ impl LogArgs {
             skip_bad: self.skip_bad,
             force: self.force,
         };
-        let summary = import::run(log, format, config, &self.out, &options, &Bar::default())?;
+        let out = self.out.open(Access::Write)?;
+        let summary = import::run(log, format, config, out.path(), &options, &Bar::default())?;
+        out.push()?;
         print_summary(&summary, self.json)?;
         Ok(if summary.skipped.is_empty() { ExitStatus::Done } else { ExitStatus::DoneWithLosses })
     }

@@ -6,11 +6,12 @@ use clap::Args;
 
 use super::{Bar, ExitStatus, print_summary};
 use crate::report::info::{self, InfoRequest};
+use crate::store::{Access, Location};
 
 #[derive(Debug, Args)]
 pub struct InfoArgs {
-    /// The data set's folder
-    dataset: PathBuf,
+    /// The data set's folder or URL
+    dataset: Location,
     /// Label set to count [default: rect, where it is there]
     #[arg(long, value_name = "SET")]
     labels: Option<String>,
@@ -27,6 +28,7 @@ pub struct InfoArgs {
 
 pub fn run(args: InfoArgs) -> anyhow::Result<ExitStatus> {
     let InfoArgs { dataset, labels: label_set, plot, force, json } = args;
+    let dataset = dataset.open(Access::Read)?.path().to_owned();
     let info = info::run(&InfoRequest { dataset, label_set, plot, force }, &Bar::default())?;
     print_summary(&info, json)?;
     Ok(ExitStatus::Done)

@@ -1,7 +1,5 @@
 //! `harmzone label`.
 
-use std::path::PathBuf;
-
 use clap::Args;
 
 use super::engine::EngineArgs;
@@ -9,12 +7,13 @@ use super::zones::ZoneArgs;
 use super::{Bar, ExitStatus, print_summary};
 use crate::episode::Shard;
 use crate::label::{self, LabelOptions};
+use crate::store::{Access, Location};
 use crate::worker::Program;
 
 #[derive(Debug, Args)]
 pub struct LabelArgs {
-    /// The data set's folder
-    dataset: PathBuf,
+    /// The data set's folder or URL
+    dataset: Location,
     #[command(flatten)]
     zone: ZoneArgs,
     /// Name of the label set [default: the zone's kind]
@@ -38,10 +37,12 @@ pub fn run(args: LabelArgs) -> anyhow::Result<ExitStatus> {
     let zone = args.zone.load()?;
     let set = args.labels.unwrap_or_else(|| zone.kind.name().to_owned());
     let cluster = args.engine.cluster()?;
+    let dataset = args.dataset.open(Access::Write)?;
     let program = Program::this()?;
     let workers = cluster.as_ref().map(|engine| (engine, &program));
     let options = LabelOptions { force: args.force, shard: args.shard, workers };
-    let summary = label::run_with(&args.dataset, &zone, &set, &options, &Bar::default())?;
+    let summary = label::run_with(dataset.path(), &zone, &set, &options, &Bar::default())?;
+    dataset.push()?;
     print_summary(&summary, args.json)?;
     Ok(ExitStatus::Done)
 }

@@ -28,6 +28,7 @@ mod report;
 mod serve;
 mod sweep;
 mod train;
+mod urls;
 mod values;
 mod view;
 mod world;
@@ -37,7 +38,13 @@ use std::ffi::OsString;
 use std::process::ExitCode;
 use std::sync::OnceLock;
 
+use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
+
+use tracing_subscriber::filter::{FilterExt as _, filter_fn};
+use tracing_subscriber::layer::{Layer as _, SubscriberExt as _};
+use tracing_subscriber::util::SubscriberInitExt as _;
+use tracing_subscriber::{EnvFilter, fmt};
 
 pub use device::{DeviceArg, DeviceNameArg, DevicesArg};
 pub use eval::{ScoredData, command_line, provenance, tell_seen};
@@ -178,7 +185,11 @@ fn run(cli: Cli) -> anyhow::Result<ExitStatus> {
 /// Reads the process's arguments; ends the process where they are not valid.
 #[must_use]
 pub fn parse<C: Parser>() -> C {
-    let command = take_negative_numbers(C::command());
+    let mut command = urls::refuse_elsewhere(take_negative_numbers(C::command()));
+    // Before clap quotes it.
+    if let Err(error) = urls::refuse_credentials(&words()) {
+        command.error(ErrorKind::ValueValidation, error).exit();
+    }
     let name = OsString::from(command.get_name());
     let matches = command.get_matches_from([name].into_iter().chain(words()));
     C::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())
@@ -202,14 +213,10 @@ pub fn finish(work: impl FnOnce() -> anyhow::Result<ExitStatus>) -> ExitCode {
 }
 
 fn code_of(work: impl FnOnce() -> anyhow::Result<ExitStatus>) -> u8 {
-    tracing_subscriber::fmt()
-        .with_writer(std::io::stderr)
-        .without_time()
-        .with_target(false)
-        .with_env_filter(
-            tracing_subscriber::EnvFilter::try_from_env("HARMZONE_LOG").unwrap_or_else(|_| "warn".into()),
-        )
-        .init();
+    let wanted = EnvFilter::try_from_env("HARMZONE_LOG").unwrap_or_else(|_| "warn".into());
+    let filter = wanted.and(filter_fn(|of| !urls::logs_credentials(of.target())));
+    let lines = fmt::layer().with_writer(std::io::stderr).without_time().with_target(false);
+    tracing_subscriber::registry().with(lines.with_filter(filter)).init();
     match work() {
         Ok(ExitStatus::Done) => 0,
         Ok(ExitStatus::DoneWithLosses) => 3,
@@ -237,7 +244,7 @@ mod tests {
 
     /// What clap says to a command line; empty where it is valid.
     fn answer(args: &[&str]) -> String {
-        let command = take_negative_numbers(Cli::command()).term_width(100);
+        let command = urls::refuse_elsewhere(take_negative_numbers(Cli::command())).term_width(100);
         let matches = command.try_get_matches_from(["harmzone"].iter().chain(args));
         matches.map_or_else(|error| error.to_string(), |_| String::new())
     }

@@ -6,6 +6,8 @@ use std::io::{self, Write};
 use anyhow::Context;
 use serde::Serialize;
 
+use crate::store;
+
 /// The reader of standard output is gone, as behind `| head`: no fault of the command.
 #[derive(Debug, thiserror::Error)]
 #[error("nobody reads the standard output")]
@@ -16,7 +18,7 @@ pub struct ClosedPipe;
 /// # Errors
 /// [`ClosedPipe`], or the disk that standard output leads to.
 pub fn print(result: impl Display) -> anyhow::Result<()> {
-    let text = result.to_string();
+    let text = store::with_urls(&result.to_string());
     let mut out = io::stdout().lock();
     match writeln!(out, "{}", text.trim_end_matches('\n')).and_then(|()| out.flush()) {
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Err(ClosedPipe.into()),
@@ -34,5 +36,5 @@ pub fn print_summary(summary: &(impl Display + Serialize), as_json: bool) -> any
 
 /// Tells something on standard error; where nobody reads that either, nobody misses it.
 pub fn tell(text: impl Display) {
-    let _ = writeln!(io::stderr(), "{text}");
+    let _ = writeln!(io::stderr(), "{}", store::with_urls(&text.to_string()));
 }

@@ -1,6 +1,6 @@
 //! `harmzone predict`: a detector's boxes for a dataset, as MCAP and as nuScenes-style JSON.
 
-use std::path::PathBuf;
+use std::path::Path;
 
 use clap::Args;
 
@@ -13,25 +13,26 @@ use crate::files::{sha256_hex, sha256_of};
 use crate::infer::worker::NetworkWorkers;
 use crate::infer::{self, PredictionPart, Predictions, Trained};
 use crate::object::Detection;
+use crate::store::{self, Access, Location};
 use crate::worker::Program;
 
 #[derive(Debug, Args)]
 pub struct PredictArgs {
-    /// Run folder of `harmzone train`, a checkpoint, or `small`, the trained network inside the program
-    run: PathBuf,
-    /// Data set; it needs neither labels nor truth
+    /// Run folder or URL of `harmzone train`, a checkpoint, or `small`, the trained network inside the program
+    run: Location,
+    /// Folder or URL of a data set; it needs neither labels nor truth
     #[arg(long, value_name = "DIR")]
-    data: PathBuf,
+    data: Location,
     /// Split; without it, the first of val, dev and test that the data set has
     #[arg(long, value_parser = split())]
     split: Option<Split>,
     /// From when labels were needed; a detector sees none
     #[arg(long, value_name = "SET", hide = true)]
     labels: Option<String>,
-    /// Folder for one MCAP an episode and predictions.json; default `<run>/predictions/<dataset>`, and
+    /// Folder or URL for one MCAP an episode and predictions.json; default `<run>/predictions/<dataset>`, and
     /// `<dataset>/predictions/small` for `small`
     #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
+    out: Option<Location>,
     /// Predict one of N parts of the split, I from 0: every N-th episode, in a folder of its own, which `harmzone merge` joins with
     /// the others
     #[arg(long, value_name = "I/N", requires = "out")]
@@ -46,16 +47,22 @@ pub struct PredictArgs {
 }
 
 pub fn run(args: PredictArgs) -> anyhow::Result<ExitStatus> {
-    let trained = Trained::find(&args.run)?;
-    let folder = match &args.out {
-        Some(out) => out.clone(),
-        None => trained.predictions_folder(&args.data)?,
+    // Without --out the boxes lie in the run, or in the data set those of the network inside the program.
+    let is_shipped = matches!(args.run.local().map(Trained::find), Some(Ok(Trained::Shipped(_))));
+    let access = |is_out: bool| if args.out.is_none() && is_out { Access::Write } else { Access::Read };
+    let run = args.run.open(access(!is_shipped))?;
+    let data = args.data.open(access(is_shipped))?;
+    let out = args.out.as_ref().map(|out| out.open(Access::Write)).transpose()?;
+    let trained = Trained::find(run.path())?;
+    let folder = match &out {
+        Some(out) => out.path().to_owned(),
+        None => trained.predictions_folder(data.path())?,
     };
     if !args.force {
         Predictions::check_free(&folder)?;
     }
     let cluster = args.engine.cluster()?;
-    let whole = MeasuredSplit::open(&args.data, args.split)?;
+    let whole = MeasuredSplit::open(data.path(), args.split)?;
     let recording = match args.shard {
         Some(shard) => whole.part(shard),
         None => whole.clone(),
@@ -68,12 +75,12 @@ pub fn run(args: PredictArgs) -> anyhow::Result<ExitStatus> {
         ));
     }
     let config_toml = config::to_toml(&trained.config()?);
-    let predictions = Predictions { folder, set: args.run.display().to_string(), config_toml };
+    let predictions = Predictions { folder, set: args.run.to_string(), config_toml };
     let n_boxes = if let Some(engine) = &cluster {
         let program = Program::this()?;
         let (device, trained) = (args.device.name(), &trained);
         let workers = NetworkWorkers { engine, program: &program, trained, device, blind: None };
-        let found = workers.predict(&args.data, recording.episodes(), &Bar::default())?;
+        let found = workers.predict(data.path(), recording.episodes(), &Bar::default())?;
         let samples = recording.episodes().iter().zip(&found).flat_map(|(entry, found)| {
             found.times_ns.iter().enumerate().map(|(i, &time_ns)| (format!("{}/{i}", entry.name), time_ns))
         });
@@ -87,17 +94,19 @@ pub fn run(args: PredictArgs) -> anyhow::Result<ExitStatus> {
         infer::predict_recording(&detector, &recording, &predictions, &device, &Bar::default())?
     };
     if let Some(shard) = args.shard {
-        let part = part_of(&args, shard, &whole, &trained)?;
+        let part = part_of(&args, data.path(), shard, &whole, &trained)?;
         let episodes: Vec<(&str, usize)> =
             recording.episodes().iter().map(|entry| (entry.name.as_str(), entry.n_samples)).collect();
         part.write(&predictions.folder, &episodes)?;
     }
+    store::push(&predictions.folder)?;
     tell_boxes(n_boxes, recording.n_samples(), &predictions)
 }
 
 /// What the boxes of a shard are a part of.
 fn part_of(
     args: &PredictArgs,
+    data: &Path,
     shard: Shard,
     whole: &MeasuredSplit,
     trained: &Trained,
@@ -106,10 +115,10 @@ fn part_of(
     Ok(PredictionPart {
         part: PartOf { shard, n_episodes },
         generator_version: env!("CARGO_PKG_VERSION").to_owned(),
-        data: args.data.clone(),
-        data_sha256: sha256_of(&args.data.join(Manifest::FILE))?,
+        data: args.data.to_string().into(),
+        data_sha256: sha256_of(&data.join(Manifest::FILE))?,
         split: whole.episodes()[0].split.name().to_owned(),
-        network: args.run.display().to_string(),
+        network: args.run.to_string(),
         network_sha256: sha256_hex(&trained.bytes()?.1),
         episodes: Vec::new(),
     })

@@ -10,16 +10,17 @@ use crate::config::{self, Checked};
 use crate::dataset::{Dataset, DatasetError, LabelledSplit, SampleSource};
 use crate::episode::Split;
 use crate::report::curves;
+use crate::store::{Access, Location};
 use crate::train::{self, DryRun, TrainConfig, TrainOptions, TrainingData};
 
 #[derive(Debug, Args)]
 pub struct TrainArgs {
-    /// Labelled data set
-    data: PathBuf,
-    /// Folder of the run: config, logs, curves, states, and at the end `model.safetensors`. The same
+    /// Folder or URL of a labelled data set
+    data: Location,
+    /// Folder or URL of the run: config, logs, curves, states, and at the end `model.safetensors`. The same
     /// command again goes on where it stopped
     #[arg(long, value_name = "DIR", required_unless_present = "dry_run")]
-    out: Option<PathBuf>,
+    out: Option<Location>,
     /// Label set
     #[arg(long, value_name = "SET", default_value = "rect")]
     labels: String,
@@ -74,11 +75,11 @@ enum Opened {
 }
 
 impl Opened {
-    fn open(args: &TrainArgs, config: &TrainConfig, split: Split) -> Result<Self, DatasetError> {
+    fn open(data: &Path, labels: &str, config: &TrainConfig, split: Split) -> Result<Self, DatasetError> {
         if config.stream.is_off() {
-            Dataset::open(&args.data, &args.labels, split).map(Self::Whole)
+            Dataset::open(data, labels, split).map(Self::Whole)
         } else {
-            LabelledSplit::open(&args.data, &args.labels, split).map(Self::Stream)
+            LabelledSplit::open(data, labels, split).map(Self::Stream)
         }
     }
 
@@ -98,20 +99,24 @@ impl Opened {
     }
 }
 
-pub fn run(mut args: TrainArgs) -> anyhow::Result<ExitStatus> {
+pub fn run(args: TrainArgs) -> anyhow::Result<ExitStatus> {
     let mut config: TrainConfig =
         config::load_over(&base_config(&args.model)?, args.config.as_deref(), &args.overrides)?;
-    if let Some(path) = args.image_weights.take() {
-        config.image_weights = Some(path);
+    if args.image_weights.is_some() {
+        config.image_weights = args.image_weights;
     }
     let config = Checked::try_from(config)?;
     let devices = args.devices.open()?;
-    let learned = Opened::open(&args, &config, Split::Train)?.annotated()?;
-    let Some(out) = args.out.clone().filter(|_| !args.dry_run) else {
+    let data = args.data.open(Access::Read)?;
+    let opened = |split| Opened::open(data.path(), &args.labels, &config, split);
+    let learned = opened(Split::Train)?.annotated()?;
+    let Some(out) = args.out.filter(|_| !args.dry_run) else {
         let dry_run = DryRun::of(learned.source(), &config)?;
         print_summary(&dry_run, args.json)?;
         return Ok(ExitStatus::Done);
     };
+    let place = out.open(Access::Write)?;
+    let out = place.path();
     // A picture that fails is no reason to stop a training.
     let draw = |run: &Path| match curves::run(run) {
         Ok(_) => ExitStatus::Done,
@@ -125,14 +130,15 @@ pub fn run(mut args: TrainArgs) -> anyhow::Result<ExitStatus> {
     };
     let options =
         TrainOptions { force: args.force, resume: args.resume, after_validation: Some(&after_validation) };
-    let validation = match Opened::open(&args, &config, Split::Val) {
+    let validation = match opened(Split::Val) {
         Ok(split) if config.validate_every_epochs > 0 => Some(split),
         Ok(_) | Err(DatasetError::EmptySplit { .. }) => None,
         Err(error) => return Err(error.into()),
     };
     let data = TrainingData::new(learned.source(), validation.as_ref().map(Opened::source));
-    let summary = train::run(data, &config, &out, options, &devices, &Bar::default())?;
-    let status = draw(&out);
+    let summary = train::run(data, &config, out, options, &devices, &Bar::default())?;
+    let status = draw(out);
+    place.push()?;
     if let Some(report) = &summary.image_weights {
         print(report)?;
     }

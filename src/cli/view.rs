@@ -10,6 +10,7 @@ use crate::report::view::{
     self, ClipRequest, EpisodeRequest, EpisodeView, Moment, ViewRequest, WIDTHS_PX, write_episode_clip,
     write_episode_mcap, write_episode_rrd,
 };
+use crate::store::{Access, Location};
 
 /// Lowest score of the predictions that are drawn, of networks without a score of their own.
 const DEFAULT_MIN_SCORE: f32 = 0.3;
@@ -17,8 +18,8 @@ const DEFAULT_MIN_SCORE: f32 = 0.3;
 #[derive(Debug, Args)]
 #[command(group = ArgGroup::new("what").required(true).multiple(true).args(["out", "mcap", "rrd", "video"]))]
 pub struct ViewArgs {
-    /// The data set's folder
-    dataset: PathBuf,
+    /// The data set's folder or URL
+    dataset: Location,
     /// Number of the sample of --out, counted from 0 through all episodes
     #[arg(long, value_name = "K", value_parser = number(0..=usize::MAX), requires = "out")]
     sample: Option<usize>,
@@ -28,10 +29,10 @@ pub struct ViewArgs {
     /// Label set to draw [default: rect, where it is there]
     #[arg(long, value_name = "SET")]
     labels: Option<String>,
-    /// Predictions to draw: a folder with a file for each episode, a run's folder, or `small` for those of the
+    /// Predictions to draw: a folder or URL with a file for each episode, a run's folder, or `small` for those of the
     /// network inside the program
     #[arg(long, value_name = "DIR")]
-    predictions: Option<PathBuf>,
+    predictions: Option<Location>,
     /// Leave out predictions below this score, 0 to 1; default the score that `calibrate` left in the network that
     /// --predictions names, else 0.3
     #[arg(long, value_name = "SCORE", value_parser = number(0.0..=1.0_f32))]
@@ -64,10 +65,13 @@ pub struct ViewArgs {
 }
 
 pub fn run(args: ViewArgs) -> anyhow::Result<ExitStatus> {
-    let (dataset, label_set, force) = (args.dataset, args.labels, args.force);
+    let (label_set, force) = (args.labels, args.force);
+    let dataset = args.dataset.open(Access::Read)?.path().to_owned();
+    let opened = args.predictions.map(|folder| folder.open(Access::Read)).transpose()?;
+    let predictions = opened.map(|folder| folder.path().to_owned());
     // A folder needs no checkpoint; a name has one folder in each dataset.
-    let network = args.predictions.as_deref().and_then(|folder| Trained::find(folder).ok());
-    let predictions = args.predictions.map(|folder| match &network {
+    let network = predictions.as_deref().and_then(|folder| Trained::find(folder).ok());
+    let predictions = predictions.map(|folder| match &network {
         Some(shipped @ Trained::Shipped(_)) => shipped.predictions_folder(&dataset),
         _ => Ok(folder),
     });

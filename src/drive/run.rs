@@ -244,7 +244,8 @@ fn find_whole(folder: &Path, plan: &EpisodePlan, records: bool) -> Result<Option
     }
     let outcome: DriveOutcome = serde_json::from_str(&fs::read_to_string(&path)?)
         .map_err(|error| DriveError::BadOutcome { message: error.to_string(), path })?;
-    let is_there = outcome.entry.as_ref().is_some_and(|entry| is_whole(folder, entry));
+    let is_there =
+        outcome.entry.as_ref().is_some_and(|entry| is_whole(folder, entry).is_ok_and(|is_whole| is_whole));
     Ok((!outcome.is_failed() && (!records || is_there)).then_some(outcome))
 }
 

@@ -7,7 +7,6 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use fs_err as fs;
 use mcap::McapError;
 use mcap::records::Record;
 use mcap::sans_io::{
@@ -18,6 +17,7 @@ use prost::bytes::Bytes;
 use super::error::{EpisodeError, STAMP_TOLERANCE_NS};
 use super::messages::TopicMessage;
 use super::topics::{Topic, TopicSpec};
+use crate::store;
 
 /// Samples take a few megabytes; a chunk that claims more than this is damaged.
 const MAX_CHUNK_BYTES: u64 = 1 << 30;
@@ -300,7 +300,7 @@ impl SampleMessages<'_> {
 /// The index of a file.
 pub(super) fn read_summary(path: &Path) -> Result<mcap::Summary, EpisodeError> {
     let damaged = |source| EpisodeError::Damaged { source, path: path.to_owned() };
-    let mut file = fs::File::open(path)?;
+    let mut file = store::open_file(path)?;
     let n_bytes = file.metadata()?.len();
     let mut reader = SummaryReader::new_with_options(SummaryReaderOptions::default().with_file_size(n_bytes));
     while let Some(event) = reader.next_event() {
@@ -339,7 +339,7 @@ pub(super) fn read_records(
     mut take: impl FnMut(Record<'_>),
 ) -> Result<(), EpisodeError> {
     let damaged = |source| EpisodeError::Damaged { source, path: path.to_owned() };
-    let mut file = fs::File::open(path)?;
+    let mut file = store::open_file(path)?;
     if begin.saturating_add(n_bytes) > file.metadata()?.len() {
         return Err(damaged(McapError::BadIndex));
     }

@@ -4,17 +4,31 @@ use std::io;
 use std::path::Path;
 
 use fs_err as fs;
+use rayon::prelude::*;
 
 use super::manifest::{EpisodeEntry, Manifest};
-use crate::files::{PARTIAL_SUFFIX, sha256_of};
+use crate::files::PARTIAL_SUFFIX;
+use crate::store;
 
 /// Where a data set's episodes lie.
 pub const EPISODES: &str = "episodes";
 
 /// Whether an episode's file is as it was written.
-#[must_use]
-pub fn is_whole(folder: &Path, entry: &EpisodeEntry) -> bool {
-    sha256_of(&folder.join(&entry.file)).is_ok_and(|found| found == entry.sha256)
+///
+/// # Errors
+/// It cannot be read, or the store that it lies in does not answer.
+pub fn is_whole(folder: &Path, entry: &EpisodeEntry) -> io::Result<bool> {
+    store::has(&folder.join(&entry.file), &entry.sha256)
+}
+
+/// The entries whose files are as they were written.
+///
+/// # Errors
+/// As [`is_whole`].
+pub fn whole_ones(folder: &Path, entries: Vec<EpisodeEntry>) -> io::Result<Vec<EpisodeEntry>> {
+    let are_whole =
+        entries.par_iter().map(|entry| is_whole(folder, entry)).collect::<io::Result<Vec<bool>>>()?;
+    Ok(entries.into_iter().zip(are_whole).filter_map(|(entry, is_whole)| is_whole.then_some(entry)).collect())
 }
 
 /// The first line in which two texts differ, of each.
@@ -45,7 +59,9 @@ pub fn clear_episodes(folder: &Path, config_file: &str) -> io::Result<()> {
             fs::remove_file(path)?;
         }
     }
-    remove_files(folder, |name| Path::new(name).extension().is_some_and(|suffix| suffix == "mcap"))
+    remove_files(folder, |name| Path::new(name).extension().is_some_and(|suffix| suffix == "mcap"))?;
+    store::discard(&folder.join(EPISODES));
+    Ok(())
 }
 
 /// Deletes episodes that a killed run left unfinished.

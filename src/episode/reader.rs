@@ -12,9 +12,9 @@ use super::messages::wire;
 use super::{
     EpisodeMeta, LogFacts, MapDrawing, OtherSensors, checks, convert, drawing, objects, regions, topics,
 };
-use crate::files::sha256_of;
 use crate::object::Object;
 use crate::sample::{CameraView, LidarView, Measured, Sample, Sweep, Truth};
+use crate::store::sha256_of;
 
 /// An episode of which the index has been read; samples are read when asked for.
 ///

@@ -22,7 +22,7 @@ use crate::scene::SceneObject;
 use crate::sensors::Rig;
 
 /// The folder of all episodes' pictures.
-const FOLDER: &str = "aov";
+pub(super) const FOLDER: &str = "aov";
 
 #[derive(Debug, Serialize)]
 struct Entry<'a> {

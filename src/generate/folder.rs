@@ -6,7 +6,7 @@ use std::path::Path;
 use fs_err as fs;
 
 use super::{EpisodePlan, GenerateError};
-use crate::episode::folder::{EPISODES, clear_episodes, first_difference, is_whole, remove_unfinished};
+use crate::episode::folder::{EPISODES, clear_episodes, first_difference, remove_unfinished, whole_ones};
 use crate::episode::{EpisodeEntry, Manifest, PartOf};
 use crate::files::{sha256_hex, write_atomic};
 
@@ -83,7 +83,7 @@ fn find_whole_episodes(
         let n = |count: usize| format!("{count} episodes");
         return other("size", n(found.episodes.len()), n(plans.len()));
     }
-    Ok(found.episodes.into_iter().filter(|entry| is_whole(folder, entry)).collect())
+    Ok(whole_ones(folder, found.episodes)?)
 }
 
 #[cfg(test)]

@@ -19,8 +19,9 @@ use crate::config::{self, ConfigError};
 use crate::episode::folder::is_whole;
 use crate::episode::manifest::{LabelCounts, label_sets};
 use crate::episode::{EpisodeEntry, LabelManifest, Manifest, ManifestError, Shard};
-use crate::files::{link_or_copy, sha256_hex, sha256_of, write_atomic};
+use crate::files::{sha256_hex, write_atomic};
 use crate::progress::Progress;
+use crate::store::{link_or_copy, sha256_of};
 
 /// Episodes that are named where many are missing.
 const MOST_NAMED: usize = 5;
@@ -127,7 +128,7 @@ pub fn merge(shards: &[PathBuf], out: &Path, progress: &dyn Progress) -> Result<
     let n_files = ordered.len() * (1 + sets.len());
     progress.start("merge", n_files as u64);
     ordered.par_iter().try_for_each(|(shard, entry)| {
-        if !is_whole(&shard.path, entry) {
+        if !is_whole(&shard.path, entry)? {
             let path = shard.path.join(&entry.file);
             return Err(MergeError::Torn { what: format!("episode `{}`", entry.name), path });
         }

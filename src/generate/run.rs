@@ -10,13 +10,14 @@ use std::time::Instant;
 use serde::Serialize;
 
 use super::worker::{COMMAND, Job, Task};
-use super::{CheckedConfig, EpisodePlan, GenerateConfig, GenerateError, folder, plan};
+use super::{CheckedConfig, EpisodePlan, GenerateConfig, GenerateError, aov, folder, plan};
 use crate::config::to_toml;
 use crate::episode::manifest::ObjectCounts;
 use crate::episode::{EpisodeEntry, Manifest, PartOf, Shard, Split};
 use crate::object::{Distribution, Kind};
 use crate::progress::Progress;
 use crate::scene::{OwnModels, Town};
+use crate::store;
 use crate::worker::{self, Call, Engine, Errand, Program};
 
 /// How a data set is made; this does not change its bytes.
@@ -89,6 +90,8 @@ pub fn run(
     if let Some(models) = &options.own_models {
         models.write(&out.join(folder::OWN_MODELS))?;
     }
+    // A second writer to one URL is told now, before hours of work.
+    store::push(out)?;
     let kept: BTreeSet<&str> = manifest.episodes.iter().map(|entry| entry.name.as_str()).collect();
     let todo: Vec<usize> = (0..plans.len()).filter(|&i| !kept.contains(plans[i].name.as_str())).collect();
     let n_kept = manifest.episodes.len();
@@ -114,6 +117,10 @@ pub fn run(
         let entry: EpisodeEntry =
             made.map_err(|message| GenerateError::Worker { episode: name.clone(), message })?;
         progress.note(name);
+        for picture in files_below(&folder, &folder.join(aov::FOLDER).join(name))? {
+            store::push_file(&picture.1)?;
+        }
+        store::push_file(&folder.join(&entry.file))?;
         keeper.lock().expect("no worker thread panics").add(entry)
     });
     let manifest = keeper.into_inner().expect("no worker thread panics").manifest;
@@ -121,6 +128,7 @@ pub fn run(
     let written = manifest.write(out);
     done?;
     written?;
+    store::push(out)?;
     progress.finish();
     Ok(summarise(&manifest, out, n_kept))
 }
@@ -149,6 +157,7 @@ impl Keeper<'_> {
         let begin = Instant::now();
         if self.rest_until.is_none_or(|until| begin >= until) {
             self.manifest.write(self.folder)?;
+            store::push_file(&self.folder.join(Manifest::FILE))?;
             self.rest_until = Some(Instant::now() + begin.elapsed() * WRITING_SHARE);
         }
         Ok(())

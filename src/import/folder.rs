@@ -5,7 +5,7 @@ use std::path::Path;
 use fs_err as fs;
 
 use super::ImportError;
-use crate::episode::folder::{EPISODES, clear_episodes, first_difference, is_whole, remove_unfinished};
+use crate::episode::folder::{EPISODES, clear_episodes, first_difference, remove_unfinished, whole_ones};
 use crate::episode::{EpisodeEntry, Manifest};
 use crate::files::{sha256_hex, write_atomic};
 
@@ -56,7 +56,7 @@ fn find_whole_episodes(
     if found.generator_version != wanted.generator_version {
         return other("version", found.generator_version, wanted.generator_version.clone());
     }
-    Ok(found.episodes.into_iter().filter(|entry| is_whole(folder, entry)).collect())
+    Ok(whole_ones(folder, found.episodes)?)
 }
 
 #[cfg(test)]

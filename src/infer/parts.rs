@@ -12,7 +12,8 @@ use thiserror::Error;
 use super::Predictions;
 use crate::episode::{PartOf, Shard};
 use crate::eval::json::{JsonError, RawSamples};
-use crate::files::{link_or_copy, sha256_of, write_atomic};
+use crate::files::{sha256_of, write_atomic};
+use crate::store;
 
 /// `part.json`, beside the boxes of a part: what it is a part of.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -191,10 +192,10 @@ fn write_joined(parts: &[(PathBuf, PredictionPart)], out: &Path) -> Result<JoinS
             return Err(torn(format!("part {}", part.part.shard), path));
         };
         let file = path.join(format!("{}.mcap", entry.name));
-        if sha256_of(&file)? != entry.sha256 {
+        if store::sha256_of(&file)? != entry.sha256 {
             return Err(torn(format!("the boxes of `{}`", entry.name), &file));
         }
-        link_or_copy(&file, &out.join(format!("{}.mcap", entry.name)))?;
+        store::link_or_copy(&file, &out.join(format!("{}.mcap", entry.name)))?;
         order.push((at, entry.n_samples));
     }
     let n_boxes = RawSamples::write_joined(boxes, &order, &out.join(Predictions::FILE))?;

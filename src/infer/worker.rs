@@ -19,6 +19,7 @@ use crate::model::Detector;
 use crate::object::Detection;
 use crate::progress::{Progress, Silent};
 use crate::sample::Measured;
+use crate::store;
 use crate::worker::{self, Call, Engine, Errand, Program};
 
 /// The hidden command that serves tasks.
@@ -162,6 +163,10 @@ impl NetworkWorkers<'_> {
         };
         let errands: Vec<Errand<&EpisodeEntry>> =
             episodes.iter().map(|task| Errand { task, reads: vec![PathBuf::from(&task.file)] }).collect();
+        for entry in episodes {
+            // The cluster's nodes get files from here.
+            store::open_file(&folder.join(&entry.file))?;
+        }
         let all_found = Mutex::new(vec![None; episodes.len()]);
         let on_made = |place: usize, answer: Result<FoundInEpisode, String>| {
             let entry = &episodes[place];

@@ -9,7 +9,8 @@ use fs_err as fs;
 use super::LabelError;
 use crate::episode::Shard;
 use crate::episode::manifest::{LabelManifest, Manifest};
-use crate::files::{sha256_of, write_atomic};
+use crate::files::write_atomic;
+use crate::store;
 
 const PREFIX: &str = "part-";
 
@@ -86,7 +87,7 @@ fn read_whole(
         && part.generator_version == env!("CARGO_PKG_VERSION")
         && part.episodes.iter().all(|label| {
             hashes.get(label.name.as_str()) == Some(&label.episode_sha256.as_str())
-                && sha256_of(&folder.join(&label.file)).is_ok_and(|found| found == label.sha256)
+                && store::has(&folder.join(&label.file), &label.sha256).is_ok_and(|is_whole| is_whole)
         });
     is_whole.then_some(part)
 }

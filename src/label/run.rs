@@ -17,6 +17,7 @@ use crate::config;
 use crate::episode::manifest::{EpisodeEntry, LabelEntry, LabelManifest, Manifest};
 use crate::episode::{Shard, is_any_annotated};
 use crate::progress::Progress;
+use crate::store;
 use crate::worker::{Engine, Program};
 use crate::zone::{Zone, ZoneConfig};
 
@@ -158,7 +159,7 @@ fn finished(
     if !labels.episodes.iter().all(is_known) {
         return Err(other("other episodes"));
     }
-    let are_files_there = labels.episodes.iter().all(|entry| folder.join(&entry.file).is_file());
+    let are_files_there = labels.episodes.iter().all(|entry| store::is_there(&folder.join(&entry.file)));
     let is_complete = are_files_there && labels.episodes.len() == manifest.episodes.len();
     Ok(is_complete.then_some(labels))
 }

@@ -12,6 +12,7 @@ use super::episode::{LabelledEpisode, label_episode};
 use crate::episode::manifest::{EpisodeEntry, LabelManifest};
 use crate::files::sha256_of;
 use crate::progress::Progress;
+use crate::store;
 use crate::worker::{self, Call, Engine, Errand, Program};
 use crate::zone::{Zone, ZoneConfig};
 
@@ -70,6 +71,10 @@ pub(super) fn label_by(
     let call = Call { program, command: COMMAND, job, folder, shared: Vec::new(), n_threads: None };
     let errands: Vec<Errand<&EpisodeEntry>> =
         episodes.iter().map(|&task| Errand { task, reads: vec![PathBuf::from(&task.file)] }).collect();
+    for entry in episodes {
+        // The cluster's nodes get files from here.
+        store::open_file(&folder.join(&entry.file))?;
+    }
     let made = Mutex::new(episodes.iter().map(|_| None).collect::<Vec<_>>());
     let on_made = |place: usize, answer: Result<LabelledEpisode, String>| -> Result<(), LabelError> {
         let episode = episodes[place].name.clone();

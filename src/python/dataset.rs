@@ -14,6 +14,7 @@ use super::raise;
 use crate::dataset::{KnownObject, KnownSample, OneByOne};
 use crate::episode::Split;
 use crate::object::{Distribution, Event, Harm, Kind, Object};
+use crate::store::{Access, Location};
 
 /// Samples of a data set's folder, read when they are asked for.
 #[pyclass(name = "Dataset", module = "harmzone._native", frozen)]
@@ -31,7 +32,12 @@ impl PyDataset {
             })
         };
         let split = split.map(named).transpose()?;
-        let opened = py.detach(|| OneByOne::open(&path, split, labels));
+        let place = match path.to_str() {
+            None => Ok(Location::Local(path)),
+            Some(text) => text.parse(),
+        };
+        let place = py.detach(|| place?.open(Access::Read)).map_err(|error| raise(&error))?;
+        let opened = py.detach(|| OneByOne::open(place.path(), split, labels));
         opened.map(Self).map_err(|error| raise(&error))
     }
 

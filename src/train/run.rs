@@ -24,6 +24,7 @@ use crate::history::{History, ScoreRow, StepRow};
 use crate::model::checkpoint::{self, CHECKPOINT};
 use crate::model::{Detector, ImageWeightsReport};
 use crate::progress::Progress;
+use crate::store;
 
 /// The outcome of a run.
 #[derive(Debug, Clone)]
@@ -176,6 +177,7 @@ pub fn run(
                 history.write(out)?;
                 stopwatch.save(out)?;
                 state::save(out, n_done, position, &learner)?;
+                store::push(out)?;
             }
         }
         progress.finish();
@@ -184,6 +186,7 @@ pub fn run(
         history.write(out)?;
         stopwatch.save(out)?;
         state::save(out, plan.n_done(position), position, &learner)?;
+        store::push(out)?;
     }
     stopwatch.save(out)?;
     let seen = SeenEpisodes::of(learned.episodes(), validation.map(SampleSource::episodes));

@@ -59,7 +59,9 @@ fn list(run: &Path) -> Result<Vec<PathBuf>, StateError> {
     let mut found = Vec::new();
     for entry in fs::read_dir(&states)? {
         let path = entry?.path();
+        // A state that is half put to object storage lacks its position, which goes last.
         let is_whole = path.extension().is_none()
+            && path.join("position.json").is_file()
             && path.file_name().is_some_and(|name| name.to_string_lossy().starts_with("step-"));
         if is_whole {
             found.push(path);

@@ -16,6 +16,7 @@ use crate::geometry::Point2;
 use crate::object::{Detection, Harm};
 use crate::report::clips::ClipError;
 use crate::sample::Sample;
+use crate::store;
 
 /// Why a sample could not be drawn.
 #[derive(Debug, Error)]
@@ -264,7 +265,7 @@ pub(super) fn predictions_file(
     let of_run = folder.join("predictions");
     let name = fs::canonicalize(dataset)?.file_name().unwrap_or_default().to_owned();
     let places = [folder.join(&file), of_run.join(name).join(&file), of_run.join(&file)];
-    let place = places.into_iter().find(|place| place.is_file());
+    let place = places.into_iter().find(|place| store::is_there(place));
     place.ok_or_else(|| {
         let (episode, path) = (entry.name.clone(), folder.to_owned());
         ViewError::NoPredictions { episode, wanted: file, path }
