@@ -10,7 +10,7 @@ use serde::Serialize;
 use super::ServeError;
 use super::facts::EpisodeFacts;
 use super::folder::{Findings, ServedFolder};
-use super::source::{Boxes, SetSource};
+use super::source::{SetBoxes, SetSource};
 use crate::dataset::LabelledEpisodes;
 use crate::episode::manifest::{EpisodeEntry, LabelManifest, Manifest, label_sets};
 use crate::episode::{DetectionReader, EpisodeReader, LabelReader};
@@ -110,13 +110,13 @@ impl Predicted {
         read().inspect_err(|error| tracing::warn!("predictions are left out: {error}")).ok()
     }
 
-    fn boxes(&self, folder: &ServedFolder, options: &SetOptions) -> Boxes {
+    fn boxes(&self, folder: &ServedFolder, options: &SetOptions) -> SetBoxes {
         let mut config = self.eval_config(folder).unwrap_or_default();
         if let Some(min_score) = options.min_score {
             config.operating_score = min_score;
         }
         let protocol = Protocol::try_from(config).unwrap_or_default();
-        Boxes { folder: self.folder.clone(), detector: self.detector.clone(), protocol }
+        SetBoxes { folder: self.folder.clone(), detector: self.detector.clone(), protocol }
     }
 
     /// How the network that made them is scored: that inside the program, or of the run whose folder they lie in.
@@ -135,7 +135,7 @@ impl Predicted {
 }
 
 impl EpisodeSet {
-    fn open(folder: &ServedFolder, path: &Path, boxes: Option<Boxes>, options: &SetOptions) -> Self {
+    fn open(folder: &ServedFolder, path: &Path, boxes: Option<SetBoxes>, options: &SetOptions) -> Self {
         let mut name = folder.name_of(path);
         if let Some(boxes) = &boxes {
             name += &format!(", boxes of {}", folder.name_of(Path::new(&boxes.detector)));

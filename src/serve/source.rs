@@ -11,7 +11,7 @@ use crate::eval::Protocol;
 
 /// Predictions for a data set.
 #[derive(Debug, Clone)]
-pub struct Boxes {
+pub struct SetBoxes {
     pub folder: PathBuf,
     /// The detector, as `predict` was told it.
     pub detector: String,
@@ -24,7 +24,7 @@ pub struct Boxes {
 pub struct SetSource {
     pub path: PathBuf,
     pub labels: Option<LabelledEpisodes>,
-    pub boxes: Option<Boxes>,
+    pub boxes: Option<SetBoxes>,
 }
 
 impl SetSource {
