@@ -27,8 +27,8 @@ def of_mp4(path: str) -> list[tuple[np.ndarray, float]]:
     reader = cv2.VideoCapture(path)
     pictures = []
     while True:
-        begin_ms = reader.get(cv2.CAP_PROP_POS_MSEC)
         is_there, picture = reader.read()
+        begin_ms = reader.get(cv2.CAP_PROP_POS_MSEC)
         if not is_there:
             return pictures
         pictures.append((picture[:, :, ::-1], begin_ms))
