@@ -12,7 +12,8 @@ import cv2
 import numpy as np
 from PIL import Image
 
-# Peak signal to noise, dB. An MP4 halves the resolution of colours, which thin lines lose by; a palette of 255
+# Peak signal to noise, dB. An MP4 halves the resolution of colours, which thin lines lose by; a GIF has 255
+# colours in all.
 LEAST_DB = {"mp4": 28.0, "gif": 26.0}
 
 
