@@ -80,7 +80,7 @@ impl RerunProcess {
 
 /// What a process said that failed: its last line, or that it lacks Rerun.
 fn of_python(python: PathBuf, said: &str) -> RerunError {
-    if said.contains("No module named 'rerun") {
+    if ["No module named 'rerun", "No module named 'numpy"].iter().any(|lacks| said.contains(lacks)) {
         return RerunError::NoPackage { python };
     }
     let last = said.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or("it says nothing");
