@@ -6,7 +6,7 @@ use std::io::{Read, Write};
 use std::path::Path as FilePath;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use fs_err as fs;
 use futures_util::TryStreamExt;
@@ -33,6 +33,9 @@ const PART_BYTES: usize = 16 << 20;
 const PARTS_AT_ONCE: usize = 4;
 /// How often a conditional put is sent whose answer is lost; the connection breaks so often in a row by no chance.
 const SENDINGS: usize = 4;
+
+/// A request that took longer was sent again by `object_store`, in vain.
+const REPEATED_WITHIN: Duration = Duration::from_secs(30);
 
 /// What an object's SHA-256 is called in its metadata.
 const SHA256: &str = "sha256";
@@ -147,12 +150,9 @@ impl Bucket {
     pub(super) async fn list(&self) -> Result<BTreeMap<String, Remote>, StoreError> {
         let prefix = Path::from(self.url.path.as_str());
         let inside = format!("{prefix}/");
-        let metas: Vec<_> = self
-            .store
-            .list(Some(&prefix))
-            .try_collect()
-            .await
-            .map_err(|error| Self::failed(&self.url, "list the objects", &error, None))?;
+        let listed = repeat(async || self.store.list(Some(&prefix)).try_collect::<Vec<_>>().await);
+        let metas =
+            listed.await.map_err(|error| Self::failed(&self.url, "list the objects", &error, None))?;
         let named = metas.into_iter().filter_map(|meta| {
             let name = meta.location.as_ref().strip_prefix(&inside)?.to_owned();
             // Programs that show folders put empty objects for them.
@@ -342,11 +342,25 @@ impl Bucket {
 
     /// Deletes an object; one that is gone already is fine.
     pub(super) async fn delete(&self, name: &str) -> Result<(), StoreError> {
-        match self.store.delete(&self.path(name)).await {
+        let path = self.path(name);
+        match repeat(async || self.store.delete(&path).await).await {
             Ok(()) | Err(Error::NotFound { .. }) => Ok(()),
             Err(error) => Err(self.fail("delete an object", &error, name)),
         }
     }
+}
+
+/// Sends a request again whose answer broke off, where that does no harm: `object_store` does so for requests, not for the
+/// bodies of lists nor for deletions.
+async fn repeat<T>(request: impl AsyncFn() -> Result<T, Error>) -> Result<T, Error> {
+    let begin = Instant::now();
+    for _ in 1..SENDINGS {
+        match request().await {
+            Err(error) if Answer::of(&error).is_lost() && begin.elapsed() < REPEATED_WITHIN => {}
+            done => return done,
+        }
+    }
+    request().await
 }
 
 fn attributes(sha256: &str) -> Attributes {
