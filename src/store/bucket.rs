@@ -22,7 +22,7 @@ use sha2::{Digest, Sha256};
 use tokio::runtime::{Builder, Runtime};
 
 use super::error::{Answer, StoreError};
-use super::location::{Scheme, StoreUrl};
+use super::location::{Provider, StoreUrl};
 use crate::files::{PARTIAL_SUFFIX, hex};
 
 /// Larger files go up in parts, whose put knows no condition.
@@ -103,17 +103,17 @@ impl Bucket {
         };
         let bucket = &url.bucket;
         let built: Result<Arc<dyn ObjectStore>, Error> = match url.scheme {
-            Scheme::S3 => AmazonS3Builder::from_env()
+            Provider::S3 => AmazonS3Builder::from_env()
                 .with_bucket_name(bucket)
                 .with_retry(retry)
                 .build()
                 .map(|store| Arc::new(store) as _),
-            Scheme::Google => GoogleCloudStorageBuilder::from_env()
+            Provider::Google => GoogleCloudStorageBuilder::from_env()
                 .with_bucket_name(bucket)
                 .with_retry(retry)
                 .build()
                 .map(|store| Arc::new(store) as _),
-            Scheme::Azure => MicrosoftAzureBuilder::from_env()
+            Provider::Azure => MicrosoftAzureBuilder::from_env()
                 .with_container_name(bucket)
                 .with_retry(retry)
                 .build()
@@ -279,7 +279,7 @@ impl Bucket {
             Expected::This(remote) => {
                 let mut remote = remote.clone();
                 // Google's condition is by a number that its lists do not tell.
-                if self.url.scheme == Scheme::Google && remote.version.is_none() {
+                if self.url.scheme == Provider::Google && remote.version.is_none() {
                     match self.look_up(name).await? {
                         Some(found) if found.e_tag == remote.e_tag => remote = found,
                         _ => return Err(StoreError::Changed { url: self.url_of(name) }),
