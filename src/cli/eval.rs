@@ -23,7 +23,7 @@ use crate::report::provenance::{Provenance, quote};
 use crate::report::score_tables;
 use crate::report::scores::{self, METRICS_FILE};
 use crate::report::standing::Standing;
-use crate::store::{self, Access, Location, Place};
+use crate::store::{self, Access, Location, OpenedLocation};
 use crate::worker::Program;
 use crate::{config, train};
 
@@ -122,9 +122,9 @@ pub fn run(args: EvalArgs) -> anyhow::Result<ExitStatus> {
 
 /// What the flags name, opened.
 struct Opened {
-    run: Option<Place>,
-    data: Option<Place>,
-    out: Option<Place>,
+    run: Option<OpenedLocation>,
+    data: Option<OpenedLocation>,
+    out: Option<OpenedLocation>,
 }
 
 impl Opened {

@@ -6,7 +6,7 @@ use std::io::{Read, Write};
 use std::path::Path as FilePath;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use fs_err as fs;
 use futures_util::TryStreamExt;
@@ -22,7 +22,7 @@ use sha2::{Digest, Sha256};
 use tokio::runtime::{Builder, Runtime};
 
 use super::error::{Answer, StoreError};
-use super::location::{Scheme, StoreUrl};
+use super::location::{Provider, StoreUrl};
 use crate::files::{PARTIAL_SUFFIX, hex};
 
 /// Larger files go up in parts, whose put knows no condition.
@@ -33,6 +33,9 @@ const PART_BYTES: usize = 16 << 20;
 const PARTS_AT_ONCE: usize = 4;
 /// How often a conditional put is sent whose answer is lost; the connection breaks so often in a row by no chance.
 const SENDINGS: usize = 4;
+
+/// A request that took longer was sent again by `object_store`, in vain.
+const REPEATED_WITHIN: Duration = Duration::from_secs(30);
 
 /// What an object's SHA-256 is called in its metadata.
 const SHA256: &str = "sha256";
@@ -100,17 +103,17 @@ impl Bucket {
         };
         let bucket = &url.bucket;
         let built: Result<Arc<dyn ObjectStore>, Error> = match url.scheme {
-            Scheme::S3 => AmazonS3Builder::from_env()
+            Provider::S3 => AmazonS3Builder::from_env()
                 .with_bucket_name(bucket)
                 .with_retry(retry)
                 .build()
                 .map(|store| Arc::new(store) as _),
-            Scheme::Google => GoogleCloudStorageBuilder::from_env()
+            Provider::Google => GoogleCloudStorageBuilder::from_env()
                 .with_bucket_name(bucket)
                 .with_retry(retry)
                 .build()
                 .map(|store| Arc::new(store) as _),
-            Scheme::Azure => MicrosoftAzureBuilder::from_env()
+            Provider::Azure => MicrosoftAzureBuilder::from_env()
                 .with_container_name(bucket)
                 .with_retry(retry)
                 .build()
@@ -147,12 +150,9 @@ impl Bucket {
     pub(super) async fn list(&self) -> Result<BTreeMap<String, Remote>, StoreError> {
         let prefix = Path::from(self.url.path.as_str());
         let inside = format!("{prefix}/");
-        let metas: Vec<_> = self
-            .store
-            .list(Some(&prefix))
-            .try_collect()
-            .await
-            .map_err(|error| Self::failed(&self.url, "list the objects", &error, None))?;
+        let listed = repeat(async || self.store.list(Some(&prefix)).try_collect::<Vec<_>>().await);
+        let metas =
+            listed.await.map_err(|error| Self::failed(&self.url, "list the objects", &error, None))?;
         let named = metas.into_iter().filter_map(|meta| {
             let name = meta.location.as_ref().strip_prefix(&inside)?.to_owned();
             // Programs that show folders put empty objects for them.
@@ -279,7 +279,7 @@ impl Bucket {
             Expected::This(remote) => {
                 let mut remote = remote.clone();
                 // Google's condition is by a number that its lists do not tell.
-                if self.url.scheme == Scheme::Google && remote.version.is_none() {
+                if self.url.scheme == Provider::Google && remote.version.is_none() {
                     match self.look_up(name).await? {
                         Some(found) if found.e_tag == remote.e_tag => remote = found,
                         _ => return Err(StoreError::Changed { url: self.url_of(name) }),
@@ -342,11 +342,25 @@ impl Bucket {
 
     /// Deletes an object; one that is gone already is fine.
     pub(super) async fn delete(&self, name: &str) -> Result<(), StoreError> {
-        match self.store.delete(&self.path(name)).await {
+        let path = self.path(name);
+        match repeat(async || self.store.delete(&path).await).await {
             Ok(()) | Err(Error::NotFound { .. }) => Ok(()),
             Err(error) => Err(self.fail("delete an object", &error, name)),
         }
     }
+}
+
+/// Sends a request again whose answer broke off, where that does no harm: `object_store` does so for requests, not for the
+/// bodies of lists nor for deletions.
+async fn repeat<T>(request: impl AsyncFn() -> Result<T, Error>) -> Result<T, Error> {
+    let begin = Instant::now();
+    for _ in 1..SENDINGS {
+        match request().await {
+            Err(error) if Answer::of(&error).is_lost() && begin.elapsed() < REPEATED_WITHIN => {}
+            done => return done,
+        }
+    }
+    request().await
 }
 
 fn attributes(sha256: &str) -> Attributes {

@@ -10,13 +10,13 @@ use super::error::StoreError;
 
 /// Whose protocol a URL speaks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Scheme {
+pub enum Provider {
     S3,
     Google,
     Azure,
 }
 
-impl Scheme {
+impl Provider {
     /// The environment variables that credentials are read from.
     pub(super) fn variables(self) -> &'static str {
         match self {
@@ -34,7 +34,7 @@ impl Scheme {
 /// A URL below which a data set, a run or scores lie.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct StoreUrl {
-    pub(super) scheme: Scheme,
+    pub(super) scheme: Provider,
     pub(super) bucket: String,
     /// Without slashes at its ends.
     pub(super) path: String,
@@ -43,9 +43,9 @@ pub struct StoreUrl {
 impl fmt::Display for StoreUrl {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let scheme = match self.scheme {
-            Scheme::S3 => "s3",
-            Scheme::Google => "gs",
-            Scheme::Azure => "az",
+            Provider::S3 => "s3",
+            Provider::Google => "gs",
+            Provider::Azure => "az",
         };
         write!(f, "{scheme}://{}/{}", self.bucket, self.path)
     }
@@ -132,9 +132,9 @@ impl FromStr for Location {
                     .map(Self::Local)
                     .ok_or_else(|| fail("a file URL names an absolute path of this machine"));
             }
-            "s3" => Scheme::S3,
-            "gs" => Scheme::Google,
-            "az" => Scheme::Azure,
+            "s3" => Provider::S3,
+            "gs" => Provider::Google,
+            "az" => Provider::Azure,
             other => return Err(fail(&format!("`{other}` is no scheme of object storage"))),
         };
         // The bucket as it is written: a URL's host loses its capitals.

@@ -27,8 +27,9 @@ mod registry;
 mod tests;
 
 pub use error::StoreError;
-pub use location::{Location, Scheme, StoreUrl, is_url, refuse_credentials};
+pub use location::{Location, Provider, StoreUrl, is_url, refuse_credentials};
 pub use mirror::Access;
 pub use registry::{
-    Place, discard, has, is_there, link_or_copy, name_of, open_file, push, push_file, sha256_of, with_urls,
+    OpenedLocation, discard, has, is_there, link_or_copy, name_of, open_file, push, push_file, sha256_of,
+    with_urls,
 };

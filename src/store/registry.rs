@@ -25,12 +25,12 @@ const ATTEMPTS: usize = 4;
 
 /// An opened location: a folder to work on.
 #[derive(Clone)]
-pub struct Place {
+pub struct OpenedLocation {
     path: PathBuf,
     mirror: Option<Arc<Mirror>>,
 }
 
-impl Place {
+impl OpenedLocation {
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
@@ -45,9 +45,9 @@ impl Place {
     }
 }
 
-impl fmt::Debug for Place {
+impl fmt::Debug for OpenedLocation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_tuple("Place").field(&self.path).finish()
+        f.debug_tuple("OpenedLocation").field(&self.path).finish()
     }
 }
 
@@ -56,15 +56,15 @@ impl Location {
     ///
     /// # Errors
     /// Nothing is there to read, another command of this machine writes there, or the store fails.
-    pub fn open(&self, access: Access) -> Result<Place, StoreError> {
+    pub fn open(&self, access: Access) -> Result<OpenedLocation, StoreError> {
         match self {
-            Self::Local(path) => Ok(Place { path: path.clone(), mirror: None }),
+            Self::Local(path) => Ok(OpenedLocation { path: path.clone(), mirror: None }),
             Self::Remote(url) => open_url(url, access),
         }
     }
 }
 
-fn open_url(url: &StoreUrl, access: Access) -> Result<Place, StoreError> {
+fn open_url(url: &StoreUrl, access: Access) -> Result<OpenedLocation, StoreError> {
     let told = url.to_string();
     let opened = mirrors().into_iter().find(|mirror| mirror.url == told);
     let mirror = match opened {
@@ -79,7 +79,7 @@ fn open_url(url: &StoreUrl, access: Access) -> Result<Place, StoreError> {
             mirror
         }
     };
-    Ok(Place { path: mirror.root.clone(), mirror: Some(mirror) })
+    Ok(OpenedLocation { path: mirror.root.clone(), mirror: Some(mirror) })
 }
 
 fn mirrors() -> Vec<Arc<Mirror>> {
