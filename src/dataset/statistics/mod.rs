@@ -7,7 +7,6 @@ mod unfamiliar;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use fs_err as fs;
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -21,6 +20,7 @@ use crate::episode::{EpisodeReader, Split};
 use crate::object::{Distribution, Harm, Kind, Object};
 use crate::progress::Progress;
 use crate::sample::EgoState;
+use crate::store;
 
 /// An object is more than half occluded if its visible share is below this.
 pub const HALF_VISIBLE: f64 = 0.5;
@@ -142,7 +142,7 @@ impl Statistics {
         labels: Option<&LabelManifest>,
     ) -> Result<Self, DatasetError> {
         let file = path.join(&entry.file);
-        let mut of_episode = Self { n_bytes: fs::metadata(&file)?.len(), ..Self::default() };
+        let mut of_episode = Self { n_bytes: store::size_of(&file)?, ..Self::default() };
         if let Some(labels) = labels {
             let labels_of_episode = label_entry(labels, entry, path)?;
             for (_, true_state, objects, _) in read_labelled(path, &labels.set, entry, labels_of_episode)?.2 {
