@@ -11,7 +11,6 @@ use std::process::{Child, ChildStdin, ChildStdout, Command, Output, Stdio};
 use fs_err as fs;
 use made_data::{Fixture, TINY, command, done, fixture, generation, text};
 use serde_json::Value;
-use sha2::{Digest, Sha256};
 
 const SECRET: &str = "hush7SecretOfTests";
 const TOKEN: &str = "hush7TokenOfTests";
@@ -112,8 +111,7 @@ fn sums_of(folder: &Path) -> BTreeMap<String, String> {
                 folders.push(path);
                 continue;
             }
-            let sum = Sha256::digest(fs::read(&path).expect("a file"));
-            let sum: String = sum.iter().map(|byte| format!("{byte:02x}")).collect();
+            let sum = harmzone::files::sha256_of(&path).expect("a file");
             let name = path.strip_prefix(folder).expect("it is below");
             sums.insert(text(name).to_owned(), sum);
         }

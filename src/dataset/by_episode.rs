@@ -1,16 +1,19 @@
 //! A labelled data set of which one episode is loaded at a time: what looks through many and keeps none.
 
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-use super::{DatasetError, LabelledSample, label_entry, labels_of, load_episode, zone_of};
-use crate::episode::manifest::{EpisodeEntry, LabelManifest, Manifest};
+use super::{DatasetError, LabelledSample, labels_of, load_episode, zone_of};
+use crate::episode::manifest::{EpisodeEntry, LabelEntry, LabelManifest, Manifest};
 use crate::zone::Zone;
 
 /// A data set's folder and one of its label sets.
 #[derive(Debug)]
 pub struct LabelledEpisodes {
     path: PathBuf,
-    labels: LabelManifest,
+    set: String,
+    /// By the episode's name.
+    labels: HashMap<String, LabelEntry>,
     zone: Zone,
 }
 
@@ -26,13 +29,14 @@ impl LabelledEpisodes {
             message,
             path: path.to_owned(),
         })?;
-        Ok(Self { path: path.to_owned(), labels, zone })
+        let by_name = labels.episodes.into_iter().map(|label| (label.name.clone(), label)).collect();
+        Ok(Self { path: path.to_owned(), set: labels.set, labels: by_name, zone })
     }
 
     /// The label set's name.
     #[must_use]
     pub fn set(&self) -> &str {
-        &self.labels.set
+        &self.set
     }
 
     /// The file of an episode's labels.
@@ -40,7 +44,7 @@ impl LabelledEpisodes {
     /// # Errors
     /// [`DatasetError::NotLabelled`].
     pub fn file_of(&self, entry: &EpisodeEntry) -> Result<PathBuf, DatasetError> {
-        let label = label_entry(&self.labels, entry, &self.path)?;
+        let label = self.label_of(entry)?;
         Ok(LabelManifest::folder(&self.path, self.set()).join(&label.file))
     }
 
@@ -49,8 +53,15 @@ impl LabelledEpisodes {
     /// # Errors
     /// As [`super::Dataset::open`].
     pub fn load(&self, entry: &EpisodeEntry) -> Result<Vec<LabelledSample>, DatasetError> {
-        let labels = label_entry(&self.labels, entry, &self.path)?;
-        load_episode(&self.path, self.set(), entry, labels, &self.zone)
+        load_episode(&self.path, self.set(), entry, self.label_of(entry)?, &self.zone)
+    }
+
+    fn label_of(&self, entry: &EpisodeEntry) -> Result<&LabelEntry, DatasetError> {
+        self.labels.get(&entry.name).ok_or_else(|| DatasetError::NotLabelled {
+            episode: entry.name.clone(),
+            set: self.set.clone(),
+            path: self.path.clone(),
+        })
     }
 }
 

@@ -227,7 +227,7 @@ fn a_foreign_mcap_is_refused_with_its_topics() {
     let mut archive = ArchiveWriter::create(&path, &[other.spec()]).unwrap();
     archive.begin_sample(5).unwrap();
     archive.write(other, &wire::EgoState::default()).unwrap();
-    archive.finish([]).unwrap();
+    archive.finish(Vec::<(String, _)>::new()).unwrap();
     let message = EpisodeReader::open(&path).err().expect("no episode").to_string();
     assert!(message.contains("/other") && message.contains("/lidar_top"), "{message}");
     assert!(LabelReader::open(&path).unwrap_err().to_string().contains("/harm/labels"));

@@ -31,5 +31,5 @@ pub use location::{Location, Provider, StoreUrl, is_url, refuse_credentials};
 pub use mirror::Access;
 pub use registry::{
     OpenedLocation, discard, has, is_there, link_or_copy, name_of, open_file, push, push_file, sha256_of,
-    with_urls,
+    size_of, with_urls,
 };

@@ -125,6 +125,22 @@ pub fn sha256_of(path: &Path) -> io::Result<String> {
     files::sha256_of_reader(&mut open_file(path)?)
 }
 
+/// Size of a file in bytes, of one that lies remotely alone as the store tells it.
+///
+/// # Errors
+/// There is no such file.
+pub fn size_of(path: &Path) -> io::Result<u64> {
+    match fs::metadata(path) {
+        Ok(metadata) => Ok(metadata.len()),
+        Err(error) => {
+            let remote = of(path).and_then(|(mirror, name)| {
+                mirror.remote.lock().expect("no thread panics with it").get(&name).map(|remote| remote.size)
+            });
+            remote.ok_or(error)
+        }
+    }
+}
+
 /// Whether there is such a file, here or remotely.
 #[must_use]
 pub fn is_there(path: &Path) -> bool {

@@ -7,7 +7,6 @@ mod unfamiliar;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use fs_err as fs;
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -20,6 +19,7 @@ use crate::episode::{EpisodeReader, Split};
 use crate::object::{Distribution, Harm, Kind, Object};
 use crate::progress::Progress;
 use crate::sample::EgoState;
+use crate::store;
 
 /// An object is more than half occluded if its visible share is below this.
 pub const HALF_VISIBLE: f64 = 0.5;
@@ -147,7 +147,7 @@ impl Statistics {
         labels: Option<(&str, &LabelEntry)>,
     ) -> Result<Self, DatasetError> {
         let file = path.join(&entry.file);
-        let mut of_episode = Self { n_bytes: fs::metadata(&file)?.len(), ..Self::default() };
+        let mut of_episode = Self { n_bytes: store::size_of(&file)?, ..Self::default() };
         if let Some((set, labels)) = labels {
             for (_, true_state, objects, _) in read_labelled(path, set, entry, labels)?.2 {
                 let objects = objects.iter().map(|object| (&object.truth, Some(object.harm)));
