@@ -291,9 +291,9 @@ mod tests {
             "report --cards",
             "view --sample",
             "view --min-score",
+            "view --width",
             "serve --port",
             "serve --min-score",
-            "view --width",
         ];
         let of_engine = ["--task-cpus", "--task-gpus", "--in-flight"];
         let is_of_engine = |flag: &String| of_engine.iter().any(|of| flag.ends_with(of));

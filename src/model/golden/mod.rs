@@ -126,7 +126,12 @@ pub fn relative_error<const D: usize>(found: Tensor<D>, expected: Tensor<D>) -> 
 
 /// Fails where [`relative_error`] exceeds 1e-4.
 pub fn assert_close<const D: usize>(found: &Tensor<D>, expected: &Tensor<D>, what: &str) {
+    assert_within(1e-4, found, expected, what);
+}
+
+/// Fails where [`relative_error`] exceeds a tolerance.
+pub fn assert_within<const D: usize>(tolerance: f32, found: &Tensor<D>, expected: &Tensor<D>, what: &str) {
     let plain = |of: &Tensor<D>| Tensor::<D>::from_data(of.clone().into_data(), &test_device());
     let error = relative_error(plain(found), plain(expected));
-    assert!(error <= 1e-4, "{what}: relative error {error}");
+    assert!(error <= tolerance, "{what}: relative error {error}");
 }

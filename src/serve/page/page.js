@@ -131,6 +131,7 @@ by("set").addEventListener("input", (event) => {
 // ---- The player
 
 const player = new Player(ask, (sample) => {
+  if (!state.open) return;
   const hash = `#/episodes/${state.open.set}/${encodeURIComponent(state.open.name)}/${sample}`;
   history.replaceState(null, "", hash);
 });
@@ -218,9 +219,10 @@ function viewReport(idx) {
   space.replaceChildren(frame);
 }
 
+/** Goes to a view at once: a sample that is drawn meanwhile must not put its own address before it is read. */
 function go(hash) {
-  if (location.hash === hash) route();
-  else location.hash = hash;
+  if (location.hash !== hash) history.pushState(null, "", hash);
+  route();
 }
 
 function route() {
