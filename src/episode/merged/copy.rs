@@ -10,6 +10,9 @@ use crate::episode::archive_reader::{Archive, RawMessage};
 use crate::episode::error::EpisodeError;
 use crate::episode::topics;
 
+/// Metadata records: the name and the entries of each.
+pub(super) type Records = Vec<(String, BTreeMap<String, String>)>;
+
 /// A file whose messages are copied in order of time.
 pub(super) struct Source {
     archive: Archive,
@@ -64,7 +67,7 @@ impl Source {
     }
 
     /// The metadata records by their names.
-    pub(super) fn records(&self) -> Result<Vec<(String, BTreeMap<String, String>)>, EpisodeError> {
+    pub(super) fn records(&self) -> Result<Records, EpisodeError> {
         let names = self.archive.summary.metadata_indexes.iter().map(|index| index.name.clone());
         names.map(|name| self.archive.metadata(&name).map(|record| (name, record))).collect()
     }

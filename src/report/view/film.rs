@@ -35,6 +35,7 @@ const MOST_NAMES: usize = 3;
 
 /// How the parts of a picture lie, pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[allow(clippy::struct_field_names, reason = "a length in pixels ends in its unit")]
 struct FilmPage {
     width_px: u32,
     front_px: (u32, u32),
