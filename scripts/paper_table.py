@@ -54,11 +54,12 @@ def costs(out: Path, price: float | None) -> list[str]:
     time = json.loads((out / "run" / "time.json").read_text())
     n_steps = sum(steps.values())
     of_step = time["wall_s"] / n_steps
+    device = os.environ.get("PAPER_DEVICE", "unknown")
     of_stages = ", ".join(f"{n} {stage}" for stage, n in steps.items())
     rows += [
         "",
         f"{n_steps} steps ({of_stages}), {of_step:.3f} s each with inputs and validation, "
-        f"{cost(of_step / 3600, price)} a step; {time['n_calls']} calls. Device: {os.environ.get('PAPER_DEVICE', 'unknown')}.",
+        f"{cost(of_step / 3600, price)} a step; {time['n_calls']} calls. Device: {device}.",
     ]
     return rows
 
