@@ -30,6 +30,7 @@ mod tests {
         let during = resident_mib().unwrap();
         assert!(during - before > 200.0, "{before} and {during}");
         drop(std::hint::black_box(filled));
-        assert!(peak_mib().unwrap() >= during);
+        // The kernel adds a thread's pages to the sum in batches.
+        assert!(peak_mib().unwrap() > during - 16.0);
     }
 }

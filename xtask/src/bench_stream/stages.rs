@@ -33,7 +33,7 @@ pub fn run(stage: StreamStage, work: &Path, window_episodes: usize) -> anyhow::R
     match stage {
         StreamStage::Merge => {
             let shards: Vec<PathBuf> =
-                (0..).map(|index| shard_folder(work, index)).take_while(|path| path.is_dir()).collect();
+                (0..=u32::MAX).map(|index| shard_folder(work, index)).take_while(|path| path.is_dir()).collect();
             generate::merge(&shards, &data, &Silent)?;
         }
         StreamStage::ReadManifest => drop(Manifest::read(&data)?),
