@@ -11,9 +11,9 @@ fn figures(n_entries: u32) -> Value {
         .args(["bench-stream", "--json", "--shards", "3", "--window", "4"])
         .args(["--entries", &entries, "--episodes", &streamed])
         .output()
-        .unwrap();
+        .expect("the program starts");
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    serde_json::from_slice(&output.stdout).unwrap()
+    serde_json::from_slice(&output.stdout).expect("its figures as JSON")
 }
 
 /// `HARMZONE_TEST_EPISODES` sets another size; `docs/scaling.md` tells figures of a larger one.

@@ -32,8 +32,10 @@ pub fn run(stage: StreamStage, work: &Path, window_episodes: usize) -> anyhow::R
     let begin = Instant::now();
     match stage {
         StreamStage::Merge => {
-            let shards: Vec<PathBuf> =
-                (0..=u32::MAX).map(|index| shard_folder(work, index)).take_while(|path| path.is_dir()).collect();
+            let shards: Vec<PathBuf> = (0..=u32::MAX)
+                .map(|index| shard_folder(work, index))
+                .take_while(|path| path.is_dir())
+                .collect();
             generate::merge(&shards, &data, &Silent)?;
         }
         StreamStage::ReadManifest => drop(Manifest::read(&data)?),
