@@ -12,7 +12,7 @@ use crate::episode::merged::{MergeSources, MergedLook, write_merged};
 use crate::object::Harm;
 use crate::progress::Progress;
 
-/// Writes the file that the layout of [`crate::report::foxglove_layout`] shows.
+/// Writes the file that the layout of [`crate::report::foxglove_layout()`] shows.
 ///
 /// # Errors
 /// A file is there already and no `force`, or a broken file.
