@@ -12,8 +12,8 @@ PYTHON_SOURCES = python scenes mjcf_assets tests scripts xtask/python
 
 RESULTS = runs/results
 
-.PHONY: help setup setup-test setup-golden build demo network results report test ci check-gpu check-logs \
-	check-mmdet3d bench bench-micro bench-gen bench-eval race miri bundle bundle-test wheel wheel-test wheel-root-test bench-ray bench-stream paper-run gallery weathers fmt clean
+.PHONY: help setup setup-test setup-golden build demo network results report test ci book test-book check-gpu check-logs \
+	check-mmdet3d bench bench-micro bench-gen bench-eval race miri bundle bundle-test wheel wheel-test wheel-root-test bench-ray bench-stream paper-run gallery weathers reference fmt clean
 
 help: ## List the targets
 	@echo "make <target>, where target is:"
@@ -111,6 +111,22 @@ ci: setup setup-test $(CARGO_DENY) ## Tests, formats, lints, docs, spelling, lic
 	RUSTDOCFLAGS="-D warnings" cargo doc --release --workspace --no-deps --document-private-items
 	@$(MAKE) --no-print-directory test
 
+# Built from source, without its server: a minute on two cores, once.
+MDBOOK_VERSION = 0.5.4
+MDBOOK = $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/harmzone/mdbook-$(MDBOOK_VERSION)/bin/mdbook
+
+$(MDBOOK):
+	env -u CARGO_TARGET_DIR cargo install --locked --quiet mdbook --version =$(MDBOOK_VERSION) \
+	    --no-default-features --features search --root $(@D:/bin=)
+
+book: $(MDBOOK) ## The book of docs/: dist/book/index.html
+	$(MDBOOK) build
+
+# The book's links are checked where `make book` has been called.
+test-book: build setup-test ## The commands that README.md and the book show, run, and the book's links; 2 to 3 minutes. ARGS=docs/look.md
+	$(if $(wildcard $(MDBOOK)),$(MDBOOK) build)
+	.venv-test/bin/python scripts/test_book.py --program $(BIN) $(if $(wildcard $(MDBOOK)),--book dist/book) $(ARGS)
+
 check-gpu: setup ## The GPU backends compile, without a GPU; minutes
 	cargo clippy --release --features vulkan,cuda -- -D warnings
 
@@ -153,7 +169,7 @@ bench-eval: setup setup-test ## Speed of eval against nuscenes-devkit and of lab
 BUNDLE = dist/harmzone-x86_64-linux
 
 # scripts/bundle.toml and these make the program smaller: equal functions are in it once, and no relocations.
-bundle: setup .venv-bundle/.ready ## One folder that runs on other x86-64 Linux machines, at most 60 MiB: dist/
+bundle: setup .venv-bundle/.ready ## One folder that runs on other x86-64 Linux machines, at most 72 MiB: dist/
 	cargo rustc --config scripts/bundle.toml --release --bin harmzone -- \
 	    -C relocation-model=static -C link-arg=-Wl,--icf=all
 	.venv-bundle/bin/python scripts/bundle.py $(BIN) $(BUNDLE)
@@ -195,6 +211,11 @@ gallery: setup-test ## Pictures of all object models: docs/gallery.png, docs/gal
 
 weathers: build setup-test ## One frame in all weathers, on camera and LiDAR: docs/pictures/weather*
 	.venv-test/bin/python scripts/weather_sheet.py $(BIN) data/weathers
+
+reference: build ## The pages of the docs that the program prints: docs/reference
+	mkdir -p docs/reference
+	$(BIN) man --markdown > docs/reference/commands.md
+	$(BIN) config reference > docs/reference/config.md
 
 fmt: setup-test ## Format Rust and Python
 	cargo fmt --all

@@ -5,6 +5,8 @@
 //! the TOML file, `key=value` overrides (dotted keys, TOML values).
 
 mod bounds;
+mod did_you_mean;
+mod reference;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -15,10 +17,12 @@ use serde::de::DeserializeOwned;
 use thiserror::Error;
 
 pub use bounds::{
-    Bounds, Check, Checked, InvalidConfig, Keys, Order, Range, Rule, SHARE, above, below, from_to, part,
-    parts, require,
+    Bounds, Check, Checked, Docs, InvalidConfig, Keys, Lines, Order, Part, Range, Rule, SHARE, above, below,
+    from_to, part, parts, require,
 };
-pub(crate) use bounds::{define_config, impl_checked};
+pub(crate) use bounds::{define_config, doc_lines, impl_checked};
+pub use did_you_mean::{nearest, with_suggestion};
+pub use reference::{Entry, commented_toml, entries};
 
 /// Why a config could not be loaded.
 #[derive(Debug, Error)]
@@ -46,8 +50,10 @@ where
 {
     let Some(path) = path else { return with_overrides(&T::default(), overrides) };
     let text = fs::read_to_string(path).map_err(ConfigError::Read)?;
-    let config: T = toml::from_str(&text)
-        .map_err(|error| ConfigError::Parse { message: error.to_string(), path: path.to_owned() })?;
+    let config: T = toml::from_str(&text).map_err(|error| ConfigError::Parse {
+        message: with_suggestion(error.to_string()),
+        path: path.to_owned(),
+    })?;
     with_overrides(&config, overrides)
 }
 
@@ -61,8 +67,10 @@ where
 {
     let Some(path) = path else { return with_overrides(base, overrides) };
     let text = fs::read_to_string(path).map_err(ConfigError::Read)?;
-    let fail =
-        |error: toml::de::Error| ConfigError::Parse { message: error.to_string(), path: path.to_owned() };
+    let fail = |error: toml::de::Error| ConfigError::Parse {
+        message: with_suggestion(error.to_string()),
+        path: path.to_owned(),
+    };
     // The file alone must be right, so that an error tells its line.
     toml::from_str::<T>(&text).map_err(fail)?;
     with_overrides(&with_table(base, &text.parse().map_err(fail)?)?, overrides)
@@ -90,7 +98,7 @@ where
     lay(&mut table, over);
     table.try_into().map_err(|error: toml::de::Error| ConfigError::OverrideValue {
         overrides: vec![over.to_string()],
-        message: error.message().to_owned(),
+        message: with_suggestion(error.message().to_owned()),
     })
 }
 
@@ -126,7 +134,7 @@ where
     }
     table.try_into().map_err(|error: toml::de::Error| ConfigError::OverrideValue {
         overrides: overrides.to_vec(),
-        message: error.message().to_owned(),
+        message: with_suggestion(error.message().to_owned()),
     })
 }
 

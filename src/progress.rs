@@ -4,10 +4,16 @@
 pub trait Progress: Sync {
     /// A stage of `total` steps begins; it ends the one before.
     fn start(&self, stage: &str, total: u64);
+    /// `n` steps of the stage were done before it began here, and say nothing of its rate.
+    fn skip(&self, n: u64) {
+        self.advance(n);
+    }
     /// `n` more steps of the stage are done.
     fn advance(&self, n: u64);
     /// A short text to show beside the bar (loss, file name).
     fn note(&self, text: &str);
+    /// A line that stays, such as a row of a table, while the bar goes on below it.
+    fn line(&self, _text: &str) {}
     /// The stage is done.
     fn finish(&self);
 }

@@ -35,6 +35,9 @@ pub struct BaselineArgs {
     /// Replace predictions that are there
     #[arg(long)]
     force: bool,
+    /// Print the summary as JSON
+    #[arg(long)]
+    json: bool,
 }
 
 /// A rival by its name.
@@ -95,5 +98,5 @@ pub fn run(args: BaselineArgs) -> anyhow::Result<ExitStatus> {
     let predictions = Predictions { folder, set, config_toml: config::to_toml(&trained.config()?) };
     let samples = dataset.samples().iter().map(|sample| (sample.id.clone(), sample.measured.time_ns));
     predictions.write(dataset.episodes(), &samples.collect::<Vec<_>>(), &judged)?;
-    tell_boxes(judged.iter().map(Vec::len).sum(), judged.len(), &predictions)
+    tell_boxes(judged.iter().map(Vec::len).sum(), judged.len(), &predictions.folder, args.json)
 }

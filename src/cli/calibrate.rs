@@ -4,8 +4,9 @@ use std::path::PathBuf;
 
 use anyhow::{Context, bail, ensure};
 use clap::Args;
+use serde_json::json;
 
-use super::{Bar, DeviceArg, ExitStatus, SamplesArgs, number, print, tell_seen};
+use super::{Bar, DeviceArg, ExitStatus, SamplesArgs, number, print_either, tell_seen};
 use crate::dataset::LearnedError;
 use crate::episode::Split;
 use crate::eval::{self, EvalConfig, Mode, Protocol, eval_samples};
@@ -24,6 +25,9 @@ pub struct CalibrateArgs {
     false_alarms_per_km: f64,
     #[command(flatten)]
     device: DeviceArg,
+    /// Print the score and what it costs as JSON
+    #[arg(long)]
+    json: bool,
 }
 
 pub fn run(args: CalibrateArgs) -> anyhow::Result<ExitStatus> {
@@ -80,11 +84,12 @@ pub fn run(args: CalibrateArgs) -> anyhow::Result<ExitStatus> {
         || "no harmful event is told apart".to_owned(),
         |share| format!("{:.1} % of the harmful events are missed", 100.0 * share),
     );
-    print(format!(
+    let words = format!(
         "warns from a score of {score:.3}: {:.1} false alarms a kilometre over {:.3} km, {missed}; kept in {}",
         chosen.false_alarms_per_km,
         chosen.driven_km,
         path.display()
-    ))?;
+    );
+    print_either(words, &json!({"network": path, "operating_score": chosen}), args.json)?;
     Ok(ExitStatus::Done)
 }

@@ -5,8 +5,9 @@ use std::path::PathBuf;
 use anyhow::Context;
 use clap::Args;
 
+use super::predict::tell_boxes;
 use super::zones::ZoneArgs;
-use super::{Bar, ExitStatus, one_of, print, split, tell};
+use super::{Bar, ExitStatus, one_of, split, tell};
 use crate::episode::Split;
 use crate::episode::manifest::{LabelManifest, label_sets};
 use crate::exchange::kitti::{KittiReader, KittiWriter};
@@ -58,6 +59,9 @@ pub struct ExportPredictionsArgs {
     /// Replace what is there
     #[arg(long)]
     force: bool,
+    /// Print the summary as JSON
+    #[arg(long)]
+    json: bool,
 }
 
 pub fn export(args: &ExportPredictionsArgs) -> anyhow::Result<ExitStatus> {
@@ -68,8 +72,7 @@ pub fn export(args: &ExportPredictionsArgs) -> anyhow::Result<ExitStatus> {
     };
     let request = ExportPredictions { predictions: &args.predictions, data: &args.data, split: args.split };
     let (n_samples, n_boxes) = export_predictions(&request, writer, &Bar::default())?;
-    print(format!("{n_boxes} boxes for {n_samples} samples: {}", args.out.display()))?;
-    Ok(ExitStatus::Done)
+    tell_boxes(n_boxes, n_samples, &args.out, args.json)
 }
 
 /// How names become harm, as the flag has it.
@@ -121,6 +124,9 @@ pub struct ImportPredictionsArgs {
     /// Replace predictions that are there
     #[arg(long)]
     force: bool,
+    /// Print the summary as JSON
+    #[arg(long)]
+    json: bool,
 }
 
 pub fn import(args: &ImportPredictionsArgs) -> anyhow::Result<ExitStatus> {
@@ -137,7 +143,7 @@ pub fn import(args: &ImportPredictionsArgs) -> anyhow::Result<ExitStatus> {
         ImportPredictions { data: &args.data, split: args.split, harm, out: &args.out, force: args.force };
     let imported = import_predictions(&request, reader.as_mut(), &Bar::default())?;
     let (n_boxes, n_samples) = (imported.n_boxes, imported.n_samples);
-    print(format!("{n_boxes} boxes for {n_samples} samples: {}", imported.folder.display()))?;
+    tell_boxes(n_boxes, n_samples, &imported.folder, args.json)?;
     if imported.n_unknown == 0 {
         return Ok(ExitStatus::Done);
     }

@@ -4,8 +4,9 @@ use std::path::PathBuf;
 
 use anyhow::bail;
 use clap::Args;
+use serde_json::json;
 
-use super::{ExitStatus, print};
+use super::{ExitStatus, print, print_either};
 use crate::files::write_atomic;
 use crate::report::foxglove_layout;
 
@@ -17,6 +18,9 @@ pub struct FoxgloveLayoutArgs {
     /// Replace the file if it exists
     #[arg(long)]
     force: bool,
+    /// Print the file's path as JSON
+    #[arg(long, requires = "out")]
+    json: bool,
 }
 
 pub fn run(args: FoxgloveLayoutArgs) -> anyhow::Result<ExitStatus> {
@@ -29,6 +33,8 @@ pub fn run(args: FoxgloveLayoutArgs) -> anyhow::Result<ExitStatus> {
         bail!("the file exists; --force replaces it: {}", out.display());
     }
     write_atomic(&out, layout.as_bytes())?;
-    print(format!("{}: import it in Foxglove, then open what `harmzone view --mcap` wrote", out.display()))?;
+    let words =
+        format!("{}: import it in Foxglove, then open what `harmzone view --mcap` wrote", out.display());
+    print_either(words, &json!({"layout": out}), args.json)?;
     Ok(ExitStatus::Done)
 }

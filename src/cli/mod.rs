@@ -3,6 +3,8 @@
 mod baseline;
 mod calibrate;
 mod compare;
+mod completions;
+mod config;
 mod curves;
 mod device;
 mod doctor;
@@ -10,6 +12,7 @@ mod drive;
 mod drive_worker;
 mod engine;
 mod eval;
+mod examples;
 mod exchange;
 mod export;
 mod foxglove_layout;
@@ -17,8 +20,10 @@ mod generate;
 mod generate_worker;
 mod import;
 mod info;
+mod init;
 mod label;
 mod label_worker;
+mod man;
 mod merge;
 mod output;
 mod predict;
@@ -30,6 +35,7 @@ mod sweep;
 mod train;
 mod urls;
 mod values;
+mod verbosity;
 mod view;
 mod world;
 mod zones;
@@ -38,8 +44,8 @@ use std::ffi::OsString;
 use std::process::ExitCode;
 use std::sync::OnceLock;
 
-use clap::error::ErrorKind;
-use clap::{Parser, Subcommand};
+use clap::error::{ContextKind, ContextValue, ErrorKind};
+use clap::{CommandFactory as _, Parser, Subcommand};
 
 use tracing_subscriber::filter::{FilterExt as _, filter_fn};
 use tracing_subscriber::layer::{Layer as _, SubscriberExt as _};
@@ -48,20 +54,24 @@ use tracing_subscriber::{EnvFilter, fmt};
 
 pub use device::{DeviceArg, DeviceNameArg, DevicesArg};
 pub use eval::{ScoredData, command_line, provenance, tell_seen};
-pub use output::{ClosedPipe, print, print_summary, tell};
+pub use output::{ClosedPipe, print, print_either, print_summary, tell};
 pub use progress::Bar;
 pub use values::{SamplesArgs, number, one_of, sensor, split};
+use verbosity::VerbosityArgs;
 
 /// Finds what matters to a self-driving car: makes driving episodes, labels objects harmful or
 /// harmless by a danger zone, trains a fused LiDAR-camera detector and scores it.
 #[derive(Debug, Parser)]
 #[command(name = "harmzone", version, max_term_width = 100, after_help = EXIT_CODES)]
 struct Cli {
+    #[command(flatten)]
+    verbosity: VerbosityArgs,
     #[command(subcommand)]
     command: Command,
 }
 
-const EXIT_CODES: &str = "Results go to standard output, logs and progress to standard error.
+const EXIT_CODES: &str = "Results go to standard output, logs and progress to standard error; colours only where a terminal shows them, and not with
+NO_COLOR. `harmzone COMMAND --help` has examples.
 Exit codes: 0 done; 1 failed; 2 wrong usage; 3 done, but a part that was asked for is missing, which standard error names.";
 
 #[derive(Debug, Subcommand)]
@@ -120,6 +130,14 @@ enum Command {
     Export(export::ExportArgs),
     /// Tell what this machine has and lacks, or what is wrong with a data set
     Doctor(doctor::DoctorArgs),
+    /// Make a folder to work in: commented configs, and the commands of a whole experiment
+    Init(init::InitArgs),
+    /// Show the settings of a stage, or tell what a key is
+    Config(config::ConfigArgs),
+    /// Print what a shell completes commands and flags by
+    Completions(completions::CompletionsArgs),
+    /// Print the manual's page of a command, or write all pages
+    Man(man::ManArgs),
 }
 
 /// How a subcommand ended.
@@ -133,7 +151,7 @@ pub enum ExitStatus {
 /// Runs the program on the process's arguments.
 #[must_use]
 pub fn main() -> ExitCode {
-    finish(|| run(parse::<Cli>()))
+    code().into()
 }
 
 /// What another program gave as this one's arguments.
@@ -144,7 +162,42 @@ static GIVEN_ARGS: OnceLock<Vec<OsString>> = OnceLock::new();
 #[must_use]
 pub fn main_on(words: Vec<OsString>) -> u8 {
     GIVEN_ARGS.get_or_init(|| words);
-    code_of(|| run(parse::<Cli>()))
+    code()
+}
+
+fn code() -> u8 {
+    let cli = parse::<Cli>();
+    cli.verbosity.apply();
+    code_of(cli.verbosity.filter(), || run(cli))
+}
+
+/// The program's commands as a reader sees them: with examples, without those that the program starts by itself.
+fn visible() -> clap::Command {
+    fn without_hidden(command: clap::Command) -> clap::Command {
+        let mut kept = clap::Command::new("harmzone");
+        let hidden = |inner: &&clap::Command| !inner.is_hide_set();
+        let inner: Vec<clap::Command> = command.get_subcommands().filter(hidden).cloned().collect();
+        if inner.len() == command.get_subcommands().count() {
+            return command;
+        }
+        kept = command.get_arguments().fold(kept, |kept, arg| kept.arg(arg.clone()));
+        if let Some(about) = command.get_about() {
+            kept = kept.about(about.clone());
+        }
+        if let Some(after) = command.get_after_help() {
+            kept = kept.after_help(after.clone());
+        }
+        kept.subcommands(inner).subcommand_required(true).version(env!("CARGO_PKG_VERSION"))
+    }
+    let mut command = without_hidden(prepare(Cli::command())).max_term_width(100).term_width(100);
+    // Inner commands then know their whole names.
+    command.build();
+    command
+}
+
+/// What every command is given beside what its struct says.
+fn prepare(command: clap::Command) -> clap::Command {
+    examples::with_examples(urls::refuse_elsewhere(take_negative_numbers(command)))
 }
 
 /// The arguments, without the program's name.
@@ -179,20 +232,37 @@ fn run(cli: Cli) -> anyhow::Result<ExitStatus> {
         Command::FoxgloveLayout(args) => foxglove_layout::run(args),
         Command::Export(args) => export::run(args),
         Command::Doctor(args) => doctor::run(args),
+        Command::Init(args) => init::run(args),
+        Command::Config(args) => config::run(args),
+        Command::Completions(args) => completions::run(args),
+        Command::Man(args) => man::run(args),
     }
 }
 
 /// Reads the process's arguments; ends the process where they are not valid.
 #[must_use]
 pub fn parse<C: Parser>() -> C {
-    let mut command = urls::refuse_elsewhere(take_negative_numbers(C::command()));
+    let mut command = prepare(C::command());
     // Before clap quotes it.
     if let Err(error) = urls::refuse_credentials(&words()) {
         command.error(ErrorKind::ValueValidation, error).exit();
     }
     let name = OsString::from(command.get_name());
-    let matches = command.get_matches_from([name].into_iter().chain(words()));
+    let matches = command.try_get_matches_from_mut([name].into_iter().chain(words()));
+    let matches = matches.unwrap_or_else(|error| without_workers(error).exit());
     C::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())
+}
+
+/// The error without suggestions of commands that only the program starts.
+fn without_workers(mut error: clap::Error) -> clap::Error {
+    let kind = ContextKind::SuggestedSubcommand;
+    if let Some(ContextValue::Strings(names)) = error.remove(kind) {
+        let kept: Vec<String> = names.into_iter().filter(|name| !name.ends_with("-worker")).collect();
+        if !kept.is_empty() {
+            error.insert(kind, ContextValue::Strings(kept));
+        }
+    }
+    error
 }
 
 /// Lets options take values such as `-3`, so that the error says what is valid and not that `-3` is no flag.
@@ -209,11 +279,11 @@ fn takes_value(arg: &clap::Arg) -> bool {
 /// Does the work of a command, with logs on stderr, and tells how it ended. A closed pipe is a quiet end, as in ripgrep.
 #[must_use]
 pub fn finish(work: impl FnOnce() -> anyhow::Result<ExitStatus>) -> ExitCode {
-    code_of(work).into()
+    let wanted = EnvFilter::try_from_env("HARMZONE_LOG").unwrap_or_else(|_| "warn".into());
+    code_of(wanted, work).into()
 }
 
-fn code_of(work: impl FnOnce() -> anyhow::Result<ExitStatus>) -> u8 {
-    let wanted = EnvFilter::try_from_env("HARMZONE_LOG").unwrap_or_else(|_| "warn".into());
+fn code_of(wanted: EnvFilter, work: impl FnOnce() -> anyhow::Result<ExitStatus>) -> u8 {
     let filter = wanted.and(filter_fn(|of| !urls::logs_credentials(of.target())));
     let lines = fmt::layer().with_writer(std::io::stderr).without_time().with_target(false);
     tracing_subscriber::registry().with(lines.with_filter(filter)).init();
@@ -223,7 +293,7 @@ fn code_of(work: impl FnOnce() -> anyhow::Result<ExitStatus>) -> u8 {
         Err(error) if error.is::<ClosedPipe>() => 0,
         Err(error) => {
             let mut told = error.to_string();
-            tell(format!("error: {told}"));
+            tell(format!("{} {told}", verbosity::error_word()));
             for cause in error.chain().skip(1).map(ToString::to_string) {
                 // Most messages hold their cause already.
                 if !told.contains(&cause) {
@@ -236,17 +306,26 @@ fn code_of(work: impl FnOnce() -> anyhow::Result<ExitStatus>) -> u8 {
     }
 }
 
+/// Checks that a page that the program prints lies in docs/; with `UPDATE_DOCS=1` it is written there.
+#[cfg(test)]
+fn assert_is_in_docs(page: &str, text: &str) {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("docs").join(page);
+    if std::env::var_os("UPDATE_DOCS").is_some() {
+        crate::files::write_atomic(&path, text.as_bytes()).expect("the docs can be written");
+    }
+    let there = fs_err::read_to_string(&path).unwrap_or_default();
+    assert!(there == text, "docs/{page} is not what the program prints: make reference");
+}
+
 #[cfg(test)]
 mod tests {
-    use clap::CommandFactory as _;
-
     use super::*;
 
     /// What clap says to a command line; empty where it is valid.
-    fn answer(args: &[&str]) -> String {
-        let command = urls::refuse_elsewhere(take_negative_numbers(Cli::command())).term_width(100);
+    pub(super) fn answer(args: &[&str]) -> String {
+        let command = prepare(Cli::command()).term_width(100);
         let matches = command.try_get_matches_from(["harmzone"].iter().chain(args));
-        matches.map_or_else(|error| error.to_string(), |_| String::new())
+        matches.map_or_else(|error| without_workers(error).to_string(), |_| String::new())
     }
 
     #[test]
@@ -265,6 +344,21 @@ mod tests {
                 }
             }
         });
+    }
+
+    #[test]
+    fn the_page_of_commands_in_the_docs_is_their_help() {
+        assert_is_in_docs("reference/commands.md", &man::markdown());
+    }
+
+    #[test]
+    fn what_is_nearly_right_is_told_the_right_word() {
+        let of_command = answer(&["labels", "data"]);
+        assert!(of_command.contains("'label'") && !of_command.contains("worker"), "{of_command}");
+        let of_flag = answer(&["gen", "--out", "x", "--epsodes", "3"]);
+        assert!(of_flag.contains("'--episodes'"), "{of_flag}");
+        let of_value = answer(&["gen", "--out", "x", "--preset", "smalls"]);
+        assert!(of_value.contains("'small'"), "{of_value}");
     }
 
     #[test]

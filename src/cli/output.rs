@@ -34,6 +34,14 @@ pub fn print_summary(summary: &(impl Display + Serialize), as_json: bool) -> any
     if as_json { print(serde_json::to_string_pretty(summary)?) } else { print(summary) }
 }
 
+/// Prints a few words for people, or the same as JSON for machines.
+///
+/// # Errors
+/// As [`print()`].
+pub fn print_either(words: impl Display, json: &serde_json::Value, as_json: bool) -> anyhow::Result<()> {
+    if as_json { print(serde_json::to_string_pretty(json)?) } else { print(words) }
+}
+
 /// Tells something on standard error; where nobody reads that either, nobody misses it.
 pub fn tell(text: impl Display) {
     let _ = writeln!(io::stderr(), "{}", store::with_urls(&text.to_string()));

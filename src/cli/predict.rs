@@ -3,9 +3,10 @@
 use std::path::Path;
 
 use clap::Args;
+use serde_json::json;
 
 use super::engine::EngineArgs;
-use super::{Bar, DeviceArg, ExitStatus, print, split, tell, tell_seen};
+use super::{Bar, DeviceArg, ExitStatus, print_either, split, tell, tell_seen};
 use crate::config;
 use crate::dataset::MeasuredSplit;
 use crate::episode::{Manifest, PartOf, Shard, Split};
@@ -44,6 +45,9 @@ pub struct PredictArgs {
     /// Replace predictions that are there
     #[arg(long)]
     force: bool,
+    /// Print the summary as JSON
+    #[arg(long)]
+    json: bool,
 }
 
 pub fn run(args: PredictArgs) -> anyhow::Result<ExitStatus> {
@@ -100,7 +104,7 @@ pub fn run(args: PredictArgs) -> anyhow::Result<ExitStatus> {
         part.write(&predictions.folder, &episodes)?;
     }
     store::push(&predictions.folder)?;
-    tell_boxes(n_boxes, recording.n_samples(), &predictions)
+    tell_boxes(n_boxes, recording.n_samples(), &predictions.folder, args.json)
 }
 
 /// What the boxes of a shard are a part of.
@@ -125,7 +129,9 @@ fn part_of(
 }
 
 /// Says how many boxes were written.
-pub fn tell_boxes(n_boxes: usize, n_samples: usize, to: &Predictions) -> anyhow::Result<ExitStatus> {
-    print(format!("{n_boxes} boxes for {n_samples} samples: {}", to.folder.display()))?;
+pub fn tell_boxes(n_boxes: usize, n_samples: usize, to: &Path, as_json: bool) -> anyhow::Result<ExitStatus> {
+    let words = format!("{n_boxes} boxes for {n_samples} samples: {}", to.display());
+    let json = json!({"n_boxes": n_boxes, "n_samples": n_samples, "predictions": to});
+    print_either(words, &json, as_json)?;
     Ok(ExitStatus::Done)
 }

@@ -1,13 +1,17 @@
 //! The one progress style: a bar on stderr with stage, count, rate, note and time to go.
 
 use std::sync::Mutex;
+use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{FormattedDuration, ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use super::tell;
+use super::{tell, verbosity};
 use crate::progress::Progress;
 
-/// Draws the current stage as one bar on stderr; plain lines where stderr is no terminal.
+/// Where there is no terminal, a line comes at each tenth, and at least this often while something moves.
+const HEARTBEAT: Duration = Duration::from_secs(60);
+
+/// Draws the current stage as one bar on stderr; plain lines where stderr is no terminal; nothing with `--quiet`.
 #[derive(Debug, Default)]
 pub struct Bar {
     current: Mutex<Option<CurrentBar>>,
@@ -16,8 +20,12 @@ pub struct Bar {
 #[derive(Debug)]
 struct CurrentBar {
     bar: ProgressBar,
+    /// Steps that an earlier call did: those that are told before the first one is done here.
+    n_before: u64,
+    started: Instant,
     /// Next tenth to tell as a line where there is no terminal.
     next_tenth: u64,
+    told: Instant,
 }
 
 impl Progress for Bar {
@@ -28,18 +36,28 @@ impl Progress for Bar {
         )
         .expect("the template is valid")
         .progress_chars("=> ");
-        let bar = ProgressBar::new(total).with_style(style).with_prefix(stage.to_owned());
-        *self.lock() = Some(CurrentBar { bar, next_tenth: 1 });
+        let target =
+            if verbosity::is_quiet() { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
+        let bar = ProgressBar::with_draw_target(Some(total), target);
+        let bar = bar.with_style(style).with_prefix(stage.to_owned());
+        let now = Instant::now();
+        *self.lock() = Some(CurrentBar { bar, n_before: 0, started: now, next_tenth: 1, told: now });
+    }
+
+    fn skip(&self, n: u64) {
+        let mut current = self.lock();
+        let Some(CurrentBar { bar, n_before, .. }) = current.as_mut() else { return };
+        bar.inc(n);
+        bar.reset_eta();
+        *n_before += n;
     }
 
     fn advance(&self, n: u64) {
         let mut current = self.lock();
-        let Some(CurrentBar { bar, next_tenth }) = current.as_mut() else { return };
-        bar.inc(n);
-        let (n_done, total) = (bar.position(), bar.length().unwrap_or(0).max(1));
-        if bar.is_hidden() && n_done * 10 >= *next_tenth * total {
-            *next_tenth = n_done * 10 / total + 1;
-            tell(format!("{:>10} {n_done}/{total} {}", bar.prefix(), bar.message()));
+        let Some(current) = current.as_mut() else { return };
+        current.bar.inc(n);
+        if current.bar.is_hidden() && !verbosity::is_quiet() {
+            current.tell_line();
         }
     }
 
@@ -49,10 +67,45 @@ impl Progress for Bar {
         }
     }
 
+    fn line(&self, text: &str) {
+        if verbosity::is_quiet() {
+            return;
+        }
+        match self.lock().as_ref().filter(|current| !current.bar.is_hidden()) {
+            Some(current) => current.bar.suspend(|| tell(text)),
+            None => tell(text),
+        }
+    }
+
     fn finish(&self) {
         if let Some(stage) = self.lock().take() {
             stage.bar.finish();
         }
+    }
+}
+
+impl CurrentBar {
+    /// Tells how far the stage is, if that is due.
+    fn tell_line(&mut self) {
+        let (n_done, total) = (self.bar.position(), self.bar.length().unwrap_or(0).max(1));
+        let is_tenth = n_done * 10 >= self.next_tenth * total;
+        if !is_tenth && self.told.elapsed() < HEARTBEAT {
+            return;
+        }
+        self.next_tenth = n_done * 10 / total + 1;
+        self.told = Instant::now();
+        let seconds = self.started.elapsed().as_secs_f64();
+        let per_second = (n_done - self.n_before) as f64 / seconds.max(1e-9);
+        let left =
+            Duration::from_secs_f64((total.saturating_sub(n_done) as f64 / per_second).clamp(0.0, 1e9));
+        let mut line = format!("{:>10} {n_done}/{total}", self.bar.prefix());
+        if seconds >= 1.0 && per_second > 0.0 {
+            line += &format!(
+                " {per_second:.1}/s {} left",
+                FormattedDuration(Duration::from_secs(left.as_secs()))
+            );
+        }
+        tell(format!("{line} {}", self.bar.message()).trim_end());
     }
 }
 

@@ -3,8 +3,9 @@
 use std::path::PathBuf;
 
 use clap::{ArgGroup, Args};
+use serde_json::json;
 
-use super::{ExitStatus, command_line, number, print, tell};
+use super::{ExitStatus, command_line, number, print_either, tell};
 use crate::report::page::{self, ReportRequest, ScoresRequest};
 
 #[derive(Debug, Args)]
@@ -36,6 +37,9 @@ pub struct ReportArgs {
     /// Replace the page if it exists
     #[arg(long)]
     force: bool,
+    /// Print the summary as JSON
+    #[arg(long)]
+    json: bool,
 }
 
 pub fn run(args: ReportArgs) -> anyhow::Result<ExitStatus> {
@@ -54,6 +58,14 @@ pub fn run(args: ReportArgs) -> anyhow::Result<ExitStatus> {
         tell(format!("left out: {absent}"));
     }
     let size_mb = summary.bytes as f64 / 1e6;
-    print(format!("{}: {} cards, {size_mb:.1} MB", summary.out.display(), summary.n_cards))?;
+    let words = format!("{}: {} cards, {size_mb:.1} MB", summary.out.display(), summary.n_cards);
+    let json = json!({
+        "page": summary.out,
+        "n_cards": summary.n_cards,
+        "bytes": summary.bytes,
+        "left_out": summary.absent,
+        "is_whole": summary.is_whole,
+    });
+    print_either(words, &json, args.json)?;
     Ok(if summary.is_whole { ExitStatus::Done } else { ExitStatus::DoneWithLosses })
 }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::{Bar, DeviceArg, ExitStatus, SamplesArgs, print};
+use super::{Bar, DeviceArg, ExitStatus, SamplesArgs, print_summary};
 use crate::config::{self, Checked};
 use crate::eval::Protocol;
 use crate::eval::sweep::SweepConfig;
@@ -31,6 +31,9 @@ pub struct SweepArgs {
     /// Replace the sweeps of an existing output folder
     #[arg(long)]
     force: bool,
+    /// Print the summary as JSON
+    #[arg(long)]
+    json: bool,
 }
 
 pub fn run(args: SweepArgs) -> anyhow::Result<ExitStatus> {
@@ -53,6 +56,6 @@ pub fn run(args: SweepArgs) -> anyhow::Result<ExitStatus> {
         protocol: &Protocol::try_from(trained.eval_config()?)?,
         out: &args.out,
     };
-    print(sweeps::run(&request)?)?;
+    print_summary(&sweeps::run(&request)?, args.json)?;
     Ok(ExitStatus::Done)
 }

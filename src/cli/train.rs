@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use clap::Args;
+use serde_json::json;
 
 use super::{Bar, DevicesArg, ExitStatus, print, print_summary, tell};
 use crate::config::{self, Checked};
@@ -43,8 +44,8 @@ pub struct TrainArgs {
     /// Print parameters, shapes, memory and steps, and stop
     #[arg(long)]
     dry_run: bool,
-    /// Print the dry run as JSON
-    #[arg(long, requires = "dry_run")]
+    /// Print the summary, or the dry run, as JSON
+    #[arg(long)]
     json: bool,
     /// Fail unless the folder holds a run to go on with
     #[arg(long, conflicts_with = "force")]
@@ -99,6 +100,25 @@ impl Opened {
     }
 }
 
+fn print_json(summary: &train::Summary, run: &Path) -> anyhow::Result<()> {
+    let loss = summary.last_loss;
+    print(serde_json::to_string_pretty(&json!({
+        "checkpoint": summary.checkpoint,
+        "curves": run.join(curves::FILES[1]),
+        "n_samples": summary.n_samples,
+        "n_steps": summary.n_steps,
+        "n_steps_now": summary.n_steps_now,
+        "seconds": summary.elapsed.as_secs_f64(),
+        "seconds_of_inputs": summary.loading.as_secs_f64(),
+        "last_loss": {
+            "total": loss.total(),
+            "heatmap": loss.heatmap,
+            "harm": loss.harm,
+            "boxes": loss.boxes,
+        },
+    }))?)
+}
+
 pub fn run(args: TrainArgs) -> anyhow::Result<ExitStatus> {
     let mut config: TrainConfig =
         config::load_over(&base_config(&args.model)?, args.config.as_deref(), &args.overrides)?;
@@ -139,8 +159,12 @@ pub fn run(args: TrainArgs) -> anyhow::Result<ExitStatus> {
     let summary = train::run(data, &config, out, options, &devices, &Bar::default())?;
     let status = draw(out);
     place.push()?;
-    if let Some(report) = &summary.image_weights {
+    if let Some(report) = summary.image_weights.as_ref().filter(|_| !args.json) {
         print(report)?;
+    }
+    if args.json {
+        print_json(&summary, out)?;
+        return Ok(status);
     }
     if summary.n_steps_now == 0 {
         print(format!("already trained: {}", summary.checkpoint.display()))?;

@@ -1,8 +1,9 @@
 //! `harmzone view`: one sample as a picture; an episode as a clip, or as a file for Foxglove or Rerun.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{ArgGroup, Args};
+use serde_json::json;
 
 use super::{Bar, ExitStatus, number, print};
 use crate::infer::Trained;
@@ -62,6 +63,9 @@ pub struct ViewArgs {
     /// Replace what exists
     #[arg(long)]
     force: bool,
+    /// Print what was written as JSON, a line each
+    #[arg(long)]
+    json: bool,
 }
 
 pub fn run(args: ViewArgs) -> anyhow::Result<ExitStatus> {
@@ -84,7 +88,7 @@ pub fn run(args: ViewArgs) -> anyhow::Result<ExitStatus> {
     if let Some((sample, out)) = args.sample.zip(args.out) {
         let (dataset, label_set) = (dataset.clone(), label_set.clone());
         let predictions = predictions.clone();
-        draw(&ViewRequest { dataset, sample, label_set, predictions, min_score, out, force })?;
+        draw(&ViewRequest { dataset, sample, label_set, predictions, min_score, out, force }, args.json)?;
     }
     if args.mcap.is_none() && args.rrd.is_none() && args.video.is_none() {
         return Ok(ExitStatus::Done);
@@ -93,16 +97,16 @@ pub fn run(args: ViewArgs) -> anyhow::Result<ExitStatus> {
     let view = EpisodeView::open(&request)?;
     if let Some(mcap) = args.mcap {
         write_episode_mcap(&view, &mcap, force, &Bar::default())?;
-        print(format!("{}: {} samples of {}", mcap.display(), view.n_samples(), view.name()))?;
+        tell_file(&mcap, &view, args.json)?;
     }
     if let Some(rrd) = args.rrd {
         write_episode_rrd(&view, &rrd, force, &Bar::default())?;
-        print(format!("{}: {} samples of {}", rrd.display(), view.n_samples(), view.name()))?;
+        tell_file(&rrd, &view, args.json)?;
     }
     if let Some(out) = args.video {
         let request = ClipRequest { out, from: args.from, to: args.to, width_px: args.width, force };
         let clip = write_episode_clip(&view, &request, &Bar::default())?;
-        print(format!(
+        let words = format!(
             "{}: {} pictures of {} x {}, {:.1} s of {}",
             clip.out.display(),
             clip.n_pictures,
@@ -110,22 +114,44 @@ pub fn run(args: ViewArgs) -> anyhow::Result<ExitStatus> {
             clip.size_px.1,
             clip.seconds,
             clip.episode
-        ))?;
+        );
+        let json = json!({
+            "file": clip.out,
+            "episode": clip.episode,
+            "n_pictures": clip.n_pictures,
+            "size_px": clip.size_px,
+            "seconds": clip.seconds,
+        });
+        print_line(words, &json, args.json)?;
     }
     Ok(ExitStatus::Done)
 }
 
-fn draw(request: &ViewRequest) -> anyhow::Result<()> {
+/// What was written: words, or JSON on one line.
+fn print_line(words: String, json: &serde_json::Value, as_json: bool) -> anyhow::Result<()> {
+    print(if as_json { json.to_string() } else { words })
+}
+
+fn tell_file(path: &Path, view: &EpisodeView, as_json: bool) -> anyhow::Result<()> {
+    let words = format!("{}: {} samples of {}", path.display(), view.n_samples(), view.name());
+    print_line(words, &json!({"file": path, "episode": view.name(), "n_samples": view.n_samples()}), as_json)
+}
+
+fn draw(request: &ViewRequest, as_json: bool) -> anyhow::Result<()> {
     let summary = view::run(request)?;
     let objects = match (summary.n_objects, summary.n_harmful) {
         (None, _) => "no truth".to_owned(),
         (Some(n_objects), None) => format!("{n_objects} objects, no labels"),
         (Some(n_objects), Some(n_harmful)) => format!("{n_objects} objects, {n_harmful} harmful"),
     };
-    print(format!(
-        "{}: sample {} of {}, {objects}",
-        summary.out.display(),
-        summary.sample_idx,
-        summary.episode
-    ))
+    let words =
+        format!("{}: sample {} of {}, {objects}", summary.out.display(), summary.sample_idx, summary.episode);
+    let json = json!({
+        "file": summary.out,
+        "episode": summary.episode,
+        "sample": summary.sample_idx,
+        "n_objects": summary.n_objects,
+        "n_harmful": summary.n_harmful,
+    });
+    print_line(words, &json, as_json)
 }

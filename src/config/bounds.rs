@@ -9,9 +9,13 @@ use serde::Serialize;
 use thiserror::Error;
 use toml::Value;
 
-/// What each numeric key of a config may be.
+/// What each numeric key of a config may be, and what the doc comments say of all its keys.
 pub trait Bounds: Serialize {
     const BOUNDS: Keys;
+    const DOCS: Docs = &[];
+    /// What the doc comment says of the config.
+    const ABOUT: Lines = &[];
+    const PART: Part = Part { keys: Self::BOUNDS, docs: Self::DOCS, about: Self::ABOUT };
 }
 
 /// A config that can be checked: its bounds, and what several keys must fulfil together.
@@ -32,7 +36,7 @@ pub trait Check: Bounds {
         let table = Value::try_from(self).map_err(|error| {
             InvalidConfig::new("the config", error, "values that TOML can hold are needed")
         })?;
-        Rule::Part(Self::BOUNDS).check("", &table)?;
+        Rule::Part(Self::PART).check("", &table)?;
         self.check_relations()
     }
 }
@@ -78,13 +82,13 @@ pub(crate) use impl_checked;
 ///
 /// A key without numbers has no bounds. In files every key may be left out, and one that is not known is an error.
 macro_rules! define_config {
-    ($(#[$of_struct:meta])* pub struct $Name:ident {
-        $($(#[$of_key:meta])* $key:ident: $Type:ty = $default:expr $(, in $rule:expr)?;)*
+    ($(#[$($of_struct:tt)*])* pub struct $Name:ident {
+        $($(#[$($of_key:tt)*])* $key:ident: $Type:ty = $default:expr $(, in $rule:expr)?;)*
     }) => {
-        $(#[$of_struct])*
+        $(#[$($of_struct)*])*
         #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
         #[serde(deny_unknown_fields, default)]
-        pub struct $Name { $($(#[$of_key])* pub $key: $Type),* }
+        pub struct $Name { $($(#[$($of_key)*])* pub $key: $Type),* }
 
         impl Default for $Name {
             fn default() -> Self {
@@ -94,10 +98,25 @@ macro_rules! define_config {
 
         impl $crate::config::Bounds for $Name {
             const BOUNDS: $crate::config::Keys = &[$($((stringify!($key), $rule),)?)*];
+            const DOCS: $crate::config::Docs =
+                &[$((stringify!($key), $crate::config::doc_lines!(@ [] $([$($of_key)*])*))),*];
+            const ABOUT: $crate::config::Lines = $crate::config::doc_lines!(@ [] $([$($of_struct)*])*);
         }
     };
 }
 pub(crate) use define_config;
+
+/// The lines of a doc comment among attributes, each in brackets.
+macro_rules! doc_lines {
+    (@ [$($line:expr,)*]) => { &[$($line),*] };
+    (@ [$($line:expr,)*] [doc = $text:literal] $($rest:tt)*) => {
+        $crate::config::doc_lines!(@ [$($line,)* $text,] $($rest)*)
+    };
+    (@ [$($line:expr,)*] [$($other:tt)*] $($rest:tt)*) => {
+        $crate::config::doc_lines!(@ [$($line,)*] $($rest)*)
+    };
+}
+pub(crate) use doc_lines;
 
 /// What is wrong with a config; in a box, since errors of many stages hold it.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
@@ -147,6 +166,20 @@ pub fn require(
 /// The keys of a struct that hold numbers, and their rules.
 pub type Keys = &'static [(&'static str, Rule)];
 
+/// Lines of a doc comment.
+pub type Lines = &'static [&'static str];
+
+/// The keys of a struct, with their doc comments.
+pub type Docs = &'static [(&'static str, Lines)];
+
+/// What is known of a table.
+#[derive(Debug, Clone, Copy)]
+pub struct Part {
+    pub keys: Keys,
+    pub docs: Docs,
+    pub about: Lines,
+}
+
 /// What a key may hold.
 #[derive(Debug, Clone, Copy)]
 pub enum Rule {
@@ -162,9 +195,9 @@ pub enum Rule {
     /// Numbers by names that are free.
     Named(Range),
     /// A table, or a list of such tables.
-    Part(Keys),
+    Part(Part),
     /// Such tables by names that are free.
-    Parts(Keys),
+    Parts(Part),
 }
 
 /// Numbers between two ends, which belong to the range unless they are left out. NaN is in no range.
@@ -205,13 +238,13 @@ pub const fn below(low: f64, high: f64) -> Rule {
 /// A table with the bounds of its own struct, or a list of such tables.
 #[must_use]
 pub const fn part<T: Bounds>() -> Rule {
-    Rule::Part(T::BOUNDS)
+    Rule::Part(T::PART)
 }
 
 /// Tables with the bounds of their own struct, by names that are free.
 #[must_use]
 pub const fn parts<T: Bounds>() -> Rule {
-    Rule::Parts(T::BOUNDS)
+    Rule::Parts(T::PART)
 }
 
 /// A share of a whole.
@@ -252,9 +285,9 @@ impl Rule {
     /// Checks a value under its key.
     fn check(self, key: &str, value: &Value) -> Result<(), InvalidConfig> {
         match (self, value) {
-            (Self::Part(keys), Value::Table(table)) => table.iter().try_for_each(|(name, value)| {
+            (Self::Part(part), Value::Table(table)) => table.iter().try_for_each(|(name, value)| {
                 let path = join(key, name);
-                match keys.iter().find(|(known, _)| known == name) {
+                match part.keys.iter().find(|(known, _)| known == name) {
                     Some((_, rule)) => rule.check(&path, value),
                     None if holds_number(value) => panic!("the config key `{path}` has no bounds"),
                     None => Ok(()),
@@ -264,8 +297,8 @@ impl Rule {
             (Self::Named(range), Value::Table(table)) => {
                 table.iter().try_for_each(|(name, value)| Self::Number(range).check(&join(key, name), value))
             }
-            (Self::Parts(keys), Value::Table(table)) => {
-                table.iter().try_for_each(|(name, value)| Self::Part(keys).check(&join(key, name), value))
+            (Self::Parts(part), Value::Table(table)) => {
+                table.iter().try_for_each(|(name, value)| Self::Part(part).check(&join(key, name), value))
             }
             (Self::List { each, least, most, order }, Value::Array(values)) => {
                 let numbers: Option<Vec<f64>> = values.iter().map(number).collect();
@@ -286,10 +319,21 @@ impl Rule {
 
     /// The rule in words.
     fn wanted(self) -> String {
+        let verb = match self {
+            Self::List { order: Order::Any, .. } => " are",
+            Self::List { .. } => ", are",
+            _ => " is",
+        };
+        format!("{}{verb} needed", self.valid())
+    }
+
+    /// What is valid, in words.
+    #[must_use]
+    pub fn valid(self) -> String {
         match self {
-            Self::Any => "a whole number is needed".to_owned(),
-            Self::Number(range) | Self::Named(range) => format!("a number {range} is needed"),
-            Self::Part(_) | Self::Parts(_) => "a table is needed".to_owned(),
+            Self::Any => "a whole number".to_owned(),
+            Self::Number(range) | Self::Named(range) => format!("a number {range}"),
+            Self::Part(_) | Self::Parts(_) => "a table".to_owned(),
             Self::List { each, least, most, order } => {
                 let count = match (least, most) {
                     (2, 2) => "two".to_owned(),
@@ -301,7 +345,7 @@ impl Rule {
                     Order::Ascending => ", ascending,",
                     Order::StrictlyAscending => ", each above the one before,",
                 };
-                format!("{count} numbers {each}{order} are needed")
+                format!("{count} numbers {each}{}", order.trim_end_matches(','))
             }
         }
     }
@@ -359,7 +403,8 @@ fn shorten(values: &[Value]) -> String {
     format!("[{}{rest}]", told.join(", "))
 }
 
-fn join(table: &str, key: &str) -> String {
+/// The path of a key of a table.
+pub(super) fn join(table: &str, key: &str) -> String {
     if table.is_empty() { key.to_owned() } else { format!("{table}.{key}") }
 }
 

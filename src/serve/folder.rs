@@ -47,10 +47,11 @@ impl ServedFolder {
     /// # Errors
     /// There is none at the path.
     pub fn open(path: &Path) -> Result<Self, ServeError> {
-        let real = fs::canonicalize(path)?;
-        if !real.is_dir() {
-            return Err(ServeError::NoFolder { path: path.to_owned() });
+        if !path.is_dir() {
+            let found = if path.exists() { "a file is" } else { "nothing is" };
+            return Err(ServeError::NoFolder { found, path: path.to_owned() });
         }
+        let real = fs::canonicalize(path)?;
         Ok(Self { path: real })
     }
 

@@ -40,8 +40,8 @@ const GRACE: Duration = Duration::from_secs(2);
 /// Why something cannot be served or shown.
 #[derive(Debug, Error)]
 pub enum ServeError {
-    #[error("a folder is needed: {}", path.display())]
-    NoFolder { path: PathBuf },
+    #[error("a folder with data sets, scores or reports is needed, and {found} here: {}", path.display())]
+    NoFolder { found: &'static str, path: PathBuf },
     #[error(
         "nothing to show: no data set (`harmzone gen --out DIR`), no scores (`harmzone eval --out DIR`) and no page of \
          `harmzone report` lies here or below: {}",

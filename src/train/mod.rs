@@ -9,6 +9,7 @@ mod copies;
 mod cut_out;
 mod disturb;
 mod dry_run;
+mod epoch_table;
 mod error;
 mod folder;
 mod lanes;

@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use burn::tensor::Device;
 
 use super::config::{StageConfig, TrainConfig};
+use super::epoch_table::EpochTable;
 use super::error::TrainError;
 use super::folder::{self, TrainOptions};
 use super::learner::Learner;
@@ -124,8 +125,9 @@ pub fn run(
             continue;
         }
         steps.begin_stage();
+        let mut table = EpochTable::new(&plan, position, config.batch_size * config.accumulate);
         progress.start(stage, n_steps as u64);
-        progress.advance(position.step as u64);
+        progress.skip(position.step as u64);
         while position.step < n_steps {
             let StageConfig { schedule, max_learning_rate, .. } = plan.stages[position.stage];
             let pace = schedule.pace(position.step, n_steps, max_learning_rate, config.rise_share);
@@ -149,7 +151,14 @@ pub fn run(
                 picture: parts.picture.into(),
                 gradient_norm: norm.into(),
             });
-            progress.note(&format!("epoch {} loss {:.3}", epoch + 1, epoch_loss.mean().total()));
+            table.count(1);
+            progress.note(&format!(
+                "epoch {} loss {:.3}{} {:.1} samples/s",
+                epoch + 1,
+                epoch_loss.mean().total(),
+                table.last_ap.as_ref().map_or_else(String::new, |ap| format!(" AP {ap}")),
+                table.samples_per_second()
+            ));
             progress.advance(1);
             let is_epoch_end = position.step % plan.steps_per_epoch == 0;
             let is_due = config.validate_every_epochs > 0
@@ -157,9 +166,8 @@ pub fn run(
                 && (epoch + 1).is_multiple_of(config.validate_every_epochs);
             if let Some(data) = validation.filter(|_| is_due) {
                 let scores = validate(&learner.result(), data, inference_device, position.stage == 1)?;
-                let mean =
-                    scores.mean.map_or_else(|| "unknown, no truth".to_owned(), |ap| format!("{ap:.3}"));
-                progress.note(&format!("epoch {} mAP {mean}", epoch + 1));
+                table.last_ap =
+                    Some(scores.mean.map_or_else(|| "unknown".to_owned(), |ap| format!("{ap:.3}")));
                 history.scores.push(ScoreRow {
                     n_done,
                     stage: stage.to_owned(),
@@ -172,6 +180,9 @@ pub fn run(
                 if let Some(tell) = options.after_validation {
                     tell(out);
                 }
+            }
+            if is_epoch_end {
+                table.tell(progress, stage, epoch, epoch_loss.mean(), plan.n_done(position));
             }
             if n_done.is_multiple_of(config.save_every_steps) && position.step < n_steps {
                 history.write(out)?;

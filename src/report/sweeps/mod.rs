@@ -69,7 +69,7 @@ pub enum SweepReportError {
 }
 
 /// The result of writing.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct SweepSummary {
     pub sweeps: Sweeps,
     pub n_pictures: usize,
