@@ -85,6 +85,36 @@ fn clips_hold_each_picture_at_its_time() {
 }
 
 #[test]
+fn reruns_own_program_takes_the_recording_and_finds_all_of_it() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let recording = folder.path().join("look.rrd");
+    let bin = Path::new(env!("CARGO_MANIFEST_DIR")).join(".venv-test/bin");
+    let words = ["view", text(&fixture().ood), "--predictions", text(&predicted().1), "--rrd", text(&recording)];
+    let told = made_data::succeed(made_data::command(&words).env("HARMZONE_PYTHON", bin.join("python")));
+    assert!(told.contains("3 samples of downtown-"), "{told}");
+    let rerun = |word: &str| {
+        let mut rerun = Command::new(bin.join("rerun"));
+        made_data::succeed(rerun.args(["rrd", word]).arg(&recording))
+    };
+    rerun("verify");
+    let holds = rerun("print");
+    let wanted = [
+        "/world/ego/camera/image",
+        "/world/ego/points",
+        "/world/ego/truth/harmless/ood",
+        "/world/ego/zone/outline",
+        "/world/map/lanes",
+        "/plots/speed/speed_mps",
+        "/plots/harmful/n_predicted_harmful",
+    ];
+    let missing: Vec<&str> = wanted.into_iter().filter(|path| !holds.contains(path)).collect();
+    assert!(missing.is_empty(), "{missing:?} of {holds}");
+    let mut without = made_data::command(&["view", text(&fixture().ood), "--rrd", text(&recording), "--force"]);
+    let message = made_data::fail(without.env("HARMZONE_PYTHON", "/nowhere/python"));
+    assert!(message.contains("HARMZONE_PYTHON"), "{message}");
+}
+
+#[test]
 fn what_is_not_there_is_listed_and_what_is_there_stays() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let out = folder.path().join("clip.gif");

@@ -19,7 +19,7 @@ from ray.cluster_utils import Cluster
 
 COMMAND = Path(sys.executable).with_name("harmzone")
 WORLD = ["--preset", "demo", "--town", "oldtown,suburb", "--seed", "5", "--set", "val_every=0"]
-N_EPISODES = int(os.environ.get("HARMZONE_RAY_EPISODES", "8"))
+N_EPISODES = int(os.environ.get("HARMZONE_RAY_EPISODES", "24"))
 SIZE = ["--episodes", N_EPISODES, "--samples", 4]
 
 
@@ -34,7 +34,14 @@ def call(*words, **more):
 
 @pytest.fixture(scope="module")
 def cluster():
-    made = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})
+    # Ray's default takes up to 20 s to call a node dead, which is longer than these runs.
+    soon = {
+        "health_check_initial_delay_ms": 0,
+        "health_check_period_ms": 500,
+        "health_check_failure_threshold": 3,
+    }
+    head = {"num_cpus": 1, "include_dashboard": False, "_system_config": soon}
+    made = Cluster(initialize_head=True, head_node_args=head)
     made.add_node(num_cpus=1)
     made.wait_for_nodes()
     yield made

@@ -143,7 +143,10 @@ def test_an_interrupt_ends_the_command_and_the_same_call_goes_on(tmp_path):
     process = subprocess.Popen(
         [COMMAND, "gen", "--out", tmp_path, *WORLD], stdout=subprocess.PIPE, stderr=subprocess.PIPE
     )
-    time.sleep(3)
+    # In the middle, however fast the machine is.
+    while not list(tmp_path.glob("episodes/*.mcap")):
+        assert process.poll() is None, process.stderr.read()
+        time.sleep(0.02)
     process.send_signal(signal.SIGINT)
     assert process.wait(timeout=10) != 0
     process.communicate()

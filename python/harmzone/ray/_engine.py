@@ -29,8 +29,8 @@ _MAX_RETRIES = 5
 # How long to wait for a task's end before looking at new ones, seconds.
 _WAIT_S = 0.2
 # How often to ask for ticks, and how often for nodes, seconds.
-_TICKS_PERIOD_S = 0.5
-_NODES_PERIOD_S = 2.0
+_TICKS_PERIOD_S = 1.0
+_NODES_PERIOD_S = 1.0
 # How long a cluster may take to answer at all, seconds.
 _CONNECT_S = 10.0
 

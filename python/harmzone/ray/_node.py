@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     Files = Mapping[str, bytes]
 
 # Ticks are gathered so long, seconds.
-_TICK_PERIOD_S = 0.2
+_TICK_PERIOD_S = 0.5
 _FOLDER_PREFIX = "harmzone-ray-"
 
 
