@@ -89,7 +89,8 @@ fn reruns_own_program_takes_the_recording_and_finds_all_of_it() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let recording = folder.path().join("look.rrd");
     let bin = Path::new(env!("CARGO_MANIFEST_DIR")).join(".venv-test/bin");
-    let words = ["view", text(&fixture().ood), "--predictions", text(&predicted().1), "--rrd", text(&recording)];
+    let words =
+        ["view", text(&fixture().ood), "--predictions", text(&predicted().1), "--rrd", text(&recording)];
     let told = made_data::succeed(made_data::command(&words).env("HARMZONE_PYTHON", bin.join("python")));
     assert!(told.contains("3 samples of downtown-"), "{told}");
     let rerun = |word: &str| {
@@ -109,7 +110,8 @@ fn reruns_own_program_takes_the_recording_and_finds_all_of_it() {
     ];
     let missing: Vec<&str> = wanted.into_iter().filter(|path| !holds.contains(path)).collect();
     assert!(missing.is_empty(), "{missing:?} of {holds}");
-    let mut without = made_data::command(&["view", text(&fixture().ood), "--rrd", text(&recording), "--force"]);
+    let mut without =
+        made_data::command(&["view", text(&fixture().ood), "--rrd", text(&recording), "--force"]);
     let message = made_data::fail(without.env("HARMZONE_PYTHON", "/nowhere/python"));
     assert!(message.contains("HARMZONE_PYTHON"), "{message}");
 }

@@ -9,7 +9,7 @@ use super::{tell, verbosity};
 use crate::progress::Progress;
 
 /// Where there is no terminal, a line comes at each tenth, and at least this often while something moves.
-const HEARTBEAT: Duration = Duration::from_secs(60);
+const HEARTBEAT: Duration = Duration::from_mins(1);
 
 /// Draws the current stage as one bar on stderr; plain lines where stderr is no terminal; nothing with `--quiet`.
 #[derive(Debug, Default)]

@@ -139,7 +139,7 @@ fn comment(text: &str) -> String {
             line.push_str(word);
         }
     }
-    lines.iter().filter(|line| !line.is_empty()).map(|line| format!("# {line}\n")).collect()
+    lines.iter().filter(|line| !line.is_empty()).fold(String::new(), |all, line| all + "# " + line + "\n")
 }
 
 #[cfg(test)]
