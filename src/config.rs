@@ -5,6 +5,7 @@
 //! the TOML file, `key=value` overrides (dotted keys, TOML values).
 
 mod bounds;
+mod define;
 mod did_you_mean;
 mod reference;
 
@@ -16,13 +17,14 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use thiserror::Error;
 
+pub(crate) use bounds::impl_checked;
 pub use bounds::{
-    Bounds, Check, Checked, Docs, InvalidConfig, Keys, Lines, Order, Part, Range, Rule, SHARE, above, below,
-    from_to, part, parts, require,
+    Bounds, Check, Checked, ConfigPart, Docs, InvalidConfig, Keys, Lines, Order, Range, Rule, SHARE, above,
+    below, from_to, part, parts, require,
 };
-pub(crate) use bounds::{define_config, doc_lines, impl_checked};
+pub(crate) use define::{define_config, doc_lines};
 pub use did_you_mean::{nearest, with_suggestion};
-pub use reference::{Entry, commented_toml, entries};
+pub use reference::{ConfigKey, commented_toml, entries};
 
 /// Why a config could not be loaded.
 #[derive(Debug, Error)]

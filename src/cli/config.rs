@@ -9,7 +9,7 @@ use serde::de::DeserializeOwned;
 use serde_json::json;
 
 use super::{ExitStatus, one_of, print};
-use crate::config::{self, Check, Entry};
+use crate::config::{self, Check, ConfigKey};
 use crate::drive::DriveConfig;
 use crate::eval::EvalConfig;
 use crate::eval::sweep::SweepConfig;
@@ -106,7 +106,7 @@ impl Stage {
         }
     }
 
-    fn entries(self) -> Vec<Entry> {
+    fn entries(self) -> Vec<ConfigKey> {
         match self {
             Self::Gen => config::entries::<GenerateConfig>(),
             Self::Import => config::entries::<ImportConfig>(),
@@ -154,7 +154,7 @@ where
 
 fn explain(args: &ExplainArgs) -> anyhow::Result<()> {
     let stages = Stage::ALL.into_iter().filter(|stage| args.stage.is_none_or(|only| only == *stage));
-    let all: Vec<(Stage, Entry)> =
+    let all: Vec<(Stage, ConfigKey)> =
         stages.flat_map(|stage| stage.entries().into_iter().map(move |entry| (stage, entry))).collect();
     let wanted = args.key.trim();
     let found = named(&all, wanted);
@@ -178,7 +178,7 @@ fn explain(args: &ExplainArgs) -> anyhow::Result<()> {
 }
 
 /// The entries of a name: the key itself, else those that end in it; with all that a table holds.
-fn named<'a>(all: &'a [(Stage, Entry)], name: &str) -> Vec<&'a (Stage, Entry)> {
+fn named<'a>(all: &'a [(Stage, ConfigKey)], name: &str) -> Vec<&'a (Stage, ConfigKey)> {
     let of = |keys: &dyn Fn(&str) -> bool| -> Vec<(Stage, &'a str)> {
         let found = all.iter().filter(|(_, entry)| keys(&entry.key));
         found.map(|(stage, entry)| (*stage, entry.key.as_str())).collect()
@@ -187,7 +187,7 @@ fn named<'a>(all: &'a [(Stage, Entry)], name: &str) -> Vec<&'a (Stage, Entry)> {
     if heads.is_empty() {
         heads = of(&|key| key.ends_with(&format!(".{name}")));
     }
-    let belongs = |(stage, entry): &&(Stage, Entry)| {
+    let belongs = |(stage, entry): &&(Stage, ConfigKey)| {
         heads.iter().any(|(of, head)| {
             let rest = entry.key.strip_prefix(head);
             of == stage && rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
@@ -196,8 +196,8 @@ fn named<'a>(all: &'a [(Stage, Entry)], name: &str) -> Vec<&'a (Stage, Entry)> {
     all.iter().filter(belongs).collect()
 }
 
-fn tell_of(stage: Stage, entry: &Entry) -> String {
-    let Entry { key, doc, default, valid, is_table } = entry;
+fn tell_of(stage: Stage, entry: &ConfigKey) -> String {
+    let ConfigKey { key, doc, default, valid, is_table } = entry;
     let (command, flag) = stage.command();
     let mut out = format!("{}: {key}\n", stage.name());
     if !doc.is_empty() {
@@ -231,7 +231,7 @@ pub fn reference() -> String {
         let entries = stage.entries().into_iter().filter(|entry| {
             stage != Stage::Drive || !["world.", "zone."].iter().any(|of| entry.key.starts_with(of))
         });
-        for Entry { key, doc, default, valid, is_table } in entries {
+        for ConfigKey { key, doc, default, valid, is_table } in entries {
             let cell = |text: &str| text.replace('|', "\\|").replace('<', "&lt;");
             let default = match default {
                 Some(_) if is_table => String::new(),
@@ -259,7 +259,7 @@ mod tests {
     use super::*;
 
     fn told(key: &str) -> anyhow::Result<Vec<String>> {
-        let all: Vec<(Stage, Entry)> = Stage::ALL
+        let all: Vec<(Stage, ConfigKey)> = Stage::ALL
             .into_iter()
             .flat_map(|stage| stage.entries().into_iter().map(move |entry| (stage, entry)))
             .collect();
@@ -296,7 +296,7 @@ mod tests {
 
     #[test]
     fn nearly_every_key_is_explained() {
-        let entries: Vec<Entry> = Stage::ALL.into_iter().flat_map(Stage::entries).collect();
+        let entries: Vec<ConfigKey> = Stage::ALL.into_iter().flat_map(Stage::entries).collect();
         let silent: Vec<&str> = entries
             .iter()
             .filter(|entry| entry.doc.is_empty() && !entry.is_table)

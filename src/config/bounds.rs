@@ -15,7 +15,7 @@ pub trait Bounds: Serialize {
     const DOCS: Docs = &[];
     /// What the doc comment says of the config.
     const ABOUT: Lines = &[];
-    const PART: Part = Part { keys: Self::BOUNDS, docs: Self::DOCS, about: Self::ABOUT };
+    const PART: ConfigPart = ConfigPart { keys: Self::BOUNDS, docs: Self::DOCS, about: Self::ABOUT };
 }
 
 /// A config that can be checked: its bounds, and what several keys must fulfil together.
@@ -78,46 +78,6 @@ macro_rules! impl_checked {
 }
 pub(crate) use impl_checked;
 
-/// Defines a config with unit, default and bounds of each key in one place: `/// unit`, `key: Type = default, in bounds;`.
-///
-/// A key without numbers has no bounds. In files every key may be left out, and one that is not known is an error.
-macro_rules! define_config {
-    ($(#[$($of_struct:tt)*])* pub struct $Name:ident {
-        $($(#[$($of_key:tt)*])* $key:ident: $Type:ty = $default:expr $(, in $rule:expr)?;)*
-    }) => {
-        $(#[$($of_struct)*])*
-        #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
-        #[serde(deny_unknown_fields, default)]
-        pub struct $Name { $($(#[$($of_key)*])* pub $key: $Type),* }
-
-        impl Default for $Name {
-            fn default() -> Self {
-                Self { $($key: $default),* }
-            }
-        }
-
-        impl $crate::config::Bounds for $Name {
-            const BOUNDS: $crate::config::Keys = &[$($((stringify!($key), $rule),)?)*];
-            const DOCS: $crate::config::Docs =
-                &[$((stringify!($key), $crate::config::doc_lines!(@ [] $([$($of_key)*])*))),*];
-            const ABOUT: $crate::config::Lines = $crate::config::doc_lines!(@ [] $([$($of_struct)*])*);
-        }
-    };
-}
-pub(crate) use define_config;
-
-/// The lines of a doc comment among attributes, each in brackets.
-macro_rules! doc_lines {
-    (@ [$($line:expr,)*]) => { &[$($line),*] };
-    (@ [$($line:expr,)*] [doc = $text:literal] $($rest:tt)*) => {
-        $crate::config::doc_lines!(@ [$($line,)* $text,] $($rest)*)
-    };
-    (@ [$($line:expr,)*] [$($other:tt)*] $($rest:tt)*) => {
-        $crate::config::doc_lines!(@ [$($line,)*] $($rest)*)
-    };
-}
-pub(crate) use doc_lines;
-
 /// What is wrong with a config; in a box, since errors of many stages hold it.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error("{} is {}; {}", .0.key, .0.found, .0.wanted)]
@@ -174,7 +134,7 @@ pub type Docs = &'static [(&'static str, Lines)];
 
 /// What is known of a table.
 #[derive(Debug, Clone, Copy)]
-pub struct Part {
+pub struct ConfigPart {
     pub keys: Keys,
     pub docs: Docs,
     pub about: Lines,
@@ -195,9 +155,9 @@ pub enum Rule {
     /// Numbers by names that are free.
     Named(Range),
     /// A table, or a list of such tables.
-    Part(Part),
+    Part(ConfigPart),
     /// Such tables by names that are free.
-    Parts(Part),
+    Parts(ConfigPart),
 }
 
 /// Numbers between two ends, which belong to the range unless they are left out. NaN is in no range.

@@ -5,11 +5,11 @@ use serde::de::DeserializeOwned;
 use toml::{Table, Value};
 
 use super::bounds::join;
-use super::{Bounds, Lines, Part, Rule, with_overrides};
+use super::{Bounds, ConfigPart, Lines, Rule, with_overrides};
 
 /// One key of a config.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Entry {
+pub struct ConfigKey {
     /// With dots between tables, as `--set` takes it.
     pub key: String,
     /// What the key is.
@@ -24,7 +24,7 @@ pub struct Entry {
 
 /// All keys of a config, tables before what they hold.
 #[must_use]
-pub fn entries<T: Bounds + Default + DeserializeOwned>() -> Vec<Entry> {
+pub fn entries<T: Bounds + Default + DeserializeOwned>() -> Vec<ConfigKey> {
     let default = T::default();
     let table = Table::try_from(&default).expect("a config always has a TOML form");
     let mut found = Vec::new();
@@ -49,7 +49,7 @@ fn names_of<T: DeserializeOwned + Serialize>(config: &T, key: &str) -> Option<St
     expected.contains('`').then(|| expected.trim_start_matches("one of ").to_owned())
 }
 
-fn collect(part: Part, table: &Table, path: &str, into: &mut Vec<Entry>) {
+fn collect(part: ConfigPart, table: &Table, path: &str, into: &mut Vec<ConfigKey>) {
     let of_docs = part.docs.iter().map(|(name, _)| *name);
     let undocumented = table.keys().map(String::as_str).filter(|name| part.doc(name).is_none());
     let names: Vec<&str> = of_docs.chain(undocumented).collect();
@@ -70,7 +70,13 @@ fn collect(part: Part, table: &Table, path: &str, into: &mut Vec<Entry>) {
             _ => of_key,
         };
         let valid = rule.map(Rule::valid).unwrap_or_default();
-        into.push(Entry { key: key.clone(), doc, default: value.cloned(), valid, is_table: is_table(name) });
+        into.push(ConfigKey {
+            key: key.clone(),
+            doc,
+            default: value.cloned(),
+            valid,
+            is_table: is_table(name),
+        });
         match (rule, value) {
             (Some(Rule::Part(inner)), Some(Value::Table(table))) => collect(inner, table, &key, into),
             (Some(Rule::Parts(inner)), Some(Value::Table(tables))) => {
@@ -79,7 +85,7 @@ fn collect(part: Part, table: &Table, path: &str, into: &mut Vec<Entry>) {
                     let Value::Table(table) = value else { continue };
                     let (doc, valid, default) =
                         (text(inner.about), "a table".to_owned(), Some(value.clone()));
-                    into.push(Entry { key: key.clone(), doc, default, valid, is_table: true });
+                    into.push(ConfigKey { key: key.clone(), doc, default, valid, is_table: true });
                     collect(inner, table, &key, into);
                 }
             }
@@ -88,7 +94,7 @@ fn collect(part: Part, table: &Table, path: &str, into: &mut Vec<Entry>) {
     }
 }
 
-impl Part {
+impl ConfigPart {
     /// The doc comment of a key.
     fn doc(&self, name: &str) -> Option<Lines> {
         self.docs.iter().find(|(known, _)| *known == name).map(|(_, lines)| *lines)
@@ -108,7 +114,7 @@ pub fn commented_toml<T: Bounds + Default + DeserializeOwned>(config: &T) -> Str
     let mut found = Vec::new();
     collect(T::PART, &table, "", &mut found);
     let mut out = String::new();
-    for Entry { key, doc, default: value, is_table, .. } in found {
+    for ConfigKey { key, doc, default: value, is_table, .. } in found {
         let Some(value) = value else { continue };
         if is_table {
             // A table of tables alone has no line of its own.

@@ -72,7 +72,7 @@ impl Bounds for Example {
         ("share", SHARE),
         ("spacing_m", from_to(1.0, 1000.0).pair()),
         ("edges", above(0.0, 9.0).rising(0, 3)),
-        ("inner", Rule::Part(Part { keys: &[("count", from_to(1.0, 5.0))], docs: &[], about: &[] })),
+        ("inner", Rule::Part(ConfigPart { keys: &[("count", from_to(1.0, 5.0))], docs: &[], about: &[] })),
     ];
 }
 
@@ -107,7 +107,7 @@ fn a_number_without_bounds_is_found_on_any_config() {
     }
     type BTreeMap = std::collections::BTreeMap<&'static str, u32>;
     impl Bounds for Forgotten {
-        const BOUNDS: Keys = &[("inner", Rule::Part(Part { keys: &[], docs: &[], about: &[] }))];
+        const BOUNDS: Keys = &[("inner", Rule::Part(ConfigPart { keys: &[], docs: &[], about: &[] }))];
     }
     impl Check for Forgotten {}
     let _ = Forgotten { inner: BTreeMap::from([("new", 1)]) }.check();
