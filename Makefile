@@ -216,6 +216,7 @@ reference: build ## The pages of the docs that the program prints: docs/referenc
 	mkdir -p docs/reference
 	$(BIN) man --markdown > docs/reference/commands.md
 	$(BIN) config reference > docs/reference/config.md
+	.venv/bin/python scripts/python_reference.py > docs/reference/python.md
 
 fmt: setup-test ## Format Rust and Python
 	cargo fmt --all

@@ -49,7 +49,7 @@ fn an_error_is_coloured_only_where_a_terminal_shows_it() {
     assert!(said(&plain).starts_with("error: "), "{}", said(&plain));
     let of = |variable: &str| {
         let mut info = command(&["info", "nowhere"]);
-        info.env("CLICOLOR_FORCE", "1").env(variable, "1");
+        info.env_remove("NO_COLOR").env("CLICOLOR_FORCE", "1").env(variable, "1");
         said(&info.output().expect("the program starts"))
     };
     assert!(of("HARMZONE_TEST").starts_with('\u{1b}'), "{:?}", of("HARMZONE_TEST"));
