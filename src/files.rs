@@ -1,6 +1,9 @@
 //! Files and folders that are either whole or not there: written under a temporary name, then renamed.
 
 mod folder;
+mod lock;
+mod seal;
+mod space;
 
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
@@ -10,6 +13,9 @@ use sha2::{Digest, Sha256};
 use tempfile::TempPath;
 
 pub use folder::{FolderError, NewFolder};
+pub use lock::FolderLock;
+pub use seal::{is_sealed, read_sealed, seal, unseal, write_sealed};
+pub use space::{bytes_in_words, check_room, free_bytes, told_with_room};
 
 /// Suffix of files that are still being written; a leftover may be deleted at any time.
 pub const PARTIAL_SUFFIX: &str = "partial";
@@ -23,12 +29,32 @@ pub fn write_atomic(path: &Path, bytes: &[u8]) -> io::Result<()> {
     partial_name.push(".");
     partial_name.push(PARTIAL_SUFFIX);
     let mut partial = TempPath::try_from_path(partial_name)?;
-    let mut file = fs::File::create(&partial)?;
-    file.write_all(bytes)?;
-    file.sync_all()?;
-    fs::rename(&partial, path)?;
+    let write = || -> io::Result<()> {
+        let mut file = fs::File::create(&partial)?;
+        file.write_all(bytes)?;
+        file.sync_all()?;
+        fs::rename(&partial, path)
+    };
+    write().map_err(|error| told_with_room(error, path, bytes.len() as u64))?;
     partial.disable_cleanup(true);
     Ok(())
+}
+
+/// Whether a folder holds anything but unfinished files; one that is not there does not.
+///
+/// # Errors
+/// It cannot be read.
+pub fn holds_anything(folder: &Path) -> io::Result<bool> {
+    let entries = match fs::read_dir(folder) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(false),
+        entries => entries?,
+    };
+    for entry in entries {
+        if Path::new(&entry?.file_name()).extension().is_none_or(|suffix| suffix != PARTIAL_SUFFIX) {
+            return Ok(true);
+        }
+    }
+    Ok(false)
 }
 
 /// Puts a file under another name too: a link where both are on one disk, else a copy; what lies there already is

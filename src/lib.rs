@@ -69,6 +69,7 @@ pub mod device;
 pub mod files;
 pub mod geometry;
 pub mod history;
+pub mod interrupt;
 pub mod meshes;
 pub mod progress;
 pub mod random;

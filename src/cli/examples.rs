@@ -27,6 +27,7 @@ const EXAMPLES: &[Examples] = &[
         "merge",
         &[("Join what `gen --shard 0/2` and `--shard 1/2` made", "harmzone merge part0 part1 --out data/id")],
     ),
+    ("migrate", &[("What an older data set would become", "harmzone migrate data/id --dry-run")]),
     (
         "import",
         &[("A drive of KITTI, and what it holds", "harmzone import kitti KITTI/training --out data/kitti")],

@@ -25,6 +25,7 @@ mod label;
 mod label_worker;
 mod man;
 mod merge;
+mod migrate;
 mod output;
 mod predict;
 mod predict_worker;
@@ -32,6 +33,8 @@ mod progress;
 mod report;
 mod serve;
 mod sweep;
+#[cfg(test)]
+mod tests;
 mod train;
 mod urls;
 mod values;
@@ -58,6 +61,8 @@ pub use output::{ClosedPipe, print, print_either, print_summary, tell};
 pub use progress::Bar;
 pub use values::{SamplesArgs, number, one_of, sensor, split};
 use verbosity::VerbosityArgs;
+
+use crate::interrupt;
 
 /// Finds what matters to a self-driving car: makes driving episodes, labels objects harmful or
 /// harmless by a danger zone, trains a fused LiDAR-camera detector and scores it.
@@ -130,6 +135,8 @@ enum Command {
     Export(export::ExportArgs),
     /// Tell what this machine has and lacks, or what is wrong with a data set
     Doctor(doctor::DoctorArgs),
+    /// Write a data set's manifests in today's format; episodes and labels stay as they are
+    Migrate(migrate::MigrateArgs),
     /// Make a folder to work in: commented configs, and the commands of a whole experiment
     Init(init::InitArgs),
     /// Show the settings of a stage, or tell what a key is
@@ -138,6 +145,17 @@ enum Command {
     Completions(completions::CompletionsArgs),
     /// Print the manual's page of a command, or write all pages
     Man(man::ManArgs),
+}
+
+impl Command {
+    /// Whether a signal asks it to end, with what is whole kept; the others are ended at once.
+    fn keeps_what_is_whole(&self) -> bool {
+        matches!(
+            self,
+            Self::Gen(_) | Self::Merge(_) | Self::Import(_) | Self::Label(_) | Self::Train(_) | Self::Predict(_)
+                | Self::Eval(_) | Self::Drive(_)
+        )
+    }
 }
 
 /// How a subcommand ended.
@@ -168,6 +186,10 @@ pub fn main_on(words: Vec<OsString>) -> u8 {
 fn code() -> u8 {
     let cli = parse::<Cli>();
     cli.verbosity.apply();
+    if cli.command.keeps_what_is_whole() {
+        // Where the system refuses, signals end the process as ever.
+        let _ = interrupt::listen();
+    }
     code_of(cli.verbosity.filter(), || run(cli))
 }
 
@@ -232,6 +254,7 @@ fn run(cli: Cli) -> anyhow::Result<ExitStatus> {
         Command::FoxgloveLayout(args) => foxglove_layout::run(args),
         Command::Export(args) => export::run(args),
         Command::Doctor(args) => doctor::run(args),
+        Command::Migrate(args) => migrate::run(args),
         Command::Init(args) => init::run(args),
         Command::Config(args) => config::run(args),
         Command::Completions(args) => completions::run(args),
@@ -291,6 +314,11 @@ fn code_of(wanted: EnvFilter, work: impl FnOnce() -> anyhow::Result<ExitStatus>)
         Ok(ExitStatus::Done) => 0,
         Ok(ExitStatus::DoneWithLosses) => 3,
         Err(error) if error.is::<ClosedPipe>() => 0,
+        Err(error) if let Some(code) = interrupt::exit_code() => {
+            tracing::debug!("{error:#}");
+            tell("interrupted: what is whole is kept, and the same command goes on");
+            code
+        }
         Err(error) => {
             let mut told = error.to_string();
             tell(format!("{} {told}", verbosity::error_word()));
@@ -315,85 +343,4 @@ fn assert_is_in_docs(page: &str, text: &str) {
     }
     let there = fs_err::read_to_string(&path).unwrap_or_default();
     assert!(there == text, "docs/{page} is not what the program prints: make reference");
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// What clap says to a command line; empty where it is valid.
-    pub(super) fn answer(args: &[&str]) -> String {
-        let command = prepare(Cli::command()).term_width(100);
-        let matches = command.try_get_matches_from(["harmzone"].iter().chain(args));
-        matches.map_or_else(|error| without_workers(error).to_string(), |_| String::new())
-    }
-
-    #[test]
-    fn the_help_of_every_command() {
-        let mut settings = insta::Settings::clone_current();
-        settings.set_snapshot_path("../../tests/cli/help");
-        settings.set_prepend_module_to_snapshot(false);
-        settings.set_omit_expression(true);
-        settings.bind(|| {
-            insta::assert_snapshot!("harmzone", answer(&["--help"]));
-            for command in Cli::command().get_subcommands() {
-                insta::assert_snapshot!(command.get_name(), answer(&[command.get_name(), "--help"]));
-                for inner in command.get_subcommands() {
-                    let name = format!("{}-{}", command.get_name(), inner.get_name());
-                    insta::assert_snapshot!(name, answer(&[command.get_name(), inner.get_name(), "--help"]));
-                }
-            }
-        });
-    }
-
-    #[test]
-    fn the_page_of_commands_in_the_docs_is_their_help() {
-        assert_is_in_docs("reference/commands.md", &man::markdown());
-    }
-
-    #[test]
-    fn what_is_nearly_right_is_told_the_right_word() {
-        let of_command = answer(&["labels", "data"]);
-        assert!(of_command.contains("'label'") && !of_command.contains("worker"), "{of_command}");
-        let of_flag = answer(&["gen", "--out", "x", "--epsodes", "3"]);
-        assert!(of_flag.contains("'--episodes'"), "{of_flag}");
-        let of_value = answer(&["gen", "--out", "x", "--preset", "smalls"]);
-        assert!(of_value.contains("'small'"), "{of_value}");
-    }
-
-    #[test]
-    fn a_number_out_of_its_range_is_told_the_range() {
-        let mut told = Vec::new();
-        for command in Cli::command().get_subcommands() {
-            for arg in command.get_arguments().filter(|arg| takes_value(arg)) {
-                let flag = arg.get_long().expect("an option has a name");
-                let answer = answer(&[command.get_name(), &format!("--{flag}"), "-3"]);
-                assert!(!answer.contains("unexpected argument '-3'"), "{answer}");
-                // What the standard library says of a number that it cannot parse.
-                assert!(!answer.contains("digit") && !answer.contains("literal"), "{answer}");
-                if answer.contains("valid is a number from") {
-                    told.push(format!("{} --{flag}", command.get_name()));
-                }
-            }
-        }
-        let numbers = ["gen --episodes", "gen --seed", "gen --samples", "gen --jobs", "zones --sample"];
-        let more = [
-            "calibrate --false-alarms-per-km",
-            "drive --episodes",
-            "drive --seed",
-            "drive --jobs",
-            "report --cards",
-            "view --sample",
-            "view --min-score",
-            "view --width",
-            "serve --port",
-            "serve --min-score",
-        ];
-        let of_engine = ["--task-cpus", "--task-gpus", "--in-flight"];
-        let is_of_engine = |flag: &String| of_engine.iter().any(|of| flag.ends_with(of));
-        let (on_a_cluster, told): (Vec<String>, Vec<String>) = told.into_iter().partition(is_of_engine);
-        assert_eq!(told, [&numbers[..], &more].concat());
-        // gen, label, predict, eval
-        assert_eq!(on_a_cluster.len(), 4 * of_engine.len(), "{on_a_cluster:?}");
-    }
 }

@@ -38,6 +38,9 @@ impl OpenedEpisode {
         if let Some((set, label_entry)) = labels {
             opened.path = LabelManifest::folder(dataset, set).join(&label_entry.file);
             let labels = LabelReader::open(&opened.path)?;
+            if !is_checked {
+                labels.check_content(&label_entry.sha256)?;
+            }
             labels.check_episode(&entry.sha256)?;
             let n = labels.samples().len();
             if n != opened.reader.len() {

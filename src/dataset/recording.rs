@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use super::{DatasetError, episodes_of};
 use crate::episode::manifest::{EpisodeEntry, Manifest, Split};
 use crate::episode::{EpisodeError, EpisodeReader, Shard};
+use crate::interrupt;
 use crate::sample::Measured;
 
 /// Samples that are read together, on all cores.
@@ -68,6 +69,7 @@ impl MeasuredSplit {
             let reader = EpisodeReader::open_entry(&self.path, entry)?;
             let mut begin = 0;
             while begin < reader.len() {
+                interrupt::check().map_err(EpisodeError::from)?;
                 let end = reader.len().min(begin + N_TOGETHER - waiting.len());
                 let read = |i: usize| {
                     reader.sample(i).map(|sample| (format!("{}/{i}", entry.name), sample.measured))

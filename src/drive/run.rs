@@ -22,7 +22,7 @@ use crate::label;
 use crate::outcome::{DriveOutcome, DriveSummary, Origin, Source, Who, compare};
 use crate::progress::Progress;
 use crate::scene::{PopulateConfig, Town};
-use crate::worker::{self, Call, Engine, Errand, Program};
+use crate::worker::{self, Call, Engine, Errand, Program, SILENCE};
 
 /// The resolved config, written before anything else.
 const CONFIG_FILE: &str = "drive.toml";
@@ -120,13 +120,14 @@ pub fn run(
         folder: &job.folder,
         shared: Vec::new(),
         n_threads: Some((n_cores / n_jobs).max(1)),
+        silence: SILENCE,
     };
     let errands: Vec<Errand<Task>> = todo.iter().copied().map(Errand::from).collect();
     worker::do_all(&Engine::Local { jobs: n_jobs }, &call, &errands, &|| (), &|place, made| {
         let Task { who_idx, course_idx } = todo[place];
         let plan = &plans[course_idx as usize];
         let outcome: DriveOutcome =
-            made.map_err(|message| DriveError::Worker { episode: plan.name.clone(), message })?;
+            made.map_err(|error| DriveError::Worker { episode: plan.name.clone(), message: error.to_string() })?;
         progress.note(&format!("{} {}", drivers[who_idx].name, plan.name));
         progress.advance(1);
         let json = serde_json::to_string_pretty(&outcome).expect("an outcome has a JSON form");

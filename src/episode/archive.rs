@@ -14,7 +14,20 @@ use tempfile::TempPath;
 use super::error::EpisodeError;
 use super::messages::TopicMessage;
 use super::topics::{Topic, TopicSpec};
-use crate::files::PARTIAL_SUFFIX;
+use crate::files::{PARTIAL_SUFFIX, told_with_room};
+
+/// What is wanted on a full disk at the least: a chunk more.
+const LEAST_BYTES: u64 = 1_000_000;
+
+/// An error of writing, which tells of room where the disk is full.
+fn write_error(source: mcap::McapError, path: &Path) -> EpisodeError {
+    match source {
+        mcap::McapError::Io(error) if error.kind() == std::io::ErrorKind::StorageFull => {
+            EpisodeError::Io(told_with_room(error, path, LEAST_BYTES))
+        }
+        source => EpisodeError::Write { source, path: path.to_owned() },
+    }
+}
 
 /// A topic as another file declares it.
 pub(super) struct CopiedTopic {
@@ -52,7 +65,7 @@ impl ArchiveWriter {
             .profile("")
             .library(concat!("harmzone ", env!("CARGO_PKG_VERSION")))
             .create(file)
-            .map_err(|source| EpisodeError::Write { source, path: path.to_owned() })?;
+            .map_err(|source| write_error(source, path))?;
         let (path, channels) = (path.to_owned(), BTreeMap::new());
         let mut archive = Self { path, writer, partial, channels, n_samples: 0, time_ns: 0 };
         for topic in topics {
@@ -98,7 +111,7 @@ impl ArchiveWriter {
         &mut self,
         act: impl FnOnce(&mut mcap::Writer<BufWriter<fs::File>>) -> mcap::McapResult<T>,
     ) -> Result<T, EpisodeError> {
-        act(&mut self.writer).map_err(|source| EpisodeError::Write { source, path: self.path.clone() })
+        act(&mut self.writer).map_err(|source| write_error(source, &self.path))
     }
 
     /// Begins the next sample, whose time must be after the last.
@@ -185,9 +198,13 @@ impl ArchiveWriter {
             self.with(|writer| writer.write_metadata(&Metadata { name: name.into(), metadata }))?;
         }
         self.with(|writer| writer.finish().map(drop))?;
-        let file = self.writer.into_inner().into_inner().map_err(std::io::IntoInnerError::into_error)?;
-        file.sync_all()?;
-        fs::rename(&self.partial, &self.path)?;
+        let (writer, partial, path) = (self.writer.into_inner(), &self.partial, &self.path);
+        let finish = || -> std::io::Result<()> {
+            let file = writer.into_inner().map_err(std::io::IntoInnerError::into_error)?;
+            file.sync_all()?;
+            fs::rename(partial, path)
+        };
+        finish().map_err(|error| told_with_room(error, path, LEAST_BYTES))?;
         self.partial.disable_cleanup(true);
         Ok(self.path)
     }

@@ -73,7 +73,7 @@ pub enum EpisodeError {
     #[error("nothing was written; a file holds at least one sample: {}", path.display())]
     Empty { path: PathBuf },
     #[error(
-        "the content hash is {found}, and dataset.json says {wanted}; copy or make the file again: {}",
+        "the content hash is {found}, and dataset.json or labels.json says {wanted}; copy or make the file again: {}",
         path.display()
     )]
     OtherContent { found: String, wanted: String, path: PathBuf },

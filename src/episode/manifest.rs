@@ -1,6 +1,7 @@
 //! `dataset.json`: the content of a data set; `labels.json`: the content of a label set.
 
 use std::collections::{BTreeMap, HashMap};
+use std::io;
 use std::path::{Path, PathBuf};
 
 use fs_err as fs;
@@ -9,20 +10,19 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 pub use super::counts::{HarmCounts, LabelCounts, ObjectCounts, PerDistribution, PerKind};
-use super::meta::FORMAT_VERSION;
 use super::shard::PartOf;
-use crate::files::write_atomic;
+use crate::files::{is_sealed, unseal, write_atomic, write_sealed};
 
 /// Why a manifest cannot be read or written.
 #[derive(Debug, Error)]
 pub enum ManifestError {
     #[error(transparent)]
-    Io(#[from] std::io::Error),
+    Io(#[from] io::Error),
     #[error("no data set here: there is no `{}`; `harmzone gen --out` makes one: {}", Manifest::FILE, path.display())]
     NotADataset { path: PathBuf },
     #[error("no label set `{set}` here, found {found:?}; `harmzone label` makes one: {}", path.display())]
     NoLabels { set: String, found: Vec<String>, path: PathBuf },
-    #[error("not a valid manifest ({message}); make the data set or the labels again: {}", path.display())]
+    #[error("not a valid manifest ({message}); make the data set or the labels again, or let `harmzone doctor --fix` rebuild it: {}", path.display())]
     Parse { message: String, path: PathBuf },
     #[error("format version {found}; this program reads {valid:?}: {}", path.display())]
     Version { found: u32, valid: &'static [u32], path: PathBuf },
@@ -102,8 +102,10 @@ pub struct Manifest {
 
 impl Manifest {
     pub const FILE: &'static str = "dataset.json";
-    /// The data version that this program makes.
-    pub const VERSION: u32 = 2;
+    /// The data version that this program makes. Version 3 is version 2 with a hash of the file in itself.
+    pub const VERSION: u32 = 3;
+    /// Those that it reads.
+    pub const READS: &'static [u32] = &[1, 2, Self::VERSION];
 
     /// A manifest of this program's version without episodes.
     #[must_use]
@@ -131,7 +133,7 @@ impl Manifest {
         if !path.is_file() {
             return Err(ManifestError::NotADataset { path: folder.to_owned() });
         }
-        let mut manifest: Self = read_json(&path, &[1, Self::VERSION])?;
+        let mut manifest: Self = read_json(&path, Self::READS, Self::VERSION)?;
         if manifest.format_version == 1 {
             // A log of a real car has no seed.
             let is_dev =
@@ -149,7 +151,7 @@ impl Manifest {
     pub fn write(&self, folder: &Path) -> Result<(), ManifestError> {
         let path = folder.join(Self::FILE);
         self.check(&path)?;
-        write_json(&path, self)
+        Ok(if self.format_version < Self::VERSION { write_plain(&path, self)? } else { write_sealed(&path, self)? })
     }
 
     /// The episodes of a split.
@@ -222,12 +224,16 @@ pub struct LabelManifest {
 
 impl LabelManifest {
     pub const FILE: &'static str = "labels.json";
+    /// The version that this program makes. Version 2 is version 1 with a hash of the file in itself.
+    pub const VERSION: u32 = 2;
+    /// Those that it reads.
+    pub const READS: &'static [u32] = &[1, Self::VERSION];
 
     /// A manifest of this program's version without episodes.
     #[must_use]
     pub fn new(set: &str, zone_toml: String, dataset: &Manifest) -> Self {
         Self {
-            format_version: FORMAT_VERSION,
+            format_version: Self::VERSION,
             generator_version: env!("CARGO_PKG_VERSION").to_owned(),
             set: set.to_owned(),
             zone_toml,
@@ -253,7 +259,7 @@ impl LabelManifest {
             let (set, found, path) = (set.to_owned(), label_sets(dataset), dataset.to_owned());
             return Err(ManifestError::NoLabels { set, found, path });
         }
-        read_json(&path, &[FORMAT_VERSION])
+        read_json(&path, Self::READS, Self::VERSION)
     }
 
     /// Writes the set's manifest, whole or not at all; the set's folder must exist.
@@ -261,7 +267,8 @@ impl LabelManifest {
     /// # Errors
     /// The disk fails.
     pub fn write(&self, dataset: &Path) -> Result<(), ManifestError> {
-        write_json(&Self::folder(dataset, &self.set).join(Self::FILE), self)
+        let path = Self::folder(dataset, &self.set).join(Self::FILE);
+        Ok(if self.format_version < Self::VERSION { write_plain(&path, self)? } else { write_sealed(&path, self)? })
     }
 }
 
@@ -278,24 +285,32 @@ pub fn label_sets(dataset: &Path) -> Vec<String> {
     names
 }
 
-fn read_json<T: DeserializeOwned>(path: &Path, valid: &'static [u32]) -> Result<T, ManifestError> {
+/// `sealed_from`: the first version whose files hold a hash of themselves.
+fn read_json<T: DeserializeOwned>(
+    path: &Path,
+    valid: &'static [u32],
+    sealed_from: u32,
+) -> Result<T, ManifestError> {
     #[derive(Deserialize)]
     struct Version {
         format_version: u32,
     }
+    let invalid = |message| ManifestError::Parse { message, path: path.to_owned() };
+    let parse = |error: serde_json::Error| invalid(error.to_string());
     let text = fs::read_to_string(path)?;
-    let parse =
-        |error: serde_json::Error| ManifestError::Parse { message: error.to_string(), path: path.to_owned() };
+    let json = unseal(&text).map_err(invalid)?;
     // The version first: another version's fields would only confuse.
-    let found = serde_json::from_str::<Version>(&text).map_err(parse)?.format_version;
+    let found = serde_json::from_str::<Version>(&json).map_err(parse)?.format_version;
     if !valid.contains(&found) {
         return Err(ManifestError::Version { found, valid, path: path.to_owned() });
     }
-    serde_json::from_str(&text).map_err(parse)
+    if found >= sealed_from && !is_sealed(&text) {
+        return Err(invalid(format!("the hash of its content, which ends a file of version {found}, is missing")));
+    }
+    serde_json::from_str(&json).map_err(parse)
 }
 
-fn write_json<T: Serialize>(path: &Path, value: &T) -> Result<(), ManifestError> {
-    let mut text = serde_json::to_string_pretty(value).expect("a manifest always has a JSON form");
-    text.push('\n');
-    Ok(write_atomic(path, text.as_bytes())?)
+/// Writes a file as the versions without a hash are.
+fn write_plain<T: Serialize>(path: &Path, value: &T) -> io::Result<()> {
+    write_atomic(path, (serde_json::to_string_pretty(value)? + "\n").as_bytes())
 }

@@ -7,6 +7,7 @@ use super::archive_reader::Archive;
 use super::error::{EpisodeError, MessageFault};
 use super::messages::TopicMessage;
 use super::topics::Topic;
+use crate::store::sha256_of;
 
 /// The content of a file beside an episode for one sample.
 pub trait SidecarSample: Sized {
@@ -57,6 +58,18 @@ impl<S: SidecarSample> SidecarReader<S> {
     #[must_use]
     pub fn samples(&self) -> &[S] {
         &self.samples
+    }
+
+    /// Refuses a file of another content hash.
+    ///
+    /// # Errors
+    /// [`EpisodeError::OtherContent`]; the file cannot be read.
+    pub fn check_content(&self, sha256: &str) -> Result<(), EpisodeError> {
+        let found = sha256_of(&self.path)?;
+        if found == sha256 {
+            return Ok(());
+        }
+        Err(EpisodeError::OtherContent { found, wanted: sha256.to_owned(), path: self.path.clone() })
     }
 
     /// Refuses a file that was made from another episode than the one with this content hash.

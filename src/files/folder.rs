@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use fs_err as fs;
 use thiserror::Error;
 
-use super::PARTIAL_SUFFIX;
+use super::{PARTIAL_SUFFIX, holds_anything};
 
 /// Why a folder cannot be made.
 #[derive(Debug, Error)]
@@ -24,6 +24,7 @@ pub enum FolderError {
 pub struct NewFolder {
     target: PathBuf,
     partial: PathBuf,
+    force: bool,
 }
 
 impl NewFolder {
@@ -33,11 +34,7 @@ impl NewFolder {
     /// # Errors
     /// Something is there that may not be replaced, or the disk fails.
     pub fn create(target: &Path, marker: &'static str, force: bool) -> Result<Self, FolderError> {
-        let is_filled = match fs::read_dir(target) {
-            Ok(mut entries) => entries.next().is_some(),
-            Err(error) if error.kind() == io::ErrorKind::NotFound => false,
-            Err(error) => return Err(error.into()),
-        };
+        let is_filled = holds_anything(target)?;
         if is_filled && !force {
             return Err(FolderError::Exists { path: target.to_owned() });
         }
@@ -51,7 +48,7 @@ impl NewFolder {
         }
         remove(&partial)?;
         fs::create_dir(&partial)?;
-        Ok(Self { target, partial })
+        Ok(Self { target, partial, force })
     }
 
     /// Where files are written until the folder is whole.
@@ -75,6 +72,12 @@ impl NewFolder {
     /// # Errors
     /// The disk fails.
     pub fn finish(self) -> io::Result<()> {
+        if !self.force && holds_anything(&self.target)? {
+            return Err(io::Error::new(
+                io::ErrorKind::AlreadyExists,
+                format!("another process made the folder meanwhile: {}", self.target.display()),
+            ));
+        }
         let old = beside(&self.target, "old");
         remove(&old)?;
         if self.target.exists() {

@@ -8,7 +8,7 @@ use fs_err as fs;
 use super::{EpisodePlan, GenerateError};
 use crate::episode::folder::{EPISODES, clear_episodes, first_difference, remove_unfinished, whole_ones};
 use crate::episode::{EpisodeEntry, Manifest, PartOf};
-use crate::files::{sha256_hex, write_atomic};
+use crate::files::{holds_anything, sha256_hex, write_atomic};
 
 /// The resolved config, written before anything else.
 pub(super) const CONFIG_FILE: &str = "gen.toml";
@@ -34,7 +34,7 @@ pub(super) fn open(
             Err(_) if force => clear_episodes(folder, CONFIG_FILE)?,
             Err(error) => return Err(error),
         }
-    } else if folder.is_dir() && fs::read_dir(folder)?.next().is_some() {
+    } else if holds_anything(folder)? {
         return Err(GenerateError::ForeignFolder { path: folder.to_owned() });
     }
     fs::create_dir_all(folder.join(EPISODES))?;

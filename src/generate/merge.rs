@@ -19,7 +19,8 @@ use crate::config::{self, ConfigError};
 use crate::episode::folder::is_whole;
 use crate::episode::manifest::{LabelCounts, label_sets};
 use crate::episode::{EpisodeEntry, LabelManifest, Manifest, ManifestError, Shard};
-use crate::files::{sha256_hex, write_atomic};
+use crate::files::{FolderLock, holds_anything, sha256_hex, write_atomic};
+use crate::interrupt;
 use crate::progress::Progress;
 use crate::store::{link_or_copy, sha256_of};
 
@@ -123,11 +124,13 @@ pub fn merge(shards: &[PathBuf], out: &Path, progress: &dyn Progress) -> Result<
     let sets = common_label_sets(&shards)?;
     let labels: Vec<(LabelManifest, Vec<PathBuf>)> =
         sets.iter().map(|set| join_labels(set, &shards, &ordered)).collect::<Result<_, _>>()?;
+    let _lock = FolderLock::take(out)?;
     open(out, &config_toml)?;
 
     let n_files = ordered.len() * (1 + sets.len());
     progress.start("merge", n_files as u64);
     ordered.par_iter().try_for_each(|(shard, entry)| {
+        interrupt::check()?;
         if !is_whole(&shard.path, entry)? {
             let path = shard.path.join(&entry.file);
             return Err(MergeError::Torn { what: format!("episode `{}`", entry.name), path });
@@ -298,7 +301,7 @@ fn join_labels(
 fn open(out: &Path, config_toml: &str) -> Result<(), MergeError> {
     let path = out.join(CONFIG_FILE);
     let is_ours = fs::read_to_string(&path).is_ok_and(|found| found == config_toml);
-    let is_used = out.is_dir() && fs::read_dir(out)?.next().is_some();
+    let is_used = holds_anything(out)?;
     // A shard's own folder has its config, too, and is not to become the whole.
     let is_shard = Manifest::read(out).is_ok_and(|manifest| manifest.part.is_some());
     if is_used && (!is_ours || is_shard) {

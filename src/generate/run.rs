@@ -5,20 +5,24 @@ use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use serde::Serialize;
 
 use super::worker::{COMMAND, Job, Task};
 use super::{CheckedConfig, EpisodePlan, GenerateConfig, GenerateError, aov, folder, plan};
 use crate::config::to_toml;
+use crate::episode::folder::remove_unfinished;
 use crate::episode::manifest::ObjectCounts;
 use crate::episode::{EpisodeEntry, Manifest, PartOf, Shard, Split};
+use crate::files::{FolderLock, check_room};
+use crate::interrupt;
 use crate::object::{Distribution, Kind};
 use crate::progress::Progress;
 use crate::scene::{OwnModels, Town};
+use crate::sensors::RigCameraConfig;
 use crate::store;
-use crate::worker::{self, Call, Engine, Errand, Program};
+use crate::worker::{self, Call, Engine, Errand, Program, TaskError};
 
 /// How a data set is made; this does not change its bytes.
 #[derive(Debug, Clone)]
@@ -28,6 +32,8 @@ pub struct RunOptions {
     pub engine: Engine,
     /// Whether the episodes of another config may be deleted.
     pub force: bool,
+    /// How long a worker of this machine may say nothing before it is ended and its episode tried again.
+    pub silence: Duration,
     /// A user's own models, which the config's `scene.own_models` names.
     pub own_models: Option<OwnModels>,
 }
@@ -55,6 +61,8 @@ pub struct GenerateSummary {
     /// Episodes that were there already.
     pub n_kept: usize,
     pub n_samples: usize,
+    /// Episodes whose workers died or hung, and how; the same command tries them again.
+    pub lost: Vec<String>,
     pub n_by_split: BTreeMap<Split, usize>,
     pub n_objects: ObjectCounts,
 }
@@ -86,12 +94,15 @@ pub fn run(
         (0..).zip(plan(&checked, n_episodes)).filter(|(number, _)| is_wanted(*number)).unzip();
     let part = shard.map(|shard| PartOf { shard, n_episodes });
     let ood = config.scene.ood;
+    let _lock = FolderLock::take(out)?;
     let manifest = folder::open(out, &to_toml(config), config.seed, ood, part, &plans, options.force)?;
     if let Some(models) = &options.own_models {
         models.write(&out.join(folder::OWN_MODELS))?;
     }
     // A second writer to one URL is told now, before hours of work.
     store::push(out)?;
+    let n_left: u64 = plans.len() as u64 - manifest.episodes.len() as u64;
+    check_room(out, n_left * u64::from(config.samples) * least_sample_bytes(config))?;
     let kept: BTreeSet<&str> = manifest.episodes.iter().map(|entry| entry.name.as_str()).collect();
     let todo: Vec<usize> = (0..plans.len()).filter(|&i| !kept.contains(plans[i].name.as_str())).collect();
     let n_kept = manifest.episodes.len();
@@ -108,14 +119,26 @@ pub fn run(
         folder: &folder,
         shared: files_below(&folder, &folder.join(folder::OWN_MODELS))?,
         n_threads: None,
+        silence: options.silence,
     };
     let errands: Vec<Errand<Task>> =
         todo.iter().map(|&i| Errand::from(Task { episode_idx: numbers[i] })).collect();
+    let lost: Mutex<Vec<String>> = Mutex::default();
     progress.start("generate", todo.len() as u64 * u64::from(config.samples));
     let done = worker::do_all(&options.engine, &call, &errands, &|| progress.advance(1), &|place, made| {
         let name = &plans[todo[place]].name;
-        let entry: EpisodeEntry =
-            made.map_err(|message| GenerateError::Worker { episode: name.clone(), message })?;
+        let entry: EpisodeEntry = match made {
+            Ok(entry) => entry,
+            Err(TaskError::Lost(message)) => {
+                let sentence = format!("episode `{name}` was left out: {message}");
+                tracing::warn!("{sentence}");
+                lost.lock().expect("no worker thread panics").push(sentence);
+                return Ok(());
+            }
+            Err(TaskError::Failed(message)) => {
+                return Err(GenerateError::Worker { episode: name.clone(), message });
+            }
+        };
         progress.note(name);
         for picture in files_below(&folder, &folder.join(aov::FOLDER).join(name))? {
             store::push_file(&picture.1)?;
@@ -126,11 +149,24 @@ pub fn run(
     let manifest = keeper.into_inner().expect("no worker thread panics").manifest;
     // What is whole is kept, also where another episode failed.
     let written = manifest.write(out);
+    if interrupt::is_asked() {
+        remove_unfinished(out)?;
+    }
     done?;
     written?;
     store::push(out)?;
     progress.finish();
-    Ok(summarise(&manifest, out, n_kept))
+    let lost = lost.into_inner().expect("no worker thread panics");
+    Ok(GenerateSummary { lost, ..summarise(&manifest, out, n_kept) })
+}
+
+/// Bytes that a sample takes at the least. With JPEG quality 85 a picture has 0.3 bytes a pixel and a front camera's cloud
+/// 60 kB: half of both.
+fn least_sample_bytes(config: &GenerateConfig) -> u64 {
+    let pixels = |camera: &RigCameraConfig| f64::from(camera.width_px) * f64::from(camera.height_px);
+    let n_pixels: f64 = config.rig.cameras.values().map(pixels).sum();
+    let of_quality = (f64::from(config.render.jpeg_quality) / 85.0).powi(2);
+    (n_pixels * 0.15 * of_quality + 30_000.0 * config.rig.lidars.len() as f64) as u64
 }
 
 /// Share of the time that writing `dataset.json` over and over may take: of 100,000 episodes it has 40 MB.
@@ -195,6 +231,7 @@ fn summarise(manifest: &Manifest, folder: &Path, n_kept: usize) -> GenerateSumma
         n_episodes: manifest.episodes.len(),
         n_kept,
         n_samples: manifest.episodes.iter().map(|entry| entry.n_samples).sum(),
+        lost: Vec::new(),
         n_by_split: manifest.n_by_split(),
         n_objects,
     }
@@ -207,6 +244,9 @@ impl fmt::Display for GenerateSummary {
         writeln!(f, "{}", self.folder.display())?;
         writeln!(f, "  episodes  {} ({}; {} kept)", self.n_episodes, splits.join(", "), self.n_kept)?;
         writeln!(f, "  samples   {}", self.n_samples)?;
+        if !self.lost.is_empty() {
+            writeln!(f, "  lost      {}, told on standard error; the same command tries them again", self.lost.len())?;
+        }
         let share = self.n_objects.total() as f64 / (self.n_samples.max(1)) as f64;
         writeln!(f, "  objects   {} ({share:.1} a sample)", self.n_objects.total())?;
         for (name, counts) in [("id", &self.n_objects.id), ("ood", &self.n_objects.ood)] {

@@ -15,6 +15,8 @@ use crate::config::to_toml;
 use crate::episode::manifest::ObjectCounts;
 use crate::episode::{EpisodeEntry, Manifest, Split};
 use crate::object::{Distribution, Kind};
+use crate::files::FolderLock;
+use crate::interrupt;
 use crate::progress::Progress;
 
 /// `dataset.json` is written anew when a fiftieth of its episodes are new: with each for small sets, while thousands do not write gigabytes.
@@ -68,6 +70,7 @@ pub fn run(
     let checked = CheckedImport::try_from(config.clone())?;
     let drives = choose(log, &options.scenes)?;
     let config_toml = format!("format = \"{}\"\n{}{}", format.name(), to_toml(config), log.settings_toml());
+    let _lock = FolderLock::take(out)?;
     let mut list = List::new(folder::open(out, &config_toml, options.force)?, log, out);
     let n_kept = list.keep(&drives, options.split);
     let (mut told, mut skipped) = (Vec::new(), Vec::new());
@@ -75,6 +78,10 @@ pub fn run(
     let mut boxes = NearBoxes::default();
     progress.start("import", drives.len() as u64);
     for drive in drives {
+        if let Err(error) = interrupt::check() {
+            list.write()?;
+            return Err(error.into());
+        }
         if !list.names.contains(&drive) {
             let mut notes = Notes::default();
             let task = Task {

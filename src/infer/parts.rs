@@ -12,7 +12,7 @@ use thiserror::Error;
 use super::Predictions;
 use crate::episode::{PartOf, Shard};
 use crate::eval::json::{JsonError, RawSamples};
-use crate::files::{sha256_of, write_atomic};
+use crate::files::{FolderLock, holds_anything, read_sealed, sha256_of, write_sealed};
 use crate::store;
 
 /// `part.json`, beside the boxes of a part: what it is a part of.
@@ -101,13 +101,12 @@ impl PredictionPart {
             let sha256 = sha256_of(&folder.join(format!("{name}.mcap")))?;
             self.episodes.push(PredictedEpisode { name: name.to_owned(), n_samples, sha256 });
         }
-        let json = serde_json::to_string_pretty(&self).expect("a part has a JSON form");
-        write_atomic(&folder.join(Self::FILE), (json + "\n").as_bytes())
+        write_sealed(&folder.join(Self::FILE), &self)
     }
 
     fn read(folder: &Path) -> Result<Self, JoinError> {
         let path = folder.join(Self::FILE);
-        let text = fs::read_to_string(&path)?;
+        let text = read_sealed(&path)?;
         serde_json::from_str(&text).map_err(|error| JoinError::NotAPart { message: error.to_string(), path })
     }
 
@@ -164,7 +163,8 @@ pub fn join(paths: &[PathBuf], out: &Path) -> Result<JoinSummary, JoinError> {
     if !commands.is_empty() {
         return Err(JoinError::Missing { of, commands });
     }
-    if out.is_dir() && fs::read_dir(out)?.next().is_some() {
+    let _lock = FolderLock::take(out)?;
+    if holds_anything(out)? {
         return Err(JoinError::Used { path: out.to_owned() });
     }
     write_joined(&parts.into_values().collect::<Vec<_>>(), out)

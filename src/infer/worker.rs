@@ -20,7 +20,7 @@ use crate::object::Detection;
 use crate::progress::{Progress, Silent};
 use crate::sample::Measured;
 use crate::store;
-use crate::worker::{self, Call, Engine, Errand, Program};
+use crate::worker::{self, Call, Engine, Errand, Program, SILENCE, TaskError};
 
 /// The hidden command that serves tasks.
 const COMMAND: &str = "predict-worker";
@@ -160,6 +160,7 @@ impl NetworkWorkers<'_> {
             folder: &folder,
             shared,
             n_threads: None,
+            silence: SILENCE,
         };
         let errands: Vec<Errand<&EpisodeEntry>> =
             episodes.iter().map(|task| Errand { task, reads: vec![PathBuf::from(&task.file)] }).collect();
@@ -168,11 +169,11 @@ impl NetworkWorkers<'_> {
             store::open_file(&folder.join(&entry.file))?;
         }
         let all_found = Mutex::new(vec![None; episodes.len()]);
-        let on_made = |place: usize, answer: Result<FoundInEpisode, String>| {
+        let on_made = |place: usize, answer: Result<FoundInEpisode, TaskError>| {
             let entry = &episodes[place];
             progress.note(&entry.name);
             let told = |message| FarError::Worker { episode: entry.name.clone(), message };
-            let made = answer.map_err(told)?;
+            let made = answer.map_err(|error| told(error.to_string()))?;
             if made.found.len() != entry.n_samples || made.times_ns.len() != entry.n_samples {
                 return Err(told(format!(
                     "boxes of {} samples came back, wanted {}",

@@ -9,7 +9,7 @@ use fs_err as fs;
 use super::LabelError;
 use crate::episode::Shard;
 use crate::episode::manifest::{LabelManifest, Manifest};
-use crate::files::write_atomic;
+use crate::files::{read_sealed, write_sealed};
 use crate::store;
 
 const PREFIX: &str = "part-";
@@ -20,8 +20,7 @@ fn path_of(folder: &Path, shard: Shard) -> PathBuf {
 
 /// Notes that a part of the set in this folder is whole.
 pub(super) fn write(folder: &Path, shard: Shard, part: &LabelManifest) -> Result<(), LabelError> {
-    let json = serde_json::to_string_pretty(part).expect("a manifest has a JSON form");
-    Ok(write_atomic(&path_of(folder, shard), (json + "\n").as_bytes())?)
+    Ok(write_sealed(&path_of(folder, shard), part)?)
 }
 
 /// A part of the set, if it is as it was written, by this zone and for these episodes.
@@ -82,7 +81,7 @@ fn read_whole(
     zone_toml: &str,
     hashes: &HashMap<&str, &str>,
 ) -> Option<LabelManifest> {
-    let part: LabelManifest = serde_json::from_str(&fs::read_to_string(path).ok()?).ok()?;
+    let part: LabelManifest = serde_json::from_str(&read_sealed(path).ok()?).ok()?;
     let is_whole = part.zone_toml == zone_toml
         && part.generator_version == env!("CARGO_PKG_VERSION")
         && part.episodes.iter().all(|label| {

@@ -16,6 +16,8 @@ use super::worker::{self, LabelJob};
 use crate::config;
 use crate::episode::manifest::{EpisodeEntry, LabelEntry, LabelManifest, Manifest};
 use crate::episode::{Shard, is_any_annotated};
+use crate::files::{FolderLock, PARTIAL_SUFFIX};
+use crate::interrupt;
 use crate::progress::Progress;
 use crate::store;
 use crate::worker::{Engine, Program};
@@ -81,7 +83,12 @@ pub fn run_with(
     if !is_any_annotated(dataset, &manifest)? {
         return Err(LabelError::NoTruth { path: dataset.to_owned() });
     }
-    fs::create_dir_all(&folder)?;
+    let _lock = match options.shard {
+        None => FolderLock::take(&folder)?,
+        Some(Shard { index, of }) => {
+            FolderLock::take_named(&folder, &format!("writer-{index}-of-{of}.{PARTIAL_SUFFIX}"))?
+        }
+    };
     // Until the new files are complete, the set must not look finished.
     match fs::remove_file(folder.join(LabelManifest::FILE)) {
         Err(error) if error.kind() != std::io::ErrorKind::NotFound => return Err(error.into()),
@@ -113,6 +120,7 @@ pub fn run_with(
     let labelled: Vec<Result<LabelledEpisode, LabelError>> = match options.workers {
         None => {
             let label_one = |entry: &&EpisodeEntry| {
+                interrupt::check()?;
                 progress.note(&entry.name);
                 label_episode(dataset, entry, &zone, set, &labels.zone_toml, &|| progress.advance(1))
             };

@@ -13,7 +13,7 @@ use crate::episode::manifest::{EpisodeEntry, LabelManifest};
 use crate::files::sha256_of;
 use crate::progress::Progress;
 use crate::store;
-use crate::worker::{self, Call, Engine, Errand, Program};
+use crate::worker::{self, Call, Engine, Errand, Program, SILENCE, TaskError};
 use crate::zone::{Zone, ZoneConfig};
 
 /// The hidden command that serves tasks.
@@ -68,7 +68,7 @@ pub(super) fn label_by(
     progress: &dyn Progress,
 ) -> Result<Vec<Result<LabelledEpisode, LabelError>>, LabelError> {
     let folder = &job.folder;
-    let call = Call { program, command: COMMAND, job, folder, shared: Vec::new(), n_threads: None };
+    let call = Call { program, command: COMMAND, job, folder, shared: Vec::new(), n_threads: None, silence: SILENCE };
     let errands: Vec<Errand<&EpisodeEntry>> =
         episodes.iter().map(|&task| Errand { task, reads: vec![PathBuf::from(&task.file)] }).collect();
     for entry in episodes {
@@ -76,10 +76,10 @@ pub(super) fn label_by(
         store::open_file(&folder.join(&entry.file))?;
     }
     let made = Mutex::new(episodes.iter().map(|_| None).collect::<Vec<_>>());
-    let on_made = |place: usize, answer: Result<LabelledEpisode, String>| -> Result<(), LabelError> {
+    let on_made = |place: usize, answer: Result<LabelledEpisode, TaskError>| -> Result<(), LabelError> {
         let episode = episodes[place].name.clone();
         progress.note(&episode);
-        let checked = answer.and_then(|labelled| {
+        let checked = answer.map_err(|error| error.to_string()).and_then(|labelled| {
             let file = LabelManifest::folder(folder, &job.set).join(&labelled.0.file);
             match sha256_of(&file) {
                 Ok(found) if found == labelled.0.sha256 => Ok(labelled),

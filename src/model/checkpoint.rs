@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use burn::store::{ModuleSnapshot, SafetensorsStore};
 use burn::tensor::Device;
 use fs_err as fs;
+use sha2::{Digest as _, Sha256};
 use serde::de::DeserializeOwned;
 use thiserror::Error;
 
@@ -24,6 +25,8 @@ const CONFIG_KEY: &str = "harmzone.model";
 const SEEN_KEY: &str = "harmzone.seen";
 /// Metadata key of the score from which on the network warns, as JSON; absent until one is chosen.
 const OPERATING_KEY: &str = "harmzone.operating";
+/// Metadata key of the hash of everything else in the file; older checkpoints lack it.
+const HASH_KEY: &str = "harmzone.sha256";
 /// Metadata key of the format's version.
 const VERSION_KEY: &str = "harmzone.format";
 const VERSION: &str = "1";
@@ -71,10 +74,11 @@ fn pack(detector: &Detector, seen: Option<&SeenEpisodes>) -> Result<Vec<u8>, Box
 /// The tensors of a safetensors file under our own metadata, keys and tensors in a fixed order, so that bytes repeat.
 fn with_metadata(
     packed: &[u8],
-    metadata: serde_json::Value,
+    mut metadata: serde_json::Value,
 ) -> Result<Vec<u8>, safetensors::SafeTensorError> {
-    let mut views = safetensors::SafeTensors::deserialize(packed)?.tensors();
-    views.sort_by(|a, b| a.0.cmp(&b.0));
+    let views = sorted_views(packed)?;
+    metadata.as_object_mut().expect("metadata is an object").remove(HASH_KEY);
+    metadata[HASH_KEY] = content_hash(&views, &metadata).into();
     let header = header(&views, metadata);
     let mut bytes = (header.len() as u64).to_le_bytes().to_vec();
     bytes.extend_from_slice(header.as_bytes());
@@ -84,8 +88,28 @@ fn with_metadata(
     Ok(bytes)
 }
 
+type NamedView<'a> = (String, safetensors::tensor::TensorView<'a>);
+
+/// The tensors of a safetensors file in the order of their names.
+fn sorted_views(packed: &[u8]) -> Result<Vec<NamedView<'_>>, safetensors::SafeTensorError> {
+    let mut views = safetensors::SafeTensors::deserialize(packed)?.tensors();
+    views.sort_by(|a, b| a.0.cmp(&b.0));
+    Ok(views)
+}
+
+/// SHA-256 of metadata without a hash, and of each tensor's name, type, shape and numbers.
+fn content_hash(views: &[NamedView<'_>], metadata: &serde_json::Value) -> String {
+    let mut hasher = Sha256::new();
+    hasher.update(metadata.to_string());
+    for (name, view) in views {
+        hasher.update(serde_json::json!([name, view.dtype(), view.shape()]).to_string());
+        hasher.update(view.data());
+    }
+    files::hex(&hasher.finalize())
+}
+
 /// The JSON header of a safetensors file, with keys in order and padded to eight bytes.
-fn header(views: &[(String, safetensors::tensor::TensorView<'_>)], metadata: serde_json::Value) -> String {
+fn header(views: &[NamedView<'_>], metadata: serde_json::Value) -> String {
     let mut header = serde_json::Map::new();
     header.insert("__metadata__".into(), metadata);
     let mut offset = 0;
@@ -202,10 +226,18 @@ fn json_in<T: DeserializeOwned>(bytes: &[u8], key: &str, path: &Path) -> Result<
     metadata.get(key).map(read).transpose()
 }
 
-/// The metadata of a safetensors file's bytes.
+/// The metadata of a safetensors file's bytes, whose hash is checked where they have one.
 fn metadata_in(bytes: &[u8]) -> Result<HashMap<String, String>, String> {
     let (_, metadata) = safetensors::SafeTensors::read_metadata(bytes).map_err(|error| error.to_string())?;
-    Ok(metadata.metadata().clone().unwrap_or_default())
+    let mut metadata = metadata.metadata().clone().unwrap_or_default();
+    if let Some(found) = metadata.remove(HASH_KEY) {
+        let views = sorted_views(bytes).map_err(|error| error.to_string())?;
+        let wanted = content_hash(&views, &serde_json::to_value(&metadata).expect("texts are JSON"));
+        if found != wanted {
+            return Err(format!("damaged: the hash of its content is {wanted}, and it says {found}"));
+        }
+    }
+    Ok(metadata)
 }
 
 /// Reads a detector.
@@ -319,6 +351,12 @@ mod tests {
         let at = bytes.windows(from.len()).position(|window| window == from.as_bytes()).unwrap();
         let mut changed = bytes.clone();
         changed[at..at + from.len()].copy_from_slice(b"fuser_channels = 32");
+        fs::write(&path, &changed).unwrap();
+        // Who changes bytes by hand is told so; a checkpoint from before the hash is told what does not fit.
+        let damaged = load(&path, &device).unwrap_err().to_string();
+        assert!(damaged.contains("damaged"), "{damaged}");
+        let at = changed.windows(HASH_KEY.len()).position(|window| window == HASH_KEY.as_bytes()).unwrap();
+        changed[at] = b'H';
         fs::write(&path, changed).unwrap();
         assert!(matches!(load(&path, &device), Err(CheckpointError::Weights { .. })));
     }

@@ -6,6 +6,7 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use burn::module::Module as _;
 use burn::tensor::Device;
 
 use super::config::{StageConfig, TrainConfig};
@@ -21,7 +22,9 @@ use super::time::Stopwatch;
 use super::validate::validate;
 use crate::config::Checked;
 use crate::dataset::{SampleSource, SeenEpisodes};
+use crate::files::{FolderLock, check_room};
 use crate::history::{History, ScoreRow, StepRow};
+use crate::interrupt;
 use crate::model::checkpoint::{self, CHECKPOINT};
 use crate::model::{Detector, ImageWeightsReport};
 use crate::progress::Progress;
@@ -82,6 +85,7 @@ pub fn run(
     if n_samples == 0 {
         return Err(TrainError::NoSamples { path: learned.path().to_owned() });
     }
+    let _lock = FolderLock::take(out)?;
     folder::open(learned.fingerprint(), config, out, options)?;
     let plan = Plan::new(config, learned);
     let final_path = out.join(CHECKPOINT);
@@ -113,6 +117,8 @@ pub fn run(
         }
         (Position { stage: 0, step: 0 }, Learner::start(detector, config))
     };
+    // A state is written while the one before it is there: weights, their average, and two moments of each.
+    check_room(out, 2 * 4 * 4 * learner.detector().num_params() as u64)?;
     let mut history = History::read_until(out, plan.n_done(position))?;
     let mut steps = Steps::new(&plan, learned, config, devices);
     let mut n_steps_now = 0;
@@ -184,11 +190,15 @@ pub fn run(
             if is_epoch_end {
                 table.tell(progress, stage, epoch, epoch_loss.mean(), plan.n_done(position));
             }
-            if n_done.is_multiple_of(config.save_every_steps) && position.step < n_steps {
+            let is_asked = interrupt::is_asked();
+            if (is_asked || n_done.is_multiple_of(config.save_every_steps)) && position.step < n_steps {
                 history.write(out)?;
                 stopwatch.save(out)?;
                 state::save(out, n_done, position, &learner)?;
                 store::push(out)?;
+            }
+            if is_asked {
+                interrupt::check()?;
             }
         }
         progress.finish();

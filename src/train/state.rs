@@ -7,14 +7,26 @@ use std::path::{Path, PathBuf};
 use burn::module::Module;
 use burn::tensor::Device;
 use fs_err as fs;
+use serde::{Deserialize, Serialize};
 
 use super::config::TrainConfig;
 use super::error::StateError;
 use super::learner::Learner;
 use super::optimizer::Optimizer;
 use super::plan::Position;
-use crate::files::PARTIAL_SUFFIX;
+use crate::files::{PARTIAL_SUFFIX, read_sealed, sha256_hex, sha256_of, write_atomic, write_sealed};
 use crate::model::checkpoint;
+
+const OPTIMIZER_FILE: &str = "optimizer.bpk";
+/// Written last; the networks beside it have hashes of their own.
+const POSITION_FILE: &str = "position.json";
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Saved {
+    position: Position,
+    optimizer_sha256: String,
+}
 
 fn folder(run: &Path) -> PathBuf {
     run.join("state")
@@ -37,9 +49,9 @@ pub fn save(run: &Path, n_done: usize, position: Position, learner: &Learner) ->
     // Batch norms hand over their latest running statistics only to a `valid()` copy.
     checkpoint::save(&learner.detector().valid(), None, &partial.join("model.safetensors"))?;
     checkpoint::save(learner.average(), None, &partial.join("average.safetensors"))?;
-    fs::write(partial.join("optimizer.bpk"), learner.optimizer().to_bytes().map_err(broken)?)?;
-    let text = serde_json::to_string(&position).expect("a position always has a JSON form");
-    fs::write(partial.join("position.json"), text)?;
+    write_atomic(&partial.join(OPTIMIZER_FILE), &learner.optimizer().to_bytes().map_err(broken)?)?;
+    let optimizer_sha256 = sha256_of(&partial.join(OPTIMIZER_FILE))?;
+    write_sealed(&partial.join(POSITION_FILE), &Saved { position, optimizer_sha256 })?;
     if whole.exists() {
         fs::remove_dir_all(&whole)?;
     }
@@ -61,7 +73,7 @@ fn list(run: &Path) -> Result<Vec<PathBuf>, StateError> {
         let path = entry?.path();
         // A state that is half put to object storage lacks its position, which goes last.
         let is_whole = path.extension().is_none()
-            && path.join("position.json").is_file()
+            && path.join(POSITION_FILE).is_file()
             && path.file_name().is_some_and(|name| name.to_string_lossy().starts_with("step-"));
         if is_whole {
             found.push(path);
@@ -83,11 +95,15 @@ pub fn load_newest(
 ) -> Result<Option<(Position, Learner)>, StateError> {
     let Some(path) = list(run)?.pop() else { return Ok(None) };
     let broken = |message: String| StateError::Broken { message, path: path.clone() };
-    let text = fs::read_to_string(path.join("position.json"))?;
-    let position = serde_json::from_str(&text).map_err(|error| broken(error.to_string()))?;
+    let text = read_sealed(&path.join(POSITION_FILE))?;
+    let Saved { position, optimizer_sha256 } =
+        serde_json::from_str(&text).map_err(|error| broken(error.to_string()))?;
     let detector = checkpoint::load(&path.join("model.safetensors"), device)?;
     let average = checkpoint::load(&path.join("average.safetensors"), inference_device)?;
-    let bytes = fs::read(path.join("optimizer.bpk"))?;
+    let bytes = fs::read(path.join(OPTIMIZER_FILE))?;
+    if sha256_hex(&bytes) != optimizer_sha256 {
+        return Err(broken(format!("{OPTIMIZER_FILE} is not as it was written")));
+    }
     let optimizer = Optimizer::new(config).load_bytes(bytes).map_err(broken)?;
     Ok(Some((position, Learner::new(detector, average, optimizer, config))))
 }

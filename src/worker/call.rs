@@ -1,8 +1,31 @@
 //! Tasks, and what those of one command share.
 
+use std::fmt;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use super::Program;
+
+/// How long a worker may be silent before it is taken for hung, unless a command says otherwise: a drive, or a part of an
+/// episode with the largest network, comes without a tick between.
+pub const SILENCE: Duration = Duration::from_secs(3_600);
+
+/// Why a task was not done.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum TaskError {
+    /// The worker's own words: another try would end the same way.
+    Failed(String),
+    /// All processes that tried it died or hung; how the last one did.
+    Lost(String),
+}
+
+impl fmt::Display for TaskError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Failed(text) | Self::Lost(text) => f.write_str(text),
+        }
+    }
+}
 
 /// What all tasks share.
 #[derive(Debug)]
@@ -18,6 +41,8 @@ pub struct Call<'a, Job> {
     pub shared: Vec<(PathBuf, PathBuf)>,
     /// Threads of each local process; `None`: as many as there are cores.
     pub n_threads: Option<usize>,
+    /// How long a local worker may say nothing, not even a tick, before it is ended and its task tried again.
+    pub silence: Duration,
 }
 
 /// One task, and the files that it reads, below the call's folder.

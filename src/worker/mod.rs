@@ -17,7 +17,7 @@ use std::sync::OnceLock;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-pub use call::{Call, Errand};
+pub use call::{Call, Errand, SILENCE, TaskError};
 pub use engine::{Engine, do_all};
 pub use ray::RayCluster;
 

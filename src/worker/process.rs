@@ -2,19 +2,29 @@
 
 use std::io::{self, BufRead, BufReader, Read, Seek, Write};
 use std::marker::PhantomData;
-use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
-use std::time::Duration;
+use std::os::unix::process::ExitStatusExt as _;
+use std::process::{Child, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::time::{Duration, Instant};
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
+use super::call::Call;
 use super::{ALLOCATOR_ENVIRONMENT, Answer, Program};
+use crate::interrupt;
 
 /// How much of a dead process's stderr is reported.
 const STDERR_TAIL_LINES: usize = 15;
 
 /// How often to look whether a process has ended by itself.
 const LOOK: Duration = Duration::from_millis(10);
+
+/// How often to look, while nothing is heard, whether the wait is to end.
+const WAIT: Duration = Duration::from_millis(100);
+
+/// Number of the signal that the kernel sends where memory is short.
+const SIGKILL: i32 = 9;
 
 /// What tells rayon how many threads to take.
 pub(super) const THREADS: &str = "RAYON_NUM_THREADS";
@@ -24,7 +34,8 @@ pub(super) struct Process {
     child: Child,
     /// `None` only while it ends.
     to: Option<ChildStdin>,
-    from: BufReader<ChildStdout>,
+    /// Its lines, until it closes its output.
+    lines: Receiver<String>,
     stderr: fs_err::File,
     /// What it is called in errors.
     name: &'static str,
@@ -56,9 +67,9 @@ impl Process {
             .spawn()
             .map_err(told)?;
         let to = child.stdin.take();
-        let from = BufReader::new(child.stdout.take().expect("stdout is piped"));
+        let lines = lines_of(child.stdout.take().expect("stdout is piped"));
         let stderr = fs_err::File::from_parts(stderr, "a process's stderr");
-        Ok(Self { child, to, from, stderr, name, patience })
+        Ok(Self { child, to, lines, stderr, name, patience })
     }
 
     /// Writes a line.
@@ -74,28 +85,44 @@ impl Process {
         Ok(())
     }
 
-    /// Reads the next line that is such an answer; other lines, such as a driver's message, are passed over.
+    /// Waits for the next line that is such an answer; other lines, such as a driver's message, are passed over.
     ///
     /// # Errors
-    /// It has died: how, and its last words.
-    pub(super) fn hear<T: DeserializeOwned>(&mut self) -> Result<T, String> {
-        let mut line = String::new();
+    /// It has died: how, and its last words; it has said nothing for so long, and is killed; the user wants to stop.
+    pub(super) fn hear<T: DeserializeOwned>(&mut self, silence: Duration) -> Result<T, Unheard> {
+        let begin = Instant::now();
         loop {
-            line.clear();
-            match self.from.read_line(&mut line) {
-                Ok(0) | Err(_) => return Err(self.last_words()),
-                Ok(_) => {}
+            match self.lines.recv_timeout(WAIT) {
+                Ok(line) => match serde_json::from_str(&line) {
+                    Ok(answer) => return Ok(answer),
+                    Err(_) => tracing::debug!(line, "a line that is no answer"),
+                },
+                Err(RecvTimeoutError::Disconnected) => {
+                    return Err(if interrupt::is_asked() {
+                        Unheard::Interrupted
+                    } else {
+                        Unheard::Lost(self.last_words())
+                    });
+                }
+                Err(RecvTimeoutError::Timeout) => {}
             }
-            if let Ok(answer) = serde_json::from_str(&line) {
-                return Ok(answer);
+            if interrupt::is_asked() {
+                return Err(Unheard::Interrupted);
             }
-            tracing::debug!(line, "a line that is no answer");
+            if begin.elapsed() >= silence {
+                let _ = self.child.kill();
+                let (name, text) = (self.name, self.last_words());
+                return Err(Unheard::Lost(format!(
+                    "the {name} said nothing for {} s and was ended: {text}",
+                    silence.as_secs()
+                )));
+            }
         }
     }
 
     /// How it died, with the end of its stderr.
     fn last_words(&mut self) -> String {
-        let how = self.child.wait().map_or_else(|error| error.to_string(), |status| status.to_string());
+        let how = self.child.wait().map_or_else(|error| error.to_string(), told);
         let mut bytes = Vec::new();
         let read = self.stderr.rewind().and_then(|()| self.stderr.read_to_end(&mut bytes));
         let text = String::from_utf8_lossy(&bytes);
@@ -109,10 +136,46 @@ impl Process {
     }
 }
 
+/// Why nothing was heard.
+pub(super) enum Unheard {
+    /// The process is gone, and how.
+    Lost(String),
+    /// The user wants to stop.
+    Interrupted,
+}
+
+/// How a process ended.
+fn told(status: ExitStatus) -> String {
+    match status.signal() {
+        Some(SIGKILL) => format!("{status}; the system does this where memory runs out"),
+        _ => status.to_string(),
+    }
+}
+
+/// The lines that are read from a pipe, by a thread that ends with it.
+fn lines_of(pipe: ChildStdout) -> Receiver<String> {
+    let (say, lines) = channel();
+    std::thread::spawn(move || {
+        let mut pipe = BufReader::new(pipe);
+        loop {
+            let mut line = String::new();
+            match pipe.read_line(&mut line) {
+                Ok(0) | Err(_) => return,
+                Ok(_) if say.send(line).is_err() => return,
+                Ok(_) => {}
+            }
+        }
+    });
+    lines
+}
+
 impl Drop for Process {
     fn drop(&mut self) {
         // A closed pipe ends it, with what it has started; an abandoned task leaves only a partial file.
         self.to = None;
+        if interrupt::is_asked() {
+            let _ = self.child.kill();
+        }
         for _ in 0..self.patience.as_millis() / LOOK.as_millis() {
             if !matches!(self.child.try_wait(), Ok(None)) {
                 return;
@@ -127,45 +190,44 @@ impl Drop for Process {
 /// The parent's side of one worker process of this machine, which makes `Made` of each task.
 pub(super) struct Worker<Made> {
     process: Process,
+    silence: Duration,
     made: PhantomData<fn() -> Made>,
 }
 
+/// Why a task was not done.
+pub(super) enum NotMade {
+    /// The worker says why it cannot be.
+    Failed(String),
+    Unheard(Unheard),
+}
+
 impl<Made: DeserializeOwned> Worker<Made> {
-    /// Starts `program command` and hands it its job. So many threads are the worker's share of the cores; `None`: all.
+    /// Starts the call's worker and hands it its job.
     ///
     /// # Errors
     /// The program cannot be started.
-    pub(super) fn start(
-        program: &Program,
-        command: &str,
-        job: &impl Serialize,
-        n_threads: Option<usize>,
-    ) -> io::Result<Self> {
+    pub(super) fn start<Job: Serialize>(call: &Call<'_, Job>) -> io::Result<Self> {
         let allocator = ALLOCATOR_ENVIRONMENT.map(|(name, value)| (name, value.to_owned()));
-        let threads = n_threads.map(|n| (THREADS, n.to_string()));
+        let threads = call.n_threads.map(|n| (THREADS, n.to_string()));
         let patience = Duration::from_millis(500);
-        let mut process = Process::start(
-            program,
-            command,
-            allocator.into_iter().chain(threads),
-            "worker process",
-            patience,
-        )?;
-        process.say(job).map_err(io::Error::other)?;
-        Ok(Self { process, made: PhantomData })
+        let environment = allocator.into_iter().chain(threads);
+        let mut process =
+            Process::start(call.program, call.command, environment, "worker process", patience)?;
+        process.say(call.job).map_err(io::Error::other)?;
+        Ok(Self { process, silence: call.silence, made: PhantomData })
     }
 
     /// Lets the worker do one task.
     ///
     /// # Errors
-    /// The text to report: the worker's own, or how it died.
-    pub(super) fn make(&mut self, task: &impl Serialize, on_tick: &dyn Fn()) -> Result<Made, String> {
-        self.process.say(task)?;
+    /// The text to report: the worker's own, or how it was lost.
+    pub(super) fn make(&mut self, task: &impl Serialize, on_tick: &dyn Fn()) -> Result<Made, NotMade> {
+        self.process.say(task).map_err(|text| NotMade::Unheard(Unheard::Lost(text)))?;
         loop {
-            match self.process.hear()? {
+            match self.process.hear(self.silence).map_err(NotMade::Unheard)? {
                 Answer::Tick => on_tick(),
                 Answer::Done(made) => return Ok(*made),
-                Answer::Failed(message) => return Err(message),
+                Answer::Failed(message) => return Err(NotMade::Failed(message)),
             }
         }
     }

@@ -12,8 +12,8 @@ use std::time::Duration;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use super::call::{Call, Errand};
-use super::process::{Process, THREADS};
+use super::call::{Call, Errand, TaskError};
+use super::process::{Process, THREADS, Unheard};
 use super::{ALLOCATOR_ENVIRONMENT, Answer, Program};
 
 /// The word that starts the process.
@@ -76,7 +76,7 @@ pub(super) fn do_all<Job, Task, Made, E>(
     call: &Call<'_, Job>,
     errands: &[Errand<Task>],
     on_tick: &dyn Fn(),
-    on_made: &dyn Fn(usize, Result<Made, String>) -> Result<(), E>,
+    on_made: &dyn Fn(usize, Result<Made, TaskError>) -> Result<(), E>,
 ) -> Result<(), E>
 where
     Job: Serialize,
@@ -100,7 +100,11 @@ where
             process.say(&Numbered { place: n_given, task, reads }).map_err(other)?;
             n_given += 1;
         }
-        match process.hear::<Said<Made>>().map_err(other)? {
+        let said = process.hear::<Said<Made>>(Duration::MAX).map_err(|unheard| match unheard {
+            Unheard::Lost(text) => other(text),
+            Unheard::Interrupted => other("interrupted".to_owned()),
+        })?;
+        match said {
             Said::Takes(n) => takes = n.max(1),
             Said::Told(text) => tracing::warn!("{text}"),
             Said::Answer { place, answer } => {
@@ -110,7 +114,7 @@ where
                         continue;
                     }
                     Answer::Done(made) => Ok(*made),
-                    Answer::Failed(message) => Err(message),
+                    Answer::Failed(message) => Err(TaskError::Failed(message)),
                 };
                 n_made += 1;
                 on_made(place, made)?;
@@ -128,9 +132,10 @@ fn start(program: &Program) -> io::Result<Process> {
 mod tests {
     use std::cell::RefCell;
 
+    use super::super::SILENCE;
     use super::*;
 
-    type Answers = Vec<(usize, Result<u32, String>)>;
+    type Answers = Vec<(usize, Result<u32, TaskError>)>;
 
     /// Runs 5 tasks, of which each is a number, on a process that is this script; also counts the ticks.
     fn run(script: &str) -> (Result<(), io::Error>, Answers, usize) {
@@ -143,6 +148,7 @@ mod tests {
             folder: &folder,
             shared: Vec::new(),
             n_threads: None,
+            silence: SILENCE,
         };
         let cluster = RayCluster { address: None, task_cpus: 1.0, task_gpus: 0.0, most_in_flight: None };
         let (made, n_ticks) = (RefCell::new(Vec::new()), RefCell::new(0));
@@ -184,7 +190,7 @@ while True:
         assert_eq!(made.iter().map(|(place, _)| *place).collect::<Vec<_>>(), [1, 0, 3, 2, 4]);
         made.sort_by_key(|(place, _)| *place);
         assert_eq!(made[3].1, Ok(30));
-        assert_eq!(made[4].1, Err("no road".to_owned()));
+        assert_eq!(made[4].1, Err(TaskError::Failed("no road".to_owned())));
         assert_eq!(n_ticks, 4);
     }
 

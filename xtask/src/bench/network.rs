@@ -61,7 +61,8 @@ fn make(config: &GenerateConfig, n: u32, data: &Path, progress: &dyn Progress) -
         program: std::env::current_exe()?.into(),
         engine: harmzone::worker::Engine::Local { jobs },
         force: false,
-        own_models: None,
+        silence: harmzone::worker::SILENCE,
+            own_models: None,
     };
     generate::run(config, n, data, &options, progress)?;
     label::run(data, &ZoneConfig::default(), LABELS, false, progress)?;

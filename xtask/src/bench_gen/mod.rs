@@ -182,6 +182,7 @@ fn compare_runs(
             program: options.program.clone().into(),
             engine: harmzone::worker::Engine::Local { jobs },
             force: false,
+            silence: harmzone::worker::SILENCE,
             own_models: None,
         };
         let begin = Instant::now();

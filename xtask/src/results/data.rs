@@ -15,7 +15,7 @@ use harmzone::label;
 use harmzone::progress::Progress;
 use harmzone::report::results::SetRecord;
 use harmzone::scene::SceneSplit;
-use harmzone::worker::Engine;
+use harmzone::worker::{Engine, SILENCE};
 use harmzone::zone::ZoneConfig;
 
 /// The label set that is made and used.
@@ -39,6 +39,7 @@ pub fn prepare(
             program: request.program.clone().into(),
             engine: Engine::Local { jobs: request.jobs },
             force: false,
+            silence: SILENCE,
             own_models: None,
         };
         generate::run(&config, n_episodes, &path, &options, progress)?;
@@ -79,7 +80,8 @@ pub fn prepare_to_report(
         program: request.program.clone().into(),
         engine: Engine::Local { jobs: request.jobs },
         force: false,
-        own_models: None,
+        silence: SILENCE,
+            own_models: None,
     };
     generate::run(&config, n_episodes, path, &options, progress)?;
     label::run(path, &ZoneConfig::default(), LABELS, false, progress)?;

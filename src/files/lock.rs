@@ -1,0 +1,139 @@
+//! One writer a folder: who writes says so in a file there, and holds it while it lives.
+
+use std::fmt;
+use std::fs::TryLockError;
+use std::io::{self, Read as _, Seek as _, Write as _};
+use std::path::{Path, PathBuf};
+
+use fs_err as fs;
+use rustix::fs::{fstat, stat};
+
+/// Name of the file, which counts as unfinished: it may be deleted where nobody holds it.
+const FILE: &str = "writer.partial";
+
+/// The right to write in a folder, until it is dropped or the process ends, however it ends.
+pub struct FolderLock {
+    file: std::fs::File,
+    path: PathBuf,
+}
+
+impl FolderLock {
+    /// Takes the lock of a folder, which is made if it is not there. What a process that was killed left is taken over.
+    ///
+    /// # Errors
+    /// Another process holds it, who is named; the disk fails.
+    pub fn take(folder: &Path) -> io::Result<Self> {
+        Self::take_named(folder, FILE)
+    }
+
+    /// As [`Self::take`], for one of several that may write there at a time, each under its own name.
+    ///
+    /// # Errors
+    /// As [`Self::take`].
+    pub fn take_named(folder: &Path, name: &str) -> io::Result<Self> {
+        fs::create_dir_all(folder)?;
+        let path = folder.join(name);
+        loop {
+            let options = fs::OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path)?;
+            let (mut file, _) = options.into_parts();
+            match file.try_lock() {
+                Ok(()) => {}
+                Err(TryLockError::WouldBlock) => {
+                    let mut holder = String::new();
+                    file.read_to_string(&mut holder)?;
+                    return Err(io::Error::new(
+                        io::ErrorKind::ResourceBusy,
+                        format!(
+                            "another process writes here ({}); wait for it, or give another folder: {}",
+                            holder.trim_end(),
+                            folder.display()
+                        ),
+                    ));
+                }
+                // Some network file systems have no locks.
+                Err(TryLockError::Error(error)) if error.kind() == io::ErrorKind::Unsupported => {
+                    tracing::warn!("no lock, the file system has none: {}", folder.display());
+                }
+                Err(TryLockError::Error(error)) => return Err(error),
+            }
+            // The one before may have deleted the file between our opening and its unlocking.
+            if !is_still_there(&file, &path) {
+                continue;
+            }
+            file.rewind()?;
+            file.set_len(0)?;
+            writeln!(file, "{}", this_process())?;
+            return Ok(Self { file, path });
+        }
+    }
+}
+
+/// Whether a name still leads to this file.
+fn is_still_there(file: &std::fs::File, path: &Path) -> bool {
+    match (fstat(file), stat(path)) {
+        (Ok(ours), Ok(there)) => (ours.st_dev, ours.st_ino) == (there.st_dev, there.st_ino),
+        _ => false,
+    }
+}
+
+/// This process in words.
+fn this_process() -> String {
+    let host = fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
+    let words: Vec<String> =
+        std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned()).collect();
+    format!("process {} on {}: harmzone {}", std::process::id(), host.trim_end(), words.join(" "))
+}
+
+impl Drop for FolderLock {
+    fn drop(&mut self) {
+        // While it is held, so that nobody can have taken the same file.
+        let _ = fs::remove_file(&self.path);
+        let _ = self.file.unlock();
+    }
+}
+
+impl fmt::Debug for FolderLock {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("FolderLock").field(&self.path).finish()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_second_is_told_who_the_first_is_and_a_stale_file_is_taken_over() {
+        let home = tempfile::tempdir().unwrap();
+        let folder = home.path().join("data");
+        let first = FolderLock::take(&folder).unwrap();
+        let told = FolderLock::take(&folder).unwrap_err();
+        assert_eq!(told.kind(), io::ErrorKind::ResourceBusy);
+        assert!(told.to_string().contains(&format!("process {}", std::process::id())), "{told}");
+        assert!(FolderLock::take_named(&folder, "other.partial").is_ok());
+        drop(first);
+        assert_eq!(fs::read_dir(&folder).unwrap().count(), 0);
+        fs::write(folder.join(FILE), "process 1 on a host that lost its power").unwrap();
+        drop(FolderLock::take(&folder).unwrap());
+    }
+
+    #[test]
+    fn of_many_that_ask_at_a_time_one_has_it() {
+        let home = tempfile::tempdir().unwrap();
+        let (held, most) = (std::sync::atomic::AtomicUsize::new(0), std::sync::atomic::AtomicUsize::new(0));
+        std::thread::scope(|scope| {
+            for _ in 0..8 {
+                scope.spawn(|| {
+                    for _ in 0..100 {
+                        if let Ok(_lock) = FolderLock::take(home.path()) {
+                            let n = held.fetch_add(1, std::sync::atomic::Ordering::SeqCst) + 1;
+                            most.fetch_max(n, std::sync::atomic::Ordering::SeqCst);
+                            held.fetch_sub(1, std::sync::atomic::Ordering::SeqCst);
+                        }
+                    }
+                });
+            }
+        });
+        assert_eq!(most.into_inner(), 1);
+    }
+}

@@ -1,0 +1,113 @@
+//! JSON files that end with a hash of themselves, so that no other content passes for what was written.
+//!
+//! The last key is `sha256`: the SHA-256 of the text without that key and the comma before it.
+
+use std::io;
+use std::path::Path;
+
+use fs_err as fs;
+use serde::Serialize;
+
+use super::{sha256_hex, write_atomic};
+
+const BEGIN: &str = ",\n  \"sha256\": \"";
+const END: &str = "\"\n}\n";
+const N_DIGITS: usize = 64;
+
+/// The text of a JSON object, one key a line, with its hash.
+///
+/// # Panics
+/// The text is no JSON object with a key that ends with a line.
+#[must_use]
+pub fn seal(json: &str) -> String {
+    let body = json.trim_end().strip_suffix("\n}").expect("a JSON object, one key a line");
+    format!("{body}{BEGIN}{}{END}", sha256_hex(plain(body).as_bytes()))
+}
+
+fn plain(body: &str) -> String {
+    format!("{body}\n}}\n")
+}
+
+/// The JSON object without its hash, which is checked; a text without a hash stays as it is.
+///
+/// # Errors
+/// The hash is another: what is found, in words.
+pub fn unseal(text: &str) -> Result<String, String> {
+    let Some(before) = text.strip_suffix(END) else { return Ok(text.to_owned()) };
+    let Some(at) = before.len().checked_sub(N_DIGITS).filter(|&at| before.is_char_boundary(at)) else {
+        return Ok(text.to_owned());
+    };
+    let (body, found) = before.split_at(at);
+    let Some(body) = body.strip_suffix(BEGIN) else { return Ok(text.to_owned()) };
+    let json = plain(body);
+    let wanted = sha256_hex(json.as_bytes());
+    if found == wanted {
+        return Ok(json);
+    }
+    Err(format!("its content was changed: the hash of what it holds is {wanted}, and it says {found}"))
+}
+
+/// Whether a text ends with a hash.
+#[must_use]
+pub fn is_sealed(text: &str) -> bool {
+    text.strip_suffix(END)
+        .and_then(|before| before.get(..before.len().checked_sub(N_DIGITS)?))
+        .is_some_and(|body| body.ends_with(BEGIN))
+}
+
+/// Writes a value as a sealed file, whole or not at all.
+///
+/// # Errors
+/// The value has no JSON form, or the disk fails.
+pub fn write_sealed(path: &Path, value: &impl Serialize) -> io::Result<()> {
+    write_atomic(path, seal(&serde_json::to_string_pretty(value)?).as_bytes())
+}
+
+/// Reads the JSON of a sealed file, or of one without a hash.
+///
+/// # Errors
+/// It cannot be read, or its hash is another (`InvalidData`); errors name the path.
+pub fn read_sealed(path: &Path) -> io::Result<String> {
+    let text = fs::read_to_string(path)?;
+    unseal(&text).map_err(|message| {
+        io::Error::new(
+            io::ErrorKind::InvalidData,
+            format!("{message}; make the file again: {}", path.display()),
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sealed_text_is_json_and_gives_back_what_was_sealed() {
+        let json = serde_json::to_string_pretty(&serde_json::json!({ "name": "a\"b", "n": [1, 2] })).unwrap();
+        let sealed = seal(&json);
+        assert_eq!(unseal(&sealed).unwrap(), json.clone() + "\n");
+        assert!(is_sealed(&sealed) && !is_sealed(&json));
+        let value: serde_json::Value = serde_json::from_str(&sealed).unwrap();
+        assert_eq!(value["sha256"].as_str().unwrap().len(), 64);
+        assert_eq!(unseal("{}").unwrap(), "{}");
+    }
+
+    #[test]
+    fn every_changed_bit_is_found_or_leaves_the_data_as_it_was() {
+        let value = serde_json::json!({ "format_version": 3, "name": "town", "seeds": [12, 13] });
+        let sealed = seal(&serde_json::to_string_pretty(&value).unwrap());
+        for bit in 0..sealed.len() * 8 {
+            let mut bytes = sealed.clone().into_bytes();
+            bytes[bit / 8] ^= 1 << (bit % 8);
+            let Ok(text) = String::from_utf8(bytes) else { continue };
+            let Ok(json) = unseal(&text) else { continue };
+            let Ok(mut read) = serde_json::from_str::<serde_json::Value>(&json) else { continue };
+            // The seal itself was hit: its key is another, which readers refuse or pass over.
+            let unknown: Vec<String> = read.as_object().unwrap().keys().cloned().collect();
+            unknown.iter().filter(|key| value.get(key).is_none()).for_each(|key| {
+                read.as_object_mut().unwrap().remove(key);
+            });
+            assert_eq!(read, value, "bit {bit}");
+        }
+    }
+}
