@@ -13,7 +13,8 @@ PYTHON_SOURCES = python scenes mjcf_assets tests scripts xtask/python
 RESULTS = runs/results
 
 .PHONY: help setup setup-test setup-golden build demo network results report test ci book test-book check-gpu check-logs \
-	check-mmdet3d bench bench-micro bench-gen bench-eval race miri bundle bundle-test wheel wheel-test wheel-root-test bench-ray bench-stream paper-run gallery weathers reference fmt clean
+	check-mmdet3d bench bench-micro bench-gen bench-eval race miri bundle bundle-test wheel wheel-test wheel-root-test bench-ray bench-stream paper-run gallery weathers reference \
+	soak lock sbom audit reproducible fmt clean
 
 help: ## List the targets
 	@echo "make <target>, where target is:"
@@ -31,13 +32,13 @@ setup-test: .venv-test/.ready ## The outside references that the tests compare w
 
 setup-golden: .venv-golden/.ready ## PyTorch, which the golden tests' files and `make race` come from (once; large)
 
-.venv-golden/.ready: tests/golden/requirements.txt scripts/setup.sh
+.venv-golden/.ready: tests/golden/requirements.txt tests/golden/requirements-cuda.txt scripts/setup.sh
 	@scripts/setup.sh golden
 
 .venv-logs/.ready: requirements.txt requirements-test.txt tests/import/requirements.txt scripts/setup.sh .venv/.ready
 	@scripts/setup.sh logs
 
-.venv-mmdet3d/.ready: tests/golden/requirements.txt tests/import/requirements-mmdet3d.txt scripts/setup.sh
+.venv-mmdet3d/.ready: tests/golden/requirements.txt tests/golden/requirements-cuda.txt tests/import/requirements-mmdet3d.txt scripts/setup.sh
 	@scripts/setup.sh mmdet3d
 
 .venv-wheel/.ready: requirements-wheel.txt scripts/setup.sh .venv/.ready
@@ -45,6 +46,9 @@ setup-golden: .venv-golden/.ready ## PyTorch, which the golden tests' files and 
 
 .venv-bundle/.ready: requirements-bundle.txt requirements-bundle-source.txt scripts/setup.sh .venv/.ready
 	@scripts/setup.sh bundle
+
+.venv-supply/.ready: requirements-supply.txt scripts/setup.sh .venv/.ready
+	@scripts/setup.sh supply
 
 build: setup ## The optimised program (the first time 8 to 14 minutes on two cores)
 	@start=$$SECONDS; cargo build --release; \
@@ -106,6 +110,7 @@ ci: setup setup-test $(CARGO_DENY) ## Tests, formats, lints, docs, spelling, lic
 	.venv-test/bin/ruff check $(PYTHON_SOURCES)
 	.venv-test/bin/typos
 	$(CARGO_DENY) check bans licenses sources
+	AUDIT=offline scripts/audit.sh $(CARGO_DENY)
 	cargo clippy --release --workspace --all-targets -- -D warnings
 	cargo clippy --release --lib --no-default-features --features wheel -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --release --workspace --no-deps --document-private-items
@@ -166,13 +171,19 @@ race: build setup-golden ## Speed of the small detector, and against PyTorch; RA
 bench-eval: setup setup-test ## Speed of eval against nuscenes-devkit and of label against shapely; about 3 minutes
 	$(XTASK) bench --rows label,eval
 
+# Neither a time nor a folder of this machine gets into what others get: `make reproducible` holds the wheel and the bundle to that.
+# With these flags every crate is compiled once more, the first time.
+MOVABLE = env SOURCE_DATE_EPOCH=$(or $(SOURCE_DATE_EPOCH),$(shell git log -1 --format=%ct 2>/dev/null),315532800) \
+	CARGO_INCREMENTAL=0 HARMZONE_MOVABLE=1 RUSTFLAGS="$${RUSTFLAGS:-} --remap-path-prefix=$(CURDIR)=/harmzone \
+	--remap-path-prefix=$${CARGO_HOME:-$$HOME/.cargo}=/cargo --remap-path-prefix=$(abspath $(or $(CARGO_TARGET_DIR),target))=/target"
+
 BUNDLE = dist/harmzone-x86_64-linux
 
 # scripts/bundle.toml and these make the program smaller: equal functions are in it once, and no relocations.
 bundle: setup .venv-bundle/.ready ## One folder that runs on other x86-64 Linux machines, at most 72 MiB: dist/
-	cargo rustc --config scripts/bundle.toml --release --bin harmzone -- \
+	$(MOVABLE) cargo rustc --locked --config scripts/bundle.toml --release --bin harmzone -- \
 	    -C relocation-model=static -C link-arg=-Wl,--icf=all
-	.venv-bundle/bin/python scripts/bundle.py $(BIN) $(BUNDLE)
+	PYTHONHASHSEED=0 .venv-bundle/bin/python scripts/bundle.py $(BIN) $(BUNDLE)
 
 # ROOT is the root folder of any other Linux, such as an unpacked container image; as root, with unshare and chroot.
 ROOT ?= dist/debian
@@ -184,9 +195,10 @@ bundle-test: ## The bundle from gen to eval in a Debian that has neither Rust, P
 WHEELS = dist/wheels
 
 # For any CPython from 3.11 on; pip finds MuJoCo and numpy.
-wheel: setup .venv-wheel/.ready ## A wheel of the command and the Python module: dist/wheels (6 minutes on two cores)
+wheel: setup .venv-wheel/.ready sbom ## A wheel of the command and the Python module: dist/wheels (15 minutes on two cores, the first time)
 	rm -rf $(WHEELS)
-	.venv-wheel/bin/maturin build --release --interpreter .venv/bin/python --out $(WHEELS)
+	$(MOVABLE) .venv-wheel/bin/maturin build --release --locked --interpreter .venv/bin/python --sbom-include $(SBOM) \
+	    --out $(WHEELS)
 
 wheel-test: build wheel ## The wheel in a fresh venv: command, module, the program's bytes; PyTorch's part after `make setup-golden`
 	@scripts/try_wheel.sh $(WHEELS) $(BIN)
@@ -203,6 +215,10 @@ bench-stream: setup ## Time and memory of a made-up data set of 100,000 episodes
 paper-run: setup ## The paper's data, training, scores and costs on a GPU, resumable; PAPER_DEVICE=cuda:0 PAPER_TOY=1 tries it on the CPU
 	@scripts/paper_run.sh
 
+# Each row alone is ROWS=kills, bits, io_errors, doctor or soak; HARMZONE_FAULTS=100 makes fewer (soak: minutes).
+soak: setup setup-test ## Thousands of kills, changed bits, errors of the disk, and two hours of gen whose workers die: five tables, five hours
+	cargo test --release --test faults -- --ignored --nocapture --test-threads 1 long_$(ROWS)
+
 miri: ## The kernels under Miri, portable path: cargo +nightly with the component miri; minutes
 	cd tests/miri && MIRIFLAGS="-Zmiri-tree-borrows -Zmiri-ignore-leaks" cargo +nightly miri test -- --test-threads=1
 
@@ -218,10 +234,34 @@ reference: build ## The pages of the docs that the program prints: docs/referenc
 	$(BIN) config reference > docs/reference/config.md
 	.venv/bin/python scripts/python_reference.py > docs/reference/python.md
 
+# The venv may be older than its list: else a pin of the tool itself could not be raised.
+lock: ## Hashes behind every pin of the requirements files, from the package index; ARGS=requirements.txt
+	@test -x .venv-supply/bin/uv || $(MAKE) --no-print-directory .venv-supply/.ready
+	.venv-supply/bin/python scripts/lock_requirements.py $(ARGS)
+
+# Built from source: some minutes on two cores, once.
+CARGO_CYCLONEDX_VERSION = 0.5.9
+CARGO_CYCLONEDX = $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/harmzone/cargo-cyclonedx-$(CARGO_CYCLONEDX_VERSION)/bin/cargo-cyclonedx
+
+$(CARGO_CYCLONEDX):
+	env -u CARGO_TARGET_DIR cargo install --locked --quiet cargo-cyclonedx --version =$(CARGO_CYCLONEDX_VERSION) \
+	    --root $(@D:/bin=)
+
+SBOM = dist/sbom/harmzone.cdx.json
+
+sbom: setup .venv-supply/.ready $(CARGO_CYCLONEDX) ## All crates and packages with versions, hashes and licences, as CycloneDX: dist/sbom
+	.venv-supply/bin/python scripts/sbom.py $(CARGO_CYCLONEDX) $(SBOM)
+
+audit: $(CARGO_DENY) ## Known faults of the crates, from RustSec's database; AUDIT=offline fetches none, AUDIT=required fails without one
+	@AUDIT=$(AUDIT) scripts/audit.sh $(CARGO_DENY)
+
+reproducible: ## Wheel and bundle twice, in two clones: the same bytes? An hour or more; ARGS=wheel JOBS=1 KEEP=1
+	@JOBS=$(JOBS) KEEP=$(KEEP) scripts/check_reproducible.sh $(ARGS)
+
 fmt: setup-test ## Format Rust and Python
 	cargo fmt --all
 	.venv-test/bin/ruff format $(PYTHON_SOURCES)
 	.venv-test/bin/ruff check --fix $(PYTHON_SOURCES)
 
 clean: ## Remove the venvs, the bundle and the demo's results (not the compiled code)
-	rm -rf .venv .venv-test .venv-golden .venv-bundle .venv-wheel demo dist
+	rm -rf .venv .venv-test .venv-golden .venv-bundle .venv-wheel .venv-supply demo dist

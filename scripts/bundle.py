@@ -270,7 +270,8 @@ def adopt_libraries(lib: Path) -> None:
     waiting = binaries(lib)
     while waiting:
         file = waiting.pop()
-        for name in needed_libraries(file) - SYSTEM_LIBRARIES:
+        # In order: what is patched first moves what is patched later.
+        for name in sorted(needed_libraries(file) - SYSTEM_LIBRARIES):
             if (file.parent / name).exists():
                 continue
             own = lib / f"harmzone-{name}"

@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # Makes the project's Python venv and what it needs from the system; called by `make setup`,
-# `make setup-test`, `make setup-golden`, `make bundle`, `make wheel`, `make check-logs` and `make check-mmdet3d`.
-# Usage: setup.sh product|test|golden|logs|mmdet3d|bundle|wheel
+# `make setup-test`, `make setup-golden`, `make bundle`, `make wheel`, `make check-logs`, `make check-mmdet3d`,
+# `make lock` and `make sbom`.
+# Usage: setup.sh product|test|golden|logs|mmdet3d|bundle|wheel|supply
 #
 # Debian and Ubuntu as root: missing system packages are installed. Elsewhere: the command to run is printed.
 set -euo pipefail
@@ -27,7 +28,8 @@ system_packages() {
     fi
 }
 
-# Can this interpreter be embedded (3.11+, shared libpython with its link name) and make a venv?
+# Can this interpreter be embedded (of a version that the lists have hashes for, shared libpython with its link name) and
+# make a venv?
 usable() {
     "$1" - >/dev/null 2>&1 <<'PYTHON'
 import ensurepip, os, sys, sysconfig, venv
@@ -35,7 +37,7 @@ get = sysconfig.get_config_var
 folders = [get("LIBDIR") or "", os.path.join(get("LIBDIR") or "", get("MULTIARCH") or "")]
 linkable = any(os.path.exists(os.path.join(folder, get("LDLIBRARY") or "none")) for folder in folders)
 headers = os.path.exists(os.path.join(sysconfig.get_path("include"), "Python.h"))
-sys.exit(not (sys.version_info >= (3, 11) and get("Py_ENABLE_SHARED") and linkable and headers))
+sys.exit(not ((3, 11) <= sys.version_info[:2] <= (3, 14) and get("Py_ENABLE_SHARED") and linkable and headers))
 PYTHON
 }
 
@@ -50,21 +52,29 @@ find_python() {
     return 1
 }
 
-# make_venv FOLDER REQUIREMENTS: the lists pin every package, so pip resolves nothing (--no-deps).
+# make_venv FOLDER REQUIREMENTS
 make_venv() {
     local folder=$1 requirements=$2 python
     if ! "$folder/bin/python" -c '' 2>/dev/null; then
         if ! python=$(find_python); then
-            [ -z "${PYTHON:-}" ] || fail "PYTHON=$PYTHON is not Python 3.11+ with a shared libpython and headers"
-            system_packages "Python 3.11+ with venv, headers and a shared libpython" python3-venv python3-dev
-            python=$(find_python) || fail "no Python 3.11+ with a shared libpython; name one: PYTHON=... make setup"
+            [ -z "${PYTHON:-}" ] || fail "PYTHON=$PYTHON is not Python 3.11 to 3.14 with a shared libpython and headers"
+            system_packages "Python 3.11 to 3.14 with venv, headers and a shared libpython" python3-venv python3-dev
+            python=$(find_python) || fail "no Python 3.11 to 3.14 with a shared libpython; name one: PYTHON=... make setup"
         fi
         say "making $folder with $python"
         rm -rf "$folder"
         "$python" -m venv "$folder"
     fi
     say "installing $requirements into $folder"
-    "$folder/bin/python" -m pip install --disable-pip-version-check --quiet --no-deps -r "$requirements"
+    install_pinned "$folder" "$requirements"
+}
+
+# install_pinned VENV REQUIREMENTS: the lists pin every package, so pip resolves nothing (--no-deps), and takes no file
+# whose hash is not in the list.
+install_pinned() {
+    "$1/bin/python" -m pip install --disable-pip-version-check --quiet --no-deps --require-hashes -r "$2" ||
+        fail "$2 cannot be installed; see above. If a hash differs: \`make lock\` writes the index's hashes into the list;
+    where the version is the same as before, find out why its file changed first"
 }
 
 # build_numpy REQUIREMENTS: prints the path of a wheel without OpenBLAS, which alone takes 28 MB. harmzone multiplies
@@ -94,10 +104,9 @@ build_numpy() {
     echo "$kept"/*.whl
 }
 
-# install_cuda VENV: PyTorch's wheel is linked against CUDA's libraries, which its own pins name; it runs on the CPU here.
+# install_cuda VENV: PyTorch's wheel is linked with CUDA's libraries, although it runs on the CPU here.
 install_cuda() {
-    "$1/bin/python" -c 'import torch' 2>/dev/null ||
-        "$1/bin/python" -m pip install --disable-pip-version-check --quiet -r tests/golden/requirements.txt
+    "$1/bin/python" -c 'import torch' 2>/dev/null || install_pinned "$1" tests/golden/requirements-cuda.txt
 }
 
 # Can MuJoCo draw without a window?
@@ -154,6 +163,10 @@ wheel)
     make_venv .venv-wheel requirements-wheel.txt
     touch .venv-wheel/.ready
     ;;
+supply)
+    make_venv .venv-supply requirements-supply.txt
+    touch .venv-supply/.ready
+    ;;
 bundle)
     command -v c++ >/dev/null || system_packages "a C++ compiler" build-essential
     PYTHON="$PWD/.venv/bin/python" make_venv .venv-bundle requirements-bundle.txt
@@ -161,5 +174,5 @@ bundle)
     .venv-bundle/bin/python -m pip install --disable-pip-version-check --quiet --no-deps --no-index --force-reinstall "$numpy"
     touch .venv-bundle/.ready
     ;;
-*) fail "usage: scripts/setup.sh product|test|golden|logs|mmdet3d|bundle|wheel" ;;
+*) fail "usage: scripts/setup.sh product|test|golden|logs|mmdet3d|bundle|wheel|supply" ;;
 esac

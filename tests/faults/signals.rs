@@ -1,0 +1,177 @@
+//! Signals, locks, and workers that die or hang.
+
+use std::path::Path;
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+use fs_err as fs;
+
+use super::folder::{difference, hashes};
+use super::made_data::{command, generation, succeed, text};
+use super::stages::{all, named};
+
+/// The longest that a stage may take to end once it is asked.
+const LONGEST: Duration = Duration::from_secs(5);
+
+/// Exit code of a command that lost a part.
+const WITH_LOSSES: i32 = 3;
+
+fn start(mut command: Command) -> Child {
+    command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("the program starts")
+}
+
+fn signal(process: u32, name: &str) {
+    let sent = Command::new("kill").args([&format!("-{name}"), &process.to_string()]).status();
+    assert!(sent.expect("kill runs").success());
+}
+
+fn ended(child: Child) -> (Option<i32>, String) {
+    let Output { status, stderr, .. } = child.wait_with_output().expect("a child of ours");
+    (status.code(), String::from_utf8_lossy(&stderr).into_owned())
+}
+
+/// The processes that a process has started.
+fn children(of: u32) -> Vec<u32> {
+    let listed = fs::read_to_string(format!("/proc/{of}/task/{of}/children")).unwrap_or_default();
+    let mut found: Vec<u32> = listed.split_whitespace().map(|word| word.parse().expect("a number")).collect();
+    // Those that other threads have started.
+    for entry in fs::read_dir(format!("/proc/{of}/task")).into_iter().flatten().flatten() {
+        let listed = fs::read_to_string(entry.path().join("children")).unwrap_or_default();
+        found.extend(listed.split_whitespace().map(|word| word.parse::<u32>().expect("a number")));
+    }
+    found.sort_unstable();
+    found.dedup();
+    found
+}
+
+/// Waits until something is so.
+fn wait_until(is_so: impl Fn() -> bool) {
+    let begin = Instant::now();
+    while !is_so() {
+        assert!(begin.elapsed() < Duration::from_secs(120), "it did not come to it");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+#[test]
+fn a_signal_ends_every_stage_soon_with_nothing_unfinished_and_the_same_command_goes_on() {
+    for stage in all() {
+        for name in ["INT", "TERM"] {
+            let home = tempfile::tempdir().expect("a temporary folder");
+            let out = home.path().join("out");
+            stage.prepare(&out);
+            let child = start(stage.command(&out));
+            std::thread::sleep(stage.unbroken().took.mul_f64(0.5));
+            let (process, begin) = (child.id(), Instant::now());
+            signal(process, name);
+            let (code, told) = ended(child);
+            assert!(begin.elapsed() < LONGEST, "{} took {:?}", stage.name, begin.elapsed());
+            // It may have been done before the signal came.
+            if code != Some(0) {
+                assert_eq!(code, Some(if name == "INT" { 130 } else { 143 }), "{}: {told}", stage.name);
+                assert!(told.contains("goes on"), "{}: {told}", stage.name);
+                let unfinished: Vec<String> = if out.is_dir() {
+                    hashes(&out).into_keys().filter(|file| file.contains(".partial")).collect()
+                } else {
+                    Vec::new()
+                };
+                assert!(unfinished.is_empty(), "{}: {unfinished:?}", stage.name);
+            }
+            succeed(&mut stage.command(&out));
+            assert_eq!(difference(&hashes(&out), &stage.unbroken().hashes), None, "{}", stage.name);
+        }
+    }
+}
+
+#[test]
+fn the_second_writer_is_told_who_the_first_is_and_a_dead_ones_lock_is_taken_over() {
+    for name in ["gen", "train"] {
+        let stage = named(name);
+        let home = tempfile::tempdir().expect("a temporary folder");
+        let out = home.path().join("out");
+        let mut first = start(stage.command(&out));
+        wait_until(|| out.join("writer.partial").is_file());
+        let second = stage.command(&out).output().expect("the program starts");
+        let told = String::from_utf8_lossy(&second.stderr).into_owned();
+        let who = format!("process {}", first.id());
+        if second.status.code() != Some(0) {
+            assert!(told.contains(&who) && told.contains(name), "{told}");
+        }
+        first.kill().expect("a child of ours");
+        first.wait().expect("a child of ours");
+        succeed(&mut stage.command(&out));
+        assert_eq!(difference(&hashes(&out), &stage.unbroken().hashes), None, "{name}");
+    }
+}
+
+/// `gen` with one worker, to which something is done once it is at work; then what it says.
+fn generate_while(out: &Path, more: &[&str], act: impl Fn(u32)) -> (Option<i32>, String) {
+    let child = start(command(&generation(out, "1", &[&["--episodes", "3"], more].concat())));
+    let process = child.id();
+    wait_until(|| out.join("episodes").is_dir() && !children(process).is_empty());
+    act(process);
+    ended(child)
+}
+
+#[test]
+fn a_worker_that_is_killed_or_hangs_costs_time_and_no_episode() {
+    let stage = named("gen");
+    let wanted = &stage.unbroken().hashes;
+    let home = tempfile::tempdir().expect("a temporary folder");
+    for name in ["KILL", "SEGV"] {
+        let out = home.path().join(name);
+        let (code, told) = generate_while(&out, &[], |process| signal(children(process)[0], name));
+        assert!(code == Some(0) && told.contains("try 1 of 3"), "{told}");
+        assert_eq!(difference(&hashes(&out), wanted), None);
+    }
+    let out = home.path().join("hung");
+    let (code, told) =
+        generate_while(&out, &["--worker-timeout", "8"], |process| signal(children(process)[0], "STOP"));
+    assert!(code == Some(0) && told.contains("said nothing for 8 s"), "{told}");
+    assert_eq!(difference(&hashes(&out), wanted), None);
+}
+
+#[test]
+fn an_episode_that_kills_every_worker_is_left_out_the_rest_is_kept_and_the_next_call_makes_it() {
+    let home = tempfile::tempdir().expect("a temporary folder");
+    let out = home.path().join("out");
+    let (code, told) = generate_while(&out, &[], |process| {
+        // The first episode's workers, until it is given up.
+        let mut killed = Vec::new();
+        while killed.len() < 3 {
+            wait_until(|| children(process).iter().any(|child| !killed.contains(child)));
+            let child = *children(process).iter().find(|child| !killed.contains(child)).expect("it is there");
+            signal(child, "KILL");
+            killed.push(child);
+        }
+    });
+    assert_eq!(code, Some(WITH_LOSSES), "{told}");
+    assert!(told.contains("was left out") && told.contains("given up after 3 tries"), "{told}");
+    let stage = named("gen");
+    let (found, wanted) = (hashes(&out), &stage.unbroken().hashes);
+    let n_episodes = |of: &std::collections::BTreeMap<String, String>| {
+        of.keys().filter(|name| name.ends_with(".mcap")).count()
+    };
+    assert_eq!(n_episodes(&found), n_episodes(wanted) - 1);
+    succeed(&mut stage.command(&out));
+    assert_eq!(difference(&hashes(&out), wanted), None);
+}
+
+#[test]
+fn folders_that_vanish_or_cannot_be_written_are_named() {
+    let home = tempfile::tempdir().expect("a temporary folder");
+    let out = home.path().join("vanished");
+    let (code, told) = generate_while(&out, &[], |_| fs::remove_dir_all(&out).expect("a folder of ours"));
+    assert!(code == Some(1) && told.contains(text(&out)), "{code:?} {told}");
+    let file = home.path().join("file");
+    fs::write(&file, "no folder").expect("a writable folder");
+    for stage in all() {
+        let told = stage.command(&file.join("out")).output().expect("the program starts");
+        let words = String::from_utf8_lossy(&told.stderr).into_owned();
+        assert!(told.status.code() == Some(1) && words.contains(text(&file)), "{}: {words}", stage.name);
+    }
+    let mut without_temporary = command(&generation(&out, "1", &["--episodes", "1"]));
+    let told = without_temporary.env("TMPDIR", home.path().join("absent")).output().expect("the program starts");
+    let words = String::from_utf8_lossy(&told.stderr).into_owned();
+    assert!(told.status.success() || words.contains("absent"), "{words}");
+}

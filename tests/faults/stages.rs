@@ -1,0 +1,109 @@
+//! The stages that write, each as one command on inputs that are made once.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::OnceLock;
+use std::time::{Duration, Instant};
+
+use fs_err as fs;
+
+use super::folder::{copy, hashes};
+use super::made_data::{TINY, command, done, fixture, generation, succeed, text};
+
+/// A command that writes in a folder.
+pub struct Stage {
+    pub name: &'static str,
+    /// Its words, with `OUT` for the folder.
+    words: Vec<String>,
+    /// What lies in the folder before it begins; empty: there is no folder.
+    before: Option<PathBuf>,
+    unbroken: OnceLock<Unbroken>,
+}
+
+/// What a run that nothing happened to leaves, and how long it took.
+pub struct Unbroken {
+    pub hashes: BTreeMap<String, String>,
+    pub folder: PathBuf,
+    pub took: Duration,
+}
+
+impl Stage {
+    fn new(name: &'static str, words: &[&str], before: Option<&Path>) -> Self {
+        let words = words.iter().map(|&word| word.to_owned()).collect();
+        Self { name, words, before: before.map(Path::to_owned), unbroken: OnceLock::new() }
+    }
+
+    /// The command that writes in this folder.
+    pub fn command(&self, out: &Path) -> Command {
+        let words: Vec<String> = self.words.iter().map(|word| word.replace("OUT", text(out))).collect();
+        command(&words.iter().map(String::as_str).collect::<Vec<_>>())
+    }
+
+    /// Makes the folder what it is before the command.
+    pub fn prepare(&self, out: &Path) {
+        if let Some(before) = &self.before {
+            copy(before, out);
+        }
+    }
+
+    /// What the stage leaves where nothing happens.
+    pub fn unbroken(&self) -> &Unbroken {
+        self.unbroken.get_or_init(|| {
+            let folder = inputs().home.path().join(format!("unbroken-{}", self.name));
+            self.prepare(&folder);
+            let begin = Instant::now();
+            succeed(&mut self.command(&folder));
+            Unbroken { hashes: hashes(&folder), took: begin.elapsed(), folder }
+        })
+    }
+}
+
+/// What the stages read.
+struct Inputs {
+    home: tempfile::TempDir,
+    kitti: PathBuf,
+    shards: [PathBuf; 2],
+}
+
+fn inputs() -> &'static Inputs {
+    static INPUTS: OnceLock<Inputs> = OnceLock::new();
+    INPUTS.get_or_init(|| {
+        let home = tempfile::tempdir().expect("a temporary folder");
+        let path = |name: &str| home.path().join(name);
+        done(&["export", "kitti", text(&fixture().id), text(&path("kitti")), "--split", "train"]);
+        let shards = [path("a"), path("b")];
+        for (shard, out) in ["0/2", "1/2"].into_iter().zip(&shards) {
+            done(&generation(out, "1", &["--episodes", "2", "--shard", shard]));
+            done(&["label", text(out)]);
+        }
+        let kitti = path("kitti");
+        Inputs { home, kitti, shards }
+    })
+}
+
+/// All stages.
+pub fn all() -> Vec<Stage> {
+    let (made, Inputs { kitti, shards, .. }) = (fixture(), inputs());
+    let [first, second] = [text(&shards[0]), text(&shards[1])];
+    vec![
+        Stage::new("gen", &generation(Path::new("OUT"), "2", &["--episodes", "3"]), None),
+        Stage::new("label", &["label", "OUT", "--labels", "again"], Some(&made.id)),
+        Stage::new("train", &[&["train", text(&made.id), "--out", "OUT"], TINY.as_slice()].concat(), None),
+        Stage::new("predict", &["predict", "small", "--data", text(&made.id), "--out", "OUT"], None),
+        Stage::new("import", &["import", "kitti", text(kitti), "--out", "OUT"], None),
+        Stage::new("merge", &["merge", second, first, "--out", "OUT"], None),
+    ]
+}
+
+/// The stage of this name.
+pub fn named(name: &str) -> Stage {
+    all().into_iter().find(|stage| stage.name == name).expect("a stage of this name")
+}
+
+/// Forgets what lies in a folder, if it is there.
+pub fn clear(out: &Path) {
+    if out.exists() {
+        fs::remove_dir_all(out).expect("a folder of ours");
+    }
+}
