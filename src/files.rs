@@ -57,6 +57,28 @@ pub fn holds_anything(folder: &Path) -> io::Result<bool> {
     Ok(false)
 }
 
+/// Deletes what a killed process left unfinished in a folder, whose lock is held: files and folders under partial names, but
+/// not those in other folders, nor locks.
+///
+/// # Errors
+/// One cannot be deleted.
+pub fn remove_unfinished(folder: &Path) -> io::Result<()> {
+    for entry in fs::read_dir(folder)? {
+        let path = entry?.path();
+        let is_unfinished = path.extension().is_some_and(|suffix| suffix == PARTIAL_SUFFIX);
+        if !is_unfinished || lock::is_lock(&path) {
+            continue;
+        }
+        let removed = if path.is_dir() { fs::remove_dir_all(&path) } else { fs::remove_file(&path) };
+        match removed {
+            // A worker of a killed run may end now and delete its own files.
+            Err(error) if error.kind() == io::ErrorKind::NotFound => {}
+            other => other?,
+        }
+    }
+    Ok(())
+}
+
 /// Puts a file under another name too: a link where both are on one disk, else a copy; what lies there already is
 /// replaced.
 ///

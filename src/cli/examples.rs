@@ -30,7 +30,7 @@ const EXAMPLES: &[Examples] = &[
     ("migrate", &[("What an older data set would become", "harmzone migrate data/id --dry-run")]),
     (
         "import",
-        &[("A drive of KITTI, and what it holds", "harmzone import kitti KITTI/training --out data/kitti")],
+        &[("A drive of KITTI, and what it holds", "harmzone import kitti KITTI --out data/kitti")],
     ),
     (
         "import nuscenes",
@@ -41,7 +41,7 @@ const EXAMPLES: &[Examples] = &[
     ),
     (
         "import kitti",
-        &[("Every tenth frame", "harmzone import kitti KITTI/training --every 10 --out data/kitti")],
+        &[("Every tenth frame", "harmzone import kitti KITTI --every 10 --out data/kitti")],
     ),
     ("import av2", &[("A folder of logs", "harmzone import av2 av2/sensor/val --out data/av2")]),
     (

@@ -10,7 +10,7 @@ use super::{Bar, DeviceArg, ExitStatus, print_either, split, tell, tell_seen};
 use crate::config;
 use crate::dataset::MeasuredSplit;
 use crate::episode::{Manifest, PartOf, Shard, Split};
-use crate::files::{FolderLock, sha256_hex, sha256_of};
+use crate::files::{FolderLock, remove_unfinished, sha256_hex, sha256_of};
 use crate::infer::worker::NetworkWorkers;
 use crate::infer::{self, PredictionPart, Predictions, Trained};
 use crate::object::Detection;
@@ -63,6 +63,7 @@ pub fn run(args: PredictArgs) -> anyhow::Result<ExitStatus> {
         None => trained.predictions_folder(data.path())?,
     };
     let _lock = FolderLock::take(&folder)?;
+    remove_unfinished(&folder)?;
     if !args.force {
         Predictions::check_free(&folder)?;
     }

@@ -15,7 +15,7 @@ use crate::config::{Check as _, InvalidConfig, to_toml};
 use crate::device::DeviceName;
 use crate::episode::folder::{first_difference, is_whole, remove_unfinished};
 use crate::episode::{Manifest, Split};
-use crate::files::{sha256_hex, sha256_of, write_atomic};
+use crate::files::{FolderLock, holds_anything, sha256_hex, sha256_of, write_atomic, write_sealed};
 use crate::generate::{CheckedConfig, EpisodePlan, GenerateConfig};
 use crate::infer::Trained;
 use crate::label;
@@ -88,6 +88,7 @@ pub fn run(
     for scenario in &courses.scenarios {
         config_toml += &format!("\n[[scenario]]\n{}", to_toml(scenario).replace("\n[", "\n[scenario."));
     }
+    let _lock = FolderLock::take(out)?;
     open(out, &config_toml, &origins)?;
 
     let folders: Vec<PathBuf> = drivers.iter().map(|who| out.join(&who.name)).collect();
@@ -161,8 +162,7 @@ pub fn run(
         figures: compare(&drives),
         outcomes,
     };
-    let json = serde_json::to_string_pretty(&summary).expect("outcomes have a JSON form");
-    write_atomic(&out.join(DriveSummary::FILE), (json + "\n").as_bytes())?;
+    write_sealed(&out.join(DriveSummary::FILE), &summary)?;
     Ok(summary)
 }
 
@@ -214,7 +214,7 @@ fn open(out: &Path, config_toml: &str, origins: &[Origin]) -> Result<(), DriveEr
         if let Some((found, wanted)) = first_difference(&found, config_toml) {
             return other(found, wanted);
         }
-    } else if out.is_dir() && fs::read_dir(out)?.next().is_some() {
+    } else if holds_anything(out)? {
         return Err(DriveError::ForeignFolder { path: out.to_owned() });
     }
     let text = |origin: &Origin| serde_json::to_string_pretty(origin).expect("it has a JSON form") + "\n";

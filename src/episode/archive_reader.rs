@@ -20,7 +20,7 @@ use super::topics::{Topic, TopicSpec};
 use crate::store;
 
 /// Samples take a few megabytes; a chunk that claims more than this is damaged.
-const MAX_CHUNK_BYTES: u64 = 1 << 30;
+pub(super) const MAX_CHUNK_BYTES: u64 = 1 << 30;
 
 // Lengths that MCAP's specification fixes; records have an opcode and a length of 9 bytes before them.
 const DATA_END_BYTES: u64 = 9 + 4;

@@ -7,7 +7,7 @@ use fs_err as fs;
 use rayon::prelude::*;
 
 use super::manifest::{EpisodeEntry, Manifest};
-use crate::files::PARTIAL_SUFFIX;
+use crate::files;
 use crate::store;
 
 /// Where a data set's episodes lie.
@@ -69,7 +69,11 @@ pub fn clear_episodes(folder: &Path, config_file: &str) -> io::Result<()> {
 /// # Errors
 /// A file cannot be deleted.
 pub fn remove_unfinished(folder: &Path) -> io::Result<()> {
-    remove_files(folder, |name| name.ends_with(&format!(".{PARTIAL_SUFFIX}")))
+    let episodes = folder.join(EPISODES);
+    if episodes.is_dir() {
+        files::remove_unfinished(&episodes)?;
+    }
+    files::remove_unfinished(folder)
 }
 
 fn remove_files(folder: &Path, is_ours: impl Fn(&str) -> bool) -> io::Result<()> {
@@ -80,11 +84,7 @@ fn remove_files(folder: &Path, is_ours: impl Fn(&str) -> bool) -> io::Result<()>
     for entry in fs::read_dir(episodes)? {
         let entry = entry?;
         if entry.file_name().to_str().is_some_and(&is_ours) {
-            match fs::remove_file(entry.path()) {
-                // A worker of a killed run may end now and delete its own files.
-                Err(error) if error.kind() == io::ErrorKind::NotFound => {}
-                other => other?,
-            }
+            fs::remove_file(entry.path())?;
         }
     }
     Ok(())

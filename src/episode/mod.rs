@@ -3,6 +3,7 @@
 //! The only module that knows MCAP. `docs/episode_format.md` describes every topic and field.
 
 mod archive;
+mod archive_check;
 mod archive_reader;
 mod checks;
 mod convert;
@@ -34,6 +35,7 @@ mod tests;
 mod topics;
 mod writer;
 
+pub use archive_check::{ArchiveCounts, check_archive};
 pub use detections::{DetectionReader, DetectionWriter, SampleDetections};
 pub use drawing::MapDrawing;
 pub use drive_log::{CommandReader, DriveLogWriter, SampleCommand};

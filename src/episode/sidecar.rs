@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::SourceMeta;
+use super::archive_check::check_archive;
 use super::archive_reader::Archive;
 use super::error::{EpisodeError, MessageFault};
 use super::messages::TopicMessage;
@@ -35,6 +36,7 @@ impl<S: SidecarSample> SidecarReader<S> {
     /// A truncated, damaged or foreign file, or a value that is not usable.
     pub fn open(path: &Path) -> Result<Self, EpisodeError> {
         let archive = Archive::open(path, &[S::TOPIC.spec()])?;
+        check_archive(path)?;
         let meta = SourceMeta::from_record(&archive.metadata(S::RECORD)?, S::RECORD, path)?;
         let read = |(sample_idx, (time_ns, message))| {
             S::from_message(time_ns, message).map_err(EpisodeError::invalid(&meta.episode, sample_idx, path))

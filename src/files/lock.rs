@@ -11,6 +11,14 @@ use rustix::fs::{fstat, stat};
 /// Name of the file, which counts as unfinished: it may be deleted where nobody holds it.
 const FILE: &str = "writer.partial";
 
+/// Locks have names that begin so.
+const PREFIX: &str = "writer";
+
+/// Whether a file is a lock.
+pub(super) fn is_lock(path: &Path) -> bool {
+    path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(PREFIX))
+}
+
 /// The right to write in a folder, until it is dropped or the process ends, however it ends.
 pub struct FolderLock {
     file: std::fs::File,
@@ -66,6 +74,21 @@ impl FolderLock {
             return Ok(Self { file, path });
         }
     }
+
+    /// An error where the folder was deleted, or replaced, since the lock was taken.
+    ///
+    /// # Errors
+    /// It was.
+    pub fn check(&self) -> io::Result<()> {
+        if is_still_there(&self.file, &self.path) {
+            return Ok(());
+        }
+        let folder = self.path.parent().unwrap_or(Path::new(""));
+        Err(io::Error::new(
+            io::ErrorKind::NotFound,
+            format!("the folder was deleted or replaced while this process wrote in it: {}", folder.display()),
+        ))
+    }
 }
 
 /// Whether a name still leads to this file.
@@ -111,6 +134,10 @@ mod tests {
         assert_eq!(told.kind(), io::ErrorKind::ResourceBusy);
         assert!(told.to_string().contains(&format!("process {}", std::process::id())), "{told}");
         assert!(FolderLock::take_named(&folder, "other.partial").is_ok());
+        first.check().unwrap();
+        fs::rename(&folder, home.path().join("elsewhere")).unwrap();
+        assert!(first.check().unwrap_err().to_string().contains("deleted or replaced"));
+        fs::rename(home.path().join("elsewhere"), &folder).unwrap();
         drop(first);
         assert_eq!(fs::read_dir(&folder).unwrap().count(), 0);
         fs::write(folder.join(FILE), "process 1 on a host that lost its power").unwrap();

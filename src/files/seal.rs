@@ -14,13 +14,13 @@ const BEGIN: &str = ",\n  \"sha256\": \"";
 const END: &str = "\"\n}\n";
 const N_DIGITS: usize = 64;
 
-/// The text of a JSON object, one key a line, with its hash.
+/// The text of a JSON object with its hash.
 ///
 /// # Panics
-/// The text is no JSON object with a key that ends with a line.
+/// The text is no JSON object.
 #[must_use]
 pub fn seal(json: &str) -> String {
-    let body = json.trim_end().strip_suffix("\n}").expect("a JSON object, one key a line");
+    let body = json.trim_end().strip_suffix('}').expect("a JSON object").trim_end();
     format!("{body}{BEGIN}{}{END}", sha256_hex(plain(body).as_bytes()))
 }
 
@@ -90,6 +90,7 @@ mod tests {
         let value: serde_json::Value = serde_json::from_str(&sealed).unwrap();
         assert_eq!(value["sha256"].as_str().unwrap().len(), 64);
         assert_eq!(unseal("{}").unwrap(), "{}");
+        assert_eq!(unseal(&seal("{\"n\":[1,2]}")).unwrap(), "{\"n\":[1,2]\n}\n");
     }
 
     #[test]

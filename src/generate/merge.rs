@@ -16,7 +16,7 @@ use thiserror::Error;
 use super::folder::{CONFIG_FILE, OWN_MODELS};
 use super::{CheckedConfig, GenerateConfig, GenerateError, plan};
 use crate::config::{self, ConfigError};
-use crate::episode::folder::is_whole;
+use crate::episode::folder::{is_whole, remove_unfinished};
 use crate::episode::manifest::{LabelCounts, label_sets};
 use crate::episode::{EpisodeEntry, LabelManifest, Manifest, ManifestError, Shard};
 use crate::files::{FolderLock, holds_anything, sha256_hex, write_atomic};
@@ -126,6 +126,7 @@ pub fn merge(shards: &[PathBuf], out: &Path, progress: &dyn Progress) -> Result<
         sets.iter().map(|set| join_labels(set, &shards, &ordered)).collect::<Result<_, _>>()?;
     let _lock = FolderLock::take(out)?;
     open(out, &config_toml)?;
+    remove_unfinished(out)?;
 
     let n_files = ordered.len() * (1 + sets.len());
     progress.start("merge", n_files as u64);

@@ -94,7 +94,7 @@ pub fn run(
         (0..).zip(plan(&checked, n_episodes)).filter(|(number, _)| is_wanted(*number)).unzip();
     let part = shard.map(|shard| PartOf { shard, n_episodes });
     let ood = config.scene.ood;
-    let _lock = FolderLock::take(out)?;
+    let lock = FolderLock::take(out)?;
     let manifest = folder::open(out, &to_toml(config), config.seed, ood, part, &plans, options.force)?;
     if let Some(models) = &options.own_models {
         models.write(&out.join(folder::OWN_MODELS))?;
@@ -140,6 +140,7 @@ pub fn run(
             }
         };
         progress.note(name);
+        lock.check()?;
         for picture in files_below(&folder, &folder.join(aov::FOLDER).join(name))? {
             store::push_file(&picture.1)?;
         }
@@ -148,7 +149,7 @@ pub fn run(
     });
     let manifest = keeper.into_inner().expect("no worker thread panics").manifest;
     // What is whole is kept, also where another episode failed.
-    let written = manifest.write(out);
+    let written = lock.check().map_err(GenerateError::from).and_then(|()| Ok(manifest.write(out)?));
     if interrupt::is_asked() {
         remove_unfinished(out)?;
     }

@@ -70,7 +70,7 @@ pub fn run(
     let checked = CheckedImport::try_from(config.clone())?;
     let drives = choose(log, &options.scenes)?;
     let config_toml = format!("format = \"{}\"\n{}{}", format.name(), to_toml(config), log.settings_toml());
-    let _lock = FolderLock::take(out)?;
+    let lock = FolderLock::take(out)?;
     let mut list = List::new(folder::open(out, &config_toml, options.force)?, log, out);
     let n_kept = list.keep(&drives, options.split);
     let (mut told, mut skipped) = (Vec::new(), Vec::new());
@@ -101,7 +101,10 @@ pub fn run(
                 told.push(note);
             }
             match made {
-                Ok(Some(entry)) => list.add(entry)?,
+                Ok(Some(entry)) => {
+                    lock.check()?;
+                    list.add(entry)?;
+                }
                 Ok(None) => {}
                 Err(error) if options.skip_bad && error.is_bad_data() => {
                     let sentence = format!("{drive} was left out: {error}");

@@ -16,7 +16,7 @@ use super::worker::{self, LabelJob};
 use crate::config;
 use crate::episode::manifest::{EpisodeEntry, LabelEntry, LabelManifest, Manifest};
 use crate::episode::{Shard, is_any_annotated};
-use crate::files::{FolderLock, PARTIAL_SUFFIX};
+use crate::files::{FolderLock, PARTIAL_SUFFIX, remove_unfinished};
 use crate::interrupt;
 use crate::progress::Progress;
 use crate::store;
@@ -83,12 +83,15 @@ pub fn run_with(
     if !is_any_annotated(dataset, &manifest)? {
         return Err(LabelError::NoTruth { path: dataset.to_owned() });
     }
-    let _lock = match options.shard {
+    let lock = match options.shard {
         None => FolderLock::take(&folder)?,
         Some(Shard { index, of }) => {
             FolderLock::take_named(&folder, &format!("writer-{index}-of-{of}.{PARTIAL_SUFFIX}"))?
         }
     };
+    if options.shard.is_none() {
+        remove_unfinished(&folder)?;
+    }
     // Until the new files are complete, the set must not look finished.
     match fs::remove_file(folder.join(LabelManifest::FILE)) {
         Err(error) if error.kind() != std::io::ErrorKind::NotFound => return Err(error.into()),
@@ -133,6 +136,7 @@ pub fn run_with(
             worker::label_by(engine, program, &job, &todo, progress)?
         }
     };
+    lock.check()?;
     for of_episode in labelled {
         let (entry, counts) = of_episode?;
         of_name.insert(entry.name.clone(), entry);

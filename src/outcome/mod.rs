@@ -11,7 +11,6 @@ mod who;
 
 use std::path::{Path, PathBuf};
 
-use fs_err as fs;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -21,6 +20,7 @@ pub use table::{drive_rows, impact_rows};
 pub use who::{Origin, Source, Who, WhoError};
 
 use crate::episode::Split;
+use crate::files::read_sealed;
 
 /// The drives of one command: `drive.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -64,7 +64,7 @@ impl DriveSummary {
         if !path.is_file() {
             return Err(ReadDrivesError::Absent { path });
         }
-        let summary: Self = serde_json::from_str(&fs::read_to_string(&path)?)
+        let summary: Self = serde_json::from_str(&read_sealed(&path)?)
             .map_err(|error| ReadDrivesError::Parse { message: error.to_string(), path: path.clone() })?;
         let n = summary.figures.len();
         if summary.outcomes.len() != n || summary.origins.len() != n {
@@ -88,6 +88,8 @@ impl DriveSummary {
 #[cfg(test)]
 mod tests {
     use super::test_data::{drives, summary};
+    use fs_err as fs;
+
     use super::*;
 
     #[test]

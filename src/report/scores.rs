@@ -12,7 +12,7 @@ use super::score_tables;
 use crate::config::to_toml;
 use crate::eval::sweep::Sweeps;
 use crate::eval::{Evaluation, Fault, Protocol};
-use crate::files::write_atomic;
+use crate::files::{read_sealed, seal, write_atomic, write_sealed};
 
 /// The whole evaluation.
 pub const METRICS_FILE: &str = "metrics.json";
@@ -91,8 +91,8 @@ pub fn write(
     write_atomic(&folder.join(TABLE_FILE), table.as_bytes())?;
     write_atomic(&folder.join(BREAKDOWN_FILE), score_tables::breakdown(evaluation).as_bytes())?;
     write_atomic(&folder.join(FAULTS_FILE), &serde_json::to_vec(&evaluation.faults)?)?;
-    write_atomic(&folder.join(PROVENANCE_FILE), &serde_json::to_vec_pretty(provenance)?)?;
-    write_atomic(&metrics, evaluation.to_json().as_bytes())
+    write_sealed(&folder.join(PROVENANCE_FILE), provenance)?;
+    write_atomic(&metrics, seal(&evaluation.to_json()).as_bytes())
 }
 
 /// `None` if there is no such file.
@@ -102,7 +102,7 @@ fn read_json<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, ScoresError>
     }
     let broken =
         |error: serde_json::Error| ScoresError::Broken { message: error.to_string(), path: path.to_owned() };
-    serde_json::from_str(&fs::read_to_string(path)?).map(Some).map_err(broken)
+    serde_json::from_str(&read_sealed(path)?).map(Some).map_err(broken)
 }
 
 #[cfg(test)]

@@ -12,6 +12,12 @@ use super::{SimError, text};
 /// Names a virtual environment to use in place of the one that is found.
 pub const VENV_VARIABLE: &str = "HARMZONE_VENV";
 
+/// The source tree that the program was built from; one that is made for other machines (`make wheel`, `make bundle`) names none.
+const SOURCE_TREE: Option<&str> = match option_env!("HARMZONE_MOVABLE") {
+    Some(_) => None,
+    None => Some(env!("CARGO_MANIFEST_DIR")),
+};
+
 /// The modules of `harmzone_sim` in the order of their imports; the package comes last.
 const MODULES: [(&str, &str); 12] = [
     ("harmzone_sim.world", include_str!("../../python/harmzone_sim/world.py")),
@@ -60,7 +66,7 @@ impl Environment {
         }
         let wanted = std::env::var_os(VENV_VARIABLE).map(PathBuf::from);
         let program = std::env::current_exe().ok();
-        let venv = choose_venv(wanted, program.as_deref(), Path::new(env!("CARGO_MANIFEST_DIR")), &python)?;
+        let venv = choose_venv(wanted, program.as_deref(), SOURCE_TREE.map(Path::new), &python)?;
         Ok(Self { python, interpreter, venv })
     }
 
@@ -92,7 +98,7 @@ fn site_packages(venv: &Path, python: &str) -> PathBuf {
 fn choose_venv(
     wanted: Option<PathBuf>,
     program: Option<&Path>,
-    source_tree: &Path,
+    source_tree: Option<&Path>,
     python: &str,
 ) -> Result<PathBuf, SimError> {
     let fits = |venv: &Path| site_packages(venv, python).is_dir();
@@ -104,7 +110,7 @@ fn choose_venv(
         };
     }
     let above = program.into_iter().flat_map(|program| program.ancestors().skip(1));
-    let candidates: Vec<PathBuf> = above.chain([source_tree]).map(|folder| folder.join(".venv")).collect();
+    let candidates: Vec<PathBuf> = above.chain(source_tree).map(|folder| folder.join(".venv")).collect();
     if let Some(venv) = candidates.iter().find(|venv| fits(venv)) {
         return Ok(venv.clone());
     }
@@ -168,15 +174,15 @@ mod tests {
         for home in [folder.path().join("app"), source_tree.clone()] {
             fs::create_dir_all(site_packages(&home.join(".venv"), "3.11")).unwrap();
         }
-        let chosen = choose_venv(None, Some(&program), &source_tree, "3.11").unwrap();
+        let chosen = choose_venv(None, Some(&program), Some(&source_tree), "3.11").unwrap();
         assert_eq!(chosen, folder.path().join("app/.venv"));
-        let elsewhere = choose_venv(None, Some(Path::new("/nowhere/harmzone")), &source_tree, "3.11");
+        let elsewhere = choose_venv(None, Some(Path::new("/nowhere/harmzone")), Some(&source_tree), "3.11");
         assert_eq!(elsewhere.unwrap(), source_tree.join(".venv"));
     }
 
     #[test]
     fn a_missing_environment_names_the_command_that_makes_it() {
-        let error = choose_venv(None, None, Path::new("/nowhere"), "3.11").unwrap_err().to_string();
+        let error = choose_venv(None, None, Some(Path::new("/nowhere")), "3.11").unwrap_err().to_string();
         assert!(error.contains("make setup") && error.contains("/nowhere/.venv"), "{error}");
     }
 
@@ -184,7 +190,7 @@ mod tests {
     fn an_environment_of_another_python_is_refused() {
         let folder = tempfile::tempdir().unwrap();
         fs::create_dir_all(site_packages(&folder.path().join(".venv"), "3.9")).unwrap();
-        let error = choose_venv(None, None, folder.path(), "3.11").unwrap_err();
+        let error = choose_venv(None, None, Some(folder.path()), "3.11").unwrap_err();
         assert!(matches!(error, SimError::WrongPython { .. }), "{error}");
     }
 }

@@ -43,7 +43,10 @@ pub fn open(
     let config_text = to_toml(config);
     let data_text = serde_json::to_string_pretty(data).expect("a fingerprint has a JSON form");
     let config_path = out.join(CONFIG_FILE);
-    let is_empty = !out.exists() || fs::read_dir(out)?.next().is_none();
+    if out.exists() {
+        files::remove_unfinished(out)?;
+    }
+    let is_empty = !files::holds_anything(out)?;
     if is_empty {
         if options.resume {
             return Err(TrainError::NothingToResume { path: out.to_owned() });

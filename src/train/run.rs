@@ -85,7 +85,7 @@ pub fn run(
     if n_samples == 0 {
         return Err(TrainError::NoSamples { path: learned.path().to_owned() });
     }
-    let _lock = FolderLock::take(out)?;
+    let lock = FolderLock::take(out)?;
     folder::open(learned.fingerprint(), config, out, options)?;
     let plan = Plan::new(config, learned);
     let final_path = out.join(CHECKPOINT);
@@ -100,6 +100,8 @@ pub fn run(
         image_weights: None,
     };
     if final_path.exists() {
+        // A run that was killed at its very end leaves them.
+        state::clear(out)?;
         return Ok(summary(0, LossParts::default(), Duration::ZERO));
     }
 
@@ -191,6 +193,9 @@ pub fn run(
                 table.tell(progress, stage, epoch, epoch_loss.mean(), plan.n_done(position));
             }
             let is_asked = interrupt::is_asked();
+            if n_done.is_multiple_of(config.save_every_steps) {
+                lock.check()?;
+            }
             if (is_asked || n_done.is_multiple_of(config.save_every_steps)) && position.step < n_steps {
                 history.write(out)?;
                 stopwatch.save(out)?;

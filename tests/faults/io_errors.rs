@@ -6,9 +6,13 @@ use fs_err as fs;
 use harmzone::episode::{LabelManifest, Manifest};
 
 use super::folder::{copy, difference, hashes};
-use super::made_data::{TINY, command, done, generation, text};
+use super::made_data::{TINY, command, done, text};
 use super::n_faults;
 use super::shim::{Fault, with_fault};
+
+const SMALLEST: [&str; 11] = [
+    "gen", "--town", "downtown", "--samples", "2", "--seed", "10", "--set", "val_every=2", "--jobs", "1",
+];
 
 /// Linux' numbers.
 const EIO: i32 = 5;
@@ -31,7 +35,7 @@ fn stages(home: &Path) -> Vec<(&'static str, Vec<String>)> {
     let owned = |words: &[&str]| words.iter().map(|&word| word.to_owned()).collect();
     let tiny = [TINY.as_slice(), &["--set", "lidar_stage.epochs=1", "--set", "fused_stage.epochs=1"]].concat();
     vec![
-        ("gen", owned(&generation(&out, "1", &["--episodes", "2", "--samples", "2"]))),
+        ("gen", owned(&[SMALLEST.as_slice(), &["--episodes", "2", "--out", text(&out)]].concat())),
         ("label", owned(&["label", text(&out)])),
         ("train", owned(&[&["train", text(&out), "--out", text(&run)], tiny.as_slice()].concat())),
     ]
@@ -173,7 +177,7 @@ fn long_io_errors() {
 fn whole_data_is_not_changed_by_who_reads_it_with_errors() {
     let home = tempfile::tempdir().expect("a temporary folder");
     let data = home.path().join("data");
-    done(&generation(&data, "1", &["--episodes", "1", "--samples", "1"]));
+    done(&[SMALLEST.as_slice(), &["--episodes", "1", "--out", text(&data)]].concat());
     let before = hashes(&data);
     let mut counted = command(&["info", text(&data)]);
     let Some(counter) = with_fault(&mut counted, &data, Fault::None) else { return };

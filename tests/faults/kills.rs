@@ -31,9 +31,7 @@ fn run(stage: &Stage, rng: &mut Rng, outcome: &mut Outcome) {
     for _ in 0..rng.random_range(1..=MOST_A_RUN) {
         let after = Duration::from_secs_f64(rng.random_range(0.0..took));
         let mut child = quiet(stage.command(&out)).spawn().expect("the program starts");
-        if is_killed(&mut child, after) {
-            outcome.n_kills += 1;
-        }
+        outcome.n_kills += usize::from(is_killed(&mut child, after));
     }
     succeed(&mut stage.command(&out));
     outcome.n_runs += 1;

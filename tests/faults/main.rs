@@ -8,7 +8,6 @@ mod made_data;
 
 mod bits;
 mod disk_full;
-mod doctor;
 mod folder;
 mod io_errors;
 mod kills;
@@ -16,7 +15,6 @@ mod shim;
 mod signals;
 mod soak;
 mod stages;
-mod truncation;
 
 /// How many faults a long test makes.
 fn n_faults(default: usize) -> usize {

@@ -62,7 +62,7 @@ impl Stage {
 /// What the stages read.
 struct Inputs {
     home: tempfile::TempDir,
-    kitti: PathBuf,
+    log: PathBuf,
     shards: [PathBuf; 2],
 }
 
@@ -71,27 +71,28 @@ fn inputs() -> &'static Inputs {
     INPUTS.get_or_init(|| {
         let home = tempfile::tempdir().expect("a temporary folder");
         let path = |name: &str| home.path().join(name);
-        done(&["export", "kitti", text(&fixture().id), text(&path("kitti")), "--split", "train"]);
+        let words = ["export", "nuscenes", text(&fixture().id), text(&path("log")), "--categories", "source", "--version"];
+        done(&[words.as_slice(), &["v1.0-mini"]].concat());
         let shards = [path("a"), path("b")];
         for (shard, out) in ["0/2", "1/2"].into_iter().zip(&shards) {
             done(&generation(out, "1", &["--episodes", "2", "--shard", shard]));
             done(&["label", text(out)]);
         }
-        let kitti = path("kitti");
-        Inputs { home, kitti, shards }
+        let log = path("log");
+        Inputs { home, log, shards }
     })
 }
 
 /// All stages.
 pub fn all() -> Vec<Stage> {
-    let (made, Inputs { kitti, shards, .. }) = (fixture(), inputs());
+    let (made, Inputs { log, shards, .. }) = (fixture(), inputs());
     let [first, second] = [text(&shards[0]), text(&shards[1])];
     vec![
         Stage::new("gen", &generation(Path::new("OUT"), "2", &["--episodes", "3"]), None),
         Stage::new("label", &["label", "OUT", "--labels", "again"], Some(&made.id)),
         Stage::new("train", &[&["train", text(&made.id), "--out", "OUT"], TINY.as_slice()].concat(), None),
         Stage::new("predict", &["predict", "small", "--data", text(&made.id), "--out", "OUT"], None),
-        Stage::new("import", &["import", "kitti", text(kitti), "--out", "OUT"], None),
+        Stage::new("import", &["import", "nuscenes", text(log), "--out", "OUT"], None),
         Stage::new("merge", &["merge", second, first, "--out", "OUT"], None),
     ]
 }

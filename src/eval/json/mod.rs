@@ -12,7 +12,6 @@ use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::io;
 use std::path::{Path, PathBuf};
 
-use fs_err as fs;
 use serde::Serialize;
 use thiserror::Error;
 
@@ -91,7 +90,7 @@ impl RawSamples {
     /// # Errors
     /// The file is not there or holds no boxes.
     pub fn read(path: &Path) -> Result<Self, JsonError> {
-        let text = fs::read_to_string(path).map_err(JsonError::Read)?;
+        let text = files::read_sealed(path).map_err(JsonError::Read)?;
         let not_boxes = |error: serde_json::Error| JsonError::NotBoxes {
             message: error.to_string(),
             path: path.to_owned(),
@@ -140,7 +139,7 @@ pub fn read_truth(path: &Path) -> Result<Boxes<LabelledObject>, JsonError> {
 }
 
 fn read<T: TryFrom<RawBox, Error = String>>(path: &Path) -> Result<Boxes<T>, JsonError> {
-    let text = fs::read_to_string(path).map_err(JsonError::Read)?;
+    let text = files::read_sealed(path).map_err(JsonError::Read)?;
     let file = BoxFile::parse(&text)
         .map_err(|error| JsonError::NotBoxes { message: error.to_string(), path: path.to_owned() })?;
     let mut seen = HashSet::new();
@@ -274,12 +273,14 @@ fn write<'a, B: AsRef<[RawBox]>>(
         samples: BTreeMap<&'a str, &'a SampleFacts>,
     }
     let file = File { meta: serde_json::Map::new(), results: Results(samples.collect()), samples: facts };
-    let text = serde_json::to_vec(&file).expect("boxes hold only numbers and names");
-    files::write_atomic(path, &text).map_err(JsonError::Write)
+    let text = serde_json::to_string(&file).expect("boxes hold only numbers and names");
+    files::write_atomic(path, files::seal(&text).as_bytes()).map_err(JsonError::Write)
 }
 
 #[cfg(test)]
 mod tests {
+    use fs_err as fs;
+
     use super::super::matching::tests::{found, truth};
     use super::*;
     use crate::object::{Distribution, Harm};

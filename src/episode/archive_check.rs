@@ -1,0 +1,52 @@
+//! Reads an MCAP from its first byte to its last, against every checksum in it.
+
+use std::io::Read as _;
+use std::path::Path;
+
+use mcap::records::Record;
+use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
+
+use super::archive_reader::MAX_CHUNK_BYTES;
+use super::error::EpisodeError;
+use crate::store;
+
+/// What a whole file holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ArchiveCounts {
+    pub n_bytes: u64,
+    pub n_records: usize,
+    pub n_messages: usize,
+}
+
+/// Checks a file as a whole: the checksums of its chunks leave out the records between them, that of all data does not.
+///
+/// # Errors
+/// The file is cut short, damaged or no MCAP.
+pub fn check_archive(path: &Path) -> Result<ArchiveCounts, EpisodeError> {
+    let damaged = |source| EpisodeError::Damaged { source, path: path.to_owned() };
+    let mut file = store::open_file(path)?;
+    let n_bytes = file.metadata()?.len();
+    let limit = usize::try_from(n_bytes.max(MAX_CHUNK_BYTES)).expect("a file fits in memory");
+    let options = LinearReaderOptions::default()
+        .with_check_finishes_after_end_magic(true)
+        .with_prevalidate_chunk_crcs(true)
+        .with_validate_data_section_crc(true)
+        .with_validate_summary_section_crc(true)
+        .with_record_length_limit(limit);
+    let mut reader = LinearReader::new_with_options(options);
+    let mut counts = ArchiveCounts { n_bytes, n_records: 0, n_messages: 0 };
+    while let Some(event) = reader.next_event() {
+        match event.map_err(damaged)? {
+            LinearReadEvent::ReadRequest(n_wanted) => {
+                let n_read = file.read(reader.insert(n_wanted))?;
+                reader.notify_read(n_read);
+            }
+            LinearReadEvent::Record { opcode, data } => {
+                counts.n_records += 1;
+                let record = mcap::parse_record(opcode, data).map_err(damaged)?;
+                counts.n_messages += usize::from(matches!(record, Record::Message { .. }));
+            }
+        }
+    }
+    Ok(counts)
+}

@@ -1,0 +1,271 @@
+//! Changed bits and cut files: the right data, or an error that names the file; never a panic, never other data without a word.
+
+use std::fmt::Debug;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use burn::tensor::Device;
+use fs_err as fs;
+use harmzone::config;
+use harmzone::dataset::Dataset;
+use harmzone::episode::{DetectionReader, check_archive, EpisodeReader, LabelReader, Manifest};
+use harmzone::eval::json::read_predictions;
+use harmzone::files::sha256_hex;
+use harmzone::generate::GenerateConfig;
+use harmzone::model::checkpoint;
+use harmzone::outcome::DriveSummary;
+use harmzone::random::stream;
+use harmzone::report::scores::Scores;
+use harmzone::scene::{Town, bring_in};
+use rand::RngExt as _;
+
+use super::folder::copy;
+use super::made_data::{done, fixture, text};
+use super::n_faults;
+
+/// Cuts are so far apart.
+const CUT_BYTES: usize = 1_000;
+/// A reader that takes longer hangs.
+const LONGEST: Duration = Duration::from_secs(20);
+
+type Read = Box<dyn Fn(&Path) -> Result<String, String>>;
+
+/// A kind of file, and what reads it.
+struct Kind {
+    name: &'static str,
+    /// The whole file, in a folder of its own copy of all that is read with it.
+    path: PathBuf,
+    /// Whether the format holds a hash or a checksum of all that it says; without one, another text can be as valid.
+    is_hashed: bool,
+    /// What it holds, as a text that differs if anything does.
+    read: Read,
+}
+
+/// What came of the damages of one kind.
+#[derive(Default)]
+struct Outcome {
+    n_same: usize,
+    n_errors: usize,
+    n_other: usize,
+    /// What should not be, in words.
+    faults: Vec<String>,
+    longest: Duration,
+}
+
+fn said<T: Debug, E: std::fmt::Display>(read: Result<T, E>) -> Result<String, String> {
+    read.map(|value| sha256_hex(format!("{value:?}").as_bytes())).map_err(|error| error.to_string())
+}
+
+/// Everything that a network may learn from: all splits with their labels.
+fn read_dataset(folder: &Path) -> Result<String, String> {
+    let manifest = Manifest::read(folder).map_err(|error| error.to_string())?;
+    let mut all = format!("{manifest:?}");
+    for split in manifest.n_by_split().into_keys() {
+        let dataset = Dataset::open(folder, "rect", split).map_err(|error| error.to_string())?;
+        all += &said(Ok::<_, String>(dataset.samples()))?;
+    }
+    Ok(all)
+}
+
+fn read_episode(path: &Path) -> Result<String, String> {
+    check_archive(path).map_err(|error| error.to_string())?;
+    let reader = EpisodeReader::open(path).map_err(|error| error.to_string())?;
+    let samples = reader.samples().collect::<Result<Vec<_>, _>>().map_err(|error| error.to_string())?;
+    let map = reader.map().map_err(|error| error.to_string())?;
+    said(Ok::<_, String>((reader.meta(), samples, map)))
+}
+
+fn read_checkpoint(path: &Path) -> Result<String, String> {
+    let bytes = fs::read(path).map_err(|error| error.to_string())?;
+    let detector = checkpoint::unpack(&bytes, path, &Device::flex()).map_err(|error| error.to_string())?;
+    let seen = checkpoint::seen_in(&bytes, path).map_err(|error| error.to_string())?;
+    let again = path.with_extension("again");
+    checkpoint::save(&detector, seen.as_ref(), &again).map_err(|error| error.to_string())?;
+    fs::read(again).map(|bytes| sha256_hex(&bytes)).map_err(|error| error.to_string())
+}
+
+/// All kinds, each in its own folder below `home`.
+fn kinds(home: &Path) -> Vec<Kind> {
+    let made = fixture();
+    let data = home.join("data");
+    copy(&made.id, &data);
+    let path = |name: &str| home.join(name);
+    done(&["predict", "small", "--data", text(&data), "--out", text(&path("boxes"))]);
+    let episode = Manifest::read(&data).expect("a data set").episodes[0].clone();
+    let boxes = path("boxes").join(format!("{}.mcap", episode.name));
+    done(&["eval", "small", "--data", text(&data), "--out", text(&path("scores"))]);
+    let drive = "drive blind --episodes 1 --town downtown --set seconds=1.0 --seed 3";
+    done(&[drive.split(' ').collect::<Vec<_>>(), vec!["--out", text(&path("drive"))]].concat());
+    let copied = |from: &Path, name: &str| {
+        fs::create_dir_all(path(name).parent().expect("a folder")).expect("a writable folder");
+        fs::copy(from, path(name)).expect("a readable file");
+        path(name)
+    };
+    let sources = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mesh = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
+    fs::create_dir_all(path("meshes")).expect("a writable folder");
+    fs::write(path("meshes/rock.obj"), mesh.repeat(1)).expect("a writable folder");
+    let of_data = |name: &'static str, file: String| {
+        let (path, folder) = (data.join(file), data.clone());
+        Kind { name, path, is_hashed: true, read: Box::new(move |_| read_dataset(&folder)) }
+    };
+    let alone = |name, path: PathBuf, is_hashed, read: fn(&Path) -> Result<String, String>| Kind {
+        name,
+        path,
+        is_hashed,
+        read: Box::new(read),
+    };
+    vec![
+        of_data("episode", episode.file.clone()),
+        of_data("labels", format!("labels/rect/{}.mcap", episode.name)),
+        of_data("dataset.json", Manifest::FILE.to_owned()),
+        of_data("labels.json", "labels/rect/labels.json".to_owned()),
+        alone("episode, alone", copied(&data.join(&episode.file), "alone/e.mcap"), true, read_episode),
+        alone(
+            "labels, alone",
+            copied(&data.join(format!("labels/rect/{}.mcap", episode.name)), "alone/l.mcap"),
+            true,
+            |path| said(LabelReader::open(path).map(|reader| (reader.meta().clone(), reader.samples().to_vec()))),
+        ),
+        alone("boxes, MCAP", boxes, true, |path| {
+            said(DetectionReader::open(path).map(|reader| (reader.meta().clone(), reader.samples().to_vec())))
+        }),
+        alone("predictions.json", path("boxes/predictions.json"), true, |path| {
+            said(read_predictions(path).map(|boxes| boxes.samples))
+        }),
+        alone("metrics.json", path("scores/metrics.json"), true, |path| {
+            said(Scores::read(path.parent().expect("a folder")).map(|scores| scores.evaluation))
+        }),
+        alone("drive.json", path("drive/drive.json"), true, |path| {
+            said(DriveSummary::read(path.parent().expect("a folder")))
+        }),
+        alone("checkpoint", copied(&made.run.join("model.safetensors"), "alone/m.safetensors"), true, read_checkpoint),
+        alone("road.xodr", copied(&sources.join("tests/data/crossroads.xodr"), "road/r.xodr"), false, |path| {
+            said(Town::load(text(path)).map(|town| town.notes))
+        }),
+        alone("gen.toml", copied(&data.join("gen.toml"), "alone/gen.toml"), false, |path| {
+            said(config::load::<GenerateConfig>(Some(path), &[]))
+        }),
+        alone("mesh, OBJ", path("meshes/rock.obj"), false, |path| {
+            said(bring_in(path.parent().expect("a folder"), false).map(|models| models.sha256()))
+        }),
+    ]
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Damage {
+    /// This bit is another.
+    Flip(usize),
+    /// Nothing from this byte on.
+    Cut(usize),
+}
+
+/// Damages of a file: bits by chance, half of them among the first and last kilobytes, where the structure is; and all cuts.
+fn damages(n_bytes: usize, n_flips: usize, seed: u64) -> Vec<Damage> {
+    let mut rng = stream(seed, "bits", n_bytes as u64);
+    let flips = (0..n_flips).map(|i| {
+        let ends = n_bytes.min(4_096);
+        let byte = match i % 4 {
+            0 => rng.random_range(0..ends),
+            1 => n_bytes - 1 - rng.random_range(0..ends),
+            _ => rng.random_range(0..n_bytes),
+        };
+        Damage::Flip(byte * 8 + rng.random_range(0..8))
+    });
+    let mut all: Vec<Damage> = flips.collect();
+    all.extend((0..n_bytes).step_by(CUT_BYTES).map(Damage::Cut));
+    all
+}
+
+fn damaged(bytes: &[u8], damage: Damage) -> Vec<u8> {
+    match damage {
+        Damage::Flip(bit) => {
+            let mut bytes = bytes.to_vec();
+            bytes[bit / 8] ^= 1 << (bit % 8);
+            bytes
+        }
+        Damage::Cut(at) => bytes[..at].to_vec(),
+    }
+}
+
+/// Damages a kind's file in so many ways, and leaves it whole.
+fn damage(kind: &Kind, n_flips: usize) -> Outcome {
+    let whole = fs::read(&kind.path).expect("a readable file");
+    let wanted = (kind.read)(&kind.path).unwrap_or_else(|error| panic!("{}: {error}", kind.name));
+    let mut outcome = Outcome::default();
+    for damage in damages(whole.len(), n_flips, 20) {
+        fs::write(&kind.path, damaged(&whole, damage)).expect("a writable copy");
+        let begin = Instant::now();
+        let read = catch_unwind(AssertUnwindSafe(|| (kind.read)(&kind.path)));
+        let took = begin.elapsed();
+        outcome.longest = outcome.longest.max(took);
+        let mut fault = |text: String| outcome.faults.push(format!("{}: {damage:?}: {text}", kind.name));
+        if took > LONGEST {
+            fault(format!("took {took:?}"));
+        }
+        match read {
+            Err(_) => fault("a panic".to_owned()),
+            Ok(Ok(found)) if found == wanted => outcome.n_same += 1,
+            Ok(Ok(_)) => {
+                outcome.n_other += 1;
+                if kind.is_hashed {
+                    fault("other data without a word".to_owned());
+                }
+            }
+            Ok(Err(told)) => {
+                outcome.n_errors += 1;
+                let name = kind.path.file_name().expect("a file").to_string_lossy();
+                let folder = kind.path.parent().expect("a folder");
+                // A file that is damaged may make another not fit: then the data set or the other is named.
+                if !told.contains(&*name) && !told.contains(text(folder)) && !told.contains("/data") {
+                    fault(format!("an error that names no file: {told}"));
+                }
+            }
+        }
+    }
+    fs::write(&kind.path, whole).expect("a writable copy");
+    outcome
+}
+
+/// Prints a table; tells the faults.
+fn damage_all(n_flips: usize) -> Vec<String> {
+    let home = tempfile::tempdir().expect("a temporary folder");
+    let hook = std::panic::take_hook();
+    std::panic::set_hook(Box::new(|_| ()));
+    let mut faults = Vec::new();
+    println!(
+        "{:<18} {:>8} {:>8} {:>8} {:>8} {:>8} {:>10} {:>10}",
+        "file", "bytes", "damages", "errors", "same", "other", "faults", "longest ms"
+    );
+    for kind in kinds(home.path()) {
+        let n_bytes = fs::metadata(&kind.path).expect("a readable file").len();
+        let outcome = damage(&kind, n_flips);
+        let Outcome { n_same, n_errors, n_other, longest, .. } = outcome;
+        let n = n_same + n_errors + n_other;
+        let (n_faults, longest) = (outcome.faults.len(), longest.as_millis());
+        println!(
+            "{:<18} {n_bytes:>8} {n:>8} {n_errors:>8} {n_same:>8} {n_other:>8} {n_faults:>10} {longest:>10}{}",
+            kind.name,
+            if kind.is_hashed { "" } else { "  (no hash in the format)" }
+        );
+        faults.extend(outcome.faults);
+    }
+    std::panic::set_hook(hook);
+    faults
+}
+
+#[test]
+fn no_changed_bit_and_no_cut_passes_for_other_data() {
+    let faults = damage_all(12);
+    assert!(faults.is_empty(), "{} faults:\n{}", faults.len(), faults[..faults.len().min(10)].join("\n"));
+}
+
+#[test]
+#[ignore = "an hour: make soak ROWS=bits"]
+fn long_bits() {
+    let faults = damage_all(n_faults(10_000));
+    let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
+    println!("{}", status.lines().find(|line| line.starts_with("VmHWM")).unwrap_or_default());
+    assert!(faults.is_empty(), "{} faults:\n{}", faults.len(), faults[..faults.len().min(40)].join("\n"));
+}

@@ -1,0 +1,120 @@
+//! A full disk, at each stage: a message with file and room, data whole, and the same command ends once there is room.
+
+use std::path::Path;
+use std::process::Command;
+
+use super::folder::{difference, hashes};
+use super::made_data::text;
+use super::shim::{Fault, with_fault};
+use super::stages::{Stage, all};
+
+/// Shares of what a stage writes, at which the disk is full.
+const SHARES: [f64; 5] = [0.0, 0.1, 0.5, 0.9, 0.99];
+
+/// What a stage says on a disk with room for a share of what it writes, and what is wrong with that.
+fn fill(stage: &Stage, share: f64) -> Option<(String, Vec<String>)> {
+    let home = tempfile::tempdir().expect("a temporary folder");
+    let out = home.path().join("out");
+    stage.prepare(&out);
+    let n_before: u64 = if out.exists() { size_of(&out) } else { 0 };
+    let n_bytes = (size_of(&stage.unbroken().folder) - n_before) as f64 * share;
+    let mut command = stage.command(&out);
+    with_fault(&mut command, &out, Fault::Room { n_bytes: n_bytes as u64 })?;
+    let output = command.output().expect("the program starts");
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    let mut wrong = Vec::new();
+    if output.status.code() == Some(0) {
+        // What is linked, not written, takes no room.
+        return Some(("done".to_owned(), wrong));
+    }
+    if output.status.code() != Some(1) || told.contains("panicked") {
+        wrong.push(format!("{} at {share}: ended with {:?}: {told}", stage.name, output.status.code()));
+    }
+    let line = told.lines().find(|line| line.contains("space")).unwrap_or_default().to_owned();
+    for word in ["No space left", "no space left", text(&out)] {
+        if !told.to_lowercase().contains(&word.to_lowercase()) {
+            wrong.push(format!("{} at {share}: `{word}` is not told: {told}", stage.name));
+        }
+    }
+    if !(told.contains("wants") && told.contains("free")) {
+        wrong.push(format!("{} at {share}: the room is not told: {told}", stage.name));
+    }
+    let again = stage.command(&out).output().expect("the program starts");
+    if !again.status.success() {
+        wrong.push(format!("{} at {share}: not after it: {}", stage.name, String::from_utf8_lossy(&again.stderr)));
+    } else if let Some(text) = difference(&hashes(&out), &stage.unbroken().hashes) {
+        wrong.push(format!("{} at {share}: after it, {text}", stage.name));
+    }
+    Some((line, wrong))
+}
+
+/// Bytes of all files in a folder.
+fn size_of(folder: &Path) -> u64 {
+    hashes(folder).keys().map(|name| fs_err::metadata(folder.join(name)).expect("a file").len()).sum()
+}
+
+#[test]
+fn a_full_disk_is_told_with_its_room_and_loses_nothing() {
+    let mut wrong = Vec::new();
+    for stage in all() {
+        for share in SHARES {
+            let Some((line, faults)) = fill(&stage, share) else { return };
+            println!("{:<8} {share:>5} {line}", stage.name);
+            wrong.extend(faults);
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// A small disk of its own; `None`, told, where this user may not mount one.
+struct SmallDisk(tempfile::TempDir);
+
+impl SmallDisk {
+    fn mount(n_kib: u32) -> Option<Self> {
+        let home = tempfile::tempdir().expect("a temporary folder");
+        let size = format!("size={n_kib}k");
+        let mounted = Command::new("mount").args(["-t", "tmpfs", "-o", &size, "tmpfs"]).arg(home.path()).output();
+        if !mounted.is_ok_and(|mounted| mounted.status.success()) {
+            println!("SKIPPED: a disk of its own, which only root may mount");
+            return None;
+        }
+        Some(Self(home))
+    }
+
+    fn remount(&self, options: &str) {
+        let options = format!("remount,{options}");
+        let done = Command::new("mount").args(["-o", &options]).arg(self.0.path()).status();
+        assert!(done.is_ok_and(|status| status.success()), "the disk cannot be remounted");
+    }
+}
+
+impl Drop for SmallDisk {
+    fn drop(&mut self) {
+        let _ = Command::new("umount").arg(self.0.path()).status();
+    }
+}
+
+#[test]
+fn on_a_small_disk_gen_says_at_the_start_that_it_cannot_end_and_a_read_only_one_is_named() {
+    for stage in all() {
+        let Some(disk) = SmallDisk::mount(64) else { return };
+        let out = disk.0.path().join("out");
+        disk.remount("ro");
+        if stage.name != "label" {
+            let told = stage.command(&out).output().expect("the program starts");
+            let words = String::from_utf8_lossy(&told.stderr).into_owned();
+            assert!(told.status.code() == Some(1) && words.contains("Read-only"), "{}: {words}", stage.name);
+        }
+        disk.remount("rw");
+        if stage.name == "gen" {
+            let told = stage.command(&out).output().expect("the program starts");
+            let words = String::from_utf8_lossy(&told.stderr).into_owned();
+            assert!(told.status.code() == Some(1), "{words}");
+            assert!(words.contains("needs about") && words.contains("are free"), "{words}");
+        }
+        disk.remount("size=100m");
+        stage.prepare(&out);
+        assert!(stage.command(&out).status().expect("the program starts").success(), "{}", stage.name);
+        assert_eq!(difference(&hashes(&out), &stage.unbroken().hashes), None, "{}", stage.name);
+    }
+}
