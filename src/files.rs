@@ -57,6 +57,18 @@ pub fn holds_anything(folder: &Path) -> io::Result<bool> {
     Ok(false)
 }
 
+/// Whether a file is there. Unlike `Path::is_file`, a disk that does not answer is an error, and no file that is absent.
+///
+/// # Errors
+/// It cannot be told.
+pub fn is_file(path: &Path) -> io::Result<bool> {
+    match fs::metadata(path) {
+        Ok(found) => Ok(found.is_file()),
+        Err(error) if matches!(error.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory) => Ok(false),
+        Err(error) => Err(error),
+    }
+}
+
 /// Deletes what a killed process left unfinished in a folder, whose lock is held: files and folders under partial names, but
 /// not those in other folders, nor locks.
 ///

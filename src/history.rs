@@ -7,7 +7,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize, Serializer};
 use thiserror::Error;
 
-use crate::files::write_atomic;
+use crate::files::{is_file, write_atomic};
 
 /// Name of the file with a row for each step.
 pub const STEPS_FILE: &str = "log.csv";
@@ -83,6 +83,8 @@ pub struct History {
 /// Why the course of a run could not be read.
 #[derive(Debug, Error)]
 pub enum HistoryError {
+    #[error(transparent)]
+    Io(#[from] std::io::Error),
     #[error("no steps were logged here yet; give the --out folder of a `harmzone train`: {}", path.display())]
     Nothing { path: PathBuf },
     #[error("{source}: {}", path.display())]
@@ -126,7 +128,7 @@ impl History {
 
 /// The rows of a file; empty if there is no file.
 fn read_rows<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>, HistoryError> {
-    if !path.exists() {
+    if !is_file(path)? {
         return Ok(Vec::new());
     }
     let broken = |source| HistoryError::Broken { source, path: path.to_owned() };

@@ -11,7 +11,7 @@ use thiserror::Error;
 
 pub use super::counts::{HarmCounts, LabelCounts, ObjectCounts, PerDistribution, PerKind};
 use super::shard::PartOf;
-use crate::files::{is_sealed, unseal, write_atomic, write_sealed};
+use crate::files::{is_file, is_sealed, unseal, write_atomic, write_sealed};
 
 /// Why a manifest cannot be read or written.
 #[derive(Debug, Error)]
@@ -130,7 +130,7 @@ impl Manifest {
     /// Not a data set, malformed, of another format version, or with two episodes of one name.
     pub fn read(folder: &Path) -> Result<Self, ManifestError> {
         let path = folder.join(Self::FILE);
-        if !path.is_file() {
+        if !is_file(&path)? {
             return Err(ManifestError::NotADataset { path: folder.to_owned() });
         }
         let mut manifest: Self = read_json(&path, Self::READS, Self::VERSION)?;
@@ -255,7 +255,7 @@ impl LabelManifest {
     /// No such set (the error lists those that exist), malformed, or of another format version.
     pub fn read(dataset: &Path, set: &str) -> Result<Self, ManifestError> {
         let path = Self::folder(dataset, set).join(Self::FILE);
-        if !path.is_file() {
+        if !is_file(&path)? {
             let (set, found, path) = (set.to_owned(), label_sets(dataset), dataset.to_owned());
             return Err(ManifestError::NoLabels { set, found, path });
         }

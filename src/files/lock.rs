@@ -8,6 +8,8 @@ use std::path::{Path, PathBuf};
 use fs_err as fs;
 use rustix::fs::{fstat, stat};
 
+use super::told_with_room;
+
 /// Name of the file, which counts as unfinished: it may be deleted where nobody holds it.
 const FILE: &str = "writer.partial";
 
@@ -68,9 +70,16 @@ impl FolderLock {
             if !is_still_there(&file, &path) {
                 continue;
             }
-            file.rewind()?;
-            file.set_len(0)?;
-            writeln!(file, "{}", this_process())?;
+            let who = this_process();
+            let mut write = || -> io::Result<()> {
+                file.rewind()?;
+                file.set_len(0)?;
+                writeln!(file, "{who}")
+            };
+            write().map_err(|error| {
+                let named = io::Error::new(error.kind(), format!("{error}: {}", path.display()));
+                told_with_room(named, &path, who.len() as u64)
+            })?;
             return Ok(Self { file, path });
         }
     }

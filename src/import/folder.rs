@@ -7,7 +7,7 @@ use fs_err as fs;
 use super::ImportError;
 use crate::episode::folder::{EPISODES, clear_episodes, first_difference, remove_unfinished, whole_ones};
 use crate::episode::{EpisodeEntry, Manifest};
-use crate::files::{holds_anything, sha256_hex, write_atomic};
+use crate::files::{holds_anything, is_file, sha256_hex, write_atomic};
 
 /// The resolved config, written before anything else.
 pub(super) const CONFIG_FILE: &str = "import.toml";
@@ -19,7 +19,7 @@ pub(super) const CONFIG_FILE: &str = "import.toml";
 pub(super) fn open(folder: &Path, config_toml: &str, force: bool) -> Result<Manifest, ImportError> {
     let mut manifest = Manifest::new(sha256_hex(config_toml.as_bytes()), 0, false);
     let config_path = folder.join(CONFIG_FILE);
-    if config_path.is_file() {
+    if is_file(&config_path)? {
         match find_whole_episodes(folder, config_toml, &manifest) {
             Ok(entries) => manifest.episodes = entries,
             Err(_) if force => clear_episodes(folder, CONFIG_FILE)?,
@@ -28,9 +28,11 @@ pub(super) fn open(folder: &Path, config_toml: &str, force: bool) -> Result<Mani
     } else if holds_anything(folder)? {
         return Err(ImportError::ForeignFolder { path: folder.to_owned() });
     }
+    // The config first: by it a folder is known as ours.
+    fs::create_dir_all(folder)?;
+    write_atomic(&config_path, config_toml.as_bytes())?;
     fs::create_dir_all(folder.join(EPISODES))?;
     remove_unfinished(folder)?;
-    write_atomic(&config_path, config_toml.as_bytes())?;
     manifest.ood = manifest.episodes.iter().any(|entry| entry.ood);
     manifest.write(folder)?;
     Ok(manifest)
@@ -49,7 +51,7 @@ fn find_whole_episodes(
     if let Some((found, wanted)) = first_difference(&found_toml, config_toml) {
         return other("config", found, wanted);
     }
-    if !folder.join(Manifest::FILE).is_file() {
+    if !is_file(&folder.join(Manifest::FILE))? {
         return Ok(Vec::new());
     }
     let found = Manifest::read(folder)?;

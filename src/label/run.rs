@@ -16,7 +16,7 @@ use super::worker::{self, LabelJob};
 use crate::config;
 use crate::episode::manifest::{EpisodeEntry, LabelEntry, LabelManifest, Manifest};
 use crate::episode::{Shard, is_any_annotated};
-use crate::files::{FolderLock, PARTIAL_SUFFIX, remove_unfinished};
+use crate::files::{FolderLock, PARTIAL_SUFFIX, is_file, remove_unfinished};
 use crate::interrupt;
 use crate::progress::Progress;
 use crate::store;
@@ -74,7 +74,7 @@ pub fn run_with(
     }
     let folder = LabelManifest::folder(dataset, set);
     if !options.force
-        && folder.join(LabelManifest::FILE).is_file()
+        && is_file(&folder.join(LabelManifest::FILE))?
         && let Some(done) = finished(LabelManifest::read(dataset, set)?, &manifest, zone_config, &folder)?
     {
         return Ok(summary(&done, true));

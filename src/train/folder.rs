@@ -51,7 +51,7 @@ pub fn open(
         if options.resume {
             return Err(TrainError::NothingToResume { path: out.to_owned() });
         }
-    } else if config_path.exists() {
+    } else if files::is_file(&config_path)? {
         let is_same = fs::read_to_string(&config_path)? == config_text
             && fs::read_to_string(out.join(DATA_FILE)).is_ok_and(|text| text == data_text);
         if is_same && !options.force {

@@ -22,7 +22,7 @@ use super::time::Stopwatch;
 use super::validate::validate;
 use crate::config::Checked;
 use crate::dataset::{SampleSource, SeenEpisodes};
-use crate::files::{FolderLock, check_room};
+use crate::files::{FolderLock, check_room, is_file};
 use crate::history::{History, ScoreRow, StepRow};
 use crate::interrupt;
 use crate::model::checkpoint::{self, CHECKPOINT};
@@ -99,7 +99,7 @@ pub fn run(
         loading,
         image_weights: None,
     };
-    if final_path.exists() {
+    if is_file(&final_path)? {
         // A run that was killed at its very end leaves them.
         state::clear(out)?;
         return Ok(summary(0, LossParts::default(), Duration::ZERO));

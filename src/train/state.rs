@@ -14,7 +14,7 @@ use super::error::StateError;
 use super::learner::Learner;
 use super::optimizer::Optimizer;
 use super::plan::Position;
-use crate::files::{PARTIAL_SUFFIX, read_sealed, sha256_hex, sha256_of, write_atomic, write_sealed};
+use crate::files::{PARTIAL_SUFFIX, is_file, read_sealed, sha256_hex, sha256_of, write_atomic, write_sealed};
 use crate::model::checkpoint;
 
 const OPTIMIZER_FILE: &str = "optimizer.bpk";
@@ -73,9 +73,8 @@ fn list(run: &Path) -> Result<Vec<PathBuf>, StateError> {
         let path = entry?.path();
         // A state that is half put to object storage lacks its position, which goes last.
         let is_whole = path.extension().is_none()
-            && path.join(POSITION_FILE).is_file()
             && path.file_name().is_some_and(|name| name.to_string_lossy().starts_with("step-"));
-        if is_whole {
+        if is_whole && is_file(&path.join(POSITION_FILE))? {
             found.push(path);
         }
     }

@@ -83,21 +83,24 @@ fn make<Job: Serialize, Task: Serialize, Made: DeserializeOwned>(
     let mut n_tries = 0;
     loop {
         interrupt::check()?;
-        let mut able = match worker.take() {
-            Some(worker) => worker,
+        let started = match worker.take() {
+            Some(worker) => Ok(worker),
             None => Worker::start(call)?,
         };
-        let lost = match able.make(task, on_tick) {
-            Ok(made) => {
-                *worker = Some(able);
-                return Ok(Ok(made));
-            }
-            Err(NotMade::Failed(text)) => {
-                *worker = Some(able);
-                return Ok(Err(TaskError::Failed(text)));
-            }
-            Err(NotMade::Unheard(Unheard::Interrupted)) => continue,
-            Err(NotMade::Unheard(Unheard::Lost(text))) => text,
+        let lost = match started {
+            Err(text) => text,
+            Ok(mut able) => match able.make(task, on_tick) {
+                Ok(made) => {
+                    *worker = Some(able);
+                    return Ok(Ok(made));
+                }
+                Err(NotMade::Failed(text)) => {
+                    *worker = Some(able);
+                    return Ok(Err(TaskError::Failed(text)));
+                }
+                Err(NotMade::Unheard(Unheard::Interrupted)) => continue,
+                Err(NotMade::Unheard(Unheard::Lost(text))) => text,
+            },
         };
         n_tries += 1;
         if n_tries == N_TRIES {

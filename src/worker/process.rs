@@ -55,7 +55,11 @@ impl Process {
         name: &'static str,
         patience: Duration,
     ) -> io::Result<Self> {
-        let stderr = tempfile::tempfile()?;
+        let stderr = tempfile::tempfile().map_err(|error| {
+            let folder = std::env::temp_dir();
+            let text = format!("cannot make a temporary file ({error}); TMPDIR names another folder: {}", folder.display());
+            io::Error::new(error.kind(), text)
+        })?;
         let told = |error| io::Error::other(format!("cannot start {}: {error}", program.path.display()));
         let mut child = Command::new(&program.path)
             .args(&program.args)
@@ -202,19 +206,19 @@ pub(super) enum NotMade {
 }
 
 impl<Made: DeserializeOwned> Worker<Made> {
-    /// Starts the call's worker and hands it its job.
+    /// Starts the call's worker and hands it its job, or tells how it was lost at once.
     ///
     /// # Errors
     /// The program cannot be started.
-    pub(super) fn start<Job: Serialize>(call: &Call<'_, Job>) -> io::Result<Self> {
+    pub(super) fn start<Job: Serialize>(call: &Call<'_, Job>) -> io::Result<Result<Self, String>> {
         let allocator = ALLOCATOR_ENVIRONMENT.map(|(name, value)| (name, value.to_owned()));
         let threads = call.n_threads.map(|n| (THREADS, n.to_string()));
         let patience = Duration::from_millis(500);
         let environment = allocator.into_iter().chain(threads);
         let mut process =
             Process::start(call.program, call.command, environment, "worker process", patience)?;
-        process.say(call.job).map_err(io::Error::other)?;
-        Ok(Self { process, silence: call.silence, made: PhantomData })
+        let said = process.say(call.job);
+        Ok(said.map(|()| Self { process, silence: call.silence, made: PhantomData }))
     }
 
     /// Lets the worker do one task.

@@ -18,6 +18,7 @@ use harmzone::outcome::DriveSummary;
 use harmzone::random::stream;
 use harmzone::report::scores::Scores;
 use harmzone::scene::{Town, bring_in};
+use harmzone::worker::with_causes;
 use rand::RngExt as _;
 
 use super::folder::copy;
@@ -53,8 +54,12 @@ struct Outcome {
     longest: Duration,
 }
 
-fn said<T: Debug, E: std::fmt::Display>(read: Result<T, E>) -> Result<String, String> {
-    read.map(|value| sha256_hex(format!("{value:?}").as_bytes())).map_err(|error| error.to_string())
+fn said<T: Debug, E: std::error::Error>(read: Result<T, E>) -> Result<String, String> {
+    read.map(|value| hashed(&value)).map_err(|error| with_causes(&error))
+}
+
+fn hashed(value: &impl Debug) -> String {
+    sha256_hex(format!("{value:?}").as_bytes())
 }
 
 /// Everything that a network may learn from: all splits with their labels.
@@ -63,7 +68,7 @@ fn read_dataset(folder: &Path) -> Result<String, String> {
     let mut all = format!("{manifest:?}");
     for split in manifest.n_by_split().into_keys() {
         let dataset = Dataset::open(folder, "rect", split).map_err(|error| error.to_string())?;
-        all += &said(Ok::<_, String>(dataset.samples()))?;
+        all += &hashed(&dataset.samples());
     }
     Ok(all)
 }
@@ -73,7 +78,7 @@ fn read_episode(path: &Path) -> Result<String, String> {
     let reader = EpisodeReader::open(path).map_err(|error| error.to_string())?;
     let samples = reader.samples().collect::<Result<Vec<_>, _>>().map_err(|error| error.to_string())?;
     let map = reader.map().map_err(|error| error.to_string())?;
-    said(Ok::<_, String>((reader.meta(), samples, map)))
+    Ok(hashed(&(reader.meta(), samples, map)))
 }
 
 fn read_checkpoint(path: &Path) -> Result<String, String> {
@@ -91,8 +96,9 @@ fn kinds(home: &Path) -> Vec<Kind> {
     let data = home.join("data");
     copy(&made.id, &data);
     let path = |name: &str| home.join(name);
-    done(&["predict", "small", "--data", text(&data), "--out", text(&path("boxes"))]);
     let episode = Manifest::read(&data).expect("a data set").episodes[0].clone();
+    let split = episode.split.name();
+    done(&["predict", "small", "--data", text(&data), "--split", split, "--out", text(&path("boxes"))]);
     let boxes = path("boxes").join(format!("{}.mcap", episode.name));
     done(&["eval", "small", "--data", text(&data), "--out", text(&path("scores"))]);
     let drive = "drive blind --episodes 1 --town downtown --set seconds=1.0 --seed 3";
@@ -192,8 +198,14 @@ fn damaged(bytes: &[u8], damage: Damage) -> Vec<u8> {
 /// Damages a kind's file in so many ways, and leaves it whole.
 fn damage(kind: &Kind, n_flips: usize) -> Outcome {
     let whole = fs::read(&kind.path).expect("a readable file");
-    let wanted = (kind.read)(&kind.path).unwrap_or_else(|error| panic!("{}: {error}", kind.name));
     let mut outcome = Outcome::default();
+    let wanted = match (kind.read)(&kind.path) {
+        Ok(wanted) => wanted,
+        Err(error) => {
+            outcome.faults.push(format!("{}: the whole file is refused: {error}", kind.name));
+            return outcome;
+        }
+    };
     for damage in damages(whole.len(), n_flips, 20) {
         fs::write(&kind.path, damaged(&whole, damage)).expect("a writable copy");
         let begin = Instant::now();

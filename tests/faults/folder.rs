@@ -21,7 +21,7 @@ pub fn hashes(folder: &Path) -> BTreeMap<String, String> {
                 continue;
             }
             let name = path.strip_prefix(folder).expect("it is below").to_string_lossy().into_owned();
-            if !OF_TIME.contains(&name.as_str()) {
+            if !OF_TIME.contains(&name.rsplit('/').next().unwrap_or_default()) {
                 found.insert(name, sha256_of(&path).expect("a readable file"));
             }
         }

@@ -51,9 +51,7 @@ fn check(words: &[String], home: &Path, before: &Path, after: &Path, fault: Faul
         copy(before, &data);
     }
     let mut faulty = command(&words.iter().map(String::as_str).collect::<Vec<_>>());
-    if with_fault(&mut faulty, &data, fault).is_none() {
-        return;
-    }
+    let Some(_counter) = with_fault(&mut faulty, &data, fault) else { return };
     let output = faulty.output().expect("the program starts");
     let told = String::from_utf8_lossy(&output.stderr).into_owned();
     let mut wrong = |text: String| outcome.faults.push(format!("{fault:?}: {text}"));
@@ -186,7 +184,7 @@ fn whole_data_is_not_changed_by_who_reads_it_with_errors() {
     assert!(n_calls > 0);
     for number in 0..n_calls {
         let mut faulty = command(&["info", text(&data)]);
-        with_fault(&mut faulty, &data, Fault::Call { number, errno: EIO });
+        let _counter = with_fault(&mut faulty, &data, Fault::Call { number, errno: EIO });
         let output = faulty.output().expect("the program starts");
         let told = String::from_utf8_lossy(&output.stderr).into_owned();
         assert!(output.status.success() || (told.contains(text(&data)) && !told.contains("panicked")), "{number}: {told}");

@@ -7,7 +7,6 @@ use harmzone::random::{Rng, stream};
 use rand::RngExt as _;
 
 use super::folder::{difference, hashes};
-use super::made_data::succeed;
 use super::n_faults;
 use super::stages::{Stage, all, clear};
 
@@ -33,11 +32,10 @@ fn run(stage: &Stage, rng: &mut Rng, outcome: &mut Outcome) {
         let mut child = quiet(stage.command(&out)).spawn().expect("the program starts");
         outcome.n_kills += usize::from(is_killed(&mut child, after));
     }
-    succeed(&mut stage.command(&out));
+    let finished = stage.finish(&out);
     outcome.n_runs += 1;
-    if let Some(text) = difference(&hashes(&out), &stage.unbroken().hashes) {
-        outcome.differences.push(text);
-    }
+    let differs = || difference(&hashes(&out), &stage.unbroken().hashes);
+    outcome.differences.extend(finished.err().or_else(differs));
     clear(&out);
 }
 

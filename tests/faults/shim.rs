@@ -42,7 +42,8 @@ fn library() -> Option<&'static Path> {
     built.as_ref().map(|(_, path)| path.as_path())
 }
 
-/// Counts of calls and bytes that a command and its workers share.
+/// Counts of calls and bytes that a command and its workers share; it must live as long as they.
+#[must_use]
 pub struct Counter {
     file: tempfile::NamedTempFile,
 }

@@ -40,6 +40,13 @@ impl Stage {
         command(&words.iter().map(String::as_str).collect::<Vec<_>>())
     }
 
+    /// Lets the command end; one that says that it is done already is. Returns what it says otherwise.
+    pub fn finish(&self, out: &Path) -> Result<(), String> {
+        let output = self.command(out).output().expect("the program starts");
+        let told = String::from_utf8_lossy(&output.stderr).into_owned();
+        if output.status.success() || told.contains("exist already") { Ok(()) } else { Err(told) }
+    }
+
     /// Makes the folder what it is before the command.
     pub fn prepare(&self, out: &Path) {
         if let Some(before) = &self.before {
@@ -71,20 +78,25 @@ fn inputs() -> &'static Inputs {
     INPUTS.get_or_init(|| {
         let home = tempfile::tempdir().expect("a temporary folder");
         let path = |name: &str| home.path().join(name);
-        let words = ["export", "nuscenes", text(&fixture().id), text(&path("log")), "--categories", "source", "--version"];
+        let log = path("log");
+        let words = ["export", "nuscenes", text(&fixture().id), text(&log), "--categories", "source", "--version"];
         done(&[words.as_slice(), &["v1.0-mini"]].concat());
         let shards = [path("a"), path("b")];
         for (shard, out) in ["0/2", "1/2"].into_iter().zip(&shards) {
             done(&generation(out, "1", &["--episodes", "2", "--shard", shard]));
             done(&["label", text(out)]);
         }
-        let log = path("log");
         Inputs { home, log, shards }
     })
 }
 
-/// All stages.
-pub fn all() -> Vec<Stage> {
+/// All stages, with what each leaves where nothing happens, for all tests here.
+pub fn all() -> &'static [Stage] {
+    static STAGES: OnceLock<Vec<Stage>> = OnceLock::new();
+    STAGES.get_or_init(stages)
+}
+
+fn stages() -> Vec<Stage> {
     let (made, Inputs { log, shards, .. }) = (fixture(), inputs());
     let [first, second] = [text(&shards[0]), text(&shards[1])];
     vec![
@@ -98,8 +110,8 @@ pub fn all() -> Vec<Stage> {
 }
 
 /// The stage of this name.
-pub fn named(name: &str) -> Stage {
-    all().into_iter().find(|stage| stage.name == name).expect("a stage of this name")
+pub fn named(name: &str) -> &'static Stage {
+    all().iter().find(|stage| stage.name == name).expect("a stage of this name")
 }
 
 /// Forgets what lies in a folder, if it is there.

@@ -46,8 +46,12 @@ pub const KINDS: [&str; 9] = [
     "model.head.n_queries=40",
 ];
 
-/// The program; beside xtask's where these are the tests of xtask.
+/// The program: the one that `HARMZONE_PROGRAM` names, which long tests run while another is built; else beside xtask's where
+/// these are the tests of xtask.
 pub fn program() -> PathBuf {
+    if let Some(named) = std::env::var_os("HARMZONE_PROGRAM") {
+        return named.into();
+    }
     if let Some(program) = option_env!("CARGO_BIN_EXE_harmzone") {
         return program.into();
     }
