@@ -1,5 +1,5 @@
 //! `harmzone doctor`: what this machine has for generating data and for the network, what is missing, and how to
-//! get it; or what is wrong with a data set.
+//! get it; or what is wrong with a data set, and what of it can be mended.
 
 use std::fmt;
 
@@ -7,8 +7,8 @@ use clap::Args;
 use nalgebra::Vector3;
 use serde::Serialize;
 
-use super::{Bar, ExitStatus, print_summary};
-use crate::dataset::health::{self, Health, Severity, Symptom};
+use super::{Bar, ExitStatus, print_summary, tell};
+use crate::dataset::health::{self, CheckVerdict, Health, Severity, Symptom};
 use crate::device::{self, DeviceName};
 use crate::geometry::{Pinhole, Transform};
 use crate::sim::{CameraMount, Environment, Renderer, SimError, Simulator};
@@ -26,6 +26,9 @@ const TINY_WORLD: &str = r#"<mujoco><worldbody>
 pub struct DoctorArgs {
     /// A data set to examine, in place of the machine: files, frames, units, stamps, values that cannot be
     dataset: Option<Location>,
+    /// Mend the data set where nothing is lost by it: delete leftovers, make dataset.json anew, set torn episodes aside
+    #[arg(long, requires = "dataset")]
+    fix: bool,
     /// Print the findings as JSON
     #[arg(long)]
     json: bool,
@@ -53,12 +56,7 @@ impl fmt::Display for Findings {
 
 pub fn run(args: DoctorArgs) -> anyhow::Result<ExitStatus> {
     if let Some(dataset) = &args.dataset {
-        let place = dataset.open(Access::Read)?;
-        let report = Report(health::examine(place.path(), &Bar::default())?);
-        print_summary(&report, args.json)?;
-        let n_faults = report.0.count(Severity::Fault);
-        anyhow::ensure!(n_faults == 0, "{n_faults} faults: {dataset}");
-        return Ok(ExitStatus::Done);
+        return examine_dataset(dataset, args.fix, args.json);
     }
     let findings = examine();
     print_summary(&findings, args.json)?;
@@ -67,23 +65,58 @@ pub fn run(args: DoctorArgs) -> anyhow::Result<ExitStatus> {
     Ok(ExitStatus::Done)
 }
 
-/// A data set's health, one line a symptom.
+fn examine_dataset(dataset: &Location, fix: bool, as_json: bool) -> anyhow::Result<ExitStatus> {
+    anyhow::ensure!(
+        !fix || dataset.local().is_some(),
+        "--fix mends a data set in a folder of this machine; copy it here, or make it again: {dataset}"
+    );
+    let place = dataset.open(Access::Read)?;
+    // What is left is examined after mending, so that nothing is told as well that is not.
+    let mended = if fix { health::mend(place.path(), &Bar::default())? } else { Vec::new() };
+    let report = Report { mended, health: health::examine(place.path(), &Bar::default())? };
+    print_summary(&report, as_json)?;
+    let n_faults = report.health.count(Severity::Fault);
+    if n_faults == 0 {
+        return Ok(ExitStatus::Done);
+    }
+    tell(format!("{n_faults} faults: {dataset}"));
+    Ok(ExitStatus::DoneWithLosses)
+}
+
+/// A data set's health, a line for each verdict and each symptom.
 #[derive(Debug, Serialize)]
-struct Report(Health);
+struct Report {
+    /// What was mended, a sentence each.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    mended: Vec<String>,
+    #[serde(flatten)]
+    health: Health,
+}
+
+/// Verdicts as lines begin with them.
+fn level(verdict: &str) -> &str {
+    if verdict == Severity::Fault.name() { "FAULT" } else { verdict }
+}
 
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Health { n_episodes, n_samples, symptoms } = &self.0;
-        for Symptom { severity, first_at, n_places, text } in symptoms {
-            let level = match severity {
-                Severity::Fault => "FAULT  ",
-                Severity::Warning => "warning",
-            };
-            let more =
-                if *n_places > 1 { format!(" (and {} more places)", n_places - 1) } else { String::new() };
-            writeln!(f, "{level} {first_at}: {text}{more}")?;
+        let Health { n_episodes, n_samples, verdicts, symptoms } = &self.health;
+        self.mended.iter().try_for_each(|sentence| writeln!(f, "mended  {sentence}"))?;
+        for CheckVerdict { check, verdict, figures } in verdicts {
+            writeln!(f, "{:<7} {check:<11} {figures}", level(verdict))?;
+            for Symptom { severity, first_at, n_places, text, .. } in
+                symptoms.iter().filter(|of| of.check == *check)
+            {
+                let more = if *n_places > 1 {
+                    format!(" (and {} more places)", n_places - 1)
+                } else {
+                    String::new()
+                };
+                writeln!(f, "  {:<7} {first_at}: {text}{more}", level(severity.name()))?;
+            }
         }
-        let (n_faults, n_warnings) = (self.0.count(Severity::Fault), self.0.count(Severity::Warning));
+        let (n_faults, n_warnings) =
+            (self.health.count(Severity::Fault), self.health.count(Severity::Warning));
         writeln!(f, "{n_episodes} episodes, {n_samples} samples: {n_faults} faults, {n_warnings} warnings")
     }
 }

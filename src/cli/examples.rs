@@ -170,7 +170,14 @@ const EXAMPLES: &[Examples] = &[
             "harmzone export predictions boxes results.json --data data/id --format nuscenes",
         )],
     ),
-    ("doctor", &[("This machine", "harmzone doctor"), ("A data set", "harmzone doctor data/id")]),
+    (
+        "doctor",
+        &[
+            ("This machine", "harmzone doctor"),
+            ("A data set", "harmzone doctor data/id"),
+            ("Mend what can be mended", "harmzone doctor data/id --fix"),
+        ],
+    ),
     ("init", &[("A folder to work in", "harmzone init my-project")]),
     ("config", &[("What a key is", "harmzone config explain ood_spacing_m")]),
     (

@@ -156,7 +156,7 @@ fn assert_unharmed(outcomes: &[(&str, Outcome)]) {
 
 #[test]
 fn an_error_at_some_calls_tears_no_file() {
-    assert_unharmed(&fail(Some(4), &[EIO]));
+    assert_unharmed(&fail(Some(2), &[EIO]));
 }
 
 #[test]

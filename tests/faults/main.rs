@@ -8,6 +8,7 @@ mod made_data;
 
 mod bits;
 mod disk_full;
+mod doctor;
 mod folder;
 mod io_errors;
 mod kills;

@@ -1,6 +1,6 @@
 //! What is odd about an episode's motion: gaps between samples, and a state that the poses contradict.
 
-use super::Remark;
+use super::check::{Aspect, Remark};
 use crate::sample::Measured;
 
 /// Speeds of state and poses may differ by this much, m/s, and by this share of the speed.
@@ -63,7 +63,7 @@ impl Motion {
                 "two samples are {widest_s:.2} s apart and most are {usual_s:.2} s apart; even gaps are needed to count \
                  events and distances"
             );
-            Remark::warning("gaps", text)
+            Remark::warning(Aspect::Times, "gaps", text)
         })
     }
 
@@ -79,7 +79,7 @@ impl Motion {
                 "the state says {state_mps:.1} m/s and the poses {pose_mps:.1} m/s (medians); both should agree: the unit, \
                  the poses or the speed's topic may be wrong"
             );
-            Remark::warning("speed", text)
+            Remark::warning(Aspect::Motion, "speed", text)
         })
     }
 
@@ -103,7 +103,7 @@ impl Motion {
                  the road wheels' angle in radians, positive to the left",
                 error_rad.to_degrees()
             );
-            Remark::warning("steering", text)
+            Remark::warning(Aspect::Motion, "steering", text)
         })
     }
 }
@@ -118,7 +118,7 @@ fn wrap(angle_rad: f64) -> f64 {
 }
 
 /// The middle value; 0 of none.
-fn median(mut values: Vec<f64>) -> f64 {
+pub(super) fn median(mut values: Vec<f64>) -> f64 {
     values.sort_unstable_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
@@ -157,7 +157,7 @@ mod tests {
 
     #[test]
     fn kilometres_an_hour_and_the_steering_wheels_angle_are_told() {
-        let checks = |remarks: Vec<Remark>| remarks.iter().map(|remark| remark.check).collect::<Vec<_>>();
+        let checks = |remarks: Vec<Remark>| remarks.iter().map(|remark| remark.kind).collect::<Vec<_>>();
         assert_eq!(checks(drive(8.0, 28.8, 0.1, 0.1)), ["speed"]);
         assert_eq!(checks(drive(8.0, 8.0, 0.1, 1.5)), ["steering"]);
     }

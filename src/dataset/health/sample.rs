@@ -1,7 +1,7 @@
 //! What is odd about one sample: its cloud, its picture, its camera, its boxes.
 
-use super::Remark;
-use crate::geometry::{Ego, Point};
+use super::check::{Aspect, Remark};
+use crate::geometry::{Ego, Lidar, Point, Transform};
 use crate::sample::{LidarPoint, Measured, Sample};
 
 /// Points on the road lie in this ring around the ego, metres.
@@ -18,45 +18,43 @@ const MIN_NEAR_OBJECTS: usize = 3;
 /// Boxes of logs are drawn by hand: points beside them belong to them, metres.
 const BOX_MARGIN_M: f64 = 0.1;
 
-/// Everything odd about a sample.
-pub(super) fn examine(sample: &Sample) -> Vec<Remark> {
+/// Everything odd about a sample; `points` are those of its top LiDAR.
+pub(super) fn examine(sample: &Sample, points: &[Point<Ego>]) -> Vec<Remark> {
     let measured = &sample.measured;
-    let points = in_ego(measured);
     [
-        examine_cloud(measured, &points),
+        examine_cloud(measured, points),
         examine_intensity(&measured.points),
-        examine_ground(&points),
+        examine_ground(points),
         examine_picture(measured),
-        examine_boxes(sample, &points),
+        examine_boxes(sample, points),
     ]
     .into_iter()
     .flatten()
     .collect()
 }
 
-fn in_ego(measured: &Measured) -> Vec<Point<Ego>> {
+/// The finite points of a cloud in the ego frame.
+pub(super) fn in_ego(ego_from_lidar: &Transform<Ego, Lidar>, points: &[LidarPoint]) -> Vec<Point<Ego>> {
     let is_finite =
         |point: &&LidarPoint| point.x_m.is_finite() && point.y_m.is_finite() && point.z_m.is_finite();
     let at = |point: &LidarPoint| {
-        measured.ego_from_lidar * Point::new(point.x_m.into(), point.y_m.into(), point.z_m.into())
+        *ego_from_lidar * Point::new(point.x_m.into(), point.y_m.into(), point.z_m.into())
     };
-    measured.points.iter().filter(is_finite).map(at).collect()
+    points.iter().filter(is_finite).map(at).collect()
 }
 
 fn examine_cloud(measured: &Measured, finite: &[Point<Ego>]) -> Option<Remark> {
     let n_points = measured.points.len();
     if n_points == 0 {
-        return Some(Remark::warning(
-            "empty cloud",
-            "the cloud is empty; points are needed to find objects".into(),
-        ));
+        let text = "the cloud is empty; points are needed to find objects";
+        return Some(Remark::warning(Aspect::Clouds, "empty cloud", text));
     }
     let n_broken = n_points - finite.len();
     (n_broken > 0).then(|| {
         let text = format!(
             "{n_broken} of {n_points} points are not finite and are left out; finite ones are needed"
         );
-        Remark::warning("points", text)
+        Remark::warning(Aspect::Clouds, "points", text)
     })
 }
 
@@ -65,14 +63,14 @@ fn examine_intensity(points: &[LidarPoint]) -> Option<Remark> {
     for point in points {
         if !point.intensity.is_finite() {
             let text = format!("an intensity is {}; numbers from 0 to 255 are needed", point.intensity);
-            return Some(Remark::warning("intensity", text));
+            return Some(Remark::warning(Aspect::Clouds, "intensity", text));
         }
         (low, high) = (low.min(point.intensity), high.max(point.intensity));
     }
     let is_outside = points.len() > 1 && (low < 0.0 || high > 255.0);
     is_outside.then(|| {
         let text = format!("intensities are from {low} to {high}; 0 to 255 is needed");
-        Remark::warning("intensity", text)
+        Remark::warning(Aspect::Clouds, "intensity", text)
     })
 }
 
@@ -90,7 +88,7 @@ fn examine_ground(points: &[Point<Ego>]) -> Option<Remark> {
             "the lowest points within {ROAD_TO_M:.0} m lie at z = {road_m:.2} m in the ego frame; the road should lie \
              near 0: the LiDAR's mounting height or axes may be wrong, or metres are not the unit"
         );
-        Remark::warning("ground", text)
+        Remark::warning(Aspect::Clouds, "ground", text)
     })
 }
 
@@ -99,13 +97,13 @@ fn examine_picture(measured: &Measured) -> Option<Remark> {
         Ok(image) => image,
         Err(error) => {
             let text = format!("the picture cannot be unpacked ({error}); a whole JPEG or PNG is needed");
-            return Some(Remark::fault("picture", text));
+            return Some(Remark::fault(Aspect::Pictures, "picture", text));
         }
     };
     let first = image.pixels().next();
     image.pixels().all(|pixel| Some(pixel) == first).then(|| {
         let text = "the picture has one colour, so the network sees with the LiDAR alone; a camera's picture is needed";
-        Remark::warning("plain picture", text.into())
+        Remark::warning(Aspect::Pictures, "plain picture", text)
     })
 }
 
@@ -126,7 +124,7 @@ fn examine_boxes(sample: &Sample, points: &[Point<Ego>]) -> Option<Remark> {
              mounting, or the boxes' frame may be wrong",
             near.len()
         );
-        Remark::warning("boxes without points", text)
+        Remark::warning(Aspect::Points, "boxes without points", text)
     })
 }
 
@@ -160,7 +158,8 @@ mod tests {
     fn checks(change: impl Fn(&mut Sample)) -> Vec<&'static str> {
         let mut sample = street();
         change(&mut sample);
-        examine(&sample).iter().map(|remark| remark.check).collect()
+        let points = in_ego(&sample.measured.ego_from_lidar, &sample.measured.points);
+        examine(&sample, &points).iter().map(|remark| remark.kind).collect()
     }
 
     fn checks_of_points(change: impl Fn(&mut LidarPoint)) -> Vec<&'static str> {

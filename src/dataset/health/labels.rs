@@ -1,0 +1,250 @@
+//! Label sets: whether each is of this data set, of these objects, by its zone, and counted rightly.
+
+use std::collections::BTreeSet;
+use std::io;
+use std::path::Path;
+
+use super::check::{Aspect, Found, Remark};
+use super::folder::{is_lock, is_unfinished, label_folders, listed};
+use crate::episode::manifest::{EpisodeEntry, LabelCounts, LabelManifest, Manifest};
+use crate::episode::{EpisodeError, LabelReader};
+use crate::sample::Sample;
+use crate::store;
+use crate::zone::{Zone, ZoneConfig};
+
+/// Parts of a set, until all are joined.
+const PART_PREFIX: &str = "part-";
+
+/// A label set of which the manifest could be read.
+pub(super) struct LabelSet {
+    pub name: String,
+    pub manifest: LabelManifest,
+    pub zone: Option<Zone>,
+}
+
+/// How a set is made anew.
+fn remedy(path: &Path, set: &str) -> String {
+    format!("`harmzone label {} --labels {set} --force` makes the set anew", path.display())
+}
+
+/// Reads the sets' manifests, and tells what is wrong with them.
+///
+/// # Errors
+/// A folder cannot be read.
+pub(super) fn open_all(path: &Path, manifest: &Manifest, found: &mut Found) -> io::Result<Vec<LabelSet>> {
+    let mut sets = Vec::new();
+    for (name, folder) in label_folders(path)? {
+        let files = file_names(&folder)?;
+        if !folder.join(LabelManifest::FILE).is_file() {
+            if !files.is_empty() {
+                let text = format!(
+                    "the label set has no {}, by which stages read it; `harmzone label {} --labels {name}` goes on with it",
+                    LabelManifest::FILE,
+                    path.display()
+                );
+                // Parts that wait for each other are no fault.
+                let is_in_parts = files.iter().any(|file| file.starts_with(PART_PREFIX));
+                found.add(&name, Remark::unless(is_in_parts, Aspect::Labels, "unfinished set", text));
+            }
+            continue;
+        }
+        match LabelManifest::read(path, &name) {
+            Ok(labels) => {
+                let zone = zone_of(&labels);
+                let set = LabelSet { name, zone: zone.as_ref().ok().cloned(), manifest: labels };
+                let bad_zone = zone.err().map(|message| format!("its zone is not valid ({message})"));
+                set.examine(path, manifest, bad_zone, &files, found);
+                sets.push(set);
+            }
+            Err(error) => {
+                let text = format!("{error}; {}", remedy(path, &name));
+                found.add(&name, Remark::fault(Aspect::Labels, "set", text));
+            }
+        }
+    }
+    Ok(sets)
+}
+
+/// Names of what lies in a set's folder, without what is unfinished.
+fn file_names(folder: &Path) -> io::Result<BTreeSet<String>> {
+    let paths = listed(folder)?.into_iter().filter(|path| !is_unfinished(path) && !is_lock(path));
+    Ok(paths.map(|path| path.file_name().unwrap_or_default().to_string_lossy().into_owned()).collect())
+}
+
+fn zone_of(labels: &LabelManifest) -> Result<Zone, String> {
+    let config: ZoneConfig = toml::from_str(&labels.zone_toml).map_err(|error| error.message().to_owned())?;
+    Zone::try_from(config).map_err(|error| error.to_string())
+}
+
+impl LabelSet {
+    fn examine(
+        &self,
+        path: &Path,
+        manifest: &Manifest,
+        bad_zone: Option<String>,
+        files: &BTreeSet<String>,
+        found: &mut Found,
+    ) {
+        let Self { name, manifest: labels, .. } = self;
+        let other_name = (labels.set != *name)
+            .then(|| format!("labels.json calls it `{}`, and the folder `{name}`", labels.set));
+        let other_data = (labels.dataset_config_sha256 != manifest.config_sha256)
+            .then(|| "it belongs to a data set of another config".to_owned());
+        for what in [other_name, other_data, bad_zone].into_iter().flatten() {
+            found.add(name, Remark::fault(Aspect::Labels, "set", format!("{what}; {}", remedy(path, name))));
+        }
+        let known: BTreeSet<&str> = manifest.episodes.iter().map(|entry| entry.name.as_str()).collect();
+        for label in labels.episodes.iter().filter(|label| !known.contains(label.name.as_str())) {
+            let text = format!(
+                "label set `{name}` has labels of an episode that dataset.json lacks; `harmzone gen`, the same command again, \
+                 makes the episode, or {}",
+                remedy(path, name)
+            );
+            found.add(&label.name, Remark::warning(Aspect::Labels, "labels without episode", text));
+        }
+        let listed: BTreeSet<&str> = labels.episodes.iter().map(|label| label.file.as_str()).collect();
+        let is_ours = |file: &str| {
+            file == LabelManifest::FILE || file.starts_with(PART_PREFIX) || listed.contains(file)
+        };
+        for file in files.iter().filter(|file| !is_ours(file.as_str())) {
+            let text = format!("labels.json does not name this file of label set `{name}`; nothing reads it");
+            found.add(file, Remark::warning(Aspect::Files, "unknown label file", text));
+        }
+    }
+
+    /// Opens an episode's labels, and tells what is wrong with them; `None` where they cannot be read.
+    pub(super) fn open<'a>(
+        &'a self,
+        path: &Path,
+        entry: &EpisodeEntry,
+        n_hashed: &mut u64,
+        remarks: &mut Vec<Remark>,
+    ) -> Option<EpisodeLabels<'a>> {
+        let name = &self.name;
+        let Some(label) = self.manifest.episodes.iter().find(|label| label.name == entry.name) else {
+            let text = format!("label set `{name}` lacks the episode; `harmzone label` makes it anew");
+            remarks.push(Remark::fault(Aspect::Labels, "labels of an episode", text));
+            return None;
+        };
+        let file = LabelManifest::folder(path, name).join(&label.file);
+        if !store::is_there(&file) {
+            let text = format!("the label file is not there; {}: {}", remedy(path, name), file.display());
+            remarks.push(Remark::fault(Aspect::Files, "missing label file", text));
+            return None;
+        }
+        match store::sha256_of(&file) {
+            Ok(found) if found == label.sha256 => *n_hashed += 1,
+            Ok(found) => {
+                let (wanted, path) = (label.sha256.clone(), file.clone());
+                let error = EpisodeError::OtherContent { found, wanted, path };
+                remarks.push(Remark::fault(Aspect::Hashes, "label file", error.to_string()));
+            }
+            Err(error) => remarks.push(Remark::fault(Aspect::Hashes, "label file", error.to_string())),
+        }
+        let reader = match LabelReader::open(&file) {
+            Ok(reader) => reader,
+            Err(error) => {
+                let is_damage = matches!(error, EpisodeError::Damaged { .. } | EpisodeError::NoIndex { .. });
+                let aspect = if is_damage { Aspect::Checksums } else { Aspect::Schemas };
+                remarks.push(Remark::fault(aspect, "label file", error.to_string()));
+                return None;
+            }
+        };
+        let meta = reader.meta();
+        let n = reader.samples().len();
+        let told = |sha256: &str| {
+            format!("of an episode with the content hash {sha256}, and it is {}", entry.sha256)
+        };
+        let faults = [
+            (label.episode_sha256 != entry.sha256).then(|| told(&label.episode_sha256)),
+            (meta.episode_sha256 != entry.sha256).then(|| told(&meta.episode_sha256)),
+            (meta.episode != entry.name).then(|| format!("of episode `{}`", meta.episode)),
+            (meta.set != *name).then(|| format!("of label set `{}`", meta.set)),
+            (meta.config_toml != self.manifest.zone_toml)
+                .then(|| "by another zone than labels.json has".to_owned()),
+            (n != label.n_samples)
+                .then(|| format!("of {n} samples, and labels.json says {}", label.n_samples)),
+        ];
+        if let Some(what) = faults.into_iter().flatten().next() {
+            let text = format!("these are labels {what}; {}: {}", remedy(path, name), file.display());
+            remarks.push(Remark::fault(Aspect::Labels, "other labels", text));
+            return None;
+        }
+        Some(EpisodeLabels { set: self, reader, counts: LabelCounts::default(), n_labels: 0 })
+    }
+
+    /// Sets the sum of an episode-wise count beside the manifest's.
+    pub(super) fn examine_counts(&self, path: &Path, counts: &LabelCounts, found: &mut Found) {
+        if *counts == self.manifest.counts {
+            return;
+        }
+        let all = |counts: &LabelCounts| crate::label::count_of(counts, None, None);
+        let (told, counted) = (all(&self.manifest.counts), all(counts));
+        let text = format!(
+            "labels.json counts {} harmful and {} harmless boxes, and the label files hold {} and {} (or others of a kind); \
+             {}",
+            told.harmful,
+            told.harmless,
+            counted.harmful,
+            counted.harmless,
+            remedy(path, &self.name)
+        );
+        found.add(&self.name, Remark::fault(Aspect::Labels, "counts", text));
+    }
+}
+
+/// The labels of one episode while they are set beside its samples.
+pub(super) struct EpisodeLabels<'a> {
+    set: &'a LabelSet,
+    reader: LabelReader,
+    pub counts: LabelCounts,
+    pub n_labels: u64,
+}
+
+impl EpisodeLabels<'_> {
+    /// Sets a sample's labels beside its objects.
+    pub(super) fn examine(&mut self, sample_idx: usize, sample: &Sample) -> Option<Remark> {
+        let name = &self.set.name;
+        let Some(labels) = self.reader.samples().get(sample_idx) else {
+            let text =
+                format!("label set `{name}` ends before this sample; `harmzone label --force` makes it anew");
+            return Some(Remark::fault(Aspect::Labels, "labels of a sample", text));
+        };
+        let ids = labels.labels.iter().map(|label| Some(label.id.as_str()));
+        let is_same = labels.time_ns == sample.measured.time_ns
+            && ids.eq(sample.objects().iter().map(|object| object.id.as_deref()));
+        if !is_same {
+            let text = format!(
+                "label set `{name}` has {} labels at {} ns for {} objects at {} ns; one for each object, in its order, is \
+                 needed: `harmzone label --force` makes it anew",
+                labels.labels.len(),
+                labels.time_ns,
+                sample.objects().len(),
+                sample.measured.time_ns
+            );
+            return Some(Remark::fault(Aspect::Labels, "labels of a sample", text));
+        }
+        let here = self.set.zone.as_ref().and_then(|zone| zone.at(sample.true_state()).ok());
+        let mut other = None;
+        for (object, label) in sample.objects().iter().zip(&labels.labels) {
+            self.n_labels += 1;
+            if let Some(count) = self.counts.of_mut(object) {
+                count.add(label.harm);
+            }
+            let verdict = here.as_ref().and_then(|here| here.harm_of_object(object).ok());
+            if let Some(verdict) = verdict.filter(|verdict| verdict.harm != label.harm) {
+                other.get_or_insert_with(|| {
+                    let text = format!(
+                        "label set `{name}` calls object `{}` {}, and its zone calls it {} today; `harmzone label --force` makes \
+                         it anew",
+                        label.id,
+                        label.harm.name(),
+                        verdict.harm.name()
+                    );
+                    Remark::warning(Aspect::Labels, "other harm", text)
+                });
+            }
+        }
+        other
+    }
+}
