@@ -64,13 +64,22 @@ pub fn episode(bytes: &[u8]) {
 }
 
 fn read_episode(path: &Path) {
-    let Ok(episode) = EpisodeReader::open(path) else { return };
+    let episode = match EpisodeReader::open(path) {
+        Ok(episode) => episode,
+        Err(error) => return scratch::tell(&error),
+    };
     let _ = episode.map();
     let zone = Zone::try_from(ZoneConfig::default()).expect("the default is valid");
     let config = ModelConfig::default();
     for i in 0..episode.len().min(MOST_SAMPLES) {
         let _ = (episode.views(i), episode.clouds(i), episode.sweeps(i), episode.whole_sample(i));
-        let Ok(sample) = episode.sample(i) else { continue };
+        let sample = match episode.sample(i) {
+            Ok(sample) => sample,
+            Err(error) => {
+                scratch::tell(&error);
+                continue;
+            }
+        };
         if let Ok(zone) = zone.at(sample.true_state()) {
             for object in sample.objects() {
                 let _ = (zone.harm_of_object(object), zone.edge_distance_m(&object.box_in_ego));
@@ -126,7 +135,9 @@ pub fn sidecar(bytes: &[u8]) {
 pub fn episode_seeds() -> Vec<Vec<u8>> {
     TEMPLATES.with(|templates| {
         let of = |(i, template): (usize, &Parts)| {
-            seeds_of(template).into_iter().map(move |(kind, bytes)| [&[(kind + 128 * i) as u8], &bytes[..]].concat())
+            seeds_of(template)
+                .into_iter()
+                .map(move |(kind, bytes)| [&[(kind + 128 * i) as u8], &bytes[..]].concat())
         };
         templates.episodes.iter().enumerate().flat_map(of).collect()
     })
@@ -136,7 +147,9 @@ pub fn episode_seeds() -> Vec<Vec<u8>> {
 pub fn sidecar_seeds() -> Vec<Vec<u8>> {
     TEMPLATES.with(|templates| {
         let of = |(i, template): (usize, &Parts)| {
-            seeds_of(template).into_iter().map(move |(kind, bytes)| [&[(kind + 85 * i) as u8], &bytes[..]].concat())
+            seeds_of(template)
+                .into_iter()
+                .map(move |(kind, bytes)| [&[(kind + 85 * i) as u8], &bytes[..]].concat())
         };
         templates.sidecars.iter().enumerate().flat_map(of).collect()
     })

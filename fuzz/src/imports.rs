@@ -37,11 +37,17 @@ fn import<L: Log>(
     if is_fitted {
         config.ground = GroundSource::Fit;
     }
-    let Ok(log) = open(&config) else { return };
+    let log = match open(&config) {
+        Ok(log) => log,
+        Err(error) => return scratch::tell(&error),
+    };
     let out = scratch::empty_folder(&format!("{}/out", format.name()));
     let options = ImportOptions { scenes: Vec::new(), split: Split::Test, skip_bad: true, force: false };
-    if run(&log, format, &config, &out, &options, &Silent).is_err() {
-        return;
+    match run(&log, format, &config, &out, &options, &Silent) {
+        Ok(summary) => {
+            scratch::tell(&format!("{} samples, left out: {:?}", summary.n_samples, summary.skipped))
+        }
+        Err(error) => return scratch::tell(&error),
     }
     let manifest = Manifest::read(&out).expect("an import writes a manifest");
     for entry in &manifest.episodes {
@@ -105,7 +111,9 @@ pub fn ros2(bytes: &[u8]) {
             mapping = rest;
             bag.with(Part::Nothing)
         }
-        n if (n - 3) / bag.n_channels() % 2 == 0 => bag.with(Part::Messages((n - 3) % bag.n_channels(), rest)),
+        n if (n - 3) / bag.n_channels() % 2 == 0 => {
+            bag.with(Part::Messages((n - 3) % bag.n_channels(), rest))
+        }
         n => bag.with(Part::Schema((n - 3) % bag.n_channels(), rest)),
     });
     scratch::write("ros2/bag/plain.mcap", &bag);
@@ -118,7 +126,8 @@ pub fn ros2(bytes: &[u8]) {
 }
 
 fn seeds_of(log: &LogFolder, first: usize) -> Vec<Vec<u8>> {
-    let seed = |(i, path)| [&[(first + i) as u8], &fs::read(path).expect("the made log is there")[..]].concat();
+    let seed =
+        |(i, path)| [&[(first + i) as u8], &fs::read(path).expect("the made log is there")[..]].concat();
     log.files.iter().enumerate().map(seed).collect()
 }
 
@@ -148,7 +157,9 @@ pub fn ros2_seeds() -> Vec<Vec<u8>> {
         ];
         seeds.extend((0..n).filter_map(|i| Some((3 + i, bag.message(i)?.to_vec()))));
         seeds.extend((0..n).filter_map(|i| Some((3 + n + i, bag.schema(i)?.to_vec()))));
-        let both = |(kind, bytes): (usize, Vec<u8>)| [0, 128].map(|plus| [&[(kind + plus) as u8], &bytes[..]].concat());
+        let both = |(kind, bytes): (usize, Vec<u8>)| {
+            [0, 128].map(|plus| [&[(kind + plus) as u8], &bytes[..]].concat())
+        };
         seeds.into_iter().flat_map(both).collect()
     })
 }

@@ -4,15 +4,15 @@ use std::path::{Path, PathBuf};
 
 use fs_err as fs;
 use harmzone::episode::{
-    DetectionWriter, DriveLogWriter, EpisodeMeta, EpisodeWriter, LabelManifest, LabelWriter, LogFacts, Manifest,
-    MapDrawing, ObjectLabel, OtherSensors, SampleCommand, SampleDetections, SampleLabels, SourceMeta, Split,
-    manifest::LabelEntry,
+    DetectionWriter, DriveLogWriter, EpisodeMeta, EpisodeWriter, LabelManifest, LabelWriter, LogFacts,
+    Manifest, MapDrawing, ObjectLabel, OtherSensors, SampleCommand, SampleDetections, SampleLabels,
+    SourceMeta, Split, manifest::LabelEntry,
 };
 use harmzone::geometry::{Box3, Ego, Pinhole, Point, Point2, Transform};
 use harmzone::object::{Detection, Distribution, Event, Harm, Kind, Object, Spot};
 use harmzone::sample::{
-    Around, CameraView, EgoState, EncodedImage, IgnoredRegion, ImageFormat, LidarPoint, LidarView, Measured, Sample,
-    Sweep, Truth,
+    Around, CameraView, EgoState, EncodedImage, IgnoredRegion, ImageFormat, LidarPoint, LidarView, Measured,
+    Sample, Sweep, Truth,
 };
 
 use super::scratch;
@@ -26,15 +26,24 @@ const PICTURE_PX: (u32, u32) = (48, 27);
 
 fn picture() -> EncodedImage {
     let mut bytes = Vec::new();
-    let picture = image::RgbImage::from_fn(PICTURE_PX.0, PICTURE_PX.1, |x, y| image::Rgb([x as u8, y as u8, 90]));
-    picture.write_to(&mut std::io::Cursor::new(&mut bytes), image::ImageFormat::Jpeg).expect("a picture can be packed");
+    let picture =
+        image::RgbImage::from_fn(PICTURE_PX.0, PICTURE_PX.1, |x, y| image::Rgb([x as u8, y as u8, 90]));
+    picture
+        .write_to(&mut std::io::Cursor::new(&mut bytes), image::ImageFormat::Jpeg)
+        .expect("a picture can be packed");
     EncodedImage { format: ImageFormat::Jpeg, bytes }
 }
 
 fn points() -> Vec<LidarPoint> {
     let point = |i: u16| {
         let (column, ring) = (f32::from(i % 16), i / 16);
-        LidarPoint { x_m: 6.0 + f32::from(ring), y_m: column - 8.0, z_m: -1.8, intensity: 30.0 + column, ring }
+        LidarPoint {
+            x_m: 6.0 + f32::from(ring),
+            y_m: column - 8.0,
+            z_m: -1.8,
+            intensity: 30.0 + column,
+            ring,
+        }
     };
     (0..128).map(point).collect()
 }
@@ -119,7 +128,8 @@ fn write_episode(path: &Path) -> harmzone::episode::FinishedEpisode {
         lidars: vec!["lidar_left".into()],
         sweeping: vec!["lidar_top".into()],
     };
-    let mut writer = EpisodeWriter::create_rig(path, &meta(), others, &map()).expect("an episode can be begun");
+    let mut writer =
+        EpisodeWriter::create_rig(path, &meta(), others, &map()).expect("an episode can be begun");
     for i in 0..N_SAMPLES {
         let views = [CameraView {
             name: "cam_back".into(),
@@ -193,7 +203,8 @@ pub fn dataset(name: &str) -> Made {
     let labels = labels_folder.join(format!("{EPISODE}.mcap"));
     let mut writer = LabelWriter::create(&labels, &source).expect("a label file can be begun");
     let detections_path = dataset.join("other/detections.mcap");
-    let mut found = DetectionWriter::create(&detections_path, &source).expect("a prediction file can be begun");
+    let mut found =
+        DetectionWriter::create(&detections_path, &source).expect("a prediction file can be begun");
     let drive_log = dataset.join("other/drive.mcap");
     let mut drive = DriveLogWriter::create(&drive_log, &source).expect("a log can be begun");
     for i in 0..N_SAMPLES {
@@ -272,12 +283,15 @@ fn write_log_episode(path: &Path) {
         sample_names: [(FIRST_NS.to_string(), "000000".to_owned())].into(),
         labelled: Some(labelled),
     };
-    let mut writer = EpisodeWriter::create_log(path, &meta(), &log, &[], &map()).expect("an episode can be begun");
+    let mut writer =
+        EpisodeWriter::create_log(path, &meta(), &log, &[], &map()).expect("an episode can be begun");
     let mut sample = sample(0);
     let corner = |x_m, y_m| Point2 { x_m, y_m };
     sample.truth.as_mut().expect("it was made with truth").ignored = vec![
         IgnoredRegion::Image { left_px: 3.0, top_px: 2.0, right_px: 20.0, bottom_px: 12.0 },
-        IgnoredRegion::Ground { corners_in_ego_m: vec![corner(9.0, 1.0), corner(9.0, 2.0), corner(8.0, 2.0)] },
+        IgnoredRegion::Ground {
+            corners_in_ego_m: vec![corner(9.0, 1.0), corner(9.0, 2.0), corner(8.0, 2.0)],
+        },
     ];
     writer.write(&sample).expect("a sample can be written");
     writer.finish().expect("an episode can be finished");

@@ -10,7 +10,12 @@ use harmzone::progress::Silent;
 use super::made_episode::dataset;
 use super::scratch;
 
-#[allow(clippy::unwrap_used, clippy::disallowed_methods, dead_code, reason = "the library's own tests share it")]
+#[allow(
+    clippy::unwrap_used,
+    clippy::disallowed_methods,
+    dead_code,
+    reason = "the library's own tests share it"
+)]
 #[path = "../../src/import/av2/made.rs"]
 mod av2;
 
@@ -41,7 +46,7 @@ pub fn nuscenes() -> LogFolder {
         dataset: &made.dataset,
         out: &out,
         labels: "harm",
-        naming: Naming::Harm,
+        naming: Naming::Kinds,
         release: Release::Mini,
         force: true,
     };
@@ -64,7 +69,8 @@ pub fn kitti() -> [LogFolder; 4] {
         force: true,
     };
     export_kitti(&request, &Silent).expect("the made data set can be exported");
-    let [object, tracking, raw] = ["object", "tracking", "raw"].map(|name| scratch::empty_folder(&format!("kitti/{name}")));
+    let [object, tracking, raw] =
+        ["object", "tracking", "raw"].map(|name| scratch::empty_folder(&format!("kitti/{name}")));
     kitti_object(&object);
     kitti_tracking(&tracking);
     kitti_raw(&raw);
@@ -147,13 +153,17 @@ fn kitti_raw(root: &Path) {
     let date = root.join("2011_09_26");
     let drive = date.join("2011_09_26_drive_0001_sync");
     let project = CALIBRATION.lines().next().expect("there are matrices").trim_start_matches("P2:");
-    let cameras = format!("calib_time: 09-Jan-2012 13:57:47\nR_rect_00: 1 0 0 0 1 0 0 0 1\nP_rect_02:{project}\n");
+    let cameras =
+        format!("calib_time: 09-Jan-2012 13:57:47\nR_rect_00: 1 0 0 0 1 0 0 0 1\nP_rect_02:{project}\n");
     write(date.join("calib_cam_to_cam.txt"), cameras);
     write(date.join("calib_velo_to_cam.txt"), "R: 0 -1 0 0 0 -1 1 0 0\nT: 0 -0.08 -0.27\n");
     write(date.join("calib_imu_to_velo.txt"), "R: 1 0 0 0 1 0 0 0 1\nT: -0.81 0 -0.8\n");
     write(drive.join("tracklet_labels.xml"), TRACKLETS);
     for folder in ["velodyne_points", "image_02", "oxts"] {
-        write(drive.join(folder).join("timestamps.txt"), "2011-09-26 13:02:25.000000000\n2011-09-26 13:02:25.100000000");
+        write(
+            drive.join(folder).join("timestamps.txt"),
+            "2011-09-26 13:02:25.000000000\n2011-09-26 13:02:25.100000000",
+        );
     }
     for frame in 0..2 {
         write(drive.join(format!("velodyne_points/data/{frame:010}.bin")), cloud());
@@ -173,7 +183,18 @@ pub fn av2() -> LogFolder {
     let root = scratch::empty_folder("av2/log");
     av2::log(&root, N_SWEEPS, false);
     av2::cameras(&root, N_SWEEPS, [62, 81]);
-    // The library's sweeps are large.
+    // The library's pictures and sweeps are large.
+    let double = |value| Made::Double(vec![value]);
+    let lens = [
+        ("sensor_name", Made::Text(vec!["ring_front_center"])),
+        ("fx_px", double(68.0)),
+        ("fy_px", double(68.0)),
+        ("cx_px", double(31.0)),
+        ("cy_px", double(40.5)),
+        ("width_px", Made::Long(vec![62])),
+        ("height_px", Made::Long(vec![81])),
+    ];
+    write(root.join("calibration/intrinsics.feather"), feather(&lens, true));
     for i in 0..N_SWEEPS {
         let (mut x, mut y) = (Vec::new(), Vec::new());
         for (column, row) in (0..24).flat_map(|column| (0..8).map(move |row| (column, row))) {

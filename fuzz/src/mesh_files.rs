@@ -5,8 +5,16 @@ use harmzone::scene::{bring_in, load_own_models};
 use super::scratch;
 
 /// The files that `mesh` takes, by the first byte.
-pub const MESHES: [&str; 8] =
-    ["mesh.obj", "mesh.stl", "mesh.glb", "mesh.mtl", "picture.png", "picture.jpg", "models.toml", "model.xml"];
+pub const MESHES: [&str; 8] = [
+    "mesh.obj",
+    "mesh.stl",
+    "mesh.glb",
+    "mesh.mtl",
+    "picture.png",
+    "picture.jpg",
+    "models.toml",
+    "model.xml",
+];
 
 /// A wedge of 1 m with a texture.
 pub const OBJ: &str = "mtllib mesh.mtl\nusemtl paint\nv 0 0 0\nv 1 0 0\nv 1 0 1\nv 0 0 1\nv 0 1 0\nv 1 1 0\nvt 0 0\nvt 1 0\n\
@@ -21,7 +29,9 @@ pub fn mesh(bytes: &[u8]) {
     if name == "model.xml" {
         let path = scratch::write("mesh/own/own_mesh/model.xml", rest);
         scratch::write("mesh/own/own_mesh/part_0.obj", OBJ.as_bytes());
-        let _ = load_own_models(path.ancestors().nth(2).expect("it lies in folders"));
+        if let Err(error) = load_own_models(path.ancestors().nth(2).expect("it lies in folders")) {
+            scratch::tell(&error);
+        }
         return;
     }
     let folder = scratch::empty_folder("mesh/in");
@@ -34,7 +44,10 @@ pub fn mesh(bytes: &[u8]) {
         scratch::write("mesh/in/models.toml", b"[defaults]\nlongest_m = 1.5\nmax_triangles = 50\n");
     }
     scratch::write(&format!("mesh/in/{name}"), rest);
-    let Ok(models) = bring_in(&folder, false) else { return };
+    let models = match bring_in(&folder, false) {
+        Ok(models) => models,
+        Err(error) => return scratch::tell(&error),
+    };
     let out = scratch::empty_folder("mesh/out");
     models.write(&out).expect("the scratch folder has room");
     load_own_models(&out).expect("what was made of a mesh can be loaded");

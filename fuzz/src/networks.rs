@@ -51,7 +51,8 @@ fn tiny_checkpoint() -> Vec<u8> {
     let device = DeviceName::Cpu.open().expect("there is a CPU");
     let path = scratch::place("checkpoint/made.safetensors");
     let seen = SeenEpisodes { learned: ["ab".to_owned()].into(), watched: ["cd".to_owned()].into() };
-    checkpoint::save(&Detector::init(&tiny_config(), 0, &device), Some(&seen), &path).expect("it can be written");
+    checkpoint::save(&Detector::init(&tiny_config(), 0, &device), Some(&seen), &path)
+        .expect("it can be written");
     let bytes = fs::read(&path).expect("it was just written");
     checkpoint::with_operating_score(&bytes, &score(), Some(&seen), &path).expect("it is a checkpoint")
 }
@@ -86,7 +87,8 @@ pub fn checkpoint(bytes: &[u8]) {
             0 => rest.to_vec(),
             1 => joined(rest, data),
             _ => {
-                let mut header: serde_json::Value = serde_json::from_slice(header).expect("it is safetensors");
+                let mut header: serde_json::Value =
+                    serde_json::from_slice(header).expect("it is safetensors");
                 header["__metadata__"]["harmzone.model"] = String::from_utf8_lossy(rest).into();
                 joined(header.to_string().as_bytes(), data)
             }
@@ -95,9 +97,11 @@ pub fn checkpoint(bytes: &[u8]) {
     let path = Path::new("model.safetensors");
     let _ = (checkpoint::seen_in(&file, path), checkpoint::operating_score_in(&file, path));
     let _ = checkpoint::with_operating_score(&file, &score(), None, path);
-    if checkpoint::config_in(&file, path).is_ok() && file.len() < MOST_BYTES {
+    if file.len() < MOST_BYTES {
         let device = DeviceName::Cpu.open().expect("there is a CPU");
-        let _ = checkpoint::unpack(&file, path, &device);
+        if let Err(error) = checkpoint::unpack(&file, path, &device) {
+            scratch::tell(&error);
+        }
     }
 }
 
@@ -137,14 +141,16 @@ pub fn image_weights(bytes: &[u8]) {
     } else {
         scratch::write("image_weights/input.pth", &zipped(rest))
     };
-    SWIN.with_borrow_mut(|swin| {
-        let _ = load_image_weights(&path, swin);
+    SWIN.with_borrow_mut(|swin| match load_image_weights(&path, swin) {
+        Ok(report) => scratch::tell(&report),
+        Err(error) => scratch::tell(&error),
     });
 }
 
 /// A zip file without compression, whose checksums hold: the pickle, and storages of zeros.
 fn zipped(pickle: &[u8]) -> Vec<u8> {
-    let mut entries = vec![("archive/data.pkl".to_owned(), pickle.to_vec()), ("archive/version".into(), b"3\n".to_vec())];
+    let mut entries =
+        vec![("archive/data.pkl".to_owned(), pickle.to_vec()), ("archive/version".into(), b"3\n".to_vec())];
     entries.push(("archive/byteorder".into(), b"little".to_vec()));
     entries.extend((0..N_STORAGES).map(|i| (format!("archive/data/{i}"), vec![0; STORAGE_BYTES])));
     let (mut file, mut directory) = (Vec::new(), Vec::new());

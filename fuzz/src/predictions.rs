@@ -2,7 +2,9 @@
 
 use harmzone::eval::json::{RawSamples, join, read_predictions, read_truth, write_predictions, write_truth};
 use harmzone::eval::{Mode, Protocol, evaluate};
-use harmzone::exchange::{HarmRule, ImportPredictions, import_predictions, kitti::KittiReader, nuscenes::ResultsReader};
+use harmzone::exchange::{
+    HarmRule, ImportPredictions, import_predictions, kitti::KittiReader, nuscenes::ResultsReader,
+};
 use harmzone::progress::Silent;
 use harmzone::zone::{Zone, ZoneConfig};
 
@@ -24,7 +26,10 @@ pub fn predictions(bytes: &[u8]) {
         1 => {
             let path = scratch::write("predictions/results.json", rest);
             MADE.with(|made| {
-                let Ok(mut reader) = ResultsReader::open(&path, &made.dataset) else { return };
+                let mut reader = match ResultsReader::open(&path, &made.dataset) {
+                    Ok(reader) => reader,
+                    Err(error) => return scratch::tell(&error),
+                };
                 bring_in(made, kind, &mut reader);
             });
         }
@@ -45,7 +50,9 @@ fn bring_in(made: &Made, kind: usize, reader: &mut dyn harmzone::exchange::ReadB
     let harm = if kind & 4 == 0 { HarmRule::Names } else { HarmRule::Zone(Box::new(zone())) };
     let out = scratch::empty_folder("predictions/out");
     let request = ImportPredictions { data: &made.dataset, split: None, harm, out: &out, force: true };
-    let _ = import_predictions(&request, reader, &Silent);
+    if let Err(error) = import_predictions(&request, reader, &Silent) {
+        scratch::tell(&error);
+    }
 }
 
 /// The file as predictions and as truth, scored against itself.

@@ -47,8 +47,13 @@ pub fn road(bytes: &[u8]) {
     if let Some(toml) = toml {
         scratch::write("road/town.toml", toml);
     }
-    let Ok(town) = Town::load(path.to_str().expect("scratch paths are text")) else { return };
-    if kind & 2 == 2 {
-        let _ = populate(&town.into(), &PopulateConfig::default(), 3);
+    let town = match Town::load(path.to_str().expect("scratch paths are text")) {
+        Ok(town) => town,
+        Err(error) => return scratch::tell(&error),
+    };
+    if kind & 2 == 2
+        && let Err(error) = populate(&town.into(), &PopulateConfig::default(), 3)
+    {
+        scratch::tell(&error);
     }
 }

@@ -54,3 +54,10 @@ pub fn files_under(folder: &Path) -> Vec<PathBuf> {
 pub fn split(bytes: &[u8]) -> Option<(usize, &[u8])> {
     bytes.split_first().map(|(first, rest)| (usize::from(*first), rest))
 }
+
+/// Prints an error where `HARMZONE_FUZZ_TELL` is set, to see how far inputs come.
+pub fn tell(error: &dyn std::fmt::Display) {
+    if std::env::var_os("HARMZONE_FUZZ_TELL").is_some() {
+        eprintln!("{error}");
+    }
+}

@@ -51,7 +51,18 @@ fn checked<T: Check + Serialize + DeserializeOwned + Default + Clone>(path: &Pat
 
 /// The files that `config` takes, by the first byte.
 pub const CONFIGS: [&str; 13] = [
-    "gen", "train", "zone", "rig", "eval", "sweep", "drive", "model", "import", "ros2_mapping", "models", "scenario",
+    "gen",
+    "train",
+    "zone",
+    "rig",
+    "eval",
+    "sweep",
+    "drive",
+    "model",
+    "import",
+    "ros2_mapping",
+    "models",
+    "scenario",
     "overrides",
 ];
 
@@ -108,8 +119,14 @@ pub fn config(bytes: &[u8]) {
 
 /// The files that `results` takes, by the first byte.
 pub const RESULTS: [&str; 8] = [
-    scores::METRICS_FILE, scores::PROVENANCE_FILE, scores::FAULTS_FILE, scores::SWEEPS_FILE, "results.json", "drive.json",
-    harmzone::history::STEPS_FILE, harmzone::history::SCORES_FILE,
+    scores::METRICS_FILE,
+    scores::PROVENANCE_FILE,
+    scores::FAULTS_FILE,
+    scores::SWEEPS_FILE,
+    "results.json",
+    "drive.json",
+    harmzone::history::STEPS_FILE,
+    harmzone::history::SCORES_FILE,
 ];
 
 /// A folder of scores that the program itself wrote; nobody was right or wrong in it.
@@ -133,7 +150,7 @@ pub fn results(bytes: &[u8]) {
         return;
     }
     let given = |wanted: &str| (name == wanted).then(|| path.clone());
-    let _ = page::run(&ReportRequest {
+    let report = page::run(&ReportRequest {
         out: folder.join("report.html"),
         id: Some(ScoresRequest { folder: folder.clone(), data: None::<PathBuf> }),
         ood: None,
@@ -143,4 +160,7 @@ pub fn results(bytes: &[u8]) {
         command: "harmzone report".into(),
         force: true,
     });
+    if let Err(error) = report {
+        scratch::tell(&error);
+    }
 }
