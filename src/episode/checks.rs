@@ -7,7 +7,7 @@ use foxglove::messages as fox;
 use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
 use super::error::MessageFault;
-use crate::geometry::{Ego, Frame, Lidar, Point, Transform, World};
+use crate::geometry::{Ego, Frame, Lidar, Pinhole, Point, Transform, World};
 use crate::sample::{EncodedImage, ImageFormat, LidarPoint, Measured, Sample};
 use crate::sensors::lidar::is_in_view;
 
@@ -81,8 +81,15 @@ pub(super) fn pose_in_world(message: &fox::PointCloud) -> Result<Transform<World
     pose_of(message).map(Transform::from_isometry)
 }
 
+/// Refuses a measurement whose axes, picture or points no consumer could use.
+pub(super) fn check_measured(measured: &Measured) -> Result<(), MessageFault> {
+    check_axes(measured)?;
+    check_picture_size(&measured.image, &measured.intrinsics)?;
+    check_unit(&measured.points)
+}
+
 /// Refuses points that cannot be metres.
-pub(super) fn check_unit(points: &[LidarPoint]) -> Result<(), MessageFault> {
+fn check_unit(points: &[LidarPoint]) -> Result<(), MessageFault> {
     let reach = |point: &LidarPoint| point.x_m.abs().max(point.y_m.abs()).max(point.z_m.abs());
     let farthest = points.iter().map(reach).filter(|reach| reach.is_finite()).fold(0.0, f32::max);
     if farthest <= MAX_RANGE_M {
@@ -99,7 +106,7 @@ pub(super) fn has_unit_intensity(points: &[LidarPoint]) -> bool {
 }
 
 /// Refuses sensors whose axes do not point as the frames say.
-pub(super) fn check_axes(measured: &Measured) -> Result<(), MessageFault> {
+fn check_axes(measured: &Measured) -> Result<(), MessageFault> {
     let lidar = measured.ego_from_lidar.isometry.rotation;
     let camera = measured.ego_from_camera.isometry.rotation;
     let (forward, up) = (Vector3::x(), Vector3::z());
@@ -126,10 +133,8 @@ fn arrow(of: &Vector3<f64>) -> String {
 }
 
 /// Refuses a picture of another size than its calibration says. What is no picture is left to who unpacks it.
-pub(super) fn check_picture_size(
-    image: &EncodedImage,
-    (width_px, height_px): (u32, u32),
-) -> Result<(), MessageFault> {
+pub(super) fn check_picture_size(image: &EncodedImage, intrinsics: &Pinhole) -> Result<(), MessageFault> {
+    let (width_px, height_px) = (intrinsics.width_px, intrinsics.height_px);
     let Some(found) = picture_size_px(image) else { return Ok(()) };
     if found == (width_px, height_px) {
         return Ok(());

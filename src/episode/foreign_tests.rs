@@ -12,7 +12,7 @@ use super::tests::{folder, map, meta, sample, three};
 use super::*;
 use crate::geometry::{Pinhole, Point2, Transform};
 use crate::object::Kind;
-use crate::sample::{CameraView, EncodedImage, IgnoredRegion, ImageFormat, Sample};
+use crate::sample::{Around, CameraView, EncodedImage, IgnoredRegion, ImageFormat, Sample};
 
 fn log(labelled: Option<Labelled>) -> LogFacts {
     LogFacts {
@@ -216,7 +216,10 @@ fn sensors_whose_axes_are_not_the_frames_are_refused() {
     let (_folder, path) = folder();
     let mut broken = sample(0);
     broken.measured.ego_from_camera = Transform::from_xyz_yaw(1.5, 0.0, 1.6, 0.0);
-    write_log(&path, &log(Some(labelled())), &[broken], &[]).unwrap();
+    let mut writer = EpisodeWriter::create_log(&path, &meta(), &log(Some(labelled())), &[], &map()).unwrap();
+    assert!(writer.write(&broken).is_err(), "the writer refuses it too");
+    writer.write_unchecked(&broken, Around::default()).unwrap();
+    writer.finish().unwrap();
     let told = EpisodeReader::open(&path).unwrap().sample(0).unwrap_err().to_string();
     assert!(told.contains("`cam_front`") && told.contains("optical axes"), "{told}");
 }
@@ -230,7 +233,10 @@ fn a_picture_of_another_size_than_its_calibration_is_refused() {
         .write_to(&mut std::io::Cursor::new(&mut bytes), image::ImageFormat::Png)
         .unwrap();
     broken.measured.image = EncodedImage { format: ImageFormat::Png, bytes };
-    write_log(&path, &log(Some(labelled())), &[broken], &[]).unwrap();
+    let mut writer = EpisodeWriter::create_log(&path, &meta(), &log(Some(labelled())), &[], &map()).unwrap();
+    assert!(writer.write(&broken).is_err(), "the writer refuses it too");
+    writer.write_unchecked(&broken, Around::default()).unwrap();
+    writer.finish().unwrap();
     let told = EpisodeReader::open(&path).unwrap().sample(0).unwrap_err().to_string();
     assert!(told.contains("40 x 20 px, and its calibration says 800 x 450"), "{told}");
 }

@@ -5,7 +5,7 @@ use foxglove::messages as fox;
 use super::archive_reader::Archive;
 use super::error::{EpisodeError, MessageFault};
 use super::messages::TopicMessage;
-use super::{convert, topics};
+use super::{checks, convert, topics};
 use crate::geometry::{Camera, Frame, Lidar};
 use crate::sample::Around;
 
@@ -67,7 +67,10 @@ impl OtherSensors {
         let lidars = around.clouds.iter().map(|cloud| cloud.name.as_str());
         same("cameras", cameras, &self.cameras)?;
         same("lidars", lidars, &self.lidars)?;
-        around.views.iter().try_for_each(|view| convert::check_pinhole(&view.intrinsics))?;
+        for view in around.views {
+            convert::check_pinhole(&view.intrinsics)?;
+            checks::check_picture_size(&view.image, &view.intrinsics)?;
+        }
         let mut last_ns = before_ns.unwrap_or(time_ns);
         for sweep in around.sweeps {
             if !self.sweeping.contains(&sweep.lidar) {

@@ -239,13 +239,8 @@ impl EpisodeReader {
                 image: convert::image_of(image)?,
                 points: convert::points_of(&cloud)?,
             };
-            checks::check_axes(&measured)?;
-            checks::check_picture_size(
-                &measured.image,
-                (measured.intrinsics.width_px, measured.intrinsics.height_px),
-            )?;
             checks::bring_into_lidar(&cloud, &measured.ego_from_lidar, &mut measured.points)?;
-            checks::check_unit(&measured.points)?;
+            checks::check_measured(&measured)?;
             let ignored = ignored.map_or_else(Vec::new, |message| message.regions);
             let ignored = ignored.into_iter().map(regions::region_of).collect::<Result<_, _>>()?;
             let objects = truth.map(|truth| truth.objects.into_iter().map(|object| self.object_of(object)));
@@ -284,7 +279,7 @@ impl EpisodeReader {
             let (image, info) = (messages.one_named(&image)?, messages.one_named(&info)?);
             let build = || -> Result<CameraView, MessageFault> {
                 let (image, intrinsics) = (convert::image_of(image)?, convert::camera_of(&info)?);
-                checks::check_picture_size(&image, (intrinsics.width_px, intrinsics.height_px))?;
+                checks::check_picture_size(&image, &intrinsics)?;
                 let ego_from_camera = convert::transform_to(&tf, name)?;
                 Ok(CameraView { name: name.clone(), ego_from_camera, intrinsics, image })
             };

@@ -9,7 +9,7 @@ use super::drawing::{self, MapDrawing};
 use super::error::{EpisodeError, MessageFault};
 use super::manifest::ObjectCounts;
 use super::messages::TopicMessage;
-use super::{EpisodeMeta, LogFacts, OtherSensors, convert, objects, regions, topics};
+use super::{EpisodeMeta, LogFacts, OtherSensors, checks, convert, objects, regions, topics};
 use crate::files::sha256_of;
 use crate::geometry::{Camera, Frame, Lidar};
 use crate::sample::{Around, CameraView, Sample};
@@ -205,6 +205,7 @@ impl EpisodeWriter {
     /// Whether a reader will accept the sample.
     fn check(&self, sample: &Sample, around: Around<'_>) -> Result<(), MessageFault> {
         convert::check_measured(&sample.measured)?;
+        checks::check_measured(&sample.measured)?;
         let has_truth = self.log.as_ref().is_none_or(|log| log.labelled.is_some());
         if has_truth != sample.truth.is_some() {
             let wanted = if has_truth { "a log that annotates" } else { "a log that annotates nothing" };

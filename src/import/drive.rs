@@ -74,7 +74,7 @@ pub(super) fn import_drive(
         sample_names: BTreeMap::new(),
         labelled: facts.is_labelled.then(|| config.labelled.facts(&config.categories)),
     };
-    let mut sample_names = BTreeMap::new();
+    let (mut sample_names, mut is_empty) = (BTreeMap::new(), true);
     for (n_done, &sample_idx) in chosen.iter().enumerate() {
         task.progress.note(&format!("{name}: sample {} of {}", n_done + 1, chosen.len()));
         let of_sample =
@@ -95,7 +95,7 @@ pub(super) fn import_drive(
             Ok(true)
         };
         match write().map_err(of_sample) {
-            Ok(true) => {}
+            Ok(true) => is_empty = false,
             Ok(false) => notes.tell("samples without annotations in a drive that has them were left out"),
             Err(error) if task.skip_bad && error.is_bad_data() => {
                 let sentence = format!("a sample was left out: {error}");
@@ -105,7 +105,7 @@ pub(super) fn import_drive(
             Err(error) => return Err(error),
         }
     }
-    let Some(mut writer) = writer else { return Ok(None) };
+    let Some(mut writer) = writer.filter(|_| !is_empty) else { return Ok(None) };
     boxes.add(maker.boxes());
     if let Some(sentence) = maker.boxes().doubt() {
         notes.tell(sentence);

@@ -2,18 +2,26 @@
 
 use std::path::Path;
 
+use gltf::accessor::{DataType, Dimensions};
 use gltf::image::Source;
 use gltf::mesh::Mode;
 use image::RgbImage;
 use nalgebra::{Matrix4, Point3};
 
-use super::{Content, MeshPart, UpAxis, named_texture, texture};
+use super::{Content, MOST_TRIANGLES, MeshPart, UpAxis, named_texture, texture};
 
 pub(super) fn read(bytes: &[u8], folder: &Path) -> Result<Content, String> {
     let gltf::Gltf { document, blob } =
         gltf::Gltf::from_slice(bytes).map_err(|error| format!("it is not a whole GLB file: {error}"))?;
     let blob = blob.ok_or("it has no binary part; glTF in several files is not read")?;
-    let mut reader = Reader { blob: &blob, folder, parts: Vec::new(), notes: Vec::new() };
+    let mut reader = Reader {
+        blob: &blob,
+        folder,
+        n_left: document.nodes().len(),
+        n_numbers: 0,
+        parts: Vec::new(),
+        notes: Vec::new(),
+    };
     let scene = document.default_scene().or_else(|| document.scenes().next()).ok_or("it has no scene")?;
     for node in scene.nodes() {
         reader.add(&node, &Matrix4::identity(), 0)?;
@@ -24,9 +32,16 @@ pub(super) fn read(bytes: &[u8], folder: &Path) -> Result<Content, String> {
 /// Nodes lie in nodes at most so deep; glTF forbids circles, a broken file may have them.
 const DEEPEST: usize = 64;
 
+/// Most numbers of a file. A mesh need hold none of its own: parts share them, and what is not stated is zero.
+const MOST_NUMBERS: usize = 12 * MOST_TRIANGLES;
+
 struct Reader<'a> {
     blob: &'a [u8],
     folder: &'a Path,
+    /// Nodes that can still come: each lies in one other at most.
+    n_left: usize,
+    /// Positions, corners and places in textures so far.
+    n_numbers: usize,
     parts: Vec<MeshPart>,
     notes: Vec<String>,
 }
@@ -41,6 +56,7 @@ impl Reader<'_> {
         if depth > DEEPEST {
             return Err(format!("its nodes lie deeper than {DEEPEST} in each other"));
         }
+        self.n_left = self.n_left.checked_sub(1).ok_or("one of its nodes lies in two others")?;
         let parent_from_node = Matrix4::from_fn(|row, column| node.transform().matrix()[column][row]);
         let scene_from_node = scene_from_parent * parent_from_node;
         for primitive in node.mesh().iter().flat_map(gltf::Mesh::primitives) {
@@ -62,6 +78,10 @@ impl Reader<'_> {
         primitive: &gltf::Primitive,
         scene_from_node: &Matrix4<f32>,
     ) -> Result<MeshPart, String> {
+        self.n_numbers = self.n_numbers.saturating_add(count(primitive)?);
+        if self.n_numbers > MOST_NUMBERS {
+            return Err(format!("it has more than {MOST_NUMBERS} positions, corners and places in textures"));
+        }
         let blob = self.blob;
         let reader = primitive.reader(|buffer| (buffer.index() == 0).then_some(blob));
         let place =
@@ -103,4 +123,38 @@ impl Reader<'_> {
             Source::Uri { uri, .. } => named_texture(self.folder, self.folder, uri, &mut self.notes),
         }
     }
+}
+
+/// The numbers that a mesh has; refuses those that glTF does not allow, on which the crate `gltf` panics.
+fn count(primitive: &gltf::Primitive) -> Result<usize, String> {
+    let places =
+        primitive.attributes().filter(|(semantic, _)| matches!(semantic, gltf::Semantic::TexCoords(_)));
+    let whole = [DataType::U8, DataType::U16, DataType::U32];
+    let positions = primitive.get(&gltf::Semantic::Positions).into_iter();
+    let positions = positions.map(|of| ("positions", of, &[DataType::F32][..], Dimensions::Vec3));
+    let corners = primitive.indices().into_iter().map(|of| ("corners", of, &whole[..], Dimensions::Scalar));
+    let floats = [DataType::U8, DataType::U16, DataType::F32];
+    let places = places.map(|(_, of)| ("places in a texture", of, &floats[..], Dimensions::Vec2));
+    let mut n_numbers = 0_usize;
+    for (what, accessor, types, dimensions) in positions.chain(corners).chain(places) {
+        if !types.contains(&accessor.data_type()) || accessor.dimensions() != dimensions {
+            let (found, each) = (accessor.data_type(), accessor.dimensions());
+            return Err(format!(
+                "its {what} are {found:?} as {each:?}; {types:?} as {dimensions:?} is valid"
+            ));
+        }
+        let of_values = accessor.sparse().map(|sparse| (sparse.values().view(), accessor.size()));
+        let of_indices = accessor.sparse().map(|sparse| {
+            let indices = sparse.indices();
+            (indices.view(), indices.index_type().size())
+        });
+        let views = accessor.view().map(|view| (view, accessor.size())).into_iter();
+        let is_short =
+            |(view, size): (gltf::buffer::View, usize)| view.stride().is_some_and(|stride| stride < size);
+        if views.chain(of_values).chain(of_indices).any(is_short) {
+            return Err(format!("its {what} lie over each other"));
+        }
+        n_numbers = accessor.count().saturating_add(n_numbers);
+    }
+    Ok(n_numbers)
 }

@@ -10,6 +10,11 @@ pub(super) fn read(bytes: &[u8], path: &Path, folder: &Path) -> Result<Content, 
     let mut notes = Vec::new();
     let refusal = RefCell::new(None);
     let load = |name: &Path| match named_file(folder, base, &name.to_string_lossy()) {
+        Ok(bytes) if has_short_color(&bytes) => {
+            let reason = format!("a colour of the file `{}` has fewer than three numbers", name.display());
+            refusal.borrow_mut().get_or_insert(Unread::Missing(reason));
+            Err(tobj::LoadError::MaterialParseError)
+        }
         Ok(bytes) => tobj::load_mtl_buf(&mut &*bytes),
         Err(reason) => {
             refusal.borrow_mut().get_or_insert(reason);
@@ -53,4 +58,13 @@ pub(super) fn read(bytes: &[u8], path: &Path, folder: &Path) -> Result<Content, 
         });
     }
     Ok(Content { parts, metres: false, up: None, notes })
+}
+
+/// Whether a colour of an MTL file has fewer than three numbers, on which `tobj` panics.
+fn has_short_color(mtl: &[u8]) -> bool {
+    let is_short = |line: &str| {
+        let mut words = line.split_whitespace();
+        words.next().is_some_and(|word| ["Ka", "Kd", "Ks", "Ke"].contains(&word)) && words.count() < 3
+    };
+    String::from_utf8_lossy(mtl).lines().any(is_short)
 }

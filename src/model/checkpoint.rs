@@ -254,6 +254,12 @@ pub fn load(path: &Path, device: &Device) -> Result<Detector, CheckpointError> {
 /// As [`config_in`], or the weights do not fit the config.
 pub fn unpack(bytes: &[u8], path: &Path, device: &Device) -> Result<Detector, CheckpointError> {
     let config = config_in(bytes, path)?;
+    // A number takes a byte at least. Without this check, a small file could ask for any amount of memory.
+    let n_least = config.least_weights();
+    if n_least > bytes.len() {
+        let found = format!("its config needs {n_least} weights or more, and it has {} bytes", bytes.len());
+        return Err(CheckpointError::Foreign { found, path: path.to_owned() });
+    }
     let mut detector = Detector::init(&config, 0, device);
     let mut store = SafetensorsStore::from_bytes(Some(bytes.to_vec())).allow_partial(true).validate(false);
     let applied = detector

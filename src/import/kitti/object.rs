@@ -35,8 +35,9 @@ impl ObjectDrive {
         // An export of ours has a file for each frame that somebody annotated.
         let is_labelled =
             if state.is_some() { labels.join(format!("{stem}.txt")).is_file() } else { labels.is_dir() };
-        let number: u64 =
-            stem.bytes().filter(u8::is_ascii_digit).fold(0, |n, digit| n * 10 + u64::from(digit - b'0'));
+        let digits = stem.bytes().filter(u8::is_ascii_digit).map(|digit| u64::from(digit - b'0'));
+        let number = digits.fold(0_u64, |n, digit| n.saturating_mul(10).saturating_add(digit));
+        let made_up_ns = FIRST_NS.saturating_add(number.saturating_mul(1_000_000_000));
         let mut methods = vec![("velocity", "of objects unknown: single frames".to_owned())];
         methods.extend(Rig::rectified_camera(&calibration));
         let mut rig = rig.clone();
@@ -69,7 +70,7 @@ impl ObjectDrive {
                 methods,
                 map: MapDrawing::default(),
             },
-            times_ns: [state.as_ref().map_or(FIRST_NS + number * 1_000_000_000, |state| state.time_ns)],
+            times_ns: [state.as_ref().map_or(made_up_ns, |state| state.time_ns)],
             odometry: state.as_ref().map(ExportedState::odometry).unwrap_or_default(),
             folder: folder.to_owned(),
             stem: stem.to_owned(),

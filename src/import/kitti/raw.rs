@@ -104,6 +104,12 @@ fn parse_stamp(line: &str) -> Option<u64> {
     let mut clock = clock.split(':').map(|part| part.parse::<i64>().ok());
     let (hours, minutes, seconds) = (clock.next()??, clock.next()??, clock.next()??);
     let nanoseconds: u64 = format!("{fraction:0<9}").get(..9)?.parse().ok()?;
+    // Nanoseconds of 64 bits end in the year 2554.
+    let is_day = (1970..=2500).contains(&year) && (1..=12).contains(&month) && (1..=31).contains(&day);
+    let is_clock = (0..24).contains(&hours) && (0..60).contains(&minutes) && (0..=60).contains(&seconds);
+    if !(is_day && is_clock) {
+        return None;
+    }
     // Days from civil (Hinnant): years begin in March.
     let year = if month <= 2 { year - 1 } else { year };
     let of_year = (153 * ((month + 9) % 12) + 2) / 5 + day - 1;
@@ -122,5 +128,6 @@ mod tests {
         assert_eq!(parse_stamp("2011-09-26 13:02:25.964389445"), Some(1_317_042_145_964_389_445));
         assert_eq!(parse_stamp("1970-01-01 00:00:01.5"), Some(1_500_000_000));
         assert_eq!(parse_stamp("26.9.2011"), None);
+        assert_eq!(parse_stamp("20101-09-26 13:02:25.1"), None);
     }
 }

@@ -29,19 +29,21 @@ pub(super) fn add(
     let poses: Vec<CanPose> = messages(root, scene, "pose")?;
     let has_sign = monitor.iter().any(|message| message.vehicle_speed < 0.0);
     let speed = |message: &VehicleMonitor| {
-        let time_ns = message.utime * NS_PER_US;
+        let time_ns = message.utime.saturating_mul(NS_PER_US);
         let is_back =
             !has_sign && forward_mps(&odometry.poses, time_ns).is_some_and(|mps| mps < -BACKWARDS_MPS);
         (time_ns, message.vehicle_speed / 3.6 * if is_back { -1.0 } else { 1.0 })
     };
     let speeds = monitor.iter().map(speed).collect();
-    let wheels = wheel.iter().map(|message| (message.utime * NS_PER_US, message.value / steering_ratio));
+    let wheels =
+        wheel.iter().map(|message| (message.utime.saturating_mul(NS_PER_US), message.value / steering_ratio));
     let steering = format!("the steering wheel's angle of the CAN bus over {steering_ratio}");
     odometry.steering_angle_rad = series(&steering, wheels.collect(), root, scene)?;
     odometry.speed_mps = series("the CAN bus's vehicle_monitor", speeds, root, scene)?;
-    let rates = poses.iter().map(|message| (message.utime * NS_PER_US, message.rotation_rate[2]));
+    let rates =
+        poses.iter().map(|message| (message.utime.saturating_mul(NS_PER_US), message.rotation_rate[2]));
     odometry.yaw_rate_rps = series("the CAN bus's pose", rates.collect(), root, scene)?;
-    let pushes = poses.iter().map(|message| (message.utime * NS_PER_US, message.accel[0]));
+    let pushes = poses.iter().map(|message| (message.utime.saturating_mul(NS_PER_US), message.accel[0]));
     odometry.acceleration_mps2 = series("the CAN bus's pose", pushes.collect(), root, scene)?;
     Ok(())
 }

@@ -74,7 +74,7 @@ impl Scene {
             .map(|sample| files_of(&tables, sample, channels))
             .collect::<Result<Vec<_>, _>>()?;
         let times_ns: Vec<u64> =
-            samples.iter().map(|sample| sample.lidar.row.timestamp * NS_PER_US).collect();
+            samples.iter().map(|sample| sample.lidar.row.timestamp.saturating_mul(NS_PER_US)).collect();
         let mut odometry = Odometry { poses: poses_of(&tables, row)?, ..Odometry::default() };
         can_bus::add(&mut odometry, &tables.root, &row.name, config.vehicle.steering_ratio)?;
         let log = tables.log.get(&row.log_token, &format!("scene `{}`", row.token))?;
@@ -136,7 +136,7 @@ impl Scene {
         let ego_from_ego = world_from_ego.isometry.inverse() * file.world_from_ego.isometry;
         Ok(RawCamera {
             name: channel.to_ascii_lowercase(),
-            time_ns: file.row.timestamp * NS_PER_US,
+            time_ns: file.row.timestamp.saturating_mul(NS_PER_US),
             ego_from_camera: Transform::from_isometry(ego_from_ego * file.ego_from_sensor),
             size_px: Some([file.row.width, file.row.height]),
             k: [fx, skew, cx, low, fy, cy, last[0], last[1], last[2]],
@@ -312,7 +312,7 @@ fn poses_of(tables: &Tables, scene: &SceneRow) -> Result<Vec<TimedPose>, ImportE
         let pose = isometry_of(row.translation, row.rotation);
         let pose = pose
             .map_err(|fault| broken::<crate::nuscenes::EgoPoseRow>(token, &fault, &tables.ego_pose.path))?;
-        poses.push((time_us * NS_PER_US, Transform::from_isometry(pose)));
+        poses.push((time_us.saturating_mul(NS_PER_US), Transform::from_isometry(pose)));
     }
     poses.sort_by_key(|(time_ns, _)| *time_ns);
     poses.dedup_by_key(|(time_ns, _)| *time_ns);

@@ -13,6 +13,10 @@ use super::schema::{Count, Element, FieldType, MessageType, NumberType};
 
 /// The bytes before the message: representation and options.
 const HEADER_BYTES: usize = 4;
+/// Fields without bytes, such as arrays of no elements, can nest without end: a message has no more fields than this, and
+/// so many more for each of its bytes.
+const MOST_FIELDS: usize = 1024;
+const MOST_FIELDS_A_BYTE: usize = 8;
 /// Writers pad a message's end to at most this boundary.
 const MAX_PADDING_BYTES: usize = 8;
 
@@ -53,6 +57,8 @@ pub enum CdrError {
     Encoding { found: u16 },
     #[error("it has {found} bytes, which end in the field `{field}` of the type `{name}`")]
     Short { field: String, name: String, found: usize },
+    #[error("it would have more than {most} fields in {n_bytes} bytes, by its type `{name}`")]
+    Fields { name: String, n_bytes: usize, most: usize },
     #[error("it has {n_bytes} bytes more than its type `{name}` says")]
     Long { name: String, n_bytes: usize },
     #[error("the text in its field `{field}` is not UTF-8")]
@@ -78,7 +84,8 @@ pub fn decode<'a>(message_type: &'a MessageType, bytes: &'a [u8]) -> Result<Valu
         1 => false,
         found => return Err(CdrError::Encoding { found }),
     };
-    let mut decoder = Decoder { message_type, bytes: body, position: 0, is_big_endian, path: Vec::new() };
+    let mut decoder =
+        Decoder { message_type, bytes: body, position: 0, n_fields: 0, is_big_endian, path: Vec::new() };
     let value = decoder.read_struct(0)?;
     let n_left = body.len() - decoder.position;
     if n_left >= MAX_PADDING_BYTES {
@@ -91,6 +98,8 @@ struct Decoder<'a> {
     message_type: &'a MessageType,
     bytes: &'a [u8],
     position: usize,
+    /// Read or begun so far.
+    n_fields: usize,
     is_big_endian: bool,
     /// The fields that lead to the one being read.
     path: Vec<&'a str>,
@@ -100,6 +109,13 @@ impl<'a> Decoder<'a> {
     fn read_struct(&mut self, struct_idx: usize) -> Result<Value<'a>, CdrError> {
         let message_type = self.message_type;
         let fields = &message_type.structs[struct_idx].fields;
+        let most = MOST_FIELDS.saturating_add(self.bytes.len().saturating_mul(MOST_FIELDS_A_BYTE));
+        // A struct without fields counts, too.
+        self.n_fields += fields.len().max(1);
+        if self.n_fields > most {
+            let (name, n_bytes) = (message_type.name.clone(), self.bytes.len() + HEADER_BYTES);
+            return Err(CdrError::Fields { name, n_bytes, most });
+        }
         let mut values = Vec::with_capacity(fields.len());
         for field in fields {
             self.path.push(&field.name);

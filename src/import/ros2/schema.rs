@@ -136,6 +136,11 @@ impl NumberType {
     }
 }
 
+/// Types lie in types at most so deep; those that cars send have six levels.
+const DEEPEST: usize = 64;
+/// Most fields that a search for numbers looks at: types that hold each other twice have more than any memory.
+const MOST_PATHS: usize = 100_000;
+
 /// What is wrong with a schema's text.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum SchemaError {
@@ -147,6 +152,10 @@ pub enum SchemaError {
     Undefined { wanted: String },
     #[error("its schema's type `{name}` holds itself")]
     Endless { name: String },
+    #[error(
+        "its schema's type `{name}` lies in others, or holds others, that lie in each other; up to {DEEPEST} may"
+    )]
+    Deep { name: String },
 }
 
 /// The type's name as this module spells it.
@@ -182,7 +191,7 @@ impl MessageType {
         for known in ["builtin_interfaces/Time", "builtin_interfaces/Duration"] {
             parts.entry(known.to_owned()).or_insert_with(|| vec!["int32 sec", "uint32 nanosec"]);
         }
-        let mut builder = Builder { parts, structs: Vec::new(), open: Vec::new() };
+        let mut builder = Builder { parts, structs: Vec::new(), depths: Vec::new(), open: Vec::new() };
         builder.build(&name)?;
         Ok(Self { name, structs: builder.structs })
     }
@@ -190,18 +199,20 @@ impl MessageType {
     /// Paths of all numbers in the type, such as `twist.twist.linear.x`; not those within lists.
     #[must_use]
     pub fn number_paths(&self) -> Vec<String> {
-        let mut paths = Vec::new();
-        self.collect_paths(0, "", &mut paths);
+        let (mut paths, mut n_left) = (Vec::new(), MOST_PATHS);
+        self.collect_paths(0, "", &mut paths, &mut n_left);
         paths
     }
 
-    fn collect_paths(&self, struct_idx: usize, prefix: &str, paths: &mut Vec<String>) {
+    fn collect_paths(&self, struct_idx: usize, prefix: &str, paths: &mut Vec<String>, n_left: &mut usize) {
         for field in &self.structs[struct_idx].fields {
+            let Some(left) = n_left.checked_sub(1) else { return };
+            *n_left = left;
             let path = format!("{prefix}{}", field.name);
             match (field.element, field.count) {
                 (Element::Number(_), Count::One) => paths.push(path),
                 (Element::Struct(inner), Count::One) => {
-                    self.collect_paths(inner, &format!("{path}."), paths);
+                    self.collect_paths(inner, &format!("{path}."), paths, n_left);
                 }
                 _ => {}
             }
@@ -212,6 +223,8 @@ impl MessageType {
 struct Builder<'a> {
     parts: BTreeMap<String, Vec<&'a str>>,
     structs: Vec<StructType>,
+    /// Levels in each struct, itself among them.
+    depths: Vec<usize>,
     /// Types that are being built: one that needs itself would never end.
     open: Vec<String>,
 }
@@ -224,12 +237,16 @@ impl Builder<'_> {
         if let Some(known) = self.structs.iter().position(|known| known.name == name) {
             return Ok(known);
         }
+        if self.open.len() >= DEEPEST {
+            return Err(SchemaError::Deep { name: name.to_owned() });
+        }
         let Some(lines) = self.parts.get(name).cloned() else {
             return Err(SchemaError::Undefined { wanted: name.to_owned() });
         };
         self.open.push(name.to_owned());
         let struct_idx = self.structs.len();
         self.structs.push(StructType { name: name.to_owned(), fields: Vec::new() });
+        self.depths.push(1);
         let mut fields = Vec::new();
         for line in lines {
             fields.extend(self.field(name, line)?);
@@ -239,6 +256,15 @@ impl Builder<'_> {
             let name = "structure_needs_at_least_one_member".to_owned();
             fields.push(FieldType { name, element: Element::Number(NumberType::U8), count: Count::One });
         }
+        let depth_of = |field: &FieldType| match field.element {
+            Element::Struct(inner) => self.depths[inner],
+            _ => 0,
+        };
+        let depth = 1 + fields.iter().map(depth_of).max().unwrap_or(0);
+        if depth > DEEPEST {
+            return Err(SchemaError::Deep { name: name.to_owned() });
+        }
+        self.depths[struct_idx] = depth;
         self.structs[struct_idx].fields = fields;
         self.open.pop();
         Ok(struct_idx)
@@ -318,5 +344,14 @@ mod tests {
         assert!(told("Wheel w").contains("needs the type `car/Wheel`"));
         assert!(told("float64").contains("`float64`; `type name` is needed"));
         assert!(told("Wheel w\n===\nMSG: car/Wheel\nSpeed s\n").contains("holds itself"));
+        let level = |i: usize| format!("===\nMSG: car/T{i}\nT{} a\nT{} b\n", i + 1, i + 1);
+        let levels =
+            |n: usize| (0..n).map(level).collect::<String>() + &format!("===\nMSG: car/T{n}\nuint8 x\n");
+        assert!(told(&format!("T0 t\n{}", levels(100))).contains("up to 64 may"));
+        // Its later half is known when the earlier one needs it.
+        assert!(told(&format!("T40 u\nT0 t\n{}", levels(80))).contains("up to 64 may"));
+        // Twice in each other forty times: there is an end to the search.
+        let wide = MessageType::parse("car/Speed", &format!("T0 t\n{}", levels(40))).unwrap();
+        assert!(wide.number_paths().len() < MOST_PATHS);
     }
 }

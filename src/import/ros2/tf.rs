@@ -69,7 +69,7 @@ pub fn isometry_of(
 /// A field is missing.
 pub fn stamp_ns(value: &Value, path: &str) -> Result<u64, CdrError> {
     let [seconds, nanoseconds] = value.numbers_at(path, ["sec", "nanosec"])?;
-    Ok((seconds.max(0.0) as u64) * 1_000_000_000 + nanoseconds as u64)
+    Ok((seconds.max(0.0) as u64).saturating_mul(1_000_000_000).saturating_add(nanoseconds as u64))
 }
 
 impl TfTree {

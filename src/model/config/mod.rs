@@ -8,6 +8,7 @@ mod camera;
 mod depth_lss;
 mod grid;
 mod head;
+mod least_weights;
 mod lidar;
 mod sparse_encoder;
 mod swin;

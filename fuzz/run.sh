@@ -1,0 +1,68 @@
+#!/usr/bin/env bash
+# Runs fuzz targets in turn, one process at the lowest priority, until the hours are over or it is stopped.
+#
+#   fuzz/run.sh TARGET.. --hours H    or `all`; corpus/ and artifacts/ stay, so that a later run goes on
+#   fuzz/run.sh --total               hours, executions and faults of all runs so far, by target
+#
+# hours.csv gets a line a slice: target, seconds, executions, new inputs, faults, when it ended.
+set -euo pipefail
+cd "$(dirname "$0")"
+programs=${PROGRAMS:-target/x86_64-unknown-linux-gnu/release}
+slice_s=${SLICE_S:-300}
+log=hours.csv
+
+if [ "${1:-}" = --total ]; then
+    awk -F, 'NR > 1 { s[$1] += $2; n[$1] += $3; c[$1] += $4; f[$1] += $5; S += $2; N += $3; C += $4; F += $5 }
+        END { printf "%-16s %8s %12s %10s %7s\n", "target", "hours", "executions", "new inputs", "faults"
+              for (t in s) printf "%-16s %8.2f %12d %10d %7d\n", t, s[t] / 3600, n[t], c[t], f[t] | "sort"
+              close("sort")
+              printf "%-16s %8.2f %12d %10d %7d\n", "all", S / 3600, N, C, F }' "$log"
+    exit
+fi
+
+targets=()
+hours=1
+while [ $# -gt 0 ]; do
+    case $1 in
+        --hours) hours=$2; shift ;;
+        all) for file in fuzz_targets/*.rs; do targets+=("$(basename "$file" .rs)"); done ;;
+        *) targets+=("$1") ;;
+    esac
+    shift
+done
+[ ${#targets[@]} -gt 0 ] || { sed -n '2,7p' "$0"; exit 2; }
+[ -f "$log" ] || echo "target,seconds,executions,new_inputs,faults,ended" >"$log"
+
+end=$(($(date +%s) + $(awk "BEGIN { printf \"%d\", $hours * 3600 }")))
+scratch=$(mktemp -d -p "$([ -d /dev/shm ] && echo /dev/shm || echo "${TMPDIR:-/tmp}")" harmzone-fuzz.XXXXXX)
+trap 'rm -rf "$scratch"' EXIT
+while [ "$(date +%s)" -lt "$end" ]; do
+    for target in "${targets[@]}"; do
+        begin=$(date +%s)
+        left=$((end - begin))
+        [ "$left" -gt 5 ] || break
+        # A fault ends libFuzzer: the slice goes on with a new process, but not for ever with the same fault.
+        slice_end=$((begin + (left < slice_s ? left : slice_s)))
+        for _ in 1 2 3 4 5; do
+            begin=$(date +%s)
+            [ $((slice_end - begin)) -gt 5 ] || break
+            mkdir -p "corpus/$target" "artifacts/$target" "$scratch/$target"
+            dictionary=()
+            [ -f "dictionaries/$target.dict" ] && dictionary=("-dict=dictionaries/$target.dict")
+            before=$(find "artifacts/$target" -type f | wc -l)
+            TMPDIR="$scratch/$target" RAYON_NUM_THREADS=1 HARMZONE_LOG=off nice -n 19 "$programs/$target" \
+                "corpus/$target" "-artifact_prefix=artifacts/$target/" -max_total_time=$((slice_end - begin)) \
+                -timeout=20 -rss_limit_mb=2048 -malloc_limit_mb=1024 -max_len=200000 -print_final_stats=1 \
+                "${dictionary[@]}" >"$scratch/$target.log" 2>&1 || true
+            rm -rf "${scratch:?}/$target"
+            stat_of() { sed -n "s/^stat::$1: *//p" "$scratch/$target.log" | tail -1; }
+            executions=$(stat_of number_of_executed_units)
+            new=$(stat_of new_units_added)
+            faults=$(($(find "artifacts/$target" -type f | wc -l) - before))
+            echo "$target,$(($(date +%s) - begin)),${executions:-0},${new:-0},$faults,$(date -u +%FT%TZ)" >>"$log"
+            [ "$faults" -gt 0 ] || break
+            mkdir -p artifacts/logs
+            tail -n 60 "$scratch/$target.log" >"artifacts/logs/$target-$(date +%s).log"
+        done
+    done
+done
