@@ -107,10 +107,15 @@ fn every_version_is_migrated_to_the_bytes_of_todays() {
 fn a_newer_version_is_told_with_those_that_are_read() {
     let (_home, data) = data_of(2);
     let path = data.join("dataset.json");
-    let newer = fs::read_to_string(&path).expect("a manifest").replace("\"format_version\": 2", "\"format_version\": 4");
+    let newer = fs::read_to_string(&path)
+        .expect("a manifest")
+        .replace("\"format_version\": 2", "\"format_version\": 4");
     fs::write(&path, newer).expect("writable");
     let told = fails(&["info", text(&data)]);
-    assert!(told.contains("format version 4") && told.contains("[1, 2, 3]") && told.contains("dataset.json"), "{told}");
+    assert!(
+        told.contains("format version 4") && told.contains("[1, 2, 3]") && told.contains("dataset.json"),
+        "{told}"
+    );
     // A manifest of today's version without its hash, or with another's, was changed.
     let (_home, data) = data_of(3);
     let path = data.join("dataset.json");

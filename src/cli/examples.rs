@@ -28,10 +28,7 @@ const EXAMPLES: &[Examples] = &[
         &[("Join what `gen --shard 0/2` and `--shard 1/2` made", "harmzone merge part0 part1 --out data/id")],
     ),
     ("migrate", &[("What an older data set would become", "harmzone migrate data/id --dry-run")]),
-    (
-        "import",
-        &[("A drive of KITTI, and what it holds", "harmzone import kitti KITTI --out data/kitti")],
-    ),
+    ("import", &[("A drive of KITTI, and what it holds", "harmzone import kitti KITTI --out data/kitti")]),
     (
         "import nuscenes",
         &[(
@@ -39,10 +36,7 @@ const EXAMPLES: &[Examples] = &[
             "harmzone import nuscenes nuscenes/v1.0-mini --scenes scene-0061,scene-0103 --out data/nuscenes",
         )],
     ),
-    (
-        "import kitti",
-        &[("Every tenth frame", "harmzone import kitti KITTI --every 10 --out data/kitti")],
-    ),
+    ("import kitti", &[("Every tenth frame", "harmzone import kitti KITTI --every 10 --out data/kitti")]),
     ("import av2", &[("A folder of logs", "harmzone import av2 av2/sensor/val --out data/av2")]),
     (
         "import ros2",

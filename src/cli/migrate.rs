@@ -7,8 +7,8 @@ use clap::Args;
 use serde::Serialize;
 
 use super::{ExitStatus, print_summary};
-use crate::episode::manifest::{LabelManifest, label_sets};
 use crate::episode::Manifest;
+use crate::episode::manifest::{LabelManifest, label_sets};
 use crate::files::FolderLock;
 use crate::store::{Access, Location};
 
@@ -48,7 +48,11 @@ pub fn run(args: MigrateArgs) -> anyhow::Result<ExitStatus> {
     for set in label_sets(folder) {
         let mut labels = LabelManifest::read(folder, &set)?;
         let (from, to) = (labels.format_version, LabelManifest::VERSION);
-        files.push(Migrated { file: LabelManifest::folder(folder, &set).join(LabelManifest::FILE), from, to });
+        files.push(Migrated {
+            file: LabelManifest::folder(folder, &set).join(LabelManifest::FILE),
+            from,
+            to,
+        });
         if from != to && !args.dry_run {
             labels.format_version = to;
             labels.write(folder)?;

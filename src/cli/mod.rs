@@ -152,8 +152,14 @@ impl Command {
     fn keeps_what_is_whole(&self) -> bool {
         matches!(
             self,
-            Self::Gen(_) | Self::Merge(_) | Self::Import(_) | Self::Label(_) | Self::Train(_) | Self::Predict(_)
-                | Self::Eval(_) | Self::Drive(_)
+            Self::Gen(_)
+                | Self::Merge(_)
+                | Self::Import(_)
+                | Self::Label(_)
+                | Self::Train(_)
+                | Self::Predict(_)
+                | Self::Eval(_)
+                | Self::Drive(_)
         )
     }
 }

@@ -127,8 +127,8 @@ pub fn run(
     worker::do_all(&Engine::Local { jobs: n_jobs }, &call, &errands, &|| (), &|place, made| {
         let Task { who_idx, course_idx } = todo[place];
         let plan = &plans[course_idx as usize];
-        let outcome: DriveOutcome =
-            made.map_err(|error| DriveError::Worker { episode: plan.name.clone(), message: error.to_string() })?;
+        let outcome: DriveOutcome = made
+            .map_err(|error| DriveError::Worker { episode: plan.name.clone(), message: error.to_string() })?;
         progress.note(&format!("{} {}", drivers[who_idx].name, plan.name));
         progress.advance(1);
         let json = serde_json::to_string_pretty(&outcome).expect("an outcome has a JSON form");

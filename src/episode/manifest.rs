@@ -151,7 +151,11 @@ impl Manifest {
     pub fn write(&self, folder: &Path) -> Result<(), ManifestError> {
         let path = folder.join(Self::FILE);
         self.check(&path)?;
-        Ok(if self.format_version < Self::VERSION { write_plain(&path, self)? } else { write_sealed(&path, self)? })
+        Ok(if self.format_version < Self::VERSION {
+            write_plain(&path, self)?
+        } else {
+            write_sealed(&path, self)?
+        })
     }
 
     /// The episodes of a split.
@@ -268,7 +272,11 @@ impl LabelManifest {
     /// The disk fails.
     pub fn write(&self, dataset: &Path) -> Result<(), ManifestError> {
         let path = Self::folder(dataset, &self.set).join(Self::FILE);
-        Ok(if self.format_version < Self::VERSION { write_plain(&path, self)? } else { write_sealed(&path, self)? })
+        Ok(if self.format_version < Self::VERSION {
+            write_plain(&path, self)?
+        } else {
+            write_sealed(&path, self)?
+        })
     }
 }
 
@@ -305,7 +313,9 @@ fn read_json<T: DeserializeOwned>(
         return Err(ManifestError::Version { found, valid, path: path.to_owned() });
     }
     if found >= sealed_from && !is_sealed(&text) {
-        return Err(invalid(format!("the hash of its content, which ends a file of version {found}, is missing")));
+        return Err(invalid(format!(
+            "the hash of its content, which ends a file of version {found}, is missing"
+        )));
     }
     serde_json::from_str(&json).map_err(parse)
 }

@@ -44,7 +44,8 @@ impl FolderLock {
         fs::create_dir_all(folder)?;
         let path = folder.join(name);
         loop {
-            let options = fs::OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path)?;
+            let options =
+                fs::OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path)?;
             let (mut file, _) = options.into_parts();
             match file.try_lock() {
                 Ok(()) => {}
@@ -95,7 +96,10 @@ impl FolderLock {
         let folder = self.path.parent().unwrap_or(Path::new(""));
         Err(io::Error::new(
             io::ErrorKind::NotFound,
-            format!("the folder was deleted or replaced while this process wrote in it: {}", folder.display()),
+            format!(
+                "the folder was deleted or replaced while this process wrote in it: {}",
+                folder.display()
+            ),
         ))
     }
 }

@@ -246,7 +246,11 @@ impl fmt::Display for GenerateSummary {
         writeln!(f, "  episodes  {} ({}; {} kept)", self.n_episodes, splits.join(", "), self.n_kept)?;
         writeln!(f, "  samples   {}", self.n_samples)?;
         if !self.lost.is_empty() {
-            writeln!(f, "  lost      {}, told on standard error; the same command tries them again", self.lost.len())?;
+            writeln!(
+                f,
+                "  lost      {}, told on standard error; the same command tries them again",
+                self.lost.len()
+            )?;
         }
         let share = self.n_objects.total() as f64 / (self.n_samples.max(1)) as f64;
         writeln!(f, "  objects   {} ({share:.1} a sample)", self.n_objects.total())?;

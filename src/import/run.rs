@@ -14,9 +14,9 @@ use super::{ImportConfig, ImportError, Log, LogFormat, Notes};
 use crate::config::to_toml;
 use crate::episode::manifest::ObjectCounts;
 use crate::episode::{EpisodeEntry, Manifest, Split};
-use crate::object::{Distribution, Kind};
 use crate::files::FolderLock;
 use crate::interrupt;
+use crate::object::{Distribution, Kind};
 use crate::progress::Progress;
 
 /// `dataset.json` is written anew when a fiftieth of its episodes are new: with each for small sets, while thousands do not write gigabytes.

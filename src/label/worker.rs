@@ -68,7 +68,15 @@ pub(super) fn label_by(
     progress: &dyn Progress,
 ) -> Result<Vec<Result<LabelledEpisode, LabelError>>, LabelError> {
     let folder = &job.folder;
-    let call = Call { program, command: COMMAND, job, folder, shared: Vec::new(), n_threads: None, silence: SILENCE };
+    let call = Call {
+        program,
+        command: COMMAND,
+        job,
+        folder,
+        shared: Vec::new(),
+        n_threads: None,
+        silence: SILENCE,
+    };
     let errands: Vec<Errand<&EpisodeEntry>> =
         episodes.iter().map(|&task| Errand { task, reads: vec![PathBuf::from(&task.file)] }).collect();
     for entry in episodes {

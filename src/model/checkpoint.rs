@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use burn::store::{ModuleSnapshot, SafetensorsStore};
 use burn::tensor::Device;
 use fs_err as fs;
-use sha2::{Digest as _, Sha256};
 use serde::de::DeserializeOwned;
+use sha2::{Digest as _, Sha256};
 use thiserror::Error;
 
 use super::config::ModelConfig;

@@ -123,8 +123,15 @@ mod tests {
         let program = Program::new("python3".into(), vec!["-c".into(), script.into()]);
         let job = serde_json::json!({ "folder": folder.path() });
         let (command, folder) = ("some-worker", folder.path());
-        let call =
-            Call { program: &program, command, job: &job, folder, shared: Vec::new(), n_threads: None, silence };
+        let call = Call {
+            program: &program,
+            command,
+            job: &job,
+            folder,
+            shared: Vec::new(),
+            n_threads: None,
+            silence,
+        };
         let made = Mutex::new(vec![None; 3]);
         let errands: Vec<Errand<u32>> = (0..3).map(Errand::from).collect();
         let on_made = |place: usize, answer| -> io::Result<()> {
@@ -171,7 +178,10 @@ for line in sys.stdin:
         let begin = Instant::now();
         let made = run(&format!("{HEAR}{hang}{SAY}"), Duration::from_secs(1));
         assert!(made[1] == Ok(10) && made[2] == Ok(20), "{made:?}");
-        assert!(matches!(&made[0], Err(TaskError::Lost(text)) if text.contains("said nothing for 1 s")), "{made:?}");
+        assert!(
+            matches!(&made[0], Err(TaskError::Lost(text)) if text.contains("said nothing for 1 s")),
+            "{made:?}"
+        );
         assert!(begin.elapsed() < Duration::from_secs(60));
     }
 }

@@ -57,7 +57,10 @@ impl Process {
     ) -> io::Result<Self> {
         let stderr = tempfile::tempfile().map_err(|error| {
             let folder = std::env::temp_dir();
-            let text = format!("cannot make a temporary file ({error}); TMPDIR names another folder: {}", folder.display());
+            let text = format!(
+                "cannot make a temporary file ({error}); TMPDIR names another folder: {}",
+                folder.display()
+            );
             io::Error::new(error.kind(), text)
         })?;
         let told = |error| io::Error::other(format!("cannot start {}: {error}", program.path.display()));

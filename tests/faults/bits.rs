@@ -9,7 +9,7 @@ use burn::tensor::Device;
 use fs_err as fs;
 use harmzone::config;
 use harmzone::dataset::Dataset;
-use harmzone::episode::{DetectionReader, check_archive, EpisodeReader, LabelReader, Manifest};
+use harmzone::episode::{DetectionReader, EpisodeReader, LabelReader, Manifest, check_archive};
 use harmzone::eval::json::read_predictions;
 use harmzone::files::sha256_hex;
 use harmzone::generate::GenerateConfig;
@@ -132,7 +132,9 @@ fn kinds(home: &Path) -> Vec<Kind> {
             "labels, alone",
             copied(&data.join(format!("labels/rect/{}.mcap", episode.name)), "alone/l.mcap"),
             true,
-            |path| said(LabelReader::open(path).map(|reader| (reader.meta().clone(), reader.samples().to_vec()))),
+            |path| {
+                said(LabelReader::open(path).map(|reader| (reader.meta().clone(), reader.samples().to_vec())))
+            },
         ),
         alone("boxes, MCAP", boxes, true, |path| {
             said(DetectionReader::open(path).map(|reader| (reader.meta().clone(), reader.samples().to_vec())))
@@ -146,10 +148,18 @@ fn kinds(home: &Path) -> Vec<Kind> {
         alone("drive.json", path("drive/drive.json"), true, |path| {
             said(DriveSummary::read(path.parent().expect("a folder")))
         }),
-        alone("checkpoint", copied(&made.run.join("model.safetensors"), "alone/m.safetensors"), true, read_checkpoint),
-        alone("road.xodr", copied(&sources.join("tests/data/crossroads.xodr"), "road/r.xodr"), false, |path| {
-            said(Town::load(text(path)).map(|town| town.notes))
-        }),
+        alone(
+            "checkpoint",
+            copied(&made.run.join("model.safetensors"), "alone/m.safetensors"),
+            true,
+            read_checkpoint,
+        ),
+        alone(
+            "road.xodr",
+            copied(&sources.join("tests/data/crossroads.xodr"), "road/r.xodr"),
+            false,
+            |path| said(Town::load(text(path)).map(|town| town.notes)),
+        ),
         alone("gen.toml", copied(&data.join("gen.toml"), "alone/gen.toml"), false, |path| {
             said(config::load::<GenerateConfig>(Some(path), &[]))
         }),

@@ -83,7 +83,8 @@ impl SmallDisk {
     fn mount(n_kib: u32) -> Option<Self> {
         let home = tempfile::tempdir().expect("a temporary folder");
         let size = format!("size={n_kib}k");
-        let mounted = Command::new("mount").args(["-t", "tmpfs", "-o", &size, "tmpfs"]).arg(home.path()).output();
+        let mounted =
+            Command::new("mount").args(["-t", "tmpfs", "-o", &size, "tmpfs"]).arg(home.path()).output();
         if !mounted.is_ok_and(|mounted| mounted.status.success()) {
             println!("SKIPPED: a disk of its own, which only root may mount");
             return None;

@@ -31,10 +31,16 @@ pub fn hashes(folder: &Path) -> BTreeMap<String, String> {
 
 /// The first way in which two folders differ.
 pub fn difference(found: &BTreeMap<String, String>, wanted: &BTreeMap<String, String>) -> Option<String> {
-    let missing = wanted.keys().find(|name| !found.contains_key(*name)).map(|name| format!("{name} is missing"));
-    let more = || found.keys().find(|name| !wanted.contains_key(*name)).map(|name| format!("{name} is too much"));
-    let other =
-        || found.iter().find(|(name, sha256)| wanted[*name] != **sha256).map(|(name, _)| format!("{name} differs"));
+    let missing =
+        wanted.keys().find(|name| !found.contains_key(*name)).map(|name| format!("{name} is missing"));
+    let more =
+        || found.keys().find(|name| !wanted.contains_key(*name)).map(|name| format!("{name} is too much"));
+    let other = || {
+        found
+            .iter()
+            .find(|(name, sha256)| wanted[*name] != **sha256)
+            .map(|(name, _)| format!("{name} differs"))
+    };
     missing.or_else(more).or_else(other)
 }
 

@@ -10,9 +10,8 @@ use super::made_data::{TINY, command, done, text};
 use super::n_faults;
 use super::shim::{Fault, with_fault};
 
-const SMALLEST: [&str; 11] = [
-    "gen", "--town", "downtown", "--samples", "2", "--seed", "10", "--set", "val_every=2", "--jobs", "1",
-];
+const SMALLEST: [&str; 11] =
+    ["gen", "--town", "downtown", "--samples", "2", "--seed", "10", "--set", "val_every=2", "--jobs", "1"];
 
 /// Linux' numbers.
 const EIO: i32 = 5;
@@ -33,7 +32,8 @@ fn stages(home: &Path) -> Vec<(&'static str, Vec<String>)> {
     let out = home.join("data");
     let run = home.join("data/run");
     let owned = |words: &[&str]| words.iter().map(|&word| word.to_owned()).collect();
-    let tiny = [TINY.as_slice(), &["--set", "lidar_stage.epochs=1", "--set", "fused_stage.epochs=1"]].concat();
+    let tiny =
+        [TINY.as_slice(), &["--set", "lidar_stage.epochs=1", "--set", "fused_stage.epochs=1"]].concat();
     vec![
         ("gen", owned(&[SMALLEST.as_slice(), &["--episodes", "2", "--out", text(&out)]].concat())),
         ("label", owned(&["label", text(&out)])),
@@ -74,7 +74,8 @@ fn check(words: &[String], home: &Path, before: &Path, after: &Path, fault: Faul
             wrong(text);
         }
     }
-    let again = command(&words.iter().map(String::as_str).collect::<Vec<_>>()).output().expect("the program starts");
+    let again =
+        command(&words.iter().map(String::as_str).collect::<Vec<_>>()).output().expect("the program starts");
     if !again.status.success() {
         return wrong(format!("the same command fails: {}", String::from_utf8_lossy(&again.stderr)));
     }
@@ -187,7 +188,10 @@ fn whole_data_is_not_changed_by_who_reads_it_with_errors() {
         let _counter = with_fault(&mut faulty, &data, Fault::Call { number, errno: EIO });
         let output = faulty.output().expect("the program starts");
         let told = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert!(output.status.success() || (told.contains(text(&data)) && !told.contains("panicked")), "{number}: {told}");
+        assert!(
+            output.status.success() || (told.contains(text(&data)) && !told.contains("panicked")),
+            "{number}: {told}"
+        );
         assert_eq!(difference(&hashes(&data), &before), None);
     }
 }

@@ -28,8 +28,12 @@ fn library() -> Option<&'static Path> {
         let home = tempfile::tempdir().expect("a temporary folder");
         let path = home.path().join("shim.so");
         let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/faults/shim.c");
-        let compiled =
-            Command::new("cc").args(["-shared", "-fPIC", "-O1", "-o"]).arg(&path).arg(source).arg("-ldl").status();
+        let compiled = Command::new("cc")
+            .args(["-shared", "-fPIC", "-O1", "-o"])
+            .arg(&path)
+            .arg(source)
+            .arg("-ldl")
+            .status();
         match compiled {
             Ok(status) => assert!(status.success(), "the shim does not compile"),
             Err(error) => {

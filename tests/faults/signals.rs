@@ -172,7 +172,8 @@ fn folders_that_vanish_or_cannot_be_written_are_named() {
     }
     let out = home.path().join("without-temporary");
     let mut without_temporary = command(&generation(&out, "1", &["--episodes", "1"]));
-    let told = without_temporary.env("TMPDIR", home.path().join("absent")).output().expect("the program starts");
+    let told =
+        without_temporary.env("TMPDIR", home.path().join("absent")).output().expect("the program starts");
     let words = String::from_utf8_lossy(&told.stderr).into_owned();
     assert!(told.status.success() || words.contains("absent"), "{words}");
 }

@@ -43,7 +43,10 @@ fn soak(length: Duration, period: Duration, out: &Path) {
         let n_episodes = fs::read_dir(out.join("episodes")).map_or(0, Iterator::count);
         if let Some(worker) = workers.get(n_kills % workers.len().max(1)) {
             n_kills += usize::from(
-                Command::new("kill").args(["-9", &worker.to_string()]).status().is_ok_and(|status| status.success()),
+                Command::new("kill")
+                    .args(["-9", &worker.to_string()])
+                    .status()
+                    .is_ok_and(|status| status.success()),
             );
         }
         let at_s = begin.elapsed().as_secs();
@@ -57,7 +60,12 @@ fn soak(length: Duration, period: Duration, out: &Path) {
     let n_files = fs::read_dir(out.join("episodes")).expect("a folder").count();
     assert_eq!(n_files, manifest.episodes.len(), "files without an entry, or unfinished ones");
     for entry in &manifest.episodes {
-        assert_eq!(sha256_of(&out.join(&entry.file)).expect("a file"), entry.sha256, "{} is torn", entry.name);
+        assert_eq!(
+            sha256_of(&out.join(&entry.file)).expect("a file"),
+            entry.sha256,
+            "{} is torn",
+            entry.name
+        );
     }
     let at_s = begin.elapsed().as_secs_f64();
     println!(

@@ -79,7 +79,8 @@ fn inputs() -> &'static Inputs {
         let home = tempfile::tempdir().expect("a temporary folder");
         let path = |name: &str| home.path().join(name);
         let log = path("log");
-        let words = ["export", "nuscenes", text(&fixture().id), text(&log), "--categories", "source", "--version"];
+        let words =
+            ["export", "nuscenes", text(&fixture().id), text(&log), "--categories", "source", "--version"];
         done(&[words.as_slice(), &["v1.0-mini"]].concat());
         let shards = [path("a"), path("b")];
         for (shard, out) in ["0/2", "1/2"].into_iter().zip(&shards) {

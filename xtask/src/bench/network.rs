@@ -62,7 +62,7 @@ fn make(config: &GenerateConfig, n: u32, data: &Path, progress: &dyn Progress) -
         engine: harmzone::worker::Engine::Local { jobs },
         force: false,
         silence: harmzone::worker::SILENCE,
-            own_models: None,
+        own_models: None,
     };
     generate::run(config, n, data, &options, progress)?;
     label::run(data, &ZoneConfig::default(), LABELS, false, progress)?;

@@ -81,7 +81,7 @@ pub fn prepare_to_report(
         engine: Engine::Local { jobs: request.jobs },
         force: false,
         silence: SILENCE,
-            own_models: None,
+        own_models: None,
     };
     generate::run(&config, n_episodes, path, &options, progress)?;
     label::run(path, &ZoneConfig::default(), LABELS, false, progress)?;
