@@ -6,6 +6,6 @@ Holds no policy, files, labels or randomness; harmzone embeds this text and call
 from harmzone_sim.camera import Camera, gl_info
 from harmzone_sim.filament import FilamentCamera
 from harmzone_sim.rays import cast_rays, visible_geometry
-from harmzone_sim.world import World
+from harmzone_sim.world import World, library_versions
 
-__all__ = ["Camera", "FilamentCamera", "World", "cast_rays", "gl_info", "visible_geometry"]
+__all__ = ["Camera", "FilamentCamera", "World", "cast_rays", "gl_info", "library_versions", "visible_geometry"]

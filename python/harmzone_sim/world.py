@@ -1,5 +1,6 @@
 """A compiled MuJoCo model and its state."""
 
+import platform
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
@@ -16,6 +17,11 @@ _FATAL_WARNINGS = (
     mujoco.mjtWarning.mjWARN_BADQACC,
     mujoco.mjtWarning.mjWARN_BADCTRL,
 )
+
+
+def library_versions() -> tuple[str, str]:
+    """MuJoCo's version; the C library's name and version."""
+    return mujoco.mj_versionString(), " ".join(platform.libc_ver())
 
 
 class Mounted(NamedTuple):

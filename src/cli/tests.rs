@@ -57,7 +57,14 @@ fn a_number_out_of_its_range_is_told_the_range() {
             }
         }
     }
-    let numbers = ["gen --episodes", "gen --seed", "gen --samples", "gen --jobs", "zones --sample"];
+    let numbers = [
+        "gen --episodes",
+        "gen --seed",
+        "gen --samples",
+        "gen --jobs",
+        "gen --worker-timeout",
+        "zones --sample",
+    ];
     let more = [
         "calibrate --false-alarms-per-km",
         "drive --episodes",

@@ -12,6 +12,7 @@ use crate::dataset::{Dataset, DatasetError, LabelledSplit, SampleSource};
 use crate::episode::Split;
 use crate::report::curves;
 use crate::store::{Access, Location};
+use crate::train::memory::MemoryBound;
 use crate::train::{self, DryRun, TrainConfig, TrainOptions, TrainingData};
 
 #[derive(Debug, Args)]
@@ -41,6 +42,9 @@ pub struct TrainArgs {
     overrides: Vec<String>,
     #[command(flatten)]
     devices: DevicesArg,
+    /// Take at most so much memory: less of it for pictures, and an end with the state saved where that is not enough
+    #[arg(long, value_name = "GIB", value_parser = parse_gib)]
+    max_memory: Option<f64>,
     /// Print parameters, shapes, memory and steps, and stop
     #[arg(long)]
     dry_run: bool,
@@ -53,6 +57,14 @@ pub struct TrainArgs {
     /// Discard what another run left in the folder
     #[arg(long)]
     force: bool,
+}
+
+/// A number of GiB that a process can have.
+fn parse_gib(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(gib) if (0.1..=1e6).contains(&gib) => Ok(gib),
+        _ => Err("GiB from 0.1 to 1000000 are wanted".to_owned()),
+    }
 }
 
 /// What `--config` and `--set` lie over: a profile's training, or the default's with a network from a file.
@@ -148,8 +160,12 @@ pub fn run(args: TrainArgs) -> anyhow::Result<ExitStatus> {
     let after_validation = |run: &Path| {
         draw(run);
     };
-    let options =
-        TrainOptions { force: args.force, resume: args.resume, after_validation: Some(&after_validation) };
+    let options = TrainOptions {
+        force: args.force,
+        resume: args.resume,
+        bound: args.max_memory.map(|gib| MemoryBound::new(gib * 1024.0)),
+        after_validation: Some(&after_validation),
+    };
     let validation = match opened(Split::Val) {
         Ok(split) if config.validate_every_epochs > 0 => Some(split),
         Ok(_) | Err(DatasetError::EmptySplit { .. }) => None,

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 pub use super::counts::{HarmCounts, LabelCounts, ObjectCounts, PerDistribution, PerKind};
+use super::made_with::{self, MadeWith};
 use super::shard::PartOf;
 use crate::files::{is_file, is_sealed, unseal, write_atomic, write_sealed};
 
@@ -97,6 +98,9 @@ pub struct Manifest {
     /// Which part of a larger data set this is; `None`: a whole one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub part: Option<PartOf>,
+    /// What the episodes were made with, sorted, each once; not known of logs and of older versions.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub made_with: Vec<MadeWith>,
     pub episodes: Vec<EpisodeEntry>,
 }
 
@@ -117,6 +121,7 @@ impl Manifest {
             seed,
             ood,
             part: None,
+            made_with: Vec::new(),
             episodes: Vec::new(),
         }
     }
@@ -156,6 +161,11 @@ impl Manifest {
         } else {
             write_sealed(&path, self)?
         })
+    }
+
+    /// Notes what an episode was made with.
+    pub fn add_made_with(&mut self, made_with: MadeWith) {
+        made_with::add(&mut self.made_with, made_with);
     }
 
     /// The episodes of a split.

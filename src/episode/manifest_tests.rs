@@ -1,5 +1,6 @@
 //! Manifests: what they hold, and what older ones meant.
 
+use super::MadeWith;
 use super::manifest::{self, EpisodeEntry, LabelManifest, Manifest, ManifestError, Split};
 use crate::object::{Harm, Kind};
 
@@ -21,6 +22,12 @@ fn manifests_round_trip_and_errors_say_what_to_do() {
         n_objects: manifest::ObjectCounts::default(),
         sha256: "00".into(),
     });
+    let made_with = |cpu: &str| MadeWith {
+        cpu: cpu.to_owned(),
+        ..MadeWith::here("4".into(), "llvmpipe".into(), "glibc".into())
+    };
+    ["x86_64 avx2", "x86_64", "x86_64 avx2"].iter().for_each(|cpu| manifest.add_made_with(made_with(cpu)));
+    assert_eq!(manifest.made_with, [made_with("x86_64"), made_with("x86_64 avx2")]);
     manifest.write(folder.path()).unwrap();
     assert_eq!(Manifest::read(folder.path()).unwrap(), manifest);
     assert_eq!((manifest.of_split(Split::Val).count(), manifest.of_split(Split::Train).count()), (1, 0));

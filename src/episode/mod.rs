@@ -18,6 +18,7 @@ mod foreign;
 mod foreign_tests;
 mod labels;
 mod log;
+mod made_with;
 pub mod manifest;
 #[cfg(test)]
 mod manifest_tests;
@@ -43,6 +44,7 @@ pub use error::{EpisodeError, MessageFault};
 pub use foreign::{ForeignFile, ForeignMessage, ForeignSchema, ForeignTopic, MessagePlace};
 pub use labels::{LabelReader, LabelWriter, ObjectLabel, SampleLabels};
 pub use log::{Labelled, LogFacts, SizeRange};
+pub use made_with::MadeWith;
 pub use manifest::{EpisodeEntry, LabelManifest, Manifest, ManifestError, Split};
 pub use meta::{EpisodeMeta, SourceMeta};
 pub use others::OtherSensors;

@@ -1,7 +1,6 @@
 //! One writer a folder: who writes says so in a file there, and holds it while it lives.
 
 use std::fmt;
-use std::fs::TryLockError;
 use std::io::{self, Read as _, Seek as _, Write as _};
 use std::path::{Path, PathBuf};
 
@@ -23,7 +22,7 @@ pub(super) fn is_lock(path: &Path) -> bool {
 
 /// The right to write in a folder, until it is dropped or the process ends, however it ends.
 pub struct FolderLock {
-    file: std::fs::File,
+    file: fs::File,
     path: PathBuf,
 }
 
@@ -44,12 +43,11 @@ impl FolderLock {
         fs::create_dir_all(folder)?;
         let path = folder.join(name);
         loop {
-            let options =
+            let mut file =
                 fs::OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path)?;
-            let (mut file, _) = options.into_parts();
-            match file.try_lock() {
+            match file.try_lock().map_err(io::Error::from) {
                 Ok(()) => {}
-                Err(TryLockError::WouldBlock) => {
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => {
                     let mut holder = String::new();
                     file.read_to_string(&mut holder)?;
                     return Err(io::Error::new(
@@ -62,10 +60,10 @@ impl FolderLock {
                     ));
                 }
                 // Some network file systems have no locks.
-                Err(TryLockError::Error(error)) if error.kind() == io::ErrorKind::Unsupported => {
+                Err(error) if error.kind() == io::ErrorKind::Unsupported => {
                     tracing::warn!("no lock, the file system has none: {}", folder.display());
                 }
-                Err(TryLockError::Error(error)) => return Err(error),
+                Err(error) => return Err(error),
             }
             // The one before may have deleted the file between our opening and its unlocking.
             if !is_still_there(&file, &path) {
@@ -77,10 +75,7 @@ impl FolderLock {
                 file.set_len(0)?;
                 writeln!(file, "{who}")
             };
-            write().map_err(|error| {
-                let named = io::Error::new(error.kind(), format!("{error}: {}", path.display()));
-                told_with_room(named, &path, who.len() as u64)
-            })?;
+            write().map_err(|error| told_with_room(error, &path, who.len() as u64))?;
             return Ok(Self { file, path });
         }
     }
@@ -105,7 +100,7 @@ impl FolderLock {
 }
 
 /// Whether a name still leads to this file.
-fn is_still_there(file: &std::fs::File, path: &Path) -> bool {
+fn is_still_there(file: &fs::File, path: &Path) -> bool {
     match (fstat(file), stat(path)) {
         (Ok(ours), Ok(there)) => (ours.st_dev, ours.st_ino) == (there.st_dev, there.st_ino),
         _ => false,

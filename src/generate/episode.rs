@@ -5,8 +5,9 @@ use std::time::Instant;
 
 use super::live::LiveEpisode;
 use super::timings::{Timings, time};
+use super::worker::Made;
 use super::{CheckedConfig, EpisodePlan, GenerateError};
-use crate::episode::{EpisodeEntry, EpisodeMeta, EpisodeWriter};
+use crate::episode::{EpisodeEntry, EpisodeMeta, EpisodeWriter, MadeWith};
 use crate::sample::Around;
 use crate::sim::Simulator;
 
@@ -19,7 +20,7 @@ pub fn record(
     plan: &EpisodePlan,
     folder: &Path,
     on_sample: &mut dyn FnMut() -> std::io::Result<()>,
-) -> Result<(EpisodeEntry, Timings), GenerateError> {
+) -> Result<(Made, Timings), GenerateError> {
     let mut recording = Recording::start(config, plan, folder)?;
     recording.record_samples(on_sample)?;
     recording.finish()
@@ -87,8 +88,9 @@ impl<'a> Recording<'a> {
     ///
     /// # Errors
     /// [`GenerateError`]: the disk fails.
-    pub fn finish(self) -> Result<(EpisodeEntry, Timings), GenerateError> {
-        let Self { plan, meta, writer, live, mut timings, .. } = self;
+    pub fn finish(self) -> Result<(Made, Timings), GenerateError> {
+        let Self { plan, meta, writer, mut live, mut timings, .. } = self;
+        let made_with = made_with(live.simulator())?;
         let finished = time(&mut timings.finishing, || {
             live.finish()?;
             writer.finish().map_err(GenerateError::from)
@@ -105,8 +107,15 @@ impl<'a> Recording<'a> {
             n_objects: finished.n_objects,
             sha256: finished.sha256,
         };
-        Ok((entry, timings))
+        Ok((Made { entry, made_with }, timings))
     }
+}
+
+/// What a simulator's measurements are made with.
+fn made_with(simulator: &mut Simulator) -> Result<MadeWith, GenerateError> {
+    let [_, renderer, version] = simulator.gl_info()?;
+    let [mujoco, libc] = simulator.library_versions()?;
+    Ok(MadeWith::here(mujoco, format!("{renderer}, {version}"), libc))
 }
 
 #[cfg(test)]

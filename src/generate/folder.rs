@@ -7,7 +7,7 @@ use fs_err as fs;
 
 use super::{EpisodePlan, GenerateError};
 use crate::episode::folder::{EPISODES, clear_episodes, first_difference, remove_unfinished, whole_ones};
-use crate::episode::{EpisodeEntry, Manifest, PartOf};
+use crate::episode::{Manifest, PartOf};
 use crate::files::{holds_anything, is_file, sha256_hex, write_atomic};
 
 /// The resolved config, written before anything else.
@@ -30,7 +30,9 @@ pub(super) fn open(
     let config_path = folder.join(CONFIG_FILE);
     if is_file(&config_path)? {
         match find_whole_episodes(folder, config_toml, &manifest, plans) {
-            Ok(entries) => manifest.episodes = entries,
+            Ok(found) => {
+                manifest = Manifest { episodes: found.episodes, made_with: found.made_with, ..manifest }
+            }
             Err(_) if force => clear_episodes(folder, CONFIG_FILE)?,
             Err(error) => return Err(error),
         }
@@ -46,13 +48,13 @@ pub(super) fn open(
     Ok(manifest)
 }
 
-/// The entries of an earlier run of the same data set whose files are as they were written.
+/// The manifest of an earlier run of the same data set, with the episodes whose files are as they were written.
 fn find_whole_episodes(
     folder: &Path,
     config_toml: &str,
     wanted: &Manifest,
     plans: &[EpisodePlan],
-) -> Result<Vec<EpisodeEntry>, GenerateError> {
+) -> Result<Manifest, GenerateError> {
     let other = |what, found: String, wanted: String| {
         Err(GenerateError::OtherData { what, found, wanted, path: folder.to_owned() })
     };
@@ -64,7 +66,7 @@ fn find_whole_episodes(
         return other("config", found, wanted);
     }
     if !is_file(&folder.join(Manifest::FILE))? {
-        return Ok(Vec::new());
+        return Ok(wanted.clone());
     }
     let found = Manifest::read(folder)?;
     if found.generator_version != wanted.generator_version {
@@ -85,7 +87,9 @@ fn find_whole_episodes(
         let n = |count: usize| format!("{count} episodes");
         return other("size", n(found.episodes.len()), n(plans.len()));
     }
-    Ok(whole_ones(folder, found.episodes)?)
+    let episodes = whole_ones(folder, found.episodes)?;
+    let made_with = if episodes.is_empty() { Vec::new() } else { found.made_with };
+    Ok(Manifest { episodes, made_with, ..wanted.clone() })
 }
 
 #[cfg(test)]

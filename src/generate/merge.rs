@@ -159,7 +159,10 @@ pub fn merge(shards: &[PathBuf], out: &Path, progress: &dyn Progress) -> Result<
         copy_folder(&own_models, &out.join(OWN_MODELS))?;
     }
     let episodes: Vec<EpisodeEntry> = ordered.iter().map(|(_, entry)| (*entry).clone()).collect();
-    let manifest = Manifest { part: None, episodes, ..first.manifest.clone() };
+    let mut manifest = Manifest { part: None, episodes, ..first.manifest.clone() };
+    for made_with in shards.iter().flat_map(|shard| &shard.manifest.made_with) {
+        manifest.add_made_with(made_with.clone());
+    }
     manifest.write(out)?;
     progress.finish();
     Ok(MergeSummary {

@@ -9,12 +9,12 @@ use std::time::{Duration, Instant};
 
 use serde::Serialize;
 
-use super::worker::{COMMAND, Job, Task};
+use super::worker::{COMMAND, Job, Made, Task};
 use super::{CheckedConfig, EpisodePlan, GenerateConfig, GenerateError, aov, folder, plan};
 use crate::config::to_toml;
 use crate::episode::folder::remove_unfinished;
 use crate::episode::manifest::ObjectCounts;
-use crate::episode::{EpisodeEntry, Manifest, PartOf, Shard, Split};
+use crate::episode::{EpisodeEntry, MadeWith, Manifest, PartOf, Shard, Split};
 use crate::files::{FolderLock, check_room};
 use crate::interrupt;
 use crate::object::{Distribution, Kind};
@@ -127,8 +127,8 @@ pub fn run(
     progress.start("generate", todo.len() as u64 * u64::from(config.samples));
     let done = worker::do_all(&options.engine, &call, &errands, &|| progress.advance(1), &|place, made| {
         let name = &plans[todo[place]].name;
-        let entry: EpisodeEntry = match made {
-            Ok(entry) => entry,
+        let Made { entry, made_with } = match made {
+            Ok(made) => made,
             Err(TaskError::Lost(message)) => {
                 let sentence = format!("episode `{name}` was left out: {message}");
                 tracing::warn!("{sentence}");
@@ -145,7 +145,7 @@ pub fn run(
             store::push_file(&picture.1)?;
         }
         store::push_file(&folder.join(&entry.file))?;
-        keeper.lock().expect("no worker thread panics").add(entry)
+        keeper.lock().expect("no worker thread panics").add(entry, made_with)
     });
     let manifest = keeper.into_inner().expect("no worker thread panics").manifest;
     // What is whole is kept, also where another episode failed.
@@ -186,11 +186,12 @@ struct Keeper<'a> {
 impl Keeper<'_> {
     /// Adds an entry, in the order of the plan. A killed run loses at most what came since the last writing, twenty times as
     /// long ago as that took; it is made again.
-    fn add(&mut self, entry: EpisodeEntry) -> Result<(), GenerateError> {
+    fn add(&mut self, entry: EpisodeEntry, made_with: MadeWith) -> Result<(), GenerateError> {
         let place_of = |entry: &EpisodeEntry| self.places.get(entry.name.as_str());
         let place = place_of(&entry);
         let at = self.manifest.episodes.partition_point(|other| place_of(other) < place);
         self.manifest.episodes.insert(at, entry);
+        self.manifest.add_made_with(made_with);
         let begin = Instant::now();
         if self.rest_until.is_none_or(|until| begin >= until) {
             self.manifest.write(self.folder)?;

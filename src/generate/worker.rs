@@ -6,8 +6,8 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use super::{CheckedConfig, GenerateConfig, GenerateError, episode, plan};
-use crate::episode::EpisodeEntry;
 use crate::episode::folder::EPISODES;
+use crate::episode::{EpisodeEntry, MadeWith};
 use crate::worker;
 
 /// The hidden command that serves tasks.
@@ -25,6 +25,13 @@ pub(super) struct Task {
     pub episode_idx: u32,
 }
 
+/// What a task answers.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Made {
+    pub entry: EpisodeEntry,
+    pub made_with: MadeWith,
+}
+
 /// The worker's side: serves tasks from `input` until it ends.
 ///
 /// # Errors
@@ -35,16 +42,12 @@ pub fn serve(input: impl BufRead, output: impl Write) -> io::Result<()> {
     })
 }
 
-fn make(
-    job: &Job,
-    task: Task,
-    on_sample: &mut dyn FnMut() -> io::Result<()>,
-) -> Result<EpisodeEntry, GenerateError> {
+fn make(job: &Job, task: Task, on_sample: &mut dyn FnMut() -> io::Result<()>) -> Result<Made, GenerateError> {
     let config = CheckedConfig::try_from(&job.config)?;
     let plan = plan(&config, task.episode_idx + 1).pop().expect("the plan holds the episode");
     // A node of a cluster begins with an empty folder.
     fs_err::create_dir_all(job.folder.join(EPISODES))?;
-    let (entry, timings) = episode::record(&config, &plan, &job.folder, on_sample)?;
+    let (made, timings) = episode::record(&config, &plan, &job.folder, on_sample)?;
     tracing::info!(episode = plan.name, ?timings, "made");
-    Ok(entry)
+    Ok(made)
 }

@@ -127,6 +127,17 @@ impl Simulator {
         })
     }
 
+    /// The version of MuJoCo, and name and version of the C library.
+    ///
+    /// # Errors
+    /// Python fails.
+    pub fn library_versions(&mut self) -> Result<[String; 2], SimError> {
+        self.with_python("tell its versions", |world, _| {
+            let versions = world.py().import("harmzone_sim")?.call_method0("library_versions")?;
+            versions.extract::<(String, String)>().map(<[String; 2]>::from)
+        })
+    }
+
     pub(super) fn camera<'py>(&mut self, py: Python<'py>) -> Result<Bound<'py, PyAny>, SimError> {
         if let Some(camera) = &self.camera {
             return Ok(camera.bind(py).clone());

@@ -56,6 +56,20 @@ impl Cache {
         Ok(picture)
     }
 
+    /// The bytes that are kept.
+    #[must_use]
+    pub fn n_bytes(&self) -> usize {
+        self.contents.lock().unwrap_or_else(PoisonError::into_inner).n_bytes
+    }
+
+    /// Keeps so much from now on; where there is more already, everything is forgotten.
+    pub fn limit(&mut self, budget_bytes: usize) {
+        self.budget_bytes = budget_bytes;
+        if self.n_bytes() > budget_bytes {
+            self.clear();
+        }
+    }
+
     /// Forgets everything, as between stages that need different inputs.
     pub fn clear(&self) {
         *self.contents.lock().unwrap_or_else(PoisonError::into_inner) = Contents::default();

@@ -38,6 +38,17 @@ pub enum TrainError {
     NotARun { path: PathBuf },
     #[error("nothing to resume: no run in {}; leave --resume out to start one", path.display())]
     NothingToResume { path: PathBuf },
+    #[error(
+        "the run needs about {:.0} MiB ({held_mib:.0} are held, the data among them, and a step takes {step_mib:.0}), more than \
+         --max-memory allows, {most_mib:.0} MiB: allow more, or make `batch_size`, `accumulate` or `stream.window_episodes` smaller",
+        held_mib + step_mib
+    )]
+    TooLarge { held_mib: f64, step_mib: f64, most_mib: f64 },
+    #[error(
+        "the run has taken {peak_mib:.0} MiB, more than --max-memory allows, {most_mib:.0} MiB; its state is saved, and the same command \
+         goes on with a larger --max-memory"
+    )]
+    Grown { peak_mib: f64, most_mib: f64 },
     #[error("sample {sample}: {source}")]
     Input { sample: String, source: InputError },
     #[error("sample {sample}: {source}")]

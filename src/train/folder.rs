@@ -6,6 +6,7 @@ use fs_err as fs;
 
 use super::config::TrainConfig;
 use super::error::TrainError;
+use super::memory::MemoryBound;
 use super::state;
 use super::time::TIME_FILE;
 use crate::config::to_toml;
@@ -26,6 +27,8 @@ pub struct TrainOptions<'a> {
     pub force: bool,
     /// There must be a run to resume.
     pub resume: bool,
+    /// Keep below so much memory, or end with the state saved.
+    pub bound: Option<MemoryBound>,
     /// Called with the run's folder after each validation, when its logs are up to date.
     pub after_validation: Option<&'a dyn Fn(&Path)>,
 }

@@ -15,6 +15,7 @@ mod folder;
 mod lanes;
 mod learner;
 mod losses;
+pub mod memory;
 mod optimizer;
 mod paste;
 mod picture;

@@ -22,6 +22,7 @@ use super::time::Stopwatch;
 use super::validate::validate;
 use crate::config::Checked;
 use crate::dataset::{SampleSource, SeenEpisodes};
+use crate::device::is_cpu;
 use crate::files::{FolderLock, check_room, is_file};
 use crate::history::{History, ScoreRow, StepRow};
 use crate::interrupt;
@@ -85,6 +86,10 @@ pub fn run(
     if n_samples == 0 {
         return Err(TrainError::NoSamples { path: learned.path().to_owned() });
     }
+    let inference_device = &devices[0];
+    if let Some(bound) = options.bound {
+        bound.check_start(learned, config, is_cpu(inference_device))?;
+    }
     let lock = FolderLock::take(out)?;
     folder::open(learned.fingerprint(), config, out, options)?;
     let plan = Plan::new(config, learned);
@@ -106,7 +111,6 @@ pub fn run(
     }
 
     let stopwatch = Stopwatch::start(out);
-    let inference_device = &devices[0];
     let device = inference_device.clone().autodiff();
     let mut image_weights = None;
     let saved = state::load_newest(out, config, &device, inference_device)?;
@@ -140,6 +144,9 @@ pub fn run(
             let StageConfig { schedule, max_learning_rate, .. } = plan.stages[position.stage];
             let pace = schedule.pace(position.step, n_steps, max_learning_rate, config.rise_share);
             let (parts, norm) = learner.step(&mut steps, position, pace)?;
+            if let Some(bound) = options.bound {
+                steps.keep_below(bound);
+            }
             let epoch = position.step / plan.steps_per_epoch;
             if position.step % plan.steps_per_epoch == 0 {
                 epoch_loss = Mean::default();
@@ -192,11 +199,13 @@ pub fn run(
             if is_epoch_end {
                 table.tell(progress, stage, epoch, epoch_loss.mean(), plan.n_done(position));
             }
+            let grown = options.bound.and_then(|bound| bound.check().err());
             let is_asked = interrupt::is_asked();
+            let is_over = is_asked || grown.is_some();
             if n_done.is_multiple_of(config.save_every_steps) {
                 lock.check()?;
             }
-            if (is_asked || n_done.is_multiple_of(config.save_every_steps)) && position.step < n_steps {
+            if (is_over || n_done.is_multiple_of(config.save_every_steps)) && position.step < n_steps {
                 history.write(out)?;
                 stopwatch.save(out)?;
                 state::save(out, n_done, position, &learner)?;
@@ -204,6 +213,9 @@ pub fn run(
             }
             if is_asked {
                 interrupt::check()?;
+            }
+            if let Some(grown) = grown.filter(|_| position.step < n_steps) {
+                return Err(grown);
             }
         }
         progress.finish();

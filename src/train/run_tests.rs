@@ -8,6 +8,7 @@ use burn::module::{Module, ModuleVisitor, Param};
 use burn::tensor::{Device, Tensor};
 use fs_err as fs;
 
+use super::memory::MemoryBound;
 use super::plan::Position;
 use super::{
     AugmentConfig, Learner, Pace, Plan, Schedule, StageConfig, Steps, StreamConfig, Summary, TrainConfig,
@@ -150,6 +151,22 @@ fn a_stream_whose_window_is_larger_than_the_data_trains_as_in_memory_to_the_byte
     let in_memory = checkpoint_of("in-memory", 0, (&whole).into());
     assert!(checkpoint_of("streamed", 1000, (&split).into()) == in_memory);
     assert!(checkpoint_of("windows", 1, (&split).into()) != in_memory);
+}
+
+#[test]
+fn a_bound_on_memory_changes_no_byte_and_refuses_what_it_cannot_hold_before_the_folder_is_touched() {
+    let data = test_data::dataset(2);
+    let folder = tempfile::tempdir().unwrap();
+    let of_bound = |name: &str, bound: Option<f64>| {
+        let options = TrainOptions { bound: bound.map(MemoryBound::new), ..TrainOptions::default() };
+        let (out, of_run) = (folder.path().join(name), TrainingData::new(&data, None));
+        run(of_run, &checked(&tiny()), &out, options, &[Device::flex()], &Silent)
+    };
+    let [free, bound] = [of_bound("free", None), of_bound("bound", Some(1e6))].map(Result::unwrap);
+    assert!(fs::read(free.checkpoint).unwrap() == fs::read(bound.checkpoint).unwrap());
+    let told = of_bound("refused", Some(1.0)).unwrap_err().to_string();
+    assert!(told.contains("--max-memory") && told.contains("batch_size"), "{told}");
+    assert!(!folder.path().join("refused").exists());
 }
 
 #[test]

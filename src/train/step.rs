@@ -15,6 +15,7 @@ use super::disturb::disturb;
 use super::error::TrainError;
 use super::lanes::Lanes;
 use super::losses::{LossParts, losses};
+use super::memory::MemoryBound;
 use super::paste::paste;
 use super::picture::{draw_objects, picture_loss};
 use super::plan::{Plan, Position, STAGES};
@@ -70,6 +71,12 @@ impl<'a> Steps<'a> {
     /// Empties the cache: stages need different inputs.
     pub fn begin_stage(&self) {
         self.cache.clear();
+    }
+
+    /// Keeps pictures only in what a bound leaves, now that steps have shown what else they take.
+    pub fn keep_below(&mut self, bound: MemoryBound) {
+        let room = bound.room_for_pictures(self.cache.n_bytes());
+        self.cache.limit(room.min(self.config.cache_mib << 20));
     }
 
     /// Computes the gradients of one step and its loss, both as the mean over its batches; the detector is on the first

@@ -22,7 +22,7 @@ use super::chart::{self, ChartError};
 use crate::dataset::DatasetError;
 use crate::dataset::statistics::{Category, Group, Histograms, Statistics};
 use crate::episode::manifest::{LabelCounts, Manifest, ManifestError, ObjectCounts, label_sets};
-use crate::episode::{EpisodeError, PartOf, Split};
+use crate::episode::{EpisodeError, MadeWith, PartOf, Split};
 use crate::files::write_atomic;
 use crate::label::count_of;
 use crate::object::{Distribution, Kind};
@@ -69,6 +69,9 @@ pub struct Info {
     /// Which part of a larger data set this is.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub part: Option<PartOf>,
+    /// What the episodes were made with, where that is known.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub made_with: Vec<MadeWith>,
     pub seed: u64,
     pub ood: bool,
     /// `None` if the set is not labelled.
@@ -215,6 +218,7 @@ fn describe(
         generator_version: manifest.generator_version.clone(),
         data_version: manifest.format_version,
         part: manifest.part,
+        made_with: manifest.made_with.clone(),
         seed: manifest.seed,
         ood: manifest.ood,
         label_set,

@@ -3,6 +3,7 @@
 use std::fmt;
 
 use super::{Comparison, GroupInfo, Info, TOLERANCE};
+use crate::episode::MadeWith;
 use crate::object::Distribution;
 use crate::report::table::{number, percent};
 use crate::text_table::text_table;
@@ -18,6 +19,12 @@ impl fmt::Display for Info {
         match &self.label_set {
             Some(set) => writeln!(f, ", labels `{set}`\n")?,
             None => writeln!(f, ", not labelled\n")?,
+        }
+        for MadeWith { mujoco, opengl, libc, cpu } in &self.made_with {
+            writeln!(f, "  made with  MuJoCo {mujoco}; {opengl}; {libc}; {cpu}")?;
+        }
+        if !self.made_with.is_empty() {
+            writeln!(f)?;
         }
         write!(f, "{}\n{}\n{}", self.group_table(), self.comparison_table(), self.spread_table())?;
         if let Some(kinds) = self.unfamiliar_kinds() {

@@ -76,6 +76,32 @@ fn turn_camera(path: &Path, i: u64) {
     });
 }
 
+/// The four numbers of a message's quaternions (`foxglove.Quaternion`: x, y, z, w, each a tag and a double), at a camera's.
+fn quaternion_at(bytes: &[u8]) -> Option<UnitQuaternion<f64>> {
+    let number = |i: usize, tag: u8| {
+        let part = &bytes[9 * i..9 * i + 9];
+        (part[0] == tag).then(|| f64::from_le_bytes(part[1..].try_into().expect("eight bytes")))
+    };
+    let [x, y, z, w] = [number(0, 0x09)?, number(1, 0x11)?, number(2, 0x19)?, number(3, 0x21)?];
+    // A camera that looks ahead has halves, of either sign.
+    [x, y, z, w]
+        .iter()
+        .all(|of| (of.abs() - 0.5).abs() < 0.1)
+        .then(|| UnitQuaternion::new_normalize(nalgebra::Quaternion::new(w, x, y, z)))
+}
+
+/// Turns the cameras of a message about the way they look.
+fn turn_over(message: &mut mcap::Message<'static>) {
+    let over = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), std::f64::consts::PI);
+    for at in 0..message.data.len().saturating_sub(35) {
+        if let Some(turned) = quaternion_at(&message.data[at..at + 36]).map(|found| found * over) {
+            for (i, number) in turned.coords.iter().enumerate() {
+                message.data.to_mut()[at + 9 * i + 1..at + 9 * i + 9].copy_from_slice(&number.to_le_bytes());
+            }
+        }
+    }
+}
+
 /// An object's number in the message of one sample becomes another.
 fn replace_number(path: &Path, i: u64, number: fn(&Sample) -> f64, other: fn(f64) -> f64) {
     let (_, samples) = read(&episode(path, i as usize));
@@ -192,10 +218,7 @@ pub const KINDS: &[Damage] = &[
         rewrite_each(path, i as usize, |sample| sample.measured.intrinsics.fx_px *= 1.1);
     }),
     ("the camera is upside down", "rig", |path, i| {
-        rewrite_each(path, i as usize, |sample| {
-            let over = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), std::f64::consts::PI);
-            sample.measured.ego_from_camera.isometry.rotation *= over;
-        });
+        rewrite_raw(path, i as usize, |messages| messages.iter_mut().for_each(turn_over));
     }),
     ("the camera looks aside", "camera", turn_camera),
     ("the rig in the metadata", "rig", |path, i| {

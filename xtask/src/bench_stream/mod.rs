@@ -5,7 +5,6 @@
 //! a process of its own, so that its memory is its own.
 
 mod make;
-mod memory;
 mod stages;
 
 use std::fmt;

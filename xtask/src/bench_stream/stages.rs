@@ -11,12 +11,12 @@ use harmzone::generate;
 use harmzone::label;
 use harmzone::progress::Silent;
 use harmzone::random;
+use harmzone::train::memory::{peak_mib, resident_mib};
 use harmzone::train::{Plan, Position, StreamConfig, TrainConfig, Windows};
 use harmzone::zone::ZoneConfig;
 use rand::RngExt;
 
 use super::make::{LABELS, shard_folder};
-use super::memory::{peak_mib, resident_mib};
 use super::{StageFigures, StreamStage};
 
 /// Runs one stage on the data that `make` left in `work`.

@@ -1,0 +1,116 @@
+//! Memory of this process, and a bound on it that a run keeps.
+//!
+//! What is not known is not bounded: the figures are those of Linux's `/proc`.
+
+use fs_err as fs;
+
+use super::config::TrainConfig;
+use super::dry_run::DryRun;
+use super::error::TrainError;
+use crate::dataset::SampleSource;
+
+const MIB: f64 = (1 << 20) as f64;
+/// Share of the bound that pictures leave free: no two steps take the same.
+const FREE_SHARE: f64 = 0.05;
+
+/// Resident now, MiB.
+#[must_use]
+pub fn resident_mib() -> Option<f64> {
+    field_mib("VmRSS:")
+}
+
+/// The most since the process began, MiB.
+#[must_use]
+pub fn peak_mib() -> Option<f64> {
+    field_mib("VmHWM:")
+}
+
+fn field_mib(field: &str) -> Option<f64> {
+    let status = fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix(field))?;
+    let kibibytes: f64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(kibibytes / 1024.0)
+}
+
+/// The most memory that a run may take.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MemoryBound {
+    most_mib: f64,
+}
+
+impl MemoryBound {
+    #[must_use]
+    pub fn new(most_mib: f64) -> Self {
+        Self { most_mib }
+    }
+
+    /// Refuses a run before its first step, if what is held by now and the reckoning of a step go beyond the bound.
+    ///
+    /// # Arguments
+    /// - `is_on_cpu`: the tensors of a step take this memory, not that of another device
+    ///
+    /// # Errors
+    /// [`TrainError::TooLarge`], or the first episode is broken.
+    pub fn check_start(
+        self,
+        learned: SampleSource<'_>,
+        config: &TrainConfig,
+        is_on_cpu: bool,
+    ) -> Result<(), TrainError> {
+        let step_mib = if is_on_cpu { DryRun::of(learned, config)?.memory.total as f64 / MIB } else { 0.0 };
+        let held_mib = peak_mib().unwrap_or_default();
+        if held_mib + step_mib <= self.most_mib {
+            return Ok(());
+        }
+        Err(TrainError::TooLarge { held_mib, step_mib, most_mib: self.most_mib })
+    }
+
+    /// The bytes that unpacked pictures may take, where `kept_bytes` of what the run has taken are such.
+    #[must_use]
+    pub fn room_for_pictures(self, kept_bytes: usize) -> usize {
+        let rest_mib = peak_mib().unwrap_or_default() - kept_bytes as f64 / MIB;
+        (((1.0 - FREE_SHARE) * self.most_mib - rest_mib).max(0.0) * MIB) as usize
+    }
+
+    /// Refuses to go on with a run that has gone beyond the bound.
+    ///
+    /// # Errors
+    /// [`TrainError::Grown`].
+    pub fn check(self) -> Result<(), TrainError> {
+        match peak_mib() {
+            Some(peak_mib) if peak_mib > self.most_mib => {
+                Err(TrainError::Grown { peak_mib, most_mib: self.most_mib })
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+#[cfg(all(test, target_os = "linux"))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_bound_that_is_passed_is_told_and_leaves_no_room_for_pictures() {
+        let now = resident_mib().unwrap();
+        let told = MemoryBound::new(now / 2.0).check().unwrap_err().to_string();
+        assert!(told.contains("--max-memory"), "{told}");
+        assert_eq!(MemoryBound::new(now / 2.0).room_for_pictures(0), 0);
+        let wide = MemoryBound::new(1e6);
+        wide.check().unwrap();
+        let [none, some] = [0, 64 << 20].map(|kept_bytes| wide.room_for_pictures(kept_bytes));
+        // Other tests may take more between the two looks.
+        assert!(some > none + (32 << 20) || peak_mib().unwrap() > now + 16.0, "{none} and {some}");
+    }
+
+    #[test]
+    fn what_is_filled_is_resident_and_the_peak_stays_when_it_is_freed() {
+        let before = resident_mib().unwrap();
+        let filled = vec![1u8; 256 << 20];
+        let during = resident_mib().unwrap();
+        assert!(during - before > 200.0, "{before} and {during}");
+        drop(std::hint::black_box(filled));
+        // The kernel adds a thread's pages to the sum in batches.
+        assert!(peak_mib().unwrap() > during - 16.0);
+    }
+}
