@@ -8,4 +8,12 @@ from harmzone_sim.filament import FilamentCamera
 from harmzone_sim.rays import cast_rays, visible_geometry
 from harmzone_sim.world import World, library_versions
 
-__all__ = ["Camera", "FilamentCamera", "World", "cast_rays", "gl_info", "library_versions", "visible_geometry"]
+__all__ = [
+    "Camera",
+    "FilamentCamera",
+    "World",
+    "cast_rays",
+    "gl_info",
+    "library_versions",
+    "visible_geometry",
+]

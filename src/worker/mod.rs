@@ -34,7 +34,8 @@ enum Answer<T> {
 /// returns does each task, and calls what it is given for each tick of progress.
 ///
 /// # Errors
-/// A broken pipe, or the parent did not write a job; failures of tasks are answers.
+/// A broken pipe, or the parent did not write a job; failures of tasks are answers. Only a lack of memory is none: it ends the
+/// process, since another one may have enough.
 pub fn serve<Job, Task, Made, Fault, Work>(
     input: impl BufRead,
     mut output: impl Write,
@@ -58,11 +59,24 @@ where
         let task: Task = serde_json::from_str(&line?)?;
         let answer = match work(task, &mut || say(&Answer::Tick)) {
             Ok(made) => Answer::Done(Box::new(made)),
-            Err(error) => Answer::Failed(with_causes(&error)),
+            Err(error) => {
+                let text = with_causes(&error);
+                if tells_of_lack_of_memory(&text) {
+                    return Err(io::Error::new(io::ErrorKind::OutOfMemory, text));
+                }
+                Answer::Failed(text)
+            }
         };
         say(&answer)?;
     }
     Ok(())
+}
+
+/// Whether an error says that memory was refused, in the words of the system, of Python, of MuJoCo or of the dynamic linker.
+fn tells_of_lack_of_memory(text: &str) -> bool {
+    ["Cannot allocate memory", "out of memory", "MemoryError", "ould not allocate", "failed to map segment"]
+        .iter()
+        .any(|words| text.contains(words))
 }
 
 /// The error with its sources, unless its text contains them already.

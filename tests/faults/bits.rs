@@ -1,8 +1,11 @@
 //! Changed bits and cut files: the right data, or an error that names the file; never a panic, never other data without a word.
 
+mod rock;
+
 use std::fmt::Debug;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
+use std::process::Stdio;
 use std::time::{Duration, Instant};
 
 use burn::tensor::Device;
@@ -21,9 +24,10 @@ use harmzone::scene::{Town, bring_in};
 use harmzone::worker::with_causes;
 use rand::RngExt as _;
 
-use super::folder::copy;
+use super::folder::{copy, difference, hashes};
 use super::made_data::{done, fixture, text};
 use super::n_faults;
+use super::stages::named;
 
 /// Cuts are so far apart.
 const CUT_BYTES: usize = 1_000;
@@ -109,9 +113,15 @@ fn kinds(home: &Path) -> Vec<Kind> {
         path(name)
     };
     let sources = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let mesh = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
-    fs::create_dir_all(path("meshes")).expect("a writable folder");
-    fs::write(path("meshes/rock.obj"), mesh.repeat(1)).expect("a writable folder");
+    let of_rock = |file: &'static str, bytes: Vec<u8>| {
+        let path = path(&format!("{file} alone")).join(file);
+        fs::create_dir_all(path.parent().expect("a folder")).expect("a writable folder");
+        fs::write(&path, bytes).expect("a writable folder");
+        let read = |path: &Path| {
+            said(bring_in(path.parent().expect("a folder"), false).map(|models| models.sha256()))
+        };
+        Kind { name: file, path, is_hashed: false, read: Box::new(read) }
+    };
     let of_data = |name: &'static str, file: String| {
         let (path, folder) = (data.join(file), data.clone());
         Kind { name, path, is_hashed: true, read: Box::new(move |_| read_dataset(&folder)) }
@@ -163,9 +173,9 @@ fn kinds(home: &Path) -> Vec<Kind> {
         alone("gen.toml", copied(&data.join("gen.toml"), "alone/gen.toml"), false, |path| {
             said(config::load::<GenerateConfig>(Some(path), &[]))
         }),
-        alone("mesh, OBJ", path("meshes/rock.obj"), false, |path| {
-            said(bring_in(path.parent().expect("a folder"), false).map(|models| models.sha256()))
-        }),
+        of_rock("rock.obj", rock::obj()),
+        of_rock("rock.stl", rock::stl()),
+        of_rock("rock.glb", rock::glb()),
     ]
 }
 
@@ -291,4 +301,58 @@ fn long_bits() {
     let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
     println!("{}", status.lines().find(|line| line.starts_with("VmHWM")).unwrap_or_default());
     assert!(faults.is_empty(), "{} faults:\n{}", faults.len(), faults[..faults.len().min(40)].join("\n"));
+}
+
+/// Every file below a folder.
+fn files_below(folder: &Path) -> Vec<PathBuf> {
+    hashes(folder).into_keys().map(|name| folder.join(name)).collect()
+}
+
+#[test]
+fn a_changed_bit_in_a_saved_state_of_a_training_is_told_or_does_not_matter() {
+    let stage = named("train");
+    let home = tempfile::tempdir().expect("a temporary folder");
+    let stopped = home.path().join("stopped");
+    let mut child = stage.command(&stopped).stderr(Stdio::null()).spawn().expect("the program starts");
+    let is_saved = || {
+        let listed = fs::read_dir(stopped.join("state")).into_iter().flatten().flatten();
+        listed.into_iter().any(|entry| !entry.file_name().to_string_lossy().contains("partial"))
+    };
+    while !is_saved() && child.try_wait().expect("a child of ours").is_none() {
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    child.kill().expect("a child of ours");
+    child.wait().expect("a child of ours");
+    let files = files_below(&stopped.join("state"));
+    assert!(files.len() >= 4, "{files:?}");
+    let mut rng = stream(20, "states", 0);
+    let mut n_errors = 0;
+    for file in files.iter().flat_map(|file| [file; 3]) {
+        let out = home.path().join("out");
+        copy(&stopped, &out);
+        let file = out.join(file.strip_prefix(&stopped).expect("it is below"));
+        let whole = fs::read(&file).expect("a readable file");
+        let bit = rng.random_range(0..whole.len() * 8);
+        fs::write(&file, damaged(&whole, Damage::Flip(bit))).expect("a writable copy");
+        let output = stage.command(&out).output().expect("the program starts");
+        let told = String::from_utf8_lossy(&output.stderr).into_owned();
+        if output.status.code() == Some(0) {
+            assert_eq!(
+                difference(&hashes(&out), &stage.unbroken().hashes),
+                None,
+                "{}, bit {bit}",
+                file.display()
+            );
+        } else {
+            let folder = text(file.parent().expect("a folder"));
+            assert!(
+                output.status.code() == Some(1) && told.contains(folder),
+                "{}, bit {bit}: {told}",
+                file.display()
+            );
+            n_errors += 1;
+        }
+        fs::remove_dir_all(&out).expect("a folder of ours");
+    }
+    assert!(n_errors > 0, "no changed bit was told");
 }

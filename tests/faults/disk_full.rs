@@ -129,3 +129,24 @@ fn on_a_small_disk_gen_says_at_the_start_that_it_cannot_end_and_a_read_only_one_
         assert_eq!(difference(&hashes(&out), &stage.unbroken().hashes), None, "{}", stage.name);
     }
 }
+
+#[test]
+fn a_full_temporary_folder_is_named_or_not_needed() {
+    for stage in all() {
+        let Some(disk) = SmallDisk::mount(64) else { return };
+        let temporary = disk.0.path();
+        fs_err::write(temporary.join("full"), vec![1; 64 << 10]).expect("the disk has so much room");
+        let home = tempfile::tempdir().expect("a temporary folder");
+        let out = home.path().join("out");
+        stage.prepare(&out);
+        let told = stage.command(&out).env("TMPDIR", temporary).output().expect("the program starts");
+        let words = String::from_utf8_lossy(&told.stderr).into_owned();
+        if told.status.code() != Some(0) {
+            assert_eq!(told.status.code(), Some(1), "{}: {words}", stage.name);
+            assert!(words.contains(text(temporary)), "{}: {words}", stage.name);
+            assert!(words.to_lowercase().contains("space"), "{}: {words}", stage.name);
+        }
+        stage.finish(&out).unwrap_or_else(|told| panic!("{}: {told}", stage.name));
+        assert_eq!(difference(&hashes(&out), &stage.unbroken().hashes), None, "{}", stage.name);
+    }
+}

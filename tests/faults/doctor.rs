@@ -209,3 +209,17 @@ fn facts_of_entries_and_the_config_are_mended_and_another_folder_is_left_alone()
     let said = String::from_utf8_lossy(&url.stderr).into_owned();
     assert!(url.status.code() == Some(1) && said.contains("--fix mends"), "{said}");
 }
+
+#[test]
+fn every_file_of_a_data_set_passes_the_mcap_programs_own_doctor() {
+    let examine = |file: &Path| std::process::Command::new("mcap").arg("doctor").arg(file).output();
+    let folder = &fixture().id;
+    for name in super::folder::hashes(folder).into_keys().filter(|name| name.ends_with(".mcap")) {
+        let Ok(output) = examine(&folder.join(&name)) else {
+            println!("SKIPPED: no program `mcap` in PATH (https://mcap.dev/guides/cli)");
+            return;
+        };
+        let told = String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned();
+        assert!(output.status.success(), "{name}: {told}");
+    }
+}

@@ -132,6 +132,37 @@ fn a_worker_that_is_killed_or_hangs_costs_time_and_no_episode() {
     assert_eq!(difference(&hashes(&out), wanted), None);
 }
 
+/// From now on the system gives a process no more memory than it has.
+fn refuse_memory(process: u32) {
+    let sizes = fs::read_to_string(format!("/proc/{process}/statm")).unwrap_or_default();
+    let n_pages: u64 = sizes.split_whitespace().next().map_or(0, |pages| pages.parse().expect("a number"));
+    let limit = format!("--as={}", n_pages * 4096);
+    let limited = Command::new("prlimit").args(["--pid", &process.to_string(), &limit]).output();
+    let told = limited.expect("prlimit runs");
+    assert!(told.status.success(), "{}", String::from_utf8_lossy(&told.stderr));
+}
+
+#[test]
+fn a_worker_that_is_given_no_more_memory_costs_time_and_no_episode() {
+    let stage = named("gen");
+    let wanted = &stage.unbroken().hashes;
+    let home = tempfile::tempdir().expect("a temporary folder");
+    let mut n_lost = 0;
+    for (place, share) in [0.0, 0.1, 0.2, 0.4, 0.6].into_iter().enumerate() {
+        let out = home.path().join(place.to_string());
+        let (code, told) = generate_while(&out, &[], |process| {
+            std::thread::sleep(stage.unbroken().took.mul_f64(share));
+            if let Some(worker) = children(process).first() {
+                refuse_memory(*worker);
+            }
+        });
+        assert_eq!(code, Some(0), "at {share}: {told}");
+        assert_eq!(difference(&hashes(&out), wanted), None, "at {share}: {told}");
+        n_lost += usize::from(told.contains("try 1 of 3"));
+    }
+    assert!(n_lost > 0, "no worker lacked memory");
+}
+
 #[test]
 fn an_episode_that_kills_every_worker_is_left_out_the_rest_is_kept_and_the_next_call_makes_it() {
     let home = tempfile::tempdir().expect("a temporary folder");

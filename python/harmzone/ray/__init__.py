@@ -8,13 +8,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from harmzone._data import Dataset
-
+# Every process of a cluster imports this: numpy, and PyTorch behind `Dataset`, only where data are read.
 if TYPE_CHECKING:
     import os
 
+    import numpy as np
     import ray.data
     from numpy.typing import NDArray
 
@@ -44,7 +42,10 @@ def read(
         HarmzoneError: as `harmzone.Dataset`.
 
     """
+    import numpy as np
     import ray.data
+
+    from harmzone._data import Dataset
 
     data = Dataset(path, split=split, labels=labels)
     of_split = [entry for entry in data.episodes if split in (None, entry["split"])]
@@ -69,7 +70,7 @@ def _row_of(sample: Any) -> dict[str, Any]:  # noqa: ANN401
         "points": sample.points,
         "image": sample.image,
         "boxes": _rows(sample.boxes),
-        "kinds": np.array(sample.kinds, dtype=object),
+        "kinds": _column(sample.kinds),
         "intrinsics": sample.intrinsics,
         "ego_from_lidar": sample.ego_from_lidar,
         "ego_from_camera": sample.ego_from_camera,
@@ -79,6 +80,13 @@ def _row_of(sample: Any) -> dict[str, Any]:  # noqa: ANN401
     if sample.harmful is not None:
         row["harmful"] = sample.harmful
     return row
+
+
+def _column(texts: list[str | None]) -> NDArray[np.object_]:
+    """Texts of any length."""
+    import numpy as np
+
+    return np.array(texts, dtype=object)
 
 
 def _rows(boxes: NDArray[np.float64]) -> NDArray[np.float64]:

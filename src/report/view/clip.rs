@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use fs_err as fs;
 use serde::Serialize;
 
 use super::episode_view::EpisodeView;
@@ -74,7 +75,16 @@ pub fn write_episode_clip(
     })
 }
 
-/// Whether a place on disk is free to be written to.
-pub(super) fn check_free(path: &Path, force: bool) -> Result<(), ViewError> {
-    if path.exists() && !force { Err(ViewError::Exists { path: path.to_owned() }) } else { Ok(()) }
+/// Makes the folder of a file that is to be written.
+///
+/// # Errors
+/// The file is there already and no `force`, or any IO error.
+pub(super) fn make_room(path: &Path, force: bool) -> Result<(), ViewError> {
+    if path.exists() && !force {
+        return Err(ViewError::Exists { path: path.to_owned() });
+    }
+    if let Some(parent) = path.parent() {
+        fs::create_dir_all(parent)?;
+    }
+    Ok(())
 }

@@ -2,9 +2,7 @@
 
 use std::path::Path;
 
-use fs_err as fs;
-
-use super::clip::check_free;
+use super::clip::make_room;
 use super::episode_view::EpisodeView;
 use super::load::ViewError;
 use super::{INK, palette};
@@ -22,10 +20,7 @@ pub fn write_episode_mcap(
     force: bool,
     progress: &dyn Progress,
 ) -> Result<(), ViewError> {
-    check_free(out, force)?;
-    if let Some(parent) = out.parent() {
-        fs::create_dir_all(parent)?;
-    }
+    make_room(out, force)?;
     let sources = MergeSources {
         episode: &view.episode,
         labels: view.labels.as_ref(),

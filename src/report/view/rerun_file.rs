@@ -11,7 +11,7 @@ use serde::Serialize;
 use serde_json::{Value, json};
 use tempfile::TempPath;
 
-use super::clip::check_free;
+use super::clip::make_room;
 use super::episode_view::{EpisodeView, ViewedSample};
 use super::load::ViewError;
 use super::palette;
@@ -34,10 +34,7 @@ pub fn write_episode_rrd(
     force: bool,
     progress: &dyn Progress,
 ) -> Result<(), ViewError> {
-    check_free(out, force)?;
-    if let Some(parent) = out.parent() {
-        fs::create_dir_all(parent)?;
-    }
+    make_room(out, force)?;
     let mut partial = out.as_os_str().to_owned();
     partial.push(format!(".{PARTIAL_SUFFIX}"));
     // It is removed where anything fails.
