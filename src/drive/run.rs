@@ -137,6 +137,8 @@ pub fn run(
         outcomes[who_idx][course_idx as usize] = Some(outcome);
         Ok::<(), DriveError>(())
     })?;
+    // What workers that died have left.
+    folders.iter().try_for_each(|folder| remove_unfinished(folder))?;
     progress.finish();
     let outcomes: Vec<Vec<DriveOutcome>> = outcomes
         .into_inner()

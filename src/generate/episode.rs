@@ -3,13 +3,21 @@
 use std::path::Path;
 use std::time::Instant;
 
+use serde::{Deserialize, Serialize};
+
 use super::live::LiveEpisode;
 use super::timings::{Timings, time};
-use super::worker::Made;
 use super::{CheckedConfig, EpisodePlan, GenerateError};
 use crate::episode::{EpisodeEntry, EpisodeMeta, EpisodeWriter, MadeWith};
 use crate::sample::Around;
 use crate::sim::Simulator;
+
+/// An episode that is made, and with what.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Made {
+    pub entry: EpisodeEntry,
+    pub made_with: MadeWith,
+}
 
 /// Makes one episode in the data set's folder; it calls `on_sample` for each written sample.
 ///

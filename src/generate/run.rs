@@ -9,14 +9,14 @@ use std::time::{Duration, Instant};
 
 use serde::Serialize;
 
-use super::worker::{COMMAND, Job, Made, Task};
+use super::episode::Made;
+use super::worker::{COMMAND, Job, Task};
 use super::{CheckedConfig, EpisodePlan, GenerateConfig, GenerateError, aov, folder, plan};
 use crate::config::to_toml;
 use crate::episode::folder::remove_unfinished;
 use crate::episode::manifest::ObjectCounts;
 use crate::episode::{EpisodeEntry, MadeWith, Manifest, PartOf, Shard, Split};
 use crate::files::{FolderLock, check_room};
-use crate::interrupt;
 use crate::object::{Distribution, Kind};
 use crate::progress::Progress;
 use crate::scene::{OwnModels, Town};
@@ -148,11 +148,12 @@ pub fn run(
         keeper.lock().expect("no worker thread panics").add(entry, made_with)
     });
     let manifest = keeper.into_inner().expect("no worker thread panics").manifest;
-    // What is whole is kept, also where another episode failed.
-    let written = lock.check().map_err(GenerateError::from).and_then(|()| Ok(manifest.write(out)?));
-    if interrupt::is_asked() {
-        remove_unfinished(out)?;
-    }
+    // What is whole is kept, also where another episode failed; not what a worker that died has left.
+    let written = lock.check().map_err(GenerateError::from).and_then(|()| {
+        let removed = remove_unfinished(out);
+        manifest.write(out)?;
+        Ok(removed?)
+    });
     done?;
     written?;
     store::push(out)?;

@@ -5,9 +5,9 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use super::{CheckedConfig, GenerateConfig, GenerateError, episode, plan};
+use super::episode::{self, Made};
+use super::{CheckedConfig, GenerateConfig, GenerateError, plan};
 use crate::episode::folder::EPISODES;
-use crate::episode::{EpisodeEntry, MadeWith};
 use crate::worker;
 
 /// The hidden command that serves tasks.
@@ -23,13 +23,6 @@ pub struct Job {
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub(super) struct Task {
     pub episode_idx: u32,
-}
-
-/// What a task answers.
-#[derive(Debug, Clone, Serialize, Deserialize)]
-pub struct Made {
-    pub entry: EpisodeEntry,
-    pub made_with: MadeWith,
 }
 
 /// The worker's side: serves tasks from `input` until it ends.

@@ -4,10 +4,7 @@
 
 use fs_err as fs;
 
-use super::config::TrainConfig;
-use super::dry_run::DryRun;
 use super::error::TrainError;
-use crate::dataset::SampleSource;
 
 const MIB: f64 = (1 << 20) as f64;
 /// Share of the bound that pictures leave free: no two steps take the same.
@@ -44,21 +41,13 @@ impl MemoryBound {
         Self { most_mib }
     }
 
-    /// Refuses a run before its first step, if what is held by now and the reckoning of a step go beyond the bound.
-    ///
-    /// # Arguments
-    /// - `is_on_cpu`: the tensors of a step take this memory, not that of another device
+    /// Refuses a run before its first step, if what is held by now and the bytes that a step is reckoned to take go beyond the
+    /// bound.
     ///
     /// # Errors
-    /// [`TrainError::TooLarge`], or the first episode is broken.
-    pub fn check_start(
-        self,
-        learned: SampleSource<'_>,
-        config: &TrainConfig,
-        is_on_cpu: bool,
-    ) -> Result<(), TrainError> {
-        let step_mib = if is_on_cpu { DryRun::of(learned, config)?.memory.total as f64 / MIB } else { 0.0 };
-        let held_mib = peak_mib().unwrap_or_default();
+    /// [`TrainError::TooLarge`].
+    pub fn check_start(self, step_bytes: usize) -> Result<(), TrainError> {
+        let (step_mib, held_mib) = (step_bytes as f64 / MIB, peak_mib().unwrap_or_default());
         if held_mib + step_mib <= self.most_mib {
             return Ok(());
         }

@@ -10,6 +10,7 @@ use burn::module::Module as _;
 use burn::tensor::Device;
 
 use super::config::{StageConfig, TrainConfig};
+use super::dry_run::DryRun;
 use super::epoch_table::EpochTable;
 use super::error::TrainError;
 use super::folder::{self, TrainOptions};
@@ -88,7 +89,9 @@ pub fn run(
     }
     let inference_device = &devices[0];
     if let Some(bound) = options.bound {
-        bound.check_start(learned, config, is_cpu(inference_device))?;
+        // The tensors of a step take the memory of their device.
+        let step_bytes = if is_cpu(inference_device) { DryRun::of(learned, config)?.memory.total } else { 0 };
+        bound.check_start(step_bytes)?;
     }
     let lock = FolderLock::take(out)?;
     folder::open(learned.fingerprint(), config, out, options)?;

@@ -61,7 +61,7 @@ where
             Ok(made) => Answer::Done(Box::new(made)),
             Err(error) => {
                 let text = with_causes(&error);
-                if tells_of_lack_of_memory(&text) {
+                if lacks_memory(&text) {
                     return Err(io::Error::new(io::ErrorKind::OutOfMemory, text));
                 }
                 Answer::Failed(text)
@@ -72,11 +72,25 @@ where
     Ok(())
 }
 
-/// Whether an error says that memory was refused, in the words of the system, of Python, of MuJoCo or of the dynamic linker.
-fn tells_of_lack_of_memory(text: &str) -> bool {
-    ["Cannot allocate memory", "out of memory", "MemoryError", "ould not allocate", "failed to map segment"]
-        .iter()
-        .any(|words| text.contains(words))
+/// So much memory is asked for, to learn whether any is left.
+const PROBE_BYTES: usize = 64 << 20;
+
+/// Whether memory was refused: the error says so, in the words of the system, of Python, of MuJoCo or of the dynamic linker, or
+/// as native code that fails without words, as MuJoCo's compiler does then; or there is none now.
+fn lacks_memory(error: &str) -> bool {
+    let text = error.to_lowercase();
+    let tells = [
+        "cannot allocate memory",
+        "could not allocate",
+        "out of memory",
+        "memoryerror",
+        "bad_alloc",
+        "caught an unknown exception",
+        "failed to map segment",
+    ]
+    .iter()
+    .any(|words| text.contains(words));
+    tells || Vec::<u8>::new().try_reserve_exact(PROBE_BYTES).is_err()
 }
 
 /// The error with its sources, unless its text contains them already.

@@ -24,6 +24,8 @@ use super::rewrite::{
 pub type Damage = (&'static str, &'static str, fn(&Path, u64));
 
 const OBJECTS: &str = "/truth/objects";
+const CLOUD: &str = "/lidar_top";
+const CAMERA_INFO: &str = "/cam_front/camera_info";
 
 fn rng(i: u64) -> Rng {
     stream(i, "doctor", 0)
@@ -100,6 +102,24 @@ fn turn_over(message: &mut mcap::Message<'static>) {
             }
         }
     }
+}
+
+/// The second field of a calibration as Protobuf has it: its tag, and four bytes.
+fn width_field(width_px: u32) -> [u8; 5] {
+    let [a, b, c, d] = width_px.to_le_bytes();
+    [2 << 3 | 5, a, b, c, d]
+}
+
+/// The farthest point of one sample is so many millimetres away as it was metres.
+fn point_in_millimetres(path: &Path, i: u64) {
+    let (_, samples) = read(&episode(path, i as usize));
+    let points = &samples[i as usize % samples.len()].measured.points;
+    let farthest = points.iter().max_by(|a, b| a.x_m.hypot(a.y_m).total_cmp(&b.x_m.hypot(b.y_m)));
+    let point = farthest.expect("a cloud with points");
+    let bytes = |scale: f32| {
+        [point.x_m, point.y_m, point.z_m].map(|coordinate| (scale * coordinate).to_le_bytes()).concat()
+    };
+    rewrite_raw(path, i as usize, |messages| replace(messages, CLOUD, &bytes(1.0), &bytes(1e3)));
 }
 
 /// An object's number in the message of one sample becomes another.
@@ -301,17 +321,11 @@ pub const KINDS: &[Damage] = &[
             some(samples, i).measured.points.iter_mut().for_each(|point| point.z_m += 2.0);
         });
     }),
-    ("a cloud in millimetres", "clouds", |path, i| {
-        rewrite(path, i as usize, |_, samples| {
-            for point in &mut some(samples, i).measured.points {
-                (point.x_m, point.y_m, point.z_m) = (1e3 * point.x_m, 1e3 * point.y_m, 1e3 * point.z_m);
-            }
-        });
-    }),
+    ("a point in millimetres", "clouds", point_in_millimetres),
     ("a torn picture", "pictures", |path, i| {
         rewrite(path, i as usize, |_, samples| some(samples, i).measured.image.bytes.truncate(20));
     }),
     ("a calibration of a wider picture", "pictures", |path, i| {
-        rewrite(path, i as usize, |_, samples| some(samples, i).measured.intrinsics.width_px += 10);
+        rewrite_raw(path, i as usize, |of| replace(of, CAMERA_INFO, &width_field(800), &width_field(810)));
     }),
 ];
