@@ -272,8 +272,7 @@ fn damage_all(n_flips: usize) -> Vec<String> {
     );
     for kind in kinds(home.path()) {
         let n_bytes = fs::metadata(&kind.path).expect("a readable file").len();
-        // Of formats without a hash, what is looked for is panics and hangs, and a reader may take long.
-        let outcome = damage(&kind, if kind.is_hashed { n_flips } else { n_flips.div_ceil(10) });
+        let outcome = damage(&kind, n_flips);
         let Outcome { n_same, n_errors, n_other, longest, .. } = outcome;
         let n = n_same + n_errors + n_other;
         let (n_faults, longest) = (outcome.faults.len(), longest.as_millis());
