@@ -11,8 +11,9 @@ use nalgebra::{Matrix4, Point3};
 use super::{Content, MOST_TRIANGLES, MeshPart, UpAxis, named_texture, texture};
 
 pub(super) fn read(bytes: &[u8], folder: &Path) -> Result<Content, String> {
-    let gltf::Gltf { document, blob } =
-        gltf::Gltf::from_slice(bytes).map_err(|error| format!("it is not a whole GLB file: {error}"))?;
+    let no_whole_file = |error: gltf::Error| format!("it is not a whole GLB file: {error}");
+    check_attributes(&gltf::Gltf::from_slice_without_validation(bytes).map_err(no_whole_file)?.document)?;
+    let gltf::Gltf { document, blob } = gltf::Gltf::from_slice(bytes).map_err(no_whole_file)?;
     let blob = blob.ok_or("it has no binary part; glTF in several files is not read")?;
     let mut reader = Reader {
         blob: &blob,
@@ -27,6 +28,19 @@ pub(super) fn read(bytes: &[u8], folder: &Path) -> Result<Content, String> {
         reader.add(&node, &Matrix4::identity(), 0)?;
     }
     Ok(Content { parts: reader.parts, metres: true, up: Some(UpAxis::Y), notes: reader.notes })
+}
+
+/// Refuses meshes whose numbers the file does not list, on which the crate `gltf` panics while it validates.
+fn check_attributes(document: &gltf::Document) -> Result<(), String> {
+    let root = document.as_json();
+    let primitives = root.meshes.iter().flat_map(|mesh| &mesh.primitives);
+    let n_accessors = root.accessors.len();
+    match primitives.flat_map(|of| of.attributes.values()).find(|accessor| accessor.value() >= n_accessors) {
+        Some(accessor) => {
+            Err(format!("a mesh names the numbers {} of {n_accessors} in the file", accessor.value()))
+        }
+        None => Ok(()),
+    }
 }
 
 /// Nodes lie in nodes at most so deep; glTF forbids circles, a broken file may have them.
