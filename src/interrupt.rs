@@ -20,6 +20,7 @@ static ASKED: AtomicI32 = AtomicI32::new(0);
 ///
 /// # Errors
 /// The system refuses.
+#[expect(clippy::disallowed_methods, reason = "a process that must end at once runs no destructors")]
 pub fn listen() -> io::Result<()> {
     let mut signals = Signals::new([SIGINT, SIGTERM])?;
     std::thread::Builder::new().name("signals".into()).spawn(move || {

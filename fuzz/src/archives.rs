@@ -42,7 +42,7 @@ fn file_of(template: &Parts, kind: usize, bytes: &[u8]) -> Vec<u8> {
     match kind {
         0 => bytes.to_vec(),
         1 => template.with(Part::Metadata(bytes)),
-        n if (n - 2) / template.n_channels() % 2 == 0 => {
+        n if ((n - 2) / template.n_channels()).is_multiple_of(2) => {
             template.with(Part::Messages((n - 2) % template.n_channels(), bytes))
         }
         n => template.with(Part::Schema((n - 2) % template.n_channels(), bytes)),

@@ -156,11 +156,7 @@ impl Manifest {
     pub fn write(&self, folder: &Path) -> Result<(), ManifestError> {
         let path = folder.join(Self::FILE);
         self.check(&path)?;
-        Ok(if self.format_version < Self::VERSION {
-            write_plain(&path, self)?
-        } else {
-            write_sealed(&path, self)?
-        })
+        Ok(write_json(&path, self, self.format_version >= Self::VERSION)?)
     }
 
     /// Notes what an episode was made with.
@@ -282,11 +278,7 @@ impl LabelManifest {
     /// The disk fails.
     pub fn write(&self, dataset: &Path) -> Result<(), ManifestError> {
         let path = Self::folder(dataset, &self.set).join(Self::FILE);
-        Ok(if self.format_version < Self::VERSION {
-            write_plain(&path, self)?
-        } else {
-            write_sealed(&path, self)?
-        })
+        Ok(write_json(&path, self, self.format_version >= Self::VERSION)?)
     }
 }
 
@@ -330,7 +322,10 @@ fn read_json<T: DeserializeOwned>(
     serde_json::from_str(&json).map_err(parse)
 }
 
-/// Writes a file as the versions without a hash are.
-fn write_plain<T: Serialize>(path: &Path, value: &T) -> io::Result<()> {
+/// Writes a manifest; the versions that have no hash are not sealed.
+fn write_json<T: Serialize>(path: &Path, value: &T, is_sealed: bool) -> io::Result<()> {
+    if is_sealed {
+        return write_sealed(path, value);
+    }
     write_atomic(path, (serde_json::to_string_pretty(value)? + "\n").as_bytes())
 }

@@ -89,7 +89,7 @@ fn find_whole_episodes(
     }
     let episodes = whole_ones(folder, found.episodes)?;
     let made_with = if episodes.is_empty() { Vec::new() } else { found.made_with };
-    Ok(Manifest { episodes, made_with, ..wanted.clone() })
+    Ok(Manifest { made_with, episodes, ..wanted.clone() })
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use super::Program;
 
 /// How long a worker may be silent before it is taken for hung, unless a command says otherwise: a drive, or a part of an
 /// episode with the largest network, comes without a tick between.
-pub const SILENCE: Duration = Duration::from_secs(3_600);
+pub const SILENCE: Duration = Duration::from_hours(1);
 
 /// Why a task was not done.
 #[derive(Debug, Clone, PartialEq, Eq)]

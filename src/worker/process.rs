@@ -100,10 +100,12 @@ impl Process {
         let begin = Instant::now();
         loop {
             match self.lines.recv_timeout(WAIT) {
-                Ok(line) => match serde_json::from_str(&line) {
-                    Ok(answer) => return Ok(answer),
-                    Err(_) => tracing::debug!(line, "a line that is no answer"),
-                },
+                Ok(line) => {
+                    if let Ok(answer) = serde_json::from_str(&line) {
+                        return Ok(answer);
+                    }
+                    tracing::debug!(line, "a line that is no answer");
+                }
                 Err(RecvTimeoutError::Disconnected) => {
                     return Err(if interrupt::is_asked() {
                         Unheard::Interrupted

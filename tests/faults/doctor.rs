@@ -17,7 +17,7 @@ use rand::RngExt as _;
 
 use self::damages::{Damage, KINDS};
 use self::rewrite::{change_manifest, episode, manifest, rewrite_each};
-use super::folder::copy;
+use super::folder::{copy, hashes, is_mcap};
 use super::made_data::{done, fixture, generate, harmzone, text};
 use super::n_faults;
 
@@ -214,7 +214,7 @@ fn facts_of_entries_and_the_config_are_mended_and_another_folder_is_left_alone()
 fn every_file_of_a_data_set_passes_the_mcap_programs_own_doctor() {
     let examine = |file: &Path| std::process::Command::new("mcap").arg("doctor").arg(file).output();
     let folder = &fixture().id;
-    for name in super::folder::hashes(folder).into_keys().filter(|name| name.ends_with(".mcap")) {
+    for name in hashes(folder).into_keys().filter(|name| is_mcap(name)) {
         let Ok(output) = examine(&folder.join(&name)) else {
             println!("SKIPPED: no program `mcap` in PATH (https://mcap.dev/guides/cli)");
             return;

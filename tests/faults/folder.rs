@@ -29,6 +29,11 @@ pub fn hashes(folder: &Path) -> BTreeMap<String, String> {
     found
 }
 
+/// Whether a file is an MCAP by its name.
+pub fn is_mcap(name: &str) -> bool {
+    Path::new(name).extension().is_some_and(|suffix| suffix == "mcap")
+}
+
 /// The first way in which two folders differ.
 pub fn difference(found: &BTreeMap<String, String>, wanted: &BTreeMap<String, String>) -> Option<String> {
     let missing =

@@ -11,7 +11,7 @@ use harmzone::files::sha256_of;
 use super::made_data::{command, text};
 
 /// How often a worker is killed, and memory looked at.
-const PERIOD: Duration = Duration::from_secs(60);
+const PERIOD: Duration = Duration::from_mins(1);
 
 /// Resident memory of a process, in MB, and the processes that its threads have started.
 fn memory_and_children(process: u32) -> (f64, Vec<u32>) {

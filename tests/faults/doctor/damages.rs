@@ -155,8 +155,8 @@ fn change_entry(path: &Path, i: u64) {
         let n = manifest.episodes.len() as u64;
         let entry = &mut manifest.episodes[(i % n) as usize];
         match i % 4 {
-            0 => entry.town = "elsewhere".to_owned(),
-            1 => entry.weather = "FogNight".to_owned(),
+            0 => "elsewhere".clone_into(&mut entry.town),
+            1 => "FogNight".clone_into(&mut entry.weather),
             2 => entry.seed += 1,
             _ => entry.ood = !entry.ood,
         }
@@ -224,7 +224,7 @@ pub const KINDS: &[Damage] = &[
     ("the counts of labels", "labels", |path, _| change_labels(path, |of| of.counts.id.vehicle.harmful += 1)),
     ("another zone", "labels", |path, _| {
         change_labels(path, |of| {
-            of.zone_toml = to_toml(&ZoneConfig { width_m: 2.0, ..ZoneConfig::default() })
+            of.zone_toml = to_toml(&ZoneConfig { width_m: 2.0, ..ZoneConfig::default() });
         });
     }),
     ("a label is turned", "labels", |path, i| {
@@ -256,7 +256,7 @@ pub const KINDS: &[Damage] = &[
         });
     }),
     ("the name in the metadata", "entries", |path, i| {
-        rewrite(path, i as usize, |meta, _| meta.name = "elsewhere-ClearNoon-1".to_owned());
+        rewrite(path, i as usize, |meta, _| "elsewhere-ClearNoon-1".clone_into(&mut meta.name));
     }),
     ("a sample is lost", "entries", |path, i| {
         rewrite(path, i as usize, |_, samples| {
@@ -296,7 +296,7 @@ pub const KINDS: &[Damage] = &[
     }),
     ("a box of a hundred metres", "boxes", |path, i| {
         rewrite(path, i as usize, |_, samples| {
-            truth(some(samples, i)).objects[0].box_in_ego.length_m = 100.0
+            truth(some(samples, i)).objects[0].box_in_ego.length_m = 100.0;
         });
     }),
     ("a speed of 200 m/s", "boxes", |path, i| {
