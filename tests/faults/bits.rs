@@ -187,18 +187,21 @@ enum Damage {
     Cut(usize),
 }
 
-/// Damages of a file: bits by chance, half of them among the first and last kilobytes, where the structure is; and all cuts.
+/// Damages of a file: every bit of a small one, else bits by chance, half of them among the first and last kilobytes, where the
+/// structure is; and all cuts.
 fn damages(n_bytes: usize, n_flips: usize, seed: u64) -> Vec<Damage> {
     let mut rng = stream(seed, "bits", n_bytes as u64);
-    let flips = (0..n_flips).map(|i| {
+    let n_bits = n_bytes * 8;
+    let mut draw = |i: usize| {
         let ends = n_bytes.min(4_096);
         let byte = match i % 4 {
             0 => rng.random_range(0..ends),
             1 => n_bytes - 1 - rng.random_range(0..ends),
             _ => rng.random_range(0..n_bytes),
         };
-        Damage::Flip(byte * 8 + rng.random_range(0..8))
-    });
+        byte * 8 + rng.random_range(0..8)
+    };
+    let flips = (0..n_flips.min(n_bits)).map(|i| Damage::Flip(if n_bits <= n_flips { i } else { draw(i) }));
     let mut all: Vec<Damage> = flips.collect();
     all.extend((0..n_bytes).step_by(CUT_BYTES).map(Damage::Cut));
     all
