@@ -30,6 +30,10 @@ pub fn listen() -> io::Result<()> {
             }
             std::thread::spawn(move || {
                 std::thread::sleep(PATIENCE);
+                tracing::warn!(
+                    "ended after {} s in one step; what is whole is kept, and the same command goes on",
+                    PATIENCE.as_secs()
+                );
                 std::process::exit(exit_code_of(signal).into());
             });
         }
