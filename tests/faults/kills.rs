@@ -67,12 +67,16 @@ fn kill(n_kills: usize, seed: u64) -> Vec<(&'static str, Outcome)> {
     let stages = all();
     let mut outcomes: Vec<(&'static str, Outcome)> =
         stages.iter().map(|stage| (stage.name, Outcome::default())).collect();
-    while outcomes.iter().map(|(_, outcome)| outcome.n_kills).sum::<usize>() < n_kills {
+    loop {
+        let n_done: usize = outcomes.iter().map(|(_, outcome)| outcome.n_kills).sum();
+        println!("{n_done} of {n_kills} kills");
+        if n_done >= n_kills {
+            return outcomes;
+        }
         for (stage, (_, outcome)) in stages.iter().zip(&mut outcomes) {
             run(stage, &mut rng, outcome);
         }
     }
-    outcomes
 }
 
 fn assert_equal(outcomes: &[(&str, Outcome)]) {
