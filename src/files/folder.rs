@@ -41,7 +41,8 @@ impl NewFolder {
         if is_filled && !target.join(marker).is_file() {
             return Err(FolderError::Foreign { marker, path: target.to_owned() });
         }
-        let target = std::path::absolute(target)?;
+        // Without the slash at its end, after which `beside` would be inside.
+        let target: PathBuf = std::path::absolute(target)?.components().collect();
         let partial = beside(&target, "new");
         if let Some(parent) = target.parent() {
             fs::create_dir_all(parent)?;
@@ -122,7 +123,7 @@ mod tests {
         assert!(!target.exists());
         drop(started);
         assert_eq!(fs::read_dir(home.path().join("deep")).unwrap().count(), 0);
-        let started = NewFolder::create(&target, "mark", false).unwrap();
+        let started = NewFolder::create(&target.join(""), "mark", false).unwrap();
         fs::write(started.path().join("mark"), b"1").unwrap();
         started.finish().unwrap();
         assert_eq!(fs::read_dir(home.path().join("deep")).unwrap().count(), 1);
