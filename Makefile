@@ -13,7 +13,7 @@ PYTHON_SOURCES = python scenes mjcf_assets tests scripts xtask/python
 RESULTS = runs/results
 
 .PHONY: help setup setup-test setup-golden build demo network results report test ci book test-book check-gpu check-logs \
-	check-mmdet3d bench bench-micro bench-gen bench-eval race miri bundle bundle-test wheel wheel-test wheel-root-test bench-ray bench-stream paper-run gallery weathers reference \
+	check-mmdet3d bench bench-micro bench-gen bench-eval race miri asan bundle bundle-test wheel wheel-test wheel-root-test bench-ray bench-stream paper-run gallery weathers reference \
 	soak lock sbom audit reproducible fmt clean
 
 help: ## List the targets
@@ -221,6 +221,9 @@ soak: setup setup-test ## Thousands of kills, changed bits, errors of the disk, 
 
 miri: ## The kernels under Miri, portable path: cargo +nightly with the component miri; minutes
 	cd tests/miri && MIRIFLAGS="-Zmiri-tree-borrows -Zmiri-ignore-leaks" cargo +nightly miri test -- --test-threads=1
+
+asan: ## The kernels under AddressSanitizer, with all instruction sets of this CPU: cargo +nightly; a minute
+	cd tests/miri && RUSTFLAGS=-Zsanitizer=address cargo +nightly test --release --target x86_64-unknown-linux-gnu
 
 gallery: setup-test ## Pictures of all object models: docs/gallery.png, docs/gallery_test.png
 	.venv-test/bin/python mjcf_assets/make_gallery.py

@@ -11,7 +11,7 @@
 mod band;
 mod block_gradient;
 mod blocks;
-#[cfg(not(miri))]
+#[cfg(not(kernels_alone))]
 mod burn_op;
 mod forward;
 mod input_gradient;
@@ -24,7 +24,7 @@ mod tiles;
 mod weight_gradient;
 
 use super::simd::InstructionSet;
-#[cfg(not(miri))]
+#[cfg(not(kernels_alone))]
 pub use burn_op::{conv3x3, conv3x3_scale_shift_relu};
 use forward::{ScaleShiftRelu, forward};
 use input_gradient::input_gradient;

@@ -12,14 +12,14 @@
 //! Images are dense `[batch, channel, y, x]`. Sums run in lanes whose number only the instruction set
 //! decides, one channel on one thread, so that results are equal to the bit whatever the number of threads.
 
-#[cfg(not(miri))]
+#[cfg(not(kernels_alone))]
 mod burn_op;
 
 use rayon::prelude::*;
 
 use super::simd::{InstructionSet, Kernel, Simd};
 
-#[cfg(not(miri))]
+#[cfg(not(kernels_alone))]
 pub use burn_op::{Normed, norm_relu, scale_shift_relu};
 
 /// Sizes of a batch of images.

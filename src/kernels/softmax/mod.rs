@@ -8,14 +8,14 @@
 //! in lanes whose number only the instruction set decides, one row on one thread, so that results are
 //! equal to the bit whatever the number of threads.
 
-#[cfg(not(miri))]
+#[cfg(not(kernels_alone))]
 mod burn_op;
 
 use rayon::prelude::*;
 
 use super::simd::{InstructionSet, Kernel, Simd};
 
-#[cfg(not(miri))]
+#[cfg(not(kernels_alone))]
 pub use burn_op::softmax_last;
 
 /// Floats that make a task worth sending to another thread.

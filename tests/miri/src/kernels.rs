@@ -6,6 +6,8 @@ mod conv3x3;
 mod matrix_unit;
 #[path = "../../../src/kernels/norm_relu/mod.rs"]
 mod norm_relu;
+#[path = "../../../src/kernels/products.rs"]
+mod products;
 #[path = "../../../src/kernels/scratch.rs"]
 mod scratch;
 #[path = "../../../src/kernels/simd.rs"]
