@@ -2,12 +2,14 @@
 
 mod made_data;
 
+use std::ffi::OsStr;
+use std::os::unix::ffi::OsStrExt as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
 
 use fs_err as fs;
-use made_data::{done, fails, fixture, text};
+use made_data::{command, done, fails, fixture, text};
 use serde_json::Value;
 
 /// The data set out of distribution and what the network inside the program finds in it; made once.
@@ -135,4 +137,22 @@ fn what_is_not_there_is_listed_and_what_is_there_stays() {
     }
     done(&["view", text(&fixture().id), "--video", text(&out), "--force"]);
     assert!(fs::read(&out).expect("a file").starts_with(b"GIF89a"));
+}
+
+#[test]
+fn an_episode_that_came_after_the_labels_is_drawn_without_and_any_name_will_do() {
+    let (home, data) = made_data::copy();
+    made_data::generate(&data, "1", &["--episodes", "3"]);
+    let name = OsStr::from_bytes(b"caf\xe9.png");
+    let view = |sample: &str, more: &[&str]| {
+        let mut view = command(&["view", text(&data), "--sample", sample, "--force"]);
+        view.args(more).arg("--out").arg(home.path().join(name));
+        view
+    };
+    let told = made_data::succeed(&mut view("0", &[]));
+    assert!(told.contains("harmful"), "{told}");
+    let told = made_data::succeed(&mut view("8", &["--json"]));
+    assert!(told.contains("\"n_harmful\":null"), "{told}");
+    let told = made_data::fail(&mut view("8", &["--labels", "rect"]));
+    assert!(told.contains("has no labels in set") && told.contains("harmzone label"), "{told}");
 }

@@ -6,7 +6,7 @@ use anyhow::{Context, bail, ensure};
 use clap::Args;
 use serde_json::json;
 
-use super::{Bar, DeviceArg, ExitStatus, SamplesArgs, number, print_either, tell_seen};
+use super::{Bar, DeviceArg, ExitStatus, SamplesArgs, number, path_text, print_either, tell_seen};
 use crate::dataset::LearnedError;
 use crate::episode::Split;
 use crate::eval::{self, EvalConfig, Mode, Protocol, eval_samples};
@@ -90,6 +90,6 @@ pub fn run(args: CalibrateArgs) -> anyhow::Result<ExitStatus> {
         chosen.driven_km,
         path.display()
     );
-    print_either(words, &json!({"network": path, "operating_score": chosen}), args.json)?;
+    print_either(words, &json!({"network": path_text(path), "operating_score": chosen}), args.json)?;
     Ok(ExitStatus::Done)
 }

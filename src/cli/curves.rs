@@ -20,6 +20,6 @@ pub struct CurvesArgs {
 pub fn run(args: CurvesArgs) -> anyhow::Result<ExitStatus> {
     let files = curves::run(&args.run)?;
     let words: Vec<String> = files.iter().map(|path| path.display().to_string()).collect();
-    print_either(words.join("\n"), &json!({"files": files}), args.json)?;
+    print_either(words.join("\n"), &json!({"files": words}), args.json)?;
     Ok(ExitStatus::Done)
 }

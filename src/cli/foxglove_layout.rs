@@ -6,7 +6,7 @@ use anyhow::bail;
 use clap::Args;
 use serde_json::json;
 
-use super::{ExitStatus, print, print_either};
+use super::{ExitStatus, path_text, print, print_either};
 use crate::files::write_atomic;
 use crate::report::foxglove_layout;
 
@@ -35,6 +35,6 @@ pub fn run(args: FoxgloveLayoutArgs) -> anyhow::Result<ExitStatus> {
     write_atomic(&out, layout.as_bytes())?;
     let words =
         format!("{}: import it in Foxglove, then open what `harmzone view --mcap` wrote", out.display());
-    print_either(words, &json!({"layout": out}), args.json)?;
+    print_either(words, &json!({"layout": path_text(&out)}), args.json)?;
     Ok(ExitStatus::Done)
 }

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use anyhow::bail;
 use clap::{Args, Subcommand};
 
 use super::exchange::{self, ImportPredictionsArgs};
@@ -94,6 +95,12 @@ impl Ros2Args {
             None => None,
             Some(path) => Some(config::load::<MappingConfig>(Some(path), &[])?),
         };
+        if let Some(camera) = self.log.load(LogFormat::Ros2)?.cameras.first() {
+            bail!(
+                "a ROS 2 import takes the one camera of the mapping (`[camera] topic`), and further ones (`cameras`) of the other \
+                 formats alone; found `{camera}`, none is needed"
+            );
+        }
         self.log
             .run(LogFormat::Ros2, |source, config| Ros2Log::open(source, mapping, config.stamp_tolerance_s))
     }

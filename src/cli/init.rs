@@ -7,7 +7,7 @@ use clap::Args;
 use fs_err as fs;
 use serde_json::json;
 
-use super::{ExitStatus, print};
+use super::{ExitStatus, path_text, print};
 use crate::files::write_atomic;
 
 #[derive(Debug, Args)]
@@ -57,7 +57,7 @@ pub fn run(args: InitArgs) -> anyhow::Result<ExitStatus> {
     }
     let names: Vec<&str> = FILES.iter().map(|(name, _)| *name).collect();
     if args.json {
-        print(json!({"folder": folder, "files": names}))?;
+        print(json!({"folder": path_text(folder), "files": names}))?;
     } else {
         let folder = folder.display();
         print(format!("{folder}: {}\nnext: cd {folder} && bash run.sh", names.join(", ")))?;

@@ -41,8 +41,10 @@ struct Summary {
 pub fn run(args: MigrateArgs) -> anyhow::Result<ExitStatus> {
     let place = args.dataset.open(if args.dry_run { Access::Read } else { Access::Write })?;
     let folder = place.path();
-    let mut manifest = Manifest::read(folder)?;
+    // Before the lock, whose taking makes a folder.
+    Manifest::read(folder)?;
     let _lock = (!args.dry_run).then(|| FolderLock::take(folder)).transpose()?;
+    let mut manifest = Manifest::read(folder)?;
     let mut files = Vec::new();
     // Labels first: while they are of the older format, so is the data set.
     for set in label_sets(folder) {

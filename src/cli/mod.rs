@@ -57,7 +57,7 @@ use tracing_subscriber::{EnvFilter, fmt};
 
 pub use device::{DeviceArg, DeviceNameArg, DevicesArg};
 pub use eval::{ScoredData, command_line, provenance, tell_seen};
-pub use output::{ClosedPipe, print, print_either, print_summary, tell};
+pub use output::{ClosedPipe, path_text, print, print_either, print_summary, tell};
 pub use progress::Bar;
 pub use values::{SamplesArgs, number, one_of, sensor, split};
 use verbosity::VerbosityArgs;

@@ -2,6 +2,7 @@
 
 use std::fmt::Display;
 use std::io::{self, Write};
+use std::path::Path;
 
 use anyhow::Context;
 use serde::Serialize;
@@ -40,6 +41,12 @@ pub fn print_summary(summary: &(impl Display + Serialize), as_json: bool) -> any
 /// As [`print()`].
 pub fn print_either(words: impl Display, json: &serde_json::Value, as_json: bool) -> anyhow::Result<()> {
     if as_json { print(serde_json::to_string_pretty(json)?) } else { print(words) }
+}
+
+/// A path for JSON, which is text: what is no Unicode in it is replaced, as on a screen.
+#[must_use]
+pub fn path_text(path: &Path) -> String {
+    path.display().to_string()
 }
 
 /// Tells something on standard error; where nobody reads that either, nobody misses it.

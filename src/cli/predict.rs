@@ -6,7 +6,7 @@ use clap::Args;
 use serde_json::json;
 
 use super::engine::EngineArgs;
-use super::{Bar, DeviceArg, ExitStatus, print_either, split, tell, tell_seen};
+use super::{Bar, DeviceArg, ExitStatus, path_text, print_either, split, tell, tell_seen};
 use crate::config;
 use crate::dataset::MeasuredSplit;
 use crate::episode::{Manifest, PartOf, Shard, Split};
@@ -133,7 +133,7 @@ fn part_of(
 /// Says how many boxes were written.
 pub fn tell_boxes(n_boxes: usize, n_samples: usize, to: &Path, as_json: bool) -> anyhow::Result<ExitStatus> {
     let words = format!("{n_boxes} boxes for {n_samples} samples: {}", to.display());
-    let json = json!({"n_boxes": n_boxes, "n_samples": n_samples, "predictions": to});
+    let json = json!({"n_boxes": n_boxes, "n_samples": n_samples, "predictions": path_text(to)});
     print_either(words, &json, as_json)?;
     Ok(ExitStatus::Done)
 }

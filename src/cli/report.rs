@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{ArgGroup, Args};
 use serde_json::json;
 
-use super::{ExitStatus, command_line, number, print_either, tell};
+use super::{ExitStatus, command_line, number, path_text, print_either, tell};
 use crate::report::page::{self, ReportRequest, ScoresRequest};
 
 #[derive(Debug, Args)]
@@ -60,7 +60,7 @@ pub fn run(args: ReportArgs) -> anyhow::Result<ExitStatus> {
     let size_mb = summary.bytes as f64 / 1e6;
     let words = format!("{}: {} cards, {size_mb:.1} MB", summary.out.display(), summary.n_cards);
     let json = json!({
-        "page": summary.out,
+        "page": path_text(&summary.out),
         "n_cards": summary.n_cards,
         "bytes": summary.bytes,
         "left_out": summary.absent,

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
-use super::{Bar, ExitStatus, number, print};
+use super::{Bar, ExitStatus, number, path_text, print};
 use crate::serve::{Server, SetOptions};
 
 #[derive(Debug, Args)]
@@ -34,7 +34,7 @@ pub fn run(args: ServeArgs) -> anyhow::Result<ExitStatus> {
         print(json!({
             "url": server.url(),
             "port": server.port(),
-            "folder": server.folder(),
+            "folder": path_text(server.folder()),
             "n_episodes": server.n_episodes(),
         }))?;
     } else {

@@ -6,7 +6,7 @@ use anyhow::Context;
 use clap::Args;
 use serde_json::json;
 
-use super::{Bar, DevicesArg, ExitStatus, print, print_summary, tell};
+use super::{Bar, DevicesArg, ExitStatus, path_text, print, print_summary, tell};
 use crate::config::{self, Checked};
 use crate::dataset::{Dataset, DatasetError, LabelledSplit, SampleSource};
 use crate::episode::Split;
@@ -115,8 +115,8 @@ impl Opened {
 fn print_json(summary: &train::Summary, run: &Path) -> anyhow::Result<()> {
     let loss = summary.last_loss;
     print(serde_json::to_string_pretty(&json!({
-        "checkpoint": summary.checkpoint,
-        "curves": run.join(curves::FILES[1]),
+        "checkpoint": path_text(&summary.checkpoint),
+        "curves": path_text(&run.join(curves::FILES[1])),
         "n_samples": summary.n_samples,
         "n_steps": summary.n_steps,
         "n_steps_now": summary.n_steps_now,

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::{ArgGroup, Args};
 use serde_json::json;
 
-use super::{Bar, ExitStatus, number, print};
+use super::{Bar, ExitStatus, number, path_text, print};
 use crate::infer::Trained;
 use crate::report::view::{
     self, ClipRequest, EpisodeRequest, EpisodeView, Moment, ViewRequest, WIDTHS_PX, write_episode_clip,
@@ -116,7 +116,7 @@ pub fn run(args: ViewArgs) -> anyhow::Result<ExitStatus> {
             clip.episode
         );
         let json = json!({
-            "file": clip.out,
+            "file": path_text(&clip.out),
             "episode": clip.episode,
             "n_pictures": clip.n_pictures,
             "size_px": clip.size_px,
@@ -134,7 +134,11 @@ fn print_line(words: String, json: &serde_json::Value, as_json: bool) -> anyhow:
 
 fn tell_file(path: &Path, view: &EpisodeView, as_json: bool) -> anyhow::Result<()> {
     let words = format!("{}: {} samples of {}", path.display(), view.n_samples(), view.name());
-    print_line(words, &json!({"file": path, "episode": view.name(), "n_samples": view.n_samples()}), as_json)
+    print_line(
+        words,
+        &json!({"file": path_text(path), "episode": view.name(), "n_samples": view.n_samples()}),
+        as_json,
+    )
 }
 
 fn draw(request: &ViewRequest, as_json: bool) -> anyhow::Result<()> {
@@ -147,7 +151,7 @@ fn draw(request: &ViewRequest, as_json: bool) -> anyhow::Result<()> {
     let words =
         format!("{}: sample {} of {}, {objects}", summary.out.display(), summary.sample_idx, summary.episode);
     let json = json!({
-        "file": summary.out,
+        "file": path_text(&summary.out),
         "episode": summary.episode,
         "sample": summary.sample_idx,
         "n_objects": summary.n_objects,

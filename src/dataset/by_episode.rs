@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-use super::{DatasetError, LabelledSample, labels_of, load_episode, zone_of};
+use super::{DatasetError, LabelledSample, labels_of, map_episode, zone_of};
 use crate::episode::manifest::{EpisodeEntry, LabelEntry, LabelManifest, Manifest};
 use crate::zone::Zone;
 
@@ -48,12 +48,16 @@ impl LabelledEpisodes {
         Ok(LabelManifest::folder(&self.path, self.set()).join(&label.file))
     }
 
-    /// Loads one episode.
+    /// Makes something of each sample of an episode and its number, of which one at a time is in memory.
     ///
     /// # Errors
     /// As [`super::Dataset::open`].
-    pub fn load(&self, entry: &EpisodeEntry) -> Result<Vec<LabelledSample>, DatasetError> {
-        load_episode(&self.path, self.set(), entry, self.label_of(entry)?, &self.zone)
+    pub fn map<T>(
+        &self,
+        entry: &EpisodeEntry,
+        make: impl Fn(usize, LabelledSample) -> T,
+    ) -> Result<Vec<T>, DatasetError> {
+        map_episode(&self.path, (self.set(), entry, self.label_of(entry)?), &self.zone, make)
     }
 
     fn label_of(&self, entry: &EpisodeEntry) -> Result<&LabelEntry, DatasetError> {
@@ -78,8 +82,11 @@ mod tests {
         let manifest = Manifest::read(folder.path()).unwrap();
         let episodes = LabelledEpisodes::open(folder.path(), "rect", &manifest).unwrap();
         let whole = Dataset::open(folder.path(), "rect", Split::Train).unwrap();
-        let one_by_one: Vec<LabelledSample> =
-            manifest.episodes.iter().flat_map(|entry| episodes.load(entry).unwrap()).collect();
+        let one_by_one: Vec<LabelledSample> = manifest
+            .episodes
+            .iter()
+            .flat_map(|entry| episodes.map(entry, |_, sample| sample).unwrap())
+            .collect();
         assert_eq!(one_by_one, whole.samples());
         assert!(manifest.episodes.iter().all(|entry| episodes.file_of(entry).unwrap().is_file()));
         let told = LabelledEpisodes::open(folder.path(), "absent", &manifest).unwrap_err().to_string();

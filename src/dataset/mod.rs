@@ -21,7 +21,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::episode::manifest::{EpisodeEntry, LabelEntry, LabelManifest, Manifest, ManifestError, Split};
-use crate::episode::{EpisodeError, EpisodeMeta, LogFacts, SampleLabels};
+use crate::episode::{EpisodeError, EpisodeReader, SampleLabels};
 use crate::files;
 use crate::object::{LabelledObject, Object};
 use crate::sample::{EgoState, IgnoredRegion, Measured, Sample};
@@ -253,49 +253,67 @@ fn load_episode(
     labels: &LabelEntry,
     zone: &Zone,
 ) -> Result<Vec<LabelledSample>, DatasetError> {
-    let (meta, log, samples) = read_labelled(path, set, entry, labels)?;
-    let start_ns = samples.first().map_or(0, |(measured, ..)| measured.time_ns);
-    let origin = Origin::of_episode(&meta, log.as_ref(), &path.join(&entry.file), start_ns)?;
-    let name = |(sample_idx, (measured, true_state, objects, ignored)): (usize, Read)| LabelledSample {
-        id: format!("{}/{sample_idx}", entry.name),
-        facts: origin.facts_of(&measured, &true_state, ignored, zone),
-        measured,
-        true_state,
-        objects,
-    };
-    Ok(samples.into_iter().enumerate().map(name).collect())
+    map_episode(path, (set, entry, labels), zone, |_, sample| sample)
+}
+
+/// What is made of each sample of an episode and its number, of which one at a time is in memory.
+fn map_episode<T>(
+    path: &Path,
+    (set, entry, labels): (&str, &EpisodeEntry, &LabelEntry),
+    zone: &Zone,
+    make: impl Fn(usize, LabelledSample) -> T,
+) -> Result<Vec<T>, DatasetError> {
+    let (mut made, mut origin) = (Vec::new(), None);
+    each_labelled(path, set, entry, labels, |reader, (measured, true_state, objects, ignored)| {
+        let origin = match &origin {
+            Some(origin) => origin,
+            None => origin.insert(Origin::of_episode(
+                reader.meta(),
+                reader.log(),
+                &path.join(&entry.file),
+                measured.time_ns,
+            )?),
+        };
+        let sample_idx = made.len();
+        let sample = LabelledSample {
+            id: format!("{}/{sample_idx}", entry.name),
+            facts: origin.facts_of(&measured, &true_state, ignored, zone),
+            measured,
+            true_state,
+            objects,
+        };
+        made.push(make(sample_idx, sample));
+        Ok(())
+    })?;
+    Ok(made)
 }
 
 /// A sample's measurements, the ego's true state, the objects, and where nobody annotated; `None` where nobody annotated it
 /// at all.
 type Read = (Measured, EgoState, Vec<LabelledObject>, Option<Vec<IgnoredRegion>>);
 
-/// An episode's metadata, what is known of the log that it comes from, and its samples with their labels.
-fn read_labelled(
+/// Takes the samples of an episode with their labels, one after the other.
+fn each_labelled(
     path: &Path,
     set: &str,
     entry: &EpisodeEntry,
     labels: &LabelEntry,
-) -> Result<(EpisodeMeta, Option<LogFacts>, Vec<Read>), DatasetError> {
+    mut take: impl FnMut(&EpisodeReader, Read) -> Result<(), DatasetError>,
+) -> Result<(), DatasetError> {
     let opened = OpenedEpisode::open(path, entry, Some((set, labels)), false)?;
     let label_reader = opened.labels.as_ref().expect("it was opened with labels");
     let reader = &opened.reader;
-    let samples = reader
-        .samples()
-        .zip(label_reader.samples())
-        .enumerate()
-        .map(|(sample_idx, (sample, labels))| {
-            let sample = sample?;
-            let true_state = *sample.true_state();
-            let Sample { measured, truth } = sample;
-            let (objects, ignored) = truth.map(|truth| (truth.objects, truth.ignored)).unzip();
-            let mut objects =
-                pair(objects.unwrap_or_default(), labels).ok_or_else(|| opened.mismatch(sample_idx))?;
-            coverage::keep_in_view(reader.log(), &measured, &mut objects, |object| &object.truth.box_in_ego);
-            Ok((measured, true_state, objects, ignored))
-        })
-        .collect::<Result<_, DatasetError>>()?;
-    Ok((reader.meta().clone(), reader.log().cloned(), samples))
+    for (sample_idx, (sample, labels)) in reader.samples().zip(label_reader.samples()).enumerate() {
+        let sample = sample?;
+        let true_state = *sample.true_state();
+        let Sample { measured, truth } = sample;
+        let (objects, ignored) = truth.map(|truth| (truth.objects, truth.ignored)).unzip();
+        let mut objects =
+            pair(objects.unwrap_or_default(), labels).ok_or_else(|| opened.mismatch(sample_idx))?;
+        coverage::keep_in_view(reader.log(), &measured, &mut objects, |object| &object.truth.box_in_ego);
+        take(reader, (measured, true_state, objects, ignored))?;
+    }
+    Ok(())
 }
 
 /// Each object with its label, if both lists are of the same objects in the same order.
@@ -323,7 +341,7 @@ impl Dataset {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::episode::{EpisodeWriter, MapDrawing};
+    use crate::episode::{EpisodeWriter, LogFacts, MapDrawing};
     use crate::sample::Truth;
 
     #[test]

@@ -13,6 +13,9 @@ use crate::store;
 /// Where a data set's episodes lie.
 pub const EPISODES: &str = "episodes";
 
+/// Where further pictures of the episodes lie, in a folder of each one's name.
+pub const AOV: &str = "aov";
+
 /// Whether an episode's file is as it was written.
 ///
 /// # Errors
@@ -47,21 +50,27 @@ pub fn first_difference(found: &str, wanted: &str) -> Option<(String, String)> {
     }
 }
 
-/// Deletes what an earlier run made, with its config of this name, and only that.
+/// Deletes what an earlier run made, with its config of this name and its further `folders`, and only that.
 ///
 /// # Errors
 /// A file cannot be deleted.
-pub fn clear_episodes(folder: &Path, config_file: &str) -> io::Result<()> {
+pub fn clear_episodes(folder: &Path, config_file: &str, folders: &[&str]) -> io::Result<()> {
+    let remove = |name: &str| match fs::remove_file(folder.join(name)) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
+        _ => Ok(()),
+    };
     // The manifest first: without it, a half-cleared folder is an empty data set and not a broken one.
-    for name in [Manifest::FILE, config_file] {
-        let path = folder.join(name);
-        if path.is_file() {
-            fs::remove_file(path)?;
-        }
-    }
+    remove(Manifest::FILE)?;
     remove_files(folder, |name| Path::new(name).extension().is_some_and(|suffix| suffix == "mcap"))?;
     store::discard(&folder.join(EPISODES));
-    Ok(())
+    for made in folders.iter().map(|name| folder.join(name)) {
+        if made.is_dir() {
+            fs::remove_dir_all(&made)?;
+        }
+        store::discard(&made);
+    }
+    // By it the folder is known as ours.
+    remove(config_file)
 }
 
 /// Deletes episodes that a killed run left unfinished.
@@ -69,9 +78,10 @@ pub fn clear_episodes(folder: &Path, config_file: &str) -> io::Result<()> {
 /// # Errors
 /// A file cannot be deleted.
 pub fn remove_unfinished(folder: &Path) -> io::Result<()> {
-    let episodes = folder.join(EPISODES);
-    if episodes.is_dir() {
-        files::remove_unfinished(&episodes)?;
+    for made in [EPISODES, AOV].map(|name| folder.join(name)) {
+        if made.is_dir() {
+            files::remove_unfinished(&made)?;
+        }
     }
     files::remove_unfinished(folder)
 }

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, HashMap};
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use fs_err as fs;
 use serde::de::DeserializeOwned;
@@ -193,9 +193,12 @@ impl Manifest {
             return fail(format!("episode `{name}` is there twice"));
         }
         for entry in &self.episodes {
-            let file = Path::new(&entry.file);
-            if !file.components().all(|part| matches!(part, std::path::Component::Normal(_))) {
+            let mut parts = Path::new(&entry.file).components();
+            if entry.file.is_empty() || !parts.all(|part| matches!(part, Component::Normal(_))) {
                 return fail(format!("the file `{}` is not inside the data set", entry.file));
+            }
+            if !is_file_name(&entry.name) {
+                return fail(format!("the episode's name `{}` is not that of a file", entry.name));
             }
         }
         Ok(())
@@ -262,14 +265,23 @@ impl LabelManifest {
     /// Reads a label set of a data set's folder.
     ///
     /// # Errors
-    /// No such set (the error lists those that exist), malformed, or of another format version.
+    /// No such set (the error lists those that exist), malformed, of another name than its folder, with labels outside of it, or
+    /// of another format version.
     pub fn read(dataset: &Path, set: &str) -> Result<Self, ManifestError> {
         let path = Self::folder(dataset, set).join(Self::FILE);
         if !is_file(&path)? {
             let (set, found, path) = (set.to_owned(), label_sets(dataset), dataset.to_owned());
             return Err(ManifestError::NoLabels { set, found, path });
         }
-        read_json(&path, Self::READS, Self::VERSION)
+        let labels: Self = read_json(&path, Self::READS, Self::VERSION)?;
+        let fail = |message| Err(ManifestError::Inconsistent { message, path: path.clone() });
+        if labels.set != set {
+            return fail(format!("the label set calls itself `{}`, and its folder is `{set}`", labels.set));
+        }
+        if let Some(entry) = labels.episodes.iter().find(|entry| !is_file_name(&entry.file)) {
+            return fail(format!("the label file `{}` is not beside {}", entry.file, Self::FILE));
+        }
+        Ok(labels)
     }
 
     /// Writes the set's manifest, whole or not at all; the set's folder must exist.
@@ -280,6 +292,13 @@ impl LabelManifest {
         let path = Self::folder(dataset, &self.set).join(Self::FILE);
         Ok(write_json(&path, self, self.format_version >= Self::VERSION)?)
     }
+}
+
+/// Whether a text is the name of a file in a folder, and no way to another one.
+fn is_file_name(name: &str) -> bool {
+    let mut parts = Path::new(name).components();
+    let first = parts.next();
+    parts.next().is_none() && first == Some(Component::Normal(name.as_ref()))
 }
 
 /// Names of the label sets of a data set, sorted; empty if there is none.

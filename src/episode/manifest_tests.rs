@@ -39,6 +39,17 @@ fn manifests_round_trip_and_errors_say_what_to_do() {
     assert_eq!(LabelManifest::read(folder.path(), "rect").unwrap(), labels);
     assert!(LabelManifest::read(folder.path(), "arc").unwrap_err().to_string().contains("[\"rect\"]"));
 
+    fs_err::rename(LabelManifest::folder(folder.path(), "rect"), LabelManifest::folder(folder.path(), "old"))
+        .unwrap();
+    let told = LabelManifest::read(folder.path(), "old").unwrap_err().to_string();
+    assert!(told.contains("calls itself `rect`") && told.contains("`old`"), "{told}");
+
+    for name in ["", "..", "/a", "a/b", "a/"] {
+        let mut other = manifest.clone();
+        other.episodes[0].name = name.into();
+        let told = other.write(folder.path()).unwrap_err().to_string();
+        assert!(told.contains("not that of a file"), "{name}: {told}");
+    }
     manifest.episodes[0].file = "../a.mcap".into();
     assert!(manifest.write(folder.path()).unwrap_err().to_string().contains("not inside"));
     fs_err::write(folder.path().join("dataset.json"), "{\"format_version\": 9}").unwrap();

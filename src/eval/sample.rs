@@ -34,6 +34,13 @@ impl EvalSample {
         Self { id: id.into(), facts, objects, detections, n_points: Vec::new() }
     }
 
+    /// A data set's sample with a detector's boxes.
+    #[must_use]
+    pub fn of(sample: &LabelledSample, found: Vec<Detection>) -> Self {
+        let (facts, objects) = (sample.facts.clone(), sample.objects.clone());
+        Self::new(&sample.id, facts, objects, found).with_points_of(&sample.measured)
+    }
+
     /// The same with the points in its detections counted in its own cloud, if its truth tells what it leaves out by size.
     #[must_use]
     pub fn with_points_of(self, measured: &Measured) -> Self {
@@ -115,9 +122,5 @@ pub(super) fn check(samples: &[EvalSample], protocol: &Protocol, mode: Mode) -> 
 /// A data set's samples with a detector's boxes, to be scored.
 #[must_use]
 pub fn eval_samples(samples: &[LabelledSample], found: &[Vec<Detection>]) -> Vec<EvalSample> {
-    let join = |(sample, found): (&LabelledSample, &Vec<Detection>)| {
-        let (facts, objects) = (sample.facts.clone(), sample.objects.clone());
-        EvalSample::new(&sample.id, facts, objects, found.clone()).with_points_of(&sample.measured)
-    };
-    samples.iter().zip(found).map(join).collect()
+    samples.iter().zip(found).map(|(sample, found)| EvalSample::of(sample, found.clone())).collect()
 }

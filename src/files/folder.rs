@@ -81,10 +81,16 @@ impl NewFolder {
         }
         let old = beside(&self.target, "old");
         remove(&old)?;
-        if self.target.exists() {
+        let is_replaced = self.target.exists();
+        if is_replaced {
             fs::rename(&self.target, &old)?;
         }
-        fs::rename(&self.partial, &self.target)?;
+        if let Err(error) = fs::rename(&self.partial, &self.target) {
+            if is_replaced {
+                fs::rename(&old, &self.target)?;
+            }
+            return Err(error);
+        }
         remove(&old)
     }
 }

@@ -17,12 +17,10 @@ use serde::Serialize;
 use smallvec::smallvec;
 
 use super::GenerateError;
+use crate::episode::folder::AOV;
 use crate::files::{PARTIAL_SUFFIX, write_atomic};
 use crate::scene::SceneObject;
 use crate::sensors::Rig;
-
-/// The folder of all episodes' pictures.
-pub(super) const FOLDER: &str = "aov";
 
 #[derive(Debug, Serialize)]
 struct Entry<'a> {
@@ -55,7 +53,7 @@ impl AovWriter {
         objects: &[SceneObject],
         background: &[String],
     ) -> Result<Self, GenerateError> {
-        let folder = data_set.join(FOLDER);
+        let folder = data_set.join(AOV);
         let whole = folder.join(episode);
         let partial = folder.join(format!("{episode}.{PARTIAL_SUFFIX}"));
         for old in [&whole, &partial] {

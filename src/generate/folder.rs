@@ -6,7 +6,9 @@ use std::path::Path;
 use fs_err as fs;
 
 use super::{EpisodePlan, GenerateError};
-use crate::episode::folder::{EPISODES, clear_episodes, first_difference, remove_unfinished, whole_ones};
+use crate::episode::folder::{
+    AOV, EPISODES, clear_episodes, first_difference, remove_unfinished, whole_ones,
+};
 use crate::episode::{Manifest, PartOf};
 use crate::files::{holds_anything, is_file, sha256_hex, write_atomic};
 
@@ -33,7 +35,7 @@ pub(super) fn open(
             Ok(found) => {
                 manifest = Manifest { episodes: found.episodes, made_with: found.made_with, ..manifest }
             }
-            Err(_) if force => clear_episodes(folder, CONFIG_FILE)?,
+            Err(_) if force => clear_episodes(folder, CONFIG_FILE, &[AOV])?,
             Err(error) => return Err(error),
         }
     } else if holds_anything(folder)? {
@@ -71,6 +73,10 @@ fn find_whole_episodes(
     let found = Manifest::read(folder)?;
     if found.generator_version != wanted.generator_version {
         return other("version", found.generator_version, wanted.generator_version.clone());
+    }
+    // A store may have been left with the config of one call and the episodes of another.
+    if found.config_sha256 != wanted.config_sha256 {
+        return other("config", found.config_sha256, wanted.config_sha256.clone());
     }
     // A shard of other parts would keep episodes that are not of this one.
     if found.part != wanted.part {

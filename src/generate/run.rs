@@ -11,9 +11,9 @@ use serde::Serialize;
 
 use super::episode::Made;
 use super::worker::{COMMAND, Job, Task};
-use super::{CheckedConfig, EpisodePlan, GenerateConfig, GenerateError, aov, folder, plan};
+use super::{CheckedConfig, EpisodePlan, GenerateConfig, GenerateError, folder, plan};
 use crate::config::to_toml;
-use crate::episode::folder::remove_unfinished;
+use crate::episode::folder::{AOV, remove_unfinished};
 use crate::episode::manifest::ObjectCounts;
 use crate::episode::{EpisodeEntry, MadeWith, Manifest, PartOf, Shard, Split};
 use crate::files::{FolderLock, check_room};
@@ -141,7 +141,7 @@ pub fn run(
         };
         progress.note(name);
         lock.check()?;
-        for picture in files_below(&folder, &folder.join(aov::FOLDER).join(name))? {
+        for picture in files_below(&folder, &folder.join(AOV).join(name))? {
             store::push_file(&picture.1)?;
         }
         store::push_file(&folder.join(&entry.file))?;
@@ -152,6 +152,7 @@ pub fn run(
     let written = lock.check().map_err(GenerateError::from).and_then(|()| {
         let removed = remove_unfinished(out);
         manifest.write(out)?;
+        store::push_file(&out.join(Manifest::FILE))?;
         Ok(removed?)
     });
     done?;

@@ -110,6 +110,14 @@ pub(super) fn import_drive(
     if let Some(sentence) = maker.boxes().doubt() {
         notes.tell(sentence);
     }
+    if maker.n_assumed() > 0 {
+        notes.tell(format!(
+            "the speed is not known at {} of {} samples, neither measured nor by poses close by; {} m/s is assumed (assumed.speed_mps)",
+            maker.n_assumed(),
+            chosen.len(),
+            config.assumed.speed_mps
+        ));
+    }
     maker.tell_methods(&mut methods);
     let told: Vec<String> = notes.sentences().collect();
     if !told.is_empty() {

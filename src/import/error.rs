@@ -25,6 +25,8 @@ pub enum ImportError {
     Sample { drive: String, sample_idx: usize, source: Box<ImportError> },
     #[error("the log has no drive `{found}`; it has {}", shorten(valid))]
     NoDrive { found: String, valid: Vec<String> },
+    #[error("two drives of the log have the name `{name}`; import the folders that hold them one at a time")]
+    TwoDrives { name: String },
     #[error("the log holds no drive: {}", path.display())]
     NoDrives { path: PathBuf },
     #[error("the folder holds other things than an imported data set; give a new folder: {}", path.display())]

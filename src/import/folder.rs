@@ -22,7 +22,7 @@ pub(super) fn open(folder: &Path, config_toml: &str, force: bool) -> Result<Mani
     if is_file(&config_path)? {
         match find_whole_episodes(folder, config_toml, &manifest) {
             Ok(entries) => manifest.episodes = entries,
-            Err(_) if force => clear_episodes(folder, CONFIG_FILE)?,
+            Err(_) if force => clear_episodes(folder, CONFIG_FILE, &[])?,
             Err(error) => return Err(error),
         }
     } else if holds_anything(folder)? {
@@ -57,6 +57,10 @@ fn find_whole_episodes(
     let found = Manifest::read(folder)?;
     if found.generator_version != wanted.generator_version {
         return other("version", found.generator_version, wanted.generator_version.clone());
+    }
+    // A store may have been left with the config of one call and the episodes of another.
+    if found.config_sha256 != wanted.config_sha256 {
+        return other("config", found.config_sha256, wanted.config_sha256.clone());
     }
     Ok(whole_ones(folder, found.episodes)?)
 }

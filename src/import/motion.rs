@@ -71,10 +71,9 @@ impl Motion<'_> {
     /// How the ego moved around a time; `None` where poses are too few or too far.
     pub(super) fn course_at(&self, time_ns: u64) -> Option<Course> {
         let here = self.pose_at(time_ns)?;
-        let poses = &self.odometry.poses;
-        let (first_ns, last_ns) = (poses.first()?.0, poses.last()?.0);
-        let from_ns = time_ns.saturating_sub(self.smoothing_ns).max(first_ns);
-        let to_ns = time_ns.saturating_add(self.smoothing_ns).min(last_ns);
+        let (from_ns, to_ns) =
+            (time_ns.saturating_sub(self.smoothing_ns), time_ns.saturating_add(self.smoothing_ns));
+        let (from_ns, to_ns) = self.without_hole(time_ns, from_ns, to_ns);
         // A parabola through less than a tenth of a second is noise.
         if to_ns <= from_ns || to_ns - from_ns < 100_000_000 {
             return None;
@@ -90,6 +89,23 @@ impl Motion<'_> {
             parabola(knots.iter().map(|&(at_s, ahead_m, _)| (at_s, ahead_m)))?;
         let [_, yaw_rate_rps, _] = parabola(knots.iter().map(|&(at_s, _, yaw_rad)| (at_s, yaw_rad)))?;
         Some(Course { speed_mps, acceleration_mps2: 2.0 * half_acceleration, yaw_rate_rps })
+    }
+
+    /// The part of a span around a time that poses cover without a hole.
+    fn without_hole(&self, time_ns: u64, from_ns: u64, to_ns: u64) -> (u64, u64) {
+        let poses = &self.odometry.poses;
+        let after = poses.partition_point(|(at_ns, _)| *at_ns < time_ns).min(poses.len() - 1);
+        let is_before = after > 0 && time_ns.abs_diff(poses[after - 1].0) < poses[after].0.abs_diff(time_ns);
+        let nearest = if is_before { after - 1 } else { after };
+        let is_near = |one: usize, other: usize| poses[other].0 - poses[one].0 <= MAX_GAP_NS;
+        let (mut first, mut last) = (nearest, nearest);
+        while first > 0 && poses[first].0 > from_ns && is_near(first - 1, first) {
+            first -= 1;
+        }
+        while last + 1 < poses.len() && poses[last].0 < to_ns && is_near(last, last + 1) {
+            last += 1;
+        }
+        (from_ns.max(poses[first].0), to_ns.min(poses[last].0))
     }
 
     /// A measured value, evenly between its neighbours; `None` where the series ends further away than the tolerance.
@@ -185,7 +201,13 @@ mod tests {
     fn a_hole_in_the_poses_is_not_bridged() {
         let mut odometry = circle();
         odometry.poses.drain(5..30);
-        assert!(motion(&odometry).pose_at(1_500_000_000).is_none());
+        let motion = motion(&odometry);
+        assert!(motion.pose_at(1_500_000_000).is_none() && motion.course_at(1_500_000_000).is_none());
+        // At its edges, what is on this side of it tells the course.
+        for time_ns in [200_000_000, 400_000_000, 440_000_000, 2_960_000_000, 3_000_000_000, 3_400_000_000] {
+            let course = motion.course_at(time_ns).unwrap();
+            assert!((course.speed_mps - 5.0).abs() < 0.1, "{time_ns}: {course:?}");
+        }
     }
 
     #[test]

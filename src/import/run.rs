@@ -18,6 +18,7 @@ use crate::files::FolderLock;
 use crate::interrupt;
 use crate::object::{Distribution, Kind};
 use crate::progress::Progress;
+use crate::store;
 
 /// `dataset.json` is written anew when a fiftieth of its episodes are new: with each for small sets, while thousands do not write gigabytes.
 const EPISODES_A_WRITE: usize = 50;
@@ -72,6 +73,8 @@ pub fn run(
     let config_toml = format!("format = \"{}\"\n{}{}", format.name(), to_toml(config), log.settings_toml());
     let lock = FolderLock::take(out)?;
     let mut list = List::new(folder::open(out, &config_toml, options.force)?, log, out);
+    // A second writer to one URL is told now, and what another config has made there is gone before its names are taken.
+    store::push(out)?;
     let n_kept = list.keep(&drives, options.split);
     let (mut told, mut skipped) = (Vec::new(), Vec::new());
     let mut known = BTreeSet::new();
@@ -131,6 +134,11 @@ pub fn run(
 
 fn choose(log: &dyn Log, scenes: &[String]) -> Result<Vec<String>, ImportError> {
     let valid = log.drives().to_vec();
+    let mut names: Vec<&String> = valid.iter().collect();
+    names.sort_unstable();
+    if let Some((name, _)) = names.iter().zip(names.iter().skip(1)).find(|(name, next)| name == next) {
+        return Err(ImportError::TwoDrives { name: (*name).clone() });
+    }
     if let Some(found) = scenes.iter().find(|scene| !valid.contains(scene)) {
         return Err(ImportError::NoDrive { found: found.clone(), valid });
     }

@@ -211,6 +211,11 @@ impl<'a> SampleMaker<'a> {
     }
 
     /// What was found out on the way.
+    /// Samples whose speed is assumed, in a drive where it is known of others.
+    pub(super) fn n_assumed(&self) -> usize {
+        self.states.n_assumed
+    }
+
     pub(super) fn tell_methods(&self, methods: &mut BTreeMap<String, String>) {
         let facts = self.drive.facts();
         for (part, sentence) in &self.states.methods {

@@ -21,6 +21,8 @@ pub(super) struct StateMaker<'a> {
     pub(super) config: &'a CheckedImport,
     /// By part of the state, one sentence; the best method comes first where samples differ.
     pub(super) methods: BTreeMap<&'static str, String>,
+    /// Samples whose speed is assumed, in a drive where it is known of others.
+    pub(super) n_assumed: usize,
 }
 
 impl<'a> StateMaker<'a> {
@@ -31,6 +33,7 @@ impl<'a> StateMaker<'a> {
             front_bumper_x_m: facts.front_bumper_x_m.unwrap_or(config.vehicle.front_bumper_x_m),
             config,
             methods: BTreeMap::new(),
+            n_assumed: 0,
         }
     }
 
@@ -44,6 +47,8 @@ impl<'a> StateMaker<'a> {
 
         let mut speed = self.measured(odometry.speed_mps.as_ref(), time_ns);
         speed = speed.or_else(|| course.map(|course| (course.speed_mps, from_poses.clone())));
+        let is_known = self.motion.has_poses() || odometry.speed_mps.is_some();
+        self.n_assumed += usize::from(speed.is_none() && is_known);
         let speed_mps = self.take("speed", speed, || {
             (assumed.speed_mps, format!("unknown; assumed {} m/s", assumed.speed_mps))
         });
@@ -135,8 +140,14 @@ mod tests {
         let motion = Motion { odometry, tolerance_ns: 50_000_000, smoothing_ns: 500_000_000 };
         let config = CheckedImport::new(ImportConfig::default()).unwrap();
         let methods = BTreeMap::new();
-        let mut maker =
-            StateMaker { motion: &motion, wheelbase_m: 2.7, front_bumper_x_m: 3.6, config: &config, methods };
+        let mut maker = StateMaker {
+            motion: &motion,
+            wheelbase_m: 2.7,
+            front_bumper_x_m: 3.6,
+            config: &config,
+            methods,
+            n_assumed: 0,
+        };
         (maker.state_at(time_ns), maker.methods)
     }
 

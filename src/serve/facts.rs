@@ -8,7 +8,7 @@ use super::folder::ServedFolder;
 use super::source::SetSource;
 use crate::episode::manifest::EpisodeEntry;
 use crate::episode::{EpisodeReader, LabelReader};
-use crate::eval::{FaultPlace, ScoreError, eval_samples, list_faults};
+use crate::eval::{EvalSample, FaultPlace, ScoreError, list_faults};
 use crate::object::Harm;
 
 /// Counts of an episode, sample by sample, and its faults.
@@ -94,7 +94,10 @@ fn try_read(
         }
         return Ok(EpisodeFacts { trouble: None, harmful, faults: None });
     };
-    let samples = labels.load(entry)?;
+    let samples = labels.map(entry, |sample_idx, sample| {
+        let found = found.samples().get(sample_idx).map(|found| found.detections.clone());
+        EvalSample::of(&sample, found.unwrap_or_default())
+    })?;
     if found.samples().len() != samples.len() {
         let (n_found, n) = (found.samples().len(), samples.len());
         let message = format!(
@@ -104,8 +107,7 @@ fn try_read(
         );
         return Err(ServeError::Trouble { message });
     }
-    let found: Vec<_> = found.samples().iter().map(|sample| sample.detections.clone()).collect();
-    let faults = match list_faults(&eval_samples(&samples, &found), &boxes.protocol) {
+    let faults = match list_faults(&samples, &boxes.protocol) {
         Err(ScoreError::NothingLabelled { .. } | ScoreError::NoSamples) => None,
         faults => Some(faults?),
     };

@@ -37,6 +37,8 @@ pub(super) struct Mirror {
     pub access: Access,
     /// What lies remotely, as far as this process heard.
     pub remote: Mutex<BTreeMap<String, Remote>>,
+    /// Those of them that lay there when this was opened, and were not put since.
+    pub listed: Mutex<BTreeSet<String>>,
     pub known: Mutex<BTreeMap<String, Known>>,
     known_path: PathBuf,
     /// When files were last opened, in the order of all openings.
@@ -99,6 +101,8 @@ impl Mirror {
             return Err(StoreError::Nothing { url: told });
         }
         let known_path = home.join("known.jsonl");
+        let remote: BTreeMap<String, Remote> =
+            remote.into_iter().filter(|(name, _)| is_inside(name)).collect();
         let mirror = Self {
             url: told,
             root,
@@ -106,7 +110,8 @@ impl Mirror {
             access,
             known: Mutex::new(known::read(&known_path)?),
             known_path,
-            remote: Mutex::new(remote.into_iter().filter(|(name, _)| is_inside(name)).collect()),
+            listed: Mutex::new(remote.keys().cloned().collect()),
+            remote: Mutex::new(remote),
             used: Mutex::default(),
             held_bytes: AtomicU64::new(0),
             bound_bytes,

@@ -1,5 +1,6 @@
 //! Puts what was made here: data first, then what names it, so that whoever reads meanwhile finds the old whole or the new.
 
+use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
@@ -18,6 +19,12 @@ const TOLD_BY: [&[&str]; 3] = [
     &["labels.json", "model.safetensors"],
     &["dataset.json"],
 ];
+
+/// From this rank on a file says that all of its folder is whole and of its config.
+const WHOLE_RANK: usize = 3;
+
+/// By these a stage knows that it may go on with what another call has left.
+const CONFIGS: [&str; 4] = ["gen.toml", "import.toml", "train.toml", "data.json"];
 
 /// Files of a lower rank are put before those of a higher.
 fn rank(name: &str) -> usize {
@@ -46,20 +53,43 @@ impl Mirror {
         if let Some(data) = by_rank.get(&0) {
             self.withdraw_what_tells(data)?;
         }
-        for names in by_rank.values() {
-            let puts = stream::iter(names).map(|name| self.put(name)).buffer_unordered(AT_ONCE);
-            runtime().block_on(puts.try_collect::<()>())?;
-        }
-        let gone: BTreeSet<String> = {
+        let mut gone: Vec<String> = {
             let remote = self.remote.lock().expect("no thread panics with it");
             let is_gone = |name: &&String| !is_lazy(name) && !files.contains_key(name.as_str());
             remote.keys().filter(is_gone).cloned().collect()
         };
-        let doomed = std::mem::take(&mut *self.doomed.lock().expect("no thread panics with it"));
-        for name in gone.union(&doomed).filter(|name| !files.contains_key(name.as_str())) {
+        // What tells of others goes before them.
+        gone.sort_by_key(|name| Reverse(rank(name)));
+        // What another config has left would be taken for that of the new one.
+        let is_other = self.has_other_config(by_rank.get(&1).map_or(&[], Vec::as_slice))?;
+        for name in gone.iter().filter(|name| is_other || rank(name) >= WHOLE_RANK) {
             self.delete(name)?;
         }
+        for names in by_rank.values() {
+            let puts = stream::iter(names).map(|name| self.put(name)).buffer_unordered(AT_ONCE);
+            runtime().block_on(puts.try_collect::<()>())?;
+        }
+        let doomed = std::mem::take(&mut *self.doomed.lock().expect("no thread panics with it"));
+        let is_there = |name: &str| self.remote.lock().expect("no thread panics with it").contains_key(name);
+        for name in gone.iter().chain(&doomed).filter(|name| !files.contains_key(name.as_str())) {
+            if is_there(name) {
+                self.delete(name)?;
+            }
+        }
         Ok(())
+    }
+
+    /// Whether one of these files is a config, and another one lies remotely.
+    fn has_other_config(&self, names: &[String]) -> Result<bool, StoreError> {
+        for name in names.iter().filter(|name| CONFIGS.contains(&name.as_str())) {
+            let found = runtime().block_on(self.bucket.look_up(name))?;
+            if let Some(found) = found
+                && found.sha256 != Some(sha256_of(&self.root.join(name))?)
+            {
+                return Ok(true);
+            }
+        }
+        Ok(false)
     }
 
     /// Puts one file.
@@ -108,10 +138,12 @@ impl Mirror {
         {
             return self.note(name, remote);
         }
-        // Episodes never change once written.
+        // Episodes never change once written; but those of an earlier call may be what nothing names, or to be replaced.
         let is_episode = name.starts_with("episodes/") && is_lazy(name);
-        let expected = if is_episode { Expected::Nothing } else { expected };
+        let is_old = self.listed.lock().expect("no thread panics with it").contains(name);
+        let expected = if is_episode && !is_old { Expected::Nothing } else { expected };
         let remote = self.bucket.put(name, content, &expected).await?;
+        self.listed.lock().expect("no thread panics with it").remove(name);
         self.note(name, &remote)
     }
 

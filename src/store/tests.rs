@@ -122,6 +122,39 @@ fn an_equal_episode_is_fine_and_another_one_is_not_replaced() {
 }
 
 #[test]
+fn an_episode_of_an_earlier_call_may_be_replaced() {
+    let (world, here, there) = (World::new(), machine(), machine());
+    let first = world.open(here.path(), Access::Write).unwrap();
+    make(&first, "episodes/a.mcap", "drive");
+    first.push_file("episodes/a.mcap").unwrap();
+    let second = world.open(there.path(), Access::Write).unwrap();
+    make(&second, "episodes/a.mcap", "other");
+    second.push_file("episodes/a.mcap").unwrap();
+    make(&second, "episodes/a.mcap", "once more");
+    assert!(matches!(second.push_file("episodes/a.mcap"), Err(StoreError::Taken { .. })));
+}
+
+#[test]
+fn nothing_of_another_config_is_left_where_a_push_of_a_new_one_fails() {
+    for changed in ["train.toml", "data.json"] {
+        let (world, here) = (World::new(), machine());
+        let mirror = world.open(here.path(), Access::Write).unwrap();
+        for name in ["train.toml", "data.json", "state/step-1/position.json", "model.safetensors"] {
+            make(&mirror, name, "first");
+        }
+        mirror.push().unwrap();
+        for name in ["state/step-1/position.json", "model.safetensors"] {
+            fs::remove_file(mirror.root.join(name)).unwrap();
+        }
+        make(&mirror, changed, "second");
+        make(&mirror, "state/step-2/position.json", "second");
+        world.put_by_others(changed, "third");
+        assert!(matches!(mirror.push(), Err(StoreError::Changed { .. })));
+        assert_eq!(world.names(), ["data.json", "train.toml"]);
+    }
+}
+
+#[test]
 fn one_process_of_a_machine_writes() {
     let (world, here) = (World::new(), machine());
     let writer = world.open(here.path(), Access::Write).unwrap();

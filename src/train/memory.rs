@@ -54,11 +54,10 @@ impl MemoryBound {
         Err(TrainError::TooLarge { held_mib, step_mib, most_mib: self.most_mib })
     }
 
-    /// The bytes that unpacked pictures may take, where `kept_bytes` of what the run has taken are such.
+    /// The bytes that unpacked pictures may take beside the rest of the run.
     #[must_use]
-    pub fn room_for_pictures(self, kept_bytes: usize) -> usize {
-        let rest_mib = peak_mib().unwrap_or_default() - kept_bytes as f64 / MIB;
-        (((1.0 - FREE_SHARE) * self.most_mib - rest_mib).max(0.0) * MIB) as usize
+    pub fn room_for_pictures(self, rest: &Rest) -> usize {
+        (((1.0 - FREE_SHARE) * self.most_mib - rest.most_mib).max(0.0) * MIB) as usize
     }
 
     /// Refuses to go on with a run that has gone beyond the bound.
@@ -75,6 +74,28 @@ impl MemoryBound {
     }
 }
 
+/// The most that a run took beside unpacked pictures, as far as its steps have shown.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Rest {
+    peak_mib: f64,
+    most_mib: f64,
+}
+
+impl Rest {
+    /// Looks at the memory while so many bytes of it are pictures. Only a new peak tells anything: an old one was reached
+    /// beside as many pictures as there were then.
+    pub fn look(&mut self, kept_bytes: usize) {
+        self.note(peak_mib().unwrap_or_default(), kept_bytes);
+    }
+
+    fn note(&mut self, peak_mib: f64, kept_bytes: usize) {
+        if peak_mib > self.peak_mib {
+            self.peak_mib = peak_mib;
+            self.most_mib = self.most_mib.max(peak_mib - kept_bytes as f64 / MIB);
+        }
+    }
+}
+
 #[cfg(all(test, target_os = "linux"))]
 mod tests {
     use super::*;
@@ -84,12 +105,27 @@ mod tests {
         let now = resident_mib().unwrap();
         let told = MemoryBound::new(now / 2.0).check().unwrap_err().to_string();
         assert!(told.contains("--max-memory"), "{told}");
-        assert_eq!(MemoryBound::new(now / 2.0).room_for_pictures(0), 0);
-        let wide = MemoryBound::new(1e6);
-        wide.check().unwrap();
-        let [none, some] = [0, 64 << 20].map(|kept_bytes| wide.room_for_pictures(kept_bytes));
-        // Other tests may take more between the two looks.
-        assert!(some > none + (32 << 20) || peak_mib().unwrap() > now + 16.0, "{none} and {some}");
+        let mut rest = Rest::default();
+        rest.look(0);
+        assert_eq!(MemoryBound::new(now / 2.0).room_for_pictures(&rest), 0);
+        MemoryBound::new(1e6).check().unwrap();
+    }
+
+    #[test]
+    fn the_room_for_pictures_is_what_the_rest_leaves_whenever_the_peak_was_reached() {
+        let bound = MemoryBound::new(1000.0);
+        let room_mib = |rest: &Rest| bound.room_for_pictures(rest) >> 20;
+        let mut rest = Rest::default();
+        rest.note(400.0, 0);
+        assert_eq!(room_mib(&rest), 550);
+        // Below the peak, more pictures show nothing of the rest.
+        rest.note(400.0, 300 << 20);
+        assert_eq!(room_mib(&rest), 550);
+        // Full, and a validation takes a little more; then they are forgotten.
+        rest.note(980.0, 550 << 20);
+        assert_eq!(room_mib(&rest), 520);
+        rest.note(980.0, 0);
+        assert_eq!(room_mib(&rest), 520);
     }
 
     #[test]

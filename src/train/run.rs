@@ -130,6 +130,7 @@ pub fn run(
     check_room(out, 2 * 4 * 4 * learner.detector().num_params() as u64)?;
     let mut history = History::read_until(out, plan.n_done(position))?;
     let mut steps = Steps::new(&plan, learned, config, devices);
+    steps.look_at_memory();
     let mut n_steps_now = 0;
     let mut epoch_loss = Mean::default();
     while position.stage < STAGES.len() {
@@ -184,6 +185,7 @@ pub fn run(
                 && (epoch + 1).is_multiple_of(config.validate_every_epochs);
             if let Some(data) = validation.filter(|_| is_due) {
                 let scores = validate(&learner.result(), data, inference_device, position.stage == 1)?;
+                steps.look_at_memory();
                 table.last_ap =
                     Some(scores.mean.map_or_else(|| "unknown".to_owned(), |ap| format!("{ap:.3}")));
                 history.scores.push(ScoreRow {
@@ -214,7 +216,8 @@ pub fn run(
                 state::save(out, n_done, position, &learner)?;
                 store::push(out)?;
             }
-            if is_asked {
+            // Of a stage's last step the state is saved below.
+            if is_asked && position.step < n_steps {
                 interrupt::check()?;
             }
             if let Some(grown) = grown.filter(|_| position.step < n_steps) {
@@ -228,6 +231,7 @@ pub fn run(
         stopwatch.save(out)?;
         state::save(out, plan.n_done(position), position, &learner)?;
         store::push(out)?;
+        interrupt::check()?;
     }
     stopwatch.save(out)?;
     let seen = SeenEpisodes::of(learned.episodes(), validation.map(SampleSource::episodes));

@@ -15,7 +15,7 @@ use super::disturb::disturb;
 use super::error::TrainError;
 use super::lanes::Lanes;
 use super::losses::{LossParts, losses};
-use super::memory::MemoryBound;
+use super::memory::{MemoryBound, Rest};
 use super::paste::paste;
 use super::picture::{draw_objects, picture_loss};
 use super::plan::{Plan, Position, STAGES};
@@ -38,6 +38,8 @@ pub struct Steps<'a> {
     lanes: Lanes,
     /// Pictures unpacked and resized.
     cache: Cache,
+    /// What else is in memory.
+    rest: Rest,
     /// Time spent on preparing inputs.
     pub loading: Duration,
 }
@@ -64,6 +66,7 @@ impl<'a> Steps<'a> {
             config,
             lanes: Lanes::new(devices),
             cache: Cache::new(config.cache_mib),
+            rest: Rest::default(),
             loading: Duration::ZERO,
         }
     }
@@ -73,9 +76,15 @@ impl<'a> Steps<'a> {
         self.cache.clear();
     }
 
+    /// Looks at what the run takes beside pictures: before its first step, and after what is none.
+    pub fn look_at_memory(&mut self) {
+        self.rest.look(self.cache.n_bytes());
+    }
+
     /// Keeps pictures only in what a bound leaves, now that steps have shown what else they take.
     pub fn keep_below(&mut self, bound: MemoryBound) {
-        let room = bound.room_for_pictures(self.cache.n_bytes());
+        self.look_at_memory();
+        let room = bound.room_for_pictures(&self.rest);
         self.cache.limit(room.min(self.config.cache_mib << 20));
     }
 

@@ -68,6 +68,11 @@ enum Said<Made> {
         place: usize,
         answer: Answer<Made>,
     },
+    /// No node did the task, however often it was tried; how the last one was lost.
+    Lost {
+        place: usize,
+        text: String,
+    },
 }
 
 /// As [`super::do_all`].
@@ -107,6 +112,10 @@ where
         match said {
             Said::Takes(n) => takes = n.max(1),
             Said::Told(text) => tracing::warn!("{text}"),
+            Said::Lost { place, text } => {
+                n_made += 1;
+                on_made(place, Err(TaskError::Lost(text)))?;
+            }
             Said::Answer { place, answer } => {
                 let made = match answer {
                     Answer::Tick => {
@@ -179,18 +188,20 @@ while True:
     print('a library talks')
     for task in reversed(two):
         answer(task, 'tick')
-        answer(task, {{'done': 10 * task['task']}})
+        answer(task, {{'done': 10 * task['task']}} if task['place'] else {{'failed': 'no road'}})
     say({{'takes': 1}}) if two[0]['place'] == 2 else None
     if two[0]['place'] == 2:
-        answer(json.loads(sys.stdin.readline()), {{'failed': 'no road'}})
+        place = json.loads(sys.stdin.readline())['place']
+        say({{'lost': {{'place': place, 'text': 'all nodes died'}}}})
         break
 "
         ));
         done.unwrap();
         assert_eq!(made.iter().map(|(place, _)| *place).collect::<Vec<_>>(), [1, 0, 3, 2, 4]);
         made.sort_by_key(|(place, _)| *place);
+        assert_eq!(made[0].1, Err(TaskError::Failed("no road".to_owned())));
         assert_eq!(made[3].1, Ok(30));
-        assert_eq!(made[4].1, Err(TaskError::Failed("no road".to_owned())));
+        assert_eq!(made[4].1, Err(TaskError::Lost("all nodes died".to_owned())));
         assert_eq!(n_ticks, 4);
     }
 

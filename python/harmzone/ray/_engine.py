@@ -134,11 +134,24 @@ class _Engine:
                 _write(self.folder, name, content, sha256)
             answer = outcome.answer
         except Exception as error:
-            # Ray's own errors and those of the node: after the last try they are the task's failure.
+            # Ray's own errors and those of the node, after the last try.
+            if self.is_lost(error):
+                text = f"given up after {1 + _MAX_RETRIES} tries: {_told(error)}"
+                self.n_ticks.pop(place, None)
+                self.say({"lost": {"place": place, "text": text}})
+                return
             answer = json.dumps({"failed": _told(error)})
         self.tick(place, _samples_of(answer))
         self.n_ticks.pop(place, None)
         self.answer(place, answer)
+
+    def is_lost(self, error: Exception) -> bool:
+        """Whether the process or the node died, so that the task itself may be fine."""
+        known = self.ray.exceptions
+        if isinstance(error, known.RayTaskError):
+            return isinstance(error.cause, _node.WorkerDiedError)
+        died = (known.WorkerCrashedError, known.NodeDiedError, known.OutOfMemoryError, known.ObjectLostError)
+        return isinstance(error, died)
 
     def tick(self, place: int, n_ticks: int) -> None:
         """Pass on the ticks that have not been told yet."""

@@ -86,11 +86,9 @@ impl LabelSet {
         found: &mut Found,
     ) {
         let Self { name, manifest: labels, .. } = self;
-        let other_name = (labels.set != *name)
-            .then(|| format!("labels.json calls it `{}`, and the folder `{name}`", labels.set));
         let other_data = (labels.dataset_config_sha256 != manifest.config_sha256)
             .then(|| "it belongs to a data set of another config".to_owned());
-        for what in [other_name, other_data, bad_zone].into_iter().flatten() {
+        for what in [other_data, bad_zone].into_iter().flatten() {
             found.add(name, Remark::fault(Aspect::Labels, "set", format!("{what}; {}", remedy(path, name))));
         }
         let known: BTreeSet<&str> = manifest.episodes.iter().map(|entry| entry.name.as_str()).collect();

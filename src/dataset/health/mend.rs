@@ -143,7 +143,19 @@ fn mend_episodes(
         })
         .collect::<io::Result<_>>()?;
     progress.finish();
+    let are_away = !states.is_empty() && states.iter().all(|state| matches!(state, State::Missing));
+    if are_away && unknown.is_empty() {
+        // What it says of splits and order stands nowhere else.
+        tracing::warn!(
+            "{} stays as it is: not one of its {} episodes is there; if they lie on another disk, attach it, else `harmzone gen` or \
+             `import` makes them again",
+            Manifest::FILE,
+            states.len()
+        );
+        return Ok(());
+    }
     let n_before = done.len();
+    let before: Vec<String> = manifest.episodes.iter().map(|entry| entry.name.clone()).collect();
     let mut kept = Vec::new();
     for (entry, state) in std::mem::take(&mut manifest.episodes).into_iter().zip(states) {
         match state {
@@ -190,6 +202,11 @@ fn mend_episodes(
     // Others than `gen` have an order of their own.
     if kept.iter().all(is_planned) {
         kept.sort_by_key(|entry| plans[&entry.name].0);
+    }
+    if !before.iter().all(|name| kept.iter().any(|entry| entry.name == *name)) {
+        let aside = free_name(path, &path.join(Manifest::FILE))?;
+        fs::copy(path.join(Manifest::FILE), &aside)?;
+        done.push(format!("kept {} as it was: {}", Manifest::FILE, aside.display()));
     }
     manifest.episodes = kept;
     Ok(manifest.write(path)?)
@@ -242,13 +259,18 @@ fn state_of(path: &Path, entry: &EpisodeEntry, maker: &Maker, plans: &Plans) -> 
 
 /// Moves a file out of the way, under a name that is free; returns where it is.
 fn set_aside(path: &Path, file: &Path) -> io::Result<PathBuf> {
+    let free = free_name(path, file)?;
+    fs::rename(file, &free)?;
+    Ok(free)
+}
+
+/// Where a file may lie that is set aside.
+fn free_name(path: &Path, file: &Path) -> io::Result<PathBuf> {
     let folder = path.join(SET_ASIDE);
     fs::create_dir_all(&folder)?;
     let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let names = std::iter::once(name.clone()).chain((2..).map(|n| format!("{name}.{n}")));
-    let free = names.map(|name| folder.join(name)).find(|path| !path.exists()).expect("names without end");
-    fs::rename(file, &free)?;
-    Ok(free)
+    Ok(names.map(|name| folder.join(name)).find(|path| !path.exists()).expect("names without end"))
 }
 
 #[cfg(test)]
@@ -270,7 +292,9 @@ mod tests {
         fs::write(path.join("episodes/x.mcap.partial"), "").unwrap();
         assert!(n_faults(path) > 0);
         let done = mend(path, &Silent).unwrap();
-        assert_eq!(done.len(), 2, "{done:?}");
+        assert_eq!(done.len(), 3, "{done:?}");
+        let kept = fs::read_to_string(path.join(SET_ASIDE).join(Manifest::FILE)).unwrap();
+        assert!(kept.contains(&before.episodes[1].name));
         let after = Manifest::read(path).unwrap();
         assert_eq!(after.episodes, [before.episodes[0].clone(), before.episodes[2].clone()]);
         assert_eq!(n_faults(path), 0);
@@ -295,6 +319,25 @@ mod tests {
         let done = mend(path, &Silent).unwrap();
         assert_eq!(Manifest::read(path).unwrap(), whole, "{done:?}");
         assert_eq!(n_faults(path), 0);
+    }
+
+    #[test]
+    fn episodes_that_are_elsewhere_and_a_config_of_others_lose_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path();
+        let whole = made::write(path, 3);
+        fs::rename(path.join("episodes"), path.join("away")).unwrap();
+        assert_eq!(mend(path, &Silent).unwrap(), [""; 0]);
+        fs::rename(path.join("away"), path.join("episodes")).unwrap();
+        assert_eq!((Manifest::read(path).unwrap(), n_faults(path)), (whole.clone(), 0));
+        let config = fs::read_to_string(path.join("gen.toml")).unwrap();
+        fs::write(path.join("gen.toml"), config.replacen("seed = ", "seed = 1", 1)).unwrap();
+        fs::remove_file(path.join(Manifest::FILE)).unwrap();
+        assert_eq!(mend(path, &Silent).unwrap(), [""; 0]);
+        assert!(whole.episodes.iter().all(|entry| path.join(&entry.file).is_file()));
+        fs::write(path.join("gen.toml"), config).unwrap();
+        mend(path, &Silent).unwrap();
+        assert_eq!(Manifest::read(path).unwrap(), whole);
     }
 
     #[test]

@@ -61,7 +61,12 @@ pub(super) fn rebuild(path: &Path) -> io::Result<Rebuilt> {
         manifest.generator_version.clone_from(&meta.generator_version);
     }
     manifest.episodes = made.into_iter().map(|(entry, _)| entry).collect();
+    let is_by_others = |file: &String| {
+        EpisodeReader::open(&path.join(file)).is_ok_and(|reader| !maker.has_made(reader.meta()))
+    };
+    let is_of_others = manifest.episodes.is_empty() && files.iter().any(is_by_others);
     let doubt = match maker {
+        _ if is_of_others => Some("the episodes that lie here are not of the config beside them"),
         Maker::Gen { .. } => None,
         Maker::Import { .. } => Some("the splits of imported drives stand in dataset.json alone"),
         Maker::Unknown => Some("there is no config of `gen` by which splits are planned"),

@@ -13,7 +13,7 @@ use serde::Serialize;
 pub use self::histogram::Histogram;
 pub use self::unfamiliar::{SpotCount, Unfamiliar};
 use super::split::labels_in_order;
-use super::{DatasetError, labels_of, read_labelled};
+use super::{DatasetError, each_labelled, labels_of};
 use crate::episode::manifest::{EpisodeEntry, HarmCounts, LabelCounts, LabelEntry, Manifest, ObjectCounts};
 use crate::episode::{EpisodeReader, Split};
 use crate::object::{Distribution, Harm, Kind, Object};
@@ -149,10 +149,11 @@ impl Statistics {
         let file = path.join(&entry.file);
         let mut of_episode = Self { n_bytes: store::size_of(&file)?, ..Self::default() };
         if let Some((set, labels)) = labels {
-            for (_, true_state, objects, _) in read_labelled(path, set, entry, labels)?.2 {
+            each_labelled(path, set, entry, labels, |_, (_, true_state, objects, _)| {
                 let objects = objects.iter().map(|object| (&object.truth, Some(object.harm)));
                 of_episode.add(&true_state, objects);
-            }
+                Ok(())
+            })?;
         } else {
             for sample in EpisodeReader::open_entry(path, entry)?.samples() {
                 let sample = sample?;

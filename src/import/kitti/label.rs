@@ -40,13 +40,11 @@ pub(super) fn read_tracking_labels(path: &Path) -> Result<Vec<LabelRow>, ImportE
     let lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
     let row = |(i, line): (usize, &str)| {
         let words = words(line);
-        let (frame, rest) =
-            (words.first().and_then(|word| word.parse().ok()), words.get(2..).unwrap_or_default());
-        let Some(frame) = frame else {
-            return Err(fault(path, i, "a frame's number, a track's number and a label are needed", line));
-        };
+        let fail = || fault(path, i, "a frame's number, a track's number and a label are needed", line);
+        let [frame, track, rest @ ..] = words.as_slice() else { return Err(fail()) };
+        let frame = frame.parse().map_err(|_| fail())?;
         // Regions have no track.
-        let id = match words[1] {
+        let id = match *track {
             "-1" => format!("region-{i}"),
             track => track.to_owned(),
         };
@@ -149,6 +147,18 @@ mod tests {
         let wanted = [21.0, -3.0, 0.75];
         assert!(center.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-9), "{center:?}");
         assert!(found.yaw_rad.abs() < 1e-9 && found.length_m == 4.0 && found.width_m == 1.6);
+    }
+
+    #[test]
+    fn a_tracking_file_that_is_cut_is_told_with_its_line() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("0000.txt");
+        for cut in ["15", "x 1 Car"] {
+            let whole = "0 1 Person 0.00 0 -1.57 1 2 3 4 1.5 1.6 4.0 3.0 1.65 20.0 0.1\n";
+            fs_err::write(&path, format!("{whole}{cut}")).unwrap();
+            let told = read_tracking_labels(&path).unwrap_err().to_string();
+            assert!(told.contains("line 2 is") && told.contains("track's number"), "{told}");
+        }
     }
 
     #[test]

@@ -16,21 +16,23 @@ pub(super) fn read_drive(drive: &Path, rig: &Rig) -> Result<Parts, ImportError> 
     let calibration = Calibration::read_raw(date)?;
     let clouds = drive.join("velodyne_points");
     let times_ns = read_stamps(&clouds.join("timestamps.txt"))?;
-    let frames: Vec<(String, u64)> =
-        times_ns.iter().enumerate().map(|(i, time_ns)| (format!("{i:010}"), *time_ns)).collect();
     let picture_stamps = drive.join(format!("image_0{FRONT}")).join("timestamps.txt");
     let picture_times_ns = read_stamps(&picture_stamps)?;
-    if picture_times_ns.len() != frames.len() {
+    let n_lines = times_ns.len();
+    if picture_times_ns.len() != n_lines {
         let message = format!(
-            "there are {} stamps of pictures and {} of clouds; as many are needed",
-            picture_times_ns.len(),
-            frames.len()
+            "there are {} stamps of pictures and {n_lines} of clouds; as many are needed",
+            picture_times_ns.len()
         );
         return Err(ImportError::at(&picture_stamps, message));
     }
+    // What was not recorded has an empty line, and its number no file.
+    let whole: Vec<(usize, u64, u64)> =
+        (0..n_lines).filter_map(|i| Some((i, times_ns[i]?, picture_times_ns[i]?))).collect();
     let oxts_times_ns = read_stamps(&drive.join("oxts/timestamps.txt"))?;
     let mut packets = Vec::with_capacity(oxts_times_ns.len());
-    for (i, time_ns) in oxts_times_ns.into_iter().enumerate() {
+    let stamped = oxts_times_ns.into_iter().enumerate().filter_map(|(i, time_ns)| Some((i, time_ns?)));
+    for (i, time_ns) in stamped {
         let path = drive.join("oxts/data").join(format!("{i:010}.txt"));
         let packet = Packet::parse(read_text(&path)?.trim(), &path)?;
         // A few drives have packets out of order; the odometry must rise.
@@ -40,24 +42,30 @@ pub(super) fn read_drive(drive: &Path, rig: &Rig) -> Result<Parts, ImportError> 
     }
     let tracklets = drive.join("tracklet_labels.xml");
     let annotated = if tracklets.is_file() {
-        Some(read_tracklets(&tracklets, &rig.ego_from_velo(&calibration), frames.len())?)
+        let mut by_line = read_tracklets(&tracklets, &rig.ego_from_velo(&calibration), n_lines)?;
+        let of_frame =
+            |(frame_idx, (i, ..)): (usize, &(usize, u64, u64))| Some((frame_idx, by_line.remove(i)?));
+        Some(whole.iter().enumerate().filter_map(of_frame).collect())
     } else {
         None
     };
+    let n_out = n_lines - whole.len();
+    let left_out =
+        format!("{n_out} of {n_lines}, which have no stamp of the cloud or the picture, are left out");
     Ok(Parts {
         path: drive.to_owned(),
         description: format!(
             "KITTI raw recording {}",
             drive.file_name().unwrap_or_default().to_string_lossy()
         ),
-        frames,
+        frames: whole.iter().map(|(i, time_ns, _)| (format!("{i:010}"), *time_ns)).collect(),
         clouds: clouds.join("data"),
         pictures: |parts, number| pictures(parts, number),
-        picture_times_ns,
+        picture_times_ns: whole.iter().map(|(.., time_ns)| *time_ns).collect(),
         calibration,
         packets,
         annotated,
-        methods: Vec::new(),
+        methods: (n_out > 0).then_some(("frames", left_out)).into_iter().collect(),
     })
 }
 
@@ -85,14 +93,17 @@ pub(super) fn find_drives(source: &Path) -> Vec<PathBuf> {
     drives
 }
 
-/// One stamp a line: `2011-09-26 13:02:25.964389445`.
-fn read_stamps(path: &Path) -> Result<Vec<u64>, ImportError> {
+/// One stamp a line: `2011-09-26 13:02:25.964389445`; `None` for an empty line before the last stamp.
+fn read_stamps(path: &Path) -> Result<Vec<Option<u64>>, ImportError> {
     let text = read_text(path)?;
-    let lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
     let fail = |line: &str| {
         ImportError::at(path, format!("a stamp is `{line}`; `2011-09-26 13:02:25.964389445` would be valid"))
     };
-    lines.map(|line| parse_stamp(line).ok_or_else(|| fail(line))).collect()
+    let stamp = |line: &str| match line.trim() {
+        "" => Ok(None),
+        line => parse_stamp(line).map(Some).ok_or_else(|| fail(line)),
+    };
+    text.trim_end().lines().map(stamp).collect()
 }
 
 /// Nanoseconds since 1970.

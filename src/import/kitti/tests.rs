@@ -93,6 +93,30 @@ fn a_raw_recording_without_tracklets_is_unlabelled_and_keeps_its_stamps() {
 }
 
 #[test]
+fn frames_without_a_stamp_are_left_out_and_the_others_keep_their_files() {
+    let root = tempfile::tempdir().unwrap();
+    let (source, out) = (root.path().join("kitti"), root.path().join("out"));
+    raw_drive(&source, 5);
+    let drive = source.join("2011_09_26/2011_09_26_drive_0001_sync");
+    // As in the download of drive 0009: a line is empty, and its number has no file.
+    for (folder, suffix, number) in [("velodyne_points", "bin", 1), ("oxts", "txt", 3)] {
+        let path = drive.join(folder).join("timestamps.txt");
+        let text = fs::read_to_string(&path).unwrap();
+        let lines = text.lines().enumerate().map(|(i, line)| if i == number { "" } else { line });
+        fs::write(&path, lines.collect::<Vec<_>>().join("\n") + "\n\n").unwrap();
+        fs::remove_file(drive.join(format!("{folder}/data/{number:010}.{suffix}"))).unwrap();
+    }
+    import(&source, &out, &[], &options()).unwrap();
+    let reader = episode(&out, "kitti-2011_09_26_drive_0001_sync");
+    let tenths: Vec<u64> = reader.times_ns().iter().map(|time_ns| time_ns / 100_000_000 % 10).collect();
+    assert_eq!(tenths, [0, 2, 3, 4]);
+    let log = reader.log().unwrap();
+    assert!(log.methods["frames"].starts_with("1 of 5"), "{:?}", log.methods);
+    let names: Vec<&str> = log.sample_names.values().map(String::as_str).collect();
+    assert_eq!(names, ["0000000000", "0000000002", "0000000003", "0000000004"]);
+}
+
+#[test]
 fn an_import_goes_on_where_it_stopped_and_takes_further_drives() {
     let root = tempfile::tempdir().unwrap();
     let (source, out) = (root.path().join("kitti"), root.path().join("out"));

@@ -298,11 +298,11 @@ impl<'a> Cloud<'a> {
             }
         };
         let (first_s, last_s, stamp_s) = (first * unit_s, last * unit_s, stamp_ns as f64 * 1e-9);
+        // A stamp on the points' clock lies in the turn or close by; further away, the clocks differ.
+        let margin_s = (last_s - first_s) / 2.0;
         let origin = if first_s.abs() <= LONGEST_OFFSET_S && last_s.abs() <= LONGEST_OFFSET_S {
             TimeOrigin::Stamp
-        } else if (first_s - stamp_s).abs() <= LONGEST_OFFSET_S
-            && (last_s - stamp_s).abs() <= LONGEST_OFFSET_S
-        {
+        } else if (first_s - margin_s..=last_s + margin_s).contains(&stamp_s) {
             TimeOrigin::Epoch
         } else {
             told.push(format!(

@@ -13,6 +13,7 @@ use super::timeline::{BagTimeline, MessageTrack, Stamped, Topics};
 use super::{cdr::Value, images};
 use crate::config::Checked;
 use crate::geometry::Transform;
+use crate::import::motion::Motion;
 use crate::import::{Drive, DriveFacts, ImportError, Notes, Odometry, RawCamera, RawFrame, Series};
 
 /// Clouds that are looked at to find how their points count times and rings.
@@ -89,6 +90,7 @@ impl Ros2Drive {
             tolerance_ns: (tolerance_s * 1e9) as u64,
         };
         drive.choose_samples(notes)?;
+        drive.check_objects()?;
         drive.find_habits(notes)?;
         if !drive.mapping.camera.topic.is_empty() {
             let calibration = drive.calibration(drive.times_ns[0])?;
@@ -142,6 +144,41 @@ impl Ros2Drive {
         self.times_ns = kept.iter().map(|cloud| cloud.stamp_ns).collect();
         self.clouds = kept;
         Ok(())
+    }
+
+    /// Some cloud must have boxes near it, if boxes are asked for; those of key frames alone will do.
+    fn check_objects(&self) -> Result<(), ImportError> {
+        let name = &self.mapping.objects.topic;
+        let has_boxes = |time_ns: &u64| self.objects_at(*time_ns).is_some();
+        if name.is_empty() || self.times_ns.iter().any(has_boxes) {
+            return Ok(());
+        }
+        let topic = self.bag.topic("objects.topic", name)?;
+        self.nearest(&self.timeline.objects, topic, self.times_ns[0]).map(|_| ())
+    }
+
+    /// The message of boxes of a cloud.
+    fn objects_at(&self, time_ns: u64) -> Option<Stamped> {
+        let found = self.timeline.objects.nearest(time_ns)?;
+        (found.stamp_ns.abs_diff(time_ns) <= self.tolerance_ns).then_some(found)
+    }
+
+    /// How far the ego moved from one time to another; nothing where poses lack.
+    fn ego_from_ego(&self, to_ns: u64, from_ns: u64) -> Isometry3<f64> {
+        let (odometry, tolerance_ns) = (&self.odometry, self.tolerance_ns);
+        let motion = Motion { odometry, tolerance_ns, smoothing_ns: tolerance_ns };
+        match (motion.pose_at(to_ns), motion.pose_at(from_ns)) {
+            (Some(to), Some(from)) if to_ns != from_ns => to.isometry.inverse() * from.isometry,
+            _ => Isometry3::identity(),
+        }
+    }
+
+    /// Where a frame of a message of another time is at a cloud's: one that is fixed to the car was elsewhere then.
+    fn ego_from(&self, frame: &str, cloud_ns: u64, message_ns: u64) -> Result<Isometry3<f64>, String> {
+        let base_from_frame = self.base_from(frame, cloud_ns)?;
+        let is_fixed = self.base_from(frame, message_ns).is_ok_and(|then| then == base_from_frame);
+        let moved = if is_fixed { self.ego_from_ego(cloud_ns, message_ns) } else { Isometry3::identity() };
+        Ok(moved * self.ego_from_base * base_from_frame)
     }
 
     /// Looks at the first cloud with points.
@@ -248,7 +285,12 @@ impl Ros2Drive {
         Ok(Some(RawCamera {
             name: "cam_front".into(),
             time_ns: picture.stamp_ns,
-            ego_from_camera: Transform::from_isometry(self.ego_from_base * base_from_camera * rectified_axes),
+            ego_from_camera: Transform::from_isometry(
+                self.ego_from_ego(time_ns, picture.stamp_ns)
+                    * self.ego_from_base
+                    * base_from_camera
+                    * rectified_axes,
+            ),
             size_px: calibration.size_px,
             k: calibration.k,
             distortion: calibration.distortion,
@@ -288,17 +330,19 @@ impl Drive for Ros2Drive {
             Ok((frame, cloud.points(&self.habits, stamp_ns)))
         })?;
         let base_from_lidar = self.base_from(&frame, stamp_ns).map_err(|why| self.told(why))?;
-        let camera = self.camera(stamp_ns, notes)?;
         let name = &self.mapping.objects.topic;
-        let objects = if name.is_empty() {
-            None
-        } else {
-            let topic = self.bag.topic("objects.topic", name)?;
-            let message = self.nearest(&self.timeline.objects, topic, stamp_ns)?;
-            Some(self.bag.read(topic, message.place, |message| {
-                objects::objects(message, |frame| Ok(self.ego_from_base * self.base_from(frame, stamp_ns)?))
-            })?)
+        let objects = match self.objects_at(stamp_ns).filter(|_| !name.is_empty()) {
+            None => None,
+            Some(Stamped { stamp_ns: message_ns, place }) => {
+                let topic = self.bag.topic("objects.topic", name)?;
+                Some(self.bag.read(topic, place, |message| {
+                    objects::objects(message, |frame| self.ego_from(frame, stamp_ns, message_ns))
+                })?)
+            }
         };
+        // A sample without boxes in a drive that has some is left out.
+        let is_wanted = name.is_empty() || objects.is_some();
+        let camera = if is_wanted { self.camera(stamp_ns, notes)? } else { None };
         Ok(RawFrame {
             ego_from_lidar: Transform::from_isometry(self.ego_from_base * base_from_lidar),
             points,

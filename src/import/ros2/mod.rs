@@ -55,9 +55,20 @@ impl Ros2Log {
         stamp_tolerance_s: f64,
     ) -> Result<Self, ImportError> {
         let mapping = mapping.map(Checked::new).transpose()?;
-        let mut bags = BTreeMap::new();
+        let mut bags: BTreeMap<String, PathBuf> = BTreeMap::new();
         for bag in container::bags_under(path)? {
-            bags.insert(drive_name(&bag), bag);
+            let name = drive_name(&bag);
+            if let Some(other) = bags.get(&name) {
+                return Err(ImportError::at(
+                    path,
+                    format!(
+                        "two bags would be drives of the name `{name}`: {} and {}; name them apart, or import one at a time",
+                        other.display(),
+                        bag.display()
+                    ),
+                ));
+            }
+            bags.insert(name, bag);
         }
         let drives = bags.keys().cloned().collect();
         Ok(Self { bags, drives, mapping, stamp_tolerance_s })

@@ -35,6 +35,11 @@ pub enum ViewError {
     NoEpisode { episode: String, found: Vec<String>, path: PathBuf },
     #[error("no label set `{set}`, found {found:?}; `harmzone label {}` makes labels: {}", path.display(), path.display())]
     NoLabels { set: String, found: Vec<String>, path: PathBuf },
+    #[error(
+        "episode `{episode}` has no labels in set `{set}`; `harmzone label {} --labels {set}` makes them",
+        path.display()
+    )]
+    NotLabelled { episode: String, set: String, path: PathBuf },
     #[error("no predictions for episode `{episode}`; {wanted:?} is needed here; `harmzone predict RUN --data DIR` writes it: {}", path.display())]
     NoPredictions { episode: String, wanted: String, path: PathBuf },
     #[error("no labels or predictions at this sample's time ({time_ns} ns): {}", path.display())]
@@ -152,16 +157,27 @@ fn read(
     entry: &EpisodeEntry,
     sample_idx: usize,
 ) -> Result<Drawn, ViewError> {
-    let Some(set) = label_set.or_else(|| default_set(dataset)) else {
+    let Some(set) = label_set.or_else(|| default_set(dataset, entry)) else {
         return Ok((EpisodeReader::open_entry(dataset, entry)?.sample(sample_idx)?, None, None));
     };
     let LabelledView { sample, harms, zone } = LabelledView::read(dataset, set, entry, sample_idx)?;
     Ok((sample, Some(harms), Some(zone)))
 }
 
-/// The label set that is drawn where none is named, if it is there.
-fn default_set(dataset: &Path) -> Option<&'static str> {
-    LabelManifest::folder(dataset, DEFAULT_SET).join(LabelManifest::FILE).is_file().then_some(DEFAULT_SET)
+/// The label set that is drawn where none is named, if it is there; not for an episode that came after it.
+fn default_set(dataset: &Path, entry: &EpisodeEntry) -> Option<&'static str> {
+    let folder = LabelManifest::folder(dataset, DEFAULT_SET);
+    let is_named = || match LabelManifest::read(dataset, DEFAULT_SET) {
+        Ok(labels) => labels.episodes.iter().any(|label| label.name == entry.name),
+        // Who reads it will tell.
+        Err(_) => true,
+    };
+    let is_there = folder.join(LabelManifest::FILE).is_file();
+    (is_there && (store::is_there(&label_file(&folder, entry)) || is_named())).then_some(DEFAULT_SET)
+}
+
+fn label_file(set: &Path, entry: &EpisodeEntry) -> PathBuf {
+    set.join(format!("{}.mcap", entry.name))
 }
 
 /// The labels of an episode, by a set or by the default one; `None` where none is named and that is not there.
@@ -170,7 +186,7 @@ pub(super) fn label_reader(
     label_set: Option<&str>,
     entry: &EpisodeEntry,
 ) -> Result<Option<LabelReader>, ViewError> {
-    label_set.or_else(|| default_set(dataset)).map(|set| labels_of(dataset, set, entry)).transpose()
+    label_set.or_else(|| default_set(dataset, entry)).map(|set| labels_of(dataset, set, entry)).transpose()
 }
 
 /// The labels of an episode by a set.
@@ -180,7 +196,12 @@ fn labels_of(dataset: &Path, label_set: &str, entry: &EpisodeEntry) -> Result<La
         let (set, path) = (label_set.to_owned(), dataset.to_owned());
         return Err(ViewError::NoLabels { set, found: label_sets(dataset), path });
     }
-    let reader = LabelReader::open(&folder.join(format!("{}.mcap", entry.name)))?;
+    let file = label_file(&folder, entry);
+    if !store::is_there(&file) {
+        let (episode, set, path) = (entry.name.clone(), label_set.to_owned(), dataset.to_owned());
+        return Err(ViewError::NotLabelled { episode, set, path });
+    }
+    let reader = LabelReader::open(&file)?;
     reader.check_episode(&entry.sha256)?;
     Ok(reader)
 }

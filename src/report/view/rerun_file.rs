@@ -3,7 +3,7 @@
 //! Rerun's own crate would add more crates to the build than harmzone has dependencies; its Python package is one wheel. The process is
 //! told each sample in a line of JSON and the bytes of picture and points after it (`python/harmzone/_rerun.py`).
 
-use std::io::Write;
+use std::io::{ErrorKind, Write};
 use std::path::Path;
 
 use fs_err as fs;
@@ -42,9 +42,19 @@ pub fn write_episode_rrd(
     let mut process = RerunProcess::start(&partial)?;
     progress.start("record", view.n_samples() as u64);
     let told = tell(view, process.input(), progress);
-    // What it says tells more than that it no longer reads.
-    process.finish()?;
-    told?;
+    match told {
+        // What it says tells more than that it no longer reads.
+        Err(ViewError::Io(error)) if error.kind() == ErrorKind::BrokenPipe => {
+            process.finish()?;
+            return Err(error.into());
+        }
+        Err(error) => {
+            // It was not told all, and what it says of that is no news.
+            let _ = process.finish();
+            return Err(error);
+        }
+        Ok(()) => process.finish()?,
+    }
     progress.finish();
     fs::rename(&partial, out)?;
     partial.disable_cleanup(true);
