@@ -17,6 +17,9 @@ const SMALLEST: [&str; 11] =
 const EIO: i32 = 5;
 const ENOSPC: i32 = 28;
 
+/// A line is printed at each of so many calls.
+const PROGRESS_CALLS: u64 = 50;
+
 /// What came of one stage.
 #[derive(Default, Debug)]
 struct Outcome {
@@ -132,6 +135,10 @@ fn fail(most: Option<usize>, errnos: &[i32]) -> Vec<(&'static str, Outcome)> {
         let step = most.map_or(1, |most| (outcome.n_calls as usize / most).max(1));
         for &errno in errnos {
             for number in (0..outcome.n_calls).step_by(step) {
+                // Of hours of work somebody wants to know how far it is.
+                if number % PROGRESS_CALLS == 0 {
+                    println!("{name}: error {errno} at call {number} of {}", outcome.n_calls);
+                }
                 let fault = Fault::Call { number, errno };
                 check(&words, home.path(), &before, &after, fault, &mut outcome);
             }
