@@ -81,7 +81,9 @@ impl Mirror {
 
     /// Whether one of these files is a config, and another one lies remotely.
     fn has_other_config(&self, names: &[String]) -> Result<bool, StoreError> {
-        for name in names.iter().filter(|name| CONFIGS.contains(&name.as_str())) {
+        let remote = self.remote.lock().expect("no thread panics with it").clone();
+        let is_there = |name: &&String| CONFIGS.contains(&name.as_str()) && remote.contains_key(*name);
+        for name in names.iter().filter(is_there) {
             let found = runtime().block_on(self.bucket.look_up(name))?;
             if let Some(found) = found
                 && found.sha256 != Some(sha256_of(&self.root.join(name))?)

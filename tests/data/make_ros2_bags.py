@@ -86,7 +86,7 @@ def plain(out):
         bag.add("/camera/front/camera_info", "sensor_msgs/msg/CameraInfo", info, image_ns + 5_000_000)
         message, boxes = boxes_message(time_ns)
         bag.add("/boxes", "vision_msgs/msg/Detection3DArray", message, time_ns + 120_000_000)
-        expected.append(sample_of(time_ns, scan, K, BASE_FROM_OPTICAL, boxes))
+        expected.append(sample_of(time_ns, scan, K, BASE_FROM_OPTICAL, image_ns, boxes))
     bag.close()
     return {
         "samples": expected,
@@ -162,7 +162,7 @@ def odd(out):
             image_ns, "/camera", raw_k, model="rational_polynomial", d=[0.1] * 8, p=p.reshape(-1)
         )
         bag.add("/cam/camera_info", "sensor_msgs/msg/CameraInfo", info, image_ns)
-        expected.append(sample_of(time_ns, scan, K, BASE_FROM_OPTICAL, None))
+        expected.append(sample_of(time_ns, scan, K, BASE_FROM_OPTICAL, image_ns, None))
     bag.close(n_files=2)
     steering_rad = float(np.arctan(WHEELBASE_M / RADIUS_M))
     return {

@@ -99,12 +99,14 @@ def add_status(bag):
     return np.radians(wheel_deg / 15)
 
 
-def sample_of(time_ns, scan, k, base_from_optical, boxes):
+def sample_of(time_ns, scan, k, base_from_optical, image_ns, boxes):
+    """`image_ns`: of the picture, whose camera is where the car was then."""
+    base_from_base = np.linalg.inv(world_from_base(time_ns)) @ world_from_base(image_ns)
     return {
         "time_ns": time_ns,
         "world_from_ego": (world_from_base(time_ns) @ np.linalg.inv(EGO_FROM_BASE)).tolist(),
         "ego_from_lidar": (EGO_FROM_BASE @ BASE_FROM_LIDAR).tolist(),
-        "ego_from_camera": (EGO_FROM_BASE @ base_from_optical).tolist(),
+        "ego_from_camera": (EGO_FROM_BASE @ base_from_base @ base_from_optical).tolist(),
         "k": k.tolist(),
         "points": [
             [*np.round(at, 6).tolist(), float(intensity), int(ring)]
