@@ -14,6 +14,9 @@ define_config! {
         seconds: f64 = 30.0, in from_to(1.0, 3600.0);
         /// An episode ends where the ego has stood so long because perception told it to.
         standing_s: f64 = 4.0, in from_to(0.1, 3600.0);
+        /// What moves is truly harmful, too, where it and the ego would meet within so long if both kept their motion, seconds;
+        /// for every driver alike.
+        met_within_s: f64 = 2.0, in from_to(0.0, 10.0);
         /// Longest wait for an answer of an external detector, seconds of the wall clock; ten times as long for its first.
         reply_s: f64 = 30.0, in from_to(0.01, 3600.0);
         reflex: ReflexConfig = ReflexConfig::default(), in part::<ReflexConfig>();

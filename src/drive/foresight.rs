@@ -23,6 +23,14 @@ pub(super) struct ForesightAt {
 }
 
 impl Foresight {
+    /// What is true does not depend on how a driver reacts: the horizon is given, the rest is the default's.
+    ///
+    /// # Errors
+    /// The horizon is not valid.
+    pub fn of_truth(horizon_s: f64) -> Result<Self, ZoneError> {
+        Self::new(&ReflexConfig { foresight_s: horizon_s, ..ReflexConfig::default() })
+    }
+
     /// # Errors
     /// The config is not valid.
     pub fn new(config: &ReflexConfig) -> Result<Self, ZoneError> {

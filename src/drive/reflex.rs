@@ -11,7 +11,7 @@ use nalgebra::{Vector2, Vector3};
 
 use super::config::ReflexConfig;
 use super::foresight::{Foresight, ForesightAt};
-use super::tracks::{Sample, Seen, Track};
+use super::tracks::{Sample, Seen, Track, apart_m};
 use crate::geometry::{Box3, Ego, Point, Transform, World};
 use crate::object::{Detection, Harm};
 use crate::sample::EgoState;
@@ -121,6 +121,7 @@ impl Reflex {
     ) -> Result<(), ZoneError> {
         let ego_from_world = world_from_ego.inverse();
         let n_confirming = self.config.n_confirming as usize;
+        let mut confirmed = Vec::new();
         for i in 0..sample.seen.len() {
             let seen = sample.seen[i];
             let track = Track::of(&sample, i, self.history.iter(), &self.config);
@@ -145,17 +146,44 @@ impl Reflex {
                 sample.seen[i].meets = met.is_some();
                 met.filter(|_| is_confirmed).map(|met| met.in_frame(world_from_ego))
             };
-            let Some(at) = hazard_at else { continue };
-            let hazard =
-                Hazard { at, confirmed_s: sample.due_s, n_confirmed: 1, stands: seen.is_harmful && !moves };
-            match self.hazards.iter_mut().find(|known| self.config.is_same(&known.at, &at)) {
-                Some(known) => *known = Hazard { n_confirmed: known.n_confirmed + 1, ..hazard },
-                None => self.hazards.push(hazard),
-            }
+            confirmed.extend(hazard_at.map(|at| Hazard {
+                at,
+                confirmed_s: sample.due_s,
+                n_confirmed: 1,
+                stands: seen.is_harmful && !moves,
+            }));
         }
+        self.remember(confirmed);
         self.history.push_front(sample);
         self.history.truncate(self.config.n_samples as usize - 1);
         Ok(())
+    }
+
+    /// Each hazard of a sample takes the place of one that is known from before, the nearest pairs first; the others are new.
+    fn remember(&mut self, confirmed: Vec<Hazard>) {
+        let mut pairs = Vec::new();
+        for (i, hazard) in confirmed.iter().enumerate() {
+            for (j, known) in self.hazards.iter().enumerate() {
+                if self.config.is_same(&known.at, &hazard.at) {
+                    pairs.push((apart_m(&known.at, &hazard.at), i, j));
+                }
+            }
+        }
+        pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let (mut is_taken, mut known_as) = (vec![false; self.hazards.len()], vec![None; confirmed.len()]);
+        for (_, i, j) in pairs {
+            if known_as[i].is_none() && !is_taken[j] {
+                (known_as[i], is_taken[j]) = (Some(j), true);
+            }
+        }
+        for (mut hazard, known_as) in confirmed.into_iter().zip(known_as) {
+            if let Some(j) = known_as {
+                hazard.n_confirmed += self.hazards[j].n_confirmed;
+                self.hazards[j] = hazard;
+            } else {
+                self.hazards.push(hazard);
+            }
+        }
     }
 
     /// How many of the samples before show a harmful box here.
@@ -290,6 +318,37 @@ mod tests {
             // Passed, it is.
             assert_eq!(reflex.orders(4.05, &at(26.0), &STATE).unwrap().braking_mps2, None);
         }
+    }
+
+    #[test]
+    fn of_two_that_stand_close_together_the_nearer_one_brakes_whichever_is_told_last() {
+        for gaps_m in [[19.0, 21.0], [21.0, 19.0]] {
+            let mut reflex = reflex(ReflexConfig::default());
+            for i in 0..4 {
+                let time_s = 0.3 * f64::from(i);
+                reflex.see(time_s, &at(0.0), &gaps_m.map(|gap_m| crate_at(gap_m, Harm::Harmful, 0.9)));
+                let braking_mps2 = reflex.orders(time_s, &at(0.0), &STATE).unwrap().braking_mps2;
+                // 100 / (2 (19 - 2)).
+                assert!(i == 0 || (braking_mps2.unwrap() - 100.0 / 34.0).abs() < 1e-9, "{braking_mps2:?}");
+            }
+            let of_each: Vec<u32> = reflex.hazards.iter().map(|hazard| hazard.n_confirmed).collect();
+            assert_eq!(of_each, [3, 3], "each sample confirms each of the two once");
+        }
+    }
+
+    #[test]
+    fn a_second_box_of_one_thing_does_not_take_its_place() {
+        let mut reflex = reflex(ReflexConfig::default());
+        for (i, gaps_m) in [&[20.0][..], &[20.0], &[20.0, 22.0], &[20.0]].into_iter().enumerate() {
+            let time_s = 0.3 * i as f64;
+            let found: Vec<Detection> =
+                gaps_m.iter().map(|&gap_m| crate_at(gap_m, Harm::Harmful, 0.9)).collect();
+            reflex.see(time_s, &at(0.0), &found);
+            let braking_mps2 = reflex.orders(time_s, &at(0.0), &STATE).unwrap().braking_mps2;
+            assert!(i == 0 || (braking_mps2.unwrap() - 100.0 / 36.0).abs() < 1e-9, "{braking_mps2:?}");
+        }
+        let first = &reflex.hazards[0];
+        assert_eq!(first.n_confirmed, 3);
     }
 
     #[test]

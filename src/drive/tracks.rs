@@ -99,7 +99,8 @@ impl ReflexConfig {
     }
 }
 
-fn apart_m(a: &Box3<World>, b: &Box3<World>) -> f64 {
+/// Between the centres of two boxes on the ground.
+pub(super) fn apart_m(a: &Box3<World>, b: &Box3<World>) -> f64 {
     (a.center.x() - b.center.x()).hypot(a.center.y() - b.center.y())
 }
 

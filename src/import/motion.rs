@@ -63,6 +63,15 @@ impl Motion<'_> {
         Transform::from_isometry(between(&from.isometry, &to.isometry, share))
     }
 
+    /// Moves what is in the ego frame of one time into that of another, since the car goes on between a sample and a picture;
+    /// the identity where either pose is not known.
+    pub(super) fn ego_from_ego(&self, to_ns: u64, from_ns: u64) -> Transform<Ego, Ego> {
+        match (self.pose_at(to_ns), self.pose_at(from_ns)) {
+            (Some(to), Some(from)) if to_ns != from_ns => to.inverse() * from,
+            _ => Transform::from_isometry(Isometry3::identity()),
+        }
+    }
+
     /// Whether there are poses at all.
     pub(super) fn has_poses(&self) -> bool {
         !self.odometry.poses.is_empty()

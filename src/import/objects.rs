@@ -4,9 +4,21 @@ use std::path::Path;
 
 use super::config::{CategoryRule, CheckedImport};
 use super::{ImportError, RawObject};
-use crate::geometry::{Ego, Lidar, Point, Transform};
+use crate::geometry::{Box3, Ego, Lidar, Point, Transform};
 use crate::object::{Event, Object};
 use crate::sample::{IgnoredRegion, LidarPoint, Truth};
+
+/// What stands less above or below the ego's plane is taken to stand on it.
+const LEVEL_M: f64 = 1.0;
+/// Around a box its ground is looked for, so far beyond its half diagonal ..
+const AROUND_M: f64 = 2.5;
+/// .. and so far outside of it, since boxes are drawn tight ..
+const BODY_M: f64 = 0.1;
+/// .. by so many points, of which this share lies lower ..
+const MIN_POINTS: usize = 5;
+const LOW_SHARE: f64 = 0.1;
+/// .. and a road to it is at most so steep.
+const MAX_GRADE: f64 = 0.25;
 
 /// Makes the truth of a sample; objects of ignored categories become ignored ground.
 ///
@@ -47,21 +59,46 @@ pub(super) fn truth_of(
     Ok(Truth { objects: kept, ignored, ego_state: None })
 }
 
-/// Counts the points in each object's box.
-pub(super) fn count_points(truth: &mut Truth, ego_from_lidar: &Transform<Ego, Lidar>, points: &[LidarPoint]) {
+/// Finds what the cloud says of each object: the points in its box, and, where it stands well above or below the ego's plane, how
+/// high it is above the ground around it. Else a car uphill would count as one that hangs above the road.
+pub(super) fn look_at_cloud(
+    truth: &mut Truth,
+    ego_from_lidar: &Transform<Ego, Lidar>,
+    points: &[LidarPoint],
+) {
     let points: Vec<Point<Ego>> = points
         .iter()
         .map(|point| *ego_from_lidar * Point::new(point.x_m.into(), point.y_m.into(), point.z_m.into()))
         .collect();
     for object in &mut truth.objects {
-        object.n_lidar_points = Some(object.box_in_ego.count_inside(&points));
+        let of = &object.box_in_ego;
+        object.n_lidar_points = Some(of.count_inside(&points));
+        let bottom_m = of.center.z() - of.height_m / 2.0;
+        if bottom_m.abs() > LEVEL_M {
+            object.clearance_m = ground_m(of, &points).map(|ground_m| (bottom_m - ground_m).max(0.0));
+        }
     }
+}
+
+/// The height of the lowest points around a box; `None` where there are too few, or they cannot be the ground.
+fn ground_m(of: &Box3<Ego>, points: &[Point<Ego>]) -> Option<f64> {
+    let reach_m = of.length_m.hypot(of.width_m) / 2.0 + AROUND_M;
+    let is_around = |point: &&Point<Ego>| {
+        (point.x() - of.center.x()).hypot(point.y() - of.center.y()) < reach_m && !of.contains(point, BODY_M)
+    };
+    let mut heights_m: Vec<f64> = points.iter().filter(is_around).map(Point::z).collect();
+    if heights_m.len() < MIN_POINTS {
+        return None;
+    }
+    let low = (heights_m.len() as f64 * LOW_SHARE) as usize;
+    let ground_m = *heights_m.select_nth_unstable_by(low, f64::total_cmp).1;
+    let steepest_m = of.center.x().hypot(of.center.y()) * MAX_GRADE;
+    (ground_m.abs() <= steepest_m).then_some(ground_m)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Box3;
     use crate::import::{ImportConfig, LogFormat};
 
     fn object(category: &str) -> RawObject {
@@ -94,7 +131,39 @@ mod tests {
         let at = |x_m, y_m| LidarPoint { x_m, y_m, z_m: -1.0, intensity: 0.0, ring: 0 };
         // The box's front left corner lies at about (11.28, 1.84), so (11.9, 0.5) is inside only because it is turned.
         let points = [at(10.0, 0.0), at(11.0, 0.9), at(11.9, -0.3), at(30.0, 0.0)];
-        count_points(&mut truth, &Transform::from_xyz_yaw(0.0, 0.0, 1.8, 0.0), &points);
+        look_at_cloud(&mut truth, &Transform::from_xyz_yaw(0.0, 0.0, 1.8, 0.0), &points);
         assert_eq!(truth.objects[0].n_lidar_points, Some(2));
+    }
+
+    #[test]
+    fn a_car_uphill_stands_on_the_road_and_a_gantry_hangs_above_it() {
+        let uphill = |bottom_m: f64, ground_m: Option<f32>| {
+            let mut truth = truth("Car", &[]).unwrap();
+            let of = &mut truth.objects[0].box_in_ego;
+            of.center = Point::new(40.0, 0.0, bottom_m + of.height_m / 2.0);
+            // The road before the car, and its own points.
+            let road = (0..8).map(|i| (36.0, 0.3 * i as f32 - 1.0)).filter_map(|(x_m, y_m)| {
+                Some(LidarPoint { x_m, y_m, z_m: ground_m?, intensity: 0.0, ring: 0 })
+            });
+            let body = (0..20).map(|i| LidarPoint {
+                x_m: 40.0,
+                y_m: 0.02 * i as f32,
+                z_m: bottom_m as f32 + 0.4,
+                intensity: 0.0,
+                ring: 1,
+            });
+            let points: Vec<LidarPoint> = road.chain(body).collect();
+            look_at_cloud(&mut truth, &Transform::from_xyz_yaw(0.0, 0.0, 0.0, 0.0), &points);
+            truth.objects[0].clearance_m
+        };
+        let is_about = |found: Option<f64>, wanted_m: f64| (found.unwrap() - wanted_m).abs() < 1e-6;
+        assert!(is_about(uphill(3.0, Some(3.0)), 0.0));
+        assert!(is_about(uphill(5.0, Some(0.0)), 5.0));
+        // Downhill, a sign above the road is no higher than the ego's plane.
+        assert!(is_about(uphill(1.5, Some(-2.0)), 3.5));
+        // On the ego's plane nothing is looked for; without ground nothing is known; so steep is no road.
+        assert_eq!(uphill(0.2, Some(0.0)), None);
+        assert_eq!(uphill(3.0, None), None);
+        assert_eq!(uphill(13.0, Some(13.0)), None);
     }
 }

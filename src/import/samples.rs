@@ -8,7 +8,7 @@ use super::cloud::CloudMaker;
 use super::config::CheckedImport;
 use super::intensity::Scale;
 use super::motion::{Motion, signed_s};
-use super::objects::{count_points, truth_of};
+use super::objects::{look_at_cloud, truth_of};
 use super::pictures::{doubt, is_changed, view_of, virtual_view};
 use super::state::StateMaker;
 use super::{Drive, ImportError, Notes, RawCamera, RawFrame};
@@ -112,7 +112,7 @@ impl<'a> SampleMaker<'a> {
             None => None,
             Some(objects) => {
                 let mut truth = truth_of(objects, frame.ignored, self.config, &facts.path)?;
-                count_points(&mut truth, &ego_from_lidar, &points);
+                look_at_cloud(&mut truth, &ego_from_lidar, &points);
                 self.watch_boxes(&truth);
                 Some(truth)
             }

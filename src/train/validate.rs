@@ -3,7 +3,7 @@
 use burn::tensor::Device;
 
 use crate::dataset::{DatasetError, SampleSource, named};
-use crate::eval::{ClassScores, Mode, Protocol, ScoreError, eval_samples, score};
+use crate::eval::{ClassScores, EvalConfig, Mode, Protocol, ScoreError, eval_samples, score};
 use crate::infer::{PredictError, predict};
 use crate::model::Detector;
 use crate::progress::Silent;
@@ -37,5 +37,10 @@ pub fn validate(
         scored.extend(eval_samples(samples, &found));
         Ok(())
     })?;
-    Ok(score(&scored, &Protocol::default(), Mode::Id)?.columns.total)
+    // However many boxes the network has, they are scored: a run must not end here for its own config.
+    let most = scored.iter().map(|sample| sample.detections.len()).max().unwrap_or(0);
+    let config = EvalConfig::default();
+    let protocol = EvalConfig { max_boxes: config.max_boxes.max(most), ..config };
+    let protocol = Protocol::try_from(protocol).expect("the defaults are valid with any number of boxes");
+    Ok(score(&scored, &protocol, Mode::Id)?.columns.total)
 }

@@ -110,18 +110,8 @@ impl SensorLog {
         Ok(Self { folder, facts, times_ns, odometry, calibration, mount_m, cameras, annotated })
     }
 
-    /// How far the ego moved from a picture's time to the sweep's, as the devkit's motion-compensated projection takes it;
-    /// nothing where poses lack.
-    fn ego_from_ego(&self, sweep_ns: u64, picture_ns: u64) -> Transform<Ego, Ego> {
-        let motion = Motion {
-            odometry: &self.odometry,
-            tolerance_ns: POSE_TOLERANCE_NS,
-            smoothing_ns: POSE_TOLERANCE_NS,
-        };
-        match (motion.pose_at(sweep_ns), motion.pose_at(picture_ns)) {
-            (Some(at_sweep), Some(at_picture)) => at_sweep.inverse() * at_picture,
-            _ => Transform::from_isometry(Isometry3::identity()),
-        }
+    fn motion(&self) -> Motion<'_> {
+        Motion { odometry: &self.odometry, tolerance_ns: POSE_TOLERANCE_NS, smoothing_ns: POSE_TOLERANCE_NS }
     }
 
     /// The picture of a camera that is nearest to a time.
@@ -142,7 +132,8 @@ impl SensorLog {
                 format!("cam_{}", name.trim_start_matches("ring_"))
             },
             time_ns: nearest_ns,
-            ego_from_camera: self.ego_from_ego(time_ns, nearest_ns) * mount,
+            // As the devkit's motion-compensated projection has it.
+            ego_from_camera: self.motion().ego_from_ego(time_ns, nearest_ns) * mount,
             size_px: Some(intrinsics.size_px),
             k: intrinsics.k,
             distortion: Distortion::None,

@@ -163,21 +163,20 @@ impl Ros2Drive {
         (found.stamp_ns.abs_diff(time_ns) <= self.tolerance_ns).then_some(found)
     }
 
-    /// How far the ego moved from one time to another; nothing where poses lack.
-    fn ego_from_ego(&self, to_ns: u64, from_ns: u64) -> Isometry3<f64> {
+    fn motion(&self) -> Motion<'_> {
         let (odometry, tolerance_ns) = (&self.odometry, self.tolerance_ns);
-        let motion = Motion { odometry, tolerance_ns, smoothing_ns: tolerance_ns };
-        match (motion.pose_at(to_ns), motion.pose_at(from_ns)) {
-            (Some(to), Some(from)) if to_ns != from_ns => to.isometry.inverse() * from.isometry,
-            _ => Isometry3::identity(),
-        }
+        Motion { odometry, tolerance_ns, smoothing_ns: tolerance_ns }
     }
 
     /// Where a frame of a message of another time is at a cloud's: one that is fixed to the car was elsewhere then.
     fn ego_from(&self, frame: &str, cloud_ns: u64, message_ns: u64) -> Result<Isometry3<f64>, String> {
         let base_from_frame = self.base_from(frame, cloud_ns)?;
         let is_fixed = self.base_from(frame, message_ns).is_ok_and(|then| then == base_from_frame);
-        let moved = if is_fixed { self.ego_from_ego(cloud_ns, message_ns) } else { Isometry3::identity() };
+        let moved = if is_fixed {
+            self.motion().ego_from_ego(cloud_ns, message_ns).isometry
+        } else {
+            Isometry3::identity()
+        };
         Ok(moved * self.ego_from_base * base_from_frame)
     }
 
@@ -286,7 +285,7 @@ impl Ros2Drive {
             name: "cam_front".into(),
             time_ns: picture.stamp_ns,
             ego_from_camera: Transform::from_isometry(
-                self.ego_from_ego(time_ns, picture.stamp_ns)
+                self.motion().ego_from_ego(time_ns, picture.stamp_ns).isometry
                     * self.ego_from_base
                     * base_from_camera
                     * rectified_axes,
