@@ -8,6 +8,7 @@ mod config;
 mod episode;
 mod external;
 mod foresight;
+mod hazards;
 mod perception;
 mod recorder;
 mod reflex;

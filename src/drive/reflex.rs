@@ -11,7 +11,8 @@ use nalgebra::{Vector2, Vector3};
 
 use super::config::ReflexConfig;
 use super::foresight::{Foresight, ForesightAt};
-use super::tracks::{Sample, Seen, Track, apart_m};
+use super::hazards::{Hazard, Hazards};
+use super::tracks::{Sample, Seen, Track};
 use crate::geometry::{Box3, Ego, Point, Transform, World};
 use crate::object::{Detection, Harm};
 use crate::sample::EgoState;
@@ -24,17 +25,6 @@ const STANDS_MPS: f64 = 0.3;
 const HOLDING_MPS2: f64 = 2.0;
 /// Points along an edge of a footprint at which its distance is measured, corners included.
 const N_ON_EDGE: usize = 17;
-/// A confirmed harmful box, or where one that moves will be met.
-#[derive(Debug, Clone)]
-struct Hazard {
-    at: Box3<World>,
-    confirmed_s: f64,
-    /// How many samples have confirmed it.
-    n_confirmed: u32,
-    /// Whether it stood when it was last confirmed.
-    stands: bool,
-}
-
 /// The memory of one drive.
 #[derive(Debug, Clone)]
 pub struct Reflex {
@@ -45,7 +35,7 @@ pub struct Reflex {
     due: VecDeque<Sample>,
     /// The last samples that took effect, the latest first.
     history: VecDeque<Sample>,
-    hazards: Vec<Hazard>,
+    hazards: Hazards,
 }
 
 impl Reflex {
@@ -60,7 +50,7 @@ impl Reflex {
             min_score,
             due: VecDeque::new(),
             history: VecDeque::new(),
-            hazards: Vec::new(),
+            hazards: Hazards::default(),
         })
     }
 
@@ -153,37 +143,10 @@ impl Reflex {
                 stands: seen.is_harmful && !moves,
             }));
         }
-        self.remember(confirmed);
+        self.hazards.confirm(confirmed, &self.config);
         self.history.push_front(sample);
         self.history.truncate(self.config.n_samples as usize - 1);
         Ok(())
-    }
-
-    /// Each hazard of a sample takes the place of one that is known from before, the nearest pairs first; the others are new.
-    fn remember(&mut self, confirmed: Vec<Hazard>) {
-        let mut pairs = Vec::new();
-        for (i, hazard) in confirmed.iter().enumerate() {
-            for (j, known) in self.hazards.iter().enumerate() {
-                if self.config.is_same(&known.at, &hazard.at) {
-                    pairs.push((apart_m(&known.at, &hazard.at), i, j));
-                }
-            }
-        }
-        pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let (mut is_taken, mut known_as) = (vec![false; self.hazards.len()], vec![None; confirmed.len()]);
-        for (_, i, j) in pairs {
-            if known_as[i].is_none() && !is_taken[j] {
-                (known_as[i], is_taken[j]) = (Some(j), true);
-            }
-        }
-        for (mut hazard, known_as) in confirmed.into_iter().zip(known_as) {
-            if let Some(j) = known_as {
-                hazard.n_confirmed += self.hazards[j].n_confirmed;
-                self.hazards[j] = hazard;
-            } else {
-                self.hazards.push(hazard);
-            }
-        }
     }
 
     /// How many of the samples before show a harmful box here.
@@ -331,8 +294,6 @@ mod tests {
                 // 100 / (2 (19 - 2)).
                 assert!(i == 0 || (braking_mps2.unwrap() - 100.0 / 34.0).abs() < 1e-9, "{braking_mps2:?}");
             }
-            let of_each: Vec<u32> = reflex.hazards.iter().map(|hazard| hazard.n_confirmed).collect();
-            assert_eq!(of_each, [3, 3], "each sample confirms each of the two once");
         }
     }
 
@@ -347,8 +308,6 @@ mod tests {
             let braking_mps2 = reflex.orders(time_s, &at(0.0), &STATE).unwrap().braking_mps2;
             assert!(i == 0 || (braking_mps2.unwrap() - 100.0 / 36.0).abs() < 1e-9, "{braking_mps2:?}");
         }
-        let first = &reflex.hazards[0];
-        assert_eq!(first.n_confirmed, 3);
     }
 
     #[test]

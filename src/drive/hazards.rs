@@ -1,0 +1,102 @@
+//! The hazards that a driver remembers: which of a sample's are those from before.
+
+use super::config::ReflexConfig;
+use super::tracks::apart_m;
+use crate::geometry::{Box3, World};
+
+/// A confirmed harmful box, or where one that moves will be met.
+#[derive(Debug, Clone)]
+pub(super) struct Hazard {
+    pub at: Box3<World>,
+    pub confirmed_s: f64,
+    /// How many samples have confirmed it.
+    pub n_confirmed: u32,
+    /// Whether it stood when it was last confirmed.
+    pub stands: bool,
+}
+
+/// Those of a drive so far.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Hazards(Vec<Hazard>);
+
+impl Hazards {
+    pub fn iter(&self) -> impl Iterator<Item = &Hazard> {
+        self.0.iter()
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    pub fn retain(&mut self, is_kept: impl FnMut(&Hazard) -> bool) {
+        self.0.retain(is_kept);
+    }
+
+    /// Takes a sample's: each takes the place of one from before that it may be, the nearest pairs first; the others are new.
+    pub fn confirm(&mut self, found: Vec<Hazard>, config: &ReflexConfig) {
+        let mut pairs = Vec::new();
+        for (i, hazard) in found.iter().enumerate() {
+            for (j, known) in self.0.iter().enumerate() {
+                if config.is_same(&known.at, &hazard.at) {
+                    pairs.push((apart_m(&known.at, &hazard.at), i, j));
+                }
+            }
+        }
+        pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let (mut is_taken, mut known_as) = (vec![false; self.0.len()], vec![None; found.len()]);
+        for (_, i, j) in pairs {
+            if known_as[i].is_none() && !is_taken[j] {
+                (known_as[i], is_taken[j]) = (Some(j), true);
+            }
+        }
+        for (mut hazard, known_as) in found.into_iter().zip(known_as) {
+            if let Some(j) = known_as {
+                hazard.n_confirmed += self.0[j].n_confirmed;
+                self.0[j] = hazard;
+            } else {
+                self.0.push(hazard);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Point;
+
+    fn crate_at(x_m: f64) -> Hazard {
+        let at = Box3 {
+            center: Point::new(x_m, 0.0, 0.5),
+            length_m: 1.0,
+            width_m: 1.0,
+            height_m: 1.0,
+            yaw_rad: 0.0,
+        };
+        Hazard { at, confirmed_s: 0.0, n_confirmed: 1, stands: true }
+    }
+
+    /// Places and confirmations after samples that show crates at these places.
+    fn after(samples: &[&[f64]]) -> Vec<(f64, u32)> {
+        let mut hazards = Hazards::default();
+        for places_m in samples {
+            hazards.confirm(places_m.iter().copied().map(crate_at).collect(), &ReflexConfig::default());
+        }
+        hazards.iter().map(|hazard| (hazard.at.center.x(), hazard.n_confirmed)).collect()
+    }
+
+    #[test]
+    fn a_sample_confirms_each_of_two_side_by_side_once_in_whatever_order() {
+        assert_eq!(after(&[&[20.0, 22.0], &[22.1, 20.1], &[20.2, 22.2]]), [(20.2, 3), (22.2, 3)]);
+    }
+
+    #[test]
+    fn a_second_box_of_one_thing_is_new_and_does_not_take_its_place() {
+        assert_eq!(after(&[&[20.0], &[22.0, 20.1], &[20.2]]), [(20.2, 3), (22.0, 1)]);
+    }
+
+    #[test]
+    fn what_is_farther_than_one_thing_may_move_is_another() {
+        assert_eq!(after(&[&[20.0], &[23.5]]), [(20.0, 1), (23.5, 1)]);
+    }
+}
