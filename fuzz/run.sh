@@ -16,6 +16,7 @@ timeout_s=${TIMEOUT_S:-20}
 log=hours.csv
 
 if [ "${1:-}" = --total ]; then
+    [ -f "$log" ] || { echo "there is no $PWD/$log yet" >&2; exit 1; }
     awk -F, 'NR > 1 { s[$1] += $3; n[$1] += $4; c[$1] += $5; f[$1] += $6; S += $3; N += $4; C += $5; F += $6 }
         END { printf "%-16s %8s %12s %10s %7s\n", "target", "hours", "executions", "new inputs", "faults"
               for (t in s) printf "%-16s %8.2f %12d %10d %7d\n", t, s[t] / 3600, n[t], c[t], f[t] | "sort"
@@ -36,6 +37,8 @@ while [ $# -gt 0 ]; do
 done
 [ ${#targets[@]} -gt 0 ] || { sed -n '2,7p' "$0"; exit 2; }
 [ -f "$log" ] || echo "target,seconds,cpu_seconds,executions,new_inputs,faults,ended" >"$log"
+
+head -1 "$log" | grep -q cpu_seconds || { echo "$PWD/$log is of an older run.sh, without cpu_seconds: move it away" >&2; exit 1; }
 
 # Seconds of the processor that ended children of this shell have had, in `cpu`; a subshell has none.
 count_cpu() {

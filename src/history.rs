@@ -132,7 +132,9 @@ fn read_rows<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>, HistoryError> {
         return Ok(Vec::new());
     }
     let broken = |source| HistoryError::Broken { source, path: path.to_owned() };
-    csv::Reader::from_path(path).map_err(broken)?.deserialize().collect::<Result<_, _>>().map_err(broken)
+    // Whole first: `csv` takes an error of the disk while it reads the header for the end of the file.
+    let bytes = fs_err::read(path)?;
+    csv::Reader::from_reader(bytes.as_slice()).deserialize().collect::<Result<_, _>>().map_err(broken)
 }
 
 fn write_rows<T: Serialize>(path: &Path, rows: &[T]) -> std::io::Result<()> {
@@ -152,6 +154,15 @@ mod tests {
     use fs_err as fs;
 
     const HEADER: &str = "n_done,stage,epoch,learning_rate,heatmap,harm,boxes,picture,gradient_norm";
+
+    #[test]
+    fn an_error_of_the_disk_is_told_and_is_no_empty_log() {
+        let folder = tempfile::tempdir().unwrap();
+        // Its first byte cannot be read: EIO.
+        std::os::unix::fs::symlink("/proc/self/mem", folder.path().join(STEPS_FILE)).unwrap();
+        let error = History::read(folder.path()).unwrap_err();
+        assert!(matches!(error, HistoryError::Io(_)) && error.to_string().contains(STEPS_FILE), "{error}");
+    }
 
     #[test]
     fn a_folder_without_a_log_and_a_broken_row_are_named() {

@@ -20,6 +20,7 @@ pub(super) struct Foresight {
 pub(super) struct ForesightAt {
     zone: Option<ZoneAt>,
     moving_mps: f64,
+    front_bumper_x_m: f64,
 }
 
 impl Foresight {
@@ -51,12 +52,13 @@ impl Foresight {
     /// The state is not valid, or its turn is too sharp to be foreseen.
     pub fn at(&self, state: &EgoState) -> Result<ForesightAt, ZoneError> {
         let zone = self.zone.as_ref().map(|zone| zone.at(state)).transpose()?;
-        Ok(ForesightAt { zone, moving_mps: self.moving_mps })
+        Ok(ForesightAt { zone, moving_mps: self.moving_mps, front_bumper_x_m: state.front_bumper_x_m })
     }
 }
 
 impl ForesightAt {
-    /// Where a box will be when the ego meets it, if it does within the horizon; `None` for what stands.
+    /// Where a box will be when the ego meets it, if it does within the horizon; `None` for what stands, and for what is not before
+    /// the bumper now: braking does not help against what comes from behind.
     ///
     /// `velocity_mps` is over ground, in the ego's axes.
     ///
@@ -64,7 +66,9 @@ impl ForesightAt {
     /// The box or its velocity is not finite.
     pub fn meeting(&self, of: &Box3<Ego>, velocity_mps: [f64; 2]) -> Result<Option<Box3<Ego>>, ZoneError> {
         let [x_mps, y_mps] = velocity_mps;
-        let Some(zone) = self.zone.as_ref().filter(|_| x_mps.hypot(y_mps) >= self.moving_mps) else {
+        let is_ahead = of.footprint().iter().any(|corner| corner.x_m > self.front_bumper_x_m);
+        let counts = is_ahead && x_mps.hypot(y_mps) >= self.moving_mps;
+        let Some(zone) = self.zone.as_ref().filter(|_| counts) else {
             return Ok(None);
         };
         let after_s = zone.harm_of(of, velocity_mps)?.time_to_collision_s;
@@ -95,6 +99,21 @@ mod tests {
     fn foresight(foresight_s: f64) -> ForesightAt {
         let config = ReflexConfig { foresight_s, moving_mps: 1.0, beside_m: 0.5, ..ReflexConfig::default() };
         Foresight::new(&config).unwrap().at(&STATE).unwrap()
+    }
+
+    #[test]
+    fn what_comes_from_behind_is_not_met() {
+        let follower = crate_at(-8.0, 0.0);
+        assert!(foresight(2.0).meeting(&follower, [14.0, 0.0]).unwrap().is_none());
+        assert!(foresight(2.0).meeting(&crate_at(12.0, 0.0), [-1.5, 0.0]).unwrap().is_some());
+    }
+
+    #[test]
+    fn the_truths_horizon_does_not_depend_on_the_drivers() {
+        let truth = Foresight::of_truth(2.0).unwrap().at(&STATE).unwrap();
+        assert!(truth.meeting(&crate_at(15.0, 5.0), [0.0, -3.0]).unwrap().is_some());
+        let none = Foresight::of_truth(0.0).unwrap().at(&STATE).unwrap();
+        assert!(none.meeting(&crate_at(15.0, 5.0), [0.0, -3.0]).unwrap().is_none());
     }
 
     #[test]

@@ -15,7 +15,7 @@ pub(super) struct Hazard {
     pub stands: bool,
 }
 
-/// Those of a drive so far.
+/// The hazards of a drive.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Hazards(Vec<Hazard>);
 
@@ -32,12 +32,14 @@ impl Hazards {
         self.0.retain(is_kept);
     }
 
-    /// Takes a sample's: each takes the place of one from before that it may be, the nearest pairs first; the others are new.
+    /// Matches a sample's hazards with the known ones, the nearest pairs first; unmatched ones are new. What moves is not taken for what
+    /// has stood for `near_confirming` samples: somebody who passes a low thing that nobody sees any more must not take its place.
     pub fn confirm(&mut self, found: Vec<Hazard>, config: &ReflexConfig) {
         let mut pairs = Vec::new();
         for (i, hazard) in found.iter().enumerate() {
             for (j, known) in self.0.iter().enumerate() {
-                if config.is_same(&known.at, &hazard.at) {
+                let has_stood = known.stands && known.n_confirmed >= config.near_confirming;
+                if config.is_same(&known.at, &hazard.at) && (hazard.stands || !has_stood) {
                     pairs.push((apart_m(&known.at, &hazard.at), i, j));
                 }
             }
@@ -93,6 +95,17 @@ mod tests {
     #[test]
     fn a_second_box_of_one_thing_is_new_and_does_not_take_its_place() {
         assert_eq!(after(&[&[20.0], &[22.0, 20.1], &[20.2]]), [(20.2, 3), (22.0, 1)]);
+    }
+
+    #[test]
+    fn who_passes_what_has_stood_does_not_take_its_place() {
+        let mut hazards = Hazards::default();
+        for x_m in [6.0, 6.0, 6.0, 6.0] {
+            hazards.confirm(vec![crate_at(x_m)], &ReflexConfig::default());
+        }
+        hazards.confirm(vec![Hazard { stands: false, ..crate_at(7.0) }], &ReflexConfig::default());
+        let found: Vec<(bool, u32)> = hazards.iter().map(|of| (of.stands, of.n_confirmed)).collect();
+        assert_eq!(found, [(true, 4), (false, 1)]);
     }
 
     #[test]

@@ -12,7 +12,7 @@ use nalgebra::{Vector2, Vector3};
 use super::config::ReflexConfig;
 use super::foresight::{Foresight, ForesightAt};
 use super::hazards::{Hazard, Hazards};
-use super::tracks::{Sample, Seen, Track};
+use super::tracks::{Sample, Seen, Track, apart_m};
 use crate::geometry::{Box3, Ego, Point, Transform, World};
 use crate::object::{Detection, Harm};
 use crate::sample::EgoState;
@@ -25,6 +25,7 @@ const STANDS_MPS: f64 = 0.3;
 const HOLDING_MPS2: f64 = 2.0;
 /// Points along an edge of a footprint at which its distance is measured, corners included.
 const N_ON_EDGE: usize = 17;
+
 /// The memory of one drive.
 #[derive(Debug, Clone)]
 pub struct Reflex {
@@ -119,7 +120,7 @@ impl Reflex {
             let moves =
                 velocity_mps.is_some_and(|[x_mps, y_mps]| x_mps.hypot(y_mps) >= self.config.moving_mps);
             let hazard_at = if seen.is_harmful {
-                let n_before = self.n_harmful_before(&seen.at).max(track.n_alarming_before());
+                let n_before = self.n_harmful_before(&sample.seen, i).max(track.n_alarming_before());
                 (n_before + 1 >= n_confirming).then_some(seen.at)
             } else {
                 let Some([x_mps, y_mps]) = velocity_mps else { continue };
@@ -149,12 +150,17 @@ impl Reflex {
         Ok(())
     }
 
-    /// How many of the samples before show a harmful box here.
-    fn n_harmful_before(&self, at: &Box3<World>) -> usize {
-        let shows = |sample: &&Sample| {
-            sample.seen.iter().any(|seen| seen.is_harmful && self.config.is_same(&seen.at, at))
+    /// How many of the samples before show a harmful box that this one may be, and no other harmful one of its sample sooner: what is
+    /// seen once beside a thing that is known is not known for that.
+    fn n_harmful_before(&self, seen: &[Seen], i: usize) -> usize {
+        let is_own = |earlier: &&Seen| {
+            let here_m = apart_m(&earlier.at, &seen[i].at);
+            let others = seen.iter().enumerate().filter(|(j, other)| *j != i && other.is_harmful);
+            earlier.is_harmful
+                && here_m < self.config.same_m
+                && others.into_iter().all(|(_, other)| apart_m(&earlier.at, &other.at) >= here_m)
         };
-        self.history.iter().filter(shows).count()
+        self.history.iter().filter(|sample| sample.seen.iter().any(|earlier| is_own(&earlier))).count()
     }
 
     /// From the bumper to the nearest of a footprint, along the ego's x axis; of what lies in the strip ahead, if anything
@@ -298,15 +304,17 @@ mod tests {
     }
 
     #[test]
-    fn a_second_box_of_one_thing_does_not_take_its_place() {
-        let mut reflex = reflex(ReflexConfig::default());
-        for (i, gaps_m) in [&[20.0][..], &[20.0], &[20.0, 22.0], &[20.0]].into_iter().enumerate() {
-            let time_s = 0.3 * i as f64;
-            let found: Vec<Detection> =
-                gaps_m.iter().map(|&gap_m| crate_at(gap_m, Harm::Harmful, 0.9)).collect();
-            reflex.see(time_s, &at(0.0), &found);
-            let braking_mps2 = reflex.orders(time_s, &at(0.0), &STATE).unwrap().braking_mps2;
-            assert!(i == 0 || (braking_mps2.unwrap() - 100.0 / 36.0).abs() < 1e-9, "{braking_mps2:?}");
+    fn a_box_seen_once_beside_a_known_thing_neither_brakes_nor_takes_its_place() {
+        for other_m in [22.0, 17.5] {
+            let mut reflex = reflex(ReflexConfig::default());
+            for (i, gaps_m) in [&[20.0][..], &[20.0], &[20.0, other_m], &[20.0]].into_iter().enumerate() {
+                let time_s = 0.3 * i as f64;
+                let found: Vec<Detection> =
+                    gaps_m.iter().map(|&gap_m| crate_at(gap_m, Harm::Harmful, 0.9)).collect();
+                reflex.see(time_s, &at(0.0), &found);
+                let braking_mps2 = reflex.orders(time_s, &at(0.0), &STATE).unwrap().braking_mps2;
+                assert!(i == 0 || (braking_mps2.unwrap() - 100.0 / 36.0).abs() < 1e-9, "{braking_mps2:?}");
+            }
         }
     }
 

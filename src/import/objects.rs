@@ -15,8 +15,10 @@ const AROUND_M: f64 = 2.5;
 /// .. and so far outside of it, since boxes are drawn tight ..
 const BODY_M: f64 = 0.1;
 /// .. by so many points, of which this share lies lower ..
-const MIN_POINTS: usize = 5;
+const MIN_POINTS: usize = 20;
 const LOW_SHARE: f64 = 0.1;
+/// .. a box is drawn into it by so much at most ..
+const SUNK_M: f64 = 0.5;
 /// .. and a road to it is at most so steep.
 const MAX_GRADE: f64 = 0.25;
 
@@ -93,7 +95,8 @@ fn ground_m(of: &Box3<Ego>, points: &[Point<Ego>]) -> Option<f64> {
     let low = (heights_m.len() as f64 * LOW_SHARE) as usize;
     let ground_m = *heights_m.select_nth_unstable_by(low, f64::total_cmp).1;
     let steepest_m = of.center.x().hypot(of.center.y()) * MAX_GRADE;
-    (ground_m.abs() <= steepest_m).then_some(ground_m)
+    let bottom_m = of.center.z() - of.height_m / 2.0;
+    (ground_m.abs() <= steepest_m && ground_m <= bottom_m + SUNK_M).then_some(ground_m)
 }
 
 #[cfg(test)]
@@ -142,7 +145,7 @@ mod tests {
             let of = &mut truth.objects[0].box_in_ego;
             of.center = Point::new(40.0, 0.0, bottom_m + of.height_m / 2.0);
             // The road before the car, and its own points.
-            let road = (0..8).map(|i| (36.0, 0.3 * i as f32 - 1.0)).filter_map(|(x_m, y_m)| {
+            let road = (0..30).map(|i| (36.0, 0.05 * i as f32 - 1.0)).filter_map(|(x_m, y_m)| {
                 Some(LidarPoint { x_m, y_m, z_m: ground_m?, intensity: 0.0, ring: 0 })
             });
             let body = (0..20).map(|i| LidarPoint {
@@ -165,5 +168,7 @@ mod tests {
         assert_eq!(uphill(0.2, Some(0.0)), None);
         assert_eq!(uphill(3.0, None), None);
         assert_eq!(uphill(13.0, Some(13.0)), None);
+        // What hangs beside it is no ground.
+        assert_eq!(uphill(5.0, Some(6.0)), None);
     }
 }

@@ -45,7 +45,7 @@ pub struct Collision {
     pub set_off_s: Option<f64>,
     /// Whether it was set off too late for any brake: see [`is_sudden`].
     pub is_sudden: bool,
-    /// Whether the zone called the object harmful within the two seconds before.
+    /// Whether the object was truly harmful, in the zone or about to meet the ego, within the two seconds before.
     pub was_harmful: bool,
 }
 
@@ -67,7 +67,7 @@ pub struct HardStop {
     pub time_s: f64,
     /// Greatest braking that was ordered.
     pub braking_mps2: f64,
-    /// Whether nothing was in the zone while it braked hard, nor for the time before in which a hazard is remembered.
+    /// Whether nothing was truly harmful while it braked hard, nor for the time before in which a hazard is remembered.
     pub is_false: bool,
 }
 
@@ -106,7 +106,7 @@ impl DriveOutcome {
         matches!(self.end, End::Failed(_))
     }
 
-    /// Hard brakes with nothing in the zone.
+    /// Hard brakes with nothing truly harmful.
     #[must_use]
     pub fn n_false_stops(&self) -> usize {
         self.hard_stops.iter().filter(|stop| stop.is_false).count()

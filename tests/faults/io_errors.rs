@@ -97,9 +97,13 @@ fn torn(data: &Path, after: &Path) -> Vec<String> {
             Manifest::FILE => Manifest::read(data).is_ok(),
             LabelManifest::FILE => LabelManifest::read(data, "rect").is_ok(),
             // Of a run that is not at its end.
-            "log.csv" => {
+            "log.csv" | "validation.csv" => {
                 let read = |folder: &Path| fs::read_to_string(folder.join(&name)).unwrap_or_default();
                 read(after).starts_with(&read(data))
+            }
+            "curves.png" => image::open(data.join(&name)).is_ok(),
+            "curves.svg" => {
+                fs::read_to_string(data.join(&name)).is_ok_and(|text| text.trim_end().ends_with("</svg>"))
             }
             _ => false,
         };
@@ -111,7 +115,7 @@ fn torn(data: &Path, after: &Path) -> Vec<String> {
 }
 
 /// Fails calls of each stage, all of them or so many at even distances.
-fn fail(most: Option<usize>, errnos: &[i32]) -> Vec<(&'static str, Outcome)> {
+fn fail(most: Option<usize>, errnos: &[i32], wanted: Option<&str>) -> Vec<(&'static str, Outcome)> {
     let home = tempfile::tempdir().expect("a temporary folder");
     let snapshots = tempfile::tempdir().expect("a temporary folder");
     let mut outcomes = Vec::new();
@@ -134,9 +138,7 @@ fn fail(most: Option<usize>, errnos: &[i32]) -> Vec<(&'static str, Outcome)> {
         copy(&data, &after);
         let step = most.map_or(1, |most| (outcome.n_calls as usize / most).max(1));
         // The other stages run without errors.
-        let is_wanted = std::env::var("HARMZONE_FAULT_STAGES")
-            .map_or(true, |wanted| wanted.split(',').any(|of| of == name));
-        if !is_wanted {
+        if !wanted.is_none_or(|wanted| wanted.split(',').any(|of| of == name)) {
             before = after;
             continue;
         }
@@ -177,14 +179,17 @@ fn assert_unharmed(outcomes: &[(&str, Outcome)]) {
 
 #[test]
 fn an_error_at_some_calls_tears_no_file() {
-    assert_unharmed(&fail(Some(2), &[EIO]));
+    assert_unharmed(&fail(Some(2), &[EIO], None));
 }
 
 #[test]
 #[ignore = "an hour: make soak ROWS=io_errors; HARMZONE_FAULT_STAGES=train alone is half of it"]
 fn long_io_errors() {
     let most = std::env::var_os("HARMZONE_FAULTS").map(|_| n_faults(0));
-    let outcomes = fail(most, &[EIO, ENOSPC]);
+    let wanted = std::env::var("HARMZONE_FAULT_STAGES").ok();
+    let outcomes = fail(most, &[EIO, ENOSPC], wanted.as_deref());
+    let n_wanted = wanted.map_or(3, |wanted| wanted.split(',').count());
+    assert_eq!(outcomes.len(), n_wanted, "HARMZONE_FAULT_STAGES takes gen, label and train");
     assert_unharmed(&outcomes);
 }
 
