@@ -80,6 +80,13 @@ impl FolderLock {
         }
     }
 
+    /// Removes the file that a process left which could not, where there is one and nobody holds it.
+    pub fn tidy(folder: &Path) {
+        if folder.join(FILE).is_file() {
+            drop(Self::take(folder));
+        }
+    }
+
     /// An error where the folder was deleted, or replaced, since the lock was taken.
     ///
     /// # Errors
@@ -132,6 +139,17 @@ impl fmt::Debug for FolderLock {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_file_that_was_left_is_tidied_away_and_one_that_is_held_stays() {
+        let home = tempfile::tempdir().unwrap();
+        fs::write(home.path().join(FILE), "process 1").unwrap();
+        FolderLock::tidy(home.path());
+        assert!(!home.path().join(FILE).exists());
+        let _held = FolderLock::take(home.path()).unwrap();
+        FolderLock::tidy(home.path());
+        assert!(home.path().join(FILE).exists());
+    }
 
     #[test]
     fn the_second_is_told_who_the_first_is_and_a_stale_file_is_taken_over() {

@@ -77,6 +77,7 @@ pub fn run_with(
         && is_file(&folder.join(LabelManifest::FILE))?
         && let Some(done) = finished(LabelManifest::read(dataset, set)?, &manifest, zone_config, &folder)?
     {
+        FolderLock::tidy(&folder);
         return Ok(summary(&done, true));
     }
     // Episodes without truth beside others get the zone and no labels.
