@@ -283,10 +283,10 @@ mod tests {
         let turn = UnitQuaternion::from_euler_angles(0.0, std::f64::consts::FRAC_PI_2 + 0.25_f64.atan(), 0.0);
         let lying = Isometry3::from_parts(Translation3::new(0.0, 0.0, 1.0 / slant), turn);
         let found: Box3<World> = upright_box_of(&lying, points.iter().copied());
-        assert!((found.center.z() - found.height_m / 2.0).abs() < 1e-9, "{found:?}");
+        assert!((found.bottom_m()).abs() < 1e-9, "{found:?}");
         let bounds = [Point3::new(-0.5, -0.5, 0.0), Point3::new(0.5, 0.5, 2.0)];
         let loose: Box3<World> = upright_box(&lying, &bounds);
-        assert!(loose.center.z() - loose.height_m / 2.0 < -0.4, "{loose:?}");
+        assert!(loose.bottom_m() < -0.4, "{loose:?}");
     }
 
     #[test]

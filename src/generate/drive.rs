@@ -169,7 +169,7 @@ impl Drive {
                 width_m: found.width_m,
             };
             let velocity = (now * middle - before * middle) / CONTROL_PERIOD_S;
-            (thing.placement, body, found.center.z() - found.height_m / 2.0, velocity.xy())
+            (thing.placement, body, found.bottom_m(), velocity.xy())
         }));
         let Commands { ego, mocap, lights } = self.traffic.step(CONTROL_PERIOD_S, &observation);
         let mut movers: Vec<(usize, Isometry3<f64>)> = Vec::with_capacity(mocap.len());

@@ -98,6 +98,18 @@ impl<F: Frame> Box3<F> {
         Ok(())
     }
 
+    /// Height of its lowest points.
+    #[must_use]
+    pub fn bottom_m(&self) -> f64 {
+        self.center.z() - self.height_m / 2.0
+    }
+
+    /// Height of its highest points.
+    #[must_use]
+    pub fn top_m(&self) -> f64 {
+        self.center.z() + self.height_m / 2.0
+    }
+
     /// Base rectangle, counter-clockwise from the front left corner.
     #[must_use]
     pub fn footprint(&self) -> [Point2; 4] {
@@ -114,7 +126,7 @@ impl<F: Frame> Box3<F> {
     #[must_use]
     pub fn corners(&self) -> [Point<F>; 8] {
         let footprint = self.footprint();
-        let (low_m, high_m) = (self.center.z() - self.height_m / 2.0, self.center.z() + self.height_m / 2.0);
+        let (low_m, high_m) = (self.bottom_m(), self.top_m());
         std::array::from_fn(|i| {
             let base = footprint[i % 4];
             Point::new(base.x_m, base.y_m, if i < 4 { low_m } else { high_m })

@@ -75,7 +75,7 @@ pub(super) fn look_at_cloud(
     for object in &mut truth.objects {
         let of = &object.box_in_ego;
         object.n_lidar_points = Some(of.count_inside(&points));
-        let bottom_m = of.center.z() - of.height_m / 2.0;
+        let bottom_m = of.bottom_m();
         if bottom_m.abs() > LEVEL_M {
             object.clearance_m = ground_m(of, &points).map(|ground_m| (bottom_m - ground_m).max(0.0));
         }
@@ -95,8 +95,7 @@ fn ground_m(of: &Box3<Ego>, points: &[Point<Ego>]) -> Option<f64> {
     let low = (heights_m.len() as f64 * LOW_SHARE) as usize;
     let ground_m = *heights_m.select_nth_unstable_by(low, f64::total_cmp).1;
     let steepest_m = of.center.x().hypot(of.center.y()) * MAX_GRADE;
-    let bottom_m = of.center.z() - of.height_m / 2.0;
-    (ground_m.abs() <= steepest_m && ground_m <= bottom_m + SUNK_M).then_some(ground_m)
+    (ground_m.abs() <= steepest_m && ground_m <= of.bottom_m() + SUNK_M).then_some(ground_m)
 }
 
 #[cfg(test)]

@@ -56,6 +56,7 @@ mod people;
 mod plots;
 mod populate;
 mod relief;
+mod road_limits;
 mod roofs;
 mod route;
 mod rubble;

@@ -10,6 +10,7 @@ use roxmltree::{Document, Node};
 
 use super::network::flat;
 use super::occupancy::Footprint;
+use super::road_limits;
 
 /// Attributes that must be there as numbers, by element (OpenDRIVE 1.4, sections 5.3 to 5.5).
 const NUMBERS: [(&str, &[&str]); 14] = [
@@ -46,6 +47,7 @@ pub fn read(text: &str) -> Result<(xodr::RoadNetwork, Vec<String>), String> {
     })?;
     let mut notes = check(&document)?;
     let (network, provenance) = xodr::load_str_with_provenance(text).map_err(|error| error.to_string())?;
+    road_limits::check_spread(&network)?;
     notes.extend(summary(&provenance.warnings));
     notes.extend(undrawn(&network));
     Ok((network, notes))
@@ -56,7 +58,7 @@ fn line(node: &Node<'_, '_>) -> u32 {
 }
 
 /// The element with its id and line: `<lane id="-1">, line 12`.
-fn named(node: &Node<'_, '_>) -> String {
+pub(super) fn named(node: &Node<'_, '_>) -> String {
     let id = node.attribute("id").map_or_else(String::new, |id| format!(" id=\"{id}\""));
     format!("<{}{id}>, line {}", node.tag_name().name(), line(node))
 }
@@ -135,7 +137,7 @@ fn check_road(road: &Node<'_, '_>) -> Result<(), String> {
     if sections.count() == 0 {
         return Err(format!("{}: there is no <laneSection> in it", named(&lanes)));
     }
-    Ok(())
+    road_limits::check(road)
 }
 
 /// Links to roads that the file does not hold, as in maps cut out of larger ones.
@@ -283,6 +285,28 @@ mod tests {
             ("<line/>", "<curve/>", "<geometry>, line 5: it holds <curve>"),
             ("a=\"3.5\"", "a=\"NaN\"", "<width>, line 12: `a` is \"NaN\""),
             (
+                "d=\"0\"",
+                "d=\"1\"",
+                "<width>, line 12: the lane's width becomes 1.250e5 m; at most 100 m are taken",
+            ),
+            // Least at 37.5 m, not at either end.
+            ("b=\"0\" c=\"0\"", "b=\"-9\" c=\"0.12\"", "the lane's width becomes -1.65"),
+            (
+                "hdg=\"0\" length=\"50\"",
+                "hdg=\"0\" length=\"1e9\"",
+                "<geometry>, line 5: it is 1.000e9 m long",
+            ),
+            (
+                "<lanes>",
+                "<lanes><laneOffset s=\"0\" a=\"0\" b=\"30\"/>",
+                "<laneOffset>, line 9: the lanes' offset becomes 1.500e3 m",
+            ),
+            (
+                "<lanes>",
+                "<elevationProfile><elevation s=\"25\" a=\"2e4\"/></elevationProfile><lanes>",
+                "<elevation>, line 9: the road's height becomes 2.000e4 m",
+            ),
+            (
                 "<laneSection s=\"0\">",
                 "<laneSection>",
                 "<laneSection>, line 10: the attribute `s` is missing",
@@ -291,6 +315,17 @@ mod tests {
             let message = read(&broken(from, to)).unwrap_err();
             assert!(message.contains(wanted), "{from} -> {to}: {message}");
         }
+    }
+
+    #[test]
+    fn a_map_that_is_spread_over_a_continent_is_refused() {
+        let one = broken("driving", "driving");
+        let (_, rest) = one.split_once("<road").unwrap();
+        let (road, _) = rest.split_once("</road>").unwrap();
+        let far = road.replace("id=\"7\"", "id=\"8\"").replace("y=\"0\"", "y=\"-1e7\"");
+        let both = one.replace("</OpenDRIVE>", &format!("<road{far}</road></OpenDRIVE>"));
+        let message = read(&both).unwrap_err();
+        assert!(message.contains("lanes lie from -1.000e7 to") && message.contains("along y"), "{message}");
     }
 
     #[test]

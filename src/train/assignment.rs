@@ -73,8 +73,7 @@ fn iou_3d(a: &Box3<Ego>, b: &Box3<Ego>) -> f64 {
     if offset.x.hypot(offset.y) > reach {
         return 0.0;
     }
-    let top = (a.center.z() + a.height_m / 2.0).min(b.center.z() + b.height_m / 2.0);
-    let bottom = (a.center.z() - a.height_m / 2.0).max(b.center.z() - b.height_m / 2.0);
+    let (top, bottom) = (a.top_m().min(b.top_m()), a.bottom_m().max(b.bottom_m()));
     let shared = convex_overlap_area(&a.footprint(), &b.footprint()) * (top - bottom).max(0.0);
     let volume = |c: &Box3<Ego>| c.length_m * c.width_m * c.height_m;
     shared / (volume(a) + volume(b) - shared)

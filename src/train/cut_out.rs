@@ -15,7 +15,7 @@ const MIN_POINTS_OF_DONOR: u32 = 8;
 /// Margin to the edges of the cloud.
 const EDGE_RAD: f64 = 3.0 * std::f64::consts::PI / 180.0;
 /// Lower points in a donor's box belong to the ground.
-pub const ABOVE_GROUND_M: f64 = 0.05;
+const ABOVE_GROUND_M: f64 = 0.05;
 /// Taller objects are not tipped over.
 const MAX_HEIGHT_OF_TIPPED_M: f64 = 2.5;
 const INTENSITY_SPREAD: f64 = 0.4;
@@ -66,8 +66,9 @@ impl CutOut {
             && truth.box_in_ego.height_m < MAX_HEIGHT_OF_TIPPED_M;
         reshape(&mut truth.box_in_ego, &mut points, factors, is_tipped);
         truth.solid = truth.solid.filter(|_| !is_tipped).map(|part| stretch(part, factors));
-        // It is set down on the ground.
+        // It is set down on the ground, and the picture does not show it.
         truth.clearance_m = Some(0.0);
+        truth.visible_px = Some(0);
         for point in &mut points {
             point.intensity = (f64::from(point.intensity) * intensity).min(255.0) as f32;
         }
@@ -91,10 +92,12 @@ impl CutOut {
 
 /// Finds the returns inside a box, without those of the ground.
 pub fn returns_in(measured: &Measured, box_in_ego: &Box3<Ego>) -> Vec<Return> {
-    let bottom_m = box_in_ego.center.z() - box_in_ego.height_m / 2.0;
-    let inside =
-        |of: &Return| box_in_ego.contains(&of.at, ABOVE_GROUND_M) && of.at.z() > bottom_m + ABOVE_GROUND_M;
-    returns(measured).filter(inside).collect()
+    returns(measured).filter(|of| is_above_ground_in(box_in_ego, of)).collect()
+}
+
+/// Whether a return in or next to a box is not one of the ground below it.
+pub fn is_above_ground_in(of: &Box3<Ego>, point: &Return) -> bool {
+    of.contains(&point.at, ABOVE_GROUND_M) && point.at.z() > of.bottom_m() + ABOVE_GROUND_M
 }
 
 /// Lists the returns of a sample.

@@ -80,10 +80,15 @@ pub fn disturb(
     }
     if no_cloud {
         measured.points.clear();
+        // What only the cloud showed is no longer seen.
+        for object in objects.iter_mut().filter(|object| object.truth.visible_px == Some(0)) {
+            object.truth.n_lidar_points = Some(0);
+        }
         is_changed = true;
     }
     if no_picture {
         *colours = Some(Recolour::black());
+        objects.iter_mut().for_each(|object| object.truth.visible_px = Some(0));
     } else if config.picture_spread > 0.0 && of_light < config.disturbed_share {
         let [gain, gamma, red, green, blue] = light.map(|part| part * config.picture_spread);
         let tint = |of: f64| (gain + 0.3 * of).exp();
@@ -208,6 +213,15 @@ mod tests {
     }
 
     #[test]
+    fn what_only_a_lost_cloud_showed_is_no_object() {
+        let mut of = sample();
+        of.objects[0].truth.visible_px = Some(0);
+        let config = AugmentConfig { no_cloud_share: 1.0, ..undisturbed() };
+        let found = disturb(&of.measured, &of.objects, &config, &mut stream(1, "disturb-test", 0)).unwrap();
+        assert!(!found.objects[0].truth.is_hit() && found.objects[1..].iter().any(|of| of.truth.is_hit()));
+    }
+
+    #[test]
     fn never_are_both_sensors_gone() {
         let config = AugmentConfig { no_cloud_share: 0.5, no_picture_share: 0.9, ..undisturbed() };
         let (mut n_without_cloud, mut n_black) = (0, 0);
@@ -219,6 +233,7 @@ mod tests {
             if no_cloud {
                 assert!(found.objects.iter().any(|object| object.truth.is_hit()), "they stay true objects");
             }
+            assert!(!is_black || found.objects.iter().all(|object| object.truth.visible_px == Some(0)));
             n_without_cloud += u32::from(no_cloud);
             n_black += u32::from(is_black);
         }

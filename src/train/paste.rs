@@ -11,7 +11,7 @@ use std::collections::{HashMap, HashSet};
 use rand::RngExt;
 
 use super::config::AugmentConfig;
-use super::cut_out::{ABOVE_GROUND_M, CutOut, Return, returns};
+use super::cut_out::{CutOut, Return, is_above_ground_in, returns};
 use crate::dataset::LabelledSample;
 use crate::geometry::{Ego, Lidar, Point, Transform, convex_signed_distance_m};
 use crate::object::{LabelledObject, Object};
@@ -124,7 +124,7 @@ impl Scene {
     fn place(&self, cut_out: CutOut) -> Option<(Object, Vec<Return>)> {
         let CutOut { mut truth, mut points } = cut_out;
         let of = &mut truth.box_in_ego;
-        let bottom_m = of.center.z() - of.height_m / 2.0;
+        let bottom_m = of.bottom_m();
         let rise_m = self.ground_m(of.center.x(), of.center.y()).unwrap_or(bottom_m) - bottom_m;
         if rise_m.abs() > MAX_RISE_M {
             return None;
@@ -178,7 +178,7 @@ impl Scene {
             self.returns.iter().enumerate().filter(|(_, of)| is_hidden(of)).map(|(i, _)| i).collect();
         for other in &mut self.objects {
             let of = &other.truth.box_in_ego;
-            let n = hidden.iter().filter(|&&i| of.contains(&self.returns[i].at, ABOVE_GROUND_M)).count();
+            let n = hidden.iter().filter(|&&i| is_above_ground_in(of, &self.returns[i])).count();
             other.truth.n_lidar_points = other.truth.n_lidar_points.map(|of| of.saturating_sub(n as u32));
         }
         let mut i = 0;
@@ -283,8 +283,8 @@ mod tests {
             assert!((of.velocity_in_ego_mps[0].hypot(of.velocity_in_ego_mps[1]) - 3.0).abs() < 1e-9);
             let inside = returns_in(measured, &of.box_in_ego);
             assert_eq!(inside.len(), 20);
-            assert_eq!(of.n_lidar_points, Some(20));
-            let bottom_m = center.z() - of.box_in_ego.height_m / 2.0;
+            assert_eq!((of.n_lidar_points, of.visible_px), (Some(20), Some(0)));
+            let bottom_m = of.box_in_ego.bottom_m();
             assert!(bottom_m.abs() < 1e-3, "on the road: {bottom_m}");
             let area = test_data::dataset(1).zone().at(&measured.ego_state).unwrap();
             assert_eq!(objects[0].harm, area.harm_of_object(of).unwrap().harm);
@@ -319,6 +319,10 @@ mod tests {
         assert!(scene(roof, Vec::new()).place(cut_out()).is_none(), "no ground is seen there");
     }
 
+    fn returns_of(scene: &Scene, x_m: f64) -> usize {
+        scene.returns.iter().filter(|of| of.at.x() == x_m && of.at.z() > 0.1).count()
+    }
+
     #[test]
     fn what_is_hidden_is_counted_off_its_object() {
         let mut scene = Scene::of(&road());
@@ -326,10 +330,13 @@ mod tests {
         let mut behind = car(22.0, 0.0, Harm::Harmless);
         behind.truth.n_lidar_points = Some(20);
         scene.objects.push(behind);
+        // The road under it is none of its points.
+        scene.returns.extend((0..8).map(|i| at(20.0 + 0.4 * f64::from(i), 0.0, 0.01, 4)));
         let front = (0..40).map(|i| at(10.05, -0.8 + 0.02 * f64::from(i), 0.8, 4)).collect();
         scene.add(car(12.0, 0.0, Harm::Harmful), front);
         let left = scene.objects[0].truth.n_lidar_points.unwrap();
         assert!(left > 0 && left < 20, "{left}");
-        assert_eq!(scene.returns.len(), left as usize + 40);
+        assert_eq!(returns_of(&scene, 20.0), left as usize);
+        assert!(scene.returns.len() < left as usize + 40 + 8, "road is hidden too: {}", scene.returns.len());
     }
 }

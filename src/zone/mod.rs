@@ -196,7 +196,7 @@ impl ZoneAt {
     /// # Errors
     /// As [`Self::harm_of`].
     pub fn harm_of_object(&self, object: &Object) -> Result<Verdict, ZoneError> {
-        let clearance_m = object.clearance_m.unwrap_or_else(|| lowest_m(&object.box_in_ego));
+        let clearance_m = object.clearance_m.unwrap_or_else(|| object.box_in_ego.bottom_m());
         self.judge(&object.solid_in_ego(), object.velocity_in_ego_mps, clearance_m)
     }
 
@@ -214,7 +214,7 @@ impl ZoneAt {
         box_in_ego: &Box3<Ego>,
         velocity_in_ego_mps: [f64; 2],
     ) -> Result<Verdict, ZoneError> {
-        self.judge(box_in_ego, velocity_in_ego_mps, lowest_m(box_in_ego))
+        self.judge(box_in_ego, velocity_in_ego_mps, box_in_ego.bottom_m())
     }
 
     fn judge(
@@ -243,9 +243,4 @@ impl ZoneAt {
         let harm = if self.rule.is_harmful(&meeting) { Harm::Harmful } else { Harm::Harmless };
         Ok(Verdict { harm, overlap_area_m2, overlap_ratio, time_to_collision_s })
     }
-}
-
-/// Height of a box's lowest point above the ego's plane.
-fn lowest_m(box_in_ego: &Box3<Ego>) -> f64 {
-    box_in_ego.center.z() - box_in_ego.height_m / 2.0
 }
