@@ -45,7 +45,8 @@ fn in_a_pipe_a_training_tells_lines_and_quietly_nothing() {
 
 #[test]
 fn an_error_is_coloured_only_where_a_terminal_shows_it() {
-    let plain = harmzone(&["info", "nowhere"]);
+    let mut plain = command(&["info", "nowhere"]);
+    let plain = plain.env_remove("CLICOLOR_FORCE").output().expect("the program starts");
     assert!(said(&plain).starts_with("error: "), "{}", said(&plain));
     let of = |variable: &str| {
         let mut info = command(&["info", "nowhere"]);

@@ -26,7 +26,7 @@ const STDERR_TAIL_LINES: usize = 10;
 /// Most boxes in an answer.
 const MAX_BOXES: usize = 10_000;
 /// How often and how long to look whether one whose output has ended has ended itself.
-const N_LOOKS: u32 = 100;
+const N_LOOKS: u32 = 500;
 const LOOK: Duration = Duration::from_millis(10);
 /// The first answer may take so many times as long: programs load networks.
 const FIRST_FACTOR: u32 = 10;

@@ -131,10 +131,10 @@ impl Server {
             let done = runtime.block_on(async {
                 let listener = tokio::net::TcpListener::from_std(listener)?;
                 let (stop, stopped) = watch::channel(false);
-                let serving = axum::serve(listener, routes::router(site.clone(), gate));
-                let serving = tokio::spawn(serving.with_graceful_shutdown(wait_for(stopped)).into_future());
                 let (mut interrupt, mut terminate) =
                     (signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?);
+                let serving = axum::serve(listener, routes::router(site.clone(), gate));
+                let serving = tokio::spawn(serving.with_graceful_shutdown(wait_for(stopped)).into_future());
                 tokio::select! {
                     _ = interrupt.recv() => {}
                     _ = terminate.recv() => {}

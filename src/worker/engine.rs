@@ -176,12 +176,12 @@ for line in sys.stdin:
     if task == 0: time.sleep(1000)
 ";
         let begin = Instant::now();
-        let made = run(&format!("{HEAR}{hang}{SAY}"), Duration::from_secs(1));
+        let made = run(&format!("{HEAR}{hang}{SAY}"), Duration::from_secs(5));
         assert!(made[1] == Ok(10) && made[2] == Ok(20), "{made:?}");
         assert!(
-            matches!(&made[0], Err(TaskError::Lost(text)) if text.contains("said nothing for 1 s")),
+            matches!(&made[0], Err(TaskError::Lost(text)) if text.contains("said nothing for 5 s")),
             "{made:?}"
         );
-        assert!(begin.elapsed() < Duration::from_mins(1));
+        assert!(begin.elapsed() < Duration::from_mins(2));
     }
 }

@@ -10,8 +10,9 @@ use super::folder::{difference, hashes, is_mcap};
 use super::made_data::{command, generation, succeed, text};
 use super::stages::{Stage, all, named};
 
-/// The longest that a stage may take to end once it is asked.
-const LONGEST: Duration = Duration::from_secs(5);
+/// The longest that a stage may take to end once it is asked, the start of `kill` on a busy machine included; that it needed no
+/// force is held apart.
+const LONGEST: Duration = Duration::from_secs(30);
 
 /// Exit code of a command that lost a part.
 const WITH_LOSSES: i32 = 3;
@@ -49,6 +50,24 @@ fn workers(of: u32) -> Vec<u32> {
     found
 }
 
+/// A field of what the system tells of a process.
+fn status_field(process: u32, field: &str) -> Option<String> {
+    let status = fs::read_to_string(format!("/proc/{process}/status")).ok()?;
+    status.lines().find_map(|line| line.strip_prefix(field)).map(|value| value.trim().to_owned())
+}
+
+/// Whether a child that nobody has waited for yet has ended.
+fn has_ended(process: u32) -> bool {
+    status_field(process, "State:").is_none_or(|state| state.starts_with('Z'))
+}
+
+/// Whether a process has said what it does on a signal: before that, its end is the system's.
+fn catches(process: u32, name: &str) -> bool {
+    let number = if name == "INT" { 2 } else { 15 };
+    let mask = status_field(process, "SigCgt:").and_then(|mask| u64::from_str_radix(&mask, 16).ok());
+    mask.is_some_and(|mask| mask >> (number - 1) & 1 == 1)
+}
+
 /// Waits until something is so.
 fn wait_until(is_so: impl Fn() -> bool) {
     let begin = Instant::now();
@@ -63,9 +82,12 @@ fn end_halfway(stage: &Stage, name: &str) -> bool {
     let home = tempfile::tempdir().expect("a temporary folder");
     let out = home.path().join("out");
     stage.prepare(&out);
+    let took = stage.unbroken().took;
     let child = start(stage.command(&out));
-    std::thread::sleep(stage.unbroken().took.mul_f64(0.5));
-    let (process, begin) = (child.id(), Instant::now());
+    let process = child.id();
+    std::thread::sleep(took.mul_f64(0.5));
+    wait_until(|| has_ended(process) || catches(process, name));
+    let begin = Instant::now();
     signal(process, name);
     let (code, told) = ended(child);
     assert!(begin.elapsed() < LONGEST, "{} took {:?}", stage.name, begin.elapsed());
@@ -153,7 +175,8 @@ fn refuse_memory(process: u32) {
     let limit = format!("--as={}", n_pages * 4096);
     let limited = Command::new("prlimit").args(["--pid", &process.to_string(), &limit]).output();
     let told = limited.expect("prlimit runs");
-    assert!(told.status.success(), "{}", String::from_utf8_lossy(&told.stderr));
+    let is_gone = || !Path::new(&format!("/proc/{process}")).exists();
+    assert!(told.status.success() || is_gone(), "{}", String::from_utf8_lossy(&told.stderr));
 }
 
 #[test]
@@ -162,7 +185,11 @@ fn a_worker_that_is_given_no_more_memory_costs_time_and_no_episode() {
     let wanted = &stage.unbroken().hashes;
     let home = tempfile::tempdir().expect("a temporary folder");
     let mut n_lost = 0;
-    for (place, share) in [0.0, 0.1, 0.2, 0.4, 0.6].into_iter().enumerate() {
+    // More moments where none of the first hit.
+    for (place, share) in [0.0, 0.1, 0.2, 0.4, 0.6, 0.05, 0.15, 0.3, 0.5, 0.7].into_iter().enumerate() {
+        if place >= 5 && n_lost > 0 {
+            break;
+        }
         let out = home.path().join(place.to_string());
         let (code, told) = generate_while(&out, &[], |process| {
             std::thread::sleep(stage.unbroken().took.mul_f64(share));
