@@ -72,7 +72,8 @@ network: build ## The network inside the program, from nothing: data, training, 
 	$(BIN) gen --out $(NETWORK)/val $(CHOOSING)
 	$(BIN) label $(NETWORK)/train
 	$(BIN) label $(NETWORK)/val
-	$(BIN) train $(NETWORK)/train --out $(NETWORK)/run --set fused_stage.epochs=5 --set validate_every_epochs=0
+	$(BIN) train $(NETWORK)/train --out $(NETWORK)/run --set products=bf16 --set fused_stage.epochs=10 \
+	    --set validate_every_epochs=0
 	$(BIN) calibrate $(NETWORK)/run --data $(NETWORK)/val
 	@cmp $(NETWORK)/run/model.safetensors models/small.safetensors || { echo "the last digits of a training are its CPU's:" \
 	    "models/small.md names the one that models/small.safetensors is of" >&2; exit 1; }

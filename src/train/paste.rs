@@ -331,7 +331,7 @@ mod tests {
         behind.truth.n_lidar_points = Some(20);
         scene.objects.push(behind);
         // The road under it is none of its points.
-        scene.returns.extend((0..8).map(|i| at(20.0 + 0.4 * f64::from(i), 0.0, 0.01, 4)));
+        scene.returns.extend((0..8).map(|i| at(20.0 + 0.4 * f64::from(i), -0.4, 0.01, 4)));
         let front = (0..40).map(|i| at(10.05, -0.8 + 0.02 * f64::from(i), 0.8, 4)).collect();
         scene.add(car(12.0, 0.0, Harm::Harmful), front);
         let left = scene.objects[0].truth.n_lidar_points.unwrap();

@@ -31,7 +31,7 @@ fn soak(length: Duration, period: Duration, out: &Path) {
     let words = ["gen", "--town", "all", "--weather", "all", "--seed", "20", "--samples", "4"];
     let words = [words.as_slice(), &["--episodes", "30000", "--out", text(out)]].concat();
     let said_path = out.with_extension("said");
-    let said = std::fs::File::create(&said_path).expect("a writable folder");
+    let (said, _) = fs::File::create(&said_path).expect("a writable folder").into_parts();
     let mut child = command(&words).stdout(Stdio::null()).stderr(said).spawn().expect("the program starts");
     let begin = Instant::now();
     println!("{:>7} {:>8} {:>11} {:>13} {:>6}", "s", "episodes", "program MB", "workers MB", "kills");
