@@ -85,6 +85,7 @@ mod walls;
 mod water;
 mod windows;
 mod world;
+mod xml;
 
 pub use actor_config::{ActorConfig, ActorMotion};
 pub use buildings::{Balcony, Building};

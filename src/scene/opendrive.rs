@@ -11,6 +11,7 @@ use roxmltree::{Document, Node};
 use super::network::flat;
 use super::occupancy::Footprint;
 use super::road_limits;
+use super::xml::{line, named, number};
 
 /// Attributes that must be there as numbers, by element (OpenDRIVE 1.4, sections 5.3 to 5.5).
 const NUMBERS: [(&str, &[&str]); 14] = [
@@ -51,16 +52,6 @@ pub fn read(text: &str) -> Result<(xodr::RoadNetwork, Vec<String>), String> {
     notes.extend(summary(&provenance.warnings));
     notes.extend(undrawn(&network));
     Ok((network, notes))
-}
-
-fn line(node: &Node<'_, '_>) -> u32 {
-    node.document().text_pos_at(node.range().start).row
-}
-
-/// The element with its id and line: `<lane id="-1">, line 12`.
-pub(super) fn named(node: &Node<'_, '_>) -> String {
-    let id = node.attribute("id").map_or_else(String::new, |id| format!(" id=\"{id}\""));
-    format!("<{}{id}>, line {}", node.tag_name().name(), line(node))
 }
 
 fn child<'a, 'b>(node: &Node<'a, 'b>, name: &str) -> Option<Node<'a, 'b>> {
@@ -113,9 +104,6 @@ fn check_attributes(node: &Node<'_, '_>) -> Result<(), String> {
 }
 
 fn check_road(road: &Node<'_, '_>) -> Result<(), String> {
-    let number = |node: &Node<'_, '_>, attribute: &str| {
-        node.attribute(attribute).and_then(|text| text.trim().parse::<f64>().ok()).unwrap_or(0.0)
-    };
     if number(road, "length") <= 0.0 {
         return Err(format!("{}: its length must be above 0", named(road)));
     }

@@ -2,6 +2,8 @@
 
 use roxmltree::Node;
 
+use super::xml::{named, number};
+
 /// Metres of one road, or a part of its course.
 const LONGEST_M: f64 = 1e5;
 const WIDEST_LANE_M: f64 = 100.0;
@@ -111,17 +113,9 @@ fn bounded(node: &Node<'_, '_>, told: &str, found_m: f64, most_m: f64) -> Result
         return Ok(());
     }
     let unit = if told == "it is" { "m long" } else { "m" };
-    Err(format!(
-        "{}: {told} {found_m:.3e} {unit}; at most {most_m} m are taken",
-        super::opendrive::named(node)
-    ))
+    Err(format!("{}: {told} {found_m:.3e} {unit}; at most {most_m} m are taken", named(node)))
 }
 
 fn children<'a, 'b>(node: &Node<'a, 'b>, name: &'static str) -> impl Iterator<Item = Node<'a, 'b>> {
     node.children().filter(move |child| child.has_tag_name(name))
-}
-
-/// An attribute's number; nought where there is none, as all are here that may be missing.
-fn number(node: &Node<'_, '_>, attribute: &str) -> f64 {
-    node.attribute(attribute).and_then(|text| text.trim().parse().ok()).unwrap_or(0.0)
 }
