@@ -93,7 +93,7 @@ impl Running {
             if let Some(status) = self.child.try_wait().expect("a child of ours") {
                 return status;
             }
-            assert!(begin.elapsed() < Duration::from_mins(1), "it does not end");
+            assert!(begin.elapsed() < Duration::from_secs(30), "it does not end");
             std::thread::sleep(Duration::from_millis(20));
         }
     }
@@ -244,7 +244,7 @@ fn two_hundred_at_once_get_the_same_and_readers_that_go_away_do_no_harm() {
 
     let begin = Instant::now();
     assert!(server.stop().success(), "Ctrl-C is a good end");
-    assert!(begin.elapsed() < Duration::from_secs(30), "readers that hold on do not keep it");
+    assert!(begin.elapsed() < Duration::from_secs(10), "readers that hold on do not keep it");
     drop(held);
 }
 
@@ -271,12 +271,12 @@ fn a_thousand_episodes_are_listed_filtered_and_played_in_a_browser() {
     let begin = Instant::now();
     let server = Running::start(folder.path());
     let started_s = begin.elapsed().as_secs_f64();
-    let mut times: Vec<Duration> = Vec::new();
+    let mut longest = Duration::ZERO;
     let begin = Instant::now();
     loop {
         let asked = Instant::now();
         let list = server.json("/api/sets/0/episodes");
-        times.push(asked.elapsed());
+        longest = longest.max(asked.elapsed());
         assert_eq!(list["episodes"].as_array().map(Vec::len), Some(N_EPISODES));
         if list["n_read"] == N_EPISODES {
             let rows = list["episodes"].as_array().expect("a list");
@@ -289,15 +289,12 @@ fn a_thousand_episodes_are_listed_filtered_and_played_in_a_browser() {
         std::thread::sleep(Duration::from_millis(100));
     }
     let read_s = begin.elapsed().as_secs_f64();
-    times.sort_unstable();
-    let [median_ms, longest_ms] =
-        [times[times.len() / 2], times[times.len() - 1]].map(|time| 1e3 * time.as_secs_f64());
     let told = format!(
-        "{N_EPISODES} episodes: up after {started_s:.2} s, read through in {read_s:.1} s, the list in {median_ms:.0} ms meanwhile, at most {longest_ms:.0}"
+        "{N_EPISODES} episodes: up after {started_s:.2} s, read through in {read_s:.1} s, the list at most {:.0} ms meanwhile",
+        1e3 * longest.as_secs_f64()
     );
     writeln!(std::io::stderr(), "\n{told}").expect("a terminal");
-    // One answer may wait for the machine; a server that reads first and answers then lets all wait.
-    assert!(started_s < 60.0 && median_ms < 3e3, "{told}");
+    assert!(started_s < 20.0 && longest < Duration::from_secs(3), "{told}");
 
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let python = root.join(".venv-test/bin/python");

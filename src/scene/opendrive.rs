@@ -282,7 +282,7 @@ mod tests {
             (
                 "hdg=\"0\" length=\"50\"",
                 "hdg=\"0\" length=\"1e9\"",
-                "<geometry>, line 5: it is 1.000e9 m long",
+                "<geometry>, line 5: its length is 1.000e9 m",
             ),
             (
                 "<lanes>",

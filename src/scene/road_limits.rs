@@ -11,7 +11,6 @@ const WIDEST_LANE_M: f64 = 100.0;
 const LARGEST_OFFSET_M: f64 = 1000.0;
 /// Above or below nought.
 const HIGHEST_M: f64 = 1e4;
-
 /// Of a map, along either axis.
 const WIDEST_MAP_M: f64 = 5e4;
 
@@ -54,9 +53,9 @@ impl Cubic {
 /// Refuses a road that is too long, wide, high, or far from its own line.
 pub(super) fn check(road: &Node<'_, '_>) -> Result<(), String> {
     let length_m = number(road, "length");
-    bounded(road, "it is", length_m, LONGEST_M)?;
+    bounded(road, "its length is", length_m, LONGEST_M)?;
     for node in road.descendants().filter(|node| node.has_tag_name("geometry")) {
-        bounded(&node, "it is", number(&node, "length"), LONGEST_M)?;
+        bounded(&node, "its length is", number(&node, "length"), LONGEST_M)?;
     }
     for node in children(road, "elevationProfile") {
         bound_each(&node, "elevation", "s", length_m, ("the road's height becomes", HIGHEST_M))?;
@@ -112,8 +111,7 @@ fn bounded(node: &Node<'_, '_>, told: &str, found_m: f64, most_m: f64) -> Result
     if found_m.abs() <= most_m {
         return Ok(());
     }
-    let unit = if told == "it is" { "m long" } else { "m" };
-    Err(format!("{}: {told} {found_m:.3e} {unit}; at most {most_m} m are taken", named(node)))
+    Err(format!("{}: {told} {found_m:.3e} m; at most {most_m} m are taken", named(node)))
 }
 
 fn children<'a, 'b>(node: &Node<'a, 'b>, name: &'static str) -> impl Iterator<Item = Node<'a, 'b>> {

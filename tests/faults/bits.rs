@@ -32,7 +32,7 @@ use super::stages::named;
 /// Cuts are so far apart.
 const CUT_BYTES: usize = 1_000;
 /// A reader that takes longer hangs.
-const LONGEST: Duration = Duration::from_mins(2);
+const LONGEST: Duration = Duration::from_secs(20);
 
 type Read = Box<dyn Fn(&Path) -> Result<String, String>>;
 

@@ -10,9 +10,8 @@ use super::folder::{difference, hashes, is_mcap};
 use super::made_data::{command, generation, succeed, text};
 use super::stages::{Stage, all, named};
 
-/// The longest that a stage may take to end once it is asked, the start of `kill` on a busy machine included; that it needed no
-/// force is held apart.
-const LONGEST: Duration = Duration::from_secs(30);
+/// The longest that a stage may take to end once it is asked.
+const LONGEST: Duration = Duration::from_secs(5);
 
 /// Exit code of a command that lost a part.
 const WITH_LOSSES: i32 = 3;
@@ -77,7 +76,7 @@ fn wait_until(is_so: impl Fn() -> bool) {
     }
 }
 
-/// Asks a stage to end halfway, checks how it does and that the same command goes on; whether it had to be ended by force.
+/// Asks a stage to end halfway, checks how it does and that the same command goes on; whether it had to be ended by force, or took longer than [`LONGEST`].
 fn end_halfway(stage: &Stage, name: &str) -> bool {
     let home = tempfile::tempdir().expect("a temporary folder");
     let out = home.path().join("out");
@@ -90,7 +89,7 @@ fn end_halfway(stage: &Stage, name: &str) -> bool {
     let begin = Instant::now();
     signal(process, name);
     let (code, told) = ended(child);
-    assert!(begin.elapsed() < LONGEST, "{} took {:?}", stage.name, begin.elapsed());
+    let is_late = begin.elapsed() >= LONGEST;
     let is_forced = told.contains("ended after");
     // It may have been done before the signal came.
     if code != Some(0) {
@@ -105,7 +104,7 @@ fn end_halfway(stage: &Stage, name: &str) -> bool {
     }
     stage.finish(&out).unwrap_or_else(|told| panic!("{}: {told}", stage.name));
     assert_eq!(difference(&hashes(&out), &stage.unbroken().hashes), None, "{}", stage.name);
-    is_forced
+    is_forced || is_late
 }
 
 #[test]
@@ -113,8 +112,8 @@ fn a_signal_ends_every_stage_soon_with_nothing_unfinished_and_the_same_command_g
     for stage in all() {
         for name in ["INT", "TERM"] {
             // On a busy machine one step may take longer than the patience with it: once, not always.
-            let is_forced = end_halfway(stage, name) && end_halfway(stage, name);
-            assert!(!is_forced, "{} does not end by itself on SIG{name}", stage.name);
+            let is_late = end_halfway(stage, name) && end_halfway(stage, name);
+            assert!(!is_late, "{} does not end by itself and soon on SIG{name}", stage.name);
         }
     }
 }
