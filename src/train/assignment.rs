@@ -10,6 +10,9 @@ use crate::model::coder::{CODE_SIZE, decode};
 use crate::model::{ModelConfig, Query};
 use crate::object::LabelledObject;
 
+/// More than all that else costs.
+const TOO_FAR_COST: f64 = 1e6;
+
 /// Pairs `(query, object)` of one sample: each object gets one query, as long as there are queries left.
 ///
 /// `codes` is `[query, CODE_SIZE]`, `logits` `[query, class]`.
@@ -28,7 +31,15 @@ pub fn assign(
     let costs = costs(queries, codes, logits, objects, model, loss);
     let (rows, columns) = lsap::solve(queries.len(), objects.len(), &costs, false)
         .expect("costs are finite: the loss before them was checked");
-    rows.into_iter().zip(columns).collect()
+    let is_near = |&(q, object): &(usize, usize)| costs[q * objects.len() + object] < TOO_FAR_COST / 2.0;
+    rows.into_iter().zip(columns).filter(is_near).collect()
+}
+
+/// Whether a query sits near enough to an object to stand for it.
+fn is_in_reach(query: &Query, truth: &Box3<Ego>, reach_m: f64) -> bool {
+    let [x_m, y_m] = query.center_m;
+    let distance_m = (x_m - truth.center.x()).hypot(y_m - truth.center.y());
+    distance_m <= reach_m.max(truth.length_m.hypot(truth.width_m) / 2.0 + reach_m / 2.0)
 }
 
 /// The costs, `[query, object]`.
@@ -50,9 +61,10 @@ fn costs(
             let center = (guess.center.x() - truth.center.x()).abs() / length_m
                 + (guess.center.y() - truth.center.y()).abs() / width_m;
             let harm = focal_cost(f64::from(logits[classes.n() * q + class_of(object, classes)]));
-            costs.push(
-                loss.harm_cost * harm + loss.center_cost * center - loss.iou_cost * iou_3d(&guess, truth),
-            );
+            let near =
+                loss.harm_cost * harm + loss.center_cost * center - loss.iou_cost * iou_3d(&guess, truth);
+            let is_near = is_in_reach(query, truth, loss.match_reach_m);
+            costs.push(if is_near { near } else { near + TOO_FAR_COST });
         }
     }
     costs
@@ -108,6 +120,19 @@ mod tests {
     }
 
     #[test]
+    fn no_query_stands_for_what_is_far_away_however_sure_it_is() {
+        let model = ModelConfig::default();
+        let objects = [car(10.0, 0.0, Harm::Harmful)];
+        let codes = [0.0; 2 * CODE_SIZE];
+        let pairs = |queries: [[f64; 2]; 2], logits: [f32; 4]| {
+            assign(&queries.map(query), &codes, &logits, &objects, &model, &LossConfig::default())
+        };
+        let sure = [-3.0, -3.0, 6.0, 6.0];
+        assert_eq!(pairs([[10.0, 1.0], [16.0, 1.0]], sure), [(0, 0)]);
+        assert_eq!(pairs([[10.0, 20.0], [16.0, 1.0]], sure), []);
+    }
+
+    #[test]
     fn equal_boxes_have_an_iou_of_one_and_half_shifted_ones_a_third() {
         let a = car(10.0, 0.0, Harm::Harmful).truth.box_in_ego;
         let b = car(12.0, 0.0, Harm::Harmful).truth.box_in_ego;
@@ -122,7 +147,9 @@ mod tests {
     #[test]
     fn costs_and_pairs_equal_scipys() {
         let golden = Golden::read("assignment");
-        let (model, loss) = (ModelConfig::default(), LossConfig::default());
+        // scipy's pairs are of any distance.
+        let (model, loss) =
+            (ModelConfig::default(), LossConfig { match_reach_m: 1e6, ..LossConfig::default() });
         for case in ["more_queries", "more_objects", "as_many", "one", "ties"] {
             let numbers = |part: &str| golden.numbers(&format!("{case}.{part}"));
             let singles = |part: &str| numbers(part).iter().map(|&x| x as f32).collect::<Vec<_>>();

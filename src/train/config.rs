@@ -109,8 +109,16 @@ define_config! {
         harm_cost: f64 = 0.15, in WEIGHT;
         center_cost: f64 = 0.25, in WEIGHT;
         iou_cost: f64 = 0.25, in WEIGHT;
+        /// How far from an object's middle a query may sit to be matched with it, metres; as far as half the box's diagonal and
+        /// half of this, if that is more.
+        match_reach_m: f64 = 1.5, in from_to(0.1, 1e6);
+        /// Losses of a batch are sums over at least so many objects: in one with a single object the background would weigh
+        /// many times as much.
+        least_objects: f64 = 3.0, in from_to(1.0, 1000.0);
         /// Of the loss that asks of each pixel whether it shows an object, where points take the picture's features along.
         picture_weight: f64 = 1.0, in WEIGHT;
+        /// Objects that cover fewer cells of the picture's map weigh as much in it as if they covered so many.
+        least_picture_cells: f64 = 12.0, in from_to(1.0, 1e4);
         /// Whether the yaw of a static object may be learnt half a turn off: it has no front.
         turns_statics: bool = false;
         /// What objects that no LiDAR point hit are to the network.
@@ -158,6 +166,14 @@ define_config! {
         max_pasted: usize = 3, in from_to(0.0, 100.0);
         /// Largest factor by which a pasted object is stretched or shrunk along each of its axes.
         max_stretch: f64 = 1.5, in from_to(1.0, 10.0);
+        /// Share of the pasted objects that stand farther away than they did, with as many points as a LiDAR has there.
+        moved_share: f64 = 0.5, in SHARE;
+        /// Largest factor of their distance.
+        max_moved: f64 = 2.5, in from_to(1.0, 10.0);
+        /// Share of the pasted static objects that are made smaller as a whole.
+        shrunk_share: f64 = 0.3, in SHARE;
+        /// Smallest factor of their size.
+        min_shrink: f64 = 0.35, in from_to(0.05, 1.0);
         /// Share of the pasted static objects that lie on their side.
         tipped_share: f64 = 0.2, in SHARE;
         /// Share of the samples to which each of the next disturbances happens, apart from the others.

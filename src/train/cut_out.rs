@@ -36,7 +36,7 @@ pub struct CutOut {
 
 impl CutOut {
     /// Draws two objects of one sample and takes the nearer; turns it about the LiDAR of `into`, stretches it, and may
-    /// tip it over. `None` where the sample has no object with enough points.
+    /// shrink it, move it away or tip it over. `None` where the sample has no object with enough points.
     pub fn draw(
         donors: &[LabelledSample],
         into: &Measured,
@@ -59,12 +59,22 @@ impl CutOut {
         let mut truth = object.truth.clone();
         let mut points = returns_in(&donor.measured, &truth.box_in_ego);
         let mut factor = || config.max_stretch.powf(2.0 * rng.random::<f64>() - 1.0);
-        let factors = [factor(), factor(), factor()];
+        let mut factors = [factor(), factor(), factor()];
         let intensity = 1.0 + INTENSITY_SPREAD * (2.0 * rng.random::<f64>() - 1.0);
         let is_tipped = rng.random::<f64>() < config.tipped_share
             && truth.kind == Some(Kind::Static)
             && truth.box_in_ego.height_m < MAX_HEIGHT_OF_TIPPED_M;
+        let is_static = truth.kind == Some(Kind::Static);
+        let [is_shrunk, is_moved] =
+            [config.shrunk_share, config.moved_share].map(|share| rng.random::<f64>() < share);
+        let [shrink, move_] =
+            [config.min_shrink, config.max_moved].map(|most| most.powf(rng.random::<f64>()));
+        let shrink = if is_shrunk && is_static { shrink } else { 1.0 };
+        let away = if is_moved { move_ } else { 1.0 };
+        factors = factors.map(|factor| factor * shrink);
         reshape(&mut truth.box_in_ego, &mut points, factors, is_tipped);
+        // A ring's points come closer to each other as the object gets smaller or farther.
+        points.retain(|_| rng.random::<f64>() < shrink / away);
         truth.solid = truth.solid.filter(|_| !is_tipped).map(|part| stretch(part, factors));
         // It is set down on the ground, and the picture does not show it.
         truth.clearance_m = Some(0.0);
@@ -74,6 +84,10 @@ impl CutOut {
         }
 
         let center = truth.box_in_ego.center;
+        let farther = (center.coords.coords - lidar) * (away - 1.0);
+        let outwards = |p: Point<Ego>| Point::new(p.x() + farther.x, p.y() + farther.y, p.z());
+        truth.box_in_ego.center = outwards(center);
+        points.iter_mut().for_each(|point| point.at = outwards(point.at));
         let bearing = (center.y() - lidar.y).atan2(center.x() - lidar.x);
         let reach = (into.intrinsics.horizontal_fov_rad() / 2.0 - EDGE_RAD).max(0.0);
         let turn = (2.0 * rng.random::<f64>() - 1.0) * reach - bearing;
@@ -93,6 +107,20 @@ impl CutOut {
 /// Finds the returns inside a box, without those of the ground.
 pub fn returns_in(measured: &Measured, box_in_ego: &Box3<Ego>) -> Vec<Return> {
     returns(measured).filter(|of| is_above_ground_in(box_in_ego, of)).collect()
+}
+
+/// How many returns of each object there are above the ground.
+pub fn count_returns(measured: &Measured, objects: &[LabelledObject]) -> Vec<u32> {
+    let all: Vec<Return> = returns(measured).collect();
+    let count = |object: &LabelledObject| {
+        let of = &object.truth.box_in_ego;
+        let reach_m = of.length_m.hypot(of.width_m) / 2.0 + 2.0 * ABOVE_GROUND_M;
+        let is_near = |point: &&Return| {
+            (point.at.x() - of.center.x()).abs() < reach_m && (point.at.y() - of.center.y()).abs() < reach_m
+        };
+        all.iter().filter(is_near).filter(|point| is_above_ground_in(of, point)).count() as u32
+    };
+    objects.iter().map(count).collect()
 }
 
 /// Whether a return in or next to a box is not one of the ground below it.

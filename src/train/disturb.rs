@@ -10,7 +10,7 @@ use rand::RngExt;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::config::AugmentConfig;
-use crate::dataset::count_points;
+use super::cut_out::count_returns;
 use crate::geometry::{Ego, Transform};
 use crate::model::Recolour;
 use crate::object::LabelledObject;
@@ -30,10 +30,11 @@ pub struct Disturbed {
     pub colours: Option<Recolour>,
 }
 
-/// Disturbs a sample; `None` where nothing was drawn.
+/// Disturbs a sample; `None` where nothing was drawn. A picture shows what covers at least `min_visible_px`.
 pub fn disturb(
     measured: &Measured,
     objects: &[LabelledObject],
+    min_visible_px: u32,
     config: &AugmentConfig,
     rng: &mut Rng,
 ) -> Option<Disturbed> {
@@ -48,6 +49,7 @@ pub fn disturb(
     // One of the two sensors sees.
     let no_picture = !no_cloud && of_picture < config.no_picture_share;
 
+    let (whole, all) = (measured, objects);
     let mut disturbed = Disturbed { measured: measured.clone(), objects: objects.to_vec(), colours: None };
     let Disturbed { measured, objects, colours } = &mut disturbed;
     let mut is_changed = false;
@@ -81,7 +83,9 @@ pub fn disturb(
     if no_cloud {
         measured.points.clear();
         // What only the cloud showed is no longer seen.
-        for object in objects.iter_mut().filter(|object| object.truth.visible_px == Some(0)) {
+        let is_shown =
+            |object: &LabelledObject| object.truth.visible_px.is_none_or(|px| px >= min_visible_px);
+        for object in objects.iter_mut().filter(|object| !is_shown(object)) {
             object.truth.n_lidar_points = Some(0);
         }
         is_changed = true;
@@ -95,14 +99,23 @@ pub fn disturb(
         *colours = Some(Recolour::new([red, green, blue].map(tint), (0.7 * gamma).exp()));
     }
     if is_changed && !no_cloud {
-        let counts = count_points(measured, objects.iter().map(|object| &object.truth.box_in_ego));
-        for (object, n) in objects.iter_mut().zip(counts) {
-            // What no point hit stays so: a box also holds points of the ground.
+        let (before, after) = (count_returns(whole, all), count_returns(measured, objects));
+        for (object, (before, after)) in objects.iter_mut().zip(before.into_iter().zip(after)) {
             let of = &mut object.truth.n_lidar_points;
-            *of = of.map(|before| before.min(n));
+            *of = of.map(|recorded| left_of(recorded, before, after));
         }
     }
     (is_changed || colours.is_some()).then_some(disturbed)
+}
+
+/// What is left of so many recorded points, where a box and its margin held some before and hold others now. With noise a
+/// point of an object's surface leaves its box, so that a box's own count tells little.
+fn left_of(recorded: u32, before: u32, after: u32) -> u32 {
+    match (recorded, before, after) {
+        (0, _, _) | (_, 1.., 0) => 0,
+        (_, 0, _) => recorded,
+        _ => ((f64::from(recorded) * f64::from(after) / f64::from(before)).round() as u32).clamp(1, recorded),
+    }
 }
 
 /// Rolls and pitches the car by angles in radians, and lifts it by a metre a radian: all that it measures turns.
@@ -147,7 +160,7 @@ mod tests {
 
     fn disturbed(config: &AugmentConfig, seed: u64) -> Option<Disturbed> {
         let sample = sample();
-        disturb(&sample.measured, &sample.objects, config, &mut stream(seed, "disturb-test", 0))
+        disturb(&sample.measured, &sample.objects, 40, config, &mut stream(seed, "disturb-test", 0))
     }
 
     /// Without any disturbance.
@@ -163,6 +176,12 @@ mod tests {
             no_picture_share: 0.0,
             ..AugmentConfig::default()
         }
+    }
+
+    #[test]
+    fn what_is_left_of_an_objects_points_is_their_share_and_never_nothing_while_some_are_there() {
+        assert_eq!([left_of(0, 3, 3), left_of(10, 8, 0), left_of(10, 0, 0)], [0, 0, 10]);
+        assert_eq!([left_of(10, 8, 4), left_of(2, 40, 3), left_of(10, 8, 12)], [5, 1, 10]);
     }
 
     #[test]
@@ -217,7 +236,8 @@ mod tests {
         let mut of = sample();
         of.objects[0].truth.visible_px = Some(0);
         let config = AugmentConfig { no_cloud_share: 1.0, ..undisturbed() };
-        let found = disturb(&of.measured, &of.objects, &config, &mut stream(1, "disturb-test", 0)).unwrap();
+        let found =
+            disturb(&of.measured, &of.objects, 40, &config, &mut stream(1, "disturb-test", 0)).unwrap();
         assert!(!found.objects[0].truth.is_hit() && found.objects[1..].iter().any(|of| of.truth.is_hit()));
     }
 

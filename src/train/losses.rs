@@ -83,15 +83,16 @@ fn heatmap_loss(
     gaussian_focal(
         output.heatmap.clone(),
         Tensor::from_data(TensorData::new(target, output.heatmap.dims()), device),
+        config.least_objects,
     )
 }
 
-/// The Gaussian focal loss of a map, divided by the number of ones in its target (at least one).
-fn gaussian_focal(logits: Tensor<4>, target: Tensor<4>) -> Tensor<1> {
+/// The Gaussian focal loss of a map, divided by the number of ones in its target, or by `least` if there are fewer.
+fn gaussian_focal(logits: Tensor<4>, target: Tensor<4>, least: f64) -> Tensor<1> {
     // Scores are clipped as published, so that a map that is far off keeps a finite loss.
     let p = sigmoid(logits).clamp(1e-4, 1.0 - 1e-4);
     let peak = target.clone().equal_elem(1.0).float();
-    let n_peaks = peak.clone().sum().clamp_min(1.0);
+    let n_peaks = peak.clone().sum().clamp_min(least);
     let not_p = p.clone().neg().add_scalar(1.0);
     let at_peaks = p.clone().log() * not_p.clone() * not_p.clone() * peak;
     let off = target.neg().add_scalar(1.0);
@@ -158,6 +159,8 @@ fn query_losses(
             }
         }
     }
+    let n_states = n_rows as f64 / output.queries.len().max(1) as f64;
+    let n_matched = (n_matched as f64).max(config.least_objects * n_states);
     let tensor =
         |values: Vec<f32>, n| Tensor::<3>::from_data(TensorData::new(values, [n_rows, n_queries, n]), device);
     let weight = tensor(class_weight, n_classes);
@@ -195,24 +198,24 @@ fn known_part(code: [f32; CODE_SIZE]) -> ([f32; CODE_SIZE], [f32; CODE_SIZE]) {
 }
 
 /// The sigmoid focal loss, alpha 0.25, gamma 2, divided by the number of matched queries (at least one).
-fn sigmoid_focal(logits: Tensor<3>, target: Tensor<3>, weight: Tensor<3>, n_matched: usize) -> Tensor<1> {
+fn sigmoid_focal(logits: Tensor<3>, target: Tensor<3>, weight: Tensor<3>, n_matched: f64) -> Tensor<1> {
     let p = sigmoid(logits.clone());
     let not_p = p.clone().neg().add_scalar(1.0);
     let positive = log_sigmoid(logits.clone()) * not_p.clone() * not_p * target.clone().mul_scalar(0.25);
     let negative = log_sigmoid(logits.neg()) * p.clone() * p * target.neg().add_scalar(1.0).mul_scalar(0.75);
-    ((positive + negative) * weight).sum().div_scalar(-(n_matched.max(1) as f64))
+    ((positive + negative) * weight).sum().div_scalar(-n_matched.max(1.0))
 }
 
 /// The weighted L1 distance of codes, divided by the number of matched queries (at least one); `weight` is zero for the
 /// other queries.
-fn box_l1(codes: Tensor<3>, target: Tensor<3>, weight: Tensor<3>, n_matched: usize) -> Tensor<1> {
-    ((codes - target).abs() * weight).sum().div_scalar(n_matched.max(1) as f64)
+fn box_l1(codes: Tensor<3>, target: Tensor<3>, weight: Tensor<3>, n_matched: f64) -> Tensor<1> {
+    ((codes - target).abs() * weight).sum().div_scalar(n_matched.max(1.0))
 }
 
 /// The negative log-likelihood of Laplace's distribution, less a constant: `off / b + log b`, weighted, over the number of
 /// matched queries; `spread` is `log b`. The distances `off` get no gradient, so that the spreads change no box.
-fn spread_loss(off: Tensor<3>, spread: Tensor<3>, weight: Tensor<3>, n_matched: usize) -> Tensor<1> {
-    ((off * spread.clone().neg().exp() + spread) * weight).sum().div_scalar(n_matched.max(1) as f64)
+fn spread_loss(off: Tensor<3>, spread: Tensor<3>, weight: Tensor<3>, n_matched: f64) -> Tensor<1> {
+    ((off * spread.clone().neg().exp() + spread) * weight).sum().div_scalar(n_matched.max(1.0))
 }
 
 #[cfg(test)]
@@ -284,7 +287,8 @@ mod tests {
     #[test]
     fn gaussian_focal_loss_of_an_undecided_peak_is_a_quarter_of_ln_2() {
         let device = Device::flex();
-        let loss = gaussian_focal(Tensor::zeros([1, 1, 1, 1], &device), Tensor::ones([1, 1, 1, 1], &device));
+        let loss =
+            gaussian_focal(Tensor::zeros([1, 1, 1, 1], &device), Tensor::ones([1, 1, 1, 1], &device), 1.0);
         assert!((scalar(&loss) - 2f32.ln() / 4.0).abs() < 1e-6);
     }
 
@@ -293,7 +297,7 @@ mod tests {
         let target = vec![1.0f32, 0.6, 0.0, 0.0];
         check_gradient([1, 1, 2, 2], &[0.3, -0.4, 0.8, -1.2], |x| {
             let t = Tensor::from_data(TensorData::new(target.clone(), [1, 1, 2, 2]), &x.device());
-            gaussian_focal(x, t)
+            gaussian_focal(x, t, 1.0)
         });
     }
 
@@ -332,7 +336,7 @@ mod tests {
     fn values_and_gradients_equal_pytorchs() {
         let golden = Golden::read("losses");
         for case in ["heatmap.peaks", "heatmap.no_peaks"] {
-            check_golden::<4>(&golden, [case, "logits"], |x, part| gaussian_focal(x, part("target")));
+            check_golden::<4>(&golden, [case, "logits"], |x, part| gaussian_focal(x, part("target"), 1.0));
         }
         for (case, n_matched) in [("matched", 5), ("unmatched", 0)] {
             check_golden::<3>(&golden, [&format!("harm.{case}"), "input"], |x, part| {

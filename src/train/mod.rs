@@ -20,6 +20,7 @@ mod optimizer;
 mod paste;
 mod picture;
 mod plan;
+mod rings;
 mod run;
 #[cfg(test)]
 mod run_tests;

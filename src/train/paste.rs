@@ -1,7 +1,8 @@
 //! Objects of other samples pasted into a sample's cloud, labelled by the zone at their new place.
 //!
 //! Copy-paste of LiDAR objects is SECOND's (Yan et al. 2018). Here an object turns about the LiDAR and keeps its
-//! distance, so that it shows the side and the number of points that the sensor would see of it. It hides the points
+//! distance or moves straight away, so that it shows the side that the sensor would see of it; of its points those
+//! are taken that the sample's own LiDAR would have hit. It hides the points
 //! behind it, and loses its own points where something hides it. It may be stretched along each axis and tipped over:
 //! that gives shapes and places that the training split does not hold, as an unfamiliar object has them. The
 //! picture does not show it.
@@ -12,6 +13,7 @@ use rand::RngExt;
 
 use super::config::AugmentConfig;
 use super::cut_out::{CutOut, Return, is_above_ground_in, returns};
+use super::rings::{Ray, RingElevations};
 use crate::dataset::LabelledSample;
 use crate::geometry::{Ego, Lidar, Point, Transform, convex_signed_distance_m};
 use crate::object::{LabelledObject, Object};
@@ -31,8 +33,6 @@ const GROUND_RADIUS_M: f64 = 2.5;
 const MIN_GROUND_POINTS: usize = 5;
 /// Lowest points this much above or below the object's old ground do not count as ground.
 const MAX_RISE_M: f64 = 1.5;
-/// Somewhat more than the step between shots of a ring, so that no ray passes between the points of an object.
-const AZIMUTH_BIN_RAD: f64 = 0.5 * std::f64::consts::PI / 180.0;
 /// An object hides another that is this much farther away.
 const DEPTH_M: f64 = 0.3;
 /// Donors tried for one object.
@@ -78,12 +78,10 @@ pub fn paste(
     Ok(scene.into_pasted(sample))
 }
 
-/// A ray's place: ring, and bin of the azimuth.
-type Ray = (u16, i64);
-
 /// A sample that objects are pasted into.
 struct Scene {
     ego_from_lidar: Transform<Ego, Lidar>,
+    beams: RingElevations,
     min_x_m: f64,
     returns: Vec<Return>,
     objects: Vec<LabelledObject>,
@@ -95,17 +93,12 @@ impl Scene {
         let measured = &sample.measured;
         Self {
             ego_from_lidar: measured.ego_from_lidar,
+            beams: RingElevations::of(measured),
             min_x_m: measured.ego_state.front_bumper_x_m + CLEARANCE_M,
             returns: returns(measured).collect(),
             objects: sample.objects.clone(),
             n_pasted: 0,
         }
-    }
-
-    /// Ray and distance of a return.
-    fn ray(&self, of: &Return) -> (Ray, f64) {
-        let offset = of.at.coords.coords - self.ego_from_lidar.isometry.translation.vector;
-        ((of.ring, (offset.y.atan2(offset.x) / AZIMUTH_BIN_RAD).floor() as i64), offset.norm())
     }
 
     /// Height of the ground near a point of the plane.
@@ -146,16 +139,17 @@ impl Scene {
         if self.returns.iter().filter(takes).count() > MAX_POINTS_OF_TAKEN {
             return None;
         }
+        let mut points = self.beams.take(points);
         let mut nearest: HashMap<Ray, f64> =
-            points.iter().map(|point| (self.ray(point).0, f64::INFINITY)).collect();
+            points.iter().map(|point| (self.beams.ray(point).0, f64::INFINITY)).collect();
         for other in &self.returns {
-            let (ray, distance_m) = self.ray(other);
+            let (ray, distance_m) = self.beams.ray(other);
             if let Some(nearest_m) = nearest.get_mut(&ray) {
                 *nearest_m = nearest_m.min(distance_m);
             }
         }
         points.retain(|point| {
-            let (ray, distance_m) = self.ray(point);
+            let (ray, distance_m) = self.beams.ray(point);
             nearest[&ray] > distance_m - DEPTH_M
         });
         truth.n_lidar_points = Some(points.len() as u32);
@@ -166,12 +160,12 @@ impl Scene {
     fn add(&mut self, object: LabelledObject, points: Vec<Return>) {
         let mut nearest: HashMap<Ray, f64> = HashMap::new();
         for point in &points {
-            let (ray, distance_m) = self.ray(point);
+            let (ray, distance_m) = self.beams.ray(point);
             let nearest_m = nearest.entry(ray).or_insert(distance_m);
             *nearest_m = nearest_m.min(distance_m);
         }
         let is_hidden = |of: &Return| {
-            let (ray, distance_m) = self.ray(of);
+            let (ray, distance_m) = self.beams.ray(of);
             nearest.get(&ray).is_some_and(|nearest_m| distance_m > *nearest_m)
         };
         let hidden: HashSet<usize> =
@@ -260,7 +254,14 @@ mod tests {
     }
 
     fn config() -> AugmentConfig {
-        AugmentConfig { max_pasted: 1, max_stretch: 1.0, tipped_share: 0.0, ..AugmentConfig::default() }
+        AugmentConfig {
+            max_pasted: 1,
+            max_stretch: 1.0,
+            tipped_share: 0.0,
+            moved_share: 0.0,
+            shrunk_share: 0.0,
+            ..AugmentConfig::default()
+        }
     }
 
     fn pasted(config: &AugmentConfig) -> Vec<Pasted> {

@@ -2,12 +2,13 @@
 //! every pixel, where the heatmap tells it of a few cells.
 //!
 //! A pixel shows an object if it lies in the convex hull of a visible object's projected corners: binary cross entropy,
-//! the mean over pixels.
+//! the mean over pixels. What is small in the picture weighs more by the pixel.
 
 use burn::tensor::activation::log_sigmoid;
 use burn::tensor::{Tensor, TensorData};
 use nalgebra::Vector2;
 
+use super::config::LossConfig;
 use crate::geometry::{Box3, Ego, Point, convex_hull};
 use crate::model::{CameraGeometry, PAINT_STRIDE, n_paint_pixels};
 use crate::object::LabelledObject;
@@ -15,21 +16,24 @@ use crate::object::LabelledObject;
 /// Corners nearer to the camera than this are moved there.
 const NEAREST_M: f64 = 0.5;
 
-/// One sample's target `[y, x]`: one where the picture shows an object.
+/// One sample's target `[y, x]`: where the picture shows an object, the pixel's weight, one or more; elsewhere zero.
 ///
 /// # Arguments
 /// - `objects`: mirrored if the view is
-/// - `min_visible_px`: objects that show fewer pixels of the full picture are left out
 #[must_use]
-pub fn draw_objects(objects: &[LabelledObject], view: &CameraGeometry, min_visible_px: u32) -> Vec<f32> {
+pub fn draw_objects(objects: &[LabelledObject], view: &CameraGeometry, config: &LossConfig) -> Vec<f32> {
     let [n_x, n_y] =
         [view.intrinsics.width_px, view.intrinsics.height_px].map(|n_px| n_paint_pixels(n_px as usize));
     let mut target = vec![0f32; n_y * n_x];
     for object in objects {
-        if object.truth.visible_px.is_some_and(|px| px < min_visible_px) {
+        if object.truth.visible_px.is_some_and(|px| px < config.min_visible_px) {
             continue;
         }
-        fill(&mut target, [n_y, n_x], &convex_hull(corners_px(&object.truth.box_in_ego, view)));
+        let cells = cells_in(&convex_hull(corners_px(&object.truth.box_in_ego, view)), [n_y, n_x]);
+        let weight = (config.least_picture_cells / cells.len().max(1) as f64).max(1.0) as f32;
+        for cell in cells {
+            target[cell] = target[cell].max(weight);
+        }
     }
     target
 }
@@ -53,10 +57,11 @@ fn corners_px(of: &Box3<Ego>, view: &CameraGeometry) -> Vec<Vector2<f64>> {
     corners.iter().flatten().map(pixel).collect()
 }
 
-/// Sets the cells whose middle lies in a convex polygon, and at least the one at its middle.
-fn fill(target: &mut [f32], [n_y, n_x]: [usize; 2], polygon: &[Vector2<f64>]) {
+/// The cells whose middle lies in a convex polygon, and at least the one at its middle.
+fn cells_in(polygon: &[Vector2<f64>], [n_y, n_x]: [usize; 2]) -> Vec<usize> {
+    let mut cells = Vec::new();
     if polygon.is_empty() {
-        return;
+        return cells;
     }
     let n = polygon.len();
     let bound = |axis: usize, most: usize| {
@@ -72,7 +77,7 @@ fn fill(target: &mut [f32], [n_y, n_x]: [usize; 2], polygon: &[Vector2<f64>]) {
                 (b[0] - a[0]) * (y as f64 - a[1]) - (b[1] - a[1]) * (x as f64 - a[0]) >= 0.0
             });
             if is_inside {
-                target[y * n_x + x] = 1.0;
+                cells.push(y * n_x + x);
             }
         }
     }
@@ -80,16 +85,20 @@ fn fill(target: &mut [f32], [n_y, n_x]: [usize; 2], polygon: &[Vector2<f64>]) {
         std::array::from_fn(|axis| polygon.iter().map(|point| point[axis]).sum::<f64>() / n as f64);
     let [x, y] = middle.map(f64::round);
     if (0.0..n_x as f64).contains(&x) && (0.0..n_y as f64).contains(&y) {
-        target[y as usize * n_x + x as usize] = 1.0;
+        let cell = y as usize * n_x + x as usize;
+        if !cells.contains(&cell) {
+            cells.push(cell);
+        }
     }
+    cells
 }
 
 /// The loss of a batch's logits `[batch, 1, y, x]`; `targets` is `[batch][y * x]`.
 #[must_use]
 pub fn picture_loss(logits: Tensor<4>, targets: &[Vec<f32>]) -> Tensor<1> {
-    let target = Tensor::<4>::from_data(TensorData::new(targets.concat(), logits.dims()), &logits.device());
-    let not_shown = target.clone().neg().add_scalar(1.0);
-    (log_sigmoid(logits.clone()) * target + log_sigmoid(logits.neg()) * not_shown).mean().neg()
+    let weight = Tensor::<4>::from_data(TensorData::new(targets.concat(), logits.dims()), &logits.device());
+    let not_shown = weight.clone().equal_elem(0.0).float();
+    (log_sigmoid(logits.clone()) * weight + log_sigmoid(logits.neg()) * not_shown).mean().neg()
 }
 
 #[cfg(test)]
@@ -110,7 +119,7 @@ mod tests {
 
     #[test]
     fn a_car_ahead_covers_its_share_of_the_picture_below_the_horizon() {
-        let target = draw_objects(&[car(21.7, 0.0, Harm::Harmful)], &view(), 20);
+        let target = draw_objects(&[car(21.7, 0.0, Harm::Harmful)], &view(), &LossConfig::default());
         let cells: Vec<[usize; 2]> =
             (0..target.len()).filter(|&i| target[i] == 1.0).map(|i| [i % 100, i / 100]).collect();
         // 1.8 m wide and 1.5 m high at 18 m: 286 px of focal length over 4.
@@ -124,9 +133,21 @@ mod tests {
         let mut hidden = car(21.7, 0.0, Harm::Harmful);
         hidden.truth.visible_px = Some(5);
         let behind = car(-10.0, 0.0, Harm::Harmless);
-        assert_eq!(draw_objects(&[hidden, behind], &view(), 20).iter().sum::<f32>(), 0.0);
-        let beside = draw_objects(&[car(3.0, 2.0, Harm::Harmless)], &view(), 20);
+        let config = LossConfig::default();
+        assert_eq!(draw_objects(&[hidden, behind], &view(), &config).iter().sum::<f32>(), 0.0);
+        let beside = draw_objects(&[car(3.0, 2.0, Harm::Harmless)], &view(), &config);
         assert!(beside.iter().sum::<f32>() > 50.0 && beside[20 * 100 + 90] == 0.0);
+    }
+
+    #[test]
+    fn what_is_small_in_the_picture_weighs_as_much_as_what_covers_twelve_cells() {
+        let mut bag = car(41.7, 0.0, Harm::Harmful);
+        let of = &mut bag.truth.box_in_ego;
+        (of.length_m, of.width_m, of.height_m) = (0.4, 0.4, 0.5);
+        let target = draw_objects(&[bag], &view(), &LossConfig::default());
+        let n_cells = target.iter().filter(|&&weight| weight > 0.0).count();
+        assert!((1..6).contains(&n_cells), "{n_cells}");
+        assert!((target.iter().sum::<f32>() - 12.0).abs() < 1e-4);
     }
 
     #[test]

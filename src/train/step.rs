@@ -262,7 +262,13 @@ impl<'a> Steps<'a> {
                     Some(pasted) => (&pasted.measured, &pasted.objects),
                     None => (&sample.measured, &sample.objects),
                 };
-                let disturbed = disturb(measured, objects, &augment, &mut stream_of("disturb"));
+                let disturbed = disturb(
+                    measured,
+                    objects,
+                    config.loss.min_visible_px,
+                    &augment,
+                    &mut stream_of("disturb"),
+                );
                 let (measured, objects) = match &disturbed {
                     Some(disturbed) => (&disturbed.measured, &disturbed.objects),
                     None => (measured, objects),
@@ -281,9 +287,8 @@ impl<'a> Steps<'a> {
                 let input = Input::prepare_with(measured, &config.model, view.mirror, image.as_ref())
                     .and_then(|input| input.with_states(&view.states, view.mirror))
                     .map_err(not_prepared)?;
-                let painted_view = input.camera.as_ref().and_then(CameraInput::painted_view);
-                let min_px = config.loss.min_visible_px;
-                let picture = painted_view.map(|of| draw_objects(&view.objects[0], of, min_px));
+                let painted_view = input.camera.as_ref().and_then(|of| of.painted_view(&config.model));
+                let picture = painted_view.map(|of| draw_objects(&view.objects[0], of, &config.loss));
                 let trained = |of: &Vec<LabelledObject>| trainable(of, &config.model.grid, &config.loss);
                 Ok(PreparedSample { input, objects: view.objects.iter().map(trained).collect(), picture })
             })

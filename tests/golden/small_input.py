@@ -135,7 +135,10 @@ def pillars(points: Array, config: Config) -> tuple[Array, Array, Array, Array]:
     for cell, start, n in zip(cells, first, count, strict=True):
         of_cell = points[order[start : start + n]]
         kept = min(n, config.max_points)
-        source = order[start : start + n][np.arange(kept) * n // kept]
+        source = order[start : start + n]
+        if n > kept:
+            by_height = source[np.argsort(of_cell[:, 2], kind="stable")]
+            source = by_height[np.arange(kept) * (n - 1) // max(kept - 1, 1)]
         chosen = points[source]
         center = [
             config.x_min_m + (cell % n_x + 0.5) * size_m,

@@ -61,10 +61,10 @@ impl CameraInput {
         }
     }
 
-    /// The view of the network's image, if points take features from it.
+    /// The view of the network's image, if points take features from it, be there points or not.
     #[must_use]
-    pub fn painted_view(&self) -> Option<&CameraGeometry> {
-        self.cnn().filter(|input| !input.pixel_of_point.is_empty()).map(|input| &input.view)
+    pub fn painted_view(&self, config: &ModelConfig) -> Option<&CameraGeometry> {
+        self.cnn().filter(|_| config.paint_channels() > 0).map(|input| &input.view)
     }
 
     /// Height of the network's image; inputs of one batch share it.

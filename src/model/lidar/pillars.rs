@@ -52,7 +52,7 @@ impl Pillars {
 
         let (max_points, n_features) = (of_pillars.max_points, of_pillars.n_point_features());
         let mut pillars = Self::default();
-        for pillar in by_cell.chunk_by(|a, b| a.0 == b.0) {
+        for pillar in by_cell.chunk_by_mut(|a, b| a.0 == b.0) {
             let cell = pillar[0].0;
             let n = pillar.len();
             let mean: [f64; 3] = std::array::from_fn(|axis| {
@@ -61,9 +61,13 @@ impl Pillars {
             let center = grid.cell_center_m(cell as usize, n_x, 1);
             let n_kept = n.min(max_points);
             let first_row = (pillars.point_features.len() / n_features) as u32;
+            if n > n_kept {
+                let height_m = |i: u32| points[i as usize][2];
+                pillar.sort_by(|&(_, a), &(_, b)| height_m(a).total_cmp(&height_m(b)));
+            }
             for k in 0..n_kept {
-                // An even pick, so that a crowded pillar keeps points from all of its beams.
-                let source = pillar[k * n / n_kept].1;
+                // Even over the heights, the lowest and the highest among them, whatever order a LiDAR has.
+                let source = pillar[if n > n_kept { k * (n - 1) / (n_kept - 1).max(1) } else { k }].1;
                 let p = points[source as usize];
                 let features = [
                     p[0] / 50.0,
