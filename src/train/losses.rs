@@ -267,7 +267,7 @@ mod tests {
         let device = Device::flex();
         let tensor = |value: f32| Tensor::<3>::full([1, 1, 1], value, &device);
         let loss = |log: f32| {
-            let of = |off: f32| scalar(&spread_loss(tensor(off), tensor(log), tensor(1.0), 1));
+            let of = |off: f32| scalar(&spread_loss(tensor(off), tensor(log), tensor(1.0), 1.0));
             of(0.2) + of(0.6)
         };
         let best = 0.4f32.ln();
@@ -307,7 +307,7 @@ mod tests {
         check_gradient([1, 2, 2], &[0.3, -0.4, 0.8, -1.2], |x| {
             let t = Tensor::from_data(TensorData::new(target.clone(), [1, 2, 2]), &x.device());
             let weight = Tensor::ones([1, 2, 2], &x.device());
-            sigmoid_focal(x, t, weight, 1)
+            sigmoid_focal(x, t, weight, 1.0)
         });
     }
 
@@ -338,7 +338,7 @@ mod tests {
         for case in ["heatmap.peaks", "heatmap.no_peaks"] {
             check_golden::<4>(&golden, [case, "logits"], |x, part| gaussian_focal(x, part("target"), 1.0));
         }
-        for (case, n_matched) in [("matched", 5), ("unmatched", 0)] {
+        for (case, n_matched) in [("matched", 5.0), ("unmatched", 0.0)] {
             check_golden::<3>(&golden, [&format!("harm.{case}"), "input"], |x, part| {
                 let weight = Tensor::ones(x.dims(), &x.device());
                 sigmoid_focal(x, part("target"), weight, n_matched)

@@ -238,7 +238,7 @@ mod tests {
         object.truth.velocity_in_ego_mps = [-3.0, 0.0];
         let lidar_from_ego = sample.measured.ego_from_lidar.inverse();
         for i in 0..20 {
-            let on_front = Point::new(10.05, -0.8 + 0.08 * f64::from(i), 0.4 + 0.4 * f64::from(i % 3));
+            let on_front = Point::new(10.05, -0.8 + 0.08 * f64::from(i), 0.4 + 0.3 * f64::from(i % 3));
             let p = lidar_from_ego * on_front;
             let [x_m, y_m, z_m] = [p.x() as f32, p.y() as f32, p.z() as f32];
             sample.measured.points.push(LidarPoint {
@@ -290,10 +290,11 @@ mod tests {
             let area = test_data::dataset(1).zone().at(&measured.ego_state).unwrap();
             assert_eq!(objects[0].harm, area.harm_of_object(of).unwrap().harm);
             harms.insert(objects[0].harm.index());
-            // Ring 7 meets the road behind the car; a car in front hides it.
+            // The car's rings meet the road behind it; a car in front hides that.
             if center.y().atan2(center.x() - lidar.x).abs() < 0.2 {
-                let n_of_ring = |of: &Measured| of.points.iter().filter(|p| p.ring == 7).count();
-                let n_of_car = inside.iter().filter(|p| p.ring == 7).count();
+                let ring = inside.iter().map(|p| p.ring).max().unwrap();
+                let n_of_ring = |of: &Measured| of.points.iter().filter(|p| p.ring == ring).count();
+                let n_of_car = inside.iter().filter(|p| p.ring == ring).count();
                 assert!(n_of_ring(&road().measured) > n_of_ring(measured) - n_of_car);
             }
         }
@@ -310,7 +311,8 @@ mod tests {
         assert!(scene(Vec::new(), Vec::new()).place(cut_out()).is_some());
         let neighbour = car(16.1, 0.5, Harm::Harmless);
         assert!(scene(Vec::new(), vec![neighbour]).place(cut_out()).is_none());
-        let wall = (0..400).map(|i| at(6.0, -2.0 + 0.01 * f64::from(i), 1.2, 4)).collect();
+        let of_wall = |ring| (0..400).map(move |i| at(6.0, -2.0 + 0.01 * f64::from(i), 1.2, ring));
+        let wall = (0..12).flat_map(of_wall).collect();
         assert!(scene(wall, Vec::new()).place(cut_out()).is_none(), "hidden");
         let mut bush: Vec<Return> = returns(&road().measured).collect();
         assert!(scene(bush.clone(), Vec::new()).place(cut_out()).is_some());

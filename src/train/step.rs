@@ -23,7 +23,7 @@ use super::targets::trainable;
 use super::windows::{Shown, Windows};
 use crate::dataset::SampleSource;
 use crate::device::is_cpu;
-use crate::model::{Batch, CameraInput, Detector, Input, Output};
+use crate::model::{Batch, Detector, Input, Output};
 use crate::object::LabelledObject;
 use crate::random;
 use crate::zone::Zone;
