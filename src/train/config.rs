@@ -190,6 +190,8 @@ define_config! {
         picture_spread: f64 = 0.25, in from_to(0.0, 3.0);
         /// Share of the samples with one ring in 2, 3 or 4.
         thinned_share: f64 = 0.1, in SHARE;
+        /// Share of the samples whose cloud gets fog, of an optical range of 50 to 400 m.
+        fogged_share: f64 = 0.1, in SHARE;
         /// Share of the samples without a cloud; with a picture only.
         no_cloud_share: f64 = 0.03, in SHARE;
         /// Share of the samples with a black picture.

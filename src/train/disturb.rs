@@ -1,9 +1,11 @@
-//! Augmentation of what the sensors measure: other LiDARs, other makes' intensities, a cloud thinned or gone, a picture
+//! Augmentation of what the sensors measure: other LiDARs, other makes' intensities, a cloud thinned, in fog or gone, a picture
 //! of another exposure or gone, and a car that is pitched or rolled. Labels stay true: objects move with a tilt, and
 //! their points are counted again.
 //!
 //! A network that has seen one sensor alone takes its rings and intensities for the world's (docs/real_logs.md), and
 //! one whose LiDAR never fails learns nothing from the picture.
+
+use std::sync::LazyLock;
 
 use nalgebra::{UnitQuaternion, Vector3};
 use rand::RngExt;
@@ -16,11 +18,16 @@ use crate::model::Recolour;
 use crate::object::LabelledObject;
 use crate::random::Rng;
 use crate::sample::{LidarPoint, Measured};
+use crate::sensors::lidar::AddedFog;
 
 /// Thinned clouds keep one of 2 to this many rings.
 const MOST_RINGS_PER_KEPT: u16 = 4;
 /// Intensity's offset, in units of `intensity_spread`.
 const OFFSET_OF_SPREAD: f64 = 20.0;
+/// Fogs that a cloud may get, equally likely, by optical range in metres: from thick to thin.
+const FOGS_MOR_M: [f64; 6] = [50.0, 75.0, 110.0, 170.0, 250.0, 400.0];
+
+static FOGS: LazyLock<[AddedFog; 6]> = LazyLock::new(|| FOGS_MOR_M.map(AddedFog::new));
 
 /// What the network gets of a sample in place of its measurements.
 pub struct Disturbed {
@@ -43,7 +50,7 @@ pub fn disturb(
     let tilt = [normal(), normal(), normal()];
     let intensity = [normal(), normal(), normal()];
     let light = [normal(), normal(), normal(), normal(), normal()];
-    let [of_thinned, of_cloud, of_picture, of_tilt, of_intensity, of_light, of_noise, of_drops] =
+    let [of_thinned, of_cloud, of_picture, of_tilt, of_intensity, of_light, of_noise, of_drops, of_fog] =
         std::array::from_fn(|_| rng.random::<f64>());
     let no_cloud = of_cloud < config.no_cloud_share;
     // One of the two sensors sees.
@@ -78,6 +85,12 @@ pub fn disturb(
         let step = rng.random_range(2..=MOST_RINGS_PER_KEPT);
         let first = rng.random_range(0..step);
         measured.points.retain(|point| point.ring % step == first);
+        is_changed = true;
+    }
+    if of_fog < config.fogged_share {
+        let fog = &FOGS[rng.random_range(0..FOGS.len())];
+        let points = std::mem::take(&mut measured.points);
+        measured.points = points.iter().filter_map(|point| fog.on(point, rng)).collect();
         is_changed = true;
     }
     if no_cloud {
@@ -172,6 +185,7 @@ mod tests {
             dropped_share: 0.0,
             picture_spread: 0.0,
             thinned_share: 0.0,
+            fogged_share: 0.0,
             no_cloud_share: 0.0,
             no_picture_share: 0.0,
             ..AugmentConfig::default()
@@ -228,6 +242,21 @@ mod tests {
                 objects.iter().filter_map(|object| object.truth.n_lidar_points).sum()
             };
             assert!(n(&found.objects) <= n(&before.objects));
+        }
+    }
+
+    #[test]
+    fn fog_takes_far_points_and_what_is_left_of_an_object_is_counted() {
+        let config = AugmentConfig { fogged_share: 1.0, ..undisturbed() };
+        let before = sample();
+        let range_m = |p: &LidarPoint| p.x_m.hypot(p.y_m).hypot(p.z_m);
+        let n_far = |of: &Measured| of.points.iter().filter(|p| range_m(p) > 30.0).count();
+        for seed in 0..10 {
+            let found = disturbed(&config, seed).unwrap();
+            assert!(n_far(&found.measured) < n_far(&before.measured));
+            for (old, new) in before.objects.iter().zip(&found.objects) {
+                assert!(new.truth.n_lidar_points <= old.truth.n_lidar_points);
+            }
         }
     }
 

@@ -12,6 +12,7 @@
 //! a beam goes some way. The reported intensity makes up for the range by the
 //! make's own curve ([`response`]) of x = reflectivity * factor(incidence) * exp(-2 (alpha + attenuation) range).
 
+mod added_fog;
 mod echo;
 mod fog;
 mod pattern;
@@ -23,6 +24,7 @@ mod wet_ground;
 use rand::RngExt;
 use rand_distr::{Beta, Distribution, StandardNormal};
 
+pub use self::added_fog::AddedFog;
 use self::echo::Echo;
 pub use self::echo::Reflector;
 use self::fog::SoftReturns;
