@@ -1,4 +1,4 @@
-//! `harmzone report` on a small real data set, in a real browser.
+//! `harmzone report` on a small real data set, in a real browser; and detectors side by side.
 //!
 //! Predictions are made up around those of the network inside the program, so that there are faults to show. The
 //! browser's part is `tests/browser/check_report.py`; where no Chromium is installed it is skipped, and says so.
@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use fs_err as fs;
-use made_data::{done, harmzone, text};
+use made_data::{Fixture, done, fails, fixture, harmzone, text};
 use serde_json::{Value, json};
 
 /// What `check_report.py` ends with where there is no browser.
@@ -86,4 +86,46 @@ fn a_report_opens_from_disk_and_its_gallery_sorts_and_filters() {
         return;
     }
     assert!(checked.status.success() && said.contains("wide and narrow"), "{said}");
+}
+
+#[test]
+fn detectors_stand_side_by_side_on_the_same_samples() {
+    let Fixture { ood, run, .. } = fixture();
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (boxes, out) = (folder.path().join("zone"), folder.path().join("versus"));
+    done(&["baseline", "zone", text(run), "--data", text(ood), "--out", text(&boxes)]);
+    let rule = format!("rule={}", text(&boxes.join("predictions.json")));
+    let (own, dark) = (format!("own={}", text(run)), format!("dark=camera-blind:{}", text(run)));
+    let args = ["versus", &own, &rule, &dark, "--data", text(ood), "--ood", "--out", text(&out)];
+    let told = done(&args);
+    assert!(told.starts_with("Development figures, on dev"), "{told}");
+    assert!(told.contains("AP, mean of both") && told.contains("own") && told.contains("rule"), "{told}");
+    let read = |text: &str| serde_json::from_str::<Value>(text).expect("JSON");
+    let kept = read(&fs::read_to_string(out.join("versus.json")).expect("it is written"));
+    assert_eq!(kept["detectors"], json!(["own", "rule", "dark"]));
+    let score = |args: &[&str]| {
+        let of = read(&done(&[&["eval"], args, &["--data", text(ood), "--ood", "--json"]].concat()));
+        of["total"]["mean"].as_f64().expect("a score")
+    };
+    let alone = [
+        score(&[text(run)]),
+        score(&["--predictions", text(&boxes.join("predictions.json"))]),
+        score(&[text(run), "--blind", "camera"]),
+    ];
+    let total = &kept["of"]["mean"][0]["figures"];
+    for (i, alone) in alone.into_iter().enumerate() {
+        let of = &total[i];
+        assert!((of["value"].as_f64().expect("a score") - alone).abs() < 1e-12, "{i}: {kept}");
+        let gain = of["over_first"].as_f64().expect("a difference");
+        assert!((gain - (alone - total[0]["value"].as_f64().expect("a score"))).abs() < 1e-12, "{kept}");
+    }
+
+    for (wrong, wanted) in [
+        (args.as_slice(), "--force"),
+        (&["versus", text(run), text(run), "--data", text(ood)], "NAME=DETECTOR"),
+        (&["versus", text(run), "none.json", "--data", text(ood)], "none.json"),
+    ] {
+        let message = fails(wrong);
+        assert!(message.contains(wanted), "{message}");
+    }
 }

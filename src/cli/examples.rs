@@ -121,6 +121,19 @@ const EXAMPLES: &[Examples] = &[
         )],
     ),
     (
+        "versus",
+        &[
+            (
+                "What the camera brings to a network: with its pictures, against black ones",
+                "harmzone versus camera-blind:runs/first runs/first --data data/ood --ood",
+            ),
+            (
+                "Two trainings and the zone's rule over the first one's boxes",
+                "harmzone versus a=runs/a b=runs/b rule=boxes/predictions.json --data data/ood --ood --out versus",
+            ),
+        ],
+    ),
+    (
         "drive",
         &[
             (

@@ -39,6 +39,7 @@ mod train;
 mod urls;
 mod values;
 mod verbosity;
+mod versus;
 mod view;
 mod world;
 mod zones;
@@ -116,6 +117,8 @@ enum Command {
     Calibrate(calibrate::CalibrateArgs),
     /// Write the boxes of a rival that decides on harm without the network's class branch
     Baseline(baseline::BaselineArgs),
+    /// Set detectors side by side on the same samples: what each finds, and gains over the first, with intervals
+    Versus(versus::VersusArgs),
     /// Let the ego drive on perception alone: collisions avoided, false stops, against who sees nothing and who sees all
     Drive(drive::DriveArgs),
     /// Drive for `drive`, which starts this command as a process of its own
@@ -251,6 +254,7 @@ fn run(cli: Cli) -> anyhow::Result<ExitStatus> {
         Command::Eval(args) => eval::run(args),
         Command::Calibrate(args) => calibrate::run(args),
         Command::Baseline(args) => baseline::run(args),
+        Command::Versus(args) => versus::run(args),
         Command::Drive(args) => drive::run(args),
         Command::DriveWorker(args) => drive_worker::run(args),
         Command::Sweep(args) => sweep::run(args),

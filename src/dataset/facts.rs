@@ -3,6 +3,7 @@
 //! Every fact may be missing: a file of boxes may hold any of them, a data set of ours holds all. A score
 //! that needs a fact leaves out what lacks it. Metres, m/s, radians, seconds; the zone in the ego frame.
 
+use std::collections::HashSet;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
@@ -12,7 +13,7 @@ use super::DatasetError;
 use super::coverage::CameraFacts;
 use crate::episode::{EpisodeMeta, Labelled, LogFacts};
 use crate::geometry::{Box3, Ego, Point, Point2, convex_signed_distance_m, distance_to_convex_m};
-use crate::sample::{EgoState, IgnoredRegion, Measured};
+use crate::sample::{EgoState, IgnoredRegion, LidarPoint, Measured};
 use crate::sensors::{Weather, WeatherOverride};
 use crate::zone::{Zone, ZoneAt};
 
@@ -34,6 +35,9 @@ pub struct SampleFacts {
     pub mor_m: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rain_rate_mmph: Option<f64>,
+    /// Rings of the LiDAR with a point: its beams, less those that met nothing.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub n_lidar_rings: Option<u32>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub speed_mps: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -155,6 +159,7 @@ impl Origin {
             ignored,
             is_unlabelled,
             time_s: Some(measured.time_ns.saturating_sub(self.start_ns) as f64 * 1e-9),
+            n_lidar_rings: n_rings(&measured.points),
             speed_mps: Some(state.speed_mps),
             steering_angle_rad: Some(state.steering_angle_rad),
             position_in_world_m: Some([origin.x(), origin.y()]),
@@ -163,6 +168,12 @@ impl Origin {
             ..self.facts.clone()
         }
     }
+}
+
+/// Rings with a point; none of an empty cloud, of which nobody knows what made it.
+fn n_rings(points: &[LidarPoint]) -> Option<u32> {
+    let rings: HashSet<u16> = points.iter().map(|point| point.ring).collect();
+    (!rings.is_empty()).then_some(rings.len() as u32)
 }
 
 /// The episode that a sample's id names, `<episode>/<index>`; the whole id if it has no `/`.
@@ -183,6 +194,9 @@ mod tests {
         let dataset = test_data::dataset(3);
         assert!((dataset.samples()[2].facts.time_s.unwrap() - 0.6).abs() < 1e-9);
         assert_eq!(dataset.samples()[1].facts.episode.as_deref(), Some("made"));
+        let rings: HashSet<u16> =
+            dataset.samples()[0].measured.points.iter().map(|point| point.ring).collect();
+        assert_eq!(dataset.samples()[0].facts.n_lidar_rings, Some(rings.len() as u32));
         for sample in dataset.samples() {
             for object in &sample.objects {
                 let distance_m = sample.facts.zone_distance_m(&object.truth.box_in_ego).unwrap();

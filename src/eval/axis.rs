@@ -23,12 +23,13 @@ pub enum Axis {
     ZoneDistanceM,
     Town,
     Weather,
+    NLidarRings,
     SpeedMps,
     SteeringDeg,
 }
 
 impl Axis {
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 14] = [
         Self::Distribution,
         Self::Kind,
         Self::IdCategory,
@@ -40,6 +41,7 @@ impl Axis {
         Self::ZoneDistanceM,
         Self::Town,
         Self::Weather,
+        Self::NLidarRings,
         Self::SpeedMps,
         Self::SteeringDeg,
     ];
@@ -47,7 +49,7 @@ impl Axis {
     /// Whether a group is a set of samples, not of objects.
     #[must_use]
     pub fn is_of_samples(self) -> bool {
-        matches!(self, Self::Town | Self::Weather | Self::SpeedMps | Self::SteeringDeg)
+        matches!(self, Self::Town | Self::Weather | Self::NLidarRings | Self::SpeedMps | Self::SteeringDeg)
     }
 
     /// The name in files and tables.
@@ -65,6 +67,7 @@ impl Axis {
             Self::ZoneDistanceM => "zone_distance_m",
             Self::Town => "town",
             Self::Weather => "weather",
+            Self::NLidarRings => "n_lidar_rings",
             Self::SpeedMps => "speed_mps",
             Self::SteeringDeg => "steering_deg",
         }
@@ -77,6 +80,7 @@ impl Axis {
             Self::VisibleFraction => Some(&config.visible_fraction),
             Self::NLidarPoints => Some(&config.n_lidar_points),
             Self::ZoneDistanceM => Some(&config.zone_distance_m),
+            Self::NLidarRings => Some(&config.n_lidar_rings),
             Self::SpeedMps => Some(&config.speed_mps),
             Self::SteeringDeg => Some(&config.steering_deg),
             _ => None,
@@ -92,6 +96,7 @@ impl Axis {
         match self {
             Self::Town => facts.town.as_deref().map(Label::Name),
             Self::Weather => facts.weather.as_deref().map(Label::Name),
+            Self::NLidarRings => self.band(f64::from(facts.n_lidar_rings?), config),
             Self::SpeedMps => self.band(facts.speed_mps?, config),
             Self::SteeringDeg => self.band(facts.steering_angle_rad?.abs().to_degrees(), config),
             _ => None,

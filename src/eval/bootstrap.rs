@@ -14,8 +14,8 @@ use serde::{Deserialize, Serialize};
 
 use super::curve::GrowingCurve;
 use super::filter::KeptSample;
-use super::matching::Matching;
-use super::metrics::{Column, Columns, mean};
+use super::matching::{Matching, Outcome};
+use super::metrics::{Columns, mean};
 use super::protocol::{MissingClass, Protocol};
 use crate::dataset::episode_of_id;
 use crate::object::Harm;
@@ -35,6 +35,11 @@ pub struct Confidence {
     pub columns: Columns<Intervals>,
 }
 
+impl Confidence {
+    /// Share of resamples that an interval holds.
+    pub(super) const LEVEL: f64 = LEVEL;
+}
+
 /// Lower and upper end of the APs' intervals and of their mean's; `None` if no resample has a value.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Intervals {
@@ -44,7 +49,7 @@ pub struct Intervals {
 }
 
 /// What counts in one cell: for each threshold the detections by rank, and the positives of each episode.
-struct Cell {
+pub(super) struct Cell {
     counting: Vec<Counting>,
     n_positives: Vec<usize>,
 }
@@ -70,10 +75,21 @@ pub(super) struct Resamples {
 impl Resamples {
     /// `None` if the config asks for none or there is only one episode.
     pub fn of(matching: &Matching<'_>) -> Option<Self> {
+        let resamples = Self::always(matching);
+        (resamples.n > 0).then_some(resamples)
+    }
+
+    /// As [`Self::of`], with no draw where there is nothing to draw.
+    pub fn always(matching: &Matching<'_>) -> Self {
         let config = matching.config();
         let (episode_of, n_episodes) = number_episodes(&matching.samples);
-        let resamples = Self { episode_of, n_episodes, n: config.n_resamples, seed: config.bootstrap_seed };
-        (config.n_resamples > 0 && n_episodes > 1).then_some(resamples)
+        let n = if n_episodes > 1 { config.n_resamples } else { 0 };
+        Self { episode_of, n_episodes, n, seed: config.bootstrap_seed }
+    }
+
+    /// How many draws there are.
+    pub fn n(&self) -> usize {
+        self.n
     }
 
     /// A value of each resample, from how often each episode was drawn.
@@ -104,7 +120,9 @@ pub(super) fn measure(matching: &Matching<'_>) -> Option<Confidence> {
     let resamples = Resamples::of(matching)?;
     let n_episodes = resamples.n_episodes;
     let cells = Columns::from_fn(mode, |column| {
-        Harm::ALL.map(|class| Cell::new(matching, column, class, &resamples.episode_of, n_episodes))
+        let has = |number: usize| column.has_positive(matching.objects[number].object.truth.distribution);
+        let judge = |_: usize, outcome: Outcome| column.judge(outcome, matching);
+        Harm::ALL.map(|class| Cell::new(matching, class, &resamples.episode_of, n_episodes, has, judge))
     });
     let resampled: Vec<Columns<[Option<f64>; 2]>> = resamples.map(|n_drawn| {
         Columns::from_fn(mode, |column| {
@@ -148,22 +166,25 @@ pub(super) fn number_episodes(samples: &[KeptSample<'_>]) -> (Vec<usize>, usize)
 }
 
 impl Cell {
-    fn new(
+    /// What counts of a class: the objects, by number, that `has` takes, and the detections that `judge` calls true or false by
+    /// their sample and their outcome.
+    pub fn new(
         matching: &Matching<'_>,
-        column: Column,
         class: Harm,
         episode_of: &[usize],
         n_episodes: usize,
+        has: impl Fn(usize) -> bool,
+        judge: impl Fn(usize, Outcome) -> Option<bool>,
     ) -> Self {
         let mut n_positives = vec![0; n_episodes];
         for of in &matching.objects {
-            let is_positive = of.object.harm == class && column.has_positive(of.object.truth.distribution);
+            let is_positive = of.object.harm == class && has(of.number);
             n_positives[episode_of[of.sample_idx]] += usize::from(is_positive);
         }
         let of_threshold = |threshold_idx| {
             let mut counting = Counting::default();
             for (ranked, outcome) in matching.at(class, threshold_idx) {
-                let Some(is_match) = column.judge(outcome, matching) else { continue };
+                let Some(is_match) = judge(ranked.sample_idx, outcome) else { continue };
                 if is_match {
                     counting.matches.push(counting.episodes.len());
                 }
@@ -176,11 +197,16 @@ impl Cell {
     }
 
     fn has_positives(&self) -> bool {
-        self.n_positives.iter().any(|&n| n > 0)
+        self.n_positives() > 0
+    }
+
+    /// How many objects count.
+    pub fn n_positives(&self) -> usize {
+        self.n_positives.iter().sum()
     }
 
     /// AP, mean over the thresholds, of a resample; `None` if it has no positive.
-    fn ap(&self, n_drawn: &[u32], protocol: &Protocol) -> Option<f64> {
+    pub fn ap(&self, n_drawn: &[u32], protocol: &Protocol) -> Option<f64> {
         let n_positives: usize =
             self.n_positives.iter().zip(n_drawn).map(|(n, &drawn)| n * drawn as usize).sum();
         if n_positives == 0 {

@@ -1,6 +1,6 @@
 //! Scores by group: what kind of object, where, how well seen, in what weather, how near the zone's edge.
 //!
-//! An axis sorts truths into groups. Where the group is a property of the sample (town, weather, speed, steering), the
+//! An axis sorts truths into groups. Where the group is a property of the sample (town, weather, rings of the LiDAR, speed, steering), the
 //! scores are those of its samples alone. Where it is a property of the object, the truths of the group are the
 //! positives; detections on truths of other groups are neither true nor false positives, a misclassified one counts
 //! in the group of the truth that it lies on, and unmatched ones count nowhere, since nothing says which

@@ -24,6 +24,7 @@ mod protocol;
 pub mod safety;
 mod sample;
 pub mod sweep;
+pub mod versus;
 
 pub use axis::Axis;
 pub use bootstrap::{Confidence, Intervals, interval, resample};

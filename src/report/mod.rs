@@ -19,6 +19,7 @@ pub mod scores;
 pub mod standing;
 pub mod sweeps;
 pub mod table;
+pub mod versus;
 pub mod view;
 pub mod zones;
 

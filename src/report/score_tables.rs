@@ -230,6 +230,7 @@ pub fn title(axis: Axis) -> &'static str {
         Axis::ZoneDistanceM => "Distance to the zone's edge, m",
         Axis::Town => "Town",
         Axis::Weather => "Weather",
+        Axis::NLidarRings => "Rings of the LiDAR",
         Axis::SpeedMps => "Speed, m/s",
         Axis::SteeringDeg => "Steering, degrees",
     }

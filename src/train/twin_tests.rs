@@ -69,14 +69,14 @@ struct Case {
 
 /// The profile as it ships.
 fn whole() -> Case {
-    Case { name: "whole", config: ModelConfig::default(), height_px: 225, n_points: 8000, seed: 53 }
+    Case { name: "whole", config: ModelConfig::default(), height_px: 225, n_points: 8000, seed: 81 }
 }
 
 /// The same network on a coarse map with a little picture.
 fn coarse() -> Case {
     let mut config = ModelConfig::default();
     (config.grid.cell_size_m, config.camera.cnn.image_width_px, config.head.n_queries) = (6.4, 64, 20);
-    Case { name: "coarse", config, height_px: 36, n_points: 1200, seed: 92 }
+    Case { name: "coarse", config, height_px: 36, n_points: 1200, seed: 267 }
 }
 
 fn points(case: &Case, sample_idx: usize) -> Vec<LidarPoint> {
@@ -262,7 +262,9 @@ fn check(case: &Case, with_gradients: bool) {
         let prefix = format!("{}.{stage}", case.name);
         let output = detector.forward(&Batch::stack(&inputs, &case.config, with_camera, &device));
         assert_output(&output, &golden, &format!("{prefix}.train"));
-        let found = losses(&output, &objects, &case.config, &LossConfig::default());
+        // The twin's queries may be matched at any distance.
+        let config = LossConfig { match_reach_m: 1e6, ..LossConfig::default() };
+        let found = losses(&output, &objects, &case.config, &config);
         let mut parts =
             vec![("heatmap", found.parts.heatmap), ("harm", found.parts.harm), ("boxes", found.parts.boxes)];
         let mut total = found.total;

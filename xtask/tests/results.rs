@@ -35,6 +35,8 @@ fn experiment(folder: &Path) -> PathBuf {
     config += "[[tables]]\ntitle = 'Branches'\nnote = 'One each.'\nrows = [";
     config += &rows.map(|(name, _)| format!("{{ label = 'with {name}', row = '{name}' }}")).join(", ");
     config += "]\n";
+    config += "[[side_by_side]]\ntitle = 'Eyes'\nnote = 'On the same samples.'\nrows = [{ label = 'cloud', row = 'lidar' }, \
+               { label = 'dark', row = 'one-stage', blind = 'camera' }]\n";
     for judge in ["network", "zone-soft"] {
         config += &format!("[[rivals]]\nlabel = 'by {judge}'\nrow = 'lidar'\njudge = '{judge}'\n");
     }
@@ -58,6 +60,7 @@ fn an_experiment_killed_in_a_training_goes_on_and_its_commands_make_its_rows() {
     assert!(message.contains("radar") && message.contains("one-stage"), "{message}");
     succeed(&mut xtask(&[&args, ["--only", "lidar"].as_slice()].concat()));
     assert!(document().contains("| with camera | not trained yet"), "{}", document());
+    assert!(!document().contains("Eyes"), "one of its rows is not trained: {}", document());
     assert!(document().contains("Not trained yet."), "the headline was not asked for: {}", document());
     assert!(!out.join("report.html").exists(), "a page is of the headline");
     let checkpoint = |run: &Path| fs::read(run.join("model.safetensors")).expect("the run is whole");
@@ -73,7 +76,8 @@ fn an_experiment_killed_in_a_training_goes_on_and_its_commands_make_its_rows() {
     assert!(
         whole.contains("| closed set, energy | kinds |")
             && whole.contains("| by network | lidar |")
-            && whole.contains("| by zone-soft | lidar |"),
+            && whole.contains("| by zone-soft | lidar |")
+            && whole.contains("| AP, mean of both | truths | cloud | dark |"),
         "{whole}"
     );
     assert!(!whole.contains("not trained yet") && !whole.contains("Not trained yet"), "{whole}");

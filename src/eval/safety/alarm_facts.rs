@@ -5,7 +5,7 @@
 use std::ops::Range;
 
 use super::tracks;
-use super::{Context, Sight, Tracks};
+use super::{Sight, Tracks};
 use crate::eval::bootstrap::number_episodes;
 use crate::eval::matching::{Matching, Outcome};
 use crate::object::{Distribution, Harm};
@@ -93,8 +93,7 @@ impl Tally {
 
 impl<'a> AlarmFacts<'a> {
     /// `None` if a sample does not say where the ego was, or if the ego did not move.
-    pub fn gather(of: &Context<'a>) -> Option<Self> {
-        let matching = of.matching;
+    pub fn gather(matching: &'a Matching<'a>, tracks: Option<&Tracks>) -> Option<Self> {
         let (episode_of, n_episodes) = number_episodes(&matching.samples);
         let (mut driven_km, mut driven_h) = (vec![0.0; n_episodes], 0.0);
         for pair in tracks::episodes(&matching.samples)?.iter().flat_map(|episode| episode.windows(2)) {
@@ -136,7 +135,7 @@ impl<'a> AlarmFacts<'a> {
             found_to: sights.iter().map(|sight| found_to[sight.number]).collect(),
             can_stop: can_stop(matching, sights),
         };
-        let events = of.tracks.as_ref().map(Tracks::events).unwrap_or_default();
+        let events = tracks.map(Tracks::events).unwrap_or_default();
         Some(Self {
             alarms,
             objects: objects.collect(),

@@ -11,9 +11,10 @@
 use serde::{Deserialize, Serialize};
 
 use super::alarm_facts::{AlarmFacts, Origin, Tally};
-use super::{Context, MetricTable, MetricValue};
+use super::{Context, MetricTable, MetricValue, Tracks};
 use crate::eval::EvalConfig;
 use crate::eval::bootstrap::{Resamples, interval};
+use crate::eval::matching::Matching;
 use crate::object::Distribution;
 
 /// Missed harm at each of the config's false alarms a kilometre.
@@ -80,7 +81,7 @@ pub struct MissedGroup {
 
 /// `None` if a sample does not say where the ego was, or if the ego did not move.
 pub(super) fn measure(of: &Context<'_>) -> Option<Alarms> {
-    let facts = AlarmFacts::gather(of)?;
+    let facts = AlarmFacts::gather(of.matching, of.tracks.as_ref())?;
     let once = vec![1; facts.n_episodes];
     let asked = &of.matching.config().safety.false_alarms_per_km;
     let points: Vec<OperatingPoint> = asked.iter().map(|&per_km| measure_point(of, &facts, per_km)).collect();
@@ -98,6 +99,31 @@ pub(super) fn measure(of: &Context<'_>) -> Option<Alarms> {
     });
     let groups = groups.collect();
     Some(Alarms { driven_km: facts.driven_km(&once), driven_h: facts.driven_h, points, groups })
+}
+
+/// Shares of the harmful events that are missed, at each of the config's false alarms a kilometre.
+pub(in crate::eval) struct MissedEvents {
+    pub n_events: usize,
+    pub whole: Vec<Option<f64>>,
+    /// In each resample, at the score that keeps to so many false alarms there.
+    pub resampled: Vec<Vec<Option<f64>>>,
+}
+
+/// `None` as of [`measure`].
+pub(in crate::eval) fn missed_events(matching: &Matching<'_>, resamples: &Resamples) -> Option<MissedEvents> {
+    let facts = AlarmFacts::gather(matching, Tracks::of_samples(&matching.samples).as_ref())?;
+    let asked = &matching.config().safety.false_alarms_per_km;
+    let at = |n_drawn: &[u32], per_km: f64| {
+        let score = facts.find_score(per_km, n_drawn).0.unwrap_or(f64::INFINITY);
+        let moved = facts.driven_km(n_drawn) > 0.0;
+        moved.then(|| facts.count_missed_events(score, n_drawn, |_| true).share())?
+    };
+    let shares = |n_drawn: &[u32]| asked.iter().map(|&per_km| at(n_drawn, per_km)).collect::<Vec<_>>();
+    Some(MissedEvents {
+        n_events: facts.events.len(),
+        whole: shares(&vec![1; facts.n_episodes]),
+        resampled: resamples.map(shares),
+    })
 }
 
 fn measure_point(of: &Context<'_>, facts: &AlarmFacts<'_>, max_false_alarms_per_km: f64) -> OperatingPoint {

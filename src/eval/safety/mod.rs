@@ -21,6 +21,7 @@ mod zone_edge;
 
 use serde::{Deserialize, Serialize};
 
+pub(super) use alarms::missed_events;
 pub use alarms::{Alarms, MissedGroup, OperatingPoint, Warned};
 pub use calibration::{Bin, Calibration};
 pub use early::{Early, EarlyShare};
@@ -35,6 +36,8 @@ use super::PerClass;
 use super::matching::Matching;
 use super::protocol::EvalConfig;
 use crate::object::{Distribution, Harm};
+#[cfg(test)]
+pub(super) use tracks::tests::episode;
 use tracks::{Sight, Tracks};
 
 /// What metrics are measured on.

@@ -9,6 +9,7 @@ use crate::report::missed;
 use crate::report::paper::{Line, PARTS, YARDSTICK};
 use crate::report::provenance::quote;
 use crate::report::table::{Cell, Table, ap, number, percent};
+use crate::report::versus;
 
 /// All blocks of the results; the same results give the same blocks.
 #[must_use]
@@ -29,6 +30,10 @@ pub fn blocks(results: &Results) -> Vec<Block> {
     blocks.push(Block::code(results.common.join("\n")));
     for table in &results.tables {
         blocks.extend(ablation_blocks(results, table));
+    }
+    for of in &results.side_by_side {
+        blocks.extend([Block::heading(&of.title), Block::text(of.note.clone())]);
+        blocks.extend(versus::tables(&of.of, &of.labels).into_iter().map(Block::Table));
     }
     if !results.rivals.is_empty() {
         blocks.extend(rival_blocks(results));

@@ -16,6 +16,7 @@ use thiserror::Error;
 
 use crate::dataset::Fingerprint;
 use crate::eval::safety::Alarms;
+use crate::eval::versus::Versus;
 use crate::eval::{ClassScores, Column, Columns};
 
 /// Why results could not be read.
@@ -43,6 +44,9 @@ pub struct Results {
     /// The rows that are done, in the config's order.
     pub rows: Vec<Record>,
     pub tables: Vec<TableConfig>,
+    /// Rows on the same samples of the OOD set; empty in what older versions wrote.
+    #[serde(default)]
+    pub side_by_side: Vec<SideBySide>,
     /// The rivals whose row is done, in the config's order.
     pub rivals: Vec<RivalRecord>,
     /// For each row with rivals: the median time of a sample through its network, cloud and packed image to
@@ -124,6 +128,16 @@ pub struct RowOf {
     pub label: String,
     /// Name of the row.
     pub row: String,
+}
+
+/// Rows side by side on the OOD set.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SideBySide {
+    pub title: String,
+    pub note: String,
+    /// The rows' names in the tables, the first one to measure by.
+    pub labels: Vec<String>,
+    pub of: Versus,
 }
 
 /// One line of the table of rivals: a judge over the boxes of one network.

@@ -2,10 +2,11 @@
 
 use super::{
     DataRecord, JudgeScores, MissedHarm, Record, ReportedGroup, ReportedRecord, ReportedSet, Results,
-    RivalRecord, RowOf, SetRecord, SetScores, TableConfig,
+    RivalRecord, RowOf, SetRecord, SetScores, SideBySide, TableConfig,
 };
 use crate::dataset::Fingerprint;
 use crate::eval::safety::{Alarms, MissedGroup, OperatingPoint, Warned};
+use crate::eval::versus::{Figure, Line, Versus};
 use crate::eval::{ClassScores, Columns, Confidence, Intervals};
 
 /// Made-up results: a headline, one row that is done and one that is not, and a rival.
@@ -69,6 +70,12 @@ pub fn test_results() -> Results {
             note: "What each sensor brings.".into(),
             rows: vec![place("camera", "camera"), place("LiDAR and camera", "fused")],
         }],
+        side_by_side: vec![SideBySide {
+            title: "Side by side".into(),
+            note: "On the same samples.".into(),
+            labels: vec!["LiDAR".into(), "both".into()],
+            of: test_versus(),
+        }],
         rivals: vec![rival],
         network_ms: [("fused".to_owned(), 151.4)].into(),
     }
@@ -108,6 +115,26 @@ pub fn test_reported() -> ReportedRecord {
             ood: set(Some(0.3)),
         }],
         absent_maps: vec!["maps/Town02.xodr".into()],
+    }
+}
+
+/// Made-up figures of two detectors.
+fn test_versus() -> Versus {
+    let figure = |value: f64, over: f64| Figure {
+        value: Some(value),
+        interval: Some([value - 0.1, value + 0.1]),
+        over_first: Some(over),
+        over_first_interval: Some([over - 0.02, over + 0.02]),
+    };
+    let line = |name: &str, n_truths, figures: Vec<Figure>| Line { name: name.into(), n_truths, figures };
+    Versus {
+        level: 0.95,
+        n_resamples: 1000,
+        n_episodes: 100,
+        n_samples: 600,
+        missed: vec![line("at 10 false alarms/km", 171, vec![figure(0.3, 0.0), figure(0.2, -0.1)])],
+        harmful: vec![line("total", 253, vec![figure(0.7, 0.0), figure(0.75, 0.05)])],
+        mean: vec![line("samples in fog", 800, vec![figure(0.5, 0.0), figure(0.49, -0.01)])],
     }
 }
 

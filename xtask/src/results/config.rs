@@ -6,6 +6,7 @@ use anyhow::{Context, ensure};
 use serde::{Deserialize, Serialize};
 
 use harmzone::config::{self, Check};
+use harmzone::dataset::blind::Sensor;
 use harmzone::eval::judge::Judge;
 use harmzone::generate::Preset;
 use harmzone::model::Classes;
@@ -28,6 +29,9 @@ pub struct ResultsConfig {
     /// One training each.
     pub rows: Vec<RowConfig>,
     pub tables: Vec<TableConfig>,
+    /// Rows on the same samples of the OOD set, with what each gains over the first. Default: none.
+    #[serde(default)]
+    pub side_by_side: Vec<SideBySideConfig>,
     /// Lines of the table of rivals, scored with both sensors right and off. Default: none.
     #[serde(default)]
     pub rivals: Vec<RivalConfig>,
@@ -35,6 +39,28 @@ pub struct ResultsConfig {
     /// Default: none.
     #[serde(default)]
     pub closed_set: Option<RowConfig>,
+}
+
+/// Rows side by side.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SideBySideConfig {
+    pub title: String,
+    /// A sentence above the tables, without figures: those come from results.
+    pub note: String,
+    pub rows: Vec<SeenRowConfig>,
+}
+
+/// A row that sees all, or one sensor's part of it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SeenRowConfig {
+    pub label: String,
+    /// Name of the row.
+    pub row: String,
+    /// The sensor that sees nothing. Default: none.
+    #[serde(default)]
+    pub blind: Option<Sensor>,
 }
 
 /// Who decides on harm over whose boxes.
@@ -85,8 +111,11 @@ impl ResultsConfig {
         let places = self.tables.iter().flat_map(|table| {
             table.rows.iter().map(|of| (format!("table `{}`", table.title), &of.row, &trainings[1..]))
         });
+        let side_by_side = self.side_by_side.iter().flat_map(|of| {
+            of.rows.iter().map(|row| (format!("side_by_side `{}`", of.title), &row.row, &trainings[..]))
+        });
         let rivals = self.rivals.iter().map(|of| (format!("rivals `{}`", of.label), &of.row, &trainings[..]));
-        for (place, row, valid) in places.chain(rivals) {
+        for (place, row, valid) in places.chain(side_by_side).chain(rivals) {
             ensure!(
                 valid.iter().any(|(name, _)| name == row),
                 "results config: {place} names row `{row}`; there are: {}",
@@ -143,12 +172,17 @@ mod tests {
         assert_eq!(trainings[0].1, TrainConfig::default(), "the headline is what `harmzone train` does");
         let of = |name: &str| &trainings.iter().find(|(n, _)| n == name).unwrap().1;
         let base = of("fused");
-        assert!(base.model.use_lidar && base.model.use_camera && base.lidar_stage.epochs > 0);
+        assert!(base.model.use_lidar && base.model.use_camera && base.lidar_stage.epochs == 0);
         assert_eq!(base.model.head.numeric_fusion, NumericFusion::Film);
         assert!(!of("lidar").model.use_camera && !of("camera").model.use_lidar);
         assert_eq!(of("numeric-none").model.head.numeric_fusion, NumericFusion::None);
         assert_eq!(of("numeric-paper").model.head.numeric_fusion, NumericFusion::Paper);
-        assert_eq!(of("one-stage").lidar_stage.epochs, 0);
+        assert!(of("two-stages").lidar_stage.epochs > 0 && of("two-stages").fused_stage.epochs > 0);
+        let bare = &of("unaugmented").augment;
+        assert_eq!(
+            (bare.mirror, bare.max_pasted, bare.n_redrawn_states, bare.disturbed_share),
+            (false, 0, 0, 0.0)
+        );
         let epochs = |config: &TrainConfig| config.lidar_stage.epochs + config.fused_stage.epochs;
         assert!(trainings[1..].iter().all(|(_, config)| epochs(config) == epochs(base)));
         // Every row stands in a table.
@@ -176,6 +210,8 @@ mod tests {
         assert!(message.contains("each name once"), "{message}");
         let message = wrong(|config| config.rivals[0].row = "radar".into());
         assert!(message.contains("rivals") && message.contains("radar"), "{message}");
+        let message = wrong(|config| config.side_by_side[0].rows[0].row = "radar".into());
+        assert!(message.contains("side_by_side") && message.contains("radar"), "{message}");
         let message = wrong(|config| config.rows[0].name = "a/b".into());
         assert!(message.contains("a/b"), "{message}");
         let message = wrong(|config| config.rows[1].name = config.rows[0].name.clone());

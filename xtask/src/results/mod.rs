@@ -4,6 +4,7 @@
 //! <out>/id/ ood/              data sets, unless others are given
 //! <out>/runs/<row>/           one training a row, resumable
 //! <out>/scores/<row>.json     what that row came to; there when the row is done
+//! <out>/scores/side-by-side-<number>.json  rows on the same samples
 //! <out>/scores/<row>-id.json  all figures of its scoring, and <row>-ood.json
 //! <out>/report/id/ ood/       the headline's scores with faults, sweeps and pictures, as `harmzone report` reads them
 //! <out>/test/ test-ood/       data sets to report on, with --final; test-maps/ and test-maps-ood/ where further maps are there
@@ -21,6 +22,7 @@ mod reported;
 mod request;
 mod run;
 mod score;
+mod side_by_side;
 mod write;
 
 pub use config::ResultsConfig;

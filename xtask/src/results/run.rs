@@ -4,10 +4,10 @@ use burn::tensor::Device;
 use fs_err as fs;
 
 use super::config::RivalConfig;
-use super::experiment::Experiment;
+use super::experiment::{Experiment, Row};
 use super::request::Request;
 use super::score::RowScores;
-use super::{closed_set, data, reported, score, write};
+use super::{closed_set, data, reported, score, side_by_side, write};
 use harmzone::progress::Progress;
 use harmzone::report::results::{DataRecord, Results, RivalRecord};
 
@@ -36,18 +36,21 @@ pub fn run(request: &Request<'_>, device: &Device, progress: &dyn Progress) -> a
         headline: None,
         rows: Vec::new(),
         tables: request.config.tables.clone(),
+        side_by_side: Vec::new(),
         rivals: Vec::new(),
         network_ms: [].into(),
     };
-    for (i, (name, config)) in trainings.iter().enumerate() {
-        let row = experiment.row(name, config, i == 0)?;
-        if let Some(scores) = score::read_or_make(&experiment, &row)? {
+    let rows = trainings.iter().enumerate().map(|(i, (name, config))| experiment.row(name, config, i == 0));
+    let rows: Vec<Row> = rows.collect::<anyhow::Result<_>>()?;
+    for (i, row) in rows.iter().enumerate() {
+        let name = &row.name;
+        if let Some(scores) = score::read_or_make(&experiment, row)? {
             results.rivals.extend(rivals(&request.config.rivals, name, &scores));
             results.network_ms.extend(scores.network_ms.map(|ms| (name.clone(), ms)));
             if i == 0 {
                 results.headline = scores.record;
                 if let Some(record) = &results.headline {
-                    results.reported = reported::read_or_make(&experiment, &row, record)?;
+                    results.reported = reported::read_or_make(&experiment, row, record)?;
                 }
             } else {
                 results.rows.extend(scores.record);
@@ -55,6 +58,9 @@ pub fn run(request: &Request<'_>, device: &Device, progress: &dyn Progress) -> a
         }
         // What is done is told even if a later row fails.
         write::write(&results, &request.out, None)?;
+    }
+    for (number, config) in request.config.side_by_side.iter().enumerate() {
+        results.side_by_side.extend(side_by_side::read_or_make(&experiment, number, config, &rows)?);
     }
     // In the config's order.
     let place = |row: &str, judge: &str| {

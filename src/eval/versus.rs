@@ -1,0 +1,323 @@
+//! Detectors side by side on the same samples: what each finds of a part of them, and what it gains over the first.
+//!
+//! Each is scored on the same resamples of the episodes ([`super::bootstrap`]), and a gain's interval is that of the differences within
+//! them. Detectors fail on the same episodes, so it is far narrower than the intervals of the two suggest.
+//!
+//! A part of the samples (fog, night, few rings) is scored with all of its false positives. Of a part of the objects only what was
+//! made on them counts, as in the breakdowns: such a score tells how a part fares with each detector, not how it fares
+//! beside other parts.
+
+use serde::{Deserialize, Serialize};
+
+use super::bootstrap::{Cell, Confidence, Resamples, interval};
+use super::matching::{Matching, Outcome};
+use super::metrics::{Column, mean};
+use super::protocol::Protocol;
+use super::safety::missed_events;
+use super::sample::{EvalSample, Mode, ScoreError};
+use crate::dataset::SampleFacts;
+use crate::object::{Distribution, Harm, LabelledObject, Object};
+
+/// Air with a lower optical range is fog.
+const FOG_MOR_M: f64 = 1000.0;
+/// Clouds of up to so many rings are of few beams.
+const FEW_RINGS: u32 = 16;
+const NEAR_M: f64 = 10.0;
+const FAR_M: f64 = 30.0;
+const FEW_POINTS: u32 = 10;
+/// What is nowhere longer is small: bags, cones, boxes.
+const SMALL_M: f64 = 1.0;
+
+/// What of the samples or of their objects is scored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Part {
+    /// A column of Table III; [`Column::Total`] is everything.
+    Column(Column),
+    Fog,
+    Night,
+    FewRings,
+    Near,
+    Far,
+    FewPoints,
+    Small,
+}
+
+impl Part {
+    const OF_SAMPLES: [Self; 3] = [Self::Fog, Self::Night, Self::FewRings];
+    const OF_OBJECTS: [Self; 4] = [Self::Near, Self::Far, Self::FewPoints, Self::Small];
+
+    fn all(mode: Mode) -> Vec<Self> {
+        let columns = Column::ALL.into_iter().filter(|&of| mode == Mode::Ood || of == Column::Total);
+        columns.map(Self::Column).chain(Self::OF_SAMPLES).chain(Self::OF_OBJECTS).collect()
+    }
+
+    fn name(self) -> String {
+        match self {
+            Self::Column(Column::Total) => "total".to_owned(),
+            Self::Column(Column::IdMatched) => "in distribution, matched FPs".to_owned(),
+            Self::Column(Column::OodAll) => "out of distribution, all FPs".to_owned(),
+            Self::Column(Column::OodMatched) => "out of distribution, matched FPs".to_owned(),
+            Self::Fog => "samples in fog".to_owned(),
+            Self::Night => "samples at night".to_owned(),
+            Self::FewRings => format!("samples of {FEW_RINGS} rings or fewer"),
+            Self::Near => format!("objects nearer than {NEAR_M} m"),
+            Self::Far => format!("objects beyond {FAR_M} m"),
+            Self::FewPoints => format!("objects of fewer than {FEW_POINTS} points"),
+            Self::Small => format!("objects below {SMALL_M} m in all sizes"),
+        }
+    }
+
+    fn has_sample(self, facts: &SampleFacts) -> bool {
+        match self {
+            Self::Fog => facts.mor_m.is_some_and(|mor_m| mor_m < FOG_MOR_M),
+            Self::Night => facts.weather.as_deref().is_some_and(|name| name.ends_with("Night")),
+            Self::FewRings => facts.n_lidar_rings.is_some_and(|n| n <= FEW_RINGS),
+            _ => true,
+        }
+    }
+
+    fn has_object(self, object: &Object) -> bool {
+        let (of, center) = (&object.box_in_ego, &object.box_in_ego.center);
+        let range_m = center.x().hypot(center.y());
+        match self {
+            Self::Column(Column::IdMatched) => object.distribution == Some(Distribution::Id),
+            Self::Column(Column::OodAll | Column::OodMatched) => {
+                object.distribution == Some(Distribution::Ood)
+            }
+            Self::Near => range_m < NEAR_M,
+            Self::Far => range_m >= FAR_M,
+            Self::FewPoints => object.n_lidar_points.is_some_and(|n| n < FEW_POINTS),
+            Self::Small => of.length_m.max(of.width_m).max(of.height_m) < SMALL_M,
+            Self::Column(Column::Total) | Self::Fog | Self::Night | Self::FewRings => true,
+        }
+    }
+
+    /// Whether detections on nothing are false positives here.
+    fn has_unmatched(self) -> bool {
+        matches!(self, Self::Column(Column::Total | Column::OodAll)) || Self::OF_SAMPLES.contains(&self)
+    }
+
+    /// The object's number in a matching, its place in the part, and the counting of detections.
+    fn cell(self, matching: &Matching<'_>, class: Harm, resamples: &Resamples) -> Cell {
+        let has = |number: usize| {
+            let of = &matching.objects[number];
+            self.has_sample(matching.facts_of(of)) && self.has_object(&of.object.truth)
+        };
+        let judge = |sample_idx: usize, outcome: Outcome| match outcome {
+            Outcome::Matched(of) => has(of as usize).then_some(true),
+            Outcome::Misclassified(of) => has(of as usize).then_some(false),
+            Outcome::Unmatched => {
+                let counts = self.has_unmatched() && self.has_sample(matching.samples[sample_idx].facts);
+                counts.then_some(false)
+            }
+            Outcome::Neutral(_) => None,
+        };
+        Cell::new(matching, class, &resamples.episode_of, resamples.n_episodes, has, judge)
+    }
+}
+
+/// What detectors came to on the same samples.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Versus {
+    /// Share of resamples within an interval.
+    pub level: f64,
+    pub n_resamples: usize,
+    pub n_episodes: usize,
+    pub n_samples: usize,
+    /// Share of the harmful events that is missed, a line for each number of false alarms a kilometre; empty where it is not
+    /// known where the ego was.
+    pub missed: Vec<Line>,
+    /// AP of the class harmful, a line for each part that has something harmful.
+    pub harmful: Vec<Line>,
+    /// AP, mean of both classes, a line for each part that has an object.
+    pub mean: Vec<Line>,
+}
+
+/// A figure of each detector.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Line {
+    pub name: String,
+    /// Objects, harmful objects or harmful events that it is of.
+    pub n_truths: usize,
+    /// One for each detector.
+    pub figures: Vec<Figure>,
+}
+
+/// A detector's figure and what it is more than the first one's. `None` where it cannot be told.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Figure {
+    pub value: Option<f64>,
+    pub interval: Option<[f64; 2]>,
+    pub over_first: Option<f64>,
+    pub over_first_interval: Option<[f64; 2]>,
+}
+
+impl Line {
+    /// From each detector's value, over all and in each resample.
+    fn new(name: String, n_truths: usize, values: &[Option<f64>], resampled: &[Vec<Option<f64>>]) -> Self {
+        let over = |of: &[Option<f64>], i: usize| Some(of[i]? - of[0]?);
+        let figure = |i: usize| Figure {
+            value: values[i],
+            interval: interval(resampled.iter().filter_map(|of| of[i])),
+            over_first: over(values, i),
+            over_first_interval: interval(resampled.iter().filter_map(|of| over(of, i))),
+        };
+        Self { name, n_truths, figures: (0..values.len()).map(figure).collect() }
+    }
+}
+
+/// Scores detectors on the same samples, each beside the first.
+///
+/// # Errors
+/// As [`super::score`]; or a detector's samples are not the first one's in their order.
+pub fn versus(detectors: &[Vec<EvalSample>], protocol: &Protocol, mode: Mode) -> Result<Versus, ScoreError> {
+    let first = detectors.first().ok_or(ScoreError::NoSamples)?;
+    let is_same_truth = |(a, b): (&LabelledObject, &LabelledObject)| {
+        a.harm == b.harm && a.truth.box_in_ego == b.truth.box_in_ego
+    };
+    let is_same = |of: &Vec<EvalSample>| {
+        let pairs = || of.iter().zip(first);
+        of.len() == first.len()
+            && pairs().all(|(a, b)| a.id == b.id && a.objects.len() == b.objects.len())
+            && pairs().all(|(a, b)| a.objects.iter().zip(&b.objects).all(is_same_truth))
+    };
+    if let Some(index) = detectors.iter().position(|of| !is_same(of)) {
+        return Err(ScoreError::OtherSamples { index });
+    }
+    let matchings = detectors.iter().map(|samples| Matching::new(samples, protocol, mode));
+    let matchings: Vec<Matching<'_>> = matchings.collect::<Result<_, _>>()?;
+    let resamples = Resamples::always(&matchings[0]);
+    let mut versus = Versus {
+        level: Confidence::LEVEL,
+        n_resamples: resamples.n(),
+        n_episodes: resamples.n_episodes,
+        n_samples: first.len(),
+        missed: missed(&matchings, &resamples),
+        harmful: Vec::new(),
+        mean: Vec::new(),
+    };
+    for part in Part::all(mode) {
+        let cells: Vec<[Cell; 2]> = matchings
+            .iter()
+            .map(|matching| Harm::ALL.map(|class| part.cell(matching, class, &resamples)))
+            .collect();
+        let n_truths = Harm::ALL.map(|class| cells[0][class.index()].n_positives());
+        // By detector: AP of the class harmful, and the mean of the classes that there are.
+        let aps = |n_drawn: &[u32]| -> Vec<[Option<f64>; 2]> {
+            let of_detector = |of: &[Cell; 2]| {
+                let aps = of.each_ref().map(|cell| cell.ap(n_drawn, protocol));
+                let there: Option<Vec<f64>> = (0..2).filter(|&i| n_truths[i] > 0).map(|i| aps[i]).collect();
+                [aps[Harm::Harmful.index()], there.filter(|aps| !aps.is_empty()).map(|aps| mean(&aps))]
+            };
+            cells.iter().map(of_detector).collect()
+        };
+        let whole = aps(&vec![1; resamples.n_episodes]);
+        let resampled = resamples.map(aps);
+        let line = |i: usize, n_truths: usize| {
+            let values: Vec<Option<f64>> = whole.iter().map(|of| of[i]).collect();
+            let of_resample = |of: &Vec<[Option<f64>; 2]>| of.iter().map(|of| of[i]).collect();
+            let resampled: Vec<Vec<Option<f64>>> = resampled.iter().map(of_resample).collect();
+            (n_truths > 0).then(|| Line::new(part.name(), n_truths, &values, &resampled))
+        };
+        versus.harmful.extend(line(0, n_truths[Harm::Harmful.index()]));
+        versus.mean.extend(line(1, n_truths.iter().sum()));
+    }
+    Ok(versus)
+}
+
+/// Missed events of each detector, a line for each number of false alarms.
+fn missed(matchings: &[Matching<'_>], resamples: &Resamples) -> Vec<Line> {
+    let of_detectors: Option<Vec<_>> = matchings.iter().map(|of| missed_events(of, resamples)).collect();
+    let Some(of_detectors) = of_detectors else { return Vec::new() };
+    let asked = &matchings[0].config().safety.false_alarms_per_km;
+    let line = |(i, per_km): (usize, &f64)| {
+        let values: Vec<Option<f64>> = of_detectors.iter().map(|of| of.whole[i]).collect();
+        let of_resample = |k: usize| of_detectors.iter().map(|of| of.resampled[k][i]).collect();
+        let resampled: Vec<Vec<Option<f64>>> = (0..resamples.n()).map(of_resample).collect();
+        Line::new(format!("at {per_km} false alarms/km"), of_detectors[0].n_events, &values, &resampled)
+    };
+    asked.iter().enumerate().map(line).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::evaluate;
+    use super::super::matching::tests::{found, truth};
+    use super::super::safety::episode;
+    use super::*;
+
+    /// `n` episodes of one sample with a truth of each class; those whose number `finds` takes are found.
+    fn samples(n: usize, finds: impl Fn(usize) -> bool) -> Vec<EvalSample> {
+        let of = |i: usize| {
+            let facts = SampleFacts {
+                mor_m: Some(if i % 2 == 0 { 100.0 } else { 20_000.0 }),
+                n_lidar_rings: Some(if i % 4 < 2 { 16 } else { 64 }),
+                ..SampleFacts::default()
+            };
+            let place_m = |harm: Harm| 8.0 + 30.0 * harm.index() as f64;
+            let objects = Harm::ALL.map(|harm| truth(place_m(harm), harm, Distribution::Id)).into();
+            let detections = Harm::ALL.map(|harm| found(place_m(harm), harm, 0.5));
+            let detections = if finds(i) { detections.into() } else { Vec::new() };
+            EvalSample::new(format!("{i}/0"), facts, objects, detections)
+        };
+        (0..n).map(of).collect()
+    }
+
+    fn line<'a>(lines: &'a [Line], name: &str) -> &'a Line {
+        lines.iter().find(|line| line.name.contains(name)).unwrap_or_else(|| panic!("{name}: {lines:?}"))
+    }
+
+    #[test]
+    fn a_gain_on_every_episode_is_sure_although_both_scores_vary() {
+        // The second finds what the first does, and two more of twenty.
+        let (a, b) = (samples(20, |i| i < 8), samples(20, |i| i < 10));
+        let of = versus(&[a.clone(), b], &Protocol::default(), Mode::Id).unwrap();
+        let [first, second] = line(&of.mean, "total").figures[..] else { panic!() };
+        let alone = evaluate(&a, &Protocol::default(), Mode::Id).unwrap();
+        assert_eq!(first.value, alone.metrics.columns.total.mean);
+        assert_eq!(first.interval, alone.confidence.unwrap().columns.total.mean, "the same resamples");
+        assert_eq!((first.over_first, first.over_first_interval), (Some(0.0), Some([0.0; 2])));
+        let [low, high] = second.over_first_interval.unwrap();
+        assert!(low >= 0.0 && high < 0.3 && second.over_first.unwrap() > 0.05, "{low} {high}");
+        assert!(second.interval.unwrap()[0] < first.interval.unwrap()[1], "the scores themselves overlap");
+        assert!(of.missed.is_empty(), "nobody knows where the ego was");
+    }
+
+    #[test]
+    fn parts_hold_their_samples_and_objects_only() {
+        let of =
+            |finds: fn(usize) -> bool| versus(&[samples(8, finds)], &Protocol::default(), Mode::Id).unwrap();
+        let (all, in_fog) = (of(|_| true), of(|i| i % 2 == 0));
+        let value = |of: &Versus, name: &str| line(&of.mean, name).figures[0].value.unwrap();
+        assert!(all.mean.iter().all(|line| line.figures[0].value.unwrap() > 0.999));
+        assert!(value(&in_fog, "fog") > 0.999 && value(&in_fog, "total") < 0.6);
+        assert_eq!(line(&all.mean, "fog").n_truths, 8);
+        assert_eq!(line(&all.mean, "rings").n_truths, 8);
+        assert_eq!((line(&all.mean, "nearer").n_truths, line(&all.harmful, "nearer").n_truths), (8, 8));
+        assert!(all.harmful.iter().all(|line| !line.name.contains("beyond")), "there nothing is harmful");
+        assert!(all.mean.iter().all(|line| !line.name.contains("night")), "no sample is of the night");
+    }
+
+    #[test]
+    fn missed_events_are_those_of_the_scoring() {
+        let mut samples = episode("a", "hhh");
+        samples.extend(episode("b", "hhh"));
+        let blind = samples.clone();
+        samples[1].detections = vec![found(15.0, Harm::Harmful, 0.5)];
+        let of = versus(&[blind, samples.clone()], &Protocol::default(), Mode::Id).unwrap();
+        let alone = evaluate(&samples, &Protocol::default(), Mode::Id).unwrap().safety.alarms.unwrap();
+        for (line, point) in of.missed.iter().zip(&alone.points) {
+            let [first, second] = line.figures[..] else { panic!() };
+            assert_eq!((first.value, second.value), (Some(1.0), point.missed_per_event));
+            assert_eq!(second.interval, point.missed_per_event_interval);
+            assert_eq!((second.over_first, line.n_truths), (Some(-0.5), 2));
+        }
+        assert_eq!(of.missed.len(), 3);
+    }
+
+    #[test]
+    fn other_samples_are_refused() {
+        let wrong = versus(&[samples(3, |_| true), samples(4, |_| true)], &Protocol::default(), Mode::Id);
+        assert!(wrong.unwrap_err().to_string().contains("other samples"));
+    }
+}

@@ -1,0 +1,85 @@
+//! Detectors side by side as tables: each one's figure with its interval, and what it is more than the first one's.
+
+use crate::eval::versus::{Figure, Line, Versus};
+
+use super::table::{Cell, Table, number};
+
+/// All tables: missed harm first, then AP of the class harmful and of both.
+#[must_use]
+pub fn tables(versus: &Versus, names: &[String]) -> Vec<Table> {
+    let share = |of: f64| format!("{} %", number(Some(100.0 * of), 1));
+    let ap = |of: f64| number(Some(of), 3);
+    let of_lines: [(&str, &[Line], &dyn Fn(f64) -> String); 3] = [
+        ("harmful events missed", &versus.missed, &share),
+        ("AP, harmful", &versus.harmful, &ap),
+        ("AP, mean of both", &versus.mean, &ap),
+    ];
+    let mut tables: Vec<Table> = of_lines
+        .into_iter()
+        .filter(|(_, lines, _)| !lines.is_empty())
+        .map(|(title, lines, show)| table(title, lines, names, show))
+        .collect();
+    let note = format!(
+        "In brackets intervals of {} % by a bootstrap over the {} episodes, {} resamples; after the semicolon, what is more than the \
+         first one's on the same resamples. Of objects of a kind, only what was made on them counts.",
+        100.0 * versus.level,
+        versus.n_episodes,
+        versus.n_resamples
+    );
+    if let Some(last) = tables.pop() {
+        tables.push(last.with_note(note));
+    }
+    tables
+}
+
+fn table(title: &str, lines: &[Line], names: &[String], show: &dyn Fn(f64) -> String) -> Table {
+    let row = |line: &Line| {
+        let cells = line.figures.iter().enumerate().map(|(i, figure)| cell(figure, i > 0, show));
+        [line.name.as_str().into(), line.n_truths.to_string().into()].into_iter().chain(cells).collect()
+    };
+    let head = [title, "truths"].into_iter().chain(names.iter().map(String::as_str));
+    Table::new(head, lines.iter().map(row).collect())
+}
+
+fn cell(figure: &Figure, has_gain: bool, show: &dyn Fn(f64) -> String) -> Cell {
+    let Some(value) = figure.value else { return "–".into() };
+    let range = |[low, high]: [f64; 2], show: &dyn Fn(f64) -> String| format!("{}–{}", show(low), show(high));
+    let signed = |of: f64| if of < 0.0 { show(of) } else { format!("+{}", show(of)) };
+    let mut below: Vec<String> = figure.interval.iter().map(|&of| range(of, show)).collect();
+    if let Some(over) = figure.over_first.filter(|_| has_gain) {
+        let interval = figure.over_first_interval.map(|[low, high]| [low, high].map(signed).join(" to "));
+        let gain = interval.map_or_else(|| signed(over), |interval| format!("{}: {interval}", signed(over)));
+        let before = below.pop().map_or_else(String::new, |of| format!("{of}; "));
+        below.push(before + &gain);
+    }
+    Cell { text: show(value), below }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_has_no_gain_and_the_others_have_theirs_with_its_sign() {
+        let figure = |value, over: f64| Figure {
+            value: Some(value),
+            interval: Some([value - 0.1, value + 0.1]),
+            over_first: Some(over),
+            over_first_interval: Some([over - 0.02, over + 0.02]),
+        };
+        let unknown = Figure { value: None, interval: None, over_first: None, over_first_interval: None };
+        let line = |name: &str, figures| Line { name: name.to_owned(), n_truths: 7, figures };
+        let versus = Versus {
+            level: 0.95,
+            n_resamples: 1000,
+            n_episodes: 12,
+            n_samples: 70,
+            missed: vec![line("at 10 false alarms/km", vec![figure(0.3, 0.0), figure(0.2, -0.1), unknown])],
+            harmful: Vec::new(),
+            mean: vec![line("total", vec![figure(0.8, 0.0), figure(0.85, 0.05), unknown])],
+        };
+        let names = ["lidar", "both", "other"].map(str::to_owned);
+        let text: String = tables(&versus, &names).iter().map(Table::to_string).collect();
+        insta::assert_snapshot!(text);
+    }
+}
