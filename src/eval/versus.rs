@@ -250,7 +250,7 @@ mod tests {
     fn samples(n: usize, finds: impl Fn(usize) -> bool) -> Vec<EvalSample> {
         let of = |i: usize| {
             let facts = SampleFacts {
-                mor_m: Some(if i % 2 == 0 { 100.0 } else { 20_000.0 }),
+                mor_m: Some(if i.is_multiple_of(2) { 100.0 } else { 20_000.0 }),
                 n_lidar_rings: Some(if i % 4 < 2 { 16 } else { 64 }),
                 ..SampleFacts::default()
             };
@@ -287,7 +287,7 @@ mod tests {
     fn parts_hold_their_samples_and_objects_only() {
         let of =
             |finds: fn(usize) -> bool| versus(&[samples(8, finds)], &Protocol::default(), Mode::Id).unwrap();
-        let (all, in_fog) = (of(|_| true), of(|i| i % 2 == 0));
+        let (all, in_fog) = (of(|_| true), of(|i| i.is_multiple_of(2)));
         let value = |of: &Versus, name: &str| line(&of.mean, name).figures[0].value.unwrap();
         assert!(all.mean.iter().all(|line| line.figures[0].value.unwrap() > 0.999));
         assert!(value(&in_fog, "fog") > 0.999 && value(&in_fog, "total") < 0.6);

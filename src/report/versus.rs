@@ -4,12 +4,15 @@ use crate::eval::versus::{Figure, Line, Versus};
 
 use super::table::{Cell, Table, number};
 
+/// How a figure is written.
+type Show<'a> = &'a dyn Fn(f64) -> String;
+
 /// All tables: missed harm first, then AP of the class harmful and of both.
 #[must_use]
 pub fn tables(versus: &Versus, names: &[String]) -> Vec<Table> {
     let share = |of: f64| format!("{} %", number(Some(100.0 * of), 1));
     let ap = |of: f64| number(Some(of), 3);
-    let of_lines: [(&str, &[Line], &dyn Fn(f64) -> String); 3] = [
+    let of_lines: [(&str, &[Line], Show<'_>); 3] = [
         ("harmful events missed", &versus.missed, &share),
         ("AP, harmful", &versus.harmful, &ap),
         ("AP, mean of both", &versus.mean, &ap),
@@ -32,7 +35,7 @@ pub fn tables(versus: &Versus, names: &[String]) -> Vec<Table> {
     tables
 }
 
-fn table(title: &str, lines: &[Line], names: &[String], show: &dyn Fn(f64) -> String) -> Table {
+fn table(title: &str, lines: &[Line], names: &[String], show: Show<'_>) -> Table {
     let row = |line: &Line| {
         let cells = line.figures.iter().enumerate().map(|(i, figure)| cell(figure, i > 0, show));
         [line.name.as_str().into(), line.n_truths.to_string().into()].into_iter().chain(cells).collect()
@@ -41,11 +44,11 @@ fn table(title: &str, lines: &[Line], names: &[String], show: &dyn Fn(f64) -> St
     Table::new(head, lines.iter().map(row).collect())
 }
 
-fn cell(figure: &Figure, has_gain: bool, show: &dyn Fn(f64) -> String) -> Cell {
+fn cell(figure: &Figure, has_gain: bool, show: Show<'_>) -> Cell {
     let Some(value) = figure.value else { return "–".into() };
-    let range = |[low, high]: [f64; 2], show: &dyn Fn(f64) -> String| format!("{}–{}", show(low), show(high));
+    let range = |[low, high]: [f64; 2]| format!("{}–{}", show(low), show(high));
     let signed = |of: f64| if of < 0.0 { show(of) } else { format!("+{}", show(of)) };
-    let mut below: Vec<String> = figure.interval.iter().map(|&of| range(of, show)).collect();
+    let mut below: Vec<String> = figure.interval.iter().map(|&of| range(of)).collect();
     if let Some(over) = figure.over_first.filter(|_| has_gain) {
         let interval = figure.over_first_interval.map(|[low, high]| [low, high].map(signed).join(" to "));
         let gain = interval.map_or_else(|| signed(over), |interval| format!("{}: {interval}", signed(over)));
