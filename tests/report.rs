@@ -102,7 +102,10 @@ fn detectors_stand_side_by_side_on_the_same_samples() {
     assert!(told.contains("AP, mean of both") && told.contains("own") && told.contains("rule"), "{told}");
     let read = |text: &str| serde_json::from_str::<Value>(text).expect("JSON");
     let kept = read(&fs::read_to_string(out.join("versus.json")).expect("it is written"));
-    assert_eq!(kept["detectors"], json!(["own", "rule", "dark"]));
+    let named: Vec<&str> =
+        kept["detectors"].as_array().expect("a list").iter().filter_map(|of| of["name"].as_str()).collect();
+    assert_eq!(named, ["own", "rule", "dark"]);
+    assert!(kept["fingerprint"]["dataset_sha256"].is_string() && kept["detectors"][1]["sha256"].is_string());
     let score = |args: &[&str]| {
         let of = read(&done(&[&["eval"], args, &["--data", text(ood), "--ood", "--json"]].concat()));
         of["total"]["mean"].as_f64().expect("a score")
@@ -119,6 +122,20 @@ fn detectors_stand_side_by_side_on_the_same_samples() {
         let gain = of["over_first"].as_f64().expect("a difference");
         assert!((gain - (alone - total[0]["value"].as_f64().expect("a score"))).abs() < 1e-12, "{kept}");
     }
+
+    // A file of boxes may name the samples in any order.
+    let path = boxes.join("predictions.json");
+    let file = read(&fs::read_to_string(&path).expect("boxes"));
+    let of = |key: &str| file[key].as_object().expect("an object").iter();
+    let turned: Vec<String> =
+        of("results").rev().map(|(id, boxes)| format!("{}: {boxes}", json!(id))).collect();
+    let (other, again) = (folder.path().join("turned.json"), folder.path().join("again"));
+    let text_of = format!("{{\"meta\": {}, \"results\": {{{}}}}}", file["meta"], turned.join(", "));
+    fs::write(&other, text_of).expect("a writable folder");
+    let turned = format!("rule={}", text(&other));
+    done(&["versus", &own, &turned, &dark, "--data", text(ood), "--ood", "--out", text(&again)]);
+    let told_again = read(&fs::read_to_string(again.join("versus.json")).expect("it is written"));
+    assert_eq!(told_again["of"], kept["of"]);
 
     for (wrong, wanted) in [
         (args.as_slice(), "--force"),

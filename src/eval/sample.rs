@@ -80,10 +80,8 @@ pub enum ScoreError {
     BadBox { what: &'static str, index: usize, source: BoxError, sample: String },
     #[error("detection {index}: the score is {found}; a finite number is needed: sample `{sample}`")]
     BadScore { index: usize, found: f64, sample: String },
-    #[error(
-        "detector {index} was scored on other samples than the first; detectors are compared on the same"
-    )]
-    OtherSamples { index: usize },
+    #[error("these are other samples than the first detector's, with which they are compared")]
+    OtherSamples,
     #[error("two samples have the same id: sample `{sample}`")]
     RepeatedSample { sample: String },
 }

@@ -8,11 +8,12 @@
 //! beside other parts.
 
 use serde::{Deserialize, Serialize};
+use thiserror::Error;
 
 use super::bootstrap::{Cell, Confidence, Resamples, interval};
 use super::matching::{Matching, Outcome};
 use super::metrics::{Column, mean};
-use super::protocol::Protocol;
+use super::protocol::{MissingClass, Protocol};
 use super::safety::missed_events;
 use super::sample::{EvalSample, Mode, ScoreError};
 use crate::dataset::SampleFacts;
@@ -20,10 +21,12 @@ use crate::object::{Distribution, Harm, LabelledObject, Object};
 
 /// Air with a lower optical range is fog.
 const FOG_MOR_M: f64 = 1000.0;
-/// Clouds of up to so many rings are of few beams.
+/// Clouds of up to so many rings are of few beams: those of the cheap LiDARs.
 const FEW_RINGS: u32 = 16;
+/// Where a car that drives in a town must see all that is low, and about what it needs to stop from 18 m/s.
 const NEAR_M: f64 = 10.0;
 const FAR_M: f64 = 30.0;
+/// Fewer tell next to nothing of a shape.
 const FEW_POINTS: u32 = 10;
 /// What is nowhere longer is small: bags, cones, boxes.
 const SMALL_M: f64 = 1.0;
@@ -61,7 +64,7 @@ impl Part {
             Self::Night => "samples at night".to_owned(),
             Self::FewRings => format!("samples of {FEW_RINGS} rings or fewer"),
             Self::Near => format!("objects nearer than {NEAR_M} m"),
-            Self::Far => format!("objects beyond {FAR_M} m"),
+            Self::Far => format!("objects at {FAR_M} m or more"),
             Self::FewPoints => format!("objects of fewer than {FEW_POINTS} points"),
             Self::Small => format!("objects below {SMALL_M} m in all sizes"),
         }
@@ -97,7 +100,7 @@ impl Part {
         matches!(self, Self::Column(Column::Total | Column::OodAll)) || Self::OF_SAMPLES.contains(&self)
     }
 
-    /// The object's number in a matching, its place in the part, and the counting of detections.
+    /// What counts of a class in this part.
     fn cell(self, matching: &Matching<'_>, class: Harm, resamples: &Resamples) -> Cell {
         let has = |number: usize| {
             let of = &matching.objects[number];
@@ -124,8 +127,8 @@ pub struct Versus {
     pub n_resamples: usize,
     pub n_episodes: usize,
     pub n_samples: usize,
-    /// Share of the harmful events that is missed, a line for each number of false alarms a kilometre; empty where it is not
-    /// known where the ego was.
+    /// Share of the harmful events that is missed, a line for each number of false alarms a kilometre; empty where there is none,
+    /// or it is not known where the ego was or which object is which.
     pub missed: Vec<Line>,
     /// AP of the class harmful, a line for each part that has something harmful.
     pub harmful: Vec<Line>,
@@ -166,12 +169,25 @@ impl Line {
     }
 }
 
+/// A detector, by its place among those given, that cannot be scored.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[error("{source}")]
+pub struct DetectorError {
+    pub detector: usize,
+    pub source: ScoreError,
+}
+
 /// Scores detectors on the same samples, each beside the first.
 ///
 /// # Errors
-/// As [`super::score`]; or a detector's samples are not the first one's in their order.
-pub fn versus(detectors: &[Vec<EvalSample>], protocol: &Protocol, mode: Mode) -> Result<Versus, ScoreError> {
-    let first = detectors.first().ok_or(ScoreError::NoSamples)?;
+/// Names the detector that cannot be scored: as of [`super::score`], or its samples are not the first one's in their order.
+pub fn versus(
+    detectors: &[Vec<EvalSample>],
+    protocol: &Protocol,
+    mode: Mode,
+) -> Result<Versus, DetectorError> {
+    let fail = |detector: usize| move |source: ScoreError| DetectorError { detector, source };
+    let first = detectors.first().ok_or(ScoreError::NoSamples).map_err(fail(0))?;
     let is_same_truth = |(a, b): (&LabelledObject, &LabelledObject)| {
         a.harm == b.harm && a.truth.box_in_ego == b.truth.box_in_ego
     };
@@ -181,17 +197,19 @@ pub fn versus(detectors: &[Vec<EvalSample>], protocol: &Protocol, mode: Mode) ->
             && pairs().all(|(a, b)| a.id == b.id && a.objects.len() == b.objects.len())
             && pairs().all(|(a, b)| a.objects.iter().zip(&b.objects).all(is_same_truth))
     };
-    if let Some(index) = detectors.iter().position(|of| !is_same(of)) {
-        return Err(ScoreError::OtherSamples { index });
+    if let Some(detector) = detectors.iter().position(|of| !is_same(of)) {
+        return Err(fail(detector)(ScoreError::OtherSamples));
     }
-    let matchings = detectors.iter().map(|samples| Matching::new(samples, protocol, mode));
+    let matchings = detectors.iter().enumerate();
+    let matchings = matchings.map(|(i, samples)| Matching::new(samples, protocol, mode).map_err(fail(i)));
     let matchings: Vec<Matching<'_>> = matchings.collect::<Result<_, _>>()?;
+    let is_zero = protocol.config().missing_class == MissingClass::Zero;
     let resamples = Resamples::always(&matchings[0]);
     let mut versus = Versus {
         level: Confidence::LEVEL,
         n_resamples: resamples.n(),
         n_episodes: resamples.n_episodes,
-        n_samples: first.len(),
+        n_samples: matchings[0].samples.len(),
         missed: missed(&matchings, &resamples),
         harmful: Vec::new(),
         mean: Vec::new(),
@@ -206,7 +224,12 @@ pub fn versus(detectors: &[Vec<EvalSample>], protocol: &Protocol, mode: Mode) ->
         let aps = |n_drawn: &[u32]| -> Vec<[Option<f64>; 2]> {
             let of_detector = |of: &[Cell; 2]| {
                 let aps = of.each_ref().map(|cell| cell.ap(n_drawn, protocol));
-                let there: Option<Vec<f64>> = (0..2).filter(|&i| n_truths[i] > 0).map(|i| aps[i]).collect();
+                // A class that is not there at all is left out, or counts as in nuScenes.
+                let of_class = |i: usize| match n_truths[i] {
+                    0 => is_zero.then_some(Some(0.0)),
+                    _ => Some(aps[i]),
+                };
+                let there: Option<Vec<f64>> = (0..aps.len()).filter_map(of_class).collect();
                 [aps[Harm::Harmful.index()], there.filter(|aps| !aps.is_empty()).map(|aps| mean(&aps))]
             };
             cells.iter().map(of_detector).collect()
@@ -228,7 +251,7 @@ pub fn versus(detectors: &[Vec<EvalSample>], protocol: &Protocol, mode: Mode) ->
 /// Missed events of each detector, a line for each number of false alarms.
 fn missed(matchings: &[Matching<'_>], resamples: &Resamples) -> Vec<Line> {
     let of_detectors: Option<Vec<_>> = matchings.iter().map(|of| missed_events(of, resamples)).collect();
-    let Some(of_detectors) = of_detectors else { return Vec::new() };
+    let Some(of_detectors) = of_detectors.filter(|of| of[0].n_events > 0) else { return Vec::new() };
     let asked = &matchings[0].config().safety.false_alarms_per_km;
     let line = |(i, per_km): (usize, &f64)| {
         let values: Vec<Option<f64>> = of_detectors.iter().map(|of| of.whole[i]).collect();
@@ -241,9 +264,9 @@ fn missed(matchings: &[Matching<'_>], resamples: &Resamples) -> Vec<Line> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::evaluate;
     use super::super::matching::tests::{found, truth};
     use super::super::safety::episode;
+    use super::super::{EvalConfig, evaluate};
     use super::*;
 
     /// `n` episodes of one sample with a truth of each class; those whose number `finds` takes are found.
@@ -316,8 +339,53 @@ mod tests {
     }
 
     #[test]
-    fn other_samples_are_refused() {
-        let wrong = versus(&[samples(3, |_| true), samples(4, |_| true)], &Protocol::default(), Mode::Id);
-        assert!(wrong.unwrap_err().to_string().contains("other samples"));
+    fn objects_are_near_or_far_of_few_points_or_small_and_samples_of_the_night() {
+        let mut samples = samples(4, |i| i == 0);
+        for (i, sample) in samples.iter_mut().enumerate() {
+            sample.facts.weather = Some(if i == 0 { "FogNight" } else { "FogNoon" }.to_owned());
+            for object in &mut sample.objects {
+                object.truth.n_lidar_points = Some(if i == 0 { 9 } else { 10 });
+                let of = &mut object.truth.box_in_ego;
+                let size_m = if i == 0 { 0.99 } else { 1.0 };
+                (of.length_m, of.width_m, of.height_m) = (0.3, 0.4, size_m);
+            }
+        }
+        let of = versus(&[samples], &Protocol::default(), Mode::Id).unwrap();
+        for (name, n_truths, is_found) in [
+            ("nearer than 10", 4, false),
+            ("30 m or more", 4, false),
+            ("fewer than 10 points", 2, true),
+            ("below 1 m", 2, true),
+            ("night", 2, true),
+        ] {
+            let line = line(&of.mean, name);
+            assert_eq!(line.n_truths, n_truths, "{name}");
+            assert_eq!(line.figures[0].value.unwrap() > 0.999, is_found, "{name}");
+        }
+    }
+
+    #[test]
+    fn one_episode_has_no_intervals_and_an_absent_class_counts_where_the_config_says_so() {
+        let mut one = samples(1, |_| true);
+        one[0].objects.truncate(1);
+        let of = versus(&[one.clone()], &Protocol::default(), Mode::Id).unwrap();
+        let total = line(&of.mean, "total").figures[0];
+        assert_eq!((of.n_resamples, total.interval), (0, None));
+        assert!(total.value.unwrap() > 0.999);
+        let config = EvalConfig { missing_class: MissingClass::Zero, ..EvalConfig::default() };
+        let protocol = Protocol::try_from(config).unwrap();
+        let zero = line(&versus(&[one.clone()], &protocol, Mode::Id).unwrap().mean, "total").figures[0].value;
+        assert_eq!(zero, evaluate(&one, &protocol, Mode::Id).unwrap().metrics.columns.total.mean);
+    }
+
+    #[test]
+    fn the_detector_that_does_not_fit_is_named() {
+        let all = || samples(3, |_| true);
+        let wrong = versus(&[all(), samples(4, |_| true)], &Protocol::default(), Mode::Id).unwrap_err();
+        assert!(wrong.detector == 1 && wrong.to_string().contains("other samples"), "{wrong}");
+        let mut bad = all();
+        bad[0].detections[0].score = f64::NAN;
+        let wrong = versus(&[all(), all(), bad], &Protocol::default(), Mode::Id).unwrap_err();
+        assert!(wrong.detector == 2 && wrong.to_string().contains("score"), "{wrong}");
     }
 }

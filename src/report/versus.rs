@@ -10,10 +10,10 @@ type Show<'a> = &'a dyn Fn(f64) -> String;
 /// All tables: missed harm first, then AP of the class harmful and of both.
 #[must_use]
 pub fn tables(versus: &Versus, names: &[String]) -> Vec<Table> {
-    let share = |of: f64| format!("{} %", number(Some(100.0 * of), 1));
+    let share = |of: f64| number(Some(100.0 * of), 1);
     let ap = |of: f64| number(Some(of), 3);
     let of_lines: [(&str, &[Line], Show<'_>); 3] = [
-        ("harmful events missed", &versus.missed, &share),
+        ("harmful events missed, %", &versus.missed, &share),
         ("AP, harmful", &versus.harmful, &ap),
         ("AP, mean of both", &versus.mean, &ap),
     ];
@@ -22,13 +22,18 @@ pub fn tables(versus: &Versus, names: &[String]) -> Vec<Table> {
         .filter(|(_, lines, _)| !lines.is_empty())
         .map(|(title, lines, show)| table(title, lines, names, show))
         .collect();
-    let note = format!(
-        "In brackets intervals of {} % by a bootstrap over the {} episodes, {} resamples; after the semicolon, what is more than the \
-         first one's on the same resamples. Of objects of a kind, only what was made on them counts.",
-        100.0 * versus.level,
-        versus.n_episodes,
-        versus.n_resamples
-    );
+    let how = "After the semicolon: what is more than the first one's. Of missed events less is better, of AP more. Of objects of a \
+               kind, only what was made on them counts.";
+    let note = if versus.n_resamples == 0 {
+        format!("No intervals: they are drawn from several episodes. {how}")
+    } else {
+        format!(
+            "In brackets intervals of {} % by a bootstrap over the {} episodes, {} resamples, the same for all. {how}",
+            100.0 * versus.level,
+            versus.n_episodes,
+            versus.n_resamples
+        )
+    };
     if let Some(last) = tables.pop() {
         tables.push(last.with_note(note));
     }

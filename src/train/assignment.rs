@@ -13,7 +13,7 @@ use crate::object::LabelledObject;
 /// More than all that else costs.
 const TOO_FAR_COST: f64 = 1e6;
 
-/// Pairs `(query, object)` of one sample: each object gets one query, as long as there are queries left.
+/// Pairs `(query, object)` of one sample: each object gets one query, as long as there are queries left in its reach.
 ///
 /// `codes` is `[query, CODE_SIZE]`, `logits` `[query, class]`.
 #[must_use]
@@ -31,7 +31,9 @@ pub fn assign(
     let costs = costs(queries, codes, logits, objects, model, loss);
     let (rows, columns) = lsap::solve(queries.len(), objects.len(), &costs, false)
         .expect("costs are finite: the loss before them was checked");
-    let is_near = |&(q, object): &(usize, usize)| costs[q * objects.len() + object] < TOO_FAR_COST / 2.0;
+    let is_near = |&(q, object): &(usize, usize)| {
+        is_in_reach(&queries[q], &objects[object].truth.box_in_ego, loss.match_reach_m)
+    };
     rows.into_iter().zip(columns).filter(is_near).collect()
 }
 

@@ -112,7 +112,7 @@ define_config! {
         /// How far from an object's middle a query may sit to be matched with it, metres; as far as half the box's diagonal and
         /// half of this, if that is more.
         match_reach_m: f64 = 1.5, in from_to(0.1, 1e6);
-        /// Losses of a batch are sums over at least so many objects: in one with a single object the background would weigh
+        /// Losses of a batch are divided by at least so many objects: in one with a single object the background would weigh
         /// many times as much.
         least_objects: f64 = 3.0, in from_to(1.0, 1000.0);
         /// Of the loss that asks of each pixel whether it shows an object, where points take the picture's features along.

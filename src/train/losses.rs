@@ -2,7 +2,7 @@
 //!
 //! - Heatmap: Gaussian focal loss, `-log(p) (1-p)^2` at peaks, `-log(1-p) p^2 (1-t)^4` elsewhere,
 //!   over the number of peaks (Law and Deng 2018).
-//! - Harm, or kind: sigmoid focal loss, alpha 0.25, gamma 2, over the number of matched queries (Lin et al. 2017);
+//! - Harm, or kind: sigmoid focal loss, alpha 0.25, gamma 2, over the number of matched queries, `least_objects` a state at least (Lin et al. 2017);
 //!   unmatched queries are background for all classes.
 //! - Box: L1 over the code of matched queries, velocity weighted 0.2, over their number.
 
@@ -197,7 +197,7 @@ fn known_part(code: [f32; CODE_SIZE]) -> ([f32; CODE_SIZE], [f32; CODE_SIZE]) {
     (target, weight)
 }
 
-/// The sigmoid focal loss, alpha 0.25, gamma 2, divided by the number of matched queries (at least one).
+/// The sigmoid focal loss, alpha 0.25, gamma 2, divided by the number of matched queries, or what stands for it.
 fn sigmoid_focal(logits: Tensor<3>, target: Tensor<3>, weight: Tensor<3>, n_matched: f64) -> Tensor<1> {
     let p = sigmoid(logits.clone());
     let not_p = p.clone().neg().add_scalar(1.0);
@@ -206,7 +206,7 @@ fn sigmoid_focal(logits: Tensor<3>, target: Tensor<3>, weight: Tensor<3>, n_matc
     ((positive + negative) * weight).sum().div_scalar(-n_matched.max(1.0))
 }
 
-/// The weighted L1 distance of codes, divided by the number of matched queries (at least one); `weight` is zero for the
+/// The weighted L1 distance of codes, divided by the number of matched queries, or what stands for it; `weight` is zero for the
 /// other queries.
 fn box_l1(codes: Tensor<3>, target: Tensor<3>, weight: Tensor<3>, n_matched: f64) -> Tensor<1> {
     ((codes - target).abs() * weight).sum().div_scalar(n_matched.max(1.0))

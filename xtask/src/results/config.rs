@@ -122,6 +122,9 @@ impl ResultsConfig {
                 valid.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ")
             );
         }
+        for of in &self.side_by_side {
+            check_side_by_side(of, &trainings)?;
+        }
         self.closed_set_training()?;
         Ok(trainings)
     }
@@ -141,6 +144,32 @@ impl ResultsConfig {
         );
         Ok(Some((row.name.clone(), training)))
     }
+}
+
+/// Two rows or more, each with a label of its own, and no sensor blinded that the network does not have.
+fn check_side_by_side(of: &SideBySideConfig, trainings: &[(String, TrainConfig)]) -> anyhow::Result<()> {
+    let title = &of.title;
+    ensure!(
+        of.rows.len() >= 2,
+        "results config: side_by_side `{title}` has {} rows; two are needed",
+        of.rows.len()
+    );
+    for (i, row) in of.rows.iter().enumerate() {
+        let is_new = of.rows[..i].iter().all(|other| other.label != row.label);
+        ensure!(is_new, "results config: side_by_side `{title}` has two rows called `{}`", row.label);
+        let model = trainings.iter().find(|(name, _)| *name == row.row).map(|(_, config)| &config.model);
+        let sees = model.is_some_and(|model| match row.blind {
+            Some(Sensor::Camera) => model.use_camera,
+            Some(Sensor::Lidar) => model.use_lidar,
+            None => true,
+        });
+        ensure!(
+            sees,
+            "results config: side_by_side `{title}` blinds a sensor of row `{}` that its network does not have",
+            row.row
+        );
+    }
+    Ok(())
 }
 
 impl RowConfig {
@@ -212,6 +241,10 @@ mod tests {
         assert!(message.contains("rivals") && message.contains("radar"), "{message}");
         let message = wrong(|config| config.side_by_side[0].rows[0].row = "radar".into());
         assert!(message.contains("side_by_side") && message.contains("radar"), "{message}");
+        let message = wrong(|config| config.side_by_side[0].rows[0].blind = Some(Sensor::Camera));
+        assert!(message.contains("blinds") && message.contains("lidar"), "{message}");
+        let message = wrong(|config| config.side_by_side[0].rows.truncate(1));
+        assert!(message.contains("two are needed"), "{message}");
         let message = wrong(|config| config.rows[0].name = "a/b".into());
         assert!(message.contains("a/b"), "{message}");
         let message = wrong(|config| config.rows[1].name = config.rows[0].name.clone());

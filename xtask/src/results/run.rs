@@ -42,6 +42,9 @@ pub fn run(request: &Request<'_>, device: &Device, progress: &dyn Progress) -> a
     };
     let rows = trainings.iter().enumerate().map(|(i, (name, config))| experiment.row(name, config, i == 0));
     let rows: Vec<Row> = rows.collect::<anyhow::Result<_>>()?;
+    for (number, config) in request.config.side_by_side.iter().enumerate() {
+        results.side_by_side.extend(side_by_side::read(&experiment, number, config, &rows)?);
+    }
     for (i, row) in rows.iter().enumerate() {
         let name = &row.name;
         if let Some(scores) = score::read_or_make(&experiment, row)? {
@@ -59,6 +62,7 @@ pub fn run(request: &Request<'_>, device: &Device, progress: &dyn Progress) -> a
         // What is done is told even if a later row fails.
         write::write(&results, &request.out, None)?;
     }
+    results.side_by_side.clear();
     for (number, config) in request.config.side_by_side.iter().enumerate() {
         results.side_by_side.extend(side_by_side::read_or_make(&experiment, number, config, &rows)?);
     }

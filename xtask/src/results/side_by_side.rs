@@ -1,5 +1,7 @@
 //! Rows side by side on the OOD set, and what each gains over the first: made when all of its rows are trained, and then kept.
 
+use std::path::PathBuf;
+
 use fs_err as fs;
 use serde::{Deserialize, Serialize};
 
@@ -14,16 +16,34 @@ use harmzone::infer::{self, Trained};
 use harmzone::model::checkpoint::CHECKPOINT;
 use harmzone::report::results::SideBySide;
 
+/// Each row's network by its hash, and the sensor that saw nothing.
+type Networks = Vec<(String, Option<Sensor>)>;
+
 /// What `scores/side-by-side-<number>.json` keeps.
 #[derive(Serialize, Deserialize)]
 struct Kept {
-    /// Each row's network and the sensor that saw nothing.
-    rows: Vec<(String, Option<Sensor>)>,
+    rows: Networks,
     tested_on: Fingerprint,
     of: Versus,
 }
 
-/// The rows side by side as kept, if they are of these networks and data; else made. None where a row is not trained.
+/// The rows side by side as kept, if they are of these networks and data; none where they are not, or a row is not trained.
+///
+/// # Errors
+/// A file cannot be read.
+pub fn read(
+    experiment: &Experiment<'_>,
+    number: usize,
+    config: &SideBySideConfig,
+    rows: &[Row],
+) -> anyhow::Result<Option<SideBySide>> {
+    let (file, networks) = (path(experiment, number), networks(experiment, config, rows)?);
+    let kept = if file.is_file() { Some(read_json::<Kept>(&file)?) } else { None };
+    let kept = kept.filter(|kept| networks.as_ref() == Some(&kept.rows) && kept.tested_on == experiment.ood);
+    Ok(kept.map(|kept| record(config, kept.of)))
+}
+
+/// As [`read`]; else made and kept. None where a row is not trained.
 ///
 /// # Errors
 /// A row cannot be read or scored.
@@ -33,37 +53,52 @@ pub fn read_or_make(
     config: &SideBySideConfig,
     rows: &[Row],
 ) -> anyhow::Result<Option<SideBySide>> {
-    let row = |name: &str| rows.iter().find(|row| row.name == name).expect("the config was checked");
+    if let Some(kept) = read(experiment, number, config, rows)? {
+        return Ok(Some(kept));
+    }
+    let Some(networks) = networks(experiment, config, rows)? else { return Ok(None) };
+    let detectors = config.rows.iter().map(|seen| look(experiment, row_of(rows, &seen.row), seen.blind));
+    let detectors: Vec<Vec<EvalSample>> = detectors.collect::<anyhow::Result<_>>()?;
+    let of = versus(&detectors, &Protocol::default(), Mode::Ood)?;
+    let kept = Kept { rows: networks, tested_on: experiment.ood.clone(), of };
+    write_atomic(&path(experiment, number), serde_json::to_string_pretty(&kept)?.as_bytes())?;
+    Ok(Some(record(config, kept.of)))
+}
+
+fn path(experiment: &Experiment<'_>, number: usize) -> PathBuf {
+    experiment.request.out.join("scores").join(format!("side-by-side-{number}.json"))
+}
+
+fn row_of<'a>(rows: &'a [Row], name: &str) -> &'a Row {
+    rows.iter().find(|row| row.name == name).expect("the config was checked")
+}
+
+/// The rows' networks; none where a row is not trained.
+fn networks(
+    experiment: &Experiment<'_>,
+    config: &SideBySideConfig,
+    rows: &[Row],
+) -> anyhow::Result<Option<Networks>> {
     let mut networks = Vec::new();
     for seen in &config.rows {
-        let row = row(&seen.row);
+        let row = row_of(rows, &seen.row);
         if !experiment.is_trained(row)? {
             return Ok(None);
         }
         networks.push((sha256_hex(&fs::read(row.folder.join(CHECKPOINT))?), seen.blind));
     }
-    let file = experiment.request.out.join("scores").join(format!("side-by-side-{number}.json"));
-    let kept = if file.is_file() { Some(read_json::<Kept>(&file)?) } else { None };
-    let kept = kept.filter(|kept| kept.rows == networks && kept.tested_on == experiment.ood);
-    let of = if let Some(kept) = kept {
-        kept.of
-    } else {
-        let detectors = config.rows.iter().map(|seen| look(experiment, row(&seen.row), seen.blind));
-        let detectors: Vec<Vec<EvalSample>> = detectors.collect::<anyhow::Result<_>>()?;
-        let of = versus(&detectors, &Protocol::default(), Mode::Ood)?;
-        let kept = Kept { rows: networks, tested_on: experiment.ood.clone(), of };
-        write_atomic(&file, serde_json::to_string_pretty(&kept)?.as_bytes())?;
-        kept.of
-    };
-    let labels = config.rows.iter().map(|seen| seen.label.clone()).collect();
-    Ok(Some(SideBySide { title: config.title.clone(), note: config.note.clone(), labels, of }))
+    Ok(Some(networks))
 }
 
+fn record(config: &SideBySideConfig, of: Versus) -> SideBySide {
+    let labels = config.rows.iter().map(|seen| seen.label.clone()).collect();
+    SideBySide { title: config.title.clone(), note: config.note.clone(), labels, of }
+}
+
+/// The OOD set's samples with what a row finds.
 fn look(experiment: &Experiment<'_>, row: &Row, blind: Option<Sensor>) -> anyhow::Result<Vec<EvalSample>> {
     let data = experiment.scored_split(Mode::Ood)?;
     let detector = Trained::find(&row.folder)?.load(experiment.device)?;
-    let blinded = blind.map(|sensor| data.clone().blind(sensor));
-    let shown = blinded.as_ref().unwrap_or(data);
-    let found = infer::detect(&detector, &shown.named(), experiment.device, experiment.progress)?;
+    let found = infer::detect_with(&detector, data.samples(), blind, experiment.device, experiment.progress)?;
     Ok(eval_samples(data.samples(), &found))
 }
