@@ -129,37 +129,37 @@ pub struct Versus {
     pub n_samples: usize,
     /// Share of the harmful events that is missed, a line for each number of false alarms a kilometre; empty where there is none,
     /// or it is not known where the ego was or which object is which.
-    pub missed: Vec<Line>,
+    pub missed: Vec<VersusLine>,
     /// AP of the class harmful, a line for each part that has something harmful.
-    pub harmful: Vec<Line>,
+    pub harmful: Vec<VersusLine>,
     /// AP, mean of both classes, a line for each part that has an object.
-    pub mean: Vec<Line>,
+    pub mean: Vec<VersusLine>,
 }
 
 /// A figure of each detector.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Line {
+pub struct VersusLine {
     pub name: String,
     /// Objects, harmful objects or harmful events that it is of.
     pub n_truths: usize,
     /// One for each detector.
-    pub figures: Vec<Figure>,
+    pub figures: Vec<VersusFigure>,
 }
 
 /// A detector's figure and what it is more than the first one's. `None` where it cannot be told.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Figure {
+pub struct VersusFigure {
     pub value: Option<f64>,
     pub interval: Option<[f64; 2]>,
     pub over_first: Option<f64>,
     pub over_first_interval: Option<[f64; 2]>,
 }
 
-impl Line {
+impl VersusLine {
     /// From each detector's value, over all and in each resample.
     fn new(name: String, n_truths: usize, values: &[Option<f64>], resampled: &[Vec<Option<f64>>]) -> Self {
         let over = |of: &[Option<f64>], i: usize| Some(of[i]? - of[0]?);
-        let figure = |i: usize| Figure {
+        let figure = |i: usize| VersusFigure {
             value: values[i],
             interval: interval(resampled.iter().filter_map(|of| of[i])),
             over_first: over(values, i),
@@ -240,7 +240,7 @@ pub fn versus(
             let values: Vec<Option<f64>> = whole.iter().map(|of| of[i]).collect();
             let of_resample = |of: &Vec<[Option<f64>; 2]>| of.iter().map(|of| of[i]).collect();
             let resampled: Vec<Vec<Option<f64>>> = resampled.iter().map(of_resample).collect();
-            (n_truths > 0).then(|| Line::new(part.name(), n_truths, &values, &resampled))
+            (n_truths > 0).then(|| VersusLine::new(part.name(), n_truths, &values, &resampled))
         };
         versus.harmful.extend(line(0, n_truths[Harm::Harmful.index()]));
         versus.mean.extend(line(1, n_truths.iter().sum()));
@@ -249,7 +249,7 @@ pub fn versus(
 }
 
 /// Missed events of each detector, a line for each number of false alarms.
-fn missed(matchings: &[Matching<'_>], resamples: &Resamples) -> Vec<Line> {
+fn missed(matchings: &[Matching<'_>], resamples: &Resamples) -> Vec<VersusLine> {
     let of_detectors: Option<Vec<_>> = matchings.iter().map(|of| missed_events(of, resamples)).collect();
     let Some(of_detectors) = of_detectors.filter(|of| of[0].n_events > 0) else { return Vec::new() };
     let asked = &matchings[0].config().safety.false_alarms_per_km;
@@ -257,7 +257,7 @@ fn missed(matchings: &[Matching<'_>], resamples: &Resamples) -> Vec<Line> {
         let values: Vec<Option<f64>> = of_detectors.iter().map(|of| of.whole[i]).collect();
         let of_resample = |k: usize| of_detectors.iter().map(|of| of.resampled[k][i]).collect();
         let resampled: Vec<Vec<Option<f64>>> = (0..resamples.n()).map(of_resample).collect();
-        Line::new(format!("at {per_km} false alarms/km"), of_detectors[0].n_events, &values, &resampled)
+        VersusLine::new(format!("at {per_km} false alarms/km"), of_detectors[0].n_events, &values, &resampled)
     };
     asked.iter().enumerate().map(line).collect()
 }
@@ -286,7 +286,7 @@ mod tests {
         (0..n).map(of).collect()
     }
 
-    fn line<'a>(lines: &'a [Line], name: &str) -> &'a Line {
+    fn line<'a>(lines: &'a [VersusLine], name: &str) -> &'a VersusLine {
         lines.iter().find(|line| line.name.contains(name)).unwrap_or_else(|| panic!("{name}: {lines:?}"))
     }
 

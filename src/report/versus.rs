@@ -1,6 +1,6 @@
 //! Detectors side by side as tables: each one's figure with its interval, and what it is more than the first one's.
 
-use crate::eval::versus::{Figure, Line, Versus};
+use crate::eval::versus::{Versus, VersusFigure, VersusLine};
 
 use super::table::{Cell, Table, number};
 
@@ -12,7 +12,7 @@ type Show<'a> = &'a dyn Fn(f64) -> String;
 pub fn tables(versus: &Versus, names: &[String]) -> Vec<Table> {
     let share = |of: f64| number(Some(100.0 * of), 1);
     let ap = |of: f64| number(Some(of), 3);
-    let of_lines: [(&str, &[Line], Show<'_>); 3] = [
+    let of_lines: [(&str, &[VersusLine], Show<'_>); 3] = [
         ("harmful events missed, %", &versus.missed, &share),
         ("AP, harmful", &versus.harmful, &ap),
         ("AP, mean of both", &versus.mean, &ap),
@@ -40,8 +40,8 @@ pub fn tables(versus: &Versus, names: &[String]) -> Vec<Table> {
     tables
 }
 
-fn table(title: &str, lines: &[Line], names: &[String], show: Show<'_>) -> Table {
-    let row = |line: &Line| {
+fn table(title: &str, lines: &[VersusLine], names: &[String], show: Show<'_>) -> Table {
+    let row = |line: &VersusLine| {
         let cells = line.figures.iter().enumerate().map(|(i, figure)| cell(figure, i > 0, show));
         [line.name.as_str().into(), line.n_truths.to_string().into()].into_iter().chain(cells).collect()
     };
@@ -49,7 +49,7 @@ fn table(title: &str, lines: &[Line], names: &[String], show: Show<'_>) -> Table
     Table::new(head, lines.iter().map(row).collect())
 }
 
-fn cell(figure: &Figure, has_gain: bool, show: Show<'_>) -> Cell {
+fn cell(figure: &VersusFigure, has_gain: bool, show: Show<'_>) -> Cell {
     let Some(value) = figure.value else { return "–".into() };
     let range = |[low, high]: [f64; 2]| format!("{}–{}", show(low), show(high));
     let signed = |of: f64| if of < 0.0 { show(of) } else { format!("+{}", show(of)) };
@@ -69,14 +69,15 @@ mod tests {
 
     #[test]
     fn the_first_has_no_gain_and_the_others_have_theirs_with_its_sign() {
-        let figure = |value, over: f64| Figure {
+        let figure = |value, over: f64| VersusFigure {
             value: Some(value),
             interval: Some([value - 0.1, value + 0.1]),
             over_first: Some(over),
             over_first_interval: Some([over - 0.02, over + 0.02]),
         };
-        let unknown = Figure { value: None, interval: None, over_first: None, over_first_interval: None };
-        let line = |name: &str, figures| Line { name: name.to_owned(), n_truths: 7, figures };
+        let unknown =
+            VersusFigure { value: None, interval: None, over_first: None, over_first_interval: None };
+        let line = |name: &str, figures| VersusLine { name: name.to_owned(), n_truths: 7, figures };
         let versus = Versus {
             level: 0.95,
             n_resamples: 1000,

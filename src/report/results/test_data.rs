@@ -6,7 +6,7 @@ use super::{
 };
 use crate::dataset::Fingerprint;
 use crate::eval::safety::{Alarms, MissedGroup, OperatingPoint, Warned};
-use crate::eval::versus::{Figure, Line, Versus};
+use crate::eval::versus::{Versus, VersusFigure, VersusLine};
 use crate::eval::{ClassScores, Columns, Confidence, Intervals};
 
 /// Made-up results: a headline, one row that is done and one that is not, and a rival.
@@ -120,13 +120,17 @@ pub fn test_reported() -> ReportedRecord {
 
 /// Made-up figures of two detectors.
 fn test_versus() -> Versus {
-    let figure = |value: f64, over: f64| Figure {
+    let figure = |value: f64, over: f64| VersusFigure {
         value: Some(value),
         interval: Some([value - 0.1, value + 0.1]),
         over_first: Some(over),
         over_first_interval: Some([over - 0.02, over + 0.02]),
     };
-    let line = |name: &str, n_truths, figures: Vec<Figure>| Line { name: name.into(), n_truths, figures };
+    let line = |name: &str, n_truths, figures: Vec<VersusFigure>| VersusLine {
+        name: name.into(),
+        n_truths,
+        figures,
+    };
     Versus {
         level: 0.95,
         n_resamples: 1000,
