@@ -253,7 +253,9 @@ mod tests {
         assert!(message.contains("use_radar") && message.contains("fused"), "{message}");
         let message = wrong(|config| config.rows[0].set.push("model.head.dropout=nan".into()));
         assert!(message.contains("fused") && message.contains("model.head.dropout is nan"), "{message}");
-        let message = wrong(|config| config.rows[0].set.push("fused_stage.epochs=0".into()));
+        let message = wrong(|config| {
+            config.rows[0].set.extend(["lidar_stage.epochs=2".into(), "fused_stage.epochs=0".into()])
+        });
         assert!(message.contains("fused_stage.epochs"), "{message}");
     }
 }
