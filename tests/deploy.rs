@@ -172,7 +172,7 @@ fn labels_in_parts_are_the_labels_of_one_run() {
 /// Numbers to 12 digits: in a file of boxes a yaw is a quaternion.
 fn rounded(value: serde_json::Value) -> serde_json::Value {
     match value {
-        serde_json::Value::Number(number) => format!("{:.12}", number.as_f64().unwrap()).into(),
+        serde_json::Value::Number(number) => format!("{:.12}", number.as_f64().expect("a number")).into(),
         serde_json::Value::Array(values) => values.into_iter().map(rounded).collect(),
         serde_json::Value::Object(of) => of.into_iter().map(|(key, value)| (key, rounded(value))).collect(),
         other => other,
