@@ -254,7 +254,7 @@ mod tests {
         let message = wrong(|config| config.rows[0].set.push("model.head.dropout=nan".into()));
         assert!(message.contains("fused") && message.contains("model.head.dropout is nan"), "{message}");
         let message = wrong(|config| {
-            config.rows[0].set.extend(["lidar_stage.epochs=2".into(), "fused_stage.epochs=0".into()])
+            config.rows[0].set.extend(["lidar_stage.epochs=2".into(), "fused_stage.epochs=0".into()]);
         });
         assert!(message.contains("fused_stage.epochs"), "{message}");
     }
