@@ -51,7 +51,7 @@ pub struct SampleFacts {
     /// and what `ttc` and `rss` say about an object is not the distance to one edge.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub zone_in_ego_m: Option<Vec<[f64; 2]>>,
-    /// What is annotated; `None` where everything is, as in simulation.
+    /// What is annotated; `None` where all kinds are, as in simulation.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub labelled: Option<Labelled>,
     /// Where nobody annotated anything.
@@ -153,9 +153,10 @@ impl Origin {
         let edge = zone.as_ref().and_then(ZoneAt::edge);
         let is_unlabelled = ignored.is_none();
         let ignored = ignored.unwrap_or_default();
-        let has_gaps = self.facts.labelled.is_some() || !ignored.is_empty();
+        let is_of_picture = |region: &IgnoredRegion| matches!(region, IgnoredRegion::Image { .. });
+        let needs_camera = self.facts.labelled.is_some() || ignored.iter().any(is_of_picture);
         SampleFacts {
-            camera: has_gaps.then(|| CameraFacts::of(measured)),
+            camera: needs_camera.then(|| CameraFacts::of(measured)),
             ignored,
             is_unlabelled,
             time_s: Some(measured.time_ns.saturating_sub(self.start_ns) as f64 * 1e-9),

@@ -48,8 +48,6 @@ topics! { OF_MEASURED:
 topics! { OF_TRUTH:
     OBJECTS = "/truth/objects" of wire::Objects,
     MARKERS = "/truth/markers" of fox::SceneUpdate,
-}
-topics! { OF_LOG_TRUTH:
     IGNORED = "/truth/ignored" of wire::IgnoredRegions,
 }
 topics! { OF_LABELS:

@@ -84,12 +84,8 @@ impl EpisodeWriter {
         map: &MapDrawing,
     ) -> Result<Self, EpisodeError> {
         let mut archive = ArchiveWriter::create(path, topics::OF_MEASURED)?;
-        let of_truth: [&[topics::TopicSpec]; 2] = match log {
-            None => [topics::OF_TRUTH, &[]],
-            Some(LogFacts { labelled: Some(_), .. }) => [topics::OF_TRUTH, topics::OF_LOG_TRUTH],
-            Some(_) => [&[]; 2],
-        };
-        for topic in of_truth.into_iter().flatten() {
+        let has_truth = log.is_none_or(|log| log.labelled.is_some());
+        for topic in has_truth.then_some(topics::OF_TRUTH).into_iter().flatten() {
             archive.declare(topic.name, topic.schema)?;
         }
         for name in &others.cameras {
@@ -175,9 +171,7 @@ impl EpisodeWriter {
         if let Some(truth) = &sample.truth {
             archive.write(topics::OBJECTS, &objects::objects_message(time_ns, &truth.objects))?;
             archive.write(topics::MARKERS, &drawing::truth_markers(time_ns, &truth.objects))?;
-            if self.log.is_some() {
-                archive.write(topics::IGNORED, &regions::regions_message(time_ns, &truth.ignored))?;
-            }
+            archive.write(topics::IGNORED, &regions::regions_message(time_ns, &truth.ignored))?;
         }
         for view in around.views {
             let [image, info] = topics::of_camera(&view.name);

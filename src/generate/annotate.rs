@@ -1,15 +1,18 @@
-//! Truth: each object's box, velocity, LiDAR points and visible pixels at one instant.
+//! Truth: each object's box, velocity, LiDAR points and visible pixels at one instant, and the ground that is ignored.
 
 use nalgebra::{Isometry3, Point3, Vector3};
 
 use super::AnnotationConfig;
 use crate::geometry::{Box3, Ego, Frame, Point, Transform, World};
 use crate::object::{Event, Object, SolidPart};
+use crate::sample::IgnoredRegion;
 use crate::scene::SceneObject;
 use crate::sensors::{Rig, RigCamera, RigLidar, silhouette_px};
 
 /// Cosine of the greatest tilt at which what is solid of a standing model still is.
 const UPRIGHT: f64 = 0.97;
+/// How far beside a heap the middle of a detection may lie: the LiDAR sees one side of it.
+const BESIDE_M: f64 = 0.3;
 
 /// An object at one instant.
 #[derive(Debug, Clone)]
@@ -27,19 +30,23 @@ pub(super) struct Observation {
     pub shape: usize,
 }
 
-/// The object's truth, if the object is annotated: it is hit or seen, and in view of a camera, or of a LiDAR that reports
-/// its whole turn; background never is. What is visible of it is what the camera sees that sees most of it.
-pub(super) fn annotate(
+/// An object that is hit or seen, and in view of a camera, or of a LiDAR that reports its whole turn.
+struct InView {
+    box_in_ego: Box3<Ego>,
+    /// What the camera sees that sees most of it.
+    visible_px: u32,
+    /// The whole of it in that camera.
+    whole_px: u32,
+}
+
+/// `None` of what is neither hit nor seen, in nobody's view, or too far.
+fn in_view(
     object: &SceneObject,
     seen: &Observation,
-    step_s: f64,
     world_from_ego: &Transform<World, Ego>,
     rig: &Rig,
     config: &AnnotationConfig,
-) -> Option<Object> {
-    if object.is_background {
-        return None;
-    }
+) -> Option<InView> {
     let (camera_idx, visible_px) = (0..).zip(seen.visible_px.iter().copied()).max_by_key(|&(_, px)| px)?;
     if seen.n_lidar_points < config.min_lidar_points.max(1) && visible_px < config.min_visible_px.max(1) {
         return None;
@@ -68,12 +75,45 @@ pub(super) fn annotate(
     if whole_px == 0 && !rig.lidars.iter().any(RigLidar::is_full) {
         return None;
     }
+    Some(InView { box_in_ego, visible_px, whole_px })
+}
+
+/// The object's truth, if the object is annotated: it is hit or seen, and in view; background never is.
+pub(super) fn annotate(
+    object: &SceneObject,
+    seen: &Observation,
+    step_s: f64,
+    world_from_ego: &Transform<World, Ego>,
+    rig: &Rig,
+    config: &AnnotationConfig,
+) -> Option<Object> {
+    if object.is_background {
+        return None;
+    }
+    let InView { visible_px, whole_px, .. } = in_view(object, seen, world_from_ego, rig, config)?;
     Some(Object {
         n_lidar_points: Some(seen.n_lidar_points),
         visible_px: Some(visible_px),
         visible_fraction: Some((f64::from(visible_px) / f64::from(whole_px.max(1))).min(1.0)),
         ..describe(object, seen, step_s, world_from_ego)
     })
+}
+
+/// The ground under a heap that is hit or seen, and in view, and a little beside it.
+pub(super) fn ignore(
+    object: &SceneObject,
+    seen: &Observation,
+    world_from_ego: &Transform<World, Ego>,
+    rig: &Rig,
+    config: &AnnotationConfig,
+) -> Option<IgnoredRegion> {
+    if !object.is_heap() {
+        return None;
+    }
+    let InView { mut box_in_ego, .. } = in_view(object, seen, world_from_ego, rig, config)?;
+    box_in_ego.length_m += 2.0 * BESIDE_M;
+    box_in_ego.width_m += 2.0 * BESIDE_M;
+    Some(IgnoredRegion::Ground { corners_in_ego_m: box_in_ego.footprint().to_vec() })
 }
 
 /// What is true of an object, whether it is seen or not.

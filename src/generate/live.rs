@@ -6,7 +6,7 @@ use std::time::Instant;
 use nalgebra::Vector3;
 use rand::RngExt;
 
-use super::annotate::{Observation, annotate, describe};
+use super::annotate::{Observation, annotate, describe, ignore};
 use super::aov::AovWriter;
 use super::appearance::Appearance;
 use super::config::{CONTROL_PERIOD_S, RendererName};
@@ -330,15 +330,15 @@ impl<'a> LiveEpisode<'a> {
         let begin = Instant::now();
         let (drive, sensors, config) = (&self.drive, &self.sensors, self.config);
         let (rig, world_from_ego) = (sensors.rig(), drive.world_from_ego());
-        let truths = self.world.objects().iter().enumerate().filter_map(|(i, object)| {
-            let n_points = clouds.iter().map(|cloud| cloud.n_points[i]).sum();
-            let seen =
-                self.observe(i, n_points, pictures.iter().map(|picture| picture.visible_px[i]).collect());
-            annotate(object, &seen, CONTROL_PERIOD_S, &world_from_ego, rig, &config.raw.annotation)
-        });
         let told = odometry::measure(&ego_state, &rig.odometry, self.plan.seed, sample_idx);
-        let truth =
-            Truth { objects: truths.collect(), ego_state: told.map(|_| ego_state), ..Truth::default() };
+        let mut truth = Truth { ego_state: told.map(|_| ego_state), ..Truth::default() };
+        for (i, object) in self.world.objects().iter().enumerate() {
+            let n_points = clouds.iter().map(|cloud| cloud.n_points[i]).sum();
+            let visible_px = pictures.iter().map(|picture| picture.visible_px[i]).collect();
+            let (seen, annotation) = (self.observe(i, n_points, visible_px), &config.raw.annotation);
+            truth.objects.extend(annotate(object, &seen, CONTROL_PERIOD_S, &world_from_ego, rig, annotation));
+            truth.ignored.extend(ignore(object, &seen, &world_from_ego, rig, annotation));
+        }
         timings.truth += begin.elapsed();
 
         let mut pictures = rig.cameras.iter().zip(pictures).map(|(camera, picture)| CameraView {

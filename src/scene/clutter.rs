@@ -3,6 +3,7 @@
 
 use rand::RngExt;
 
+use super::facing::is_plant;
 use super::ground::{GRASS_M, PAVEMENT_M};
 use super::models::{Model, Role};
 use super::path::Vec2;
@@ -23,11 +24,6 @@ const ROW: [u32; 2] = [3, 7];
 const ROW_GAP_M: f64 = 0.06;
 /// Rows keep this far from a pavement's ends, where people cross.
 const CORNER_M: f64 = 9.0;
-
-/// Whether things of a category grow on the ground beside pavements, and give way.
-pub(super) fn is_plant(category: &str) -> bool {
-    matches!(category, "bush" | "hedge")
-}
 
 impl Filler<'_> {
     /// Things that are never annotated, on both sides of each pavement's outer edge.
@@ -127,6 +123,7 @@ impl Filler<'_> {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeSet;
     use std::sync::Arc;
 
     use crate::scene::{PopulateConfig, Town, populate};
@@ -141,7 +138,7 @@ mod tests {
         for (placement, object) in world.placements.iter().zip(world.objects()) {
             if object.category == "bush" {
                 n_bushes += 1;
-                assert!(object.is_background);
+                assert!(object.is_background && !object.is_heap());
                 assert!(town.surface.paved_grid.clearance_m(placement.position) > 0.1, "{}", placement.id);
             }
             if object.category == "barrier" {
@@ -153,5 +150,14 @@ mod tests {
         let touches =
             rows.windows(2).filter(|pair| (pair[0].0 - pair[1].0).norm() < pair[0].1 + 0.15).count();
         assert!(rows.len() > 3 && 2 * touches > rows.len(), "{touches} of {}", rows.len());
+    }
+    #[test]
+    fn bags_crates_and_racks_are_heaps() {
+        let town = Arc::new(Town::load("market").unwrap());
+        let world = populate(&town, &PopulateConfig::default(), 4).unwrap();
+        let heaps = world.objects().iter().filter(|object| object.is_heap());
+        let found: BTreeSet<&str> = heaps.map(|object| object.category.as_str()).collect();
+        let all = BTreeSet::from(["bike_rack", "crates", "rubbish_bags"]);
+        assert!(!found.is_empty() && found.is_subset(&all), "{found:?}");
     }
 }

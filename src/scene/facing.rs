@@ -20,8 +20,13 @@ pub enum Role {
     /// Annotated wherever it is seen or hit.
     #[default]
     Object,
-    /// Seen and hit, but never annotated: bushes, rubbish bags.
+    /// Seen and hit, but never annotated: bushes; and what stops a car, such as rubbish bags, whose ground is ignored.
     Background,
+}
+
+/// Whether things of a category grow on the ground beside pavements, and give way.
+pub(super) fn is_plant(category: &str) -> bool {
+    matches!(category, "bush" | "hedge")
 }
 
 /// The axis about which a model is round.

@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::builder::{Builder, quaternion_text};
 use super::car;
-use super::clutter::is_plant;
+use super::facing::is_plant;
 use super::ground::GRASS_M;
 use super::lights::Aspect;
 use super::models::Role;

@@ -6,6 +6,7 @@ use nalgebra::Point3;
 
 use super::bounds::Bounds;
 use super::dash::Dash;
+use super::facing::is_plant;
 use super::loose::{Loose, Perch};
 use super::models::{Model, Role};
 use super::occupancy::Footprint;
@@ -100,7 +101,7 @@ pub struct SceneObject {
     pub event: Event,
     pub spot: Spot,
     pub is_tipped: bool,
-    /// Never annotated: it teaches detectors what is no object.
+    /// Never annotated: plants teach detectors what is no object; of heaps the ground is ignored.
     pub is_background: bool,
 }
 
@@ -153,6 +154,11 @@ impl World {
 }
 
 impl SceneObject {
+    /// Background that stops a car: bags, crates, a rack for bicycles. It is akin to what is annotated.
+    pub fn is_heap(&self) -> bool {
+        self.is_background && !is_plant(&self.category)
+    }
+
     /// Name of the body that shows one of its looks.
     pub fn shape_body_name(&self, shape: usize) -> String {
         format!("{}/{shape}", self.body_name)

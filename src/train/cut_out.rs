@@ -32,6 +32,8 @@ pub struct Return {
 pub struct CutOut {
     pub truth: Object,
     pub points: Vec<Return>,
+    /// Whether it stands farther away than it did, so that its own ground says nothing of the ground there.
+    pub is_moved: bool,
 }
 
 impl CutOut {
@@ -100,7 +102,7 @@ impl CutOut {
         let velocity = turned.rotate(&Vector3::new(x, y, 0.0));
         truth.velocity_in_ego_mps = [velocity.x, velocity.y];
         points.iter_mut().for_each(|point| point.at = turned * point.at);
-        Some(Self { truth, points })
+        Some(Self { truth, points, is_moved })
     }
 }
 

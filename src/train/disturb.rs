@@ -45,7 +45,7 @@ pub fn disturb(
     config: &AugmentConfig,
     rng: &mut Rng,
 ) -> Option<Disturbed> {
-    // All is drawn, whatever is used, so that one key of the config does not change the draws of another.
+    // What decides is drawn first, whatever is used, so that one key of the config does not decide of another.
     let mut normal = || -> f64 { StandardNormal.sample(rng) };
     let tilt = [normal(), normal(), normal()];
     let intensity = [normal(), normal(), normal()];
@@ -62,6 +62,13 @@ pub fn disturb(
     let mut is_changed = false;
     if config.tilt_deg > 0.0 && of_tilt < config.disturbed_share {
         turn(measured, objects, &tilt.map(|part| part * config.tilt_deg.to_radians()));
+        is_changed = true;
+    }
+    // Fog takes intensities for what came back, so they must be the LiDAR's own.
+    if of_fog < config.fogged_share {
+        let fog = &FOGS[rng.random_range(0..FOGS.len())];
+        let points = std::mem::take(&mut measured.points);
+        measured.points = points.iter().filter_map(|point| fog.on(point, rng)).collect();
         is_changed = true;
     }
     if config.intensity_spread > 0.0 && of_intensity < config.disturbed_share {
@@ -87,12 +94,6 @@ pub fn disturb(
         measured.points.retain(|point| point.ring % step == first);
         is_changed = true;
     }
-    if of_fog < config.fogged_share {
-        let fog = &FOGS[rng.random_range(0..FOGS.len())];
-        let points = std::mem::take(&mut measured.points);
-        measured.points = points.iter().filter_map(|point| fog.on(point, rng)).collect();
-        is_changed = true;
-    }
     if no_cloud {
         measured.points.clear();
         // What only the cloud showed is no longer seen.
@@ -113,20 +114,22 @@ pub fn disturb(
     }
     if is_changed && !no_cloud {
         let (before, after) = (count_returns(whole, all), count_returns(measured, objects));
+        let share = measured.points.len() as f64 / whole.points.len().max(1) as f64;
         for (object, (before, after)) in objects.iter_mut().zip(before.into_iter().zip(after)) {
             let of = &mut object.truth.n_lidar_points;
-            *of = of.map(|recorded| left_of(recorded, before, after));
+            *of = of.map(|recorded| left_of(recorded, before, after, share));
         }
     }
     (is_changed || colours.is_some()).then_some(disturbed)
 }
 
 /// What is left of so many recorded points, where a box and its margin held some before and hold others now. With noise a
-/// point of an object's surface leaves its box, so that a box's own count tells little.
-fn left_of(recorded: u32, before: u32, after: u32) -> u32 {
+/// point of an object's surface leaves its box, so that a box's own count tells little. Where it held none before, the cloud's
+/// share stands for the object's.
+fn left_of(recorded: u32, before: u32, after: u32, share: f64) -> u32 {
     match (recorded, before, after) {
         (0, _, _) | (_, 1.., 0) => 0,
-        (_, 0, _) => recorded,
+        (_, 0, _) => (f64::from(recorded) * share.min(1.0)).round() as u32,
         _ => ((f64::from(recorded) * f64::from(after) / f64::from(before)).round() as u32).clamp(1, recorded),
     }
 }
@@ -194,8 +197,9 @@ mod tests {
 
     #[test]
     fn what_is_left_of_an_objects_points_is_their_share_and_never_nothing_while_some_are_there() {
-        assert_eq!([left_of(0, 3, 3), left_of(10, 8, 0), left_of(10, 0, 0)], [0, 0, 10]);
-        assert_eq!([left_of(10, 8, 4), left_of(2, 40, 3), left_of(10, 8, 12)], [5, 1, 10]);
+        assert_eq!([left_of(0, 3, 3, 1.0), left_of(10, 8, 0, 0.5), left_of(10, 0, 0, 0.5)], [0, 0, 5]);
+        let left = |recorded, before, after| left_of(recorded, before, after, 1.0);
+        assert_eq!([left(10, 8, 4), left(2, 40, 3), left(10, 8, 12)], [5, 1, 10]);
     }
 
     #[test]

@@ -12,8 +12,8 @@ use burn::tensor::{Device, Tensor, TensorData};
 use super::assignment::assign;
 use super::augment::ObjectsByState;
 use super::config::LossConfig;
-use super::targets::{class_of, draw_heatmap, is_ignored};
-use crate::geometry::{Box3, Ego, Point};
+use super::targets::{IgnoredGround, class_of, draw_heatmap, is_ignored, is_on};
+use crate::geometry::{Box3, Ego, Point, Point2};
 use crate::model::coder::{CODE_SIZE, encode};
 use crate::model::{ModelConfig, Output};
 use crate::object::{Kind, LabelledObject};
@@ -51,18 +51,20 @@ impl LossParts {
     }
 }
 
-/// Computes the loss of the head for a batch; `objects` holds the trainable objects `[batch][state]`. The heatmap is
-/// that of each sample's first state.
+/// Computes the loss of the head for a batch; `objects` holds the trainable objects `[batch][state]`, `ignored` the ground of each
+/// sample where nothing is learnt, or nothing if no sample has any. The heatmap is that of each sample's first state.
 #[must_use]
 pub fn losses(
     output: &Output,
     objects: &[ObjectsByState],
+    ignored: &[IgnoredGround],
     model: &ModelConfig,
     config: &LossConfig,
 ) -> Losses {
     let device = output.heatmap.device();
-    let heatmap = heatmap_loss(output, objects, model, config, &device).mul_scalar(config.heatmap_weight);
-    let (harm, boxes) = query_losses(output, objects, model, config, &device);
+    let heatmap =
+        heatmap_loss(output, objects, ignored, model, config, &device).mul_scalar(config.heatmap_weight);
+    let (harm, boxes) = query_losses(output, objects, ignored, model, config, &device);
     let (harm, boxes) = (harm.mul_scalar(config.harm_weight), boxes.mul_scalar(config.box_weight));
     // Read all at once: a GPU finishes its work before each reading.
     let parts = Tensor::cat([&heatmap, &harm, &boxes].map(|part| part.clone().detach()).to_vec(), 0);
@@ -71,15 +73,23 @@ pub fn losses(
     Losses { total: heatmap + harm + boxes, parts }
 }
 
+/// A sample's ignored ground.
+fn ground_of(ignored: &[IgnoredGround], sample: usize) -> &[Vec<Point2>] {
+    ignored.get(sample).map_or(&[], Vec::as_slice)
+}
+
 fn heatmap_loss(
     output: &Output,
     objects: &[ObjectsByState],
+    ignored: &[IgnoredGround],
     model: &ModelConfig,
     config: &LossConfig,
     device: &Device,
 ) -> Tensor<1> {
-    let target: Vec<f32> =
-        objects.iter().flat_map(|states| draw_heatmap(&states[0], model, config)).collect();
+    let samples = objects.iter().enumerate();
+    let target: Vec<f32> = samples
+        .flat_map(|(i, states)| draw_heatmap(&states[0], ground_of(ignored, i), model, config))
+        .collect();
     gaussian_focal(
         output.heatmap.clone(),
         Tensor::from_data(TensorData::new(target, output.heatmap.dims()), device),
@@ -104,6 +114,7 @@ fn gaussian_focal(logits: Tensor<4>, target: Tensor<4>, least: f64) -> Tensor<1>
 fn query_losses(
     output: &Output,
     objects: &[ObjectsByState],
+    ignored: &[IgnoredGround],
     model: &ModelConfig,
     config: &LossConfig,
     device: &Device,
@@ -123,16 +134,19 @@ fn query_losses(
             .queries
             .iter()
             .zip(objects)
-            .flat_map(|(queries, states)| states.iter().map(move |of| (queries, of)));
-        for (state_row, (queries, of)) in of_states.enumerate() {
+            .enumerate()
+            .flat_map(|(i, (queries, states))| states.iter().map(move |of| (queries, of, i)));
+        for (state_row, (queries, of, sample)) in of_states.enumerate() {
+            let ground = ground_of(ignored, sample);
             let first = state_row * n_queries;
             let of_codes = &codes[first * CODE_SIZE..(first + n_queries) * CODE_SIZE];
             let of_logits = &logits[first * n_classes..(first + n_queries) * n_classes];
-            let (ignored, counted): (Vec<LabelledObject>, Vec<LabelledObject>) =
+            let (unhit, counted): (Vec<LabelledObject>, Vec<LabelledObject>) =
                 of.iter().cloned().partition(|object| is_ignored(object, config));
             for (q, query) in queries.iter().enumerate() {
                 let at = Point::new(query.center_m[0], query.center_m[1], 0.0);
-                if ignored.iter().any(|object| is_over(&object.truth.box_in_ego, at)) {
+                let is_over_unhit = || unhit.iter().any(|object| is_over(&object.truth.box_in_ego, at));
+                if is_on(ground, query.center_m) || is_over_unhit() {
                     class_weight[(first + q) * n_classes..(first + q + 1) * n_classes].fill(0.0);
                 }
             }

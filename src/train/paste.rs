@@ -115,10 +115,11 @@ impl Scene {
     /// Puts an object on the ground; returns it with the points that stay visible, `None` if it cannot stand
     /// there or is hidden.
     fn place(&self, cut_out: CutOut) -> Option<(Object, Vec<Return>)> {
-        let CutOut { mut truth, mut points } = cut_out;
+        let CutOut { mut truth, mut points, is_moved } = cut_out;
         let of = &mut truth.box_in_ego;
         let bottom_m = of.bottom_m();
-        let rise_m = self.ground_m(of.center.x(), of.center.y()).unwrap_or(bottom_m) - bottom_m;
+        let ground_m = self.ground_m(of.center.x(), of.center.y()).or((!is_moved).then_some(bottom_m));
+        let rise_m = ground_m? - bottom_m;
         if rise_m.abs() > MAX_RISE_M {
             return None;
         }
@@ -307,8 +308,11 @@ mod tests {
         let cut_out = || CutOut {
             truth: car(12.0, 0.0, Harm::Harmless).truth,
             points: (0..20).map(|i| at(10.05, -0.8 + 0.08 * f64::from(i), 0.8, 4)).collect(),
+            is_moved: false,
         };
         assert!(scene(Vec::new(), Vec::new()).place(cut_out()).is_some());
+        let moved = CutOut { is_moved: true, ..cut_out() };
+        assert!(scene(Vec::new(), Vec::new()).place(moved).is_none(), "nobody knows the ground there");
         let neighbour = car(16.1, 0.5, Harm::Harmless);
         assert!(scene(Vec::new(), vec![neighbour]).place(cut_out()).is_none());
         let of_wall = |ring| (0..400).map(move |i| at(6.0, -2.0 + 0.01 * f64::from(i), 1.2, ring));

@@ -9,22 +9,36 @@ use burn::tensor::{Tensor, TensorData};
 use nalgebra::Vector2;
 
 use super::config::LossConfig;
-use crate::geometry::{Box3, Ego, Point, convex_hull};
+use crate::geometry::{Box3, Ego, Point, Point2, convex_hull};
 use crate::model::{CameraGeometry, PAINT_STRIDE, n_paint_pixels};
 use crate::object::LabelledObject;
 
 /// Corners nearer to the camera than this are moved there.
 const NEAREST_M: f64 = 0.5;
+/// Weight of a pixel that is asked nothing: above zero, so that it does not count as one that shows nothing.
+const ASKED_NOTHING: f32 = 1e-20;
+/// What stands on ignored ground lies between these heights; the ground may rise, and the car may be tilted.
+const IGNORED_HEIGHTS_M: [f64; 2] = [-0.3, 1.5];
 
 /// One sample's target `[y, x]`: where the picture shows an object, the pixel's weight, one or more; elsewhere zero.
 ///
 /// # Arguments
-/// - `objects`: mirrored if the view is
+/// - `objects`, `ignored`: mirrored if the view is; of what may stand on ignored ground the picture is asked nothing
 #[must_use]
-pub fn draw_objects(objects: &[LabelledObject], view: &CameraGeometry, config: &LossConfig) -> Vec<f32> {
+pub fn draw_objects(
+    objects: &[LabelledObject],
+    ignored: &[Vec<Point2>],
+    view: &CameraGeometry,
+    config: &LossConfig,
+) -> Vec<f32> {
     let [n_x, n_y] =
         [view.intrinsics.width_px, view.intrinsics.height_px].map(|n_px| n_paint_pixels(n_px as usize));
     let mut target = vec![0f32; n_y * n_x];
+    for corners in ignored {
+        for cell in cells_in(&convex_hull(prism_px(corners, IGNORED_HEIGHTS_M, view)), [n_y, n_x]) {
+            target[cell] = ASKED_NOTHING;
+        }
+    }
     for object in objects {
         if object.truth.visible_px.is_some_and(|px| px < config.min_visible_px) {
             continue;
@@ -40,11 +54,17 @@ pub fn draw_objects(objects: &[LabelledObject], view: &CameraGeometry, config: &
 
 /// Columns and rows of a box's corners, in pixels of the map; empty if the box lies behind the camera.
 fn corners_px(of: &Box3<Ego>, view: &CameraGeometry) -> Vec<Vector2<f64>> {
-    let camera_from_ego = view.ego_from_camera.inverse();
     let half_m = of.height_m / 2.0;
-    let corners = of.footprint().map(|corner| {
-        [-half_m, half_m].map(|up| camera_from_ego * Point::new(corner.x_m, corner.y_m, of.center.z() + up))
+    prism_px(&of.footprint(), [of.center.z() - half_m, of.center.z() + half_m], view)
+}
+
+/// The same of the corners of a prism over a polygon of the ground.
+fn prism_px(base: &[Point2], heights_m: [f64; 2], view: &CameraGeometry) -> Vec<Vector2<f64>> {
+    let camera_from_ego = view.ego_from_camera.inverse();
+    let corners = base.iter().map(|corner| {
+        heights_m.map(|height_m| camera_from_ego * Point::new(corner.x_m, corner.y_m, height_m))
     });
+    let corners: Vec<[Point<_>; 2]> = corners.collect();
     if corners.iter().flatten().all(|corner| corner.z() < NEAREST_M) {
         return Vec::new();
     }
@@ -119,7 +139,7 @@ mod tests {
 
     #[test]
     fn a_car_ahead_covers_its_share_of_the_picture_below_the_horizon() {
-        let target = draw_objects(&[car(21.7, 0.0, Harm::Harmful)], &view(), &LossConfig::default());
+        let target = draw_objects(&[car(21.7, 0.0, Harm::Harmful)], &[], &view(), &LossConfig::default());
         let cells: Vec<[usize; 2]> =
             (0..target.len()).filter(|&i| target[i] == 1.0).map(|i| [i % 100, i / 100]).collect();
         // 1.8 m wide and 1.5 m high at 18 m: 286 px of focal length over 4.
@@ -134,8 +154,8 @@ mod tests {
         hidden.truth.visible_px = Some(5);
         let behind = car(-10.0, 0.0, Harm::Harmless);
         let config = LossConfig::default();
-        assert_eq!(draw_objects(&[hidden, behind], &view(), &config).iter().sum::<f32>(), 0.0);
-        let beside = draw_objects(&[car(3.0, 2.0, Harm::Harmless)], &view(), &config);
+        assert_eq!(draw_objects(&[hidden, behind], &[], &view(), &config).iter().sum::<f32>(), 0.0);
+        let beside = draw_objects(&[car(3.0, 2.0, Harm::Harmless)], &[], &view(), &config);
         assert!(beside.iter().sum::<f32>() > 50.0 && beside[20 * 100 + 90] == 0.0);
     }
 
@@ -144,7 +164,7 @@ mod tests {
         let mut bag = car(41.7, 0.0, Harm::Harmful);
         let of = &mut bag.truth.box_in_ego;
         (of.length_m, of.width_m, of.height_m) = (0.4, 0.4, 0.5);
-        let target = draw_objects(&[bag], &view(), &LossConfig::default());
+        let target = draw_objects(&[bag], &[], &view(), &LossConfig::default());
         let n_cells = target.iter().filter(|&&weight| weight > 0.0).count();
         assert!((1..6).contains(&n_cells), "{n_cells}");
         assert!((target.iter().sum::<f32>() - 12.0).abs() < 1e-4);
@@ -155,5 +175,23 @@ mod tests {
         let device = Device::flex();
         let loss = picture_loss(Tensor::zeros([1, 1, 1, 2], &device), &[vec![1.0, 0.0]]);
         assert!((loss.into_scalar::<f32>() - 2f32.ln()).abs() < 1e-6);
+    }
+    #[test]
+    fn of_what_stands_on_ignored_ground_the_picture_is_asked_nothing() {
+        let corners = [[20.0, -1.0], [22.0, -1.0], [22.0, 1.0], [20.0, 1.0]];
+        let ground = vec![corners.map(|[x_m, y_m]| Point2 { x_m, y_m }).to_vec()];
+        let config = LossConfig::default();
+        let target = draw_objects(&[], &ground, &view(), &config);
+        let n_asked_nothing = target.iter().filter(|&&weight| weight == ASKED_NOTHING).count();
+        assert!(
+            n_asked_nothing > 30 && target.iter().all(|&weight| weight == 0.0 || weight == ASKED_NOTHING)
+        );
+        let with_car = draw_objects(&[car(12.0, 0.0, Harm::Harmful)], &ground, &view(), &config);
+        let alone = draw_objects(&[car(12.0, 0.0, Harm::Harmful)], &[], &view(), &config);
+        assert!(with_car.iter().zip(&alone).all(|(&with, &alone)| alone == 0.0 || with == alone));
+        let device = Device::flex();
+        let logits = Tensor::<4>::zeros([1, 1, 1, 1], &device);
+        let loss: f32 = picture_loss(logits, &[vec![ASKED_NOTHING]]).into_scalar();
+        assert!(loss.abs() < 1e-9, "{loss}");
     }
 }

@@ -19,7 +19,7 @@ use super::memory::{MemoryBound, Rest};
 use super::paste::paste;
 use super::picture::{draw_objects, picture_loss};
 use super::plan::{Plan, Position, STAGES};
-use super::targets::trainable;
+use super::targets::{IgnoredGround, ignored_ground, trainable};
 use super::windows::{Shown, Windows};
 use crate::dataset::SampleSource;
 use crate::device::is_cpu;
@@ -198,7 +198,7 @@ impl<'a> Steps<'a> {
         let config = self.config;
         config.products.during(|| {
             let output = self.forward(&detector, device, prepared, position);
-            let mut loss = losses(&output, &prepared.objects, &config.model, &config.loss);
+            let mut loss = losses(&output, &prepared.objects, &prepared.ignored, &config.model, &config.loss);
             if let (Some(logits), Some(targets)) = (output.picture_objects, &prepared.pictures) {
                 let of_picture = picture_loss(logits, targets).mul_scalar(config.loss.picture_weight);
                 loss.parts.picture = of_picture.clone().detach().into_scalar();
@@ -288,9 +288,12 @@ impl<'a> Steps<'a> {
                     .and_then(|input| input.with_states(&view.states, view.mirror))
                     .map_err(not_prepared)?;
                 let painted_view = input.camera.as_ref().and_then(|of| of.painted_view(&config.model));
-                let picture = painted_view.map(|of| draw_objects(&view.objects[0], of, &config.loss));
+                let ignored = ignored_ground(&sample.facts.ignored, view.mirror);
+                let picture =
+                    painted_view.map(|of| draw_objects(&view.objects[0], &ignored, of, &config.loss));
                 let trained = |of: &Vec<LabelledObject>| trainable(of, &config.model.grid, &config.loss);
-                Ok(PreparedSample { input, objects: view.objects.iter().map(trained).collect(), picture })
+                let objects = view.objects.iter().map(trained).collect();
+                Ok(PreparedSample { input, objects, ignored, picture })
             })
             .collect()
     }
@@ -300,6 +303,7 @@ impl<'a> Steps<'a> {
 struct PreparedSample {
     input: Input,
     objects: ObjectsByState,
+    ignored: IgnoredGround,
     /// Where the picture shows objects, if the network is asked.
     picture: Option<Vec<f32>>,
 }
@@ -338,8 +342,8 @@ impl<'a> Augmented<'a> {
         let inputs: Vec<&Input> = samples.iter().map(|sample| &sample.input).collect();
         let batch = Batch::stack(&inputs, &config.model, position.stage == 1, device);
         let pictures = samples.iter().map(|sample| sample.picture.clone()).collect();
-        let objects = samples.into_iter().map(|sample| sample.objects).collect();
-        Prepared { chosen, first_draw, batch, objects, pictures }
+        let (objects, ignored) = samples.into_iter().map(|sample| (sample.objects, sample.ignored)).unzip();
+        Prepared { chosen, first_draw, batch, objects, ignored, pictures }
     }
 }
 
@@ -349,6 +353,7 @@ struct Prepared<'a> {
     first_draw: usize,
     batch: Batch,
     objects: Vec<ObjectsByState>,
+    ignored: Vec<IgnoredGround>,
     /// `None` if one of the samples has none.
     pictures: Option<Vec<Vec<f32>>>,
 }

@@ -4,8 +4,10 @@
 //! at overlap 0.1, at least two cells of the heatmap.
 
 use super::config::{LossConfig, Unhit};
+use crate::geometry::{Point2, distance_to_convex_m};
 use crate::model::{Classes, GridConfig, Heatmap, ModelConfig};
 use crate::object::{Kind, LabelledObject};
+use crate::sample::IgnoredRegion;
 
 /// Smallest Gaussian radius, cells.
 const MIN_RADIUS: usize = 2;
@@ -38,14 +40,60 @@ pub fn is_ignored(object: &LabelledObject, config: &LossConfig) -> bool {
     config.unhit == Unhit::Ignored && !object.truth.is_hit()
 }
 
+/// Cells and queries on ignored ground, or this near to it, learn of no nothing: the half diagonal of a cell of the heatmap.
+const GROUND_GAP_M: f64 = 0.3;
+
+/// Convex polygons of one sample where nobody annotated.
+pub type IgnoredGround = Vec<Vec<Point2>>;
+
+/// The ignored ground, reflected where the view is. Rectangles of the picture have no place on it.
+#[must_use]
+pub fn ignored_ground(regions: &[IgnoredRegion], mirror: bool) -> IgnoredGround {
+    let sign = if mirror { -1.0 } else { 1.0 };
+    let shown = |at: &Point2| Point2 { x_m: at.x_m, y_m: sign * at.y_m };
+    let polygon = |region: &IgnoredRegion| match region {
+        IgnoredRegion::Ground { corners_in_ego_m } => Some(corners_in_ego_m.iter().map(shown).collect()),
+        IgnoredRegion::Image { .. } => None,
+    };
+    regions.iter().filter_map(polygon).collect()
+}
+
+/// Whether a place lies on ignored ground or just beside it.
+#[must_use]
+pub fn is_on(ground: &[Vec<Point2>], [x_m, y_m]: [f64; 2]) -> bool {
+    ground.iter().any(|corners| {
+        // Most cells are far away; distances are dear.
+        let reaches = |at_m: f64, of: fn(&Point2) -> f64| {
+            corners.iter().any(|corner| of(corner) <= at_m + GROUND_GAP_M)
+                && corners.iter().any(|corner| of(corner) >= at_m - GROUND_GAP_M)
+        };
+        reaches(x_m, |corner| corner.x_m)
+            && reaches(y_m, |corner| corner.y_m)
+            && distance_to_convex_m(Point2 { x_m, y_m }, corners) <= GROUND_GAP_M
+    })
+}
+
 /// Draws the target heatmap `[heatmap_channel, scale * cell_y, scale * cell_x]` of one sample.
 #[must_use]
-pub fn draw_heatmap(objects: &[LabelledObject], config: &ModelConfig, loss: &LossConfig) -> Vec<f32> {
+pub fn draw_heatmap(
+    objects: &[LabelledObject],
+    ignored: &[Vec<Point2>],
+    config: &ModelConfig,
+    loss: &LossConfig,
+) -> Vec<f32> {
     let grid = &config.grid;
     let scale = config.head.heatmap_scale;
     let cell_size_m = grid.cell_size_m / scale as f64;
     let (n_x, n_y) = (scale * grid.n_cells_x(), scale * grid.n_cells_y());
     let mut map = vec![0f32; config.head.heatmap.n_channels() * n_y * n_x];
+    let is_ignored_cell = |&cell: &usize| is_on(ignored, grid.cell_center_m(cell, n_x, scale));
+    let cells = if ignored.is_empty() { 0..0 } else { 0..n_y * n_x };
+    for cell in cells.filter(is_ignored_cell) {
+        // In every channel; the peaks of objects stay above.
+        for value in map[cell..].iter_mut().step_by(n_y * n_x) {
+            *value = IGNORED_PEAK;
+        }
+    }
     for object in objects {
         let truth = &object.truth.box_in_ego;
         let channel = match config.head.heatmap {
@@ -138,7 +186,7 @@ mod tests {
     #[test]
     fn the_heatmap_is_one_at_the_object_and_falls_off() {
         let config = ModelConfig::default();
-        let map = draw_heatmap(&[car(10.1, 0.1, Harm::Harmful)], &config, &LossConfig::default());
+        let map = draw_heatmap(&[car(10.1, 0.1, Harm::Harmful)], &[], &config, &LossConfig::default());
         let at = |x: usize, y: usize| map[y * 128 + x];
         assert!((at(25, 80) - 1.0).abs() < 1e-6);
         assert!(at(26, 80) < 1.0 && at(26, 80) > at(27, 80) && at(25, 100) == 0.0);
@@ -155,11 +203,38 @@ mod tests {
         let picked = |unhit| {
             let config = LossConfig { unhit, ..LossConfig::default() };
             let found = trainable(&objects, &model.grid, &config);
-            let top = draw_heatmap(&found, &model, &config)[80 * 128 + 25];
+            let top = draw_heatmap(&found, &[], &model, &config)[80 * 128 + 25];
             (found.len(), top)
         };
         assert_eq!(picked(Unhit::Background), (1, 0.0));
         assert_eq!(picked(Unhit::Ignored), (2, IGNORED_PEAK));
         assert_eq!(picked(Unhit::Truth), (2, 1.0));
+    }
+    #[test]
+    fn cells_on_ignored_ground_hardly_count_and_objects_there_do() {
+        let config = ModelConfig::default();
+        let corners = [[20.0, 3.0], [22.0, 3.0], [22.0, 5.0], [20.0, 5.0]];
+        let corners_in_ego_m = corners.map(|[x_m, y_m]| Point2 { x_m, y_m }).to_vec();
+        let picture = IgnoredRegion::Image { left_px: 0.0, top_px: 0.0, right_px: 9.0, bottom_px: 9.0 };
+        let regions = [IgnoredRegion::Ground { corners_in_ego_m }, picture];
+        for mirror in [false, true] {
+            let ground = ignored_ground(&regions, mirror);
+            let side = if mirror { -1.0 } else { 1.0 };
+            assert_eq!(ground.len(), 1, "a rectangle of the picture has no place on the ground");
+            assert!(is_on(&ground, [21.0, 4.0 * side]) && is_on(&ground, [21.0, 2.8 * side]));
+            assert!(!is_on(&ground, [21.0, 2.0 * side]) && !is_on(&ground, [21.0, -4.0 * side]));
+            let loss = LossConfig::default();
+            let map = draw_heatmap(&[car(21.0, 4.0 * side, Harm::Harmless)], &ground, &config, &loss);
+            let plain = draw_heatmap(&[car(21.0, 4.0 * side, Harm::Harmless)], &[], &config, &loss);
+            let (grid, scale) = (&config.grid, config.head.heatmap_scale);
+            let n_x = scale * grid.n_cells_x();
+            for (cell, (&value, &without)) in map.iter().zip(&plain).enumerate() {
+                let is_ignored = is_on(&ground, grid.cell_center_m(cell, n_x, scale));
+                let wanted = if is_ignored { without.max(IGNORED_PEAK) } else { without };
+                assert_eq!(value, wanted, "{cell}");
+            }
+            assert!(map.iter().filter(|&&value| value == IGNORED_PEAK).count() > 8);
+            assert_eq!(map.iter().filter(|&&value| value == 1.0).count(), 1);
+        }
     }
 }

@@ -275,7 +275,7 @@ fn check(case: &Case, with_gradients: bool) {
         assert_output(&output, &golden, &format!("{prefix}.train"));
         // The twin's queries may be matched at any distance.
         let config = LossConfig { match_reach_m: 1e6, ..LossConfig::default() };
-        let found = losses(&output, &objects, &case.config, &config);
+        let found = losses(&output, &objects, &[], &case.config, &config);
         let mut parts =
             vec![("heatmap", found.parts.heatmap), ("harm", found.parts.harm), ("boxes", found.parts.boxes)];
         let mut total = found.total;

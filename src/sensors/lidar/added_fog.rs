@@ -1,7 +1,8 @@
 //! Fog in a cloud that was recorded in clearer air, as Hahner et al. put it into clouds of real streets ([`super::fog`]).
 //!
 //! What the recording says of a point is enough for it: the intensity stands for the power that came back, freed from range, 100
-//! of 255 for a white target. Rays that met nothing in clear air have no point and get none.
+//! of 255 for a white target (of makes with another curve it is a rough guess). Rays that met nothing in clear air have no point
+//! and get none; a cloud that has fog gets more of it.
 
 use rand::RngExt;
 use rand_distr::{Beta, Distribution};
@@ -13,6 +14,8 @@ use crate::sample::LidarPoint;
 
 /// The intensity of a white target, of 255, as calibrated sensors tell it.
 const WHITE: f64 = 100.0;
+/// A point that was measured sent back this much at least; some makes tell 0 of dark things.
+const LEAST: f64 = 2.0;
 /// Power that is detected for sure: a target of reflectivity 0.1 at 100 m.
 const MIN_POWER: f64 = 1e-5;
 
@@ -41,13 +44,13 @@ impl AddedFog {
             return Some(*point);
         }
         let air = (-2.0 * self.extinction_per_m * range_m).exp();
-        let strength = f64::from(point.intensity) / WHITE * air;
+        let strength = f64::from(point.intensity).max(LEAST) / WHITE * air;
         let (power, soft) = (strength / range_m.powi(2), self.soft_returns.before(range_m));
         if detection >= power.max(soft.power) / MIN_POWER {
             return None;
         }
         if soft.power <= power {
-            return Some(LidarPoint { intensity: (WHITE * strength) as f32, ..*point });
+            return Some(LidarPoint { intensity: (f64::from(point.intensity) * air) as f32, ..*point });
         }
         let soft_m = (soft.range_m + SOFT_SPREAD_M * spread).min(range_m);
         let [x_m, y_m, z_m] = at.map(|x| (x * soft_m / range_m) as f32);
@@ -88,6 +91,7 @@ mod tests {
     fn near_things_stay_and_droplets_take_the_place_of_far_and_dark_ones() {
         assert_eq!(fates(1e6, 60.0, 30.0), [100, 0, 0], "clear air");
         assert_eq!(fates(100.0, 5.0, 30.0), [100, 0, 0]);
+        assert_eq!(fates(400.0, 5.0, 0.0), [100, 0, 0], "a dark road, of which some makes tell 0");
         let [kept, fog, lost] = fates(50.0, 60.0, 10.0);
         assert!(kept == 0 && (10..60).contains(&fog) && lost > 30, "{fog} {lost}");
         let kept = |mor_m| fates(mor_m, 25.0, 10.0)[0];

@@ -41,7 +41,7 @@ pub fn dump(bench: &Bench, folder: &Path) -> Result<(), BenchError> {
         let (inputs, batch, objects) = batch(bench, stage, bench.samples_per_step(), &device)?;
         let mut learner = learner(bench)?;
         let output = learner.detector().forward(&batch);
-        let loss = losses(&output, &objects, model, &bench.config.loss);
+        let loss = losses(&output, &objects, &[], model, &bench.config.loss);
         let gradients = GradientsParams::from_grads(loss.total.backward(), learner.detector());
         file.output(name, &output, model.head.heatmap_scale);
         file.losses(name, loss.parts, learner.apply(gradients, PACE));

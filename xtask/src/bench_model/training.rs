@@ -137,7 +137,7 @@ fn parts(
         };
         let output = learner.detector().forward(&batch);
         lap()?;
-        let loss = losses(&output, &objects, &config.model, &config.loss);
+        let loss = losses(&output, &objects, &[], &config.model, &config.loss);
         lap()?;
         let gradients = GradientsParams::from_grads(loss.total.backward(), learner.detector());
         lap()?;
