@@ -10,7 +10,9 @@ use harmzone::episode::{
 };
 use harmzone::geometry::{Box3, Pinhole, Point, Point2, Transform};
 use harmzone::object::{Distribution, Event, Harm, Kind, Object, SolidPart, Spot};
-use harmzone::sample::{EgoState, EncodedImage, ImageFormat, LidarPoint, Measured, Sample, Truth};
+use harmzone::sample::{
+    EgoState, EncodedImage, IgnoredRegion, ImageFormat, LidarPoint, Measured, Sample, Truth,
+};
 use nalgebra::Vector3;
 use serde_json::{Value, json};
 
@@ -70,7 +72,10 @@ fn sample(idx: u32) -> Sample {
         // Wholly behind the camera: no line of it may be drawn.
         object("hay_bale:3", -10.0, Kind::Static, Distribution::Ood),
     ];
-    Sample { measured, truth: Some(Truth { objects, ..Truth::default() }) }
+    let corner = |x_m, y_m| Point2 { x_m, y_m };
+    let corners_in_ego_m = vec![corner(1.0, 0.0), corner(2.0, 0.0), corner(2.0, 1.0)];
+    let ignored = vec![IgnoredRegion::Ground { corners_in_ego_m }];
+    Sample { measured, truth: Some(Truth { objects, ignored, ..Truth::default() }) }
 }
 
 fn labels_of(sample: &Sample) -> SampleLabels {
@@ -177,6 +182,7 @@ fn an_outside_reader_decodes_every_topic_of_an_episode_and_its_labels() {
         "/lidar_top": "foxglove.PointCloud",
         "/truth/objects": "harmzone.Objects",
         "/truth/markers": "foxglove.SceneUpdate",
+        "/truth/ignored": "harmzone.IgnoredRegions",
         "/map": "foxglove.SceneUpdate",
         "/harm/zone": "foxglove.SceneUpdate",
         "/harm/objects": "foxglove.SceneUpdate",
@@ -226,6 +232,7 @@ fn an_outside_reader_decodes_every_topic_of_an_episode_and_its_labels() {
                 { "x": 70.0, "y": 0.0, "z": -1.75, "intensity": 0.0, "ring": 65535 },
             ]],
             "objects": sample.objects().iter().map(expected_object).collect::<Vec<_>>(),
+            "ignored": [[[1.0, 0.0], [2.0, 0.0], [2.0, 1.0]]],
             "markers": cubes,
             "harm_objects": cubes,
             "zone_name": "rect",

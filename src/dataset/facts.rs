@@ -249,4 +249,22 @@ mod tests {
             assert!(error.contains(told) && error.contains("e.mcap"), "{error}");
         }
     }
+    #[test]
+    fn only_regions_of_the_picture_need_the_camera() {
+        let sample = test_data::dataset(1).samples()[0].clone();
+        let origin =
+            Origin::of_episode(&test_data::episode_meta("ClearNoon", ""), None, Path::new("e.mcap"), 0);
+        let origin = origin.unwrap();
+        let corner = |x_m, y_m| Point2 { x_m, y_m };
+        let ground = IgnoredRegion::Ground {
+            corners_in_ego_m: vec![corner(1.0, 0.0), corner(2.0, 0.0), corner(2.0, 1.0)],
+        };
+        let image = IgnoredRegion::Image { left_px: 0.0, top_px: 0.0, right_px: 9.0, bottom_px: 9.0 };
+        let zone = test_data::dataset(1).zone().clone();
+        let camera = |ignored| {
+            origin.facts_of(&sample.measured, &sample.measured.ego_state, Some(ignored), &zone).camera
+        };
+        assert!(camera(vec![]).is_none() && camera(vec![ground.clone()]).is_none());
+        assert!(camera(vec![ground, image]).is_some());
+    }
 }

@@ -9,7 +9,9 @@ use super::topics::Topic;
 use super::*;
 use crate::geometry::{Box3, Pinhole, Point, Point2, Transform};
 use crate::object::{BoxSpread, Detection, Distribution, Event, Harm, Kind, Object, SolidPart, Spot};
-use crate::sample::{Around, EgoState, EncodedImage, ImageFormat, LidarPoint, Measured, Sample, Truth};
+use crate::sample::{
+    Around, EgoState, EncodedImage, IgnoredRegion, ImageFormat, LidarPoint, Measured, Sample, Truth,
+};
 use nalgebra::Vector3;
 
 pub(super) fn meta() -> EpisodeMeta {
@@ -83,7 +85,10 @@ pub(super) fn sample(idx: u32) -> Sample {
         object("car:1", 10.0 + shift, Kind::Vehicle, Distribution::Id),
         object("hay_bale:2", 2.0, Kind::Static, Distribution::Ood),
     ];
-    Sample { measured, truth: Some(Truth { objects, ..Truth::default() }) }
+    let corner = |x_m, y_m| Point2 { x_m, y_m };
+    let corners_in_ego_m = vec![corner(4.0, 5.0), corner(6.0, 5.0), corner(6.0, 7.0 + shift)];
+    let ignored = vec![IgnoredRegion::Ground { corners_in_ego_m }];
+    Sample { measured, truth: Some(Truth { objects, ignored, ..Truth::default() }) }
 }
 
 pub(super) fn map() -> MapDrawing {

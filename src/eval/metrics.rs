@@ -199,7 +199,7 @@ pub struct Metrics {
     #[serde(flatten)]
     pub columns: Columns<ClassScores>,
     /// The same with every neutral detection as a false positive; `None` where the truth leaves out nothing, as in
-    /// simulation.
+    /// simulation where no heap is in view.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub strict: Option<Columns<ClassScores>>,
     /// AP at each threshold, in the config's order; `None` where there is no truth of the class.

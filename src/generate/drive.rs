@@ -3,8 +3,8 @@
 use nalgebra::{Isometry3, Point3, Translation3, Vector3};
 
 use super::GenerateError;
-use super::annotate::upright_box;
 use super::config::CONTROL_PERIOD_S;
+use super::upright::upright_box;
 use crate::geometry::{Box3, Ego, Transform, World};
 use crate::sample::EgoState;
 use crate::scene::{

@@ -33,6 +33,7 @@ mod surfaces;
 mod surround_tests;
 mod timings;
 mod towns;
+mod upright;
 #[cfg(test)]
 mod variation_tests;
 pub mod worker;

@@ -134,6 +134,9 @@ def main(episode_path: str, labels_path: str) -> None:
                 ],
                 "lidar": [now["/lidar_top"].frame_id, points(now["/lidar_top"])],
                 "objects": [plain(one) for one in now["/truth/objects"].objects],
+                "ignored": [
+                    [[p.x_m, p.y_m] for p in one.ground.corners] for one in now["/truth/ignored"].regions
+                ],
                 "markers": cubes(now["/truth/markers"]),
                 "harm_objects": cubes(now["/harm/objects"]),
                 "zone_name": harm.zone_name,

@@ -78,7 +78,7 @@ pub(super) struct Gaps<'a> {
 }
 
 impl<'a> Gaps<'a> {
-    /// `None` where the truth leaves out nothing, as in simulation.
+    /// `None` where the truth leaves out nothing, as in simulation where no heap is in view.
     pub fn of(facts: &'a SampleFacts, objects: &'a [LabelledObject]) -> Option<Self> {
         let SampleFacts { labelled, ignored, camera, .. } = facts;
         let (labelled, camera) = (labelled.as_ref(), camera.as_ref());
