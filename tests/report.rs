@@ -96,7 +96,12 @@ fn detectors_stand_side_by_side_on_the_same_samples() {
     done(&["baseline", "zone", text(run), "--data", text(ood), "--out", text(&boxes)]);
     let rule = format!("rule={}", text(&boxes.join("predictions.json")));
     let (own, dark) = (format!("own={}", text(run)), format!("dark=camera-blind:{}", text(run)));
-    let args = ["versus", &own, &rule, &dark, "--data", text(ood), "--ood", "--out", text(&out)];
+    let judged = format!("judged=zone:{}", text(run));
+    let args = [
+        &["versus", &own, &rule, &dark, &judged, "truth", "--data", text(ood), "--ood"],
+        ["--out", text(&out)].as_slice(),
+    ]
+    .concat();
     let told = done(&args);
     assert!(told.starts_with("Development figures, on dev"), "{told}");
     assert!(told.contains("AP, mean of both") && told.contains("own") && told.contains("rule"), "{told}");
@@ -104,8 +109,9 @@ fn detectors_stand_side_by_side_on_the_same_samples() {
     let kept = read(&fs::read_to_string(out.join("versus.json")).expect("it is written"));
     let named: Vec<&str> =
         kept["detectors"].as_array().expect("a list").iter().filter_map(|of| of["name"].as_str()).collect();
-    assert_eq!(named, ["own", "rule", "dark"]);
+    assert_eq!(named, ["own", "rule", "dark", "judged", "truth"]);
     assert!(kept["fingerprint"]["dataset_sha256"].is_string() && kept["detectors"][1]["sha256"].is_string());
+    assert!(kept["detectors"][4]["sha256"].is_null(), "the truth is the data set's");
     let score = |args: &[&str]| {
         let of = read(&done(&[&["eval"], args, &["--data", text(ood), "--ood", "--json"]].concat()));
         of["total"]["mean"].as_f64().expect("a score")
@@ -123,6 +129,16 @@ fn detectors_stand_side_by_side_on_the_same_samples() {
         assert!((gain - (alone - total[0]["value"].as_f64().expect("a score"))).abs() < 1e-12, "{kept}");
     }
 
+    let values = |i: usize| {
+        let lines = ["missed", "warned", "harmful", "mean"].map(|lines| kept["of"][lines].as_array());
+        let lines = lines.into_iter().flat_map(|lines| lines.expect("lines"));
+        lines.map(|line| line["figures"][i]["value"].as_f64()).collect::<Vec<_>>()
+    };
+    assert_eq!(values(3), values(1), "the rule over the network's boxes, asked in another way");
+    let [of_truth, of_own] = [4, 0].map(|i| total[i]["value"].as_f64().expect("a score"));
+    assert!(of_truth > 0.9 && of_truth > of_own, "{of_truth} {of_own}");
+    assert!(of_truth < 1.0, "the ego's own sensors leave open what lies at the zone's edge");
+
     // A file of boxes may name the samples in any order.
     let path = boxes.join("predictions.json");
     let file = read(&fs::read_to_string(&path).expect("boxes"));
@@ -133,7 +149,19 @@ fn detectors_stand_side_by_side_on_the_same_samples() {
     let text_of = format!("{{\"meta\": {}, \"results\": {{{}}}}}", file["meta"], turned.join(", "));
     fs::write(&other, text_of).expect("a writable folder");
     let turned = format!("rule={}", text(&other));
-    done(&["versus", &own, &turned, &dark, "--data", text(ood), "--ood", "--out", text(&again)]);
+    done(&[
+        "versus",
+        &own,
+        &turned,
+        &dark,
+        &judged,
+        "truth",
+        "--data",
+        text(ood),
+        "--ood",
+        "--out",
+        text(&again),
+    ]);
     let told_again = read(&fs::read_to_string(again.join("versus.json")).expect("it is written"));
     assert_eq!(told_again["of"], kept["of"]);
 

@@ -75,12 +75,7 @@ pub fn run(args: BaselineArgs) -> anyhow::Result<ExitStatus> {
     let judged = match rival {
         Rival::Zone(judge) => {
             let found = infer::detect(&trained.load(&device)?, &dataset.named(), &device, &Bar::default())?;
-            let judged = dataset.samples().iter().zip(&found).map(|(sample, found)| {
-                judge
-                    .judge(found, &sample.measured.ego_state, dataset.zone())
-                    .map_err(|error| anyhow!("sample {}: {error}", sample.id))
-            });
-            judged.collect::<anyhow::Result<Vec<_>>>()?
+            judge.judge_all(&found, &dataset)?
         }
         Rival::ClosedSet(score) => {
             let Some(fit) = &args.fit else {

@@ -128,8 +128,8 @@ const EXAMPLES: &[Examples] = &[
                 "harmzone versus camera-blind:runs/first runs/first --data data/ood --ood",
             ),
             (
-                "Two trainings and the zone's rule over the first one's boxes",
-                "harmzone versus a=runs/a b=runs/b rule=boxes/predictions.json --data data/ood --ood --out versus",
+                "Two trainings, the zone's rule over the first one's boxes, and the best that a detector can be",
+                "harmzone versus a=runs/a b=runs/b rule=zone:runs/a truth --data data/ood --ood --out versus",
             ),
         ],
     ),

@@ -6,6 +6,7 @@ mod compare;
 mod completions;
 mod config;
 mod curves;
+mod detectors;
 mod device;
 mod doctor;
 mod drive;

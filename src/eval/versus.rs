@@ -14,7 +14,7 @@ use super::bootstrap::{Cell, Confidence, Resamples, interval};
 use super::matching::{Matching, Outcome};
 use super::metrics::{Column, mean};
 use super::protocol::{MissingClass, Protocol};
-use super::safety::missed_events;
+use super::safety::{EventShares, event_shares};
 use super::sample::{EvalSample, Mode, ScoreError};
 use crate::dataset::SampleFacts;
 use crate::object::{Distribution, Harm, LabelledObject, Object};
@@ -130,6 +130,10 @@ pub struct Versus {
     /// Share of the harmful events that is missed, a line for each number of false alarms a kilometre; empty where there is none,
     /// or it is not known where the ego was or which object is which.
     pub missed: Vec<VersusLine>,
+    /// Share of the harmful events that is warned of in time, a line for each number of false alarms a kilometre and each
+    /// deceleration by which an event was to be stopped for; empty as of `missed`.
+    #[serde(default)]
+    pub warned: Vec<VersusLine>,
     /// AP of the class harmful, a line for each part that has something harmful.
     pub harmful: Vec<VersusLine>,
     /// AP, mean of both classes, a line for each part that has an object.
@@ -205,12 +209,14 @@ pub fn versus(
     let matchings: Vec<Matching<'_>> = matchings.collect::<Result<_, _>>()?;
     let is_zero = protocol.config().missing_class == MissingClass::Zero;
     let resamples = Resamples::always(&matchings[0]);
+    let (missed, warned) = of_events(&matchings, &resamples);
     let mut versus = Versus {
         level: Confidence::LEVEL,
         n_resamples: resamples.n(),
         n_episodes: resamples.n_episodes,
         n_samples: matchings[0].samples.len(),
-        missed: missed(&matchings, &resamples),
+        missed,
+        warned,
         harmful: Vec::new(),
         mean: Vec::new(),
     };
@@ -248,18 +254,30 @@ pub fn versus(
     Ok(versus)
 }
 
-/// Missed events of each detector, a line for each number of false alarms.
-fn missed(matchings: &[Matching<'_>], resamples: &Resamples) -> Vec<VersusLine> {
-    let of_detectors: Option<Vec<_>> = matchings.iter().map(|of| missed_events(of, resamples)).collect();
-    let Some(of_detectors) = of_detectors.filter(|of| of[0].n_events > 0) else { return Vec::new() };
-    let asked = &matchings[0].config().safety.false_alarms_per_km;
-    let line = |(i, per_km): (usize, &f64)| {
-        let values: Vec<Option<f64>> = of_detectors.iter().map(|of| of.whole[i]).collect();
-        let of_resample = |k: usize| of_detectors.iter().map(|of| of.resampled[k][i]).collect();
+/// Missed events of each detector, a line for each number of false alarms; and those warned of in time, one more for each
+/// deceleration.
+fn of_events(matchings: &[Matching<'_>], resamples: &Resamples) -> (Vec<VersusLine>, Vec<VersusLine>) {
+    let of: Option<Vec<EventShares>> = matchings.iter().map(|of| event_shares(of, resamples)).collect();
+    let Some(of) = of.filter(|of| of[0].n_events > 0) else { return Default::default() };
+    let line = |name: String, n_events: usize, i: usize, share: usize| {
+        let values: Vec<Option<f64>> = of.iter().map(|of| of.whole[i][share]).collect();
+        let of_resample = |k: usize| of.iter().map(|of| of.resampled[k][i][share]).collect();
         let resampled: Vec<Vec<Option<f64>>> = (0..resamples.n()).map(of_resample).collect();
-        VersusLine::new(format!("at {per_km} false alarms/km"), of_detectors[0].n_events, &values, &resampled)
+        VersusLine::new(name, n_events, &values, &resampled)
     };
-    asked.iter().enumerate().map(line).collect()
+    let config = &matchings[0].config().safety;
+    let (mut missed, mut warned) = (Vec::new(), Vec::new());
+    for (i, per_km) in config.false_alarms_per_km.iter().enumerate() {
+        let at = format!("at {per_km} false alarms/km");
+        missed.push(line(at.clone(), of[0].n_events, i, 0));
+        for (k, deceleration_mps2) in config.decelerations_mps2.iter().enumerate() {
+            let n_stoppable = of[0].n_stoppable[k];
+            if n_stoppable > 0 {
+                warned.push(line(format!("{at}, {deceleration_mps2} m/s²"), n_stoppable, i, k + 1));
+            }
+        }
+    }
+    (missed, warned)
 }
 
 #[cfg(test)]
@@ -322,7 +340,7 @@ mod tests {
     }
 
     #[test]
-    fn missed_events_are_those_of_the_scoring() {
+    fn missed_and_warned_events_are_those_of_the_scoring() {
         let mut samples = episode("a", "hhh");
         samples.extend(episode("b", "hhh"));
         let blind = samples.clone();
@@ -336,6 +354,14 @@ mod tests {
             assert_eq!((second.over_first, line.n_truths), (Some(-0.5), 2));
         }
         assert_eq!(of.missed.len(), 3);
+        let warned = alone.points.iter().flat_map(|point| &point.warned).filter(|of| of.n_stoppable > 0);
+        let warned: Vec<_> = warned.map(|of| (of.n_stoppable, of.in_time, of.in_time_interval)).collect();
+        assert!(!warned.is_empty());
+        let of_lines = of.warned.iter().map(|line| {
+            let of = &line.figures[1];
+            (line.n_truths, of.value, of.interval)
+        });
+        assert_eq!(of_lines.collect::<Vec<_>>(), warned);
     }
 
     #[test]

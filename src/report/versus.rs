@@ -12,8 +12,9 @@ type Show<'a> = &'a dyn Fn(f64) -> String;
 pub fn tables(versus: &Versus, names: &[String]) -> Vec<Table> {
     let share = |of: f64| number(Some(100.0 * of), 1);
     let ap = |of: f64| number(Some(of), 3);
-    let of_lines: [(&str, &[VersusLine], Show<'_>); 3] = [
+    let of_lines: [(&str, &[VersusLine], Show<'_>); 4] = [
         ("harmful events missed, %", &versus.missed, &share),
+        ("harmful events warned of in time, %", &versus.warned, &share),
         ("AP, harmful", &versus.harmful, &ap),
         ("AP, mean of both", &versus.mean, &ap),
     ];
@@ -22,7 +23,7 @@ pub fn tables(versus: &Versus, names: &[String]) -> Vec<Table> {
         .filter(|(_, lines, _)| !lines.is_empty())
         .map(|(title, lines, show)| table(title, lines, names, show))
         .collect();
-    let how = "After the semicolon: what is more than the first one's. Of missed events less is better, of AP more. Of objects of a \
+    let how = "After the semicolon: what is more than the first one's. Of missed events less is better, of warned ones and AP more. Of objects of a \
                kind, only what was made on them counts.";
     let note = if versus.n_resamples == 0 {
         format!("No intervals: they are drawn from several episodes. {how}")
@@ -84,6 +85,10 @@ mod tests {
             n_episodes: 12,
             n_samples: 70,
             missed: vec![line("at 10 false alarms/km", vec![figure(0.3, 0.0), figure(0.2, -0.1), unknown])],
+            warned: vec![line(
+                "at 10 false alarms/km, 8 m/s²",
+                vec![figure(0.5, 0.0), figure(0.6, 0.1), unknown],
+            )],
             harmful: Vec::new(),
             mean: vec![line("total", vec![figure(0.8, 0.0), figure(0.85, 0.05), unknown])],
         };

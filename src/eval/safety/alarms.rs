@@ -101,27 +101,42 @@ pub(super) fn measure(of: &Context<'_>) -> Option<Alarms> {
     Some(Alarms { driven_km: facts.driven_km(&once), driven_h: facts.driven_h, points, groups })
 }
 
-/// Shares of the harmful events that are missed, at each of the config's false alarms a kilometre.
-pub(in crate::eval) struct MissedEvents {
+/// Shares of the harmful events, at each of the config's false alarms a kilometre: that are missed, then that are warned of in
+/// time at each of its decelerations.
+pub(in crate::eval) struct EventShares {
     pub n_events: usize,
-    pub whole: Vec<Option<f64>>,
+    /// Events in which stopping was possible at first, for each deceleration.
+    pub n_stoppable: Vec<usize>,
+    /// `[false alarms][missed, warned ..]`.
+    pub whole: Vec<Vec<Option<f64>>>,
     /// In each resample, at the score that keeps to so many false alarms there.
-    pub resampled: Vec<Vec<Option<f64>>>,
+    pub resampled: Vec<Vec<Vec<Option<f64>>>>,
 }
 
 /// `None` as of [`measure`].
-pub(in crate::eval) fn missed_events(matching: &Matching<'_>, resamples: &Resamples) -> Option<MissedEvents> {
+pub(in crate::eval) fn event_shares(matching: &Matching<'_>, resamples: &Resamples) -> Option<EventShares> {
     let facts = AlarmFacts::gather(matching, Tracks::of_samples(&matching.samples).as_ref())?;
-    let asked = &matching.config().safety.false_alarms_per_km;
-    let at = |n_drawn: &[u32], per_km: f64| {
+    let config = &matching.config().safety;
+    let n_decelerations = config.decelerations_mps2.len();
+    let confirm = (config.confirm_n, config.confirm_of);
+    let warned = |score: f64, n_drawn: &[u32], i: usize| facts.count_warned(score, n_drawn, i, confirm);
+    let at = |n_drawn: &[u32], per_km: f64| -> Vec<Option<f64>> {
+        if facts.driven_km(n_drawn) <= 0.0 {
+            return vec![None; 1 + n_decelerations];
+        }
         let score = facts.find_score(per_km, n_drawn).0.unwrap_or(f64::INFINITY);
-        let moved = facts.driven_km(n_drawn) > 0.0;
-        moved.then(|| facts.count_missed_events(score, n_drawn, |_| true).share())?
+        let missed = facts.count_missed_events(score, n_drawn, |_| true);
+        let warned = (0..n_decelerations).map(|i| warned(score, n_drawn, i));
+        [missed].into_iter().chain(warned).map(Tally::share).collect()
     };
-    let shares = |n_drawn: &[u32]| asked.iter().map(|&per_km| at(n_drawn, per_km)).collect::<Vec<_>>();
-    Some(MissedEvents {
+    let shares = |n_drawn: &[u32]| -> Vec<Vec<Option<f64>>> {
+        config.false_alarms_per_km.iter().map(|&per_km| at(n_drawn, per_km)).collect()
+    };
+    let once = vec![1; facts.n_episodes];
+    Some(EventShares {
         n_events: facts.events.len(),
-        whole: shares(&vec![1; facts.n_episodes]),
+        n_stoppable: (0..n_decelerations).map(|i| warned(f64::INFINITY, &once, i).of).collect(),
+        whole: shares(&once),
         resampled: resamples.map(shares),
     })
 }

@@ -21,8 +21,8 @@ mod zone_edge;
 
 use serde::{Deserialize, Serialize};
 
-pub(super) use alarms::missed_events;
 pub use alarms::{Alarms, MissedGroup, OperatingPoint, Warned};
+pub(super) use alarms::{EventShares, event_shares};
 pub use calibration::{Bin, Calibration};
 pub use early::{Early, EarlyShare};
 pub use separation::Separation;

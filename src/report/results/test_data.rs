@@ -137,6 +137,7 @@ fn test_versus() -> Versus {
         n_episodes: 100,
         n_samples: 600,
         missed: vec![line("at 10 false alarms/km", 171, vec![figure(0.3, 0.0), figure(0.2, -0.1)])],
+        warned: vec![line("at 10 false alarms/km, 8 m/s²", 92, vec![figure(0.5, 0.0), figure(0.55, 0.05)])],
         harmful: vec![line("total", 253, vec![figure(0.7, 0.0), figure(0.75, 0.05)])],
         mean: vec![line("samples in fog", 800, vec![figure(0.5, 0.0), figure(0.49, -0.01)])],
     }
