@@ -14,8 +14,10 @@ use crate::dataset::{Dataset, LabelledSample};
 use crate::eval::judge::Judge;
 use crate::eval::{EvalSample, eval_samples, json};
 use crate::files::sha256_hex;
+use crate::geometry::Point;
 use crate::infer::{self, Trained};
 use crate::object::{Detection, Harm};
+use crate::zone::{Zone, ZoneError};
 
 /// The true boxes in place of a detector's.
 const TRUTH: &str = "truth";
@@ -143,7 +145,13 @@ impl OpenedDetector {
     /// The boxes are not of the data set, the network fails, or the judge does.
     pub fn samples(self, dataset: &Dataset, device: &Device) -> anyhow::Result<Vec<EvalSample>> {
         let found = match self.boxes {
-            OpenedBoxes::Truth => dataset.samples().iter().map(true_boxes).collect(),
+            OpenedBoxes::Truth => {
+                let judged = dataset.samples().iter().map(|sample| {
+                    true_boxes(sample, self.judge, dataset.zone()).map_err(|error| failed(sample, &error))
+                });
+                let judged: Vec<Vec<Detection>> = judged.collect::<anyhow::Result<_>>()?;
+                return Ok(eval_samples(dataset.samples(), &judged));
+            }
             OpenedBoxes::File { found, .. } => {
                 let mut samples = json::join_dataset(found, dataset)?;
                 let place: HashMap<&str, usize> =
@@ -160,17 +168,32 @@ impl OpenedDetector {
     }
 }
 
-/// The boxes that an evaluation asks for, as of a detector that sees all of them and nothing else. Who judges gives them their classes.
-fn true_boxes(sample: &LabelledSample) -> Vec<Detection> {
-    let hit = sample.objects.iter().map(|object| &object.truth).filter(|truth| truth.is_hit());
-    hit.map(|truth| Detection {
-        box_in_ego: truth.box_in_ego,
-        velocity_in_ego_mps: truth.velocity_in_ego_mps,
-        harm: Harm::Harmless,
-        score: 1.0,
-        spread: None,
-    })
-    .collect()
+/// The boxes that an evaluation asks for, as of a detector that sees all of them and nothing else. What of an object is solid,
+/// and how high it hangs, it knows too, as the labels do.
+fn true_boxes(sample: &LabelledSample, judge: Judge, zone: &Zone) -> Result<Vec<Detection>, ZoneError> {
+    let mut judged = Vec::new();
+    for truth in sample.objects.iter().map(|object| &object.truth).filter(|truth| truth.is_hit()) {
+        let mut stands = truth.solid_in_ego();
+        if let Some(clearance_m) = truth.clearance_m {
+            let center = stands.center;
+            stands.center = Point::new(center.x(), center.y(), clearance_m + stands.height_m / 2.0);
+        }
+        let found = Detection {
+            box_in_ego: stands,
+            velocity_in_ego_mps: truth.velocity_in_ego_mps,
+            harm: Harm::Harmless,
+            score: 1.0,
+            spread: None,
+        };
+        let of_object = judge.judge(&[found], &sample.measured.ego_state, zone)?;
+        judged.extend(of_object.into_iter().map(|of| Detection { box_in_ego: truth.box_in_ego, ..of }));
+    }
+    judged.sort_by(|a, b| b.score.total_cmp(&a.score));
+    Ok(judged)
+}
+
+fn failed(sample: &LabelledSample, error: &ZoneError) -> anyhow::Error {
+    anyhow!("sample {}: {error}", sample.id)
 }
 
 impl Judge {
@@ -185,7 +208,7 @@ impl Judge {
     ) -> anyhow::Result<Vec<Vec<Detection>>> {
         let judged = dataset.samples().iter().zip(found).map(|(sample, found)| {
             self.judge(found, &sample.measured.ego_state, dataset.zone())
-                .map_err(|error| anyhow!("sample {}: {error}", sample.id))
+                .map_err(|error| failed(sample, &error))
         });
         judged.collect()
     }

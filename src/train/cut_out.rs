@@ -173,7 +173,10 @@ fn reshape(of: &mut Box3<Ego>, points: &mut [Return], [along, across, up]: [f64;
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dataset::test_data;
     use crate::object::Harm;
+    use crate::random;
+    use crate::sample::LidarPoint;
     use crate::train::targets::car;
 
     #[test]
@@ -192,6 +195,75 @@ mod tests {
         assert!((of.center.z() - 0.45).abs() < 1e-9);
         for point in &points {
             assert!(of.contains(&point.at, 1e-9) && !of.contains(&point.at, -0.01), "{point:?}");
+        }
+    }
+
+    /// One standing thing 12 m ahead, full of points.
+    fn donor() -> LabelledSample {
+        let mut sample = test_data::dataset(1).samples()[0].clone();
+        let mut object = car(12.0, 0.0, Harm::Harmless);
+        object.truth.kind = Some(Kind::Static);
+        object.truth.n_lidar_points = Some(600);
+        let lidar_from_ego = sample.measured.ego_from_lidar.inverse();
+        let returned = |i: u16| {
+            let (x, y, z) = (i % 10, i / 10 % 10, i / 100);
+            let at = [10.2 + 0.4 * f64::from(x), -0.8 + 0.17 * f64::from(y), 0.2 + 0.2 * f64::from(z)];
+            let p = lidar_from_ego * Point::new(at[0], at[1], at[2]);
+            let [x_m, y_m, z_m] = [p.x(), p.y(), p.z()].map(|of| of as f32);
+            LidarPoint { x_m, y_m, z_m, intensity: 90.0, ring: z }
+        };
+        sample.measured.points = (0..600).map(returned).collect();
+        sample.objects = vec![object];
+        sample
+    }
+
+    /// Cut-outs of the donor at these shares of moved and of shrunk ones, to half the size and to twice the distance at most.
+    fn drawn(moved_share: f64, shrunk_share: f64) -> Vec<CutOut> {
+        let config = AugmentConfig {
+            max_stretch: 1.0,
+            tipped_share: 0.0,
+            moved_share,
+            max_moved: 2.0,
+            shrunk_share,
+            min_shrink: 0.5,
+            ..AugmentConfig::default()
+        };
+        let donors = [donor()];
+        let into = &donors[0].measured;
+        let draw =
+            |i| CutOut::draw(&donors, into, &config, &mut random::stream(5, "cut-out-test", i)).unwrap();
+        (0..50).map(draw).collect()
+    }
+
+    #[test]
+    fn objects_that_are_moved_away_or_shrunk_keep_the_points_that_a_lidar_would_find() {
+        let of_donor = donor().objects[0].truth.box_in_ego;
+        let lidar = donor().measured.ego_from_lidar.isometry.translation.vector;
+        let range_m = |of: &Box3<Ego>| (of.center.coords.coords - lidar).xy().norm();
+        for (moved_share, shrunk_share) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)] {
+            let (mut n_points, mut expected, mut ratios) = (0.0, 0.0, Vec::new());
+            for CutOut { truth, points, is_moved } in drawn(moved_share, shrunk_share) {
+                let of = &truth.box_in_ego;
+                assert_eq!(is_moved, moved_share > 0.0);
+                for point in &points {
+                    assert!(of.contains(&point.at, 1e-6), "{point:?}");
+                }
+                let (farther, smaller) = (range_m(of) / range_m(&of_donor), of.height_m / of_donor.height_m);
+                assert!((1.0 - 1e-9..2.0 + 1e-9).contains(&farther), "{farther}");
+                assert!((0.5 - 1e-9..1.0 + 1e-9).contains(&smaller), "{smaller}");
+                let [along, across] = [of.length_m / of_donor.length_m, of.width_m / of_donor.width_m];
+                assert!((along - smaller).abs() < 1e-9 && (across - smaller).abs() < 1e-9);
+                assert!((of.bottom_m() - of_donor.bottom_m()).abs() < 1e-9, "it stands as it stood");
+                n_points += points.len() as f64;
+                expected += 600.0 * smaller / farther;
+                ratios.push([farther, smaller]);
+            }
+            // 30,000 points are kept or not, so that the share is off by less than a hundredth.
+            assert!((n_points / expected - 1.0).abs() < 0.02, "{n_points} of {expected}");
+            for (i, share) in [moved_share, shrunk_share].into_iter().enumerate() {
+                let n_changed = ratios.iter().filter(|of| (of[i] - 1.0).abs() > 1e-6).count();
+                assert_eq!(n_changed, if share > 0.0 { 50 } else { 0 });
+            }
         }
     }
 }
