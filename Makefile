@@ -58,7 +58,9 @@ demo: ## Everything, small: generate, label, train, score, draw; results in demo
 	@scripts/demo.sh
 
 results: setup ## RESULTS.md and the report from nothing: data, every training, scores; hours, may be stopped and called again
-	$(XTASK) results --config configs/results.toml --out $(RESULTS) $(ARGS)
+	$(XTASK) results --config configs/results.toml --out $(RESULTS) \
+	    $(if $(findstring --headline,$(ARGS)),,$(if $(wildcard $(NETWORK)/run/model.safetensors),--headline $(NETWORK)/run)) \
+	    $(ARGS)
 	cp $(RESULTS)/RESULTS.md RESULTS.md
 	@echo "the report: $(RESULTS)/report.html"
 

@@ -46,7 +46,7 @@ part "predict, in distribution" "$harmzone" predict "$out/run" --data "$out/id" 
 part "predict, out of distribution" "$harmzone" predict "$out/run" --data "$out/ood" --force
 part "score, in distribution" "$harmzone" eval "$out/run" --data "$out/id" --out "$out/eval-id" --force
 part "score, out of distribution" "$harmzone" eval "$out/run" --data "$out/ood" --ood --out "$out/eval-ood" --force
-# The network inside the program, trained on the preset `small`, beside the one of minutes above.
+# The network inside the program, trained by `make network`, beside the one of minutes above.
 part "score the network that comes with harmzone, in distribution" \
     "$harmzone" eval small --data "$out/id" --out "$out/eval-small-id" --force
 part "score the network that comes with harmzone, out of distribution" \

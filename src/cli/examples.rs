@@ -128,7 +128,7 @@ const EXAMPLES: &[Examples] = &[
                 "harmzone versus camera-blind:runs/first runs/first --data data/ood --ood",
             ),
             (
-                "Two trainings, the zone's rule over the first one's boxes, and the best that a detector can be",
+                "Two trainings, the zone's rule over the first one's boxes, and true boxes",
                 "harmzone versus a=runs/a b=runs/b rule=zone:runs/a truth --data data/ood --ood --out versus",
             ),
         ],

@@ -25,7 +25,7 @@ const FILES: [&str; 2] = ["versus.txt", "versus.json"];
 pub struct VersusArgs {
     /// Two or more detectors, the first one to measure by: a run's folder, a checkpoint, `small`, or a JSON of boxes as
     /// `eval --predictions` takes it; `camera-blind:RUN` and `lidar-blind:RUN`, a run with black pictures or empty clouds;
-    /// `truth`, all true boxes, whose harm is told from measured speed and steering: as good as a detector can be; `JUDGE:`
+    /// `truth`, all true boxes, whose harm is told from measured speed and steering: about the best there can be; `JUDGE:`
     /// before any of them, such as `zone:small`, a rule of `baseline` over its boxes; NAME=DETECTOR for a name of its own
     #[arg(required = true, num_args = 2.., value_name = "DETECTOR")]
     detectors: Vec<String>,

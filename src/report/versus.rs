@@ -23,7 +23,7 @@ pub fn tables(versus: &Versus, names: &[String]) -> Vec<Table> {
         .filter(|(_, lines, _)| !lines.is_empty())
         .map(|(title, lines, show)| table(title, lines, names, show))
         .collect();
-    let how = "After the semicolon: what is more than the first one's. Of missed events less is better, of warned ones and AP more. Of objects of a \
+    let how = "After the semicolon: the difference from the first. Of missed events less is better, of warned ones and AP more. Of objects of a \
                kind, only what was made on them counts.";
     let note = if versus.n_resamples == 0 {
         format!("No intervals: they are drawn from several episodes. {how}")

@@ -28,7 +28,7 @@ pub struct ResultsArgs {
     /// Data set with unfamiliar objects [default: made in the experiment's folder]
     #[arg(long, value_name = "DIR")]
     ood: Option<PathBuf>,
-    /// Finished run to stand above the tables [default: trained as the config says]
+    /// Finished run to stand above the tables, of these data or of its own [default: trained as the config says]
     #[arg(long, value_name = "RUN")]
     headline: Option<PathBuf>,
     /// Card whose figures are written anew, e.g. models/small.md; its network lies beside it

@@ -59,7 +59,6 @@ fn data_blocks(results: &Results) -> Vec<Block> {
     let describe = |set: &SetRecord, what: &str| {
         let made =
             if set.is_of_preset { "" } else { ", made by another version or config than the commands below" };
-        let short = |hash: &str| hash.chars().take(12).collect::<String>();
         let of = &set.fingerprint;
         format!(
             "{what}{made} (dataset.json {}, labels {})",
@@ -82,6 +81,11 @@ fn data_blocks(results: &Results) -> Vec<Block> {
     ]
 }
 
+/// A hash as it is told.
+fn short(hash: &str) -> String {
+    hash.chars().take(12).collect()
+}
+
 /// Missed harm and all columns of a row with the paper's figures, its costs and its commands.
 fn record_blocks(results: &Results, record: &Record) -> Vec<Block> {
     let rows = record.scores().into_iter().map(|(column, scores)| {
@@ -91,15 +95,22 @@ fn record_blocks(results: &Results, record: &Record) -> Vec<Block> {
             cells.map(|(our, their)| Cell { text: ap(our), below: vec![format!("paper {}", ap(their))] });
         std::iter::once(line.name.into()).chain(cells).collect()
     });
+    let samples = match &record.learned_from {
+        Some(of) => format!(
+            "data of its own (dataset.json {}, labels {})",
+            short(&of.dataset_sha256),
+            short(&of.labels_sha256)
+        ),
+        None => format!("{} samples", results.data.id.n_samples[0]),
+    };
     let note = format!(
-        "{} M parameters, {:.1} MiB, seed {}, {} + {} epochs (LiDAR stage, fused stage) of {} samples; training time {}. \
+        "{} M parameters, {:.1} MiB, seed {}, {} + {} epochs (LiDAR stage, fused stage) of {samples}; training time {}. \
          {YARDSTICK}",
         millions(record.n_parameters),
         record.checkpoint_bytes as f64 / f64::from(1 << 20),
         record.seed,
         record.epochs[0],
         record.epochs[1],
-        results.data.id.n_samples[0],
         duration(record.wall_and_cpu_s),
     );
     let table = Table::new(["AP"].into_iter().chain(PARTS), rows.collect()).with_note(note);
@@ -226,7 +237,10 @@ fn commands(records: &[&Record]) -> String {
             train.extend(["--model".to_owned(), record.profile.clone()]);
         }
         train.extend(record.set.iter().flat_map(|key| ["--set".to_owned(), key.clone()]));
-        let train = quote(&train);
+        let train = match record.learned_from {
+            Some(_) => format!("# trained on data of its own: {}", quote(&train[5..])),
+            None => quote(&train),
+        };
         format!("{train}\nharmzone eval {run} --data data/id; harmzone eval {run} --data data/ood --ood")
     };
     records.iter().map(of_record).collect::<Vec<_>>().join("\n")
@@ -234,6 +248,7 @@ fn commands(records: &[&Record]) -> String {
 
 #[cfg(test)]
 mod tests {
+    use crate::dataset::Fingerprint;
     use crate::report::document::markdown;
     use crate::report::results::Results;
     use crate::report::results::test_data::test_results;
@@ -241,6 +256,23 @@ mod tests {
     #[test]
     fn the_document() {
         insta::assert_snapshot!(markdown(&super::blocks(&test_results())));
+    }
+
+    #[test]
+    fn a_headline_that_learned_elsewhere_says_so_and_not_how_it_was_trained_here() {
+        let mut results = test_results();
+        let headline = results.headline.as_mut().unwrap();
+        let elsewhere = Fingerprint { dataset_sha256: "1".repeat(64), labels_sha256: "2".repeat(64) };
+        headline.learned_from = Some(elsewhere);
+        let text = markdown(&super::blocks(&results));
+        assert!(
+            text.contains("of data of its own (dataset.json 111111111111, labels 222222222222)"),
+            "{text}"
+        );
+        assert!(
+            text.contains("# trained on data of its own") && !text.contains("train data/id --out runs/small")
+        );
+        assert!(text.contains("harmzone eval runs/small --data data/id"), "{text}");
     }
 
     #[test]

@@ -90,9 +90,12 @@ pub struct Record {
     pub wall_and_cpu_s: Option<[f64; 2]>,
     pub checkpoint_sha256: String,
     pub checkpoint_bytes: usize,
-    /// Data that it was trained on, and data that it was scored on out of distribution.
+    /// The experiment's data: in distribution, of which it was trained on one split and scored on another, and out of it.
     pub trained_on: Fingerprint,
     pub tested_on: Fingerprint,
+    /// What it was trained on, where that is other data than the experiment's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub learned_from: Option<Fingerprint>,
     /// AP on the validation split, in distribution.
     pub id: ClassScores,
     /// AP on the OOD set, in the four columns of Table III.

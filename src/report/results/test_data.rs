@@ -34,6 +34,7 @@ pub fn test_results() -> Results {
         checkpoint_bytes: 2_909_276,
         trained_on: fingerprint("a"),
         tested_on: fingerprint("b"),
+        learned_from: None,
         id: ap(0.9),
         ood: columns(0.8),
         missed: MissedHarm { id: Some(test_alarms()), ood: Some(test_alarms()) },

@@ -61,6 +61,8 @@ pub struct Row {
     pub is_headline: bool,
     /// Whether the run was given, finished.
     is_given: bool,
+    /// What a run that was given was trained on, where that is other data than the experiment's.
+    pub learned_from: Option<Fingerprint>,
 }
 
 impl<'a> Experiment<'a> {
@@ -97,8 +99,7 @@ impl<'a> Experiment<'a> {
         }
     }
 
-    /// A row's place in the experiment's folder; the headline's may be a given run, which must be finished and of the
-    /// experiment's data.
+    /// A row's place in the experiment's folder; the headline's may be a given run, which must be finished.
     pub fn row(&self, name: &str, config: &TrainConfig, is_headline: bool) -> anyhow::Result<Row> {
         let given = self.request.headline.as_ref().filter(|_| is_headline);
         let folder = given.cloned().unwrap_or_else(|| self.request.out.join("runs").join(name));
@@ -108,6 +109,7 @@ impl<'a> Experiment<'a> {
             folder,
             is_headline,
             is_given: given.is_some(),
+            learned_from: None,
         };
         if let Some(folder) = given {
             for what in [CHECKPOINT, CONFIG_FILE, DATA_FILE] {
@@ -117,20 +119,18 @@ impl<'a> Experiment<'a> {
                     folder.display()
                 );
             }
-            ensure!(
-                read_json::<Fingerprint>(&folder.join(DATA_FILE))? == self.id,
-                "the headline's run was trained on other data; give its data by --data: {}",
-                folder.display()
-            );
+            let data: Fingerprint = read_json(&folder.join(DATA_FILE))?;
+            row.learned_from = (data != self.id).then_some(data);
             row.config = read_training(folder)?;
         }
         Ok(row)
     }
 
-    /// Whether a row's run is finished, and was trained with the row's config on the experiment's data.
+    /// Whether a row's run is finished, and was trained with the row's config on the experiment's data, or on its own.
     pub fn is_trained(&self, row: &Row) -> anyhow::Result<bool> {
         Ok(row.folder.join(CHECKPOINT).is_file()
-            && read_json::<Fingerprint>(&row.folder.join(DATA_FILE))? == self.id
+            && read_json::<Fingerprint>(&row.folder.join(DATA_FILE))?
+                == *row.learned_from.as_ref().unwrap_or(&self.id)
             && read_training(&row.folder)? == row.config)
     }
 

@@ -96,6 +96,11 @@ pub fn read_or_make_by(
 fn make(experiment: &Experiment<'_>, row: &Row, judges: &[Judge]) -> anyhow::Result<RowScores> {
     let trained = Trained::find(&row.folder)?;
     let detector = trained.load(experiment.device)?;
+    if let (Some(seen), Some(_)) = (trained.seen()?, &row.learned_from) {
+        for mode in [Mode::Id, Mode::Ood] {
+            seen.check_unlearned(experiment.scored_split(mode)?.episodes())?;
+        }
+    }
     let id = look(experiment, row, &trained, &detector, judges, Mode::Id)?;
     let ood = look(experiment, row, &trained, &detector, judges, Mode::Ood)?;
     let network_ms = if judges.is_empty() {
@@ -141,6 +146,7 @@ fn make(experiment: &Experiment<'_>, row: &Row, judges: &[Judge]) -> anyhow::Res
         checkpoint_bytes: bytes.len(),
         trained_on: experiment.id.clone(),
         tested_on: experiment.ood.clone(),
+        learned_from: row.learned_from.clone(),
         id: id.scores.total,
         ood: ood.scores,
         missed: MissedHarm { id: id.missed, ood: ood.missed },
