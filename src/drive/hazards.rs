@@ -1,7 +1,7 @@
 //! The hazards that a driver remembers: which of a sample's are those from before.
 
 use super::config::ReflexConfig;
-use super::tracks::apart_m;
+use super::tracks::{Sample, Seen, apart_m};
 use crate::geometry::{Box3, World};
 
 /// A confirmed harmful box, or where one that moves will be met.
@@ -11,8 +11,10 @@ pub(super) struct Hazard {
     pub confirmed_s: f64,
     /// How many samples have confirmed it.
     pub n_confirmed: u32,
-    /// Whether it stood when it was last confirmed.
-    pub stands: bool,
+    /// Whether it stood when it was last confirmed; `None` of what was not there before, and so has no speed.
+    pub stands: Option<bool>,
+    /// Whether the last sample shows its box, harmful or not.
+    pub is_seen: bool,
 }
 
 /// The hazards of a drive.
@@ -32,15 +34,32 @@ impl Hazards {
         self.0.retain(is_kept);
     }
 
+    /// Moves each hazard along with its box, from the sample before to this one, whatever the box is called now: what drives off is
+    /// not remembered where it stood.
+    pub fn follow(&mut self, before: Option<&Sample>, now: &Sample, config: &ReflexConfig) {
+        for known in &mut self.0 {
+            let is_own = |seen: &Seen| apart_m(&seen.at, &known.at) == 0.0;
+            let own = before.and_then(|of| Some((of, of.seen.iter().position(is_own)?)));
+            let is_now = own.and_then(|(before, i)| config.partner(&before.seen, i, &now.seen));
+            known.is_seen = is_now.is_some();
+            if let Some(j) = is_now {
+                known.at = now.seen[j].at;
+            }
+        }
+    }
+
     /// Matches a sample's hazards with the known ones, the nearest pairs first; unmatched ones are new. What moves is not taken for what
-    /// has stood for `near_confirming` samples: somebody who passes a low thing that nobody sees any more must not take its place.
+    /// has stood for `near_confirming` samples, unless that was seen to come there: somebody who passes a low thing that nobody sees any
+    /// more must not take its place.
     pub fn confirm(&mut self, found: Vec<Hazard>, config: &ReflexConfig) {
         let mut pairs = Vec::new();
         for (i, hazard) in found.iter().enumerate() {
             for (j, known) in self.0.iter().enumerate() {
-                let has_stood = known.stands && known.n_confirmed >= config.near_confirming;
-                if config.is_same(&known.at, &hazard.at) && (hazard.stands || !has_stood) {
-                    pairs.push((apart_m(&known.at, &hazard.at), i, j));
+                let has_stood = known.stands == Some(true) && known.n_confirmed >= config.near_confirming;
+                let is_apart_m = apart_m(&known.at, &hazard.at);
+                let may_be = hazard.stands != Some(false) || !has_stood || is_apart_m == 0.0;
+                if config.is_same(&known.at, &hazard.at) && may_be {
+                    pairs.push((is_apart_m, i, j));
                 }
             }
         }
@@ -54,9 +73,10 @@ impl Hazards {
         for (mut hazard, known_as) in found.into_iter().zip(known_as) {
             if let Some(j) = known_as {
                 hazard.n_confirmed += self.0[j].n_confirmed;
+                hazard.stands = hazard.stands.or(self.0[j].stands);
                 self.0[j] = hazard;
             } else {
-                self.0.push(hazard);
+                self.0.push(Hazard { stands: hazard.stands.or(Some(true)), ..hazard });
             }
         }
     }
@@ -75,7 +95,7 @@ mod tests {
             height_m: 1.0,
             yaw_rad: 0.0,
         };
-        Hazard { at, confirmed_s: 0.0, n_confirmed: 1, stands: true }
+        Hazard { at, confirmed_s: 0.0, n_confirmed: 1, stands: Some(true), is_seen: true }
     }
 
     /// Places and confirmations after samples that show crates at these places.
@@ -103,9 +123,23 @@ mod tests {
         for x_m in [6.0, 6.0, 6.0, 6.0] {
             hazards.confirm(vec![crate_at(x_m)], &ReflexConfig::default());
         }
-        hazards.confirm(vec![Hazard { stands: false, ..crate_at(7.0) }], &ReflexConfig::default());
-        let found: Vec<(bool, u32)> = hazards.iter().map(|of| (of.stands, of.n_confirmed)).collect();
-        assert_eq!(found, [(true, 4), (false, 1)]);
+        hazards.confirm(vec![Hazard { stands: Some(false), ..crate_at(7.0) }], &ReflexConfig::default());
+        let found: Vec<(Option<bool>, u32)> = hazards.iter().map(|of| (of.stands, of.n_confirmed)).collect();
+        assert_eq!(found, [(Some(true), 4), (Some(false), 1)]);
+    }
+
+    #[test]
+    fn what_is_seen_again_after_a_gap_stands_or_moves_as_it_did() {
+        for stood in [true, false] {
+            let mut hazards = Hazards::default();
+            let found = |stands| Hazard { stands, ..crate_at(6.0) };
+            for stands in [Some(stood), None] {
+                hazards.confirm(vec![found(stands)], &ReflexConfig::default());
+            }
+            let known: Vec<(Option<bool>, u32)> =
+                hazards.iter().map(|of| (of.stands, of.n_confirmed)).collect();
+            assert_eq!(known, [(Some(stood), 2)]);
+        }
     }
 
     #[test]

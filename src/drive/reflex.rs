@@ -1,8 +1,8 @@
 //! From harmful boxes to braking: a box that several samples show is a hazard, and the ego brakes so that it stops before it.
 //!
 //! `braking = v^2 / (2 (gap - margin))`, within bounds, for the hazard that asks for most. A hazard stays where it was seen, over
-//! ground, until no sample has confirmed it for a while; one that stands right before the bumper, where sensors look over it, is
-//! not forgotten. What is not harmful yet but moves into the ego's way is a hazard where
+//! ground, until no sample has confirmed it for a while; one that stood right before the bumper when it was last seen, where sensors
+//! look over it, is not forgotten. What is not harmful yet but moves into the ego's way is a hazard where
 //! both will meet ([`Foresight`]). Nothing here knows the truth, reads a clock or draws a random number.
 
 use std::collections::VecDeque;
@@ -84,8 +84,9 @@ impl Reflex {
         let ego_from_world = world_from_ego.inverse();
         let bumper_x_m = state.front_bumper_x_m;
         let is_near = |hazard: &Hazard| {
-            let is_sure = hazard.stands && hazard.n_confirmed >= self.config.near_confirming;
-            is_sure && self.config.is_near(&hazard.at.in_frame(&ego_from_world), bumper_x_m)
+            let stood = hazard.stands == Some(true) && hazard.n_confirmed >= self.config.near_confirming;
+            // What is still seen shows by itself what it is.
+            !hazard.is_seen && stood && self.config.is_near(&hazard.at.in_frame(&ego_from_world), bumper_x_m)
         };
         let is_kept = |hazard: &Hazard| time_s - hazard.confirmed_s <= free_s + 1e-9 || is_near(hazard);
         self.hazards.retain(is_kept);
@@ -117,8 +118,7 @@ impl Reflex {
             let seen = sample.seen[i];
             let track = Track::of(&sample, i, self.history.iter(), &self.config);
             let velocity_mps = track.velocity_mps();
-            let moves =
-                velocity_mps.is_some_and(|[x_mps, y_mps]| x_mps.hypot(y_mps) >= self.config.moving_mps);
+            let stands = velocity_mps.map(|[x_mps, y_mps]| x_mps.hypot(y_mps) < self.config.moving_mps);
             let hazard_at = if seen.is_harmful {
                 let n_before = self.n_harmful_before(&sample.seen, i).max(track.n_alarming_before());
                 (n_before + 1 >= n_confirming).then_some(seen.at)
@@ -141,9 +141,11 @@ impl Reflex {
                 at,
                 confirmed_s: sample.due_s,
                 n_confirmed: 1,
-                stands: seen.is_harmful && !moves,
+                stands: if seen.is_harmful { stands } else { Some(false) },
+                is_seen: true,
             }));
         }
+        self.hazards.follow(self.history.front(), &sample, &self.config);
         self.hazards.confirm(confirmed, &self.config);
         self.history.push_front(sample);
         self.history.truncate(self.config.n_samples as usize - 1);
@@ -282,11 +284,31 @@ mod tests {
                 reflex.see(time_s, &at(0.0), &[crate_at(22.0, Harm::Harmful, 0.9)]);
                 reflex.orders(time_s, &at(0.0), &STATE).unwrap();
             }
+            // Nobody sees it any more.
+            reflex.see(3.9, &at(19.5), &[]);
             let brakes = reflex.orders(4.0, &at(19.5), &STATE).unwrap().braking_mps2.is_some();
             assert_eq!(brakes, is_kept, "{near_m} m, {n_samples} samples");
             // Passed, it is.
             assert_eq!(reflex.orders(4.05, &at(26.0), &STATE).unwrap().braking_mps2, None);
         }
+    }
+
+    #[test]
+    fn who_stood_before_the_bumper_and_drives_off_is_not_remembered_there() {
+        // A leader stands 2.1 m ahead for 1.5 s and then leaves at 1.5 m/s, seen throughout and harmful only while it is near.
+        let standing = EgoState { speed_mps: 0.0, ..STATE };
+        let mut reflex = reflex(ReflexConfig::default());
+        let mut brakes = Vec::new();
+        for i in 0..14 {
+            let time_s = 0.3 * f64::from(i);
+            let gap_m = 2.1 + 0.45 * f64::from((i - 5).max(0));
+            let harm = if gap_m < 3.5 { Harm::Harmful } else { Harm::Harmless };
+            reflex.see(time_s, &at(0.0), &[crate_at(gap_m, harm, 0.9)]);
+            brakes.push(reflex.orders(time_s, &at(0.0), &standing).unwrap().braking_mps2.is_some());
+        }
+        // It is last harmful at 2.4 s, and the way is free a second later.
+        assert_eq!(brakes[1..12], [true; 11]);
+        assert_eq!(brakes[12..], [false; 2]);
     }
 
     #[test]

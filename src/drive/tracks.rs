@@ -88,7 +88,7 @@ impl ReflexConfig {
     }
 
     /// The box of another sample that is of the same thing: each is the other's nearest.
-    fn partner(&self, of: &[Seen], i: usize, others: &[Seen]) -> Option<usize> {
+    pub(super) fn partner(&self, of: &[Seen], i: usize, others: &[Seen]) -> Option<usize> {
         let near = |a: &Seen, among: &[Seen]| {
             let to_each = among.iter().map(|b| apart_m(&a.at, &b.at)).enumerate();
             to_each.min_by(|a, b| a.1.total_cmp(&b.1)).filter(|&(_, apart_m)| apart_m < self.same_m)
