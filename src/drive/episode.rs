@@ -25,6 +25,8 @@ const STANDS_MPS: f64 = 0.3;
 const FROM_BEHIND: f64 = -0.7;
 /// What was harmful so long before a collision was known to be, seconds.
 const HARMFUL_BEFORE_S: f64 = 2.0;
+/// A stop begins at this speed or above, m/s: the last of a crawl is none.
+const LEAST_STOP_MPS: f64 = 1.0;
 /// A hard brake goes on above this, and through pauses of this length.
 const STILL_HARD_MPS2: f64 = 2.0;
 const HARD_PAUSE_S: f64 = 0.5;
@@ -108,8 +110,8 @@ struct Seen {
     /// When each object was last harmful, and anything.
     harmful_s: BTreeMap<usize, f64>,
     any_harmful_s: Option<f64>,
-    /// When the ego's coming set an object off.
-    set_off_s: BTreeMap<usize, f64>,
+    /// When the ego's coming set an object off, and how fast it came, m/s.
+    set_off: BTreeMap<usize, [f64; 2]>,
 }
 
 /// What is counted on the way.
@@ -199,7 +201,7 @@ impl Run<'_> {
         let contacts = self.live.step_ordered(orders)?;
         let now_s = time_s + CONTROL_PERIOD_S;
         self.live.set_off().for_each(|i| {
-            self.seen.set_off_s.entry(i).or_insert(time_s);
+            self.seen.set_off.entry(i).or_insert([time_s, true_state.speed_mps]);
         });
         let moved_m = (self.live.world_from_ego().isometry.translation.vector - before).xy().norm();
         self.notes.n_steps += 1;
@@ -260,6 +262,9 @@ impl Run<'_> {
         if braking_mps2 <= HARD_BRAKING_MPS2 || !moves {
             return;
         }
+        if !goes_on && speed_mps < LEAST_STOP_MPS {
+            return;
+        }
         if !goes_on {
             hard_stops.push(HardStop { time_s, braking_mps2, is_false: true });
         }
@@ -297,8 +302,8 @@ impl Run<'_> {
         } else {
             self.ego_kg
         };
-        let set_off = contact.object_idx.and_then(|i| self.seen.set_off_s.get(&i));
-        let set_off_s = set_off.map(|set_off_s| time_s - set_off_s);
+        let set_off = contact.object_idx.and_then(|i| self.seen.set_off.get(&i));
+        let set_off = set_off.map(|&[set_off_s, speed_mps]| [time_s - set_off_s, speed_mps]);
         let harmful_s = contact.object_idx.and_then(|i| self.seen.harmful_s.get(&i));
         self.notes.collision = Some(Collision {
             time_s,
@@ -312,8 +317,9 @@ impl Run<'_> {
             impact_mps: along_mps,
             ego_mps,
             energy_j: reduced_kg * along_mps * along_mps / 2.0,
-            set_off_s,
-            is_sudden: set_off_s.is_some_and(|set_off_s| is_sudden(set_off_s, ego_mps)),
+            set_off_s: set_off.map(|[set_off_s, _]| set_off_s),
+            // By the speed then: who brakes makes nothing less sudden.
+            is_sudden: set_off.is_some_and(|[set_off_s, speed_mps]| is_sudden(set_off_s, speed_mps)),
             was_harmful: harmful_s.is_some_and(|harmful_s| time_s - harmful_s <= HARMFUL_BEFORE_S),
         });
     }
@@ -341,6 +347,9 @@ impl Notes {
     /// `free_way_m`: how far a free car has come after each step.
     fn finish(self, plan: &EpisodePlan, free_way_m: &[f64], end: End) -> DriveOutcome {
         let (hardest_mps2, rms_jerk_mps3) = comfort(&self.speeds_mps);
+        let driven_m = self.n_steps.checked_sub(1).map(|last| free_way_m[last as usize]);
+        // Who is stuck would have stood until the end.
+        let free_m = if end == End::Stuck { free_way_m.last().copied() } else { driven_m }.unwrap_or(0.0);
         DriveOutcome {
             episode: plan.name.clone(),
             family: String::new(),
@@ -350,7 +359,7 @@ impl Notes {
             end,
             duration_s: self.n_steps as f64 * CONTROL_PERIOD_S,
             distance_m: self.distance_m,
-            free_m: self.n_steps.checked_sub(1).map_or(0.0, |last| free_way_m[last as usize]),
+            free_m,
             collision: self.collision,
             struck_by: self.struck_by,
             hard_stops: self.hard_stops,

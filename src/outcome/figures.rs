@@ -17,7 +17,7 @@ const BOOTSTRAP_SEED: u64 = 0;
 pub(super) const IMPACT_BANDS_MPS: [f64; 3] = [2.0, 5.0, 10.0];
 
 /// A figure and its interval.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Measure {
     /// `None` where there is nothing to divide by.
     pub value: Option<f64>,
@@ -44,6 +44,9 @@ pub struct Figures {
     pub avoided_share: Option<Measure>,
     /// How many episodes that are.
     pub n_avoidable: Option<usize>,
+    /// Of them those in which this driver does not end stuck either: who stands for ever meets nothing.
+    #[serde(default)]
+    pub avoided_going_share: Option<Measure>,
     /// Of all episodes in which `blind` collides.
     pub avoided_of_all_share: Option<Measure>,
     /// Of those in which it does not collide with something sudden ([`super::is_sudden`]).
@@ -51,7 +54,10 @@ pub struct Figures {
     /// How many these are.
     pub n_not_sudden: Option<usize>,
     pub false_stops_per_km: Measure,
-    /// Distance over that of a free car in the same time.
+    /// Drives that ended standing before nothing.
+    #[serde(default)]
+    pub stuck_per_km: Measure,
+    /// Distance over that of a free car in the same time; a drive that ended stuck counts with all of its time.
     pub progress: Measure,
     /// Mean of the time to collision at the first brake, seconds.
     pub first_brake_ttc_s: Measure,
@@ -142,6 +148,10 @@ fn figures(
     let is_avoidable = |i: usize| is_hit_by(blind, i) && truth.is_some() && !is_hit_by(truth, i);
     let avoidable = |i: usize, _: &DriveOutcome| yes(is_avoidable(i));
     let avoided = |i: usize, outcome: &DriveOutcome| yes(is_avoidable(i) && !collides(outcome));
+    let is_stuck = |outcome: &DriveOutcome| outcome.end == End::Stuck;
+    let stuck = |_: usize, outcome: &DriveOutcome| yes(is_stuck(outcome));
+    let avoided_going =
+        |i: usize, outcome: &DriveOutcome| yes(is_avoidable(i) && !collides(outcome) && !is_stuck(outcome));
     let of_blind = |i: usize, _: &DriveOutcome| yes(is_hit_by(blind, i));
     let avoided_of_all = |i: usize, outcome: &DriveOutcome| yes(is_hit_by(blind, i) && !collides(outcome));
     let is_not_sudden = |i: usize| {
@@ -171,11 +181,13 @@ fn figures(
         collision_share: ratio(&hits, &one),
         collisions_per_km: ratio(&hits, &km),
         avoided_share: has_both.then(|| ratio(&avoided, &avoidable)),
+        avoided_going_share: has_both.then(|| ratio(&avoided_going, &avoidable)),
         n_avoidable: has_both.then(|| (0..n).filter(|&i| is_avoidable(i)).count()),
         avoided_of_all_share: blind.map(|_| ratio(&avoided_of_all, &of_blind)),
         avoided_of_not_sudden_share: blind.map(|_| ratio(&avoided_of_not_sudden, &not_sudden)),
         n_not_sudden: blind.map(|_| (0..n).filter(|&i| is_not_sudden(i)).count()),
         false_stops_per_km: ratio(&|_, outcome| outcome.n_false_stops() as f64, &km),
+        stuck_per_km: ratio(&stuck, &km),
         progress: ratio(&|_, outcome| outcome.distance_m, &|_, outcome| outcome.free_m),
         first_brake_ttc_s: ratio(&|_, o| o.first_brake_ttc_s.unwrap_or(0.0), &|_, o| {
             yes(o.first_brake_ttc_s.is_some())
@@ -257,11 +269,26 @@ mod tests {
         assert_eq!(small.collisions_per_km.value, Some(5.0));
         assert_eq!(small.progress.value, Some(0.5));
         assert_eq!(rows[0].avoided_share.unwrap().value, Some(0.0));
+        assert_eq!(small.avoided_going_share, small.avoided_share);
+        assert_eq!(small.stuck_per_km.value, Some(0.0));
         let by_hit = &small.groups["hit by blind"];
         assert_eq!(
             by_hit.iter().map(|group| group.name.as_str()).collect::<Vec<_>>(),
             ["hay_bale", "nothing"]
         );
+    }
+
+    #[test]
+    fn who_stands_for_ever_avoids_all_but_not_going() {
+        let hit = Some(8.0);
+        let (who, mut outcomes) = drives("small", [None; 4]);
+        outcomes[0].end = End::Stuck;
+        let rows =
+            compare(&[drives("blind", [hit, hit, None, None]), drives("truth", [None; 4]), (who, outcomes)]);
+        let small = &rows[2];
+        assert_eq!(small.avoided_share.unwrap().value, Some(1.0));
+        assert_eq!(small.avoided_going_share.unwrap().value, Some(0.5));
+        assert!((small.stuck_per_km.value.unwrap() * small.driven_km - 1.0).abs() < 1e-9);
     }
 
     #[test]

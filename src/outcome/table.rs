@@ -42,6 +42,11 @@ impl fmt::Display for DriveSummary {
                 f,
                 "avoided in the table: of the {n} episodes in which blind collides and truth does not. Intervals: bootstrap by episode, 95 %."
             )?;
+            let of = |figures: &Figures| {
+                figures.avoided_going_share.map(|share| format!("{} {share}", figures.who.name))
+            };
+            let shares: Vec<String> = self.figures.iter().filter_map(of).collect();
+            writeln!(f, "avoided, and not stuck at the end: {}", shares.join(", "))?;
         }
         for figures in &self.figures {
             for axis in ["family", "hit by blind", "event", "weather", "town"] {
@@ -75,6 +80,7 @@ pub fn drive_rows(figures: &[Figures]) -> Vec<Vec<String>> {
         "a km",
         "avoided",
         "false stops a km",
+        "stuck a km",
         "progress",
         "s to collision at first brake",
         "jerk m/s3",
@@ -115,6 +121,7 @@ fn row(of: &Figures) -> Vec<String> {
             .or(of.avoided_of_all_share)
             .map_or_else(|| "-".to_owned(), |share| share.to_string()),
         of.false_stops_per_km.to_string(),
+        of.stuck_per_km.to_string(),
         of.progress.to_string(),
         of.first_brake_ttc_s.to_string(),
         of.rms_jerk_mps3.to_string(),
