@@ -259,10 +259,7 @@ impl Run<'_> {
         if goes_on && braking_mps2 > STILL_HARD_MPS2 {
             *hard_until_s = time_s + HARD_PAUSE_S;
         }
-        if braking_mps2 <= HARD_BRAKING_MPS2 || !moves {
-            return;
-        }
-        if !goes_on && speed_mps < LEAST_STOP_MPS {
+        if braking_mps2 <= HARD_BRAKING_MPS2 || !moves || (!goes_on && speed_mps < LEAST_STOP_MPS) {
             return;
         }
         if !goes_on {
