@@ -14,6 +14,7 @@ mod recorder;
 mod reflex;
 mod run;
 mod scenario;
+mod strip;
 mod tracks;
 pub mod worker;
 

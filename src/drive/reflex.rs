@@ -12,6 +12,7 @@ use nalgebra::{Vector2, Vector3};
 use super::config::ReflexConfig;
 use super::foresight::{Foresight, ForesightAt};
 use super::hazards::{Hazard, Hazards};
+use super::strip::ahead_of;
 use super::tracks::{Sample, Seen, Track, apart_m};
 use crate::geometry::{Box3, Ego, Point, Transform, World};
 use crate::object::{Detection, Harm};
@@ -23,8 +24,6 @@ use crate::zone::ZoneError;
 const STANDS_MPS: f64 = 0.3;
 /// Braking of one who stands and is to go on standing, m/s².
 const HOLDING_MPS2: f64 = 2.0;
-/// Points along an edge of a footprint at which its distance is measured, corners included.
-const N_ON_EDGE: usize = 17;
 
 /// The memory of one drive.
 #[derive(Debug, Clone)]
@@ -184,28 +183,6 @@ impl Reflex {
         let room_m = (gap_m - self.config.margin_m).max(0.0);
         (speed_mps * speed_mps / (2.0 * room_m)).clamp(least, most)
     }
-}
-
-impl ReflexConfig {
-    /// Whether any of a footprint lies in the strip right before the bumper.
-    pub(super) fn is_near(&self, of: &Box3<Ego>, front_bumper_x_m: f64) -> bool {
-        let is_near = |point: &Vector2<f64>| point.x <= self.near_m && point.y.abs() <= self.half_width_m;
-        ahead_of(of, front_bumper_x_m).iter().any(is_near)
-    }
-}
-
-/// Points of a footprint's edges that lie before the bumper, as seen from its middle.
-fn ahead_of(of: &Box3<Ego>, front_bumper_x_m: f64) -> Vec<Vector2<f64>> {
-    let corners = of.footprint();
-    let edges = corners.iter().zip(corners.iter().cycle().skip(1));
-    let points = edges.flat_map(|(from, to)| {
-        (0..N_ON_EDGE).map(move |i| {
-            let share = i as f64 / (N_ON_EDGE - 1) as f64;
-            let (x_m, y_m) = (from.x_m + share * (to.x_m - from.x_m), from.y_m + share * (to.y_m - from.y_m));
-            Vector2::new(x_m - front_bumper_x_m, y_m)
-        })
-    });
-    points.filter(|point| point.x > 0.0).collect()
 }
 
 #[cfg(test)]

@@ -19,6 +19,7 @@ mod matching;
 mod metrics;
 mod neutral;
 mod pairing;
+mod part;
 mod pretty_json;
 mod protocol;
 pub mod safety;
