@@ -137,7 +137,6 @@ fn detectors_stand_side_by_side_on_the_same_samples() {
     assert_eq!(values(3), values(1), "the rule over the network's boxes, asked in another way");
     let [of_truth, of_own] = [4, 0].map(|i| total[i]["value"].as_f64().expect("a score"));
     assert!(of_truth > 0.9 && of_truth > of_own, "{of_truth} {of_own}");
-    assert!(of_truth < 1.0, "the ego's own sensors leave open what lies at the zone's edge");
 
     // A file of boxes may name the samples in any order.
     let path = boxes.join("predictions.json");
