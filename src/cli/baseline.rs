@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use anyhow::{anyhow, bail};
 use clap::Args;
 
+use super::detectors::judge_all;
 use super::predict::tell_boxes;
 use super::{Bar, DeviceArg, ExitStatus, SamplesArgs};
 use crate::config;
@@ -75,7 +76,7 @@ pub fn run(args: BaselineArgs) -> anyhow::Result<ExitStatus> {
     let judged = match rival {
         Rival::Zone(judge) => {
             let found = infer::detect(&trained.load(&device)?, &dataset.named(), &device, &Bar::default())?;
-            judge.judge_all(&found, &dataset)?
+            judge_all(judge, &found, &dataset)?
         }
         Rival::ClosedSet(score) => {
             let Some(fit) = &args.fit else {

@@ -164,7 +164,7 @@ impl OpenedDetector {
                 infer::detect_with(&detector, dataset.samples(), blind, device, &Bar::default())?
             }
         };
-        Ok(eval_samples(dataset.samples(), &self.judge.judge_all(&found, dataset)?))
+        Ok(eval_samples(dataset.samples(), &judge_all(self.judge, &found, dataset)?))
     }
 }
 
@@ -196,22 +196,19 @@ fn failed(sample: &LabelledSample, error: &ZoneError) -> anyhow::Error {
     anyhow!("sample {}: {error}", sample.id)
 }
 
-impl Judge {
-    /// Decides on the harm of each sample's detections, at its measured state.
-    ///
-    /// # Errors
-    /// Names the sample whose state or boxes are not valid.
-    pub fn judge_all(
-        self,
-        found: &[Vec<Detection>],
-        dataset: &Dataset,
-    ) -> anyhow::Result<Vec<Vec<Detection>>> {
-        let judged = dataset.samples().iter().zip(found).map(|(sample, found)| {
-            self.judge(found, &sample.measured.ego_state, dataset.zone())
-                .map_err(|error| failed(sample, &error))
-        });
-        judged.collect()
-    }
+/// Decides on the harm of each sample's detections, at its measured state.
+///
+/// # Errors
+/// Names the sample whose state or boxes are not valid.
+pub fn judge_all(
+    judge: Judge,
+    found: &[Vec<Detection>],
+    dataset: &Dataset,
+) -> anyhow::Result<Vec<Vec<Detection>>> {
+    let judged = dataset.samples().iter().zip(found).map(|(sample, found)| {
+        judge.judge(found, &sample.measured.ego_state, dataset.zone()).map_err(|error| failed(sample, &error))
+    });
+    judged.collect()
 }
 
 #[cfg(test)]
