@@ -12,7 +12,7 @@ PYTHON_SOURCES = python scenes mjcf_assets tests scripts xtask/python
 
 RESULTS = runs/results
 
-.PHONY: help setup setup-test setup-golden build demo network results report test ci book test-book check-gpu check-logs \
+.PHONY: help setup setup-test setup-golden build demo network-data network network-seed results report test ci book test-book check-gpu check-logs \
 	check-mmdet3d bench bench-micro bench-gen bench-eval race miri asan bundle bundle-test wheel wheel-test wheel-root-test bench-ray bench-stream paper-run gallery weathers reference \
 	soak lock sbom audit reproducible fmt clean
 
@@ -59,7 +59,8 @@ demo: ## Everything, small: generate, label, train, score, draw; results in demo
 
 results: setup ## RESULTS.md and the report from nothing: data, every training, scores; hours, may be stopped and called again
 	$(XTASK) results --config configs/results.toml --out $(RESULTS) \
-	    $(if $(findstring --headline,$(ARGS)),,$(if $(wildcard $(NETWORK)/run/model.safetensors),--headline $(NETWORK)/run)) \
+	    $(if $(findstring --headline,$(ARGS)),,$(if $(wildcard $(NETWORK)/run/model.safetensors),--headline $(NETWORK)/run \
+	    $(patsubst %/model.safetensors,--headline-again %,$(wildcard $(NETWORK)/seed-*/model.safetensors)))) \
 	    $(ARGS)
 	cp $(RESULTS)/RESULTS.md RESULTS.md
 	@echo "the report: $(RESULTS)/report.html"
@@ -69,17 +70,25 @@ NETWORK = runs/network
 TOWN_DRIVES = --preset small --set sample_period_s=0.9 --episodes 700 --samples 12 --seed 81001 --set val_every=0
 CHOOSING = --preset small --set sample_period_s=1.2 --episodes 84 --samples 6 --seed 72002 --set val_every=1
 
-network: build ## The network inside the program, from nothing: data, training, the score it warns from; hours, resumable
+SCHEDULE = --set products=bf16 --set fused_stage.epochs=8 --set validate_every_epochs=0
+
+network-data: build
 	$(BIN) gen --out $(NETWORK)/train $(TOWN_DRIVES) --set scene.random_solids=24
 	$(BIN) gen --out $(NETWORK)/val $(CHOOSING)
 	$(BIN) label $(NETWORK)/train
 	$(BIN) label $(NETWORK)/val
-	$(BIN) train $(NETWORK)/train --out $(NETWORK)/run --set products=bf16 --set fused_stage.epochs=8 \
-	    --set validate_every_epochs=0
+
+network: network-data ## The network inside the program, from nothing: data, training, the score it warns from; hours, resumable
+	$(BIN) train $(NETWORK)/train --out $(NETWORK)/run $(SCHEDULE)
 	$(BIN) calibrate $(NETWORK)/run --data $(NETWORK)/val
 	@cmp $(NETWORK)/run/model.safetensors models/small.safetensors || { echo "the last digits of a training are its CPU's:" \
 	    "models/small.md names the one that models/small.safetensors is of" >&2; exit 1; }
 	@echo "models/small.safetensors, to the byte"
+
+network-seed: network-data ## The same training from another seed; `make results` sets it beside the network. SEED=1
+	@[ -n "$(SEED)" ] || { echo "make network-seed SEED=1 trains from seed 1; 0 is the network's" >&2; exit 2; }
+	$(BIN) train $(NETWORK)/train --out $(NETWORK)/seed-$(SEED) $(SCHEDULE) --set seed=$(SEED)
+	$(BIN) calibrate $(NETWORK)/seed-$(SEED) --data $(NETWORK)/val
 
 # What `make report` scores: a run, or `small`, the network inside the program; and both data sets.
 REPORT_RUN ?= small

@@ -197,6 +197,18 @@ fn a_closed_set_is_trained_on_kinds_and_its_harm_is_a_file_of_boxes() {
     let table = done(&["eval", "--predictions", text(&boxes), "--data", text(ood), "--ood"]);
     assert!(table.contains("mAP_OOD"), "{table}");
 
+    // A rule that judges boxes alone takes its boxes, too; one that asks the network for harm does not.
+    let zoned = folder.path().join("zoned");
+    done(&["baseline", "zone-expected", text(&kinds), "--data", text(ood), "--out", text(&zoned)]);
+    let boxes = zoned.join("predictions.json");
+    let (rule, file) = (format!("zone-expected:{}", text(&kinds)), text(&boxes).to_owned());
+    let versus = ["versus", rule.as_str(), file.as_str(), "--data", text(ood), "--ood", "--json"];
+    let json: Value = serde_json::from_str(&done(&versus)).expect("JSON");
+    let total = &json["of"]["mean"][0]["figures"];
+    assert_eq!((&total[1]["over_first"], total[0]["value"].is_number()), (&0.0.into(), true), "{total}");
+    let message = fails(&["versus", &format!("both:{}", text(&kinds)), "truth", "--data", text(ood)]);
+    assert!(message.contains("tells kinds") && message.contains("baseline zone"), "{message}");
+
     // Neither network is taken for the other.
     let message = fails(&["eval", text(&kinds), "--data", text(ood)]);
     assert!(message.contains("tells kinds") && message.contains("closed-msp"), "{message}");

@@ -75,7 +75,9 @@ pub fn run(args: BaselineArgs) -> anyhow::Result<ExitStatus> {
     let dataset = args.samples.open()?;
     let judged = match rival {
         Rival::Zone(judge) => {
-            let found = infer::detect(&trained.load(&device)?, &dataset.named(), &device, &Bar::default())?;
+            let detector = trained.load(&device)?;
+            let found =
+                infer::detect_for(judge, &detector, dataset.samples(), None, &device, &Bar::default())?;
             judge_all(judge, &found, &dataset)?
         }
         Rival::ClosedSet(score) => {

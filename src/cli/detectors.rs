@@ -26,6 +26,8 @@ const TRUTH: &str = "truth";
 #[derive(Debug, PartialEq)]
 pub struct NamedDetector {
     pub name: String,
+    /// Whether the name was given, and is not the detector itself.
+    pub has_own_name: bool,
     boxes: BoxesOf,
     judge: Judge,
 }
@@ -44,10 +46,8 @@ impl NamedDetector {
     /// # Errors
     /// Nothing stands after the name, or what is named has nothing to be blinded or no class to keep.
     pub fn parse(text: &str) -> anyhow::Result<Self> {
-        let (name, whose) = match text.split_once('=') {
-            Some((name, whose)) if !name.is_empty() && !name.contains(['/', ':']) => (name, whose),
-            _ => (text, text),
-        };
+        let named = text.split_once('=').filter(|(name, _)| !name.is_empty() && !name.contains(['/', ':']));
+        let (name, whose) = named.unwrap_or((text, text));
         let judged = whose.split_once(':').and_then(|(judge, boxes)| Some((Judge::named(judge)?, boxes)));
         let (judge, boxes) = judged.map_or((None, whose), |(judge, boxes)| (Some(judge), boxes));
         let blinded = Sensor::ALL
@@ -69,10 +69,10 @@ impl NamedDetector {
             run => (BoxesOf::Run { path: run.into(), blind }, Judge::Network),
         };
         let judge = judge.unwrap_or(by_itself);
-        if boxes == BoxesOf::Truth && matches!(judge, Judge::Network | Judge::Both) {
+        if boxes == BoxesOf::Truth && judge.asks_the_network() {
             bail!("`{text}`: no network looked at the true boxes; the judges of boxes alone are the zones");
         }
-        Ok(Self { name: name.to_owned(), boxes, judge })
+        Ok(Self { name: name.to_owned(), has_own_name: named.is_some(), boxes, judge })
     }
 
     /// # Errors
@@ -161,7 +161,7 @@ impl OpenedDetector {
             }
             OpenedBoxes::Run { trained, blind, .. } => {
                 let detector = trained.load(device)?;
-                infer::detect_with(&detector, dataset.samples(), blind, device, &Bar::default())?
+                infer::detect_for(self.judge, &detector, dataset.samples(), blind, device, &Bar::default())?
             }
         };
         Ok(eval_samples(dataset.samples(), &judge_all(self.judge, &found, dataset)?))
@@ -218,7 +218,8 @@ mod tests {
     #[test]
     fn a_detector_has_a_name_a_judge_and_may_be_blind() {
         let parsed = |text: &str| {
-            let NamedDetector { name, boxes, judge } = NamedDetector::parse(text).unwrap();
+            let NamedDetector { name, has_own_name, boxes, judge } = NamedDetector::parse(text).unwrap();
+            assert_eq!(has_own_name, name != text);
             (name, boxes, judge)
         };
         let run = |path: &str, blind| BoxesOf::Run { path: path.into(), blind };

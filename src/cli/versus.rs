@@ -26,7 +26,8 @@ pub struct VersusArgs {
     /// Two or more detectors, the first one to measure by: a run's folder, a checkpoint, `small`, or a JSON of boxes as
     /// `eval --predictions` takes it; `camera-blind:RUN` and `lidar-blind:RUN`, a run with black pictures or empty clouds;
     /// `truth`, all true boxes, whose harm is told from measured speed and steering: about the best there can be; `JUDGE:`
-    /// before any of them, such as `zone:small`, a rule of `baseline` over its boxes; NAME=DETECTOR for a name of its own
+    /// before any of them, such as `zone:small`, a rule of `baseline` over its boxes; NAME=DETECTOR for a name of its own; the same
+    /// NAME= again for another run of the same training: their mean counts
     #[arg(required = true, num_args = 2.., value_name = "DETECTOR")]
     detectors: Vec<String>,
     #[command(flatten)]
@@ -59,11 +60,7 @@ pub struct VersusArgs {
 pub fn run(args: VersusArgs) -> anyhow::Result<ExitStatus> {
     let named = args.detectors.iter().map(|text| NamedDetector::parse(text));
     let named = named.collect::<anyhow::Result<Vec<_>>>()?;
-    let names: Vec<String> = named.iter().map(|detector| detector.name.clone()).collect();
-    let again = names.iter().enumerate().find_map(|(i, name)| names[..i].contains(name).then_some(name));
-    if let Some(name) = again {
-        bail!("two detectors are called `{name}`; NAME=DETECTOR gives one another name");
-    }
+    let rows = rows(&named)?;
     if let Some(out) = args.out.as_ref().filter(|_| !args.force) {
         let taken = FILES.map(|name| out.join(name)).into_iter().find(|path| path.exists());
         if let Some(path) = taken {
@@ -73,7 +70,7 @@ pub fn run(args: VersusArgs) -> anyhow::Result<ExitStatus> {
     let config = config::load_over(&EvalConfig::default(), args.config.as_deref(), &args.overrides)?;
     let protocol = Protocol::try_from(config)?;
     let mode = if args.ood { Mode::Ood } else { Mode::Id };
-    let of_detector = |i: usize| format!("cannot score `{}`", names[i]);
+    let of_detector = |i: usize| format!("cannot score `{}`", args.detectors[i]);
     // All that can be wrong is told before the first network runs.
     let opened = named.iter().enumerate();
     let opened = opened.map(|(i, detector)| detector.open().with_context(|| of_detector(i)));
@@ -91,14 +88,20 @@ pub fn run(args: VersusArgs) -> anyhow::Result<ExitStatus> {
         let samples = detector.samples(&dataset, &device);
         samples.with_context(|| of_detector(i))
     });
-    let detectors: Vec<Vec<EvalSample>> = detectors.collect::<anyhow::Result<_>>()?;
-    let found = versus(&detectors, &protocol, mode)
-        .map_err(|error| anyhow::Error::from(error.source).context(of_detector(error.detector)))?;
+    let mut detectors: Vec<Option<Vec<EvalSample>>> =
+        detectors.map(|of| of.map(Some)).collect::<anyhow::Result<_>>()?;
+    let of_rows = rows.iter().map(|(_, runs)| runs.iter().filter_map(|&i| detectors[i].take()).collect());
+    let of_rows: Vec<Vec<Vec<EvalSample>>> = of_rows.collect();
+    let found = versus(&of_rows, &protocol, mode).map_err(|error| {
+        let place = rows[error.detector].1[error.run];
+        anyhow::Error::from(error.source).context(of_detector(place))
+    })?;
+    let names: Vec<String> = rows.into_iter().map(|(name, _)| name).collect();
     let split = dataset.episodes().first().map(|entry| entry.split);
     let standing = Standing { split, data_version: Manifest::read(dataset.path())?.format_version };
-    let described = names.iter().zip(&args.detectors).zip(&hashes).map(
-        |((name, given), sha256)| serde_json::json!({ "name": name, "detector": given, "sha256": sha256 }),
-    );
+    let described = named.iter().zip(&args.detectors).zip(&hashes).map(|((detector, given), sha256)| {
+        serde_json::json!({ "name": detector.name, "detector": given, "sha256": sha256 })
+    });
     let record = serde_json::json!({
         "version": env!("CARGO_PKG_VERSION"),
         "command": command_line("harmzone"),
@@ -108,6 +111,7 @@ pub fn run(args: VersusArgs) -> anyhow::Result<ExitStatus> {
         "fingerprint": dataset.fingerprint(),
         "config": protocol.config(),
         "detectors": described.collect::<Vec<_>>(),
+        "columns": names,
         "of": found,
     });
     let json = serde_json::to_string_pretty(&record)? + "\n";
@@ -121,4 +125,49 @@ pub fn run(args: VersusArgs) -> anyhow::Result<ExitStatus> {
     }
     print(if args.json { json } else { text })?;
     Ok(ExitStatus::Done)
+}
+
+/// The detectors' names in their first order, each with the places of its runs.
+fn rows(named: &[NamedDetector]) -> anyhow::Result<Vec<(String, Vec<usize>)>> {
+    let mut rows: Vec<(String, Vec<usize>)> = Vec::new();
+    for (i, detector) in named.iter().enumerate() {
+        let Some((name, runs)) = rows.iter_mut().find(|(name, _)| *name == detector.name) else {
+            rows.push((detector.name.clone(), vec![i]));
+            continue;
+        };
+        if !detector.has_own_name || !named[runs[0]].has_own_name {
+            bail!(
+                "two detectors are called `{name}`; NAME=DETECTOR gives one another name, and the same NAME= before both makes \
+                 them runs of one training"
+            );
+        }
+        runs.push(i);
+    }
+    if rows.len() < 2 {
+        bail!("all detectors are called `{}`; there is nothing to set them beside", rows[0].0);
+    }
+    Ok(rows)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_that_is_given_again_makes_runs_of_one_detector() {
+        let of = |texts: &[&str]| {
+            let named = texts.iter().map(|text| NamedDetector::parse(text)).collect::<Result<Vec<_>, _>>();
+            rows(&named.unwrap()).map_err(|error| error.to_string())
+        };
+        let both = of(&["a=runs/1", "b=runs/2", "a=runs/3"]).unwrap();
+        assert_eq!(both, [("a".to_owned(), vec![0, 2]), ("b".to_owned(), vec![1])]);
+        for (wrong, told) in [
+            (&["small", "small"][..], "two detectors are called `small`"),
+            (&["small", "small=runs/1"], "two detectors are called `small`"),
+            (&["a=runs/1", "a=runs/2"], "nothing to set them beside"),
+        ] {
+            let message = of(wrong).unwrap_err();
+            assert!(message.contains(told), "{message}");
+        }
+    }
 }

@@ -97,9 +97,7 @@ impl Perception {
             }
             Self::Network(network) => {
                 let (measured, Network { detector, judge, device, .. }) = (measured(), &**network);
-                let with_camera = detector.config().use_camera;
-                let found =
-                    infer::predict(detector, &[(at.episode, measured)], with_camera, device, &Silent)?;
+                let found = infer::predict_for(*judge, detector, &[(at.episode, measured)], device, &Silent)?;
                 let found = found.into_iter().next().unwrap_or_default();
                 Ok(judge.judge(&found, &measured.ego_state, zone)?)
             }

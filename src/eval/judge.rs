@@ -75,6 +75,12 @@ impl Judge {
         Self::ALL.into_iter().find(|judge| judge.name() == name)
     }
 
+    /// Whether it decides by what the network says of harm, not by boxes alone.
+    #[must_use]
+    pub fn asks_the_network(self) -> bool {
+        matches!(self, Self::Network | Self::Both)
+    }
+
     fn is_expected(self) -> bool {
         matches!(self, Self::ZoneExpected | Self::Both)
     }

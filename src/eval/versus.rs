@@ -1,11 +1,15 @@
 //! Detectors side by side on the same samples: what each finds of a part of them, and what it gains over the first.
 //!
 //! Each is scored on the same resamples of the episodes ([`super::bootstrap`]), and a gain's interval is that of the differences within
-//! them. Detectors fail on the same episodes, so it is far narrower than the intervals of the two suggest.
+//! them. Detectors fail on the same episodes, so it is far narrower than the intervals of the two suggest. Runs of one training
+//! that differ in their seed may count as one detector: its figures are their means, over all and in each resample. An interval
+//! then tells what other episodes would change; what another seed would change, the runs' own figures tell.
 //!
 //! A part of the samples (fog, night, few rings) is scored with all of its false positives. Of a part of the objects only what was
 //! made on them counts, as in the breakdowns: such a score tells how a part fares with each detector, not how it fares
 //! beside other parts.
+
+use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -51,65 +55,102 @@ pub struct VersusLine {
 }
 
 /// A detector's figure and what it is more than the first one's. `None` where it cannot be told.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct VersusFigure {
     pub value: Option<f64>,
     pub interval: Option<[f64; 2]>,
     pub over_first: Option<f64>,
     pub over_first_interval: Option<[f64; 2]>,
+    /// Each run's own figure, where the detector is of several; else empty.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub runs: Vec<Option<f64>>,
 }
 
 impl VersusLine {
-    /// From each detector's value, over all and in each resample.
-    fn new(name: String, n_truths: usize, values: &[Option<f64>], resampled: &[Vec<Option<f64>>]) -> Self {
-        let over = |of: &[Option<f64>], i: usize| Some(of[i]? - of[0]?);
+    /// From each run's value, over all and in each resample.
+    fn new(
+        name: String,
+        n_truths: usize,
+        values: &[Option<f64>],
+        resampled: &[Vec<Option<f64>>],
+        runs: &Runs,
+    ) -> Self {
+        let over = |of: &[Option<f64>], i: usize| Some(runs.mean(of, i)? - runs.mean(of, 0)?);
         let figure = |i: usize| VersusFigure {
-            value: values[i],
-            interval: interval(resampled.iter().filter_map(|of| of[i])),
+            value: runs.mean(values, i),
+            interval: interval(resampled.iter().filter_map(|of| runs.mean(of, i))),
             over_first: over(values, i),
             over_first_interval: interval(resampled.iter().filter_map(|of| over(of, i))),
+            runs: Some(&values[runs.0[i].clone()]).filter(|of| of.len() > 1).unwrap_or_default().to_vec(),
         };
-        Self { name, n_truths, figures: (0..values.len()).map(figure).collect() }
+        Self { name, n_truths, figures: (0..runs.0.len()).map(figure).collect() }
     }
 }
 
-/// A detector, by its place among those given, that cannot be scored.
+/// Each detector's place among all runs.
+struct Runs(Vec<Range<usize>>);
+
+impl Runs {
+    /// A detector's value, the mean of its runs; none where one has none.
+    fn mean(&self, of_runs: &[Option<f64>], detector: usize) -> Option<f64> {
+        let values: Option<Vec<f64>> = of_runs[self.0[detector].clone()].iter().copied().collect();
+        values.map(|values| mean(&values))
+    }
+}
+
+/// A run of a detector, by their places among those given, that cannot be scored.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[error("{source}")]
 pub struct DetectorError {
     pub detector: usize,
+    pub run: usize,
     pub source: ScoreError,
 }
 
-/// Scores detectors on the same samples, each beside the first.
+/// Scores detectors on the same samples, each beside the first; each is the samples with what its runs found, one run or more.
 ///
 /// # Errors
-/// Names the detector that cannot be scored: as of [`super::score`], or its samples are not the first one's in their order.
+/// Names the run that cannot be scored: as of [`super::score`], or its samples are not the first one's in their order.
 pub fn versus(
-    detectors: &[Vec<EvalSample>],
+    detectors: &[Vec<Vec<EvalSample>>],
     protocol: &Protocol,
     mode: Mode,
 ) -> Result<Versus, DetectorError> {
-    let fail = |detector: usize| move |source: ScoreError| DetectorError { detector, source };
-    let first = detectors.first().ok_or(ScoreError::NoSamples).map_err(fail(0))?;
+    let places: Vec<(usize, usize)> =
+        detectors.iter().enumerate().flat_map(|(i, of)| (0..of.len()).map(move |run| (i, run))).collect();
+    let fail = |place: usize| {
+        let (detector, run) = places.get(place).copied().unwrap_or_default();
+        move |source: ScoreError| DetectorError { detector, run, source }
+    };
+    if let Some(detector) = detectors.iter().position(Vec::is_empty) {
+        return Err(DetectorError { detector, run: 0, source: ScoreError::NoSamples });
+    }
+    let ends = detectors.iter().scan(0, |end, of| {
+        let start = *end;
+        *end += of.len();
+        Some(start..*end)
+    });
+    let runs = Runs(ends.collect());
+    let detectors: Vec<&Vec<EvalSample>> = detectors.iter().flatten().collect();
+    let first = *detectors.first().ok_or(ScoreError::NoSamples).map_err(fail(0))?;
     let is_same_truth = |(a, b): (&LabelledObject, &LabelledObject)| {
         a.harm == b.harm && a.truth.box_in_ego == b.truth.box_in_ego
     };
-    let is_same = |of: &Vec<EvalSample>| {
+    let is_same = |of: &&Vec<EvalSample>| {
         let pairs = || of.iter().zip(first);
         of.len() == first.len()
             && pairs().all(|(a, b)| a.id == b.id && a.objects.len() == b.objects.len())
             && pairs().all(|(a, b)| a.objects.iter().zip(&b.objects).all(is_same_truth))
     };
-    if let Some(detector) = detectors.iter().position(|of| !is_same(of)) {
-        return Err(fail(detector)(ScoreError::OtherSamples));
+    if let Some(place) = detectors.iter().position(|of| !is_same(of)) {
+        return Err(fail(place)(ScoreError::OtherSamples));
     }
     let matchings = detectors.iter().enumerate();
     let matchings = matchings.map(|(i, samples)| Matching::new(samples, protocol, mode).map_err(fail(i)));
     let matchings: Vec<Matching<'_>> = matchings.collect::<Result<_, _>>()?;
     let is_zero = protocol.config().missing_class == MissingClass::Zero;
     let resamples = Resamples::always(&matchings[0]);
-    let (missed, warned) = of_events(&matchings, &resamples);
+    let (missed, warned) = of_events(&matchings, &resamples, &runs);
     let mut versus = Versus {
         level: Confidence::LEVEL,
         n_resamples: resamples.n(),
@@ -126,7 +167,7 @@ pub fn versus(
             .map(|matching| Harm::ALL.map(|class| part.cell(matching, class, &resamples)))
             .collect();
         let n_truths = Harm::ALL.map(|class| cells[0][class.index()].n_positives());
-        // By detector: AP of the class harmful, and the mean of the classes that there are.
+        // By run: AP of the class harmful, and the mean of the classes that there are.
         let aps = |n_drawn: &[u32]| -> Vec<[Option<f64>; 2]> {
             let of_detector = |of: &[Cell; 2]| {
                 let aps = of.each_ref().map(|cell| cell.ap(n_drawn, protocol));
@@ -146,7 +187,7 @@ pub fn versus(
             let values: Vec<Option<f64>> = whole.iter().map(|of| of[i]).collect();
             let of_resample = |of: &Vec<[Option<f64>; 2]>| of.iter().map(|of| of[i]).collect();
             let resampled: Vec<Vec<Option<f64>>> = resampled.iter().map(of_resample).collect();
-            (n_truths > 0).then(|| VersusLine::new(part.name(), n_truths, &values, &resampled))
+            (n_truths > 0).then(|| VersusLine::new(part.name(), n_truths, &values, &resampled, &runs))
         };
         versus.harmful.extend(line(0, n_truths[Harm::Harmful.index()]));
         versus.mean.extend(line(1, n_truths.iter().sum()));
@@ -156,14 +197,18 @@ pub fn versus(
 
 /// Missed events of each detector, a line for each number of false alarms; and those warned of in time, one more for each
 /// deceleration.
-fn of_events(matchings: &[Matching<'_>], resamples: &Resamples) -> (Vec<VersusLine>, Vec<VersusLine>) {
+fn of_events(
+    matchings: &[Matching<'_>],
+    resamples: &Resamples,
+    runs: &Runs,
+) -> (Vec<VersusLine>, Vec<VersusLine>) {
     let of: Option<Vec<EventShares>> = matchings.iter().map(|of| event_shares(of, resamples)).collect();
     let Some(of) = of.filter(|of| of[0].n_events > 0) else { return Default::default() };
     let line = |name: String, n_events: usize, i: usize, share: usize| {
         let values: Vec<Option<f64>> = of.iter().map(|of| of.whole[i][share]).collect();
         let of_resample = |k: usize| of.iter().map(|of| of.resampled[k][i][share]).collect();
         let resampled: Vec<Vec<Option<f64>>> = (0..resamples.n()).map(of_resample).collect();
-        VersusLine::new(name, n_events, &values, &resampled)
+        VersusLine::new(name, n_events, &values, &resampled, runs)
     };
     let config = &matchings[0].config().safety;
     let (mut missed, mut warned) = (Vec::new(), Vec::new());
@@ -214,8 +259,8 @@ mod tests {
     fn a_gain_on_every_episode_is_sure_although_both_scores_vary() {
         // The second finds what the first does, and two more of twenty.
         let (a, b) = (samples(20, |i| i < 8), samples(20, |i| i < 10));
-        let of = versus(&[a.clone(), b], &Protocol::default(), Mode::Id).unwrap();
-        let [first, second] = line(&of.mean, "total").figures[..] else { panic!() };
+        let of = versus(&[vec![a.clone()], vec![b]], &Protocol::default(), Mode::Id).unwrap();
+        let [first, second] = &line(&of.mean, "total").figures[..] else { panic!() };
         let alone = evaluate(&a, &Protocol::default(), Mode::Id).unwrap();
         assert_eq!(first.value, alone.metrics.columns.total.mean);
         assert_eq!(first.interval, alone.confidence.unwrap().columns.total.mean, "the same resamples");
@@ -228,8 +273,9 @@ mod tests {
 
     #[test]
     fn parts_hold_their_samples_and_objects_only() {
-        let of =
-            |finds: fn(usize) -> bool| versus(&[samples(8, finds)], &Protocol::default(), Mode::Id).unwrap();
+        let of = |finds: fn(usize) -> bool| {
+            versus(&[vec![samples(8, finds)]], &Protocol::default(), Mode::Id).unwrap()
+        };
         let (all, in_fog) = (of(|_| true), of(|i| i.is_multiple_of(2)));
         let value = |of: &Versus, name: &str| line(&of.mean, name).figures[0].value.unwrap();
         assert!(all.mean.iter().all(|line| line.figures[0].value.unwrap() > 0.999));
@@ -251,10 +297,10 @@ mod tests {
         for (sample, place_m) in samples.iter_mut().zip([20.0, 15.0]) {
             sample.detections = vec![found(place_m, Harm::Harmful, 0.5)];
         }
-        let of = versus(&[blind, samples.clone()], &Protocol::default(), Mode::Id).unwrap();
+        let of = versus(&[vec![blind], vec![samples.clone()]], &Protocol::default(), Mode::Id).unwrap();
         let alone = evaluate(&samples, &Protocol::default(), Mode::Id).unwrap().safety.alarms.unwrap();
         for (line, point) in of.missed.iter().zip(&alone.points) {
-            let [first, second] = line.figures[..] else { panic!() };
+            let [first, second] = &line.figures[..] else { panic!() };
             assert_eq!((first.value, second.value), (Some(1.0), point.missed_per_event));
             assert_eq!(second.interval, point.missed_per_event_interval);
             assert_eq!((second.over_first, line.n_truths), (Some(-0.5), 2));
@@ -282,7 +328,7 @@ mod tests {
                 (of.length_m, of.width_m, of.height_m) = (0.3, 0.4, size_m);
             }
         }
-        let of = versus(&[samples], &Protocol::default(), Mode::Id).unwrap();
+        let of = versus(&[vec![samples]], &Protocol::default(), Mode::Id).unwrap();
         for (name, n_truths, is_found) in [
             ("nearer than 10", 4, false),
             ("30 m or more", 4, false),
@@ -300,24 +346,51 @@ mod tests {
     fn one_episode_has_no_intervals_and_an_absent_class_counts_where_the_config_says_so() {
         let mut one = samples(1, |_| true);
         one[0].objects.truncate(1);
-        let of = versus(&[one.clone()], &Protocol::default(), Mode::Id).unwrap();
-        let total = line(&of.mean, "total").figures[0];
+        let of = versus(&[vec![one.clone()]], &Protocol::default(), Mode::Id).unwrap();
+        let total = line(&of.mean, "total").figures[0].clone();
         assert_eq!((of.n_resamples, total.interval), (0, None));
         assert!(total.value.unwrap() > 0.999);
         let config = EvalConfig { missing_class: MissingClass::Zero, ..EvalConfig::default() };
         let protocol = Protocol::try_from(config).unwrap();
-        let zero = line(&versus(&[one.clone()], &protocol, Mode::Id).unwrap().mean, "total").figures[0].value;
+        let zero =
+            line(&versus(&[vec![one.clone()]], &protocol, Mode::Id).unwrap().mean, "total").figures[0].value;
         assert_eq!(zero, evaluate(&one, &protocol, Mode::Id).unwrap().metrics.columns.total.mean);
     }
 
     #[test]
     fn the_detector_that_does_not_fit_is_named() {
         let all = || samples(3, |_| true);
-        let wrong = versus(&[all(), samples(4, |_| true)], &Protocol::default(), Mode::Id).unwrap_err();
-        assert!(wrong.detector == 1 && wrong.to_string().contains("other samples"), "{wrong}");
+        let given = [vec![all()], vec![all(), samples(4, |_| true)]];
+        let wrong = versus(&given, &Protocol::default(), Mode::Id).unwrap_err();
+        assert!(
+            (wrong.detector, wrong.run) == (1, 1) && wrong.to_string().contains("other samples"),
+            "{wrong}"
+        );
         let mut bad = all();
         bad[0].detections[0].score = f64::NAN;
-        let wrong = versus(&[all(), all(), bad], &Protocol::default(), Mode::Id).unwrap_err();
+        let wrong =
+            versus(&[vec![all()], vec![all()], vec![bad]], &Protocol::default(), Mode::Id).unwrap_err();
         assert!(wrong.detector == 2 && wrong.to_string().contains("score"), "{wrong}");
+    }
+
+    #[test]
+    fn runs_of_one_training_count_as_their_mean() {
+        let (a, b, c) = (samples(20, |i| i < 8), samples(20, |i| i < 10), samples(20, |i| i < 16));
+        let alone = |of: &Vec<EvalSample>| {
+            let of = versus(&[vec![of.clone()]], &Protocol::default(), Mode::Id).unwrap();
+            line(&of.mean, "total").figures[0].value
+        };
+        let runs = vec![b.clone(), c.clone()];
+        let of = versus(&[vec![a.clone()], runs], &Protocol::default(), Mode::Id).unwrap();
+        let [first, second] = &line(&of.mean, "total").figures[..] else { panic!() };
+        assert_eq!((first.value, first.runs.len()), (alone(&a), 0));
+        assert_eq!(second.runs, [alone(&b), alone(&c)]);
+        let expected = f64::midpoint(alone(&b).unwrap(), alone(&c).unwrap());
+        assert!((second.value.unwrap() - expected).abs() < 1e-12);
+        assert_eq!(second.over_first, Some(second.value.unwrap() - first.value.unwrap()));
+        let [low, high] = second.over_first_interval.unwrap();
+        assert!(low < second.over_first.unwrap() && second.over_first.unwrap() < high, "{low} {high}");
+        let none = versus(&[vec![a], vec![]], &Protocol::default(), Mode::Id).unwrap_err();
+        assert_eq!(none.detector, 1);
     }
 }

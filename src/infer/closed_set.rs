@@ -224,6 +224,7 @@ mod tests {
             KindBox {
                 box_in_ego: object.truth.box_in_ego,
                 velocity_in_ego_mps: [0.0; 2],
+                spread: None,
                 score: 0.8,
                 logits,
                 features: features(i),

@@ -11,7 +11,9 @@ pub mod worker;
 
 pub use closed_set::{ClosedSet, ClosedSetError, Strangeness};
 pub use parts::{JoinError, JoinSummary, PredictedEpisode, PredictionPart, join};
-pub use predict::{PredictError, detect, detect_kinds, detect_with, predict, predict_kinds, predict_states};
+pub use predict::{
+    PredictError, detect, detect_for, detect_kinds, predict, predict_for, predict_kinds, predict_states,
+};
 pub use predictions::{Predictions, PredictionsError};
 pub use recorded::{RecordedError, predict_recording};
 pub use sweep::{SweepRunError, sweep};

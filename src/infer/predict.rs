@@ -7,6 +7,7 @@ use thiserror::Error;
 use crate::dataset::blind::Sensor;
 use crate::dataset::{Dataset, LabelledSample, named};
 use crate::device::is_cpu;
+use crate::eval::judge::Judge;
 use crate::model::{
     Batch, Classes, Detector, Input, InputError, KindBox, Output, detections_by_state, kind_boxes,
 };
@@ -27,7 +28,7 @@ pub enum PredictError {
     Input { sample: String, source: InputError },
     #[error(
         "the network tells kinds of objects, not harm (model.head.classes = \"kind\"); \
-         `harmzone baseline closed-msp RUN --data DIR --fit DIR` decides on harm by kind"
+         `harmzone baseline closed-msp RUN --data DIR --fit DIR` decides on harm by kind, `harmzone baseline zone RUN --data DIR` by box"
     )]
     TellsKinds,
     #[error(
@@ -95,6 +96,25 @@ pub fn predict_kinds(
     forward(detector, samples, &recorded, detector.config().use_camera, device, progress, &read)
 }
 
+/// Boxes for a judge. One that rules on boxes alone takes those of a detector of kinds as they are, whose class means nothing
+/// then; otherwise as [`predict`].
+///
+/// # Errors
+/// As [`predict`].
+pub fn predict_for(
+    judge: Judge,
+    detector: &Detector,
+    samples: &[(&str, &Measured)],
+    device: &Device,
+    progress: &dyn Progress,
+) -> Result<Vec<Vec<Detection>>, PredictError> {
+    if judge.asks_the_network() || detector.config().head.classes == Classes::Harm {
+        return predict(detector, samples, detector.config().use_camera, device, progress);
+    }
+    let found = predict_kinds(detector, samples, device, progress)?;
+    Ok(found.iter().map(|found| found.iter().map(KindBox::to_detection).collect()).collect())
+}
+
 /// Boxes of named samples, as [`Dataset::named`] gives them, by a detector in inference mode.
 ///
 /// # Errors
@@ -111,24 +131,29 @@ pub fn detect(
     Ok(found)
 }
 
-/// As [`detect`], with one sensor blinded where one is named; a few samples are copied at a time.
+/// As [`detect`], for a judge as [`predict_for`], with one sensor blinded where one is named; a few samples are copied at a time.
 ///
 /// # Errors
 /// As [`predict`].
-pub fn detect_with(
+pub fn detect_for(
+    judge: Judge,
     detector: &Detector,
     samples: &[LabelledSample],
     blind: Option<Sensor>,
     device: &Device,
     progress: &dyn Progress,
 ) -> Result<Vec<Vec<Detection>>, PredictError> {
-    let Some(sensor) = blind else { return detect(detector, &named(samples), device, progress) };
     progress.start("predict", samples.len() as u64);
+    let Some(sensor) = blind else {
+        let found = predict_for(judge, detector, &named(samples), device, progress)?;
+        progress.finish();
+        return Ok(found);
+    };
     let mut found = Vec::with_capacity(samples.len());
     for part in samples.chunks(N_BLINDED) {
         let mut part = part.to_vec();
         part.iter_mut().for_each(|sample| sensor.blind(&mut sample.measured));
-        found.extend(predict(detector, &named(&part), detector.config().use_camera, device, progress)?);
+        found.extend(predict_for(judge, detector, &named(&part), device, progress)?);
     }
     progress.finish();
     Ok(found)

@@ -25,11 +25,17 @@ pub fn tables(versus: &Versus, names: &[String]) -> Vec<Table> {
         .collect();
     let how = "After the semicolon: the difference from the first. Of missed events less is better, of warned ones and AP more. Of objects of a \
                kind, only what was made on them counts.";
+    let mut lines = [&versus.missed, &versus.warned, &versus.harmful, &versus.mean].into_iter().flatten();
+    let of_runs = if lines.any(|line| line.figures.iter().any(|figure| !figure.runs.is_empty())) {
+        " Of a detector of several runs the mean, and below it each run's."
+    } else {
+        ""
+    };
     let note = if versus.n_resamples == 0 {
-        format!("No intervals: they are drawn from several episodes. {how}")
+        format!("No intervals: they are drawn from several episodes. {how}{of_runs}")
     } else {
         format!(
-            "In brackets intervals of {} % by a bootstrap over the {} episodes, {} resamples, the same for all. {how}",
+            "In brackets intervals of {} % by a bootstrap over the {} episodes, {} resamples, the same for all. {how}{of_runs}",
             100.0 * versus.level,
             versus.n_episodes,
             versus.n_resamples
@@ -61,6 +67,10 @@ fn cell(figure: &VersusFigure, has_gain: bool, show: Show<'_>) -> Cell {
         let before = below.pop().map_or_else(String::new, |of| format!("{of}; "));
         below.push(before + &gain);
     }
+    if !figure.runs.is_empty() {
+        let runs = figure.runs.iter().map(|of| of.map_or_else(|| "–".to_owned(), show));
+        below.push(format!("runs {}", runs.collect::<Vec<_>>().join(", ")));
+    }
     Cell { text: show(value), below }
 }
 
@@ -75,22 +85,29 @@ mod tests {
             interval: Some([value - 0.1, value + 0.1]),
             over_first: Some(over),
             over_first_interval: Some([over - 0.02, over + 0.02]),
+            runs: Vec::new(),
         };
-        let unknown =
-            VersusFigure { value: None, interval: None, over_first: None, over_first_interval: None };
+        let unknown = || VersusFigure {
+            value: None,
+            interval: None,
+            over_first: None,
+            over_first_interval: None,
+            runs: Vec::new(),
+        };
+        let of_runs = VersusFigure { runs: vec![Some(0.84), Some(0.86)], ..figure(0.85, 0.05) };
         let line = |name: &str, figures| VersusLine { name: name.to_owned(), n_truths: 7, figures };
         let versus = Versus {
             level: 0.95,
             n_resamples: 1000,
             n_episodes: 12,
             n_samples: 70,
-            missed: vec![line("at 10 false alarms/km", vec![figure(0.3, 0.0), figure(0.2, -0.1), unknown])],
+            missed: vec![line("at 10 false alarms/km", vec![figure(0.3, 0.0), figure(0.2, -0.1), unknown()])],
             warned: vec![line(
                 "at 10 false alarms/km, 8 m/s²",
-                vec![figure(0.5, 0.0), figure(0.6, 0.1), unknown],
+                vec![figure(0.5, 0.0), figure(0.6, 0.1), unknown()],
             )],
             harmful: Vec::new(),
-            mean: vec![line("total", vec![figure(0.8, 0.0), figure(0.85, 0.05), unknown])],
+            mean: vec![line("total", vec![figure(0.8, 0.0), of_runs, unknown()])],
         };
         let names = ["lidar", "both", "other"].map(str::to_owned);
         let text: String = tables(&versus, &names).iter().map(Table::to_string).collect();

@@ -31,14 +31,17 @@ pub struct ResultsArgs {
     /// Finished run to stand above the tables, of these data or of its own [default: trained as the config says]
     #[arg(long, value_name = "RUN")]
     headline: Option<PathBuf>,
+    /// Finished run of the headline's training from another seed, whose figures stand beside it; may be given several times
+    #[arg(long, value_name = "RUN", requires = "headline")]
+    headline_again: Vec<PathBuf>,
     /// Card whose figures are written anew, e.g. models/small.md; its network lies beside it
     #[arg(long, value_name = "MD")]
     card: Option<PathBuf>,
     /// Train and score one row
     #[arg(long, value_name = "ROW", conflicts_with = "tables_only")]
     only: Option<String>,
-    /// Also score the headline on split test, for reporting: the figures are kept with commit and date, and made once a
-    /// network
+    /// Also score the headline and its other seeds on split test, for reporting: the figures are kept with commit and date, and
+    /// made once a network
     #[arg(long = "final", conflicts_with_all = ["only", "tables_only"])]
     is_final: bool,
     /// Date beside the figures on split test [default: the commit's]
@@ -66,6 +69,7 @@ pub fn run(args: ResultsArgs) -> anyhow::Result<ExitStatus> {
         data: args.data,
         ood: args.ood,
         headline: args.headline,
+        headline_repeats: args.headline_again,
         only: args.only,
         reported,
         card: args.card,

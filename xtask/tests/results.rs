@@ -36,7 +36,9 @@ fn experiment(folder: &Path) -> PathBuf {
     config += &rows.map(|(name, _)| format!("{{ label = 'with {name}', row = '{name}' }}")).join(", ");
     config += "]\n";
     config += "[[side_by_side]]\ntitle = 'Eyes'\nnote = 'On the same samples.'\nrows = [{ label = 'cloud', row = 'lidar' }, \
-               { label = 'dark', row = 'one-stage', blind = 'camera' }]\n";
+               { label = 'dark', row = 'one-stage', blind = 'camera' }, \
+               { label = 'rule', row = 'kinds', judge = 'zone' }]\n";
+    config += "[seeds]\nvalues = [7]\nrows = ['one-stage']\n";
     for judge in ["network", "zone-soft"] {
         config += &format!("[[rivals]]\nlabel = 'by {judge}'\nrow = 'lidar'\njudge = '{judge}'\n");
     }
@@ -52,7 +54,18 @@ fn an_experiment_killed_in_a_training_goes_on_and_its_commands_make_its_rows() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let out = folder.path().join("results");
     let config = experiment(folder.path());
+    let again = folder.path().join("again");
+    let mut train = Command::new(program());
+    train.args(["train", text(id), "--out", text(&again)]).args(TINY).args(["--set", "seed=5"]);
+    succeed(&mut train);
     let data = ["--data", text(id), "--ood", text(ood), "--headline", text(run)];
+    let message = fail(
+        xtask(&["results", "--config", text(&config), "--out", text(&out)])
+            .args(data)
+            .args(["--headline-again", text(run)]),
+    );
+    assert!(message.contains("two runs of the headline are from seed"), "{message}");
+    let data = [&data[..], &["--headline-again", text(&again)]].concat();
     let args = [&["results", "--config", text(&config), "--out", text(&out)], data.as_slice()].concat();
     let document = || fs::read_to_string(out.join("RESULTS.md")).expect("tables are written");
 
@@ -77,7 +90,10 @@ fn an_experiment_killed_in_a_training_goes_on_and_its_commands_make_its_rows() {
         whole.contains("| closed set, energy | kinds |")
             && whole.contains("| by network | lidar |")
             && whole.contains("| by zone-soft | lidar |")
-            && whole.contains("| AP, mean of both | truths | cloud | dark |"),
+            && whole.contains("| zone over the closed set's boxes | kinds |")
+            && whole.contains("| AP, mean of both | truths | cloud | dark | rule |")
+            && whole.contains("<br>seeds ")
+            && whole.contains("| seed 5 | mean | standard deviation |"),
         "{whole}"
     );
     assert!(!whole.contains("not trained yet") && !whole.contains("Not trained yet"), "{whole}");

@@ -146,6 +146,8 @@ const N_KINDS: usize = 3;
 pub struct KindBox {
     pub box_in_ego: Box3<Ego>,
     pub velocity_in_ego_mps: [f64; 2],
+    /// `None` where the network does not tell.
+    pub spread: Option<BoxSpread>,
     /// The heatmap, raised to the config's power, times the best kind's probability, 0 to 1.
     pub score: f32,
     /// Before the sigmoid, in channel order.
@@ -159,6 +161,18 @@ impl KindBox {
     #[must_use]
     pub fn kind_idx(&self) -> usize {
         (1..N_KINDS).fold(0, |best, i| if self.logits[i] > self.logits[best] { i } else { best })
+    }
+
+    /// The box alone, for a rule that decides on its harm. Nobody has yet: the class in it means nothing.
+    #[must_use]
+    pub fn to_detection(&self) -> Detection {
+        Detection {
+            box_in_ego: self.box_in_ego,
+            velocity_in_ego_mps: self.velocity_in_ego_mps,
+            harm: Harm::Harmless,
+            score: self.score.into(),
+            spread: self.spread,
+        }
     }
 }
 
@@ -181,6 +195,7 @@ pub fn kind_boxes(output: &Output, config: &ModelConfig, min_score: f32) -> Vec<
             [KindBox {
                 box_in_ego: of.box_in_ego,
                 velocity_in_ego_mps: of.velocity_in_ego_mps,
+                spread: of.spread,
                 score: config.head.raise_peak(of.query.score) / (1.0 + (-best).exp()),
                 logits: of.logits.try_into().expect("there is a logit for each kind"),
                 features: features[of.row * n_channels..(of.row + 1) * n_channels].to_vec(),
@@ -221,6 +236,11 @@ mod tests {
         assert_eq!((&found[0].features[..], &found[1].features[..]), (&[3.0, 4.0][..], &[1.0, 2.0][..]));
         let ahead_m = 20.0 + config.grid.cell_size_m;
         assert!((found[0].box_in_ego.center.x() - ahead_m).abs() < 1e-6);
+        let alone = found[0].to_detection();
+        assert_eq!(
+            (alone.box_in_ego, alone.score as f32, alone.spread),
+            (found[0].box_in_ego, found[0].score, None)
+        );
         assert_eq!(kind_boxes(&output, &config, 0.3)[0].len(), 1);
         // By the class alone: its probability is one half for both.
         config.head.heatmap_power = 0.0;

@@ -1,14 +1,14 @@
 //! The results of an experiment in blocks, for RESULTS.md, the page and a network's card.
 
 use super::reported::{development_block, reported_blocks};
+use super::seeds::{self, mean_of, missed_events};
 use super::{MissedHarm, Record, Results, RivalRecord, SetRecord, SetScores, TableConfig};
 use crate::eval::ClassScores;
-use crate::eval::safety::Alarms;
 use crate::report::document::Block;
 use crate::report::missed;
 use crate::report::paper::{Line, PARTS, YARDSTICK};
 use crate::report::provenance::quote;
-use crate::report::table::{Cell, Table, ap, number, percent};
+use crate::report::table::{Cell, Table, ap, number};
 use crate::report::versus;
 
 /// All blocks of the results; the same results give the same blocks.
@@ -24,8 +24,8 @@ pub fn blocks(results: &Results) -> Vec<Block> {
     blocks.push(Block::heading("Ablations"));
     blocks.push(Block::text(
         "One training each, over configs/train.toml with the keys below, a shorter schedule than that of the network above. \
-         Harmful events missed at 10 false alarms a kilometre, then mean AP (harmful / harmless). One seed each: small \
-         differences tell nothing.",
+         Harmful events missed at 10 false alarms a kilometre, then mean AP (harmful / harmless). A row of several seeds shows \
+         their mean and each one's mean AP; of one seed, small differences tell nothing.",
     ));
     blocks.push(Block::code(results.common.join("\n")));
     for table in &results.tables {
@@ -51,7 +51,8 @@ pub fn headline_blocks(results: &Results, record: &Record) -> Vec<Block> {
 /// The figures on split test, if there are any, and what all others are.
 fn standing_blocks(results: &Results) -> Vec<Block> {
     let reported = results.reported.as_ref();
-    reported.map(reported_blocks).into_iter().flatten().chain([development_block(reported)]).collect()
+    let blocks = reported.map(|record| reported_blocks(results, record));
+    blocks.into_iter().flatten().chain([development_block(reported)]).collect()
 }
 
 fn data_blocks(results: &Results) -> Vec<Block> {
@@ -119,13 +120,8 @@ fn record_blocks(results: &Results, record: &Record) -> Vec<Block> {
         [("ID", id), ("OOD", ood)].into_iter().filter_map(|(name, of)| Some((name, of.as_ref()?))).collect();
     let families = ood.as_ref().and_then(|alarms| missed::by_family(("OOD", alarms)));
     let missed = missed::table(&sets).into_iter().chain(families).map(Block::Table);
-    missed.chain([Block::Table(table), Block::code(commands(&[record]))]).collect()
-}
-
-/// Harmful events missed at the middle number of false alarms, ID / OOD.
-fn missed_events(MissedHarm { id, ood }: &MissedHarm) -> String {
-    let share = |alarms: &Option<Alarms>| Some(percent(missed::middle(alarms.as_ref()?)?.missed_per_event));
-    [id, ood].map(|of| share(of).unwrap_or_else(|| "–".to_owned())).join(" / ")
+    let seeds = seeds::table(results, record).map(Block::Table);
+    missed.chain([Block::Table(table)]).chain(seeds).chain([Block::code(commands(&[record]))]).collect()
 }
 
 /// Columns of a table of ablations.
@@ -135,22 +131,21 @@ fn ablation_blocks(results: &Results, table: &TableConfig) -> Vec<Block> {
     let mut records = Vec::new();
     let rows = table.rows.iter().map(|of| {
         let mut cells: Vec<Cell> = vec![of.label.clone().into()];
-        let Some(record) = results.row(&of.row) else {
+        let runs = results.runs_of(&of.row);
+        let Some(&record) = runs.first() else {
             cells.push("not trained yet".into());
             cells.resize(N_COLUMNS, "".into());
             return cells;
         };
-        records.push(record);
-        let cell = |ClassScores { harmful, harmless, mean }: ClassScores| Cell {
-            text: ap(mean),
-            below: vec![format!("{} / {}", ap(harmful), ap(harmless))],
-        };
-        cells.push(missed_events(&record.missed).into());
-        cells.extend(record.scores().into_iter().map(|(_, scores)| cell(scores)));
+        records.extend(&runs);
+        let scores: Vec<Vec<ClassScores>> =
+            runs.iter().map(|run| run.scores().into_iter().map(|(_, scores)| scores).collect()).collect();
+        cells.push(missed_events(runs.iter().map(|run| &run.missed)).into());
+        cells.extend((0..scores[0].len()).map(|i| scores_cell(scores.iter().filter_map(|of| of.get(i)))));
         cells.resize(N_COLUMNS - 3, "".into());
         cells.push(format!("{} M", millions(record.n_parameters)).into());
         cells.push(duration(record.wall_and_cpu_s).into());
-        cells.push(record.seed.to_string().into());
+        cells.push(runs.iter().map(|run| run.seed.to_string()).collect::<Vec<_>>().join(", ").into());
         cells
     });
     let rows = rows.collect();
@@ -178,6 +173,18 @@ fn ablation_blocks(results: &Results, table: &TableConfig) -> Vec<Block> {
     blocks
 }
 
+/// Mean AP, and of several runs each one's.
+fn scores_cell<'a>(runs: impl Iterator<Item = &'a ClassScores>) -> Cell {
+    let runs: Vec<&ClassScores> = runs.collect();
+    let mean = |part: fn(&ClassScores) -> Option<f64>| ap(mean_of(runs.iter().map(|&of| part(of))));
+    let mut below = vec![format!("{} / {}", mean(|of| of.harmful), mean(|of| of.harmless))];
+    if runs.len() > 1 {
+        let each: Vec<String> = runs.iter().map(|of| ap(of.mean)).collect();
+        below.push(format!("seeds {}", each.join(", ")));
+    }
+    Cell { text: mean(|of| of.mean), below }
+}
+
 fn rival_blocks(results: &Results) -> Vec<Block> {
     let text = "The network's class branch against the zone's own rule, laid over the network's boxes with the measured speed \
                 and steering angle (docs/evaluation.md, rivals). mAP with both sensors right, with the speed measured 10 % \
@@ -194,7 +201,7 @@ fn rival_blocks(results: &Results) -> Vec<Block> {
         vec![
             label.as_str().into(),
             row.as_str().into(),
-            missed_events(&scores.missed).into(),
+            missed_events([&scores.missed]).into(),
             cell(means(&scores.right)),
             number(scores.right.ood.ood_matched.and_then(|of| of.mean), 3).into(),
             lower(&scores.speed_off),

@@ -2,6 +2,7 @@
 
 mod blocks;
 mod reported;
+mod seeds;
 pub mod test_data;
 
 pub use blocks::{blocks, headline_blocks};
@@ -37,12 +38,18 @@ pub struct Results {
     /// The headline's figures on split test; none until they are asked for.
     #[serde(default)]
     pub reported: Option<ReportedRecord>,
+    /// Those of the headline's repeats.
+    #[serde(default)]
+    pub reported_repeats: Vec<ReportedRecord>,
     /// `key=value` that all rows but the headline share, over configs/train.toml.
     pub common: Vec<String>,
     /// `None` until it is trained and scored.
     pub headline: Option<Record>,
     /// The rows that are done, in the config's order.
     pub rows: Vec<Record>,
+    /// Rows trained once more, those that are done: the headline's, then in the config's order.
+    #[serde(default)]
+    pub repeats: Vec<Repeat>,
     pub tables: Vec<TableConfig>,
     /// Rows on the same samples of the OOD set; empty in what older versions wrote.
     #[serde(default)]
@@ -103,6 +110,15 @@ pub struct Record {
     /// Missed harm on both sets; unknown in what older versions wrote.
     #[serde(default)]
     pub missed: MissedHarm,
+}
+
+/// The training of a row once more from another seed, and nothing else changed.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Repeat {
+    /// Name of the row.
+    pub row: String,
+    /// Under a name of its own.
+    pub record: Record,
 }
 
 /// Missed harm at fixed false alarms.
@@ -185,6 +201,11 @@ impl Record {
         let ood = Column::ALL.into_iter().filter_map(|column| Some((Some(column), *self.ood.get(column)?)));
         std::iter::once((None, self.id)).chain(ood).collect()
     }
+
+    /// In distribution there is no other column than the total.
+    fn id_columns(&self) -> Columns<ClassScores> {
+        Columns { total: self.id, id_matched: None, ood_all: None, ood_matched: None }
+    }
 }
 
 impl Results {
@@ -207,6 +228,13 @@ impl Results {
     #[must_use]
     pub fn row(&self, name: &str) -> Option<&Record> {
         self.headline.iter().chain(&self.rows).find(|record| record.name == name)
+    }
+
+    /// The row with this name and its repeats; none where the row is not done.
+    #[must_use]
+    pub fn runs_of(&self, name: &str) -> Vec<&Record> {
+        let repeats = self.repeats.iter().filter(|repeat| repeat.row == name).map(|repeat| &repeat.record);
+        self.row(name).map(|first| std::iter::once(first).chain(repeats).collect()).unwrap_or_default()
     }
 }
 

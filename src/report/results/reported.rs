@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
+use super::{Results, seeds};
 use crate::dataset::Fingerprint;
 use crate::eval::safety::Alarms;
 use crate::eval::{ClassScores, Column, Columns, Confidence};
@@ -72,7 +73,7 @@ pub(super) fn development_block(reported: Option<&ReportedRecord>) -> Block {
 }
 
 /// The figures on split test, a table a group.
-pub(super) fn reported_blocks(record: &ReportedRecord) -> Vec<Block> {
+pub(super) fn reported_blocks(results: &Results, record: &ReportedRecord) -> Vec<Block> {
     let mut blocks = vec![
         Block::heading("Split test"),
         Block::text(format!(
@@ -80,7 +81,7 @@ pub(super) fn reported_blocks(record: &ReportedRecord) -> Vec<Block> {
             record.commit, record.date, record.checkpoint_sha256
         )),
     ];
-    for group in &record.groups {
+    for (i, group) in record.groups.iter().enumerate() {
         let sets = [("ID", &group.id), ("OOD", &group.ood)];
         let sets: Vec<missed::NamedAlarms<'_>> =
             sets.into_iter().filter_map(|(name, set)| Some((name, set.missed.as_ref()?))).collect();
@@ -107,6 +108,7 @@ pub(super) fn reported_blocks(record: &ReportedRecord) -> Vec<Block> {
         );
         let rows = lines.into_iter().map(cells).collect();
         blocks.push(Block::Table(Table::new(["AP"].into_iter().chain(PARTS), rows).with_note(note)));
+        blocks.extend(seeds::reported_table(results, i).map(Block::Table));
     }
     if !record.absent_maps.is_empty() {
         let absent: Vec<String> = record.absent_maps.iter().map(|path| path.display().to_string()).collect();

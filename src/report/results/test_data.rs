@@ -63,9 +63,11 @@ pub fn test_results() -> Results {
             ood: set("b", [0, 0, 600], false),
         },
         reported: None,
+        reported_repeats: Vec::new(),
         common: vec!["lidar_stage.epochs=3".into(), "fused_stage.epochs=1".into()],
         headline: Some(record("small", &["lidar_stage.epochs=5"], Some([3600.4, 7000.0]))),
         rows: vec![record("fused", &keys, Some([90.0, 99.0]))],
+        repeats: Vec::new(),
         tables: vec![TableConfig {
             title: "Sensors".into(),
             note: "What each sensor brings.".into(),
@@ -126,6 +128,7 @@ fn test_versus() -> Versus {
         interval: Some([value - 0.1, value + 0.1]),
         over_first: Some(over),
         over_first_interval: Some([over - 0.02, over + 0.02]),
+        runs: Vec::new(),
     };
     let line = |name: &str, n_truths, figures: Vec<VersusFigure>| VersusLine {
         name: name.into(),

@@ -1,13 +1,18 @@
 //! A closed set as a rival: its network tells kinds, and harm is decided by the kind, or by strangeness.
 //!
-//! The network sees neither speed nor steering angle unless its row says so, and no rule here does: errors of the two
-//! sensors change nothing, so that each line has the same scores in all of its columns.
+//! Or by the zone's rules over its boxes, whatever kind they are called. The network sees neither speed nor steering angle unless its
+//! row says so, and the kind does not either: errors of the two sensors change the zone's verdicts alone.
 
 use fs_err as fs;
 
 use super::experiment::{Experiment, Row};
-use super::score::{RowScores, median, read_or_make_by, time_it, time_network, timed_samples};
+use super::score::{
+    RowScores, SPEED_FACTORS, STEERING_OFFSETS_DEG, judged_at, median, read_or_make_by, time_it, time_judge,
+    time_network, timed_samples,
+};
 use harmzone::dataset::Dataset;
+use harmzone::eval::judge::Judge;
+use harmzone::eval::sweep::Change;
 use harmzone::eval::{Mode, Protocol, eval_samples, evaluate};
 use harmzone::files::sha256_hex;
 use harmzone::infer::{self, ClosedSet, Strangeness, Trained};
@@ -17,10 +22,21 @@ use harmzone::object::Detection;
 use harmzone::progress::Silent;
 use harmzone::report::results::{JudgeScores, MissedHarm, SetScores};
 
-/// The closed set by each score of strangeness; none where it is not done and not wanted now.
+/// The zone's rules that judge its boxes.
+const ZONES: [Judge; 3] = [Judge::Zone, Judge::ZoneSoft, Judge::ZoneExpected];
+
+/// The closed set by each score of strangeness and by the zone; none where it is not done and not wanted now.
 pub fn read_or_make(experiment: &Experiment<'_>, row: &Row) -> anyhow::Result<Option<RowScores>> {
-    let names = Strangeness::ALL.map(Strangeness::name);
+    let names = [Strangeness::ALL.map(Strangeness::name), ZONES.map(Judge::name)].concat();
     read_or_make_by(experiment, row, &names, || make(experiment, row))
+}
+
+/// What a line of the table is called.
+pub fn label(judge: &str) -> String {
+    match judge.strip_prefix("closed-") {
+        Some(strangeness) => format!("closed set, {strangeness}"),
+        None => format!("{judge} over the closed set's boxes"),
+    }
 }
 
 fn make(experiment: &Experiment<'_>, row: &Row) -> anyhow::Result<RowScores> {
@@ -48,6 +64,32 @@ fn make(experiment: &Experiment<'_>, row: &Row) -> anyhow::Result<RowScores> {
             missed: MissedHarm { id: id.safety.alarms, ood: ood.safety.alarms },
         })
     });
+    let boxes_of = |found: &[Vec<KindBox>]| -> Vec<Vec<Detection>> {
+        found.iter().map(|found| found.iter().map(KindBox::to_detection).collect()).collect()
+    };
+    let [id_boxes, ood_boxes] = [&in_validation, &in_test].map(|found| boxes_of(found));
+    let sets = [(validation, &id_boxes, Mode::Id), (test, &ood_boxes, Mode::Ood)];
+    let zones = ZONES.map(|judge| {
+        let at = |change: Change, value: f64| {
+            let [id, ood] = sets.map(|(data, found, mode)| {
+                let judged = judged_at(judge, data, found, |state| change.apply(state, value))?;
+                anyhow::Ok(evaluate(&eval_samples(data.samples(), &judged), &Protocol::default(), mode)?)
+            });
+            let (id, ood) = (id?, ood?);
+            let scores = SetScores { id: id.metrics.columns.total, ood: ood.metrics.columns };
+            anyhow::Ok((scores, MissedHarm { id: id.safety.alarms, ood: ood.safety.alarms }))
+        };
+        let off = |change, [low, high]: [f64; 2]| anyhow::Ok([at(change, low)?.0, at(change, high)?.0]);
+        let (right, missed) = at(Change::SpeedFactor, 1.0)?;
+        anyhow::Ok(JudgeScores {
+            judge: judge.name().to_owned(),
+            judge_ms: time_judge(test, &ood_boxes, judge)?,
+            right,
+            missed,
+            speed_off: off(Change::SpeedFactor, SPEED_FACTORS)?,
+            steering_off: off(Change::SteeringOffsetDeg, STEERING_OFFSETS_DEG)?,
+        })
+    });
     let network_ms =
         time_network(test, |named| infer::predict_kinds(&detector, named, device, &Silent).map(|_| ()))?;
     Ok(RowScores {
@@ -55,7 +97,7 @@ fn make(experiment: &Experiment<'_>, row: &Row) -> anyhow::Result<RowScores> {
         trained_on: experiment.id.clone(),
         tested_on: experiment.ood.clone(),
         record: None,
-        judges: judges.into_iter().collect::<anyhow::Result<_>>()?,
+        judges: judges.into_iter().chain(zones).collect::<anyhow::Result<_>>()?,
         network_ms: Some(network_ms),
     })
 }

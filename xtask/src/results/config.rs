@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use anyhow::{Context, ensure};
+use anyhow::{Context, bail, ensure};
 use serde::{Deserialize, Serialize};
 
 use harmzone::config::{self, Check};
@@ -29,6 +29,9 @@ pub struct ResultsConfig {
     /// One training each.
     pub rows: Vec<RowConfig>,
     pub tables: Vec<TableConfig>,
+    /// Rows that are trained again from other seeds. Default: none.
+    #[serde(default)]
+    pub seeds: Option<SeedsConfig>,
     /// Rows on the same samples of the OOD set, with what each gains over the first. Default: none.
     #[serde(default)]
     pub side_by_side: Vec<SideBySideConfig>,
@@ -39,6 +42,15 @@ pub struct ResultsConfig {
     /// Default: none.
     #[serde(default)]
     pub closed_set: Option<RowConfig>,
+}
+
+/// Rows to train once more for each of some seeds.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SeedsConfig {
+    pub values: Vec<u64>,
+    /// Names of the rows.
+    pub rows: Vec<String>,
 }
 
 /// Rows side by side.
@@ -56,11 +68,18 @@ pub struct SideBySideConfig {
 #[serde(deny_unknown_fields)]
 pub struct SeenRowConfig {
     pub label: String,
-    /// Name of the row.
+    /// Name of the row; the closed set's, too, where a rule judges its boxes.
     pub row: String,
     /// The sensor that sees nothing. Default: none.
     #[serde(default)]
     pub blind: Option<Sensor>,
+    /// Who decides on harm. Default: the network.
+    #[serde(default = "network")]
+    pub judge: Judge,
+}
+
+fn network() -> Judge {
+    Judge::Network
 }
 
 /// Who decides on harm over whose boxes.
@@ -112,7 +131,8 @@ impl ResultsConfig {
             table.rows.iter().map(|of| (format!("table `{}`", table.title), &of.row, &trainings[1..]))
         });
         let side_by_side = self.side_by_side.iter().flat_map(|of| {
-            of.rows.iter().map(|row| (format!("side_by_side `{}`", of.title), &row.row, &trainings[..]))
+            let rows = of.rows.iter().filter(|seen| !self.is_closed_set(seen));
+            rows.map(|row| (format!("side_by_side `{}`", of.title), &row.row, &trainings[..]))
         });
         let rivals = self.rivals.iter().map(|of| (format!("rivals `{}`", of.label), &of.row, &trainings[..]));
         for (place, row, valid) in places.chain(side_by_side).chain(rivals) {
@@ -122,11 +142,53 @@ impl ResultsConfig {
                 valid.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ")
             );
         }
+        let closed_set = self.closed_set_training()?;
+        let all: Vec<&(String, TrainConfig)> = trainings.iter().chain(&closed_set).collect();
         for of in &self.side_by_side {
-            check_side_by_side(of, &trainings)?;
+            check_side_by_side(of, &all)?;
         }
-        self.closed_set_training()?;
+        self.repeats_of(&trainings)?;
         Ok(trainings)
+    }
+
+    /// Each row's trainings from other seeds, with the row's name.
+    ///
+    /// # Errors
+    /// As [`Self::trainings`].
+    pub fn repeats(&self) -> anyhow::Result<Vec<(String, (String, TrainConfig))>> {
+        self.repeats_of(&self.trainings()?)
+    }
+
+    fn repeats_of(
+        &self,
+        trainings: &[(String, TrainConfig)],
+    ) -> anyhow::Result<Vec<(String, (String, TrainConfig))>> {
+        let Some(SeedsConfig { values, rows }) = &self.seeds else { return Ok(Vec::new()) };
+        let mut repeats: Vec<(String, (String, TrainConfig))> = Vec::new();
+        for row in rows {
+            let valid = &trainings[1..];
+            let Some((_, config)) = valid.iter().find(|(name, _)| name == row) else {
+                let names: Vec<&str> = valid.iter().map(|(name, _)| name.as_str()).collect();
+                bail!("results config: seeds names row `{row}`; there are: {}", names.join(", "));
+            };
+            for &seed in values {
+                let name = repeat_name(row, seed);
+                let is_taken = repeats.iter().any(|(_, (other, _))| *other == name)
+                    || trainings.iter().any(|(other, _)| *other == name);
+                ensure!(
+                    seed != config.seed && !is_taken,
+                    "results config: seeds trains row `{row}` twice from seed {seed}; other seeds than {}, each once, are needed",
+                    config.seed
+                );
+                repeats.push((row.clone(), (name, TrainConfig { seed, ..config.clone() })));
+            }
+        }
+        Ok(repeats)
+    }
+
+    /// Whether a row of a comparison is the closed set, with a rule that can judge its boxes.
+    fn is_closed_set(&self, seen: &SeenRowConfig) -> bool {
+        self.closed_set.as_ref().is_some_and(|of| of.name == seen.row) && !seen.judge.asks_the_network()
     }
 
     /// The closed set's training, if there is one.
@@ -147,7 +209,7 @@ impl ResultsConfig {
 }
 
 /// Two rows or more, each with a label of its own, and no sensor blinded that the network does not have.
-fn check_side_by_side(of: &SideBySideConfig, trainings: &[(String, TrainConfig)]) -> anyhow::Result<()> {
+fn check_side_by_side(of: &SideBySideConfig, trainings: &[&(String, TrainConfig)]) -> anyhow::Result<()> {
     let title = &of.title;
     ensure!(
         of.rows.len() >= 2,
@@ -170,6 +232,11 @@ fn check_side_by_side(of: &SideBySideConfig, trainings: &[(String, TrainConfig)]
         );
     }
     Ok(())
+}
+
+/// What a row is called when it is trained once more.
+pub fn repeat_name(row: &str, seed: u64) -> String {
+    format!("{row}-seed-{seed}")
 }
 
 impl RowConfig {
@@ -217,6 +284,11 @@ mod tests {
         // Every row stands in a table.
         let placed = |name: &str| config.tables.iter().flat_map(|table| &table.rows).any(|of| of.row == name);
         assert!(config.rows.iter().all(|row| placed(&row.name)));
+        // Repeats differ from their rows in the seed alone.
+        for (row, (name, repeat)) in config.repeats().unwrap() {
+            assert_eq!(TrainConfig { seed: of(&row).seed, ..repeat.clone() }, *of(&row));
+            assert_eq!(name, repeat_name(&row, repeat.seed));
+        }
         // Every judge is told of one network, which is no other than a table's.
         let judged = |judge| config.rivals.iter().any(|rival| rival.row == "fused" && rival.judge == judge);
         assert!(Judge::ALL.into_iter().all(judged));
@@ -243,6 +315,18 @@ mod tests {
         assert!(message.contains("side_by_side") && message.contains("radar"), "{message}");
         let message = wrong(|config| config.side_by_side[0].rows[0].blind = Some(Sensor::Camera));
         assert!(message.contains("blinds") && message.contains("lidar"), "{message}");
+        let seeds = |values: &[u64], row: &str| {
+            let seeds = Some(SeedsConfig { values: values.to_vec(), rows: vec![row.to_owned()] });
+            let config = ResultsConfig { seeds, ..ResultsConfig::default() };
+            format!("{:#}", config.trainings().unwrap_err())
+        };
+        assert!(seeds(&[1], "radar").contains("radar") && seeds(&[1], "radar").contains("lidar"));
+        assert!(seeds(&[1], "small").contains("seeds names row"), "the headline's runs are given");
+        assert!(
+            seeds(&[0], "lidar").contains("twice from seed 0") && seeds(&[2, 2], "lidar").contains("twice")
+        );
+        let message = wrong(|config| config.side_by_side[0].rows[0].row = "kinds".into());
+        assert!(message.contains("kinds") && message.contains("lidar"), "{message}");
         let message = wrong(|config| config.side_by_side[0].rows.truncate(1));
         assert!(message.contains("two are needed"), "{message}");
         let message = wrong(|config| config.rows[0].name = "a/b".into());

@@ -8,9 +8,10 @@ use burn::tensor::Device;
 use fs_err as fs;
 use serde::de::DeserializeOwned;
 
+use super::config::repeat_name;
 use super::data::LABELS;
 use super::request::Request;
-use harmzone::config::Checked;
+use harmzone::config::{Checked, differences};
 use harmzone::dataset::{Dataset, Fingerprint, SampleSource};
 use harmzone::episode::Split;
 use harmzone::eval::Mode;
@@ -55,6 +56,8 @@ pub struct Experiment<'a> {
 /// A row to train and score.
 pub struct Row {
     pub name: String,
+    /// Name of the row that it trains once more, from another seed.
+    pub repeats: Option<String>,
     pub config: TrainConfig,
     /// Its run's folder.
     pub folder: PathBuf,
@@ -63,6 +66,13 @@ pub struct Row {
     is_given: bool,
     /// What a run that was given was trained on, where that is other data than the experiment's.
     pub learned_from: Option<Fingerprint>,
+}
+
+impl Row {
+    /// As the training of another row from another seed.
+    pub fn repeating(self, row: &str) -> Self {
+        Self { repeats: Some(row.to_owned()), ..self }
+    }
 }
 
 impl<'a> Experiment<'a> {
@@ -99,31 +109,78 @@ impl<'a> Experiment<'a> {
         }
     }
 
-    /// A row's place in the experiment's folder; the headline's may be a given run, which must be finished.
+    /// A row's place in the experiment's folder; the headline's may be a given run.
+    ///
+    /// # Errors
+    /// As [`Self::given`].
     pub fn row(&self, name: &str, config: &TrainConfig, is_headline: bool) -> anyhow::Result<Row> {
-        let given = self.request.headline.as_ref().filter(|_| is_headline);
-        let folder = given.cloned().unwrap_or_else(|| self.request.out.join("runs").join(name));
-        let mut row = Row {
-            name: name.to_owned(),
-            config: config.clone(),
-            folder,
-            is_headline,
-            is_given: given.is_some(),
-            learned_from: None,
-        };
-        if let Some(folder) = given {
-            for what in [CHECKPOINT, CONFIG_FILE, DATA_FILE] {
-                ensure!(
-                    folder.join(what).is_file(),
-                    "the headline's run is not finished, it has no {what}; `harmzone train DATA --out RUN` finishes it: {}",
-                    folder.display()
-                );
-            }
-            let data: Fingerprint = read_json(&folder.join(DATA_FILE))?;
-            row.learned_from = (data != self.id).then_some(data);
-            row.config = read_training(folder)?;
+        if let Some(run) = self.request.headline.as_ref().filter(|_| is_headline) {
+            return Ok(Row { is_headline, ..self.given(name, run)? });
         }
-        Ok(row)
+        Ok(Row {
+            name: name.to_owned(),
+            repeats: None,
+            config: config.clone(),
+            folder: self.request.out.join("runs").join(name),
+            is_headline,
+            is_given: false,
+            learned_from: None,
+        })
+    }
+
+    /// Runs of the headline's training from other seeds.
+    ///
+    /// # Errors
+    /// A run is not finished, or differs from the headline in more than its seed or not even in that.
+    pub fn headline_repeats(&self, headline: &Row) -> anyhow::Result<Vec<Row>> {
+        let mut repeats: Vec<Row> = Vec::new();
+        for run in &self.request.headline_repeats {
+            let row = self.given("", run)?;
+            let others =
+                differences(&TrainConfig { seed: row.config.seed, ..headline.config.clone() }, &row.config);
+            ensure!(
+                others.is_empty() && row.learned_from == headline.learned_from,
+                "this run is not the headline's training from another seed, {}: {}",
+                if others.is_empty() {
+                    "its data are others".to_owned()
+                } else {
+                    format!("it has {}", others.join(", "))
+                },
+                run.display()
+            );
+            let seed = row.config.seed;
+            let is_taken =
+                seed == headline.config.seed || repeats.iter().any(|other| other.config.seed == seed);
+            ensure!(
+                !is_taken,
+                "two runs of the headline are from seed {seed}; one is enough: {}",
+                run.display()
+            );
+            let name = repeat_name(&headline.name, seed);
+            repeats.push(Row { name, ..row.repeating(&headline.name) });
+        }
+        Ok(repeats)
+    }
+
+    /// A run that is given as a row, which must be finished.
+    fn given(&self, name: &str, run: &Path) -> anyhow::Result<Row> {
+        for what in [CHECKPOINT, CONFIG_FILE, DATA_FILE] {
+            ensure!(
+                run.join(what).is_file(),
+                "the headline's run is not finished, it has no {what}; `harmzone train DATA --out RUN` finishes it: {}",
+                run.display()
+            );
+        }
+        let data: Fingerprint = read_json(&run.join(DATA_FILE))?;
+        Ok(Row {
+            name: name.to_owned(),
+            repeats: None,
+            config: read_training(run)?,
+            folder: run.to_owned(),
+            is_headline: false,
+            is_given: true,
+            learned_from: (data != self.id).then_some(data),
+        })
     }
 
     /// Whether a row's run is finished, and was trained with the row's config on the experiment's data, or on its own.

@@ -1,4 +1,5 @@
-//! The headline's figures on split test, for reporting: made once for a network, when asked for, and then kept.
+//! The headline's figures on split test, and those of its other seeds, for reporting: made once for a network, when asked for, and then
+//! kept.
 
 use std::path::{Path, PathBuf};
 
@@ -16,20 +17,22 @@ use harmzone::progress::Progress;
 use harmzone::report::results::{Record, ReportedGroup, ReportedRecord, ReportedSet};
 use harmzone::report::scores;
 
-/// The figures of the headline's network as kept; else made and kept, where they are asked for.
+/// The figures of a network as kept; else made and kept, where they are asked for.
 ///
 /// # Errors
 /// A data set cannot be made or scored, or the network learned from it.
 pub fn read_or_make(
     experiment: &Experiment<'_>,
     row: &Row,
-    headline: &Record,
+    scored: &Record,
 ) -> anyhow::Result<Option<ReportedRecord>> {
     let request = experiment.request;
-    let file = request.out.join("scores").join("reported.json");
+    // The headline's alone have no name of their own.
+    let suffix = if row.is_headline { String::new() } else { format!("-{}", row.name) };
+    let file = request.out.join("scores").join(format!("reported{suffix}.json"));
     if file.is_file() {
         let kept: ReportedRecord = read_json(&file)?;
-        if kept.checkpoint_sha256 == headline.checkpoint_sha256 {
+        if kept.checkpoint_sha256 == scored.checkpoint_sha256 {
             return Ok(Some(kept));
         }
     }
@@ -40,14 +43,14 @@ pub fn read_or_make(
         tracing::warn!("the map is not there, and nothing is reported on it: {}", map.display());
     }
     let trained = Trained::find(&row.folder)?;
-    let mut groups = vec![group(experiment, &trained, "test", None)?];
+    let mut groups = vec![group(experiment, &trained, "test", &suffix, None)?];
     if !maps.is_empty() {
-        groups.push(group(experiment, &trained, "test-maps", Some(&maps))?);
+        groups.push(group(experiment, &trained, "test-maps", &suffix, Some(&maps))?);
     }
     let record = ReportedRecord {
         commit: release.commit.clone(),
         date: release.date.clone(),
-        checkpoint_sha256: headline.checkpoint_sha256.clone(),
+        checkpoint_sha256: scored.checkpoint_sha256.clone(),
         groups,
         absent_maps,
     };
@@ -59,6 +62,7 @@ fn group(
     experiment: &Experiment<'_>,
     trained: &Trained,
     name: &str,
+    suffix: &str,
     maps: Option<&[PathBuf]>,
 ) -> anyhow::Result<ReportedGroup> {
     let (device, progress) = (experiment.device, experiment.progress);
@@ -66,7 +70,7 @@ fn group(
     let set = |name: &str, mode: Mode| {
         let path = request.out.join(name);
         prepare_to_report(request, mode == Mode::Ood, maps, &path, progress)?;
-        let out = request.out.join("report").join(name);
+        let out = request.out.join("report").join(format!("{name}{suffix}"));
         report_on(trained, &path, mode, &out, &request.command, device, progress)
     };
     let (id, mut towns) = set(name, Mode::Id)?;

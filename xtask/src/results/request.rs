@@ -15,6 +15,8 @@ pub struct Request<'a> {
     pub ood: Option<PathBuf>,
     /// A finished run to be the headline, in place of training one.
     pub headline: Option<PathBuf>,
+    /// Finished runs of the headline's training from other seeds.
+    pub headline_repeats: Vec<PathBuf>,
     /// The one row to train and score.
     pub only: Option<String>,
     /// What stands beside figures on split test; `None` where those are not asked for.

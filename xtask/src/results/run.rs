@@ -8,8 +8,9 @@ use super::experiment::{Experiment, Row};
 use super::request::Request;
 use super::score::RowScores;
 use super::{closed_set, data, reported, score, side_by_side, write};
+use harmzone::model::Classes;
 use harmzone::progress::Progress;
-use harmzone::report::results::{DataRecord, Results, RivalRecord};
+use harmzone::report::results::{DataRecord, JudgeScores, Record, Repeat, Results, RivalRecord};
 
 /// Runs an experiment, or what is left of it; a row that is done is not done again, a training that was broken off
 /// goes on.
@@ -18,9 +19,11 @@ use harmzone::report::results::{DataRecord, Results, RivalRecord};
 /// The config does not fit, or a row cannot be trained or scored; rows that are done stay.
 pub fn run(request: &Request<'_>, device: &Device, progress: &dyn Progress) -> anyhow::Result<Results> {
     let trainings = request.config.trainings()?;
-    let closed_set = request.config.closed_set_training()?;
+    let (repeats, closed_set) = (request.config.repeats()?, request.config.closed_set_training()?);
     if let Some(only) = &request.only {
-        let names: Vec<&str> = trainings.iter().chain(&closed_set).map(|(name, _)| name.as_str()).collect();
+        let again = repeats.iter().map(|(_, training)| training);
+        let names = trainings.iter().chain(&closed_set).chain(again).map(|(name, _)| name.as_str());
+        let names: Vec<&str> = names.collect();
         anyhow::ensure!(names.contains(&only.as_str()), "no row `{only}`; there are: {}", names.join(", "));
     }
     fs::create_dir_all(request.out.join("scores"))?;
@@ -32,31 +35,42 @@ pub fn run(request: &Request<'_>, device: &Device, progress: &dyn Progress) -> a
         version: env!("CARGO_PKG_VERSION").to_owned(),
         data: DataRecord { preset: request.config.preset.clone(), id, ood },
         reported: None,
+        reported_repeats: Vec::new(),
         common: request.config.common.clone(),
         headline: None,
         rows: Vec::new(),
+        repeats: Vec::new(),
         tables: request.config.tables.clone(),
         side_by_side: Vec::new(),
         rivals: Vec::new(),
         network_ms: [].into(),
     };
     let rows = trainings.iter().enumerate().map(|(i, (name, config))| experiment.row(name, config, i == 0));
-    let rows: Vec<Row> = rows.collect::<anyhow::Result<_>>()?;
+    let mut rows: Vec<Row> = rows.collect::<anyhow::Result<_>>()?;
+    rows.extend(experiment.headline_repeats(&rows[0])?);
+    for (of, (name, config)) in &repeats {
+        rows.push(experiment.row(name, config, false)?.repeating(of));
+    }
+    if let Some((name, config)) = &closed_set {
+        rows.push(experiment.row(name, config, false)?);
+    }
     for (number, config) in request.config.side_by_side.iter().enumerate() {
         results.side_by_side.extend(side_by_side::read(&experiment, number, config, &rows)?);
     }
-    for (i, row) in rows.iter().enumerate() {
-        let name = &row.name;
-        if let Some(scores) = score::read_or_make(&experiment, row)? {
-            results.rivals.extend(rivals(&request.config.rivals, name, &scores));
-            results.network_ms.extend(scores.network_ms.map(|ms| (name.clone(), ms)));
-            if i == 0 {
-                results.headline = scores.record;
-                if let Some(record) = &results.headline {
-                    results.reported = reported::read_or_make(&experiment, row, record)?;
-                }
+    for row in &rows {
+        let is_closed_set = row.config.model.head.classes == Classes::Kind;
+        let scores = if is_closed_set {
+            closed_set::read_or_make(&experiment, row)?
+        } else {
+            score::read_or_make(&experiment, row)?
+        };
+        if let Some(scores) = scores {
+            results.network_ms.extend(scores.network_ms.map(|ms| (row.name.clone(), ms)));
+            if is_closed_set {
+                results.rivals.extend(closed_set_lines(row, scores));
             } else {
-                results.rows.extend(scores.record);
+                results.rivals.extend(rivals(&request.config.rivals, &row.name, &scores));
+                add_record(&experiment, row, scores.record, &mut results)?;
             }
         }
         // What is done is told even if a later row fails.
@@ -66,24 +80,48 @@ pub fn run(request: &Request<'_>, device: &Device, progress: &dyn Progress) -> a
     for (number, config) in request.config.side_by_side.iter().enumerate() {
         results.side_by_side.extend(side_by_side::read_or_make(&experiment, number, config, &rows)?);
     }
-    // In the config's order.
+    // In the config's order; the closed set's are last.
     let place = |row: &str, judge: &str| {
-        request.config.rivals.iter().position(|of| of.row == row && of.judge.name() == judge)
+        let rivals = &request.config.rivals;
+        rivals.iter().position(|of| of.row == row && of.judge.name() == judge).unwrap_or(rivals.len())
     };
     results.rivals.sort_by_key(|rival| place(&rival.row, &rival.scores.judge));
-    if let Some((name, config)) = closed_set {
-        let row = experiment.row(&name, &config, false)?;
-        if let Some(scores) = closed_set::read_or_make(&experiment, &row)? {
-            results.network_ms.extend(scores.network_ms.map(|ms| (name.clone(), ms)));
-            results.rivals.extend(scores.judges.into_iter().map(|scores| RivalRecord {
-                label: format!("closed set, {}", scores.judge.trim_start_matches("closed-")),
-                row: name.clone(),
-                scores,
-            }));
-        }
-    }
     write::write(&results, &request.out, request.card.as_deref())?;
     Ok(results)
+}
+
+/// Puts a row's figures into their place; the headline's on split test, too, and its repeats', where they are asked for.
+fn add_record(
+    experiment: &Experiment<'_>,
+    row: &Row,
+    record: Option<Record>,
+    results: &mut Results,
+) -> anyhow::Result<()> {
+    let Some(record) = record else { return Ok(()) };
+    let headline = &experiment.request.config.headline.name;
+    if row.is_headline || row.repeats.as_ref() == Some(headline) {
+        let reported = reported::read_or_make(experiment, row, &record)?;
+        if row.is_headline {
+            results.reported = reported;
+        } else {
+            results.reported_repeats.extend(reported);
+        }
+    }
+    match &row.repeats {
+        _ if row.is_headline => results.headline = Some(record),
+        Some(of) => results.repeats.push(Repeat { row: of.clone(), record }),
+        None => results.rows.push(record),
+    }
+    Ok(())
+}
+
+/// The lines of a closed set in the table of rivals.
+fn closed_set_lines(row: &Row, scores: RowScores) -> Vec<RivalRecord> {
+    let line = |scores: JudgeScores| {
+        let label = closed_set::label(&scores.judge);
+        RivalRecord { label, row: row.name.clone(), scores }
+    };
+    scores.judges.into_iter().map(line).collect()
 }
 
 /// The lines of a row's judges in the table of rivals.

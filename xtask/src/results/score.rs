@@ -28,12 +28,13 @@ use harmzone::progress::Silent;
 use harmzone::report::results::{JudgeScores, MissedHarm, Record, SetScores};
 use harmzone::report::scores;
 use harmzone::report::sweeps::{self, SweepRequest};
+use harmzone::sample::EgoState;
 use harmzone::train::{TrainConfig, TrainingTime};
 
 /// Factors of a speed sensor that errs.
-const SPEED_FACTORS: [f64; 2] = [0.9, 1.1];
+pub const SPEED_FACTORS: [f64; 2] = [0.9, 1.1];
 /// Offsets of a steering sensor that errs, degrees.
-const STEERING_OFFSETS_DEG: [f64; 2] = [-2.0, 2.0];
+pub const STEERING_OFFSETS_DEG: [f64; 2] = [-2.0, 2.0];
 /// Samples whose times are taken.
 const N_TIMED: usize = 30;
 
@@ -237,12 +238,26 @@ fn look<'a>(
 
 /// The harm that is missed where a judge decides on the boxes.
 fn judge_missed(looked: &Looked<'_>, judge: Judge, mode: Mode) -> anyhow::Result<Option<Alarms>> {
-    let samples = looked.data.samples().iter().zip(&looked.found);
-    let judged =
-        samples.map(|(sample, found)| judge.judge(found, &sample.measured.ego_state, looked.data.zone()));
-    let judged = judged.collect::<Result<Vec<_>, _>>()?;
-    let samples = eval_samples(looked.data.samples(), &judged);
+    let samples = eval_samples(looked.data.samples(), &judged(judge, looked.data, &looked.found)?);
     Ok(evaluate(&samples, &Protocol::default(), mode)?.safety.alarms)
+}
+
+/// What a judge makes of the boxes found in a data set.
+pub fn judged(judge: Judge, data: &Dataset, found: &[Vec<Detection>]) -> anyhow::Result<Vec<Vec<Detection>>> {
+    judged_at(judge, data, found, |state| *state)
+}
+
+/// The same at states that are measured otherwise.
+pub fn judged_at(
+    judge: Judge,
+    data: &Dataset,
+    found: &[Vec<Detection>],
+    measure: impl Fn(&EgoState) -> EgoState,
+) -> anyhow::Result<Vec<Vec<Detection>>> {
+    let samples = data.samples().iter().zip(found);
+    let judged =
+        samples.map(|(sample, found)| judge.judge(found, &measure(&sample.measured.ego_state), data.zone()));
+    Ok(judged.collect::<Result<_, _>>()?)
 }
 
 /// Median time of a sample through a network, milliseconds.
@@ -259,7 +274,7 @@ pub fn time_network(
     Ok(median(times))
 }
 
-fn time_judge(data: &Dataset, found: &[Vec<Detection>], judge: Judge) -> anyhow::Result<f64> {
+pub fn time_judge(data: &Dataset, found: &[Vec<Detection>], judge: Judge) -> anyhow::Result<f64> {
     let mut times = Vec::new();
     for (i, sample) in timed_samples(data) {
         let (judged, ms) = time_it(|| judge.judge(&found[i], &sample.measured.ego_state, data.zone()));

@@ -5,10 +5,12 @@ use std::path::PathBuf;
 use fs_err as fs;
 use serde::{Deserialize, Serialize};
 
-use super::config::SideBySideConfig;
+use super::config::{SeenRowConfig, SideBySideConfig};
 use super::experiment::{Experiment, Row, read_json};
+use super::score::judged;
 use harmzone::dataset::Fingerprint;
 use harmzone::dataset::blind::Sensor;
+use harmzone::eval::judge::Judge;
 use harmzone::eval::versus::{Versus, versus};
 use harmzone::eval::{EvalSample, Mode, Protocol, eval_samples};
 use harmzone::files::{sha256_hex, write_atomic};
@@ -16,8 +18,8 @@ use harmzone::infer::{self, Trained};
 use harmzone::model::checkpoint::CHECKPOINT;
 use harmzone::report::results::SideBySide;
 
-/// Each row's network by its hash, and the sensor that saw nothing.
-type Networks = Vec<(String, Option<Sensor>)>;
+/// Each run's row by its place, its network by its hash, the sensor that saw nothing, and who judged.
+type Networks = Vec<(usize, String, Option<Sensor>, Judge)>;
 
 /// What `scores/side-by-side-<number>.json` keeps.
 #[derive(Serialize, Deserialize)]
@@ -57,8 +59,11 @@ pub fn read_or_make(
         return Ok(Some(kept));
     }
     let Some(networks) = networks(experiment, config, rows)? else { return Ok(None) };
-    let detectors = config.rows.iter().map(|seen| look(experiment, row_of(rows, &seen.row), seen.blind));
-    let detectors: Vec<Vec<EvalSample>> = detectors.collect::<anyhow::Result<_>>()?;
+    let detectors = config.rows.iter().map(|seen| {
+        let runs = runs_of(rows, &seen.row).into_iter();
+        runs.map(|row| look(experiment, row, seen)).collect::<anyhow::Result<_>>()
+    });
+    let detectors: Vec<Vec<Vec<EvalSample>>> = detectors.collect::<anyhow::Result<_>>()?;
     let of = versus(&detectors, &Protocol::default(), Mode::Ood)?;
     let kept = Kept { rows: networks, tested_on: experiment.ood.clone(), of };
     write_atomic(&path(experiment, number), serde_json::to_string_pretty(&kept)?.as_bytes())?;
@@ -69,8 +74,12 @@ fn path(experiment: &Experiment<'_>, number: usize) -> PathBuf {
     experiment.request.out.join("scores").join(format!("side-by-side-{number}.json"))
 }
 
-fn row_of<'a>(rows: &'a [Row], name: &str) -> &'a Row {
-    rows.iter().find(|row| row.name == name).expect("the config was checked")
+/// A row and its repeats.
+fn runs_of<'a>(rows: &'a [Row], name: &str) -> Vec<&'a Row> {
+    let runs: Vec<&Row> =
+        rows.iter().filter(|row| row.name == name || row.repeats.as_deref() == Some(name)).collect();
+    assert!(!runs.is_empty(), "the config was checked");
+    runs
 }
 
 /// The rows' networks; none where a row is not trained.
@@ -80,12 +89,14 @@ fn networks(
     rows: &[Row],
 ) -> anyhow::Result<Option<Networks>> {
     let mut networks = Vec::new();
-    for seen in &config.rows {
-        let row = row_of(rows, &seen.row);
-        if !experiment.is_trained(row)? {
-            return Ok(None);
+    for (i, seen) in config.rows.iter().enumerate() {
+        for row in runs_of(rows, &seen.row) {
+            if !experiment.is_trained(row)? {
+                return Ok(None);
+            }
+            let sha256 = sha256_hex(&fs::read(row.folder.join(CHECKPOINT))?);
+            networks.push((i, sha256, seen.blind, seen.judge));
         }
-        networks.push((sha256_hex(&fs::read(row.folder.join(CHECKPOINT))?), seen.blind));
     }
     Ok(Some(networks))
 }
@@ -96,9 +107,11 @@ fn record(config: &SideBySideConfig, of: Versus) -> SideBySide {
 }
 
 /// The OOD set's samples with what a row finds.
-fn look(experiment: &Experiment<'_>, row: &Row, blind: Option<Sensor>) -> anyhow::Result<Vec<EvalSample>> {
+fn look(experiment: &Experiment<'_>, row: &Row, seen: &SeenRowConfig) -> anyhow::Result<Vec<EvalSample>> {
     let data = experiment.scored_split(Mode::Ood)?;
     let detector = Trained::find(&row.folder)?.load(experiment.device)?;
-    let found = infer::detect_with(&detector, data.samples(), blind, experiment.device, experiment.progress)?;
-    Ok(eval_samples(data.samples(), &found))
+    let &SeenRowConfig { blind, judge, .. } = seen;
+    let (device, progress) = (experiment.device, experiment.progress);
+    let found = infer::detect_for(judge, &detector, data.samples(), blind, device, progress)?;
+    Ok(eval_samples(data.samples(), &judged(judge, data, &found)?))
 }

@@ -81,7 +81,8 @@ fn to_csv(results: &Results) -> anyhow::Result<String> {
         .flat_map(|group| ["harmful", "harmless", "mean"].map(|class| format!("{}_{class}", key(group))));
     let start = ["name", "seed", "n_parameters", "wall_s", "cpu_s"].map(str::to_owned);
     writer.write_record(start.into_iter().chain(names))?;
-    for record in results.headline.iter().chain(&results.rows) {
+    let repeats = results.repeats.iter().map(|repeat| &repeat.record);
+    for record in results.headline.iter().chain(&results.rows).chain(repeats) {
         let times =
             record.wall_and_cpu_s.map_or([const { String::new() }; 2], |of| of.map(|s| s.to_string()));
         let start = [record.name.clone(), record.seed.to_string(), record.n_parameters.to_string()];

@@ -1,0 +1,230 @@
+//! Trainings of a row from several seeds: their figures side by side, with mean and standard deviation.
+
+use super::{MissedHarm, Record, ReportedRecord, ReportedSet, Results};
+use crate::eval::safety::{Alarms, OperatingPoint};
+use crate::eval::{ClassScores, Column, Columns, Confidence};
+use crate::report::missed;
+use crate::report::paper::Line;
+use crate::report::table::{Cell, Table, ap, number, percent};
+
+/// One figure of each training, with its interval where there is one.
+struct Figure {
+    name: String,
+    is_share: bool,
+    values: Vec<(Option<f64>, Option<[f64; 2]>)>,
+}
+
+impl Figure {
+    fn row(&self) -> Vec<Cell> {
+        let show = |of: Option<f64>| if self.is_share { percent(of) } else { ap(of) };
+        let cells = self.values.iter().map(|&(value, interval)| {
+            let below = interval.map(|ends| ends.map(|end| show(Some(end))).join("–"));
+            Cell { text: show(value), below: below.into_iter().collect() }
+        });
+        let values: Option<Vec<f64>> = self.values.iter().map(|(value, _)| *value).collect();
+        let spread = values.as_deref().map(deviation);
+        let spread = if self.is_share { number(spread.map(|of| 100.0 * of), 1) } else { number(spread, 3) };
+        let mean = show(values.as_deref().map(mean));
+        std::iter::once(self.name.as_str().into()).chain(cells).chain([mean.into(), spread.into()]).collect()
+    }
+}
+
+/// The mean of what all have; none where one has nothing.
+pub(super) fn mean_of(values: impl IntoIterator<Item = Option<f64>>) -> Option<f64> {
+    let values: Option<Vec<f64>> = values.into_iter().collect();
+    values.filter(|of| !of.is_empty()).map(|of| mean(&of))
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
+/// Of a sample.
+fn deviation(values: &[f64]) -> f64 {
+    let mean = mean(values);
+    let squares: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
+    (squares / (values.len() as f64 - 1.0)).sqrt()
+}
+
+/// The headline and its repeats on the splits that choices are made by; `None` where it has none.
+pub(super) fn table(results: &Results, headline: &Record) -> Option<Table> {
+    let records = results.runs_of(&headline.name);
+    let sets =
+        |of: &Record| [(of.id_columns(), of.missed.id.clone()), (of.ood.clone(), of.missed.ood.clone())];
+    let runs: Vec<_> = records.iter().map(|record| (format!("seed {}", record.seed), sets(record))).collect();
+    let runs: Vec<Run<'_>> = runs
+        .iter()
+        .map(|(name, sets)| Run {
+            name: name.clone(),
+            sets: sets.each_ref().map(|(columns, alarms)| Set {
+                columns,
+                alarms: alarms.as_ref(),
+                confidence: None,
+            }),
+        })
+        .collect();
+    of_runs(&runs)
+}
+
+/// The same on split test, for one group of towns.
+pub(super) fn reported_table(results: &Results, group: usize) -> Option<Table> {
+    let reported: Vec<&ReportedRecord> = results.reported.iter().chain(&results.reported_repeats).collect();
+    let name = |of: &ReportedRecord| {
+        let all = results.headline.iter().chain(results.repeats.iter().map(|of| &of.record));
+        let seed = all.into_iter().find(|record| record.checkpoint_sha256 == of.checkpoint_sha256);
+        seed.map_or_else(|| of.checkpoint_sha256.chars().take(8).collect(), |of| format!("seed {}", of.seed))
+    };
+    let runs = reported.iter().map(|of| {
+        let towns = of.groups.get(group)?;
+        Some(Run { name: name(of), sets: [&towns.id, &towns.ood].map(Set::from) })
+    });
+    of_runs(&runs.collect::<Option<Vec<_>>>()?)
+}
+
+/// A training's figures in and out of distribution.
+struct Run<'a> {
+    name: String,
+    sets: [Set<'a>; 2],
+}
+
+/// Figures on a data set.
+struct Set<'a> {
+    columns: &'a Columns<ClassScores>,
+    alarms: Option<&'a Alarms>,
+    confidence: Option<&'a Confidence>,
+}
+
+impl<'a> From<&'a ReportedSet> for Set<'a> {
+    fn from(of: &'a ReportedSet) -> Self {
+        Set { columns: &of.scores, alarms: of.missed.as_ref(), confidence: of.confidence.as_ref() }
+    }
+}
+
+fn of_runs(runs: &[Run<'_>]) -> Option<Table> {
+    if runs.len() < 2 {
+        return None;
+    }
+    let mut figures = Vec::new();
+    let points: Vec<f64> = runs[0].sets[1]
+        .alarms
+        .map(|alarms| alarms.points.iter().map(|of| of.max_false_alarms_per_km).collect())
+        .unwrap_or_default();
+    for (i, set) in ["ID", "OOD"].into_iter().enumerate() {
+        let mut of_point = |k: usize, what: String, get: &dyn Fn(&OperatingPoint) -> Values| {
+            let values = runs
+                .iter()
+                .map(|run| run.sets[i].alarms.and_then(|of| of.points.get(k)).map_or((None, None), get));
+            let figure = Figure { name: format!("{set}: {what}"), is_share: true, values: values.collect() };
+            figures.extend(Some(figure).filter(|of| of.values.iter().any(|(value, _)| value.is_some())));
+        };
+        for (k, per_km) in points.iter().enumerate() {
+            let at = format!("at {per_km} false alarms/km");
+            of_point(k, format!("harmful events missed {at}"), &|of| {
+                (of.missed_per_event, of.missed_per_event_interval)
+            });
+        }
+        for (k, per_km) in points.iter().enumerate() {
+            let hardest = |of: &OperatingPoint| of.warned.last().map(|of| of.deceleration_mps2);
+            let deceleration = runs[0].sets[i].alarms.and_then(|of| hardest(of.points.get(k)?));
+            let Some(deceleration_mps2) = deceleration else { continue };
+            let what = format!("warned in time, {deceleration_mps2} m/s², at {per_km} false alarms/km");
+            of_point(k, what, &|of| {
+                of.warned.last().map_or((None, None), |of| (of.in_time, of.in_time_interval))
+            });
+        }
+    }
+    let columns = std::iter::once((0, None)).chain(Column::ALL.map(|column| (1, Some(column))));
+    for (i, column) in columns {
+        let line = |run: &Run<'_>| {
+            let set = &run.sets[i];
+            let scores = set.columns.get(column.unwrap_or(Column::Total))?;
+            Some(Line::new(column, scores, set.confidence))
+        };
+        let Some(lines) = runs.iter().map(line).collect::<Option<Vec<Line>>>() else { continue };
+        let parts: &[(usize, &str)] =
+            if column.is_none() { &[(0, ", harmful"), (2, "")] } else { &[(2, "")] };
+        figures.extend(parts.iter().map(|&(part, what)| Figure {
+            name: format!("{}{what}", lines[0].name),
+            is_share: false,
+            values: lines.iter().map(|line| (line.ours[part], line.intervals[part])).collect(),
+        }));
+    }
+    let head =
+        std::iter::once("the same training from other seeds").chain(runs.iter().map(|run| run.name.as_str()));
+    let head = head.chain(["mean", "standard deviation"]);
+    Some(Table::new(head, figures.iter().map(Figure::row).collect()))
+}
+
+/// A figure and its interval.
+type Values = (Option<f64>, Option<[f64; 2]>);
+
+/// Harmful events missed at the middle number of false alarms, ID / OOD; the mean of the runs.
+pub(super) fn missed_events<'a>(runs: impl IntoIterator<Item = &'a MissedHarm>) -> String {
+    let runs: Vec<&MissedHarm> = runs.into_iter().collect();
+    let share = |of: fn(&MissedHarm) -> Option<&Alarms>| {
+        let shares = runs.iter().map(|run| Some(missed::middle(of(run)?)?.missed_per_event));
+        let shares: Option<Vec<Option<f64>>> = shares.collect();
+        shares.map_or_else(|| "–".to_owned(), |shares| percent(mean_of(shares)))
+    };
+    [share(|of| of.id.as_ref()), share(|of| of.ood.as_ref())].join(" / ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::test_data::{test_reported, test_results};
+    use super::super::{Repeat, blocks};
+    use super::*;
+    use crate::report::document::markdown;
+
+    fn repeated(name: &str, record: &Record, seed: u64, total: f64) -> Repeat {
+        let mut record = Record { seed, checkpoint_sha256: seed.to_string().repeat(64), ..record.clone() };
+        record.name = format!("{name}-seed-{seed}");
+        record.ood.total = ClassScores::new(Some(total), Some(0.5));
+        Repeat { row: name.to_owned(), record }
+    }
+
+    fn with_repeats() -> Results {
+        let results = test_results();
+        let (headline, fused) = (results.headline.clone().unwrap(), results.rows[0].clone());
+        let repeats = vec![
+            repeated("small", &headline, 4, 0.6),
+            repeated("small", &headline, 5, 0.7),
+            repeated("fused", &fused, 4, 0.9),
+        ];
+        Results { repeats, ..results }
+    }
+
+    #[test]
+    fn seeds_stand_side_by_side_and_a_row_of_several_is_their_mean() {
+        let text = markdown(&blocks(&with_repeats()));
+        // Means of harmful and harmless: .65, .55 and .6.
+        let line = "| OOD: mAP (total) | 0.650 | 0.550 | 0.600 | 0.600 | 0.050 |";
+        assert!(text.contains(line), "{text}");
+        assert!(text.contains("| seed 3 | seed 4 | seed 5 | mean | standard deviation |"), "{text}");
+        // The fused row: .65 and .7.
+        assert!(text.contains("0.675<br>0.850 / 0.500<br>seeds 0.650, 0.700"), "{text}");
+        assert!(text.contains("| 3, 4 |") && text.contains("--out runs/fused-seed-4"), "{text}");
+    }
+
+    #[test]
+    fn figures_on_split_test_are_told_seed_by_seed() {
+        let of =
+            |seed: u64| ReportedRecord { checkpoint_sha256: seed.to_string().repeat(64), ..test_reported() };
+        let results = Results {
+            reported: Some(test_reported()),
+            reported_repeats: vec![of(4), of(5)],
+            ..with_repeats()
+        };
+        let text = markdown(&blocks(&results));
+        let (before, _) = text.split_once("Development figures").unwrap();
+        assert!(before.contains("| seed 3 | seed 4 | seed 5 | mean | standard deviation |"), "{before}");
+        assert!(
+            before.contains(
+                "0.350<br>0.100–0.300 | 0.350<br>0.100–0.300 | 0.350<br>0.100–0.300 | 0.350 | 0.000 |"
+            ),
+            "{before}"
+        );
+        let alone = Results { reported: Some(test_reported()), ..test_results() };
+        assert!(!markdown(&blocks(&alone)).contains("standard deviation"));
+    }
+}
