@@ -137,7 +137,7 @@ impl Judge {
     ) -> Result<Vec<Detection>, ZoneError> {
         let expected_verdict = ExpectedVerdict::at(state, zone)?;
         let mut judged = Vec::with_capacity(found.len());
-        for Joined { object, harmful_share } in join_classes(found) {
+        for Joined { object, harmful_share, .. } in join_classes(found) {
             let expected = expected_verdict.of(&object)?;
             let p = match self {
                 Self::Both => mean_of_log_odds(expected, harmful_share),
@@ -180,19 +180,25 @@ fn harm_probability(distance_m: f64, verdict: Harm) -> f64 {
 }
 
 /// One box of an object.
-struct Joined {
+pub(super) struct Joined {
     /// With the sum of the scores of its two detections. The class left in it means nothing.
-    object: Detection,
+    pub object: Detection,
+    /// Of the better detection among those given.
+    pub place: usize,
     /// The harmful one's part of that sum.
     harmful_share: f64,
 }
 
 /// One box for each object, without regard to class: the better of its two detections. Detections with one box, which one
 /// query reports, join first, then near ones.
-fn join_classes(found: &[Detection]) -> Vec<Joined> {
+pub(super) fn join_classes(found: &[Detection]) -> Vec<Joined> {
     let mut ranked: Vec<Joined> = found
         .iter()
-        .map(|&object| Joined { object, harmful_share: f64::from(u8::from(object.harm == Harm::Harmful)) })
+        .enumerate()
+        .map(|(place, &object)| {
+            let harmful_share = f64::from(u8::from(object.harm == Harm::Harmful));
+            Joined { object, place, harmful_share }
+        })
         .collect();
     ranked.sort_by(|a, b| b.object.score.total_cmp(&a.object.score));
     let (mut is_joined, mut is_gone) = (vec![false; ranked.len()], vec![false; ranked.len()]);

@@ -11,6 +11,7 @@ mod alarms;
 mod calibration;
 mod early;
 pub(super) mod harm_probability;
+mod near;
 mod separation;
 mod slope;
 mod spreads;
@@ -25,6 +26,7 @@ pub use alarms::{Alarms, MissedGroup, OperatingPoint, Warned};
 pub(super) use alarms::{EventShares, event_shares};
 pub use calibration::{Bin, Calibration};
 pub use early::{Early, EarlyShare};
+pub use near::{NearFound, NearGroup};
 pub use separation::Separation;
 pub use slope::{Slope, SlopePoint};
 pub use spreads::SpreadCheck;
@@ -112,6 +114,9 @@ macro_rules! metrics {
 metrics! {
     /// Missed harm at fixed false alarms; needs where the ego was.
     alarms: Option<Alarms> = alarms::measure, alarms::show, alarms::show_groups;
+    /// Near objects that are found, by either class, at fixed false boxes a sample; needs points.
+    #[serde(default)]
+    near: Vec<NearFound> = near::measure, near::show;
     /// How often labels of tracked objects jump; needs ids and times.
     steadiness: Option<Steadiness> = steadiness::measure, steadiness::show;
     /// False-harmful boxes whose object turns harmful soon; needs ids and times.
