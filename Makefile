@@ -57,10 +57,12 @@ build: setup ## The optimised program (the first time 8 to 14 minutes on two cor
 demo: ## Everything, small: generate, label, train, score, draw; results in demo/
 	@scripts/demo.sh
 
+HEADLINE = $(if $(wildcard $(NETWORK)/run/model.safetensors),--headline $(NETWORK)/run \
+    $(patsubst %/model.safetensors,--headline-again %,$(sort $(wildcard $(NETWORK)/seed-*/model.safetensors))))
+
 results: setup ## RESULTS.md and the report from nothing: data, every training, scores; hours, may be stopped and called again
 	$(XTASK) results --config configs/results.toml --out $(RESULTS) \
-	    $(if $(findstring --headline,$(ARGS)),,$(if $(wildcard $(NETWORK)/run/model.safetensors),--headline $(NETWORK)/run \
-	    $(patsubst %/model.safetensors,--headline-again %,$(wildcard $(NETWORK)/seed-*/model.safetensors)))) \
+	    $(if $(filter --headline --headline=% --headline-again%,$(ARGS)),,$(HEADLINE)) \
 	    $(ARGS)
 	cp $(RESULTS)/RESULTS.md RESULTS.md
 	@echo "the report: $(RESULTS)/report.html"
@@ -86,7 +88,7 @@ network: network-data ## The network inside the program, from nothing: data, tra
 	@echo "models/small.safetensors, to the byte"
 
 network-seed: network-data ## The same training from another seed; `make results` sets it beside the network. SEED=1
-	@[ -n "$(SEED)" ] || { echo "make network-seed SEED=1 trains from seed 1; 0 is the network's" >&2; exit 2; }
+	@case "$(SEED)" in ""|0) echo "make network-seed SEED=1 trains from seed 1; 0 is the network's" >&2; exit 2;; esac
 	$(BIN) train $(NETWORK)/train --out $(NETWORK)/seed-$(SEED) $(SCHEDULE) --set seed=$(SEED)
 	$(BIN) calibrate $(NETWORK)/seed-$(SEED) --data $(NETWORK)/val
 

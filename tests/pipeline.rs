@@ -206,6 +206,18 @@ fn a_closed_set_is_trained_on_kinds_and_its_harm_is_a_file_of_boxes() {
     let json: Value = serde_json::from_str(&done(&versus)).expect("JSON");
     let total = &json["of"]["mean"][0]["figures"];
     assert_eq!((&total[1]["over_first"], total[0]["value"].is_number()), (&0.0.into(), true), "{total}");
+    let [one, other] = [rule.as_str(), text(run)].map(|of| format!("two={of}"));
+    let names = ["versus", one.as_str(), "truth", other.as_str(), "--data", text(ood), "--ood", "--json"];
+    let json: Value = serde_json::from_str(&done(&names)).expect("JSON");
+    let total = &json["of"]["mean"][0]["figures"];
+    assert_eq!(json["columns"], serde_json::json!(["two", "truth"]));
+    assert_eq!(
+        (total[0]["runs"].as_array().map(Vec::len), &total[1]["runs"]),
+        (Some(2), &Value::Null),
+        "{total}"
+    );
+    let twice = fails(&["versus", &one, "truth", &one, "--data", text(ood)]);
+    assert!(twice.contains("one run twice"), "{twice}");
     let message = fails(&["versus", &format!("both:{}", text(&kinds)), "truth", "--data", text(ood)]);
     assert!(message.contains("tells kinds") && message.contains("baseline zone"), "{message}");
 

@@ -84,6 +84,15 @@ pub fn run(args: VersusArgs) -> anyhow::Result<ExitStatus> {
     }
     let hashes: Vec<Option<String>> =
         opened.iter().map(|detector| detector.sha256().map(str::to_owned)).collect();
+    for (name, runs) in &rows {
+        let again = runs
+            .iter()
+            .enumerate()
+            .find(|(k, i)| runs[..*k].iter().any(|other| hashes[*other] == hashes[**i]));
+        if let Some((_, &i)) = again {
+            bail!("`{name}` has one run twice, `{}`; each of its runs counts once", args.detectors[i]);
+        }
+    }
     let detectors = opened.into_iter().enumerate().map(|(i, detector)| {
         let samples = detector.samples(&dataset, &device);
         samples.with_context(|| of_detector(i))

@@ -50,7 +50,7 @@ impl Perception {
     /// Loads the network, if it is one.
     ///
     /// # Errors
-    /// There is no such run, its checkpoint is broken, or it tells kinds of objects.
+    /// There is no such run, or its checkpoint is broken.
     pub fn open(source: &Source, reply_s: f64, device: &Device) -> Result<Self, DriveError> {
         Ok(match source {
             Source::Blind => Self::Blind,

@@ -125,9 +125,7 @@ impl Judge {
         judged.sort_by(|a, b| b.score.total_cmp(&a.score));
         Ok(judged)
     }
-}
 
-impl Judge {
     /// Judges by draws of what box and state may truly be: the share of the draws whose box the zone calls harmful.
     fn judge_expected(
         self,

@@ -92,7 +92,7 @@ fn an_experiment_killed_in_a_training_goes_on_and_its_commands_make_its_rows() {
             && whole.contains("| by zone-soft | lidar |")
             && whole.contains("| zone over the closed set's boxes | kinds |")
             && whole.contains("| AP, mean of both | truths | cloud | dark | rule |")
-            && whole.contains("<br>seeds ")
+            && whole.contains(", seeds ")
             && whole.contains("| seed 5 | mean | standard deviation |"),
         "{whole}"
     );

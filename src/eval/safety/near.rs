@@ -1,10 +1,12 @@
 //! Near objects that are found, whatever they are called, at a bearable number of false boxes.
 //!
-//! It asks for no speeds and no poses, so that a log of frames has it, too. A harmful and a harmless box of one query, or within 0.5 m of each other, are one
-//! box with the sum of their scores ([`join_classes`]). By falling score, the later first among equals, each takes the nearest object that none has taken, if nearer than the
-//! threshold of the errors; one that takes none is false, unless nobody annotated what may be there ([`crate::eval::neutral`]). Near objects
-//! are nearer than 30 m and have 10 LiDAR points or more. The score is the lowest at which false boxes, at any range, do not exceed the given number a sample.
-//! Intervals are of the same resamples as those of the APs, each with a score of its own.
+//! It asks for no speeds and no poses, so that a log of frames has it, too. A harmful and a harmless box of one query, or within
+//! 0.5 m of each other, are one box ([`join_classes`]) with the sum of their scores, at most 1; with the better's score where not all
+//! scores are from 0 to 1. By falling score, the later first among equals, each takes the nearest object that none has taken, if
+//! nearer than the threshold of the errors; one that takes none is false, unless nobody annotated what may be there
+//! ([`crate::eval::neutral`]). Near objects are nearer than 30 m and have 10 LiDAR points or more. The score is the lowest at which
+//! false boxes, at any range, do not exceed the given number a sample. Intervals are of the same resamples as those of the APs, each
+//! with a score of its own.
 
 use serde::{Deserialize, Serialize};
 
@@ -12,7 +14,7 @@ use super::{Context, MetricTable, MetricValue};
 use crate::eval::EvalConfig;
 use crate::eval::bootstrap::{Resamples, interval};
 use crate::eval::filter::KeptSample;
-use crate::eval::judge::join_classes;
+use crate::eval::judge::{Joined, join_classes};
 use crate::eval::matching::center_distance_m;
 use crate::object::{Detection, Distribution, Harm, Kind, LabelledObject};
 
@@ -49,8 +51,10 @@ pub(super) fn measure(of: &Context<'_>) -> Vec<NearFound> {
     let matching = of.matching;
     let resamples = Resamples::always(matching);
     let mut facts = Facts::default();
+    let mut scores = matching.samples.iter().flat_map(|sample| &sample.detections).map(|found| found.score);
+    let are_probabilities = scores.all(|score| (0.0..=1.0).contains(&score));
     for (sample, &episode) in matching.samples.iter().zip(&resamples.episode_of) {
-        facts.add(sample, episode, matching.config().tp_threshold_m);
+        facts.add(sample, episode, matching.config().tp_threshold_m, are_probabilities);
     }
     if facts.near.is_empty() {
         return Vec::new();
@@ -89,13 +93,15 @@ struct Facts<'a> {
 }
 
 impl<'a> Facts<'a> {
-    fn add(&mut self, sample: &KeptSample<'a>, episode: usize, threshold_m: f64) {
+    fn add(&mut self, sample: &KeptSample<'a>, episode: usize, threshold_m: f64, are_probabilities: bool) {
         let detections: Vec<Detection> = sample.detections.iter().map(|&found| *found).collect();
-        let mut boxes = join_classes(&detections);
-        boxes.sort_by(|a, b| b.object.score.total_cmp(&a.object.score).then(b.place.cmp(&a.place)));
+        let boxes = join_classes(&detections);
+        let score_of =
+            |of: &Joined| if are_probabilities { of.object.score } else { detections[of.place].score };
+        let mut boxes: Vec<(f64, Joined)> = boxes.into_iter().map(|of| (score_of(&of), of)).collect();
+        boxes.sort_by(|a, b| b.0.total_cmp(&a.0).then(b.1.place.cmp(&a.1.place)));
         let mut scores: Vec<Option<f64>> = vec![None; sample.objects.len()];
-        for found in boxes {
-            let score = found.object.score;
+        for (score, found) in boxes {
             let free = sample.objects.iter().enumerate().filter(|(i, _)| scores[*i].is_none());
             let nearest = free
                 .map(|(i, of)| (i, center_distance_m(&found.object.box_in_ego, &of.truth.box_in_ego)))
@@ -215,12 +221,12 @@ pub(super) fn show(points: &Vec<NearFound>, config: &EvalConfig) -> Option<Metri
     });
     let scores = points.iter().map(|point| {
         let score = point.score.map_or_else(|| "none".to_owned(), |score| format!("{score:.3}"));
-        format!("at {} the score is {score} and {} are false", point.max_false_per_sample, point.n_false)
+        format!("At {} the score is {score} and {} are false", point.max_false_per_sample, point.n_false)
     });
     let note = format!(
         "Objects nearer than {NEAR_M} m with {N_POINTS} points or more, found at {} m under whatever name. {}.",
         config.tp_threshold_m,
-        scores.collect::<Vec<_>>().join("; ")
+        scores.collect::<Vec<_>>().join(". ")
     );
     let mut table = MetricTable::new(&["near objects found"], rows.collect(), note)?;
     table
@@ -235,6 +241,8 @@ mod tests {
     use crate::dataset::SampleFacts;
     use crate::eval::matching::tests::{found, truth};
     use crate::eval::{EvalSample, Mode, Protocol, evaluate};
+    use crate::geometry::Point2;
+    use crate::sample::IgnoredRegion;
 
     fn object(x_m: f64, n_lidar_points: u32) -> LabelledObject {
         let mut of = truth(x_m, Harm::Harmful, Distribution::Id);
@@ -276,6 +284,37 @@ mod tests {
             (1, 0, 0)
         );
         assert!(measured(&[(vec![object(30.0, 50)], vec![])]).is_empty(), "there is no near object");
+    }
+
+    #[test]
+    fn what_lies_on_ignored_ground_is_not_false_and_scores_above_one_keep_their_rank() {
+        let corners = [(38.0, -2.0), (42.0, -2.0), (42.0, 2.0), (38.0, 2.0)];
+        let corners_in_ego_m = corners.map(|(x_m, y_m)| Point2 { x_m, y_m }).to_vec();
+        let facts = SampleFacts {
+            ignored: vec![IgnoredRegion::Ground { corners_in_ego_m }],
+            ..SampleFacts::default()
+        };
+        // The better box of the two at 40 m is the last one given; the false box lies at 20 m.
+        let boxes = |scale: f64| {
+            let placed = [
+                (10.0, Harm::Harmful, 0.5),
+                (40.0, Harm::Harmless, 0.3),
+                (20.0, Harm::Harmful, 0.6),
+                (40.1, Harm::Harmful, 0.65),
+            ];
+            placed.map(|(x_m, harm, score)| found(x_m, harm, scale * score)).to_vec()
+        };
+        for scale in [1.0, 10.0] {
+            let sample = EvalSample::new("s", facts.clone(), vec![object(10.0, 20)], boxes(scale));
+            let points = evaluate(&[sample], &Protocol::default(), Mode::Id).unwrap().safety.near;
+            assert_eq!(
+                (points[0].n_false, points[0].groups[0].n_found),
+                (0, 0),
+                "the false box is above the object's"
+            );
+            assert_eq!((points[1].n_false, points[1].groups[0].n_found), (1, 1));
+            assert_eq!(points[1].score, Some(scale * 0.5));
+        }
     }
 
     #[test]

@@ -23,9 +23,9 @@ pub fn blocks(results: &Results) -> Vec<Block> {
     }
     blocks.push(Block::heading("Ablations"));
     blocks.push(Block::text(
-        "One training each, over configs/train.toml with the keys below, a shorter schedule than that of the network above. \
+        "A row is a training over configs/train.toml with the keys below, a shorter schedule than that of the network above. \
          Harmful events missed at 10 false alarms a kilometre, then mean AP (harmful / harmless). A row of several seeds shows \
-         their mean and each one's mean AP; of one seed, small differences tell nothing.",
+         their mean and each one's mean AP, and what the first took to train; of one seed, small differences tell nothing.",
     ));
     blocks.push(Block::code(results.common.join("\n")));
     for table in &results.tables {
@@ -189,7 +189,7 @@ fn rival_blocks(results: &Results) -> Vec<Block> {
     let text = "The network's class branch against the zone's own rule, laid over the network's boxes with the measured speed \
                 and steering angle (docs/evaluation.md, rivals). mAP with both sensors right, with the speed measured 10 % \
                 too low or too high, and with the steering angle measured 2° off; of the two the lower. ID / OOD total. A \
-                closed set tells kinds in place of harm and sees neither sensor.";
+                closed set tells kinds in place of harm; neither it nor a rule by kind sees the two sensors, the zone's rules over its boxes do.";
     let rows = results.rivals.iter().map(|RivalRecord { label, row, scores }| {
         let means = |of: &SetScores| [of.id.mean, of.ood.total.mean];
         let cell = |[id, ood]: [Option<f64>; 2]| format!("{} / {}", ap(id), ap(ood)).into();

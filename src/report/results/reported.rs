@@ -4,7 +4,8 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Results, seeds};
+use super::Results;
+use super::seeds::{self, Run, Set};
 use crate::dataset::Fingerprint;
 use crate::eval::safety::Alarms;
 use crate::eval::{ClassScores, Column, Columns, Confidence};
@@ -72,6 +73,38 @@ pub(super) fn development_block(reported: Option<&ReportedRecord>) -> Block {
     ))
 }
 
+impl<'a> From<&'a ReportedSet> for Set<'a> {
+    fn from(of: &'a ReportedSet) -> Self {
+        Set { columns: &of.scores, alarms: of.missed.as_ref(), confidence: of.confidence.as_ref() }
+    }
+}
+
+/// The headline and its repeats on the same data, for one group of towns; `None` where it has none that are of these data.
+fn seeds_table(results: &Results, record: &ReportedRecord, group: usize) -> Option<Table> {
+    let first = record.groups.get(group)?;
+    let of_same_data = |of: &&ReportedGroup| {
+        [(&of.id, &first.id), (&of.ood, &first.ood)]
+            .iter()
+            .all(|(one, other)| one.fingerprint == other.fingerprint)
+    };
+    let all = std::iter::once(record).chain(&results.reported_repeats);
+    let of_group = all.filter_map(|of| Some((of, of.groups.get(group).filter(of_same_data)?)));
+    let of_group: Vec<(&ReportedRecord, &ReportedGroup)> = of_group.collect();
+    let records = || results.headline.iter().chain(results.repeats.iter().map(|of| &of.record));
+    let name = |of: &ReportedRecord| {
+        let seed = records().find(|record| record.checkpoint_sha256 == of.checkpoint_sha256);
+        seed.map_or_else(|| of.checkpoint_sha256.chars().take(8).collect(), |of| format!("seed {}", of.seed))
+    };
+    let runs = of_group
+        .iter()
+        .map(|(of, towns)| Run { name: name(of), sets: [&towns.id, &towns.ood].map(Set::from) });
+    let others = of_group.iter().filter(|(of, _)| of.commit != record.commit);
+    let others: Vec<String> =
+        others.map(|(of, _)| format!("{} by commit {}, {}", name(of), of.commit, of.date)).collect();
+    let table = seeds::of_runs(&runs.collect::<Vec<_>>())?;
+    Some(if others.is_empty() { table } else { table.with_note(format!("{}.", others.join("; "))) })
+}
+
 /// The figures on split test, a table a group.
 pub(super) fn reported_blocks(results: &Results, record: &ReportedRecord) -> Vec<Block> {
     let mut blocks = vec![
@@ -108,7 +141,7 @@ pub(super) fn reported_blocks(results: &Results, record: &ReportedRecord) -> Vec
         );
         let rows = lines.into_iter().map(cells).collect();
         blocks.push(Block::Table(Table::new(["AP"].into_iter().chain(PARTS), rows).with_note(note)));
-        blocks.extend(seeds::reported_table(results, i).map(Block::Table));
+        blocks.extend(seeds_table(results, record, i).map(Block::Table));
     }
     if !record.absent_maps.is_empty() {
         let absent: Vec<String> = record.absent_maps.iter().map(|path| path.display().to_string()).collect();
@@ -119,8 +152,8 @@ pub(super) fn reported_blocks(results: &Results, record: &ReportedRecord) -> Vec
 
 #[cfg(test)]
 mod tests {
-    use super::super::test_data::{test_reported, test_results};
-    use super::super::{Results, blocks, headline_blocks};
+    use super::super::test_data::{test_reported, test_results, test_with_repeats};
+    use super::super::{ReportedRecord, Results, blocks, headline_blocks};
     use crate::report::document::markdown;
 
     #[test]
@@ -141,5 +174,27 @@ mod tests {
     fn without_them_every_figure_is_called_one_of_development() {
         let text = markdown(&blocks(&test_results()));
         assert!(!text.contains("Split test") && text.starts_with("Development figures"), "{text}");
+    }
+
+    #[test]
+    fn figures_on_split_test_are_told_seed_by_seed() {
+        let of =
+            |seed: u64| ReportedRecord { checkpoint_sha256: seed.to_string().repeat(64), ..test_reported() };
+        let results = Results {
+            reported: Some(test_reported()),
+            reported_repeats: vec![of(4), of(5)],
+            ..test_with_repeats()
+        };
+        let text = markdown(&blocks(&results));
+        let (before, _) = text.split_once("Development figures").unwrap();
+        assert!(before.contains("| seed 3 | seed 4 | seed 5 | mean | standard deviation |"), "{before}");
+        assert!(
+            before.contains(
+                "**0.350** (0.100–0.300) | **0.350** (0.100–0.300) | **0.350** (0.100–0.300) | 0.350 | 0.000 |"
+            ),
+            "{before}"
+        );
+        let alone = Results { reported: Some(test_reported()), ..test_results() };
+        assert!(!markdown(&blocks(&alone)).contains("standard deviation"));
     }
 }

@@ -1,6 +1,6 @@
 //! Trainings of a row from several seeds: their figures side by side, with mean and standard deviation.
 
-use super::{MissedHarm, Record, ReportedRecord, ReportedSet, Results};
+use super::{MissedHarm, Record, Results};
 use crate::eval::safety::{Alarms, OperatingPoint};
 use crate::eval::{ClassScores, Column, Columns, Confidence};
 use crate::report::missed;
@@ -18,7 +18,8 @@ impl Figure {
     fn row(&self) -> Vec<Cell> {
         let show = |of: Option<f64>| if self.is_share { percent(of) } else { ap(of) };
         let cells = self.values.iter().map(|&(value, interval)| {
-            let below = interval.map(|ends| ends.map(|end| show(Some(end))).join("–"));
+            let end = |end: f64| if self.is_share { number(Some(100.0 * end), 1) } else { ap(Some(end)) };
+            let below = interval.map(|ends| ends.map(end).join("–"));
             Cell { text: show(value), below: below.into_iter().collect() }
         });
         let values: Option<Vec<f64>> = self.values.iter().map(|(value, _)| *value).collect();
@@ -66,41 +67,21 @@ pub(super) fn table(results: &Results, headline: &Record) -> Option<Table> {
     of_runs(&runs)
 }
 
-/// The same on split test, for one group of towns.
-pub(super) fn reported_table(results: &Results, group: usize) -> Option<Table> {
-    let reported: Vec<&ReportedRecord> = results.reported.iter().chain(&results.reported_repeats).collect();
-    let name = |of: &ReportedRecord| {
-        let all = results.headline.iter().chain(results.repeats.iter().map(|of| &of.record));
-        let seed = all.into_iter().find(|record| record.checkpoint_sha256 == of.checkpoint_sha256);
-        seed.map_or_else(|| of.checkpoint_sha256.chars().take(8).collect(), |of| format!("seed {}", of.seed))
-    };
-    let runs = reported.iter().map(|of| {
-        let towns = of.groups.get(group)?;
-        Some(Run { name: name(of), sets: [&towns.id, &towns.ood].map(Set::from) })
-    });
-    of_runs(&runs.collect::<Option<Vec<_>>>()?)
-}
-
 /// A training's figures in and out of distribution.
-struct Run<'a> {
-    name: String,
-    sets: [Set<'a>; 2],
+pub(super) struct Run<'a> {
+    pub name: String,
+    pub sets: [Set<'a>; 2],
 }
 
 /// Figures on a data set.
-struct Set<'a> {
-    columns: &'a Columns<ClassScores>,
-    alarms: Option<&'a Alarms>,
-    confidence: Option<&'a Confidence>,
+pub(super) struct Set<'a> {
+    pub columns: &'a Columns<ClassScores>,
+    pub alarms: Option<&'a Alarms>,
+    pub confidence: Option<&'a Confidence>,
 }
 
-impl<'a> From<&'a ReportedSet> for Set<'a> {
-    fn from(of: &'a ReportedSet) -> Self {
-        Set { columns: &of.scores, alarms: of.missed.as_ref(), confidence: of.confidence.as_ref() }
-    }
-}
-
-fn of_runs(runs: &[Run<'_>]) -> Option<Table> {
+/// Figures of several trainings side by side; `None` of one.
+pub(super) fn of_runs(runs: &[Run<'_>]) -> Option<Table> {
     if runs.len() < 2 {
         return None;
     }
@@ -171,60 +152,19 @@ pub(super) fn missed_events<'a>(runs: impl IntoIterator<Item = &'a MissedHarm>) 
 
 #[cfg(test)]
 mod tests {
-    use super::super::test_data::{test_reported, test_results};
-    use super::super::{Repeat, blocks};
-    use super::*;
+    use super::super::blocks;
+    use super::super::test_data::test_with_repeats;
     use crate::report::document::markdown;
-
-    fn repeated(name: &str, record: &Record, seed: u64, total: f64) -> Repeat {
-        let mut record = Record { seed, checkpoint_sha256: seed.to_string().repeat(64), ..record.clone() };
-        record.name = format!("{name}-seed-{seed}");
-        record.ood.total = ClassScores::new(Some(total), Some(0.5));
-        Repeat { row: name.to_owned(), record }
-    }
-
-    fn with_repeats() -> Results {
-        let results = test_results();
-        let (headline, fused) = (results.headline.clone().unwrap(), results.rows[0].clone());
-        let repeats = vec![
-            repeated("small", &headline, 4, 0.6),
-            repeated("small", &headline, 5, 0.7),
-            repeated("fused", &fused, 4, 0.9),
-        ];
-        Results { repeats, ..results }
-    }
 
     #[test]
     fn seeds_stand_side_by_side_and_a_row_of_several_is_their_mean() {
-        let text = markdown(&blocks(&with_repeats()));
+        let text = markdown(&blocks(&test_with_repeats()));
         // Means of harmful and harmless: .65, .55 and .6.
         let line = "| OOD: mAP (total) | 0.650 | 0.550 | 0.600 | 0.600 | 0.050 |";
         assert!(text.contains(line), "{text}");
         assert!(text.contains("| seed 3 | seed 4 | seed 5 | mean | standard deviation |"), "{text}");
         // The fused row: .65 and .7.
-        assert!(text.contains("0.675<br>0.850 / 0.500<br>seeds 0.650, 0.700"), "{text}");
+        assert!(text.contains("**0.675** (0.850 / 0.500, seeds 0.650, 0.700)"), "{text}");
         assert!(text.contains("| 3, 4 |") && text.contains("--out runs/fused-seed-4"), "{text}");
-    }
-
-    #[test]
-    fn figures_on_split_test_are_told_seed_by_seed() {
-        let of =
-            |seed: u64| ReportedRecord { checkpoint_sha256: seed.to_string().repeat(64), ..test_reported() };
-        let results = Results {
-            reported: Some(test_reported()),
-            reported_repeats: vec![of(4), of(5)],
-            ..with_repeats()
-        };
-        let text = markdown(&blocks(&results));
-        let (before, _) = text.split_once("Development figures").unwrap();
-        assert!(before.contains("| seed 3 | seed 4 | seed 5 | mean | standard deviation |"), "{before}");
-        assert!(
-            before.contains(
-                "0.350<br>0.100–0.300 | 0.350<br>0.100–0.300 | 0.350<br>0.100–0.300 | 0.350 | 0.000 |"
-            ),
-            "{before}"
-        );
-        let alone = Results { reported: Some(test_reported()), ..test_results() };
-        assert!(!markdown(&blocks(&alone)).contains("standard deviation"));
     }
 }

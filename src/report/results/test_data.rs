@@ -1,7 +1,7 @@
 //! Made-up results for tests, here and in the developers' program.
 
 use super::{
-    DataRecord, JudgeScores, MissedHarm, Record, ReportedGroup, ReportedRecord, ReportedSet, Results,
+    DataRecord, JudgeScores, MissedHarm, Record, Repeat, ReportedGroup, ReportedRecord, ReportedSet, Results,
     RivalRecord, RowOf, SetRecord, SetScores, SideBySide, TableConfig,
 };
 use crate::dataset::Fingerprint;
@@ -82,6 +82,22 @@ pub fn test_results() -> Results {
         rivals: vec![rival],
         network_ms: [("fused".to_owned(), 151.4)].into(),
     }
+}
+
+/// The same with two repeats of the headline and one of the row that is done.
+#[must_use]
+pub fn test_with_repeats() -> Results {
+    let results = test_results();
+    let repeated = |of: &Record, seed: u64, total: f64| {
+        let mut record = Record { seed, checkpoint_sha256: seed.to_string().repeat(64), ..of.clone() };
+        record.name = format!("{}-seed-{seed}", of.name);
+        record.ood.total = ClassScores::new(Some(total), Some(0.5));
+        Repeat { row: of.name.clone(), record }
+    };
+    let headline = results.headline.as_ref();
+    let repeats = headline.into_iter().flat_map(|of| [repeated(of, 4, 0.6), repeated(of, 5, 0.7)]);
+    let repeats = repeats.chain([repeated(&results.rows[0], 4, 0.9)]).collect();
+    Results { repeats, ..results }
 }
 
 /// Made-up figures on split test.

@@ -74,7 +74,9 @@ mod tests {
         child.stdin.as_mut().unwrap().write_all(b"x").unwrap();
         child.stdout.as_mut().unwrap().read_exact(&mut [0]).unwrap();
         assert!(resident_bytes(child.id()).unwrap() > 100_000);
-        assert!(largest_child_bytes().unwrap() > 100_000);
+        // The kernel may leave children out of a list that it tells while others end, such as those of other tests.
+        let largest = (0..1000).find_map(|_| largest_child_bytes());
+        assert!(largest.unwrap() > 100_000);
         child.kill().unwrap();
         child.wait().unwrap();
         assert_eq!(resident_bytes(u32::MAX), None);

@@ -127,11 +127,12 @@ impl ResultsConfig {
             let is_taken = trainings.iter().any(|(name, _)| *name == row.name);
             trainings.push((row.name.clone(), row.training(common, is_taken)?));
         }
+        let closed_set = self.closed_set_training()?;
         let places = self.tables.iter().flat_map(|table| {
             table.rows.iter().map(|of| (format!("table `{}`", table.title), &of.row, &trainings[1..]))
         });
         let side_by_side = self.side_by_side.iter().flat_map(|of| {
-            let rows = of.rows.iter().filter(|seen| !self.is_closed_set(seen));
+            let rows = of.rows.iter().filter(|seen| !self.is_closed_set(&seen.row));
             rows.map(|row| (format!("side_by_side `{}`", of.title), &row.row, &trainings[..]))
         });
         let rivals = self.rivals.iter().map(|of| (format!("rivals `{}`", of.label), &of.row, &trainings[..]));
@@ -142,10 +143,24 @@ impl ResultsConfig {
                 valid.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ")
             );
         }
-        let closed_set = self.closed_set_training()?;
         let all: Vec<&(String, TrainConfig)> = trainings.iter().chain(&closed_set).collect();
         for of in &self.side_by_side {
+            let asked =
+                of.rows.iter().find(|seen| self.is_closed_set(&seen.row) && seen.judge.asks_the_network());
+            if let Some(seen) = asked {
+                bail!(
+                    "results config: side_by_side `{}` asks row `{}` for harm, but a closed set tells kinds; give it a judge of boxes \
+                     alone, such as zone-expected",
+                    of.title,
+                    seen.row
+                );
+            }
             check_side_by_side(of, &all)?;
+        }
+        if let Some((name, _)) =
+            trainings.iter().find(|(_, config)| config.model.head.classes == Classes::Kind)
+        {
+            bail!("row `{name}` tells kinds, not harm; the closed set is the place of such a network");
         }
         self.repeats_of(&trainings)?;
         Ok(trainings)
@@ -164,11 +179,12 @@ impl ResultsConfig {
         trainings: &[(String, TrainConfig)],
     ) -> anyhow::Result<Vec<(String, (String, TrainConfig))>> {
         let Some(SeedsConfig { values, rows }) = &self.seeds else { return Ok(Vec::new()) };
+        let closed_set = self.closed_set_training()?;
         let mut repeats: Vec<(String, (String, TrainConfig))> = Vec::new();
         for row in rows {
-            let valid = &trainings[1..];
-            let Some((_, config)) = valid.iter().find(|(name, _)| name == row) else {
-                let names: Vec<&str> = valid.iter().map(|(name, _)| name.as_str()).collect();
+            let valid = || trainings[1..].iter().chain(&closed_set);
+            let Some((_, config)) = valid().find(|(name, _)| name == row) else {
+                let names: Vec<&str> = valid().map(|(name, _)| name.as_str()).collect();
                 bail!("results config: seeds names row `{row}`; there are: {}", names.join(", "));
             };
             for &seed in values {
@@ -186,9 +202,8 @@ impl ResultsConfig {
         Ok(repeats)
     }
 
-    /// Whether a row of a comparison is the closed set, with a rule that can judge its boxes.
-    fn is_closed_set(&self, seen: &SeenRowConfig) -> bool {
-        self.closed_set.as_ref().is_some_and(|of| of.name == seen.row) && !seen.judge.asks_the_network()
+    fn is_closed_set(&self, row: &str) -> bool {
+        self.closed_set.as_ref().is_some_and(|of| of.name == row)
     }
 
     /// The closed set's training, if there is one.
@@ -286,7 +301,9 @@ mod tests {
         assert!(config.rows.iter().all(|row| placed(&row.name)));
         // Repeats differ from their rows in the seed alone.
         for (row, (name, repeat)) in config.repeats().unwrap() {
-            assert_eq!(TrainConfig { seed: of(&row).seed, ..repeat.clone() }, *of(&row));
+            let closed_set = config.closed_set_training().unwrap();
+            let once = trainings.iter().chain(&closed_set).find(|(name, _)| *name == row).unwrap();
+            assert_eq!(TrainConfig { seed: once.1.seed, ..repeat.clone() }, once.1);
             assert_eq!(name, repeat_name(&row, repeat.seed));
         }
         // Every judge is told of one network, which is no other than a table's.
@@ -326,7 +343,12 @@ mod tests {
             seeds(&[0], "lidar").contains("twice from seed 0") && seeds(&[2, 2], "lidar").contains("twice")
         );
         let message = wrong(|config| config.side_by_side[0].rows[0].row = "kinds".into());
-        assert!(message.contains("kinds") && message.contains("lidar"), "{message}");
+        assert!(
+            message.contains("asks row `kinds` for harm") && message.contains("zone-expected"),
+            "{message}"
+        );
+        let message = wrong(|config| config.rows[0].set.push("model.head.classes=kind".into()));
+        assert!(message.contains("row `fused` tells kinds"), "{message}");
         let message = wrong(|config| config.side_by_side[0].rows.truncate(1));
         assert!(message.contains("two are needed"), "{message}");
         let message = wrong(|config| config.rows[0].name = "a/b".into());

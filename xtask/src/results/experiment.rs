@@ -136,16 +136,17 @@ impl<'a> Experiment<'a> {
         let mut repeats: Vec<Row> = Vec::new();
         for run in &self.request.headline_repeats {
             let row = self.given("", run)?;
-            let others =
-                differences(&TrainConfig { seed: row.config.seed, ..headline.config.clone() }, &row.config);
+            let expected = TrainConfig { seed: row.config.seed, ..headline.config.clone() };
             ensure!(
-                others.is_empty() && row.learned_from == headline.learned_from,
-                "this run is not the headline's training from another seed, {}: {}",
-                if others.is_empty() {
-                    "its data are others".to_owned()
-                } else {
-                    format!("it has {}", others.join(", "))
-                },
+                row.config == expected,
+                "this run is not the headline's training from another seed, it has {} where the headline has {}: {}",
+                differences(&expected, &row.config).join(", "),
+                differences(&row.config, &expected).join(", "),
+                run.display()
+            );
+            ensure!(
+                row.learned_from == headline.learned_from,
+                "this run is not the headline's training from another seed, it learned from other data: {}",
                 run.display()
             );
             let seed = row.config.seed;
@@ -167,7 +168,7 @@ impl<'a> Experiment<'a> {
         for what in [CHECKPOINT, CONFIG_FILE, DATA_FILE] {
             ensure!(
                 run.join(what).is_file(),
-                "the headline's run is not finished, it has no {what}; `harmzone train DATA --out RUN` finishes it: {}",
+                "this run is not finished, it has no {what}; `harmzone train DATA --out RUN` finishes it: {}",
                 run.display()
             );
         }

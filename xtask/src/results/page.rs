@@ -26,7 +26,9 @@ pub fn is_complete(out: &Path, record: &Record) -> bool {
         let found = &kept.evaluation.metrics.config;
         let operating_score = found.operating_score;
         let is_of_today = *found == EvalConfig { operating_score, ..EvalConfig::default() };
-        is_of_these && is_of_today && kept.faults.is_some() && kept.sweeps.is_some()
+        let is_whole =
+            !kept.evaluation.safety.near.is_empty() && kept.faults.is_some() && kept.sweeps.is_some();
+        is_of_these && is_of_today && is_whole
     })
 }
 

@@ -59,7 +59,13 @@ pub fn run(request: &Request<'_>, device: &Device, progress: &dyn Progress) -> a
     }
     for row in &rows {
         let is_closed_set = row.config.model.head.classes == Classes::Kind;
-        let scores = if is_closed_set {
+        let scores = if is_closed_set && row.repeats.is_some() {
+            // It stands side by side with others alone.
+            if request.wants(&row.name) && !experiment.is_trained(row)? {
+                experiment.train(row)?;
+            }
+            None
+        } else if is_closed_set {
             closed_set::read_or_make(&experiment, row)?
         } else {
             score::read_or_make(&experiment, row)?

@@ -6,7 +6,7 @@ use fs_err as fs;
 use serde::{Deserialize, Serialize};
 
 use super::config::{SeenRowConfig, SideBySideConfig};
-use super::experiment::{Experiment, Row, read_json};
+use super::experiment::{Experiment, Row};
 use super::score::judged;
 use harmzone::dataset::Fingerprint;
 use harmzone::dataset::blind::Sensor;
@@ -40,7 +40,9 @@ pub fn read(
     rows: &[Row],
 ) -> anyhow::Result<Option<SideBySide>> {
     let (file, networks) = (path(experiment, number), networks(experiment, config, rows)?);
-    let kept = if file.is_file() { Some(read_json::<Kept>(&file)?) } else { None };
+    // What an older version kept is made anew.
+    let kept =
+        if file.is_file() { serde_json::from_str::<Kept>(&fs::read_to_string(&file)?).ok() } else { None };
     let kept = kept.filter(|kept| networks.as_ref() == Some(&kept.rows) && kept.tested_on == experiment.ood);
     Ok(kept.map(|kept| record(config, kept.of)))
 }
