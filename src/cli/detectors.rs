@@ -17,6 +17,7 @@ use crate::files::sha256_hex;
 use crate::geometry::Point;
 use crate::infer::{self, Trained};
 use crate::object::{Detection, Harm};
+use crate::sample::EgoState;
 use crate::zone::{Zone, ZoneError};
 
 /// The true boxes in place of a detector's.
@@ -205,8 +206,22 @@ pub fn judge_all(
     found: &[Vec<Detection>],
     dataset: &Dataset,
 ) -> anyhow::Result<Vec<Vec<Detection>>> {
+    judge_all_at(judge, found, dataset, |state| *state)
+}
+
+/// The same at states that are measured otherwise.
+///
+/// # Errors
+/// As [`judge_all`].
+pub fn judge_all_at(
+    judge: Judge,
+    found: &[Vec<Detection>],
+    dataset: &Dataset,
+    measure: impl Fn(&EgoState) -> EgoState,
+) -> anyhow::Result<Vec<Vec<Detection>>> {
     let judged = dataset.samples().iter().zip(found).map(|(sample, found)| {
-        judge.judge(found, &sample.measured.ego_state, dataset.zone()).map_err(|error| failed(sample, &error))
+        let state = measure(&sample.measured.ego_state);
+        judge.judge(found, &state, dataset.zone()).map_err(|error| failed(sample, &error))
     });
     judged.collect()
 }

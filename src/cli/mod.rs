@@ -57,6 +57,7 @@ use tracing_subscriber::layer::{Layer as _, SubscriberExt as _};
 use tracing_subscriber::util::SubscriberInitExt as _;
 use tracing_subscriber::{EnvFilter, fmt};
 
+pub use detectors::{judge_all, judge_all_at};
 pub use device::{DeviceArg, DeviceNameArg, DevicesArg};
 pub use eval::{ScoredData, command_line, provenance, tell_seen};
 pub use output::{ClosedPipe, path_text, print, print_either, print_summary, tell};

@@ -7,9 +7,10 @@ use fs_err as fs;
 
 use super::experiment::{Experiment, Row};
 use super::score::{
-    RowScores, SPEED_FACTORS, STEERING_OFFSETS_DEG, judged_at, median, read_or_make_by, time_it, time_judge,
+    RowScores, SPEED_FACTORS, STEERING_OFFSETS_DEG, median, read_or_make_by, time_it, time_judge,
     time_network, timed_samples,
 };
+use harmzone::cli::judge_all_at;
 use harmzone::dataset::Dataset;
 use harmzone::eval::judge::Judge;
 use harmzone::eval::sweep::Change;
@@ -72,7 +73,7 @@ fn make(experiment: &Experiment<'_>, row: &Row) -> anyhow::Result<RowScores> {
     let zones = ZONES.map(|judge| {
         let at = |change: Change, value: f64| {
             let [id, ood] = sets.map(|(data, found, mode)| {
-                let judged = judged_at(judge, data, found, |state| change.apply(state, value))?;
+                let judged = judge_all_at(judge, found, data, |state| change.apply(state, value))?;
                 anyhow::Ok(evaluate(&eval_samples(data.samples(), &judged), &Protocol::default(), mode)?)
             });
             let (id, ood) = (id?, ood?);

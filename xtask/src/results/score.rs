@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::data::LABELS;
 use super::experiment::{Experiment, Row, read_json};
 use super::page;
-use harmzone::cli::{ScoredData, provenance};
+use harmzone::cli::{ScoredData, judge_all, provenance};
 use harmzone::config::{Checked, differences};
 use harmzone::dataset::{Dataset, Fingerprint, LabelledSample};
 use harmzone::episode::{Manifest, Split};
@@ -28,7 +28,6 @@ use harmzone::progress::Silent;
 use harmzone::report::results::{JudgeScores, MissedHarm, Record, SetScores};
 use harmzone::report::scores;
 use harmzone::report::sweeps::{self, SweepRequest};
-use harmzone::sample::EgoState;
 use harmzone::train::{TrainConfig, TrainingTime};
 
 /// Factors of a speed sensor that errs.
@@ -238,26 +237,8 @@ fn look<'a>(
 
 /// The harm that is missed where a judge decides on the boxes.
 fn judge_missed(looked: &Looked<'_>, judge: Judge, mode: Mode) -> anyhow::Result<Option<Alarms>> {
-    let samples = eval_samples(looked.data.samples(), &judged(judge, looked.data, &looked.found)?);
+    let samples = eval_samples(looked.data.samples(), &judge_all(judge, &looked.found, looked.data)?);
     Ok(evaluate(&samples, &Protocol::default(), mode)?.safety.alarms)
-}
-
-/// What a judge makes of the boxes found in a data set.
-pub fn judged(judge: Judge, data: &Dataset, found: &[Vec<Detection>]) -> anyhow::Result<Vec<Vec<Detection>>> {
-    judged_at(judge, data, found, |state| *state)
-}
-
-/// The same at states that are measured otherwise.
-pub fn judged_at(
-    judge: Judge,
-    data: &Dataset,
-    found: &[Vec<Detection>],
-    measure: impl Fn(&EgoState) -> EgoState,
-) -> anyhow::Result<Vec<Vec<Detection>>> {
-    let samples = data.samples().iter().zip(found);
-    let judged =
-        samples.map(|(sample, found)| judge.judge(found, &measure(&sample.measured.ego_state), data.zone()));
-    Ok(judged.collect::<Result<_, _>>()?)
 }
 
 /// Median time of a sample through a network, milliseconds.

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::config::{SeenRowConfig, SideBySideConfig};
 use super::experiment::{Experiment, Row};
-use super::score::judged;
+use harmzone::cli::judge_all;
 use harmzone::dataset::Fingerprint;
 use harmzone::dataset::blind::Sensor;
 use harmzone::eval::judge::Judge;
@@ -115,5 +115,5 @@ fn look(experiment: &Experiment<'_>, row: &Row, seen: &SeenRowConfig) -> anyhow:
     let &SeenRowConfig { blind, judge, .. } = seen;
     let (device, progress) = (experiment.device, experiment.progress);
     let found = infer::detect_for(judge, &detector, data.samples(), blind, device, progress)?;
-    Ok(eval_samples(data.samples(), &judged(judge, data, &found)?))
+    Ok(eval_samples(data.samples(), &judge_all(judge, &found, data)?))
 }
