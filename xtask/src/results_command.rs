@@ -40,7 +40,7 @@ pub struct ResultsArgs {
     /// Train and score one row
     #[arg(long, value_name = "ROW", conflicts_with = "tables_only")]
     only: Option<String>,
-    /// Also score the headline and its other seeds on split test, for reporting: the figures are kept with commit and date, and
+    /// Also score the headline, its other seeds and the rows side by side on split test, for reporting: the figures are kept, and
     /// made once a network
     #[arg(long = "final", conflicts_with_all = ["only", "tables_only"])]
     is_final: bool,

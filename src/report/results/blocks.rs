@@ -1,8 +1,9 @@
 //! The results of an experiment in blocks, for RESULTS.md, the page and a network's card.
 
+use super::answers;
 use super::reported::{development_block, reported_blocks};
 use super::seeds::{self, mean_of, missed_events};
-use super::{MissedHarm, Record, Results, RivalRecord, SetRecord, SetScores, TableConfig};
+use super::{MissedHarm, Record, Results, RivalRecord, SetRecord, SetScores, SideBySide, TableConfig};
 use crate::eval::ClassScores;
 use crate::report::document::Block;
 use crate::report::missed;
@@ -14,7 +15,8 @@ use crate::report::versus;
 /// All blocks of the results; the same results give the same blocks.
 #[must_use]
 pub fn blocks(results: &Results) -> Vec<Block> {
-    let mut blocks = standing_blocks(results);
+    let mut blocks = answers::blocks(results);
+    blocks.extend(standing_blocks(results));
     blocks.extend(data_blocks(results));
     blocks.push(Block::heading("The network that ships"));
     match &results.headline {
@@ -32,11 +34,25 @@ pub fn blocks(results: &Results) -> Vec<Block> {
         blocks.extend(ablation_blocks(results, table));
     }
     for of in &results.side_by_side {
-        blocks.extend([Block::heading(&of.title), Block::text(of.note.clone())]);
-        blocks.extend(versus::tables(&of.of, &of.labels).into_iter().map(Block::Table));
+        blocks.extend(side_by_side_blocks(of));
     }
     if !results.rivals.is_empty() {
         blocks.extend(rival_blocks(results));
+    }
+    blocks
+}
+
+/// The tables of rows side by side; those of split test first, where there are any.
+fn side_by_side_blocks(of: &SideBySide) -> Vec<Block> {
+    let tables = |versus| versus::tables(versus, &of.labels).into_iter().map(Block::Table);
+    let mut blocks = vec![Block::heading(&of.title), Block::text(of.note.clone())];
+    match &of.reported {
+        Some(reported) => {
+            blocks.push(Block::text("Split test:"));
+            blocks.extend(tables(reported));
+            blocks.push(Block::fold("The same on split dev: development figures", tables(&of.of).collect()));
+        }
+        None => blocks.extend(tables(&of.of)),
     }
     blocks
 }

@@ -1,10 +1,12 @@
 //! The results of an experiment of trainings: `results.json`, which `make results` writes.
 
+mod answers;
 mod blocks;
 mod reported;
 mod seeds;
 pub mod test_data;
 
+pub use answers::QuestionConfig;
 pub use blocks::{blocks, headline_blocks};
 pub use reported::{ReportedGroup, ReportedRecord, ReportedSet};
 
@@ -157,6 +159,12 @@ pub struct SideBySide {
     /// The rows' names in the tables, the first one to measure by.
     pub labels: Vec<String>,
     pub of: Versus,
+    /// On split test; none until it is asked for.
+    #[serde(default)]
+    pub reported: Option<Versus>,
+    /// What it is to answer at the top of the results.
+    #[serde(default)]
+    pub questions: Vec<QuestionConfig>,
 }
 
 /// One line of the table of rivals: a judge over the boxes of one network.

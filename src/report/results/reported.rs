@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use super::Results;
-use super::seeds::{self, Run, Set};
+use super::seeds::{self, Run, Set, mean_of};
 use crate::dataset::Fingerprint;
 use crate::eval::safety::Alarms;
 use crate::eval::{ClassScores, Column, Columns, Confidence};
@@ -64,7 +64,7 @@ impl ReportedSet {
 /// What the other figures are; they stand below those of split test.
 pub(super) fn development_block(reported: Option<&ReportedRecord>) -> Block {
     let more = if reported.is_some() {
-        "those of split test stand above."
+        "those of split test stand above, and below where they are called so."
     } else {
         "`make results ARGS=--final` makes those of split test."
     };
@@ -105,6 +105,29 @@ fn seeds_table(results: &Results, record: &ReportedRecord, group: usize) -> Opti
     Some(if others.is_empty() { table } else { table.with_note(format!("{}.", others.join("; "))) })
 }
 
+/// What other towns cost: the headline and its repeats in the towns that they were trained in, and in the others.
+fn towns_table(results: &Results, record: &ReportedRecord) -> Option<Table> {
+    let seen = results.runs_of(&results.headline.as_ref()?.name);
+    let all: Vec<&ReportedRecord> = std::iter::once(record).chain(&results.reported_repeats).collect();
+    let row = |name: &str, seen: Option<f64>, set: fn(&ReportedGroup) -> &ReportedSet| {
+        let cells = (0..record.groups.len()).map(|i| {
+            let unseen = mean_of(all.iter().map(|of| set(of.groups.get(i)?).scores.total.mean));
+            let cost = unseen.zip(seen).map(|(unseen, seen)| format!("{:+.3}", unseen - seen));
+            Cell { text: ap(unseen), below: cost.into_iter().collect() }
+        });
+        [name.into(), ap(seen).into()].into_iter().chain(cells).collect()
+    };
+    let rows = vec![
+        row("ID", mean_of(seen.iter().map(|of| of.id.mean)), |of| &of.id),
+        row("OOD total, other unfamiliar objects", mean_of(seen.iter().map(|of| of.ood.total.mean)), |of| {
+            &of.ood
+        }),
+    ];
+    let towns = record.groups.iter().map(|group| group.towns.join(", "));
+    let head = ["mean AP", "towns of training (splits val, dev)"].map(str::to_owned).into_iter().chain(towns);
+    Some(Table::new(head, rows))
+}
+
 /// The figures on split test, a table a group.
 pub(super) fn reported_blocks(results: &Results, record: &ReportedRecord) -> Vec<Block> {
     let mut blocks = vec![
@@ -143,6 +166,7 @@ pub(super) fn reported_blocks(results: &Results, record: &ReportedRecord) -> Vec
         blocks.push(Block::Table(Table::new(["AP"].into_iter().chain(PARTS), rows).with_note(note)));
         blocks.extend(seeds_table(results, record, i).map(Block::Table));
     }
+    blocks.extend(towns_table(results, record).map(Block::Table));
     if !record.absent_maps.is_empty() {
         let absent: Vec<String> = record.absent_maps.iter().map(|path| path.display().to_string()).collect();
         blocks.push(Block::text(format!("Not scored, since the maps are not there: {}.", absent.join(", "))));
@@ -166,6 +190,8 @@ mod tests {
         {
             assert!(place(part) < place("Development figures"));
         }
+        // ID .7 and OOD .7 in the towns of training.
+        assert!(text.contains("| ID | 0.700 | **0.350** (-0.350) |"), "{text}");
         let card = markdown(&headline_blocks(&results, results.headline.as_ref().unwrap()));
         assert!(card.contains("## Split test"), "{card}");
     }

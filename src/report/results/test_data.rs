@@ -1,8 +1,8 @@
 //! Made-up results for tests, here and in the developers' program.
 
 use super::{
-    DataRecord, JudgeScores, MissedHarm, Record, Repeat, ReportedGroup, ReportedRecord, ReportedSet, Results,
-    RivalRecord, RowOf, SetRecord, SetScores, SideBySide, TableConfig,
+    DataRecord, JudgeScores, MissedHarm, QuestionConfig, Record, Repeat, ReportedGroup, ReportedRecord,
+    ReportedSet, Results, RivalRecord, RowOf, SetRecord, SetScores, SideBySide, TableConfig,
 };
 use crate::dataset::Fingerprint;
 use crate::eval::safety::{Alarms, MissedGroup, OperatingPoint, Warned};
@@ -78,6 +78,13 @@ pub fn test_results() -> Results {
             note: "On the same samples.".into(),
             labels: vec!["LiDAR".into(), "both".into()],
             of: test_versus(),
+            reported: None,
+            questions: vec![QuestionConfig {
+                row: "both".into(),
+                better: "The camera pays.".into(),
+                worse: "The camera does harm.".into(),
+                level: "Whether the camera pays is not certain.".into(),
+            }],
         }],
         rivals: vec![rival],
         network_ms: [("fused".to_owned(), 151.4)].into(),
@@ -159,7 +166,10 @@ fn test_versus() -> Versus {
         missed: vec![line("at 10 false alarms/km", 171, vec![figure(0.3, 0.0), figure(0.2, -0.1)])],
         warned: vec![line("at 10 false alarms/km, 8 m/s²", 92, vec![figure(0.5, 0.0), figure(0.55, 0.05)])],
         harmful: vec![line("total", 253, vec![figure(0.7, 0.0), figure(0.75, 0.05)])],
-        mean: vec![line("samples in fog", 800, vec![figure(0.5, 0.0), figure(0.49, -0.01)])],
+        mean: vec![
+            line("total", 2200, vec![figure(0.6, 0.0), figure(0.64, 0.04)]),
+            line("samples in fog", 800, vec![figure(0.5, 0.0), figure(0.49, -0.01)]),
+        ],
     }
 }
 

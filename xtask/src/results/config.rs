@@ -10,7 +10,7 @@ use harmzone::dataset::blind::Sensor;
 use harmzone::eval::judge::Judge;
 use harmzone::generate::Preset;
 use harmzone::model::Classes;
-use harmzone::report::results::TableConfig;
+use harmzone::report::results::{QuestionConfig, TableConfig};
 use harmzone::train::TrainConfig;
 
 /// An experiment; `configs/results.toml` equals the default.
@@ -61,6 +61,9 @@ pub struct SideBySideConfig {
     /// A sentence above the tables, without figures: those come from results.
     pub note: String,
     pub rows: Vec<SeenRowConfig>,
+    /// What it is to answer at the top of the results. Default: nothing.
+    #[serde(default)]
+    pub questions: Vec<QuestionConfig>,
 }
 
 /// A row that sees all, or one sensor's part of it.
@@ -246,6 +249,16 @@ fn check_side_by_side(of: &SideBySideConfig, trainings: &[&(String, TrainConfig)
             row.row
         );
     }
+    let asked = of.rows.iter().skip(1).map(|row| row.label.as_str());
+    let asked: Vec<&str> = asked.collect();
+    for question in &of.questions {
+        ensure!(
+            asked.contains(&question.row.as_str()),
+            "results config: side_by_side `{title}` asks what `{}` is beside the first row; there are: {}",
+            question.row,
+            asked.join(", ")
+        );
+    }
     Ok(())
 }
 
@@ -351,6 +364,8 @@ mod tests {
         assert!(message.contains("row `fused` tells kinds"), "{message}");
         let message = wrong(|config| config.side_by_side[0].rows.truncate(1));
         assert!(message.contains("two are needed"), "{message}");
+        let message = wrong(|config| config.side_by_side[0].questions[0].row = "LiDAR".into());
+        assert!(message.contains("asks what `LiDAR` is") && message.contains("camera, both"), "{message}");
         let message = wrong(|config| config.rows[0].name = "a/b".into());
         assert!(message.contains("a/b"), "{message}");
         let message = wrong(|config| config.rows[1].name = config.rows[0].name.clone());

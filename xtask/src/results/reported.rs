@@ -43,9 +43,9 @@ pub fn read_or_make(
         tracing::warn!("the map is not there, and nothing is reported on it: {}", map.display());
     }
     let trained = Trained::find(&row.folder)?;
-    let mut groups = vec![group(experiment, &trained, "test", &suffix, None)?];
+    let mut groups = vec![group(experiment, &trained, TOWNS, &suffix, None)?];
     if !maps.is_empty() {
-        groups.push(group(experiment, &trained, "test-maps", &suffix, Some(&maps))?);
+        groups.push(group(experiment, &trained, MAPS, &suffix, Some(&maps))?);
     }
     let record = ReportedRecord {
         commit: release.commit.clone(),
@@ -58,6 +58,24 @@ pub fn read_or_make(
     Ok(Some(record))
 }
 
+/// Split test with unfamiliar objects, in the towns that come with harmzone; made where it is not there.
+///
+/// # Errors
+/// It cannot be made or read.
+pub fn test_set(experiment: &Experiment<'_>) -> anyhow::Result<Dataset> {
+    let path = experiment.request.out.join(ood_name(TOWNS));
+    prepare_to_report(experiment.request, true, None, &path, experiment.progress)?;
+    Ok(Dataset::open(&path, LABELS, Split::Test)?)
+}
+
+/// Sets in the towns that come with harmzone, and in maps by path.
+const TOWNS: &str = "test";
+const MAPS: &str = "test-maps";
+
+fn ood_name(set: &str) -> String {
+    format!("{set}-ood")
+}
+
 fn group(
     experiment: &Experiment<'_>,
     trained: &Trained,
@@ -66,7 +84,7 @@ fn group(
     maps: Option<&[PathBuf]>,
 ) -> anyhow::Result<ReportedGroup> {
     let (device, progress) = (experiment.device, experiment.progress);
-    let (request, ood_name) = (experiment.request, format!("{name}-ood"));
+    let (request, ood_name) = (experiment.request, ood_name(name));
     let set = |name: &str, mode: Mode| {
         let path = request.out.join(name);
         prepare_to_report(request, mode == Mode::Ood, maps, &path, progress)?;

@@ -7,7 +7,8 @@ use super::config::RivalConfig;
 use super::experiment::{Experiment, Row};
 use super::request::Request;
 use super::score::RowScores;
-use super::{closed_set, data, reported, score, side_by_side, write};
+use super::side_by_side::Asked;
+use super::{closed_set, data, reported, score, write};
 use harmzone::model::Classes;
 use harmzone::progress::Progress;
 use harmzone::report::results::{DataRecord, JudgeScores, Record, Repeat, Results, RivalRecord};
@@ -55,7 +56,8 @@ pub fn run(request: &Request<'_>, device: &Device, progress: &dyn Progress) -> a
         rows.push(experiment.row(name, config, false)?);
     }
     for (number, config) in request.config.side_by_side.iter().enumerate() {
-        results.side_by_side.extend(side_by_side::read(&experiment, number, config, &rows)?);
+        let asked = Asked { experiment: &experiment, number, config, rows: &rows };
+        results.side_by_side.extend(asked.read()?);
     }
     for row in &rows {
         let is_closed_set = row.config.model.head.classes == Classes::Kind;
@@ -84,7 +86,8 @@ pub fn run(request: &Request<'_>, device: &Device, progress: &dyn Progress) -> a
     }
     results.side_by_side.clear();
     for (number, config) in request.config.side_by_side.iter().enumerate() {
-        results.side_by_side.extend(side_by_side::read_or_make(&experiment, number, config, &rows)?);
+        let asked = Asked { experiment: &experiment, number, config, rows: &rows };
+        results.side_by_side.extend(asked.read_or_make()?);
     }
     // In the config's order; the closed set's are last.
     let place = |row: &str, judge: &str| {

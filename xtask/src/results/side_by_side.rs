@@ -1,4 +1,5 @@
-//! Rows side by side on the OOD set, and what each gains over the first: made when all of its rows are trained, and then kept.
+//! Rows side by side on the OOD set, and what each gains over the first: made when all of its rows are trained, and then kept;
+//! on split test, when that is asked for.
 
 use std::path::PathBuf;
 
@@ -7,9 +8,11 @@ use serde::{Deserialize, Serialize};
 
 use super::config::{SeenRowConfig, SideBySideConfig};
 use super::experiment::{Experiment, Row};
+use super::reported::test_set;
 use harmzone::cli::judge_all;
-use harmzone::dataset::Fingerprint;
 use harmzone::dataset::blind::Sensor;
+use harmzone::dataset::{Dataset, Fingerprint};
+use harmzone::episode::Split;
 use harmzone::eval::judge::Judge;
 use harmzone::eval::versus::{Versus, versus};
 use harmzone::eval::{EvalSample, Mode, Protocol, eval_samples};
@@ -29,51 +32,102 @@ struct Kept {
     of: Versus,
 }
 
-/// The rows side by side as kept, if they are of these networks and data; none where they are not, or a row is not trained.
-///
-/// # Errors
-/// A file cannot be read.
-pub fn read(
-    experiment: &Experiment<'_>,
-    number: usize,
-    config: &SideBySideConfig,
-    rows: &[Row],
-) -> anyhow::Result<Option<SideBySide>> {
-    let (file, networks) = (path(experiment, number), networks(experiment, config, rows)?);
-    // What an older version kept is made anew.
-    let kept =
-        if file.is_file() { serde_json::from_str::<Kept>(&fs::read_to_string(&file)?).ok() } else { None };
-    let kept = kept.filter(|kept| networks.as_ref() == Some(&kept.rows) && kept.tested_on == experiment.ood);
-    Ok(kept.map(|kept| record(config, kept.of)))
+/// Rows side by side, to choose by and to report.
+pub struct Asked<'a> {
+    pub experiment: &'a Experiment<'a>,
+    /// Its place in the config.
+    pub number: usize,
+    pub config: &'a SideBySideConfig,
+    pub rows: &'a [Row],
 }
 
-/// As [`read`]; else made and kept. None where a row is not trained.
-///
-/// # Errors
-/// A row cannot be read or scored.
-pub fn read_or_make(
-    experiment: &Experiment<'_>,
-    number: usize,
-    config: &SideBySideConfig,
-    rows: &[Row],
-) -> anyhow::Result<Option<SideBySide>> {
-    if let Some(kept) = read(experiment, number, config, rows)? {
-        return Ok(Some(kept));
+impl Asked<'_> {
+    /// The rows side by side as kept, if they are of these networks and data; none where they are not, or a row is not trained.
+    ///
+    /// # Errors
+    /// A file cannot be read.
+    pub fn read(&self) -> anyhow::Result<Option<SideBySide>> {
+        let Some(networks) = self.networks()? else { return Ok(None) };
+        let Some(of) = self.kept(Split::Dev, &networks)? else { return Ok(None) };
+        Ok(Some(self.record(of, self.kept(Split::Test, &networks)?)))
     }
-    let Some(networks) = networks(experiment, config, rows)? else { return Ok(None) };
-    let detectors = config.rows.iter().map(|seen| {
-        let runs = runs_of(rows, &seen.row).into_iter();
-        runs.map(|row| look(experiment, row, seen)).collect::<anyhow::Result<_>>()
-    });
-    let detectors: Vec<Vec<Vec<EvalSample>>> = detectors.collect::<anyhow::Result<_>>()?;
-    let of = versus(&detectors, &Protocol::default(), Mode::Ood)?;
-    let kept = Kept { rows: networks, tested_on: experiment.ood.clone(), of };
-    write_atomic(&path(experiment, number), serde_json::to_string_pretty(&kept)?.as_bytes())?;
-    Ok(Some(record(config, kept.of)))
-}
 
-fn path(experiment: &Experiment<'_>, number: usize) -> PathBuf {
-    experiment.request.out.join("scores").join(format!("side-by-side-{number}.json"))
+    /// As [`Self::read`]; else made and kept, on split test where that is asked for. None where a row is not trained.
+    ///
+    /// # Errors
+    /// A row cannot be read or scored.
+    pub fn read_or_make(&self) -> anyhow::Result<Option<SideBySide>> {
+        let Some(networks) = self.networks()? else { return Ok(None) };
+        let of = match self.kept(Split::Dev, &networks)? {
+            Some(of) => of,
+            None => self.make(self.experiment.scored_split(Mode::Ood)?, Split::Dev, &networks)?,
+        };
+        let reported = match self.kept(Split::Test, &networks)? {
+            None if self.experiment.request.reported.is_some() => {
+                Some(self.make(&test_set(self.experiment)?, Split::Test, &networks)?)
+            }
+            kept => kept,
+        };
+        Ok(Some(self.record(of, reported)))
+    }
+
+    /// What is kept of these networks. What an older version kept is made anew; figures on split test, only for other networks.
+    fn kept(&self, split: Split, networks: &Networks) -> anyhow::Result<Option<Versus>> {
+        let file = self.path(split);
+        let kept = if file.is_file() {
+            serde_json::from_str::<Kept>(&fs::read_to_string(&file)?).ok()
+        } else {
+            None
+        };
+        let is_of_these = |kept: &Kept| {
+            kept.rows == *networks && (split == Split::Test || kept.tested_on == self.experiment.ood)
+        };
+        Ok(kept.filter(is_of_these).map(|kept| kept.of))
+    }
+
+    fn make(&self, data: &Dataset, split: Split, networks: &Networks) -> anyhow::Result<Versus> {
+        let detectors = self.config.rows.iter().map(|seen| {
+            let runs = runs_of(self.rows, &seen.row).into_iter();
+            runs.map(|row| look(self.experiment, row, seen, data)).collect::<anyhow::Result<_>>()
+        });
+        let detectors: Vec<Vec<Vec<EvalSample>>> = detectors.collect::<anyhow::Result<_>>()?;
+        let of = versus(&detectors, &Protocol::default(), Mode::Ood)?;
+        let kept = Kept { rows: networks.clone(), tested_on: data.fingerprint().clone(), of };
+        write_atomic(&self.path(split), serde_json::to_string_pretty(&kept)?.as_bytes())?;
+        Ok(kept.of)
+    }
+
+    fn path(&self, split: Split) -> PathBuf {
+        let name = if split == Split::Test { "reported-side-by-side" } else { "side-by-side" };
+        self.experiment.request.out.join("scores").join(format!("{name}-{}.json", self.number))
+    }
+
+    /// The rows' networks; none where a row is not trained.
+    fn networks(&self) -> anyhow::Result<Option<Networks>> {
+        let mut networks = Vec::new();
+        for (i, seen) in self.config.rows.iter().enumerate() {
+            for row in runs_of(self.rows, &seen.row) {
+                if !self.experiment.is_trained(row)? {
+                    return Ok(None);
+                }
+                let sha256 = sha256_hex(&fs::read(row.folder.join(CHECKPOINT))?);
+                networks.push((i, sha256, seen.blind, seen.judge));
+            }
+        }
+        Ok(Some(networks))
+    }
+
+    fn record(&self, of: Versus, reported: Option<Versus>) -> SideBySide {
+        let SideBySideConfig { title, note, rows, questions } = self.config;
+        SideBySide {
+            title: title.clone(),
+            note: note.clone(),
+            labels: rows.iter().map(|seen| seen.label.clone()).collect(),
+            of,
+            reported,
+            questions: questions.clone(),
+        }
+    }
 }
 
 /// A row and its repeats.
@@ -84,34 +138,18 @@ fn runs_of<'a>(rows: &'a [Row], name: &str) -> Vec<&'a Row> {
     runs
 }
 
-/// The rows' networks; none where a row is not trained.
-fn networks(
+/// What a row finds in samples with unfamiliar objects.
+fn look(
     experiment: &Experiment<'_>,
-    config: &SideBySideConfig,
-    rows: &[Row],
-) -> anyhow::Result<Option<Networks>> {
-    let mut networks = Vec::new();
-    for (i, seen) in config.rows.iter().enumerate() {
-        for row in runs_of(rows, &seen.row) {
-            if !experiment.is_trained(row)? {
-                return Ok(None);
-            }
-            let sha256 = sha256_hex(&fs::read(row.folder.join(CHECKPOINT))?);
-            networks.push((i, sha256, seen.blind, seen.judge));
-        }
+    row: &Row,
+    seen: &SeenRowConfig,
+    data: &Dataset,
+) -> anyhow::Result<Vec<EvalSample>> {
+    let trained = Trained::find(&row.folder)?;
+    if let Some(seen) = trained.seen()? {
+        seen.check_unlearned(data.episodes())?;
     }
-    Ok(Some(networks))
-}
-
-fn record(config: &SideBySideConfig, of: Versus) -> SideBySide {
-    let labels = config.rows.iter().map(|seen| seen.label.clone()).collect();
-    SideBySide { title: config.title.clone(), note: config.note.clone(), labels, of }
-}
-
-/// The OOD set's samples with what a row finds.
-fn look(experiment: &Experiment<'_>, row: &Row, seen: &SeenRowConfig) -> anyhow::Result<Vec<EvalSample>> {
-    let data = experiment.scored_split(Mode::Ood)?;
-    let detector = Trained::find(&row.folder)?.load(experiment.device)?;
+    let detector = trained.load(experiment.device)?;
     let &SeenRowConfig { blind, judge, .. } = seen;
     let (device, progress) = (experiment.device, experiment.progress);
     let found = infer::detect_for(judge, &detector, data.samples(), blind, device, progress)?;
