@@ -221,9 +221,9 @@ impl Run<'_> {
         Ok(self.has_come_to_rest(speed_mps, &orders))
     }
 
-    /// Whether the ego has stood long enough for perception's sake, and why.
+    /// Whether the ego has stood long enough for perception's sake, not for a red light's, and why.
     fn has_come_to_rest(&mut self, speed_mps: f64, orders: &EgoOrders) -> Option<End> {
-        let stands = speed_mps < STANDS_MPS && orders.braking_mps2.is_some();
+        let is_held_up = orders.braking_mps2.is_some() && !self.live.ego_waits_at_line();
         // The zone of a car that stands has no depth: what lies right before it is what it stands for, too.
         let reflex = &self.config.reflex;
         let holds_up = |(i, object): &&(usize, Object)| {
@@ -231,13 +231,13 @@ impl Run<'_> {
         };
         let held_up_by: Vec<usize> = self.seen.present.iter().filter(holds_up).map(|(i, _)| *i).collect();
         let is_harmed = !held_up_by.is_empty();
-        let waits_for_movers = is_harmed && held_up_by.iter().all(|&i| self.live.moves_by_itself(i));
+        let waits = is_harmed && held_up_by.iter().all(|&i| self.live.moves_by_itself(i));
         // What it stands for is one thing throughout.
-        let goes_on = stands && !waits_for_movers && is_harmed == self.notes.stands_harmed;
+        let goes_on = speed_mps < STANDS_MPS && is_held_up && !waits && is_harmed == self.notes.stands_harmed;
         self.notes.stands_harmed = is_harmed;
         self.notes.stands_s = if goes_on { self.notes.stands_s + CONTROL_PERIOD_S } else { 0.0 };
-        let is_over = self.notes.stands_s >= self.config.standing_s;
-        is_over.then_some(if is_harmed { End::Stopped } else { End::Stuck })
+        let end = if is_harmed { End::Stopped } else { End::Stuck };
+        (self.notes.stands_s >= self.config.standing_s).then_some(end)
     }
 
     fn note_braking(&mut self, time_s: f64, speed_mps: f64, orders: &EgoOrders) {

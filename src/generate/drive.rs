@@ -138,6 +138,11 @@ impl Drive {
         self.traffic.free_way_m(n_steps, CONTROL_PERIOD_S)
     }
 
+    /// Whether the ego stands at a line that it may not cross yet.
+    pub(super) fn ego_waits_at_line(&self) -> bool {
+        self.traffic.ego_waits_at_line()
+    }
+
     /// Whether an actor of a scenario is on its way.
     pub(super) fn is_under_way(&self, placement: usize) -> bool {
         self.traffic.is_under_way(placement)

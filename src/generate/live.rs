@@ -161,6 +161,12 @@ impl<'a> LiveEpisode<'a> {
         self.drive.set_off()
     }
 
+    /// Whether the ego stands at the line of a light or a junction that does not let it through yet.
+    #[must_use]
+    pub fn ego_waits_at_line(&self) -> bool {
+        self.drive.ego_waits_at_line()
+    }
+
     /// Whether an object drives or walks, and may go away.
     #[must_use]
     pub fn moves_by_itself(&self, object_idx: usize) -> bool {

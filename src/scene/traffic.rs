@@ -160,6 +160,11 @@ impl Traffic {
         self.ego.free_way_m(n_steps, dt_s, &self.town.graph)
     }
 
+    /// Whether the ego stands at the line of a light or a junction that does not let it through.
+    pub fn ego_waits_at_line(&self) -> bool {
+        self.ego.waits_at_line()
+    }
+
     /// Whether an actor has been set off and has not come to the end of its way.
     pub fn is_under_way(&self, placement: usize) -> bool {
         self.dashers.iter().any(|dasher| dasher.placement == placement && dasher.is_under_way())

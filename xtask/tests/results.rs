@@ -38,6 +38,7 @@ fn experiment(folder: &Path) -> PathBuf {
     config += "[[side_by_side]]\ntitle = 'Eyes'\nnote = 'On the same samples.'\nrows = [{ label = 'cloud', row = 'lidar' }, \
                { label = 'dark', row = 'one-stage', blind = 'camera' }, \
                { label = 'rule', row = 'kinds', judge = 'zone' }]\n";
+    config += "questions = [{ row = 'dark', better = 'It sees.', worse = 'It sees.', level = 'It sees.' }]\n";
     config += "[seeds]\nvalues = [7]\nrows = ['one-stage']\n";
     for judge in ["network", "zone-soft"] {
         config += &format!("[[rivals]]\nlabel = 'by {judge}'\nrow = 'lidar'\njudge = '{judge}'\n");
@@ -92,6 +93,7 @@ fn an_experiment_killed_in_a_training_goes_on_and_its_commands_make_its_rows() {
             && whole.contains("| by zone-soft | lidar |")
             && whole.contains("| zone over the closed set's boxes | kinds |")
             && whole.contains("| AP, mean of both | truths | cloud | dark | rule |")
+            && whole.contains("It sees. (dark, against cloud: mean AP ")
             && whole.contains(", seeds ")
             && whole.contains("| seed 5 | mean | standard deviation |"),
         "{whole}"
@@ -142,6 +144,26 @@ fn an_experiment_killed_in_a_training_goes_on_and_its_commands_make_its_rows() {
     assert_eq!(page(), told, "from what is kept");
     assert_eq!(scored(), first_scored, "and nothing is scored again");
     assert!(fs::read_to_string(&card).expect("a card").contains("mAP_OOD"));
+
+    // Split test is made and scored once, and answers from then on.
+    let report = [&args, ["--set", "preset=demo", "--final", "--date", "2026-01-02"].as_slice()].concat();
+    for is_first in [true, false] {
+        let kept = ["reported.json", "reported-small-seed-5.json", "reported-side-by-side-0.json"]
+            .map(|name| out.join("scores").join(name));
+        assert!(kept.iter().all(|file| file.exists() != is_first));
+        succeed(&mut xtask(&report));
+        let reported = document();
+        for part in ["## Split test", ", 2026-01-02; network ", "; split test.)", "The same on split dev"] {
+            assert!(reported.contains(part), "{part}: {reported}");
+        }
+        for file in kept {
+            if is_first {
+                let text = fs::read_to_string(&file).expect("figures are kept");
+                fs::write(&file, text + " ").expect("a writable folder");
+            }
+            assert!(fs::read_to_string(&file).expect("figures are kept").ends_with(' '), "made once");
+        }
+    }
 
     // Another config for a row that is trained is told, not silently mixed in.
     let changed = fs::read_to_string(&config).expect("a config").replace("batch_size=2", "batch_size=3");

@@ -65,6 +65,11 @@ impl EgoDriver {
         }
     }
 
+    /// Whether it stands at the line of a light or a junction that does not let it through.
+    pub fn waits_at_line(&self) -> bool {
+        self.held_s > 0.0
+    }
+
     /// How far a car has come after each of so many steps, from standing where it is, with nothing in its way.
     pub fn free_way_m(&self, n_steps: usize, dt_s: f64, graph: &LaneGraph) -> Vec<f64> {
         let (mut driven_m, mut speed_mps) = (0.0, 0.0_f64);
@@ -97,6 +102,7 @@ mod tests {
 
     use super::*;
     use crate::random;
+    use crate::scene::junctions::Stop;
     use crate::scene::{Route, Town};
 
     fn on_road() -> (Town, EgoDriver, EgoPose) {
@@ -125,6 +131,26 @@ mod tests {
         // The car has not braked yet, so that a third of what is missing is asked for on top.
         let asked_mps2 = 4.0 * (1.0 + 0.05 / BRAKING_TIME_S);
         assert!((target_mps(Some(4.0)) - (8.0 - asked_mps2 * DRIVE_RESPONSE_S)).abs() < 1e-9);
+    }
+
+    #[test]
+    fn it_waits_at_a_line_that_it_may_not_cross_and_nowhere_else() {
+        let (town, driver, pose) = on_road();
+        let standing = EgoPose { speed_mps: 0.0, ..pose };
+        let waits = |pose: &EgoPose, stop: Option<f64>, is_granted: bool, braking_mps2: Option<f64>| {
+            let mut driver = driver.clone();
+            let stop = stop.map(|distance_m| Stop { gap: Gap::line(distance_m), is_light: true });
+            let answer = Answer { stop, is_granted, ..Answer::default() };
+            driver.step_ordered(0.05, pose, &answer, &town.graph, &EgoOrders { braking_mps2 });
+            driver.waits_at_line()
+        };
+        for braking_mps2 in [None, Some(2.0)] {
+            assert!(waits(&standing, Some(2.0), false, braking_mps2));
+            assert!(!waits(&standing, Some(2.0), true, braking_mps2), "green");
+            assert!(!waits(&standing, Some(9.0), false, braking_mps2), "before the line");
+            assert!(!waits(&standing, None, false, braking_mps2));
+            assert!(!waits(&pose, Some(2.0), false, braking_mps2), "it drives");
+        }
     }
 
     #[test]
