@@ -55,7 +55,7 @@ define_config! {
         half_width_m: f64 = 1.75, in from_to(0.1, 20.0);
         /// A thing that moves is a hazard, too, where it and the ego would meet within so long if both kept their motion,
         /// seconds; 0: only harmful boxes are.
-        foresight_s: f64 = 0.0, in from_to(0.0, 10.0);
+        foresight_s: f64 = 2.0, in from_to(0.0, 10.0);
         /// From this speed over ground on a thing moves, m/s.
         moving_mps: f64 = 1.0, in from_to(0.0, 50.0);
         /// Who comes so near beside the ego's body meets it, metres.
