@@ -10,6 +10,7 @@ use super::foresight::Foresight;
 use super::perception::{Instant, Perception, truly_harmful};
 use super::recorder::Recorder;
 use super::reflex::Reflex;
+use super::rest::{AtRest, TimeAtRest};
 use super::scenario::Course;
 use super::{DriveConfig, DriveError};
 use crate::generate::{CONTROL_PERIOD_S, Contact, EpisodePlan, LiveEpisode, Timings};
@@ -129,9 +130,7 @@ struct Notes {
     hard_until_s: f64,
     first_brake_ttc_s: Option<f64>,
     has_braked: bool,
-    stands_s: f64,
-    /// Whether anything was harmful while it stood.
-    stands_harmed: bool,
+    rest: TimeAtRest,
 }
 
 struct Run<'a> {
@@ -223,21 +222,20 @@ impl Run<'_> {
 
     /// Whether the ego has stood long enough for perception's sake, not for a red light's, and why.
     fn has_come_to_rest(&mut self, speed_mps: f64, orders: &EgoOrders) -> Option<End> {
-        let is_held_up = orders.braking_mps2.is_some() && !self.live.ego_waits_at_line();
         // The zone of a car that stands has no depth: what lies right before it is what it stands for, too.
         let reflex = &self.config.reflex;
         let holds_up = |(i, object): &&(usize, Object)| {
             self.seen.harmful.contains(i) || reflex.is_near(&object.solid_in_ego(), car::FRONT_BUMPER_X_M)
         };
         let held_up_by: Vec<usize> = self.seen.present.iter().filter(holds_up).map(|(i, _)| *i).collect();
-        let is_harmed = !held_up_by.is_empty();
-        let waits = is_harmed && held_up_by.iter().all(|&i| self.live.moves_by_itself(i));
-        // What it stands for is one thing throughout.
-        let goes_on = speed_mps < STANDS_MPS && is_held_up && !waits && is_harmed == self.notes.stands_harmed;
-        self.notes.stands_harmed = is_harmed;
-        self.notes.stands_s = if goes_on { self.notes.stands_s + CONTROL_PERIOD_S } else { 0.0 };
-        let end = if is_harmed { End::Stopped } else { End::Stuck };
-        (self.notes.stands_s >= self.config.standing_s).then_some(end)
+        let now = AtRest {
+            stands: speed_mps < STANDS_MPS,
+            is_ordered: orders.braking_mps2.is_some(),
+            waits_at_line: self.live.ego_waits_at_line(),
+            is_harmed: !held_up_by.is_empty(),
+            all_move: held_up_by.iter().all(|&i| self.live.moves_by_itself(i)),
+        };
+        self.notes.rest.after(&now, self.config.standing_s)
     }
 
     fn note_braking(&mut self, time_s: f64, speed_mps: f64, orders: &EgoOrders) {
@@ -336,8 +334,7 @@ impl Notes {
             hard_until_s: f64::NEG_INFINITY,
             first_brake_ttc_s: None,
             has_braked: false,
-            stands_s: 0.0,
-            stands_harmed: false,
+            rest: TimeAtRest::default(),
         }
     }
 

@@ -12,6 +12,7 @@ mod hazards;
 mod perception;
 mod recorder;
 mod reflex;
+mod rest;
 mod run;
 mod scenario;
 mod strip;

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use fs_err as fs;
+use harmzone::report::results::Results;
 use made_data::{Fixture, KINDS, TINY, fail, fixture, kill_when_filled, program, succeed, text};
 
 fn xtask(args: &[&str]) -> Command {
@@ -147,23 +148,34 @@ fn an_experiment_killed_in_a_training_goes_on_and_its_commands_make_its_rows() {
 
     // Split test is made and scored once, and answers from then on.
     let report = [&args, ["--set", "preset=demo", "--final", "--date", "2026-01-02"].as_slice()].concat();
+    let kept = || -> Vec<PathBuf> {
+        let files = fs::read_dir(out.join("scores")).expect("scores are kept");
+        let files = files.map(|file| file.expect("a file").path());
+        files.filter(|file| text(file).contains("/scores/reported")).collect()
+    };
+    assert!(kept().is_empty(), "{:?}", kept());
     for is_first in [true, false] {
-        let kept = ["reported.json", "reported-small-seed-5.json", "reported-side-by-side-0.json"]
-            .map(|name| out.join("scores").join(name));
-        assert!(kept.iter().all(|file| file.exists() != is_first));
         succeed(&mut xtask(&report));
         let reported = document();
-        for part in ["## Split test", ", 2026-01-02; network ", "; split test.)", "The same on split dev"] {
+        for part in ["## Split test", ", 2026-01-02; network ", ".) Split test.", "The same on split dev"] {
             assert!(reported.contains(part), "{part}: {reported}");
         }
-        for file in kept {
+        assert_eq!(kept().len(), 3, "the headline, its other seed and the rows side by side: {:?}", kept());
+        for file in kept() {
+            let text = fs::read_to_string(&file).expect("figures are kept");
             if is_first {
-                let text = fs::read_to_string(&file).expect("figures are kept");
                 fs::write(&file, text + " ").expect("a writable folder");
+            } else {
+                assert!(text.ends_with(' '), "made once: {}", file.display());
             }
-            assert!(fs::read_to_string(&file).expect("figures are kept").ends_with(' '), "made once");
         }
     }
+    let results = Results::read(&out.join("results.json")).expect("results are kept");
+    let rows = results.side_by_side[0].reported.as_ref().expect("rows side by side on split test");
+    let headline = &results.reported.expect("the headline on split test").groups[0];
+    assert_eq!(rows.fingerprint, headline.ood.fingerprint);
+    assert_ne!(rows.fingerprint, results.data.ood.fingerprint);
+    assert_eq!(rows.of.n_samples, headline.ood.n_samples);
 
     // Another config for a row that is trained is told, not silently mixed in.
     let changed = fs::read_to_string(&config).expect("a config").replace("batch_size=2", "batch_size=3");

@@ -5,23 +5,23 @@ use serde::{Deserialize, Serialize};
 use super::{Results, SideBySide};
 use crate::eval::ClassScores;
 use crate::eval::safety::Alarms;
-use crate::eval::versus::{VersusFigure, VersusLine};
+use crate::eval::versus::{Versus, VersusFigure, VersusLine};
 use crate::report::document::Block;
 use crate::report::missed;
-use crate::report::table::{ap, number, percent};
+use crate::report::table::{number, percent};
 
-/// A question put to a side-by-side: does a row do better than the first one? By mean AP on all of the samples; the
-/// sentence that its interval bears out stands at the top of the results.
+/// A question put to rows side by side: does one do better than the first? The sentence that the interval over the episodes bears
+/// out stands at the top of the results.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct QuestionConfig {
     /// Label of the row.
     pub row: String,
-    /// Where its mean AP is surely higher.
+    /// Where all of the interval of its mean AP's difference lies above zero, and that of missed events not above it.
     pub better: String,
-    /// Where it is surely lower.
+    /// Where all of it lies below zero, and that of missed events not below it.
     pub worse: String,
-    /// Where the interval of the difference holds zero, or there is none.
+    /// Else.
     pub level: String,
 }
 
@@ -38,76 +38,105 @@ pub(super) fn blocks(results: &Results) -> Vec<Block> {
     std::iter::once(Block::heading("In short")).chain(texts).collect()
 }
 
+/// What figures are that stand alone.
+fn standing(is_reported: bool) -> &'static str {
+    if is_reported { "Split test." } else { "Development figures, split dev." }
+}
+
 /// What the network that ships misses, on split test where that is known.
 fn headline(results: &Results) -> Option<String> {
-    let reported = results.reported.as_ref().and_then(|record| record.groups.first());
-    let (alarms, total, split): (Option<&Alarms>, ClassScores, &str) = match (reported, &results.headline) {
-        (Some(towns), _) => (towns.ood.missed.as_ref(), towns.ood.scores.total, "test"),
-        (None, Some(record)) => (record.missed.ood.as_ref(), record.ood.total, "dev"),
-        (None, None) => return None,
-    };
+    let towns = results.reported.as_ref().and_then(|record| record.groups.first());
+    let (alarms, [total, unfamiliar]): (Option<&Alarms>, [Option<ClassScores>; 2]) =
+        match (towns, &results.headline) {
+            (Some(towns), _) => {
+                (towns.ood.missed.as_ref(), [Some(towns.ood.scores.total), towns.ood.scores.ood_all])
+            }
+            (None, Some(record)) => {
+                (record.missed.ood.as_ref(), [Some(record.ood.total), record.ood.ood_all])
+            }
+            (None, None) => return None,
+        };
     let point = missed::middle(alarms?)?;
     let within = |of: Option<[f64; 2]>| {
         of.map_or_else(String::new, |ends| {
             format!(" ({})", ends.map(|end| number(Some(100.0 * end), 1)).join("–"))
         })
     };
+    let of_unfamiliar = alarms?.groups.iter().find(|group| group.name == "ood").and_then(|group| {
+        let missed = (*group.missed_per_event.get(alarms?.points.len() / 2)?)?;
+        Some(format!(", {} of the {} of an unfamiliar object", percent(Some(missed)), group.n_events))
+    });
     let warned = point.warned.last().map_or_else(String::new, |of| {
         format!(
-            ", and warns in time of {}{} of those that can be stopped for at {} m/s²",
+            "; it warns in time of {}{} of those that can be stopped for at {} m/s²",
             percent(of.in_time),
             within(of.in_time_interval),
             of.deceleration_mps2
         )
     });
+    let mean = |of: Option<ClassScores>| number(of.and_then(|of| of.mean), 3);
     Some(format!(
-        "The network that ships misses {}{} of the harmful events among unfamiliar objects at {} false alarms a kilometre{warned}; \
-         its mean AP there is {} (split {split}).",
+        "In drives with unfamiliar objects the network that ships misses {}{} of the {} harmful events at {} false alarms a kilometre{}{warned}. \
+         Mean AP there is {}, of unfamiliar objects {} with all false positives. {}",
         percent(point.missed_per_event),
         within(point.missed_per_event_interval),
+        point.n_events,
         point.max_false_alarms_per_km,
-        ap(total.mean),
+        of_unfamiliar.unwrap_or_default(),
+        mean(total),
+        mean(unfamiliar),
+        standing(towns.is_some()),
     ))
 }
 
 /// By split test where it is known. `None` where the row is not there, or no figure of it.
 fn answer(of: &SideBySide, question: &QuestionConfig) -> Option<String> {
-    let (versus, split) = of.reported.as_ref().map_or((&of.of, "dev"), |reported| (reported, "test"));
+    let versus: &Versus = of.reported.as_ref().map_or(&of.of, |reported| &reported.of);
     let place = of.labels.iter().position(|label| *label == question.row)?;
     let (first, mean) = (of.labels.first()?, versus.mean.first()?);
-    let sentence = match mean.figures.get(place)?.over_first_interval {
-        Some([low, _]) if low > 0.0 => &question.better,
-        Some([_, high]) if high < 0.0 => &question.worse,
+    let missed = versus.missed.get(versus.missed.len() / 2);
+    let over = |line: &VersusLine| line.figures.get(place)?.over_first_interval;
+    let more_missed = missed.and_then(over);
+    let sentence = match over(mean) {
+        Some([low, _]) if low > 0.0 && more_missed.is_none_or(|[least, _]| least <= 0.0) => &question.better,
+        Some([_, high]) if high < 0.0 && more_missed.is_none_or(|[_, most]| most >= 0.0) => &question.worse,
         _ => &question.level,
     };
-    let share = |value: f64| number(Some(100.0 * value), 1);
-    let aps = compared(mean, place, &|value| ap(Some(value)))?;
-    let missed = versus.missed.get(versus.missed.len() / 2);
+    let aps = compared(mean, place, &|value| number(Some(value), 3))?;
     let missed = missed.and_then(|line| {
-        Some(format!("; harmful events missed {}, %: {}", line.name, compared(line, place, &share)?))
+        let shares = compared(line, place, &|value| number(Some(100.0 * value), 1))?;
+        Some(format!("; harmful events missed {}, %: {shares}", line.name))
     });
     Some(format!(
-        "{sentence} ({}, against {first}: mean AP {aps}{}; split {split}.)",
+        "{sentence} ({}, against {first}: mean AP {aps}{}.) {}",
         question.row,
-        missed.unwrap_or_default()
+        missed.unwrap_or_default(),
+        standing(of.reported.is_some())
     ))
 }
 
-/// A row's figure and the first one's, and their difference with its interval.
+/// A row's figure and the first one's, with those of their runs, and their difference with its interval.
 fn compared(line: &VersusLine, place: usize, show: &dyn Fn(f64) -> String) -> Option<String> {
-    let (VersusFigure { value: Some(value), over_first, over_first_interval, .. }, first) =
-        (line.figures.get(place)?, line.figures.first()?.value?)
-    else {
-        return None;
+    let (row, first) = (line.figures.get(place)?, line.figures.first()?);
+    let of_runs = |of: &VersusFigure| -> Option<String> {
+        let runs: Vec<String> = of.runs.iter().flatten().map(|&run| show(run)).collect();
+        let runs = if runs.is_empty() { String::new() } else { format!(" (runs {})", runs.join(", ")) };
+        Some(show(of.value?) + &runs)
     };
     let signed = |of: f64| if of < 0.0 { show(of) } else { format!("+{}", show(of)) };
-    let difference = over_first.map(signed).unwrap_or_default();
-    let interval = over_first_interval.map(|ends| format!(", {}", ends.map(signed).join(" to ")));
-    Some(format!("{} against {}: {difference}{}", show(*value), show(first), interval.unwrap_or_default()))
+    let interval = row.over_first_interval.map(|ends| format!(", {}", ends.map(signed).join(" to ")));
+    Some(format!(
+        "{} against {}: {}{}",
+        of_runs(row)?,
+        of_runs(first)?,
+        signed(row.over_first?),
+        interval.unwrap_or_default()
+    ))
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::ReportedVersus;
     use super::super::blocks;
     use super::super::test_data::{test_reported, test_results};
     use super::*;
@@ -115,45 +144,65 @@ mod tests {
 
     fn top(results: &Results) -> String {
         let text = markdown(&blocks(results));
-        text.split_once("Development figures").map(|(top, _)| top.to_owned()).unwrap()
+        text.split_once("\nDevelopment figures, on the splits").map(|(top, _)| top.to_owned()).unwrap()
     }
 
     #[test]
     fn the_interval_chooses_the_sentence_and_the_figures_stand_beside_it() {
         let mut results = test_results();
+        results.side_by_side[0].of.mean[0].figures[1].runs = vec![Some(0.63), Some(0.65)];
         let text = top(&results);
-        let sentence = "The camera pays. (both, against LiDAR: mean AP 0.640 against 0.600: +0.040, +0.020 to +0.060; harmful events \
-                        missed at 10 false alarms/km, %: 20.0 against 30.0: -10.0, -12.0 to -8.0; split dev.)";
+        let sentence = "The camera pays. (both, against LiDAR: mean AP 0.640 (runs 0.630, 0.650) against 0.600: +0.040, +0.020 to +0.060; \
+                        harmful events missed at 10 false alarms/km, %: 20.0 against 30.0: -10.0, -12.0 to -8.0.) Development figures, \
+                        split dev.";
         assert!(text.starts_with("## In short\n") && text.contains(sentence), "{text}");
-        for (interval, sentence) in [
-            (Some([-0.06, -0.02]), "The camera does harm. (both"),
-            (Some([-0.01, 0.06]), "Whether the camera pays is not certain. (both"),
-            (None, "Whether the camera pays is not certain. (both"),
+        for (ap, missed, sentence) in [
+            (Some([-0.06, -0.02]), Some([-0.1, 0.1]), "The camera does harm. (both"),
+            (Some([-0.01, 0.06]), Some([-0.2, -0.1]), "Whether the camera pays is not certain. (both"),
+            (None, None, "Whether the camera pays is not certain. (both"),
+            (Some([0.01, 0.06]), None, "The camera pays. (both"),
+            // What misses surely more is not better, whatever its AP; what misses less is not worse.
+            (Some([0.01, 0.06]), Some([0.01, 0.1]), "Whether the camera pays is not certain. (both"),
+            (Some([-0.06, -0.01]), Some([-0.1, -0.01]), "Whether the camera pays is not certain. (both"),
         ] {
-            results.side_by_side[0].of.mean[0].figures[1].over_first_interval = interval;
+            let of = &mut results.side_by_side[0].of;
+            of.mean[0].figures[1].over_first_interval = ap;
+            of.missed[0].figures[1].over_first_interval = missed;
             let text = top(&results);
-            assert!(text.contains(sentence), "{interval:?}: {text}");
+            assert!(text.contains(sentence), "{ap:?} {missed:?}: {text}");
         }
     }
 
     #[test]
     fn what_the_network_that_ships_misses_is_told_of_split_test_once_it_is_known() {
         let results = test_results();
-        assert!(top(&results).contains("(split dev)"), "{}", top(&results));
+        let sentence = "with all false positives. Development figures, split dev.";
+        assert!(top(&results).contains(sentence), "{}", top(&results));
         let reported = Results { reported: Some(test_reported()), ..results };
-        assert!(markdown(&blocks(&reported)).contains("(split test)"));
+        assert!(top(&reported).contains("with all false positives. Split test."), "{}", top(&reported));
     }
 
     #[test]
     fn rows_side_by_side_on_split_test_answer_in_place_of_those_to_choose_by() {
         let mut results = test_results();
         let of = &mut results.side_by_side[0];
-        let mut reported = of.of.clone();
-        reported.mean[0].figures[1].over_first_interval = Some([-0.03, 0.02]);
+        let mut reported = ReportedVersus {
+            commit: "4567def".into(),
+            date: "2026-02-04".into(),
+            fingerprint: results.data.ood.fingerprint.clone(),
+            of: of.of.clone(),
+        };
+        reported.of.mean[0].figures[1].over_first_interval = Some([-0.03, 0.02]);
         of.reported = Some(reported);
         let text = markdown(&blocks(&results));
-        assert!(text.contains("is not certain. (both") && text.contains("; split test.)"), "{text}");
-        assert!(text.contains("The same on split dev: development figures"), "{text}");
+        assert!(text.contains("is not certain. (both") && text.contains("-8.0.) Split test."), "{text}");
+        for part in [
+            "Split test: commit 4567def, 2026-02-04.",
+            "The same on split dev: development figures",
+            "below where they are called so",
+        ] {
+            assert!(text.contains(part), "{part}: {text}");
+        }
     }
 
     #[test]

@@ -3,7 +3,9 @@
 use super::answers;
 use super::reported::{development_block, reported_blocks};
 use super::seeds::{self, mean_of, missed_events};
-use super::{MissedHarm, Record, Results, RivalRecord, SetRecord, SetScores, SideBySide, TableConfig};
+use super::{
+    MissedHarm, Record, ReportedVersus, Results, RivalRecord, SetRecord, SetScores, SideBySide, TableConfig,
+};
 use crate::eval::ClassScores;
 use crate::report::document::Block;
 use crate::report::missed;
@@ -16,7 +18,7 @@ use crate::report::versus;
 #[must_use]
 pub fn blocks(results: &Results) -> Vec<Block> {
     let mut blocks = answers::blocks(results);
-    blocks.extend(standing_blocks(results));
+    blocks.extend(standing_blocks(results, results.has_reported_rows()));
     blocks.extend(data_blocks(results));
     blocks.push(Block::heading("The network that ships"));
     match &results.headline {
@@ -34,7 +36,7 @@ pub fn blocks(results: &Results) -> Vec<Block> {
         blocks.extend(ablation_blocks(results, table));
     }
     for of in &results.side_by_side {
-        blocks.extend(side_by_side_blocks(of));
+        blocks.extend(side_by_side_blocks(results, of));
     }
     if !results.rivals.is_empty() {
         blocks.extend(rival_blocks(results));
@@ -43,17 +45,22 @@ pub fn blocks(results: &Results) -> Vec<Block> {
 }
 
 /// The tables of rows side by side; those of split test first, where there are any.
-fn side_by_side_blocks(of: &SideBySide) -> Vec<Block> {
+fn side_by_side_blocks(results: &Results, of: &SideBySide) -> Vec<Block> {
     let tables = |versus| versus::tables(versus, &of.labels).into_iter().map(Block::Table);
     let mut blocks = vec![Block::heading(&of.title), Block::text(of.note.clone())];
-    match &of.reported {
-        Some(reported) => {
-            blocks.push(Block::text("Split test:"));
-            blocks.extend(tables(reported));
-            blocks.push(Block::fold("The same on split dev: development figures", tables(&of.of).collect()));
-        }
-        None => blocks.extend(tables(&of.of)),
-    }
+    let Some(ReportedVersus { commit, date, fingerprint, of: reported }) = &of.reported else {
+        blocks.extend(tables(&of.of));
+        return blocks;
+    };
+    let headlines = results.reported.as_ref().and_then(|record| record.groups.first());
+    let other = if headlines.is_some_and(|towns| towns.ood.fingerprint != *fingerprint) {
+        " These are other data than those of the network that ships."
+    } else {
+        ""
+    };
+    blocks.push(Block::text(format!("Split test: commit {commit}, {date}.{other}")));
+    blocks.extend(tables(reported));
+    blocks.push(Block::fold("The same on split dev: development figures", tables(&of.of).collect()));
     blocks
 }
 
@@ -61,14 +68,15 @@ fn side_by_side_blocks(of: &SideBySide) -> Vec<Block> {
 #[must_use]
 pub fn headline_blocks(results: &Results, record: &Record) -> Vec<Block> {
     let hash = Block::text(format!("SHA-256 of the file: {}", record.checkpoint_sha256));
-    [vec![hash], standing_blocks(results), record_blocks(results, record), data_blocks(results)].concat()
+    [vec![hash], standing_blocks(results, false), record_blocks(results, record), data_blocks(results)]
+        .concat()
 }
 
-/// The figures on split test, if there are any, and what all others are.
-fn standing_blocks(results: &Results) -> Vec<Block> {
+/// The figures on split test, if there are any, and what all others are; some of those below may be of split test, too.
+fn standing_blocks(results: &Results, is_among: bool) -> Vec<Block> {
     let reported = results.reported.as_ref();
     let blocks = reported.map(|record| reported_blocks(results, record));
-    blocks.into_iter().flatten().chain([development_block(reported)]).collect()
+    blocks.into_iter().flatten().chain([development_block(reported.is_some(), is_among)]).collect()
 }
 
 fn data_blocks(results: &Results) -> Vec<Block> {

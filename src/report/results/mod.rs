@@ -161,10 +161,22 @@ pub struct SideBySide {
     pub of: Versus,
     /// On split test; none until it is asked for.
     #[serde(default)]
-    pub reported: Option<Versus>,
+    pub reported: Option<ReportedVersus>,
     /// What it is to answer at the top of the results.
     #[serde(default)]
     pub questions: Vec<QuestionConfig>,
+}
+
+/// Rows side by side on split test.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ReportedVersus {
+    /// What the program was built from, as `git describe` tells it.
+    pub commit: String,
+    /// The commit's date, or the one that was given.
+    pub date: String,
+    /// Of the data.
+    pub fingerprint: Fingerprint,
+    pub of: Versus,
 }
 
 /// One line of the table of rivals: a judge over the boxes of one network.
@@ -236,6 +248,17 @@ impl Results {
     #[must_use]
     pub fn row(&self, name: &str) -> Option<&Record> {
         self.headline.iter().chain(&self.rows).find(|record| record.name == name)
+    }
+
+    /// Whether any figure is of split test.
+    #[must_use]
+    pub fn has_reported(&self) -> bool {
+        self.reported.is_some() || self.has_reported_rows()
+    }
+
+    /// Whether rows stand side by side on split test.
+    fn has_reported_rows(&self) -> bool {
+        self.side_by_side.iter().any(|of| of.reported.is_some())
     }
 
     /// The row with this name and its repeats; none where the row is not done.

@@ -4,15 +4,15 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use super::Results;
 use super::seeds::{self, Run, Set, mean_of};
+use super::{Record, Results};
 use crate::dataset::Fingerprint;
 use crate::eval::safety::Alarms;
 use crate::eval::{ClassScores, Column, Columns, Confidence};
 use crate::report::document::Block;
 use crate::report::missed;
 use crate::report::paper::{Line, PARTS, YARDSTICK};
-use crate::report::table::{Cell, Table, ap};
+use crate::report::table::{Cell, Table, ap, number};
 
 /// The headline's figures on split test, which `make results ARGS=--final` makes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -61,12 +61,13 @@ impl ReportedSet {
     }
 }
 
-/// What the other figures are; they stand below those of split test.
-pub(super) fn development_block(reported: Option<&ReportedRecord>) -> Block {
-    let more = if reported.is_some() {
-        "those of split test stand above, and below where they are called so."
-    } else {
-        "`make results ARGS=--final` makes those of split test."
+/// What the other figures are, beside those of split test above them or among them.
+pub(super) fn development_block(is_above: bool, is_among: bool) -> Block {
+    let more = match (is_above, is_among) {
+        (true, true) => "those of split test stand above, and below where they are called so.",
+        (true, false) => "those of split test stand above.",
+        (false, true) => "those of split test stand below where they are called so.",
+        (false, false) => "`make results ARGS=--final` makes those of split test.",
     };
     Block::text(format!(
         "Development figures, on the splits val and dev, by which choices were made: not for reporting; {more}"
@@ -79,17 +80,25 @@ impl<'a> From<&'a ReportedSet> for Set<'a> {
     }
 }
 
-/// The headline and its repeats on the same data, for one group of towns; `None` where it has none that are of these data.
-fn seeds_table(results: &Results, record: &ReportedRecord, group: usize) -> Option<Table> {
-    let first = record.groups.get(group)?;
-    let of_same_data = |of: &&ReportedGroup| {
+/// The headline and its repeats on the same data, for one group of towns.
+fn of_same_data<'a>(
+    results: &'a Results,
+    record: &'a ReportedRecord,
+    group: usize,
+) -> Vec<(&'a ReportedRecord, &'a ReportedGroup)> {
+    let Some(first) = record.groups.get(group) else { return Vec::new() };
+    let is_same = |of: &&ReportedGroup| {
         [(&of.id, &first.id), (&of.ood, &first.ood)]
             .iter()
             .all(|(one, other)| one.fingerprint == other.fingerprint)
     };
     let all = std::iter::once(record).chain(&results.reported_repeats);
-    let of_group = all.filter_map(|of| Some((of, of.groups.get(group).filter(of_same_data)?)));
-    let of_group: Vec<(&ReportedRecord, &ReportedGroup)> = of_group.collect();
+    all.filter_map(|of| Some((of, of.groups.get(group).filter(is_same)?))).collect()
+}
+
+/// Their figures side by side; `None` where there is one alone.
+fn seeds_table(results: &Results, record: &ReportedRecord, group: usize) -> Option<Table> {
+    let of_group = of_same_data(results, record, group);
     let records = || results.headline.iter().chain(results.repeats.iter().map(|of| &of.record));
     let name = |of: &ReportedRecord| {
         let seed = records().find(|record| record.checkpoint_sha256 == of.checkpoint_sha256);
@@ -105,27 +114,26 @@ fn seeds_table(results: &Results, record: &ReportedRecord, group: usize) -> Opti
     Some(if others.is_empty() { table } else { table.with_note(format!("{}.", others.join("; "))) })
 }
 
-/// What other towns cost: the headline and its repeats in the towns that they were trained in, and in the others.
-fn towns_table(results: &Results, record: &ReportedRecord) -> Option<Table> {
-    let seen = results.runs_of(&results.headline.as_ref()?.name);
-    let all: Vec<&ReportedRecord> = std::iter::once(record).chain(&results.reported_repeats).collect();
-    let row = |name: &str, seen: Option<f64>, set: fn(&ReportedGroup) -> &ReportedSet| {
-        let cells = (0..record.groups.len()).map(|i| {
-            let unseen = mean_of(all.iter().map(|of| set(of.groups.get(i)?).scores.total.mean));
-            let cost = unseen.zip(seen).map(|(unseen, seen)| format!("{:+.3}", unseen - seen));
-            Cell { text: ap(unseen), below: cost.into_iter().collect() }
-        });
-        [name.into(), ap(seen).into()].into_iter().chain(cells).collect()
+/// What other towns cost: the same networks in the towns that they were trained in, and in the others. `None` where none of them
+/// is known in both.
+fn towns_table(results: &Results, record: &ReportedRecord, group: usize) -> Option<Table> {
+    let known = || results.headline.iter().chain(results.repeats.iter().map(|of| &of.record));
+    let of_group = of_same_data(results, record, group);
+    let pairs = of_group.into_iter().filter_map(|(of, towns)| {
+        Some((known().find(|record| record.checkpoint_sha256 == of.checkpoint_sha256)?, towns))
+    });
+    let pairs: Vec<(&Record, &ReportedGroup)> = pairs.collect();
+    let row = |name: &str, seen: fn(&Record) -> Option<f64>, unseen: fn(&ReportedGroup) -> Option<f64>| {
+        let seen = mean_of(pairs.iter().map(|(of, _)| seen(of)));
+        let unseen = mean_of(pairs.iter().map(|(_, of)| unseen(of)));
+        let difference = unseen.zip(seen).map(|(unseen, seen)| unseen - seen);
+        [name.into()].into_iter().chain([seen, unseen, difference].map(|of| number(of, 3).into())).collect()
     };
-    let rows = vec![
-        row("ID", mean_of(seen.iter().map(|of| of.id.mean)), |of| &of.id),
-        row("OOD total, other unfamiliar objects", mean_of(seen.iter().map(|of| of.ood.total.mean)), |of| {
-            &of.ood
-        }),
-    ];
-    let towns = record.groups.iter().map(|group| group.towns.join(", "));
-    let head = ["mean AP", "towns of training (splits val, dev)"].map(str::to_owned).into_iter().chain(towns);
-    Some(Table::new(head, rows))
+    let id = row("ID", |of| of.id.mean, |of| of.id.scores.total.mean);
+    let ood =
+        row("OOD total, other unfamiliar objects", |of| of.ood.total.mean, |of| of.ood.scores.total.mean);
+    let head = ["mean AP", "towns of training, splits val and dev", "unseen towns, split test", "difference"];
+    (!pairs.is_empty()).then(|| Table::new(head, vec![id, ood]))
 }
 
 /// The figures on split test, a table a group.
@@ -164,9 +172,13 @@ pub(super) fn reported_blocks(results: &Results, record: &ReportedRecord) -> Vec
         );
         let rows = lines.into_iter().map(cells).collect();
         blocks.push(Block::Table(Table::new(["AP"].into_iter().chain(PARTS), rows).with_note(note)));
-        blocks.extend(seeds_table(results, record, i).map(Block::Table));
+        blocks.extend(
+            seeds_table(results, record, i)
+                .into_iter()
+                .chain(towns_table(results, record, i))
+                .map(Block::Table),
+        );
     }
-    blocks.extend(towns_table(results, record).map(Block::Table));
     if !record.absent_maps.is_empty() {
         let absent: Vec<String> = record.absent_maps.iter().map(|path| path.display().to_string()).collect();
         blocks.push(Block::text(format!("Not scored, since the maps are not there: {}.", absent.join(", "))));
@@ -190,8 +202,12 @@ mod tests {
         {
             assert!(place(part) < place("Development figures"));
         }
-        // ID .7 and OOD .7 in the towns of training.
-        assert!(text.contains("| ID | 0.700 | **0.350** (-0.350) |"), "{text}");
+        for row in [
+            "| ID | 0.700 | 0.350 | -0.350 |",
+            "| OOD total, other unfamiliar objects | 0.650 | 0.350 | -0.300 |",
+        ] {
+            assert!(text.contains(row), "{row}: {text}");
+        }
         let card = markdown(&headline_blocks(&results, results.headline.as_ref().unwrap()));
         assert!(card.contains("## Split test"), "{card}");
     }
@@ -199,7 +215,14 @@ mod tests {
     #[test]
     fn without_them_every_figure_is_called_one_of_development() {
         let text = markdown(&blocks(&test_results()));
-        assert!(!text.contains("Split test") && text.starts_with("Development figures"), "{text}");
+        assert!(!text.contains("Split test") && text.starts_with("## In short\n"), "{text}");
+        let (short, rest) = text.split_once("\nDevelopment figures, on the splits").unwrap();
+        let answers = short.lines().skip(1).filter(|line| !line.is_empty());
+        assert!(
+            answers.clone().count() == 2
+                && answers.into_iter().all(|line| line.ends_with("Development figures, split dev."))
+        );
+        assert!(rest.contains("makes those of split test"), "{rest}");
     }
 
     #[test]
@@ -220,6 +243,13 @@ mod tests {
             ),
             "{before}"
         );
+        // Seeds 3, 4 and 5 in the towns of training: .65, .55 and .6.
+        assert!(text.contains("other unfamiliar objects | 0.600 | 0.350 | -0.250 |"), "{text}");
+        // Of a seed on other data nothing is said.
+        let mut results = results;
+        results.reported_repeats[1].groups[0].ood.fingerprint = results.data.id.fingerprint.clone();
+        let text = markdown(&blocks(&results));
+        assert!(text.contains("other unfamiliar objects | 0.600 | 0.350 | -0.250 |"), "{text}");
         let alone = Results { reported: Some(test_reported()), ..test_results() };
         assert!(!markdown(&blocks(&alone)).contains("standard deviation"));
     }

@@ -7,19 +7,19 @@ use fs_err as fs;
 use serde::{Deserialize, Serialize};
 
 use super::config::{SeenRowConfig, SideBySideConfig};
-use super::experiment::{Experiment, Row};
+use super::experiment::{Experiment, Row, read_json};
 use super::reported::test_set;
+use super::request::ReportStamp;
 use harmzone::cli::judge_all;
 use harmzone::dataset::blind::Sensor;
 use harmzone::dataset::{Dataset, Fingerprint};
-use harmzone::episode::Split;
 use harmzone::eval::judge::Judge;
 use harmzone::eval::versus::{Versus, versus};
 use harmzone::eval::{EvalSample, Mode, Protocol, eval_samples};
 use harmzone::files::{sha256_hex, write_atomic};
 use harmzone::infer::{self, Trained};
 use harmzone::model::checkpoint::CHECKPOINT;
-use harmzone::report::results::SideBySide;
+use harmzone::report::results::{ReportedVersus, SideBySide};
 
 /// Each run's row by its place, its network by its hash, the sensor that saw nothing, and who judged.
 type Networks = Vec<(usize, String, Option<Sensor>, Judge)>;
@@ -30,6 +30,14 @@ struct Kept {
     rows: Networks,
     tested_on: Fingerprint,
     of: Versus,
+}
+
+/// What `scores/reported-side-by-side-<networks>.json` keeps, named by the hash of its rows: made once, wherever they stand in the
+/// config.
+#[derive(Serialize, Deserialize)]
+struct KeptReported {
+    rows: Networks,
+    reported: ReportedVersus,
 }
 
 /// Rows side by side, to choose by and to report.
@@ -48,8 +56,8 @@ impl Asked<'_> {
     /// A file cannot be read.
     pub fn read(&self) -> anyhow::Result<Option<SideBySide>> {
         let Some(networks) = self.networks()? else { return Ok(None) };
-        let Some(of) = self.kept(Split::Dev, &networks)? else { return Ok(None) };
-        Ok(Some(self.record(of, self.kept(Split::Test, &networks)?)))
+        let Some(of) = self.kept(&networks)? else { return Ok(None) };
+        Ok(Some(self.record(of, self.kept_reported(&networks)?)))
     }
 
     /// As [`Self::read`]; else made and kept, on split test where that is asked for. None where a row is not trained.
@@ -58,48 +66,72 @@ impl Asked<'_> {
     /// A row cannot be read or scored.
     pub fn read_or_make(&self) -> anyhow::Result<Option<SideBySide>> {
         let Some(networks) = self.networks()? else { return Ok(None) };
-        let of = match self.kept(Split::Dev, &networks)? {
+        let of = match self.kept(&networks)? {
             Some(of) => of,
-            None => self.make(self.experiment.scored_split(Mode::Ood)?, Split::Dev, &networks)?,
+            None => self.make(&networks)?,
         };
-        let reported = match self.kept(Split::Test, &networks)? {
-            None if self.experiment.request.reported.is_some() => {
-                Some(self.make(&test_set(self.experiment)?, Split::Test, &networks)?)
-            }
-            kept => kept,
+        let reported = match (self.kept_reported(&networks)?, &self.experiment.request.reported) {
+            (None, Some(stamp)) => Some(self.make_reported(networks, stamp)?),
+            (kept, _) => kept,
         };
         Ok(Some(self.record(of, reported)))
     }
 
-    /// What is kept of these networks. What an older version kept is made anew; figures on split test, only for other networks.
-    fn kept(&self, split: Split, networks: &Networks) -> anyhow::Result<Option<Versus>> {
-        let file = self.path(split);
+    /// What an older version kept is made anew.
+    fn kept(&self, networks: &Networks) -> anyhow::Result<Option<Versus>> {
+        let file = self.file();
         let kept = if file.is_file() {
             serde_json::from_str::<Kept>(&fs::read_to_string(&file)?).ok()
         } else {
             None
         };
-        let is_of_these = |kept: &Kept| {
-            kept.rows == *networks && (split == Split::Test || kept.tested_on == self.experiment.ood)
-        };
-        Ok(kept.filter(is_of_these).map(|kept| kept.of))
+        let kept = kept.filter(|kept| kept.rows == *networks && kept.tested_on == self.experiment.ood);
+        Ok(kept.map(|kept| kept.of))
     }
 
-    fn make(&self, data: &Dataset, split: Split, networks: &Networks) -> anyhow::Result<Versus> {
+    fn kept_reported(&self, networks: &Networks) -> anyhow::Result<Option<ReportedVersus>> {
+        let file = self.reported_file(networks)?;
+        if !file.is_file() {
+            return Ok(None);
+        }
+        Ok(Some(read_json::<KeptReported>(&file)?.reported))
+    }
+
+    fn make(&self, networks: &Networks) -> anyhow::Result<Versus> {
+        let of = self.score(self.experiment.scored_split(Mode::Ood)?)?;
+        let kept = Kept { rows: networks.clone(), tested_on: self.experiment.ood.clone(), of };
+        write_atomic(&self.file(), serde_json::to_string_pretty(&kept)?.as_bytes())?;
+        Ok(kept.of)
+    }
+
+    fn make_reported(&self, networks: Networks, stamp: &ReportStamp) -> anyhow::Result<ReportedVersus> {
+        let data = test_set(self.experiment)?;
+        let file = self.reported_file(&networks)?;
+        let ReportStamp { commit, date } = stamp.clone();
+        let reported =
+            ReportedVersus { commit, date, fingerprint: data.fingerprint().clone(), of: self.score(&data)? };
+        let kept = KeptReported { rows: networks, reported };
+        write_atomic(&file, serde_json::to_string_pretty(&kept)?.as_bytes())?;
+        Ok(kept.reported)
+    }
+
+    fn score(&self, data: &Dataset) -> anyhow::Result<Versus> {
         let detectors = self.config.rows.iter().map(|seen| {
             let runs = runs_of(self.rows, &seen.row).into_iter();
             runs.map(|row| look(self.experiment, row, seen, data)).collect::<anyhow::Result<_>>()
         });
         let detectors: Vec<Vec<Vec<EvalSample>>> = detectors.collect::<anyhow::Result<_>>()?;
-        let of = versus(&detectors, &Protocol::default(), Mode::Ood)?;
-        let kept = Kept { rows: networks.clone(), tested_on: data.fingerprint().clone(), of };
-        write_atomic(&self.path(split), serde_json::to_string_pretty(&kept)?.as_bytes())?;
-        Ok(kept.of)
+        Ok(versus(&detectors, &Protocol::default(), Mode::Ood)?)
     }
 
-    fn path(&self, split: Split) -> PathBuf {
-        let name = if split == Split::Test { "reported-side-by-side" } else { "side-by-side" };
-        self.experiment.request.out.join("scores").join(format!("{name}-{}.json", self.number))
+    fn file(&self) -> PathBuf {
+        self.experiment.request.out.join("scores").join(format!("side-by-side-{}.json", self.number))
+    }
+
+    fn reported_file(&self, networks: &Networks) -> anyhow::Result<PathBuf> {
+        let hash = sha256_hex(&serde_json::to_vec(networks)?);
+        let name = format!("reported-side-by-side-{}.json", &hash[..12]);
+        Ok(self.experiment.request.out.join("scores").join(name))
     }
 
     /// The rows' networks; none where a row is not trained.
@@ -117,7 +149,7 @@ impl Asked<'_> {
         Ok(Some(networks))
     }
 
-    fn record(&self, of: Versus, reported: Option<Versus>) -> SideBySide {
+    fn record(&self, of: Versus, reported: Option<ReportedVersus>) -> SideBySide {
         let SideBySideConfig { title, note, rows, questions } = self.config;
         SideBySide {
             title: title.clone(),
