@@ -235,7 +235,7 @@ impl Run<'_> {
             is_harmed: !held_up_by.is_empty(),
             all_move: held_up_by.iter().all(|&i| self.live.moves_by_itself(i)),
         };
-        self.notes.rest.after(&now, self.config.standing_s)
+        self.notes.rest.after(now, self.config.standing_s)
     }
 
     fn note_braking(&mut self, time_s: f64, speed_mps: f64, orders: &EgoOrders) {

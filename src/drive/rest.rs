@@ -26,7 +26,7 @@ pub(super) struct TimeAtRest {
 
 impl TimeAtRest {
     /// Takes one control step; tells how the drive ended, if it has stood for so long.
-    pub fn after(&mut self, now: &AtRest, standing_s: f64) -> Option<End> {
+    pub fn after(&mut self, now: AtRest, standing_s: f64) -> Option<End> {
         let waits = now.waits_at_line || (now.is_harmed && now.all_move);
         let goes_on = now.stands && now.is_ordered && !waits && now.is_harmed == self.is_harmed;
         self.is_harmed = now.is_harmed;
@@ -49,7 +49,7 @@ mod tests {
         for &(now, n_steps) in ways {
             for _ in 0..n_steps {
                 step += 1;
-                if let Some(end) = rest.after(&now, 4.0 - 1e-9) {
+                if let Some(end) = rest.after(now, 4.0 - 1e-9) {
                     return Some((step, end));
                 }
             }
