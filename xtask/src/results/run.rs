@@ -7,7 +7,7 @@ use super::config::RivalConfig;
 use super::experiment::{Experiment, Row};
 use super::request::Request;
 use super::score::RowScores;
-use super::side_by_side::Asked;
+use super::side_by_side::{Asked, Found};
 use super::{closed_set, data, reported, score, write};
 use harmzone::model::Classes;
 use harmzone::progress::Progress;
@@ -55,8 +55,9 @@ pub fn run(request: &Request<'_>, device: &Device, progress: &dyn Progress) -> a
     if let Some((name, config)) = &closed_set {
         rows.push(experiment.row(name, config, false)?);
     }
+    let found = Found::default();
     for (number, config) in request.config.side_by_side.iter().enumerate() {
-        let asked = Asked { experiment: &experiment, number, config, rows: &rows };
+        let asked = Asked { experiment: &experiment, number, config, rows: &rows, found: &found };
         results.side_by_side.extend(asked.read()?);
     }
     for row in &rows {
@@ -86,7 +87,7 @@ pub fn run(request: &Request<'_>, device: &Device, progress: &dyn Progress) -> a
     }
     results.side_by_side.clear();
     for (number, config) in request.config.side_by_side.iter().enumerate() {
-        let asked = Asked { experiment: &experiment, number, config, rows: &rows };
+        let asked = Asked { experiment: &experiment, number, config, rows: &rows, found: &found };
         results.side_by_side.extend(asked.read_or_make()?);
     }
     // In the config's order; the closed set's are last.

@@ -1,7 +1,9 @@
 //! Rows side by side on the OOD set, and what each gains over the first: made when all of its rows are trained, and then kept;
 //! on split test, when that is asked for.
 
+use std::cell::RefCell;
 use std::path::PathBuf;
+use std::rc::Rc;
 
 use fs_err as fs;
 use serde::{Deserialize, Serialize};
@@ -19,6 +21,7 @@ use harmzone::eval::{EvalSample, Mode, Protocol, eval_samples};
 use harmzone::files::{sha256_hex, write_atomic};
 use harmzone::infer::{self, Trained};
 use harmzone::model::checkpoint::CHECKPOINT;
+use harmzone::object::Detection;
 use harmzone::report::results::{ReportedVersus, SideBySide};
 
 /// Each run's row by its place, its network by its hash, the sensor that saw nothing, and who judged.
@@ -47,6 +50,7 @@ pub struct Asked<'a> {
     pub number: usize,
     pub config: &'a SideBySideConfig,
     pub rows: &'a [Row],
+    pub found: &'a Found,
 }
 
 impl Asked<'_> {
@@ -118,10 +122,16 @@ impl Asked<'_> {
     fn score(&self, data: &Dataset) -> anyhow::Result<Versus> {
         let detectors = self.config.rows.iter().map(|seen| {
             let runs = runs_of(self.rows, &seen.row).into_iter();
-            runs.map(|row| look(self.experiment, row, seen, data)).collect::<anyhow::Result<_>>()
+            runs.map(|row| self.look(row, seen, data)).collect::<anyhow::Result<_>>()
         });
         let detectors: Vec<Vec<Vec<EvalSample>>> = detectors.collect::<anyhow::Result<_>>()?;
         Ok(versus(&detectors, &Protocol::default(), Mode::Ood)?)
+    }
+
+    /// What a row finds in samples with unfamiliar objects.
+    fn look(&self, row: &Row, seen: &SeenRowConfig, data: &Dataset) -> anyhow::Result<Vec<EvalSample>> {
+        let found = self.found.of(self.experiment, row, seen, data)?;
+        Ok(eval_samples(data.samples(), &judge_all(seen.judge, &found, data)?))
     }
 
     fn file(&self) -> PathBuf {
@@ -170,20 +180,42 @@ fn runs_of<'a>(rows: &'a [Row], name: &str) -> Vec<&'a Row> {
     runs
 }
 
-/// What a row finds in samples with unfamiliar objects.
-fn look(
-    experiment: &Experiment<'_>,
-    row: &Row,
-    seen: &SeenRowConfig,
-    data: &Dataset,
-) -> anyhow::Result<Vec<EvalSample>> {
-    let trained = Trained::find(&row.folder)?;
-    if let Some(seen) = trained.seen()? {
-        seen.check_unlearned(data.episodes())?;
+/// What networks have found: several judges may ask for the same boxes.
+#[derive(Default)]
+pub struct Found(RefCell<Vec<(FoundIn, Rc<Boxes>)>>);
+
+/// By sample.
+type Boxes = Vec<Vec<Detection>>;
+
+/// What boxes depend on; who judges them does not matter.
+#[derive(PartialEq)]
+struct FoundIn {
+    data: Fingerprint,
+    run: PathBuf,
+    blind: Option<Sensor>,
+}
+
+impl Found {
+    fn of(
+        &self,
+        experiment: &Experiment<'_>,
+        row: &Row,
+        seen: &SeenRowConfig,
+        data: &Dataset,
+    ) -> anyhow::Result<Rc<Boxes>> {
+        let place = FoundIn { data: data.fingerprint().clone(), run: row.folder.clone(), blind: seen.blind };
+        if let Some((_, found)) = self.0.borrow().iter().find(|(other, _)| *other == place) {
+            return Ok(Rc::clone(found));
+        }
+        let trained = Trained::find(&row.folder)?;
+        if let Some(learned) = trained.seen()? {
+            learned.check_unlearned(data.episodes())?;
+        }
+        let detector = trained.load(experiment.device)?;
+        let (device, progress) = (experiment.device, experiment.progress);
+        let found =
+            Rc::new(infer::detect_for(seen.judge, &detector, data.samples(), seen.blind, device, progress)?);
+        self.0.borrow_mut().push((place, Rc::clone(&found)));
+        Ok(found)
     }
-    let detector = trained.load(experiment.device)?;
-    let &SeenRowConfig { blind, judge, .. } = seen;
-    let (device, progress) = (experiment.device, experiment.progress);
-    let found = infer::detect_for(judge, &detector, data.samples(), blind, device, progress)?;
-    Ok(eval_samples(data.samples(), &judge_all(judge, &found, data)?))
 }
