@@ -17,6 +17,7 @@ mod closed_set;
 mod config;
 mod data;
 mod experiment;
+mod found;
 mod page;
 mod reported;
 mod request;

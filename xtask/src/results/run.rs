@@ -5,9 +5,10 @@ use fs_err as fs;
 
 use super::config::RivalConfig;
 use super::experiment::{Experiment, Row};
+use super::found::Found;
 use super::request::Request;
 use super::score::RowScores;
-use super::side_by_side::{Asked, Found};
+use super::side_by_side::Asked;
 use super::{closed_set, data, reported, score, write};
 use harmzone::model::Classes;
 use harmzone::progress::Progress;

@@ -1,15 +1,14 @@
 //! Rows side by side on the OOD set, and what each gains over the first: made when all of its rows are trained, and then kept;
 //! on split test, when that is asked for.
 
-use std::cell::RefCell;
 use std::path::PathBuf;
-use std::rc::Rc;
 
 use fs_err as fs;
 use serde::{Deserialize, Serialize};
 
 use super::config::{SeenRowConfig, SideBySideConfig};
 use super::experiment::{Experiment, Row, read_json};
+use super::found::Found;
 use super::reported::test_set;
 use super::request::ReportStamp;
 use harmzone::cli::judge_all;
@@ -19,9 +18,7 @@ use harmzone::eval::judge::Judge;
 use harmzone::eval::versus::{Versus, versus};
 use harmzone::eval::{EvalSample, Mode, Protocol, eval_samples};
 use harmzone::files::{sha256_hex, write_atomic};
-use harmzone::infer::{self, Trained};
 use harmzone::model::checkpoint::CHECKPOINT;
-use harmzone::object::Detection;
 use harmzone::report::results::{ReportedVersus, SideBySide};
 
 /// Each run's row by its place, its network by its hash, the sensor that saw nothing, and who judged.
@@ -178,44 +175,4 @@ fn runs_of<'a>(rows: &'a [Row], name: &str) -> Vec<&'a Row> {
         rows.iter().filter(|row| row.name == name || row.repeats.as_deref() == Some(name)).collect();
     assert!(!runs.is_empty(), "the config was checked");
     runs
-}
-
-/// What networks have found: several judges may ask for the same boxes.
-#[derive(Default)]
-pub struct Found(RefCell<Vec<(FoundIn, Rc<Boxes>)>>);
-
-/// By sample.
-type Boxes = Vec<Vec<Detection>>;
-
-/// What boxes depend on; who judges them does not matter.
-#[derive(PartialEq)]
-struct FoundIn {
-    data: Fingerprint,
-    run: PathBuf,
-    blind: Option<Sensor>,
-}
-
-impl Found {
-    fn of(
-        &self,
-        experiment: &Experiment<'_>,
-        row: &Row,
-        seen: &SeenRowConfig,
-        data: &Dataset,
-    ) -> anyhow::Result<Rc<Boxes>> {
-        let place = FoundIn { data: data.fingerprint().clone(), run: row.folder.clone(), blind: seen.blind };
-        if let Some((_, found)) = self.0.borrow().iter().find(|(other, _)| *other == place) {
-            return Ok(Rc::clone(found));
-        }
-        let trained = Trained::find(&row.folder)?;
-        if let Some(learned) = trained.seen()? {
-            learned.check_unlearned(data.episodes())?;
-        }
-        let detector = trained.load(experiment.device)?;
-        let (device, progress) = (experiment.device, experiment.progress);
-        let found =
-            Rc::new(infer::detect_for(seen.judge, &detector, data.samples(), seen.blind, device, progress)?);
-        self.0.borrow_mut().push((place, Rc::clone(&found)));
-        Ok(found)
-    }
 }
