@@ -132,6 +132,37 @@ fn a_recorded_drive_is_a_data_set_that_shows_what_was_seen_and_ordered() {
 }
 
 #[test]
+fn the_worst_drives_alone_are_recorded_where_that_is_asked_for() {
+    let drives = Drives::new();
+    // No box counts at a score of 1: it drives into the bale.
+    let drive = |more: &[&str]| {
+        let (code, told) =
+            drives.drive(&["small@1"], "a", &[&["--set", "world.sample_period_s=0.5"], more].concat());
+        assert_eq!(code, 0, "{told}");
+        assert!(!told.contains("another way"), "{told}");
+        drives.summary("a").outcomes[0][0].clone()
+    };
+    let worst_cases = || {
+        let (page, all) = (drives.path("page.html"), drives.path("a"));
+        done(&["report", text(&page), "--drives", text(&all), "--force"]);
+        fs::read_to_string(&page).expect("a page")
+    };
+    let unrecorded = drive(&["--no-record"]);
+    assert!(unrecorded.collision.is_some() && unrecorded.entry.is_none(), "{unrecorded:?}");
+    let html = worst_cases();
+    assert!(html.contains("--record-worst") && !html.contains("Worst cases of small-1"));
+    let recorded = drive(&["--record-worst", "1"]);
+    let episode = drives.path("a/small-1").join(&recorded.entry.as_ref().expect("it is recorded").file);
+    assert!(episode.is_file());
+    assert_eq!(DriveOutcome { entry: None, ..recorded }, unrecorded, "recording changes nothing");
+    assert!(worst_cases().contains("Worst cases of small-1"));
+    // Who deletes an episode loses its pictures, and no more.
+    fs::remove_file(episode).expect("it is there");
+    assert_eq!(drive(&["--no-record"]), unrecorded);
+    assert!(!worst_cases().contains("Worst cases of small-1"));
+}
+
+#[test]
 fn what_cannot_be_driven_is_told_before_anything_is_written() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let out = folder.path().join("out");

@@ -140,14 +140,14 @@ class World:
         """Steps as `step` does, and tells what a free body and its parts touch, but for the geom `ground`.
 
         Returns body [touch], the touched ones, each once, and [touch, 9]: the free body's velocity and the
-        touched body's, just before they touched, both of their origins, and the contact's normal out of the
-        free body, all along the world's axes. A body that is moved by hand has no velocity of its own: zeros.
+        touched body's, just before they touched, both at the point where they touch, and the contact's normal
+        out of the free body, all along the world's axes. A body that is moved by hand has no velocity of its
+        own: zeros.
         """
         model, data = self.model, self.data
         is_own = model.body_rootid[model.geom_bodyid] == body
         is_ground = np.zeros(model.ngeom, dtype=bool)
         is_ground[model.geom(ground).id] = True
-        own_dof = model.jnt_dofadr[model.body_jntadr[body]]
         touched: dict[int, Array] = {}
         self._command(ctrl, mocap_id, mocap_pose)
         for _ in range(n_steps):
@@ -161,14 +161,25 @@ class World:
                 other = int(model.geom_bodyid[second[i] if is_first else first[i]])
                 if other in touched:
                     continue
-                dof = model.body_dofadr[other]
-                is_free = model.body_dofnum[other] == 6
-                other_velocity = velocities[dof : dof + 3] if is_free else np.zeros(3)
                 normal = data.contact.frame[i, :3] if is_first else -data.contact.frame[i, :3]
-                touched[other] = np.concatenate([velocities[own_dof : own_dof + 3], other_velocity, normal])
+                both = [self._velocity_at(data.contact.pos[i], one, velocities) for one in (body, other)]
+                touched[other] = np.concatenate([*both, normal])
         self._bring_up()
         facts = np.array(list(touched.values()), dtype=np.float64).reshape(len(touched), 9)
         return np.array(list(touched), dtype=np.int32), facts
+
+    def _velocity_at(self, point_m: Array, body: int, velocities: Array) -> Array:
+        """A free body's velocity at a point, along the world's axes: [3]; zeros for a body that is not free.
+
+        velocities: the generalized ones, of the instant whose poses `data` holds.
+        """
+        model, data = self.model, self.data
+        if model.body_dofnum[body] != 6:
+            return np.zeros(3)
+        dof = model.body_dofadr[body]
+        # A free joint counts its origin's velocity along the world's axes, its spin along its own.
+        spin_rps = data.xmat[body].reshape(3, 3) @ velocities[dof + 3 : dof + 6]
+        return velocities[dof : dof + 3] + np.cross(spin_rps, point_m - data.xpos[body])
 
     def body_masses(self) -> Array:
         """Mass of each body with all that hangs on it: [body]."""

@@ -206,13 +206,21 @@ fn tell_of(stage: Stage, entry: &ConfigKey) -> String {
     if *is_table {
         return out;
     }
-    let default = default.as_ref().map_or_else(|| "not set".to_owned(), ToString::to_string);
+    let default = default.as_ref().map_or_else(|| "not set".to_owned(), shown);
     out += &format!("  default: {default}\n  valid: {valid}\n");
     let value = if default == "not set" { "VALUE" } else { &default };
     // The shell would take brackets and quotes for its own.
     let set = format!("{key}={}", value.trim_matches('"'));
     let set = shlex::try_quote(&set).map_or(set.clone(), std::borrow::Cow::into_owned);
     out + &format!("  set by: {command} --set {set}, or in the file of {flag}\n")
+}
+
+/// A default, a number of single precision with the digits that it was given.
+fn shown(value: &toml::Value) -> String {
+    let plain = value.to_string();
+    let Some(number) = value.as_float() else { return plain };
+    let single = format!("{:?}", number as f32);
+    if f64::from(number as f32) == number && single.len() < plain.len() { single } else { plain }
 }
 
 /// All keys as Markdown.
@@ -234,8 +242,8 @@ pub fn reference() -> String {
         for ConfigKey { key, doc, default, valid, is_table } in entries {
             let cell = |text: &str| text.replace('|', "\\|").replace('<', "&lt;");
             let default = match default {
-                Some(_) if is_table => String::new(),
-                Some(value) => format!("`{}`", shorten(&value.to_string())),
+                _ if is_table => String::new(),
+                Some(value) => format!("`{}`", shorten(&shown(&value))),
                 None => "not set".to_owned(),
             };
             let valid = if is_table { String::new() } else { cell(&valid) };

@@ -8,7 +8,7 @@ use clap::Args;
 use super::world::WorldArgs;
 use super::{Bar, DeviceNameArg, ExitStatus, number, one_of, print_summary, tell};
 use crate::config;
-use crate::drive::{self, Courses, DriveConfig, DriveOptions, load_scenarios};
+use crate::drive::{self, Courses, DriveConfig, DriveOptions, Recording, load_scenarios};
 use crate::generate::preset;
 use crate::outcome::{DriveSummary, End, Who};
 use crate::scene::SceneSplit;
@@ -36,6 +36,9 @@ pub struct DriveArgs {
     /// Do not record episodes; who needs no sensors drives several times as fast then
     #[arg(long)]
     no_record: bool,
+    /// Record only each driver's N worst drives, which are driven again for it: collisions, the hardest first, and false stops
+    #[arg(long, value_name = "N", conflicts_with = "no_record", value_parser = number(1..=usize::MAX))]
+    record_worst: Option<usize>,
     /// Report on split test, once
     #[arg(long = "final")]
     is_final: bool,
@@ -72,7 +75,11 @@ pub fn run(args: DriveArgs) -> anyhow::Result<ExitStatus> {
     let options = DriveOptions {
         program: Program::this()?,
         jobs: args.jobs.unwrap_or(all_cores),
-        records: !args.no_record,
+        recording: match args.record_worst {
+            Some(most) => Recording::Worst(most),
+            None if args.no_record => Recording::None,
+            None => Recording::All,
+        },
         device: args.device.name(),
     };
     let scenarios = args.scenarios.as_deref().map(load_scenarios).transpose()?.unwrap_or_default();

@@ -80,7 +80,8 @@ struct Cli {
 
 const EXIT_CODES: &str = "Results go to standard output, logs and progress to standard error; colours only where a terminal shows them, and not with
 NO_COLOR. `harmzone COMMAND --help` has examples.
-Exit codes: 0 done; 1 failed; 2 wrong usage; 3 done, but a part that was asked for is missing, which standard error names.";
+Exit codes: 0 done; 1 failed; 2 wrong usage; 3 done, but a part that was asked for is missing, which standard error names;
+130 or 143 ended by Ctrl-C or SIGTERM: what is whole is kept, and the same command goes on.";
 
 #[derive(Debug, Subcommand)]
 enum Command {

@@ -55,9 +55,11 @@ fn collect(part: ConfigPart, table: &Table, path: &str, into: &mut Vec<ConfigKey
     let names: Vec<&str> = of_docs.chain(undocumented).collect();
     let rule_of = |name: &str| part.keys.iter().find(|(known, _)| *known == name).map(|(_, rule)| *rule);
     // Others, of names that are free, are written on one line.
-    let is_table = |name: &str| {
-        matches!(rule_of(name), Some(Rule::Part(_) | Rule::Parts(_)))
-            && table.get(name).is_some_and(Value::is_table)
+    let is_table = |name: &str| match rule_of(name) {
+        // One that is left out where it is off has its keys nevertheless.
+        Some(Rule::Part(_)) => table.get(name).is_none_or(Value::is_table),
+        Some(Rule::Parts(_)) => table.get(name).is_some_and(Value::is_table),
+        _ => false,
     };
     // As in a file, where a table ends what is above it.
     let (inner, own): (Vec<&str>, Vec<&str>) = names.into_iter().partition(|name| is_table(name));
@@ -79,6 +81,7 @@ fn collect(part: ConfigPart, table: &Table, path: &str, into: &mut Vec<ConfigKey
         });
         match (rule, value) {
             (Some(Rule::Part(inner)), Some(Value::Table(table))) => collect(inner, table, &key, into),
+            (Some(Rule::Part(inner)), None) => collect(inner, &Table::new(), &key, into),
             (Some(Rule::Parts(inner)), Some(Value::Table(tables))) => {
                 for (name, value) in tables {
                     let key = join(&key, name);
@@ -168,7 +171,13 @@ mod tests {
             /// A word
             /// on two lines.
             word: String = "a".into();
+            #[serde(skip_serializing_if = "is_off")]
+            hidden: Inner = Inner { count: 0 }, in part::<Inner>();
         }
+    }
+
+    fn is_off(inner: &Inner) -> bool {
+        inner.count == 0
     }
 
     #[test]
@@ -179,14 +188,16 @@ mod tests {
             ("word", "A word on two lines.", "text"),
             ("inner", "Inner things.", "a table"),
             ("inner.count", "How many, see `Inner`.", "a number from 0 to 9"),
+            ("hidden", "Inner things.", "a table"),
+            ("hidden.count", "How many, see `Inner`.", "a number from 0 to 9"),
         ];
         assert_eq!(told, expected);
-        assert_eq!(found[2].default, Some(Value::Integer(2)));
+        assert_eq!([2, 4].map(|i: usize| found[i].default.clone()), [Some(Value::Integer(2)), None]);
     }
 
     #[test]
     fn the_commented_file_is_the_config() {
-        let config = Outer { word: "b".into(), inner: Inner { count: 5 } };
+        let config = Outer { word: "b".into(), inner: Inner { count: 5 }, hidden: Inner { count: 0 } };
         let text = commented_toml(&config);
         assert_eq!(toml::from_str::<Outer>(&text).unwrap(), config);
         assert_eq!(

@@ -1,29 +1,31 @@
 //! One drive: perception sees at each sample, the reflex decides at each control step, physics moves everything.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::path::Path;
-
-use nalgebra::Vector3;
 
 use super::config::HARD_BRAKING_MPS2;
 use super::foresight::Foresight;
+use super::notes::Notes;
 use super::perception::{Instant, Perception, truly_harmful};
 use super::recorder::Recorder;
 use super::reflex::Reflex;
-use super::rest::{AtRest, TimeAtRest};
+use super::rest::AtRest;
 use super::scenario::Course;
 use super::{DriveConfig, DriveError};
-use crate::generate::{CONTROL_PERIOD_S, Contact, EpisodePlan, LiveEpisode, Timings};
+use crate::generate::{CONTROL_PERIOD_S, Contact, EpisodePlan, GenerateError, LiveEpisode, Timings};
 use crate::object::{Event, Object, Spot};
 use crate::outcome::{Collision, DriveOutcome, End, HardStop, is_sudden};
 use crate::sample::EgoState;
 use crate::scene::{EgoOrders, car};
+use crate::sim::SimError;
 use crate::zone::Zone;
 
 /// Slower than this the ego stands, m/s.
 const STANDS_MPS: f64 = 0.3;
-/// A contact whose normal points so far backwards is a car that ran into the ego.
-const FROM_BEHIND: f64 = -0.7;
+/// An ego that comes no faster towards what moves has not run into it: it came from the side or from behind.
+const LEAST_APPROACH_MPS: f64 = 0.3;
+/// What has run into the ego is run into by it once the ego comes so fast towards it.
+const PUSHES_MPS: f64 = 1.0;
 /// What was harmful so long before a collision was known to be, seconds.
 const HARMFUL_BEFORE_S: f64 = 2.0;
 /// A stop begins at this speed or above, m/s: the last of a crawl is none.
@@ -31,8 +33,6 @@ const LEAST_STOP_MPS: f64 = 1.0;
 /// A hard brake goes on above this, and through pauses of this length.
 const STILL_HARD_MPS2: f64 = 2.0;
 const HARD_PAUSE_S: f64 = 0.5;
-/// Control steps over which acceleration and its change are taken: 0.25 s.
-const N_SMOOTH: usize = 5;
 
 /// Where a driver's files go.
 pub(super) struct Files<'a> {
@@ -46,8 +46,29 @@ pub(super) struct Files<'a> {
 /// Drives one episode; `on_sample` is called after each sample.
 ///
 /// # Errors
-/// The simulator or the disk fails. A detector of another program that fails ends the drive as [`End::Failed`].
+/// There is no simulator, or the disk fails. A detector of another program that fails, and a world that the simulator cannot go on
+/// with, end the drive as [`End::Failed`].
 pub(super) fn drive(
+    course: &Course,
+    perception: &mut Perception,
+    needs_sensors: bool,
+    files: &Files<'_>,
+    on_sample: &mut dyn FnMut() -> std::io::Result<()>,
+) -> Result<DriveOutcome, DriveError> {
+    match drive_through(course, perception, needs_sensors, files, on_sample) {
+        Err(DriveError::Generate(GenerateError::Simulation(
+            error @ (SimError::Ask { .. } | SimError::Compile { .. }),
+        ))) => Ok(failed(&course.plan, error.to_string())),
+        driven => driven,
+    }
+}
+
+/// A drive that could not be made, and why.
+pub(super) fn failed(plan: &EpisodePlan, reason: String) -> DriveOutcome {
+    Notes::new().finish(plan, &[], End::Failed(reason))
+}
+
+fn drive_through(
     course: &Course,
     perception: &mut Perception,
     needs_sensors: bool,
@@ -74,6 +95,7 @@ pub(super) fn drive(
         seen: Seen::default(),
         notes: Notes::new(),
         speed_error_mps: 0.0,
+        steering_error_rad: 0.0,
         ego_kg,
     };
     let every = u64::from(checked.control_steps_per_sample);
@@ -115,24 +137,6 @@ struct Seen {
     set_off: BTreeMap<usize, [f64; 2]>,
 }
 
-/// What is counted on the way.
-struct Notes {
-    n_samples: usize,
-    n_steps: u64,
-    distance_m: f64,
-    speeds_mps: Vec<f64>,
-    collision: Option<Collision>,
-    struck_by: Vec<String>,
-    /// What touches the ego since it ran into it: it may push it on.
-    pushing: BTreeSet<String>,
-    hard_stops: Vec<HardStop>,
-    /// A hard brake goes on until then.
-    hard_until_s: f64,
-    first_brake_ttc_s: Option<f64>,
-    has_braked: bool,
-    rest: TimeAtRest,
-}
-
 struct Run<'a> {
     config: &'a DriveConfig,
     zone: Zone,
@@ -144,8 +148,9 @@ struct Run<'a> {
     senses: bool,
     seen: Seen,
     notes: Notes,
-    /// Of the measured speed, as of the last sample.
+    /// What was measured beside the truth at the last sample: speed, and steering angle.
     speed_error_mps: f64,
+    steering_error_rad: f64,
     ego_kg: f64,
 }
 
@@ -170,6 +175,7 @@ impl Run<'_> {
             if self.senses { Some(self.live.measure(sample_idx, &mut Timings::default())?) } else { None };
         let told = self.live.measured_state(sample_idx)?;
         self.speed_error_mps = told.speed_mps - true_state.speed_mps;
+        self.steering_error_rad = told.steering_angle_rad - true_state.steering_angle_rad;
         let found = perception.detect(
             &self.zone,
             &Instant {
@@ -193,7 +199,11 @@ impl Run<'_> {
     fn go_on(&mut self, step: u64) -> Result<Option<End>, DriveError> {
         let time_s = step as f64 * CONTROL_PERIOD_S;
         let true_state = self.live.ego_state()?;
-        let state = EgoState { speed_mps: true_state.speed_mps + self.speed_error_mps, ..true_state };
+        let state = EgoState {
+            speed_mps: true_state.speed_mps + self.speed_error_mps,
+            steering_angle_rad: true_state.steering_angle_rad + self.steering_error_rad,
+            ..true_state
+        };
         let orders = self.reflex.orders(time_s, &self.live.world_from_ego(), &state)?;
         self.note_braking(time_s, true_state.speed_mps, &orders);
         let before = self.live.world_from_ego().isometry.translation.vector;
@@ -205,9 +215,8 @@ impl Run<'_> {
         let moved_m = (self.live.world_from_ego().isometry.translation.vector - before).xy().norm();
         self.notes.n_steps += 1;
         self.notes.distance_m += moved_m;
-        let pushed_before = std::mem::take(&mut self.notes.pushing);
         for contact in &contacts {
-            self.note_contact(now_s, contact, &pushed_before);
+            self.note_contact(now_s, contact);
         }
         if self.notes.collision.is_some() {
             return Ok(Some(End::Collision));
@@ -274,15 +283,17 @@ impl Run<'_> {
         }
     }
 
-    fn note_contact(&mut self, time_s: f64, contact: &Contact, pushed_before: &BTreeSet<String>) {
+    fn note_contact(&mut self, time_s: f64, contact: &Contact) {
         let object = contact.object_idx.map(|i| &self.live.objects()[i]);
         let id = object.map_or_else(|| "scenery".to_owned(), |object| object.id.clone());
-        let forward = self.live.world_from_ego().rotate(&Vector3::x());
         let ego_mps = contact.ego_mps.xy().norm();
-        let is_struck = ego_mps < STANDS_MPS || contact.normal.dot(&forward) < FROM_BEHIND;
-        if is_struck || pushed_before.contains(&id) {
-            self.notes.pushing.insert(id.clone());
-            if !self.notes.struck_by.contains(&id) {
+        let approach_mps = contact.ego_mps.dot(&contact.normal);
+        // What stands still has come to nobody, however slightly it is touched.
+        let moves = contact.mass_kg.is_finite() && contact.other_mps.norm() >= STANDS_MPS;
+        let is_struck = ego_mps < STANDS_MPS || (moves && approach_mps < LEAST_APPROACH_MPS);
+        let has_struck = self.notes.struck_by.contains(&id);
+        if is_struck || (has_struck && approach_mps < PUSHES_MPS) {
+            if !has_struck {
                 self.notes.struck_by.push(id);
             }
             return;
@@ -317,81 +328,5 @@ impl Run<'_> {
             is_sudden: set_off.is_some_and(|[set_off_s, speed_mps]| is_sudden(set_off_s, speed_mps)),
             was_harmful: harmful_s.is_some_and(|harmful_s| time_s - harmful_s <= HARMFUL_BEFORE_S),
         });
-    }
-}
-
-impl Notes {
-    fn new() -> Self {
-        Self {
-            n_samples: 0,
-            n_steps: 0,
-            distance_m: 0.0,
-            speeds_mps: Vec::new(),
-            collision: None,
-            struck_by: Vec::new(),
-            pushing: BTreeSet::new(),
-            hard_stops: Vec::new(),
-            hard_until_s: f64::NEG_INFINITY,
-            first_brake_ttc_s: None,
-            has_braked: false,
-            rest: TimeAtRest::default(),
-        }
-    }
-
-    /// `free_way_m`: how far a free car has come after each step.
-    fn finish(self, plan: &EpisodePlan, free_way_m: &[f64], end: End) -> DriveOutcome {
-        let (hardest_mps2, rms_jerk_mps3) = comfort(&self.speeds_mps);
-        let driven_m = self.n_steps.checked_sub(1).map(|last| free_way_m[last as usize]);
-        // Who is stuck would have stood until the end.
-        let free_m = if end == End::Stuck { free_way_m.last().copied() } else { driven_m }.unwrap_or(0.0);
-        DriveOutcome {
-            episode: plan.name.clone(),
-            family: String::new(),
-            seed: plan.seed,
-            town: plan.town.clone(),
-            weather: plan.weather.name().to_owned(),
-            end,
-            duration_s: self.n_steps as f64 * CONTROL_PERIOD_S,
-            distance_m: self.distance_m,
-            free_m,
-            collision: self.collision,
-            struck_by: self.struck_by,
-            hard_stops: self.hard_stops,
-            first_brake_ttc_s: self.first_brake_ttc_s,
-            hardest_mps2,
-            rms_jerk_mps3,
-            n_samples: self.n_samples,
-            entry: None,
-        }
-    }
-}
-
-/// Greatest deceleration, and root mean square of the jerk, of speeds at the control rate.
-fn comfort(speeds_mps: &[f64]) -> (f64, f64) {
-    let window_s = N_SMOOTH as f64 * CONTROL_PERIOD_S;
-    let change = |values: &[f64]| -> Vec<f64> {
-        values
-            .iter()
-            .zip(values.iter().skip(N_SMOOTH))
-            .map(|(before, now)| (now - before) / window_s)
-            .collect()
-    };
-    let accelerations = change(speeds_mps);
-    let jerks = change(&accelerations);
-    let hardest = accelerations.iter().fold(0.0, |most: f64, acceleration| most.max(-acceleration));
-    let mean = jerks.iter().map(|jerk| jerk * jerk).sum::<f64>() / jerks.len().max(1) as f64;
-    (hardest, mean.sqrt())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn comfort_of_a_steady_brake_is_its_deceleration_without_jerk() {
-        let speeds: Vec<f64> = (0..60).map(|i| 10.0 - 3.0 * CONTROL_PERIOD_S * f64::from(i)).collect();
-        let (hardest_mps2, jerk_mps3) = comfort(&speeds);
-        assert!((hardest_mps2 - 3.0).abs() < 1e-9 && jerk_mps3 < 1e-9, "{hardest_mps2} {jerk_mps3}");
-        assert_eq!(comfort(&[]), (0.0, 0.0));
     }
 }

@@ -7,8 +7,10 @@
 mod config;
 mod episode;
 mod external;
+mod folder;
 mod foresight;
 mod hazards;
+mod notes;
 mod perception;
 mod recorder;
 mod reflex;
@@ -26,7 +28,7 @@ use thiserror::Error;
 pub use config::{DriveConfig, HARD_BRAKING_MPS2, ReflexConfig};
 pub use external::{External, ExternalError};
 pub use reflex::Reflex;
-pub use run::{Courses, DriveOptions, run};
+pub use run::{Courses, DriveOptions, Recording, run};
 pub use scenario::{SUITE, Scenario, ScenarioError, load as load_scenarios};
 
 use crate::config::InvalidConfig;

@@ -29,10 +29,8 @@ pub(super) struct Network {
     detector: Detector,
     judge: Judge,
     device: Device,
-    /// Asked for with it.
-    asked_score: Option<f64>,
-    /// From which on it warns by itself.
-    own_score: f64,
+    /// From which on its boxes count.
+    min_score: f64,
 }
 
 /// What can be seen at one instant.
@@ -51,7 +49,12 @@ impl Perception {
     ///
     /// # Errors
     /// There is no such run, or its checkpoint is broken.
-    pub fn open(source: &Source, reply_s: f64, device: &Device) -> Result<Self, DriveError> {
+    pub fn open(
+        source: &Source,
+        config: &ReflexConfig,
+        reply_s: f64,
+        device: &Device,
+    ) -> Result<Self, DriveError> {
         Ok(match source {
             Source::Blind => Self::Blind,
             Source::Truth => Self::Truth,
@@ -60,20 +63,21 @@ impl Perception {
             }
             Source::Network { run, judge, score } => {
                 let trained = Trained::find(run)?;
-                let own_score = trained.eval_config()?.operating_score;
+                let min_score = network_score(*score, config, trained.eval_config()?.operating_score);
                 let detector = trained.load(device)?;
-                let (judge, asked_score, device) = (*judge, *score, device.clone());
-                Self::Network(Box::new(Network { detector, judge, device, asked_score, own_score }))
+                let (judge, device) = (*judge, device.clone());
+                Self::Network(Box::new(Network { detector, judge, device, min_score }))
             }
         })
     }
 
-    /// Score from which on its boxes count: what was asked for with it, else in the config, else its own.
+    /// Score from which on its boxes count.
     pub fn min_score(&self, config: &ReflexConfig) -> f64 {
-        let of_all = (config.score > 0.0).then_some(config.score);
         match self {
-            Self::Network(network) => network.asked_score.or(of_all).unwrap_or(network.own_score),
-            Self::Blind | Self::Truth | Self::External { .. } => of_all.unwrap_or(f64::NEG_INFINITY),
+            Self::Network(network) => network.min_score,
+            Self::Blind | Self::Truth | Self::External { .. } => {
+                score_of_all(config).unwrap_or(f64::NEG_INFINITY)
+            }
         }
     }
 
@@ -117,6 +121,16 @@ impl Perception {
             *running = None;
         }
     }
+}
+
+/// The score from which on every driver's boxes count, if the config has one.
+pub(super) fn score_of_all(config: &ReflexConfig) -> Option<f64> {
+    (config.score > 0.0).then_some(config.score)
+}
+
+/// The score from which on a network's boxes count: what was asked for with it, else the config's, else its own.
+pub(super) fn network_score(asked: Option<f64>, config: &ReflexConfig, own: f64) -> f64 {
+    asked.or(score_of_all(config)).unwrap_or(own)
 }
 
 impl From<ExternalError> for DriveError {

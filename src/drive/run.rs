@@ -8,36 +8,41 @@ use std::sync::Mutex;
 
 use fs_err as fs;
 
+use super::episode::failed;
+use super::folder::{find_whole, finish_dataset, open, outcome_path};
+use super::perception::{network_score, score_of_all};
 use super::scenario::{Scenario, check_names, course, world_plans};
 use super::worker::{COMMAND, DriveJob, Task};
-use super::{DriveConfig, DriveError};
+use super::{DriveConfig, DriveError, ReflexConfig};
 use crate::config::{Check as _, InvalidConfig, to_toml};
 use crate::device::DeviceName;
-use crate::episode::folder::{first_difference, is_whole, remove_unfinished};
-use crate::episode::{Manifest, Split};
-use crate::files::{FolderLock, holds_anything, sha256_hex, sha256_of, write_atomic, write_sealed};
+use crate::episode::Split;
+use crate::episode::folder::remove_unfinished;
+use crate::eval::judge::Judge;
+use crate::files::{FolderLock, sha256_hex, sha256_of, write_atomic, write_sealed};
 use crate::generate::{CheckedConfig, EpisodePlan, GenerateConfig};
 use crate::infer::Trained;
-use crate::label;
-use crate::outcome::{DriveOutcome, DriveSummary, Origin, Source, Who, compare};
+use crate::outcome::{DriveOutcome, DriveSummary, End, Origin, Source, Who, compare, worst};
 use crate::progress::Progress;
 use crate::scene::{PopulateConfig, Town};
-use crate::worker::{self, Call, Engine, Errand, Program, SILENCE};
+use crate::worker::{self, Call, Engine, Errand, Program, SILENCE, TaskError};
 
-/// The resolved config, written before anything else.
-const CONFIG_FILE: &str = "drive.toml";
-/// Who drove, and by which weights.
-const WHO_FILE: &str = "who.json";
-const OUTCOMES: &str = "outcomes";
+/// Which drives are recorded as episodes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Recording {
+    All,
+    /// Each driver's worst so many ([`worst`]), driven again for it once all are known.
+    Worst(usize),
+    None,
+}
 
-/// How the drives are made; but for `records` this does not change their bytes.
+/// How the drives are made; but for `recording` this does not change their bytes.
 #[derive(Debug, Clone)]
 pub struct DriveOptions {
     /// The `harmzone` program, started as worker.
     pub program: Program,
     pub jobs: usize,
-    /// Whether episodes are recorded.
-    pub records: bool,
+    pub recording: Recording,
     pub device: DeviceName,
 }
 
@@ -53,7 +58,8 @@ pub struct Courses {
 ///
 /// # Errors
 /// [`DriveError`]: a bad config, a folder that holds something else, a run that is not there, or the first drive that could not be
-/// made. A detector of another program that fails is no error: its drives end as failed.
+/// made. A detector of another program that fails, a world whose physics fails, and a process that dies again and again are no
+/// errors: such drives end as failed.
 pub fn run(
     config: &DriveConfig,
     drivers: &[Who],
@@ -82,8 +88,10 @@ pub fn run(
         }
     }
     let plans = plans(&config, &checked, courses)?;
-    let origins =
-        drivers.iter().map(|who| origin_of(who, options.device)).collect::<Result<Vec<_>, DriveError>>()?;
+    let origins = drivers
+        .iter()
+        .map(|who| origin_of(who, &config.reflex, options.device))
+        .collect::<Result<Vec<_>, DriveError>>()?;
     let mut config_toml = to_toml(&config);
     for scenario in &courses.scenarios {
         config_toml += &format!("\n[[scenario]]\n{}", to_toml(scenario).replace("\n[", "\n[scenario."));
@@ -95,61 +103,33 @@ pub fn run(
     let mut outcomes: Vec<Vec<Option<DriveOutcome>>> = Vec::new();
     for folder in &folders {
         remove_unfinished(folder)?;
-        let kept = plans.iter().map(|plan| find_whole(folder, plan, options.records));
+        let records_all = options.recording == Recording::All;
+        let kept = plans.iter().map(|plan| find_whole(folder, plan, records_all));
         outcomes.push(kept.collect::<Result<_, _>>()?);
     }
     let todo: Vec<Task> = (0..drivers.len())
         .flat_map(|who_idx| (0..plans.len() as u32).map(move |course_idx| Task { who_idx, course_idx }))
         .filter(|task| outcomes[task.who_idx][task.course_idx as usize].is_none())
         .collect();
-    progress.start("drive", todo.len() as u64);
-    let n_jobs = options.jobs.clamp(1, todo.len().max(1));
-    let n_cores = std::thread::available_parallelism().map_or(1, usize::from);
     let outcomes = Mutex::new(outcomes);
-    let job = DriveJob {
-        config: config.clone(),
-        drivers: drivers.to_vec(),
-        scenarios: courses.scenarios.clone(),
-        folder: fs::canonicalize(out)?,
-        records: options.records,
-        device: options.device.to_string(),
-    };
-    let call = Call {
-        program: &options.program,
-        command: COMMAND,
-        job: &job,
-        folder: &job.folder,
-        shared: Vec::new(),
-        n_threads: Some((n_cores / n_jobs).max(1)),
-        silence: SILENCE,
-    };
-    let errands: Vec<Errand<Task>> = todo.iter().copied().map(Errand::from).collect();
-    worker::do_all(&Engine::Local { jobs: n_jobs }, &call, &errands, &|| (), &|place, made| {
-        let Task { who_idx, course_idx } = todo[place];
-        let plan = &plans[course_idx as usize];
-        let outcome: DriveOutcome = made
-            .map_err(|error| DriveError::Worker { episode: plan.name.clone(), message: error.to_string() })?;
-        progress.note(&format!("{} {}", drivers[who_idx].name, plan.name));
-        progress.advance(1);
-        let json = serde_json::to_string_pretty(&outcome).expect("an outcome has a JSON form");
-        write_atomic(&outcome_path(&folders[who_idx], plan), (json + "\n").as_bytes())?;
+    let drives =
+        Drives { config: &config, drivers, courses, plans: &plans, folders: &folders, options, progress };
+    drives.make(out, &todo, options.recording == Recording::All, &|task, outcome| {
         let mut outcomes = outcomes.lock().expect("no worker thread panics");
-        outcomes[who_idx][course_idx as usize] = Some(outcome);
-        Ok::<(), DriveError>(())
+        outcomes[task.who_idx][task.course_idx as usize] = Some(outcome);
+        Ok(())
     })?;
-    // What workers that died have left.
-    folders.iter().try_for_each(|folder| remove_unfinished(folder))?;
-    progress.finish();
-    let outcomes: Vec<Vec<DriveOutcome>> = outcomes
+    let mut outcomes: Vec<Vec<DriveOutcome>> = outcomes
         .into_inner()
         .expect("no worker thread panics")
         .into_iter()
         .map(|of_who| of_who.into_iter().flatten().collect())
         .collect();
-    if options.records {
-        for (folder, outcomes) in folders.iter().zip(&outcomes) {
-            finish_dataset(folder, &config, &config_toml, outcomes)?;
-        }
+    if let Recording::Worst(most) = options.recording {
+        record_worst(&drives, out, most, &mut outcomes)?;
+    }
+    for (folder, outcomes) in folders.iter().zip(&outcomes) {
+        finish_dataset(folder, &config, &config_toml, outcomes)?;
     }
     let drives: Vec<(Who, Vec<DriveOutcome>)> =
         drivers.iter().cloned().zip(outcomes.iter().cloned()).collect();
@@ -166,6 +146,117 @@ pub fn run(
     };
     write_sealed(&out.join(DriveSummary::FILE), &summary)?;
     Ok(summary)
+}
+
+/// What all drives of a command share.
+struct Drives<'a> {
+    config: &'a DriveConfig,
+    drivers: &'a [Who],
+    courses: &'a Courses,
+    plans: &'a [EpisodePlan],
+    folders: &'a [PathBuf],
+    options: &'a DriveOptions,
+    progress: &'a dyn Progress,
+}
+
+/// Hears of each drive once its outcome is on the disk.
+type OnDriven<'a> = &'a (dyn Fn(Task, DriveOutcome) -> Result<(), DriveError> + Sync);
+
+impl Drives<'_> {
+    /// Makes these drives and writes their outcomes.
+    fn make(
+        &self,
+        out: &Path,
+        todo: &[Task],
+        records: bool,
+        on_driven: OnDriven<'_>,
+    ) -> Result<(), DriveError> {
+        let Self { config, drivers, courses, plans, folders, options, progress } = *self;
+        progress.start(if records { "drive and record" } else { "drive" }, todo.len() as u64);
+        let n_jobs = options.jobs.clamp(1, todo.len().max(1));
+        let n_cores = std::thread::available_parallelism().map_or(1, usize::from);
+        let job = DriveJob {
+            config: config.clone(),
+            drivers: drivers.to_vec(),
+            scenarios: courses.scenarios.clone(),
+            folder: fs::canonicalize(out)?,
+            records,
+            device: options.device.to_string(),
+        };
+        let call = Call {
+            program: &options.program,
+            command: COMMAND,
+            job: &job,
+            folder: &job.folder,
+            shared: Vec::new(),
+            n_threads: Some((n_cores / n_jobs).max(1)),
+            silence: SILENCE,
+        };
+        let errands: Vec<Errand<Task>> = todo.iter().copied().map(Errand::from).collect();
+        worker::do_all(&Engine::Local { jobs: n_jobs }, &call, &errands, &|| (), &|place, made| {
+            let Task { who_idx, course_idx } = todo[place];
+            let plan = &plans[course_idx as usize];
+            let outcome: DriveOutcome = match made {
+                Ok(outcome) => outcome,
+                Err(TaskError::Lost(message)) => failed(plan, message),
+                Err(TaskError::Failed(message)) => {
+                    return Err(DriveError::Worker { episode: plan.name.clone(), message });
+                }
+            };
+            progress.note(&format!("{} {}", drivers[who_idx].name, plan.name));
+            progress.advance(1);
+            let json = serde_json::to_string_pretty(&outcome).expect("an outcome has a JSON form");
+            write_atomic(&outcome_path(&folders[who_idx], plan), (json + "\n").as_bytes())?;
+            on_driven(todo[place], outcome)
+        })?;
+        // What workers that died have left.
+        folders.iter().try_for_each(|folder| remove_unfinished(folder))?;
+        progress.finish();
+        Ok(())
+    }
+}
+
+/// Drives the worst cases of each driver again, recorded, where they are not.
+fn record_worst(
+    drives: &Drives<'_>,
+    out: &Path,
+    most: usize,
+    outcomes: &mut [Vec<DriveOutcome>],
+) -> Result<(), DriveError> {
+    let truth = drives.drivers.iter().position(|who| who.source == Source::Truth);
+    let of_who = |who_idx: usize| {
+        let truth = truth.filter(|&truth| truth != who_idx).map(|truth| &outcomes[truth][..]);
+        let cases = worst(&outcomes[who_idx], truth, most).into_iter();
+        let cases = cases.filter(|case| case.outcome.entry.is_none());
+        let mut tasks: Vec<Task> = cases.map(|case| Task { who_idx, course_idx: case.idx as u32 }).collect();
+        // A drive may hit something after a false stop.
+        tasks.sort_by_key(|task| task.course_idx);
+        tasks.dedup_by_key(|task| task.course_idx);
+        tasks
+    };
+    let shown = (0..drives.drivers.len()).filter(|&who| drives.drivers[who].source != Source::Blind);
+    let todo: Vec<Task> = shown.flat_map(of_who).collect();
+    let recorded = Mutex::new(Vec::new());
+    drives.make(out, &todo, true, &|task, outcome| {
+        recorded.lock().expect("no worker thread panics").push((task, outcome));
+        Ok(())
+    })?;
+    for (Task { who_idx, course_idx }, outcome) in recorded.into_inner().expect("no worker thread panics") {
+        let kept = &mut outcomes[who_idx][course_idx as usize];
+        let (who, episode) = (&drives.drivers[who_idx].name, &outcome.episode);
+        if let End::Failed(reason) = &outcome.end {
+            tracing::warn!("{who}, {episode}: not recorded: {reason}");
+            continue;
+        }
+        let again = DriveOutcome { entry: None, ..outcome.clone() };
+        if again != *kept {
+            tracing::warn!(
+                "{who}, {episode}: recorded, it drove another way than before; the recorded drive counts"
+            );
+        }
+        *kept = outcome;
+    }
+    Ok(())
 }
 
 /// Which drives the courses are.
@@ -191,86 +282,38 @@ fn plans(
     (0..scenarios.len() as u32).map(|idx| Ok(course(config, scenarios, idx)?.plan)).collect()
 }
 
-/// Who a driver is, with the hash of what it drives by.
-fn origin_of(who: &Who, device: DeviceName) -> Result<Origin, DriveError> {
-    let sha256 = match &who.source {
-        Source::Network { run, .. } => sha256_hex(&Trained::find(run)?.bytes()?.1),
+/// Who a driver is, with the hash of what it drives by, and the score from which on its boxes count.
+fn origin_of(who: &Who, reflex: &ReflexConfig, device: DeviceName) -> Result<Origin, DriveError> {
+    let (sha256, min_score) = match &who.source {
+        Source::Network { run, judge, score } => {
+            let trained = Trained::find(run)?;
+            let chosen = trained.operating_score()?.filter(|_| *judge == Judge::Network);
+            let min_score = network_score(*score, reflex, trained.eval_config()?.operating_score);
+            if score.or(score_of_all(reflex)).is_none() && chosen.is_none() {
+                tell_unchosen(who, run, *judge, min_score);
+            }
+            (sha256_hex(&trained.bytes()?.1), Some(min_score))
+        }
         Source::External { command } => {
             let files = command.split_whitespace().map(Path::new).filter(|path| path.is_file());
             let hashes = files.map(sha256_of).collect::<Result<Vec<_>, _>>()?;
-            sha256_hex(hashes.concat().as_bytes())
+            (sha256_hex(hashes.concat().as_bytes()), score_of_all(reflex))
         }
-        Source::Blind | Source::Truth => String::new(),
+        Source::Blind | Source::Truth => (String::new(), None),
     };
     let generator_version = env!("CARGO_PKG_VERSION").to_owned();
-    Ok(Origin { who: who.clone(), sha256, generator_version, device: device.to_string() })
+    Ok(Origin { who: who.clone(), sha256, min_score, generator_version, device: device.to_string() })
 }
 
-/// Prepares the folder, or refuses one that holds something else.
-fn open(out: &Path, config_toml: &str, origins: &[Origin]) -> Result<(), DriveError> {
-    let config_path = out.join(CONFIG_FILE);
-    let other =
-        |found: String, wanted: String| Err(DriveError::OtherConfig { found, wanted, path: out.to_owned() });
-    if config_path.is_file() {
-        let found = fs::read_to_string(&config_path)?;
-        if let Some((found, wanted)) = first_difference(&found, config_toml) {
-            return other(found, wanted);
-        }
-    } else if holds_anything(out)? {
-        return Err(DriveError::ForeignFolder { path: out.to_owned() });
-    }
-    let text = |origin: &Origin| serde_json::to_string_pretty(origin).expect("it has a JSON form") + "\n";
-    for origin in origins {
-        let path = out.join(&origin.who.name).join(WHO_FILE);
-        if path.is_file() {
-            let found = fs::read_to_string(&path)?;
-            if let Some((found, wanted)) = first_difference(&found, &text(origin)) {
-                return other(found.trim().to_owned(), wanted.trim().to_owned());
-            }
-        }
-    }
-    fs::create_dir_all(out)?;
-    write_atomic(&config_path, config_toml.as_bytes())?;
-    for origin in origins {
-        let folder = out.join(&origin.who.name);
-        fs::create_dir_all(folder.join(OUTCOMES))?;
-        write_atomic(&folder.join(WHO_FILE), text(origin).as_bytes())?;
-    }
-    Ok(())
-}
-
-/// The outcome of an earlier run, with its episode if that is wanted. A failed drive is made again.
-fn find_whole(folder: &Path, plan: &EpisodePlan, records: bool) -> Result<Option<DriveOutcome>, DriveError> {
-    let path = outcome_path(folder, plan);
-    if !path.is_file() {
-        return Ok(None);
-    }
-    let outcome: DriveOutcome = serde_json::from_str(&fs::read_to_string(&path)?)
-        .map_err(|error| DriveError::BadOutcome { message: error.to_string(), path })?;
-    let is_there =
-        outcome.entry.as_ref().is_some_and(|entry| is_whole(folder, entry).is_ok_and(|is_whole| is_whole));
-    Ok((!outcome.is_failed() && (!records || is_there)).then_some(outcome))
-}
-
-fn outcome_path(folder: &Path, plan: &EpisodePlan) -> PathBuf {
-    folder.join(OUTCOMES).join(format!("{}.json", plan.name))
-}
-
-/// Makes the driver's folder a labelled data set.
-fn finish_dataset(
-    folder: &Path,
-    config: &DriveConfig,
-    config_toml: &str,
-    outcomes: &[DriveOutcome],
-) -> Result<(), DriveError> {
-    let mut manifest =
-        Manifest::new(sha256_hex(config_toml.as_bytes()), config.world.seed, config.world.scene.ood);
-    manifest.episodes = outcomes.iter().filter_map(|outcome| outcome.entry.clone()).collect();
-    if manifest.episodes.is_empty() {
-        return Ok(());
-    }
-    manifest.write(folder)?;
-    let set = config.zone.kind.name();
-    label::run(folder, &config.zone, set, true, &crate::progress::Silent)?;
-    Ok(())
+/// A driver at a score that nobody chose for it brakes as often as it happens to.
+fn tell_unchosen(who: &Who, run: &Path, judge: Judge, min_score: f64) {
+    let (run, name) = (run.display(), &who.name);
+    let (flag, prefix) = match judge {
+        Judge::Network => (String::new(), String::new()),
+        _ => (format!(" --judge {}", judge.name()), format!("{}:", judge.name())),
+    };
+    tracing::warn!(
+        "{name}: its boxes count from a score of {min_score:.3}, which was not chosen for it; `harmzone calibrate {run}{flag} --data \
+         DIR` finds the score for a number of false alarms a km, and {prefix}{run}@SCORE sets it"
+    );
 }

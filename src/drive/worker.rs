@@ -61,7 +61,8 @@ fn make(
         Some((idx, perception)) if *idx == task.who_idx => perception,
         _ => {
             let device: DeviceName = job.device.parse()?;
-            let perception = Perception::open(&who.source, job.config.reply_s, &device.open()?)?;
+            let perception =
+                Perception::open(&who.source, &job.config.reflex, job.config.reply_s, &device.open()?)?;
             &mut opened.insert((task.who_idx, perception)).1
         }
     };

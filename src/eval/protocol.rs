@@ -29,8 +29,8 @@ define_config! {
         /// What becomes of a class without a truth: `absent` from every mean, or AP `zero` as in nuScenes. Default
         /// absent.
         missing_class: MissingClass = MissingClass::Absent;
-        /// Lowest score of a detection that counts where found, missed and false ones are counted. Default
-        /// 0.2.
+        /// Lowest score of a detection that counts where found, missed and false ones are counted. Default:
+        /// the network's own (`harmzone calibrate`), else 0.2.
         operating_score: f64 = 0.2, in from_to(-1e6, 1e6);
         /// Resamples of the episodes for confidence intervals; 0 for none. Default 1000.
         n_resamples: usize = 1000, in from_to(0.0, 100_000.0);

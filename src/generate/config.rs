@@ -19,10 +19,10 @@ pub const ALL: &str = "all";
 define_config! {
     /// The config of `harmzone gen`. The number of episodes is not part of it, so that a data set can grow.
     pub struct GenerateConfig {
-        /// Towns that come with harmzone, or paths of OpenDRIVE files; [`ALL`] stands for all of the former that are
+        /// Towns that come with harmzone, or paths of OpenDRIVE files; `"all"` stands for all of the former that are
         /// for the split.
         towns: Vec<String> = vec!["downtown".into()];
-        /// CARLA's names; [`ALL`] stands for all. The episodes take each pair of town and weather equally
+        /// CARLA's names; `"all"` stands for all. The episodes take each pair of town and weather equally
         /// often.
         weathers: Vec<String> = vec!["ClearNoon".into()];
         /// Every episode's seed is drawn from this one.
@@ -114,6 +114,7 @@ impl LidarEngine {
 define_config! {
     /// How the camera image is rendered.
     pub struct RenderConfig {
+        /// What draws the pictures.
         renderer: RendererName = RendererName::Classic;
         /// Also write depth, instance and category of each pixel as EXR files under `aov/`.
         aov: bool = false;

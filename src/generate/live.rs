@@ -48,7 +48,7 @@ pub struct LiveEpisode<'a> {
 pub struct Contact {
     /// Number among the world's objects; `None`: scenery that is no object.
     pub object_idx: Option<usize>,
-    /// Of the ego along the world's axes, just before.
+    /// Of the ego where it touches, its turning included, along the world's axes, just before.
     pub ego_mps: Vector3<f64>,
     pub other_mps: Vector3<f64>,
     /// Out of the ego.

@@ -86,7 +86,7 @@ pub struct DriveOutcome {
     /// How far a car comes in this time with nothing in its way and all lights green.
     pub free_m: f64,
     pub collision: Option<Collision>,
-    /// Objects that ran into the ego while it stood, or from behind.
+    /// Objects that ran into the ego while it stood, or towards which it did not drive: from the side or from behind.
     pub struck_by: Vec<String>,
     pub hard_stops: Vec<HardStop>,
     /// At the first brake with something harmful ahead: its distance over the ego's speed.

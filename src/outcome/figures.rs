@@ -1,28 +1,21 @@
 //! The figures of drives: collisions, what of `blind`'s was avoided, false stops, progress, comfort; with intervals by episode.
 //!
-//! Drivers are compared on the episodes that all of them finished, world by world. Intervals are the bootstrap's, by episode, of
-//! 1,000 resamples.
+//! Drivers are compared on the episodes that all of them finished, world by world.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 
 use super::drive_outcome::{Collision, DriveOutcome, End};
+use super::groups::{GroupFigures, groups};
+use super::measure::{Draws, Measure, Of, Ratio};
 use super::who::{Source, Who};
-use crate::eval::{interval, resample};
 
-const N_RESAMPLES: usize = 1000;
-const BOOTSTRAP_SEED: u64 = 0;
 /// Bounds between the bands of impact speed, m/s.
 pub(super) const IMPACT_BANDS_MPS: [f64; 3] = [2.0, 5.0, 10.0];
 
-/// A figure and its interval.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
-pub struct Measure {
-    /// `None` where there is nothing to divide by.
-    pub value: Option<f64>,
-    pub interval: Option<[f64; 2]>,
-}
+/// Who has come within this of where `blind` hits something has come there, metres along the route.
+const REACH_M: f64 = 10.0;
 
 /// The figures of one driver.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -47,8 +40,18 @@ pub struct Figures {
     /// Of them those in which this driver does not end stuck either: who stands for ever meets nothing.
     #[serde(default)]
     pub avoided_going_share: Option<Measure>,
+    /// Of the avoidable ones in which this driver came to the place where `blind` collides, or collided itself: who stops before
+    /// has not shown what it would do there.
+    #[serde(default)]
+    pub avoided_there_share: Option<Measure>,
+    /// How many these are.
+    #[serde(default)]
+    pub n_came_there: Option<usize>,
     /// Of all episodes in which `blind` collides.
     pub avoided_of_all_share: Option<Measure>,
+    /// How many these are.
+    #[serde(default)]
+    pub n_blind_hits: Option<usize>,
     /// Of those in which it does not collide with something sudden ([`super::is_sudden`]).
     pub avoided_of_not_sudden_share: Option<Measure>,
     /// How many these are.
@@ -57,6 +60,9 @@ pub struct Figures {
     /// Drives that ended standing before nothing.
     #[serde(default)]
     pub stuck_per_km: Measure,
+    /// Against the first driver with a detector; `None` for that one, `blind` and `truth`.
+    #[serde(default)]
+    pub over_first: Option<OverFirst>,
     /// Distance over that of a free car in the same time; a drive that ended stuck counts with all of its time.
     pub progress: Measure,
     /// Mean of the time to collision at the first brake, seconds.
@@ -72,17 +78,14 @@ pub struct Figures {
     pub groups: BTreeMap<String, Vec<GroupFigures>>,
 }
 
-/// One group of episodes.
+/// How much more a driver does than another one in the same worlds; the intervals are of the differences within the same resamples.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct GroupFigures {
-    pub name: String,
-    pub n_episodes: usize,
-    pub n_collisions: usize,
-    /// As of [`Figures::avoided_share`], or of `blind`'s collisions where `truth` did not drive.
-    pub n_avoidable: usize,
-    pub n_avoided: usize,
-    pub n_false_stops: usize,
-    pub driven_km: f64,
+pub struct OverFirst {
+    /// The other one's name.
+    pub than: String,
+    pub collision_share: Measure,
+    pub avoided_share: Option<Measure>,
+    pub false_stops_per_km: Measure,
 }
 
 /// Compares drivers on the episodes that none of them failed in.
@@ -105,72 +108,95 @@ pub fn compare(drives: &[(Who, Vec<DriveOutcome>)]) -> Vec<Figures> {
         found.map(|(_, outcomes)| in_common(outcomes))
     };
     let (blind, truth) = (of_source(&Source::Blind), of_source(&Source::Truth));
-    let rows = drives.iter().map(|(who, outcomes)| {
+    let beside = |outcomes| Beside { outcomes, blind: blind.as_deref(), truth: truth.as_deref() };
+    let all: Vec<Vec<DriveOutcome>> = drives.iter().map(|(_, outcomes)| in_common(outcomes)).collect();
+    let is_tested = |who: &Who| !matches!(who.source, Source::Blind | Source::Truth);
+    let first = drives.iter().position(|(who, _)| is_tested(who));
+    let rows = drives.iter().enumerate().map(|(i, (who, outcomes))| {
         let n_failed = outcomes.iter().filter(|outcome| outcome.is_failed()).count();
-        figures(who, &in_common(outcomes), n_failed, blind.as_deref(), truth.as_deref())
+        let first = first.filter(|&first| i != first && is_tested(who));
+        let first = first.map(|first| (&drives[first].0, beside(&all[first])));
+        figures(who, beside(&all[i]), n_failed, first)
     });
     rows.collect()
 }
 
-/// A sum over the episodes that were drawn.
-fn sum(outcomes: &[DriveOutcome], n_drawn: &[u32], value: impl Fn(usize, &DriveOutcome) -> f64) -> f64 {
-    let terms = outcomes.iter().enumerate().zip(n_drawn);
-    terms.map(|((i, outcome), n)| f64::from(*n) * value(i, outcome)).sum()
+/// A driver's drives beside those of others, world by world.
+#[derive(Clone, Copy)]
+struct Beside<'a> {
+    outcomes: &'a [DriveOutcome],
+    blind: Option<&'a [DriveOutcome]>,
+    truth: Option<&'a [DriveOutcome]>,
 }
 
-fn figures(
-    who: &Who,
-    outcomes: &[DriveOutcome],
-    n_failed: usize,
-    blind: Option<&[DriveOutcome]>,
-    truth: Option<&[DriveOutcome]>,
-) -> Figures {
-    let n = outcomes.len();
-    let ratio = |above: &(dyn Fn(usize, &DriveOutcome) -> f64 + Sync),
-                 below: &(dyn Fn(usize, &DriveOutcome) -> f64 + Sync)| {
-        let of_drawn = |n_drawn: &[u32]| {
-            let divisor = sum(outcomes, n_drawn, below);
-            (divisor > 0.0).then(|| sum(outcomes, n_drawn, above) / divisor)
-        };
-        let value = of_drawn(&vec![1; n]);
-        let interval = (n > 1)
-            .then(|| interval(resample(n, N_RESAMPLES, BOOTSTRAP_SEED, of_drawn).into_iter().flatten()))
-            .flatten();
-        Measure { value, interval }
-    };
-    let yes = |is: bool| f64::from(u8::from(is));
-    let collides = |outcome: &DriveOutcome| outcome.collision.is_some();
-    let km = |_: usize, outcome: &DriveOutcome| outcome.distance_m / 1000.0;
-    let hits = |_: usize, outcome: &DriveOutcome| yes(collides(outcome));
-    let one = |_: usize, _: &DriveOutcome| 1.0;
-    let is_hit_by =
-        |others: Option<&[DriveOutcome]>, i: usize| others.is_some_and(|others| collides(&others[i]));
-    let is_avoidable = |i: usize| is_hit_by(blind, i) && truth.is_some() && !is_hit_by(truth, i);
-    let avoidable = |i: usize, _: &DriveOutcome| yes(is_avoidable(i));
-    let avoided = |i: usize, outcome: &DriveOutcome| yes(is_avoidable(i) && !collides(outcome));
-    let is_stuck = |outcome: &DriveOutcome| outcome.end == End::Stuck;
-    let stuck = |_: usize, outcome: &DriveOutcome| yes(is_stuck(outcome));
-    let avoided_going =
-        |i: usize, outcome: &DriveOutcome| yes(is_avoidable(i) && !collides(outcome) && !is_stuck(outcome));
-    let of_blind = |i: usize, _: &DriveOutcome| yes(is_hit_by(blind, i));
-    let avoided_of_all = |i: usize, outcome: &DriveOutcome| yes(is_hit_by(blind, i) && !collides(outcome));
-    let is_not_sudden = |i: usize| {
-        let hit = blind.and_then(|blind| blind[i].collision.as_ref());
+impl Beside<'_> {
+    fn hits(self, i: usize) -> bool {
+        collides(self.outcomes, i)
+    }
+
+    fn blind_hits(self, i: usize) -> bool {
+        self.blind.is_some_and(|blind| collides(blind, i))
+    }
+
+    /// Whether `blind` hits something that `truth` does not.
+    fn is_avoidable(self, i: usize) -> bool {
+        self.blind_hits(i) && self.truth.is_some_and(|truth| !collides(truth, i))
+    }
+
+    fn is_not_sudden(self, i: usize) -> bool {
+        let hit = self.blind.and_then(|blind| blind[i].collision.as_ref());
         hit.is_some_and(|hit| !hit.is_sudden)
+    }
+
+    /// Whether it has come to where `blind` hits something: all drive one route.
+    fn has_come_there(self, i: usize) -> bool {
+        self.hits(i)
+            || self.blind.is_some_and(|blind| self.outcomes[i].distance_m + REACH_M >= blind[i].distance_m)
+    }
+
+    fn km(self, i: usize) -> f64 {
+        self.outcomes[i].distance_m / 1000.0
+    }
+}
+
+/// Whether something holds of an episode.
+type Is<'a> = &'a (dyn Fn(usize) -> bool + Sync);
+
+fn collides(outcomes: &[DriveOutcome], i: usize) -> bool {
+    outcomes[i].collision.is_some()
+}
+
+fn yes(is: bool) -> f64 {
+    f64::from(u8::from(is))
+}
+
+fn figures(who: &Who, of: Beside<'_>, n_failed: usize, first: Option<(&Who, Beside<'_>)>) -> Figures {
+    let Beside { outcomes, blind, truth } = of;
+    let n = outcomes.len();
+    let draws = Draws::of(outcomes);
+    let rate = |above: Of<'_>| draws.ratio(Ratio::Rate, above, &|i| of.km(i));
+    // A share that is 0 or 1 by its definition has no ends beside itself.
+    let unless = |is_set: bool| if is_set { Ratio::Mean } else { Ratio::Share };
+    let of_blind = unless(who.source == Source::Blind);
+    let of_both = unless(matches!(who.source, Source::Blind | Source::Truth));
+    let share = |kind: Ratio, above: Is<'_>, below: Is<'_>| {
+        draws.ratio(kind, &|i| yes(below(i) && above(i)), &|i| yes(below(i)))
     };
-    let not_sudden = |i: usize, _: &DriveOutcome| yes(is_not_sudden(i));
-    let avoided_of_not_sudden =
-        |i: usize, outcome: &DriveOutcome| yes(is_not_sudden(i) && !collides(outcome));
+    let avoids = |i: usize| !of.hits(i);
+    let is_avoidable = |i: usize| of.is_avoidable(i);
+    let is_stuck = |i: usize| outcomes[i].end == End::Stuck;
     let has_both = blind.is_some() && truth.is_some();
+    let count = |is: &dyn Fn(usize) -> bool| (0..n).filter(|&i| is(i)).count();
+    let came = |i: usize| of.is_avoidable(i) && of.has_come_there(i);
     let collisions: Vec<&Collision> =
         outcomes.iter().filter_map(|outcome| outcome.collision.as_ref()).collect();
-    let share = |end: &End| outcomes.iter().filter(|o| o.end == *end).count() as f64 / n.max(1) as f64;
+    let share_of = |end: &End| outcomes.iter().filter(|o| o.end == *end).count() as f64 / n.max(1) as f64;
     let band =
         |collision: &Collision| IMPACT_BANDS_MPS.iter().filter(|&&b| collision.impact_mps >= b).count();
     let mut n_by_impact = [0; 4];
     collisions.iter().for_each(|collision| n_by_impact[band(collision)] += 1);
     let energy_j: f64 = collisions.iter().map(|collision| collision.energy_j).sum();
-    let counted = |i: usize| if truth.is_some() { is_avoidable(i) } else { is_hit_by(blind, i) };
+    let counted = |i: usize| if truth.is_some() { of.is_avoidable(i) } else { of.blind_hits(i) };
     Figures {
         who: who.clone(),
         n_episodes: n,
@@ -178,75 +204,50 @@ fn figures(
         driven_km: outcomes.iter().map(|outcome| outcome.distance_m / 1000.0).sum(),
         n_collisions: collisions.len(),
         n_by_impact,
-        collision_share: ratio(&hits, &one),
-        collisions_per_km: ratio(&hits, &km),
-        avoided_share: has_both.then(|| ratio(&avoided, &avoidable)),
-        avoided_going_share: has_both.then(|| ratio(&avoided_going, &avoidable)),
-        n_avoidable: has_both.then(|| (0..n).filter(|&i| is_avoidable(i)).count()),
-        avoided_of_all_share: blind.map(|_| ratio(&avoided_of_all, &of_blind)),
-        avoided_of_not_sudden_share: blind.map(|_| ratio(&avoided_of_not_sudden, &not_sudden)),
-        n_not_sudden: blind.map(|_| (0..n).filter(|&i| is_not_sudden(i)).count()),
-        false_stops_per_km: ratio(&|_, outcome| outcome.n_false_stops() as f64, &km),
-        stuck_per_km: ratio(&stuck, &km),
-        progress: ratio(&|_, outcome| outcome.distance_m, &|_, outcome| outcome.free_m),
-        first_brake_ttc_s: ratio(&|_, o| o.first_brake_ttc_s.unwrap_or(0.0), &|_, o| {
-            yes(o.first_brake_ttc_s.is_some())
-        }),
-        rms_jerk_mps3: ratio(&|_, outcome| outcome.rms_jerk_mps3, &one),
-        stopped_share: share(&End::Stopped),
-        stuck_share: share(&End::Stuck),
+        collision_share: share(Ratio::Share, &|i| of.hits(i), &|_| true),
+        collisions_per_km: rate(&|i| yes(of.hits(i))),
+        avoided_share: has_both.then(|| share(of_both, &avoids, &is_avoidable)),
+        avoided_going_share: has_both.then(|| share(of_both, &|i| avoids(i) && !is_stuck(i), &is_avoidable)),
+        n_avoidable: has_both.then(|| count(&is_avoidable)),
+        avoided_there_share: has_both.then(|| share(of_both, &avoids, &came)),
+        n_came_there: has_both.then(|| count(&came)),
+        avoided_of_all_share: blind.map(|_| share(of_blind, &avoids, &|i| of.blind_hits(i))),
+        n_blind_hits: blind.map(|_| count(&|i| of.blind_hits(i))),
+        avoided_of_not_sudden_share: blind.map(|_| share(of_blind, &avoids, &|i| of.is_not_sudden(i))),
+        n_not_sudden: blind.map(|_| count(&|i| of.is_not_sudden(i))),
+        false_stops_per_km: rate(&|i| outcomes[i].n_false_stops() as f64),
+        stuck_per_km: rate(&|i| yes(is_stuck(i))),
+        over_first: first.map(|(first, other)| over(first, of, other, &draws)),
+        progress: draws.ratio(Ratio::Mean, &|i| outcomes[i].distance_m, &|i| outcomes[i].free_m),
+        first_brake_ttc_s: draws.ratio(
+            Ratio::Mean,
+            &|i| outcomes[i].first_brake_ttc_s.unwrap_or(0.0),
+            &|i| yes(outcomes[i].first_brake_ttc_s.is_some()),
+        ),
+        rms_jerk_mps3: draws.ratio(Ratio::Mean, &|i| outcomes[i].rms_jerk_mps3, &|_| 1.0),
+        stopped_share: share_of(&End::Stopped),
+        stuck_share: share_of(&End::Stuck),
         n_struck: outcomes.iter().map(|outcome| outcome.struck_by.len()).sum(),
         mean_energy_j: (!collisions.is_empty()).then(|| energy_j / collisions.len() as f64),
         groups: groups(outcomes, blind, counted),
     }
 }
 
-/// The episodes by town, by weather, and by what `blind` (or, without it, the driver) ran into.
-fn groups(
-    outcomes: &[DriveOutcome],
-    blind: Option<&[DriveOutcome]>,
-    is_counted: impl Fn(usize) -> bool,
-) -> BTreeMap<String, Vec<GroupFigures>> {
-    let hit = |i: usize| blind.unwrap_or(outcomes)[i].collision.as_ref();
-    let of_hit =
-        |i: usize, name: &dyn Fn(&Collision) -> String| hit(i).map_or_else(|| "nothing".to_owned(), name);
-    let distribution = |hit: &Collision| {
-        let is_background = if hit.is_background { "background" } else { "scenery" };
-        hit.distribution.filter(|_| !hit.is_background).map_or(is_background, |of| of.name()).to_owned()
-    };
-    let axes: [(&str, &dyn Fn(usize) -> String); 7] = [
-        ("family", &|i| outcomes[i].family.clone()),
-        ("town", &|i| outcomes[i].town.clone()),
-        ("weather", &|i| outcomes[i].weather.clone()),
-        ("hit by blind", &|i| of_hit(i, &|hit| hit.category.clone())),
-        ("distribution", &|i| of_hit(i, &distribution)),
-        ("event", &|i| of_hit(i, &|hit| hit.event.name().to_owned())),
-        ("spot", &|i| of_hit(i, &|hit| hit.spot.name().to_owned())),
-    ];
-    let of_axis = |(axis, name): (&str, &dyn Fn(usize) -> String)| {
-        let mut of_name: BTreeMap<String, GroupFigures> = BTreeMap::new();
-        for (i, outcome) in outcomes.iter().enumerate() {
-            let name = name(i);
-            let group = of_name.entry(name.clone()).or_insert(GroupFigures {
-                name,
-                n_episodes: 0,
-                n_collisions: 0,
-                n_avoidable: 0,
-                n_avoided: 0,
-                n_false_stops: 0,
-                driven_km: 0.0,
-            });
-            let collides = outcome.collision.is_some();
-            group.n_episodes += 1;
-            group.n_collisions += usize::from(collides);
-            group.n_avoidable += usize::from(is_counted(i));
-            group.n_avoided += usize::from(is_counted(i) && !collides);
-            group.n_false_stops += outcome.n_false_stops();
-            group.driven_km += outcome.distance_m / 1000.0;
-        }
-        (axis.to_owned(), of_name.into_values().collect())
-    };
-    axes.into_iter().map(of_axis).collect()
+/// What a driver does more than the first.
+fn over(first: &Who, of: Beside<'_>, other: Beside<'_>, draws: &Draws) -> OverFirst {
+    let share = |of: Beside<'_>, i: usize| yes(of.is_avoidable(i) && !of.hits(i));
+    let has_both = of.blind.is_some() && of.truth.is_some();
+    let avoidable = |i: usize| yes(of.is_avoidable(i));
+    let stops = |of: Beside<'_>, i: usize| of.outcomes[i].n_false_stops() as f64;
+    OverFirst {
+        than: first.name.clone(),
+        collision_share: draws
+            .difference([&|i| yes(of.hits(i)), &|_| 1.0], [&|i| yes(other.hits(i)), &|_| 1.0]),
+        avoided_share: has_both
+            .then(|| draws.difference([&|i| share(of, i), &avoidable], [&|i| share(other, i), &avoidable])),
+        false_stops_per_km: draws
+            .difference([&|i| stops(of, i), &|i| of.km(i)], [&|i| stops(other, i), &|i| other.km(i)]),
+    }
 }
 
 #[cfg(test)]
@@ -268,7 +269,14 @@ mod tests {
         assert_eq!(small.n_by_impact, [2, 0, 0, 0]);
         assert_eq!(small.collisions_per_km.value, Some(5.0));
         assert_eq!(small.progress.value, Some(0.5));
-        assert_eq!(rows[0].avoided_share.unwrap().value, Some(0.0));
+        let [blind, truth] = [0, 1].map(|i: usize| rows[i].avoided_share.unwrap());
+        assert_eq!((blind.value, blind.interval), (Some(0.0), Some([0.0, 0.0])));
+        assert_eq!((truth.value, truth.interval), (Some(1.0), Some([1.0, 1.0])));
+        // Of all three that blind hits, truth avoids two.
+        assert_eq!(
+            (rows[1].n_blind_hits, rows[1].avoided_of_all_share.unwrap().value),
+            (Some(3), Some(2.0 / 3.0))
+        );
         assert_eq!(small.avoided_going_share, small.avoided_share);
         assert_eq!(small.stuck_per_km.value, Some(0.0));
         let by_hit = &small.groups["hit by blind"];
@@ -289,6 +297,38 @@ mod tests {
         assert_eq!(small.avoided_share.unwrap().value, Some(1.0));
         assert_eq!(small.avoided_going_share.unwrap().value, Some(0.5));
         assert!((small.stuck_per_km.value.unwrap() * small.driven_km - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn who_stops_on_the_way_has_not_come_there() {
+        let hit = Some(8.0);
+        let (who, mut outcomes) = drives("small", [None; 4]);
+        // Blind comes 100 m far.
+        outcomes[0].distance_m = 60.0;
+        outcomes[1].distance_m = 91.0;
+        let rows =
+            compare(&[drives("blind", [hit, hit, None, None]), drives("truth", [None; 4]), (who, outcomes)]);
+        let small = &rows[2];
+        assert_eq!((small.n_avoidable, small.n_came_there), (Some(2), Some(1)));
+        assert_eq!(small.avoided_there_share.unwrap().value, Some(1.0));
+    }
+
+    #[test]
+    fn detectors_are_set_beside_the_first_in_the_same_worlds() {
+        let (a, b) = (Some(8.0), Some(1.0));
+        let rows = compare(&[
+            drives("blind", [a; 4]),
+            drives("truth", [None; 4]),
+            drives("small", [b, b, None, None]),
+            drives("zone:small", [b, None, None, None]),
+        ]);
+        assert!(rows[..3].iter().all(|row| row.over_first.is_none()));
+        let over = rows[3].over_first.as_ref().unwrap();
+        assert_eq!((over.than.as_str(), over.collision_share.value), ("small", Some(-0.25)));
+        let avoided = over.avoided_share.unwrap();
+        // One world of four differs, so that no resample says the opposite.
+        assert_eq!(avoided.value, Some(0.25));
+        assert_eq!(avoided.interval.unwrap()[0], 0.0);
     }
 
     #[test]

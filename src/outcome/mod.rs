@@ -4,10 +4,13 @@
 
 mod drive_outcome;
 mod figures;
+mod groups;
+mod measure;
 mod table;
 #[cfg(test)]
 pub mod test_data;
 mod who;
+mod worst;
 
 use std::path::{Path, PathBuf};
 
@@ -15,9 +18,12 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 pub use drive_outcome::{Collision, DriveOutcome, End, HardStop, is_sudden};
-pub use figures::{Figures, GroupFigures, Measure, compare};
-pub use table::{drive_rows, impact_rows};
+pub use figures::{Figures, OverFirst, compare};
+pub use groups::GroupFigures;
+pub use measure::Measure;
+pub use table::{drive_rows, impact_rows, share_lines};
 pub use who::{Origin, Source, Who, WhoError};
+pub use worst::{Case, worst};
 
 use crate::episode::Split;
 use crate::files::read_sealed;

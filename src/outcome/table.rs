@@ -3,7 +3,9 @@
 use std::fmt;
 
 use super::DriveSummary;
-use super::figures::{Figures, GroupFigures, Measure};
+use super::figures::Figures;
+use super::groups::GroupFigures;
+use super::measure::Measure;
 use crate::text_table::text_table;
 
 /// Groups with fewer episodes in which something could be avoided are left out of the text.
@@ -26,27 +28,8 @@ impl fmt::Display for DriveSummary {
         f.write_str(&text_table(drive_rows(&self.figures)))?;
         writeln!(f)?;
         f.write_str(&text_table(impact_rows(&self.figures)))?;
-        if let Some(n) = self.figures.iter().find_map(|figures| figures.n_not_sudden) {
-            let of = |figures: &Figures| {
-                figures.avoided_of_not_sudden_share.map(|share| format!("{} {share}", figures.who.name))
-            };
-            let shares: Vec<String> = self.figures.iter().filter_map(of).collect();
-            writeln!(
-                f,
-                "\navoided, of the {n} episodes in which blind hits nothing that comes too suddenly for any brake: {}",
-                shares.join(", ")
-            )?;
-        }
-        if let Some(n) = self.figures.iter().find_map(|figures| figures.n_avoidable) {
-            writeln!(
-                f,
-                "avoided in the table: of the {n} episodes in which blind collides and truth does not. Intervals: bootstrap by episode, 95 %."
-            )?;
-            let of = |figures: &Figures| {
-                figures.avoided_going_share.map(|share| format!("{} {share}", figures.who.name))
-            };
-            let shares: Vec<String> = self.figures.iter().filter_map(of).collect();
-            writeln!(f, "avoided, and not stuck at the end: {}", shares.join(", "))?;
+        for (i, line) in share_lines(&self.figures).into_iter().enumerate() {
+            writeln!(f, "{}{line}", if i == 0 { "\n" } else { "" })?;
         }
         for figures in &self.figures {
             for axis in ["family", "hit by blind", "event", "weather", "town"] {
@@ -66,6 +49,62 @@ impl fmt::Display for DriveSummary {
             }
         }
         Ok(())
+    }
+}
+
+/// What of `blind`'s collisions was avoided, counted in other ways than the table's, and how drivers differ: a line each.
+#[must_use]
+pub fn share_lines(figures: &[Figures]) -> Vec<String> {
+    let of_all = |what: &dyn Fn(&Figures) -> Option<String>| {
+        let told = |of: &Figures| Some(format!("{} {}", of.who.name, what(of)?));
+        figures.iter().filter_map(told).collect::<Vec<_>>().join(", ")
+    };
+    let count = |what: &dyn Fn(&Figures) -> Option<usize>| figures.iter().find_map(what);
+    let text = |share: Option<Measure>| share.map(|share| share.to_string());
+    let mut lines = Vec::new();
+    if let Some(n) = count(&|of| of.n_avoidable) {
+        lines.push(format!(
+            "Avoided in the table: of the {n} episodes in which blind collides and truth does not. Intervals of 95 %: bootstrap by \
+             episode, scenarios of a family together; exact where nothing or everything happened."
+        ));
+        let going = of_all(&|of| text(of.avoided_going_share));
+        lines.push(format!("Avoided, and not stuck at the end: {going}."));
+        let there = of_all(&|of| Some(format!("{} of {}", of.avoided_there_share?, of.n_came_there?)));
+        lines.push(format!("Avoided, of those in which it came to where blind collides: {there}."));
+    }
+    if let Some(n) = count(&|of| of.n_blind_hits) {
+        lines.push(format!(
+            "Avoided, of all {n} that blind hits: {}.",
+            of_all(&|of| text(of.avoided_of_all_share))
+        ));
+    }
+    if let Some(n) = count(&|of| of.n_not_sudden) {
+        let shares = of_all(&|of| text(of.avoided_of_not_sudden_share));
+        lines.push(format!(
+            "Avoided, of the {n} in which blind hits nothing that comes too suddenly for any brake: {shares}."
+        ));
+    }
+    for of in figures {
+        let Some(over) = &of.over_first else { continue };
+        let avoided =
+            over.avoided_share.map_or_else(String::new, |share| format!(", avoided {}", signed(share)));
+        lines.push(format!(
+            "{} against {}, in the same worlds: collisions an episode {}{avoided}, false stops a km {}.",
+            of.who.name,
+            over.than,
+            signed(over.collision_share),
+            signed(over.false_stops_per_km)
+        ));
+    }
+    lines
+}
+
+/// A difference: `+0.08 (-0.02 to +0.15)`.
+fn signed(of: Measure) -> String {
+    let Some(value) = of.value else { return "-".to_owned() };
+    match of.interval {
+        Some([low, high]) => format!("{value:+.2} ({low:+.2} to {high:+.2})"),
+        None => format!("{value:+.2}"),
     }
 }
 

@@ -1,6 +1,6 @@
 //! Outcomes for tests.
 
-use super::{Collision, DriveOutcome, DriveSummary, End, Origin, Who, compare};
+use super::{Collision, DriveOutcome, DriveSummary, End, Origin, Source, Who, compare};
 use crate::episode::Split;
 use crate::object::{Event, Spot};
 
@@ -52,6 +52,10 @@ pub fn summary(drives: &[(Who, Vec<DriveOutcome>)], sha256: &str) -> DriveSummar
     let origin = |(who, _): &(Who, Vec<DriveOutcome>)| Origin {
         who: who.clone(),
         sha256: sha256.to_owned(),
+        min_score: match who.source {
+            Source::Network { score, .. } => score,
+            _ => None,
+        },
         generator_version: "0.1.0".into(),
         device: "cpu".into(),
     };

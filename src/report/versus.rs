@@ -23,8 +23,8 @@ pub fn tables(versus: &Versus, names: &[String]) -> Vec<Table> {
         .filter(|(_, lines, _)| !lines.is_empty())
         .map(|(title, lines, show)| table(title, lines, names, show))
         .collect();
-    let how = "After the semicolon: the difference from the first. Of missed events less is better, of warned ones and AP more. Of objects of a \
-               kind, only what was made on them counts.";
+    let how = "After the semicolon: the difference from the first. Of missed events less is better, of warned ones and AP more. In rows of \
+               objects (near, small, few points) a detection counts only if it lies on such an object; false alarms on nothing count in no such row.";
     let mut lines = [&versus.missed, &versus.warned, &versus.harmful, &versus.mean].into_iter().flatten();
     let of_runs = if lines.any(|line| line.figures.iter().any(|figure| !figure.runs.is_empty())) {
         " Of a detector of several runs the mean, and below it each run's."

@@ -18,12 +18,15 @@ define_config! {
         group_share: f64 = 0.3, in SHARE;
         /// Share of the people who are children of 2 to 15 years; those under 9 are never alone.
         child_share: f64 = 0.14, in SHARE;
-        /// Shares of what they do; the others walk.
+        /// Shares of what they do, this one and the next five; the others walk. Stand.
         standing_share: f64 = 0.24, in SHARE;
+        /// Sit.
         sitting_share: f64 = 0.06, in SHARE;
         /// Bend to a bag on the ground.
         stooping_share: f64 = 0.03, in SHARE;
+        /// Run.
         running_share: f64 = 0.05, in SHARE;
+        /// Move in a wheelchair.
         wheelchair_share: f64 = 0.02, in SHARE;
         /// Push a pram or a shopping trolley.
         pushing_share: f64 = 0.06, in SHARE;

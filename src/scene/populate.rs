@@ -34,14 +34,17 @@ define_config! {
         route_length_m: f64 = 700.0, in from_to(10.0, 10_000.0);
         /// Nothing stands farther than this from the route, metres.
         reach_m: f64 = 60.0, in from_to(1.0, 1000.0);
-        /// Factors on the town's densities.
+        /// Factor on the town's density of benches, bins, signs and the like.
         prop_density: f64 = 0.32, in from_to(0.0, 20.0);
+        /// Factor on the town's density of parked cars.
         parked_density: f64 = 1.65, in from_to(0.0, 20.0);
+        /// Factor on the town's density of moving vehicles.
         traffic_density: f64 = 0.8, in from_to(0.0, 20.0);
         /// Size of the vehicles, as a factor on each model that an episode draws anew: least, most.
         vehicle_size: [f64; 2] = [0.95, 1.06], in from_to(0.8, 1.25).pair();
         /// Share of the episodes in which a vehicle drives ahead of the ego from the start.
         leader_share: f64 = 0.36, in SHARE;
+        /// Factor on the town's density of pedestrians.
         pedestrian_density: f64 = 0.32, in from_to(0.0, 20.0);
         people: PeopleConfig = PeopleConfig::default(), in part::<PeopleConfig>();
         /// Share of the pedestrians who stand beside the ego's route and cross it again and again.

@@ -15,7 +15,9 @@ define_config! {
     /// Cameras (`cam_..`) and LiDARs (`lidar_..`) by name; topics and frames are named after them. `cam_front` and
     /// `lidar_top` are what a network reads.
     pub struct RigConfig {
+        /// By name.
         cameras: BTreeMap<String, RigCameraConfig> = one(Camera::NAME), in parts::<RigCameraConfig>();
+        /// By name.
         lidars: BTreeMap<String, RigLidarConfig> = one(Lidar::NAME), in parts::<RigLidarConfig>();
         odometry: OdometryConfig = OdometryConfig::default(), in part::<OdometryConfig>();
     }
@@ -30,7 +32,9 @@ define_config! {
     pub struct RigCameraConfig {
         /// nuScenes' front camera: 1.7 m ahead of the rear axle, 1.5 m up.
         x_m: f64 = 1.7, in PLACE;
+        /// Left of the rear axle's middle.
         y_m: f64 = 0.0, in PLACE;
+        /// Above the ground.
         z_m: f64 = 1.5, in PLACE;
         /// Positive looks to the left.
         yaw_deg: f64 = 0.0, in TURN;
@@ -38,7 +42,9 @@ define_config! {
         pitch_deg: f64 = 0.0, in TILT;
         /// Positive lowers the right side.
         roll_deg: f64 = 0.0, in TURN;
+        /// Width of the picture.
         width_px: u32 = 800, in from_to(16.0, 4096.0);
+        /// Height of the picture.
         height_px: u32 = 450, in from_to(16.0, 4096.0);
         /// Angle from the left edge of the image to its right edge.
         horizontal_fov_deg: f64 = 70.0, in from_to(10.0, 170.0);
@@ -130,13 +136,16 @@ pub enum LidarSector {
 define_config! {
     /// A LiDAR; at angles of zero its axes are parallel to the ego's.
     pub struct RigLidarConfig {
+        /// Whose beams, intensity and turn it has.
         preset: LidarPreset = LidarPreset::Hdl32e;
         /// Beams in place of the preset's: elevations in degrees, rising.
         #[serde(skip_serializing_if = "Vec::is_empty")]
         elevations_deg: Vec<f64> = Vec::new(), in from_to(-89.0, 89.0).rising(0, 1024);
         /// nuScenes' roof LiDAR: 0.94 m ahead of the rear axle, 1.84 m up.
         x_m: f64 = 0.94, in PLACE;
+        /// Left of the rear axle's middle.
         y_m: f64 = 0.0, in PLACE;
+        /// Above the ground.
         z_m: f64 = 1.84, in PLACE;
         /// Positive turns to the left.
         yaw_deg: f64 = 0.0, in TURN;
@@ -144,9 +153,11 @@ define_config! {
         pitch_deg: f64 = 0.0, in TILT;
         /// Positive lowers the right side.
         roll_deg: f64 = 0.0, in TURN;
+        /// Which part of its turn it reports.
         sector: LidarSector = LidarSector::Camera;
         /// Angle between two firings of a beam.
         azimuth_step_deg: f64 = 0.33, in from_to(0.05, 5.0);
+        /// Nothing farther than this returns.
         max_range_m: f64 = 70.0, in from_to(5.0, 500.0);
         /// Range at which a target of reflectivity 0.1 is still detected for sure.
         sure_range_m: f64 = 100.0, in from_to(1.0, 1000.0);
@@ -172,6 +183,7 @@ define_config! {
 define_config! {
     /// What bends the intensity curve of a LiDAR's make.
     pub struct IntensityConfig {
+        /// Factor on the strength of each return.
         scale: f64 = 1.0, in above(0.0, 10.0);
         /// Exponent of the strength, 1 being full scale.
         gamma: f64 = 1.0, in from_to(0.1, 4.0);

@@ -38,30 +38,46 @@ define_config! {
         models: LidarModels = LidarModels::default(), in part::<LidarModels>();
         /// Share of the episodes in which the LiDAR stands elsewhere.
         place_share: f64 = 0.8, in SHARE;
+        /// How far forward.
         x_shift_m: [f64; 2] = [-0.4, 0.4], in from_to(-3.0, 3.0).pair();
+        /// How far to the left.
         y_shift_m: [f64; 2] = [-0.1, 0.1], in from_to(-1.0, 1.0).pair();
+        /// How far up.
         z_shift_m: [f64; 2] = [-0.25, 0.5], in from_to(-1.5, 3.0).pair();
+        /// How much more its front is tilted down.
         pitch_shift_deg: [f64; 2] = [-1.5, 1.5], in from_to(-20.0, 20.0).pair();
-        /// Share of the episodes with dead beams, and which part of the beams is dead then.
+        /// Share of the episodes with dead beams.
         lost_beams_share: f64 = 0.15, in SHARE;
+        /// Which part of the beams is dead then.
         lost_beams: [f64; 2] = [0.03, 0.3], in from_to(0.0, 0.9).pair();
+        /// Share of the episodes with another angle between two firings.
         azimuth_share: f64 = 0.4, in SHARE;
+        /// Factor on that angle.
         azimuth_factor: [f64; 2] = [0.8, 1.6], in from_to(0.2, 5.0).pair();
+        /// Share of the episodes with another noise of ranges.
         noise_share: f64 = 0.7, in SHARE;
+        /// Standard deviation of each return's range.
         range_noise_m: [f64; 2] = [0.005, 0.04], in from_to(0.0, 1.0).pair();
         /// Share of the episodes with another intensity curve.
         intensity_share: f64 = 0.8, in SHARE;
+        /// Factor on the strength of each return.
         intensity_scale: [f64; 2] = [0.6, 1.7], in from_to(0.05, 5.0).pair();
+        /// Exponent of the strength, 1 being full scale.
         intensity_gamma: [f64; 2] = [0.6, 1.4], in from_to(0.1, 4.0).pair();
         /// How many values are told apart; drawn evenly in their logarithm.
         intensity_steps: [f64; 2] = [16.0, 256.0], in from_to(2.0, 65536.0).pair();
+        /// Nearer than this the intensity falls with the range.
         near_m: [f64; 2] = [0.0, 8.0], in from_to(0.0, 50.0).pair();
+        /// How much rings and shots differ, as a part of what they do in the make.
         intensity_spread: [f64; 2] = [0.5, 2.0], in from_to(0.0, 5.0).pair();
         /// Share of the episodes in which the LiDAR loses more or fewer of its weak returns: those of dark, glossy, far and grazing
         /// surfaces (its sure range), those of windows, and any (`dropout`).
         drop_share: f64 = 0.7, in SHARE;
+        /// Factor on the range at which a target of reflectivity 0.1 is still detected for sure.
         sure_range_factor: [f64; 2] = [0.5, 1.2], in from_to(0.1, 5.0).pair();
+        /// Share of the beams on windows that return.
         glass_return: [f64; 2] = [0.0, 0.5], in SHARE.pair();
+        /// Share of returns lost at random.
         dropout: [f64; 2] = [0.0, 0.08], in from_to(0.0, 0.9).pair();
     }
 }
@@ -69,9 +85,13 @@ define_config! {
 define_config! {
     /// How often each model of LiDAR is drawn, relative to the others.
     pub struct LidarModels {
+        /// Velodyne HDL-32E.
         hdl32e: f64 = 3.0, in from_to(0.0, 1e6);
+        /// Velodyne VLP-16.
         vlp16: f64 = 2.0, in from_to(0.0, 1e6);
+        /// Velodyne HDL-64E.
         hdl64e: f64 = 3.0, in from_to(0.0, 1e6);
+        /// Ouster OS1-128.
         os1_128: f64 = 1.0, in from_to(0.0, 1e6);
     }
 }
@@ -83,14 +103,23 @@ define_config! {
         focal_share: f64 = 0.7, in SHARE;
         /// Factor on the tangent of half the horizontal angle: of the default's 70 degrees, these make 52 to 90.
         focal_factor: [f64; 2] = [0.697, 1.428], in from_to(0.2, 5.0).pair();
+        /// Share of the episodes in which the camera stands elsewhere.
         place_share: f64 = 0.8, in SHARE;
+        /// How far up.
         z_shift_m: [f64; 2] = [-0.2, 0.4], in from_to(-1.5, 3.0).pair();
+        /// How much more its front is tilted down.
         pitch_shift_deg: [f64; 2] = [-2.0, 4.0], in from_to(-20.0, 20.0).pair();
+        /// Share of the episodes that are exposed differently.
         exposure_share: f64 = 0.6, in SHARE;
+        /// By how many stops.
         exposure_ev: [f64; 2] = [-1.0, 0.7], in from_to(-4.0, 4.0).pair();
+        /// Share of the episodes that are out of focus.
         blur_share: f64 = 0.3, in SHARE;
+        /// Standard deviation of the blur.
         blur_px: [f64; 2] = [0.3, 0.7], in from_to(0.0, 3.0).pair();
+        /// Share of the episodes of another JPEG quality.
         quality_share: f64 = 0.7, in SHARE;
+        /// That quality.
         jpeg_quality: [f64; 2] = [60.0, 95.0], in from_to(1.0, 100.0).pair();
     }
 }
@@ -98,10 +127,15 @@ define_config! {
 define_config! {
     /// How far the car's own sensors err. Pairs are the least and the most.
     pub struct OdometryVariationConfig {
+        /// Share of the episodes in which they err.
         share: f64 = 0.8, in SHARE;
+        /// Measured speed over true speed.
         speed_factor: [f64; 2] = [0.97, 1.03], in from_to(0.5, 2.0).pair();
+        /// Standard deviation of each measured speed.
         speed_noise_mps: [f64; 2] = [0.0, 0.1], in from_to(0.0, 5.0).pair();
+        /// What the steering sensor tells beside the true road-wheel angle, positive to the left.
         steering_bias_deg: [f64; 2] = [-0.8, 0.8], in from_to(-20.0, 20.0).pair();
+        /// Standard deviation of each measured angle.
         steering_noise_deg: [f64; 2] = [0.0, 0.2], in from_to(0.0, 20.0).pair();
     }
 }

@@ -10,7 +10,7 @@ use super::{SimError, Simulator};
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Touch {
     pub body: usize,
-    /// Velocity of the one that touches, just before, along the world's axes.
+    /// Velocity of the one that touches, just before, at the point where they touch, along the world's axes.
     pub own_mps: Vector3<f64>,
     /// The same of the touched one; zero where it is moved by hand.
     pub other_mps: Vector3<f64>,
@@ -92,33 +92,49 @@ mod tests {
     use super::*;
     use crate::sim::simulator::tests::{XML, mount};
 
-    #[test]
-    fn what_a_sliding_body_runs_into_is_told_once_with_both_velocities() {
-        // The ego, without weight, slides at 5 m/s to a cube whose face is 9 m ahead; its own front is at 4 m.
+    /// The ego, without weight, slides at 5 m/s, and turns so fast, to a cube whose face is 9 m ahead; its own front is at 4 m.
+    /// What it touches first, in which step, and its mass.
+    fn slide(spin_rps: f64) -> (usize, Touch, f64, Simulator) {
         let xml = XML.replace("timestep=\"0.005\"", "timestep=\"0.005\" gravity=\"0 0 0\"").replace(
             "size=\"2 1 1\" group=\"4\" contype=\"0\" conaffinity=\"0\"",
             "size=\"2 1 1\" group=\"4\"",
         );
         let mut sim = Simulator::new(&xml, &[], &mount()).unwrap();
         let ego = sim.body("ego").unwrap();
-        sim.ask("set a velocity", |world| world.getattr("data")?.getattr("qvel")?.set_item(0, 5.0)).unwrap();
-        let mut touches = Vec::new();
+        sim.ask("set a velocity", |world| {
+            let velocities = world.getattr("data")?.getattr("qvel")?;
+            velocities.set_item(0, 5.0)?;
+            velocities.set_item(5, spin_rps)
+        })
+        .unwrap();
         for step in 0..30 {
-            for touch in sim.step_touching(&[], &[], 10, ego, "ground").unwrap() {
-                touches.push((step, touch));
+            let touches = sim.step_touching(&[], &[], 10, ego, "ground").unwrap();
+            if let [touch] = touches[..] {
+                let mass_kg = sim.body_masses().unwrap()[ego];
+                return (step, touch, mass_kg, sim);
             }
-            if !touches.is_empty() {
-                break;
-            }
+            assert!(touches.is_empty(), "{touches:?}");
         }
-        let [(step, touch)] = touches[..] else { panic!("{touches:?}") };
+        panic!("it has touched nothing")
+    }
+
+    #[test]
+    fn what_a_sliding_body_runs_into_is_told_once_with_both_velocities() {
+        let (step, touch, mass_kg, sim) = slide(0.0);
         assert_eq!(touch.body, sim.body("obj:cube").unwrap());
         // 5 m at 5 m/s: in the 20th twentieth of a second, or just after.
         assert!((19..=20).contains(&step), "{step}");
         assert!((touch.own_mps.x - 5.0).abs() < 1e-6 && touch.other_mps.norm() < 1e-12, "{touch:?}");
         assert!(touch.normal.x > 0.99, "{touch:?}");
-        let masses = sim.body_masses().unwrap();
         // 4 x 2 x 2 m at MuJoCo's density of water.
-        assert!((masses[ego] - 16_000.0).abs() < 1e-6, "{}", masses[ego]);
+        assert!((mass_kg - 16_000.0).abs() < 1e-6, "{mass_kg}");
+    }
+
+    #[test]
+    fn a_body_that_turns_touches_with_the_velocity_of_the_corner_that_touches() {
+        let (_, touch, ..) = slide(0.2);
+        // Its centre, 2 m ahead of the origin that set out at 5 m/s, goes straight on; a corner is 2 m ahead of it and 1 m aside.
+        let of_corner = touch.own_mps - Vector3::new(5.0, 0.4, 0.0);
+        assert!((of_corner.xy().norm() - 0.2 * 5_f64.sqrt()).abs() < 0.01, "{touch:?}");
     }
 }

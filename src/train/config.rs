@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::schedule::Schedule;
 use crate::config::{
-    Bounds, Check, InvalidConfig, Keys, Rule, SHARE, above, define_config, from_to, impl_checked, part,
+    Bounds, Check, Docs, InvalidConfig, Keys, Rule, SHARE, above, define_config, from_to, impl_checked, part,
     require, with_table,
 };
 use crate::kernels::Products;
@@ -33,6 +33,7 @@ define_config! {
             in part::<StageConfig>();
         /// Share of a stage's steps over which the learning rate rises, or beta1 falls. Default 0.4.
         rise_share: f64 = 0.4, in SHARE;
+        /// Of AdamW.
         weight_decay: f32 = 0.01, in from_to(0.0, 1000.0);
         /// L2 norm that all gradients together are scaled down to.
         clip_norm: f32 = 10.0, in above(0.0, 1e9);
@@ -52,7 +53,7 @@ define_config! {
         validate_every_epochs: usize = 1, in from_to(0.0, 1e6);
         /// Memory for prepared inputs, MiB; what does not fit is prepared anew in each epoch.
         cache_mib: usize = 3072, in from_to(0.0, 1e7);
-        /// Left out of a run's own config where it is off, so that runs from before it go on.
+        // Left out of a run's own config where it is off, so that runs from before it go on.
         #[serde(skip_serializing_if = "StreamConfig::is_off")]
         stream: StreamConfig = StreamConfig::default(), in part::<StreamConfig>();
         loss: LossConfig = LossConfig::default(), in part::<LossConfig>();
@@ -89,6 +90,7 @@ impl StreamConfig {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StageConfig {
+    /// Passes over the training split; 0 leaves the stage out.
     pub epochs: usize,
     /// Peak of the schedule's learning rate.
     pub max_learning_rate: f64,
@@ -101,13 +103,19 @@ define_config! {
     /// Weights of the losses, and of the assignment's costs, as TransFusion.
     #[derive(Copy)]
     pub struct LossConfig {
+        /// Of the heatmap's focal loss.
         heatmap_weight: f64 = 1.0, in WEIGHT;
+        /// Of the class branch's focal loss.
         harm_weight: f64 = 1.0, in WEIGHT;
+        /// Of the L1 loss of boxes.
         box_weight: f64 = 0.25, in WEIGHT;
         /// Of the spreads of boxes, within `box_weight`, where the network predicts them.
         spread_weight: f64 = 1.0, in WEIGHT;
+        /// Of a wrong class in matching queries with objects.
         harm_cost: f64 = 0.15, in WEIGHT;
+        /// Of the distance of centres in matching.
         center_cost: f64 = 0.25, in WEIGHT;
+        /// Of too little overlap in matching.
         iou_cost: f64 = 0.25, in WEIGHT;
         /// How far from an object's middle a query may sit to be matched with it, metres; as far as half the box's diagonal and
         /// half of this, if that is more.
@@ -250,6 +258,11 @@ impl Check for TrainConfig {
 
 impl Bounds for StageConfig {
     const BOUNDS: Keys = &[("epochs", from_to(0.0, 100_000.0)), ("max_learning_rate", above(0.0, 1000.0))];
+    const DOCS: Docs = &[
+        ("epochs", &["Passes over the training split; 0 leaves the stage out."]),
+        ("max_learning_rate", &["Peak of the schedule's learning rate."]),
+        ("schedule", &["How it rises and falls. Default `one_cycle`."]),
+    ];
 }
 
 /// Bounds of the weight of a loss or cost.

@@ -206,7 +206,7 @@ mod tests {
         insta::assert_snapshot!(text);
     }
 
-    /// The published counts (ANCHORS of BEVFusion's two repositories): 39.8 M in all.
+    /// The published counts (of BEVFusion's two repositories): 39.8 M in all.
     #[test]
     fn paper_has_the_published_numbers_of_parameters() {
         let paper = of(ModelConfig::paper(), 1);

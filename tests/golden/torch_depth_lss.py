@@ -3,8 +3,8 @@ published camera branch, small, with gradients.
 
     .venv-golden/bin/python tests/golden/torch_depth_lss.py
 
-Written from ANCHORS' values (Liu et al. 2023); state dicts have harmzone's names. Batch norms use the
-statistics of the batch.
+Written from BEVFusion's published values (Liu et al. 2023); state dicts have harmzone's names. Batch norms
+use the statistics of the batch.
 """
 
 import math

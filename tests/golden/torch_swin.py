@@ -3,7 +3,8 @@ Swin-T) and swin_weights_* (the small one's weights under the key names of four 
 
     .venv-golden/bin/python tests/golden/torch_swin.py
 
-The net is written from the paper (Liu et al. 2021) and ANCHORS' values; its state dict has harmzone's names.
+The net is written from the paper (Liu et al. 2021) and the published configs' values; its state dict has
+harmzone's names.
 """
 
 from pathlib import Path

@@ -27,6 +27,7 @@ define_config! {
         n_layers: Vec<usize> = vec![5, 5], in from_to(0.0, 100.0).list(1, 8);
         /// Channels that each scale hands on.
         channels_out: Vec<usize> = vec![256, 256], in CHANNELS.list(1, 8);
+        /// How a coarse scale comes to the size of the finest.
         upsample: Upsample = Upsample::Transpose;
     }
 }

@@ -30,6 +30,7 @@ define_config! {
         depth_min_m: f64 = 2.0, in above(0.0, 1000.0);
         /// Farthest depth.
         depth_max_m: f64 = 50.0, in above(0.0, 1000.0);
+        /// Depths between the two that features are lifted to.
         n_depth_bins: usize = 48, in from_to(1.0, 1000.0);
         /// Image features that each LiDAR point takes along from where the picture shows it, at a quarter of the resized
         /// image; 0 for none. Pillars alone take them.
@@ -40,6 +41,7 @@ define_config! {
 define_config! {
     /// The camera branch; the backbone that is not chosen is ignored.
     pub struct CameraConfig {
+        /// What makes features of the picture.
         backbone: CameraBackbone = CameraBackbone::Cnn;
         cnn: CnnConfig = CnnConfig::default(), in part::<CnnConfig>();
         swin: SwinCameraConfig = SwinCameraConfig::default(), in part::<SwinCameraConfig>();

@@ -13,10 +13,13 @@ define_config! {
         depth_max_m: f64 = 60.0, in above(0.0, 1000.0);
         /// Distance from bin to bin.
         depth_step_m: f64 = 0.5, in from_to(0.01, 1000.0);
-        /// Bounds of the bird's-eye grid in the ego frame.
+        /// Rear end of the bird's-eye grid in the ego frame, metres ahead of the rear axle.
         x_min_m: f64 = 0.0, in METRES;
+        /// Front end.
         x_max_m: f64 = 54.0, in METRES;
+        /// Right end; y points left.
         y_min_m: f64 = -54.0, in METRES;
+        /// Left end.
         y_max_m: f64 = 54.0, in METRES;
         /// Points lower than this are left out.
         z_min_m: f64 = -10.0, in METRES;

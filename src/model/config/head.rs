@@ -97,6 +97,7 @@ define_config! {
         dropout: f64 = 0.0, in below(0.0, 1.0);
         /// Batch norm and ReLU after the first convolution. Default true; published: false.
         shared_norm: bool = true;
+        /// What a peak of the heatmap means.
         heatmap: Heatmap = Heatmap::Agnostic;
         /// Heatmap cells along each side of a feature cell: 1 or 2. At 2 objects that stand closer than two
         /// feature cells have peaks of their own. Default 2; published: 1.
@@ -110,7 +111,9 @@ define_config! {
         /// The heatmap's value to this power, times the class's probability, is a box's score. Default 1/4; published: 1. Less
         /// leaves the ranking more to the class, which has seen the whole object.
         heatmap_power: f64 = 0.25, in from_to(0.0, 1.0);
+        /// How positions of queries and cells become channels.
         positions: PositionEncoding = PositionEncoding::Shared;
+        /// The nets that predict boxes and harm.
         prediction: Prediction = Prediction::Placed;
         /// Side of the square of pillars that each query looks at, in pillars: odd, or 0 for none. Pillars alone have it.
         look_pillars: usize = 0, in from_to(0.0, 15.0);
@@ -118,6 +121,7 @@ define_config! {
         spread: bool = true;
         /// Hidden channels of each of the separate nets. The paper's 64.
         prediction_channels: usize = 64, in CHANNELS;
+        /// How speed and steering join.
         numeric_fusion: NumericFusion = NumericFusion::Film;
         /// Classes; default `harm`.
         classes: Classes = Classes::Harm;

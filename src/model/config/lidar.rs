@@ -49,6 +49,7 @@ impl PillarConfig {
 define_config! {
     /// The LiDAR branch; the encoder that is not chosen is ignored.
     pub struct LidarConfig {
+        /// What makes a map of the cloud.
         encoder: LidarEncoder = LidarEncoder::Pillars;
         pillars: PillarConfig = PillarConfig::default(), in part::<PillarConfig>();
         voxel: LidarVoxelConfig = LidarVoxelConfig::default(), in part::<LidarVoxelConfig>();

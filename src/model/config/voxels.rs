@@ -12,11 +12,17 @@ define_config! {
     /// the origin of its grid; ours stands 1.84 m above the ego's, so z runs 2 m higher.
     #[derive(Copy)]
     pub struct VoxelConfig {
+        /// Rear end, ahead of the rear axle.
         x_min_m: f64 = 0.0, in METRES;
+        /// Front end.
         x_max_m: f64 = 54.0, in METRES;
+        /// Right end; y points left.
         y_min_m: f64 = -54.0, in METRES;
+        /// Left end.
         y_max_m: f64 = 54.0, in METRES;
+        /// Points lower than this are left out.
         z_min_m: f64 = -3.0, in METRES;
+        /// Points higher than this are left out.
         z_max_m: f64 = 5.0, in METRES;
         /// Length of a voxel along x and y.
         size_xy_m: f64 = 0.075, in from_to(0.001, 100.0);

@@ -2,8 +2,9 @@
 
 use super::strips::worst_cases;
 use super::{ReportError, Side};
+use crate::eval::judge::Judge;
 use crate::eval::safety::{Alarms, OperatingPoint};
-use crate::outcome::{DriveSummary, Figures, Source, drive_rows, impact_rows};
+use crate::outcome::{DriveSummary, Figures, Source, drive_rows, impact_rows, share_lines};
 use crate::report::chart::{Axis, Chart, Look, Series, Tone, row};
 use crate::report::document::{Block, Figure};
 use crate::report::score_tables::to_words;
@@ -36,9 +37,9 @@ pub fn blocks(
 ) -> Result<Vec<Block>, ReportError> {
     let mut blocks = vec![Block::text(standing(summary).to_string())];
     blocks.push(Block::Table(to_table(drive_rows(&summary.figures)).with_note(
-        "Avoided: of the episodes in which blind collides and truth does not. A false stop is a brake above 3 m/s² with nothing \
-         truly harmful ahead. Intervals: bootstrap by episode, 95 %. docs/drive.md says what is counted.",
+        "A false stop is a brake above 3 m/s² with nothing truly harmful ahead. docs/drive.md says what is counted.",
     )));
+    blocks.extend(share_lines(&summary.figures).into_iter().map(Block::text));
     blocks.push(Block::Table(
         to_table(impact_rows(&summary.figures))
             .with_note("Collisions by the closing speed along the contact."),
@@ -129,12 +130,21 @@ struct Foretold {
     false_stops_per_km: f64,
 }
 
-/// Charts of the closed loop over the open one, for drivers that are the scored network at a score, RUN@SCORE.
+/// Charts of the closed loop over the open one, for drivers that are the scored network at several scores.
 fn open_loop(summary: &DriveSummary, sides: &[Side]) -> Result<Vec<Block>, ReportError> {
     let mut blocks = Vec::new();
     for side in sides {
         let foretold = foretell(summary, side);
         if foretold.len() < 2 {
+            let what = format!(
+                "what the scores {} say of the closed loop: the network that was scored drives {} here within those scores, and two \
+                 drivers of it, at two scores, are needed",
+                side.name.to_lowercase(),
+                if foretold.is_empty() { "nowhere" } else { "once" }
+            );
+            let command = "harmzone drive blind truth RUN RUN@0.2 RUN@0.4 --out DIR; harmzone eval RUN --data DATA --ood --out SCORES \
+                           --set 'safety.false_alarms_per_km=[1, 3, 10, 30, 100, 300]'";
+            blocks.push(Block::absent(what, command));
             continue;
         }
         let line = |x: &dyn Fn(&Foretold) -> Option<f64>, y: &dyn Fn(&Foretold) -> f64| -> Vec<(f64, f64)> {
@@ -199,10 +209,12 @@ fn foretell(summary: &DriveSummary, side: &Side) -> Vec<Foretold> {
     let drivers = summary.figures.iter().zip(&summary.origins).filter(|(_, origin)| origin.sha256 == scored);
     drivers
         .filter_map(|(figures, origin)| {
-            let Source::Network { score: Some(score), .. } = origin.who.source else { return None };
+            // Another judge's scores are others.
+            let Source::Network { judge: Judge::Network, .. } = origin.who.source else { return None };
+            let score = origin.min_score?;
             let of = |value: &dyn Fn(&OperatingPoint) -> Option<f64>| between(alarms, score, value);
             Some(Foretold {
-                name: score.to_string(),
+                name: format!("{score:.2}"),
                 missed: of(&|point| point.missed_per_event)?,
                 in_time: of(&|point| point.warned.first()?.in_time),
                 false_alarms_per_km: of(&|point| Some(point.false_alarms_per_km))?,

@@ -7,7 +7,7 @@ use super::pictures::jpeg;
 use crate::episode::EpisodeReader;
 use crate::eval::center_distance_m;
 use crate::object::{Detection, Harm, Object};
-use crate::outcome::{DriveOutcome, DriveSummary, Figures, Source};
+use crate::outcome::{Case, DriveOutcome, DriveSummary, Origin, Source, worst};
 use crate::report::canvas::{Align, Canvas};
 use crate::report::document::{Block, Picture};
 use crate::report::palette;
@@ -23,42 +23,34 @@ const BIRDSEYE_PX: (u32, u32) = (352, 240);
 const TITLE_PX: u32 = 30;
 /// A box so near is of the object, metres.
 const ON_OBJECT_M: f64 = 3.0;
-/// Boxes below this are not drawn.
-const MIN_SCORE: f32 = 0.2;
+/// Boxes of a network whose score `drive.json` does not tell, an older one, are drawn from this on.
+const OLD_MIN_SCORE: f64 = 0.2;
 
-/// What went wrong, and when.
-struct Case<'a> {
-    outcome: &'a DriveOutcome,
-    /// The object that was hit; `None`: it braked for nothing.
-    hit: Option<&'a str>,
-    time_s: f64,
-}
-
-/// Strips of each driver's worst cases: collisions that the zone over the true boxes avoids first, the hardest first, then false
-/// stops. Drives that were not recorded have no pictures.
+/// Strips of each driver's worst cases, as [`worst`] ranks them. Drives that were not recorded have no pictures.
 pub fn worst_cases(folder: &Path, summary: &DriveSummary, most: usize) -> Result<Vec<Block>, ReportError> {
     let truth = summary.figures.iter().position(|of| of.who.source == Source::Truth);
-    let is_avoidable =
-        |episode: usize| truth.is_none_or(|truth| summary.outcomes[truth][episode].collision.is_none());
     let mut blocks = Vec::new();
-    for (figures, outcomes) in summary.figures.iter().zip(&summary.outcomes) {
-        if figures.who.source == Source::Blind || most == 0 {
+    for (i, (origin, outcomes)) in summary.origins.iter().zip(&summary.outcomes).enumerate() {
+        if origin.who.source == Source::Blind || most == 0 {
             continue;
         }
-        let cases = choose(outcomes, figures.who.source == Source::Truth, &is_avoidable);
-        let recorded: Vec<&Case<'_>> =
-            cases.iter().filter(|case| case.outcome.entry.is_some()).take(most).collect();
-        let name = &figures.who.name;
+        let truth = truth.filter(|&truth| truth != i).map(|truth| &summary.outcomes[truth][..]);
+        let cases = worst(outcomes, truth, most);
+        let recorded: Vec<&Case<'_>> = cases.iter().filter(|case| case.outcome.entry.is_some()).collect();
+        let name = &origin.who.name;
+        if recorded.len() < cases.len() {
+            let n = cases.len() - recorded.len();
+            let what = format!(
+                "{name}: no pictures of {n} of its {} worst cases, which were not recorded",
+                cases.len()
+            );
+            blocks.push(Block::absent(what, format!("harmzone drive WHO.. --out DIR --record-worst {most}")));
+        }
         if recorded.is_empty() {
-            if !cases.is_empty() {
-                let what =
-                    format!("{name}: no pictures of its worst cases, since its drives were not recorded");
-                blocks.push(Block::absent(what, "harmzone drive WHO.. --out DIR, without --no-record"));
-            }
             continue;
         }
         blocks.push(Block::heading(&format!("Worst cases of {name}")));
-        let pictures = recorded.into_iter().map(|case| strip(folder, figures, &summary.labels, case));
+        let pictures = recorded.into_iter().map(|case| strip(folder, origin, &summary.labels, case));
         blocks.push(Block::Pictures { pictures: pictures.collect::<Result<_, _>>()? });
     }
     if !blocks.is_empty() {
@@ -68,29 +60,6 @@ pub fn worst_cases(folder: &Path, summary: &DriveSummary, most: usize) -> Result
         blocks.insert(0, Block::text(note));
     }
     Ok(blocks)
-}
-
-/// The cases of a driver, the worst first. What nobody could avoid comes after what the truth avoids.
-fn choose<'a>(
-    outcomes: &'a [DriveOutcome],
-    is_truth: bool,
-    is_avoidable: &dyn Fn(usize) -> bool,
-) -> Vec<Case<'a>> {
-    let mut hits: Vec<(bool, f64, Case<'a>)> = Vec::new();
-    let mut stops: Vec<(f64, Case<'a>)> = Vec::new();
-    for (i, outcome) in outcomes.iter().enumerate() {
-        if let Some(hit) = &outcome.collision {
-            let case = Case { outcome, hit: Some(&hit.object), time_s: hit.time_s };
-            hits.push((!is_truth && !is_avoidable(i), hit.impact_mps, case));
-        }
-        let falsely = outcome.hard_stops.iter().filter(|stop| stop.is_false);
-        if let Some(stop) = falsely.max_by(|a, b| a.braking_mps2.total_cmp(&b.braking_mps2)) {
-            stops.push((stop.braking_mps2, Case { outcome, hit: None, time_s: stop.time_s }));
-        }
-    }
-    hits.sort_by(|a, b| a.0.cmp(&b.0).then(b.1.total_cmp(&a.1)));
-    stops.sort_by(|a, b| b.0.total_cmp(&a.0));
-    hits.into_iter().map(|hit| hit.2).chain(stops.into_iter().map(|stop| stop.1)).collect()
 }
 
 /// What the detector said of the object in one picture.
@@ -130,8 +99,16 @@ impl Said {
     }
 }
 
-fn strip(folder: &Path, figures: &Figures, labels: &str, case: &Case<'_>) -> Result<Picture, ReportError> {
-    let dataset = folder.join(&figures.who.name);
+/// The score from which on a driver's boxes counted.
+fn min_score(origin: &Origin) -> f32 {
+    match origin.who.source {
+        Source::Network { .. } => origin.min_score.unwrap_or(OLD_MIN_SCORE) as f32,
+        _ => origin.min_score.unwrap_or(0.0) as f32,
+    }
+}
+
+fn strip(folder: &Path, origin: &Origin, labels: &str, case: &Case<'_>) -> Result<Picture, ReportError> {
+    let dataset = folder.join(&origin.who.name);
     let entry = case.outcome.entry.as_ref().expect("only recorded drives are drawn");
     let reader = EpisodeReader::open_entry(&dataset, entry).map_err(ViewError::from)?;
     let times_s = seconds(reader.times_ns());
@@ -144,7 +121,8 @@ fn strip(folder: &Path, figures: &Figures, labels: &str, case: &Case<'_>) -> Res
     for (i, &sample_idx) in numbers.iter().enumerate() {
         let LabelledView { sample, harms, zone } = LabelledView::read(&dataset, labels, entry, sample_idx)?;
         let predictions = dataset.join("predictions");
-        let found = read_detections(&predictions, &dataset, entry, sample.measured.time_ns, MIN_SCORE)?;
+        let found =
+            read_detections(&predictions, &dataset, entry, sample.measured.time_ns, min_score(origin))?;
         let object = case.hit.and_then(|id| sample.objects().iter().find(|of| of.id.as_deref() == Some(id)));
         let of_object = Said::of(object, &found);
         said.push(of_object);

@@ -287,6 +287,8 @@ fn drives_are_compared_beside_the_scores_that_foretell_them_or_alone() {
         drives("truth", [None; 4]),
         drives(&small(scores[0]), [hit, None, None, None]),
         drives(&small(scores[1]), [hit, hit, None, None]),
+        // Another judge's scores are others, though the network is the same.
+        drives("zone:small@0.5", [hit, None, None, None]),
     ];
     of[0].1[0].weather = HOSTILE.into();
     let folder = made.folder.path().join("drives");
@@ -297,7 +299,7 @@ fn drives_are_compared_beside_the_scores_that_foretell_them_or_alone() {
     let (told, html) = made.html();
     for part in [
         "Closed loop",
-        "16 drives of 4 drivers",
+        "20 drives of 5 drivers",
         "What the scores out of distribution say of it",
         "Collisions and missed events",
         "2 drivers: too few",

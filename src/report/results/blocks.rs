@@ -213,7 +213,8 @@ fn rival_blocks(results: &Results) -> Vec<Block> {
     let text = "The network's class branch against the zone's own rule, laid over the network's boxes with the measured speed \
                 and steering angle (docs/evaluation.md, rivals). mAP with both sensors right, with the speed measured 10 % \
                 too low or too high, and with the steering angle measured 2° off; of the two the lower. ID / OOD total. A \
-                closed set tells kinds in place of harm; neither it nor a rule by kind sees the two sensors, the zone's rules over its boxes do.";
+                closed set tells kinds in place of harm; neither it nor a rule by kind sees the two sensors, the zone's rules over its boxes do. Each row's first seed alone; \
+                means of several seeds stand in the tables above.";
     let rows = results.rivals.iter().map(|RivalRecord { label, row, scores }| {
         let means = |of: &SetScores| [of.id.mean, of.ood.total.mean];
         let cell = |[id, ood]: [Option<f64>; 2]| format!("{} / {}", ap(id), ap(ood)).into();

@@ -1,0 +1,96 @@
+//! The folder of drives: what it holds, what of an earlier run is whole, and data sets of what was recorded.
+
+use std::path::{Path, PathBuf};
+
+use fs_err as fs;
+
+use super::{DriveConfig, DriveError};
+use crate::episode::Manifest;
+use crate::episode::folder::{first_difference, is_whole};
+use crate::files::{holds_anything, sha256_hex, write_atomic};
+use crate::generate::EpisodePlan;
+use crate::label;
+use crate::outcome::{DriveOutcome, Origin};
+
+/// The resolved config, written before anything else.
+const CONFIG_FILE: &str = "drive.toml";
+/// Who drove, and by which weights.
+const WHO_FILE: &str = "who.json";
+const OUTCOMES: &str = "outcomes";
+
+/// Prepares the folder, or refuses one that holds something else.
+pub(super) fn open(out: &Path, config_toml: &str, origins: &[Origin]) -> Result<(), DriveError> {
+    let config_path = out.join(CONFIG_FILE);
+    let other =
+        |found: String, wanted: String| Err(DriveError::OtherConfig { found, wanted, path: out.to_owned() });
+    if config_path.is_file() {
+        let found = fs::read_to_string(&config_path)?;
+        if let Some((found, wanted)) = first_difference(&found, config_toml) {
+            return other(found, wanted);
+        }
+    } else if holds_anything(out)? {
+        return Err(DriveError::ForeignFolder { path: out.to_owned() });
+    }
+    let text = |origin: &Origin| serde_json::to_string_pretty(origin).expect("it has a JSON form") + "\n";
+    for origin in origins {
+        let path = out.join(&origin.who.name).join(WHO_FILE);
+        if path.is_file() {
+            let found = fs::read_to_string(&path)?;
+            if let Some((found, wanted)) = first_difference(&found, &text(origin)) {
+                return other(found.trim().to_owned(), wanted.trim().to_owned());
+            }
+        }
+    }
+    fs::create_dir_all(out)?;
+    write_atomic(&config_path, config_toml.as_bytes())?;
+    for origin in origins {
+        let folder = out.join(&origin.who.name);
+        fs::create_dir_all(folder.join(OUTCOMES))?;
+        write_atomic(&folder.join(WHO_FILE), text(origin).as_bytes())?;
+    }
+    Ok(())
+}
+
+/// The outcome of an earlier run, with its episode if that is wanted. A failed drive is made again; an episode that is gone or
+/// damaged is forgotten.
+pub(super) fn find_whole(
+    folder: &Path,
+    plan: &EpisodePlan,
+    records: bool,
+) -> Result<Option<DriveOutcome>, DriveError> {
+    let path = outcome_path(folder, plan);
+    if !path.is_file() {
+        return Ok(None);
+    }
+    let mut outcome: DriveOutcome = serde_json::from_str(&fs::read_to_string(&path)?)
+        .map_err(|error| DriveError::BadOutcome { message: error.to_string(), path })?;
+    let is_there =
+        outcome.entry.as_ref().is_some_and(|entry| is_whole(folder, entry).is_ok_and(|is_whole| is_whole));
+    if !is_there {
+        outcome.entry = None;
+    }
+    Ok((!outcome.is_failed() && (!records || is_there)).then_some(outcome))
+}
+
+pub(super) fn outcome_path(folder: &Path, plan: &EpisodePlan) -> PathBuf {
+    folder.join(OUTCOMES).join(format!("{}.json", plan.name))
+}
+
+/// Makes the driver's folder a labelled data set of what was recorded, if anything was.
+pub(super) fn finish_dataset(
+    folder: &Path,
+    config: &DriveConfig,
+    config_toml: &str,
+    outcomes: &[DriveOutcome],
+) -> Result<(), DriveError> {
+    let mut manifest =
+        Manifest::new(sha256_hex(config_toml.as_bytes()), config.world.seed, config.world.scene.ood);
+    manifest.episodes = outcomes.iter().filter_map(|outcome| outcome.entry.clone()).collect();
+    if manifest.episodes.is_empty() {
+        return Ok(());
+    }
+    manifest.write(folder)?;
+    let set = config.zone.kind.name();
+    label::run(folder, &config.zone, set, true, &crate::progress::Silent)?;
+    Ok(())
+}
