@@ -120,7 +120,7 @@ fn compared(line: &VersusLine, place: usize, show: &dyn Fn(f64) -> String) -> Op
     let (row, first) = (line.figures.get(place)?, line.figures.first()?);
     let of_runs = |of: &VersusFigure| -> Option<String> {
         let runs: Vec<String> = of.runs.iter().flatten().map(|&run| show(run)).collect();
-        let runs = if runs.is_empty() { String::new() } else { format!(" (runs {})", runs.join(", ")) };
+        let runs = if runs.is_empty() { String::new() } else { format!(" (seeds {})", runs.join(", ")) };
         Some(show(of.value?) + &runs)
     };
     let signed = |of: f64| if of < 0.0 { show(of) } else { format!("+{}", show(of)) };
@@ -152,7 +152,7 @@ mod tests {
         let mut results = test_results();
         results.side_by_side[0].of.mean[0].figures[1].runs = vec![Some(0.63), Some(0.65)];
         let text = top(&results);
-        let sentence = "The camera pays. (both, against LiDAR: mean AP 0.640 (runs 0.630, 0.650) against 0.600: +0.040, +0.020 to +0.060; \
+        let sentence = "The camera pays. (both, against LiDAR: mean AP 0.640 (seeds 0.630, 0.650) against 0.600: +0.040, +0.020 to +0.060; \
                         harmful events missed at 10 false alarms/km, %: 20.0 against 30.0: -10.0, -12.0 to -8.0.) Development figures, \
                         split dev.";
         assert!(text.starts_with("## In short\n") && text.contains(sentence), "{text}");
