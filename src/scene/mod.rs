@@ -55,6 +55,7 @@ mod path;
 mod people;
 mod plots;
 mod populate;
+mod rebuilding;
 mod relief;
 mod road_limits;
 mod roofs;

@@ -58,6 +58,10 @@ define_config! {
         /// Different solids of no kind in an episode, which stand and move as out-of-distribution objects do but are in
         /// distribution: for training, without `ood`; 0 for none.
         random_solids: usize = 0, in from_to(0.0, 1000.0);
+        /// Share of the episodes whose town is built anew beside its roads, with houses, walls, hedges and land that no other
+        /// episode has: for training, so that no town is learnt by heart. Default 0.
+        #[serde(skip_serializing_if = "is_zero")]
+        rebuilt_share: f64 = 0.0, in SHARE;
         /// Whether the kinds that come with harmzone are placed beside a user's own.
         shipped_kinds: bool = true;
         /// SHA-256 of a user's own models (`gen --models`); empty without any.
@@ -68,7 +72,17 @@ define_config! {
     }
 }
 
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde passes references")]
+fn is_zero(share: &f64) -> bool {
+    *share == 0.0
+}
+
 impl PopulateConfig {
+    /// Whether the town of the episode with this seed is built anew.
+    pub fn rebuilds(&self, seed: u64) -> bool {
+        random::stream(seed, "rebuilds", 0).random::<f64>() < self.rebuilt_share
+    }
+
     /// Whether random solids are placed: where unfamiliar objects are, they are not.
     pub(super) fn places_solids(&self) -> bool {
         !self.ood && self.random_solids > 0
