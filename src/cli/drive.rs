@@ -8,7 +8,7 @@ use clap::Args;
 use super::world::WorldArgs;
 use super::{Bar, DeviceNameArg, ExitStatus, number, one_of, print_summary, tell};
 use crate::config;
-use crate::drive::{self, Courses, DriveConfig, DriveOptions, Recording, load_scenarios};
+use crate::drive::{self, Courses, DriveConfig, DriveOptions, RecordedDrives, load_scenarios};
 use crate::generate::preset;
 use crate::outcome::{DriveSummary, End, Who};
 use crate::scene::SceneSplit;
@@ -76,9 +76,9 @@ pub fn run(args: DriveArgs) -> anyhow::Result<ExitStatus> {
         program: Program::this()?,
         jobs: args.jobs.unwrap_or(all_cores),
         recording: match args.record_worst {
-            Some(most) => Recording::Worst(most),
-            None if args.no_record => Recording::None,
-            None => Recording::All,
+            Some(most) => RecordedDrives::Worst(most),
+            None if args.no_record => RecordedDrives::None,
+            None => RecordedDrives::All,
         },
         device: args.device.name(),
     };

@@ -69,6 +69,7 @@ fn a_number_out_of_its_range_is_told_the_range() {
         "calibrate --false-alarms-per-km",
         "drive --episodes",
         "drive --seed",
+        "drive --record-worst",
         "drive --jobs",
         "report --cards",
         "view --sample",

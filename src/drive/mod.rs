@@ -28,7 +28,7 @@ use thiserror::Error;
 pub use config::{DriveConfig, HARD_BRAKING_MPS2, ReflexConfig};
 pub use external::{External, ExternalError};
 pub use reflex::Reflex;
-pub use run::{Courses, DriveOptions, Recording, run};
+pub use run::{Courses, DriveOptions, RecordedDrives, run};
 pub use scenario::{SUITE, Scenario, ScenarioError, load as load_scenarios};
 
 use crate::config::InvalidConfig;

@@ -29,7 +29,7 @@ use crate::worker::{self, Call, Engine, Errand, Program, SILENCE, TaskError};
 
 /// Which drives are recorded as episodes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Recording {
+pub enum RecordedDrives {
     All,
     /// Each driver's worst so many ([`worst`]), driven again for it once all are known.
     Worst(usize),
@@ -42,7 +42,7 @@ pub struct DriveOptions {
     /// The `harmzone` program, started as worker.
     pub program: Program,
     pub jobs: usize,
-    pub recording: Recording,
+    pub recording: RecordedDrives,
     pub device: DeviceName,
 }
 
@@ -103,7 +103,7 @@ pub fn run(
     let mut outcomes: Vec<Vec<Option<DriveOutcome>>> = Vec::new();
     for folder in &folders {
         remove_unfinished(folder)?;
-        let records_all = options.recording == Recording::All;
+        let records_all = options.recording == RecordedDrives::All;
         let kept = plans.iter().map(|plan| find_whole(folder, plan, records_all));
         outcomes.push(kept.collect::<Result<_, _>>()?);
     }
@@ -114,7 +114,7 @@ pub fn run(
     let outcomes = Mutex::new(outcomes);
     let drives =
         Drives { config: &config, drivers, courses, plans: &plans, folders: &folders, options, progress };
-    drives.make(out, &todo, options.recording == Recording::All, &|task, outcome| {
+    drives.make(out, &todo, options.recording == RecordedDrives::All, &|task, outcome| {
         let mut outcomes = outcomes.lock().expect("no worker thread panics");
         outcomes[task.who_idx][task.course_idx as usize] = Some(outcome);
         Ok(())
@@ -125,7 +125,7 @@ pub fn run(
         .into_iter()
         .map(|of_who| of_who.into_iter().flatten().collect())
         .collect();
-    if let Recording::Worst(most) = options.recording {
+    if let RecordedDrives::Worst(most) = options.recording {
         record_worst(&drives, out, most, &mut outcomes)?;
     }
     for (folder, outcomes) in folders.iter().zip(&outcomes) {

@@ -1,7 +1,6 @@
 //! A world in motion around the ego with its sensors: what happens, and what is measured, moment by moment.
 
 use std::path::Path;
-use std::sync::Arc;
 use std::time::Instant;
 
 use nalgebra::Vector3;
@@ -17,7 +16,7 @@ use super::leaves::Leaves;
 use super::lighting::lighting;
 use super::sensing::{Cloud, Picture, Sensors};
 use super::timings::{Timings, time};
-use super::towns::shared_town;
+use super::towns::town_of;
 use super::{CheckedConfig, EpisodePlan, GenerateError, map};
 use crate::config::to_toml;
 use crate::episode::{EpisodeMeta, EpisodeWriter, MapDrawing, OtherSensors};
@@ -25,7 +24,7 @@ use crate::geometry::{Ego, Transform, World};
 use crate::object::Object;
 use crate::random;
 use crate::sample::{CameraView, EgoState, LidarView, Measured, Sample, Sweep, Truth};
-use crate::scene::{self, EgoOrders, Motion, SceneObject, Town, populate_in};
+use crate::scene::{self, EgoOrders, Motion, SceneObject, populate_in};
 use crate::sensors::lidar::Turn;
 use crate::sensors::{Rig, WeatherState, odometry};
 use crate::sim::{CameraMount, Renderer, Simulator, Touch};
@@ -71,11 +70,7 @@ impl<'a> LiveEpisode<'a> {
         let raw = &config.raw;
         let rig_config = raw.rig_variation.draw(&raw.rig, plan.seed);
         let rig = Rig::try_from(&rig_config)?;
-        let town = if raw.scene.rebuilds(plan.seed) {
-            Arc::new(Town::rebuilt(&plan.town, plan.seed)?)
-        } else {
-            shared_town(&plan.town)?
-        };
+        let town = town_of(plan, &raw.scene)?;
         let state = plan.weather.state().replace_by(&raw.weather_override)?;
         let own_models = if raw.scene.own_models.is_empty() {
             Vec::new()
