@@ -365,7 +365,10 @@ mod tests {
         let message = wrong(|config| config.side_by_side[0].rows.truncate(1));
         assert!(message.contains("two are needed"), "{message}");
         let message = wrong(|config| config.side_by_side[0].questions[0].row = "LiDAR".into());
-        assert!(message.contains("asks what `LiDAR` is") && message.contains("camera, both"), "{message}");
+        assert!(
+            message.contains("asks what `LiDAR` is") && message.contains("camera, LiDAR and black pictures"),
+            "{message}"
+        );
         let message = wrong(|config| config.rows[0].name = "a/b".into());
         assert!(message.contains("a/b"), "{message}");
         let message = wrong(|config| config.rows[1].name = config.rows[0].name.clone());
