@@ -39,7 +39,9 @@ fn in_a_pipe_a_training_tells_lines_and_quietly_nothing() {
     let (quietly, told) = train(&folder.path().join("quiet"), &["--quiet"]);
     assert_eq!(told, "");
     assert_eq!(quietly["last_loss"], summary["last_loss"]);
-    let (_, told) = train(&folder.path().join("told"), &[]);
+    let (again, told) = train(&folder.path().join("told"), &[]);
+    let total = |of: &Value| of["last_loss"]["total"].as_f64().expect("a loss");
+    assert!((total(&again) - total(&summary)).abs() < 1e-3, "from the log: {again}");
     assert!(!told.contains("epoch    loss"), "nothing was left to do: {told}");
 }
 

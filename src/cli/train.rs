@@ -10,10 +10,12 @@ use super::{Bar, DevicesArg, ExitStatus, path_text, print, print_summary, tell};
 use crate::config::{self, Checked};
 use crate::dataset::{Dataset, DatasetError, LabelledSplit, SampleSource};
 use crate::episode::Split;
+use crate::model::HeadJudge;
 use crate::report::curves;
 use crate::store::{Access, Location};
 use crate::train::memory::MemoryBound;
 use crate::train::{self, DryRun, TrainConfig, TrainOptions, TrainingData};
+use crate::zone::{Zone, ZoneConfig};
 
 #[derive(Debug, Args)]
 pub struct TrainArgs {
@@ -103,6 +105,13 @@ impl Opened {
         }
     }
 
+    fn zone(&self) -> &Zone {
+        match self {
+            Self::Whole(dataset) => dataset.zone(),
+            Self::Stream(split) => split.zone(),
+        }
+    }
+
     /// As [`Dataset::to_learn_from`]; a stream tells it when it comes to the episode.
     fn annotated(self) -> Result<Self, DatasetError> {
         match self {
@@ -110,6 +119,19 @@ impl Opened {
             stream @ Self::Stream(_) => Ok(stream),
         }
     }
+}
+
+/// The config for labels of a zone. Who judges together with the default zone would be wrong about labels of another one.
+fn judged_by_their_zone(config: &Checked<TrainConfig>, zone: &Zone) -> anyhow::Result<Checked<TrainConfig>> {
+    let mut config = TrainConfig::clone(config);
+    if config.model.head.judge == HeadJudge::Both && *zone != Zone::try_from(ZoneConfig::default())? {
+        tell(
+            "the labels are of another zone than the default one, by which model.head.judge = both judges: the network's class branch \
+             decides alone (model.head.judge = network)",
+        );
+        config.model.head.judge = HeadJudge::Network;
+    }
+    Ok(Checked::try_from(config)?)
 }
 
 fn print_json(summary: &train::Summary, run: &Path) -> anyhow::Result<()> {
@@ -127,6 +149,7 @@ fn print_json(summary: &train::Summary, run: &Path) -> anyhow::Result<()> {
             "heatmap": loss.heatmap,
             "harm": loss.harm,
             "boxes": loss.boxes,
+            "picture": loss.picture,
         },
     }))?)
 }
@@ -142,6 +165,7 @@ pub fn run(args: TrainArgs) -> anyhow::Result<ExitStatus> {
     let data = args.data.open(Access::Read)?;
     let opened = |split| Opened::open(data.path(), &args.labels, &config, split);
     let learned = opened(Split::Train)?.annotated()?;
+    let config = judged_by_their_zone(&config, learned.zone())?;
     let Some(out) = args.out.filter(|_| !args.dry_run) else {
         let dry_run = DryRun::of(learned.source(), &config)?;
         print_summary(&dry_run, args.json)?;
@@ -189,7 +213,7 @@ pub fn run(args: TrainArgs) -> anyhow::Result<ExitStatus> {
     let (loss, wall_s) = (summary.last_loss, summary.elapsed.as_secs_f64());
     print(format!(
         "trained on {} samples: {} of {} steps in {wall_s:.0} s, {:.1} % of it spent on inputs; \
-         last epoch's loss {:.3} (heatmap {:.3}, harm {:.3}, boxes {:.3})\n\
+         last epoch's loss {:.3} (heatmap {:.3}, harm {:.3}, boxes {:.3}, picture {:.3})\n\
          checkpoint: {}; curves: {}",
         summary.n_samples,
         summary.n_steps_now,
@@ -199,8 +223,32 @@ pub fn run(args: TrainArgs) -> anyhow::Result<ExitStatus> {
         loss.heatmap,
         loss.harm,
         loss.boxes,
+        loss.picture,
         summary.checkpoint.display(),
         out.join(curves::FILES[1]).display()
     ))?;
     Ok(status)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::zone::ZoneKind;
+
+    #[test]
+    fn labels_of_another_zone_leave_harm_to_the_class_branch() {
+        let config = Checked::new(TrainConfig::default()).unwrap();
+        let judge_for = |zone: ZoneConfig| {
+            let zone = Zone::try_from(zone).unwrap();
+            judged_by_their_zone(&config, &zone).unwrap().model.head.judge
+        };
+        assert_eq!(judge_for(ZoneConfig::default()), HeadJudge::Both);
+        for kind in ZoneKind::ALL.into_iter().filter(|&kind| kind != ZoneConfig::default().kind) {
+            assert_eq!(
+                judge_for(ZoneConfig { kind, ..ZoneConfig::default() }),
+                HeadJudge::Network,
+                "{kind:?}"
+            );
+        }
+    }
 }

@@ -9,11 +9,12 @@ use crate::dataset::{Dataset, LabelledSample, named};
 use crate::device::is_cpu;
 use crate::eval::judge::Judge;
 use crate::model::{
-    Batch, Classes, Detector, Input, InputError, KindBox, Output, detections_by_state, kind_boxes,
+    Batch, Classes, Detector, HeadJudge, Input, InputError, KindBox, Output, detections_by_state, kind_boxes,
 };
 use crate::object::{Detection, MIN_SCORE};
 use crate::progress::Progress;
 use crate::sample::{EgoState, Measured};
+use crate::zone::{Zone, ZoneConfig, ZoneError};
 
 /// Samples that go through the network together.
 const BATCH: usize = 4;
@@ -26,6 +27,8 @@ const N_BLINDED: usize = 32;
 pub enum PredictError {
     #[error("sample {sample}: {source}")]
     Input { sample: String, source: InputError },
+    #[error("sample {sample}: its boxes cannot be judged (model.head.judge = \"both\"): {source}")]
+    Judge { sample: String, source: ZoneError },
     #[error(
         "the network tells kinds of objects, not harm (model.head.classes = \"kind\"); \
          `harmzone baseline closed-msp RUN --data DIR --fit DIR` decides on harm by kind, `harmzone baseline zone RUN --data DIR` by box"
@@ -38,8 +41,8 @@ pub enum PredictError {
     TellsHarm,
 }
 
-/// Boxes of each sample, best first. The detector must be in inference mode (`valid()`); `with_camera` is
-/// false only for one whose camera branch has not been trained yet.
+/// Boxes of each sample, best first, with the harm that the network's own judge decides on (`model.head.judge`). The detector must be
+/// in inference mode (`valid()`); `with_camera` is false only for one whose camera branch has not been trained yet.
 ///
 /// # Errors
 /// A sample's image is broken or its state is not finite.
@@ -64,6 +67,42 @@ pub fn predict(
 /// # Errors
 /// A sample's image is broken or one of its states is not finite.
 pub fn predict_states(
+    detector: &Detector,
+    samples: &[(&str, &Measured)],
+    states: &(dyn Fn(&Measured) -> Vec<EgoState> + Sync),
+    with_camera: bool,
+    device: &Device,
+    progress: &dyn Progress,
+) -> Result<Vec<Vec<Vec<Detection>>>, PredictError> {
+    let mut found = predict_unjudged(detector, samples, states, with_camera, device, progress)?;
+    let judge = own_judge(detector);
+    if judge == Judge::Network {
+        return Ok(found);
+    }
+    let zone = Zone::try_from(ZoneConfig::default()).expect("the default is valid");
+    let judge_sample = |(found, (sample, measured)): (&mut Vec<Vec<Detection>>, &(&str, &Measured))| {
+        for (found, state) in found.iter_mut().zip(states(measured)) {
+            let judged = judge.judge(found, &state, &zone);
+            *found = judged.map_err(|source| PredictError::Judge { sample: (*sample).to_owned(), source })?;
+        }
+        Ok(())
+    };
+    let told: Vec<Result<(), PredictError>> = found.par_iter_mut().zip(samples).map(judge_sample).collect();
+    // The first error in the order of the samples.
+    told.into_iter().collect::<Result<(), _>>()?;
+    Ok(found)
+}
+
+/// What a network's own word on harm is: its class branch alone, or together with the expected zone.
+pub(super) fn own_judge(detector: &Detector) -> Judge {
+    match detector.config().head.judge {
+        HeadJudge::Network => Judge::Network,
+        HeadJudge::Both => Judge::Both,
+    }
+}
+
+/// As [`predict_states`], with the harm of the class branch alone.
+fn predict_unjudged(
     detector: &Detector,
     samples: &[(&str, &Measured)],
     states: &(dyn Fn(&Measured) -> Vec<EgoState> + Sync),
@@ -96,8 +135,8 @@ pub fn predict_kinds(
     forward(detector, samples, &recorded, detector.config().use_camera, device, progress, &read)
 }
 
-/// Boxes for a judge. One that rules on boxes alone takes those of a detector of kinds as they are, whose class means nothing
-/// then; otherwise as [`predict`].
+/// Boxes for a judge: for `network` as [`predict`], and with the harm of the class branch alone for one that judges them anew. One that rules
+/// on boxes alone takes those of a detector of kinds as they are, whose class means nothing then.
 ///
 /// # Errors
 /// As [`predict`].
@@ -108,8 +147,14 @@ pub fn predict_for(
     device: &Device,
     progress: &dyn Progress,
 ) -> Result<Vec<Vec<Detection>>, PredictError> {
+    let with_camera = detector.config().use_camera;
+    if judge == Judge::Network {
+        return predict(detector, samples, with_camera, device, progress);
+    }
     if judge.asks_the_network() || detector.config().head.classes == Classes::Harm {
-        return predict(detector, samples, detector.config().use_camera, device, progress);
+        let recorded = |measured: &Measured| vec![measured.ego_state];
+        let found = predict_unjudged(detector, samples, &recorded, with_camera, device, progress)?;
+        return Ok(found.into_iter().flatten().collect());
     }
     let found = predict_kinds(detector, samples, device, progress)?;
     Ok(found.iter().map(|found| found.iter().map(KindBox::to_detection).collect()).collect())

@@ -3,7 +3,7 @@
 use burn::tensor::Device;
 use thiserror::Error;
 
-use super::predict::{PredictError, predict_states};
+use super::predict::{PredictError, own_judge, predict_states};
 use crate::config::Checked;
 use crate::dataset::Dataset;
 use crate::eval::sweep::{Change, Series, SweepConfig, SweepError, Swept, most_changed};
@@ -65,7 +65,7 @@ pub fn sweep<'a>(
         }
     }
     progress.finish();
-    Ok((Swept::new(dataset, frames, values, found), series))
+    Ok((Swept::new(dataset, frames, values, found, own_judge(detector)), series))
 }
 
 #[cfg(test)]
@@ -75,13 +75,18 @@ mod tests {
     use crate::eval::Protocol;
     use crate::eval::judge::Judge;
     use crate::eval::sweep::Sweeps;
-    use crate::infer::predict;
-    use crate::model::ModelConfig;
+    use crate::infer::{predict, predict_for};
+    use crate::model::{HeadJudge, ModelConfig};
     use crate::object::Detection;
     use burn::module::Module;
 
     fn detector() -> Detector {
+        detector_of(HeadJudge::Network)
+    }
+
+    fn detector_of(judge: HeadJudge) -> Detector {
         let mut config = ModelConfig::default();
+        config.head.judge = judge;
         (config.grid.cell_size_m, config.camera.cnn.image_width_px, config.head.n_queries) = (3.2, 64, 40);
         Detector::init(&config, 0, &Device::flex()).valid()
     }
@@ -120,6 +125,35 @@ mod tests {
         }
         // Another speed gives the network's boxes other scores.
         assert_ne!(swept.found()[0][1], swept.found()[0][2]);
+    }
+
+    #[test]
+    fn a_network_that_judges_together_with_the_zone_does_so_once() {
+        let (dataset, device) = (test_data::dataset(2), Device::flex());
+        let (alone, together) = (detector(), detector_of(HeadJudge::Both));
+        let (named, frames) = (dataset.named(), dataset.samples());
+        let of = |judge, detector| predict_for(judge, detector, &named, &device, &Silent).unwrap();
+        let own_word = of(Judge::Network, &alone);
+        let judged: Vec<Vec<Detection>> = own_word
+            .iter()
+            .zip(frames)
+            .map(|(found, frame)| {
+                Judge::Both.judge(found, &frame.measured.ego_state, dataset.zone()).unwrap()
+            })
+            .collect();
+        assert_eq!(of(Judge::Network, &together), judged);
+        assert_ne!(judged, own_word);
+        // Another judge gets what the class branch says.
+        assert!([Judge::Both, Judge::Zone].iter().all(|&judge| of(judge, &together) == own_word));
+        let config = SweepConfig { judges: vec![Judge::Network, Judge::Both, Judge::Zone], ..config() };
+        let points = |detector: &Detector, judge| {
+            let swept = sweep(detector, &dataset, &checked(config.clone()), &device, &Silent).unwrap().0;
+            let sweeps = swept.measure(&config.judges, &Protocol::default()).unwrap();
+            sweeps.points(Change::SpeedMps, judge).to_vec()
+        };
+        assert_eq!(points(&together, Judge::Network), points(&alone, Judge::Both));
+        assert_eq!(points(&together, Judge::Both), points(&alone, Judge::Both));
+        assert_ne!(points(&alone, Judge::Network), points(&alone, Judge::Both));
     }
 
     #[test]

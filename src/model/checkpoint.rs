@@ -32,12 +32,13 @@ const VERSION_KEY: &str = "harmzone.format";
 const VERSION: &str = "1";
 
 /// Keys of the model that came after the first checkpoints, and what is their like.
-const BEFORE_KEYS: [(&[&str], &str); 5] = [
+const BEFORE_KEYS: [(&[&str], &str); 6] = [
     (&["lidar", "pillars", "ground"], "false"),
     (&["camera", "cnn", "paint_channels"], "0"),
     (&["head", "heatmap_power"], "1.0"),
     (&["head", "look_pillars"], "0"),
     (&["head", "spread"], "false"),
+    (&["head", "judge"], "\"network\""),
 ];
 
 /// Why a checkpoint could not be written or read.
@@ -276,6 +277,7 @@ pub fn unpack(bytes: &[u8], path: &Path, device: &Device) -> Result<Detector, Ch
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::HeadJudge;
 
     #[test]
     fn a_checkpoint_gives_back_the_same_bytes_and_config() {
@@ -342,6 +344,7 @@ mod tests {
         let read = read_model(&old.join("\n")).unwrap();
         assert!(!read.lidar.pillars.ground && !read.head.spread && read.camera.cnn.paint_channels == 0);
         assert_eq!((read.head.look_pillars, read.head.heatmap_power), (0, 1.0));
+        assert_eq!(read.head.judge, HeadJudge::Network);
         let whole = crate::config::to_toml(&ModelConfig::default());
         assert_eq!(read_model(&whole).unwrap(), ModelConfig::default());
     }

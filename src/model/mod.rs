@@ -39,7 +39,7 @@ pub use camera::{
 };
 pub use config::{
     BevBackboneConfig, CameraBackbone, CameraConfig, Classes, CnnConfig, DepthLssConfig, GridConfig,
-    HeadConfig, Heatmap, LidarConfig, LidarEncoder, LidarVoxelConfig, ModelConfig, NumericFusion,
+    HeadConfig, HeadJudge, Heatmap, LidarConfig, LidarEncoder, LidarVoxelConfig, ModelConfig, NumericFusion,
     PillarConfig, PositionEncoding, Prediction, SparseEncoderConfig, SwinCameraConfig, SwinConfig, Upsample,
     VoxelConfig,
 };

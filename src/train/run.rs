@@ -110,7 +110,9 @@ pub fn run(
     if is_file(&final_path)? {
         // A run that was killed at its very end leaves them.
         state::clear(out)?;
-        return Ok(summary(0, LossParts::default(), Duration::ZERO));
+        let steps = History::read_until(out, usize::MAX)?.steps;
+        let last = steps.last().map(|row| Mean::of_epoch(&steps, &row.stage, row.epoch)).unwrap_or_default();
+        return Ok(summary(0, last.mean(), Duration::ZERO));
     }
 
     let stopwatch = Stopwatch::start(out);
@@ -132,7 +134,12 @@ pub fn run(
     let mut steps = Steps::new(&plan, learned, config, devices);
     steps.look_at_memory();
     let mut n_steps_now = 0;
-    let mut epoch_loss = Mean::default();
+    // A run that goes on in the middle of an epoch, or after the last step, has its earlier steps in the log.
+    let mut epoch_loss = history
+        .steps
+        .last()
+        .map(|row| Mean::of_epoch(&history.steps, &row.stage, row.epoch))
+        .unwrap_or_default();
     while position.stage < STAGES.len() {
         let stage = STAGES[position.stage];
         let n_steps = plan.n_steps[position.stage];

@@ -23,6 +23,7 @@ use super::targets::{IgnoredGround, ignored_ground, trainable};
 use super::windows::{Shown, Windows};
 use crate::dataset::SampleSource;
 use crate::device::is_cpu;
+use crate::history::StepRow;
 use crate::model::{Batch, Detector, Input, Output};
 use crate::object::LabelledObject;
 use crate::random;
@@ -366,6 +367,17 @@ pub struct Mean {
 }
 
 impl Mean {
+    /// Of the steps that were logged of one epoch of a stage.
+    pub fn of_epoch(steps: &[StepRow], stage: &str, epoch: usize) -> Self {
+        let mut mean = Self::default();
+        for row in steps.iter().filter(|row| row.stage == stage && row.epoch == epoch) {
+            let [heatmap, harm, boxes, picture] =
+                [row.heatmap, row.harm, row.boxes, row.picture].map(|part| part as f32);
+            mean.add(LossParts { heatmap, harm, boxes, picture });
+        }
+        mean
+    }
+
     pub fn add(&mut self, parts: LossParts) {
         self.sum.heatmap += parts.heatmap;
         self.sum.harm += parts.harm;

@@ -40,18 +40,22 @@ pub struct Swept<'a> {
     values: Vec<(Change, f64)>,
     /// `[frame][state][box]`: the recorded state first, then the values'.
     found: Vec<Vec<Vec<Detection>>>,
+    /// Who has decided on their harm.
+    judged_by: Judge,
 }
 
 impl<'a> Swept<'a> {
-    /// The boxes that a network found in each frame: `[frame][state][box]`, the recorded state first, then `values`.
+    /// The boxes that a network found in each frame: `[frame][state][box]`, the recorded state first, then `values`; `judged_by` has decided on
+    /// their harm already, and is not asked twice.
     #[must_use]
     pub fn new(
         dataset: &'a Dataset,
         frames: &'a [LabelledSample],
         values: Vec<(Change, f64)>,
         found: Vec<Vec<Vec<Detection>>>,
+        judged_by: Judge,
     ) -> Self {
-        Self { frames, zone: dataset.zone(), values, found }
+        Self { frames, zone: dataset.zone(), values, found, judged_by }
     }
 
     /// The frames that were swept.
@@ -116,6 +120,7 @@ impl<'a> Swept<'a> {
         let of_frame = |((frame, found), n_points): (Predicted<'_>, &Vec<Vec<u32>>)| {
             let fail = |source| SweepError::Zone { sample: frame.id.clone(), change, value, source };
             let state = change.apply(&frame.measured.ego_state, value);
+            let judge = if judge == self.judged_by { Judge::Network } else { judge };
             let detections = judge.judge(&found[state_idx], &state, self.zone).map_err(fail)?;
             let moved = change.apply(&frame.true_state, value);
             let objects = label(frame, change.moves_truth().then_some(&moved), self.zone).map_err(fail)?;

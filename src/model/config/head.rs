@@ -81,6 +81,17 @@ impl Classes {
     }
 }
 
+/// Who decides on the harm of the boxes that the network finds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum HeadJudge {
+    /// The class branch.
+    Network,
+    /// The class branch and the expected verdict of the zone `rect` over the spreads of box, measured speed and steering: the
+    /// mean of their log odds.
+    Both,
+}
+
 define_config! {
     /// The head.
     #[derive(Copy)]
@@ -125,6 +136,9 @@ define_config! {
         numeric_fusion: NumericFusion = NumericFusion::Film;
         /// Classes; default `harm`.
         classes: Classes = Classes::Harm;
+        /// Who decides on harm: the class branch alone, or `both`, it and the expected verdict of the zone `rect` with its default sizes. A
+        /// training on labels of another zone takes `network`, and says so. Training does not depend on it. Default both; the paper's network.
+        judge: HeadJudge = HeadJudge::Both;
     }
 }
 

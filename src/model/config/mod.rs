@@ -22,7 +22,7 @@ pub use bev_backbone::{BevBackboneConfig, Upsample};
 pub use camera::{CameraBackbone, CameraConfig, CnnConfig};
 pub use depth_lss::DepthLssConfig;
 pub use grid::GridConfig;
-pub use head::{Classes, HeadConfig, Heatmap, NumericFusion, PositionEncoding, Prediction};
+pub use head::{Classes, HeadConfig, HeadJudge, Heatmap, NumericFusion, PositionEncoding, Prediction};
 pub use lidar::{LidarConfig, LidarEncoder, PillarConfig};
 pub use sparse_encoder::{SparseEncoderConfig, SparseKernel};
 pub use swin::{N_STAGES, SwinConfig};

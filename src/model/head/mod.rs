@@ -197,7 +197,7 @@ fn repeat_rows(x: Tensor<3>, n: usize) -> Tensor<3> {
 mod tests {
     use super::*;
     use crate::device::{test_device, test_slack};
-    use crate::model::config::{Classes, Heatmap, NumericFusion, PositionEncoding, Prediction};
+    use crate::model::config::{Classes, HeadJudge, Heatmap, NumericFusion, PositionEncoding, Prediction};
     use crate::model::golden::Golden;
     use burn::optim::GradientsParams;
 
@@ -222,6 +222,7 @@ mod tests {
             prediction_channels: 8,
             numeric_fusion: NumericFusion::Paper,
             classes: Classes::Harm,
+            judge: HeadJudge::Network,
         };
         let grid = GridConfig {
             x_min_m: 0.0,
