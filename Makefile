@@ -75,7 +75,7 @@ CHOOSING = --preset small --set sample_period_s=1.2 --episodes 84 --samples 6 --
 SCHEDULE = --set products=bf16 --set fused_stage.epochs=8 --set validate_every_epochs=0
 
 network-data: build
-	$(BIN) gen --out $(NETWORK)/train $(TOWN_DRIVES) --set scene.random_solids=24
+	$(BIN) gen --out $(NETWORK)/train $(TOWN_DRIVES) --set scene.random_solids=24 --set scene.rebuilt_share=0.7
 	$(BIN) gen --out $(NETWORK)/val $(CHOOSING)
 	$(BIN) label $(NETWORK)/train
 	$(BIN) label $(NETWORK)/val
