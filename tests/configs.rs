@@ -6,6 +6,7 @@ use std::sync::{Arc, LazyLock};
 
 use harmzone::config::{Check, InvalidConfig};
 use harmzone::dataset::test_data;
+use harmzone::eval::judge::Judge;
 use harmzone::eval::sweep::{Change, SweepConfig, Swept};
 use harmzone::eval::{self, EvalConfig, Mode, Protocol};
 use harmzone::generate::{self, CheckedConfig, GenerateConfig};
@@ -137,7 +138,7 @@ fn run_sweep(config: &SweepConfig) -> Result<(), InvalidConfig> {
     let of_change = |change: Change| change.values(config).iter().map(move |&value| (change, value));
     let values: Vec<(Change, f64)> = Change::ALL.into_iter().flat_map(of_change).collect();
     let found = vec![vec![Vec::new(); 1 + values.len()]; frames.len()];
-    let swept = Swept::new(&dataset, frames, values, found);
+    let swept = Swept::new(&dataset, frames, values, found, Judge::Network);
     let protocol = Protocol::try_from(EvalConfig { n_resamples: 0, ..EvalConfig::default() }).unwrap();
     // A state in which the ego cannot drive on is an error in words.
     let _ = swept.measure(&config.judges, &protocol).map_err(|error| error.to_string());
