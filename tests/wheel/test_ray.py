@@ -158,6 +158,29 @@ def test_an_interrupt_leaves_what_is_whole_and_nothing_under_way(cluster, here, 
     assert hashes(out) == {name: sha for name, sha in hashes(here).items() if not name.startswith("labels")}
 
 
+def test_a_task_whose_process_dies_each_time_is_given_up_and_the_rest_is_made(cluster, here, tmp_path):
+    out, told = tmp_path / "far", tmp_path / "told"
+    words = ["gen", "--out", out, *WORLD, *SIZE, "--engine", "ray", "--address", cluster.address]
+    with told.open("w") as stderr, subprocess.Popen([COMMAND, *map(str, words)], stderr=stderr) as running:
+        # Each try dies at once, wherever Ray has it done, until a task has had all of its tries.
+        while "given up after 6 tries" not in told.read_text():
+            assert running.poll() is None, told.read_text()
+            subprocess.run(["pkill", "-KILL", "-f", "harmzone gen-worker"], check=False)
+            time.sleep(0.05)
+        running.wait(600)
+    assert running.returncode == 3, told.read_text()
+    assert "Traceback" not in told.read_text()
+    n_lost = told.read_text().count("given up after 6 tries")
+    assert 0 < n_lost < N_EPISODES
+    whole = {name: sha for name, sha in hashes(here).items() if not name.startswith("labels")}
+    made = hashes(out)
+    assert len([name for name in made if name.endswith(".mcap")]) == N_EPISODES - n_lost
+    assert all(whole[name] == sha for name, sha in made.items() if name.endswith(".mcap"))
+    # The same command makes the rest.
+    assert call(*words).returncode == 0
+    assert hashes(out) == whole
+
+
 def test_failures_are_told(cluster, here, tmp_path):
     far = ["--engine", "ray", "--address", cluster.address]
     told = call("gen", "--out", tmp_path / "x", *WORLD, *SIZE, "--engine", "ray", "--address", "127.0.0.1:1")
