@@ -111,8 +111,7 @@ pub fn run(
         // A run that was killed at its very end leaves them.
         state::clear(out)?;
         let steps = History::read_until(out, usize::MAX)?.steps;
-        let last = steps.last().map(|row| Mean::of_epoch(&steps, &row.stage, row.epoch)).unwrap_or_default();
-        return Ok(summary(0, last.mean(), Duration::ZERO));
+        return Ok(summary(0, Mean::of_last_epoch(&steps).mean(), Duration::ZERO));
     }
 
     let stopwatch = Stopwatch::start(out);
@@ -135,11 +134,7 @@ pub fn run(
     steps.look_at_memory();
     let mut n_steps_now = 0;
     // A run that goes on in the middle of an epoch, or after the last step, has its earlier steps in the log.
-    let mut epoch_loss = history
-        .steps
-        .last()
-        .map(|row| Mean::of_epoch(&history.steps, &row.stage, row.epoch))
-        .unwrap_or_default();
+    let mut epoch_loss = Mean::of_last_epoch(&history.steps);
     while position.stage < STAGES.len() {
         let stage = STAGES[position.stage];
         let n_steps = plan.n_steps[position.stage];

@@ -367,10 +367,11 @@ pub struct Mean {
 }
 
 impl Mean {
-    /// Of the steps that were logged of one epoch of a stage.
-    pub fn of_epoch(steps: &[StepRow], stage: &str, epoch: usize) -> Self {
+    /// Of the logged steps of the last one's epoch.
+    pub fn of_last_epoch(steps: &[StepRow]) -> Self {
         let mut mean = Self::default();
-        for row in steps.iter().filter(|row| row.stage == stage && row.epoch == epoch) {
+        let Some(last) = steps.last() else { return mean };
+        for row in steps.iter().filter(|row| (&row.stage, row.epoch) == (&last.stage, last.epoch)) {
             let [heatmap, harm, boxes, picture] =
                 [row.heatmap, row.harm, row.boxes, row.picture].map(|part| part as f32);
             mean.add(LossParts { heatmap, harm, boxes, picture });
