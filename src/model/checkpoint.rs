@@ -356,7 +356,7 @@ mod tests {
         let device = Device::flex();
         save(&Detector::init(&ModelConfig::default(), 0, &device), None, &path).unwrap();
         let bytes = fs::read(&path).unwrap();
-        let from = "fuser_channels = 64";
+        let from = "fuser_channels = 96";
         let at = bytes.windows(from.len()).position(|window| window == from.as_bytes()).unwrap();
         let mut changed = bytes.clone();
         changed[at..at + from.len()].copy_from_slice(b"fuser_channels = 32");

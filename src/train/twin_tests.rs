@@ -78,10 +78,12 @@ fn whole() -> Case {
     }
 }
 
-/// The same network on a coarse map with a little picture.
+/// A narrower network on a coarse map with a little picture.
 fn coarse() -> Case {
     let mut config = ModelConfig::default();
     (config.grid.cell_size_m, config.camera.cnn.image_width_px, config.head.n_queries) = (6.4, 64, 20);
+    (config.head.channels, config.fuser_channels, config.lidar.pillars.channels) = (64, 64, 32);
+    config.lidar.pillars.bev_channels = [64, 96];
     Case { name: "coarse", config, height_px: 36, n_points: 1200, seed: seed_of("coarse") }
 }
 

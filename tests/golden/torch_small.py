@@ -3,7 +3,7 @@
 Writes `small.safetensors` beside itself. Weights and inputs are numbers that `formula.py` makes from their
 names, as `src/train/twin_tests.rs` makes them: points, a picture, speeds, objects. Computed in f64.
 
-Case `whole` is the profile as it ships: values. Case `coarse` is the same network on a coarse map with a
+Case `whole` is the profile as it ships: values. Case `coarse` is a narrower network on a coarse map with a
 little picture: values and gradients. A gradient jumps where an activation crosses the kink of its ReLU. Of
 the whole's millions of activations some always lie within the rounding of f32; the coarse one's inputs are
 chosen (`seed`) so that none does.
@@ -62,10 +62,19 @@ class Case:
 
 
 CASES = (
-    Case("whole", SMALL, 225, 8000, seed=81),
+    Case("whole", SMALL, 225, 8000, seed=5),
     Case(
         "coarse",
-        dataclasses.replace(SMALL, cell_size_m=6.4, image_width_px=64, n_queries=20),
+        dataclasses.replace(
+            SMALL,
+            cell_size_m=6.4,
+            image_width_px=64,
+            n_queries=20,
+            channels=64,
+            fuser_channels=64,
+            pillar_channels=32,
+            bev_channels=(64, 96),
+        ),
         36,
         1200,
         seed=464,

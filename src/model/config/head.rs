@@ -96,8 +96,8 @@ define_config! {
     /// The head.
     #[derive(Copy)]
     pub struct HeadConfig {
-        /// Channels of the queries. Default 64; the paper's 128.
-        channels: usize = 64, in CHANNELS;
+        /// Channels of the queries. Default 96; the paper's 128.
+        channels: usize = 96, in CHANNELS;
         /// Number of queries. Default 64; the paper's 200.
         n_queries: usize = 64, in from_to(1.0, 10_000.0);
         /// Attention heads; a divisor of `channels`. Default 4; the paper's 8.

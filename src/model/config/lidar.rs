@@ -23,9 +23,9 @@ define_config! {
         /// Most LiDAR points that a pillar keeps.
         max_points: usize = 10, in from_to(1.0, 1000.0);
         /// Channels of a pillar.
-        channels: usize = 32, in CHANNELS;
+        channels: usize = 48, in CHANNELS;
         /// Channels of the bird's-eye stages at one and two cells.
-        bev_channels: [usize; 2] = [64, 96], in CHANNELS.list(2, 2);
+        bev_channels: [usize; 2] = [96, 144], in CHANNELS.list(2, 2);
         /// Whether points tell their height over a ground fitted to the cloud beside that over the wheels; the grid's
         /// lowest and highest point are then heights over that ground.
         ground: bool = true;

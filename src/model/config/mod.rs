@@ -36,8 +36,8 @@ define_config! {
         use_lidar: bool = true;
         /// Whether the camera branch takes part; one of the two must.
         use_camera: bool = true;
-        /// Output channels of the fuser, a 3x3 convolution over both branches' maps. Default 64; the paper's 256.
-        fuser_channels: usize = 64, in CHANNELS;
+        /// Output channels of the fuser, a 3x3 convolution over both branches' maps. Default 96; the paper's 256.
+        fuser_channels: usize = 96, in CHANNELS;
         grid: GridConfig = GridConfig::default(), in part::<GridConfig>();
         lidar: LidarConfig = LidarConfig::default(), in part::<LidarConfig>();
         camera: CameraConfig = CameraConfig::default(), in part::<CameraConfig>();
