@@ -10,7 +10,7 @@ use std::time::Duration;
 use fs_err as fs;
 
 /// A config small enough to train in seconds.
-pub const TINY: [&str; 22] = [
+pub const TINY: [&str; 26] = [
     // A box of each class for each query, however near each other they are.
     "--set",
     "model.head.judge=network",
@@ -20,6 +20,10 @@ pub const TINY: [&str; 22] = [
     "model.lidar.pillars.bev_channels=[16,16]",
     "--set",
     "model.fuser_channels=16",
+    "--set",
+    "model.head.channels=64",
+    "--set",
+    "model.lidar.pillars.channels=32",
     "--set",
     "model.head.n_queries=16",
     "--set",
