@@ -4,6 +4,7 @@
 mod made_data;
 
 use std::collections::BTreeMap;
+use std::ffi::OsString;
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Output, Stdio};
@@ -27,11 +28,17 @@ struct Server {
 
 impl Server {
     fn start() -> Self {
+        Self::serving("faulty_store.py", &[])
+    }
+
+    /// One of `tests/python`, which prints its port.
+    fn serving(script: &str, args: &[OsString]) -> Self {
         let root = Path::new(env!("CARGO_MANIFEST_DIR"));
         let python = root.join(".venv-test/bin/python");
         assert!(python.is_file(), "no {}: run `make setup-test` first", python.display());
         let mut child = Command::new(python)
-            .arg(root.join("tests/python/faulty_store.py"))
+            .arg(root.join("tests/python").join(script))
+            .args(args)
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
@@ -41,7 +48,7 @@ impl Server {
         let mut from = BufReader::new(child.stdout.take().expect("it is piped"));
         let mut line = String::new();
         from.read_line(&mut line).expect("the server tells its port");
-        let port = line.trim().parse().expect("the server starts: `moto` is in requirements-test.txt");
+        let port = line.trim().parse().expect("the server starts");
         Self { child, to, from, port, timeout: "2 seconds" }
     }
 
@@ -169,6 +176,59 @@ fn gen_label_train_and_eval_on_urls_give_the_hashes_of_local_folders_though_requ
     let broken = stats["broken"].as_object().expect("counts");
     println!("{stats}");
     assert!(broken.len() >= 5, "too few ways to break were tried: {stats}");
+}
+
+#[test]
+fn what_goes_up_in_parts_arrives_whole_though_requests_break() {
+    let Fixture { id, .. } = fixture();
+    let cache = tempfile::tempdir().expect("a temporary folder");
+    let mut server = Server::start();
+    server.ask("share 0.08");
+    let data = "s3://bucket/parts/id";
+    for args in [generation(Path::new(data), "1", &["--episodes", "2"]), vec!["label", data]] {
+        let mut command = server.command(&args, cache.path());
+        command.env("HARMZONE_STORE_PARTS_FROM_MIB", "0");
+        let output = quiet(command.output().expect("the program starts"));
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    }
+    assert_eq!(server.sums("parts/id/"), sums_of(id));
+    let stats = server.ask("stats");
+    println!("{stats}");
+    assert!(stats["in parts"].as_u64() >= Some(sums_of(id).len() as u64), "{stats}");
+    assert!(!stats["broken"].as_object().expect("counts").is_empty(), "{stats}");
+}
+
+/// `npm install azurite`, then `HARMZONE_TEST_AZURITE=node_modules/.bin/azurite-blob`.
+#[test]
+fn gen_and_label_on_azure_give_the_hashes_of_a_local_folder() {
+    let Some(program) = std::env::var_os("HARMZONE_TEST_AZURITE") else {
+        eprintln!("SKIPPED: HARMZONE_TEST_AZURITE does not name Azurite's `azurite-blob`");
+        return;
+    };
+    let Fixture { id, .. } = fixture();
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let server = Server::serving("azurite.py", &[program]);
+    let run = |args: &[&str], cache: &str, parts_from_mib: &str| {
+        let mut command = command(args);
+        command.env("HARMZONE_CACHE", folder.path().join(cache)).env("AZURE_STORAGE_USE_EMULATOR", "true");
+        command.env("AZURITE_BLOB_STORAGE_URL", format!("http://127.0.0.1:{}", server.port));
+        command.env("HARMZONE_STORE_PARTS_FROM_MIB", parts_from_mib).env("NO_PROXY", "127.0.0.1");
+        let output = command.output().expect("the program starts");
+        assert!(output.status.success(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
+    };
+    for (name, parts_from_mib) in [("at_once", "64"), ("in_parts", "0")] {
+        let data = format!("az://lab/{name}");
+        run(&generation(Path::new(&data), "1", &["--episodes", "2"]), "here", parts_from_mib);
+        run(&["label", &data], "here", parts_from_mib);
+        // Another machine fetches all of it.
+        run(&["doctor", &data], name, parts_from_mib);
+        let fetched = sums_of(&folder.path().join(name));
+        for (file, sum) in sums_of(id) {
+            let ending = format!("/{name}/{file}");
+            let found = fetched.iter().find(|(path, _)| path.ends_with(&ending));
+            assert_eq!(found.map(|(_, sum)| sum), Some(&sum), "{ending} of {:?}", fetched.keys());
+        }
+    }
 }
 
 #[test]

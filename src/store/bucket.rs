@@ -25,8 +25,8 @@ use super::error::{Answer, StoreError};
 use super::location::{Provider, StoreUrl};
 use crate::files::{PARTIAL_SUFFIX, hex};
 
-/// Larger files go up in parts, whose put knows no condition.
-const MULTIPART_FROM_BYTES: u64 = 64 << 20;
+/// Files of this size and more go up in parts, whose put knows no condition; `HARMZONE_STORE_PARTS_FROM_MIB` has another.
+const PARTS_FROM_MIB: u64 = 64;
 /// The stores want at least 5 MiB, and at most 10,000 parts.
 const PART_BYTES: usize = 16 << 20;
 /// Parts of one file under way.
@@ -79,6 +79,7 @@ pub(super) fn runtime() -> &'static Runtime {
 pub(super) struct Bucket {
     store: Arc<dyn ObjectStore>,
     url: StoreUrl,
+    parts_from_bytes: u64,
 }
 
 /// A whole number of the environment.
@@ -119,13 +120,18 @@ impl Bucket {
                 .build()
                 .map(|store| Arc::new(store) as _),
         };
-        let store = built.map_err(|error| Self::failed(url, "open the store", &error, None))?;
-        Ok(Self { store, url: url.clone() })
+        let store = built.map_err(|error| StoreError::Failed {
+            doing: "open the store",
+            reason: Answer::of(&error).reason_before_requests(url.scheme.variables()),
+            url: url.to_string(),
+        })?;
+        let parts_from_mib = number_of("HARMZONE_STORE_PARTS_FROM_MIB", PARTS_FROM_MIB)?;
+        Ok(Self { store, url: url.clone(), parts_from_bytes: parts_from_mib.saturating_mul(1 << 20) })
     }
 
     #[cfg(test)]
     pub(super) fn of(store: Arc<dyn ObjectStore>, url: &StoreUrl) -> Self {
-        Self { store, url: url.clone() }
+        Self { store, url: url.clone(), parts_from_bytes: PARTS_FROM_MIB << 20 }
     }
 
     pub(super) fn url_of(&self, name: &str) -> String {
@@ -220,11 +226,12 @@ impl Bucket {
         content: Content<'_>,
         expected: &Expected,
     ) -> Result<Remote, StoreError> {
-        let mut is_unsent = content.size >= MULTIPART_FROM_BYTES;
+        let goes_in_parts = content.size >= self.parts_from_bytes;
+        let mut is_unsent = goes_in_parts;
         for sending in 1.. {
             let error = if is_unsent {
                 None
-            } else if content.size >= MULTIPART_FROM_BYTES {
+            } else if goes_in_parts {
                 match self.put_in_parts(name, content).await? {
                     Ok(remote) => return Ok(remote),
                     Err(error) => Some(error),

@@ -83,6 +83,11 @@ impl Answer {
         self.status.is_none()
     }
 
+    /// For people, of an error that came before any request was sent.
+    pub(super) fn reason_before_requests(&self, variables: &str) -> String {
+        format!("it is not set up: {}; what it needs is read from {variables}", scrubbed(&self.text))
+    }
+
     /// For people; `variables` are what credentials are read from.
     pub(super) fn reason(&self, variables: &str) -> String {
         let code = self.code.as_deref().unwrap_or_default();

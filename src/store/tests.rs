@@ -1,5 +1,6 @@
 //! Mirrors over a store in memory: what is put, in which order, what is told to a second writer, what is evicted.
 
+use std::io::{Seek, SeekFrom, Write};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -87,6 +88,40 @@ fn what_one_machine_pushes_another_reads() {
     // A copy that is current stays.
     world.open(there.path(), Access::Read).unwrap();
     assert!(episode.exists());
+}
+
+#[test]
+fn a_large_file_goes_up_in_parts_and_arrives_whole() {
+    let (world, here, there) = (World::new(), machine(), machine());
+    let made = world.open(here.path(), Access::Write).unwrap();
+    let name = "episodes/large.mcap";
+    let large = made.root.join(name);
+    fs::create_dir_all(large.parent().unwrap()).unwrap();
+    let ends = |at: u64| [b"part".as_slice(), &at.to_le_bytes()].concat();
+    let mut file = fs::File::create(&large).unwrap();
+    // Holes between, so that nothing of its 70 MiB but a mark in each part is written.
+    for at in (0..70_u64).step_by(10) {
+        file.seek(SeekFrom::Start(at << 20)).unwrap();
+        file.write_all(&ends(at)).unwrap();
+    }
+    file.set_len((70 << 20) + 1).unwrap();
+    made.push_file(name).unwrap();
+    // What lies there already is not sent again, and another content does not replace it.
+    made.push_file(name).unwrap();
+    let sha256 = crate::files::sha256_of(&large).unwrap();
+
+    let read = world.open(there.path(), Access::Read).unwrap();
+    assert!(read.has(name, &sha256).unwrap());
+    read.bring(name).unwrap();
+    assert_eq!(crate::files::sha256_of(&read.root.join(name)).unwrap(), sha256);
+    drop(read);
+    let other = world.open(there.path(), Access::Write).unwrap();
+    drop(made);
+    let second = world.open(here.path(), Access::Write).unwrap();
+    make(&second, "episodes/new.mcap", "small");
+    second.push_file("episodes/new.mcap").unwrap();
+    fs::copy(&large, other.root.join("episodes/new.mcap")).unwrap();
+    assert!(matches!(other.push_file("episodes/new.mcap"), Err(StoreError::Taken { .. })));
 }
 
 #[test]

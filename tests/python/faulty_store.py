@@ -6,7 +6,7 @@ Serves until its standard input ends. Prints the proxy's port, then answers comm
     expire N TOKEN   after N more requests, answers those with this session token that it has expired
     sums             JSON: the SHA-256 of each object by its key
     grep TEXT        JSON: the keys of objects that hold the text, in their content or their metadata
-    stats            JSON: how many requests came, and how many were broken in each way
+    stats            JSON: how many requests came, how many began an upload in parts, and how many were broken in each way
 """
 
 import hashlib
@@ -41,11 +41,13 @@ class Faults:
         self.expires_after = -1
         self.expired_token = ""
         self.n_requests = 0
+        self.n_in_parts = 0
         self.broken: Counter[str] = Counter()
 
-    def next(self, token: str | None) -> str | None:
+    def next(self, token: str | None, *, begins_parts: bool) -> str | None:
         with self.lock:
             self.n_requests += 1
+            self.n_in_parts += begins_parts
             if self.expires_after > 0:
                 self.expires_after -= 1
             elif self.expires_after == 0 and token == self.expired_token:
@@ -87,7 +89,8 @@ class Proxy(BaseHTTPRequestHandler):
 
     def handle_one(self) -> None:
         body = self.rfile.read(int(self.headers.get("Content-Length") or 0))
-        way = FAULTS.next(self.headers.get("x-amz-security-token"))
+        begins_parts = self.command == "POST" and "?uploads" in self.path
+        way = FAULTS.next(self.headers.get("x-amz-security-token"), begins_parts=begins_parts)
         if way == "cut before":
             return self.cut()
         if way in ("500", "503"):
@@ -155,7 +158,8 @@ def obey(line: str) -> object:
         held = {name: key.value + str(dict(key.metadata)).encode() for name, key in objects().items()}
         return [name for name, content in held.items() if text in content]
     if command == "stats":
-        return {"requests": FAULTS.n_requests, "broken": dict(FAULTS.broken)}
+        counts = {"requests": FAULTS.n_requests, "in parts": FAULTS.n_in_parts}
+        return counts | {"broken": dict(FAULTS.broken)}
     raise SystemExit(f"no such command: {line}")
 
 
