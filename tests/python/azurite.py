@@ -1,6 +1,7 @@
 """Microsoft's emulator of Azure's blob storage (Azurite) on loopback, with an empty container `lab`.
 
-Usage: azurite.py PROGRAM, which is `azurite-blob` of npm's package `azurite`. Prints the port; ends with its standard input.
+Usage: azurite.py PROGRAM, which is `azurite-blob` of npm's package `azurite`. Prints the port; ends with its
+standard input.
 """
 
 import base64

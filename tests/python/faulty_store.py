@@ -6,7 +6,7 @@ Serves until its standard input ends. Prints the proxy's port, then answers comm
     expire N TOKEN   after N more requests, answers those with this session token that it has expired
     sums             JSON: the SHA-256 of each object by its key
     grep TEXT        JSON: the keys of objects that hold the text, in their content or their metadata
-    stats            JSON: how many requests came, how many began an upload in parts, and how many were broken in each way
+    stats            JSON: how many requests came, began an upload in parts, and were broken in each way
 """
 
 import hashlib
