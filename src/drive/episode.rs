@@ -10,6 +10,7 @@ use super::perception::{Instant, Perception, truly_harmful};
 use super::recorder::Recorder;
 use super::reflex::Reflex;
 use super::rest::AtRest;
+use super::route_ahead;
 use super::scenario::Course;
 use super::{DriveConfig, DriveError};
 use crate::generate::{CONTROL_PERIOD_S, Contact, EpisodePlan, GenerateError, LiveEpisode, Timings};
@@ -28,6 +29,8 @@ const LEAST_APPROACH_MPS: f64 = 0.3;
 const PUSHES_MPS: f64 = 1.0;
 /// What was harmful so long before a collision was known to be, seconds.
 const HARMFUL_BEFORE_S: f64 = 2.0;
+/// So much of the route the driver under test is told, metres.
+const LONGEST_ROUTE_M: f64 = 60.0;
 /// A stop begins at this speed or above, m/s: the last of a crawl is none.
 const LEAST_STOP_MPS: f64 = 1.0;
 /// A hard brake goes on above this, and through pauses of this length.
@@ -186,7 +189,8 @@ impl Run<'_> {
                 true_state: &true_state,
             },
         )?;
-        self.reflex.see(time_s, &self.live.world_from_ego(), &found);
+        let knows_velocities = perception.knows_velocities();
+        self.reflex.see(time_s, &self.live.world_from_ego(), &found, knows_velocities);
         (self.seen.present, self.seen.harmful) = (present, harmful);
         self.notes.n_samples += 1;
         if let (Some(recorder), Some(sensed)) = (&mut self.recorder, sensed) {
@@ -204,7 +208,8 @@ impl Run<'_> {
             steering_angle_rad: true_state.steering_angle_rad + self.steering_error_rad,
             ..true_state
         };
-        let orders = self.reflex.orders(time_s, &self.live.world_from_ego(), &state)?;
+        let route = self.live.route_ahead(LONGEST_ROUTE_M, route_ahead::STEP_M);
+        let orders = self.reflex.orders(time_s, &self.live.world_from_ego(), &state, &route)?;
         self.note_braking(time_s, true_state.speed_mps, &orders);
         let before = self.live.world_from_ego().isometry.translation.vector;
         let contacts = self.live.step_ordered(orders)?;

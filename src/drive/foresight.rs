@@ -1,7 +1,8 @@
-//! What is not in the zone yet but moves into the ego's way: where both would meet if both kept their motion.
+//! What is not in the zone yet but in the ego's way: where both would meet if both kept their motion.
 //!
-//! The rule is that of the zone `ttc` (`zone::ttc`) with a short horizon and a wider ego, asked about moving things alone: what
-//! stands is the zone's.
+//! The rule is that of the zone `ttc` (`zone::ttc`) with a short horizon. Of what moves it asks with a wider ego, and however high
+//! the thing is: what flies comes down. It may be slower than it seems by the time they meet, as what rolls or tumbles is. Of
+//! what stands it asks with the ego's own width: a rectangle that points where the wheels do leaves a bend.
 
 use super::config::ReflexConfig;
 use crate::geometry::{Box3, Ego, Point};
@@ -13,6 +14,7 @@ use crate::zone::{BodyConfig, TtcConfig, Zone, ZoneAt, ZoneConfig, ZoneError, Zo
 pub(super) struct Foresight {
     zone: Option<Zone>,
     moving_mps: f64,
+    slows_to: f64,
 }
 
 /// The rule at one state of the ego.
@@ -20,16 +22,17 @@ pub(super) struct Foresight {
 pub(super) struct ForesightAt {
     zone: Option<ZoneAt>,
     moving_mps: f64,
+    slows_to: f64,
     front_bumper_x_m: f64,
 }
 
 impl Foresight {
-    /// What is true does not depend on how a driver reacts: the horizon is given, the rest is the default's.
+    /// What is true does not depend on how a driver reacts: the horizon is given, the rest is the default's, and nothing slows down.
     ///
     /// # Errors
     /// The horizon is not valid.
     pub fn of_truth(horizon_s: f64) -> Result<Self, ZoneError> {
-        Self::new(&ReflexConfig { foresight_s: horizon_s, ..ReflexConfig::default() })
+        Self::new(&ReflexConfig { foresight_s: horizon_s, slows_to: 1.0, ..ReflexConfig::default() })
     }
 
     /// # Errors
@@ -40,19 +43,24 @@ impl Foresight {
             let width_m = body.width_m + 2.0 * config.beside_m;
             Zone::try_from(ZoneConfig {
                 kind: ZoneKind::Ttc,
+                max_clearance_m: 0.0,
                 body: BodyConfig { width_m, ..body },
                 ttc: TtcConfig { horizon_s: config.foresight_s },
                 ..ZoneConfig::default()
             })
         });
-        Ok(Self { zone: zone.transpose()?, moving_mps: config.moving_mps })
+        Ok(Self { zone: zone.transpose()?, moving_mps: config.moving_mps, slows_to: config.slows_to })
     }
 
     /// # Errors
     /// The state is not valid, or its turn is too sharp to be foreseen.
     pub fn at(&self, state: &EgoState) -> Result<ForesightAt, ZoneError> {
-        let zone = self.zone.as_ref().map(|zone| zone.at(state)).transpose()?;
-        Ok(ForesightAt { zone, moving_mps: self.moving_mps, front_bumper_x_m: state.front_bumper_x_m })
+        Ok(ForesightAt {
+            zone: self.zone.as_ref().map(|zone| zone.at(state)).transpose()?,
+            moving_mps: self.moving_mps,
+            slows_to: self.slows_to,
+            front_bumper_x_m: state.front_bumper_x_m,
+        })
     }
 }
 
@@ -71,11 +79,18 @@ impl ForesightAt {
         let Some(zone) = self.zone.as_ref().filter(|_| counts) else {
             return Ok(None);
         };
-        let after_s = zone.harm_of(of, velocity_mps)?.time_to_collision_s;
-        Ok(after_s.map(|after_s| {
-            let (x_m, y_m) = (of.center.x() + x_mps * after_s, of.center.y() + y_mps * after_s);
-            Box3 { center: Point::new(x_m, y_m, of.center.z()), ..*of }
-        }))
+        let shares: &[f64] = if self.slows_to < 1.0 { &[1.0, self.slows_to] } else { &[1.0] };
+        let mut first: Option<(f64, Box3<Ego>)> = None;
+        for share in shares {
+            let velocity_mps = [x_mps * share, y_mps * share];
+            let Some(after_s) = zone.harm_of(of, velocity_mps)?.time_to_collision_s else { continue };
+            if first.is_none_or(|(first_s, _)| after_s < first_s) {
+                let x_m = of.center.x() + velocity_mps[0] * after_s;
+                let y_m = of.center.y() + velocity_mps[1] * after_s;
+                first = Some((after_s, Box3 { center: Point::new(x_m, y_m, of.center.z()), ..*of }));
+            }
+        }
+        Ok(first.map(|(_, met)| met))
     }
 }
 
@@ -97,7 +112,13 @@ mod tests {
     }
 
     fn foresight(foresight_s: f64) -> ForesightAt {
-        let config = ReflexConfig { foresight_s, moving_mps: 1.0, beside_m: 0.5, ..ReflexConfig::default() };
+        let config = ReflexConfig {
+            foresight_s,
+            moving_mps: 1.0,
+            beside_m: 0.5,
+            slows_to: 1.0,
+            ..ReflexConfig::default()
+        };
         Foresight::new(&config).unwrap().at(&STATE).unwrap()
     }
 
@@ -127,5 +148,25 @@ mod tests {
         assert!(foresight(2.0).meeting(&crate_at(19.0, 3.0), [0.0, -9.0]).unwrap().is_none());
         assert!(foresight(2.0).meeting(&crate_at(15.0, 0.0), [0.0, -0.5]).unwrap().is_none());
         assert!(foresight(0.0).meeting(&crate_at(15.0, 5.0), [0.0, -3.0]).unwrap().is_none());
+    }
+
+    #[test]
+    fn what_flies_is_met_however_high_it_is_now() {
+        let mut aloft = crate_at(22.0, 2.0);
+        aloft.center = Point::new(22.0, 2.0, 5.5);
+        assert!(foresight(2.0).meeting(&aloft, [-7.0, -1.5]).unwrap().is_some());
+        assert!(foresight(2.0).meeting(&aloft, [0.0, 0.0]).unwrap().is_none());
+    }
+
+    #[test]
+    fn what_would_be_across_in_time_is_met_if_it_may_slow_down() {
+        // At 7 m/s it is across before the ego comes, at 3.5 m/s it is not.
+        let met = |slows_to: f64| {
+            let config = ReflexConfig { slows_to, ..ReflexConfig::default() };
+            let foresight = Foresight::new(&config).unwrap().at(&STATE).unwrap();
+            foresight.meeting(&crate_at(15.0, 4.5), [0.0, -7.0]).unwrap()
+        };
+        assert!(met(1.0).is_none());
+        assert!(met(0.5).unwrap().center.y() > -2.0);
     }
 }

@@ -15,6 +15,7 @@ mod perception;
 mod recorder;
 mod reflex;
 mod rest;
+mod route_ahead;
 mod run;
 mod scenario;
 mod strip;

@@ -81,6 +81,11 @@ impl Perception {
         }
     }
 
+    /// Whether the velocities of its boxes are to be believed: one sample shows a network none.
+    pub fn knows_velocities(&self) -> bool {
+        matches!(self, Self::Truth)
+    }
+
     /// Its boxes, harmful and harmless.
     ///
     /// # Errors

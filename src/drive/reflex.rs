@@ -3,7 +3,8 @@
 //! `braking = v^2 / (2 (gap - margin))`, within bounds, for the hazard that asks for most. A hazard stays where it was seen, over
 //! ground, until no sample has confirmed it for a while; one that stood right before the bumper when it was last seen, where sensors
 //! look over it, is not forgotten. What is not harmful yet but moves into the ego's way is a hazard where
-//! both will meet ([`Foresight`]). Nothing here knows the truth, reads a clock or draws a random number.
+//! both will meet ([`Foresight`]), and so is what stands on its route through a bend ([`RouteAhead`]). Nothing here knows the truth,
+//! reads a clock or draws a random number.
 
 use std::collections::VecDeque;
 
@@ -12,6 +13,7 @@ use nalgebra::{Vector2, Vector3};
 use super::config::ReflexConfig;
 use super::foresight::{Foresight, ForesightAt};
 use super::hazards::{Hazard, Hazards};
+use super::route_ahead::{RouteAhead, RouteAheadAt};
 use super::strip::ahead_of;
 use super::tracks::{Sample, Seen, Track, apart_m};
 use crate::geometry::{Box3, Ego, Point, Transform, World};
@@ -30,6 +32,7 @@ const HOLDING_MPS2: f64 = 2.0;
 pub struct Reflex {
     config: ReflexConfig,
     foresight: Foresight,
+    route_ahead: RouteAhead,
     /// From which score on a box counts.
     min_score: f64,
     due: VecDeque<Sample>,
@@ -47,6 +50,7 @@ impl Reflex {
         Ok(Self {
             config: config.clone(),
             foresight: Foresight::new(config)?,
+            route_ahead: RouteAhead::new(config)?,
             min_score,
             due: VecDeque::new(),
             history: VecDeque::new(),
@@ -54,18 +58,30 @@ impl Reflex {
         })
     }
 
-    /// Takes the boxes of a sample, which was measured at a time and a place.
-    pub fn see(&mut self, time_s: f64, world_from_ego: &Transform<World, Ego>, found: &[Detection]) {
+    /// Takes the boxes of a sample, which was measured at a time and a place; `knows_velocities` of who knows more than boxes.
+    pub fn see(
+        &mut self,
+        time_s: f64,
+        world_from_ego: &Transform<World, Ego>,
+        found: &[Detection],
+        knows_velocities: bool,
+    ) {
         let counted = found.iter().filter(|found| found.score >= self.min_score);
         let seen = counted.map(|found| Seen {
             at: found.box_in_ego.in_frame(world_from_ego),
             is_harmful: found.harm == Harm::Harmful,
+            velocity_mps: knows_velocities.then(|| {
+                let [x_mps, y_mps] = found.velocity_in_ego_mps;
+                let over_ground = world_from_ego.rotate(&Vector3::new(x_mps, y_mps, 0.0));
+                [over_ground.x, over_ground.y]
+            }),
             meets: false,
         });
         self.due.push_back(Sample { time_s, seen: seen.collect(), due_s: time_s + self.config.latency_s });
     }
 
-    /// What the driver is to do at a time; `state` is what the car measures of itself.
+    /// What the driver is to do at a time; `state` is what the car measures of itself, `route` its route over ground from the bumper
+    /// on, in steps of `route_ahead::STEP_M`.
     ///
     /// # Errors
     /// The state is not valid, or a box is not finite.
@@ -74,10 +90,12 @@ impl Reflex {
         time_s: f64,
         world_from_ego: &Transform<World, Ego>,
         state: &EgoState,
+        route: &[Vector2<f64>],
     ) -> Result<EgoOrders, ZoneError> {
         while self.due.front().is_some_and(|due| due.due_s <= time_s + 1e-9) {
             let due = self.due.pop_front().expect("there is a front");
-            self.take(due, time_s, world_from_ego, &self.foresight.at(state)?)?;
+            let ahead = self.route_ahead.at(state, route)?;
+            self.take(due, time_s, world_from_ego, &self.foresight.at(state)?, &ahead)?;
         }
         let free_s = self.config.free_s;
         let ego_from_world = world_from_ego.inverse();
@@ -109,6 +127,7 @@ impl Reflex {
         time_s: f64,
         world_from_ego: &Transform<World, Ego>,
         foresight: &ForesightAt,
+        ahead: &RouteAheadAt<'_>,
     ) -> Result<(), ZoneError> {
         let ego_from_world = world_from_ego.inverse();
         let n_confirming = self.config.n_confirming as usize;
@@ -121,6 +140,11 @@ impl Reflex {
             let hazard_at = if seen.is_harmful {
                 let n_before = self.n_harmful_before(&sample.seen, i).max(track.n_alarming_before());
                 (n_before + 1 >= n_confirming).then_some(seen.at)
+            } else if stands == Some(true) {
+                let is_confirmed = track.n_alarming_before() + 1 >= n_confirming;
+                let is_blocked = ahead.is_blocked_by(&seen.at, &seen.at.in_frame(&ego_from_world))?;
+                sample.seen[i].meets = is_blocked;
+                (is_blocked && is_confirmed).then_some(seen.at)
             } else {
                 let Some([x_mps, y_mps]) = velocity_mps else { continue };
                 let since_s = time_s - sample.time_s;
@@ -132,7 +156,12 @@ impl Reflex {
                 );
                 let in_ego = ego_from_world.rotate(&Vector3::new(x_mps, y_mps, 0.0));
                 let met = foresight.meeting(&now_at.in_frame(&ego_from_world), [in_ego.x, in_ego.y])?;
-                let is_confirmed = track.n_alarming_before() + 1 >= n_confirming;
+                // A velocity that two boxes give is an error more often than the boxes are.
+                let is_confirmed = if seen.velocity_mps.is_some() {
+                    track.is_seen_in(n_confirming)
+                } else {
+                    track.n_alarming_before() + 1 >= n_confirming
+                };
                 sample.seen[i].meets = met.is_some();
                 met.filter(|_| is_confirmed).map(|met| met.in_frame(world_from_ego))
             };
@@ -140,7 +169,7 @@ impl Reflex {
                 at,
                 confirmed_s: sample.due_s,
                 n_confirmed: 1,
-                stands: if seen.is_harmful { stands } else { Some(false) },
+                stands: stands.or(if seen.is_harmful { None } else { Some(false) }),
                 is_seen: true,
             }));
         }
@@ -186,200 +215,4 @@ impl Reflex {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    const STATE: EgoState = EgoState {
-        speed_mps: 10.0,
-        steering_angle_rad: 0.0,
-        yaw_rate_rps: 0.0,
-        acceleration_mps2: 0.0,
-        wheelbase_m: 2.6,
-        front_bumper_x_m: 3.0,
-    };
-
-    /// A cube of one metre, its near side so far before the bumper.
-    fn crate_at(gap_m: f64, harm: Harm, score: f64) -> Detection {
-        let center = Point::new(3.0 + gap_m + 0.5, 0.0, 0.5);
-        let box_in_ego = Box3 { center, length_m: 1.0, width_m: 1.0, height_m: 1.0, yaw_rad: 0.0 };
-        Detection { box_in_ego, velocity_in_ego_mps: [0.0; 2], harm, score, spread: None }
-    }
-
-    fn at(x_m: f64) -> Transform<World, Ego> {
-        Transform::from_xyz_yaw(x_m, 0.0, 0.0, 0.0)
-    }
-
-    fn reflex(config: ReflexConfig) -> Reflex {
-        Reflex::new(&config, 0.3).unwrap()
-    }
-
-    #[test]
-    fn one_sample_alone_does_not_brake_and_the_second_brakes_to_stop_before_the_box() {
-        let mut reflex = reflex(ReflexConfig::default());
-        reflex.see(0.0, &at(0.0), &[crate_at(22.0, Harm::Harmful, 0.9)]);
-        assert_eq!(reflex.orders(0.0, &at(0.0), &STATE).unwrap().braking_mps2, None);
-        reflex.see(0.3, &at(3.0), &[crate_at(19.0, Harm::Harmful, 0.9)]);
-        // 100 / (2 (19 - 2)).
-        let braking_mps2 = reflex.orders(0.3, &at(3.0), &STATE).unwrap().braking_mps2.unwrap();
-        assert!((braking_mps2 - 100.0 / 34.0).abs() < 1e-9, "{braking_mps2}");
-    }
-
-    #[test]
-    fn what_is_harmless_or_unsure_never_brakes() {
-        for found in [crate_at(10.0, Harm::Harmless, 0.9), crate_at(10.0, Harm::Harmful, 0.2)] {
-            let mut reflex = reflex(ReflexConfig::default());
-            for i in 0..5 {
-                let time_s = 0.3 * f64::from(i);
-                reflex.see(time_s, &at(0.0), &[found]);
-                assert_eq!(reflex.orders(time_s, &at(0.0), &STATE).unwrap().braking_mps2, None);
-            }
-        }
-    }
-
-    #[test]
-    fn a_hazard_is_remembered_where_it_stands_until_the_way_was_free_for_a_second() {
-        let mut reflex = reflex(ReflexConfig::default());
-        for time_s in [0.0, 0.3] {
-            reflex.see(time_s, &at(0.0), &[crate_at(22.0, Harm::Harmful, 0.9)]);
-            reflex.orders(time_s, &at(0.0), &STATE).unwrap();
-        }
-        // Half a second later, 5 m on, it asks for more, although nobody has seen it since.
-        let braking_mps2 = reflex.orders(0.8, &at(5.0), &STATE).unwrap().braking_mps2.unwrap();
-        assert!((braking_mps2 - 100.0 / 30.0).abs() < 1e-9, "{braking_mps2}");
-        assert!(reflex.orders(1.3, &at(5.0), &STATE).unwrap().braking_mps2.is_some());
-        assert_eq!(reflex.orders(1.35, &at(5.0), &STATE).unwrap().braking_mps2, None);
-    }
-
-    #[test]
-    fn what_stands_right_before_the_bumper_is_not_forgotten() {
-        // 2.5 m before the bumper no sensor sees a low box, and a car that stands must not drive over it. What two samples
-        // alone have shown may have been an error.
-        for (near_m, n_samples, is_kept) in [(3.0, 5, true), (3.0, 2, false), (0.0, 5, false)] {
-            let mut reflex = reflex(ReflexConfig { near_m, ..ReflexConfig::default() });
-            for i in 0..n_samples {
-                let time_s = 0.3 * f64::from(i);
-                reflex.see(time_s, &at(0.0), &[crate_at(22.0, Harm::Harmful, 0.9)]);
-                reflex.orders(time_s, &at(0.0), &STATE).unwrap();
-            }
-            // Nobody sees it any more.
-            reflex.see(3.9, &at(19.5), &[]);
-            let brakes = reflex.orders(4.0, &at(19.5), &STATE).unwrap().braking_mps2.is_some();
-            assert_eq!(brakes, is_kept, "{near_m} m, {n_samples} samples");
-            // Passed, it is.
-            assert_eq!(reflex.orders(4.05, &at(26.0), &STATE).unwrap().braking_mps2, None);
-        }
-    }
-
-    #[test]
-    fn who_stood_before_the_bumper_and_drives_off_is_not_remembered_there() {
-        // A leader stands 2.1 m ahead for 1.5 s and then leaves at 1.5 m/s, seen throughout and harmful only while it is near.
-        let standing = EgoState { speed_mps: 0.0, ..STATE };
-        let mut reflex = reflex(ReflexConfig::default());
-        let mut brakes = Vec::new();
-        for i in 0..14 {
-            let time_s = 0.3 * f64::from(i);
-            let gap_m = 2.1 + 0.45 * f64::from((i - 5).max(0));
-            let harm = if gap_m < 3.5 { Harm::Harmful } else { Harm::Harmless };
-            reflex.see(time_s, &at(0.0), &[crate_at(gap_m, harm, 0.9)]);
-            brakes.push(reflex.orders(time_s, &at(0.0), &standing).unwrap().braking_mps2.is_some());
-        }
-        // It is last harmful at 2.4 s, and the way is free a second later.
-        assert_eq!(brakes[1..12], [true; 11]);
-        assert_eq!(brakes[12..], [false; 2]);
-    }
-
-    #[test]
-    fn of_two_that_stand_close_together_the_nearer_one_brakes_whichever_is_told_last() {
-        for gaps_m in [[19.0, 21.0], [21.0, 19.0]] {
-            let mut reflex = reflex(ReflexConfig::default());
-            for i in 0..4 {
-                let time_s = 0.3 * f64::from(i);
-                reflex.see(time_s, &at(0.0), &gaps_m.map(|gap_m| crate_at(gap_m, Harm::Harmful, 0.9)));
-                let braking_mps2 = reflex.orders(time_s, &at(0.0), &STATE).unwrap().braking_mps2;
-                // 100 / (2 (19 - 2)).
-                assert!(i == 0 || (braking_mps2.unwrap() - 100.0 / 34.0).abs() < 1e-9, "{braking_mps2:?}");
-            }
-        }
-    }
-
-    #[test]
-    fn a_box_seen_once_beside_a_known_thing_neither_brakes_nor_takes_its_place() {
-        for other_m in [22.0, 17.5] {
-            let mut reflex = reflex(ReflexConfig::default());
-            for (i, gaps_m) in [&[20.0][..], &[20.0], &[20.0, other_m], &[20.0]].into_iter().enumerate() {
-                let time_s = 0.3 * i as f64;
-                let found: Vec<Detection> =
-                    gaps_m.iter().map(|&gap_m| crate_at(gap_m, Harm::Harmful, 0.9)).collect();
-                reflex.see(time_s, &at(0.0), &found);
-                let braking_mps2 = reflex.orders(time_s, &at(0.0), &STATE).unwrap().braking_mps2;
-                assert!(i == 0 || (braking_mps2.unwrap() - 100.0 / 36.0).abs() < 1e-9, "{braking_mps2:?}");
-            }
-        }
-    }
-
-    #[test]
-    fn latency_delays_the_brake() {
-        let config = ReflexConfig { latency_s: 0.2, ..ReflexConfig::default() };
-        let mut reflex = reflex(config);
-        for time_s in [0.0, 0.3] {
-            reflex.see(time_s, &at(0.0), &[crate_at(22.0, Harm::Harmful, 0.9)]);
-        }
-        assert_eq!(reflex.orders(0.45, &at(0.0), &STATE).unwrap().braking_mps2, None);
-        assert!(reflex.orders(0.5, &at(0.0), &STATE).unwrap().braking_mps2.is_some());
-    }
-
-    #[test]
-    fn what_lies_behind_the_bumper_is_past_and_what_is_too_near_takes_all_brakes() {
-        let reflex = reflex(ReflexConfig::default());
-        assert_eq!(reflex.gap_m(&crate_at(-1.5, Harm::Harmful, 0.9).box_in_ego, 3.0), None);
-        assert!((reflex.braking_mps2(1.0, 5.0) - 8.0).abs() < 1e-12);
-        // Of a long wall beside the car that turns into the strip ahead, the part in the strip counts.
-        let wall = Box3 {
-            center: Point::new(13.0, 2.0, 0.5),
-            length_m: 20.0,
-            width_m: 0.2,
-            height_m: 1.0,
-            yaw_rad: -0.1,
-        };
-        let gap_m = reflex.gap_m(&wall, 3.0).unwrap();
-        assert!((10.0..14.0).contains(&gap_m), "{gap_m}");
-    }
-
-    /// A harmless crate on its way across, 12 m ahead of the bumper and so far to the left.
-    fn rolling(y_m: f64) -> Detection {
-        let mut found = crate_at(12.0, Harm::Harmless, 0.9);
-        found.box_in_ego.center = Point::new(15.5, y_m, 0.5);
-        found
-    }
-
-    #[test]
-    fn what_rolls_into_the_way_brakes_before_it_is_harmful_and_what_stands_or_rolls_away_does_not() {
-        let braked = |ys_m: [f64; 3], foresight_s: f64| {
-            let mut reflex = reflex(ReflexConfig { foresight_s, ..ReflexConfig::default() });
-            let mut told = None;
-            for (i, y_m) in ys_m.into_iter().enumerate() {
-                let time_s = 0.3 * i as f64;
-                reflex.see(time_s, &at(0.0), &[rolling(y_m)]);
-                told = reflex.orders(time_s, &at(0.0), &STATE).unwrap().braking_mps2;
-            }
-            told
-        };
-        // 3 m/s to the right: in 1.2 s, when the bumper is there, it is in the middle of the lane.
-        assert!((braked([5.4, 4.5, 3.6], 2.0).unwrap() - 100.0 / 20.0).abs() < 0.2);
-        assert_eq!(braked([5.4, 4.5, 3.6], 0.0), None);
-        assert_eq!(braked([3.6, 3.6, 3.6], 2.0), None);
-        assert_eq!(braked([3.0, 3.9, 4.8], 2.0), None);
-    }
-
-    #[test]
-    fn two_that_stand_side_by_side_are_not_taken_for_one_that_moves() {
-        let mut reflex = reflex(ReflexConfig { foresight_s: 2.0, ..ReflexConfig::default() });
-        let both = [rolling(3.0), rolling(5.0)];
-        // The nearer one is seen at every second sample only.
-        for (i, seen) in [&both[..], &both[1..], &both[..], &both[1..]].into_iter().enumerate() {
-            let time_s = 0.3 * i as f64;
-            reflex.see(time_s, &at(0.0), seen);
-            assert_eq!(reflex.orders(time_s, &at(0.0), &STATE).unwrap().braking_mps2, None, "{time_s} s");
-        }
-    }
-}
+mod tests;

@@ -14,6 +14,8 @@ use crate::geometry::{Box3, World};
 pub(super) struct Seen {
     pub at: Box3<World>,
     pub is_harmful: bool,
+    /// Over ground, where whoever tells of the box knows it, m/s.
+    pub velocity_mps: Option<[f64; 2]>,
     /// Whether it was foreseen to meet the ego.
     pub meets: bool,
 }
@@ -51,8 +53,16 @@ impl<'a> Track<'a> {
         Self(found)
     }
 
-    /// How fast it moves over ground. `None` for what was not there before.
+    /// Whether it is there in so many samples.
+    pub fn is_seen_in(&self, n_samples: usize) -> bool {
+        self.0.len() >= n_samples
+    }
+
+    /// How fast it moves over ground: as it was told, else as it has moved. `None` for what was not there before.
     pub fn velocity_mps(&self) -> Option<[f64; 2]> {
+        if let Some(told) = self.0.first().and_then(|(_, seen)| seen.velocity_mps) {
+            return Some(told);
+        }
         let [(to, now), .., (from, first)] = &self.0[..self.0.len().min(N_BACK + 1)] else { return None };
         let after_s = to.time_s - from.time_s;
         (after_s > 0.0).then(|| (moved_m(&first.at, &now.at) / after_s).into())
@@ -140,7 +150,12 @@ mod tests {
     fn a_track_goes_back_to_the_first_gap() {
         let sample = |time_s: f64, x_m: f64| Sample {
             time_s,
-            seen: vec![Seen { at: car(x_m, 4.0), is_harmful: false, meets: time_s > 0.5 }],
+            seen: vec![Seen {
+                at: car(x_m, 4.0),
+                is_harmful: false,
+                velocity_mps: None,
+                meets: time_s > 0.5,
+            }],
             due_s: time_s,
         };
         let (now, before) = (sample(0.9, 12.0), [sample(0.6, 11.0), sample(0.3, 10.0), sample(0.0, 30.0)]);

@@ -138,6 +138,11 @@ impl Drive {
         self.traffic.free_way_m(n_steps, CONTROL_PERIOD_S)
     }
 
+    /// The ego's route over ground, from its bumper on.
+    pub(super) fn route_ahead(&self, length_m: f64, step_m: f64) -> Vec<Vec2> {
+        self.traffic.route_ahead(length_m, step_m)
+    }
+
     /// Whether the ego stands at a line that it may not cross yet.
     pub(super) fn ego_waits_at_line(&self) -> bool {
         self.traffic.ego_waits_at_line()

@@ -2,6 +2,8 @@
 //!
 //! Control rate 20 Hz.
 
+mod ordered;
+
 use std::sync::Arc;
 
 use nalgebra::{UnitQuaternion, Vector3};
@@ -147,22 +149,6 @@ impl Traffic {
             mocap_of: world.placements.iter().map(|placement| placement.mocap).collect(),
             rng,
         }
-    }
-
-    /// Has the ego driven by the driver under test, which knows nothing of objects, and tells it what perception orders.
-    pub fn order(&mut self, orders: EgoOrders) {
-        self.orders = Some(orders);
-    }
-
-    /// How far the ego would have come on its route after each of so many steps, from standing where it is, with nothing in
-    /// its way and all lights green.
-    pub fn free_way_m(&self, n_steps: usize, dt_s: f64) -> Vec<f64> {
-        self.ego.free_way_m(n_steps, dt_s, &self.town.graph)
-    }
-
-    /// Whether the ego stands at the line of a light or a junction that does not let it through.
-    pub fn ego_waits_at_line(&self) -> bool {
-        self.ego.waits_at_line()
     }
 
     /// Whether an actor has been set off and has not come to the end of its way.
