@@ -27,9 +27,6 @@ const STANDS_MPS: f64 = 0.3;
 /// Braking of one who stands and is to go on standing, m/s².
 const HOLDING_MPS2: f64 = 2.0;
 
-/// Two boxes of one sample nearer than this say two things of one object, metres between their centres on the ground.
-const ONE_OBJECT_M: f64 = 0.5;
-
 /// The memory of one drive.
 #[derive(Debug, Clone)]
 pub struct Reflex {
@@ -70,11 +67,11 @@ impl Reflex {
         knows_velocities: bool,
     ) {
         let counted = found.iter().filter(|found| found.score >= self.min_score);
-        let seen = counted.map(|one| Seen {
-            at: one.box_in_ego.in_frame(world_from_ego),
-            is_harmful: one.harm == Harm::Harmful && !is_surer_harmless(one, found),
+        let seen = counted.map(|found| Seen {
+            at: found.box_in_ego.in_frame(world_from_ego),
+            is_harmful: found.harm == Harm::Harmful,
             velocity_mps: knows_velocities.then(|| {
-                let [x_mps, y_mps] = one.velocity_in_ego_mps;
+                let [x_mps, y_mps] = found.velocity_in_ego_mps;
                 let over_ground = world_from_ego.rotate(&Vector3::new(x_mps, y_mps, 0.0));
                 [over_ground.x, over_ground.y]
             }),
@@ -215,16 +212,6 @@ impl Reflex {
         let room_m = (gap_m - self.config.margin_m).max(0.0);
         (speed_mps * speed_mps / (2.0 * room_m)).clamp(least, most)
     }
-}
-
-/// Whether a detector is at least as sure that what it calls harmful here is harmless: who doubts tells both, each with its score.
-fn is_surer_harmless(of: &Detection, found: &[Detection]) -> bool {
-    found.iter().any(|other| {
-        let (here, there) = (&of.box_in_ego.center, &other.box_in_ego.center);
-        other.harm == Harm::Harmless
-            && other.score >= of.score
-            && (here.x() - there.x()).hypot(here.y() - there.y()) < ONE_OBJECT_M
-    })
 }
 
 #[cfg(test)]

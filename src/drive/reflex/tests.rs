@@ -210,18 +210,3 @@ fn of_who_knows_velocities_what_was_there_before_brakes_as_soon_as_it_moves() {
     assert_eq!(braked(true), [false, false, true]);
     assert_eq!(braked(false), [false; 3]);
 }
-
-#[test]
-fn of_two_words_on_one_object_the_surer_one_counts() {
-    let braked = |harmless: Detection| {
-        let mut reflex = reflex(ReflexConfig::default());
-        for time_s in [0.0, 0.3] {
-            reflex.see(time_s, &at(0.0), &[crate_at(22.0, Harm::Harmful, 0.5), harmless], false);
-        }
-        reflex.orders(0.3, &at(0.0), &STATE, &[]).unwrap().braking_mps2.is_some()
-    };
-    assert!(!braked(crate_at(22.2, Harm::Harmless, 0.6)));
-    assert!(braked(crate_at(22.2, Harm::Harmless, 0.4)));
-    // Another object.
-    assert!(braked(crate_at(23.0, Harm::Harmless, 0.6)));
-}
