@@ -1,8 +1,8 @@
-//! What is not in the zone yet but in the ego's way: where both would meet if both kept their motion.
+//! What is not in the zone yet but moves into the ego's way: where both would meet if both kept their motion.
 //!
-//! The rule is that of the zone `ttc` (`zone::ttc`) with a short horizon. Of what moves it asks with a wider ego, and however high
-//! the thing is: what flies comes down. It may be slower than it seems by the time they meet, as what rolls or tumbles is. Of
-//! what stands it asks with the ego's own width: a rectangle that points where the wheels do leaves a bend.
+//! The rule is that of the zone `ttc` (`zone::ttc`) with a short horizon and a wider ego, asked about moving things alone, however
+//! high they are: what flies comes down. A driver also asks it of what slows down on the way, as what rolls or tumbles does. What
+//! stands is the zone's and the route's (`route_ahead`).
 
 use super::config::ReflexConfig;
 use crate::geometry::{Box3, Ego, Point};

@@ -169,7 +169,7 @@ impl Reflex {
                 at,
                 confirmed_s: sample.due_s,
                 n_confirmed: 1,
-                stands: stands.or(if seen.is_harmful { None } else { Some(false) }),
+                stands,
                 is_seen: true,
             }));
         }
