@@ -85,6 +85,7 @@ fn the_score_that_calibrate_chooses_is_kept_with_the_network_and_used() {
         told.starts_with("warns from a score of 0.") && told.contains("false alarms a kilometre"),
         "{told}"
     );
+    assert!(told.contains("\nbrakes from a score of 0."), "{told}");
     let chosen = operating_score(&[]);
     assert!(chosen != 0.2 && told.contains(&format!("{chosen:.3}")), "{chosen}: {told}");
     assert_eq!(operating_score(&["--set", "operating_score=0.7"]), 0.7);
@@ -111,6 +112,9 @@ fn the_score_that_calibrate_chooses_is_kept_with_the_network_and_used() {
     assert!(message.contains("inside the program") && message.contains("run's folder"), "{message}");
     let message = refused(&checkpoint, &["--data", text(ood), "--false-alarms-per-km", "0.001"]);
     assert!(message.contains("no score spends as few"), "{message}");
+    let more = ["--data", text(ood), "--braking-false-alarms-per-km", "11"];
+    let message = refused(&checkpoint, &more);
+    assert!(message.contains("11 is more than --false-alarms-per-km 10"), "{message}");
     assert_eq!(operating_score(&[]), chosen, "what was there stays");
 }
 

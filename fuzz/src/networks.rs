@@ -9,7 +9,7 @@ use harmzone::config::{to_toml, with_overrides};
 use harmzone::dataset::SeenEpisodes;
 use harmzone::device::DeviceName;
 use harmzone::model::image_weights::load_image_weights;
-use harmzone::model::{Detector, ModelConfig, OperatingScore, Swin, SwinConfig, checkpoint};
+use harmzone::model::{Detector, ModelConfig, OperatingScore, OperatingScores, Swin, SwinConfig, checkpoint};
 
 use super::scratch;
 
@@ -54,18 +54,20 @@ fn tiny_checkpoint() -> Vec<u8> {
     checkpoint::save(&Detector::init(&tiny_config(), 0, &device), Some(&seen), &path)
         .expect("it can be written");
     let bytes = fs::read(&path).expect("it was just written");
-    checkpoint::with_operating_score(&bytes, &score(), Some(&seen), &path).expect("it is a checkpoint")
+    checkpoint::with_operating_scores(&bytes, &scores(), Some(&seen), &path).expect("it is a checkpoint")
 }
 
-fn score() -> OperatingScore {
-    OperatingScore {
+fn scores() -> OperatingScores {
+    let warning = OperatingScore {
         score: 0.3,
         max_false_alarms_per_km: 10.0,
         false_alarms_per_km: 9.5,
         missed_per_event: Some(0.25),
         driven_km: 3.5,
         n_samples: 600,
-    }
+    };
+    let braking = OperatingScore { score: 0.6, max_false_alarms_per_km: 2.0, ..warning.clone() };
+    OperatingScores { warning, braking }
 }
 
 /// The JSON header of a safetensors file, and what follows it.
@@ -96,7 +98,8 @@ pub fn checkpoint(bytes: &[u8]) {
     });
     let path = Path::new("model.safetensors");
     let _ = (checkpoint::seen_in(&file, path), checkpoint::operating_score_in(&file, path));
-    let _ = checkpoint::with_operating_score(&file, &score(), None, path);
+    let _ = checkpoint::braking_score_in(&file, path);
+    let _ = checkpoint::with_operating_scores(&file, &scores(), None, path);
     if file.len() < MOST_BYTES {
         let device = DeviceName::Cpu.open().expect("there is a CPU");
         if let Err(error) = checkpoint::unpack(&file, path, &device) {

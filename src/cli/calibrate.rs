@@ -1,4 +1,4 @@
-//! `harmzone calibrate`: the score from which on a network warns.
+//! `harmzone calibrate`: the scores from which on a network warns and a car brakes for what it says.
 
 use std::path::PathBuf;
 
@@ -12,16 +12,20 @@ use super::{
 use crate::dataset::LearnedError;
 use crate::episode::Split;
 use crate::eval::judge::Judge;
+use crate::eval::safety::OperatingPoint;
 use crate::eval::{self, EvalConfig, Mode, Protocol, eval_samples};
 use crate::files;
 use crate::infer::{self, Trained};
-use crate::model::{OperatingScore, checkpoint};
+use crate::model::{OperatingScore, OperatingScores, checkpoint};
+
+/// A car brakes for fewer false alarms than it warns of: so many of them, where nothing else is said.
+const BRAKING_SHARE: f64 = 0.2;
 
 #[derive(Debug, Args)]
 pub struct CalibrateArgs {
-    /// Folder of a trained detector, or a checkpoint; the score is written into it. With --judge also `small`
+    /// Folder of a trained detector, or a checkpoint; the scores are written into it. With --judge also `small`
     run: PathBuf,
-    /// Who decides on harm: another than the network itself has a score of its own, which is told and written nowhere: for
+    /// Who decides on harm: another than the network itself has scores of its own, which are told and written nowhere: for
     /// `drive JUDGE:RUN@SCORE`
     #[arg(long, value_parser = one_of(Judge::ALL, Judge::name), default_value = "network")]
     judge: Judge,
@@ -30,9 +34,12 @@ pub struct CalibrateArgs {
     /// Most false alarms that a warning may cost, per kilometre driven
     #[arg(long, value_name = "N", default_value_t = 10.0, value_parser = number(1e-3..=1e6_f64))]
     false_alarms_per_km: f64,
+    /// Most false alarms that a car may brake hard for, per kilometre driven; a fifth of those that it may warn of where not given
+    #[arg(long, value_name = "N", value_parser = number(1e-3..=1e6_f64))]
+    braking_false_alarms_per_km: Option<f64>,
     #[command(flatten)]
     device: DeviceArg,
-    /// Print the score and what it costs as JSON
+    /// Print the scores and what they cost as JSON
     #[arg(long)]
     json: bool,
 }
@@ -61,8 +68,19 @@ pub fn run(args: CalibrateArgs) -> anyhow::Result<ExitStatus> {
              of a drive that is new to it; choose on another split (val or dev): {data}"
         );
     }
+    let allowed = [
+        args.false_alarms_per_km,
+        args.braking_false_alarms_per_km.unwrap_or(BRAKING_SHARE * args.false_alarms_per_km),
+    ];
+    ensure!(
+        allowed[1] <= allowed[0],
+        "a car may not brake hard for more false alarms than it warns of: --braking-false-alarms-per-km {} is more than \
+         --false-alarms-per-km {}",
+        allowed[1],
+        allowed[0]
+    );
     let mut config = EvalConfig { n_resamples: 0, ..EvalConfig::default() };
-    config.safety.false_alarms_per_km = vec![args.false_alarms_per_km];
+    config.safety.false_alarms_per_km = allowed.to_vec();
     let device = args.device.open()?;
     let found = infer::detect_for(
         args.judge,
@@ -77,42 +95,58 @@ pub fn run(args: CalibrateArgs) -> anyhow::Result<ExitStatus> {
     let alarms = evaluation.safety.alarms.with_context(|| {
         format!("the car does not move in these samples, so that false alarms a kilometre cannot be counted: {data}")
     })?;
-    let point = &alarms.points[0];
-    let score = point.score.with_context(|| {
-        format!(
-            "no score spends as few as {} false alarms a kilometre on the {:.3} km driven here; allow more, or give more \
-             data: {data}",
-            args.false_alarms_per_km, alarms.driven_km
-        )
-    })?;
-    let chosen = OperatingScore {
-        score,
-        max_false_alarms_per_km: args.false_alarms_per_km,
-        false_alarms_per_km: point.false_alarms_per_km,
-        missed_per_event: point.missed_per_event,
-        driven_km: alarms.driven_km,
-        n_samples: samples.len(),
+    let chosen = |point: &OperatingPoint| {
+        let allowed = point.max_false_alarms_per_km;
+        let score = point.score.with_context(|| {
+            format!(
+                "no score spends as few as {allowed} false alarms a kilometre on the {:.3} km driven here; allow more, or give more \
+                 data: {data}",
+                alarms.driven_km
+            )
+        })?;
+        anyhow::Ok(OperatingScore {
+            score,
+            max_false_alarms_per_km: allowed,
+            false_alarms_per_km: point.false_alarms_per_km,
+            missed_per_event: point.missed_per_event,
+            driven_km: alarms.driven_km,
+            n_samples: samples.len(),
+        })
     };
+    let chosen = OperatingScores { warning: chosen(&alarms.points[0])?, braking: chosen(&alarms.points[1])? };
     let kept = match path {
         Some(path) => {
             let seen = trained.seen()?.map(|seen| seen.with_watched(episodes));
             let (_, bytes) = trained.bytes()?;
-            let bytes = checkpoint::with_operating_score(&bytes, &chosen, seen.as_ref(), path)?;
+            let bytes = checkpoint::with_operating_scores(&bytes, &chosen, seen.as_ref(), path)?;
             files::write_atomic(path, &bytes).with_context(|| format!("cannot write {}", path.display()))?;
             format!("kept in {}", path.display())
         }
-        None => format!("for `drive {}:{}@{score:.3}`", args.judge.name(), args.run.display()),
+        None => {
+            format!("for `drive {}:{}@{:.3}`", args.judge.name(), args.run.display(), chosen.braking.score)
+        }
     };
+    let words =
+        format!("warns from {}\nbrakes from {}; {kept}", told(&chosen.warning), told(&chosen.braking));
+    let network = path.map_or_else(|| args.run.display().to_string(), |path| path_text(path));
+    let (operating_score, braking_score) = (&chosen.warning, &chosen.braking);
+    let json = json!({
+        "network": network,
+        "judge": args.judge.name(),
+        "operating_score": operating_score,
+        "braking_score": braking_score,
+    });
+    print_either(words, &json, args.json)?;
+    Ok(ExitStatus::Done)
+}
+
+fn told(chosen: &OperatingScore) -> String {
     let missed = chosen.missed_per_event.map_or_else(
         || "no harmful event is told apart".to_owned(),
         |share| format!("{:.1} % of the harmful events are missed", 100.0 * share),
     );
-    let words = format!(
-        "warns from a score of {score:.3}: {:.1} false alarms a kilometre over {:.3} km, {missed}; {kept}",
-        chosen.false_alarms_per_km, chosen.driven_km,
-    );
-    let network = path.map_or_else(|| args.run.display().to_string(), |path| path_text(path));
-    let json = json!({"network": network, "judge": args.judge.name(), "operating_score": chosen});
-    print_either(words, &json, args.json)?;
-    Ok(ExitStatus::Done)
+    let OperatingScore { score, false_alarms_per_km, driven_km, .. } = chosen;
+    format!(
+        "a score of {score:.3}: {false_alarms_per_km:.1} false alarms a kilometre over {driven_km:.3} km, {missed}"
+    )
 }

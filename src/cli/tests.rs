@@ -67,6 +67,7 @@ fn a_number_out_of_its_range_is_told_the_range() {
     ];
     let more = [
         "calibrate --false-alarms-per-km",
+        "calibrate --braking-false-alarms-per-km",
         "drive --episodes",
         "drive --seed",
         "drive --record-worst",

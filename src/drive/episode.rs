@@ -83,7 +83,7 @@ fn drive_through(
     let live = LiveEpisode::start(checked, plan, files.folder)?;
     let path = files.folder.join(plan.file());
     let recorder = files.records.then(|| Recorder::create(&live, &path)).transpose()?;
-    let reflex = Reflex::new(&config.reflex, perception.min_score(&config.reflex))?;
+    let reflex = Reflex::new(&config.reflex, perception.scores(&config.reflex))?;
     let foresight = Foresight::of_truth(config.met_within_s)?;
     let free_way_m = live.free_way_m(config.n_steps() as usize);
     let ego_kg = live.ego_mass_kg()?;

@@ -13,6 +13,8 @@ pub(super) struct Hazard {
     pub n_confirmed: u32,
     /// Whether it stood when it was last confirmed; `None` of what was not there before, and so has no speed.
     pub stands: Option<bool>,
+    /// Whether boxes sure enough for a full brake have confirmed it.
+    pub is_sure: bool,
     /// Whether the last sample shows its box, harmful or not.
     pub is_seen: bool,
 }
@@ -74,6 +76,7 @@ impl Hazards {
             if let Some(j) = known_as {
                 hazard.n_confirmed += self.0[j].n_confirmed;
                 hazard.stands = hazard.stands.or(self.0[j].stands);
+                hazard.is_sure |= self.0[j].is_sure;
                 self.0[j] = hazard;
             } else {
                 self.0.push(Hazard { stands: hazard.stands.or(Some(true)), ..hazard });
@@ -95,7 +98,7 @@ mod tests {
             height_m: 1.0,
             yaw_rad: 0.0,
         };
-        Hazard { at, confirmed_s: 0.0, n_confirmed: 1, stands: Some(true), is_seen: true }
+        Hazard { at, confirmed_s: 0.0, n_confirmed: 1, stands: Some(true), is_sure: true, is_seen: true }
     }
 
     /// Places and confirmations after samples that show crates at these places.

@@ -7,7 +7,7 @@ use super::config::ReflexConfig;
 use super::external::{External, ExternalError};
 use super::foresight::Foresight;
 use crate::eval::judge::Judge;
-use crate::infer::{self, Trained};
+use crate::infer::{self, Trained, TrainedError};
 use crate::model::Detector;
 use crate::object::{Detection, Harm, Object};
 use crate::outcome::Source;
@@ -29,8 +29,16 @@ pub(super) struct Network {
     detector: Detector,
     judge: Judge,
     device: Device,
-    /// From which on its boxes count.
-    min_score: f64,
+    scores: Scores,
+}
+
+/// The scores from which on a driver's boxes count.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Scores {
+    /// From here on the ego brakes for them as hard as it takes.
+    pub sure: f64,
+    /// From here on they are there, and the ego brakes for them a little; no higher than `sure`.
+    pub seen: f64,
 }
 
 /// What can be seen at one instant.
@@ -63,20 +71,21 @@ impl Perception {
             }
             Source::Network { run, judge, score } => {
                 let trained = Trained::find(run)?;
-                let min_score = network_score(*score, config, trained.eval_config()?.operating_score);
+                let (scores, _) = network_scores(&trained, *judge, *score, config)?;
                 let detector = trained.load(device)?;
                 let (judge, device) = (*judge, device.clone());
-                Self::Network(Box::new(Network { detector, judge, device, min_score }))
+                Self::Network(Box::new(Network { detector, judge, device, scores }))
             }
         })
     }
 
-    /// Score from which on its boxes count.
-    pub fn min_score(&self, config: &ReflexConfig) -> f64 {
+    /// Scores from which on its boxes count.
+    pub fn scores(&self, config: &ReflexConfig) -> Scores {
         match self {
-            Self::Network(network) => network.min_score,
+            Self::Network(network) => network.scores,
             Self::Blind | Self::Truth | Self::External { .. } => {
-                score_of_all(config).unwrap_or(f64::NEG_INFINITY)
+                let of_all = score_of_all(config).unwrap_or(f64::NEG_INFINITY);
+                Scores { sure: of_all, seen: of_all }
             }
         }
     }
@@ -133,9 +142,23 @@ pub(super) fn score_of_all(config: &ReflexConfig) -> Option<f64> {
     (config.score > 0.0).then_some(config.score)
 }
 
-/// The score from which on a network's boxes count: what was asked for with it, else the config's, else its own.
-pub(super) fn network_score(asked: Option<f64>, config: &ReflexConfig, own: f64) -> f64 {
-    asked.or(score_of_all(config)).unwrap_or(own)
+/// The scores from which on a network's boxes count. The ego brakes fully from what was asked for with it, else the config's, else
+/// its own for braking; a rule over its boxes has none. They are there from the one that it warns from on. And whether anybody chose
+/// the first.
+///
+/// # Errors
+/// The checkpoint is broken.
+pub(super) fn network_scores(
+    trained: &Trained,
+    judge: Judge,
+    asked: Option<f64>,
+    config: &ReflexConfig,
+) -> Result<(Scores, bool), TrainedError> {
+    let own = trained.braking_score()?.filter(|_| judge == Judge::Network).map(|own| own.score);
+    let chosen = asked.or(score_of_all(config)).or(own);
+    let warning = trained.eval_config()?.operating_score;
+    let sure = chosen.unwrap_or(warning);
+    Ok((Scores { sure, seen: warning.min(sure) }, chosen.is_some()))
 }
 
 impl From<ExternalError> for DriveError {
@@ -161,4 +184,28 @@ pub(super) fn truly_harmful(
         }
     }
     Ok(harmful)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_network_brakes_from_its_score_for_braking_and_sees_what_it_warns_of() {
+        let small = Trained::find("small".as_ref()).unwrap();
+        let scores = |judge, asked, score| {
+            let config = ReflexConfig { score, ..ReflexConfig::default() };
+            network_scores(&small, judge, asked, &config).unwrap()
+        };
+        let warning = small.operating_score().unwrap().unwrap().score;
+        let braking = small.braking_score().unwrap().unwrap().score;
+        assert!(braking > warning, "{braking}, {warning}");
+        let of = |sure, seen| Scores { sure, seen };
+        assert_eq!(scores(Judge::Network, None, 0.0), (of(braking, warning), true));
+        assert_eq!(scores(Judge::Network, None, 0.6), (of(0.6, warning), true));
+        assert_eq!(scores(Judge::Network, Some(0.1), 0.6), (of(0.1, 0.1), true));
+        // Its scores are not those of a rule.
+        assert_eq!(scores(Judge::Zone, None, 0.0), (of(warning, warning), false));
+        assert_eq!(scores(Judge::Zone, Some(0.8), 0.0), (of(0.8, warning), true));
+    }
 }

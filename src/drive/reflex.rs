@@ -13,6 +13,7 @@ use nalgebra::{Vector2, Vector3};
 use super::config::ReflexConfig;
 use super::foresight::{Foresight, ForesightAt};
 use super::hazards::{Hazard, Hazards};
+use super::perception::Scores;
 use super::route_ahead::{RouteAhead, RouteAheadAt};
 use super::strip::ahead_of;
 use super::tracks::{Sample, Seen, Track, apart_m};
@@ -33,8 +34,7 @@ pub struct Reflex {
     config: ReflexConfig,
     foresight: Foresight,
     route_ahead: RouteAhead,
-    /// From which score on a box counts.
-    min_score: f64,
+    scores: Scores,
     due: VecDeque<Sample>,
     /// The last samples that took effect, the latest first.
     history: VecDeque<Sample>,
@@ -42,16 +42,14 @@ pub struct Reflex {
 }
 
 impl Reflex {
-    /// Boxes count from `min_score` on.
-    ///
     /// # Errors
     /// The config is not valid.
-    pub fn new(config: &ReflexConfig, min_score: f64) -> Result<Self, ZoneError> {
+    pub fn new(config: &ReflexConfig, scores: Scores) -> Result<Self, ZoneError> {
         Ok(Self {
             config: config.clone(),
             foresight: Foresight::new(config)?,
             route_ahead: RouteAhead::new(config)?,
-            min_score,
+            scores,
             due: VecDeque::new(),
             history: VecDeque::new(),
             hazards: Hazards::default(),
@@ -66,9 +64,10 @@ impl Reflex {
         found: &[Detection],
         knows_velocities: bool,
     ) {
-        let counted = found.iter().filter(|found| found.score >= self.min_score);
+        let counted = found.iter().filter(|found| found.score >= self.scores.seen);
         let seen = counted.map(|found| Seen {
             at: found.box_in_ego.in_frame(world_from_ego),
+            is_sure: found.score >= self.scores.sure,
             is_harmful: found.harm == Harm::Harmful,
             velocity_mps: knows_velocities.then(|| {
                 let [x_mps, y_mps] = found.velocity_in_ego_mps;
@@ -109,7 +108,7 @@ impl Reflex {
         self.hazards.retain(is_kept);
         let asked = self.hazards.iter().filter_map(|hazard| {
             let gap_m = self.gap_m(&hazard.at.in_frame(&ego_from_world), state.front_bumper_x_m)?;
-            Some(self.braking_mps2(gap_m, state.speed_mps))
+            Some(self.braking_mps2(gap_m, state.speed_mps, hazard.is_sure))
         });
         Ok(EgoOrders { braking_mps2: asked.max_by(f64::total_cmp) })
     }
@@ -137,11 +136,16 @@ impl Reflex {
             let track = Track::of(&sample, i, self.history.iter(), &self.config);
             let velocity_mps = track.velocity_mps();
             let stands = velocity_mps.map(|[x_mps, y_mps]| x_mps.hypot(y_mps) < self.config.moving_mps);
+            let mut is_sure =
+                seen.is_sure && track.n_alarming_before(|earlier| earlier.is_sure) + 1 >= n_confirming;
             let hazard_at = if seen.is_harmful {
-                let n_before = self.n_harmful_before(&sample.seen, i).max(track.n_alarming_before());
-                (n_before + 1 >= n_confirming).then_some(seen.at)
+                let n_before = |counts: fn(&Seen) -> bool| {
+                    self.n_harmful_before(&sample.seen, i, counts).max(track.n_alarming_before(counts))
+                };
+                is_sure = seen.is_sure && n_before(|earlier| earlier.is_sure) + 1 >= n_confirming;
+                (n_before(|_| true) + 1 >= n_confirming).then_some(seen.at)
             } else if stands == Some(true) {
-                let is_confirmed = track.n_alarming_before() + 1 >= n_confirming;
+                let is_confirmed = track.n_alarming_before(|_| true) + 1 >= n_confirming;
                 let is_blocked = ahead.is_blocked_by(&seen.at, &seen.at.in_frame(&ego_from_world))?;
                 sample.seen[i].meets = is_blocked;
                 (is_blocked && is_confirmed).then_some(seen.at)
@@ -158,9 +162,10 @@ impl Reflex {
                 let met = foresight.meeting(&now_at.in_frame(&ego_from_world), [in_ego.x, in_ego.y])?;
                 // A velocity that two boxes give is an error more often than the boxes are.
                 let is_confirmed = if seen.velocity_mps.is_some() {
+                    is_sure = seen.is_sure;
                     track.is_seen_in(n_confirming)
                 } else {
-                    track.n_alarming_before() + 1 >= n_confirming
+                    track.n_alarming_before(|_| true) + 1 >= n_confirming
                 };
                 sample.seen[i].meets = met.is_some();
                 met.filter(|_| is_confirmed).map(|met| met.in_frame(world_from_ego))
@@ -170,6 +175,7 @@ impl Reflex {
                 confirmed_s: sample.due_s,
                 n_confirmed: 1,
                 stands,
+                is_sure,
                 is_seen: true,
             }));
         }
@@ -182,11 +188,12 @@ impl Reflex {
 
     /// How many of the samples before show a harmful box that this one may be, and no other harmful one of its sample sooner: what is
     /// seen once beside a thing that is known is not known for that.
-    fn n_harmful_before(&self, seen: &[Seen], i: usize) -> usize {
+    fn n_harmful_before(&self, seen: &[Seen], i: usize, counts: impl Fn(&Seen) -> bool) -> usize {
         let is_own = |earlier: &&Seen| {
             let here_m = apart_m(&earlier.at, &seen[i].at);
             let others = seen.iter().enumerate().filter(|(j, other)| *j != i && other.is_harmful);
             earlier.is_harmful
+                && counts(earlier)
                 && here_m < self.config.same_m
                 && others.into_iter().all(|(_, other)| apart_m(&earlier.at, &other.at) >= here_m)
         };
@@ -204,12 +211,13 @@ impl Reflex {
         in_strip.or_else(|| nearest(&mut ahead.iter()))
     }
 
-    fn braking_mps2(&self, gap_m: f64, speed_mps: f64) -> f64 {
+    fn braking_mps2(&self, gap_m: f64, speed_mps: f64, is_sure: bool) -> f64 {
         if speed_mps < STANDS_MPS {
             return HOLDING_MPS2;
         }
         let [least, most] = self.config.braking_mps2;
         let room_m = (gap_m - self.config.margin_m).max(0.0);
+        let most = if is_sure { most } else { self.config.partial_mps2.clamp(least, most) };
         (speed_mps * speed_mps / (2.0 * room_m)).clamp(least, most)
     }
 }

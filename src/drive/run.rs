@@ -10,7 +10,7 @@ use fs_err as fs;
 
 use super::episode::failed;
 use super::folder::{find_whole, finish_dataset, open, outcome_path};
-use super::perception::{network_score, score_of_all};
+use super::perception::{network_scores, score_of_all};
 use super::scenario::{Scenario, check_names, course, world_plans};
 use super::worker::{COMMAND, DriveJob, Task};
 use super::{DriveConfig, DriveError, ReflexConfig};
@@ -282,27 +282,37 @@ fn plans(
     (0..scenarios.len() as u32).map(|idx| Ok(course(config, scenarios, idx)?.plan)).collect()
 }
 
-/// Who a driver is, with the hash of what it drives by, and the score from which on its boxes count.
+/// Who a driver is, with the hash of what it drives by, and the scores from which on its boxes count.
 fn origin_of(who: &Who, reflex: &ReflexConfig, device: DeviceName) -> Result<Origin, DriveError> {
-    let (sha256, min_score) = match &who.source {
+    let (sha256, min_score, seen_from) = match &who.source {
         Source::Network { run, judge, score } => {
             let trained = Trained::find(run)?;
-            let chosen = trained.operating_score()?.filter(|_| *judge == Judge::Network);
-            let min_score = network_score(*score, reflex, trained.eval_config()?.operating_score);
-            if score.or(score_of_all(reflex)).is_none() && chosen.is_none() {
-                tell_unchosen(who, run, *judge, min_score);
+            let (scores, is_chosen) = network_scores(&trained, *judge, *score, reflex)?;
+            if !is_chosen {
+                tell_unchosen(who, run, *judge, scores.sure);
             }
-            (sha256_hex(&trained.bytes()?.1), Some(min_score))
+            (
+                sha256_hex(&trained.bytes()?.1),
+                Some(scores.sure),
+                (scores.seen < scores.sure).then_some(scores.seen),
+            )
         }
         Source::External { command } => {
             let files = command.split_whitespace().map(Path::new).filter(|path| path.is_file());
             let hashes = files.map(sha256_of).collect::<Result<Vec<_>, _>>()?;
-            (sha256_hex(hashes.concat().as_bytes()), score_of_all(reflex))
+            (sha256_hex(hashes.concat().as_bytes()), score_of_all(reflex), None)
         }
-        Source::Blind | Source::Truth => (String::new(), None),
+        Source::Blind | Source::Truth => (String::new(), None, None),
     };
     let generator_version = env!("CARGO_PKG_VERSION").to_owned();
-    Ok(Origin { who: who.clone(), sha256, min_score, generator_version, device: device.to_string() })
+    Ok(Origin {
+        who: who.clone(),
+        sha256,
+        min_score,
+        seen_from,
+        generator_version,
+        device: device.to_string(),
+    })
 }
 
 /// A driver at a score that nobody chose for it brakes as often as it happens to.

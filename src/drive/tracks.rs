@@ -13,6 +13,8 @@ use crate::geometry::{Box3, World};
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Seen {
     pub at: Box3<World>,
+    /// Whether its score is enough for a full brake.
+    pub is_sure: bool,
     pub is_harmful: bool,
     /// Over ground, where whoever tells of the box knows it, m/s.
     pub velocity_mps: Option<[f64; 2]>,
@@ -68,9 +70,10 @@ impl<'a> Track<'a> {
         (after_s > 0.0).then(|| (moved_m(&first.at, &now.at) / after_s).into())
     }
 
-    /// How many of its boxes before the last are harmful or were foreseen to meet the ego.
-    pub fn n_alarming_before(&self) -> usize {
-        self.0.iter().skip(1).filter(|(_, seen)| seen.is_harmful || seen.meets).count()
+    /// How many of its boxes before the last are harmful or were foreseen to meet the ego, of those that count.
+    pub fn n_alarming_before(&self, counts: impl Fn(&Seen) -> bool) -> usize {
+        let is_alarming = |seen: &Seen| (seen.is_harmful || seen.meets) && counts(seen);
+        self.0.iter().skip(1).filter(|(_, seen)| is_alarming(seen)).count()
     }
 }
 
@@ -152,6 +155,7 @@ mod tests {
             time_s,
             seen: vec![Seen {
                 at: car(x_m, 4.0),
+                is_sure: true,
                 is_harmful: false,
                 velocity_mps: None,
                 meets: time_s > 0.5,
@@ -162,7 +166,7 @@ mod tests {
         let track = Track::of(&now, 0, before.iter(), &ReflexConfig::default());
         let velocity_mps = track.velocity_mps().unwrap();
         assert!((velocity_mps[0] - 2.0 / 0.6).abs() < 1e-9, "{velocity_mps:?}");
-        assert_eq!(track.n_alarming_before(), 1);
+        assert_eq!(track.n_alarming_before(|_| true), 1);
         assert!(Track::of(&now, 0, before[2..].iter(), &ReflexConfig::default()).velocity_mps().is_none());
     }
 }

@@ -109,6 +109,16 @@ impl Trained {
         Ok(checkpoint::operating_score_in(&bytes, &path)?)
     }
 
+    /// The score from which on a car brakes for what it says: the one chosen for that, else the one from which it warns.
+    ///
+    /// # Errors
+    /// As [`Self::operating_score`].
+    pub fn braking_score(&self) -> Result<Option<OperatingScore>, TrainedError> {
+        let (path, bytes) = self.bytes()?;
+        let own = checkpoint::braking_score_in(&bytes, &path)?;
+        Ok(own.or(checkpoint::operating_score_in(&bytes, &path)?))
+    }
+
     /// How it is scored where nothing else is said: the default, with the operating score of its own.
     ///
     /// # Errors

@@ -12,7 +12,7 @@ use thiserror::Error;
 
 use super::config::ModelConfig;
 use super::detector::Detector;
-use super::operating_score::OperatingScore;
+use super::operating_score::{OperatingScore, OperatingScores};
 use crate::config::Check;
 use crate::dataset::SeenEpisodes;
 use crate::files;
@@ -25,6 +25,8 @@ const CONFIG_KEY: &str = "harmzone.model";
 const SEEN_KEY: &str = "harmzone.seen";
 /// Metadata key of the score from which on the network warns, as JSON; absent until one is chosen.
 const OPERATING_KEY: &str = "harmzone.operating";
+/// Metadata key of the score from which on a car brakes for what the network says, as JSON; absent until one is chosen.
+const BRAKING_KEY: &str = "harmzone.braking";
 /// Metadata key of the hash of everything else in the file; older checkpoints lack it.
 const HASH_KEY: &str = "harmzone.sha256";
 /// Metadata key of the format's version.
@@ -196,21 +198,32 @@ pub fn operating_score_in(bytes: &[u8], path: &Path) -> Result<Option<OperatingS
     json_in(bytes, OPERATING_KEY, path)
 }
 
-/// A checkpoint's bytes with another operating score, which was chosen on the episodes that `seen` now holds too; weights and
-/// config stay as they are. Errors name `path`.
+/// The score from which on a car brakes for what the network in a checkpoint's bytes says, where one has been chosen; errors name
+/// `path`.
+///
+/// # Errors
+/// As [`operating_score_in`].
+pub fn braking_score_in(bytes: &[u8], path: &Path) -> Result<Option<OperatingScore>, CheckpointError> {
+    json_in(bytes, BRAKING_KEY, path)
+}
+
+/// A checkpoint's bytes with other scores, which were chosen on the episodes that `seen` now holds too; weights and config stay as
+/// they are. Errors name `path`.
 ///
 /// # Errors
 /// The bytes are not a checkpoint.
-pub fn with_operating_score(
+pub fn with_operating_scores(
     bytes: &[u8],
-    chosen: &OperatingScore,
+    chosen: &OperatingScores,
     seen: Option<&SeenEpisodes>,
     path: &Path,
 ) -> Result<Vec<u8>, CheckpointError> {
     let foreign = |found: String| CheckpointError::Foreign { found, path: path.to_owned() };
     config_in(bytes, path)?;
     let mut metadata = serde_json::to_value(metadata_in(bytes).map_err(foreign)?).expect("texts are JSON");
-    metadata[OPERATING_KEY] = serde_json::to_string(chosen).expect("numbers are JSON").into();
+    for (key, score) in [(OPERATING_KEY, &chosen.warning), (BRAKING_KEY, &chosen.braking)] {
+        metadata[key] = serde_json::to_string(score).expect("numbers are JSON").into();
+    }
     if let Some(seen) = seen {
         metadata[SEEN_KEY] = serde_json::to_string(seen).expect("hashes are JSON").into();
     }
@@ -298,13 +311,13 @@ mod tests {
     }
 
     #[test]
-    fn an_operating_score_is_kept_beside_the_same_weights_and_replaced_by_the_next() {
+    fn operating_scores_are_kept_beside_the_same_weights_and_replaced_by_the_next() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("model.safetensors");
         save(&Detector::init(&ModelConfig::default(), 0, &Device::flex()), None, &path).unwrap();
         let before = fs::read(&path).unwrap();
         assert_eq!(operating_score_in(&before, &path).unwrap(), None);
-        let chosen = |score| OperatingScore {
+        let of = |score| OperatingScore {
             score,
             max_false_alarms_per_km: 10.0,
             false_alarms_per_km: 9.5,
@@ -312,10 +325,12 @@ mod tests {
             driven_km: 3.5,
             n_samples: 600,
         };
+        let chosen = |score| OperatingScores { warning: of(score), braking: of(2.0 * score) };
         let seen = SeenEpisodes { learned: ["ab".to_owned()].into(), watched: ["cd".to_owned()].into() };
-        let first = with_operating_score(&before, &chosen(0.3), Some(&seen), &path).unwrap();
-        let second = with_operating_score(&first, &chosen(0.4), None, &path).unwrap();
-        assert_eq!(operating_score_in(&second, &path).unwrap(), Some(chosen(0.4)));
+        let first = with_operating_scores(&before, &chosen(0.3), Some(&seen), &path).unwrap();
+        let second = with_operating_scores(&first, &chosen(0.4), None, &path).unwrap();
+        assert_eq!(operating_score_in(&second, &path).unwrap(), Some(of(0.4)));
+        assert_eq!(braking_score_in(&second, &path).unwrap(), Some(of(0.8)));
         assert_eq!(seen_in(&second, &path).unwrap(), Some(seen));
         assert_eq!(config_in(&second, &path).unwrap(), ModelConfig::default());
         let weights = |bytes: &[u8]| {
@@ -323,7 +338,7 @@ mod tests {
             bytes[8 + n_header..].to_vec()
         };
         assert!(weights(&before) == weights(&second));
-        assert!(with_operating_score(b"something else", &chosen(0.3), None, &path).is_err());
+        assert!(with_operating_scores(b"something else", &chosen(0.3), None, &path).is_err());
     }
 
     #[test]

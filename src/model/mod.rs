@@ -49,7 +49,7 @@ pub use image_weights::{ImageWeightsError, ImageWeightsReport};
 pub use input::{Input, InputError};
 pub use lidar::sparse::SparseEncoder;
 pub use lidar::{LidarBatch, LidarInput, N_VOXEL_FEATURES, VoxelBatch, Voxels, voxelize};
-pub use operating_score::OperatingScore;
+pub use operating_score::{OperatingScore, OperatingScores};
 pub use parameters::n_trained;
 pub use shipped::{SHIPPED, Shipped};
 pub use stages::detect_by_stage;

@@ -1,8 +1,8 @@
-//! The score from which on a network warns, chosen on data that it did not learn from and kept with its weights.
+//! The scores from which on a network's boxes count, chosen on data that it did not learn from and kept with its weights.
 
 use serde::{Deserialize, Serialize};
 
-/// From which score on detections count as warnings, and what that cost where it was chosen.
+/// From which score on detections count, and what that cost where it was chosen.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct OperatingScore {
@@ -16,4 +16,13 @@ pub struct OperatingScore {
     pub missed_per_event: Option<f64>,
     pub driven_km: f64,
     pub n_samples: usize,
+}
+
+/// A network's scores, each for what it is for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OperatingScores {
+    /// From here on its harmful boxes are warnings.
+    pub warning: OperatingScore,
+    /// From here on a car brakes for them, which it does less lightly than it warns.
+    pub braking: OperatingScore,
 }

@@ -56,6 +56,7 @@ pub fn summary(drives: &[(Who, Vec<DriveOutcome>)], sha256: &str) -> DriveSummar
             Source::Network { score, .. } => score,
             _ => None,
         },
+        seen_from: None,
         generator_version: "0.1.0".into(),
         device: "cpu".into(),
     };

@@ -140,8 +140,11 @@ def test_errors_are_exceptions_with_the_commands_words(data, tmp_path):
 
 
 def test_an_interrupt_ends_the_command_and_the_same_call_goes_on(tmp_path):
+    # Many, and short: the last must not be done as soon as the first.
+    many = {**KEYS, "episodes": 12, "samples": 1}
+    world = [*WORLD[:4], "--episodes", "12", "--samples", "1", *WORLD[8:]]
     process = subprocess.Popen(
-        [COMMAND, "gen", "--out", tmp_path, *WORLD], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        [COMMAND, "gen", "--out", tmp_path, *world], stdout=subprocess.PIPE, stderr=subprocess.PIPE
     )
     # In the middle, however fast the machine is.
     while not list(tmp_path.glob("episodes/*.mcap")):
@@ -150,7 +153,7 @@ def test_an_interrupt_ends_the_command_and_the_same_call_goes_on(tmp_path):
     process.send_signal(signal.SIGINT)
     assert process.wait(timeout=10) != 0
     process.communicate()
-    assert len(harmzone.gen(tmp_path, **KEYS, quiet=True)) == 6
+    assert len(harmzone.gen(tmp_path, **many, quiet=True)) == 12
 
 
 def test_a_data_set_can_be_sent_to_another_process(data):

@@ -23,7 +23,7 @@ fn at(x_m: f64) -> Transform<World, Ego> {
 }
 
 fn reflex(config: ReflexConfig) -> Reflex {
-    Reflex::new(&config, 0.3).unwrap()
+    Reflex::new(&config, Scores { sure: 0.3, seen: 0.3 }).unwrap()
 }
 
 #[test]
@@ -145,7 +145,7 @@ fn latency_delays_the_brake() {
 fn what_lies_behind_the_bumper_is_past_and_what_is_too_near_takes_all_brakes() {
     let reflex = reflex(ReflexConfig::default());
     assert_eq!(reflex.gap_m(&crate_at(-1.5, Harm::Harmful, 0.9).box_in_ego, 3.0), None);
-    assert!((reflex.braking_mps2(1.0, 5.0) - 8.0).abs() < 1e-12);
+    assert!((reflex.braking_mps2(1.0, 5.0, true) - 8.0).abs() < 1e-12);
     // Of a long wall beside the car that turns into the strip ahead, the part in the strip counts.
     let wall = Box3 {
         center: Point::new(13.0, 2.0, 0.5),
@@ -209,4 +209,38 @@ fn of_who_knows_velocities_what_was_there_before_brakes_as_soon_as_it_moves() {
     };
     assert_eq!(braked(true), [false, false, true]);
     assert_eq!(braked(false), [false; 3]);
+}
+
+#[test]
+fn boxes_below_the_score_for_braking_brake_a_little_until_two_samples_are_surer() {
+    let braked = |scores: [f64; 5]| {
+        let mut reflex = Reflex::new(&ReflexConfig::default(), Scores { sure: 0.5, seen: 0.3 }).unwrap();
+        scores.map(|score| {
+            let time_s = reflex.history.front().map_or(0.0, |last| last.time_s + 0.3);
+            reflex.see(time_s, &at(0.0), &[crate_at(7.0, Harm::Harmful, score)], false);
+            reflex.orders(time_s, &at(0.0), &STATE, &[]).unwrap().braking_mps2
+        })
+    };
+    assert_eq!(braked([0.2; 5]), [None; 5]);
+    assert_eq!(braked([0.4; 5]), [None, Some(3.0), Some(3.0), Some(3.0), Some(3.0)]);
+    assert_eq!(braked([0.6; 5]), [None, Some(8.0), Some(8.0), Some(8.0), Some(8.0)]);
+    // Once sure it stays so; one sample of them does not make it so.
+    assert_eq!(braked([0.4, 0.6, 0.6, 0.4, 0.4]), [None, Some(3.0), Some(8.0), Some(8.0), Some(8.0)]);
+    assert_eq!(braked([0.6, 0.4, 0.4, 0.6, 0.4]), [None, Some(3.0), Some(3.0), Some(3.0), Some(3.0)]);
+}
+
+#[test]
+fn what_is_foreseen_from_unsure_boxes_brakes_a_little() {
+    let braked = |score: f64| {
+        let mut reflex = Reflex::new(&ReflexConfig::default(), Scores { sure: 0.95, seen: 0.3 }).unwrap();
+        let mut told = None;
+        for (i, y_m) in [5.4, 4.5, 3.6].into_iter().enumerate() {
+            let time_s = 0.3 * i as f64;
+            reflex.see(time_s, &at(0.0), &[Detection { score, ..rolling(y_m) }], false);
+            told = reflex.orders(time_s, &at(0.0), &STATE, &[]).unwrap().braking_mps2;
+        }
+        told.unwrap()
+    };
+    assert!((braked(0.99) - 100.0 / 20.0).abs() < 0.2);
+    assert_eq!(braked(0.4), 3.0);
 }

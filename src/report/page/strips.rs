@@ -99,7 +99,7 @@ impl Said {
     }
 }
 
-/// The score from which on a driver's boxes counted.
+/// The score from which on a driver's harmful boxes counted.
 fn min_score(origin: &Origin) -> f32 {
     match origin.who.source {
         Source::Network { .. } => origin.min_score.unwrap_or(OLD_MIN_SCORE) as f32,
@@ -121,8 +121,10 @@ fn strip(folder: &Path, origin: &Origin, labels: &str, case: &Case<'_>) -> Resul
     for (i, &sample_idx) in numbers.iter().enumerate() {
         let LabelledView { sample, harms, zone } = LabelledView::read(&dataset, labels, entry, sample_idx)?;
         let predictions = dataset.join("predictions");
-        let found =
-            read_detections(&predictions, &dataset, entry, sample.measured.time_ns, min_score(origin))?;
+        let (min_score, time_ns) = (min_score(origin), sample.measured.time_ns);
+        let seen_from = origin.seen_from.map_or(min_score, |score| score as f32);
+        let mut found = read_detections(&predictions, &dataset, entry, time_ns, seen_from)?;
+        found.retain(|found| found.harm != Harm::Harmful || found.score >= f64::from(min_score));
         let object = case.hit.and_then(|id| sample.objects().iter().find(|of| of.id.as_deref() == Some(id)));
         let of_object = Said::of(object, &found);
         said.push(of_object);
