@@ -42,8 +42,9 @@ define_config! {
         margin_m: f64 = 2.0, in from_to(0.0, 50.0);
         /// Least and greatest braking, m/s².
         braking_mps2: [f64; 2] = [0.5, 8.0], in from_to(0.01, 50.0).pair();
-        /// Greatest braking for a hazard whose boxes are below the score for braking, but not below that for warning, m/s².
-        partial_mps2: f64 = 3.0, in from_to(0.01, 50.0);
+        /// Greatest braking for a hazard whose boxes are below the score for braking, but not below that for warning, m/s²; 0: such
+        /// boxes count for nothing.
+        partial_mps2: f64 = 3.0, in from_to(0.0, 50.0);
         /// The way is free when no box has been confirmed for so long, seconds.
         free_s: f64 = 1.0, in from_to(0.0, 60.0);
         /// Nearer to the bumper than this, in the strip ahead, a hazard that stands is not free until it is passed: sensors look over

@@ -29,12 +29,12 @@ pub(super) struct Network {
     detector: Detector,
     judge: Judge,
     device: Device,
-    scores: Scores,
+    scores: CountsFrom,
 }
 
 /// The scores from which on a driver's boxes count.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Scores {
+pub struct CountsFrom {
     /// From here on the ego brakes for them as hard as it takes.
     pub sure: f64,
     /// From here on they are there, and the ego brakes for them a little; no higher than `sure`.
@@ -80,12 +80,12 @@ impl Perception {
     }
 
     /// Scores from which on its boxes count.
-    pub fn scores(&self, config: &ReflexConfig) -> Scores {
+    pub fn scores(&self, config: &ReflexConfig) -> CountsFrom {
         match self {
             Self::Network(network) => network.scores,
             Self::Blind | Self::Truth | Self::External { .. } => {
                 let of_all = score_of_all(config).unwrap_or(f64::NEG_INFINITY);
-                Scores { sure: of_all, seen: of_all }
+                CountsFrom { sure: of_all, seen: of_all }
             }
         }
     }
@@ -153,12 +153,12 @@ pub(super) fn network_scores(
     judge: Judge,
     asked: Option<f64>,
     config: &ReflexConfig,
-) -> Result<(Scores, bool), TrainedError> {
+) -> Result<(CountsFrom, bool), TrainedError> {
     let own = trained.braking_score()?.filter(|_| judge == Judge::Network).map(|own| own.score);
     let chosen = asked.or(score_of_all(config)).or(own);
     let warning = trained.eval_config()?.operating_score;
     let sure = chosen.unwrap_or(warning);
-    Ok((Scores { sure, seen: warning.min(sure) }, chosen.is_some()))
+    Ok((CountsFrom { sure, seen: warning.min(sure) }, chosen.is_some()))
 }
 
 impl From<ExternalError> for DriveError {
@@ -200,7 +200,7 @@ mod tests {
         let warning = small.operating_score().unwrap().unwrap().score;
         let braking = small.braking_score().unwrap().unwrap().score;
         assert!(braking > warning, "{braking}, {warning}");
-        let of = |sure, seen| Scores { sure, seen };
+        let of = |sure, seen| CountsFrom { sure, seen };
         assert_eq!(scores(Judge::Network, None, 0.0), (of(braking, warning), true));
         assert_eq!(scores(Judge::Network, None, 0.6), (of(0.6, warning), true));
         assert_eq!(scores(Judge::Network, Some(0.1), 0.6), (of(0.1, 0.1), true));

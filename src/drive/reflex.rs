@@ -13,7 +13,7 @@ use nalgebra::{Vector2, Vector3};
 use super::config::ReflexConfig;
 use super::foresight::{Foresight, ForesightAt};
 use super::hazards::{Hazard, Hazards};
-use super::perception::Scores;
+use super::perception::CountsFrom;
 use super::route_ahead::{RouteAhead, RouteAheadAt};
 use super::strip::ahead_of;
 use super::tracks::{Sample, Seen, Track, apart_m};
@@ -34,7 +34,7 @@ pub struct Reflex {
     config: ReflexConfig,
     foresight: Foresight,
     route_ahead: RouteAhead,
-    scores: Scores,
+    scores: CountsFrom,
     due: VecDeque<Sample>,
     /// The last samples that took effect, the latest first.
     history: VecDeque<Sample>,
@@ -44,12 +44,13 @@ pub struct Reflex {
 impl Reflex {
     /// # Errors
     /// The config is not valid.
-    pub fn new(config: &ReflexConfig, scores: Scores) -> Result<Self, ZoneError> {
+    pub fn new(config: &ReflexConfig, scores: CountsFrom) -> Result<Self, ZoneError> {
+        let seen = if config.partial_mps2 > 0.0 { scores.seen } else { scores.sure };
         Ok(Self {
             config: config.clone(),
             foresight: Foresight::new(config)?,
             route_ahead: RouteAhead::new(config)?,
-            scores,
+            scores: CountsFrom { seen, ..scores },
             due: VecDeque::new(),
             history: VecDeque::new(),
             hazards: Hazards::default(),
