@@ -323,7 +323,7 @@ fn tell_unchosen(who: &Who, run: &Path, judge: Judge, min_score: f64) {
         _ => (format!(" --judge {}", judge.name()), format!("{}:", judge.name())),
     };
     tracing::warn!(
-        "{name}: its boxes count from a score of {min_score:.3}, which was not chosen for it; `harmzone calibrate {run}{flag} --data \
+        "{name}: it brakes hard from a score of {min_score:.3}, which was not chosen for it; `harmzone calibrate {run}{flag} --data \
          DIR` finds the score for a number of false alarms a km, and {prefix}{run}@SCORE sets it"
     );
 }

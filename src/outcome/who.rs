@@ -41,10 +41,10 @@ pub struct Origin {
     pub who: Who,
     /// Of the network's checkpoint, or of the files that a command names; empty for others.
     pub sha256: String,
-    /// Score from which on its harmful boxes count; `None`: all of them do.
+    /// Score from which on it brakes hard for its boxes; `None`: for all of them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub min_score: Option<f64>,
-    /// Score from which on any of its boxes is there, where that is another.
+    /// Score from which on it brakes a little for them, where that is a lower one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seen_from: Option<f64>,
     pub generator_version: String,

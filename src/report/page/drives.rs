@@ -193,7 +193,7 @@ fn open_loop(summary: &DriveSummary, sides: &[Side]) -> Result<Vec<Block>, Repor
         }
         blocks.push(Block::heading(&format!("What the scores {} say of it", side.name.to_lowercase())));
         blocks.push(Block::text(
-            "Each point is the same network at another score from which its boxes count. Open loop: what the tables of missed harm \
+            "Each point is the same network at another score from which it brakes hard. Open loop: what the tables of missed harm \
              say of that score, between the scores that they hold. Warned in time: at the first of their decelerations.",
         ));
         blocks.push(Block::Figures { figures });

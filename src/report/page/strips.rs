@@ -99,12 +99,10 @@ impl Said {
     }
 }
 
-/// The score from which on a driver's harmful boxes counted.
-fn min_score(origin: &Origin) -> f32 {
-    match origin.who.source {
-        Source::Network { .. } => origin.min_score.unwrap_or(OLD_MIN_SCORE) as f32,
-        _ => origin.min_score.unwrap_or(0.0) as f32,
-    }
+/// The score from which on a driver's boxes counted.
+fn counted_from(origin: &Origin) -> f32 {
+    let of_old = if matches!(origin.who.source, Source::Network { .. }) { OLD_MIN_SCORE } else { 0.0 };
+    origin.seen_from.or(origin.min_score).unwrap_or(of_old) as f32
 }
 
 fn strip(folder: &Path, origin: &Origin, labels: &str, case: &Case<'_>) -> Result<Picture, ReportError> {
@@ -121,10 +119,8 @@ fn strip(folder: &Path, origin: &Origin, labels: &str, case: &Case<'_>) -> Resul
     for (i, &sample_idx) in numbers.iter().enumerate() {
         let LabelledView { sample, harms, zone } = LabelledView::read(&dataset, labels, entry, sample_idx)?;
         let predictions = dataset.join("predictions");
-        let (min_score, time_ns) = (min_score(origin), sample.measured.time_ns);
-        let seen_from = origin.seen_from.map_or(min_score, |score| score as f32);
-        let mut found = read_detections(&predictions, &dataset, entry, time_ns, seen_from)?;
-        found.retain(|found| found.harm != Harm::Harmful || found.score >= f64::from(min_score));
+        let time_ns = sample.measured.time_ns;
+        let found = read_detections(&predictions, &dataset, entry, time_ns, counted_from(origin))?;
         let object = case.hit.and_then(|id| sample.objects().iter().find(|of| of.id.as_deref() == Some(id)));
         let of_object = Said::of(object, &found);
         said.push(of_object);
