@@ -143,8 +143,8 @@ pub(super) fn score_of_all(config: &ReflexConfig) -> Option<f64> {
 }
 
 /// The scores from which on a network's boxes count. The ego brakes fully from what was asked for with it, else the config's, else
-/// its own for braking; a rule over its boxes has none. They are there from the one that it warns from on. And whether anybody chose
-/// the first.
+/// its own for braking; a rule over its boxes has none. They are there from the one that it warns from on, where the brake may be
+/// partial. And whether anybody chose the first.
 ///
 /// # Errors
 /// The checkpoint is broken.
@@ -158,7 +158,8 @@ pub(super) fn network_scores(
     let chosen = asked.or(score_of_all(config)).or(own);
     let warning = trained.eval_config()?.operating_score;
     let sure = chosen.unwrap_or(warning);
-    Ok((CountsFrom { sure, seen: warning.min(sure) }, chosen.is_some()))
+    let seen = if config.partial_mps2 > 0.0 { warning.min(sure) } else { sure };
+    Ok((CountsFrom { sure, seen }, chosen.is_some()))
 }
 
 impl From<ExternalError> for DriveError {
@@ -204,6 +205,10 @@ mod tests {
         assert_eq!(scores(Judge::Network, None, 0.0), (of(braking, warning), true));
         assert_eq!(scores(Judge::Network, None, 0.6), (of(0.6, warning), true));
         assert_eq!(scores(Judge::Network, Some(0.1), 0.6), (of(0.1, 0.1), true));
+        let partial_mps2 = 0.0;
+        let config = ReflexConfig { partial_mps2, ..ReflexConfig::default() };
+        let found = network_scores(&small, Judge::Network, None, &config).unwrap();
+        assert_eq!(found, (of(braking, braking), true));
         // Its scores are not those of a rule.
         assert_eq!(scores(Judge::Zone, None, 0.0), (of(warning, warning), false));
         assert_eq!(scores(Judge::Zone, Some(0.8), 0.0), (of(0.8, warning), true));

@@ -45,12 +45,11 @@ impl Reflex {
     /// # Errors
     /// The config is not valid.
     pub fn new(config: &ReflexConfig, scores: CountsFrom) -> Result<Self, ZoneError> {
-        let seen = if config.partial_mps2 > 0.0 { scores.seen } else { scores.sure };
         Ok(Self {
             config: config.clone(),
             foresight: Foresight::new(config)?,
             route_ahead: RouteAhead::new(config)?,
-            scores: CountsFrom { seen, ..scores },
+            scores,
             due: VecDeque::new(),
             history: VecDeque::new(),
             hazards: Hazards::default(),

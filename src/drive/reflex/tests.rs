@@ -213,17 +213,14 @@ fn of_who_knows_velocities_what_was_there_before_brakes_as_soon_as_it_moves() {
 
 #[test]
 fn boxes_below_the_score_for_braking_brake_a_little_until_two_samples_are_surer() {
-    let braked_with = |partial_mps2: f64, scores: [f64; 5]| {
-        let config = ReflexConfig { partial_mps2, ..ReflexConfig::default() };
-        let mut reflex = Reflex::new(&config, CountsFrom { sure: 0.5, seen: 0.3 }).unwrap();
+    let braked = |scores: [f64; 5]| {
+        let mut reflex = Reflex::new(&ReflexConfig::default(), CountsFrom { sure: 0.5, seen: 0.3 }).unwrap();
         scores.map(|score| {
             let time_s = reflex.history.front().map_or(0.0, |last| last.time_s + 0.3);
             reflex.see(time_s, &at(0.0), &[crate_at(7.0, Harm::Harmful, score)], false);
             reflex.orders(time_s, &at(0.0), &STATE, &[]).unwrap().braking_mps2
         })
     };
-    let braked = |scores| braked_with(3.0, scores);
-    assert_eq!(braked_with(0.0, [0.4; 5]), [None; 5]);
     assert_eq!(braked([0.2; 5]), [None; 5]);
     assert_eq!(braked([0.4; 5]), [None, Some(3.0), Some(3.0), Some(3.0), Some(3.0)]);
     assert_eq!(braked([0.6; 5]), [None, Some(8.0), Some(8.0), Some(8.0), Some(8.0)]);
