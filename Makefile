@@ -129,6 +129,7 @@ ci: setup setup-test $(CARGO_DENY) ## Tests, formats, lints, docs, spelling, lic
 	cargo clippy --release --lib --no-default-features --features wheel -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --release --workspace --no-deps --document-private-items
 	@$(MAKE) --no-print-directory test
+	@$(MAKE) --no-print-directory test-book
 
 # Built from source, without its server: a minute on two cores, once.
 MDBOOK_VERSION = 0.5.4

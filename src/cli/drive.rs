@@ -36,7 +36,7 @@ pub struct DriveArgs {
     /// Do not record episodes; who needs no sensors drives several times as fast then
     #[arg(long)]
     no_record: bool,
-    /// Record only each driver's N worst drives, which are driven again for it: collisions, the hardest first, and false stops
+    /// Record only each driver's N worst drives, which are driven again for it: collisions, the hardest first, false stops, and drives that ended stuck
     #[arg(long, value_name = "N", conflicts_with = "no_record", value_parser = number(1..=usize::MAX))]
     record_worst: Option<usize>,
     /// Report on split test, once

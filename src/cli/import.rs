@@ -63,7 +63,7 @@ pub(super) struct LogArgs {
     /// Override one key of the config, e.g. ground=fit
     #[arg(long = "set", value_name = "KEY=VALUE")]
     overrides: Vec<String>,
-    /// Replace the episodes that another config made in the folder
+    /// Replace the episodes that another config made in the folder, and drives of the same name of another log
     #[arg(long)]
     force: bool,
     /// Print the summary as JSON

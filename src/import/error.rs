@@ -27,6 +27,11 @@ pub enum ImportError {
     NoDrive { found: String, valid: Vec<String> },
     #[error("two drives of the log have the name `{name}`; import the folders that hold them one at a time")]
     TwoDrives { name: String },
+    #[error(
+        "the folder has a drive `{name}` of another log: it was recorded from {found_ns} ns on, this log's from {wanted_ns} ns on; \
+         give a new folder, or --force to replace that drive: {}", path.display()
+    )]
+    OtherDrive { name: String, found_ns: u64, wanted_ns: u64, path: PathBuf },
     #[error("the log holds no drive: {}", path.display())]
     NoDrives { path: PathBuf },
     #[error("the folder holds other things than an imported data set; give a new folder: {}", path.display())]

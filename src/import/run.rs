@@ -13,8 +13,8 @@ use super::samples::NearBoxes;
 use super::{ImportConfig, ImportError, Log, LogFormat, Notes};
 use crate::config::to_toml;
 use crate::episode::manifest::ObjectCounts;
-use crate::episode::{EpisodeEntry, Manifest, Split};
-use crate::files::FolderLock;
+use crate::episode::{EpisodeEntry, EpisodeReader, Manifest, Split};
+use crate::files::{FolderLock, is_file};
 use crate::interrupt;
 use crate::object::{Distribution, Kind};
 use crate::progress::Progress;
@@ -31,7 +31,7 @@ pub struct ImportOptions {
     pub split: Split,
     /// Whether a torn or missing file costs only its sample or drive.
     pub skip_bad: bool,
-    /// Whether the episodes of another config may be deleted.
+    /// Whether the episodes of another config, and drives of the same name of another log, may be deleted.
     pub force: bool,
 }
 
@@ -75,6 +75,7 @@ pub fn run(
     let mut list = List::new(folder::open(out, &config_toml, options.force)?, log, out);
     // A second writer to one URL is told now, and what another config has made there is gone before its names are taken.
     store::push(out)?;
+    list.check_same_drives(log, &drives, options.force)?;
     let n_kept = list.keep(&drives, options.split);
     let (mut told, mut skipped) = (Vec::new(), Vec::new());
     let mut known = BTreeSet::new();
@@ -145,6 +146,24 @@ fn choose(log: &dyn Log, scenes: &[String]) -> Result<Vec<String>, ImportError> 
     Ok(valid.into_iter().filter(|drive| scenes.is_empty() || scenes.contains(drive)).collect())
 }
 
+/// Checks that each sample of an episode was taken when one of the log's drive of its name was.
+fn check_same_drive(log: &dyn Log, entry: &EpisodeEntry, folder: &Path) -> Result<(), ImportError> {
+    // A drive that cannot be opened any more has lost nothing of what is here.
+    let Ok(drive) = log.open(&entry.name, &mut Notes::default()) else { return Ok(()) };
+    let episode = EpisodeReader::open_known(folder, entry)?;
+    let wanted: BTreeSet<&u64> = drive.times_ns().iter().collect();
+    if episode.times_ns().iter().all(|time_ns| wanted.contains(time_ns)) {
+        return Ok(());
+    }
+    let first = |times_ns: &[u64]| times_ns.first().copied().unwrap_or_default();
+    Err(ImportError::OtherDrive {
+        name: entry.name.clone(),
+        found_ns: first(episode.times_ns()),
+        wanted_ns: first(drive.times_ns()),
+        path: folder.to_owned(),
+    })
+}
+
 /// `dataset.json` while it grows.
 struct List<'a> {
     manifest: Manifest,
@@ -160,6 +179,31 @@ impl<'a> List<'a> {
         let names = manifest.episodes.iter().map(|entry| entry.name.clone()).collect();
         let places = log.drives().iter().cloned().zip(0..).collect();
         Self { manifest, names, places, n_unwritten: 0, folder }
+    }
+
+    /// Checks that the episodes that are there show this log's drives, not those of the same name of another log; with `force`
+    /// others are made anew. Of those that lie in a store alone the first is looked at: each had to be fetched.
+    fn check_same_drives(
+        &mut self,
+        log: &dyn Log,
+        drives: &[String],
+        force: bool,
+    ) -> Result<(), ImportError> {
+        let (mut others, mut n_away) = (BTreeSet::new(), 0);
+        for entry in self.manifest.episodes.iter().filter(|entry| drives.contains(&entry.name)) {
+            let is_away = !is_file(&self.folder.join(&entry.file))?;
+            n_away += usize::from(is_away);
+            if is_away && n_away > 1 {
+                continue;
+            }
+            match check_same_drive(log, entry, self.folder) {
+                Err(ImportError::OtherDrive { name, .. }) if force => _ = others.insert(name),
+                checked => checked?,
+            }
+        }
+        self.manifest.episodes.retain(|entry| !others.contains(&entry.name));
+        self.names.retain(|name| !others.contains(name));
+        Ok(())
     }
 
     /// Puts the drives that are there into a split; returns how many there are.

@@ -241,12 +241,23 @@ fn over(first: &Who, of: Beside<'_>, other: Beside<'_>, draws: &Draws) -> OverFi
     let stops = |of: Beside<'_>, i: usize| of.outcomes[i].n_false_stops() as f64;
     OverFirst {
         than: first.name.clone(),
-        collision_share: draws
-            .difference([&|i| yes(of.hits(i)), &|_| 1.0], [&|i| yes(other.hits(i)), &|_| 1.0]),
-        avoided_share: has_both
-            .then(|| draws.difference([&|i| share(of, i), &avoidable], [&|i| share(other, i), &avoidable])),
-        false_stops_per_km: draws
-            .difference([&|i| stops(of, i), &|i| of.km(i)], [&|i| stops(other, i), &|i| other.km(i)]),
+        collision_share: draws.difference(
+            Ratio::Share,
+            [&|i| yes(of.hits(i)), &|_| 1.0],
+            [&|i| yes(other.hits(i)), &|_| 1.0],
+        ),
+        avoided_share: has_both.then(|| {
+            draws.difference(
+                Ratio::Share,
+                [&|i| share(of, i), &avoidable],
+                [&|i| share(other, i), &avoidable],
+            )
+        }),
+        false_stops_per_km: draws.difference(
+            Ratio::Rate,
+            [&|i| stops(of, i), &|i| of.km(i)],
+            [&|i| stops(other, i), &|i| other.km(i)],
+        ),
     }
 }
 

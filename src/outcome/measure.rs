@@ -75,13 +75,22 @@ impl Draws {
         Measure { value, interval }
     }
 
-    /// How much more one sum over another is than a second one, within the same resamples.
-    pub fn difference(&self, one: [Of<'_>; 2], other: [Of<'_>; 2]) -> Measure {
+    /// How much more one sum over another is than a second one, within the same resamples. Where no resample shows a
+    /// difference, the ends are those of a share or rate of nothing, to both sides: what differs in none of n episodes.
+    pub fn difference(&self, kind: Ratio, one: [Of<'_>; 2], other: [Of<'_>; 2]) -> Measure {
         let of_drawn = |n_drawn: &[u32]| {
             let [one, other] = [one, other].map(|[above, below]| self.quotient(n_drawn, above, below));
             Some(one? - other?)
         };
-        Measure { value: of_drawn(&vec![1; self.n_groups]), interval: self.interval(&of_drawn) }
+        let exact = || {
+            let [one, other] = [one, other].map(|[_, below]| self.exact(kind, Some(0.0), below));
+            one.zip(other).map(|([_, one], [_, other])| [-one.max(other), one.max(other)])
+        };
+        let interval = match self.interval(&of_drawn) {
+            Some([0.0, 0.0]) => exact().or(Some([0.0; 2])),
+            drawn => drawn,
+        };
+        Measure { value: of_drawn(&vec![1; self.n_groups]), interval }
     }
 
     fn quotient(&self, n_drawn: &[u32], above: Of<'_>, below: Of<'_>) -> Option<f64> {
@@ -161,7 +170,13 @@ mod tests {
         let draws = draws([""; 4]);
         let (one, two) = (|i: usize| i as f64, |i: usize| i as f64 + 2.0);
         let all = |_: usize| 1.0;
-        let Measure { value, interval } = draws.difference([&two, &all], [&one, &all]);
+        let Measure { value, interval } = draws.difference(Ratio::Mean, [&two, &all], [&one, &all]);
         assert_eq!((value, interval), (Some(2.0), Some([2.0, 2.0])));
+        // Two who never differ in four drives may differ in others.
+        let same = |kind| draws.difference(kind, [&one, &all], [&one, &all]);
+        let high = same(Ratio::Share).interval.unwrap();
+        assert!((high[1] - 0.6024).abs() < 1e-4 && high[0] == -high[1], "{high:?}");
+        assert!((same(Ratio::Rate).interval.unwrap()[1] - 3.6889 / 4.0).abs() < 1e-4);
+        assert_eq!(same(Ratio::Mean), Measure { value: Some(0.0), interval: Some([0.0; 2]) });
     }
 }

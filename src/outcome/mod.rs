@@ -23,7 +23,7 @@ pub use groups::GroupFigures;
 pub use measure::Measure;
 pub use table::{drive_rows, impact_rows, share_lines};
 pub use who::{Origin, Source, Who, WhoError};
-pub use worst::{Case, worst};
+pub use worst::{Case, Wrong, worst};
 
 use crate::episode::Split;
 use crate::files::read_sealed;

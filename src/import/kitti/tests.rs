@@ -133,6 +133,35 @@ fn an_import_goes_on_where_it_stopped_and_takes_further_drives() {
     assert!(told.contains("`kitti-000000`"), "{told}");
 }
 
+#[test]
+fn a_drive_of_the_same_name_of_another_log_is_told_and_made_anew_with_force() {
+    let root = tempfile::tempdir().unwrap();
+    let (source, other, out) =
+        (root.path().join("kitti"), root.path().join("other"), root.path().join("out"));
+    let name = "kitti-2011_09_26_drive_0001_sync";
+    raw_drive(&source, 3);
+    raw_drive(&other, 3);
+    let drive = other.join("2011_09_26/2011_09_26_drive_0001_sync");
+    for stamps in
+        ["velodyne_points", "image_02", "oxts"].map(|folder| drive.join(folder).join("timestamps.txt"))
+    {
+        let text = fs::read_to_string(&stamps).unwrap();
+        fs::write(&stamps, text.replace("2011-09-26", "2011-09-27")).unwrap();
+    }
+    import(&source, &out, &[], &options()).unwrap();
+    let before = fs::read(out.join(format!("episodes/{name}.mcap"))).unwrap();
+    let first_ns = episode(&out, name).times_ns()[0];
+    let told = import(&other, &out, &[], &options()).unwrap_err().to_string();
+    assert!(told.contains(&first_ns.to_string()) && told.contains("--force"), "{told}");
+    assert_eq!(fs::read(out.join(format!("episodes/{name}.mcap"))).unwrap(), before);
+    let forced = import(&other, &out, &[], &ImportOptions { force: true, ..options() }).unwrap();
+    assert_eq!((forced.n_episodes, forced.n_kept), (1, 0));
+    assert_eq!(episode(&out, name).times_ns()[0], first_ns + 86_400_000_000_000);
+    // What cannot be opened any more costs nothing of what was imported.
+    fs::remove_file(drive.join("oxts/timestamps.txt")).unwrap();
+    assert_eq!(import(&other, &out, &[], &options()).unwrap().n_kept, 1);
+}
+
 /// What is done to a frame, and what must be told.
 type Damage = (&'static str, fn(&Path), &'static str);
 

@@ -1,4 +1,5 @@
-//! The worst of a driver's drives as strips of pictures: the last seconds before it hit something, or braked for nothing.
+//! The worst of a driver's drives as strips of pictures: the last seconds before it hit something, braked for nothing, or was
+//! stuck for good.
 
 use std::path::Path;
 
@@ -7,16 +8,17 @@ use super::pictures::jpeg;
 use crate::episode::EpisodeReader;
 use crate::eval::center_distance_m;
 use crate::object::{Detection, Harm, Object};
-use crate::outcome::{Case, DriveOutcome, DriveSummary, Origin, Source, worst};
+use crate::outcome::{Case, DriveOutcome, DriveSummary, Origin, Source, Wrong, worst};
 use crate::report::canvas::{Align, Canvas};
 use crate::report::document::{Block, Picture};
 use crate::report::palette;
 use crate::report::score_tables::to_words;
 use crate::report::view::{self, LabelledView, Scene, ViewError, read_detections};
 
-/// Pictures of a strip, and samples from one to the next.
+/// Pictures of a strip, and samples from one to the next; of a drive that stood for seconds, so that it is seen how it came there.
 const N_PICTURES: usize = 5;
 const EVERY: usize = 2;
+const EVERY_STUCK: usize = 5;
 /// The camera's picture and, below it, the view from above, pixels.
 const FRONT_PX: (u32, u32) = (352, 198);
 const BIRDSEYE_PX: (u32, u32) = (352, 240);
@@ -111,8 +113,9 @@ fn strip(folder: &Path, origin: &Origin, labels: &str, case: &Case<'_>) -> Resul
     let reader = EpisodeReader::open_entry(&dataset, entry).map_err(ViewError::from)?;
     let times_s = seconds(reader.times_ns());
     let last = times_s.partition_point(|&at_s| at_s <= case.time_s + 1e-6).saturating_sub(1);
-    let first = last - EVERY * (last / EVERY).min(N_PICTURES - 1);
-    let numbers: Vec<usize> = (first..=last).step_by(EVERY).collect();
+    let every = if case.what == Wrong::Stuck { EVERY_STUCK } else { EVERY };
+    let first = last - every * (last / every).min(N_PICTURES - 1);
+    let numbers: Vec<usize> = (first..=last).step_by(every).collect();
     let height_px = TITLE_PX + FRONT_PX.1 + BIRDSEYE_PX.1;
     let mut page = Canvas::new(numbers.len() as u32 * FRONT_PX.0, height_px, palette::PAGE);
     let mut said = Vec::new();
@@ -121,7 +124,8 @@ fn strip(folder: &Path, origin: &Origin, labels: &str, case: &Case<'_>) -> Resul
         let predictions = dataset.join("predictions");
         let time_ns = sample.measured.time_ns;
         let found = read_detections(&predictions, &dataset, entry, time_ns, counted_from(origin))?;
-        let object = case.hit.and_then(|id| sample.objects().iter().find(|of| of.id.as_deref() == Some(id)));
+        let hit = case.what.hit();
+        let object = hit.and_then(|id| sample.objects().iter().find(|of| of.id.as_deref() == Some(id)));
         let of_object = Said::of(object, &found);
         said.push(of_object);
         let scene = Scene {
@@ -142,7 +146,7 @@ fn strip(folder: &Path, origin: &Origin, labels: &str, case: &Case<'_>) -> Resul
         let before_s = case.time_s - times_s[sample_idx];
         let speed_mps = sample.measured.ego_state.speed_mps;
         let mut title = format!("{before_s:.1} s before, {speed_mps:.1} m/s");
-        if case.hit.is_some() {
+        if hit.is_some() {
             title += &format!(": {}", of_object.name());
         }
         page.text((left_px as f32 + 8.0, 21.0), 15.0, palette::TEXT, Align::Left, &title);
@@ -164,7 +168,13 @@ fn seconds(times_ns: &[u64]) -> Vec<f64> {
 fn tell(case: &Case<'_>, said: &[Said]) -> String {
     let DriveOutcome { town, weather, episode, collision, hard_stops, .. } = case.outcome;
     let place = format!("{town}, {weather}; {episode}");
-    let Some(hit) = collision.as_ref().filter(|_| case.hit.is_some()) else {
+    if case.what == Wrong::Stuck {
+        let DriveOutcome { distance_m, free_m, .. } = case.outcome;
+        return format!(
+            "Stuck, with nothing harmful before it, after {distance_m:.0} m of {free_m:.0} m. {place}"
+        );
+    }
+    let Some(hit) = collision.as_ref().filter(|_| case.what.hit().is_some()) else {
         let stop = hard_stops.iter().find(|stop| stop.time_s == case.time_s);
         let braking = stop.map(|stop| format!(" at {:.1} m/s²", stop.braking_mps2)).unwrap_or_default();
         return format!("Brakes{braking} for nothing. {place}");
