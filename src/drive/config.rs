@@ -52,6 +52,8 @@ define_config! {
         near_m: f64 = 3.0, in from_to(0.0, 50.0);
         /// .. where so many samples have confirmed it.
         near_confirming: u32 = 4, in from_to(1.0, 100.0);
+        /// .. the last so many of them within this of where it is, metres: who walks by is free when no sample confirms it.
+        near_moved_m: f64 = 0.5, in from_to(0.0, 50.0);
         /// From a sample's time to the brake, seconds; control acts every 0.05 s.
         latency_s: f64 = 0.0, in from_to(0.0, 10.0);
         /// Half the width of the strip ahead in which a box's distance is measured, metres: the zone's half width.

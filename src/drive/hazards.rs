@@ -1,7 +1,10 @@
 //! The hazards that a driver remembers: which of a sample's are those from before.
 
+use std::collections::VecDeque;
+use std::mem;
+
 use super::config::ReflexConfig;
-use super::tracks::{Sample, Seen, apart_m};
+use super::tracks::{Sample, Seen, apart_m, moved_m};
 use crate::geometry::{Box3, World};
 
 /// A confirmed harmful box, or where one that moves will be met.
@@ -17,6 +20,18 @@ pub(super) struct Hazard {
     pub is_sure: bool,
     /// Whether the last sample shows its box, harmful or not.
     pub is_seen: bool,
+    /// Where it was confirmed before, the latest last; as many places as make it one that has stood.
+    pub places: VecDeque<Box3<World>>,
+}
+
+impl Hazard {
+    /// Whether so many samples have confirmed it at one place that it stays where nobody sees it: who walks by at less than
+    /// `moving_mps` does not.
+    pub fn has_stood(&self, config: &ReflexConfig) -> bool {
+        self.stands == Some(true)
+            && self.n_confirmed >= config.near_confirming
+            && self.places.iter().all(|place| moved_m(place, &self.at).norm() <= config.near_moved_m)
+    }
 }
 
 /// The hazards of a drive.
@@ -57,9 +72,8 @@ impl Hazards {
         let mut pairs = Vec::new();
         for (i, hazard) in found.iter().enumerate() {
             for (j, known) in self.0.iter().enumerate() {
-                let has_stood = known.stands == Some(true) && known.n_confirmed >= config.near_confirming;
                 let is_apart_m = apart_m(&known.at, &hazard.at);
-                let may_be = hazard.stands != Some(false) || !has_stood || is_apart_m == 0.0;
+                let may_be = hazard.stands != Some(false) || !known.has_stood(config) || is_apart_m == 0.0;
                 if config.is_same(&known.at, &hazard.at) && may_be {
                     pairs.push((is_apart_m, i, j));
                 }
@@ -77,9 +91,14 @@ impl Hazards {
                 hazard.n_confirmed += self.0[j].n_confirmed;
                 hazard.stands = hazard.stands.or(self.0[j].stands);
                 hazard.is_sure |= self.0[j].is_sure;
+                hazard.places = mem::take(&mut self.0[j].places);
+                hazard.places.push_back(hazard.at);
+                let n_surplus = hazard.places.len().saturating_sub(config.near_confirming as usize);
+                hazard.places.drain(..n_surplus);
                 self.0[j] = hazard;
             } else {
-                self.0.push(Hazard { stands: hazard.stands.or(Some(true)), ..hazard });
+                let places = VecDeque::from([hazard.at]);
+                self.0.push(Hazard { stands: hazard.stands.or(Some(true)), places, ..hazard });
             }
         }
     }
@@ -98,7 +117,15 @@ mod tests {
             height_m: 1.0,
             yaw_rad: 0.0,
         };
-        Hazard { at, confirmed_s: 0.0, n_confirmed: 1, stands: Some(true), is_sure: true, is_seen: true }
+        Hazard {
+            at,
+            confirmed_s: 0.0,
+            n_confirmed: 1,
+            stands: Some(true),
+            is_sure: true,
+            is_seen: true,
+            places: VecDeque::new(),
+        }
     }
 
     /// Places and confirmations after samples that show crates at these places.
@@ -129,6 +156,20 @@ mod tests {
         hazards.confirm(vec![Hazard { stands: Some(false), ..crate_at(7.0) }], &ReflexConfig::default());
         let found: Vec<(Option<bool>, u32)> = hazards.iter().map(|of| (of.stands, of.n_confirmed)).collect();
         assert_eq!(found, [(Some(true), 4), (Some(false), 1)]);
+    }
+
+    #[test]
+    fn who_walks_by_slowly_has_not_stood_and_who_comes_to_rest_has() {
+        let config = ReflexConfig::default();
+        let mut hazards = Hazards::default();
+        let mut has_stood = |x_m: f64| {
+            hazards.confirm(vec![crate_at(x_m)], &config);
+            hazards.iter().next().unwrap().has_stood(&config)
+        };
+        let walking: Vec<bool> = [4.0, 4.2, 4.4, 4.6, 4.8].map(&mut has_stood).into();
+        assert_eq!(walking, [false; 5]);
+        let resting: Vec<bool> = [4.8, 4.8, 4.8].map(&mut has_stood).into();
+        assert_eq!(resting, [true, true, true]);
     }
 
     #[test]

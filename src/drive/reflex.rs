@@ -100,9 +100,10 @@ impl Reflex {
         let ego_from_world = world_from_ego.inverse();
         let bumper_x_m = state.front_bumper_x_m;
         let is_near = |hazard: &Hazard| {
-            let stood = hazard.stands == Some(true) && hazard.n_confirmed >= self.config.near_confirming;
             // What is still seen shows by itself what it is.
-            !hazard.is_seen && stood && self.config.is_near(&hazard.at.in_frame(&ego_from_world), bumper_x_m)
+            !hazard.is_seen
+                && hazard.has_stood(&self.config)
+                && self.config.is_near(&hazard.at.in_frame(&ego_from_world), bumper_x_m)
         };
         let is_kept = |hazard: &Hazard| time_s - hazard.confirmed_s <= free_s + 1e-9 || is_near(hazard);
         self.hazards.retain(is_kept);
@@ -177,6 +178,7 @@ impl Reflex {
                 stands,
                 is_sure,
                 is_seen: true,
+                places: VecDeque::new(),
             }));
         }
         self.hazards.follow(self.history.front(), &sample, &self.config);

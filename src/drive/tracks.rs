@@ -78,7 +78,7 @@ impl<'a> Track<'a> {
 }
 
 /// How far a thing has moved that was in the one box and is in the other.
-fn moved_m(from: &Box3<World>, to: &Box3<World>) -> Vector2<f64> {
+pub(super) fn moved_m(from: &Box3<World>, to: &Box3<World>) -> Vector2<f64> {
     let points = |of: &Box3<World>| of.footprint().map(|corner| Vector2::new(corner.x_m, corner.y_m));
     let (before, now) = (points(from), points(to));
     let center = Vector2::new(to.center.x() - from.center.x(), to.center.y() - from.center.y());
