@@ -14,7 +14,7 @@ use super::{ImportConfig, ImportError, Log, LogFormat, Notes};
 use crate::config::to_toml;
 use crate::episode::manifest::ObjectCounts;
 use crate::episode::{EpisodeEntry, EpisodeReader, Manifest, Split};
-use crate::files::{FolderLock, is_file};
+use crate::files::FolderLock;
 use crate::interrupt;
 use crate::object::{Distribution, Kind};
 use crate::progress::Progress;
@@ -22,6 +22,8 @@ use crate::store;
 
 /// `dataset.json` is written anew when a fiftieth of its episodes are new: with each for small sets, while thousands do not write gigabytes.
 const EPISODES_A_WRITE: usize = 50;
+/// Of so many kept episodes the drives are opened to see whether they are of this log: bags may take minutes each.
+const KEPT_DRIVES_CHECKED: usize = 3;
 
 /// What of a log is imported, and what becomes of bad parts; the content of an episode does not depend on it.
 #[derive(Debug, Clone, PartialEq)]
@@ -182,20 +184,17 @@ impl<'a> List<'a> {
     }
 
     /// Checks that the episodes that are there show this log's drives, not those of the same name of another log; with `force`
-    /// others are made anew. Of those that lie in a store alone the first is looked at: each had to be fetched.
+    /// others are made anew. Before anything of a log is here, all that is kept of its names is another's: a few tell.
     fn check_same_drives(
         &mut self,
         log: &dyn Log,
         drives: &[String],
         force: bool,
     ) -> Result<(), ImportError> {
-        let (mut others, mut n_away) = (BTreeSet::new(), 0);
-        for entry in self.manifest.episodes.iter().filter(|entry| drives.contains(&entry.name)) {
-            let is_away = !is_file(&self.folder.join(&entry.file))?;
-            n_away += usize::from(is_away);
-            if is_away && n_away > 1 {
-                continue;
-            }
+        let wanted: BTreeSet<&String> = drives.iter().collect();
+        let kept = self.manifest.episodes.iter().filter(|entry| wanted.contains(&entry.name));
+        let mut others = BTreeSet::new();
+        for entry in kept.take(if force { usize::MAX } else { KEPT_DRIVES_CHECKED }) {
             match check_same_drive(log, entry, self.folder) {
                 Err(ImportError::OtherDrive { name, .. }) if force => _ = others.insert(name),
                 checked => checked?,
