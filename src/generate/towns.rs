@@ -3,19 +3,20 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use super::{EpisodePlan, GenerateError};
-use crate::scene::{PopulateConfig, Town};
+use crate::scene::{PopulateConfig, Town, TownVariation};
 
 /// Towns of a process's earlier episodes, the latest last.
 static TOWNS: Mutex<Vec<(String, Arc<Town>)>> = Mutex::new(Vec::new());
 /// As many towns are kept.
 const MAX_TOWNS: usize = 8;
 
-/// The town of an episode: its own, where it is built anew, else one that the episodes of a process share.
+/// The town of an episode: its own, where it is built anew or on rolling land, else one that the episodes of a process share.
 pub(super) fn town_of(plan: &EpisodePlan, scene: &PopulateConfig) -> Result<Arc<Town>, GenerateError> {
-    if scene.rebuilds(plan.seed) {
-        return Ok(Arc::new(Town::rebuilt(&plan.town, plan.seed)?));
+    let variation = scene.variation(plan.seed);
+    if variation == TownVariation::default() {
+        return shared_town(&plan.town);
     }
-    shared_town(&plan.town)
+    Ok(Arc::new(Town::varied(&plan.town, variation)?))
 }
 
 /// A town by name or path, which is read once.

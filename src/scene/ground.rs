@@ -11,6 +11,7 @@
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 use super::path::{Vec2, rotate};
+use super::town_parts::WaveConfig;
 
 /// Height of pavements over the road.
 pub const PAVEMENT_M: f64 = 0.14;
@@ -31,6 +32,9 @@ const LEVEL_M: f64 = 2.0;
 /// A lane is on another level where this share of it lies above others.
 const LEVEL_SHARE: f64 = 0.1;
 
+/// Longest edge of a strip that lies on waves.
+const WAVE_STEP_M: f64 = 4.0;
+
 /// A strip of road as its two edges, with heights.
 #[derive(Debug, Clone, Default)]
 pub struct Ribbon {
@@ -38,10 +42,39 @@ pub struct Ribbon {
     pub right: Vec<Vector3<f64>>,
 }
 
+impl Ribbon {
+    /// The strip with the waves of the land added, with edges of [`WAVE_STEP_M`] at most.
+    pub(super) fn on_waves(&self, waves: &[WaveConfig]) -> Self {
+        let (mut left, mut right) = (Vec::new(), Vec::new());
+        let n = self.left.len().min(self.right.len());
+        for i in 1..n {
+            let longer_m =
+                (self.left[i] - self.left[i - 1]).norm().max((self.right[i] - self.right[i - 1]).norm());
+            let n_steps = (longer_m / WAVE_STEP_M).ceil().max(1.0) as usize;
+            for step in usize::from(i > 1)..=n_steps {
+                let share = step as f64 / n_steps as f64;
+                left.push(self.left[i - 1].lerp(&self.left[i], share));
+                right.push(self.right[i - 1].lerp(&self.right[i], share));
+            }
+        }
+        for point in left.iter_mut().chain(&mut right) {
+            point.z += waves_at(waves, point.xy());
+        }
+        Self { left, right }
+    }
+}
+
+/// Height of all waves at a place, metres.
+pub(super) fn waves_at(waves: &[WaveConfig], point: Vec2) -> f64 {
+    waves.iter().map(|wave| wave.height_at(point)).sum()
+}
+
 /// Heights of the ground.
 #[derive(Debug, Clone, Default)]
 pub struct Ground {
     grid: Option<Grid>,
+    /// Height of the lowest road in the map.
+    base_m: f64,
 }
 
 /// The nodes of a ground that is not flat.
@@ -97,7 +130,7 @@ impl Ground {
         }
         grid.z_m = relaxed(&sums, n_x, n_y);
         grid.fade_out();
-        (Self { grid: Some(grid) }, is_above)
+        (Self { grid: Some(grid), base_m: low.z }, is_above)
     }
 
     pub fn is_flat(&self) -> bool {
@@ -111,6 +144,11 @@ impl Ground {
     /// The nodes, unless the ground is flat.
     pub fn grid(&self) -> Option<&Grid> {
         self.grid.as_ref()
+    }
+
+    /// Height in the map of what is zero here: its lowest road.
+    pub(super) fn base_m(&self) -> f64 {
+        self.base_m
     }
 
     /// Height at a place; beyond the grid, zero.

@@ -105,6 +105,7 @@ pub use own_models::{BadMesh, OwnModel, OwnModels, OwnModelsError, bring_in, loa
 pub use parties::PeopleConfig;
 pub use path::{Path, Vec2};
 pub use populate::{PopulateConfig, populate, populate_in};
+pub use rebuilding::TownVariation;
 pub use route::{Route, Span};
 pub use shipped::shipped_scenarios;
 pub use split::SceneSplit;

@@ -13,6 +13,7 @@ use super::occupancy::{Footprint, Occupied};
 use super::ood_placement::OodPlacementConfig;
 use super::parties::{PeopleConfig, draw_actor, draw_parties};
 use super::path::Vec2;
+use super::rebuilding::TownVariation;
 use super::route::Route;
 use super::solids::draw_solids;
 use super::split::SceneSplit;
@@ -62,6 +63,10 @@ define_config! {
         /// episode has: for training, so that no town is learnt by heart. Default 0.
         #[serde(skip_serializing_if = "is_zero")]
         rebuilt_share: f64 = 0.0, in SHARE;
+        /// Share of the episodes whose town lies on long waves of land, roads included, that no other episode has: for training, so
+        /// that slopes are not strange. Default 0.
+        #[serde(skip_serializing_if = "is_zero")]
+        rolling_share: f64 = 0.0, in SHARE;
         /// Whether the kinds that come with harmzone are placed beside a user's own.
         shipped_kinds: bool = true;
         /// SHA-256 of a user's own models (`gen --models`); empty without any.
@@ -78,9 +83,14 @@ fn is_zero(share: &f64) -> bool {
 }
 
 impl PopulateConfig {
-    /// Whether the town of the episode with this seed is built anew.
-    pub fn rebuilds(&self, seed: u64) -> bool {
-        random::stream(seed, "rebuilds", 0).random::<f64>() < self.rebuilt_share
+    /// What of the town of the episode with this seed is drawn anew.
+    pub fn variation(&self, seed: u64) -> TownVariation {
+        let drawn =
+            |name: &str, share: f64| (random::stream(seed, name, 0).random::<f64>() < share).then_some(seed);
+        TownVariation {
+            rebuilt: drawn("rebuilds", self.rebuilt_share),
+            rolling: drawn("rolls", self.rolling_share),
+        }
     }
 
     /// Whether random solids are placed: where unfamiliar objects are, they are not.

@@ -1,13 +1,15 @@
 //! A town built anew beside its roads, so that a detector learns no town's houses, walls and hedges by heart: what stands there is
-//! drawn from all that a `town.toml` may ask for. Roads, squares, water, landmarks, props and traffic stay as they are.
+//! drawn from all that a `town.toml` may ask for. Roads, squares, water, landmarks, props and traffic stay as they are. And
+//! towns on rolling land, so that flat streets are not learnt either.
 
 use std::collections::BTreeMap;
+use std::f64::consts::PI;
 
 use rand::RngExt;
 
 use super::looks::{BoundaryLook, BuildingStyle, FacadeLook, GroundLook, MedianLook, RoofStyle, TownColor};
 use super::town_config::TownConfig;
-use super::town_parts::HillConfig;
+use super::town_parts::{HillConfig, WaveConfig};
 use crate::random::{self, Rng};
 
 const ROOFS: [RoofStyle; 5] =
@@ -74,6 +76,48 @@ const CLUTTER: [&str; 10] = [
 ];
 /// How far from the map's origin hills lie, metres.
 const HILLS_M: f64 = 350.0;
+
+/// The steepest that drawn waves may be all together: least, most.
+const STEEPEST: [f64; 2] = [0.03, 0.12];
+const WAVE_LENGTH_M: [f64; 2] = [90.0, 350.0];
+const N_WAVES: usize = 3;
+
+/// What of a town is drawn anew, from seeds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct TownVariation {
+    /// Houses, boundaries and land beside the roads.
+    pub rebuilt: Option<u64>,
+    /// Long waves under all of it, roads included.
+    pub rolling: Option<u64>,
+}
+
+impl TownVariation {
+    pub(super) fn of(self, config: &TownConfig) -> TownConfig {
+        let config = self.rebuilt.map_or_else(|| config.clone(), |seed| rebuild(config, seed));
+        match self.rolling {
+            Some(seed) => TownConfig { waves: waves(seed), ..config },
+            None => config,
+        }
+    }
+}
+
+/// Waves which nowhere make a slope steeper than one drawn for all of them together.
+fn waves(seed: u64) -> Vec<WaveConfig> {
+    let rng = &mut random::stream(seed, "rolling-town", 0);
+    let steepest = between(rng, STEEPEST);
+    let shares: [f64; N_WAVES] = std::array::from_fn(|_| between(rng, [0.3, 1.0]));
+    let all: f64 = shares.iter().sum();
+    let mut wave = |share: f64| {
+        let length_m = between(rng, WAVE_LENGTH_M);
+        WaveConfig {
+            length_m,
+            yaw_deg: between(rng, [0.0, 360.0]),
+            height_m: steepest * share / all * length_m / PI,
+            phase_deg: between(rng, [0.0, 360.0]),
+        }
+    };
+    shares.map(&mut wave).into()
+}
 
 /// The town's config with what stands beside its roads drawn anew.
 pub(super) fn rebuild(config: &TownConfig, seed: u64) -> TownConfig {
@@ -179,6 +223,7 @@ mod tests {
     use super::*;
     use crate::config::Checked;
     use crate::scene::Town;
+    use crate::scene::ground::waves_at;
 
     #[test]
     fn every_draw_is_a_valid_town_with_the_same_streets_and_its_own_surroundings() {
@@ -203,7 +248,8 @@ mod tests {
     #[test]
     fn a_rebuilt_town_has_the_town_s_lanes_and_other_houses() {
         for name in ["suburb", "arterial"] {
-            let (town, rebuilt) = (Town::load(name).unwrap(), Town::rebuilt(name, 7).unwrap());
+            let (town, rebuilt) =
+                (Town::load(name).unwrap(), varied(name, TownVariation { rebuilt: Some(7), rolling: None }));
             assert_eq!((town.graph.lanes.len(), &town.name), (rebuilt.graph.lanes.len(), &rebuilt.name));
             assert_eq!(town.notes, rebuilt.notes, "no model is unknown");
             assert!(rebuilt.buildings.len() > 10);
@@ -215,5 +261,43 @@ mod tests {
             let n_same = places(&rebuilt).iter().filter(|place| known.contains(place)).count();
             assert!(4 * n_same < known.len(), "{n_same} of {}", known.len());
         }
+    }
+
+    #[test]
+    fn a_flat_town_on_rolling_land_keeps_its_lanes_and_paint_and_climbs_as_its_waves_do() {
+        let (flat, rolling) = (
+            Town::load("downtown").unwrap(),
+            varied("downtown", TownVariation { rebuilt: None, rolling: Some(3) }),
+        );
+        assert!(flat.surface.ground.is_flat() && !rolling.surface.ground.is_flat());
+        assert_eq!(flat.graph.lanes.len(), rolling.graph.lanes.len());
+        assert_eq!(flat.surface.marks().len(), rolling.surface.marks().len());
+        assert_eq!(flat.buildings.len(), rolling.buildings.len());
+        let waves = &rolling.config.waves;
+        let steepest: f64 = waves.iter().map(WaveConfig::steepest).sum();
+        assert!((STEEPEST[0]..STEEPEST[1]).contains(&steepest), "{steepest}");
+        let mut lowest_m = f64::INFINITY;
+        let mut offs = Vec::new();
+        for lane in &rolling.graph.lanes {
+            for at in lane.path.points_every(3.0) {
+                let ground_m = rolling.surface.ground_m(at);
+                lowest_m = lowest_m.min(ground_m);
+                offs.push(ground_m - waves_at(waves, at));
+            }
+        }
+        let (least, most) = offs.iter().fold((f64::MAX, f64::MIN), |(a, b), off| (a.min(*off), b.max(*off)));
+        assert!(most - least < 0.1 && lowest_m < 0.3, "{least} {most} {lowest_m}");
+    }
+
+    #[test]
+    fn a_share_of_the_episodes_has_rolling_land() {
+        let config = crate::scene::PopulateConfig { rolling_share: 0.25, ..Default::default() };
+        let n = (0..400).filter(|&seed| config.variation(seed).rolling.is_some()).count();
+        assert!((70..130).contains(&n), "{n}");
+        assert!((0..400).all(|seed| config.variation(seed).rebuilt.is_none()));
+    }
+
+    fn varied(name: &str, variation: TownVariation) -> Town {
+        Town::varied(name, variation).unwrap()
     }
 }

@@ -9,13 +9,13 @@ use std::collections::BTreeSet;
 use nalgebra::Vector3;
 
 use super::drape::Drape;
-use super::ground::{Ground, PAVEMENT_M, Ribbon};
+use super::ground::{Ground, PAVEMENT_M, Ribbon, waves_at};
 use super::mesh::TriangleMesh;
 use super::network::{LaneGraph, flat};
 use super::occupancy::{Footprint, StripGrid};
 use super::path::{Path, Vec2};
 use super::relief;
-use super::town_parts::HillConfig;
+use super::town_parts::{HillConfig, WaveConfig};
 use crate::geometry::convex_hull;
 
 const PAINT_M: f64 = 0.015;
@@ -85,8 +85,8 @@ pub struct Levels {
 }
 
 impl Levels {
-    /// Reads them; the ground keeps the road's height over `verge_m` beside it.
-    pub fn of(network: &xodr::RoadNetwork, verge_m: f64) -> Self {
+    /// Reads them, with waves of the land added; the ground keeps the road's height over `verge_m` beside it.
+    pub fn of(network: &xodr::RoadNetwork, verge_m: f64, waves: &[WaveConfig]) -> Self {
         let mesh = network.surface_mesh();
         // Pavements and medians may be raised; the ground there is the road's edge.
         let is_level =
@@ -97,10 +97,11 @@ impl Levels {
             let ribs = &mesh.vertices[span.vertices.start as usize..span.vertices.end as usize];
             let at = |point: &xodr::Point| Vector3::new(point.x, point.y, point.z).cast::<f64>();
             ids.push(lane.id.0);
-            ribbons.push(Ribbon {
+            let ribbon = Ribbon {
                 left: ribs.iter().step_by(2).map(at).collect(),
                 right: ribs.iter().skip(1).step_by(2).map(at).collect(),
-            });
+            };
+            ribbons.push(if waves.is_empty() { ribbon } else { ribbon.on_waves(waves) });
         }
         let (ground, is_above) = Ground::under(&ribbons, verge_m);
         let above = ids.into_iter().zip(is_above).filter(|(_, above)| *above).map(|(id, _)| id).collect();
@@ -151,6 +152,7 @@ impl Surface {
         graph: &LaneGraph,
         levels: Levels,
         crosswalks: &[Footprint],
+        waves: &[WaveConfig],
     ) -> Self {
         let Levels { mesh, ground, above } = levels;
         let mut strips = Vec::new();
@@ -184,7 +186,7 @@ impl Surface {
                 road_grid.add(&points, strip.width_m / 2.0);
             }
         }
-        let (mut marks, fills) = (marks_of(network, &ground), fills_of(network, &mesh, &above));
+        let (mut marks, fills) = (marks_of(network, &ground, waves), fills_of(network, &mesh, &above));
         marks.extend(crosswalks.iter().flat_map(zebra));
         let mut surface =
             Self { strips, crosswalks: crosswalks.to_vec(), marks, fills, road_grid, paved_grid, ground };
@@ -272,13 +274,13 @@ impl Surface {
 }
 
 /// Painted quads, without paint on other levels than the ground.
-fn marks_of(network: &xodr::RoadNetwork, ground: &Ground) -> Vec<[Vec2; 4]> {
+fn marks_of(network: &xodr::RoadNetwork, ground: &Ground, waves: &[WaveConfig]) -> Vec<[Vec2; 4]> {
     let lines = network.road_marks().iter().flat_map(|mark| &mark.lines);
-    let base_m = f64::from(network.min_elevation().unwrap_or_default());
     lines
         .flat_map(|line| &line.pieces)
         .filter(|piece| {
-            let over_m = f64::from(piece[0].z) - base_m - ground.height_m(flat(piece[0]));
+            let at = flat(piece[0]);
+            let over_m = f64::from(piece[0].z) + waves_at(waves, at) - ground.base_m() - ground.height_m(at);
             ground.is_flat() || over_m < 2.0
         })
         .map(|piece| piece.map(flat))

@@ -18,7 +18,7 @@ use super::occupancy::Footprint;
 use super::opendrive;
 use super::path::Vec2;
 use super::plots::{self, Boundary, Furnishing, Stand};
-use super::rebuilding::rebuild;
+use super::rebuilding::TownVariation;
 use super::shipped;
 use super::split::SceneSplit;
 use super::surface::{Levels, Surface};
@@ -110,29 +110,31 @@ impl Town {
     /// [`SceneError`]: no such town (the message lists those that exist), unreadable file, broken
     /// map or config, a map without driving lanes.
     pub fn load(name_or_path: &str) -> Result<Self, SceneError> {
-        Self::built(name_or_path, None)
+        Self::varied(name_or_path, TownVariation::default())
     }
 
-    /// The same roads with other houses, boundaries and land beside them, drawn from a seed.
+    /// A town that is built anew in part.
     ///
     /// # Errors
     /// As [`Self::load`].
-    pub fn rebuilt(name_or_path: &str, seed: u64) -> Result<Self, SceneError> {
-        Self::built(name_or_path, Some(seed))
-    }
-
-    fn built(name_or_path: &str, anew: Option<u64>) -> Result<Self, SceneError> {
+    pub fn varied(name_or_path: &str, variation: TownVariation) -> Result<Self, SceneError> {
         let path = FilePath::new(name_or_path);
         if is_map_file(path) {
             let xodr = fs::read_to_string(path)?;
             let toml_path = path.with_file_name("town.toml");
             let toml = if toml_path.exists() { Some(fs::read_to_string(&toml_path)?) } else { None };
-            return Self::parse(&town_name(name_or_path), &xodr, toml.as_deref(), path, anew);
+            return Self::parse(&town_name(name_or_path), &xodr, toml.as_deref(), path, variation);
         }
         let file = |leaf: &str| shipped::text(&format!("scenes/{name_or_path}/{leaf}"));
         let xodr = file("road.xodr")
             .ok_or_else(|| SceneError::UnknownTown { name: name_or_path.to_owned(), found: town_names() })?;
-        Self::parse(name_or_path, xodr, file("town.toml"), &FilePath::new("scenes").join(name_or_path), anew)
+        Self::parse(
+            name_or_path,
+            xodr,
+            file("town.toml"),
+            &FilePath::new("scenes").join(name_or_path),
+            variation,
+        )
     }
 
     /// Whether a place is land, not the water of a basin.
@@ -151,20 +153,20 @@ impl Town {
         xodr: &str,
         toml: Option<&str>,
         path: &FilePath,
-        anew: Option<u64>,
+        variation: TownVariation,
     ) -> Result<Self, SceneError> {
         let config: TownConfig =
             toml.map_or_else(|| Ok(TownConfig::default()), toml::from_str).map_err(|error| {
                 SceneError::TownConfig { message: error.to_string(), path: path.with_file_name("town.toml") }
             })?;
-        let config = anew.map_or_else(|| config.clone(), |seed| rebuild(&config, seed));
+        let config = variation.of(&config);
         let config = Checked::new(config).map_err(|error| SceneError::TownConfig {
             message: error.to_string(),
             path: path.with_file_name("town.toml"),
         })?;
         let (network, mut notes) = opendrive::read(xodr)
             .map_err(|message| SceneError::OpenDrive { message, path: path.to_owned() })?;
-        let levels = Levels::of(&network, config.verge_m);
+        let levels = Levels::of(&network, config.verge_m, &config.waves);
         notes.extend(levels.note());
         let (mut graph, unused) = LaneGraph::read(&network, |id| levels.is_above(id));
         notes.extend(unused);
@@ -175,12 +177,12 @@ impl Town {
         let crosswalks = opendrive::crosswalks(&network);
         let (lights, unknown) = Lights::read(&network, &mut graph, &crosswalks);
         notes.extend(unknown);
-        let mut surface = Surface::new(&network, &graph, levels, &crosswalks);
+        let mut surface = Surface::new(&network, &graph, levels, &crosswalks, &config.waves);
         let terraces = surface.shape_land(&config.hills, config.terrace_m);
         if !config.basins.is_empty() && !surface.ground.is_flat() {
             notes.push("town.toml: basins are left out, as the land has slopes".to_owned());
         }
-        let mut plots = plots::grow(&surface, &config, &terraces, anew.unwrap_or(0));
+        let mut plots = plots::grow(&surface, &config, &terraces, variation.rebuilt.unwrap_or(0));
         plots.furnishings.extend(bus_stops::furnishings(&network));
         let plots::Plots { buildings, stands, furnishings, boundaries, landmarks, stacks, walls } = plots;
         Ok(Self {

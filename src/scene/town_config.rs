@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::looks::{BoundaryLook, BuildingStyle, FacadeLook, GroundLook, MedianLook, RoofStyle, TownColor};
 use super::split::SceneSplit;
-use super::town_parts::{BasinConfig, HillConfig, LandmarkConfig, TrackConfig};
+use super::town_parts::{BasinConfig, HillConfig, LandmarkConfig, TrackConfig, WaveConfig};
 use crate::config::{Bounds, Check, InvalidConfig, Keys, Rule, SHARE, define_config, from_to, part, require};
 
 /// Open ground with things to sit on and to look at, free of buildings.
@@ -88,6 +88,8 @@ define_config! {
         landmarks: Vec<LandmarkConfig> = Vec::new(), in part::<LandmarkConfig>();
         tracks: Vec<TrackConfig> = Vec::new(), in part::<TrackConfig>();
         hills: Vec<HillConfig> = Vec::new(), in part::<HillConfig>();
+        /// Waves of the land, roads included.
+        waves: Vec<WaveConfig> = Vec::new(), in part::<WaveConfig>();
         /// Height of the steps of sloping land between roads; 0: none.
         terrace_m: f64 = 0.0, in from_to(0.0, 10.0);
         /// How far the land beside a road keeps the road's height.
@@ -152,6 +154,9 @@ fn weights(list: &[(&str, f64)]) -> BTreeMap<String, f64> {
     list.iter().map(|&(name, weight)| (name.to_owned(), weight)).collect()
 }
 
+/// The steepest that all waves may be where they add up.
+const MAX_GRADE: f64 = 0.2;
+
 /// Weights by the names of models.
 const WEIGHTS: Rule = from_to(0.0, 1e6).by_name();
 
@@ -175,7 +180,13 @@ impl Check for TownConfig {
             let found = format!("a list of {length}");
             require((1..=8).contains(&length), key, found, "1 to 8 entries are needed")?;
         }
-        Ok(())
+        let grade: f64 = self.waves.iter().map(WaveConfig::steepest).sum();
+        require(
+            grade <= MAX_GRADE,
+            "waves",
+            format!("a list of waves that together climb by up to {:.0} %", 100.0 * grade),
+            "up to 20 % is allowed (pi times height_m over length_m, summed)",
+        )
     }
 }
 
@@ -245,6 +256,18 @@ mod tests {
         config.prop_weights.insert("tree".into(), 1.0);
         let told = config.unknown_models(&["bin".into(), "tree".into()]);
         assert_eq!(told, ["town.toml: garden_weights names no model `gnome`; there are bin, tree"]);
+    }
+
+    #[test]
+    fn waves_that_no_car_climbs_are_refused() {
+        let waves = |height_m: f64| {
+            let text =
+                format!("waves = [{{ length_m = 100, yaw_deg = 30, height_m = {height_m}, phase_deg = 0 }}]");
+            toml::from_str::<TownConfig>(&text).unwrap().check()
+        };
+        assert!(waves(6.0).is_ok());
+        assert!(waves(7.0).unwrap_err().to_string().contains("22 %"));
+        assert!(waves(-1.0).unwrap_err().to_string().contains("height_m"));
     }
 
     #[test]

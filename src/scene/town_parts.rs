@@ -1,8 +1,9 @@
-//! Parts of `town.toml` that have places of their own, in the map's coordinates: basins, landmarks, tracks, hills.
+//! Parts of `town.toml` that have places of their own, in the map's coordinates: basins, landmarks, tracks, hills, waves.
 
 use serde::{Deserialize, Serialize};
 
 use super::looks::LandmarkLook;
+use super::path::{Vec2, direction_of};
 use crate::config::{Bounds, Keys, Rule, from_to};
 
 const PLACE: Rule = from_to(-1e6, 1e6).list(2, 2);
@@ -72,4 +73,41 @@ pub struct HillConfig {
 impl Bounds for HillConfig {
     const BOUNDS: Keys =
         &[("center_m", PLACE), ("radius_m", from_to(1.0, 1000.0)), ("height_m", from_to(-100.0, 200.0))];
+}
+
+/// A long wave of the land, roads and pavements included, over what the map says of their heights.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct WaveConfig {
+    /// From crest to crest.
+    pub length_m: f64,
+    /// Direction in which it runs, counter-clockwise from +x.
+    pub yaw_deg: f64,
+    /// Of a crest over a trough.
+    pub height_m: f64,
+    /// Where it stands at the map's origin: 0 half-way up, 90 on the crest.
+    pub phase_deg: f64,
+}
+
+impl WaveConfig {
+    /// Rise over run where it is steepest.
+    pub(super) fn steepest(&self) -> f64 {
+        std::f64::consts::PI * self.height_m / self.length_m
+    }
+
+    /// Height at a place, metres; the middle between crest and trough is zero.
+    pub(super) fn height_at(&self, point: Vec2) -> f64 {
+        let along_m = point.dot(&direction_of(self.yaw_deg.to_radians()));
+        let phase = std::f64::consts::TAU * along_m / self.length_m + self.phase_deg.to_radians();
+        self.height_m / 2.0 * phase.sin()
+    }
+}
+
+impl Bounds for WaveConfig {
+    const BOUNDS: Keys = &[
+        ("length_m", from_to(20.0, 10_000.0)),
+        ("yaw_deg", YAW),
+        ("height_m", from_to(0.0, 200.0)),
+        ("phase_deg", YAW),
+    ];
 }
