@@ -139,6 +139,17 @@ pub struct Picture {
     pub data: String,
     pub width_px: u32,
     pub height_px: u32,
+    /// What can be played below it.
+    pub clip: Option<Clip>,
+}
+
+/// A clip in the page.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Clip {
+    /// MP4 in base64.
+    pub data: String,
+    pub width_px: u32,
+    pub height_px: u32,
 }
 
 /// Cards, and the choices by which they can be filtered.

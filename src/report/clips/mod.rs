@@ -86,29 +86,66 @@ pub fn write_clip<E: From<ClipError> + Send>(
         }
     }
     let n = durations_ms.len();
-    let draw_all = |places: &[usize]| -> Result<Vec<RgbImage>, E> {
-        places.par_iter().map(|&place| draw(place)).collect()
-    };
     let mut writer = match format {
         ClipFormat::Mp4 => ClipWriter::Mp4(mp4_file::Mp4File::default()),
-        ClipFormat::Gif => ClipWriter::Gif(gif_file::GifFile::of(&draw_all(&gif_file::chosen(n))?)),
+        ClipFormat::Gif => ClipWriter::Gif(gif_file::GifFile::of(&draw_all(&gif_file::chosen(n), draw)?)),
         ClipFormat::Pictures => ClipWriter::Pictures(folder::PictureFolder::create(path, force)?),
     };
     progress.start("film", n as u64);
+    each_picture(path, n, draw, &mut |place, picture| {
+        writer.add(picture, durations_ms[place], path)?;
+        progress.advance(1);
+        Ok(())
+    })?;
+    writer.finish(path)?;
+    progress.finish();
+    Ok(())
+}
+
+/// Draws the pictures, in parallel, and packs them as MP4 in memory; `about` is the file that errors name.
+///
+/// # Errors
+/// No pictures, or of several sizes, too large or with odd sides; a picture fails.
+pub fn mp4_bytes<E: From<ClipError> + Send>(
+    about: &Path,
+    durations_ms: &[u32],
+    draw: &(dyn Fn(usize) -> Result<RgbImage, E> + Sync),
+) -> Result<Vec<u8>, E> {
+    if durations_ms.is_empty() {
+        return Err(ClipError::Empty { path: about.to_owned() }.into());
+    }
+    let mut file = mp4_file::Mp4File::default();
+    each_picture(about, durations_ms.len(), draw, &mut |place, picture| {
+        file.add(picture, durations_ms[place], about)
+    })?;
+    Ok(file.finish(about)?)
+}
+
+fn draw_all<E: Send>(
+    places: &[usize],
+    draw: &(dyn Fn(usize) -> Result<RgbImage, E> + Sync),
+) -> Result<Vec<RgbImage>, E> {
+    places.par_iter().map(|&place| draw(place)).collect()
+}
+
+/// Draws some pictures at once, and hands all of them on in their order.
+fn each_picture<E: From<ClipError> + Send>(
+    path: &Path,
+    n: usize,
+    draw: &(dyn Fn(usize) -> Result<RgbImage, E> + Sync),
+    take: &mut dyn FnMut(usize, &RgbImage) -> Result<(), ClipError>,
+) -> Result<(), E> {
     let mut size = None;
     for begin in (0..n).step_by(AT_ONCE) {
         let places: Vec<usize> = (begin..n.min(begin + AT_ONCE)).collect();
-        for (place, picture) in places.iter().zip(draw_all(&places)?) {
+        for (place, picture) in places.iter().zip(draw_all(&places, draw)?) {
             let (width_px, height_px) = *size.get_or_insert(picture.dimensions());
             if picture.dimensions() != (width_px, height_px) {
                 return Err(ClipError::OtherSize { width_px, height_px, path: path.to_owned() }.into());
             }
-            writer.add(&picture, durations_ms[*place], path)?;
-            progress.advance(1);
+            take(*place, &picture)?;
         }
     }
-    writer.finish(path)?;
-    progress.finish();
     Ok(())
 }
 

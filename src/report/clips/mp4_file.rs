@@ -28,8 +28,8 @@ const MOST_PX: u32 = 2160;
 const TIMESCALE: NonZeroU32 = NonZeroU32::new(1000).expect("it is not zero");
 /// Pictures between two that need no other, so that players can jump.
 const KEY_PICTURES: u32 = 32;
-/// The quantiser's bounds: lines and text stay clean.
-const QUALITY: QpRange = QpRange::new(18, 24);
+/// The quantiser's step, one for all pictures: lines and text stay clean.
+const QUALITY: QpRange = QpRange::new(22, 22);
 /// More than the bounds let it use.
 const BITS_PER_S: BitRate = BitRate::from_bps(24_000_000);
 const MOST_PER_S: FrameRate = FrameRate::from_hz(30.0);
@@ -142,7 +142,8 @@ fn config() -> EncoderConfig {
     EncoderConfig::new()
         .bitrate(BITS_PER_S)
         .max_frame_rate(MOST_PER_S)
-        .rate_control_mode(RateControlMode::Quality)
+        // With both bounds of the quantiser alike a constant quality; others may leave pictures out, or warn on standard error.
+        .rate_control_mode(RateControlMode::Bufferbased)
         .qp(QUALITY)
         .skip_frames(false)
         .complexity(Complexity::High)

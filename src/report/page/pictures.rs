@@ -1,6 +1,7 @@
-//! Pictures as they stand in the page: JPEG in base64.
+//! Pictures and clips as they stand in the page: JPEG and MP4 in base64.
 
 use std::io::Cursor;
+use std::ops::Range;
 use std::path::Path;
 
 use base64::Engine as _;
@@ -11,12 +12,16 @@ use image::imageops::FilterType;
 use image::{ImageError, RgbImage};
 
 use super::ReportError;
-use crate::report::document::Picture;
+use crate::report::clips::mp4_bytes;
+use crate::report::document::{Clip, Picture};
+use crate::report::view::{EpisodeView, Film, ViewError};
 
 /// 1 to 100: lines stay clean from about here.
 const JPEG_QUALITY: u8 = 74;
 /// Wider files are made smaller, pixels.
 const MOST_WIDTH_PX: u32 = 1120;
+/// Wide enough to read its words, small enough for a dozen in a page.
+const CLIP_WIDTH_PX: u32 = 800;
 
 /// A picture as JPEG in base64.
 ///
@@ -26,6 +31,17 @@ pub fn jpeg(picture: &RgbImage) -> Result<String, ImageError> {
     let mut bytes = Cursor::new(Vec::new());
     JpegEncoder::new_with_quality(&mut bytes, JPEG_QUALITY).encode_image(picture)?;
     Ok(STANDARD.encode(bytes.into_inner()))
+}
+
+/// Some samples of an episode as a clip, with camera, view from above, labels and boxes.
+///
+/// # Errors
+/// A sample is not there, or a broken file.
+pub fn clip_of(view: &EpisodeView, samples: Range<usize>) -> Result<Clip, ViewError> {
+    let film = Film::of(view, samples, CLIP_WIDTH_PX);
+    let bytes = mp4_bytes(view.path(), &film.durations_ms(), &|place| film.picture(place))?;
+    let (width_px, height_px) = film.size_px();
+    Ok(Clip { data: STANDARD.encode(bytes), width_px, height_px })
 }
 
 /// The picture in a file; `None` if there is no such file.
@@ -44,7 +60,8 @@ pub fn of_file(path: &Path, title: &str) -> Result<Option<Picture>, ReportError>
         picture = image::imageops::resize(&picture, MOST_WIDTH_PX, height_px.max(1), FilterType::CatmullRom);
     }
     let (width_px, height_px) = picture.dimensions();
-    Ok(Some(Picture { title: title.to_owned(), data: jpeg(&picture).map_err(broken)?, width_px, height_px }))
+    let data = jpeg(&picture).map_err(broken)?;
+    Ok(Some(Picture { title: title.to_owned(), data, width_px, height_px, clip: None }))
 }
 
 #[cfg(test)]

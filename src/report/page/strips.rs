@@ -1,10 +1,10 @@
 //! The worst of a driver's drives as strips of pictures: the last seconds before it hit something, braked for nothing, or was
-//! stuck for good.
+//! stuck for good; and as a clip.
 
 use std::path::Path;
 
 use super::ReportError;
-use super::pictures::jpeg;
+use super::pictures::{clip_of, jpeg};
 use crate::episode::EpisodeReader;
 use crate::eval::center_distance_m;
 use crate::object::{Detection, Harm, Object};
@@ -13,12 +13,17 @@ use crate::report::canvas::{Align, Canvas};
 use crate::report::document::{Block, Picture};
 use crate::report::palette;
 use crate::report::score_tables::to_words;
-use crate::report::view::{self, LabelledView, Scene, ViewError, read_detections};
+use crate::report::view::{
+    self, EpisodeRequest, EpisodeView, LabelledView, Scene, ViewError, read_detections,
+};
 
 /// Pictures of a strip, and samples from one to the next; of a drive that stood for seconds, so that it is seen how it came there.
 const N_PICTURES: usize = 5;
 const EVERY: usize = 2;
 const EVERY_STUCK: usize = 5;
+/// A clip begins and ends so long before and after the case, where the drive does not.
+const CLIP_BEFORE_S: f64 = 6.0;
+const CLIP_AFTER_S: f64 = 2.0;
 /// The camera's picture and, below it, the view from above, pixels.
 const FRONT_PX: (u32, u32) = (352, 198);
 const BIRDSEYE_PX: (u32, u32) = (352, 240);
@@ -58,7 +63,7 @@ pub fn worst_cases(folder: &Path, summary: &DriveSummary, most: usize) -> Result
     if !blocks.is_empty() {
         let note = "The last seconds of each, to the right. Truth is thin (red harmful, blue harmless, dashed out of distribution), \
                     what the driver's detector told is thick (amber harmful, violet harmless), the zone is green, and a white light or \
-                    ring marks what is hit.";
+                    ring marks what is hit. Below each, the same seconds as a clip.";
         blocks.insert(0, Block::text(note));
     }
     Ok(blocks)
@@ -155,7 +160,17 @@ fn strip(folder: &Path, origin: &Origin, labels: &str, case: &Case<'_>) -> Resul
     let (width_px, height_px) = picture.dimensions();
     let data =
         jpeg(&picture).map_err(|source| ReportError::Picture { source, sample: entry.name.clone() })?;
-    Ok(Picture { title: tell(case, &said), data, width_px, height_px })
+    let view = EpisodeView::open(&EpisodeRequest {
+        predictions: Some(dataset.join("predictions")),
+        dataset,
+        episode: Some(entry.name.clone()),
+        label_set: Some(labels.to_owned()),
+        min_score: counted_from(origin),
+    })?;
+    let begin = times_s.partition_point(|&at_s| at_s < case.time_s - CLIP_BEFORE_S);
+    let end = times_s.partition_point(|&at_s| at_s <= case.time_s + CLIP_AFTER_S);
+    let clip = Some(clip_of(&view, begin..end.max(begin + 1))?);
+    Ok(Picture { title: tell(case, &said), data, width_px, height_px, clip })
 }
 
 /// Since the first.

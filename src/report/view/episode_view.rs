@@ -92,6 +92,12 @@ impl EpisodeView {
         &self.entry.name
     }
 
+    /// The episode's file.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        self.episode.path()
+    }
+
     #[must_use]
     pub fn n_samples(&self) -> usize {
         self.episode.len()
