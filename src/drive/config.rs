@@ -64,7 +64,7 @@ define_config! {
         /// From this speed over ground on a thing moves, m/s.
         moving_mps: f64 = 1.0, in from_to(0.0, 50.0);
         /// Who comes so near beside the ego's body meets it, metres.
-        beside_m: f64 = 0.5, in from_to(0.0, 10.0);
+        beside_m: f64 = 0.5, in from_to(0.0, 2.5);
         /// .. also where it slows down to this share of its speed, as what rolls or tumbles does; 1: nothing slows down.
         slows_to: f64 = 0.5, in from_to(0.0, 1.0);
         /// What stands on the ego's route is a hazard, too, where the zone's rectangle, which leaves a bend, does not reach it, and

@@ -49,8 +49,8 @@ pub(super) struct Files<'a> {
 /// Drives one episode; `on_sample` is called after each sample.
 ///
 /// # Errors
-/// There is no simulator, or the disk fails. A detector of another program that fails, and a world that the simulator cannot go on
-/// with, end the drive as [`End::Failed`].
+/// There is no simulator, or the disk fails. A detector of another program that fails, a world that the simulator cannot go on
+/// with, and a state or box that no zone can be laid over, end the drive as [`End::Failed`].
 pub(super) fn drive(
     course: &Course,
     perception: &mut Perception,
@@ -62,6 +62,7 @@ pub(super) fn drive(
         Err(DriveError::Generate(GenerateError::Simulation(
             error @ (SimError::Ask { .. } | SimError::Compile { .. }),
         ))) => Ok(failed(&course.plan, error.to_string())),
+        Err(DriveError::Zone(error)) => Ok(failed(&course.plan, error.to_string())),
         driven => driven,
     }
 }

@@ -15,7 +15,7 @@ use fs_err::File;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::geometry::{Frame, Pinhole, Transform};
+use crate::geometry::{Box3, Frame, Pinhole, Transform};
 use crate::object::Detection;
 use crate::sample::{EgoState, ImageFormat, Measured};
 
@@ -25,11 +25,13 @@ const MAX_ANSWER_BYTES: u32 = 16 * 1024 * 1024;
 const STDERR_TAIL_LINES: usize = 10;
 /// Most boxes in an answer.
 const MAX_BOXES: usize = 10_000;
+/// No box is farther away or longer, metres.
+const FARTHEST_M: f64 = 10_000.0;
 /// How often and how long to look whether one whose output has ended has ended itself.
 const N_LOOKS: u32 = 500;
 const LOOK: Duration = Duration::from_millis(10);
 /// The first answer may take so many times as long: programs load networks.
-const FIRST_FACTOR: u32 = 10;
+pub(super) const FIRST_FACTOR: u32 = 10;
 
 /// Why an external detector gave no boxes.
 #[derive(Debug, Error)]
@@ -227,6 +229,12 @@ fn parse_answer(bytes: &[u8]) -> Result<Vec<Detection>, String> {
     }
     for (i, found) in detections.iter().enumerate() {
         found.box_in_ego.check().map_err(|error| format!("box {i}: {error}"))?;
+        let Box3 { center, length_m, width_m, height_m, .. } = found.box_in_ego;
+        let [x_m, y_m, z_m] = center.coords.into();
+        let lengths_m = [x_m, y_m, z_m, length_m, width_m, height_m];
+        if let Some(far_m) = lengths_m.into_iter().find(|length_m| length_m.abs() > FARTHEST_M) {
+            return Err(format!("box {i}: {far_m:e} m; at most {FARTHEST_M} m are taken"));
+        }
         if !(0.0..=1.0).contains(&found.score) {
             return Err(format!("box {i}: score is {}; a number from 0 to 1 is needed", found.score));
         }
@@ -343,5 +351,7 @@ mod tests {
         let flat = "{\\\"detections\\\": [{\\\"center_m\\\": [9, 0, 1], \\\"size_m\\\": [1, 0, 3], \
                     \\\"yaw_rad\\\": 0, \\\"harm\\\": \\\"harmful\\\", \\\"score\\\": 0.5}]}";
         assert!(of_json(flat).contains("width_m is 0"), "{}", of_json(flat));
+        let vast = flat.replace("[1, 0, 3]", "[1e200, 1e200, 3]");
+        assert!(of_json(&vast).contains("at most 10000 m"), "{}", of_json(&vast));
     }
 }

@@ -1,5 +1,6 @@
 //! The folder of drives: what it holds, what of an earlier run is whole, and data sets of what was recorded.
 
+use std::io;
 use std::path::{Path, PathBuf};
 
 use fs_err as fs;
@@ -17,6 +18,7 @@ const CONFIG_FILE: &str = "drive.toml";
 /// Who drove, and by which weights.
 const WHO_FILE: &str = "who.json";
 const OUTCOMES: &str = "outcomes";
+const PREDICTIONS: &str = "predictions";
 
 /// Prepares the folder, or refuses one that holds something else.
 pub(super) fn open(out: &Path, config_toml: &str, origins: &[Origin]) -> Result<(), DriveError> {
@@ -72,7 +74,32 @@ pub(super) fn find_whole(
     Ok((!outcome.is_failed() && (!records || is_there)).then_some(outcome))
 }
 
-pub(super) fn outcome_path(folder: &Path, plan: &EpisodePlan) -> PathBuf {
+/// Keeps a drive's outcome.
+pub(super) fn write_outcome(
+    folder: &Path,
+    plan: &EpisodePlan,
+    outcome: &DriveOutcome,
+) -> Result<(), DriveError> {
+    let json = serde_json::to_string_pretty(outcome).expect("an outcome has a JSON form");
+    Ok(write_atomic(&outcome_path(folder, plan), (json + "\n").as_bytes())?)
+}
+
+/// Takes away what was recorded of a drive that does not count.
+pub(super) fn remove_recorded(folder: &Path, plan: &EpisodePlan) -> io::Result<()> {
+    for file in [folder.join(plan.file()), predictions_file(folder, plan)] {
+        if file.is_file() {
+            fs::remove_file(file)?;
+        }
+    }
+    Ok(())
+}
+
+/// What the driver's detector told in a recorded drive.
+pub(super) fn predictions_file(folder: &Path, plan: &EpisodePlan) -> PathBuf {
+    folder.join(PREDICTIONS).join(format!("{}.mcap", plan.name))
+}
+
+fn outcome_path(folder: &Path, plan: &EpisodePlan) -> PathBuf {
     folder.join(OUTCOMES).join(format!("{}.json", plan.name))
 }
 

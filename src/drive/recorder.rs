@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::folder::predictions_file;
 use super::{DriveConfig, DriveError};
 use crate::config::to_toml;
 use crate::episode::{
@@ -11,9 +12,6 @@ use crate::generate::{EpisodePlan, LiveEpisode};
 use crate::object::Detection;
 use crate::sample::{Around, CameraView, LidarView, Sample};
 use crate::scene::{EgoOrders, town_name};
-
-/// Folder of what was found and ordered, in the driver's folder.
-const PREDICTIONS: &str = "predictions";
 
 /// The files of a drive that is recorded.
 pub(super) struct Recorder {
@@ -74,9 +72,11 @@ impl Recorder {
             config_toml: to_toml(&config.reflex),
             generator_version: env!("CARGO_PKG_VERSION").to_owned(),
         };
-        let folder = folder.join(PREDICTIONS);
-        fs_err::create_dir_all(&folder)?;
-        let mut log = DriveLogWriter::create(&folder.join(format!("{}.mcap", plan.name)), &meta)?;
+        let path = predictions_file(folder, plan);
+        if let Some(folder) = path.parent() {
+            fs_err::create_dir_all(folder)?;
+        }
+        let mut log = DriveLogWriter::create(&path, &meta)?;
         for (i, found) in self.detections.iter().enumerate() {
             log.write(found, self.commands.get(i))?;
         }

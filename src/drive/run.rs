@@ -5,11 +5,13 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
+use std::time::Duration;
 
 use fs_err as fs;
 
 use super::episode::failed;
-use super::folder::{find_whole, finish_dataset, open, outcome_path};
+use super::external::FIRST_FACTOR;
+use super::folder::{find_whole, finish_dataset, open, remove_recorded, write_outcome};
 use super::perception::{network_scores, score_of_all};
 use super::scenario::{Scenario, check_names, course, world_plans};
 use super::worker::{COMMAND, DriveJob, Task};
@@ -19,12 +21,12 @@ use crate::device::DeviceName;
 use crate::episode::Split;
 use crate::episode::folder::remove_unfinished;
 use crate::eval::judge::Judge;
-use crate::files::{FolderLock, sha256_hex, sha256_of, write_atomic, write_sealed};
+use crate::files::{FolderLock, sha256_hex, sha256_of, write_sealed};
 use crate::generate::{CheckedConfig, EpisodePlan, GenerateConfig};
 use crate::infer::Trained;
 use crate::outcome::{DriveOutcome, DriveSummary, End, Origin, Source, Who, compare, worst};
 use crate::progress::Progress;
-use crate::scene::{PopulateConfig, Town};
+use crate::scene::{PopulateConfig, Town, map_hashes};
 use crate::worker::{self, Call, Engine, Errand, Program, SILENCE, TaskError};
 
 /// Which drives are recorded as episodes.
@@ -92,7 +94,9 @@ pub fn run(
         .iter()
         .map(|who| origin_of(who, &config.reflex, options.device))
         .collect::<Result<Vec<_>, DriveError>>()?;
-    let mut config_toml = to_toml(&config);
+    let towns = config.world.towns.iter().chain(courses.scenarios.iter().map(|scenario| &scenario.town));
+    let mut config_toml =
+        to_toml(&config) + &map_hashes(towns).map_err(crate::generate::GenerateError::from)?;
     for scenario in &courses.scenarios {
         config_toml += &format!("\n[[scenario]]\n{}", to_toml(scenario).replace("\n[", "\n[scenario."));
     }
@@ -107,6 +111,15 @@ pub fn run(
         let kept = plans.iter().map(|plan| find_whole(folder, plan, records_all));
         outcomes.push(kept.collect::<Result<_, _>>()?);
     }
+    for (who, outcomes) in drivers.iter().zip(&outcomes) {
+        let n_kept = outcomes.iter().flatten().count();
+        if n_kept > 0 && matches!(who.source, Source::External { .. }) {
+            tracing::warn!(
+                "{}: {n_kept} drives of an earlier run are kept; if what the command runs has changed since, give a new folder",
+                who.name
+            );
+        }
+    }
     let todo: Vec<Task> = (0..drivers.len())
         .flat_map(|who_idx| (0..plans.len() as u32).map(move |course_idx| Task { who_idx, course_idx }))
         .filter(|task| outcomes[task.who_idx][task.course_idx as usize].is_none())
@@ -115,6 +128,7 @@ pub fn run(
     let drives =
         Drives { config: &config, drivers, courses, plans: &plans, folders: &folders, options, progress };
     drives.make(out, &todo, options.recording == RecordedDrives::All, &|task, outcome| {
+        write_outcome(&folders[task.who_idx], &plans[task.course_idx as usize], &outcome)?;
         let mut outcomes = outcomes.lock().expect("no worker thread panics");
         outcomes[task.who_idx][task.course_idx as usize] = Some(outcome);
         Ok(())
@@ -159,11 +173,11 @@ struct Drives<'a> {
     progress: &'a dyn Progress,
 }
 
-/// Hears of each drive once its outcome is on the disk.
+/// Hears of each drive, and keeps it.
 type OnDriven<'a> = &'a (dyn Fn(Task, DriveOutcome) -> Result<(), DriveError> + Sync);
 
 impl Drives<'_> {
-    /// Makes these drives and writes their outcomes.
+    /// Makes these drives.
     fn make(
         &self,
         out: &Path,
@@ -190,7 +204,7 @@ impl Drives<'_> {
             folder: &job.folder,
             shared: Vec::new(),
             n_threads: Some((n_cores / n_jobs).max(1)),
-            silence: SILENCE,
+            silence: SILENCE + FIRST_FACTOR * Duration::from_secs_f64(config.reply_s),
         };
         let errands: Vec<Errand<Task>> = todo.iter().copied().map(Errand::from).collect();
         worker::do_all(&Engine::Local { jobs: n_jobs }, &call, &errands, &|| (), &|place, made| {
@@ -205,8 +219,6 @@ impl Drives<'_> {
             };
             progress.note(&format!("{} {}", drivers[who_idx].name, plan.name));
             progress.advance(1);
-            let json = serde_json::to_string_pretty(&outcome).expect("an outcome has a JSON form");
-            write_atomic(&outcome_path(&folders[who_idx], plan), (json + "\n").as_bytes())?;
             on_driven(todo[place], outcome)
         })?;
         // What workers that died have left.
@@ -236,27 +248,27 @@ fn record_worst(
     };
     let shown = (0..drives.drivers.len()).filter(|&who| drives.drivers[who].source != Source::Blind);
     let todo: Vec<Task> = shown.flat_map(of_who).collect();
-    let recorded = Mutex::new(Vec::new());
+    let outcomes = Mutex::new(outcomes);
     drives.make(out, &todo, true, &|task, outcome| {
-        recorded.lock().expect("no worker thread panics").push((task, outcome));
-        Ok(())
-    })?;
-    for (Task { who_idx, course_idx }, outcome) in recorded.into_inner().expect("no worker thread panics") {
-        let kept = &mut outcomes[who_idx][course_idx as usize];
-        let (who, episode) = (&drives.drivers[who_idx].name, &outcome.episode);
+        let (folder, plan) = (&drives.folders[task.who_idx], &drives.plans[task.course_idx as usize]);
+        let mut outcomes = outcomes.lock().expect("no worker thread panics");
+        let kept = &mut outcomes[task.who_idx][task.course_idx as usize];
+        let (who, episode) = (&drives.drivers[task.who_idx].name, &outcome.episode);
         if let End::Failed(reason) = &outcome.end {
             tracing::warn!("{who}, {episode}: not recorded: {reason}");
-            continue;
-        }
-        let again = DriveOutcome { entry: None, ..outcome.clone() };
-        if again != *kept {
+        } else if (DriveOutcome { entry: None, ..outcome.clone() }) == *kept {
+            write_outcome(folder, plan, &outcome)?;
+            *kept = outcome;
+            return Ok(());
+        } else {
+            // To drive the worst again until they are better would be no figure.
             tracing::warn!(
-                "{who}, {episode}: recorded, it drove another way than before; the recorded drive counts"
+                "{who}, {episode}: recorded, it drove another way than before; the first drive counts, and has no pictures (without \
+                 --record-worst and --no-record every drive is recorded)"
             );
         }
-        *kept = outcome;
-    }
-    Ok(())
+        Ok(remove_recorded(folder, plan)?)
+    })
 }
 
 /// Which drives the courses are.

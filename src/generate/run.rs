@@ -19,7 +19,7 @@ use crate::episode::{EpisodeEntry, MadeWith, Manifest, PartOf, Shard, Split};
 use crate::files::{FolderLock, check_room};
 use crate::object::{Distribution, Kind};
 use crate::progress::Progress;
-use crate::scene::{OwnModels, Town};
+use crate::scene::{OwnModels, Town, map_hashes};
 use crate::sensors::RigCameraConfig;
 use crate::store;
 use crate::worker::{self, Call, Engine, Errand, Program, TaskError};
@@ -95,7 +95,8 @@ pub fn run(
     let part = shard.map(|shard| PartOf { shard, n_episodes });
     let ood = config.scene.ood;
     let lock = FolderLock::take(out)?;
-    let manifest = folder::open(out, &to_toml(config), config.seed, ood, part, &plans, options.force)?;
+    let config_toml = to_toml(config) + &map_hashes(config.towns.iter())?;
+    let manifest = folder::open(out, &config_toml, config.seed, ood, part, &plans, options.force)?;
     if let Some(models) = &options.own_models {
         models.write(&out.join(folder::OWN_MODELS))?;
     }

@@ -207,7 +207,7 @@ fn figures(who: &Who, of: Beside<'_>, n_failed: usize, first: Option<(&Who, Besi
         collision_share: share(Ratio::Share, &|i| of.hits(i), &|_| true),
         collisions_per_km: rate(&|i| yes(of.hits(i))),
         avoided_share: has_both.then(|| share(of_both, &avoids, &is_avoidable)),
-        avoided_going_share: has_both.then(|| share(of_both, &|i| avoids(i) && !is_stuck(i), &is_avoidable)),
+        avoided_going_share: has_both.then(|| share(of_blind, &|i| avoids(i) && !is_stuck(i), &is_avoidable)),
         n_avoidable: has_both.then(|| count(&is_avoidable)),
         avoided_there_share: has_both.then(|| share(of_both, &avoids, &came)),
         n_came_there: has_both.then(|| count(&came)),

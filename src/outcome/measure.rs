@@ -75,8 +75,8 @@ impl Draws {
         Measure { value, interval }
     }
 
-    /// How much more one sum over another is than a second one, within the same resamples. Where no resample shows a
-    /// difference, the ends are those of a share or rate of nothing, to both sides: what differs in none of n episodes.
+    /// How much more one sum over another is than a second one, within the same resamples. Where all
+    /// resamples show the same, the ends are those of a share or rate of nothing, to both sides: what differs in none of n episodes.
     pub fn difference(&self, kind: Ratio, one: [Of<'_>; 2], other: [Of<'_>; 2]) -> Measure {
         let of_drawn = |n_drawn: &[u32]| {
             let [one, other] = [one, other].map(|[above, below]| self.quotient(n_drawn, above, below));
@@ -87,7 +87,10 @@ impl Draws {
             one.zip(other).map(|([_, one], [_, other])| [-one.max(other), one.max(other)])
         };
         let interval = match self.interval(&of_drawn) {
-            Some([0.0, 0.0]) => exact().or(Some([0.0; 2])),
+            Some([low, high]) if low == high => exact().map_or(Some([low, high]), |[down, up]| {
+                let ends = [low + down, high + up];
+                Some(if kind == Ratio::Share { ends.map(|end| end.clamp(-1.0, 1.0)) } else { ends })
+            }),
             drawn => drawn,
         };
         Measure { value: of_drawn(&vec![1; self.n_groups]), interval }
@@ -116,7 +119,11 @@ impl Draws {
         match kind {
             Ratio::Share if value == 0.0 => Some([0.0, 1.0 - least_of_all]),
             Ratio::Share if value == 1.0 => Some([least_of_all, 1.0]),
-            Ratio::Rate if value == 0.0 => Some([0.0, -TAIL.ln() / counted().map(below).sum::<f64>()]),
+            // What happens in one scenario of a family happens in all.
+            Ratio::Rate if value == 0.0 => {
+                let of_each = counted().count() as f64 / groups.len() as f64;
+                Some([0.0, -TAIL.ln() * of_each / counted().map(below).sum::<f64>()])
+            }
             Ratio::Share | Ratio::Rate | Ratio::Mean => None,
         }
     }
@@ -161,6 +168,8 @@ mod tests {
         assert_eq!((alone.value, together.value), (Some(0.25), Some(0.25)));
         // Of four draws of four, three may be the first; of two families its own may be drawn twice.
         assert_eq!((alone.interval, together.interval), (Some([0.0, 0.75]), Some([0.0, 0.5])));
+        let none = |families| draws(families).ratio(Ratio::Rate, &|_| 0.0, &|_| 0.5).interval.unwrap()[1];
+        assert!((none(["bale", "bale", "child", "child"]) / none([""; 4]) - 2.0).abs() < 1e-9);
         // With one family alone there is nothing to draw from.
         assert_eq!(share(["bale"; 4]).interval, None);
     }
@@ -177,6 +186,10 @@ mod tests {
         let high = same(Ratio::Share).interval.unwrap();
         assert!((high[1] - 0.6024).abs() < 1e-4 && high[0] == -high[1], "{high:?}");
         assert!((same(Ratio::Rate).interval.unwrap()[1] - 3.6889 / 4.0).abs() < 1e-4);
+        // And one who always does what the other never does may not.
+        let none = |_: usize| 0.0;
+        let always = draws.difference(Ratio::Share, [&all, &all], [&none, &all]);
+        assert!(always.value == Some(1.0) && always.interval == Some([1.0 - high[1], 1.0]), "{always:?}");
         assert_eq!(same(Ratio::Mean), Measure { value: Some(0.0), interval: Some([0.0; 2]) });
     }
 }

@@ -36,12 +36,13 @@ const EACH: usize = 5;
 
 /// At most so many cases: collisions that `truth` avoids first, the hardest first, then what it does not avoid either; then false
 /// stops, the hardest first, then drives that ended stuck, those that came least far first. `truth` has the same worlds in the same
-/// order; `None` where it did not drive, or is the driver.
+/// order; `None` where it did not drive, or is the driver. What failed counts for nobody.
 #[must_use]
 pub fn worst<'a>(outcomes: &'a [DriveOutcome], truth: Option<&[DriveOutcome]>, most: usize) -> Vec<Case<'a>> {
-    let is_avoidable = |idx: usize| truth.is_none_or(|truth| truth[idx].collision.is_none());
+    let avoids = |truth: &DriveOutcome| !truth.is_failed() && truth.collision.is_none();
+    let is_avoidable = |idx: usize| truth.is_none_or(|truth| avoids(&truth[idx]));
     let (mut hits, mut stops, mut stuck) = (Vec::new(), Vec::new(), Vec::new());
-    for (idx, outcome) in outcomes.iter().enumerate() {
+    for (idx, outcome) in outcomes.iter().enumerate().filter(|(_, outcome)| !outcome.is_failed()) {
         let case = |what, time_s| Case { idx, outcome, what, time_s };
         if let Some(hit) = &outcome.collision {
             hits.push((!is_avoidable(idx), hit.impact_mps, case(Wrong::Hit(&hit.object), hit.time_s)));
@@ -99,6 +100,15 @@ mod tests {
         assert_eq!(chosen(None, 3), [(1, 'h'), (2, 'h'), (0, 'h')]);
         assert_eq!(chosen(None, 4), [(1, 'h'), (2, 'h'), (0, 'h'), (3, 'f')]);
         assert_eq!(chosen(None, 0), []);
+        // What failed is nobody's case, and says nothing of what can be avoided.
+        let mut failing = truth.clone();
+        failing[2].end = End::Failed("it died".to_owned());
+        assert_eq!(chosen(Some(&failing), 3), [(0, 'h'), (1, 'h'), (2, 'h')]);
+        let mut failed = outcomes.clone();
+        for outcome in &mut failed {
+            outcome.end = End::Failed("it died".to_owned());
+        }
+        assert_eq!(worst(&failed, None, 9).len(), 0);
         // Of five cases one is a false stop and one a stuck drive, however many are hit.
         let (_, hits) = drives("small", [Some(2.0); 4]);
         let many: Vec<DriveOutcome> = [hits.clone(), hits, outcomes.clone()].concat();

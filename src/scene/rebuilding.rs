@@ -87,7 +87,7 @@ const N_WAVES: usize = 3;
 pub struct TownVariation {
     /// Houses, boundaries and land beside the roads.
     pub rebuilt: Option<u64>,
-    /// Long waves under all of it, roads included.
+    /// Long waves under all of it, roads included; a town with basins stays level.
     pub rolling: Option<u64>,
 }
 
@@ -95,8 +95,9 @@ impl TownVariation {
     pub(super) fn of(self, config: &TownConfig) -> TownConfig {
         let config = self.rebuilt.map_or_else(|| config.clone(), |seed| rebuild(config, seed));
         match self.rolling {
-            Some(seed) => TownConfig { waves: waves(seed), ..config },
-            None => config,
+            // Water is level, and ships lie in it.
+            Some(seed) if config.basins.is_empty() => TownConfig { waves: waves(seed), ..config },
+            _ => config,
         }
     }
 }
@@ -287,6 +288,12 @@ mod tests {
         }
         let (least, most) = offs.iter().fold((f64::MAX, f64::MIN), |(a, b), off| (a.min(*off), b.max(*off)));
         assert!(most - least < 0.1 && lowest_m < 0.3, "{least} {most} {lowest_m}");
+    }
+
+    #[test]
+    fn a_town_with_water_stays_level() {
+        let harbour = varied("harbour", TownVariation { rebuilt: None, rolling: Some(3) });
+        assert!(harbour.surface.ground.is_flat() && !harbour.basins().is_empty());
     }
 
     #[test]

@@ -99,7 +99,7 @@ pub fn town_name(name_or_path: &str) -> String {
     }
 }
 
-fn is_map_file(path: &FilePath) -> bool {
+pub(super) fn is_map_file(path: &FilePath) -> bool {
     path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("xodr"))
 }
 

@@ -1,6 +1,7 @@
 //! The worst of a driver's drives as strips of pictures: the last seconds before it hit something, braked for nothing, or was
 //! stuck for good; and as a clip.
 
+use std::ops::Range;
 use std::path::Path;
 
 use super::ReportError;
@@ -60,10 +61,10 @@ pub fn worst_cases(folder: &Path, summary: &DriveSummary, most: usize) -> Result
         let pictures = recorded.into_iter().map(|case| strip(folder, origin, &summary.labels, case));
         blocks.push(Block::Pictures { pictures: pictures.collect::<Result<_, _>>()? });
     }
-    if !blocks.is_empty() {
+    if blocks.iter().any(|block| matches!(block, Block::Pictures { .. })) {
         let note = "The last seconds of each, to the right. Truth is thin (red harmful, blue harmless, dashed out of distribution), \
                     what the driver's detector told is thick (amber harmful, violet harmless), the zone is green, and a white light or \
-                    ring marks what is hit. Below each, the same seconds as a clip.";
+                    ring marks what is hit. Below each, a clip from 6 s before it to 2 s after.";
         blocks.insert(0, Block::text(note));
     }
     Ok(blocks)
@@ -167,10 +168,16 @@ fn strip(folder: &Path, origin: &Origin, labels: &str, case: &Case<'_>) -> Resul
         label_set: Some(labels.to_owned()),
         min_score: counted_from(origin),
     })?;
-    let begin = times_s.partition_point(|&at_s| at_s < case.time_s - CLIP_BEFORE_S);
-    let end = times_s.partition_point(|&at_s| at_s <= case.time_s + CLIP_AFTER_S);
-    let clip = Some(clip_of(&view, begin..end.max(begin + 1))?);
+    let clip = Some(clip_of(&view, filmed(&times_s, case.time_s))?);
     Ok(Picture { title: tell(case, &said), data, width_px, height_px, clip })
+}
+
+/// The samples of a clip; one at least.
+fn filmed(times_s: &[f64], case_s: f64) -> Range<usize> {
+    let last = times_s.len().saturating_sub(1);
+    let begin = times_s.partition_point(|&at_s| at_s < case_s - CLIP_BEFORE_S).min(last);
+    let end = times_s.partition_point(|&at_s| at_s <= case_s + CLIP_AFTER_S);
+    begin..end.max(begin + 1)
 }
 
 /// Since the first.
@@ -206,4 +213,19 @@ fn tell(case: &Case<'_>, said: &[Said]) -> String {
         Some(ttc_s) => text += &format!(", first braked {ttc_s:.1} s away"),
     }
     format!("{text}. {place}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_clip_has_the_seconds_around_the_case_and_one_picture_at_least() {
+        let times_s: Vec<f64> = (0..100).map(|i| f64::from(i) * 0.5).collect();
+        assert_eq!(filmed(&times_s, 20.0), 28..45);
+        assert_eq!(filmed(&times_s, 2.0), 0..9);
+        assert_eq!(filmed(&times_s, 49.5), 87..100);
+        assert_eq!(filmed(&[0.0], 8.0), 0..1, "it hits something before the next sample");
+        assert_eq!(filmed(&[0.0, 10.0], 17.0), 1..2);
+    }
 }
