@@ -167,6 +167,28 @@ fn the_worst_drives_alone_are_recorded_where_that_is_asked_for() {
 }
 
 #[test]
+fn a_worst_drive_that_goes_another_way_when_it_is_recorded_stays_what_it_was() {
+    let drives = Drives::new();
+    let mark = drives.path("mark");
+    let driver = format!("theirs={}", detector(&format!("wakes {}", text(&mark))));
+    let drive = |more: &[&str]| {
+        let (code, told) = drives.drive(&[&driver], "a", more);
+        assert_eq!(code, 0, "{told}");
+        (told, drives.summary("a").outcomes[0][0].clone())
+    };
+    let (told, first) = drive(&["--no-record"]);
+    assert!(first.collision.is_some(), "it sleeps: {first:?}");
+    assert!(!told.contains("are kept"), "{told}");
+    let (told, kept) = drive(&["--record-worst", "1"]);
+    assert!(told.contains("1 drives of an earlier run are kept"), "{told}");
+    assert!(told.contains("theirs, bale: recorded, it drove another way"), "{told}");
+    assert_eq!(kept, first);
+    let recorded =
+        ["episodes", "predictions"].map(|name| drives.path("a/theirs").join(name).join("bale.mcap"));
+    assert!(!recorded.iter().any(|file| file.exists()), "what does not count is gone");
+}
+
+#[test]
 fn what_cannot_be_driven_is_told_before_anything_is_written() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let out = folder.path().join("out");
