@@ -173,7 +173,7 @@ bench-gen: setup ## Speed of gen against bare MuJoCo, of two processes against o
 	$(XTASK) bench-gen --town all
 	$(XTASK) bench-gen --town all --weather all --episodes 18 --run-samples 240 # what weather adds
 
-# The race's labelled dataset and its checkpoint or run folder; `small` is the network with random weights.
+# The race's labelled dataset and its checkpoint or run folder; `small` is the network inside the program.
 RACE_DATA ?= data/race
 RACE_MODEL ?= small
 
