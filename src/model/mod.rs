@@ -47,6 +47,7 @@ pub use detector::Detector;
 pub use head::{KindBox, Output, Query, coder, detections, detections_by_state, kind_boxes};
 pub use image_weights::{ImageWeightsError, ImageWeightsReport};
 pub use input::{Input, InputError};
+pub use layers::NormStatistics;
 pub use lidar::sparse::SparseEncoder;
 pub use lidar::{LidarBatch, LidarInput, N_VOXEL_FEATURES, VoxelBatch, Voxels, voxelize};
 pub use operating_score::{OperatingScore, OperatingScores};

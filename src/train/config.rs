@@ -46,6 +46,9 @@ define_config! {
         /// Batches whose mean gradient makes one step of the optimizer; as many as there are threads are computed
         /// side by side, each with its own batch statistics.
         accumulate: usize = 2, in from_to(1.0, 1024.0);
+        /// Share of a stage's steps after which batch norms keep their running statistics, as at inference, in place of each small
+        /// batch's own. Default 1.
+        norms_until: f64 = 1.0, in SHARE;
         /// What convolutions multiply in training; default `f32`. With `bf16` a step takes less time on CPUs with AVX512-BF16, and
         /// as long as before on others.
         products: Products = Products::F32;
@@ -172,6 +175,13 @@ define_config! {
         /// Most objects of other samples pasted into a sample's cloud: 0 to this many, equally likely; none
         /// without a LiDAR branch.
         max_pasted: usize = 3, in from_to(0.0, 100.0);
+        /// Share of a stage's steps after which nothing is pasted any more, as PointAugmenting's fade: what is pasted, the picture does
+        /// not show, so that a network learns to believe points that no picture bears out. Default 1.
+        paste_until: f64 = 1.0, in SHARE;
+        /// Whether what is pasted comes from samples of as much fog and rain.
+        paste_alike: bool = false;
+        /// Pasted objects are not made smaller than this along their longest side, metres.
+        least_pasted_m: f64 = 0.0, in from_to(0.0, 10.0);
         /// Largest factor by which a pasted object is stretched or shrunk along each of its axes.
         max_stretch: f64 = 1.5, in from_to(1.0, 10.0);
         /// Share of the pasted objects that stand farther away than they did, with as many points as a LiDAR has there.

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use rand::RngExt;
 
 use super::config::AugmentConfig;
-use crate::dataset::LabelledSample;
+use crate::dataset::{LabelledSample, SampleFacts};
 use crate::geometry::{Box3, Ego, Lidar, Point, Transform};
 use crate::object::{Kind, LabelledObject, Object, SolidPart};
 use crate::random::Rng;
@@ -19,6 +19,11 @@ const ABOVE_GROUND_M: f64 = 0.05;
 /// Taller objects are not tipped over.
 const MAX_HEIGHT_OF_TIPPED_M: f64 = 2.5;
 const INTENSITY_SPREAD: f64 = 0.4;
+/// Donors that are drawn anew where the weather is to be alike: among as many there is one, or it is a rare weather.
+const N_DONORS: usize = 30;
+/// Where fog and rain begin, and where they are dense: meteorological optical range, m, and rain rate, mm/h.
+const FOG_M: [f64; 2] = [1000.0, 200.0];
+const RAIN_MMPH: [f64; 2] = [0.1, 10.0];
 
 /// A LiDAR return in the ego frame.
 #[derive(Debug, Clone, Copy)]
@@ -41,11 +46,20 @@ impl CutOut {
     /// shrink it, move it away or tip it over. `None` where the sample has no object with enough points.
     pub fn draw(
         donors: &[LabelledSample],
-        into: &Measured,
+        into: &LabelledSample,
         config: &AugmentConfig,
         rng: &mut Rng,
     ) -> Option<Self> {
-        let donor = &donors[rng.random_range(0..donors.len())];
+        let mut donor = &donors[rng.random_range(0..donors.len())];
+        if config.paste_alike {
+            for _ in 0..N_DONORS {
+                if is_alike(&donor.facts, &into.facts) {
+                    break;
+                }
+                donor = &donors[rng.random_range(0..donors.len())];
+            }
+        }
+        let into = &into.measured;
         let known = |object: &&LabelledObject| object.truth.n_lidar_points >= Some(MIN_POINTS_OF_DONOR);
         let candidates: Vec<&LabelledObject> = donor.objects.iter().filter(known).collect();
         if candidates.is_empty() {
@@ -71,7 +85,9 @@ impl CutOut {
             [config.shrunk_share, config.moved_share].map(|share| rng.random::<f64>() < share);
         let [shrink, move_] =
             [config.min_shrink, config.max_moved].map(|most| most.powf(rng.random::<f64>()));
-        let shrink = if is_shrunk && is_static { shrink } else { 1.0 };
+        let of = &truth.box_in_ego;
+        let least_shrink = (config.least_pasted_m / of.length_m.max(of.width_m).max(of.height_m)).min(1.0);
+        let shrink = if is_shrunk && is_static { shrink.max(least_shrink) } else { 1.0 };
         let away = if is_moved { move_ } else { 1.0 };
         factors = factors.map(|factor| factor * shrink);
         reshape(&mut truth.box_in_ego, &mut points, factors, is_tipped);
@@ -104,6 +120,16 @@ impl CutOut {
         points.iter_mut().for_each(|point| point.at = turned * point.at);
         Some(Self { truth, points, is_moved })
     }
+}
+
+/// Whether it is as foggy and as rainy in two samples.
+fn is_alike(one: &SampleFacts, other: &SampleFacts) -> bool {
+    let class = |facts: &SampleFacts| {
+        let fog = facts.mor_m.map(|mor_m| FOG_M.iter().filter(|&&from_m| mor_m < from_m).count());
+        let rain = facts.rain_rate_mmph.map(|rate| RAIN_MMPH.iter().filter(|&&from| rate > from).count());
+        (fog, rain)
+    };
+    class(one) == class(other)
 }
 
 /// Finds the returns inside a box, without those of the ground.
@@ -229,10 +255,38 @@ mod tests {
             ..AugmentConfig::default()
         };
         let donors = [donor()];
-        let into = &donors[0].measured;
+        let into = &donors[0];
         let draw =
             |i| CutOut::draw(&donors, into, &config, &mut random::stream(5, "cut-out-test", i)).unwrap();
         (0..50).map(draw).collect()
+    }
+
+    #[test]
+    fn donors_are_of_like_weather_and_things_stay_large_enough_where_that_is_asked_for() {
+        let weather = |mor_m: f64, sample: LabelledSample| LabelledSample {
+            facts: SampleFacts { mor_m: Some(mor_m), rain_rate_mmph: Some(0.0), ..sample.facts.clone() },
+            ..sample
+        };
+        let mut far = donor();
+        far.objects[0].truth.id = Some("clear".into());
+        let donors = [weather(20_000.0, far), weather(150.0, donor())];
+        let drawn = |paste_alike, least_pasted_m| {
+            let config =
+                AugmentConfig { paste_alike, least_pasted_m, shrunk_share: 1.0, ..AugmentConfig::default() };
+            let draw =
+                |i| CutOut::draw(&donors, &donors[1], &config, &mut random::stream(6, "cut-out-test", i));
+            (0..60).filter_map(draw).map(|cut_out| cut_out.truth).collect::<Vec<Object>>()
+        };
+        let n_clear = |of: &[Object]| of.iter().filter(|truth| truth.id.as_deref() == Some("clear")).count();
+        let (any, alike) = (drawn(false, 0.0), drawn(true, 6.0));
+        assert!(n_clear(&any) > 15 && n_clear(&alike) == 0, "{} {}", n_clear(&any), n_clear(&alike));
+        // A car of 4 m is stretched by up to a half, and not shrunk.
+        let longest_m = |truth: &Object| {
+            let of = &truth.box_in_ego;
+            of.length_m.max(of.width_m).max(of.height_m)
+        };
+        assert!(any.iter().any(|truth| longest_m(truth) < 2.0));
+        assert!(alike.iter().all(|truth| longest_m(truth) > 2.6));
     }
 
     #[test]

@@ -15,6 +15,7 @@ mod folder;
 mod lanes;
 mod learner;
 mod losses;
+mod mean_loss;
 pub mod memory;
 mod optimizer;
 mod paste;

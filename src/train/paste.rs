@@ -64,7 +64,7 @@ pub fn paste(
     let mut scene = Scene::of(sample);
     for i in 0..n {
         for _ in 0..N_TRIES {
-            let cut_out = CutOut::draw(donors, &sample.measured, config, rng);
+            let cut_out = CutOut::draw(donors, sample, config, rng);
             if let Some((truth, points)) = cut_out.and_then(|cut_out| scene.place(cut_out)) {
                 let harm = area.harm_of_object(&truth)?.harm;
                 scene.add(

@@ -16,9 +16,10 @@ use super::error::TrainError;
 use super::folder::{self, TrainOptions};
 use super::learner::Learner;
 use super::losses::LossParts;
+use super::mean_loss::MeanLoss;
 use super::plan::{Plan, Position, STAGES};
 use super::state;
-use super::step::{Mean, Steps};
+use super::step::Steps;
 use super::time::Stopwatch;
 use super::validate::validate;
 use crate::config::Checked;
@@ -111,7 +112,7 @@ pub fn run(
         // A run that was killed at its very end leaves them.
         state::clear(out)?;
         let steps = History::read_until(out, usize::MAX)?.steps;
-        return Ok(summary(0, Mean::of_last_epoch(&steps).mean(), Duration::ZERO));
+        return Ok(summary(0, MeanLoss::of_last_epoch(&steps).mean(), Duration::ZERO));
     }
 
     let stopwatch = Stopwatch::start(out);
@@ -134,7 +135,7 @@ pub fn run(
     steps.look_at_memory();
     let mut n_steps_now = 0;
     // A run that goes on in the middle of an epoch, or after the last step, has its earlier steps in the log.
-    let mut epoch_loss = Mean::of_last_epoch(&history.steps);
+    let mut epoch_loss = MeanLoss::of_last_epoch(&history.steps);
     while position.stage < STAGES.len() {
         let stage = STAGES[position.stage];
         let n_steps = plan.n_steps[position.stage];
@@ -155,7 +156,7 @@ pub fn run(
             }
             let epoch = position.step / plan.steps_per_epoch;
             if position.step % plan.steps_per_epoch == 0 {
-                epoch_loss = Mean::default();
+                epoch_loss = MeanLoss::default();
             }
             epoch_loss.add(parts);
             position.step += 1;

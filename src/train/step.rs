@@ -15,6 +15,7 @@ use super::disturb::disturb;
 use super::error::TrainError;
 use super::lanes::Lanes;
 use super::losses::{LossParts, losses};
+use super::mean_loss::MeanLoss;
 use super::memory::{MemoryBound, Rest};
 use super::paste::paste;
 use super::picture::{draw_objects, picture_loss};
@@ -23,14 +24,15 @@ use super::targets::{IgnoredGround, ignored_ground, trainable};
 use super::windows::{Shown, Windows};
 use crate::dataset::SampleSource;
 use crate::device::is_cpu;
-use crate::history::StepRow;
-use crate::model::{Batch, Detector, Input, Output};
+use crate::model::{Batch, Detector, Input, NormStatistics, Output};
 use crate::object::LabelledObject;
 use crate::random;
 use crate::zone::Zone;
 
 /// Computes the steps of a run, in any order: a step depends on its position alone.
 pub struct Steps<'a> {
+    /// Steps of each stage.
+    stage_lengths: [usize; 2],
     windows: Windows<'a>,
     /// The samples of the latest step.
     shown: Vec<Shown<'a>>,
@@ -61,6 +63,7 @@ impl<'a> Steps<'a> {
     ) -> Self {
         let source = source.into();
         Self {
+            stage_lengths: plan.n_steps,
             windows: Windows::new(plan, source),
             shown: Vec::new(),
             zone: source.zone(),
@@ -130,7 +133,7 @@ impl<'a> Steps<'a> {
         loading += of_lanes.iter().map(|of_lane| of_lane.1).max().unwrap_or_default();
         let mut of_lanes: Vec<_> = of_lanes.into_iter().map(|(passes, _)| passes.into_iter()).collect();
         let mut sum = GradientsAccumulator::new();
-        let mut mean = Mean::default();
+        let mut mean = MeanLoss::default();
         let mut copies = Vec::new();
         // In the order of the batches, so that the sum is the same on any number of devices.
         for batch_idx in 0..batches.len() {
@@ -197,7 +200,12 @@ impl<'a> Steps<'a> {
         share: f64,
     ) -> Result<Passed, TrainError> {
         let config = self.config;
-        config.products.during(|| {
+        let norms = if self.is_past(config.norms_until, position) {
+            NormStatistics::Running
+        } else {
+            NormStatistics::OfBatch
+        };
+        let work = || {
             let output = self.forward(&detector, device, prepared, position);
             let mut loss = losses(&output, &prepared.objects, &prepared.ignored, &config.model, &config.loss);
             if let (Some(logits), Some(targets)) = (output.picture_objects, &prepared.pictures) {
@@ -211,7 +219,13 @@ impl<'a> Steps<'a> {
             let gradients = loss.total.mul_scalar(share).backward();
             let gradients = GradientsParams::from_grads(gradients, &detector);
             Ok((detector, gradients, loss.parts))
-        })
+        };
+        config.products.during(|| norms.during(work))
+    }
+
+    /// Whether a step comes after this share of its stage's.
+    fn is_past(&self, share: f64, position: Position) -> bool {
+        position.step as f64 >= share * self.stage_lengths[position.stage] as f64
     }
 
     /// Passes forward. What it draws depends on the step alone, however often the run was stopped and whatever other devices
@@ -244,6 +258,9 @@ impl<'a> Steps<'a> {
         let mut augment = config.augment_of_model();
         if !with_camera {
             augment.no_cloud_share = 0.0;
+        }
+        if self.is_past(augment.paste_until, position) {
+            augment.max_pasted = 0;
         }
         chosen
             .par_iter()
@@ -357,39 +374,4 @@ struct Prepared<'a> {
     ignored: Vec<IgnoredGround>,
     /// `None` if one of the samples has none.
     pictures: Option<Vec<Vec<f32>>>,
-}
-
-/// Running mean of losses.
-#[derive(Default)]
-pub struct Mean {
-    sum: LossParts,
-    n: usize,
-}
-
-impl Mean {
-    /// Of the logged steps of the last one's epoch.
-    pub fn of_last_epoch(steps: &[StepRow]) -> Self {
-        let mut mean = Self::default();
-        let Some(last) = steps.last() else { return mean };
-        for row in steps.iter().filter(|row| (&row.stage, row.epoch) == (&last.stage, last.epoch)) {
-            let [heatmap, harm, boxes, picture] =
-                [row.heatmap, row.harm, row.boxes, row.picture].map(|part| part as f32);
-            mean.add(LossParts { heatmap, harm, boxes, picture });
-        }
-        mean
-    }
-
-    pub fn add(&mut self, parts: LossParts) {
-        self.sum.heatmap += parts.heatmap;
-        self.sum.harm += parts.harm;
-        self.sum.boxes += parts.boxes;
-        self.sum.picture += parts.picture;
-        self.n += 1;
-    }
-
-    pub fn mean(&self) -> LossParts {
-        let n = self.n.max(1) as f32;
-        let LossParts { heatmap, harm, boxes, picture } = self.sum;
-        LossParts { heatmap: heatmap / n, harm: harm / n, boxes: boxes / n, picture: picture / n }
-    }
 }

@@ -31,7 +31,7 @@ pub fn validate(
     device: &Device,
     with_camera: bool,
 ) -> Result<ClassScores, ValidationError> {
-    let mut scored = Vec::with_capacity(data.n_samples());
+    let mut scored = Vec::new();
     data.for_each_part(|samples| -> Result<(), ValidationError> {
         let found = predict(detector, &named(samples), with_camera, device, &Silent)?;
         scored.extend(eval_samples(samples, &found));

@@ -5,6 +5,7 @@ use burn::nn::{BatchNorm, BatchNormConfig, Initializer, Linear, LinearConfig};
 use burn::tensor::activation::relu;
 use burn::tensor::{Device, Tensor};
 
+use super::norm::batch_norm;
 use crate::kernels::mix_channels;
 
 /// A linear layer with bias over the channels of a map, which keeps the map's layout.
@@ -75,7 +76,7 @@ impl NormedMlp {
     pub fn forward_with(&self, x: Tensor<3>, change: impl FnOnce(Tensor<3>) -> Tensor<3>) -> Tensor<3> {
         let hidden = self.hidden.forward(x);
         let [n_rows, n_queries, n_channels] = hidden.dims();
-        let normed = self.norm.forward(hidden.reshape([n_rows * n_queries, n_channels]));
+        let normed = batch_norm(&self.norm, hidden.reshape([n_rows * n_queries, n_channels]));
         self.out.forward(relu(change(normed.reshape([n_rows, n_queries, n_channels]))))
     }
 }

@@ -7,5 +7,5 @@ mod resample;
 
 pub use conv::{ConvBlock, convolve, convolve_pointwise, kaiming, plain_conv, pointwise};
 pub use linear::{Mlp, NormedMlp, linear_over_channels, xavier};
-pub use norm::{batch_norm_relu, lidar_norm};
+pub use norm::{NormStatistics, batch_norm, batch_norm_relu, lidar_norm};
 pub use resample::{resize_bilinear, upsample_nearest};

@@ -1,9 +1,57 @@
 //! Batch norm and a ReLU over maps, as they follow every convolution of the bird's-eye and image nets.
 
+use std::cell::Cell;
+
 use burn::nn::{BatchNorm, BatchNormConfig};
 use burn::tensor::{Device, Tensor};
 
 use crate::kernels::{conv3x3, conv3x3_scale_shift_relu, norm_relu, scale_shift_relu};
+
+/// What batch norms go by in training.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum NormStatistics {
+    /// Those of the batch, which the running ones follow.
+    OfBatch,
+    /// The running ones, which stay as they are, as at inference.
+    Running,
+}
+
+thread_local! {
+    static CURRENT: Cell<NormStatistics> = const { Cell::new(NormStatistics::OfBatch) };
+}
+
+impl NormStatistics {
+    /// Runs work whose batch norms go by these. It holds for this thread: the one that calls the operations.
+    pub fn during<R>(self, work: impl FnOnce() -> R) -> R {
+        struct Restore(NormStatistics);
+        impl Drop for Restore {
+            fn drop(&mut self) {
+                CURRENT.set(self.0);
+            }
+        }
+        let _restore = Restore(CURRENT.replace(self));
+        work()
+    }
+}
+
+/// Whether a norm learns from this batch.
+fn follows(norm: &BatchNorm, device: &Device) -> bool {
+    device.is_autodiff() && norm.training.is_enabled() && CURRENT.get() == NormStatistics::OfBatch
+}
+
+/// A batch norm over rows, by what [`NormStatistics`] says.
+///
+/// # Shapes
+/// - x and output: `[row, channel]`
+#[must_use]
+pub fn batch_norm(norm: &BatchNorm, x: Tensor<2>) -> Tensor<2> {
+    let device = x.device();
+    if follows(norm, &device) || !device.is_autodiff() {
+        return norm.forward(x);
+    }
+    let [scale, shift] = scale_and_shift(norm, &device);
+    x * scale.unsqueeze() + shift.unsqueeze()
+}
 
 /// The batch norm of the published LiDAR branch.
 pub fn lidar_norm(n_channels: usize, device: &Device) -> BatchNorm {
@@ -18,7 +66,7 @@ pub fn lidar_norm(n_channels: usize, device: &Device) -> BatchNorm {
 #[must_use]
 pub fn batch_norm_relu(norm: &BatchNorm, x: Tensor<4>) -> Tensor<4> {
     let device = x.device();
-    if device.is_autodiff() && norm.training.is_enabled() {
+    if follows(norm, &device) {
         let normed = norm_relu(x, norm.gamma.val(), norm.beta.val(), norm.epsilon);
         for (running, latest) in [(&norm.running_mean, normed.mean), (&norm.running_var, normed.variance)] {
             let kept = running.value_sync().to_device(&device).mul_scalar(1.0 - norm.momentum);
@@ -81,6 +129,20 @@ mod tests {
         let (a, b) = (own.valid(), burns.valid());
         let inner = x.clone().inner();
         assert!(largest(batch_norm_relu(&a, inner.clone()), relu(b.forward(inner))) < 1e-5);
+        // In training by the running statistics: what inference says, and they stay.
+        let x_rows = Tensor::<2>::random([6, 3], Distribution::Normal(0.7, 2.0), &device);
+        let [on_map, on_rows] = NormStatistics::Running.during(|| {
+            let on_rows = batch_norm(&own, x_rows.clone());
+            [batch_norm_relu(&own, x.clone()).reshape([-1]), on_rows.reshape([-1])]
+        });
+        let at_inference = [
+            batch_norm_relu(&own.valid(), x.clone().inner()).reshape([-1]),
+            own.valid().forward(x_rows.inner()).reshape([-1]),
+        ];
+        for (found, wanted) in [on_map, on_rows].into_iter().zip(at_inference) {
+            let wanted: Tensor<1> = wanted;
+            assert!((found.inner() - wanted).abs().max().into_scalar::<f32>() < 1e-5);
+        }
         let frozen = own.clone().freeze();
         let still = largest(batch_norm_relu(&frozen, x.clone()).inner(), relu(frozen.forward(x)).inner());
         assert!(still < 1e-5);

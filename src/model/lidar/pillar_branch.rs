@@ -10,7 +10,7 @@ use super::LidarMaps;
 use super::pillars::PillarBatch;
 use crate::kernels::pillar_map;
 use crate::model::config::ModelConfig;
-use crate::model::layers::{ConvBlock, convolve_pointwise, pointwise, upsample_nearest};
+use crate::model::layers::{ConvBlock, batch_norm, convolve_pointwise, pointwise, upsample_nearest};
 
 /// From points to features on the bird's-eye grid at one cell (two pillars).
 #[derive(Module, Debug)]
@@ -94,7 +94,7 @@ impl PillarBranch {
         if let (Some(linear), Some(painted)) = (&self.painted, painted) {
             points = points + linear.forward(painted);
         }
-        let points = relu(self.point_norm.forward(points));
+        let points = relu(batch_norm(&self.point_norm, points));
         pillar_map(points, &batch.plan).reshape([n_samples, self.n_pillar_channels, n_y, n_x])
     }
 }

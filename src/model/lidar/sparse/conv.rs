@@ -8,7 +8,7 @@ use burn::tensor::activation::relu;
 use burn::tensor::{Device, Tensor};
 
 use crate::kernels::{Rulebook, sparse_conv};
-use crate::model::layers::{kaiming, lidar_norm};
+use crate::model::layers::{batch_norm, kaiming, lidar_norm};
 
 /// Sparse convolution without bias, and batch norm over the active sites.
 #[derive(Module, Debug)]
@@ -32,7 +32,7 @@ impl SparseConvNorm {
     /// - x: `[input, channel_in]`
     /// - output: `[output, channel_out]`
     pub fn forward(&self, x: Tensor<2>, rulebook: &Arc<Rulebook>) -> Tensor<2> {
-        self.norm.forward(sparse_conv(x, self.weight.val(), rulebook))
+        batch_norm(&self.norm, sparse_conv(x, self.weight.val(), rulebook))
     }
 }
 
