@@ -20,7 +20,8 @@ pub use space::{bytes_in_words, check_room, free_bytes, told_with_room};
 /// Suffix of files that are still being written; a leftover may be deleted at any time.
 pub const PARTIAL_SUFFIX: &str = "partial";
 
-/// Writes a file whole or not at all: to `<path>.partial`, synced, then renamed over `path`.
+/// Writes a file whole or not at all: to `<path>.partial`, synced, then renamed over `path`. Of two processes that write one file at
+/// a time the second waits.
 ///
 /// # Errors
 /// Any IO error, among them a full disk; the partial file is removed then.
@@ -30,7 +31,8 @@ pub fn write_atomic(path: &Path, bytes: &[u8]) -> io::Result<()> {
     partial_name.push(PARTIAL_SUFFIX);
     let mut partial = TempPath::try_from_path(partial_name)?;
     let write = || -> io::Result<()> {
-        let mut file = fs::File::create(&partial)?;
+        let mut file = lock::open_alone(&partial)?;
+        file.set_len(0)?;
         file.write_all(bytes)?;
         file.sync_all()?;
         fs::rename(&partial, path)
@@ -178,6 +180,24 @@ mod tests {
         write_atomic(&path, b"old").unwrap();
         write_atomic(&path, b"new").unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"new");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn of_two_writers_each_writes_the_whole() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("file.json");
+        let texts = [vec![1; 300_000], vec![2; 200_000]];
+        std::thread::scope(|scope| {
+            for text in &texts {
+                let path = &path;
+                scope.spawn(move || (0..20).for_each(|_| write_atomic(path, text).unwrap()));
+            }
+            for _ in 0..200 {
+                let found = fs::read(&path).unwrap_or_else(|_| texts[0].clone());
+                assert!(texts.contains(&found), "{} bytes", found.len());
+            }
+        });
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
     }
 

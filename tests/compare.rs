@@ -146,6 +146,7 @@ fn unlabelled_copy(dataset: &Path, folder: &Path) -> PathBuf {
         drive: "bag".into(),
         methods: [("speed".into(), "unknown; assumed 8 m/s".into())].into(),
         labelled: None,
+        first_cloud_sha256: String::new(),
         sample_names: std::collections::BTreeMap::default(),
     };
     let to = folder.join("log");

@@ -280,6 +280,7 @@ fn write_log_episode(path: &Path) {
         format: "kitti".into(),
         drive: "0001".into(),
         methods: [("camera".to_owned(), "the log's picture".to_owned())].into(),
+        first_cloud_sha256: String::new(),
         sample_names: [(FIRST_NS.to_string(), "000000".to_owned())].into(),
         labelled: Some(labelled),
     };

@@ -48,7 +48,7 @@ pub fn run(args: CalibrateArgs) -> anyhow::Result<ExitStatus> {
     let trained = Trained::find(&args.run)?;
     // Where the score goes.
     let path = match (&trained, args.judge) {
-        (Trained::File(path), Judge::Network) => Some(path),
+        (Trained::File(file), Judge::Network) => Some(file.path()),
         (Trained::Shipped(_), Judge::Network) => bail!(
             "`{}` is inside the program and stays as it is; give a run's folder or a checkpoint",
             args.run.display()
@@ -118,7 +118,9 @@ pub fn run(args: CalibrateArgs) -> anyhow::Result<ExitStatus> {
         Some(path) => {
             let seen = trained.seen()?.map(|seen| seen.with_watched(episodes));
             let (_, bytes) = trained.bytes()?;
-            let bytes = checkpoint::with_operating_scores(&bytes, &chosen, seen.as_ref(), path)?;
+            let bytes = checkpoint::with_operating_scores(bytes, &chosen, seen.as_ref(), path)?;
+            // Scores of one network are not put into another.
+            Trained::find(path)?.check_sha256(&trained.sha256()?)?;
             files::write_atomic(path, &bytes).with_context(|| format!("cannot write {}", path.display()))?;
             format!("kept in {}", path.display())
         }
@@ -128,7 +130,7 @@ pub fn run(args: CalibrateArgs) -> anyhow::Result<ExitStatus> {
     };
     let words =
         format!("warns from {}\nbrakes from {}; {kept}", told(&chosen.warning), told(&chosen.braking));
-    let network = path.map_or_else(|| args.run.display().to_string(), |path| path_text(path));
+    let network = path.map_or_else(|| args.run.display().to_string(), path_text);
     let (operating_score, braking_score) = (&chosen.warning, &chosen.braking);
     let json = json!({
         "network": network,

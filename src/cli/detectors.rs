@@ -100,7 +100,7 @@ impl NamedDetector {
                         path.display()
                     );
                 }
-                let sha256 = sha256_hex(&trained.bytes()?.1);
+                let sha256 = trained.sha256()?;
                 OpenedBoxes::Run { trained, blind: *blind, sha256 }
             }
         };

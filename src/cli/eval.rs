@@ -14,7 +14,6 @@ use crate::dataset::{
 };
 use crate::episode::{EpisodeEntry, Manifest, Split};
 use crate::eval::{self, EvalSample, Mode, Protocol, eval_samples, json};
-use crate::files::sha256_hex;
 use crate::infer::worker::NetworkWorkers;
 use crate::infer::{self, PredictError, Trained};
 use crate::object::Detection;
@@ -221,7 +220,7 @@ fn join(
     blind: Option<Sensor>,
     mut detect: impl FnMut(&[LabelledSample]) -> Result<Vec<Vec<Detection>>, PredictError>,
 ) -> anyhow::Result<Vec<EvalSample>> {
-    let mut joined = Vec::with_capacity(split.n_samples());
+    let mut joined = Vec::new();
     split.for_each_part(|mut samples| -> anyhow::Result<()> {
         if let Some(sensor) = blind {
             samples.iter_mut().for_each(|sample| sensor.blind(&mut sample.measured));
@@ -264,10 +263,9 @@ pub fn provenance(
     command: String,
 ) -> anyhow::Result<Provenance> {
     let train_toml = match trained {
-        Some(Trained::File(path)) => fs::read_to_string(path.with_file_name(train::CONFIG_FILE)).ok(),
+        Some(Trained::File(file)) => fs::read_to_string(file.path().with_file_name(train::CONFIG_FILE)).ok(),
         _ => None,
     };
-    let checkpoint = trained.map(Trained::bytes).transpose()?;
     Ok(Provenance {
         version: env!("CARGO_PKG_VERSION").to_owned(),
         command,
@@ -276,7 +274,7 @@ pub fn provenance(
         split: data.map(|of| of.split),
         data_version: data.map(|of| of.data_version),
         fingerprint: data.map(|of| Fingerprint::of(of.path, of.labels)).transpose()?,
-        checkpoint_sha256: checkpoint.map(|(_, bytes)| sha256_hex(&bytes)),
+        checkpoint_sha256: trained.map(Trained::sha256).transpose()?,
         model_toml: trained.map(Trained::config).transpose()?.as_ref().map(config::to_toml),
         train_toml,
     })

@@ -10,7 +10,7 @@ use super::{Bar, DeviceArg, ExitStatus, path_text, print_either, split, tell, te
 use crate::config;
 use crate::dataset::MeasuredSplit;
 use crate::episode::{Manifest, PartOf, Shard, Split};
-use crate::files::{FolderLock, remove_unfinished, sha256_hex, sha256_of};
+use crate::files::sha256_of;
 use crate::infer::worker::NetworkWorkers;
 use crate::infer::{self, PredictionPart, Predictions, Trained};
 use crate::object::Detection;
@@ -62,11 +62,7 @@ pub fn run(args: PredictArgs) -> anyhow::Result<ExitStatus> {
         Some(out) => out.path().to_owned(),
         None => trained.predictions_folder(data.path())?,
     };
-    let _lock = FolderLock::take(&folder)?;
-    remove_unfinished(&folder)?;
-    if !args.force {
-        Predictions::check_free(&folder)?;
-    }
+    let _lock = Predictions::take_folder(&folder, args.force)?;
     let cluster = args.engine.cluster()?;
     let whole = MeasuredSplit::open(data.path(), args.split)?;
     let recording = match args.shard {
@@ -82,6 +78,16 @@ pub fn run(args: PredictArgs) -> anyhow::Result<ExitStatus> {
     }
     let config_toml = config::to_toml(&trained.config()?);
     let predictions = Predictions { folder, set: args.run.to_string(), config_toml };
+    let part = match args.shard {
+        Some(shard) => Some(part_of(&args, data.path(), shard, &whole, &trained)?),
+        None => None,
+    };
+    let of_episodes: Vec<(&str, usize)> =
+        recording.episodes().iter().map(|entry| (entry.name.as_str(), entry.n_samples)).collect();
+    let beside = |folder: &Path| match &part {
+        Some(part) => part.clone().write(folder, &of_episodes),
+        None => Ok(()),
+    };
     let n_boxes = if let Some(engine) = &cluster {
         let program = Program::this()?;
         let (device, trained) = (args.device.name(), &trained);
@@ -92,19 +98,13 @@ pub fn run(args: PredictArgs) -> anyhow::Result<ExitStatus> {
         });
         let samples: Vec<(String, u64)> = samples.collect();
         let boxes: Vec<Vec<Detection>> = found.into_iter().flat_map(|found| found.found).collect();
-        predictions.write(recording.episodes(), &samples, &boxes)?;
+        predictions.write(recording.episodes(), &samples, &boxes, &beside)?;
         boxes.iter().map(Vec::len).sum()
     } else {
         let device = args.device.open()?;
         let detector = trained.load(&device)?;
-        infer::predict_recording(&detector, &recording, &predictions, &device, &Bar::default())?
+        infer::predict_recording(&detector, &recording, &predictions, &beside, &device, &Bar::default())?
     };
-    if let Some(shard) = args.shard {
-        let part = part_of(&args, data.path(), shard, &whole, &trained)?;
-        let episodes: Vec<(&str, usize)> =
-            recording.episodes().iter().map(|entry| (entry.name.as_str(), entry.n_samples)).collect();
-        part.write(&predictions.folder, &episodes)?;
-    }
     store::push(&predictions.folder)?;
     tell_boxes(n_boxes, recording.n_samples(), &predictions.folder, args.json)
 }
@@ -125,7 +125,7 @@ fn part_of(
         data_sha256: sha256_of(&data.join(Manifest::FILE))?,
         split: whole.episodes()[0].split.name().to_owned(),
         network: args.run.to_string(),
-        network_sha256: sha256_hex(&trained.bytes()?.1),
+        network_sha256: trained.sha256()?,
         episodes: Vec::new(),
     })
 }

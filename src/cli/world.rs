@@ -22,7 +22,7 @@ pub struct WorldArgs {
     #[arg(long, value_name = "N", value_parser = number(1..=u32::MAX))]
     pub episodes: Option<u32>,
     /// Seed of every random draw: the same seed gives the same bytes [default: 0]
-    #[arg(long, value_name = "N", value_parser = number(0..=u64::MAX))]
+    #[arg(long, value_name = "N", value_parser = number(0..=i64::MAX as u64))]
     seed: Option<u64>,
     /// Also place unfamiliar objects, of kinds that no training set holds
     #[arg(long)]

@@ -8,7 +8,7 @@ use fs_err as fs;
 use super::{DriveConfig, DriveError};
 use crate::episode::Manifest;
 use crate::episode::folder::{first_difference, is_whole};
-use crate::files::{holds_anything, sha256_hex, write_atomic};
+use crate::files::{holds_anything, read_sealed, sha256_hex, write_atomic, write_sealed};
 use crate::generate::EpisodePlan;
 use crate::label;
 use crate::outcome::{DriveOutcome, Origin};
@@ -64,7 +64,7 @@ pub(super) fn find_whole(
     if !path.is_file() {
         return Ok(None);
     }
-    let mut outcome: DriveOutcome = serde_json::from_str(&fs::read_to_string(&path)?)
+    let mut outcome: DriveOutcome = serde_json::from_str(&read_sealed(&path)?)
         .map_err(|error| DriveError::BadOutcome { message: error.to_string(), path })?;
     let is_there =
         outcome.entry.as_ref().is_some_and(|entry| is_whole(folder, entry).is_ok_and(|is_whole| is_whole));
@@ -80,8 +80,7 @@ pub(super) fn write_outcome(
     plan: &EpisodePlan,
     outcome: &DriveOutcome,
 ) -> Result<(), DriveError> {
-    let json = serde_json::to_string_pretty(outcome).expect("an outcome has a JSON form");
-    Ok(write_atomic(&outcome_path(folder, plan), (json + "\n").as_bytes())?)
+    Ok(write_sealed(&outcome_path(folder, plan), outcome)?)
 }
 
 /// Takes away what was recorded of a drive that does not count.

@@ -53,12 +53,13 @@ pub(super) struct Instant<'a> {
 }
 
 impl Perception {
-    /// Loads the network, if it is one.
+    /// Loads the network, if it is one, whose checkpoint has this hash.
     ///
     /// # Errors
-    /// There is no such run, or its checkpoint is broken.
+    /// There is no such run, its checkpoint is broken, or is another one by now.
     pub fn open(
         source: &Source,
+        sha256: &str,
         config: &ReflexConfig,
         reply_s: f64,
         device: &Device,
@@ -71,6 +72,7 @@ impl Perception {
             }
             Source::Network { run, judge, score } => {
                 let trained = Trained::find(run)?;
+                trained.check_sha256(sha256)?;
                 let (scores, _) = network_scores(&trained, *judge, *score, config)?;
                 let detector = trained.load(device)?;
                 let (judge, device) = (*judge, device.clone());

@@ -125,8 +125,15 @@ pub fn run(
         .filter(|task| outcomes[task.who_idx][task.course_idx as usize].is_none())
         .collect();
     let outcomes = Mutex::new(outcomes);
-    let drives =
-        Drives { config: &config, drivers, courses, plans: &plans, folders: &folders, options, progress };
+    let drives = Drives {
+        config: &config,
+        origins: &origins,
+        courses,
+        plans: &plans,
+        folders: &folders,
+        options,
+        progress,
+    };
     drives.make(out, &todo, options.recording == RecordedDrives::All, &|task, outcome| {
         write_outcome(&folders[task.who_idx], &plans[task.course_idx as usize], &outcome)?;
         let mut outcomes = outcomes.lock().expect("no worker thread panics");
@@ -165,7 +172,8 @@ pub fn run(
 /// What all drives of a command share.
 struct Drives<'a> {
     config: &'a DriveConfig,
-    drivers: &'a [Who],
+    /// Who drives, and by what.
+    origins: &'a [Origin],
     courses: &'a Courses,
     plans: &'a [EpisodePlan],
     folders: &'a [PathBuf],
@@ -185,13 +193,13 @@ impl Drives<'_> {
         records: bool,
         on_driven: OnDriven<'_>,
     ) -> Result<(), DriveError> {
-        let Self { config, drivers, courses, plans, folders, options, progress } = *self;
+        let Self { config, origins, courses, plans, folders, options, progress } = *self;
         progress.start(if records { "drive and record" } else { "drive" }, todo.len() as u64);
         let n_jobs = options.jobs.clamp(1, todo.len().max(1));
         let n_cores = std::thread::available_parallelism().map_or(1, usize::from);
         let job = DriveJob {
             config: config.clone(),
-            drivers: drivers.to_vec(),
+            drivers: origins.iter().map(|origin| (origin.who.clone(), origin.sha256.clone())).collect(),
             scenarios: courses.scenarios.clone(),
             folder: fs::canonicalize(out)?,
             records,
@@ -217,7 +225,7 @@ impl Drives<'_> {
                     return Err(DriveError::Worker { episode: plan.name.clone(), message });
                 }
             };
-            progress.note(&format!("{} {}", drivers[who_idx].name, plan.name));
+            progress.note(&format!("{} {}", origins[who_idx].who.name, plan.name));
             progress.advance(1);
             on_driven(todo[place], outcome)
         })?;
@@ -235,7 +243,7 @@ fn record_worst(
     most: usize,
     outcomes: &mut [Vec<DriveOutcome>],
 ) -> Result<(), DriveError> {
-    let truth = drives.drivers.iter().position(|who| who.source == Source::Truth);
+    let truth = drives.origins.iter().position(|origin| origin.who.source == Source::Truth);
     let of_who = |who_idx: usize| {
         let truth = truth.filter(|&truth| truth != who_idx).map(|truth| &outcomes[truth][..]);
         let cases = worst(&outcomes[who_idx], truth, most).into_iter();
@@ -246,14 +254,14 @@ fn record_worst(
         tasks.dedup_by_key(|task| task.course_idx);
         tasks
     };
-    let shown = (0..drives.drivers.len()).filter(|&who| drives.drivers[who].source != Source::Blind);
+    let shown = (0..drives.origins.len()).filter(|&who| drives.origins[who].who.source != Source::Blind);
     let todo: Vec<Task> = shown.flat_map(of_who).collect();
     let outcomes = Mutex::new(outcomes);
     drives.make(out, &todo, true, &|task, outcome| {
         let (folder, plan) = (&drives.folders[task.who_idx], &drives.plans[task.course_idx as usize]);
         let mut outcomes = outcomes.lock().expect("no worker thread panics");
         let kept = &mut outcomes[task.who_idx][task.course_idx as usize];
-        let (who, episode) = (&drives.drivers[task.who_idx].name, &outcome.episode);
+        let (who, episode) = (&drives.origins[task.who_idx].who.name, &outcome.episode);
         if let End::Failed(reason) = &outcome.end {
             tracing::warn!("{who}, {episode}: not recorded: {reason}");
         } else if (DriveOutcome { entry: None, ..outcome.clone() }) == *kept {
@@ -303,11 +311,7 @@ fn origin_of(who: &Who, reflex: &ReflexConfig, device: DeviceName) -> Result<Ori
             if !is_chosen {
                 tell_unchosen(who, run, *judge, scores.sure);
             }
-            (
-                sha256_hex(&trained.bytes()?.1),
-                Some(scores.sure),
-                (scores.seen < scores.sure).then_some(scores.seen),
-            )
+            (trained.sha256()?, Some(scores.sure), (scores.seen < scores.sure).then_some(scores.seen))
         }
         Source::External { command } => {
             let files = command.split_whitespace().map(Path::new).filter(|path| path.is_file());

@@ -20,7 +20,8 @@ pub(super) const COMMAND: &str = "drive-worker";
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct DriveJob {
     pub(super) config: DriveConfig,
-    pub(super) drivers: Vec<Who>,
+    /// Who drives, with the hash of what each drives by.
+    pub(super) drivers: Vec<(Who, String)>,
     /// Driven in place of the config's worlds, if there are any.
     pub(super) scenarios: Vec<Scenario>,
     /// Of all drivers' folders.
@@ -56,13 +57,18 @@ fn make(
     on_sample: &mut dyn FnMut() -> io::Result<()>,
 ) -> Result<DriveOutcome, DriveError> {
     let course = course(&job.config, &job.scenarios, task.course_idx)?;
-    let who = &job.drivers[task.who_idx];
+    let (who, sha256) = &job.drivers[task.who_idx];
     let perception = match opened {
         Some((idx, perception)) if *idx == task.who_idx => perception,
         _ => {
             let device: DeviceName = job.device.parse()?;
-            let perception =
-                Perception::open(&who.source, &job.config.reflex, job.config.reply_s, &device.open()?)?;
+            let perception = Perception::open(
+                &who.source,
+                sha256,
+                &job.config.reflex,
+                job.config.reply_s,
+                &device.open()?,
+            )?;
             &mut opened.insert((task.who_idx, perception)).1
         }
     };

@@ -297,6 +297,15 @@ impl SampleMessages<'_> {
     }
 }
 
+/// Whether chunks lie in each other, by their offsets and lengths: one that the index names twice would give its messages twice, and
+/// take the memory for each.
+fn overlap(chunks: impl Iterator<Item = [u64; 2]>) -> bool {
+    let mut places: Vec<[u64; 2]> =
+        chunks.map(|[begin, length]| [begin, begin.saturating_add(length)]).collect();
+    places.sort_unstable();
+    places.windows(2).any(|pair| pair[1][0] < pair[0][1])
+}
+
 /// The index of a file.
 pub(super) fn read_summary(path: &Path) -> Result<mcap::Summary, EpisodeError> {
     let damaged = |source| EpisodeError::Damaged { source, path: path.to_owned() };
@@ -317,6 +326,9 @@ pub(super) fn read_summary(path: &Path) -> Result<mcap::Summary, EpisodeError> {
         }
     }
     let summary = reader.finish().ok_or_else(|| EpisodeError::NoIndex { path: path.to_owned() })?;
+    if overlap(summary.chunk_indexes.iter().map(|chunk| [chunk.chunk_start_offset, chunk.chunk_length])) {
+        return Err(damaged(McapError::BadIndex));
+    }
     // The summary reader does not check the summary's CRC: it is read once more, from the record before it.
     let mut footer = [0; FOOTER_BYTES as usize];
     file.seek(SeekFrom::Start(n_bytes - MAGIC_BYTES - FOOTER_BYTES))?;
@@ -368,4 +380,16 @@ pub(super) fn read_records(
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::overlap;
+
+    #[test]
+    fn a_chunk_that_is_named_twice_is_found() {
+        let of = |chunks: &[[u64; 2]]| overlap(chunks.iter().copied());
+        assert!(!of(&[[70, 30], [8, 62]]));
+        assert!(of(&[[8, 62], [70, 30], [8, 62]]) && of(&[[8, 63], [70, 30]]));
+    }
 }

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::archive::ArchiveWriter;
+use super::archive_reader::Archive;
 use super::error::{EpisodeError, MessageFault};
 use super::messages::wire;
 use super::sidecar::{SidecarReader, SidecarSample};
@@ -65,6 +66,16 @@ impl DetectionWriter {
     pub fn finish(self) -> Result<PathBuf, EpisodeError> {
         self.archive.finish([(SampleDetections::RECORD, self.meta.to_record())])
     }
+}
+
+/// Whether a file is one of [`DetectionWriter`], with nothing else in it.
+#[must_use]
+pub fn is_detections_file(path: &Path) -> bool {
+    let is_known = |topic: &str| topics::OF_DETECTIONS.iter().any(|known| known.name == topic);
+    Archive::open(path, &[topics::DETECTIONS.spec()]).is_ok_and(|archive| {
+        archive.topics().all(is_known)
+            && archive.metadata(SampleDetections::RECORD).is_ok_and(|record| !record.is_empty())
+    })
 }
 
 /// Begins a sample with its boxes.

@@ -20,6 +20,7 @@ fn log(labelled: Option<Labelled>) -> LogFacts {
         drive: "bag".into(),
         methods: [("speed".to_owned(), "from /odom".to_owned())].into(),
         labelled,
+        first_cloud_sha256: String::new(),
         sample_names: [].into(),
     }
 }

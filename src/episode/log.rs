@@ -25,6 +25,10 @@ pub struct LogFacts {
     /// The log's own names of its samples (nuScenes' tokens, numbers of frames) by their times in nanoseconds, where it has any.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub sample_names: BTreeMap<String, String>,
+    /// SHA-256 of the first sample's points as the log has them, by which two logs are told apart whose stamps are made up; empty in
+    /// episodes of earlier versions.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub first_cloud_sha256: String,
     /// What the log annotates; `None` if nothing.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub labelled: Option<Labelled>,
@@ -59,6 +63,9 @@ pub struct SizeRange {
 }
 
 impl LogFacts {
+    /// What was left out of a drive as unreadable is told under this name among the methods.
+    pub const LEFT_OUT: &str = "left_out";
+
     /// The log's own name of the sample at a time.
     #[must_use]
     pub fn sample_name(&self, time_ns: u64) -> Option<&str> {

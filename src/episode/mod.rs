@@ -37,7 +37,7 @@ mod topics;
 mod writer;
 
 pub use archive_check::{ArchiveCounts, check_archive};
-pub use detections::{DetectionReader, DetectionWriter, SampleDetections};
+pub use detections::{DetectionReader, DetectionWriter, SampleDetections, is_detections_file};
 pub use drawing::MapDrawing;
 pub use drive_log::{CommandReader, DriveLogWriter, SampleCommand};
 pub use error::{EpisodeError, MessageFault};

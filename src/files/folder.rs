@@ -4,6 +4,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use fs_err as fs;
+use rustix::fs::{CWD, RenameFlags, renameat_with, syncfs};
 use thiserror::Error;
 
 use super::{PARTIAL_SUFFIX, holds_anything};
@@ -68,20 +69,28 @@ impl NewFolder {
         Ok(path)
     }
 
-    /// Gives the folder its name; what was there is gone then.
+    /// Gives the folder its name, once its files are on the disk; what was there is gone then.
     ///
     /// # Errors
     /// The disk fails.
     pub fn finish(self) -> io::Result<()> {
+        // One call for all files, which many small ones would make slow.
+        syncfs(fs::File::open(&self.partial)?)?;
         if !self.force && holds_anything(&self.target)? {
             return Err(io::Error::new(
                 io::ErrorKind::AlreadyExists,
                 format!("another process made the folder meanwhile: {}", self.target.display()),
             ));
         }
+        let is_replaced = self.target.exists();
+        // Both names at once, so that there is a whole folder at any time.
+        if is_replaced && renameat_with(CWD, &self.partial, CWD, &self.target, RenameFlags::EXCHANGE).is_ok()
+        {
+            return remove(&self.partial);
+        }
+        // Some file systems cannot do that.
         let old = beside(&self.target, "old");
         remove(&old)?;
-        let is_replaced = self.target.exists();
         if is_replaced {
             fs::rename(&self.target, &old)?;
         }

@@ -106,6 +106,25 @@ impl FolderLock {
     }
 }
 
+/// Opens a file to write, or makes it, once no other process has it open so.
+///
+/// # Errors
+/// Any IO error.
+pub(super) fn open_alone(path: &Path) -> io::Result<fs::File> {
+    loop {
+        let file = fs::OpenOptions::new().write(true).create(true).truncate(false).open(path)?;
+        match file.lock() {
+            // Some network file systems have no locks.
+            Err(error) if error.kind() != io::ErrorKind::Unsupported => return Err(error),
+            _ => {}
+        }
+        // The one before has renamed it, or deleted it.
+        if is_still_there(&file, path) {
+            return Ok(file);
+        }
+    }
+}
+
 /// Whether a name still leads to this file.
 fn is_still_there(file: &fs::File, path: &Path) -> bool {
     match (fstat(file), stat(path)) {

@@ -17,10 +17,36 @@ use serde::Serialize;
 use smallvec::smallvec;
 
 use super::GenerateError;
+use crate::episode::EpisodeEntry;
 use crate::episode::folder::AOV;
 use crate::files::{PARTIAL_SUFFIX, write_atomic};
 use crate::scene::SceneObject;
 use crate::sensors::Rig;
+use crate::store;
+
+/// Name of the file that maps numbers to objects and categories.
+const OBJECTS_FILE: &str = "objects.json";
+
+/// What names of pictures end in.
+const SUFFIX: &str = "exr";
+
+/// The files of an episode's pictures from the data set's folder; `None` if any of `n_cameras` lacks one of the samples.
+///
+/// # Errors
+/// The folder cannot be read.
+pub(super) fn find_whole(
+    data_set: &Path,
+    entry: &EpisodeEntry,
+    n_cameras: usize,
+) -> std::io::Result<Option<Vec<PathBuf>>> {
+    let inside = Path::new(AOV).join(&entry.name);
+    let found = store::files_below(&data_set.join(&inside))?;
+    let n_pictures =
+        found.iter().filter(|file| file.extension().is_some_and(|suffix| suffix == SUFFIX)).count();
+    let is_whole =
+        n_pictures == n_cameras * entry.n_samples && found.iter().any(|file| file == Path::new(OBJECTS_FILE));
+    Ok(is_whole.then(|| found.iter().map(|file| inside.join(file)).collect()))
+}
 
 #[derive(Debug, Serialize)]
 struct Entry<'a> {
@@ -96,7 +122,7 @@ impl AovWriter {
         });
         let entries: Vec<Entry<'_>> = things.chain(scenery).collect();
         let json = serde_json::to_string_pretty(&entries).expect("a list of entries has a JSON form");
-        write_atomic(&partial.join("objects.json"), json.as_bytes())?;
+        write_atomic(&partial.join(OBJECTS_FILE), json.as_bytes())?;
         Ok(Self { partial, whole, cameras, categories, background: of_background })
     }
 
@@ -129,7 +155,7 @@ impl AovWriter {
             .to_buffered(&mut bytes)
             .map_err(|error| std::io::Error::other(format!("cannot pack an EXR picture: {error}")))?;
         write_atomic(
-            &self.partial.join(of_camera).join(format!("{sample_idx:06}.exr")),
+            &self.partial.join(of_camera).join(format!("{sample_idx:06}.{SUFFIX}")),
             &bytes.into_inner(),
         )?;
         Ok(())

@@ -5,12 +5,15 @@ use std::path::Path;
 
 use fs_err as fs;
 
-use super::{EpisodePlan, GenerateError};
+use super::aov::find_whole;
+use super::{EpisodePlan, GenerateConfig, GenerateError};
 use crate::episode::folder::{
     AOV, EPISODES, clear_episodes, first_difference, remove_unfinished, whole_ones,
 };
-use crate::episode::{Manifest, PartOf};
+use crate::episode::{EpisodeEntry, Manifest, PartOf};
 use crate::files::{holds_anything, is_file, sha256_hex, write_atomic};
+use crate::scene::clear_own_models;
+use crate::store;
 
 /// The resolved config, written before anything else.
 pub(super) const CONFIG_FILE: &str = "gen.toml";
@@ -21,21 +24,32 @@ pub(super) const OWN_MODELS: &str = "models";
 /// Prepares the folder; returns the manifest to begin with, which holds the complete episodes.
 pub(super) fn open(
     folder: &Path,
+    config: &GenerateConfig,
     config_toml: &str,
-    seed: u64,
-    ood: bool,
     part: Option<PartOf>,
     plans: &[EpisodePlan],
     force: bool,
 ) -> Result<Manifest, GenerateError> {
-    let mut manifest = Manifest { part, ..Manifest::new(sha256_hex(config_toml.as_bytes()), seed, ood) };
+    let sha256 = sha256_hex(config_toml.as_bytes());
+    let mut manifest = Manifest { part, ..Manifest::new(sha256, config.seed, config.scene.ood) };
     let config_path = folder.join(CONFIG_FILE);
     if is_file(&config_path)? {
         match find_whole_episodes(folder, config_toml, &manifest, plans) {
             Ok(found) => {
-                manifest = Manifest { episodes: found.episodes, made_with: found.made_with, ..manifest }
+                let mut episodes = Vec::new();
+                for entry in found.episodes {
+                    if has_pictures(folder, config, &entry)? {
+                        episodes.push(entry);
+                    }
+                }
+                manifest = Manifest { episodes, made_with: found.made_with, ..manifest }
             }
-            Err(_) if force => clear_episodes(folder, CONFIG_FILE, &[AOV])?,
+            Err(_) if force => {
+                clear_episodes(folder, CONFIG_FILE, &[AOV])?;
+                let models = folder.join(OWN_MODELS);
+                clear_own_models(&models)?;
+                store::discard(&models);
+            }
             Err(error) => return Err(error),
         }
     } else if holds_anything(folder)? {
@@ -48,6 +62,11 @@ pub(super) fn open(
     remove_unfinished(folder)?;
     manifest.write(folder)?;
     Ok(manifest)
+}
+
+/// Whether an episode's further pictures are there, where the config wants them.
+fn has_pictures(folder: &Path, config: &GenerateConfig, entry: &EpisodeEntry) -> Result<bool, GenerateError> {
+    Ok(!config.render.aov || find_whole(folder, entry, config.rig.cameras.len())?.is_some())
 }
 
 /// The manifest of an earlier run of the same data set, with the episodes whose files are as they were written.
@@ -103,7 +122,7 @@ mod tests {
     use super::*;
 
     fn open_with(folder: &Path, toml: &str, force: bool) -> Result<Manifest, GenerateError> {
-        open(folder, toml, 0, false, None, &[], force)
+        open(folder, &GenerateConfig::default(), toml, None, &[], force)
     }
 
     #[test]
@@ -122,13 +141,19 @@ mod tests {
         open_with(folder.path(), "seed = 0\n", false).unwrap();
         let episode = folder.path().join("episodes/a.mcap");
         let note = folder.path().join("notes.txt");
-        fs::write(&episode, "x").unwrap();
-        fs::write(&note, "x").unwrap();
+        let models = folder.path().join(OWN_MODELS);
+        let own = ["own_a/model.xml", "a/model.xml", "a.obj"].map(|file| models.join(file));
+        for file in own.iter().chain([&episode, &note]) {
+            fs::create_dir_all(file.parent().unwrap()).unwrap();
+            fs::write(file, "x").unwrap();
+        }
         let error = open_with(folder.path(), "seed = 1\n", false).unwrap_err().to_string();
         assert!(error.contains("seed = 0") && error.contains("--force"), "{error}");
         assert!(episode.is_file());
         open_with(folder.path(), "seed = 1\n", true).unwrap();
         assert!(!episode.is_file() && note.is_file());
+        // Of the models those that `--models` made.
+        assert_eq!(own.map(|file| file.is_file()), [false, true, true]);
     }
 
     #[test]

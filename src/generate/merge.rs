@@ -13,10 +13,11 @@ use rayon::prelude::*;
 use serde::Serialize;
 use thiserror::Error;
 
+use super::aov::find_whole;
 use super::folder::{CONFIG_FILE, OWN_MODELS};
 use super::{CheckedConfig, GenerateConfig, GenerateError, plan};
 use crate::config::{self, ConfigError};
-use crate::episode::folder::{is_whole, remove_unfinished};
+use crate::episode::folder::{AOV, is_whole, remove_unfinished};
 use crate::episode::manifest::{LabelCounts, label_sets};
 use crate::episode::{EpisodeEntry, LabelManifest, Manifest, ManifestError, Shard};
 use crate::files::{FolderLock, holds_anything, sha256_hex, write_atomic};
@@ -50,6 +51,11 @@ pub enum MergeError {
     Missing { n: usize, of: usize, named: Vec<String>, commands: Vec<String> },
     #[error("{} is not as it was written, its hash is another; `harmzone gen` with the shard's own command makes it anew: {}", what, path.display())]
     Torn { what: String, path: PathBuf },
+    #[error(
+        "further pictures of episode `{episode}` are missing (render.aov); `harmzone gen` with the shard's own command makes it \
+         anew: {}", path.display()
+    )]
+    NoPictures { episode: String, path: PathBuf },
     #[error("label set `{set}` is not in every shard; to make it, or take it away elsewhere:\n{}", commands.join("\n"))]
     Labels { set: String, commands: Vec<String> },
     #[error("the folder holds other things than this merge; give a new folder: {}", path.display())]
@@ -137,6 +143,15 @@ pub fn merge(shards: &[PathBuf], out: &Path, progress: &dyn Progress) -> Result<
             return Err(MergeError::Torn { what: format!("episode `{}`", entry.name), path });
         }
         link_or_copy(&shard.path.join(&entry.file), &out.join(&entry.file))?;
+        if config.render.aov {
+            let Some(pictures) = find_whole(&shard.path, entry, config.rig.cameras.len())? else {
+                let path = shard.path.join(AOV).join(&entry.name);
+                return Err(MergeError::NoPictures { episode: entry.name.clone(), path });
+            };
+            for file in pictures {
+                link_or_copy(&shard.path.join(&file), &out.join(&file))?;
+            }
+        }
         progress.advance(1);
         Ok(())
     })?;

@@ -22,10 +22,13 @@ struct Shards {
 
 /// Three shards of made-up files, and in `whole` what one run would have left.
 fn shards() -> Shards {
+    shards_of(&GenerateConfig { seed: 5, ..GenerateConfig::default() })
+}
+
+fn shards_of(config: &GenerateConfig) -> Shards {
     let root = tempfile::tempdir().unwrap();
-    let config = GenerateConfig { seed: 5, ..GenerateConfig::default() };
-    let toml = to_toml(&config);
-    let plans = plan(&CheckedConfig::try_from(&config).unwrap(), N_EPISODES);
+    let toml = to_toml(config);
+    let plans = plan(&CheckedConfig::try_from(config).unwrap(), N_EPISODES);
     let write = |folder: &Path, shard: Option<Shard>| {
         let mut manifest = Manifest::new(sha256_hex(toml.as_bytes()), 5, false);
         manifest.part = shard.map(|shard| PartOf { shard, n_episodes: N_EPISODES });
@@ -36,6 +39,14 @@ fn shards() -> Shards {
         for (_, plan) in (0..).zip(&plans).filter(|&(i, _)| shard.is_none_or(|shard| shard.holds(i))) {
             let (bytes, label) = (format!("drive {}", plan.name), format!("labels of {}", plan.name));
             fs::write(folder.join(plan.file()), &bytes).unwrap();
+            if config.render.aov {
+                let pictures = folder.join("aov").join(&plan.name);
+                fs::create_dir_all(&pictures).unwrap();
+                let names = (0..4).map(|i| format!("{i:06}.exr")).chain(["objects.json".to_owned()]);
+                names.for_each(|name| {
+                    fs::write(pictures.join(&name), format!("{} {name}", plan.name)).unwrap();
+                });
+            }
             let file = format!("{}.mcap", plan.name);
             fs::write(folder.join("labels/rect").join(&file), &label).unwrap();
             let sha256 = sha256_hex(bytes.as_bytes());
@@ -100,6 +111,20 @@ fn shards_become_what_one_run_makes_in_any_order_and_again() {
         assert_eq!((summary.n_shards, summary.n_episodes, summary.n_samples), (3, 7, 28));
         assert_eq!(files(&out), files(&root.path().join("whole")));
     }
+}
+
+#[test]
+fn further_pictures_go_along_and_missing_ones_are_told() {
+    let mut config = GenerateConfig { seed: 5, ..GenerateConfig::default() };
+    config.render.aov = true;
+    let Shards { root, paths } = shards_of(&config);
+    let out = root.path().join("out");
+    merge(&paths, &out, &Silent).unwrap();
+    assert_eq!(files(&out), files(&root.path().join("whole")));
+    let gone = Manifest::read(&paths[1]).unwrap().episodes[0].name.clone();
+    fs::remove_file(paths[1].join("aov").join(&gone).join("000002.exr")).unwrap();
+    let told = tell(&paths, &root.path().join("another"));
+    assert!(told.contains("further pictures") && told.contains(&gone), "{told}");
 }
 
 #[test]

@@ -93,10 +93,9 @@ pub fn run(
     let (numbers, plans): (Vec<u32>, Vec<EpisodePlan>) =
         (0..).zip(plan(&checked, n_episodes)).filter(|(number, _)| is_wanted(*number)).unzip();
     let part = shard.map(|shard| PartOf { shard, n_episodes });
-    let ood = config.scene.ood;
     let lock = FolderLock::take(out)?;
     let config_toml = to_toml(config) + &map_hashes(config.towns.iter())?;
-    let manifest = folder::open(out, &config_toml, config.seed, ood, part, &plans, options.force)?;
+    let manifest = folder::open(out, config, &config_toml, part, &plans, options.force)?;
     if let Some(models) = &options.own_models {
         models.write(&out.join(folder::OWN_MODELS))?;
     }

@@ -14,6 +14,8 @@ use crate::progress::Progress;
 
 /// Frames to which the ground is fitted, spread over the drive.
 const N_GROUND_FRAMES: usize = 10;
+/// So many samples that were left out are named.
+const MOST_NUMBERS: usize = 20;
 /// More slope than this between the ego's axes and the road is told.
 const MAX_TILT_RAD: f64 = 0.035;
 
@@ -63,7 +65,7 @@ pub(super) fn import_drive(
     let chosen: Vec<usize> = (0..drive.times_ns().len()).step_by(config.every as usize).collect();
     let mut methods = Methods::new();
     methods.extend(facts.methods.iter().map(|(part, sentence)| ((*part).to_owned(), sentence.clone())));
-    let ground_z_m = find_ground(&*drive, &chosen, task, &mut methods, notes);
+    let ground_z_m = find_ground(&*drive, &chosen, task, &mut methods, notes)?;
 
     let mut maker = SampleMaker::new(&*drive, config, &motion, ground_z_m);
     let mut writer: Option<EpisodeWriter> = None;
@@ -72,9 +74,10 @@ pub(super) fn import_drive(
         drive: name.to_owned(),
         methods: Methods::new(),
         sample_names: BTreeMap::new(),
+        first_cloud_sha256: String::new(),
         labelled: facts.is_labelled.then(|| config.labelled.facts(&config.categories)),
     };
-    let (mut sample_names, mut is_empty) = (BTreeMap::new(), true);
+    let (mut sample_names, mut is_empty, mut left_out) = (BTreeMap::new(), true, Vec::new());
     for (n_done, &sample_idx) in chosen.iter().enumerate() {
         task.progress.note(&format!("{name}: sample {} of {}", n_done + 1, chosen.len()));
         let of_sample =
@@ -95,15 +98,32 @@ pub(super) fn import_drive(
             Ok(true)
         };
         match write().map_err(of_sample) {
-            Ok(true) => is_empty = false,
+            Ok(true) => {
+                is_empty = false;
+                if let Some(sha256) = maker.take_cloud_sha256() {
+                    log.first_cloud_sha256 = sha256;
+                }
+            }
             Ok(false) => notes.tell("samples without annotations in a drive that has them were left out"),
             Err(error) if task.skip_bad && error.is_bad_data() => {
                 let sentence = format!("a sample was left out: {error}");
                 tracing::warn!("{sentence}");
                 skipped.push(sentence);
+                left_out.push(sample_idx);
             }
             Err(error) => return Err(error),
         }
+    }
+    if !left_out.is_empty() {
+        let numbers: Vec<String> = left_out.iter().take(MOST_NUMBERS).map(ToString::to_string).collect();
+        let more = if left_out.len() > numbers.len() { ", .." } else { "" };
+        let sentence = format!(
+            "{} of {} samples could not be read (--skip-bad): {}{more}",
+            left_out.len(),
+            chosen.len(),
+            numbers.join(", ")
+        );
+        methods.insert(LogFacts::LEFT_OUT.into(), sentence);
     }
     let Some(mut writer) = writer.filter(|_| !is_empty) else { return Ok(None) };
     boxes.add(maker.boxes());
@@ -181,17 +201,20 @@ fn check_times(times_ns: &[u64], path: &Path) -> Result<(), ImportError> {
 }
 
 /// The ground's z in the importer's ego frame.
+///
+/// # Errors
+/// A frame cannot be read, though it may be whole.
 fn find_ground(
     drive: &dyn Drive,
     chosen: &[usize],
     task: &Task<'_>,
     methods: &mut Methods,
     notes: &mut Notes,
-) -> f64 {
+) -> Result<f64, ImportError> {
     let (guess_m, is_fitted) = match &drive.facts().ground {
         GroundHeight::Known { z_m, source } if task.config.ground == GroundSource::Calibration => {
             methods.insert("ground".into(), source.clone());
-            return *z_m;
+            return Ok(*z_m);
         }
         GroundHeight::Known { z_m, .. } => (*z_m, true),
         GroundHeight::Unknown { guess_m } => (*guess_m, false),
@@ -200,7 +223,10 @@ fn find_ground(
     let (mut heights, mut tilts, mut n_read) = (Vec::new(), Vec::new(), 0);
     for &sample_idx in chosen.iter().step_by(step) {
         // What is bad is told when the sample is imported.
-        let Ok(frame) = drive.frame(sample_idx, &mut Notes::default()) else { continue };
+        let frame = match drive.frame(sample_idx, &mut Notes::default()) {
+            Err(error) if error.is_bad_data() => continue,
+            frame => frame?,
+        };
         n_read += 1;
         let finite = frame
             .points
@@ -216,7 +242,7 @@ fn find_ground(
     }
     let n_fitted = heights.len();
     if n_read == 0 {
-        return guess_m;
+        return Ok(guess_m);
     }
     let Some(z_m) = median(heights) else {
         let why = if is_fitted { "the calibration's" } else { "a guess" };
@@ -225,7 +251,7 @@ fn find_ground(
             "ground".into(),
             format!("at z {guess_m} m of the log's ego frame, {why}: too little road is seen"),
         );
-        return guess_m;
+        return Ok(guess_m);
     };
     let tilt_rad = median(tilts).unwrap_or(0.0);
     if tilt_rad > MAX_TILT_RAD {
@@ -239,5 +265,5 @@ fn find_ground(
         tilt_rad.to_degrees()
     );
     methods.insert("ground".into(), sentence);
-    z_m
+    Ok(z_m)
 }

@@ -1,5 +1,6 @@
 //! Why a log could not be imported; each error ends with the path.
 
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use thiserror::Error;
@@ -32,6 +33,11 @@ pub enum ImportError {
          give a new folder, or --force to replace that drive: {}", path.display()
     )]
     OtherDrive { name: String, found_ns: u64, wanted_ns: u64, path: PathBuf },
+    #[error(
+        "the folder has a drive `{name}` of another log: its first cloud is another one; give a new folder, or --force to replace that \
+         drive: {}", path.display()
+    )]
+    OtherCloud { name: String, path: PathBuf },
     #[error("the log holds no drive: {}", path.display())]
     NoDrives { path: PathBuf },
     #[error("the folder holds other things than an imported data set; give a new folder: {}", path.display())]
@@ -62,32 +68,74 @@ impl ImportError {
     }
 }
 
-/// Reads a file of a log; what cannot be read is a fault of the log.
+/// Reads a file of a log.
 ///
 /// # Errors
-/// [`ImportError::Source`].
+/// [`ImportError::Source`] where it is missing; else [`ImportError::Io`].
 pub(super) fn read(path: &Path) -> Result<Vec<u8>, ImportError> {
-    fs_err::read(path).map_err(|error| told(path, &error))
+    fs_err::read(path).map_err(|error| told(path, error))
 }
 
 /// As [`read`], for text.
 ///
 /// # Errors
-/// [`ImportError::Source`].
+/// As [`read`]; what is no UTF-8 is a fault of the log.
 pub(super) fn read_text(path: &Path) -> Result<String, ImportError> {
-    fs_err::read_to_string(path).map_err(|error| told(path, &error))
+    fs_err::read_to_string(path).map_err(|error| told(path, error))
 }
 
-fn told(path: &Path, error: &std::io::Error) -> ImportError {
-    let message = match error.kind() {
-        std::io::ErrorKind::NotFound => "the log's file is missing".to_owned(),
-        std::io::ErrorKind::InvalidData => "the file is no UTF-8 text".to_owned(),
-        kind => format!("the log's file cannot be read ({kind})"),
+/// What is missing or no text is a fault of the log; a disk that fails is none, and may hold the data still.
+fn told(path: &Path, error: std::io::Error) -> ImportError {
+    match error.kind() {
+        ErrorKind::NotFound | ErrorKind::NotADirectory => ImportError::at(path, "the log's file is missing"),
+        ErrorKind::InvalidData => ImportError::at(path, "the file is no UTF-8 text"),
+        ErrorKind::IsADirectory => ImportError::at(path, "the log has a folder where a file is needed"),
+        _ => ImportError::Io(error),
+    }
+}
+
+/// What lies in a folder of a log, sorted; nothing where there is no such folder.
+///
+/// # Errors
+/// It cannot be read.
+pub(super) fn listed(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
+    let entries = match fs_err::read_dir(folder) {
+        Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
+            return Ok(Vec::new());
+        }
+        entries => entries?,
     };
-    ImportError::at(path, message)
+    let mut paths = entries.map(|entry| entry.map(|entry| entry.path())).collect::<Result<Vec<_>, _>>()?;
+    paths.sort();
+    Ok(paths)
 }
 
 fn shorten(names: &[String]) -> String {
     let told = names.iter().take(8).map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ");
     if names.len() > 8 { format!("{told}, .. ({} drives)", names.len()) } else { told }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_disk_that_fails_is_no_fault_of_the_log() {
+        let path = Path::new("log/cloud.bin");
+        let of = |kind: ErrorKind| told(path, kind.into());
+        assert!(of(ErrorKind::NotFound).is_bad_data() && of(ErrorKind::InvalidData).is_bad_data());
+        for kind in [ErrorKind::PermissionDenied, ErrorKind::Other, ErrorKind::StaleNetworkFileHandle] {
+            assert!(!of(kind).is_bad_data(), "{kind}");
+        }
+    }
+
+    #[test]
+    fn a_folder_that_is_not_there_lists_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        assert!(listed(&folder.path().join("absent")).unwrap().is_empty());
+        for name in ["b", "a"] {
+            fs_err::write(folder.path().join(name), "").unwrap();
+        }
+        assert_eq!(listed(folder.path()).unwrap(), ["a", "b"].map(|name| folder.path().join(name)));
+    }
 }

@@ -10,6 +10,7 @@ use nalgebra::Vector3;
 
 use super::{ImportError, Notes};
 use crate::episode::MapDrawing;
+use crate::files::sha256_hex;
 use crate::geometry::{Box3, Camera, Ego, Lidar, Transform, World};
 use crate::sample::{EncodedImage, IgnoredRegion};
 
@@ -195,6 +196,16 @@ pub struct RawObject {
     pub box_in_ego: Box3<Ego>,
     /// Over ground, in the ego's axes; NaN where unknown.
     pub velocity_in_ego_mps: [f64; 2],
+}
+
+impl RawFrame {
+    /// SHA-256 of the points as the log has them.
+    #[must_use]
+    pub fn cloud_sha256(&self) -> String {
+        let numbers = |point: &RawPoint| [point.x_m, point.y_m, point.z_m, point.intensity];
+        let bytes: Vec<u8> = self.points.iter().flat_map(numbers).flat_map(f32::to_le_bytes).collect();
+        sha256_hex(&bytes)
+    }
 }
 
 impl RawPoint {

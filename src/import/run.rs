@@ -13,7 +13,7 @@ use super::samples::NearBoxes;
 use super::{ImportConfig, ImportError, Log, LogFormat, Notes};
 use crate::config::to_toml;
 use crate::episode::manifest::ObjectCounts;
-use crate::episode::{EpisodeEntry, EpisodeReader, Manifest, Split};
+use crate::episode::{EpisodeEntry, EpisodeReader, LogFacts, Manifest, Split};
 use crate::files::FolderLock;
 use crate::interrupt;
 use crate::object::{Distribution, Kind};
@@ -78,6 +78,9 @@ pub fn run(
     // A second writer to one URL is told now, and what another config has made there is gone before its names are taken.
     store::push(out)?;
     list.check_same_drives(log, &drives, options.force)?;
+    if !options.skip_bad {
+        list.find_incomplete(&drives)?;
+    }
     let n_kept = list.keep(&drives, options.split);
     let (mut told, mut skipped) = (Vec::new(), Vec::new());
     let mut known = BTreeSet::new();
@@ -148,16 +151,27 @@ fn choose(log: &dyn Log, scenes: &[String]) -> Result<Vec<String>, ImportError> 
     Ok(valid.into_iter().filter(|drive| scenes.is_empty() || scenes.contains(drive)).collect())
 }
 
-/// Checks that each sample of an episode was taken when one of the log's drive of its name was.
+/// Checks that each sample of an episode was taken when one of the log's drive of its name was, and that the first one's points are
+/// the same: stamps may be made up.
 fn check_same_drive(log: &dyn Log, entry: &EpisodeEntry, folder: &Path) -> Result<(), ImportError> {
     // A drive that cannot be opened any more has lost nothing of what is here.
     let Ok(drive) = log.open(&entry.name, &mut Notes::default()) else { return Ok(()) };
     let episode = EpisodeReader::open_known(folder, entry)?;
     let wanted: BTreeSet<&u64> = drive.times_ns().iter().collect();
-    if episode.times_ns().iter().all(|time_ns| wanted.contains(time_ns)) {
-        return Ok(());
-    }
     let first = |times_ns: &[u64]| times_ns.first().copied().unwrap_or_default();
+    if episode.times_ns().iter().all(|time_ns| wanted.contains(time_ns)) {
+        let known =
+            episode.log().map(|log| log.first_cloud_sha256.as_str()).filter(|sha256| !sha256.is_empty());
+        let first_ns = first(episode.times_ns());
+        let place = drive.times_ns().iter().position(|&time_ns| time_ns == first_ns);
+        let (Some(known), Some(place)) = (known, place) else { return Ok(()) };
+        return match drive.frame(place, &mut Notes::default()) {
+            Ok(frame) if frame.cloud_sha256() != known => {
+                Err(ImportError::OtherCloud { name: entry.name.clone(), path: folder.to_owned() })
+            }
+            _ => Ok(()),
+        };
+    }
     Err(ImportError::OtherDrive {
         name: entry.name.clone(),
         found_ns: first(episode.times_ns()),
@@ -170,6 +184,8 @@ fn check_same_drive(log: &dyn Log, entry: &EpisodeEntry, folder: &Path) -> Resul
 struct List<'a> {
     manifest: Manifest,
     names: BTreeSet<String>,
+    /// Drives that are here without some of their samples, and are to be imported again.
+    incomplete: BTreeSet<String>,
     /// Each drive's place in the log; episodes of other logs come last.
     places: BTreeMap<String, usize>,
     n_unwritten: usize,
@@ -180,7 +196,7 @@ impl<'a> List<'a> {
     fn new(manifest: Manifest, log: &dyn Log, folder: &'a Path) -> Self {
         let names = manifest.episodes.iter().map(|entry| entry.name.clone()).collect();
         let places = log.drives().iter().cloned().zip(0..).collect();
-        Self { manifest, names, places, n_unwritten: 0, folder }
+        Self { manifest, names, incomplete: BTreeSet::new(), places, n_unwritten: 0, folder }
     }
 
     /// Checks that the episodes that are there show this log's drives, not those of the same name of another log; with `force`
@@ -196,7 +212,9 @@ impl<'a> List<'a> {
         let mut others = BTreeSet::new();
         for entry in kept.take(if force { usize::MAX } else { KEPT_DRIVES_CHECKED }) {
             match check_same_drive(log, entry, self.folder) {
-                Err(ImportError::OtherDrive { name, .. }) if force => _ = others.insert(name),
+                Err(ImportError::OtherDrive { name, .. } | ImportError::OtherCloud { name, .. }) if force => {
+                    others.insert(name);
+                }
                 checked => checked?,
             }
         }
@@ -205,17 +223,42 @@ impl<'a> List<'a> {
         Ok(())
     }
 
-    /// Puts the drives that are there into a split; returns how many there are.
+    /// Drives of which samples were left out as unreadable are imported again: they may be readable now. What is here stays until
+    /// then.
+    fn find_incomplete(&mut self, drives: &[String]) -> Result<(), ImportError> {
+        let wanted: BTreeSet<&String> = drives.iter().collect();
+        for entry in self.manifest.episodes.iter().filter(|entry| wanted.contains(&entry.name)) {
+            // Those that lie remotely alone are not fetched for it.
+            if !self.folder.join(&entry.file).is_file() {
+                continue;
+            }
+            let episode = EpisodeReader::open_known(self.folder, entry)?;
+            if episode.log().is_some_and(|log| log.methods.contains_key(LogFacts::LEFT_OUT)) {
+                self.incomplete.insert(entry.name.clone());
+            }
+        }
+        self.names.retain(|name| !self.incomplete.contains(name));
+        Ok(())
+    }
+
+    /// Puts the drives that are there into a split; returns how many of them are whole.
     fn keep(&mut self, drives: &[String], split: Split) -> usize {
         let wanted: BTreeSet<&String> = drives.iter().collect();
-        let kept = self.manifest.episodes.iter_mut().filter(|entry| wanted.contains(&entry.name));
-        kept.map(|entry| entry.split = split).count()
+        let mut n_kept = 0;
+        for entry in self.manifest.episodes.iter_mut().filter(|entry| wanted.contains(&entry.name)) {
+            entry.split = split;
+            n_kept += usize::from(self.names.contains(&entry.name));
+        }
+        n_kept
     }
 
     /// Adds an episode. The file is written at once while it is short, and then each time it has grown by a share.
     fn add(&mut self, entry: EpisodeEntry) -> Result<(), ImportError> {
         self.manifest.ood |= entry.ood;
         self.names.insert(entry.name.clone());
+        if self.incomplete.remove(&entry.name) {
+            self.manifest.episodes.retain(|old| old.name != entry.name);
+        }
         self.manifest.episodes.push(entry);
         self.n_unwritten += 1;
         let is_due = self.n_unwritten * EPISODES_A_WRITE >= self.manifest.episodes.len();

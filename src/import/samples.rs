@@ -56,6 +56,8 @@ pub(super) struct SampleMaker<'a> {
     /// How the front picture came about.
     picture: Picture,
     boxes: NearBoxes,
+    /// Of the last frame, until somebody asks for it.
+    cloud_sha256: Option<String>,
 }
 
 /// Where the front picture comes from.
@@ -83,7 +85,13 @@ impl<'a> SampleMaker<'a> {
             clouds: CloudMaker::new(config, motion, facts.compensated.is_some()),
             picture: Picture::Virtual,
             boxes: NearBoxes::default(),
+            cloud_sha256: Some(String::new()),
         }
+    }
+
+    /// The hash of the last sample's points as the log has them; once.
+    pub(super) fn take_cloud_sha256(&mut self) -> Option<String> {
+        self.cloud_sha256.take()
     }
 
     /// A sample and the views of further cameras; `None` where a drive with annotations has none.
@@ -102,6 +110,9 @@ impl<'a> SampleMaker<'a> {
         }
         let world_from_ego = self.world_from_ego(time_ns).map_err(fail)?;
         // Before the shift to the ground, since the poses are of the importer's ego frame.
+        if let Some(sha256) = &mut self.cloud_sha256 {
+            *sha256 = frame.cloud_sha256();
+        }
         let points = std::mem::take(&mut frame.points);
         let (ego_from_lidar, points) =
             self.clouds.cloud(frame.ego_from_lidar, points, time_ns, notes).map_err(of_cloud)?;

@@ -17,4 +17,4 @@ pub use predict::{
 pub use predictions::{Predictions, PredictionsError};
 pub use recorded::{RecordedError, predict_recording};
 pub use sweep::{SweepRunError, sweep};
-pub use trained::{Trained, TrainedError};
+pub use trained::{CheckpointFile, Trained, TrainedError};

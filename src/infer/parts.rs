@@ -9,11 +9,13 @@ use fs_err as fs;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::Predictions;
 use crate::episode::{PartOf, Shard};
 use crate::eval::json::{JsonError, RawSamples};
 use crate::files::{FolderLock, holds_anything, read_sealed, sha256_of, write_sealed};
 use crate::store;
+
+/// The list of all boxes.
+pub(super) const LIST_FILE: &str = "predictions.json";
 
 /// `part.json`, beside the boxes of a part: what it is a part of.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -175,10 +177,10 @@ fn write_joined(parts: &[(PathBuf, PredictionPart)], out: &Path) -> Result<JoinS
     let torn = |what: String, path: &Path| JoinError::Torn { what, path: path.to_owned() };
     let mut boxes = Vec::new();
     for (path, part) in parts {
-        let file = path.join(Predictions::FILE);
+        let file = path.join(LIST_FILE);
         let samples = RawSamples::read(&file)?;
         if samples.n_samples() != part.episodes.iter().map(|entry| entry.n_samples).sum::<usize>() {
-            return Err(torn(Predictions::FILE.to_owned(), &file));
+            return Err(torn(LIST_FILE.to_owned(), &file));
         }
         boxes.push(samples);
     }
@@ -198,6 +200,6 @@ fn write_joined(parts: &[(PathBuf, PredictionPart)], out: &Path) -> Result<JoinS
         store::link_or_copy(&file, &out.join(format!("{}.mcap", entry.name)))?;
         order.push((at, entry.n_samples));
     }
-    let n_boxes = RawSamples::write_joined(boxes, &order, &out.join(Predictions::FILE))?;
+    let n_boxes = RawSamples::write_joined(boxes, &order, &out.join(LIST_FILE))?;
     Ok(JoinSummary { folder: out.to_owned(), n_parts: parts.len(), n_episodes, n_boxes })
 }

@@ -1,5 +1,7 @@
 //! A detector's boxes for a recording, which is read part by part.
 
+use std::path::Path;
+
 use burn::tensor::Device;
 use thiserror::Error;
 
@@ -25,7 +27,8 @@ pub enum RecordedError {
     Io(#[from] std::io::Error),
 }
 
-/// Predicts every sample of a recording by a detector in inference mode and writes the boxes; returns how many there are.
+/// Predicts every sample of a recording by a detector in inference mode and writes the boxes, and what `beside` writes; returns how
+/// many there are.
 ///
 /// # Errors
 /// [`RecordedError`].
@@ -33,6 +36,7 @@ pub fn predict_recording(
     detector: &Detector,
     recording: &MeasuredSplit,
     predictions: &Predictions,
+    beside: &dyn Fn(&Path) -> std::io::Result<()>,
     device: &Device,
     progress: &dyn Progress,
 ) -> Result<usize, RecordedError> {
@@ -45,7 +49,7 @@ pub fn predict_recording(
         samples.extend(part.iter().map(|(id, measured)| (id.clone(), measured.time_ns)));
         Ok(())
     })?;
-    predictions.write(recording.episodes(), &samples, &found)?;
+    predictions.write(recording.episodes(), &samples, &found, beside)?;
     progress.finish();
     Ok(found.iter().map(Vec::len).sum())
 }

@@ -35,6 +35,8 @@ struct PredictJob {
     folder: PathBuf,
     /// A network inside the program, or a checkpoint's path, from the folder if it is no full one.
     network: PathBuf,
+    /// Of its checkpoint.
+    sha256: String,
     device: String,
     blind: Option<Sensor>,
 }
@@ -82,8 +84,12 @@ fn load(job: &PredictJob) -> Result<(Detector, Device), RecordedError> {
         Ok(Trained::Shipped(_)) => job.network.clone(),
         _ => job.folder.join(&job.network),
     };
-    let detector =
-        Trained::find(&path).and_then(|trained| trained.load(&device)).map_err(io::Error::other)?;
+    let load = || -> Result<Detector, TrainedError> {
+        let trained = Trained::find(&path)?;
+        trained.check_sha256(&job.sha256)?;
+        trained.load(&device)
+    };
+    let detector = load().map_err(io::Error::other)?;
     Ok((detector, device))
 }
 
@@ -142,14 +148,16 @@ impl NetworkWorkers<'_> {
         let folder = fs_err::canonicalize(data)?;
         let (network, shared) = match (self.trained, self.engine) {
             (Trained::Shipped(shipped), _) => (PathBuf::from(shipped.name), Vec::new()),
-            (Trained::File(path), Engine::Local { .. }) => (fs_err::canonicalize(path)?, Vec::new()),
-            (Trained::File(path), Engine::Ray(_)) => {
-                (PathBuf::from(CHECKPOINT), vec![(PathBuf::from(CHECKPOINT), fs_err::canonicalize(path)?)])
+            (Trained::File(file), Engine::Local { .. }) => (fs_err::canonicalize(file.path())?, Vec::new()),
+            (Trained::File(file), Engine::Ray(_)) => {
+                let path = fs_err::canonicalize(file.path())?;
+                (PathBuf::from(CHECKPOINT), vec![(PathBuf::from(CHECKPOINT), path)])
             }
         };
         let job = PredictJob {
             folder: folder.clone(),
             network,
+            sha256: self.trained.sha256()?,
             device: self.device.to_string(),
             blind: self.blind,
         };

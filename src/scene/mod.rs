@@ -103,7 +103,10 @@ pub use mjcf::{AWAY_Z_M, Lighting, Mjcf, Sun, lamps_of};
 pub use network::{GraphLane, LaneGraph, Rank};
 pub use occupancy::Footprint;
 pub use ood_placement::OodPlacementConfig;
-pub use own_models::{BadMesh, OwnModel, OwnModels, OwnModelsError, bring_in, load as load_own_models};
+pub use own_models::{
+    BadMesh, OwnModel, OwnModels, OwnModelsError, bring_in, clear as clear_own_models,
+    load as load_own_models,
+};
 pub use parties::PeopleConfig;
 pub use path::{Path, Vec2};
 pub use populate::{PopulateConfig, populate, populate_in};

@@ -153,6 +153,24 @@ pub fn bring_in(folder: &Path, skip_bad: bool) -> Result<OwnModels, OwnModelsErr
     Ok(OwnModels { models, bad, files })
 }
 
+/// Deletes the model folders that [`OwnModels::write`] left in `out`, and nothing else.
+///
+/// # Errors
+/// Any IO error.
+pub fn clear(out: &Path) -> std::io::Result<()> {
+    if !out.is_dir() {
+        return Ok(());
+    }
+    for entry in fs::read_dir(out)? {
+        let path = entry?.path();
+        let is_ours = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(PREFIX));
+        if is_ours && path.join(MODEL_FILE).is_file() {
+            fs::remove_dir_all(&path)?;
+        }
+    }
+    Ok(())
+}
+
 /// Reads the model folders that [`bring_in`] made.
 ///
 /// # Errors

@@ -15,7 +15,7 @@ use crate::dataset::LabelledEpisodes;
 use crate::episode::manifest::{EpisodeEntry, LabelManifest, Manifest, label_sets};
 use crate::episode::{DetectionReader, EpisodeReader, LabelReader};
 use crate::eval::{EvalConfig, Protocol};
-use crate::infer::Trained;
+use crate::infer::{CheckpointFile, Trained};
 use crate::model::checkpoint::CHECKPOINT;
 
 /// The label set that is shown where none is named, if it is there.
@@ -123,8 +123,9 @@ impl Predicted {
     fn eval_config(&self, folder: &ServedFolder) -> Option<EvalConfig> {
         let of_run = || {
             let runs = self.folder.ancestors().skip(1).take(2);
-            let checkpoints = runs.map(|run| run.join(CHECKPOINT)).filter(|file| file.is_file());
-            checkpoints.filter_map(|file| folder.inside(&file).ok()).map(Trained::File).next()
+            let mut checkpoints = runs.map(|run| run.join(CHECKPOINT)).filter(|file| file.is_file());
+            let path = checkpoints.find_map(|file| folder.inside(&file).ok())?;
+            Some(Trained::File(CheckpointFile::at(path)))
         };
         let inside = Trained::find(Path::new(&self.detector))
             .ok()

@@ -30,6 +30,6 @@ pub use error::StoreError;
 pub use location::{Location, Provider, StoreUrl, is_url, refuse_credentials};
 pub use mirror::Access;
 pub use registry::{
-    OpenedLocation, discard, has, is_there, link_or_copy, name_of, open_file, push, push_file, sha256_of,
-    size_of, with_urls,
+    OpenedLocation, discard, files_below, has, is_there, link_or_copy, name_of, open_file, push, push_file,
+    sha256_of, size_of, with_urls,
 };

@@ -4,6 +4,7 @@
 //! This is the one place with process-wide knowledge of URLs. Worker processes have none: they write into the mirror's
 //! folder, and their parent puts.
 
+use std::collections::BTreeSet;
 use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -14,8 +15,9 @@ use fs_err as fs;
 use super::bucket::Bucket;
 use super::cache;
 use super::error::StoreError;
+use super::known;
 use super::location::{Location, StoreUrl};
-use super::mirror::{Access, Mirror, is_lazy};
+use super::mirror::{Access, Mirror, is_lazy, is_partial};
 use crate::files;
 
 static MIRRORS: RwLock<Vec<Arc<Mirror>>> = RwLock::new(Vec::new());
@@ -150,6 +152,21 @@ pub fn is_there(path: &Path) -> bool {
     path.is_file() || of(path).is_some_and(is_remote)
 }
 
+/// The files below a folder, here or remotely, by their paths from it, sorted; not those that are unfinished.
+///
+/// # Errors
+/// The folder cannot be read.
+pub fn files_below(folder: &Path) -> io::Result<Vec<PathBuf>> {
+    let mut names: BTreeSet<String> =
+        known::walk(folder)?.into_keys().filter(|name| !is_partial(name)).collect();
+    if let Some((mirror, name)) = of(folder) {
+        let below = format!("{name}/");
+        let remote = mirror.remote.lock().expect("no thread panics with it");
+        names.extend(remote.keys().filter_map(|object| object.strip_prefix(&below)).map(str::to_owned));
+    }
+    Ok(names.into_iter().map(PathBuf::from).collect())
+}
+
 /// Whether there is such a file and it has this content; what lies remotely tells its hash, and is not fetched.
 ///
 /// # Errors
@@ -196,12 +213,13 @@ pub fn push(folder: &Path) -> io::Result<()> {
     of(folder).map_or(Ok(()), |(mirror, _)| Ok(mirror.push()?))
 }
 
-/// Deletes what lies remotely in a folder whose files were deleted here, with the next push, after what is put by it.
-pub fn discard(folder: &Path) {
-    let Some((mirror, name)) = of(folder) else { return };
+/// Deletes what lies remotely of a file, or in a folder whose files were deleted here, with the next push, after what is put by it.
+pub fn discard(path: &Path) {
+    let Some((mirror, name)) = of(path) else { return };
     let below = format!("{name}/");
     let remote = mirror.remote.lock().expect("no thread panics with it");
-    let doomed = remote.keys().filter(|object| object.starts_with(&below) && is_lazy(object)).cloned();
+    let is_doomed = |object: &&String| (object.starts_with(&below) || **object == name) && is_lazy(object);
+    let doomed = remote.keys().filter(is_doomed).cloned();
     mirror.doomed.lock().expect("no thread panics with it").extend(doomed);
 }
 

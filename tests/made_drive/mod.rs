@@ -134,6 +134,7 @@ pub fn make_dataset(folder: &Path) {
             format: "made".to_owned(),
             drive: name.clone(),
             methods: BTreeMap::new(),
+            first_cloud_sha256: String::new(),
             sample_names: BTreeMap::new(),
             labelled: Some(Labelled {
                 kinds: Kind::ALL.to_vec(),

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::entries::difference;
 use super::folder::{is_lock, listed, unfinished, unknown_episodes, written};
 use super::maker::{ConfigFile, Maker, Plans};
-use super::rebuild::{count, entry_of, is_of_a_set, n_planned, rebuild};
+use super::rebuild::{count, entry_of, is_of_a_set, names_of, plans_for, rebuild};
 use crate::dataset::DatasetError;
 use crate::episode::manifest::{EpisodeEntry, Manifest};
 use crate::episode::{EpisodeReader, check_archive};
@@ -129,9 +129,13 @@ fn mend_episodes(
     let config = ConfigFile::find(path)?;
     let maker = Maker::of(config.as_ref(), &manifest.config_sha256);
     let unknown = unknown_episodes(path, &manifest)?;
-    let planned = n_planned(manifest.episodes.len() + unknown.len());
     let part = manifest.part;
-    let plans = maker.plans(part.map_or(planned, |part| part.n_episodes));
+    let plans = if let Some(part) = part {
+        maker.plans(part.n_episodes)
+    } else {
+        let known = manifest.episodes.iter().map(|entry| entry.name.clone());
+        plans_for(&maker, &known.chain(names_of(&unknown)).collect::<Vec<_>>())
+    };
     progress.start("mend", manifest.episodes.len() as u64);
     let states: Vec<State> = manifest
         .episodes

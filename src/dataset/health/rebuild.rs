@@ -12,7 +12,7 @@ use crate::episode::manifest::{EpisodeEntry, ManifestError, ObjectCounts};
 use crate::episode::{EpisodeError, EpisodeMeta, EpisodeReader, Manifest, Split, check_archive};
 use crate::store;
 
-/// Episodes are looked for among so many times those that are there: of a shard, the rest of the plan lies elsewhere.
+/// Episodes are looked for among so many times those that are there, at first.
 const PLANNED_TIMES: usize = 16;
 const PLANNED_LEAST: usize = 1_000;
 
@@ -35,9 +35,29 @@ pub(super) fn is_of_a_set(path: &Path, error: &ManifestError) -> bool {
     is_broken && path.join(crate::episode::folder::EPISODES).is_dir()
 }
 
-/// How many episodes of a plan to look at for a folder with so many files.
-pub(super) fn n_planned(n_files: usize) -> u32 {
-    u32::try_from(n_files * PLANNED_TIMES + PLANNED_LEAST).unwrap_or(u32::MAX)
+/// The plan of the episodes of these names, as far as it has them: of a shard's plan most lie elsewhere, so it is followed as long
+/// as it leads to more of them.
+pub(super) fn plans_for(maker: &Maker, names: &[String]) -> Plans {
+    let mut n_planned = u32::try_from(names.len() * PLANNED_TIMES + PLANNED_LEAST).unwrap_or(u32::MAX);
+    let mut plans = maker.plans(n_planned);
+    let count = |plans: &Plans| names.iter().filter(|name| plans.contains_key(*name)).count();
+    let mut n_found = count(&plans);
+    while n_found > 0 && n_found < names.len() {
+        n_planned = n_planned.saturating_mul(2);
+        let longer = maker.plans(n_planned);
+        let n_now = count(&longer);
+        if n_now == n_found {
+            break;
+        }
+        (plans, n_found) = (longer, n_now);
+    }
+    plans
+}
+
+/// The names that episodes have by their files.
+pub(super) fn names_of(files: &[String]) -> Vec<String> {
+    let stem = |file: &String| Path::new(file).file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    files.iter().map(stem).collect()
 }
 
 /// Makes the manifest anew; what is torn, or of another config, is left out.
@@ -49,7 +69,7 @@ pub(super) fn rebuild(path: &Path) -> io::Result<Rebuilt> {
     let sha256 = config.as_ref().map_or_else(|| "0".repeat(64), |config| config.sha256.clone());
     let maker = Maker::of(config.as_ref(), &sha256);
     let files = episode_files(path)?;
-    let plans = maker.plans(n_planned(files.len()));
+    let plans = plans_for(&maker, &names_of(&files));
     let mut made: Vec<(EpisodeEntry, EpisodeMeta)> =
         files.par_iter().filter_map(|file| entry_of(path, file, &maker, &plans)).collect();
     let place = |entry: &EpisodeEntry| plans.get(&entry.name).map_or(usize::MAX, |(place, _)| *place);
@@ -139,6 +159,21 @@ mod tests {
         assert!(is_of_a_set(folder.path(), &Manifest::read(folder.path()).unwrap_err()));
         let rebuilt = rebuild(folder.path()).unwrap();
         assert_eq!((rebuilt.manifest, rebuilt.doubt), (wanted, None));
+    }
+
+    #[test]
+    fn the_plan_is_followed_as_far_as_a_shard_goes() {
+        let folder = tempfile::tempdir().unwrap();
+        let manifest = made::write(folder.path(), 1);
+        let config = ConfigFile::find(folder.path()).unwrap();
+        let maker = Maker::of(config.as_ref(), &manifest.config_sha256);
+        let all = maker.plans(20_000);
+        let shard = all.iter().filter(|(_, (place, _))| place % 100 == 7).map(|(name, _)| name.clone());
+        let mut names: Vec<String> = shard.collect();
+        assert!(names.iter().all(|name| plans_for(&maker, &names).contains_key(name)));
+        // One that nobody planned does not keep it going.
+        names.push("somebody-elses".into());
+        assert!(plans_for(&maker, &names).len() < 1_000_000);
     }
 
     #[test]

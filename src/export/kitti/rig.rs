@@ -306,6 +306,7 @@ mod tests {
             format: format.to_owned(),
             drive: String::new(),
             methods: [(RECTIFIED_CAMERA.to_owned(), told.clone())].into(),
+            first_cloud_sha256: String::new(),
             sample_names: std::collections::BTreeMap::new(),
             labelled: None,
         };

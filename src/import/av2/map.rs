@@ -8,7 +8,7 @@ use serde::Deserialize;
 use crate::episode::MapDrawing;
 use crate::geometry::Point;
 use crate::import::ImportError;
-use crate::import::error::read_text;
+use crate::import::error::{listed, read_text};
 
 #[derive(Deserialize)]
 struct VectorMap {
@@ -40,7 +40,7 @@ struct MapPoint {
 
 /// The drawing of a log's map, and the city in its file's name; `None` where the log comes without.
 pub(super) fn read_map(log: &Path) -> Result<Option<(MapDrawing, Option<String>)>, ImportError> {
-    let Some(path) = map_file(log) else { return Ok(None) };
+    let Some(path) = map_file(log)? else { return Ok(None) };
     let map: VectorMap = serde_json::from_str(&read_text(&path)?)
         .map_err(|error| ImportError::at(&path, format!("the vector map is not valid ({error})")))?;
     let lines = map.lane_segments.values().filter(|lane| !lane.is_intersection);
@@ -55,13 +55,12 @@ pub(super) fn read_map(log: &Path) -> Result<Option<(MapDrawing, Option<String>)
     Ok(Some((drawing, city)))
 }
 
-fn map_file(log: &Path) -> Option<PathBuf> {
-    let entries = fs_err::read_dir(log.join("map")).ok()?.filter_map(Result::ok).map(|entry| entry.path());
+fn map_file(log: &Path) -> std::io::Result<Option<PathBuf>> {
     let is_archive = |path: &PathBuf| {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         name.starts_with("log_map_archive_") && name.ends_with(".json")
     };
-    entries.filter(is_archive).min()
+    Ok(listed(&log.join("map"))?.into_iter().find(is_archive))
 }
 
 fn in_world(point: &MapPoint) -> Point<crate::geometry::World> {

@@ -13,6 +13,7 @@ mod tests;
 use std::path::{Path, PathBuf};
 
 use self::drive::SensorLog;
+use super::error::listed;
 use super::{Drive, ImportConfig, ImportError, Log, Notes};
 
 /// A log's folder, or a folder of logs.
@@ -28,16 +29,11 @@ pub struct Av2Log {
 /// There is none.
 pub fn open_av2(source: &Path, config: &ImportConfig) -> Result<Av2Log, ImportError> {
     let is_log = |path: &Path| path.join("sensors/lidar").is_dir();
-    let inside = |folder: &Path| -> Vec<PathBuf> {
-        let entries = fs_err::read_dir(folder).into_iter().flatten().filter_map(Result::ok);
-        let mut paths: Vec<PathBuf> =
-            entries.map(|entry| entry.path()).filter(|path| path.is_dir()).collect();
-        paths.sort();
-        paths
-    };
     let mut folders = vec![source.to_owned()];
-    folders.extend(inside(source));
-    folders.extend(["train", "val", "test"].iter().flat_map(|split| inside(&source.join(split))));
+    folders.extend(listed(source)?);
+    for split in ["train", "val", "test"] {
+        folders.extend(listed(&source.join(split))?);
+    }
     folders.retain(|folder| is_log(folder));
     if folders.is_empty() {
         let message = "no Argoverse 2 log is here: neither this folder nor one in it holds sensors/lidar";

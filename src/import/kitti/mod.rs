@@ -68,7 +68,7 @@ pub fn open_kitti(source: &Path, config: &ImportConfig) -> Result<KittiLog, Impo
         }
     }
     if places.is_empty() {
-        for drive in raw::find_drives(source) {
+        for drive in raw::find_drives(source)? {
             names.push(format!("kitti-{}", drive.file_name().unwrap_or_default().to_string_lossy()));
             places.push(Place::Raw { drive });
         }

@@ -8,7 +8,7 @@ use super::rig::{FRONT, Rig};
 use super::sequence::Parts;
 use super::tracklets::read_tracklets;
 use crate::import::ImportError;
-use crate::import::error::read_text;
+use crate::import::error::{listed, read_text};
 
 /// Reads what a drive needs.
 pub(super) fn read_drive(drive: &Path, rig: &Rig) -> Result<Parts, ImportError> {
@@ -74,23 +74,22 @@ fn pictures(parts: &Parts, number: usize) -> PathBuf {
 }
 
 /// The drives of a source: itself, those of a date's folder, or those of all dates in it.
-pub(super) fn find_drives(source: &Path) -> Vec<PathBuf> {
+///
+/// # Errors
+/// A folder cannot be read.
+pub(super) fn find_drives(source: &Path) -> std::io::Result<Vec<PathBuf>> {
     let is_drive = |path: &Path| path.join("velodyne_points").is_dir() && path.join("oxts").is_dir();
     if is_drive(source) {
-        return vec![source.to_owned()];
+        return Ok(vec![source.to_owned()]);
     }
-    let inside = |folder: &Path| -> Vec<PathBuf> {
-        let entries = fs_err::read_dir(folder).map(|entries| entries.filter_map(Result::ok).collect());
-        let mut paths: Vec<PathBuf> =
-            entries.unwrap_or_else(|_| Vec::new()).iter().map(fs_err::DirEntry::path).collect();
-        paths.sort();
-        paths
-    };
-    let here = inside(source);
-    let deeper = here.iter().filter(|path| path.is_dir()).flat_map(|path| inside(path));
-    let mut drives: Vec<PathBuf> = here.iter().cloned().chain(deeper).filter(|path| is_drive(path)).collect();
+    let here = listed(source)?;
+    let mut drives = here.clone();
+    for folder in here.iter().filter(|path| path.is_dir()) {
+        drives.extend(listed(folder)?);
+    }
+    drives.retain(|path| is_drive(path));
     drives.sort();
-    drives
+    Ok(drives)
 }
 
 /// One stamp a line: `2011-09-26 13:02:25.964389445`; `None` for an empty line before the last stamp.

@@ -162,6 +162,53 @@ fn a_drive_of_the_same_name_of_another_log_is_told_and_made_anew_with_force() {
     assert_eq!(import(&other, &out, &[], &options()).unwrap().n_kept, 1);
 }
 
+#[test]
+fn a_set_of_the_same_frame_numbers_is_told_apart_by_its_first_cloud() {
+    let root = tempfile::tempdir().unwrap();
+    let (source, other, out) =
+        (root.path().join("kitti"), root.path().join("other"), root.path().join("out"));
+    object_set(&source, 2);
+    object_set(&other, 2);
+    // The set has no stamps, so times are made up alike.
+    for frame in ["000000", "000001"] {
+        let path = other.join(format!("training/velodyne/{frame}.bin"));
+        let mut cloud = fs::read(&path).unwrap();
+        cloud[0] ^= 1;
+        fs::write(&path, cloud).unwrap();
+    }
+    import(&source, &out, &[], &options()).unwrap();
+    assert_eq!(import(&source, &out, &[], &options()).unwrap().n_kept, 2);
+    let told = import(&other, &out, &[], &options()).unwrap_err().to_string();
+    assert!(told.contains("first cloud") && told.contains("--force"), "{told}");
+    let forced = import(&other, &out, &[], &ImportOptions { force: true, ..options() }).unwrap();
+    assert_eq!((forced.n_episodes, forced.n_kept), (2, 0));
+    assert_eq!(import(&other, &out, &[], &options()).unwrap().n_kept, 2);
+}
+
+#[test]
+fn a_drive_that_lacks_samples_is_imported_again_where_none_may_be_missing() {
+    let root = tempfile::tempdir().unwrap();
+    let (source, out) = (root.path().join("kitti"), root.path().join("out"));
+    raw_drive(&source, 3);
+    let name = "kitti-2011_09_26_drive_0001_sync";
+    let cloud = source.join("2011_09_26/2011_09_26_drive_0001_sync/velodyne_points/data/0000000001.bin");
+    let whole = fs::read(&cloud).unwrap();
+    cut(&cloud, 100_003);
+    let skipping = ImportOptions { skip_bad: true, ..options() };
+    let summary = import(&source, &out, &[], &skipping).unwrap();
+    assert_eq!((summary.n_samples, summary.skipped.len()), (2, 1));
+    let told = episode(&out, name).log().unwrap().methods["left_out"].clone();
+    assert!(told.starts_with("1 of 3 samples") && told.ends_with(": 1"), "{told}");
+    // What is here stays until it is made again.
+    import(&source, &out, &[], &options()).unwrap_err();
+    let summary = import(&source, &out, &[], &skipping).unwrap();
+    assert_eq!((summary.n_samples, summary.n_kept), (2, 1));
+    fs::write(&cloud, whole).unwrap();
+    let summary = import(&source, &out, &[], &options()).unwrap();
+    assert_eq!((summary.n_episodes, summary.n_samples, summary.n_kept), (1, 3, 0));
+    assert_eq!(import(&source, &out, &[], &options()).unwrap().n_kept, 1);
+}
+
 /// What is done to a frame, and what must be told.
 type Damage = (&'static str, fn(&Path), &'static str);
 

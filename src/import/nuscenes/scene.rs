@@ -233,7 +233,7 @@ fn samples_of<'a>(
     let fail = |message: String| {
         Err(ImportError::at(&version.join("scene.json"), format!("scene `{}`: {message}", scene.name)))
     };
-    let mut samples: Vec<&SampleRow> = Vec::with_capacity(scene.nbr_samples);
+    let mut samples: Vec<&SampleRow> = Vec::new();
     let (mut token, mut seen) = (&scene.first_sample_token, HashSet::new());
     while !token.is_none() {
         let named_by = samples

@@ -120,6 +120,14 @@ impl Bag {
                     format!("topic `{name}` is of the type `{one}` and of `{other}`; one type is needed");
                 return Err(ImportError::at(file.path(), message));
             }
+            if new.fields != known.fields {
+                // Nobody may need the topic.
+                known.fields = Err(format!(
+                    "its type `{}` has other fields in {} than in files of the bag before it; import the files one at a time",
+                    known.type_name,
+                    file.path().display()
+                ));
+            }
             known.n_messages += topic.n_messages;
             known.channels.push((file_idx, topic.channel_id));
         }
@@ -269,5 +277,38 @@ fn tell_file(error: EpisodeError, path: &Path) -> ImportError {
             ImportError::at(path, "the bag's file is missing")
         }
         other => other.into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use fs_err as fs;
+    use mcap::records::MessageHeader;
+
+    use super::*;
+
+    /// A file of one message on `/state`, whose type has these fields.
+    fn write_file(path: &Path, fields: &str) {
+        let mut writer = mcap::WriteOptions::new().create(fs::File::create(path).unwrap()).unwrap();
+        let schema = writer.add_schema("car_msgs/msg/State", "ros2msg", fields.as_bytes()).unwrap();
+        let channel_id = writer.add_channel(schema, "/state", "cdr", &BTreeMap::new()).unwrap();
+        let header = MessageHeader { channel_id, sequence: 0, log_time: 1, publish_time: 1 };
+        writer.write_to_known_channel(&header, &[0; 20]).unwrap();
+        writer.finish().unwrap();
+    }
+
+    #[test]
+    fn a_type_of_one_name_and_other_fields_is_read_by_nobody() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = |name: &str| folder.path().join(name);
+        write_file(&file("a.mcap"), "float64 speed # m/s\nfloat64 steering\n");
+        write_file(&file("b.mcap"), "float64 speed\n\nfloat64 steering\n");
+        let open = || Bag::open(folder.path()).unwrap();
+        assert_eq!(open().topic("speed", "/state").unwrap().n_messages, 2);
+        open().topic("speed", "/state").unwrap().message_type().unwrap();
+        write_file(&file("c.mcap"), "float64 steering\nfloat64 speed\n");
+        let bag = open();
+        let told = bag.topic("speed", "/state").unwrap().message_type().unwrap_err();
+        assert!(told.contains("other fields") && told.contains("c.mcap"), "{told}");
     }
 }

@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use thiserror::Error;
 
 /// A message type with all types it is made of.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct MessageType {
     /// `sensor_msgs/PointCloud2`: without the `/msg/` that some writers put in between.
     pub name: String,
@@ -17,13 +17,13 @@ pub struct MessageType {
 }
 
 /// The fields of one type in the order in which they are packed.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct StructType {
     pub name: String,
     pub fields: Vec<FieldType>,
 }
 
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FieldType {
     pub name: String,
     pub element: Element,

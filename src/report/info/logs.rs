@@ -46,7 +46,8 @@ pub(super) fn read(
 fn shared(facts: &LogFacts) -> LogFacts {
     let mut shared = facts.clone();
     shared.sample_names.clear();
-    for of_drive in ["description", "notes"] {
+    shared.first_cloud_sha256.clear();
+    for of_drive in ["description", "notes", LogFacts::LEFT_OUT] {
         shared.methods.remove(of_drive);
     }
     shared

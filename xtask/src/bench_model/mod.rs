@@ -7,7 +7,6 @@ mod race;
 mod text;
 mod training;
 
-use std::borrow::Cow;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -59,7 +58,7 @@ pub struct Bench<'a> {
     /// Its `model` is the checkpoint's, where there is one.
     pub config: &'a Checked<TrainConfig>,
     /// Where it lies, and its bytes. Random weights of the config's seed without it.
-    pub checkpoint: Option<(PathBuf, Cow<'static, [u8]>)>,
+    pub checkpoint: Option<(PathBuf, &'a [u8])>,
     pub device: &'a Device,
 }
 

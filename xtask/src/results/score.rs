@@ -142,7 +142,7 @@ fn make(experiment: &Experiment<'_>, row: &Row, judges: &[Judge]) -> anyhow::Res
         epochs: [row.config.lidar_stage.epochs, row.config.fused_stage.epochs],
         n_parameters: n_parameters(detector.config()),
         wall_and_cpu_s: TrainingTime::read(&row.folder).map(|spent| [spent.wall_s, spent.cpu_s]),
-        checkpoint_sha256: sha256_hex(&bytes),
+        checkpoint_sha256: sha256_hex(bytes),
         checkpoint_bytes: bytes.len(),
         trained_on: experiment.id.clone(),
         tested_on: experiment.ood.clone(),
