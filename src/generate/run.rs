@@ -117,7 +117,7 @@ pub fn run(
         command: COMMAND,
         job: &job,
         folder: &folder,
-        shared: files_below(&folder, &folder.join(folder::OWN_MODELS))?,
+        shared: files_in(&folder, Path::new(folder::OWN_MODELS))?,
         n_threads: None,
         silence: options.silence,
     };
@@ -141,7 +141,7 @@ pub fn run(
         };
         progress.note(name);
         lock.check()?;
-        for picture in files_below(&folder, &folder.join(AOV).join(name))? {
+        for picture in files_in(&folder, &Path::new(AOV).join(name))? {
             store::push_file(&picture.1)?;
         }
         store::push_file(&folder.join(&entry.file))?;
@@ -204,21 +204,10 @@ impl Keeper<'_> {
     }
 }
 
-/// The files of a folder and of those in it, each with its path below `root` and as it is; none where it is not there.
-fn files_below(root: &Path, folder: &Path) -> io::Result<Vec<(PathBuf, PathBuf)>> {
-    let mut found = Vec::new();
-    if folder.is_dir() {
-        for entry in fs_err::read_dir(folder)? {
-            let path = entry?.path();
-            if path.is_dir() {
-                found.extend(files_below(root, &path)?);
-            } else {
-                found.push((path.strip_prefix(root).expect("it is below").to_owned(), path));
-            }
-        }
-    }
-    found.sort();
-    Ok(found)
+/// The files below a folder of the data set, each with its path from the data set's folder and as it is.
+fn files_in(data_set: &Path, inside: &Path) -> io::Result<Vec<(PathBuf, PathBuf)>> {
+    let found = store::files_below(&data_set.join(inside))?;
+    Ok(found.iter().map(|file| inside.join(file)).map(|file| (file.clone(), data_set.join(file))).collect())
 }
 
 fn summarise(manifest: &Manifest, folder: &Path, n_kept: usize) -> GenerateSummary {
