@@ -6,7 +6,7 @@ mod made_data;
 use std::path::{Path, PathBuf};
 
 use fs_err as fs;
-use harmzone::outcome::{DriveOutcome, DriveSummary, End};
+use harmzone::outcome::{DRIVING, DriveOutcome, DriveSummary, End};
 use made_data::{done, fails, harmzone, text};
 
 /// A bale in the lane, a few seconds ahead.
@@ -104,6 +104,70 @@ fn a_detector_that_dies_or_hangs_or_talks_nonsense_fails_and_never_passes() {
         // It counts for nobody.
         assert_eq!((summary.figures[0].n_episodes, summary.figures[1].n_failed), (0, 1));
     }
+}
+
+#[test]
+fn what_no_drive_could_be_made_by_is_told_before_the_first() {
+    let drives = Drives::new();
+    let refused = |drivers: &[&str], more: &[&str], words: &[&str]| {
+        let (code, told) = drives.drive(drivers, "refused", more);
+        assert_eq!(code, 1, "{told}");
+        assert!(words.iter().all(|word| told.contains(word)), "{told}");
+        assert!(!drives.path("refused").exists(), "{told}");
+    };
+    refused(
+        &["zone-soft:small@0.5"],
+        &["--set", "zone.kind=arc"],
+        &["zone-soft", "`arc`", "only zone `rect`"],
+    );
+    refused(&["small@2"], &[], &["small@2", "up to 1"]);
+    refused(&["drive.json=blind"], &[], &["`drive.json` is no name"]);
+    refused(&["small"], &["--device", "cuda:7"], &["cuda:7"]);
+    fs::write(drives.path("bale.toml"), BALE.replace("\"hay_bale\"", "\"hay_bail\""))
+        .expect("it can be written");
+    refused(&["blind"], &[], &["the scenario `bale`", "hay_bail", "hay_bale"]);
+}
+
+#[test]
+fn drives_go_on_with_more_patience_and_not_by_other_rules() {
+    let drives = Drives::new();
+    let theirs = detector("");
+    let drive = |more: &[&str]| drives.drive(&[&theirs], "a", &[&["--no-record"], more].concat());
+    assert_eq!(drive(&[]).0, 0);
+    let (code, told) = drive(&["--set", "reply_s=60"]);
+    assert_eq!(code, 0, "{told}");
+    let (code, told) = drive(&["--set", "reflex.latency_s=0.1"]);
+    assert!(code == 1 && told.contains("latency_s"), "{told}");
+    let who = drives.path("a/exec/who.json");
+    let text = fs::read_to_string(&who).expect("it tells who drove");
+    let with = |from: &str, to: &str| fs::write(&who, text.replace(from, to)).expect("it can be written");
+    let older = DRIVING - 1;
+    with(&format!("\"driving\": {DRIVING}"), &format!("\"driving\": {older}"));
+    let (code, told) = drive(&[]);
+    assert!(
+        code == 1 && told.contains(&format!("\"driving\": {older}")) && told.contains("give a new folder"),
+        "{told}"
+    );
+    with("\"cpus\": [\n    \"", "\"cpus\": [\n    \"another ");
+    let (code, told) = drive(&[]);
+    assert!(code == 0 && told.contains("drives of another processor are kept"), "{told}");
+    assert_eq!(drives.summary("a").origins[0].cpus.len(), 2);
+}
+
+#[test]
+fn scenarios_of_towns_for_reporting_are_driven_with_final() {
+    let drives = Drives::new();
+    let of = |town: &str| {
+        let text = BALE.replace("suburb", town).replace("hay_bale", "car");
+        fs::write(drives.path("bale.toml"), text).expect("it can be written");
+    };
+    of("harbour");
+    let (code, told) = drives.drive(&["truth"], "a", &["--split", "test", "--final", "--no-record"]);
+    assert_eq!(code, 0, "{told}");
+    assert_eq!(drives.summary("a").split, harmzone::episode::Split::Test);
+    of("suburb");
+    let (code, told) = drives.drive(&["truth"], "b", &["--split", "test", "--final", "--no-record"]);
+    assert!(code == 1 && told.contains("suburb"), "{told}");
 }
 
 #[test]

@@ -10,8 +10,8 @@ use std::sync::Arc;
 use harmzone::geometry::{Transform, convex_overlap_area};
 use harmzone::scene::car::{DRIVE_RESPONSE_S, EGO_LENGTH_M, EGO_WIDTH_M, FRONT_BUMPER_X_M, WHEELBASE_M};
 use harmzone::scene::{
-    Aspect, EgoObservation, Footprint, Lighting, PopulateConfig, Town, Traffic, Vec2, World, populate,
-    town_names,
+    ActorConfig, ActorMotion, Aspect, EgoObservation, EgoOrders, Footprint, Lighting, PopulateConfig, Town,
+    Traffic, Vec2, World, populate, town_names,
 };
 
 const DT_S: f64 = 0.05;
@@ -44,8 +44,16 @@ fn overlap(a: &Footprint, b: &Footprint) -> f64 {
     convex_overlap_area(&a.corners(), &b.corners())
 }
 
-fn drive(world: &World, seed: u64, duration_s: f64, mut look: impl FnMut(f64, Vec2, f64, &Traffic)) -> Drive {
-    let mut traffic = Traffic::new(world, seed);
+fn drive(world: &World, seed: u64, duration_s: f64, look: impl FnMut(f64, Vec2, f64, &Traffic)) -> Drive {
+    drive_in(world, Traffic::new(world, seed), duration_s, look)
+}
+
+fn drive_in(
+    world: &World,
+    mut traffic: Traffic,
+    duration_s: f64,
+    mut look: impl FnMut(f64, Vec2, f64, &Traffic),
+) -> Drive {
     let (mut position, mut yaw_rad) = world.ego_start();
     let mut speed_mps: f64 = 0.0;
     let mut result = Drive::default();
@@ -106,6 +114,51 @@ fn town_of(text: &str, name: &str) -> Arc<Town> {
     let path = folder.path().join(name);
     fs_err::write(&path, text).unwrap();
     Arc::new(Town::load(path.to_str().unwrap()).unwrap())
+}
+
+/// A quiet town, with a car that stands so far ahead in the ego's lane, or without one.
+fn with_car_ahead(town: &Arc<Town>, ahead_m: Option<f64>) -> World {
+    // It would drive if the ego came nearer than 0 m.
+    let car = |ahead_m: f64| ActorConfig {
+        model: "car".to_owned(),
+        motion: ActorMotion::Drives,
+        trigger_m: 0.0,
+        ahead_m,
+        ..ActorConfig::default()
+    };
+    let quiet = PopulateConfig {
+        traffic_density: 0.0,
+        pedestrian_density: 0.0,
+        leader_share: 0.0,
+        jaywalker_share: 0.0,
+        actors: ahead_m.map(|ahead_m| ("car".to_owned(), car(ahead_m))).into_iter().collect(),
+        ..PopulateConfig::default()
+    };
+    populate(town, &quiet, 5).unwrap()
+}
+
+#[test]
+fn no_car_in_its_lane_holds_the_driver_under_test_who_sees_none() {
+    let (mut n_held, mut n_ways) = (0, 0);
+    for name in ["downtown", "suburb"] {
+        let town = Arc::new(Town::load(name).unwrap());
+        let speeds = |ahead_m: Option<f64>, is_tested: bool| {
+            let world = with_car_ahead(&town, ahead_m);
+            let mut traffic = Traffic::new(&world, 5);
+            if is_tested {
+                traffic.order(EgoOrders::default());
+            }
+            drive_in(&world, traffic, 20.0, |_, _, _, _| {}).speeds_mps
+        };
+        let (tested, scripted) = (speeds(None, true), speeds(None, false));
+        for ahead_m in (2..12).map(|i| f64::from(i) * 10.0) {
+            assert_eq!(speeds(Some(ahead_m), true), tested, "{name}, {ahead_m} m");
+            n_held += usize::from(speeds(Some(ahead_m), false) != scripted);
+            n_ways += 1;
+        }
+    }
+    // The scripted driver sees it.
+    assert!(n_held > n_ways / 2, "{n_held} of {n_ways}");
 }
 
 #[test]

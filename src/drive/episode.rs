@@ -19,10 +19,13 @@ use crate::outcome::{Collision, DriveOutcome, End, HardStop, is_sudden};
 use crate::sample::EgoState;
 use crate::scene::{EgoOrders, car};
 use crate::sim::SimError;
+use crate::worker::lacks_memory;
 use crate::zone::Zone;
 
 /// Slower than this the ego stands, m/s.
 const STANDS_MPS: f64 = 0.3;
+/// Slower than this it has not run into what stands still, m/s: that has come to it, and lies there.
+const AT_REST_MPS: f64 = 0.05;
 /// An ego that comes no faster towards what moves has not run into it: it came from the side or from behind.
 const LEAST_APPROACH_MPS: f64 = 0.3;
 /// What has run into the ego is run into by it once the ego comes so fast towards it.
@@ -61,7 +64,14 @@ pub(super) fn drive(
     match drive_through(course, perception, needs_sensors, files, on_sample) {
         Err(DriveError::Generate(GenerateError::Simulation(
             error @ (SimError::Ask { .. } | SimError::Compile { .. }),
-        ))) => Ok(failed(&course.plan, error.to_string())),
+        ))) => {
+            let message = error.to_string();
+            // That is no fault of the world: the worker ends for it, and the drive is made again.
+            if lacks_memory(&message) {
+                return Err(DriveError::OutOfMemory { message });
+            }
+            Ok(failed(&course.plan, message))
+        }
         Err(DriveError::Zone(error)) => Ok(failed(&course.plan, error.to_string())),
         driven => driven,
     }
@@ -134,6 +144,8 @@ struct Seen {
     present: Vec<(usize, Object)>,
     /// Numbers of the harmful ones.
     harmful: Vec<usize>,
+    /// How far the ego had driven then, metres.
+    at_m: f64,
     /// When each object was last harmful, and anything.
     harmful_s: BTreeMap<usize, f64>,
     any_harmful_s: Option<f64>,
@@ -192,7 +204,7 @@ impl Run<'_> {
         )?;
         let knows_velocities = perception.knows_velocities();
         self.reflex.see(time_s, &self.live.world_from_ego(), &found, knows_velocities);
-        (self.seen.present, self.seen.harmful) = (present, harmful);
+        (self.seen.present, self.seen.harmful, self.seen.at_m) = (present, harmful, self.notes.distance_m);
         self.notes.n_samples += 1;
         if let (Some(recorder), Some(sensed)) = (&mut self.recorder, sensed) {
             recorder.record(sensed, found)?;
@@ -254,6 +266,7 @@ impl Run<'_> {
     }
 
     fn note_braking(&mut self, time_s: f64, speed_mps: f64, orders: &EgoOrders) {
+        let since_m = self.notes.distance_m - self.seen.at_m;
         let Notes { has_braked, first_brake_ttc_s, hard_until_s, hard_stops, .. } = &mut self.notes;
         let moves = speed_mps > STANDS_MPS;
         if orders.braking_mps2.is_some() && moves && !self.seen.harmful.is_empty() && !*has_braked {
@@ -265,7 +278,7 @@ impl Run<'_> {
             };
             let harmful = self.seen.present.iter().filter(|(i, _)| self.seen.harmful.contains(i));
             let gap_m = harmful.map(|(_, object)| ahead_m(object)).fold(f64::INFINITY, f64::min);
-            *first_brake_ttc_s = Some(gap_m / speed_mps);
+            *first_brake_ttc_s = Some((gap_m - since_m).max(0.0) / speed_mps);
         }
         let braking_mps2 = orders.braking_mps2.unwrap_or(0.0);
         let goes_on = time_s <= *hard_until_s && moves;
@@ -291,12 +304,17 @@ impl Run<'_> {
 
     fn note_contact(&mut self, time_s: f64, contact: &Contact) {
         let object = contact.object_idx.map(|i| &self.live.objects()[i]);
-        let id = object.map_or_else(|| "scenery".to_owned(), |object| object.id.clone());
+        let id = object.map_or_else(|| format!("scenery-{}", contact.body), |object| object.id.clone());
         let ego_mps = contact.ego_mps.xy().norm();
         let approach_mps = contact.ego_mps.dot(&contact.normal);
-        // What stands still has come to nobody, however slightly it is touched.
+        // What stands still has come to nobody, however slowly it is touched.
         let moves = contact.mass_kg.is_finite() && contact.other_mps.norm() >= STANDS_MPS;
-        let is_struck = ego_mps < STANDS_MPS || (moves && approach_mps < LEAST_APPROACH_MPS);
+        let comes_mps = -contact.other_mps.dot(&contact.normal);
+        let is_struck = if moves {
+            ego_mps < STANDS_MPS || approach_mps < LEAST_APPROACH_MPS
+        } else {
+            ego_mps < AT_REST_MPS || (ego_mps < STANDS_MPS && comes_mps > approach_mps.max(0.0))
+        };
         let has_struck = self.notes.struck_by.contains(&id);
         if is_struck || (has_struck && approach_mps < PUSHES_MPS) {
             if !has_struck {

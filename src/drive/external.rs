@@ -15,6 +15,7 @@ use fs_err::File;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use crate::files::sha256_hex;
 use crate::geometry::{Box3, Frame, Pinhole, Transform};
 use crate::object::Detection;
 use crate::sample::{EgoState, ImageFormat, Measured};
@@ -27,6 +28,8 @@ const STDERR_TAIL_LINES: usize = 10;
 const MAX_BOXES: usize = 10_000;
 /// No box is farther away or longer, metres.
 const FARTHEST_M: f64 = 10_000.0;
+/// Hexadecimal digits by which an episode is called.
+const EPISODE_DIGITS: usize = 16;
 /// How often and how long to look whether one whose output has ended has ended itself.
 const N_LOOKS: u32 = 500;
 const LOOK: Duration = Duration::from_millis(10);
@@ -48,8 +51,9 @@ pub enum ExternalError {
 
 /// What is told of a sample beside picture and points.
 #[derive(Debug, Serialize)]
-struct Header<'a> {
-    episode: &'a str,
+struct Header {
+    /// Made from its name, which may tell what is there.
+    episode: String,
     sample_idx: u64,
     time_ns: u64,
     #[serde(flatten)]
@@ -93,6 +97,8 @@ struct Answer {
 pub struct External {
     command: String,
     process: Child,
+    /// Ends the program, however this process ends: a shell that waits for the end of its input.
+    guard: Child,
     stderr: File,
     /// What it is told: a thread writes, so that a program that does not read holds up nobody.
     to: Sender<Vec<u8>>,
@@ -119,6 +125,10 @@ impl External {
             .stderr(stderr.file().try_clone().map_err(fail)?)
             .spawn()
             .map_err(fail)?;
+        let guard = guard_of(&process).map_err(|error| {
+            end(&mut process);
+            fail(error)
+        })?;
         let mut stdin = process.stdin.take().expect("stdin is piped");
         let (to, told) = channel::<Vec<u8>>();
         std::thread::spawn(move || {
@@ -145,7 +155,7 @@ impl External {
             }
         });
         let reply = Duration::from_secs_f64(reply_s);
-        Ok(Self { command: command.to_owned(), process, stderr, to, from, reply, is_first: true })
+        Ok(Self { command: command.to_owned(), process, guard, stderr, to, from, reply, is_first: true })
     }
 
     /// The program's boxes for a sample.
@@ -222,6 +232,19 @@ impl External {
     }
 }
 
+/// Kills the group of a process when its own input ends, as it does with whoever holds the other end: one that hangs reads nothing,
+/// so the end of its own input does not end it.
+fn guard_of(process: &Child) -> io::Result<Child> {
+    Command::new("sh")
+        .args(["-c", "read -r _; kill -KILL \"-$0\"", &process.id().to_string()])
+        // A signal to the group of this process must not end it first.
+        .process_group(0)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+}
+
 fn parse_answer(bytes: &[u8]) -> Result<Vec<Detection>, String> {
     let Answer { detections } = serde_json::from_slice(bytes).map_err(|error| error.to_string())?;
     if detections.len() > MAX_BOXES {
@@ -264,9 +287,10 @@ fn read_message(from: &mut impl Read) -> io::Result<Option<Vec<u8>>> {
     Ok(Some(bytes))
 }
 
-fn header<'a>(episode: &'a str, sample_idx: u64, measured: &Measured) -> Header<'a> {
+fn header(episode: &str, sample_idx: u64, measured: &Measured) -> Header {
     let Pinhole { width_px, height_px, fx_px, fy_px, cx_px, cy_px } = measured.intrinsics;
     let ego_from_camera = rows(&measured.ego_from_camera);
+    let episode = sha256_hex(episode.as_bytes())[..EPISODE_DIGITS].to_owned();
     Header {
         episode,
         sample_idx,
@@ -292,66 +316,20 @@ fn rows<To: Frame, From: Frame>(transform: &Transform<To, From>) -> [[f64; 4]; 4
 
 impl Drop for External {
     fn drop(&mut self) {
-        // It has nothing to save: the drive is over, or it has failed.
-        let group = format!("-{}", self.process.id());
-        let _ = Command::new("kill").args(["-KILL", "--", &group]).stderr(Stdio::null()).status();
-        let _ = self.process.kill();
-        let _ = self.process.wait();
+        // First, lest it kill another group that has the same number by then.
+        let _ = self.guard.kill();
+        let _ = self.guard.wait();
+        end(&mut self.process);
     }
+}
+
+/// Ends a process and its group. It has nothing to save: the drive is over, or it has failed.
+fn end(process: &mut Child) {
+    let group = format!("-{}", process.id());
+    let _ = Command::new("kill").args(["-KILL", "--", &group]).stderr(Stdio::null()).status();
+    let _ = process.kill();
+    let _ = process.wait();
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::dataset::test_data;
-
-    fn ask(command: &str, reply_s: f64) -> Result<Vec<Detection>, ExternalError> {
-        let mut external = External::start(command, reply_s)?;
-        external.detect("an-episode", 3, &test_data::dataset(1).samples()[0].measured)
-    }
-
-    /// Reads three messages and prints what is given.
-    fn answering(print: &str) -> String {
-        format!(
-            "python3 -c \"\nimport struct, sys\ni, o = sys.stdin.buffer, sys.stdout.buffer\n\
-             [i.read(struct.unpack('<I', i.read(4))[0]) for _ in range(3)]\n{print}\no.flush()\""
-        )
-    }
-
-    #[test]
-    fn a_program_that_answers_is_understood() {
-        let print = "b = b'{\\\"detections\\\": [{\\\"center_m\\\": [9, 0, 1], \\\"size_m\\\": [1, 2, 3], \
-                     \\\"yaw_rad\\\": 0, \\\"harm\\\": \\\"harmful\\\", \\\"score\\\": 0.5}]}'\n\
-                     o.write(struct.pack('<I', len(b)) + b)";
-        let found = ask(&answering(print), 10.0).unwrap();
-        let [found] = found[..] else { panic!("{found:?}") };
-        assert_eq!((found.box_in_ego.width_m, found.score), (2.0, 0.5));
-    }
-
-    #[test]
-    fn one_that_dies_hangs_or_talks_nonsense_is_told_apart() {
-        let error = ask("exit 3", 5.0).unwrap_err();
-        assert!(matches!(error, ExternalError::Ended { .. }), "{error}");
-        let error = ask("echo no such weights >&2; exit 3", 5.0).unwrap_err().to_string();
-        assert!(error.contains("exit status: 3") && error.contains("no such weights"), "{error}");
-        let error = ask("sleep 60", 0.02).unwrap_err();
-        assert!(matches!(error, ExternalError::Late { .. }), "{error}");
-        // More than a pipe holds, to a program that never reads.
-        let mut measured = test_data::dataset(1).samples()[0].measured.clone();
-        measured.image.bytes = vec![0; 1 << 20];
-        let error = External::start("sleep 60", 0.02).unwrap().detect("a", 0, &measured).unwrap_err();
-        assert!(matches!(error, ExternalError::Late { .. }), "{error}");
-        let error = ask(&answering("print('hello, this is a log line')"), 10.0).unwrap_err().to_string();
-        assert!(error.contains("is a print in the way"), "{error}");
-        let of_json = |json: &str| {
-            let print = format!("b = b'{json}'\no.write(struct.pack('<I', len(b)) + b)");
-            ask(&answering(&print), 10.0).unwrap_err().to_string()
-        };
-        assert!(of_json("[]").contains("not usable"), "{}", of_json("[]"));
-        let flat = "{\\\"detections\\\": [{\\\"center_m\\\": [9, 0, 1], \\\"size_m\\\": [1, 0, 3], \
-                    \\\"yaw_rad\\\": 0, \\\"harm\\\": \\\"harmful\\\", \\\"score\\\": 0.5}]}";
-        assert!(of_json(flat).contains("width_m is 0"), "{}", of_json(flat));
-        let vast = flat.replace("[1, 0, 3]", "[1e200, 1e200, 3]");
-        assert!(of_json(&vast).contains("at most 10000 m"), "{}", of_json(&vast));
-    }
-}
+mod tests;

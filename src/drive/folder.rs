@@ -20,37 +20,69 @@ const WHO_FILE: &str = "who.json";
 const OUTCOMES: &str = "outcomes";
 const PREDICTIONS: &str = "predictions";
 
-/// Prepares the folder, or refuses one that holds something else.
-pub(super) fn open(out: &Path, config_toml: &str, origins: &[Origin]) -> Result<(), DriveError> {
+/// Prepares the folder, or refuses one that holds something else. Gives the drivers back, with all processors that drove.
+///
+/// # Errors
+/// It holds drives of another config, of other weights, or by other rules.
+pub(super) fn open(out: &Path, config_toml: &str, origins: &[Origin]) -> Result<Vec<Origin>, DriveError> {
     let config_path = out.join(CONFIG_FILE);
     let other =
         |found: String, wanted: String| Err(DriveError::OtherConfig { found, wanted, path: out.to_owned() });
     if config_path.is_file() {
         let found = fs::read_to_string(&config_path)?;
-        if let Some((found, wanted)) = first_difference(&found, config_toml) {
+        if let Some((found, wanted)) =
+            first_difference(&without_patience(&found), &without_patience(config_toml))
+        {
             return other(found, wanted);
         }
     } else if holds_anything(out)? {
         return Err(DriveError::ForeignFolder { path: out.to_owned() });
     }
-    let text = |origin: &Origin| serde_json::to_string_pretty(origin).expect("it has a JSON form") + "\n";
-    for origin in origins {
+    let mut origins = origins.to_vec();
+    for origin in &mut origins {
         let path = out.join(&origin.who.name).join(WHO_FILE);
-        if path.is_file() {
-            let found = fs::read_to_string(&path)?;
-            if let Some((found, wanted)) = first_difference(&found, &text(origin)) {
-                return other(found.trim().to_owned(), wanted.trim().to_owned());
-            }
+        if !path.is_file() {
+            continue;
         }
+        let found: Origin = serde_json::from_str(&fs::read_to_string(&path)?)
+            .map_err(|error| DriveError::BadOutcome { message: error.to_string(), path })?;
+        if let Some((found, wanted)) = first_difference(&found.identity(), &origin.identity()) {
+            return other(found.trim().to_owned(), wanted.trim().to_owned());
+        }
+        let others: Vec<&str> =
+            found.cpus.iter().filter(|cpu| !origin.cpus.contains(cpu)).map(String::as_str).collect();
+        if !others.is_empty() {
+            tracing::warn!(
+                "{}: drives of another processor are kept ({}); in their last bits, and by chance in their outcomes, they may differ \
+                 from this one's: {}",
+                origin.who.name,
+                others.join(", "),
+                out.display()
+            );
+        }
+        origin.cpus.extend(found.cpus);
+        origin.cpus.sort_unstable();
+        origin.cpus.dedup();
     }
     fs::create_dir_all(out)?;
     write_atomic(&config_path, config_toml.as_bytes())?;
-    for origin in origins {
+    for origin in &origins {
         let folder = out.join(&origin.who.name);
         fs::create_dir_all(folder.join(OUTCOMES))?;
-        write_atomic(&folder.join(WHO_FILE), text(origin).as_bytes())?;
+        let text = serde_json::to_string_pretty(origin).expect("it has a JSON form") + "\n";
+        write_atomic(&folder.join(WHO_FILE), text.as_bytes())?;
     }
-    Ok(())
+    Ok(origins)
+}
+
+/// The hash of a config, whose drives are alike where it is.
+pub(super) fn identity(config_toml: &str) -> String {
+    sha256_hex(without_patience(config_toml).as_bytes())
+}
+
+/// A config without the time that a detector is waited for: more patience is no other drive.
+fn without_patience(config_toml: &str) -> String {
+    config_toml.lines().filter(|line| !line.starts_with("reply_s = ")).flat_map(|line| [line, "\n"]).collect()
 }
 
 /// The outcome of an earlier run, with its episode if that is wanted. A failed drive is made again; an episode that is gone or
@@ -109,10 +141,14 @@ pub(super) fn finish_dataset(
     config_toml: &str,
     outcomes: &[DriveOutcome],
 ) -> Result<(), DriveError> {
-    let mut manifest =
-        Manifest::new(sha256_hex(config_toml.as_bytes()), config.world.seed, config.world.scene.ood);
+    let mut manifest = Manifest::new(identity(config_toml), config.world.seed, config.world.scene.ood);
     manifest.episodes = outcomes.iter().filter_map(|outcome| outcome.entry.clone()).collect();
     if manifest.episodes.is_empty() {
+        // What an earlier run listed is gone.
+        let listed = folder.join(Manifest::FILE);
+        if listed.is_file() {
+            fs::remove_file(listed)?;
+        }
         return Ok(());
     }
     manifest.write(folder)?;

@@ -11,6 +11,7 @@ mod folder;
 mod foresight;
 mod hazards;
 mod notes;
+mod origin;
 mod perception;
 mod recorder;
 mod reflex;
@@ -66,6 +67,16 @@ pub enum DriveError {
     External(ExternalError),
     #[error(transparent)]
     Io(#[from] std::io::Error),
+    #[error(
+        "{name}: the network tells kinds of objects, not harm (model.head.classes = \"kind\"); a rule over its boxes can drive, \
+         such as `zone-expected:RUN`"
+    )]
+    TellsKinds { name: String },
+    #[error("{name}: `{judge}` cannot judge its boxes where zone.kind is `{kind}`: {source}")]
+    NoJudge { name: String, judge: &'static str, kind: &'static str, source: ZoneError },
+    /// In these words a worker knows it.
+    #[error("out of memory: {message}")]
+    OutOfMemory { message: String },
     #[error("two drivers are called `{name}`; give one another name, NAME=..")]
     SameName { name: String },
     #[error("the folder holds other things than drives; give a new folder: {}", path.display())]

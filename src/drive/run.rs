@@ -11,22 +11,20 @@ use fs_err as fs;
 
 use super::episode::failed;
 use super::external::FIRST_FACTOR;
-use super::folder::{find_whole, finish_dataset, open, remove_recorded, write_outcome};
-use super::perception::{network_scores, score_of_all};
-use super::scenario::{Scenario, check_names, course, world_plans};
+use super::folder::{find_whole, finish_dataset, identity, open, remove_recorded, write_outcome};
+use super::origin::origin_of;
+use super::scenario::{Scenario, check_all_actors, check_names, course, world_plans};
 use super::worker::{COMMAND, DriveJob, Task};
-use super::{DriveConfig, DriveError, ReflexConfig};
+use super::{DriveConfig, DriveError};
 use crate::config::{Check as _, InvalidConfig, to_toml};
 use crate::device::DeviceName;
 use crate::episode::Split;
 use crate::episode::folder::remove_unfinished;
-use crate::eval::judge::Judge;
-use crate::files::{FolderLock, sha256_hex, sha256_of, write_sealed};
+use crate::files::{FolderLock, write_sealed};
 use crate::generate::{CheckedConfig, EpisodePlan, GenerateConfig};
-use crate::infer::Trained;
 use crate::outcome::{DriveOutcome, DriveSummary, End, Origin, Source, Who, compare, worst};
 use crate::progress::Progress;
-use crate::scene::{PopulateConfig, Town, map_hashes};
+use crate::scene::{PopulateConfig, SceneSplit, Town, map_hashes, town_names_of};
 use crate::worker::{self, Call, Engine, Errand, Program, SILENCE, TaskError};
 
 /// Which drives are recorded as episodes.
@@ -90,9 +88,10 @@ pub fn run(
         }
     }
     let plans = plans(&config, &checked, courses)?;
+    check_all_actors(&config, &courses.scenarios)?;
     let origins = drivers
         .iter()
-        .map(|who| origin_of(who, &config.reflex, options.device))
+        .map(|who| origin_of(who, &config, options.device))
         .collect::<Result<Vec<_>, DriveError>>()?;
     let towns = config.world.towns.iter().chain(courses.scenarios.iter().map(|scenario| &scenario.town));
     let mut config_toml =
@@ -101,7 +100,7 @@ pub fn run(
         config_toml += &format!("\n[[scenario]]\n{}", to_toml(scenario).replace("\n[", "\n[scenario."));
     }
     let _lock = FolderLock::take(out)?;
-    open(out, &config_toml, &origins)?;
+    let origins = open(out, &config_toml, &origins)?;
 
     let folders: Vec<PathBuf> = drivers.iter().map(|who| out.join(&who.name)).collect();
     let mut outcomes: Vec<Vec<Option<DriveOutcome>>> = Vec::new();
@@ -156,7 +155,7 @@ pub fn run(
         drivers.iter().cloned().zip(outcomes.iter().cloned()).collect();
     let summary = DriveSummary {
         generator_version: env!("CARGO_PKG_VERSION").to_owned(),
-        config_sha256: sha256_hex(config_toml.as_bytes()),
+        config_sha256: identity(&config_toml),
         split: plans.first().map_or(Split::Dev, |plan| plan.split),
         ood: config.world.scene.ood,
         seed: config.world.seed,
@@ -288,8 +287,12 @@ fn plans(
     let Courses { n_episodes, scenarios } = courses;
     let own = GenerateConfig { scene: PopulateConfig::default(), ..GenerateConfig::default() };
     let scene = PopulateConfig { split: own.scene.split, ..config.world.scene.clone() };
+    let towns = match config.world.scene.split {
+        SceneSplit::Dev => own.towns.clone(),
+        SceneSplit::Test => town_names_of(SceneSplit::Test),
+    };
     let is_own = (config.world.seed, &config.world.towns, &config.world.weathers, &scene)
-        == (own.seed, &own.towns, &own.weathers, &own.scene)
+        == (own.seed, &towns, &own.weathers, &own.scene)
         && config.seconds == DriveConfig::default().seconds;
     if !scenarios.is_empty() && !is_own {
         let wanted = "each scenario has its own town, weather, seed, seconds and [scene]; the defaults are needed here";
@@ -300,46 +303,4 @@ fn plans(
     }
     check_names(scenarios)?;
     (0..scenarios.len() as u32).map(|idx| Ok(course(config, scenarios, idx)?.plan)).collect()
-}
-
-/// Who a driver is, with the hash of what it drives by, and the scores from which on its boxes count.
-fn origin_of(who: &Who, reflex: &ReflexConfig, device: DeviceName) -> Result<Origin, DriveError> {
-    let (sha256, min_score, seen_from) = match &who.source {
-        Source::Network { run, judge, score } => {
-            let trained = Trained::find(run)?;
-            let (scores, is_chosen) = network_scores(&trained, *judge, *score, reflex)?;
-            if !is_chosen {
-                tell_unchosen(who, run, *judge, scores.sure);
-            }
-            (trained.sha256()?, Some(scores.sure), (scores.seen < scores.sure).then_some(scores.seen))
-        }
-        Source::External { command } => {
-            let files = command.split_whitespace().map(Path::new).filter(|path| path.is_file());
-            let hashes = files.map(sha256_of).collect::<Result<Vec<_>, _>>()?;
-            (sha256_hex(hashes.concat().as_bytes()), score_of_all(reflex), None)
-        }
-        Source::Blind | Source::Truth => (String::new(), None, None),
-    };
-    let generator_version = env!("CARGO_PKG_VERSION").to_owned();
-    Ok(Origin {
-        who: who.clone(),
-        sha256,
-        min_score,
-        seen_from,
-        generator_version,
-        device: device.to_string(),
-    })
-}
-
-/// A driver at a score that nobody chose for it brakes as often as it happens to.
-fn tell_unchosen(who: &Who, run: &Path, judge: Judge, min_score: f64) {
-    let (run, name) = (run.display(), &who.name);
-    let (flag, prefix) = match judge {
-        Judge::Network => (String::new(), String::new()),
-        _ => (format!(" --judge {}", judge.name()), format!("{}:", judge.name())),
-    };
-    tracing::warn!(
-        "{name}: it brakes hard from a score of {min_score:.3}, which was not chosen for it; `harmzone calibrate {run}{flag} --data \
-         DIR` finds the score for a number of false alarms a km, and {prefix}{run}@SCORE sets it"
-    );
 }

@@ -10,8 +10,8 @@ use thiserror::Error;
 use super::DriveConfig;
 use crate::config::{Check as _, ConfigError, InvalidConfig, with_table};
 use crate::episode::Split;
-use crate::generate::{CheckedConfig, EpisodePlan, GenerateConfig, plan};
-use crate::scene::{ActorConfig, PopulateConfig, shipped_scenarios};
+use crate::generate::{CheckedConfig, EpisodePlan, GenerateConfig, GenerateError, plan};
+use crate::scene::{ActorConfig, PopulateConfig, check_actors, shipped_scenarios};
 
 /// Names the scenarios that come with harmzone.
 pub const SUITE: &str = "suite";
@@ -64,6 +64,8 @@ pub enum ScenarioError {
     Config { name: String, source: ConfigError },
     #[error("the scenario `{name}`: {source}")]
     Invalid { name: String, source: InvalidConfig },
+    #[error("the scenario `{name}`: {source}")]
+    World { name: String, source: GenerateError },
     #[error(transparent)]
     Io(#[from] std::io::Error),
 }
@@ -186,7 +188,8 @@ pub(super) fn course(
         return Ok(Course { config: config.clone(), checked, plan, family: String::new() });
     };
     let world = scenario.world(&config.world)?;
-    let checked = CheckedConfig::try_from(&world)?;
+    let of_scenario = |source| ScenarioError::World { name: scenario.name.clone(), source };
+    let checked = CheckedConfig::try_from(&world).map_err(of_scenario)?;
     let config = DriveConfig { world, seconds: scenario.seconds, ..config.clone() };
     let plan = for_choosing(plan(&checked, 1).remove(0));
     let plan = EpisodePlan { name: scenario.name.clone(), ..plan };
@@ -210,6 +213,20 @@ fn for_choosing(plan: EpisodePlan) -> EpisodePlan {
     let seed = plan.seed & !SPLIT_BITS | DEV_BITS;
     let name = plan.name.replace(&plan.seed.to_string(), &seed.to_string());
     EpisodePlan { name, seed, split: Split::Dev, ..plan }
+}
+
+/// Refuses actors that are nothing, before any folder is begun.
+pub(super) fn check_all_actors(
+    config: &DriveConfig,
+    scenarios: &[Scenario],
+) -> Result<(), super::DriveError> {
+    check_actors(&config.world.scene).map_err(GenerateError::from)?;
+    for scenario in scenarios {
+        let of_scenario = |source| ScenarioError::World { name: scenario.name.clone(), source };
+        let scene = scenario.world(&config.world)?.scene;
+        check_actors(&scene).map_err(GenerateError::from).map_err(of_scenario)?;
+    }
+    Ok(())
 }
 
 /// Refuses two scenarios of one name.

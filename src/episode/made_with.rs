@@ -25,7 +25,8 @@ impl MadeWith {
 }
 
 /// The architecture, then the extensions that this processor has.
-fn cpu() -> String {
+#[must_use]
+pub fn cpu() -> String {
     let mut words = vec![std::env::consts::ARCH];
     #[cfg(target_arch = "x86_64")]
     {

@@ -44,7 +44,7 @@ pub use error::{EpisodeError, MessageFault};
 pub use foreign::{ForeignFile, ForeignMessage, ForeignSchema, ForeignTopic, MessagePlace};
 pub use labels::{LabelReader, LabelWriter, ObjectLabel, SampleLabels};
 pub use log::{Labelled, LogFacts, SizeRange};
-pub use made_with::MadeWith;
+pub use made_with::{MadeWith, cpu};
 pub use manifest::{EpisodeEntry, LabelManifest, Manifest, ManifestError, Split};
 pub use meta::{EpisodeMeta, SourceMeta};
 pub use others::OtherSensors;

@@ -50,6 +50,8 @@ pub struct LiveEpisode<'a> {
 pub struct Contact {
     /// Number among the world's objects; `None`: scenery that is no object.
     pub object_idx: Option<usize>,
+    /// Number of the simulator's body.
+    pub body: usize,
     /// Of the ego where it touches, its turning included, along the world's axes, just before.
     pub ego_mps: Vector3<f64>,
     pub other_mps: Vector3<f64>,
@@ -215,7 +217,8 @@ impl<'a> LiveEpisode<'a> {
             }
             Some(Motion::Still) | None => (Vector3::zeros(), f64::INFINITY),
         };
-        Contact { object_idx, ego_mps: touch.own_mps, other_mps, normal: touch.normal, mass_kg }
+        let (body, ego_mps, normal) = (touch.body, touch.own_mps, touch.normal);
+        Contact { object_idx, body, ego_mps, other_mps, normal, mass_kg }
     }
 
     /// All objects near the ego that are ever annotated, whether they are seen or not, each with its number.

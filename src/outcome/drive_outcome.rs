@@ -26,7 +26,7 @@ pub enum End {
 pub struct Collision {
     /// Since the start.
     pub time_s: f64,
-    /// Id and category of the object; `scenery` for what is no object.
+    /// Id and category of the object; `scenery-N` and `scenery` for what is no object, by the simulator's number of its body.
     pub object: String,
     pub category: String,
     /// `None`: scenery.

@@ -67,6 +67,7 @@ pub struct Figures {
     pub progress: Measure,
     /// Mean of the time to collision at the first brake, seconds.
     pub first_brake_ttc_s: Measure,
+    /// Mean of the drives' root mean squares.
     pub rms_jerk_mps3: Measure,
     /// Shares of the episodes that ended standing before something harmful, and before nothing.
     pub stopped_share: f64,
@@ -86,6 +87,8 @@ pub struct OverFirst {
     pub collision_share: Measure,
     pub avoided_share: Option<Measure>,
     pub false_stops_per_km: Measure,
+    #[serde(default)]
+    pub stuck_per_km: Measure,
 }
 
 /// Compares drivers on the episodes that none of them failed in.
@@ -238,7 +241,14 @@ fn over(first: &Who, of: Beside<'_>, other: Beside<'_>, draws: &Draws) -> OverFi
     let share = |of: Beside<'_>, i: usize| yes(of.is_avoidable(i) && !of.hits(i));
     let has_both = of.blind.is_some() && of.truth.is_some();
     let avoidable = |i: usize| yes(of.is_avoidable(i));
-    let stops = |of: Beside<'_>, i: usize| of.outcomes[i].n_false_stops() as f64;
+    let per_km = |count: &(dyn Fn(&DriveOutcome) -> f64 + Sync)| {
+        let above = |of: Beside<'_>, i: usize| count(&of.outcomes[i]);
+        draws.difference(
+            Ratio::Rate,
+            [&|i| above(of, i), &|i| of.km(i)],
+            [&|i| above(other, i), &|i| other.km(i)],
+        )
+    };
     OverFirst {
         than: first.name.clone(),
         collision_share: draws.difference(
@@ -253,11 +263,8 @@ fn over(first: &Who, of: Beside<'_>, other: Beside<'_>, draws: &Draws) -> OverFi
                 [&|i| share(other, i), &avoidable],
             )
         }),
-        false_stops_per_km: draws.difference(
-            Ratio::Rate,
-            [&|i| stops(of, i), &|i| of.km(i)],
-            [&|i| stops(other, i), &|i| other.km(i)],
-        ),
+        false_stops_per_km: per_km(&|outcome| outcome.n_false_stops() as f64),
+        stuck_per_km: per_km(&|outcome| yes(outcome.end == End::Stuck)),
     }
 }
 
@@ -336,6 +343,7 @@ mod tests {
         assert!(rows[..3].iter().all(|row| row.over_first.is_none()));
         let over = rows[3].over_first.as_ref().unwrap();
         assert_eq!((over.than.as_str(), over.collision_share.value), ("small", Some(-0.25)));
+        assert_eq!((over.false_stops_per_km.value, over.stuck_per_km.value), (Some(0.0), Some(0.0)));
         let avoided = over.avoided_share.unwrap();
         // One world of four differs, so that no resample says the opposite.
         assert_eq!(avoided.value, Some(0.25));

@@ -22,7 +22,7 @@ pub use figures::{Figures, OverFirst, compare};
 pub use groups::GroupFigures;
 pub use measure::Measure;
 pub use table::{drive_rows, impact_rows, share_lines};
-pub use who::{Origin, Source, Who, WhoError};
+pub use who::{DRIVING, Origin, Source, Who, WhoError};
 pub use worst::{Case, Wrong, worst};
 
 use crate::episode::Split;
@@ -32,7 +32,7 @@ use crate::files::read_sealed;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DriveSummary {
     pub generator_version: String,
-    /// Of the resolved config.
+    /// Of the resolved config without `reply_s`.
     pub config_sha256: String,
     /// Whose worlds they are: `dev`, `test`, ..
     pub split: Split,

@@ -89,11 +89,12 @@ pub fn share_lines(figures: &[Figures]) -> Vec<String> {
         let avoided =
             over.avoided_share.map_or_else(String::new, |share| format!(", avoided {}", signed(share)));
         lines.push(format!(
-            "{} against {}, in the same worlds: collisions an episode {}{avoided}, false stops a km {}.",
+            "{} against {}, in the same worlds: collisions an episode {}{avoided}, false stops a km {}, stuck a km {}.",
             of.who.name,
             over.than,
             signed(over.collision_share),
-            signed(over.false_stops_per_km)
+            signed(over.false_stops_per_km),
+            signed(over.stuck_per_km)
         ));
     }
     lines

@@ -1,6 +1,6 @@
 //! Outcomes for tests.
 
-use super::{Collision, DriveOutcome, DriveSummary, End, Origin, Source, Who, compare};
+use super::{Collision, DRIVING, DriveOutcome, DriveSummary, End, Origin, Source, Who, compare};
 use crate::episode::Split;
 use crate::object::{Event, Spot};
 
@@ -58,7 +58,9 @@ pub fn summary(drives: &[(Who, Vec<DriveOutcome>)], sha256: &str) -> DriveSummar
         },
         seen_from: None,
         generator_version: "0.1.0".into(),
+        driving: DRIVING,
         device: "cpu".into(),
+        cpus: vec!["x86_64".into()],
     };
     DriveSummary {
         generator_version: "0.1.0".into(),

@@ -6,6 +6,7 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use super::DriveSummary;
 use crate::eval::judge::Judge;
 
 /// The source of the boxes by which the ego brakes.
@@ -35,6 +36,15 @@ pub struct Who {
     pub source: Source,
 }
 
+/// Of the rules by which a driver under test drives and its drives are counted; one more with each change of a figure. Drives of
+/// two are not compared.
+pub const DRIVING: u32 = 2;
+
+/// The rules before they had a number.
+fn first_driving() -> u32 {
+    1
+}
+
 /// Who drove, as its folder says.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Origin {
@@ -48,7 +58,25 @@ pub struct Origin {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seen_from: Option<f64>,
     pub generator_version: String,
+    /// [`DRIVING`], of then.
+    #[serde(default = "first_driving")]
+    pub driving: u32,
     pub device: String,
+    /// Architectures and extensions of the processors that drove: drives of two of them may differ in their last bits.
+    #[serde(default)]
+    pub cpus: Vec<String>,
+}
+
+impl Origin {
+    /// What has to be alike in drives that are compared, as text: a run's path and the processors need not be.
+    #[must_use]
+    pub fn identity(&self) -> String {
+        let mut own = Self { cpus: Vec::new(), ..self.clone() };
+        if let Source::Network { run, .. } = &mut own.who.source {
+            *run = PathBuf::new();
+        }
+        serde_json::to_string_pretty(&own).expect("it has a JSON form") + "\n"
+    }
 }
 
 /// Why a WHO argument means nothing.
@@ -59,11 +87,18 @@ pub enum WhoError {
              each may have a name before it, `NAME=..`, a RUN a score after it, `RUN@0.3`"
     )]
     Unknown { text: String, judges: String },
-    #[error("`{name}` is no name for a folder: letters, digits, `-`, `_` and `.` are")]
+    #[error("`{name}` is no name for a folder: letters, digits, `-`, `_` and `.` are, but for {}", RESERVED.join(", "))]
     BadName { name: String },
+    #[error(
+        "`{text}`: {score} is no score, and no file is called so; a number above 0, up to 1, is needed after the @"
+    )]
+    BadScore { text: String, score: String },
 }
 
 const EXEC: &str = "exec:";
+
+/// Files beside the drivers' folders.
+const RESERVED: [&str; 3] = [DriveSummary::FILE, "drive.toml", "writer.partial"];
 
 impl FromStr for Who {
     type Err = WhoError;
@@ -72,17 +107,33 @@ impl FromStr for Who {
     fn from_str(text: &str) -> Result<Self, WhoError> {
         let named = text.split_once('=').filter(|(name, _)| !name.contains([':', '/']));
         let (name, rest) = named.map_or((None, text), |(name, rest)| (Some(name), rest));
+        if let Some(score) = bad_score(rest) {
+            return Err(WhoError::BadScore { text: text.to_owned(), score: score.to_owned() });
+        }
         let source = parse_source(rest).ok_or_else(|| WhoError::Unknown {
             text: text.to_owned(),
             judges: Judge::ALL.map(Judge::name).join(", "),
         })?;
         let name = name.map_or_else(|| source.default_name(), str::to_owned);
         let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
-        if name.is_empty() || name.starts_with('.') || !name.chars().all(is_plain) {
+        let is_reserved = RESERVED.contains(&name.as_str());
+        if is_reserved || name.is_empty() || name.starts_with('.') || !name.chars().all(is_plain) {
             return Err(WhoError::BadName { name });
         }
         Ok(Self { name, source })
     }
+}
+
+/// A number after a RUN that is no score, where nothing is called so.
+fn bad_score(source: &str) -> Option<&str> {
+    let run = source.split_once(':').map_or(source, |(judge, run)| if judge == "exec" { "" } else { run });
+    let (_, at) = run.rsplit_once('@')?;
+    let number: f64 = at.parse().ok()?;
+    (!is_score(number) && !Path::new(run).exists()).then_some(at)
+}
+
+fn is_score(score: f64) -> bool {
+    score > 0.0 && score <= 1.0
 }
 
 fn parse_source(text: &str) -> Option<Source> {
@@ -99,9 +150,8 @@ fn parse_source(text: &str) -> Option<Source> {
                 Some((judge, run)) => (Judge::named(judge)?, run),
                 None => (Judge::Network, text),
             };
-            let is_score = |score: &f64| *score > 0.0 && *score <= 1.0;
-            let at =
-                run.rsplit_once('@').and_then(|(run, at)| Some((run, at.parse().ok().filter(is_score)?)));
+            let score_of = |at: &str| at.parse().ok().filter(|&score| is_score(score));
+            let at = run.rsplit_once('@').and_then(|(run, at)| Some((run, score_of(at)?)));
             let (run, score) = at.map_or((run, None), |(run, score)| (run, Some(score)));
             (!run.is_empty()).then(|| Source::Network { run: run.into(), judge, score })
         }
@@ -175,6 +225,32 @@ mod tests {
             let error = text.parse::<Who>().unwrap_err().to_string();
             assert!(error.contains("zone-soft") && error.contains("exec:COMMAND"), "{error}");
         }
-        assert!(matches!("x y=blind".parse::<Who>(), Err(WhoError::BadName { .. })));
+        for text in ["x y=blind", "drive.json=blind"] {
+            assert!(matches!(text.parse::<Who>(), Err(WhoError::BadName { .. })), "{text}");
+        }
+        for text in ["small@2", "zone:small@0", "a=runs/b@-0.1", "small@nan"] {
+            let error = text.parse::<Who>().unwrap_err().to_string();
+            assert!(error.contains("up to 1") && error.contains(text), "{error}");
+        }
+        assert!("exec:python3 a.py --at b@2".parse::<Who>().is_ok());
+    }
+
+    #[test]
+    fn a_run_by_another_path_is_the_same_and_other_weights_or_rules_are_not() {
+        let origin = |who: &str, sha256: &str, driving: u32| Origin {
+            who: who.parse().unwrap(),
+            sha256: sha256.to_owned(),
+            min_score: None,
+            seen_from: None,
+            generator_version: "1".to_owned(),
+            driving,
+            device: "cpu".to_owned(),
+            cpus: vec![who.to_owned()],
+        };
+        let first = origin("a=runs/x", "5e", 1).identity();
+        assert_eq!(first, origin("a=/home/b/runs/x", "5e", 1).identity());
+        assert_ne!(first, origin("a=runs/x", "5f", 1).identity());
+        assert_ne!(first, origin("a=runs/x", "5e", 2).identity());
+        assert_ne!(first, origin("b=runs/x", "5e", 1).identity());
     }
 }

@@ -1,16 +1,19 @@
 //! Actors of a scenario: things put by hand at a place on the ego's way, with a motion that the ego's coming sets off.
 
 use nalgebra::Vector3;
+use rand::RngExt as _;
 
 use super::actor_config::{ActorConfig, ActorMotion};
 use super::dash::Dash;
 use super::error::SceneError;
 use super::events::AIR_M;
 use super::loose::{Loose, standing, throw};
+use super::models::{self, Model};
 use super::parties::{actor_name, actor_people};
 use super::path::{Vec2, direction_of};
-use super::populate::Filler;
+use super::populate::{Filler, PopulateConfig};
 use super::route::Route;
+use super::solids::draw_solids;
 use super::world::{Motion, footprint_of};
 use crate::object::{Distribution, Event, Spot};
 use crate::random;
@@ -18,12 +21,69 @@ use crate::random;
 /// Wider than this from the ego's way, an actor stands beside the lane.
 const LANE_HALF_M: f64 = 1.75;
 
+/// Refuses actors that no model or category is called like, as filling a town with them would.
+///
+/// # Errors
+/// [`SceneError::UnknownModel`] names those that there are; broken models.
+pub fn check_actors(config: &PopulateConfig) -> Result<(), SceneError> {
+    if config.actors.is_empty() {
+        return Ok(());
+    }
+    let mut models = models::load()?;
+    models.retain(|model| config.shipped_kinds || model.facts.distribution == Distribution::Id);
+    if config.places_solids() {
+        models.extend(draw_solids(config.random_solids, 0)?);
+    }
+    let is_person = |actor: &ActorConfig| actor_people().any(|person| person == actor.model);
+    let mut things = config.actors.iter().filter(|(_, actor)| !is_person(actor));
+    things.try_for_each(|(name, actor)| choices(&models, config, name, actor).map(drop))
+}
+
+/// The models that an actor may be.
+fn choices(
+    models: &[Model],
+    config: &PopulateConfig,
+    name: &str,
+    actor: &ActorConfig,
+) -> Result<Vec<usize>, SceneError> {
+    // What is kept for reporting stays out of worlds to choose by.
+    let may_be = |i: &usize| {
+        let facts = &models[*i].facts;
+        facts.distribution == Distribution::Id || facts.split == config.split
+    };
+    let named = |by: &dyn Fn(&Model) -> bool| -> Vec<usize> {
+        (0..models.len()).filter(may_be).filter(|&i| by(&models[i])).collect()
+    };
+    let own = actor_name(name);
+    let mut found = named(&|model| model.name == own);
+    if found.is_empty() {
+        found = named(&|model| model.name == actor.model);
+    }
+    if found.is_empty() {
+        found = named(&|model| model.facts.category == actor.model);
+    }
+    if found.is_empty() {
+        let mut categories: Vec<String> =
+            named(&|_| true).into_iter().map(|i| models[i].facts.category.clone()).collect();
+        categories.extend(actor_people().map(str::to_owned));
+        categories.sort_unstable();
+        categories.dedup();
+        return Err(SceneError::UnknownModel {
+            actor: name.to_owned(),
+            model: actor.model.clone(),
+            found: categories,
+        });
+    }
+    Ok(found)
+}
+
 impl Filler<'_> {
     /// Puts the config's actors, before anything else takes their ground.
     pub(super) fn place_actors(&mut self, route: &Route, start_m: f64) -> Result<(), SceneError> {
         for (name, actor) in &self.config.actors {
             let mut rng = random::stream(self.seed, &format!("actor {name}"), 0);
-            let model = self.actor_model(name, actor, &mut rng)?;
+            let choices = choices(self.models, self.config, name, actor)?;
+            let model = choices[rng.random_range(0..choices.len())];
             let station_m = start_m + actor.ahead_m;
             let at = route.path.beside(station_m, actor.left_m);
             let yaw_rad = route.path.heading_rad(station_m) + actor.yaw_deg.to_radians();
@@ -37,44 +97,6 @@ impl Filler<'_> {
             placement.spot = if is_ood { spot } else { Spot::None };
         }
         Ok(())
-    }
-
-    fn actor_model(
-        &self,
-        name: &str,
-        actor: &ActorConfig,
-        rng: &mut random::Rng,
-    ) -> Result<usize, SceneError> {
-        use rand::RngExt;
-        // What is kept for reporting stays out of worlds to choose by.
-        let may_be = |i: &usize| {
-            let facts = &self.models[*i].facts;
-            facts.distribution == Distribution::Id || facts.split == self.config.split
-        };
-        let named = |by: &dyn Fn(&super::models::Model) -> bool| -> Vec<usize> {
-            (0..self.models.len()).filter(may_be).filter(|&i| by(&self.models[i])).collect()
-        };
-        let own = actor_name(name);
-        let mut found = named(&|model| model.name == own);
-        if found.is_empty() {
-            found = named(&|model| model.name == actor.model);
-        }
-        if found.is_empty() {
-            found = named(&|model| model.facts.category == actor.model);
-        }
-        if found.is_empty() {
-            let mut categories: Vec<String> =
-                named(&|_| true).into_iter().map(|i| self.models[i].facts.category.clone()).collect();
-            categories.extend(actor_people().map(str::to_owned));
-            categories.sort_unstable();
-            categories.dedup();
-            return Err(SceneError::UnknownModel {
-                actor: name.to_owned(),
-                model: actor.model.clone(),
-                found: categories,
-            });
-        }
-        Ok(found[rng.random_range(0..found.len())])
     }
 
     /// The motion, and the height above the ground at which the actor is put.

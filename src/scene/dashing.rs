@@ -63,7 +63,7 @@ impl Dasher {
 
     /// Whether it is off and has some way left.
     pub fn is_under_way(&self) -> bool {
-        self.is_off && self.gone_m < self.dash.way_m - 0.01
+        self.is_off && self.dash.speed_mps > 0.0 && self.gone_m < self.dash.way_m - 0.01
     }
 
     /// The ground it takes now.

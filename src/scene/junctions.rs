@@ -122,6 +122,8 @@ pub struct Asker<'a> {
     pub speed_mps: f64,
     pub length_m: f64,
     pub waited_s: f64,
+    /// Whether it sees the vehicles before it and beyond the junction; a driver under test knows of none that no detector showed it.
+    pub sees_vehicles: bool,
 }
 
 impl Asker<'_> {
@@ -199,27 +201,30 @@ impl Asker<'_> {
                 return waits;
             }
             reservations.keep_only(self.driver, &[]);
-            return refused;
+            // What a driver under test stands for is no line.
+            return if self.sees_vehicles { refused } else { waits };
         }
         if to_entry_m > braking_m {
             return waits;
         }
-        // Only the first in the lane asks: a driver behind could not use the grant.
-        let ahead = view.moving.iter().filter(|other| other.owner != self.owner && other.is_vehicle);
-        let way = (self.front_m, to_entry_m.max(0.0));
-        let is_first = driving::gap_ahead(&self.route.path, way, 0.8, |_| 0.0, ahead).is_none();
-        // A driver who cannot leave a junction must not enter it.
-        let standing = view
-            .moving
-            .iter()
-            .filter(|other| other.owner != self.owner && other.is_vehicle && other.velocity_mps.norm() < 1.0);
-        let room = (crossing.exit_m, self.length_m + 2.0);
-        let exit = driving::gap_ahead(&self.route.path, room, 0.8, |_| 0.0, standing);
-        let may_go = is_first && exit.is_none() && !self.must_yield(view, &crossing.lanes);
+        let has_room = !self.sees_vehicles || self.has_room(view, &crossing, to_entry_m);
+        let may_go = has_room && !self.must_yield(view, &crossing.lanes);
         if may_go && reservations.try_take(view.graph, self.driver, &crossing.lanes) {
             return Answer { is_granted: true, ..waits };
         }
         refused
+    }
+
+    /// Whether it is the first in its lane and can leave the junction again.
+    fn has_room(&self, view: &View<'_>, crossing: &Crossing, to_entry_m: f64) -> bool {
+        let others = view.moving.iter().filter(|other| other.owner != self.owner && other.is_vehicle);
+        // Only the first in the lane asks: a driver behind could not use the grant.
+        let way = (self.front_m, to_entry_m.max(0.0));
+        let is_first = driving::gap_ahead(&self.route.path, way, 0.8, |_| 0.0, others.clone()).is_none();
+        // A driver who cannot leave a junction must not enter it.
+        let standing = others.filter(|other| other.velocity_mps.norm() < 1.0);
+        let room = (crossing.exit_m, self.length_m + 2.0);
+        is_first && driving::gap_ahead(&self.route.path, room, 0.8, |_| 0.0, standing).is_none()
     }
 
     /// Whether someone of higher rank comes soon, on a way that crosses this one.
@@ -242,6 +247,7 @@ impl Asker<'_> {
 #[cfg(test)]
 mod tests {
     use super::super::network::GraphLane;
+    use super::super::occupancy::Footprint;
     use super::super::path::{Path, Vec2};
     use super::*;
 
@@ -282,6 +288,7 @@ mod tests {
             speed_mps,
             length_m: 4.0,
             waited_s: 0.0,
+            sees_vehicles: true,
         }
     }
 
@@ -300,6 +307,50 @@ mod tests {
         assert!(answer(Rank::Yields, 3.0, 30.0).stop.is_some());
         assert!(answer(Rank::Yields, 3.0, -5.0).is_granted, "47 m away at 10 m/s");
         assert!(answer(Rank::HasPriority, 3.0, 30.0).is_granted, "equals: first come, first served");
+    }
+
+    #[test]
+    fn who_sees_no_vehicles_is_not_held_by_one_before_it_nor_by_one_beyond_the_junction() {
+        let (graph, west, _) = crossroads(Rank::HasPriority);
+        let (lights, clock) = (Lights::default(), Clock::default());
+        let stands_at = |x_m: f64| Obstacle {
+            owner: Owner::Placement(7),
+            footprint: Footprint { center: Vec2::new(x_m, 0.0), yaw_rad: 0.0, length_m: 4.0, width_m: 2.0 },
+            velocity_mps: Vec2::zeros(),
+            is_still: false,
+            is_vehicle: true,
+            backs_up: false,
+        };
+        // Its bumper is 2 m before the junction, which begins 8 m before the middle.
+        for x_m in [-8.0, 10.5] {
+            let moving = [stands_at(x_m)];
+            let view =
+                View { graph: &graph, lights: &lights, clock: &clock, moving: &moving, approaches: &[] };
+            let answer = |sees_vehicles: bool| {
+                let asker = Asker { sees_vehicles, ..asker(&west, 0, 40.0, 3.0) };
+                asker.ask(&view, &mut Reservations::default())
+            };
+            assert!(answer(true).stop.is_some(), "{x_m}");
+            assert!(answer(false).is_granted && answer(false).stop.is_none(), "{x_m}");
+        }
+    }
+
+    #[test]
+    fn who_stands_before_a_junction_for_what_it_sees_gives_its_reservation_back() {
+        let (graph, west, _) = crossroads(Rank::HasPriority);
+        let (lights, clock) = (Lights::default(), Clock::default());
+        let view = View { graph: &graph, lights: &lights, clock: &clock, moving: &[], approaches: &[] };
+        let mut reservations = Reservations::default();
+        let mut ask = |waited_s: f64| {
+            let asker = Asker { waited_s, sees_vehicles: false, ..asker(&west, 0, 40.0, 0.0) };
+            let answer = asker.ask(&view, &mut reservations);
+            (answer, reservations.holds(0, &[1]))
+        };
+        assert!(ask(0.0).1 && ask(GIVE_WAY_S - 0.1).1);
+        // It is told of no line, for it stands at none.
+        let (answer, holds) = ask(GIVE_WAY_S + 0.1);
+        assert!(!holds && answer.stop.is_none() && !answer.is_granted);
+        assert!(ask(0.0).0.is_granted, "nobody else has taken it");
     }
 
     #[test]

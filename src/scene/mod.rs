@@ -90,6 +90,7 @@ mod world;
 mod xml;
 
 pub use actor_config::{ActorConfig, ActorMotion};
+pub use actors::check_actors;
 pub use buildings::{Balcony, Building};
 pub use car::EgoCommand;
 pub use ego::EgoOrders;

@@ -288,6 +288,7 @@ impl Traffic {
             speed_mps: pose.speed_mps,
             length_m: self.ego.front_m() - self.ego.rear_m(),
             waited_s: self.ego.waited_s(),
+            sees_vehicles: self.orders.is_none(),
         };
         let askers: Vec<Asker<'_>> = (self.drivers.iter().enumerate())
             .map(|(i, driver)| Asker {
@@ -299,6 +300,7 @@ impl Traffic {
                 speed_mps: driver.speed_mps,
                 length_m: driver.length_m,
                 waited_s: driver.waited_s,
+                sees_vehicles: true,
             })
             .collect();
         let approaches: Vec<Approach> = std::iter::once(&ego)

@@ -77,7 +77,8 @@ const PROBE_BYTES: usize = 64 << 20;
 
 /// Whether memory was refused: the error says so, in the words of the system, of Python, of MuJoCo or of the dynamic linker, or
 /// as native code that fails without words, as MuJoCo's compiler does then; or there is none now.
-fn lacks_memory(error: &str) -> bool {
+#[must_use]
+pub fn lacks_memory(error: &str) -> bool {
     let text = error.to_lowercase();
     let tells = [
         "cannot allocate memory",

@@ -44,6 +44,9 @@ impl EgoDriver {
         let is_held = line.is_some_and(|line| line.distance_m < AT_LINE_M);
         let waits = speed_mps <= MOVES_MPS && is_held && !answer.is_granted;
         self.held_s = if waits { self.held_s + dt_s } else { 0.0 };
+        // Who stands for anything else before a junction gives its reservation back.
+        let stands = speed_mps <= MOVES_MPS && !answer.is_granted;
+        self.jam_s = if stands { self.jam_s + dt_s } else { 0.0 };
         let free = self.free_mps2(speed_mps, self.station_m, line, graph);
         let acceleration = orders.braking_mps2.map_or(free, |braking_mps2| free.min(-braking_mps2));
         let found_mps2 = (self.speed_before_mps - pose.speed_mps) / dt_s;

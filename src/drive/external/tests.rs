@@ -1,0 +1,75 @@
+//! A program that answers, and the ways in which one fails.
+
+use super::*;
+use crate::dataset::test_data;
+
+fn ask(command: &str, reply_s: f64) -> Result<Vec<Detection>, ExternalError> {
+    let mut external = External::start(command, reply_s)?;
+    external.detect("an-episode", 3, &test_data::dataset(1).samples()[0].measured)
+}
+
+/// Reads three messages and prints what is given.
+fn answering(print: &str) -> String {
+    format!(
+        "python3 -c \"\nimport struct, sys\ni, o = sys.stdin.buffer, sys.stdout.buffer\n\
+         [i.read(struct.unpack('<I', i.read(4))[0]) for _ in range(3)]\n{print}\no.flush()\""
+    )
+}
+
+#[test]
+fn a_program_that_answers_is_understood() {
+    let print = "b = b'{\\\"detections\\\": [{\\\"center_m\\\": [9, 0, 1], \\\"size_m\\\": [1, 2, 3], \
+                 \\\"yaw_rad\\\": 0, \\\"harm\\\": \\\"harmful\\\", \\\"score\\\": 0.5}]}'\n\
+                 o.write(struct.pack('<I', len(b)) + b)";
+    let found = ask(&answering(print), 10.0).unwrap();
+    let [found] = found[..] else { panic!("{found:?}") };
+    assert_eq!((found.box_in_ego.width_m, found.score), (2.0, 0.5));
+}
+
+#[test]
+fn one_that_hangs_ends_with_whoever_asked_it() {
+    let mut external = External::start("sleep 600", 0.02).unwrap();
+    // As at the end of this process.
+    drop(external.guard.stdin.take());
+    let n_looks = (0..N_LOOKS).find(|_| {
+        std::thread::sleep(LOOK);
+        external.process.try_wait().unwrap().is_some()
+    });
+    assert!(n_looks.is_some(), "it runs on");
+}
+
+#[test]
+fn the_header_does_not_tell_what_a_scenario_is_called() {
+    let data = test_data::dataset(1);
+    let measured = &data.samples()[0].measured;
+    let of = |name: &str| serde_json::to_string(&header(name, 0, measured)).unwrap();
+    assert!(!of("bag_beside_1").contains("bag"));
+    assert_ne!(of("bag_beside_1"), of("bag_beside_2"));
+}
+
+#[test]
+fn one_that_dies_hangs_or_talks_nonsense_is_told_apart() {
+    let error = ask("exit 3", 5.0).unwrap_err();
+    assert!(matches!(error, ExternalError::Ended { .. }), "{error}");
+    let error = ask("echo no such weights >&2; exit 3", 5.0).unwrap_err().to_string();
+    assert!(error.contains("exit status: 3") && error.contains("no such weights"), "{error}");
+    let error = ask("sleep 60", 0.02).unwrap_err();
+    assert!(matches!(error, ExternalError::Late { .. }), "{error}");
+    // More than a pipe holds, to a program that never reads.
+    let mut measured = test_data::dataset(1).samples()[0].measured.clone();
+    measured.image.bytes = vec![0; 1 << 20];
+    let error = External::start("sleep 60", 0.02).unwrap().detect("a", 0, &measured).unwrap_err();
+    assert!(matches!(error, ExternalError::Late { .. }), "{error}");
+    let error = ask(&answering("print('hello, this is a log line')"), 10.0).unwrap_err().to_string();
+    assert!(error.contains("is a print in the way"), "{error}");
+    let of_json = |json: &str| {
+        let print = format!("b = b'{json}'\no.write(struct.pack('<I', len(b)) + b)");
+        ask(&answering(&print), 10.0).unwrap_err().to_string()
+    };
+    assert!(of_json("[]").contains("not usable"), "{}", of_json("[]"));
+    let flat = "{\\\"detections\\\": [{\\\"center_m\\\": [9, 0, 1], \\\"size_m\\\": [1, 0, 3], \
+                \\\"yaw_rad\\\": 0, \\\"harm\\\": \\\"harmful\\\", \\\"score\\\": 0.5}]}";
+    assert!(of_json(flat).contains("width_m is 0"), "{}", of_json(flat));
+    let vast = flat.replace("[1, 0, 3]", "[1e200, 1e200, 3]");
+    assert!(of_json(&vast).contains("at most 10000 m"), "{}", of_json(&vast));
+}
