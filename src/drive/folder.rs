@@ -11,10 +11,8 @@ use crate::episode::folder::{first_difference, is_whole};
 use crate::files::{holds_anything, read_sealed, sha256_hex, write_atomic, write_sealed};
 use crate::generate::EpisodePlan;
 use crate::label;
-use crate::outcome::{DriveOutcome, Origin};
+use crate::outcome::{DriveOutcome, DriveSummary, Origin};
 
-/// The resolved config, written before anything else.
-const CONFIG_FILE: &str = "drive.toml";
 /// Who drove, and by which weights.
 const WHO_FILE: &str = "who.json";
 const OUTCOMES: &str = "outcomes";
@@ -25,7 +23,8 @@ const PREDICTIONS: &str = "predictions";
 /// # Errors
 /// It holds drives of another config, of other weights, or by other rules.
 pub(super) fn open(out: &Path, config_toml: &str, origins: &[Origin]) -> Result<Vec<Origin>, DriveError> {
-    let config_path = out.join(CONFIG_FILE);
+    // The resolved config is written before anything else.
+    let config_path = out.join(DriveSummary::CONFIG_FILE);
     let other =
         |found: String, wanted: String| Err(DriveError::OtherConfig { found, wanted, path: out.to_owned() });
     if config_path.is_file() {

@@ -60,6 +60,8 @@ pub enum ReadDrivesError {
 
 impl DriveSummary {
     pub const FILE: &'static str = "drive.json";
+    /// The resolved config beside it.
+    pub const CONFIG_FILE: &'static str = "drive.toml";
 
     /// Reads what `harmzone drive --out DIR` wrote.
     ///

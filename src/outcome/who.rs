@@ -98,7 +98,7 @@ pub enum WhoError {
 const EXEC: &str = "exec:";
 
 /// Files beside the drivers' folders.
-const RESERVED: [&str; 3] = [DriveSummary::FILE, "drive.toml", "writer.partial"];
+const RESERVED: [&str; 3] = [DriveSummary::FILE, DriveSummary::CONFIG_FILE, "writer.partial"];
 
 impl FromStr for Who {
     type Err = WhoError;
