@@ -16,7 +16,7 @@ use thiserror::Error;
 
 use super::bootstrap::{Cell, Confidence, Resamples, interval};
 use super::matching::Matching;
-use super::metrics::mean;
+use super::metrics::{Column, mean};
 use super::part::Part;
 use super::protocol::{MissingClass, Protocol};
 use super::safety::{EventShares, event_shares};
@@ -85,6 +85,12 @@ impl VersusLine {
         };
         Self { name, n_truths, figures: (0..runs.0.len()).map(figure).collect() }
     }
+}
+
+/// Name of the line of AP that is of a column.
+#[must_use]
+pub fn column_name(column: Column) -> String {
+    Part::Column(column).name()
 }
 
 /// Each detector's place among all runs.
@@ -280,9 +286,8 @@ mod tests {
         let value = |of: &Versus, name: &str| line(&of.mean, name).figures[0].value.unwrap();
         assert!(all.mean.iter().all(|line| line.figures[0].value.unwrap() > 0.999));
         assert!(value(&in_fog, "fog") > 0.999 && value(&in_fog, "total") < 0.6);
-        assert_eq!(line(&all.mean, "fog").n_truths, 8);
-        assert_eq!(line(&all.mean, "rings").n_truths, 8);
-        assert_eq!((line(&all.mean, "nearer").n_truths, line(&all.harmful, "nearer").n_truths), (8, 8));
+        assert_eq!(["fog", "rings", "nearer"].map(|name| line(&all.mean, name).n_truths), [8; 3]);
+        assert_eq!(line(&all.harmful, "nearer").n_truths, 8);
         assert!(all.harmful.iter().all(|line| !line.name.contains("beyond")), "there nothing is harmful");
         assert!(all.mean.iter().all(|line| !line.name.contains("night")), "no sample is of the night");
     }
@@ -390,7 +395,6 @@ mod tests {
         assert_eq!(second.over_first, Some(second.value.unwrap() - first.value.unwrap()));
         let [low, high] = second.over_first_interval.unwrap();
         assert!(low < second.over_first.unwrap() && second.over_first.unwrap() < high, "{low} {high}");
-        let none = versus(&[vec![a], vec![]], &Protocol::default(), Mode::Id).unwrap_err();
-        assert_eq!(none.detector, 1);
+        assert_eq!(versus(&[vec![a], vec![]], &Protocol::default(), Mode::Id).unwrap_err().detector, 1);
     }
 }

@@ -45,7 +45,7 @@ fn standing(is_reported: bool) -> &'static str {
 
 /// What the network that ships misses, on split test where that is known.
 fn headline(results: &Results) -> Option<String> {
-    let towns = results.reported.as_ref().and_then(|record| record.groups.first());
+    let towns = results.reported.as_ref().and_then(|record| record.groups.last());
     let (alarms, [total, unfamiliar]): (Option<&Alarms>, [Option<ClassScores>; 2]) =
         match (towns, &results.headline) {
             (Some(towns), _) => {

@@ -5,10 +5,12 @@ mod blocks;
 mod reported;
 mod seeds;
 pub mod test_data;
+mod towns;
 
 pub use answers::QuestionConfig;
 pub use blocks::{blocks, headline_blocks};
 pub use reported::{ReportedGroup, ReportedRecord, ReportedSet};
+pub use seeds::{SeedMean, SeedMeans};
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -43,6 +45,9 @@ pub struct Results {
     /// Those of the headline's repeats.
     #[serde(default)]
     pub reported_repeats: Vec<ReportedRecord>,
+    /// The headline and its repeats as one detector, with intervals.
+    #[serde(default)]
+    pub seed_means: Option<SeedMeans>,
     /// `key=value` that all rows but the headline share, over configs/train.toml.
     pub common: Vec<String>,
     /// `None` until it is trained and scored.

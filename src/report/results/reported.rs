@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use super::seeds::{self, Run, Set, mean_of};
-use super::{Record, Results};
+use super::seeds::{self, Run, SeedMean, SeedMeans, Set, mean_of};
+use super::{Record, Results, towns};
 use crate::dataset::Fingerprint;
 use crate::eval::safety::Alarms;
 use crate::eval::{ClassScores, Column, Columns, Confidence};
@@ -22,7 +22,7 @@ pub struct ReportedRecord {
     /// The commit's date, or the one that was given.
     pub date: String,
     pub checkpoint_sha256: String,
-    /// The towns that come with harmzone, then maps by path, if there are any.
+    /// The towns that come with harmzone; where there are maps by path, these, and all of them together.
     pub groups: Vec<ReportedGroup>,
     /// Maps that are not there, so that nothing is scored on them.
     pub absent_maps: Vec<PathBuf>,
@@ -110,13 +110,28 @@ fn seeds_table(results: &Results, record: &ReportedRecord, group: usize) -> Opti
     let others = of_group.iter().filter(|(of, _)| of.commit != record.commit);
     let others: Vec<String> =
         others.map(|(of, _)| format!("{} by commit {}, {}", name(of), of.commit, of.date)).collect();
-    let table = seeds::of_runs(&runs.collect::<Vec<_>>())?;
+    let means = means_of(results, &of_group).and_then(|of| of.groups.get(group)).map(SeedMean::sets);
+    let table = seeds::of_runs(&runs.collect::<Vec<_>>(), means)?;
     Some(if others.is_empty() { table } else { table.with_note(format!("{}.", others.join("; "))) })
+}
+
+/// The means, if they are of these networks.
+fn means_of<'a>(
+    results: &'a Results,
+    of_group: &[(&ReportedRecord, &ReportedGroup)],
+) -> Option<&'a SeedMeans> {
+    let is_same =
+        |of: &&SeedMeans| of.networks.iter().eq(of_group.iter().map(|(of, _)| &of.checkpoint_sha256));
+    results.seed_means.as_ref().filter(is_same)
 }
 
 /// What other towns cost: the same networks in the towns that they were trained in, and in the others. `None` where none of them
 /// is known in both.
 fn towns_table(results: &Results, record: &ReportedRecord, group: usize) -> Option<Table> {
+    let means = means_of(results, &of_same_data(results, record, group));
+    if let Some((seen, unseen)) = means.and_then(|of| Some((&of.seen, of.groups.get(group)?))) {
+        return Some(towns::table(seen, unseen));
+    }
     let known = || results.headline.iter().chain(results.repeats.iter().map(|of| &of.record));
     let of_group = of_same_data(results, record, group);
     let pairs = of_group.into_iter().filter_map(|(of, towns)| {
@@ -132,7 +147,7 @@ fn towns_table(results: &Results, record: &ReportedRecord, group: usize) -> Opti
     let id = row("ID", |of| of.id.mean, |of| of.id.scores.total.mean);
     let ood =
         row("OOD total, other unfamiliar objects", |of| of.ood.total.mean, |of| of.ood.scores.total.mean);
-    let head = ["mean AP", "towns of training, splits val and dev", "unseen towns, split test", "difference"];
+    let head = ["mean AP"].into_iter().chain(towns::HEAD);
     (!pairs.is_empty()).then(|| Table::new(head, vec![id, ood]))
 }
 
@@ -146,6 +161,9 @@ pub(super) fn reported_blocks(results: &Results, record: &ReportedRecord) -> Vec
         )),
     ];
     for (i, group) in record.groups.iter().enumerate() {
+        if record.groups.len() > 1 {
+            blocks.push(Block::text(format!("In {}:", group.towns.join(", "))));
+        }
         let sets = [("ID", &group.id), ("OOD", &group.ood)];
         let sets: Vec<missed::NamedAlarms<'_>> =
             sets.into_iter().filter_map(|(name, set)| Some((name, set.missed.as_ref()?))).collect();
@@ -188,7 +206,7 @@ pub(super) fn reported_blocks(results: &Results, record: &ReportedRecord) -> Vec
 
 #[cfg(test)]
 mod tests {
-    use super::super::test_data::{test_reported, test_results, test_with_repeats};
+    use super::super::test_data::{test_reported, test_results, test_seed_means, test_with_repeats};
     use super::super::{ReportedRecord, Results, blocks, headline_blocks};
     use crate::report::document::markdown;
 
@@ -253,5 +271,31 @@ mod tests {
         assert!(text.contains("other unfamiliar objects | 0.625 | 0.350 | -0.275 |"), "{text}");
         let alone = Results { reported: Some(test_reported()), ..test_results() };
         assert!(!markdown(&blocks(&alone)).contains("standard deviation"));
+    }
+    #[test]
+    fn means_and_differences_have_intervals_if_they_are_of_these_seeds() {
+        let of =
+            |seed: u64| ReportedRecord { checkpoint_sha256: seed.to_string().repeat(64), ..test_reported() };
+        let mut results = Results {
+            reported: Some(test_reported()),
+            reported_repeats: vec![of(4), of(5)],
+            seed_means: Some(test_seed_means()),
+            ..test_with_repeats()
+        };
+        let text = markdown(&blocks(&results));
+        for part in [
+            // The mean is that of the seeds' own figures, its interval that of the means.
+            "**0.350** (0.100–0.300) | **0.350** (0.560–0.630) | 0.000 |",
+            "| OOD: mAP_OOD (all FPs) | 0.400 | 0.400 | 0.400 | **0.400** (0.510–0.580) | 0.000 |",
+            "| ID: mean AP | **0.700** (0.660–0.730) | **0.600** (0.560–0.630) | **-0.100** (-0.150 to -0.050) |",
+            "missed, %, at 10 false alarms/km | **70.0** (66.0–73.0) | **60.0** (56.0–63.0) | **-10.0**",
+            "warned of in time, %, at 10 false alarms/km, 8 m/s² | **70.0**",
+            "MOVER",
+        ] {
+            assert!(text.contains(part), "{part}: {text}");
+        }
+        results.seed_means.as_mut().unwrap().networks.pop();
+        let text = markdown(&blocks(&results));
+        assert!(!text.contains("MOVER") && text.contains("| ID | 0.700 | 0.350 | -0.350 |"), "{text}");
     }
 }

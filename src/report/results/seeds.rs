@@ -1,32 +1,62 @@
 //! Trainings of a row from several seeds: their figures side by side, with mean and standard deviation.
 
+use serde::{Deserialize, Serialize};
+
 use super::{MissedHarm, Record, Results};
 use crate::eval::safety::{Alarms, OperatingPoint};
+use crate::eval::versus::{Versus, VersusLine, column_name};
 use crate::eval::{ClassScores, Column, Columns, Confidence};
 use crate::report::missed;
 use crate::report::paper::Line;
 use crate::report::table::{Cell, Table, ap, number, percent};
 
+/// A network's trainings from several seeds as one detector, whose figures are their means; or one training alone.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SeedMeans {
+    /// Their SHA-256, the headline's first.
+    pub networks: Vec<String>,
+    /// On the splits val and dev.
+    pub seen: SeedMean,
+    /// On the groups of towns of split test.
+    pub groups: Vec<SeedMean>,
+}
+
+/// Means with intervals by a bootstrap over the episodes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SeedMean {
+    pub id: Versus,
+    pub ood: Versus,
+}
+
+impl SeedMean {
+    pub(super) fn sets(&self) -> [&Versus; 2] {
+        [&self.id, &self.ood]
+    }
+}
+
 /// One figure of each training, with its interval where there is one.
 struct Figure {
     name: String,
     is_share: bool,
-    values: Vec<(Option<f64>, Option<[f64; 2]>)>,
+    values: Vec<Values>,
+    /// Of their mean.
+    mean_interval: Option<[f64; 2]>,
 }
 
 impl Figure {
     fn row(&self) -> Vec<Cell> {
         let show = |of: Option<f64>| if self.is_share { percent(of) } else { ap(of) };
-        let cells = self.values.iter().map(|&(value, interval)| {
+        let cell = |(value, interval): Values| {
             let end = |end: f64| if self.is_share { number(Some(100.0 * end), 1) } else { ap(Some(end)) };
             let below = interval.map(|ends| ends.map(end).join("–"));
             Cell { text: show(value), below: below.into_iter().collect() }
-        });
+        };
+        let cells = self.values.iter().map(|&of| cell(of));
         let values: Option<Vec<f64>> = self.values.iter().map(|(value, _)| *value).collect();
         let spread = values.as_deref().map(deviation);
         let spread = if self.is_share { number(spread.map(|of| 100.0 * of), 1) } else { number(spread, 3) };
-        let mean = show(values.as_deref().map(mean));
-        std::iter::once(self.name.as_str().into()).chain(cells).chain([mean.into(), spread.into()]).collect()
+        let mean = cell((values.as_deref().map(mean), self.mean_interval));
+        std::iter::once(self.name.as_str().into()).chain(cells).chain([mean, spread.into()]).collect()
     }
 }
 
@@ -64,7 +94,7 @@ pub(super) fn table(results: &Results, headline: &Record) -> Option<Table> {
             }),
         })
         .collect();
-    of_runs(&runs)
+    of_runs(&runs, None)
 }
 
 /// A training's figures in and out of distribution.
@@ -80,8 +110,14 @@ pub(super) struct Set<'a> {
     pub confidence: Option<&'a Confidence>,
 }
 
-/// Figures of several trainings side by side; `None` of one.
-pub(super) fn of_runs(runs: &[Run<'_>]) -> Option<Table> {
+/// The interval of a line's first detector, by the line's name.
+fn interval_of(lines: &[VersusLine], name: &str) -> Option<[f64; 2]> {
+    lines.iter().find(|line| line.name == name)?.figures.first()?.interval
+}
+
+/// Figures of several trainings side by side; `None` of one. The intervals of their means are those of `means`, in and out of
+/// distribution.
+pub(super) fn of_runs(runs: &[Run<'_>], means: Option<[&Versus; 2]>) -> Option<Table> {
     if runs.len() < 2 {
         return None;
     }
@@ -91,16 +127,19 @@ pub(super) fn of_runs(runs: &[Run<'_>]) -> Option<Table> {
         .map(|alarms| alarms.points.iter().map(|of| of.max_false_alarms_per_km).collect())
         .unwrap_or_default();
     for (i, set) in ["ID", "OOD"].into_iter().enumerate() {
-        let mut of_point = |k: usize, what: String, get: &dyn Fn(&OperatingPoint) -> Values| {
-            let values = runs
-                .iter()
-                .map(|run| run.sets[i].alarms.and_then(|of| of.points.get(k)).map_or((None, None), get));
-            let figure = Figure { name: format!("{set}: {what}"), is_share: true, values: values.collect() };
-            figures.extend(Some(figure).filter(|of| of.values.iter().any(|(value, _)| value.is_some())));
-        };
+        let mut of_point =
+            |k: usize, what: String, mean_interval, get: &dyn Fn(&OperatingPoint) -> Values| {
+                let values = runs
+                    .iter()
+                    .map(|run| run.sets[i].alarms.and_then(|of| of.points.get(k)).map_or((None, None), get));
+                let name = format!("{set}: {what}");
+                let figure = Figure { name, is_share: true, values: values.collect(), mean_interval };
+                figures.extend(Some(figure).filter(|of| of.values.iter().any(|(value, _)| value.is_some())));
+            };
         for (k, per_km) in points.iter().enumerate() {
             let at = format!("at {per_km} false alarms/km");
-            of_point(k, format!("harmful events missed {at}"), &|of| {
+            let mean_interval = means.and_then(|of| interval_of(&of[i].missed, &at));
+            of_point(k, format!("harmful events missed {at}"), mean_interval, &|of| {
                 (of.missed_per_event, of.missed_per_event_interval)
             });
         }
@@ -109,7 +148,9 @@ pub(super) fn of_runs(runs: &[Run<'_>]) -> Option<Table> {
             let deceleration = runs[0].sets[i].alarms.and_then(|of| hardest(of.points.get(k)?));
             let Some(deceleration_mps2) = deceleration else { continue };
             let what = format!("warned in time, {deceleration_mps2} m/s², at {per_km} false alarms/km");
-            of_point(k, what, &|of| {
+            let line = format!("at {per_km} false alarms/km, {deceleration_mps2} m/s²");
+            let mean_interval = means.and_then(|of| interval_of(&of[i].warned, &line));
+            of_point(k, what, mean_interval, &|of| {
                 of.warned.last().map_or((None, None), |of| (of.in_time, of.in_time_interval))
             });
         }
@@ -128,6 +169,10 @@ pub(super) fn of_runs(runs: &[Run<'_>]) -> Option<Table> {
             name: format!("{}{what}", lines[0].name),
             is_share: false,
             values: lines.iter().map(|line| (line.ours[part], line.intervals[part])).collect(),
+            mean_interval: means.and_then(|of| {
+                let lines = if part == 0 { &of[i].harmful } else { &of[i].mean };
+                interval_of(lines, &column_name(column.unwrap_or(Column::Total)))
+            }),
         }));
     }
     let head =

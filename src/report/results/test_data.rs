@@ -2,7 +2,8 @@
 
 use super::{
     DataRecord, JudgeScores, MissedHarm, QuestionConfig, Record, Repeat, ReportedGroup, ReportedRecord,
-    ReportedSet, Results, RivalRecord, RowOf, SetRecord, SetScores, SideBySide, TableConfig,
+    ReportedSet, Results, RivalRecord, RowOf, SeedMean, SeedMeans, SetRecord, SetScores, SideBySide,
+    TableConfig,
 };
 use crate::dataset::Fingerprint;
 use crate::eval::safety::{Alarms, MissedGroup, OperatingPoint, Warned};
@@ -64,6 +65,7 @@ pub fn test_results() -> Results {
         },
         reported: None,
         reported_repeats: Vec::new(),
+        seed_means: None,
         common: vec!["lidar_stage.epochs=3".into(), "fused_stage.epochs=1".into()],
         headline: Some(record("small", &["lidar_stage.epochs=5"], Some([3600.4, 7000.0]))),
         rows: vec![record("fused", &keys, Some([90.0, 99.0]))],
@@ -141,6 +143,34 @@ pub fn test_reported() -> ReportedRecord {
             ood: set(Some(0.3)),
         }],
         absent_maps: vec!["maps/Town02.xodr".into()],
+    }
+}
+
+/// Means of the headline and of its repeats of [`test_with_repeats`].
+#[must_use]
+pub fn test_seed_means() -> SeedMeans {
+    let mean = |value: f64| {
+        let figure = VersusFigure {
+            value: Some(value),
+            interval: Some([value - 0.04, value + 0.03]),
+            over_first: Some(0.0),
+            over_first_interval: Some([0.0; 2]),
+            runs: Vec::new(),
+        };
+        let line =
+            |name: &str| VersusLine { name: name.into(), n_truths: 100, figures: vec![figure.clone()] };
+        Versus {
+            missed: vec![line("at 1 false alarms/km"), line("at 10 false alarms/km")],
+            warned: vec![line("at 10 false alarms/km, 6 m/s²"), line("at 10 false alarms/km, 8 m/s²")],
+            harmful: vec![line("total")],
+            mean: vec![line("total"), line("out of distribution, all FPs")],
+            ..test_versus()
+        }
+    };
+    SeedMeans {
+        networks: ["c", "4", "5"].map(|c| c.repeat(64)).to_vec(),
+        seen: SeedMean { id: mean(0.7), ood: mean(0.6) },
+        groups: vec![SeedMean { id: mean(0.6), ood: mean(0.55) }],
     }
 }
 

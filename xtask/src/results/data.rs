@@ -10,7 +10,7 @@ use harmzone::dataset::Fingerprint;
 use harmzone::episode::Split;
 use harmzone::episode::manifest::{LabelManifest, Manifest};
 use harmzone::files::sha256_hex;
-use harmzone::generate::{self, CheckedConfig, Preset, RunOptions, preset};
+use harmzone::generate::{self, CheckedConfig, GenerateConfig, Preset, RunOptions, preset};
 use harmzone::label;
 use harmzone::progress::Progress;
 use harmzone::report::results::SetRecord;
@@ -42,7 +42,7 @@ pub fn prepare(
             silence: SILENCE,
             own_models: None,
         };
-        generate::run(&config, n_episodes, &path, &options, progress)?;
+        make(&config, n_episodes, &path, &options, progress)?;
     }
     let manifest = Manifest::read(&path)?;
     ensure!(
@@ -83,8 +83,28 @@ pub fn prepare_to_report(
         silence: SILENCE,
         own_models: None,
     };
-    generate::run(&config, n_episodes, path, &options, progress)?;
+    make(&config, n_episodes, path, &options, progress)?;
     label::run(path, &ZoneConfig::default(), LABELS, false, progress)?;
+    Ok(())
+}
+
+/// Makes all episodes of a data set: figures on fewer would be those of another set.
+fn make(
+    config: &GenerateConfig,
+    n_episodes: u32,
+    path: &Path,
+    options: &RunOptions,
+    progress: &dyn Progress,
+) -> anyhow::Result<()> {
+    let lost = generate::run(config, n_episodes, path, options, progress)?.lost;
+    ensure!(
+        lost.is_empty(),
+        "{} of the {n_episodes} episodes could not be made, and figures are of all or none; the same command tries these \
+         again: {}: {}",
+        lost.len(),
+        lost.join("; "),
+        path.display()
+    );
     Ok(())
 }
 

@@ -1,14 +1,17 @@
 //! What networks found, kept while an experiment runs: who judges boxes does not change them.
 
 use std::cell::RefCell;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
 use super::config::SeenRowConfig;
 use super::experiment::{Experiment, Row};
+use harmzone::config::to_toml;
 use harmzone::dataset::blind::Sensor;
 use harmzone::dataset::{Dataset, Fingerprint};
-use harmzone::infer::{self, Trained};
+use harmzone::eval::judge::Judge;
+use harmzone::infer::{self, Predictions, Trained};
+use harmzone::model::HeadJudge;
 use harmzone::object::Detection;
 
 /// What networks have found: several judges may ask for the same boxes.
@@ -24,21 +27,30 @@ struct FoundIn {
     data: Fingerprint,
     run: PathBuf,
     blind: Option<Sensor>,
+    /// Whether judged already, as the network's config says.
+    is_judged: bool,
 }
 
 impl Found {
-    /// What a row's network finds in the samples, one sensor blinded where the row says so.
+    /// What a row's network finds in the samples, one sensor blinded where the row says so; written as predictions below a folder
+    /// where one is named.
     ///
     /// # Errors
-    /// The run cannot be read, learned from the samples, or cannot run on them.
+    /// The run cannot be read, learned from the samples, or cannot run on them; the predictions cannot be written.
     pub fn of(
         &self,
         experiment: &Experiment<'_>,
         row: &Row,
         seen: &SeenRowConfig,
         data: &Dataset,
+        keep_in: Option<&Path>,
     ) -> anyhow::Result<Rc<Boxes>> {
-        let place = FoundIn { data: data.fingerprint().clone(), run: row.folder.clone(), blind: seen.blind };
+        let place = FoundIn {
+            data: data.fingerprint().clone(),
+            run: row.folder.clone(),
+            blind: seen.blind,
+            is_judged: seen.judge == Judge::Network && row.config.model.head.judge != HeadJudge::Network,
+        };
         if let Some((_, found)) = self.0.borrow().iter().find(|(other, _)| *other == place) {
             return Ok(Rc::clone(found));
         }
@@ -50,6 +62,21 @@ impl Found {
         let (device, progress) = (experiment.device, experiment.progress);
         let found =
             Rc::new(infer::detect_for(seen.judge, &detector, data.samples(), seen.blind, device, progress)?);
+        if let Some(folder) = keep_in {
+            let sha256 = trained.sha256()?;
+            let what = [
+                place.blind.map(|sensor| format!("-no-{}", sensor.name())),
+                place.is_judged.then(|| "-judged".to_owned()),
+            ];
+            let name = format!("boxes-{}{}", &sha256[..8], what.into_iter().flatten().collect::<String>());
+            let predictions = Predictions {
+                folder: folder.join(name),
+                set: row.name.clone(),
+                config_toml: to_toml(&trained.config()?),
+            };
+            let samples = data.samples().iter().map(|sample| (sample.id.clone(), sample.measured.time_ns));
+            predictions.write(data.episodes(), &samples.collect::<Vec<_>>(), &found, &|_| Ok(()))?;
+        }
         self.0.borrow_mut().push((place, Rc::clone(&found)));
         Ok(found)
     }

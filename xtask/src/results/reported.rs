@@ -1,20 +1,19 @@
 //! The headline's figures on split test, and those of its other seeds, for reporting: made once for a network, when asked for, and then
 //! kept.
 
-use std::path::{Path, PathBuf};
-
-use burn::tensor::Device;
-
-use super::data::{LABELS, prepare_to_report};
+use super::config::SeenRowConfig;
+use super::data::LABELS;
 use super::experiment::{Experiment, Row, read_json};
-use harmzone::cli::{ScoredData, provenance};
-use harmzone::dataset::Dataset;
+use super::found::Found;
+use super::split_test::{SplitTest, Towns};
+use harmzone::cli::{ScoredData, judge_all, provenance};
 use harmzone::episode::{Manifest, Split};
-use harmzone::eval::{Mode, Protocol, eval_samples, evaluate};
-use harmzone::files::write_atomic;
-use harmzone::infer::{self, Trained};
-use harmzone::progress::Progress;
-use harmzone::report::results::{Record, ReportedGroup, ReportedRecord, ReportedSet};
+use harmzone::eval::judge::Judge;
+use harmzone::eval::versus::{Versus, versus};
+use harmzone::eval::{EvalSample, Mode, Protocol, eval_samples, evaluate};
+use harmzone::files::{sha256_hex, write_atomic};
+use harmzone::infer::Trained;
+use harmzone::report::results::{Record, ReportedGroup, ReportedRecord, ReportedSet, SeedMean, SeedMeans};
 use harmzone::report::scores;
 
 /// The figures of a network as kept; else made and kept, where they are asked for.
@@ -23,6 +22,7 @@ use harmzone::report::scores;
 /// A data set cannot be made or scored, or the network learned from it.
 pub fn read_or_make(
     experiment: &Experiment<'_>,
+    test: &SplitTest<'_>,
     row: &Row,
     scored: &Record,
 ) -> anyhow::Result<Option<ReportedRecord>> {
@@ -30,111 +30,140 @@ pub fn read_or_make(
     // The headline's alone have no name of their own.
     let suffix = if row.is_headline { String::new() } else { format!("-{}", row.name) };
     let file = request.out.join("scores").join(format!("reported{suffix}.json"));
+    let Some(release) = &request.reported else {
+        let kept: Option<ReportedRecord> = if file.is_file() { Some(read_json(&file)?) } else { None };
+        return Ok(kept.filter(|of| of.checkpoint_sha256 == scored.checkpoint_sha256));
+    };
     if file.is_file() {
         let kept: ReportedRecord = read_json(&file)?;
-        if kept.checkpoint_sha256 == scored.checkpoint_sha256 {
+        if kept.checkpoint_sha256 == scored.checkpoint_sha256 && is_of(&kept, test) {
             return Ok(Some(kept));
         }
     }
-    let Some(release) = &request.reported else { return Ok(None) };
-    let (maps, absent_maps): (Vec<PathBuf>, Vec<PathBuf>) =
-        request.config.test_maps.iter().cloned().partition(|map| map.is_file());
-    for map in &absent_maps {
+    for map in &test.absent_maps {
         tracing::warn!("the map is not there, and nothing is reported on it: {}", map.display());
     }
     let trained = Trained::find(&row.folder)?;
-    let mut groups = vec![group(experiment, &trained, TOWNS, &suffix, None)?];
-    if !maps.is_empty() {
-        groups.push(group(experiment, &trained, MAPS, &suffix, Some(&maps))?);
-    }
+    let group = |towns: Towns| -> anyhow::Result<ReportedGroup> {
+        let (id, mut names) = set(experiment, test, row, &trained, &suffix, towns, Mode::Id)?;
+        let (ood, of_ood) = set(experiment, test, row, &trained, &suffix, towns, Mode::Ood)?;
+        names.extend(of_ood);
+        names.sort();
+        names.dedup();
+        Ok(ReportedGroup { towns: names, id, ood })
+    };
     let record = ReportedRecord {
         commit: release.commit.clone(),
         date: release.date.clone(),
         checkpoint_sha256: scored.checkpoint_sha256.clone(),
-        groups,
-        absent_maps,
+        groups: test.towns().into_iter().map(group).collect::<anyhow::Result<_>>()?,
+        absent_maps: test.absent_maps.clone(),
     };
     write_atomic(&file, serde_json::to_string_pretty(&record)?.as_bytes())?;
     Ok(Some(record))
 }
 
-/// Split test with unfamiliar objects, in the towns that come with harmzone; made where it is not there.
-///
-/// # Errors
-/// It cannot be made or read.
-pub fn test_set(experiment: &Experiment<'_>) -> anyhow::Result<Dataset> {
-    let path = experiment.request.out.join(ood_name(TOWNS));
-    prepare_to_report(experiment.request, true, None, &path, experiment.progress)?;
-    Ok(Dataset::open(&path, LABELS, Split::Test)?)
+/// Whether figures are of the data sets as they lie there, those that do, and of all maps that do.
+fn is_of(kept: &ReportedRecord, test: &SplitTest<'_>) -> bool {
+    let towns = test.towns();
+    let is_same = |towns: Towns, of: &ReportedSet, mode| {
+        test.kept_fingerprint(towns, mode).is_none_or(|print| print == of.fingerprint)
+    };
+    kept.absent_maps == test.absent_maps
+        && kept.groups.len() == towns.len()
+        && kept
+            .groups
+            .iter()
+            .zip(towns)
+            .all(|(of, towns)| is_same(towns, &of.id, Mode::Id) && is_same(towns, &of.ood, Mode::Ood))
 }
 
-/// Sets in the towns that come with harmzone, and in maps by path.
-const TOWNS: &str = "test";
-const MAPS: &str = "test-maps";
-
-fn ood_name(set: &str) -> String {
-    format!("{set}-ood")
+/// As the network ships: who judges is its own affair.
+fn as_it_is(row: &Row) -> SeenRowConfig {
+    SeenRowConfig { label: String::new(), row: row.name.clone(), blind: None, judge: Judge::Network }
 }
 
-fn group(
+/// The figures on data sets and their towns; all of the scoring goes to `report/`.
+fn set(
     experiment: &Experiment<'_>,
+    test: &SplitTest<'_>,
+    row: &Row,
     trained: &Trained,
-    name: &str,
     suffix: &str,
-    maps: Option<&[PathBuf]>,
-) -> anyhow::Result<ReportedGroup> {
-    let (device, progress) = (experiment.device, experiment.progress);
-    let (request, ood_name) = (experiment.request, ood_name(name));
-    let set = |name: &str, mode: Mode| {
-        let path = request.out.join(name);
-        prepare_to_report(request, mode == Mode::Ood, maps, &path, progress)?;
-        let out = request.out.join("report").join(format!("{name}{suffix}"));
-        report_on(trained, &path, mode, &out, &request.command, device, progress)
-    };
-    let (id, mut towns) = set(name, Mode::Id)?;
-    let (ood, of_ood) = set(&ood_name, Mode::Ood)?;
-    towns.extend(of_ood);
-    towns.sort();
-    towns.dedup();
-    Ok(ReportedGroup { towns, id, ood })
-}
-
-/// The figures on a data set and its towns; all of the scoring goes to `out`.
-fn report_on(
-    trained: &Trained,
-    path: &Path,
+    towns: Towns,
     mode: Mode,
-    out: &Path,
-    command: &str,
-    device: &Device,
-    progress: &dyn Progress,
 ) -> anyhow::Result<(ReportedSet, Vec<String>)> {
-    let data = Dataset::open(path, LABELS, Split::Test)?;
-    if let Some(seen) = trained.seen()? {
-        seen.check_unlearned(data.episodes())?;
-    }
-    let found = infer::detect(&trained.load(device)?, &data.named(), device, progress)?;
+    let request = experiment.request;
+    let samples = test.look(row, &as_it_is(row), towns, mode)?;
     let protocol = Protocol::default();
-    let evaluation = evaluate(&eval_samples(data.samples(), &found), &protocol, mode)?;
-    let scored = ScoredData {
-        path,
-        labels: LABELS,
-        split: Split::Test,
-        data_version: Manifest::read(path)?.format_version,
+    let evaluation = evaluate(&samples, &protocol, mode)?;
+    let paths = test.paths(towns, mode);
+    let scored = match &paths[..] {
+        [path] => Some(ScoredData {
+            path,
+            labels: LABELS,
+            split: Split::Test,
+            data_version: Manifest::read(path)?.format_version,
+        }),
+        _ => None,
     };
-    scores::write(
-        out,
-        &protocol,
-        &evaluation,
-        &provenance(Some(trained), Some(&scored), command.to_owned())?,
-    )?;
+    let out = request.out.join("report").join(format!("{}{suffix}", test.name(towns, mode)));
+    let provenance = provenance(Some(trained), scored.as_ref(), request.command.clone())?;
+    scores::write(&out, &protocol, &evaluation, &provenance)?;
+    let (names, n_episodes, n_samples) = test.extent(towns, mode)?;
     let set = ReportedSet {
-        n_episodes: data.episodes().len(),
-        n_samples: data.samples().len(),
-        fingerprint: data.fingerprint().clone(),
+        n_episodes,
+        n_samples,
+        fingerprint: test.fingerprint(towns, mode)?,
         scores: evaluation.metrics.columns,
         missed: evaluation.safety.alarms,
         confidence: evaluation.confidence,
     };
-    Ok((set, data.episodes().iter().map(|entry| entry.town.clone()).collect()))
+    Ok((set, names))
+}
+
+/// The means of the headline's runs with their intervals, on the splits that choices are made by and on split test: as kept, else made
+/// and kept, where split test is asked for.
+///
+/// # Errors
+/// A run cannot be read or scored.
+pub fn read_or_make_means(
+    experiment: &Experiment<'_>,
+    test: &SplitTest<'_>,
+    found: &Found,
+    runs: &[&Row],
+    records: &[ReportedRecord],
+) -> anyhow::Result<Option<SeedMeans>> {
+    if records.is_empty() {
+        return Ok(None);
+    }
+    // Records hold the hashes of the networks and of the data.
+    let key = sha256_hex(&serde_json::to_vec(&(records, &experiment.id, &experiment.ood))?);
+    let file = experiment.request.out.join("scores").join(format!("reported-means-{}.json", &key[..12]));
+    if file.is_file() {
+        return Ok(Some(read_json(&file)?));
+    }
+    if experiment.request.reported.is_none() {
+        return Ok(None);
+    }
+    let mean = |look: &dyn Fn(&Row, Mode) -> anyhow::Result<Vec<EvalSample>>| -> anyhow::Result<SeedMean> {
+        let of = |mode: Mode| -> anyhow::Result<Versus> {
+            let runs = runs.iter().map(|row| look(row, mode)).collect::<anyhow::Result<Vec<_>>>()?;
+            Ok(versus(&[runs], &Protocol::default(), mode)?)
+        };
+        Ok(SeedMean { id: of(Mode::Id)?, ood: of(Mode::Ood)? })
+    };
+    let seen = mean(&|row, mode| {
+        let data = experiment.scored_split(mode)?;
+        let boxes = found.of(experiment, row, &as_it_is(row), data, None)?;
+        Ok(eval_samples(data.samples(), &judge_all(Judge::Network, &boxes, data)?))
+    })?;
+    let of_towns = |towns: Towns| mean(&|row, mode| test.look(row, &as_it_is(row), towns, mode));
+    let means = SeedMeans {
+        networks: records.iter().map(|of| of.checkpoint_sha256.clone()).collect(),
+        seen,
+        groups: test.towns().into_iter().map(of_towns).collect::<anyhow::Result<_>>()?,
+    };
+    write_atomic(&file, serde_json::to_string_pretty(&means)?.as_bytes())?;
+    Ok(Some(means))
 }

@@ -9,10 +9,13 @@ use super::found::Found;
 use super::request::Request;
 use super::score::RowScores;
 use super::side_by_side::Asked;
+use super::split_test::SplitTest;
 use super::{closed_set, data, reported, score, write};
 use harmzone::model::Classes;
 use harmzone::progress::Progress;
-use harmzone::report::results::{DataRecord, JudgeScores, Record, Repeat, Results, RivalRecord};
+use harmzone::report::results::{
+    DataRecord, JudgeScores, Record, Repeat, ReportedRecord, Results, RivalRecord, SeedMeans,
+};
 
 /// Runs an experiment, or what is left of it; a row that is done is not done again, a training that was broken off
 /// goes on.
@@ -38,6 +41,7 @@ pub fn run(request: &Request<'_>, device: &Device, progress: &dyn Progress) -> a
         data: DataRecord { preset: request.config.preset.clone(), id, ood },
         reported: None,
         reported_repeats: Vec::new(),
+        seed_means: None,
         common: request.config.common.clone(),
         headline: None,
         rows: Vec::new(),
@@ -57,8 +61,10 @@ pub fn run(request: &Request<'_>, device: &Device, progress: &dyn Progress) -> a
         rows.push(experiment.row(name, config, false)?);
     }
     let found = Found::default();
+    let test = SplitTest::new(&experiment, &found);
     for (number, config) in request.config.side_by_side.iter().enumerate() {
-        let asked = Asked { experiment: &experiment, number, config, rows: &rows, found: &found };
+        let asked =
+            Asked { experiment: &experiment, number, config, rows: &rows, found: &found, test: &test };
         results.side_by_side.extend(asked.read()?);
     }
     for row in &rows {
@@ -80,15 +86,17 @@ pub fn run(request: &Request<'_>, device: &Device, progress: &dyn Progress) -> a
                 results.rivals.extend(closed_set_lines(row, scores));
             } else {
                 results.rivals.extend(rivals(&request.config.rivals, &row.name, &scores));
-                add_record(&experiment, row, scores.record, &mut results)?;
+                add_record(&experiment, &test, row, scores.record, &mut results)?;
             }
         }
         // What is done is told even if a later row fails.
         write::write(&results, &request.out, None)?;
     }
+    results.seed_means = seed_means(&experiment, &test, &found, &rows, &results)?;
     results.side_by_side.clear();
     for (number, config) in request.config.side_by_side.iter().enumerate() {
-        let asked = Asked { experiment: &experiment, number, config, rows: &rows, found: &found };
+        let asked =
+            Asked { experiment: &experiment, number, config, rows: &rows, found: &found, test: &test };
         results.side_by_side.extend(asked.read_or_make()?);
     }
     // In the config's order; the closed set's are last.
@@ -104,6 +112,7 @@ pub fn run(request: &Request<'_>, device: &Device, progress: &dyn Progress) -> a
 /// Puts a row's figures into their place; the headline's on split test, too, and its repeats', where they are asked for.
 fn add_record(
     experiment: &Experiment<'_>,
+    test: &SplitTest<'_>,
     row: &Row,
     record: Option<Record>,
     results: &mut Results,
@@ -111,7 +120,7 @@ fn add_record(
     let Some(record) = record else { return Ok(()) };
     let headline = &experiment.request.config.headline.name;
     if row.is_headline || row.repeats.as_ref() == Some(headline) {
-        let reported = reported::read_or_make(experiment, row, &record)?;
+        let reported = reported::read_or_make(experiment, test, row, &record)?;
         if row.is_headline {
             results.reported = reported;
         } else {
@@ -124,6 +133,25 @@ fn add_record(
         None => results.rows.push(record),
     }
     Ok(())
+}
+
+/// The means of the headline and of its repeats that are scored on split test.
+fn seed_means(
+    experiment: &Experiment<'_>,
+    test: &SplitTest<'_>,
+    found: &Found,
+    rows: &[Row],
+    results: &Results,
+) -> anyhow::Result<Option<SeedMeans>> {
+    let headline = &experiment.request.config.headline.name;
+    let runs = rows.iter().filter(|row| row.is_headline || row.repeats.as_ref() == Some(headline));
+    let runs: Vec<&Row> = runs.collect();
+    let records: Vec<ReportedRecord> =
+        results.reported.iter().chain(&results.reported_repeats).cloned().collect();
+    if records.len() < runs.len() {
+        return Ok(None);
+    }
+    reported::read_or_make_means(experiment, test, found, &runs, &records)
 }
 
 /// The lines of a closed set in the table of rivals.

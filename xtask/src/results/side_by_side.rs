@@ -9,17 +9,20 @@ use serde::{Deserialize, Serialize};
 use super::config::{SeenRowConfig, SideBySideConfig};
 use super::experiment::{Experiment, Row, read_json};
 use super::found::Found;
-use super::reported::test_set;
 use super::request::ReportStamp;
+use super::split_test::{SplitTest, Towns};
 use harmzone::cli::judge_all;
+use harmzone::dataset::Fingerprint;
 use harmzone::dataset::blind::Sensor;
-use harmzone::dataset::{Dataset, Fingerprint};
 use harmzone::eval::judge::Judge;
 use harmzone::eval::versus::{Versus, versus};
 use harmzone::eval::{EvalSample, Mode, Protocol, eval_samples};
 use harmzone::files::{sha256_hex, write_atomic};
 use harmzone::model::checkpoint::CHECKPOINT;
 use harmzone::report::results::{ReportedVersus, SideBySide};
+
+/// The samples with what a row finds in them.
+type Look<'a> = &'a dyn Fn(&Row, &SeenRowConfig) -> anyhow::Result<Vec<EvalSample>>;
 
 /// Each run's row by its place, its network by its hash, the sensor that saw nothing, and who judged.
 type Networks = Vec<(usize, String, Option<Sensor>, Judge)>;
@@ -48,6 +51,7 @@ pub struct Asked<'a> {
     pub config: &'a SideBySideConfig,
     pub rows: &'a [Row],
     pub found: &'a Found,
+    pub test: &'a SplitTest<'a>,
 }
 
 impl Asked<'_> {
@@ -72,8 +76,9 @@ impl Asked<'_> {
             None => self.make(&networks)?,
         };
         let reported = match (self.kept_reported(&networks)?, &self.experiment.request.reported) {
-            (None, Some(stamp)) => Some(self.make_reported(networks, stamp)?),
-            (kept, _) => kept,
+            (Some(kept), Some(_)) if self.is_of_test(&kept) => Some(kept),
+            (_, Some(stamp)) => Some(self.make_reported(networks, stamp)?),
+            (kept, None) => kept,
         };
         Ok(Some(self.record(of, reported)))
     }
@@ -99,36 +104,47 @@ impl Asked<'_> {
     }
 
     fn make(&self, networks: &Networks) -> anyhow::Result<Versus> {
-        let of = self.score(self.experiment.scored_split(Mode::Ood)?)?;
+        let data = self.experiment.scored_split(Mode::Ood)?;
+        let of = self.score(&|row, seen| {
+            let found = self.found.of(self.experiment, row, seen, data, None)?;
+            Ok(eval_samples(data.samples(), &judge_all(seen.judge, &found, data)?))
+        })?;
         let kept = Kept { rows: networks.clone(), tested_on: self.experiment.ood.clone(), of };
         write_atomic(&self.file(), serde_json::to_string_pretty(&kept)?.as_bytes())?;
         Ok(kept.of)
     }
 
     fn make_reported(&self, networks: Networks, stamp: &ReportStamp) -> anyhow::Result<ReportedVersus> {
-        let data = test_set(self.experiment)?;
         let file = self.reported_file(&networks)?;
         let ReportStamp { commit, date } = stamp.clone();
-        let reported =
-            ReportedVersus { commit, date, fingerprint: data.fingerprint().clone(), of: self.score(&data)? };
+        let towns = self.towns();
+        let of = self.score(&|row, seen| self.test.look(row, seen, towns, Mode::Ood))?;
+        let fingerprint = self.test.fingerprint(towns, Mode::Ood)?;
+        let reported = ReportedVersus { commit, date, fingerprint, of };
         let kept = KeptReported { rows: networks, reported };
         write_atomic(&file, serde_json::to_string_pretty(&kept)?.as_bytes())?;
         Ok(kept.reported)
     }
 
-    fn score(&self, data: &Dataset) -> anyhow::Result<Versus> {
+    /// All towns of split test together.
+    fn towns(&self) -> Towns {
+        *self.test.towns().last().expect("there is one group at least")
+    }
+
+    /// Whether figures are of the data sets as they lie there, if they do.
+    fn is_of_test(&self, kept: &ReportedVersus) -> bool {
+        let print = self.test.kept_fingerprint(self.towns(), Mode::Ood);
+        print.is_none_or(|print| print == kept.fingerprint)
+    }
+
+    /// By what each row finds in the same samples with unfamiliar objects.
+    fn score(&self, look: Look<'_>) -> anyhow::Result<Versus> {
         let detectors = self.config.rows.iter().map(|seen| {
             let runs = runs_of(self.rows, &seen.row).into_iter();
-            runs.map(|row| self.look(row, seen, data)).collect::<anyhow::Result<_>>()
+            runs.map(|row| look(row, seen)).collect::<anyhow::Result<_>>()
         });
         let detectors: Vec<Vec<Vec<EvalSample>>> = detectors.collect::<anyhow::Result<_>>()?;
         Ok(versus(&detectors, &Protocol::default(), Mode::Ood)?)
-    }
-
-    /// What a row finds in samples with unfamiliar objects.
-    fn look(&self, row: &Row, seen: &SeenRowConfig, data: &Dataset) -> anyhow::Result<Vec<EvalSample>> {
-        let found = self.found.of(self.experiment, row, seen, data)?;
-        Ok(eval_samples(data.samples(), &judge_all(seen.judge, &found, data)?))
     }
 
     fn file(&self) -> PathBuf {
