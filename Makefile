@@ -195,7 +195,7 @@ MOVABLE = env SOURCE_DATE_EPOCH=$(or $(SOURCE_DATE_EPOCH),$(shell git log -1 --f
 BUNDLE = dist/harmzone-x86_64-linux
 
 # scripts/bundle.toml and these make the program smaller: equal functions are in it once, and no relocations.
-bundle: setup .venv-bundle/.ready ## One folder that runs on other x86-64 Linux machines, at most 72 MiB: dist/
+bundle: setup .venv-bundle/.ready ## One folder that runs on other x86-64 Linux machines, at most 76 MiB: dist/
 	$(MOVABLE) cargo rustc --locked --config scripts/bundle.toml --release --bin harmzone -- \
 	    -C relocation-model=static -C link-arg=-Wl,--icf=all
 	PYTHONHASHSEED=0 .venv-bundle/bin/python scripts/bundle.py $(BIN) $(BUNDLE)
