@@ -12,7 +12,7 @@ PYTHON_SOURCES = python scenes mjcf_assets tests scripts xtask/python
 
 RESULTS = runs/results
 
-.PHONY: help setup setup-test setup-golden build demo network-data network network-seed results report test ci book test-book check-gpu check-logs \
+.PHONY: help setup setup-test setup-golden build demo network-data network network-seed network-rivals results report test ci book test-book check-gpu check-logs \
 	check-mmdet3d bench bench-micro bench-gen bench-eval race miri asan bundle bundle-test wheel wheel-test wheel-root-test bench-ray bench-stream paper-run gallery weathers reference \
 	soak lock sbom audit reproducible fmt clean
 
@@ -91,6 +91,16 @@ network-seed: network-data ## The same training from another seed; `make results
 	@case "$(SEED)" in ""|0) echo "make network-seed SEED=1 trains from seed 1; 0 is the network's" >&2; exit 2;; esac
 	$(BIN) train $(NETWORK)/train --out $(NETWORK)/seed-$(SEED) $(SCHEDULE) --set seed=$(SEED)
 	$(BIN) calibrate $(NETWORK)/seed-$(SEED) --data $(NETWORK)/val
+
+# What `drive` and `versus` measure the network against: trained on the same drives, as long, with the same disturbances.
+LIDAR_ALONE = --set model.use_camera=false --set lidar_stage.epochs=8 --set fused_stage.epochs=0
+CLOSED_SET = --set model.head.classes=kind --set model.head.numeric_fusion=none --set model.head.judge=network
+
+network-rivals: network-data ## LiDAR alone and a closed set of kinds, trained as the network was: rivals for `drive` and `versus`; hours, resumable
+	$(BIN) train $(NETWORK)/train --out $(NETWORK)/lidar $(SCHEDULE) $(LIDAR_ALONE)
+	$(BIN) calibrate $(NETWORK)/lidar --data $(NETWORK)/val
+	$(BIN) train $(NETWORK)/train --out $(NETWORK)/kinds $(SCHEDULE) $(CLOSED_SET)
+	$(BIN) calibrate $(NETWORK)/kinds --judge zone-expected --data $(NETWORK)/val
 
 # What `make report` scores: a run, or `small`, the network inside the program; and both data sets.
 REPORT_RUN ?= small

@@ -29,6 +29,9 @@ pub fn entries<T: Bounds + Default + DeserializeOwned>() -> Vec<ConfigKey> {
     let table = Table::try_from(&default).expect("a config always has a TOML form");
     let mut found = Vec::new();
     collect(T::PART, &table, "", &mut found);
+    for entry in found.iter_mut().filter(|entry| entry.default.is_none() && !entry.is_table) {
+        entry.default = left_out(&default, &table, &entry.key);
+    }
     for entry in found.iter_mut().filter(|entry| entry.valid.is_empty()) {
         entry.valid = match &entry.default {
             Some(Value::Boolean(_)) => "true or false".to_owned(),
@@ -40,6 +43,16 @@ pub fn entries<T: Bounds + Default + DeserializeOwned>() -> Vec<ConfigKey> {
         };
     }
     found
+}
+
+/// The default of a key that a config leaves out where it is off: the value that changes nothing when it is given. None where each
+/// does, since the key is not set.
+fn left_out<T: DeserializeOwned + Serialize>(config: &T, table: &Table, key: &str) -> Option<Value> {
+    let off = [Value::Float(0.0), Value::Integer(0), Value::Boolean(false), Value::Array(Vec::new())];
+    off.into_iter().find(|value| {
+        let given = with_overrides(config, &[format!("{key}={value}")]);
+        given.is_ok_and(|given| Table::try_from(&given).is_ok_and(|given| given == *table))
+    })
 }
 
 /// The names that a key takes, as the error says that a name that nobody gives brings.
@@ -173,6 +186,8 @@ mod tests {
             word: String = "a".into();
             #[serde(skip_serializing_if = "is_off")]
             hidden: Inner = Inner { count: 0 }, in part::<Inner>();
+            #[serde(skip_serializing_if = "Option::is_none")]
+            asked: Option<u32> = None, in from_to(0.0, 9.0);
         }
     }
 
@@ -186,18 +201,21 @@ mod tests {
         let told: Vec<_> = found.iter().map(|entry| (&*entry.key, &*entry.doc, &*entry.valid)).collect();
         let expected = [
             ("word", "A word on two lines.", "text"),
+            ("asked", "", "a number from 0 to 9"),
             ("inner", "Inner things.", "a table"),
             ("inner.count", "How many, see `Inner`.", "a number from 0 to 9"),
             ("hidden", "Inner things.", "a table"),
             ("hidden.count", "How many, see `Inner`.", "a number from 0 to 9"),
         ];
         assert_eq!(told, expected);
-        assert_eq!([2, 4].map(|i: usize| found[i].default.clone()), [Some(Value::Integer(2)), None]);
+        // Left out where it is 0; and what is not set.
+        let defaults = [3, 5, 1].map(|i: usize| found[i].default.clone());
+        assert_eq!(defaults, [Some(Value::Integer(2)), Some(Value::Integer(0)), None]);
     }
 
     #[test]
     fn the_commented_file_is_the_config() {
-        let config = Outer { word: "b".into(), inner: Inner { count: 5 }, hidden: Inner { count: 0 } };
+        let config = Outer { word: "b".into(), inner: Inner { count: 5 }, hidden: Inner { count: 0 }, asked: None };
         let text = commented_toml(&config);
         assert_eq!(toml::from_str::<Outer>(&text).unwrap(), config);
         assert_eq!(
