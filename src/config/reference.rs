@@ -215,7 +215,8 @@ mod tests {
 
     #[test]
     fn the_commented_file_is_the_config() {
-        let config = Outer { word: "b".into(), inner: Inner { count: 5 }, hidden: Inner { count: 0 }, asked: None };
+        let config =
+            Outer { word: "b".into(), inner: Inner { count: 5 }, hidden: Inner { count: 0 }, asked: None };
         let text = commented_toml(&config);
         assert_eq!(toml::from_str::<Outer>(&text).unwrap(), config);
         assert_eq!(

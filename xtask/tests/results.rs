@@ -146,8 +146,11 @@ fn an_experiment_killed_in_a_training_goes_on_and_its_commands_make_its_rows() {
     assert_eq!(scored(), first_scored, "and nothing is scored again");
     assert!(fs::read_to_string(&card).expect("a card").contains("mAP_OOD"));
 
-    // Split test is made and scored once, and answers from then on.
-    let report = [&args, ["--set", "preset=demo", "--final", "--date", "2026-01-02"].as_slice()].concat();
+    // Split test is made and scored once, and answers from then on: in its towns, in a map by path, and in all of them.
+    let map = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/crossroads.xodr");
+    let maps = format!("test_maps=['{}', 'not/there.xodr']", text(&map));
+    let wanted = ["--set", "preset=demo", "--set", &maps, "--final", "--date", "2026-01-02"];
+    let report = [&args, wanted.as_slice()].concat();
     let kept = || -> Vec<PathBuf> {
         let files = fs::read_dir(out.join("scores")).expect("scores are kept");
         let files = files.map(|file| file.expect("a file").path());
@@ -157,10 +160,23 @@ fn an_experiment_killed_in_a_training_goes_on_and_its_commands_make_its_rows() {
     for is_first in [true, false] {
         succeed(&mut xtask(&report));
         let reported = document();
-        for part in ["## Split test", ", 2026-01-02; network ", ".) Split test.", "The same on split dev"] {
+        for part in [
+            "## Split test",
+            ", 2026-01-02; network ",
+            ".) Split test.",
+            "The same on split dev",
+            "In harbour, hillside:",
+            "| mean of the seeds | towns of training",
+            "maps are not there: not/there.xodr.",
+        ] {
             assert!(reported.contains(part), "{part}: {reported}");
         }
-        assert_eq!(kept().len(), 3, "the headline, its other seed and the rows side by side: {:?}", kept());
+        assert_eq!(
+            kept().len(),
+            4,
+            "the headline, its other seed, their mean, and rows side by side: {:?}",
+            kept()
+        );
         for file in kept() {
             let text = fs::read_to_string(&file).expect("figures are kept");
             if is_first {
@@ -172,10 +188,22 @@ fn an_experiment_killed_in_a_training_goes_on_and_its_commands_make_its_rows() {
     }
     let results = Results::read(&out.join("results.json")).expect("results are kept");
     let rows = results.side_by_side[0].reported.as_ref().expect("rows side by side on split test");
-    let headline = &results.reported.expect("the headline on split test").groups[0];
-    assert_eq!(rows.fingerprint, headline.ood.fingerprint);
-    assert_ne!(rows.fingerprint, results.data.ood.fingerprint);
-    assert_eq!(rows.of.n_samples, headline.ood.n_samples);
+    let groups = &results.reported.as_ref().expect("the headline on split test").groups;
+    let [towns, maps, all] = &groups[..] else { panic!("{groups:?}") };
+    assert_eq!(rows.fingerprint, all.ood.fingerprint);
+    assert!(rows.fingerprint != towns.ood.fingerprint && rows.fingerprint != results.data.ood.fingerprint);
+    assert_eq!((rows.of.n_samples, all.towns.len()), (all.ood.n_samples, 3));
+    assert_eq!(all.id.n_episodes, towns.id.n_episodes + maps.id.n_episodes);
+    // The mean of the seeds, of the figures that stand beside it.
+    let means = results.seed_means.expect("the mean of two seeds");
+    let of_seeds = results.reported.iter().chain(&results.reported_repeats);
+    let of_seeds: Vec<f64> = of_seeds.filter_map(|of| of.groups[2].ood.scores.total.mean).collect();
+    let mean = means.groups[2].ood.mean[0].figures[0].value.expect("a mean");
+    assert!((mean - of_seeds.iter().sum::<f64>() / 2.0).abs() < 1e-12, "{mean} of {of_seeds:?}");
+    assert_eq!(means.groups[2].ood.n_episodes, all.ood.n_episodes, "no two sets share an episode's name");
+    let boxes = fs::read_dir(out.join("report/test-maps-ood")).expect("a scoring");
+    let boxes = boxes.filter(|file| text(&file.as_ref().expect("a file").path()).contains("/boxes-"));
+    assert!(boxes.count() >= 4, "of two seeds and of the rows side by side");
 
     // Another config for a row that is trained is told, not silently mixed in.
     let changed = fs::read_to_string(&config).expect("a config").replace("batch_size=2", "batch_size=3");
