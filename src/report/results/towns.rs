@@ -22,7 +22,8 @@ pub(super) fn table(seen: &SeedMean, unseen: &SeedMean) -> Table {
         ];
         of.into_iter().filter_map(move |(what, factor, digits, pick)| {
             let (at, seen) = estimate(pick(seen)?)?;
-            let (_, unseen) = estimate(pick(unseen)?)?;
+            // Where none can be stopped for at the hardest braking, the line is of another one.
+            let (_, unseen) = estimate(pick(unseen)?).filter(|(name, _)| *name == at)?;
             let what = if at == TOTAL { what.to_owned() } else { format!("{what}, {at}") };
             let cells = [seen, unseen, difference(unseen, seen)];
             let cells = cells.map(|of| cell(of, &|value| number(Some(factor * value), digits)));
