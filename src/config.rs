@@ -52,10 +52,9 @@ where
 {
     let Some(path) = path else { return with_overrides(&T::default(), overrides) };
     let text = fs::read_to_string(path).map_err(ConfigError::Read)?;
-    let config: T = toml::from_str(&text).map_err(|error| ConfigError::Parse {
-        message: with_suggestion(error.to_string()),
-        path: path.to_owned(),
-    })?;
+    let config: T = toml::from_str(&text).map_err(parse_error(path))?;
+    // A value that the config has room for and TOML has not, such as a seed above 2^63, could not be written again.
+    text.parse::<toml::Table>().map_err(parse_error(path))?;
     with_overrides(&config, overrides)
 }
 
@@ -69,13 +68,20 @@ where
 {
     let Some(path) = path else { return with_overrides(base, overrides) };
     let text = fs::read_to_string(path).map_err(ConfigError::Read)?;
-    let fail = |error: toml::de::Error| ConfigError::Parse {
-        message: with_suggestion(error.to_string()),
-        path: path.to_owned(),
-    };
     // The file alone must be right, so that an error tells its line.
-    toml::from_str::<T>(&text).map_err(fail)?;
-    with_overrides(&with_table(base, &text.parse().map_err(fail)?)?, overrides)
+    toml::from_str::<T>(&text).map_err(parse_error(path))?;
+    with_overrides(&with_table(base, &text.parse().map_err(parse_error(path))?)?, overrides)
+}
+
+/// What is wrong in a file.
+fn parse_error(path: &Path) -> impl Fn(toml::de::Error) -> ConfigError {
+    move |error| {
+        let mut message = error.to_string();
+        if error.message().contains("value was too large") {
+            message = format!("{}; a number in TOML is at most {}\n", message.trim_end(), i64::MAX);
+        }
+        ConfigError::Parse { message: with_suggestion(message), path: path.to_owned() }
+    }
 }
 
 /// The config with the keys of a table laid over it, table by table.
@@ -202,7 +208,7 @@ mod tests {
     #[derive(Debug, PartialEq, Default, Serialize, Deserialize)]
     #[serde(deny_unknown_fields, default)]
     struct Inner {
-        count: u32,
+        count: u64,
     }
 
     impl Default for Example {
@@ -228,6 +234,21 @@ mod tests {
             message.contains("line 2") && message.contains("sped") && message.contains("zone.toml"),
             "{message}"
         );
+    }
+
+    #[test]
+    fn a_number_above_the_largest_of_toml_is_an_error_not_a_panic() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("many.toml");
+        fs::write(&path, "[inner]\ncount = 9223372036854775808\n").unwrap();
+        let errors = [
+            load::<Example>(Some(&path), &[]).unwrap_err(),
+            load_over(&Example::default(), Some(&path), &[]).unwrap_err(),
+        ];
+        for message in errors.map(|error| error.to_string()) {
+            let parts = ["line 2", "at most 9223372036854775807", "many.toml"];
+            assert!(parts.iter().all(|part| message.contains(part)), "{message}");
+        }
     }
 
     #[test]
