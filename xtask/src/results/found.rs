@@ -6,10 +6,12 @@ use std::rc::Rc;
 
 use super::config::SeenRowConfig;
 use super::experiment::{Experiment, Row};
+use harmzone::cli::judge_all;
 use harmzone::config::to_toml;
 use harmzone::dataset::blind::Sensor;
 use harmzone::dataset::{Dataset, Fingerprint};
 use harmzone::eval::judge::Judge;
+use harmzone::eval::{EvalSample, eval_samples};
 use harmzone::infer::{self, Predictions, Trained};
 use harmzone::model::HeadJudge;
 use harmzone::object::Detection;
@@ -21,7 +23,7 @@ pub struct Found(RefCell<Vec<(FoundIn, Rc<Boxes>)>>);
 /// By sample.
 type Boxes = Vec<Vec<Detection>>;
 
-/// What boxes depend on; who judges them does not matter.
+/// What boxes depend on; a rule that judges them later does not matter.
 #[derive(PartialEq)]
 struct FoundIn {
     data: Fingerprint,
@@ -32,12 +34,28 @@ struct FoundIn {
 }
 
 impl Found {
+    /// The samples of a data set with what [`Self::of`] tells, judged by whom the row names.
+    ///
+    /// # Errors
+    /// As [`Self::of`]; the rule cannot judge them.
+    pub fn look(
+        &self,
+        experiment: &Experiment<'_>,
+        row: &Row,
+        seen: &SeenRowConfig,
+        data: &Dataset,
+        keep_in: Option<&Path>,
+    ) -> anyhow::Result<Vec<EvalSample>> {
+        let found = self.of(experiment, row, seen, data, keep_in)?;
+        Ok(eval_samples(data.samples(), &judge_all(seen.judge, &found, data)?))
+    }
+
     /// What a row's network finds in the samples, one sensor blinded where the row says so; written as predictions below a folder
     /// where one is named.
     ///
     /// # Errors
     /// The run cannot be read, learned from the samples, or cannot run on them; the predictions cannot be written.
-    pub fn of(
+    fn of(
         &self,
         experiment: &Experiment<'_>,
         row: &Row,

@@ -6,11 +6,11 @@ use super::data::LABELS;
 use super::experiment::{Experiment, Row, read_json};
 use super::found::Found;
 use super::split_test::{SplitTest, Towns};
-use harmzone::cli::{ScoredData, judge_all, provenance};
+use harmzone::cli::{ScoredData, provenance};
 use harmzone::episode::{Manifest, Split};
 use harmzone::eval::judge::Judge;
 use harmzone::eval::versus::{Versus, versus};
-use harmzone::eval::{EvalSample, Mode, Protocol, eval_samples, evaluate};
+use harmzone::eval::{EvalSample, Mode, Protocol, evaluate};
 use harmzone::files::{sha256_hex, write_atomic};
 use harmzone::infer::Trained;
 use harmzone::report::results::{Record, ReportedGroup, ReportedRecord, ReportedSet, SeedMean, SeedMeans};
@@ -153,11 +153,8 @@ pub fn read_or_make_means(
         };
         Ok(SeedMean { id: of(Mode::Id)?, ood: of(Mode::Ood)? })
     };
-    let seen = mean(&|row, mode| {
-        let data = experiment.scored_split(mode)?;
-        let boxes = found.of(experiment, row, &as_it_is(row), data, None)?;
-        Ok(eval_samples(data.samples(), &judge_all(Judge::Network, &boxes, data)?))
-    })?;
+    let seen =
+        mean(&|row, mode| found.look(experiment, row, &as_it_is(row), experiment.scored_split(mode)?, None))?;
     let of_towns = |towns: Towns| mean(&|row, mode| test.look(row, &as_it_is(row), towns, mode));
     let means = SeedMeans {
         networks: records.iter().map(|of| of.checkpoint_sha256.clone()).collect(),

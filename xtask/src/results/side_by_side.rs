@@ -11,12 +11,11 @@ use super::experiment::{Experiment, Row, read_json};
 use super::found::Found;
 use super::request::ReportStamp;
 use super::split_test::{SplitTest, Towns};
-use harmzone::cli::judge_all;
 use harmzone::dataset::Fingerprint;
 use harmzone::dataset::blind::Sensor;
 use harmzone::eval::judge::Judge;
 use harmzone::eval::versus::{Versus, versus};
-use harmzone::eval::{EvalSample, Mode, Protocol, eval_samples};
+use harmzone::eval::{EvalSample, Mode, Protocol};
 use harmzone::files::{sha256_hex, write_atomic};
 use harmzone::model::checkpoint::CHECKPOINT;
 use harmzone::report::results::{ReportedVersus, SideBySide};
@@ -105,10 +104,7 @@ impl Asked<'_> {
 
     fn make(&self, networks: &Networks) -> anyhow::Result<Versus> {
         let data = self.experiment.scored_split(Mode::Ood)?;
-        let of = self.score(&|row, seen| {
-            let found = self.found.of(self.experiment, row, seen, data, None)?;
-            Ok(eval_samples(data.samples(), &judge_all(seen.judge, &found, data)?))
-        })?;
+        let of = self.score(&|row, seen| self.found.look(self.experiment, row, seen, data, None))?;
         let kept = Kept { rows: networks.clone(), tested_on: self.experiment.ood.clone(), of };
         write_atomic(&self.file(), serde_json::to_string_pretty(&kept)?.as_bytes())?;
         Ok(kept.of)

@@ -12,10 +12,9 @@ use super::config::SeenRowConfig;
 use super::data::{LABELS, prepare_to_report};
 use super::experiment::{Experiment, Row};
 use super::found::Found;
-use harmzone::cli::judge_all;
 use harmzone::dataset::{Dataset, Fingerprint};
 use harmzone::episode::Split;
-use harmzone::eval::{EvalSample, Mode, eval_samples};
+use harmzone::eval::{EvalSample, Mode};
 use harmzone::files::sha256_hex;
 
 /// Data sets in the same towns, without and with unfamiliar objects.
@@ -141,8 +140,7 @@ impl<'a> SplitTest<'a> {
         for group in self.groups_of(towns) {
             let data = self.open(group, mode)?;
             let keep_in = self.experiment.request.out.join("report").join(group.folder(mode));
-            let found = self.found.of(self.experiment, row, seen, &data, Some(&keep_in))?;
-            let judged = eval_samples(data.samples(), &judge_all(seen.judge, &found, &data)?);
+            let judged = self.found.look(self.experiment, row, seen, &data, Some(&keep_in))?;
             samples.extend(judged.into_iter().map(|sample| match towns {
                 Towns::Group(_) => sample,
                 Towns::All => of_set(sample, group.name),
