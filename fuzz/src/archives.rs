@@ -7,7 +7,8 @@ use harmzone::episode::merged::{MergeSources, MergedLook, write_merged};
 use harmzone::episode::{CommandReader, DetectionReader, EpisodeReader, LabelReader};
 use harmzone::model::{Input, ModelConfig};
 use harmzone::progress::Silent;
-use harmzone::zone::{Zone, ZoneConfig};
+use harmzone::zone::{Zone, ZoneConfig, ZoneKind};
+use mcap::Compression;
 
 use super::made_episode::{Made, dataset};
 use super::mcap_files::{Part, Parts};
@@ -52,6 +53,9 @@ fn file_of(template: &Parts, kind: usize, bytes: &[u8]) -> Vec<u8> {
 /// The inputs that give a template back.
 fn seeds_of(template: &Parts) -> Vec<(usize, Vec<u8>)> {
     let mut seeds = vec![(0, template.with(Part::Nothing)), (1, template.metadata_lines().into_bytes())];
+    seeds.extend(
+        [Compression::Zstd, Compression::Lz4].map(|by| (0, template.packed(Part::Nothing, Some(by)))),
+    );
     seeds.extend((0..template.n_channels()).filter_map(|i| Some((i + 2, template.message(i)?.to_vec()))));
     seeds
 }
@@ -69,7 +73,8 @@ fn read_episode(path: &Path) {
         Err(error) => return scratch::tell(&error),
     };
     let _ = episode.map();
-    let zone = Zone::try_from(ZoneConfig::default()).expect("the default is valid");
+    let of_kind = |kind| Zone::try_from(ZoneConfig { kind, ..ZoneConfig::default() });
+    let zones = ZoneKind::ALL.map(|kind| of_kind(kind).expect("the default is valid"));
     let config = ModelConfig::default();
     for i in 0..episode.len().min(MOST_SAMPLES) {
         let _ = (episode.views(i), episode.clouds(i), episode.sweeps(i), episode.whole_sample(i));
@@ -80,7 +85,7 @@ fn read_episode(path: &Path) {
                 continue;
             }
         };
-        if let Ok(zone) = zone.at(sample.true_state()) {
+        for zone in zones.iter().filter_map(|zone| zone.at(sample.true_state()).ok()) {
             for object in sample.objects() {
                 let _ = (zone.harm_of_object(object), zone.edge_distance_m(&object.box_in_ego));
             }

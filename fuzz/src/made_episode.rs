@@ -56,7 +56,7 @@ fn boxed(x_m: f64, y_m: f64) -> Box3<Ego> {
     Box3 { center: Point::new(x_m, y_m, 0.8), length_m: 4.2, width_m: 1.8, height_m: 1.6, yaw_rad: 0.3 }
 }
 
-fn object(id: &str, kind: Kind, distribution: Distribution, x_m: f64) -> Object {
+pub fn object(id: &str, kind: Kind, distribution: Distribution, x_m: f64) -> Object {
     Object {
         velocity_in_ego_mps: [1.0, 0.5],
         id: Some(id.into()),
@@ -167,7 +167,7 @@ fn source_meta(sha256: &str) -> SourceMeta {
     }
 }
 
-fn detections() -> Vec<Detection> {
+pub fn detections() -> Vec<Detection> {
     let found = |x_m, harm, score| Detection {
         box_in_ego: boxed(x_m, 0.4),
         velocity_in_ego_mps: [0.5, 0.0],

@@ -4,7 +4,7 @@ use std::io::Cursor;
 use std::sync::Arc;
 
 use mcap::records::MessageHeader;
-use mcap::{Channel, WriteOptions};
+use mcap::{Channel, Compression, WriteOptions};
 
 /// A file taken apart.
 pub struct Parts {
@@ -66,8 +66,13 @@ impl Parts {
 
     /// The whole file, unpacked and without checksums, with one part replaced.
     pub fn with(&self, part: Part<'_>) -> Vec<u8> {
+        self.packed(part, None)
+    }
+
+    /// The same, packed.
+    pub fn packed(&self, part: Part<'_>, by: Option<Compression>) -> Vec<u8> {
         let options = WriteOptions::new()
-            .compression(None)
+            .compression(by)
             .calculate_chunk_crcs(false)
             .calculate_data_section_crc(false)
             .calculate_summary_section_crc(false);

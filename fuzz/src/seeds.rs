@@ -5,7 +5,7 @@ use std::path::Path;
 use fs_err as fs;
 use harmzone::meshes::{MeshPart, to_glb};
 
-use super::{archives, imports, mesh_files, networks, roads, scratch, texts};
+use super::{archives, data_sets, imports, mesh_files, networks, results, roads};
 
 /// Writes the made inputs of a target into a folder; `make_corpus.sh` adds those that lie in files.
 ///
@@ -59,14 +59,8 @@ fn seeds(target: &str) -> Vec<Vec<u8>> {
             let read = |file: &str| fs::read(made.dataset.join(file)).expect("it was just written");
             files.iter().enumerate().map(|(kind, file)| with_kind(kind, &read(file))).collect()
         }
-        "results" => {
-            let folder = scratch::empty_folder("seeds/scores");
-            texts::made_scores(&folder);
-            let names = texts::RESULTS.iter().enumerate();
-            names
-                .filter_map(|(kind, name)| Some(with_kind(kind, &fs::read(folder.join(name)).ok()?)))
-                .collect()
-        }
+        "data_set" => data_sets::seeds(),
+        "results" => results::seeds(),
         "road" => vec![
             with_kind(0, roads::STREET.as_bytes()),
             with_kind(2, roads::STREET.as_bytes()),

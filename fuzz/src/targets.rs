@@ -6,6 +6,8 @@
 
 #[path = "archives.rs"]
 mod archives;
+#[path = "data_sets.rs"]
+mod data_sets;
 #[path = "imports.rs"]
 mod imports;
 #[path = "made_episode.rs"]
@@ -18,8 +20,12 @@ mod mcap_files;
 mod mesh_files;
 #[path = "networks.rs"]
 mod networks;
+#[path = "patched.rs"]
+mod patched;
 #[path = "predictions.rs"]
 mod predictions;
+#[path = "results.rs"]
+mod results;
 #[path = "roads.rs"]
 mod roads;
 #[path = "scratch.rs"]
@@ -35,12 +41,13 @@ pub use seeds::write_seeds;
 pub type Target = fn(&[u8]);
 
 /// Every target with its name, which is that of its folder of inputs and of its program in `fuzz_targets`.
-pub const TARGETS: [(&str, Target); 14] = [
+pub const TARGETS: [(&str, Target); 15] = [
     ("episode", archives::episode),
     ("sidecar", archives::sidecar),
     ("manifest", texts::manifest),
+    ("data_set", data_sets::data_set),
     ("config", texts::config),
-    ("results", texts::results),
+    ("results", results::results),
     ("road", roads::road),
     ("predictions", predictions::predictions),
     ("mesh", mesh_files::mesh),

@@ -1,19 +1,17 @@
-//! Manifests, configs and files of results: JSON, TOML and CSV.
+//! Manifests and configs: JSON and TOML.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use harmzone::config::{Check, Checked, load, load_over, to_toml, with_overrides};
 use harmzone::drive::{DriveConfig, load_scenarios};
 use harmzone::episode::{LabelManifest, Manifest, Split};
 use harmzone::eval::sweep::SweepConfig;
-use harmzone::eval::{EvalConfig, EvalSample, Mode, Protocol, evaluate};
+use harmzone::eval::{EvalConfig, Protocol};
 use harmzone::generate::{CheckedConfig, GenerateConfig, plan, preset};
 use harmzone::import::ros2::MappingConfig;
 use harmzone::import::{ImportConfig, LogFormat};
 use harmzone::meshes::SettingsFile;
 use harmzone::model::ModelConfig;
-use harmzone::report::page::{self, ReportRequest, ScoresRequest};
-use harmzone::report::{curves, provenance::Provenance, scores};
 use harmzone::sensors::{Rig, RigConfig};
 use harmzone::train::TrainConfig;
 use harmzone::zone::{Zone, ZoneConfig};
@@ -114,53 +112,5 @@ pub fn config(bytes: &[u8]) {
             let _ = with_overrides(&GenerateConfig::default(), &overrides).map(|config| to_toml(&config));
             let _ = with_overrides(&TrainConfig::default(), &overrides).map(Checked::new);
         }
-    }
-}
-
-/// The files that `results` takes, by the first byte.
-pub const RESULTS: [&str; 8] = [
-    scores::METRICS_FILE,
-    scores::PROVENANCE_FILE,
-    scores::FAULTS_FILE,
-    scores::SWEEPS_FILE,
-    "results.json",
-    "drive.json",
-    harmzone::history::STEPS_FILE,
-    harmzone::history::SCORES_FILE,
-];
-
-/// A folder of scores that the program itself wrote; nobody was right or wrong in it.
-pub fn made_scores(folder: &Path) {
-    let protocol = Protocol::default();
-    let samples = [EvalSample::new("street/0", Default::default(), Vec::new(), Vec::new())];
-    let evaluation = evaluate(&samples, &protocol, Mode::Id).expect("an empty sample can be scored");
-    let provenance = Provenance { version: "0.1.0".into(), ..Provenance::default() };
-    scores::write(folder, &protocol, &evaluation, &provenance).expect("scores can be written");
-}
-
-/// One of [`RESULTS`], drawn as a report or as curves of a training.
-pub fn results(bytes: &[u8]) {
-    let Some((kind, rest)) = scratch::split(bytes) else { return };
-    let name = RESULTS[kind % RESULTS.len()];
-    let folder = scratch::empty_folder("results/scores");
-    made_scores(&folder);
-    let path = scratch::write(&format!("results/scores/{name}"), rest);
-    if name.ends_with("csv") {
-        let _ = curves::run(&folder);
-        return;
-    }
-    let given = |wanted: &str| (name == wanted).then(|| path.clone());
-    let report = page::run(&ReportRequest {
-        out: folder.join("report.html"),
-        id: Some(ScoresRequest { folder: folder.clone(), data: None::<PathBuf> }),
-        ood: None,
-        results: given("results.json"),
-        drives: given("drive.json").map(|_| folder.clone()),
-        n_cards: 1,
-        command: "harmzone report".into(),
-        force: true,
-    });
-    if let Err(error) = report {
-        scratch::tell(&error);
     }
 }

@@ -3,6 +3,7 @@
 use clap::Args;
 
 use super::{number, one_of};
+use crate::episode::MAX_EPISODES;
 use crate::generate::{GenerateConfig, Preset};
 
 #[derive(Debug, Args)]
@@ -19,7 +20,7 @@ pub struct WorldArgs {
     #[arg(long, value_name = "WEATHERS", value_delimiter = ',')]
     weather: Vec<String>,
     /// Number of episodes, each a world of its own [default: the preset's, else 6]
-    #[arg(long, value_name = "N", value_parser = number(1..=u32::MAX))]
+    #[arg(long, value_name = "N", value_parser = number(1..=MAX_EPISODES))]
     pub episodes: Option<u32>,
     /// Seed of every random draw: the same seed gives the same bytes [default: 0]
     #[arg(long, value_name = "N", value_parser = number(0..=i64::MAX as u64))]

@@ -25,7 +25,7 @@ const MAX_ANSWER_BYTES: u32 = 16 * 1024 * 1024;
 /// How much of what it said on standard error is told.
 const STDERR_TAIL_LINES: usize = 10;
 /// Most boxes in an answer.
-const MAX_BOXES: usize = 10_000;
+const MAX_BOXES: usize = 1_000;
 /// No box is farther away or longer, metres.
 const FARTHEST_M: f64 = 10_000.0;
 /// Hexadecimal digits by which an episode is called.

@@ -4,6 +4,8 @@ use foxglove::messages as fox;
 use foxglove::messages::line_primitive::Type as LineType;
 use foxglove::messages::points_annotation::Type as PointsType;
 
+use super::convert::FINITE;
+use super::error::MessageFault;
 use super::messages::{fox_cube, fox_identity, fox_point, fox_span, fox_time};
 use crate::geometry::{Box3, Camera, Ego, Frame, Pinhole, Point, Point2, World};
 use crate::object::{Detection, Distribution, Harm, Kind, Object};
@@ -146,7 +148,7 @@ pub(super) fn detection_boxes(time_ns: u64, detections: &[Detection]) -> fox::Sc
 }
 
 /// The map that [`map_update`] drew.
-pub(super) fn map_of(update: &fox::SceneUpdate) -> MapDrawing {
+pub(super) fn map_of(update: &fox::SceneUpdate) -> Result<MapDrawing, MessageFault> {
     let place = |point: &fox::Point3| Point::new(point.x, point.y, point.z);
     let mut map = MapDrawing::default();
     for entity in &update.entities {
@@ -154,7 +156,12 @@ pub(super) fn map_of(update: &fox::SceneUpdate) -> MapDrawing {
         let triangles = entity.triangles.iter().flat_map(|list| list.points.as_chunks::<3>().0);
         map.drivable_area.extend(triangles.map(|corners| corners.each_ref().map(place)));
     }
-    map
+    let mut points = map.drivable_area.iter().flatten().chain(map.lane_lines.iter().flatten());
+    if let Some(point) = points.find(|point| !point.coords.iter().all(|at| at.is_finite())) {
+        let found = format!("{:?}", [point.x(), point.y(), point.z()]);
+        return Err(MessageFault::new("point of the map", found, FINITE));
+    }
+    Ok(map)
 }
 
 /// The danger zone on the ground: green outline, translucent fill.

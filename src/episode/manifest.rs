@@ -295,7 +295,8 @@ impl LabelManifest {
 }
 
 /// Whether a text is the name of a file in a folder, and no way to another one.
-fn is_file_name(name: &str) -> bool {
+#[must_use]
+pub fn is_file_name(name: &str) -> bool {
     let mut parts = Path::new(name).components();
     let first = parts.next();
     parts.next().is_none() && first == Some(Component::Normal(name.as_ref()))

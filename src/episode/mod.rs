@@ -49,6 +49,6 @@ pub use manifest::{EpisodeEntry, LabelManifest, Manifest, ManifestError, Split};
 pub use meta::{EpisodeMeta, SourceMeta};
 pub use others::OtherSensors;
 pub use reader::{EpisodeReader, is_any_annotated};
-pub use shard::{PartOf, Shard, ShardError};
+pub use shard::{MAX_EPISODES, PartOf, Shard, ShardError};
 pub use sidecar::SidecarReader;
 pub use writer::{EpisodeWriter, FinishedEpisode};

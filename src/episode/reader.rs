@@ -264,7 +264,8 @@ impl EpisodeReader {
         if self.is_empty() || !self.archive.has(topics::MAP.name) {
             return Ok(MapDrawing::default());
         }
-        Ok(drawing::map_of(&self.messages(0)?.one(topics::MAP)?))
+        let map = drawing::map_of(&self.messages(0)?.one(topics::MAP)?);
+        map.map_err(EpisodeError::invalid(&self.meta.name, 0, self.path()))
     }
 
     /// The pictures of the cameras beside the front one.

@@ -77,10 +77,10 @@ impl DataSource {
     /// Opens an episode and its labels.
     ///
     /// # Errors
-    /// A damaged file; no labels, or labels of another file.
+    /// A damaged file, or another one than the manifest names; no labels, or labels of another file.
     pub fn episode(&self, entry: &EpisodeEntry) -> Result<LabelledEpisode, ExportError> {
         let path = self.path.join(&entry.file);
-        let reader = EpisodeReader::open(&path)?;
+        let reader = EpisodeReader::open_entry(&self.path, entry)?;
         let labels = self.labels.as_ref().map(|labels| self.labels_of(entry, labels)).transpose()?;
         Ok(LabelledEpisode { reader, labels, entry: entry.clone(), path })
     }

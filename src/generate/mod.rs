@@ -54,7 +54,7 @@ pub use run::{Extent, GenerateSummary, RunOptions, run};
 pub use timings::Timings;
 
 use crate::config::InvalidConfig;
-use crate::episode::{EpisodeError, ManifestError};
+use crate::episode::{EpisodeError, MAX_EPISODES, ManifestError};
 use crate::scene::SceneError;
 use crate::sensors::UnknownWeather;
 use crate::sim::SimError;
@@ -70,6 +70,8 @@ pub enum GenerateError {
     Scene(#[from] SceneError),
     #[error(transparent)]
     Simulation(#[from] SimError),
+    #[error("{n_episodes} episodes are asked for; a data set has {MAX_EPISODES} at most")]
+    TooMany { n_episodes: u32 },
     #[error("the scene has no {what} `{name}`")]
     Missing { what: &'static str, name: String },
     #[error("cannot pack the camera image: {0}")]

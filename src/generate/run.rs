@@ -15,7 +15,7 @@ use super::{CheckedConfig, EpisodePlan, GenerateConfig, GenerateError, folder, p
 use crate::config::to_toml;
 use crate::episode::folder::{AOV, remove_unfinished};
 use crate::episode::manifest::ObjectCounts;
-use crate::episode::{EpisodeEntry, MadeWith, Manifest, PartOf, Shard, Split};
+use crate::episode::{EpisodeEntry, MAX_EPISODES, MadeWith, Manifest, PartOf, Shard, Split};
 use crate::files::{FolderLock, check_room};
 use crate::object::{Distribution, Kind};
 use crate::progress::Progress;
@@ -82,13 +82,16 @@ pub fn run(
 ) -> Result<GenerateSummary, GenerateError> {
     let checked = CheckedConfig::try_from(config)?;
     let config = &checked.raw;
+    let Extent { n_episodes, shard } = extent.into();
+    if n_episodes > MAX_EPISODES {
+        return Err(GenerateError::TooMany { n_episodes });
+    }
     // An unknown town is reported at once, before the folder is touched.
     for town in &config.towns {
         for note in Town::load(town)?.notes {
             tracing::warn!("{town}: {note}");
         }
     }
-    let Extent { n_episodes, shard } = extent.into();
     let is_wanted = |number: u32| shard.is_none_or(|shard| shard.holds(number));
     let (numbers, plans): (Vec<u32>, Vec<EpisodePlan>) =
         (0..).zip(plan(&checked, n_episodes)).filter(|(number, _)| is_wanted(*number)).unzip();

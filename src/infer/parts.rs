@@ -9,6 +9,7 @@ use fs_err as fs;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use crate::episode::manifest::is_file_name;
 use crate::episode::{PartOf, Shard};
 use crate::eval::json::{JsonError, RawSamples};
 use crate::files::{FolderLock, holds_anything, read_sealed, sha256_of, write_sealed};
@@ -109,7 +110,12 @@ impl PredictionPart {
     fn read(folder: &Path) -> Result<Self, JoinError> {
         let path = folder.join(Self::FILE);
         let text = read_sealed(&path)?;
-        serde_json::from_str(&text).map_err(|error| JoinError::NotAPart { message: error.to_string(), path })
+        let not_a_part = |message| JoinError::NotAPart { message, path: path.clone() };
+        let part: Self = serde_json::from_str(&text).map_err(|error| not_a_part(error.to_string()))?;
+        if let Some(entry) = part.episodes.iter().find(|entry| !is_file_name(&entry.name)) {
+            return Err(not_a_part(format!("the episode's name `{}` is not that of a file", entry.name)));
+        }
+        Ok(part)
     }
 
     /// What all parts have in common, with its name.
@@ -179,7 +185,8 @@ fn write_joined(parts: &[(PathBuf, PredictionPart)], out: &Path) -> Result<JoinS
     for (path, part) in parts {
         let file = path.join(LIST_FILE);
         let samples = RawSamples::read(&file)?;
-        if samples.n_samples() != part.episodes.iter().map(|entry| entry.n_samples).sum::<usize>() {
+        let n_samples = part.episodes.iter().map(|entry| entry.n_samples);
+        if samples.n_samples() != n_samples.fold(0, usize::saturating_add) {
             return Err(torn(LIST_FILE.to_owned(), &file));
         }
         boxes.push(samples);

@@ -83,6 +83,17 @@ impl DriveSummary {
             );
             return Err(ReadDrivesError::Parse { message, path });
         }
+        let mut numbers = summary.outcomes.iter().map(Vec::len).zip(&summary.figures);
+        let first = numbers.next();
+        if let Some((n, of)) = first
+            && let Some((found, other)) = numbers.find(|&(found, _)| found != n)
+        {
+            let message = format!(
+                "{n} drives of {} and {found} of {}; all drive the same worlds",
+                of.who.name, other.who.name
+            );
+            return Err(ReadDrivesError::Parse { message, path });
+        }
         Ok(summary)
     }
 
@@ -113,6 +124,11 @@ mod tests {
             .unwrap();
         let error = read().unwrap_err().to_string();
         assert!(error.contains("outcomes of 0") && error.contains("drive.json"), "{error}");
+        let mut uneven = summary(&[drives("blind", [Some(3.0); 4]), drives("truth", [None; 4])], "");
+        uneven.outcomes[1].clear();
+        fs::write(&path, serde_json::to_string(&uneven).unwrap()).unwrap();
+        let error = read().unwrap_err().to_string();
+        assert!(error.contains("4 drives of blind and 0 of truth"), "{error}");
         fs::write(&path, "{}").unwrap();
         assert!(read().unwrap_err().to_string().contains("not what a drive writes"));
     }

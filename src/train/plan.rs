@@ -108,6 +108,12 @@ impl Plan {
         self.n_steps[..position.stage].iter().sum::<usize>() + position.step
     }
 
+    /// Whether a run can stand there: before one of its steps, or behind the last of a stage.
+    pub fn has(&self, position: Position) -> bool {
+        position.stage == STAGES.len() && position.step == 0
+            || self.n_steps.get(position.stage).is_some_and(|&n_steps| position.step <= n_steps)
+    }
+
     /// The epoch of a step.
     #[must_use]
     pub fn epoch(&self, position: Position) -> Epoch {

@@ -12,7 +12,7 @@ use burn::tensor::Device;
 use super::config::{StageConfig, TrainConfig};
 use super::dry_run::DryRun;
 use super::epoch_table::EpochTable;
-use super::error::TrainError;
+use super::error::{StateError, TrainError};
 use super::folder::{self, TrainOptions};
 use super::learner::Learner;
 use super::losses::LossParts;
@@ -119,6 +119,12 @@ pub fn run(
     let device = inference_device.clone().autodiff();
     let mut image_weights = None;
     let saved = state::load_newest(out, config, &device, inference_device)?;
+    if let Some((position, _)) = &saved
+        && !plan.has(*position)
+    {
+        let message = format!("it stands at {position:?}, and the run has {:?} steps", plan.n_steps);
+        return Err(StateError::Broken { message, path: state::folder(out) }.into());
+    }
     let (mut position, mut learner) = if let Some(saved) = saved {
         saved
     } else {

@@ -28,7 +28,7 @@ struct Saved {
     optimizer_sha256: String,
 }
 
-fn folder(run: &Path) -> PathBuf {
+pub(super) fn folder(run: &Path) -> PathBuf {
     run.join("state")
 }
 

@@ -11,6 +11,9 @@ use crate::geometry::{Point2, convex_overlap_area};
 /// Largest distance of a chord from its arc, metres.
 const CHORD_M: f64 = 0.005;
 
+/// Most places of a bar along its course: a bend of tens of kilometres has fewer.
+const MAX_STEPS: f64 = 100_000.0;
+
 /// A body's extent from the rear axle's middle: to the front, rear, left and right, all positive, metres.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[allow(clippy::struct_field_names, reason = "units are part of names")]
@@ -46,7 +49,7 @@ impl Corridor {
     pub fn of_bar(course: &Course, front_m: f64, half_width_m: f64, along_m: f64) -> Result<Self, ZoneError> {
         course.check_room(half_width_m)?;
         let (right, left) = (point(front_m, -half_width_m), point(front_m, half_width_m));
-        Ok(Self::between(sweep(course, [right, left], along_m)))
+        Ok(Self::between(sweep(course, [right, left], along_m)?))
     }
 
     /// The ground that the whole body sweeps, its place at the start included. Left out: the few centimetres
@@ -59,7 +62,7 @@ impl Corridor {
         let bar = [point(right_x_m, -body.right_m), point(left_x_m, body.left_m)];
         let (mut right, mut left) =
             (vec![point(-body.rear_m, -body.right_m)], vec![point(-body.rear_m, body.left_m)]);
-        let (out, back) = sweep(course, bar, along_m);
+        let (out, back) = sweep(course, bar, along_m)?;
         right.extend(out);
         left.extend(back);
         // The triangle between the bar's last place and the front edge there.
@@ -98,7 +101,7 @@ impl Corridor {
 }
 
 /// Places of a bar's ends, right and left, along the course.
-fn sweep(course: &Course, bar: [Point2; 2], along_m: f64) -> (Vec<Point2>, Vec<Point2>) {
+fn sweep(course: &Course, bar: [Point2; 2], along_m: f64) -> Result<(Vec<Point2>, Vec<Point2>), ZoneError> {
     let fastest = bar.map(|end| {
         let [x, y] = course.velocity_at(end);
         x.hypot(y)
@@ -106,9 +109,13 @@ fn sweep(course: &Course, bar: [Point2; 2], along_m: f64) -> (Vec<Point2>, Vec<P
     // A chord of a circle of radius r over an angle d deviates from it by r d² / 8; here k r is `fastest` and
     // d = k * step.
     let bend = course.curvature_per_m.abs() * f64::max(fastest[0], fastest[1]);
-    let n_steps = ((along_m * (bend / (8.0 * CHORD_M)).sqrt()).ceil() as usize).max(1);
+    let n_steps = (along_m * (bend / (8.0 * CHORD_M)).sqrt()).ceil();
+    if !(n_steps <= MAX_STEPS) {
+        return Err(ZoneError::Bend { along_m, curvature_per_m: course.curvature_per_m });
+    }
+    let n_steps = (n_steps as usize).max(1);
     let motion = |i: usize| course.motion(along_m * i as f64 / n_steps as f64);
-    (0..=n_steps).map(motion).map(|motion| (motion.carry(bar[0]), motion.carry(bar[1]))).unzip()
+    Ok((0..=n_steps).map(motion).map(|motion| (motion.carry(bar[0]), motion.carry(bar[1]))).unzip())
 }
 
 /// The rectangle along the axes around some points.

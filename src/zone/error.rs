@@ -23,6 +23,15 @@ pub enum ZoneError {
          more than {needed_m} m"
     )]
     Radius { steering_angle_rad: f64, radius_m: f64, needed_m: f64 },
+    #[error(
+        "the zone would bend along {along_m} m with a curvature of {curvature_per_m} per metre; a speed, a wheelbase and a bumper of a \
+         car are needed"
+    )]
+    Bend { along_m: f64, curvature_per_m: f64 },
+    #[error(
+        "the ego and the object close in at up to {closing_mps} m/s, too fast for a forecast over {horizon_s} s"
+    )]
+    Closing { closing_mps: f64, horizon_s: f64 },
     #[error("the object's velocity is {found:?} m/s; finite numbers are needed")]
     Velocity { found: [f64; 2] },
     #[error("only zone `rect` has an edge to measure a distance to; hard rules take every zone")]

@@ -238,7 +238,7 @@ impl ZoneAt {
             let harm = Harm::Harmless;
             return Ok(Verdict { harm, overlap_area_m2, overlap_ratio, time_to_collision_s: None });
         }
-        let time_to_collision_s = self.rule.time_to_collision_s(&object);
+        let time_to_collision_s = self.rule.time_to_collision_s(&object)?;
         let meeting = Meeting { overlap_area_m2, overlap_ratio, time_to_collision_s };
         let harm = if self.rule.is_harmful(&meeting) { Harm::Harmful } else { Harm::Harmless };
         Ok(Verdict { harm, overlap_area_m2, overlap_ratio, time_to_collision_s })

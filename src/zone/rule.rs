@@ -47,8 +47,8 @@ pub(super) trait ZoneRule: Debug + Send + Sync {
     fn overlap_m2(&self, object: &Seen) -> Result<f64, ZoneError>;
 
     /// Seconds until contact, if the rule uses it and contact comes.
-    fn time_to_collision_s(&self, _object: &Seen) -> Option<f64> {
-        None
+    fn time_to_collision_s(&self, _object: &Seen) -> Result<Option<f64>, ZoneError> {
+        Ok(None)
     }
 
     /// Whether an object that meets the zone in this way is harmful.

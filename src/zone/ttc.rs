@@ -18,6 +18,9 @@ use crate::sample::EgoState;
 /// A gap as small as this is contact, metres.
 const TOUCH_M: f64 = 0.01;
 
+/// Most advances until contact: two who pass a few centimetres apart for a minute take fewer.
+const MAX_STEPS: usize = 1_000_000;
+
 /// The forecast of the ego.
 #[derive(Debug)]
 pub(super) struct Ttc {
@@ -59,7 +62,7 @@ impl ZoneRule for Ttc {
         Ok(object.shared_m2(&self.swept))
     }
 
-    fn time_to_collision_s(&self, object: &Seen) -> Option<f64> {
+    fn time_to_collision_s(&self, object: &Seen) -> Result<Option<f64>, ZoneError> {
         let Self { course, body, speed_mps, horizon_s, .. } = self;
         time_to_collision_s(course, *speed_mps, body, object.box_in_ego, object.velocity_mps, *horizon_s)
     }
@@ -88,7 +91,7 @@ fn time_to_collision_s(
     object: &Box3<Ego>,
     velocity_mps: [f64; 2],
     horizon_s: f64,
-) -> Option<f64> {
+) -> Result<Option<f64>, ZoneError> {
     let ego = body.corners();
     let fastest = ego.iter().map(|&corner| {
         let [x, y] = course.velocity_at(corner);
@@ -96,11 +99,14 @@ fn time_to_collision_s(
     });
     let closing_mps = speed_mps.abs() * fastest.fold(0.0, f64::max) + velocity_mps[0].hypot(velocity_mps[1]);
     if least_gap_m(body, object) > closing_mps * horizon_s * (1.0 + 1e-9) {
-        return None;
+        return Ok(None);
     }
     let footprint = object.footprint();
     let mut time_s = 0.0;
-    while time_s <= horizon_s {
+    for _ in 0..MAX_STEPS {
+        if !(time_s <= horizon_s) {
+            return Ok(None);
+        }
         let motion = course.motion(speed_mps * time_s);
         let ego_then = ego.map(|corner| motion.carry(corner));
         let object_then = footprint.map(|corner| Point2 {
@@ -109,12 +115,12 @@ fn time_to_collision_s(
         });
         let gap_m = convex_signed_distance_m(&ego_then, &object_then);
         if gap_m <= TOUCH_M {
-            return Some(time_s);
+            return Ok(Some(time_s));
         }
         // Both at rest: infinite, and the loop ends.
         time_s += gap_m / closing_mps;
     }
-    None
+    Err(ZoneError::Closing { closing_mps, horizon_s })
 }
 
 #[cfg(test)]
@@ -132,7 +138,7 @@ mod tests {
     }
 
     fn ttc(speed: f64, steering: f64, object: &Box3<Ego>, velocity: [f64; 2]) -> Option<f64> {
-        time_to_collision_s(&course(steering), speed, &CAR, object, velocity, 4.0)
+        time_to_collision_s(&course(steering), speed, &CAR, object, velocity, 4.0).unwrap()
     }
 
     fn assert_near(found: Option<f64>, expected: f64) {

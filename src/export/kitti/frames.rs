@@ -22,7 +22,7 @@ impl FrameNames {
     /// # Errors
     /// A damaged episode, or more samples than six digits can number.
     pub fn of(dataset: &Path, manifest: &Manifest) -> Result<Self, ExportError> {
-        let n_samples: usize = manifest.episodes.iter().map(|entry| entry.n_samples).sum();
+        let n_samples = manifest.episodes.iter().map(|entry| entry.n_samples).fold(0, usize::saturating_add);
         if n_samples > MAX_FRAMES {
             let message = format!("{n_samples} samples; KITTI numbers {MAX_FRAMES} at most");
             return Err(ExportError::Unfit { message, path: dataset.to_owned() });
@@ -55,7 +55,7 @@ fn own_names(
 ) -> Result<Option<BTreeMap<String, Vec<String>>>, ExportError> {
     let (mut all, mut of_episodes) = (BTreeSet::new(), BTreeMap::new());
     for entry in &manifest.episodes {
-        let reader = EpisodeReader::open(&dataset.join(&entry.file))?;
+        let reader = EpisodeReader::open_known(dataset, entry)?;
         let Some(log) = reader.log().filter(|log| log.format == "kitti") else { return Ok(None) };
         let names = reader.times_ns().iter().map(|&time_ns| log.sample_name(time_ns).map(str::to_owned));
         let Some(names) = names.collect::<Option<Vec<String>>>() else { return Ok(None) };

@@ -41,7 +41,7 @@ impl GlobalFrames {
     pub fn of(source: &DataSource) -> Result<Self, ExportError> {
         let mut frames = Self::default();
         for entry in &source.manifest().episodes {
-            let reader = EpisodeReader::open(&source.path().join(&entry.file))?;
+            let reader = EpisodeReader::open_known(source.path(), entry)?;
             if reader.log().is_none_or(|log| log.format != "nuscenes") {
                 frames.take(&entry.town, &reader.map()?);
             }

@@ -244,6 +244,10 @@ impl Export {
         progress: &dyn Progress,
     ) -> Result<(), ExportError> {
         let episode = source.episode(entry)?;
+        if episode.reader.is_empty() {
+            let message = format!("episode `{}` holds no sample; a scene has one at least", entry.name);
+            return Err(ExportError::Unfit { message, path: episode.reader.path().to_owned() });
+        }
         let place = Placement {
             global_from_world: self.frames.global_from_world(&entry.town),
             delay_us: self.delay_us(episode.reader.times_ns()),

@@ -81,8 +81,8 @@ fn series(
 
 /// The speed along the ego's x axis by the poses around a time; `None` without poses there.
 fn forward_mps(poses: &[(u64, Transform<World, Ego>)], time_ns: u64) -> Option<f64> {
-    let begin = poses.partition_point(|(at_ns, _)| *at_ns + REACH_NS < time_ns);
-    let end = poses.partition_point(|(at_ns, _)| *at_ns <= time_ns + REACH_NS);
+    let begin = poses.partition_point(|(at_ns, _)| at_ns.saturating_add(REACH_NS) < time_ns);
+    let end = poses.partition_point(|(at_ns, _)| *at_ns <= time_ns.saturating_add(REACH_NS));
     let [(first_ns, first), .., (last_ns, last)] = poses.get(begin..end)? else { return None };
     let moved = (first.inverse() * *last).isometry.translation.vector;
     Some(moved.x / ((last_ns - first_ns) as f64 * 1e-9))

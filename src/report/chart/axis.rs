@@ -15,6 +15,17 @@ pub struct Axis {
     pub is_log: bool,
 }
 
+/// Farther out an axis does not reach, and less far its ends do not lie apart: numbers of files are not believed.
+const FARTHEST: f64 = 1e12;
+
+/// A point off the plane is drawn no farther away than this many of its sides: lines are dashed by the pixel.
+const MOST_SIDES: f64 = 10.0;
+
+/// The end of an axis: a number.
+fn end(at: f64) -> f64 {
+    if at.is_nan() { 0.0 } else { at.clamp(-FARTHEST, FARTHEST) }
+}
+
 impl Axis {
     /// A straight axis with these ticks.
     #[must_use]
@@ -28,10 +39,12 @@ impl Axis {
         Self::over(name, 0.0, 1.0)
     }
 
-    /// An axis over all values, with ticks at round numbers; `low` and `high` must be finite.
+    /// An axis over all values, with ticks at round numbers.
     #[must_use]
     pub fn over(name: &str, low: f64, high: f64) -> Self {
-        let high = if high > low { high } else { low + 1.0 };
+        let (low, high) = (end(low), end(high));
+        let least = f64::max(1.0, low.abs()) / FARTHEST;
+        let high = if high - low > least { high } else { low + 1.0 };
         let rough = (high - low) / 7.0;
         let power = 10f64.powf(rough.log10().floor());
         let step = [1.0, 2.0, 5.0, 10.0].map(|n| n * power).into_iter().find(|&step| step >= rough);
@@ -46,6 +59,8 @@ impl Axis {
     /// A logarithmic axis, with ticks at one, two and five times the powers of ten; `low` must be above zero.
     #[must_use]
     pub fn log(name: &str, low: f64, high: f64) -> Self {
+        let low = end(low).max(1.0 / FARTHEST);
+        let high = end(high).max(low);
         let powers = (low.log10().floor() as i32)..=(high.log10().ceil() as i32);
         let ticks = powers.flat_map(|power| {
             let n_decimals = (-power).max(0) as usize;
@@ -87,7 +102,8 @@ impl Ranged for Ticked {
     type ValueType = f64;
 
     fn map(&self, value: &f64, (start, end): (i32, i32)) -> i32 {
-        start + (self.0.share_at(*value) * f64::from(end - start)).round() as i32
+        let share = self.0.share_at(*value).clamp(-MOST_SIDES, MOST_SIDES);
+        start + (share * f64::from(end - start)).round() as i32
     }
 
     fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {
@@ -123,6 +139,35 @@ mod tests {
         assert_eq!(ticks(0.0, 1.0), ["0.0", "0.2", "0.4", "0.6", "0.8", "1.0"]);
         assert_eq!(ticks(0.0, 0.3), ["0.00", "0.05", "0.10", "0.15", "0.20", "0.25", "0.30"]);
         assert_eq!(ticks(2.0, 2.0).first().map(String::as_str), Some("2.0"));
+    }
+
+    #[test]
+    fn numbers_that_no_file_should_hold_give_few_ticks_of_few_digits() {
+        let ends = [
+            f64::NEG_INFINITY,
+            -1e300,
+            -1e16,
+            -1.0,
+            0.0,
+            5e-324,
+            1e-13,
+            1.0,
+            1e16,
+            1e300,
+            f64::INFINITY,
+            f64::NAN,
+        ];
+        for (low, high) in ends.iter().flat_map(|&low| ends.map(|high| (low, high))) {
+            for axis in [Axis::over("", low, high), Axis::log("", low, high)] {
+                let far = Ticked(axis.clone()).map(&1e300, (0, 1000));
+                assert!((-10_000..=10_000).contains(&far), "{low} {high}: {far}");
+                let ticks = words(axis);
+                assert!(
+                    ticks.len() < 200 && ticks.iter().all(|tick| tick.len() < 40),
+                    "{low} {high}: {ticks:?}"
+                );
+            }
+        }
     }
 
     #[test]

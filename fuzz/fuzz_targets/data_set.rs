@@ -1,0 +1,3 @@
+#![no_main]
+
+harmzone_fuzz::fuzz!("data_set");
