@@ -286,6 +286,23 @@ fn what_cannot_be_exported_or_imported_is_told_and_leaves_nothing() {
     let request = |naming, force| KittiRequest { dataset: &data, out: &out, labels: "rect", naming, force };
     let told = |request: KittiRequest<'_>| kitti::run(&request, &Silent).unwrap_err().to_string();
     assert!(told(request(Naming::Harm, false)).contains("no label set `rect`"));
+    let manifest = Manifest::read(&data).unwrap();
+    let mut other = manifest.clone();
+    other.episodes[0].n_samples -= 1;
+    other.write(&data).unwrap();
+    assert!(told(request(Naming::Source, false)).contains("dataset.json says"));
+    for (n_samples, wanted) in
+        [(2_000_000, "KITTI numbers 1000000 at most"), (usize::MAX, "10000000 at most are believed")]
+    {
+        other.episodes[0].n_samples = n_samples;
+        other.write(&data).unwrap();
+        assert!(told(request(Naming::Source, false)).contains(wanted));
+    }
+    other.episodes[0] = manifest.episodes[0].clone();
+    other.episodes[0].sha256 = "0".repeat(64);
+    other.write(&data).unwrap();
+    assert!(told(request(Naming::Source, false)).contains("content hash"));
+    manifest.write(&data).unwrap();
     let episode = data.join("episodes/nowhere-1.mcap");
     let bytes = fs::read(&episode).unwrap();
     fs::write(&episode, &bytes[..bytes.len() / 2]).unwrap();

@@ -140,7 +140,7 @@ fn merge_shard(made: &Made, edits: &[u8]) {
     write_json(&folder.join(Manifest::FILE), &patched::patched(&made.shard, edits));
     let out = scratch::place("data_set/merged");
     let _ = fs::remove_dir_all(&out);
-    tell(merge(&[folder.clone()], &out, &Silent));
+    tell(merge(std::slice::from_ref(&folder), &out, &Silent));
     tell(examine(&folder, &Silent));
     tell(mend(&folder, &Silent));
 }

@@ -66,6 +66,18 @@ impl Split {
     }
 }
 
+/// Most samples of an episode: ten days at ten a second. Sums over a data set stay within their types.
+const MAX_SAMPLES: usize = 10_000_000;
+/// Most objects of a kind in an episode, counted in each sample.
+const MAX_OBJECTS: u64 = 1_000_000_000_000;
+
+/// What is wrong with a number of samples.
+fn too_many(episode: &str, n_samples: usize) -> Option<String> {
+    let wanted = format!("{MAX_SAMPLES} at most are believed");
+    (n_samples > MAX_SAMPLES)
+        .then(|| format!("episode `{episode}` is said to have {n_samples} samples; {wanted}"))
+}
+
 /// One episode of a data set.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -200,6 +212,16 @@ impl Manifest {
             if !is_file_name(&entry.name) {
                 return fail(format!("the episode's name `{}` is not that of a file", entry.name));
             }
+            if let Some(message) = too_many(&entry.name, entry.n_samples) {
+                return fail(message);
+            }
+            let counts = entry.n_objects.id.values().into_iter().chain(entry.n_objects.ood.values());
+            if let Some(n) = counts.max().filter(|&&n| n > MAX_OBJECTS) {
+                let name = &entry.name;
+                return fail(format!(
+                    "episode `{name}` is said to show {n} objects; {MAX_OBJECTS} at most are believed"
+                ));
+            }
         }
         Ok(())
     }
@@ -280,6 +302,10 @@ impl LabelManifest {
         }
         if let Some(entry) = labels.episodes.iter().find(|entry| !is_file_name(&entry.file)) {
             return fail(format!("the label file `{}` is not beside {}", entry.file, Self::FILE));
+        }
+        if let Some(message) = labels.episodes.iter().find_map(|entry| too_many(&entry.name, entry.n_samples))
+        {
+            return fail(message);
         }
         Ok(labels)
     }

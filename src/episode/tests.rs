@@ -99,6 +99,18 @@ pub(super) fn map() -> MapDrawing {
     }
 }
 
+#[test]
+fn a_map_with_a_point_nowhere_is_told() {
+    let (_folder, path) = folder();
+    let mut nowhere = map();
+    nowhere.drivable_area[0][1] = Point::new(f64::NAN, 0.0, 0.0);
+    let mut writer = EpisodeWriter::create(&path, &meta(), &nowhere).unwrap();
+    writer.write(&sample(0)).unwrap();
+    writer.finish().unwrap();
+    let error = EpisodeReader::open(&path).unwrap().map().unwrap_err().to_string();
+    assert!(error.contains("`point of the map` is [NaN") && error.contains("episode.mcap"), "{error}");
+}
+
 fn write_episode(path: &Path, samples: &[Sample]) -> FinishedEpisode {
     let mut writer = EpisodeWriter::create(path, &meta(), &map()).unwrap();
     samples.iter().for_each(|sample| writer.write(sample).unwrap());

@@ -200,3 +200,26 @@ fn running_sum(numbers: impl Iterator<Item = usize>) -> Vec<usize> {
     }));
     sums
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_run_stands_at_its_steps_and_nowhere_else() {
+        let plan = Plan {
+            stages: [TrainConfig::default().lidar_stage; 2],
+            steps_per_epoch: 3,
+            n_steps: [0, 6],
+            samples_per_step: 1,
+            n_samples: 3,
+            begins: vec![0, 3],
+            n_window_parts: 1,
+            harmful_share: 0.0,
+            seed: 0,
+        };
+        let has = |stage, step| plan.has(Position { stage, step });
+        assert!(has(0, 0) && has(1, 0) && has(1, 6) && has(2, 0));
+        assert!(!has(0, 1) && !has(1, 7) && !has(2, 1) && !has(3, 0) && !has(1, usize::MAX));
+    }
+}

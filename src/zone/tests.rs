@@ -235,6 +235,29 @@ fn invalid_numbers_are_errors_that_name_the_field() {
     );
 }
 
+/// A file may say anything of an ego and of an object that is finite: a verdict or an error comes, and at once.
+#[test]
+fn no_finite_number_makes_a_bend_or_a_forecast_without_end() {
+    let bends =
+        [(1.0, 0.01, 2.7, 1e300), (1e18, 1e-18, 1.0, 3.6), (1e12, 0.3, 2.7, 3.6), (1e15, 1e-4, 2.7, 3.6)];
+    for (kind, (speed_mps, steering, wheelbase_m, front_bumper_x_m)) in
+        ZoneKind::ALL.into_iter().flat_map(|kind| bends.map(|bend| (kind, bend)))
+    {
+        let hostile = EgoState { wheelbase_m, front_bumper_x_m, ..ego(speed_mps, steering) };
+        if let Ok(here) = zone(kind).at(&hostile) {
+            assert!(here.corners().len() < 300_000);
+            let _ = here.harm_of(&block(9.0, 0.0, 1.0, 1.0), STANDING);
+        }
+    }
+    let far = zone(ZoneKind::Ttc).at(&EgoState { front_bumper_x_m: 1e300, ..ego(1.0, 0.01) }).unwrap_err();
+    assert!(matches!(far, ZoneError::Bend { .. }), "{far}");
+    // A metre apart for good: of a car's speeds no contact, of a comet's no answer.
+    let beside = |speed| at(ZoneKind::Ttc, speed, 0.0).harm_of(&block(2.0, 2.4, 2.0, 1.0), [speed, 0.0]);
+    assert_eq!(beside(90.0).unwrap().time_to_collision_s, None);
+    let fast = beside(1e9).unwrap_err();
+    assert!(matches!(fast, ZoneError::Closing { .. }), "{fast}");
+}
+
 proptest! {
     #[test]
     fn the_zone_has_the_area_of_its_depth_and_width(speed in -5.0..40.0, steering in -0.7..0.7) {
