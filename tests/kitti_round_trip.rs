@@ -291,13 +291,9 @@ fn what_cannot_be_exported_or_imported_is_told_and_leaves_nothing() {
     other.episodes[0].n_samples -= 1;
     other.write(&data).unwrap();
     assert!(told(request(Naming::Source, false)).contains("dataset.json says"));
-    for (n_samples, wanted) in
-        [(2_000_000, "KITTI numbers 1000000 at most"), (usize::MAX, "10000000 at most are believed")]
-    {
-        other.episodes[0].n_samples = n_samples;
-        other.write(&data).unwrap();
-        assert!(told(request(Naming::Source, false)).contains(wanted));
-    }
+    other.episodes[0].n_samples = 2_000_000;
+    other.write(&data).unwrap();
+    assert!(told(request(Naming::Source, false)).contains("KITTI numbers 1000000 at most"));
     other.episodes[0] = manifest.episodes[0].clone();
     other.episodes[0].sha256 = "0".repeat(64);
     other.write(&data).unwrap();
