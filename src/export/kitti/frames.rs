@@ -22,7 +22,7 @@ impl FrameNames {
     /// # Errors
     /// A damaged episode, or more samples than six digits can number.
     pub fn of(dataset: &Path, manifest: &Manifest) -> Result<Self, ExportError> {
-        let n_samples = manifest.episodes.iter().map(|entry| entry.n_samples).fold(0, usize::saturating_add);
+        let n_samples: usize = manifest.episodes.iter().map(|entry| entry.n_samples).sum();
         if n_samples > MAX_FRAMES {
             let message = format!("{n_samples} samples; KITTI numbers {MAX_FRAMES} at most");
             return Err(ExportError::Unfit { message, path: dataset.to_owned() });
