@@ -42,6 +42,16 @@ pub fn write_atomic(path: &Path, bytes: &[u8]) -> io::Result<()> {
     Ok(())
 }
 
+/// Makes a file that is still to get its name, or empties the one that is there; a link in its place is deleted.
+///
+/// # Errors
+/// Any IO error.
+pub(crate) fn create_partial(path: &Path) -> io::Result<fs::File> {
+    let file = lock::open_own(path)?;
+    file.set_len(0)?;
+    Ok(file)
+}
+
 /// Whether a folder holds anything but unfinished files; one that is not there does not.
 ///
 /// # Errors
@@ -79,13 +89,26 @@ pub fn is_file(path: &Path) -> io::Result<bool> {
 /// # Errors
 /// One cannot be deleted.
 pub fn remove_unfinished(folder: &Path) -> io::Result<()> {
+    remove_unfinished_if(folder, |_| true)
+}
+
+/// As [`remove_unfinished`], where other things may lie, too: only what `is_ours` says of a name.
+///
+/// # Errors
+/// One cannot be deleted.
+pub fn remove_unfinished_if(folder: &Path, is_ours: impl Fn(&str) -> bool) -> io::Result<()> {
     for entry in fs::read_dir(folder)? {
         let path = entry?.path();
-        let is_unfinished = path.extension().is_some_and(|suffix| suffix == PARTIAL_SUFFIX);
+        let is_unfinished = path.extension().is_some_and(|suffix| suffix == PARTIAL_SUFFIX)
+            && is_ours(&path.file_name().unwrap_or_default().to_string_lossy());
         if !is_unfinished || lock::is_lock(&path) {
             continue;
         }
-        let removed = if path.is_dir() { fs::remove_dir_all(&path) } else { fs::remove_file(&path) };
+        let removed = if path.is_dir() && !path.is_symlink() {
+            fs::remove_dir_all(&path)
+        } else {
+            fs::remove_file(&path)
+        };
         match removed {
             // A worker of a killed run may end now and delete its own files.
             Err(error) if error.kind() == io::ErrorKind::NotFound => {}
@@ -95,8 +118,8 @@ pub fn remove_unfinished(folder: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// Puts a file under another name too: a link where both are on one disk, else a copy; what lies there already is
-/// replaced.
+/// Puts a file under another name too: a second name where both are on one disk, else a copy; what lies there already is
+/// replaced. Of a symbolic link it is what the link leads to.
 ///
 /// # Errors
 /// Any IO error.
@@ -111,7 +134,7 @@ pub fn link_or_copy(from: &Path, to: &Path) -> io::Result<()> {
         Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
         _ => {}
     }
-    if fs::hard_link(from, &partial).is_err() {
+    if fs::canonicalize(from).and_then(|from| fs::hard_link(from, &partial)).is_err() {
         fs::copy(from, &partial)?;
         fs::File::open(&partial)?.sync_all()?;
     }
@@ -181,6 +204,26 @@ mod tests {
         write_atomic(&path, b"new").unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"new");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn links_are_not_written_through_and_what_they_lead_to_gets_the_second_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::write(at("precious"), "mine").unwrap();
+        std::os::unix::fs::symlink("precious", at("file.json.partial")).unwrap();
+        write_atomic(&at("file.json"), b"new").unwrap();
+        assert_eq!(
+            (fs::read(at("file.json")).unwrap(), fs::read(at("precious")).unwrap()),
+            (b"new".to_vec(), b"mine".to_vec())
+        );
+        std::os::unix::fs::symlink("precious", at("made.partial")).unwrap();
+        drop(create_partial(&at("made.partial")).unwrap());
+        assert_eq!(fs::read(at("precious")).unwrap(), b"mine");
+        std::os::unix::fs::symlink("precious", at("link")).unwrap();
+        link_or_copy(&at("link"), &at("below/second")).unwrap();
+        assert!(!at("below/second").is_symlink());
+        assert_eq!(fs::read(at("below/second")).unwrap(), b"mine");
     }
 
     #[test]

@@ -87,6 +87,11 @@ pub enum HistoryError {
     Io(#[from] std::io::Error),
     #[error("no steps were logged here yet; give the --out folder of a `harmzone train`: {}", path.display())]
     Nothing { path: PathBuf },
+    #[error(
+        "the log has no row of step {step}, though the state stands behind step {n_done}; put the log back, or give --force to \
+         start anew: {}", path.display()
+    )]
+    Gap { step: usize, n_done: usize, path: PathBuf },
     #[error("{source}: {}", path.display())]
     Broken { source: csv::Error, path: PathBuf },
 }
@@ -104,7 +109,20 @@ impl History {
         Ok(history)
     }
 
-    /// Reads the rows of the first `n_done` steps, from which a run goes on; empty if there is no log.
+    /// As [`Self::read_until`], for a run that goes on and must have them all.
+    ///
+    /// # Errors
+    /// As [`Self::read_until`]; a row is missing.
+    pub fn read_whole(run: &Path, n_done: usize) -> Result<Self, HistoryError> {
+        let history = Self::read_until(run, n_done)?;
+        let mut rows = history.steps.iter().map(|row| row.n_done);
+        match (1..=n_done).find(|step| rows.next() != Some(*step)) {
+            Some(step) => Err(HistoryError::Gap { step, n_done, path: run.join(STEPS_FILE) }),
+            None => Ok(history),
+        }
+    }
+
+    /// Reads the rows of the first `n_done` steps; empty if there is no log.
     ///
     /// # Errors
     /// Training did not write a file; the message names the line.
@@ -182,7 +200,9 @@ mod tests {
         let path = folder.path().join(STEPS_FILE);
         fs::write(&path, format!("{first}2,lidar,0,1.000e-3,1.00000,1.00000,1.00000,0.00000,1.000\n"))
             .unwrap();
-        let history = History::read_until(folder.path(), 1).unwrap();
+        let history = History::read_whole(folder.path(), 1).unwrap();
+        let told = History::read_whole(folder.path(), 3).unwrap_err().to_string();
+        assert!(told.contains("no row of step 3"), "{told}");
         assert_eq!((history.steps.len(), history.scores.len()), (1, 0));
         assert_eq!((history.steps[0].learning_rate, history.steps[0].harm), (2e-4, 6.30001));
         history.write(folder.path()).unwrap();

@@ -5,7 +5,7 @@
 //! `{"detections": [{"center_m": [x, y, z], "size_m": [length, width, height], "yaw_rad": 0.0, "harm": "harmful", "score": 0.9}]}`
 //! in the ego frame. What it says on standard error is told where it fails. It ends when its input ends.
 
-use std::io::{self, Read, Seek as _, Write};
+use std::io::{self, Read, Write};
 use std::os::unix::process::CommandExt as _;
 use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel, sync_channel};
@@ -15,15 +15,15 @@ use fs_err::File;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use crate::episode::check_detection;
 use crate::files::sha256_hex;
 use crate::geometry::{Box3, Frame, Pinhole, Transform};
 use crate::object::Detection;
 use crate::sample::{EgoState, ImageFormat, Measured};
+use crate::worker::last_lines;
 
 /// Longest answer that is read.
 const MAX_ANSWER_BYTES: u32 = 16 * 1024 * 1024;
-/// How much of what it said on standard error is told.
-const STDERR_TAIL_LINES: usize = 10;
 /// Most boxes in an answer.
 const MAX_BOXES: usize = 1_000;
 /// No box is farther away or longer, metres.
@@ -90,6 +90,8 @@ struct PointsHeader {
 #[serde(deny_unknown_fields)]
 struct Answer {
     detections: Vec<Detection>,
+    /// Of which sample it speaks; one that is late, or one too many, is told by it.
+    sample_idx: Option<u64>,
 }
 
 /// A running program.
@@ -203,20 +205,16 @@ impl External {
                 return Err(ExternalError::Ended { how, command: self.describe() });
             }
         };
-        parse_answer(&bytes).map_err(|what| ExternalError::Garbage { what, command: self.describe() })
+        parse_answer(&bytes, sample_idx)
+            .map_err(|what| ExternalError::Garbage { what, command: self.describe() })
     }
 
     /// The command, and the end of what it said on standard error.
     fn describe(&mut self) -> String {
-        let mut bytes = Vec::new();
-        let read = self.stderr.rewind().and_then(|()| self.stderr.read_to_end(&mut bytes));
-        let text = String::from_utf8_lossy(&bytes);
-        let lines: Vec<&str> = text.lines().collect();
-        let tail = lines[lines.len().saturating_sub(STDERR_TAIL_LINES)..].join("\n    ");
-        if read.is_err() || tail.is_empty() {
-            return format!("`{}`", self.command);
+        match last_lines(&mut self.stderr) {
+            Ok(tail) if !tail.is_empty() => format!("`{}`; it said:\n    {tail}", self.command),
+            _ => format!("`{}`", self.command),
         }
-        format!("`{}`; it said:\n    {tail}", self.command)
     }
 
     /// How it ended, which it does just after its standard output.
@@ -245,8 +243,12 @@ fn guard_of(process: &Child) -> io::Result<Child> {
         .spawn()
 }
 
-fn parse_answer(bytes: &[u8]) -> Result<Vec<Detection>, String> {
-    let Answer { detections } = serde_json::from_slice(bytes).map_err(|error| error.to_string())?;
+fn parse_answer(bytes: &[u8], sample_idx: u64) -> Result<Vec<Detection>, String> {
+    let Answer { detections, sample_idx: answered } =
+        serde_json::from_slice(bytes).map_err(|error| error.to_string())?;
+    if let Some(other) = answered.filter(|&answered| answered != sample_idx) {
+        return Err(format!("it is of sample {other}; sample {sample_idx} was asked for"));
+    }
     if detections.len() > MAX_BOXES {
         return Err(format!("{} boxes; at most {MAX_BOXES} are taken", detections.len()));
     }
@@ -258,9 +260,8 @@ fn parse_answer(bytes: &[u8]) -> Result<Vec<Detection>, String> {
         if let Some(far_m) = lengths_m.into_iter().find(|length_m| length_m.abs() > FARTHEST_M) {
             return Err(format!("box {i}: {far_m:e} m; at most {FARTHEST_M} m are taken"));
         }
-        if !(0.0..=1.0).contains(&found.score) {
-            return Err(format!("box {i}: score is {}; a number from 0 to 1 is needed", found.score));
-        }
+        check_detection(found)
+            .map_err(|fault| format!("box {i}: {} is {}; {}", fault.field, fault.found, fault.wanted))?;
     }
     Ok(detections)
 }

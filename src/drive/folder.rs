@@ -95,8 +95,13 @@ pub(super) fn find_whole(
     if !path.is_file() {
         return Ok(None);
     }
-    let mut outcome: DriveOutcome = serde_json::from_str(&read_sealed(&path)?)
-        .map_err(|error| DriveError::BadOutcome { message: error.to_string(), path })?;
+    let bad = |message: String| DriveError::BadOutcome { message, path: path.clone() };
+    let mut outcome: DriveOutcome =
+        serde_json::from_str(&read_sealed(&path)?).map_err(|error| bad(error.to_string()))?;
+    let names = std::iter::once(&outcome.episode).chain(outcome.entry.as_ref().map(|entry| &entry.name));
+    if let Some(other) = { names }.find(|name| **name != plan.name) {
+        return Err(bad(format!("it is of the drive `{other}`")));
+    }
     let is_there =
         outcome.entry.as_ref().is_some_and(|entry| is_whole(folder, entry).is_ok_and(|is_whole| is_whole));
     if !is_there {

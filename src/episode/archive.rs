@@ -14,7 +14,7 @@ use tempfile::TempPath;
 use super::error::EpisodeError;
 use super::messages::TopicMessage;
 use super::topics::{Topic, TopicSpec};
-use crate::files::{PARTIAL_SUFFIX, told_with_room};
+use crate::files::{PARTIAL_SUFFIX, create_partial, told_with_room};
 
 /// What is wanted on a full disk at the least: a chunk more.
 const LEAST_BYTES: u64 = 1_000_000;
@@ -58,7 +58,7 @@ impl ArchiveWriter {
         // file.
         partial.push(format!(".{}.{PARTIAL_SUFFIX}", std::process::id()));
         let partial = TempPath::try_from_path(partial)?;
-        let file = BufWriter::new(fs::File::create(&partial)?);
+        let file = BufWriter::new(create_partial(&partial)?);
         let writer = mcap::WriteOptions::new()
             .compression(Some(mcap::Compression::Zstd))
             .compression_threads(0)

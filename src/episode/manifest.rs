@@ -204,10 +204,18 @@ impl Manifest {
         if let Some((name, _)) = twice {
             return fail(format!("episode `{name}` is there twice"));
         }
+        let mut files: Vec<&str> = self.episodes.iter().map(|entry| entry.file.as_str()).collect();
+        files.sort_unstable();
+        if let Some((file, _)) = files.iter().zip(files.iter().skip(1)).find(|(file, next)| file == next) {
+            return fail(format!("the file `{file}` is that of two episodes"));
+        }
         for entry in &self.episodes {
             let mut parts = Path::new(&entry.file).components();
             if entry.file.is_empty() || !parts.all(|part| matches!(part, Component::Normal(_))) {
                 return fail(format!("the file `{}` is not inside the data set", entry.file));
+            }
+            if Path::new(&entry.file).extension().is_none_or(|suffix| suffix != "mcap") {
+                return fail(format!("the file `{}` is no episode's, whose name ends in .mcap", entry.file));
             }
             if !is_file_name(&entry.name) {
                 return fail(format!("the episode's name `{}` is not that of a file", entry.name));

@@ -47,6 +47,7 @@ pub use log::{Labelled, LogFacts, SizeRange};
 pub use made_with::{MadeWith, cpu};
 pub use manifest::{EpisodeEntry, LabelManifest, Manifest, ManifestError, Split};
 pub use meta::{EpisodeMeta, SourceMeta};
+pub(crate) use objects::check_detection;
 pub use others::OtherSensors;
 pub use reader::{EpisodeReader, is_any_annotated};
 pub use shard::{MAX_EPISODES, PartOf, Shard, ShardError};

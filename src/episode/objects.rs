@@ -259,7 +259,7 @@ fn check_spread(of: &BoxSpread) -> Result<(), MessageFault> {
     }
 }
 
-pub(super) fn check_detection(detection: &Detection) -> Result<(), MessageFault> {
+pub(crate) fn check_detection(detection: &Detection) -> Result<(), MessageFault> {
     detection.spread.as_ref().map_or(Ok(()), check_spread)?;
     check_box(&detection.box_in_ego, detection.velocity_in_ego_mps)?;
     if !(0.0..=1.0).contains(&detection.score) {

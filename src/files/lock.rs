@@ -5,7 +5,8 @@ use std::io::{self, Read as _, Seek as _, Write as _};
 use std::path::{Path, PathBuf};
 
 use fs_err as fs;
-use rustix::fs::{fstat, stat};
+use fs_err::os::unix::fs::OpenOptionsExt as _;
+use rustix::fs::{OFlags, fstat, lstat};
 
 use super::told_with_room;
 
@@ -43,8 +44,7 @@ impl FolderLock {
         fs::create_dir_all(folder)?;
         let path = folder.join(name);
         loop {
-            let mut file =
-                fs::OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path)?;
+            let mut file = open_own(&path)?;
             match file.try_lock().map_err(io::Error::from) {
                 Ok(()) => {}
                 Err(error) if error.kind() == io::ErrorKind::WouldBlock => {
@@ -112,7 +112,7 @@ impl FolderLock {
 /// Any IO error.
 pub(super) fn open_alone(path: &Path) -> io::Result<fs::File> {
     loop {
-        let file = fs::OpenOptions::new().write(true).create(true).truncate(false).open(path)?;
+        let file = open_own(path)?;
         match file.lock() {
             // Some network file systems have no locks.
             Err(error) if error.kind() != io::ErrorKind::Unsupported => return Err(error),
@@ -125,9 +125,26 @@ pub(super) fn open_alone(path: &Path) -> io::Result<fs::File> {
     }
 }
 
+/// Opens a file that only this program writes, or makes it. A link in its place is deleted: a folder from elsewhere could lead to any
+/// file of the user's by it.
+///
+/// # Errors
+/// Any IO error.
+pub(super) fn open_own(path: &Path) -> io::Result<fs::File> {
+    loop {
+        let mut options = fs::OpenOptions::new();
+        options.read(true).write(true).create(true).truncate(false);
+        options.custom_flags(OFlags::NOFOLLOW.bits().cast_signed());
+        match options.open(path) {
+            Err(_) if path.is_symlink() => fs::remove_file(path)?,
+            opened => return opened,
+        }
+    }
+}
+
 /// Whether a name still leads to this file.
 fn is_still_there(file: &fs::File, path: &Path) -> bool {
-    match (fstat(file), stat(path)) {
+    match (fstat(file), lstat(path)) {
         (Ok(ours), Ok(there)) => (ours.st_dev, ours.st_ino) == (there.st_dev, there.st_ino),
         _ => false,
     }
@@ -168,6 +185,18 @@ mod tests {
         let _held = FolderLock::take(home.path()).unwrap();
         FolderLock::tidy(home.path());
         assert!(home.path().join(FILE).exists());
+    }
+
+    #[test]
+    fn a_link_in_place_of_a_lock_leads_nowhere() {
+        let home = tempfile::tempdir().unwrap();
+        let (precious, folder) = (home.path().join("precious"), home.path().join("data"));
+        fs::write(&precious, "mine").unwrap();
+        fs::create_dir(&folder).unwrap();
+        std::os::unix::fs::symlink(&precious, folder.join(FILE)).unwrap();
+        drop(FolderLock::take(&folder).unwrap());
+        assert_eq!(fs::read_to_string(precious).unwrap(), "mine");
+        assert_eq!(fs::read_dir(&folder).unwrap().count(), 0);
     }
 
     #[test]

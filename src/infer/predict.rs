@@ -27,6 +27,11 @@ const N_BLINDED: usize = 32;
 pub enum PredictError {
     #[error("sample {sample}: {source}")]
     Input { sample: String, source: InputError },
+    #[error(
+        "sample {sample}: the network gives numbers without end, or none, by which it would find nothing; its weights are broken or too \
+         large for 32 bits"
+    )]
+    NotFinite { sample: String },
     #[error("sample {sample}: its boxes cannot be judged (model.head.judge = \"both\"): {source}")]
     Judge { sample: String, source: ZoneError },
     #[error(
@@ -241,11 +246,16 @@ fn forward<T: Send>(
                     .map_err(|source| PredictError::Input { sample: (*id).to_owned(), source })
             })
             .collect::<Result<Vec<_>, _>>()?;
-        let mut found = Vec::with_capacity(chunk.len());
+        let (mut found, mut n_done) = (Vec::with_capacity(chunk.len()), 0);
         // Images of another size than the first one's go alone: a batch has one size.
         for same_size in inputs.chunk_by(|a, b| a.image_height_px() == b.image_height_px()) {
             let batch = Batch::stack(&same_size.iter().collect::<Vec<_>>(), config, with_camera, device);
-            found.extend(read(&detector.forward(&batch)));
+            let output = detector.forward(&batch);
+            if let Some(i) = output.first_not_finite() {
+                return Err(PredictError::NotFinite { sample: chunk[n_done + i].0.to_owned() });
+            }
+            n_done += same_size.len();
+            found.extend(read(&output));
         }
         progress.advance(chunk.len() as u64);
         Ok(found)
@@ -258,4 +268,35 @@ fn forward<T: Send>(
     // The first error in the order of the samples.
     let found: Vec<Vec<T>> = of_chunks.into_iter().collect::<Result<_, _>>()?;
     Ok(found.into_iter().flatten().collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use burn::module::{Module as _, ModuleMapper, Param};
+    use burn::tensor::Tensor;
+
+    use super::*;
+    use crate::dataset::test_data;
+    use crate::model::ModelConfig;
+    use crate::progress::Silent;
+
+    /// Weights whose products have no end in 32 bits.
+    struct Vast;
+
+    impl ModuleMapper for Vast {
+        fn map_float<const D: usize>(&mut self, param: Param<Tensor<D>>) -> Param<Tensor<D>> {
+            let (id, tensor, mapper) = param.consume();
+            Param::from_mapped_value(id, tensor.mul_scalar(1e30), mapper)
+        }
+    }
+
+    #[test]
+    fn a_network_of_numbers_without_end_is_told_and_does_not_find_nothing() {
+        let (data, device) = (test_data::dataset(2), Device::flex());
+        let detector = Detector::init(&ModelConfig::in_little()[0], 0, &device);
+        let find = |detector: &Detector| predict(detector, &data.named(), true, &device, &Silent);
+        assert_eq!(find(&detector).unwrap().len(), data.samples().len());
+        let told = find(&detector.map(&mut Vast)).unwrap_err().to_string();
+        assert!(told.contains(data.named()[0].0) && told.contains("weights are broken"), "{told}");
+    }
 }

@@ -57,6 +57,10 @@ pub enum CheckpointError {
         missing.len(), misshapen.len(), path.display()
     )]
     Weights { missing: Vec<String>, misshapen: Vec<String>, path: PathBuf },
+    #[error(
+        "the checkpoint's weights `{name}` are not usable ({found}); finite numbers of 32 bits are needed: {}", path.display()
+    )]
+    Numbers { name: String, found: String, path: PathBuf },
     #[error("the weights cannot be packed: {message}: {}", path.display())]
     Pack { message: String, path: PathBuf },
 }
@@ -195,7 +199,7 @@ pub fn seen_in(bytes: &[u8], path: &Path) -> Result<Option<SeenEpisodes>, Checkp
 /// # Errors
 /// The bytes are not a checkpoint, or what they say of the score is broken.
 pub fn operating_score_in(bytes: &[u8], path: &Path) -> Result<Option<OperatingScore>, CheckpointError> {
-    json_in(bytes, OPERATING_KEY, path)
+    score_in(bytes, OPERATING_KEY, path)
 }
 
 /// The score from which on a car brakes for what the network in a checkpoint's bytes says, where one has been chosen; errors name
@@ -204,7 +208,7 @@ pub fn operating_score_in(bytes: &[u8], path: &Path) -> Result<Option<OperatingS
 /// # Errors
 /// As [`operating_score_in`].
 pub fn braking_score_in(bytes: &[u8], path: &Path) -> Result<Option<OperatingScore>, CheckpointError> {
-    json_in(bytes, BRAKING_KEY, path)
+    score_in(bytes, BRAKING_KEY, path)
 }
 
 /// A checkpoint's bytes with other scores, which were chosen on the episodes that `seen` now holds too; weights and config stay as
@@ -228,6 +232,18 @@ pub fn with_operating_scores(
         metadata[SEEN_KEY] = serde_json::to_string(seen).expect("hashes are JSON").into();
     }
     with_metadata(bytes, metadata).map_err(|error| foreign(error.to_string()))
+}
+
+/// A score under a key of the metadata of a checkpoint's bytes, where it is there.
+fn score_in(bytes: &[u8], key: &str, path: &Path) -> Result<Option<OperatingScore>, CheckpointError> {
+    let chosen: Option<OperatingScore> = json_in(bytes, key, path)?;
+    match chosen.as_ref().map(|chosen| chosen.score).filter(|score| !(0.0..=1.0).contains(score)) {
+        None => Ok(chosen),
+        Some(score) => Err(CheckpointError::Foreign {
+            found: format!("`{key}` has the score {score}; a number from 0 to 1 is needed"),
+            path: path.to_owned(),
+        }),
+    }
 }
 
 /// What a key of the metadata of a checkpoint's bytes holds as JSON, where it is there.
@@ -265,7 +281,7 @@ pub fn load(path: &Path, device: &Device) -> Result<Detector, CheckpointError> {
 /// Makes a detector from a checkpoint's bytes; errors name `path`.
 ///
 /// # Errors
-/// As [`config_in`], or the weights do not fit the config.
+/// As [`config_in`], or the weights do not fit the config or are no finite numbers of 32 bits.
 pub fn unpack(bytes: &[u8], path: &Path, device: &Device) -> Result<Detector, CheckpointError> {
     let config = config_in(bytes, path)?;
     // A number takes a byte at least. Without this check, a small file could ask for any amount of memory.
@@ -274,6 +290,7 @@ pub fn unpack(bytes: &[u8], path: &Path, device: &Device) -> Result<Detector, Ch
         let found = format!("its config needs {n_least} weights or more, and it has {} bytes", bytes.len());
         return Err(CheckpointError::Foreign { found, path: path.to_owned() });
     }
+    check_weights(bytes, path)?;
     let mut detector = Detector::init(&config, 0, device);
     let mut store = SafetensorsStore::from_bytes(Some(bytes.to_vec())).allow_partial(true).validate(false);
     let applied = detector
@@ -287,101 +304,24 @@ pub fn unpack(bytes: &[u8], path: &Path, device: &Device) -> Result<Detector, Ch
     Ok(detector)
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::model::HeadJudge;
-
-    #[test]
-    fn a_checkpoint_gives_back_the_same_bytes_and_config() {
-        let folder = tempfile::tempdir().unwrap();
-        let device = Device::flex();
-        let mut config = ModelConfig::default();
-        config.head.n_queries = 7;
-        let (first, second) = (folder.path().join("a.safetensors"), folder.path().join("b.safetensors"));
-        let seen = SeenEpisodes { learned: ["ab".to_owned()].into(), watched: ["cd".to_owned()].into() };
-        save(&Detector::init(&config, 0, &device), Some(&seen), &first).unwrap();
-        let loaded = load(&first, &device).unwrap();
-        assert_eq!(loaded.config(), &config);
-        save(&loaded, None, &second).unwrap();
-        let seen_in = |path: &Path| seen_in(&fs::read(path).unwrap(), path).unwrap();
-        assert_eq!((seen_in(&first), seen_in(&second)), (Some(seen.clone()), None));
-        save(&loaded, Some(&seen), &second).unwrap();
-        assert_eq!(fs::read(&first).unwrap(), fs::read(&second).unwrap());
+/// Refuses weights by which a network would find nothing, without a word: those that are no numbers, and variances below zero.
+fn check_weights(bytes: &[u8], path: &Path) -> Result<(), CheckpointError> {
+    let views = sorted_views(bytes)
+        .map_err(|error| CheckpointError::Foreign { found: error.to_string(), path: path.to_owned() })?;
+    for (name, view) in views {
+        let fail =
+            |found: String| CheckpointError::Numbers { name: name.clone(), found, path: path.to_owned() };
+        if view.dtype() != safetensors::Dtype::F32 {
+            return Err(fail(format!("of type {:?}", view.dtype())));
+        }
+        let least = if name.ends_with("running_var") { 0.0 } else { f32::MIN };
+        let numbers = view.data().as_chunks().0.iter().map(|bytes| f32::from_le_bytes(*bytes));
+        if let Some(number) = { numbers }.find(|number| !(number.is_finite() && *number >= least)) {
+            return Err(fail(format!("{number} is among them")));
+        }
     }
-
-    #[test]
-    fn operating_scores_are_kept_beside_the_same_weights_and_replaced_by_the_next() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("model.safetensors");
-        save(&Detector::init(&ModelConfig::default(), 0, &Device::flex()), None, &path).unwrap();
-        let before = fs::read(&path).unwrap();
-        assert_eq!(operating_score_in(&before, &path).unwrap(), None);
-        let of = |score| OperatingScore {
-            score,
-            max_false_alarms_per_km: 10.0,
-            false_alarms_per_km: 9.5,
-            missed_per_event: Some(0.25),
-            driven_km: 3.5,
-            n_samples: 600,
-        };
-        let chosen = |score| OperatingScores { warning: of(score), braking: of(2.0 * score) };
-        let seen = SeenEpisodes { learned: ["ab".to_owned()].into(), watched: ["cd".to_owned()].into() };
-        let first = with_operating_scores(&before, &chosen(0.3), Some(&seen), &path).unwrap();
-        let second = with_operating_scores(&first, &chosen(0.4), None, &path).unwrap();
-        assert_eq!(operating_score_in(&second, &path).unwrap(), Some(of(0.4)));
-        assert_eq!(braking_score_in(&second, &path).unwrap(), Some(of(0.8)));
-        assert_eq!(seen_in(&second, &path).unwrap(), Some(seen));
-        assert_eq!(config_in(&second, &path).unwrap(), ModelConfig::default());
-        let weights = |bytes: &[u8]| {
-            let n_header = u64::from_le_bytes(bytes[..8].try_into().unwrap()) as usize;
-            bytes[8 + n_header..].to_vec()
-        };
-        assert!(weights(&before) == weights(&second));
-        assert!(with_operating_scores(b"something else", &chosen(0.3), None, &path).is_err());
-    }
-
-    #[test]
-    fn a_file_that_is_no_checkpoint_is_refused() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("model.safetensors");
-        fs::write(&path, b"something else").unwrap();
-        assert!(matches!(load(&path, &Device::flex()), Err(CheckpointError::Foreign { .. })));
-    }
-
-    #[test]
-    fn what_a_checkpoint_does_not_name_its_network_does_not_have() {
-        let old = crate::config::to_toml(&ModelConfig::default());
-        let old: Vec<&str> = old
-            .lines()
-            .filter(|line| !BEFORE_KEYS.iter().any(|(path, _)| line.starts_with(path[path.len() - 1])))
-            .collect();
-        let read = read_model(&old.join("\n")).unwrap();
-        assert!(!read.lidar.pillars.ground && !read.head.spread && read.camera.cnn.paint_channels == 0);
-        assert_eq!((read.head.look_pillars, read.head.heatmap_power), (0, 1.0));
-        assert_eq!(read.head.judge, HeadJudge::Network);
-        let whole = crate::config::to_toml(&ModelConfig::default());
-        assert_eq!(read_model(&whole).unwrap(), ModelConfig::default());
-    }
-
-    #[test]
-    fn weights_of_another_config_are_named() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("model.safetensors");
-        let device = Device::flex();
-        save(&Detector::init(&ModelConfig::default(), 0, &device), None, &path).unwrap();
-        let bytes = fs::read(&path).unwrap();
-        let from = "fuser_channels = 96";
-        let at = bytes.windows(from.len()).position(|window| window == from.as_bytes()).unwrap();
-        let mut changed = bytes.clone();
-        changed[at..at + from.len()].copy_from_slice(b"fuser_channels = 32");
-        fs::write(&path, &changed).unwrap();
-        // Who changes bytes by hand is told so; a checkpoint from before the hash is told what does not fit.
-        let damaged = load(&path, &device).unwrap_err().to_string();
-        assert!(damaged.contains("damaged"), "{damaged}");
-        let at = changed.windows(HASH_KEY.len()).position(|window| window == HASH_KEY.as_bytes()).unwrap();
-        changed[at] = b'H';
-        fs::write(&path, changed).unwrap();
-        assert!(matches!(load(&path, &device), Err(CheckpointError::Weights { .. })));
-    }
+    Ok(())
 }
+
+#[cfg(test)]
+mod tests;

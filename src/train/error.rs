@@ -34,6 +34,11 @@ pub enum TrainError {
          discard it: {}", path.display()
     )]
     OtherRun { path: PathBuf },
+    #[error(
+        "this network is not the run's, whose config names another; move it away, and the run goes on from its state: {}",
+        path.display()
+    )]
+    OtherNetwork { path: PathBuf },
     #[error("this folder is not empty and holds no run; use another --out: {}", path.display())]
     NotARun { path: PathBuf },
     #[error("nothing to resume: no run in {}; leave --resume out to start one", path.display())]

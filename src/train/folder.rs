@@ -33,6 +33,15 @@ pub struct TrainOptions<'a> {
     pub after_validation: Option<&'a dyn Fn(&Path)>,
 }
 
+/// The hash of a run's config and data, by which its states are known as its own.
+///
+/// # Errors
+/// A file cannot be read.
+pub fn sha256(out: &Path) -> std::io::Result<String> {
+    let [config, data] = [CONFIG_FILE, DATA_FILE].map(|file| files::sha256_of(&out.join(file)));
+    Ok(files::sha256_hex(format!("{} {}", config?, data?).as_bytes()))
+}
+
 /// Makes the run's folder, or checks that the run in it is this one.
 ///
 /// # Errors
@@ -46,17 +55,17 @@ pub fn open(
     let config_text = to_toml(config);
     let data_text = serde_json::to_string_pretty(data).expect("a fingerprint has a JSON form");
     let config_path = out.join(CONFIG_FILE);
-    if out.exists() {
-        files::remove_unfinished(out)?;
-    }
     let is_empty = !files::holds_anything(out)?;
     if is_empty {
         if options.resume {
             return Err(TrainError::NothingToResume { path: out.to_owned() });
         }
     } else if files::is_file(&config_path)? {
+        files::remove_unfinished(out)?;
+        let has_data = files::is_file(&out.join(DATA_FILE))?;
         let is_same = fs::read_to_string(&config_path)? == config_text
-            && fs::read_to_string(out.join(DATA_FILE)).is_ok_and(|text| text == data_text);
+            && has_data
+            && fs::read_to_string(out.join(DATA_FILE))? == data_text;
         if is_same && !options.force {
             return Ok(());
         }
@@ -80,6 +89,7 @@ pub fn open(
         return Err(TrainError::NotARun { path: out.to_owned() });
     }
     fs::create_dir_all(out)?;
+    files::remove_unfinished(out)?;
     files::write_atomic(&out.join(DATA_FILE), data_text.as_bytes())?;
     files::write_atomic(&config_path, config_text.as_bytes())?;
     Ok(())

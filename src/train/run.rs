@@ -12,7 +12,7 @@ use burn::tensor::Device;
 use super::config::{StageConfig, TrainConfig};
 use super::dry_run::DryRun;
 use super::epoch_table::EpochTable;
-use super::error::{StateError, TrainError};
+use super::error::TrainError;
 use super::folder::{self, TrainOptions};
 use super::learner::Learner;
 use super::losses::LossParts;
@@ -96,6 +96,7 @@ pub fn run(
     }
     let lock = FolderLock::take(out)?;
     folder::open(learned.fingerprint(), config, out, options)?;
+    let run_sha256 = folder::sha256(out)?;
     let plan = Plan::new(config, learned);
     let final_path = out.join(CHECKPOINT);
     let summary = |n_steps_now, last_loss, loading| Summary {
@@ -109,6 +110,9 @@ pub fn run(
         image_weights: None,
     };
     if is_file(&final_path)? {
+        if checkpoint::read_config(&final_path)? != config.model {
+            return Err(TrainError::OtherNetwork { path: final_path });
+        }
         // A run that was killed at its very end leaves them.
         state::clear(out)?;
         let steps = History::read_until(out, usize::MAX)?.steps;
@@ -118,13 +122,7 @@ pub fn run(
     let stopwatch = Stopwatch::start(out);
     let device = inference_device.clone().autodiff();
     let mut image_weights = None;
-    let saved = state::load_newest(out, config, &device, inference_device)?;
-    if let Some((position, _)) = &saved
-        && !plan.has(*position)
-    {
-        let message = format!("it stands at {position:?}, and the run has {:?} steps", plan.n_steps);
-        return Err(StateError::Broken { message, path: state::folder(out) }.into());
-    }
+    let saved = state::load_newest(out, &run_sha256, &plan, config, &device, inference_device)?;
     let (mut position, mut learner) = if let Some(saved) = saved {
         saved
     } else {
@@ -136,7 +134,7 @@ pub fn run(
     };
     // A state is written while the one before it is there: weights, their average, and two moments of each.
     check_room(out, 2 * 4 * 4 * learner.detector().num_params() as u64)?;
-    let mut history = History::read_until(out, plan.n_done(position))?;
+    let mut history = History::read_whole(out, plan.n_done(position))?;
     let mut steps = Steps::new(&plan, learned, config, devices);
     steps.look_at_memory();
     let mut n_steps_now = 0;
@@ -222,7 +220,7 @@ pub fn run(
             if (is_over || n_done.is_multiple_of(config.save_every_steps)) && position.step < n_steps {
                 history.write(out)?;
                 stopwatch.save(out)?;
-                state::save(out, n_done, position, &learner)?;
+                state::save(out, &run_sha256, n_done, position, &learner)?;
                 store::push(out)?;
             }
             // Of a stage's last step the state is saved below.
@@ -238,7 +236,7 @@ pub fn run(
         learner.restart_optimizer(config);
         history.write(out)?;
         stopwatch.save(out)?;
-        state::save(out, plan.n_done(position), position, &learner)?;
+        state::save(out, &run_sha256, plan.n_done(position), position, &learner)?;
         store::push(out)?;
         interrupt::check()?;
     }

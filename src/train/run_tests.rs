@@ -185,6 +185,64 @@ fn a_folder_with_another_run_is_left_alone_without_force() {
 }
 
 #[test]
+fn what_does_not_belong_to_a_run_is_told_and_its_state_stays() {
+    let data = test_data::dataset(6);
+    let home = tempfile::tempdir().unwrap();
+    let stop = |config: &TrainConfig, name: &str| {
+        let (out, watcher) = (home.path().join(name), Stop { after: 3.into() });
+        let stopped = catch_unwind(AssertUnwindSafe(|| {
+            let data = TrainingData::new(&data, None);
+            run(data, &checked(config), &out, TrainOptions::default(), &[Device::flex()], &watcher)
+        }));
+        assert!(stopped.is_err());
+        out
+    };
+    let mut wider = tiny();
+    wider.model.head.n_queries = 9;
+    let (ours, theirs) = (stop(&tiny(), "ours"), stop(&TrainConfig { seed: 1, ..tiny() }, "theirs"));
+    let told = || train(&data, &tiny(), &ours).unwrap_err().to_string();
+    let swap = |file: &str, other: &Path| {
+        let (path, kept) = (ours.join(file), ours.join("kept"));
+        fs::rename(&path, &kept).unwrap();
+        if other.exists() {
+            fs::copy(other, &path).unwrap();
+        }
+        let told = told();
+        fs::rename(kept, path).unwrap();
+        told
+    };
+    let state = "state/step-00000002/";
+    for name in ["model.safetensors", "average.safetensors"] {
+        let file = format!("{state}{name}");
+        let told = swap(&file, &theirs.join(&file));
+        assert!(told.contains("not those it was written with") && told.contains("step-00000002"), "{told}");
+    }
+    let told_log = swap(STEPS_FILE, Path::new("absent"));
+    assert!(told_log.contains("no row of step 1"), "{told_log}");
+    fs::rename(ours.join(state), ours.join("state/step-00000004")).unwrap();
+    assert!(told().contains("it stands at"), "{}", told());
+    fs::rename(ours.join("state/step-00000004"), ours.join(state)).unwrap();
+    // A network that is not the run's is no end of it.
+    let last = ours.join(CHECKPOINT);
+    fs::write(&last, "").unwrap();
+    assert!(told().contains("not a harmzone checkpoint"), "{}", told());
+    fs::copy(stop(&wider, "wider").join(state).join("model.safetensors"), &last).unwrap();
+    assert!(told().contains("goes on from its state"), "{}", told());
+    fs::remove_file(&last).unwrap();
+    assert!(train(&data, &tiny(), &ours).unwrap().n_steps_now < 9);
+}
+
+#[test]
+fn what_is_in_a_folder_of_others_stays() {
+    let out = tempfile::tempdir().unwrap();
+    let files = ["film.partial", "notes.txt"].map(|name| out.path().join(name));
+    files.iter().for_each(|file| fs::write(file, "mine").unwrap());
+    let refused = train(&test_data::dataset(2), &tiny(), out.path());
+    assert!(matches!(refused, Err(TrainError::NotARun { .. })));
+    assert!(files.iter().all(|file| file.exists()));
+}
+
+#[test]
 fn a_broken_sample_is_named() {
     let mut data = test_data::dataset(2);
     data.sample_mut(1).measured.ego_state.steering_angle_rad = f64::NAN;

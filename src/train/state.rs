@@ -13,7 +13,7 @@ use super::config::TrainConfig;
 use super::error::StateError;
 use super::learner::Learner;
 use super::optimizer::Optimizer;
-use super::plan::Position;
+use super::plan::{Plan, Position};
 use crate::files::{PARTIAL_SUFFIX, is_file, read_sealed, sha256_hex, sha256_of, write_atomic, write_sealed};
 use crate::model::checkpoint;
 
@@ -26,6 +26,23 @@ const POSITION_FILE: &str = "position.json";
 struct Saved {
     position: Position,
     optimizer_sha256: String,
+    /// Of all that belongs together: the run's config and data, and both networks. Older states lack it.
+    #[serde(default)]
+    whole_sha256: Option<String>,
+}
+
+const NETWORK_FILE: &str = "model.safetensors";
+const AVERAGE_FILE: &str = "average.safetensors";
+
+/// The hash of the run's own (of its config and data) and of both networks of a state.
+fn whole_sha256(run_sha256: &str, state: &Path) -> std::io::Result<String> {
+    let [network, average] = [NETWORK_FILE, AVERAGE_FILE].map(|file| sha256_of(&state.join(file)));
+    Ok(sha256_hex(format!("{run_sha256} {} {}", network?, average?).as_bytes()))
+}
+
+/// What the folder of a state is called, which so many steps were taken before.
+fn name(n_done: usize) -> String {
+    format!("step-{n_done:08}")
 }
 
 pub(super) fn folder(run: &Path) -> PathBuf {
@@ -33,25 +50,32 @@ pub(super) fn folder(run: &Path) -> PathBuf {
 }
 
 /// Saves a state, then removes older ones. `position` is the next step to take; `n_done`, the number of steps taken in
-/// all stages, names the state.
+/// all stages, names the state; `run_sha256` is the hash of the run's config and data, which it belongs to.
 ///
 /// # Errors
 /// Any IO error; the older state stays then.
-pub fn save(run: &Path, n_done: usize, position: Position, learner: &Learner) -> Result<(), StateError> {
+pub fn save(
+    run: &Path,
+    run_sha256: &str,
+    n_done: usize,
+    position: Position,
+    learner: &Learner,
+) -> Result<(), StateError> {
     let states = folder(run);
-    let whole = states.join(format!("step-{n_done:08}"));
-    let partial = states.join(format!("step-{n_done:08}.{PARTIAL_SUFFIX}"));
+    let whole = states.join(name(n_done));
+    let partial = whole.with_extension(PARTIAL_SUFFIX);
     if partial.exists() {
         fs::remove_dir_all(&partial)?;
     }
     fs::create_dir_all(&partial)?;
     let broken = |message: String| StateError::Broken { message, path: partial.clone() };
     // Batch norms hand over their latest running statistics only to a `valid()` copy.
-    checkpoint::save(&learner.detector().valid(), None, &partial.join("model.safetensors"))?;
-    checkpoint::save(learner.average(), None, &partial.join("average.safetensors"))?;
+    checkpoint::save(&learner.detector().valid(), None, &partial.join(NETWORK_FILE))?;
+    checkpoint::save(learner.average(), None, &partial.join(AVERAGE_FILE))?;
     write_atomic(&partial.join(OPTIMIZER_FILE), &learner.optimizer().to_bytes().map_err(broken)?)?;
     let optimizer_sha256 = sha256_of(&partial.join(OPTIMIZER_FILE))?;
-    write_sealed(&partial.join(POSITION_FILE), &Saved { position, optimizer_sha256 })?;
+    let whole_sha256 = Some(whole_sha256(run_sha256, &partial)?);
+    write_sealed(&partial.join(POSITION_FILE), &Saved { position, optimizer_sha256, whole_sha256 })?;
     if whole.exists() {
         fs::remove_dir_all(&whole)?;
     }
@@ -72,9 +96,9 @@ fn list(run: &Path) -> Result<Vec<PathBuf>, StateError> {
     for entry in fs::read_dir(&states)? {
         let path = entry?.path();
         // A state that is half put to object storage lacks its position, which goes last.
-        let is_whole = path.extension().is_none()
-            && path.file_name().is_some_and(|name| name.to_string_lossy().starts_with("step-"));
-        if is_whole && is_file(&path.join(POSITION_FILE))? {
+        let named = path.file_name().unwrap_or_default().to_string_lossy();
+        let n_done = named.strip_prefix("step-").and_then(|digits| digits.parse().ok());
+        if n_done.is_some_and(|n_done| named == name(n_done)) && is_file(&path.join(POSITION_FILE))? {
             found.push(path);
         }
     }
@@ -85,9 +109,11 @@ fn list(run: &Path) -> Result<Vec<PathBuf>, StateError> {
 /// Loads the newest state of a run, if there is one: the next step to take, and the learner before it.
 ///
 /// # Errors
-/// The state is broken or belongs to another config.
+/// The state is broken or belongs to another run.
 pub fn load_newest(
     run: &Path,
+    run_sha256: &str,
+    plan: &Plan,
     config: &TrainConfig,
     device: &Device,
     inference_device: &Device,
@@ -95,10 +121,23 @@ pub fn load_newest(
     let Some(path) = list(run)?.pop() else { return Ok(None) };
     let broken = |message: String| StateError::Broken { message, path: path.clone() };
     let text = read_sealed(&path.join(POSITION_FILE))?;
-    let Saved { position, optimizer_sha256 } =
+    let Saved { position, optimizer_sha256, whole_sha256: wanted } =
         serde_json::from_str(&text).map_err(|error| broken(error.to_string()))?;
-    let detector = checkpoint::load(&path.join("model.safetensors"), device)?;
-    let average = checkpoint::load(&path.join("average.safetensors"), inference_device)?;
+    if !plan.has(position) || !path.ends_with(name(plan.n_done(position))) {
+        let told = format!("it stands at {position:?}, and the run has {:?} steps", plan.n_steps);
+        return Err(broken(told));
+    }
+    let found = whole_sha256(run_sha256, &path)?;
+    if wanted.is_some_and(|wanted| wanted != found) {
+        return Err(broken(
+            "its networks, or the run's config or data, are not those it was written with".to_owned(),
+        ));
+    }
+    let detector = checkpoint::load(&path.join(NETWORK_FILE), device)?;
+    let average = checkpoint::load(&path.join(AVERAGE_FILE), inference_device)?;
+    if [&detector, &average].iter().any(|network| *network.config() != config.model) {
+        return Err(broken("its networks are of another config than the run's".to_owned()));
+    }
     let bytes = fs::read(path.join(OPTIMIZER_FILE))?;
     if sha256_hex(&bytes) != optimizer_sha256 {
         return Err(broken(format!("{OPTIMIZER_FILE} is not as it was written")));

@@ -19,6 +19,7 @@ use serde::{Deserialize, Serialize};
 
 pub use call::{Call, Errand, SILENCE, TaskError};
 pub use engine::{Engine, do_all};
+pub use process::last_lines;
 pub use ray::RayCluster;
 
 /// A worker's answer.

@@ -1,6 +1,6 @@
 //! A process that is spoken to in lines of JSON.
 
-use std::io::{self, BufRead, BufReader, Read, Seek, Write};
+use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::marker::PhantomData;
 use std::os::unix::process::ExitStatusExt as _;
 use std::process::{Child, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
@@ -14,8 +14,9 @@ use super::call::Call;
 use super::{ALLOCATOR_ENVIRONMENT, Answer, Program};
 use crate::interrupt;
 
-/// How much of a dead process's stderr is reported.
+/// How much of what a process said on stderr is reported: lines, and bytes in which they are looked for.
 const STDERR_TAIL_LINES: usize = 15;
+const STDERR_TAIL_BYTES: u64 = 64 * 1024;
 
 /// How often to look whether a process has ended by itself.
 const LOOK: Duration = Duration::from_millis(10);
@@ -132,17 +133,26 @@ impl Process {
     /// How it died, with the end of its stderr.
     fn last_words(&mut self) -> String {
         let how = self.child.wait().map_or_else(|error| error.to_string(), told);
-        let mut bytes = Vec::new();
-        let read = self.stderr.rewind().and_then(|()| self.stderr.read_to_end(&mut bytes));
-        let text = String::from_utf8_lossy(&bytes);
-        let lines: Vec<&str> = text.lines().collect();
-        let tail = lines[lines.len().saturating_sub(STDERR_TAIL_LINES)..].join("\n    ");
         let name = self.name;
-        match (read, tail.is_empty()) {
-            (Ok(_), false) => format!("the {name} died ({how}); it said:\n    {tail}"),
+        match last_lines(&mut self.stderr) {
+            Ok(tail) if !tail.is_empty() => format!("the {name} died ({how}); it said:\n    {tail}"),
             _ => format!("the {name} died ({how}) without a word"),
         }
     }
+}
+
+/// The end of what a process wrote into a file, its lines after the first indented.
+///
+/// # Errors
+/// The file cannot be read.
+pub fn last_lines(file: &mut fs_err::File) -> io::Result<String> {
+    let n_bytes = file.seek(SeekFrom::End(0))?;
+    file.seek(SeekFrom::Start(n_bytes.saturating_sub(STDERR_TAIL_BYTES)))?;
+    let mut bytes = Vec::new();
+    file.take(STDERR_TAIL_BYTES).read_to_end(&mut bytes)?;
+    let text = String::from_utf8_lossy(&bytes);
+    let lines: Vec<&str> = text.lines().collect();
+    Ok(lines[lines.len().saturating_sub(STDERR_TAIL_LINES)..].join("\n    "))
 }
 
 /// Why nothing was heard.

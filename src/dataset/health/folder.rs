@@ -54,13 +54,15 @@ pub(super) fn label_folders(path: &Path) -> io::Result<Vec<(String, PathBuf)>> {
     Ok(folders.map(|path| (name(&path), path)).collect())
 }
 
-/// The folders in which stages write: the data set's own, that of the episodes, and those of the label sets.
+/// The folders in which stages write: the data set's own, that of the episodes, and those of the label sets. Links are none: what
+/// lies behind them may be anybody's.
 ///
 /// # Errors
 /// One cannot be read.
 pub(super) fn written(path: &Path) -> io::Result<Vec<PathBuf>> {
     let of_labels = label_folders(path)?.into_iter().map(|(_, folder)| folder);
-    Ok([path.to_owned(), path.join(EPISODES)].into_iter().chain(of_labels).collect())
+    let below = std::iter::once(path.join(EPISODES)).chain(of_labels).filter(|folder| !folder.is_symlink());
+    Ok(std::iter::once(path.to_owned()).chain(below).collect())
 }
 
 /// What runs left unfinished.

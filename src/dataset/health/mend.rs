@@ -345,6 +345,20 @@ mod tests {
     }
 
     #[test]
+    fn what_lies_behind_links_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path();
+        made::write(path, 2);
+        fs::create_dir(path.join("mine")).unwrap();
+        let mine = ["mine/film.partial", "mine/writer-of-novels.partial"].map(|name| path.join(name));
+        mine.iter().for_each(|file| fs::write(file, "mine").unwrap());
+        fs::create_dir_all(path.join("labels")).unwrap();
+        std::os::unix::fs::symlink(path.join("mine"), path.join("labels/default")).unwrap();
+        mend(path, &Silent).unwrap();
+        assert!(mine.iter().all(|file| fs::read_to_string(file).unwrap() == "mine"));
+    }
+
+    #[test]
     fn a_folder_that_is_no_data_set_is_left_alone() {
         let home = tempfile::tempdir().unwrap();
         let folder = home.path().join("none");

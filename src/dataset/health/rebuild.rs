@@ -9,7 +9,9 @@ use rayon::prelude::*;
 use super::folder::episode_files;
 use super::maker::{ConfigFile, Maker, Plans};
 use crate::episode::manifest::{EpisodeEntry, ManifestError, ObjectCounts};
-use crate::episode::{EpisodeError, EpisodeMeta, EpisodeReader, Manifest, Split, check_archive};
+use crate::episode::{
+    EpisodeError, EpisodeMeta, EpisodeReader, MAX_EPISODES, Manifest, Split, check_archive,
+};
 use crate::store;
 
 /// Episodes are looked for among so many times those that are there, at first.
@@ -38,12 +40,13 @@ pub(super) fn is_of_a_set(path: &Path, error: &ManifestError) -> bool {
 /// The plan of the episodes of these names, as far as it has them: of a shard's plan most lie elsewhere, so it is followed as long
 /// as it leads to more of them.
 pub(super) fn plans_for(maker: &Maker, names: &[String]) -> Plans {
-    let mut n_planned = u32::try_from(names.len() * PLANNED_TIMES + PLANNED_LEAST).unwrap_or(u32::MAX);
+    let n_first = u32::try_from(names.len() * PLANNED_TIMES + PLANNED_LEAST).unwrap_or(u32::MAX);
+    let mut n_planned = n_first.min(MAX_EPISODES);
     let mut plans = maker.plans(n_planned);
     let count = |plans: &Plans| names.iter().filter(|name| plans.contains_key(*name)).count();
     let mut n_found = count(&plans);
-    while n_found > 0 && n_found < names.len() {
-        n_planned = n_planned.saturating_mul(2);
+    while n_found > 0 && n_found < names.len() && n_planned < MAX_EPISODES {
+        n_planned = n_planned.saturating_mul(2).min(MAX_EPISODES);
         let longer = maker.plans(n_planned);
         let n_now = count(&longer);
         if n_now == n_found {

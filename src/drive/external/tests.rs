@@ -53,6 +53,9 @@ fn one_that_dies_hangs_or_talks_nonsense_is_told_apart() {
     assert!(matches!(error, ExternalError::Ended { .. }), "{error}");
     let error = ask("echo no such weights >&2; exit 3", 5.0).unwrap_err().to_string();
     assert!(error.contains("exit status: 3") && error.contains("no such weights"), "{error}");
+    let chatty = "head -c 300000 /dev/zero | tr '\\0' x >&2; echo the end >&2; exit 3";
+    let error = ask(chatty, 20.0).unwrap_err().to_string();
+    assert!(error.contains("the end") && error.len() < 100_000, "{} bytes", error.len());
     let error = ask("sleep 60", 0.02).unwrap_err();
     assert!(matches!(error, ExternalError::Late { .. }), "{error}");
     // More than a pipe holds, to a program that never reads.
@@ -72,4 +75,10 @@ fn one_that_dies_hangs_or_talks_nonsense_is_told_apart() {
     assert!(of_json(flat).contains("width_m is 0"), "{}", of_json(flat));
     let vast = flat.replace("[1, 0, 3]", "[1e200, 1e200, 3]");
     assert!(of_json(&vast).contains("at most 10000 m"), "{}", of_json(&vast));
+    // What a recorded drive would not take, none takes.
+    let whole = flat.replace("[1, 0, 3]", "[1, 2, 3]");
+    let narrow = whole.replace("\\\"score\\\"", "\\\"spread\\\": {\\\"x_m\\\": -1, \\\"y_m\\\": 1, \\\"z_m\\\": 1, \\\"length\\\": 1, \\\"width\\\": 1, \\\"height\\\": 1, \\\"yaw_rad\\\": 1}, \\\"score\\\"");
+    assert!(of_json(&narrow).contains("box 0: spread.x_m is -1"), "{}", of_json(&narrow));
+    let of_another = whole.replacen('{', "{\\\"sample_idx\\\": 2, ", 1);
+    assert!(of_json(&of_another).contains("sample 3 was asked for"), "{}", of_json(&of_another));
 }

@@ -73,6 +73,9 @@ impl GridConfig {
     }
 }
 
+/// Numbers of the largest map of a sample, 1 GiB of them: a file of some bytes must not ask for any amount of memory.
+pub(super) const MAX_MAP_NUMBERS: usize = 1 << 28;
+
 /// Sizes of layers.
 pub(super) const CHANNELS: Rule = from_to(1.0, 1024.0);
 

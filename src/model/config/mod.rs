@@ -15,7 +15,7 @@ mod swin;
 mod swin_camera;
 mod voxels;
 
-use self::grid::CHANNELS;
+use self::grid::{CHANNELS, MAX_MAP_NUMBERS};
 use crate::config::{Check, InvalidConfig, define_config, part, require};
 
 pub use bev_backbone::{BevBackboneConfig, Upsample};
@@ -63,6 +63,17 @@ impl Check for ModelConfig {
         if self.use_camera {
             self.camera.check_with(&self.grid).map_err(|error| error.within("camera"))?;
         }
+        // Pillars have half the side of a feature cell.
+        let pillars = if self.use_lidar && self.lidar.encoder == LidarEncoder::Pillars {
+            4 * self.lidar.pillars.channels
+        } else {
+            0
+        };
+        let n_numbers = self.grid.n_cells() * pillars.max(self.fuser_channels).max(self.head.channels);
+        let wanted =
+            format!("maps of at most {MAX_MAP_NUMBERS} numbers are needed: larger cells, or fewer channels");
+        let (size, told) = (self.grid.cell_size_m, format!("{n_numbers} numbers in a map of this cell size"));
+        require(n_numbers <= MAX_MAP_NUMBERS, "grid.cell_size_m", format!("{size}, {told}"), wanted)?;
         self.head.check_with(&self.grid).map_err(|error| error.within("head"))
     }
 }
@@ -190,6 +201,16 @@ mod tests {
         };
         assert_eq!(wrong(|config| config.grid.x_max_m = 51.0), "grid.x_max_m");
         assert_eq!(wrong(|config| config.head.n_heads = 5), "head.n_heads");
+        let vast = |config: &mut ModelConfig| {
+            config.grid.cell_size_m = 0.1;
+            config.lidar.pillars.channels = 1024;
+        };
+        assert_eq!(wrong(vast), "grid.cell_size_m");
+        let high = |config: &mut ModelConfig| {
+            *config = ModelConfig::paper();
+            (config.use_camera, config.lidar.voxel.voxels.size_z_m) = (false, 0.001);
+        };
+        assert_eq!(wrong(high), "lidar.voxel.encoder.channels_out");
         assert_eq!(wrong(|config| config.head.dropout = 1.0), "head.dropout");
         let of_kinds = |config: &mut ModelConfig| {
             (config.head.classes, config.head.heatmap) = (Classes::Kind, Heatmap::PerClass);

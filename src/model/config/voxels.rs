@@ -1,9 +1,12 @@
 //! The voxel grid, and the published LiDAR branch on it.
 
 use super::bev_backbone::BevBackboneConfig;
-use super::grid::{METRES, check_cells};
+use super::grid::{MAX_MAP_NUMBERS, METRES, check_cells};
 use super::sparse_encoder::SparseEncoderConfig;
 use crate::config::{Check, InvalidConfig, define_config, from_to, part, require};
+
+/// Channels of the map, all heights together; the published one has 256.
+const MAX_CHANNELS: usize = 16_384;
 
 define_config! {
     /// The voxel grid, in the ego frame.
@@ -126,7 +129,17 @@ impl Check for LidarVoxelConfig {
             format!("{n_y} by {n_x} voxels along y and x, halved after each stage but the last"),
             "both must stay whole: cells of the map begin where the grid does and fill it",
         )?;
-        let [_, n_y, n_x] = self.encoded_shape();
+        let [n_channels, n_y, n_x] = self.encoded_shape();
+        let told = format!(
+            "{} at each of {} heights",
+            self.encoder.channels_out,
+            n_channels / self.encoder.channels_out
+        );
+        let wanted = format!("at most {MAX_CHANNELS} channels of the map, all heights together, are needed");
+        require(n_channels <= MAX_CHANNELS, "encoder.channels_out", told, wanted)?;
+        let told = format!("{n_channels} channels of {n_y} by {n_x} cells");
+        let wanted = format!("a map of at most {MAX_MAP_NUMBERS} numbers is needed");
+        require(n_channels * n_y * n_x <= MAX_MAP_NUMBERS, "encoder.channels_out", told, wanted)?;
         self.backbone.check_with([n_y, n_x]).map_err(|error| error.within("backbone"))
     }
 }

@@ -43,11 +43,24 @@ struct QueryOutput<'a> {
 }
 
 /// Numbers of a tensor in order.
-fn numbers(tensor: &Tensor<3>) -> Vec<f32> {
+fn numbers<const D: usize>(tensor: &Tensor<D>) -> Vec<f32> {
     tensor.clone().into_data().try_to_vec().expect("the head's output is f32")
 }
 
 impl Output {
+    /// The first sample of the batch for which the network gave anything but finite numbers, of which no box would be left.
+    #[must_use]
+    pub fn first_not_finite(&self) -> Option<usize> {
+        let parts = [numbers(&self.heatmap), numbers(&self.boxes), numbers(&self.harm)];
+        let spread = self.spread.as_ref().map(numbers);
+        let n_samples = self.queries.len();
+        let is_broken = |part: &Vec<f32>, sample: usize| {
+            let n = part.len() / n_samples;
+            !part[sample * n..(sample + 1) * n].iter().all(|number| number.is_finite())
+        };
+        (0..n_samples).find(|&sample| parts.iter().chain(&spread).any(|part| is_broken(part, sample)))
+    }
+
     /// Reads boxes from each query and keeps those whose score reaches `min_score`, best first:
     /// `[sample][state][box]`.
     fn read<T, I: IntoIterator<Item = T>>(
