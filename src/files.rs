@@ -13,12 +13,15 @@ use sha2::{Digest, Sha256};
 use tempfile::TempPath;
 
 pub use folder::{FolderError, NewFolder};
-pub use lock::FolderLock;
+pub use lock::{FolderLock, is_lock};
 pub use seal::{is_sealed, read_sealed, seal, unseal, write_sealed};
 pub use space::{bytes_in_words, check_room, free_bytes, told_with_room};
 
 /// Suffix of files that are still being written; a leftover may be deleted at any time.
 pub const PARTIAL_SUFFIX: &str = "partial";
+/// Suffixes of the files that are written so.
+const OUR_SUFFIXES: [&str; 10] =
+    ["mcap", "json", "toml", "csv", "safetensors", "bpk", "png", "svg", "html", "rrd"];
 
 /// Writes a file whole or not at all: to `<path>.partial`, synced, then renamed over `path`. Of two processes that write one file at
 /// a time the second waits.
@@ -83,36 +86,58 @@ pub fn is_file(path: &Path) -> io::Result<bool> {
     }
 }
 
-/// Deletes what a killed process left unfinished in a folder, whose lock is held: files and folders under partial names, but
-/// not those in other folders, nor locks.
+/// Whether a file is one that a run left unfinished, or is still writing, by its name: that of one of our files, a number of the
+/// writer where several may write, and the suffix. Others have files of this suffix, too.
+#[must_use]
+pub fn is_unfinished(path: &Path) -> bool {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let mut parts = name.rsplit('.').peekable();
+    let has_suffix = parts.next() == Some(PARTIAL_SUFFIX);
+    let is_number = |part: &&str| part.bytes().all(|byte| byte.is_ascii_digit() || byte == b'-');
+    parts.next_if(is_number);
+    let is_ours = parts.next().is_some_and(|suffix| OUR_SUFFIXES.contains(&suffix));
+    has_suffix && is_ours && parts.next().is_some_and(|stem| !stem.is_empty())
+}
+
+/// Deletes files that a killed process left unfinished in a folder, whose lock is held, but not those in other folders.
 ///
 /// # Errors
 /// One cannot be deleted.
 pub fn remove_unfinished(folder: &Path) -> io::Result<()> {
-    remove_unfinished_if(folder, |_| true)
-}
-
-/// As [`remove_unfinished`], where other things may lie, too: only what `is_ours` says of a name.
-///
-/// # Errors
-/// One cannot be deleted.
-pub fn remove_unfinished_if(folder: &Path, is_ours: impl Fn(&str) -> bool) -> io::Result<()> {
     for entry in fs::read_dir(folder)? {
         let path = entry?.path();
-        let is_unfinished = path.extension().is_some_and(|suffix| suffix == PARTIAL_SUFFIX)
-            && is_ours(&path.file_name().unwrap_or_default().to_string_lossy());
-        if !is_unfinished || lock::is_lock(&path) {
+        if !is_unfinished(&path) || is_folder(&path) {
             continue;
         }
-        let removed = if path.is_dir() && !path.is_symlink() {
-            fs::remove_dir_all(&path)
-        } else {
-            fs::remove_file(&path)
-        };
-        match removed {
+        match fs::remove_file(&path) {
             // A worker of a killed run may end now and delete its own files.
             Err(error) if error.kind() == io::ErrorKind::NotFound => {}
             other => other?,
+        }
+    }
+    Ok(())
+}
+
+/// Whether a folder lies there, and no link to one.
+fn is_folder(path: &Path) -> bool {
+    path.is_dir() && !path.is_symlink()
+}
+
+/// Deletes the folders under partial names that a killed process left in a folder of ours; nothing where that is a link.
+///
+/// # Errors
+/// One cannot be deleted.
+pub fn remove_unfinished_folders(folder: &Path) -> io::Result<()> {
+    if !is_folder(folder) {
+        return Ok(());
+    }
+    for entry in fs::read_dir(folder)? {
+        let path = entry?.path();
+        if path.extension().is_some_and(|suffix| suffix == PARTIAL_SUFFIX) && is_folder(&path) {
+            match fs::remove_dir_all(&path) {
+                Err(error) if error.kind() == io::ErrorKind::NotFound => {}
+                other => other?,
+            }
         }
     }
     Ok(())
@@ -224,6 +249,21 @@ mod tests {
         link_or_copy(&at("link"), &at("below/second")).unwrap();
         assert!(!at("below/second").is_symlink());
         assert_eq!(fs::read(at("below/second")).unwrap(), b"mine");
+    }
+
+    #[test]
+    fn of_unfinished_files_ours_are_deleted_and_those_of_others_stay() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let ours = ["dataset.json.partial", "a.b.mcap.812.partial", "x.mcap.8-2.partial"].map(at);
+        let others = ["film.partial", "a.7.partial", ".json.partial", "notes.json", "writer.partial"].map(at);
+        ours.iter().chain(&others).for_each(|file| fs::write(file, "").unwrap());
+        fs::create_dir(at("folder.json.partial")).unwrap();
+        remove_unfinished(folder.path()).unwrap();
+        assert!(ours.iter().all(|file| !file.exists()));
+        assert!(others.iter().all(|file| file.exists()) && at("folder.json.partial").exists());
+        remove_unfinished_folders(folder.path()).unwrap();
+        assert!(others.iter().all(|file| file.exists()) && !at("folder.json.partial").exists());
     }
 
     #[test]

@@ -14,6 +14,7 @@ use super::route_ahead;
 use super::scenario::Course;
 use super::{DriveConfig, DriveError};
 use crate::generate::{CONTROL_PERIOD_S, Contact, EpisodePlan, GenerateError, LiveEpisode, Timings};
+use crate::infer::PredictError;
 use crate::object::{Event, Object, Spot};
 use crate::outcome::{Collision, DriveOutcome, End, HardStop, is_sudden};
 use crate::sample::EgoState;
@@ -52,8 +53,8 @@ pub(super) struct Files<'a> {
 /// Drives one episode; `on_sample` is called after each sample.
 ///
 /// # Errors
-/// There is no simulator, or the disk fails. A detector of another program that fails, a world that the simulator cannot go on
-/// with, and a state or box that no zone can be laid over, end the drive as [`End::Failed`].
+/// There is no simulator, or the disk fails. A detector of another program that fails, a network whose numbers have no end, a
+/// world that the simulator cannot go on with, and a state or box that no zone can be laid over, end the drive as [`End::Failed`].
 pub(super) fn drive(
     course: &Course,
     perception: &mut Perception,
@@ -71,6 +72,9 @@ pub(super) fn drive(
                 return Err(DriveError::OutOfMemory { message });
             }
             Ok(failed(&course.plan, message))
+        }
+        Err(DriveError::Predict(error @ PredictError::NotFinite { .. })) => {
+            Ok(failed(&course.plan, error.to_string()))
         }
         Err(DriveError::Zone(error)) => Ok(failed(&course.plan, error.to_string())),
         driven => driven,

@@ -78,11 +78,11 @@ pub fn clear_episodes(folder: &Path, config_file: &str, folders: &[&str]) -> io:
 /// # Errors
 /// A file cannot be deleted.
 pub fn remove_unfinished(folder: &Path) -> io::Result<()> {
-    for made in [EPISODES, AOV].map(|name| folder.join(name)) {
-        if made.is_dir() {
-            files::remove_unfinished(&made)?;
-        }
+    let episodes = folder.join(EPISODES);
+    if episodes.is_dir() {
+        files::remove_unfinished(&episodes)?;
     }
+    files::remove_unfinished_folders(&folder.join(AOV))?;
     files::remove_unfinished(folder)
 }
 

@@ -204,10 +204,10 @@ impl Manifest {
         if let Some((name, _)) = twice {
             return fail(format!("episode `{name}` is there twice"));
         }
-        let mut files: Vec<&str> = self.episodes.iter().map(|entry| entry.file.as_str()).collect();
+        let mut files: Vec<&Path> = self.episodes.iter().map(|entry| Path::new(&entry.file)).collect();
         files.sort_unstable();
         if let Some((file, _)) = files.iter().zip(files.iter().skip(1)).find(|(file, next)| file == next) {
-            return fail(format!("the file `{file}` is that of two episodes"));
+            return fail(format!("the file `{}` is that of two episodes", file.display()));
         }
         for entry in &self.episodes {
             let mut parts = Path::new(&entry.file).components();

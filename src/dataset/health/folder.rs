@@ -9,24 +9,10 @@ use fs_err as fs;
 use super::check::{Aspect, Found, Remark};
 use crate::episode::Manifest;
 use crate::episode::folder::EPISODES;
-use crate::files::PARTIAL_SUFFIX;
-
-/// Locks of writers have names that begin so; they count as unfinished and are no leftovers.
-const LOCK_PREFIX: &str = "writer";
+use crate::files::{is_lock, is_unfinished};
 
 fn has_suffix(path: &Path, wanted: &str) -> bool {
     path.extension().is_some_and(|suffix| suffix == wanted)
-}
-
-/// Whether a writer holds its folder by this file.
-pub(super) fn is_lock(path: &Path) -> bool {
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    has_suffix(path, PARTIAL_SUFFIX) && name.starts_with(LOCK_PREFIX)
-}
-
-/// Whether a run left this, unless it is still writing it.
-pub(super) fn is_unfinished(path: &Path) -> bool {
-    has_suffix(path, PARTIAL_SUFFIX) && !is_lock(path)
 }
 
 /// What lies in a folder, sorted; nothing where there is none.
@@ -54,15 +40,13 @@ pub(super) fn label_folders(path: &Path) -> io::Result<Vec<(String, PathBuf)>> {
     Ok(folders.map(|path| (name(&path), path)).collect())
 }
 
-/// The folders in which stages write: the data set's own, that of the episodes, and those of the label sets. Links are none: what
-/// lies behind them may be anybody's.
+/// The folders in which stages write: the data set's own, that of the episodes, and those of the label sets.
 ///
 /// # Errors
 /// One cannot be read.
 pub(super) fn written(path: &Path) -> io::Result<Vec<PathBuf>> {
     let of_labels = label_folders(path)?.into_iter().map(|(_, folder)| folder);
-    let below = std::iter::once(path.join(EPISODES)).chain(of_labels).filter(|folder| !folder.is_symlink());
-    Ok(std::iter::once(path.to_owned()).chain(below).collect())
+    Ok([path.to_owned(), path.join(EPISODES)].into_iter().chain(of_labels).collect())
 }
 
 /// What runs left unfinished.
@@ -122,7 +106,7 @@ pub(super) fn examine(path: &Path, manifest: &Manifest, found: &mut Found) -> io
         );
         found.add(file, Remark::fault(Aspect::Files, "unknown episode", text));
     }
-    let is_other = |path: &&PathBuf| !has_suffix(path, "mcap") && !has_suffix(path, PARTIAL_SUFFIX);
+    let is_other = |path: &&PathBuf| !has_suffix(path, "mcap") && !is_unfinished(path) && !is_lock(path);
     for other in listed(&path.join(EPISODES))?.iter().filter(is_other) {
         let text = format!("only episodes belong here; nothing reads this: {}", other.display());
         found.add(&from_folder(other), Remark::warning(Aspect::Files, "other file", text));
@@ -151,7 +135,7 @@ mod tests {
         let files = [
             "writer.partial",
             "episodes/a.mcap.7.partial",
-            "labels/rect/b.partial",
+            "labels/rect/b.mcap.partial",
             "episodes/x.mcap",
             "episodes/notes.txt",
         ];

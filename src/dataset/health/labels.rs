@@ -5,9 +5,10 @@ use std::io;
 use std::path::Path;
 
 use super::check::{Aspect, Found, Remark};
-use super::folder::{is_lock, is_unfinished, label_folders, listed};
+use super::folder::{label_folders, listed};
 use crate::episode::manifest::{EpisodeEntry, LabelCounts, LabelManifest, Manifest};
 use crate::episode::{EpisodeError, LabelReader};
+use crate::files::{is_lock, is_unfinished};
 use crate::sample::Sample;
 use crate::store;
 use crate::zone::{Zone, ZoneConfig};

@@ -8,13 +8,13 @@ use fs_err as fs;
 use rayon::prelude::*;
 
 use super::entries::difference;
-use super::folder::{is_lock, listed, unfinished, unknown_episodes, written};
+use super::folder::{listed, unfinished, unknown_episodes, written};
 use super::maker::{ConfigFile, Maker, Plans};
 use super::rebuild::{count, entry_of, is_of_a_set, names_of, plans_for, rebuild};
 use crate::dataset::DatasetError;
 use crate::episode::manifest::{EpisodeEntry, Manifest};
 use crate::episode::{EpisodeReader, check_archive};
-use crate::files::{FolderLock, sha256_hex, write_atomic};
+use crate::files::{FolderLock, is_lock, sha256_hex, write_atomic};
 use crate::progress::Progress;
 use crate::store;
 
@@ -35,9 +35,7 @@ pub fn mend(path: &Path, progress: &dyn Progress) -> Result<Vec<String>, Dataset
     let locks = lock_all(path)?;
     let mut done = Vec::new();
     for leftover in unfinished(path)? {
-        let removed =
-            if leftover.is_dir() { fs::remove_dir_all(&leftover) } else { fs::remove_file(&leftover) };
-        removed?;
+        fs::remove_file(&leftover)?;
         done.push(format!("deleted what a run left unfinished: {}", leftover.display()));
     }
     if let Some(manifest) = mend_manifest(path, &mut done)? {
@@ -274,7 +272,10 @@ fn free_name(path: &Path, file: &Path) -> io::Result<PathBuf> {
     fs::create_dir_all(&folder)?;
     let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let names = std::iter::once(name.clone()).chain((2..).map(|n| format!("{name}.{n}")));
-    Ok(names.map(|name| folder.join(name)).find(|path| !path.exists()).expect("names without end"))
+    Ok(names
+        .map(|name| folder.join(name))
+        .find(|path| !path.exists() && !path.is_symlink())
+        .expect("names without end"))
 }
 
 #[cfg(test)]
@@ -345,7 +346,7 @@ mod tests {
     }
 
     #[test]
-    fn what_lies_behind_links_stays() {
+    fn what_is_of_others_stays_behind_links_too() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path();
         made::write(path, 2);
