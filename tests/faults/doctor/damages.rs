@@ -17,7 +17,7 @@ use rand::RngExt as _;
 
 use super::rewrite::{
     change_labels, change_manifest, episode, label_file, largest, read, replace, rewrite, rewrite_each,
-    rewrite_labels, rewrite_raw, rewrite_under_labels, truth,
+    rewrite_labels, rewrite_raw, rewrite_under_labels, spoil_manifest, truth,
 };
 
 /// A kind of damage: what is damaged, the check that names it, and the damage to a data set's copy; the number varies the place.
@@ -201,7 +201,7 @@ pub const KINDS: &[Damage] = &[
     }),
     ("the config's hash", "config", |path, _| change_manifest(path, |of| of.config_sha256 = "0".repeat(64))),
     ("an entry is there twice", "manifest", |path, i| {
-        change_manifest(path, |of| {
+        spoil_manifest(path, |of| {
             let again = of.episodes[i as usize % 2].clone();
             of.episodes.push(EpisodeEntry { name: "again".to_owned(), ..again });
         });

@@ -8,7 +8,7 @@ use harmzone::episode::{
     EpisodeMeta, EpisodeReader, EpisodeWriter, LabelManifest, LabelReader, LabelWriter, Manifest,
     SampleLabels,
 };
-use harmzone::files::sha256_of;
+use harmzone::files::{sha256_of, write_sealed};
 use harmzone::object::Object;
 use harmzone::sample::{Sample, Truth};
 use mcap::records::Metadata;
@@ -25,6 +25,13 @@ pub fn change_manifest(path: &Path, change: impl FnOnce(&mut Manifest)) {
     let mut manifest = manifest(path);
     change(&mut manifest);
     manifest.write(path).expect("a writable copy");
+}
+
+/// As [`change_manifest`], for what this program would not write.
+pub fn spoil_manifest(path: &Path, change: impl FnOnce(&mut Manifest)) {
+    let mut manifest = manifest(path);
+    change(&mut manifest);
+    write_sealed(&path.join(Manifest::FILE), &manifest).expect("a writable copy");
 }
 
 pub fn change_labels(path: &Path, change: impl FnOnce(&mut LabelManifest)) {
