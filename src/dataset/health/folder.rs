@@ -56,7 +56,7 @@ pub(super) fn written(path: &Path) -> io::Result<Vec<PathBuf>> {
 pub(super) fn unfinished(path: &Path) -> io::Result<Vec<PathBuf>> {
     let mut found = Vec::new();
     for folder in written(path)? {
-        found.extend(listed(&folder)?.into_iter().filter(|path| is_unfinished(path)));
+        found.extend(listed(&folder)?.into_iter().filter(|path| is_unfinished(path) && !path.is_dir()));
     }
     Ok(found)
 }
