@@ -5,8 +5,10 @@
 #   TIMEOUT_S=120 fuzz/run.sh ..       on a busy machine: an input may take so long by the clock [20]
 #   fuzz/run.sh --total               hours, executions and faults of all runs so far, by target
 #
-# hours.csv gets a line a slice: target, seconds, seconds of the processor, executions, new inputs, faults, when it ended. It is kept in
-# the repository, so that hours of several machines add up; what counts are those of the processor, which beside other work are fewer.
+# hours.csv gets a line a slice: target, seconds, seconds of the processor, executions, new inputs, faults, when it ended, and how many of
+# the executions were of the corpus, which each slice begins with. It is kept in the repository, so that hours of several machines add up.
+# What counts in the total are seconds of the processor, which beside other work are fewer, and of these the share that went to new
+# inputs; of older lines, which do not tell the share, those that found something new.
 set -euo pipefail
 cd "$(dirname "$0")"
 programs=${PROGRAMS:-target/x86_64-unknown-linux-gnu/release}
@@ -17,7 +19,8 @@ log=hours.csv
 
 if [ "${1:-}" = --total ]; then
     [ -f "$log" ] || { echo "there is no $PWD/$log yet" >&2; exit 1; }
-    awk -F, 'NR > 1 { s[$1] += $3; n[$1] += $4; c[$1] += $5; f[$1] += $6; S += $3; N += $4; C += $5; F += $6 }
+    awk -F, 'NR > 1 { share = NF > 7 ? ($4 > $8 ? ($4 - $8) / $4 : 0) : $5 > 0
+                     t = share * $3; s[$1] += t; n[$1] += $4; c[$1] += $5; f[$1] += $6; S += t; N += $4; C += $5; F += $6 }
         END { printf "%-16s %8s %12s %10s %7s\n", "target", "hours", "executions", "new inputs", "faults"
               for (t in s) printf "%-16s %8.2f %12d %10d %7d\n", t, s[t] / 3600, n[t], c[t], f[t] | "sort"
               close("sort")
@@ -36,7 +39,7 @@ while [ $# -gt 0 ]; do
     shift
 done
 [ ${#targets[@]} -gt 0 ] || { sed -n '2,7p' "$0"; exit 2; }
-[ -f "$log" ] || echo "target,seconds,cpu_seconds,executions,new_inputs,faults,ended" >"$log"
+[ -f "$log" ] || echo "target,seconds,cpu_seconds,executions,new_inputs,faults,ended,replayed" >"$log"
 
 head -1 "$log" | grep -q cpu_seconds || { echo "$PWD/$log is of an older run.sh, without cpu_seconds: move it away" >&2; exit 1; }
 
@@ -77,8 +80,9 @@ while [ "$(date +%s)" -lt "$end" ]; do
             stat_of() { sed -n "s/^stat::$1: *//p" "$scratch/$target.log" | tail -1; }
             executions=$(stat_of number_of_executed_units)
             new=$(stat_of new_units_added)
+            replayed=$(sed -n 's/^#\([0-9]*\).*INITED.*/\1/p' "$scratch/$target.log" | tail -1)
             faults=$(($(n_faults) - before))
-            echo "$target,$(($(date +%s) - begin)),$((cpu - cpu_before)),${executions:-0},${new:-0},$faults,$(date -u +%FT%TZ)" >>"$log"
+            echo "$target,$(($(date +%s) - begin)),$((cpu - cpu_before)),${executions:-0},${new:-0},$faults,$(date -u +%FT%TZ),${replayed:-${executions:-0}}" >>"$log"
             [ "$faults" -gt 0 ] || break
             mkdir -p artifacts/logs
             tail -n 60 "$scratch/$target.log" >"artifacts/logs/$target-$(date +%s).log"

@@ -193,6 +193,12 @@ pub fn is_cpu(device: &Device) -> bool {
     *device == Device::flex()
 }
 
+/// What computes: `cpu`, or what a GPU calls itself.
+#[must_use]
+pub fn what_computes(device: &Device) -> String {
+    if is_cpu(device) { "cpu".to_owned() } else { own_name(device).unwrap_or_else(|| "gpu".to_owned()) }
+}
+
 /// The device that golden tests run on: that of the environment variable `HARMZONE_TEST_DEVICE`, or the CPU.
 #[cfg(test)]
 pub fn test_device() -> Device {

@@ -14,7 +14,7 @@ use tempfile::TempPath;
 
 pub use folder::{FolderError, NewFolder};
 pub use lock::{FolderLock, is_lock};
-pub use seal::{is_sealed, read_sealed, seal, unseal, write_sealed};
+pub use seal::{is_sealed, read_sealed, seal, seal_result, unseal, write_manifest, write_sealed};
 pub use space::{bytes_in_words, check_room, free_bytes, told_with_room};
 
 /// Suffix of files that are still being written; a leftover may be deleted at any time.

@@ -7,7 +7,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize, Serializer};
 use thiserror::Error;
 
-use crate::files::{is_file, write_atomic};
+use crate::files::{is_file, sha256_hex, write_atomic};
 
 /// Name of the file with a row for each step.
 pub const STEPS_FILE: &str = "log.csv";
@@ -134,6 +134,12 @@ impl History {
         Ok(Self { steps, scores })
     }
 
+    /// The hash of both files as they are written.
+    #[must_use]
+    pub fn sha256(&self) -> String {
+        sha256_hex(&[to_csv(&self.steps), to_csv(&self.scores)].concat())
+    }
+
     /// Writes both files, each whole or not at all; without rows there is no file.
     ///
     /// # Errors
@@ -159,11 +165,15 @@ fn write_rows<T: Serialize>(path: &Path, rows: &[T]) -> std::io::Result<()> {
     if rows.is_empty() {
         return Ok(());
     }
+    write_atomic(path, &to_csv(rows))
+}
+
+fn to_csv<T: Serialize>(rows: &[T]) -> Vec<u8> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     for row in rows {
         writer.serialize(row).expect("a row of numbers and a name has a CSV form");
     }
-    write_atomic(path, &writer.into_inner().expect("a vector takes all that is written"))
+    writer.into_inner().expect("a vector takes all that is written")
 }
 
 #[cfg(test)]

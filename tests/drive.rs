@@ -6,6 +6,7 @@ mod made_data;
 use std::path::{Path, PathBuf};
 
 use fs_err as fs;
+use harmzone::files::{read_sealed, seal_result};
 use harmzone::outcome::{DRIVING, DriveOutcome, DriveSummary, End};
 use made_data::{done, fails, harmzone, text};
 
@@ -139,8 +140,15 @@ fn drives_go_on_with_more_patience_and_not_by_other_rules() {
     let (code, told) = drive(&["--set", "reflex.latency_s=0.1"]);
     assert!(code == 1 && told.contains("latency_s"), "{told}");
     let who = drives.path("a/exec/who.json");
-    let text = fs::read_to_string(&who).expect("it tells who drove");
-    let with = |from: &str, to: &str| fs::write(&who, text.replace(from, to)).expect("it can be written");
+    let text = read_sealed(&who).expect("it tells who drove");
+    let with = |from: &str, to: &str| {
+        assert!(text.contains(from), "{from} is not in {text}");
+        fs::write(&who, seal_result(&text.replace(from, to))).expect("it can be written");
+    };
+    fs::write(&who, fs::read_to_string(&who).expect("a file").replace("exec", "else"))
+        .expect("it can be written");
+    let (code, told) = drive(&[]);
+    assert!(code == 1 && told.contains("was changed") && told.contains("who.json"), "{told}");
     let older = DRIVING - 1;
     with(&format!("\"driving\": {DRIVING}"), &format!("\"driving\": {older}"));
     let (code, told) = drive(&[]);

@@ -118,6 +118,39 @@ fn the_score_that_calibrate_chooses_is_kept_with_the_network_and_used() {
     assert_eq!(operating_score(&[]), chosen, "what was there stays");
 }
 
+#[test]
+fn a_training_that_barely_fits_keeps_its_bound_or_ends_with_its_state_and_its_bytes_are_the_same() {
+    let Fixture { id, run, .. } = fixture();
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().join("run");
+    let train = |more: &[&str]| [&["train", text(id), "--out", text(&out)], TINY.as_slice(), more].concat();
+    let told = fails(&train(&["--max-memory", "0.01"]));
+    let number = |after: &str| {
+        let (_, rest) = told.split_once(after).unwrap_or_else(|| panic!("{after} is not in {told}"));
+        let digits = rest.chars().take_while(char::is_ascii_digit).collect::<String>();
+        digits.parse::<f64>().expect("a number of MiB")
+    };
+    let least_mib = number("needs about ");
+    assert!(told.contains("--max-memory") && !out.exists(), "{told}");
+    // The step is reckoned; what it takes beyond may pass a bound that is no wider.
+    let mut n_ended = 0;
+    for share in [1.02, 1.1, 1.3] {
+        let gib = format!("{:.4}", share * least_mib / 1024.0);
+        let output = harmzone(&train(&["--max-memory", &gib]));
+        if output.status.success() {
+            break;
+        }
+        let told = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(told.contains("--max-memory"), "{told}");
+        let is_saved = fs::read_dir(out.join("state")).is_ok_and(|mut states| states.next().is_some());
+        assert!(is_saved, "its state is not kept: {told}");
+        n_ended += 1;
+    }
+    done(&train(&[]));
+    let bytes = |run: &Path| fs::read(run.join("model.safetensors")).expect("a network");
+    assert!(bytes(&out) == bytes(run), "after {n_ended} runs that passed their bound");
+}
+
 /// Over the tiny config: LiDAR alone, undisturbed, for as long as it takes to know three samples by heart (4 s).
 const BY_HEART: [&str; 12] = [
     "model.use_camera=false",

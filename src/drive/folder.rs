@@ -43,7 +43,7 @@ pub(super) fn open(out: &Path, config_toml: &str, origins: &[Origin]) -> Result<
         if !path.is_file() {
             continue;
         }
-        let found: Origin = serde_json::from_str(&fs::read_to_string(&path)?)
+        let found: Origin = serde_json::from_str(&read_sealed(&path)?)
             .map_err(|error| DriveError::BadOutcome { message: error.to_string(), path })?;
         if let Some((found, wanted)) = first_difference(&found.identity(), &origin.identity()) {
             return other(found.trim().to_owned(), wanted.trim().to_owned());
@@ -68,8 +68,7 @@ pub(super) fn open(out: &Path, config_toml: &str, origins: &[Origin]) -> Result<
     for origin in &origins {
         let folder = out.join(&origin.who.name);
         fs::create_dir_all(folder.join(OUTCOMES))?;
-        let text = serde_json::to_string_pretty(origin).expect("it has a JSON form") + "\n";
-        write_atomic(&folder.join(WHO_FILE), text.as_bytes())?;
+        write_sealed(&folder.join(WHO_FILE), origin)?;
     }
     Ok(origins)
 }

@@ -44,6 +44,10 @@ pub enum EpisodeError {
     ForeignTopics { missing: Vec<&'static str>, found: Vec<String>, path: PathBuf },
     #[error("topic `{topic}` holds `{found}`; `{wanted}` is needed: {}", path.display())]
     ForeignSchema { topic: String, found: String, wanted: String, path: PathBuf },
+    #[error(
+        "the metadata record `{record}` is of format version `{found}`; this version reads {wanted}: {}", path.display()
+    )]
+    Version { record: &'static str, found: String, wanted: u32, path: PathBuf },
     #[error("the metadata record `{record}` lacks `{key}` or holds no valid one: {}", path.display())]
     Metadata { record: &'static str, key: &'static str, path: PathBuf },
     #[error("topic `{topic}` holds {found} messages; {wanted} are needed: {}", path.display())]

@@ -8,7 +8,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::error::EpisodeError;
-use super::meta::FORMAT_VERSION;
+use super::meta::{FORMAT_VERSION, check_version};
 use crate::object::Kind;
 
 /// Where an imported episode comes from, how each of its parts was obtained, and what is annotated.
@@ -91,9 +91,7 @@ impl LogFacts {
             return Ok(None);
         }
         let fail = |key| EpisodeError::Metadata { record: Self::RECORD, key, path: path.to_owned() };
-        if record.get("format_version") != Some(&FORMAT_VERSION.to_string()) {
-            return Err(fail("format_version"));
-        }
+        check_version(record, Self::RECORD, path)?;
         let facts = record.get("facts_toml").and_then(|text| toml::from_str(text).ok());
         facts.map(Some).ok_or_else(|| fail("facts_toml"))
     }

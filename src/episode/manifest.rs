@@ -12,7 +12,7 @@ use thiserror::Error;
 pub use super::counts::{HarmCounts, LabelCounts, ObjectCounts, PerDistribution, PerKind};
 use super::made_with::{self, MadeWith};
 use super::shard::PartOf;
-use crate::files::{is_file, is_sealed, unseal, write_atomic, write_sealed};
+use crate::files::{is_file, is_sealed, unseal, write_atomic, write_manifest};
 
 /// Why a manifest cannot be read or written.
 #[derive(Debug, Error)]
@@ -379,7 +379,7 @@ fn read_json<T: DeserializeOwned>(
 /// Writes a manifest; the versions that have no hash are not sealed.
 fn write_json<T: Serialize>(path: &Path, value: &T, is_sealed: bool) -> io::Result<()> {
     if is_sealed {
-        return write_sealed(path, value);
+        return write_manifest(path, value);
     }
     write_atomic(path, (serde_json::to_string_pretty(value)? + "\n").as_bytes())
 }

@@ -31,6 +31,20 @@ pub const FORMAT_VERSION: u32 = 1;
 
 type Record = BTreeMap<String, String>;
 
+/// Refuses a record of another format version, or of none.
+pub(super) fn check_version(record: &Record, name: &'static str, path: &Path) -> Result<(), EpisodeError> {
+    match record.get("format_version") {
+        Some(found) if *found == FORMAT_VERSION.to_string() => Ok(()),
+        Some(found) => Err(EpisodeError::Version {
+            record: name,
+            found: found.clone(),
+            wanted: FORMAT_VERSION,
+            path: path.to_owned(),
+        }),
+        None => Err(EpisodeError::Metadata { record: name, key: "format_version", path: path.to_owned() }),
+    }
+}
+
 /// Reads and writes a struct as a metadata record: each field under its name, as text.
 macro_rules! record_of {
     ($name:ident { $($field:ident),* }) => {
@@ -48,9 +62,7 @@ macro_rules! record_of {
                 // Older episodes do not say what is background.
                 let is_absent = |key: &str| key == "background" && !record.contains_key(key);
                 let fail = |key| EpisodeError::Metadata { record: name, key, path: path.to_owned() };
-                if record.get("format_version") != Some(&FORMAT_VERSION.to_string()) {
-                    return Err(fail("format_version"));
-                }
+                check_version(record, name, path)?;
                 $(
                     let text = record.get(stringify!($field)).map(String::as_str);
                     let text = text.or(is_absent(stringify!($field)).then_some(""));
@@ -102,5 +114,31 @@ impl SourceMeta {
         }
         let (found, wanted) = (self.episode_sha256.clone(), wanted.to_owned());
         Err(EpisodeError::OtherEpisode { found, wanted, path: path.to_owned() })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_record_of_a_newer_version_is_told_with_the_version_that_is_read() {
+        let source = SourceMeta {
+            episode: "town-ClearNoon-1".to_owned(),
+            episode_sha256: "0".repeat(64),
+            set: "rect".to_owned(),
+            config_toml: String::new(),
+            generator_version: "0.1.0".to_owned(),
+        };
+        let path = Path::new("labels/rect/town.mcap");
+        let mut record = source.to_record();
+        assert_eq!(SourceMeta::from_record(&record, "labels", path).unwrap(), source);
+        record.insert("format_version".to_owned(), "2".to_owned());
+        let told = SourceMeta::from_record(&record, "labels", path).unwrap_err().to_string();
+        assert!(told.contains("`labels` is of format version `2`; this version reads 1"), "{told}");
+        assert!(told.ends_with("town.mcap"), "{told}");
+        record.remove("format_version");
+        let told = SourceMeta::from_record(&record, "labels", path).unwrap_err().to_string();
+        assert!(told.contains("lacks `format_version`"), "{told}");
     }
 }

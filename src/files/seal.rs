@@ -1,6 +1,7 @@
 //! JSON files that end with a hash of themselves, so that no other content passes for what was written.
 //!
-//! The last key is `sha256`: the SHA-256 of the text without that key and the comma before it.
+//! The last key is `sha256`: the SHA-256 of the text without that key and the comma before it. Before it stands
+//! `format_version`, but in manifests, which begin with one of their own.
 
 use std::io;
 use std::path::Path;
@@ -13,6 +14,10 @@ use super::{sha256_hex, write_atomic};
 const BEGIN: &str = ",\n  \"sha256\": \"";
 const END: &str = "\"\n}\n";
 const N_DIGITS: usize = 64;
+const VERSION_BEGIN: &str = ",\n  \"format_version\": ";
+
+/// The format version of scores, boxes, drives and states; files of before there was one have none and are read, too.
+pub const RESULT_VERSION: u32 = 1;
 
 /// The text of a JSON object with its hash.
 ///
@@ -24,15 +29,36 @@ pub fn seal(json: &str) -> String {
     format!("{body}{BEGIN}{}{END}", sha256_hex(plain(body).as_bytes()))
 }
 
+/// The text of a JSON object with its format version and its hash.
+///
+/// # Panics
+/// The text is no JSON object.
+#[must_use]
+pub fn seal_result(json: &str) -> String {
+    let body = json.trim_end().strip_suffix('}').expect("a JSON object").trim_end();
+    seal(&plain(&format!("{body}{VERSION_BEGIN}{RESULT_VERSION}")))
+}
+
 fn plain(body: &str) -> String {
     format!("{body}\n}}\n")
 }
 
-/// The JSON object without its hash, which is checked; a text without a hash stays as it is.
+/// The JSON object without its hash and the version before that, which are checked; a text without them stays as it is.
 ///
 /// # Errors
-/// The hash is another: what is found, in words.
+/// The hash is another, or the version is none that is read: what is found, in words.
 pub fn unseal(text: &str) -> Result<String, String> {
+    let json = without_hash(text)?;
+    match json.strip_suffix("\n}\n").and_then(|body| body.rsplit_once(VERSION_BEGIN)) {
+        Some((body, found)) if found == RESULT_VERSION.to_string() => Ok(plain(body)),
+        Some((_, found)) if found.bytes().all(|byte| byte.is_ascii_digit()) => Err(format!(
+            "it is of format version {found}; this version reads {RESULT_VERSION}, and files without a version"
+        )),
+        _ => Ok(json),
+    }
+}
+
+fn without_hash(text: &str) -> Result<String, String> {
     let Some(before) = text.strip_suffix(END) else { return Ok(text.to_owned()) };
     let Some(at) = before.len().checked_sub(N_DIGITS).filter(|&at| before.is_char_boundary(at)) else {
         return Ok(text.to_owned());
@@ -55,18 +81,26 @@ pub fn is_sealed(text: &str) -> bool {
         .is_some_and(|body| body.ends_with(BEGIN))
 }
 
-/// Writes a value as a sealed file, whole or not at all.
+/// Writes a value that begins with a format version as a sealed file, whole or not at all.
+///
+/// # Errors
+/// The value has no JSON form, or the disk fails.
+pub fn write_manifest(path: &Path, value: &impl Serialize) -> io::Result<()> {
+    write_atomic(path, seal(&serde_json::to_string_pretty(value)?).as_bytes())
+}
+
+/// Writes a value as a sealed file with its format version, whole or not at all.
 ///
 /// # Errors
 /// The value has no JSON form, or the disk fails.
 pub fn write_sealed(path: &Path, value: &impl Serialize) -> io::Result<()> {
-    write_atomic(path, seal(&serde_json::to_string_pretty(value)?).as_bytes())
+    write_atomic(path, seal_result(&serde_json::to_string_pretty(value)?).as_bytes())
 }
 
 /// Reads the JSON of a sealed file, or of one without a hash.
 ///
 /// # Errors
-/// It cannot be read, or its hash is another (`InvalidData`); errors name the path.
+/// It cannot be read, its hash is another, or its version is none that is read (`InvalidData`); errors name the path.
 pub fn read_sealed(path: &Path) -> io::Result<String> {
     let text = fs::read_to_string(path)?;
     unseal(&text).map_err(|message| {
@@ -91,6 +125,33 @@ mod tests {
         assert_eq!(value["sha256"].as_str().unwrap().len(), 64);
         assert_eq!(unseal("{}").unwrap(), "{}");
         assert_eq!(unseal(&seal("{\"n\":[1,2]}")).unwrap(), "{\"n\":[1,2]\n}\n");
+    }
+
+    #[test]
+    fn a_result_tells_its_version_and_another_one_is_refused_with_what_is_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("drive.json");
+        let value = serde_json::json!({ "name": "town", "last": { "format_version": 7 } });
+        write_sealed(&path, &value).unwrap();
+        let text = fs::read_to_string(&path).unwrap();
+        let whole: serde_json::Value = serde_json::from_str(&text).unwrap();
+        assert_eq!(whole["format_version"], RESULT_VERSION);
+        let read = || read_sealed(&path);
+        assert_eq!(serde_json::from_str::<serde_json::Value>(&read().unwrap()).unwrap(), value);
+        // Without a version, as files were before, and of a manifest, which begins with one.
+        let plain = serde_json::to_string_pretty(&value).unwrap();
+        fs::write(&path, seal(&plain)).unwrap();
+        assert_eq!(serde_json::from_str::<serde_json::Value>(&read().unwrap()).unwrap(), value);
+        let manifest = "{\n  \"format_version\": 3,\n  \"n\": 1\n}\n";
+        assert_eq!(unseal(&seal(manifest)).unwrap(), manifest);
+        // A newer one, with its hash and without.
+        let newer = without_hash(&text).unwrap().replace("\"format_version\": 1", "\"format_version\": 2");
+        for text in [seal(&newer), newer] {
+            fs::write(&path, text).unwrap();
+            let told = read().unwrap_err().to_string();
+            assert!(told.contains("format version 2") && told.contains("reads 1"), "{told}");
+            assert!(told.ends_with("drive.json"), "{told}");
+        }
     }
 
     #[test]

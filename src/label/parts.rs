@@ -9,7 +9,7 @@ use fs_err as fs;
 use super::LabelError;
 use crate::episode::Shard;
 use crate::episode::manifest::{LabelManifest, Manifest};
-use crate::files::{read_sealed, write_sealed};
+use crate::files::{read_sealed, write_manifest};
 use crate::store;
 
 const PREFIX: &str = "part-";
@@ -20,7 +20,7 @@ fn path_of(folder: &Path, shard: Shard) -> PathBuf {
 
 /// Notes that a part of the set in this folder is whole.
 pub(super) fn write(folder: &Path, shard: Shard, part: &LabelManifest) -> Result<(), LabelError> {
-    Ok(write_sealed(&path_of(folder, shard), part)?)
+    Ok(write_manifest(&path_of(folder, shard), part)?)
 }
 
 /// A part of the set, if it is as it was written, by this zone and for these episodes.

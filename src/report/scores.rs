@@ -1,10 +1,12 @@
 //! A folder of scores, which `harmzone eval --out` writes and the report reads.
 
+use std::borrow::Cow;
 use std::io;
 use std::path::{Path, PathBuf};
 
 use fs_err as fs;
 use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::provenance::Provenance;
@@ -12,7 +14,7 @@ use super::score_tables;
 use crate::config::to_toml;
 use crate::eval::sweep::Sweeps;
 use crate::eval::{Evaluation, Fault, Protocol};
-use crate::files::{read_sealed, seal, write_atomic, write_sealed};
+use crate::files::{read_sealed, seal_result, write_atomic, write_sealed};
 
 /// The whole evaluation.
 pub const METRICS_FILE: &str = "metrics.json";
@@ -20,7 +22,7 @@ pub const METRICS_FILE: &str = "metrics.json";
 pub const CONFIG_FILE: &str = "eval.toml";
 /// Where the scores come from, a [`Provenance`].
 pub const PROVENANCE_FILE: &str = "source.json";
-/// The worst misses and false alarms, a list of [`Fault`].
+/// The worst misses and false alarms: [`Fault`]s under the key `faults`.
 pub const FAULTS_FILE: &str = "faults.json";
 /// For readers: the table beside the paper's, and scores by group.
 const TABLE_FILE: &str = "table.txt";
@@ -37,6 +39,29 @@ pub enum ScoresError {
     Broken { message: String, path: PathBuf },
     #[error(transparent)]
     Io(#[from] io::Error),
+}
+
+/// The content of `faults.json`.
+#[derive(Serialize, Deserialize)]
+struct FaultList<'a> {
+    faults: Cow<'a, [Fault]>,
+}
+
+/// `faults.json` as it is, and as it was before it had a hash and a version.
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum FaultsFile {
+    Sealed(FaultList<'static>),
+    Bare(Vec<Fault>),
+}
+
+impl FaultsFile {
+    fn into_list(self) -> Vec<Fault> {
+        match self {
+            Self::Sealed(list) => list.faults.into_owned(),
+            Self::Bare(faults) => faults,
+        }
+    }
 }
 
 /// The content of a folder of scores; all but the metrics may be missing.
@@ -63,7 +88,7 @@ impl Scores {
             evaluation: evaluation.ok_or_else(|| ScoresError::NoMetrics { path: folder.to_owned() })?,
             config_toml: if config.is_file() { Some(fs::read_to_string(config)?) } else { None },
             provenance: read_json(&folder.join(PROVENANCE_FILE))?,
-            faults: read_json(&folder.join(FAULTS_FILE))?,
+            faults: read_json(&folder.join(FAULTS_FILE))?.map(FaultsFile::into_list),
             sweeps: read_json(&folder.join(SWEEPS_FILE))?,
         })
     }
@@ -90,9 +115,9 @@ pub fn write(
     let table = score_tables::with_standing(evaluation, provenance.standing());
     write_atomic(&folder.join(TABLE_FILE), table.as_bytes())?;
     write_atomic(&folder.join(BREAKDOWN_FILE), score_tables::breakdown(evaluation).as_bytes())?;
-    write_atomic(&folder.join(FAULTS_FILE), &serde_json::to_vec(&evaluation.faults)?)?;
+    write_sealed(&folder.join(FAULTS_FILE), &FaultList { faults: Cow::Borrowed(&evaluation.faults) })?;
     write_sealed(&folder.join(PROVENANCE_FILE), provenance)?;
-    write_atomic(&metrics, seal(&evaluation.to_json()).as_bytes())
+    write_atomic(&metrics, seal_result(&evaluation.to_json()).as_bytes())
 }
 
 /// `None` if there is no such file.

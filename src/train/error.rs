@@ -7,7 +7,7 @@ use thiserror::Error;
 use super::validate::ValidationError;
 use crate::config::InvalidConfig;
 use crate::dataset::DatasetError;
-use crate::history::HistoryError;
+use crate::history::{HistoryError, SCORES_FILE};
 use crate::model::checkpoint::CheckpointError;
 use crate::model::{ImageWeightsError, InputError};
 use crate::zone::ZoneError;
@@ -76,6 +76,13 @@ pub enum StateError {
     Io(#[from] std::io::Error),
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),
+    #[error(transparent)]
+    History(#[from] HistoryError),
+    #[error(
+        "the log, or `{SCORES_FILE}` beside it, was changed since the run's state was saved; put it back, or give --force to start \
+         anew: {}", path.display()
+    )]
+    OtherLog { path: PathBuf },
     #[error("the run's state is broken: {message}; delete it to start anew: {}", path.display())]
     Broken { message: String, path: PathBuf },
 }

@@ -9,6 +9,7 @@ use super::error::TrainError;
 use super::memory::MemoryBound;
 use super::state;
 use super::time::TIME_FILE;
+use super::trained_on::MADE_WITH_FILE;
 use crate::config::to_toml;
 use crate::dataset::Fingerprint;
 use crate::files;
@@ -73,7 +74,7 @@ pub fn open(
             return Err(TrainError::OtherRun { path: out.to_owned() });
         }
         state::clear(out)?;
-        for name in [CHECKPOINT, STEPS_FILE, SCORES_FILE, TIME_FILE, CONFIG_FILE, DATA_FILE] {
+        for name in [CHECKPOINT, STEPS_FILE, SCORES_FILE, TIME_FILE, MADE_WITH_FILE, CONFIG_FILE, DATA_FILE] {
             let path = out.join(name);
             if path.exists() {
                 fs::remove_file(path)?;

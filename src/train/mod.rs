@@ -30,6 +30,7 @@ mod state;
 mod step;
 mod targets;
 mod time;
+mod trained_on;
 #[cfg(test)]
 mod twin_tests;
 mod validate;
@@ -42,6 +43,7 @@ pub use folder::{CONFIG_FILE, DATA_FILE, TrainOptions};
 pub use run::{Summary, TrainingData, run};
 pub use schedule::{BETA_1, Pace, Schedule};
 pub use time::{TIME_FILE, TrainingTime};
+pub use trained_on::{MADE_WITH_FILE, TrainedOn};
 
 // The parts of one step, for measurements.
 pub use augment::{ObjectsByState, TrainView, draw};

@@ -21,6 +21,7 @@ use super::plan::{Plan, Position, STAGES};
 use super::state;
 use super::step::Steps;
 use super::time::Stopwatch;
+use super::trained_on::{MADE_WITH_FILE, TrainedOn};
 use super::validate::validate;
 use crate::config::Checked;
 use crate::dataset::{SampleSource, SeenEpisodes};
@@ -119,22 +120,30 @@ pub fn run(
         return Ok(summary(0, MeanLoss::of_last_epoch(&steps).mean(), Duration::ZERO));
     }
 
+    let others = TrainedOn::note(out, devices)?;
+    if !others.is_empty() {
+        tracing::warn!(
+            "the run was begun on another machine ({}); in its last bits the network may differ from one that was trained on one \
+             alone: {}",
+            others.join(", "),
+            out.join(MADE_WITH_FILE).display()
+        );
+    }
     let stopwatch = Stopwatch::start(out);
     let device = inference_device.clone().autodiff();
     let mut image_weights = None;
     let saved = state::load_newest(out, &run_sha256, &plan, config, &device, inference_device)?;
-    let (mut position, mut learner) = if let Some(saved) = saved {
+    let (mut position, mut learner, mut history) = if let Some(saved) = saved {
         saved
     } else {
         let mut detector = Detector::init(&config.model, config.seed, &device);
         if let Some(path) = &config.image_weights {
             image_weights = Some(detector.load_image_weights(path)?);
         }
-        (Position { stage: 0, step: 0 }, Learner::start(detector, config))
+        (Position { stage: 0, step: 0 }, Learner::start(detector, config), History::read_until(out, 0)?)
     };
     // A state is written while the one before it is there: weights, their average, and two moments of each.
     check_room(out, 2 * 4 * 4 * learner.detector().num_params() as u64)?;
-    let mut history = History::read_whole(out, plan.n_done(position))?;
     let mut steps = Steps::new(&plan, learned, config, devices);
     steps.look_at_memory();
     let mut n_steps_now = 0;
@@ -220,7 +229,7 @@ pub fn run(
             if (is_over || n_done.is_multiple_of(config.save_every_steps)) && position.step < n_steps {
                 history.write(out)?;
                 stopwatch.save(out)?;
-                state::save(out, &run_sha256, n_done, position, &learner)?;
+                state::save(out, &run_sha256, &history, position, &learner)?;
                 store::push(out)?;
             }
             // Of a stage's last step the state is saved below.
@@ -236,7 +245,7 @@ pub fn run(
         learner.restart_optimizer(config);
         history.write(out)?;
         stopwatch.save(out)?;
-        state::save(out, &run_sha256, plan.n_done(position), position, &learner)?;
+        state::save(out, &run_sha256, &history, position, &learner)?;
         store::push(out)?;
         interrupt::check()?;
     }

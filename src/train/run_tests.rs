@@ -219,6 +219,11 @@ fn what_does_not_belong_to_a_run_is_told_and_its_state_stays() {
     }
     let told_log = swap(STEPS_FILE, Path::new("absent"));
     assert!(told_log.contains("no row of step 1"), "{told_log}");
+    let changed = home.path().join("log.csv");
+    let log = fs::read_to_string(ours.join(STEPS_FILE)).unwrap();
+    fs::write(&changed, log.replacen("lidar,0", "lidar,1", 1)).unwrap();
+    let told_log = swap(STEPS_FILE, &changed);
+    assert!(told_log.contains("was changed") && told_log.contains(STEPS_FILE), "{told_log}");
     fs::rename(ours.join(state), ours.join("state/step-00000004")).unwrap();
     assert!(told().contains("it stands at"), "{}", told());
     fs::rename(ours.join("state/step-00000004"), ours.join(state)).unwrap();

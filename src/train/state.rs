@@ -15,6 +15,7 @@ use super::learner::Learner;
 use super::optimizer::Optimizer;
 use super::plan::{Plan, Position};
 use crate::files::{PARTIAL_SUFFIX, is_file, read_sealed, sha256_hex, sha256_of, write_atomic, write_sealed};
+use crate::history::{History, STEPS_FILE};
 use crate::model::checkpoint;
 
 const OPTIMIZER_FILE: &str = "optimizer.bpk";
@@ -29,6 +30,9 @@ struct Saved {
     /// Of all that belongs together: the run's config and data, and both networks. Older states lack it.
     #[serde(default)]
     whole_sha256: Option<String>,
+    /// Of the log as it stood. Older states lack it.
+    #[serde(default)]
+    log_sha256: Option<String>,
 }
 
 const NETWORK_FILE: &str = "model.safetensors";
@@ -49,20 +53,20 @@ pub(super) fn folder(run: &Path) -> PathBuf {
     run.join("state")
 }
 
-/// Saves a state, then removes older ones. `position` is the next step to take; `n_done`, the number of steps taken in
-/// all stages, names the state; `run_sha256` is the hash of the run's config and data, which it belongs to.
+/// Saves a state, then removes older ones. `position` is the next step to take; the number of steps taken in all stages, of
+/// which `history` is the log, names the state; `run_sha256` is the hash of the run's config and data, which it belongs to.
 ///
 /// # Errors
 /// Any IO error; the older state stays then.
 pub fn save(
     run: &Path,
     run_sha256: &str,
-    n_done: usize,
+    history: &History,
     position: Position,
     learner: &Learner,
 ) -> Result<(), StateError> {
     let states = folder(run);
-    let whole = states.join(name(n_done));
+    let whole = states.join(name(history.steps.len()));
     let partial = whole.with_extension(PARTIAL_SUFFIX);
     if partial.exists() {
         fs::remove_dir_all(&partial)?;
@@ -75,7 +79,11 @@ pub fn save(
     write_atomic(&partial.join(OPTIMIZER_FILE), &learner.optimizer().to_bytes().map_err(broken)?)?;
     let optimizer_sha256 = sha256_of(&partial.join(OPTIMIZER_FILE))?;
     let whole_sha256 = Some(whole_sha256(run_sha256, &partial)?);
-    write_sealed(&partial.join(POSITION_FILE), &Saved { position, optimizer_sha256, whole_sha256 })?;
+    let log_sha256 = Some(history.sha256());
+    write_sealed(
+        &partial.join(POSITION_FILE),
+        &Saved { position, optimizer_sha256, whole_sha256, log_sha256 },
+    )?;
     if whole.exists() {
         fs::remove_dir_all(&whole)?;
     }
@@ -106,10 +114,10 @@ fn list(run: &Path) -> Result<Vec<PathBuf>, StateError> {
     Ok(found)
 }
 
-/// Loads the newest state of a run, if there is one: the next step to take, and the learner before it.
+/// Loads the newest state of a run, if there is one: the next step to take, and the learner and the log before it.
 ///
 /// # Errors
-/// The state is broken or belongs to another run.
+/// The state is broken or belongs to another run, or the log is not the one it was written with.
 pub fn load_newest(
     run: &Path,
     run_sha256: &str,
@@ -117,11 +125,11 @@ pub fn load_newest(
     config: &TrainConfig,
     device: &Device,
     inference_device: &Device,
-) -> Result<Option<(Position, Learner)>, StateError> {
+) -> Result<Option<(Position, Learner, History)>, StateError> {
     let Some(path) = list(run)?.pop() else { return Ok(None) };
     let broken = |message: String| StateError::Broken { message, path: path.clone() };
     let text = read_sealed(&path.join(POSITION_FILE))?;
-    let Saved { position, optimizer_sha256, whole_sha256: wanted } =
+    let Saved { position, optimizer_sha256, whole_sha256: wanted, log_sha256 } =
         serde_json::from_str(&text).map_err(|error| broken(error.to_string()))?;
     if !plan.has(position) || !path.ends_with(name(plan.n_done(position))) {
         let told = format!("it stands at {position:?}, and the run has {:?} steps", plan.n_steps);
@@ -133,6 +141,10 @@ pub fn load_newest(
             "its networks, or the run's config or data, are not those it was written with".to_owned(),
         ));
     }
+    let history = History::read_whole(run, plan.n_done(position))?;
+    if log_sha256.is_some_and(|wanted| wanted != history.sha256()) {
+        return Err(StateError::OtherLog { path: run.join(STEPS_FILE) });
+    }
     let detector = checkpoint::load(&path.join(NETWORK_FILE), device)?;
     let average = checkpoint::load(&path.join(AVERAGE_FILE), inference_device)?;
     if [&detector, &average].iter().any(|network| *network.config() != config.model) {
@@ -143,7 +155,7 @@ pub fn load_newest(
         return Err(broken(format!("{OPTIMIZER_FILE} is not as it was written")));
     }
     let optimizer = Optimizer::new(config).load_bytes(bytes).map_err(broken)?;
-    Ok(Some((position, Learner::new(detector, average, optimizer, config))))
+    Ok(Some((position, Learner::new(detector, average, optimizer, config), history)))
 }
 
 /// Removes all states of a finished run.

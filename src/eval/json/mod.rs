@@ -274,7 +274,7 @@ fn write<'a, B: AsRef<[RawBox]>>(
     }
     let file = File { meta: serde_json::Map::new(), results: Results(samples.collect()), samples: facts };
     let text = serde_json::to_string(&file).expect("boxes hold only numbers and names");
-    files::write_atomic(path, files::seal(&text).as_bytes()).map_err(JsonError::Write)
+    files::write_atomic(path, files::seal_result(&text).as_bytes()).map_err(JsonError::Write)
 }
 
 #[cfg(test)]

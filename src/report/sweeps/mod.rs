@@ -28,7 +28,7 @@ use crate::dataset::Dataset;
 use crate::eval::Protocol;
 use crate::eval::judge::Judge;
 use crate::eval::sweep::{Change, Series, SweepConfig, SweepError, Sweeps, Swept};
-use crate::files::{seal, write_atomic};
+use crate::files::{seal_result, write_atomic};
 use crate::text_table::text_table;
 use crate::zone::ZoneError;
 
@@ -118,7 +118,7 @@ pub fn run(request: &SweepRequest<'_>) -> Result<SweepSummary, SweepReportError>
             .map_err(|source| SweepReportError::Pack { source, path: path.clone() })?;
         write_atomic(&path, bytes.get_ref())?;
     }
-    write_atomic(&json, seal(&sweeps.to_json()).as_bytes())?;
+    write_atomic(&json, seal_result(&sweeps.to_json()).as_bytes())?;
     Ok(SweepSummary { sweeps, n_pictures: pictures.len(), out: out.to_owned() })
 }
 

@@ -8,7 +8,7 @@ use harmzone::episode::{
     EpisodeMeta, EpisodeReader, EpisodeWriter, LabelManifest, LabelReader, LabelWriter, Manifest,
     SampleLabels,
 };
-use harmzone::files::{sha256_of, write_sealed};
+use harmzone::files::{sha256_of, write_manifest};
 use harmzone::object::Object;
 use harmzone::sample::{Sample, Truth};
 use mcap::records::Metadata;
@@ -31,7 +31,7 @@ pub fn change_manifest(path: &Path, change: impl FnOnce(&mut Manifest)) {
 pub fn spoil_manifest(path: &Path, change: impl FnOnce(&mut Manifest)) {
     let mut manifest = manifest(path);
     change(&mut manifest);
-    write_sealed(&path.join(Manifest::FILE), &manifest).expect("a writable copy");
+    write_manifest(&path.join(Manifest::FILE), &manifest).expect("a writable copy");
 }
 
 pub fn change_labels(path: &Path, change: impl FnOnce(&mut LabelManifest)) {
