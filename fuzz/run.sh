@@ -4,6 +4,7 @@
 #   fuzz/run.sh TARGET.. --hours H    or `all`; corpus/ and artifacts/ stay, so that a later run goes on
 #   TIMEOUT_S=120 fuzz/run.sh ..       on a busy machine: an input may take so long by the clock [20]
 #   fuzz/run.sh --total               hours, executions and faults of all runs so far, by target
+#   fuzz/run.sh TARGET.. --minimise   of each corpus only the smallest inputs that reach as much
 #
 # hours.csv gets a line a slice: target, seconds, seconds of the processor, executions, new inputs, faults, when it ended, and how many of
 # the executions were of the corpus, which each slice begins with. It is kept in the repository, so that hours of several machines add up.
@@ -30,15 +31,29 @@ fi
 
 targets=()
 hours=1
+minimises=
 while [ $# -gt 0 ]; do
     case $1 in
         --hours) hours=$2; shift ;;
+        --minimise) minimises=yes ;;
         all) for file in fuzz_targets/*.rs; do targets+=("$(basename "$file" .rs)"); done ;;
         *) targets+=("$1") ;;
     esac
     shift
 done
-[ ${#targets[@]} -gt 0 ] || { sed -n '2,7p' "$0"; exit 2; }
+[ ${#targets[@]} -gt 0 ] || { sed -n '2,8p' "$0"; exit 2; }
+if [ -n "$minimises" ]; then
+    for target in "${targets[@]}"; do
+        rm -rf "corpus/$target.less"
+        mkdir -p "corpus/$target.less"
+        RAYON_NUM_THREADS=1 HARMZONE_LOG=off nice -n 19 "$programs/$target" -merge=1 "-timeout=$timeout_s" -rss_limit_mb=2048 \
+            -max_len=200000 "corpus/$target.less" "corpus/$target" >/dev/null 2>&1
+        echo "$target: $(find "corpus/$target.less" -type f | wc -l) of $(find "corpus/$target" -type f | wc -l) inputs"
+        rm -rf "corpus/$target"
+        mv "corpus/$target.less" "corpus/$target"
+    done
+    exit
+fi
 [ -f "$log" ] || echo "target,seconds,cpu_seconds,executions,new_inputs,faults,ended,replayed" >"$log"
 
 head -1 "$log" | grep -q cpu_seconds || { echo "$PWD/$log is of an older run.sh, without cpu_seconds: move it away" >&2; exit 1; }
