@@ -148,7 +148,7 @@ fn results_of_every_version_are_read_as_they_were_meant() {
     let path = formats().join("results/expected.json");
     for version in RESULT_VERSIONS {
         let found = read_results(&of_results(version));
-        if std::env::var_os("UPDATE_FORMATS").is_some() {
+        if version == RESULT_VERSIONS[0] && std::env::var_os("UPDATE_FORMATS").is_some() {
             fs::write(&path, serde_json::to_string(&found).expect("JSON") + "\n").expect("writable");
         }
         let wanted: Value = serde_json::from_str(&fs::read_to_string(&path).expect("a file")).expect("JSON");

@@ -7,7 +7,7 @@ use std::path::Path;
 use std::process::Command;
 
 use fs_err as fs;
-use made_data::{Fixture, KINDS, TINY, copy, done, fails, fixture, harmzone, text};
+use made_data::{Fixture, KINDS, TINY, command, copy, done, fail, fails, fixture, harmzone, succeed, text};
 use serde_json::{Value, json};
 
 fn metrics_in(scores: &Path) -> Value {
@@ -123,8 +123,14 @@ fn a_training_that_barely_fits_keeps_its_bound_or_ends_with_its_state_and_its_by
     let Fixture { id, run, .. } = fixture();
     let folder = tempfile::tempdir().expect("a temporary folder");
     let out = folder.path().join("run");
-    let train = |more: &[&str]| [&["train", text(id), "--out", text(&out)], TINY.as_slice(), more].concat();
-    let told = fails(&train(&["--max-memory", "0.01"]));
+    let train = |bound: Option<String>| {
+        let mut words = vec!["train", text(id), "--out", text(&out)];
+        words.extend(TINY);
+        let mut command = command(&words);
+        command.args(bound.iter().flat_map(|gib| ["--max-memory", gib]));
+        command
+    };
+    let told = fail(&mut train(Some("0.01".to_owned())));
     let number = |after: &str| {
         let (_, rest) = told.split_once(after).unwrap_or_else(|| panic!("{after} is not in {told}"));
         let digits = rest.chars().take_while(char::is_ascii_digit).collect::<String>();
@@ -136,7 +142,7 @@ fn a_training_that_barely_fits_keeps_its_bound_or_ends_with_its_state_and_its_by
     let mut n_ended = 0;
     for share in [1.02, 1.1, 1.3] {
         let gib = format!("{:.4}", share * least_mib / 1024.0);
-        let output = harmzone(&train(&["--max-memory", &gib]));
+        let output = train(Some(gib)).output().expect("the program runs");
         if output.status.success() {
             break;
         }
@@ -146,7 +152,7 @@ fn a_training_that_barely_fits_keeps_its_bound_or_ends_with_its_state_and_its_by
         assert!(is_saved, "its state is not kept: {told}");
         n_ended += 1;
     }
-    done(&train(&[]));
+    succeed(&mut train(None));
     let bytes = |run: &Path| fs::read(run.join("model.safetensors")).expect("a network");
     assert!(bytes(&out) == bytes(run), "after {n_ended} runs that passed their bound");
 }
