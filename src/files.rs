@@ -2,6 +2,7 @@
 
 mod folder;
 mod lock;
+mod name;
 mod seal;
 mod space;
 
@@ -14,6 +15,7 @@ use tempfile::TempPath;
 
 pub use folder::{FolderError, NewFolder};
 pub use lock::{FolderLock, is_lock};
+pub(crate) use name::{give_final_name, keep_as};
 pub use seal::{is_sealed, read_sealed, seal, seal_result, unseal, write_manifest, write_sealed};
 pub use space::{bytes_in_words, check_room, free_bytes, told_with_room};
 
@@ -23,8 +25,8 @@ pub const PARTIAL_SUFFIX: &str = "partial";
 const OUR_SUFFIXES: [&str; 10] =
     ["mcap", "json", "toml", "csv", "safetensors", "bpk", "png", "svg", "html", "rrd"];
 
-/// Writes a file whole or not at all: to `<path>.partial`, synced, then renamed over `path`. Of two processes that write one file at
-/// a time the second waits.
+/// Writes a file whole or not at all: to `<path>.partial`, synced, then renamed over `path`, and the name synced, too. Of two
+/// processes that write one file at a time the second waits.
 ///
 /// # Errors
 /// Any IO error, among them a full disk; the partial file is removed then.
@@ -32,17 +34,15 @@ pub fn write_atomic(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let mut partial_name = path.as_os_str().to_owned();
     partial_name.push(".");
     partial_name.push(PARTIAL_SUFFIX);
-    let mut partial = TempPath::try_from_path(partial_name)?;
+    let partial = TempPath::try_from_path(partial_name)?;
     let write = || -> io::Result<()> {
         let mut file = lock::open_alone(&partial)?;
         file.set_len(0)?;
         file.write_all(bytes)?;
         file.sync_all()?;
-        fs::rename(&partial, path)
+        keep_as(partial, path)
     };
-    write().map_err(|error| told_with_room(error, path, bytes.len() as u64))?;
-    partial.disable_cleanup(true);
-    Ok(())
+    write().map_err(|error| told_with_room(error, path, bytes.len() as u64))
 }
 
 /// Makes a file that is still to get its name, or empties the one that is there; a link in its place is deleted.
@@ -163,7 +163,7 @@ pub fn link_or_copy(from: &Path, to: &Path) -> io::Result<()> {
         fs::copy(from, &partial)?;
         fs::File::open(&partial)?.sync_all()?;
     }
-    fs::rename(&partial, to)?;
+    give_final_name(&partial, to)?;
     // Renaming one link of a file over another does nothing, and leaves the first.
     match fs::remove_file(&partial) {
         Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),

@@ -5,6 +5,7 @@ mod made_data;
 use std::process::Command;
 
 use fs_err as fs;
+use harmzone::files::FolderLock;
 use made_data::{Fixture, command, copy, episodes, fails, fixture, harmzone, text};
 
 #[test]
@@ -16,6 +17,34 @@ fn unknown_towns_and_weathers_list_those_that_exist() {
     let message = fails(&["gen", "--town", "downtown", "--weather", "Hail", "--out", text(&out)]);
     assert!(message.contains("Hail") && message.contains("ClearNoon"), "{message}");
     assert!(!out.join("dataset.json").exists());
+}
+
+#[test]
+fn who_writes_several_files_into_a_folder_is_told_of_another_writer_before_the_work_begins() {
+    let home = tempfile::tempdir().expect("a temporary folder");
+    let at = |name: &str| home.path().join(name);
+    let (out, network, absent) = (at("out"), at("out/model.safetensors"), at("absent"));
+    let lock = FolderLock::take(&out).expect("a writable folder");
+    fs::write(&network, "a network").expect("a writable folder");
+    let (out, network, absent) = (text(&out), text(&network), text(&absent));
+    for words in [
+        &["eval", "--predictions", absent, "--truth", absent, "--out", out] as &[&str],
+        &["sweep", "small", "--data", absent, "--out", out],
+        &["versus", "small", "truth", "--data", absent, "--out", out],
+        &["compare", absent, absent, "--out", out],
+        &["calibrate", network, "--data", absent],
+        &["init", out],
+        &["man", "--out", out],
+    ] {
+        let told = fails(words);
+        let who = format!("another process writes here (process {}", std::process::id());
+        assert!(told.contains(&who) && told.contains(out), "{words:?}: {told}");
+    }
+    drop(lock);
+    // What is only looked for is not made.
+    let new = at("new");
+    let told = fails(&["compare", absent, absent, "--out", text(&new)]);
+    assert!(told.contains(absent) && !new.exists(), "{told}");
 }
 
 #[test]

@@ -68,7 +68,7 @@ pub fn run(args: BaselineArgs) -> anyhow::Result<ExitStatus> {
         folder.push(format!("-{}", args.name));
         folder.into()
     };
-    Predictions::check_free(&folder, args.force)?;
+    let _lock = Predictions::take_folder(&folder, args.force)?;
     let device = args.device.open()?;
     let dataset = args.samples.open()?;
     let judged = match rival {
@@ -93,7 +93,6 @@ pub fn run(args: BaselineArgs) -> anyhow::Result<ExitStatus> {
     let set = format!("{} of {}", args.name, args.run.display());
     let predictions = Predictions { folder, set, config_toml: config::to_toml(&trained.config()?) };
     let samples = dataset.samples().iter().map(|sample| (sample.id.clone(), sample.measured.time_ns));
-    let _lock = Predictions::take_folder(&predictions.folder, args.force)?;
     predictions.write(dataset.episodes(), &samples.collect::<Vec<_>>(), &judged, &|_| Ok(()))?;
     tell_boxes(judged.iter().map(Vec::len).sum(), judged.len(), &predictions.folder, args.json)
 }

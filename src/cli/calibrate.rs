@@ -1,6 +1,6 @@
 //! `harmzone calibrate`: the scores from which on a network warns and a car brakes for what it says.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail, ensure};
 use clap::Args;
@@ -14,7 +14,7 @@ use crate::episode::Split;
 use crate::eval::judge::Judge;
 use crate::eval::safety::OperatingPoint;
 use crate::eval::{self, EvalConfig, Mode, Protocol, eval_samples};
-use crate::files;
+use crate::files::{self, FolderLock};
 use crate::infer::{self, Trained};
 use crate::model::{OperatingScore, OperatingScores, checkpoint};
 
@@ -55,6 +55,8 @@ pub fn run(args: CalibrateArgs) -> anyhow::Result<ExitStatus> {
         ),
         _ => None,
     };
+    // No training writes another network there meanwhile.
+    let _lock = path.and_then(Path::parent).map(FolderLock::take).transpose()?;
     let dataset = args.samples.open()?;
     let data = args.samples.data.display();
     let episodes = dataset.episodes();

@@ -14,6 +14,7 @@ use crate::dataset::{
 };
 use crate::episode::{EpisodeEntry, Manifest, Split};
 use crate::eval::{self, EvalSample, Mode, Protocol, eval_samples, json};
+use crate::files::FolderLock;
 use crate::infer::worker::NetworkWorkers;
 use crate::infer::{self, PredictError, Trained};
 use crate::object::Detection;
@@ -24,7 +25,7 @@ use crate::report::scores::{self, METRICS_FILE};
 use crate::report::standing::Standing;
 use crate::store::{self, Access, Location, OpenedLocation};
 use crate::worker::Program;
-use crate::{config, train};
+use crate::{config, interrupt, train};
 
 #[derive(Debug, Args)]
 #[command(group = ArgGroup::new("detector").args(["run", "predictions"]).required(true))]
@@ -88,6 +89,7 @@ pub fn run(args: EvalArgs) -> anyhow::Result<ExitStatus> {
     let base = trained.map(|trained| trained.eval_config()).transpose()?.unwrap_or_default();
     let config = config::load_over(&base, args.config.as_deref(), &args.overrides)?;
     let protocol = Protocol::try_from(config)?;
+    let _lock = opened.out.as_ref().map(|out| FolderLock::take(out.path())).transpose()?;
     if let Some(out) = opened.out.as_ref().filter(|_| !args.force) {
         refuse_to_overwrite(out.path())?;
     }
@@ -222,6 +224,7 @@ fn join(
 ) -> anyhow::Result<Vec<EvalSample>> {
     let mut joined = Vec::new();
     split.for_each_part(|mut samples| -> anyhow::Result<()> {
+        interrupt::check()?;
         if let Some(sensor) = blind {
             samples.iter_mut().for_each(|sample| sensor.blind(&mut sample.measured));
         }

@@ -4,11 +4,10 @@ use std::path::PathBuf;
 
 use anyhow::{Context as _, bail, ensure};
 use clap::Args;
-use fs_err as fs;
 use serde_json::json;
 
 use super::{ExitStatus, path_text, print};
-use crate::files::write_atomic;
+use crate::files::{FolderLock, write_atomic};
 
 #[derive(Debug, Args)]
 pub struct InitArgs {
@@ -45,12 +44,12 @@ const FILES: [(&str, &str); 7] = [
 pub fn run(args: InitArgs) -> anyhow::Result<ExitStatus> {
     let folder = &args.folder;
     ensure!(!folder.is_file(), "a folder is wanted, and this is a file: {}", folder.display());
+    let _lock = FolderLock::take(folder)?;
     let taken: Vec<&str> =
         FILES.iter().map(|(name, _)| *name).filter(|name| folder.join(name).exists()).collect();
     if !taken.is_empty() && !args.force {
         bail!("{} exist already; --force replaces them: {}", taken.join(", "), folder.display());
     }
-    fs::create_dir_all(folder)?;
     for (name, text) in FILES {
         let path = folder.join(name);
         write_atomic(&path, text.as_bytes()).with_context(|| format!("cannot write {}", path.display()))?;
@@ -67,6 +66,8 @@ pub fn run(args: InitArgs) -> anyhow::Result<ExitStatus> {
 
 #[cfg(test)]
 mod tests {
+    use fs_err as fs;
+
     use super::*;
     use crate::generate::GenerateConfig;
     use crate::train::TrainConfig;
@@ -84,6 +85,10 @@ mod tests {
         let told = run(args(false)).unwrap_err().to_string();
         assert!(told.contains("gen.toml") && told.contains("--force"), "{told}");
         assert_eq!(read("gen.toml"), "seed = 5\n");
+        let lock = FolderLock::take(&at).unwrap();
+        let told = run(args(true)).unwrap_err().to_string();
+        assert!(told.contains("another process writes here"), "{told}");
+        drop(lock);
         run(args(true)).unwrap();
         assert_ne!(read("gen.toml"), "seed = 5\n");
     }

@@ -5,11 +5,10 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, anyhow, ensure};
 use clap::Args;
 use clap_mangen::Man;
-use fs_err as fs;
 
 use super::{ExitStatus, print};
 use crate::config::nearest;
-use crate::files::write_atomic;
+use crate::files::{FolderLock, write_atomic};
 
 #[derive(Debug, Args)]
 pub struct ManArgs {
@@ -31,6 +30,8 @@ pub fn run(args: ManArgs) -> anyhow::Result<ExitStatus> {
         print(markdown())?;
     } else if let Some(out) = &args.out {
         let pages = pages()?;
+        ensure!(!out.is_file(), "a folder is wanted, and this is a file: {}", out.display());
+        let _lock = FolderLock::take(out)?;
         let taken = pages.iter().map(|(name, _)| out.join(name)).find(|path| path.exists());
         if let Some(taken) = taken.filter(|_| !args.force) {
             return Err(anyhow!("the page exists; --force replaces it: {}", taken.display()));
@@ -82,8 +83,6 @@ fn pages() -> anyhow::Result<Vec<(String, String)>> {
 }
 
 fn write(pages: &[(String, String)], out: &Path) -> anyhow::Result<()> {
-    ensure!(!out.is_file(), "a folder is wanted, and this is a file: {}", out.display());
-    fs::create_dir_all(out)?;
     for (name, text) in pages {
         write_atomic(&out.join(name), text.as_bytes())?;
     }

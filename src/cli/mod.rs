@@ -19,6 +19,7 @@ mod export;
 mod foxglove_layout;
 mod generate;
 mod generate_worker;
+mod heartbeat;
 mod import;
 mod info;
 mod init;

@@ -1,15 +1,16 @@
 //! The one progress style: a bar on stderr with stage, count, rate, note and time to go.
 
 use std::sync::Mutex;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use indicatif::{FormattedDuration, ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
+use super::heartbeat::Heartbeat;
 use super::{tell, verbosity};
 use crate::progress::Progress;
 
-/// Where there is no terminal, a line comes at each tenth, and at least this often while something moves.
-const HEARTBEAT: Duration = Duration::from_mins(1);
+/// Where there is no terminal, a line comes at each tenth, and at least this often.
+const PERIOD: Duration = Duration::from_mins(1);
 
 /// Draws the current stage as one bar on stderr; plain lines where stderr is no terminal; nothing with `--quiet`.
 #[derive(Debug, Default)]
@@ -20,12 +21,8 @@ pub struct Bar {
 #[derive(Debug)]
 struct CurrentBar {
     bar: ProgressBar,
-    /// Steps that an earlier call did: those that are told before the first one is done here.
-    n_before: u64,
-    started: Instant,
-    /// Next tenth to tell as a line where there is no terminal.
-    next_tenth: u64,
-    told: Instant,
+    /// Tells lines where there is no terminal.
+    lines: Option<Heartbeat>,
 }
 
 impl Progress for Bar {
@@ -40,30 +37,36 @@ impl Progress for Bar {
             if verbosity::is_quiet() { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
         let bar = ProgressBar::with_draw_target(Some(total), target);
         let bar = bar.with_style(style).with_prefix(stage.to_owned());
-        let now = Instant::now();
-        *self.lock() = Some(CurrentBar { bar, n_before: 0, started: now, next_tenth: 1, told: now });
+        let has_lines = bar.is_hidden() && !verbosity::is_quiet();
+        let lines = has_lines.then(|| Heartbeat::start(stage, total, PERIOD, |line| tell(line)));
+        *self.lock() = Some(CurrentBar { bar, lines });
     }
 
     fn skip(&self, n: u64) {
-        let mut current = self.lock();
-        let Some(CurrentBar { bar, n_before, .. }) = current.as_mut() else { return };
+        let current = self.lock();
+        let Some(CurrentBar { bar, lines }) = current.as_ref() else { return };
         bar.inc(n);
         bar.reset_eta();
-        *n_before += n;
+        if let Some(lines) = lines {
+            lines.skip(n);
+        }
     }
 
     fn advance(&self, n: u64) {
-        let mut current = self.lock();
-        let Some(current) = current.as_mut() else { return };
-        current.bar.inc(n);
-        if current.bar.is_hidden() && !verbosity::is_quiet() {
-            current.tell_line();
+        let current = self.lock();
+        let Some(CurrentBar { bar, lines }) = current.as_ref() else { return };
+        bar.inc(n);
+        if let Some(lines) = lines {
+            lines.advance(n);
         }
     }
 
     fn note(&self, text: &str) {
-        if let Some(stage) = self.lock().as_ref() {
-            stage.bar.set_message(text.to_owned());
+        let current = self.lock();
+        let Some(CurrentBar { bar, lines }) = current.as_ref() else { return };
+        bar.set_message(text.to_owned());
+        if let Some(lines) = lines {
+            lines.note(text);
         }
     }
 
@@ -81,31 +84,6 @@ impl Progress for Bar {
         if let Some(stage) = self.lock().take() {
             stage.bar.finish();
         }
-    }
-}
-
-impl CurrentBar {
-    /// Tells how far the stage is, if that is due.
-    fn tell_line(&mut self) {
-        let (n_done, total) = (self.bar.position(), self.bar.length().unwrap_or(0).max(1));
-        let is_tenth = n_done * 10 >= self.next_tenth * total;
-        if !is_tenth && self.told.elapsed() < HEARTBEAT {
-            return;
-        }
-        self.next_tenth = n_done * 10 / total + 1;
-        self.told = Instant::now();
-        let seconds = self.started.elapsed().as_secs_f64();
-        let per_second = (n_done - self.n_before) as f64 / seconds.max(1e-9);
-        let left =
-            Duration::from_secs_f64((total.saturating_sub(n_done) as f64 / per_second).clamp(0.0, 1e9));
-        let mut line = format!("{:>10} {n_done}/{total}", self.bar.prefix());
-        if seconds >= 1.0 && per_second > 0.0 {
-            line += &format!(
-                " {per_second:.1}/s {} left",
-                FormattedDuration(Duration::from_secs(left.as_secs()))
-            );
-        }
-        tell(format!("{line} {}", self.bar.message()).trim_end());
     }
 }
 

@@ -8,6 +8,7 @@ use super::{Bar, DeviceArg, ExitStatus, SamplesArgs, print_summary};
 use crate::config::{self, Checked};
 use crate::eval::Protocol;
 use crate::eval::sweep::SweepConfig;
+use crate::files::FolderLock;
 use crate::infer::{self, Trained};
 use crate::report::sweeps::{self, SweepRequest};
 
@@ -43,6 +44,7 @@ pub fn run(args: SweepArgs) -> anyhow::Result<ExitStatus> {
         base.picture_min_score = own.score as f32;
     }
     let config = Checked::try_from(config::load_over(&base, args.config.as_deref(), &args.overrides)?)?;
+    let _lock = FolderLock::take(&args.out)?;
     sweeps::refuse_to_overwrite(&args.out, args.force)?;
     let device = args.device.open()?;
     let dataset = args.samples.open()?;

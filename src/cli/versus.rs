@@ -4,7 +4,6 @@ use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 use clap::Args;
-use fs_err as fs;
 
 use super::detectors::{NamedDetector, OpenedDetector};
 use super::eval::command_line;
@@ -13,7 +12,7 @@ use crate::config;
 use crate::episode::Manifest;
 use crate::eval::versus::versus;
 use crate::eval::{EvalConfig, EvalSample, Mode, Protocol, eval_samples, score};
-use crate::files::write_atomic;
+use crate::files::{FolderLock, write_atomic};
 use crate::report::standing::Standing;
 use crate::report::table::Table;
 use crate::report::versus::tables;
@@ -61,6 +60,7 @@ pub fn run(args: VersusArgs) -> anyhow::Result<ExitStatus> {
     let named = args.detectors.iter().map(|text| NamedDetector::parse(text));
     let named = named.collect::<anyhow::Result<Vec<_>>>()?;
     let rows = rows(&named)?;
+    let _lock = args.out.as_deref().map(FolderLock::take).transpose()?;
     if let Some(out) = args.out.as_ref().filter(|_| !args.force) {
         let taken = FILES.map(|name| out.join(name)).into_iter().find(|path| path.exists());
         if let Some(path) = taken {
@@ -127,7 +127,6 @@ pub fn run(args: VersusArgs) -> anyhow::Result<ExitStatus> {
     let tables = tables(&found, &names).iter().map(Table::to_string).collect::<Vec<_>>().join("\n");
     let text = format!("{standing}\n\n{tables}");
     if let Some(out) = &args.out {
-        fs::create_dir_all(out)?;
         for (name, content) in FILES.iter().zip([&text, &json]) {
             write_atomic(&out.join(name), content.as_bytes())?;
         }

@@ -14,7 +14,7 @@ use tempfile::TempPath;
 use super::error::EpisodeError;
 use super::messages::TopicMessage;
 use super::topics::{Topic, TopicSpec};
-use crate::files::{PARTIAL_SUFFIX, create_partial, told_with_room};
+use crate::files::{PARTIAL_SUFFIX, create_partial, keep_as, told_with_room};
 
 /// What is wanted on a full disk at the least: a chunk more.
 const LEAST_BYTES: u64 = 1_000_000;
@@ -198,14 +198,13 @@ impl ArchiveWriter {
             self.with(|writer| writer.write_metadata(&Metadata { name: name.into(), metadata }))?;
         }
         self.with(|writer| writer.finish().map(drop))?;
-        let (writer, partial, path) = (self.writer.into_inner(), &self.partial, &self.path);
+        let (writer, partial, path) = (self.writer.into_inner(), self.partial, self.path);
         let finish = || -> std::io::Result<()> {
             let file = writer.into_inner().map_err(std::io::IntoInnerError::into_error)?;
             file.sync_all()?;
-            fs::rename(partial, path)
+            keep_as(partial, &path)
         };
-        finish().map_err(|error| told_with_room(error, path, LEAST_BYTES))?;
-        self.partial.disable_cleanup(true);
-        Ok(self.path)
+        finish().map_err(|error| told_with_room(error, &path, LEAST_BYTES))?;
+        Ok(path)
     }
 }

@@ -77,7 +77,7 @@ pub fn import_predictions(
     reader: &mut dyn ReadBoxes,
     progress: &dyn Progress,
 ) -> Result<ImportedPredictions, ExchangeError> {
-    Predictions::check_free(request.out, request.force)?;
+    let _lock = Predictions::take_folder(request.out, request.force)?;
     let samples = NamedSamples::open(request.data, request.split)?;
     let (mut found, mut names, mut missing) = (Vec::new(), Vec::new(), Vec::new());
     samples.for_each("import", progress, |sample| {
@@ -94,7 +94,6 @@ pub fn import_predictions(
     }
     let set = format!("{}", reader.path().display());
     let predictions = Predictions { folder: request.out.to_owned(), set, config_toml: String::new() };
-    let _lock = Predictions::take_folder(request.out, request.force)?;
     predictions.write(samples.episodes(), &names, &found, &|_| Ok(()))?;
     Ok(ImportedPredictions {
         folder: predictions.folder,

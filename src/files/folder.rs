@@ -7,6 +7,7 @@ use fs_err as fs;
 use rustix::fs::{CWD, RenameFlags, renameat_with, syncfs};
 use thiserror::Error;
 
+use super::name::force_name;
 use super::{PARTIAL_SUFFIX, holds_anything};
 
 /// Why a folder cannot be made.
@@ -86,6 +87,7 @@ impl NewFolder {
         // Both names at once, so that there is a whole folder at any time.
         if is_replaced && renameat_with(CWD, &self.partial, CWD, &self.target, RenameFlags::EXCHANGE).is_ok()
         {
+            force_name(&self.target)?;
             return remove(&self.partial);
         }
         // Some file systems cannot do that.
@@ -100,7 +102,9 @@ impl NewFolder {
             }
             return Err(error);
         }
-        remove(&old)
+        let forced = force_name(&self.target);
+        remove(&old)?;
+        forced
     }
 }
 

@@ -28,10 +28,13 @@ pub fn is_lock(path: &Path) -> bool {
 pub struct FolderLock {
     file: fs::File,
     path: PathBuf,
+    /// Whether the folder was not there before, and goes again where nothing came into it.
+    is_new: bool,
 }
 
 impl FolderLock {
-    /// Takes the lock of a folder, which is made if it is not there. What a process that was killed left is taken over.
+    /// Takes the lock of a folder, which is made if it is not there, and goes with the lock if nothing came into it. What a process that
+    /// was killed left is taken over.
     ///
     /// # Errors
     /// Another process holds it, who is named; the disk fails.
@@ -44,10 +47,22 @@ impl FolderLock {
     /// # Errors
     /// As [`Self::take`].
     pub fn take_named(folder: &Path, name: &str) -> io::Result<Self> {
-        fs::create_dir_all(folder)?;
+        let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
         let path = folder.join(name);
+        let (mut is_new, mut n_retries) = (false, 3);
         loop {
-            let mut file = open_own(&path)?;
+            is_new |= !folder.exists();
+            let mut file = match fs::create_dir_all(folder).and_then(|()| open_own(&path)) {
+                // The one before may have made the folder, and have taken it along between two calls of ours.
+                Err(error)
+                    if matches!(error.kind(), io::ErrorKind::NotFound | io::ErrorKind::AlreadyExists)
+                        && n_retries > 0 =>
+                {
+                    n_retries -= 1;
+                    continue;
+                }
+                opened => opened?,
+            };
             match file.try_lock().map_err(io::Error::from) {
                 Ok(()) => {}
                 Err(error) if error.kind() == io::ErrorKind::WouldBlock => {
@@ -72,15 +87,20 @@ impl FolderLock {
             if !is_still_there(&file, &path) {
                 continue;
             }
+            // From here on the file is removed where anything fails.
+            let mut lock = Self { file, path, is_new };
             let who = this_process();
-            let mut write = || -> io::Result<()> {
-                file.rewind()?;
-                file.set_len(0)?;
-                writeln!(file, "{who}")
+            return match lock.write(&who) {
+                Ok(()) => Ok(lock),
+                Err(error) => Err(told_with_room(error, &lock.path, who.len() as u64)),
             };
-            write().map_err(|error| told_with_room(error, &path, who.len() as u64))?;
-            return Ok(Self { file, path });
         }
+    }
+
+    fn write(&mut self, who: &str) -> io::Result<()> {
+        self.file.rewind()?;
+        self.file.set_len(0)?;
+        writeln!(self.file, "{who}")
     }
 
     /// Removes the file that a process left which could not, where there is one and nobody holds it.
@@ -173,7 +193,11 @@ fn this_process() -> String {
 impl Drop for FolderLock {
     fn drop(&mut self) {
         // While it is held, so that nobody can have taken the same file.
-        let _ = fs::remove_file(&self.path);
+        let is_removed = fs::remove_file(&self.path).is_ok();
+        if let Some(folder) = self.path.parent().filter(|_| is_removed && self.is_new) {
+            // Refused where anything is in it.
+            let _ = fs::remove_dir(folder);
+        }
         let _ = self.file.unlock();
     }
 }
@@ -234,10 +258,27 @@ mod tests {
         fs::rename(&folder, home.path().join("elsewhere")).unwrap();
         assert!(first.check().unwrap_err().to_string().contains("deleted or replaced"));
         fs::rename(home.path().join("elsewhere"), &folder).unwrap();
+        fs::write(folder.join("data"), "").unwrap();
         drop(first);
-        assert_eq!(fs::read_dir(&folder).unwrap().count(), 0);
+        assert_eq!(fs::read_dir(&folder).unwrap().count(), 1);
         fs::write(folder.join(FILE), "process 1 on a host that lost its power").unwrap();
         drop(FolderLock::take(&folder).unwrap());
+    }
+
+    #[test]
+    fn a_folder_that_the_lock_made_goes_with_it_where_nothing_came_into_it() {
+        let home = tempfile::tempdir().unwrap();
+        let folder = home.path().join("data");
+        drop(FolderLock::take(&folder).unwrap());
+        assert!(!folder.exists());
+        fs::create_dir(&folder).unwrap();
+        drop(FolderLock::take(&folder).unwrap());
+        assert!(folder.exists());
+        fs::remove_dir(&folder).unwrap();
+        let lock = FolderLock::take(&folder).unwrap();
+        fs::write(folder.join("file"), "").unwrap();
+        drop(lock);
+        assert!(folder.join("file").exists());
     }
 
     #[test]
@@ -248,7 +289,8 @@ mod tests {
             for _ in 0..8 {
                 scope.spawn(|| {
                     for _ in 0..100 {
-                        if let Ok(_lock) = FolderLock::take(home.path()) {
+                        // A folder that each makes and takes along.
+                        if let Ok(_lock) = FolderLock::take(&home.path().join("data")) {
                             let n = held.fetch_add(1, std::sync::atomic::Ordering::SeqCst) + 1;
                             most.fetch_max(n, std::sync::atomic::Ordering::SeqCst);
                             held.fetch_sub(1, std::sync::atomic::Ordering::SeqCst);

@@ -19,7 +19,7 @@ use smallvec::smallvec;
 use super::GenerateError;
 use crate::episode::EpisodeEntry;
 use crate::episode::folder::AOV;
-use crate::files::{PARTIAL_SUFFIX, write_atomic};
+use crate::files::{PARTIAL_SUFFIX, give_final_name, write_atomic};
 use crate::scene::SceneObject;
 use crate::sensors::Rig;
 use crate::store;
@@ -163,7 +163,7 @@ impl AovWriter {
 
     /// Gives the folder its name.
     pub(super) fn finish(self) -> Result<(), GenerateError> {
-        Ok(fs::rename(&self.partial, &self.whole)?)
+        Ok(give_final_name(&self.partial, &self.whole)?)
     }
 }
 

@@ -10,6 +10,7 @@ use super::samples::{NearBoxes, SampleMaker};
 use super::{Drive, DriveFacts, GroundHeight, ImportError, Log, LogFormat, Notes, odometry};
 use crate::episode::folder::EPISODES;
 use crate::episode::{EpisodeEntry, EpisodeMeta, EpisodeWriter, LogFacts, Split};
+use crate::interrupt;
 use crate::progress::Progress;
 
 /// Frames to which the ground is fitted, spread over the drive.
@@ -79,6 +80,7 @@ pub(super) fn import_drive(
     };
     let (mut sample_names, mut is_empty, mut left_out) = (BTreeMap::new(), true, Vec::new());
     for (n_done, &sample_idx) in chosen.iter().enumerate() {
+        interrupt::check()?;
         task.progress.note(&format!("{name}: sample {} of {}", n_done + 1, chosen.len()));
         let of_sample =
             |source| ImportError::Sample { drive: name.to_owned(), sample_idx, source: Box::new(source) };
@@ -222,6 +224,7 @@ fn find_ground(
     let step = chosen.len().div_ceil(N_GROUND_FRAMES).max(1);
     let (mut heights, mut tilts, mut n_read) = (Vec::new(), Vec::new(), 0);
     for &sample_idx in chosen.iter().step_by(step) {
+        interrupt::check()?;
         // What is bad is told when the sample is imported.
         let frame = match drive.frame(sample_idx, &mut Notes::default()) {
             Err(error) if error.is_bad_data() => continue,

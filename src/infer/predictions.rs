@@ -44,25 +44,16 @@ impl Predictions {
     /// Name of the file that holds the boxes of all episodes.
     pub const FILE: &str = LIST_FILE;
 
-    /// Refuses a folder that holds predictions already, unless they may be replaced.
-    ///
-    /// # Errors
-    /// [`PredictionsError::Exists`].
-    pub fn check_free(folder: &Path, force: bool) -> Result<(), PredictionsError> {
-        if !force && folder.join(Self::FILE).exists() {
-            return Err(PredictionsError::Exists { path: folder.to_owned() });
-        }
-        Ok(())
-    }
-
     /// Takes a folder to write predictions into; refuses one that holds some already, unless they may be replaced. They are, by
     /// [`Self::write`]: what is made in vain costs nothing.
     ///
     /// # Errors
     /// [`PredictionsError::Exists`]; another process writes there.
     pub fn take_folder(folder: &Path, force: bool) -> Result<FolderLock, PredictionsError> {
-        Self::check_free(folder, force)?;
         let lock = FolderLock::take(folder)?;
+        if !force && folder.join(Self::FILE).exists() {
+            return Err(PredictionsError::Exists { path: folder.to_owned() });
+        }
         remove_unfinished(folder)?;
         Ok(lock)
     }

@@ -8,11 +8,14 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 use super::chart::{self, Axis, Chart, ChartError, Look, Series, Sheet, Tone};
-use crate::files::write_atomic;
+use crate::files::{FolderLock, write_atomic};
 use crate::history::{History, HistoryError, ScoreRow, StepRow};
 
 /// Names of the two files.
 pub const FILES: [&str; 2] = ["curves.svg", "curves.png"];
+
+/// Name of the lock, another than that of the run, which is drawn while its training writes there.
+const LOCK_FILE: &str = "curves.partial";
 
 /// Most points of a line; more cannot be seen.
 const MAX_POINTS: usize = 600;
@@ -31,9 +34,11 @@ pub enum CurvesError {
 /// Draws a run, finished or under way, into its own folder; returns the files' paths.
 ///
 /// # Errors
-/// The folder holds no logs of a run, or cannot be written to.
+/// The folder holds no logs of a run, or cannot be written to; another process draws it.
 pub fn run(folder: &Path) -> Result<[PathBuf; 2], CurvesError> {
-    let sheet = sheet(&History::read(folder)?);
+    let drawn = History::read(folder)?;
+    let _lock = FolderLock::take_named(folder, LOCK_FILE)?;
+    let sheet = sheet(&drawn);
     let paths = FILES.map(|name| folder.join(name));
     write_atomic(&paths[0], chart::svg(&sheet)?.as_bytes())?;
     write_atomic(&paths[1], &chart::png(&sheet)?)?;
@@ -185,6 +190,17 @@ mod tests {
         for name in ["harmful 0.900", "mAP 0.700", "fused stage", "learning rate", "steps", "heatmap 1.000"] {
             assert!(text.contains(name), "{name}");
         }
+    }
+
+    #[test]
+    fn a_run_is_drawn_while_its_training_writes_and_by_one_process_at_a_time() {
+        let folder = tempfile::tempdir().unwrap();
+        history().write(folder.path()).unwrap();
+        let _training = FolderLock::take(folder.path()).unwrap();
+        assert!(run(folder.path()).unwrap().iter().all(|path| path.is_file()));
+        let _drawing = FolderLock::take_named(folder.path(), LOCK_FILE).unwrap();
+        let told = run(folder.path()).unwrap_err().to_string();
+        assert!(told.contains("another process writes here"), "{told}");
     }
 
     #[test]

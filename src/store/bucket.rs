@@ -23,7 +23,7 @@ use tokio::runtime::{Builder, Runtime};
 
 use super::error::{Answer, StoreError};
 use super::location::{Provider, StoreUrl};
-use crate::files::{PARTIAL_SUFFIX, hex};
+use crate::files::{PARTIAL_SUFFIX, hex, keep_as};
 
 /// Files of this size and more go up in parts, whose put knows no condition; `HARMZONE_STORE_PARTS_FROM_MIB` has another.
 const PARTS_FROM_MIB: u64 = 64;
@@ -193,7 +193,7 @@ impl Bucket {
         let number = NUMBER.fetch_add(1, Ordering::Relaxed);
         let mut partial = to.as_os_str().to_owned();
         partial.push(format!(".{}-{number}.{PARTIAL_SUFFIX}", std::process::id()));
-        let mut partial = tempfile::TempPath::try_from_path(partial)?;
+        let partial = tempfile::TempPath::try_from_path(partial)?;
         let mut file = fs::File::create(&partial)?;
         let (mut hasher, mut size) = (Sha256::new(), 0);
         let mut stream = found.into_stream();
@@ -210,8 +210,8 @@ impl Bucket {
         if let Some(wanted) = remote.sha256.filter(|wanted| *wanted != sha256) {
             return Err(torn(format!("a file of hash {sha256}"), format!("one of {wanted}")));
         }
-        fs::rename(&partial, to)?;
-        partial.disable_cleanup(true);
+        file.sync_all()?;
+        keep_as(partial, to)?;
         remote.sha256 = Some(sha256);
         Ok(remote)
     }

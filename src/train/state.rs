@@ -14,7 +14,9 @@ use super::error::StateError;
 use super::learner::Learner;
 use super::optimizer::Optimizer;
 use super::plan::{Plan, Position};
-use crate::files::{PARTIAL_SUFFIX, is_file, read_sealed, sha256_hex, sha256_of, write_atomic, write_sealed};
+use crate::files::{
+    PARTIAL_SUFFIX, give_final_name, is_file, read_sealed, sha256_hex, sha256_of, write_atomic, write_sealed,
+};
 use crate::history::{History, STEPS_FILE};
 use crate::model::checkpoint;
 
@@ -87,7 +89,7 @@ pub fn save(
     if whole.exists() {
         fs::remove_dir_all(&whole)?;
     }
-    fs::rename(&partial, &whole)?;
+    give_final_name(&partial, &whole)?;
     for older in list(run)?.into_iter().filter(|path| *path != whole) {
         fs::remove_dir_all(older)?;
     }

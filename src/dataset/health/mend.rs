@@ -14,7 +14,7 @@ use super::rebuild::{count, entry_of, is_of_a_set, names_of, plans_for, rebuild}
 use crate::dataset::DatasetError;
 use crate::episode::manifest::{EpisodeEntry, Manifest};
 use crate::episode::{EpisodeReader, check_archive};
-use crate::files::{FolderLock, is_lock, sha256_hex, write_atomic};
+use crate::files::{FolderLock, give_final_name, is_lock, sha256_hex, write_atomic};
 use crate::progress::Progress;
 use crate::store;
 
@@ -262,7 +262,7 @@ fn state_of(path: &Path, entry: &EpisodeEntry, maker: &Maker, plans: &Plans) -> 
 /// Moves a file out of the way, under a name that is free; returns where it is.
 fn set_aside(path: &Path, file: &Path) -> io::Result<PathBuf> {
     let free = free_name(path, file)?;
-    fs::rename(file, &free)?;
+    give_final_name(file, &free)?;
     Ok(free)
 }
 

@@ -5,13 +5,12 @@ mod text;
 
 use std::path::{Path, PathBuf};
 
-use fs_err as fs;
 use thiserror::Error;
 
 use super::chart::{self, ChartError};
 use crate::compare::{CompareError, DomainGap, compare};
 use crate::episode::Split;
-use crate::files::write_atomic;
+use crate::files::{FolderLock, write_atomic};
 use crate::progress::Progress;
 
 /// Names of the files, the one that says that all are there last.
@@ -45,8 +44,9 @@ pub struct CompareRequest {
 /// Compares, and writes the files if asked to.
 ///
 /// # Errors
-/// [`CompareReportError`]: a data set that cannot be read, a file that exists, a full disk.
+/// [`CompareReportError`]: a data set that cannot be read, a file that exists, another process that writes there, a full disk.
 pub fn run(request: &CompareRequest, progress: &dyn Progress) -> Result<DomainGap, CompareReportError> {
+    let _lock = request.out.as_deref().map(FolderLock::take).transpose()?;
     if let Some(out) = &request.out {
         let taken = FILES.map(|name| out.join(name)).into_iter().find(|path| path.exists());
         if let Some(path) = taken.filter(|_| !request.force) {
@@ -61,7 +61,6 @@ pub fn run(request: &CompareRequest, progress: &dyn Progress) -> Result<DomainGa
 }
 
 fn write(out: &Path, gap: &DomainGap) -> Result<(), CompareReportError> {
-    fs::create_dir_all(out)?;
     let mut json = serde_json::to_string_pretty(gap).expect("figures always have a JSON form");
     json.push('\n');
     let contents = [chart::png(&charts::sheet(gap))?, gap.to_string().into_bytes(), json.into_bytes()];
@@ -69,4 +68,23 @@ fn write(out: &Path, gap: &DomainGap) -> Result<(), CompareReportError> {
         write_atomic(&out.join(name), &bytes)?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::progress::Silent;
+
+    #[test]
+    fn a_second_writer_is_told_before_the_work_and_a_comparison_that_fails_leaves_no_folder() {
+        let home = tempfile::tempdir().unwrap();
+        let (data, out) = (home.path().join("absent"), home.path().join("out"));
+        let request =
+            CompareRequest { a: data.clone(), b: data, split: None, out: Some(out.clone()), force: false };
+        let told = || run(&request, &Silent).unwrap_err().to_string();
+        assert!(told().contains("absent"));
+        assert!(!out.exists());
+        let _lock = FolderLock::take(&out).unwrap();
+        assert!(told().contains("another process writes here"), "{}", told());
+    }
 }

@@ -16,7 +16,7 @@ use super::episode_view::{EpisodeView, ViewedSample};
 use super::load::ViewError;
 use super::palette;
 use super::rerun_process::RerunProcess;
-use crate::files::PARTIAL_SUFFIX;
+use crate::files::{PARTIAL_SUFFIX, keep_as};
 use crate::geometry::{Box3, Ego, Frame, Point, Transform};
 use crate::object::{Detection, Harm, Object};
 use crate::progress::Progress;
@@ -38,7 +38,7 @@ pub fn write_episode_rrd(
     let mut partial = out.as_os_str().to_owned();
     partial.push(format!(".{PARTIAL_SUFFIX}"));
     // It is removed where anything fails.
-    let mut partial = TempPath::try_from_path(partial)?;
+    let partial = TempPath::try_from_path(partial)?;
     let mut process = RerunProcess::start(&partial)?;
     progress.start("record", view.n_samples() as u64);
     let told = tell(view, process.input(), progress);
@@ -56,9 +56,8 @@ pub fn write_episode_rrd(
         Ok(()) => process.finish()?,
     }
     progress.finish();
-    fs::rename(&partial, out)?;
-    partial.disable_cleanup(true);
-    Ok(())
+    fs::File::open(&partial)?.sync_all()?;
+    Ok(keep_as(partial, out)?)
 }
 
 /// Tells the header and every sample.
