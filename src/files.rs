@@ -17,7 +17,7 @@ pub use folder::{FolderError, NewFolder};
 pub use lock::{FolderLock, is_lock};
 pub(crate) use name::{give_final_name, keep_as};
 pub use seal::{is_sealed, read_sealed, seal, seal_result, unseal, write_manifest, write_sealed};
-pub use space::{bytes_in_words, check_room, free_bytes, told_with_room};
+pub use space::{bytes_in_words, bytes_to_copy, check_room, free_bytes, told_with_room};
 
 /// Suffix of files that are still being written; a leftover may be deleted at any time.
 pub const PARTIAL_SUFFIX: &str = "partial";

@@ -1,7 +1,10 @@
 //! Room on a disk: how much is free, and what a full one is told as.
 
 use std::io;
+use std::os::unix::fs::MetadataExt;
 use std::path::Path;
+
+use fs_err as fs;
 
 /// Bytes that an ordinary user may still write where a path lies, or will lie.
 ///
@@ -44,6 +47,19 @@ pub fn told_with_room(error: io::Error, path: &Path, wanted: u64) -> io::Error {
     )
 }
 
+/// The bytes that `link_or_copy` will write where so many files, each with its new name, are put into a folder: those of another disk,
+/// and not there yet. What cannot be looked at counts as nothing.
+pub fn bytes_to_copy<'a>(folder: &Path, files: impl Iterator<Item = (&'a Path, &'a Path)>) -> u64 {
+    let disk_of = |path: &Path| fs::metadata(path).ok().map(|of| of.dev());
+    let Ok(folder) = std::path::absolute(folder) else { return 0 };
+    let here = folder.ancestors().find(|folder| folder.exists()).and_then(disk_of);
+    let wanted = |(from, to): (&Path, &Path)| {
+        let of = fs::metadata(from).ok().filter(|of| Some(of.dev()) != here && !to.exists());
+        of.map_or(0, |of| of.len())
+    };
+    files.map(wanted).sum()
+}
+
 /// Refuses work that cannot be finished: it will write about `wanted` bytes, which are not free.
 ///
 /// # Errors
@@ -76,6 +92,19 @@ mod tests {
         let told = check_room(home.path(), u64::MAX).unwrap_err().to_string();
         assert!(told.contains("needs about") && told.contains("are free"), "{told}");
         check_room(home.path(), 1).unwrap();
+    }
+
+    #[test]
+    fn only_what_lies_on_another_disk_and_is_not_there_yet_is_copied() {
+        let home = tempfile::tempdir().unwrap();
+        let [from, to] = ["from", "to"].map(|name| home.path().join(name));
+        fs::write(&from, "12345").unwrap();
+        let of = |out: &Path| bytes_to_copy(out, [(from.as_path(), to.as_path())].into_iter());
+        assert_eq!(of(&home.path().join("out")), 0);
+        // Another disk than any that can be written on.
+        assert_eq!(of(Path::new("/proc/out")), 5);
+        fs::write(&to, "").unwrap();
+        assert_eq!(of(Path::new("/proc/out")), 0);
     }
 
     #[test]

@@ -20,7 +20,7 @@ use crate::config::{self, ConfigError};
 use crate::episode::folder::{AOV, is_whole, remove_unfinished};
 use crate::episode::manifest::{LabelCounts, label_sets};
 use crate::episode::{EpisodeEntry, LabelManifest, Manifest, ManifestError, Shard};
-use crate::files::{FolderLock, holds_anything, sha256_hex, write_atomic};
+use crate::files::{FolderLock, bytes_to_copy, check_room, holds_anything, sha256_hex, write_atomic};
 use crate::interrupt;
 use crate::progress::Progress;
 use crate::store::{link_or_copy, sha256_of};
@@ -133,6 +133,17 @@ pub fn merge(shards: &[PathBuf], out: &Path, progress: &dyn Progress) -> Result<
     let _lock = FolderLock::take(out)?;
     open(out, &config_toml)?;
     remove_unfinished(out)?;
+
+    let episodes = ordered.iter().map(|(shard, entry)| (shard.path.join(&entry.file), out.join(&entry.file)));
+    let of_labels = labels.iter().flat_map(|(manifest, files)| {
+        let folder = LabelManifest::folder(out, &manifest.set);
+        files
+            .iter()
+            .zip(&manifest.episodes)
+            .map(move |(from, entry)| (from.clone(), folder.join(&entry.file)))
+    });
+    let files: Vec<(PathBuf, PathBuf)> = episodes.chain(of_labels).collect();
+    check_room(out, bytes_to_copy(out, files.iter().map(|(from, to)| (from.as_path(), to.as_path()))))?;
 
     let n_files = ordered.len() * (1 + sets.len());
     progress.start("merge", n_files as u64);

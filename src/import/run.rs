@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+use fs_err as fs;
 use serde::Serialize;
 
 use super::config::CheckedImport;
@@ -14,7 +15,7 @@ use super::{ImportConfig, ImportError, Log, LogFormat, Notes};
 use crate::config::to_toml;
 use crate::episode::manifest::ObjectCounts;
 use crate::episode::{EpisodeEntry, EpisodeReader, LogFacts, Manifest, Split};
-use crate::files::FolderLock;
+use crate::files::{FolderLock, check_room};
 use crate::interrupt;
 use crate::object::{Distribution, Kind};
 use crate::progress::Progress;
@@ -86,12 +87,21 @@ pub fn run(
     let mut known = BTreeSet::new();
     let mut boxes = NearBoxes::default();
     progress.start("import", drives.len() as u64);
+    let (mut n_bytes, mut n_made, mut n_left) = (0, 0, (drives.len() - n_kept) as u64);
     for drive in drives {
         if let Err(error) = interrupt::check() {
             list.write()?;
             return Err(error.into());
         }
         if !list.names.contains(&drive) {
+            // Drives are of all lengths: half of what the ones so far took on average.
+            if n_made > 0
+                && let Err(error) = check_room(out, n_bytes / n_made / 2 * n_left)
+            {
+                list.write()?;
+                return Err(error.into());
+            }
+            n_left = n_left.saturating_sub(1);
             let mut notes = Notes::default();
             let task = Task {
                 log,
@@ -112,6 +122,8 @@ pub fn run(
             match made {
                 Ok(Some(entry)) => {
                     lock.check()?;
+                    n_bytes += fs::metadata(out.join(&entry.file)).map_or(0, |of| of.len());
+                    n_made += 1;
                     list.add(entry)?;
                 }
                 Ok(None) => {}
