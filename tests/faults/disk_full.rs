@@ -1,30 +1,50 @@
 //! A full disk, at each stage: a message with file and room, data whole, and the same command ends once there is room.
 
-use std::path::Path;
 use std::process::Command;
 
 use super::folder::{difference, hashes};
-use super::made_data::text;
+use super::made_data::{succeed, text};
 use super::shim::{Fault, with_fault};
+use super::skipped;
 use super::stages::{Stage, all};
 
 /// Shares of what a stage writes, at which the disk is full.
 const SHARES: [f64; 5] = [0.0, 0.1, 0.5, 0.9, 0.99];
+/// With room for no more than this no stage ends well.
+const SURELY_FULL: f64 = 0.5;
 
-/// What a stage says on a disk with room for a share of what it writes, and what is wrong with that.
-fn fill(stage: &Stage, share: f64) -> Option<(String, Vec<String>)> {
+/// How many bytes a stage writes; what it links takes no room. `None` where that cannot be counted.
+fn written(stage: &Stage) -> Option<u64> {
     let home = tempfile::tempdir().expect("a temporary folder");
     let out = home.path().join("out");
     stage.prepare(&out);
-    let n_before: u64 = if out.exists() { size_of(&out) } else { 0 };
-    let n_bytes = (size_of(&stage.unbroken().folder) - n_before) as f64 * share;
     let mut command = stage.command(&out);
-    let _counter = with_fault(&mut command, &out, Fault::Room { n_bytes: n_bytes as u64 })?;
+    let counter = with_fault(&mut command, &out, Fault::None)?;
+    succeed(&mut command);
+    let n_bytes = counter.n_bytes();
+    assert!(n_bytes > 0, "{} writes nothing", stage.name);
+    Some(n_bytes)
+}
+
+/// What a stage says on a disk with room for a share of the bytes that it writes, and what is wrong with that.
+fn fill(stage: &Stage, n_bytes: u64, share: f64) -> Option<(String, Vec<String>)> {
+    let home = tempfile::tempdir().expect("a temporary folder");
+    let out = home.path().join("out");
+    stage.prepare(&out);
+    let mut command = stage.command(&out);
+    let room = Fault::Room { n_bytes: (n_bytes as f64 * share) as u64 };
+    let _counter = with_fault(&mut command, &out, room)?;
     let output = command.output().expect("the program starts");
     let told = String::from_utf8_lossy(&output.stderr).into_owned();
     let mut wrong = Vec::new();
     if output.status.code() == Some(0) {
-        // What is linked, not written, takes no room.
+        // It can do without its last bytes, or has not seen that they were lost.
+        if let Some(text) = difference(&hashes(&out), &stage.unbroken().hashes) {
+            wrong.push(format!("{} at {share}: ended well, and {text}: {told}", stage.name));
+        }
+        if share <= SURELY_FULL {
+            wrong.push(format!("{} at {share}: ended well on a full disk: {told}", stage.name));
+        }
         return Some(("done".to_owned(), wrong));
     }
     if output.status.code() != Some(1) || told.contains("panicked") {
@@ -47,17 +67,13 @@ fn fill(stage: &Stage, share: f64) -> Option<(String, Vec<String>)> {
     Some((line, wrong))
 }
 
-/// Bytes of all files in a folder.
-fn size_of(folder: &Path) -> u64 {
-    hashes(folder).keys().map(|name| fs_err::metadata(folder.join(name)).expect("a file").len()).sum()
-}
-
 /// Fills the disk of every stage at these shares; prints what each says.
 fn fill_all(shares: &[f64]) {
     let mut wrong = Vec::new();
     for stage in all() {
+        let Some(n_bytes) = written(stage) else { return };
         for &share in shares {
-            let Some((line, faults)) = fill(stage, share) else { return };
+            let Some((line, faults)) = fill(stage, n_bytes, share) else { return };
             println!("{:<8} {share:>5} {line}", stage.name);
             wrong.extend(faults);
         }
@@ -86,7 +102,7 @@ impl SmallDisk {
         let mounted =
             Command::new("mount").args(["-t", "tmpfs", "-o", &size, "tmpfs"]).arg(home.path()).output();
         if !mounted.is_ok_and(|mounted| mounted.status.success()) {
-            println!("SKIPPED: a disk of its own, which only root may mount");
+            skipped("a disk of its own, which only root may mount");
             return None;
         }
         Some(Self(home))

@@ -1,12 +1,14 @@
 //! An input or output error at each call of a stage: no torn file, a message, and the same command then ends as ever.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use fs_err as fs;
 use harmzone::episode::{LabelManifest, Manifest};
+use harmzone::files::{is_lock, is_unfinished};
 
 use super::folder::{copy, difference, hashes};
-use super::made_data::{TINY, command, done, text};
+use super::made_data::{TINY, command, done, succeed, text};
 use super::n_faults;
 use super::shim::{Fault, with_fault};
 
@@ -15,7 +17,11 @@ const SMALLEST: [&str; 11] =
 
 /// Linux' numbers.
 const EIO: i32 = 5;
+const EEXIST: i32 = 17;
 const ENOSPC: i32 = 28;
+
+/// The label set of the stages.
+const SET: &str = "rect";
 
 /// A line is printed at each of so many calls.
 const PROGRESS_CALLS: u64 = 50;
@@ -59,11 +65,16 @@ fn check(words: &[String], home: &Path, before: &Path, after: &Path, fault: Faul
     let told = String::from_utf8_lossy(&output.stderr).into_owned();
     let mut wrong = |text: String| outcome.faults.push(format!("{fault:?}: {text}"));
     match output.status.code() {
-        Some(0) => outcome.n_unharmed += 1,
-        Some(1 | 3) => {
+        Some(0) => {
+            outcome.n_unharmed += 1;
+            // At once: the same command would make anew what is lost.
+            if let Some(text) = difference(&finished(&data, &told), &finished(after, &told)) {
+                wrong(format!("it ended well, and {text}: {told}"));
+            }
+        }
+        Some(code @ (1 | 3)) => {
             outcome.n_failed += 1;
-            let names_it = told.contains("os error") || told.contains("space") || told.contains("lock");
-            if !names_it || !told.contains(text(&data)) {
+            if !names_fault(code, &told, fault, &data) {
                 wrong(format!("a message that does not name error and path: {told}"));
             }
         }
@@ -73,7 +84,7 @@ fn check(words: &[String], home: &Path, before: &Path, after: &Path, fault: Faul
         wrong(format!("a panic: {told}"));
     }
     if data.exists() {
-        for text in torn(&data, after) {
+        for text in [torn(&data, after), lost(&data, before, after)].concat() {
             wrong(text);
         }
     }
@@ -87,6 +98,52 @@ fn check(words: &[String], home: &Path, before: &Path, after: &Path, fault: Faul
     }
 }
 
+/// What of a folder a command that ended well answers for: leftovers under names that say so may be there, and the curves may be missing
+/// where that is told.
+fn finished(folder: &Path, told: &str) -> BTreeMap<String, String> {
+    let mut found = hashes(folder);
+    let is_left = |name: &str| is_unfinished(Path::new(name)) || is_lock(Path::new(name));
+    let is_curves = |name: &str| name.rsplit('/').next().is_some_and(|file| file.starts_with("curves."));
+    found.retain(|name, _| !is_left(name) && !(told.contains("left out: the curves") && is_curves(name)));
+    found
+}
+
+/// Whether a message names the error of the disk and a path in the folder.
+fn names_fault(code: i32, told: &str, fault: Fault, data: &Path) -> bool {
+    let Fault::Call { errno, .. } = fault else { return false };
+    // What comes before is of progress; that something was left out is told on the way.
+    let error = if code == 1 { told.find("error: ").map(|at| &told[at..]) } else { Some(told) };
+    let Some(error) = error else { return false };
+    let is_reason = |errno: i32| error.contains(&format!("(os error {errno})"));
+    // A folder that cannot be looked at seems to be in the way of itself.
+    let names_reason = is_reason(errno)
+        || (errno == ENOSPC && error.contains("no space left on the disk"))
+        || (is_reason(EEXIST) && error.contains("failed to create directory"));
+    let folder = text(data);
+    let names_path = error.match_indices(folder).any(|(at, _)| {
+        let rest = error[at + folder.len()..].chars().next();
+        rest.is_none_or(|next| !next.is_alphanumeric())
+    });
+    names_reason && names_path
+}
+
+/// Files that were there before and are not now, and those that a manifest names and that are not what it says.
+fn lost(data: &Path, before: &Path, after: &Path) -> Vec<String> {
+    let (there, wanted) = (hashes(data), hashes(after));
+    let known = if before.exists() { hashes(before) } else { BTreeMap::new() };
+    // What the stage replaces is in both, and not the same.
+    let kept = known.into_iter().filter(|(name, sha256)| wanted.get(name) == Some(sha256));
+    let gone = kept.filter(|(name, sha256)| there.get(name) != Some(sha256));
+    let mut found: Vec<String> = gone.map(|(name, _)| format!("{name} was there before")).collect();
+    let episodes = Manifest::read(data).map(|manifest| manifest.episodes).unwrap_or_default();
+    let labels = LabelManifest::read(data, SET).map(|manifest| manifest.episodes).unwrap_or_default();
+    let of_labels = labels.into_iter().map(|entry| (format!("labels/{SET}/{}", entry.file), entry.sha256));
+    let named = episodes.into_iter().map(|entry| (entry.file, entry.sha256)).chain(of_labels);
+    let absent = named.filter(|(name, sha256)| there.get(name) != Some(sha256));
+    found.extend(absent.map(|(name, _)| format!("a manifest names {name}, which is not there or another")));
+    found
+}
+
 /// Files under final names that are neither what an unbroken run leaves nor a whole file of less.
 fn torn(data: &Path, after: &Path) -> Vec<String> {
     let wanted = hashes(after);
@@ -95,7 +152,7 @@ fn torn(data: &Path, after: &Path) -> Vec<String> {
         let is_whole = wanted.get(&name).is_none_or(|wanted| *wanted == sha256);
         let is_less = || match name.rsplit('/').next().unwrap_or_default() {
             Manifest::FILE => Manifest::read(data).is_ok(),
-            LabelManifest::FILE => LabelManifest::read(data, "rect").is_ok(),
+            LabelManifest::FILE => LabelManifest::read(data, SET).is_ok(),
             // Of a run that is not at its end.
             "log.csv" | "validation.csv" => {
                 let read = |folder: &Path| fs::read_to_string(folder.join(&name)).unwrap_or_default();
@@ -198,21 +255,31 @@ fn whole_data_is_not_changed_by_who_reads_it_with_errors() {
     let home = tempfile::tempdir().expect("a temporary folder");
     let data = home.path().join("data");
     done(&[SMALLEST.as_slice(), &["--episodes", "1", "--out", text(&data)]].concat());
+    done(&["label", text(&data)]);
     let before = hashes(&data);
     let mut counted = command(&["info", text(&data)]);
     let Some(counter) = with_fault(&mut counted, &data, Fault::None) else { return };
-    assert!(counted.output().expect("the program starts").status.success());
+    let whole = succeed(&mut counted);
     let n_calls = counter.n_calls();
     assert!(n_calls > 0);
+    let mut wrong = Vec::new();
     for number in 0..n_calls {
         let mut faulty = command(&["info", text(&data)]);
-        let _counter = with_fault(&mut faulty, &data, Fault::Call { number, errno: EIO });
+        let fault = Fault::Call { number, errno: EIO };
+        let _counter = with_fault(&mut faulty, &data, fault);
         let output = faulty.output().expect("the program starts");
         let told = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert!(
-            output.status.success() || (told.contains(text(&data)) && !told.contains("panicked")),
-            "{number}: {told}"
-        );
+        let is_right = match output.status.code() {
+            // It may ask for what it can do without, but not leave out what is there.
+            Some(0) => String::from_utf8_lossy(&output.stdout) == whole,
+            Some(1) => names_fault(1, &told, fault, &data),
+            _ => false,
+        };
+        if !is_right || told.contains("panicked") {
+            let said = String::from_utf8_lossy(&output.stdout);
+            wrong.push(format!("{fault:?}: {:?}: {told}{said}", output.status.code()));
+        }
         assert_eq!(difference(&hashes(&data), &before), None);
     }
+    assert!(wrong.is_empty(), "{} of {n_calls} errors:\n{}", wrong.len(), wrong.join("\n"));
 }

@@ -12,10 +12,17 @@ mod doctor;
 mod folder;
 mod io_errors;
 mod kills;
+mod locks;
 mod shim;
 mod signals;
 mod soak;
 mod stages;
+
+/// Says that something could not be tested. Past the capture of what passing tests print: else nobody would see it.
+fn skipped(what: &str) {
+    use std::io::Write as _;
+    let _ = writeln!(std::io::stderr(), "SKIPPED: {what}");
+}
 
 /// How many faults a long test makes.
 fn n_faults(default: usize) -> usize {

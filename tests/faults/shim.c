@@ -5,6 +5,7 @@
 // FAULT_CALL     the number of the call that fails, from 0; -1: none
 // FAULT_ERRNO    with this number
 // FAULT_BYTES    room on the disk: what goes beyond fails with ENOSPC; -1: no end
+// FAULT_HANG      1: the disk does not answer, no call comes back within half a minute
 // FAULT_SHORT    1: every read and write moves one byte less than asked, where it is of more than one
 // FAULT_CLOCK    1: the time of day jumps by a day, back and forth, at every look
 #define _GNU_SOURCE
@@ -40,7 +41,7 @@ DECLARE(statx); DECLARE(ftruncate64); DECLARE(clock_gettime);
 static char folder[PATH_MAX];
 static size_t folder_length;
 static long fail_at = -1, room = -1;
-static int fail_with = EIO, is_short, is_clock;
+static int fail_with = EIO, is_short, is_clock, hangs;
 static _Atomic int64_t *counters; // calls, bytes
 static _Atomic unsigned char tracked[1 << 16];
 
@@ -52,6 +53,7 @@ __attribute__((constructor)) static void begin(void) {
     if ((text = getenv("FAULT_ERRNO"))) fail_with = atoi(text);
     if ((text = getenv("FAULT_BYTES"))) room = atol(text);
     if ((text = getenv("FAULT_SHORT"))) is_short = atoi(text);
+    if ((text = getenv("FAULT_HANG"))) hangs = atoi(text);
     int fd = REAL(open)(counter, O_RDWR);
     if (fd < 0) return;
     void *shared = mmap(NULL, 16, PROT_READ | PROT_WRITE, MAP_SHARED, fd, 0);
@@ -70,6 +72,7 @@ static int is_below(const char *path) {
 // Whether this call is the one that fails; errno is set then.
 static int fails(void) {
     int64_t call = atomic_fetch_add(&counters[0], 1);
+    if (hangs) sleep(30);
     if (call != fail_at) return 0;
     errno = fail_with;
     return 1;
@@ -84,8 +87,8 @@ static int track(int fd) {
 
 // Whether so many bytes more are beyond the room.
 static int is_full(size_t n) {
-    if (room < 0) return 0;
-    if (atomic_fetch_add(&counters[1], (int64_t)n) + (int64_t)n <= room) return 0;
+    int64_t sum = atomic_fetch_add(&counters[1], (int64_t)n) + (int64_t)n;
+    if (room < 0 || sum <= room) return 0;
     errno = ENOSPC;
     return 1;
 }

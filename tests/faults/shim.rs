@@ -6,6 +6,8 @@ use std::sync::OnceLock;
 
 use fs_err as fs;
 
+use super::skipped;
+
 /// What happens to the calls on files below a folder.
 #[derive(Debug, Clone, Copy)]
 pub enum Fault {
@@ -19,6 +21,8 @@ pub enum Fault {
     Short,
     /// The time of day jumps.
     Clock,
+    /// No call comes back soon.
+    Hang,
 }
 
 /// The shim, compiled once; `None`, told, where there is no C compiler.
@@ -37,7 +41,7 @@ fn library() -> Option<&'static Path> {
         match compiled {
             Ok(status) => assert!(status.success(), "the shim does not compile"),
             Err(error) => {
-                println!("SKIPPED: faults of the disk, there is no C compiler `cc`: {error}");
+                skipped(&format!("faults of the disk, there is no C compiler `cc`: {error}"));
                 return None;
             }
         }
@@ -55,8 +59,17 @@ pub struct Counter {
 impl Counter {
     /// How many calls there were.
     pub fn n_calls(&self) -> u64 {
+        self.numbers()[0]
+    }
+
+    /// How many bytes they wrote.
+    pub fn n_bytes(&self) -> u64 {
+        self.numbers()[1]
+    }
+
+    fn numbers(&self) -> [u64; 2] {
         let bytes = fs::read(self.file.path()).expect("the counter is there");
-        u64::from_le_bytes(bytes[..8].try_into().expect("eight bytes"))
+        [0, 8].map(|at| u64::from_le_bytes(bytes[at..at + 8].try_into().expect("eight bytes")))
     }
 }
 
@@ -74,6 +87,7 @@ pub fn with_fault(command: &mut Command, folder: &Path, fault: Fault) -> Option<
         Fault::Room { n_bytes } => command.env("FAULT_BYTES", n_bytes.to_string()),
         Fault::Short => command.env("FAULT_SHORT", "1"),
         Fault::Clock => command.env("FAULT_CLOCK", "1"),
+        Fault::Hang => command.env("FAULT_HANG", "1"),
     };
     Some(Counter { file })
 }

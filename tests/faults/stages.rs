@@ -24,7 +24,6 @@ pub struct Stage {
 /// What a run that nothing happened to leaves, and how long it took.
 pub struct Unbroken {
     pub hashes: BTreeMap<String, String>,
-    pub folder: PathBuf,
     pub took: Duration,
 }
 
@@ -61,7 +60,7 @@ impl Stage {
             self.prepare(&folder);
             let begin = Instant::now();
             succeed(&mut self.command(&folder));
-            Unbroken { hashes: hashes(&folder), took: begin.elapsed(), folder }
+            Unbroken { hashes: hashes(&folder), took: begin.elapsed() }
         })
     }
 }
@@ -113,6 +112,23 @@ fn stages() -> Vec<Stage> {
 /// The stage of this name.
 pub fn named(name: &str) -> &'static Stage {
     all().iter().find(|stage| stage.name == name).expect("a stage of this name")
+}
+
+/// Two short drives, the same on every call; beside the others, since it takes longer than they.
+pub fn drive() -> &'static Stage {
+    static DRIVE: OnceLock<Stage> = OnceLock::new();
+    DRIVE.get_or_init(|| {
+        let words = "drive blind --episodes 2 --town downtown --set seconds=2.0 --seed 3 --jobs 1 --no-record --out OUT";
+        Stage::new("drive", &words.split(' ').collect::<Vec<_>>(), None)
+    })
+}
+
+/// The scores of the small network; beside the others, since a folder that holds scores is refused.
+pub fn eval() -> &'static Stage {
+    static EVAL: OnceLock<Stage> = OnceLock::new();
+    EVAL.get_or_init(|| {
+        Stage::new("eval", &["eval", "small", "--data", text(&fixture().id), "--out", "OUT"], None)
+    })
 }
 
 /// Forgets what lies in a folder, if it is there.

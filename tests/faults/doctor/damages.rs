@@ -16,8 +16,8 @@ use nalgebra::{UnitQuaternion, Vector3};
 use rand::RngExt as _;
 
 use super::rewrite::{
-    change_labels, change_manifest, episode, label_file, largest, read, replace, rewrite, rewrite_each,
-    rewrite_labels, rewrite_raw, rewrite_under_labels, spoil_manifest, truth,
+    change_labels, change_manifest, episode, label_file, largest, name_hash, read, replace, rewrite,
+    rewrite_each, rewrite_labels, rewrite_raw, rewrite_under_labels, spoil_manifest, truth,
 };
 
 /// A kind of damage: what is damaged, the check that names it, and the damage to a data set's copy; the number varies the place.
@@ -162,6 +162,38 @@ fn change_entry(path: &Path, i: u64) {
         }
     });
 }
+
+/// Changes one bit of the first sample, and names the file's new hash in the manifest: only what the file says of itself tells.
+fn flip_under_its_hash(path: &Path, i: u64) {
+    let file = episode(path, i as usize);
+    let mut bytes = fs::read(&file).expect("a readable file");
+    // Of three samples, each a chunk, and most of it the packed picture and points.
+    let at = rng(i).random_range(bytes.len() * 3 / 20..bytes.len() / 4);
+    bytes[at] ^= 1 << (i % 8);
+    fs::write(&file, bytes).expect("a writable copy");
+    name_hash(path, i as usize);
+}
+
+/// Hundreds of samples in which nothing stands: more than any town explains. Without most points, so that they are soon written.
+fn empty_town(path: &Path, i: u64) {
+    const N_SAMPLES: u64 = 320;
+    const PERIOD_NS: u64 = 300_000_000;
+    rewrite(path, i as usize, |_, samples| {
+        let mut one = samples[0].clone();
+        one.measured.points.truncate(100);
+        truth(&mut one).objects.clear();
+        let first_ns = one.measured.time_ns;
+        let at = |k: u64| {
+            let mut sample = one.clone();
+            sample.measured.time_ns = first_ns + k * PERIOD_NS;
+            sample
+        };
+        *samples = (0..N_SAMPLES).map(at).collect();
+    });
+}
+
+/// The checks that only warn.
+pub const WARNING: [&str; 2] = ["motion", "statistics"];
 
 /// All kinds; for data sets of two episodes or more, as `gen` makes them.
 pub const KINDS: &[Damage] = &[
@@ -322,6 +354,11 @@ pub const KINDS: &[Damage] = &[
         });
     }),
     ("a point in millimetres", "clouds", point_in_millimetres),
+    ("a bit of a sample, its hash named", "crcs", flip_under_its_hash),
+    ("a speed that the poses belie", "motion", |path, i| {
+        rewrite_each(path, i as usize, |sample| sample.measured.ego_state.speed_mps += 20.0);
+    }),
+    ("a town without objects", "statistics", empty_town),
     ("a torn picture", "pictures", |path, i| {
         rewrite(path, i as usize, |_, samples| some(samples, i).measured.image.bytes.truncate(20));
     }),

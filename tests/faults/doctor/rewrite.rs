@@ -124,9 +124,15 @@ pub fn rewrite_raw(path: &Path, i: usize, change: impl FnOnce(&mut Vec<Message<'
     metadata.iter().for_each(|record| writer.write_metadata(record).expect("memory can be written"));
     writer.finish().expect("memory can be written");
     fs::write(&file, writer.into_inner().into_inner()).expect("a writable copy");
+    name_hash(path, i);
+}
+
+/// Names the hash of an episode's file, whatever it is now, in the manifest; its labels, which would be of another, are deleted.
+pub fn name_hash(path: &Path, i: usize) {
+    let sha256 = sha256_of(&episode(path, i)).expect("a readable file");
     change_manifest(path, |manifest| {
         let n = manifest.episodes.len();
-        manifest.episodes[i % n].sha256 = sha256_of(&file).expect("a readable file");
+        manifest.episodes[i % n].sha256 = sha256;
     });
     let _ = fs::remove_dir_all(path.join("labels"));
 }
