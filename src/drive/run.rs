@@ -212,6 +212,7 @@ impl Drives<'_> {
             shared: Vec::new(),
             n_threads: Some((n_cores / n_jobs).max(1)),
             silence: SILENCE + FIRST_FACTOR * Duration::from_secs_f64(config.reply_s),
+            befalls_all: None,
         };
         let errands: Vec<Errand<Task>> = todo.iter().copied().map(Errand::from).collect();
         worker::do_all(&Engine::Local { jobs: n_jobs }, &call, &errands, &|| (), &|place, made| {

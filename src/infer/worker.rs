@@ -169,6 +169,7 @@ impl NetworkWorkers<'_> {
             shared,
             n_threads: None,
             silence: SILENCE,
+            befalls_all: None,
         };
         let errands: Vec<Errand<&EpisodeEntry>> =
             episodes.iter().map(|task| Errand { task, reads: vec![PathBuf::from(&task.file)] }).collect();

@@ -76,6 +76,7 @@ pub(super) fn label_by(
         shared: Vec::new(),
         n_threads: None,
         silence: SILENCE,
+        befalls_all: None,
     };
     let errands: Vec<Errand<&EpisodeEntry>> =
         episodes.iter().map(|&task| Errand { task, reads: vec![PathBuf::from(&task.file)] }).collect();
