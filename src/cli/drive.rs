@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use anyhow::{anyhow, bail};
 use clap::Args;
 
+use super::engine::WorkerTimeoutArg;
 use super::world::WorldArgs;
 use super::{Bar, DeviceNameArg, ExitStatus, number, one_of, print_summary, tell};
 use crate::config;
@@ -47,6 +48,8 @@ pub struct DriveArgs {
     /// Worker processes [default: one for each core]
     #[arg(long, value_name = "N", value_parser = number(1..=usize::MAX))]
     jobs: Option<usize>,
+    #[command(flatten)]
+    timeout: WorkerTimeoutArg,
     /// Config (TOML); configs/drive.toml holds the defaults. It goes over the preset, --set over it, other flags over both
     #[arg(long, value_name = "TOML")]
     config: Option<PathBuf>,
@@ -81,6 +84,7 @@ pub fn run(args: DriveArgs) -> anyhow::Result<ExitStatus> {
             None => RecordedDrives::All,
         },
         device: args.device.name(),
+        silence: args.timeout.silence(),
     };
     let scenarios = args.scenarios.as_deref().map(load_scenarios).transpose()?.unwrap_or_default();
     let courses = Courses { n_episodes: args.world.episodes.unwrap_or(n_episodes), scenarios };

@@ -196,10 +196,10 @@ fn samples_of_run(run: &Path, data: &ScoredData<'_>, args: &EvalArgs) -> anyhow:
     if !args.on_training_data {
         learned.with_context(|| format!("cannot score {} on {}", run.display(), data.path.display()))?;
     }
-    if let Some(engine) = &args.engine.cluster()? {
+    if let Some(engine) = &args.engine.cluster_alone()? {
         let (program, device) = (Program::this()?, args.device.name());
-        let (trained, blind) = (&trained, args.blind);
-        let workers = NetworkWorkers { engine, program: &program, trained, device, blind };
+        let (trained, blind, silence) = (&trained, args.blind, args.engine.silence());
+        let workers = NetworkWorkers { engine, program: &program, trained, device, blind, silence };
         let split = data.split()?;
         let found = workers.predict(data.path, split.episodes(), &Bar::default())?;
         let mut found = found.into_iter().flat_map(|found| found.found);

@@ -1,7 +1,6 @@
 //! `harmzone gen`: drives a town and writes a data set of episodes.
 
 use std::path::PathBuf;
-use std::time::Duration;
 
 use anyhow::Context as _;
 use clap::Args;
@@ -59,9 +58,6 @@ pub struct GenerateArgs {
     /// Worker processes of this machine [default: one for each core]
     #[arg(long, value_name = "N", value_parser = number(1..=usize::MAX))]
     jobs: Option<usize>,
-    /// End a worker process that has said nothing for so many seconds, and try its episode again
-    #[arg(long, value_name = "SECONDS", default_value = "600", value_parser = number(1..=u32::MAX))]
-    worker_timeout: u32,
     #[command(flatten)]
     engine: EngineArgs,
     /// Config (TOML); configs/gen.toml holds the defaults. It goes over the preset, --set over it, other flags over both
@@ -118,7 +114,7 @@ pub fn run(args: GenerateArgs) -> anyhow::Result<ExitStatus> {
         program: Program::this()?,
         engine: cluster.unwrap_or(Engine::Local { jobs: args.jobs.unwrap_or(all_cores) }),
         force: args.force,
-        silence: Duration::from_secs(args.worker_timeout.into()),
+        silence: args.engine.silence(),
         own_models,
     };
     let out = args.out.open(Access::Write)?;

@@ -6,7 +6,7 @@ use super::engine::EngineArgs;
 use super::zones::ZoneArgs;
 use super::{Bar, ExitStatus, print_summary};
 use crate::episode::Shard;
-use crate::label::{self, LabelOptions};
+use crate::label::{self, LabelOptions, LabelWorkers};
 use crate::store::{Access, Location};
 use crate::worker::Program;
 
@@ -36,13 +36,14 @@ pub struct LabelArgs {
 pub fn run(args: LabelArgs) -> anyhow::Result<ExitStatus> {
     let zone = args.zone.load()?;
     let set = args.labels.unwrap_or_else(|| zone.kind.name().to_owned());
-    let cluster = args.engine.cluster()?;
+    let cluster = args.engine.cluster_alone()?;
     let dataset = args.dataset.open(Access::Write)?;
     let program = Program::this()?;
-    let workers = cluster.as_ref().map(|engine| (engine, &program));
+    let silence = args.engine.silence();
+    let workers = cluster.as_ref().map(|engine| LabelWorkers { engine, program: &program, silence });
     let options = LabelOptions { force: args.force, shard: args.shard, workers };
     let summary = label::run_with(dataset.path(), &zone, &set, &options, &Bar::default())?;
     dataset.push()?;
     print_summary(&summary, args.json)?;
-    Ok(ExitStatus::Done)
+    Ok(if summary.lost.is_empty() { ExitStatus::Done } else { ExitStatus::DoneWithLosses })
 }

@@ -63,7 +63,7 @@ pub fn run(args: PredictArgs) -> anyhow::Result<ExitStatus> {
         None => trained.predictions_folder(data.path())?,
     };
     let _lock = Predictions::take_folder(&folder, args.force)?;
-    let cluster = args.engine.cluster()?;
+    let cluster = args.engine.cluster_alone()?;
     let whole = MeasuredSplit::open(data.path(), args.split)?;
     let recording = match args.shard {
         Some(shard) => whole.part(shard),
@@ -90,8 +90,8 @@ pub fn run(args: PredictArgs) -> anyhow::Result<ExitStatus> {
     };
     let n_boxes = if let Some(engine) = &cluster {
         let program = Program::this()?;
-        let (device, trained) = (args.device.name(), &trained);
-        let workers = NetworkWorkers { engine, program: &program, trained, device, blind: None };
+        let (device, trained, silence) = (args.device.name(), &trained, args.engine.silence());
+        let workers = NetworkWorkers { engine, program: &program, trained, device, blind: None, silence };
         let found = workers.predict(data.path(), recording.episodes(), &Bar::default())?;
         let samples = recording.episodes().iter().zip(&found).flat_map(|(entry, found)| {
             found.times_ns.iter().enumerate().map(|(i, &time_ns)| (format!("{}/{i}", entry.name), time_ns))

@@ -57,14 +57,7 @@ fn a_number_out_of_its_range_is_told_the_range() {
             }
         }
     }
-    let numbers = [
-        "gen --episodes",
-        "gen --seed",
-        "gen --samples",
-        "gen --jobs",
-        "gen --worker-timeout",
-        "zones --sample",
-    ];
+    let numbers = ["gen --episodes", "gen --seed", "gen --samples", "gen --jobs", "zones --sample"];
     let more = [
         "calibrate --false-alarms-per-km",
         "calibrate --braking-false-alarms-per-km",
@@ -72,6 +65,7 @@ fn a_number_out_of_its_range_is_told_the_range() {
         "drive --seed",
         "drive --record-worst",
         "drive --jobs",
+        "drive --worker-timeout",
         "report --cards",
         "view --sample",
         "view --min-score",
@@ -79,8 +73,9 @@ fn a_number_out_of_its_range_is_told_the_range() {
         "serve --port",
         "serve --min-score",
     ];
-    let of_engine = ["--task-cpus", "--task-gpus", "--in-flight"];
-    let is_of_engine = |flag: &String| of_engine.iter().any(|of| flag.ends_with(of));
+    let of_engine = ["--worker-timeout", "--task-cpus", "--task-gpus", "--in-flight"];
+    let is_of_engine =
+        |flag: &String| of_engine.iter().any(|of| flag.ends_with(of)) && !flag.starts_with("drive ");
     let (on_a_cluster, told): (Vec<String>, Vec<String>) = told.into_iter().partition(is_of_engine);
     assert_eq!(told, [&numbers[..], &more].concat());
     // gen, label, predict, eval

@@ -25,7 +25,7 @@ use crate::generate::{CheckedConfig, EpisodePlan, GenerateConfig};
 use crate::outcome::{DriveOutcome, DriveSummary, End, Origin, Source, Who, compare, worst};
 use crate::progress::Progress;
 use crate::scene::{PopulateConfig, SceneSplit, Town, map_hashes, town_names_of};
-use crate::worker::{self, Call, Engine, Errand, Program, SILENCE, TaskError};
+use crate::worker::{self, Call, Engine, Errand, Program, TaskError};
 
 /// Which drives are recorded as episodes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -44,6 +44,8 @@ pub struct DriveOptions {
     pub jobs: usize,
     pub recording: RecordedDrives,
     pub device: DeviceName,
+    /// How long a worker may say nothing, beside the time that an `exec:` detector has, before it is ended and its drive made again.
+    pub silence: Duration,
 }
 
 /// What is driven.
@@ -211,7 +213,9 @@ impl Drives<'_> {
             folder: &job.folder,
             shared: Vec::new(),
             n_threads: Some((n_cores / n_jobs).max(1)),
-            silence: SILENCE + FIRST_FACTOR * Duration::from_secs_f64(config.reply_s),
+            // An `exec:` detector may take its time for an answer.
+            silence: options.silence + FIRST_FACTOR * Duration::from_secs_f64(config.reply_s),
+            befalls_all: None,
         };
         let errands: Vec<Errand<Task>> = todo.iter().copied().map(Errand::from).collect();
         worker::do_all(&Engine::Local { jobs: n_jobs }, &call, &errands, &|| (), &|place, made| {

@@ -17,7 +17,7 @@ use crate::sample::{EgoState, Measured};
 use crate::zone::{Zone, ZoneConfig, ZoneError};
 
 /// Samples that go through the network together.
-const BATCH: usize = 4;
+pub(super) const BATCH: usize = 4;
 
 /// Samples that are copied together to blind a sensor.
 const N_BLINDED: usize = 32;

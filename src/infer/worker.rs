@@ -3,12 +3,13 @@
 use std::io::{self, BufRead, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
 
 use burn::tensor::Device;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::predict::predict;
+use super::predict::{BATCH, predict};
 use super::recorded::RecordedError;
 use super::{Trained, TrainedError};
 use crate::dataset::MeasuredSplit;
@@ -20,7 +21,7 @@ use crate::object::Detection;
 use crate::progress::{Progress, Silent};
 use crate::sample::Measured;
 use crate::store;
-use crate::worker::{self, Call, Engine, Errand, Program, SILENCE, TaskError};
+use crate::worker::{self, Call, Engine, Errand, Program, TaskError};
 
 /// The hidden command that serves tasks.
 const COMMAND: &str = "predict-worker";
@@ -54,6 +55,11 @@ pub struct FoundInEpisode {
 pub enum FarError {
     #[error("episode `{episode}`: {message}")]
     Worker { episode: String, message: String },
+    #[error(
+        "the workers of episode `{episode}` were lost, {message}; boxes are of all episodes or of none, so none of this call are          kept, and the same command begins anew (more --task-cpus or --task-gpus a task let fewer share a node's memory, a longer          --worker-timeout waits for slow ones): {}",
+        path.display()
+    )]
+    Lost { episode: String, message: String, path: PathBuf },
     #[error(transparent)]
     Trained(#[from] TrainedError),
     #[error(transparent)]
@@ -111,11 +117,14 @@ fn boxes_of(
         }
         let named: Vec<(&str, &Measured)> =
             part.iter().map(|(id, measured)| (id.as_str(), measured)).collect();
-        made.found.extend(predict(detector, &named, with_camera, device, &Silent)?);
-        made.times_ns.extend(part.iter().map(|(_, measured)| measured.time_ns));
-        for _ in &part {
-            on_sample()?;
+        // A tick comes as soon as every thread has had a batch: a large network takes its time for a part.
+        for together in named.chunks(BATCH * rayon::current_num_threads()) {
+            made.found.extend(predict(detector, together, with_camera, device, &Silent)?);
+            for _ in together {
+                on_sample()?;
+            }
         }
+        made.times_ns.extend(part.iter().map(|(_, measured)| measured.time_ns));
         Ok(())
     })?;
     Ok(made)
@@ -132,13 +141,15 @@ pub struct NetworkWorkers<'a> {
     pub device: DeviceName,
     /// A sensor that sees nothing.
     pub blind: Option<Sensor>,
+    /// How long a worker may say nothing before it is ended and its episode tried again.
+    pub silence: Duration,
 }
 
 impl NetworkWorkers<'_> {
     /// The boxes of each of these episodes of a data set, in their order.
     ///
     /// # Errors
-    /// The first episode that failed; the engine cannot be started, or dies; the network cannot be found.
+    /// The first episode that failed, or whose workers were lost, again and again; the engine cannot be started, or dies; the network cannot be found.
     pub fn predict(
         &self,
         data: &Path,
@@ -168,7 +179,8 @@ impl NetworkWorkers<'_> {
             folder: &folder,
             shared,
             n_threads: None,
-            silence: SILENCE,
+            silence: self.silence,
+            befalls_all: None,
         };
         let errands: Vec<Errand<&EpisodeEntry>> =
             episodes.iter().map(|task| Errand { task, reads: vec![PathBuf::from(&task.file)] }).collect();
@@ -181,7 +193,12 @@ impl NetworkWorkers<'_> {
             let entry = &episodes[place];
             progress.note(&entry.name);
             let told = |message| FarError::Worker { episode: entry.name.clone(), message };
-            let made = answer.map_err(|error| told(error.to_string()))?;
+            let made = answer.map_err(|error| match error {
+                TaskError::Failed(message) => told(message),
+                TaskError::Lost(message) => {
+                    FarError::Lost { episode: entry.name.clone(), message, path: folder.join(&entry.file) }
+                }
+            })?;
             if made.found.len() != entry.n_samples || made.times_ns.len() != entry.n_samples {
                 return Err(told(format!(
                     "boxes of {} samples came back, wanted {}",
@@ -197,5 +214,36 @@ impl NetworkWorkers<'_> {
         progress.finish();
         let all_found = all_found.into_inner().unwrap_or_else(PoisonError::into_inner);
         Ok(all_found.into_iter().map(|of_episode| of_episode.expect("all are done")).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dataset::test_data;
+    use crate::episode::Manifest;
+
+    #[test]
+    fn an_episode_whose_workers_are_lost_is_told_with_what_to_do() {
+        let home = tempfile::tempdir().unwrap();
+        test_data::write(home.path(), &[1]);
+        let dies = "import sys; sys.exit('no memory for the network')";
+        let program = Program::new("python3".into(), vec!["-c".into(), dies.into()]);
+        let trained = Trained::find(Path::new("small")).unwrap();
+        let workers = NetworkWorkers {
+            engine: &Engine::Local { jobs: 1 },
+            program: &program,
+            trained: &trained,
+            device: "cpu".parse().unwrap(),
+            blind: None,
+            silence: Duration::from_mins(1),
+        };
+        let episodes = Manifest::read(home.path()).unwrap().episodes;
+        let error = workers.predict(home.path(), &episodes, &Silent).unwrap_err();
+        let told = error.to_string();
+        assert!(matches!(error, FarError::Lost { .. }), "{told}");
+        for words in ["`made-0`", "3 tries", "no memory for the network", "same command", "made-0.mcap"] {
+            assert!(told.contains(words), "{told}");
+        }
     }
 }

@@ -17,6 +17,9 @@ pub struct LabelSummary {
     pub was_complete: bool,
     pub n_episodes: usize,
     pub n_samples: usize,
+    /// Episodes whose workers died or hung, and how. The set is unfinished then, without `labels.json`, and the counts are of what is
+    /// whole; the same command labels the rest.
+    pub lost: Vec<String>,
     pub counts: LabelCounts,
 }
 
@@ -51,6 +54,13 @@ impl fmt::Display for LabelSummary {
             "label set `{}`: {} episodes, {} samples, {total} objects ({each:.1} a sample)",
             self.set, self.n_episodes, self.n_samples
         )?;
+        if !self.lost.is_empty() {
+            writeln!(
+                f,
+                "lost: {} episodes, told on standard error; without them there is no labels.json, and the same command labels them",
+                self.lost.len()
+            )?;
+        }
         let distributions = [(None, "all"), (Some(Distribution::Id), "id"), (Some(Distribution::Ood), "ood")];
         let kinds = [
             (None, ""),
@@ -89,9 +99,18 @@ mod tests {
             counts.id.vehicle.add(harm);
         }
         counts.ood.static_object.add(Harm::Harmful);
-        let summary =
-            LabelSummary { set: "rect".into(), was_complete: false, n_episodes: 1, n_samples: 2, counts };
+        let summary = LabelSummary {
+            set: "rect".into(),
+            was_complete: false,
+            n_episodes: 1,
+            n_samples: 2,
+            lost: Vec::new(),
+            counts,
+        };
         let table = summary.to_string();
+        assert!(!table.contains("lost"), "{table}");
+        let with_loss = LabelSummary { lost: vec!["one".into()], ..summary };
+        assert!(with_loss.to_string().contains("lost: 1 episodes"), "{with_loss}");
         assert!(table.contains("2 samples, 5 objects (2.5 a sample)"), "{table}");
         assert!(table.contains("40.0%") && table.contains("25.0%") && table.contains("100.0%"), "{table}");
         assert!(!table.contains("pedestrian"), "{table}");

@@ -13,6 +13,7 @@ pub use apply::SampleError;
 pub use compare::{MOVING_MPS, ZoneComparison, ZoneCounts, compare};
 pub use counts::{LabelSummary, count_of};
 pub use run::{LabelOptions, run, run_with};
+pub use worker::LabelWorkers;
 
 use std::path::PathBuf;
 

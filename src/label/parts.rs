@@ -1,26 +1,101 @@
-//! Parts of a label set, each labelled in a process of its own: `part-I-of-N.json` beside the labels, until the whole set is joined.
+//! Parts of a label set: `part-I-of-N.json` beside the labels for each one that a process of its own has labelled, and
+//! `part-so-far..json` for what a run has labelled while it goes on, until the whole set is joined.
 
 use std::collections::{HashMap, HashSet};
 use std::io;
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 use fs_err as fs;
 
 use super::LabelError;
+use super::episode::LabelledEpisode;
 use crate::episode::Shard;
 use crate::episode::manifest::{LabelManifest, Manifest};
-use crate::files::{read_sealed, write_manifest};
+use crate::files::{is_file, read_sealed, write_manifest};
 use crate::store;
 
 const PREFIX: &str = "part-";
+
+/// Share of the time that noting what is labelled so far may take.
+const NOTING_SHARE: u32 = 20;
 
 fn path_of(folder: &Path, shard: Shard) -> PathBuf {
     folder.join(format!("{PREFIX}{}-of-{}.json", shard.index, shard.of))
 }
 
+fn path_so_far(folder: &Path, shard: Option<Shard>) -> PathBuf {
+    // After the names of whole parts, which are taken first.
+    folder.join(match shard {
+        None => format!("{PREFIX}so-far.json"),
+        Some(Shard { index, of }) => format!("{PREFIX}so-far-{index}-of-{of}.json"),
+    })
+}
+
 /// Notes that a part of the set in this folder is whole.
 pub(super) fn write(folder: &Path, shard: Shard, part: &LabelManifest) -> Result<(), LabelError> {
-    Ok(write_manifest(&path_of(folder, shard), part)?)
+    write_manifest(&path_of(folder, shard), part)?;
+    let so_far = path_so_far(folder, Some(shard));
+    if is_file(&so_far)? {
+        fs::remove_file(so_far)?;
+    }
+    Ok(())
+}
+
+/// What a run has labelled so far, in no order, noted beside the labels with the hash of each: the same command goes on with it
+/// after a kill.
+pub(super) struct LabelledSoFar<'a> {
+    pub labels: LabelManifest,
+    folder: &'a Path,
+    shard: Option<Shard>,
+    /// When it is noted again, if an episode comes.
+    rest_until: Option<Instant>,
+}
+
+impl<'a> LabelledSoFar<'a> {
+    /// `labels`: the set without episodes; `parts`: what is there of it.
+    pub(super) fn new(
+        labels: LabelManifest,
+        parts: Vec<LabelManifest>,
+        folder: &'a Path,
+        shard: Option<Shard>,
+    ) -> Self {
+        let mut so_far = Self { labels, folder, shard, rest_until: None };
+        for part in parts {
+            so_far.labels.counts.add_all(&part.counts);
+            so_far.labels.episodes.extend(part.episodes);
+        }
+        so_far
+    }
+
+    /// Adds an episode whose file is whole. A killed run loses at most what came since the last note, twenty times as long ago
+    /// as that took.
+    pub(super) fn add(&mut self, (entry, counts): LabelledEpisode) -> Result<(), LabelError> {
+        self.labels.counts.add_all(&counts);
+        self.labels.episodes.push(entry);
+        let begin = Instant::now();
+        if self.rest_until.is_none_or(|until| begin >= until) {
+            self.note()?;
+            let pause = begin.elapsed().max(Duration::from_millis(50)) * NOTING_SHARE;
+            self.rest_until = Some(Instant::now() + pause);
+        }
+        Ok(())
+    }
+
+    /// Notes it.
+    pub(super) fn note(&self) -> Result<(), LabelError> {
+        Ok(write_manifest(&path_so_far(self.folder, self.shard), &self.labels)?)
+    }
+}
+
+/// What a run that was to label this part has left of it; else as [`find`].
+pub(super) fn find_so_far(
+    folder: &Path,
+    shard: Shard,
+    zone_toml: &str,
+    dataset: &Manifest,
+) -> Option<LabelManifest> {
+    read_whole(&path_so_far(folder, Some(shard)), folder, zone_toml, &dataset.hash_of_name())
 }
 
 /// A part of the set, if it is as it was written, by this zone and for these episodes.

@@ -1,8 +1,10 @@
 //! `label`'s worker processes: each labels episodes of one data set.
 
+use std::collections::BTreeMap;
 use std::io::{self, BufRead, Write};
 use std::path::PathBuf;
 use std::sync::Mutex;
+use std::time::Duration;
 
 use fs_err as fs;
 use serde::{Deserialize, Serialize};
@@ -13,7 +15,7 @@ use crate::episode::manifest::{EpisodeEntry, LabelManifest};
 use crate::files::sha256_of;
 use crate::progress::Progress;
 use crate::store;
-use crate::worker::{self, Call, Engine, Errand, Program, SILENCE, TaskError};
+use crate::worker::{self, Call, Engine, Errand, Program, TaskError};
 use crate::zone::{Zone, ZoneConfig};
 
 /// The hidden command that serves tasks.
@@ -56,26 +58,38 @@ fn make(
     label_episode(&job.folder, entry, &zone, &job.set, &job.zone_toml, &tick)
 }
 
-/// The parent's side: has all episodes labelled, in their order. All are tried, as [`super::run()`] does.
+/// The parent's side: workers that label.
+#[derive(Debug, Clone, Copy)]
+pub struct LabelWorkers<'a> {
+    pub engine: &'a Engine,
+    /// The `harmzone` program, started as worker.
+    pub program: &'a Program,
+    /// How long one may say nothing before it is ended and its episode tried again.
+    pub silence: Duration,
+}
+
+/// Has all episodes labelled, hands each to `keep`, and returns what became of those whose workers were lost, again and again. All
+/// are tried, as [`super::run()`] does.
 ///
 /// # Errors
-/// The engine cannot be started, or dies.
+/// The first episode, in their order, that cannot be labelled; an error of `keep`; the engine cannot be started, or dies.
 pub(super) fn label_by(
-    engine: &Engine,
-    program: &Program,
+    workers: &LabelWorkers<'_>,
     job: &LabelJob,
     episodes: &[&EpisodeEntry],
     progress: &dyn Progress,
-) -> Result<Vec<Result<LabelledEpisode, LabelError>>, LabelError> {
+    keep: &(dyn Fn(LabelledEpisode) -> Result<(), LabelError> + Sync),
+) -> Result<Vec<String>, LabelError> {
     let folder = &job.folder;
     let call = Call {
-        program,
+        program: workers.program,
         command: COMMAND,
         job,
         folder,
         shared: Vec::new(),
         n_threads: None,
-        silence: SILENCE,
+        silence: workers.silence,
+        befalls_all: None,
     };
     let errands: Vec<Errand<&EpisodeEntry>> =
         episodes.iter().map(|&task| Errand { task, reads: vec![PathBuf::from(&task.file)] }).collect();
@@ -83,25 +97,43 @@ pub(super) fn label_by(
         // The cluster's nodes get files from here.
         store::open_file(&folder.join(&entry.file))?;
     }
-    let made = Mutex::new(episodes.iter().map(|_| None).collect::<Vec<_>>());
+    let lost: Mutex<BTreeMap<usize, String>> = Mutex::default();
+    let failed: Mutex<BTreeMap<usize, LabelError>> = Mutex::default();
     let on_made = |place: usize, answer: Result<LabelledEpisode, TaskError>| -> Result<(), LabelError> {
-        let episode = episodes[place].name.clone();
-        progress.note(&episode);
-        let checked = answer.map_err(|error| error.to_string()).and_then(|labelled| {
-            let file = LabelManifest::folder(folder, &job.set).join(&labelled.0.file);
-            match sha256_of(&file) {
-                Ok(found) if found == labelled.0.sha256 => Ok(labelled),
-                Ok(_) => Err(format!("another file came back than was made: {}", file.display())),
-                Err(error) => Err(error.to_string()),
+        let episode = &episodes[place].name;
+        progress.note(episode);
+        let message = match answer {
+            Ok(labelled) => match check_file(job, &labelled) {
+                Ok(()) => return keep(labelled),
+                Err(message) => message,
+            },
+            Err(TaskError::Lost(message)) => {
+                let sentence = format!("episode `{episode}` was not labelled: {message}");
+                tracing::warn!("{sentence}");
+                lost.lock().expect("no worker thread panics").insert(place, sentence);
+                return Ok(());
             }
-        });
-        let labelled = checked.map_err(|message| LabelError::Worker { episode, message });
-        made.lock().expect("no worker thread panics")[place] = Some(labelled);
+            Err(TaskError::Failed(message)) => message,
+        };
+        let error = LabelError::Worker { episode: episode.clone(), message };
+        failed.lock().expect("no worker thread panics").insert(place, error);
         Ok(())
     };
-    worker::do_all(engine, &call, &errands, &|| progress.advance(1), &on_made)?;
-    let made = made.into_inner().expect("no worker thread panics");
-    Ok(made.into_iter().map(|of_episode| of_episode.expect("all are done")).collect())
+    worker::do_all(workers.engine, &call, &errands, &|| progress.advance(1), &on_made)?;
+    match failed.into_inner().expect("no worker thread panics").pop_first() {
+        Some((_, error)) => Err(error),
+        None => Ok(lost.into_inner().expect("no worker thread panics").into_values().collect()),
+    }
+}
+
+/// Whether the file that a worker has made is there as it was made.
+fn check_file(job: &LabelJob, (entry, _): &LabelledEpisode) -> Result<(), String> {
+    let file = LabelManifest::folder(&job.folder, &job.set).join(&entry.file);
+    match sha256_of(&file) {
+        Ok(found) if found == entry.sha256 => Ok(()),
+        Ok(_) => Err(format!("another file came back than was made: {}", file.display())),
+        Err(error) => Err(error.to_string()),
+    }
 }
 
 #[cfg(test)]

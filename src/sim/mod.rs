@@ -40,6 +40,9 @@ pub enum SimError {
     WrongPython { python: String, path: PathBuf },
     #[error("cannot import MuJoCo ({message}); run `{INSTALL_VENV}`: {}", venv.display())]
     NoMujoco { message: String, venv: PathBuf },
+    /// There is no OpenGL context: no driver, or no memory for it, which looks the same from here. `gen` ends with this text where
+    /// the machine cannot draw at all: the first worker's first context, with memory left ([`crate::worker::lacks_memory`]). A worker
+    /// that is refused memory, or has no context after an episode was made, is lost instead, and its episode is tried again.
     #[error("cannot draw off screen with OpenGL ({message}); run `{INSTALL_GL}`")]
     NoGl { message: String },
     #[error("cannot draw with Filament ({message}); the renderer `classic` needs neither")]

@@ -6,9 +6,9 @@ use std::time::Duration;
 
 use super::Program;
 
-/// How long a worker may be silent before it is taken for hung, unless a command says otherwise: a drive, or a part of an
-/// episode with the largest network, comes without a tick between.
-pub const SILENCE: Duration = Duration::from_hours(1);
+/// How long a worker may be silent before it is taken for hung, unless a command says otherwise. Samples come with a tick, or a
+/// few of them with one; a world is compiled, or a network loaded, without.
+pub const SILENCE: Duration = Duration::from_mins(10);
 
 /// Why a task was not done.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -41,8 +41,11 @@ pub struct Call<'a, Job> {
     pub shared: Vec<(PathBuf, PathBuf)>,
     /// Threads of each local process; `None`: as many as there are cores.
     pub n_threads: Option<usize>,
-    /// How long a local worker may say nothing, not even a tick, before it is ended and its task tried again.
+    /// How long a worker may say nothing, not even a tick, before it is ended and its task tried again.
     pub silence: Duration,
+    /// Whether a failure, told by a worker of this machine, would befall every task: where one has ticked or was done before, it
+    /// counts as the loss of that worker, and the task is tried again. `None`: failures are the tasks' own.
+    pub befalls_all: Option<fn(&str) -> bool>,
 }
 
 /// One task, and the files that it reads, below the call's folder.

@@ -2,7 +2,7 @@
 
 use std::io;
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -25,7 +25,7 @@ pub enum Engine {
 }
 
 /// Has all tasks done. `on_made` hears of each by its place, in no order: what it made, or why not. A task whose process dies or
-/// hangs is tried again, with another process. Where `on_made` returns an error, no task is begun any more.
+/// hangs, or fails by what `call.befalls_all` names after one has ticked or was done, is tried again, with another process. Where `on_made` returns an error, no task is begun any more.
 ///
 /// # Errors
 /// The first error of `on_made`; a worker or the cluster cannot be started; the user wants to stop.
@@ -47,6 +47,11 @@ where
         Engine::Ray(cluster) => ray::do_all(cluster, call, errands, on_tick, on_made),
         Engine::Local { jobs } => {
             let next = AtomicUsize::new(0);
+            let has_begun_well = AtomicBool::new(false);
+            let on_tick = || {
+                has_begun_well.store(true, Ordering::Relaxed);
+                on_tick();
+            };
             let failure: Mutex<Option<E>> = Mutex::new(None);
             let work = || -> Result<(), E> {
                 let mut worker = None;
@@ -56,7 +61,7 @@ where
                     if failure.lock().expect("no worker thread panics").is_some() {
                         return Ok(());
                     }
-                    on_made(place, make(&mut worker, call, &errand.task, on_tick)?)?;
+                    on_made(place, make(&mut worker, call, &errand.task, &on_tick, &has_begun_well)?)?;
                 }
             };
             std::thread::scope(|scope| {
@@ -79,7 +84,12 @@ fn make<Job: Serialize, Task: Serialize, Made: DeserializeOwned>(
     call: &Call<'_, Job>,
     task: &Task,
     on_tick: &dyn Fn(),
+    has_begun_well: &AtomicBool,
 ) -> io::Result<Result<Made, TaskError>> {
+    let is_passing = |text: &str| {
+        has_begun_well.load(Ordering::Relaxed)
+            && call.befalls_all.is_some_and(|befalls_all| befalls_all(text))
+    };
     let mut n_tries = 0;
     loop {
         interrupt::check()?;
@@ -91,9 +101,11 @@ fn make<Job: Serialize, Task: Serialize, Made: DeserializeOwned>(
             Err(text) => text,
             Ok(mut able) => match able.make(task, on_tick) {
                 Ok(made) => {
+                    has_begun_well.store(true, Ordering::Relaxed);
                     *worker = Some(able);
                     return Ok(Ok(made));
                 }
+                Err(NotMade::Failed(text)) if is_passing(&text) => text,
                 Err(NotMade::Failed(text)) => {
                     *worker = Some(able);
                     return Ok(Err(TaskError::Failed(text)));
@@ -117,7 +129,7 @@ mod tests {
     use super::super::Program;
     use super::*;
 
-    /// Does the tasks 0, 1 and 2 with a worker that is this script.
+    /// Does the tasks 0, 1 and 2 with a worker that is this script; "no screen" is said to befall all.
     fn run(script: &str, silence: Duration) -> Vec<Result<u32, TaskError>> {
         let folder = tempfile::tempdir().unwrap();
         let program = Program::new("python3".into(), vec!["-c".into(), script.into()]);
@@ -131,6 +143,7 @@ mod tests {
             shared: Vec::new(),
             n_threads: None,
             silence,
+            befalls_all: Some(|text| text.contains("no screen")),
         };
         let made = Mutex::new(vec![None; 3]);
         let errands: Vec<Errand<u32>> = (0..3).map(Errand::from).collect();
@@ -168,6 +181,36 @@ for line in sys.stdin:
         assert!(made[0] == Ok(0) && made[2] == Ok(20), "{made:?}");
         let Err(TaskError::Lost(text)) = &made[1] else { panic!("{made:?}") };
         assert!(text.contains("3 tries") && text.contains("no memory for the sky"), "{text}");
+    }
+
+    #[test]
+    fn what_would_befall_all_tasks_is_the_loss_of_a_worker_once_a_task_was_done() {
+        let fail = "
+    mark = folder + '/failed'
+    fails_once = task == 1 and not os.path.exists(mark)
+    if fails_once: open(mark, 'w').close()
+    if task == 2 or fails_once:
+        print(json.dumps({'failed': 'no screen'}), flush=True)
+        continue
+";
+        let made = run(&format!("{HEAR}{fail}{SAY}"), Duration::from_mins(1));
+        assert!(made[0] == Ok(0) && made[1] == Ok(10), "{made:?}");
+        let Err(TaskError::Lost(text)) = &made[2] else { panic!("{made:?}") };
+        assert!(text.contains("3 tries") && text.contains("no screen"), "{text}");
+        let at_first = "
+    if task == 0:
+        print(json.dumps({'failed': 'no screen'}), flush=True)
+        continue
+";
+        let made = run(&format!("{HEAR}{at_first}{SAY}"), Duration::from_mins(1));
+        assert_eq!(made, [Err(TaskError::Failed("no screen".to_owned())), Ok(10), Ok(20)]);
+        let of_task = "
+    if task == 1:
+        print(json.dumps({'failed': 'no road'}), flush=True)
+        continue
+";
+        let made = run(&format!("{HEAR}{of_task}{SAY}"), Duration::from_mins(1));
+        assert_eq!(made, [Ok(0), Err(TaskError::Failed("no road".to_owned())), Ok(20)]);
     }
 
     #[test]

@@ -8,6 +8,7 @@ mod call;
 mod engine;
 mod process;
 mod ray;
+mod watchdog;
 
 use std::ffi::OsString;
 use std::io::{self, BufRead, Write};
@@ -21,6 +22,8 @@ pub use call::{Call, Errand, SILENCE, TaskError};
 pub use engine::{Engine, do_all};
 pub use process::last_lines;
 pub use ray::RayCluster;
+
+use watchdog::Watchdog;
 
 /// A worker's answer.
 #[derive(Debug, Serialize, Deserialize)]
@@ -36,7 +39,7 @@ enum Answer<T> {
 ///
 /// # Errors
 /// A broken pipe, or the parent did not write a job; failures of tasks are answers. Only a lack of memory is none: it ends the
-/// process, since another one may have enough.
+/// process, since another one may have enough. On a cluster, so does a task that stands still.
 pub fn serve<Job, Task, Made, Fault, Work>(
     input: impl BufRead,
     mut output: impl Write,
@@ -56,14 +59,22 @@ where
         writeln!(output, "{}", serde_json::to_string(answer)?)?;
         output.flush()
     };
+    let watchdog = Watchdog::of_environment();
     for line in lines {
         let task: Task = serde_json::from_str(&line?)?;
-        let answer = match work(task, &mut || say(&Answer::Tick)) {
+        watchdog.hear();
+        let done = work(task, &mut || {
+            watchdog.hear();
+            say(&Answer::Tick)
+        });
+        watchdog.rest();
+        let answer = match done {
             Ok(made) => Answer::Done(Box::new(made)),
             Err(error) => {
                 let text = with_causes(&error);
                 if lacks_memory(&text) {
-                    return Err(io::Error::new(io::ErrorKind::OutOfMemory, text));
+                    let told = format!("memory was refused, by a limit or for lack of it: {text}");
+                    return Err(io::Error::new(io::ErrorKind::OutOfMemory, told));
                 }
                 Answer::Failed(text)
             }
@@ -76,8 +87,17 @@ where
 /// So much memory is asked for, to learn whether any is left.
 const PROBE_BYTES: usize = 64 << 20;
 
+/// So much is asked for where no picture can be drawn: OpenGL's driver, which maps some 200 MiB of LLVM where Mesa draws without
+/// a GPU, looks like one that is not there when it is refused. It is more than freed memory that the allocator keeps for itself
+/// ([`ALLOCATOR_ENVIRONMENT`]).
+const DRIVER_PROBE_BYTES: usize = 512 << 20;
+
+/// What the simulator's error begins with where it has no OpenGL context.
+pub const CANNOT_DRAW: &str = "cannot draw off screen";
+
 /// Whether memory was refused: the error says so, in the words of the system, of Python, of MuJoCo or of the dynamic linker, or
-/// as native code that fails without words, as MuJoCo's compiler does then; or there is none now.
+/// as native code that fails without words, as MuJoCo's compiler does then; or there is none now, where nothing can be drawn
+/// none for a driver.
 #[must_use]
 pub fn lacks_memory(error: &str) -> bool {
     let text = error.to_lowercase();
@@ -94,7 +114,8 @@ pub fn lacks_memory(error: &str) -> bool {
     .any(|words| text.contains(words));
     // Seen from outside, lest the compiler leave out what nothing uses.
     let mut probe = std::hint::black_box(Vec::<u8>::new());
-    tells || probe.try_reserve_exact(PROBE_BYTES).is_err() || std::hint::black_box(probe).capacity() == 0
+    let wanted = if error.contains(CANNOT_DRAW) { DRIVER_PROBE_BYTES } else { PROBE_BYTES };
+    tells || probe.try_reserve_exact(wanted).is_err() || std::hint::black_box(probe).capacity() == 0
 }
 
 /// The error with its sources, unless its text contains them already.

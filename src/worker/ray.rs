@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use super::call::{Call, Errand, TaskError};
 use super::process::{Process, THREADS, Unheard};
+use super::watchdog::SILENCE_VARIABLE;
 use super::{ALLOCATOR_ENVIRONMENT, Answer, Program};
 
 /// The word that starts the process.
@@ -96,7 +97,9 @@ where
     // A task's share of a node's cores.
     let n_threads = cluster.task_cpus.floor().max(1.0).to_string();
     let environment = ALLOCATOR_ENVIRONMENT.map(|(name, value)| (name, value.to_owned()));
-    let environment = environment.into_iter().chain([(THREADS, n_threads)]).collect();
+    let silence_s = call.silence.as_secs().max(1).to_string();
+    let more = [(THREADS, n_threads), (SILENCE_VARIABLE, silence_s)];
+    let environment = environment.into_iter().chain(more).collect();
     process.say(&Header { version, command, job, folder, shared, environment, cluster }).map_err(other)?;
     let (mut n_given, mut n_made, mut takes) = (0, 0, 0);
     while n_made < errands.len() {
@@ -158,6 +161,7 @@ mod tests {
             shared: Vec::new(),
             n_threads: None,
             silence: SILENCE,
+            befalls_all: None,
         };
         let cluster = RayCluster { address: None, task_cpus: 1.0, task_gpus: 0.0, most_in_flight: None };
         let (made, n_ticks) = (RefCell::new(Vec::new()), RefCell::new(0));
@@ -175,6 +179,7 @@ def say(what): print(json.dumps(what), flush=True)
 def answer(task, what): say({'answer': {'place': task['place'], 'answer': what}})
 header = json.loads(sys.stdin.readline())
 assert header['command'] == 'some-worker' and sys.argv[1] == 'ray-engine', header
+assert header['environment']['HARMZONE_WORKER_SILENCE_S'] == '600', header
 ";
 
     #[test]

@@ -275,11 +275,8 @@ fn a_worker_that_is_given_no_more_memory_costs_time_and_no_episode() {
                 refuse_memory(*worker);
             }
         });
-        if code != Some(0) {
-            // A driver that finds no memory while it is loaded looks like one that is not there.
-            assert!(code == Some(1) && told.contains("cannot draw off screen"), "at {share}: {told}");
-            succeed(&mut stage.command(&out));
-        }
+        // Also while the driver of OpenGL is loaded, which without memory looks like one that is not there.
+        assert_eq!(code, Some(0), "at {share}: {told}");
         assert_eq!(difference(&hashes(&out), wanted), None, "at {share}: {told}");
         n_lost += usize::from(told.contains("try 1 of 3"));
     }
