@@ -173,13 +173,15 @@ fn is_about_the_screen(failure: &str) -> bool {
     failure.contains(CANNOT_DRAW)
 }
 
-/// Bytes that a sample takes at the least. With JPEG quality 85 a picture has 0.3 bytes a pixel and a front camera's cloud
-/// 60 kB: half of both.
+/// Bytes that a sample takes at the least. With JPEG quality 85 a picture has 0.3 bytes a pixel, its further ones 0.46, and a front
+/// camera's cloud, of a sweep too, some 55 kB: half of each.
 fn least_sample_bytes(config: &GenerateConfig) -> u64 {
     let pixels = |camera: &RigCameraConfig| f64::from(camera.width_px) * f64::from(camera.height_px);
     let n_pixels: f64 = config.rig.cameras.values().map(pixels).sum();
     let of_quality = (f64::from(config.render.jpeg_quality) / 85.0).powi(2);
-    (n_pixels * 0.15 * of_quality + 30_000.0 * config.rig.lidars.len() as f64) as u64
+    let of_further = if config.render.aov { 0.23 } else { 0.0 };
+    let n_clouds = config.rig.lidars.len() as f64 * (1.0 + f64::from(config.sweeps));
+    (n_pixels * (0.15 * of_quality + of_further) + 27_000.0 * n_clouds) as u64
 }
 
 /// Share of the time that writing `dataset.json` over and over may take: of 100,000 episodes it has 40 MB.

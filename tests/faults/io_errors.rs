@@ -104,7 +104,7 @@ fn finished(folder: &Path, told: &str) -> BTreeMap<String, String> {
     let mut found = hashes(folder);
     let is_left = |name: &str| is_unfinished(Path::new(name)) || is_lock(Path::new(name));
     let is_curves = |name: &str| name.rsplit('/').next().is_some_and(|file| file.starts_with("curves."));
-    found.retain(|name, _| !is_left(name) && !(told.contains("left out: the curves") && is_curves(name)));
+    found.retain(|name, _| !(is_left(name) || told.contains("left out: the curves") && is_curves(name)));
     found
 }
 
