@@ -1,6 +1,7 @@
 //! Files and folders that are either whole or not there: written under a temporary name, then renamed.
 
 mod folder;
+mod inside;
 mod lock;
 mod seal;
 mod space;
@@ -13,6 +14,7 @@ use sha2::{Digest, Sha256};
 use tempfile::TempPath;
 
 pub use folder::{FolderError, NewFolder};
+pub use inside::{OutsideName, inside, is_file_name, is_inside};
 pub use lock::{FolderLock, is_lock};
 pub use seal::{is_sealed, read_sealed, seal, unseal, write_sealed};
 pub use space::{bytes_in_words, check_room, free_bytes, told_with_room};
