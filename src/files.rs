@@ -1,6 +1,7 @@
 //! Files and folders that are either whole or not there: written under a temporary name, then renamed.
 
 mod folder;
+mod inside;
 mod lock;
 mod name;
 mod seal;
@@ -14,6 +15,7 @@ use sha2::{Digest, Sha256};
 use tempfile::TempPath;
 
 pub use folder::{FolderError, NewFolder};
+pub use inside::{OutsideName, inside, is_file_name, is_inside};
 pub use lock::{FolderLock, is_lock};
 pub(crate) use name::{give_final_name, keep_as};
 pub use seal::{is_sealed, read_sealed, seal, seal_result, unseal, write_manifest, write_sealed};

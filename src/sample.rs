@@ -2,6 +2,8 @@
 //!
 //! Network inputs are built from [`Measured`] alone, so that truth cannot leak into them.
 
+use image::ImageError;
+use image::error::{DecodingError, ImageFormatHint};
 use serde::{Deserialize, Serialize};
 
 use crate::geometry::{Camera, Ego, Lidar, Pinhole, Point2, Transform, World};
@@ -41,6 +43,9 @@ pub enum ImageFormat {
     Png,
 }
 
+/// Most pixels of a picture that is unpacked, which take 192 MiB. The largest cameras of cars have some 20 million.
+const MAX_PIXELS: u64 = 1 << 26;
+
 /// A compressed RGB image, as the episode holds it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EncodedImage {
@@ -52,13 +57,19 @@ impl EncodedImage {
     /// Unpacks to 8-bit RGB, row by row from the top.
     ///
     /// # Errors
-    /// The bytes are not an image of the stated format.
-    pub fn decode(&self) -> Result<image::RgbImage, image::ImageError> {
+    /// The bytes are not an image of the stated format, or one of more than 2^26 pixels, by its head.
+    pub fn decode(&self) -> Result<image::RgbImage, ImageError> {
         let format = match self.format {
             ImageFormat::Jpeg => image::ImageFormat::Jpeg,
             ImageFormat::Png => image::ImageFormat::Png,
         };
-        Ok(image::load_from_memory_with_format(&self.bytes, format)?.into_rgb8())
+        let picture = || image::ImageReader::with_format(std::io::Cursor::new(&self.bytes), format);
+        let (width_px, height_px) = picture().into_dimensions()?;
+        if u64::from(width_px) * u64::from(height_px) > MAX_PIXELS {
+            let message = format!("it has {width_px} x {height_px} pixels; up to {MAX_PIXELS} are unpacked");
+            return Err(ImageError::Decoding(DecodingError::new(ImageFormatHint::Exact(format), message)));
+        }
+        Ok(picture().decode()?.into_rgb8())
     }
 }
 
@@ -157,5 +168,39 @@ impl Sample {
     #[must_use]
     pub fn true_state(&self) -> &EgoState {
         self.truth.as_ref().and_then(|truth| truth.ego_state.as_ref()).unwrap_or(&self.measured.ego_state)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Write as _;
+
+    use super::*;
+
+    /// A part of a PNG file. Its checksum comes last.
+    fn part(kind: &[u8], data: &[u8]) -> Vec<u8> {
+        let mut crc = flate2::Crc::new();
+        crc.update(kind);
+        crc.update(data);
+        [&(data.len() as u32).to_be_bytes()[..], kind, data, &crc.sum().to_be_bytes()].concat()
+    }
+
+    /// A grey PNG of zeros, with `n_bytes` of them.
+    fn png([width_px, height_px]: [u32; 2], n_bytes: usize) -> EncodedImage {
+        let mut packed = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::fast());
+        packed.write_all(&vec![0; n_bytes]).unwrap();
+        let head = [&width_px.to_be_bytes()[..], &height_px.to_be_bytes(), &[8, 0, 0, 0, 0]].concat();
+        let parts = [part(b"IHDR", &head), part(b"IDAT", &packed.finish().unwrap()), part(b"IEND", &[])];
+        let bytes = [b"\x89PNG\r\n\x1a\n".to_vec(), parts.concat()].concat();
+        EncodedImage { format: ImageFormat::Png, bytes }
+    }
+
+    #[test]
+    fn a_picture_that_unpacks_to_more_than_a_camera_gives_is_refused() {
+        assert_eq!(png([30, 20], 31 * 20).decode().unwrap().dimensions(), (30, 20));
+        let bomb = png([10_000, 10_000], 10_001 * 10_000);
+        assert!(bomb.bytes.len() < 1 << 20, "{} bytes", bomb.bytes.len());
+        let told = bomb.decode().unwrap_err().to_string();
+        assert!(told.contains("10000 x 10000") && told.contains("up to 67108864"), "{told}");
     }
 }

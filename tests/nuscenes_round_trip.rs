@@ -115,10 +115,19 @@ fn some_file(export: &Path, channel: &str) -> std::path::PathBuf {
     files.remove(0)
 }
 
+/// Gives the files of a channel another name.
+fn name_files(export: &Path, channel: &str, name: &str) {
+    change(export, "sample_data", |rows| {
+        for row in rows.iter_mut().filter(|row| row["filename"].as_str().unwrap().contains(channel)) {
+            row["filename"] = name.into();
+        }
+    });
+}
+
 #[test]
 fn damage_is_told_and_leaves_nothing_half() {
     type Damage = fn(&Path);
-    let cases: [(&str, Damage, &[&str]); 12] = [
+    let cases: [(&str, Damage, &[&str]); 15] = [
         (
             "a missing table",
             |export| fs::remove_file(export.join("v1.0-mini/ego_pose.json")).unwrap(),
@@ -203,6 +212,21 @@ fn damage_is_told_and_leaves_nothing_half() {
                 });
             },
             &["64"],
+        ),
+        (
+            "a file outside of the folder",
+            |export| name_files(export, "CAM_FRONT__", "../../etc/passwd"),
+            &["`../../etc/passwd`", "without `..`", "v1.0-mini/sample_data.json"],
+        ),
+        (
+            "a file from the root on",
+            |export| name_files(export, "LIDAR_TOP__", "/etc/passwd"),
+            &["`/etc/passwd`", "without `..`", "v1.0-mini/sample_data.json"],
+        ),
+        (
+            "a scene's name with a slash",
+            |export| change(export, "scene", |rows| rows[0]["name"] = "../scene-0061".into()),
+            &["`../scene-0061`", "scene.json"],
         ),
     ];
     let folder = tempfile::tempdir().unwrap();

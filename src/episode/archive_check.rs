@@ -6,8 +6,7 @@ use std::path::Path;
 use mcap::records::Record;
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 
-use super::archive_reader::MAX_CHUNK_BYTES;
-use super::error::EpisodeError;
+use super::error::{EpisodeError, MAX_CHUNK_BYTES};
 use crate::store;
 
 /// What a whole file holds.
@@ -26,13 +25,12 @@ pub fn check_archive(path: &Path) -> Result<ArchiveCounts, EpisodeError> {
     let damaged = |source| EpisodeError::Damaged { source, path: path.to_owned() };
     let mut file = store::open_file(path)?;
     let n_bytes = file.metadata()?.len();
-    let limit = usize::try_from(n_bytes.max(MAX_CHUNK_BYTES)).expect("a file fits in memory");
     let options = LinearReaderOptions::default()
         .with_check_finishes_after_end_magic(true)
         .with_prevalidate_chunk_crcs(true)
         .with_validate_data_section_crc(true)
         .with_validate_summary_section_crc(true)
-        .with_record_length_limit(limit);
+        .with_record_length_limit(MAX_CHUNK_BYTES as usize);
     let mut reader = LinearReader::new_with_options(options);
     let mut counts = ArchiveCounts { n_bytes, n_records: 0, n_messages: 0 };
     while let Some(event) = reader.next_event() {
@@ -49,4 +47,25 @@ pub fn check_archive(path: &Path) -> Result<ArchiveCounts, EpisodeError> {
         }
     }
     Ok(counts)
+}
+
+/// Whether chunks lie in each other, by their offsets and lengths: one that the index names twice would give its messages twice, and
+/// take the memory for each.
+pub(super) fn overlap(chunks: impl Iterator<Item = [u64; 2]>) -> bool {
+    let mut places: Vec<[u64; 2]> =
+        chunks.map(|[begin, length]| [begin, begin.saturating_add(length)]).collect();
+    places.sort_unstable();
+    places.windows(2).any(|pair| pair[1][0] < pair[0][1])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::overlap;
+
+    #[test]
+    fn a_chunk_that_is_named_twice_is_found() {
+        let of = |chunks: &[[u64; 2]]| overlap(chunks.iter().copied());
+        assert!(!of(&[[70, 30], [8, 62]]));
+        assert!(of(&[[8, 62], [70, 30], [8, 62]]) && of(&[[8, 63], [70, 30]]));
+    }
 }

@@ -14,13 +14,11 @@ use mcap::sans_io::{
 };
 use prost::bytes::Bytes;
 
-use super::error::{EpisodeError, STAMP_TOLERANCE_NS};
+use super::archive_check::overlap;
+use super::error::{EpisodeError, MAX_CHUNK_BYTES, STAMP_TOLERANCE_NS};
 use super::messages::TopicMessage;
 use super::topics::{Topic, TopicSpec};
 use crate::store;
-
-/// Samples take a few megabytes; a chunk that claims more than this is damaged.
-pub(super) const MAX_CHUNK_BYTES: u64 = 1 << 30;
 
 // Lengths that MCAP's specification fixes; records have an opcode and a length of 9 bytes before them.
 const DATA_END_BYTES: u64 = 9 + 4;
@@ -42,6 +40,13 @@ pub(super) struct RawMessage {
     pub(super) channel_id: u16,
     pub(super) time_ns: u64,
     pub(super) bytes: Bytes,
+}
+
+/// Messages of several chunks, and how much memory they take.
+#[derive(Default)]
+struct Held {
+    all: Vec<RawMessage>,
+    n_bytes: u64,
 }
 
 impl Archive {
@@ -202,7 +207,7 @@ impl Archive {
         end_ns: u64,
         wanted: &[u16],
     ) -> Result<Vec<RawMessage>, EpisodeError> {
-        let mut messages = Vec::new();
+        let mut messages = Held::default();
         for chunk in &self.summary.chunk_indexes {
             // A file without offsets does not tell what its chunks hold.
             let of = &chunk.message_index_offsets;
@@ -211,8 +216,8 @@ impl Archive {
                 self.read_chunk(chunk, wanted, &mut messages)?;
             }
         }
-        messages.retain(|message| (begin_ns..=end_ns).contains(&message.time_ns));
-        Ok(messages)
+        messages.all.retain(|message| (begin_ns..=end_ns).contains(&message.time_ns));
+        Ok(messages.all)
     }
 
     /// All messages of a topic with their times, in order of time.
@@ -220,10 +225,11 @@ impl Archive {
         &self,
         topic: Topic<M>,
     ) -> Result<Vec<(u64, M)>, EpisodeError> {
-        let (wanted, mut messages) = (self.channel(topic.name), Vec::new());
+        let (wanted, mut messages) = (self.channel(topic.name), Held::default());
         for chunk in &self.summary.chunk_indexes {
             self.read_chunk(chunk, &[wanted], &mut messages)?;
         }
+        let mut messages = messages.all;
         self.check_count(topic.name, messages.len())?;
         messages.sort_by_key(|message| message.time_ns);
         let decode =
@@ -236,20 +242,25 @@ impl Archive {
         &self,
         chunk: &mcap::records::ChunkIndex,
         wanted: &[u16],
-        messages: &mut Vec<RawMessage>,
+        messages: &mut Held,
     ) -> Result<(), EpisodeError> {
         let (begin, n_bytes, n_unpacked) =
             (chunk.chunk_start_offset, chunk.chunk_length, chunk.uncompressed_size);
         read_records(&self.path, begin, n_bytes, n_unpacked, |record| match record {
             Record::Message { header, data } if wanted.contains(&header.channel_id) => {
-                messages.push(RawMessage {
+                messages.n_bytes += (data.len() + size_of::<RawMessage>()) as u64;
+                messages.all.push(RawMessage {
                     channel_id: header.channel_id,
                     time_ns: header.log_time,
                     bytes: data.into_owned().into(),
                 });
             }
             _ => {}
-        })
+        })?;
+        match messages.n_bytes {
+            n_bytes if n_bytes > MAX_CHUNK_BYTES => Err(self.damaged(McapError::ChunkTooLarge(n_bytes))),
+            _ => Ok(()),
+        }
     }
 
     fn decode<M: TopicMessage>(&self, sample_idx: usize, bytes: Bytes) -> Result<M, EpisodeError> {
@@ -295,15 +306,6 @@ impl SampleMessages<'_> {
             }),
         }
     }
-}
-
-/// Whether chunks lie in each other, by their offsets and lengths: one that the index names twice would give its messages twice, and
-/// take the memory for each.
-fn overlap(chunks: impl Iterator<Item = [u64; 2]>) -> bool {
-    let mut places: Vec<[u64; 2]> =
-        chunks.map(|[begin, length]| [begin, begin.saturating_add(length)]).collect();
-    places.sort_unstable();
-    places.windows(2).any(|pair| pair[1][0] < pair[0][1])
 }
 
 /// The index of a file.
@@ -360,7 +362,7 @@ pub(super) fn read_records(
     }
     file.seek(SeekFrom::Start(begin))?;
     let mut part = file.take(n_bytes);
-    let limit = usize::try_from(n_bytes.max(n_unpacked)).expect("a part of a file fits in memory");
+    let limit = n_bytes.max(n_unpacked).min(MAX_CHUNK_BYTES) as usize;
     let options = LinearReaderOptions::default()
         .with_skip_start_magic(true)
         .with_skip_end_magic(true)
@@ -380,16 +382,4 @@ pub(super) fn read_records(
         }
     }
     Ok(())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::overlap;
-
-    #[test]
-    fn a_chunk_that_is_named_twice_is_found() {
-        let of = |chunks: &[[u64; 2]]| overlap(chunks.iter().copied());
-        assert!(!of(&[[70, 30], [8, 62]]));
-        assert!(of(&[[8, 62], [70, 30], [8, 62]]) && of(&[[8, 63], [70, 30]]));
-    }
 }

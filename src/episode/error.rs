@@ -29,6 +29,25 @@ impl MessageFault {
 /// How far a message's time may lie from its sample's. Cameras of real cars fire tens of milliseconds beside the LiDAR.
 pub(super) const STAMP_TOLERANCE_NS: u64 = 50_000_000;
 
+/// Most bytes of what is read at once: a record, a chunk, packed or not, or the messages that are kept of several. A sample takes a few
+/// megabytes, a bag's chunk mostly one, and the largest raw picture of a camera some 100.
+pub(super) const MAX_CHUNK_BYTES: u64 = 1 << 28;
+
+/// What is wrong with an MCAP file, with what would be right where a chunk is too large.
+#[must_use]
+pub fn tell_damage(source: &mcap::McapError) -> String {
+    match source {
+        mcap::McapError::ChunkTooLarge(n_bytes) | mcap::McapError::RecordTooLarge { len: n_bytes, .. }
+            if *n_bytes > MAX_CHUNK_BYTES =>
+        {
+            format!(
+                "a part that is read at once unpacks to {n_bytes} bytes; up to {MAX_CHUNK_BYTES} are read"
+            )
+        }
+        other => other.to_string(),
+    }
+}
+
 /// Why a file cannot be written or read.
 #[derive(Debug, Error)]
 pub enum EpisodeError {
@@ -36,7 +55,7 @@ pub enum EpisodeError {
     Io(#[from] std::io::Error),
     #[error("cannot write MCAP: {source}: {}", path.display())]
     Write { source: mcap::McapError, path: PathBuf },
-    #[error("the file is cut short, damaged or no MCAP ({source}); make it again: {}", path.display())]
+    #[error("the file is cut short, damaged or no MCAP ({}); make it again: {}", tell_damage(source), path.display())]
     Damaged { source: mcap::McapError, path: PathBuf },
     #[error("the MCAP has no index; `mcap recover` adds one: {}", path.display())]
     NoIndex { path: PathBuf },

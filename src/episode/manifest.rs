@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, HashMap};
 use std::io;
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 
 use fs_err as fs;
 use serde::de::DeserializeOwned;
@@ -12,7 +12,7 @@ use thiserror::Error;
 pub use super::counts::{HarmCounts, LabelCounts, ObjectCounts, PerDistribution, PerKind};
 use super::made_with::{self, MadeWith};
 use super::shard::PartOf;
-use crate::files::{is_file, is_sealed, unseal, write_atomic, write_manifest};
+use crate::files::{is_file, is_file_name, is_inside, is_sealed, unseal, write_atomic, write_manifest};
 
 /// Why a manifest cannot be read or written.
 #[derive(Debug, Error)]
@@ -210,8 +210,7 @@ impl Manifest {
             return fail(format!("the file `{}` is that of two episodes", file.display()));
         }
         for entry in &self.episodes {
-            let mut parts = Path::new(&entry.file).components();
-            if entry.file.is_empty() || !parts.all(|part| matches!(part, Component::Normal(_))) {
+            if !is_inside(&entry.file) {
                 return fail(format!("the file `{}` is not inside the data set", entry.file));
             }
             if Path::new(&entry.file).extension().is_none_or(|suffix| suffix != "mcap") {
@@ -326,14 +325,6 @@ impl LabelManifest {
         let path = Self::folder(dataset, &self.set).join(Self::FILE);
         Ok(write_json(&path, self, self.format_version >= Self::VERSION)?)
     }
-}
-
-/// Whether a text is the name of a file in a folder, and no way to another one.
-#[must_use]
-pub fn is_file_name(name: &str) -> bool {
-    let mut parts = Path::new(name).components();
-    let first = parts.next();
-    parts.next().is_none() && first == Some(Component::Normal(name.as_ref()))
 }
 
 /// Names of the label sets of a data set, sorted; empty if there is none.

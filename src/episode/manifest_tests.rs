@@ -92,3 +92,33 @@ fn unfamiliar_episodes_of_version_1_are_for_development_whatever_they_were_calle
     manifest.episodes[0].split = Split::Dev;
     assert_eq!(Split::to_score(&manifest), Split::Dev);
 }
+
+#[test]
+fn json_of_a_hundred_thousand_levels_is_an_error_that_names_the_path() {
+    let folder = tempfile::tempdir().unwrap();
+    let set = LabelManifest::folder(folder.path(), "rect");
+    fs_err::create_dir_all(&set).unwrap();
+    let n_levels = 100_000;
+    let lists = "[".repeat(n_levels) + &"]".repeat(n_levels);
+    let objects = "{\"town\":".repeat(n_levels) + "0" + &"}".repeat(n_levels);
+    for deep in [lists, objects] {
+        let in_keys = ["episodes", "config_sha256", "unknown"]
+            .map(|key| format!("{{\"format_version\":1,\"{key}\":{deep}}}"));
+        for text in in_keys.into_iter().chain([deep]) {
+            fs_err::write(folder.path().join(Manifest::FILE), &text).unwrap();
+            fs_err::write(set.join(LabelManifest::FILE), &text).unwrap();
+            let errors = [
+                (Manifest::read(folder.path()).unwrap_err(), "dataset.json"),
+                (LabelManifest::read(folder.path(), "rect").unwrap_err(), "rect/labels.json"),
+            ];
+            for (error, file) in errors {
+                assert!(matches!(error, ManifestError::Parse { .. }), "{error}");
+                assert!(error.to_string().ends_with(file), "{error}");
+            }
+        }
+    }
+    // What is read as any JSON has a bound of its own.
+    let deep = "[".repeat(n_levels);
+    let told = serde_json::from_str::<serde_json::Value>(&deep).unwrap_err().to_string();
+    assert!(told.contains("recursion limit"), "{told}");
+}

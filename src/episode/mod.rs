@@ -5,6 +5,8 @@
 mod archive;
 mod archive_check;
 mod archive_reader;
+#[cfg(test)]
+mod bomb_tests;
 mod checks;
 mod convert;
 mod counts;
@@ -40,7 +42,7 @@ pub use archive_check::{ArchiveCounts, check_archive};
 pub use detections::{DetectionReader, DetectionWriter, SampleDetections, is_detections_file};
 pub use drawing::MapDrawing;
 pub use drive_log::{CommandReader, DriveLogWriter, SampleCommand};
-pub use error::{EpisodeError, MessageFault};
+pub use error::{EpisodeError, MessageFault, tell_damage};
 pub use foreign::{ForeignFile, ForeignMessage, ForeignSchema, ForeignTopic, MessagePlace};
 pub use labels::{LabelReader, LabelWriter, ObjectLabel, SampleLabels};
 pub use log::{Labelled, LogFacts, SizeRange};

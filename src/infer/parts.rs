@@ -9,10 +9,9 @@ use fs_err as fs;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::episode::manifest::is_file_name;
 use crate::episode::{PartOf, Shard};
 use crate::eval::json::{JsonError, RawSamples};
-use crate::files::{FolderLock, holds_anything, read_sealed, sha256_of, write_sealed};
+use crate::files::{FolderLock, holds_anything, is_file_name, read_sealed, sha256_of, write_sealed};
 use crate::store;
 
 /// The list of all boxes.

@@ -26,7 +26,7 @@ pub use who::{DRIVING, Origin, Source, Who, WhoError};
 pub use worst::{Case, Wrong, worst};
 
 use crate::episode::Split;
-use crate::files::read_sealed;
+use crate::files::{is_file_name, read_sealed};
 
 /// The drives of one command: `drive.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -83,6 +83,11 @@ impl DriveSummary {
             );
             return Err(ReadDrivesError::Parse { message, path });
         }
+        if let Some(origin) = summary.origins.iter().find(|origin| !is_file_name(&origin.who.name)) {
+            let message =
+                format!("the driver's name `{}` is not that of a folder beside it", origin.who.name);
+            return Err(ReadDrivesError::Parse { message, path });
+        }
         let mut numbers = summary.outcomes.iter().map(Vec::len).zip(&summary.figures);
         let first = numbers.next();
         if let Some((n, of)) = first
@@ -129,6 +134,11 @@ mod tests {
         fs::write(&path, serde_json::to_string(&uneven).unwrap()).unwrap();
         let error = read().unwrap_err().to_string();
         assert!(error.contains("4 drives of blind and 0 of truth"), "{error}");
+        let mut outside = summary(&[drives("blind", [Some(3.0); 4])], "");
+        outside.origins[0].who.name = "../blind".into();
+        fs::write(&path, serde_json::to_string(&outside).unwrap()).unwrap();
+        let error = read().unwrap_err().to_string();
+        assert!(error.contains("`../blind`") && error.contains("drive.json"), "{error}");
         fs::write(&path, "{}").unwrap();
         assert!(read().unwrap_err().to_string().contains("not what a drive writes"));
     }

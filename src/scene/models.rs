@@ -164,6 +164,10 @@ pub(super) fn read(name: &str, xml: &str, file_of: FileOf) -> Result<Model, Stri
                 "<{tag} name=\"{own}\">: the name must begin with `{name}/`, the folder's name"
             ));
         }
+        let is_second = |name: &&str| name.starts_with("file") && *name != "file";
+        if let Some(second) = node.attributes().map(|attribute| attribute.name()).find(is_second) {
+            return Err(format!("`{own}` names a file by `{second}`; `file` alone is read"));
+        }
         let mut text = xml[node.range()].to_owned();
         if let Some(file) = node.attribute("file") {
             let bytes =

@@ -14,7 +14,7 @@ use thiserror::Error;
 
 use super::error::SceneError;
 use super::models::{self, MODEL_FILE, Model};
-use crate::files::{sha256_hex, write_atomic};
+use crate::files::{inside, sha256_hex, write_atomic};
 use crate::meshes::{EXTENSIONS, Prepared, SettingsError, SettingsFile, prepare, snake_case};
 
 /// Names of these models begin so: none of harmzone's does.
@@ -189,7 +189,7 @@ pub fn load(out: &Path) -> Result<Vec<Model>, SceneError> {
     let read = |folder: &PathBuf| {
         let path = folder.join(MODEL_FILE);
         let name = folder.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-        let bytes = |file: &str| fs::read(folder.join(file)).ok().map(Into::into);
+        let bytes = |file: &str| fs::read(inside(folder, file).ok()?).ok().map(Into::into);
         let xml = fs::read_to_string(&path).map_err(|error| error.to_string());
         xml.and_then(|xml| models::read(&name, &xml, &bytes)).map_err(|message| fail(message, &path))
     };
@@ -343,5 +343,28 @@ mod tests {
         fs::write(folder.path().join("models.toml"), "[models.god]\n").unwrap();
         let error = told(true).unwrap_err();
         assert!(error.contains("models.toml speaks of `god`") && error.contains("\"good\""), "{error}");
+    }
+
+    #[test]
+    fn a_model_names_files_in_its_own_folder_alone() {
+        let (folder, out) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+        wedge(folder.path(), "ramp.obj");
+        bring_in(folder.path(), false).unwrap().write(out.path()).unwrap();
+        let path = out.path().join("own_ramp").join(MODEL_FILE);
+        let xml = fs::read_to_string(&path).unwrap();
+        let part = "file=\"part_0.obj\"";
+        assert!(xml.contains(part), "{xml}");
+        fs::copy(out.path().join("own_ramp/part_0.obj"), out.path().join("part_0.obj")).unwrap();
+        let absolute = out.path().join("part_0.obj").display().to_string();
+        for name in ["../part_0.obj", &absolute] {
+            fs::write(&path, xml.replace(part, &format!("file=\"{name}\""))).unwrap();
+            let told = load(out.path()).unwrap_err().to_string();
+            assert!(
+                told.contains(name) && told.contains("in the folder") && told.contains(MODEL_FILE),
+                "{told}"
+            );
+        }
+        fs::write(&path, xml.replace(part, &format!("{part} fileup=\"/etc/passwd\""))).unwrap();
+        assert!(load(out.path()).unwrap_err().to_string().contains("`fileup`"));
     }
 }

@@ -14,7 +14,7 @@ use super::bucket::{Bucket, Remote, runtime};
 use super::error::StoreError;
 use super::known::{self, Found, Known};
 use super::location::StoreUrl;
-use crate::files::{PARTIAL_SUFFIX, sha256_hex, sha256_of};
+use crate::files::{PARTIAL_SUFFIX, is_inside, sha256_hex, sha256_of};
 
 /// Requests under way at once.
 pub(super) const AT_ONCE: usize = 8;
@@ -65,10 +65,6 @@ fn is_wanted(name: &str, access: Access) -> bool {
 
 pub(super) fn is_partial(name: &str) -> bool {
     name.split('/').any(|part| part.ends_with(&format!(".{PARTIAL_SUFFIX}")))
-}
-
-fn is_inside(name: &str) -> bool {
-    Path::new(name).components().all(|part| matches!(part, std::path::Component::Normal(_)))
 }
 
 impl Mirror {

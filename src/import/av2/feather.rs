@@ -20,8 +20,15 @@ const MAGIC: &[u8] = b"ARROW1";
 const HEAD_BYTES: usize = 8;
 /// The marker and the length before each message.
 const PREFIX_BYTES: usize = 8;
-/// More than a column of any log holds; a file that asks for it is damaged.
-const MAX_COLUMN_BYTES: u64 = 1 << 32;
+/// Most bytes of a column's part, and of all that a file unpacks to: a sweep has some 100,000 points, which take 2 MB.
+const MAX_COLUMN_BYTES: usize = 1 << 26;
+const MAX_FILE_BYTES: usize = 1 << 28;
+/// Most rows times columns, each of which takes 8 bytes in memory, however few it has in the file.
+const MAX_VALUES: usize = 1 << 24;
+/// The widest table of a log has 14.
+const MAX_COLUMNS: usize = 256;
+/// Arrow fills buffers up to a multiple of this.
+const PADDING_BYTES: usize = 64;
 
 /// A file's columns.
 #[derive(Debug, Clone, PartialEq)]
@@ -139,6 +146,9 @@ fn parse(bytes: &[u8]) -> Told<(BTreeMap<String, Column>, usize)> {
     let schema = footer.schema().map_err(damaged)?.ok_or_else(cut)?;
     let mut fields = Vec::new();
     for field in schema.fields().map_err(damaged)?.into_iter().flatten() {
+        if fields.len() == MAX_COLUMNS {
+            return Err(format!("the table has more than {MAX_COLUMNS} columns; up to so many are read"));
+        }
         let field = field.map_err(damaged)?;
         let name = field.name().map_err(damaged)?.unwrap_or_default().to_owned();
         let layout = layout_of(&field).map_err(damaged)?;
@@ -150,6 +160,7 @@ fn parse(bytes: &[u8]) -> Told<(BTreeMap<String, Column>, usize)> {
     let mut columns: BTreeMap<String, Column> =
         fields.iter().map(|(name, layout)| (name.clone(), layout.empty())).collect();
     let mut n_rows = 0;
+    let mut n_left_bytes = MAX_FILE_BYTES;
     for block in footer.record_batches().map_err(damaged)?.into_iter().flatten() {
         let at = |number: i64| usize::try_from(number).map_err(|_| cut());
         let (begin, body_bytes) = (at(block.offset())?, at(block.body_length())?);
@@ -160,7 +171,15 @@ fn parse(bytes: &[u8]) -> Told<(BTreeMap<String, Column>, usize)> {
         let Some(MessageHeaderRef::RecordBatch(batch)) = message.header().map_err(damaged)? else {
             return Err(cut());
         };
-        n_rows += add_batch(&batch, body, &fields, &mut columns)?;
+        let n_more = usize::try_from(batch.length().map_err(damaged)?).map_err(|_| cut())?;
+        n_rows = n_more.checked_add(n_rows).ok_or_else(cut)?;
+        if n_rows.saturating_mul(fields.len()) > MAX_VALUES {
+            return Err(format!(
+                "the table has {n_rows} rows of {} columns; up to {MAX_VALUES} values are read",
+                fields.len()
+            ));
+        }
+        add_batch(&batch, n_more, body, &fields, &mut columns, &mut n_left_bytes)?;
     }
     Ok((columns, n_rows))
 }
@@ -189,13 +208,15 @@ fn layout_of(field: &FieldRef<'_>) -> Result<Option<Layout>, polars_arrow_format
     })
 }
 
-/// Adds a batch's rows to the columns.
+/// Adds a batch's rows to the columns, and takes what they unpack to from the bytes that are left to the file.
 fn add_batch(
     batch: &RecordBatchRef<'_>,
+    n_rows: usize,
     body: &[u8],
     fields: &[(String, Layout)],
     columns: &mut BTreeMap<String, Column>,
-) -> Told<usize> {
+    n_left_bytes: &mut usize,
+) -> Told<()> {
     let damaged = |_| "the file is damaged: a batch's metadata cannot be read".to_owned();
     let short = || "the file is damaged: a batch has fewer buffers than its columns need".to_owned();
     let codec = batch
@@ -204,7 +225,6 @@ fn add_batch(
         .map(|compression| compression.codec())
         .transpose()
         .map_err(damaged)?;
-    let n_rows = usize::try_from(batch.length().map_err(damaged)?).map_err(|_| short())?;
     let mut nodes = batch.nodes().map_err(damaged)?.into_iter().flatten();
     let mut buffers = batch.buffers().map_err(damaged)?.into_iter().flatten();
     for (name, layout) in fields {
@@ -215,44 +235,56 @@ fn add_batch(
                 node.null_count()
             ));
         }
-        let mut buffer = || -> Told<Vec<u8>> {
+        let mut buffer = |n_needed: usize| -> Told<Vec<u8>> {
             let buffer = buffers.next().ok_or_else(short)?;
             let at = |number: i64| usize::try_from(number).map_err(|_| short());
             let begin = at(buffer.offset())?;
             let packed = body.get(begin..begin.saturating_add(at(buffer.length())?)).ok_or_else(short)?;
-            unpack(packed, codec)
-                .map_err(|why| format!("the column `{name}` cannot be unpacked ({why}); the file is damaged"))
+            let n_most = n_needed.next_multiple_of(PADDING_BYTES).min(MAX_COLUMN_BYTES).min(*n_left_bytes);
+            let bytes = unpack(packed, codec, n_most).map_err(|why| {
+                format!("the column `{name}` cannot be unpacked ({why}); the file is damaged")
+            })?;
+            *n_left_bytes -= bytes.len();
+            Ok(bytes)
         };
-        buffer()?; // Which values are there: all.
+        buffer(n_rows.div_ceil(8))?; // Which values are there: all.
         let told =
             || format!("the column `{name}` has less data than its {n_rows} rows need; the file is damaged");
         let column = columns.get_mut(name).expect("each field has its column");
         match (layout, column) {
             (Layout::Text { offset_bytes }, Column::Text(texts)) => {
-                let (offsets, data) = (buffer()?, buffer()?);
+                let offsets = buffer((n_rows + 1) * offset_bytes)?;
+                let end = offsets.get(n_rows * offset_bytes..(n_rows + 1) * offset_bytes);
+                let n_bytes = match end {
+                    Some(end) => usize::try_from(signed(end)).map_err(|_| told())?,
+                    None if n_rows == 0 => 0,
+                    None => return Err(told()),
+                };
+                let data = buffer(n_bytes)?;
                 append_texts(&offsets, &data, *offset_bytes, n_rows, texts).ok_or_else(told)?;
             }
             (layout, column) => {
-                let data = buffer()?;
+                let data = buffer(n_rows * layout.value_bytes())?;
                 layout.append_numbers(&data, n_rows, column).ok_or_else(told)?;
             }
         }
     }
-    Ok(n_rows)
+    Ok(())
 }
 
-/// A buffer's bytes: its length stands before them where they are compressed.
-fn unpack(packed: &[u8], codec: Option<CompressionType>) -> Told<Vec<u8>> {
-    let Some(codec) = codec.filter(|_| !packed.is_empty()) else { return Ok(packed.to_vec()) };
+/// A buffer's bytes, `n_most` at most: its length stands before them where they are compressed.
+fn unpack(packed: &[u8], codec: Option<CompressionType>, n_most: usize) -> Told<Vec<u8>> {
+    let plain = |bytes: &[u8]| bytes[..bytes.len().min(n_most)].to_vec();
+    let Some(codec) = codec.filter(|_| !packed.is_empty()) else { return Ok(plain(packed)) };
     let (length, packed) = packed.split_first_chunk::<8>().ok_or("no length")?;
     let length = i64::from_le_bytes(*length);
     if length == -1 {
-        return Ok(packed.to_vec());
+        return Ok(plain(packed));
     }
-    let length = u64::try_from(length)
-        .ok()
-        .filter(|length| *length <= MAX_COLUMN_BYTES)
-        .ok_or("a length that cannot be")?;
+    let length = u64::try_from(length).map_err(|_| "a length below 0")?;
+    if length > n_most as u64 {
+        return Err(format!("a part would have {length} bytes; up to {n_most} are valid"));
+    }
     let mut bytes = Vec::new();
     let read = match codec {
         CompressionType::Lz4Frame => {
@@ -292,6 +324,17 @@ fn signed(bytes: &[u8]) -> i64 {
 }
 
 impl Layout {
+    /// Bytes of a number.
+    fn value_bytes(self) -> usize {
+        match self {
+            Self::Half => 2,
+            Self::Single => 4,
+            Self::Double => 8,
+            Self::Integer { bytes, .. } => bytes,
+            Self::Text { offset_bytes } => offset_bytes,
+        }
+    }
+
     fn empty(self) -> Column {
         match self {
             Self::Half | Self::Single | Self::Double => Column::Float(Vec::new()),

@@ -1,4 +1,4 @@
-//! Small Argoverse 2 logs for tests, made in code: feather files with one batch, plain or packed with LZ4.
+//! Small Argoverse 2 logs for tests, made in code: feather files with one batch, plain or packed, and packed to do harm.
 
 use std::io::{Cursor, Write as _};
 use std::path::{Path, PathBuf};
@@ -19,6 +19,18 @@ pub(super) enum Made {
     Byte(Vec<u8>),
     Long(Vec<i64>),
     Text(Vec<&'static str>),
+    /// One row of a whole number, in a buffer that is packed already.
+    Packed(Vec<u8>),
+    /// One row of text, whose buffer is packed already and unpacks to so many bytes.
+    PackedText(Vec<u8>, i32),
+}
+
+/// How a file's buffers are packed, and how often its footer names its one batch.
+pub(super) struct BatchPacking {
+    pub(super) codec: Option<CompressionType>,
+    pub(super) n_batches: usize,
+    /// That the batch says it has, where it does not say how many it has.
+    pub(super) n_rows: Option<i64>,
 }
 
 impl Made {
@@ -29,6 +41,7 @@ impl Made {
             Self::Byte(values) => values.len(),
             Self::Long(values) => values.len(),
             Self::Text(values) => values.len(),
+            Self::Packed(_) | Self::PackedText(..) => 1,
         }
     }
 
@@ -39,18 +52,23 @@ impl Made {
             Self::Half(_) => float(Precision::Half),
             Self::Double(_) => float(Precision::Double),
             Self::Byte(_) => int(8, false),
-            Self::Long(_) => int(64, true),
-            Self::Text(_) => Type::Utf8(Box::new(Utf8 {})),
+            Self::Long(_) | Self::Packed(_) => int(64, true),
+            Self::Text(_) | Self::PackedText(..) => Type::Utf8(Box::new(Utf8 {})),
         }
     }
 
     /// The buffers after the one of validity.
-    fn buffers(&self) -> Vec<Vec<u8>> {
-        match self {
+    fn buffers(&self, codec: Option<CompressionType>) -> Vec<Vec<u8>> {
+        let plain = match self {
             Self::Half(values) => vec![values.iter().flat_map(|v| f16::from_f32(*v).to_le_bytes()).collect()],
             Self::Double(values) => vec![values.iter().flat_map(|v| v.to_le_bytes()).collect()],
             Self::Byte(values) => vec![values.clone()],
             Self::Long(values) => vec![values.iter().flat_map(|v| v.to_le_bytes()).collect()],
+            Self::Packed(packed) => return vec![packed.clone()],
+            Self::PackedText(packed, end) => {
+                let offsets: Vec<u8> = [0, *end].iter().flat_map(|v| v.to_le_bytes()).collect();
+                return vec![codec.map_or(offsets.clone(), |codec| pack(&offsets, codec)), packed.clone()];
+            }
             Self::Text(values) => {
                 let mut end = 0i32;
                 let mut offsets = end.to_le_bytes().to_vec();
@@ -60,26 +78,33 @@ impl Made {
                 }
                 vec![offsets, values.concat().into_bytes()]
             }
-        }
+        };
+        let Some(codec) = codec else { return plain };
+        let packed = |bytes: Vec<u8>| if bytes.is_empty() { bytes } else { pack(&bytes, codec) };
+        plain.into_iter().map(packed).collect()
     }
 }
 
-/// A whole feather file.
+/// A whole feather file, plain or packed with LZ4.
 pub(super) fn feather(columns: &[(&str, Made)], is_packed: bool) -> Vec<u8> {
+    let codec = is_packed.then_some(CompressionType::Lz4Frame);
+    feather_as(columns, &BatchPacking { codec, n_batches: 1, n_rows: None })
+}
+
+/// A whole feather file that is packed so.
+pub(super) fn feather_as(columns: &[(&str, Made)], packing: &BatchPacking) -> Vec<u8> {
     let (mut body, mut buffers, mut nodes) = (Vec::new(), Vec::new(), Vec::new());
     for (_, column) in columns {
         nodes.push(FieldNode { length: column.n_rows() as i64, null_count: 0 });
-        for plain in std::iter::once(Vec::new()).chain(column.buffers()) {
-            let bytes = if is_packed && !plain.is_empty() { pack(&plain) } else { plain };
+        for bytes in std::iter::once(Vec::new()).chain(column.buffers(packing.codec)) {
             buffers.push(Buffer { offset: body.len() as i64, length: bytes.len() as i64 });
             body.extend(bytes);
             body.resize(body.len().next_multiple_of(8), 0);
         }
     }
     let method = BodyCompressionMethod::Buffer;
-    let compression =
-        is_packed.then(|| Box::new(BodyCompression { codec: CompressionType::Lz4Frame, method }));
-    let length = columns.first().map_or(0, |(_, column)| column.n_rows()) as i64;
+    let compression = packing.codec.map(|codec| Box::new(BodyCompression { codec, method }));
+    let length = packing.n_rows.unwrap_or(columns.first().map_or(0, |(_, column)| column.n_rows()) as i64);
     let batch = RecordBatch {
         length,
         nodes: Some(nodes),
@@ -107,7 +132,7 @@ pub(super) fn feather(columns: &[(&str, Made)], is_packed: bool) -> Vec<u8> {
         version: MetadataVersion::V5,
         schema: Some(Box::new(schema)),
         dictionaries: None,
-        record_batches: Some(vec![block]),
+        record_batches: Some(vec![block; packing.n_batches]),
         custom_metadata: None,
     };
     let footer = Builder::new().finish(&footer, None).to_vec();
@@ -122,10 +147,31 @@ pub(super) fn feather(columns: &[(&str, Made)], is_packed: bool) -> Vec<u8> {
     file
 }
 
-fn pack(plain: &[u8]) -> Vec<u8> {
-    let mut encoder = lz4_flex::frame::FrameEncoder::new((plain.len() as i64).to_le_bytes().to_vec());
-    encoder.write_all(plain).unwrap();
-    encoder.finish().unwrap()
+fn pack(plain: &[u8], codec: CompressionType) -> Vec<u8> {
+    pack_all(std::iter::once(plain), plain.len(), codec)
+}
+
+/// A buffer of zeros, packed.
+pub(super) fn pack_zeros(n_bytes: usize, codec: CompressionType) -> Vec<u8> {
+    let part = vec![0; 1 << 20];
+    assert!(n_bytes.is_multiple_of(part.len()), "whole parts are written");
+    pack_all(std::iter::repeat_n(part.as_slice(), n_bytes / part.len()), n_bytes, codec)
+}
+
+fn pack_all<'a>(parts: impl Iterator<Item = &'a [u8]>, n_bytes: usize, codec: CompressionType) -> Vec<u8> {
+    let length = (n_bytes as i64).to_le_bytes().to_vec();
+    match codec {
+        CompressionType::Lz4Frame => {
+            let mut encoder = lz4_flex::frame::FrameEncoder::new(length);
+            parts.for_each(|part| encoder.write_all(part).unwrap());
+            encoder.finish().unwrap()
+        }
+        CompressionType::Zstd => {
+            let mut encoder = zstd::stream::write::Encoder::new(length, 1).unwrap();
+            parts.for_each(|part| encoder.write_all(part).unwrap());
+            encoder.finish().unwrap()
+        }
+    }
 }
 
 pub(super) const FIRST_NS: i64 = 315_973_157_959_879_000;

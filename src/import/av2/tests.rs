@@ -3,9 +3,10 @@
 use std::path::Path;
 
 use fs_err as fs;
+use polars_arrow_format::ipc::CompressionType;
 
 use super::feather::Table;
-use super::made::{FIRST_NS, Made, cameras, feather, log, write};
+use super::made::{BatchPacking, FIRST_NS, Made, cameras, feather, feather_as, log, pack_zeros, write};
 use super::open_av2;
 use crate::episode::{EpisodeReader, Split};
 use crate::import::{ImportConfig, ImportError, ImportOptions, ImportSummary, LogFormat, run};
@@ -54,6 +55,42 @@ fn no_cut_and_no_flipped_byte_of_a_feather_file_panics() {
         fs::write(&path, &flipped).unwrap();
         // Most are told; a flipped name or number cannot be.
         let _ = Table::read(&path);
+    }
+}
+
+#[test]
+fn a_feather_file_that_unpacks_to_more_than_its_rows_need_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("bomb.feather");
+    let told = |columns: &[(&str, Made)], packing: &BatchPacking| {
+        let file = feather_as(columns, packing);
+        assert!(file.len() < 8 << 20, "{} bytes", file.len());
+        write(path.clone(), &file);
+        let told = Table::read(&path).unwrap_err().to_string();
+        assert!(told.contains("bomb.feather"), "{told}");
+        told
+    };
+    let large = 128 << 20;
+    for codec in [CompressionType::Zstd, CompressionType::Lz4Frame] {
+        let once = || BatchPacking { codec: Some(codec), n_batches: 1, n_rows: None };
+        let zeros = || pack_zeros(large, codec);
+        let number = told(&[("x", Made::Packed(zeros()))], &once());
+        assert!(number.contains("`x`") && number.contains("up to 64 are valid"), "{number}");
+        let text = told(&[("name", Made::PackedText(zeros(), large as i32))], &once());
+        assert!(text.contains("`name`") && text.contains("up to 67108864 are valid"), "{text}");
+        // A frame that holds more than the length before it says is read up to that length.
+        let mut lies = zeros();
+        lies[..8].copy_from_slice(&8_i64.to_le_bytes());
+        write(path.clone(), &feather_as(&[("x", Made::Packed(lies))], &once()));
+        assert_eq!(Table::read(&path).unwrap().integers("x").unwrap(), [0]);
+        let rows = BatchPacking { n_rows: Some(1 << 40), ..once() };
+        assert!(told(&[("x", Made::Packed(zeros()))], &rows).contains("1099511627776 rows"));
+        // One batch that is named again and again.
+        let part = 32 << 20;
+        let text = || [("name", Made::PackedText(pack_zeros(part, codec), part as i32))];
+        assert!(told(&text(), &BatchPacking { n_batches: 1000, ..once() }).contains("`name`"));
+        write(path.clone(), &feather_as(&text(), &once()));
+        assert_eq!(Table::read(&path).unwrap().texts("name").unwrap()[0].len(), part);
     }
 }
 

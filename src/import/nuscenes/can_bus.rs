@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde::de::DeserializeOwned;
 
+use crate::files::inside;
 use crate::geometry::{Ego, Transform, World};
 use crate::import::{ImportError, Odometry, Series, error};
 use crate::nuscenes::{CanPose, SteeringWheel, VehicleMonitor};
@@ -17,7 +18,7 @@ const REACH_NS: u64 = 250_000_000;
 /// Adds what the CAN bus of a scene measured.
 ///
 /// # Errors
-/// A file is not valid, or holds a number that is not finite.
+/// A file is not valid or holds a number that is not finite, or the scene's name leads out of the folder.
 pub(super) fn add(
     odometry: &mut Odometry,
     root: &Path,
@@ -48,13 +49,15 @@ pub(super) fn add(
     Ok(())
 }
 
-fn file_of(root: &Path, scene: &str, message: &str) -> PathBuf {
-    root.join("can_bus").join(format!("{scene}_{message}.json"))
+fn file_of(root: &Path, scene: &str, message: &str) -> Result<PathBuf, ImportError> {
+    let folder = root.join("can_bus");
+    inside(&folder, &format!("{scene}_{message}.json"))
+        .map_err(|error| ImportError::at(&folder, format!("scene `{scene}`: {error}")))
 }
 
 /// The messages of a scene; none where there is no file.
 fn messages<T: DeserializeOwned>(root: &Path, scene: &str, message: &str) -> Result<Vec<T>, ImportError> {
-    let path = file_of(root, scene, message);
+    let path = file_of(root, scene, message)?;
     if !path.exists() {
         return Ok(Vec::new());
     }
@@ -99,7 +102,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         fs::create_dir(folder.path().join("can_bus")).unwrap();
         let write = |message: &str, text: &str| {
-            fs::write(file_of(folder.path(), "scene-0001", message), text).unwrap();
+            fs::write(file_of(folder.path(), "scene-0001", message).unwrap(), text).unwrap();
         };
         write("vehicle_monitor", r#"[{"utime": 1000000, "vehicle_speed": 7.2, "steering": 3, "brake": 0}]"#);
         write("steeranglefeedback", r#"[{"utime": 1000000, "value": 1.52}]"#);
@@ -113,5 +116,17 @@ mod tests {
         write("steeranglefeedback", r#"[{"utime": 1000000}]"#);
         let told = add(&mut odometry, folder.path(), "scene-0001", 15.2).unwrap_err().to_string();
         assert!(told.contains("steeranglefeedback") && told.contains("value"), "{told}");
+    }
+
+    #[test]
+    fn a_scene_whose_name_leads_out_of_the_folder_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        fs::create_dir(folder.path().join("can_bus")).unwrap();
+        fs::write(folder.path().join("own_pose.json"), "[]").unwrap();
+        let absolute = folder.path().join("own").display().to_string();
+        for scene in ["../own", "a/../../own", &absolute] {
+            let told = add(&mut Odometry::default(), folder.path(), scene, 15.2).unwrap_err().to_string();
+            assert!(told.contains(scene) && told.contains("without `..`"), "{told}");
+        }
     }
 }

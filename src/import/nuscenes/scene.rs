@@ -4,7 +4,7 @@
 //! through both poses, as the devkit does: `ego <- world <- ego at the camera's time <- camera`.
 
 use std::collections::HashSet;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use nalgebra::Isometry3;
@@ -13,6 +13,7 @@ use super::annotations::{self, Annotation};
 use super::can_bus;
 use super::tables::{LIDAR, Tables};
 use crate::episode::MapDrawing;
+use crate::files::inside;
 use crate::geometry::{Ego, Lidar, Point, Transform, World};
 use crate::import::{
     Distortion, Drive, DriveFacts, GroundHeight, ImportConfig, ImportError, Notes, Odometry, RawCamera,
@@ -52,6 +53,7 @@ struct SampleFiles {
 #[derive(Clone)]
 struct SensorFile {
     row: SampleDataRow,
+    path: PathBuf,
     world_from_ego: Transform<World, Ego>,
     ego_from_sensor: Isometry3<f64>,
     matrix: Vec<[f64; 3]>,
@@ -61,7 +63,7 @@ impl Scene {
     /// Looks up all rows of a scene. `channels` are the cameras', the front one first.
     ///
     /// # Errors
-    /// A row that is named is missing, or a pose is not valid.
+    /// A row that is named is missing, a file is named outside of the data set's folder, or a pose is not valid.
     pub(super) fn open(
         tables: Arc<Tables>,
         row: &SceneRow,
@@ -113,14 +115,14 @@ impl Scene {
         world_from_ego: &Transform<World, Ego>,
         channel: &str,
     ) -> Result<RawCamera, ImportError> {
-        let path = self.tables.root.join(&file.row.filename);
-        let bytes = error::read(&path)?;
+        let path = &file.path;
+        let bytes = error::read(path)?;
         let format = match bytes.as_slice() {
             [0xff, 0xd8, ..] => ImageFormat::Jpeg,
             [0x89, b'P', b'N', b'G', ..] => ImageFormat::Png,
             _ => {
                 return Err(ImportError::at(
-                    &path,
+                    path,
                     "the picture is neither JPEG nor PNG; one of the two is needed",
                 ));
             }
@@ -166,9 +168,9 @@ impl Drive for Scene {
     fn frame(&self, sample_idx: usize, notes: &mut Notes) -> Result<RawFrame, ImportError> {
         let files = &self.samples[sample_idx];
         let world_from_ego = files.lidar.world_from_ego;
-        let path = self.tables.root.join(&files.lidar.row.filename);
+        let path = &files.lidar.path;
         let cloud =
-            read_cloud(&error::read(&path)?).map_err(|fault| ImportError::at(&path, fault.to_string()))?;
+            read_cloud(&error::read(path)?).map_err(|fault| ImportError::at(path, fault.to_string()))?;
         let ego_from_lidar = Transform::from_isometry(files.lidar.ego_from_sensor);
         let points: Vec<RawPoint> = cloud.into_iter().map(raw_point).collect();
         let cameras = files.cameras.iter().zip(&self.channels).map(|(file, channel)| {
@@ -289,11 +291,18 @@ fn file_of(tables: &Tables, row: &SampleDataRow) -> Result<SensorFile, ImportErr
     let world_from_ego = world_from_ego
         .map_err(|fault| broken::<crate::nuscenes::EgoPoseRow>(&pose.token, &fault, &tables.ego_pose.path))?;
     Ok(SensorFile {
+        path: path_of(&tables.root, row, &tables.sample_data_path)?,
         row: row.clone(),
         world_from_ego: Transform::from_isometry(world_from_ego),
         ego_from_sensor: mount,
         matrix: calibration.camera_intrinsic.clone(),
     })
+}
+
+/// Where the file of a row lies; `table` holds the row.
+fn path_of(root: &Path, row: &SampleDataRow, table: &Path) -> Result<PathBuf, ImportError> {
+    inside(root, &row.filename)
+        .map_err(|error| ImportError::at(table, format!("sample_data `{}`: filename: {error}", row.token)))
 }
 
 fn broken<R: TableRow>(token: &Token, fault: &PoseFault, path: &Path) -> ImportError {
@@ -317,4 +326,30 @@ fn poses_of(tables: &Tables, scene: &SceneRow) -> Result<Vec<TimedPose>, ImportE
     poses.sort_by_key(|(time_ns, _)| *time_ns);
     poses.dedup_by_key(|(time_ns, _)| *time_ns);
     Ok(poses)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_table_names_files_in_the_data_sets_folder_alone() {
+        let row = |filename: &str| -> SampleDataRow {
+            serde_json::from_value(serde_json::json!({
+                "token": "d1", "sample_token": "", "ego_pose_token": "", "calibrated_sensor_token": "", "timestamp": 0,
+                "fileformat": "jpg", "is_key_frame": true, "height": 0, "width": 0, "filename": filename, "prev": "",
+                "next": "",
+            }))
+            .unwrap()
+        };
+        let (root, table) =
+            (Path::new("/sets/nuscenes"), Path::new("/sets/nuscenes/v1.0-mini/sample_data.json"));
+        let path = path_of(root, &row("samples/CAM_FRONT/a.jpg"), table).unwrap();
+        assert_eq!(path, root.join("samples/CAM_FRONT/a.jpg"));
+        for name in ["../../etc/passwd", "samples/../../../etc/passwd", "/etc/passwd", ""] {
+            let told = path_of(root, &row(name), table).unwrap_err().to_string();
+            let holds = |word: &str| told.contains(word);
+            assert!(holds(&format!("`{name}`")) && holds("`d1`") && holds("sample_data.json"), "{told}");
+        }
+    }
 }

@@ -11,7 +11,7 @@ use std::rc::Rc;
 use super::cdr::{self, CdrError, Value};
 use super::container;
 use super::schema::{MessageType, short_name};
-use crate::episode::{EpisodeError, ForeignFile, ForeignMessage, ForeignTopic, MessagePlace};
+use crate::episode::{EpisodeError, ForeignFile, ForeignMessage, ForeignTopic, MessagePlace, tell_damage};
 use crate::import::ImportError;
 
 /// Chunks that are kept unpacked: a sample's cloud and picture, and the next ones, mostly lie in as many.
@@ -268,7 +268,7 @@ fn tell_file(error: EpisodeError, path: &Path) -> ImportError {
     match error {
         EpisodeError::Damaged { source, .. } => ImportError::at(
             path,
-            format!("the bag's file is cut short, damaged or no MCAP ({source}); {recover}"),
+            format!("the bag's file is cut short, damaged or no MCAP ({}); {recover}", tell_damage(&source)),
         ),
         EpisodeError::NoIndex { .. } => {
             ImportError::at(path, format!("the bag's file has no index; {recover}"))

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use fs_err as fs;
 
+use crate::files::inside;
 use crate::import::ImportError;
 
 const MCAP_MAGIC: &[u8] = b"\x89MCAP";
@@ -23,7 +24,7 @@ struct BagMetadata {
 /// The MCAP files of a bag in their order.
 ///
 /// # Errors
-/// There is none, one is missing, or the bag is of another container.
+/// There is none, one is missing or named outside of the bag's folder, or the bag is of another container.
 pub(super) fn mcap_files(path: &Path) -> Result<Vec<PathBuf>, ImportError> {
     if !is_folder(path) {
         check_magic(path)?;
@@ -63,10 +64,14 @@ pub(super) fn mcap_files(path: &Path) -> Result<Vec<PathBuf>, ImportError> {
     }
     // Some writers name the files by the folder in which they lay.
     let place = |name: &String| {
-        let whole = path.join(name);
-        if whole.exists() { whole } else { path.join(Path::new(name).file_name().unwrap_or_default()) }
+        let whole = inside(path, name)
+            .map_err(|error| ImportError::at(&metadata_path, format!("relative_file_paths: {error}")))?;
+        if whole.exists() {
+            return Ok(whole);
+        }
+        Ok(path.join(Path::new(name).file_name().unwrap_or_default()))
     };
-    let files: Vec<PathBuf> = metadata.files.iter().map(place).collect();
+    let files = metadata.files.iter().map(place).collect::<Result<Vec<PathBuf>, ImportError>>()?;
     files.iter().try_for_each(|file| check_magic(file))?;
     Ok(files)
 }
@@ -194,5 +199,32 @@ mod tests {
         assert!(told("a.db3", b"SQLite format 3\0").contains("storage_id: mcap"));
         assert!(told("a.mcap.zstd", b"\x28\xb5\x2f\xfd..").contains("zstd -d"));
         assert!(told("a.txt", b"hello").contains("no MCAP"));
+    }
+
+    #[test]
+    fn a_bag_names_files_in_its_own_folder_alone() {
+        let home = tempfile::tempdir().unwrap();
+        let bag = home.path().join("bag");
+        fs::create_dir(&bag).unwrap();
+        for file in [home.path().join("x.mcap"), bag.join("x.mcap")] {
+            fs::write(file, MCAP_MAGIC).unwrap();
+        }
+        let files_of = |name: &str| {
+            let text = format!("storage_identifier: mcap\nrelative_file_paths:\n  - {name}\n");
+            fs::write(bag.join("metadata.yaml"), text).unwrap();
+            mcap_files(&bag)
+        };
+        let absolute = home.path().join("x.mcap").display().to_string();
+        for name in ["../x.mcap", "a/../../x.mcap", &absolute] {
+            let told = files_of(name).unwrap_err().to_string();
+            let holds = |word: &str| told.contains(word);
+            assert!(holds(name) && holds("without `..`") && holds("bag/metadata.yaml"), "{told}");
+        }
+        for name in ["x.mcap", "./x.mcap", "old_folder/x.mcap"] {
+            assert_eq!(files_of(name).unwrap(), [bag.join("x.mcap")], "{name}");
+        }
+        // A link is the user's own.
+        fs_err::os::unix::fs::symlink(home.path().join("x.mcap"), bag.join("link.mcap")).unwrap();
+        assert_eq!(files_of("link.mcap").unwrap(), [bag.join("link.mcap")]);
     }
 }

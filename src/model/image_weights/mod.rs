@@ -5,6 +5,8 @@
 //! keep their values. Keys outside the backbone's prefix (necks, heads, optimizers) are ignored.
 
 mod file;
+#[cfg(test)]
+mod hostile_tests;
 mod names;
 
 use std::collections::BTreeMap;
