@@ -15,7 +15,7 @@ use fs_err as fs;
 mod targets;
 
 /// An input that takes longer hangs; most take milliseconds, and the first one of a target waits for what the target makes.
-const LONGEST: Duration = Duration::from_secs(60);
+const LONGEST: Duration = Duration::from_mins(1);
 /// More resident memory than all inputs together may take at any time, MB.
 const MOST_MB: f64 = 4_000.0;
 

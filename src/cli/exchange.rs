@@ -158,7 +158,7 @@ pub fn import(args: &ImportPredictionsArgs) -> anyhow::Result<ExitStatus> {
 /// The zone that decides on harm.
 fn zone_of(args: &ImportPredictionsArgs) -> anyhow::Result<Zone> {
     const DEFAULT_SET: &str = "rect";
-    let is_there = label_sets(&args.data).iter().any(|set| set == DEFAULT_SET);
+    let is_there = label_sets(&args.data)?.iter().any(|set| set == DEFAULT_SET);
     let set = args.labels.as_deref().or_else(|| is_there.then_some(DEFAULT_SET));
     let config: ZoneConfig = match set {
         Some(set) => toml::from_str(&LabelManifest::read(&args.data, set)?.zone_toml).with_context(|| {

@@ -47,7 +47,7 @@ pub fn run(args: MigrateArgs) -> anyhow::Result<ExitStatus> {
     let mut manifest = Manifest::read(folder)?;
     let mut files = Vec::new();
     // Labels first: while they are of the older format, so is the data set.
-    for set in label_sets(folder) {
+    for set in label_sets(folder)? {
         let mut labels = LabelManifest::read(folder, &set)?;
         let (from, to) = (labels.format_version, LabelManifest::VERSION);
         files.push(Migrated {

@@ -299,7 +299,7 @@ impl LabelManifest {
     pub fn read(dataset: &Path, set: &str) -> Result<Self, ManifestError> {
         let path = Self::folder(dataset, set).join(Self::FILE);
         if !is_file(&path)? {
-            let (set, found, path) = (set.to_owned(), label_sets(dataset), dataset.to_owned());
+            let (set, found, path) = (set.to_owned(), label_sets(dataset)?, dataset.to_owned());
             return Err(ManifestError::NoLabels { set, found, path });
         }
         let labels: Self = read_json(&path, Self::READS, Self::VERSION)?;
@@ -328,16 +328,25 @@ impl LabelManifest {
 }
 
 /// Names of the label sets of a data set, sorted; empty if there is none.
-#[must_use]
-pub fn label_sets(dataset: &Path) -> Vec<String> {
-    let Ok(entries) = fs::read_dir(dataset.join("labels")) else { return Vec::new() };
-    let mut names: Vec<String> = entries
-        .filter_map(Result::ok)
-        .filter(|entry| entry.path().join(LabelManifest::FILE).is_file())
-        .map(|entry| entry.file_name().to_string_lossy().into_owned())
-        .collect();
+///
+/// # Errors
+/// The disk does not tell: nothing is known of the labels then, and not that there are none.
+pub fn label_sets(dataset: &Path) -> io::Result<Vec<String>> {
+    let mut names = Vec::new();
+    let entries = match fs::read_dir(dataset.join("labels")) {
+        Err(error) if matches!(error.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory) => {
+            return Ok(names);
+        }
+        entries => entries?,
+    };
+    for entry in entries {
+        let entry = entry?;
+        if is_file(&entry.path().join(LabelManifest::FILE))? {
+            names.push(entry.file_name().to_string_lossy().into_owned());
+        }
+    }
     names.sort();
-    names
+    Ok(names)
 }
 
 /// `sealed_from`: the first version whose files hold a hash of themselves.

@@ -270,11 +270,13 @@ fn missing_error(
 /// The label sets, which every shard must have.
 fn common_label_sets(shards: &[ShardFolder]) -> Result<Vec<String>, MergeError> {
     // A shard without episodes has nothing to label.
-    let with_episodes = || shards.iter().filter(|shard| !shard.manifest.episodes.is_empty());
-    let all: BTreeSet<String> = with_episodes().flat_map(|shard| label_sets(&shard.path)).collect();
+    let with_episodes = shards.iter().filter(|shard| !shard.manifest.episodes.is_empty());
+    let sets_of: Vec<(&ShardFolder, Vec<String>)> =
+        with_episodes.map(|shard| Ok((shard, label_sets(&shard.path)?))).collect::<io::Result<_>>()?;
+    let all: BTreeSet<String> = sets_of.iter().flat_map(|(_, sets)| sets).cloned().collect();
     for set in &all {
-        let without: Vec<&ShardFolder> =
-            with_episodes().filter(|shard| !label_sets(&shard.path).contains(set)).collect();
+        let without = sets_of.iter().filter(|(_, sets)| !sets.contains(set)).map(|(shard, _)| *shard);
+        let without: Vec<&ShardFolder> = without.collect();
         if !without.is_empty() {
             let command =
                 |shard: &&ShardFolder| format!("harmzone label {} --labels {set}", shard.path.display());

@@ -234,12 +234,9 @@ fn open_labels(
     manifest: &Manifest,
     options: &SetOptions,
 ) -> Result<Option<LabelledEpisodes>, ServeError> {
-    let default = || {
-        let found = label_sets(path);
-        let usual = found.iter().find(|set| *set == DEFAULT_SET);
-        usual.or(found.first()).cloned()
-    };
-    let Some(set) = options.labels.clone().or_else(default) else { return Ok(None) };
+    let found = label_sets(path)?;
+    let usual = found.iter().find(|set| *set == DEFAULT_SET).or(found.first());
+    let Some(set) = options.labels.as_ref().or(usual).cloned() else { return Ok(None) };
     folder.check_files(&LabelManifest::folder(path, &set), &[LabelManifest::FILE])?;
     Ok(Some(LabelledEpisodes::open(path, &set, manifest)?))
 }

@@ -155,7 +155,7 @@ pub fn run(request: &InfoRequest, progress: &dyn Progress) -> Result<Info, InfoE
     }
     let dataset = &request.dataset;
     let manifest = Manifest::read(dataset)?;
-    let (label_set, note) = choose_labels(dataset, request.label_set.as_deref());
+    let (label_set, note) = choose_labels(dataset, request.label_set.as_deref())?;
     let statistics = Statistics::of(dataset, &manifest, label_set.as_deref(), progress)?;
     let (logs, background) = logs::read(dataset, &manifest)?;
     let is_annotated = logs.is_empty() || logs.iter().any(|group| group.facts.labelled.is_some());
@@ -172,14 +172,14 @@ pub fn run(request: &InfoRequest, progress: &dyn Progress) -> Result<Info, InfoE
 }
 
 /// The label set to read, or a note if there is none.
-fn choose_labels(dataset: &Path, wanted: Option<&str>) -> (Option<String>, Option<String>) {
+fn choose_labels(dataset: &Path, wanted: Option<&str>) -> std::io::Result<(Option<String>, Option<String>)> {
     // A named set must be there; otherwise reading it fails.
     if let Some(set) = wanted {
-        return (Some(set.to_owned()), None);
+        return Ok((Some(set.to_owned()), None));
     }
-    let found = label_sets(dataset);
+    let found = label_sets(dataset)?;
     if found.iter().any(|set| set == DEFAULT_SET) {
-        return (Some(DEFAULT_SET.to_owned()), None);
+        return Ok((Some(DEFAULT_SET.to_owned()), None));
     }
     let mut note = format!(
         "no labels `{DEFAULT_SET}`, so no harmful shares; `harmzone label {}` makes them",
@@ -188,7 +188,7 @@ fn choose_labels(dataset: &Path, wanted: Option<&str>) -> (Option<String>, Optio
     if !found.is_empty() {
         note += &format!("; or choose by --labels: {}", found.join(", "));
     }
-    (None, Some(note))
+    Ok((None, Some(note)))
 }
 
 fn describe(

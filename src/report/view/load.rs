@@ -194,7 +194,7 @@ fn labels_of(dataset: &Path, label_set: &str, entry: &EpisodeEntry) -> Result<La
     let folder = LabelManifest::folder(dataset, label_set);
     if !folder.join(LabelManifest::FILE).is_file() {
         let (set, path) = (label_set.to_owned(), dataset.to_owned());
-        return Err(ViewError::NoLabels { set, found: label_sets(dataset), path });
+        return Err(ViewError::NoLabels { set, found: label_sets(dataset)?, path });
     }
     let file = label_file(&folder, entry);
     if !store::is_there(&file) {
