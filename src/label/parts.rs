@@ -12,7 +12,7 @@ use super::LabelError;
 use super::episode::LabelledEpisode;
 use crate::episode::Shard;
 use crate::episode::manifest::{LabelManifest, Manifest};
-use crate::files::{is_file, read_sealed, write_manifest};
+use crate::files::{is_file, is_file_name, read_sealed, write_manifest};
 use crate::store;
 
 const PREFIX: &str = "part-";
@@ -160,7 +160,8 @@ fn read_whole(
     let is_whole = part.zone_toml == zone_toml
         && part.generator_version == env!("CARGO_PKG_VERSION")
         && part.episodes.iter().all(|label| {
-            hashes.get(label.name.as_str()) == Some(&label.episode_sha256.as_str())
+            is_file_name(&label.file)
+                && hashes.get(label.name.as_str()) == Some(&label.episode_sha256.as_str())
                 && store::has(&folder.join(&label.file), &label.sha256).is_ok_and(|is_whole| is_whole)
         });
     is_whole.then_some(part)

@@ -146,6 +146,7 @@ pub fn kinds(home: &Path) -> Vec<Kind> {
         path(name)
     };
     let sources = Path::new(env!("CARGO_MANIFEST_DIR"));
+    copied(&sources.join("tests/data/formats/results/1/scores/sweeps.json"), "scores/sweeps.json");
     let of_rock = |file: &'static str, bytes: Vec<u8>| {
         let path = path(&format!("{file} alone")).join(file);
         fs::create_dir_all(path.parent().expect("a folder")).expect("a writable folder");
@@ -192,6 +193,12 @@ pub fn kinds(home: &Path) -> Vec<Kind> {
         }),
         Kind::new("source.json", path("scores/source.json"), true, |path| {
             said(Scores::read(path.parent().expect("a folder")).map(|scores| scores.provenance))
+        }),
+        Kind::new("faults.json", path("scores/faults.json"), true, |path| {
+            said(Scores::read(path.parent().expect("a folder")).map(|scores| scores.faults))
+        }),
+        Kind::new("sweeps.json", path("scores/sweeps.json"), true, |path| {
+            said(Scores::read(path.parent().expect("a folder")).map(|scores| scores.sweeps))
         }),
         Kind::new("part.json", path("part/part.json"), true, read_part),
         Kind::new("predictions.json, part", path("part/predictions.json"), true, read_part),
