@@ -7,7 +7,7 @@ use std::path::Path;
 use std::process::Command;
 
 use fs_err as fs;
-use made_data::{Fixture, KINDS, TINY, command, copy, done, fail, fails, fixture, harmzone, succeed, text};
+use made_data::{Fixture, KINDS, TINY, copy, done, fails, fixture, harmzone, text};
 use serde_json::{Value, json};
 
 fn metrics_in(scores: &Path) -> Value {
@@ -116,45 +116,6 @@ fn the_score_that_calibrate_chooses_is_kept_with_the_network_and_used() {
     let message = refused(&checkpoint, &more);
     assert!(message.contains("11 is more than --false-alarms-per-km 10"), "{message}");
     assert_eq!(operating_score(&[]), chosen, "what was there stays");
-}
-
-#[test]
-fn a_training_that_barely_fits_keeps_its_bound_or_ends_with_its_state_and_its_bytes_are_the_same() {
-    let Fixture { id, run, .. } = fixture();
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let out = folder.path().join("run");
-    let train = |bound: Option<String>| {
-        let mut words = vec!["train", text(id), "--out", text(&out)];
-        words.extend(TINY);
-        let mut command = command(&words);
-        command.args(bound.iter().flat_map(|gib| ["--max-memory", gib]));
-        command
-    };
-    let told = fail(&mut train(Some("0.01".to_owned())));
-    let number = |after: &str| {
-        let (_, rest) = told.split_once(after).unwrap_or_else(|| panic!("{after} is not in {told}"));
-        let digits = rest.chars().take_while(char::is_ascii_digit).collect::<String>();
-        digits.parse::<f64>().expect("a number of MiB")
-    };
-    let least_mib = number("needs about ");
-    assert!(told.contains("--max-memory") && !out.exists(), "{told}");
-    // The step is reckoned; what it takes beyond may pass a bound that is no wider.
-    let mut n_ended = 0;
-    for share in [1.02, 1.1, 1.3] {
-        let gib = format!("{:.4}", share * least_mib / 1024.0);
-        let output = train(Some(gib)).output().expect("the program runs");
-        if output.status.success() {
-            break;
-        }
-        let told = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert!(told.contains("--max-memory"), "{told}");
-        let is_saved = fs::read_dir(out.join("state")).is_ok_and(|mut states| states.next().is_some());
-        assert!(is_saved, "its state is not kept: {told}");
-        n_ended += 1;
-    }
-    succeed(&mut train(None));
-    let bytes = |run: &Path| fs::read(run.join("model.safetensors")).expect("a network");
-    assert!(bytes(&out) == bytes(run), "after {n_ended} runs that passed their bound");
 }
 
 /// Over the tiny config: LiDAR alone, undisturbed, for as long as it takes to know three samples by heart (4 s).

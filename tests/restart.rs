@@ -3,10 +3,13 @@
 
 mod made_data;
 
+use std::path::Path;
+
 use fs_err as fs;
 use harmzone::episode::Manifest;
 use made_data::{
-    Fixture, TINY, command, done, episodes, fails, fixture, generate, generation, kill_when_filled, text,
+    Fixture, TINY, command, done, episodes, fail, fails, fixture, generate, generation, kill_when_filled,
+    succeed, text,
 };
 
 #[test]
@@ -109,4 +112,43 @@ fn shards_that_are_merged_are_what_one_run_makes() {
     let half = path("half");
     let args = ["merge", text(&shards[1]), "--out", text(&half)];
     assert!(fails(&args).contains("--shard 0/2"), "the command that makes the rest is told");
+}
+
+#[test]
+fn a_training_that_barely_fits_keeps_its_bound_or_ends_with_its_state_and_its_bytes_are_the_same() {
+    let Fixture { id, run, .. } = fixture();
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().join("run");
+    let train = |bound: Option<String>| {
+        let mut words = vec!["train", text(id), "--out", text(&out)];
+        words.extend(TINY);
+        let mut command = command(&words);
+        command.args(bound.iter().flat_map(|gib| ["--max-memory", gib]));
+        command
+    };
+    let told = fail(&mut train(Some("0.1".to_owned())));
+    let number = |after: &str| {
+        let (_, rest) = told.split_once(after).unwrap_or_else(|| panic!("{after} is not in {told}"));
+        let digits = rest.chars().take_while(char::is_ascii_digit).collect::<String>();
+        digits.parse::<f64>().expect("a number of MiB")
+    };
+    let least_mib = number("needs about ");
+    assert!(told.contains("--max-memory") && !out.exists(), "{told}");
+    // The step is reckoned; what it takes beyond may pass a bound that is no wider.
+    let mut n_ended = 0;
+    for share in [1.02, 1.1, 1.3] {
+        let gib = format!("{:.4}", share * least_mib / 1024.0);
+        let output = train(Some(gib)).output().expect("the program runs");
+        if output.status.success() {
+            break;
+        }
+        let told = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(told.contains("--max-memory"), "{told}");
+        let is_saved = fs::read_dir(out.join("state")).is_ok_and(|mut states| states.next().is_some());
+        assert!(is_saved, "its state is not kept: {told}");
+        n_ended += 1;
+    }
+    succeed(&mut train(None));
+    let bytes = |run: &Path| fs::read(run.join("model.safetensors")).expect("a network");
+    assert!(bytes(&out) == bytes(run), "after {n_ended} runs that passed their bound");
 }

@@ -1,5 +1,6 @@
 //! The folder of a data set that is being made: what a repeated run may keep of it, and what it may delete.
 
+use std::collections::BTreeSet;
 use std::io;
 use std::path::Path;
 
@@ -86,6 +87,18 @@ pub fn remove_unfinished(folder: &Path) -> io::Result<()> {
     files::remove_unfinished(folder)
 }
 
+/// Deletes whole files of the planned episodes that the manifest does not list: a worker that was ended between its last write and
+/// its answer leaves one, and the same command makes it again.
+///
+/// # Errors
+/// A file cannot be deleted.
+pub fn remove_unlisted(folder: &Path, planned: &BTreeSet<&str>, manifest: &Manifest) -> io::Result<()> {
+    let listed: BTreeSet<&str> = manifest.episodes.iter().map(|entry| entry.name.as_str()).collect();
+    remove_files(folder, |name| {
+        name.strip_suffix(".mcap").is_some_and(|name| planned.contains(name) && !listed.contains(name))
+    })
+}
+
 fn remove_files(folder: &Path, is_ours: impl Fn(&str) -> bool) -> io::Result<()> {
     let episodes = folder.join(EPISODES);
     if !episodes.is_dir() {
@@ -98,4 +111,40 @@ fn remove_files(folder: &Path, is_ours: impl Fn(&str) -> bool) -> io::Result<()>
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::episode::Split;
+    use crate::episode::manifest::ObjectCounts;
+
+    #[test]
+    fn what_the_manifest_lacks_of_the_plan_goes_and_all_else_stays() {
+        let home = tempfile::tempdir().unwrap();
+        let episodes = home.path().join(EPISODES);
+        fs::create_dir(&episodes).unwrap();
+        for name in ["listed.mcap", "unlisted.mcap", "unlisted.txt", "mine.mcap"] {
+            fs::write(episodes.join(name), name).unwrap();
+        }
+        let mut manifest = Manifest::new("c0ffee".into(), 7, false);
+        manifest.episodes.push(EpisodeEntry {
+            name: "listed".into(),
+            file: "episodes/listed.mcap".into(),
+            split: Split::Val,
+            seed: 7,
+            town: "oldtown".into(),
+            weather: "ClearNoon".into(),
+            ood: false,
+            n_samples: 3,
+            n_objects: ObjectCounts::default(),
+            sha256: "00".into(),
+        });
+        let planned = ["listed", "unlisted", "not made yet"].into();
+        remove_unlisted(home.path(), &planned, &manifest).unwrap();
+        let mut left: Vec<_> =
+            fs::read_dir(&episodes).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+        left.sort();
+        assert_eq!(left, ["listed.mcap", "mine.mcap", "unlisted.txt"]);
+    }
 }

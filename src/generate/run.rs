@@ -13,7 +13,7 @@ use super::episode::Made;
 use super::worker::{COMMAND, Job, Task};
 use super::{CheckedConfig, EpisodePlan, GenerateConfig, GenerateError, folder, plan};
 use crate::config::to_toml;
-use crate::episode::folder::{AOV, remove_unfinished};
+use crate::episode::folder::{AOV, remove_unfinished, remove_unlisted};
 use crate::episode::manifest::ObjectCounts;
 use crate::episode::{EpisodeEntry, MAX_EPISODES, MadeWith, Manifest, PartOf, Shard, Split};
 use crate::files::{FolderLock, check_room};
@@ -154,7 +154,8 @@ pub fn run(
     let manifest = keeper.into_inner().expect("no worker thread panics").manifest;
     // What is whole is kept, also where another episode failed; not what a worker that died has left.
     let written = lock.check().map_err(GenerateError::from).and_then(|()| {
-        let removed = remove_unfinished(out);
+        let planned = plans.iter().map(|plan| plan.name.as_str()).collect();
+        let removed = remove_unfinished(out).and_then(|()| remove_unlisted(out, &planned, &manifest));
         manifest.write(out)?;
         store::push_file(&out.join(Manifest::FILE))?;
         Ok(removed?)
