@@ -223,7 +223,10 @@ mod tests {
         (0..4).for_each(|_| heart.advance(1));
         drop(heart);
         let told: Vec<String> = lines.iter().collect();
-        assert!(told == ["   predict 2/20", "   predict 4/20"], "{told:?}");
+        // On a machine that stood still for a second they tell the rate, too.
+        let is_told = |(line, wanted): (&String, &str)| line.starts_with(wanted);
+        let wanted = ["   predict 2/20", "   predict 4/20"];
+        assert!(told.len() == 2 && told.iter().zip(wanted).all(is_told), "{told:?}");
         assert!(begun.elapsed() < LONG);
     }
 

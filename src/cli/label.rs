@@ -42,8 +42,11 @@ pub fn run(args: LabelArgs) -> anyhow::Result<ExitStatus> {
     let silence = args.engine.silence();
     let workers = cluster.as_ref().map(|engine| LabelWorkers { engine, program: &program, silence });
     let options = LabelOptions { force: args.force, shard: args.shard, workers };
-    let summary = label::run_with(dataset.path(), &zone, &set, &options, &Bar::default())?;
-    dataset.push()?;
+    let done = label::run_with(dataset.path(), &zone, &set, &options, &Bar::default());
+    // Also what is whole of a set that broke off, with which the same command goes on.
+    let pushed = dataset.push();
+    let summary = done?;
+    pushed?;
     print_summary(&summary, args.json)?;
     Ok(if summary.lost.is_empty() { ExitStatus::Done } else { ExitStatus::DoneWithLosses })
 }

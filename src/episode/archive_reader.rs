@@ -42,12 +42,16 @@ pub(super) struct RawMessage {
     pub(super) bytes: Bytes,
 }
 
-/// Messages of several chunks, and how much memory they take.
-#[derive(Default)]
+/// Messages of several chunks, and how much memory they take and may take.
 struct Held {
     all: Vec<RawMessage>,
     n_bytes: u64,
+    most_bytes: u64,
 }
+
+/// How many times its chunks' packed bytes a file's messages may take together, where that is more than a chunk may: those of boxes
+/// pack to a third or less.
+const MOST_UNPACKED: u64 = 32;
 
 impl Archive {
     /// Reads the index.
@@ -207,7 +211,7 @@ impl Archive {
         end_ns: u64,
         wanted: &[u16],
     ) -> Result<Vec<RawMessage>, EpisodeError> {
-        let mut messages = Held::default();
+        let mut messages = self.nothing_held();
         for chunk in &self.summary.chunk_indexes {
             // A file without offsets does not tell what its chunks hold.
             let of = &chunk.message_index_offsets;
@@ -225,7 +229,7 @@ impl Archive {
         &self,
         topic: Topic<M>,
     ) -> Result<Vec<(u64, M)>, EpisodeError> {
-        let (wanted, mut messages) = (self.channel(topic.name), Held::default());
+        let (wanted, mut messages) = (self.channel(topic.name), self.nothing_held());
         for chunk in &self.summary.chunk_indexes {
             self.read_chunk(chunk, &[wanted], &mut messages)?;
         }
@@ -235,6 +239,14 @@ impl Archive {
         let decode =
             |(sample_idx, raw): (usize, RawMessage)| Ok((raw.time_ns, self.decode(sample_idx, raw.bytes)?));
         messages.into_iter().enumerate().map(decode).collect()
+    }
+
+    /// Where messages of several chunks go: of a long file more than one chunk may take.
+    fn nothing_held(&self) -> Held {
+        let n_packed = self.summary.chunk_indexes.iter().map(|chunk| chunk.compressed_size);
+        let n_packed = n_packed.fold(0, u64::saturating_add);
+        let most_bytes = n_packed.saturating_mul(MOST_UNPACKED).max(MAX_CHUNK_BYTES);
+        Held { all: Vec::new(), n_bytes: 0, most_bytes }
     }
 
     /// Adds a chunk's messages of the wanted channels.
@@ -258,7 +270,7 @@ impl Archive {
             _ => {}
         })?;
         match messages.n_bytes {
-            n_bytes if n_bytes > MAX_CHUNK_BYTES => Err(self.damaged(McapError::ChunkTooLarge(n_bytes))),
+            n_bytes if n_bytes > messages.most_bytes => Err(self.damaged(McapError::ChunkTooLarge(n_bytes))),
             _ => Ok(()),
         }
     }

@@ -20,7 +20,7 @@ use crate::files::{FolderLock, check_room};
 use crate::object::{Distribution, Kind};
 use crate::progress::Progress;
 use crate::scene::{OwnModels, Town, map_hashes};
-use crate::sensors::RigCameraConfig;
+use crate::sensors::{RigCameraConfig, RigLidarConfig};
 use crate::store;
 use crate::worker::{self, CANNOT_DRAW, Call, Engine, Errand, Program, TaskError};
 
@@ -181,7 +181,10 @@ fn least_sample_bytes(config: &GenerateConfig) -> u64 {
     let n_pixels: f64 = config.rig.cameras.values().map(pixels).sum();
     let of_quality = (f64::from(config.render.jpeg_quality) / 85.0).powi(2);
     let of_further = if config.render.aov { 0.23 } else { 0.0 };
-    let n_clouds = config.rig.lidars.len() as f64 * (1.0 + f64::from(config.sweeps));
+    // Of fewer beams and firings than the default LiDAR's it has fewer points.
+    let share =
+        |lidar: &RigLidarConfig| (lidar.n_beams() as f64 / 32.0 * 0.33 / lidar.azimuth_step_deg).min(1.0);
+    let n_clouds = config.rig.lidars.values().map(share).sum::<f64>() * (1.0 + f64::from(config.sweeps));
     (n_pixels * (0.15 * of_quality + of_further) + 27_000.0 * n_clouds) as u64
 }
 

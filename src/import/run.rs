@@ -88,18 +88,20 @@ pub fn run(
     let mut boxes = NearBoxes::default();
     progress.start("import", drives.len() as u64);
     let (mut n_bytes, mut n_made, mut n_left) = (0, 0, (drives.len() - n_kept) as u64);
+    let mut is_room_told = false;
     for drive in drives {
         if let Err(error) = interrupt::check() {
             list.write()?;
             return Err(error.into());
         }
         if !list.names.contains(&drive) {
-            // Drives are of all lengths: half of what the ones so far took on average.
+            // Drives are of all lengths, so that this is no more than a warning.
             if n_made > 0
-                && let Err(error) = check_room(out, n_bytes / n_made / 2 * n_left)
+                && !is_room_told
+                && let Err(error) = check_room(out, n_bytes / n_made * n_left)
             {
-                list.write()?;
-                return Err(error.into());
+                tracing::warn!("if the drives to come are as long as those so far: {error}");
+                is_room_told = true;
             }
             n_left = n_left.saturating_sub(1);
             let mut notes = Notes::default();

@@ -56,7 +56,9 @@ pub enum FarError {
     #[error("episode `{episode}`: {message}")]
     Worker { episode: String, message: String },
     #[error(
-        "the workers of episode `{episode}` were lost, {message}; boxes are of all episodes or of none, so none of this call are          kept, and the same command begins anew (more --task-cpus or --task-gpus a task let fewer share a node's memory, a longer          --worker-timeout waits for slow ones): {}",
+        "the workers of episode `{episode}` were lost, {message}; boxes are of all episodes or of none, so none of this call are kept, and \
+         the same command begins anew (more --task-cpus or --task-gpus a task let fewer share a node's memory, a longer --worker-timeout \
+         waits for slow ones): {}",
         path.display()
     )]
     Lost { episode: String, message: String, path: PathBuf },

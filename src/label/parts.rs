@@ -1,6 +1,7 @@
 //! Parts of a label set: `part-I-of-N.json` beside the labels for each one that a process of its own has labelled, and
 //! `part-so-far..json` for what a run has labelled while it goes on, until the whole set is joined.
 
+use std::cmp::Reverse;
 use std::collections::{HashMap, HashSet};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -12,7 +13,7 @@ use super::LabelError;
 use super::episode::LabelledEpisode;
 use crate::episode::Shard;
 use crate::episode::manifest::{LabelManifest, Manifest};
-use crate::files::{is_file, is_file_name, read_sealed, write_manifest};
+use crate::files::{is_file_name, read_sealed, write_manifest};
 use crate::store;
 
 const PREFIX: &str = "part-";
@@ -35,11 +36,7 @@ fn path_so_far(folder: &Path, shard: Option<Shard>) -> PathBuf {
 /// Notes that a part of the set in this folder is whole.
 pub(super) fn write(folder: &Path, shard: Shard, part: &LabelManifest) -> Result<(), LabelError> {
     write_manifest(&path_of(folder, shard), part)?;
-    let so_far = path_so_far(folder, Some(shard));
-    if is_file(&so_far)? {
-        fs::remove_file(so_far)?;
-    }
-    Ok(())
+    remove(&path_so_far(folder, Some(shard)))
 }
 
 /// What a run has labelled so far, in no order, noted beside the labels with the hash of each: the same command goes on with it
@@ -82,20 +79,27 @@ impl<'a> LabelledSoFar<'a> {
         Ok(())
     }
 
-    /// Notes it.
+    /// Notes it, if there is anything.
     pub(super) fn note(&self) -> Result<(), LabelError> {
+        if self.labels.episodes.is_empty() {
+            return Ok(());
+        }
         Ok(write_manifest(&path_so_far(self.folder, self.shard), &self.labels)?)
     }
 }
 
-/// What a run that was to label this part has left of it; else as [`find`].
+/// What a run that was to label this part has left of it, if all that is of the part still: where episodes were added since, it is of
+/// others. Else as [`find`].
 pub(super) fn find_so_far(
     folder: &Path,
     shard: Shard,
     zone_toml: &str,
     dataset: &Manifest,
 ) -> Option<LabelManifest> {
-    read_whole(&path_so_far(folder, Some(shard)), folder, zone_toml, &dataset.hash_of_name())
+    let of_shard = (0..).zip(&dataset.episodes).filter(|(number, _)| shard.holds(*number));
+    let of_shard: HashSet<&str> = of_shard.map(|(_, entry)| entry.name.as_str()).collect();
+    let so_far = read_whole(&path_so_far(folder, Some(shard)), folder, zone_toml, &dataset.hash_of_name())?;
+    so_far.episodes.iter().all(|entry| of_shard.contains(entry.name.as_str())).then_some(so_far)
 }
 
 /// A part of the set, if it is as it was written, by this zone and for these episodes.
@@ -108,7 +112,7 @@ pub(super) fn find(
     read_whole(&path_of(folder, shard), folder, zone_toml, &dataset.hash_of_name())
 }
 
-/// All such parts, in the order of their names. No episode is in two of them.
+/// All such parts, the largest first: what a whole run has noted holds the parts that it began with. No episode is in two of them.
 pub(super) fn find_all(
     folder: &Path,
     zone_toml: &str,
@@ -117,8 +121,11 @@ pub(super) fn find_all(
     let hashes = dataset.hash_of_name();
     let mut found: Vec<LabelManifest> = Vec::new();
     let mut known: HashSet<String> = HashSet::new();
-    for path in paths(folder)? {
-        let Some(part) = read_whole(&path, folder, zone_toml, &hashes) else { continue };
+    let read = |path: PathBuf| read_whole(&path, folder, zone_toml, &hashes);
+    let mut parts: Vec<LabelManifest> = paths(folder)?.into_iter().filter_map(read).collect();
+    // Those of one size stay in the order of their names.
+    parts.sort_by_key(|part| Reverse(part.episodes.len()));
+    for part in parts {
         // Parts of another count overlap with these.
         if !part.episodes.iter().any(|entry| known.contains(&entry.name)) {
             known.extend(part.episodes.iter().map(|entry| entry.name.clone()));
@@ -130,10 +137,15 @@ pub(super) fn find_all(
 
 /// Forgets the parts: the set is whole.
 pub(super) fn remove_all(folder: &Path) -> Result<(), LabelError> {
-    for path in paths(folder)? {
-        fs::remove_file(path)?;
+    paths(folder)?.iter().try_for_each(|path| remove(path))
+}
+
+/// Removes a note, which a run beside this one may have removed.
+fn remove(path: &Path) -> Result<(), LabelError> {
+    match fs::remove_file(path) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error.into()),
+        _ => Ok(()),
     }
-    Ok(())
 }
 
 fn paths(folder: &Path) -> io::Result<Vec<PathBuf>> {

@@ -284,6 +284,26 @@ mod tests {
     }
 
     #[test]
+    fn what_a_whole_run_noted_beside_a_part_is_kept_too() {
+        let stopped = Stopped::new();
+        fs::remove_dir_all(stopped.folder()).unwrap();
+        let episode = stopped.home.path().join("episodes/made-1.mcap");
+        let whole = fs::read(&episode).unwrap();
+        fs::write(&episode, "torn").unwrap();
+        let shard: Shard = "0/3".parse().unwrap();
+        let options = LabelOptions { shard: Some(shard), ..LabelOptions::default() };
+        run_with(stopped.home.path(), &ZoneConfig::default(), SET, &options, &Silent).unwrap();
+        stopped.label(None).unwrap_err();
+        let before = stopped.last_write();
+        stopped.label(None).unwrap_err();
+        assert_eq!(stopped.written_since(before), Vec::<usize>::new());
+        fs::write(&episode, whole).unwrap();
+        stopped.label(None).unwrap();
+        assert_eq!(stopped.written_since(before), [1]);
+        assert_eq!(stopped.files(), stopped.unbroken);
+    }
+
+    #[test]
     fn labels_that_changed_or_are_of_another_zone_are_made_anew() {
         let stopped = Stopped::new();
         let before = stopped.last_write();

@@ -120,15 +120,6 @@ pub fn run(
         return Ok(summary(0, MeanLoss::of_last_epoch(&steps).mean(), Duration::ZERO));
     }
 
-    let others = TrainedOn::note(out, devices)?;
-    if !others.is_empty() {
-        tracing::warn!(
-            "the run was begun on another machine ({}); in its last bits the network may differ from one that was trained on one \
-             alone: {}",
-            others.join(", "),
-            out.join(MADE_WITH_FILE).display()
-        );
-    }
     let stopwatch = Stopwatch::start(out);
     let device = inference_device.clone().autodiff();
     let mut image_weights = None;
@@ -144,6 +135,15 @@ pub fn run(
     };
     // A state is written while the one before it is there: weights, their average, and two moments of each.
     check_room(out, 2 * 4 * 4 * learner.detector().num_params() as u64)?;
+    let others = TrainedOn::note(out, devices)?;
+    if !others.is_empty() {
+        tracing::warn!(
+            "the run was begun on another machine ({}); in its last bits the network may differ from one that was trained on one \
+             alone: {}",
+            others.join(", "),
+            out.join(MADE_WITH_FILE).display()
+        );
+    }
     let mut steps = Steps::new(&plan, learned, config, devices);
     steps.look_at_memory();
     let mut n_steps_now = 0;

@@ -15,6 +15,8 @@ use crate::zone::{Zone, ZoneConfig};
 
 /// Parts of a set, until all are joined.
 const PART_PREFIX: &str = "part-";
+/// What a run that broke off has noted.
+const SO_FAR_PREFIX: &str = "part-so-far";
 
 /// A label set of which the manifest could be read.
 pub(super) struct LabelSet {
@@ -44,7 +46,8 @@ pub(super) fn open_all(path: &Path, manifest: &Manifest, found: &mut Found) -> i
                     path.display()
                 );
                 // Parts that wait for each other are no fault.
-                let is_in_parts = files.iter().any(|file| file.starts_with(PART_PREFIX));
+                let is_part = |file: &str| file.starts_with(PART_PREFIX) && !file.starts_with(SO_FAR_PREFIX);
+                let is_in_parts = files.iter().any(|file| is_part(file));
                 found.add(&name, Remark::unless(is_in_parts, Aspect::Labels, "unfinished set", text));
             }
             continue;

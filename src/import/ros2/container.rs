@@ -64,12 +64,14 @@ pub(super) fn mcap_files(path: &Path) -> Result<Vec<PathBuf>, ImportError> {
     }
     // Some writers name the files by the folder in which they lay.
     let place = |name: &String| {
-        let whole = inside(path, name)
-            .map_err(|error| ImportError::at(&metadata_path, format!("relative_file_paths: {error}")))?;
-        if whole.exists() {
-            return Ok(whole);
+        let beside = path.join(Path::new(name).file_name().unwrap_or_default());
+        match inside(path, name) {
+            Ok(whole) if whole.exists() => Ok(whole),
+            Err(error) if !beside.is_file() => {
+                Err(ImportError::at(&metadata_path, format!("relative_file_paths: {error}")))
+            }
+            _ => Ok(beside),
         }
-        Ok(path.join(Path::new(name).file_name().unwrap_or_default()))
     };
     let files = metadata.files.iter().map(place).collect::<Result<Vec<PathBuf>, ImportError>>()?;
     files.iter().try_for_each(|file| check_magic(file))?;
@@ -206,7 +208,8 @@ mod tests {
         let home = tempfile::tempdir().unwrap();
         let bag = home.path().join("bag");
         fs::create_dir(&bag).unwrap();
-        for file in [home.path().join("x.mcap"), bag.join("x.mcap")] {
+        let outside = home.path().join("outside.mcap");
+        for file in [&home.path().join("x.mcap"), &bag.join("x.mcap"), &outside] {
             fs::write(file, MCAP_MAGIC).unwrap();
         }
         let files_of = |name: &str| {
@@ -214,13 +217,14 @@ mod tests {
             fs::write(bag.join("metadata.yaml"), text).unwrap();
             mcap_files(&bag)
         };
-        let absolute = home.path().join("x.mcap").display().to_string();
-        for name in ["../x.mcap", "a/../../x.mcap", &absolute] {
+        for name in ["../outside.mcap", "a/../../outside.mcap", &outside.display().to_string()] {
             let told = files_of(name).unwrap_err().to_string();
             let holds = |word: &str| told.contains(word);
             assert!(holds(name) && holds("without `..`") && holds("bag/metadata.yaml"), "{told}");
         }
-        for name in ["x.mcap", "./x.mcap", "old_folder/x.mcap"] {
+        // Of a bag that was moved the files lie in its folder, whatever its metadata calls them.
+        let moved = home.path().join("x.mcap").display().to_string();
+        for name in ["x.mcap", "./x.mcap", "old_folder/x.mcap", "../bag/x.mcap", &moved] {
             assert_eq!(files_of(name).unwrap(), [bag.join("x.mcap")], "{name}");
         }
         // A link is the user's own.
