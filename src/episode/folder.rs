@@ -115,9 +115,8 @@ fn remove_files(folder: &Path, is_ours: impl Fn(&str) -> bool) -> io::Result<()>
 
 #[cfg(test)]
 mod tests {
+    use super::super::manifest_tests::entry;
     use super::*;
-    use crate::episode::Split;
-    use crate::episode::manifest::ObjectCounts;
 
     #[test]
     fn what_the_manifest_lacks_of_the_plan_goes_and_all_else_stays() {
@@ -128,18 +127,7 @@ mod tests {
             fs::write(episodes.join(name), name).unwrap();
         }
         let mut manifest = Manifest::new("c0ffee".into(), 7, false);
-        manifest.episodes.push(EpisodeEntry {
-            name: "listed".into(),
-            file: "episodes/listed.mcap".into(),
-            split: Split::Val,
-            seed: 7,
-            town: "oldtown".into(),
-            weather: "ClearNoon".into(),
-            ood: false,
-            n_samples: 3,
-            n_objects: ObjectCounts::default(),
-            sha256: "00".into(),
-        });
+        manifest.episodes.push(entry("listed"));
         let planned = ["listed", "unlisted", "not made yet"].into();
         remove_unlisted(home.path(), &planned, &manifest).unwrap();
         let mut left: Vec<_> =

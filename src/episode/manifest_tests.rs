@@ -4,15 +4,11 @@ use super::MadeWith;
 use super::manifest::{self, EpisodeEntry, LabelManifest, Manifest, ManifestError, Split};
 use crate::object::{Harm, Kind};
 
-#[test]
-fn manifests_round_trip_and_errors_say_what_to_do() {
-    let folder = tempfile::tempdir().unwrap();
-    let message = Manifest::read(folder.path()).unwrap_err().to_string();
-    assert!(message.contains("dataset.json") && message.contains("harmzone gen"), "{message}");
-    let mut manifest = Manifest::new("c0ffee".into(), 7, false);
-    manifest.episodes.push(EpisodeEntry {
-        name: "a".into(),
-        file: "episodes/a.mcap".into(),
+/// An entry of an episode that is not there.
+pub(super) fn entry(name: &str) -> EpisodeEntry {
+    EpisodeEntry {
+        name: name.into(),
+        file: format!("episodes/{name}.mcap"),
         split: Split::Val,
         seed: 7,
         town: "oldtown".into(),
@@ -21,7 +17,16 @@ fn manifests_round_trip_and_errors_say_what_to_do() {
         n_samples: 3,
         n_objects: manifest::ObjectCounts::default(),
         sha256: "00".into(),
-    });
+    }
+}
+
+#[test]
+fn manifests_round_trip_and_errors_say_what_to_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let message = Manifest::read(folder.path()).unwrap_err().to_string();
+    assert!(message.contains("dataset.json") && message.contains("harmzone gen"), "{message}");
+    let mut manifest = Manifest::new("c0ffee".into(), 7, false);
+    manifest.episodes.push(entry("a"));
     let made_with = |cpu: &str| MadeWith {
         cpu: cpu.to_owned(),
         ..MadeWith::here("4".into(), "llvmpipe".into(), "glibc".into())
