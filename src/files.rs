@@ -111,11 +111,8 @@ pub fn remove_unfinished(folder: &Path) -> io::Result<()> {
         if !is_unfinished(&path) || is_folder(&path) {
             continue;
         }
-        match fs::remove_file(&path) {
-            // A worker of a killed run may end now and delete its own files.
-            Err(error) if error.kind() == io::ErrorKind::NotFound => {}
-            other => other?,
-        }
+        // A worker of a killed run may end now and delete its own files.
+        remove_if_there(&path)?;
     }
     Ok(())
 }
@@ -157,17 +154,22 @@ pub fn link_or_copy(from: &Path, to: &Path) -> io::Result<()> {
     let mut partial = to.as_os_str().to_owned();
     partial.push(format!(".{PARTIAL_SUFFIX}"));
     let partial = PathBuf::from(partial);
-    match fs::remove_file(&partial) {
-        Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
-        _ => {}
-    }
+    remove_if_there(&partial)?;
     if fs::canonicalize(from).and_then(|from| fs::hard_link(from, &partial)).is_err() {
         fs::copy(from, &partial)?;
         fs::File::open(&partial)?.sync_all()?;
     }
     give_final_name(&partial, to)?;
     // Renaming one link of a file over another does nothing, and leaves the first.
-    match fs::remove_file(&partial) {
+    remove_if_there(&partial)
+}
+
+/// Removes a file, which may be gone already.
+///
+/// # Errors
+/// Any other IO error.
+pub fn remove_if_there(path: &Path) -> io::Result<()> {
+    match fs::remove_file(path) {
         Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
         _ => Ok(()),
     }

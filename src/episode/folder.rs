@@ -56,10 +56,7 @@ pub fn first_difference(found: &str, wanted: &str) -> Option<(String, String)> {
 /// # Errors
 /// A file cannot be deleted.
 pub fn clear_episodes(folder: &Path, config_file: &str, folders: &[&str]) -> io::Result<()> {
-    let remove = |name: &str| match fs::remove_file(folder.join(name)) {
-        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
-        _ => Ok(()),
-    };
+    let remove = |name: &str| files::remove_if_there(&folder.join(name));
     // The manifest first: without it, a half-cleared folder is an empty data set and not a broken one.
     remove(Manifest::FILE)?;
     remove_files(folder, |name| Path::new(name).extension().is_some_and(|suffix| suffix == "mcap"))?;

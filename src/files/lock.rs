@@ -9,7 +9,7 @@ use fs_err::os::unix::fs::OpenOptionsExt as _;
 use rustix::fs::{OFlags, fstat, lstat};
 use rustix::io::Errno;
 
-use super::told_with_room;
+use super::{remove_if_there, told_with_room};
 
 /// Name of the file, which counts as unfinished: it may be deleted where nobody holds it.
 const FILE: &str = "writer.partial";
@@ -163,10 +163,7 @@ pub(super) fn open_own(path: &Path) -> io::Result<fs::File> {
             opened => return opened,
         };
         if path.is_symlink() {
-            match fs::remove_file(path) {
-                Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
-                _ => {}
-            }
+            remove_if_there(path)?;
         } else if error.kind() != io::Error::from(Errno::LOOP).kind() {
             return Err(error);
         }

@@ -13,7 +13,7 @@ use super::LabelError;
 use super::episode::LabelledEpisode;
 use crate::episode::Shard;
 use crate::episode::manifest::{LabelManifest, Manifest};
-use crate::files::{is_file_name, read_sealed, write_manifest};
+use crate::files::{is_file_name, read_sealed, remove_if_there, write_manifest};
 use crate::store;
 
 const PREFIX: &str = "part-";
@@ -36,7 +36,7 @@ fn path_so_far(folder: &Path, shard: Option<Shard>) -> PathBuf {
 /// Notes that a part of the set in this folder is whole.
 pub(super) fn write(folder: &Path, shard: Shard, part: &LabelManifest) -> Result<(), LabelError> {
     write_manifest(&path_of(folder, shard), part)?;
-    remove(&path_so_far(folder, Some(shard)))
+    Ok(remove_if_there(&path_so_far(folder, Some(shard)))?)
 }
 
 /// What a run has labelled so far, in no order, noted beside the labels with the hash of each: the same command goes on with it
@@ -137,15 +137,8 @@ pub(super) fn find_all(
 
 /// Forgets the parts: the set is whole.
 pub(super) fn remove_all(folder: &Path) -> Result<(), LabelError> {
-    paths(folder)?.iter().try_for_each(|path| remove(path))
-}
-
-/// Removes a note, which a run beside this one may have removed.
-fn remove(path: &Path) -> Result<(), LabelError> {
-    match fs::remove_file(path) {
-        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error.into()),
-        _ => Ok(()),
-    }
+    // A run beside this one may have removed some.
+    Ok(paths(folder)?.iter().try_for_each(|path| remove_if_there(path))?)
 }
 
 fn paths(folder: &Path) -> io::Result<Vec<PathBuf>> {

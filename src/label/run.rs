@@ -18,7 +18,7 @@ use super::worker::{self, LabelJob, LabelWorkers};
 use crate::config;
 use crate::episode::manifest::{EpisodeEntry, LabelEntry, LabelManifest, Manifest};
 use crate::episode::{Shard, is_any_annotated};
-use crate::files::{FolderLock, PARTIAL_SUFFIX, is_file, remove_unfinished};
+use crate::files::{FolderLock, PARTIAL_SUFFIX, is_file, remove_if_there, remove_unfinished};
 use crate::interrupt;
 use crate::progress::Progress;
 use crate::store;
@@ -97,10 +97,7 @@ pub fn run_with(
         remove_unfinished(&folder)?;
     }
     // Until the new files are complete, the set must not look finished.
-    match fs::remove_file(folder.join(LabelManifest::FILE)) {
-        Err(error) if error.kind() != std::io::ErrorKind::NotFound => return Err(error.into()),
-        _ => {}
-    }
+    remove_if_there(&folder.join(LabelManifest::FILE))?;
     let parts = match options.shard {
         _ if options.force => Vec::new(),
         Some(shard) => match parts::find(&folder, shard, &zone_toml, &manifest) {

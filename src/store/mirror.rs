@@ -14,7 +14,7 @@ use super::bucket::{Bucket, Remote, runtime};
 use super::error::StoreError;
 use super::known::{self, Found, Known};
 use super::location::StoreUrl;
-use crate::files::{PARTIAL_SUFFIX, is_inside, sha256_hex, sha256_of};
+use crate::files::{PARTIAL_SUFFIX, is_inside, remove_if_there, sha256_hex, sha256_of};
 
 /// Requests under way at once.
 pub(super) const AT_ONCE: usize = 8;
@@ -128,7 +128,7 @@ impl Mirror {
                 continue;
             }
             if !self.is_current(&name, &found) {
-                remove_file(&self.root.join(&name))?;
+                remove_if_there(&self.root.join(&name))?;
             } else if is_lazy(&name) {
                 self.held_bytes.fetch_add(found.size, Ordering::Relaxed);
             }
@@ -225,7 +225,7 @@ impl Mirror {
             if bytes <= self.bound_bytes {
                 break;
             }
-            remove_file(&self.root.join(name))?;
+            remove_if_there(&self.root.join(name))?;
             bytes -= size;
         }
         self.held_bytes.store(bytes, Ordering::Relaxed);
@@ -257,13 +257,5 @@ impl Mirror {
         // Another program put it, without a hash.
         self.bring(name)?;
         Ok(sha256_of(&path)? == sha256)
-    }
-}
-
-/// Deletes a file; one that is gone already is fine.
-pub(super) fn remove_file(path: &Path) -> io::Result<()> {
-    match fs::remove_file(path) {
-        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
-        _ => Ok(()),
     }
 }
