@@ -39,8 +39,6 @@ pub struct Kind {
     /// The folder of files that are read with it, in a log: what can still be read may not fit the others, and the log or another of its
     /// files is named then.
     pub company: Option<PathBuf>,
-    /// Most bits that are changed, one after the other: where each costs a tenth of a second or more.
-    pub most_flips: usize,
 }
 
 impl Kind {
@@ -50,7 +48,7 @@ impl Kind {
         is_hashed: bool,
         read: impl Fn(&Path) -> Result<String, String> + 'static,
     ) -> Self {
-        Self { name, path, is_hashed, read: Box::new(read), company: None, most_flips: usize::MAX }
+        Self { name, path, is_hashed, read: Box::new(read), company: None }
     }
 
     /// Whether a message names the file: by its path, its name, or as what it is the file of.

@@ -75,5 +75,5 @@ fn of_log(
     read: impl Fn(&Path) -> Result<String, String> + 'static,
 ) -> Kind {
     let path: PathBuf = root.join(file);
-    Kind { company: Some(root.to_owned()), most_flips: 1_000, ..Kind::new(name, path, false, read) }
+    Kind { company: Some(root.to_owned()), ..Kind::new(name, path, false, read) }
 }
