@@ -80,6 +80,8 @@ pub fn run_with(
         && is_file(&folder.join(LabelManifest::FILE))?
         && let Some(done) = finished(LabelManifest::read(dataset, set)?, &manifest, zone_config, &folder)?
     {
+        // One that was killed after its last file may have left them.
+        parts::remove_all(&folder)?;
         FolderLock::tidy(&folder);
         return Ok(summary(&done, true));
     }

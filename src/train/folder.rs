@@ -75,10 +75,7 @@ pub fn open(
         }
         state::clear(out)?;
         for name in [CHECKPOINT, STEPS_FILE, SCORES_FILE, TIME_FILE, MADE_WITH_FILE, CONFIG_FILE, DATA_FILE] {
-            let path = out.join(name);
-            if path.exists() {
-                fs::remove_file(path)?;
-            }
+            files::remove_if_there(&out.join(name))?;
         }
     } else if fs::read_dir(out)?.any(|entry| {
         // A run that was stopped at its very beginning leaves only these.

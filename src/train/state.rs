@@ -70,9 +70,7 @@ pub fn save(
     let states = folder(run);
     let whole = states.join(name(history.steps.len()));
     let partial = whole.with_extension(PARTIAL_SUFFIX);
-    if partial.exists() {
-        fs::remove_dir_all(&partial)?;
-    }
+    remove_folder(&partial)?;
     fs::create_dir_all(&partial)?;
     let broken = |message: String| StateError::Broken { message, path: partial.clone() };
     // Batch norms hand over their latest running statistics only to a `valid()` copy.
@@ -86,9 +84,7 @@ pub fn save(
         &partial.join(POSITION_FILE),
         &Saved { position, optimizer_sha256, whole_sha256, log_sha256 },
     )?;
-    if whole.exists() {
-        fs::remove_dir_all(&whole)?;
-    }
+    remove_folder(&whole)?;
     give_final_name(&partial, &whole)?;
     for older in list(run)?.into_iter().filter(|path| *path != whole) {
         fs::remove_dir_all(older)?;
@@ -96,10 +92,18 @@ pub fn save(
     Ok(())
 }
 
+/// A folder that is not there is removed; one that cannot be looked at is told, and not taken for one that is not there.
+fn remove_folder(folder: &Path) -> std::io::Result<()> {
+    match fs::remove_dir_all(folder) {
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(()),
+        done => done,
+    }
+}
+
 /// Complete states of a run, oldest first.
 fn list(run: &Path) -> Result<Vec<PathBuf>, StateError> {
     let states = folder(run);
-    if !states.exists() {
+    if !states.try_exists()? {
         return Ok(Vec::new());
     }
     let mut found = Vec::new();
@@ -165,9 +169,5 @@ pub fn load_newest(
 /// # Errors
 /// Any IO error.
 pub fn clear(run: &Path) -> Result<(), StateError> {
-    let states = folder(run);
-    if states.exists() {
-        fs::remove_dir_all(states)?;
-    }
-    Ok(())
+    Ok(remove_folder(&folder(run))?)
 }

@@ -102,8 +102,11 @@ fn check(words: &[String], home: &Path, before: &Path, after: &Path, fault: Faul
 /// where that is told.
 fn finished(folder: &Path, told: &str) -> BTreeMap<String, String> {
     let mut found = hashes(folder);
-    let is_left = |name: &str| is_unfinished(Path::new(name)) || is_lock(Path::new(name));
-    let is_curves = |name: &str| name.rsplit('/').next().is_some_and(|file| file.starts_with("curves."));
+    let file = |name: &str| name.rsplit('/').next().unwrap_or_default().to_owned();
+    // A run's folder has a lock of its own for its curves.
+    let is_lock = |name: &str| is_lock(Path::new(name)) || file(name) == "curves.partial";
+    let is_left = |name: &str| is_unfinished(Path::new(name)) || is_lock(name);
+    let is_curves = |name: &str| file(name).starts_with("curves.");
     found.retain(|name, _| !(is_left(name) || told.contains("left out: the curves") && is_curves(name)));
     found
 }

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use fs_err as fs;
 use harmzone::files::is_lock;
+use rustix::process::{Pid, Signal, kill_process};
 
 use super::folder::{difference, hashes, is_mcap};
 use super::made_data::{command, fixture, generation, succeed, text};
@@ -27,8 +28,16 @@ pub fn start(mut command: Command) -> Child {
 }
 
 pub fn signal(process: u32, name: &str) {
-    let sent = Command::new("kill").args([&format!("-{name}"), &process.to_string()]).status();
-    assert!(sent.expect("kill runs").success());
+    let signal = match name {
+        "INT" => Signal::INT,
+        "TERM" => Signal::TERM,
+        "KILL" => Signal::KILL,
+        "ABRT" => Signal::ABORT,
+        "STOP" => Signal::STOP,
+        _ => panic!("no test sends SIG{name}"),
+    };
+    let process = Pid::from_raw(process as i32).expect("a process has a number");
+    kill_process(process, signal).expect("it is a child, and has not been waited for");
 }
 
 pub fn ended(child: Child) -> (Option<i32>, String) {
@@ -78,7 +87,8 @@ pub fn wait_until(is_so: impl Fn() -> bool) {
     let begin = Instant::now();
     while !is_so() {
         assert!(begin.elapsed() < Duration::from_mins(2), "it did not come to it");
-        std::thread::sleep(Duration::from_millis(5));
+        // A short stage is at work for a few milliseconds after it has said what it does on a signal.
+        std::thread::sleep(Duration::from_micros(200));
     }
 }
 

@@ -238,7 +238,13 @@ fn read_cuboids(path: &Path, odometry: &Odometry) -> Result<BTreeMap<u64, Vec<Ra
             yaw_rad: ahead.y.atan2(ahead.x),
         };
         box_in_ego.check().map_err(|error| table.fault(format!("row {i}: {error}")))?;
-        by_time.entry(times_ns[i]).or_default().push(RawObject {
+        let objects = by_time.entry(times_ns[i]).or_default();
+        if objects.iter().any(|other| other.id == ids[i]) {
+            let (id, time_ns) = (&ids[i], times_ns[i]);
+            return Err(table
+                .fault(format!("row {i}: the track `{id}` has two boxes at {time_ns} ns; one is needed")));
+        }
+        objects.push(RawObject {
             id: ids[i].clone(),
             category: categories[i].clone(),
             box_in_ego,
