@@ -56,6 +56,9 @@ define_config! {
         near_moved_m: f64 = 0.5, in from_to(0.0, 50.0);
         /// From a sample's time to the brake, seconds; control acts every 0.05 s.
         latency_s: f64 = 0.0, in from_to(0.0, 10.0);
+        /// The time that perception takes on this machine comes on top, and what is measured while it is busy is not looked at:
+        /// the same seed then no longer gives the same bytes.
+        real_latency: bool = false;
         /// Half the width of the strip ahead in which a box's distance is measured, metres: the zone's half width.
         half_width_m: f64 = 1.75, in from_to(0.1, 20.0);
         /// A thing that moves is a hazard, too, where it and the ego would meet within so long if both kept their motion,

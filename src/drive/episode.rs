@@ -3,9 +3,8 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::config::HARD_BRAKING_MPS2;
 use super::foresight::Foresight;
-use super::notes::Notes;
+use super::notes::{Notes, Order};
 use super::perception::{Instant, Perception, truly_harmful};
 use super::recorder::Recorder;
 use super::reflex::Reflex;
@@ -16,11 +15,11 @@ use super::{DriveConfig, DriveError};
 use crate::generate::{CONTROL_PERIOD_S, Contact, EpisodePlan, GenerateError, LiveEpisode, Timings};
 use crate::infer::PredictError;
 use crate::object::{Event, Object, Spot};
-use crate::outcome::{Collision, DriveOutcome, End, HardStop, is_sudden};
+use crate::outcome::{Collision, DriveOutcome, End, is_sudden};
 use crate::sample::EgoState;
 use crate::scene::{EgoOrders, car};
 use crate::sim::SimError;
-use crate::worker::lacks_memory;
+use crate::worker::{lacks_memory, with_causes};
 use crate::zone::Zone;
 
 /// Slower than this the ego stands, m/s.
@@ -31,15 +30,12 @@ const AT_REST_MPS: f64 = 0.05;
 const LEAST_APPROACH_MPS: f64 = 0.3;
 /// What has run into the ego is run into by it once the ego comes so fast towards it.
 const PUSHES_MPS: f64 = 1.0;
+/// What closes no faster takes for ever to be met, m/s.
+const LEAST_CLOSING_MPS: f64 = 0.1;
 /// What was harmful so long before a collision was known to be, seconds.
 const HARMFUL_BEFORE_S: f64 = 2.0;
 /// So much of the route the driver under test is told, metres.
 const LONGEST_ROUTE_M: f64 = 60.0;
-/// A stop begins at this speed or above, m/s: the last of a crawl is none.
-const LEAST_STOP_MPS: f64 = 1.0;
-/// A hard brake goes on above this, and through pauses of this length.
-const STILL_HARD_MPS2: f64 = 2.0;
-const HARD_PAUSE_S: f64 = 0.5;
 
 /// Where a driver's files go.
 pub(super) struct Files<'a> {
@@ -112,6 +108,8 @@ fn drive_through(
         senses: needs_sensors || files.records,
         seen: Seen::default(),
         notes: Notes::new(),
+        busy_until_s: f64::NEG_INFINITY,
+        delay_s: config.reflex.latency_s,
         speed_error_mps: 0.0,
         steering_error_rad: 0.0,
         ego_kg,
@@ -123,7 +121,7 @@ fn drive_through(
             if let Err(error) = drive.see(step, step / every, plan, perception) {
                 let DriveError::External(error) = error else { return Err(error) };
                 perception.give_up();
-                end = End::Failed(error.to_string());
+                end = End::Failed(with_causes(&error));
                 break;
             }
             on_sample()?;
@@ -136,7 +134,9 @@ fn drive_through(
     let Run { recorder, notes, .. } = drive;
     let mut outcome = notes.finish(plan, &free_way_m, end);
     outcome.family.clone_from(family);
-    if let Some(recorder) = recorder.filter(|recorder| !recorder.is_empty()) {
+    // Half a drive is no episode of a data set; what it wrote keeps its unfinished name, which the next command clears away.
+    let is_whole = |recorder: &Recorder| !recorder.is_empty() && !outcome.is_failed();
+    if let Some(recorder) = recorder.filter(is_whole) {
         outcome.entry = Some(recorder.finish(files.folder, files.who, plan, config)?);
     }
     Ok(outcome)
@@ -168,6 +168,9 @@ struct Run<'a> {
     senses: bool,
     seen: Seen,
     notes: Notes,
+    /// Perception looks at its last sample until then, where its own time counts; and from that sample to the brake.
+    busy_until_s: f64,
+    delay_s: f64,
     /// What was measured beside the truth at the last sample: speed, and steering angle.
     speed_error_mps: f64,
     steering_error_rad: f64,
@@ -196,18 +199,30 @@ impl Run<'_> {
         let told = self.live.measured_state(sample_idx)?;
         self.speed_error_mps = told.speed_mps - true_state.speed_mps;
         self.steering_error_rad = told.steering_angle_rad - true_state.steering_angle_rad;
-        let found = perception.detect(
-            &self.zone,
-            &Instant {
-                episode: &plan.name,
-                sample_idx,
-                measured: sensed.as_ref().map(|(sample, ..)| &sample.measured),
-                present: &present,
-                true_state: &true_state,
-            },
-        )?;
-        let knows_velocities = perception.knows_velocities();
-        self.reflex.see(time_s, &self.live.world_from_ego(), &found, knows_velocities);
+        let is_busy = time_s + 1e-9 < self.busy_until_s;
+        let found = if is_busy {
+            Vec::new()
+        } else {
+            let is_loading = perception.is_loading();
+            let begin = std::time::Instant::now();
+            let found = perception.detect(
+                &self.zone,
+                &Instant {
+                    episode: &plan.name,
+                    sample_idx,
+                    measured: sensed.as_ref().map(|(sample, ..)| &sample.measured),
+                    present: &present,
+                    true_state: &true_state,
+                },
+            )?;
+            let is_timed = self.config.reflex.real_latency && !is_loading;
+            let took_s = if is_timed { begin.elapsed().as_secs_f64() } else { 0.0 };
+            self.busy_until_s = time_s + took_s;
+            self.delay_s = self.config.reflex.latency_s + took_s;
+            let knows_velocities = perception.knows_velocities();
+            self.reflex.see([time_s, took_s], &self.live.world_from_ego(), &found, knows_velocities);
+            found
+        };
         (self.seen.present, self.seen.harmful, self.seen.at_m) = (present, harmful, self.notes.distance_m);
         self.notes.n_samples += 1;
         if let (Some(recorder), Some(sensed)) = (&mut self.recorder, sensed) {
@@ -271,39 +286,30 @@ impl Run<'_> {
 
     fn note_braking(&mut self, time_s: f64, speed_mps: f64, orders: &EgoOrders) {
         let since_m = self.notes.distance_m - self.seen.at_m;
-        let Notes { has_braked, first_brake_ttc_s, hard_until_s, hard_stops, .. } = &mut self.notes;
+        let Notes { has_braked, first_brake_ttc_s, .. } = &mut self.notes;
         let moves = speed_mps > STANDS_MPS;
         if orders.braking_mps2.is_some() && moves && !self.seen.harmful.is_empty() && !*has_braked {
             *has_braked = true;
             let bumper_m = car::FRONT_BUMPER_X_M;
-            let ahead_m = |object: &Object| {
+            let ttc_s = |object: &Object| {
                 let corners = object.solid_in_ego().footprint();
-                corners.iter().map(|corner| corner.x_m - bumper_m).fold(f64::INFINITY, f64::min).max(0.0)
+                let ahead_m =
+                    corners.iter().map(|corner| corner.x_m - bumper_m).fold(f64::INFINITY, f64::min);
+                let closing_mps = speed_mps - object.velocity_in_ego_mps[0];
+                (closing_mps > LEAST_CLOSING_MPS).then(|| (ahead_m - since_m).max(0.0) / closing_mps)
             };
             let harmful = self.seen.present.iter().filter(|(i, _)| self.seen.harmful.contains(i));
-            let gap_m = harmful.map(|(_, object)| ahead_m(object)).fold(f64::INFINITY, f64::min);
-            *first_brake_ttc_s = Some((gap_m - since_m).max(0.0) / speed_mps);
+            *first_brake_ttc_s = harmful.filter_map(|(_, object)| ttc_s(object)).min_by(f64::total_cmp);
         }
-        let braking_mps2 = orders.braking_mps2.unwrap_or(0.0);
-        let goes_on = time_s <= *hard_until_s && moves;
-        if goes_on && braking_mps2 > STILL_HARD_MPS2 {
-            *hard_until_s = time_s + HARD_PAUSE_S;
-        }
-        if braking_mps2 <= HARD_BRAKING_MPS2 || !moves || (!goes_on && speed_mps < LEAST_STOP_MPS) {
-            return;
-        }
-        if !goes_on {
-            hard_stops.push(HardStop { time_s, braking_mps2, is_false: true });
-        }
-        *hard_until_s = time_s + HARD_PAUSE_S;
-        let stop = hard_stops.last_mut().expect("one has just been noted, if none was");
-        stop.braking_mps2 = stop.braking_mps2.max(braking_mps2);
         // A hazard may be remembered, and the truth is known at samples alone.
         let reflex = &self.config.reflex;
-        let remembered_s = reflex.free_s + reflex.latency_s + self.config.world.sample_period_s;
-        if self.seen.any_harmful_s.is_some_and(|harmful_s| time_s - harmful_s <= remembered_s + 1e-9) {
-            stop.is_false = false;
-        }
+        let remembered_s = reflex.free_s + self.delay_s + self.config.world.sample_period_s;
+        let is_right =
+            self.seen.any_harmful_s.is_some_and(|harmful_s| time_s - harmful_s <= remembered_s + 1e-9);
+        let braking_mps2 = orders.braking_mps2.unwrap_or(0.0);
+        let order = Order { time_s, speed_mps, braking_mps2, moves, is_right };
+        self.notes.hard_stops.note(&order);
+        self.notes.brakes.note(&order);
     }
 
     fn note_contact(&mut self, time_s: f64, contact: &Contact) {
@@ -312,10 +318,11 @@ impl Run<'_> {
         let ego_mps = contact.ego_mps.xy().norm();
         let approach_mps = contact.ego_mps.dot(&contact.normal);
         // What stands still has come to nobody, however slowly it is touched.
-        let moves = contact.mass_kg.is_finite() && contact.other_mps.norm() >= STANDS_MPS;
+        let moves = contact.other_mps.norm() >= STANDS_MPS;
         let comes_mps = -contact.other_mps.dot(&contact.normal);
         let is_struck = if moves {
-            ego_mps < STANDS_MPS || approach_mps < LEAST_APPROACH_MPS
+            // What leaves as fast as the ego comes has brushed it in passing.
+            ego_mps < STANDS_MPS || approach_mps < LEAST_APPROACH_MPS || approach_mps + comes_mps <= 0.0
         } else {
             ego_mps < AT_REST_MPS || (ego_mps < STANDS_MPS && comes_mps > approach_mps.max(0.0))
         };
@@ -349,6 +356,7 @@ impl Run<'_> {
             spot: object.map_or(Spot::None, |object| object.spot),
             is_background: object.is_some_and(|object| object.is_background),
             impact_mps: along_mps,
+            relative_mps: Some(relative_mps.norm()),
             ego_mps,
             energy_j: reduced_kg * along_mps * along_mps / 2.0,
             set_off_s: set_off.map(|[set_off_s, _]| set_off_s),

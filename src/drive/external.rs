@@ -9,9 +9,11 @@ use std::io::{self, Read, Write};
 use std::os::unix::process::CommandExt as _;
 use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
 use std::time::Duration;
 
-use fs_err::File;
+use rustix::process::{Pid, Signal, kill_process_group};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -20,7 +22,7 @@ use crate::files::sha256_hex;
 use crate::geometry::{Box3, Frame, Pinhole, Transform};
 use crate::object::Detection;
 use crate::sample::{EgoState, ImageFormat, Measured};
-use crate::worker::last_lines;
+use crate::worker::{STDERR_TAIL_BYTES, last_lines_of};
 
 /// Longest answer that is read.
 const MAX_ANSWER_BYTES: u32 = 16 * 1024 * 1024;
@@ -33,6 +35,8 @@ const EPISODE_DIGITS: usize = 16;
 /// How often and how long to look whether one whose output has ended has ended itself.
 const N_LOOKS: u32 = 500;
 const LOOK: Duration = Duration::from_millis(10);
+/// .. for the rest of what it said.
+const N_LOOKS_AFTER_END: u32 = 50;
 /// The first answer may take so many times as long: programs load networks.
 pub(super) const FIRST_FACTOR: u32 = 10;
 
@@ -101,7 +105,7 @@ pub struct External {
     process: Child,
     /// Ends the program, however this process ends: a shell that waits for the end of its input.
     guard: Child,
-    stderr: File,
+    stderr: Tail,
     /// What it is told: a thread writes, so that a program that does not read holds up nobody.
     to: Sender<Vec<u8>>,
     /// What it said, message by message; closed where it ended.
@@ -117,20 +121,20 @@ impl External {
     /// [`ExternalError::Start`].
     pub fn start(command: &str, reply_s: f64) -> Result<Self, ExternalError> {
         let fail = |source| ExternalError::Start { command: command.to_owned(), source };
-        let stderr = File::from_parts(tempfile::tempfile().map_err(fail)?, "the detector's stderr");
         let mut process = Command::new("sh")
             .args(["-c", command])
             // A group of its own, so that the program ends with the shell that it was started by.
             .process_group(0)
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
-            .stderr(stderr.file().try_clone().map_err(fail)?)
+            .stderr(Stdio::piped())
             .spawn()
             .map_err(fail)?;
         let guard = guard_of(&process).map_err(|error| {
             end(&mut process);
             fail(error)
         })?;
+        let stderr = Tail::of(process.stderr.take().expect("stderr is piped"));
         let mut stdin = process.stdin.take().expect("stdin is piped");
         let (to, told) = channel::<Vec<u8>>();
         std::thread::spawn(move || {
@@ -210,10 +214,12 @@ impl External {
     }
 
     /// The command, and the end of what it said on standard error.
-    fn describe(&mut self) -> String {
-        match last_lines(&mut self.stderr) {
-            Ok(tail) if !tail.is_empty() => format!("`{}`; it said:\n    {tail}", self.command),
-            _ => format!("`{}`", self.command),
+    fn describe(&self) -> String {
+        let tail = self.stderr.last_lines();
+        if tail.is_empty() {
+            format!("`{}`", self.command)
+        } else {
+            format!("`{}`; it said:\n    {tail}", self.command)
         }
     }
 
@@ -221,12 +227,53 @@ impl External {
     fn last_words(&mut self) -> String {
         for _ in 0..N_LOOKS {
             match self.process.try_wait() {
-                Ok(Some(status)) => return status.to_string(),
+                Ok(Some(status)) => {
+                    self.stderr.wait_for_end();
+                    return status.to_string();
+                }
                 Ok(None) => std::thread::sleep(LOOK),
                 Err(error) => return error.to_string(),
             }
         }
         "it closed its standard output and runs on".to_owned()
+    }
+}
+
+/// The end of what a program says on standard error, however much that is.
+#[derive(Debug)]
+struct Tail {
+    bytes: Arc<Mutex<Vec<u8>>>,
+    reader: JoinHandle<()>,
+}
+
+impl Tail {
+    fn of(mut from: impl Read + Send + 'static) -> Self {
+        let bytes = Arc::new(Mutex::new(Vec::new()));
+        let kept = Arc::clone(&bytes);
+        let reader = std::thread::spawn(move || {
+            let mut part = [0; 8 * 1024];
+            while let Ok(n @ 1..) = from.read(&mut part) {
+                let mut kept = kept.lock().unwrap_or_else(PoisonError::into_inner);
+                kept.extend_from_slice(&part[..n]);
+                let n_surplus = kept.len().saturating_sub(STDERR_TAIL_BYTES as usize);
+                kept.drain(..n_surplus);
+            }
+        });
+        Self { bytes, reader }
+    }
+
+    /// What a program that has ended said last is still on its way; one that it started may hold its standard error open.
+    fn wait_for_end(&self) {
+        for _ in 0..N_LOOKS_AFTER_END {
+            if self.reader.is_finished() {
+                break;
+            }
+            std::thread::sleep(LOOK);
+        }
+    }
+
+    fn last_lines(&self) -> String {
+        last_lines_of(&self.bytes.lock().unwrap_or_else(PoisonError::into_inner))
     }
 }
 
@@ -326,8 +373,7 @@ impl Drop for External {
 
 /// Ends a process and its group. It has nothing to save: the drive is over, or it has failed.
 fn end(process: &mut Child) {
-    let group = format!("-{}", process.id());
-    let _ = Command::new("kill").args(["-KILL", "--", &group]).stderr(Stdio::null()).status();
+    let _ = kill_process_group(Pid::from_child(process), Signal::KILL);
     let _ = process.kill();
     let _ = process.wait();
 }

@@ -92,6 +92,11 @@ impl Perception {
         }
     }
 
+    /// Whether its next answer is the first of its program, which loads what it needs: no time that a car on its way would wait.
+    pub fn is_loading(&self) -> bool {
+        matches!(self, Self::External { running: None, .. })
+    }
+
     /// Whether the velocities of its boxes are to be believed: one sample shows a network none.
     pub fn knows_velocities(&self) -> bool {
         matches!(self, Self::Truth)

@@ -56,10 +56,11 @@ impl Reflex {
         })
     }
 
-    /// Takes the boxes of a sample, which was measured at a time and a place; `knows_velocities` of who knows more than boxes.
+    /// Takes the boxes of a sample, which was measured at a time and a place and was looked at for so long; `knows_velocities` of who
+    /// knows more than boxes.
     pub fn see(
         &mut self,
-        time_s: f64,
+        [time_s, took_s]: [f64; 2],
         world_from_ego: &Transform<World, Ego>,
         found: &[Detection],
         knows_velocities: bool,
@@ -76,7 +77,11 @@ impl Reflex {
             }),
             meets: false,
         });
-        self.due.push_back(Sample { time_s, seen: seen.collect(), due_s: time_s + self.config.latency_s });
+        self.due.push_back(Sample {
+            time_s,
+            seen: seen.collect(),
+            due_s: time_s + self.config.latency_s + took_s,
+        });
     }
 
     /// What the driver is to do at a time; `state` is what the car measures of itself, `route` its route over ground from the bumper

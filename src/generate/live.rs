@@ -23,7 +23,7 @@ use super::{CheckedConfig, EpisodePlan, GenerateError, map};
 use crate::config::to_toml;
 use crate::episode::{EpisodeMeta, EpisodeWriter, MapDrawing, OtherSensors};
 use crate::geometry::{Ego, Transform, World};
-use crate::object::Object;
+use crate::object::{Distribution, Kind, Object};
 use crate::random;
 use crate::sample::{CameraView, EgoState, LidarView, Measured, Sample, Sweep, Truth};
 use crate::scene::{self, EgoOrders, Motion, SceneObject, populate_in};
@@ -57,7 +57,7 @@ pub struct Contact {
     pub other_mps: Vector3<f64>,
     /// Out of the ego.
     pub normal: Vector3<f64>,
-    /// Infinite for what is fixed to the ground.
+    /// Infinite for what is built into the street.
     pub mass_kg: f64,
 }
 
@@ -215,10 +215,21 @@ impl<'a> LiveEpisode<'a> {
             Some(Motion::Drives { .. } | Motion::Walks(_) | Motion::Follows(_) | Motion::Dashes(_)) => {
                 (moved_mps, masses_kg[touch.body])
             }
-            Some(Motion::Still) | None => (Vector3::zeros(), f64::INFINITY),
+            Some(Motion::Still) => (Vector3::zeros(), self.still_mass_kg(object_idx)),
+            None => (Vector3::zeros(), f64::INFINITY),
         };
         let (body, ego_mps, normal) = (touch.body, touch.own_mps, touch.normal);
         Contact { object_idx, body, ego_mps, other_mps, normal, mass_kg }
+    }
+
+    /// The mass of what does not move: what lies, and who has parked, weighs what its model does; what is built into the street does not
+    /// give way.
+    fn still_mass_kg(&self, object_idx: Option<usize>) -> f64 {
+        let Some(i) = object_idx else { return f64::INFINITY };
+        let object = &self.world.objects()[i];
+        let is_built_in =
+            object.kind == Kind::Static && object.distribution == Distribution::Id && !object.is_background;
+        if is_built_in { f64::INFINITY } else { self.world.models[self.world.placements[i].model].mass_kg }
     }
 
     /// All objects near the ego that are ever annotated, whether they are seen or not, each with its number.

@@ -36,8 +36,11 @@ pub struct Collision {
     pub spot: Spot,
     /// Whether it is of the surroundings that are never annotated.
     pub is_background: bool,
-    /// Closing speed of ego and object.
+    /// Closing speed of ego and object, along the normal of the contact.
     pub impact_mps: f64,
+    /// Speed of the ego against the object, in whatever direction: of a graze much more than the closing speed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub relative_mps: Option<f64>,
     pub ego_mps: f64,
     /// `m v^2 / 2` with the reduced mass and the closing speed along the normal of the contact.
     pub energy_j: f64,
@@ -61,13 +64,13 @@ pub fn is_sudden(set_off_s: f64, ego_mps: f64) -> bool {
     set_off_s < REACTION_S + ego_mps / (2.0 * FULL_BRAKING_MPS2)
 }
 
-/// A hard brake: above 3 m/s² by perception's order.
+/// A brake by perception's order.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct HardStop {
     pub time_s: f64,
     /// Greatest braking that was ordered.
     pub braking_mps2: f64,
-    /// Whether nothing was truly harmful while it braked hard, nor for the time before in which a hazard is remembered.
+    /// Whether nothing was truly harmful while it braked, nor for the time before in which a hazard is remembered.
     pub is_false: bool,
 }
 
@@ -88,8 +91,13 @@ pub struct DriveOutcome {
     pub collision: Option<Collision>,
     /// Objects that ran into the ego while it stood, or towards which it did not drive: from the side or from behind.
     pub struck_by: Vec<String>,
+    /// Above 3 m/s².
     pub hard_stops: Vec<HardStop>,
-    /// At the first brake with something harmful ahead: its distance over the ego's speed.
+    /// Above 1 m/s², the hard ones too; empty in what older rules wrote.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub brakes: Vec<HardStop>,
+    /// At the first brake with something harmful there: until the ego would meet the first of it if both kept their speeds, from the
+    /// bumper along the ego's x axis. `None` where nothing comes nearer, too.
     pub first_brake_ttc_s: Option<f64>,
     /// Greatest deceleration of the car, over 0.25 s.
     pub hardest_mps2: f64,
@@ -110,5 +118,11 @@ impl DriveOutcome {
     #[must_use]
     pub fn n_false_stops(&self) -> usize {
         self.hard_stops.iter().filter(|stop| stop.is_false).count()
+    }
+
+    /// Brakes of any strength with nothing truly harmful.
+    #[must_use]
+    pub fn n_vain_brakes(&self) -> usize {
+        self.brakes.iter().filter(|stop| stop.is_false).count()
     }
 }

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::drive_outcome::{Collision, DriveOutcome, End};
 use super::groups::{GroupFigures, groups};
-use super::measure::{Draws, Measure, Of, Ratio};
+use super::measure::{Draws, Measure, Of, Ratio, yes};
 use super::who::{Source, Who};
 
 /// Bounds between the bands of impact speed, m/s.
@@ -57,6 +57,9 @@ pub struct Figures {
     /// How many these are.
     pub n_not_sudden: Option<usize>,
     pub false_stops_per_km: Measure,
+    /// Brakes above 1 m/s² with nothing truly harmful, the false stops too; `None` in what older rules wrote.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub vain_brakes_per_km: Option<Measure>,
     /// Drives that ended standing before nothing.
     #[serde(default)]
     pub stuck_per_km: Measure,
@@ -169,10 +172,6 @@ fn collides(outcomes: &[DriveOutcome], i: usize) -> bool {
     outcomes[i].collision.is_some()
 }
 
-fn yes(is: bool) -> f64 {
-    f64::from(u8::from(is))
-}
-
 fn figures(who: &Who, of: Beside<'_>, n_failed: usize, first: Option<(&Who, Beside<'_>)>) -> Figures {
     let Beside { outcomes, blind, truth } = of;
     let n = outcomes.len();
@@ -219,6 +218,7 @@ fn figures(who: &Who, of: Beside<'_>, n_failed: usize, first: Option<(&Who, Besi
         avoided_of_not_sudden_share: blind.map(|_| share(of_blind, &avoids, &|i| of.is_not_sudden(i))),
         n_not_sudden: blind.map(|_| count(&|i| of.is_not_sudden(i))),
         false_stops_per_km: rate(&|i| outcomes[i].n_false_stops() as f64),
+        vain_brakes_per_km: Some(rate(&|i| outcomes[i].n_vain_brakes() as f64)),
         stuck_per_km: rate(&|i| yes(is_stuck(i))),
         over_first: first.map(|(first, other)| over(first, of, other, &draws)),
         progress: draws.ratio(Ratio::Mean, &|i| outcomes[i].distance_m, &|i| outcomes[i].free_m),
@@ -232,7 +232,7 @@ fn figures(who: &Who, of: Beside<'_>, n_failed: usize, first: Option<(&Who, Besi
         stuck_share: share_of(&End::Stuck),
         n_struck: outcomes.iter().map(|outcome| outcome.struck_by.len()).sum(),
         mean_energy_j: (!collisions.is_empty()).then(|| energy_j / collisions.len() as f64),
-        groups: groups(outcomes, blind, counted),
+        groups: groups(outcomes, blind, &draws, of_both, counted),
     }
 }
 

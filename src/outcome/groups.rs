@@ -1,10 +1,11 @@
 //! Drives by what was hit, where and in what weather.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 
 use super::drive_outcome::{Collision, DriveOutcome};
+use super::measure::{Draws, Measure, Ratio, yes};
 
 /// One group of episodes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -17,13 +18,20 @@ pub struct GroupFigures {
     pub n_avoided: usize,
     pub n_false_stops: usize,
     pub driven_km: f64,
+    /// Of the avoidable ones, those that were avoided; `None` in what older rules wrote, as is the next.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub avoided_share: Option<Measure>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub false_stops_per_km: Option<Measure>,
 }
 
-/// The episodes by town, by weather, and by what `blind` (or, without it, the driver) ran into.
+/// The episodes by town, by weather, and by what `blind` (or, without it, the driver) ran into; `avoided` is the kind of the share.
 pub(super) fn groups(
     outcomes: &[DriveOutcome],
     blind: Option<&[DriveOutcome]>,
-    is_counted: impl Fn(usize) -> bool,
+    draws: &Draws,
+    avoided: Ratio,
+    is_counted: impl Fn(usize) -> bool + Sync,
 ) -> BTreeMap<String, Vec<GroupFigures>> {
     let hit = |i: usize| blind.unwrap_or(outcomes)[i].collision.as_ref();
     let of_hit =
@@ -42,27 +50,59 @@ pub(super) fn groups(
         ("spot", &|i| of_hit(i, &|hit| hit.spot.name().to_owned())),
     ];
     let of_axis = |(axis, name): (&str, &dyn Fn(usize) -> String)| {
-        let mut of_name: BTreeMap<String, GroupFigures> = BTreeMap::new();
-        for (i, outcome) in outcomes.iter().enumerate() {
-            let name = name(i);
-            let group = of_name.entry(name.clone()).or_insert(GroupFigures {
-                name,
-                n_episodes: 0,
-                n_collisions: 0,
-                n_avoidable: 0,
-                n_avoided: 0,
-                n_false_stops: 0,
-                driven_km: 0.0,
-            });
-            let collides = outcome.collision.is_some();
-            group.n_episodes += 1;
-            group.n_collisions += usize::from(collides);
-            group.n_avoidable += usize::from(is_counted(i));
-            group.n_avoided += usize::from(is_counted(i) && !collides);
-            group.n_false_stops += outcome.n_false_stops();
-            group.driven_km += outcome.distance_m / 1000.0;
+        let mut members: BTreeMap<String, BTreeSet<usize>> = BTreeMap::new();
+        for i in 0..outcomes.len() {
+            members.entry(name(i)).or_default().insert(i);
         }
-        (axis.to_owned(), of_name.into_values().collect())
+        let of_group = |(name, members): (String, BTreeSet<usize>)| {
+            let collides = |i: usize| outcomes[i].collision.is_some();
+            let counted = |i: usize| members.contains(&i) && is_counted(i);
+            let count = |is: &dyn Fn(usize) -> bool| members.iter().filter(|&&i| is(i)).count();
+            let km = |i: usize| if members.contains(&i) { outcomes[i].distance_m / 1000.0 } else { 0.0 };
+            let n_false_stops =
+                |i: usize| if members.contains(&i) { outcomes[i].n_false_stops() as f64 } else { 0.0 };
+            GroupFigures {
+                n_episodes: members.len(),
+                n_collisions: count(&collides),
+                n_avoidable: count(&counted),
+                n_avoided: count(&|i| counted(i) && !collides(i)),
+                n_false_stops: members.iter().map(|&i| outcomes[i].n_false_stops()).sum(),
+                driven_km: members.iter().map(|&i| km(i)).sum(),
+                avoided_share: Some(
+                    draws.ratio(avoided, &|i| yes(counted(i) && !collides(i)), &|i| yes(counted(i))),
+                ),
+                false_stops_per_km: Some(draws.ratio(Ratio::Rate, &n_false_stops, &km)),
+                name,
+            }
+        };
+        (axis.to_owned(), members.into_iter().map(of_group).collect())
     };
     axes.into_iter().map(of_axis).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::outcome::compare;
+    use crate::outcome::test_data::drives;
+
+    #[test]
+    fn each_group_has_its_share_avoided_and_its_false_stops_with_intervals() {
+        let mut small = drives("small", [Some(3.0), None, None, None]);
+        for (outcome, town) in small.1.iter_mut().zip(["market", "market", "market", "suburb"]) {
+            outcome.town = town.to_owned();
+        }
+        let stop = crate::outcome::HardStop { time_s: 1.0, braking_mps2: 5.0, is_false: true };
+        small.1[3].hard_stops = vec![stop; 2];
+        let figures = compare(&[drives("blind", [Some(3.0); 4]), drives("truth", [None; 4]), small]);
+        let [market, suburb] = &figures[2].groups["town"][..] else { panic!("{:?}", figures[2].groups) };
+        let avoided = market.avoided_share.unwrap();
+        assert_eq!((market.n_avoided, market.n_avoidable), (2, 3));
+        assert!((avoided.value.unwrap() - 2.0 / 3.0).abs() < 1e-12);
+        let [low, high] = avoided.interval.unwrap();
+        assert!(low < 0.5 && high == 1.0, "{avoided:?}");
+        // Two in 0.1 km, all of them in one drive.
+        assert_eq!(suburb.false_stops_per_km.unwrap().value, Some(20.0));
+        assert_eq!(market.false_stops_per_km.unwrap().value, Some(0.0));
+        assert!(market.false_stops_per_km.unwrap().interval.unwrap()[1] > 10.0);
+    }
 }

@@ -129,6 +129,10 @@ impl Draws {
     }
 }
 
+pub(super) fn yes(is: bool) -> f64 {
+    f64::from(u8::from(is))
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::test_data::drives;

@@ -120,6 +120,7 @@ pub fn drive_rows(figures: &[Figures]) -> Vec<Vec<String>> {
         "a km",
         "avoided",
         "false stops a km",
+        "brakes in vain a km",
         "stuck a km",
         "progress",
         "s to collision at first brake",
@@ -161,6 +162,7 @@ fn row(of: &Figures) -> Vec<String> {
             .or(of.avoided_of_all_share)
             .map_or_else(|| "-".to_owned(), |share| share.to_string()),
         of.false_stops_per_km.to_string(),
+        of.vain_brakes_per_km.map_or_else(|| "-".to_owned(), |brakes| brakes.to_string()),
         of.stuck_per_km.to_string(),
         of.progress.to_string(),
         of.first_brake_ttc_s.to_string(),

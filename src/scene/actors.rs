@@ -4,11 +4,13 @@ use nalgebra::Vector3;
 use rand::RngExt as _;
 
 use super::actor_config::{ActorConfig, ActorMotion};
+use super::car;
 use super::dash::Dash;
 use super::error::SceneError;
 use super::events::AIR_M;
 use super::loose::{Loose, standing, throw};
 use super::models::{self, Model};
+use super::occupancy::Footprint;
 use super::parties::{actor_name, actor_people};
 use super::path::{Vec2, direction_of};
 use super::populate::{Filler, PopulateConfig};
@@ -80,15 +82,34 @@ fn choices(
 impl Filler<'_> {
     /// Puts the config's actors, before anything else takes their ground.
     pub(super) fn place_actors(&mut self, route: &Route, start_m: f64) -> Result<(), SceneError> {
+        let ego = Footprint {
+            center: route.path.at(start_m + car::FRONT_BUMPER_X_M - car::EGO_LENGTH_M / 2.0),
+            yaw_rad: route.path.heading_rad(start_m),
+            length_m: car::EGO_LENGTH_M,
+            width_m: car::EGO_WIDTH_M,
+        };
+        // Who stands on the ground; what comes from above may begin over something.
+        let mut placed = vec![("the ego".to_owned(), ego)];
         for (name, actor) in &self.config.actors {
             let mut rng = random::stream(self.seed, &format!("actor {name}"), 0);
             let choices = choices(self.models, self.config, name, actor)?;
             let model = choices[rng.random_range(0..choices.len())];
             let station_m = start_m + actor.ahead_m;
+            let end_m = route.path.length_m() - start_m;
+            if actor.ahead_m > end_m {
+                return Err(SceneError::ActorOffRoute { actor: name.clone(), ahead_m: actor.ahead_m, end_m });
+            }
             let at = route.path.beside(station_m, actor.left_m);
             let yaw_rad = route.path.heading_rad(station_m) + actor.yaw_deg.to_radians();
             let (motion, over_m) = self.actor_motion(actor, model, route, (station_m, at, yaw_rad));
-            self.occupied.take(footprint_of(&self.models[model], at, yaw_rad));
+            let footprint = footprint_of(&self.models[model], at, yaw_rad);
+            if actor.motion != ActorMotion::Flies {
+                if let Some((with, _)) = placed.iter().find(|(_, other)| other.meets(&footprint)) {
+                    return Err(SceneError::ActorWithin { actor: name.clone(), with: with.clone() });
+                }
+                placed.push((format!("the actor `{name}`"), footprint));
+            }
+            self.occupied.take(footprint);
             self.put(model, at, over_m, yaw_rad, motion, &mut rng);
             let placement = self.placements.last_mut().expect("it was just put there");
             placement.id = format!("{}-{name}", self.models[model].facts.category);

@@ -21,6 +21,12 @@ pub enum SceneError {
     Model { message: String, path: PathBuf },
     #[error("the actor `{actor}` is a `{model}`, and no model or category is called so; there are {}", found.join(", "))]
     UnknownModel { actor: String, model: String, found: Vec<String> },
+    #[error(
+        "the actor `{actor}` stands {ahead_m} m ahead of the ego (ahead_m), whose route ends after {end_m:.0} m"
+    )]
+    ActorOffRoute { actor: String, ahead_m: f64, end_m: f64 },
+    #[error("the actor `{actor}` stands within {with}; another ahead_m or left_m is needed")]
+    ActorWithin { actor: String, with: String },
     #[error("the town `{town}` has no place where the ego could start")]
     NoStart { town: String },
 }

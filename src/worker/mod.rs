@@ -20,7 +20,7 @@ use serde::{Deserialize, Serialize};
 
 pub use call::{Call, Errand, SILENCE, TaskError};
 pub use engine::{Engine, do_all};
-pub use process::last_lines;
+pub use process::{STDERR_TAIL_BYTES, last_lines_of};
 pub use ray::RayCluster;
 
 use watchdog::Watchdog;

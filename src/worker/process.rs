@@ -16,7 +16,8 @@ use crate::interrupt;
 
 /// How much of what a process said on stderr is reported: lines, and bytes in which they are looked for.
 const STDERR_TAIL_LINES: usize = 15;
-const STDERR_TAIL_BYTES: u64 = 64 * 1024;
+/// So much of what a process says on standard error is read.
+pub const STDERR_TAIL_BYTES: u64 = 64 * 1024;
 
 /// How often to look whether a process has ended by itself.
 const LOOK: Duration = Duration::from_millis(10);
@@ -145,14 +146,20 @@ impl Process {
 ///
 /// # Errors
 /// The file cannot be read.
-pub fn last_lines(file: &mut fs_err::File) -> io::Result<String> {
+fn last_lines(file: &mut fs_err::File) -> io::Result<String> {
     let n_bytes = file.seek(SeekFrom::End(0))?;
     file.seek(SeekFrom::Start(n_bytes.saturating_sub(STDERR_TAIL_BYTES)))?;
     let mut bytes = Vec::new();
     file.take(STDERR_TAIL_BYTES).read_to_end(&mut bytes)?;
-    let text = String::from_utf8_lossy(&bytes);
+    Ok(last_lines_of(&bytes))
+}
+
+/// The last lines of a text, for a message.
+#[must_use]
+pub fn last_lines_of(bytes: &[u8]) -> String {
+    let text = String::from_utf8_lossy(bytes);
     let lines: Vec<&str> = text.lines().collect();
-    Ok(lines[lines.len().saturating_sub(STDERR_TAIL_LINES)..].join("\n    "))
+    lines[lines.len().saturating_sub(STDERR_TAIL_LINES)..].join("\n    ")
 }
 
 /// Why nothing was heard.

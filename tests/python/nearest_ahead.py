@@ -1,6 +1,7 @@
 """A detector without packages for `harmzone drive exec:`: one box round the points in the lane ahead.
 
-With a word as argument it misbehaves from the third sample on: `dies`, `hangs`, `prints`. With `wakes FOLDER`
+With a word as argument it misbehaves from the third sample on: `dies`, `hangs`, `prints`. With `dawdles`
+it takes half a second for each sample. With `wakes FOLDER`
 it finds nothing where that folder is not there, and makes it: it drives so once, and otherwise from then on.
 """
 
@@ -37,6 +38,8 @@ while (text := read_message()) is not None:
         time.sleep(3600)
     if n_seen == 3 and fault == "prints":
         print("loading weights ..", flush=True)
+    if fault == "dawdles":
+        time.sleep(0.5)
     rows = header["ego_from_lidar"]
     found = []
     for i in range(0, len(cloud), 5):

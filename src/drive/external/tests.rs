@@ -82,3 +82,81 @@ fn one_that_dies_hangs_or_talks_nonsense_is_told_apart() {
     let of_another = whole.replacen('{', "{\\\"sample_idx\\\": 2, ", 1);
     assert!(of_json(&of_another).contains("sample 3 was asked for"), "{}", of_json(&of_another));
 }
+
+/// One box, in JSON for [`answering`].
+const ONE: &str = "{\\\"center_m\\\": [9, 0, 1], \\\"size_m\\\": [1, 2, 3], \\\"yaw_rad\\\": 0, \\\"harm\\\": \\\"harmful\\\", \\\"score\\\": 0.5}";
+
+#[test]
+fn an_answer_may_come_in_pieces_and_must_come_whole() {
+    let told = format!("b = b'{{\\\"detections\\\": [{ONE}]}}'\nm = struct.pack('<I', len(b)) + b\n");
+    let in_pieces = format!("{told}for i in range(len(m)): o.write(m[i:i + 1]); o.flush()");
+    assert_eq!(ask(&answering(&in_pieces), 10.0).unwrap().len(), 1);
+    for part in ["m[:2]", "m[:20]"] {
+        let error = ask(&answering(&format!("{told}o.write({part})")), 10.0).unwrap_err().to_string();
+        assert!(error.contains("it ended within a message"), "{error}");
+    }
+}
+
+#[test]
+fn an_answer_that_nobody_asked_for_is_told_at_the_next_sample() {
+    let print = "b = b'{\\\"detections\\\": []}'\n[o.write(struct.pack('<I', len(b)) + b) for _ in range(2)]\no.flush()\ni.read()";
+    let mut external = External::start(&answering(print), 10.0).unwrap();
+    let data = test_data::dataset(1);
+    let measured = &data.samples()[0].measured;
+    external.detect("a", 0, measured).unwrap();
+    std::thread::sleep(Duration::from_millis(500));
+    let error = external.detect("a", 1, measured).unwrap_err().to_string();
+    assert!(error.contains("an answer to no sample"), "{error}");
+}
+
+#[test]
+fn numbers_without_end_and_boxes_without_number_are_refused() {
+    let of = |print: &str| ask(&answering(print), 10.0).unwrap_err().to_string();
+    for number in ["NaN", "1e999", "-Infinity"] {
+        let print = format!(
+            "b = b'{{\\\"detections\\\": [{}]}}'\no.write(struct.pack('<I', len(b)) + b)",
+            ONE.replacen('9', number, 1)
+        );
+        let error = of(&print);
+        assert!(error.contains("not usable"), "{number}: {error}");
+    }
+    let many = format!(
+        "b = b'{{\\\"detections\\\": [' + b', '.join([b'{ONE}'] * 1001) + b']}}'\no.write(struct.pack('<I', len(b)) + b)"
+    );
+    assert!(of(&many).contains("1001 boxes; at most 1000"), "{}", of(&many));
+}
+
+#[test]
+fn one_that_closes_its_output_and_runs_on_is_told() {
+    let error = ask("exec >&-; sleep 60", 30.0).unwrap_err().to_string();
+    assert!(error.contains("closed its standard output and runs on"), "{error}");
+}
+
+#[test]
+fn of_endless_words_the_end_is_kept() {
+    let mut external = External::start("yes a warning >&2", 0.05).unwrap();
+    let data = test_data::dataset(1);
+    let error = external.detect("a", 0, &data.samples()[0].measured).unwrap_err().to_string();
+    assert!(error.contains("no answer within") && error.contains("a warning"), "{error}");
+    assert!(error.len() < 2_000, "{} bytes", error.len());
+    assert!(external.stderr.bytes.lock().unwrap().len() <= STDERR_TAIL_BYTES as usize);
+}
+
+#[test]
+fn what_a_detector_has_started_ends_with_it() {
+    let mut external = External::start("sleep 600 & echo $! >&2; wait", 0.05).unwrap();
+    let data = test_data::dataset(1);
+    external.detect("a", 0, &data.samples()[0].measured).unwrap_err();
+    let child: u32 = external.stderr.last_lines().trim().parse().unwrap();
+    let runs = || {
+        let stat = fs_err::read_to_string(format!("/proc/{child}/stat")).unwrap_or_default();
+        !stat.is_empty() && !stat.contains(") Z ")
+    };
+    assert!(runs());
+    drop(external);
+    let n_looks = (0..N_LOOKS).find(|_| {
+        std::thread::sleep(LOOK);
+        !runs()
+    });
+    assert!(n_looks.is_some(), "it runs on");
+}

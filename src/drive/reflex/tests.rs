@@ -29,9 +29,9 @@ fn reflex(config: ReflexConfig) -> Reflex {
 #[test]
 fn one_sample_alone_does_not_brake_and_the_second_brakes_to_stop_before_the_box() {
     let mut reflex = reflex(ReflexConfig::default());
-    reflex.see(0.0, &at(0.0), &[crate_at(22.0, Harm::Harmful, 0.9)], false);
+    reflex.see([0.0, 0.0], &at(0.0), &[crate_at(22.0, Harm::Harmful, 0.9)], false);
     assert_eq!(reflex.orders(0.0, &at(0.0), &STATE, &[]).unwrap().braking_mps2, None);
-    reflex.see(0.3, &at(3.0), &[crate_at(19.0, Harm::Harmful, 0.9)], false);
+    reflex.see([0.3, 0.0], &at(3.0), &[crate_at(19.0, Harm::Harmful, 0.9)], false);
     // 100 / (2 (19 - 2)).
     let braking_mps2 = reflex.orders(0.3, &at(3.0), &STATE, &[]).unwrap().braking_mps2.unwrap();
     assert!((braking_mps2 - 100.0 / 34.0).abs() < 1e-9, "{braking_mps2}");
@@ -43,7 +43,7 @@ fn what_is_harmless_or_unsure_never_brakes() {
         let mut reflex = reflex(ReflexConfig::default());
         for i in 0..5 {
             let time_s = 0.3 * f64::from(i);
-            reflex.see(time_s, &at(0.0), &[found], false);
+            reflex.see([time_s, 0.0], &at(0.0), &[found], false);
             assert_eq!(reflex.orders(time_s, &at(0.0), &STATE, &[]).unwrap().braking_mps2, None);
         }
     }
@@ -53,7 +53,7 @@ fn what_is_harmless_or_unsure_never_brakes() {
 fn a_hazard_is_remembered_where_it_stands_until_the_way_was_free_for_a_second() {
     let mut reflex = reflex(ReflexConfig::default());
     for time_s in [0.0, 0.3] {
-        reflex.see(time_s, &at(0.0), &[crate_at(22.0, Harm::Harmful, 0.9)], false);
+        reflex.see([time_s, 0.0], &at(0.0), &[crate_at(22.0, Harm::Harmful, 0.9)], false);
         reflex.orders(time_s, &at(0.0), &STATE, &[]).unwrap();
     }
     // Half a second later, 5 m on, it asks for more, although nobody has seen it since.
@@ -71,11 +71,11 @@ fn what_stands_right_before_the_bumper_is_not_forgotten() {
         let mut reflex = reflex(ReflexConfig { near_m, ..ReflexConfig::default() });
         for i in 0..n_samples {
             let time_s = 0.3 * f64::from(i);
-            reflex.see(time_s, &at(0.0), &[crate_at(22.0, Harm::Harmful, 0.9)], false);
+            reflex.see([time_s, 0.0], &at(0.0), &[crate_at(22.0, Harm::Harmful, 0.9)], false);
             reflex.orders(time_s, &at(0.0), &STATE, &[]).unwrap();
         }
         // Nobody sees it any more.
-        reflex.see(3.9, &at(19.5), &[], false);
+        reflex.see([3.9, 0.0], &at(19.5), &[], false);
         let brakes = reflex.orders(4.0, &at(19.5), &STATE, &[]).unwrap().braking_mps2.is_some();
         assert_eq!(brakes, is_kept, "{near_m} m, {n_samples} samples");
         // Passed, it is.
@@ -93,7 +93,7 @@ fn who_stood_before_the_bumper_and_drives_off_is_not_remembered_there() {
         let time_s = 0.3 * f64::from(i);
         let gap_m = 2.1 + 0.45 * f64::from((i - 5).max(0));
         let harm = if gap_m < 3.5 { Harm::Harmful } else { Harm::Harmless };
-        reflex.see(time_s, &at(0.0), &[crate_at(gap_m, harm, 0.9)], false);
+        reflex.see([time_s, 0.0], &at(0.0), &[crate_at(gap_m, harm, 0.9)], false);
         brakes.push(reflex.orders(time_s, &at(0.0), &standing, &[]).unwrap().braking_mps2.is_some());
     }
     // It is last harmful at 2.4 s, and the way is free a second later.
@@ -107,7 +107,12 @@ fn of_two_that_stand_close_together_the_nearer_one_brakes_whichever_is_told_last
         let mut reflex = reflex(ReflexConfig::default());
         for i in 0..4 {
             let time_s = 0.3 * f64::from(i);
-            reflex.see(time_s, &at(0.0), &gaps_m.map(|gap_m| crate_at(gap_m, Harm::Harmful, 0.9)), false);
+            reflex.see(
+                [time_s, 0.0],
+                &at(0.0),
+                &gaps_m.map(|gap_m| crate_at(gap_m, Harm::Harmful, 0.9)),
+                false,
+            );
             let braking_mps2 = reflex.orders(time_s, &at(0.0), &STATE, &[]).unwrap().braking_mps2;
             // 100 / (2 (19 - 2)).
             assert!(i == 0 || (braking_mps2.unwrap() - 100.0 / 34.0).abs() < 1e-9, "{braking_mps2:?}");
@@ -123,7 +128,7 @@ fn a_box_seen_once_beside_a_known_thing_neither_brakes_nor_takes_its_place() {
             let time_s = 0.3 * i as f64;
             let found: Vec<Detection> =
                 gaps_m.iter().map(|&gap_m| crate_at(gap_m, Harm::Harmful, 0.9)).collect();
-            reflex.see(time_s, &at(0.0), &found, false);
+            reflex.see([time_s, 0.0], &at(0.0), &found, false);
             let braking_mps2 = reflex.orders(time_s, &at(0.0), &STATE, &[]).unwrap().braking_mps2;
             assert!(i == 0 || (braking_mps2.unwrap() - 100.0 / 36.0).abs() < 1e-9, "{braking_mps2:?}");
         }
@@ -135,7 +140,7 @@ fn latency_delays_the_brake() {
     let config = ReflexConfig { latency_s: 0.2, ..ReflexConfig::default() };
     let mut reflex = reflex(config);
     for time_s in [0.0, 0.3] {
-        reflex.see(time_s, &at(0.0), &[crate_at(22.0, Harm::Harmful, 0.9)], false);
+        reflex.see([time_s, 0.0], &at(0.0), &[crate_at(22.0, Harm::Harmful, 0.9)], false);
     }
     assert_eq!(reflex.orders(0.45, &at(0.0), &STATE, &[]).unwrap().braking_mps2, None);
     assert!(reflex.orders(0.5, &at(0.0), &STATE, &[]).unwrap().braking_mps2.is_some());
@@ -172,7 +177,7 @@ fn what_rolls_into_the_way_brakes_before_it_is_harmful_and_what_stands_or_rolls_
         let mut told = None;
         for (i, y_m) in ys_m.into_iter().enumerate() {
             let time_s = 0.3 * i as f64;
-            reflex.see(time_s, &at(0.0), &[rolling(y_m)], false);
+            reflex.see([time_s, 0.0], &at(0.0), &[rolling(y_m)], false);
             told = reflex.orders(time_s, &at(0.0), &STATE, &[]).unwrap().braking_mps2;
         }
         told
@@ -191,7 +196,7 @@ fn two_that_stand_side_by_side_are_not_taken_for_one_that_moves() {
     // The nearer one is seen at every second sample only.
     for (i, seen) in [&both[..], &both[1..], &both[..], &both[1..]].into_iter().enumerate() {
         let time_s = 0.3 * i as f64;
-        reflex.see(time_s, &at(0.0), seen, false);
+        reflex.see([time_s, 0.0], &at(0.0), seen, false);
         assert_eq!(reflex.orders(time_s, &at(0.0), &STATE, &[]).unwrap().braking_mps2, None, "{time_s} s");
     }
 }
@@ -203,7 +208,7 @@ fn of_who_knows_velocities_what_was_there_before_brakes_as_soon_as_it_moves() {
         [(0.0, 4.5, 0.0), (0.3, 4.5, 0.0), (0.6, 4.2, -3.0)].map(|(time_s, y_m, y_mps)| {
             let mut found = rolling(y_m);
             found.velocity_in_ego_mps = [0.0, y_mps];
-            reflex.see(time_s, &at(0.0), &[found], knows_velocities);
+            reflex.see([time_s, 0.0], &at(0.0), &[found], knows_velocities);
             reflex.orders(time_s, &at(0.0), &STATE, &[]).unwrap().braking_mps2.is_some()
         })
     };
@@ -217,7 +222,7 @@ fn boxes_below_the_score_for_braking_brake_a_little_until_two_samples_are_surer(
         let mut reflex = Reflex::new(&ReflexConfig::default(), CountsFrom { sure: 0.5, seen: 0.3 }).unwrap();
         scores.map(|score| {
             let time_s = reflex.history.front().map_or(0.0, |last| last.time_s + 0.3);
-            reflex.see(time_s, &at(0.0), &[crate_at(7.0, Harm::Harmful, score)], false);
+            reflex.see([time_s, 0.0], &at(0.0), &[crate_at(7.0, Harm::Harmful, score)], false);
             reflex.orders(time_s, &at(0.0), &STATE, &[]).unwrap().braking_mps2
         })
     };
@@ -236,7 +241,7 @@ fn what_is_foreseen_from_unsure_boxes_brakes_a_little() {
         let mut told = None;
         for (i, y_m) in [5.4, 4.5, 3.6].into_iter().enumerate() {
             let time_s = 0.3 * i as f64;
-            reflex.see(time_s, &at(0.0), &[Detection { score, ..rolling(y_m) }], false);
+            reflex.see([time_s, 0.0], &at(0.0), &[Detection { score, ..rolling(y_m) }], false);
             told = reflex.orders(time_s, &at(0.0), &STATE, &[]).unwrap().braking_mps2;
         }
         told.unwrap()

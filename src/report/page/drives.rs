@@ -4,7 +4,9 @@ use super::strips::worst_cases;
 use super::{ReportError, Side};
 use crate::eval::judge::Judge;
 use crate::eval::safety::{Alarms, OperatingPoint};
-use crate::outcome::{DriveSummary, Figures, Source, drive_rows, impact_rows, share_lines};
+use crate::outcome::{
+    DriveSummary, Figures, GroupFigures, Measure, Source, drive_rows, impact_rows, share_lines,
+};
 use crate::report::chart::{Axis, Chart, Look, Series, Tone, row};
 use crate::report::document::{Block, Figure};
 use crate::report::score_tables::to_words;
@@ -13,10 +15,12 @@ use crate::report::table::Table;
 use std::path::Path;
 
 /// Axes of groups that are drawn.
-const AXES: [(&str, &str); 3] = [
+const AXES: [(&str, &str); 5] = [
     ("family", "By scenario family"),
     ("hit by blind", "By what blind runs into"),
+    ("event", "By what happens to what blind runs into"),
     ("weather", "By weather"),
+    ("town", "By town"),
 ];
 /// Groups with fewer episodes in which something could be avoided are left out.
 const LEAST_AVOIDABLE: usize = 2;
@@ -47,6 +51,9 @@ pub fn blocks(
     let mut figures: Vec<Figure> = trade_off(&summary.figures)?.into_iter().collect();
     for (axis, title) in AXES {
         figures.extend(by_group(&summary.figures, axis, title)?);
+    }
+    for (axis, title) in [("weather", "False stops by weather"), ("town", "False stops by town")] {
+        figures.extend(false_stops_by_group(&summary.figures, axis, title)?);
     }
     if !figures.is_empty() {
         blocks.push(Block::Figures { figures });
@@ -81,40 +88,88 @@ fn trade_off(figures: &[Figures]) -> Result<Option<Figure>, ReportError> {
     Ok(Some(Figure::new(&chart)?.with_caption("Better is up and to the left.")))
 }
 
-/// The share avoided in each group, for all drivers but the floor and the ceiling.
+/// The drivers that are tested: all but the floor and the ceiling.
+fn tested(figures: &[Figures]) -> Vec<&Figures> {
+    figures.iter().filter(|of| !matches!(of.who.source, Source::Blind | Source::Truth)).collect()
+}
+
+/// The share avoided in each group.
 fn by_group(figures: &[Figures], axis: &str, title: &str) -> Result<Option<Figure>, ReportError> {
-    let tested: Vec<&Figures> =
-        figures.iter().filter(|of| !matches!(of.who.source, Source::Blind | Source::Truth)).collect();
-    let Some(first) = tested.first() else { return Ok(None) };
-    let groups = first.groups.get(axis).map_or(&[][..], Vec::as_slice);
-    let names: Vec<&str> = groups
+    let tested = tested(figures);
+    let Some(first) = tested.first().filter(|of| of.avoided_of_all_share.is_some()) else { return Ok(None) };
+    let is_drawn = |group: &&GroupFigures| group.n_avoidable >= LEAST_AVOIDABLE && !group.name.is_empty();
+    let rows: Vec<(&str, String)> = groups_of(first, axis)
         .iter()
-        .filter(|group| group.n_avoidable >= LEAST_AVOIDABLE && !group.name.is_empty())
-        .map(|group| group.name.as_str())
+        .filter(is_drawn)
+        .map(|group| (group.name.as_str(), format!("{} ({})", to_words(&group.name), group.n_avoidable)))
         .collect();
-    if names.is_empty() || first.avoided_of_all_share.is_none() {
+    // What older rules wrote has no intervals.
+    let counted = |group: &GroupFigures| Measure {
+        value: Some(group.n_avoided as f64 / group.n_avoidable as f64),
+        interval: group.avoided_share.and_then(|share| share.interval),
+    };
+    in_rows(&tested, axis, title, Axis::share("avoided"), &rows, &counted)
+}
+
+/// The false stops in each group, where they are known with their intervals.
+fn false_stops_by_group(figures: &[Figures], axis: &str, title: &str) -> Result<Option<Figure>, ReportError> {
+    let tested = tested(figures);
+    let Some(first) = tested.first() else { return Ok(None) };
+    let rate = |group: &GroupFigures| group.false_stops_per_km.unwrap_or_default();
+    let is_drawn = |group: &&GroupFigures| !group.name.is_empty() && rate(group).value.is_some();
+    let rows: Vec<(&str, String)> = groups_of(first, axis)
+        .iter()
+        .filter(is_drawn)
+        .map(|group| (group.name.as_str(), format!("{} ({:.1} km)", to_words(&group.name), group.driven_km)))
+        .collect();
+    if rows.len() < 2 {
         return Ok(None);
     }
-    let series = tested.iter().take(Tone::ROW.len()).enumerate().map(|(i, of)| {
+    let ends = tested.iter().flat_map(|of| groups_of(of, axis)).map(rate);
+    let highest = 1.5 * ends.filter_map(|of| of.value).fold(1.0, f64::max);
+    // A group of few kilometres has an interval longer than the picture.
+    let drawn = |group: &GroupFigures| {
+        let Measure { value, interval } = rate(group);
+        Measure { value, interval: interval.map(|ends| ends.map(|end| end.min(highest))) }
+    };
+    in_rows(&tested, axis, title, Axis::over("false stops a km", 0.0, highest), &rows, &drawn)
+}
+
+fn groups_of<'a>(of: &'a Figures, axis: &str) -> &'a [GroupFigures] {
+    of.groups.get(axis).map_or(&[], Vec::as_slice)
+}
+
+/// A row a group, and in it a dot a driver with its interval.
+fn in_rows(
+    tested: &[&Figures],
+    axis: &str,
+    title: &str,
+    x: Axis,
+    rows: &[(&str, String)],
+    measure: &dyn Fn(&GroupFigures) -> Measure,
+) -> Result<Option<Figure>, ReportError> {
+    if rows.is_empty() {
+        return Ok(None);
+    }
+    let n_drawn = tested.len().min(Tone::ROW.len());
+    let mut series = Vec::new();
+    for (i, of) in tested.iter().take(n_drawn).enumerate() {
         // Drivers lie a little above and below their row.
-        let shift = 0.12 * ((tested.len().min(Tone::ROW.len()) - 1) as f64 / 2.0 - i as f64);
-        let place = |(n, name): (usize, &&str)| {
-            let group = of.groups.get(axis)?.iter().find(|group| group.name == **name)?;
-            Some((group.n_avoided as f64 / group.n_avoidable as f64, row(n, names.len()) + shift))
-        };
-        let points = names.iter().enumerate().filter_map(place).collect();
-        Series::new(of.who.name.clone(), Tone::ROW[i], Look::Dots, points)
-    });
-    let rows: Vec<String> = names
-        .iter()
-        .map(|name| {
-            let group = groups.iter().find(|group| group.name == **name).expect("it is one of them");
-            format!("{} ({})", to_words(name), group.n_avoidable)
-        })
-        .collect();
-    let height_px = 84 + 26 * names.len() as u32;
-    let chart = Chart::new(title, Axis::share("avoided"), Axis::rows(&rows), series.collect(), height_px);
-    Ok(Some(Figure::new(&chart)?))
+        let shift = 0.12 * ((n_drawn - 1) as f64 / 2.0 - i as f64);
+        let (mut dots, mut ends) = (Vec::new(), Vec::new());
+        for (n, (name, _)) in rows.iter().enumerate() {
+            let Some(group) = groups_of(of, axis).iter().find(|group| group.name == *name) else { continue };
+            let (at, Measure { value, interval }) = (row(n, rows.len()) + shift, measure(group));
+            dots.extend(value.map(|value| (value, at)));
+            ends.extend(interval.into_iter().flatten().map(|end| (end, at)));
+        }
+        series.push(Series::new(of.who.name.clone(), Tone::ROW[i], Look::Dots, dots));
+        series.push(Series::new("", Tone::ROW[i], Look::Strokes, ends));
+    }
+    let names: Vec<String> = rows.iter().map(|(_, text)| text.clone()).collect();
+    let height_px = 84 + 26 * rows.len() as u32;
+    let chart = Chart::new(title, x, Axis::rows(&names), series, height_px);
+    Ok(Some(Figure::new(&chart)?.with_caption("Intervals of 95 % by episode.")))
 }
 
 /// A driver at a score, and what the scores of recorded samples say of that score.
