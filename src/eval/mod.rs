@@ -27,6 +27,10 @@ mod sample;
 pub mod sweep;
 pub mod versus;
 
+/// Number of the rules by which scores are made: raised with each change of them, or of what a rival's boxes are, so that scores that were
+/// kept by other rules are made anew. 2: a closed set's boxes are ranked by the sum of their kinds.
+pub const SCORING: u32 = 2;
+
 pub use axis::Axis;
 pub use bootstrap::{Confidence, Intervals, interval, resample};
 pub use breakdown::{Breakdown, Group, GroupScores};

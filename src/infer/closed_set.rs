@@ -226,6 +226,7 @@ mod tests {
                 velocity_in_ego_mps: [0.0; 2],
                 spread: None,
                 score: 0.8,
+                objectness: 0.8,
                 logits,
                 features: features(i),
             }

@@ -163,6 +163,9 @@ pub struct KindBox {
     pub spread: Option<BoxSpread>,
     /// The heatmap, raised to the config's power, times the best kind's probability, 0 to 1.
     pub score: f32,
+    /// The same with the sum of the kinds' probabilities, 0 to 1: that there is an object, of whatever kind. A network that tells
+    /// harm is ranked by the sum of its classes in the same way.
+    pub objectness: f32,
     /// Before the sigmoid, in channel order.
     pub logits: [f32; N_KINDS],
     /// The features from which box and kind were predicted.
@@ -176,14 +179,15 @@ impl KindBox {
         (1..N_KINDS).fold(0, |best, i| if self.logits[i] > self.logits[best] { i } else { best })
     }
 
-    /// The box alone, for a rule that decides on its harm. Nobody has yet: the class in it means nothing.
+    /// The box alone, as sure as that there is an object, for a rule that decides on its harm. Nobody has yet: the class in it
+    /// means nothing.
     #[must_use]
     pub fn to_detection(&self) -> Detection {
         Detection {
             box_in_ego: self.box_in_ego,
             velocity_in_ego_mps: self.velocity_in_ego_mps,
             harm: Harm::Harmless,
-            score: self.score.into(),
+            score: self.objectness.into(),
             spread: self.spread,
         }
     }
@@ -204,12 +208,15 @@ pub fn kind_boxes(output: &Output, config: &ModelConfig, min_score: f32) -> Vec<
         min_score,
         |found| found.score,
         |of| {
+            let peak = config.head.raise_peak(of.query.score);
+            let probability = |logit: f32| 1.0 / (1.0 + (-logit).exp());
             let best = of.logits.iter().copied().fold(f32::NEG_INFINITY, f32::max);
             [KindBox {
                 box_in_ego: of.box_in_ego,
                 velocity_in_ego_mps: of.velocity_in_ego_mps,
                 spread: of.spread,
-                score: config.head.raise_peak(of.query.score) / (1.0 + (-best).exp()),
+                score: peak * probability(best),
+                objectness: (peak * of.logits.iter().copied().map(probability).sum::<f32>()).min(1.0),
                 logits: of.logits.try_into().expect("there is a logit for each kind"),
                 features: features[of.row * n_channels..(of.row + 1) * n_channels].to_vec(),
             }]
@@ -250,10 +257,11 @@ mod tests {
         let ahead_m = 20.0 + config.grid.cell_size_m;
         assert!((found[0].box_in_ego.center.x() - ahead_m).abs() < 1e-6);
         let alone = found[0].to_detection();
-        assert_eq!(
-            (alone.box_in_ego, alone.score as f32, alone.spread),
-            (found[0].box_in_ego, found[0].score, None)
-        );
+        assert_eq!((alone.box_in_ego, alone.spread), (found[0].box_in_ego, None));
+        // As sure as that any kind is there: what resembles two kinds is no weaker for it.
+        let of_others = 0.9 / (1.0 + 9_f32.exp()) + 0.9 * 0.5;
+        assert!((alone.score as f32 - (0.45 + of_others)).abs() < 1e-6, "{}", alone.score);
+        assert!(found.iter().all(|found| (found.score..=1.0).contains(&found.objectness)));
         assert_eq!(kind_boxes(&output, &config, 0.3)[0].len(), 1);
         // By the class alone: its probability is one half for both.
         config.head.heatmap_power = 0.0;

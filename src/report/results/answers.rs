@@ -2,10 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Results, SideBySide};
-use crate::eval::ClassScores;
+use super::{Results, SeedMeans, SideBySide};
 use crate::eval::safety::Alarms;
-use crate::eval::versus::{Versus, VersusFigure, VersusLine};
+use crate::eval::versus::{Versus, VersusFigure, VersusLine, column_name};
+use crate::eval::{ClassScores, Column};
 use crate::report::document::Block;
 use crate::report::missed;
 use crate::report::table::{number, percent};
@@ -43,8 +43,11 @@ fn standing(is_reported: bool) -> &'static str {
     if is_reported { "Split test." } else { "Development figures, split dev." }
 }
 
-/// What the network that ships misses, on split test where that is known.
+/// What the network that ships misses, on split test where that is known; the mean of its seeds, where all of them are.
 fn headline(results: &Results) -> Option<String> {
+    if let Some(means) = seed_means(results) {
+        return headline_of_seeds(means);
+    }
     let towns = results.reported.as_ref().and_then(|record| record.groups.last());
     let (alarms, [total, unfamiliar]): (Option<&Alarms>, [Option<ClassScores>; 2]) =
         match (towns, &results.headline) {
@@ -86,6 +89,55 @@ fn headline(results: &Results) -> Option<String> {
         mean(total),
         mean(unfamiliar),
         standing(towns.is_some()),
+    ))
+}
+
+/// The means of the network that ships and its repeats, where those of all towns are known.
+fn seed_means(results: &Results) -> Option<&SeedMeans> {
+    let record = results.reported.as_ref()?;
+    let is_of_all = |of: &&SeedMeans| {
+        of.networks.len() > 1
+            && of.networks.first() == Some(&record.checkpoint_sha256)
+            && of.groups.len() == record.groups.len()
+    };
+    results.seed_means.as_ref().filter(is_of_all)
+}
+
+fn headline_of_seeds(means: &SeedMeans) -> Option<String> {
+    let of = &means.groups.last()?.ood;
+    let missed = of.missed.get(of.missed.len() / 2)?;
+    // The line of the hardest stop to demand at that number of false alarms: the last that goes by its name.
+    let warned = of.warned.iter().rfind(|line| line.name.starts_with(&format!("{},", missed.name)));
+    let text = |line: &VersusLine, show: &dyn Fn(f64) -> String, unit: &str| -> Option<String> {
+        let figure = line.figures.first()?;
+        let interval = figure.interval.map(|ends| format!(" ({})", ends.map(show).join("–")));
+        Some(format!("{}{unit}{}", show(figure.value?), interval.unwrap_or_default()))
+    };
+    let share = |line: &VersusLine| text(line, &|value| number(Some(100.0 * value), 1), " %");
+    let ap_of = |column: Column| {
+        let line = of.mean.iter().find(|line| line.name == column_name(column))?;
+        text(line, &|value| number(Some(value), 3), "")
+    };
+    let in_time = warned.and_then(|line| {
+        let deceleration = line.name.rsplit_once(", ")?.1;
+        Some(format!(
+            "; they warn in time of {} of those that can be stopped for at {deceleration}",
+            share(line)?
+        ))
+    });
+    let unfamiliar = ap_of(Column::OodAll);
+    let unfamiliar = unfamiliar.map(|ap| format!(", of unfamiliar objects {ap} with all false positives"));
+    Some(format!(
+        "In drives with unfamiliar objects {} trainings of the network that ships miss {} of the {} harmful events {}, in the mean \
+         of their seeds{}. Mean AP there is {}{}. {}",
+        means.networks.len(),
+        share(missed)?,
+        missed.n_truths,
+        missed.name.replace("/km", " a kilometre"),
+        in_time.unwrap_or_default(),
+        ap_of(Column::Total)?,
+        unfamiliar.unwrap_or_default(),
+        standing(true),
     ))
 }
 
@@ -138,7 +190,7 @@ fn compared(line: &VersusLine, place: usize, show: &dyn Fn(f64) -> String) -> Op
 mod tests {
     use super::super::ReportedVersus;
     use super::super::blocks;
-    use super::super::test_data::{test_reported, test_results};
+    use super::super::test_data::{test_reported, test_results, test_seed_means, test_with_repeats};
     use super::*;
     use crate::report::document::markdown;
 
@@ -180,6 +232,30 @@ mod tests {
         assert!(top(&results).contains(sentence), "{}", top(&results));
         let reported = Results { reported: Some(test_reported()), ..results };
         assert!(top(&reported).contains("with all false positives. Split test."), "{}", top(&reported));
+    }
+
+    #[test]
+    fn of_several_seeds_the_mean_leads_with_its_intervals() {
+        let results = Results {
+            reported: Some(test_reported()),
+            seed_means: Some(test_seed_means()),
+            ..test_with_repeats()
+        };
+        let text = top(&results);
+        let sentence = "In drives with unfamiliar objects 3 trainings of the network that ships miss 55.0 % (51.0–58.0) of the 100 harmful \
+                        events at 10 false alarms a kilometre, in the mean of their seeds; they warn in time of 55.0 % (51.0–58.0) of those \
+                        that can be stopped for at 8 m/s². Mean AP there is 0.550 (0.510–0.580), of unfamiliar objects 0.550 (0.510–0.580) \
+                        with all false positives. Split test.";
+        assert!(text.contains(sentence), "{text}");
+        // Means of other networks, or of one alone, are not its.
+        let changes: [fn(&mut SeedMeans); 2] =
+            [|of| of.networks.truncate(1), |of| of.networks[0] = "9".repeat(64)];
+        for change in changes {
+            let mut means = test_seed_means();
+            change(&mut means);
+            let results = Results { seed_means: Some(means), ..results.clone() };
+            assert!(top(&results).contains("the network that ships misses"), "{}", top(&results));
+        }
     }
 
     #[test]

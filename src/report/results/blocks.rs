@@ -4,7 +4,8 @@ use super::answers;
 use super::reported::{development_block, reported_blocks};
 use super::seeds::{self, mean_of, missed_events};
 use super::{
-    MissedHarm, Record, ReportedVersus, Results, RivalRecord, SetRecord, SetScores, SideBySide, TableConfig,
+    MissedHarm, Record, ReportedRecord, ReportedVersus, Results, RivalRecord, SetRecord, SetScores,
+    SideBySide, TableConfig,
 };
 use crate::eval::ClassScores;
 use crate::report::document::Block;
@@ -52,8 +53,9 @@ fn side_by_side_blocks(results: &Results, of: &SideBySide) -> Vec<Block> {
         blocks.extend(tables(&of.of));
         return blocks;
     };
-    let headlines = results.reported.as_ref().and_then(|record| record.groups.first());
-    let other = if headlines.is_some_and(|towns| towns.ood.fingerprint != *fingerprint) {
+    let is_other =
+        |record: &ReportedRecord| !record.groups.iter().any(|towns| towns.ood.fingerprint == *fingerprint);
+    let other = if results.reported.as_ref().is_some_and(is_other) {
         " These are other data than those of the network that ships."
     } else {
         ""

@@ -22,6 +22,9 @@ pub struct ReportedRecord {
     /// The commit's date, or the one that was given.
     pub date: String,
     pub checkpoint_sha256: String,
+    /// Number of the rules of the scores.
+    #[serde(default)]
+    pub scoring: u32,
     /// The towns that come with harmzone; where there are maps by path, these, and all of them together.
     pub groups: Vec<ReportedGroup>,
     /// Maps that are not there, so that nothing is scored on them.

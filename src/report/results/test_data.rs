@@ -8,7 +8,7 @@ use super::{
 use crate::dataset::Fingerprint;
 use crate::eval::safety::{Alarms, MissedGroup, OperatingPoint, Warned};
 use crate::eval::versus::{Versus, VersusFigure, VersusLine};
-use crate::eval::{ClassScores, Columns, Confidence, Intervals};
+use crate::eval::{ClassScores, Columns, Confidence, Intervals, SCORING};
 
 /// Made-up results: a headline, one row that is done and one that is not, and a rival.
 #[must_use]
@@ -137,6 +137,7 @@ pub fn test_reported() -> ReportedRecord {
         commit: "0123abc".into(),
         date: "2026-02-03".into(),
         checkpoint_sha256: "c".repeat(64),
+        scoring: SCORING,
         groups: vec![ReportedGroup {
             towns: vec!["harbour".into(), "hillside".into()],
             id: set(None),

@@ -14,7 +14,7 @@ use harmzone::cli::judge_all_at;
 use harmzone::dataset::Dataset;
 use harmzone::eval::judge::Judge;
 use harmzone::eval::sweep::Change;
-use harmzone::eval::{Mode, Protocol, eval_samples, evaluate};
+use harmzone::eval::{Mode, Protocol, SCORING, eval_samples, evaluate};
 use harmzone::files::sha256_hex;
 use harmzone::infer::{self, ClosedSet, Strangeness, Trained};
 use harmzone::model::KindBox;
@@ -94,6 +94,7 @@ fn make(experiment: &Experiment<'_>, row: &Row) -> anyhow::Result<RowScores> {
     let network_ms =
         time_network(test, |named| infer::predict_kinds(&detector, named, device, &Silent).map(|_| ()))?;
     Ok(RowScores {
+        scoring: SCORING,
         checkpoint_sha256: sha256_hex(&fs::read(row.folder.join(CHECKPOINT))?),
         trained_on: experiment.id.clone(),
         tested_on: experiment.ood.clone(),

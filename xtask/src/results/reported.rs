@@ -10,7 +10,7 @@ use harmzone::cli::{ScoredData, provenance};
 use harmzone::episode::{Manifest, Split};
 use harmzone::eval::judge::Judge;
 use harmzone::eval::versus::{Versus, versus};
-use harmzone::eval::{EvalSample, Mode, Protocol, evaluate};
+use harmzone::eval::{EvalSample, Mode, Protocol, SCORING, evaluate};
 use harmzone::files::{sha256_hex, write_atomic};
 use harmzone::infer::Trained;
 use harmzone::report::results::{Record, ReportedGroup, ReportedRecord, ReportedSet, SeedMean, SeedMeans};
@@ -53,6 +53,7 @@ pub fn read_or_make(
         Ok(ReportedGroup { towns: names, id, ood })
     };
     let record = ReportedRecord {
+        scoring: SCORING,
         commit: release.commit.clone(),
         date: release.date.clone(),
         checkpoint_sha256: scored.checkpoint_sha256.clone(),
@@ -63,13 +64,14 @@ pub fn read_or_make(
     Ok(Some(record))
 }
 
-/// Whether figures are of the data sets as they lie there, those that do, and of all maps that do.
+/// Whether figures are by today's rules, of the data sets as they lie there, those that do, and of all maps that do.
 fn is_of(kept: &ReportedRecord, test: &SplitTest<'_>) -> bool {
     let towns = test.towns();
     let is_same = |towns: Towns, of: &ReportedSet, mode| {
         test.kept_fingerprint(towns, mode).is_none_or(|print| print == of.fingerprint)
     };
-    kept.absent_maps == test.absent_maps
+    kept.scoring == SCORING
+        && kept.absent_maps == test.absent_maps
         && kept.groups.len() == towns.len()
         && kept
             .groups

@@ -18,7 +18,7 @@ use harmzone::episode::{Manifest, Split};
 use harmzone::eval::judge::Judge;
 use harmzone::eval::safety::Alarms;
 use harmzone::eval::sweep::{Change, SweepConfig, Sweeps};
-use harmzone::eval::{ClassScores, Columns, Mode, Protocol, eval_samples, evaluate};
+use harmzone::eval::{ClassScores, Columns, Mode, Protocol, SCORING, eval_samples, evaluate};
 use harmzone::files::{sha256_hex, write_atomic};
 use harmzone::infer::{self, PredictError, Trained};
 use harmzone::model::checkpoint::CHECKPOINT;
@@ -40,6 +40,9 @@ const N_TIMED: usize = 30;
 /// What a row came to, as `scores/<row>.json` keeps it.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct RowScores {
+    /// Number of the rules that made them.
+    #[serde(default)]
+    pub scoring: u32,
     pub checkpoint_sha256: String,
     pub trained_on: Fingerprint,
     pub tested_on: Fingerprint,
@@ -72,7 +75,8 @@ pub fn read_or_make_by(
     if is_trained && file.is_file() {
         let kept: RowScores = read_json(&file)?;
         let is_shown = |record: &Record| page::is_complete(&experiment.request.out, record);
-        let is_whole = kept.checkpoint_sha256 == sha256_hex(&fs::read(row.folder.join(CHECKPOINT))?)
+        let is_whole = kept.scoring == SCORING
+            && kept.checkpoint_sha256 == sha256_hex(&fs::read(row.folder.join(CHECKPOINT))?)
             && (&kept.trained_on, &kept.tested_on) == (&experiment.id, &experiment.ood)
             && judges.iter().all(|name| kept.judges.iter().any(|of| of.judge == *name))
             && kept.record.iter().all(|of| of.missed != MissedHarm::default())
@@ -152,6 +156,7 @@ fn make(experiment: &Experiment<'_>, row: &Row, judges: &[Judge]) -> anyhow::Res
         missed: MissedHarm { id: id.missed, ood: ood.missed },
     };
     Ok(RowScores {
+        scoring: SCORING,
         checkpoint_sha256: record.checkpoint_sha256.clone(),
         trained_on: experiment.id.clone(),
         tested_on: experiment.ood.clone(),

@@ -15,7 +15,7 @@ use harmzone::dataset::Fingerprint;
 use harmzone::dataset::blind::Sensor;
 use harmzone::eval::judge::Judge;
 use harmzone::eval::versus::{Versus, versus};
-use harmzone::eval::{EvalSample, Mode, Protocol};
+use harmzone::eval::{EvalSample, Mode, Protocol, SCORING};
 use harmzone::files::{sha256_hex, write_atomic};
 use harmzone::model::checkpoint::CHECKPOINT;
 use harmzone::report::results::{ReportedVersus, SideBySide};
@@ -29,6 +29,7 @@ type Networks = Vec<(usize, String, Option<Sensor>, Judge)>;
 /// What `scores/side-by-side-<number>.json` keeps.
 #[derive(Serialize, Deserialize)]
 struct Kept {
+    scoring: u32,
     rows: Networks,
     tested_on: Fingerprint,
     of: Versus,
@@ -38,6 +39,8 @@ struct Kept {
 /// config.
 #[derive(Serialize, Deserialize)]
 struct KeptReported {
+    #[serde(default)]
+    scoring: u32,
     rows: Networks,
     reported: ReportedVersus,
 }
@@ -61,7 +64,8 @@ impl Asked<'_> {
     pub fn read(&self) -> anyhow::Result<Option<SideBySide>> {
         let Some(networks) = self.networks()? else { return Ok(None) };
         let Some(of) = self.kept(&networks)? else { return Ok(None) };
-        Ok(Some(self.record(of, self.kept_reported(&networks)?)))
+        let reported = self.kept_reported(&networks)?.map(|kept| kept.reported);
+        Ok(Some(self.record(of, reported)))
     }
 
     /// As [`Self::read`]; else made and kept, on split test where that is asked for. None where a row is not trained.
@@ -75,9 +79,9 @@ impl Asked<'_> {
             None => self.make(&networks)?,
         };
         let reported = match (self.kept_reported(&networks)?, &self.experiment.request.reported) {
-            (Some(kept), Some(_)) if self.is_of_test(&kept) => Some(kept),
+            (Some(kept), Some(_)) if self.is_of_test(&kept) => Some(kept.reported),
             (_, Some(stamp)) => Some(self.make_reported(networks, stamp)?),
-            (kept, None) => kept,
+            (kept, None) => kept.map(|kept| kept.reported),
         };
         Ok(Some(self.record(of, reported)))
     }
@@ -90,22 +94,22 @@ impl Asked<'_> {
         } else {
             None
         };
-        let kept = kept.filter(|kept| kept.rows == *networks && kept.tested_on == self.experiment.ood);
+        let kept = kept.filter(|kept| {
+            kept.scoring == SCORING && kept.rows == *networks && kept.tested_on == self.experiment.ood
+        });
         Ok(kept.map(|kept| kept.of))
     }
 
-    fn kept_reported(&self, networks: &Networks) -> anyhow::Result<Option<ReportedVersus>> {
+    fn kept_reported(&self, networks: &Networks) -> anyhow::Result<Option<KeptReported>> {
         let file = self.reported_file(networks)?;
-        if !file.is_file() {
-            return Ok(None);
-        }
-        Ok(Some(read_json::<KeptReported>(&file)?.reported))
+        if file.is_file() { read_json(&file).map(Some) } else { Ok(None) }
     }
 
     fn make(&self, networks: &Networks) -> anyhow::Result<Versus> {
         let data = self.experiment.scored_split(Mode::Ood)?;
         let of = self.score(&|row, seen| self.found.look(self.experiment, row, seen, data, None))?;
-        let kept = Kept { rows: networks.clone(), tested_on: self.experiment.ood.clone(), of };
+        let kept =
+            Kept { scoring: SCORING, rows: networks.clone(), tested_on: self.experiment.ood.clone(), of };
         write_atomic(&self.file(), serde_json::to_string_pretty(&kept)?.as_bytes())?;
         Ok(kept.of)
     }
@@ -117,7 +121,7 @@ impl Asked<'_> {
         let of = self.score(&|row, seen| self.test.look(row, seen, towns, Mode::Ood))?;
         let fingerprint = self.test.fingerprint(towns, Mode::Ood)?;
         let reported = ReportedVersus { commit, date, fingerprint, of };
-        let kept = KeptReported { rows: networks, reported };
+        let kept = KeptReported { scoring: SCORING, rows: networks, reported };
         write_atomic(&file, serde_json::to_string_pretty(&kept)?.as_bytes())?;
         Ok(kept.reported)
     }
@@ -127,10 +131,10 @@ impl Asked<'_> {
         *self.test.towns().last().expect("there is one group at least")
     }
 
-    /// Whether figures are of the data sets as they lie there, if they do.
-    fn is_of_test(&self, kept: &ReportedVersus) -> bool {
+    /// Whether figures are by today's rules, and of the data sets as they lie there, if they do.
+    fn is_of_test(&self, kept: &KeptReported) -> bool {
         let print = self.test.kept_fingerprint(self.towns(), Mode::Ood);
-        print.is_none_or(|print| print == kept.fingerprint)
+        kept.scoring == SCORING && print.is_none_or(|print| print == kept.reported.fingerprint)
     }
 
     /// By what each row finds in the same samples with unfamiliar objects.
