@@ -4,7 +4,7 @@
 //! same bytes: one compression thread, no clock.
 
 use std::collections::BTreeMap;
-use std::io::BufWriter;
+use std::io::{BufWriter, ErrorKind};
 use std::path::{Path, PathBuf};
 
 use fs_err as fs;
@@ -21,11 +21,16 @@ const LEAST_BYTES: u64 = 1_000_000;
 
 /// An error of writing, which tells of room where the disk is full.
 fn write_error(source: mcap::McapError, path: &Path) -> EpisodeError {
-    match source {
-        mcap::McapError::Io(error) if error.kind() == std::io::ErrorKind::StorageFull => {
+    // A record that is written beside the chunks fails as one that could not be parsed would.
+    let error = match source {
+        mcap::McapError::Io(error) | mcap::McapError::Parse(binrw::Error::Io(error)) => error,
+        source => return EpisodeError::Write { source, path: path.to_owned() },
+    };
+    match error.kind() {
+        ErrorKind::StorageFull | ErrorKind::QuotaExceeded => {
             EpisodeError::Io(told_with_room(error, path, LEAST_BYTES))
         }
-        source => EpisodeError::Write { source, path: path.to_owned() },
+        _ => EpisodeError::Write { source: mcap::McapError::Io(error), path: path.to_owned() },
     }
 }
 
@@ -206,5 +211,74 @@ impl ArchiveWriter {
         };
         finish().map_err(|error| told_with_room(error, &path, LEAST_BYTES))?;
         Ok(path)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::{self, Cursor, Seek, SeekFrom, Write};
+
+    use super::*;
+
+    /// A disk with so much room.
+    struct Narrow {
+        inner: Cursor<Vec<u8>>,
+        n_bytes: usize,
+    }
+
+    impl Write for Narrow {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            let left = self.n_bytes.saturating_sub(self.inner.position() as usize);
+            if left == 0 && !bytes.is_empty() {
+                return Err(ErrorKind::StorageFull.into());
+            }
+            self.inner.write(&bytes[..left.min(bytes.len())])
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    impl Seek for Narrow {
+        fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+            self.inner.seek(to)
+        }
+    }
+
+    /// All kinds of records that are written; how many bytes they take.
+    fn write_all(n_bytes: usize) -> mcap::McapResult<usize> {
+        let mut writer = mcap::Writer::new(Narrow { inner: Cursor::new(Vec::new()), n_bytes })?;
+        let schema = writer.add_schema("harmzone.Thing", "protobuf", b"schema")?;
+        let channel_id = writer.add_channel(schema, "/thing", "protobuf", &BTreeMap::new())?;
+        for sequence in 0..3 {
+            let header = MessageHeader { channel_id, sequence, log_time: 1, publish_time: 1 };
+            writer.write_to_known_channel(&header, b"a message")?;
+            writer.flush()?;
+        }
+        let metadata = BTreeMap::from([("key".to_owned(), "value".to_owned())]);
+        writer.write_metadata(&Metadata { name: "about".to_owned(), metadata })?;
+        writer.finish()?;
+        Ok(writer.into_inner().inner.into_inner().len())
+    }
+
+    #[test]
+    fn wherever_a_disk_is_full_the_room_and_the_file_are_told() {
+        let n_bytes = write_all(usize::MAX).unwrap();
+        assert!(n_bytes > 500);
+        for room in 0..n_bytes {
+            let told = write_error(write_all(room).unwrap_err(), Path::new("some.mcap")).to_string();
+            assert!(told.contains("the file wants 1.0 MB") && told.contains("some.mcap"), "{room}: {told}");
+        }
+        assert!(write_all(n_bytes).is_ok());
+        // Any other error is told as it is.
+        for source in [
+            mcap::McapError::Io(ErrorKind::PermissionDenied.into()),
+            mcap::McapError::Parse(binrw::Error::Io(ErrorKind::PermissionDenied.into())),
+            mcap::McapError::BadMagic,
+        ] {
+            let told = write_error(source, Path::new("some.mcap")).to_string();
+            assert!(told.contains("cannot write MCAP") && !told.contains("wants"), "{told}");
+        }
     }
 }

@@ -9,7 +9,7 @@ use super::skipped;
 use super::stages::{Stage, all};
 
 /// Shares of what a stage writes, at which the disk is full.
-const SHARES: [f64; 5] = [0.0, 0.1, 0.5, 0.9, 0.99];
+const SHARES: [f64; 12] = [0.0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.99];
 /// With room for no more than this no stage ends well.
 const SURELY_FULL: f64 = 0.5;
 
