@@ -14,8 +14,12 @@ pub fn middle(alarms: &Alarms) -> Option<&OperatingPoint> {
 
 /// A share of some number, with its interval.
 fn share(value: Option<f64>, of: usize, interval: Option<[f64; 2]>) -> Cell {
-    let interval = interval.map(|[low, high]| format!("{:.1}–{:.1}", 100.0 * low, 100.0 * high));
-    Cell { text: percent(value), below: interval.into_iter().chain([format!("of {of}")]).collect() }
+    Cell { text: percent(value), below: ends(interval).into_iter().chain([format!("of {of}")]).collect() }
+}
+
+/// The ends of a share's interval, in percent.
+fn ends(interval: Option<[f64; 2]>) -> Option<String> {
+    interval.map(|[low, high]| format!("{:.1}–{:.1}", 100.0 * low, 100.0 * high))
 }
 
 /// Missed harm and warnings in time at each number of false alarms; `None` where nothing is known of any set.
@@ -59,10 +63,12 @@ pub fn by_family((name, alarms): NamedAlarms<'_>) -> Option<Table> {
         return None;
     }
     let rows = groups.into_iter().map(|group| {
-        let missed = group.missed_per_event.iter().zip(&group.missed_per_sample);
-        let missed = missed.map(|(&events, &objects)| Cell {
-            text: percent(events),
-            below: vec![format!("{} of objects", percent(objects))],
+        let missed = group.shares().map(|[events, objects]| {
+            let of_objects = format!("{} of objects", percent(objects.value));
+            Cell {
+                text: percent(events.value),
+                below: ends(events.interval).into_iter().chain([of_objects]).collect(),
+            }
         });
         let counts = [group.n_events, group.n_harmful].map(|n| n.to_string().into());
         std::iter::once(group.name.replace('_', " ").into()).chain(counts).chain(missed).collect()
@@ -73,7 +79,8 @@ pub fn by_family((name, alarms): NamedAlarms<'_>) -> Option<Table> {
         .map(|point| format!("missed at {} false alarms/km", point.max_false_alarms_per_km));
     let head =
         [format!("{name}: harm missed"), "events".to_owned(), "objects".to_owned()].into_iter().chain(at);
-    Some(Table::new(head, rows.collect()))
+    let note = "Intervals by a bootstrap over the clips: of few events, or where all or none are missed, they say too little.";
+    Some(Table::new(head, rows.collect()).with_note(note))
 }
 
 #[cfg(test)]
@@ -91,6 +98,7 @@ mod tests {
         assert_eq!(table(&[("ID", &alarms)]).unwrap().rows[1][0].text, "at 10 false alarms/km");
         let families = by_family(("OOD", &alarms)).unwrap();
         assert_eq!((families.rows.len(), families.rows[0][0].text.as_str()), (1, "hay bale"));
+        assert_eq!(families.rows[0][3].to_string(), "25.0 % (12.5–50.0, 50.0 % of objects)");
         assert_eq!(middle(&alarms).unwrap().max_false_alarms_per_km, 10.0);
         let none = Alarms { points: vec![], groups: vec![], ..alarms };
         assert!(

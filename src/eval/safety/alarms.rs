@@ -10,12 +10,12 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::alarm_facts::{AlarmFacts, Origin, Tally};
+use super::alarm_facts::{AlarmFacts, Tally};
+use super::missed_groups::{self, MissedGroup};
 use super::{Context, MetricTable, MetricValue, Tracks};
 use crate::eval::EvalConfig;
 use crate::eval::bootstrap::{Resamples, interval};
 use crate::eval::matching::Matching;
-use crate::object::Distribution;
 
 /// Missed harm at each of the config's false alarms a kilometre.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -67,37 +67,14 @@ pub struct Warned {
     pub in_time_interval: Option<[f64; 2]>,
 }
 
-/// Missed harm of some objects, at the operating points of all.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct MissedGroup {
-    /// `id`, `ood`, or a family out of distribution.
-    pub name: String,
-    pub n_harmful: usize,
-    pub n_events: usize,
-    /// At each of the points.
-    pub missed_per_sample: Vec<Option<f64>>,
-    pub missed_per_event: Vec<Option<f64>>,
-}
-
 /// `None` if a sample does not say where the ego was, or if the ego did not move.
 pub(super) fn measure(of: &Context<'_>) -> Option<Alarms> {
     let facts = AlarmFacts::gather(of.matching, of.tracks.as_ref())?;
     let once = vec![1; facts.n_episodes];
     let asked = &of.matching.config().safety.false_alarms_per_km;
     let points: Vec<OperatingPoint> = asked.iter().map(|&per_km| measure_point(of, &facts, per_km)).collect();
-    let groups = list_groups(&facts).into_iter().map(|(name, is_of)| {
-        let scores = || points.iter().map(|point| point.score.unwrap_or(f64::INFINITY));
-        let missed = |score| facts.count_missed(score, &once, &is_of);
-        let missed_events = |score| facts.count_missed_events(score, &once, &is_of);
-        MissedGroup {
-            n_harmful: missed(f64::INFINITY).of,
-            n_events: missed_events(f64::INFINITY).of,
-            missed_per_sample: scores().map(|score| missed(score).share()).collect(),
-            missed_per_event: scores().map(|score| missed_events(score).share()).collect(),
-            name,
-        }
-    });
-    let groups = groups.collect();
+    let scores: Vec<f64> = points.iter().map(|point| point.score.unwrap_or(f64::INFINITY)).collect();
+    let groups = missed_groups::measure(&facts, asked, &scores, Resamples::of(of.matching).as_ref());
     Some(Alarms { driven_km: facts.driven_km(&once), driven_h: facts.driven_h, points, groups })
 }
 
@@ -185,29 +162,6 @@ fn measure_point(of: &Context<'_>, facts: &AlarmFacts<'_>, max_false_alarms_per_
     }
 }
 
-type IsOf<'a> = Box<dyn Fn(&Origin<'a>) -> bool + 'a>;
-
-/// The groups that have something harmful: in and out of distribution, then the families out of it by name.
-fn list_groups<'a>(facts: &AlarmFacts<'a>) -> Vec<(String, IsOf<'a>)> {
-    let kinds = || facts.objects.iter().map(|object| object.origin);
-    let mut groups: Vec<(String, IsOf<'a>)> = Vec::new();
-    for distribution in [Distribution::Id, Distribution::Ood] {
-        if kinds().any(|kind| kind.distribution == Some(distribution)) {
-            let is_of: IsOf<'a> = Box::new(move |kind| kind.distribution == Some(distribution));
-            groups.push((distribution.name().to_owned(), is_of));
-        }
-    }
-    let unfamiliar = kinds().filter(|kind| kind.distribution == Some(Distribution::Ood));
-    let mut families: Vec<&'a str> = unfamiliar.filter_map(|kind| kind.category).collect();
-    families.sort_unstable();
-    families.dedup();
-    for family in families {
-        let wanted = Origin { distribution: Some(Distribution::Ood), category: Some(family) };
-        groups.push((family.to_owned(), Box::new(move |kind| *kind == wanted)));
-    }
-    groups
-}
-
 pub(super) fn show(alarms: &Option<Alarms>, config: &EvalConfig) -> Option<MetricTable> {
     let (alarms, config) = (alarms.as_ref()?, &config.safety);
     let row = |point: &OperatingPoint| {
@@ -261,29 +215,8 @@ pub(super) fn show(alarms: &Option<Alarms>, config: &EvalConfig) -> Option<Metri
 /// The table of the groups.
 pub(super) fn show_groups(alarms: &Option<Alarms>, _: &EvalConfig) -> Option<MetricTable> {
     let alarms = alarms.as_ref()?;
-    let row = |group: &MissedGroup| {
-        let name = match group.name.as_str() {
-            "id" => "in distribution".to_owned(),
-            "ood" => "out of distribution".to_owned(),
-            family => family.replace('_', " "),
-        };
-        let counts = [MetricValue::Count(group.n_events), MetricValue::Count(group.n_harmful)];
-        let shares = group.missed_per_event.iter().zip(&group.missed_per_sample);
-        let shares =
-            shares.flat_map(|(&events, &objects)| [events, objects].map(|of| MetricValue::share(of, None)));
-        std::iter::once(MetricValue::name(name)).chain(counts).chain(shares).collect()
-    };
-    let note = "Harmful events and objects that are missed, at the scores that keep to so many false alarms a kilometre.";
-    let mut table = MetricTable::new(
-        &["harm missed", "events", "objects"],
-        alarms.groups.iter().map(row).collect(),
-        note,
-    )?;
-    for point in &alarms.points {
-        let at = format!("at {}/km", point.max_false_alarms_per_km);
-        table.head.extend(["events", "objects"].map(|what| format!("{what}, {at}")));
-    }
-    Some(table)
+    let per_km: Vec<f64> = alarms.points.iter().map(|point| point.max_false_alarms_per_km).collect();
+    missed_groups::show(&alarms.groups, &per_km)
 }
 
 #[cfg(test)]

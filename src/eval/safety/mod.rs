@@ -11,6 +11,7 @@ mod alarms;
 mod calibration;
 mod early;
 pub(super) mod harm_probability;
+mod missed_groups;
 mod near;
 mod separation;
 mod slope;
@@ -22,10 +23,11 @@ mod zone_edge;
 
 use serde::{Deserialize, Serialize};
 
-pub use alarms::{Alarms, MissedGroup, OperatingPoint, Warned};
+pub use alarms::{Alarms, OperatingPoint, Warned};
 pub(super) use alarms::{EventShares, event_shares};
 pub use calibration::{Bin, Calibration};
 pub use early::{Early, EarlyShare};
+pub use missed_groups::{MissedGroup, MissedShare};
 pub use near::{NearFound, NearGroup};
 pub use separation::Separation;
 pub use slope::{Slope, SlopePoint};

@@ -234,6 +234,8 @@ pub fn test_alarms() -> Alarms {
         n_events: 4,
         missed_per_sample: vec![Some(0.5), None],
         missed_per_event: vec![Some(0.25), None],
+        missed_per_sample_intervals: vec![Some([0.25, 0.75]), None],
+        missed_per_event_intervals: vec![Some([0.125, 0.5]), None],
     };
     Alarms {
         driven_km: 2.0,
