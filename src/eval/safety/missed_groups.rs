@@ -163,7 +163,7 @@ mod tests {
                     truth.distribution = Some(Distribution::Ood);
                     truth.category = Some(if i == 8 { "sofa" } else { "dog" }.into());
                 }
-                if i % 4 == 0 {
+                if i.is_multiple_of(4) {
                     samples[1].detections = vec![found(15.0, Harm::Harmful, 0.5)];
                 }
                 samples
