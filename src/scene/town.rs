@@ -122,7 +122,7 @@ impl Town {
         if is_map_file(path) {
             let xodr = fs::read_to_string(path)?;
             let toml_path = path.with_file_name("town.toml");
-            let toml = if toml_path.try_exists()? { Some(fs::read_to_string(&toml_path)?) } else { None };
+            let toml = if fs::exists(&toml_path)? { Some(fs::read_to_string(&toml_path)?) } else { None };
             return Self::parse(&town_name(name_or_path), &xodr, toml.as_deref(), path, variation);
         }
         let file = |leaf: &str| shipped::text(&format!("scenes/{name_or_path}/{leaf}"));

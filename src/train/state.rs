@@ -103,7 +103,7 @@ fn remove_folder(folder: &Path) -> std::io::Result<()> {
 /// Complete states of a run, oldest first.
 fn list(run: &Path) -> Result<Vec<PathBuf>, StateError> {
     let states = folder(run);
-    if !states.try_exists()? {
+    if !fs::exists(&states)? {
         return Ok(Vec::new());
     }
     let mut found = Vec::new();
@@ -170,4 +170,19 @@ pub fn load_newest(
 /// Any IO error.
 pub fn clear(run: &Path) -> Result<(), StateError> {
     Ok(remove_folder(&folder(run))?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn states_that_cannot_be_looked_at_are_told_with_their_path_and_not_taken_for_none() {
+        let home = tempfile::tempdir().unwrap();
+        assert!(list(home.path()).unwrap().is_empty());
+        let file = home.path().join("a file");
+        fs::write(&file, "").unwrap();
+        let told = list(&file).unwrap_err().to_string();
+        assert!(told.contains(&folder(&file).display().to_string()), "{told}");
+    }
 }
