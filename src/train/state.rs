@@ -92,7 +92,7 @@ pub fn save(
     Ok(())
 }
 
-/// A folder that is not there is removed; one that cannot be looked at is told, and not taken for one that is not there.
+/// Removes a folder; none there is no fault, one that cannot be looked at is.
 fn remove_folder(folder: &Path) -> std::io::Result<()> {
     match fs::remove_dir_all(folder) {
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(()),
